@@ -1,0 +1,84 @@
+# One command each: `make demo`, `make test`. Needs git, make and Python 3.11 or newer, no more.
+
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DEFAULT_GOAL := help
+
+# Every library has a pool of threads of its own, and on few cores they get in each other's way.
+export OPENBLAS_NUM_THREADS := 1
+export OMP_NUM_THREADS := 1
+export MKL_NUM_THREADS := 1
+
+# To choose another: `make test PYTHON=/path/to/python`.
+PYTHON ?=
+PYTHONS := $(or $(PYTHON),python3.13 python3.12 python3.11 python3)
+VENV := .venv
+BIN := $(VENV)/bin
+DEMO := demo
+DEMO_OUT := $(DEMO)/results/accessory
+
+PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+
+.PHONY: help demo test test-slow bench clean
+
+help:
+	@echo 'make demo       a gear pair from scene to pictures, in $(DEMO)/'
+	@echo 'make test       format, lint, types, tests'
+	@echo 'make test-slow  the tests that take minutes'
+	@echo 'make bench      timings'
+	@echo 'make clean      remove all that the others made'
+
+demo: $(VENV)/.installed
+	rm -rf $(DEMO)
+	mkdir $(DEMO)
+	cd $(DEMO) && ../$(BIN)/jaxgear init accessory
+	cd $(DEMO) && ../$(BIN)/jaxgear run accessory.toml
+	cd $(DEMO) && ../$(BIN)/jaxgear map accessory.toml
+	cd $(DEMO) && ../$(BIN)/jaxgear optimise accessory.toml
+	@pictures=$$(find $(DEMO_OUT) -name '*.png' | sort); \
+	if [ -z "$$pictures" ]; then echo 'No picture in $(DEMO_OUT).' >&2; exit 1; fi; \
+	printf '\nThe pictures:\n%s\n' "$$pictures"
+
+# The cheapest check first. Tests of one file stay in one process: they share what JAX compiles.
+test: $(VENV)/.installed-dev
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/pyright --pythonpath $(BIN)/python
+	$(BIN)/pytest -n 2 --dist loadfile
+
+test-slow: $(VENV)/.installed-dev
+	$(BIN)/pytest -m slow
+
+bench: $(VENV)/.installed
+	$(BIN)/python benchmarks/bench.py
+
+clean:
+	rm -rf $(VENV) $(DEMO) build dist .pytest_cache .ruff_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# The environment is made anew when what it should hold has changed.
+$(VENV)/.installed: pyproject.toml constraints.txt
+	@python=; lacking=; \
+	for name in $(PYTHONS); do \
+	  "$$name" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || continue; \
+	  if "$$name" -c 'import venv, ensurepip' 2>/dev/null; then python=$$name; break; fi; \
+	  lacking=$$name; \
+	done; \
+	if [ -z "$$python$$lacking" ]; then \
+	  echo 'jaxgear needs Python 3.11 or newer: $(PYTHONS) will not do. Install one, or name it:' >&2; \
+	  echo 'make PYTHON=/path/to/python' >&2; \
+	  exit 1; \
+	fi; \
+	if [ -z "$$python" ]; then \
+	  echo "$$lacking cannot make a virtual environment: it lacks venv or ensurepip. On Debian and" >&2; \
+	  echo "Ubuntu: apt install python3-venv. Or name another: make PYTHON=/path/to/python" >&2; \
+	  exit 1; \
+	fi; \
+	echo "Making $(VENV) with $$("$$python" --version)"; \
+	"$$python" -m venv --clear $(VENV)
+	$(PIP_INSTALL) -e .
+	@touch $@
+
+$(VENV)/.installed-dev: $(VENV)/.installed
+	$(PIP_INSTALL) -e '.[dev]'
+	@touch $@

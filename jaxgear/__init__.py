@@ -1,0 +1,93 @@
+"""Gear dynamics that can be differentiated.
+
+Names stand in the order in which data flows: units, geometry, flanks, contact, interface,
+system, solve, response, and the door to scene files. Everything inside is SI and radians;
+JAX must be in double precision.
+"""
+
+from jaxgear._units import GPa as GPa
+from jaxgear._units import MPa as MPa
+from jaxgear._units import N_per_mm_um as N_per_mm_um
+from jaxgear._units import deg as deg
+from jaxgear._units import mm as mm
+from jaxgear._units import rpm as rpm
+from jaxgear._units import um as um
+
+from jaxgear._smooth import smooth_maximum as smooth_maximum
+from jaxgear._smooth import smooth_ramp as smooth_ramp
+
+from jaxgear._geometry._gear import Gear as Gear
+from jaxgear._geometry._gear import Material as Material
+from jaxgear._geometry._involute import inverse_involute as inverse_involute
+from jaxgear._geometry._involute import involute as involute
+from jaxgear._geometry._lines import ContactLines as ContactLines
+from jaxgear._geometry._lines import MeshGrid as MeshGrid
+from jaxgear._geometry._lines import contact_lines as contact_lines
+from jaxgear._geometry._lines import mean_line_length as mean_line_length
+from jaxgear._geometry._lines import mesh_grid as mesh_grid
+from jaxgear._geometry._pair import GearPair as GearPair
+from jaxgear._geometry._pair import full_tip_shortening as full_tip_shortening
+from jaxgear._geometry._pair import overlap_ratio as overlap_ratio
+from jaxgear._geometry._pair import profile_contact_ratio as profile_contact_ratio
+from jaxgear._geometry._pair import total_contact_ratio as total_contact_ratio
+from jaxgear._geometry._profile import ToothSection as ToothSection
+from jaxgear._geometry._profile import tooth_section as tooth_section
+
+from jaxgear._flank._deviations import AbstractFlankDeviation as AbstractFlankDeviation
+from jaxgear._flank._deviations import Crowning as Crowning
+from jaxgear._flank._deviations import EndRelief as EndRelief
+from jaxgear._flank._deviations import Flanks as Flanks
+from jaxgear._flank._deviations import HelixSlope as HelixSlope
+from jaxgear._flank._deviations import RootRelief as RootRelief
+from jaxgear._flank._deviations import Superposed as Superposed
+from jaxgear._flank._deviations import TipRelief as TipRelief
+
+from jaxgear._contact._cells import MeshCells as MeshCells
+from jaxgear._contact._cells import Misalignment as Misalignment
+from jaxgear._contact._cells import mesh_cells as mesh_cells
+from jaxgear._contact._cells import mesh_gap as mesh_gap
+from jaxgear._contact._cells import nominal_line_load as nominal_line_load
+from jaxgear._contact._compliance import AbstractCompliance as AbstractCompliance
+from jaxgear._contact._compliance import ConstantStiffness as ConstantStiffness
+from jaxgear._contact._compliance import Iso6336 as Iso6336
+from jaxgear._contact._compliance import IsoStiffness as IsoStiffness
+from jaxgear._contact._compliance import WeberBanaschek as WeberBanaschek
+from jaxgear._contact._compliance import hertz_contact as hertz_contact
+from jaxgear._contact._compliance import iso_stiffness as iso_stiffness
+from jaxgear._contact._compliance import single_pair_stiffness as single_pair_stiffness
+from jaxgear._contact._tooth import AbstractFoundation as AbstractFoundation
+from jaxgear._contact._tooth import HertzContact as HertzContact
+from jaxgear._contact._tooth import NoFoundation as NoFoundation
+from jaxgear._contact._tooth import WeberFoundation as WeberFoundation
+from jaxgear._contact._tooth import beam_compliance as beam_compliance
+from jaxgear._contact._tooth import penetration_compliance as penetration_compliance
+
+from jaxgear._interface._laws import AbstractContactLaw as AbstractContactLaw
+from jaxgear._interface._laws import ExactContact as ExactContact
+from jaxgear._interface._laws import SmoothContact as SmoothContact
+from jaxgear._interface._wrench import structure_vectors as structure_vectors
+
+from jaxgear._system._model import PairModel as PairModel
+from jaxgear._system._pair_system import PairSystem as PairSystem
+from jaxgear._system._pair_system import Support as Support
+from jaxgear._system._pair_system import pair_system as pair_system
+
+from jaxgear._solve._contact import ContactProblem as ContactProblem
+from jaxgear._solve._contact import ContactState as ContactState
+from jaxgear._solve._contact import SolverSettings as SolverSettings
+from jaxgear._solve._contact import contact_state as contact_state
+from jaxgear._solve._cycle import MeshCycle as MeshCycle
+from jaxgear._solve._cycle import mesh_cycle as mesh_cycle
+from jaxgear._solve._cycle import quasi_static as quasi_static
+
+from jaxgear._response._loads import hertz_pressure as hertz_pressure
+from jaxgear._response._loads import line_load as line_load
+from jaxgear._response._loads import load_sharing as load_sharing
+from jaxgear._response._loads import mesh_stiffness as mesh_stiffness
+from jaxgear._response._transmission import cycle_mean as cycle_mean
+from jaxgear._response._transmission import cycle_rms as cycle_rms
+from jaxgear._response._transmission import cycle_variance as cycle_variance
+from jaxgear._response._transmission import harmonic_amplitudes as harmonic_amplitudes
+from jaxgear._response._transmission import peak_to_peak as peak_to_peak
+from jaxgear._response._transmission import smooth_peak_to_peak as smooth_peak_to_peak
+from jaxgear._response._transmission import transmission_error as transmission_error

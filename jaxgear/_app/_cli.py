@@ -1,0 +1,269 @@
+"""The command line: reads the scene, refuses what cannot be, and hands over to the commands.
+
+Standard output carries results only; everything else goes to standard error. Exit codes: 0
+success, 2 a bad scene or an impossible gear, 1 a solver that failed, 130 interrupted. The
+commands are imported only once the scene is known to be good.
+"""
+
+import argparse
+import difflib
+import importlib.metadata
+import json
+import os
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from jaxgear._app._scene import Scene, SceneError, read_scene, rewrite_scene
+
+_READY = Path(__file__).parent / "scenes"
+
+_COMMANDS = {
+    "run": "compute everything that the scene asks for",
+    "map": "Master Curve map: RMS of transmission error over relief depth and extent",
+    "optimise": "improve the keys of [optimise].vary; writes NAME.optimised.toml",
+    "check-grad": "compare the optimiser's derivatives with central differences",
+}
+
+_NO_DYNAMICS = "this version has no dynamics yet: it computes statics only"
+_NO_BODIES = "this version has no condensed bodies yet: every gear body is rigid"
+_REFUSED = {
+    "sweep": ("speed sweep", _NO_DYNAMICS),
+    "modes": ("natural frequencies and Campbell diagram", _NO_DYNAMICS),
+    "condense": ("condensed gear bodies and their health report", _NO_BODIES),
+    "compare": ("the same scene at several fidelities", f"{_NO_DYNAMICS}, with rigid bodies"),
+}
+
+# Many threads make the many small matrices of a gear pair several times slower.
+_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+class _Stop(Exception):
+    """A reason to stop that the user can act on.
+
+    **Fields:**
+
+    - `code`: exit code.
+    """
+
+    def __init__(self, code: int, message: str):
+        super().__init__(message)
+        self.code = code
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command line and return its exit code.
+
+    **Arguments:**
+
+    - `argv`: the arguments; `sys.argv` without it.
+
+    **Returns:**
+
+    0 success, 2 a bad scene or an impossible gear, 1 a solver that failed, 130 interrupted.
+    """
+    for name in _THREADS:
+        os.environ.setdefault(name, "1")
+    try:
+        code = _command(argv)
+        sys.stdout.flush()
+        return code
+    except (_Stop, SceneError) as error:
+        print(f"jaxgear: {error}" if isinstance(error, _Stop) else error, file=sys.stderr)
+        return error.code if isinstance(error, _Stop) else 2
+    except KeyboardInterrupt:
+        print("jaxgear: interrupted", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        # The reader, such as `head`, has seen enough. Python flushes once more at its exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+
+
+def print_summary(summary: Mapping[str, object], indent: str = "") -> None:
+    """Print a summary for a reader: nested keys indented, six digits, long lists by their length.
+
+    **Arguments:**
+
+    - `summary`: nested dictionary; units are part of its keys.
+    - `indent`: what each line begins with.
+    """
+    width = max((len(key) for key in summary), default=0)
+    for key, value in summary.items():
+        if isinstance(value, Mapping):
+            print(f"{indent}{key}")
+            print_summary(value, indent + "  ")
+        elif isinstance(value, list | tuple) and value and isinstance(value[0], Mapping):
+            for index, row in enumerate(value):
+                print(f"{indent}{key}[{index}]")
+                print_summary(row, indent + "  ")
+        else:
+            print(f"{indent}{key:<{width}}  {_short(value)}")
+
+
+def _short(value: object) -> str:
+    if isinstance(value, str | int):
+        return str(value)
+    if isinstance(value, list | tuple):
+        few = len(value) <= 6
+        return "[" + ", ".join(map(_short, value)) + "]" if few else f"[{len(value)} values]"
+    try:
+        return f"{value:.6g}"
+    except (TypeError, ValueError):
+        return str(value)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="jaxgear",
+        description="Differentiable gear dynamics: from a scene file to transmission error, "
+        "contact, and better flanks.",
+        epilog="Begin with: jaxgear init accessory; jaxgear run accessory.toml",
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action="version", version=f"jaxgear {_version()}")
+    options = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    options.add_argument("--out", type=Path, metavar="DIR", help="folder for the results")
+    options.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        dest="overrides",
+        metavar="KEY=VALUE",
+        help="change a key of the scene, e.g. pair.torque_pinion_Nm=120; repeatable",
+    )
+    options.add_argument("--json", action="store_true", help="print the summary as JSON")
+    options.add_argument(
+        "--quiet", action="store_true", help="print nothing but errors, and the JSON if asked for"
+    )
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    texts = {"init": "write a ready scene, NAME.toml", **_COMMANDS}
+    texts |= {name: f"{text} (not in this version)" for name, (text, _) in _REFUSED.items()}
+    for name, text in texts.items():
+        command = commands.add_parser(name, parents=[options], help=text, allow_abbrev=False)
+        if name == "init":
+            command.add_argument("name", metavar="NAME", help=" | ".join(_ready_names()))
+            command.add_argument("--force", action="store_true", help="overwrite NAME.toml")
+        else:
+            command.add_argument("scene", metavar="SCENE", type=Path, help="scene file (TOML)")
+    return parser
+
+
+def _version() -> str:
+    try:
+        return importlib.metadata.version("jaxgear")
+    except importlib.metadata.PackageNotFoundError:
+        return "(not installed)"
+
+
+def _command(argv: Sequence[str] | None) -> int:
+    """Carry out one command line and return its exit code."""
+    try:
+        args = _parser().parse_args(argv)
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    if args.command in _REFUSED:
+        raise _Stop(2, f"`{args.command}` cannot be computed: {_REFUSED[args.command][1]}.")
+    if args.command == "init":
+        return _init(args)
+    scene = read_scene(args.scene, args.overrides)
+    _refuse_unfit(args.command, scene)
+    folder = args.out or Path("results") / str(scene["name"])
+    _prepare(folder)
+    summary = _compute(args.command, scene, folder, args.quiet)
+    if args.json:
+        _print_json(summary)
+    elif not args.quiet:
+        print_summary({key: value for key, value in summary.items() if key != "versions"})
+    if not args.quiet:
+        print(f"results in {folder}", file=sys.stderr)
+    return 0
+
+
+def _refuse_unfit(command: str, scene: Scene) -> None:
+    """Refuse a good scene that does not go with the command."""
+    if command == "run" and scene.has_table("sweep"):
+        raise _Stop(
+            2,
+            f"{scene.path}: the scene asks for a speed sweep, but {_NO_DYNAMICS}. Remove [sweep], "
+            "or use `jaxgear map` or `jaxgear optimise`, which leave it aside.",
+        )
+    if command == "optimise" and not scene.has_table("optimise"):
+        raise _Stop(
+            2,
+            f"{scene.path}: the scene does not say what to optimise. Add a table [optimise] with "
+            'vary = ["flank.pinion.tip_relief.depth_um"], or more keys.',
+        )
+
+
+def _prepare(folder: Path) -> None:
+    """Make sure, before any long work, that results can be written."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise _Stop(
+            2,
+            f"cannot write results into {folder}: {error.strerror}. "
+            "Name another folder with --out DIR.",
+        ) from None
+
+
+def _compute(command: str, scene: Scene, folder: Path, quiet: bool) -> Mapping[str, object]:
+    """Run the numerical part with 64-bit numbers and one BLAS thread."""
+    import jax
+    import threadpoolctl
+
+    jax.config.update("jax_enable_x64", True)
+    from jaxgear._app import _commands
+
+    try:
+        # The environment is too late for a library that is loaded already; this is not.
+        with threadpoolctl.threadpool_limits(1):
+            return _commands.COMMANDS[command](scene, folder, quiet)
+    except _commands.SolverFailure as error:
+        raise _Stop(1, f"{scene.path}: {error}") from error
+    except ValueError as error:
+        raise _Stop(2, f"{scene.path}: {error}") from error
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise _Stop(1, f"cannot write results into {folder}: {error}") from error
+
+
+def _print_json(summary: Mapping[str, object]) -> None:
+    try:
+        text = json.dumps(summary, indent=2, allow_nan=False, default=lambda array: array.tolist())
+    except ValueError as error:
+        raise _Stop(1, f"a result is not a finite number, so there is no JSON: {error}") from None
+    print(text)
+
+
+def _ready_names() -> list[str]:
+    return sorted(path.stem for path in _READY.glob("*.toml"))
+
+
+def _init(args: argparse.Namespace) -> int:
+    """Write a ready scene, with the changes of `--set`, into the current folder or `--out`."""
+    names = _ready_names()
+    if args.name not in names:
+        near = difflib.get_close_matches(args.name, names, 1)
+        hint = f" Did you mean {near[0]}?" if near else ""
+        raise _Stop(2, f"no ready scene {args.name!r}; there are: {', '.join(names)}.{hint}")
+    ready = _READY / f"{args.name}.toml"
+    scene = read_scene(ready, args.overrides)
+    target = (args.out or Path()) / ready.name
+    if target.exists() and not args.force:
+        raise _Stop(2, f"{target} exists already. Use --force to overwrite it.")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        rewrite_scene(ready, scene.overridden(), target)
+    except OSError as error:
+        raise _Stop(2, f"cannot write {target}: {error.strerror}") from None
+    if args.json:
+        _print_json({"scene": str(target), "cite": scene["cite"]})
+    elif not args.quiet:
+        print(f"{target}: {scene['cite']}")
+    return 0

@@ -1,0 +1,180 @@
+"""What [optimise] asks for: variables and their bounds, the objective, the search."""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+import optimise
+from jaxgear._app._model import grid_of, model_of
+from jaxgear._app._scene import Scene
+from jaxgear._app._schema import GEARS
+from jaxgear._app._statics import single_pair_deflection
+from jaxgear._geometry._lines import MeshGrid
+from jaxgear._interface._laws import AbstractContactLaw
+from jaxgear._system._model import PairModel
+from jaxgear._types import Reals, Scalar
+from jaxgear._units import um
+
+
+class DesignSpace(eqx.Module):
+    """The variables of an optimisation, in file units.
+
+    **Fields:**
+
+    - `scene`: whose keys they are.
+    - `keys`: dotted path of each variable.
+    - `symmetric`: whether the other gear's flank follows.
+    - `start`: value of each variable in the scene, in the unit of its key [-].
+    - `box`: bounds of each variable, in the unit of its key.
+    """
+
+    scene: Scene = eqx.field(static=True)
+    keys: tuple[str, ...] = eqx.field(static=True)
+    symmetric: bool = eqx.field(static=True)
+    start: np.ndarray
+    box: optimise.Box
+
+    def updates(self, values: Reals) -> dict[str, Scalar]:
+        """Scene keys and their values at a point of the space, in the units of the keys."""
+        pairs = dict(zip(self.keys, values, strict=True))
+        if self.symmetric:
+            pairs |= {_twin(key): value for key, value in pairs.items()}
+        return pairs
+
+    def model(self, values: Reals) -> PairModel:
+        """The model at a point of the space; traceable by JAX."""
+        return model_of(self.scene.replace(self.updates(values)))
+
+
+def _twin(key: str) -> str:
+    """The same key of the other gear's flank; a key that is no flank's is its own twin."""
+    for gear, other in (GEARS, GEARS[::-1]):
+        if key.startswith(f"flank.{gear}."):
+            return key.replace(gear, other, 1)
+    return key
+
+
+def design_space(scene: Scene, keys: tuple[str, ...], *, symmetric: bool) -> DesignSpace:
+    """The space that some keys of a scene span.
+
+    **Arguments:**
+
+    - `scene`: gives start and bounds.
+    - `keys`: the variables.
+    - `symmetric`: whether the other gear's flank follows.
+
+    **Returns:**
+
+    The space.
+
+    **Raises:**
+
+    - `ValueError` if a key has no bounds and none can be guessed, or two variables are the same.
+    """
+    if symmetric and (both := [key for key in keys if _twin(key) != key and _twin(key) in keys]):
+        raise ValueError(
+            f"With optimise.symmetric the two gears share each correction, but optimise.vary names "
+            f"both of {', '.join(both)}. Name one, or set symmetric = false."
+        )
+    deflection = float(single_pair_deflection(model_of(scene)) / um)
+    bounds = np.asarray([_bounds(scene, key, deflection) for key in keys], dtype=float)
+    start = np.asarray([scene[key] for key in keys], dtype=float)
+    return DesignSpace(
+        scene=scene,
+        keys=keys,
+        symmetric=symmetric,
+        start=start,
+        box=optimise.Box(lower=bounds[:, 0], upper=bounds[:, 1]),
+    )
+
+
+def _bounds(scene: Scene, key: str, deflection: float) -> tuple[float, float]:
+    """Given bounds of a variable, or three deflections for a depth, half the path for an extent."""
+    given = scene.get(f"optimise.bounds.{key}")
+    if given is not None:
+        return given[0], given[1]
+    most = max(round_up(3.0 * deflection), 2.0 * abs(float(scene[key])))
+    name = key.rpartition(".")[2]
+    if name == "extent":
+        return 0.02, 0.5
+    if name in ("depth_um", "crowning_um"):
+        return 0.0, most
+    if name == "helix_slope_um" or name.startswith("misalignment"):
+        return -most, most
+    raise ValueError(
+        f"optimise.vary names {key}, for which no bounds can be guessed. Add them: "
+        f"[optimise.bounds] with {key} = [lowest, highest]."
+    )
+
+
+def round_up(value: float) -> float:
+    """The next round number: 1, 2, 2.5, 4, 5 or 8 times a power of ten."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(next(r * power for r in (1.0, 2.0, 2.5, 4.0, 5.0, 8.0, 10.0) if r * power >= value))
+
+
+_OBJECTIVES = {
+    "te_rms": optimise.TransmissionErrorRms,
+    "te_peak_to_peak": optimise.TransmissionErrorRange,
+    "max_pressure": optimise.LargestPressure,
+}
+
+
+def objective_of(scene: Scene) -> tuple[optimise.AbstractObjective, str]:
+    """The objective that a scene asks for, and its unit.
+
+    **Arguments:**
+
+    - `scene`: with `optimise.minimise`, a name or a table of weights.
+
+    **Returns:**
+
+    The objective and the unit of its value.
+    """
+    weights = {
+        name: scene[f"optimise.minimise.{name}"]
+        for name in _OBJECTIVES
+        if f"optimise.minimise.{name}" in scene.values
+    }
+    if weights:
+        parts = tuple(_OBJECTIVES[name]() for name in weights)
+        return optimise.WeightedSum(parts=parts, weights=list(weights.values())), "weighted"
+    match scene["optimise.minimise"]:
+        case "te_rms":
+            return optimise.TransmissionErrorVariance(), "um2"
+        case "te_peak_to_peak":
+            return optimise.TransmissionErrorRange(), "um"
+        case _:
+            return optimise.LargestPressure(), "MPa"
+
+
+def torques_of(scene: Scene) -> np.ndarray:
+    """Pinion torques over which the objective is taken [N m]."""
+    return np.asarray(scene.get("optimise.torques_Nm", [scene["pair.torque_pinion_Nm"]]), float)
+
+
+def objective_function(
+    space: DesignSpace, grid: MeshGrid, law: AbstractContactLaw
+) -> Callable[[Reals], Scalar]:
+    """The objective as a function of the variables, over all torques of the scene."""
+    objective, _ = objective_of(space.scene)
+    return optimise.over_torques(
+        space.model,
+        objective,
+        jnp.asarray(torques_of(space.scene)),
+        grid=grid,
+        law=law,
+        worst=space.scene["optimise.over"] == "worst",
+    )
+
+
+def scene_space(scene: Scene) -> DesignSpace:
+    """The space that [optimise] of a scene spans."""
+    return design_space(scene, tuple(scene["optimise.vary"]), symmetric=scene["optimise.symmetric"])
+
+
+def scene_grid(scene: Scene) -> MeshGrid:
+    """The grid of a scene's own model."""
+    return grid_of(scene, model_of(scene))

@@ -1,0 +1,345 @@
+"""What is written down: the dataset of a mesh cycle, and the files of the results folder.
+
+The library's SI values leave here in the units of files, which stand in every name and in every
+variable's `units`. A file appears whole or not at all.
+"""
+
+import contextlib
+import csv
+import itertools
+import json
+import math
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+
+import jaxgear as jg
+
+BODIES = ("pinion", "wheel")
+_AXES = ("S", "T", "Z")
+_HARMONICS = 10
+
+# A slice has a place on the flank if its middle is on the path of contact.
+_ON_FLANK = 0.5
+
+
+class _Entry(NamedTuple):
+    """One variable: its dimensions, its values in the unit of the file, and what it is."""
+
+    dims: tuple[str, ...]
+    values: ArrayLike
+    units: str
+    long_name: str
+
+    def variable(self) -> xr.Variable:
+        """As xarray holds it."""
+        attributes = {"units": self.units, "long_name": self.long_name}
+        return xr.Variable(self.dims, np.asarray(self.values), attributes)
+
+
+def static_dataset(
+    model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw
+) -> xr.Dataset:
+    """Collect everything that a quasi-static mesh cycle says.
+
+    **Arguments:**
+
+    - `model`: that was solved.
+    - `cycle`: its settled states.
+    - `law`: with which they were found.
+
+    **Returns:**
+
+    A dataset over phase, line, slice, harmonic, body and axis, in the units of files.
+    """
+    variables = _over_phases(model, cycle) | _over_cells(model, cycle, law)
+    variables |= _over_bodies(model, cycle) | _on_path(model.pair)
+    return xr.Dataset(
+        {name: entry.variable() for name, entry in variables.items()},
+        coords={name: entry.variable() for name, entry in _coordinates(model, cycle).items()},
+        attrs={
+            "torque_pinion_Nm": float(model.torque),
+            "face_width_mm": float(model.pair.face_width) / jg.mm,
+            "teeth_pinion": model.pair.pinion.teeth,
+            "teeth_wheel": model.pair.wheel.teeth,
+        },
+    )
+
+
+def _coordinates(model: jg.PairModel, cycle: jg.MeshCycle) -> dict[str, _Entry]:
+    lines = cycle.cells.lines
+    passage = _passage(model.pair, lines)
+    # At the first phase a line is that far from its entry, in whole periods.
+    index = np.rint(passage[0] - np.asarray(lines.phase)[0]).astype(int)
+    orders = np.arange(1, min(_HARMONICS, (lines.phase.size - 1) // 2) + 1)
+    return {
+        "phase": _Entry(("phase",), lines.phase, "1", "position in the mesh period"),
+        "weight": _Entry(("phase",), lines.weight, "1", "share of the mesh period"),
+        "line": _Entry(("line",), index, "1", "contact line, in mesh periods since its entry"),
+        "passage": _Entry(
+            ("phase", "line"), passage, "1", "mesh periods since the pair's entry at mid-face"
+        ),
+        "face_position_mm": _Entry(
+            ("slice",), lines.face_position / jg.mm, "mm", "position from mid-face along the axes"
+        ),
+        "harmonic": _Entry(("harmonic",), orders, "1", "order of the mesh frequency"),
+        "body": _Entry(("body",), list(BODIES), "1", "gear"),
+        "axis": _Entry(("axis",), list(_AXES), "1", "axis: S pinion to wheel, T = Z x S, Z axial"),
+        "path_point": _Entry(("path_point",), list("ABCDE"), "1", "point on the path of contact"),
+    }
+
+
+def _passage(pair: jg.GearPair, lines: jg.ContactLines) -> np.ndarray:
+    """Mesh periods since each line's entry at mid-face, about which the slices are symmetric."""
+    at_middle = np.mean(np.asarray(lines.roll), axis=2)
+    return (at_middle - float(pair.path_start)) / float(pair.transverse_base_pitch)
+
+
+def _over_phases(model: jg.PairModel, cycle: jg.MeshCycle) -> dict[str, _Entry]:
+    error = jg.transmission_error(model.pair, cycle)
+    count = min(_HARMONICS, (error.size - 1) // 2)
+    return {
+        "transmission_error_um": _Entry(
+            ("phase",), error / jg.um, "um", "quasi-static transmission error"
+        ),
+        "te_harmonic_um": _Entry(
+            ("harmonic",),
+            jg.harmonic_amplitudes(cycle, error, count) / jg.um,
+            "um",
+            "amplitude of a mesh harmonic of the transmission error",
+        ),
+        "mesh_stiffness_N_um": _Entry(
+            ("phase",),
+            jg.mesh_stiffness(cycle) * jg.um,
+            "N/um",
+            "stiffness of the cells in contact, along the normal",
+        ),
+        "load_sharing": _Entry(
+            ("phase", "line"), jg.load_sharing(cycle), "1", "share of the mesh force on a line"
+        ),
+        "mesh_force_N": _Entry(("phase",), cycle.load[:, 0], "N", "mesh force along the normal"),
+        "converged": _Entry(
+            ("phase",),
+            np.asarray(cycle.converged).astype(np.int8),
+            "1",
+            "1 where the contact was solved, else 0",
+        ),
+    }
+
+
+def _over_cells(
+    model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw
+) -> dict[str, _Entry]:
+    pair, cells, lines = model.pair, cycle.cells, cycle.cells.lines
+    shape = lines.roll.shape
+    gap = jg.mesh_gap(pair, lines, model.flanks, model.misalignment).reshape(shape)
+    place = (lines.roll - pair.path_start) / pair.path_of_contact
+    pressure = jg.hertz_pressure(pair, cycle, law)
+    stiffness = cells.line_stiffness / jg.N_per_mm_um
+    each = {
+        "roll_mm": (lines.roll / jg.mm, "mm", "roll length from the pinion's base tangent point"),
+        "profile_position": (place, "1", "place on the path of contact, 0 start to 1 end"),
+        "fraction": (lines.fraction, "1", "part of the slice that is in contact"),
+        "line_load_N_mm": (
+            jg.line_load(cycle, law) * jg.mm,
+            "N/mm",
+            "load per length of contact line",
+        ),
+        "pressure_MPa": (pressure / jg.MPa, "MPa", "largest Hertzian pressure"),
+        "cell_force_N": (cycle.force.reshape(shape), "N", "force of a cell along the normal"),
+        "gap_um": (gap / jg.um, "um", "gap of the undeformed flanks along the normal"),
+        "pair_stiffness_N_mm_um": (
+            stiffness,
+            "N/(mm um)",
+            "stiffness of one tooth pair per length of contact line",
+        ),
+    }
+    dims = ("phase", "line", "slice")
+    return {name: _Entry(dims, *rest) for name, rest in each.items()}
+
+
+def _over_bodies(model: jg.PairModel, cycle: jg.MeshCycle) -> dict[str, _Entry]:
+    system = jg.pair_system(model.pair, model.torque, model.pinion_support, model.wheel_support)
+    # Each body: three translations, then three rotations.
+    motion = np.asarray(system.displacement(cycle.load)).reshape(-1, 2, 2, 3)
+    load = -np.asarray(cycle.load @ system.vectors.T).reshape(-1, 2, 2, 3)
+    each = {
+        "displacement_um": (motion[:, :, 0] / jg.um, "um", "displacement of the gear's centre"),
+        "rotation_urad": (
+            motion[:, :, 1] * 1e6,
+            "urad",
+            "rotation of the gear, apart from the driven one",
+        ),
+        "body_force_N": (load[:, :, 0], "N", "force of the mesh on the gear"),
+        "body_moment_Nm": (load[:, :, 1], "N m", "moment of the mesh about the gear's centre"),
+    }
+    return {name: _Entry(("phase", "body", "axis"), *rest) for name, rest in each.items()}
+
+
+def _on_path(pair: jg.GearPair) -> dict[str, _Entry]:
+    """Where A to E are. B and D bound single-pair contact, so they need a ratio of 1 to 2."""
+    length = float(pair.path_of_contact)
+    pitch = float(pair.transverse_base_pitch) / length
+    place = (float(pair.pitch_point) - float(pair.path_start)) / length
+    has_single = 0.5 < pitch < 1.0
+    first, last = (1.0 - pitch, pitch) if has_single else (math.nan, math.nan)
+    position = np.asarray([0.0, first, place, last, 1.0])
+    start = float(pair.path_start)
+    return {
+        "path_point_position": _Entry(
+            ("path_point",), position, "1", "place on the path of contact, 0 start to 1 end"
+        ),
+        "path_point_roll_mm": _Entry(
+            ("path_point",),
+            (start + position * length) / jg.mm,
+            "mm",
+            "roll length from the pinion's base tangent point",
+        ),
+    }
+
+
+def cycle_statistics(values: xr.DataArray) -> tuple[float, float, float]:
+    """Weighted statistics of a variable over the mesh period.
+
+    **Arguments:**
+
+    - `values`: over phase, from a dataset with its `weight`.
+
+    **Returns:**
+
+    Mean, RMS of the fluctuation about it, and peak to peak, in the unit of the variable.
+    """
+    weight, y = values["weight"].values, values.values
+    mean = float(np.sum(weight * y))
+    return mean, math.sqrt(float(np.sum(weight * (y - mean) ** 2))), float(np.ptp(y))
+
+
+def flank_grid(dataset: xr.Dataset, variable: str, body: str, *, points: int = 81) -> xr.DataArray:
+    """Collect what all lines saw at all phases onto one flank.
+
+    **Arguments:**
+
+    - `dataset`: from `static_dataset`.
+    - `variable`: one over phase, line and slice.
+    - `body`: `pinion` or `wheel`: whose flank.
+    - `points`: of the regular profile axis.
+
+    **Returns:**
+
+    The variable over `profile_position`, 0 near the root of this flank to 1 at its tip, and
+    `face_position_mm`.
+
+    **Raises:**
+
+    - `ValueError` if there is no such body, or no such variable over the cells.
+    """
+    if body not in BODIES:
+        raise ValueError(f"`body` must be one of {', '.join(BODIES)}, got {body!r}.")
+    source = dataset[variable]
+    if source.dims != ("phase", "line", "slice"):
+        raise ValueError(f"`{variable}` must be over phase, line and slice, got {source.dims}.")
+    place = dataset["profile_position"].values
+    place = place if body == "pinion" else 1.0 - place
+    on_flank = dataset["fraction"].values >= _ON_FLANK
+    profile = np.linspace(0.0, 1.0, points)
+    columns = []
+    for each in range(source.sizes["slice"]):
+        seen = on_flank[:, :, each]
+        x, y = place[:, :, each][seen], source.values[:, :, each][seen]
+        order = np.argsort(x)
+        columns.append(np.interp(profile, x[order], y[order]))
+    return xr.DataArray(
+        np.stack(columns, axis=1),
+        dims=("profile_position", "slice"),
+        coords={
+            "profile_position": (
+                "profile_position",
+                profile,
+                {"units": "1", "long_name": f"place on the {body}'s flank, 0 root to 1 tip"},
+            ),
+            "face_position_mm": ("slice", *_values_and_attributes(dataset["face_position_mm"])),
+        },
+        attrs=source.attrs,
+        name=variable,
+    )
+
+
+def _values_and_attributes(array: xr.DataArray) -> tuple[np.ndarray, dict]:
+    return array.values, array.attrs
+
+
+@contextlib.contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Give a draft's path in the same folder, which replaces `path` if nothing goes wrong.
+
+    **Arguments:**
+
+    - `path`: of the file to be.
+    """
+    # The ending stays last: writers choose a format by it.
+    draft = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    try:
+        yield draft
+        os.replace(draft, path)
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def write_dataset(dataset: xr.Dataset, path: Path) -> None:
+    """Write a dataset as netCDF4."""
+    with whole_file(path) as draft:
+        dataset.to_netcdf(draft, engine="netcdf4", format="NETCDF4")
+
+
+def write_json(summary: Mapping[str, object], path: Path) -> None:
+    """Write a summary as JSON: arrays as lists, and what is not a finite number as null."""
+    text = json.dumps(_plain(summary), indent=2, allow_nan=False, ensure_ascii=False)
+    with whole_file(path) as draft:
+        draft.write_text(text + "\n", encoding="utf-8")
+
+
+def _plain(value: object) -> object:
+    """The value in the types that JSON knows."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in value]
+    if isinstance(value, float):
+        # NumPy's own double is a float too.
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, str | int | None):
+        return value
+    if hasattr(value, "tolist"):
+        return _plain(np.asarray(value).tolist())
+    raise TypeError(f"A summary holds numbers, texts, lists and tables, got {type(value)}.")
+
+
+def write_csv(columns: Mapping[str, np.ndarray], path: Path) -> None:
+    """Write columns as CSV with ten digits.
+
+    **Arguments:**
+
+    - `columns`: one-dimensional numbers or texts under their names, units included. Cells below
+        the end of a shorter column stay empty.
+    - `path`: of the file.
+
+    **Raises:**
+
+    - `ValueError` if a column is not one-dimensional.
+    """
+    texts = []
+    for name, values in columns.items():
+        array = np.asarray(values)
+        if array.ndim != 1:
+            raise ValueError(f"Column `{name}` must be one-dimensional, got shape {array.shape}.")
+        is_text = array.dtype.kind in "OSU"
+        texts.append([str(x) if is_text else f"{x:.10g}" for x in array.tolist()])
+    with whole_file(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(itertools.zip_longest(*texts, fillvalue=""))

@@ -1,0 +1,661 @@
+"""Every key of the scene file as data: kind, unit, default, bounds, and what this version models.
+
+Units are those of the file (the suffix of the key); nothing is converted here. Depths are material
+removed, so they are never negative; slopes are positive where material is added.
+"""
+
+import dataclasses
+import difflib
+import enum
+import json
+import math
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any, Literal
+
+
+class Presence(enum.Enum):
+    """What the absence of a key means when it has no default value.
+
+    `REQUIRED`: a mistake, as soon as the key's table is there (the tables of `ALWAYS` must be).
+    `OPTIONAL`: the key stays absent.
+    """
+
+    REQUIRED = "required"
+    OPTIONAL = "optional"
+
+
+REQUIRED = Presence.REQUIRED
+OPTIONAL = Presence.OPTIONAL
+
+Kind = Literal["float", "int", "text", "bool", "floats", "texts"]
+
+GEARS = ("pinion", "wheel")
+# Tables that every scene has, and tables that ask for work, which are written out only if given.
+ALWAYS = ("", "pair", *GEARS)
+ON_REQUEST = ("model", "damping", "sweep", "map", "optimise")
+
+_NOUNS: Mapping[Kind, tuple[str, str]] = {
+    "float": ("a number", ""),
+    "int": ("an integer", ""),
+    "text": ("text in quotes", ""),
+    "bool": ("true or false", ""),
+    "floats": ("a list of numbers", ", each"),
+    "texts": ("a list of texts in quotes", ", each"),
+}
+
+# Longest suffix first: `_N_mm_um` also ends in `_um`.
+_UNITS = {
+    "_N_mm_um": "N/(mm um)",
+    "_kg_m3": "kg/m^3",
+    "_kg_m2": "kg m^2",
+    "_Nm_rad": "N m/rad",
+    "_rad_s": "rad/s",
+    "_R_1_s": "1/s",
+    "_R_s": "s",
+    "_GPa": "GPa",
+    "_deg": "degrees",
+    "_N_m": "N/m",
+    "_Nm": "N m",
+    "_mm": "mm",
+    "_um": "um",
+    "_kg": "kg",
+    "_N": "N",
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Key:
+    """One key of the scene file.
+
+    **Fields:**
+
+    - `path`: dotted path; `[]` stands for any row of a list of tables.
+    - `kind`: the type of the value.
+    - `doc`: one line for the user.
+    - `default`: the value when absent, or `REQUIRED`, or `OPTIONAL`.
+    - `above`, `below`: exclusive bounds of each number, in the file's unit.
+    - `at_least`, `at_most`: inclusive bounds of each number, in the file's unit.
+    - `length`: number of entries of a list, where it is fixed.
+    - `choices`: the texts allowed; empty for any.
+    - `pattern`: regular expression that a text must match in full.
+    - `modelled`: the values that this version models; `None` for all, empty for none.
+    - `applies_if`: another key and the value of it that makes this one count.
+    - `differentiable`: whether the static model has a derivative with respect to it.
+    - `remedy`: what to do when a value is out of bounds.
+    """
+
+    path: str
+    kind: Kind
+    doc: str
+    default: object = OPTIONAL
+    above: int | float | None = None
+    below: int | float | None = None
+    at_least: int | float | None = None
+    at_most: int | float | None = None
+    length: int | None = None
+    choices: tuple[str, ...] = ()
+    pattern: str = ""
+    modelled: tuple[object, ...] | None = None
+    applies_if: tuple[str, str] | None = None
+    differentiable: bool = False
+    remedy: str = ""
+
+    @property
+    def table(self) -> str:
+        """Dotted path of the table that holds the key."""
+        return self.path.rpartition(".")[0]
+
+    @property
+    def unit(self) -> str:
+        """Unit of the value, read off the key's name; empty for a plain number."""
+        for part in reversed(self.path.split(".")):
+            for suffix, unit in _UNITS.items():
+                if part.endswith(suffix):
+                    return unit
+        return ""
+
+    @property
+    def allowed(self) -> str:
+        """What a value must be, in words."""
+        noun, each = _NOUNS[self.kind]
+        if self.choices:
+            return ("" if self.kind == "text" else noun + each + " ") + one_of(self.choices)
+        if self.length is not None:
+            noun = f"a list of {self.length} numbers"
+        bounds = [
+            f"{sign} {bound:g}"
+            for sign, bound in zip(
+                (">", ">=", "<", "<="),
+                (self.above, self.at_least, self.below, self.at_most),
+                strict=True,
+            )
+            if bound is not None
+        ]
+        if self.at_least is not None and self.at_least == self.at_most:
+            bounds = [f"equal to {self.at_least:g}"]
+        text = noun + (each + " " if bounds and each else " " if bounds else "")
+        return text + " and ".join(bounds) + (f" [{self.unit}]" if self.unit else "")
+
+    def read(self, value: object) -> object:
+        """Return the value in its canonical type, or raise `ValueError` saying what is wrong."""
+        if self.kind not in ("floats", "texts"):
+            return self._read_one(value, value)
+        if not isinstance(value, list):
+            brackets = isinstance(value, str if self.kind == "texts" else int | float)
+            raise self._wrong(value, f". Write [{show(value)}]" if brackets else "")
+        if not value or self.length not in (None, len(value)):
+            raise self._wrong(value)
+        return [self._read_one(entry, value) for entry in value]
+
+    def refusal(self, value: object) -> str | None:
+        """Say why this version does not model the value, or `None` where it does."""
+        if self.modelled is None:
+            return None
+        if not self.modelled:
+            return f"got {show(value)}: {NOT_MODELLED}. Remove it"
+        entries = value if isinstance(value, list) else [value]
+        if all(entry in self.modelled for entry in entries):
+            return None
+        neutral = show(list(self.modelled)) if value is entries else one_of(self.modelled)
+        return f"got {show(value)}: {NOT_MODELLED} with this value. Remove it or write {neutral}"
+
+    def _read_one(self, entry: object, value: object) -> object:
+        """Read one number or text; `value` is the whole of what was given, for the message."""
+        if self.kind == "bool" and isinstance(entry, bool):
+            return entry
+        if self.kind in ("text", "texts") and isinstance(entry, str):
+            if self.choices and entry not in self.choices:
+                near = difflib.get_close_matches(entry, self.choices, 1)
+                raise self._wrong(value, f", did you mean {show(near[0])}?" if near else "")
+            if self.pattern and not re.fullmatch(self.pattern, entry):
+                raise self._wrong(value, f". {self.remedy}")
+            return entry
+        if (
+            self.kind not in ("int", "float", "floats")
+            or isinstance(entry, bool)
+            or not isinstance(entry, int if self.kind == "int" else int | float)
+        ):
+            raise self._wrong(value, self._type_hint(entry))
+        try:
+            number = float(entry)
+        except OverflowError:
+            number = math.inf
+        if not math.isfinite(number):
+            raise self._wrong(value, ". It must be finite")
+        if (
+            (self.above is not None and number <= self.above)
+            or (self.at_least is not None and number < self.at_least)
+            or (self.below is not None and number >= self.below)
+            or (self.at_most is not None and number > self.at_most)
+        ):
+            raise self._wrong(value, f". {self.remedy}" if self.remedy else "")
+        return entry if self.kind == "int" else number
+
+    def _wrong(self, value: object, hint: str = "") -> ValueError:
+        return ValueError(f"got {show(value)}, must be {self.allowed}{hint}")
+
+    def _type_hint(self, entry: object) -> str:
+        """Return what to write instead of a number in quotes or a whole number with a point."""
+        if self.kind == "int" and isinstance(entry, float) and entry.is_integer():
+            return f". Write {entry:.0f}"
+        if self.kind in ("int", "float") and isinstance(entry, str):
+            try:
+                return f". Write {float(entry):g}, without the quotes"
+            except ValueError:
+                return ""
+        return ""
+
+
+NOT_MODELLED = "the key belongs to the scene format, but this version does not model it"
+
+
+def show(value: object) -> str:
+    """Write a value much as the file has it, cut to a readable length."""
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, bool):
+        return str(value).lower()
+    text = json.dumps(value, ensure_ascii=False) if isinstance(value, str) else str(value)
+    if isinstance(value, list):
+        text = "[" + ", ".join(show(entry) for entry in value) + "]"
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
+def one_of(values: Iterable[object]) -> str:
+    """List the values that may be written."""
+    shown = [show(value) for value in values]
+    return shown[0] if len(shown) == 1 else "one of " + ", ".join(shown)
+
+
+_TORQUE = (
+    "The pinion drives; with no load there is no contact state to solve. To load the other flank "
+    "mirror the pair: change the sign of the helix angle and swap the flank data"
+)
+_DEPTH = "A depth is material removed, so it is positive where the flank is cut back"
+_EXTENT = (
+    "An extent is a fraction of the path of contact eps_alpha p_bt, from 0 to 1; a value above 1 "
+    "looks as if millimetres were given: divide by geometry.path_of_contact_mm in summary.json"
+)
+_FACE_EXTENT = (
+    "This extent is a fraction of the face width, from 0 to 1; a value above 1 looks as if "
+    "millimetres were given: divide by face_width_mm"
+)
+_SUPPORT = "Leave the key out where the support is rigid"
+
+
+def _number(path: str, doc: str, default: object = OPTIONAL, **fields: Any) -> Key:
+    return Key(path, "float", doc, default, **fields)
+
+
+def _variable(path: str, doc: str, default: object = OPTIONAL, **fields: Any) -> Key:
+    """Return a number that the static model can be differentiated by."""
+    return Key(path, "float", doc, default, differentiable=True, **fields)
+
+
+def _count(path: str, doc: str, default: object = OPTIONAL, **fields: Any) -> Key:
+    return Key(path, "int", doc, default, **fields)
+
+
+def _text(path: str, doc: str, default: object = OPTIONAL, **fields: Any) -> Key:
+    return Key(path, "text", doc, default, **fields)
+
+
+def _material(table: str, young: object, poisson: object, density: object) -> tuple[Key, ...]:
+    gpa = "The key is in gigapascals; steel has 206"
+    dense = "The key is in kg/m^3; steel has 7850"
+    return (
+        _variable(
+            f"{table}.young_GPa",
+            "Young's modulus",
+            young,
+            at_least=0.1,
+            at_most=1e6,
+            remedy=gpa,
+        ),
+        _variable(f"{table}.poisson", "Poisson's ratio", poisson, at_least=0.0, below=0.5),
+        _number(f"{table}.density_kg_m3", "density", density, at_least=100.0, remedy=dense),
+    )
+
+
+_GENERAL = (
+    _count(
+        "schema",
+        "version of the scene format",
+        REQUIRED,
+        at_least=1,
+        at_most=1,
+        remedy="This version of jaxgear reads scene format 1",
+    ),
+    _text(
+        "name",
+        "name of the scene and of its results folder; default: the file's name",
+        pattern=r"(?!\.{1,2}$)[^/\\\x00-\x1f\x7f]+",
+        remedy="It names a folder: no slashes, and not empty",
+    ),
+    _text("cite", "where the data come from; printed with every result", ""),
+    *_material("material", 206.0, 0.3, 7850.0),
+)
+
+_PAIR = (
+    _variable(
+        "pair.module_mm",
+        "normal module",
+        REQUIRED,
+        at_least=0.01,
+        at_most=200.0,
+        remedy="The key is in millimetres",
+    ),
+    _variable(
+        "pair.pressure_angle_deg",
+        "normal pressure angle",
+        20.0,
+        at_least=5.0,
+        below=45.0,
+        remedy="The key is in degrees",
+    ),
+    _variable(
+        "pair.helix_angle_deg",
+        "helix angle at the reference cylinder; positive: a right-hand pinion",
+        0.0,
+        at_least=-45.0,
+        at_most=45.0,
+        remedy="The key is in degrees",
+    ),
+    _variable(
+        "pair.torque_pinion_Nm", "driving torque on the pinion", REQUIRED, above=0.0, remedy=_TORQUE
+    ),
+    _variable(
+        "pair.centre_distance_mm",
+        "working centre distance; default: the zero-backlash one from the profile shifts",
+        above=0.0,
+        remedy="Leave the key out for the centre distance without backlash",
+    ),
+    _variable(
+        "pair.misalignment_inclination_um",
+        "misalignment over the face width in the plane of the axes",
+        0.0,
+    ),
+    _variable(
+        "pair.misalignment_deviation_um",
+        "misalignment over the face width in the plane perpendicular to that of the axes",
+        0.0,
+    ),
+)
+
+_FOUNDATIONS: dict[str, Any] = {
+    "choices": ("weber", "sainsot", "ring", "none"),
+    "modelled": ("weber", "none"),
+}
+
+
+def _gear(gear: str) -> tuple[Key, ...]:
+    """Keys of one gear: teeth, material, supports, body and shaft."""
+    stiffness: dict[str, Any] = {"above": 0.0, "remedy": _SUPPORT}
+    return (
+        _count(f"{gear}.teeth", "number of teeth", REQUIRED, at_least=3, at_most=10_000),
+        _variable(
+            f"{gear}.profile_shift", "profile shift coefficient x", 0.0, at_least=-5.0, at_most=5.0
+        ),
+        _variable(f"{gear}.addendum_coeff", "addendum over module", 1.0, above=0.0, at_most=5.0),
+        _variable(f"{gear}.dedendum_coeff", "dedendum over module", 1.25, above=0.0, at_most=5.0),
+        _variable(
+            f"{gear}.fillet_radius_coeff",
+            "tip radius of the rack that cuts the fillet, over module",
+            0.38,
+            at_least=0.0,
+            at_most=1.0,
+        ),
+        _variable(
+            f"{gear}.tip_shortening_coeff",
+            "tip shortening k over module; 0 for tables that give tip radii directly",
+            0.0,
+            at_least=0.0,
+            at_most=1.0,
+        ),
+        _variable(
+            f"{gear}.face_width_mm",
+            "face width",
+            REQUIRED,
+            at_least=0.1,
+            at_most=2000.0,
+            remedy="The key is in millimetres",
+        ),
+        _number(f"{gear}.bore_mm", "diameter of the bore; 0: none", at_least=0.0),
+        _text(f"{gear}.foundation", "foundation of this gear's teeth", **_FOUNDATIONS),
+        *_material(f"{gear}.material", OPTIONAL, OPTIONAL, OPTIONAL),
+        _variable(f"{gear}.support.radial_N_m", "radial stiffness of the support", **stiffness),
+        _variable(f"{gear}.support.radial_S_N_m", "the same, along S only", **stiffness),
+        _variable(f"{gear}.support.radial_T_N_m", "the same, along T only", **stiffness),
+        _variable(f"{gear}.support.axial_N_m", "axial stiffness of the support", **stiffness),
+        _variable(f"{gear}.support.tilt_Nm_rad", "tilt stiffness of the support", **stiffness),
+        *_body(f"{gear}.body"),
+        *_shaft(f"{gear}.shaft"),
+    )
+
+
+def _body(table: str) -> tuple[Key, ...]:
+    refused: dict[str, Any] = {"modelled": ()}
+    return (
+        _text(
+            f"{table}.kind",
+            "model of the gear body",
+            "rigid",
+            choices=("rigid", "beam", "condensed"),
+            modelled=("rigid",),
+        ),
+        _number(f"{table}.mass_kg", "mass", above=0.0),
+        _number(f"{table}.inertia_kg_m2", "polar moment of inertia", above=0.0),
+        _number(f"{table}.transverse_inertia_kg_m2", "transverse moment of inertia", above=0.0),
+        _number(f"{table}.web.hub_outer_mm", "outer diameter of the hub", **refused),
+        _number(f"{table}.web.web_thickness_mm", "thickness of the web", **refused),
+        _number(f"{table}.web.rim_inner_mm", "inner diameter of the rim", **refused),
+        _number(f"{table}.web.web_offset_mm", "axial offset of the web from mid-face", **refused),
+        _number(f"{table}.web.web_angle_deg", "cone angle of the web", **refused),
+        _count(f"{table}.web.holes", "number of holes", **refused),
+        _number(f"{table}.web.hole_diameter_mm", "diameter of a hole", **refused),
+        _number(f"{table}.web.hole_circle_mm", "diameter of the circle of holes", **refused),
+        _text(f"{table}.grid", "a finite element grid of the user's own", **refused),
+        _text(f"{table}.superelement", "matrices condensed elsewhere", **refused),
+        _text(f"{table}.interface", "herting, craig-bampton, or the rim's node set", **refused),
+        _count(f"{table}.modes", "number of internal modes kept", **refused),
+        _number(f"{table}.young_GPa", "Young's modulus of the condensed body", **refused),
+    )
+
+
+def _shaft(table: str) -> tuple[Key, ...]:
+    refused: dict[str, Any] = {"modelled": ()}
+    return (
+        _number(f"{table}.gear_at_mm", "position of the gear's mid-face", **refused),
+        _number(f"{table}.segments[].length_mm", "length of the segment", **refused),
+        _number(f"{table}.segments[].outer_mm", "outer diameter", **refused),
+        _number(f"{table}.segments[].inner_mm", "inner diameter", **refused),
+        _number(f"{table}.bearings[].at_mm", "position of the bearing", **refused),
+        _number(f"{table}.bearings[].radial_N_m", "radial stiffness", **refused),
+        _number(f"{table}.bearings[].radial_S_N_m", "radial stiffness along S", **refused),
+        _number(f"{table}.bearings[].radial_T_N_m", "radial stiffness along T", **refused),
+        _number(f"{table}.bearings[].axial_N_m", "axial stiffness", **refused),
+        _number(f"{table}.bearings[].tilt_Nm_rad", "tilt stiffness", **refused),
+        _number(f"{table}.torque_at_mm", "where the torque enters or leaves", **refused),
+        _number(f"{table}.shear_coeff", "shear coefficient of the section", **refused),
+        _number(f"{table}.loads[].at_mm", "position of a load", **refused),
+        Key(f"{table}.loads[].force_N", "floats", "force along S, T, Z", **refused),
+        Key(f"{table}.loads[].moment_Nm", "floats", "moment about S, T, Z", **refused),
+    )
+
+
+def _relief(table: str, where: str, extent: float, fraction: str) -> tuple[Key, ...]:
+    return (
+        _variable(f"{table}.depth_um", f"depth removed {where}", 0.0, at_least=0.0, remedy=_DEPTH),
+        _variable(f"{table}.extent", "its length", extent, above=0.0, at_most=1.0, remedy=fraction),
+        _text(f"{table}.shape", "its shape", "linear", choices=("linear", "parabolic")),
+    )
+
+
+def _flank(flank: str) -> tuple[Key, ...]:
+    """Keys of the flank of one gear."""
+    depth: dict[str, Any] = {"at_least": 0.0, "remedy": _DEPTH}
+    return (
+        *_relief(f"{flank}.tip_relief", "at the tip", 0.25, _EXTENT),
+        *_relief(f"{flank}.root_relief", "at the start of active profile", 0.2, _EXTENT),
+        _variable(
+            f"{flank}.crowning_um", "parabolic, removed at both ends of the face", 0.0, **depth
+        ),
+        _text(
+            f"{flank}.end_relief.side",
+            "which end of the face; left is the -Z end",
+            "both",
+            choices=("left", "right", "both"),
+        ),
+        *_relief(f"{flank}.end_relief", "at the end of the face", 0.2, _FACE_EXTENT),
+        _variable(
+            f"{flank}.helix_slope_um",
+            "helix slope deviation over the face width; positive adds material",
+            0.0,
+        ),
+        _text(f"{flank}.profile_deviation_csv", "file of a profile deviation", modelled=()),
+        Key(
+            f"{flank}.pitch_error_um",
+            "floats",
+            "cumulative pitch error per tooth; one value: all teeth",
+            [0.0],
+            modelled=(0.0,),
+        ),
+        _number(f"{flank}.eccentricity_um", "eccentricity", 0.0, at_least=0.0, modelled=(0.0,)),
+    )
+
+
+_MESH = (
+    _count("mesh.periods", "mesh periods in one cycle", 1, at_least=1, modelled=(1,)),
+    _text(
+        "mesh.stiffness",
+        "stiffness of a tooth pair",
+        "weber-banaschek",
+        choices=("weber-banaschek", "iso6336", "constant"),
+    ),
+    _variable(
+        "mesh.stiffness_N_mm_um",
+        "stiffness of a tooth pair per length of contact line",
+        REQUIRED,
+        above=0.0,
+        applies_if=("mesh.stiffness", "constant"),
+    ),
+    _text("mesh.foundation", "elasticity of the body under a tooth", "weber", **_FOUNDATIONS),
+    _count("mesh.slices", "slices across the face", 20, at_least=1, at_most=2000),
+    _count("mesh.phases", "positions in one mesh period", 64, at_least=8, at_most=4096),
+    _text("mesh.contact", "contact law", "exact", choices=("exact", "smooth")),
+    _variable(
+        "mesh.smoothing_um",
+        "width of the smooth contact law",
+        0.5,
+        above=0.0,
+        applies_if=("mesh.contact", "smooth"),
+    ),
+)
+
+_RAYLEIGH = ("damping.kind", "rayleigh")
+
+_DYNAMICS = (
+    _count("model.coordinates", "system coordinates kept in time stepping; 0: all", at_least=0),
+    _text("model.fidelity", "choice of model", modelled=()),
+    _text("damping.kind", "kind of damping", "modal", choices=("modal", "rayleigh")),
+    _number("damping.mesh", "damping ratio of the mesh", 0.07, at_least=0.0, below=1.0),
+    _number("damping.structure", "damping ratio of the rest", 0.02, at_least=0.0, below=1.0),
+    _number(
+        "damping.a_R_1_s", "factor of the mass matrix", REQUIRED, at_least=0.0, applies_if=_RAYLEIGH
+    ),
+    _number(
+        "damping.b_R_s", "factor of the stiffness", REQUIRED, at_least=0.0, applies_if=_RAYLEIGH
+    ),
+    Key(
+        "sweep.pinion_speed_rad_s",
+        "floats",
+        "a table from, to, points or a list",
+        REQUIRED,
+        above=0.0,
+    ),
+    _number("sweep.pinion_speed_rad_s.from", "lowest speed", REQUIRED, above=0.0),
+    _number("sweep.pinion_speed_rad_s.to", "highest speed", REQUIRED, above=0.0),
+    _count(
+        "sweep.pinion_speed_rad_s.points", "number of speeds", REQUIRED, at_least=2, at_most=100_000
+    ),
+    _text("sweep.direction", "direction", "both", choices=("up", "down", "both", "cold")),
+    _text(
+        "sweep.method",
+        "method",
+        "auto",
+        choices=("auto", "newmark", "shooting", "harmonic"),
+    ),
+    Key("sweep.centrifugal", "bool", "centrifugal effects", True),
+)
+
+_TORQUES: dict[str, Any] = {"above": 0.0, "remedy": _TORQUE}
+_POINTS: dict[str, Any] = {"at_least": 2, "at_most": 2000}
+_WEIGHT: dict[str, Any] = {"at_least": 0.0}
+
+_MAP = (
+    _number("map.depth_um.from", "smallest depth", 0.0, at_least=0.0, remedy=_DEPTH),
+    _number("map.depth_um.to", "largest depth; default: chosen by the program", above=0.0),
+    _count("map.depth_um.points", "number of depths", 50, **_POINTS),
+    _number("map.extent.from", "smallest extent", 0.01, above=0.0, at_most=1.0, remedy=_EXTENT),
+    _number("map.extent.to", "largest extent", 0.5, above=0.0, at_most=1.0, remedy=_EXTENT),
+    _count("map.extent.points", "number of extents", 50, **_POINTS),
+    Key("map.torques_Nm", "floats", "pinion torques of the Harris map", **_TORQUES),
+)
+
+_OPTIMISE = (
+    Key("optimise.vary", "texts", "the keys that the optimiser may change", REQUIRED),
+    Key("optimise.symmetric", "bool", "pinion and wheel get the same relief", False),
+    _text(
+        "optimise.minimise",
+        "what to minimise; a table of weights is allowed too",
+        "te_rms",
+        choices=("te_rms", "te_peak_to_peak", "max_pressure", "dynamic_ratio"),
+        modelled=("te_rms", "te_peak_to_peak", "max_pressure"),
+    ),
+    _number("optimise.minimise.te_rms", "weight of static.te_rms_um", **_WEIGHT),
+    _number("optimise.minimise.te_peak_to_peak", "weight of static.te_peak_to_peak_um", **_WEIGHT),
+    _number("optimise.minimise.max_pressure", "weight of static.max_pressure_MPa", **_WEIGHT),
+    _number("optimise.minimise.dynamic_ratio", "weight of the dynamic ratio", modelled=()),
+    Key("optimise.torques_Nm", "floats", "pinion torques; default: that of the pair", **_TORQUES),
+    _text("optimise.over", "how torques are combined", "mean", choices=("mean", "worst")),
+    _text("optimise.method", "optimiser", "lbfgs", choices=("lbfgs", "adam")),
+    _count("optimise.max_evaluations", "most evaluations", 50, at_least=1, at_most=1_000_000),
+)
+
+
+def _bounds(key: Key) -> Key:
+    """Return the key of `[optimise.bounds]` that limits another one."""
+    return dataclasses.replace(
+        key,
+        path=f"optimise.bounds.{key.path}",
+        kind="floats",
+        doc=f"lowest and highest value of {key.path}",
+        default=OPTIONAL,
+        length=2,
+        applies_if=None,
+        differentiable=False,
+    )
+
+
+_PLAIN = (
+    *_GENERAL,
+    *_PAIR,
+    *(key for gear in GEARS for key in _gear(gear)),
+    *(key for gear in GEARS for key in _flank(f"flank.{gear}")),
+    *_MESH,
+    *_DYNAMICS,
+    *_MAP,
+    *_OPTIMISE,
+)
+
+REAL_KEYS: tuple[str, ...] = tuple(key.path for key in _PLAIN if key.differentiable)
+
+KEYS: Mapping[str, Key] = {
+    key.path: key for key in (*_PLAIN, *(_bounds(key) for key in _PLAIN if key.differentiable))
+}
+
+
+def parents(path: str) -> list[str]:
+    """Return the tables above a key, outermost first: `a.b.c` has `a` and `a.b`."""
+    parts = path.split(".")
+    return [".".join(parts[:end]) for end in range(1, len(parts))]
+
+
+TABLES: frozenset[str] = frozenset(table for path in KEYS for table in parents(path))
+
+# Tables of which nothing is modelled: refused once, as a whole.
+REFUSED_TABLES: frozenset[str] = TABLES - {
+    table for path, key in KEYS.items() if key.modelled != () for table in parents(path)
+}
+
+
+def _likeness(tail: str, known: str) -> float:
+    """Likeness of two names, 0 to 1; `tork` is compared with `torque` and `torque_pinion_Nm`."""
+    words = known.split("_")
+    heads = ["_".join(words[:end]) for end in range(1, len(words) + 1)]
+    return max(difflib.SequenceMatcher(None, tail, head).ratio() for head in heads)
+
+
+def nearest(path: str, known: Iterable[str]) -> str | None:
+    """Return the known path that `path` was most likely meant to be, or `None`.
+
+    A name like it in the same table comes first, then one like it in another table, then a path
+    like it as a whole.
+    """
+    table, _, tail = path.rpartition(".")
+    best: tuple[float, float, str] | None = None
+    for candidate in known:
+        home, _, name = candidate.rpartition(".")
+        whole = difflib.SequenceMatcher(None, path, candidate).ratio()
+        alike = _likeness(tail, name)
+        if home == table and alike >= 0.6:
+            score = 2.0 + alike
+        elif alike >= 0.8:
+            score = 1.0 + alike
+        elif whole >= 0.85:
+            score = whole
+        else:
+            continue
+        best = max(best, (score, whole, candidate)) if best else (score, whole, candidate)
+    return best[2] if best else None

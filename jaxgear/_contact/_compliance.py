@@ -1,0 +1,210 @@
+r"""Stiffness of one tooth pair along the path of contact, per length of contact line.
+
+Directions are normal to the flank. All three models are secant, and depend on the position
+along the path only: teeth are alike, and so are their slices.
+"""
+
+import abc
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from jaxgear._checks import require
+from jaxgear._contact._tooth import (
+    AbstractFoundation,
+    HertzContact,
+    WeberFoundation,
+    beam_compliance,
+    contact_modulus,
+    penetration_compliance,
+    tooth_load,
+)
+from jaxgear._geometry._pair import GearPair
+from jaxgear._geometry._profile import tooth_section
+from jaxgear._types import Reals, Scalar, as_scalar
+
+
+class AbstractCompliance(eqx.Module):
+    """How far a tooth pair gives under a line load."""
+
+    @abc.abstractmethod
+    def __call__(self, pair: GearPair, roll: Reals, line_load: Scalar) -> Reals:
+        """Evaluate the secant compliance of one tooth pair.
+
+        **Arguments:**
+
+        - `pair`: the gears.
+        - `roll`: positions on the path of contact, from the pinion's base tangent point [m].
+        - `line_load`: load per length of contact line at which the secant is taken [N/m].
+
+        **Returns:**
+
+        Deflection along the normal over line load, at each position [m2/N].
+        """
+
+
+class WeberBanaschek(AbstractCompliance):
+    """Teeth as cantilevers on their foundations, with Weber's logarithmic contact term.
+
+    A helical pair is evaluated with its virtual spur gears (physics A2.7).
+
+    **Fields:**
+
+    - `pinion_foundation`: of the pinion's body.
+    - `wheel_foundation`: of the wheel's body.
+    """
+
+    pinion_foundation: AbstractFoundation = eqx.field(default_factory=WeberFoundation)
+    wheel_foundation: AbstractFoundation = eqx.field(default_factory=WeberFoundation)
+
+    def __call__(self, pair: GearPair, roll: Reals, line_load: Scalar) -> Reals:
+        """Evaluate the secant compliance of one tooth pair; see the base class."""
+        contact = hertz_contact(pair, roll)
+        half_width = contact.half_width(line_load)
+        total = jnp.zeros_like(roll)
+        for gear, foundation, own_roll in (
+            (pair.pinion, self.pinion_foundation, roll),
+            (pair.wheel, self.wheel_foundation, pair.tangent_length - roll),
+        ):
+            section = tooth_section(pair, gear)
+            # The virtual gear keeps the normal radius of curvature, its own roll length.
+            angle = own_roll / (jnp.cos(pair.base_helix_angle) * section.base_radius)
+            load = tooth_load(section, angle)
+            total += beam_compliance(section, gear.material, angle)
+            total += foundation(section, gear.material, angle)
+            total += penetration_compliance(gear.material, load.depth, half_width)
+        return total
+
+
+class ConstantStiffness(AbstractCompliance):
+    """The same stiffness everywhere, for closed forms and for comparison.
+
+    **Fields:**
+
+    - `stiffness`: of one tooth pair per length of contact line [N/m2].
+
+    **Raises:**
+
+    - `ValueError` unless it is positive.
+    """
+
+    stiffness: Scalar = eqx.field(converter=as_scalar)
+
+    def __check_init__(self):
+        require(
+            self.stiffness > 0.0,
+            "`ConstantStiffness.stiffness` must be positive, got {got:.6g} N/m2.",
+            got=self.stiffness,
+        )
+
+    def __call__(self, pair: GearPair, roll: Reals, line_load: Scalar) -> Reals:
+        """Return the one compliance at each position [m2/N]."""
+        del pair, line_load
+        return jnp.ones_like(roll) / self.stiffness
+
+
+class Iso6336(AbstractCompliance):
+    r"""The single stiffness of ISO 6336-1 method B, the same along the whole path.
+
+    ISO quotes $c'$ across the face width; along the contact line and normal to the flank it
+    is $c'/\cos\beta$. For solid discs ($C_R = 1$); see `iso_stiffness`.
+    """
+
+    def __call__(self, pair: GearPair, roll: Reals, line_load: Scalar) -> Reals:
+        """Evaluate the secant compliance of one tooth pair; see the base class."""
+        per_line = iso_stiffness(pair, line_load).single / jnp.cos(pair.helix_angle)
+        return jnp.ones_like(roll) / per_line
+
+
+class IsoStiffness(eqx.Module):
+    r"""Stiffnesses of ISO 6336-1 method B, per face width in the transverse plane.
+
+    **Fields:**
+
+    - `theoretical`: $c'_{th}$ [N/m2].
+    - `single`: $c'$ [N/m2].
+    - `mesh`: $c_{\gamma\alpha}$, the mean mesh stiffness for the dynamic factor [N/m2].
+    - `face`: $c_{\gamma\beta}$, the mean mesh stiffness for the face load factor [N/m2].
+    """
+
+    theoretical: Scalar
+    single: Scalar
+    mesh: Scalar
+    face: Scalar
+
+
+# ISO 6336-1 table 9: C1..C9 [mm um/N], with x2 squared in the last.
+_ISO = (0.04723, 0.15551, 0.25791, -0.00635, -0.11654, -0.00193, -0.24188, 0.00529, 0.00182)
+_ISO_MEASURED = 0.8  # C_M, ratio of measured to theoretical stiffness
+_ISO_YOUNG = 206e9  # steel, for which the series was fitted [Pa]
+_ISO_LOAD = 100e3  # below this line load the stiffness falls off [N/m]
+
+
+def iso_stiffness(pair: GearPair, line_load: Scalar) -> IsoStiffness:
+    r"""ISO 6336-1 method B for solid discs, with the basic rack's factor $C_B$.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `line_load`: $F_t K_A / b$ [N/m]; below 100 N/mm the single stiffness falls as its
+        fourth root.
+
+    **Returns:**
+
+    The standard's four stiffnesses.
+    """
+    spread = jnp.cos(pair.base_helix_angle) ** 2 * jnp.cos(pair.helix_angle)
+    first, second = 1.0 / (pair.teeth / spread)
+    x1, x2 = pair.of_bodies("profile_shift")
+    terms = (1.0, first, second, x1, x1 * first, x2, x2 * second, x1**2, x2**2)
+    flexibility = sum(c * term for c, term in zip(_ISO, terms, strict=True))
+    young = jnp.stack([pair.pinion.material.young, pair.wheel.material.young])
+    steel = 2.0 * young[0] * young[1] / (young[0] + young[1]) / _ISO_YOUNG
+    theoretical = 1e9 * steel / flexibility
+    dedendum = jnp.mean(pair.of_bodies("dedendum"))
+    rack = 1.0 + 0.5 * (1.2 - dedendum)
+    rack *= 1.0 - 0.02 * (20.0 - jnp.rad2deg(pair.pressure_angle))
+    low = jnp.minimum(line_load / _ISO_LOAD, 1.0) ** 0.25
+    single = theoretical * _ISO_MEASURED * rack * jnp.cos(pair.helix_angle) * low
+    ratio = pair.path_of_contact / pair.transverse_base_pitch
+    mesh = single * (0.75 * ratio + 0.25)
+    return IsoStiffness(theoretical=theoretical, single=single, mesh=mesh, face=0.85 * mesh)
+
+
+def single_pair_stiffness(
+    pair: GearPair, compliance: AbstractCompliance, line_load: Scalar
+) -> Scalar:
+    """Largest stiffness of one tooth pair along the path of contact.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `compliance`: of one tooth pair.
+    - `line_load`: at which the secant is taken [N/m].
+
+    **Returns:**
+
+    Stiffness per length of contact line [N/m2].
+    """
+    place = jnp.linspace(0.0, 1.0, 129)
+    roll = pair.path_start + place * pair.path_of_contact
+    return 1.0 / jnp.min(compliance(pair, roll, line_load))
+
+
+def hertz_contact(pair: GearPair, roll: Reals) -> HertzContact:
+    """The cylinders that touch at given positions, in the normal plane.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `roll`: positions on the path of contact [m].
+
+    **Returns:**
+
+    Their equivalent radius at each position, and their contact modulus.
+    """
+    radius = roll * (pair.tangent_length - roll) / pair.tangent_length
+    return HertzContact(
+        radius=radius / jnp.cos(pair.base_helix_angle),
+        modulus=contact_modulus(pair.pinion.material, pair.wheel.material),
+    )

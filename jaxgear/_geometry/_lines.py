@@ -1,0 +1,203 @@
+r"""Contact lines on the plane of action, at every phase of one mesh period.
+
+A phase $\tau \in [0, 1)$ counts mesh periods; at $\tau = 0$ a tooth pair enters contact at
+mid-face. Line $i$ runs through $x = T_1A + (\tau + i)\,p_{bt} + z\tan\beta_b$ (physics A1.7), $x$ along
+the path of contact from the pinion's base tangent point, $z$ along the axes from mid-face.
+
+Shapes are fixed: `lines` lines of `slices` slices at each phase, each slice with the
+fraction of it that is in contact. Two choices make the fractions differentiable:
+
+- Phases are mid-points of equal steps, one set between the entry of a pair and the exit of
+  the pair ahead of it, one set between that exit and the next entry. The sets stretch with the
+  contact ratio, so nothing jumps when it changes, and no phase straddles a spur pair's event.
+- A slice's fraction is its share inside the path, averaged over the step of its phase: the
+  overlap of the path with the parallelogram that the slice sweeps.
+"""
+
+import math
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from jaxgear._checks import require
+from jaxgear._geometry._pair import (
+    GearPair,
+    overlap_ratio,
+    profile_contact_ratio,
+)
+from jaxgear._types import LineGrid, Phases, Reals, Scalar, Slices
+
+
+class MeshGrid(eqx.Module):
+    """How finely a mesh period is divided. Integers only: it selects a program.
+
+    **Fields:**
+
+    - `phases`: positions in one mesh period.
+    - `slices`: slices across the face.
+    - `lines`: contact lines kept at each phase.
+    - `first_line`: index of the line furthest ahead of entry, -1 for spur gears.
+    - `entry_phases`: phases between a pair's entry and the exit of the pair ahead.
+    """
+
+    phases: int = eqx.field(static=True)
+    slices: int = eqx.field(static=True)
+    lines: int = eqx.field(static=True)
+    first_line: int = eqx.field(static=True)
+    entry_phases: int = eqx.field(static=True)
+
+    @property
+    def cells(self) -> int:
+        """Number of cells at each phase."""
+        return self.lines * self.slices
+
+
+def mesh_grid(
+    pair: GearPair, *, phases: int = 64, slices: int = 20, margin: float = 0.05
+) -> MeshGrid:
+    """Choose the grid for a pair. Call it outside of `jit`, on concrete gears.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `phases`: positions in one mesh period, at least 8.
+    - `slices`: slices across the face, at least 1.
+    - `margin`: by how much the contact ratios may grow, in traced copies of this pair, before
+        contact at the ends of the path is lost from the grid [-].
+
+    **Returns:**
+
+    The grid.
+
+    **Raises:**
+
+    - `ValueError` if there are too few phases or slices.
+    """
+    require(phases >= 8, "A mesh period needs at least 8 phases, got {got}.", got=phases)
+    require(slices >= 1, "The face needs at least 1 slice, got {got}.", got=slices)
+    profile = float(profile_contact_ratio(pair))
+    half_overlap = 0.5 * float(overlap_ratio(pair))
+    # Spur gears too: the derivative by the helix angle needs the line that is about to enter.
+    ahead = math.ceil(half_overlap + margin)
+    last = math.floor(profile + half_overlap + margin)
+    # An eighth of the phases at least on either side of the event, so that a contact ratio that
+    # crosses an integer in a traced copy still finds both sets populated.
+    fewest = phases // 8
+    share = round(phases * (profile - math.floor(profile)))
+    return MeshGrid(
+        phases=phases,
+        slices=slices,
+        lines=last + ahead + 1,
+        first_line=-ahead,
+        entry_phases=min(max(share, fewest), phases - fewest),
+    )
+
+
+class ContactLines(eqx.Module):
+    r"""Where the slices of all contact lines are, over one mesh period.
+
+    **Fields:**
+
+    - `phase`: $\tau$, the position in the mesh period [-].
+    - `weight`: share of the mesh period that each phase stands for; sums to 1 [-].
+    - `roll`: place on the path of contact of each slice's middle, from $T_1$ [m].
+    - `face_position`: $z$ of each slice's middle, from mid-face [m].
+    - `fraction`: part of each slice that is in contact, 0 to 1 [-].
+    - `length`: length of a slice along its contact line [m].
+    """
+
+    phase: Phases
+    weight: Phases
+    roll: LineGrid
+    face_position: Slices
+    fraction: LineGrid
+    length: Scalar
+
+
+def contact_lines(pair: GearPair, grid: MeshGrid) -> ContactLines:
+    """Place the slices of all contact lines over one mesh period.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `grid`: from `mesh_grid` of this pair or a close one.
+
+    **Returns:**
+
+    Positions and active fractions.
+    """
+    pitch = pair.transverse_base_pitch
+    phase, weight = _phases(profile_contact_ratio(pair), grid)
+    line = jnp.arange(grid.lines, dtype=float) + grid.first_line
+    position = (jnp.arange(grid.slices, dtype=float) + 0.5) / grid.slices - 0.5
+    face_position = position * pair.face_width
+    slope = jnp.tan(pair.base_helix_angle)
+    along = (phase[:, None] + line[None, :]) * pitch
+    roll = pair.path_start + along[:, :, None] + (slope * face_position)[None, None, :]
+    fraction = _swept_fraction(
+        (roll - pair.path_start) / pitch,
+        profile_contact_ratio(pair),
+        step=weight[:, None, None],
+        stretch=overlap_ratio(pair) / grid.slices,
+    )
+    return ContactLines(
+        phase=phase,
+        weight=weight,
+        roll=roll,
+        face_position=face_position,
+        fraction=fraction,
+        length=pair.face_width / (grid.slices * jnp.cos(pair.base_helix_angle)),
+    )
+
+
+def mean_line_length(pair: GearPair) -> Scalar:
+    r"""Mean total length of the contact lines, $\varepsilon_\alpha b / \cos\beta_b$ [m]."""
+    return profile_contact_ratio(pair) * pair.face_width / jnp.cos(pair.base_helix_angle)
+
+
+def _phases(ratio: Scalar, grid: MeshGrid) -> tuple[Phases, Phases]:
+    """Mid-points and widths of the steps before and after the exit of the pair ahead."""
+    exit_phase = ratio - jnp.floor(ratio)
+    before, after = grid.entry_phases, grid.phases - grid.entry_phases
+    first = exit_phase * (jnp.arange(before, dtype=float) + 0.5) / before
+    second = exit_phase + (1.0 - exit_phase) * (jnp.arange(after, dtype=float) + 0.5) / after
+    weight = jnp.concatenate(
+        [
+            jnp.ones(before) * exit_phase / before,
+            jnp.ones(after) * (1.0 - exit_phase) / after,
+        ]
+    )
+    return jnp.concatenate([first, second]), weight
+
+
+def _swept_fraction(place: Reals, ratio: Scalar, *, step: Reals, stretch: Scalar) -> Reals:
+    """Share of a slice inside the path [0, ratio], averaged over the step of its phase.
+
+    Lengths are in base pitches: `place` of the slice's middle, `step` that it advances in one
+    phase, `stretch` of the path that its own width covers.
+    """
+    wide = jnp.maximum(jnp.maximum(step, stretch), _THINNEST)
+    # A slice of a spur pair covers no path: the ramp between its two edges is as thin as this.
+    thin = jnp.maximum(jnp.minimum(step, stretch), 1e-9 * wide)
+    return _entered(place, wide, thin) - _entered(place - ratio, wide, thin)
+
+
+# A set of phases may shrink to nothing, at whole contact ratios [base pitches].
+_THINNEST = 1e-12
+
+
+def _entered(place: Reals, wide: Reals, thin: Reals) -> Reals:
+    """Probability that `place` plus two independent uniform shifts of these widths is positive."""
+    # The integral over the wide shift is a clipped ramp; averaging that over the thin one rounds
+    # its two corners by parabolas.
+    lower = place + 0.5 * wide
+    upper = place - 0.5 * wide
+    return (_rounded_ramp(lower, thin) - _rounded_ramp(upper, thin)) / wide
+
+
+def _rounded_ramp(x: Reals, width: Reals) -> Reals:
+    """Mean of max(0, x + s) over s uniform in a band of this width about zero."""
+    inside = jnp.clip(x / width + 0.5, 0.0, 1.0)
+    return 0.5 * width * inside**2 + jnp.maximum(x - 0.5 * width, 0.0)
+
+

@@ -1,0 +1,160 @@
+r"""The shape of one tooth in its (virtual) spur section: involute flank and trochoid fillet.
+
+A helical gear is treated as its virtual spur gear of $z_n = z/(\cos^2\beta_b\cos\beta)$
+teeth and module $m_n$ (ISO 6336-3). Coordinates have their origin at the gear's centre,
+`height` along the tooth's centreline, and the tooth is symmetric about it.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from jaxgear._checks import require
+from jaxgear._geometry._gear import Gear
+from jaxgear._geometry._pair import GearPair
+from jaxgear._types import Reals, Scalar
+
+
+class ToothSection(eqx.Module):
+    r"""A rack-generated tooth of a spur gear whose number of teeth need not be whole.
+
+    **Fields:**
+
+    - `teeth`: $z_n$ [-].
+    - `module`: $m_n$ [m].
+    - `pressure_angle`: $\alpha_n$ [rad].
+    - `profile_shift`: $x$ [-].
+    - `dedendum`: $h^*_{fP}$ [-].
+    - `fillet_radius`: $\rho^*_{fP}$ of the rack's tip [-].
+    """
+
+    teeth: Scalar
+    module: Scalar
+    pressure_angle: Scalar
+    profile_shift: Scalar
+    dedendum: Scalar
+    fillet_radius: Scalar
+
+    def __check_init__(self):
+        require(
+            self._rack_tip_land >= 0.0,
+            "The rack's tip is pointed: with dedendum coefficient {dedendum:.4g} and pressure angle "
+            "{angle:.4g} rad the fillet radius coefficient {got:.4g} does not fit into its tip land. "
+            "Lower the fillet radius coefficient or the dedendum.",
+            dedendum=self.dedendum,
+            angle=self.pressure_angle,
+            got=self.fillet_radius,
+        )
+
+    @property
+    def _rack_tip_land(self) -> Scalar:
+        """Half the flat at the rack's tip, between the centres of its two tip radii [m]."""
+        angle = self.pressure_angle
+        half = 0.25 * jnp.pi - (self.dedendum - self.fillet_radius) * jnp.tan(angle)
+        return self.module * (half - self.fillet_radius / jnp.cos(angle))
+
+    @property
+    def reference_radius(self) -> Scalar:
+        """$r$ [m]."""
+        return 0.5 * self.module * self.teeth
+
+    @property
+    def base_radius(self) -> Scalar:
+        """$r_b$ [m]."""
+        return self.reference_radius * jnp.cos(self.pressure_angle)
+
+    @property
+    def root_radius(self) -> Scalar:
+        """$r_f$ [m]."""
+        return self.reference_radius - self.module * (self.dedendum - self.profile_shift)
+
+    def half_angle(self, roll_angle: Reals) -> Reals:
+        r"""Half the angle of the tooth where the involute's roll angle is given.
+
+        **Arguments:**
+
+        - `roll_angle`: $\tan\alpha(r)$ [rad].
+
+        **Returns:**
+
+        $\psi = s/(2r)$ [rad].
+        """
+        angle = self.pressure_angle
+        half = (0.5 * jnp.pi + 2.0 * self.profile_shift * jnp.tan(angle)) / self.teeth
+        at_reference = jnp.tan(angle) - angle
+        return half + at_reference - (roll_angle - jnp.arctan(roll_angle))
+
+    def flank(self, roll_angle: Reals) -> tuple[Reals, Reals]:
+        r"""A point of the involute.
+
+        **Arguments:**
+
+        - `roll_angle`: $\tan\alpha(r)$ [rad].
+
+        **Returns:**
+
+        Half thickness and height [m].
+        """
+        radius = self.base_radius * jnp.sqrt(1.0 + roll_angle**2)
+        half = self.half_angle(roll_angle)
+        return radius * jnp.sin(half), radius * jnp.cos(half)
+
+    def fillet(self, rack_angle: Reals) -> tuple[Reals, Reals]:
+        r"""A point of the trochoid that the rack's rounded tip cuts (physics A1.6).
+
+        **Arguments:**
+
+        - `rack_angle`: inclination of the rack's tip normal [rad], from $\alpha_n$ (where the
+            involute begins) to $\pi/2$ (the root circle).
+
+        **Returns:**
+
+        Half thickness and height [m].
+        """
+        tip_radius = self.fillet_radius * self.module
+        depth = (self.dedendum - self.fillet_radius - self.profile_shift) * self.module
+        sine, cosine = jnp.sin(rack_angle), jnp.cos(rack_angle)
+        reach = depth / sine + tip_radius
+        turn = (depth * cosine / sine - self._rack_tip_land) / self.reference_radius
+        turn = turn + jnp.pi / self.teeth
+        x, y = reach * cosine, self.reference_radius - reach * sine
+        return x * -jnp.cos(turn) + y * jnp.sin(turn), x * jnp.sin(turn) + y * jnp.cos(turn)
+
+    @property
+    def root_half_angle(self) -> Scalar:
+        r"""$\theta_f$, half the angle of the tooth at its root circle [rad]."""
+        x, y = self.fillet(jnp.asarray(0.5 * jnp.pi))
+        return jnp.arctan2(x, y)
+
+    @property
+    def form_roll_angle(self) -> Scalar:
+        """Roll angle at which the involute begins [rad]."""
+        x, y = self.fillet(self.pressure_angle)
+        radius_squared = x**2 + y**2
+        return jnp.sqrt(jnp.maximum(radius_squared / self.base_radius**2 - 1.0, 0.0))
+
+
+def tooth_section(pair: GearPair, gear: Gear) -> ToothSection:
+    """The virtual spur tooth of one gear of a pair.
+
+    **Arguments:**
+
+    - `pair`: gives the module and the angles.
+    - `gear`: `pair.pinion` or `pair.wheel`.
+
+    **Returns:**
+
+    The tooth in its normal section.
+
+    **Raises:**
+
+    - `ValueError` if the rack's tip radius does not fit.
+    """
+    spread = jnp.cos(pair.base_helix_angle) ** 2 * jnp.cos(pair.helix_angle)
+    return ToothSection(
+        teeth=gear.teeth / spread,
+        module=pair.normal_module,
+        pressure_angle=pair.pressure_angle,
+        profile_shift=gear.profile_shift,
+        dedendum=gear.dedendum,
+        fillet_radius=gear.fillet_radius,
+    )

@@ -1,0 +1,59 @@
+r"""How rigid gears and mesh cells see each other: two numbers, whatever the number of cells.
+
+Axes: S from the pinion's centre to the wheel's, Z along the axes, T = Z x S. The outward normal
+of the pinion's flank is $n_1 = \cos\beta_b \hat X - \sin\beta_b Z$ with
+$\hat X = \sin\alpha_{wt} S + \cos\alpha_{wt} T$ (physics A1.7, A1.8). The approach of two
+rigid bodies at a cell is $V_0\cdot X + \lambda\, V_1\cdot X$ with one arm $\lambda$ along the contact
+line: the mesh coordinates are the normal approach at the pitch point and the tilt.
+"""
+
+import jax.numpy as jnp
+
+from jaxgear._geometry._pair import GearPair
+from jaxgear._types import CellArmGrid, CellGrid, DofCoordinates
+
+
+def structure_vectors(pair: GearPair) -> DofCoordinates:
+    """Approach and tilt that unit motions of the two bodies produce (thesis eq. 2.9).
+
+    **Arguments:**
+
+    - `pair`: the gears.
+
+    **Returns:**
+
+    Columns: approach [m per m or rad] and tilt [rad per m or rad]. Rows: translations S, T, Z and
+    rotations about them, of the pinion's centre, then of the wheel's.
+    """
+    angle, helix = pair.working_pressure_angle, pair.base_helix_angle
+    in_plane = jnp.cos(helix) * jnp.stack([jnp.sin(angle), jnp.cos(angle), jnp.zeros(())])
+    normal = in_plane - jnp.sin(helix) * jnp.asarray([0.0, 0.0, 1.0])
+    # The axis about which rotation only tilts the contact line: Y = Z x X.
+    tilt_axis = jnp.stack([-jnp.cos(angle), jnp.sin(angle), jnp.zeros(())])
+    towards = jnp.asarray([1.0, 0.0, 0.0])
+    pinion_radius, wheel_radius = pair.working_pitch_radius
+    none = jnp.zeros(3)
+    approach = jnp.concatenate(
+        [
+            normal,
+            jnp.cross(normal, -pinion_radius * towards),
+            -normal,
+            jnp.cross(-normal, wheel_radius * towards),
+        ]
+    )
+    tilt = jnp.concatenate([none, tilt_axis, none, -tilt_axis])
+    return jnp.stack([approach, tilt], axis=1)
+
+
+def cell_arms(arm: CellGrid) -> CellArmGrid:
+    r"""Rows $[1, \lambda]$ that turn mesh coordinates into the approach at each cell.
+
+    **Arguments:**
+
+    - `arm`: $\lambda$ of each cell [m].
+
+    **Returns:**
+
+    Weights of approach [-] and tilt [m] at each cell.
+    """
+    return jnp.stack([jnp.ones_like(arm), arm], axis=-1)

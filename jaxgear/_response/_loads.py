@@ -1,0 +1,62 @@
+"""Stiffness, loads and pressures on the contact lines.
+
+Line load and pressure belong to slices whose middle lies on the path of contact; a slice that
+is less than half in contact carries force, but has no place on the flank.
+"""
+
+import jax.numpy as jnp
+
+from jaxgear._contact._compliance import hertz_contact
+from jaxgear._geometry._pair import GearPair
+from jaxgear._interface._laws import AbstractContactLaw
+from jaxgear._solve._cycle import MeshCycle
+from jaxgear._types import LineGrid, LinePhases, Phases
+
+
+def mesh_stiffness(cycle: MeshCycle) -> Phases:
+    """Sum of the stiffnesses of the cells in contact at each phase [N/m], along the normal."""
+    closed = cycle.overlap > 0.0
+    return jnp.sum(jnp.where(closed, cycle.cells.stiffness, 0.0), axis=1)
+
+
+def line_load(cycle: MeshCycle, law: AbstractContactLaw) -> LineGrid:
+    """Load per length of contact line at each slice.
+
+    **Arguments:**
+
+    - `cycle`: the settled states.
+    - `law`: with which they were found.
+
+    **Returns:**
+
+    Line load [N/m].
+    """
+    lines = cycle.cells.lines
+    compression = law.compression(cycle.overlap).reshape(lines.roll.shape)
+    return jnp.where(lines.fraction >= 0.5, cycle.cells.line_stiffness * compression, 0.0)
+
+
+def hertz_pressure(pair: GearPair, cycle: MeshCycle, law: AbstractContactLaw) -> LineGrid:
+    """Largest Hertzian pressure across the contact band at each slice.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `cycle`: the settled states.
+    - `law`: with which they were found.
+
+    **Returns:**
+
+    Pressure [Pa].
+    """
+    lines = cycle.cells.lines
+    on_path = jnp.clip(lines.roll, pair.path_start, pair.path_end)
+    return hertz_contact(pair, on_path).pressure(line_load(cycle, law))
+
+
+def load_sharing(cycle: MeshCycle) -> LinePhases:
+    """Share of the mesh force on each contact line at each phase [-]; sums to 1."""
+    force = cycle.force.reshape(cycle.cells.lines.roll.shape)
+    per_line = jnp.sum(force, axis=2)
+    return per_line / jnp.sum(per_line, axis=1, keepdims=True)
+

@@ -1,0 +1,77 @@
+r"""Transmission error and its statistics over a mesh period.
+
+$TE = r_{b1}\theta_1 + r_{b2}\theta_2$ at the two gear nodes, a transverse length (scene.md 4). Phases
+stand for unequal shares of the period, so every mean is weighted.
+"""
+
+import jax.numpy as jnp
+
+from jaxgear._geometry._pair import GearPair
+from jaxgear._smooth import smooth_maximum
+from jaxgear._solve._cycle import MeshCycle
+from jaxgear._types import Harmonics, Phases, Scalar
+
+
+def transmission_error(pair: GearPair, cycle: MeshCycle) -> Phases:
+    """Transmission error at each phase [m], positive where the pinion runs ahead."""
+    return cycle.approach / jnp.cos(pair.base_helix_angle)
+
+
+def cycle_mean(cycle: MeshCycle, values: Phases) -> Scalar:
+    """Mean of `values` over the mesh period, in their unit."""
+    return jnp.sum(cycle.cells.lines.weight * values)
+
+
+def cycle_variance(cycle: MeshCycle, values: Phases) -> Scalar:
+    """Mean square of the fluctuation of `values` about their mean, in their unit squared.
+
+    Optimise this rather than the RMS, whose slope is 0/0 where it vanishes.
+    """
+    return cycle_mean(cycle, (values - cycle_mean(cycle, values)) ** 2)
+
+
+def cycle_rms(cycle: MeshCycle, values: Phases) -> Scalar:
+    """RMS of the fluctuation of `values` about their mean, in their unit."""
+    return jnp.sqrt(cycle_variance(cycle, values))
+
+
+def peak_to_peak(values: Phases) -> Scalar:
+    """Largest less smallest of `values`, in their unit."""
+    return jnp.max(values) - jnp.min(values)
+
+
+def smooth_peak_to_peak(values: Phases, width: Scalar) -> Scalar:
+    """Differentiable `peak_to_peak`; too large by `2 width log(phases)` at the most.
+
+    **Arguments:**
+
+    - `values`: at each phase.
+    - `width`: of the smoothing, in the unit of `values`.
+
+    **Returns:**
+
+    The range, in the unit of `values`.
+    """
+    return smooth_maximum(values, width) + smooth_maximum(-values, width)
+
+
+def harmonic_amplitudes(cycle: MeshCycle, values: Phases, count: int) -> Harmonics:
+    """Amplitudes of the first mesh harmonics.
+
+    **Arguments:**
+
+    - `cycle`: gives phases and weights.
+    - `values`: at each phase.
+    - `count`: number of harmonics, from the first; fewer than half the phases.
+
+    **Returns:**
+
+    Peak amplitude of each, in the unit of `values`.
+    """
+    lines = cycle.cells.lines
+    order = jnp.arange(1, count + 1, dtype=float)
+    angle = 2.0 * jnp.pi * order[:, None] * lines.phase[None, :]
+    weighted = (lines.weight * values)[None, :]
+    real = jnp.sum(weighted * jnp.cos(angle), axis=1)
+    imaginary = jnp.sum(weighted * jnp.sin(angle), axis=1)
+    return 2.0 * jnp.hypot(real, imaginary)

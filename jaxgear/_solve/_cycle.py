@@ -1,0 +1,141 @@
+"""Quasi-static mesh cycles: the contact state at every phase, at vanishing speed."""
+
+import equinox as eqx
+import jax
+
+from jaxgear._checks import require_float64
+from jaxgear._contact._cells import MeshCells, mesh_cells, mesh_gap, nominal_line_load
+from jaxgear._geometry._lines import MeshGrid
+from jaxgear._interface._laws import AbstractContactLaw, ExactContact
+from jaxgear._interface._wrench import cell_arms
+from jaxgear._solve._contact import ContactProblem, ContactState, SolverSettings, contact_state
+from jaxgear._system._model import PairModel
+from jaxgear._system._pair_system import PairSystem, pair_system
+from jaxgear._types import (
+    CellArms,
+    CellGrid,
+    Cells,
+    CoordinateGrid,
+    Counts,
+    Flags,
+    Phases,
+)
+
+
+class MeshCycle(eqx.Module):
+    r"""The settled states of one mesh period.
+
+    **Fields:**
+
+    - `cells`: that were in mesh.
+    - `approach`: driven normal approach, $(r_{b1}\theta_1 + r_{b2}\theta_2)\cos\beta_b$ [m].
+    - `load`: resultant [N] and moment [N m] of the cell forces.
+    - `overlap`: of each cell, negative where it is open [m].
+    - `force`: of each cell along the normal [N].
+    - `converged`: whether each phase was solved.
+    - `steps`: solver steps at each phase.
+    """
+
+    cells: MeshCells
+    approach: Phases
+    load: CoordinateGrid
+    overlap: CellGrid
+    force: CellGrid
+    converged: Flags
+    steps: Counts
+
+
+def quasi_static(
+    system: PairSystem,
+    cells: MeshCells,
+    gap: CellGrid,
+    *,
+    law: AbstractContactLaw,
+    settings: SolverSettings,
+) -> MeshCycle:
+    """Solve the contact of given cells at every phase of a mesh period.
+
+    **Arguments:**
+
+    - `system`: bodies, supports and torque.
+    - `cells`: from `mesh_cells`.
+    - `gap`: of each cell, from `mesh_gap` [m].
+    - `law`: exact or smooth contact.
+    - `settings`: when to stop.
+
+    **Returns:**
+
+    The cycle; look at its `converged`.
+
+    **Raises:**
+
+    - `ValueError` in single precision.
+    """
+    require_float64()
+    flexibility = system.mesh_flexibility
+
+    def at_phase(stiffness: Cells, gap: Cells, arms: CellArms) -> ContactState:
+        problem = ContactProblem(
+            stiffness=stiffness,
+            gap=gap,
+            arms=arms,
+            flexibility=flexibility,
+            direction=system.direction,
+            force=system.force,
+        )
+        return contact_state(problem, law, settings)
+
+    state = jax.vmap(at_phase)(cells.stiffness, gap, cell_arms(cells.arm))
+    return MeshCycle(
+        cells=cells,
+        approach=state.approach,
+        load=state.load,
+        overlap=state.overlap,
+        force=state.force,
+        converged=state.converged,
+        steps=state.steps,
+    )
+
+
+def mesh_cycle(
+    model: PairModel,
+    grid: MeshGrid,
+    *,
+    law: AbstractContactLaw = ExactContact(),
+    settings: SolverSettings = SolverSettings(),
+    throw: bool = True,
+) -> MeshCycle:
+    """Run a pair quasi-statically through one mesh period.
+
+    **Arguments:**
+
+    - `model`: gears, flanks, supports and torque.
+    - `grid`: phases, lines and slices, from `mesh_grid`.
+    - `law`: exact or smooth contact.
+    - `settings`: when to stop.
+    - `throw`: whether an unsolved phase raises; if not, look at `converged`.
+
+    **Returns:**
+
+    The cycle.
+
+    **Raises:**
+
+    - `ValueError` in single precision, or if the torque is not positive.
+    - `RuntimeError` if a phase was not solved and `throw` is true.
+    """
+    pair = model.pair
+    system = pair_system(pair, model.torque, model.pinion_support, model.wheel_support)
+    cells = mesh_cells(pair, grid, model.compliance, nominal_line_load(pair, model.torque))
+    gap = mesh_gap(pair, cells.lines, model.flanks, model.misalignment)
+    cycle = quasi_static(system, cells, gap, law=law, settings=settings)
+    if not throw:
+        return cycle
+    return eqx.error_if(cycle, ~cycle.converged, _UNSOLVED)
+
+
+_UNSOLVED = (
+    "The contact was not solved at some phase of the mesh cycle: forces still out of balance after "
+    "`SolverSettings.most_steps` steps. Raise `most_steps`; if gaps are far larger than deflections, "
+    "check the units of the flank corrections."
+)

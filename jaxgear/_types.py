@@ -1,0 +1,88 @@
+"""Array aliases, and the glossary of axes that every annotation uses.
+
+| axis | meaning |
+|---|---|
+| `body` | pinion, wheel |
+| `phase` | position within one mesh period |
+| `line` | contact line, one per tooth pair that can be in contact at a phase |
+| `slice` | thin slice across the face |
+| `cell` | piece of a contact line: `line` times `slice`, flattened |
+| `coordinate` | mesh coordinate: approach along the normal, tilt about the normal's axis |
+| `dof` | degree of freedom of the two bodies: u_S u_T u_Z, then rotations, pinion then wheel |
+| `harmonic` | order of the mesh frequency |
+| `torque` | operating point |
+
+Under a type checker an alias is a plain array; at run time (in the tests) it carries its shape.
+"""
+
+from typing import TYPE_CHECKING
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+if TYPE_CHECKING:
+    Scalar = Array
+    Reals = Array
+    Bodies = Array
+    Phases = Array
+    Slices = Array
+    LineGrid = Array
+    LinePhases = Array
+    Cells = Array
+    CellGrid = Array
+    CellArms = Array
+    CellArmGrid = Array
+    Coordinates = Array
+    CoordinateMatrix = Array
+    CoordinateGrid = Array
+    Dofs = Array
+    DofCoordinates = Array
+    DofGrid = Array
+    Harmonics = Array
+    Flag = Array
+    Flags = Array
+    Counts = Array
+else:
+    Scalar = Float[Array, ""]
+    Reals = Float[Array, "..."]
+    Bodies = Float[Array, "body"]
+    Phases = Float[Array, "phase"]
+    Slices = Float[Array, "slice"]
+    LineGrid = Float[Array, "phase line slice"]
+    LinePhases = Float[Array, "phase line"]
+    Cells = Float[Array, "cell"]
+    CellGrid = Float[Array, "phase cell"]
+    CellArms = Float[Array, "cell coordinate"]
+    CellArmGrid = Float[Array, "phase cell coordinate"]
+    Coordinates = Float[Array, "coordinate"]
+    CoordinateMatrix = Float[Array, "coordinate coordinate"]
+    CoordinateGrid = Float[Array, "phase coordinate"]
+    Dofs = Float[Array, "dof"]
+    DofCoordinates = Float[Array, "dof coordinate"]
+    DofGrid = Float[Array, "phase dof"]
+    Harmonics = Float[Array, "harmonic"]
+    Flag = Bool[Array, ""]
+    Flags = Bool[Array, "phase"]
+    Counts = Int[Array, "phase"]
+
+
+def as_scalar(value: object) -> Array:
+    """A real number as a differentiable leaf.
+
+    A Python float in an `eqx.Module` would get no gradient and no error, so every
+    physical field passes through here.
+
+    **Arguments:**
+
+    - `value`: a real number or a scalar array.
+
+    **Returns:**
+
+    A scalar array of the default real type.
+    """
+    return jnp.asarray(value, dtype=float)
+
+
+def as_optional_scalar(value: object) -> Array | None:
+    """As `as_scalar`, with `None` kept as `None`."""
+    return None if value is None else as_scalar(value)

@@ -1,0 +1,22 @@
+"""Better flanks by gradient: objectives, searches within bounds, and the Master Curve.
+
+Built on the public names of `jaxgear` alone.
+"""
+
+from optimise._master_curve import ReliefMap as ReliefMap
+from optimise._master_curve import Valley as Valley
+from optimise._master_curve import best_depths as best_depths
+from optimise._master_curve import master_curve_depth as master_curve_depth
+from optimise._master_curve import relief_map as relief_map
+from optimise._objectives import AbstractObjective as AbstractObjective
+from optimise._objectives import LargestPressure as LargestPressure
+from optimise._objectives import TransmissionErrorRange as TransmissionErrorRange
+from optimise._objectives import TransmissionErrorRms as TransmissionErrorRms
+from optimise._objectives import TransmissionErrorVariance as TransmissionErrorVariance
+from optimise._objectives import WeightedSum as WeightedSum
+from optimise._objectives import over_torques as over_torques
+from optimise._search import Box as Box
+from optimise._search import SearchResult as SearchResult
+from optimise._search import adam as adam
+from optimise._search import differential_evolution as differential_evolution
+from optimise._search import lbfgs as lbfgs

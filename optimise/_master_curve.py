@@ -1,0 +1,156 @@
+r"""The Master Curve: depth and extent of symmetric linear tip relief that keep the TE constant.
+
+Closed form for thin slices of constant stiffness and a profile contact ratio between 1 and 2,
+derived in physics A3.2 and A3.3 (not the printed equation of Bruyere & Velex 2013), and the map
+that it is laid on, computed with whatever stiffness the model has.
+"""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+
+def master_curve_depth(
+    extent: Float[Array, "..."], contact_ratio: Float[Array, ""], deflection: Float[Array, ""]
+) -> Float[Array, "..."]:
+    r"""Depth of relief that makes the transmission error constant, for a given extent.
+
+    With $\Gamma^* = (\varepsilon_\alpha-1)/\varepsilon_\alpha$: for $\Gamma^*/2 < \Gamma \le \Gamma^*$ exactly,
+    $E = \delta\,\Gamma\varepsilon_\alpha / (1 - \varepsilon_\alpha(1 - 2\Gamma))$; beyond $\Gamma^*$ to the
+    first harmonic, $E = \delta_m / [1 - \Gamma - \sin\pi(\varepsilon_\alpha-\lambda)\sin\pi\lambda /
+    (\pi\lambda\sin\pi\varepsilon_\alpha)]$ with $\lambda = \Gamma\varepsilon_\alpha$, $\delta_m =
+    \delta/\varepsilon_\alpha$. The same for spur and narrow-faced helical gears.
+
+    **Arguments:**
+
+    - `extent`: $\Gamma$ of both gears' tip relief [-].
+    - `contact_ratio`: $\varepsilon_\alpha$ [-].
+    - `deflection`: $\delta$ of a single tooth pair under the whole load [m].
+
+    **Returns:**
+
+    Depth [m]; NaN where no depth will do: $\Gamma \le \Gamma^*/2$, or $\varepsilon_\alpha$ outside
+    of (1, 2).
+    """
+    ratio = contact_ratio
+    longest = (ratio - 1.0) / ratio
+    run = extent * ratio
+    opening = 1.0 - ratio * (1.0 - 2.0 * extent)
+    short = deflection * run / jnp.where(opening > 0.0, opening, jnp.nan)
+    sines = jnp.sin(jnp.pi * (ratio - run)) * jnp.sin(jnp.pi * run)
+    first_harmonic = 1.0 - extent - sines / (jnp.pi * run * jnp.sin(jnp.pi * ratio))
+    long = deflection / ratio / first_harmonic
+    depth = jnp.where(extent <= longest, short, long)
+    return jnp.where((ratio > 1.0) & (ratio < 2.0), depth, jnp.nan)
+
+
+class ReliefMap(eqx.Module):
+    """A response over depth and extent of tip relief.
+
+    **Fields:**
+
+    - `depth`: of the rows [m].
+    - `extent`: of the columns [-].
+    - `value`: response at each depth and extent, in its own unit [-].
+    """
+
+    depth: np.ndarray
+    extent: np.ndarray
+    value: np.ndarray
+
+
+class Valley(eqx.Module):
+    """The best depth for each extent: the computed Master Curve.
+
+    **Fields:**
+
+    - `extent`: of the tip relief [-].
+    - `depth`: that makes the response least [m].
+    - `value`: of the response there, in its own unit [-].
+    """
+
+    extent: np.ndarray
+    depth: np.ndarray
+    value: np.ndarray
+
+
+Response = Callable[[Array, Array], Array]
+
+
+def relief_map(
+    response: Response,
+    depth: np.ndarray,
+    extent: np.ndarray,
+    *,
+    done: Callable[[int], None] = lambda count: None,
+) -> ReliefMap:
+    """Evaluate a response over a grid of depths and extents.
+
+    **Arguments:**
+
+    - `response`: of a depth [m] and an extent [-], traceable by JAX.
+    - `depth`: rows of the map [m].
+    - `extent`: columns of the map [-].
+    - `done`: told how many more points are finished, for a progress bar.
+
+    **Returns:**
+
+    The map.
+    """
+    column = _column(response)
+    depths = jnp.asarray(depth)
+    values = []
+    for one in extent:
+        values.append(np.asarray(column(depths, jnp.asarray(one))))
+        done(len(depth))
+    return ReliefMap(depth=depth, extent=extent, value=np.stack(values, axis=1))
+
+
+def best_depths(response: Response, chart: ReliefMap, *, points: int = 41) -> Valley:
+    """Refine the valley of a map: the best depth for each of its extents.
+
+    The depths next to the best row are searched on a finer grid, whose least three points are
+    then joined by a parabola.
+
+    **Arguments:**
+
+    - `response`: as for `relief_map`.
+    - `chart`: from `relief_map`.
+    - `points`: of the finer grid, odd.
+
+    **Returns:**
+
+    The valley.
+    """
+    column = _column(response)
+    at_depth = jax.jit(response)
+    depths, values = [], []
+    for index, one in enumerate(chart.extent):
+        row = int(np.argmin(chart.value[:, index]))
+        low = chart.depth[max(row - 1, 0)]
+        high = chart.depth[min(row + 1, len(chart.depth) - 1)]
+        fine = np.linspace(low, high, points)
+        value = np.asarray(column(jnp.asarray(fine), jnp.asarray(one)))
+        depth = _lowest(fine, value)
+        depths.append(depth)
+        values.append(float(at_depth(jnp.asarray(depth), jnp.asarray(one))))
+    return Valley(extent=chart.extent, depth=np.asarray(depths), value=np.asarray(values))
+
+
+def _column(response: Response) -> Callable[[Array, Array], Array]:
+    """The response at many depths for one extent, in one call."""
+    return jax.jit(jax.vmap(response, in_axes=(0, None)))
+
+
+def _lowest(x: np.ndarray, y: np.ndarray) -> float:
+    """Where the parabola through the least of `y` and its neighbours is lowest."""
+    i = int(np.argmin(y))
+    if i in (0, len(x) - 1):
+        return float(x[i])
+    step = x[1] - x[0]
+    slope, bend = y[i + 1] - y[i - 1], y[i + 1] - 2.0 * y[i] + y[i - 1]
+    return float(x[i] - 0.5 * step * slope / bend) if bend > 0.0 else float(x[i])

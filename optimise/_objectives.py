@@ -1,0 +1,163 @@
+"""What to make small. Numbers of order one: micrometres and megapascals, not SI."""
+
+import abc
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+import jaxgear as jg
+
+
+def _as_scalar(value: object) -> Array:
+    return jnp.asarray(value, dtype=float)
+
+
+class AbstractObjective(eqx.Module):
+    """A differentiable number of one settled mesh cycle."""
+
+    @abc.abstractmethod
+    def __call__(
+        self, model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw
+    ) -> Float[Array, ""]:
+        """Judge a cycle.
+
+        **Arguments:**
+
+        - `model`: that was solved.
+        - `cycle`: its settled states.
+        - `law`: with which they were found.
+
+        **Returns:**
+
+        The number to make small, in the unit that the class states.
+        """
+
+
+class TransmissionErrorVariance(AbstractObjective):
+    """Square of the RMS of the transmission error, in um2: smooth where the RMS has a cone."""
+
+    def __call__(
+        self, model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw
+    ) -> Float[Array, ""]:
+        """Return the variance [um2]."""
+        del law
+        error = jg.transmission_error(model.pair, cycle)
+        return jg.cycle_variance(cycle, error) / jg.um**2
+
+
+class TransmissionErrorRms(AbstractObjective):
+    """RMS of the transmission error, in um, with the cone at zero rounded: for weighted sums.
+
+    **Fields:**
+
+    - `width`: value at a constant transmission error, where the RMS itself is zero [m].
+    """
+
+    width: Float[Array, ""] = eqx.field(converter=_as_scalar, default=0.01 * jg.um)
+
+    def __call__(
+        self, model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw
+    ) -> Float[Array, ""]:
+        """Return the rounded RMS [um]."""
+        del law
+        error = jg.transmission_error(model.pair, cycle)
+        return jnp.sqrt(jg.cycle_variance(cycle, error) + self.width**2) / jg.um
+
+
+class TransmissionErrorRange(AbstractObjective):
+    """Peak to peak of the transmission error, in um, smoothed.
+
+    **Fields:**
+
+    - `width`: of the smooth maximum and minimum [m].
+    """
+
+    width: Float[Array, ""] = eqx.field(converter=_as_scalar, default=0.02 * jg.um)
+
+    def __call__(
+        self, model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw
+    ) -> Float[Array, ""]:
+        """Return the range [um]."""
+        del law
+        error = jg.transmission_error(model.pair, cycle)
+        return jg.smooth_peak_to_peak(error, self.width) / jg.um
+
+
+class LargestPressure(AbstractObjective):
+    """Largest Hertzian pressure on the flanks, in MPa, smoothed.
+
+    **Fields:**
+
+    - `width`: of the smooth maximum [Pa].
+    """
+
+    width: Float[Array, ""] = eqx.field(converter=_as_scalar, default=5.0 * jg.MPa)
+
+    def __call__(
+        self, model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw
+    ) -> Float[Array, ""]:
+        """Return the pressure [MPa]."""
+        pressure = jg.hertz_pressure(model.pair, cycle, law)
+        return jg.smooth_maximum(pressure, self.width) / jg.MPa
+
+
+class WeightedSum(AbstractObjective):
+    """Several objectives at once, each in its own unit.
+
+    **Fields:**
+
+    - `parts`: the objectives.
+    - `weights`: of each [1 / unit of the part].
+    """
+
+    parts: tuple[AbstractObjective, ...]
+    weights: Float[Array, " part"] = eqx.field(converter=_as_scalar)
+
+    def __call__(
+        self, model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw
+    ) -> Float[Array, ""]:
+        """Return the weighted sum [-]."""
+        values = [part(model, cycle, law) for part in self.parts]
+        return jnp.sum(self.weights * jnp.stack(values))
+
+
+def over_torques(
+    model_of: Callable[[Array], jg.PairModel],
+    objective: AbstractObjective,
+    torques: Float[Array, " torque"],
+    *,
+    grid: jg.MeshGrid,
+    law: jg.AbstractContactLaw,
+    worst: bool = False,
+) -> Callable[[Float[Array, " variable"]], Float[Array, ""]]:
+    """The objective of a design as a function of its variables.
+
+    **Arguments:**
+
+    - `model_of`: builds the model from the variables, traceable by JAX.
+    - `objective`: of one cycle.
+    - `torques`: on the pinion, over which the objective is taken [N m].
+    - `grid`: phases, lines and slices.
+    - `law`: contact law of the cycles.
+    - `worst`: whether the largest counts instead of the mean.
+
+    **Returns:**
+
+    A function that `jax.grad` and `jax.vmap` accept, in the unit of the objective.
+    """
+
+    def value(variables: Float[Array, " variable"]) -> Float[Array, ""]:
+        model = model_of(variables)
+
+        def at_torque(torque: Array) -> Array:
+            loaded = eqx.tree_at(lambda m: m.torque, model, torque)
+            cycle = jg.mesh_cycle(loaded, grid, law=law, throw=False)
+            return objective(loaded, cycle, law)
+
+        values = jax.vmap(at_torque)(torques)
+        return jnp.max(values) if worst else jnp.mean(values)
+
+    return value

@@ -1,0 +1,307 @@
+import json
+import math
+import os
+import subprocess
+import sys
+import types
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxgear import _app
+from jaxgear._app import _cli
+from jaxgear._app._cli import main, print_summary
+from jaxgear._app._scene import read_scene
+
+_SUMMARY = {
+    "name": "accessory",
+    "versions": {"jax": "1.2.3"},
+    "geometry": {"centre_distance_mm": 99.450283},
+    "static": {"te_rms_um": 2.36, "speeds": list(range(300)), "bearings": [{"index": 0}]},
+}
+
+
+class _SolverFailure(RuntimeError):
+    pass
+
+
+@pytest.fixture
+def commands(monkeypatch):
+    """Commands that compute nothing; a test may replace one. Notes every call."""
+    stub: Any = types.ModuleType("jaxgear._app._commands")
+    calls = []
+
+    def noted(name):
+        def command(scene, folder, quiet):
+            calls.append((name, scene, folder, quiet, jnp.asarray(0.5).dtype))
+            return _SUMMARY
+
+        return command
+
+    stub.COMMANDS = {name: noted(name) for name in ("run", "map", "optimise", "check-grad")}
+    stub.SolverFailure = _SolverFailure
+    stub.calls = calls
+    monkeypatch.setitem(sys.modules, stub.__name__, stub)
+    monkeypatch.setattr(_app, "_commands", stub, raising=False)
+    return stub
+
+
+@pytest.fixture
+def scene(tmp_path, monkeypatch):
+    """The ready scene `accessory` in an empty current folder."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["init", "accessory", "--quiet"]) == 0
+    return Path("accessory.toml")
+
+
+def _raise(error):
+    def command(scene, folder, quiet):
+        raise error
+
+    return command
+
+
+@pytest.mark.parametrize("name", ["accessory", "power"])
+def test_init_writes_a_scene_that_reads(tmp_path, monkeypatch, capsys, name):
+    monkeypatch.chdir(tmp_path)
+    assert main(["init", name]) == 0
+    ready = Path(_cli.__file__).parent / "scenes" / f"{name}.toml"
+    assert Path(f"{name}.toml").read_text() == ready.read_text()
+    cite = str(read_scene(f"{name}.toml")["cite"])
+    assert cite.startswith("Guilbert 2017, Tab. III-")
+    assert cite in capsys.readouterr().out
+
+
+def test_init_does_not_overwrite_unless_forced(scene, capsys):
+    scene.write_text("mine")
+    assert main(["init", "accessory"]) == 2
+    assert "exists already. Use --force" in capsys.readouterr().err
+    assert scene.read_text() == "mine"
+    assert main(["init", "accessory", "--force"]) == 0
+    assert read_scene(scene)["pinion.teeth"] == 45
+
+
+def test_init_of_an_unknown_name_lists_the_ready_ones(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["init", "acessory"]) == 2
+    error = capsys.readouterr().err
+    assert "accessory, power" in error
+    assert "Did you mean accessory?" in error
+    assert not list(tmp_path.iterdir())
+
+
+def test_init_takes_changes_and_a_folder(tmp_path, capsys):
+    arguments = ["--set", "pair.torque_pinion_Nm=120", "--out", str(tmp_path / "new"), "--json"]
+    assert main(["init", "power", *arguments]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["cite"] == "Guilbert 2017, Tab. III-5"
+    assert read_scene(answer["scene"])["pair.torque_pinion_Nm"] == 120.0
+    assert "about 310 N m" in Path(answer["scene"]).read_text()
+
+
+@pytest.mark.parametrize("command", ["run", "map", "optimise", "check-grad"])
+def test_a_command_gets_the_scene_the_folder_and_64_bits(scene, commands, command, capsys):
+    assert main([command, str(scene), "--set", "mesh.slices=3"]) == 0
+    ((name, given, folder, quiet, precision),) = commands.calls
+    assert name == command
+    assert given["mesh.slices"] == 3
+    assert folder == Path("results/accessory")
+    assert folder.is_dir()
+    assert quiet is False
+    assert precision == "float64"
+    output = capsys.readouterr()
+    assert "centre_distance_mm  99.4503" in output.out
+    assert "results/accessory" in output.err
+    assert "results" not in output.out
+
+
+def test_out_names_the_folder(scene, commands):
+    assert main(["run", str(scene), "--out", "a/b"]) == 0
+    assert commands.calls[0][2] == Path("a/b")
+    assert Path("a/b").is_dir()
+    assert not Path("results").exists()
+
+
+def test_json_is_all_there_is_on_standard_output(scene, commands, capsys):
+    commands.COMMANDS["run"] = lambda *_: {"a": np.arange(2), "b": np.float64(0.5), "c": 1}
+    assert main(["run", str(scene), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"a": [0, 1], "b": 0.5, "c": 1}
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_json_never_holds_what_is_not_a_number(scene, commands, capsys, value):
+    commands.COMMANDS["run"] = lambda *_: {"a": value}
+    assert main(["run", str(scene), "--json"]) == 1
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert "not a finite number" in output.err
+
+
+def test_quiet_prints_nothing_but_the_json_asked_for(scene, commands, capsys):
+    assert main(["run", str(scene), "--quiet"]) == 0
+    output = capsys.readouterr()
+    assert (output.out, output.err) == ("", "")
+    assert commands.calls[0][3] is True
+    assert main(["run", str(scene), "--quiet", "--json"]) == 0
+    output = capsys.readouterr()
+    assert json.loads(output.out) == _SUMMARY
+    assert output.err == ""
+
+
+def test_a_bad_scene_is_refused_before_anything_else(scene, commands, capsys):
+    scene.write_text(scene.read_text().replace("teeth = 45", "tooth = 45"))
+    assert main(["run", str(scene), "--set", "pair.tork=5"]) == 2
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert "accessory.toml:26: pinion.tooth: unknown key, got 45, did you mean pinion.teeth?" in (
+        output.err
+    )
+    assert "--set pair.tork=5: pair.tork: unknown key" in output.err
+    assert "3 mistakes; nothing was computed." in output.err
+    assert not commands.calls
+    assert not Path("results").exists()
+
+
+def test_a_missing_scene_is_refused(tmp_path, commands, capsys):
+    assert main(["run", str(tmp_path / "none.toml")]) == 2
+    assert "no such file" in capsys.readouterr().err
+
+
+def test_an_impossible_gear_is_exit_code_2(scene, commands, capsys):
+    commands.COMMANDS["run"] = _raise(ValueError("The tooth is pointed."))
+    assert main(["run", str(scene)]) == 2
+    assert capsys.readouterr().err == "jaxgear: accessory.toml: The tooth is pointed.\n"
+
+
+def test_a_solver_failure_is_exit_code_1(scene, commands, capsys):
+    commands.COMMANDS["run"] = _raise(_SolverFailure("No contact at phase 3."))
+    assert main(["run", str(scene)]) == 1
+    assert capsys.readouterr().err == "jaxgear: accessory.toml: No contact at phase 3.\n"
+
+
+def test_a_full_disk_is_exit_code_1(scene, commands, capsys):
+    commands.COMMANDS["run"] = _raise(OSError(28, "No space left on device"))
+    assert main(["run", str(scene)]) == 1
+    assert "cannot write results into results/accessory" in capsys.readouterr().err
+
+
+def test_a_fault_of_ours_is_not_dressed_up(scene, commands):
+    commands.COMMANDS["run"] = _raise(TypeError("ours"))
+    with pytest.raises(TypeError, match="ours"):
+        main(["run", str(scene)])
+
+
+def test_an_interruption_is_one_line_and_130(scene, commands, capsys):
+    commands.COMMANDS["run"] = _raise(KeyboardInterrupt())
+    assert main(["run", str(scene)]) == 130
+    assert capsys.readouterr().err == "jaxgear: interrupted\n"
+
+
+@pytest.mark.parametrize("out", ["file", "file/below"])
+def test_a_folder_that_cannot_be_written_is_refused_first(scene, commands, capsys, out):
+    Path("file").write_text("")
+    assert main(["run", str(scene), "--out", out]) == 2
+    error = capsys.readouterr().err
+    assert f"cannot write results into {out}" in error
+    assert "--out DIR" in error
+    assert not commands.calls
+
+
+@pytest.mark.parametrize(
+    ("command", "reason"),
+    [
+        ("sweep", "no dynamics yet"),
+        ("modes", "no dynamics yet"),
+        ("condense", "no condensed bodies yet"),
+        ("compare", "no dynamics yet"),
+    ],
+)
+def test_commands_of_later_versions_are_refused(scene, commands, capsys, command, reason):
+    assert main([command, str(scene)]) == 2
+    assert f"`{command}` cannot be computed: this version has {reason}" in capsys.readouterr().err
+
+
+def test_run_refuses_a_sweep_that_the_others_leave_aside(scene, commands, capsys):
+    override = ["--set", "sweep.pinion_speed_rad_s=[50.0, 60.0]"]
+    assert main(["run", str(scene), *override]) == 2
+    error = capsys.readouterr().err
+    assert "Remove [sweep]" in error
+    assert not commands.calls
+    assert main(["map", str(scene), *override]) == 0
+    assert main(["optimise", str(scene), *override]) == 0
+
+
+def test_optimise_needs_to_know_what_to_vary(scene, commands, capsys):
+    text = scene.read_text()
+    scene.write_text(text[: text.index("[optimise]")])
+    assert main(["optimise", str(scene)]) == 2
+    assert "Add a table [optimise]" in capsys.readouterr().err
+    assert main(["run", str(scene)]) == 0
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [[], ["fly"], ["run"], ["run", "a.toml", "--se", "x=1"], ["run", "a.toml", "b.toml"]],
+)
+def test_a_bad_command_line_is_exit_code_2(arguments, capsys):
+    assert main(arguments) == 2
+    assert "usage: jaxgear" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["--version"]])
+def test_help_and_version_are_successes(arguments, capsys):
+    assert main(arguments) == 0
+    assert "jaxgear" in capsys.readouterr().out
+
+
+def test_one_thread_is_asked_for_unless_the_user_did(monkeypatch, scene, commands):
+    import threadpoolctl
+
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    threads = []
+    commands.COMMANDS["run"] = lambda *_: (
+        threads.extend(pool["num_threads"] for pool in threadpoolctl.threadpool_info()) or {}
+    )
+    with threadpoolctl.threadpool_limits(2):
+        assert main(["run", str(scene)]) == 0
+    assert os.environ["OPENBLAS_NUM_THREADS"] == "3"
+    assert os.environ["OMP_NUM_THREADS"] == "1"
+    assert set(threads) == {1}
+
+
+def test_summary_is_indented_and_short(capsys):
+    print_summary(_SUMMARY)
+    assert capsys.readouterr().out.splitlines() == [
+        "name      accessory",
+        "versions",
+        "  jax  1.2.3",
+        "geometry",
+        "  centre_distance_mm  99.4503",
+        "static",
+        "  te_rms_um  2.36",
+        "  speeds     [300 values]",
+        "  bearings[0]",
+        "    index  0",
+    ]
+
+
+@pytest.mark.parametrize("arguments", [["init", "accessory"], ["--help"]])
+def test_a_reader_that_leaves_early_is_no_failure(tmp_path, arguments):
+    environment = {**os.environ, "PYTHONPATH": str(Path(_cli.__file__).parents[2])}
+    # Without a buffer there would be nothing left for Python to flush at its exit.
+    environment.pop("PYTHONUNBUFFERED", None)
+    command = [sys.executable, "-m", "jaxgear", *arguments]
+    with subprocess.Popen(
+        command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        errors = process.stderr.read()
+    assert process.returncode == 0, errors
+    assert b"Traceback" not in errors
+    assert b"Exception ignored" not in errors

@@ -1,0 +1,298 @@
+import csv
+import re
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import matplotlib
+import matplotlib.image
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.path import Path as Polygon
+
+import jaxgear as jg
+from jaxgear._app import _pictures as pictures
+from jaxgear._app._results import cycle_statistics, static_dataset
+
+_UNIT = re.compile(r".+ \[[^\]]+\]$")
+
+
+def _spur() -> jg.PairModel:
+    pinion, wheel = jg.Gear(20, 12 * jg.mm, 0.2), jg.Gear(41, 10 * jg.mm, 0.1)
+    return jg.PairModel(jg.GearPair(pinion, wheel, 2 * jg.mm), 60.0)
+
+
+def _relieved() -> jg.PairModel:
+    relief = jg.TipRelief(12 * jg.um, 0.25)
+    return jg.PairModel(_spur().pair, 60.0, flanks=jg.Flanks(relief, relief))
+
+
+def _helical() -> jg.PairModel:
+    pinion, wheel = jg.Gear(25, 30 * jg.mm, 0.3), jg.Gear(31, 30 * jg.mm)
+    pair = jg.GearPair(pinion, wheel, 3 * jg.mm, 20 * jg.deg, 15 * jg.deg)
+    return jg.PairModel(pair, 300.0)
+
+
+_MODELS = {"spur": _spur, "relieved": _relieved, "helical": _helical}
+
+
+@pytest.fixture(scope="module")
+def datasets():
+    law = jg.ExactContact()
+    found = {}
+    for name, make in _MODELS.items():
+        model = make()
+        grid = jg.mesh_grid(model.pair, phases=24, slices=6)
+        found[name] = static_dataset(model, jg.mesh_cycle(model, grid, law=law), law)
+    return found
+
+
+def _chart():
+    """A map with a valley at depth 2/extent [um], and what goes with it."""
+    extent, depth = np.linspace(0.05, 0.5, 19), np.linspace(0.0, 20.0, 21)
+    value = 0.1 + np.abs(depth[:, None] - 2.0 / extent[None, :])
+    # Short reliefs, for which every depth is bad: their best depth lies beyond the map.
+    best = np.minimum(2.0 / extent, 20.0)
+    chart = SimpleNamespace(extent=extent, depth=depth * jg.um, value=value)
+    valley = SimpleNamespace(
+        extent=extent, depth=best * jg.um, value=0.1 + np.abs(best - 2.0 / extent)
+    )
+    closed = np.where(extent > 0.1, 2.2 / extent, np.nan)
+    return chart, valley, closed
+
+
+_WIDTH = np.asarray([0.01, 0.1, 1.0, 10.0])
+_BIAS = np.asarray([0.0, 1e-5, 1e-3, 0.1])
+_TORQUES = np.asarray([20.0, 40.0, 60.0])
+_PHASES = (np.arange(16) + 0.5) / 16
+_WAVES = np.asarray([1.0, 2.0, 3.0])[:, None] * (4.0 + np.sin(2 * np.pi * _PHASES))
+_SEARCHES = {"lbfgs": np.asarray([4.0, 5.0, 0.1]), "adam": np.asarray([4.0, 3.0, 2.0, 1.0])}
+
+
+def _all_pictures(datasets):
+    """Every picture with its columns."""
+    spur, relieved, helical = (datasets[name] for name in _MODELS)
+    chart, valley, closed = _chart()
+    path = np.asarray([[3.0, 0.2], [15.0, 0.3], [8.0, 0.25]])
+    gradient = {"gradient_bias_relative": -2.0 * _BIAS}
+    for name, make in _MODELS.items():
+        yield f"gear_pair {name}", pictures.gear_pair(make()), pictures.gear_pair_columns(make())
+    for name, dataset in datasets.items():
+        for make in (
+            pictures.transmission_error,
+            pictures.stiffness_and_sharing,
+            pictures.flank_maps,
+        ):
+            columns = getattr(pictures, f"{make.__name__}_columns")(dataset)
+            yield f"{make.__name__} {name}", make(dataset, f"{name}, 60 N m"), columns
+    yield (
+        "harris_map",
+        pictures.harris_map(_TORQUES, _PHASES, _WAVES, "waves"),
+        pictures.harris_map_columns(_TORQUES, _PHASES, _WAVES),
+    )
+    yield (
+        "smoothing_bias",
+        pictures.smoothing_bias(_WIDTH, _BIAS, -_BIAS, 0.8, "bias", **gradient),
+        pictures.smoothing_bias_columns(_WIDTH, _BIAS, -_BIAS, **gradient),
+    )
+    yield (
+        "master_curve",
+        pictures.master_curve(chart, valley, closed, path, "map"),
+        pictures.master_curve_columns(chart, valley, closed),
+    )
+    yield (
+        "search_trace",
+        pictures.search_trace(_SEARCHES, "µm²", "searches"),
+        pictures.search_trace_columns(_SEARCHES, "um2"),
+    )
+    yield (
+        "before_after",
+        pictures.before_after(spur, relieved, "relief"),
+        pictures.before_after_columns(spur, relieved),
+    )
+    assert helical.sizes["slice"] == 6
+
+
+@pytest.fixture(scope="module")
+def everything(datasets):
+    return list(_all_pictures(datasets))
+
+
+def test_axes_say_quantity_and_unit(everything):
+    for name, figure, _ in everything:
+        assert figure.get_suptitle(), name
+        for axes in figure.axes:
+            labels = [axes.get_ylabel()]
+            if axes.get_label() != "<colorbar>":
+                labels.append(axes.get_xlabel())
+            for label in labels:
+                assert _UNIT.match(label), f"{name}: {label!r}"
+
+
+def test_pictures_show_something_in_every_axes(everything, tmp_path):
+    for name, figure, columns in everything:
+        paths = pictures.save(figure, columns, tmp_path, "picture")
+        assert [path.suffix for path in paths] == [".png", ".svg", ".csv"]
+        assert {path.name for path in tmp_path.iterdir()} == {path.name for path in paths}
+        image = matplotlib.image.imread(paths[0])[..., :3]
+        height, width = image.shape[:2]
+        assert (width, height) == tuple((figure.get_size_inches() * 150).astype(int))
+        for axes in figure.axes:
+            box = axes.get_position()
+            rows = slice(int(height * (1 - box.y1)) + 4, int(height * (1 - box.y0)) - 4)
+            inside = image[rows, int(width * box.x0) + 4 : int(width * box.x1) - 4]
+            coloured = np.ptp(inside, axis=2) > 0.1
+            assert np.mean(coloured) > 2e-3, f"{name}: {axes.get_xlabel()}"
+        assert paths[1].read_text(encoding="utf-8").startswith("<?xml")
+
+
+def test_columns_are_written_beside(everything, tmp_path):
+    for _, figure, columns in everything[:4]:
+        *_, table = pictures.save(figure, columns, tmp_path, "picture")
+        with table.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.reader(file))
+        assert rows[0] == list(columns)
+        for index, values in enumerate(columns.values()):
+            read = [float(row[index]) for row in rows[1:] if row[index]]
+            np.testing.assert_allclose(read, values, rtol=1e-9, atol=1e-300)
+
+
+def test_the_same_picture_is_the_same_file(datasets, tmp_path):
+    written = []
+    for _ in range(2):
+        figure = pictures.transmission_error(datasets["spur"], "spur, 60 N m")
+        written.append([x.read_bytes() for x in pictures.save(figure, {}, tmp_path, "picture")])
+    assert written[0] == written[1]
+
+
+def _drawn(figure: Figure, name: str) -> np.ndarray:
+    (line,) = [line for line in figure.axes[0].lines if line.get_gid() == name]
+    return np.asarray(line.get_xydata())
+
+
+def _distance(points: np.ndarray, line: np.ndarray) -> np.ndarray:
+    """Distance of each point to a polyline."""
+    start, along = line[:-1], np.diff(line, axis=0)
+    away = points[:, None] - start
+    length = np.maximum(np.sum(along**2, axis=1), 1e-30)
+    share = np.clip(np.sum(away * along, axis=2) / length, 0.0, 1.0)
+    return np.min(np.linalg.norm(away - share[..., None] * along, axis=2), axis=1)
+
+
+@pytest.mark.parametrize("make", [_spur, _helical])
+def test_drawn_flanks_touch_at_the_pitch_point(make):
+    model = make()
+    figure = pictures.gear_pair(model)
+    pitch_point = np.asarray([[float(model.pair.working_pitch_radius[0]) / jg.mm, 0.0]])
+    for body in ("pinion", "wheel"):
+        assert _distance(pitch_point, _drawn(figure, body))[0] * jg.mm < 1e-7
+
+
+@pytest.mark.parametrize("make", [_spur, _helical])
+def test_drawn_teeth_do_not_overlap(make):
+    model = make()
+    figure = pictures.gear_pair(model)
+    pinion, wheel = _drawn(figure, "pinion"), _drawn(figure, "wheel")
+    centre = [[float(model.pair.working_centre_distance) / jg.mm, 0.0]]
+    body = Polygon(np.concatenate([wheel, centre, wheel[:1]]))
+    inside = pinion[body.contains_points(pinion)]
+    # Without backlash both flanks touch, so the chords of one run through the other.
+    deepest = np.max(_distance(inside, wheel), initial=0.0)
+    assert deepest * jg.mm < 1e-6
+    # The loaded flanks touch where their common normal is the line of action: nowhere else
+    # than at the pitch point is the gap zero, and next to it it stays small.
+    near = pinion[np.abs(pinion[:, 1]) < 0.2]
+    assert np.min(_distance(near, wheel)) * jg.mm < 1e-6
+
+
+def test_drawn_teeth_reach_from_root_to_tip():
+    for make in (_spur, _helical):
+        pair = make().pair
+        radius = np.hypot(*_drawn(pictures.gear_pair(make()), "pinion").T) * jg.mm
+        assert np.min(radius) == pytest.approx(float(pair.root_radius[0]), rel=1e-9)
+        assert np.max(radius) == pytest.approx(float(pair.tip_radius[0]), rel=1e-9)
+
+
+def test_path_of_contact_is_drawn_to_scale():
+    model = _spur()
+    ends = _drawn(pictures.gear_pair(model), "path of contact") * jg.mm
+    length = float(np.linalg.norm(np.diff(ends, axis=0)))
+    assert length == pytest.approx(float(model.pair.path_of_contact), rel=1e-12)
+    # A is on the wheel's tip circle and E on the pinion's.
+    centre = np.asarray([float(model.pair.working_centre_distance), 0.0])
+    assert np.linalg.norm(ends[0] - centre) == pytest.approx(float(model.pair.tip_radius[1]))
+    assert np.linalg.norm(ends[1]) == pytest.approx(float(model.pair.tip_radius[0]))
+
+
+def test_transmission_error_repeats_and_names_its_statistics(datasets):
+    dataset = datasets["spur"]
+    figure = pictures.transmission_error(dataset, "spur")
+    x, y = figure.axes[0].lines[0].get_data()
+    np.testing.assert_allclose(y[:24], y[24:])
+    np.testing.assert_allclose(np.asarray(x)[24:] - np.asarray(x)[:24], 1.0)
+    _, rms, span = cycle_statistics(dataset["transmission_error_um"])
+    text = figure.axes[0].get_title(loc="left")
+    assert f"RMS {rms:#.3g} µm" in text
+    assert f"peak to peak {span:#.3g} µm" in text
+
+
+def test_sharing_of_a_spur_pair_goes_from_nothing_to_all_and_back(datasets):
+    columns = pictures.stiffness_and_sharing_columns(datasets["spur"])
+    roll, share = columns["roll_mm"], columns["load_sharing"]
+    points = datasets["spur"]["path_point_roll_mm"].values
+    assert np.all(np.diff(roll) > 0.0)
+    np.testing.assert_allclose(share[(roll > points[1]) & (roll < points[3])], 1.0)
+    # Beyond the ends of the path the share is rounding.
+    assert share[0] < 1e-6
+    assert share[-1] < 1e-6
+    assert 0.2 < share[1] < 0.6
+
+
+def test_harris_statistics_by_hand():
+    columns = pictures.harris_map_columns(_TORQUES, _PHASES, _WAVES)
+    np.testing.assert_allclose(columns["te_mean_um"], [4.0, 8.0, 12.0])
+    np.testing.assert_allclose(columns["te_rms_um"], np.asarray([1.0, 2.0, 3.0]) / np.sqrt(2.0))
+    uneven = pictures.harris_map_columns(
+        _TORQUES[:1],
+        np.asarray([0.0, 0.5]),
+        np.asarray([[0.0, 1.0]]),
+        weight=np.asarray([0.8, 0.2]),
+    )
+    np.testing.assert_allclose(uneven["te_mean_um"], 0.2)
+    np.testing.assert_allclose(uneven["te_rms_um"], 0.4)
+
+
+def test_bias_that_is_zero_is_not_on_the_logarithmic_line():
+    figure = pictures.smoothing_bias(_WIDTH, _BIAS, _BIAS, 0.8, "bias")
+    line, zeros = figure.axes[0].lines
+    np.testing.assert_array_equal(line.get_xdata(), _WIDTH[1:])
+    np.testing.assert_array_equal(zeros.get_xdata(), _WIDTH[:1])
+
+
+def test_valley_ends_where_it_leaves_the_map():
+    chart, valley, closed = _chart()
+    figure = pictures.master_curve(chart, valley, closed, np.zeros((0, 2)), "map")
+    drawn = {line.get_label(): line for line in figure.axes[0].lines}
+    assert set(drawn) == {"valley, computed", "closed form"}
+    x, y = np.asarray(drawn["valley, computed"].get_xydata()).T
+    np.testing.assert_allclose(y, 2.0 / x)
+    assert np.min(x) == pytest.approx(0.125)
+    assert np.nanmax(np.asarray(drawn["closed form"].get_ydata())) <= 20.0
+
+
+def test_trace_is_the_best_so_far():
+    figure = pictures.search_trace(_SEARCHES, "µm²", "searches")
+    assert np.asarray(figure.axes[0].lines[0].get_ydata()).tolist() == [4.0, 4.0, 0.1]
+    assert figure.axes[0].get_xscale() == "log"
+
+
+def test_configuration_is_left_alone(datasets):
+    before = dict(matplotlib.rcParams)
+    pictures.flank_maps(datasets["spur"], "spur")
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_pyplot_stays_away():
+    code = "import sys, jaxgear._app._pictures; sys.exit('matplotlib.pyplot' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,0 +1,799 @@
+import subprocess
+import sys
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from jaxgear._app import _scene
+from jaxgear._app._scene import SceneError, read_scene, rewrite_scene, write_scene
+
+_ROOT = Path(_scene.__file__).parents[2]
+_READY = Path(_scene.__file__).parent / "scenes"
+
+# The smallest scene; a test adds lines below, or replaces a piece of it.
+_LEAST = """\
+schema = 1
+[pair]
+module_mm = 1.5
+torque_pinion_Nm = 80
+[pinion]
+teeth = 45
+face_width_mm = 11.5
+[wheel]
+teeth = 86
+face_width_mm = 9.5
+"""
+_END = _LEAST.count("\n")
+
+# Everything that the contract with users shows, the commented lines included.
+_CONTRACT = """\
+schema = 1
+name = "accessory"
+cite = "Guilbert 2017, Tab. III-1"
+[material]
+young_GPa = 206.0
+poisson = 0.3
+density_kg_m3 = 7850.0
+[pair]
+module_mm = 1.5
+pressure_angle_deg = 25.0
+helix_angle_deg = 0.0
+torque_pinion_Nm = 80.0
+centre_distance_mm = 99.45
+misalignment_inclination_um = 1.0
+misalignment_deviation_um = -1.0
+[pinion]
+teeth = 45
+profile_shift = 0.341
+addendum_coeff = 0.9447
+dedendum_coeff = 1.1933
+fillet_radius_coeff = 0.25
+tip_shortening_coeff = 0.0
+face_width_mm = 11.5
+bore_mm = 30.0
+foundation = "none"
+[pinion.material]
+young_GPa = 200.0
+[pinion.body]
+kind = "rigid"
+mass_kg = 1.0
+inertia_kg_m2 = 1e-3
+transverse_inertia_kg_m2 = 1e-3
+[wheel]
+teeth = 86
+face_width_mm = 9.5
+[flank.pinion]
+tip_relief = { depth_um = 15.0, extent = 0.25, shape = "linear" }
+root_relief = { depth_um = 0.0, extent = 0.2 }
+crowning_um = 0.0
+end_relief = { side = "left", depth_um = 10.0, extent = 0.4, shape = "parabolic" }
+helix_slope_um = -2.0
+pitch_error_um = [0.0]
+eccentricity_um = 0.0
+[mesh]
+periods = 1
+stiffness = "constant"
+stiffness_N_mm_um = 14
+foundation = "weber"
+slices = 20
+phases = 64
+contact = "smooth"
+smoothing_um = 0.5
+[model]
+coordinates = 400
+[damping]
+kind = "rayleigh"
+mesh = 0.07
+structure = 0.02
+a_R_1_s = 25.0
+b_R_s = 2.5e-6
+[sweep]
+pinion_speed_rad_s = { from = 50.0, to = 3000.0, points = 300 }
+direction = "both"
+method = "auto"
+centrifugal = true
+[map]
+depth_um = { from = 0, to = 40, points = 20 }
+extent = { from = 0.05, to = 0.5, points = 10 }
+torques_Nm = [40, 80]
+[optimise]
+vary = ["flank.pinion.tip_relief.depth_um", "flank.pinion.tip_relief.extent"]
+symmetric = true
+minimise = { te_rms = 1.0, max_pressure = 0.01 }
+torques_Nm = [60.0, 80.0, 100.0]
+over = "worst"
+method = "adam"
+max_evaluations = 10
+bounds = { "flank.pinion.tip_relief.depth_um" = [0, 40] }
+[wheel.support]
+radial_N_m = 1e9
+axial_N_m = 1e8
+tilt_Nm_rad = 1e4
+[pinion.support]
+radial_S_N_m = 1e9
+radial_T_N_m = 2e9
+"""
+
+_NOT_MODELLED_YET = """\
+[pinion.shaft]
+gear_at_mm = 55.0
+segments = [ { length_mm = 80.0, outer_mm = 30.0, inner_mm = 16.0 } ]
+bearings = [ { at_mm = 0.0,  radial_N_m = 1.04e9, axial_N_m = 1.0e8, tilt_Nm_rad = 1.0e4 },
+             { at_mm = 80.0, radial_S_N_m = 1.04e9, radial_T_N_m = 1.0e9 } ]
+torque_at_mm = 0.0
+shear_coeff = 0.9
+loads = [ { at_mm = 1.0, force_N = [1.0, 0.0, 0.0], moment_Nm = [0.0, 0.0, 0.0] } ]
+[wheel.body]
+kind = "condensed"
+web = { hub_outer_mm = 40, web_thickness_mm = 4, rim_inner_mm = 118, web_offset_mm = 0, web_angle_deg = 0, holes = 6, hole_diameter_mm = 18, hole_circle_mm = 80 }
+grid = "wheel.inp"
+superelement = "wheel.nc"
+interface = "herting"
+modes = 50
+young_GPa = 4e5
+[flank.wheel]
+profile_deviation_csv = "profile.csv"
+pitch_error_um = [0.0, 1.0]
+eccentricity_um = 2.0
+[model]
+fidelity = "auto"
+[mesh]
+periods = 45
+foundation = "ring"
+[optimise]
+vary = ["flank.pinion.crowning_um"]
+minimise = "dynamic_ratio"
+"""  # noqa: E501
+
+
+@pytest.fixture
+def write(tmp_path):
+    """A function that writes a scene and returns its path."""
+
+    def written(text):
+        path = tmp_path / "scene.toml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return written
+
+
+def _mistakes(path: Path, overrides: Sequence[str] = ()) -> list[tuple[Any, str, str]]:
+    """Return the mistakes as (line or argument, key, message)."""
+    with pytest.raises(SceneError) as caught:
+        read_scene(path, overrides)
+    places = [mistake.where.removeprefix(f"{path}:") for mistake in caught.value.mistakes]
+    return [
+        (int(place) if place.isdecimal() else place, mistake.path, mistake.message)
+        for place, mistake in zip(places, caught.value.mistakes, strict=True)
+    ]
+
+
+def test_the_smallest_scene_gets_every_default(write):
+    scene = read_scene(write(_LEAST))
+    assert scene["name"] == "scene"
+    assert scene["cite"] == ""
+    assert scene["pair.pressure_angle_deg"] == 20.0
+    assert scene["wheel.fillet_radius_coeff"] == 0.38
+    assert scene["flank.wheel.tip_relief.extent"] == 0.25
+    assert scene["flank.pinion.end_relief.side"] == "both"
+    assert (scene["mesh.slices"], scene["mesh.phases"]) == (20, 64)
+    assert (scene["map.extent.from"], scene["map.extent.to"]) == (0.01, 0.5)
+    assert scene["optimise.minimise"] == "te_rms"
+    assert type(scene["pair.torque_pinion_Nm"]) is float
+    assert type(scene["pinion.teeth"]) is int
+
+
+def test_optional_keys_stay_absent(write):
+    scene = read_scene(write(_LEAST))
+    for key in (
+        "pinion.bore_mm",
+        "pair.centre_distance_mm",
+        "pinion.support.axial_N_m",
+        "pinion.material.young_GPa",
+        "mesh.stiffness_N_mm_um",
+        "optimise.vary",
+        "optimise.torques_Nm",
+        "map.depth_um.to",
+    ):
+        assert key not in scene.values
+    assert scene.get("pinion.bore_mm", 12.0) == 12.0
+    with pytest.raises(KeyError):
+        scene["pinion.bore_mm"]
+
+
+def test_the_contract_is_read_as_written(write):
+    scene = read_scene(write(_CONTRACT))
+    assert scene["mesh.stiffness_N_mm_um"] == 14.0
+    assert scene["pinion.material.young_GPa"] == 200.0
+    assert scene["flank.pinion.end_relief.side"] == "left"
+    assert scene["sweep.pinion_speed_rad_s.points"] == 300
+    assert scene["optimise.minimise.max_pressure"] == 0.01
+    assert scene["optimise.torques_Nm"] == [60.0, 80.0, 100.0]
+    assert scene["optimise.bounds.flank.pinion.tip_relief.depth_um"] == [0.0, 40.0]
+    assert "optimise.minimise" not in scene.values
+    assert scene.has_table("sweep")
+    assert scene.has_table("pinion.support")
+    assert not scene.has_table("wheel.material")
+
+
+def test_what_is_not_modelled_is_told_from_what_is_unknown(write):
+    mistakes = _mistakes(write(_LEAST + _NOT_MODELLED_YET))
+    assert all("belongs to the scene format, but this version" in text for _, _, text in mistakes)
+    assert [(line - _END, path) for line, path, _ in mistakes] == [
+        (1, "pinion.shaft"),
+        (10, "wheel.body.kind"),
+        (11, "wheel.body.web"),
+        (12, "wheel.body.grid"),
+        (13, "wheel.body.superelement"),
+        (14, "wheel.body.interface"),
+        (15, "wheel.body.modes"),
+        (16, "wheel.body.young_GPa"),
+        (18, "flank.wheel.profile_deviation_csv"),
+        (19, "flank.wheel.pitch_error_um"),
+        (20, "flank.wheel.eccentricity_um"),
+        (22, "model.fidelity"),
+        (24, "mesh.periods"),
+        (25, "mesh.foundation"),
+        (28, "optimise.minimise"),
+    ]
+
+
+def test_a_typing_error_inside_a_refused_table_is_still_found(write):
+    shaft = "[pinion.shaft]\nbearings = [ { at_mm = 0.0 },\n  { radail_N_m = 1.0 } ]\n"
+    ((first, table, _), (line, path, message)) = _mistakes(write(_LEAST + shaft))
+    assert (first - _END, table) == (1, "pinion.shaft")
+    assert (line - _END, path) == (3, "pinion.shaft.bearings[1].radail_N_m")
+    assert "did you mean pinion.shaft.bearings[].radial_N_m?" in message
+
+
+@pytest.mark.parametrize(
+    ("added", "line", "path", "message"),
+    [
+        ("[mesh]\nslices = 0", 2, "mesh.slices", "got 0, must be an integer >= 1 and <= 2000"),
+        (
+            "[mesh]\nslices = 20.0",
+            2,
+            "mesh.slices",
+            "must be an integer >= 1 and <= 2000. Write 20",
+        ),
+        ("[mesh]\nphases = 7", 2, "mesh.phases", "got 7, must be an integer >= 8 and <= 4096"),
+        ("[mesh]\nphases = true", 2, "mesh.phases", "got true, must be an integer"),
+        ("[mesh]\nsmoothing_um = nan", 2, "mesh.smoothing_um", "It must be finite"),
+        ("[mesh]\nsmoothing_um = inf", 2, "mesh.smoothing_um", "It must be finite"),
+        ('[mesh]\ncontact = "exakt"', 2, "mesh.contact", 'did you mean "exact"?'),
+        ('[mesh]\nstiffness = "constant"', 1, "mesh.stiffness_N_mm_um", "is missing"),
+        ("[mesh]\nslice = 3", 2, "mesh.slice", "unknown key, got 3, did you mean mesh.slices?"),
+        ("[mesch]\nslices = 3\nx = 4", 1, "mesch", "unknown table, did you mean [mesh]?"),
+        ("[material]\npoisson = 0.5", 2, "material.poisson", "must be a number >= 0 and < 0.5"),
+        ("[material]\nyoung_GPa = 206e9", 2, "material.young_GPa", "in gigapascals"),
+        ("[[mesh]]\nslices = 3", 1, "mesh", "must be a table with"),
+        ("[pair.module_um]\nx = 1", 1, "pair.module_um", "unknown table"),
+        ("[flank.pinion]\ncrowning_um = -1", 2, "flank.pinion.crowning_um", "material removed"),
+        ("[flank]\npinion.tip_relief = 15", 2, "flank.pinion.tip_relief", "must be a table with"),
+        ("[flank.wheel.crowning_um]", 1, "flank.wheel.crowning_um", "got a table, must be a num"),
+        (
+            "[flank.pinion]\ntip_relief = { depth_um = -15.0 }",
+            2,
+            "flank.pinion.tip_relief.depth_um",
+            "got -15.0, must be a number >= 0 [um]. A depth is material removed",
+        ),
+        (
+            "[flank.pinion]\ntip_relief = { extent = 1.5 }",
+            2,
+            "flank.pinion.tip_relief.extent",
+            "a fraction of the path of contact eps_alpha p_bt, from 0 to 1; a value above 1 looks "
+            "as if millimetres were given",
+        ),
+        (
+            "[flank.pinion]\nend_relief = { extent = 4.0 }",
+            2,
+            "flank.pinion.end_relief.extent",
+            "a fraction of the face width",
+        ),
+        ("[wheel.support]\nradial_N_m = 0", 2, "wheel.support.radial_N_m", "is rigid"),
+        (
+            "[wheel.support]\nradial_N_m = 1e9\nradial_S_N_m = 1e9",
+            2,
+            "wheel.support.radial_N_m",
+            "excludes radial_S_N_m",
+        ),
+        ('[damping]\nkind = "rayleigh"\na_R_1_s = 1.0', 1, "damping.b_R_s", "is missing"),
+        ("[sweep]", 1, "sweep.pinion_speed_rad_s", "is missing"),
+        ("[sweep]\npinion_speed_rad_s = []", 2, "sweep.pinion_speed_rad_s", "got [], must be a"),
+        (
+            "[sweep]\npinion_speed_rad_s = { from = 1.0, points = 3 }",
+            2,
+            "sweep.pinion_speed_rad_s.to",
+            "is missing",
+        ),
+        ("[map]\nextent = { from = 0.6 }", 2, "map.extent.from", "less than `to`, 0.5"),
+        ("[map]\ndepth_um.to = 0.0", 2, "map.depth_um.to", "must be a number > 0 [um]"),
+        ("[map]\ntorques_Nm = [80.0, -1.0]", 2, "map.torques_Nm", "The pinion drives"),
+        ("[optimise]", 1, "optimise.vary", "is missing"),
+        ("[optimise]\nvary = []", 2, "optimise.vary", "got [], must be a list of texts"),
+        (
+            '[optimise]\nvary = [\n  "pair.module_mm", # a comment\n  "pinion.teeth",\n]',
+            4,
+            "optimise.vary[1]",
+            'got "pinion.teeth", must be the path of a real-valued key',
+        ),
+        (
+            '[optimise]\nvary = ["flank.pinion.tip_relief.depht_um"]',
+            2,
+            "optimise.vary[0]",
+            'did you mean "flank.pinion.tip_relief.depth_um"?',
+        ),
+        (
+            '[optimise]\nvary = ["pair.module_mm",\n"pair.module_mm"]',
+            3,
+            "optimise.vary[1]",
+            "is named twice",
+        ),
+        (
+            '[optimise]\nvary = ["pair.centre_distance_mm"]',
+            2,
+            "optimise.vary[0]",
+            "has no value to start from",
+        ),
+        (
+            '[optimise]\nvary = ["pair.module_mm"]\nminimise = {}',
+            3,
+            "optimise.minimise",
+            "must have at least one weight > 0",
+        ),
+        (
+            '[optimise]\nvary = ["pair.module_mm"]\nminimise = { te_rms = -1 }',
+            3,
+            "optimise.minimise.te_rms",
+            "got -1, must be a number >= 0",
+        ),
+        (
+            '[optimise]\nvary = ["pair.module_mm"]\n[optimise.bounds]\npair.module_mm = [3, 2]',
+            4,
+            "optimise.bounds.pair.module_mm",
+            "got [3.0, 2.0], must be [low, high]",
+        ),
+        (
+            '[optimise]\nvary = ["pair.module_mm"]\nbounds = { "pair.module_mm" = [2, 3] }',
+            3,
+            "optimise.bounds.pair.module_mm",
+            "must contain the starting value 1.5 of pair.module_mm",
+        ),
+        (
+            '[optimise]\nvary = ["pair.module_mm"]\nbounds = { "pair.modul_mm" = [1, 3] }',
+            3,
+            "optimise.bounds.pair.modul_mm",
+            "did you mean optimise.bounds.pair.module_mm?",
+        ),
+        (
+            '[optimise]\nvary = ["pair.module_mm"]\n'
+            'bounds = { "pair.module_mm" = [1, 3], pair.module_mm = [1, 2] }',
+            3,
+            "optimise.bounds.pair.module_mm",
+            "is given twice",
+        ),
+    ],
+)
+def test_one_mistake_is_reported_alone_at_its_line(write, added, line, path, message):
+    ((found_line, found_path, text),) = _mistakes(write(_LEAST + added + "\n"))
+    assert (found_line - _END, found_path) == (line, path)
+    assert message in text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "path", "message"),
+    [
+        ("schema = 1", "schema = 2", 1, "schema", "This version of jaxgear reads scene format 1"),
+        ("schema = 1", 'schema = 1\nname = "a/b"', 2, "name", "It names a folder"),
+        ("schema = 1", '"mesh.slices" = 1\nschema = 1', 1, '"mesh.slices"', "did you mean mesh.sl"),
+        (
+            "= 80",
+            "= 0",
+            4,
+            "pair.torque_pinion_Nm",
+            "got 0, must be a number > 0 [N m]. The pinion",
+        ),
+        (
+            "= 80",
+            "= -80.0",
+            4,
+            "pair.torque_pinion_Nm",
+            "change the sign of the helix angle and swap",
+        ),
+        ("= 80", '= "80"', 4, "pair.torque_pinion_Nm", "Write 80, without the quotes"),
+        ("= 80", "= 80\nhelix_angle_deg = 46", 5, "pair.helix_angle_deg", "<= 45 [degrees]"),
+        ("= 80", "= 80\npressure_angle_deg = 0.35", 5, "pair.pressure_angle_deg", "in degrees"),
+        ("= 80", "= 1979-05-27", 4, "pair.torque_pinion_Nm", "got 1979-05-27, must be a number"),
+        ("module_mm = 1.5", "module_mm = 0.0015", 3, "pair.module_mm", "The key is in millimetres"),
+        (
+            "teeth = 45\n",
+            "",
+            5,
+            "pinion.teeth",
+            "is missing: number of teeth. It must be an integer",
+        ),
+    ],
+)
+def test_one_bad_value_is_reported_alone(write, old, new, line, path, message):
+    ((found_line, found_path, text),) = _mistakes(write(_LEAST.replace(old, new, 1)))
+    assert (found_line, found_path) == (line, path)
+    assert message in text
+
+
+def test_missing_tables_are_reported_at_the_file(write):
+    path = write("schema = 1\n")
+    mistakes = _mistakes(path)
+    assert [key for _, key, _ in mistakes] == [
+        "pair.module_mm",
+        "pair.torque_pinion_Nm",
+        "pinion.teeth",
+        "pinion.face_width_mm",
+        "wheel.teeth",
+        "wheel.face_width_mm",
+    ]
+    assert {where for where, _, _ in mistakes} == {str(path)}
+
+
+def test_all_mistakes_come_at_once_and_in_the_order_of_the_file(write):
+    path = write(
+        'naem = "x"\nschema = 1\n[wheel]\nteeth = "86"\n[pair]\ntorque_pinion_Nm = 0\n[foo]\n'
+    )
+    with pytest.raises(SceneError) as caught:
+        read_scene(path, ["mesh.slices=0"])
+    block = str(caught.value).splitlines()
+    assert [line.partition(": ")[0] for line in block[:-1]] == [
+        str(path),
+        str(path),
+        f"{path}:1",
+        f"{path}:3",
+        f"{path}:4",
+        f"{path}:5",
+        f"{path}:6",
+        f"{path}:7",
+        "--set mesh.slices=0",
+    ]
+    assert block[2] == f'{path}:1: naem: unknown key, got "x", did you mean name?'
+    assert block[-1] == "9 mistakes; nothing was computed."
+
+
+def test_one_mistake_is_counted_in_the_singular(write):
+    with pytest.raises(SceneError, match=r"\n1 mistake; nothing was computed\.$"):
+        read_scene(write(_LEAST.replace("= 80", "= 0")))
+
+
+@pytest.mark.parametrize(
+    ("content", "line", "message"),
+    [
+        (b"schema = 1\n[pair\nx = 1\n", 2, "not valid TOML"),
+        (b"schema = 1\nschema = 1\n", 2, "not valid TOML"),
+        (b"a = " + b"[" * 5000, None, "not valid TOML"),
+        (b"schema = 1\n# caf\xe9\n", 2, "not UTF-8"),
+    ],
+)
+def test_an_unreadable_file_names_the_line(tmp_path, content, line, message):
+    path = tmp_path / "scene.toml"
+    path.write_bytes(content)
+    ((where, key, text),) = _mistakes(path)
+    assert where == (line or str(path))
+    assert key == ""
+    assert message in text
+
+
+def test_a_missing_file_and_a_folder_are_mistakes(tmp_path):
+    ((where, _, message),) = _mistakes(tmp_path / "none.toml")
+    assert where == str(tmp_path / "none.toml")
+    assert "no such file" in message
+    ((_, _, message),) = _mistakes(tmp_path)
+    assert "this is a folder" in message
+
+
+def test_a_byte_order_mark_and_dos_line_ends_do_no_harm(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + _LEAST.replace("\n", "\r\n").encode())
+    assert read_scene(path).lines["wheel.teeth"] == f"{path}:9"
+
+
+def test_positions_in_every_form_of_toml(write):
+    path = write(
+        """\
+schema = 1
+"name" = 'x'   # quoted
+pair.module_mm = 1.5
+pair . torque_pinion_Nm = 80
+wheel = { teeth = 86, face_width_mm = 9.5 }
+
+[pinion]
+teeth = 45
+'face_width_mm' = 11.5
+support.axial_N_m = 1e8
+[ flank . "pinion" ]
+tip_relief = { depth_um = 3, extent = 0.3 }
+root_relief.depth_um = 1
+[flank.wheel.end_relief]
+
+side = "left"
+[optimise]
+vary = [
+    # the first
+    "pair.module_mm",
+
+    "flank.pinion.crowning_um",
+]
+[optimise.bounds]
+"pair.module_mm" = [
+    1.0,
+    2.0 ]
+"""
+    )
+    lines = {
+        key: int(place.removeprefix(f"{path}:")) for key, place in read_scene(path).lines.items()
+    }
+    assert lines == {
+        "schema": 1,
+        "name": 2,
+        "pair.module_mm": 3,
+        "pair.torque_pinion_Nm": 4,
+        "wheel.teeth": 5,
+        "wheel.face_width_mm": 5,
+        "pinion.teeth": 8,
+        "pinion.face_width_mm": 9,
+        "pinion.support.axial_N_m": 10,
+        "flank.pinion.tip_relief.depth_um": 12,
+        "flank.pinion.tip_relief.extent": 12,
+        "flank.pinion.root_relief.depth_um": 13,
+        "flank.wheel.end_relief.side": 16,
+        "optimise.vary": 18,
+        "optimise.bounds.pair.module_mm": 25,
+    }
+
+
+def test_positions_in_arrays_of_tables():
+    text = "[[a.b]]\nx = 1\n[[a.b]]\nx = [\n1,\n{ y = 2 }]\n[a.b.c]\nz = 1\n"
+    assert _scene._positions(text) == {
+        "a": 1,
+        "a.b": 1,
+        "a.b[0]": 1,
+        "a.b[0].x": 2,
+        "a.b[1]": 3,
+        "a.b[1].x": 4,
+        "a.b[1].x[0]": 5,
+        "a.b[1].x[1]": 6,
+        "a.b[1].x[1].y": 6,
+        "a.b[1].c": 7,
+        "a.b[1].c.z": 8,
+    }
+
+
+def test_every_position_of_a_ready_scene_shows_its_key():
+    path = _READY / "power.toml"
+    text = path.read_text().splitlines()
+    lines = read_scene(path).lines
+    assert len(lines) > 40
+    for key, place in lines.items():
+        line = text[int(place.rpartition(":")[2]) - 1]
+        assert key.rpartition(".")[2] in line
+
+
+@pytest.mark.parametrize(
+    ("override", "key", "value"),
+    [
+        ("pair.torque_pinion_Nm=120", "pair.torque_pinion_Nm", 120.0),
+        (" pair.torque_pinion_Nm = 1.2e2 ", "pair.torque_pinion_Nm", 120.0),
+        ("name=plain", "name", "plain"),
+        ('name="quoted=text"', "name", "quoted=text"),
+        ("name=a=b", "name", "a=b"),
+        ("optimise.symmetric=true", "optimise.symmetric", True),
+        ("map.depth_um.points=7", "map.depth_um.points", 7),
+        ("map.torques_Nm=[1, 2]", "map.torques_Nm", [1.0, 2.0]),
+        ("optimise.bounds.pair.module_mm=[1, 2]", "optimise.bounds.pair.module_mm", [1.0, 2.0]),
+        ('optimise.bounds."pair.module_mm"=[1, 2]', "optimise.bounds.pair.module_mm", [1.0, 2.0]),
+    ],
+)
+def test_set_changes_a_key_and_is_where_it_came_from(write, override, key, value):
+    path = write(_LEAST + '[optimise]\nvary = ["pair.module_mm"]\n')
+    scene = read_scene(path, [override])
+    assert scene[key] == value
+    assert scene.where(key) == f"--set {override}"
+    assert scene.overridden() == {key: value}
+    assert scene.where("wheel.teeth") == f"{path}:9"
+    assert scene.where("cite") == f"{path} (default)"
+
+
+def test_the_later_set_wins(write):
+    scene = read_scene(write(_LEAST), ["mesh.slices=3", "mesh.slices=4"])
+    assert scene["mesh.slices"] == 4
+    assert scene.where("mesh.slices") == "--set mesh.slices=4"
+
+
+def test_set_of_an_inline_table_replaces_the_table(write):
+    path = write(_LEAST + '[flank.pinion]\ntip_relief = { depth_um = 3, shape = "parabolic" }\n')
+    override = "flank.pinion.tip_relief={depth_um=10, extent=0.3}"
+    scene = read_scene(path, [override])
+    assert scene.overridden() == {
+        "flank.pinion.tip_relief.depth_um": 10.0,
+        "flank.pinion.tip_relief.extent": 0.3,
+        "flank.pinion.tip_relief.shape": "linear",
+    }
+
+
+@pytest.mark.parametrize("spelling", ["pair.module_mm", '"pair.module_mm"'])
+def test_set_of_a_bound_finds_the_spelling_of_the_file(write, spelling):
+    bounds = f'[optimise]\nvary = ["pair.module_mm"]\n[optimise.bounds]\n{spelling} = [1, 2]\n'
+    scene = read_scene(write(_LEAST + bounds), ["optimise.bounds.pair.module_mm=[1, 3]"])
+    assert scene["optimise.bounds.pair.module_mm"] == [1.0, 3.0]
+
+
+def test_set_turns_a_text_into_weights_and_back(write):
+    optimise = '[optimise]\nvary = ["pair.module_mm"]\nminimise = '
+    scene = read_scene(write(_LEAST + optimise + '"te_rms"\n'), ["optimise.minimise.te_rms=2"])
+    assert (scene.get("optimise.minimise"), scene["optimise.minimise.te_rms"]) == (None, 2.0)
+    scene = read_scene(
+        write(_LEAST + optimise + "{ te_rms = 1 }\n"), ["optimise.minimise=max_pressure"]
+    )
+    assert scene["optimise.minimise"] == "max_pressure"
+    assert "optimise.minimise.te_rms" not in scene.values
+
+
+@pytest.mark.parametrize(
+    ("override", "path", "message"),
+    [
+        ("pair.tork=5", "pair.tork", "unknown key, got 5, did you mean pair.torque_pinion_Nm?"),
+        ("pair.torque_pinion_Nm=0", "pair.torque_pinion_Nm", "The pinion drives"),
+        ("pair.torque_pinion_Nm=high", "pair.torque_pinion_Nm", 'got "high", must be a number'),
+        ("pair.torque_pinion_Nm=", "pair.torque_pinion_Nm", 'got "", must be a number'),
+        ("pair.torque_pinion_Nm=1\nx=2", "pair.torque_pinion_Nm", "must be a number"),
+        ("mesch.slices=3", "mesch", "unknown table, did you mean [mesh]?"),
+        ("mesh=3", "mesh", "got 3, must be a table with"),
+        ("mesh.slices", "", "must be key=value"),
+        ("=3", "", "must be key=value"),
+        ("mesh..slices=3", "", "must be key=value"),
+        ("flank.wheel.tip_relief={extent=3}", "flank.wheel.tip_relief.extent", "a fraction of"),
+    ],
+)
+def test_a_bad_set_names_the_argument(write, override, path, message):
+    ((where, found, text),) = _mistakes(write(_LEAST), [override])
+    assert (where, found) == (f"--set {override}", path)
+    assert message in text
+
+
+def test_set_repairs_a_mistake_of_the_file(write):
+    path = write(_LEAST.replace("= 80", "= 0"))
+    assert read_scene(path, ["pair.torque_pinion_Nm=60"])["pair.torque_pinion_Nm"] == 60.0
+
+
+@pytest.mark.parametrize("name", ["accessory", "power"])
+def test_ready_scenes_round_trip(tmp_path, name):
+    scene = read_scene(_READY / f"{name}.toml")
+    assert scene["name"] == name
+    write_scene(scene, tmp_path / "copy.toml")
+    assert read_scene(tmp_path / "copy.toml").values == scene.values
+
+
+@pytest.mark.parametrize(
+    "text", [_LEAST, _CONTRACT, _LEAST + "[map]\n[sweep]\npinion_speed_rad_s=[1,2]"]
+)
+def test_round_trip_keeps_values_and_requests(write, tmp_path, text):
+    scene = read_scene(write(text))
+    write_scene(scene, tmp_path / "copy.toml")
+    copy = read_scene(tmp_path / "copy.toml")
+    assert copy.values == scene.values
+    for table in ("sweep", "map", "optimise", "damping", "model"):
+        assert copy.has_table(table) == scene.has_table(table)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["copy.toml", "scene.toml"]
+
+
+def test_round_trip_of_awkward_text(write, tmp_path):
+    cite = 'Müller, "Zähne" \\ 3\t\u007f\nnext'
+    scene = read_scene(write(_LEAST)).replace({"cite": cite})
+    write_scene(scene, tmp_path / "copy.toml")
+    assert read_scene(tmp_path / "copy.toml")["cite"] == cite
+
+
+def test_replace_checks_nothing_and_leaves_the_scene_alone(write):
+    scene = read_scene(write(_LEAST))
+    traced = object()
+    changed = scene.replace({"pair.module_mm": traced, "pinion.support.axial_N_m": 1e8})
+    assert changed["pair.module_mm"] is traced
+    assert changed.has_table("pinion.support")
+    assert scene["pair.module_mm"] == 1.5
+    assert "pinion.support.axial_N_m" not in scene.values
+    with pytest.raises(TypeError):
+        scene.values["pair.module_mm"] = 3.0  # pyright: ignore[reportIndexIssue]
+
+
+def test_real_keys_are_those_present_that_count(write):
+    least = read_scene(write(_LEAST)).real_keys()
+    assert least[:3] == ("material.young_GPa", "material.poisson", "pair.module_mm")
+    assert "mesh.smoothing_um" not in least
+    assert "pair.centre_distance_mm" not in least
+    full = read_scene(write(_CONTRACT)).real_keys()
+    assert {"mesh.smoothing_um", "mesh.stiffness_N_mm_um", "pair.centre_distance_mm"} <= set(full)
+    assert {"wheel.support.radial_N_m", "pinion.material.young_GPa"} <= set(full)
+    assert not any(key.startswith(("optimise", "map", "sweep")) for key in full)
+
+
+def test_rewriting_keeps_the_comments_and_the_order(tmp_path):
+    source, target = _READY / "accessory.toml", tmp_path / "better.toml"
+    updates = {
+        "flank.pinion.tip_relief.depth_um": 14.25,
+        "flank.wheel.tip_relief.depth_um": 14.25,
+        "pair.torque_pinion_Nm": 90.0,
+        "flank.wheel.crowning_um": 3.0,
+        "wheel.material.young_GPa": 210.0,
+    }
+    rewrite_scene(source, updates, target)
+    before, after = read_scene(source), read_scene(target)
+    assert dict(after.values) == {**before.values, **updates}
+    old, new = source.read_text().splitlines(), target.read_text().splitlines()
+    lost = [line for line in old if line not in new]
+    assert len(lost) == 3
+    assert [line.partition("#")[2] for line in lost if "torque" in line] == [
+        next(line for line in new if line.startswith("torque_pinion_Nm")).partition("#")[2]
+    ]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        _LEAST,
+        _LEAST + "[flank]\nwheel.crowning_um = 4.0 # c\n[pinion.material]\npoisson = 0.2\n",
+        _LEAST + "[flank.wheel]\ntip_relief.depth_um = 3 # c\n[flank.pinion.tip_relief]\n",
+        "flank = {pinion = {crowning_um = 1}}\n" + _LEAST,
+        "flank.wheel.tip_relief.depth_um = 3 # c\n" + _LEAST,
+        _LEAST
+        + '[optimise]\nvary = ["pair.module_mm"]\n[optimise.bounds.pair]\nmodule_mm = [1, 3]\n',
+    ],
+)
+def test_rewriting_adds_keys_to_any_layout(write, tmp_path, text):
+    updates = {
+        "flank.pinion.tip_relief.depth_um": 1.0,
+        "flank.wheel.tip_relief.extent": 0.5,
+        "flank.wheel.crowning_um": 2.0,
+        "pair.helix_angle_deg": 3.0,
+        "pinion.material.young_GPa": 100.0,
+        "mesh.slices": 7,
+        "optimise.vary": ["pair.module_mm"],
+        "optimise.minimise.te_rms": 1.0,
+        "optimise.bounds.pair.module_mm": [1.0, 2.0],
+    }
+    before = read_scene(write(text))
+    rewrite_scene(write(text), updates, tmp_path / "new.toml")
+    after = read_scene(tmp_path / "new.toml")
+    wanted = {**before.values, **updates, "name": "new"}
+    del wanted["optimise.minimise"]
+    assert dict(after.values) == wanted
+    assert text.count("# c") == (tmp_path / "new.toml").read_text().count("# c")
+
+
+def test_rewriting_refuses_rather_than_write_something_else(write, tmp_path, monkeypatch):
+    monkeypatch.setattr(_scene, "_edited", lambda text, updates, headers: text)
+    with pytest.raises(ValueError, match=r"by hand: pair\.module_mm = 2\.0"):
+        rewrite_scene(write(_LEAST), {"pair.module_mm": 2}, tmp_path / "new.toml")
+    assert not (tmp_path / "new.toml").exists()
+
+
+def test_rewritten_numbers_may_be_arrays(write, tmp_path):
+    import jax.numpy as jnp
+
+    rewrite_scene(write(_LEAST), {"pair.module_mm": jnp.asarray(2.5)}, tmp_path / "new.toml")
+    assert tomllib.loads((tmp_path / "new.toml").read_text())["pair"]["module_mm"] == 2.5
+
+
+def test_reading_a_scene_imports_nothing_heavy():
+    program = (
+        "import sys, types\n"
+        "for name in ('jaxgear', 'jaxgear._app'):\n"
+        "    package = types.ModuleType(name)\n"
+        "    package.__path__ = [sys.argv[1] + '/' + name.replace('.', '/')]\n"
+        "    sys.modules[name] = package\n"
+        "from jaxgear._app import _scene\n"
+        "_scene.read_scene(sys.argv[2])\n"
+        "print(sorted({'jax', 'numpy', 'tomlkit'} & set(sys.modules)))\n"
+    )
+    command = [sys.executable, "-c", program, str(_ROOT), str(_READY / "power.toml")]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,185 @@
+import math
+import re
+
+import pytest
+
+from jaxgear._app import _schema
+from jaxgear._app._schema import KEYS, Key, Presence
+
+_NUMBER = Key("pair.gap_um", "float", "a gap", above=0.0, at_most=2.0, remedy="Mind the gap")
+_CHOICE = Key("pair.law", "text", "a law", choices=("exact", "smooth"))
+_LIST = Key("pair.loads_N", "floats", "loads", above=0.0)
+
+
+@pytest.mark.parametrize(
+    "path", [p for p, k in KEYS.items() if not isinstance(k.default, Presence)]
+)
+def test_every_default_is_allowed_and_modelled(path):
+    key = KEYS[path]
+    assert key.read(key.default) == key.default
+    assert type(key.read(key.default)) is type(key.default)
+    assert key.refusal(key.default) is None
+
+
+def test_every_key_is_documented_in_one_line():
+    assert all(key.doc and "\n" not in key.doc for key in KEYS.values())
+
+
+def test_both_gears_have_the_same_keys():
+    pinion = {path for path in KEYS if re.search(r"\bpinion\b", path)}
+    wheel = {path for path in KEYS if re.search(r"\bwheel\b", path)}
+    assert {re.sub(r"\bwheel\b", "pinion", path) for path in wheel} == pinion
+    assert len(pinion) > 50
+
+
+@pytest.mark.parametrize(
+    ("path", "unit"),
+    [
+        ("material.young_GPa", "GPa"),
+        ("material.density_kg_m3", "kg/m^3"),
+        ("pair.helix_angle_deg", "degrees"),
+        ("pair.torque_pinion_Nm", "N m"),
+        ("pinion.face_width_mm", "mm"),
+        ("pinion.support.radial_S_N_m", "N/m"),
+        ("pinion.support.tilt_Nm_rad", "N m/rad"),
+        ("pinion.body.inertia_kg_m2", "kg m^2"),
+        ("pinion.body.mass_kg", "kg"),
+        ("pinion.shaft.loads[].force_N", "N"),
+        ("mesh.stiffness_N_mm_um", "N/(mm um)"),
+        ("map.depth_um.from", "um"),
+        ("sweep.pinion_speed_rad_s.to", "rad/s"),
+        ("damping.a_R_1_s", "1/s"),
+        ("damping.b_R_s", "s"),
+        ("optimise.bounds.flank.pinion.crowning_um", "um"),
+        ("optimise.bounds.pinion.profile_shift", ""),
+        ("pinion.teeth", ""),
+    ],
+)
+def test_unit_follows_the_key(path, unit):
+    assert KEYS[path].unit == unit
+
+
+@pytest.mark.parametrize("value", [1.0, 2, 2.0, 1e-9])
+def test_numbers_are_read_as_floats(value):
+    read = _NUMBER.read(value)
+    assert read == value
+    assert type(read) is float
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        (_NUMBER, 0, "got 0, must be a number > 0 and <= 2 [um]. Mind the gap"),
+        (_NUMBER, 2.5, "got 2.5, must be a number > 0 and <= 2 [um]. Mind the gap"),
+        (_NUMBER, math.nan, "got nan, must be a number > 0 and <= 2 [um]. It must be finite"),
+        (_NUMBER, math.inf, "It must be finite"),
+        (_NUMBER, 10**400, "It must be finite"),
+        (_NUMBER, True, "got true, must be a number"),
+        (_NUMBER, "1.5", 'got "1.5", must be a number > 0 and <= 2 [um]. Write 1.5, without the'),
+        (_NUMBER, "wide", 'got "wide", must be a number > 0 and <= 2 [um]'),
+        (_NUMBER, [1.0], "got [1.0], must be a number"),
+        (_NUMBER, {"x": 1}, "got a table, must be a number"),
+        (_CHOICE, "smoth", 'got "smoth", must be one of "exact", "smooth", did you mean "smooth"?'),
+        (_CHOICE, 3, 'got 3, must be one of "exact", "smooth"'),
+        (_LIST, 80, "got 80, must be a list of numbers, each > 0 [N]. Write [80]"),
+        (_LIST, [], "got [], must be a list of numbers, each > 0 [N]"),
+        (_LIST, [1.0, -2.0], "got [1.0, -2.0], must be a list of numbers, each > 0 [N]"),
+        (_LIST, [1.0, "a"], 'got [1.0, "a"], must be a list of numbers'),
+        (KEYS["pinion.teeth"], 45.0, "must be an integer >= 3 and <= 10000. Write 45"),
+        (KEYS["pinion.teeth"], 2, "got 2, must be an integer >= 3"),
+        (KEYS["pinion.teeth"], True, "got true, must be an integer"),
+        (KEYS["schema"], 2, "must be an integer equal to 1. This version of jaxgear reads"),
+        (KEYS["name"], "../up", "It names a folder: no slashes"),
+        (KEYS["name"], "..", "It names a folder: no slashes"),
+        (KEYS["name"], "", "It names a folder: no slashes, and not empty"),
+        (KEYS["optimise.symmetric"], 1, "got 1, must be true or false"),
+        (KEYS["optimise.vary"], "a.b", 'must be a list of texts in quotes. Write ["a.b"]'),
+        (
+            KEYS["optimise.bounds.pair.module_mm"],
+            [1.0],
+            "must be a list of 2 numbers, each >= 0.01",
+        ),
+    ],
+)
+def test_a_bad_value_says_what_is_allowed(key, value, message):
+    with pytest.raises(ValueError, match=re.escape(message)):
+        key.read(value)
+
+
+@pytest.mark.parametrize(("path", "value"), [("name", "a b.2"), ("name", "...")])
+def test_any_name_of_a_folder_will_do(path, value):
+    assert KEYS[path].read(value) == value
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "remedy"),
+    [
+        ("pinion.body.kind", "beam", 'Remove it or write "rigid"'),
+        ("mesh.foundation", "sainsot", 'Remove it or write one of "weber", "none"'),
+        ("wheel.foundation", "ring", 'Remove it or write one of "weber", "none"'),
+        ("mesh.periods", 2, "Remove it or write 1"),
+        ("flank.wheel.eccentricity_um", 1.0, "Remove it or write 0.0"),
+        ("flank.wheel.pitch_error_um", [0.0, 1.0], "Remove it or write [0.0]"),
+        ("flank.pinion.profile_deviation_csv", "p.csv", "Remove it"),
+        ("pinion.body.young_GPa", 4e5, "Remove it"),
+        ("model.fidelity", "auto", "Remove it"),
+        ("optimise.minimise", "dynamic_ratio", '"te_rms", "te_peak_to_peak", "max_pressure"'),
+    ],
+)
+def test_what_is_not_modelled_is_refused_with_a_remedy(path, value, remedy):
+    refusal = KEYS[path].refusal(value)
+    assert refusal is not None
+    assert _schema.NOT_MODELLED in refusal
+    assert refusal.endswith(remedy)
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("pinion.body.kind", "rigid"),
+        ("mesh.foundation", "none"),
+        ("mesh.periods", 1),
+        ("flank.wheel.pitch_error_um", [0.0, 0.0]),
+        ("optimise.minimise", "max_pressure"),
+        ("pair.module_mm", 3.0),
+    ],
+)
+def test_what_is_modelled_is_not_refused(path, value):
+    assert KEYS[path].refusal(value) is None
+
+
+def test_tables_of_which_nothing_is_modelled():
+    assert {"pinion.shaft", "wheel.shaft", "pinion.body.web", "wheel.body.web"} <= (
+        _schema.REFUSED_TABLES
+    )
+    assert not {"pinion", "pinion.body", "model", "flank.pinion"} & _schema.REFUSED_TABLES
+
+
+def test_only_real_numbers_that_matter_to_statics_are_differentiable():
+    real = set(_schema.REAL_KEYS)
+    assert all(KEYS[path].kind == "float" for path in real)
+    assert {"pair.module_mm", "wheel.support.tilt_Nm_rad", "flank.wheel.helix_slope_um"} <= real
+    assert not {"pinion.teeth", "material.density_kg_m3", "damping.mesh", "pinion.bore_mm"} & real
+
+
+@pytest.mark.parametrize(
+    ("path", "meant"),
+    [
+        ("pair.tork", "pair.torque_pinion_Nm"),
+        ("pair.module", "pair.module_mm"),
+        ("wheel.tooth", "wheel.teeth"),
+        ("naem", "name"),
+        ("flank.pinoin.crowning_um", "flank.pinion.crowning_um"),
+        ("pair.face_width_mm", "pinion.face_width_mm"),
+        ("mesh.zzz", None),
+    ],
+)
+def test_nearest_key(path, meant):
+    plain = [known for known in KEYS if not known.startswith("optimise.bounds")]
+    assert _schema.nearest(path, plain) == meant
+
+
+def test_long_values_are_cut():
+    shown = _schema.show(list(range(1000)))
+    assert len(shown) == 80
+    assert shown.endswith("...")

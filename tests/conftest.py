@@ -1,0 +1,24 @@
+"""The conditions that every test runs under. Imports no package of ours."""
+
+import os
+import sys
+
+# Before anything imports NumPy: with its default threads a small solve takes ten times as long.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("MKL_NUM_THREADS", "1")
+os.environ.setdefault("MPLBACKEND", "Agg")
+
+import jax
+from jaxtyping import install_import_hook
+
+_CHECKED = ("jaxgear", "optimise")
+
+# The hook rewrites modules as they are imported; one that is already in has escaped it.
+if escaped := [name for name in _CHECKED if name in sys.modules]:
+    raise RuntimeError(f"Imported before the shape checks were installed: {escaped}.")
+install_import_hook(_CHECKED, "beartype.beartype")
+
+jax.config.update("jax_enable_x64", True)
+jax.config.update("jax_numpy_dtype_promotion", "strict")
+jax.config.update("jax_numpy_rank_promotion", "raise")

@@ -1,0 +1,549 @@
+"""Quasi-static mesh cycles: equilibrium, closed forms, limits, symmetries, refusals."""
+
+import math
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import assert_close, assert_gradient, observed_order
+from scipy.optimize import brentq
+from solve_cases import (
+    ACCESSORY,
+    FZG_C14,
+    FZG_H501,
+    POWER,
+    Drawing,
+    spread,
+    symmetric_relief,
+    with_contact_ratio,
+)
+
+import jaxgear as jg
+from jaxgear import um
+
+STIFFNESS = 14e9
+SUPPORTS = (
+    jg.Support(radial_s=2e8, radial_t=5e8, axial=1e8, tilt=3e5),
+    jg.Support(radial_s=4e8, radial_t=7e8, axial=2e8, tilt=6e5),
+)
+RELIEVED = jg.Superposed((jg.TipRelief(12 * um, 0.3), jg.Crowning(4 * um), jg.HelixSlope(3 * um)))
+
+_run = eqx.filter_jit(jg.mesh_cycle)
+
+
+def _model(drawing: Drawing, torque: float, **more) -> jg.PairModel:
+    more.setdefault("compliance", jg.ConstantStiffness(STIFFNESS))
+    return jg.PairModel(drawing.pair(), torque, **more)
+
+
+def _error(model: jg.PairModel, cycle: jg.MeshCycle) -> np.ndarray:
+    return np.asarray(jg.transmission_error(model.pair, cycle))
+
+
+def _deflection(drawing: Drawing, torque: float) -> float:
+    """Transverse deflection of one spur pair that carries everything."""
+    return drawing.force(torque) / (STIFFNESS * drawing.common_width)
+
+
+# --- equilibrium
+
+EVERYTHING = {
+    "spur": (ACCESSORY, {}),
+    "relieved": (ACCESSORY, {"flanks": jg.Flanks(RELIEVED, RELIEVED)}),
+    "on springs": (ACCESSORY, {"pinion_support": SUPPORTS[0], "wheel_support": SUPPORTS[1]}),
+    "helical": (
+        POWER,
+        {
+            "flanks": jg.Flanks(RELIEVED, RELIEVED),
+            "pinion_support": SUPPORTS[0],
+            "wheel_support": SUPPORTS[1],
+            "misalignment": jg.Misalignment(8 * um, -15 * um),
+        },
+    ),
+    "fzg": (FZG_H501, {"compliance": jg.WeberBanaschek()}),
+}
+
+
+@pytest.mark.parametrize("case", EVERYTHING)
+def test_cell_forces_balance_the_torque_at_every_phase(case):
+    drawing, more = EVERYTHING[case]
+    model = _model(drawing, 120.0, **more)
+    cycle = _run(model, jg.mesh_grid(model.pair, phases=16, slices=10))
+    assert bool(jnp.all(cycle.converged))
+    force = np.asarray(cycle.force)
+    assert np.all(force >= 0.0)
+    expected = np.full(16, drawing.force(120.0))
+    assert_close(force.sum(axis=1), expected, rtol=1e-9, atol=0.0)
+    # Moments: about the pinion's axis the torque, about the contact line's foot the second load.
+    arm = drawing.base_radius[0] * math.cos(drawing.base_helix)
+    assert_close(force.sum(axis=1) * arm, np.full(16, 120.0), rtol=1e-9, atol=0.0)
+    moment = np.sum(force * np.asarray(cycle.cells.arm), axis=1)
+    assert_close(cycle.load[:, 1], moment, rtol=1e-9, atol=1e-9 * expected[0] * 0.01)
+
+
+def test_tilt_of_supported_bodies_follows_their_moment():
+    """Overlaps of one line, gaps taken out, lie on a straight line of slope -H1.g."""
+    drawing, more = EVERYTHING["helical"]
+    model = _model(drawing, 120.0, **more)
+    grid = jg.mesh_grid(model.pair, phases=8, slices=6)
+    cycle = _run(model, grid)
+    gap = jg.mesh_gap(model.pair, cycle.cells.lines, model.flanks, model.misalignment)
+    across = 1 / 3e5 + 1 / 6e5
+    teeth = np.asarray(drawing.teeth)
+    first, second = drawing.centre_distance * teeth / teeth.sum()
+    sine = math.sin(drawing.base_helix) * math.sin(drawing.working_angle)
+    coupling = sine * (first / 3e5 - second / 6e5)
+    force = np.asarray(cycle.force)
+    moment = np.sum(force * np.asarray(cycle.cells.arm), axis=1)
+    tilt = -(coupling * force.sum(axis=1) + across * moment)
+    moved = np.asarray(cycle.overlap + gap)
+    arms = np.asarray(cycle.cells.arm)
+    slope = (moved[:, -1] - moved[:, 0]) / (arms[:, -1] - arms[:, 0])
+    assert_close(slope, tilt, rtol=1e-8, atol=0.0)
+
+
+# --- closed forms at constant stiffness
+
+
+@pytest.mark.parametrize("ratio", [1.01, 1.3, 1.6, 1.9, 2.0, 2.3])
+def test_unmodified_spur_pair_by_hand(ratio):
+    """n or n + 1 pairs share the load: delta/n and delta/(n + 1), for 1 - p and p of the period."""
+    drawing = with_contact_ratio(ratio)
+    model = _model(drawing, 200.0)
+    cycle = _run(model, jg.mesh_grid(model.pair, phases=24, slices=3))
+    error, delta = _error(model, cycle), _deflection(drawing, 200.0)
+    # At a whole contact ratio the fraction is 0 or 1, as rounding has it; both sets agree.
+    fewer = round(ratio) if abs(ratio - round(ratio)) < 1e-6 else math.floor(ratio)
+    part = max(ratio - fewer, 0.0)
+    mean = delta * ((1 - part) / fewer + part / (fewer + 1))
+    weight = np.asarray(cycle.cells.lines.weight)
+    assert_close(np.sum(weight), 1.0, rtol=1e-12, atol=0.0)
+    assert_close(np.sum(weight * error), mean, rtol=1e-9, atol=0.0)
+    deviation = delta * math.sqrt(part * (1 - part)) / (fewer * (fewer + 1))
+    assert abs(spread(cycle, error) - deviation) < 1e-9 * delta
+    if ratio < 2.0:
+        assert_close(mean, delta * (1 - (ratio - 1) / 2), rtol=1e-12, atol=0.0)
+        assert_close(
+            deviation, 0.5 * delta * math.sqrt((ratio - 1) * (2 - ratio)), rtol=1e-12, atol=0.0
+        )
+
+
+@pytest.mark.parametrize("phases", [8, 13, 64])
+def test_unmodified_spur_pair_is_exact_on_any_grid(phases):
+    drawing = with_contact_ratio(1.42)
+    model = _model(drawing, 200.0)
+    cycle = _run(model, jg.mesh_grid(model.pair, phases=phases, slices=1))
+    expected = 0.5 * _deflection(drawing, 200.0) * math.sqrt(0.42 * 0.58)
+    assert_close(spread(cycle, _error(model, cycle)), expected, rtol=1e-9, atol=0.0)
+
+
+@pytest.mark.parametrize("ratio", [1.2, 1.42, 1.8])
+def test_rms_follows_the_contact_ratio(ratio):
+    """d RMS/d eps = delta (3 - 2 eps) / (4 sqrt((eps-1)(2-eps))), through the addendum."""
+    drawing = with_contact_ratio(ratio)
+    model = _model(drawing, 200.0)
+    grid = jg.mesh_grid(model.pair, phases=32, slices=2)
+
+    def rms(addendum):
+        moved = eqx.tree_at(
+            lambda m: (m.pair.pinion.addendum, m.pair.wheel.addendum), model, (addendum,) * 2
+        )
+        cycle = jg.mesh_cycle(moved, grid, throw=False)
+        return jg.cycle_rms(cycle, jg.transmission_error(moved.pair, cycle))
+
+    # eps moves with the two tip roll lengths: d sqrt(ra^2 - rb^2) = ra m dh / sqrt(..).
+    tips = zip(drawing.tip_radius, drawing.base_radius, strict=True)
+    longer = sum(a * drawing.module / math.sqrt(a**2 - b**2) for a, b in tips)
+    slope = 0.25 * (3 - 2 * ratio) / math.sqrt((ratio - 1) * (2 - ratio))
+    slope *= _deflection(drawing, 200.0) * longer / drawing.base_pitch
+    addendum = jnp.asarray(drawing.addendum[0])
+    assert_close(jax.jit(jax.grad(rms))(addendum), slope, rtol=1e-6, atol=0.0)
+    assert_close(jax.jit(jax.jacfwd(rms))(addendum), slope, rtol=1e-6, atol=0.0)
+
+
+def _sum_of_pairs(drawing: Drawing, torque: float, phase: float, depth: float, extent: float):
+    """TE of a relieved spur pair at one phase: sum_j k b <x - e(s_j)> = F, by bisection."""
+    ratio = drawing.contact_ratio
+    run = extent * ratio
+    places = [phase + j for j in range(3) if phase + j < ratio]
+
+    def removed(s: float) -> float:
+        return depth * (max(1 - s / run, 0.0) + max(1 - (ratio - s) / run, 0.0))
+
+    delta = _deflection(drawing, torque)
+
+    def missing(x: float) -> float:
+        return sum(max(x - removed(s), 0.0) for s in places) - delta
+
+    return brentq(missing, 0.0, delta + 2 * depth, xtol=1e-18, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "extent", "depth"),
+    [
+        (1.6, 0.3, 3 * um),
+        (1.6, 0.3, 40 * um),
+        # Unrelieved flank shorter than a pitch, and deep: two barely touching pairs, large TE.
+        (1.6, 0.45, 60 * um),
+        (1.01, 0.2, 20 * um),
+        (2.3, 0.4, 15 * um),
+    ],
+)
+def test_relieved_spur_pair_against_bisection(ratio, extent, depth):
+    drawing = with_contact_ratio(ratio)
+    model = _model(drawing, 200.0, flanks=symmetric_relief(depth, extent))
+    cycle = _run(model, jg.mesh_grid(model.pair, phases=24, slices=2))
+    phases = np.asarray(cycle.cells.lines.phase)
+    expected = [_sum_of_pairs(drawing, 200.0, phase, depth, extent) for phase in phases]
+    assert_close(_error(model, cycle), np.array(expected), rtol=1e-7, atol=0.0)
+
+
+def test_deep_relief_separates_neighbouring_teeth():
+    """Unrelieved for more than a pitch and relieved by far more than delta: one pair at a time."""
+    drawing = with_contact_ratio(1.6)
+    model = _model(drawing, 200.0, flanks=symmetric_relief(2e-3, 0.15))
+    cycle = _run(model, jg.mesh_grid(model.pair, phases=64, slices=4))
+    assert bool(jnp.all(cycle.converged))
+    sharing = np.asarray(jg.load_sharing(cycle))
+    alone = np.isclose(sharing.max(axis=1), 1.0, rtol=0, atol=1e-9)
+    # Both are unrelieved only over (1 - 2 * 0.15) * 1.6 - 1 = 0.12 of the period.
+    assert_close(np.sum(np.asarray(cycle.cells.lines.weight)[~alone]), 0.12, rtol=0.09, atol=0.0)
+    delta = _deflection(drawing, 200.0)
+    assert_close(_error(model, cycle)[alone], np.full(alone.sum(), delta), rtol=1e-9, atol=0.0)
+
+
+@pytest.mark.parametrize("drawing", [ACCESSORY, POWER], ids=["spur", "helical"])
+def test_slope_at_zero_relief_is_a_derivative(drawing):
+    """d mean TE/d depth: the mean removal over the cells in contact. A tie must not halve it."""
+    model = _model(drawing, 120.0)
+    grid = jg.mesh_grid(model.pair, phases=32, slices=12)
+
+    def error(depth):
+        moved = eqx.tree_at(
+            lambda m: m.flanks, model, symmetric_relief(depth, 0.25), is_leaf=lambda x: x is None
+        )
+        cycle = jg.mesh_cycle(moved, grid, throw=False)
+        return jg.transmission_error(moved.pair, cycle)
+
+    cycle = _run(model, grid)
+    lines = cycle.cells.lines
+    ratio = drawing.contact_ratio
+    place = (np.asarray(lines.roll) - float(model.pair.path_start)) / drawing.base_pitch / ratio
+    removed = np.maximum(1 - place / 0.25, 0.0) + np.maximum(1 - (1 - place) / 0.25, 0.0)
+    share = np.asarray(cycle.cells.stiffness).reshape(place.shape)
+    expected = np.sum(share * removed, axis=(1, 2)) / np.sum(share, axis=(1, 2))
+    expected /= math.cos(drawing.base_helix)
+    at_zero = jnp.asarray(0.0)
+    assert_close(jax.jit(jax.jacfwd(error))(at_zero), expected, rtol=1e-8, atol=1e-9)
+    # From the inside: the difference over a relief far below any deflection.
+    step = 1e-9
+    ahead = (error(jnp.asarray(step)) - error(at_zero)) / step
+    assert_close(ahead, expected, rtol=1e-5, atol=1e-6)
+
+
+def test_misalignment_that_unloads_half_a_face_by_hand():
+    """A wedge gap c z: F = n k c b^2 / 8 leaves the mid-face just touching, TE = 0."""
+    drawing = with_contact_ratio(1.01)
+    torque = 200.0
+    wedge = 8 * drawing.force(torque) / (STIFFNESS * drawing.common_width**2)
+    deviation = wedge * drawing.common_width / math.cos(drawing.working_angle)
+    model = _model(drawing, torque, misalignment=jg.Misalignment(deviation=deviation))
+    cycle = _run(model, jg.mesh_grid(model.pair, phases=16, slices=40))
+    delta = _deflection(drawing, torque)
+    single = np.asarray(cycle.cells.lines.phase) > 0.01
+    assert np.all(np.abs(_error(model, cycle)[single]) < 1e-9 * delta)
+    # The wheel leans away from the pinion at the right end: the left half carries.
+    force = np.asarray(cycle.force).reshape(16, -1, 40)[single].sum(axis=1)
+    ramp = np.maximum(-np.asarray(cycle.cells.lines.face_position), 0.0)
+    expected = drawing.force(torque) * ramp / ramp.sum()
+    assert_close(force, np.broadcast_to(expected, force.shape), rtol=1e-7, atol=1e-9)
+
+
+def test_inclination_acts_by_the_sine_of_the_pressure_angle():
+    drawing = ACCESSORY
+    grid = jg.mesh_grid(drawing.pair(), phases=8, slices=8)
+    tangent = math.tan(drawing.working_angle)
+    one = _run(_model(drawing, 80.0, misalignment=jg.Misalignment(inclination=20 * um)), grid)
+    same = jg.Misalignment(deviation=20 * um * tangent)
+    other = _run(_model(drawing, 80.0, misalignment=same), grid)
+    assert_close(one.force, other.force, rtol=1e-9, atol=1e-6)
+    assert float(jnp.max(jnp.abs(one.force - _run(_model(drawing, 80.0), grid).force))) > 1.0
+
+
+# --- scaling and symmetry
+
+
+@pytest.mark.parametrize(
+    "compliance", [jg.ConstantStiffness(STIFFNESS), jg.WeberBanaschek()], ids=["constant", "weber"]
+)
+@pytest.mark.parametrize("drawing", [ACCESSORY, POWER], ids=["spur", "helical"])
+def test_all_lengths_times_37(drawing, compliance):
+    """At equal stress (torque x 37^3) the TE scales with the lengths, forces with 37^2."""
+    by = 37.0
+    relief = lambda size: symmetric_relief(size * 10 * um, 0.25)
+    small = _model(drawing, 80.0, flanks=relief(1.0), compliance=compliance)
+    large_drawing = replace(
+        drawing,
+        module=by * drawing.module,
+        face_width=(by * drawing.face_width[0], by * drawing.face_width[1]),
+    )
+    large = _model(large_drawing, 80.0 * by**3, flanks=relief(by), compliance=compliance)
+    grid = jg.mesh_grid(small.pair, phases=12, slices=6)
+    few, many = _run(small, grid), _run(large, grid)
+    assert_close(_error(large, many), by * _error(small, few), rtol=1e-10, atol=0.0)
+    assert_close(many.force, by**2 * few.force, rtol=1e-8, atol=1e-3)
+
+
+def _exchanged(model: jg.PairModel, drawing: Drawing) -> jg.PairModel:
+    """The wheel drives: same force, mirrored hand, the mesh runs backwards."""
+    pair = model.pair
+    swapped = jg.GearPair(
+        pair.wheel, pair.pinion, pair.normal_module, pair.pressure_angle, -pair.helix_angle
+    )
+    first, second = drawing.base_radius
+    return jg.PairModel(
+        swapped,
+        model.torque * second / first,
+        jg.Flanks(model.flanks.wheel, model.flanks.pinion),
+        model.compliance,
+        model.wheel_support,
+        model.pinion_support,
+    )
+
+
+@pytest.mark.parametrize("drawing", [ACCESSORY, POWER], ids=["spur", "helical"])
+def test_pinion_and_wheel_change_places(drawing):
+    flanks = jg.Flanks(jg.TipRelief(15 * um, 0.3), jg.Superposed((jg.TipRelief(6 * um, 0.2),)))
+    flanks = eqx.tree_at(lambda f: f.pinion, flanks, jg.Superposed((flanks.pinion, RELIEVED)))
+    supports = dict(zip(("pinion_support", "wheel_support"), SUPPORTS, strict=True))
+    model = _model(drawing, 120.0, flanks=flanks, compliance=jg.WeberBanaschek(), **supports)
+    other = _exchanged(model, drawing)
+    grid = jg.mesh_grid(model.pair, phases=16, slices=6)
+    error = _error(model, _run(model, grid))
+    back = _error(other, _run(other, grid))
+    # A phase tau is met at eps - tau: each of the two sets of phases is reversed.
+    split = grid.entry_phases
+    reversed_ = np.concatenate([back[:split][::-1], back[split:][::-1]])
+    assert_close(reversed_, error, rtol=1e-9, atol=0.0)
+    assert np.ptp(error) > 1e-3 * np.mean(error)
+
+
+def test_mirrored_pair_has_mirrored_forces():
+    """The other hand, with every feature across the face mirrored too."""
+    lead = lambda sign: jg.Superposed(
+        (
+            jg.TipRelief(10 * um, 0.3),
+            jg.HelixSlope(sign * 6 * um),
+            jg.EndRelief(8 * um, 0.3, left=sign > 0, right=sign < 0),
+        )
+    )
+    supports = dict(zip(("pinion_support", "wheel_support"), SUPPORTS, strict=True))
+    results = []
+    for sign in (1.0, -1.0):
+        drawing = replace(POWER, helix_angle=sign * POWER.helix_angle)
+        model = _model(
+            drawing,
+            120.0,
+            flanks=jg.Flanks(lead(sign), jg.Crowning(2 * um)),
+            misalignment=jg.Misalignment(sign * 5 * um, sign * 9 * um),
+            **supports,
+        )
+        grid = jg.mesh_grid(POWER.pair(), phases=12, slices=7)
+        cycle = _run(model, grid)
+        results.append((_error(model, cycle), np.asarray(cycle.force).reshape(12, -1, 7)))
+    (right, force), (left, mirrored) = results
+    assert_close(left, right, rtol=1e-10, atol=0.0)
+    assert_close(mirrored[:, :, ::-1], force, rtol=1e-8, atol=1e-6)
+    assert np.max(np.abs(mirrored - force)) > 1.0
+
+
+# --- extremes
+
+
+@pytest.mark.parametrize(
+    ("helix", "width", "slices"),
+    [(0.0, 0.02, 1), (0.0, 0.6, 20), (5.0, 0.02, 1), (20.0, 0.3, 40), (35.0, 0.06, 30)],
+)
+def test_wide_narrow_and_steep_pairs_converge(helix, width, slices):
+    drawing = with_contact_ratio(1.4, helix_angle=math.radians(helix), face_width=width)
+    support = jg.Support(radial_s=2e8, radial_t=5e8, axial=1e8, tilt=3e5)
+    more = {"pinion_support": support, "flanks": jg.Flanks(RELIEVED, RELIEVED)}
+    model = _model(drawing, 150.0, misalignment=jg.Misalignment(30 * um, -40 * um), **more)
+    cycle = _run(model, jg.mesh_grid(model.pair, phases=16, slices=slices))
+    assert bool(jnp.all(cycle.converged))
+    assert int(jnp.max(cycle.steps)) < 30
+    expected = np.full(16, drawing.force(150.0))
+    assert_close(np.asarray(cycle.force).sum(axis=1), expected, rtol=1e-9, atol=0.0)
+
+
+def test_two_hundred_slices_agree_with_twenty():
+    model = _model(POWER, 150.0, flanks=jg.Flanks(RELIEVED, RELIEVED))
+    means = []
+    for slices in (20, 200):
+        cycle = _run(model, jg.mesh_grid(model.pair, phases=16, slices=slices))
+        means.append(float(jg.cycle_mean(cycle, jg.transmission_error(model.pair, cycle))))
+    assert_close(means[0], means[1], rtol=2e-3, atol=0.0)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_integer_overlap_keeps_an_unmodified_pair_still(sign):
+    """eps_beta = 1: the length of contact is constant, so is TE = F / (k eps b) cos(beta_b)^-1."""
+    helix = math.radians(18.0) * sign
+    width = with_contact_ratio(1.4, helix_angle=helix).base_pitch / math.tan(
+        abs(with_contact_ratio(1.4, helix_angle=helix).base_helix)
+    )
+    drawing = with_contact_ratio(1.4, helix_angle=helix, face_width=width)
+    assert_close(abs(drawing.overlap_ratio), 1.0, rtol=1e-12, atol=0.0)
+    model = _model(drawing, 150.0)
+    cycle = _run(model, jg.mesh_grid(model.pair, phases=16, slices=16))
+    error = _error(model, cycle)
+    # Normal deflection F_n / (k L), L = eps b / cos(beta_b); transverse: over cos(beta_b).
+    length = 1.4 * width / math.cos(drawing.base_helix)
+    expected = drawing.force(150.0) / (STIFFNESS * length) / math.cos(drawing.base_helix)
+    weight = np.asarray(cycle.cells.lines.weight)
+    assert_close(np.sum(weight * error), expected, rtol=1e-3, atol=0.0)
+    assert spread(cycle, error) < 1e-3 * expected
+
+
+# --- supports
+
+
+def test_radial_springs_add_their_own_deflection():
+    """Spur, no tilt: TE rises by F (sin^2/k_S + cos^2/k_T) of both gears, at every phase."""
+    grid = jg.mesh_grid(ACCESSORY.pair(), phases=16, slices=4)
+    relief = symmetric_relief(12 * um, 0.25)
+    rigid = _model(ACCESSORY, 80.0, flanks=relief)
+    soft = _model(
+        ACCESSORY,
+        80.0,
+        flanks=relief,
+        pinion_support=jg.Support(radial_s=2e7, radial_t=5e7),
+        wheel_support=jg.Support(radial_s=4e7, radial_t=7e7),
+    )
+    sine, cosine = math.sin(ACCESSORY.working_angle), math.cos(ACCESSORY.working_angle)
+    give = sine**2 * (1 / 2e7 + 1 / 4e7) + cosine**2 * (1 / 5e7 + 1 / 7e7)
+    rise = _error(soft, _run(soft, grid)) - _error(rigid, _run(rigid, grid))
+    assert_close(rise, np.full(16, ACCESSORY.force(80.0) * give), rtol=1e-9, atol=0.0)
+
+
+def test_very_stiff_supports_tend_to_rigid_ones():
+    grid = jg.mesh_grid(POWER.pair(), phases=12, slices=8)
+    flanks = jg.Flanks(RELIEVED, RELIEVED)
+    rigid = _model(POWER, 150.0, flanks=flanks)
+    still = _error(rigid, _run(rigid, grid))
+    stiffness = np.array([1e11, 1e12, 1e13])
+    differences = []
+    for k in stiffness:
+        support = jg.Support(k, k, k, 1e-3 * k)
+        model = _model(POWER, 150.0, flanks=flanks, pinion_support=support, wheel_support=support)
+        differences.append(np.max(np.abs(_error(model, _run(model, grid)) / still - 1)))
+    assert 0.98 < observed_order(1 / stiffness, differences) < 1.02
+
+
+@pytest.mark.parametrize("k", [1e5, 1e6, 1e7])
+def test_soft_supports_converge(k):
+    """Centres that move by millimetres."""
+    support = jg.Support(k, k, k, 1e-3 * k)
+    model = _model(
+        POWER,
+        150.0,
+        flanks=jg.Flanks(RELIEVED, RELIEVED),
+        pinion_support=support,
+        wheel_support=support,
+    )
+    cycle = _run(model, jg.mesh_grid(POWER.pair(), phases=12, slices=8))
+    expected = np.full(12, POWER.force(150.0))
+    assert_close(np.asarray(cycle.force).sum(axis=1), expected, rtol=1e-8, atol=0.0)
+
+
+# --- gradients
+
+
+def test_every_real_input_is_differentiable():
+    """One direction through gears, flanks, supports, misalignment, stiffness and torque at once."""
+    drawing, more = EVERYTHING["helical"]
+    compliance = jg.WeberBanaschek()
+    model = _model(drawing, 300.0, **{**more, "compliance": compliance})
+    # Leaves at zero: tip shortening. Bodies are of steel, no density matters here.
+    sizes = eqx.tree_at(
+        lambda m: (m.pair.pinion.tip_shortening, m.pair.wheel.tip_shortening),
+        model,
+        (jnp.asarray(0.1), jnp.asarray(0.1)),
+    )
+    grid = jg.mesh_grid(model.pair, phases=8, slices=8)
+
+    def mean(moved):
+        cycle = jg.mesh_cycle(moved, grid, law=jg.SmoothContact(2 * um), throw=False)
+        error = jg.transmission_error(moved.pair, cycle)
+        return (jg.cycle_mean(cycle, error) + jg.cycle_rms(cycle, error)) / um
+
+    assert_gradient(mean, model, rtol=2e-5, step=1e-6, scale=sizes)
+
+
+# --- refusals and bookkeeping
+
+
+def test_single_precision_is_refused_with_the_line_to_add():
+    with jax.enable_x64(False):
+        model = _model(ACCESSORY, 80.0)
+        grid = jg.mesh_grid(model.pair, phases=8, slices=2)
+        with pytest.raises(ValueError, match=r'jax\.config\.update\("jax_enable_x64", True\)'):
+            jg.mesh_cycle(model, grid)
+
+
+def _hasty():
+    model = _model(ACCESSORY, 80.0, flanks=symmetric_relief(80 * um, 0.4))
+    return model, jg.mesh_grid(model.pair, phases=8, slices=2), jg.SolverSettings(most_steps=1)
+
+
+def test_an_unsolved_phase_raises():
+    model, grid, settings = _hasty()
+    with pytest.raises(RuntimeError, match="contact was not solved at some phase"):
+        jg.mesh_cycle(model, grid, settings=settings)
+    with pytest.raises(RuntimeError, match="Raise `most_steps`"):
+        _run(model, grid, settings=settings)
+
+
+def test_an_unsolved_phase_is_reported_where_it_must_not_raise():
+    model, grid, settings = _hasty()
+    cycle = _run(model, grid, settings=settings, throw=False)
+    assert not bool(jnp.all(cycle.converged))
+    assert bool(jnp.all(_run(model, grid).converged))
+
+
+def test_a_torque_that_does_not_drive_is_refused():
+    model = _model(ACCESSORY, -80.0)
+    with pytest.raises(ValueError, match="torque must be positive"):
+        jg.mesh_cycle(model, jg.mesh_grid(model.pair))
+
+
+def test_quasi_static_is_the_body_of_mesh_cycle():
+    model = _model(ACCESSORY, 80.0, flanks=symmetric_relief(10 * um, 0.3))
+    grid = jg.mesh_grid(model.pair, phases=8, slices=2)
+    cells = jg.mesh_cells(model.pair, grid, model.compliance, jnp.asarray(1.0))
+    gap = jg.mesh_gap(model.pair, cells.lines, model.flanks, jg.Misalignment())
+    cycle = jg.quasi_static(
+        jg.pair_system(model.pair, model.torque),
+        cells,
+        gap,
+        law=jg.ExactContact(),
+        settings=jg.SolverSettings(),
+    )
+    assert_close(cycle.approach, _run(model, grid).approach, rtol=1e-12, atol=0.0)
+
+
+def test_one_trace_serves_all_designs():
+    grid = jg.mesh_grid(ACCESSORY.pair(), phases=8, slices=2)
+    run = eqx.filter_jit(eqx.debug.assert_max_traces(jg.mesh_cycle, max_traces=1))
+    for depth, torque in ((0.0, 80.0), (10 * um, 100.0), (20 * um, 40.0)):
+        run(_model(ACCESSORY, torque, flanks=symmetric_relief(depth, 0.3)), grid)
+
+
+def test_nominal_line_load_by_hand():
+    """T / (r_b b): F_n cos(beta_b) / b; 200 N m on the FZG C14, 5912 N over 14 mm."""
+    pair = FZG_C14.pair()
+    load = jg.nominal_line_load(pair, jnp.asarray(200.0))
+    assert_close(load, 5912.1 / 0.014, rtol=1e-4, atol=0.0)

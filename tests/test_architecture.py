@@ -1,0 +1,701 @@
+"""The rules of the house that a machine can hold: one-way flow, sides, classes, units, globals.
+
+Each rule is a function from sources to faults. It is tried on the packages, where it must find
+nothing, and on planted faults, where it must find each.
+"""
+
+import ast
+import importlib
+import inspect
+import re
+import subprocess
+import sys
+import textwrap
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path, PurePosixPath
+from typing import NamedTuple
+
+import jaxtyping
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("jaxgear", "fem_prep", "optimise")
+
+# In the order in which data flows. A stage is a file or a folder, and imports only from above.
+STAGES = (
+    "_units",
+    "_types",
+    "_checks",
+    "_smooth",
+    "_geometry",
+    "_flank",
+    "_contact",
+    "_interface",
+    "_system",
+    "_solve",
+    "_response",
+    "_app",
+)
+APP = STAGES[-1]
+
+# The one place that sets the process up, so the only one that may touch JAX's configuration.
+CONFIGURES = PurePosixPath("jaxgear/_app/_cli.py")
+
+_SI = {"m", "s", "kg", "N", "Pa", "J", "W", "Hz", "rad", "K"}
+# At the door to the user a number may still be in the unit of the file.
+_DOOR = _SI | {"mm", "um", "deg", "GPa", "MPa", "rpm", "MB"}
+
+
+class Source(NamedTuple):
+    """A parsed file, under its path from the root of the repository."""
+
+    path: PurePosixPath
+    tree: ast.Module
+
+    def at(self, node: ast.AST) -> str:
+        return f"{self.path}:{getattr(node, 'lineno', 1)}"
+
+    @property
+    def stage(self) -> str:
+        """First name below the package, without the ending."""
+        return self.path.parts[1].removesuffix(".py")
+
+
+class Import(NamedTuple):
+    """One imported name: `from jaxgear._types import Scalar` is `jaxgear._types.Scalar`."""
+
+    node: ast.stmt
+    name: str
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        return tuple(self.name.split("."))
+
+
+class Class(NamedTuple):
+    source: Source
+    node: ast.ClassDef
+
+    @property
+    def bases(self) -> list[str]:
+        return [name for name in map(_last_name, self.node.bases) if name]
+
+    @property
+    def is_named_abstract(self) -> bool:
+        return self.node.name.lstrip("_").startswith("Abstract")
+
+
+def read_sources(root: Path, *folders: str) -> list[Source]:
+    """Parse every Python file below the folders; one that does not exist has none."""
+    return [
+        Source(PurePosixPath(path.relative_to(root).as_posix()), ast.parse(path.read_bytes()))
+        for folder in folders
+        for path in sorted((root / folder).rglob("*.py"))
+    ]
+
+
+def _last_name(node: ast.AST) -> str:
+    """`Module` of `eqx.Module`, `AbstractVar` of `eqx.AbstractVar[int]`."""
+    match node:
+        case ast.Subscript(value=value):
+            return _last_name(value)
+        case ast.Attribute(attr=name) | ast.Name(id=name):
+            return name
+    return ""
+
+
+def _imports(source: Source) -> Iterator[Import]:
+    for node in ast.walk(source.tree):
+        if isinstance(node, ast.Import):
+            yield from (Import(node, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            origin = [node.module] if node.module else []
+            if node.level:
+                origin = [*source.path.parts[: -node.level], *origin]
+            yield from (Import(node, ".".join([*origin, alias.name])) for alias in node.names)
+
+
+def _classes(sources: Iterable[Source]) -> dict[str, Class]:
+    """Every class by its name, nested ones too."""
+    return {
+        node.name: Class(source, node)
+        for source in sources
+        for node in ast.walk(source.tree)
+        if isinstance(node, ast.ClassDef)
+    }
+
+
+def _lineage(name: str, classes: Mapping[str, Class]) -> Iterator[str]:
+    """Names of all bases, nearest first, as far as they can be followed."""
+    for base in classes[name].bases if name in classes else ():
+        yield base
+        yield from _lineage(base, classes)
+
+
+def _methods(node: ast.ClassDef) -> dict[str, ast.FunctionDef]:
+    return {x.name: x for x in node.body if isinstance(x, ast.FunctionDef)}
+
+
+# --- The rules
+
+
+def faults_of_flow(sources: Iterable[Source]) -> Iterator[str]:
+    """A stage imports only from itself and from stages above; only `_app` sees everything."""
+    for source in sources:
+        if source.path.parts[0] != "jaxgear":
+            continue
+        if source.stage in ("__init__", "__main__"):
+            yield from _faults_of_door(source)
+            continue
+        if source.stage not in STAGES:
+            yield f"{source.path}: `{source.stage}` is not in the list of stages"
+            continue
+        for found in _imports(source):
+            package, *names = found.parts
+            if source.stage == APP or package not in PACKAGES:
+                continue
+            if package != "jaxgear":
+                yield f"{source.at(found.node)}: only `{APP}` may import {found.name}"
+            elif not names or names[0] not in STAGES:
+                yield f"{source.at(found.node)}: a stage imports from stages, not {found.name}"
+            elif STAGES.index(names[0]) > STAGES.index(source.stage):
+                yield f"{source.at(found.node)}: {found.name} is downstream of `{source.stage}`"
+
+
+def _faults_of_door(source: Source) -> Iterator[str]:
+    """`__init__` re-exports in the order of the flow, `__main__` opens `_app`."""
+    latest = 0
+    for found in _imports(source):
+        package, *names = found.parts
+        if package not in PACKAGES:
+            continue
+        is_stage = package == "jaxgear" and bool(names) and names[0] in STAGES
+        if not is_stage or (names[0] == APP) != (source.stage == "__main__"):
+            yield f"{source.at(found.node)}: `{source.stage}` may not import {found.name}"
+        elif STAGES.index(names[0]) < latest:
+            yield f"{source.at(found.node)}: {found.name} stands below a later stage"
+        else:
+            latest = STAGES.index(names[0])
+
+
+def faults_of_sides(sources: Iterable[Source]) -> Iterator[str]:
+    """`fem_prep` and `optimise` use public names of `jaxgear`, and do not know each other."""
+    for source in sources:
+        own = source.path.parts[0]
+        if own == "jaxgear":
+            continue
+        aliases = set()
+        for found in _imports(source):
+            package, *names = found.parts
+            if package in PACKAGES and package not in (own, "jaxgear"):
+                yield f"{source.at(found.node)}: {own} may not import {found.name}"
+            if package != "jaxgear":
+                continue
+            if isinstance(found.node, ast.Import):
+                aliases |= {x.asname or x.name for x in found.node.names if x.name == "jaxgear"}
+            by_name = isinstance(found.node, ast.ImportFrom) and len(names) == 1
+            if names and not (by_name and not names[0].startswith("_")):
+                yield f"{source.at(found.node)}: {found.name} is not a public name of jaxgear"
+        for node in ast.walk(source.tree):
+            match node:
+                case ast.Attribute(value=ast.Name(id=alias), attr=name) if alias in aliases:
+                    if name.startswith("_"):
+                        yield f"{source.at(node)}: {alias}.{name} is not a public name of jaxgear"
+
+
+def faults_of_classes(sources: Iterable[Source]) -> Iterator[str]:
+    """A class is abstract, and says so in its name and by a member, or nothing descends from it."""
+    classes = _classes(sources)
+    for name, found in classes.items():
+        where = found.source.at(found.node)
+        for base in found.bases:
+            if base in classes and not classes[base].is_named_abstract:
+                yield f"{where}: `{name}` descends from `{base}`, which is not abstract"
+        line = [name, *_lineage(name, classes)]
+        if any(base in classes and _is_abstract(classes[base].node) for base in line):
+            if _is_abstract(found.node) and not found.is_named_abstract:
+                yield f"{where}: `{name}` is abstract, so its name must begin with `Abstract`"
+        elif found.is_named_abstract:
+            yield f"{where}: `{name}` has no abstract member, so it can be built"
+
+
+def _is_abstract(node: ast.ClassDef) -> bool:
+    methods = (
+        _last_name(decorator).startswith("abstract")
+        for method in _methods(node).values()
+        for decorator in method.decorator_list
+    )
+    fields = (_is_abstract_field(x) for x in node.body)
+    return any(methods) or any(fields)
+
+
+def _is_abstract_field(node: ast.stmt) -> bool:
+    return isinstance(node, ast.AnnAssign) and _last_name(node.annotation) in (
+        "AbstractVar",
+        "AbstractClassVar",
+    )
+
+
+def faults_of_fields(sources: Iterable[Source]) -> Iterator[str]:
+    """Every field of a module is in the docstring, with a unit where it is a quantity."""
+    classes = _classes(sources)
+    for name, found in classes.items():
+        line = [name, *_lineage(name, classes)]
+        if "Module" not in line:
+            continue
+        documented = _documented_fields(ast.get_docstring(found.node) or "")
+        fields = _fields(found.node)
+        for field, node in fields.items():
+            where = f"{found.source.at(node)}: `{name}.{field}`"
+            if field not in documented:
+                yield f"{where} is not in the docstring's list of fields"
+            elif not _names_unit(documented[field], found.source) and not _is_choice(node, classes):
+                yield f"{where} states no unit, such as [m], [-] or [rad]"
+        known = {x for base in line if base in classes for x in _fields(classes[base].node)}
+        for field in documented.keys() - known:
+            yield f"{found.source.at(found.node)}: `{name}` documents `{field}`, which it lacks"
+
+
+def _fields(node: ast.ClassDef) -> dict[str, ast.AnnAssign]:
+    return {
+        x.target.id: x
+        for x in node.body
+        if isinstance(x, ast.AnnAssign)
+        and isinstance(x.target, ast.Name)
+        and _last_name(x.annotation) != "ClassVar"
+    }
+
+
+def _documented_fields(docstring: str) -> dict[str, str]:
+    """Description of each field in the list under `**Fields:**`."""
+    _, _, rest = inspect.cleandoc(docstring).partition("**Fields:**")
+    listed = re.split(r"^\*\*\w+:\*\*", rest, maxsplit=1, flags=re.MULTILINE)[0]
+    described = {}
+    for item in re.split(r"^- ", listed, flags=re.MULTILINE)[1:]:
+        names, _, description = item.partition(":")
+        described |= dict.fromkeys(re.findall(r"`(\w+)`", names), description)
+    return described
+
+
+def _names_unit(description: str, source: Source) -> bool:
+    allowed = _DOOR if source.path.parts[:2] == ("jaxgear", APP) else _SI
+    for text in re.findall(r"\[([^\[\]]+)\]", description):
+        symbols = re.findall(r"[^\W\d_]+", text)
+        if text == "-" or (symbols and allowed.issuperset(symbols)):
+            return True
+    return False
+
+
+def _is_choice(node: ast.AnnAssign, classes: Mapping[str, Class]) -> bool:
+    """Whether a field is no quantity: a choice, a module, or a container of those."""
+    if any(
+        keyword.arg == "static" and ast.unparse(keyword.value) == "True"
+        for call in ast.walk(node)
+        if isinstance(call, ast.Call)
+        for keyword in call.keywords
+    ):
+        return True
+    return all(_is_choice_type(x, classes) for x in _alternatives(node.annotation))
+
+
+def _alternatives(annotation: ast.expr) -> Iterator[ast.expr]:
+    """The members of `A | B | None`, without the `None`."""
+    match annotation:
+        case ast.BinOp(left=left, op=ast.BitOr(), right=right):
+            yield from _alternatives(left)
+            yield from _alternatives(right)
+        case ast.Constant(value=str() as text):
+            yield from _alternatives(ast.parse(text, mode="eval").body)
+        case ast.Constant(value=None):
+            pass
+        case _:
+            yield annotation
+
+
+def _is_choice_type(annotation: ast.expr, classes: Mapping[str, Class]) -> bool:
+    name = _last_name(annotation)
+    if name in classes or name.startswith("Flag"):
+        return True
+    return name in ("str", "bool", "Bool", "tuple", "Callable", "Module")
+
+
+def faults_of_docstrings(sources: Iterable[Source]) -> Iterator[str]:
+    """Modules, public classes, functions and methods say what they are."""
+    sources = list(sources)
+    classes = _classes(sources)
+    for source in sources:
+        # A package within may be marked by an empty file.
+        if source.tree.body and not ast.get_docstring(source.tree):
+            yield f"{source.path}: the module has no docstring"
+        for node in source.tree.body:
+            if not isinstance(node, ast.FunctionDef | ast.ClassDef) or node.name.startswith("_"):
+                continue
+            if not ast.get_docstring(node):
+                yield f"{source.at(node)}: `{node.name}` has no docstring"
+            if not isinstance(node, ast.ClassDef):
+                continue
+            line = [classes[x].node for x in _lineage(node.name, classes) if x in classes]
+            inherited = {method for base in line for method in _methods(base)}
+            for name, method in _methods(node).items():
+                if name.startswith("_") or name in inherited or ast.get_docstring(method):
+                    continue
+                yield f"{source.at(method)}: `{node.name}.{name}` has no docstring"
+
+
+def faults_of_globals(sources: Iterable[Source]) -> Iterator[str]:
+    """The library leaves JAX's configuration to whoever runs the process."""
+    for source in sources:
+        if source.path == CONFIGURES:
+            continue
+        for node in ast.walk(source.tree):
+            match node:
+                case ast.Call(func=ast.Attribute(value=owner, attr="update")):
+                    touched = _last_name(owner) == "config"
+                case ast.Attribute(value=owner, ctx=ast.Store()):
+                    touched = _last_name(owner) == "config"
+                case _:
+                    continue
+            if touched:
+                yield f"{source.at(node)}: only {CONFIGURES} may change the configuration"
+
+
+def faults_of_annotations(sources: Iterable[Source]) -> Iterator[str]:
+    """The future import turns `eqx.AbstractVar` into a concrete field, silently."""
+    for source in sources:
+        for found in _imports(source):
+            if found.name == "__future__.annotations":
+                yield f"{source.at(found.node)}: annotations must be evaluated; remove the import"
+
+
+# --- The packages keep them
+
+RULES = (
+    faults_of_flow,
+    faults_of_sides,
+    faults_of_classes,
+    faults_of_fields,
+    faults_of_docstrings,
+    faults_of_globals,
+)
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_packages_keep_the_rule(rule):
+    faults = list(rule(read_sources(ROOT, *PACKAGES)))
+    assert not faults, "\n" + "\n".join(faults)
+
+
+def test_no_file_puts_annotations_off():
+    everywhere = read_sources(ROOT, *PACKAGES, "tests", "examples", "benchmarks")
+    faults = list(faults_of_annotations(everywhere))
+    assert not faults, "\n" + "\n".join(faults)
+
+
+def test_rules_have_something_to_hold():
+    sources = read_sources(ROOT, *PACKAGES)
+    classes = _classes(sources)
+    modules = [name for name in classes if "Module" in _lineage(name, classes)]
+    assert {source.path.parts[0] for source in sources} >= {"jaxgear", "fem_prep"}
+    assert {"_types", "_geometry"} <= {source.stage for source in sources}
+    assert sum(len(_fields(classes[name].node)) for name in modules) > 10
+
+
+def test_names_of_classes_are_unique():
+    # The rules follow classes by name, so a name may stand for one class only.
+    sources = read_sources(ROOT, *PACKAGES)
+    count = sum(isinstance(x, ast.ClassDef) for s in sources for x in ast.walk(s.tree))
+    assert len(_classes(sources)) == count
+
+
+def test_every_module_carries_the_shape_checks():
+    # The packages themselves are found by the editable install, past the hook: they hold no code.
+    names = [
+        ".".join(source.path.with_suffix("").parts)
+        for source in read_sources(ROOT, "jaxgear", "optimise")
+        if source.path.stem not in ("__init__", "__main__")
+    ]
+    assert names
+    for name in names:
+        loader = type(importlib.import_module(name).__loader__)
+        assert loader.__module__.partition(".")[0] == jaxtyping.__name__, f"{name}: {loader}"
+
+
+def test_import_makes_no_array():
+    # One made before the user's script turns double precision on would be in single precision.
+    names = [
+        ".".join(source.path.with_suffix("").parts)
+        for source in read_sources(ROOT, "jaxgear", "optimise")
+        if source.path.stem not in ("__init__", "__main__", CONFIGURES.stem)
+    ]
+    assert _arrays_made_by(f"import jaxgear, optimise, {', '.join(names)}") == 0
+
+
+def _arrays_made_by(code: str) -> int:
+    command = [sys.executable, "-c", f"{code}\nimport jax\nprint(len(jax.live_arrays()))"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return int(done.stdout)
+
+
+# --- The rules can fail
+
+
+def _planted(files: Mapping[str, str]) -> list[Source]:
+    return [
+        Source(PurePosixPath(path), ast.parse(textwrap.dedent(text)))
+        for path, text in files.items()
+    ]
+
+
+def _faults(rule, path: str, text: str) -> list[str]:
+    return list(rule(_planted({path: text})))
+
+
+def test_sources_are_read_from_disc(tmp_path):
+    stage = tmp_path / "jaxgear" / "_geometry"
+    stage.mkdir(parents=True)
+    (stage / "_pair.py").write_text("from jaxgear._solve import x\n")
+    (source,) = read_sources(tmp_path, *PACKAGES)
+    assert str(source.path) == "jaxgear/_geometry/_pair.py"
+    assert list(faults_of_flow([source])) == [
+        "jaxgear/_geometry/_pair.py:1: jaxgear._solve.x is downstream of `_geometry`"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("path", "text"),
+    [
+        ("jaxgear/_geometry/_pair.py", "from jaxgear._solve._static import solve"),
+        ("jaxgear/_geometry/_pair.py", "from .._solve import solve"),
+        ("jaxgear/_geometry/_pair.py", "from .. import _solve"),
+        ("jaxgear/_geometry/_pair.py", "from jaxgear import _solve"),
+        ("jaxgear/_geometry/_pair.py", "import jaxgear._solve._static as static"),
+        ("jaxgear/_geometry/_pair.py", "def f():\n    from .._solve import solve"),
+        ("jaxgear/_geometry/_pair.py", "if TYPE_CHECKING:\n    from .._solve import Solution"),
+        ("jaxgear/_checks.py", "from ._geometry import GearPair"),
+        ("jaxgear/_response/_te.py", "from jaxgear._app._scene import Scene"),
+        ("jaxgear/_geometry/_pair.py", "import jaxgear"),
+        ("jaxgear/_geometry/_pair.py", "from jaxgear import GearPair"),
+        ("jaxgear/_geometry/_pair.py", "from optimise import minimise"),
+        ("jaxgear/_geometry/_pair.py", "import fem_prep"),
+        ("jaxgear/_geomtry.py", "x = 1"),
+        ("jaxgear/__init__.py", "from ._app._cli import main"),
+        ("jaxgear/__init__.py", "from optimise import minimise"),
+        (
+            "jaxgear/__init__.py",
+            "from ._solve import solve as solve\nfrom ._geometry import Gear as Gear",
+        ),
+        ("jaxgear/__main__.py", "from jaxgear._geometry import GearPair"),
+    ],
+)
+def test_upstream_import_is_found(path, text):
+    assert len(_faults(faults_of_flow, path, text)) == 1
+
+
+@pytest.mark.parametrize(
+    ("path", "text"),
+    [
+        ("jaxgear/_geometry/_pair.py", "from .._types import Scalar\nfrom ._gear import Gear"),
+        ("jaxgear/_geometry/_pair.py", "import jax\nfrom jaxgear._geometry import _gear"),
+        ("jaxgear/_app/_run.py", "import jaxgear as jg, optimise\nfrom .._solve import solve"),
+        ("jaxgear/__init__.py", "from ._geometry import Gear as Gear\nfrom ._solve import s as s"),
+        ("jaxgear/__main__.py", "import sys\nfrom jaxgear._app._cli import main"),
+    ],
+)
+def test_downstream_flow_is_allowed(path, text):
+    assert not _faults(faults_of_flow, path, text)
+
+
+@pytest.mark.parametrize(
+    ("path", "text"),
+    [
+        ("optimise/_loop.py", "from jaxgear._solve import solve"),
+        ("optimise/_loop.py", "from jaxgear import _solve"),
+        ("optimise/_loop.py", "import jaxgear._solve"),
+        ("optimise/_loop.py", "from jaxgear.solve import solve"),
+        ("optimise/_loop.py", "import jaxgear as jg\nx = jg._solve.solve"),
+        ("optimise/_loop.py", "import fem_prep"),
+        ("fem_prep/_grid.py", "from optimise import minimise"),
+        ("fem_prep/_grid.py", "from jaxgear._artefact import write"),
+    ],
+)
+def test_private_import_is_found(path, text):
+    assert len(_faults(faults_of_sides, path, text)) == 1
+
+
+def test_public_import_is_allowed():
+    text = "import jax\nimport jaxgear as jg\nfrom jaxgear import GearPair\nfrom ._loop import run"
+    assert not _faults(faults_of_sides, "optimise/_line.py", text + "\nx = jg.GearPair.__name__")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        pytest.param("class A(eqx.Module): ...\nclass B(A): ...", id="concrete-of-concrete"),
+        pytest.param("class A(Exception): ...\nclass B(A): ...", id="exceptions-too"),
+        pytest.param("class A(Generic[T]): ...\nclass B(A[int]): ...", id="generic"),
+        pytest.param(
+            "class Law(eqx.Module):\n    @abc.abstractmethod\n    def f(self): ...", id="unnamed"
+        ),
+        pytest.param("class Law(eqx.Module):\n    x: eqx.AbstractVar[int]", id="unnamed-field"),
+        pytest.param("class AbstractLaw(eqx.Module):\n    def f(self): ...", id="buildable"),
+    ],
+)
+def test_class_neither_abstract_nor_final_is_found(text):
+    assert len(_faults(faults_of_classes, "jaxgear/_contact/_law.py", text)) == 1
+
+
+def test_concrete_class_of_another_package_is_not_descended_from():
+    planted = {
+        "jaxgear/_contact.py": "class Weber(eqx.Module): ...",
+        "optimise/_x.py": "class Mine(jg.Weber): ...",
+    }
+    assert len(list(faults_of_classes(_planted(planted)))) == 1
+
+
+def test_abstract_and_final_classes_are_allowed():
+    text = """
+    class AbstractLaw(eqx.Module):
+        @abc.abstractmethod
+        def __call__(self): ...
+    class _AbstractNarrow(AbstractLaw):
+        width: eqx.AbstractVar[Scalar]
+    class Sharp(AbstractLaw):
+        def __call__(self): ...
+    class SceneError(ValueError): ...
+    """
+    assert not _faults(faults_of_classes, "jaxgear/_contact/_law.py", text)
+
+
+_CROWN = '''
+class Crown(eqx.Module):
+    """Crowning.
+
+    **Fields:**
+
+    - `depth`: material removed at either end,
+        measured along the normal {unit}.
+    - `shape`: of the crown.
+
+    **Raises:**
+
+    - `ValueError` if it is deep [m].
+    """
+
+    depth: Scalar = eqx.field(converter=as_scalar)
+    shape: str
+'''
+
+
+@pytest.mark.parametrize("unit", ["[m]", "[-]", "[1/s]", "[kg m2/rad]", "[N/m, -]", "[N·s/m^2]"])
+def test_documented_unit_is_allowed(unit):
+    assert not _faults(faults_of_fields, "jaxgear/_flank.py", _CROWN.format(unit=unit))
+
+
+@pytest.mark.parametrize("unit", ["", "m", "[0, 1]", "[mm]", "[deg]", "[furlong]", "[um/N]"])
+def test_missing_or_foreign_unit_is_found(unit):
+    (fault,) = _faults(faults_of_fields, "jaxgear/_flank.py", _CROWN.format(unit=unit))
+    assert "`Crown.depth` states no unit" in fault
+
+
+def test_unit_of_the_file_is_allowed_at_the_door_only():
+    assert not _faults(faults_of_fields, "jaxgear/_app/_scene.py", _CROWN.format(unit="[mm]"))
+
+
+def test_undocumented_field_is_found():
+    (fault,) = _faults(
+        faults_of_fields, "jaxgear/_flank.py", _CROWN.format(unit="[m]") + "    extent: Scalar\n"
+    )
+    assert "`Crown.extent` is not in the docstring" in fault
+
+
+def test_field_that_is_gone_is_found():
+    text = _CROWN.format(unit="[m]").replace("    shape: str\n", "")
+    (fault,) = _faults(faults_of_fields, "jaxgear/_flank.py", text)
+    assert "documents `shape`" in fault
+
+
+def test_field_of_a_descendant_and_of_a_private_class_is_found():
+    text = """
+    class AbstractLaw(eqx.Module):
+        @abc.abstractmethod
+        def f(self): ...
+    class _Law(AbstractLaw):
+        width: Scalar
+    """
+    assert len(_faults(faults_of_fields, "jaxgear/_contact.py", text)) == 1
+
+
+@pytest.mark.parametrize(
+    ("declared", "needs"),
+    [
+        ("parts: tuple[Crown, ...]", False),
+        ("crown: Crown", False),
+        ("crown: 'Crown | None' = None", False),
+        ("flag: bool", False),
+        ("settled: Flags", False),
+        ("teeth: int = eqx.field(static=True)", False),
+        ("teeth: int", True),
+        ("bore: Scalar | None = None", True),
+        ("forces: Float[Array, 'phase']", True),
+    ],
+)
+def test_only_quantities_need_a_unit(declared, needs):
+    name = declared.partition(":")[0]
+    text = (
+        f'class Crown(eqx.Module):\n    """.\n\n    **Fields:**\n\n    - `{name}`: it.\n    """\n'
+    )
+    assert len(_faults(faults_of_fields, "jaxgear/_flank.py", f"{text}\n    {declared}")) == needs
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x = 1",
+        '"""."""\ndef f(): ...',
+        '"""."""\nclass A: ...',
+        '"""."""\nclass A:\n    """."""\n    @property\n    def f(self): ...',
+    ],
+)
+def test_missing_docstring_is_found(text):
+    assert len(_faults(faults_of_docstrings, "jaxgear/_flank.py", text)) == 1
+
+
+def test_private_and_inherited_docstrings_are_not_asked_for():
+    text = '''
+    """."""
+    def _f(): ...
+    class _A:
+        def f(self): ...
+    class AbstractB:
+        """."""
+        def f(self):
+            """."""
+    class C(AbstractB):
+        """."""
+        def __call__(self): ...
+        def f(self): ...
+    '''
+    assert not _faults(faults_of_docstrings, "jaxgear/_flank.py", text)
+
+
+def test_array_made_at_import_is_found():
+    assert _arrays_made_by("import jax.numpy as jnp\nZERO = jnp.zeros(3)") == 1
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "jax.config.update('jax_enable_x64', True)",
+        "from jax import config\nconfig.update('jax_enable_x64', True)",
+        "def f():\n    jax.config.jax_enable_x64 = True",
+    ],
+)
+def test_changed_configuration_is_found(text):
+    assert len(_faults(faults_of_globals, "jaxgear/_solve.py", text)) == 1
+    assert not _faults(faults_of_globals, str(CONFIGURES), text)
+
+
+def test_annotations_put_off_are_found():
+    text = "from __future__ import annotations"
+    assert len(_faults(faults_of_annotations, "examples/01.py", text)) == 1
