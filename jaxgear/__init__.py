@@ -28,6 +28,7 @@ from jaxgear._geometry._lines import mesh_grid as mesh_grid
 from jaxgear._geometry._pair import GearPair as GearPair
 from jaxgear._geometry._pair import full_tip_shortening as full_tip_shortening
 from jaxgear._geometry._pair import overlap_ratio as overlap_ratio
+from jaxgear._geometry._pair import pair_facts as pair_facts
 from jaxgear._geometry._pair import profile_contact_ratio as profile_contact_ratio
 from jaxgear._geometry._pair import total_contact_ratio as total_contact_ratio
 from jaxgear._geometry._profile import ToothSection as ToothSection
@@ -77,7 +78,10 @@ from jaxgear._solve._contact import ContactState as ContactState
 from jaxgear._solve._contact import SolverSettings as SolverSettings
 from jaxgear._solve._contact import contact_state as contact_state
 from jaxgear._solve._cycle import MeshCycle as MeshCycle
+from jaxgear._solve._cycle import PreparedMesh as PreparedMesh
+from jaxgear._solve._cycle import corrected_cycle as corrected_cycle
 from jaxgear._solve._cycle import mesh_cycle as mesh_cycle
+from jaxgear._solve._cycle import prepare_mesh as prepare_mesh
 from jaxgear._solve._cycle import quasi_static as quasi_static
 
 from jaxgear._response._loads import hertz_pressure as hertz_pressure

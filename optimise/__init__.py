@@ -5,7 +5,6 @@ Built on the public names of `jaxgear` alone.
 
 from optimise._master_curve import ReliefMap as ReliefMap
 from optimise._master_curve import Valley as Valley
-from optimise._master_curve import best_depths as best_depths
 from optimise._master_curve import master_curve_depth as master_curve_depth
 from optimise._master_curve import relief_map as relief_map
 from optimise._objectives import AbstractObjective as AbstractObjective

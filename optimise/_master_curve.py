@@ -87,63 +87,45 @@ def relief_map(
     extent: np.ndarray,
     *,
     done: Callable[[int], None] = lambda count: None,
-) -> ReliefMap:
-    """Evaluate a response over a grid of depths and extents.
+) -> tuple[ReliefMap, Valley]:
+    """Evaluate a response over a grid of depths and extents, and follow its valley.
+
+    For each extent, the depths next to the best row are searched on a grid as many times finer
+    as the map has rows, whose least three points are then joined by a parabola.
 
     **Arguments:**
 
     - `response`: of a depth [m] and an extent [-], traceable by JAX.
     - `depth`: rows of the map [m].
     - `extent`: columns of the map [-].
-    - `done`: told how many more points are finished, for a progress bar.
+    - `done`: told how many more points of the map are finished, for a progress bar.
 
     **Returns:**
 
-    The map.
+    The map, and the best depth for each of its extents.
     """
-    column = _column(response)
-    depths = jnp.asarray(depth)
-    values = []
+    count = len(depth)
+    # One shape for every call: it is compiled once.
+    batch = jax.jit(jax.vmap(response))
+
+    def evaluate(depths: np.ndarray, extents: np.ndarray) -> np.ndarray:
+        padding = (0, -len(depths) % count)
+        pairs = [np.pad(x, padding, mode="edge").reshape(-1, count) for x in (depths, extents)]
+        values = [np.asarray(batch(*map(jnp.asarray, pair))) for pair in zip(*pairs, strict=True)]
+        return np.concatenate(values)[: len(depths)]
+
+    columns, best = [], []
     for one in extent:
-        values.append(np.asarray(column(depths, jnp.asarray(one))))
-        done(len(depth))
-    return ReliefMap(depth=depth, extent=extent, value=np.stack(values, axis=1))
-
-
-def best_depths(response: Response, chart: ReliefMap, *, points: int = 41) -> Valley:
-    """Refine the valley of a map: the best depth for each of its extents.
-
-    The depths next to the best row are searched on a finer grid, whose least three points are
-    then joined by a parabola.
-
-    **Arguments:**
-
-    - `response`: as for `relief_map`.
-    - `chart`: from `relief_map`.
-    - `points`: of the finer grid, odd.
-
-    **Returns:**
-
-    The valley.
-    """
-    column = _column(response)
-    at_depth = jax.jit(response)
-    depths, values = [], []
-    for index, one in enumerate(chart.extent):
-        row = int(np.argmin(chart.value[:, index]))
-        low = chart.depth[max(row - 1, 0)]
-        high = chart.depth[min(row + 1, len(chart.depth) - 1)]
-        fine = np.linspace(low, high, points)
-        value = np.asarray(column(jnp.asarray(fine), jnp.asarray(one)))
-        depth = _lowest(fine, value)
-        depths.append(depth)
-        values.append(float(at_depth(jnp.asarray(depth), jnp.asarray(one))))
-    return Valley(extent=chart.extent, depth=np.asarray(depths), value=np.asarray(values))
-
-
-def _column(response: Response) -> Callable[[Array, Array], Array]:
-    """The response at many depths for one extent, in one call."""
-    return jax.jit(jax.vmap(response, in_axes=(0, None)))
+        along = np.full(count, one)
+        column = evaluate(depth, along)
+        row = int(np.argmin(column))
+        fine = np.linspace(depth[max(row - 1, 0)], depth[min(row + 1, count - 1)], count)
+        columns.append(column)
+        best.append(_lowest(fine, evaluate(fine, along)))
+        done(count)
+    chart = ReliefMap(depth=depth, extent=extent, value=np.stack(columns, axis=1))
+    valley = np.asarray(best)
+    return chart, Valley(extent=extent, depth=valley, value=evaluate(valley, extent))
 
 
 def _lowest(x: np.ndarray, y: np.ndarray) -> float:

@@ -187,7 +187,9 @@ def adam(
     units = [unit]
     for _ in range(most_evaluations):
         _, gradient = record(np.asarray(unit))
-        updates, state = optimiser.update(jnp.asarray(gradient), state)
+        # optax mixes its integer step count with reals.
+        with jax.numpy_dtype_promotion("standard"):
+            updates, state = optimiser.update(jnp.asarray(gradient), state)
         unit = optax.projections.projection_box(optax.apply_updates(unit, updates), 0.0, 1.0)
         units.append(unit)
     late = np.stack(units[-max(2, most_evaluations // 10) :])

@@ -136,7 +136,9 @@ HELICAL: tuple[Callable[[], jg.GearPair], ...] = (power, fzg_h501, iso_tr_6336_3
 
 def over(*makers: Callable[[], jg.GearPair]) -> pytest.MarkDecorator:
     """Run a test with each of these pairs as `make`."""
-    return pytest.mark.parametrize("make", [pytest.param(make, id=make.__name__) for make in makers])
+    return pytest.mark.parametrize(
+        "make", [pytest.param(make, id=make.__name__) for make in makers]
+    )
 
 
 every_pair = over(*SPUR, *HELICAL)

@@ -3,11 +3,12 @@
 from collections.abc import Callable
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 import optimise
-from jaxgear._app._model import grid_of, model_of
+from jaxgear._app._model import flanks_of, grid_of, model_of
 from jaxgear._app._scene import Scene
 from jaxgear._app._schema import GEARS
 from jaxgear._app._statics import single_pair_deflection
@@ -26,6 +27,7 @@ class DesignSpace(eqx.Module):
     - `scene`: whose keys they are.
     - `keys`: dotted path of each variable.
     - `symmetric`: whether the other gear's flank follows.
+    - `base`: model of the scene itself.
     - `start`: value of each variable in the scene, in the unit of its key [-].
     - `box`: bounds of each variable, in the unit of its key.
     """
@@ -33,6 +35,7 @@ class DesignSpace(eqx.Module):
     scene: Scene = eqx.field(static=True)
     keys: tuple[str, ...] = eqx.field(static=True)
     symmetric: bool = eqx.field(static=True)
+    base: PairModel
     start: np.ndarray
     box: optimise.Box
 
@@ -45,7 +48,15 @@ class DesignSpace(eqx.Module):
 
     def model(self, values: Reals) -> PairModel:
         """The model at a point of the space; traceable by JAX."""
-        return model_of(self.scene.replace(self.updates(values)))
+        scene = self.scene.replace(self.updates(values))
+        if self.flanks_only:
+            return eqx.tree_at(lambda model: model.flanks, self.base, flanks_of(scene))
+        return model_of(scene)
+
+    @property
+    def flanks_only(self) -> bool:
+        """Whether every variable is a flank correction."""
+        return all(key.startswith("flank.") for key in self.keys)
 
 
 def _twin(key: str) -> str:
@@ -78,13 +89,15 @@ def design_space(scene: Scene, keys: tuple[str, ...], *, symmetric: bool) -> Des
             f"With optimise.symmetric the two gears share each correction, but optimise.vary names "
             f"both of {', '.join(both)}. Name one, or set symmetric = false."
         )
-    deflection = float(single_pair_deflection(model_of(scene)) / um)
+    base = model_of(scene)
+    deflection = float(jax.jit(single_pair_deflection)(base) / um)
     bounds = np.asarray([_bounds(scene, key, deflection) for key in keys], dtype=float)
     start = np.asarray([scene[key] for key in keys], dtype=float)
     return DesignSpace(
         scene=scene,
         keys=keys,
         symmetric=symmetric,
+        base=base,
         start=start,
         box=optimise.Box(lower=bounds[:, 0], upper=bounds[:, 1]),
     )
@@ -112,7 +125,9 @@ def _bounds(scene: Scene, key: str, deflection: float) -> tuple[float, float]:
 def round_up(value: float) -> float:
     """The next round number: 1, 2, 2.5, 4, 5 or 8 times a power of ten."""
     power = 10.0 ** np.floor(np.log10(value))
-    return float(next(r * power for r in (1.0, 2.0, 2.5, 4.0, 5.0, 8.0, 10.0) if r * power >= value))
+    return float(
+        next(r * power for r in (1.0, 2.0, 2.5, 4.0, 5.0, 8.0, 10.0) if r * power >= value)
+    )
 
 
 _OBJECTIVES = {
@@ -167,6 +182,7 @@ def objective_function(
         grid=grid,
         law=law,
         worst=space.scene["optimise.over"] == "worst",
+        fixed=space.base if space.flanks_only else None,
     )
 
 

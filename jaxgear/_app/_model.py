@@ -52,7 +52,7 @@ def model_of(scene: Scene) -> PairModel:
     return PairModel(
         pair=_pair(scene),
         torque=_real(scene, "pair.torque_pinion_Nm"),
-        flanks=Flanks(pinion=_flank(scene, "pinion"), wheel=_flank(scene, "wheel")),
+        flanks=flanks_of(scene),
         compliance=_compliance(scene),
         pinion_support=_support(scene, "pinion"),
         wheel_support=_support(scene, "wheel"),
@@ -61,6 +61,11 @@ def model_of(scene: Scene) -> PairModel:
             deviation=_real(scene, "pair.misalignment_deviation_um") * um,
         ),
     )
+
+
+def flanks_of(scene: Scene) -> Flanks:
+    """The flank corrections of a scene."""
+    return Flanks(pinion=_flank(scene, "pinion"), wheel=_flank(scene, "wheel"))
 
 
 def grid_of(scene: Scene, model: PairModel) -> MeshGrid:

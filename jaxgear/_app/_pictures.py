@@ -165,7 +165,7 @@ def _draw_gear(axes: Axes, pair: jg.GearPair, body: int, colour: str) -> None:
     axes.fill(*np.concatenate([outline, centre[:, None]], axis=1), color=colour, alpha=0.22, lw=0)
     axes.plot(*outline, color=colour, lw=1.5, gid=BODIES[body])
     radii = (pair.tip_radius, pair.working_pitch_radius, pair.base_radius, pair.root_radius)
-    towards = np.pi * body + np.linspace(-0.6, 0.6, 301)
+    towards = np.pi * body + np.linspace(-1.3, 1.3, 601)
     for radius, style in zip(radii, _CIRCLES.values(), strict=True):
         arc = float(radius[body]) / jg.mm * np.stack([np.cos(towards), np.sin(towards)])
         axes.plot(*(centre[:, None] + arc), color=colour, lw=0.9, ls=style)
@@ -289,9 +289,8 @@ def transmission_error(dataset: xr.Dataset, title: str) -> Figure:
     mean, rms, span = cycle_statistics(dataset["transmission_error_um"])
     time.plot(data["phase"], data["transmission_error_um"], color=_BLUE)
     time.axhline(mean, color=_GREY, lw=0.8, ls="--")
-    time.set_title(
-        f"mean {mean:#.4g} µm (dashed), RMS {rms:#.3g} µm, peak to peak {span:#.3g} µm", loc="left"
-    )
+    size = f"RMS {_digits(rms, 3)} µm, peak to peak {_digits(span, 3)} µm"
+    time.set_title(f"mean {_digits(mean, 4)} µm (dashed), {size}", loc="left")
     # A nearly constant error must not look like a large one.
     room = max(0.6 * span, 5e-3 * abs(mean))
     middle = 0.5 * (np.max(data["transmission_error_um"]) + np.min(data["transmission_error_um"]))
@@ -300,7 +299,8 @@ def transmission_error(dataset: xr.Dataset, title: str) -> Figure:
     order.vlines(data["harmonic"], 0.0, data["te_harmonic_um"], color=_BLUE)
     order.plot(data["harmonic"], data["te_harmonic_um"], "o", color=_BLUE)
     order.set(xlabel="mesh harmonic [-]", ylabel="amplitude [µm]", xticks=data["harmonic"])
-    order.set_ylim(bottom=0.0)
+    # Nor must its rounding.
+    order.set_ylim(0.0, max(1.08 * np.max(data["te_harmonic_um"]), 1e-3 * abs(mean)))
     order.set_title("harmonics (zero to peak)", loc="left")
     return figure
 
@@ -334,7 +334,8 @@ def stiffness_and_sharing(dataset: xr.Dataset, title: str) -> Figure:
     mean, _, span = cycle_statistics(dataset["mesh_stiffness_N_um"])
     stiffness.plot(data["phase"], data["mesh_stiffness_N_um"], color=_BLUE)
     stiffness.axhline(mean, color=_GREY, lw=0.8, ls="--")
-    stiffness.set_title(f"mean {mean:#.4g} N/µm (dashed), peak to peak {span:.3g} N/µm", loc="left")
+    size = f"peak to peak {_digits(span, 3)} N/µm"
+    stiffness.set_title(f"mean {_digits(mean, 4)} N/µm (dashed), {size}", loc="left")
     stiffness.set_ylim(0.0, 1.1 * np.max(data["mesh_stiffness_N_um"]))
     _phase_axis(stiffness, "mesh stiffness [N/µm]")
     share.plot(data["roll_mm"], data["load_sharing"], color=_BLUE)
@@ -396,7 +397,7 @@ def flank_maps(dataset: xr.Dataset, title: str) -> Figure:
             ylabel="position from mid-face [mm]",
             xlim=(0, 1),
         )
-        axes.set_title(f"largest {float(dataset[variable].max()):#.4g} {unit}", loc="left")
+        axes.set_title(f"largest {_digits(float(dataset[variable].max()), 4)} {unit}", loc="left")
         _mark_points(axes, dataset["path_point_position"], on_surface=True)
         figure.colorbar(surface, ax=axes, label=f"{quantity} [{unit}]")
     return figure
@@ -417,6 +418,11 @@ def flank_maps_columns(dataset: xr.Dataset) -> Columns:
     )
     columns = {"profile_position": place.ravel(), "face_position_mm": face.ravel()}
     return columns | {name: grid.values.ravel() for name, grid in grids.items()}
+
+
+def _digits(value: float, count: int) -> str:
+    """The value to so many significant digits, zeros included."""
+    return f"{value:#.{count}g}".rstrip(".")
 
 
 def _two_periods(dataset: xr.Dataset, variable: str) -> tuple[np.ndarray, np.ndarray]:
@@ -565,7 +571,7 @@ def smoothing_bias(
     mean.set_ylabel("|bias of the mean TE| [µm]")
     mean.set_title("absolute", loc="left")
     relative.set_ylabel("|bias| / exact value [-]")
-    relative.set_title(f"relative; the exact RMS is {rms_exact_um:#.3g} µm", loc="left")
+    relative.set_title(f"relative; the exact RMS is {_digits(rms_exact_um, 3)} µm", loc="left")
     for axes in (mean, relative):
         axes.set(xscale="log", yscale="log", xlabel="width of the smooth contact [µm]")
         axes.legend(loc="best")
@@ -786,7 +792,7 @@ def before_after(dataset_before: xr.Dataset, dataset_after: xr.Dataset, title: s
             values - mean,
             color=colour,
             ls=style,
-            label=f"{name}: mean {mean:#.4g} µm, RMS {rms:#.3g} µm",
+            label=f"{name}: mean {_digits(mean, 4)} µm, RMS {_digits(rms, 3)} µm",
         )
         most = _largest_pressure(dataset)
         pressure.plot(
@@ -794,7 +800,7 @@ def before_after(dataset_before: xr.Dataset, dataset_after: xr.Dataset, title: s
             np.tile(most, 2),
             color=colour,
             ls=style,
-            label=f"{name}: at most {np.max(most):#.4g} MPa",
+            label=f"{name}: at most {_digits(np.max(most), 4)} MPa",
         )
     _phase_axis(error, "transmission error less its mean [µm]")
     _phase_axis(pressure, "largest flank pressure [MPa]")

@@ -11,15 +11,10 @@ import numpy as np
 
 from jaxgear._app._model import grid_of, law_of, model_of
 from jaxgear._app._scene import Scene
-from jaxgear._contact._cells import nominal_line_load
+from jaxgear._contact._cells import MeshCells, nominal_line_load
 from jaxgear._contact._compliance import iso_stiffness, single_pair_stiffness
 from jaxgear._geometry._lines import MeshGrid
-from jaxgear._geometry._pair import (
-    full_tip_shortening,
-    overlap_ratio,
-    profile_contact_ratio,
-    total_contact_ratio,
-)
+from jaxgear._geometry._pair import pair_facts
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact, SmoothContact
 from jaxgear._response._loads import hertz_pressure, line_load, mesh_stiffness
 from jaxgear._response._transmission import (
@@ -28,9 +23,10 @@ from jaxgear._response._transmission import (
     peak_to_peak,
     transmission_error,
 )
-from jaxgear._solve._cycle import MeshCycle, mesh_cycle
+from jaxgear._solve._cycle import MeshCycle, PreparedMesh, corrected_cycle, mesh_cycle
 from jaxgear._system._model import PairModel
-from jaxgear._types import Scalar
+from jaxgear._system._pair_system import pair_system
+from jaxgear._types import Phases, Scalar
 from jaxgear._units import MPa, N_per_mm_um, deg, mm, um
 
 
@@ -45,10 +41,12 @@ class Stopwatch:
         self.compile_s = 0.0
         self.run_s = 0.0
 
-    def __call__(self, function: Callable[..., Any], *arguments: Any) -> Any:
+    def __call__(
+        self, function: Callable[..., Any], *arguments: Any, options: dict[str, Any] | None = None
+    ) -> Any:
         """Compile `function` for these arguments, run it, and wait for the result."""
         start = time.perf_counter()
-        compiled = jax.jit(function).lower(*arguments).compile()
+        compiled = jax.jit(function).lower(*arguments).compile(compiler_options=options)
         middle = time.perf_counter()
         result = jax.block_until_ready(compiled(*arguments))
         self.compile_s += middle - start
@@ -65,21 +63,26 @@ class Statics(eqx.Module):
     - `grid`: phases, lines and slices.
     - `law`: contact law.
     - `cycle`: the settled states.
+    - `numbers`: the `static` part of the summary.
+    - `harris`: transmission error over phase, one row per further torque [m].
     """
 
     model: PairModel
     grid: MeshGrid
     law: AbstractContactLaw
     cycle: MeshCycle
+    numbers: dict[str, Scalar]
+    harris: np.ndarray
 
 
-def solve_statics(scene: Scene, watch: Stopwatch) -> Statics:
-    """Solve the mesh cycle of a scene at its own torque.
+def solve_statics(scene: Scene, watch: Stopwatch, torques: np.ndarray | None = None) -> Statics:
+    """Solve the mesh cycle of a scene at its own torque, and at others.
 
     **Arguments:**
 
     - `scene`: checked against the schema.
     - `watch`: keeps the time.
+    - `torques`: further torques on the pinion, for the Harris map [N m].
 
     **Returns:**
 
@@ -92,9 +95,31 @@ def solve_statics(scene: Scene, watch: Stopwatch) -> Statics:
     """
     model = model_of(scene)
     grid, law = grid_of(scene, model), law_of(scene)
-    cycle = watch(lambda m, w: mesh_cycle(m, grid, law=w, throw=False), model, law)
-    require_solved(cycle.converged)
-    return Statics(model=model, grid=grid, law=law, cycle=cycle)
+    more = np.zeros(0) if torques is None else torques
+
+    def solve(model: PairModel, law: AbstractContactLaw, torque: Scalar):
+        loaded = eqx.tree_at(lambda m: m.torque, model, torque)
+        cycle = mesh_cycle(loaded, grid, law=law, throw=False)
+        error = transmission_error(loaded.pair, cycle)
+        return cycle, error, _static_numbers(loaded, cycle, law)
+
+    # The scene's own torque and the others in one program: it is compiled once.
+    cycles, error, numbers = watch(
+        jax.vmap(solve, in_axes=(None, None, 0)),
+        model,
+        law,
+        jnp.concatenate([model.torque[None], jnp.asarray(more)]),
+    )
+    require_solved(cycles.converged)
+    first = jax.tree.map(lambda x: jnp.asarray(np.asarray(x)[0]), (cycles, numbers))
+    return Statics(
+        model=model,
+        grid=grid,
+        law=law,
+        cycle=first[0],
+        numbers=first[1],
+        harris=np.asarray(error)[1:],
+    )
 
 
 def require_solved(converged: Any) -> None:
@@ -121,17 +146,24 @@ def require_solved(converged: Any) -> None:
 
 def geometry_summary(model: PairModel) -> dict[str, float]:
     """The `geometry` part of the summary."""
-    pair = model.pair
+    facts = {name: np.asarray(value) for name, value in pair_facts(model.pair).items()}
+    pitch, path = facts["transverse_base_pitch"], facts["path_of_contact"]
     lengths = {
-        "centre_distance_mm": pair.working_centre_distance,
-        "base_pitch_mm": pair.transverse_base_pitch,
-        "path_of_contact_mm": pair.path_of_contact,
-        "common_face_width_mm": pair.face_width,
-        "backlash_mm": pair.backlash,
+        "centre_distance_mm": facts["working_centre_distance"],
+        "base_pitch_mm": pitch,
+        "path_of_contact_mm": path,
+        # From the wheel's tip A to the inner single contact point B, the pitch point C, the outer
+        # single contact point D and the pinion's tip E.
+        "path_AB_mm": path - pitch,
+        "path_AC_mm": facts["pitch_point"] - facts["path_start"],
+        "path_AD_mm": pitch,
+        "path_AE_mm": path,
+        "common_face_width_mm": facts["face_width"],
+        "backlash_mm": facts["backlash"],
     }
     for index, name in enumerate(("pinion", "wheel")):
         lengths |= {
-            f"{quantity}_{name}_mm": getattr(pair, quantity)[index]
+            f"{quantity}_{name}_mm": facts[quantity][index]
             for quantity in (
                 "reference_radius",
                 "base_radius",
@@ -143,43 +175,31 @@ def geometry_summary(model: PairModel) -> dict[str, float]:
                 "root_clearance",
             )
         }
-    # From the wheel's tip to the inner single contact point, the pitch point, the outer one, the
-    # pinion's tip.
-    along = {
-        "path_AB_mm": pair.path_of_contact - pair.transverse_base_pitch,
-        "path_AC_mm": pair.pitch_point - pair.path_start,
-        "path_AD_mm": pair.transverse_base_pitch,
-        "path_AE_mm": pair.path_of_contact,
-    }
-    angles = {
-        "working_pressure_angle_deg": pair.working_pressure_angle,
-        "transverse_pressure_angle_deg": pair.transverse_pressure_angle,
-        "base_helix_angle_deg": pair.base_helix_angle,
-    }
-    ratios = {
-        "profile_contact_ratio": profile_contact_ratio(pair),
-        "overlap_ratio": overlap_ratio(pair),
-        "total_contact_ratio": total_contact_ratio(pair),
-        "full_tip_shortening_coeff": full_tip_shortening(pair),
-    }
+    angles = ("working_pressure_angle", "transverse_pressure_angle", "base_helix_angle")
+    ratios = ("profile_contact_ratio", "overlap_ratio", "total_contact_ratio")
     return (
-        {key: float(value / mm) for key, value in (lengths | along).items()}
-        | {key: float(value / deg) for key, value in angles.items()}
-        | {key: float(value) for key, value in ratios.items()}
+        {key: float(value / mm) for key, value in lengths.items()}
+        | {f"{name}_deg": float(facts[name] / deg) for name in angles}
+        | {name: float(facts[name]) for name in ratios}
+        | {"full_tip_shortening_coeff": float(facts["full_tip_shortening"])}
     )
 
 
 def iso_summary(model: PairModel) -> dict[str, float]:
     """Stiffnesses of ISO 6336-1 method B, whatever stiffness the scene uses."""
+    return {key: float(value) for key, value in jax.jit(_iso_numbers)(model).items()}
+
+
+def _iso_numbers(model: PairModel) -> dict[str, Scalar]:
     pair = model.pair
     tangential = model.torque / pair.reference_radius[0]
     stiffness = iso_stiffness(pair, tangential / pair.face_width)
     return {
-        "tangential_force_N": float(tangential),
-        "c_th_N_mm_um": float(stiffness.theoretical / N_per_mm_um),
-        "c_prime_N_mm_um": float(stiffness.single / N_per_mm_um),
-        "c_gamma_alpha_N_mm_um": float(stiffness.mesh / N_per_mm_um),
-        "c_gamma_beta_N_mm_um": float(stiffness.face / N_per_mm_um),
+        "tangential_force_N": tangential,
+        "c_th_N_mm_um": stiffness.theoretical / N_per_mm_um,
+        "c_prime_N_mm_um": stiffness.single / N_per_mm_um,
+        "c_gamma_alpha_N_mm_um": stiffness.mesh / N_per_mm_um,
+        "c_gamma_beta_N_mm_um": stiffness.face / N_per_mm_um,
     }
 
 
@@ -202,44 +222,26 @@ def single_pair_deflection(model: PairModel) -> Scalar:
     return load / single_pair_stiffness(pair, model.compliance, load)
 
 
-def static_summary(statics: Statics) -> dict[str, Any]:
-    """The `static` part of the summary."""
-    model, cycle, pair = statics.model, statics.cycle, statics.model.pair
+def _static_numbers(
+    model: PairModel, cycle: MeshCycle, law: AbstractContactLaw
+) -> dict[str, Scalar]:
+    """The `static` part of the summary; traceable by JAX."""
+    pair = model.pair
     load = nominal_line_load(pair, model.torque)
-    pitch = 1.0 / model.compliance(pair, pair.pitch_point[None], load)[0]
-    share = jnp.sum(jnp.where(cycle.force > 0.0, cycle.cells.stiffness, 0.0), axis=1)
-    whole = jnp.sum(cycle.cells.stiffness, axis=1)
-    numbers = {
+    largest = single_pair_stiffness(pair, model.compliance, load)
+    at_pitch = 1.0 / model.compliance(pair, pair.pitch_point[None], load)[0]
+    closed = jnp.sum(jnp.where(cycle.overlap > 0.0, cycle.cells.stiffness, 0.0), axis=1)
+    return {
         "mesh_force_N": cycle.load[0, 0],
-        **headline(model, cycle, statics.law),
-        "single_pair_stiffness_max_N_mm_um": single_pair_stiffness(pair, model.compliance, load)
-        / N_per_mm_um,
-        "single_pair_stiffness_pitch_N_mm_um": pitch / N_per_mm_um,
-        "single_pair_deflection_um": single_pair_deflection(model) / um,
+        **headline(model, cycle, law),
+        "single_pair_stiffness_max_N_mm_um": largest / N_per_mm_um,
+        "single_pair_stiffness_pitch_N_mm_um": at_pitch / N_per_mm_um,
+        "single_pair_deflection_um": load / largest / um,
         "mesh_stiffness_mean_N_um": cycle_mean(cycle, mesh_stiffness(cycle)) * um,
         "nominal_line_load_N_mm": load * mm,
-        "least_contact_share": jnp.min(share / whole),
+        "least_share_in_contact": jnp.min(closed / jnp.sum(cycle.cells.stiffness, axis=1)),
+        "most_solver_steps": jnp.max(cycle.steps),
     }
-    return {key: float(value) for key, value in numbers.items()} | {
-        "solver_steps_most": int(jnp.max(cycle.steps))
-    }
-
-
-def harris(statics: Statics, torques: np.ndarray, watch: Stopwatch) -> np.ndarray:
-    """Transmission error over phase at several torques, rows torques [m]."""
-
-    def at_torque(model: PairModel, torque: Scalar):
-        loaded = eqx.tree_at(lambda m: m.torque, model, torque)
-        cycle = mesh_cycle(loaded, statics.grid, law=statics.law, throw=False)
-        return transmission_error(loaded.pair, cycle), cycle.converged
-
-    error, converged = watch(
-        lambda model, t: jax.vmap(lambda torque: at_torque(model, torque))(t),
-        statics.model,
-        jnp.asarray(torques),
-    )
-    require_solved(converged)
-    return np.asarray(error)
 
 
 def smoothing_bias(
@@ -247,17 +249,18 @@ def smoothing_bias(
 ) -> tuple[np.ndarray, np.ndarray]:
     """What smooth contact adds to the mean TE [m] and to its RMS [m], for several widths [m]."""
 
-    def of_law(model: PairModel, law: AbstractContactLaw):
-        cycle = mesh_cycle(model, statics.grid, law=law, throw=False)
+    def of_law(model: PairModel, cells: MeshCells, law: AbstractContactLaw):
+        system = pair_system(model.pair, model.torque, model.pinion_support, model.wheel_support)
+        prepared = PreparedMesh(system=system, cells=cells)
+        cycle = corrected_cycle(prepared, model, law=law)
         error = transmission_error(model.pair, cycle)
         return cycle_mean(cycle, error), cycle_rms(cycle, error), cycle.converged
 
-    exact = watch(lambda model: of_law(model, ExactContact()), statics.model)
-    smooth = watch(
-        lambda model, w: jax.vmap(lambda width: of_law(model, SmoothContact(width)))(w),
-        statics.model,
-        jnp.asarray(widths),
-    )
+    def all_laws(model: PairModel, cells: MeshCells, widths: Phases):
+        smooth = jax.vmap(lambda width: of_law(model, cells, SmoothContact(width)))(widths)
+        return smooth, of_law(model, cells, ExactContact())
+
+    smooth, exact = watch(all_laws, statics.model, statics.cycle.cells, jnp.asarray(widths))
     require_solved(exact[2])
     require_solved(smooth[2])
     return np.asarray(smooth[0] - exact[0]), np.asarray(smooth[1] - exact[1])

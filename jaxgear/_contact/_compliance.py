@@ -7,6 +7,7 @@ along the path only: teeth are alike, and so are their slices.
 import abc
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 
 from jaxgear._checks import require
@@ -19,8 +20,9 @@ from jaxgear._contact._tooth import (
     penetration_compliance,
     tooth_load,
 )
+from jaxgear._geometry._gear import Material
 from jaxgear._geometry._pair import GearPair
-from jaxgear._geometry._profile import tooth_section
+from jaxgear._geometry._profile import ToothSection, tooth_section
 from jaxgear._types import Reals, Scalar, as_scalar
 
 
@@ -59,20 +61,26 @@ class WeberBanaschek(AbstractCompliance):
 
     def __call__(self, pair: GearPair, roll: Reals, line_load: Scalar) -> Reals:
         """Evaluate the secant compliance of one tooth pair; see the base class."""
-        contact = hertz_contact(pair, roll)
-        half_width = contact.half_width(line_load)
-        total = jnp.zeros_like(roll)
-        for gear, foundation, own_roll in (
-            (pair.pinion, self.pinion_foundation, roll),
-            (pair.wheel, self.wheel_foundation, pair.tangent_length - roll),
-        ):
-            section = tooth_section(pair, gear)
-            # The virtual gear keeps the normal radius of curvature, its own roll length.
-            angle = own_roll / (jnp.cos(pair.base_helix_angle) * section.base_radius)
-            load = tooth_load(section, angle)
-            total += beam_compliance(section, gear.material, angle)
-            total += foundation(section, gear.material, angle)
-            total += penetration_compliance(gear.material, load.depth, half_width)
+        half_width = hertz_contact(pair, roll).half_width(line_load)
+        foundations = (self.pinion_foundation, self.wheel_foundation)
+        gears = (pair.pinion, pair.wheel)
+        sections = [tooth_section(pair, gear) for gear in gears]
+        own_roll = jnp.stack([roll, pair.tangent_length - roll])
+        # The virtual gear keeps the normal radius of curvature, its own roll length.
+        base = jnp.stack([section.base_radius for section in sections])
+        angle = own_roll / (jnp.cos(pair.base_helix_angle) * base)[:, None]
+
+        def tooth(section: ToothSection, material: Material, angle: Reals) -> Reals:
+            depth = tooth_load(section, angle).depth
+            beam = beam_compliance(section, material, angle)
+            return beam + penetration_compliance(material, depth, half_width)
+
+        # Both gears at once: half the program to compile.
+        both = jax.tree.map(lambda *leaves: jnp.stack(leaves), *sections)
+        materials = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(g.material for g in gears))
+        total = jnp.sum(jax.vmap(tooth)(both, materials, angle), axis=0)
+        for index, foundation in enumerate(foundations):
+            total += foundation(sections[index], gears[index].material, angle[index])
         return total
 
 

@@ -12,6 +12,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from jaxgear._geometry._gear import Material
 from jaxgear._geometry._profile import ToothSection
@@ -68,7 +69,8 @@ def _parameter_at_height(curve: Curve, start: Scalar, height: Scalar) -> Scalar:
         return curve(parameter)[1] - height
 
     def newton(function: Callable[[Scalar], Scalar], guess: Scalar) -> Scalar:
-        def step(_: int, parameter: Scalar) -> Scalar:
+        def step(index: Array, parameter: Scalar) -> Scalar:
+            del index
             value, slope = jax.jvp(function, (parameter,), (jnp.ones_like(parameter),))
             return parameter - value / slope
 
@@ -221,9 +223,7 @@ def contact_modulus(first: Material, second: Material) -> Scalar:
     return 1.0 / sum((1.0 - m.poisson**2) / m.young for m in (first, second))
 
 
-def penetration_compliance(
-    material: Material, depth: Reals, half_width: Reals
-) -> Reals:
+def penetration_compliance(material: Material, depth: Reals, half_width: Reals) -> Reals:
     r"""One body's share of the contact deflection, over the line load (Weber's logarithm).
 
     $\frac{2(1-\nu^2)}{\pi E}\left[\ln\frac{2d}{a_H} - \frac{\nu}{2(1-\nu)}\right]$: approach of

@@ -46,7 +46,10 @@ def _relief(distance: Reals, depth: Scalar, extent: Scalar, exponent: int) -> Re
 def _check_extent(extent: Scalar, owner: str, whole: str) -> None:
     require(
         (extent > 0.0) & (extent <= 1.0),
-        "`" + owner + ".extent` must lie in (0, 1], got {got:.6g}: it is a fraction of " + whole
+        "`"
+        + owner
+        + ".extent` must lie in (0, 1], got {got:.6g}: it is a fraction of "
+        + whole
         + ", not a length.",
         got=extent,
     )
@@ -157,7 +160,9 @@ class EndRelief(AbstractFlankDeviation):
     def __check_init__(self):
         _check_extent(self.extent, "EndRelief", "the face width")
         _check_exponent(self.exponent, "EndRelief")
-        require(self.left or self.right, "`EndRelief` must relieve the left end, the right, or both.")
+        require(
+            self.left or self.right, "`EndRelief` must relieve the left end, the right, or both."
+        )
 
     def __call__(self, profile: Reals, face: Reals) -> Reals:
         """Evaluate the deviation [m]; see the base class."""

@@ -42,8 +42,6 @@ def inverse_involute(value: Reals) -> Reals:
 
 
 @inverse_involute.defjvp
-def _inverse_involute_jvp(
-    primals: tuple[Reals], tangents: tuple[Reals]
-) -> tuple[Reals, Reals]:
+def _inverse_involute_jvp(primals: tuple[Reals], tangents: tuple[Reals]) -> tuple[Reals, Reals]:
     angle = inverse_involute(primals[0])
     return angle, tangents[0] / jnp.tan(angle) ** 2

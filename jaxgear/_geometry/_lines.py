@@ -23,6 +23,7 @@ from jaxgear._checks import require
 from jaxgear._geometry._pair import (
     GearPair,
     overlap_ratio,
+    pair_facts,
     profile_contact_ratio,
 )
 from jaxgear._types import LineGrid, Phases, Reals, Scalar, Slices
@@ -75,8 +76,9 @@ def mesh_grid(
     """
     require(phases >= 8, "A mesh period needs at least 8 phases, got {got}.", got=phases)
     require(slices >= 1, "The face needs at least 1 slice, got {got}.", got=slices)
-    profile = float(profile_contact_ratio(pair))
-    half_overlap = 0.5 * float(overlap_ratio(pair))
+    facts = pair_facts(pair)
+    profile = float(facts["profile_contact_ratio"])
+    half_overlap = 0.5 * float(facts["overlap_ratio"])
     # Spur gears too: the derivative by the helix angle needs the line that is about to enter.
     ahead = math.ceil(half_overlap + margin)
     last = math.floor(profile + half_overlap + margin)
@@ -199,5 +201,3 @@ def _rounded_ramp(x: Reals, width: Reals) -> Reals:
     """Mean of max(0, x + s) over s uniform in a band of this width about zero."""
     inside = jnp.clip(x / width + 0.5, 0.0, 1.0)
     return 0.5 * width * inside**2 + jnp.maximum(x - 0.5 * width, 0.0)
-
-

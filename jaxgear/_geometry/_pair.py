@@ -8,7 +8,10 @@ pinion driving, contact runs from `path_start` (the wheel's tip) to `path_end`
 """
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
 
 from jaxgear._checks import require
 from jaxgear._geometry._gear import Gear
@@ -236,6 +239,54 @@ def full_tip_shortening(pair: GearPair) -> Scalar:
     return jnp.sum(pair.of_bodies("profile_shift")) - centre / pair.normal_module
 
 
+_BODY_FACTS = (
+    "reference_radius",
+    "base_radius",
+    "tip_radius",
+    "root_radius",
+    "form_radius",
+    "form_roll",
+    "tip_roll",
+    "working_pitch_radius",
+    "tip_thickness",
+    "root_clearance",
+)
+_PAIR_FACTS = (
+    "working_centre_distance",
+    "zero_backlash_centre_distance",
+    "working_pressure_angle",
+    "transverse_pressure_angle",
+    "base_helix_angle",
+    "transverse_base_pitch",
+    "tangent_length",
+    "path_start",
+    "path_end",
+    "path_of_contact",
+    "pitch_point",
+    "face_width",
+    "backlash",
+)
+
+
+@eqx.filter_jit
+def pair_facts(pair: GearPair) -> dict[str, Array]:
+    """Everything closed-form about a pair at once, compiled: for reports and checks.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+
+    **Returns:**
+
+    The properties of `GearPair` by name [m, rad], and `profile_contact_ratio`, `overlap_ratio`,
+    `total_contact_ratio`, `full_tip_shortening` [-].
+    """
+    ratios = (profile_contact_ratio, overlap_ratio, total_contact_ratio, full_tip_shortening)
+    return {name: getattr(pair, name) for name in _BODY_FACTS + _PAIR_FACTS} | {
+        ratio.__name__: ratio(pair) for ratio in ratios
+    }
+
+
 # Undercut that leaves the active flank whole is custom, not a mistake: 17 standard teeth at 20
 # degrees lack 0.006 of profile shift. The tooth's shape is off by less than 1e-6 rad within it.
 _HARMLESS_UNDERCUT = 0.02
@@ -252,73 +303,92 @@ def _check_pair(pair: GearPair) -> None:
         "The normal module must be positive, got {got:.6g} mm.",
         got=pair.normal_module / mm,
     )
-    base_sum = jnp.sum(pair.base_radius)
+    facts = pair_facts(pair)
+    if any(isinstance(fact, jax.core.Tracer) for fact in facts.values()):
+        return
+    facts = {name: np.asarray(fact) for name, fact in facts.items()}
+    module = float(pair.normal_module)
+    base_sum = facts["base_radius"].sum()
+    # Without profile shifts that mesh at all, there is no centre distance to compare with.
     require(
-        pair.working_centre_distance > base_sum,
+        bool(np.isfinite(facts["zero_backlash_centre_distance"])),
+        "No working pressure angle: the profile shifts sum to {got:.4g}, too negative for "
+        "{teeth} teeth. Raise them.",
+        got=float(pair.pinion.profile_shift + pair.wheel.profile_shift),
+        teeth=pair.pinion.teeth + pair.wheel.teeth,
+    )
+    require(
+        bool(facts["working_centre_distance"] > base_sum),
         "The centre distance must exceed the sum of the base radii, {limit:.6g} mm, or the gears "
         "have no line of action; got {got:.6g} mm. These profile shifts ask for {asked:.6g} mm.",
-        got=pair.working_centre_distance / mm,
+        got=facts["working_centre_distance"] / mm,
         limit=base_sum / mm,
-        asked=pair.zero_backlash_centre_distance / mm,
+        asked=facts["zero_backlash_centre_distance"] / mm,
     )
     require(
-        pair.backlash > -_ROUNDED_SHIFT * pair.normal_module,
+        bool(facts["backlash"] > -_ROUNDED_SHIFT * module),
         "The teeth jam: at the centre distance of {got:.6g} mm the backlash is {backlash:.4g} mm. "
         "Use {asked:.6g} mm or more, or lower the profile shifts.",
-        got=pair.working_centre_distance / mm,
-        backlash=pair.backlash / mm,
-        asked=pair.zero_backlash_centre_distance / mm,
+        got=facts["working_centre_distance"] / mm,
+        backlash=facts["backlash"] / mm,
+        asked=facts["zero_backlash_centre_distance"] / mm,
     )
     require(
-        (pair.path_of_contact > 0.0) & (total_contact_ratio(pair) >= 1.0),
+        bool(facts["path_of_contact"] > 0.0 and facts["total_contact_ratio"] >= 1.0),
         "The total contact ratio must be at least 1, got {got:.4g} (profile {profile:.4g} + overlap "
         "{overlap:.4g}): the mesh would lose contact between teeth. Raise the addendum, reduce the "
         "centre distance or tip shortening, or widen a helical face.",
-        got=total_contact_ratio(pair),
-        profile=profile_contact_ratio(pair),
-        overlap=overlap_ratio(pair),
+        got=facts["total_contact_ratio"],
+        profile=facts["profile_contact_ratio"],
+        overlap=facts["overlap_ratio"],
     )
-    start_roll = pair.tangent_length - pair.tip_roll[::-1]
-    sine = jnp.sin(pair.transverse_pressure_angle)
-    for index, (name, other, gear) in enumerate(
-        (("pinion", "wheel", pair.pinion), ("wheel", "pinion", pair.wheel))
-    ):
-        require(
-            pair.tip_thickness[index] > 0.0,
-            "The {name}'s teeth are pointed: thickness {got:.4g} mm at the tip diameter {tip:.6g} mm."
-            " Reduce its addendum or profile shift, or raise its tip shortening.",
-            name=name,
-            got=pair.tip_thickness[index] / mm,
-            tip=2.0 * pair.tip_radius[index] / mm,
-        )
-        missing_shift = -pair.form_roll[index] * sine / pair.normal_module
-        require(
-            missing_shift <= _HARMLESS_UNDERCUT,
-            "The {name} is undercut: with {teeth} teeth the profile shift must be at least "
-            "{limit:.4g}, got {got:.4g}. Raise the profile shift, the number of teeth or the "
-            "pressure angle, or lower the dedendum.",
-            name=name,
-            teeth=gear.teeth,
-            limit=gear.profile_shift + missing_shift,
-            got=gear.profile_shift,
-        )
-        require(
-            start_roll[index] >= jnp.maximum(pair.form_roll[index], 0.0),
-            "Interference: the {other}'s tip reaches the {name} at diameter {got:.6g} mm, below its "
-            "form diameter {limit:.6g} mm where the involute ends. Lower the {other}'s addendum or "
-            "raise its tip shortening, or raise the {name}'s dedendum or profile shift.",
-            name=name,
-            other=other,
-            got=2.0
-            * jnp.hypot(pair.base_radius[index], jnp.maximum(start_roll[index], 0.0))
-            / mm,
-            limit=2.0 * pair.form_radius[index] / mm,
-        )
-        require(
-            pair.root_clearance[index] > 0.0,
-            "The {other}'s tip touches the {name}'s root: clearance {got:.4g} mm. Raise the {name}'s "
-            "dedendum or lower the {other}'s addendum.",
-            name=name,
-            other=other,
-            got=pair.root_clearance[index] / mm,
-        )
+    for body in (0, 1):
+        _check_tooth(pair, facts, body)
+
+
+def _check_tooth(pair: GearPair, facts: dict[str, np.ndarray], body: int) -> None:
+    """Refuse teeth of one gear that cannot be cut, or that the other gear's teeth would hit."""
+    gear = (pair.pinion, pair.wheel)[body]
+    name, other = ("pinion", "wheel")[:: 1 - 2 * body]
+    thickness, tip = facts["tip_thickness"][body], facts["tip_radius"][body]
+    require(
+        bool(thickness > 0.0),
+        "The {name}'s teeth are pointed: thickness {got:.4g} mm at the tip diameter {tip:.6g} mm. "
+        "Reduce its addendum or profile shift, or raise its tip shortening.",
+        name=name,
+        got=thickness / mm,
+        tip=2.0 * tip / mm,
+    )
+    form_roll, form_radius = facts["form_roll"][body], facts["form_radius"][body]
+    missing_shift = -form_roll * np.sin(facts["transverse_pressure_angle"])
+    missing_shift /= float(pair.normal_module)
+    require(
+        bool(missing_shift <= _HARMLESS_UNDERCUT),
+        "The {name} is undercut: with {teeth} teeth the profile shift must be at least "
+        "{limit:.4g}, got {got:.4g}. Raise the profile shift, the number of teeth or the "
+        "pressure angle, or lower the dedendum.",
+        name=name,
+        teeth=gear.teeth,
+        limit=float(gear.profile_shift) + missing_shift,
+        got=float(gear.profile_shift),
+    )
+    start_roll = facts["tangent_length"] - facts["tip_roll"][1 - body]
+    require(
+        bool(start_roll >= max(form_roll, 0.0)),
+        "Interference: the {other}'s tip reaches the {name} at diameter {got:.6g} mm, below its "
+        "form diameter {limit:.6g} mm where the involute ends. Lower the {other}'s addendum or "
+        "raise its tip shortening, or raise the {name}'s dedendum or profile shift.",
+        name=name,
+        other=other,
+        got=2.0 * np.hypot(facts["base_radius"][body], max(start_roll, 0.0)) / mm,
+        limit=2.0 * form_radius / mm,
+    )
+    clearance = facts["root_clearance"][body]
+    require(
+        bool(clearance > 0.0),
+        "The {other}'s tip touches the {name}'s root: clearance {got:.4g} mm. Raise the {name}'s "
+        "dedendum or lower the {other}'s addendum.",
+        name=name,
+        other=other,
+        got=clearance / mm,
+    )

@@ -59,4 +59,3 @@ def load_sharing(cycle: MeshCycle) -> LinePhases:
     force = cycle.force.reshape(cycle.cells.lines.roll.shape)
     per_line = jnp.sum(force, axis=2)
     return per_line / jnp.sum(per_line, axis=1, keepdims=True)
-

@@ -71,7 +71,8 @@ def harmonic_amplitudes(cycle: MeshCycle, values: Phases, count: int) -> Harmoni
     lines = cycle.cells.lines
     order = jnp.arange(1, count + 1, dtype=float)
     angle = 2.0 * jnp.pi * order[:, None] * lines.phase[None, :]
-    weighted = (lines.weight * values)[None, :]
+    # Uneven phases would let the mean leak into the harmonics.
+    weighted = (lines.weight * (values - cycle_mean(cycle, values)))[None, :]
     real = jnp.sum(weighted * jnp.cos(angle), axis=1)
     imaginary = jnp.sum(weighted * jnp.sin(angle), axis=1)
     return 2.0 * jnp.hypot(real, imaginary)

@@ -164,9 +164,7 @@ def _tangent_stiffness(arms: CellArms, stiffness: Cells) -> CoordinateMatrix:
     """W^T k W."""
     if arms.shape[1] > _FEW:
         return arms.T @ (stiffness[:, None] * arms)
-    return jnp.stack(
-        [_on_coordinates(arms, stiffness * arms[:, i]) for i in range(arms.shape[1])]
-    )
+    return jnp.stack([_on_coordinates(arms, stiffness * arms[:, i]) for i in range(arms.shape[1])])
 
 
 def _imbalance(
@@ -180,9 +178,7 @@ def _imbalance(
     return (driving, unknown[1] - load), overlap, problem.stiffness * slope
 
 
-def _newton_step(
-    problem: ContactProblem, tangent: CoordinateMatrix, missing: Unknown
-) -> Unknown:
+def _newton_step(problem: ContactProblem, tangent: CoordinateMatrix, missing: Unknown) -> Unknown:
     """Solve the linearised balances: (I + S H) dg - S e dt = -r, e^T dg = -r_0."""
     direction = problem.direction
     count = direction.size

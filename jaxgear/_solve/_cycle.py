@@ -124,14 +124,74 @@ def mesh_cycle(
     - `ValueError` in single precision, or if the torque is not positive.
     - `RuntimeError` if a phase was not solved and `throw` is true.
     """
+    cycle = corrected_cycle(prepare_mesh(model, grid), model, law=law, settings=settings)
+    return eqx.error_if(cycle, ~cycle.converged, _UNSOLVED) if throw else cycle
+
+
+class PreparedMesh(eqx.Module):
+    """What flank corrections do not change: prepare it once, and search over flanks.
+
+    **Fields:**
+
+    - `system`: bodies, supports and torque.
+    - `cells`: place and stiffness of the mesh cells.
+    """
+
+    system: PairSystem
+    cells: MeshCells
+
+
+def prepare_mesh(model: PairModel, grid: MeshGrid) -> PreparedMesh:
+    """Do the part of a mesh cycle that does not depend on `model.flanks`.
+
+    **Arguments:**
+
+    - `model`: gears, supports and torque; its flanks are not looked at.
+    - `grid`: phases, lines and slices, from `mesh_grid`.
+
+    **Returns:**
+
+    System and cells.
+
+    **Raises:**
+
+    - `ValueError` if the torque is not positive.
+    """
     pair = model.pair
-    system = pair_system(pair, model.torque, model.pinion_support, model.wheel_support)
-    cells = mesh_cells(pair, grid, model.compliance, nominal_line_load(pair, model.torque))
-    gap = mesh_gap(pair, cells.lines, model.flanks, model.misalignment)
-    cycle = quasi_static(system, cells, gap, law=law, settings=settings)
-    if not throw:
-        return cycle
-    return eqx.error_if(cycle, ~cycle.converged, _UNSOLVED)
+    load = nominal_line_load(pair, model.torque)
+    return PreparedMesh(
+        system=pair_system(pair, model.torque, model.pinion_support, model.wheel_support),
+        cells=mesh_cells(pair, grid, model.compliance, load),
+    )
+
+
+def corrected_cycle(
+    prepared: PreparedMesh,
+    model: PairModel,
+    *,
+    law: AbstractContactLaw = ExactContact(),
+    settings: SolverSettings = SolverSettings(),
+) -> MeshCycle:
+    """Finish a mesh cycle for the flanks and the misalignment of `model`.
+
+    **Arguments:**
+
+    - `prepared`: from `prepare_mesh` of a model that differs in flanks or misalignment at most.
+    - `model`: gives the flanks.
+    - `law`: exact or smooth contact.
+    - `settings`: when to stop.
+
+    **Returns:**
+
+    The cycle; look at its `converged`.
+
+    **Raises:**
+
+    - `ValueError` in single precision.
+    """
+    cells = prepared.cells
+    gap = mesh_gap(model.pair, cells.lines, model.flanks, model.misalignment)
+    return quasi_static(prepared.system, cells, gap, law=law, settings=settings)
 
 
 _UNSOLVED = (

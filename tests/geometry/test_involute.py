@@ -67,9 +67,7 @@ def test_gradients():
     # One relative step has to suit all of them.
     angles = jnp.asarray(np.linspace(18.0, 30.0, 7) * deg)
     assert_gradient(lambda a: jnp.sum(jg.involute(a) ** 2), angles, rtol=1e-7)
-    assert_gradient(
-        lambda q: jnp.sum(jg.inverse_involute(q) ** 2), jg.involute(angles), rtol=1e-7
-    )
+    assert_gradient(lambda q: jnp.sum(jg.inverse_involute(q) ** 2), jg.involute(angles), rtol=1e-7)
 
 
 def test_one_trace():

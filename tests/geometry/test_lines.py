@@ -143,7 +143,9 @@ def test_fractions_and_weights(make):
     exit_phase = float(jg.profile_contact_ratio(pair)) % 1.0
     assert np.abs(edges - exit_phase).min() < 1e-12
     # Slices fill the face.
-    assert_close(lines.length * 6 * jnp.cos(pair.base_helix_angle), pair.face_width, rtol=1e-14, atol=0.0)
+    assert_close(
+        lines.length * 6 * jnp.cos(pair.base_helix_angle), pair.face_width, rtol=1e-14, atol=0.0
+    )
     assert_close(jnp.sum(lines.face_position) / mm + 1.0, 1.0, rtol=1e-12, atol=0.0)
     spread = pair.face_width * 5.0 / 6.0
     assert_close(lines.face_position[-1] - lines.face_position[0], spread, rtol=1e-13, atol=0.0)
@@ -157,7 +159,9 @@ def test_places_by_hand():
     middle = lines.roll[:, -grid.first_line, 4]
     pitch = math.pi * 2.0 * mm * math.cos(21.0 * math.pi / 180.0) / math.cos(pair.base_helix_angle)
     assert_close(middle, pair.path_start + lines.phase * pitch, rtol=1e-12, atol=0.0)
-    assert_close(jnp.diff(lines.roll, axis=1), jnp.full((16, grid.lines - 1, 9), pitch), rtol=1e-11, atol=0.0)
+    assert_close(
+        jnp.diff(lines.roll, axis=1), jnp.full((16, grid.lines - 1, 9), pitch), rtol=1e-11, atol=0.0
+    )
     slope = (lines.roll[3, 2, 8] - lines.roll[3, 2, 0]) / (16.0 * mm)
     sine = math.sin(math.radians(17.0)) * math.cos(math.radians(21.0))
     assert_close(slope, sine / math.sqrt(1.0 - sine**2), rtol=1e-11, atol=0.0)
@@ -277,9 +281,7 @@ def test_lines_scale(make):
     pair = make()
     grid = jg.mesh_grid(pair, phases=16, slices=4)
     assert jg.mesh_grid(lengths_scaled(pair, by=37.0), phases=16, slices=4) == grid
-    one, other = (
-        jg.contact_lines(p, grid) for p in (pair, lengths_scaled(pair, by=37.0))
-    )
+    one, other = (jg.contact_lines(p, grid) for p in (pair, lengths_scaled(pair, by=37.0)))
     assert_close(other.phase, one.phase, rtol=1e-11, atol=0.0)
     assert_close(other.roll, 37.0 * one.roll, rtol=1e-11, atol=1e-14)
     assert_close(other.fraction, one.fraction, rtol=0.0, atol=1e-10)

@@ -122,9 +122,7 @@ def test_printed_ratios(make, profile, overlap, shortening, last_digit):
     got = [jg.profile_contact_ratio(pair), jg.overlap_ratio(pair), jg.full_tip_shortening(pair)]
     expected = jnp.asarray([profile, overlap, shortening])
     assert_close(jnp.stack(got), expected, rtol=0.0, atol=last_digit)
-    assert_close(
-        jg.total_contact_ratio(pair), profile + overlap, rtol=0.0, atol=2.0 * last_digit
-    )
+    assert_close(jg.total_contact_ratio(pair), profile + overlap, rtol=0.0, atol=2.0 * last_digit)
 
 
 @pytest.mark.parametrize(
@@ -243,7 +241,9 @@ def test_undercut_and_form_circle_by_iso_21771(make):
     """Form circle from the rack's straight flank in the transverse section."""
     pair = make()
     straight = [
-        float(g.dedendum - g.profile_shift - g.fillet_radius * (1.0 - math.sin(pair.pressure_angle)))
+        float(
+            g.dedendum - g.profile_shift - g.fillet_radius * (1.0 - math.sin(pair.pressure_angle))
+        )
         for g in (pair.pinion, pair.wheel)
     ]
     alpha = float(pair.transverse_pressure_angle)
@@ -273,7 +273,9 @@ def test_working_circles_share_the_pitch(make):
     """Tooth, tooth and backlash fill the pitch on the working circles."""
     pair = make()
     working = pair.working_pitch_radius
-    filled = 2.0 * working * (pair.half_thickness_at_base - jg.involute(pair.working_pressure_angle))
+    filled = (
+        2.0 * working * (pair.half_thickness_at_base - jg.involute(pair.working_pressure_angle))
+    )
     pitch = 2.0 * math.pi * working / pair.teeth
     assert_close(pitch[0], pitch[1], rtol=1e-13, atol=0.0)
     assert_close(jnp.sum(filled) + pair.backlash, pitch[0], rtol=1e-12, atol=0.0)

@@ -49,7 +49,9 @@ class _Rack:
         self.tip = float(section.fillet_radius) * module
         self.reference = 0.5 * module * float(section.teeth)
         deep = float(section.dedendum) * module - self.tip
-        flat = 0.25 * math.pi * module - deep * math.tan(self.alpha) - self.tip / math.cos(self.alpha)
+        flat = (
+            0.25 * math.pi * module - deep * math.tan(self.alpha) - self.tip / math.cos(self.alpha)
+        )
         line = self.reference + x * module
         # The middle of the rounded corner that cuts the right-hand fillet, and a point of its flank.
         self.corner = complex(0.5 * math.pi * module - flat, line - deep)
@@ -123,9 +125,7 @@ def test_flank_is_what_the_straight_side_leaves(make):
 def test_fillet_meets_the_involute(make):
     """In place and in direction."""
     for section in _sections(make()):
-        start, start_slope = jax.jvp(
-            section.flank, (section.form_roll_angle,), (jnp.ones(()),)
-        )
+        start, start_slope = jax.jvp(section.flank, (section.form_roll_angle,), (jnp.ones(()),))
         end, end_slope = jax.jvp(section.fillet, (section.pressure_angle,), (jnp.ones(()),))
         assert_close(jnp.stack(end), jnp.stack(start), rtol=1e-11, atol=1e-15)
         along = [slope / jnp.hypot(*slope) for slope in map(jnp.stack, (start_slope, end_slope))]
@@ -282,7 +282,8 @@ def test_a_rack_with_a_pointed_tip_is_refused():
     gear = jg.Gear(30, 20.0 * mm, dedendum=1.5, fillet_radius=0.5)
     pair = jg.GearPair(gear, gear, 2.0 * mm)
     with pytest.raises(
-        ValueError, match=r"rack's tip is pointed: with dedendum coefficient 1\.5 .* coefficient 0\.5"
+        ValueError,
+        match=r"rack's tip is pointed: with dedendum coefficient 1\.5 .* coefficient 0\.5",
     ):
         jg.tooth_section(pair, pair.pinion)
 

@@ -379,9 +379,7 @@ def test_derivatives_are_those_of_the_solution(law, dense):
 
 def test_derivative_by_the_width_of_smooth_contact():
     problem = _smallish(51, MODERATE, False)
-    assert_gradient(
-        lambda law: _number(law)(problem), jg.SmoothContact(2e-6), rtol=1e-6, step=1e-4
-    )
+    assert_gradient(lambda law: _number(law)(problem), jg.SmoothContact(2e-6), rtol=1e-6, step=1e-4)
 
 
 def test_derivatives_exist_where_bodies_only_turn():

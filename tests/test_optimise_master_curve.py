@@ -1,0 +1,163 @@
+"""The closed form of the Master Curve, and the valley of a map."""
+
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimise
+import pytest
+from helpers import assert_close, assert_gradient
+
+
+def _depth(extent, ratio: float = 1.6, deflection: float = 1.0):
+    return optimise.master_curve_depth(
+        jnp.asarray(extent), jnp.asarray(ratio), jnp.asarray(deflection)
+    )
+
+
+@pytest.mark.parametrize(
+    ("extent", "depth"),
+    [
+        # lambda / (2 lambda - 0.6), lambda = 1.6 Gamma: .36/.12, .4/.2, .48/.36, .56/.52, .6/.6
+        (0.225, 3.0),
+        (0.25, 2.0),
+        (0.3, 4.0 / 3.0),
+        (0.35, 0.56 / 0.52),
+        (0.375, 1.0),
+        # First harmonic, by hand: sin(.96 pi) sin(.64 pi)/(.64 pi sin 1.6 pi) = -.0592687
+        (0.4, 0.625 / 0.6592687),
+        # sin(.8 pi)^2/(.8 pi sin 1.6 pi) = -.1445379
+        (0.5, 0.625 / 0.6445379),
+    ],
+)
+def test_depths_by_hand(extent, depth):
+    assert_close(_depth(extent), depth, rtol=1e-6, atol=0.0)
+    assert_close(_depth(extent, deflection=14e-6), 14e-6 * depth, rtol=1e-6, atol=0.0)
+
+
+def test_depth_of_the_accessory_pair():
+    """eps 1.42155, Gamma 0.25, deflection 11.6 um: 14.3 um; the thesis took 15 (physics A3.5)."""
+    assert_close(_depth(0.25, 1.421555, 11.6), 14.26, rtol=1e-3, atol=0.0)
+
+
+def test_both_branches_meet():
+    """At Gamma* relief starts at the end of single contact, and the depth is the deflection."""
+    for ratio in (1.1, 1.42, 1.6, 1.9):
+        longest = (ratio - 1.0) / ratio
+        beside = _depth([longest - 1e-9, longest + 1e-9], ratio)
+        assert_close(beside, jnp.ones(2), rtol=1e-6, atol=0.0)
+
+
+def test_depth_grows_without_bound_towards_half_the_longest_extent():
+    """E/delta = lambda / (2 lambda - (eps - 1)) with lambda = (eps - 1)/2 + h: (eps - 1)/(4 h)."""
+    shortest = 0.3 / 1.6
+    for beyond in (1e-4, 1e-6):
+        assert_close(_depth(shortest + beyond / 1.6), 0.6 / (4 * beyond), rtol=1e-3, atol=0.0)
+
+
+@pytest.mark.parametrize("share", [0.2, 0.49, 0.499999])
+def test_no_depth_will_do_for_short_reliefs(share):
+    extent = share * 0.6 / 1.6
+    assert bool(jnp.isnan(_depth(extent)))
+
+
+@pytest.mark.parametrize("ratio", [0.9, 1.0, 2.0, 2.3])
+def test_no_depth_outside_one_to_two_pairs(ratio):
+    assert bool(jnp.all(jnp.isnan(_depth([0.1, 0.25, 0.4], ratio))))
+
+
+def test_finite_on_the_whole_range():
+    for ratio in (1.05, 1.42, 1.9):
+        longest = (ratio - 1.0) / ratio
+        extents = jnp.linspace(0.501 * longest, 0.5, 50)
+        depths = _depth(extents, ratio)
+        assert bool(jnp.all(jnp.isfinite(depths) & (depths > 0.0)))
+
+
+def test_shape_of_the_extents_is_kept():
+    assert _depth(0.25).shape == ()
+    assert _depth([[0.25, 0.3, 0.4]] * 2).shape == (2, 3)
+
+
+@pytest.mark.parametrize("extent", [0.25, 0.45])
+def test_depth_is_differentiable(extent):
+    arguments = (jnp.asarray(extent), jnp.asarray(1.6), jnp.asarray(12.0))
+    assert_gradient(lambda x: optimise.master_curve_depth(*x), arguments, rtol=1e-7)
+
+
+def test_slope_by_hand():
+    """d(lambda / (2 lambda - 0.6)) / dGamma = -1.6 * 0.6 / (2 lambda - 0.6)^2: -24 at 0.25."""
+    slope = jax.grad(lambda g: optimise.master_curve_depth(g, jnp.asarray(1.6), jnp.asarray(1.0)))
+    assert_close(slope(jnp.asarray(0.25)), -24.0, rtol=1e-12, atol=0.0)
+
+
+# --- maps
+
+
+def _valley(depth, extent):
+    """Least along depth = 3 + 10 extent, with the value extent there."""
+    return (depth - 3.0 - 10.0 * extent) ** 2 + extent
+
+
+DEPTHS, EXTENTS = np.linspace(0.0, 10.0, 11), np.array([0.1, 0.23, 0.4])
+
+
+def test_map_has_depth_in_rows_and_extent_in_columns():
+    chart = optimise.relief_map(_valley, DEPTHS, EXTENTS)
+    assert chart.value.shape == (11, 3)
+    assert_close(chart.value[4, 1], (4.0 - 3.0 - 2.3) ** 2 + 0.23, rtol=1e-14, atol=0.0)
+    assert_close(chart.value[7, 2], 0.4, rtol=1e-14, atol=0.0)
+
+
+def test_map_reports_its_progress():
+    counts = []
+    optimise.relief_map(_valley, DEPTHS, EXTENTS, done=counts.append)
+    assert counts == [11, 11, 11]
+
+
+def test_valley_of_a_parabola_is_exact():
+    chart = optimise.relief_map(_valley, DEPTHS, EXTENTS)
+    valley = optimise.best_depths(_valley, chart)
+    assert_close(valley.depth, np.array([4.0, 5.3, 7.0]), rtol=1e-12, atol=0.0)
+    assert_close(valley.value, EXTENTS, rtol=1e-12, atol=0.0)
+    assert_close(valley.extent, EXTENTS, rtol=0.0, atol=1e-15)
+
+
+def test_valley_with_a_sharp_bottom_is_close():
+    """|x|: within half a step of the finer grid, 2 * 1.0 / 40 / 2."""
+    sharp = lambda depth, extent: jnp.abs(depth - 3.137 - 10.0 * extent)
+    chart = optimise.relief_map(sharp, DEPTHS, EXTENTS)
+    valley = optimise.best_depths(sharp, chart)
+    assert np.max(np.abs(valley.depth - (3.137 + 10.0 * EXTENTS))) <= 0.025
+
+
+def test_valley_at_the_edge_of_the_map():
+    rising = lambda depth, extent: depth + extent
+    chart = optimise.relief_map(rising, DEPTHS, EXTENTS)
+    falling = lambda depth, extent: extent - depth
+    assert_close(optimise.best_depths(rising, chart).depth, np.zeros(3), rtol=0.0, atol=1e-15)
+    chart = optimise.relief_map(falling, DEPTHS, EXTENTS)
+    assert_close(optimise.best_depths(falling, chart).depth, np.full(3, 10.0), rtol=1e-15, atol=0.0)
+
+
+def test_valley_of_the_closed_form():
+    """A map whose valley is the Master Curve gives the Master Curve back."""
+    curve = lambda extent: optimise.master_curve_depth(extent, jnp.asarray(1.42), jnp.asarray(11.6))
+    response = lambda depth, extent: jnp.sqrt(1e-4 + (depth / curve(extent) - 1.0) ** 2)
+    extents = np.linspace(0.2, 0.45, 6)
+    chart = optimise.relief_map(response, np.linspace(0.0, 40.0, 41), extents)
+    valley = optimise.best_depths(response, chart)
+    expected = np.array([float(curve(jnp.asarray(x))) for x in extents])
+    assert_close(valley.depth, expected, rtol=1e-3, atol=0.0)
+
+
+def test_extent_of_the_longest_relief():
+    """Gamma* = (eps - 1)/eps: 0.375 at 1.6, beyond which the first harmonic rules."""
+    assert math.isclose((1.6 - 1.0) / 1.6, 0.375)
+    inside, outside = _depth([0.374, 0.376])
+    assert_close(inside, 0.5984 / 0.5968, rtol=1e-9, atol=0.0)
+    run = 0.6016
+    sines = math.sin(math.pi * (1.6 - run)) * math.sin(math.pi * run)
+    harmonic = 1 - 0.376 - sines / (math.pi * run * math.sin(1.6 * math.pi))
+    assert_close(outside, 0.625 / harmonic, rtol=1e-12, atol=0.0)
