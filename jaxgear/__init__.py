@@ -95,3 +95,11 @@ from jaxgear._response._transmission import harmonic_amplitudes as harmonic_ampl
 from jaxgear._response._transmission import peak_to_peak as peak_to_peak
 from jaxgear._response._transmission import smooth_peak_to_peak as smooth_peak_to_peak
 from jaxgear._response._transmission import transmission_error as transmission_error
+
+from jaxgear._app._model import grid_of as grid_of
+from jaxgear._app._model import law_of as law_of
+from jaxgear._app._model import model_of as model_of
+from jaxgear._app._scene import Scene as Scene
+from jaxgear._app._scene import SceneError as SceneError
+from jaxgear._app._scene import read_scene as read_scene
+from jaxgear._app._scene import ready_scene as ready_scene

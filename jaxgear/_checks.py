@@ -1,7 +1,7 @@
 """The two kinds of check: of what a user builds, and of the precision they build it in."""
 
-import jax
 import jax.numpy as jnp
+from jax.core import Tracer
 from jaxtyping import Array, Bool
 
 
@@ -21,7 +21,7 @@ def require(ok: bool | Bool[Array, ""], message: str, **values: object) -> None:
 
     - `ValueError` if `ok` is false.
     """
-    if isinstance(ok, jax.core.Tracer) or ok:
+    if isinstance(ok, Tracer) or ok:
         return
     raise ValueError(message.format(**values))
 

@@ -1,4 +1,4 @@
-"""Smooth stand-ins for sharp functions. Every width is an argument, in the unit of what it smooths."""
+"""Smooth stand-ins for sharp functions. Widths are arguments, in the unit of what they smooth."""
 
 import jax
 import jax.numpy as jnp

@@ -14,6 +14,7 @@ from optimise._objectives import TransmissionErrorRms as TransmissionErrorRms
 from optimise._objectives import TransmissionErrorVariance as TransmissionErrorVariance
 from optimise._objectives import WeightedSum as WeightedSum
 from optimise._objectives import over_torques as over_torques
+from optimise._objectives import prepare_torques as prepare_torques
 from optimise._search import Box as Box
 from optimise._search import SearchResult as SearchResult
 from optimise._search import adam as adam

@@ -19,9 +19,11 @@ def master_curve_depth(
 ) -> Float[Array, "..."]:
     r"""Depth of relief that makes the transmission error constant, for a given extent.
 
-    With $\Gamma^* = (\varepsilon_\alpha-1)/\varepsilon_\alpha$: for $\Gamma^*/2 < \Gamma \le \Gamma^*$ exactly,
-    $E = \delta\,\Gamma\varepsilon_\alpha / (1 - \varepsilon_\alpha(1 - 2\Gamma))$; beyond $\Gamma^*$ to the
-    first harmonic, $E = \delta_m / [1 - \Gamma - \sin\pi(\varepsilon_\alpha-\lambda)\sin\pi\lambda /
+    With $\Gamma^* = (\varepsilon_\alpha-1)/\varepsilon_\alpha$: exactly, for
+    $\Gamma^*/2 < \Gamma \le \Gamma^*$,
+    $E = \delta\,\Gamma\varepsilon_\alpha / (1 - \varepsilon_\alpha(1 - 2\Gamma))$;
+    beyond $\Gamma^*$ to the first harmonic, $E = \delta_m / [1 - \Gamma -
+    \sin\pi(\varepsilon_\alpha-\lambda)\sin\pi\lambda /
     (\pi\lambda\sin\pi\varepsilon_\alpha)]$ with $\lambda = \Gamma\varepsilon_\alpha$, $\delta_m =
     \delta/\varepsilon_\alpha$. The same for spur and narrow-faced helical gears.
 

@@ -110,7 +110,7 @@ class WeightedSum(AbstractObjective):
     **Fields:**
 
     - `parts`: the objectives.
-    - `weights`: of each [1 / unit of the part].
+    - `weights`: of each, over the unit of the part [-].
     """
 
     parts: tuple[AbstractObjective, ...]
@@ -124,6 +124,28 @@ class WeightedSum(AbstractObjective):
         return jnp.sum(self.weights * jnp.stack(values))
 
 
+def prepare_torques(
+    model: jg.PairModel, torques: Float[Array, " torque"], grid: jg.MeshGrid
+) -> jg.PreparedMesh:
+    """Prepare the mesh for several torques at once.
+
+    **Arguments:**
+
+    - `model`: whose own torque and flanks are not looked at.
+    - `torques`: on the pinion [N m].
+    - `grid`: phases, lines and slices.
+
+    **Returns:**
+
+    The prepared meshes, stacked.
+    """
+    return jax.vmap(lambda torque: jg.prepare_mesh(_loaded(model, torque), grid))(torques)
+
+
+def _loaded(model: jg.PairModel, torque: Array) -> jg.PairModel:
+    return eqx.tree_at(lambda m: m.torque, model, torque)
+
+
 def over_torques(
     model_of: Callable[[Array], jg.PairModel],
     objective: AbstractObjective,
@@ -132,7 +154,7 @@ def over_torques(
     grid: jg.MeshGrid,
     law: jg.AbstractContactLaw,
     worst: bool = False,
-    fixed: jg.PairModel | None = None,
+    prepared: jg.PreparedMesh | None = None,
 ) -> Callable[[Float[Array, " variable"]], Float[Array, ""]]:
     """The objective of a design as a function of its variables.
 
@@ -144,31 +166,22 @@ def over_torques(
     - `grid`: phases, lines and slices.
     - `law`: contact law of the cycles.
     - `worst`: whether the largest counts instead of the mean.
-    - `fixed`: a model of which the variables change nothing but flanks and misalignment. Its
-        stiffness and system are then computed once, here, and every evaluation is several
-        times cheaper.
+    - `prepared`: from `prepare_torques`, where the variables change nothing but flanks and
+        misalignment; every evaluation is then several times cheaper.
 
     **Returns:**
 
     A function that `jax.grad` and `jax.vmap` accept, in the unit of the objective.
     """
 
-    def loaded(model: jg.PairModel, torque: Array) -> jg.PairModel:
-        return eqx.tree_at(lambda m: m.torque, model, torque)
-
-    def prepare(model: jg.PairModel) -> jg.PreparedMesh:
-        return jax.vmap(lambda torque: jg.prepare_mesh(loaded(model, torque), grid))(torques)
-
-    prepared = None if fixed is None else jax.jit(prepare)(fixed)
-
     def value(variables: Float[Array, " variable"]) -> Float[Array, ""]:
         model = model_of(variables)
 
         def at_torque(mesh: jg.PreparedMesh, torque: Array) -> Array:
-            own = loaded(model, torque)
+            own = _loaded(model, torque)
             return objective(own, jg.corrected_cycle(mesh, own, law=law), law)
 
-        meshes = prepare(model) if prepared is None else prepared
+        meshes = prepare_torques(model, torques, grid) if prepared is None else prepared
         values = jax.vmap(at_torque)(meshes, torques)
         return jnp.max(values) if worst else jnp.mean(values)
 

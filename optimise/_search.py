@@ -54,8 +54,8 @@ class SearchResult(eqx.Module):
 
     - `point`: best point found, in the units of the variables [-].
     - `value`: objective there, in its own unit [-].
-    - `evaluations`: of the objective, with or without gradient.
-    - `gradient_evaluations`: of the objective with its gradient.
+    - `evaluations`: of the objective, with or without gradient [-].
+    - `gradient_evaluations`: of the objective with its gradient [-].
     - `converged`: whether the search stopped by itself.
     - `reason`: why it stopped.
     - `path`: every point evaluated, for gradient searches in order [-].
@@ -110,6 +110,10 @@ class _Recorder:
         )
 
 
+# L-BFGS-B knows no scale before its first step, and makes it of length one: in these units.
+_FIRST_STEP = 0.1
+
+
 def lbfgs(
     objective: Objective,
     start: np.ndarray,
@@ -139,12 +143,17 @@ def lbfgs(
     - `FloatingPointError` if the objective or its gradient is not finite.
     """
     record = _Recorder(objective, box, watch)
+
+    def stretched(place: np.ndarray) -> tuple[float, np.ndarray]:
+        value, slope = record(place * _FIRST_STEP)
+        return value, slope * _FIRST_STEP
+
     end = scipy.optimize.minimize(
-        record,
-        box.to_unit(np.asarray(start, float)),
+        stretched,
+        box.to_unit(np.asarray(start, float)) / _FIRST_STEP,
         jac=True,
         method="L-BFGS-B",
-        bounds=[(0.0, 1.0)] * len(start),
+        bounds=[(0.0, 1.0 / _FIRST_STEP)] * len(start),
         options={"maxfun": most_evaluations, "gtol": tolerance, "ftol": 1e-3 * tolerance},
     )
     return record.result(converged=bool(end.success), reason=str(end.message))

@@ -4,14 +4,31 @@ Every expected number here is computed with `math` from the drawing, never by th
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import minimize_scalar, root_scalar
 
 import jaxgear as jg
 from jaxgear import deg, mm
+
+
+def zero(function: Callable[[float], float], low: float, high: float) -> float:
+    """Where a function changes sign, as closely as doubles allow."""
+    found: Any = root_scalar(function, bracket=(low, high), xtol=1e-300, rtol=1e-15)
+    return float(found.root)
+
+
+def lowest(
+    function: Callable[[float], float], low: float, high: float, *, within: float
+) -> tuple[float, float]:
+    """Where a function of one dip is least, and its value there."""
+    options = {"xatol": within}
+    found: Any = minimize_scalar(function, bounds=(low, high), method="bounded", options=options)
+    return float(found.x), float(found.fun)
 
 
 @dataclass(frozen=True)
@@ -58,7 +75,7 @@ class Drawing:
         """From the profile shifts, without backlash."""
         target = math.tan(self.transverse_angle) - self.transverse_angle
         target += 2.0 * sum(self.shift) * math.tan(self.pressure_angle) / sum(self.teeth)
-        return brentq(lambda a: math.tan(a) - a - target, 0.05, 1.0, xtol=1e-15, rtol=1e-15)
+        return zero(lambda a: math.tan(a) - a - target, 0.05, 1.0)
 
     @property
     def centre_distance(self) -> float:
@@ -149,9 +166,7 @@ def with_contact_ratio(
             face_width=(face_width, face_width),
         )
 
-    return drawing(
-        brentq(lambda h: drawing(h).contact_ratio - ratio, 0.3, 1.6, xtol=1e-15, rtol=1e-15)
-    )
+    return drawing(zero(lambda h: drawing(h).contact_ratio - ratio, 0.3, 1.6))
 
 
 def symmetric_relief(depth, extent) -> jg.Flanks:

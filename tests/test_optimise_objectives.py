@@ -6,12 +6,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimise
 import pytest
 from helpers import assert_close, assert_gradient
 from solve_cases import ACCESSORY, POWER, spread, symmetric_relief
 
 import jaxgear as jg
+import optimise
 from jaxgear import MPa, um
 
 BASE = jg.PairModel(ACCESSORY.pair(), 80.0)
@@ -43,6 +43,9 @@ def test_variance_is_the_square_of_the_rms_in_um(settled):
     error = np.asarray(cycle.approach) / um
     found = optimise.TransmissionErrorVariance()(model, cycle, EXACT)
     assert_close(found, spread(cycle, error) ** 2, rtol=1e-12, atol=0.0)
+    # Rounded at its cone by 0.01 um: hypot(rms, 0.01).
+    found = optimise.TransmissionErrorRms(0.01 * um)(model, cycle, EXACT)
+    assert_close(found, math.hypot(spread(cycle, error), 0.01), rtol=1e-12, atol=0.0)
 
 
 def test_variance_of_the_plain_pair_by_hand():
@@ -56,9 +59,7 @@ def test_variance_of_the_plain_pair_by_hand():
 
 
 def test_variance_of_a_helical_pair_is_transverse():
-    cycle = eqx.filter_jit(jg.mesh_cycle)(
-        HELICAL, jg.mesh_grid(HELICAL.pair, phases=16, slices=10)
-    )
+    cycle = eqx.filter_jit(jg.mesh_cycle)(HELICAL, jg.mesh_grid(HELICAL.pair, phases=16, slices=10))
     transverse = np.asarray(cycle.approach) / math.cos(POWER.base_helix) / um
     found = optimise.TransmissionErrorVariance()(HELICAL, cycle, EXACT)
     assert_close(found, spread(cycle, transverse) ** 2, rtol=1e-9, atol=0.0)
@@ -111,33 +112,53 @@ def test_torques_are_averaged_or_the_worst_taken(worst):
     assert_close(jax.jit(function)(jnp.asarray([7.0])), expected, rtol=1e-6, atol=0.0)
 
 
-OBJECTIVES = {
-    "variance": optimise.TransmissionErrorVariance(),
-    "range": optimise.TransmissionErrorRange(0.3 * um),
-    "pressure": optimise.LargestPressure(30 * MPa),
-    "sum": optimise.WeightedSum(
-        (optimise.TransmissionErrorVariance(), optimise.LargestPressure(30 * MPa)), [1.0, 1e-3]
+def test_what_the_variables_leave_alone_may_be_prepared():
+    """Stiffness and system computed once: the same values and slopes."""
+    grid = jg.mesh_grid(CONSTANT.pair, phases=8, slices=2)
+    torques = jnp.asarray([60.0, 90.0])
+    slow, fast = (
+        optimise.over_torques(
+            _design(CONSTANT),
+            optimise.TransmissionErrorVariance(),
+            torques,
+            grid=grid,
+            law=EXACT,
+            prepared=prepared,
+        )
+        for prepared in (None, optimise.prepare_torques(CONSTANT, torques, grid))
+    )
+    point = jnp.asarray([9.0, 0.27])
+    expected = jax.jit(jax.value_and_grad(slow))(point)
+    assert_close(jax.jit(jax.value_and_grad(fast))(point), expected, rtol=1e-10, atol=0.0)
+
+
+ALL = optimise.WeightedSum(
+    (
+        optimise.TransmissionErrorVariance(),
+        optimise.TransmissionErrorRms(),
+        optimise.TransmissionErrorRange(0.3 * um),
+        optimise.LargestPressure(30 * MPa),
     ),
-}
+    [1.0, 2.0, 3.0, 1e-3],
+)
 LAWS = {"exact": EXACT, "smooth": SMOOTH}
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("objective", OBJECTIVES)
-def test_gradients_of_objectives(objective, law):
+def test_gradients_of_all_objectives(law):
     """No cell is within a step of separation, so exact contact has a derivative too."""
     grid = jg.mesh_grid(CONSTANT.pair, phases=16, slices=2)
     function = optimise.over_torques(
         _design(CONSTANT),
-        OBJECTIVES[objective],
+        ALL,
         jnp.asarray([60.0, 90.0]),
         grid=grid,
         law=LAWS[law],
     )
-    assert_gradient(function, jnp.asarray([4.3, 0.271]), rtol=1e-6, step=1e-6)
+    assert_gradient(function, jnp.asarray([4.3, 0.271]), rtol=1e-6, step=1e-5)
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", ["exact", pytest.param("smooth", marks=pytest.mark.slow)])
 def test_gradients_with_cells_open_and_closed(law):
     """Crowning and relief of a helical pair, some of whose cells never touch."""
 
@@ -145,9 +166,9 @@ def test_gradients_with_cells_open_and_closed(law):
         flank = jg.Superposed((jg.TipRelief(x[0] * um, x[1]), jg.Crowning(x[2] * um)))
         return eqx.tree_at(lambda m: m.flanks, HELICAL, jg.Flanks(flank, flank))
 
-    grid = jg.mesh_grid(HELICAL.pair, phases=16, slices=12)
+    grid = jg.mesh_grid(HELICAL.pair, phases=8, slices=8)
     variables = jnp.asarray([14.0, 0.25, 9.0])
-    cycle = jg.mesh_cycle(model(variables), grid)
+    cycle = eqx.filter_jit(jg.mesh_cycle)(model(variables), grid)
     carried = cycle.cells.stiffness > 1.0
     assert bool(jnp.any(carried & (cycle.overlap < 0.0)))
     function = optimise.over_torques(
@@ -160,9 +181,10 @@ def test_gradients_with_cells_open_and_closed(law):
     assert_gradient(lambda x: 1e3 * function(x), variables, rtol=1e-5, step=1e-6)
 
 
+@pytest.mark.slow
 def test_gradient_by_the_gears_themselves():
     """Module, helix, shift: macro geometry through contact to the objective."""
-    grid = jg.mesh_grid(HELICAL.pair, phases=16, slices=12)
+    grid = jg.mesh_grid(HELICAL.pair, phases=8, slices=8)
 
     def model(x):
         changed = (x[0] * 1e-3, x[1], x[2])
@@ -218,7 +240,8 @@ def test_valley_found_is_that_of_the_master_curve(search):
     """Depth over the closed form with the stiffest pair: 0.80 to 0.90 within Gamma*."""
     _, result = search
     load = 80.0 / ACCESSORY.base_radius[0] / ACCESSORY.common_width
-    stiffest = float(jg.single_pair_stiffness(BASE.pair, BASE.compliance, jnp.asarray(load)))
+    stiffness = eqx.filter_jit(jg.single_pair_stiffness)
+    stiffest = float(stiffness(BASE.pair, BASE.compliance, jnp.asarray(load)))
     run = result.point[1] * ACCESSORY.contact_ratio
     closed = load / stiffest / um * run / (2 * run - (ACCESSORY.contact_ratio - 1))
     longest = (ACCESSORY.contact_ratio - 1) / ACCESSORY.contact_ratio

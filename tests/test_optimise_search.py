@@ -4,9 +4,10 @@ import math
 
 import jax.numpy as jnp
 import numpy as np
-import optimise
 import pytest
 from helpers import assert_close
+
+import optimise
 
 BOX = optimise.Box([-2.0, 0.0], [2.0, 10.0])
 INSIDE = np.array([0.5, 7.0])

@@ -15,9 +15,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from jaxgear._app._scene import Scene, SceneError, read_scene, rewrite_scene
-
-_READY = Path(__file__).parent / "scenes"
+from jaxgear._app._scene import READY, Scene, SceneError, read_scene, rewrite_scene
 
 _COMMANDS = {
     "run": "compute everything that the scene asks for",
@@ -242,7 +240,7 @@ def _print_json(summary: Mapping[str, object]) -> None:
 
 
 def _ready_names() -> list[str]:
-    return sorted(path.stem for path in _READY.glob("*.toml"))
+    return sorted(path.stem for path in READY.glob("*.toml"))
 
 
 def _init(args: argparse.Namespace) -> int:
@@ -252,7 +250,7 @@ def _init(args: argparse.Namespace) -> int:
         near = difflib.get_close_matches(args.name, names, 1)
         hint = f" Did you mean {near[0]}?" if near else ""
         raise _Stop(2, f"no ready scene {args.name!r}; there are: {', '.join(names)}.{hint}")
-    ready = _READY / f"{args.name}.toml"
+    ready = READY / f"{args.name}.toml"
     scene = read_scene(ready, args.overrides)
     target = (args.out or Path()) / ready.name
     if target.exists() and not args.force:

@@ -23,9 +23,8 @@ from jaxgear._app._design import (
     design_space,
     objective_function,
     objective_of,
+    prepared_mesh,
     round_up,
-    scene_grid,
-    scene_space,
     torques_of,
 )
 from jaxgear._app._gradients import GradientRow, gradient_table
@@ -37,7 +36,6 @@ from jaxgear._app._statics import (
     Statics,
     Stopwatch,
     geometry_summary,
-    headline,
     iso_summary,
     require_solved,
     smoothing_bias,
@@ -45,7 +43,8 @@ from jaxgear._app._statics import (
 )
 from jaxgear._interface._laws import ExactContact
 from jaxgear._response._transmission import cycle_rms, transmission_error
-from jaxgear._solve._cycle import corrected_cycle, prepare_mesh
+from jaxgear._solve._cycle import PreparedMesh, corrected_cycle
+from jaxgear._system._model import PairModel
 from jaxgear._types import Reals, Scalar
 from jaxgear._units import um
 
@@ -56,7 +55,11 @@ Summary = dict[str, Any]
 def _progress(total: int, what: str, quiet: bool) -> Iterator[Callable[[int], None]]:
     """A progress bar on standard error; the value is told how many more are done."""
     with tqdm.tqdm(total=total, desc=what, disable=quiet, file=sys.stderr, leave=False) as bar:
-        yield lambda count=1: bar.update(count) and None
+
+        def done(count: int) -> None:
+            bar.update(count)
+
+        yield done
 
 
 def run(scene: Scene, folder: Path, quiet: bool) -> Summary:
@@ -78,13 +81,9 @@ def run(scene: Scene, folder: Path, quiet: bool) -> Summary:
     - `SolverFailure` if a contact problem was not solved.
     """
     watch = Stopwatch()
-    with _progress(3, "mesh cycle", quiet) as done:
+    with _progress(2, "mesh cycle", quiet) as done:
         torques = _harris_torques(scene)
         statics = solve_statics(scene, watch, torques)
-        done(1)
-        summary = _head(scene, statics)
-        widths = um * np.geomspace(0.01, 1.0, 13) * summary["static"]["te_mean_um"]
-        bias = smoothing_bias(statics, widths, watch)
         done(1)
         dataset = static_dataset(statics.model, statics.cycle, statics.law)
         about = {"units": "N m", "long_name": "torque on the pinion"}
@@ -93,10 +92,10 @@ def run(scene: Scene, folder: Path, quiet: bool) -> Summary:
         dataset["harris_te_um"] = (("torque", "phase"), statics.harris / um, about)
         write_dataset(dataset, folder / "result.nc")
         _draw_statics(folder, _title(scene), statics, dataset)
-        _draw_bias(folder, _title(scene), widths, bias, summary["static"]["te_rms_um"])
         done(1)
+    summary = _head(scene, statics)
     if scene.has_table("optimise"):
-        summary |= _optimisation(scene, folder, quiet, watch)
+        summary |= _optimisation(scene, statics, folder, quiet, watch, torques)
     return _finish(scene, folder, summary, watch)
 
 
@@ -109,15 +108,19 @@ def map_relief(scene: Scene, folder: Path, quiet: bool) -> Summary:
     statics = solve_statics(scene, watch)
     summary = _head(scene, statics)
     keys = ("flank.pinion.tip_relief.depth_um", "flank.pinion.tip_relief.extent")
-    space = design_space(scene, keys, symmetric=True)
     deflection = summary["static"]["single_pair_deflection_um"] * um
+    space = design_space(scene, keys, symmetric=True, deflection=deflection / um)
     most = scene.get("map.depth_um.to", round_up(3.0 * deflection / um))
     depth = um * np.linspace(scene["map.depth_um.from"], most, scene["map.depth_um.points"])
     extent = np.linspace(
         scene["map.extent.from"], scene["map.extent.to"], scene["map.extent.points"]
     )
 
-    prepared = watch(lambda model: prepare_mesh(model, statics.grid), statics.model)
+    torque = statics.model.torque[None]
+    meshes = watch(
+        lambda model, t: optimise.prepare_torques(model, t, statics.grid), statics.model, torque
+    )
+    prepared = jax.tree.map(lambda x: jnp.asarray(np.asarray(x)[0]), meshes)
 
     def te_rms(depth: Scalar, extent: Scalar) -> Scalar:
         model = space.model(jnp.stack([depth / um, extent]))
@@ -133,10 +136,10 @@ def map_relief(scene: Scene, folder: Path, quiet: bool) -> Summary:
     variance = optimise.over_torques(
         space.model,
         optimise.TransmissionErrorVariance(),
-        statics.model.torque[None],
+        torque,
         grid=statics.grid,
         law=smooth_law_of(scene),
-        fixed=space.base,
+        prepared=meshes,
     )
     found = _descent(space, variance, quiet)
     best = jax.jit(te_rms)(jnp.asarray(found.point[0] * um), jnp.asarray(found.point[1]))
@@ -162,6 +165,9 @@ def map_relief(scene: Scene, folder: Path, quiet: bool) -> Summary:
             "closed_form_depth_um": closed,
         },
     }
+    # Relief of one and a half deflections parts the teeth at the ends of the path.
+    relieved = jax.jit(lambda x: space.model(x))(jnp.asarray([1.5 * deflection / um, 0.3]))
+    summary["smoothing_bias"] = _draw_bias(scene, folder, relieved, prepared, watch)
     figure = pictures.master_curve(chart, valley, closed, found.path, _title(scene))
     pictures.save(
         figure, pictures.master_curve_columns(chart, valley, closed), folder, "master_curve"
@@ -176,7 +182,7 @@ def optimise_flanks(scene: Scene, folder: Path, quiet: bool) -> Summary:
     """
     watch = Stopwatch()
     statics = solve_statics(scene, watch)
-    summary = _head(scene, statics) | _optimisation(scene, folder, quiet, watch)
+    summary = _head(scene, statics) | _optimisation(scene, statics, folder, quiet, watch)
     return _finish(scene, folder, summary, watch)
 
 
@@ -297,16 +303,17 @@ def _draw_statics(folder: Path, title: str, statics: Statics, dataset: xr.Datase
 
 
 def _draw_bias(
-    folder: Path,
-    title: str,
-    widths: np.ndarray,
-    bias: tuple[np.ndarray, np.ndarray],
-    rms_um: float,
-) -> None:
-    """The picture of smooth against exact contact."""
-    data = widths / um, bias[0] / um, bias[1] / um / max(rms_um, 1e-12)
-    figure = pictures.smoothing_bias(*data, rms_um, title)
+    scene: Scene, folder: Path, model: PairModel, prepared: PreparedMesh, watch: Stopwatch
+) -> Summary:
+    """Smooth against exact contact on a flank whose ends are out of contact."""
+    widths = um * np.geomspace(0.02, 5.0, 17)
+    mean, rms, exact = map(np.asarray, watch(smoothing_bias, model, prepared, jnp.asarray(widths)))
+    relative = rms / max(float(exact), 1e-12 * um)
+    data = widths / um, mean / um, relative
+    title = f"{_title(scene)}, tip relief that parts the teeth"
+    figure = pictures.smoothing_bias(*data, float(exact) / um, title)
     pictures.save(figure, pictures.smoothing_bias_columns(*data), folder, "smoothing_bias")
+    return {"width_um": widths / um, "te_mean_bias_um": mean / um, "te_rms_bias_relative": relative}
 
 
 def _closed_form(extent: np.ndarray, ratio: Scalar, deflection: float) -> np.ndarray:
@@ -333,31 +340,44 @@ def _descent(
         )
 
 
-def _optimisation(scene: Scene, folder: Path, quiet: bool, watch: Stopwatch) -> Summary:
+def _optimisation(
+    scene: Scene,
+    before: Statics,
+    folder: Path,
+    quiet: bool,
+    watch: Stopwatch,
+    torques: np.ndarray | None = None,
+) -> Summary:
     """Search with smooth contact, judge with exact contact, and show what became better."""
-    space, grid = scene_space(scene), scene_grid(scene)
-    smooth = objective_function(space, grid, smooth_law_of(scene))
-    exact = jax.jit(objective_function(space, grid, ExactContact()))
+    space = design_space(
+        scene,
+        tuple(scene["optimise.vary"]),
+        symmetric=scene["optimise.symmetric"],
+        deflection=float(before.numbers["single_pair_deflection_um"]),
+    )
+    prepared = prepared_mesh(space, before.grid, watch)
+    smooth = objective_function(space, before.grid, smooth_law_of(scene), prepared)
+    exact = jax.jit(objective_function(space, before.grid, ExactContact(), prepared))
     start = time.perf_counter()
     found = _descent(space, smooth, quiet)
     seconds = time.perf_counter() - start
     with _progress(1, "differential evolution", quiet) as done:
         baseline = optimise.differential_evolution(smooth, space.box)
         done(1)
-    keys = {key: float(value) for key, value in space.updates(found.point).items()}
-    improved = scene.replace(keys)
-    before, after = (solve_statics(each, watch) for each in (scene, improved))
+    keys = {key: float(value) for key, value in space.updates(jnp.asarray(found.point)).items()}
+    after = solve_statics(scene.replace(keys), watch, torques)
     values = {
         name: float(exact(jnp.asarray(point)))
         for name, point in (("before", space.start), ("after", found.point))
     }
     _, unit = objective_of(scene)
     destination = Path(f"{scene['name']}.optimised.toml")
-    rewrite_scene(scene.path, scene.overridden() | keys, folder / destination)
-    data = [static_dataset(each.model, each.cycle, each.law) for each in (before, after)]
+    updates = scene.overridden() | keys
+    rewrite_scene(scene.path, updates, folder / destination)
+    old, new = (static_dataset(each.model, each.cycle, each.law) for each in (before, after))
     title = _title(scene)
-    figure = pictures.before_after(*data, title)
-    pictures.save(figure, pictures.before_after_columns(*data), folder, "before_after")
+    figure = pictures.before_after(old, new, title)
+    pictures.save(figure, pictures.before_after_columns(old, new), folder, "before_after")
     traces = {
         scene["optimise.method"]: found.values,
         "differential evolution": baseline.values,
@@ -393,9 +413,10 @@ def _optimisation(scene: Scene, folder: Path, quiet: bool, watch: Stopwatch) -> 
 
 
 def _judged(statics: Statics, objective: float) -> dict[str, float]:
-    """Objective with exact contact over all torques, and the headline at the scene's torque."""
-    numbers = headline(statics.model, statics.cycle, statics.law)
-    return {"objective": objective} | {key: float(value) for key, value in numbers.items()}
+    """Objective with exact contact over all torques, and what changed at the scene's torque."""
+    names = ("te_mean_um", "te_rms_um", "te_peak_to_peak_um", "max_line_load_N_mm")
+    numbers = {name: float(statics.numbers[name]) for name in (*names, "max_pressure_MPa")}
+    return {"objective": objective} | numbers
 
 
 def _gradient_text(table: list[tuple[str, GradientRow]]) -> str:

@@ -3,20 +3,19 @@
 from collections.abc import Callable
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 
 import optimise
-from jaxgear._app._model import flanks_of, grid_of, model_of
+from jaxgear._app._model import flanks_of, model_of
 from jaxgear._app._scene import Scene
 from jaxgear._app._schema import GEARS
-from jaxgear._app._statics import single_pair_deflection
+from jaxgear._app._statics import Stopwatch
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw
+from jaxgear._solve._cycle import PreparedMesh
 from jaxgear._system._model import PairModel
 from jaxgear._types import Reals, Scalar
-from jaxgear._units import um
 
 
 class DesignSpace(eqx.Module):
@@ -67,7 +66,9 @@ def _twin(key: str) -> str:
     return key
 
 
-def design_space(scene: Scene, keys: tuple[str, ...], *, symmetric: bool) -> DesignSpace:
+def design_space(
+    scene: Scene, keys: tuple[str, ...], *, symmetric: bool, deflection: float
+) -> DesignSpace:
     """The space that some keys of a scene span.
 
     **Arguments:**
@@ -75,6 +76,7 @@ def design_space(scene: Scene, keys: tuple[str, ...], *, symmetric: bool) -> Des
     - `scene`: gives start and bounds.
     - `keys`: the variables.
     - `symmetric`: whether the other gear's flank follows.
+    - `deflection`: of a single tooth pair, the scale of depths [um].
 
     **Returns:**
 
@@ -90,7 +92,6 @@ def design_space(scene: Scene, keys: tuple[str, ...], *, symmetric: bool) -> Des
             f"both of {', '.join(both)}. Name one, or set symmetric = false."
         )
     base = model_of(scene)
-    deflection = float(jax.jit(single_pair_deflection)(base) / um)
     bounds = np.asarray([_bounds(scene, key, deflection) for key in keys], dtype=float)
     start = np.asarray([scene[key] for key in keys], dtype=float)
     return DesignSpace(
@@ -170,8 +171,16 @@ def torques_of(scene: Scene) -> np.ndarray:
     return np.asarray(scene.get("optimise.torques_Nm", [scene["pair.torque_pinion_Nm"]]), float)
 
 
+def prepared_mesh(space: DesignSpace, grid: MeshGrid, watch: Stopwatch) -> PreparedMesh | None:
+    """The meshes at the scene's torques, if the variables leave them as they are."""
+    if not space.flanks_only:
+        return None
+    torques = jnp.asarray(torques_of(space.scene))
+    return watch(lambda model, t: optimise.prepare_torques(model, t, grid), space.base, torques)
+
+
 def objective_function(
-    space: DesignSpace, grid: MeshGrid, law: AbstractContactLaw
+    space: DesignSpace, grid: MeshGrid, law: AbstractContactLaw, prepared: PreparedMesh | None
 ) -> Callable[[Reals], Scalar]:
     """The objective as a function of the variables, over all torques of the scene."""
     objective, _ = objective_of(space.scene)
@@ -182,15 +191,5 @@ def objective_function(
         grid=grid,
         law=law,
         worst=space.scene["optimise.over"] == "worst",
-        fixed=space.base if space.flanks_only else None,
+        prepared=prepared,
     )
-
-
-def scene_space(scene: Scene) -> DesignSpace:
-    """The space that [optimise] of a scene spans."""
-    return design_space(scene, tuple(scene["optimise.vary"]), symmetric=scene["optimise.symmetric"])
-
-
-def scene_grid(scene: Scene) -> MeshGrid:
-    """The grid of a scene's own model."""
-    return grid_of(scene, model_of(scene))

@@ -7,16 +7,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxgear._app._model import grid_of, law_of, model_of
+from jaxgear._app._model import grid_of, model_of
 from jaxgear._app._scene import Scene
 from jaxgear._app._statics import Stopwatch, require_solved
 from jaxgear._contact._cells import flank_coordinates
-from jaxgear._interface._laws import AbstractContactLaw, ExactContact
+from jaxgear._flank._deviations import Superposed
+from jaxgear._interface._laws import AbstractContactLaw, SmoothContact
 from jaxgear._response._loads import hertz_pressure
 from jaxgear._response._transmission import cycle_mean, cycle_variance, transmission_error
 from jaxgear._smooth import smooth_maximum
-from jaxgear._system._model import PairModel
 from jaxgear._solve._cycle import MeshCycle, mesh_cycle
+from jaxgear._system._model import PairModel
 from jaxgear._types import Reals
 from jaxgear._units import MPa, um
 
@@ -90,7 +91,7 @@ def gradient_table(scene: Scene, law: AbstractContactLaw, watch: Stopwatch) -> l
             [
                 cycle_mean(cycle, error),
                 cycle_variance(cycle, error),
-                smooth_maximum(pressure, _PRESSURE_WIDTH) / MPa,
+                smooth_maximum(pressure, jnp.asarray(_PRESSURE_WIDTH)) / MPa,
             ]
         )
         pieces = _pieces(model, cycle, law)
@@ -166,12 +167,12 @@ def _differences(
 
 
 def _pieces(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> Reals:
-    """Which piece of each piecewise formula is in use at each cell; equal means the same formula."""
+    """Which piece of each piecewise formula is in use at each cell."""
     overlap = cycle.overlap
-    if isinstance(law, ExactContact):
-        contact = (overlap > 0.0).astype(float)
-    else:
+    if isinstance(law, SmoothContact):
         contact = jnp.sign(overlap + law.width) + jnp.sign(overlap - law.width)
+    else:
+        contact = (overlap > 0.0).astype(float)
     lines = cycle.cells.lines
     fraction = jnp.sign(lines.fraction - 1e-9) + jnp.sign(lines.fraction - 1.0 + 1e-9)
     in_mesh = (fraction > -1.5).reshape(contact.shape)
@@ -181,7 +182,7 @@ def _pieces(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> Real
         flank_coordinates(model.pair, lines),
         strict=True,
     ):
-        for part in flank.parts:
+        for part in flank.parts if isinstance(flank, Superposed) else (flank,):
             relieved = (part(*place) != 0.0).astype(float).reshape(contact.shape)
             parts.append(jnp.where(in_mesh, relieved, 0.0))
     narrower = jnp.sign(model.pair.pinion.face_width - model.pair.wheel.face_width)

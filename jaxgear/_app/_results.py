@@ -14,8 +14,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
+import equinox as eqx
 import numpy as np
 import xarray as xr
+from jaxtyping import Array
 from numpy.typing import ArrayLike
 
 import jaxgear as jg
@@ -57,26 +59,54 @@ def static_dataset(
 
     A dataset over phase, line, slice, harmonic, body and axis, in the units of files.
     """
-    variables = _over_phases(model, cycle) | _over_cells(model, cycle, law)
-    variables |= _over_bodies(model, cycle) | _on_path(model.pair)
+    found = {name: np.asarray(x) for name, x in _responses(model, cycle, law).items()}
+    facts = {name: np.asarray(x) for name, x in jg.pair_facts(model.pair).items()}
+    variables = _over_phases(cycle, found) | _over_cells(cycle, found)
+    variables |= _over_bodies(found) | _on_path(facts)
     return xr.Dataset(
         {name: entry.variable() for name, entry in variables.items()},
-        coords={name: entry.variable() for name, entry in _coordinates(model, cycle).items()},
+        coords={name: entry.variable() for name, entry in _coordinates(cycle, facts).items()},
         attrs={
             "torque_pinion_Nm": float(model.torque),
-            "face_width_mm": float(model.pair.face_width) / jg.mm,
+            "face_width_mm": float(facts["face_width"]) / jg.mm,
             "teeth_pinion": model.pair.pinion.teeth,
             "teeth_wheel": model.pair.wheel.teeth,
         },
     )
 
 
-def _coordinates(model: jg.PairModel, cycle: jg.MeshCycle) -> dict[str, _Entry]:
+@eqx.filter_jit
+def _responses(
+    model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw
+) -> dict[str, Array]:
+    """Everything that has to be computed, in SI, in one program."""
+    pair, lines = model.pair, cycle.cells.lines
+    error = jg.transmission_error(pair, cycle)
+    system = jg.pair_system(pair, model.torque, model.pinion_support, model.wheel_support)
+    return {
+        "transmission_error": error,
+        "te_harmonic": jg.harmonic_amplitudes(cycle, error, _harmonic_count(cycle)),
+        "mesh_stiffness": jg.mesh_stiffness(cycle),
+        "load_sharing": jg.load_sharing(cycle),
+        "gap": jg.mesh_gap(pair, lines, model.flanks, model.misalignment),
+        "place": (lines.roll - pair.path_start) / pair.path_of_contact,
+        "line_load": jg.line_load(cycle, law),
+        "pressure": jg.hertz_pressure(pair, cycle, law),
+        "motion": system.displacement(cycle.load),
+        "body_load": -cycle.load @ system.vectors.T,
+    }
+
+
+def _harmonic_count(cycle: jg.MeshCycle) -> int:
+    return min(_HARMONICS, (cycle.approach.size - 1) // 2)
+
+
+def _coordinates(cycle: jg.MeshCycle, facts: dict[str, np.ndarray]) -> dict[str, _Entry]:
     lines = cycle.cells.lines
-    passage = _passage(model.pair, lines)
+    passage = _passage(facts, lines)
     # At the first phase a line is that far from its entry, in whole periods.
     index = np.rint(passage[0] - np.asarray(lines.phase)[0]).astype(int)
-    orders = np.arange(1, min(_HARMONICS, (lines.phase.size - 1) // 2) + 1)
+    orders = np.arange(1, _harmonic_count(cycle) + 1)
     return {
         "phase": _Entry(("phase",), lines.phase, "1", "position in the mesh period"),
         "weight": _Entry(("phase",), lines.weight, "1", "share of the mesh period"),
@@ -85,7 +115,10 @@ def _coordinates(model: jg.PairModel, cycle: jg.MeshCycle) -> dict[str, _Entry]:
             ("phase", "line"), passage, "1", "mesh periods since the pair's entry at mid-face"
         ),
         "face_position_mm": _Entry(
-            ("slice",), lines.face_position / jg.mm, "mm", "position from mid-face along the axes"
+            ("slice",),
+            np.asarray(lines.face_position) / jg.mm,
+            "mm",
+            "position from mid-face along the axes",
         ),
         "harmonic": _Entry(("harmonic",), orders, "1", "order of the mesh frequency"),
         "body": _Entry(("body",), list(BODIES), "1", "gear"),
@@ -94,35 +127,35 @@ def _coordinates(model: jg.PairModel, cycle: jg.MeshCycle) -> dict[str, _Entry]:
     }
 
 
-def _passage(pair: jg.GearPair, lines: jg.ContactLines) -> np.ndarray:
+def _passage(facts: dict[str, np.ndarray], lines: jg.ContactLines) -> np.ndarray:
     """Mesh periods since each line's entry at mid-face, about which the slices are symmetric."""
     at_middle = np.mean(np.asarray(lines.roll), axis=2)
-    return (at_middle - float(pair.path_start)) / float(pair.transverse_base_pitch)
+    return (at_middle - facts["path_start"]) / facts["transverse_base_pitch"]
 
 
-def _over_phases(model: jg.PairModel, cycle: jg.MeshCycle) -> dict[str, _Entry]:
-    error = jg.transmission_error(model.pair, cycle)
-    count = min(_HARMONICS, (error.size - 1) // 2)
+def _over_phases(cycle: jg.MeshCycle, found: dict[str, np.ndarray]) -> dict[str, _Entry]:
     return {
         "transmission_error_um": _Entry(
-            ("phase",), error / jg.um, "um", "quasi-static transmission error"
+            ("phase",), found["transmission_error"] / jg.um, "um", "quasi-static transmission error"
         ),
         "te_harmonic_um": _Entry(
             ("harmonic",),
-            jg.harmonic_amplitudes(cycle, error, count) / jg.um,
+            found["te_harmonic"] / jg.um,
             "um",
             "amplitude of a mesh harmonic of the transmission error",
         ),
         "mesh_stiffness_N_um": _Entry(
             ("phase",),
-            jg.mesh_stiffness(cycle) * jg.um,
+            found["mesh_stiffness"] * jg.um,
             "N/um",
             "stiffness of the cells in contact, along the normal",
         ),
         "load_sharing": _Entry(
-            ("phase", "line"), jg.load_sharing(cycle), "1", "share of the mesh force on a line"
+            ("phase", "line"), found["load_sharing"], "1", "share of the mesh force on a line"
         ),
-        "mesh_force_N": _Entry(("phase",), cycle.load[:, 0], "N", "mesh force along the normal"),
+        "mesh_force_N": _Entry(
+            ("phase",), np.asarray(cycle.load)[:, 0], "N", "mesh force along the normal"
+        ),
         "converged": _Entry(
             ("phase",),
             np.asarray(cycle.converged).astype(np.int8),
@@ -132,27 +165,34 @@ def _over_phases(model: jg.PairModel, cycle: jg.MeshCycle) -> dict[str, _Entry]:
     }
 
 
-def _over_cells(
-    model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw
-) -> dict[str, _Entry]:
-    pair, cells, lines = model.pair, cycle.cells, cycle.cells.lines
+def _over_cells(cycle: jg.MeshCycle, found: dict[str, np.ndarray]) -> dict[str, _Entry]:
+    lines = cycle.cells.lines
     shape = lines.roll.shape
-    gap = jg.mesh_gap(pair, lines, model.flanks, model.misalignment).reshape(shape)
-    place = (lines.roll - pair.path_start) / pair.path_of_contact
-    pressure = jg.hertz_pressure(pair, cycle, law)
-    stiffness = cells.line_stiffness / jg.N_per_mm_um
+    stiffness = np.asarray(cycle.cells.line_stiffness) / jg.N_per_mm_um
     each = {
-        "roll_mm": (lines.roll / jg.mm, "mm", "roll length from the pinion's base tangent point"),
-        "profile_position": (place, "1", "place on the path of contact, 0 start to 1 end"),
+        "roll_mm": (
+            np.asarray(lines.roll) / jg.mm,
+            "mm",
+            "roll length from the pinion's base tangent point",
+        ),
+        "profile_position": (found["place"], "1", "place on the path of contact, 0 start to 1 end"),
         "fraction": (lines.fraction, "1", "part of the slice that is in contact"),
         "line_load_N_mm": (
-            jg.line_load(cycle, law) * jg.mm,
+            found["line_load"] * jg.mm,
             "N/mm",
             "load per length of contact line",
         ),
-        "pressure_MPa": (pressure / jg.MPa, "MPa", "largest Hertzian pressure"),
-        "cell_force_N": (cycle.force.reshape(shape), "N", "force of a cell along the normal"),
-        "gap_um": (gap / jg.um, "um", "gap of the undeformed flanks along the normal"),
+        "pressure_MPa": (found["pressure"] / jg.MPa, "MPa", "largest Hertzian pressure"),
+        "cell_force_N": (
+            np.asarray(cycle.force).reshape(shape),
+            "N",
+            "force of a cell along the normal",
+        ),
+        "gap_um": (
+            found["gap"].reshape(shape) / jg.um,
+            "um",
+            "gap of the undeformed flanks along the normal",
+        ),
         "pair_stiffness_N_mm_um": (
             stiffness,
             "N/(mm um)",
@@ -163,11 +203,10 @@ def _over_cells(
     return {name: _Entry(dims, *rest) for name, rest in each.items()}
 
 
-def _over_bodies(model: jg.PairModel, cycle: jg.MeshCycle) -> dict[str, _Entry]:
-    system = jg.pair_system(model.pair, model.torque, model.pinion_support, model.wheel_support)
+def _over_bodies(found: dict[str, np.ndarray]) -> dict[str, _Entry]:
     # Each body: three translations, then three rotations.
-    motion = np.asarray(system.displacement(cycle.load)).reshape(-1, 2, 2, 3)
-    load = -np.asarray(cycle.load @ system.vectors.T).reshape(-1, 2, 2, 3)
+    motion = found["motion"].reshape(-1, 2, 2, 3)
+    load = found["body_load"].reshape(-1, 2, 2, 3)
     each = {
         "displacement_um": (motion[:, :, 0] / jg.um, "um", "displacement of the gear's centre"),
         "rotation_urad": (
@@ -181,15 +220,14 @@ def _over_bodies(model: jg.PairModel, cycle: jg.MeshCycle) -> dict[str, _Entry]:
     return {name: _Entry(("phase", "body", "axis"), *rest) for name, rest in each.items()}
 
 
-def _on_path(pair: jg.GearPair) -> dict[str, _Entry]:
+def _on_path(facts: dict[str, np.ndarray]) -> dict[str, _Entry]:
     """Where A to E are. B and D bound single-pair contact, so they need a ratio of 1 to 2."""
-    length = float(pair.path_of_contact)
-    pitch = float(pair.transverse_base_pitch) / length
-    place = (float(pair.pitch_point) - float(pair.path_start)) / length
+    length, start = float(facts["path_of_contact"]), float(facts["path_start"])
+    pitch = float(facts["transverse_base_pitch"]) / length
+    place = (float(facts["pitch_point"]) - start) / length
     has_single = 0.5 < pitch < 1.0
     first, last = (1.0 - pitch, pitch) if has_single else (math.nan, math.nan)
     position = np.asarray([0.0, first, place, last, 1.0])
-    start = float(pair.path_start)
     return {
         "path_point_position": _Entry(
             ("path_point",), position, "1", "place on the path of contact, 0 start to 1 end"

@@ -12,6 +12,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import tree_sitter
 import tree_sitter_toml
@@ -22,6 +23,10 @@ from jaxgear._app._schema import ALWAYS, KEYS, REAL_KEYS, REFUSED_TABLES, TABLES
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _BOUNDS = "optimise.bounds"
 _SET = "--set "
+
+
+# The scenes that `jaxgear init` writes.
+READY = Path(__file__).parent / "scenes"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,14 +71,14 @@ class Scene:
     """
 
     path: Path
-    values: Mapping[str, object]
+    values: Mapping[str, Any]
     given: frozenset[str]
     lines: Mapping[str, str]
 
-    def __getitem__(self, key: str) -> object:
+    def __getitem__(self, key: str) -> Any:
         return self.values[key]
 
-    def get(self, key: str, default: object = None) -> object:
+    def get(self, key: str, default: object = None) -> Any:
         """Return the value of a key, or `default` where it is absent."""
         return self.values.get(key, default)
 
@@ -152,6 +157,21 @@ def read_scene(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> S
             }
         ),
     )
+
+
+def ready_scene(name: str, overrides: Sequence[str] = ()) -> Scene:
+    """Read one of the scenes that come with jaxgear: `accessory` or `power`.
+
+    **Arguments:**
+
+    - `name`: of the scene.
+    - `overrides`: `key=value` texts, as of `--set`.
+
+    **Raises:**
+
+    - `SceneError` if there is no such scene, or an override is a mistake.
+    """
+    return read_scene(READY / f"{name}.toml", overrides)
 
 
 def write_scene(scene: Scene, path: str | os.PathLike[str]) -> None:

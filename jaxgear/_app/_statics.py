@@ -11,7 +11,7 @@ import numpy as np
 
 from jaxgear._app._model import grid_of, law_of, model_of
 from jaxgear._app._scene import Scene
-from jaxgear._contact._cells import MeshCells, nominal_line_load
+from jaxgear._contact._cells import nominal_line_load
 from jaxgear._contact._compliance import iso_stiffness, single_pair_stiffness
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import pair_facts
@@ -25,8 +25,7 @@ from jaxgear._response._transmission import (
 )
 from jaxgear._solve._cycle import MeshCycle, PreparedMesh, corrected_cycle, mesh_cycle
 from jaxgear._system._model import PairModel
-from jaxgear._system._pair_system import pair_system
-from jaxgear._types import Phases, Scalar
+from jaxgear._types import Phases, Reals, Scalar
 from jaxgear._units import MPa, N_per_mm_um, deg, mm, um
 
 
@@ -40,13 +39,23 @@ class Stopwatch:
     def __init__(self):
         self.compile_s = 0.0
         self.run_s = 0.0
+        self._programs: dict[Any, Callable[..., Any]] = {}
 
     def __call__(
         self, function: Callable[..., Any], *arguments: Any, options: dict[str, Any] | None = None
     ) -> Any:
         """Compile `function` for these arguments, run it, and wait for the result."""
         start = time.perf_counter()
-        compiled = jax.jit(function).lower(*arguments).compile(compiler_options=options)
+        leaves, structure = jax.tree.flatten(arguments)
+        key = (
+            function,
+            structure,
+            tuple((jnp.shape(leaf), jnp.result_type(leaf)) for leaf in leaves),
+        )
+        if key not in self._programs:
+            lowered = jax.jit(function).lower(*arguments)
+            self._programs[key] = lowered.compile(compiler_options=options)
+        compiled = self._programs[key]
         middle = time.perf_counter()
         result = jax.block_until_ready(compiled(*arguments))
         self.compile_s += middle - start
@@ -63,7 +72,7 @@ class Statics(eqx.Module):
     - `grid`: phases, lines and slices.
     - `law`: contact law.
     - `cycle`: the settled states.
-    - `numbers`: the `static` part of the summary.
+    - `numbers`: the `static` part of the summary, the unit in each key [-].
     - `harris`: transmission error over phase, one row per further torque [m].
     """
 
@@ -97,19 +106,9 @@ def solve_statics(scene: Scene, watch: Stopwatch, torques: np.ndarray | None = N
     grid, law = grid_of(scene, model), law_of(scene)
     more = np.zeros(0) if torques is None else torques
 
-    def solve(model: PairModel, law: AbstractContactLaw, torque: Scalar):
-        loaded = eqx.tree_at(lambda m: m.torque, model, torque)
-        cycle = mesh_cycle(loaded, grid, law=law, throw=False)
-        error = transmission_error(loaded.pair, cycle)
-        return cycle, error, _static_numbers(loaded, cycle, law)
-
     # The scene's own torque and the others in one program: it is compiled once.
-    cycles, error, numbers = watch(
-        jax.vmap(solve, in_axes=(None, None, 0)),
-        model,
-        law,
-        jnp.concatenate([model.torque[None], jnp.asarray(more)]),
-    )
+    all_torques = jnp.concatenate([model.torque[None], jnp.asarray(more)])
+    cycles, error, numbers = watch(_solve, model, grid, law, all_torques)
     require_solved(cycles.converged)
     first = jax.tree.map(lambda x: jnp.asarray(np.asarray(x)[0]), (cycles, numbers))
     return Statics(
@@ -120,6 +119,18 @@ def solve_statics(scene: Scene, watch: Stopwatch, torques: np.ndarray | None = N
         numbers=first[1],
         harris=np.asarray(error)[1:],
     )
+
+
+def _solve(model: PairModel, grid: MeshGrid, law: AbstractContactLaw, torques: Reals):
+    """Cycle, transmission error and numbers for the summary, at each torque."""
+
+    def at_torque(torque: Scalar):
+        loaded = eqx.tree_at(lambda m: m.torque, model, torque)
+        cycle = mesh_cycle(loaded, grid, law=law, throw=False)
+        error = transmission_error(loaded.pair, cycle)
+        return cycle, error, _static_numbers(loaded, cycle, law)
+
+    return jax.vmap(at_torque)(torques)
 
 
 def require_solved(converged: Any) -> None:
@@ -215,13 +226,6 @@ def headline(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> dic
     }
 
 
-def single_pair_deflection(model: PairModel) -> Scalar:
-    """Deflection of one tooth pair of the largest stiffness under the whole load [m]."""
-    pair = model.pair
-    load = nominal_line_load(pair, model.torque)
-    return load / single_pair_stiffness(pair, model.compliance, load)
-
-
 def _static_numbers(
     model: PairModel, cycle: MeshCycle, law: AbstractContactLaw
 ) -> dict[str, Scalar]:
@@ -245,22 +249,26 @@ def _static_numbers(
 
 
 def smoothing_bias(
-    statics: Statics, widths: np.ndarray, watch: Stopwatch
-) -> tuple[np.ndarray, np.ndarray]:
-    """What smooth contact adds to the mean TE [m] and to its RMS [m], for several widths [m]."""
+    model: PairModel, prepared: PreparedMesh, widths: Phases
+) -> tuple[Phases, Phases, Scalar]:
+    """What smooth contact changes, as a function of its width; traceable by JAX.
 
-    def of_law(model: PairModel, cells: MeshCells, law: AbstractContactLaw):
-        system = pair_system(model.pair, model.torque, model.pinion_support, model.wheel_support)
-        prepared = PreparedMesh(system=system, cells=cells)
+    **Arguments:**
+
+    - `model`: gives the flanks.
+    - `prepared`: its mesh.
+    - `widths`: of the smooth law [m].
+
+    **Returns:**
+
+    Bias of the mean TE and of its RMS for each width, and the exact RMS [m].
+    """
+
+    def of_law(law: AbstractContactLaw) -> tuple[Scalar, Scalar]:
         cycle = corrected_cycle(prepared, model, law=law)
         error = transmission_error(model.pair, cycle)
-        return cycle_mean(cycle, error), cycle_rms(cycle, error), cycle.converged
+        return cycle_mean(cycle, error), cycle_rms(cycle, error)
 
-    def all_laws(model: PairModel, cells: MeshCells, widths: Phases):
-        smooth = jax.vmap(lambda width: of_law(model, cells, SmoothContact(width)))(widths)
-        return smooth, of_law(model, cells, ExactContact())
-
-    smooth, exact = watch(all_laws, statics.model, statics.cycle.cells, jnp.asarray(widths))
-    require_solved(exact[2])
-    require_solved(smooth[2])
-    return np.asarray(smooth[0] - exact[0]), np.asarray(smooth[1] - exact[1])
+    mean, rms = of_law(ExactContact())
+    means, all_rms = jax.vmap(lambda width: of_law(SmoothContact(width)))(widths)
+    return means - mean, all_rms - rms, rms

@@ -210,7 +210,7 @@ class HertzContact(eqx.Module):
         return jnp.sqrt(4.0 * line_load * self.radius / (jnp.pi * self.modulus))
 
     def pressure(self, line_load: Reals) -> Reals:
-        r"""Largest pressure $p_0 = \sqrt{F' E^* / (\pi \rho_{eq})}$ [Pa] under `line_load` [N/m]."""
+        r"""Pressure $p_0 = \sqrt{F' E^* / (\pi \rho_{eq})}$ [Pa] under `line_load` [N/m]."""
         # No load is no pressure; the floor (1e-9 Pa of pressure, about) keeps its slope finite.
         loaded = jnp.maximum(line_load, 1e-30)
         return jnp.where(
@@ -220,7 +220,8 @@ class HertzContact(eqx.Module):
 
 def contact_modulus(first: Material, second: Material) -> Scalar:
     r"""$E^*$ of two materials [Pa]."""
-    return 1.0 / sum((1.0 - m.poisson**2) / m.young for m in (first, second))
+    soft, hard = ((1.0 - m.poisson**2) / m.young for m in (first, second))
+    return 1.0 / (soft + hard)
 
 
 def penetration_compliance(material: Material, depth: Reals, half_width: Reals) -> Reals:

@@ -1,8 +1,9 @@
 r"""Contact lines on the plane of action, at every phase of one mesh period.
 
 A phase $\tau \in [0, 1)$ counts mesh periods; at $\tau = 0$ a tooth pair enters contact at
-mid-face. Line $i$ runs through $x = T_1A + (\tau + i)\,p_{bt} + z\tan\beta_b$ (physics A1.7), $x$ along
-the path of contact from the pinion's base tangent point, $z$ along the axes from mid-face.
+mid-face. Line $i$ runs through $x = T_1A + (\tau + i)\,p_{bt} + z\tan\beta_b$ (physics A1.7), with
+$x$ along the path of contact from the pinion's base tangent point, $z$ along the axes from
+mid-face.
 
 Shapes are fixed: `lines` lines of `slices` slices at each phase, each slice with the
 fraction of it that is in contact. Two choices make the fractions differentiable:

@@ -8,9 +8,9 @@ pinion driving, contact runs from `path_start` (the wheel's tip) to `path_end`
 """
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array
 
 from jaxgear._checks import require
@@ -304,7 +304,7 @@ def _check_pair(pair: GearPair) -> None:
         got=pair.normal_module / mm,
     )
     facts = pair_facts(pair)
-    if any(isinstance(fact, jax.core.Tracer) for fact in facts.values()):
+    if any(isinstance(fact, Tracer) for fact in facts.values()):
         return
     facts = {name: np.asarray(fact) for name, fact in facts.items()}
     module = float(pair.normal_module)
@@ -335,9 +335,9 @@ def _check_pair(pair: GearPair) -> None:
     )
     require(
         bool(facts["path_of_contact"] > 0.0 and facts["total_contact_ratio"] >= 1.0),
-        "The total contact ratio must be at least 1, got {got:.4g} (profile {profile:.4g} + overlap "
-        "{overlap:.4g}): the mesh would lose contact between teeth. Raise the addendum, reduce the "
-        "centre distance or tip shortening, or widen a helical face.",
+        "The total contact ratio must be at least 1, got {got:.4g} (profile {profile:.4g} + "
+        "overlap {overlap:.4g}): the mesh would lose contact between teeth. Raise the addendum, "
+        "reduce the centre distance or tip shortening, or widen a helical face.",
         got=facts["total_contact_ratio"],
         profile=facts["profile_contact_ratio"],
         overlap=facts["overlap_ratio"],

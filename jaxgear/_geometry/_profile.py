@@ -37,9 +37,9 @@ class ToothSection(eqx.Module):
     def __check_init__(self):
         require(
             self._rack_tip_land >= 0.0,
-            "The rack's tip is pointed: with dedendum coefficient {dedendum:.4g} and pressure angle "
-            "{angle:.4g} rad the fillet radius coefficient {got:.4g} does not fit into its tip land. "
-            "Lower the fillet radius coefficient or the dedendum.",
+            "The rack's tip is pointed: with dedendum coefficient {dedendum:.4g} and pressure "
+            "angle {angle:.4g} rad the fillet radius coefficient {got:.4g} does not fit into its "
+            "tip land. Lower the fillet radius coefficient or the dedendum.",
             dedendum=self.dedendum,
             angle=self.pressure_angle,
             got=self.fillet_radius,

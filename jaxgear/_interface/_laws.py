@@ -53,7 +53,8 @@ class SmoothContact(AbstractContactLaw):
     def __check_init__(self):
         require(
             self.width > 0.0,
-            "`SmoothContact.width` must be positive, got {got:.6g} m. For none, use `ExactContact`.",
+            "`SmoothContact.width` must be positive, got {got:.6g} m. Without smoothing, use "
+            "`ExactContact`.",
             got=self.width,
         )
 

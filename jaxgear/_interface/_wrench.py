@@ -3,8 +3,8 @@ r"""How rigid gears and mesh cells see each other: two numbers, whatever the num
 Axes: S from the pinion's centre to the wheel's, Z along the axes, T = Z x S. The outward normal
 of the pinion's flank is $n_1 = \cos\beta_b \hat X - \sin\beta_b Z$ with
 $\hat X = \sin\alpha_{wt} S + \cos\alpha_{wt} T$ (physics A1.7, A1.8). The approach of two
-rigid bodies at a cell is $V_0\cdot X + \lambda\, V_1\cdot X$ with one arm $\lambda$ along the contact
-line: the mesh coordinates are the normal approach at the pitch point and the tilt.
+rigid bodies at a cell is $V_0\cdot X + \lambda\, V_1\cdot X$ with one arm $\lambda$ along the
+contact line: the mesh coordinates are the normal approach at the pitch point and the tilt.
 """
 
 import jax.numpy as jnp

@@ -1,7 +1,7 @@
 r"""Transmission error and its statistics over a mesh period.
 
-$TE = r_{b1}\theta_1 + r_{b2}\theta_2$ at the two gear nodes, a transverse length (scene.md 4). Phases
-stand for unequal shares of the period, so every mean is weighted.
+$TE = r_{b1}\theta_1 + r_{b2}\theta_2$ at the two gear nodes, a transverse length. Phases stand for
+unequal shares of the period, so every mean is weighted.
 """
 
 import jax.numpy as jnp

@@ -2,12 +2,13 @@ r"""Contact of many cells through a few mesh coordinates, at one position.
 
 Unknown are the driven approach $t$ and the loads $g$ on $p$ mesh coordinates. The coordinates are
 $q = e\,t - H g$: driven along $e$, less what the structure of flexibility $H$ gives way.
-Cell $c$ overlaps by $\Delta_c = W_c q - \delta_c$ and presses with $f_c = k_c\,\sigma(\Delta_c)$. The state is
+Cell $c$ overlaps by $\Delta_c = W_c q - \delta_c$ and presses with $f_c = k_c\,\sigma(\Delta_c)$.
+The state is
 
 $$W^T f = g, \qquad e^T g = F,$$
 
-the minimum of the convex energy $\tfrac12 g^T H g - F t + \sum_c k_c \int\sigma$ (physics A8.2), so it is
-unique. $H$ may be singular (bodies that only turn: $H = 0$) and is never inverted.
+the minimum of the convex energy $\tfrac12 g^T H g - F t + \sum_c k_c \int\sigma$ (physics A8.2), so
+it is unique. $H$ may be singular (bodies that only turn: $H = 0$) and is never inverted.
 
 Rigid gears have $p = 2$. Cells that are coupled through a dense compliance $C$ are the same
 problem with $p$ = number of cells, $W$ the identity and $C$ added to $H$.
@@ -25,7 +26,6 @@ from jaxgear._types import (
     Cells,
     CoordinateMatrix,
     Coordinates,
-    Counts,
     Flag,
     Scalar,
 )
@@ -62,7 +62,7 @@ class ContactState(eqx.Module):
     - `overlap`: of each cell, negative where it is open [m].
     - `force`: of each cell along the normal [N].
     - `converged`: whether the forces balance to the tolerance.
-    - `steps`: Newton steps and step halvings taken.
+    - `steps`: Newton steps and step halvings taken [-].
     """
 
     approach: Scalar
@@ -150,7 +150,10 @@ def _at_cells(arms: CellArms, place: Coordinates) -> Cells:
     """W q."""
     if place.size > _FEW:
         return arms @ place
-    return sum(arms[:, i] * place[i] for i in range(place.size))
+    total = arms[:, 0] * place[0]
+    for i in range(1, place.size):
+        total += arms[:, i] * place[i]
+    return total
 
 
 def _on_coordinates(arms: CellArms, force: Cells) -> Coordinates:
@@ -221,6 +224,17 @@ def _energy(
 
 
 class _NewtonState(eqx.Module):
+    """Where the search stands.
+
+    **Fields:**
+
+    - `best`: point of least energy so far [m, N, N m].
+    - `energy`: there [J].
+    - `trial`: point to examine next [m, N, N m].
+    - `error`: imbalance at `best` over the driving force [-].
+    - `steps`: taken [-].
+    """
+
     best: Unknown
     energy: Scalar
     trial: Unknown
@@ -257,7 +271,7 @@ def _newton(
         slack = 1e-13 * jnp.abs(problem.force * state.trial[0])
         better = (energy <= state.energy + slack) | (error <= settings.tolerance)
         halved = jax.tree.map(lambda a, b: 0.5 * (a + b), state.best, state.trial)
-        pick = lambda new, old: jax.tree.map(lambda a, b: jnp.where(better, a, b), new, old)  # noqa: E731
+        pick = lambda new, old: jax.tree.map(lambda a, b: jnp.where(better, a, b), new, old)
         return _NewtonState(
             best=pick(state.trial, state.best),
             energy=jnp.where(better, energy, state.energy),

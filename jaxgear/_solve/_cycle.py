@@ -33,7 +33,7 @@ class MeshCycle(eqx.Module):
     - `overlap`: of each cell, negative where it is open [m].
     - `force`: of each cell along the normal [N].
     - `converged`: whether each phase was solved.
-    - `steps`: solver steps at each phase.
+    - `steps`: solver steps at each phase [-].
     """
 
     cells: MeshCells
@@ -195,7 +195,7 @@ def corrected_cycle(
 
 
 _UNSOLVED = (
-    "The contact was not solved at some phase of the mesh cycle: forces still out of balance after "
-    "`SolverSettings.most_steps` steps. Raise `most_steps`; if gaps are far larger than deflections, "
-    "check the units of the flank corrections."
+    "The contact was not solved at some phase of the mesh cycle: forces still out of balance "
+    "after `SolverSettings.most_steps` steps. Raise `most_steps`; if gaps are far larger than "
+    "deflections, check the units of the flank corrections."
 )

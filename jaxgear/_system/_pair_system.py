@@ -11,9 +11,9 @@ from jaxgear._checks import require
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._wrench import structure_vectors
 from jaxgear._types import (
-    Coordinates,
     CoordinateGrid,
     CoordinateMatrix,
+    Coordinates,
     DofCoordinates,
     DofGrid,
     Dofs,
@@ -54,7 +54,7 @@ class Support(eqx.Module):
 
     @property
     def flexibility(self) -> Dofs:
-        """Motion per load in S, T, Z and about them; none about the axis itself [m/N, rad/(N m)]."""
+        """Motion per load in S, T, Z and about them, none about Z itself [m/N, rad/(N m)]."""
         order = (self.radial_s, self.radial_t, self.axial, self.tilt, self.tilt, None)
         return jnp.stack([jnp.zeros(()) if k is None else 1.0 / k for k in order])
 

@@ -11,7 +11,6 @@ from cases import (
     exchanged,
     fzg_c14,
     helical_25_31,
-    high_contact_ratio,
     iso_tr_6336_30,
     lengths_scaled,
     mirrored,
@@ -41,7 +40,8 @@ def _compliance(
 ) -> np.ndarray:
     """Of any number of positions, by one program of nine."""
     found = [
-        _compiled(law, pair, jnp.resize(roll[i : i + 9], 9), load) for i in range(0, roll.size, 9)
+        _compiled(law, pair, jnp.resize(roll[i : i + 9], (9,)), load)
+        for i in range(0, roll.size, 9)
     ]
     return np.concatenate(found)[: roll.size]
 
@@ -97,6 +97,7 @@ def test_weber_and_banaschek_at_the_pitch_point(
 
 def test_parts_of_the_pitch_point():
     """Beam and contact apart, by the functions of one tooth."""
+    beam_of = eqx.filter_jit(jg.beam_compliance)
     for make, load, beam, _, contact, *_ in _TABLE:
         pair = make()
         half = jg.hertz_contact(pair, pair.pitch_point).half_width(_load(load))
@@ -111,7 +112,7 @@ def test_parts_of_the_pitch_point():
             depth = section.base_radius * (
                 angle - jnp.tan(jnp.arctan(angle) - section.half_angle(angle))
             )
-            got[0] += float(jg.beam_compliance(section, gear.material, angle[None])[0])
+            got[0] += float(beam_of(section, gear.material, angle[None])[0])
             got[1] += float(jg.penetration_compliance(gear.material, depth, half))
         assert_close(got * N_per_mm_um, jnp.asarray([beam, contact]), rtol=1e-2, atol=0.0)
 
@@ -202,7 +203,7 @@ def test_iso_rack_factor_by_hand():
     ("load", "share"), [(6.25, 0.5), (50.0, 0.5**0.25), (100.0, 1.0), (1e3, 1.0)]
 )
 def test_iso_at_low_loads(load, share):
-    """Below 100 N/mm the single stiffness falls like the fourth root; the theoretical one does not."""
+    """Below 100 N/mm the single stiffness falls like the fourth root; the theoretical one stays."""
     pair = power()
     low, nominal = (jg.iso_stiffness(pair, _load(x)) for x in (load, 200.0))
     assert_close(low.single / nominal.single, share, rtol=1e-12, atol=0.0)
@@ -222,7 +223,7 @@ def test_iso_of_other_materials():
 
 
 def test_iso_law_is_its_single_stiffness_normal_to_the_flank():
-    """c' counts a transverse force and path per face width; 12.37047/cos 15.8 deg along the line."""
+    """c' counts a transverse force and path per face width; along the line it is c'/cos(beta)."""
     pair = iso_tr_6336_30()
     found = jg.Iso6336()(pair, _along(pair, 0.0, 0.4, 1.0), _load(1273.52))
     expected = math.cos(math.radians(15.8)) / 12.37047
@@ -331,9 +332,9 @@ def test_exchange_carries_the_materials_along():
 
 
 def test_largest_single_pair_stiffness():
-    pair = high_contact_ratio()
-    fine = 1.0 / _compliance(_WEBER, pair, _along(pair, *np.linspace(0.3, 0.7, 90)), _load(200.0))
-    largest = jg.single_pair_stiffness(pair, _WEBER, _load(200.0))
+    pair = fzg_c14()
+    fine = 1.0 / _compliance(_WEBER, pair, _along(pair, *np.linspace(0.2, 0.8, 90)), _load(200.0))
+    largest = eqx.filter_jit(jg.single_pair_stiffness)(pair, _WEBER, _load(200.0))
     assert_close(largest, fine.max(), rtol=1e-4, atol=0.0)
 
 
@@ -343,10 +344,10 @@ def test_largest_single_pair_stiffness():
 @pytest.mark.parametrize(
     ("make", "places"),
     [
-        # Mid-path, and where either gear's load crosses within its fillet.
-        (helical_25_31, (0.6, 0.01, 0.97)),
-        # Mid-path, and below the root chord of the pinion and of the wheel.
-        (power, (0.4, 0.001, 0.998)),
+        # Mid-path, and crossing within the pinion's fillet.
+        pytest.param(helical_25_31, (0.6, 0.01), marks=pytest.mark.slow),
+        # Crossing within the pinion's fillet, within the wheel's, and below the wheel's chord.
+        (power, (0.001, 0.93, 0.998)),
     ],
 )
 def test_gradients_of_weber_and_banaschek(make, places):
@@ -356,24 +357,32 @@ def test_gradients_of_weber_and_banaschek(make, places):
     def stiffness(argument):
         pair, load = argument
         each = 1.0 / _WEBER(pair, _along(pair, *places), load) / N_per_mm_um
-        return jnp.sum(jnp.asarray([1.0, 0.7, 1.6]) * each)
+        return jnp.sum(jnp.asarray([1.0, 0.7, 1.6])[: len(places)] * each)
 
     assert_gradient(stiffness, argument, rtol=1e-4, step=1e-6, scale=sizes(argument))
 
 
-def test_loads_low_on_the_tooth_are_what_they_say():
+@pytest.mark.parametrize(
+    ("make", "wheel", "place", "below_chord"),
+    [
+        (helical_25_31, False, 0.01, False),
+        (power, False, 0.001, False),
+        (power, True, 0.93, False),
+        (power, True, 0.998, True),
+    ],
+)
+def test_loads_low_on_the_tooth_are_what_they_say(make, wheel, place, below_chord):
     """Heights at which those loads cross the centreline, against root chord and junction."""
-    for make, low in ((helical_25_31, False), (power, True)):
-        pair = make()
-        section = jg.tooth_section(pair, pair.wheel)
-        place = 0.998 if low else 0.97
-        roll = pair.tangent_length - _along(pair, place)[0]
-        angle = roll / (jnp.cos(pair.base_helix_angle) * section.base_radius)
-        height = section.base_radius / jnp.cos(jnp.arctan(angle) - section.half_angle(angle))
-        chord = section.fillet(jnp.asarray(0.5 * math.pi))[1]
-        junction = section.fillet(section.pressure_angle)[1]
-        assert (float(height) < float(chord)) == low
-        assert height < junction
+    pair = make()
+    section = jg.tooth_section(pair, pair.wheel if wheel else pair.pinion)
+    roll = _along(pair, place)[0]
+    roll = pair.tangent_length - roll if wheel else roll
+    angle = roll / (jnp.cos(pair.base_helix_angle) * section.base_radius)
+    height = section.base_radius / jnp.cos(jnp.arctan(angle) - section.half_angle(angle))
+    chord = section.fillet(jnp.asarray(0.5 * math.pi))[1]
+    junction = section.fillet(section.pressure_angle)[1]
+    assert (float(height) < float(chord)) == below_chord
+    assert float(height) < float(junction)
 
 
 def test_every_field_that_shapes_a_tooth_has_a_gradient():

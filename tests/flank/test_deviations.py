@@ -235,8 +235,14 @@ def test_derivative_by_the_extent(exponent):
 
 @pytest.mark.parametrize(
     ("law", "count"),
-    [(jg.TipRelief(0, 1), 2), (jg.RootRelief(0, 1), 2), (jg.EndRelief(0, 1), 2)]
-    + [(jg.Crowning(0), 1), (jg.HelixSlope(0), 1), (jg.Superposed(tuple(_laws(0))), 14)],
+    [
+        (jg.TipRelief(0, 1), 2),
+        (jg.RootRelief(0, 1), 2),
+        (jg.EndRelief(0, 1), 2),
+        (jg.Crowning(0), 1),
+        (jg.HelixSlope(0), 1),
+        (jg.Superposed(tuple(_laws(0))), 14),
+    ],
 )
 def test_every_number_is_a_leaf(law, count):
     assert len(jax.tree.leaves(eqx.filter(law, eqx.is_inexact_array))) == count

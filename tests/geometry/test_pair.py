@@ -202,7 +202,7 @@ def test_contact_ratio_by_hand(make, ratio):
 
 def test_contact_ratio_tends_to_that_of_two_racks():
     """4 h_a / (pi sin 2 alpha), met like 1 over the number of teeth."""
-    teeth = np.asarray([1000, 2000, 4000, 8000])
+    teeth = np.asarray([2000, 4000, 8000])
     limit = 4.0 / (math.pi * math.sin(40.0 * deg))
     errors = []
     for z in teeth:
@@ -393,15 +393,21 @@ def test_gradients_of_dimensions(names):
     pair = helical_25_31()
 
     def mixed(p: jg.GearPair) -> jax.Array:
-        return sum((1.0 + i) * jnp.sum(getattr(p, name)) for i, name in enumerate(names))
+        return jnp.sum(
+            jnp.stack([(1.0 + i) * jnp.sum(getattr(p, name)) for i, name in enumerate(names)])
+        )
 
     assert_gradient(mixed, pair, rtol=1e-6, scale=sizes(pair))
 
 
 @pytest.mark.parametrize(
     ("make", "ratio"),
-    [(helical_25_31, jg.total_contact_ratio), (helical_25_31, jg.full_tip_shortening)]
-    + [(power, jg.profile_contact_ratio), (accessory, jg.profile_contact_ratio)],
+    [
+        (helical_25_31, jg.total_contact_ratio),
+        (helical_25_31, jg.full_tip_shortening),
+        (power, jg.profile_contact_ratio),
+        (accessory, jg.profile_contact_ratio),
+    ],
 )
 def test_gradients_of_ratios(make, ratio):
     pair = make()
@@ -522,13 +528,20 @@ _SHARP = {"dedendum": 1.0, "fillet_radius": 0.0}
             {"pinion": {"addendum": 1.02}, "wheel": _SHARP},
             r"The pinion's tip touches the wheel's root: clearance -0\.04 mm\.",
         ),
-        ({"pinion": {"profile_shift": math.nan}}, "got nan"),
+        ({"pinion": {"profile_shift": math.nan}}, r"No working pressure angle: .* sum to nan"),
         ({"wheel": {"addendum": math.nan}}, "got nan"),
     ],
 )
 def test_impossible_pairs_are_refused(changes, message):
     with pytest.raises(ValueError, match=message):
         _pair(**changes)
+
+
+def test_shifts_too_negative_for_any_pressure_angle_are_refused():
+    """inv(alpha_wt) of 200 + 200 teeth is negative below a sum of -8.2."""
+    gear = {"teeth": 200, "profile_shift": -4.5}
+    with pytest.raises(ValueError, match=r"."):
+        _pair(gear, gear)
 
 
 def test_a_helical_pair_may_live_on_its_overlap():

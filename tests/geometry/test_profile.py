@@ -53,7 +53,7 @@ class _Rack:
             0.25 * math.pi * module - deep * math.tan(self.alpha) - self.tip / math.cos(self.alpha)
         )
         line = self.reference + x * module
-        # The middle of the rounded corner that cuts the right-hand fillet, and a point of its flank.
+        # The middle of the corner that cuts the right-hand fillet, and a point of its flank.
         self.corner = complex(0.5 * math.pi * module - flat, line - deep)
         self.flank = complex(0.25 * math.pi * module, line)
 
@@ -97,7 +97,7 @@ def _point(found: tuple[jax.Array, jax.Array]) -> complex:
 
 @some_pairs
 def test_fillet_is_what_the_rounded_corner_leaves(make):
-    """The corner touches every point of the fillet, along its own normal, and never cuts into it."""
+    """The corner touches every point of the fillet, along its own normal, and cuts no deeper."""
     for section in _sections(make()):
         rack = _Rack(section)
         for angle in np.linspace(float(section.pressure_angle), 0.5 * math.pi, 6):
@@ -168,7 +168,7 @@ def test_root_circle(make):
 
 
 def test_root_half_angle_by_hand():
-    """C14 pinion: pi/16 less half the rack's tip flat over r, (pi/4 - .87 tan 20 - .38/cos 20)/8."""
+    """C14 pinion: pi/16 less half the tip's flat over r, (pi/4 - .87 tan 20 - .38/cos 20)/8."""
     flat = math.pi / 4.0 - 0.87 * math.tan(20.0 * deg) - 0.38 / math.cos(20.0 * deg)
     section = jg.tooth_section(fzg_c14(), fzg_c14().pinion)
     assert_close(section.root_half_angle, math.pi / 16.0 - flat / 8.0, rtol=1e-12, atol=0.0)
@@ -203,7 +203,7 @@ def test_virtual_gear_keeps_the_normal_curvature(make):
 
 @every_pair
 def test_thickness_by_iso_21771(make):
-    """s(r) = 2 r [s/(2 r_ref) + inv(alpha) - inv(alpha_r)], and the rack's own on its pitch circle."""
+    """s(r) = 2 r [s/(2 r_ref) + inv(alpha) - inv(alpha_r)], the rack's own on its pitch circle."""
     for section in _sections(make()):
         alpha = float(section.pressure_angle)
         arc = float(section.module) * (
@@ -224,7 +224,7 @@ def test_thickness_by_iso_21771(make):
 
 @some_pairs
 def test_root_chord_of_iso_6336_3(make):
-    """Its s_Fn, the chord where the fillet is at 30 degrees to the centreline, for external gears."""
+    """Its s_Fn, the chord where the fillet is at 30 degrees to the centreline."""
     for section in _sections(make()):
         teeth, x = float(section.teeth), float(section.profile_shift)
         alpha, deep = float(section.pressure_angle), float(section.dedendum)
@@ -232,7 +232,7 @@ def test_root_chord_of_iso_6336_3(make):
         E = math.pi / 4 - deep * math.tan(alpha) - (1.0 - math.sin(alpha)) * tip / math.cos(alpha)
         G = tip - deep + x
         H = 2.0 / teeth * (math.pi / 2 - E) - math.pi / 3
-        theta = brentq(lambda t: 2.0 * G / teeth * math.tan(t) - H - t, -0.5, 1.4)
+        theta = brentq(lambda t, g=2.0 * G / teeth, h=H: g * math.tan(t) - h - t, -0.5, 1.4)
         assert isinstance(theta, float)
         chord = teeth * math.sin(math.pi / 3 - theta)
         chord += math.sqrt(3.0) * (G / math.cos(theta) - tip)

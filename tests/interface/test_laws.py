@@ -41,7 +41,7 @@ def test_compression_by_hand(law, overlap, compression):
 
 @every_law
 def test_cells_push_only_and_ever_harder(law):
-    """Never a pull; never softer as the overlap grows, so the energy is convex; stiffness at most 1."""
+    """Never a pull, never softer as the overlap grows (a convex energy), stiffness at most 1."""
     found = np.asarray(law.compression(jnp.asarray(_OVERLAP)))
     assert found.min() == 0.0
     slope = np.diff(found) / np.diff(_OVERLAP)

@@ -73,7 +73,7 @@ def test_approach_at_any_cell_is_affine_in_its_arm(drawing):
     for index in rng.integers(0, rolls.size, 20):
         # Radians count as much as metres at the pitch circle.
         motion = rng.normal(size=12) * np.tile([0.03, 0.03, 0.03, 1.0, 1.0, 1.0], 2)
-        point = _point(drawing, rolls.flat[index], places.flat[index])
+        point = _point(drawing, float(rolls.flat[index]), float(places.flat[index]))
         affine = motion @ (vectors[:, 0] + arms.flat[index] * vectors[:, 1])
         assert_close(affine, _approach(drawing, motion, point), rtol=1e-11, atol=1e-14)
 

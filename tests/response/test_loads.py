@@ -37,7 +37,7 @@ def _settled(drawing, law, depth=12 * um, **more):
 
 @pytest.mark.parametrize("case", CASES)
 def test_load_sharing_sums_to_one(case):
-    model, cycle = _settled(*CASES[case])
+    _, cycle = _settled(*CASES[case])
     sharing = jg.load_sharing(cycle)
     assert sharing.shape == cycle.cells.lines.roll.shape[:2]
     assert_close(jnp.sum(sharing, axis=1), jnp.ones(16), rtol=1e-13, atol=0.0)
@@ -66,7 +66,7 @@ def test_line_load_integrates_to_the_force(case):
     kept = np.where(np.asarray(lines.fraction) >= 0.5, force, 0.0).sum(axis=(1, 2))
     assert_close(total, kept, rtol=1e-10, atol=0.0)
     # Deep enough relief leaves nothing on slices that are only partly in mesh.
-    model, cycle = _settled(drawing, law, depth=60 * um)
+    _, cycle = _settled(drawing, law, depth=60 * um)
     load = np.asarray(jg.line_load(cycle, law) * cycle.cells.lines.fraction)
     total = load.sum(axis=(1, 2)) * length
     assert_close(total, np.full(16, drawing.force(120.0)), rtol=1e-8, atol=0.0)

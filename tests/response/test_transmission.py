@@ -113,11 +113,18 @@ def test_harmonics_of_a_known_signal(shift):
 
 
 def test_harmonics_of_unequal_phases_by_hand():
-    """One impulse of weight 0.3 at 0.35: every amplitude is 2 * 0.3."""
-    impulse = jnp.asarray([0.0, 1.0, 0.0])
-    assert_close(
-        jg.harmonic_amplitudes(THREE, impulse, 3), jnp.full(3, 0.6), rtol=1e-13, atol=0.0
-    )
+    """4 - 2.1 at 0.1, 1 - 2.1 at 0.35, 2 - 2.1 at 0.75, weighing 0.2, 0.3, 0.5."""
+    found = jg.harmonic_amplitudes(THREE, VALUES, 1)
+    real, imaginary = 0.0, 0.0
+    for weighed, phase in ((0.38, 0.1), (-0.33, 0.35), (-0.05, 0.75)):
+        real += weighed * math.cos(2 * math.pi * phase)
+        imaginary += weighed * math.sin(2 * math.pi * phase)
+    assert_close(found, jnp.asarray([2 * math.hypot(real, imaginary)]), rtol=1e-13, atol=0.0)
+
+
+def test_a_constant_has_no_harmonics_on_unequal_phases():
+    found = jg.harmonic_amplitudes(THREE, jnp.full(3, 7.0), 4)
+    assert_close(found, jnp.zeros(4), rtol=0.0, atol=1e-13)
 
 
 def test_harmonics_carry_the_variance():

@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import assert_close, assert_gradient, observed_order
-from scipy.optimize import brentq
 from solve_cases import (
     ACCESSORY,
     FZG_C14,
@@ -19,6 +18,7 @@ from solve_cases import (
     spread,
     symmetric_relief,
     with_contact_ratio,
+    zero,
 )
 
 import jaxgear as jg
@@ -82,7 +82,8 @@ def test_cell_forces_balance_the_torque_at_every_phase(case):
     arm = drawing.base_radius[0] * math.cos(drawing.base_helix)
     assert_close(force.sum(axis=1) * arm, np.full(16, 120.0), rtol=1e-9, atol=0.0)
     moment = np.sum(force * np.asarray(cycle.cells.arm), axis=1)
-    assert_close(cycle.load[:, 1], moment, rtol=1e-9, atol=1e-9 * expected[0] * 0.01)
+    # A spur pair on rigid supports has none: compare in units of the force at 10 mm.
+    assert np.all(np.abs(np.asarray(cycle.load[:, 1]) - moment) < 1e-9 * 0.01 * expected[0])
 
 
 def test_tilt_of_supported_bodies_follows_their_moment():
@@ -132,7 +133,7 @@ def test_unmodified_spur_pair_by_hand(ratio):
         )
 
 
-@pytest.mark.parametrize("phases", [8, 13, 64])
+@pytest.mark.parametrize("phases", [8, 13])
 def test_unmodified_spur_pair_is_exact_on_any_grid(phases):
     drawing = with_contact_ratio(1.42)
     model = _model(drawing, 200.0)
@@ -183,7 +184,7 @@ def _sum_of_pairs(drawing: Drawing, torque: float, phase: float, depth: float, e
     def missing(x: float) -> float:
         return sum(max(x - removed(s), 0.0) for s in places) - delta
 
-    return brentq(missing, 0.0, delta + 2 * depth, xtol=1e-18, rtol=1e-14)
+    return zero(missing, 0.0, delta + 2 * depth)
 
 
 @pytest.mark.parametrize(
@@ -226,10 +227,9 @@ def test_slope_at_zero_relief_is_a_derivative(drawing):
     model = _model(drawing, 120.0)
     grid = jg.mesh_grid(model.pair, phases=32, slices=12)
 
+    @jax.jit
     def error(depth):
-        moved = eqx.tree_at(
-            lambda m: m.flanks, model, symmetric_relief(depth, 0.25), is_leaf=lambda x: x is None
-        )
+        moved = eqx.tree_at(lambda m: m.flanks, model, symmetric_relief(depth, 0.25))
         cycle = jg.mesh_cycle(moved, grid, throw=False)
         return jg.transmission_error(moved.pair, cycle)
 
@@ -282,9 +282,10 @@ def test_inclination_acts_by_the_sine_of_the_pressure_angle():
 
 
 @pytest.mark.parametrize(
-    "compliance", [jg.ConstantStiffness(STIFFNESS), jg.WeberBanaschek()], ids=["constant", "weber"]
+    ("drawing", "compliance"),
+    [(ACCESSORY, jg.WeberBanaschek()), (POWER, jg.ConstantStiffness(STIFFNESS))],
+    ids=["spur, weber", "helical, constant"],
 )
-@pytest.mark.parametrize("drawing", [ACCESSORY, POWER], ids=["spur", "helical"])
 def test_all_lengths_times_37(drawing, compliance):
     """At equal stress (torque x 37^3) the TE scales with the lengths, forces with 37^2."""
     by = 37.0
@@ -319,7 +320,11 @@ def _exchanged(model: jg.PairModel, drawing: Drawing) -> jg.PairModel:
     )
 
 
-@pytest.mark.parametrize("drawing", [ACCESSORY, POWER], ids=["spur", "helical"])
+@pytest.mark.parametrize(
+    "drawing",
+    [pytest.param(ACCESSORY, marks=pytest.mark.slow), POWER],
+    ids=["spur", "helical"],
+)
 def test_pinion_and_wheel_change_places(drawing):
     flanks = jg.Flanks(jg.TipRelief(15 * um, 0.3), jg.Superposed((jg.TipRelief(6 * um, 0.2),)))
     flanks = eqx.tree_at(lambda f: f.pinion, flanks, jg.Superposed((flanks.pinion, RELIEVED)))
@@ -467,12 +472,19 @@ def test_soft_supports_converge(k):
 # --- gradients
 
 
-def test_every_real_input_is_differentiable():
+@pytest.mark.parametrize(
+    "compliance",
+    [
+        jg.ConstantStiffness(STIFFNESS),
+        pytest.param(jg.WeberBanaschek(), marks=pytest.mark.slow),
+    ],
+    ids=["constant", "weber"],
+)
+def test_every_real_input_is_differentiable(compliance):
     """One direction through gears, flanks, supports, misalignment, stiffness and torque at once."""
     drawing, more = EVERYTHING["helical"]
-    compliance = jg.WeberBanaschek()
     model = _model(drawing, 300.0, **{**more, "compliance": compliance})
-    # Leaves at zero: tip shortening. Bodies are of steel, no density matters here.
+    # Tip shortenings are zero.
     sizes = eqx.tree_at(
         lambda m: (m.pair.pinion.tip_shortening, m.pair.wheel.tip_shortening),
         model,
@@ -506,9 +518,7 @@ def _hasty():
 
 def test_an_unsolved_phase_raises():
     model, grid, settings = _hasty()
-    with pytest.raises(RuntimeError, match="contact was not solved at some phase"):
-        jg.mesh_cycle(model, grid, settings=settings)
-    with pytest.raises(RuntimeError, match="Raise `most_steps`"):
+    with pytest.raises(RuntimeError, match=r"not solved at some phase(.|\n)*Raise `most_steps`"):
         _run(model, grid, settings=settings)
 
 

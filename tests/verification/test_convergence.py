@@ -16,12 +16,13 @@ from solve_cases import ACCESSORY, POWER, symmetric_relief, with_contact_ratio
 import jaxgear as jg
 from jaxgear import um
 
+EXACT = jg.ExactContact()
 _run = eqx.filter_jit(jg.mesh_cycle)
 CONSTANT = jg.ConstantStiffness(14e9)
 CROWNED = jg.Superposed((jg.TipRelief(10 * um, 0.2), jg.Crowning(5 * um)))
 
 
-def _rms(model: jg.PairModel, *, law=jg.ExactContact(), **grid) -> float:
+def _rms(model: jg.PairModel, *, law: jg.AbstractContactLaw = EXACT, **grid) -> float:
     cycle = _run(model, jg.mesh_grid(model.pair, **grid), law=law)
     return float(jg.cycle_rms(cycle, jg.transmission_error(model.pair, cycle)))
 
@@ -40,13 +41,13 @@ def test_plain_spur_pair_of_constant_stiffness_needs_no_phases():
         assert_close(rms, 0.5 * delta * math.sqrt(0.6 * 0.4), rtol=1e-7, atol=0.0)
 
 
-PHASES = (16, 32, 64, 128)
+PHASES = (16, 32, 64)
 SPUR, HELICAL = ACCESSORY.pair(), POWER.pair()
 WEBER = jg.WeberBanaschek()
 UNEVENT = {
     # No event but entry and exit, with which the phases are aligned: the mid-point rule.
     "plain spur": (jg.PairModel(SPUR, 80.0, compliance=WEBER), 1),
-    "plain helical": (jg.PairModel(HELICAL, 300.0, compliance=CONSTANT), 30),
+    "plain helical": (jg.PairModel(HELICAL, 300.0, compliance=CONSTANT), 12),
 }
 
 
@@ -54,7 +55,7 @@ UNEVENT = {
 def test_order_in_phases(case):
     model, slices = UNEVENT[case]
     values = [_rms(model, phases=n, slices=slices) for n in PHASES]
-    best = _rms(model, phases=2000, slices=slices)
+    best = _rms(model, phases=1000, slices=slices)
     assert 1.8 < _order(PHASES, values, best, bend=0.2) < 2.2
     assert abs(values[1] / best - 1.0) < 1e-2
 
@@ -68,19 +69,20 @@ EVENTFUL = {
     ),
     "crowned helical": (
         jg.PairModel(HELICAL, 300.0, jg.Flanks(CROWNED, CROWNED), CONSTANT),
-        30,
+        16,
     ),
 }
 
 
 @pytest.mark.parametrize(
-    "case", ["relieved spur", "crowned helical", pytest.param(CONSTANT_CASE, marks=pytest.mark.slow)]
+    "case",
+    [CONSTANT_CASE, "crowned helical", pytest.param("relieved spur", marks=pytest.mark.slow)],
 )
 def test_errors_stay_under_a_square_of_the_step(case):
     """Where a relief begins between phases the error scatters, below an envelope of order 2."""
     model, slices = EVENTFUL[case]
     best = _rms(model, phases=2000, slices=slices)
-    counts = np.array([12, 20, 48, 96, 192])
+    counts = np.array([12, 48, 192])
     errors = np.array([_rms(model, phases=int(n), slices=slices) / best - 1.0 for n in counts])
     assert np.all(np.abs(errors) * counts**2 < 4.0), errors
     assert np.max(np.abs(errors)) > 1e-4
@@ -89,19 +91,20 @@ def test_errors_stay_under_a_square_of_the_step(case):
 def test_contact_length_needs_no_slices():
     """Swept parallelograms tile the plane of action: plain and constant, any count is exact."""
     model, _ = UNEVENT["plain helical"]
-    values = [_rms(model, phases=32, slices=n) for n in (2, 7, 40)]
+    values = [_rms(model, phases=32, slices=n) for n in (2, 7, 30)]
     assert_close(values[:2], [values[2]] * 2, rtol=1e-10, atol=0.0)
 
 
 def test_order_in_slices_of_a_crowned_helical_pair():
     model, _ = EVENTFUL["crowned helical"]
-    counts = (10, 20, 40, 80)
-    values = [_rms(model, phases=64, slices=n) for n in counts]
-    best = _rms(model, phases=64, slices=1000)
+    counts = (10, 20, 40)
+    values = [_rms(model, phases=32, slices=n) for n in counts]
+    best = _rms(model, phases=32, slices=500)
     assert 1.8 < _order(counts, values, best, bend=0.2) < 2.2
     assert abs(values[1] / best - 1.0) < 1e-2
 
 
+@pytest.mark.slow
 def test_order_in_slices_of_a_crowned_spur_pair():
     """Crowned so that the ends of the face never touch: the edge of contact is what converges."""
     flank = jg.Crowning(14 * um)

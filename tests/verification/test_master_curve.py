@@ -12,8 +12,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import assert_close, observed_order
-from scipy.optimize import minimize_scalar
-from solve_cases import ACCESSORY, FZG_C14, POWER, Drawing, symmetric_relief, with_contact_ratio
+from solve_cases import (
+    ACCESSORY,
+    FZG_C14,
+    POWER,
+    Drawing,
+    lowest,
+    symmetric_relief,
+    with_contact_ratio,
+)
 
 import jaxgear as jg
 from jaxgear import um
@@ -96,17 +103,14 @@ def test_curve_is_the_computed_optimum():
     response = _response(ACCESSORY, 80.0, jg.mesh_grid(ACCESSORY.pair(), phases=64, slices=1))
     for extent in (0.2, 0.25, 0.29):
         closed = _short(extent, ratio)
-        found = minimize_scalar(
-            lambda e, extent=extent: response(e, extent)[1],
-            bounds=(0.8 * closed, 1.2 * closed),
-            method="bounded",
-            options={"xatol": 1e-9},
+        best, _ = lowest(
+            lambda e, extent=extent: response(e, extent)[1], 0.8 * closed, 1.2 * closed, within=1e-9
         )
         formula = optimise.master_curve_depth(
             jnp.asarray(extent), jnp.asarray(ratio), jnp.asarray(1.0)
         )
         assert_close(formula, closed, rtol=1e-12, atol=0.0)
-        assert_close(found.x, closed, rtol=1e-6, atol=0.0)
+        assert_close(best, closed, rtol=1e-6, atol=0.0)
 
 
 HELICAL = {
@@ -170,14 +174,9 @@ def ratio_16():
 
 @pytest.mark.parametrize(("extent", "depth", "least"), TABLE)
 def test_numeric_table(ratio_16, extent, depth, least):
-    found = minimize_scalar(
-        lambda e: ratio_16(e, extent)[1],
-        bounds=(0.7 * depth, 1.3 * depth),
-        method="bounded",
-        options={"xatol": 1e-7},
-    )
-    assert abs(found.x - depth) < 5e-4
-    assert abs(found.fun - least) < 3e-5
+    best, rms = lowest(lambda e: ratio_16(e, extent)[1], 0.7 * depth, 1.3 * depth, within=1e-7)
+    assert abs(best - depth) < 5e-4
+    assert abs(rms - least) < 3e-5
 
 
 @pytest.mark.parametrize(
@@ -223,9 +222,7 @@ def accessory():
         error = jg.transmission_error(model.pair, cycle)
         return jg.cycle_rms(cycle, error) / um, jg.cycle_mean(cycle, error) / um
 
-    return lambda depth, extent: [
-        float(x) for x in rms(jnp.asarray(depth), jnp.asarray(extent))
-    ]
+    return lambda depth, extent: [float(x) for x in rms(jnp.asarray(depth), jnp.asarray(extent))]
 
 
 def test_accessory_pair_plain(accessory):
@@ -239,16 +236,12 @@ def test_accessory_pair_best_depth(accessory):
     """A third less stiff at its ends than in its middle: 0.80 to 0.90 of the closed form."""
     load = 80.0 / ACCESSORY.base_radius[0] / ACCESSORY.common_width
     pair = ACCESSORY.pair()
-    largest = jg.single_pair_stiffness(pair, jg.WeberBanaschek(), jnp.asarray(load))
+    stiffness = eqx.filter_jit(jg.single_pair_stiffness)
+    largest = stiffness(pair, jg.WeberBanaschek(), jnp.asarray(load))
     assert_close(largest, 23.63e9, rtol=2e-2, atol=0.0)
     delta = load / float(largest) / um
     closed = delta * _short(0.25, ACCESSORY.contact_ratio)
     assert_close(closed, 14.3, rtol=1e-2, atol=0.0)
-    found = minimize_scalar(
-        lambda e: accessory(e, 0.25)[0],
-        bounds=(0.5 * closed, 1.5 * closed),
-        method="bounded",
-        options={"xatol": 1e-4},
-    )
-    assert 0.80 < found.x / closed < 0.90
-    assert found.fun < 0.3
+    best, rms = lowest(lambda e: accessory(e, 0.25)[0], 0.5 * closed, 1.5 * closed, within=1e-4)
+    assert 0.80 < best / closed < 0.90
+    assert rms < 0.3

@@ -1,0 +1,157 @@
+"""The commands end to end, on a coarse mesh: files, numbers, refusals."""
+
+import json
+import tomllib
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from jaxgear._app._cli import main
+
+_COARSE = ("--set", "mesh.phases=24", "--set", "mesh.slices=4", "--quiet", "--json")
+
+
+def _run(capsys, *arguments: str) -> tuple[int, dict]:
+    code = main(arguments)
+    out = capsys.readouterr().out
+    return code, json.loads(out) if out else {}
+
+
+@pytest.fixture
+def accessory(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["init", "accessory"]) == 0
+    capsys.readouterr()
+    return "accessory.toml"
+
+
+def test_run_writes_everything_and_finds_the_optimum(accessory, tmp_path, capsys):
+    """The real thing: 64 phases, 20 slices, as the user gets it."""
+    code, summary = _run(capsys, "run", accessory, "--json", "--quiet")
+    assert code == 0
+    folder = tmp_path / "results" / "accessory"
+    assert summary == json.loads((folder / "summary.json").read_text())
+    assert 2.3 < summary["static"]["te_rms_um"] < 2.5
+    assert summary["static"]["te_mean_um"] == pytest.approx(9.87, abs=0.02)
+    assert summary["geometry"]["profile_contact_ratio"] == pytest.approx(1.421555, abs=1e-6)
+    found = summary["optimise"]
+    assert found["converged"]
+    assert found["gradient_evaluations"] < 50
+    assert found["after"]["te_rms_um"] < 0.3
+    assert abs(found["smooth_less_exact"]) < 1e-3 * found["before"]["objective"]
+    for name in ("gear_pair", "transmission_error", "mesh_stiffness", "flank_maps", "harris_map"):
+        for ending in ("png", "svg", "csv"):
+            assert (folder / f"{name}.{ending}").stat().st_size > 0
+    dataset = xr.load_dataset(folder / "result.nc")
+    error = dataset["transmission_error_um"]
+    mean = float((error * dataset["weight"]).sum())
+    assert mean == pytest.approx(summary["static"]["te_mean_um"], rel=1e-12)
+    # At the scene's own torque the Harris map repeats the cycle.
+    row = np.asarray(dataset["harris_te_um"].sel(torque=dataset["torque_Nm"] == 80.0))[0]
+    assert row == pytest.approx(error.values, rel=1e-12)
+    improved = tomllib.loads((folder / "accessory.optimised.toml").read_text())
+    depth = improved["flank"]["wheel"]["tip_relief"]["depth_um"]
+    assert depth == found["variables"]["flank.wheel.tip_relief.depth_um"]
+    assert main(["run", str(folder / "scene.toml"), *_COARSE, "--out", "again"]) == 0
+
+
+def test_map_finds_the_valley_and_the_closed_form(accessory, tmp_path, capsys):
+    code, summary = _run(
+        capsys,
+        *("map", accessory, "--json", "--quiet"),
+        *("--set", "map.extent={from=0.2, to=0.3, points=5}"),
+        *("--set", "map.depth_um={to=30.0, points=31}"),
+    )
+    assert code == 0
+    curve = summary["master_curve"]
+    valley = curve["valley"]
+    at = valley["extent"].index(0.25)
+    ratio = valley["depth_um"][at] / valley["closed_form_depth_um"][at]
+    assert 0.80 < ratio < 0.90
+    assert min(valley["te_rms_um"]) < 0.3
+    assert curve["te_rms_um"] < 0.3
+    assert curve["gradient_evaluations"] < 50
+    bias = np.abs(summary["smoothing_bias"]["te_mean_bias_um"])
+    # Tends to zero with the width.
+    assert bias[0] < 1e-3 * bias[-1]
+    for name in ("master_curve", "smoothing_bias"):
+        assert (tmp_path / "results" / "accessory" / f"{name}.png").exists()
+
+
+def test_optimise_over_torques_and_by_adam(accessory, capsys):
+    code, summary = _run(
+        capsys,
+        *("optimise", accessory, *_COARSE),
+        *("--set", "optimise.torques_Nm=[60.0, 80.0, 100.0]", "--set", "optimise.over=worst"),
+        *("--set", "optimise.method=adam", "--set", "optimise.minimise=te_peak_to_peak"),
+        *("--set", "optimise.max_evaluations=60"),
+    )
+    assert code == 0
+    found = summary["optimise"]
+    assert found["torques_Nm"] == [60.0, 80.0, 100.0]
+    assert found["gradient_evaluations"] == 60
+    assert found["after"]["objective"] < 0.5 * found["before"]["objective"]
+    assert found["objective_unit"] == "um"
+
+
+def test_optimise_a_weighted_sum_over_macro_geometry(accessory, capsys):
+    """A variable that is no flank needs bounds, and changes stiffness and cells too."""
+    vary = 'optimise.vary=["pinion.addendum_coeff", "flank.pinion.crowning_um"]'
+    weights = "optimise.minimise={ te_rms = 1.0, max_pressure = 0.001 }"
+    common = ("optimise", accessory, *_COARSE, "--set", vary, "--set", weights)
+    code, _ = _run(capsys, *common)
+    assert code == 2
+    bounds = "optimise.bounds.pinion.addendum_coeff=[0.9, 0.95]"
+    code, summary = _run(capsys, *common, "--set", bounds)
+    assert code == 0
+    found = summary["optimise"]
+    assert found["objective_unit"] == "weighted"
+    assert found["after"]["objective"] < found["before"]["objective"]
+    assert 0.9 <= found["variables"]["pinion.addendum_coeff"] <= 0.95
+
+
+def test_impossible_gears_are_refused_with_a_remedy(accessory, capsys):
+    for setting, words in (
+        ("pinion.profile_shift=-1.5", "undercut"),
+        ("wheel.addendum_coeff=1.6", "Interference"),
+        ("pair.centre_distance_mm=105.0", "total contact ratio"),
+        ("pair.centre_distance_mm=98.0", "jam"),
+        ("pinion.fillet_radius_coeff=0.9", "rack"),
+    ):
+        assert main(["run", accessory, "--set", setting]) == 2
+        error = capsys.readouterr().err
+        assert words in error, (setting, error)
+        assert "Traceback" not in error
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        ("pair.misalignment_deviation_um=40",),
+        ("pinion.support={radial_N_m=1e8, tilt_Nm_rad=1e5}",),
+        ("mesh.slices=1", "flank.pinion.crowning_um=20"),
+        ("mesh.slices=200",),
+        ("flank.pinion.tip_relief={depth_um=900, extent=0.4}",),
+        ("pair.helix_angle_deg=35", "mesh.contact=smooth"),
+        ("mesh.stiffness=iso6336",),
+        ("pair.torque_pinion_Nm=0.01", "flank.wheel.crowning_um=30"),
+    ],
+    ids=str,
+)
+def test_hard_scenes_are_solved(accessory, settings, capsys):
+    arguments = [word for setting in settings for word in ("--set", setting)]
+    code, summary = _run(
+        capsys, "optimise", accessory, *_COARSE, *arguments, "--set", "optimise.max_evaluations=3"
+    )
+    assert code == 0, settings
+    static = summary["static"]
+    force = static["mesh_force_N"]
+    geometry = summary["geometry"]
+    torque = next(
+        (float(s.partition("=")[2]) for s in settings if s.startswith("pair.torque")), 80.0
+    )
+    helix = np.deg2rad(geometry["base_helix_angle_deg"])
+    expected = torque / (geometry["base_radius_pinion_mm"] * 1e-3 * np.cos(helix))
+    assert force == pytest.approx(expected, rel=1e-9)
+    assert static["te_mean_um"] > 0.0

@@ -1,0 +1,91 @@
+"""The table of derivatives: true ones pass, false ones are found."""
+
+import json
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxgear._app import _gradients
+from jaxgear._app._cli import main
+from jaxgear._app._gradients import gradient_table
+from jaxgear._app._scene import ready_scene
+from jaxgear._app._statics import Stopwatch
+from jaxgear._interface._laws import ExactContact
+
+_COARSE = ("mesh.phases=16", "mesh.slices=4")
+
+
+def test_every_derivative_of_a_helical_pair_is_right():
+    scene = ready_scene(
+        "power",
+        (
+            *_COARSE,
+            "flank.pinion.tip_relief.depth_um=8.0",
+            "flank.wheel.crowning_um=5.0",
+            "pair.misalignment_deviation_um=5.0",
+            "pinion.support={radial_N_m=1e9, axial_N_m=1e8, tilt_Nm_rad=1e6}",
+        ),
+    )
+    rows = gradient_table(scene, ExactContact(), Stopwatch())
+    assert {row.key for row in rows} == set(scene.real_keys())
+    wrong = [row for row in rows if row.verdict == "WRONG"]
+    assert not wrong
+    good = [row for row in rows if row.verdict == "ok"]
+    assert len(good) > len(rows) // 2
+    assert max(row.error for row in good) <= 1e-6
+    # Equal face widths: the narrower gear changes within the difference.
+    marked = {row.key for row in rows if row.verdict == "set changes"}
+    assert "pinion.face_width_mm" in marked
+
+
+def test_a_false_derivative_is_found(monkeypatch):
+    """A response whose derivative lies by a thousandth."""
+
+    @jax.custom_jvp
+    def lying(x):
+        return x
+
+    @lying.defjvp
+    def _jvp(primals, tangents):
+        return primals[0], 1.001 * tangents[0]
+
+    honest = _gradients.cycle_mean
+    monkeypatch.setattr(_gradients, "cycle_mean", lambda *args: lying(honest(*args)))
+    scene = ready_scene("accessory", _COARSE)
+    rows = gradient_table(scene, ExactContact(), Stopwatch())
+    wrong = {row.response for row in rows if row.verdict == "WRONG"}
+    assert wrong == {"te_mean_um"}
+
+
+def test_rounding_and_kinks_in_the_difference():
+    """A smooth function to 1e-9; a kink is noticed on both sides."""
+
+    def evaluate(values):
+        x, y = values
+        kink = jnp.maximum(y - 1.0, 0.0)
+        pieces = jnp.stack([jnp.sign(y - 1.0)])
+        return jnp.stack([jnp.sin(x) + kink]), (pieces, jnp.ones(1))
+
+    centre = np.asarray([0.7, 1.0])
+    estimate, same = _gradients._differences(
+        evaluate, centre, np.ones(2), np.asarray([0.0]), Stopwatch()
+    )
+    assert estimate[0, 0] == pytest.approx(np.cos(0.7), rel=1e-9)
+    assert same[0, 0]
+    assert not same[1, 0]
+
+
+def test_the_command_prints_a_table(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["init", "accessory"]) == 0
+    capsys.readouterr()
+    options = [word for setting in _COARSE for word in ("--set", setting)]
+    assert main(["check-grad", "accessory.toml", "--json", *options]) == 0
+    captured = capsys.readouterr()
+    summary = json.loads(captured.out)
+    assert summary["check_grad"]["verdicts"]["WRONG"] == 0
+    assert summary["check_grad"]["verdicts"]["ok"] > 60
+    assert "flank.pinion.tip_relief.depth_um" in captured.err
+    assert (tmp_path / "results" / "accessory" / "gradients.csv").exists()
