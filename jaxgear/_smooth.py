@@ -24,7 +24,7 @@ def smooth_ramp(x: Reals, width: Scalar) -> Reals:
     An array like `x`, in its unit.
     """
     v = jnp.clip(x / width + 1.0, 0.0, 2.0)
-    return width * v**3 * (4.0 - v) / 16.0 + jnp.maximum(x - width, 0.0)
+    return jnp.where(x < width, width * v**3 * (4.0 - v) / 16.0, x)
 
 
 def smooth_ramp_integral(x: Reals, width: Scalar) -> Reals:
@@ -42,8 +42,7 @@ def smooth_ramp_integral(x: Reals, width: Scalar) -> Reals:
     An array like `x`, in its unit squared.
     """
     v = jnp.clip(x / width + 1.0, 0.0, 2.0)
-    beyond = jnp.maximum(x - width, 0.0)
-    return width**2 * (v**4 - v**5 / 5.0) / 16.0 + width * beyond + 0.5 * beyond**2
+    return jnp.where(x < width, width**2 * (v**4 - v**5 / 5.0) / 16.0, 0.5 * x**2 + 0.1 * width**2)
 
 
 def smooth_maximum(x: Float[Array, "..."], width: Scalar) -> Scalar:

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from scipy.optimize import minimize_scalar, root_scalar
 
@@ -180,8 +179,3 @@ def spread(cycle: jg.MeshCycle, values) -> float:
     weight, values = np.asarray(cycle.cells.lines.weight), np.asarray(values)
     mean = np.sum(weight * values)
     return float(np.sqrt(np.sum(weight * (values - mean) ** 2)))
-
-
-def random_vector(size: int, seed: int):
-    """Weights that leave no part of a result out of a scalar."""
-    return jnp.asarray(np.random.default_rng(seed).uniform(0.5, 1.5, size))

@@ -37,6 +37,7 @@ STAGES = (
     "_app",
 )
 APP = STAGES[-1]
+SCENE_FILES = ("_scene", "_model")
 
 # The one place that sets the process up, so the only one that may touch JAX's configuration.
 CONFIGURES = PurePosixPath("jaxgear/_app/_cli.py")
@@ -163,14 +164,19 @@ def faults_of_flow(sources: Iterable[Source]) -> Iterator[str]:
 
 
 def _faults_of_door(source: Source) -> Iterator[str]:
-    """`__init__` re-exports in the order of the flow, `__main__` opens `_app`."""
+    """`__init__` re-exports in the order of the flow, `__main__` opens `_app`.
+
+    Of `_app`, `__init__` shows only how a scene file is read and becomes a model.
+    """
     latest = 0
     for found in _imports(source):
         package, *names = found.parts
         if package not in PACKAGES:
             continue
         is_stage = package == "jaxgear" and bool(names) and names[0] in STAGES
-        if not is_stage or (names[0] == APP) != (source.stage == "__main__"):
+        is_scene = names[:1] == [APP] and names[1:2] and names[1] in SCENE_FILES
+        in_app = names[:1] == [APP] and not (is_scene and source.stage == "__init__")
+        if not is_stage or in_app != (source.stage == "__main__"):
             yield f"{source.at(found.node)}: `{source.stage}` may not import {found.name}"
         elif STAGES.index(names[0]) < latest:
             yield f"{source.at(found.node)}: {found.name} stands below a later stage"

@@ -694,13 +694,14 @@ def _levels(values: np.ndarray) -> np.ndarray:
 
 
 def _branch(valley: Any, chart: Any) -> slice:
-    """The extents around the best one for which the best depth lies within the map.
+    """The extents around the best one for which the best depth halves the response within the map.
 
     Where a relief is too short to help, the best depth means nothing.
     """
     low, high = np.min(chart.depth), np.max(chart.depth)
     room = 1e-6 * (high - low)
     within = (valley.depth > low + room) & (valley.depth < high - room)
+    within &= valley.value < 0.5 * chart.value[0]
     best = int(np.argmin(valley.value))
     outside = np.nonzero(~within)[0]
     before, after = outside[outside < best], outside[outside > best]

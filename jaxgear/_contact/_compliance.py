@@ -65,10 +65,14 @@ class WeberBanaschek(AbstractCompliance):
         foundations = (self.pinion_foundation, self.wheel_foundation)
         gears = (pair.pinion, pair.wheel)
         sections = [tooth_section(pair, gear) for gear in gears]
-        own_roll = jnp.stack([roll, pair.tangent_length - roll])
         # The virtual gear keeps the normal radius of curvature, its own roll length.
-        base = jnp.stack([section.base_radius for section in sections])
-        angle = own_roll / (jnp.cos(pair.base_helix_angle) * base)[:, None]
+        to_normal = 1.0 / jnp.cos(pair.base_helix_angle)
+        angle = jnp.stack(
+            [
+                own * to_normal / section.base_radius
+                for own, section in zip((roll, pair.tangent_length - roll), sections, strict=True)
+            ]
+        )
 
         def tooth(section: ToothSection, material: Material, angle: Reals) -> Reals:
             depth = tooth_load(section, angle).depth
@@ -114,8 +118,9 @@ class ConstantStiffness(AbstractCompliance):
 class Iso6336(AbstractCompliance):
     r"""The single stiffness of ISO 6336-1 method B, the same along the whole path.
 
-    ISO quotes $c'$ across the face width; along the contact line and normal to the flank it
-    is $c'/\cos\beta$. For solid discs ($C_R = 1$); see `iso_stiffness`.
+    ISO quotes $c'$ per face width in the transverse plane, with a factor $\cos\beta$; the stiffness
+    normal to the flank is taken without it, $c'_{th} C_M C_B$. For solid discs ($C_R = 1$); see
+    `iso_stiffness`.
     """
 
     def __call__(self, pair: GearPair, roll: Reals, line_load: Scalar) -> Reals:

@@ -130,23 +130,25 @@ def contact_lines(pair: GearPair, grid: MeshGrid) -> ContactLines:
     Positions and active fractions.
     """
     pitch = pair.transverse_base_pitch
-    phase, weight = _phases(profile_contact_ratio(pair), grid)
+    ratio = profile_contact_ratio(pair)
+    edges = _phase_edges(ratio, grid)
+    phase = 0.5 * (edges[:-1] + edges[1:])
     line = jnp.arange(grid.lines, dtype=float) + grid.first_line
     position = (jnp.arange(grid.slices, dtype=float) + 0.5) / grid.slices - 0.5
     face_position = position * pair.face_width
     slope = jnp.tan(pair.base_helix_angle)
-    along = (phase[:, None] + line[None, :]) * pitch
-    roll = pair.path_start + along[:, :, None] + (slope * face_position)[None, None, :]
+    # In base pitches from the start of the path; at a phase's edges, and in its middle.
+    place = line[None, :, None] + (slope * face_position / pitch)[None, None, :]
     fraction = _swept_fraction(
-        (roll - pair.path_start) / pitch,
-        profile_contact_ratio(pair),
-        step=weight[:, None, None],
+        edges[:-1, None, None] + place,
+        edges[1:, None, None] + place,
+        ratio,
         stretch=overlap_ratio(pair) / grid.slices,
     )
     return ContactLines(
         phase=phase,
-        weight=weight,
-        roll=roll,
+        weight=edges[1:] - edges[:-1],
+        roll=pair.path_start + (phase[:, None, None] + place) * pitch,
         face_position=face_position,
         fraction=fraction,
         length=pair.face_width / (grid.slices * jnp.cos(pair.base_helix_angle)),
@@ -158,47 +160,37 @@ def mean_line_length(pair: GearPair) -> Scalar:
     return profile_contact_ratio(pair) * pair.face_width / jnp.cos(pair.base_helix_angle)
 
 
-def _phases(ratio: Scalar, grid: MeshGrid) -> tuple[Phases, Phases]:
-    """Mid-points and widths of the steps before and after the exit of the pair ahead."""
+def _phase_edges(ratio: Scalar, grid: MeshGrid) -> Phases:
+    """Ends of the steps of all phases, from 0 over the exit of the pair ahead to 1.
+
+    The exit is met to the last digit, so that no rounding shifts a spur pair's events.
+    """
     exit_phase = ratio - jnp.floor(ratio)
     before, after = grid.entry_phases, grid.phases - grid.entry_phases
-    first = exit_phase * (jnp.arange(before, dtype=float) + 0.5) / before
-    second = exit_phase + (1.0 - exit_phase) * (jnp.arange(after, dtype=float) + 0.5) / after
-    weight = jnp.concatenate(
-        [
-            jnp.ones(before) * exit_phase / before,
-            jnp.ones(after) * (1.0 - exit_phase) / after,
-        ]
-    )
-    return jnp.concatenate([first, second]), weight
+    first = exit_phase * (jnp.arange(before + 1, dtype=float) / before)
+    second = 1.0 - (1.0 - exit_phase) * (jnp.arange(after - 1, -1, -1, dtype=float) / after)
+    return jnp.concatenate([first, second])
 
 
-def _swept_fraction(place: Reals, ratio: Scalar, *, step: Reals, stretch: Scalar) -> Reals:
-    """Share of a slice inside the path [0, ratio], averaged over the step of its phase.
+# Corner of the active fraction of a spur pair's slice, which covers no path, and the least step of
+# a phase, which vanishes at whole contact ratios [base pitches].
+_THINNEST, _SHORTEST = 1e-10, 1e-12
 
-    Lengths are in base pitches: `place` of the slice's middle, `step` that it advances in one
-    phase, `stretch` of the path that its own width covers.
+
+def _swept_fraction(first: Reals, last: Reals, ratio: Scalar, *, stretch: Scalar) -> Reals:
+    """Share of a slice inside the path [0, ratio], averaged over its advance in one phase.
+
+    In base pitches: the slice's middle moves from `first` to `last`, and its own width covers
+    `stretch` of the path.
     """
-    wide = jnp.maximum(jnp.maximum(step, stretch), _THINNEST)
-    # A slice of a spur pair covers no path: the ramp between its two edges is as thin as this.
-    thin = jnp.maximum(jnp.minimum(step, stretch), 1e-9 * wide)
-    return _entered(place, wide, thin) - _entered(place - ratio, wide, thin)
+    thin = jnp.maximum(stretch, _THINNEST)
+    last = jnp.where(last - first > _SHORTEST, last, first + _SHORTEST)
+    inside = _rounded_ramp(last, thin) - _rounded_ramp(first, thin)
+    inside -= _rounded_ramp(last - ratio, thin) - _rounded_ramp(first - ratio, thin)
+    return jnp.clip(inside / (last - first), 0.0, 1.0)
 
 
-# A set of phases may shrink to nothing, at whole contact ratios [base pitches].
-_THINNEST = 1e-12
-
-
-def _entered(place: Reals, wide: Reals, thin: Reals) -> Reals:
-    """Probability that `place` plus two independent uniform shifts of these widths is positive."""
-    # The integral over the wide shift is a clipped ramp; averaging that over the thin one rounds
-    # its two corners by parabolas.
-    lower = place + 0.5 * wide
-    upper = place - 0.5 * wide
-    return (_rounded_ramp(lower, thin) - _rounded_ramp(upper, thin)) / wide
-
-
-def _rounded_ramp(x: Reals, width: Reals) -> Reals:
+def _rounded_ramp(x: Reals, width: Scalar) -> Reals:
     """Mean of max(0, x + s) over s uniform in a band of this width about zero."""
     inside = jnp.clip(x / width + 0.5, 0.0, 1.0)
     return 0.5 * width * inside**2 + jnp.maximum(x - 0.5 * width, 0.0)

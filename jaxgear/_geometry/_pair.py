@@ -254,6 +254,7 @@ _BODY_FACTS = (
 _PAIR_FACTS = (
     "working_centre_distance",
     "zero_backlash_centre_distance",
+    "zero_backlash_pressure_angle",
     "working_pressure_angle",
     "transverse_pressure_angle",
     "base_helix_angle",
@@ -303,17 +304,30 @@ def _check_pair(pair: GearPair) -> None:
         "The normal module must be positive, got {got:.6g} mm.",
         got=pair.normal_module / mm,
     )
+    require(
+        (pair.pressure_angle > 0.0) & (pair.pressure_angle < 45.0 * deg),
+        "`GearPair.pressure_angle` must lie between 0 and 45 degrees, got {got:.4g} degrees. "
+        "Angles are in radians: write `20.0 * jaxgear.deg`.",
+        got=pair.pressure_angle / deg,
+    )
+    require(
+        abs(pair.helix_angle) < 60.0 * deg,
+        "`GearPair.helix_angle` must lie within 60 degrees, got {got:.4g} degrees. Angles are in "
+        "radians: write `15.0 * jaxgear.deg`.",
+        got=pair.helix_angle / deg,
+    )
     facts = pair_facts(pair)
     if any(isinstance(fact, Tracer) for fact in facts.values()):
         return
     facts = {name: np.asarray(fact) for name, fact in facts.items()}
     module = float(pair.normal_module)
     base_sum = facts["base_radius"].sum()
-    # Without profile shifts that mesh at all, there is no centre distance to compare with.
+    # The inverse involute has no answer below zero.
+    angle = facts["zero_backlash_pressure_angle"]
     require(
-        bool(np.isfinite(facts["zero_backlash_centre_distance"])),
-        "No working pressure angle: the profile shifts sum to {got:.4g}, too negative for "
-        "{teeth} teeth. Raise them.",
+        bool(np.isfinite(angle) and angle > 0.0),
+        "The profile shifts sum to {got:.4g}, too negative for {teeth} teeth to have a working "
+        "pressure angle without backlash. Raise them.",
         got=float(pair.pinion.profile_shift + pair.wheel.profile_shift),
         teeth=pair.pinion.teeth + pair.wheel.teeth,
     )
@@ -358,6 +372,19 @@ def _check_tooth(pair: GearPair, facts: dict[str, np.ndarray], body: int) -> Non
         name=name,
         got=thickness / mm,
         tip=2.0 * tip / mm,
+    )
+    angle = float(pair.pressure_angle)
+    dedendum, fillet = float(gear.dedendum), float(gear.fillet_radius)
+    # The fillet is cut by the rack's tip: its two rounded corners must leave a land between them.
+    land = 0.25 * np.pi - (dedendum - fillet) * np.tan(angle) - fillet / np.cos(angle)
+    corner = (1.0 - np.sin(angle)) / np.cos(angle)
+    require(
+        bool(land >= -1e-9),
+        "The {name}'s rack has a pointed tip: a fillet radius coefficient of {got:.4g} does not "
+        "fit below its straight flanks. Use at most {limit:.4g}, or lower the dedendum.",
+        name=name,
+        got=fillet,
+        limit=max(fillet + land / corner, 0.0),
     )
     form_roll, form_radius = facts["form_roll"][body], facts["form_radius"][body]
     missing_shift = -form_roll * np.sin(facts["transverse_pressure_angle"])

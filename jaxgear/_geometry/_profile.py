@@ -8,7 +8,6 @@ teeth and module $m_n$ (ISO 6336-3). Coordinates have their origin at the gear's
 import equinox as eqx
 import jax.numpy as jnp
 
-from jaxgear._checks import require
 from jaxgear._geometry._gear import Gear
 from jaxgear._geometry._pair import GearPair
 from jaxgear._types import Reals, Scalar
@@ -33,17 +32,6 @@ class ToothSection(eqx.Module):
     profile_shift: Scalar
     dedendum: Scalar
     fillet_radius: Scalar
-
-    def __check_init__(self):
-        require(
-            self._rack_tip_land >= 0.0,
-            "The rack's tip is pointed: with dedendum coefficient {dedendum:.4g} and pressure "
-            "angle {angle:.4g} rad the fillet radius coefficient {got:.4g} does not fit into its "
-            "tip land. Lower the fillet radius coefficient or the dedendum.",
-            dedendum=self.dedendum,
-            angle=self.pressure_angle,
-            got=self.fillet_radius,
-        )
 
     @property
     def _rack_tip_land(self) -> Scalar:
@@ -144,10 +132,6 @@ def tooth_section(pair: GearPair, gear: Gear) -> ToothSection:
     **Returns:**
 
     The tooth in its normal section.
-
-    **Raises:**
-
-    - `ValueError` if the rack's tip radius does not fit.
     """
     spread = jnp.cos(pair.base_helix_angle) ** 2 * jnp.cos(pair.helix_angle)
     return ToothSection(

@@ -18,6 +18,7 @@ import equinox as eqx
 import jax
 import jax.flatten_util
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from jaxgear._interface._laws import AbstractContactLaw
@@ -79,12 +80,12 @@ class SolverSettings(eqx.Module):
     **Fields:**
 
     - `tolerance`: imbalance of the forces over the driving force at which the state counts as
-        found; one more Newton step is then taken [-].
+        found, or what rounding leaves if that is more; one more Newton step is then taken [-].
     - `most_steps`: Newton steps and halvings after which the solver gives up.
     """
 
     tolerance: float = eqx.field(static=True, default=1e-11)
-    most_steps: int = eqx.field(static=True, default=60)
+    most_steps: int = eqx.field(static=True, default=200)
 
 
 Unknown = tuple[Scalar, Coordinates]
@@ -223,6 +224,10 @@ def _energy(
     return contact + bodies - problem.force * approach
 
 
+# Relative error of an overlap, a few units in the last place of its terms.
+_ROUNDING = 10.0 * float(np.finfo(float).eps)
+
+
 class _NewtonState(eqx.Module):
     """Where the search stands.
 
@@ -251,7 +256,10 @@ def _newton(
     for `custom_root` differentiates what comes with its root.
     """
     everything = _tangent_stiffness(problem.arms, problem.stiffness)
-    scale = jnp.sqrt(jnp.maximum(jnp.diagonal(everything), 0.0) / everything[0, 0])
+    # Loads of all kinds, as forces: a moment over the radius of gyration of the cells.
+    own = jnp.diagonal(everything)
+    along = problem.direction @ everything @ problem.direction
+    scale = jnp.sqrt(jnp.maximum(own, 1e-6 * jnp.max(own)) / along)
 
     def examine(trial: Unknown) -> tuple[Scalar, Unknown, Scalar]:
         """Energy at a trial, the Newton point from it, and its relative imbalance."""
@@ -261,7 +269,10 @@ def _newton(
         lost = jnp.sum(tangent_cells) <= 0.0
         tangent = jnp.where(lost, everything, tangent)
         step = _newton_step(problem, tangent, missing)
-        size = jnp.abs(missing[0]) + jnp.sum(jnp.abs(missing[1]) / jnp.maximum(scale, 1e-300))
+        size = jnp.abs(missing[0]) + jnp.sum(jnp.abs(missing[1]) / scale)
+        # Bodies far softer than the cells move far: overlaps are then differences of large numbers.
+        rounding = _ROUNDING * along * jnp.max(jnp.abs(overlap + problem.gap))
+        size = jnp.where(size <= rounding, 0.0, size)
         point = (trial[0] + step[0], trial[1] + step[1])
         return _energy(problem, law, trial, overlap), point, size / problem.force
 

@@ -113,7 +113,10 @@ def test_optimise_a_weighted_sum_over_macro_geometry(accessory, capsys):
 
 def test_impossible_gears_are_refused_with_a_remedy(accessory, capsys):
     for setting, words in (
-        ("pinion.profile_shift=-1.5", "undercut"),
+        (
+            "pinion={teeth=10, profile_shift=-0.3, fillet_radius_coeff=0.25, face_width_mm=10.0}",
+            "undercut",
+        ),
         ("wheel.addendum_coeff=1.6", "Interference"),
         ("pair.centre_distance_mm=105.0", "total contact ratio"),
         ("pair.centre_distance_mm=98.0", "jam"),

@@ -110,7 +110,7 @@ def test_mean_length_is_exact(make):
 
 
 @over(power, accessory)
-@pytest.mark.parametrize(("phases", "slices"), [(8, 1), (8, 200), (64, 20)])
+@pytest.mark.parametrize(("phases", "slices"), [(8, 1), (8, 200)])
 def test_mean_length_is_exact_on_any_grid(make, phases, slices):
     pair = make()
     lines = _lines(pair, phases, slices)
@@ -277,8 +277,7 @@ def test_gradient_next_to_a_whole_number():
         return jnp.sum(lines.weight * _total_length(lines))
 
     got, expected = (
-        jnp.stack(jax.tree.leaves(jax.jit(jax.grad(f))(pair)))
-        for f in (mean, jg.mean_line_length)
+        jnp.stack(jax.tree.leaves(jax.jit(jax.grad(f))(pair))) for f in (mean, jg.mean_line_length)
     )
     assert_close(got, expected, rtol=1e-6, atol=1e-9)
 
@@ -321,7 +320,7 @@ def test_mirror_square_to_the_axes(make):
     assert float(jnp.max(jnp.abs(other.fraction - one.fraction))) > 0.1
 
 
-@every_pair
+@over(accessory, power, helical_25_31)
 def test_film_run_backwards(make):
     """If the gears change places, entry is exit: the same cells in the reverse order of phases."""
     pair = make()

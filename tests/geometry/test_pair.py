@@ -285,7 +285,7 @@ def test_working_circles_share_the_pitch(make):
 # --- the centre distance
 
 
-@every_pair
+@over(accessory, power, helical_25_31)
 def test_no_backlash_at_the_distance_that_the_shifts_ask_for(make):
     pair = make()
     free = eqx.tree_at(lambda p: p.centre_distance, pair, None, is_leaf=lambda x: x is None)
@@ -351,7 +351,7 @@ def test_lengths_scale_and_ratios_do_not(make):
         assert_close(1.0 + ratio(scaled), 1.0 + ratio(pair), rtol=1e-12, atol=0.0)
 
 
-@every_pair
+@over(accessory, power, fzg_c14, helical_25_31)
 def test_gears_may_change_places(make):
     pair, other = make(), exchanged(make())
     reversed_path = {
@@ -528,7 +528,23 @@ _SHARP = {"dedendum": 1.0, "fillet_radius": 0.0}
             {"pinion": {"addendum": 1.02}, "wheel": _SHARP},
             r"The pinion's tip touches the wheel's root: clearance -0\.04 mm\.",
         ),
-        ({"pinion": {"profile_shift": math.nan}}, r"No working pressure angle: .* sum to nan"),
+        # (pi/4 - 1.5 tan 20)/(1/cos 20 - tan 20) = 0.342.
+        (
+            {"pinion": {"dedendum": 1.5, "fillet_radius": 0.5}},
+            r"The pinion's rack has a pointed tip: a fillet radius coefficient of 0\.5 .* "
+            r"Use at most 0\.342",
+        ),
+        (
+            {"wheel": {"dedendum": 1.5, "fillet_radius": 0.5}},
+            r"The wheel's rack has a pointed tip",
+        ),
+        ({"pinion": {"profile_shift": math.nan}}, r"profile shifts sum to nan, too negative"),
+        (
+            {"pinion": {"profile_shift": -4.0}},
+            r"shifts sum to -[0-9.]+, too negative for \d+ teeth",
+        ),
+        ({"pressure_angle": 20.0}, r"between 0 and 45 degrees, got 1146 degrees.*jaxgear.deg"),
+        ({"helix_angle": 12.0}, r"within 60 degrees, got 687.5 degrees"),
         ({"wheel": {"addendum": math.nan}}, "got nan"),
     ],
 )
@@ -571,6 +587,18 @@ def test_how_much_undercut_is_harmless(lacking, allowed):
         _pair(pinion, wheel)
     else:
         with pytest.raises(ValueError, match="undercut"):
+            _pair(pinion, wheel)
+
+
+@pytest.mark.parametrize(("radius", "allowed"), [(0.4719, True), (0.4722, False)])
+def test_the_fullest_tip_radius(radius, allowed):
+    """(pi/4 - 1.25 tan 20)/(1/cos 20 - tan 20) = 0.47203, where the rack's tip is all round."""
+    pinion = {"fillet_radius": radius}
+    wheel = {"addendum": 0.9}
+    if allowed:
+        _pair(pinion, wheel)
+    else:
+        with pytest.raises(ValueError, match="pointed tip"):
             _pair(pinion, wheel)
 
 

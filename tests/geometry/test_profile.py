@@ -259,7 +259,7 @@ def test_tooth_narrows_upwards():
         assert (np.diff(half) < 0.0).all()
 
 
-# --- scaling, symmetry, refusal, gradients
+# --- scaling, symmetry, gradients
 
 
 @some_pairs
@@ -275,28 +275,6 @@ def test_sections_scale(make):
 def test_the_hand_of_the_helix_does_not_matter():
     for one, other in zip(_sections(power()), _sections(mirrored(power())), strict=True):
         assert_close(other, one, rtol=1e-14, atol=0.0)
-
-
-def test_a_rack_with_a_pointed_tip_is_refused():
-    """Half the tip's flat is pi/4 - (1.5 - 0.5) tan 20 - 0.5/cos 20 = -0.111 modules."""
-    gear = jg.Gear(30, 20.0 * mm, dedendum=1.5, fillet_radius=0.5)
-    pair = jg.GearPair(gear, gear, 2.0 * mm)
-    with pytest.raises(
-        ValueError,
-        match=r"rack's tip is pointed: with dedendum coefficient 1\.5 .* coefficient 0\.5",
-    ):
-        jg.tooth_section(pair, pair.pinion)
-
-
-@pytest.mark.parametrize(("radius", "allowed"), [(0.4719, True), (0.4723, False)])
-def test_the_fullest_tip_radius(radius, allowed):
-    """(pi/4 - 1.25 tan 20)/(1/cos 20 - tan 20) = 0.47203."""
-    section = [jnp.asarray(x) for x in (30.0, 2.0 * mm, 20.0 * deg, 0.0, 1.25, radius)]
-    if allowed:
-        jg.ToothSection(*section)
-    else:
-        with pytest.raises(ValueError, match="pointed"):
-            jg.ToothSection(*section)
 
 
 @over(helical_25_31, standard_17_43)

@@ -57,7 +57,7 @@ def test_load_sharing_without_relief_by_hand():
 def test_line_load_integrates_to_the_force(case):
     """Times length and active fraction it is the cell's force, where the middle is in mesh."""
     drawing, law = CASES[case]
-    model, cycle = _settled(drawing, law)
+    _, cycle = _settled(drawing, law, depth=0.0)
     lines = cycle.cells.lines
     load = jg.line_load(cycle, law)
     length = drawing.common_width / math.cos(drawing.base_helix) / 8
