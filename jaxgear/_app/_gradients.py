@@ -18,7 +18,7 @@ from jaxgear._response._transmission import cycle_mean, cycle_variance, transmis
 from jaxgear._smooth import smooth_maximum
 from jaxgear._solve._cycle import MeshCycle, mesh_cycle
 from jaxgear._system._model import PairModel
-from jaxgear._types import Reals
+from jaxgear._types import Flags, Reals
 from jaxgear._units import MPa, um
 
 RESPONSES = ("te_mean_um", "te_variance_um2", "smooth_max_pressure_MPa")
@@ -82,7 +82,7 @@ def gradient_table(scene: Scene, law: AbstractContactLaw, watch: Stopwatch) -> l
     centre = jnp.asarray([scene[key] for key in keys], dtype=float)
     sizes = np.asarray([_size(key, float(scene[key])) for key in keys])
 
-    def evaluate(values: Reals) -> tuple[Reals, tuple[Reals, Reals]]:
+    def evaluate(values: Reals) -> tuple[Reals, tuple[Reals, Flags]]:
         model = model_of(scene.replace(dict(zip(keys, values, strict=True))))
         cycle = mesh_cycle(model, grid, law=law, throw=False)
         error = transmission_error(model.pair, cycle) / um
@@ -139,7 +139,7 @@ _STEPS = (1e-4, 2e-5, 4e-6)
 
 
 def _differences(
-    evaluate: Callable[[Reals], tuple[Reals, tuple[Reals, Reals]]],
+    evaluate: Callable[[Reals], tuple[Reals, tuple[Reals, Flags]]],
     centre: np.ndarray,
     sizes: np.ndarray,
     pieces: np.ndarray,

@@ -66,7 +66,7 @@ def test_rounding_and_kinks_in_the_difference():
         x, y = values
         kink = jnp.maximum(y - 1.0, 0.0)
         pieces = jnp.stack([jnp.sign(y - 1.0)])
-        return jnp.stack([jnp.sin(x) + kink]), (pieces, jnp.ones(1))
+        return jnp.stack([jnp.sin(x) + kink]), (pieces, jnp.ones(1, dtype=bool))
 
     centre = np.asarray([0.7, 1.0])
     estimate, same = _gradients._differences(
