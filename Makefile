@@ -34,7 +34,6 @@ demo: $(VENV)/.installed
 	cd $(DEMO) && ../$(BIN)/jaxgear init accessory
 	cd $(DEMO) && ../$(BIN)/jaxgear run accessory.toml
 	cd $(DEMO) && ../$(BIN)/jaxgear map accessory.toml
-	cd $(DEMO) && ../$(BIN)/jaxgear optimise accessory.toml
 	@pictures=$$(find $(DEMO_OUT) -name '*.png' | sort); \
 	if [ -z "$$pictures" ]; then echo 'No picture in $(DEMO_OUT).' >&2; exit 1; fi; \
 	printf '\nThe pictures:\n%s\n' "$$pictures"

@@ -9,10 +9,12 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import equinox as eqx
 import jax.numpy as jnp
 import matplotlib
 import numpy as np
 import xarray as xr
+from jaxtyping import Array
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, Normalize
@@ -238,16 +240,22 @@ def _outline(pair: jg.GearPair, body: int) -> np.ndarray:
 
 def _tooth(pair: jg.GearPair, body: int) -> tuple[np.ndarray, np.ndarray]:
     """Radius [m] and half angle [rad] of a tooth, from mid-space over the flank to mid-tip."""
-    section = _transverse_section(pair, body)
-    x, y = section.fillet(jnp.linspace(0.5 * jnp.pi, section.pressure_angle, 25))
-    tip = pair.tip_roll[body] / section.base_radius
-    u, v = section.flank(jnp.linspace(section.form_roll_angle, tip, 101))
-    x, y = np.concatenate([x, u[1:]]), np.concatenate([y, v[1:]])
+    x, y = map(np.asarray, _half_tooth(pair, body))
     radius, half = np.hypot(x, y), np.arctan2(x, y)
     space = np.linspace(np.pi / float(pair.teeth[body]), half[0], 7)[:-1]
     land = np.linspace(half[-1], 0.0, 7)[1:]
     radius = np.concatenate([np.full(6, radius[0]), radius, np.full(6, radius[-1])])
     return radius, np.concatenate([space, half, land])
+
+
+@eqx.filter_jit
+def _half_tooth(pair: jg.GearPair, body: int) -> tuple[Array, Array]:
+    """Half thickness and height of a tooth from root circle to tip [m]."""
+    section = _transverse_section(pair, body)
+    x, y = section.fillet(jnp.linspace(0.5 * jnp.pi, section.pressure_angle, 25))
+    tip = pair.tip_roll[body] / section.base_radius
+    u, v = section.flank(jnp.linspace(section.form_roll_angle, tip, 101))
+    return jnp.concatenate([x, u[1:]]), jnp.concatenate([y, v[1:]])
 
 
 def _transverse_section(pair: jg.GearPair, body: int) -> jg.ToothSection:

@@ -12,7 +12,7 @@ import numpy as np
 from jaxgear._app._model import grid_of, law_of, model_of
 from jaxgear._app._scene import Scene
 from jaxgear._contact._cells import nominal_line_load
-from jaxgear._contact._compliance import iso_stiffness, single_pair_stiffness
+from jaxgear._contact._compliance import iso_stiffness
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import pair_facts
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact, SmoothContact
@@ -232,8 +232,10 @@ def _static_numbers(
     """The `static` part of the summary; traceable by JAX."""
     pair = model.pair
     load = nominal_line_load(pair, model.torque)
-    largest = single_pair_stiffness(pair, model.compliance, load)
-    at_pitch = 1.0 / model.compliance(pair, pair.pitch_point[None], load)[0]
+    # One call for both: the compliance takes longest to compile.
+    path = pair.path_start + jnp.linspace(0.0, 1.0, 129) * pair.path_of_contact
+    stiffness = 1.0 / model.compliance(pair, jnp.append(path, pair.pitch_point), load)
+    largest, at_pitch = jnp.max(stiffness[:-1]), stiffness[-1]
     closed = jnp.sum(jnp.where(cycle.overlap > 0.0, cycle.cells.stiffness, 0.0), axis=1)
     return {
         "mesh_force_N": cycle.load[0, 0],
