@@ -1,5 +1,6 @@
 import math
 from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -79,7 +80,7 @@ def _least(function: Callable[[np.ndarray], np.ndarray]) -> tuple[float, float]:
     """Least value over half a radian either way, and where."""
     turns = np.linspace(-0.5, 0.5, 2001)
     nearest = turns[np.argmin(function(turns))]
-    found = minimize_scalar(
+    found: Any = minimize_scalar(
         lambda t: float(function(np.asarray(t))),
         bounds=(nearest - 1e-3, nearest + 1e-3),
         method="bounded",
