@@ -5,8 +5,12 @@ from jax.core import Tracer
 from jaxtyping import Array, Bool
 
 
+class InputError(ValueError):
+    """What a user gave cannot be; the message says why and what to do."""
+
+
 def require(ok: bool | Bool[Array, ""], message: str, **values: object) -> None:
-    """Raise `ValueError` unless `ok`. Says nothing while `ok` is being traced.
+    """Raise `InputError`, a `ValueError`, unless `ok`. Says nothing while `ok` is being traced.
 
     The message is a format string, filled from `values` only when it is needed: an
     f-string would format a tracer, and fail, on every construction inside `jit`.
@@ -19,11 +23,11 @@ def require(ok: bool | Bool[Array, ""], message: str, **values: object) -> None:
 
     **Raises:**
 
-    - `ValueError` if `ok` is false.
+    - `InputError` if `ok` is false.
     """
     if isinstance(ok, Tracer) or ok:
         return
-    raise ValueError(message.format(**values))
+    raise InputError(message.format(**values))
 
 
 def require_float64() -> None:

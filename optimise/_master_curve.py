@@ -35,8 +35,8 @@ def master_curve_depth(
 
     **Returns:**
 
-    Depth [m]; NaN where no depth will do: $\Gamma \le \Gamma^*/2$, or $\varepsilon_\alpha$ outside
-    of (1, 2).
+    Depth [m]; NaN where no depth will do: $\Gamma \le \Gamma^*/2$, $\varepsilon_\alpha$ outside of
+    (1, 2), or reliefs so long that they overlap. Beyond $\Gamma^*$ it was verified to 0.5.
     """
     ratio = contact_ratio
     longest = (ratio - 1.0) / ratio
@@ -45,7 +45,7 @@ def master_curve_depth(
     short = deflection * run / jnp.where(opening > 0.0, opening, jnp.nan)
     sines = jnp.sin(jnp.pi * (ratio - run)) * jnp.sin(jnp.pi * run)
     first_harmonic = 1.0 - extent - sines / (jnp.pi * run * jnp.sin(jnp.pi * ratio))
-    long = deflection / ratio / first_harmonic
+    long = deflection / ratio / jnp.where(first_harmonic > 0.0, first_harmonic, jnp.nan)
     depth = jnp.where(extent <= longest, short, long)
     return jnp.where((ratio > 1.0) & (ratio < 2.0), depth, jnp.nan)
 

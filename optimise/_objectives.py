@@ -171,7 +171,8 @@ def over_torques(
 
     **Returns:**
 
-    A function that `jax.grad` and `jax.vmap` accept, in the unit of the objective.
+    A function that `jax.grad` and `jax.vmap` accept, in the unit of the objective; NaN where a
+    cycle was not solved. With `worst` its slope jumps where two torques are equally bad.
     """
 
     def value(variables: Float[Array, " variable"]) -> Float[Array, ""]:
@@ -179,7 +180,8 @@ def over_torques(
 
         def at_torque(mesh: jg.PreparedMesh, torque: Array) -> Array:
             own = _loaded(model, torque)
-            return objective(own, jg.corrected_cycle(mesh, own, law=law), law)
+            cycle = jg.corrected_cycle(mesh, own, law=law)
+            return jnp.where(jnp.all(cycle.converged), objective(own, cycle, law), jnp.nan)
 
         meshes = prepare_torques(model, torques, grid) if prepared is None else prepared
         values = jax.vmap(at_torque)(meshes, torques)

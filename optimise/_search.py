@@ -131,7 +131,7 @@ def lbfgs(
     - `start`: first point; moved into the box.
     - `box`: bounds.
     - `most_evaluations`: of the gradient, about; a line search is finished.
-    - `tolerance`: on the largest slope in the unit cube, and on relative progress.
+    - `tolerance`: on the largest slope in the unit cube; a thousandth of it on relative progress.
     - `watch`: called after each evaluation.
 
     **Returns:**
@@ -154,7 +154,11 @@ def lbfgs(
         jac=True,
         method="L-BFGS-B",
         bounds=[(0.0, 1.0 / _FIRST_STEP)] * len(start),
-        options={"maxfun": most_evaluations, "gtol": tolerance, "ftol": 1e-3 * tolerance},
+        options={
+            "maxfun": most_evaluations,
+            "gtol": tolerance * _FIRST_STEP,
+            "ftol": 1e-3 * tolerance,
+        },
     )
     return record.result(converged=bool(end.success), reason=str(end.message))
 
@@ -237,7 +241,9 @@ def differential_evolution(
 
     def evaluate(units: np.ndarray) -> np.ndarray:
         generation = box.from_unit(np.atleast_2d(units.T))
-        result = np.asarray(batched(jnp.asarray(generation)))
+        found = np.asarray(batched(jnp.asarray(generation)))
+        # A design that cannot be evaluated is the worst of all.
+        result = np.where(np.isfinite(found), found, np.inf)
         points.append(generation)
         values.append(result)
         return result

@@ -14,8 +14,10 @@ import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from jaxgear._app._scene import READY, Scene, SceneError, read_scene, rewrite_scene
+from jaxgear._checks import InputError
 
 _COMMANDS = {
     "run": "compute everything that the scene asks for",
@@ -170,13 +172,35 @@ def _command(argv: Sequence[str] | None) -> int:
     folder = args.out or Path("results") / str(scene["name"])
     _prepare(folder)
     summary = _compute(args.command, scene, folder, args.quiet)
+    wrong = summary["check_grad"]["verdicts"]["WRONG"] if "check_grad" in summary else 0
     if args.json:
         _print_json(summary)
+    elif "check_grad" in summary:
+        _print_gradients(summary["check_grad"])
     elif not args.quiet:
         print_summary({key: value for key, value in summary.items() if key != "versions"})
     if not args.quiet:
         print(f"results in {folder}", file=sys.stderr)
+    if wrong:
+        raise _Stop(
+            1,
+            f"{wrong} derivatives disagree with central differences by more than 1e-6; they are "
+            f"marked WRONG in {folder / 'gradients.csv'}.",
+        )
     return 0
+
+
+def _print_gradients(found: Mapping[str, Any]) -> None:
+    """Print the table of derivatives; rows without effect are only counted."""
+    form = "{:<8} {:<24} {:<40} {:>14} {:>14} {:>14} {:>10}  {}"
+    names = ("contact", "response", "key", "forward", "reverse", "central", "rel. error", "verdict")
+    print(form.format(*names))
+    for row in found["rows"]:
+        if row["verdict"] != "no effect":
+            numbers = [_short(row[name]) for name in ("forward", "reverse", "difference")]
+            words = row["contact"], row["response"], row["key"]
+            print(form.format(*words, *numbers, f"{row['error']:.1e}", row["verdict"]))
+    print(", ".join(f"{count} {verdict}" for verdict, count in found["verdicts"].items()))
 
 
 def _refuse_unfit(command: str, scene: Scene) -> None:
@@ -209,7 +233,7 @@ def _prepare(folder: Path) -> None:
         ) from None
 
 
-def _compute(command: str, scene: Scene, folder: Path, quiet: bool) -> Mapping[str, object]:
+def _compute(command: str, scene: Scene, folder: Path, quiet: bool) -> Mapping[str, Any]:
     """Run the numerical part with 64-bit numbers and one BLAS thread."""
     import jax
     import threadpoolctl
@@ -223,8 +247,10 @@ def _compute(command: str, scene: Scene, folder: Path, quiet: bool) -> Mapping[s
             return _commands.COMMANDS[command](scene, folder, quiet)
     except _commands.SolverFailure as error:
         raise _Stop(1, f"{scene.path}: {error}") from error
-    except ValueError as error:
+    except InputError as error:
         raise _Stop(2, f"{scene.path}: {error}") from error
+    except FloatingPointError as error:
+        raise _Stop(1, f"{scene.path}: {error}") from error
     except BrokenPipeError:
         raise
     except OSError as error:

@@ -1,5 +1,6 @@
 """The commands: each turns a good scene into a results folder and a summary."""
 
+import dataclasses
 import importlib.metadata
 import json
 import resource
@@ -27,20 +28,23 @@ from jaxgear._app._design import (
     round_up,
     torques_of,
 )
-from jaxgear._app._gradients import GradientRow, gradient_table
-from jaxgear._app._model import smooth_law_of
+from jaxgear._app._gradients import gradient_table
+from jaxgear._app._model import model_of, smooth_law_of
 from jaxgear._app._results import static_dataset, write_csv, write_dataset, write_json
 from jaxgear._app._scene import Scene, rewrite_scene, write_scene
+from jaxgear._app._schema import GEARS
 from jaxgear._app._statics import (
     SolverFailure,
     Statics,
     Stopwatch,
     geometry_summary,
     iso_summary,
-    require_solved,
     smoothing_bias,
     solve_statics,
+    supports_summary,
 )
+from jaxgear._checks import InputError
+from jaxgear._geometry._lines import mesh_grid
 from jaxgear._interface._laws import ExactContact
 from jaxgear._response._transmission import cycle_rms, transmission_error
 from jaxgear._solve._cycle import PreparedMesh, corrected_cycle
@@ -53,8 +57,10 @@ Summary = dict[str, Any]
 
 @contextmanager
 def _progress(total: int, what: str, quiet: bool) -> Iterator[Callable[[int], None]]:
-    """A progress bar on standard error; the value is told how many more are done."""
-    with tqdm.tqdm(total=total, desc=what, disable=quiet, file=sys.stderr, leave=False) as bar:
+    """A progress bar on a terminal's standard error; the value is told how many more are done."""
+    with tqdm.tqdm(
+        total=total, desc=what, disable=quiet or None, file=sys.stderr, leave=False
+    ) as bar:
 
         def done(count: int) -> None:
             bar.update(count)
@@ -81,6 +87,8 @@ def run(scene: Scene, folder: Path, quiet: bool) -> Summary:
     - `SolverFailure` if a contact problem was not solved.
     """
     watch = Stopwatch()
+    # Impossible gears are refused before any bar is drawn.
+    model_of(scene)
     with _progress(2, "mesh cycle", quiet) as done:
         torques = _harris_torques(scene)
         statics = solve_statics(scene, watch, torques)
@@ -105,17 +113,14 @@ def map_relief(scene: Scene, folder: Path, quiet: bool) -> Summary:
     Arguments, results and errors as for `run`.
     """
     watch = Stopwatch()
+    # The closed form, and so the map, is for linear relief.
+    linear = {f"flank.{gear}.tip_relief.shape": "linear" for gear in GEARS}
+    scene = scene.replace(linear)
     statics = solve_statics(scene, watch)
     summary = _head(scene, statics)
-    keys = ("flank.pinion.tip_relief.depth_um", "flank.pinion.tip_relief.extent")
     deflection = summary["static"]["single_pair_deflection_um"] * um
-    space = design_space(scene, keys, symmetric=True, deflection=deflection / um)
-    most = scene.get("map.depth_um.to", round_up(3.0 * deflection / um))
-    depth = um * np.linspace(scene["map.depth_um.from"], most, scene["map.depth_um.points"])
-    extent = np.linspace(
-        scene["map.extent.from"], scene["map.extent.to"], scene["map.extent.points"]
-    )
-
+    space = design_space(scene, _RELIEF_KEYS, symmetric=True, deflection=deflection / um)
+    depth, extent = _map_axes(scene, deflection)
     torque = statics.model.torque[None]
     meshes = watch(
         lambda model, t: optimise.prepare_torques(model, t, statics.grid), statics.model, torque
@@ -130,9 +135,8 @@ def map_relief(scene: Scene, folder: Path, quiet: bool) -> Summary:
 
     with _progress(depth.size * extent.size, "map", quiet) as done:
         chart, valley = optimise.relief_map(te_rms, depth, extent, done=done)
-    require_solved(np.isfinite(chart.value))
-    ratio = jnp.asarray(summary["geometry"]["profile_contact_ratio"])
-    closed = _closed_form(extent, ratio, deflection)
+    if not (np.isfinite(chart.value).all() and np.isfinite(valley.value).all()):
+        raise SolverFailure("the contact was not solved at some point of the map")
     variance = optimise.over_torques(
         space.model,
         optimise.TransmissionErrorVariance(),
@@ -142,17 +146,53 @@ def map_relief(scene: Scene, folder: Path, quiet: bool) -> Summary:
         prepared=meshes,
     )
     found = _descent(space, variance, quiet)
-    best = jax.jit(te_rms)(jnp.asarray(found.point[0] * um), jnp.asarray(found.point[1]))
-    at_best = _closed_form(found.point[1:], ratio, deflection)
     lowest = int(np.argmin(valley.value))
+    rival = np.asarray([valley.depth[lowest] / um, valley.extent[lowest]])
+    found, restarted = _unless_beaten(found, rival, space, variance, quiet)
+    best = jax.jit(te_rms)(jnp.asarray(found.point[0] * um), jnp.asarray(found.point[1]))
+    ratio = jnp.asarray(summary["geometry"]["profile_contact_ratio"])
+    closed = _closed_form(np.append(extent, found.point[1]), ratio, deflection)
     summary["master_curve"] = {
         "depth_um": found.point[0],
         "extent": found.point[1],
         "te_rms_um": float(best),
-        "closed_form_depth_um": at_best[0],
+        "closed_form_depth_um": closed[-1],
         "single_pair_deflection_um": deflection / um,
         "evaluations": found.evaluations,
         "gradient_evaluations": found.gradient_evaluations,
+        "converged": found.converged,
+        "restarted_from_grid": restarted,
+        **_valley_summary(valley, closed[:-1]),
+    }
+    # Relief of one and a half deflections parts the teeth at the ends of the path.
+    relieved = jax.jit(lambda x: space.model(x))(jnp.asarray([1.5 * deflection / um, 0.3]))
+    summary["smoothing_bias"] = _draw_bias(scene, folder, relieved, prepared, watch)
+    figure = pictures.master_curve(chart, valley, closed[:-1], found.path, _title(scene))
+    columns = pictures.master_curve_columns(chart, valley, closed[:-1])
+    pictures.save(figure, columns, folder, "master_curve")
+    return _finish(scene, folder, summary, watch)
+
+
+_RELIEF_KEYS = ("flank.pinion.tip_relief.depth_um", "flank.pinion.tip_relief.extent")
+
+
+def _map_axes(scene: Scene, deflection: float) -> tuple[np.ndarray, np.ndarray]:
+    """Depths [m] and extents of the map."""
+    first, last = scene["map.depth_um.from"], scene.get("map.depth_um.to")
+    if last is None:
+        last = round_up(max(3.0 * deflection / um, 2.0 * first))
+    extents = scene["map.extent.from"], scene["map.extent.to"]
+    for name, low, high in (("depth_um", first, last), ("extent", *extents)):
+        if not low < high:
+            raise InputError(f"map.{name} must rise, got from = {low:g}, to = {high:g}.")
+    depth = um * np.linspace(first, last, scene["map.depth_um.points"])
+    return depth, np.linspace(*extents, scene["map.extent.points"])
+
+
+def _valley_summary(valley: optimise.Valley, closed: np.ndarray) -> Summary:
+    """The best depth of each extent, and the best of all."""
+    lowest = int(np.argmin(valley.value))
+    return {
         "grid_best": {
             "depth_um": valley.depth[lowest] / um,
             "extent": valley.extent[lowest],
@@ -165,14 +205,6 @@ def map_relief(scene: Scene, folder: Path, quiet: bool) -> Summary:
             "closed_form_depth_um": closed,
         },
     }
-    # Relief of one and a half deflections parts the teeth at the ends of the path.
-    relieved = jax.jit(lambda x: space.model(x))(jnp.asarray([1.5 * deflection / um, 0.3]))
-    summary["smoothing_bias"] = _draw_bias(scene, folder, relieved, prepared, watch)
-    figure = pictures.master_curve(chart, valley, closed, found.path, _title(scene))
-    pictures.save(
-        figure, pictures.master_curve_columns(chart, valley, closed), folder, "master_curve"
-    )
-    return _finish(scene, folder, summary, watch)
 
 
 def optimise_flanks(scene: Scene, folder: Path, quiet: bool) -> Summary:
@@ -191,9 +223,7 @@ def check_gradients(scene: Scene, folder: Path, quiet: bool) -> Summary:
 
     Arguments and results as for `run`.
 
-    **Raises:**
-
-    - `SolverFailure` if a derivative is wrong, after the table is written.
+    A derivative that is wrong is counted in `check_grad.verdicts.WRONG`.
     """
     watch = Stopwatch()
     laws = {"exact": ExactContact(), "smooth": smooth_law_of(scene)}
@@ -224,15 +254,7 @@ def check_gradients(scene: Scene, folder: Path, quiet: bool) -> Summary:
             ],
         }
     }
-    if not quiet:
-        print(_gradient_text(table), file=sys.stderr)
-    summary = _finish(scene, folder, summary, watch)
-    if counts["WRONG"]:
-        raise SolverFailure(
-            f"{counts['WRONG']} derivatives disagree with central differences by more than 1e-6; "
-            f"they are marked WRONG in {folder / 'gradients.csv'}."
-        )
-    return summary
+    return _finish(scene, folder, summary, watch)
 
 
 COMMANDS: dict[str, Callable[[Scene, Path, bool], Summary]] = {
@@ -257,7 +279,12 @@ def _head(scene: Scene, statics: Statics) -> Summary:
             "pinion": scene["pinion.body.kind"],
             "wheel": scene["wheel.body.kind"],
             "stiffness": scene["mesh.stiffness"],
-            "foundation": scene["mesh.foundation"],
+            "foundation": ", ".join(
+                f"{gear} {scene.get(f'{gear}.foundation', scene['mesh.foundation'])}"
+                for gear in GEARS
+            )
+            if any(f"{gear}.foundation" in scene.values for gear in GEARS)
+            else scene["mesh.foundation"],
             "contact": scene["mesh.contact"],
             "slices": scene["mesh.slices"],
             "phases": scene["mesh.phases"],
@@ -270,7 +297,8 @@ def _head(scene: Scene, statics: Statics) -> Summary:
         },
         "geometry": geometry_summary(statics.model),
         "iso6336": iso_summary(statics.model),
-        "static": {key: float(value) for key, value in statics.numbers.items()},
+        "static": {key: float(value) for key, value in statics.numbers.items()}
+        | {"supports": supports_summary(statics)},
     }
 
 
@@ -326,18 +354,54 @@ def _closed_form(extent: np.ndarray, ratio: Scalar, deflection: float) -> np.nda
 def _descent(
     space: DesignSpace, objective: Callable[[Reals], Scalar], quiet: bool
 ) -> optimise.SearchResult:
-    """The gradient search that the scene names, with a progress bar."""
+    """The gradient search that the scene names, from the scene, with a progress bar."""
+    return _descent_from(space.start, space, objective, quiet)
+
+
+def _descent_from(
+    start: np.ndarray, space: DesignSpace, objective: Callable[[Reals], Scalar], quiet: bool
+) -> optimise.SearchResult:
     scene = space.scene
     search = {"lbfgs": optimise.lbfgs, "adam": optimise.adam}[scene["optimise.method"]]
     most = scene["optimise.max_evaluations"]
     with _progress(most, scene["optimise.method"], quiet) as done:
         return search(
             objective,
-            space.start,
+            start,
             space.box,
             most_evaluations=most,
             watch=lambda point, value: done(1),
         )
+
+
+# A better point by this much of the objective found elsewhere is worth a second search.
+_CLEARLY_BETTER = 0.02
+
+
+def _unless_beaten(
+    found: optimise.SearchResult,
+    rival: np.ndarray,
+    space: DesignSpace,
+    objective: Callable[[Reals], Scalar],
+    quiet: bool,
+) -> tuple[optimise.SearchResult, bool]:
+    """Search once more from a rival's point if it is clearly better; says whether it was."""
+    better = float(jax.jit(objective)(jnp.asarray(rival))) < (1.0 - _CLEARLY_BETTER) * found.value
+    if not better:
+        return found, False
+    second = _descent_from(rival, space, objective, quiet)
+    joined = dataclasses.replace(
+        second,
+        evaluations=found.evaluations + second.evaluations,
+        gradient_evaluations=found.gradient_evaluations + second.gradient_evaluations,
+        path=np.concatenate([found.path, second.path]),
+        values=np.concatenate([found.values, second.values]),
+    )
+    return joined, True
+
+
+def _warn(text: str) -> None:
+    print(f"jaxgear: warning: {text}", file=sys.stderr)
 
 
 def _optimisation(
@@ -355,61 +419,99 @@ def _optimisation(
         symmetric=scene["optimise.symmetric"],
         deflection=float(before.numbers["single_pair_deflection_um"]),
     )
-    prepared = prepared_mesh(space, before.grid, watch)
-    smooth = objective_function(space, before.grid, smooth_law_of(scene), prepared)
-    exact = jax.jit(objective_function(space, before.grid, ExactContact(), prepared))
+    space.require_symmetric_start()
+    destination = folder / f"{scene['name']}.optimised.toml"
+    # Before the search, so that a file that cannot be rewritten does not cost its result.
+    _rewrite(scene, {}, destination)
+    grid = before.grid
+    if not space.flanks_only:
+        # The contact ratio may grow with the variables.
+        grid = mesh_grid(before.model.pair, phases=grid.phases, slices=grid.slices, margin=1.0)
+    prepared = prepared_mesh(space, grid, watch)
+    smooth = objective_function(space, grid, smooth_law_of(scene), prepared)
+    exact = jax.jit(objective_function(space, grid, ExactContact(), prepared))
     start = time.perf_counter()
     found = _descent(space, smooth, quiet)
     seconds = time.perf_counter() - start
     with _progress(1, "differential evolution", quiet) as done:
         baseline = optimise.differential_evolution(smooth, space.box)
         done(1)
+    found, restarted = _unless_beaten(found, baseline.point, space, smooth, quiet)
+    if not found.converged:
+        _warn(f"the search did not converge: {found.reason}. Raise optimise.max_evaluations.")
     keys = {key: float(value) for key, value in space.updates(jnp.asarray(found.point)).items()}
-    after = solve_statics(scene.replace(keys), watch, torques)
-    values = {
+    try:
+        after = solve_statics(scene.replace(keys), watch, torques)
+    except InputError as error:
+        raise SolverFailure(
+            f"the search ended at impossible gears, {keys}: {error} Narrow [optimise.bounds]."
+        ) from error
+    _rewrite(scene, keys, destination)
+    _draw_search(scene, folder, before, after, found, baseline)
+    objectives = {
         name: float(exact(jnp.asarray(point)))
-        for name, point in (("before", space.start), ("after", found.point))
+        for name, point in (
+            ("before", space.start),
+            ("after", found.point),
+            ("baseline", baseline.point),
+        )
     }
-    _, unit = objective_of(scene)
-    destination = Path(f"{scene['name']}.optimised.toml")
-    updates = scene.overridden() | keys
-    rewrite_scene(scene.path, updates, folder / destination)
-    old, new = (static_dataset(each.model, each.cycle, each.law) for each in (before, after))
-    title = _title(scene)
-    figure = pictures.before_after(old, new, title)
-    pictures.save(figure, pictures.before_after_columns(old, new), folder, "before_after")
-    traces = {
-        scene["optimise.method"]: found.values,
-        "differential evolution": baseline.values,
-    }
-    figure = pictures.search_trace(traces, unit, title)
-    pictures.save(figure, pictures.search_trace_columns(traces, unit), folder, "search")
+    if not np.isfinite(list(objectives.values())).all():
+        raise SolverFailure("the contact was not solved where the search began or ended")
     return {
         "optimise": {
             "minimise": scene.get("optimise.minimise", "weighted table"),
             "torques_Nm": torques_of(scene),
-            "objective_unit": unit,
+            "objective_unit": objective_of(scene)[1],
             "variables": keys,
-            "before": _judged(before, values["before"]),
-            "after": _judged(after, values["after"]),
+            "before": _judged(before, objectives["before"]),
+            "after": _judged(after, objectives["after"]),
             "smooth_objective": found.value,
-            "smooth_less_exact": found.value - values["after"],
+            "smooth_less_exact": found.value - objectives["after"],
             "smoothing_um": scene["mesh.smoothing_um"],
             "method": scene["optimise.method"],
             "evaluations": found.evaluations,
             "gradient_evaluations": found.gradient_evaluations,
             "converged": found.converged,
             "reason": found.reason,
+            "restarted_from_baseline": restarted,
+            "at_bounds": space.at_bounds(found.point),
             "seconds_with_compiling": seconds,
             "differential_evolution": {
-                "objective": float(exact(jnp.asarray(baseline.point))),
+                "objective": objectives["baseline"],
                 "variables": dict(zip(space.keys, baseline.point, strict=True)),
                 "evaluations": baseline.evaluations,
                 "converged": baseline.converged,
             },
-            "scene": str(folder / destination),
+            "scene": str(destination),
         }
     }
+
+
+def _rewrite(scene: Scene, keys: dict[str, float], destination: Path) -> None:
+    """Write the user's scene with what the command line and the search changed."""
+    try:
+        rewrite_scene(scene.path, scene.overridden() | keys, destination)
+    except ValueError as error:
+        raise InputError(str(error)) from error
+
+
+def _draw_search(
+    scene: Scene,
+    folder: Path,
+    before: Statics,
+    after: Statics,
+    found: optimise.SearchResult,
+    baseline: optimise.SearchResult,
+) -> None:
+    """What became better, and how fast."""
+    old, new = (static_dataset(each.model, each.cycle, each.law) for each in (before, after))
+    figure = pictures.before_after(old, new, _title(scene))
+    pictures.save(figure, pictures.before_after_columns(old, new), folder, "before_after")
+    traces = {scene["optimise.method"]: found.values, "differential evolution": baseline.values}
+    unit = objective_of(scene)[1]
+    figure = pictures.search_trace(traces, unit, _title(scene))
+    pictures.save(figure, pictures.search_trace_columns(traces, unit), folder, "search")
 
 
 def _judged(statics: Statics, objective: float) -> dict[str, float]:
@@ -417,22 +519,6 @@ def _judged(statics: Statics, objective: float) -> dict[str, float]:
     names = ("te_mean_um", "te_rms_um", "te_peak_to_peak_um", "max_line_load_N_mm")
     numbers = {name: float(statics.numbers[name]) for name in (*names, "max_pressure_MPa")}
     return {"objective": objective} | numbers
-
-
-def _gradient_text(table: list[tuple[str, GradientRow]]) -> str:
-    """The table of derivatives for a reader; rows without effect are only counted."""
-    lines = [
-        f"{'contact':<8} {'response':<24} {'key':<40} {'forward':>14} {'reverse':>14} "
-        f"{'central':>14} {'rel. error':>10}  verdict"
-    ]
-    shown = [(name, row) for name, row in table if row.verdict != "no effect"]
-    lines += [
-        f"{name:<8} {row.response:<24} {row.key:<40} {row.forward:>14.7g} {row.reverse:>14.7g} "
-        f"{row.difference:>14.7g} {row.error:>10.1e}  {row.verdict}"
-        for name, row in shown
-    ]
-    lines.append(f"and {len(table) - len(shown)} rows without effect, in gradients.csv")
-    return "\n".join(lines)
 
 
 def _finish(scene: Scene, folder: Path, summary: Summary, watch: Stopwatch) -> Summary:

@@ -11,6 +11,7 @@ from jaxgear._app._model import flanks_of, model_of
 from jaxgear._app._scene import Scene
 from jaxgear._app._schema import GEARS
 from jaxgear._app._statics import Stopwatch
+from jaxgear._checks import InputError
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._solve._cycle import PreparedMesh
@@ -52,10 +53,28 @@ class DesignSpace(eqx.Module):
             return eqx.tree_at(lambda model: model.flanks, self.base, flanks_of(scene))
         return model_of(scene)
 
+    def at_bounds(self, point: np.ndarray) -> list[str]:
+        """The variables that ended on a bound: it, not the objective, decided their values."""
+        unit = self.box.to_unit(point)
+        return [key for key, place in zip(self.keys, unit, strict=True) if place in (0.0, 1.0)]
+
+    def require_symmetric_start(self) -> None:
+        """Refuse a symmetric search from two different flanks: it would start from neither."""
+        for key in self.keys if self.symmetric else ():
+            mine, other = self.scene[key], self.scene[_twin(key)]
+            if mine != other:
+                raise InputError(
+                    f"With optimise.symmetric both gears must start alike, but {key} is {mine:g} "
+                    f"and {_twin(key)} is {other:g}. Make them equal, or set symmetric = false."
+                )
+
     @property
     def flanks_only(self) -> bool:
         """Whether every variable is a flank correction."""
         return all(key.startswith("flank.") for key in self.keys)
+
+
+_NOT_VARIABLE = ("pair.torque_pinion_Nm", "mesh.smoothing_um")
 
 
 def _twin(key: str) -> str:
@@ -84,10 +103,17 @@ def design_space(
 
     **Raises:**
 
-    - `ValueError` if a key has no bounds and none can be guessed, or two variables are the same.
+    - `InputError` if a key has no effect, or no bounds and none can be guessed, or if two
+        variables are the same.
     """
+    if dead := [key for key in keys if key in _NOT_VARIABLE or key not in scene.real_keys()]:
+        raise InputError(
+            f"optimise.vary names {', '.join(dead)}, which no objective depends on: torques are "
+            "optimise.torques_Nm, the smoothing width belongs to the method, and a stiffness "
+            "counts only if mesh.stiffness uses it. Remove it."
+        )
     if symmetric and (both := [key for key in keys if _twin(key) != key and _twin(key) in keys]):
-        raise ValueError(
+        raise InputError(
             f"With optimise.symmetric the two gears share each correction, but optimise.vary names "
             f"both of {', '.join(both)}. Name one, or set symmetric = false."
         )
@@ -112,12 +138,12 @@ def _bounds(scene: Scene, key: str, deflection: float) -> tuple[float, float]:
     most = max(round_up(3.0 * deflection), 2.0 * abs(float(scene[key])))
     name = key.rpartition(".")[2]
     if name == "extent":
-        return 0.02, 0.5
+        return min(0.02, scene[key]), max(0.5, scene[key])
     if name in ("depth_um", "crowning_um"):
         return 0.0, most
     if name == "helix_slope_um" or name.startswith("misalignment"):
         return -most, most
-    raise ValueError(
+    raise InputError(
         f"optimise.vary names {key}, for which no bounds can be guessed. Add them: "
         f"[optimise.bounds] with {key} = [lowest, highest]."
     )

@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Callable
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -14,17 +15,24 @@ from jaxgear._contact._cells import flank_coordinates
 from jaxgear._flank._deviations import Superposed
 from jaxgear._interface._laws import AbstractContactLaw, SmoothContact
 from jaxgear._response._loads import hertz_pressure
-from jaxgear._response._transmission import cycle_mean, cycle_variance, transmission_error
+from jaxgear._response._transmission import (
+    cycle_mean,
+    cycle_variance,
+    smooth_peak_to_peak,
+    transmission_error,
+)
 from jaxgear._smooth import smooth_maximum
 from jaxgear._solve._cycle import MeshCycle, mesh_cycle
 from jaxgear._system._model import PairModel
 from jaxgear._types import Flags, Reals
 from jaxgear._units import MPa, um
 
-RESPONSES = ("te_mean_um", "te_variance_um2", "smooth_max_pressure_MPa")
+RESPONSES = ("te_mean_um", "te_variance_um2", "smooth_te_range_um", "smooth_max_pressure_MPa")
 
 # Width of the smooth maximum of the pressure [Pa], as the optimiser's.
 _PRESSURE_WIDTH = 5.0 * MPa
+# And of the range of the transmission error [um].
+_RANGE_WIDTH = 0.02
 
 # Relative error that a derivative may have against central differences, and below which share
 # of the response over the step's scale it counts as none.
@@ -91,6 +99,7 @@ def gradient_table(scene: Scene, law: AbstractContactLaw, watch: Stopwatch) -> l
             [
                 cycle_mean(cycle, error),
                 cycle_variance(cycle, error),
+                smooth_peak_to_peak(error, jnp.asarray(_RANGE_WIDTH)),
                 smooth_maximum(pressure, jnp.asarray(_PRESSURE_WIDTH)) / MPa,
             ]
         )
@@ -176,6 +185,7 @@ def _pieces(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> Real
     lines = cycle.cells.lines
     fraction = jnp.sign(lines.fraction - 1e-9) + jnp.sign(lines.fraction - 1.0 + 1e-9)
     in_mesh = (fraction > -1.5).reshape(contact.shape)
+    fraction += jnp.sign(lines.fraction - 0.5)
     parts = [jnp.where(in_mesh, contact, 0.0), fraction.reshape(contact.shape)]
     for flank, place in zip(
         (model.flanks.pinion, model.flanks.wheel),
@@ -183,7 +193,12 @@ def _pieces(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> Real
         strict=True,
     ):
         for part in flank.parts if isinstance(flank, Superposed) else (flank,):
-            relieved = (part(*place) != 0.0).astype(float).reshape(contact.shape)
+            # Where it acts does not depend on how deep it is, not even at depth zero.
+            if hasattr(part, "depth"):
+                one = eqx.tree_at(lambda p: p.depth, part, jnp.ones(()))
+            else:
+                one = part
+            relieved = (one(*place) != 0.0).astype(float).reshape(contact.shape)
             parts.append(jnp.where(in_mesh, relieved, 0.0))
     narrower = jnp.sign(model.pair.pinion.face_width - model.pair.wheel.face_width)
     return jnp.append(jnp.stack(parts).ravel(), narrower)

@@ -1,7 +1,6 @@
 """The scene file: read with all its mistakes at once, changed, and written back.
 
-Values stay in the units of the file, under flat dotted paths. Neither JAX nor NumPy is imported,
-so that a mistake is reported at once.
+Values stay in the units of the file, under flat dotted paths.
 """
 
 import dataclasses

@@ -353,7 +353,7 @@ def _gear(gear: str) -> tuple[Key, ...]:
     """Keys of one gear: teeth, material, supports, body and shaft."""
     stiffness: dict[str, Any] = {"above": 0.0, "remedy": _SUPPORT}
     return (
-        _count(f"{gear}.teeth", "number of teeth", REQUIRED, at_least=3, at_most=10_000),
+        _count(f"{gear}.teeth", "number of teeth", REQUIRED, at_least=5, at_most=10_000),
         _variable(
             f"{gear}.profile_shift", "profile shift coefficient x", 0.0, at_least=-5.0, at_most=5.0
         ),

@@ -11,6 +11,7 @@ import numpy as np
 
 from jaxgear._app._model import grid_of, law_of, model_of
 from jaxgear._app._scene import Scene
+from jaxgear._checks import require
 from jaxgear._contact._cells import nominal_line_load
 from jaxgear._contact._compliance import iso_stiffness
 from jaxgear._geometry._lines import MeshGrid
@@ -25,6 +26,7 @@ from jaxgear._response._transmission import (
 )
 from jaxgear._solve._cycle import MeshCycle, PreparedMesh, corrected_cycle, mesh_cycle
 from jaxgear._system._model import PairModel
+from jaxgear._system._pair_system import pair_system
 from jaxgear._types import Phases, Reals, Scalar
 from jaxgear._units import MPa, N_per_mm_um, deg, mm, um
 
@@ -47,11 +49,8 @@ class Stopwatch:
         """Compile `function` for these arguments, run it, and wait for the result."""
         start = time.perf_counter()
         leaves, structure = jax.tree.flatten(arguments)
-        key = (
-            function,
-            structure,
-            tuple((jnp.shape(leaf), jnp.result_type(leaf)) for leaf in leaves),
-        )
+        shapes = tuple((jnp.shape(leaf), jnp.result_type(leaf)) for leaf in leaves)
+        key = function, structure, shapes, str(options)
         if key not in self._programs:
             lowered = jax.jit(function).lower(*arguments)
             self._programs[key] = lowered.compile(compiler_options=options)
@@ -110,6 +109,15 @@ def solve_statics(scene: Scene, watch: Stopwatch, torques: np.ndarray | None = N
     all_torques = jnp.concatenate([model.torque[None], jnp.asarray(more)])
     cycles, error, numbers = watch(_solve, model, grid, law, all_torques)
     require_solved(cycles.converged)
+    # Weber's contact term holds while the contact is small against the tooth.
+    deflection = float(numbers["single_pair_deflection_um"][0]) * um
+    require(
+        deflection < 0.1 * float(model.pair.normal_module),
+        "A single tooth pair would give way by {got:.3g} mm under {torque:.6g} N m, more than a "
+        "tenth of the module: no tooth bears that. pair.torque_pinion_Nm is in N m.",
+        got=deflection / mm,
+        torque=float(model.torque),
+    )
     first = jax.tree.map(lambda x: jnp.asarray(np.asarray(x)[0]), (cycles, numbers))
     return Statics(
         model=model,
@@ -165,9 +173,9 @@ def geometry_summary(model: PairModel) -> dict[str, float]:
         "path_of_contact_mm": path,
         # From the wheel's tip A to the inner single contact point B, the pitch point C, the outer
         # single contact point D and the pinion's tip E.
-        "path_AB_mm": path - pitch,
+        "path_AB_mm": path - pitch if pitch < path < 2.0 * pitch else np.nan,
         "path_AC_mm": facts["pitch_point"] - facts["path_start"],
-        "path_AD_mm": pitch,
+        "path_AD_mm": pitch if pitch < path < 2.0 * pitch else np.nan,
         "path_AE_mm": path,
         "common_face_width_mm": facts["face_width"],
         "backlash_mm": facts["backlash"],
@@ -235,8 +243,7 @@ def _static_numbers(
     # One call for both: the compliance takes longest to compile.
     path = pair.path_start + jnp.linspace(0.0, 1.0, 129) * pair.path_of_contact
     stiffness = 1.0 / model.compliance(pair, jnp.append(path, pair.pitch_point), load)
-    largest, at_pitch = jnp.max(stiffness[:-1]), stiffness[-1]
-    closed = jnp.sum(jnp.where(cycle.overlap > 0.0, cycle.cells.stiffness, 0.0), axis=1)
+    largest, at_pitch = jnp.max(stiffness), stiffness[-1]
     return {
         "mesh_force_N": cycle.load[0, 0],
         **headline(model, cycle, law),
@@ -245,9 +252,33 @@ def _static_numbers(
         "single_pair_deflection_um": load / largest / um,
         "mesh_stiffness_mean_N_um": cycle_mean(cycle, mesh_stiffness(cycle)) * um,
         "nominal_line_load_N_mm": load * mm,
-        "least_share_in_contact": jnp.min(closed / jnp.sum(cycle.cells.stiffness, axis=1)),
+        "least_share_in_contact": jnp.min(
+            mesh_stiffness(cycle) / jnp.sum(cycle.cells.stiffness, axis=1)
+        ),
         "most_solver_steps": jnp.max(cycle.steps),
     }
+
+
+def supports_summary(statics: Statics) -> list[dict[str, Any]]:
+    """Mean displacement and load of each gear's support; load is what the gear puts on it."""
+    model = statics.model
+    found = jax.jit(_support_means)(model, statics.cycle)
+    motion, load = (np.asarray(x).reshape(2, 2, 3) for x in found)
+    return [
+        {
+            "gear": gear,
+            "displacement_um": dict(zip("STZ", (motion[body, 0] / um).tolist(), strict=True)),
+            "tilt_urad": dict(zip("ST", (1e6 * motion[body, 1, :2]).tolist(), strict=True)),
+            "load_N": dict(zip("STZ", load[body, 0].tolist(), strict=True)),
+        }
+        for body, gear in enumerate(("pinion", "wheel"))
+    ]
+
+
+def _support_means(model: PairModel, cycle: MeshCycle) -> tuple[Reals, Reals]:
+    system = pair_system(model.pair, model.torque, model.pinion_support, model.wheel_support)
+    mean = cycle.cells.lines.weight @ cycle.load
+    return system.displacement(mean[None])[0], -system.vectors @ mean
 
 
 def smoothing_bias(

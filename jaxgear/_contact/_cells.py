@@ -20,6 +20,9 @@ from jaxgear._types import CellGrid, LineGrid, Reals, Scalar, as_scalar
 class Misalignment(eqx.Module):
     """How far the wheel's axis is out of parallel, over the common face width.
 
+    As gear standards do, each transverse slice of the wheel is shifted in its own plane; the axial
+    motion that a tilt gives a helical tooth is left out.
+
     **Fields:**
 
     - `inclination`: shift towards +S (away from the pinion) of the wheel at the right end of the

@@ -125,7 +125,8 @@ class Iso6336(AbstractCompliance):
 
     def __call__(self, pair: GearPair, roll: Reals, line_load: Scalar) -> Reals:
         """Evaluate the secant compliance of one tooth pair; see the base class."""
-        per_line = iso_stiffness(pair, line_load).single / jnp.cos(pair.helix_angle)
+        tangential = line_load * jnp.cos(pair.transverse_pressure_angle)
+        per_line = iso_stiffness(pair, tangential).single / jnp.cos(pair.helix_angle)
         return jnp.ones_like(roll) / per_line
 
 
@@ -155,6 +156,9 @@ _ISO_LOAD = 100e3  # below this line load the stiffness falls off [N/m]
 
 def iso_stiffness(pair: GearPair, line_load: Scalar) -> IsoStiffness:
     r"""ISO 6336-1 method B for solid discs, with the basic rack's factor $C_B$.
+
+    The standard fits it for $x_1 \ge x_2$, $-0.5 \le x_1 + x_2 \le 2$, helix angles up to 30
+    degrees and $\varepsilon_\alpha \ge 1.2$; outside it is extrapolated.
 
     **Arguments:**
 

@@ -10,7 +10,8 @@ fraction of it that is in contact. Two choices make the fractions differentiable
 
 - Phases are mid-points of equal steps, one set between the entry of a pair and the exit of
   the pair ahead of it, one set between that exit and the next entry. The sets stretch with the
-  contact ratio, so nothing jumps when it changes, and no phase straddles a spur pair's event.
+  contact ratio, so no phase straddles a spur pair's event and nothing jumps between two whole
+  contact ratios; at one of them the sets change places.
 - A slice's fraction is its share inside the path, averaged over the step of its phase: the
   overlap of the path with the parallelogram that the slice sweeps.
 """
@@ -27,7 +28,7 @@ from jaxgear._geometry._pair import (
     pair_facts,
     profile_contact_ratio,
 )
-from jaxgear._types import LineGrid, Phases, Reals, Scalar, Slices
+from jaxgear._types import Flag, LineGrid, Phases, Reals, Scalar, Slices
 
 
 class MeshGrid(eqx.Module):
@@ -79,7 +80,16 @@ def mesh_grid(
     require(slices >= 1, "The face needs at least 1 slice, got {got}.", got=slices)
     facts = pair_facts(pair)
     profile = float(facts["profile_contact_ratio"])
-    half_overlap = 0.5 * float(facts["overlap_ratio"])
+    overlap = float(facts["overlap_ratio"])
+    half_overlap = 0.5 * overlap
+    require(
+        overlap <= slices * profile,
+        "A slice covers {got:.3g} base pitches of the path of contact, which has only {limit:.3g}: "
+        "use at least {least} slices across this face.",
+        got=overlap / slices,
+        limit=profile,
+        least=math.ceil(overlap / profile),
+    )
     # Spur gears too: the derivative by the helix angle needs the line that is about to enter.
     ahead = math.ceil(half_overlap + margin)
     last = math.floor(profile + half_overlap + margin)
@@ -107,6 +117,7 @@ class ContactLines(eqx.Module):
     - `face_position`: $z$ of each slice's middle, from mid-face [m].
     - `fraction`: part of each slice that is in contact, 0 to 1 [-].
     - `length`: length of a slice along its contact line [m].
+    - `complete`: whether the grid holds every line that is in contact.
     """
 
     phase: Phases
@@ -115,6 +126,7 @@ class ContactLines(eqx.Module):
     face_position: Slices
     fraction: LineGrid
     length: Scalar
+    complete: Flag
 
 
 def contact_lines(pair: GearPair, grid: MeshGrid) -> ContactLines:
@@ -127,7 +139,7 @@ def contact_lines(pair: GearPair, grid: MeshGrid) -> ContactLines:
 
     **Returns:**
 
-    Positions and active fractions.
+    Positions and active fractions. Look at `complete` if the pair has outgrown its grid.
     """
     pitch = pair.transverse_base_pitch
     ratio = profile_contact_ratio(pair)
@@ -137,6 +149,7 @@ def contact_lines(pair: GearPair, grid: MeshGrid) -> ContactLines:
     position = (jnp.arange(grid.slices, dtype=float) + 0.5) / grid.slices - 0.5
     face_position = position * pair.face_width
     slope = jnp.tan(pair.base_helix_angle)
+    last, half_overlap = grid.first_line + grid.lines - 1, 0.5 * overlap_ratio(pair)
     # In base pitches from the start of the path; at a phase's edges, and in its middle.
     place = line[None, :, None] + (slope * face_position / pitch)[None, None, :]
     fraction = _swept_fraction(
@@ -152,6 +165,7 @@ def contact_lines(pair: GearPair, grid: MeshGrid) -> ContactLines:
         face_position=face_position,
         fraction=fraction,
         length=pair.face_width / (grid.slices * jnp.cos(pair.base_helix_angle)),
+        complete=(ratio + half_overlap <= last + 1.0) & (half_overlap <= -grid.first_line),
     )
 
 

@@ -410,6 +410,14 @@ def _check_tooth(pair: GearPair, facts: dict[str, np.ndarray], body: int) -> Non
         got=2.0 * np.hypot(facts["base_radius"][body], max(start_roll, 0.0)) / mm,
         limit=2.0 * form_radius / mm,
     )
+    bore, root = 0.0 if gear.bore is None else float(gear.bore), facts["root_radius"][body]
+    require(
+        bool(bore < 2.0 * root),
+        "The {name}'s bore of {got:.6g} mm must be smaller than its root diameter, {limit:.6g} mm.",
+        name=name,
+        got=bore / mm,
+        limit=2.0 * root / mm,
+    )
     clearance = facts["root_clearance"][body]
     require(
         bool(clearance > 0.0),

@@ -32,7 +32,7 @@ class MeshCycle(eqx.Module):
     - `load`: resultant [N] and moment [N m] of the cell forces.
     - `overlap`: of each cell, negative where it is open [m].
     - `force`: of each cell along the normal [N].
-    - `converged`: whether each phase was solved.
+    - `converged`: whether each phase was solved, with every contact line in the grid.
     - `steps`: solver steps at each phase [-].
     """
 
@@ -92,7 +92,7 @@ def quasi_static(
         load=state.load,
         overlap=state.overlap,
         force=state.force,
-        converged=state.converged,
+        converged=state.converged & cells.lines.complete,
         steps=state.steps,
     )
 
@@ -196,6 +196,7 @@ def corrected_cycle(
 
 _UNSOLVED = (
     "The contact was not solved at some phase of the mesh cycle: forces still out of balance "
-    "after `SolverSettings.most_steps` steps. Raise `most_steps`; if gaps are far larger than "
-    "deflections, check the units of the flank corrections."
+    "after `SolverSettings.most_steps` steps, or contact lines outside of a grid that was made "
+    "for another pair. Make the grid from this pair, or raise its `margin` or `most_steps`; if "
+    "gaps are far larger than deflections, check the units of the flank corrections."
 )

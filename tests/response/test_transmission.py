@@ -26,6 +26,7 @@ def _cycle(phase, weight) -> jg.MeshCycle:
         face_position=jnp.zeros(1),
         fraction=jnp.ones((count, 1, 1)),
         length=jnp.asarray(0.01),
+        complete=jnp.asarray(True),
     )
     one = jnp.ones((count, 1))
     return jg.MeshCycle(
