@@ -196,7 +196,7 @@ def corrected_cycle(
 
 _UNSOLVED = (
     "The contact was not solved at some phase of the mesh cycle: forces still out of balance "
-    "after `SolverSettings.most_steps` steps, or contact lines outside of a grid that was made "
-    "for another pair. Make the grid from this pair, or raise its `margin` or `most_steps`; if "
+    "after `SolverSettings.most_steps` steps, or contact lines outside of the grid. Raise "
+    "`most_steps`, or make the grid from this pair, with a larger `margin` if it is traced; if "
     "gaps are far larger than deflections, check the units of the flank corrections."
 )

@@ -15,6 +15,7 @@ from jaxgear import _app
 from jaxgear._app import _cli
 from jaxgear._app._cli import main, print_summary
 from jaxgear._app._scene import read_scene
+from jaxgear._checks import InputError
 
 _SUMMARY = {
     "name": "accessory",
@@ -171,7 +172,7 @@ def test_a_missing_scene_is_refused(tmp_path, commands, capsys):
 
 
 def test_an_impossible_gear_is_exit_code_2(scene, commands, capsys):
-    commands.COMMANDS["run"] = _raise(ValueError("The tooth is pointed."))
+    commands.COMMANDS["run"] = _raise(InputError("The tooth is pointed."))
     assert main(["run", str(scene)]) == 2
     assert capsys.readouterr().err == "jaxgear: accessory.toml: The tooth is pointed.\n"
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jaxgear._app import _gradients
-from jaxgear._app._cli import main
+from jaxgear._app._cli import _print_gradients, main
 from jaxgear._app._gradients import gradient_table
 from jaxgear._app._scene import ready_scene
 from jaxgear._app._statics import Stopwatch
@@ -87,5 +87,11 @@ def test_the_command_prints_a_table(tmp_path, monkeypatch, capsys):
     summary = json.loads(captured.out)
     assert summary["check_grad"]["verdicts"]["WRONG"] == 0
     assert summary["check_grad"]["verdicts"]["ok"] > 60
-    assert "flank.pinion.tip_relief.depth_um" in captured.err
+    assert "flank.pinion.tip_relief.depth_um" not in captured.err
+    _print_gradients(summary["check_grad"])
+    table = capsys.readouterr().out.splitlines()
+    # A header, a row for each derivative that is not zero, and the counts.
+    zero = summary["check_grad"]["verdicts"]["no effect"]
+    assert len(table) == len(summary["check_grad"]["rows"]) - zero + 2
+    assert any("flank.pinion.tip_relief.depth_um" in line for line in table)
     assert (tmp_path / "results" / "accessory" / "gradients.csv").exists()

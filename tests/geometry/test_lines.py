@@ -402,3 +402,31 @@ def test_one_trace():
     )
     for width in (0.03, 0.035, 0.04):
         lines(eqx.tree_at(lambda p: p.wheel.face_width, power(), jnp.asarray(width)))
+
+
+def test_a_grid_that_the_pair_has_outgrown_says_so():
+    """Lost lines are no answer: a traced copy with a longer path needs another line."""
+    pair = accessory()
+    grid = jg.mesh_grid(pair)
+    longer = eqx.tree_at(
+        lambda p: (p.pinion.addendum, p.wheel.addendum), pair, (jnp.asarray(1.5),) * 2
+    )
+    assert bool(jg.contact_lines(pair, grid).complete)
+    assert float(jg.profile_contact_ratio(longer)) > 2.05
+    assert not bool(jg.contact_lines(longer, grid).complete)
+    assert not bool(jnp.any(jg.mesh_cycle(jg.PairModel(longer, 80.0), grid, throw=False).converged))
+    assert bool(jg.contact_lines(longer, jg.mesh_grid(pair, margin=1.0)).complete)
+
+
+def test_a_slice_wider_than_the_path_is_refused():
+    with pytest.raises(ValueError, match="use at least 3 slices"):
+        jg.mesh_grid(
+            jg.GearPair(
+                jg.Gear(35, 0.11, 0.275, 0.976, 1.262, 0.25),
+                jg.Gear(68, 0.11, 0.317, 0.970, 1.268, 0.25),
+                2.5e-3,
+                25.0 * jg.deg,
+                12.0 * jg.deg,
+            ),
+            slices=2,
+        )
