@@ -666,16 +666,13 @@ def master_curve(
         surface, ax=axes, label="RMS of the transmission error [µm]", ticks=levels, format="%.3g"
     )
     outlined = {"lw": 2.0, "path_effects": [withStroke(linewidth=3.4, foreground="black")]}
-    branch = _branch(valley, chart)
-    axes.plot(
-        valley.extent[branch],
-        valley.depth[branch] / jg.um,
-        color="white",
-        label="valley, computed",
-        **outlined,
-    )
     inside = np.where(closed_form_um <= np.max(depth), closed_form_um, np.nan)
-    axes.plot(chart.extent, inside, color=_ORANGE, ls="--", label="closed form", **outlined)
+    for curve, colour, style, label in (
+        (_unbroken_valley(valley, chart) / jg.um, "white", "-", "valley, computed"),
+        (inside, _ORANGE, "--", "closed form"),
+    ):
+        if np.isfinite(curve).any():
+            axes.plot(chart.extent, curve, color=colour, ls=style, label=label, **outlined)
     if len(path):
         axes.plot(path[:, 1], path[:, 0], ".-", color=_PINK, lw=1.1, ms=5, label="search")
         for row, marker, size, label in ((0, "o", 7, "its start"), (-1, "*", 14, "its end")):
@@ -701,19 +698,18 @@ def _levels(values: np.ndarray) -> np.ndarray:
     return series[first : np.searchsorted(series, most) + 1]
 
 
-def _branch(valley: Any, chart: Any) -> slice:
-    """The extents around the best one for which the best depth halves the response within the map.
+def _unbroken_valley(valley: Any, chart: Any) -> np.ndarray:
+    """Depth of the valley where it means something, else NaN [m].
 
-    Where a relief is too short to help, the best depth means nothing.
+    That is where the best depth lies within the map and halves the response, and it ends where the
+    best depth jumps from one valley to another.
     """
     low, high = np.min(chart.depth), np.max(chart.depth)
     room = 1e-6 * (high - low)
     within = (valley.depth > low + room) & (valley.depth < high - room)
     within &= valley.value < 0.5 * chart.value[0]
-    best = int(np.argmin(valley.value))
-    outside = np.nonzero(~within)[0]
-    before, after = outside[outside < best], outside[outside > best]
-    return slice(before[-1] + 1 if len(before) else 0, after[0] if len(after) else None)
+    jump = np.abs(np.diff(valley.depth, prepend=valley.depth[0])) > 0.3 * (high - low)
+    return np.where(within & ~jump, valley.depth, np.nan)
 
 
 def master_curve_columns(chart: Any, valley: Any, closed_form_um: np.ndarray) -> Columns:

@@ -272,10 +272,23 @@ def test_valley_ends_where_it_leaves_the_map():
     figure = pictures.master_curve(chart, valley, closed, np.zeros((0, 2)), "map")
     drawn = {line.get_label(): line for line in figure.axes[0].lines}
     assert set(drawn) == {"valley, computed", "closed form"}
-    x, y = np.asarray(drawn["valley, computed"].get_xydata()).T
+    points = np.asarray(drawn["valley, computed"].get_xydata())
+    x, y = points[np.isfinite(points[:, 1])].T
     np.testing.assert_allclose(y, 2.0 / x)
     assert np.min(x) == pytest.approx(0.125)
     assert np.nanmax(np.asarray(drawn["closed form"].get_ydata())) <= 20.0
+
+
+def test_a_valley_that_jumps_is_broken_and_no_closed_form_is_no_line():
+    chart, valley, closed = _chart()
+    depth = valley.depth.copy()
+    depth[-1] = 0.9 * chart.depth[-1]
+    jumping = SimpleNamespace(extent=valley.extent, depth=depth, value=valley.value)
+    nothing = np.full_like(closed, np.nan)
+    figure = pictures.master_curve(chart, jumping, nothing, np.zeros((0, 2)), "map")
+    (line,) = figure.axes[0].lines
+    assert line.get_label() == "valley, computed"
+    assert np.isnan(np.asarray(line.get_ydata())[-1])
 
 
 def test_trace_is_the_best_so_far():
