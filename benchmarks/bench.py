@@ -166,6 +166,7 @@ def master_curve_map() -> dict:
 def optimum() -> dict:
     """Depth and extent from plain flanks: by gradient, and by differential evolution."""
     import equinox as eqx
+    import jax
     import jax.numpy as jnp
     import numpy as np
 
@@ -190,7 +191,9 @@ def optimum() -> dict:
     box = optimise.Box(lower=[0.0, 0.02], upper=[40.0, 0.5])
     start = np.asarray([0.0, 0.25])
     exact = relief_response(model, grid)
-    report = {}
+    compiling, once, _ = timed(jax.value_and_grad(variance), jnp.asarray(start))
+    line("optimum, one evaluation with gradient", compiling, once)
+    report: dict[str, Any] = {"optimum_gradient_evaluation_ms": 1e3 * once}
     for name, search in (
         ("L-BFGS-B", lambda: optimise.lbfgs(variance, start, box)),
         ("Adam (optax)", lambda: optimise.adam(variance, start, box)),

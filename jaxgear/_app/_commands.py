@@ -148,7 +148,8 @@ def map_relief(scene: Scene, folder: Path, quiet: bool) -> Summary:
     found = _descent(space, variance, quiet)
     lowest = int(np.argmin(valley.value))
     rival = np.asarray([valley.depth[lowest] / um, valley.extent[lowest]])
-    found, restarted = _unless_beaten(found, rival, space, variance, quiet)
+    best_on_grid = float(valley.value[lowest] ** 2)
+    found, restarted = _unless_beaten(found, rival, best_on_grid, space, variance, quiet)
     best = jax.jit(te_rms)(jnp.asarray(found.point[0] * um), jnp.asarray(found.point[1]))
     ratio = jnp.asarray(summary["geometry"]["profile_contact_ratio"])
     closed = _closed_form(np.append(extent, found.point[1]), ratio, deflection)
@@ -381,13 +382,13 @@ _CLEARLY_BETTER = 0.02
 def _unless_beaten(
     found: optimise.SearchResult,
     rival: np.ndarray,
+    value: float,
     space: DesignSpace,
     objective: Callable[[Reals], Scalar],
     quiet: bool,
 ) -> tuple[optimise.SearchResult, bool]:
-    """Search once more from a rival's point if it is clearly better; says whether it was."""
-    better = float(jax.jit(objective)(jnp.asarray(rival))) < (1.0 - _CLEARLY_BETTER) * found.value
-    if not better:
+    """Search once more from a rival's point if its value is clearly better; says whether it was."""
+    if value >= (1.0 - _CLEARLY_BETTER) * found.value:
         return found, False
     second = _descent_from(rival, space, objective, quiet)
     joined = dataclasses.replace(
@@ -436,7 +437,8 @@ def _optimisation(
     with _progress(1, "differential evolution", quiet) as done:
         baseline = optimise.differential_evolution(smooth, space.box)
         done(1)
-    found, restarted = _unless_beaten(found, baseline.point, space, smooth, quiet)
+    rival = baseline.point, baseline.value
+    found, restarted = _unless_beaten(found, *rival, space, smooth, quiet)
     if not found.converged:
         _warn(f"the search did not converge: {found.reason}. Raise optimise.max_evaluations.")
     keys = {key: float(value) for key, value in space.updates(jnp.asarray(found.point)).items()}
