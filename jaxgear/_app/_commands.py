@@ -145,7 +145,7 @@ def map_relief(scene: Scene, folder: Path, quiet: bool) -> Summary:
         law=smooth_law_of(scene),
         prepared=meshes,
     )
-    found = _descent(space, variance, quiet)
+    found = _descent(space.start, space, variance, quiet)
     lowest = int(np.argmin(valley.value))
     rival = np.asarray([valley.depth[lowest] / um, valley.extent[lowest]])
     best_on_grid = float(valley.value[lowest] ** 2)
@@ -353,15 +353,9 @@ def _closed_form(extent: np.ndarray, ratio: Scalar, deflection: float) -> np.nda
 
 
 def _descent(
-    space: DesignSpace, objective: Callable[[Reals], Scalar], quiet: bool
-) -> optimise.SearchResult:
-    """The gradient search that the scene names, from the scene, with a progress bar."""
-    return _descent_from(space.start, space, objective, quiet)
-
-
-def _descent_from(
     start: np.ndarray, space: DesignSpace, objective: Callable[[Reals], Scalar], quiet: bool
 ) -> optimise.SearchResult:
+    """The gradient search that the scene names, with a progress bar."""
     scene = space.scene
     search = {"lbfgs": optimise.lbfgs, "adam": optimise.adam}[scene["optimise.method"]]
     most = scene["optimise.max_evaluations"]
@@ -390,7 +384,7 @@ def _unless_beaten(
     """Search once more from a rival's point if its value is clearly better; says whether it was."""
     if value >= (1.0 - _CLEARLY_BETTER) * found.value:
         return found, False
-    second = _descent_from(rival, space, objective, quiet)
+    second = _descent(rival, space, objective, quiet)
     joined = dataclasses.replace(
         second,
         evaluations=found.evaluations + second.evaluations,
@@ -432,7 +426,7 @@ def _optimisation(
     smooth = objective_function(space, grid, smooth_law_of(scene), prepared)
     exact = jax.jit(objective_function(space, grid, ExactContact(), prepared))
     start = time.perf_counter()
-    found = _descent(space, smooth, quiet)
+    found = _descent(space.start, space, smooth, quiet)
     seconds = time.perf_counter() - start
     with _progress(1, "differential evolution", quiet) as done:
         baseline = optimise.differential_evolution(smooth, space.box)
