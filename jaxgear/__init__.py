@@ -31,17 +31,30 @@ from jaxgear._geometry._pair import overlap_ratio as overlap_ratio
 from jaxgear._geometry._pair import pair_facts as pair_facts
 from jaxgear._geometry._pair import profile_contact_ratio as profile_contact_ratio
 from jaxgear._geometry._pair import total_contact_ratio as total_contact_ratio
+from jaxgear._geometry._tip_contact import tip_separation as tip_separation
 from jaxgear._geometry._profile import ToothSection as ToothSection
 from jaxgear._geometry._profile import tooth_section as tooth_section
 
 from jaxgear._flank._deviations import AbstractFlankDeviation as AbstractFlankDeviation
+from jaxgear._flank._deviations import Bias as Bias
 from jaxgear._flank._deviations import Crowning as Crowning
+from jaxgear._flank._deviations import EllipticalCrowning as EllipticalCrowning
 from jaxgear._flank._deviations import EndRelief as EndRelief
 from jaxgear._flank._deviations import Flanks as Flanks
 from jaxgear._flank._deviations import HelixSlope as HelixSlope
+from jaxgear._flank._deviations import ProfileCrowning as ProfileCrowning
+from jaxgear._flank._deviations import ProfileSlope as ProfileSlope
+from jaxgear._flank._deviations import ProfileWaviness as ProfileWaviness
 from jaxgear._flank._deviations import RootRelief as RootRelief
 from jaxgear._flank._deviations import Superposed as Superposed
 from jaxgear._flank._deviations import TipRelief as TipRelief
+from jaxgear._flank._indexing import Indexing as Indexing
+from jaxgear._flank._measured import MeasuredProfile as MeasuredProfile
+from jaxgear._flank._measured import MeasuredTopography as MeasuredTopography
+from jaxgear._flank._tolerances import GradeWaveform as GradeWaveform
+from jaxgear._flank._tolerances import deviation_of_grade as deviation_of_grade
+from jaxgear._flank._tolerances import flank_tolerances as flank_tolerances
+from jaxgear._flank._tolerances import pitch_error_of_grade as pitch_error_of_grade
 
 from jaxgear._contact._cells import MeshCells as MeshCells
 from jaxgear._contact._cells import Misalignment as Misalignment
@@ -56,10 +69,13 @@ from jaxgear._contact._compliance import WeberBanaschek as WeberBanaschek
 from jaxgear._contact._compliance import hertz_contact as hertz_contact
 from jaxgear._contact._compliance import iso_stiffness as iso_stiffness
 from jaxgear._contact._compliance import single_pair_stiffness as single_pair_stiffness
-from jaxgear._contact._tooth import AbstractFoundation as AbstractFoundation
+from jaxgear._contact._compliance import SharedBody as SharedBody
+from jaxgear._contact._foundation import AbstractFoundation as AbstractFoundation
+from jaxgear._contact._foundation import NoFoundation as NoFoundation
+from jaxgear._contact._foundation import RingFoundation as RingFoundation
+from jaxgear._contact._foundation import SainsotFoundation as SainsotFoundation
+from jaxgear._contact._foundation import WeberFoundation as WeberFoundation
 from jaxgear._contact._tooth import HertzContact as HertzContact
-from jaxgear._contact._tooth import NoFoundation as NoFoundation
-from jaxgear._contact._tooth import WeberFoundation as WeberFoundation
 from jaxgear._contact._tooth import beam_compliance as beam_compliance
 from jaxgear._contact._tooth import penetration_compliance as penetration_compliance
 
@@ -70,8 +86,23 @@ from jaxgear._interface._wrench import structure_vectors as structure_vectors
 
 from jaxgear._system._model import PairModel as PairModel
 from jaxgear._system._pair_system import PairSystem as PairSystem
-from jaxgear._system._pair_system import Support as Support
 from jaxgear._system._pair_system import pair_system as pair_system
+from jaxgear._system._beam import Beam as Beam
+from jaxgear._system._beam import beam_gyroscopic as beam_gyroscopic
+from jaxgear._system._beam import beam_mass as beam_mass
+from jaxgear._system._beam import beam_stiffness as beam_stiffness
+from jaxgear._system._beam import cowper_coefficient as cowper_coefficient
+from jaxgear._system._shaft import BeamBody as BeamBody
+from jaxgear._system._shaft import Bearing as Bearing
+from jaxgear._system._shaft import Segment as Segment
+from jaxgear._system._shaft import Shaft as Shaft
+from jaxgear._system._shaft import ShaftLoad as ShaftLoad
+from jaxgear._system._structure import Housing as Housing
+from jaxgear._system._structure import RigidBody as RigidBody
+from jaxgear._system._structure import Structure as Structure
+from jaxgear._system._structure import bearing_motion as bearing_motion
+from jaxgear._system._structure import solid_disc as solid_disc
+from jaxgear._system._support import Support as Support
 
 from jaxgear._solve._contact import ContactProblem as ContactProblem
 from jaxgear._solve._contact import ContactState as ContactState
@@ -84,6 +115,14 @@ from jaxgear._solve._cycle import mesh_cycle as mesh_cycle
 from jaxgear._solve._cycle import prepare_mesh as prepare_mesh
 from jaxgear._solve._cycle import quasi_static as quasi_static
 
+from jaxgear._response._factors import face_load as face_load
+from jaxgear._response._factors import face_load_factor as face_load_factor
+from jaxgear._response._factors import pressure_angle_change as pressure_angle_change
+from jaxgear._response._factors import smooth_face_load_factor as smooth_face_load_factor
+from jaxgear._response._factors import transverse_load_factor as transverse_load_factor
+from jaxgear._response._factors import (
+    working_pressure_angle_change as working_pressure_angle_change,
+)
 from jaxgear._response._loads import hertz_pressure as hertz_pressure
 from jaxgear._response._loads import line_load as line_load
 from jaxgear._response._loads import load_sharing as load_sharing

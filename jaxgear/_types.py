@@ -3,10 +3,13 @@
 | axis | meaning |
 |---|---|
 | `body` | pinion, wheel |
-| `phase` | position within one mesh period |
+| `phase` | position within a cycle of one or more mesh periods |
 | `line` | contact line, one per tooth pair that can be in contact at a phase |
 | `slice` | thin slice across the face |
 | `cell` | piece of a contact line: `line` times `slice`, flattened |
+| `tooth` | tooth of a gear |
+| `neighbour` | tooth, counted from a loaded one |
+| `column` | right-hand side of a system of equations |
 | `coordinate` | mesh coordinate: approach along the normal, tilt about the normal's axis |
 | `dof` | degree of freedom of the two bodies: u_S u_T u_Z, then rotations, pinion then wheel |
 | `harmonic` | order of the mesh frequency |
@@ -28,12 +31,19 @@ if TYPE_CHECKING:
     Slices = Array
     LineGrid = Array
     LinePhases = Array
+    LineNumbers = Array
+    Teeth = Array
     Cells = Array
     CellGrid = Array
     CellArms = Array
     CellArmGrid = Array
+    CellColumns = Array
+    Coupling = Array
+    CouplingGrid = Array
+    Influence = Array
     Coordinates = Array
     CoordinateMatrix = Array
+    CoordinateColumns = Array
     CoordinateGrid = Array
     Dofs = Array
     DofCoordinates = Array
@@ -50,12 +60,19 @@ else:
     Slices = Float[Array, "slice"]
     LineGrid = Float[Array, "phase line slice"]
     LinePhases = Float[Array, "phase line"]
+    LineNumbers = Int[Array, "phase line"]
+    Teeth = Float[Array, "tooth"]
     Cells = Float[Array, "cell"]
     CellGrid = Float[Array, "phase cell"]
     CellArms = Float[Array, "cell coordinate"]
     CellArmGrid = Float[Array, "phase cell coordinate"]
+    CellColumns = Float[Array, "cell column"]
+    Coupling = Float[Array, "line line slice"]
+    CouplingGrid = Float[Array, "phase line line slice"]
+    Influence = Float[Array, "neighbour 3 3"]
     Coordinates = Float[Array, "coordinate"]
     CoordinateMatrix = Float[Array, "coordinate coordinate"]
+    CoordinateColumns = Float[Array, "coordinate column"]
     CoordinateGrid = Float[Array, "phase coordinate"]
     Dofs = Float[Array, "dof"]
     DofCoordinates = Float[Array, "dof coordinate"]

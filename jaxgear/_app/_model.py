@@ -14,7 +14,7 @@ from jaxgear._contact._compliance import (
     Iso6336,
     WeberBanaschek,
 )
-from jaxgear._contact._tooth import AbstractFoundation, NoFoundation, WeberFoundation
+from jaxgear._contact._foundation import AbstractFoundation, NoFoundation, WeberFoundation
 from jaxgear._flank._deviations import (
     Crowning,
     EndRelief,
@@ -29,7 +29,7 @@ from jaxgear._geometry._lines import MeshGrid, mesh_grid
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact, SmoothContact
 from jaxgear._system._model import PairModel
-from jaxgear._system._pair_system import Support
+from jaxgear._system._support import Support
 from jaxgear._types import Scalar
 from jaxgear._units import GPa, N_per_mm_um, deg, mm, um
 

@@ -1,14 +1,19 @@
 """The scene file: read with all its mistakes at once, changed, and written back.
 
-Values stay in the units of the file, under flat dotted paths.
+Values stay in the units of the file, under flat dotted paths; `[i]` counts the rows of a list of
+tables, and at the end of a path the entries of a list of numbers, from 0.
 """
 
 import dataclasses
+import itertools
 import json
+import math
 import os
 import re
+import sys
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections import ChainMap
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -17,9 +22,24 @@ import tree_sitter
 import tree_sitter_toml
 
 from jaxgear._app import _schema
-from jaxgear._app._schema import ALWAYS, KEYS, REAL_KEYS, REFUSED_TABLES, TABLES, show
+from jaxgear._app._schema import (
+    ALWAYS,
+    BY_PATH,
+    GEARS,
+    KEYS,
+    REAL_KEYS,
+    REFUSED_TABLES,
+    TABLES,
+    general,
+    show,
+    split_entry,
+)
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
+# Quoted text, or an index outside of it.
+_INDEX = re.compile(r"""("(?:[^"\\]|\\.)*"|'[^']*')|\[\s*(\d+)\s*\]""")
+# The names and indices of a path.
+_STEPS = re.compile(r"\[(\d+)\]|([^.\[\]]+)")
 _BOUNDS = "optimise.bounds"
 _SET = "--set "
 
@@ -64,53 +84,137 @@ class Scene:
     **Fields:**
 
     - `path`: the file it was read from.
-    - `values`: every key given or with a default; optional keys that are absent stay absent.
-    - `given`: the keys and tables that the user wrote, in the file or with `--set`.
-    - `lines`: where each given key was set: `file:line` or the `--set` argument.
+    - `values`: every key given or with a default; optional keys that are absent stay absent. A
+        list of numbers is one value, a row's keys are values of their own.
+    - `given`: the keys, tables and rows that the user wrote, in the file or with `--set`.
+    - `lines`: where each given key, and each entry of a list of numbers that can be varied, was
+        set: `file:line` or the `--set` argument.
+    - `known`: the last value that was not traced of each key that now has a traced one.
     """
 
     path: Path
     values: Mapping[str, Any]
     given: frozenset[str]
     lines: Mapping[str, str]
+    known: Mapping[str, Any] = dataclasses.field(default_factory=lambda: MappingProxyType({}))
 
     def __getitem__(self, key: str) -> Any:
-        return self.values[key]
+        return _look_up(self.values, key)
 
     def get(self, key: str, default: object = None) -> Any:
         """Return the value of a key, or `default` where it is absent."""
-        return self.values.get(key, default)
+        try:
+            return self[key]
+        except KeyError:
+            return default
 
     def has_table(self, prefix: str) -> bool:
         """Say whether the user wrote the table, even an empty one."""
         return prefix in self.given
 
+    def rows(self, table: str) -> tuple[str, ...]:
+        """Return the path of each row of a list of tables: `pinion.shaft.bearings[0]`, ..."""
+        found: list[str] = []
+        while (row := f"{table}[{len(found)}]") in self.given:
+            found.append(row)
+        return tuple(found)
+
     def where(self, key: str) -> str:
         """Return where a key was set, for a message about it."""
-        return self.lines.get(key, f"{self.path} (default)")
+        whole = self.lines.get(split_entry(key)[0], f"{self.path} (default)")
+        return self.lines.get(key, whole)
 
     def overridden(self) -> dict[str, object]:
-        """Return the keys that were set on the command line, with their values."""
-        return {
-            key: value
-            for key, value in self.values.items()
-            if self.lines.get(key, "").startswith(_SET)
-        }
+        """Return what was set on the command line: keys, entries, or whole rows and lists of them.
+
+        A row given as a whole is a dict, a list of tables a list of dicts.
+        """
+        found: dict[str, object] = {}
+        for key, place in self.lines.items():
+            if place.startswith(_SET) and not any(path in found for path in _around(key)):
+                found[key] = self._whole(key)
+        return found
 
     def replace(self, updates: Mapping[str, object]) -> "Scene":
-        """Return the scene with other values, unchecked: they may be traced by JAX."""
-        written = {*updates, *(table for key in updates for table in _schema.parents(key))}
+        """Return the scene with other values, unchecked: they may be traced by JAX.
+
+        **Arguments:**
+
+        - `updates`: path to new value, in the units of the file; the path may be that of an
+            entry, `flank.pinion.pitch_error_um[3]`, of a list that is long enough.
+
+        **Raises:**
+
+        - `KeyError` if there is no such entry.
+        """
+        values, known, written = dict(self.values), dict(self.known), set(self.given)
+        for path, new in updates.items():
+            key, index = split_entry(path)
+            value: Any = new
+            if index is None:
+                value = list(value) if isinstance(values.get(key), list) else value
+            else:
+                _look_up(values, path)
+                value = [*values[key][:index], new, *values[key][index + 1 :]]
+            if _is_traced(value):
+                last = _untraced(value, known.get(key, values.get(key)))
+                if last is not None:
+                    known[key] = last
+            else:
+                known.pop(key, None)
+            values[key] = value
+            written |= {key, *_schema.parents(key)}
         return dataclasses.replace(
             self,
-            values=MappingProxyType({**self.values, **updates}),
-            given=self.given | written,
+            values=MappingProxyType(values),
+            given=frozenset(written),
+            known=MappingProxyType(known),
         )
 
+    def concrete(self, key: str) -> Any:
+        """Return the last value of a key, or of an entry, that was not traced by JAX.
+
+        What depends on the order of things, such as that of the stations along a shaft, is
+        decided with it: it does not change while derivatives are taken.
+
+        **Raises:**
+
+        - `KeyError` if the key is absent, or never had a value that was not traced.
+        """
+        value = _look_up(ChainMap(dict(self.known), dict(self.values)), key)
+        if _is_traced(value):
+            raise KeyError(f"{key} never had a value that was not traced")
+        return value
+
     def real_keys(self) -> tuple[str, ...]:
-        """Return the numbers present that the static model can be differentiated by."""
+        """Return the numbers present that the static model can be differentiated by.
+
+        Each row and each entry counts by itself. Lists of one zero, such as the default pitch
+        error, are left out.
+        """
+        present: dict[str, list[str]] = {}
+        for key, value in {**self.values, **self.known}.items():
+            path = general(key)
+            if f"{path}[]" not in REAL_KEYS:
+                present.setdefault(path, []).append(key)
+            elif _is_traced(value) or value != [0.0]:
+                entries = [f"{key}[{index}]" for index in range(len(value))]
+                present.setdefault(f"{path}[]", []).extend(entries)
         return tuple(
-            path for path in REAL_KEYS if path in self.values and _applies(path, self.values)
+            key
+            for path in REAL_KEYS
+            if _applies(path, self.values)
+            for key in present.get(path, ())
         )
+
+    def _whole(self, path: str) -> object:
+        """Return the value of a key or an entry, or a row or a list of tables with all in it."""
+        inside = {
+            f"x{key.removeprefix(path)}": value
+            for key, value in self.values.items()
+            if path in _around(key)
+        }
+        return _nested(inside)["x"] if inside else self.get(path, [])
 
 
 def read_scene(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> Scene:
@@ -142,19 +246,11 @@ def read_scene(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> S
     reading.check_together(values)
     if reading.mistakes:
         raise SceneError(sorted(reading.mistakes, key=_reading_order))
-    places = {key: reading.where(key) for key in values}
     return Scene(
         path=path,
         values=MappingProxyType(values),
         given=frozenset(reading.seen),
-        # An inline table of `--set` replaces the whole table, so its defaults are set there too.
-        lines=MappingProxyType(
-            {
-                key: place
-                for key, place in places.items()
-                if key in reading.seen or place.startswith(_SET)
-            }
-        ),
+        lines=MappingProxyType(reading.places(values)),
     )
 
 
@@ -180,12 +276,12 @@ def write_scene(scene: Scene, path: str | os.PathLike[str]) -> None:
     """
     import tomlkit
 
-    document: dict[str, object] = {}
-    for key, value in scene.values.items():
-        top = key.partition(".")[0]
-        if top not in _schema.ON_REQUEST or top in scene.given:
-            _put(document, _names(document, key), _plain(key, value))
-    _write_atomically(Path(path), tomlkit.dumps(document))
+    wanted = {
+        key: _plain(key, value)
+        for key, value in scene.values.items()
+        if (top := key.partition(".")[0]) not in _schema.ON_REQUEST or top in scene.given
+    }
+    _write_atomically(Path(path), tomlkit.dumps(_nested(wanted)))
 
 
 def rewrite_scene(
@@ -198,27 +294,34 @@ def rewrite_scene(
     **Arguments:**
 
     - `source`: the scene file to start from.
-    - `updates`: dotted path to new value, in the units of the file.
+    - `updates`: dotted path to new value, in the units of the file: that of a key, of an entry
+        of a list of numbers, of a row (a dict) or of a whole list of tables (a list of dicts).
     - `destination`: the file to write; may be `source`.
 
     **Raises:**
 
-    - `ValueError` if the file is laid out so that it cannot be changed and keep its comments.
+    - `ValueError` if the file is laid out so that it cannot be changed and keep its comments, or
+        has no such row or entry.
     """
     import tomlkit.exceptions
 
     text = _read_text(Path(source))
-    plain = {key: _plain(key, value) for key, value in updates.items()}
+    plain: dict[str, object] = {}
     wanted = tomllib.loads(text)
-    for key, value in plain.items():
-        _put(wanted, _names(wanted, key), value)
+    for key, value in updates.items():
+        path, whole = _filled_in(wanted, key, _plain(key, value))
+        try:
+            _put(wanted, _steps(wanted, path), whole)
+        except LookupError as error:
+            raise ValueError(f"{source} has no {key} to change: {error.args[0]}.") from None
+        plain[path] = whole
     # tomlkit loses its way among dotted keys and tables spread over a file, so its text is read
     # back; where one style of new table fails the other may not.
     for headers in (True, False):
         try:
             edited = _edited(text, plain, headers)
             good = tomllib.loads(edited) == wanted
-        except (ValueError, tomlkit.exceptions.TOMLKitError):
+        except (ValueError, LookupError, TypeError, tomlkit.exceptions.TOMLKitError):
             continue
         if good:
             _write_atomically(Path(destination), edited)
@@ -240,19 +343,45 @@ def _edited(text: str, updates: Mapping[str, object], headers: bool) -> str:
 
     document = tomlkit.parse(text)
     for key, value in updates.items():
-        names = _names(document, key)
-        table: dict = document
-        for depth, name in enumerate(names[:-1]):
-            if not isinstance(table.get(name), dict):
-                header = headers and (depth == 0 or names[:depth] == ["flank"])
-                table[name] = tomlkit.table() if header else tomlkit.inline_table()
-            table = table[name]
-        table[names[-1]] = value
+        steps = _steps(document, key)
+        inner: Any = document
+        for depth, (step, after) in enumerate(itertools.pairwise(steps)):
+            is_new = isinstance(step, str) and not isinstance(after, int)
+            if is_new and not isinstance(inner.get(step), dict):
+                header = headers and (depth == 0 or steps[:depth] == ["flank"])
+                inner[step] = tomlkit.table() if header else tomlkit.inline_table()
+            inner = inner[step]
+        inner[steps[-1]] = _item(value, inner.get(steps[-1]) if isinstance(inner, dict) else None)
     return tomlkit.dumps(document)
 
 
+def _item(value: object, old: object) -> object:
+    """Return what tomlkit is given for a value that takes the place of `old`.
+
+    Tables inside of lists are inline, unless the list is written with headers already.
+    """
+    import tomlkit
+    import tomlkit.items
+
+    if isinstance(value, dict):
+        table = tomlkit.inline_table()
+        table.update(value)
+        return table
+    if isinstance(value, list) and any(isinstance(row, dict) for row in value):
+        if isinstance(old, tomlkit.items.AoT):
+            return value
+        rows = tomlkit.array()
+        rows.extend(_item(row, None) for row in value)
+        return rows.multiline(True)
+    return value
+
+
 class _Reading:
-    """The state of one reading: mistakes so far, values found, and where they stand."""
+    """The state of one reading: mistakes so far, values found, and where they stand.
+
+    `seen` has all known keys, tables and rows, `tables` the tables and rows alone, `rows` the
+    number of rows of each list of tables.
+    """
 
     def __init__(self, path: Path, lines: dict[str, str]):
         self.path = path
@@ -261,6 +390,7 @@ class _Reading:
         self.values: dict[str, object] = {}
         self.seen: set[str] = set()
         self.tables: set[str] = set()
+        self.rows: dict[str, int] = {}
 
     def where(self, path: str) -> str:
         """Return the place of a key, or of the innermost table around it, or the file.
@@ -271,11 +401,29 @@ class _Reading:
             inside = (place for key, place in self.lines.items() if key.startswith(f"{path}."))
             if place := next(inside, None):
                 return place
-        while path:
-            if path in self.lines:
-                return self.lines[path]
-            path = path[: max(path.rfind("."), path.rfind("["), 0)]
-        return str(self.path)
+        around = (self.lines[above] for above in (path, *_around(path)) if above in self.lines)
+        return next(around, str(self.path))
+
+    def places(self, values: Mapping[str, object]) -> dict[str, str]:
+        """Return where each given key stands, and each entry that can be varied.
+
+        An inline table of `--set` replaces the whole table, so its defaults are set there too. Of
+        rows and lists of tables only those of `--set` are there, before the keys inside.
+        """
+        tables = (path for path in self.tables if split_entry(path)[1] is not None)
+        found = {
+            path: place
+            for path in (*self.rows, *sorted(tables))
+            if (place := self.where(path)).startswith(_SET)
+        }
+        for key, value in values.items():
+            place = self.where(key)
+            if key in self.seen or place.startswith(_SET):
+                found[key] = place
+                if f"{general(key)}[]" in REAL_KEYS and isinstance(value, list):
+                    entries = [f"{key}[{index}]" for index in range(len(value))]
+                    found |= {entry: self.where(entry) for entry in entries}
+        return found
 
     def mistake(self, path: str, message: str) -> None:
         self.mistakes.append(Mistake(self.where(path), path, message))
@@ -285,10 +433,10 @@ class _Reading:
         where = f"{_SET}{argument}"
         name, equals, raw = argument.partition("=")
         try:
-            names = _key_names(name)
+            steps = _key_steps(name)
         except ValueError:
-            names = []
-        if not equals or not names:
+            steps = []
+        if not equals or not steps:
             message = "must be key=value, for example pair.torque_pinion_Nm=120"
             self.mistakes.append(Mistake(where, "", message))
             return
@@ -297,26 +445,38 @@ class _Reading:
         except ValueError:
             parsed = {}
         path = ""
-        for part in names:
-            path = _join(path, part)
+        for step in steps:
+            path = f"{path}[{step}]" if isinstance(step, int) else _join(path, step)
+        if path.startswith(tuple(f"{table}." for table in BY_PATH)):
+            steps = _steps(document, path)
+        key, value = _filled_in(
+            document, path, parsed["x"] if set(parsed) == {"x"} else raw.strip()
+        )
+        try:
+            _put(document, steps if key == path else _steps(document, key), value)
+        except LookupError as error:
+            message = f"cannot be set: {error.args[0]}. Give the whole list"
+            self.mistakes.append(Mistake(where, path, message))
+            return
         self.lines = {
             key: place
             for key, place in self.lines.items()
             if key != path and not key.startswith((f"{path}.", f"{path}["))
         }
         self.lines[path] = where
-        if path.startswith(_BOUNDS + "."):
-            names = _names(document, path)
-        _put(document, names, parsed["x"] if set(parsed) == {"x"} else raw.strip())
 
     def walk(self, table: Mapping[str, object], prefix: str, refused: bool = False) -> None:
         """Check every key and table below `prefix`; `refused` once a table above was refused."""
         for name, value in table.items():
             path = _join(prefix, name)
-            known = re.sub(r"\[\d+\]", "[]", path)
+            known = general(path)
             rows = value if isinstance(value, list) and f"{known}[]" in TABLES else None
             if rows is not None and all(isinstance(row, dict) for row in rows):
+                self.seen.add(path)
+                self.rows[path] = len(rows)
                 for index, row in enumerate(rows):
+                    self.seen.add(f"{path}[{index}]")
+                    self.tables.add(f"{path}[{index}]")
                     self.walk(row, f"{path}[{index}]", refused)
             elif isinstance(value, dict) and known in TABLES:
                 self.seen.add(path)
@@ -325,7 +485,7 @@ class _Reading:
                 if refuse:
                     self.mistake(path, f"{_schema.NOT_MODELLED}. Remove it")
                 self.walk(value, path, refused or refuse)
-            elif known in KEYS:
+            elif known in KEYS and "[]" not in path:
                 self.seen.add(path)
                 if not refused:
                     self.check(path, value)
@@ -334,7 +494,7 @@ class _Reading:
 
     def check(self, path: str, value: object) -> None:
         """Check one known key and keep its value."""
-        key = KEYS[path]
+        key = KEYS[general(path)]
         if path in self.values:
             self.mistake(path, "is given twice, in two spellings. Keep one")
             return
@@ -361,29 +521,53 @@ class _Reading:
             hint = f", did you mean [{near}]?" if near else f". Known here: {_inside(known)}"
             self.mistake(path, f"unknown table{hint}")
         else:
-            near = _schema.nearest(known, (key for key in KEYS if not key.startswith(_BOUNDS)))
-            if known.startswith(_BOUNDS + "."):
-                near = _schema.nearest(known, (key for key in KEYS if key.startswith(_BOUNDS)))
+            near = _schema.nearest(known, (key for key in KEYS if not key.startswith(BY_PATH)))
+            for table in BY_PATH:
+                if known.startswith(f"{table}."):
+                    near = _schema.nearest(known, (key for key in KEYS if key.startswith(table)))
+                    near = near and near.replace("[]", "[0]")
             hint = f", did you mean {near}?" if near else f". Known here: {_inside(known)}"
             self.mistake(path, f"unknown key, got {show(value)}{hint}")
 
     def complete(self) -> dict[str, object]:
         """Return the values in the order of the schema, defaults filled in; report what misses."""
         values: dict[str, object] = {}
-        for path, key in KEYS.items():
+        places = self._instances()
+        for path, key in places.items():
             if path in self.values:
                 values[path] = self.values[path]
             elif path not in self.seen and not isinstance(key.default, _schema.Presence):
                 values[path] = list(key.default) if isinstance(key.default, list) else key.default
-        # Not a default of the schema, since only the reader knows the file.
+        # Not defaults of the schema, since only the reader knows the file.
         values.setdefault("name", self.path.stem)
-        for path, key in KEYS.items():
-            needed = key.table in ALWAYS or key.table in self.tables
+        for gear in GEARS if "mesh.foundation" not in self.seen else ():
+            has_ring = values.get(f"{gear}.bore_mm") and values.get(f"{gear}.body.kind") != "beam"
+            if not has_ring and f"{gear}.foundation" not in self.seen:
+                values[f"{gear}.foundation"] = "weber"
+        for path, key in places.items():
+            table = path.rpartition(".")[0]
+            needed = table in ALWAYS or table in self.tables
             if key.applies_if:
                 needed = _applies(path, values)
             if key.default is _schema.REQUIRED and needed and path not in self.seen:
                 self.mistake(path, f"is missing: {key.doc}. It must be {key.allowed}")
-        return {path: values[path] for path in KEYS if path in values}
+        return {path: values[path] for path in places if path in values}
+
+    def _instances(self) -> dict[str, _schema.Key]:
+        """Return every key by its path, once for each row that is there."""
+        given: dict[str, list[str]] = {}
+        for path in self.values:
+            given.setdefault(general(path), []).append(path)
+        found: dict[str, _schema.Key] = {}
+        for path, key in KEYS.items():
+            table, index, rest = path.partition("[]")
+            if path.startswith(BY_PATH):
+                found |= dict.fromkeys(given.get(path, ()), key)
+            elif index:
+                found |= {f"{row}{rest}": key for row in self._rows(table)}
+            else:
+                found[path] = key
+        return found
 
     def check_together(self, values: Mapping[str, object]) -> None:
         """Check what involves more than one key, among the values that are right by themselves."""
@@ -392,16 +576,100 @@ class _Reading:
             if path.endswith(".from") and isinstance(low, float) and isinstance(high, float):
                 if low >= high:
                     self.mistake(path, f"got {show(low)}, must be less than `to`, {show(high)}")
-        for gear in _schema.GEARS:
-            table = f"{gear}.support"
-            split = [key for key in ("radial_S_N_m", "radial_T_N_m") if f"{table}.{key}" in values]
-            if f"{table}.radial_N_m" in values and split:
-                self.mistake(f"{table}.radial_N_m", f"excludes {' and '.join(split)}. Keep one way")
+        for gear in GEARS:
+            self._check_springs(f"{gear}.support", values)
+            self._check_foundation(gear, values)
+            self._check_pitch(gear, values)
+            self._check_shaft(gear, values)
         weights = [values[path] for path in values if path.startswith("optimise.minimise.")]
         if "optimise.minimise" not in values and not any(weights):
-            if not any(mistake.path.startswith("optimise.minimise") for mistake in self.mistakes):
+            if not self._has_mistake("optimise.minimise"):
                 self.mistake("optimise.minimise", "must have at least one weight > 0")
         self._check_vary(values)
+
+    def _has_mistake(self, path: str) -> bool:
+        return any(mistake.path.startswith(path) for mistake in self.mistakes)
+
+    def _check_springs(self, table: str, values: Mapping[str, object]) -> None:
+        """Check that a stiffness is given in one way: for all directions, or for each."""
+        for both, one in (("radial_N_m", "radial_{}_N_m"), ("tilt_Nm_rad", "tilt_{}_Nm_rad")):
+            split = [name for name in map(one.format, "ST") if f"{table}.{name}" in values]
+            if f"{table}.{both}" in values and split:
+                self.mistake(f"{table}.{both}", f"excludes {' and '.join(split)}. Keep one way")
+
+    def _check_foundation(self, gear: str, values: Mapping[str, object]) -> None:
+        """Check that a foundation that was asked for has the bore that it needs."""
+        own, bore = f"{gear}.foundation", f"{gear}.bore_mm"
+        path = own if own in self.seen else "mesh.foundation"
+        bored = values.get(bore) if bore in values else bore in self.seen
+        if path in self.seen and values.get(path) in ("ring", "sainsot") and not bored:
+            self.mistake(
+                path,
+                f"got {show(values[path])}, which needs the bore where the body is clamped: give "
+                f"{bore} a value > 0, or write {own} = {show('weber')}",
+            )
+
+    def _check_pitch(self, gear: str, values: Mapping[str, object]) -> None:
+        """Check that a pitch error has one value, or one for each tooth."""
+        path, teeth = f"flank.{gear}.pitch_error_um", values.get(f"{gear}.teeth")
+        errors = values.get(path)
+        if isinstance(errors, list) and teeth is not None and len(errors) not in (1, teeth):
+            self.mistake(
+                path,
+                f"got {len(errors)} values, must be 1 or {teeth}, one for each of {gear}.teeth",
+            )
+
+    def _check_shaft(self, gear: str, values: Mapping[str, object]) -> None:
+        """Check that a shaft is whole, that what is on it is on it, and that a beam has one."""
+        table = f"{gear}.shaft"
+        if table not in self.tables:
+            if values.get(f"{gear}.body.kind") == "beam" and not self._has_mistake(table):
+                self.mistake(
+                    f"{gear}.body.kind",
+                    f"got {show('beam')}, but there is no [{table}] whose beam the body could be. "
+                    f"Add it, or write {show('rigid')}",
+                )
+            return
+        if f"{gear}.support" in self.tables:
+            self.mistake(
+                f"{gear}.support", f"excludes {table}, whose bearings hold the gear. Keep one"
+            )
+        for path in (f"{table}.segments", f"{table}.bearings"):
+            if not self.rows.get(path) and not self._has_mistake(path):
+                self.mistake(path, "is missing: a shaft needs at least one row of it")
+        for bearing in self._rows(f"{table}.bearings"):
+            self._check_springs(bearing, values)
+        self._check_stations(table, values)
+
+    def _rows(self, table: str) -> list[str]:
+        """Return the path of each row of a list of tables."""
+        return [f"{table}[{row}]" for row in range(self.rows.get(table, 0))]
+
+    def _check_stations(self, table: str, values: Mapping[str, object]) -> None:
+        """Check that the segments of a shaft have walls, and that nothing is beyond its end."""
+        segments = self._rows(f"{table}.segments")
+        for segment in segments:
+            inner, outer = values.get(f"{segment}.inner_mm"), values.get(f"{segment}.outer_mm")
+            if isinstance(inner, float) and isinstance(outer, float) and inner >= outer:
+                self.mistake(
+                    f"{segment}.inner_mm",
+                    f"got {show(inner)}, must be less than outer_mm, {show(outer)}",
+                )
+        lengths = [values.get(f"{segment}.length_mm") for segment in segments]
+        known = [length for length in lengths if isinstance(length, float)]
+        if not known or known != lengths:
+            return
+        end = math.fsum(known)
+        rows = (*self._rows(f"{table}.bearings"), *self._rows(f"{table}.loads"))
+        for path in (f"{table}.gear_at_mm", f"{table}.torque_at_mm", *(f"{r}.at_mm" for r in rows)):
+            at = values.get(path)
+            # The sum may be rounded below the end that the user wrote.
+            if isinstance(at, float) and at > end * (1.0 + 1e-9):
+                self.mistake(
+                    path,
+                    f"got {show(at)}, which is beyond the end of the shaft: the length_mm of "
+                    f"{table}.segments add up to {end:g}",
+                )
 
     def _check_vary(self, values: Mapping[str, object]) -> None:
         """Check the keys to vary and their bounds."""
@@ -409,9 +677,9 @@ class _Reading:
         assert isinstance(vary, list)
         for index, path in enumerate(vary):
             at = f"optimise.vary[{index}]"
-            if path not in REAL_KEYS:
-                near = _schema.nearest(path, REAL_KEYS)
-                hint = f", did you mean {show(near)}?" if near else ""
+            if "[]" in path or general(path) not in REAL_KEYS:
+                near = _schema.nearest(general(path), REAL_KEYS)
+                hint = f", did you mean {show(near.replace('[]', '[0]'))}?" if near else ""
                 self.mistake(
                     at,
                     f"got {show(path)}, must be the path of a real-valued key that the mesh "
@@ -419,21 +687,39 @@ class _Reading:
                 )
             elif path in vary[:index]:
                 self.mistake(at, f"{show(path)} is named twice. Keep one")
-            elif path not in values and path not in self.seen:
-                self.mistake(at, f"{show(path)} has no value to start from. Give it one")
-        for path in REAL_KEYS:
-            limits, start = values.get(f"{_BOUNDS}.{path}"), values.get(path)
-            if not isinstance(limits, list):
+            elif missing := self._missing(path, values):
+                self.mistake(at, f"{show(path)} {missing}")
+        for path, limits in values.items():
+            key = path.removeprefix(f"{_BOUNDS}.")
+            if key == path or not isinstance(limits, list):
                 continue
             if limits[0] >= limits[1]:
-                self.mistake(f"{_BOUNDS}.{path}", f"got {show(limits)}, must be [low, high]")
-            elif path in vary and isinstance(start, float):
-                if not limits[0] <= start <= limits[1]:
+                self.mistake(path, f"got {show(limits)}, must be [low, high]")
+            elif key in vary and not self._missing(key, values):
+                start = _find(values, key)
+                if isinstance(start, float) and not limits[0] <= start <= limits[1]:
                     self.mistake(
-                        f"{_BOUNDS}.{path}",
+                        path,
                         f"got {show(limits)}, must contain the starting value {show(start)} "
-                        f"of {path}",
+                        f"of {key}",
                     )
+            elif "[" in key and (missing := self._missing(key, values)):
+                self.mistake(path, missing)
+
+    def _missing(self, path: str, values: Mapping[str, object]) -> str:
+        """Say what is not there of a key, row or entry that is named; empty where all is."""
+        for place in (path, *_around(path)):
+            above, index = split_entry(place)
+            if index is None or self._has_mistake(above):
+                continue
+            entries = values.get(above)
+            count = self.rows.get(above, len(entries) if isinstance(entries, list) else 0)
+            if index >= count:
+                return f"names number {index} of {above}, which has {count}, counted from 0"
+        key, _ = split_entry(path)
+        return (
+            "" if key in values or key in self.seen else "has no value to start from. Give it one"
+        )
 
 
 def _reading_order(mistake: Mistake) -> tuple[int, int]:
@@ -445,7 +731,7 @@ def _reading_order(mistake: Mistake) -> tuple[int, int]:
 
 
 def _applies(path: str, values: Mapping[str, object]) -> bool:
-    condition = KEYS[path].applies_if
+    condition = KEYS[general(path).removesuffix("[]")].applies_if
     return condition is None or values.get(condition[0]) == condition[1]
 
 
@@ -487,43 +773,151 @@ def _write_atomically(path: Path, text: str) -> None:
 
 def _plain(key: str, value: object) -> object:
     """Return a value as plain Python: numbers may arrive as JAX or NumPy scalars."""
-    if KEYS[key].kind == "float":
+    whole, index = split_entry(key)
+    # Rows and lists of tables come from a scene that was read, so they are plain.
+    kind = KEYS[general(whole)].kind if general(whole) in KEYS else "text"
+    if kind == "float" or (kind == "floats" and index is not None):
         return float(value)  # pyright: ignore[reportArgumentType]
-    if KEYS[key].kind == "int":
+    if kind == "int":
         return int(value)  # pyright: ignore[reportArgumentType]
-    if KEYS[key].kind == "floats":
+    if kind == "floats":
         return [float(entry) for entry in value]  # pyright: ignore[reportGeneralTypeIssues]
     return value
 
 
-def _put(document: dict[str, object], names: Sequence[str], value: object) -> None:
-    """Set a value in nested tables, which are made where they are missing."""
-    for name in names[:-1]:
-        inner = document.get(name)
-        if not isinstance(inner, dict):
-            inner = document[name] = {}
-        document = inner
-    document[names[-1]] = value
+def _put(document: dict[str, object], steps: Sequence[str | int], value: object) -> None:
+    """Set a value in nested tables, which are made where they are missing, and in lists.
+
+    **Raises:**
+
+    - `LookupError` if a list is missing or too short.
+    """
+    inner: Any = document
+    for step, after in itertools.pairwise(steps):
+        held = inner.get(step) if isinstance(step, str) else inner[step]
+        if isinstance(after, int):
+            if not isinstance(held, list):
+                raise LookupError(f"there is no list {step}")
+            if after >= len(held):
+                raise LookupError(f"{step} has {len(held)} entries, counted from 0")
+        elif not isinstance(held, dict):
+            held = inner[step] = {}
+        inner = held
+    inner[steps[-1]] = value
 
 
-def _names(document: Mapping[str, object], path: str) -> list[str]:
-    """Split a dotted path; below `optimise.bounds` as the document spells it, quoted or nested."""
-    if not path.startswith(_BOUNDS + "."):
-        return path.split(".")
-    limited = path.removeprefix(_BOUNDS + ".")
-    bounds: object = document
-    for name in _BOUNDS.split("."):
-        bounds = bounds.get(name) if isinstance(bounds, Mapping) else None
-    nested = isinstance(bounds, Mapping) and limited.partition(".")[0] in bounds
-    return [*_BOUNDS.split("."), *(limited.split(".") if nested else [limited])]
+def _nested(values: Mapping[str, object]) -> dict[str, Any]:
+    """Return values under flat paths as nested tables and lists of tables."""
+    root: dict[str, Any] = {}
+    for path, value in values.items():
+        inner: Any = root
+        steps = _steps({}, path)
+        for step, after in itertools.pairwise(steps):
+            if isinstance(step, str):
+                inner = inner.setdefault(step, [] if isinstance(after, int) else {})
+            else:
+                inner += [{} for _ in range(step + 1 - len(inner))]
+                inner = inner[step]
+        inner[steps[-1]] = value
+    return root
+
+
+def _steps(document: Mapping[str, Any], path: str) -> list[str | int]:
+    """Split a path into names and indices.
+
+    Below `optimise.bounds` and `sizing.amounts` the path of the other key is split as the document
+    spells it: one quoted name, which it is made where it is new, or nested tables.
+    """
+    for table in BY_PATH:
+        if path.startswith(f"{table}."):
+            names = table.split(".")
+            inner: object = document
+            for name in names:
+                inner = inner.get(name) if isinstance(inner, Mapping) else None
+            other = path.removeprefix(f"{table}.")
+            return [*names, *(_spelled(inner, other) or [other])]
+    return [int(index) if index else name for index, name in _STEPS.findall(path)]
+
+
+def _spelled(table: object, path: str) -> list[str | int]:
+    """Split a path as the table spells it; empty where not even its beginning is in there."""
+    if not isinstance(table, Mapping):
+        return []
+    parts = path.split(".")
+    for end in range(len(parts), 0, -1):
+        name, rest = ".".join(parts[:end]), parts[end:]
+        row, index = split_entry(name)
+        if name in table:
+            return [name, *(_spelled(table[name], ".".join(rest)) or rest)]
+        if index is not None and isinstance(table.get(row), list):
+            return [row, index, *rest]
+    return []
+
+
+def _filled_in(document: Mapping[str, Any], path: str, value: object) -> tuple[str, object]:
+    """Return the path and the value; for an entry of a list left to its default the whole list."""
+    whole, index = split_entry(path)
+    default = KEYS[general(whole)].default if general(whole) in KEYS else None
+    if index is None or not isinstance(default, list) or index >= len(default):
+        return path, value
+    inner: Any = document
+    for step in _steps(document, whole):
+        try:
+            inner = inner[step]
+        except (LookupError, TypeError):
+            return whole, [*default[:index], value, *default[index + 1 :]]
+    return path, value
+
+
+def _look_up(values: Mapping[str, Any], path: str) -> Any:
+    """Return the value of a key or of an entry of a list; `KeyError` where there is none."""
+    if path in values:
+        return values[path]
+    key, index = split_entry(path)
+    entries = values.get(key)
+    if index is None or not isinstance(entries, list) or index >= len(entries):
+        raise KeyError(path)
+    return entries[index]
+
+
+def _find(values: Mapping[str, Any], path: str) -> Any:
+    """Return the value of a key or of an entry, or `None` where there is none."""
+    try:
+        return _look_up(values, path)
+    except KeyError:
+        return None
+
+
+def _around(path: str) -> Iterator[str]:
+    """Yield what is around a path, innermost first: of `a.b[0].c` that is `a.b[0]`, `a.b`, `a`."""
+    while path := path[: max(path.rfind("."), path.rfind("["), 0)]:
+        yield path
+
+
+def _is_traced(value: object) -> bool:
+    """Say whether a value is traced by JAX, or is a list with a traced entry."""
+    # Not imported here, so that a scene is read in no time: without JAX nothing is traced.
+    jax = sys.modules.get("jax")
+    entries = value if isinstance(value, list) else [value]
+    return jax is not None and any(isinstance(entry, jax.core.Tracer) for entry in entries)
+
+
+def _untraced(value: object, before: object) -> object:
+    """Return a value with what is traced in it as it was before; `None` if that is not known."""
+    if isinstance(value, list) and isinstance(before, list):
+        if len(value) == len(before):
+            pairs = zip(value, before, strict=True)
+            before = [old if _is_traced(new) else new for new, old in pairs]
+    return None if _is_traced(before) else before
 
 
 def _join(prefix: str, name: str) -> str:
     """Append a name to a dotted path, in quotes where TOML would need them.
 
-    Below `optimise.bounds` the names are paths themselves, quoted by the user or not.
+    Below `optimise.bounds` and `sizing.amounts` the names are paths themselves, quoted or not.
     """
-    if not f"{prefix}.".startswith(_BOUNDS + ".") and not _BARE.fullmatch(name):
+    by_path = f"{prefix}.".startswith(tuple(f"{table}." for table in BY_PATH))
+    if not by_path and not _BARE.fullmatch(name):
         name = json.dumps(name, ensure_ascii=False)
     return f"{prefix}.{name}" if prefix else name
 
@@ -536,6 +930,25 @@ def _key_names(text: str) -> list[str]:
         ((name, node),) = node.items()
         names.append(name)
     return names
+
+
+def _key_steps(text: str) -> list[str | int]:
+    """Split a TOML key that may have indices, `a."b.c"[0].d`; `ValueError` if it is not one."""
+    steps: list[str | int] = []
+    start = 0
+    indices = [found for found in _INDEX.finditer(text) if found[2]]
+    for found in (*indices, None):
+        names = text[start : found.start() if found else None].strip()
+        if steps and names:
+            if not names.startswith("."):
+                raise ValueError(f"{names} follows an index without a point")
+            names = names[1:]
+        if names or not steps:
+            steps += _key_names(names)
+        if found:
+            steps.append(int(found[2]))
+            start = found.end()
+    return steps
 
 
 def _positions(text: str) -> dict[str, int]:
@@ -571,13 +984,15 @@ def _place_pair(node: tree_sitter.Node, prefix: str, lines: dict[str, int]) -> N
     if node.type != "pair":
         return
     line = node.start_point.row + 1
-    names = _key_names(_text_of(node.named_children[0]))
+    # A comment behind the value is in the pair.
+    key, value = (child for child in node.named_children if child.type != "comment")
+    names = _key_names(_text_of(key))
     for name in names[:-1]:
         prefix = _join(prefix, name)
         lines.setdefault(prefix, line)
     path = _join(prefix, names[-1])
     lines[path] = line
-    _place_value(node.named_children[-1], path, lines)
+    _place_value(value, path, lines)
 
 
 def _place_value(node: tree_sitter.Node, path: str, lines: dict[str, int]) -> None:

@@ -33,7 +33,9 @@ Kind = Literal["float", "int", "text", "bool", "floats", "texts"]
 GEARS = ("pinion", "wheel")
 # Tables that every scene has, and tables that ask for work, which are written out only if given.
 ALWAYS = ("", "pair", *GEARS)
-ON_REQUEST = ("model", "damping", "sweep", "map", "optimise")
+ON_REQUEST = ("model", "damping", "sweep", "map", "optimise", "sizing")
+# Tables whose keys are paths of other keys, quoted or as nested tables.
+BY_PATH = ("optimise.bounds", "sizing.amounts")
 
 _NOUNS: Mapping[Kind, tuple[str, str]] = {
     "float": ("a number", ""),
@@ -70,7 +72,8 @@ class Key:
 
     **Fields:**
 
-    - `path`: dotted path; `[]` stands for any row of a list of tables.
+    - `path`: dotted path; `[]` stands for any row of a list of tables, and at the end, in bounds,
+        for any entry of a list of numbers.
     - `kind`: the type of the value.
     - `doc`: one line for the user.
     - `default`: the value when absent, or `REQUIRED`, or `OPTIONAL`.
@@ -81,7 +84,8 @@ class Key:
     - `pattern`: regular expression that a text must match in full.
     - `modelled`: the values that this version models; `None` for all, empty for none.
     - `applies_if`: another key and the value of it that makes this one count.
-    - `differentiable`: whether the static model has a derivative with respect to it.
+    - `differentiable`: whether the static model has a derivative with respect to it; of a list,
+        with respect to each entry.
     - `remedy`: what to do when a value is out of bounds.
     """
 
@@ -111,7 +115,7 @@ class Key:
         """Unit of the value, read off the key's name; empty for a plain number."""
         for part in reversed(self.path.split(".")):
             for suffix, unit in _UNITS.items():
-                if part.endswith(suffix):
+                if part.removesuffix("[]").endswith(suffix):
                     return unit
         return ""
 
@@ -154,11 +158,10 @@ class Key:
             return None
         if not self.modelled:
             return f"got {show(value)}: {NOT_MODELLED}. Remove it"
-        entries = value if isinstance(value, list) else [value]
-        if all(entry in self.modelled for entry in entries):
+        if value in self.modelled:
             return None
-        neutral = show(list(self.modelled)) if value is entries else one_of(self.modelled)
-        return f"got {show(value)}: {NOT_MODELLED} with this value. Remove it or write {neutral}"
+        others = one_of(self.modelled)
+        return f"got {show(value)}: {NOT_MODELLED} with this value. Remove it or write {others}"
 
     def _read_one(self, entry: object, value: object) -> object:
         """Read one number or text; `value` is the whole of what was given, for the message."""
@@ -242,6 +245,8 @@ _FACE_EXTENT = (
     "millimetres were given: divide by face_width_mm"
 )
 _SUPPORT = "Leave the key out where the support is rigid"
+_BEARING = "Leave the key out where the bearing does not hold the shaft"
+_ALONG = "Positions are measured from the first end of the shaft"
 
 
 def _number(path: str, doc: str, default: object = OPTIONAL, **fields: Any) -> Key:
@@ -251,6 +256,11 @@ def _number(path: str, doc: str, default: object = OPTIONAL, **fields: Any) -> K
 def _variable(path: str, doc: str, default: object = OPTIONAL, **fields: Any) -> Key:
     """Return a number that the static model can be differentiated by."""
     return Key(path, "float", doc, default, differentiable=True, **fields)
+
+
+def _variables(path: str, doc: str, default: object = OPTIONAL, **fields: Any) -> Key:
+    """Return a list of numbers that the static model can be differentiated by."""
+    return Key(path, "floats", doc, default, differentiable=True, **fields)
 
 
 def _count(path: str, doc: str, default: object = OPTIONAL, **fields: Any) -> Key:
@@ -343,10 +353,7 @@ _PAIR = (
     ),
 )
 
-_FOUNDATIONS: dict[str, Any] = {
-    "choices": ("weber", "sainsot", "ring", "none"),
-    "modelled": ("weber", "none"),
-}
+_FOUNDATIONS: dict[str, Any] = {"choices": ("weber", "sainsot", "ring", "none")}
 
 
 def _gear(gear: str) -> tuple[Key, ...]:
@@ -381,7 +388,7 @@ def _gear(gear: str) -> tuple[Key, ...]:
             at_most=2000.0,
             remedy="The key is in millimetres",
         ),
-        _number(f"{gear}.bore_mm", "diameter of the bore; 0: none", at_least=0.0),
+        _variable(f"{gear}.bore_mm", "diameter of the bore; 0: none", at_least=0.0),
         _text(f"{gear}.foundation", "foundation of this gear's teeth", **_FOUNDATIONS),
         *_material(f"{gear}.material", OPTIONAL, OPTIONAL, OPTIONAL),
         _variable(f"{gear}.support.radial_N_m", "radial stiffness of the support", **stiffness),
@@ -402,7 +409,7 @@ def _body(table: str) -> tuple[Key, ...]:
             "model of the gear body",
             "rigid",
             choices=("rigid", "beam", "condensed"),
-            modelled=("rigid",),
+            modelled=("rigid", "beam"),
         ),
         _number(f"{table}.mass_kg", "mass", above=0.0),
         _number(f"{table}.inertia_kg_m2", "polar moment of inertia", above=0.0),
@@ -424,23 +431,39 @@ def _body(table: str) -> tuple[Key, ...]:
 
 
 def _shaft(table: str) -> tuple[Key, ...]:
-    refused: dict[str, Any] = {"modelled": ()}
+    """Keys of the shaft of one gear: its sections, bearings and loads."""
+    place: dict[str, Any] = {"at_least": 0.0, "remedy": _ALONG}
+    outer: dict[str, Any] = {"above": 0.0, "remedy": "The key is in millimetres"}
+    stiffness: dict[str, Any] = {"at_least": 0.0, "remedy": _BEARING}
+    segment, bearing, load = (f"{table}.{rows}[]" for rows in ("segments", "bearings", "loads"))
     return (
-        _number(f"{table}.gear_at_mm", "position of the gear's mid-face", **refused),
-        _number(f"{table}.segments[].length_mm", "length of the segment", **refused),
-        _number(f"{table}.segments[].outer_mm", "outer diameter", **refused),
-        _number(f"{table}.segments[].inner_mm", "inner diameter", **refused),
-        _number(f"{table}.bearings[].at_mm", "position of the bearing", **refused),
-        _number(f"{table}.bearings[].radial_N_m", "radial stiffness", **refused),
-        _number(f"{table}.bearings[].radial_S_N_m", "radial stiffness along S", **refused),
-        _number(f"{table}.bearings[].radial_T_N_m", "radial stiffness along T", **refused),
-        _number(f"{table}.bearings[].axial_N_m", "axial stiffness", **refused),
-        _number(f"{table}.bearings[].tilt_Nm_rad", "tilt stiffness", **refused),
-        _number(f"{table}.torque_at_mm", "where the torque enters or leaves", **refused),
-        _number(f"{table}.shear_coeff", "shear coefficient of the section", **refused),
-        _number(f"{table}.loads[].at_mm", "position of a load", **refused),
-        Key(f"{table}.loads[].force_N", "floats", "force along S, T, Z", **refused),
-        Key(f"{table}.loads[].moment_Nm", "floats", "moment about S, T, Z", **refused),
+        _variable(f"{table}.gear_at_mm", "position of the gear's mid-face", REQUIRED, **place),
+        _variable(f"{segment}.length_mm", "length of the segment", REQUIRED, **outer),
+        _variable(f"{segment}.outer_mm", "outer diameter", REQUIRED, **outer),
+        _variable(f"{segment}.inner_mm", "inner diameter; 0: solid", 0.0, at_least=0.0),
+        _variable(f"{bearing}.at_mm", "position of the bearing", REQUIRED, **place),
+        _variable(f"{bearing}.radial_N_m", "radial stiffness of the bearing", **stiffness),
+        _variable(f"{bearing}.radial_S_N_m", "the same, along S only", **stiffness),
+        _variable(f"{bearing}.radial_T_N_m", "the same, along T only", **stiffness),
+        _variable(f"{bearing}.axial_N_m", "axial stiffness of the bearing", **stiffness),
+        _variable(f"{bearing}.tilt_Nm_rad", "tilt stiffness of the bearing", **stiffness),
+        _variable(f"{bearing}.tilt_S_Nm_rad", "the same, about S only", **stiffness),
+        _variable(f"{bearing}.tilt_T_Nm_rad", "the same, about T only", **stiffness),
+        _variable(
+            f"{table}.torque_at_mm",
+            "where the torque enters or leaves the shaft; default: at the gear",
+            **place,
+        ),
+        _variable(
+            f"{table}.shear_coeff",
+            "shear coefficient of the sections; default: that of each ring section",
+            above=0.0,
+            at_most=1.0,
+            remedy="It is the share of the section that carries shear; a solid shaft has about 0.9",
+        ),
+        _variable(f"{load}.at_mm", "position of a load", REQUIRED, **place),
+        _variables(f"{load}.force_N", "force along S, T, Z", [0.0, 0.0, 0.0], length=3),
+        _variables(f"{load}.moment_Nm", "moment about S, T, Z", [0.0, 0.0, 0.0], length=3),
     )
 
 
@@ -473,20 +496,76 @@ def _flank(flank: str) -> tuple[Key, ...]:
             "helix slope deviation over the face width; positive adds material",
             0.0,
         ),
-        _text(f"{flank}.profile_deviation_csv", "file of a profile deviation", modelled=()),
-        Key(
-            f"{flank}.pitch_error_um",
-            "floats",
-            "cumulative pitch error per tooth; one value: all teeth",
-            [0.0],
-            modelled=(0.0,),
+        _variable(
+            f"{flank}.profile_slope_um",
+            "profile slope deviation over the path of contact; positive adds material at the tip",
+            0.0,
         ),
-        _number(f"{flank}.eccentricity_um", "eccentricity", 0.0, at_least=0.0, modelled=(0.0,)),
+        _variable(
+            f"{flank}.profile_crowning_um",
+            "parabolic, removed at both ends of the profile",
+            0.0,
+            **depth,
+        ),
+        _variable(
+            f"{flank}.elliptical_crowning_um",
+            "elliptical, removed at both ends of the face",
+            0.0,
+            **depth,
+        ),
+        _variable(
+            f"{flank}.bias_um",
+            "twist of the flank: added at two opposite corners, removed at the other two",
+            0.0,
+        ),
+        _text(
+            f"{flank}.profile_deviation_csv",
+            "file of a profile deviation, the same all along the face; positive adds material",
+        ),
+        _text(
+            f"{flank}.topography_csv", "file of a deviation over the flank; positive adds material"
+        ),
+        _variable(
+            f"{flank}.accuracy_grade",
+            "ISO 1328-1 tolerance grade, turned into a stated waveform; left out: a perfect flank",
+            at_least=1.0,
+            at_most=11.0,
+            remedy="ISO 1328-1 has the grades 1, the finest, to 11",
+        ),
+        _count(f"{flank}.accuracy_waves", "waves of that form over the profile", 3, at_least=1),
+        Key(
+            f"{flank}.accuracy_slopes",
+            "bool",
+            "whether the grade's full tolerances of profile and helix slope are added",
+            False,
+        ),
+        _variables(
+            f"{flank}.pitch_error_um",
+            "cumulative pitch error per tooth, positive adds material; one value: all teeth",
+            [0.0],
+        ),
+        _variable(
+            f"{flank}.eccentricity_um",
+            "distance of the teeth's axis from that of rotation",
+            0.0,
+            at_least=0.0,
+            remedy="It is a distance; its direction is eccentricity_angle_deg",
+        ),
+        _variable(
+            f"{flank}.eccentricity_angle_deg",
+            "direction of the offset at phase 0, from S about the gear's own sense of rotation",
+            0.0,
+        ),
     )
 
 
+_HOUSING = (
+    _text("housing.stiffness_csv", "file of the stiffness of the housing between the bearings"),
+)
+
+
 _MESH = (
-    _count("mesh.periods", "mesh periods in one cycle", 1, at_least=1, modelled=(1,)),
+    _count("mesh.periods", "mesh periods in one cycle", 1, at_least=1, at_most=10_000),
     _text(
         "mesh.stiffness",
         "stiffness of a tooth pair",
@@ -500,7 +579,14 @@ _MESH = (
         above=0.0,
         applies_if=("mesh.stiffness", "constant"),
     ),
-    _text("mesh.foundation", "elasticity of the body under a tooth", "weber", **_FOUNDATIONS),
+    _text(
+        "mesh.foundation",
+        "elasticity of the body under a tooth; ring: an elastic ring, clamped at bore_mm, that "
+        "couples the teeth in mesh; a gear without bore_mm (or bore 0) or with a beam body takes "
+        "weber",
+        "ring",
+        **_FOUNDATIONS,
+    ),
     _count("mesh.slices", "slices across the face", 20, at_least=1, at_most=2000),
     _count("mesh.phases", "positions in one mesh period", 64, at_least=8, at_most=4096),
     _text("mesh.contact", "contact law", "exact", choices=("exact", "smooth")),
@@ -510,6 +596,19 @@ _MESH = (
         0.5,
         above=0.0,
         applies_if=("mesh.contact", "smooth"),
+    ),
+    _count(
+        "mesh.line_load_updates",
+        "updates of the contact stiffness by the line loads found",
+        0,
+        at_least=0,
+        at_most=10,
+    ),
+    Key(
+        "mesh.tip_contact",
+        "bool",
+        "contact of tip corners beyond the ends of the path",
+        False,
     ),
 )
 
@@ -570,12 +669,13 @@ _OPTIMISE = (
         "optimise.minimise",
         "what to minimise; a table of weights is allowed too",
         "te_rms",
-        choices=("te_rms", "te_peak_to_peak", "max_pressure", "dynamic_ratio"),
-        modelled=("te_rms", "te_peak_to_peak", "max_pressure"),
+        choices=("te_rms", "te_peak_to_peak", "max_pressure", "face_load_factor", "dynamic_ratio"),
+        modelled=("te_rms", "te_peak_to_peak", "max_pressure", "face_load_factor"),
     ),
     _number("optimise.minimise.te_rms", "weight of static.te_rms_um", **_WEIGHT),
     _number("optimise.minimise.te_peak_to_peak", "weight of static.te_peak_to_peak_um", **_WEIGHT),
     _number("optimise.minimise.max_pressure", "weight of static.max_pressure_MPa", **_WEIGHT),
+    _number("optimise.minimise.face_load_factor", "weight of the face load factor", **_WEIGHT),
     _number("optimise.minimise.dynamic_ratio", "weight of the dynamic ratio", modelled=()),
     Key("optimise.torques_Nm", "floats", "pinion torques; default: that of the pair", **_TORQUES),
     _text("optimise.over", "how torques are combined", "mean", choices=("mean", "worst")),
@@ -584,16 +684,35 @@ _OPTIMISE = (
 )
 
 
+_SIZING = (
+    Key("sizing.torques_Nm", "floats", "pinion torques; default: that of the pair", **_TORQUES),
+    Key("sizing.symmetric", "bool", "pinion and wheel get the same amounts", True),
+)
+
+
 def _bounds(key: Key) -> Key:
-    """Return the key of `[optimise.bounds]` that limits another one."""
+    """Return the key of `[optimise.bounds]` that limits a number, or an entry of a list."""
+    path = f"{key.path}[]" if key.kind == "floats" else key.path
     return dataclasses.replace(
         key,
-        path=f"optimise.bounds.{key.path}",
+        path=f"optimise.bounds.{path}",
         kind="floats",
-        doc=f"lowest and highest value of {key.path}",
+        doc=f"lowest and highest value of {path}",
         default=OPTIONAL,
         length=2,
         applies_if=None,
+        differentiable=False,
+    )
+
+
+def _amounts(key: Key) -> Key:
+    """Return the key of `[sizing.amounts]` that lists the values of another one to try."""
+    return dataclasses.replace(
+        key,
+        path=f"sizing.amounts.{key.path}",
+        kind="floats",
+        doc=f"values of {key.path} to try",
+        default=OPTIONAL,
         differentiable=False,
     )
 
@@ -603,17 +722,45 @@ _PLAIN = (
     *_PAIR,
     *(key for gear in GEARS for key in _gear(gear)),
     *(key for gear in GEARS for key in _flank(f"flank.{gear}")),
+    *_HOUSING,
     *_MESH,
     *_DYNAMICS,
     *_MAP,
     *_OPTIMISE,
+    *_SIZING,
 )
 
-REAL_KEYS: tuple[str, ...] = tuple(key.path for key in _PLAIN if key.differentiable)
+_REAL = tuple(key for key in _PLAIN if key.differentiable)
+_SIZED = tuple(key for key in _REAL if key.path.startswith("flank.") and key.kind == "float")
+
+# Paths of the schema: `[]` for any row, and at the end for any entry of a list.
+REAL_KEYS: tuple[str, ...] = tuple(
+    f"{key.path}[]" if key.kind == "floats" else key.path for key in _REAL
+)
 
 KEYS: Mapping[str, Key] = {
-    key.path: key for key in (*_PLAIN, *(_bounds(key) for key in _PLAIN if key.differentiable))
+    key.path: key for key in (*_PLAIN, *map(_bounds, _REAL), *map(_amounts, _SIZED))
 }
+
+
+# An index as it is written in a path: one spelling for each number.
+_COUNT = r"(?:0|[1-9][0-9]*)"
+
+
+def general(path: str) -> str:
+    """Return the path in the schema: `[]` for every index."""
+    return re.sub(rf"\[{_COUNT}\]", "[]", path)
+
+
+def split_entry(path: str) -> tuple[str, int | None]:
+    """Split off the index at the end of the path of a row or an entry; `None` where is none.
+
+    In `[optimise.bounds]` an index belongs to the name of the key.
+    """
+    found = re.fullmatch(rf"(.+)\[({_COUNT})\]", path)
+    if not found or path.startswith(BY_PATH):
+        return path, None
+    return found[1], int(found[2])
 
 
 def parents(path: str) -> list[str]:

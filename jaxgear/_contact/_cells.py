@@ -5,16 +5,27 @@ gears, counted from the nominal involutes: one reference for the whole cycle, so
 inertia later and no maximum whose ties would split a gradient at zero relief.
 """
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxgear._contact._compliance import AbstractCompliance
+from jaxgear._contact._compliance import AbstractCompliance, SharedBody
 from jaxgear._flank._deviations import Flanks
-from jaxgear._geometry._lines import ContactLines, MeshGrid, contact_lines
+from jaxgear._geometry._lines import ContactLines, MeshGrid, contact_lines, repeated_lines
 from jaxgear._geometry._pair import GearPair
-from jaxgear._types import CellGrid, LineGrid, Reals, Scalar, as_scalar
+from jaxgear._geometry._tip_contact import tip_separation
+from jaxgear._types import (
+    CellGrid,
+    CouplingGrid,
+    LineGrid,
+    LinePhases,
+    Reals,
+    Scalar,
+    as_scalar,
+)
 
 
 class Misalignment(eqx.Module):
@@ -40,8 +51,10 @@ class MeshCells(eqx.Module):
     **Fields:**
 
     - `lines`: where the cells are.
-    - `line_stiffness`: $k'$ of one tooth pair per length of contact line, at each slice [N/m2].
+    - `line_stiffness`: $k'$ per length of contact line of what each tooth pair gives by itself, at
+        each slice [N/m2].
     - `stiffness`: of each cell, its active fraction included [N/m].
+    - `coupling`: of the lines in each slice through the bodies they share, or `None` [m/N].
     - `arm`: $\lambda$, place of each cell along its contact line, from the foot of the pitch
         point at mid-face [m].
     """
@@ -49,6 +62,7 @@ class MeshCells(eqx.Module):
     lines: ContactLines
     line_stiffness: LineGrid
     stiffness: CellGrid
+    coupling: CouplingGrid | None
     arm: CellGrid
 
 
@@ -83,18 +97,97 @@ def mesh_cells(
 
     Position and stiffness of each cell, $k = k'\,\Delta l$ times its active fraction.
     """
-    lines = contact_lines(pair, grid)
+    lines = contact_lines(pair, dataclasses.replace(grid, periods=1))
     line_stiffness = _along_path(pair, compliance, line_load, lines.roll)
     stiffness = line_stiffness * lines.fraction * lines.length
     helix = pair.base_helix_angle
     across = lines.face_position[None, None, :] * jnp.cos(helix)
     arm = across + (lines.roll - pair.pitch_point) * jnp.sin(helix)
-    return MeshCells(
+    cells = MeshCells(
         lines=lines,
         line_stiffness=line_stiffness,
         stiffness=stiffness.reshape(grid.phases, grid.cells),
+        coupling=_coupling(pair, lines, compliance.bodies(pair, grid.lines - 1)),
         arm=arm.reshape(grid.phases, grid.cells),
     )
+    return cells if grid.periods == 1 else _repeated(cells, grid)
+
+
+def _coupling(
+    pair: GearPair, lines: ContactLines, bodies: tuple[SharedBody, ...]
+) -> CouplingGrid | None:
+    r"""Compliance $C$ between the lines of each slice.
+
+    A slice that is in contact over a fraction of its length carries its load there. Of two lines,
+    the shorter contact is taken to lie within the longer one, so that loads act on motions over
+    the longer: $C_{ij} = c_{ij}/(\Delta l\,\max(\varphi_i, \varphi_j))$, symmetric and never
+    negative.
+    """
+    if not bodies:
+        return None
+    on_path = jnp.clip(lines.roll, pair.path_start, pair.path_end)
+    in_mesh = lines.fraction > 0.0
+    share = jnp.where(in_mesh, lines.fraction, 1.0)
+    apart = range(lines.roll.shape[1])
+    total = jnp.zeros(())
+    for body in bodies:
+        influence = jnp.stack([jnp.stack([body.at_roots(j - i) for j in apart]) for i in apart])
+        loads = jnp.moveaxis(body.resultants(on_path), -1, 0)
+        # Written out: a batch of tiny matrix products costs many times its arithmetic.
+        for a in range(3):
+            moved = sum(
+                influence[None, :, :, a, b, None] * loads[b][:, None, :, :] for b in range(3)
+            )
+            total = total + loads[a][:, :, None, :] * moved
+    longer = jnp.maximum(share[:, :, None, :], share[:, None, :, :])
+    both = in_mesh[:, :, None, :] & in_mesh[:, None, :, :]
+    return jnp.where(both, total / (longer * lines.length), 0.0)
+
+
+def _repeated(cells: MeshCells, grid: MeshGrid) -> MeshCells:
+    """The cells of one mesh period, as often as the cycle has periods."""
+    again = lambda x: jnp.concatenate([x] * grid.periods)
+    return MeshCells(
+        lines=repeated_lines(cells.lines, grid.periods),
+        line_stiffness=again(cells.line_stiffness),
+        stiffness=again(cells.stiffness),
+        coupling=None if cells.coupling is None else again(cells.coupling),
+        arm=again(cells.arm),
+    )
+
+
+def at_line_loads(
+    cells: MeshCells, force: CellGrid, nominal: Scalar, log_slope: Scalar
+) -> MeshCells:
+    r"""Cells whose contact compliance is taken at the line loads they carry (physics A2.6).
+
+    Weber's contact term falls with the logarithm of the line load, $c(F') = c(F'_0) -
+    \frac{1}{\pi E^*}\ln(F'/F'_0)$. Cells below a hundredth of the nominal line load are taken there:
+    open ones have no contact to be soft.
+
+    **Arguments:**
+
+    - `cells`: with the secant at the nominal line load.
+    - `force`: of each cell [N].
+    - `nominal`: line load of that secant [N/m].
+    - `log_slope`: fall of the compliance per natural logarithm of the line load [m2/N].
+
+    **Returns:**
+
+    The same cells with other stiffnesses.
+    """
+    lines = cells.lines
+    in_mesh = lines.fraction > 0.0
+    carried = jnp.where(in_mesh, lines.fraction, 1.0) * lines.length * nominal
+    ratio = jnp.maximum(force.reshape(lines.roll.shape) / carried, _LEAST_LOAD)
+    line_stiffness = 1.0 / (1.0 / cells.line_stiffness - log_slope * jnp.log(ratio))
+    stiffness = line_stiffness * lines.fraction * lines.length
+    return dataclasses.replace(
+        cells, line_stiffness=line_stiffness, stiffness=stiffness.reshape(force.shape)
+    )
+
+
+_LEAST_LOAD = 0.01  # of the nominal line load
 
 
 def mesh_gap(
@@ -115,11 +208,31 @@ def mesh_gap(
     """
     pinion, wheel = flank_coordinates(pair, lines)
     added = flanks.pinion(*pinion) + flanks.wheel(*wheel)
+    added += _from_tooth_to_tooth(pair, lines, flanks)[:, :, None]
     angle = pair.working_pressure_angle
     apart = misalignment.inclination * jnp.sin(angle) + misalignment.deviation * jnp.cos(angle)
     apart *= jnp.cos(pair.base_helix_angle) / pair.face_width
     gap = apart * lines.face_position[None, None, :] - added
+    if lines.beyond > 0.0:
+        gap += tip_separation(pair, lines.roll)
     return gap.reshape(lines.phase.size, -1)
+
+
+def _from_tooth_to_tooth(pair: GearPair, lines: ContactLines, flanks: Flanks) -> LinePhases:
+    """What pitch errors and eccentricities add along the normal, on each line [m]."""
+    tilt = jnp.cos(pair.base_helix_angle)
+    added = jnp.zeros_like(lines.tooth, dtype=float)
+    for gear, indexing, sense in (
+        (pair.pinion, flanks.pinion_indexing, 1.0),
+        (pair.wheel, flanks.wheel_indexing, -1.0),
+    ):
+        if indexing is not None:
+            # A positive sense turns with the pinion, and pushes along the line of action.
+            turn = indexing.eccentricity_angle + 2.0 * jnp.pi * lines.phase / gear.teeth
+            push = jnp.sin(pair.working_pressure_angle + sense * turn)
+            added += indexing.pitch_error[lines.tooth % indexing.pitch_error.size]
+            added += (sense * indexing.eccentricity * tilt * push)[:, None]
+    return added
 
 
 def flank_coordinates(
@@ -137,9 +250,13 @@ def flank_coordinates(
     `profile` and `face` on the pinion, then on the wheel [-].
     """
     place = (lines.roll - pair.path_start) / pair.path_of_contact
+    wheel_place = 1.0 - place
+    if lines.beyond > 0.0:
+        # Beyond the path it is the tip's corner that touches.
+        place, wheel_place = jnp.minimum(place, 1.0), jnp.minimum(wheel_place, 1.0)
     z = jnp.broadcast_to(lines.face_position[None, None, :], place.shape)
     pinion = place, z / (0.5 * pair.pinion.face_width)
-    return pinion, (1.0 - place, z / (0.5 * pair.wheel.face_width))
+    return pinion, (wheel_place, z / (0.5 * pair.wheel.face_width))
 
 
 # Degree of the polynomial through the stiffness along the path. Where a load begins to cross
@@ -151,11 +268,11 @@ _DEGREE = 32
 def _along_path(
     pair: GearPair, compliance: AbstractCompliance, line_load: Scalar, roll: Reals
 ) -> Reals:
-    """Stiffness at many positions, from a Chebyshev interpolant over the path of contact."""
+    """Local stiffness at many positions, from a Chebyshev interpolant over the path of contact."""
     nodes = np.cos(np.pi * (np.arange(_DEGREE + 1) + 0.5) / (_DEGREE + 1))
     middle = 0.5 * (pair.path_start + pair.path_end)
     half = 0.5 * pair.path_of_contact
-    values = 1.0 / compliance(pair, middle + half * jnp.asarray(nodes), line_load)
+    values = 1.0 / compliance.local(pair, middle + half * jnp.asarray(nodes), line_load)
     transform = np.cos(np.outer(np.arange(_DEGREE + 1), np.arccos(nodes))) * 2.0 / (_DEGREE + 1)
     transform[0] *= 0.5
     coefficients = jnp.asarray(transform) @ values

@@ -1,20 +1,24 @@
 r"""Stiffness of one tooth pair along the path of contact, per length of contact line.
 
 Directions are normal to the flank. All three models are secant, and depend on the position
-along the path only: teeth are alike, and so are their slices.
+along the path only: teeth are alike, and so are their slices. A body that couples the pairs in mesh
+is kept apart from what each pair gives by itself.
 """
 
 import abc
+import dataclasses
+from typing import ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array
 
 from jaxgear._checks import require
+from jaxgear._contact._foundation import AbstractFoundation, RingFoundation, WeberFoundation
+from jaxgear._contact._ring import root_resultants
 from jaxgear._contact._tooth import (
-    AbstractFoundation,
     HertzContact,
-    WeberFoundation,
     beam_compliance,
     contact_modulus,
     penetration_compliance,
@@ -23,15 +27,60 @@ from jaxgear._contact._tooth import (
 from jaxgear._geometry._gear import Material
 from jaxgear._geometry._pair import GearPair
 from jaxgear._geometry._profile import ToothSection, tooth_section
-from jaxgear._types import Reals, Scalar, as_scalar
+from jaxgear._types import Influence, Reals, Scalar, as_scalar
+
+
+class SharedBody(eqx.Module):
+    r"""A gear body that couples the teeth in mesh.
+
+    **Fields:**
+
+    - `section`: of its teeth.
+    - `influence`: of one root on itself and on the next ones, see `AbstractFoundation` [m2/N].
+    - `roll_start`: roll length of the gear at $T_1$ [m].
+    - `roll_sign`: whether the gear's roll length grows along the path: 1 pinion, -1 wheel [-].
+    - `to_normal`: normal roll length per transverse one [-].
+    """
+
+    section: ToothSection
+    influence: Influence
+    roll_start: Scalar
+    roll_sign: int = eqx.field(static=True)
+    to_normal: Scalar
+
+    def resultants(self, roll: Reals) -> Array:
+        """Resultants N, Q, M/r_f at the root per normal line load, at places on the path [-]."""
+        own = self.roll_start + self.roll_sign * roll
+        return root_resultants(self.section, own * self.to_normal / self.section.base_radius)
+
+    def at_roots(self, ahead: int) -> Array:
+        """Motion of a root by loads at another, `ahead` lines further along the path [m2/N]."""
+        # Angles count in the sense in which the mesh pushes the tooth: a tooth further along the
+        # path lies ahead on the wheel, behind on the pinion. What turning round the ring does
+        # to a load, it does to the motion: B(-a) = B(a)^T.
+        towards = self.roll_sign * ahead
+        influence = self.influence[abs(ahead)]
+        return influence if towards >= 0 else influence.T
+
+    def compliance(self, roll: Reals) -> Reals:
+        """Give of a tooth loaded alone [m2/N]."""
+        resultants = self.resultants(roll)
+        return jnp.sum((resultants @ self.influence[0]) * resultants, axis=-1)
 
 
 class AbstractCompliance(eqx.Module):
-    """How far a tooth pair gives under a line load."""
+    """How far a tooth pair gives under a line load.
+
+    **Fields:**
+
+    - `load_updates`: how often the contact term is taken anew at the line loads found.
+    """
+
+    load_updates: eqx.AbstractVar[int]
 
     @abc.abstractmethod
-    def __call__(self, pair: GearPair, roll: Reals, line_load: Scalar) -> Reals:
-        """Evaluate the secant compliance of one tooth pair.
+    def local(self, pair: GearPair, roll: Reals, line_load: Scalar) -> Reals:
+        """Evaluate what a tooth pair gives that no other pair in mesh feels.
 
         **Arguments:**
 
@@ -44,6 +93,45 @@ class AbstractCompliance(eqx.Module):
         Deflection along the normal over line load, at each position [m2/N].
         """
 
+    @abc.abstractmethod
+    def bodies(self, pair: GearPair, neighbours: int) -> tuple[SharedBody, ...]:
+        """List the gear bodies that couple the pairs in mesh.
+
+        **Arguments:**
+
+        - `pair`: the gears.
+        - `neighbours`: how many teeth from a loaded one can be in mesh as well.
+
+        **Returns:**
+
+        Those bodies of the two that do.
+        """
+
+    @abc.abstractmethod
+    def log_slope(self, pair: GearPair) -> Scalar:
+        """Fall of the compliance per natural logarithm of the line load [m2/N].
+
+        **Arguments:**
+
+        - `pair`: the gears.
+        """
+
+    def __call__(self, pair: GearPair, roll: Reals, line_load: Scalar) -> Reals:
+        """Evaluate the secant compliance of one tooth pair, loaded alone.
+
+        **Arguments:**
+
+        - `pair`: the gears.
+        - `roll`: positions on the path of contact, from the pinion's base tangent point [m].
+        - `line_load`: load per length of contact line at which the secant is taken [N/m].
+
+        **Returns:**
+
+        Deflection along the normal over line load, at each position [m2/N].
+        """
+        shared = [body.compliance(roll) for body in self.bodies(pair, 0)]
+        return sum(shared, self.local(pair, roll, line_load))
+
 
 class WeberBanaschek(AbstractCompliance):
     """Teeth as cantilevers on their foundations, with Weber's logarithmic contact term.
@@ -52,17 +140,20 @@ class WeberBanaschek(AbstractCompliance):
 
     **Fields:**
 
-    - `pinion_foundation`: of the pinion's body.
-    - `wheel_foundation`: of the wheel's body.
+    - `pinion_foundation`: of the pinion's body; by default `RingFoundation` where the gear has a
+        bore, else `WeberFoundation`.
+    - `wheel_foundation`: of the wheel's body, likewise.
+    - `load_updates`: how often the contact term is taken anew at the line loads found, instead
+        of at the nominal one (physics A2.6).
     """
 
-    pinion_foundation: AbstractFoundation = eqx.field(default_factory=WeberFoundation)
-    wheel_foundation: AbstractFoundation = eqx.field(default_factory=WeberFoundation)
+    pinion_foundation: AbstractFoundation | None = None
+    wheel_foundation: AbstractFoundation | None = None
+    load_updates: int = eqx.field(static=True, default=0)
 
-    def __call__(self, pair: GearPair, roll: Reals, line_load: Scalar) -> Reals:
-        """Evaluate the secant compliance of one tooth pair; see the base class."""
+    def local(self, pair: GearPair, roll: Reals, line_load: Scalar) -> Reals:
+        """Evaluate what one tooth pair gives by itself; see the base class."""
         half_width = hertz_contact(pair, roll).half_width(line_load)
-        foundations = (self.pinion_foundation, self.wheel_foundation)
         gears = (pair.pinion, pair.wheel)
         sections = [tooth_section(pair, gear) for gear in gears]
         # The virtual gear keeps the normal radius of curvature, its own roll length.
@@ -79,13 +170,45 @@ class WeberBanaschek(AbstractCompliance):
             beam = beam_compliance(section, material, angle)
             return beam + penetration_compliance(material, depth, half_width)
 
-        # Both gears at once: half the program to compile.
-        both = jax.tree.map(lambda *leaves: jnp.stack(leaves), *sections)
+        # Both gears at once: half the program to compile. Their bores are not for teeth.
+        teeth = [dataclasses.replace(section, radius_ratio=None) for section in sections]
+        both = jax.tree.map(lambda *leaves: jnp.stack(leaves), *teeth)
         materials = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(g.material for g in gears))
         total = jnp.sum(jax.vmap(tooth)(both, materials, angle), axis=0)
-        for index, foundation in enumerate(foundations):
-            total += foundation(sections[index], gears[index].material, angle[index])
+        for index, foundation in enumerate(self._foundations(pair)):
+            if not foundation.couples:
+                total += foundation(sections[index], gears[index].material, angle[index])
         return total
+
+    def bodies(self, pair: GearPair, neighbours: int) -> tuple[SharedBody, ...]:
+        """List the gear bodies that couple the pairs in mesh; see the base class."""
+        found = []
+        for gear, foundation, start, sign in zip(
+            (pair.pinion, pair.wheel),
+            self._foundations(pair),
+            (jnp.zeros(()), pair.tangent_length),
+            (1, -1),
+            strict=True,
+        ):
+            section = tooth_section(pair, gear)
+            influence = foundation.influence(section, gear.material, neighbours)
+            if influence is not None:
+                to_normal = 1.0 / jnp.cos(pair.base_helix_angle)
+                found.append(SharedBody(section, influence, start, sign, to_normal))
+        return tuple(found)
+
+    def log_slope(self, pair: GearPair) -> Scalar:
+        r"""Return $1/(\pi E^*)$, for $a_H$ grows with the root of the load; see the base class."""
+        return 1.0 / (jnp.pi * contact_modulus(pair.pinion.material, pair.wheel.material))
+
+    def _foundations(self, pair: GearPair) -> tuple[AbstractFoundation, AbstractFoundation]:
+        return tuple(
+            (WeberFoundation() if gear.bore is None else RingFoundation()) if own is None else own
+            for own, gear in (
+                (self.pinion_foundation, pair.pinion),
+                (self.wheel_foundation, pair.wheel),
+            )
+        )
 
 
 class ConstantStiffness(AbstractCompliance):
@@ -100,6 +223,7 @@ class ConstantStiffness(AbstractCompliance):
     - `ValueError` unless it is positive.
     """
 
+    load_updates: ClassVar[int] = 0
     stiffness: Scalar = eqx.field(converter=as_scalar)
 
     def __check_init__(self):
@@ -109,10 +233,19 @@ class ConstantStiffness(AbstractCompliance):
             got=self.stiffness,
         )
 
-    def __call__(self, pair: GearPair, roll: Reals, line_load: Scalar) -> Reals:
+    def local(self, pair: GearPair, roll: Reals, line_load: Scalar) -> Reals:
         """Return the one compliance at each position [m2/N]."""
         del pair, line_load
         return jnp.ones_like(roll) / self.stiffness
+
+    def bodies(self, pair: GearPair, neighbours: int) -> tuple[SharedBody, ...]:
+        """Return none; see the base class."""
+        del pair, neighbours
+        return ()
+
+    def log_slope(self, pair: GearPair) -> Scalar:
+        """Return zero; see the base class."""
+        return jnp.zeros_like(pair.normal_module)
 
 
 class Iso6336(AbstractCompliance):
@@ -123,11 +256,22 @@ class Iso6336(AbstractCompliance):
     `iso_stiffness`.
     """
 
-    def __call__(self, pair: GearPair, roll: Reals, line_load: Scalar) -> Reals:
+    load_updates: ClassVar[int] = 0
+
+    def local(self, pair: GearPair, roll: Reals, line_load: Scalar) -> Reals:
         """Evaluate the secant compliance of one tooth pair; see the base class."""
         tangential = line_load * jnp.cos(pair.transverse_pressure_angle)
         per_line = iso_stiffness(pair, tangential).single / jnp.cos(pair.helix_angle)
         return jnp.ones_like(roll) / per_line
+
+    def bodies(self, pair: GearPair, neighbours: int) -> tuple[SharedBody, ...]:
+        """Return none; see the base class."""
+        del pair, neighbours
+        return ()
+
+    def log_slope(self, pair: GearPair) -> Scalar:
+        """Return zero; see the base class."""
+        return jnp.zeros_like(pair.normal_module)
 
 
 class IsoStiffness(eqx.Module):

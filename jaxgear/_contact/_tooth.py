@@ -5,7 +5,6 @@ over line load [m2/N], in plane strain. Sources: Weber & Banaschek 1953 as in Gu
 eq. 1.1-1.3, corrected and for any Poisson's ratio (physics A2.1, A2.2, A2.6).
 """
 
-import abc
 from collections.abc import Callable
 
 import equinox as eqx
@@ -140,57 +139,6 @@ def beam_compliance(section: ToothSection, material: Material, roll_angle: Reals
     inner = 12.0 * stretch * bending
     inner += (2.4 * (1.0 + poisson) + stretch * jnp.tan(load.angle) ** 2) * shear
     return jnp.cos(load.angle) ** 2 / material.young * inner
-
-
-class AbstractFoundation(eqx.Module):
-    """What the gear body lets a tooth's root move."""
-
-    @abc.abstractmethod
-    def __call__(self, section: ToothSection, material: Material, roll_angle: Reals) -> Reals:
-        """Evaluate the compliance that the foundation adds.
-
-        **Arguments:**
-
-        - `section`: the tooth.
-        - `material`: of the body.
-        - `roll_angle`: of the loaded points [rad].
-
-        **Returns:**
-
-        Compliance at each point [m2/N].
-        """
-
-
-class WeberFoundation(AbstractFoundation):
-    r"""Weber's elastic half-plane under the tooth, plane strain.
-
-    $\frac{\cos^2\alpha_p}{E}[L(u/S_f)^2 + M\,u/S_f + P(1 + Q\tan^2\alpha_p)]$ with
-    $u = Y_c - r_f$, $S_f = 2 r_f\theta_f$ and, for any Poisson's ratio, $L = 18(1-\nu^2)/\pi$,
-    $M = 2(1+\nu)(1-2\nu)$, $P = 4.8(1-\nu^2)/\pi$, $Q = (1-\nu)/2.4$; at $\nu = 0.3$ they are
-    5.214, 1.04, 1.390, 0.292, which Weber rounds to 5.2, 1, 1.4, 0.294. The wind-up of the body
-    that neighbouring teeth share is not in it.
-    """
-
-    def __call__(self, section: ToothSection, material: Material, roll_angle: Reals) -> Reals:
-        """Evaluate the compliance that the foundation adds; see the base class."""
-        load = tooth_load(section, roll_angle)
-        root_chord = 2.0 * section.root_radius * section.root_half_angle
-        slender = (load.height - section.root_radius) / root_chord
-        poisson = material.poisson
-        stretch = (1.0 - poisson**2) / jnp.pi
-        inner = 18.0 * stretch * slender**2
-        inner += 2.0 * (1.0 + poisson) * (1.0 - 2.0 * poisson) * slender
-        inner += 4.8 * stretch * (1.0 + (1.0 - poisson) / 2.4 * jnp.tan(load.angle) ** 2)
-        return jnp.cos(load.angle) ** 2 / material.young * inner
-
-
-class NoFoundation(AbstractFoundation):
-    """A root that does not move, or a body whose finite elements already let it."""
-
-    def __call__(self, section: ToothSection, material: Material, roll_angle: Reals) -> Reals:
-        """Return zero at each point [m2/N]."""
-        del section, material
-        return jnp.zeros_like(roll_angle)
 
 
 class HertzContact(eqx.Module):

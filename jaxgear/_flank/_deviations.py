@@ -8,7 +8,8 @@ dimensionless coordinates of the gear that carries it, so extents are fractions:
   in roll length; one unit is the path of contact $\varepsilon_\alpha p_{bt}$.
 - `face`: -1 at the left (-Z) end of this gear's face, 0 at mid-face, 1 at the right end.
 
-Beyond 0..1 and -1..1 the laws go on smoothly. Sources: physics A1.7b, thesis figs. III-5, IV-9.
+Beyond 0..1 and -1..1 the laws go on smoothly, unless said. Reliefs, crowning: physics A1.7b,
+thesis figs. III-5, IV-9. Slopes, barrelling and twist are named as in ISO 21771-1.
 """
 
 import abc
@@ -17,6 +18,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from jaxgear._checks import require
+from jaxgear._flank._indexing import Indexing
 from jaxgear._types import Reals, Scalar, as_scalar
 
 
@@ -119,6 +121,59 @@ class RootRelief(AbstractFlankDeviation):
         return _relief(profile, self.depth, self.extent, self.exponent)
 
 
+class ProfileCrowning(AbstractFlankDeviation):
+    """Parabolic crowning along the profile: barrelling.
+
+    **Fields:**
+
+    - `depth`: material removed at the start of active profile and at the tip [m].
+    """
+
+    depth: Scalar = eqx.field(converter=as_scalar)
+
+    def __call__(self, profile: Reals, face: Reals) -> Reals:
+        """Evaluate the deviation [m]; see the base class."""
+        del face
+        return -self.depth * (2.0 * profile - 1.0) ** 2
+
+
+class ProfileSlope(AbstractFlankDeviation):
+    """A profile that is straight but inclined: another pressure angle.
+
+    **Fields:**
+
+    - `amount`: material added at the tip relative to the start of active profile [m]; at the
+        middle of the path there is none.
+    """
+
+    amount: Scalar = eqx.field(converter=as_scalar)
+
+    def __call__(self, profile: Reals, face: Reals) -> Reals:
+        """Evaluate the deviation [m]; see the base class."""
+        del face
+        return self.amount * (profile - 0.5)
+
+
+class ProfileWaviness(AbstractFlankDeviation):
+    """A form deviation of the profile: one sine, the same across the face.
+
+    **Fields:**
+
+    - `amplitude`: from the mean to a peak, half of the peak-to-peak [m].
+    - `waves`: periods between start of active profile and tip [-]; the mean is zero if whole.
+    - `phase`: at the start of active profile [rad].
+    """
+
+    amplitude: Scalar = eqx.field(converter=as_scalar)
+    waves: Scalar = eqx.field(converter=as_scalar)
+    phase: Scalar = eqx.field(converter=as_scalar, default=0.0)
+
+    def __call__(self, profile: Reals, face: Reals) -> Reals:
+        """Evaluate the deviation [m]; see the base class."""
+        del face
+        return self.amplitude * jnp.sin(2.0 * jnp.pi * self.waves * profile + self.phase)
+
+
 class Crowning(AbstractFlankDeviation):
     """Parabolic crowning across the face.
 
@@ -133,6 +188,30 @@ class Crowning(AbstractFlankDeviation):
         """Evaluate the deviation [m]; see the base class."""
         del profile
         return -self.depth * face**2
+
+
+class EllipticalCrowning(AbstractFlankDeviation):
+    r"""Crowning across the face along half an ellipse: flat in the middle, steep at the ends.
+
+    $-d\,(1 - \sqrt{1 - z^2})$ with $z$ the place across the face: the semi-axes are half the face
+    width and the depth. At the ends the ellipse is as steep as a wall; there and beyond,
+    the depth is constant and the slope zero. Crowning that is partly parabolic is the sum of
+    this and `Crowning` in `Superposed`; a class of its own would only repeat that sum.
+
+    **Fields:**
+
+    - `depth`: material removed at both ends of the face [m].
+    """
+
+    depth: Scalar = eqx.field(converter=as_scalar)
+
+    def __call__(self, profile: Reals, face: Reals) -> Reals:
+        """Evaluate the deviation [m]; see the base class."""
+        del profile
+        inside = 1.0 - face**2
+        # The root of zero has no slope to multiply by a zero, so it must not be taken at all.
+        root = jnp.where(inside > 0.0, jnp.sqrt(jnp.where(inside > 0.0, inside, 1.0)), 0.0)
+        return -self.depth * (1.0 - root)
 
 
 class EndRelief(AbstractFlankDeviation):
@@ -191,6 +270,26 @@ class HelixSlope(AbstractFlankDeviation):
         return 0.5 * self.amount * face
 
 
+class Bias(AbstractFlankDeviation):
+    r"""Twist: a profile slope that changes across the face, bilinear, without slope or mean.
+
+    $\tfrac12 S\,(p - \tfrac12)\,z$ with $p$ the place on the profile, $z$ the one across the face.
+    The same $S$ is the profile slope at the right end less that at the left end, and the helix
+    slope at the tip less that at the start of active profile.
+
+    **Fields:**
+
+    - `amount`: $S$ [m]. If positive, the tip's right corner and the opposite one have
+        $S/4$ of material added, the other two as much removed.
+    """
+
+    amount: Scalar = eqx.field(converter=as_scalar)
+
+    def __call__(self, profile: Reals, face: Reals) -> Reals:
+        """Evaluate the deviation [m]; see the base class."""
+        return 0.5 * self.amount * (profile - 0.5) * face
+
+
 class Superposed(AbstractFlankDeviation):
     """The sum of several deviations of one flank. Without parts, the nominal involute.
 
@@ -216,7 +315,11 @@ class Flanks(eqx.Module):
 
     - `pinion`: deviations of the pinion's teeth.
     - `wheel`: deviations of the wheel's teeth.
+    - `pinion_indexing`: how the pinion's teeth differ from each other, or `None` if alike.
+    - `wheel_indexing`: the same for the wheel's teeth.
     """
 
     pinion: AbstractFlankDeviation = eqx.field(default_factory=Superposed)
     wheel: AbstractFlankDeviation = eqx.field(default_factory=Superposed)
+    pinion_indexing: Indexing | None = None
+    wheel_indexing: Indexing | None = None

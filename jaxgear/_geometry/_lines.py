@@ -16,10 +16,12 @@ fraction of it that is in contact. Two choices make the fractions differentiable
   overlap of the path with the parallelogram that the slice sweeps.
 """
 
+import dataclasses
 import math
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 
 from jaxgear._checks import require
 from jaxgear._geometry._pair import (
@@ -28,7 +30,7 @@ from jaxgear._geometry._pair import (
     pair_facts,
     profile_contact_ratio,
 )
-from jaxgear._types import Flag, LineGrid, Phases, Reals, Scalar, Slices
+from jaxgear._types import Flag, LineGrid, LineNumbers, Phases, Reals, Scalar, Slices
 
 
 class MeshGrid(eqx.Module):
@@ -41,6 +43,8 @@ class MeshGrid(eqx.Module):
     - `lines`: contact lines kept at each phase.
     - `first_line`: index of the line furthest ahead of entry, -1 for spur gears.
     - `entry_phases`: phases between a pair's entry and the exit of the pair ahead.
+    - `periods`: mesh periods in one cycle.
+    - `beyond`: how far contact is looked for beyond either end of the path [base pitches].
     """
 
     phases: int = eqx.field(static=True)
@@ -48,6 +52,8 @@ class MeshGrid(eqx.Module):
     lines: int = eqx.field(static=True)
     first_line: int = eqx.field(static=True)
     entry_phases: int = eqx.field(static=True)
+    periods: int = eqx.field(static=True, default=1)
+    beyond: float = eqx.field(static=True, default=0.0)
 
     @property
     def cells(self) -> int:
@@ -56,7 +62,13 @@ class MeshGrid(eqx.Module):
 
 
 def mesh_grid(
-    pair: GearPair, *, phases: int = 64, slices: int = 20, margin: float = 0.05
+    pair: GearPair,
+    *,
+    phases: int = 64,
+    slices: int = 20,
+    periods: int = 1,
+    tip_contact: bool = False,
+    margin: float = 0.05,
 ) -> MeshGrid:
     """Choose the grid for a pair. Call it outside of `jit`, on concrete gears.
 
@@ -65,6 +77,8 @@ def mesh_grid(
     - `pair`: the gears.
     - `phases`: positions in one mesh period, at least 8.
     - `slices`: slices across the face, at least 1.
+    - `periods`: mesh periods in one cycle; pitch errors and eccentricities need several.
+    - `tip_contact`: whether tip corners may touch beyond the ends of the path.
     - `margin`: by how much the contact ratios may grow, in traced copies of this pair, before
         contact at the ends of the path is lost from the grid [-].
 
@@ -78,8 +92,10 @@ def mesh_grid(
     """
     require(phases >= 8, "A mesh period needs at least 8 phases, got {got}.", got=phases)
     require(slices >= 1, "The face needs at least 1 slice, got {got}.", got=slices)
+    require(periods >= 1, "A cycle has at least 1 mesh period, got {got}.", got=periods)
     facts = pair_facts(pair)
-    profile = float(facts["profile_contact_ratio"])
+    beyond = _TIP_CONTACT if tip_contact else 0.0
+    profile = float(facts["profile_contact_ratio"]) + 2.0 * beyond
     overlap = float(facts["overlap_ratio"])
     half_overlap = 0.5 * overlap
     require(
@@ -103,7 +119,13 @@ def mesh_grid(
         lines=last + ahead + 1,
         first_line=-ahead,
         entry_phases=min(max(share, fewest), phases - fewest),
+        periods=periods,
+        beyond=beyond,
     )
+
+
+# Nominal flanks are further apart there than teeth bend [base pitches].
+_TIP_CONTACT = 0.25
 
 
 class ContactLines(eqx.Module):
@@ -111,26 +133,30 @@ class ContactLines(eqx.Module):
 
     **Fields:**
 
-    - `phase`: $\tau$, the position in the mesh period [-].
-    - `weight`: share of the mesh period that each phase stands for; sums to 1 [-].
+    - `phase`: $\tau$, the position in the cycle, in mesh periods [-].
+    - `weight`: share of the cycle that each phase stands for; sums to 1 [-].
+    - `tooth`: number of the tooth pair on each line, in the order of entry; 0 enters at phase 0.
     - `roll`: place on the path of contact of each slice's middle, from $T_1$ [m].
     - `face_position`: $z$ of each slice's middle, from mid-face [m].
     - `fraction`: part of each slice that is in contact, 0 to 1 [-].
     - `length`: length of a slice along its contact line [m].
     - `complete`: whether the grid holds every line that is in contact.
+    - `beyond`: how far contact is looked for beyond either end of the path [base pitches].
     """
 
     phase: Phases
     weight: Phases
+    tooth: LineNumbers
     roll: LineGrid
     face_position: Slices
     fraction: LineGrid
     length: Scalar
     complete: Flag
+    beyond: float = eqx.field(static=True, default=0.0)
 
 
 def contact_lines(pair: GearPair, grid: MeshGrid) -> ContactLines:
-    """Place the slices of all contact lines over one mesh period.
+    """Place the slices of all contact lines over one cycle.
 
     **Arguments:**
 
@@ -142,9 +168,10 @@ def contact_lines(pair: GearPair, grid: MeshGrid) -> ContactLines:
     Positions and active fractions. Look at `complete` if the pair has outgrown its grid.
     """
     pitch = pair.transverse_base_pitch
-    ratio = profile_contact_ratio(pair)
+    # Where tip corners may touch, the path is longer at both ends, and phases start earlier.
+    ratio = profile_contact_ratio(pair) + 2.0 * grid.beyond
     edges = _phase_edges(ratio, grid)
-    phase = 0.5 * (edges[:-1] + edges[1:])
+    phase = 0.5 * (edges[:-1] + edges[1:]) - grid.beyond
     line = jnp.arange(grid.lines, dtype=float) + grid.first_line
     position = (jnp.arange(grid.slices, dtype=float) + 0.5) / grid.slices - 0.5
     face_position = position * pair.face_width
@@ -158,14 +185,45 @@ def contact_lines(pair: GearPair, grid: MeshGrid) -> ContactLines:
         ratio,
         stretch=overlap_ratio(pair) / grid.slices,
     )
-    return ContactLines(
+    # The pair on line i entered i mesh periods ago.
+    tooth = -jnp.arange(grid.first_line, grid.first_line + grid.lines)
+    lines = ContactLines(
         phase=phase,
         weight=edges[1:] - edges[:-1],
+        tooth=jnp.broadcast_to(tooth, (grid.phases, grid.lines)),
         roll=pair.path_start + (phase[:, None, None] + place) * pitch,
         face_position=face_position,
         fraction=fraction,
         length=pair.face_width / (grid.slices * jnp.cos(pair.base_helix_angle)),
         complete=(ratio + half_overlap <= last + 1.0) & (half_overlap <= -grid.first_line),
+        beyond=grid.beyond,
+    )
+    return repeated_lines(lines, grid.periods)
+
+
+def repeated_lines(lines: ContactLines, periods: int) -> ContactLines:
+    """Lines of one mesh period, repeated over a cycle of several, with the next teeth in each.
+
+    **Arguments:**
+
+    - `lines`: of one mesh period.
+    - `periods`: of the cycle.
+
+    **Returns:**
+
+    The lines of the cycle.
+    """
+    if periods == 1:
+        return lines
+    again = lambda x: jnp.concatenate([x] * periods)
+    period = np.repeat(np.arange(periods), lines.phase.size)
+    return dataclasses.replace(
+        lines,
+        phase=again(lines.phase) + jnp.asarray(period, dtype=float),
+        weight=again(lines.weight) / periods,
+        tooth=again(lines.tooth) + jnp.asarray(period)[:, None],
+        roll=again(lines.roll),
+        fraction=again(lines.fraction),
     )
 
 

@@ -24,6 +24,7 @@ class ToothSection(eqx.Module):
     - `profile_shift`: $x$ [-].
     - `dedendum`: $h^*_{fP}$ [-].
     - `fillet_radius`: $\rho^*_{fP}$ of the rack's tip [-].
+    - `radius_ratio`: root circle over bore of the body under it, or `None` without a bore [-].
     """
 
     teeth: Scalar
@@ -32,6 +33,7 @@ class ToothSection(eqx.Module):
     profile_shift: Scalar
     dedendum: Scalar
     fillet_radius: Scalar
+    radius_ratio: Scalar | None = None
 
     @property
     def _rack_tip_land(self) -> Scalar:
@@ -131,8 +133,13 @@ def tooth_section(pair: GearPair, gear: Gear) -> ToothSection:
 
     **Returns:**
 
-    The tooth in its normal section.
+    The tooth in its normal section, on a body with the gear's own ratio of root circle to bore.
     """
+    ratio = None
+    if gear.bore is not None:
+        reference = 0.5 * pair.transverse_module * gear.teeth
+        root = reference - pair.normal_module * (gear.dedendum - gear.profile_shift)
+        ratio = 2.0 * root / gear.bore
     spread = jnp.cos(pair.base_helix_angle) ** 2 * jnp.cos(pair.helix_angle)
     return ToothSection(
         teeth=gear.teeth / spread,
@@ -141,4 +148,5 @@ def tooth_section(pair: GearPair, gear: Gear) -> ToothSection:
         profile_shift=gear.profile_shift,
         dedendum=gear.dedendum,
         fillet_radius=gear.fillet_radius,
+        radius_ratio=ratio,
     )

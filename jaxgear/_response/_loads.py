@@ -4,9 +4,11 @@ Line load and pressure belong to slices whose middle lies on the path of contact
 is less than half in contact carries force, but has no place on the flank.
 """
 
+import jax
 import jax.numpy as jnp
 
 from jaxgear._contact._compliance import hertz_contact
+from jaxgear._contact._coupling import share_with_body
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._solve._cycle import MeshCycle
@@ -14,9 +16,15 @@ from jaxgear._types import LineGrid, LinePhases, Phases
 
 
 def mesh_stiffness(cycle: MeshCycle) -> Phases:
-    """Sum of the stiffnesses of the cells in contact at each phase [N/m], along the normal."""
-    closed = cycle.overlap > 0.0
-    return jnp.sum(jnp.where(closed, cycle.cells.stiffness, 0.0), axis=1)
+    """Force per approach of the cells in contact at each phase [N/m], along the normal.
+
+    Sum of their stiffnesses or, where bodies couple them, the stiffness of all together.
+    """
+    closed = jnp.where(cycle.overlap > 0.0, cycle.cells.stiffness, 0.0)
+    if cycle.cells.coupling is None:
+        return jnp.sum(closed, axis=1)
+    shared = jax.vmap(share_with_body)(cycle.cells.coupling, closed, closed[:, :, None])
+    return jnp.sum(shared, axis=(1, 2))
 
 
 def line_load(cycle: MeshCycle, law: AbstractContactLaw) -> LineGrid:

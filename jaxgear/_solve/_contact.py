@@ -1,32 +1,36 @@
 r"""Contact of many cells through a few mesh coordinates, at one position.
 
-Unknown are the driven approach $t$ and the loads $g$ on $p$ mesh coordinates. The coordinates are
-$q = e\,t - H g$: driven along $e$, less what the structure of flexibility $H$ gives way.
-Cell $c$ overlaps by $\Delta_c = W_c q - \delta_c$ and presses with $f_c = k_c\,\sigma(\Delta_c)$.
-The state is
+Unknown are the driven approach $t$ and the cell forces $f$. The mesh coordinates are
+$q = e\,t - H W^T f$: driven along $e$, less what the structure of flexibility $H$ gives way. Cell
+$c$ overlaps by $\Delta = W q - C f - \delta$, where $C$ couples the lines of a slice through the
+bodies under the teeth, and presses with $f_c = k_c\,\sigma(\Delta_c)$. With $e^T W^T f = F$ the
+state is the minimum of the convex energy
+$\tfrac12 f^T(C + W H W^T) f - F t + \sum_c k_c \int\sigma$ (physics A8.2), so it is unique. $H$ and
+$C$ may be singular (bodies that only turn: $H = 0$) and are never inverted.
 
-$$W^T f = g, \qquad e^T g = F,$$
-
-the minimum of the convex energy $\tfrac12 g^T H g - F t + \sum_c k_c \int\sigma$ (physics A8.2), so
-it is unique. $H$ may be singular (bodies that only turn: $H = 0$) and is never inverted.
-
-Rigid gears have $p = 2$. Cells that are coupled through a dense compliance $C$ are the same
-problem with $p$ = number of cells, $W$ the identity and $C$ added to $H$.
+Rigid gears have two mesh coordinates. Cells that are all coupled are the same problem with as many
+coordinates as cells, $W$ the identity and their compliance in $H$.
 """
+
+from collections.abc import Callable
 
 import equinox as eqx
 import jax
-import jax.flatten_util
 import jax.numpy as jnp
+import jax.scipy.linalg
 import numpy as np
 from jaxtyping import Array
 
+from jaxgear._contact._coupling import body_yield, share_with_body
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._types import (
     CellArms,
+    CellColumns,
     Cells,
+    CoordinateColumns,
     CoordinateMatrix,
     Coordinates,
+    Coupling,
     Flag,
     Scalar,
 )
@@ -41,8 +45,9 @@ class ContactProblem(eqx.Module):
     - `gap`: of each cell before loading [m].
     - `arms`: $W$, overlap of each cell per mesh coordinate [-, m].
     - `flexibility`: $H$ of the mesh coordinates [m/N, 1/N, 1/(N m)].
-    - `direction`: $e$, mesh coordinates per driven approach [-].
+    - `direction`: $e$, mesh coordinates per driven approach; it moves every cell [-].
     - `force`: $F$, the load that drives the approach [N].
+    - `coupling`: $C$ between the lines of each slice, or `None` [m/N].
     """
 
     stiffness: Cells
@@ -51,6 +56,7 @@ class ContactProblem(eqx.Module):
     flexibility: CoordinateMatrix
     direction: Coordinates
     force: Scalar
+    coupling: Coupling | None = None
 
 
 class ContactState(eqx.Module):
@@ -59,7 +65,7 @@ class ContactState(eqx.Module):
     **Fields:**
 
     - `approach`: the driven approach $t$ [m].
-    - `load`: $g$, resultants of the cell forces on the mesh coordinates [N, N m].
+    - `load`: $W^T f$, resultants of the cell forces on the mesh coordinates [N, N m].
     - `overlap`: of each cell, negative where it is open [m].
     - `force`: of each cell along the normal [N].
     - `converged`: whether the forces balance to the tolerance.
@@ -88,7 +94,7 @@ class SolverSettings(eqx.Module):
     most_steps: int = eqx.field(static=True, default=200)
 
 
-Unknown = tuple[Scalar, Coordinates]
+Unknown = tuple[Scalar, Cells]
 
 
 def contact_state(
@@ -119,56 +125,73 @@ def contact_state(
         return _newton(problem, law, start, settings)
 
     def solve_tangent(linear, right: Unknown) -> Unknown:
-        return _solve_linear(linear, right)
+        # Driving alone shows the cells' tangent stiffness at the solution.
+        driven = linear((jnp.ones(()), jnp.zeros_like(problem.gap)))[1]
+        moved = _at_cells(problem.arms, problem.direction)
+        return _solve_linear(problem, -driven / moved, right)
 
-    (approach, load), (error, steps) = jax.lax.custom_root(
+    (approach, force), (error, steps) = jax.lax.custom_root(
         imbalance, _start(problem), solve, solve_tangent, has_aux=True
     )
-    overlap = _overlap(problem, (approach, load))
+    overlap = _overlap(problem, (approach, force))
     return ContactState(
         approach=approach,
-        load=load,
+        load=_on_coordinates(problem.arms, force),
         overlap=overlap,
-        force=problem.stiffness * law.compression(overlap),
+        force=force,
         converged=error <= settings.tolerance,
         steps=steps.astype(int),
     )
 
 
-def _overlap(problem: ContactProblem, unknown: Unknown) -> Cells:
-    """Overlap of each cell [m]."""
-    approach, load = unknown
-    place = problem.direction * approach - problem.flexibility @ load
-    return _at_cells(problem.arms, place) - problem.gap
-
-
 # Up to this many mesh coordinates, sums are written out: a batch of tiny matrix products
 # costs many times its arithmetic.
-_FEW = 2
+_FEW = 8
 
 
 def _at_cells(arms: CellArms, place: Coordinates) -> Cells:
     """W q."""
     if place.size > _FEW:
         return arms @ place
-    total = arms[:, 0] * place[0]
-    for i in range(1, place.size):
-        total += arms[:, i] * place[i]
-    return total
+    return jnp.sum(arms * place[None, :], axis=1)
 
 
 def _on_coordinates(arms: CellArms, force: Cells) -> Coordinates:
     """W^T f."""
     if arms.shape[1] > _FEW:
         return arms.T @ force
-    return jnp.stack([jnp.sum(arms[:, i] * force) for i in range(arms.shape[1])])
+    return jnp.sum(arms * force[:, None], axis=0)
 
 
-def _tangent_stiffness(arms: CellArms, stiffness: Cells) -> CoordinateMatrix:
-    """W^T k W."""
+def _on_coordinates_all(arms: CellArms, columns: CellColumns) -> CoordinateColumns:
+    """W^T of several columns."""
     if arms.shape[1] > _FEW:
-        return arms.T @ (stiffness[:, None] * arms)
-    return jnp.stack([_on_coordinates(arms, stiffness * arms[:, i]) for i in range(arms.shape[1])])
+        return arms.T @ columns
+    return jnp.sum(arms[:, :, None] * columns[:, None, :], axis=0)
+
+
+def _yield(problem: ContactProblem, load: Coordinates) -> Coordinates:
+    """H g."""
+    return jnp.sum(problem.flexibility * load[None, :], axis=1)
+
+
+def _place(problem: ContactProblem, unknown: Unknown) -> Cells:
+    """Where structure and drive have brought each cell [m]."""
+    load = _on_coordinates(problem.arms, unknown[1])
+    return _at_cells(problem.arms, problem.direction * unknown[0] - _yield(problem, load))
+
+
+def _overlap(problem: ContactProblem, unknown: Unknown) -> Cells:
+    """Overlap of each cell [m]."""
+    overlap = _place(problem, unknown) - problem.gap
+    if problem.coupling is None:
+        return overlap
+    return overlap - body_yield(problem.coupling, unknown[1])
+
+
+def _driving(problem: ContactProblem, force: Cells) -> Scalar:
+    """Force on the driven approach, e^T W^T f [N]."""
+    return jnp.sum(problem.direction * _on_coordinates(problem.arms, force))
 
 
 def _imbalance(
@@ -177,51 +200,67 @@ def _imbalance(
     """What is missing from both balances, with the overlaps and the cells' tangent stiffness."""
     overlap = _overlap(problem, unknown)
     compression, slope = jax.jvp(law.compression, (overlap,), (jnp.ones_like(overlap),))
-    load = _on_coordinates(problem.arms, problem.stiffness * compression)
-    driving = problem.direction @ unknown[1] - problem.force
-    return (driving, unknown[1] - load), overlap, problem.stiffness * slope
+    driving = _driving(problem, unknown[1]) - problem.force
+    missing = driving, unknown[1] - problem.stiffness * compression
+    return missing, overlap, problem.stiffness * slope
 
 
-def _newton_step(problem: ContactProblem, tangent: CoordinateMatrix, missing: Unknown) -> Unknown:
-    """Solve the linearised balances: (I + S H) dg - S e dt = -r, e^T dg = -r_0."""
-    direction = problem.direction
-    count = direction.size
-    yielding = jnp.eye(count) + tangent @ problem.flexibility
-    driven, answer = _solve_small(yielding, (tangent @ direction, -missing[1]))
-    step = (-missing[0] - direction @ answer) / (direction @ driven)
-    return step, answer + driven * step
+def _shared(problem: ContactProblem, tangent: Cells, columns: CellColumns) -> CellColumns:
+    """(I + K C)^-1 of several columns."""
+    if problem.coupling is None:
+        return columns
+    return share_with_body(problem.coupling, tangent, columns)
 
 
-def _solve_small(
-    matrix: CoordinateMatrix, right: tuple[Coordinates, Coordinates]
-) -> tuple[Coordinates, Coordinates]:
-    """Solve a system of order 1, 2 or more for two right-hand sides."""
-    if right[0].size > _FEW:
-        both = jnp.linalg.solve(matrix, jnp.stack(right, axis=1))
-        return both[:, 0], both[:, 1]
-    if right[0].size == 1:
-        return right[0] / matrix[0, 0], right[1] / matrix[0, 0]
+def _solve_linear(problem: ContactProblem, tangent: Cells, right: Unknown) -> Unknown:
+    """Solve the linearised balances for the step in drive and forces.
+
+    They read e^T W^T df = r_0 and df + K (C + W H W^T) df - K W e dt = r. Slices are solved
+    first, then the few mesh coordinates that tie them, then the drive.
+    """
+    arms, direction = problem.arms, problem.direction
+    # Apart from the right-hand side, in which all is linear and is kept so for transposing.
+    structure = _shared(problem, tangent, tangent[:, None] * arms)
+    stiffness = _on_coordinates_all(arms, structure)
+    free = _shared(problem, tangent, right[1][:, None])[:, 0]
+    # With dg = W^T df: (I + S H) dg = W^T r' + S e dt.
+    yielding = _small_solver(jnp.eye(direction.size) + stiffness @ problem.flexibility)
+    driven = yielding(jnp.sum(stiffness * direction[None, :], axis=1))
+    answer = yielding(_on_coordinates(arms, free))
+    step = (right[0] - jnp.sum(direction * answer)) / jnp.sum(direction * driven)
+    place = direction * step - _yield(problem, answer + driven * step)
+    return step, free + _at_cells(structure, place)
+
+
+def _small_solver(matrix: CoordinateMatrix) -> Callable[[Coordinates], Coordinates]:
+    """Solve systems with one matrix, of order 1, 2 or more."""
+    if matrix.shape[0] == 1:
+        return lambda right: right / matrix[0, 0]
+    if matrix.shape[0] > 2:
+        factors = jax.scipy.linalg.lu_factor(matrix)
+        return lambda right: jax.scipy.linalg.lu_solve(factors, right)
     (a, b), (c, d) = matrix
     determinant = a * d - b * c
-    return tuple(jnp.stack([d * r[0] - b * r[1], a * r[1] - c * r[0]]) / determinant for r in right)
+    return lambda r: jnp.stack([d * r[0] - b * r[1], a * r[1] - c * r[0]]) / determinant
 
 
 def _start(problem: ContactProblem) -> Unknown:
     """The state with every cell closed, pulling ones too: never short of contact."""
-    tangent = _tangent_stiffness(problem.arms, problem.stiffness)
-    load = _on_coordinates(problem.arms, -problem.stiffness * problem.gap)
-    missing = (-problem.force, -load)
-    return _newton_step(problem, tangent, missing)
+    right = problem.force, -problem.stiffness * problem.gap
+    return _solve_linear(problem, problem.stiffness, right)
 
 
 def _energy(
     problem: ContactProblem, law: AbstractContactLaw, unknown: Unknown, overlap: Cells
 ) -> Scalar:
     """The energy that the state minimises [J]."""
-    approach, load = unknown
+    approach, force = unknown
+    load = _on_coordinates(problem.arms, force)
+    bodies = jnp.sum(load * _yield(problem, load))
+    if problem.coupling is not None:
+        bodies += jnp.sum(force * body_yield(problem.coupling, force))
     contact = jnp.sum(problem.stiffness * law.energy(overlap))
-    bodies = 0.5 * load @ (problem.flexibility @ load)
-    return contact + bodies - problem.force * approach
+    return contact + 0.5 * bodies - problem.force * approach
 
 
 # Relative error of an overlap, a few units in the last place of its terms.
@@ -233,9 +272,9 @@ class _NewtonState(eqx.Module):
 
     **Fields:**
 
-    - `best`: point of least energy so far [m, N, N m].
+    - `best`: point of least energy so far [m, N].
     - `energy`: there [J].
-    - `trial`: point to examine next [m, N, N m].
+    - `trial`: point to examine next [m, N].
     - `error`: imbalance at `best` over the driving force [-].
     - `steps`: taken [-].
     """
@@ -255,24 +294,20 @@ def _newton(
     Also returns the relative imbalance before that step, and the number of steps: as reals,
     for `custom_root` differentiates what comes with its root.
     """
-    everything = _tangent_stiffness(problem.arms, problem.stiffness)
-    # Loads of all kinds, as forces: a moment over the radius of gyration of the cells.
-    own = jnp.diagonal(everything)
-    along = problem.direction @ everything @ problem.direction
-    scale = jnp.sqrt(jnp.maximum(own, 1e-6 * jnp.max(own)) / along)
+    total = jnp.sum(problem.stiffness)
 
     def examine(trial: Unknown) -> tuple[Scalar, Unknown, Scalar]:
         """Energy at a trial, the Newton point from it, and its relative imbalance."""
-        missing, overlap, tangent_cells = _imbalance(problem, law, trial)
-        tangent = _tangent_stiffness(problem.arms, tangent_cells)
+        missing, overlap, tangent = _imbalance(problem, law, trial)
         # Where the trial has lost all contact, every cell pulls it back.
-        lost = jnp.sum(tangent_cells) <= 0.0
-        tangent = jnp.where(lost, everything, tangent)
-        step = _newton_step(problem, tangent, missing)
-        size = jnp.abs(missing[0]) + jnp.sum(jnp.abs(missing[1]) / scale)
+        tangent = jnp.where(jnp.sum(tangent) <= 0.0, problem.stiffness, tangent)
+        step = _solve_linear(problem, tangent, (-missing[0], -missing[1]))
+        size = jnp.abs(missing[0]) + jnp.sum(jnp.abs(missing[1]))
         # Bodies far softer than the cells move far: overlaps are then differences of large numbers.
-        rounding = _ROUNDING * along * jnp.max(jnp.abs(overlap + problem.gap))
-        size = jnp.where(size <= rounding, 0.0, size)
+        reach = jnp.abs(overlap + problem.gap)
+        if problem.coupling is not None:
+            reach = jnp.maximum(reach, jnp.abs(_place(problem, trial)))
+        size = jnp.where(size <= _ROUNDING * total * jnp.max(reach), 0.0, size)
         point = (trial[0] + step[0], trial[1] + step[1])
         return _energy(problem, law, trial, overlap), point, size / problem.force
 
@@ -299,12 +334,3 @@ def _newton(
     last = jax.lax.while_loop(unfinished, body, first)
     # `trial` is one Newton step beyond the point whose imbalance met the tolerance.
     return last.trial, (last.error, last.steps)
-
-
-def _solve_linear(linear, right: Unknown) -> Unknown:
-    """Solve `linear(x) = right` for the few unknowns, by its matrix."""
-    flat, unravel = jax.flatten_util.ravel_pytree(right)
-    matrix = jax.vmap(lambda x: jax.flatten_util.ravel_pytree(linear(unravel(x)))[0])(
-        jnp.eye(flat.size)
-    ).T
-    return unravel(jnp.linalg.solve(matrix, flat))

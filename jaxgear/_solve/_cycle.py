@@ -2,12 +2,18 @@
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 
 from jaxgear._checks import require_float64
-from jaxgear._contact._cells import MeshCells, mesh_cells, mesh_gap, nominal_line_load
+from jaxgear._contact._cells import (
+    MeshCells,
+    at_line_loads,
+    mesh_cells,
+    mesh_gap,
+    nominal_line_load,
+)
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
-from jaxgear._interface._wrench import cell_arms
 from jaxgear._solve._contact import ContactProblem, ContactState, SolverSettings, contact_state
 from jaxgear._system._model import PairModel
 from jaxgear._system._pair_system import PairSystem, pair_system
@@ -17,6 +23,7 @@ from jaxgear._types import (
     Cells,
     CoordinateGrid,
     Counts,
+    Coupling,
     Flags,
     Phases,
 )
@@ -74,7 +81,9 @@ def quasi_static(
     require_float64()
     flexibility = system.mesh_flexibility
 
-    def at_phase(stiffness: Cells, gap: Cells, arms: CellArms) -> ContactState:
+    def at_phase(
+        stiffness: Cells, gap: Cells, arms: CellArms, coupling: Coupling | None
+    ) -> ContactState:
         problem = ContactProblem(
             stiffness=stiffness,
             gap=gap,
@@ -82,10 +91,13 @@ def quasi_static(
             flexibility=flexibility,
             direction=system.direction,
             force=system.force,
+            coupling=coupling,
         )
         return contact_state(problem, law, settings)
 
-    state = jax.vmap(at_phase)(cells.stiffness, gap, cell_arms(cells.arm))
+    arms = system.arms(cells)
+    gap = gap - jnp.sum(arms * system.mesh_offset[None, None, :], axis=-1)
+    state = jax.vmap(at_phase)(cells.stiffness, gap, arms, cells.coupling)
     return MeshCycle(
         cells=cells,
         approach=state.approach,
@@ -160,7 +172,15 @@ def prepare_mesh(model: PairModel, grid: MeshGrid) -> PreparedMesh:
     pair = model.pair
     load = nominal_line_load(pair, model.torque)
     return PreparedMesh(
-        system=pair_system(pair, model.torque, model.pinion_support, model.wheel_support),
+        system=pair_system(
+            pair,
+            model.torque,
+            model.pinion_support,
+            model.wheel_support,
+            pinion_body=model.pinion_body,
+            wheel_body=model.wheel_body,
+            housing=model.housing,
+        ),
         cells=mesh_cells(pair, grid, model.compliance, load),
     )
 
@@ -191,7 +211,13 @@ def corrected_cycle(
     """
     cells = prepared.cells
     gap = mesh_gap(model.pair, cells.lines, model.flanks, model.misalignment)
-    return quasi_static(prepared.system, cells, gap, law=law, settings=settings)
+    cycle = quasi_static(prepared.system, cells, gap, law=law, settings=settings)
+    for _ in range(model.compliance.load_updates):
+        softening = model.compliance.log_slope(model.pair)
+        nominal = nominal_line_load(model.pair, model.torque)
+        loaded = at_line_loads(cells, cycle.force, nominal, softening)
+        cycle = quasi_static(prepared.system, loaded, gap, law=law, settings=settings)
+    return cycle
 
 
 _UNSOLVED = (

@@ -6,28 +6,36 @@ from jaxgear._contact._cells import Misalignment
 from jaxgear._contact._compliance import AbstractCompliance, WeberBanaschek
 from jaxgear._flank._deviations import Flanks
 from jaxgear._geometry._pair import GearPair
-from jaxgear._system._pair_system import Support
+from jaxgear._system._shaft import BeamBody, Shaft
+from jaxgear._system._structure import Housing, RigidBody
+from jaxgear._system._support import Support
 from jaxgear._types import Scalar, as_scalar
 
 
 class PairModel(eqx.Module):
-    """Two rigid gears with real flanks, under a torque. Every real number is differentiable.
+    """Two gears with real flanks, under a torque. Every real number is differentiable.
 
     **Fields:**
 
     - `pair`: nominal geometry.
-    - `torque`: on the pinion, positive [N m].
+    - `torque`: of the drive on the pinion's shaft, positive [N m].
     - `flanks`: deviations from the nominal flanks.
     - `compliance`: of one tooth pair.
-    - `pinion_support`: springs at the pinion's centre.
-    - `wheel_support`: springs at the wheel's centre.
+    - `pinion_support`: the pinion's shaft on bearings, or springs at its centre.
+    - `wheel_support`: the same of the wheel.
     - `misalignment`: of the two axes.
+    - `pinion_body`: rigid, or a beam; `None` is a rigid disc.
+    - `wheel_body`: the same of the wheel.
+    - `housing`: behind the bearings; `None` is rigid.
     """
 
     pair: GearPair
     torque: Scalar = eqx.field(converter=as_scalar)
     flanks: Flanks = eqx.field(default_factory=Flanks)
     compliance: AbstractCompliance = eqx.field(default_factory=WeberBanaschek)
-    pinion_support: Support = eqx.field(default_factory=Support)
-    wheel_support: Support = eqx.field(default_factory=Support)
+    pinion_support: Support | Shaft = eqx.field(default_factory=Support)
+    wheel_support: Support | Shaft = eqx.field(default_factory=Support)
     misalignment: Misalignment = eqx.field(default_factory=Misalignment)
+    pinion_body: RigidBody | BeamBody | None = None
+    wheel_body: RigidBody | BeamBody | None = None
+    housing: Housing | None = None

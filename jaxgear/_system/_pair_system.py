@@ -1,113 +1,118 @@
-r"""Two rigid gears, turning and, where they are supported, yielding at their centres.
+r"""Two gears on their mounts, as the mesh sees them.
 
-The wheel holds its rotation, the pinion is driven by a torque. Every other motion is
-linear elastic, so what the bodies contribute to the mesh is a flexibility of the mesh coordinates.
+The drive turns the pinion, the wheel holds its rotation. Every other motion is linear elastic, so
+what bodies, shafts and bearings contribute to the mesh is a flexibility of its few coordinates, and
+what loads from outside do to it an offset of them.
 """
 
 import equinox as eqx
 import jax.numpy as jnp
 
 from jaxgear._checks import require
+from jaxgear._contact._cells import MeshCells
 from jaxgear._geometry._pair import GearPair
-from jaxgear._interface._wrench import structure_vectors
+from jaxgear._interface._wrench import beam_arms, cell_arms, structure_vectors
+from jaxgear._system._mesh_vectors import beam_vectors
+from jaxgear._system._shaft import BeamBody, Shaft
+from jaxgear._system._structure import (
+    Housing,
+    RigidBody,
+    StaticFlexibility,
+    Structure,
+    assemble_structure,
+    driving_torque,
+    solid_disc,
+    static_flexibility,
+)
+from jaxgear._system._support import Support
 from jaxgear._types import (
+    CellArmGrid,
     CoordinateGrid,
     CoordinateMatrix,
     Coordinates,
     DofCoordinates,
     DofGrid,
-    Dofs,
     Scalar,
-    as_optional_scalar,
     as_scalar,
 )
 
 
-class Support(eqx.Module):
-    """Linear springs at a gear's centre; `None` is a rigid direction.
-
-    **Fields:**
-
-    - `radial_s`: stiffness along S, from pinion to wheel [N/m].
-    - `radial_t`: stiffness along T [N/m].
-    - `axial`: stiffness along the axis [N/m].
-    - `tilt`: stiffness about S and about T [N m/rad].
-
-    **Raises:**
-
-    - `ValueError` unless every stiffness is positive.
-    """
-
-    radial_s: Scalar | None = eqx.field(converter=as_optional_scalar, default=None)
-    radial_t: Scalar | None = eqx.field(converter=as_optional_scalar, default=None)
-    axial: Scalar | None = eqx.field(converter=as_optional_scalar, default=None)
-    tilt: Scalar | None = eqx.field(converter=as_optional_scalar, default=None)
-
-    def __check_init__(self):
-        for name in ("radial_s", "radial_t", "axial", "tilt"):
-            stiffness = getattr(self, name)
-            require(
-                stiffness is None or stiffness > 0.0,
-                "`Support." + name + "` must be positive, got {got}. Use `None` for a rigid one.",
-                got=stiffness,
-            )
-
-    @property
-    def flexibility(self) -> Dofs:
-        """Motion per load in S, T, Z and about them, none about Z itself [m/N, rad/(N m)]."""
-        order = (self.radial_s, self.radial_t, self.axial, self.tilt, self.tilt, None)
-        return jnp.stack([jnp.zeros(()) if k is None else 1.0 / k for k in order])
-
-
 class PairSystem(eqx.Module):
-    r"""A pair of rigid bodies as the mesh sees it.
+    r"""A pair on its mounts.
 
     **Fields:**
 
-    - `vectors`: approach and tilt per motion of the bodies, from `structure_vectors` [-, 1/m].
-    - `flexibility`: motion of each degree of freedom under its own load [m/N, rad/(N m)].
+    - `pair`: the gears.
+    - `vectors`: $V$, mesh coordinates per motion of the gears' nodes [-, 1/m].
+    - `structure`: bodies, shafts, bearings.
+    - `statics`: how the structure gives to mesh loads.
     - `direction`: mesh coordinates per approach by rotation [-].
     - `force`: normal mesh force that balances the torque, $C_1/(r_{b1}\cos\beta_b)$ [N].
+    - `bends`: whether a gear body bends, and the mesh has seven coordinates instead of two.
     """
 
+    pair: GearPair
     vectors: DofCoordinates
-    flexibility: Dofs
+    structure: Structure
+    statics: StaticFlexibility
     direction: Coordinates
     force: Scalar
+    bends: bool = eqx.field(static=True, default=False)
 
     @property
     def mesh_flexibility(self) -> CoordinateMatrix:
-        """Mesh coordinates that the bodies give up per mesh load [m/N, 1/N, 1/(N m)]."""
-        return self.vectors.T @ (self.flexibility[:, None] * self.vectors)
+        """Mesh coordinates that the structure gives up per mesh load [m/N, 1/N, 1/(N m)]."""
+        return self.statics.mesh_flexibility
 
-    def displacement(self, load: CoordinateGrid) -> DofGrid:
-        """Motion of the bodies under mesh loads, apart from the driving rotation.
+    @property
+    def mesh_offset(self) -> Coordinates:
+        """Mesh coordinates under the loads from outside alone [m, rad]."""
+        return self.statics.mesh_offset
+
+    def arms(self, cells: MeshCells) -> CellArmGrid:
+        """Approach of each cell per mesh coordinate [-, m].
 
         **Arguments:**
 
-        - `load`: resultant [N] and moment [N m] of the cell forces at each phase.
+        - `cells`: in mesh.
+        """
+        return beam_arms(self.pair, cells.lines) if self.bends else cell_arms(cells.arm)
+
+    def displacement(self, load: CoordinateGrid) -> DofGrid:
+        """Motion of the structure under mesh loads, apart from the driving rotation.
+
+        **Arguments:**
+
+        - `load`: resultants of the cell forces on the mesh coordinates at each phase.
 
         **Returns:**
 
-        Motion of each degree of freedom at each phase [m, rad].
+        Motion of each degree of freedom of `structure` at each phase [m, rad].
         """
-        return -(load @ self.vectors.T) * self.flexibility[None, :]
+        return self.statics.offset[None, :] - load @ self.statics.response.T
 
 
 def pair_system(
     pair: GearPair,
     torque: Scalar,
-    pinion_support: Support = Support(),
-    wheel_support: Support = Support(),
+    pinion_support: Support | Shaft = Support(),
+    wheel_support: Support | Shaft = Support(),
+    *,
+    pinion_body: RigidBody | BeamBody | None = None,
+    wheel_body: RigidBody | BeamBody | None = None,
+    housing: Housing | None = None,
 ) -> PairSystem:
-    """Assemble two rigid gears under a torque.
+    """Assemble two gears under a torque.
 
     **Arguments:**
 
     - `pair`: the gears.
-    - `torque`: on the pinion, positive; reacted at the wheel [N m].
-    - `pinion_support`: springs at its centre; by default it only turns.
-    - `wheel_support`: springs at its centre; by default it only turns.
+    - `torque`: of the drive on the pinion's shaft, positive; reacted at the wheel's [N m].
+    - `pinion_support`: its shaft on bearings, or springs at its centre; by default it only turns.
+    - `wheel_support`: the same of the wheel.
+    - `pinion_body`: rigid, or a beam; by default a rigid disc from bore to root circle.
+    - `wheel_body`: the same of the wheel.
+    - `housing`: behind the bearings, or `None`: rigid.
 
     **Returns:**
 
@@ -115,7 +120,7 @@ def pair_system(
 
     **Raises:**
 
-    - `ValueError` unless the torque is positive.
+    - `ValueError` unless the torque on the mesh is positive, or if a shaft is free to move.
     """
     torque = as_scalar(torque)
     require(
@@ -124,9 +129,46 @@ def pair_system(
         "contact state exists. To load the other flanks, change the sign of the helix angle.",
         got=torque,
     )
+    on_mesh = driving_torque(pinion_support, torque)
+    require(
+        on_mesh > 0.0,
+        "The couples about Z on the pinion's shaft leave {got:.6g} N m of the torque to the mesh, "
+        "which must be positive: the pinion drives.",
+        got=on_mesh,
+    )
+    bodies = [
+        _disc(pair, index) if body is None else body
+        for index, body in enumerate((pinion_body, wheel_body))
+    ]
+    structure = assemble_structure(
+        pinion_support,
+        wheel_support,
+        *bodies,
+        torque=torque,
+        ratio=pair.teeth[1] / pair.teeth[0],
+        housing=housing,
+    )
+    bends = any(isinstance(body, BeamBody) for body in bodies)
+    vectors = (
+        beam_vectors(pair, (pinion_support, wheel_support), bodies)
+        if bends
+        else structure_vectors(pair)
+    )
     return PairSystem(
-        vectors=structure_vectors(pair),
-        flexibility=jnp.concatenate([pinion_support.flexibility, wheel_support.flexibility]),
-        direction=jnp.asarray([1.0, 0.0]),
-        force=torque / (pair.base_radius[0] * jnp.cos(pair.base_helix_angle)),
+        pair=pair,
+        vectors=vectors,
+        structure=structure,
+        statics=static_flexibility(structure, vectors),
+        direction=jnp.eye(vectors.shape[1])[0],
+        force=on_mesh / (pair.base_radius[0] * jnp.cos(pair.base_helix_angle)),
+        bends=bends,
+    )
+
+
+def _disc(pair: GearPair, index: int) -> RigidBody:
+    """A gear's body where nothing is said of it."""
+    gear = (pair.pinion, pair.wheel)[index]
+    bore = jnp.zeros(()) if gear.bore is None else gear.bore
+    return solid_disc(
+        2.0 * pair.root_radius[index], bore, gear.face_width, gear.material.density
     )

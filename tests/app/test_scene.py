@@ -117,15 +117,64 @@ radial_S_N_m = 1e9
 radial_T_N_m = 2e9
 """
 
-_NOT_MODELLED_YET = """\
+# A shaft for each gear, errors, sizing: rows and entries that have paths of their own.
+_SHAFTS = """\
 [pinion.shaft]
 gear_at_mm = 55.0
-segments = [ { length_mm = 80.0, outer_mm = 30.0, inner_mm = 16.0 } ]
+segments = [ { length_mm = 60.0, outer_mm = 30.0, inner_mm = 16.0 },   # the seat
+             { length_mm = 20, outer_mm = 28 } ]
 bearings = [ { at_mm = 0.0,  radial_N_m = 1.04e9, axial_N_m = 1.0e8, tilt_Nm_rad = 1.0e4 },
-             { at_mm = 80.0, radial_S_N_m = 1.04e9, radial_T_N_m = 1.0e9 } ]
+             { at_mm = 80.0, radial_S_N_m = 1.04e9, radial_T_N_m = 1e9, tilt_T_Nm_rad = 0 } ]
 torque_at_mm = 0.0
 shear_coeff = 0.9
-loads = [ { at_mm = 1.0, force_N = [1.0, 0.0, 0.0], moment_Nm = [0.0, 0.0, 0.0] } ]
+loads = [ { at_mm = 1.0, force_N = [1.0, 0.0, 0.0] } ]   # a belt
+[pinion.body]
+kind = "beam"
+[wheel.shaft]
+gear_at_mm = 10
+[[wheel.shaft.segments]]
+length_mm = 20
+outer_mm = 40   # thick
+[[wheel.shaft.bearings]]
+at_mm = 10
+radial_N_m = 1e9
+[housing]
+stiffness_csv = "housing.csv"
+[flank.pinion]
+profile_slope_um = -1
+profile_crowning_um = 2
+elliptical_crowning_um = 1
+bias_um = -3
+profile_deviation_csv = "profile.csv"
+topography_csv = "topography.csv"
+accuracy_grade = 5
+accuracy_waves = 4
+accuracy_slopes = true
+eccentricity_um = 2.0
+eccentricity_angle_deg = 90
+[flank.wheel]
+pitch_error_um = [ PITCH
+    0, 1 ]   # measured
+[mesh]
+periods = 45
+line_load_updates = 1
+tip_contact = true
+[optimise]
+vary = ["pinion.shaft.bearings[0].radial_N_m", "flank.wheel.pitch_error_um[85]"]
+minimise = { face_load_factor = 1 }
+[optimise.bounds]
+"pinion.shaft.bearings[0].radial_N_m" = [1e8, 1e10]
+"flank.wheel.pitch_error_um[85]" = [-5, 5]
+"pinion.shaft.loads[0].force_N[1]" = [-1, 1]
+[sizing]
+torques_Nm = [40, 80]
+symmetric = false
+[sizing.amounts]
+"flank.pinion.tip_relief.depth_um" = [0, 5, 10]
+flank.wheel.crowning_um = [2]
+""".replace("PITCH", "0, " * 84)
+
+_NOT_MODELLED_YET = """\
 [wheel.body]
 kind = "condensed"
 web = { hub_outer_mm = 40, web_thickness_mm = 4, rim_inner_mm = 118, web_offset_mm = 0, web_angle_deg = 0, holes = 6, hole_diameter_mm = 18, hole_circle_mm = 80 }
@@ -134,15 +183,8 @@ superelement = "wheel.nc"
 interface = "herting"
 modes = 50
 young_GPa = 4e5
-[flank.wheel]
-profile_deviation_csv = "profile.csv"
-pitch_error_um = [0.0, 1.0]
-eccentricity_um = 2.0
 [model]
 fidelity = "auto"
-[mesh]
-periods = 45
-foundation = "ring"
 [optimise]
 vary = ["flank.pinion.crowning_um"]
 minimise = "dynamic_ratio"
@@ -220,34 +262,178 @@ def test_the_contract_is_read_as_written(write):
     assert not scene.has_table("wheel.material")
 
 
+def test_rows_and_entries_have_paths(write):
+    path = write(_LEAST + _SHAFTS)
+    scene = read_scene(path)
+    assert scene["pinion.shaft.bearings[1].radial_T_N_m"] == 1e9
+    assert scene["pinion.shaft.segments[0].inner_mm"] == 16.0
+    assert scene["pinion.shaft.segments[1].inner_mm"] == 0.0
+    assert scene["pinion.shaft.loads[0].moment_Nm"] == [0.0, 0.0, 0.0]
+    assert scene["pinion.shaft.loads[0].force_N[0]"] == 1.0
+    assert scene.get("flank.wheel.pitch_error_um[85]") == 1.0
+    assert scene.get("flank.wheel.pitch_error_um[86]", "none") == "none"
+    assert scene.rows("pinion.shaft.bearings") == tuple(
+        f"pinion.shaft.bearings[{row}]" for row in range(2)
+    )
+    assert (scene.rows("wheel.shaft.loads"), scene.rows("wheel.shaft")) == ((), ())
+    assert scene["optimise.bounds.flank.wheel.pitch_error_um[85]"] == [-5.0, 5.0]
+    assert scene["sizing.amounts.flank.pinion.tip_relief.depth_um"] == [0.0, 5.0, 10.0]
+    assert scene["sizing.amounts.flank.wheel.crowning_um"] == [2.0]
+    lines = {
+        "pinion.shaft.bearings[1].at_mm": 6,
+        "wheel.shaft.segments[0].outer_mm": 16,
+        "flank.wheel.pitch_error_um": 35,
+        "flank.wheel.pitch_error_um[83]": 35,
+        "flank.wheel.pitch_error_um[85]": 36,
+        "optimise.bounds.flank.wheel.pitch_error_um[85]": 46,
+    }
+    assert {key: scene.where(key) for key in lines} == {
+        key: f"{path}:{_END + line}" for key, line in lines.items()
+    }
+    assert scene.where("pinion.shaft.loads[0].moment_Nm[2]") == f"{path} (default)"
+
+
+@pytest.mark.parametrize(
+    ("added", "pinion", "wheel"),
+    [
+        ("", "weber", "weber"),
+        ("[pinion]\nbore_mm = 30\n[wheel]\nbore_mm = 0\n", None, "weber"),
+        ('[pinion]\nfoundation = "none"\n[wheel]\nbore_mm = 9\n', "none", None),
+        ('[pinion]\nbore_mm = 9\n[mesh]\nfoundation = "weber"\n', None, None),
+    ],
+)
+def test_a_gear_without_a_bore_falls_back_on_weber(write, added, pinion, wheel):
+    text = _LEAST
+    for table in ("[pinion]\n", "[wheel]\n"):
+        # The rows of the added table go into the one that is there.
+        _, found, rest = added.partition(table)
+        line = rest.partition("\n")[0]
+        text = text.replace(table, f"{table}{line}\n") if found else text
+        added = added.replace(f"{table}{line}\n", "") if found else added
+    scene = read_scene(write(text + added))
+    assert scene["mesh.foundation"] == ("weber" if "[mesh]" in added else "ring")
+    assert scene.get("pinion.foundation") == pinion
+    assert scene.get("wheel.foundation") == wheel
+    assert "(default)" in scene.where("wheel.foundation")
+
+
+def test_a_foundation_asked_for_needs_a_bore(write):
+    text = _LEAST.replace("[wheel]", 'foundation = "none"\n[wheel]') + '[mesh]\nfoundation = "ring"'
+    ((line, path, message),) = _mistakes(write(text))
+    assert (line - _END, path) == (3, "mesh.foundation")
+    assert "give wheel.bore_mm a value > 0" in message
+    read_scene(write(text.replace("[wheel]", "[wheel]\nbore_mm = 20")))
+
+
+def test_a_beam_falls_back_on_weber_unless_told_otherwise(write):
+    least = _LEAST.replace("[pinion]\n", "[pinion]\nbore_mm = 20\n")
+    assert read_scene(write(least + _SHAFTS))["pinion.foundation"] == "weber"
+    asked = least.replace("[pinion]\n", '[pinion]\nfoundation = "sainsot"\n')
+    assert read_scene(write(asked + _SHAFTS))["pinion.foundation"] == "sainsot"
+
+
 def test_what_is_not_modelled_is_told_from_what_is_unknown(write):
     mistakes = _mistakes(write(_LEAST + _NOT_MODELLED_YET))
     assert all("belongs to the scene format, but this version" in text for _, _, text in mistakes)
     assert [(line - _END, path) for line, path, _ in mistakes] == [
-        (1, "pinion.shaft"),
-        (10, "wheel.body.kind"),
-        (11, "wheel.body.web"),
-        (12, "wheel.body.grid"),
-        (13, "wheel.body.superelement"),
-        (14, "wheel.body.interface"),
-        (15, "wheel.body.modes"),
-        (16, "wheel.body.young_GPa"),
-        (18, "flank.wheel.profile_deviation_csv"),
-        (19, "flank.wheel.pitch_error_um"),
-        (20, "flank.wheel.eccentricity_um"),
-        (22, "model.fidelity"),
-        (24, "mesh.periods"),
-        (25, "mesh.foundation"),
-        (28, "optimise.minimise"),
+        (2, "wheel.body.kind"),
+        (3, "wheel.body.web"),
+        (4, "wheel.body.grid"),
+        (5, "wheel.body.superelement"),
+        (6, "wheel.body.interface"),
+        (7, "wheel.body.modes"),
+        (8, "wheel.body.young_GPa"),
+        (10, "model.fidelity"),
+        (13, "optimise.minimise"),
     ]
 
 
 def test_a_typing_error_inside_a_refused_table_is_still_found(write):
-    shaft = "[pinion.shaft]\nbearings = [ { at_mm = 0.0 },\n  { radail_N_m = 1.0 } ]\n"
-    ((first, table, _), (line, path, message)) = _mistakes(write(_LEAST + shaft))
-    assert (first - _END, table) == (1, "pinion.shaft")
-    assert (line - _END, path) == (3, "pinion.shaft.bearings[1].radail_N_m")
-    assert "did you mean pinion.shaft.bearings[].radial_N_m?" in message
+    web = "[pinion.body.web]\nholes = 6\nhole_circel_mm = 1.0\n"
+    ((first, table, _), (line, path, message)) = _mistakes(write(_LEAST + web))
+    assert (first - _END, table) == (1, "pinion.body.web")
+    assert (line - _END, path) == (3, "pinion.body.web.hole_circel_mm")
+    assert "did you mean pinion.body.web.hole_circle_mm?" in message
+
+
+_SHAFT = "[wheel.shaft]\ngear_at_mm = 5\n"
+_SEGMENTS = "segments = [{ length_mm = 7, outer_mm = 9 },\n{ length_mm = 3, outer_mm = 9 }]\n"
+_BEARINGS = "bearings = [{ at_mm = 10 }]\n"
+_GOOD_SHAFT = _SHAFT + _SEGMENTS + _BEARINGS
+
+
+@pytest.mark.parametrize(
+    ("added", "line", "path", "message"),
+    [
+        (_SHAFT + _BEARINGS, 1, "segments", "is missing: a shaft needs at least one row"),
+        (_SHAFT + _SEGMENTS, 1, "bearings", "is missing: a shaft needs at least one row"),
+        (_SHAFT + _SEGMENTS + "bearings = []", 5, "bearings", "is missing: a shaft needs"),
+        ("[wheel.shaft]\n" + _SEGMENTS + _BEARINGS, 1, "gear_at_mm", "is missing: position of"),
+        (_GOOD_SHAFT.replace("= 5", "= 10.1"), 2, "gear_at_mm", "add up to 10"),
+        (_GOOD_SHAFT + "torque_at_mm = 11", 6, "torque_at_mm", "got 11.0, which is beyond the end"),
+        (_GOOD_SHAFT + "loads = [{ at_mm = 11 }]", 6, "loads[0].at_mm", "got 11.0, which is bey"),
+        (_GOOD_SHAFT.replace("= 10 }", "= 12 }"), 5, "bearings[0].at_mm", "add up to 10"),
+        (
+            _GOOD_SHAFT.replace("outer_mm = 9 }]", "outer_mm = 9, inner_mm = 9 }]"),
+            4,
+            "segments[1].inner_mm",
+            "got 9.0, must be less than outer_mm, 9.0",
+        ),
+        (
+            _GOOD_SHAFT.replace("= 10 }", "= 10, radial_N_m = 1, radial_S_N_m = 1 }"),
+            5,
+            "bearings[0].radial_N_m",
+            "excludes radial_S_N_m. Keep one way",
+        ),
+        (
+            _GOOD_SHAFT.replace(
+                "= 10 }", "= 10, tilt_S_Nm_rad = 1, tilt_T_Nm_rad = 1, tilt_Nm_rad = 1 }"
+            ),
+            5,
+            "bearings[0].tilt_Nm_rad",
+            "excludes tilt_S_Nm_rad and tilt_T_Nm_rad. Keep one way",
+        ),
+        (_GOOD_SHAFT.replace("at_mm = 10", ""), 5, "bearings[0].at_mm", "is missing: position"),
+        (_GOOD_SHAFT.replace("length_mm = 3, ", ""), 4, "segments[1].length_mm", "is missing"),
+        (_GOOD_SHAFT.replace("= 3,", "= 0,"), 4, "segments[1].length_mm", "must be a number > 0"),
+        (
+            _GOOD_SHAFT.replace("{ at_mm", "\n{ at_mn = 1, at_mm"),
+            6,
+            "bearings[0].at_mn",
+            "did you mean wheel.shaft.bearings[].at_mm?",
+        ),
+        (_SHAFT + _SEGMENTS + "bearings = 3", 5, "bearings", "must be a list of tables with at_mm"),
+        (
+            _GOOD_SHAFT + "loads = [{ at_mm = 0, moment_Nm = [1, 2] }]",
+            6,
+            "loads[0].moment_Nm",
+            "must be a list of 3 numbers [N m]",
+        ),
+    ],
+)
+def test_one_mistake_of_a_shaft_is_reported_alone(write, added, line, path, message):
+    ((found_line, found_path, text),) = _mistakes(write(_LEAST + added + "\n"))
+    assert (found_line - _END, found_path) == (line, f"wheel.shaft.{path}")
+    assert message in text
+
+
+def test_the_end_of_a_shaft_is_still_on_it(write):
+    segments = ", ".join(["{ length_mm = 0.1, outer_mm = 9 }"] * 3)
+    shaft = f"[wheel.shaft]\ngear_at_mm = {0.1 + 0.2}\nsegments = [{segments}]\n"
+    read_scene(write(f"{_LEAST}{shaft}bearings = [{{ at_mm = 0.3 }}]\n"))
+
+
+def test_all_mistakes_of_shafts_are_reported_at_once(write):
+    text = _SHAFTS.replace("outer_mm = 28", "outer_mm = -28").replace("1 ]   #", "1, 0 ] #")
+    text = text.replace("[housing]", "[wheel.support]").replace("stiffness_csv", "axial_N_mm")
+    text = text.replace("_mm = 80.0, rad", "_mm = 81.0, rad")
+    assert [path for _, path, _ in _mistakes(write(_LEAST + text))] == [
+        "pinion.shaft.segments[1].outer_mm",
+        "pinion.shaft.bearings[1].at_mm",
+        "wheel.support",
+        "wheel.support.axial_N_mm",
+        "flank.wheel.pitch_error_um",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -301,6 +487,38 @@ def test_a_typing_error_inside_a_refused_table_is_still_found(write):
             "wheel.support.radial_N_m",
             "excludes radial_S_N_m",
         ),
+        (
+            _GOOD_SHAFT + "[wheel.support]\naxial_N_m = 1e9",
+            6,
+            "wheel.support",
+            "excludes wheel.shaft, whose bearings hold the gear",
+        ),
+        ('[wheel.body]\nkind = "beam"', 2, "wheel.body.kind", "there is no [wheel.shaft]"),
+        (
+            'foundation = "sainsot"',
+            1,
+            "wheel.foundation",
+            'give wheel.bore_mm a value > 0, or write wheel.foundation = "weber"',
+        ),
+        (
+            "[flank.wheel]\npitch_error_um = [1, 2]",
+            2,
+            "flank.wheel.pitch_error_um",
+            "got 2 values, must be 1 or 86, one for each of wheel.teeth",
+        ),
+        ("[housing]\nstifness_csv = 1", 2, "housing.stifness_csv", "mean housing.stiffness_csv?"),
+        (
+            '[sizing.amounts]\n"flank.wheel.bias_mm" = [1]',
+            2,
+            "sizing.amounts.flank.wheel.bias_mm",
+            "did you mean sizing.amounts.flank.wheel.bias_um?",
+        ),
+        (
+            "[sizing.amounts]\nflank.wheel.tip_relief.extent = [0.2, 1.5]",
+            2,
+            "sizing.amounts.flank.wheel.tip_relief.extent",
+            "a fraction of the path of contact",
+        ),
         ('[damping]\nkind = "rayleigh"\na_R_1_s = 1.0', 1, "damping.b_R_s", "is missing"),
         ("[sweep]", 1, "sweep.pinion_speed_rad_s", "is missing"),
         ("[sweep]\npinion_speed_rad_s = []", 2, "sweep.pinion_speed_rad_s", "got [], must be a"),
@@ -338,6 +556,57 @@ def test_a_typing_error_inside_a_refused_table_is_still_found(write):
             2,
             "optimise.vary[0]",
             "has no value to start from",
+        ),
+        (
+            _GOOD_SHAFT + '[optimise]\nvary = ["wheel.shaft.bearings[1].axial_N_m"]',
+            7,
+            "optimise.vary[0]",
+            "names number 1 of wheel.shaft.bearings, which has 1, counted from 0",
+        ),
+        (
+            _GOOD_SHAFT + '[optimise]\nvary = ["wheel.shaft.bearings[0].axial_N_m"]',
+            7,
+            "optimise.vary[0]",
+            "has no value to start from",
+        ),
+        (
+            _GOOD_SHAFT + '[optimise]\nvary = ["wheel.shaft.bearings.at_mm"]',
+            7,
+            "optimise.vary[0]",
+            'did you mean "wheel.shaft.bearings[0].at_mm"?',
+        ),
+        (
+            '[optimise]\nvary = ["flank.pinion.pitch_error_um[3]"]',
+            2,
+            "optimise.vary[0]",
+            "names number 3 of flank.pinion.pitch_error_um, which has 1",
+        ),
+        (
+            '[optimise]\nvary = ["flank.pinion.pitch_error_um"]',
+            2,
+            "optimise.vary[0]",
+            'did you mean "flank.pinion.pitch_error_um[0]"?',
+        ),
+        (
+            _GOOD_SHAFT + '[optimise]\nvary = ["wheel.shaft.bearings[0].at_mm"]\n'
+            '[optimise.bounds]\n"wheel.shaft.bearings[0].at_mm" = [0, 9]',
+            9,
+            "optimise.bounds.wheel.shaft.bearings[0].at_mm",
+            "must contain the starting value 10.0 of wheel.shaft.bearings[0].at_mm",
+        ),
+        (
+            '[optimise]\nvary = ["pair.module_mm"]\n[optimise.bounds]\n'
+            '"wheel.shaft.loads[0].at_mm" = [0, 1]',
+            4,
+            "optimise.bounds.wheel.shaft.loads[0].at_mm",
+            "names number 0 of wheel.shaft.loads, which has 0",
+        ),
+        (
+            '[optimise]\nvary = ["pair.module_mm"]\n[optimise.bounds]\n'
+            '"wheel.shaft.loads[].at_mm" = [0, 1]',
+            4,
+            "optimise.bounds.wheel.shaft.loads[].at_mm",
+            "did you mean optimise.bounds.wheel.shaft.loads[0].at_mm?",
         ),
         (
             '[optimise]\nvary = ["pair.module_mm"]\nminimise = {}',
@@ -552,7 +821,7 @@ vary = [
 
 
 def test_positions_in_arrays_of_tables():
-    text = "[[a.b]]\nx = 1\n[[a.b]]\nx = [\n1,\n{ y = 2 }]\n[a.b.c]\nz = 1\n"
+    text = "[[a.b]]\nx = 1\n[[a.b]]\nx = [\n1,\n{ y = 2 }] # c\n[a.b.c]\nz = 1\n"
     assert _scene._positions(text) == {
         "a": 1,
         "a.b": 1,
@@ -601,6 +870,77 @@ def test_set_changes_a_key_and_is_where_it_came_from(write, override, key, value
     assert scene.overridden() == {key: value}
     assert scene.where("wheel.teeth") == f"{path}:9"
     assert scene.where("cite") == f"{path} (default)"
+
+
+_PITCH = [0.0] * 85 + [1.0]
+
+
+@pytest.mark.parametrize(
+    ("override", "changed"),
+    [
+        ("pinion.shaft.bearings[0].radial_N_m=2e9", {"pinion.shaft.bearings[0].radial_N_m": 2e9}),
+        ("wheel.shaft.bearings[0].axial_N_m = 1", {"wheel.shaft.bearings[0].axial_N_m": 1.0}),
+        ("wheel.shaft.segments[ 0 ].'outer_mm'=9", {"wheel.shaft.segments[0].outer_mm": 9.0}),
+        ("flank.wheel.pitch_error_um[3]=-2", {"flank.wheel.pitch_error_um[3]": -2.0}),
+        ("flank.pinion.pitch_error_um[0]=4", {"flank.pinion.pitch_error_um[0]": 4.0}),
+        (
+            "pinion.shaft.loads[0].moment_Nm[1]=7",
+            {"pinion.shaft.loads[0].moment_Nm[1]": 7.0},
+        ),
+        (f"flank.wheel.pitch_error_um={_PITCH}", {"flank.wheel.pitch_error_um": _PITCH}),
+        (
+            "optimise.bounds.pinion.shaft.bearings[0].radial_N_m=[1, 2e9]",
+            {"optimise.bounds.pinion.shaft.bearings[0].radial_N_m": [1.0, 2e9]},
+        ),
+        (
+            'optimise.bounds."flank.wheel.pitch_error_um[85]"=[0, 2]',
+            {"optimise.bounds.flank.wheel.pitch_error_um[85]": [0.0, 2.0]},
+        ),
+        (
+            "sizing.amounts.flank.pinion.tip_relief.depth_um=[1]",
+            {"sizing.amounts.flank.pinion.tip_relief.depth_um": [1.0]},
+        ),
+        (
+            "pinion.shaft.segments[1]={ length_mm = 30, outer_mm = 20 }",
+            {"pinion.shaft.segments[1]": {"length_mm": 30.0, "outer_mm": 20.0, "inner_mm": 0.0}},
+        ),
+        (
+            "wheel.shaft.bearings=[{ at_mm = 0 }, { at_mm = 9, tilt_Nm_rad = 1 }]",
+            {"wheel.shaft.bearings": [{"at_mm": 0.0}, {"at_mm": 9.0, "tilt_Nm_rad": 1.0}]},
+        ),
+        (
+            "pinion.shaft.loads=[]",
+            {"pinion.shaft.loads": []},
+        ),
+    ],
+)
+def test_set_of_rows_and_entries_is_kept_when_rewriting(write, tmp_path, override, changed):
+    text = _LEAST + _SHAFTS.replace('"pinion.shaft.loads[0].force_N[1]" = [-1, 1]', "")
+    path = write(text)
+    scene = read_scene(path, [override])
+    assert scene.overridden() == changed
+    assert {scene.where(key) for key in changed} <= {f"--set {override}", f"{path} (default)"}
+    rewrite_scene(path, scene.overridden(), tmp_path / "new.toml")
+    after = read_scene(tmp_path / "new.toml")
+    assert {**after.values, "name": "scene"} == dict(scene.values)
+    assert (tmp_path / "new.toml").read_text().count("# ") == text.count("# ")
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("pinion.shaft.bearings[2].at_mm=1", "cannot be set: bearings has 2 entries, counted from"),
+        ("flank.wheel.pitch_error_um[86]=1", "cannot be set: pitch_error_um has 86 entries"),
+        ("flank.pinion.pitch_error_um[1]=1", "cannot be set: there is no list pitch_error_um"),
+        ("pinion[0].teeth=1", "cannot be set: there is no list pinion"),
+        ("pinion.shaft.bearings[0]at_mm=1", "must be key=value"),
+        ("[0]=1", "must be key=value"),
+    ],
+)
+def test_a_bad_index_names_the_argument(write, override, message):
+    ((where, _, text),) = _mistakes(write(_LEAST + _SHAFTS), [override])
+    assert where == f"--set {override}"
+    assert message in text
 
 
 def test_the_later_set_wins(write):
@@ -674,14 +1014,15 @@ def test_ready_scenes_round_trip(tmp_path, name):
 
 
 @pytest.mark.parametrize(
-    "text", [_LEAST, _CONTRACT, _LEAST + "[map]\n[sweep]\npinion_speed_rad_s=[1,2]"]
+    "text",
+    [_LEAST, _CONTRACT, _LEAST + _SHAFTS, _LEAST + "[map]\n[sweep]\npinion_speed_rad_s=[1,2]"],
 )
 def test_round_trip_keeps_values_and_requests(write, tmp_path, text):
     scene = read_scene(write(text))
     write_scene(scene, tmp_path / "copy.toml")
     copy = read_scene(tmp_path / "copy.toml")
     assert copy.values == scene.values
-    for table in ("sweep", "map", "optimise", "damping", "model"):
+    for table in ("sweep", "map", "optimise", "damping", "model", "sizing", "wheel.shaft"):
         assert copy.has_table(table) == scene.has_table(table)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["copy.toml", "scene.toml"]
 
@@ -703,6 +1044,84 @@ def test_replace_checks_nothing_and_leaves_the_scene_alone(write):
     assert "pinion.support.axial_N_m" not in scene.values
     with pytest.raises(TypeError):
         scene.values["pair.module_mm"] = 3.0  # pyright: ignore[reportIndexIssue]
+
+
+def test_replace_of_an_entry_leaves_the_others_alone(write):
+    scene = read_scene(write(_LEAST + _SHAFTS))
+    changed = scene.replace(
+        {"flank.wheel.pitch_error_um[3]": 2.0, "pinion.shaft.bearings[0].axial_N_m": 3.0}
+    )
+    pitch = changed["flank.wheel.pitch_error_um"]
+    assert (pitch[3], pitch[85], sum(map(bool, pitch))) == (2.0, 1.0, 2)
+    assert scene["flank.wheel.pitch_error_um[3]"] == 0.0
+    assert changed["pinion.shaft.bearings[0].axial_N_m"] == 3.0
+    with pytest.raises(KeyError, match="86"):
+        scene.replace({"flank.wheel.pitch_error_um[86]": 1.0})
+
+
+def test_what_is_traced_is_known_as_it_was_before(write):
+    import jax
+    import jax.numpy as jnp
+
+    at, force = "pinion.shaft.bearings[1].at_mm", "pinion.shaft.loads[0].force_N"
+    scene = read_scene(write(_LEAST + _SHAFTS)).replace({at: 70.0})
+    seen = {}
+
+    def inside(value):
+        traced = scene.replace({at: value}).replace({at: 2.0 * value, f"{force}[1]": value})
+        later = traced.replace({f"{force}[2]": 5.0, "pair.centre_distance_mm": value})
+        seen.update(
+            at=later.concrete(at),
+            force=later.concrete(force),
+            entry=later.concrete(f"{force}[2]"),
+            plain=later.concrete("pair.module_mm"),
+            forgotten=dict(later.replace({at: 60.0, force: [1.0, 2.0, 3.0]}).known),
+            same_keys={*later.real_keys()} - {*scene.real_keys()},
+        )
+        with pytest.raises(KeyError, match="not traced"):
+            later.concrete("pair.centre_distance_mm")
+        whole = scene.replace({force: jnp.stack([value, value, value])})
+        seen["whole"] = whole.concrete(f"{force}[0]")
+        return later[at] + later[f"{force}[1]"] + whole[f"{force}[2]"]
+
+    assert jax.jit(jax.grad(inside))(1.5) == 4.0
+    assert seen == {
+        "at": 70.0,
+        "force": [1.0, 0.0, 5.0],
+        "entry": 5.0,
+        "plain": 1.5,
+        "forgotten": {},
+        "same_keys": {"pair.centre_distance_mm"},
+        "whole": 1.0,
+    }
+
+
+def test_real_keys_count_rows_and_entries(write):
+    real = read_scene(write(_LEAST + _SHAFTS)).real_keys()
+    assert len(real) == len(set(real))
+    rows = [key for key in real if key.startswith("pinion.shaft.")]
+    assert rows == [
+        "pinion.shaft.gear_at_mm",
+        *(
+            f"pinion.shaft.segments[{i}].{n}_mm"
+            for n in ("length", "outer", "inner")
+            for i in (0, 1)
+        ),
+        "pinion.shaft.bearings[0].at_mm",
+        "pinion.shaft.bearings[1].at_mm",
+        "pinion.shaft.bearings[0].radial_N_m",
+        "pinion.shaft.bearings[1].radial_S_N_m",
+        "pinion.shaft.bearings[1].radial_T_N_m",
+        "pinion.shaft.bearings[0].axial_N_m",
+        "pinion.shaft.bearings[0].tilt_Nm_rad",
+        "pinion.shaft.bearings[1].tilt_T_Nm_rad",
+        "pinion.shaft.torque_at_mm",
+        "pinion.shaft.shear_coeff",
+        "pinion.shaft.loads[0].at_mm",
+        *(f"pinion.shaft.loads[0].{n}[{i}]" for n in ("force_N", "moment_Nm") for i in range(3)),
+    ]
+    pitch = [key for key in real if "pitch_error_um" in key]
+    assert pitch == [f"flank.wheel.pitch_error_um[{tooth}]" for tooth in range(86)]
 
 
 def test_real_keys_are_those_present_that_count(write):
@@ -767,6 +1186,32 @@ def test_rewriting_adds_keys_to_any_layout(write, tmp_path, text):
     del wanted["optimise.minimise"]
     assert dict(after.values) == wanted
     assert text.count("# c") == (tmp_path / "new.toml").read_text().count("# c")
+
+
+def test_rewriting_changes_rows_and_entries(write, tmp_path):
+    text = _LEAST + _SHAFTS
+    updates = {
+        "pinion.shaft.bearings[0].radial_N_m": 2e9,
+        "pinion.shaft.bearings[1].axial_N_m": 1e7,
+        "pinion.shaft.segments[1].outer_mm": 29.0,
+        "pinion.shaft.loads[0].force_N[1]": 3.0,
+        "pinion.shaft.loads[0].moment_Nm[2]": 4.0,
+        "pinion.shaft.loads[0].moment_Nm[0]": 5.0,
+        "wheel.shaft.segments[0].outer_mm": 41.0,
+        "flank.wheel.pitch_error_um[85]": 2.0,
+        "optimise.bounds.flank.wheel.pitch_error_um[85]": [-9.0, 9.0],
+        "sizing.amounts.flank.wheel.bias_um": [1.0],
+    }
+    before = read_scene(write(text))
+    rewrite_scene(write(text), updates, tmp_path / "new.toml")
+    after = read_scene(tmp_path / "new.toml")
+    assert {**after.values, "name": "scene"} == dict(before.replace(updates).values)
+    old, new = text.splitlines(), (tmp_path / "new.toml").read_text().splitlines()
+    assert len(set(old) - set(new)) == 7
+    comments = [[line.partition("#")[2] for line in text if "#" in line] for text in (old, new)]
+    assert comments[0] == comments[1] == [" the seat", " a belt", " thick", " measured"]
+    with pytest.raises(ValueError, match=r"has no .*bearings\[2\].*bearings has 2 entries"):
+        rewrite_scene(write(text), {"pinion.shaft.bearings[2].at_mm": 1}, tmp_path / "new.toml")
 
 
 def test_rewriting_refuses_rather_than_write_something_else(write, tmp_path, monkeypatch):

@@ -7,6 +7,13 @@ from helpers import assert_close, assert_gradient
 
 import jaxgear as jg
 from jaxgear import um
+from jaxgear._flank._deviations import (
+    Bias,
+    EllipticalCrowning,
+    ProfileCrowning,
+    ProfileSlope,
+    ProfileWaviness,
+)
 
 _MIDDLE = 0.5
 
@@ -17,7 +24,7 @@ def _at(law: jg.AbstractFlankDeviation, profile: float, face: float = 0.0) -> fl
 
 
 def _laws(depth: float) -> list[jg.AbstractFlankDeviation]:
-    """One of each kind that removes material, and the inclined lead."""
+    """One of each kind: those that only remove material, then those that do both."""
     return [
         jg.TipRelief(depth, 0.3),
         jg.TipRelief(depth, 0.3, 2),
@@ -26,11 +33,17 @@ def _laws(depth: float) -> list[jg.AbstractFlankDeviation]:
         jg.Crowning(depth),
         jg.EndRelief(depth, 0.3),
         jg.EndRelief(depth, 0.3, 2, right=False),
+        ProfileCrowning(depth),
+        EllipticalCrowning(depth),
         jg.HelixSlope(depth),
+        ProfileSlope(depth),
+        Bias(depth),
+        ProfileWaviness(depth, 3.0, 0.4),
     ]
 
 
-every_law = pytest.mark.parametrize("kind", range(8))
+_REMOVING = 9
+every_law = pytest.mark.parametrize("kind", range(13))
 
 
 # --- by hand
@@ -77,6 +90,35 @@ every_law = pytest.mark.parametrize("kind", range(8))
         (jg.HelixSlope(6 * um), 0.2, 1.0, 3.0),
         (jg.HelixSlope(6 * um), 0.2, -1.0, -3.0),
         (jg.HelixSlope(-6 * um), 0.2, 0.5, -1.5),
+        (ProfileSlope(6 * um), 0.0, 0.3, -3.0),
+        (ProfileSlope(6 * um), 0.5, 0.3, 0.0),
+        (ProfileSlope(6 * um), 0.75, 0.3, 1.5),
+        (ProfileSlope(6 * um), 1.0, 0.3, 3.0),
+        (ProfileSlope(6 * um), 1.1, 0.3, 3.6),
+        (ProfileCrowning(8 * um), 0.0, 0.3, -8.0),
+        (ProfileCrowning(8 * um), 0.25, 0.3, -2.0),
+        (ProfileCrowning(8 * um), 0.5, 0.3, 0.0),
+        (ProfileCrowning(8 * um), 1.0, 0.3, -8.0),
+        # 3-4-5: at 0.6 of the way to the end the ellipse has 0.8 of its height left.
+        (EllipticalCrowning(10 * um), 0.2, 0.0, 0.0),
+        (EllipticalCrowning(10 * um), 0.2, 0.6, -2.0),
+        (EllipticalCrowning(10 * um), 0.2, -0.8, -4.0),
+        (EllipticalCrowning(10 * um), 0.2, 1.0, -10.0),
+        (EllipticalCrowning(10 * um), 0.2, -1.0, -10.0),
+        (EllipticalCrowning(10 * um), 0.2, 1.3, -10.0),
+        (jg.Superposed((jg.Crowning(5 * um), EllipticalCrowning(10 * um))), 0.2, 0.6, -3.8),
+        # A profile slope of +4 at the right end and -4 at the left: they differ by 8.
+        (Bias(8 * um), 1.0, 1.0, 2.0),
+        (Bias(8 * um), 0.0, 1.0, -2.0),
+        (Bias(8 * um), 1.0, -1.0, -2.0),
+        (Bias(8 * um), 0.0, -1.0, 2.0),
+        (Bias(8 * um), 0.75, 0.5, 0.5),
+        (Bias(8 * um), 0.5, 0.7, 0.0),
+        (ProfileWaviness(4 * um, 3.0), 0.0, 0.3, 0.0),
+        (ProfileWaviness(4 * um, 3.0), 1 / 12, 0.3, 4.0),
+        (ProfileWaviness(4 * um, 3.0), 0.25, 0.3, -4.0),
+        (ProfileWaviness(4 * um, 1.0, np.pi / 2), 0.0, 0.3, 4.0),
+        (ProfileWaviness(4 * um, 1.0, np.pi / 2), 1 / 6, 0.3, 2.0),
         (jg.Superposed(), 0.9, 0.9, 0.0),
     ],
 )
@@ -100,8 +142,9 @@ def test_depth_is_material_removed(kind):
         for depth in (10 * um, -10 * um)
     )
     np.testing.assert_array_equal(removed, -added)
-    if kind == 7:
-        assert removed[face > 0.5].min() > 0.0 > removed[face < -0.5].max()
+    if kind >= _REMOVING:
+        assert removed.min() < -2 * um
+        assert removed.max() > 2 * um
     else:
         assert removed.max() == 0.0
         assert abs(removed.min() + 10 * um) < 1e-12 * um
@@ -112,6 +155,58 @@ def test_deviations_scale_with_their_depth(kind):
     profile, face = jnp.asarray([0.1, 0.55, 0.95]), jnp.asarray([-0.9, 0.2, 0.8])
     one, other = (_laws(depth)[kind](profile, face) for depth in (3 * um, 37 * 3 * um))
     assert_close(other, 37.0 * one, rtol=1e-13, atol=1e-20)
+
+
+def test_signs_of_what_is_added():
+    """Positive amounts add material at the right end, at the tip, and at the tip's right corner."""
+    for law in (jg.HelixSlope(4 * um), ProfileSlope(4 * um), Bias(4 * um)):
+        assert _at(law, 0.9, 0.8) > 0.1
+        assert _at(law, 0.1, -0.8) * (-1 if not isinstance(law, Bias) else 1) > 0.1
+    assert _at(Bias(4 * um), 0.9, -0.8) < -0.1
+    assert _at(Bias(4 * um), 0.1, 0.8) < -0.1
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        jg.HelixSlope(7 * um),
+        ProfileSlope(7 * um),
+        Bias(7 * um),
+        ProfileWaviness(7 * um, 3.0, 0.4),
+    ],
+)
+def test_mean_over_the_flank_is_zero(law):
+    """The mid-point rule is exact for the straight ones, and for whole waves."""
+    middle = (np.arange(20) + 0.5) / 20
+    profile, face = (x.ravel() for x in np.meshgrid(middle, 2.0 * middle - 1.0))
+    values = np.asarray(law(jnp.asarray(profile), jnp.asarray(face))) / um
+    assert np.abs(values).max() > 1.0
+    assert abs(values.mean()) < 1e-14
+
+
+def test_bias_is_both_twists():
+    """One number: change of the profile slope across the face, of the helix slope along it."""
+    corner = {(p, z): _at(Bias(8 * um), p, z) for p in (0.0, 1.0) for z in (-1.0, 1.0)}
+    profile_slope = {z: corner[1.0, z] - corner[0.0, z] for z in (-1.0, 1.0)}
+    helix_slope = {p: corner[p, 1.0] - corner[p, -1.0] for p in (0.0, 1.0)}
+    assert profile_slope[1.0] - profile_slope[-1.0] == pytest.approx(8.0, rel=1e-13)
+    assert helix_slope[1.0] - helix_slope[0.0] == pytest.approx(8.0, rel=1e-13)
+
+
+def test_crowning_along_either_direction_has_one_shape():
+    z = jnp.linspace(-1.2, 1.2, 13)
+    across = jg.Crowning(10 * um)(jnp.zeros(13), z)
+    assert_close(
+        ProfileCrowning(10 * um)(0.5 + 0.5 * z, jnp.zeros(13)), across, rtol=1e-12, atol=1e-18
+    )
+
+
+def test_elliptical_crowning_lies_on_its_ellipse():
+    """(z/1)^2 + (height/depth)^2 = 1; in the middle it is a parabola of half the depth."""
+    z = jnp.linspace(-1.0, 1.0, 41)
+    height = 1.0 + EllipticalCrowning(10 * um)(jnp.zeros(41), z) / (10 * um)
+    assert_close(z**2 + height**2, jnp.ones(41), rtol=1e-13, atol=0.0)
+    assert _at(EllipticalCrowning(10 * um), 0.5, 1e-3) == pytest.approx(-5e-6, rel=1e-6)
 
 
 def test_tip_and_root_are_mirror_images():
@@ -215,13 +310,38 @@ def test_gradient_at_zero_depth(kind):
         return jnp.sum(jnp.asarray([1.0, 0.7, 1.9]) * law(profile, face))
 
     at_zero, later = (eqx.filter_grad(total)(_laws(depth)[kind]) for depth in (0.0, 10 * um))
-    name = "amount" if kind == 7 else "depth"
+    name = {9: "amount", 10: "amount", 11: "amount", 12: "amplitude"}.get(kind, "depth")
     assert_close(getattr(at_zero, name), getattr(later, name), rtol=1e-13, atol=0.0)
     assert abs(float(getattr(later, name))) > 0.01
     # While nothing is removed its extent does not matter; it is a zero, not a gap in the tree.
     if hasattr(at_zero, "extent"):
         assert float(at_zero.extent) == 0.0
         assert float(later.extent) != 0.0
+
+
+@eqx.filter_jit
+def _slopes(argument):
+    return eqx.filter_grad(lambda x: x[0](jnp.zeros(()), x[1]))(argument)
+
+
+@pytest.mark.parametrize("face", [-1.5, -1.0, 1.0, 1.0 + 1e-12, 7.0])
+def test_elliptical_crowning_has_slopes_at_its_ends(face):
+    """As steep as a wall there: the slope by the place is that of the constant outside."""
+    law, at = EllipticalCrowning(10 * um), jnp.asarray(face)
+    by_law, by_face = _slopes((law, at))
+    assert float(by_law.depth) == -1.0
+    assert float(by_face) == 0.0
+
+
+def test_slope_of_elliptical_crowning():
+    """-d z / sqrt(1 - z^2), finite as close to the ends as numbers go."""
+    law = EllipticalCrowning(10 * um)
+    slope = jax.jit(jax.vmap(jax.grad(law, 1)))
+    face = jnp.asarray([-0.8, 0.0, 0.6, 1.0 - 1e-15])
+    expected = -10 * um * np.asarray([-0.8 / 0.6, 0.0, 0.6 / 0.8])
+    found = slope(jnp.zeros(4), face)
+    assert_close(found[:3], expected, rtol=1e-13, atol=1e-20)
+    assert -1e4 < float(found[3]) < -100.0
 
 
 @pytest.mark.parametrize("exponent", [1, 2])
@@ -241,7 +361,12 @@ def test_derivative_by_the_extent(exponent):
         (jg.EndRelief(0, 1), 2),
         (jg.Crowning(0), 1),
         (jg.HelixSlope(0), 1),
-        (jg.Superposed(tuple(_laws(0))), 14),
+        (ProfileSlope(0), 1),
+        (ProfileCrowning(0), 1),
+        (EllipticalCrowning(0), 1),
+        (Bias(0), 1),
+        (ProfileWaviness(0, 3), 3),
+        (jg.Superposed(tuple(_laws(0))), 21),
     ],
 )
 def test_every_number_is_a_leaf(law, count):

@@ -1,0 +1,502 @@
+"""Measured flanks: CSV files with a header whose names carry the units.
+
+A profile is a table of one coordinate, `roll_length_mm`, `diameter_mm` or `roll_angle_deg`, and
+`deviation_um`; a topography has `face_mm`, from mid-face towards +Z, as well. Roll lengths and
+angles are counted from the gear's own base tangent point; deviations are along the flank normal,
+positive where material is added (a value measured in the transverse plane is cos(beta_b) times
+as large along the normal). Lines that begin with `#` are comments. Whatever is wrong with a file
+is an `InputError` that names the file and, where there is one, the line.
+"""
+
+import csv
+import dataclasses
+import difflib
+import math
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+
+from jaxgear._checks import InputError
+from jaxgear._flank._deviations import AbstractFlankDeviation
+from jaxgear._flank._measured import (
+    MeasuredProfile,
+    MeasuredTopography,
+    diameter_of_profile_place,
+    face_place_of_position,
+    profile_place_of_diameter,
+    profile_place_of_roll,
+    profile_place_of_roll_angle,
+    roll_angle_of_profile_place,
+    roll_of_profile_place,
+)
+from jaxgear._geometry._pair import GearPair, pair_facts
+from jaxgear._types import Reals
+from jaxgear._units import deg, mm, um
+
+_DEVIATION = "deviation_um"
+_FACE = "face_mm"
+
+# Each coordinate: its unit, the way to the place on the profile, and the way back.
+_COORDINATES = {
+    "roll_length_mm": (mm, profile_place_of_roll, roll_of_profile_place),
+    "diameter_mm": (mm, profile_place_of_diameter, diameter_of_profile_place),
+    "roll_angle_deg": (deg, profile_place_of_roll_angle, roll_angle_of_profile_place),
+}
+
+# What a column may be in by mistake, and by how much it must be multiplied to be right.
+_SLIPS = {
+    "roll_length_mm": {"metres": 1e3, "micrometres": 1e-3, "inches": 25.4},
+    "diameter_mm": {"metres": 1e3, "radii": 2.0, "micrometres": 1e-3, "inches": 25.4},
+    "roll_angle_deg": {"radians": 1.0 / deg},
+}
+
+# Measured flanks differ from an involute by 1 um to 200 um: a millimetre would be no gear, and a
+# tenth of a micrometre is below what a machine resolves, but common in millimetres.
+_LARGEST = 1000.0
+_SMALLEST = 0.1
+
+# How much of the path, or of the face, a table may leave out at either end.
+_SHORT = 0.01
+
+# How far past the tip a table may go, as a diameter over the tip diameter.
+_PAST_TIP = 1.2
+
+# Mistakes of single lines that one message lists; the rest are counted.
+_LISTED = 5
+
+
+@dataclasses.dataclass(frozen=True)
+class ProfileTable:
+    """A measured profile as its file gives it.
+
+    **Fields:**
+
+    - `path`: the file.
+    - `coordinate`: name of its column of positions, unit included.
+    - `position`: of each point, increasing [in the unit of `coordinate`].
+    - `deviation`: at each point [um].
+    """
+
+    path: Path
+    coordinate: str
+    position: np.ndarray
+    deviation: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class TopographyTable:
+    """A measured flank as its file gives it, on its rectangular grid.
+
+    **Fields:**
+
+    - `path`: the file.
+    - `coordinate`: name of its column of positions along the profile, unit included.
+    - `position`: of each row of the grid, increasing [in the unit of `coordinate`].
+    - `face`: of each column of the grid, from mid-face, increasing [mm].
+    - `deviation`: at each row and column [um].
+    """
+
+    path: Path
+    coordinate: str
+    position: np.ndarray
+    face: np.ndarray
+    deviation: np.ndarray
+
+
+def read_profile(path: str | os.PathLike[str], folder: str | os.PathLike[str] = "") -> ProfileTable:
+    """Read a measured profile.
+
+    **Arguments:**
+
+    - `path`: the CSV file.
+    - `folder`: what a relative path is relative to, such as the scene file's folder.
+
+    **Returns:**
+
+    The table, in the file's units.
+
+    **Raises:**
+
+    - `InputError` if the file cannot be read, or its table cannot be a profile.
+    """
+    path = Path(folder) / path
+    names, lines, cells = _read_table(path, (_DEVIATION,))
+    coordinate = _coordinate_of(path, names, lines[0])
+    if _FACE in names:
+        raise InputError(
+            f"{path}:{lines[0]}: a profile has no column {_FACE}. Give the file as a topography, "
+            "or remove the column and keep the points of one section."
+        )
+    if len(cells) < 3:
+        raise InputError(
+            f"{path}: a profile needs at least 3 points between start of active profile and tip, "
+            f"got {len(cells)}."
+        )
+    position = cells[:, names.index(coordinate)]
+    _check_order(path, lines[1:], coordinate, position)
+    deviation = cells[:, names.index(_DEVIATION)]
+    _check_size(path, deviation)
+    return ProfileTable(path, coordinate, position, deviation)
+
+
+def read_topography(
+    path: str | os.PathLike[str], folder: str | os.PathLike[str] = ""
+) -> TopographyTable:
+    """Read a measured topography: a line for each point of a rectangular grid.
+
+    Each line carries both positions of its point, so lines may stand in any order; but each point
+    of the grid must be there, and only once.
+
+    **Arguments:**
+
+    - `path`: the CSV file.
+    - `folder`: what a relative path is relative to, such as the scene file's folder.
+
+    **Returns:**
+
+    The table, in the file's units.
+
+    **Raises:**
+
+    - `InputError` if the file cannot be read, or its table cannot be a topography.
+    """
+    path = Path(folder) / path
+    names, lines, cells = _read_table(path, (_FACE, _DEVIATION))
+    coordinate = _coordinate_of(path, names, lines[0])
+    rows, face, values = (cells[:, names.index(name)] for name in (coordinate, _FACE, _DEVIATION))
+    position, across = np.unique(rows), np.unique(face)
+    for name, found in ((coordinate, position), (_FACE, across)):
+        if len(found) < 2:
+            raise InputError(
+                f"{path}: a topography needs at least 4 points, 2 or more along the profile and 2 "
+                f"or more across the face; got {len(found)} different {name}. A single section is "
+                "a profile: give it as one."
+            )
+    grid = np.full((len(position), len(across)), np.nan)
+    line_of = np.zeros(grid.shape, dtype=int)
+    for line, row, z, value in zip(lines[1:], rows, face, values, strict=True):
+        at = np.searchsorted(position, row), np.searchsorted(across, z)
+        if line_of[at]:
+            raise InputError(
+                f"{path}:{line}: the point {coordinate} = {row:g}, {_FACE} = {z:g} was given in "
+                f"line {line_of[at]} already. Keep one of the two lines."
+            )
+        line_of[at], grid[at] = line, value
+    missing = np.argwhere(line_of == 0)
+    if len(missing):
+        row, column = missing[0]
+        raise InputError(
+            f"{path}: the topography must be a full grid: {len(position)} values of {coordinate} "
+            f"times {len(across)} of {_FACE} make {grid.size} points, got {len(values)}. The first "
+            f"one missing is {coordinate} = {position[row]:g}, {_FACE} = {across[column]:g}. Add "
+            "the missing points; where they are there, their coordinates must be written alike."
+        )
+    _check_size(path, values)
+    return TopographyTable(path, coordinate, position, across, grid)
+
+
+def deviation_of_table(
+    table: ProfileTable | TopographyTable, pair: GearPair, gear_index: int
+) -> AbstractFlankDeviation:
+    """Turn a table into a deviation of one gear's flank. The pair may be traced by JAX.
+
+    **Arguments:**
+
+    - `table`: as read.
+    - `pair`: the gears.
+    - `gear_index`: the gear that carries the table: 0 is the pinion, 1 the wheel.
+
+    **Returns:**
+
+    A `MeasuredProfile` or a `MeasuredTopography`, in SI.
+    """
+    unit, place_of, _ = _COORDINATES[table.coordinate]
+    place = place_of(pair, gear_index, jnp.asarray(table.position * unit))
+    deviation = table.deviation * um
+    if isinstance(table, ProfileTable):
+        return MeasuredProfile(place, deviation)
+    face = face_place_of_position(pair, gear_index, jnp.asarray(table.face * mm))
+    return MeasuredTopography(place, face, deviation)
+
+
+def check_covers(table: ProfileTable | TopographyTable, pair: GearPair, gear_index: int) -> None:
+    """Refuse a table that is not of this gear, or leaves out part of its active flank.
+
+    Says nothing about a pair that JAX is tracing.
+
+    **Arguments:**
+
+    - `table`: as read.
+    - `pair`: the gears.
+    - `gear_index`: the gear that carries the table: 0 is the pinion, 1 the wheel.
+
+    **Raises:**
+
+    - `InputError` if positions cannot be on an involute of this gear, which finds wrong units, or
+        if more than 1 % of the path of contact, or of the common face, is left out at one end.
+    """
+    limits = _limits(pair, gear_index)
+    if any(isinstance(leaf, Tracer) for leaf in limits.values()):
+        return
+    bound = {name: np.asarray(leaf) for name, leaf in limits.items()}
+    name = ("pinion", "wheel")[gear_index]
+    _check_position(table, bound, name)
+    _check_reach(
+        table.path,
+        table.coordinate,
+        table.position,
+        bound[f"{table.coordinate}_active"],
+        f"of the {name}'s active flank, from its start of active profile to its tip",
+    )
+    if isinstance(table, TopographyTable):
+        where = "of the common face of the two gears, counted from mid-face"
+        _check_reach(table.path, _FACE, table.face, bound[f"{_FACE}_active"], where)
+
+
+# --- reading
+
+
+def _read_table(path: Path, needed: Sequence[str]) -> tuple[list[str], list[int], np.ndarray]:
+    """Column names, line numbers (of the header, then of each row) and numbers of a file."""
+    rows = [
+        (number, line)
+        for number, line in enumerate(_text_of(path).splitlines(), 1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+    if not rows:
+        raise InputError(
+            f"{path}: the file has no lines. It must begin with a header, such as "
+            f"{','.join(['roll_length_mm', *needed])}."
+        )
+    lines = [number for number, _ in rows]
+    names = _header(path, *rows[0], needed)
+    numbers, mistakes = [], []
+    for number, line in rows[1:]:
+        cells = _cells(path, number, line)
+        wrong = _wrong_with(cells, names)
+        if wrong:
+            mistakes.append(f"{path}:{number}: {wrong}")
+        else:
+            numbers.append([float(cell) for cell in cells])
+    if mistakes:
+        more = len(mistakes) - _LISTED
+        mistakes[_LISTED:] = [f"and {more} more lines like these."] if more > 0 else []
+        raise InputError("\n".join(mistakes))
+    return names, lines, np.reshape(np.asarray(numbers, dtype=float), (-1, len(names)))
+
+
+def _text_of(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise InputError(
+            f"{path}: there is no such file. A relative path is relative to the folder of the "
+            "scene file."
+        ) from None
+    except IsADirectoryError:
+        raise InputError(f"{path}: this is a folder; name a CSV file in it.") from None
+    except UnicodeDecodeError:
+        raise InputError(
+            f"{path}: this is not a text file. Export the table as CSV in UTF-8."
+        ) from None
+    except OSError as error:
+        raise InputError(f"{path}: the file cannot be read: {error.strerror}.") from None
+
+
+def _cells(path: Path, number: int, line: str) -> list[str]:
+    try:
+        return [cell.strip() for cell in next(csv.reader([line]))]
+    except csv.Error as error:
+        raise InputError(f"{path}:{number}: this is not a line of a CSV file: {error}.") from None
+
+
+def _header(path: Path, number: int, line: str, needed: Sequence[str]) -> list[str]:
+    """The column names, every one of which is known, and there once."""
+    where = f"{path}:{number}"
+    names = _cells(path, number, line)
+    for separator, called in ((";", "semicolons"), ("\t", "tabs")):
+        if separator in line:
+            raise InputError(
+                f"{where}: the columns are separated by {called}. Separate them by commas and "
+                "write numbers with a decimal point, as in 12.5,-3.2."
+            )
+    known = [*_COORDINATES, _FACE, _DEVIATION]
+    if not set(names) & set(known) and all(map(_is_number, names)):
+        raise InputError(
+            f"{where}: the header is missing. The first line must name the columns, such as "
+            f"{','.join(['roll_length_mm', *needed])}."
+        )
+    for name in names:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, 1)
+            hint = f" Did you mean {near[0]}?" if near else ""
+            raise InputError(
+                f"{where}: unknown column {name!r}; columns are {', '.join(known)}, with the unit "
+                f"in the name.{hint}"
+            )
+        if names.count(name) > 1:
+            raise InputError(f"{where}: the column {name} is there {names.count(name)} times.")
+    for name in needed:
+        if name not in names:
+            raise InputError(f"{where}: the column {name} is missing; got {', '.join(names)}.")
+    return names
+
+
+def _coordinate_of(path: Path, names: Sequence[str], line: int) -> str:
+    """The one column that says where a point lies along the profile."""
+    found = [name for name in names if name in _COORDINATES]
+    if len(found) != 1:
+        wanted = ", ".join(_COORDINATES)
+        raise InputError(
+            f"{path}:{line}: exactly one of the columns {wanted} must say where a point lies along "
+            f"the profile, got {' and '.join(found) or 'none'}."
+        )
+    return found[0]
+
+
+def _is_number(cell: str) -> bool:
+    # Python also reads 1_000, which is a slip of the pen in a table.
+    try:
+        return "_" not in cell and math.isfinite(float(cell))
+    except ValueError:
+        return False
+
+
+def _wrong_with(cells: Sequence[str], names: Sequence[str]) -> str | None:
+    """What is wrong with a line of numbers, if anything."""
+    decimal = "Write numbers with a decimal point, and separate them by commas, as in 12.5,-3.2."
+    if len(cells) != len(names):
+        hint = ""
+        if len(cells) > len(names):
+            hint = f" If these are decimal commas: {decimal[0].lower()}{decimal[1:]}"
+        elif len(cells) == 1 and ";" in cells[0]:
+            hint = f" {decimal}"
+        return f"{len(cells)} cells, where the header names {len(names)} columns.{hint}"
+    for name, cell in zip(names, cells, strict=True):
+        if _is_number(cell):
+            continue
+        if _is_number(cell.replace(",", ".", 1)):
+            return f"{name}: {cell!r} has a decimal comma. {decimal}"
+        if cell.lower().lstrip("+-") in ("nan", "inf", "infinity"):
+            return f"{name}: {cell!r} is not a finite number. Remove the point."
+        return f"{name}: {cell!r} is not a number." if cell else f"{name}: the cell is empty."
+    return None
+
+
+# --- checking
+
+
+def _check_order(path: Path, lines: Sequence[int], name: str, position: np.ndarray) -> None:
+    """Positions of a profile must increase: a row out of order is more often a typing error."""
+    steps = np.diff(position)
+    if (steps < 0.0).all():
+        raise InputError(
+            f"{path}: {name} must increase from line to line; here it decreases all the way. "
+            "Reverse the lines."
+        )
+    for index in np.flatnonzero(steps <= 0.0)[:1]:
+        before, after = position[index], position[index + 1]
+        where = f"{path}:{lines[index + 1]}: {name} = {after:g}"
+        if before == after:
+            raise InputError(
+                f"{where} was given in line {lines[index]} already. Keep one of the two lines."
+            )
+        raise InputError(
+            f"{where} comes after {before:g} in line {lines[index]}. Positions must increase: "
+            "correct the number, or sort the lines."
+        )
+
+
+def _check_size(path: Path, deviation: np.ndarray) -> None:
+    """Deviations that no gear has are in another unit."""
+    spread, largest = float(np.ptp(deviation)), float(np.max(np.abs(deviation)))
+    if spread > _LARGEST:
+        raise InputError(
+            f"{path}: {_DEVIATION} must be in micrometres, but its values span {spread:g}, more "
+            f"than {_LARGEST:g}: they look like nanometres, or like positions. Convert them."
+        )
+    if 0.0 < largest < _SMALLEST:
+        raise InputError(
+            f"{path}: {_DEVIATION} must be in micrometres, but no value exceeds {largest:g} (less "
+            f"than {_SMALLEST:g}): they look like millimetres. Multiply them by 1000."
+        )
+
+
+@eqx.filter_jit
+def _limits(pair: GearPair, gear_index: int) -> dict[str, Reals]:
+    """Positions in the units of the columns: the ends of the involute that a table may be on.
+
+    Under `_active` the ends of what is in contact, first and last, and between them how far from
+    each a table may begin or end.
+    """
+    facts = pair_facts(pair)
+    base = facts["base_radius"][gear_index]
+    past = jnp.sqrt((_PAST_TIP * facts["tip_radius"][gear_index]) ** 2 - base**2)
+    involute = profile_place_of_roll(pair, gear_index, past * jnp.asarray([0.0, 1.0]))
+    active = jnp.asarray([0.0, _SHORT, 1.0 - _SHORT, 1.0])
+    found = {f"{_FACE}_active": facts["face_width"] * (active - 0.5) / mm}
+    for name, (unit, _, position_of) in _COORDINATES.items():
+        # Rounded, because what is zero at the base circle comes back as a last digit.
+        found[name] = jnp.round(position_of(pair, gear_index, involute) / unit, 9)
+        found[f"{name}_active"] = position_of(pair, gear_index, active) / unit
+    return found
+
+
+def _check_position(
+    table: ProfileTable | TopographyTable, bound: dict[str, np.ndarray], name: str
+) -> None:
+    """Refuse positions off the involute, and ones whose unit puts them off the active flank."""
+    least, most = bound[table.coordinate]
+    active = bound[f"{table.coordinate}_active"]
+    middle = 0.5 * (active[0] + active[-1])
+
+    def lies_within(factor: float) -> bool:
+        return bool(
+            factor * table.position[0] >= least - 1e-9 * most
+            and factor * table.position[-1] <= most
+        )
+
+    def has_middle(factor: float) -> bool:
+        return bool(factor * table.position[0] <= middle <= factor * table.position[-1])
+
+    if lies_within(1.0) and has_middle(1.0):
+        return
+    slips = [
+        what
+        for what, factor in _SLIPS[table.coordinate].items()
+        if lies_within(factor) and has_middle(factor)
+    ]
+    if lies_within(1.0) and not slips:
+        # On the involute but not on the active flank: what is missing says it better.
+        return
+    hint = (
+        f"they look like {slips[0]}. Convert them." if slips else "is this the file of this gear?"
+    )
+    raise InputError(
+        f"{table.path}: {table.coordinate} of the {name} must lie between {least:.6g}, its "
+        f"base circle, and {most:.6g}, {_PAST_TIP:g} times its tip diameter, and its active flank "
+        f"is {active[0]:.6g} to {active[-1]:.6g}; got {table.position[0]:.6g} to "
+        f"{table.position[-1]:.6g}: {hint}"
+    )
+
+
+def _check_reach(
+    path: Path, name: str, position: np.ndarray, active: np.ndarray, where: str
+) -> None:
+    """A table must reach both ends of what is in contact; nothing is invented beyond it."""
+    first, begin, end, last = active
+    missing = []
+    if position[0] > begin:
+        missing.append(f"{first:.6g} to {min(position[0], last):.6g}")
+    if position[-1] < end:
+        missing.append(f"{max(position[-1], first):.6g} to {last:.6g}")
+    if missing:
+        raise InputError(
+            f"{path}: {name} must cover {first:.6g} to {last:.6g}, the whole {where}, within "
+            f"{100.0 * _SHORT:g} %. Missing: {' and '.join(missing)}. Add points there."
+        )

@@ -1,0 +1,88 @@
+r"""Mesh coordinates of gears whose bodies are beams: the approach is a cubic across the face.
+
+At any point $M$ of the base plane the approach is $n_1\cdot u_1(M) + n_2\cdot u_2(M)$ with
+$u(M) = u(z) + \omega(z)\times r$, section motions $u, \omega$ at the height of $M$ and $r$ from
+the axis to $M$ (thesis eq. 2.7 to 2.9). As a function of $M$ it lies in the span of `beam_basis`;
+its coefficients are found from as many points.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxgear._geometry._pair import GearPair
+from jaxgear._interface._wrench import beam_basis
+from jaxgear._system._beam import Beam, beam_shapes, cowper_coefficient
+from jaxgear._system._shaft import BeamBody, Shaft
+from jaxgear._system._structure import RigidBody
+from jaxgear._system._support import Support
+from jaxgear._types import DofCoordinates, Scalar
+
+# Points of the base plane that determine the seven coefficients: x over half the face, s in base
+# pitches from the pitch point.
+_POINTS = np.array(
+    [[-1.0, 0.0], [-0.4, 0.0], [0.4, 0.0], [1.0, 0.0], [-1.0, 1.0], [0.0, 1.0], [1.0, 1.0]]
+)
+
+
+def beam_vectors(
+    pair: GearPair,
+    mounts: tuple[Shaft | Support, Shaft | Support],
+    bodies: list[RigidBody | BeamBody],
+) -> DofCoordinates:
+    """Coefficients of `beam_basis` that unit motions of the gears' nodes produce.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `mounts`: the shafts, for the sections of beam bodies.
+    - `bodies`: of pinion and wheel; one of them at least a beam.
+
+    **Returns:**
+
+    Rows: the degrees of freedom of the pinion's node or nodes, then the wheel's [-, 1/m].
+    """
+    across = 0.5 * pair.face_width * jnp.asarray(_POINTS[:, 0])
+    roll = pair.pitch_point + pair.transverse_base_pitch * jnp.asarray(_POINTS[:, 1])
+    values = jax.vmap(
+        lambda z, x: jnp.concatenate(
+            [
+                _section_motion(mount, body, z).T @ normal
+                for mount, body, normal in zip(
+                    mounts, bodies, _section_normals(pair, x), strict=True
+                )
+            ]
+        )
+    )(across, roll)
+    basis = jnp.stack(beam_basis(pair, across, roll), axis=1)
+    return jnp.linalg.solve(basis, values).T
+
+
+def _section_normals(pair: GearPair, roll: Scalar) -> tuple[Array, Array]:
+    """Approach at a point per motion of the sections of pinion and wheel at its height [-, m]."""
+    angle, helix = pair.working_pressure_angle, pair.base_helix_angle
+    none = jnp.zeros(())
+    along = jnp.stack([jnp.sin(angle), jnp.cos(angle), none])
+    square = jnp.stack([jnp.cos(angle), -jnp.sin(angle), none])
+    normal = jnp.cos(helix) * along - jnp.sin(helix) * jnp.asarray([0.0, 0.0, 1.0])
+    from_pinion = pair.base_radius[0] * square + roll * along
+    from_wheel = from_pinion - pair.working_centre_distance * jnp.asarray([1.0, 0.0, 0.0])
+    return (
+        jnp.concatenate([normal, jnp.cross(from_pinion, normal)]),
+        jnp.concatenate([-normal, -jnp.cross(from_wheel, normal)]),
+    )
+
+
+def _section_motion(mount: Shaft | Support, body: RigidBody | BeamBody, z: Scalar) -> Array:
+    """Motion of the section at height `z` from mid-face per motion of the body's nodes."""
+    if isinstance(body, RigidBody) or isinstance(mount, Support):
+        moved = jnp.eye(6)
+        return moved.at[0, 4].set(z).at[1, 3].set(-z)
+    assert mount.layout.body is not None
+    inner = mount.segments[mount.layout.segments[mount.layout.body]].inner
+    shear = mount.shear_coefficient
+    if shear is None:
+        shear = cowper_coefficient(body.outer, inner, body.material.poisson)
+    beam = Beam(body.width, body.outer, inner, shear, body.material)
+    return beam_shapes(beam, 0.5 + z / body.width)
