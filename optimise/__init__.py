@@ -8,6 +8,7 @@ from optimise._master_curve import Valley as Valley
 from optimise._master_curve import master_curve_depth as master_curve_depth
 from optimise._master_curve import relief_map as relief_map
 from optimise._objectives import AbstractObjective as AbstractObjective
+from optimise._objectives import FaceLoadFactor as FaceLoadFactor
 from optimise._objectives import LargestPressure as LargestPressure
 from optimise._objectives import TransmissionErrorRange as TransmissionErrorRange
 from optimise._objectives import TransmissionErrorRms as TransmissionErrorRms

@@ -104,6 +104,26 @@ class LargestPressure(AbstractObjective):
         return jg.smooth_maximum(pressure, self.width) / jg.MPa
 
 
+class FaceLoadFactor(AbstractObjective):
+    r"""Face load factor $K_{H\beta}$: largest over mean load per face width, smoothed.
+
+    The load of each slice is its mean over the cycle, so a maximum at one phase counts little.
+
+    **Fields:**
+
+    - `width`: of the smooth maximum over the slices, relative to the mean load [-].
+    """
+
+    width: Float[Array, ""] = eqx.field(converter=_as_scalar, default=0.01)
+
+    def __call__(
+        self, model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw
+    ) -> Float[Array, ""]:
+        """Return the factor [-]."""
+        del model, law
+        return jg.smooth_face_load_factor(cycle, self.width)
+
+
 class WeightedSum(AbstractObjective):
     """Several objectives at once, each in its own unit.
 

@@ -41,7 +41,7 @@ from jaxgear._app._statics import (
     iso_summary,
     smoothing_bias,
     solve_statics,
-    supports_summary,
+    mounts_summary,
 )
 from jaxgear._checks import InputError
 from jaxgear._geometry._lines import mesh_grid
@@ -289,17 +289,13 @@ def _head(scene: Scene, statics: Statics) -> Summary:
             "contact": scene["mesh.contact"],
             "slices": scene["mesh.slices"],
             "phases": scene["mesh.phases"],
-            "dofs": 1
-            + sum(
-                getattr(support, name) is not None
-                for support in (statics.model.pinion_support, statics.model.wheel_support)
-                for name in ("radial_s", "radial_t", "axial", "tilt", "tilt")
-            ),
+            # Both gears' rotations are one coordinate: the drive.
+            "dofs": len(statics.cycle.system.structure.map.free) - 1,
         },
         "geometry": geometry_summary(statics.model),
         "iso6336": iso_summary(statics.model),
         "static": {key: float(value) for key, value in statics.numbers.items()}
-        | {"supports": supports_summary(statics)},
+        | mounts_summary(statics),
     }
 
 

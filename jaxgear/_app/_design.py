@@ -3,20 +3,23 @@
 from collections.abc import Callable
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 import optimise
 from jaxgear._app._model import flanks_of, model_of
 from jaxgear._app._scene import Scene
-from jaxgear._app._schema import GEARS
+from jaxgear._app._schema import GEARS, split_entry
 from jaxgear._app._statics import Stopwatch
 from jaxgear._checks import InputError
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._solve._cycle import PreparedMesh
 from jaxgear._system._model import PairModel
+from jaxgear._system._shaft import BeamBody, Shaft, node_heights
 from jaxgear._types import Reals, Scalar
+from jaxgear._units import mm
 
 
 class DesignSpace(eqx.Module):
@@ -43,14 +46,14 @@ class DesignSpace(eqx.Module):
         """Scene keys and their values at a point of the space, in the units of the keys."""
         pairs = dict(zip(self.keys, values, strict=True))
         if self.symmetric:
-            pairs |= {_twin(key): value for key, value in pairs.items()}
+            pairs |= {twin(key): value for key, value in pairs.items()}
         return pairs
 
     def model(self, values: Reals) -> PairModel:
         """The model at a point of the space; traceable by JAX."""
         scene = self.scene.replace(self.updates(values))
         if self.flanks_only:
-            return eqx.tree_at(lambda model: model.flanks, self.base, flanks_of(scene))
+            return eqx.tree_at(lambda model: model.flanks, self.base, flanks_of(scene, self.base.pair))
         return model_of(scene)
 
     def at_bounds(self, point: np.ndarray) -> list[str]:
@@ -61,11 +64,12 @@ class DesignSpace(eqx.Module):
     def require_symmetric_start(self) -> None:
         """Refuse a symmetric search from two different flanks: it would start from neither."""
         for key in self.keys if self.symmetric else ():
-            mine, other = self.scene[key], self.scene[_twin(key)]
+            mine, other = self.scene[key], self.scene.get(twin(key))
             if mine != other:
+                theirs = "left out" if other is None else f"{other:g}"
                 raise InputError(
                     f"With optimise.symmetric both gears must start alike, but {key} is {mine:g} "
-                    f"and {_twin(key)} is {other:g}. Make them equal, or set symmetric = false."
+                    f"and {twin(key)} is {theirs}. Make them equal, or set symmetric = false."
                 )
 
     @property
@@ -77,12 +81,42 @@ class DesignSpace(eqx.Module):
 _NOT_VARIABLE = ("pair.torque_pinion_Nm", "mesh.smoothing_um")
 
 
-def _twin(key: str) -> str:
-    """The same key of the other gear's flank; a key that is no flank's is its own twin."""
+def twin(key: str) -> str:
+    """The same key of the other gear's flank; a key that is no flank's is its own twin.
+
+    So is the pitch error of one tooth: the other gear has other teeth.
+
+    **Arguments:**
+
+    - `key`: dotted path.
+
+    **Returns:**
+
+    Dotted path of the twin.
+    """
     for gear, other in (GEARS, GEARS[::-1]):
-        if key.startswith(f"flank.{gear}."):
+        if key.startswith(f"flank.{gear}.") and not key.endswith("]"):
             return key.replace(gear, other, 1)
     return key
+
+
+def refuse_twins(table: str, keys: tuple[str, ...]) -> None:
+    """Refuse keys of both gears that are to be the same anyway.
+
+    **Arguments:**
+
+    - `table`: that has `symmetric`, and names the keys.
+    - `keys`: dotted paths.
+
+    **Raises:**
+
+    - `InputError` if a key and its twin are both there.
+    """
+    if both := [key for key in keys if twin(key) != key and twin(key) in keys]:
+        raise InputError(
+            f"With {table}.symmetric the two gears share each correction, but [{table}] names "
+            f"both of {', '.join(both)}. Name one, or set symmetric = false."
+        )
 
 
 def design_space(
@@ -103,8 +137,8 @@ def design_space(
 
     **Raises:**
 
-    - `InputError` if a key has no effect, or no bounds and none can be guessed, or if two
-        variables are the same.
+    - `InputError` if a key has no effect, or no bounds and none can be guessed, if two variables
+        are the same, or if points of a shaft could pass each other.
     """
     if dead := [key for key in keys if key in _NOT_VARIABLE or key not in scene.real_keys()]:
         raise InputError(
@@ -112,15 +146,12 @@ def design_space(
             "optimise.torques_Nm, the smoothing width belongs to the method, and a stiffness "
             "counts only if mesh.stiffness uses it. Remove it."
         )
-    if symmetric and (both := [key for key in keys if _twin(key) != key and _twin(key) in keys]):
-        raise InputError(
-            f"With optimise.symmetric the two gears share each correction, but optimise.vary names "
-            f"both of {', '.join(both)}. Name one, or set symmetric = false."
-        )
+    if symmetric:
+        refuse_twins("optimise", keys)
     base = model_of(scene)
     bounds = np.asarray([_bounds(scene, key, deflection) for key in keys], dtype=float)
     start = np.asarray([scene[key] for key in keys], dtype=float)
-    return DesignSpace(
+    space = DesignSpace(
         scene=scene,
         keys=keys,
         symmetric=symmetric,
@@ -128,24 +159,88 @@ def design_space(
         start=start,
         box=optimise.Box(lower=bounds[:, 0], upper=bounds[:, 1]),
     )
+    _require_order(space)
+    return space
+
+
+def _require_order(space: DesignSpace) -> None:
+    """Refuse bounds within which points of a shaft, such as a bearing and the gear, could pass."""
+    mounts = space.base.pinion_support, space.base.wheel_support
+    if space.flanks_only or not any(isinstance(mount, Shaft) for mount in mounts):
+        return
+    gaps = jax.jit(lambda values: _gaps(space.model(values)))
+    at_start = np.asarray(gaps(jnp.asarray(space.start)))
+    # Heights are linear in positions, lengths and widths: each variable takes away its own share.
+    taken = np.zeros((len(space.keys), at_start.size))
+    for index in range(len(space.keys)):
+        for bound in (space.box.lower[index], space.box.upper[index]):
+            end = space.start.copy()
+            end[index] = bound
+            taken[index] = np.minimum(taken[index], np.asarray(gaps(jnp.asarray(end))) - at_start)
+    closest = int(np.argmin(at_start + taken.sum(axis=0)))
+    if at_start[closest] + taken[:, closest].sum() <= 0.0:
+        movers = [key for key, share in zip(space.keys, taken[:, closest], strict=True) if share]
+        raise InputError(
+            f"Within the bounds of {', '.join(movers)} two points of a shaft could change places, "
+            f"which are {at_start[closest] / mm:.6g} mm apart at the start. Narrow "
+            "[optimise.bounds] so that bearings, gear, loads and ends keep their order."
+        )
+
+
+def _gaps(model: PairModel) -> Reals:
+    """Distances between neighbouring nodes on both shafts [m]."""
+    return jnp.concatenate(
+        [
+            jnp.diff(node_heights(mount, body if isinstance(body, BeamBody) else None))
+            for mount, body in (
+                (model.pinion_support, model.pinion_body),
+                (model.wheel_support, model.wheel_body),
+            )
+            if isinstance(mount, Shaft)
+        ]
+    )
 
 
 def _bounds(scene: Scene, key: str, deflection: float) -> tuple[float, float]:
-    """Given bounds of a variable, or three deflections for a depth, half the path for an extent."""
+    """Given bounds of a variable, or such as its kind suggests.
+
+    A depth reaches three deflections, a slope as far to either side; a bias, of which a quarter is
+    in the corners, four times as far. An extent reaches half its path.
+    """
     given = scene.get(f"optimise.bounds.{key}")
     if given is not None:
         return given[0], given[1]
-    most = max(round_up(3.0 * deflection), 2.0 * abs(float(scene[key])))
-    name = key.rpartition(".")[2]
-    if name == "extent":
-        return min(0.02, scene[key]), max(0.5, scene[key])
-    if name in ("depth_um", "crowning_um"):
-        return 0.0, most
-    if name == "helix_slope_um" or name.startswith("misalignment"):
-        return -most, most
+    value = float(scene[key])
+    most = max(round_up(3.0 * deflection), 2.0 * abs(value))
+    match split_entry(key)[0].rpartition(".")[2]:
+        case "extent":
+            return min(0.02, value), max(0.5, value)
+        case (
+            "depth_um"
+            | "crowning_um"
+            | "profile_crowning_um"
+            | "elliptical_crowning_um"
+            | "eccentricity_um"
+        ):
+            return 0.0, most
+        case (
+            "helix_slope_um"
+            | "profile_slope_um"
+            | "pitch_error_um"
+            | "misalignment_inclination_um"
+            | "misalignment_deviation_um"
+        ):
+            return -most, most
+        case "bias_um":
+            return -4.0 * most, 4.0 * most
+        case "eccentricity_angle_deg":
+            return value - 180.0, value + 180.0
+        case "accuracy_grade":
+            return 1.0, 11.0
+    low, high = sorted((0.9 * value, 1.1 * value or 1.0))
     raise InputError(
-        f"optimise.vary names {key}, for which no bounds can be guessed. Add them: "
-        f"[optimise.bounds] with {key} = [lowest, highest]."
+        f"optimise.vary names {key}, for which no bounds can be guessed. Add its lowest and "
+        f'highest value to the table [optimise.bounds], such as "{key}" = [{low:.6g}, {high:.6g}].'
     )
 
 
@@ -161,6 +256,7 @@ _OBJECTIVES = {
     "te_rms": optimise.TransmissionErrorRms,
     "te_peak_to_peak": optimise.TransmissionErrorRange,
     "max_pressure": optimise.LargestPressure,
+    "face_load_factor": optimise.FaceLoadFactor,
 }
 
 
@@ -188,6 +284,8 @@ def objective_of(scene: Scene) -> tuple[optimise.AbstractObjective, str]:
             return optimise.TransmissionErrorVariance(), "um2"
         case "te_peak_to_peak":
             return optimise.TransmissionErrorRange(), "um"
+        case "face_load_factor":
+            return optimise.FaceLoadFactor(), "-"
         case _:
             return optimise.LargestPressure(), "MPa"
 

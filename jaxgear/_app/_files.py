@@ -200,6 +200,45 @@ def read_topography(
     return TopographyTable(path, coordinate, position, across, grid)
 
 
+def read_matrix(path: str | os.PathLike[str], folder: str | os.PathLike[str] = "") -> np.ndarray:
+    """Read a square matrix: as many lines as there are numbers in each, separated by commas.
+
+    **Arguments:**
+
+    - `path`: the CSV file; lines that begin with # are left out.
+    - `folder`: what a relative path is relative to, such as the scene file's folder.
+
+    **Returns:**
+
+    The matrix, in the file's unit.
+
+    **Raises:**
+
+    - `InputError` if the file cannot be read, or is no square table of numbers.
+    """
+    path = Path(folder) / path
+    rows: list[list[float]] = []
+    for number, line in enumerate(_text_of(path).splitlines(), 1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        cells = _cells(path, number, line)
+        if bad := next((cell for cell in cells if not _is_number(cell)), None):
+            raise InputError(
+                f"{path}:{number}: got {bad!r}, must be a number. A matrix has no header; begin a "
+                "remark with #."
+            )
+        if rows and len(cells) != len(rows[0]):
+            raise InputError(
+                f"{path}:{number}: got {len(cells)} numbers, must be {len(rows[0])} as in the "
+                "lines above."
+            )
+        rows.append([float(cell) for cell in cells])
+    if not rows or len(rows) != len(rows[0]):
+        count = len(rows[0]) if rows else 0
+        raise InputError(f"{path}: a matrix must be square, got {len(rows)} lines of {count}.")
+    return np.asarray(rows)
+
+
 def deviation_of_table(
     table: ProfileTable | TopographyTable, pair: GearPair, gear_index: int
 ) -> AbstractFlankDeviation:

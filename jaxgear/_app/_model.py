@@ -4,9 +4,22 @@ Every function here can be traced by JAX: real values of the scene may be tracer
 response can be differentiated by any real key of the file.
 """
 
-import jax.numpy as jnp
+from collections.abc import Callable
+from typing import Any
 
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxgear._app._files import (
+    check_covers,
+    deviation_of_table,
+    read_matrix,
+    read_profile,
+    read_topography,
+)
 from jaxgear._app._scene import Scene
+from jaxgear._app._schema import GEARS
 from jaxgear._contact._cells import Misalignment
 from jaxgear._contact._compliance import (
     AbstractCompliance,
@@ -14,21 +27,36 @@ from jaxgear._contact._compliance import (
     Iso6336,
     WeberBanaschek,
 )
-from jaxgear._contact._foundation import AbstractFoundation, NoFoundation, WeberFoundation
+from jaxgear._contact._foundation import (
+    AbstractFoundation,
+    NoFoundation,
+    RingFoundation,
+    SainsotFoundation,
+    WeberFoundation,
+)
 from jaxgear._flank._deviations import (
+    AbstractFlankDeviation,
+    Bias,
     Crowning,
+    EllipticalCrowning,
     EndRelief,
     Flanks,
     HelixSlope,
+    ProfileCrowning,
+    ProfileSlope,
     RootRelief,
     Superposed,
     TipRelief,
 )
+from jaxgear._flank._indexing import Indexing
+from jaxgear._flank._tolerances import GradeWaveform, deviation_of_grade, pitch_error_of_grade
 from jaxgear._geometry._gear import Gear, Material
 from jaxgear._geometry._lines import MeshGrid, mesh_grid
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact, SmoothContact
 from jaxgear._system._model import PairModel
+from jaxgear._system._shaft import BeamBody, Bearing, Segment, Shaft, ShaftLayout, ShaftLoad
+from jaxgear._system._structure import Housing, RigidBody, solid_disc
 from jaxgear._system._support import Support
 from jaxgear._types import Scalar
 from jaxgear._units import GPa, N_per_mm_um, deg, mm, um
@@ -49,28 +77,58 @@ def model_of(scene: Scene) -> PairModel:
 
     - `ValueError` if the gears are impossible.
     """
+    pair = _pair(scene)
+    mounts = [_mount(scene, name) for name in GEARS]
     return PairModel(
-        pair=_pair(scene),
+        pair=pair,
         torque=_real(scene, "pair.torque_pinion_Nm"),
-        flanks=flanks_of(scene),
+        flanks=flanks_of(scene, pair),
         compliance=_compliance(scene),
-        pinion_support=_support(scene, "pinion"),
-        wheel_support=_support(scene, "wheel"),
+        pinion_support=mounts[0],
+        wheel_support=mounts[1],
         misalignment=Misalignment(
             inclination=_real(scene, "pair.misalignment_inclination_um") * um,
             deviation=_real(scene, "pair.misalignment_deviation_um") * um,
         ),
+        pinion_body=_body(scene, pair, "pinion", mounts[0]),
+        wheel_body=_body(scene, pair, "wheel", mounts[1]),
+        housing=_housing(scene),
     )
 
 
-def flanks_of(scene: Scene) -> Flanks:
-    """The flank corrections of a scene."""
-    return Flanks(pinion=_flank(scene, "pinion"), wheel=_flank(scene, "wheel"))
+def flanks_of(scene: Scene, pair: GearPair) -> Flanks:
+    """The flank deviations of a scene.
+
+    **Arguments:**
+
+    - `scene`: checked against the schema.
+    - `pair`: its gears, for what is given in millimetres on the flank or as a grade.
+
+    **Returns:**
+
+    The deviations, in SI.
+
+    **Raises:**
+
+    - `ValueError` if a file of measured deviations is unreadable or does not cover its flank.
+    """
+    return Flanks(
+        pinion=_flank(scene, pair, "pinion"),
+        wheel=_flank(scene, pair, "wheel"),
+        pinion_indexing=_indexing(scene, pair, "pinion"),
+        wheel_indexing=_indexing(scene, pair, "wheel"),
+    )
 
 
 def grid_of(scene: Scene, model: PairModel) -> MeshGrid:
     """Choose the grid that a scene asks for, for its model or one close to it."""
-    return mesh_grid(model.pair, phases=scene["mesh.phases"], slices=scene["mesh.slices"])
+    return mesh_grid(
+        model.pair,
+        phases=scene["mesh.phases"],
+        slices=scene["mesh.slices"],
+        periods=scene["mesh.periods"],
+        tip_contact=scene["mesh.tip_contact"],
+    )
 
 
 def smooth_law_of(scene: Scene) -> SmoothContact:
@@ -100,7 +158,8 @@ def _pair(scene: Scene) -> GearPair:
 
 
 def _gear(scene: Scene, name: str) -> Gear:
-    bore = scene.get(f"{name}.bore_mm")
+    # A bore of zero is none, which is a matter of the program and not of its numbers.
+    has_bore = scene.get(f"{name}.bore_mm") is not None and scene.concrete(f"{name}.bore_mm") > 0.0
     return Gear(
         teeth=scene[f"{name}.teeth"],
         face_width=_real(scene, f"{name}.face_width_mm") * mm,
@@ -109,24 +168,26 @@ def _gear(scene: Scene, name: str) -> Gear:
         dedendum=_real(scene, f"{name}.dedendum_coeff"),
         fillet_radius=_real(scene, f"{name}.fillet_radius_coeff"),
         tip_shortening=_real(scene, f"{name}.tip_shortening_coeff"),
-        bore=None if bore is None else bore * mm,
+        bore=_real(scene, f"{name}.bore_mm") * mm if has_bore else None,
         material=_material(scene, name),
     )
 
 
-def _material(scene: Scene, name: str) -> Material:
+def _material(scene: Scene, name: str, read: Callable[[str], Any] | None = None) -> Material:
     def own(key: str) -> Scalar:
         path = f"{name}.material.{key}"
-        return _real(scene, path if path in scene.values else f"material.{key}")
+        path = path if path in scene.values else f"material.{key}"
+        return jnp.asarray((read or scene.__getitem__)(path), dtype=float)
 
     return Material(
         young=own("young_GPa") * GPa, poisson=own("poisson"), density=own("density_kg_m3")
     )
 
 
-def _flank(scene: Scene, name: str) -> Superposed:
+def _flank(scene: Scene, pair: GearPair, name: str) -> Superposed:
     root = f"flank.{name}"
     side = scene[f"{root}.end_relief.side"]
+    amount = lambda key: _real(scene, f"{root}.{key}_um") * um
     return Superposed(
         parts=(
             TipRelief(*_relief(scene, f"{root}.tip_relief")),
@@ -134,9 +195,62 @@ def _flank(scene: Scene, name: str) -> Superposed:
             EndRelief(
                 *_relief(scene, f"{root}.end_relief"), left=side != "right", right=side != "left"
             ),
-            Crowning(_real(scene, f"{root}.crowning_um") * um),
-            HelixSlope(_real(scene, f"{root}.helix_slope_um") * um),
+            Crowning(amount("crowning")),
+            EllipticalCrowning(amount("elliptical_crowning")),
+            ProfileCrowning(amount("profile_crowning")),
+            HelixSlope(amount("helix_slope")),
+            ProfileSlope(amount("profile_slope")),
+            Bias(amount("bias")),
+            *_measured(scene, pair, name),
+            *_graded(scene, pair, name),
         )
+    )
+
+
+def _measured(scene: Scene, pair: GearPair, name: str) -> list[AbstractFlankDeviation]:
+    """Deviations that a scene gives as files."""
+    found = []
+    for key, read in (("profile_deviation_csv", read_profile), ("topography_csv", read_topography)):
+        file = scene.get(f"flank.{name}.{key}")
+        if file is not None:
+            table = read(file, scene.path.parent)
+            check_covers(table, pair, GEARS.index(name))
+            found.append(deviation_of_table(table, pair, GEARS.index(name)))
+    return found
+
+
+def _graded(scene: Scene, pair: GearPair, name: str) -> list[AbstractFlankDeviation]:
+    """Deviations that a scene gives as a tolerance grade."""
+    if scene.get(f"flank.{name}.accuracy_grade") is None:
+        return []
+    grade = _real(scene, f"flank.{name}.accuracy_grade")
+    return [deviation_of_grade(pair, GEARS.index(name), grade, _waveform(scene, name))]
+
+
+def _waveform(scene: Scene, name: str) -> GradeWaveform:
+    slope = 1.0 if scene[f"flank.{name}.accuracy_slopes"] else 0.0
+    waves = float(scene[f"flank.{name}.accuracy_waves"])
+    return GradeWaveform(waves=waves, profile_slope=slope, helix_slope=slope)
+
+
+def _indexing(scene: Scene, pair: GearPair, name: str) -> Indexing | None:
+    """Pitch errors and eccentricity, or `None` where the scene speaks of neither."""
+    root = f"flank.{name}"
+    # A grade's pitch errors are a wave over the revolution: one mesh period sees nothing of it.
+    graded = scene.get(f"{root}.accuracy_grade") is not None and scene["mesh.periods"] > 1
+    keys = ("pitch_error_um", "eccentricity_um", "eccentricity_angle_deg")
+    if not graded and not any(f"{root}.{key}" in scene.given for key in keys):
+        return None
+    error = jnp.stack([jnp.asarray(x, dtype=float) for x in scene[f"{root}.pitch_error_um"]]) * um
+    if graded:
+        grade = _real(scene, f"{root}.accuracy_grade")
+        error = error + pitch_error_of_grade(
+            pair, GEARS.index(name), grade, _waveform(scene, name)
+        )
+    return Indexing(
+        pitch_error=error,
+        eccentricity=_real(scene, f"{root}.eccentricity_um") * um,
+        eccentricity_angle=_real(scene, f"{root}.eccentricity_angle_deg") * deg,
     )
 
 
@@ -153,12 +267,87 @@ def _compliance(scene: Scene) -> AbstractCompliance:
         case "iso6336":
             return Iso6336()
         case _:
-            return WeberBanaschek(_foundation(scene, "pinion"), _foundation(scene, "wheel"))
+            return WeberBanaschek(
+                _foundation(scene, "pinion"),
+                _foundation(scene, "wheel"),
+                load_updates=scene["mesh.line_load_updates"],
+            )
+
+
+_FOUNDATIONS = {
+    "weber": WeberFoundation,
+    "sainsot": SainsotFoundation,
+    "ring": RingFoundation,
+    "none": NoFoundation,
+}
 
 
 def _foundation(scene: Scene, name: str) -> AbstractFoundation:
-    chosen = scene.get(f"{name}.foundation", scene["mesh.foundation"])
-    return NoFoundation() if chosen == "none" else WeberFoundation()
+    return _FOUNDATIONS[scene.get(f"{name}.foundation", scene["mesh.foundation"])]()
+
+
+def _mount(scene: Scene, name: str) -> Support | Shaft:
+    """A gear's shaft on its bearings, or the springs at its centre."""
+    if scene.get(f"{name}.shaft.gear_at_mm") is None:
+        return _support(scene, name)
+    # Which points share a node follows from the last numbers that were not traced.
+    with jax.ensure_compile_time_eval():
+        layout = _shaft(scene, name, scene.concrete, None).layout
+    return _shaft(scene, name, scene.__getitem__, layout)
+
+
+def _shaft(
+    scene: Scene, name: str, read: Callable[[str], Any], layout: ShaftLayout | None
+) -> Shaft:
+    """The shaft of a scene, its numbers read by `read`."""
+    root = f"{name}.shaft"
+
+    def number(key: str, unit: float, default: float | None = None) -> Scalar | None:
+        if scene.get(key) is None:
+            return None if default is None else jnp.asarray(default)
+        return jnp.asarray(read(key), dtype=float) * unit
+
+    def vector(key: str) -> Array:
+        return jnp.stack([jnp.asarray(x, dtype=float) for x in read(key)])
+
+    segments = [
+        Segment(*(number(f"{row}.{key}_mm", mm, 0.0) for key in ("length", "outer", "inner")))
+        for row in scene.rows(f"{root}.segments")
+    ]
+    bearings = [
+        Bearing(
+            number(f"{row}.at_mm", mm),
+            *(
+                number(f"{row}.{own}", 1.0, 0.0)
+                if scene.get(f"{row}.{own}") is not None
+                else number(f"{row}.{shared}", 1.0, 0.0)
+                for own, shared in (
+                    ("radial_S_N_m", "radial_N_m"),
+                    ("radial_T_N_m", "radial_N_m"),
+                    ("axial_N_m", "axial_N_m"),
+                    ("tilt_S_Nm_rad", "tilt_Nm_rad"),
+                    ("tilt_T_Nm_rad", "tilt_Nm_rad"),
+                )
+            ),
+        )
+        for row in scene.rows(f"{root}.bearings")
+    ]
+    loads = [
+        ShaftLoad(number(f"{row}.at_mm", mm), vector(f"{row}.force_N"), vector(f"{row}.moment_Nm"))
+        for row in scene.rows(f"{root}.loads")
+    ]
+    beam = scene[f"{name}.body.kind"] == "beam"
+    return Shaft(
+        segments,
+        bearings,
+        gear_at=number(f"{root}.gear_at_mm", mm),
+        torque_at=number(f"{root}.torque_at_mm", mm),
+        loads=loads,
+        shear_coefficient=number(f"{root}.shear_coeff", 1.0),
+        material=_material(scene, name, read),
+        body_width=number(f"{name}.face_width_mm", mm) if beam else None,
+        layout=layout,
+    )
 
 
 def _support(scene: Scene, name: str) -> Support:
@@ -170,3 +359,34 @@ def _support(scene: Scene, name: str) -> Support:
         axial=scene.get(f"{root}.axial_N_m"),
         tilt=scene.get(f"{root}.tilt_Nm_rad"),
     )
+
+
+def _body(
+    scene: Scene, pair: GearPair, name: str, mount: Support | Shaft
+) -> RigidBody | BeamBody:
+    """A gear's body; a rigid one is a disc from bore to root circle, but for what is given.
+
+    Without a bore it begins at its shaft, which has a mass of its own.
+    """
+    index = GEARS.index(name)
+    gear, root = (pair.pinion, pair.wheel)[index], 2.0 * pair.root_radius[index]
+    if scene[f"{name}.body.kind"] == "beam":
+        return BeamBody(width=gear.face_width, outer=root, material=gear.material)
+    given = {
+        field: _real(scene, f"{name}.body.{key}")
+        for field, key in (
+            ("mass", "mass_kg"),
+            ("polar_inertia", "inertia_kg_m2"),
+            ("transverse_inertia", "transverse_inertia_kg_m2"),
+        )
+        if scene.get(f"{name}.body.{key}") is not None
+    }
+    bore = gear.bore
+    if bore is None:
+        bore = mount.diameter_at_gear if isinstance(mount, Shaft) else jnp.zeros(())
+    return solid_disc(root, bore, gear.face_width, gear.material.density, **given)
+
+
+def _housing(scene: Scene) -> Housing | None:
+    file = scene.get("housing.stiffness_csv")
+    return None if file is None else Housing(read_matrix(file, scene.path.parent))

@@ -15,6 +15,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jaxtyping import Array
@@ -62,7 +64,10 @@ def static_dataset(
     found = {name: np.asarray(x) for name, x in _responses(model, cycle, law).items()}
     facts = {name: np.asarray(x) for name, x in jg.pair_facts(model.pair).items()}
     variables = _over_phases(cycle, found) | _over_cells(cycle, found)
-    variables |= _over_bodies(found) | _on_path(facts)
+    variables |= _over_bodies(found) | _on_path(facts) | _over_bearings(found)
+    variables["face_load_N_mm"] = _Entry(
+        ("slice",), found["face_load"] * jg.mm, "N/mm", "mean load per face width"
+    )
     return xr.Dataset(
         {name: entry.variable() for name, entry in variables.items()},
         coords={name: entry.variable() for name, entry in _coordinates(cycle, facts).items()},
@@ -82,23 +87,40 @@ def _responses(
     """Everything that has to be computed, in SI, in one program."""
     pair, lines = model.pair, cycle.cells.lines
     error = jg.transmission_error(pair, cycle)
-    system = jg.pair_system(pair, model.torque, model.pinion_support, model.wheel_support)
+    # On the gears' mid-faces, also where a body bends: resultant and moment of the cells.
+    wrench = jnp.stack(
+        [jnp.sum(cycle.force, axis=1), jnp.sum(cycle.force * cycle.cells.arm, axis=1)], axis=1
+    )
     return {
         "transmission_error": error,
-        "te_harmonic": jg.harmonic_amplitudes(cycle, error, _harmonic_count(cycle)),
+        "te_harmonic": jg.harmonic_amplitudes(cycle, error, harmonic_count(cycle)),
         "mesh_stiffness": jg.mesh_stiffness(cycle),
         "load_sharing": jg.load_sharing(cycle),
         "gap": jg.mesh_gap(pair, lines, model.flanks, model.misalignment),
         "place": (lines.roll - pair.path_start) / pair.path_of_contact,
         "line_load": jg.line_load(cycle, law),
         "pressure": jg.hertz_pressure(pair, cycle, law),
-        "motion": system.displacement(cycle.load),
-        "body_load": -cycle.load @ system.vectors.T,
+        "motion": cycle.system.gear_motion(cycle.load),
+        "body_load": -wrench @ jg.structure_vectors(pair).T,
+        "face_load": jg.face_load(pair, cycle),
+        **_bearings(cycle),
     }
 
 
-def _harmonic_count(cycle: jg.MeshCycle) -> int:
-    return min(_HARMONICS, (cycle.approach.size - 1) // 2)
+def _bearings(cycle: jg.MeshCycle) -> dict[str, Array]:
+    """Motion and load of every bearing at each phase; empty where there is none."""
+    structure = cycle.system.structure
+    if not structure.map.bearings:
+        return {}
+    motion = cycle.system.displacement(cycle.load)
+    found = jax.vmap(lambda x: jg.bearing_motion(structure, x))(motion)
+    return {"bearing_displacement": found.displacement, "bearing_load": found.load}
+
+
+def harmonic_count(cycle: jg.MeshCycle) -> int:
+    """Number of mesh harmonics that are written down, as far as the phases resolve them."""
+    return min(_HARMONICS, (cycle.approach.size // cycle.cells.lines.periods - 1) // 2)
+
 
 
 def _coordinates(cycle: jg.MeshCycle, facts: dict[str, np.ndarray]) -> dict[str, _Entry]:
@@ -106,10 +128,10 @@ def _coordinates(cycle: jg.MeshCycle, facts: dict[str, np.ndarray]) -> dict[str,
     passage = _passage(facts, lines)
     # At the first phase a line is that far from its entry, in whole periods.
     index = np.rint(passage[0] - np.asarray(lines.phase)[0]).astype(int)
-    orders = np.arange(1, _harmonic_count(cycle) + 1)
+    orders = np.arange(1, harmonic_count(cycle) + 1)
     return {
-        "phase": _Entry(("phase",), lines.phase, "1", "position in the mesh period"),
-        "weight": _Entry(("phase",), lines.weight, "1", "share of the mesh period"),
+        "phase": _Entry(("phase",), lines.phase, "1", "position in the cycle, in mesh periods"),
+        "weight": _Entry(("phase",), lines.weight, "1", "share of the cycle"),
         "line": _Entry(("line",), index, "1", "contact line, in mesh periods since its entry"),
         "passage": _Entry(
             ("phase", "line"), passage, "1", "mesh periods since the pair's entry at mid-face"
@@ -218,6 +240,19 @@ def _over_bodies(found: dict[str, np.ndarray]) -> dict[str, _Entry]:
         "body_moment_Nm": (load[:, :, 1], "N m", "moment of the mesh about the gear's centre"),
     }
     return {name: _Entry(("phase", "body", "axis"), *rest) for name, rest in each.items()}
+
+
+def _over_bearings(found: dict[str, np.ndarray]) -> dict[str, _Entry]:
+    """The pinion's bearings first, in the order of the scene."""
+    if "bearing_load" not in found:
+        return {}
+    motion, load = found["bearing_displacement"], found["bearing_load"]
+    each = {
+        "bearing_displacement_um": (motion[:, :, :3] / jg.um, "um", "displacement of the shaft"),
+        "bearing_load_N": (load[:, :, :3], "N", "load of the shaft on the bearing"),
+    }
+    dims = ("phase", "bearing", "axis")
+    return {name: _Entry(dims, *rest) for name, rest in each.items()}
 
 
 def _on_path(facts: dict[str, np.ndarray]) -> dict[str, _Entry]:

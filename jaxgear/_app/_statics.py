@@ -10,23 +10,33 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxgear._app._model import grid_of, law_of, model_of
+from jaxgear._app._results import harmonic_count
 from jaxgear._app._scene import Scene
+from jaxgear._app._schema import GEARS
 from jaxgear._checks import require
 from jaxgear._contact._cells import nominal_line_load
 from jaxgear._contact._compliance import iso_stiffness
 from jaxgear._geometry._lines import MeshGrid
-from jaxgear._geometry._pair import pair_facts
+from jaxgear._geometry._pair import GearPair, pair_facts
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact, SmoothContact
+from jaxgear._response._factors import (
+    face_load_factor,
+    pressure_angle_change,
+    transverse_load_factor,
+)
 from jaxgear._response._loads import hertz_pressure, line_load, mesh_stiffness
 from jaxgear._response._transmission import (
     cycle_mean,
     cycle_rms,
+    harmonic_amplitudes,
     peak_to_peak,
     transmission_error,
 )
 from jaxgear._solve._cycle import MeshCycle, PreparedMesh, corrected_cycle, mesh_cycle
 from jaxgear._system._model import PairModel
-from jaxgear._system._pair_system import pair_system
+from jaxgear._system._shaft import Shaft
+from jaxgear._system._structure import bearing_motion
+from jaxgear._system._support import Support
 from jaxgear._types import Phases, Reals, Scalar
 from jaxgear._units import MPa, N_per_mm_um, deg, mm, um
 
@@ -73,6 +83,7 @@ class Statics(eqx.Module):
     - `cycle`: the settled states.
     - `numbers`: the `static` part of the summary, the unit in each key [-].
     - `harris`: transmission error over phase, one row per further torque [m].
+    - `harris_harmonics`: amplitudes of its first mesh harmonics, one row per further torque [m].
     """
 
     model: PairModel
@@ -81,6 +92,7 @@ class Statics(eqx.Module):
     cycle: MeshCycle
     numbers: dict[str, Scalar]
     harris: np.ndarray
+    harris_harmonics: np.ndarray
 
 
 def solve_statics(scene: Scene, watch: Stopwatch, torques: np.ndarray | None = None) -> Statics:
@@ -107,7 +119,7 @@ def solve_statics(scene: Scene, watch: Stopwatch, torques: np.ndarray | None = N
 
     # The scene's own torque and the others in one program: it is compiled once.
     all_torques = jnp.concatenate([model.torque[None], jnp.asarray(more)])
-    cycles, error, numbers = watch(_solve, model, grid, law, all_torques)
+    cycles, error, harmonics, numbers = watch(_solve, model, grid, law, all_torques)
     require_solved(cycles.converged)
     # Weber's contact term holds while the contact is small against the tooth.
     deflection = float(numbers["single_pair_deflection_um"][0]) * um
@@ -126,6 +138,7 @@ def solve_statics(scene: Scene, watch: Stopwatch, torques: np.ndarray | None = N
         cycle=first[0],
         numbers=first[1],
         harris=np.asarray(error)[1:],
+        harris_harmonics=np.asarray(harmonics)[1:],
     )
 
 
@@ -136,7 +149,8 @@ def _solve(model: PairModel, grid: MeshGrid, law: AbstractContactLaw, torques: R
         loaded = eqx.tree_at(lambda m: m.torque, model, torque)
         cycle = mesh_cycle(loaded, grid, law=law, throw=False)
         error = transmission_error(loaded.pair, cycle)
-        return cycle, error, _static_numbers(loaded, cycle, law)
+        amplitudes = harmonic_amplitudes(cycle, error, harmonic_count(cycle))
+        return cycle, error, amplitudes, _static_numbers(loaded, cycle, law)
 
     return jax.vmap(at_torque)(torques)
 
@@ -201,7 +215,18 @@ def geometry_summary(model: PairModel) -> dict[str, float]:
         | {f"{name}_deg": float(facts[name] / deg) for name in angles}
         | {name: float(facts[name]) for name in ratios}
         | {"full_tip_shortening_coeff": float(facts["full_tip_shortening"])}
+        # Thesis eq. 3.3: what a growth of both base radii, by centrifugal load say, does.
+        | {
+            "pressure_angle_change_deg_per_permille_base_radius": float(
+                jax.jit(_pressure_angle_change)(model.pair) / deg
+            )
+        }
     )
+
+
+def _pressure_angle_change(pair: GearPair) -> Scalar:
+    """Change of the pressure angle where the base radii grow by a thousandth."""
+    return pressure_angle_change(pair, 1e-3 * pair.base_radius)[0]
 
 
 def iso_summary(model: PairModel) -> dict[str, float]:
@@ -231,6 +256,8 @@ def headline(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> dic
         "te_peak_to_peak_um": peak_to_peak(error) / um,
         "max_line_load_N_mm": jnp.max(line_load(cycle, law)) / (1.0 / mm),
         "max_pressure_MPa": jnp.max(hertz_pressure(model.pair, cycle, law)) / MPa,
+        "face_load_factor": face_load_factor(cycle),
+        "transverse_load_factor": transverse_load_factor(model.pair, cycle),
     }
 
 
@@ -252,33 +279,77 @@ def _static_numbers(
         "single_pair_deflection_um": load / largest / um,
         "mesh_stiffness_mean_N_um": cycle_mean(cycle, mesh_stiffness(cycle)) * um,
         "nominal_line_load_N_mm": load * mm,
-        "least_share_in_contact": jnp.min(
-            mesh_stiffness(cycle) / jnp.sum(cycle.cells.stiffness, axis=1)
-        ),
+        "least_share_in_contact": jnp.min(_share_in_contact(cycle)),
         "most_solver_steps": jnp.max(cycle.steps),
     }
 
 
-def supports_summary(statics: Statics) -> list[dict[str, Any]]:
-    """Mean displacement and load of each gear's support; load is what the gear puts on it."""
-    model = statics.model
-    found = jax.jit(_support_means)(model, statics.cycle)
-    motion, load = (np.asarray(x).reshape(2, 2, 3) for x in found)
-    return [
+def _share_in_contact(cycle: MeshCycle) -> Phases:
+    """Stiffness of the closed cells over that of all that could close."""
+    stiffness = cycle.cells.stiffness
+    closed = jnp.where(cycle.overlap > 0.0, stiffness, 0.0)
+    return jnp.sum(closed, axis=1) / jnp.sum(stiffness, axis=1)
+
+
+def mounts_summary(statics: Statics) -> dict[str, list[dict[str, Any]]]:
+    """Mean displacement and load of bearings, and of the gears that have none.
+
+    **Arguments:**
+
+    - `statics`: the solved cycle.
+
+    **Returns:**
+
+    `bearings`, the pinion's first, in the order of the scene; `supports`, the springs at a gear's
+    centre. A load is what shaft or gear puts on it.
+    """
+    model, structure = statics.model, statics.cycle.system.structure
+    motion, wrench, bearings = map(np.asarray, jax.jit(_mean_loads)(statics.cycle))
+    mounts = (model.pinion_support, model.wheel_support)
+    supports = [
+        {"gear": gear, **_mount_row(motion[body], wrench[body, :3])}
+        for body, (gear, mount) in enumerate(zip(GEARS, mounts, strict=True))
+        if isinstance(mount, Support)
+    ]
+    owners = [
+        (gear, index)
+        for gear, mount in zip(GEARS, mounts, strict=True)
+        if isinstance(mount, Shaft)
+        for index in range(len(mount.bearings))
+    ]
+    assert len(owners) == len(structure.map.bearings)
+    rows = [
         {
             "gear": gear,
-            "displacement_um": dict(zip("STZ", (motion[body, 0] / um).tolist(), strict=True)),
-            "tilt_urad": dict(zip("ST", (1e6 * motion[body, 1, :2]).tolist(), strict=True)),
-            "load_N": dict(zip("STZ", load[body, 0].tolist(), strict=True)),
+            "index": index,
+            **_mount_row(displacement, load[:3]),
+            "moment_Nm": dict(zip("ST", load[3:].tolist(), strict=True)),
         }
-        for body, gear in enumerate(("pinion", "wheel"))
+        for (gear, index), displacement, load in zip(owners, *bearings, strict=True)
     ]
+    return {"bearings": rows, "supports": supports}
 
 
-def _support_means(model: PairModel, cycle: MeshCycle) -> tuple[Reals, Reals]:
-    system = pair_system(model.pair, model.torque, model.pinion_support, model.wheel_support)
-    mean = cycle.cells.lines.weight @ cycle.load
-    return system.displacement(mean[None])[0], -system.vectors @ mean
+def _mount_row(motion: np.ndarray, force: np.ndarray) -> dict[str, Any]:
+    return {
+        "displacement_um": dict(zip("STZ", (motion[:3] / um).tolist(), strict=True)),
+        "tilt_urad": dict(zip("ST", (1e6 * motion[3:5]).tolist(), strict=True)),
+        "load_N": dict(zip("STZ", force.tolist(), strict=True)),
+    }
+
+
+def _mean_loads(cycle: MeshCycle) -> tuple[Reals, Reals, Reals]:
+    """Motion of the gears, load of the mesh on them; motion and load of the bearings."""
+    system = cycle.system
+    mean = (cycle.cells.lines.weight @ cycle.load)[None, :]
+    motion = system.gear_motion(mean)[0].reshape(2, 6)
+    # At its one node a gear on springs gives them the mesh's load.
+    at_nodes = jnp.zeros(system.structure.map.size).at[np.asarray(system.structure.map.gear_dofs)]
+    on_nodes = at_nodes.set(-system.vectors @ mean[0])
+    first = np.asarray([nodes[0] for nodes in system.structure.map.gears])
+    wrench = on_nodes[first[:, None] + np.arange(6)]
+    bearings = bearing_motion(system.structure, system.displacement(mean)[0])
+    return motion, wrench, jnp.stack([bearings.displacement, bearings.load])
 
 
 def smoothing_bias(

@@ -73,7 +73,7 @@ class AbstractCompliance(eqx.Module):
 
     **Fields:**
 
-    - `load_updates`: how often the contact term is taken anew at the line loads found.
+    - `load_updates`: how often the contact term is taken anew at the line loads found [-].
     """
 
     load_updates: eqx.AbstractVar[int]
@@ -144,7 +144,7 @@ class WeberBanaschek(AbstractCompliance):
         bore, else `WeberFoundation`.
     - `wheel_foundation`: of the wheel's body, likewise.
     - `load_updates`: how often the contact term is taken anew at the line loads found, instead
-        of at the nominal one (physics A2.6).
+        of at the nominal one (physics A2.6) [-].
     """
 
     pinion_foundation: AbstractFoundation | None = None

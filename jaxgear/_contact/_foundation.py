@@ -24,7 +24,7 @@ class AbstractFoundation(eqx.Module):
 
     **Fields:**
 
-    - `couples`: whether teeth feel each other.
+    - `couples`: whether teeth feel each other [-].
     """
 
     couples: eqx.AbstractClassVar[bool]

@@ -44,7 +44,8 @@ class MeshGrid(eqx.Module):
     - `first_line`: index of the line furthest ahead of entry, -1 for spur gears.
     - `entry_phases`: phases between a pair's entry and the exit of the pair ahead.
     - `periods`: mesh periods in one cycle.
-    - `beyond`: how far contact is looked for beyond either end of the path [base pitches].
+    - `beyond`: how far contact is looked for beyond either end of the path, in base
+        pitches [-].
     """
 
     phases: int = eqx.field(static=True)
@@ -135,13 +136,15 @@ class ContactLines(eqx.Module):
 
     - `phase`: $\tau$, the position in the cycle, in mesh periods [-].
     - `weight`: share of the cycle that each phase stands for; sums to 1 [-].
-    - `tooth`: number of the tooth pair on each line, in the order of entry; 0 enters at phase 0.
+    - `tooth`: number of the tooth pair on each line, in the order of entry; 0 enters at
+        phase 0 [-].
     - `roll`: place on the path of contact of each slice's middle, from $T_1$ [m].
     - `face_position`: $z$ of each slice's middle, from mid-face [m].
     - `fraction`: part of each slice that is in contact, 0 to 1 [-].
     - `length`: length of a slice along its contact line [m].
     - `complete`: whether the grid holds every line that is in contact.
-    - `beyond`: how far contact is looked for beyond either end of the path [base pitches].
+    - `periods`: mesh periods in the cycle.
+    - `beyond`: how far contact is looked for beyond either end of the path, in base pitches [-].
     """
 
     phase: Phases
@@ -152,6 +155,7 @@ class ContactLines(eqx.Module):
     fraction: LineGrid
     length: Scalar
     complete: Flag
+    periods: int = eqx.field(static=True, default=1)
     beyond: float = eqx.field(static=True, default=0.0)
 
 
@@ -219,6 +223,7 @@ def repeated_lines(lines: ContactLines, periods: int) -> ContactLines:
     period = np.repeat(np.arange(periods), lines.phase.size)
     return dataclasses.replace(
         lines,
+        periods=periods,
         phase=again(lines.phase) + jnp.asarray(period, dtype=float),
         weight=again(lines.weight) / periods,
         tooth=again(lines.tooth) + jnp.asarray(period)[:, None],

@@ -30,19 +30,21 @@ from jaxgear._types import (
 
 
 class MeshCycle(eqx.Module):
-    r"""The settled states of one mesh period.
+    r"""The settled states of one cycle of mesh periods.
 
     **Fields:**
 
+    - `system`: bodies, supports and torque.
     - `cells`: that were in mesh.
     - `approach`: driven normal approach, $(r_{b1}\theta_1 + r_{b2}\theta_2)\cos\beta_b$ [m].
-    - `load`: resultant [N] and moment [N m] of the cell forces.
+    - `load`: resultants of the cell forces on the mesh coordinates [N, N m].
     - `overlap`: of each cell, negative where it is open [m].
     - `force`: of each cell along the normal [N].
     - `converged`: whether each phase was solved, with every contact line in the grid.
     - `steps`: solver steps at each phase [-].
     """
 
+    system: PairSystem
     cells: MeshCells
     approach: Phases
     load: CoordinateGrid
@@ -99,6 +101,7 @@ def quasi_static(
     gap = gap - jnp.sum(arms * system.mesh_offset[None, None, :], axis=-1)
     state = jax.vmap(at_phase)(cells.stiffness, gap, arms, cells.coupling)
     return MeshCycle(
+        system=system,
         cells=cells,
         approach=state.approach,
         load=state.load,

@@ -9,7 +9,7 @@ its coefficients are found from as many points.
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._wrench import beam_basis
@@ -48,7 +48,7 @@ def beam_vectors(
     values = jax.vmap(
         lambda z, x: jnp.concatenate(
             [
-                _section_motion(mount, body, z).T @ normal
+                section_motion(mount, body, z).T @ normal
                 for mount, body, normal in zip(
                     mounts, bodies, _section_normals(pair, x), strict=True
                 )
@@ -74,8 +74,21 @@ def _section_normals(pair: GearPair, roll: Scalar) -> tuple[Array, Array]:
     )
 
 
-def _section_motion(mount: Shaft | Support, body: RigidBody | BeamBody, z: Scalar) -> Array:
-    """Motion of the section at height `z` from mid-face per motion of the body's nodes."""
+def section_motion(
+    mount: Shaft | Support, body: RigidBody | BeamBody, z: Scalar
+) -> Float[Array, "6 node_dof"]:
+    """Motion of a section of a gear per motion of the gear's node or nodes.
+
+    **Arguments:**
+
+    - `mount`: its shaft, or the springs at its centre.
+    - `body`: of the gear.
+    - `z`: height of the section from mid-face [m].
+
+    **Returns:**
+
+    Translations along S, T, Z and rotations about them [-, m, 1/m].
+    """
     if isinstance(body, RigidBody) or isinstance(mount, Support):
         moved = jnp.eye(6)
         return moved.at[0, 4].set(z).at[1, 3].set(-z)

@@ -7,12 +7,15 @@ what loads from outside do to it an offset of them.
 
 import equinox as eqx
 import jax.numpy as jnp
+import jax.scipy.linalg
+import numpy as np
+from jaxtyping import Array, Float
 
 from jaxgear._checks import require
 from jaxgear._contact._cells import MeshCells
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._wrench import beam_arms, cell_arms, structure_vectors
-from jaxgear._system._mesh_vectors import beam_vectors
+from jaxgear._system._mesh_vectors import beam_vectors, section_motion
 from jaxgear._system._shaft import BeamBody, Shaft
 from jaxgear._system._structure import (
     Housing,
@@ -44,6 +47,7 @@ class PairSystem(eqx.Module):
 
     - `pair`: the gears.
     - `vectors`: $V$, mesh coordinates per motion of the gears' nodes [-, 1/m].
+    - `middles`: motion of both gears at mid-face per motion of their nodes [-, m, 1/m].
     - `structure`: bodies, shafts, bearings.
     - `statics`: how the structure gives to mesh loads.
     - `direction`: mesh coordinates per approach by rotation [-].
@@ -53,6 +57,7 @@ class PairSystem(eqx.Module):
 
     pair: GearPair
     vectors: DofCoordinates
+    middles: Float[Array, "dof node_dof"]
     structure: Structure
     statics: StaticFlexibility
     direction: Coordinates
@@ -90,6 +95,20 @@ class PairSystem(eqx.Module):
         Motion of each degree of freedom of `structure` at each phase [m, rad].
         """
         return self.statics.offset[None, :] - load @ self.statics.response.T
+
+    def gear_motion(self, load: CoordinateGrid) -> DofGrid:
+        """Motion of both gears at mid-face under mesh loads, apart from the driving rotation.
+
+        **Arguments:**
+
+        - `load`: resultants of the cell forces on the mesh coordinates at each phase.
+
+        **Returns:**
+
+        Translations and rotations of the pinion, then of the wheel, at each phase [m, rad].
+        """
+        at_nodes = self.displacement(load)[:, np.asarray(self.structure.map.gear_dofs)]
+        return at_nodes @ self.middles.T
 
 
 def pair_system(
@@ -157,6 +176,12 @@ def pair_system(
     return PairSystem(
         pair=pair,
         vectors=vectors,
+        middles=jax.scipy.linalg.block_diag(
+            *(
+                section_motion(mount, body, jnp.zeros(()))
+                for mount, body in zip((pinion_support, wheel_support), bodies, strict=True)
+            )
+        ),
         structure=structure,
         statics=static_flexibility(structure, vectors),
         direction=jnp.eye(vectors.shape[1])[0],

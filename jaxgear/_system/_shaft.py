@@ -287,6 +287,17 @@ class Shaft(eqx.Module):
         """From end to end, as drawn [m]."""
         return jnp.sum(jnp.stack([segment.length for segment in self.segments]))
 
+    @property
+    def diameter_at_gear(self) -> Scalar:
+        """Outer diameter under the gear's middle; of the left segment at a shoulder [m]."""
+        layout = self.layout
+        stretch = layout.body
+        if stretch is None:
+            # Elements of a stretch end at the node to their right.
+            ends = np.cumsum(layout.cuts)
+            stretch = int(np.searchsorted(ends, layout.nodes["gear"]))
+        return self.segments[layout.segments[stretch]].outer
+
 
 class BeamBody(eqx.Module):
     """A gear body that is a piece of shaft: one beam between the ends of its face.
@@ -342,7 +353,7 @@ def node_heights(shaft: Shaft, body: BeamBody | None = None) -> Nodes:
 
     **Returns:**
 
-    Heights [m], in rising order.
+    Heights [m], in rising order; NaN where points that are traced have changed places.
 
     **Raises:**
 
@@ -362,13 +373,15 @@ def node_heights(shaft: Shaft, body: BeamBody | None = None) -> Nodes:
     part = np.concatenate([np.arange(cut) / cut for cut in cuts])
     heights = stations[first] * (1.0 - part) + stations[first + 1] * part
     heights = jnp.concatenate([heights, stations[-1:]])
+    rising = jnp.all(jnp.diff(heights) > 0.0)
     require(
-        jnp.all(jnp.diff(heights) > 0.0),
+        rising,
         "The points of a shaft must keep the order in which it was laid out: {owners}. Build the "
         "shaft anew, without `layout`.",
         owners=", ".join(layout.owners),
     )
-    return heights
+    # While JAX traces, nobody is told: no number is then better than a wrong one.
+    return jnp.where(rising, heights, jnp.nan)
 
 
 def shaft_matrices(shaft: Shaft, body: BeamBody | None = None) -> ShaftMatrices:
@@ -458,6 +471,12 @@ def _places(shaft: Shaft, body_width: Scalar | None) -> Mapping[str, Scalar]:
     return places
 
 
+def _plain_places(shaft: Shaft, body_width: Scalar | None) -> dict[str, float]:
+    """Heights as plain numbers, also while JAX traces something else around them."""
+    with jax.ensure_compile_time_eval():
+        return {name: float(height) for name, height in _places(shaft, body_width).items()}
+
+
 def _is_traced(*trees: object) -> bool:
     return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(trees))
 
@@ -482,11 +501,11 @@ def _check_shaft(shaft: Shaft) -> None:
     )
     if _is_traced(shaft.segments, shaft.bearings, shaft.gear_at, shaft.torque_at, shaft.loads):
         return
-    places = _places(shaft, None)
-    end = float(places["right end"])
+    places = _plain_places(shaft, None)
+    end = places["right end"]
     for name, height in places.items():
         require(
-            -_SAME_PLACE <= float(height) <= end + _SAME_PLACE,
+            -_SAME_PLACE <= height <= end + _SAME_PLACE,
             "The {name} of a shaft must lie on it, between 0 and {end:.6g} m from its left end, "
             "got {got:.6g} m. Move it, or lengthen the shaft.",
             name=name,
@@ -508,7 +527,7 @@ def _settled_layout(shaft: Shaft, body_width: object, divisions: int) -> ShaftLa
             "A shaft cannot be laid out from numbers that JAX traces. Build it once from plain "
             "numbers, outside of `jit` and `grad`, and hand its layout in: `layout=built.layout`."
         )
-    heights = {name: float(height) for name, height in _places(shaft, width).items()}
+    heights = _plain_places(shaft, width)
     if width is not None:
         _check_face(heights, float(shaft.gear_at))
     # A stable sort keeps the order of `_places`, by which stations are owned, within a place.

@@ -440,7 +440,7 @@ def check_supported(shaft: Shaft, name: str) -> None:
         for b in shaft.bearings
     ]
     at, radial_s, radial_t, axial, tilt_s, tilt_t = np.asarray(values).T
-    length = float(shaft.length)
+    length = sum(float(segment.length) for segment in shaft.segments)
     # Heights from mid-shaft over its length, so that moving and tilting are of one size.
     arm = at / length - 0.5
     planes = [

@@ -1,4 +1,5 @@
 import math
+from typing import ClassVar
 
 import equinox as eqx
 import jax
@@ -34,7 +35,16 @@ _STRAIGHT = jg.Misalignment()
 class _Parabola(jg.AbstractCompliance):
     """A law that varies along the path, and compiles in no time."""
 
-    def __call__(self, pair: jg.GearPair, roll: jax.Array, line_load: jax.Array) -> jax.Array:
+    load_updates: ClassVar[int] = 0
+
+    def bodies(self, pair: jg.GearPair, neighbours: int) -> tuple[jg.SharedBody, ...]:
+        del pair, neighbours
+        return ()
+
+    def log_slope(self, pair: jg.GearPair) -> jax.Array:
+        return jnp.zeros_like(pair.normal_module)
+
+    def local(self, pair: jg.GearPair, roll: jax.Array, line_load: jax.Array) -> jax.Array:
         place = (roll - pair.path_start) / pair.path_of_contact
         softer = 1.0 + 0.4 * (2.0 * place - 1.0) ** 2
         moduli = 1.0 / pair.pinion.material.young + 1.0 / pair.wheel.material.young
@@ -83,7 +93,7 @@ def _interpolates(make):
     cells = eqx.filter_jit(jg.mesh_cells)(pair, _grid(pair), _WEBER, _LOAD)
     place = (cells.lines.roll - pair.path_start) / pair.path_of_contact
     roll = pair.path_start + jnp.clip(place, 0.0, 1.0).ravel() * pair.path_of_contact
-    direct = 1.0 / eqx.filter_jit(_WEBER)(pair, roll, _LOAD)
+    direct = 1.0 / eqx.filter_jit(_WEBER.local)(pair, roll, _LOAD)
     off = np.abs(np.asarray(cells.line_stiffness.ravel() / direct) - 1.0)
     assert off.max() < 5e-4
     middle = np.abs(np.asarray(place).ravel() - 0.5) < 0.3

@@ -22,6 +22,7 @@ def _cycle(phase, weight) -> jg.MeshCycle:
     lines = jg.ContactLines(
         phase=jnp.asarray(phase),
         weight=jnp.asarray(weight),
+        tooth=jnp.zeros((count, 1), int),
         roll=jnp.ones((count, 1, 1)),
         face_position=jnp.zeros(1),
         fraction=jnp.ones((count, 1, 1)),
@@ -30,7 +31,7 @@ def _cycle(phase, weight) -> jg.MeshCycle:
     )
     one = jnp.ones((count, 1))
     return jg.MeshCycle(
-        cells=jg.MeshCells(lines, jnp.ones((count, 1, 1)), one, one),
+        cells=jg.MeshCells(lines, jnp.ones((count, 1, 1)), one, None, one),
         approach=jnp.linspace(1.0, 2.0, count),
         load=jnp.ones((count, 2)),
         overlap=one,

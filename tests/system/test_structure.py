@@ -283,7 +283,7 @@ def test_bearings_of_the_power_pair():
 
 def _housed(stiffness):
     bearings = [Bearing(0.0, 2e8, 3e8, 1e8), Bearing(0.1, 5e8, 9e7)]
-    load = ShaftLoad(0.05, (10.0, 20.0, 30.0))
+    load = ShaftLoad(0.03, (10.0, 20.0, 30.0))
     return _beside(_rod(0.1, bearings, 0.04, loads=[load]), housing=stiffness)
 
 

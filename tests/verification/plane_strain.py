@@ -179,6 +179,7 @@ def fe_sector(pair: jg.GearPair, body: int, fineness: Fineness, factor: Factor) 
     """Grid and stiffness of one tooth's sector; see `fe_gear`."""
     gear = (pair.pinion, pair.wheel)[body]
     assert gear.bore is not None
+    assert float(pair.helix_angle) == 0.0
     section = jax.jit(tooth_section)(pair, gear)
     tip = float(np.asarray(pair.tip_roll)[body]) / float(section.base_radius)
     rolls = _flank_rolls(section, tip, fineness.flank * float(section.module))
