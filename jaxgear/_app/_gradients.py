@@ -123,18 +123,18 @@ def gradient_table(scene: Scene, law: AbstractContactLaw, watch: Stopwatch) -> l
             responses += _bearing_responses(mesh.system, cycle)
         return jnp.stack(responses), (_pieces(model, cycle, law), cycle.converged)
 
-    def derivatives(values: Reals) -> tuple[Reals, Reals]:
+    def derivatives(values: Reals) -> tuple[Reals, Reals, Reals, tuple[Reals, Flags]]:
         # One column, or one row, after the other: batched they take far longer to compile. Both
         # directions share one linearisation, and with it the solution of the contact.
-        _, push = jax.linearize(lambda x: evaluate(x)[0], values)
+        value, push, state = jax.linearize(evaluate, values, has_aux=True)
         pull = jax.linear_transpose(push, values)
         columns = jax.lax.map(push, jnp.eye(len(keys)))
         rows = jax.lax.map(lambda weights: pull(weights)[0], jnp.eye(len(names)))
-        return columns.T, rows
+        return columns.T, rows, value, state
 
-    value, (pieces, converged) = watch(evaluate, centre)
+    forward, reverse, value, (pieces, converged) = watch(derivatives, centre, options=_UNFUSED)
     require_solved(converged)
-    forward, reverse = map(np.asarray, watch(derivatives, centre, options=_UNFUSED))
+    forward, reverse = np.asarray(forward), np.asarray(reverse)
     difference, same = _differences(evaluate, np.asarray(centre), sizes, pieces, watch)
     return [
         _row(

@@ -126,7 +126,8 @@ def solve_statics(scene: Scene, watch: Stopwatch, torques: np.ndarray | None = N
     require(
         deflection < 0.1 * float(model.pair.normal_module),
         "A single tooth pair would give way by {got:.3g} mm under {torque:.6g} N m, more than a "
-        "tenth of the module: no tooth bears that. pair.torque_pinion_Nm is in N m.",
+        "tenth of the module: no tooth bears that. pair.torque_pinion_Nm is in N m; with a ring "
+        "foundation the body winds up about bore_mm, where it must be held.",
         got=deflection / mm,
         torque=float(model.torque),
     )
@@ -173,7 +174,9 @@ def require_solved(converged: Any) -> None:
             f"the contact was not solved at {np.count_nonzero(~flags)} of {flags.size} positions "
             f"(phases {bad[:8]}{' and more' if len(bad) > 8 else ''}): the forces stayed out of "
             "balance. Check that gaps and deflections are of one size (flank corrections in um), "
-            "and that supports are not softer than the mesh by more than a factor of 1e6."
+            "and that supports are not softer than the mesh by more than a factor of 1e6. With "
+            "mesh.tip_contact, teeth that bend further than the nominal flanks part within a quarter "
+            "of a base pitch beyond the path are refused in this way too: lower the torque."
         )
 
 

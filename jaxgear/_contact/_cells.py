@@ -235,6 +235,27 @@ def _from_tooth_to_tooth(pair: GearPair, lines: ContactLines, flanks: Flanks) ->
     return added
 
 
+def at_window_ends(pair: GearPair, lines: ContactLines) -> CellGrid:
+    """Which cells are the outermost at which contact of tip corners is looked for.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `lines`: where the cells are.
+
+    **Returns:**
+
+    1 where the next phase would take a cell out of the window beyond either end of the path, else
+    0; all zero where contact ends with the path [-].
+    """
+    if lines.beyond == 0.0:
+        return jnp.zeros((lines.phase.size, lines.roll.shape[1] * lines.roll.shape[2]))
+    pitch = pair.transverse_base_pitch
+    window = (lines.beyond - jnp.max(lines.weight) * lines.periods) * pitch
+    outside = (lines.roll < pair.path_start - window) | (lines.roll > pair.path_end + window)
+    return jnp.where(outside, 1.0, 0.0).reshape(lines.phase.size, -1)
+
+
 def flank_coordinates(
     pair: GearPair, lines: ContactLines
 ) -> tuple[tuple[LineGrid, LineGrid], tuple[LineGrid, LineGrid]]:

@@ -1,5 +1,7 @@
 """Quasi-static mesh cycles: the contact state at every phase, at vanishing speed."""
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -8,6 +10,7 @@ from jaxgear._checks import require_float64
 from jaxgear._contact._cells import (
     MeshCells,
     at_line_loads,
+    at_window_ends,
     mesh_cells,
     mesh_gap,
     nominal_line_load,
@@ -220,6 +223,10 @@ def corrected_cycle(
         nominal = nominal_line_load(model.pair, model.torque)
         loaded = at_line_loads(cells, cycle.force, nominal, softening)
         cycle = quasi_static(prepared.system, loaded, gap, law=law, settings=settings)
+    if cells.lines.beyond > 0.0:
+        # Teeth that touch where the search for tip contact ends might touch beyond it too.
+        reached = jnp.sum(at_window_ends(model.pair, cells.lines) * cycle.force, axis=1) > 0.0
+        cycle = dataclasses.replace(cycle, converged=cycle.converged & ~reached)
     return cycle
 
 
@@ -227,5 +234,6 @@ _UNSOLVED = (
     "The contact was not solved at some phase of the mesh cycle: forces still out of balance "
     "after `SolverSettings.most_steps` steps, or contact lines outside of the grid. Raise "
     "`most_steps`, or make the grid from this pair, with a larger `margin` if it is traced; if "
-    "gaps are far larger than deflections, check the units of the flank corrections."
+    "gaps are far larger than deflections, check the units of the flank corrections. With "
+    "`tip_contact`, teeth may have bent so far that they touch further beyond the path than looked."
 )

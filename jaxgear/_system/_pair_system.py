@@ -57,7 +57,7 @@ class PairSystem(eqx.Module):
 
     pair: GearPair
     vectors: DofCoordinates
-    middles: Float[Array, "dof node_dof"]
+    middles: Float[Array, "section_dof dof"]
     structure: Structure
     statics: StaticFlexibility
     direction: Coordinates

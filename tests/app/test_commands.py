@@ -2,13 +2,15 @@
 
 import json
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
+import tomlkit
 import xarray as xr
 
 from jaxgear._app._cli import main
-from jaxgear._app._scene import ready_scene
+from jaxgear._app._scene import read_scene, ready_scene
 from jaxgear._app._statics import Stopwatch, solve_statics
 
 _COARSE = ("--set", "mesh.phases=24", "--set", "mesh.slices=4", "--quiet", "--json")
@@ -35,7 +37,9 @@ def test_run_writes_everything_and_finds_the_optimum(accessory, tmp_path, capsys
     folder = tmp_path / "results" / "accessory"
     assert summary == json.loads((folder / "summary.json").read_text())
     assert 2.3 < summary["static"]["te_rms_um"] < 2.5
-    assert summary["static"]["te_mean_um"] == pytest.approx(9.87, abs=0.02)
+    # 9.88 um by the teeth alone; the thesis, shafts and bearings included, has 19 to 41.
+    assert 15.0 < summary["static"]["te_mean_um"] < 41.0
+    _assert_bearings_of_the_thesis(summary["static"]["bearings"])
     assert summary["geometry"]["profile_contact_ratio"] == pytest.approx(1.421555, abs=1e-6)
     found = summary["optimise"]
     assert found["converged"]
@@ -56,6 +60,30 @@ def test_run_writes_everything_and_finds_the_optimum(accessory, tmp_path, capsys
     depth = improved["flank"]["wheel"]["tip_relief"]["depth_um"]
     assert depth == found["variables"]["flank.wheel.tip_relief.depth_um"]
     assert main(["run", str(folder / "scene.toml"), *_COARSE, "--out", "again"]) == 0
+
+
+def _assert_bearings_of_the_thesis(bearings: list[dict]) -> None:
+    """Tab. III-2 and III-3, within 5 %: displacement along S and T [um]."""
+    expected = [(-0.35, -0.70), (-0.77, -1.55), (0.55, 1.11), (0.57, 1.15)]
+    for row, (along_s, along_t) in zip(bearings, expected, strict=True):
+        assert row["displacement_um"]["S"] == pytest.approx(along_s, rel=0.05)
+        assert row["displacement_um"]["T"] == pytest.approx(along_t, rel=0.05)
+
+
+def test_bearing_loads_of_the_power_pair(capsys, tmp_path, monkeypatch):
+    """Tab. III-6 and III-7: totals within 0.1 %; the split follows from the shafts chosen."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["init", "power"]) == 0
+    capsys.readouterr()
+    settings = ("--set", "optimise.max_evaluations=1", "--set", "map.torques_Nm=[150.0, 308.8]")
+    code, summary = _run(capsys, "run", "power.toml", *_COARSE, *settings)
+    assert code == 0
+    load = np.asarray([[row["load_N"][a] for a in "STZ"] for row in summary["static"]["bearings"]])
+    assert load[:2].sum(axis=0)[:2] == pytest.approx([-3444.5, -6829.5], rel=1e-3)
+    assert load[2:].sum(axis=0)[:2] == pytest.approx([3444.5, 6829.5], rel=1e-3)
+    assert load.sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-3)
+    thesis = [[-2008, -3406], [-1436, -3423], [723, 4216], [1482, 1847], [1240, 767]]
+    assert load[:, :2] == pytest.approx(np.asarray(thesis, dtype=float), rel=5e-3)
 
 
 def test_map_finds_the_valley_and_the_closed_form(accessory, tmp_path, capsys):
@@ -130,26 +158,53 @@ def test_impossible_gears_are_refused_with_a_remedy(accessory, capsys):
         assert "Traceback" not in error
 
 
+_FREE = "without shafts"
+
+
+def _without_shafts(folder: Path) -> Path:
+    """The accessory scene, its gears free to be held otherwise."""
+    document = tomlkit.parse(ready_scene("accessory").path.read_text(encoding="utf-8"))
+    for gear in ("pinion", "wheel"):
+        del document[gear]["shaft"]
+    path = folder / "free.toml"
+    path.write_text(tomlkit.dumps(document), encoding="utf-8")
+    return path
+
+
 @pytest.mark.parametrize(
     "settings",
     [
         ("pair.misalignment_deviation_um=40",),
-        ("pinion.support={radial_N_m=1e8, tilt_Nm_rad=1e5}",),
+        (_FREE, "pinion.support={radial_N_m=1e8, tilt_Nm_rad=1e5}"),
         ("mesh.slices=1", "flank.pinion.crowning_um=20"),
         ("mesh.slices=200",),
         ("flank.pinion.tip_relief={depth_um=900, extent=0.4}",),
         ("pair.helix_angle_deg=35", "mesh.contact=smooth"),
         ("mesh.stiffness=iso6336",),
         ("pair.torque_pinion_Nm=0.01", "flank.wheel.crowning_um=30"),
-        ("pair.misalignment_deviation_um=40", "wheel.support={tilt_Nm_rad=1e3}"),
-        ("pinion.support={radial_N_m=1e4}",),
+        (_FREE, "pair.misalignment_deviation_um=40", "wheel.support={tilt_Nm_rad=1e3}"),
+        (_FREE, "pinion.support={radial_N_m=1e4}"),
+        ("mesh.foundation=ring",),
+        ("mesh.foundation=ring", "pair.helix_angle_deg=25", "mesh.line_load_updates=2"),
+        ("mesh.foundation=ring", "pinion.bore_mm=8", "wheel.bore_mm=126"),
+        ("mesh.tip_contact=true", "mesh.foundation=ring"),
+        ("pinion.body.kind=beam", "pair.helix_angle_deg=15", "pinion.shaft.torque_at_mm=0"),
+        ("pinion.shaft.bearings[0].radial_N_m=1e5",),
+        ("pinion.shaft.bearings[0].radial_N_m=1e14", "wheel.shaft.bearings[1].radial_N_m=1e14"),
+        ("wheel.shaft.segments[0].inner_mm=39.9",),
+        ("mesh.periods=5", "flank.pinion.eccentricity_um=20", "flank.pinion.accuracy_grade=7"),
         ("pinion.face_width_mm=500", "wheel.face_width_mm=500", "flank.pinion.crowning_um=200"),
         ("pinion.addendum_coeff=0.66", "wheel.addendum_coeff=0.66"),
     ],
     ids=str,
 )
-def test_hard_scenes_are_solved(settings):
-    scene = ready_scene("accessory", ("mesh.phases=24", "mesh.slices=4", *settings))
+def test_hard_scenes_are_solved(settings, tmp_path):
+    coarse = ("mesh.phases=24", "mesh.slices=4")
+    if _FREE in settings:
+        path = _without_shafts(tmp_path)
+        scene = read_scene(path, (*coarse, *(s for s in settings if s != _FREE)))
+    else:
+        scene = ready_scene("accessory", (*coarse, *settings))
     statics = solve_statics(scene, Stopwatch())
     pair = statics.model.pair
     expected = statics.model.torque / (pair.base_radius[0] * np.cos(pair.base_helix_angle))

@@ -14,6 +14,7 @@ import jaxgear as jg
 from jaxgear import um
 
 _run = eqx.filter_jit(jg.mesh_cycle)
+_SYSTEM = eqx.filter_jit(jg.pair_system)(ACCESSORY.pair(), jnp.asarray(80.0))
 
 
 def _cycle(phase, weight) -> jg.MeshCycle:
@@ -31,6 +32,7 @@ def _cycle(phase, weight) -> jg.MeshCycle:
     )
     one = jnp.ones((count, 1))
     return jg.MeshCycle(
+        system=_SYSTEM,
         cells=jg.MeshCells(lines, jnp.ones((count, 1, 1)), one, None, one),
         approach=jnp.linspace(1.0, 2.0, count),
         load=jnp.ones((count, 2)),
