@@ -3,8 +3,9 @@
     make bench                     or   python benchmarks/bench.py [--out DIR] [--threads 2]
 
 Times are medians of repeated runs after compiling, in one process; compile time stands beside
-them. Machines differ and are noisy: compare ratios within one table. Writes `bench.json`, and
-`accuracy_against_time.png`, the error of the RMS of TE against the time of a mesh cycle.
+them. Machines differ and are noisy: compare ratios within one table. Writes `bench.json`,
+`accuracy_against_time.png`, the error of the RMS of TE against the time of a mesh cycle, and
+`foundations.png`, the same of the foundations against finite elements.
 """
 
 import argparse
@@ -38,7 +39,8 @@ def main() -> None:
     device = jax.devices()[0]
     report = {"device": f"{device.platform}: {device.device_kind}", "processors": options.threads}
     print(f"{report['device']}, {options.threads} processors, jax {jax.__version__}\n")
-    report |= cycle_and_gradient() | master_curve_map() | optimum()
+    report |= cycle_and_gradient() | shafts() | master_curve_map() | optimum()
+    report["foundations"] = foundations(options.out)
     report["accuracy"] = accuracy_against_time(options.out)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     report["peak_memory_MB"] = peak / (1024.0**2 if sys.platform == "darwin" else 1024.0)
@@ -116,6 +118,92 @@ def cycle_and_gradient() -> dict:
             report[f"gradient_over_cycle_{scene}_{law_name}"] = ratio
             report[f"cycle_ms_{scene}_{law_name}"] = 1e3 * alone
     return report
+
+
+def shafts() -> dict:
+    """What shafts, bearings and a pinion that bends cost, over a pair that only turns."""
+    import equinox as eqx
+
+    import jaxgear as jg
+
+    report = {}
+    for name in ("accessory", "power"):
+        rungs = {
+            "that only turns": (jg.ready_scene(name), True),
+            "on shafts and bearings": (jg.ready_scene(name), False),
+            "the pinion a beam": (jg.ready_scene(name, ["pinion.body.kind=beam"]), False),
+        }
+        alone = None
+        for rung, (scene, free) in rungs.items():
+            model = jg.model_of(scene)
+            if free:
+                places = lambda m: (m.pinion_support, m.wheel_support)
+                model = eqx.tree_at(places, model, (jg.Support(), jg.Support()))
+            grid = jg.grid_of(scene, model)
+
+            def mean(model, grid=grid):
+                cycle = jg.mesh_cycle(model, grid, throw=False)
+                return jg.cycle_mean(cycle, jg.transmission_error(model.pair, cycle)) / jg.um
+
+            compiling, seconds, value = timed(mean, model, repeats=60)
+            alone = seconds if alone is None else alone
+            note = f"{seconds / alone:.2f} x the first; mean TE {float(value):.2f} um"
+            line(f"mesh cycle, {name} pair {rung}", compiling, seconds, note)
+            report[f"cycle_over_turning_{name}_{rung.replace(' ', '_')}"] = seconds / alone
+    return report
+
+
+# Mean and RMS of the transmission error [um] of the accessory pair at 80 N m, contact at the line
+# loads found: plane-strain finite elements of both gears with all their teeth, clamped at bores of
+# 30 and 40 mm. From `fe_transmission_error(..., load_updates=3)` of tests/verification.
+_FINITE_ELEMENTS = (16.40, 1.916)
+
+
+def foundations(folder: Path) -> list[dict]:
+    """Error of the transmission error against finite elements, and time, over the foundations."""
+    from matplotlib.figure import Figure
+
+    import jaxgear as jg
+
+    rows = []
+    for name in ("none", "weber", "sainsot", "ring", "ring, load update"):
+        settings = [f"mesh.foundation={name.partition(',')[0]}", "mesh.slices=1"]
+        scene = jg.ready_scene(
+            "accessory", [*settings, f"mesh.line_load_updates={int(',' in name)}"]
+        )
+        full = jg.model_of(scene)
+        model = jg.PairModel(full.pair, full.torque, full.flanks, full.compliance)
+        grid = jg.grid_of(scene, model)
+
+        def numbers(model, grid=grid):
+            cycle = jg.mesh_cycle(model, grid, throw=False)
+            error = jg.transmission_error(model.pair, cycle) / jg.um
+            return jg.cycle_mean(cycle, error), jg.cycle_rms(cycle, error)
+
+        compiling, seconds, found = timed(numbers, model, repeats=60)
+        mean, rms = (float(x) / y - 1.0 for x, y in zip(found, _FINITE_ELEMENTS, strict=True))
+        note = f"against finite elements: mean {mean:+.1%}, RMS {rms:+.1%}"
+        line(f"foundation: {name}", compiling, seconds, note)
+        rows.append({"foundation": name, "ms": 1e3 * seconds, "mean": mean, "rms": rms})
+    figure = Figure(figsize=(6.4, 4.4), layout="constrained")
+    axes = figure.subplots()
+    for key, marker, label in (("rms", "o", "RMS of TE"), ("mean", "^", "mean TE")):
+        axes.semilogy([r["ms"] for r in rows], [abs(r[key]) for r in rows], marker, label=label)
+    for row in rows:
+        axes.annotate(
+            row["foundation"],
+            (row["ms"], abs(row["rms"])),
+            textcoords="offset points",
+            xytext=(6, 4),
+            fontsize=8,
+        )
+    axes.set_xlabel("time of a mesh cycle [ms]")
+    axes.set_ylabel("relative error against finite elements [-]")
+    axes.set_title("foundations, accessory pair, bores clamped")
+    axes.grid(alpha=0.3)
+    axes.legend()
+    figure.savefig(folder / "foundations.png", dpi=150)
+    return rows
 
 
 def relief_response(model, grid):

@@ -5,11 +5,12 @@ made without pyplot, so nothing is kept, shown or configured behind the caller's
 """
 
 import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import matplotlib
 import numpy as np
@@ -17,14 +18,17 @@ import xarray as xr
 from jaxtyping import Array
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import BoundaryNorm, Normalize
+from matplotlib.colors import BoundaryNorm, Colormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 import jaxgear as jg
 from jaxgear._app._results import BODIES, cycle_statistics, flank_grid, whole_file, write_csv
+from jaxgear._system._beam import beam_shapes
+from jaxgear._system._shaft import node_heights
 
 Columns = dict[str, np.ndarray]
 
@@ -276,12 +280,338 @@ def _transverse_section(pair: jg.GearPair, body: int) -> jg.ToothSection:
     )
 
 
+# --- The shafts
+
+
+@_house_look()
+def shafts(
+    model: jg.PairModel,
+    load: np.ndarray,
+    bearings: Sequence[Mapping[str, Any]],
+    title: str,
+) -> Figure:
+    """Both shafts from the side, to scale, with their deflection and what the bearings carry.
+
+    Gears are drawn from the axis to the tip circle, bearings as crossed boxes, filled where they
+    hold the shaft along Z. Torques are arrows with two heads along the axis of rotation.
+
+    **Arguments:**
+
+    - `model`: with at least one shaft.
+    - `load`: mean resultants of the cell forces on the mesh coordinates [N, N m].
+    - `bearings`: `static.bearings` of the summary: `gear`, `index` and `load_N` of each.
+    - `title`: the case or the finding.
+
+    **Returns:**
+
+    The figure, in the plane of the two axes: Z from mid-face, S from the pinion's axis.
+    """
+    figure, (axes,) = _panels((9.6, 8.2), title)
+    axes.grid(False)
+    axes.set_aspect("equal")
+    lines = _deflected_lines(model, load)
+    distance = float(model.pair.working_centre_distance) / jg.mm
+    largest = max(float(np.max(np.abs(line[1:]))) for line in lines.values()) / jg.mm
+    scale = _round_down(_SHOWN_DEFLECTION * distance / max(largest, 1e-12))
+    for body, name in enumerate(BODIES):
+        level = distance * body
+        _draw_gear_side(axes, model.pair, body, level)
+        mount = _mounts(model)[body]
+        if not isinstance(mount, jg.Shaft):
+            continue
+        _draw_shaft(axes, mount, level)
+        _draw_loads(axes, model, body, level)
+        z, *moved = lines[name] / jg.mm
+        for deflection, (colour, style) in zip(moved, _DEFLECTION.values(), strict=True):
+            axes.plot(z, level + scale * deflection, color=colour, ls=style, lw=2.0, zorder=5)
+        for each in bearings:
+            if each["gear"] == name:
+                at = _height(mount, mount.bearings[each["index"]].at)
+                _write_bearing_load(axes, mount, at, level, each["load_N"], outwards=2 * body - 1)
+    low, high = axes.get_ylim()
+    axes.set(
+        xlabel="Z from mid-face [mm]",
+        ylabel="S, from the pinion's axis to the wheel's [mm]",
+        ylim=(low - 0.09 * (high - low), high + 0.09 * (high - low)),
+    )
+    axes.margins(x=0.12)
+    kinds = [Line2D([], [], color=colour, ls=style, lw=2.0) for colour, style in _DEFLECTION.values()]
+    torque = Line2D([], [], color=_ORANGE, lw=1.8, marker=">", ms=6)
+    figure.legend(
+        [*kinds, torque],
+        [f"deflection along {name}, {scale:g} times as large" for name in _DEFLECTION]
+        + ["torque about Z"],
+        loc="outside lower center",
+        ncols=3,
+        frameon=False,
+    )
+    return figure
+
+
+_DEFLECTION = {"S": (_GREEN, "-"), "T": (_RED, "--")}
+# Of the centre distance: how far the largest deflection is drawn.
+_SHOWN_DEFLECTION = 0.15
+
+
+def shafts_columns(
+    model: jg.PairModel, load: np.ndarray, bearings: Sequence[Mapping[str, Any]]
+) -> Columns:
+    """The data of `shafts`: the deflected lines, then a row for each bearing."""
+    columns: Columns = {}
+    for name, (z, along_s, along_t) in _deflected_lines(model, load).items():
+        columns |= {
+            f"{name}_Z_mm": z / jg.mm,
+            f"{name}_deflection_S_um": along_s / jg.um,
+            f"{name}_deflection_T_um": along_t / jg.um,
+        }
+    mounts = dict(zip(BODIES, _mounts(model), strict=True))
+    at = [
+        _height(mounts[each["gear"]], mounts[each["gear"]].bearings[each["index"]].at)
+        for each in bearings
+    ]
+    columns |= {
+        "bearing": np.asarray([f"{each['gear']} {each['index']}" for each in bearings]),
+        "bearing_Z_mm": np.asarray(at),
+    }
+    return columns | {
+        f"bearing_load_{axis}_N": np.asarray([each["load_N"][axis] for each in bearings])
+        for axis in "STZ"
+    }
+
+
+def _mounts(model: jg.PairModel) -> tuple[Any, Any]:
+    return model.pinion_support, model.wheel_support
+
+
+def _height(shaft: jg.Shaft, at: Any) -> float:
+    """Place along Z of a height on the shaft, from mid-face [mm]."""
+    return (float(at) - float(shaft.gear_at)) / jg.mm
+
+
+def _round_down(value: float) -> float:
+    """The last round number: 1, 2 or 5 times a power of ten."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(max(r * power for r in (1.0, 2.0, 5.0) if r * power <= value))
+
+
+def _deflected_lines(model: jg.PairModel, load: np.ndarray) -> dict[str, np.ndarray]:
+    """Place along Z and deflection along S and T of each shaft's axis [m], under its name."""
+    found = _lines_of_shafts(model, jnp.asarray(load))
+    return {name: np.asarray(line) for name, line in found.items()}
+
+
+@eqx.filter_jit
+def _lines_of_shafts(model: jg.PairModel, load: Array) -> dict[str, Array]:
+    system = jg.pair_system(
+        model.pair,
+        model.torque,
+        model.pinion_support,
+        model.wheel_support,
+        pinion_body=model.pinion_body,
+        wheel_body=model.wheel_body,
+        housing=model.housing,
+    )
+    motion = system.displacement(load[None])[0]
+    first = system.structure.map.sizes[0]
+    parts = motion[:first], motion[first:]
+    bodies = model.pinion_body, model.wheel_body
+    return {
+        name: _line_of_shaft(mount, body if isinstance(body, jg.BeamBody) else None, part)
+        for name, mount, body, part in zip(BODIES, _mounts(model), bodies, parts, strict=True)
+        if isinstance(mount, jg.Shaft)
+    }
+
+
+_POINTS_OF_BEAM = 9
+
+
+def _line_of_shaft(shaft: jg.Shaft, body: jg.BeamBody | None, motion: Array) -> Array:
+    """Rows Z from mid-face, deflection along S and T: several points on each element [m]."""
+    heights = node_heights(shaft, body)
+    fraction = jnp.linspace(0.0, 1.0, _POINTS_OF_BEAM)
+    segment = np.repeat(np.asarray(shaft.layout.segments), np.asarray(shaft.layout.cuts))
+    steel, shear = shaft.material, shaft.shear_coefficient
+    parts = []
+    for element, index in enumerate(segment):
+        section = shaft.segments[index]
+        outer, inner = section.outer, section.inner
+        if body is not None and _fills(shaft, element):
+            outer = body.outer
+        own = jg.cowper_coefficient(outer, inner, steel.poisson) if shear is None else shear
+        length = heights[element + 1] - heights[element]
+        beam = jg.Beam(length, outer, inner, own, steel)
+        ends = motion[6 * element : 6 * element + 12]
+        shape = jax.vmap(lambda at, beam=beam: beam_shapes(beam, at)[:2])(fraction) @ ends
+        parts.append(jnp.stack([heights[element] + fraction * length, *shape.T]))
+    line = jnp.concatenate(parts, axis=1)
+    return line.at[0].add(-shaft.gear_at)
+
+
+def _fills(shaft: jg.Shaft, element: int) -> bool:
+    """Whether the element is the gear's body."""
+    nodes = shaft.layout.gear_nodes
+    return len(nodes) == 2 and element == nodes[0]
+
+
+def _draw_gear_side(axes: Axes, pair: jg.GearPair, body: int, level: float) -> None:
+    """A gear from the side: body to the root circle, teeth to the tip circle."""
+    gear, colour = (pair.pinion, pair.wheel)[body], (_BLUE, _ORANGE)[body]
+    width = float(gear.face_width) / jg.mm
+    root, tip = (float(x[body]) / jg.mm for x in (pair.root_radius, pair.tip_radius))
+    for radius, shade in ((tip, 0.12), (root, 0.18)):
+        axes.add_patch(
+            Rectangle(
+                (-0.5 * width, level - radius),
+                width,
+                2.0 * radius,
+                fc=colour,
+                ec=colour,
+                alpha=shade,
+            )
+        )
+    axes.annotate(
+        BODIES[body],
+        (0.0, level + (tip if body else -tip)),
+        xytext=(0, 3 if body else -3),
+        textcoords="offset points",
+        ha="center",
+        va="bottom" if body else "top",
+        color=colour,
+        weight="bold",
+    )
+
+
+def _draw_shaft(axes: Axes, shaft: jg.Shaft, level: float) -> None:
+    """Segments with their bores, the axis, and the bearings."""
+    start = _height(shaft, 0.0)
+    for segment in shaft.segments:
+        length, outer, inner = (
+            float(x) / jg.mm for x in (segment.length, segment.outer, segment.inner)
+        )
+        axes.add_patch(
+            Rectangle((start, level - 0.5 * outer), length, outer, fc="#e8e8e8", ec=_GREY, zorder=2)
+        )
+        if inner > 0.0:
+            for side in (-0.5, 0.5):
+                ends = [start, start + length]
+                axes.plot(ends, [level + side * inner] * 2, color=_GREY, lw=0.8, ls="--", zorder=3)
+        start += length
+    ends = np.asarray([_height(shaft, 0.0), start])
+    over = 0.06 * (ends[1] - ends[0])
+    axes.plot(ends + [-over, over], [level, level], color="black", lw=0.8, ls="-.", zorder=3)
+    for bearing in shaft.bearings:
+        _draw_bearing(axes, shaft, bearing, level)
+
+
+def _radius_at(shaft: jg.Shaft, at: float) -> float:
+    """Outer radius of the shaft at a place along Z [mm]."""
+    ends = np.cumsum([float(segment.length) for segment in shaft.segments]) / jg.mm
+    index = np.searchsorted(ends, at - _height(shaft, 0.0) - 1e-6)
+    return 0.5 * float(shaft.segments[min(int(index), len(ends) - 1)].outer) / jg.mm
+
+
+def _bearing_size(shaft: jg.Shaft, at: float) -> float:
+    return 0.7 * _radius_at(shaft, at)
+
+
+def _draw_bearing(axes: Axes, shaft: jg.Shaft, bearing: jg.Bearing, level: float) -> None:
+    """A crossed box on either side of the shaft."""
+    at = _height(shaft, bearing.at)
+    size, radius = _bearing_size(shaft, at), _radius_at(shaft, at)
+    left, right = at - 0.5 * size, at + 0.5 * size
+    face = "#c9d6e2" if float(bearing.axial) > 0.0 else "white"
+    for inside, outside in ((radius, radius + size), (-radius, -radius - size)):
+        low, high = level + min(inside, outside), level + max(inside, outside)
+        axes.add_patch(Rectangle((left, low), size, size, fc=face, ec="black", lw=1.0, zorder=3))
+        axes.plot([left, right], [low, high], color="black", lw=0.8, zorder=3)
+        axes.plot([left, right], [high, low], color="black", lw=0.8, zorder=3)
+
+
+def _write_bearing_load(
+    axes: Axes, shaft: jg.Shaft, at: float, level: float, load: Mapping[str, float], outwards: int
+) -> None:
+    """The load on a bearing, next to it on the side away from the other shaft."""
+    edge = _radius_at(shaft, at) + _bearing_size(shaft, at)
+    axes.annotate(
+        "\n".join(f"{axis} {load[axis]:.0f} N" for axis in "STZ"),
+        (at, level + outwards * edge),
+        xytext=(0, 4 * outwards),
+        textcoords="offset points",
+        ha="center",
+        va="bottom" if outwards > 0 else "top",
+        fontsize=8.5,
+        bbox=_BOX,
+        zorder=6,
+    )
+
+
+def _draw_loads(axes: Axes, model: jg.PairModel, body: int, level: float) -> None:
+    """The torque about Z, and what else loads a shaft from outside."""
+    shaft = _mounts(model)[body]
+    at = shaft.gear_at if shaft.torque_at is None else shaft.torque_at
+    reach = 0.5 * _radius_at(shaft, _height(shaft, at)) + 0.05 * float(shaft.length) / jg.mm
+    torque = _torque_on(model, body)
+    ahead = np.sign(torque)
+    for head in (1.0, 0.7):
+        axes.annotate(
+            "",
+            (_height(shaft, at) + ahead * head * reach, level),
+            xytext=(_height(shaft, at) - ahead * reach, level),
+            arrowprops={"arrowstyle": "-|>", "color": _ORANGE, "lw": 1.8, "mutation_scale": 15},
+            zorder=7,
+        )
+    label = {"textcoords": "offset points", "fontsize": 8.5, "bbox": _BOX, "zorder": 7}
+    axes.annotate(
+        f"{abs(torque):.4g} N m",
+        (_height(shaft, at) - ahead * reach, level),
+        xytext=(-3 * ahead, 0),
+        ha="right" if ahead > 0 else "left",
+        va="center",
+        **label,
+    )
+    for extra in shaft.loads:
+        z = _height(shaft, extra.at)
+        force, moment = np.asarray(extra.force), np.asarray(extra.moment)
+        words = ", ".join(
+            f"{name} {value:.4g} {unit}"
+            for values, kind, unit in ((force, "F", "N"), (moment, "M", "N m"))
+            for name, value in zip((f"{kind}_{axis}" for axis in "STZ"), values, strict=True)
+            if value
+        )
+        # The arrow has the direction of the part in the plane of the picture, not its size.
+        in_plane = np.asarray([force[2], force[0]])
+        size = float(np.hypot(*in_plane))
+        aside = 36.0 * in_plane / size if size > 0.0 else np.asarray([0.0, -36.0])
+        axes.plot(z, level, "o", ms=4, color=_RED, zorder=7)
+        axes.annotate(
+            words or "no load",
+            (z, level),
+            xytext=tuple(-aside),
+            ha="center",
+            va="center",
+            arrowprops={"arrowstyle": "-|>" if size > 0.0 else "-", "color": _RED, "lw": 1.5},
+            **label,
+        )
+
+
+def _torque_on(model: jg.PairModel, body: int) -> float:
+    """Torque about +Z that the drive or what is driven puts on a shaft [N m]."""
+    couples = [
+        sum(float(load.moment[2]) for load in mount.loads) if isinstance(mount, jg.Shaft) else 0.0
+        for mount in _mounts(model)
+    ]
+    if body == 0:
+        return float(model.torque)
+    ratio = float(model.pair.teeth[1]) / float(model.pair.teeth[0])
+    return ratio * (float(model.torque) + couples[0]) - couples[1]
+
+
 # --- One mesh cycle
 
 
 @_house_look()
 def transmission_error(dataset: xr.Dataset, title: str) -> Figure:
-    """Transmission error over two mesh periods, and its mesh harmonics.
+    """Transmission error over two mesh periods or the longer cycle, and its mesh harmonics.
 
     **Arguments:**
 
@@ -295,7 +625,8 @@ def transmission_error(dataset: xr.Dataset, title: str) -> Figure:
     figure, (time, order) = _panels((9.6, 4.0), title, 2, (1.7, 1.0))
     data = transmission_error_columns(dataset)
     mean, rms, span = cycle_statistics(dataset["transmission_error_um"])
-    time.plot(data["phase"], data["transmission_error_um"], color=_BLUE)
+    width = _thin(dataset["phase"].values)
+    time.plot(data["phase"], data["transmission_error_um"], color=_BLUE, lw=width)
     time.axhline(mean, color=_GREY, lw=0.8, ls="--")
     size = f"RMS {_digits(rms, 3)} µm, peak to peak {_digits(span, 3)} µm"
     time.set_title(f"mean {_digits(mean, 4)} µm (dashed), {size}", loc="left")
@@ -303,7 +634,7 @@ def transmission_error(dataset: xr.Dataset, title: str) -> Figure:
     room = max(0.6 * span, 5e-3 * abs(mean))
     middle = 0.5 * (np.max(data["transmission_error_um"]) + np.min(data["transmission_error_um"]))
     time.set_ylim(middle - room, middle + room)
-    _phase_axis(time, "transmission error [µm]")
+    _phase_axis(time, "transmission error [µm]", dataset["phase"].values)
     order.vlines(data["harmonic"], 0.0, data["te_harmonic_um"], color=_BLUE)
     order.plot(data["harmonic"], data["te_harmonic_um"], "o", color=_BLUE)
     order.set(xlabel="mesh harmonic [-]", ylabel="amplitude [µm]", xticks=data["harmonic"])
@@ -315,18 +646,27 @@ def transmission_error(dataset: xr.Dataset, title: str) -> Figure:
 
 def transmission_error_columns(dataset: xr.Dataset) -> Columns:
     """The data of `transmission_error`."""
-    phase, error = _two_periods(dataset, "transmission_error_um")
+    phase, weight, error = (
+        dataset[name].values for name in ("phase", "weight", "transmission_error_um")
+    )
+    unrolled, repeated = _unrolled(phase, error)
+    orders = _mesh_orders(phase)
     return {
-        "phase": phase,
-        "transmission_error_um": error,
-        "harmonic": dataset["harmonic"].values,
-        "te_harmonic_um": dataset["te_harmonic_um"].values,
+        "phase": unrolled,
+        "transmission_error_um": repeated,
+        "harmonic": orders,
+        "te_harmonic_um": _amplitudes(phase, weight, error, orders),
     }
+
+
+def _thin(phase: np.ndarray) -> float:
+    """Width of a line over the cycle: the longer, the thinner."""
+    return 1.6 if _cycle_periods(phase) < 4 else 0.7
 
 
 @_house_look()
 def stiffness_and_sharing(dataset: xr.Dataset, title: str) -> Figure:
-    """Mesh stiffness over two mesh periods, and one pair's share of the load.
+    """Mesh stiffness over two mesh periods or the longer cycle, and each pair's share of the load.
 
     **Arguments:**
 
@@ -340,14 +680,19 @@ def stiffness_and_sharing(dataset: xr.Dataset, title: str) -> Figure:
     figure, (stiffness, share) = _panels((9.6, 4.0), title, 2)
     data = stiffness_and_sharing_columns(dataset)
     mean, _, span = cycle_statistics(dataset["mesh_stiffness_N_um"])
-    stiffness.plot(data["phase"], data["mesh_stiffness_N_um"], color=_BLUE)
+    width = _thin(dataset["phase"].values)
+    stiffness.plot(data["phase"], data["mesh_stiffness_N_um"], color=_BLUE, lw=width)
     stiffness.axhline(mean, color=_GREY, lw=0.8, ls="--")
     size = f"peak to peak {_digits(span, 3)} N/µm"
     stiffness.set_title(f"mean {_digits(mean, 4)} N/µm (dashed), {size}", loc="left")
     stiffness.set_ylim(0.0, 1.1 * np.max(data["mesh_stiffness_N_um"]))
-    _phase_axis(stiffness, "mesh stiffness [N/µm]")
-    share.plot(data["roll_mm"], data["load_sharing"], color=_BLUE)
-    share.set_title("one tooth pair from entry to exit", loc="left")
+    _phase_axis(stiffness, "mesh stiffness [N/µm]", dataset["phase"].values)
+    pairs = np.unique(data["tooth_pair"])
+    for pair in pairs:
+        own = data["tooth_pair"] == pair
+        share.plot(data["roll_mm"][own], data["load_sharing"][own], color=_BLUE, lw=width)
+    count = "one tooth pair" if len(pairs) == 1 else f"{len(pairs)} tooth pairs"
+    share.set_title(f"{count} from entry to exit", loc="left")
     share.set(
         xlabel="roll length at mid-face [mm]", ylabel="share of the mesh force [-]", ylim=(0, 1.09)
     )
@@ -357,18 +702,27 @@ def stiffness_and_sharing(dataset: xr.Dataset, title: str) -> Figure:
 
 def stiffness_and_sharing_columns(dataset: xr.Dataset) -> Columns:
     """The data of `stiffness_and_sharing`."""
-    phase, stiffness = _two_periods(dataset, "mesh_stiffness_N_um")
-    roll = dataset["roll_mm"].mean("slice").values.ravel()
-    order = np.argsort(roll)
-    touching = (dataset["fraction"] > 1e-6).any("slice").values.ravel()[order]
-    first, last = np.nonzero(touching)[0][[0, -1]]
-    # One free place on either side, so that entry and exit are seen.
-    order = order[max(first - 1, 0) : last + 2]
+    phase = dataset["phase"].values
+    unrolled, stiffness = _unrolled(phase, dataset["mesh_stiffness_N_um"].values)
+    roll = dataset["roll_mm"].mean("slice").values
+    touching = (dataset["fraction"] > 1e-6).any("slice").values
+    sharing = dataset["load_sharing"].values
+    # In the order of entry; the cycle begins again with the same pair.
+    pair = np.rint(phase[:, None] - dataset["passage"].values).astype(int) % _cycle_periods(phase)
+    parts = []
+    for one in np.unique(pair):
+        places = np.nonzero(pair == one)
+        places = tuple(x[np.argsort(roll[places])] for x in places)
+        first, last = np.nonzero(touching[places])[0][[0, -1]]
+        # One free place on either side, so that entry and exit are seen.
+        shown = tuple(x[max(first - 1, 0) : last + 2] for x in places)
+        parts.append((np.full(len(shown[0]), one), roll[shown], sharing[shown]))
+    names = ("tooth_pair", "roll_mm", "load_sharing")
+    columns = (np.concatenate(column) for column in zip(*parts, strict=True))
     return {
-        "phase": phase,
+        "phase": unrolled,
         "mesh_stiffness_N_um": stiffness,
-        "roll_mm": roll[order],
-        "load_sharing": dataset["load_sharing"].values.ravel()[order],
+        **dict(zip(names, columns, strict=True)),
     }
 
 
@@ -428,19 +782,115 @@ def flank_maps_columns(dataset: xr.Dataset) -> Columns:
     return columns | {name: grid.values.ravel() for name, grid in grids.items()}
 
 
+@_house_look()
+def face_load(dataset: xr.Dataset, title: str) -> Figure:
+    """Load per face width across the face: its mean over the cycle, and where it is largest.
+
+    **Arguments:**
+
+    - `dataset`: from `static_dataset`.
+    - `title`: the case or the finding.
+
+    **Returns:**
+
+    The figure.
+    """
+    figure, (axes,) = _panels((7.2, 4.4), title)
+    data = face_load_columns(dataset)
+    face, load = data["face_position_mm"], data["face_load_mean_N_mm"]
+    mean = float(np.mean(load))
+    phase = float(dataset["phase"].values[_phase_of_largest(_loads_across(dataset))])
+    style = {"marker": "o", "ms": 3.5}
+    axes.plot(
+        face,
+        data["face_load_at_largest_N_mm"],
+        color=_ORANGE,
+        ls="--",
+        label=f"at phase {phase:.3f}, where it is largest",
+        **style,
+    )
+    axes.plot(face, load, color=_BLUE, label="mean over the cycle", **style)
+    axes.axhline(
+        mean,
+        color=_GREY,
+        lw=1.0,
+        ls=":",
+        label=rf"mean {_digits(mean, 4)} N/mm, $K_{{H\beta}}$ = {np.max(load) / mean:.3f}",
+    )
+    half = 0.5 * dataset.attrs["face_width_mm"]
+    most = max(float(np.max(data["face_load_at_largest_N_mm"])), float(np.max(load)))
+    axes.set(
+        xlabel="position from mid-face, left (-Z) to right [mm]",
+        ylabel="load per face width [N/mm]",
+        xlim=(-half, half),
+        ylim=(0.0, 1.35 * most),
+    )
+    axes.legend(loc="upper center")
+    return figure
+
+
+def face_load_columns(dataset: xr.Dataset) -> Columns:
+    """The data of `face_load`."""
+    load = _loads_across(dataset)
+    return {
+        "face_position_mm": dataset["face_position_mm"].values,
+        "face_load_mean_N_mm": dataset["weight"].values @ load,
+        "face_load_at_largest_N_mm": load[_phase_of_largest(load)],
+    }
+
+
+def _loads_across(dataset: xr.Dataset) -> np.ndarray:
+    """Load per face width, rows phases, columns slices, all contact lines together [N/mm]."""
+    force = dataset["cell_force_N"].sum("line").values
+    return force * force.shape[1] / dataset.attrs["face_width_mm"]
+
+
+def _phase_of_largest(load: np.ndarray) -> int:
+    return int(np.argmax(np.max(load, axis=1)))
+
+
 def _digits(value: float, count: int) -> str:
     """The value to so many significant digits, zeros included."""
     return f"{value:#.{count}g}".rstrip(".")
 
 
-def _two_periods(dataset: xr.Dataset, variable: str) -> tuple[np.ndarray, np.ndarray]:
-    """Phase and values of a variable, twice in a row."""
-    phase, values = dataset["phase"].values, dataset[variable].values
-    return np.concatenate([phase, phase + 1.0]), np.tile(values, 2)
+def _cycle_periods(phase: np.ndarray) -> int:
+    """Number of mesh periods in the cycle: phases fill all of it but for half a step at the ends."""
+    return int(np.ceil(np.max(phase) - np.min(phase)))
 
 
-def _phase_axis(axes: Axes, label: str) -> None:
-    axes.set(xlabel="mesh phase [mesh periods]", ylabel=label, xlim=(0, 2))
+def _unrolled(phase: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Phase and values from 0 to the end of the cycle; one of a single period twice in a row."""
+    periods = _cycle_periods(phase)
+    place = phase % periods
+    order = np.argsort(place, kind="stable")
+    times = 2 if periods == 1 else 1
+    shifts = periods * np.arange(times)[:, None]
+    return (place[order] + shifts).ravel(), np.tile(values[order], times)
+
+
+def _phase_axis(axes: Axes, label: str, phase: np.ndarray) -> None:
+    """Name the axes of a curve over the cycle with these phases, unrolled or not."""
+    last = max(2, _cycle_periods(phase))
+    axes.set(xlabel="mesh phase [mesh periods]", ylabel=label, xlim=(0, last))
+
+
+def _amplitudes(
+    phase: np.ndarray, weight: np.ndarray, values: np.ndarray, orders: np.ndarray
+) -> np.ndarray:
+    """Amplitudes of the orders of the mesh frequency, zero to peak; rows as those of `values`."""
+    fluctuation = values - (values @ weight)[..., None]
+    turning = np.exp(-2.0j * np.pi * orders[:, None] * phase)
+    return 2.0 * np.abs((weight * fluctuation) @ turning.T)
+
+
+_HARMONICS = 10
+
+
+def _mesh_orders(phase: np.ndarray) -> np.ndarray:
+    """The mesh harmonics that the phases can tell apart, the first few."""
+    each = len(phase) // _cycle_periods(phase)
+    return np.arange(1, min(_HARMONICS, (each - 1) // 2) + 1)
 
 
 def _mark_points(axes: Axes, places: xr.DataArray, *, on_surface: bool = False) -> None:
@@ -487,10 +937,10 @@ def harris_map(
     **Arguments:**
 
     - `torques_Nm`: on the pinion [N m].
-    - `phases`: positions in the mesh period [-].
+    - `phases`: positions in the cycle, in mesh periods [-].
     - `te_um`: transmission error, rows torques, columns phases [um].
     - `title`: the case or the finding.
-    - `weight`: share of the period that each phase stands for [-]; by default from the distances
+    - `weight`: share of the cycle that each phase stands for [-]; by default from the distances
         between the phases.
 
     **Returns:**
@@ -498,15 +948,12 @@ def harris_map(
     The figure.
     """
     figure, (curves, size) = _panels((9.6, 4.2), title, 2, (1.5, 1.0))
-    colours = matplotlib.colormaps[_SURFACE].resampled(256)
-    norm = Normalize(float(np.min(torques_Nm)), 1.08 * float(np.max(torques_Nm)))
-    twice = np.concatenate([phases, phases + 1.0])
+    colours, norm = _torque_colours(torques_Nm)
+    width = min(_thin(phases), 1.3)
     for torque, error in zip(torques_Nm, te_um, strict=True):
-        curves.plot(twice, np.tile(error, 2), color=colours(norm(torque)), lw=1.3)
-    _phase_axis(curves, "transmission error [µm]")
-    figure.colorbar(
-        ScalarMappable(norm, colours), ax=curves, label="torque on the pinion [N m]"
-    ).ax.set_ylim(float(np.min(torques_Nm)), float(np.max(torques_Nm)))
+        curves.plot(*_unrolled(phases, error), color=colours(norm(torque)), lw=width)
+    _phase_axis(curves, "transmission error [µm]", phases)
+    _torque_bar(figure, curves, norm, colours, torques_Nm)
     data = harris_map_columns(torques_Nm, phases, te_um, weight=weight)
     style = {"marker": "o", "ms": 3.5}
     size.plot(torques_Nm, data["te_peak_to_peak_um"], color=_ORANGE, label="peak to peak", **style)
@@ -538,9 +985,99 @@ def harris_map_columns(
 
 
 def _shares(phases: np.ndarray) -> np.ndarray:
-    """Half the distances to both neighbours, around the period."""
-    around = np.concatenate([[phases[-1] - 1.0], phases, [phases[0] + 1.0]])
-    return 0.5 * (around[2:] - around[:-2])
+    """Half the distances to both neighbours, around the cycle, over its length."""
+    periods = _cycle_periods(phases)
+    around = np.concatenate([[phases[-1] - periods], phases, [phases[0] + periods]])
+    return 0.5 * (around[2:] - around[:-2]) / periods
+
+
+def _torque_colours(torques_Nm: np.ndarray) -> tuple[Colormap, Normalize]:
+    """A colour for each torque; the palest of the map is left out."""
+    norm = Normalize(float(np.min(torques_Nm)), 1.08 * float(np.max(torques_Nm)))
+    return matplotlib.colormaps[_SURFACE].resampled(256), norm
+
+
+def _torque_bar(
+    figure: Figure, axes: Axes, norm: Normalize, colours: Colormap, torques_Nm: np.ndarray
+) -> None:
+    """The bar that says which colour is which torque."""
+    bar = figure.colorbar(
+        ScalarMappable(norm, colours), ax=axes, label="torque on the pinion [N m]"
+    )
+    if np.ptp(torques_Nm) > 0.0:
+        bar.ax.set_ylim(float(np.min(torques_Nm)), float(np.max(torques_Nm)))
+
+
+@_house_look()
+def te_spectrum(
+    torques_Nm: np.ndarray,
+    phases: np.ndarray,
+    te_um: np.ndarray,
+    title: str,
+    *,
+    weight: np.ndarray | None = None,
+) -> Figure:
+    """Orders of the transmission error at several torques, and its mesh harmonics over torque.
+
+    A cycle of several mesh periods has orders between the mesh harmonics, in steps of one over the
+    number of its periods: those of the shafts among them.
+
+    **Arguments:**
+
+    - `torques_Nm`, `phases`, `te_um`, `title`, `weight`: as for `harris_map`.
+
+    **Returns:**
+
+    The figure.
+    """
+    figure, (spectrum, size) = _panels((9.6, 4.2), title, 2, (1.5, 1.0))
+    data = te_spectrum_columns(torques_Nm, phases, te_um, weight=weight)
+    order, *amplitudes = data.values()
+    colours, norm = _torque_colours(torques_Nm)
+    fine = _cycle_periods(phases) > 1
+    style: dict[str, Any] = {"lw": 0.7} if fine else {"lw": 1.3, "marker": "o", "ms": 3.5}
+    for torque, amplitude in zip(torques_Nm, amplitudes, strict=True):
+        spectrum.plot(order, amplitude, color=colours(norm(torque)), **style)
+    most = max(float(np.max(amplitudes)), 1e-9)
+    # What is further down is rounding.
+    spectrum.set(yscale="log", ylim=(max(float(np.min(amplitudes)), 1e-6 * most) / 1.5, 2.0 * most))
+    spectrum.set(xlabel="order of the mesh frequency [-]", ylabel="amplitude of the TE [µm]")
+    whole = _mesh_orders(phases)
+    spectrum.set_xticks(whole)
+    spectrum.set_xlim(0.0, whole[-1] + 0.5)
+    if fine:
+        step = f"orders in steps of 1/{_cycle_periods(phases)}; mesh harmonics dotted"
+        spectrum.set_title(step, loc="left")
+        for harmonic in whole:
+            spectrum.axvline(harmonic, color=_GREY, lw=0.8, ls=":", zorder=0.5)
+    else:
+        spectrum.set_title("mesh harmonics (zero to peak)", loc="left")
+    _torque_bar(figure, spectrum, norm, colours, torques_Nm)
+    for harmonic, colour, marker in zip(whole, (_BLUE, _ORANGE, _GREEN, _RED), "os^v", strict=False):
+        over_torque = np.stack(amplitudes)[:, np.isclose(order, harmonic)][:, 0]
+        label = f"order {harmonic}"
+        size.plot(torques_Nm, over_torque, color=colour, marker=marker, ms=3.5, label=label)
+    size.set(xlabel="torque on the pinion [N m]", ylabel="amplitude of the TE [µm]")
+    low, high = size.get_ylim()
+    size.set_ylim(0.0, high + 0.25 * (high - low))
+    size.legend(loc="upper left", ncols=2)
+    return figure
+
+
+def te_spectrum_columns(
+    torques_Nm: np.ndarray,
+    phases: np.ndarray,
+    te_um: np.ndarray,
+    *,
+    weight: np.ndarray | None = None,
+) -> Columns:
+    """The data of `te_spectrum`: one row per order, one column per torque."""
+    weight = _shares(phases) if weight is None else weight
+    periods, last = _cycle_periods(phases), _mesh_orders(phases)[-1]
+    order = np.arange(1, last * periods + 1) / periods
+    amplitudes = _amplitudes(phases, weight, te_um, order)
+    each = zip(torques_Nm, amplitudes, strict=True)
+    return {"order": order} | {f"te_amplitude_um_at_{torque:.6g}_Nm": row for torque, row in each}
 
 
 @_house_look()
@@ -770,7 +1307,8 @@ def search_trace_columns(values_by_method: Mapping[str, np.ndarray], unit: str) 
     """The data of `search_trace`: the objective at each evaluation, unsorted."""
     most = max(len(values) for values in values_by_method.values())
     columns = {"evaluation": np.arange(1, most + 1)}
-    return columns | {f"{name}_{unit}": values for name, values in values_by_method.items()}
+    ending = "" if unit == "-" else f"_{unit}"
+    return columns | {f"{name}{ending}": values for name, values in values_by_method.items()}
 
 
 @_house_look()
@@ -790,25 +1328,27 @@ def before_after(dataset_before: xr.Dataset, dataset_after: xr.Dataset, title: s
     figure, (error, pressure) = _panels((9.6, 4.2), title, 2)
     cases = (("before", dataset_before, _ORANGE, "--"), ("after", dataset_after, _BLUE, "-"))
     for name, dataset, colour, style in cases:
-        phase, values = _two_periods(dataset, "transmission_error_um")
+        own = dataset["phase"].values
+        phase, values = _unrolled(own, dataset["transmission_error_um"].values)
         mean, rms, _ = cycle_statistics(dataset["transmission_error_um"])
         error.plot(
             phase,
             values - mean,
             color=colour,
             ls=style,
+            lw=_thin(own),
             label=f"{name}: mean {_digits(mean, 4)} µm, RMS {_digits(rms, 3)} µm",
         )
         most = _largest_pressure(dataset)
         pressure.plot(
-            phase,
-            np.tile(most, 2),
+            *_unrolled(own, most),
             color=colour,
             ls=style,
+            lw=_thin(own),
             label=f"{name}: at most {_digits(np.max(most), 4)} MPa",
         )
-    _phase_axis(error, "transmission error less its mean [µm]")
-    _phase_axis(pressure, "largest flank pressure [MPa]")
+    _phase_axis(error, "transmission error less its mean [µm]", dataset_after["phase"].values)
+    _phase_axis(pressure, "largest flank pressure [MPa]", dataset_after["phase"].values)
     for axes in (error, pressure):
         # Room for the legend above the curves.
         low, high = axes.get_ylim()
@@ -821,11 +1361,12 @@ def before_after_columns(dataset_before: xr.Dataset, dataset_after: xr.Dataset) 
     """The data of `before_after`."""
     columns = {}
     for name, dataset in (("before", dataset_before), ("after", dataset_after)):
-        phase, error = _two_periods(dataset, "transmission_error_um")
+        own = dataset["phase"].values
+        phase, error = _unrolled(own, dataset["transmission_error_um"].values)
         columns |= {
             f"phase_{name}": phase,
             f"transmission_error_{name}_um": error,
-            f"pressure_{name}_MPa": np.tile(_largest_pressure(dataset), 2),
+            f"pressure_{name}_MPa": _unrolled(own, _largest_pressure(dataset))[1],
         }
     return columns
 
@@ -833,3 +1374,137 @@ def before_after_columns(dataset_before: xr.Dataset, dataset_after: xr.Dataset) 
 def _largest_pressure(dataset: xr.Dataset) -> np.ndarray:
     """Largest pressure on any line at each phase [MPa]."""
     return dataset["pressure_MPa"].max(("line", "slice")).values
+
+
+# --- The sizing table
+
+
+@_house_look()
+def sizing(
+    labels: Sequence[str],
+    amounts: np.ndarray,
+    torques_Nm: np.ndarray,
+    te_um: np.ndarray,
+    pressure_MPa: np.ndarray,
+    title: str,
+) -> Figure:
+    """What each combination of amounts does to transmission error and pressure.
+
+    One amount at several torques is a map; otherwise the best combinations stand below each other.
+
+    **Arguments:**
+
+    - `labels`: name and unit of each amount, as on an axis.
+    - `amounts`: rows combinations from the best to the worst, columns amounts.
+    - `torques_Nm`: on the pinion [N m].
+    - `te_um`: peak to peak of the transmission error, rows combinations, columns torques [um].
+    - `pressure_MPa`: largest pressure, likewise [MPa].
+    - `title`: the case or the finding.
+
+    **Returns:**
+
+    The figure.
+    """
+    if len(labels) == 1 and min(te_um.shape) > 1:
+        return _sizing_map(labels[0], amounts[:, 0], torques_Nm, te_um, title)
+    return _sizing_ranks(labels, amounts, torques_Nm, te_um, pressure_MPa, title)
+
+
+def _sizing_map(
+    label: str, amounts: np.ndarray, torques_Nm: np.ndarray, te_um: np.ndarray, title: str
+) -> Figure:
+    """Peak to peak over amount and torque; a star marks what is best at its worst torque."""
+    figure, (axes,) = _panels((7.6, 5.2), title)
+    rising, upwards = np.argsort(amounts), np.argsort(torques_Nm)
+    surface = axes.pcolormesh(
+        _cell_edges(amounts[rising]),
+        _cell_edges(torques_Nm[upwards]),
+        te_um[rising][:, upwards].T,
+        cmap=_SURFACE,
+        vmin=0.0,
+        rasterized=True,
+    )
+    axes.grid(False)
+    figure.colorbar(surface, ax=axes, label="peak to peak of the transmission error [µm]")
+    worst = float(np.max(te_um[0]))
+    axes.plot(
+        np.full(len(torques_Nm), amounts[0]),
+        torques_Nm,
+        "*",
+        color=_PINK,
+        mec="black",
+        ms=12,
+        label=f"best: {amounts[0]:g}, at most {_digits(worst, 3)} µm",
+    )
+    if te_um.size <= _WRITTEN:
+        halo = [withStroke(linewidth=2.2, foreground="black", alpha=0.5)]
+        for amount, row in zip(amounts, te_um, strict=True):
+            for torque, value in zip(torques_Nm, row, strict=True):
+                axes.text(
+                    amount,
+                    torque,
+                    f"\n\n{value:.2f}" if amount == amounts[0] else f"{value:.2f}",
+                    ha="center",
+                    va="center",
+                    color="white",
+                    fontsize=8.5,
+                    path_effects=halo,
+                )
+    axes.set(xlabel=label, ylabel="torque on the pinion [N m]")
+    figure.legend(loc="outside lower center", frameon=False)
+    return figure
+
+
+# Largest number of values that are written into a map, and of combinations in a chart.
+_WRITTEN, _RANKS_SHOWN = 120, 20
+
+
+def _cell_edges(values: np.ndarray) -> np.ndarray:
+    """Edges half-way between rising values, and as far beyond the first and the last."""
+    middle = 0.5 * (values[:-1] + values[1:])
+    return np.concatenate([[2 * values[0] - middle[0]], middle, [2 * values[-1] - middle[-1]]])
+
+
+def _sizing_ranks(
+    labels: Sequence[str],
+    amounts: np.ndarray,
+    torques_Nm: np.ndarray,
+    te_um: np.ndarray,
+    pressure_MPa: np.ndarray,
+    title: str,
+) -> Figure:
+    """The best combinations, one row each: amounts, transmission error and pressure."""
+    count = min(_RANKS_SHOWN, len(amounts))
+    size = (max(9.6, 7.6 + 0.9 * len(labels)), 2.9 + 0.26 * count)
+    ratios = (0.25 + 0.3 * len(labels), 1.0, 1.0)
+    figure, (table, error, pressure) = _panels(size, title, 3, ratios)
+    rank = np.arange(1, count + 1)
+    low, high = np.min(amounts, axis=0), np.max(amounts, axis=0)
+    shade = (amounts[:count] - low) / np.where(high > low, high - low, 1.0)
+    table.pcolormesh(
+        np.arange(len(labels) + 1) - 0.5, _cell_edges(np.arange(1.0, count + 2.0))[:-1], shade,
+        cmap="Blues", vmin=-0.15, vmax=1.6,
+    )
+    for row in range(count):
+        for column in range(len(labels)):
+            table.text(column, row + 1, f"{amounts[row, column]:g}", ha="center", va="center")
+    table.grid(False)
+    table.set_xticks(range(len(labels)), labels, rotation=25, ha="right", fontsize=8.5)
+    table.set(ylabel="rank by the worst peak to peak [-]", xlabel="amount [unit as written above]")
+    for axes, values in ((error, te_um), (pressure, pressure_MPa)):
+        shown = values[:count]
+        axes.hlines(rank, np.min(shown, axis=1), np.max(shown, axis=1), color=_GREY, lw=1.0)
+        colours, norm = _torque_colours(torques_Nm)
+        for torque, column in zip(torques_Nm, shown.T, strict=True):
+            axes.plot(column, rank, "o", ms=5, color=colours(norm(torque)))
+    error.set(xlabel="peak to peak of the TE [µm]", xlim=(0.0, None))
+    pressure.set(xlabel="largest flank pressure [MPa]")
+    for axes in (table, error, pressure):
+        axes.set(ylim=(count + 0.5, 0.5), yticks=rank)
+    for axes in (error, pressure):
+        axes.set_ylabel("rank [-]")
+    of_all = f"the best {count} of {len(amounts)} combinations"
+    error.set_title(of_all, loc="left")
+    colours, norm = _torque_colours(torques_Nm)
+    _torque_bar(figure, pressure, norm, colours, torques_Nm)
+    return figure
