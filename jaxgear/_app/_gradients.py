@@ -31,9 +31,8 @@ from jaxgear._response._transmission import (
     transmission_error,
 )
 from jaxgear._smooth import smooth_maximum
-from jaxgear._solve._cycle import MeshCycle, corrected_cycle, prepare_mesh
+from jaxgear._solve._cycle import MeshCycle, mesh_cycle
 from jaxgear._system._model import PairModel
-from jaxgear._system._pair_system import PairSystem
 from jaxgear._system._shaft import Shaft
 from jaxgear._system._structure import bearing_motion
 from jaxgear._types import Flag, Flags, LineGrid, Reals, Scalar
@@ -116,11 +115,10 @@ def gradient_table(scene: Scene, law: AbstractContactLaw, watch: Stopwatch) -> l
 
     def evaluate(values: Reals) -> tuple[Reals, tuple[Reals, Flags]]:
         model = model_of(scene.replace(dict(zip(keys, values, strict=True))))
-        mesh = prepare_mesh(model, grid)
-        cycle = corrected_cycle(mesh, model, law=law)
+        cycle = mesh_cycle(model, grid, law=law, throw=False)
         responses = _responses(model, cycle, law)
         if on_shafts:
-            responses += _bearing_responses(mesh.system, cycle)
+            responses += _bearing_responses(cycle)
         return jnp.stack(responses), (_pieces(model, cycle, law), cycle.converged)
 
     def derivatives(values: Reals) -> tuple[Reals, Reals, Reals, tuple[Reals, Flags]]:
@@ -164,9 +162,10 @@ def _responses(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> l
     ]
 
 
-def _bearing_responses(system: PairSystem, cycle: MeshCycle) -> list[Scalar]:
+def _bearing_responses(cycle: MeshCycle) -> list[Scalar]:
     """The responses of the bearings, in the units of their names; translations and forces only."""
     mean = cycle.cells.lines.weight @ cycle.load
+    system = cycle.system
     motion = bearing_motion(system.structure, system.displacement(mean[None])[0])
     return [
         jnp.sum((motion.displacement[:, :3] / um) ** 2),

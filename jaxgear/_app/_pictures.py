@@ -286,7 +286,7 @@ def _transverse_section(pair: jg.GearPair, body: int) -> jg.ToothSection:
 @_house_look()
 def shafts(
     model: jg.PairModel,
-    load: np.ndarray,
+    cycle: jg.MeshCycle,
     bearings: Sequence[Mapping[str, Any]],
     title: str,
 ) -> Figure:
@@ -298,7 +298,7 @@ def shafts(
     **Arguments:**
 
     - `model`: with at least one shaft.
-    - `load`: mean resultants of the cell forces on the mesh coordinates [N, N m].
+    - `cycle`: its settled states, of which the mean is drawn.
     - `bearings`: `static.bearings` of the summary: `gear`, `index` and `load_N` of each.
     - `title`: the case or the finding.
 
@@ -306,10 +306,10 @@ def shafts(
 
     The figure, in the plane of the two axes: Z from mid-face, S from the pinion's axis.
     """
-    figure, (axes,) = _panels((9.6, 8.2), title)
+    figure, (axes,) = _panels(_side_view_size(model), title)
     axes.grid(False)
     axes.set_aspect("equal")
-    lines = _deflected_lines(model, load)
+    lines = _deflected_lines(model, cycle)
     distance = float(model.pair.working_centre_distance) / jg.mm
     largest = max(float(np.max(np.abs(line[1:]))) for line in lines.values()) / jg.mm
     scale = _round_down(_SHOWN_DEFLECTION * distance / max(largest, 1e-12))
@@ -332,7 +332,7 @@ def shafts(
     axes.set(
         xlabel="Z from mid-face [mm]",
         ylabel="S, from the pinion's axis to the wheel's [mm]",
-        ylim=(low - 0.09 * (high - low), high + 0.09 * (high - low)),
+        ylim=(low - 0.05 * (high - low), high + 0.05 * (high - low)),
     )
     axes.margins(x=0.12)
     kinds = [Line2D([], [], color=colour, ls=style, lw=2.0) for colour, style in _DEFLECTION.values()]
@@ -342,10 +342,19 @@ def shafts(
         [f"deflection along {name}, {scale:g} times as large" for name in _DEFLECTION]
         + ["torque about Z"],
         loc="outside lower center",
-        ncols=3,
+        ncols=2,
         frameon=False,
     )
     return figure
+
+
+def _side_view_size(model: jg.PairModel) -> tuple[float, float]:
+    """Size of a figure that both shafts fill, one above the other [inches]."""
+    shafts = [mount for mount in _mounts(model) if isinstance(mount, jg.Shaft)]
+    length = max(float(shaft.length) for shaft in shafts)
+    height = float(model.pair.working_centre_distance + jnp.sum(model.pair.tip_radius))
+    width = float(np.clip(7.0 * length / height + 2.4, 6.0, 12.0))
+    return width, float(np.clip((width - 2.4) * height / length + 1.6, 5.0, 8.6))
 
 
 _DEFLECTION = {"S": (_GREEN, "-"), "T": (_RED, "--")}
@@ -354,11 +363,11 @@ _SHOWN_DEFLECTION = 0.15
 
 
 def shafts_columns(
-    model: jg.PairModel, load: np.ndarray, bearings: Sequence[Mapping[str, Any]]
+    model: jg.PairModel, cycle: jg.MeshCycle, bearings: Sequence[Mapping[str, Any]]
 ) -> Columns:
     """The data of `shafts`: the deflected lines, then a row for each bearing."""
     columns: Columns = {}
-    for name, (z, along_s, along_t) in _deflected_lines(model, load).items():
+    for name, (z, along_s, along_t) in _deflected_lines(model, cycle).items():
         columns |= {
             f"{name}_Z_mm": z / jg.mm,
             f"{name}_deflection_S_um": along_s / jg.um,
@@ -394,25 +403,16 @@ def _round_down(value: float) -> float:
     return float(max(r * power for r in (1.0, 2.0, 5.0) if r * power <= value))
 
 
-def _deflected_lines(model: jg.PairModel, load: np.ndarray) -> dict[str, np.ndarray]:
-    """Place along Z and deflection along S and T of each shaft's axis [m], under its name."""
-    found = _lines_of_shafts(model, jnp.asarray(load))
-    return {name: np.asarray(line) for name, line in found.items()}
+def _deflected_lines(model: jg.PairModel, cycle: jg.MeshCycle) -> dict[str, np.ndarray]:
+    """Place along Z and mean deflection along S and T of each shaft's axis [m], by name."""
+    return {name: np.asarray(line) for name, line in _lines_of_shafts(model, cycle).items()}
 
 
 @eqx.filter_jit
-def _lines_of_shafts(model: jg.PairModel, load: Array) -> dict[str, Array]:
-    system = jg.pair_system(
-        model.pair,
-        model.torque,
-        model.pinion_support,
-        model.wheel_support,
-        pinion_body=model.pinion_body,
-        wheel_body=model.wheel_body,
-        housing=model.housing,
-    )
-    motion = system.displacement(load[None])[0]
-    first = system.structure.map.sizes[0]
+def _lines_of_shafts(model: jg.PairModel, cycle: jg.MeshCycle) -> dict[str, Array]:
+    mean = cycle.cells.lines.weight @ cycle.load
+    motion = cycle.system.displacement(mean[None])[0]
+    first = cycle.system.structure.map.sizes[0]
     parts = motion[:first], motion[first:]
     bodies = model.pinion_body, model.wheel_body
     return {
@@ -511,7 +511,7 @@ def _radius_at(shaft: jg.Shaft, at: float) -> float:
 
 
 def _bearing_size(shaft: jg.Shaft, at: float) -> float:
-    return 0.7 * _radius_at(shaft, at)
+    return 0.5 * _radius_at(shaft, at)
 
 
 def _draw_bearing(axes: Axes, shaft: jg.Shaft, bearing: jg.Bearing, level: float) -> None:
@@ -563,10 +563,10 @@ def _draw_loads(axes: Axes, model: jg.PairModel, body: int, level: float) -> Non
     label = {"textcoords": "offset points", "fontsize": 8.5, "bbox": _BOX, "zorder": 7}
     axes.annotate(
         f"{abs(torque):.4g} N m",
-        (_height(shaft, at) - ahead * reach, level),
-        xytext=(-3 * ahead, 0),
-        ha="right" if ahead > 0 else "left",
-        va="center",
+        (_height(shaft, at), level),
+        xytext=(0, 8 * (1 - 2 * body)),
+        ha="center",
+        va="top" if body else "bottom",
         **label,
     )
     for extra in shaft.loads:
@@ -1481,10 +1481,8 @@ def _sizing_ranks(
     rank = np.arange(1, count + 1)
     low, high = np.min(amounts, axis=0), np.max(amounts, axis=0)
     shade = (amounts[:count] - low) / np.where(high > low, high - low, 1.0)
-    table.pcolormesh(
-        np.arange(len(labels) + 1) - 0.5, _cell_edges(np.arange(1.0, count + 2.0))[:-1], shade,
-        cmap="Blues", vmin=-0.15, vmax=1.6,
-    )
+    edges = np.arange(len(labels) + 1) - 0.5, np.arange(count + 1) + 0.5
+    table.pcolormesh(*edges, shade, cmap="Blues", vmin=-0.15, vmax=1.6)
     for row in range(count):
         for column in range(len(labels)):
             table.text(column, row + 1, f"{amounts[row, column]:g}", ha="center", va="center")
@@ -1503,8 +1501,24 @@ def _sizing_ranks(
         axes.set(ylim=(count + 0.5, 0.5), yticks=rank)
     for axes in (error, pressure):
         axes.set_ylabel("rank [-]")
-    of_all = f"the best {count} of {len(amounts)} combinations"
-    error.set_title(of_all, loc="left")
+    error.set_title(f"the best {count} of {len(amounts)} combinations", loc="left")
+    _write_pressure_ranks(pressure, np.max(pressure_MPa, axis=1), count)
     colours, norm = _torque_colours(torques_Nm)
     _torque_bar(figure, pressure, norm, colours, torques_Nm)
     return figure
+
+
+def _write_pressure_ranks(axes: Axes, largest: np.ndarray, count: int) -> None:
+    """The rank by pressure at the end of each of the first rows."""
+    place = np.argsort(np.argsort(largest, kind="stable"), kind="stable") + 1
+    for row in range(count):
+        axes.annotate(
+            str(place[row]),
+            (float(largest[row]), row + 1.0),
+            xytext=(6, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize=8.5,
+        )
+    axes.margins(x=0.12)
+    axes.set_title("with the rank by pressure", loc="left")

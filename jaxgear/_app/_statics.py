@@ -239,7 +239,7 @@ def iso_summary(model: PairModel) -> dict[str, float]:
 
 def _iso_numbers(model: PairModel) -> dict[str, Scalar]:
     pair = model.pair
-    tangential = model.torque / pair.reference_radius[0]
+    tangential = model.mesh_torque / pair.reference_radius[0]
     stiffness = iso_stiffness(pair, tangential / pair.face_width)
     return {
         "tangential_force_N": tangential,
@@ -269,7 +269,7 @@ def _static_numbers(
 ) -> dict[str, Scalar]:
     """The `static` part of the summary; traceable by JAX."""
     pair = model.pair
-    load = nominal_line_load(pair, model.torque)
+    load = nominal_line_load(pair, model.mesh_torque)
     # One call for both: the compliance takes longest to compile.
     path = pair.path_start + jnp.linspace(0.0, 1.0, 129) * pair.path_of_contact
     stiffness = 1.0 / model.compliance(pair, jnp.append(path, pair.pitch_point), load)

@@ -176,7 +176,7 @@ def prepare_mesh(model: PairModel, grid: MeshGrid) -> PreparedMesh:
     - `ValueError` if the torque is not positive.
     """
     pair = model.pair
-    load = nominal_line_load(pair, model.torque)
+    load = nominal_line_load(pair, model.mesh_torque)
     return PreparedMesh(
         system=pair_system(
             pair,
@@ -220,7 +220,7 @@ def corrected_cycle(
     cycle = quasi_static(prepared.system, cells, gap, law=law, settings=settings)
     for _ in range(model.compliance.load_updates):
         softening = model.compliance.log_slope(model.pair)
-        nominal = nominal_line_load(model.pair, model.torque)
+        nominal = nominal_line_load(model.pair, model.mesh_torque)
         loaded = at_line_loads(cells, cycle.force, nominal, softening)
         cycle = quasi_static(prepared.system, loaded, gap, law=law, settings=settings)
     if cells.lines.beyond > 0.0:

@@ -7,7 +7,7 @@ from jaxgear._contact._compliance import AbstractCompliance, WeberBanaschek
 from jaxgear._flank._deviations import Flanks
 from jaxgear._geometry._pair import GearPair
 from jaxgear._system._shaft import BeamBody, Shaft
-from jaxgear._system._structure import Housing, RigidBody
+from jaxgear._system._structure import Housing, RigidBody, driving_torque
 from jaxgear._system._support import Support
 from jaxgear._types import Scalar, as_scalar
 
@@ -39,3 +39,8 @@ class PairModel(eqx.Module):
     pinion_body: RigidBody | BeamBody | None = None
     wheel_body: RigidBody | BeamBody | None = None
     housing: Housing | None = None
+
+    @property
+    def mesh_torque(self) -> Scalar:
+        """Torque on the pinion that the mesh balances, couples on its shaft included [N m]."""
+        return driving_torque(self.pinion_support, self.torque)

@@ -180,7 +180,9 @@ def test_coupled_cells_equal_the_dense_statement():
     coupled, dense = _solve_all(draws), _solve_all([_dense(draw) for draw in draws])
     assert coupled.converged.all()
     assert dense.converged.all()
-    some_open = [np.any(f[d.stiffness > 0] == 0.0) for d, f in zip(draws, coupled.force, strict=True)]
+    some_open = [
+        np.any(f[d.stiffness > 0] == 0.0) for d, f in zip(draws, coupled.force, strict=True)
+    ]
     assert 0.2 < np.mean(some_open) < 0.9
     force = np.array([float(draw.force) for draw in draws])[:, None]
     assert_close(coupled.approach, dense.approach, rtol=1e-9, atol=0.0)
@@ -351,7 +353,9 @@ def test_second_derivatives_with_smooth_contact():
     turns = [jnp.asarray(rng.uniform(-1, 1, getattr(problem, x).shape)) for x in Draw._fields]
 
     def along(s: jax.Array) -> jax.Array:
-        parts = [getattr(problem, x) * (1.0 + s * t) for x, t in zip(Draw._fields, turns, strict=True)]
+        parts = [
+            getattr(problem, x) * (1.0 + s * t) for x, t in zip(Draw._fields, turns, strict=True)
+        ]
         return number(jg.ContactProblem(*parts))
 
     value_and_slope = jax.jit(jax.value_and_grad(along))

@@ -46,9 +46,7 @@ _gap = eqx.filter_jit(jg.mesh_gap)
 
 @eqx.filter_jit
 def _solve(system: jg.PairSystem, cells: jg.MeshCells, gap: jax.Array) -> jg.MeshCycle:
-    return jg.quasi_static(
-        system, cells, gap, law=jg.ExactContact(), settings=jg.SolverSettings()
-    )
+    return jg.quasi_static(system, cells, gap, law=jg.ExactContact(), settings=jg.SolverSettings())
 
 
 def _cycle(model: jg.PairModel, grid: jg.MeshGrid) -> jg.MeshCycle:
@@ -492,9 +490,7 @@ def test_tip_corners_take_load_off_the_others():
         inside = (phase > own_phase[branch][0]) & (phase < own_phase[branch][-1])
         limit = np.interp(phase[inside], own_phase[branch], own[branch])
         assert np.all(_error(on)[inside] < limit * (1.0 + 1e-3))
-    jumps = [
-        np.abs(np.diff(np.append(x, x[0]))).max() for x in (own, _error(on)[order])
-    ]
+    jumps = [np.abs(np.diff(np.append(x, x[0]))).max() for x in (own, _error(on)[order])]
     assert jumps[1] < 0.25 * jumps[0]
 
 
