@@ -83,6 +83,17 @@ def test_largest_pressure_is_a_bound_in_megapascals(settled):
     assert exact < found < exact + math.log(cells)
 
 
+def test_face_load_factor_is_a_bound():
+    """Helix slope on wide gears: the exact factor, and at most `width ln(slices)` above it."""
+    flanks = jg.Flanks(jg.HelixSlope(12 * um))
+    model = eqx.tree_at(lambda m: m.flanks, HELICAL, flanks)
+    cycle = eqx.filter_jit(jg.mesh_cycle)(model, jg.mesh_grid(model.pair, phases=8, slices=8))
+    exact = float(jg.face_load_factor(cycle))
+    assert 1.1 < exact < 2.0
+    found = float(optimise.FaceLoadFactor(0.02)(model, cycle, EXACT))
+    assert exact < found < exact + 0.02 * math.log(8)
+
+
 def test_weighted_sum_by_hand(settled):
     model, cycle = settled
     parts = (optimise.TransmissionErrorVariance(), optimise.LargestPressure())
@@ -138,8 +149,9 @@ ALL = optimise.WeightedSum(
         optimise.TransmissionErrorRms(),
         optimise.TransmissionErrorRange(0.3 * um),
         optimise.LargestPressure(30 * MPa),
+        optimise.FaceLoadFactor(0.1),
     ),
-    [1.0, 2.0, 3.0, 1e-3],
+    [1.0, 2.0, 3.0, 1e-3, 1.0],
 )
 LAWS = {"exact": EXACT, "smooth": SMOOTH}
 

@@ -32,16 +32,22 @@ from jaxgear._app._gradients import gradient_table
 from jaxgear._app._model import model_of, smooth_law_of
 from jaxgear._app._results import static_dataset, write_csv, write_dataset, write_json
 from jaxgear._app._scene import Scene, rewrite_scene, write_scene
-from jaxgear._app._schema import GEARS
+from jaxgear._app._schema import GEARS, KEYS, general
+from jaxgear._app._sizing import (
+    combinations_of,
+    sizing_columns,
+    sizing_summary,
+    sizing_table,
+)
 from jaxgear._app._statics import (
     SolverFailure,
     Statics,
     Stopwatch,
     geometry_summary,
     iso_summary,
+    mounts_summary,
     smoothing_bias,
     solve_statics,
-    mounts_summary,
 )
 from jaxgear._checks import InputError
 from jaxgear._geometry._lines import mesh_grid
@@ -69,7 +75,7 @@ def _progress(total: int, what: str, quiet: bool) -> Iterator[Callable[[int], No
 
 
 def run(scene: Scene, folder: Path, quiet: bool) -> Summary:
-    """Geometry, a quasi-static mesh cycle and, where the scene asks for it, the optimisation.
+    """Geometry, a quasi-static mesh cycle and, where asked for, sizing table and optimisation.
 
     **Arguments:**
 
@@ -98,10 +104,16 @@ def run(scene: Scene, folder: Path, quiet: bool) -> Summary:
         dataset = dataset.assign_coords(torque_Nm=("torque", torques, about))
         about = {"units": "um", "long_name": "transmission error over torque and phase"}
         dataset["harris_te_um"] = (("torque", "phase"), statics.harris / um, about)
+        about = {"units": "um", "long_name": "amplitudes of its mesh harmonics"}
+        harmonics = statics.harris_harmonics / um
+        dataset["harris_te_harmonic_um"] = (("torque", "harmonic"), harmonics, about)
         write_dataset(dataset, folder / "result.nc")
-        _draw_statics(folder, _title(scene), statics, dataset)
+        summary = _head(scene, statics)
+        bearings = summary["static"]["bearings"]
+        _draw_statics(folder, _title(scene), statics, dataset, bearings)
         done(1)
-    summary = _head(scene, statics)
+    if scene.has_table("sizing"):
+        summary |= _sizing(scene, statics, folder, quiet, watch)
     if scene.has_table("optimise"):
         summary |= _optimisation(scene, statics, folder, quiet, watch, torques)
     return _finish(scene, folder, summary, watch)
@@ -309,7 +321,13 @@ def _harris_torques(scene: Scene) -> np.ndarray:
     return np.asarray(scene.get("map.torques_Nm", nominal), dtype=float)
 
 
-def _draw_statics(folder: Path, title: str, statics: Statics, dataset: xr.Dataset) -> None:
+def _draw_statics(
+    folder: Path,
+    title: str,
+    statics: Statics,
+    dataset: xr.Dataset,
+    bearings: list[dict[str, Any]],
+) -> None:
     """The pictures of one mesh cycle."""
     save = pictures.save
     model = statics.model
@@ -318,13 +336,42 @@ def _draw_statics(folder: Path, title: str, statics: Statics, dataset: xr.Datase
         ("transmission_error", pictures.transmission_error, pictures.transmission_error_columns),
         ("mesh_stiffness", pictures.stiffness_and_sharing, pictures.stiffness_and_sharing_columns),
         ("flank_maps", pictures.flank_maps, pictures.flank_maps_columns),
+        ("face_load", pictures.face_load, pictures.face_load_columns),
     ):
         save(draw(dataset, title), columns(dataset), folder, name)
-    phase, weight = dataset["phase"].values, dataset["weight"].values
-    torques, error = dataset["torque_Nm"].values, dataset["harris_te_um"].values
-    figure = pictures.harris_map(torques, phase, error, title, weight=weight)
-    columns = pictures.harris_map_columns(torques, phase, error, weight=weight)
-    save(figure, columns, folder, "harris_map")
+    weight = dataset["weight"].values
+    torques, phase, error = (
+        dataset[name].values for name in ("torque_Nm", "phase", "harris_te_um")
+    )
+    for name, draw, columns in (
+        ("harris_map", pictures.harris_map, pictures.harris_map_columns),
+        ("te_spectrum", pictures.te_spectrum, pictures.te_spectrum_columns),
+    ):
+        figure = draw(torques, phase, error, title, weight=weight)
+        save(figure, columns(torques, phase, error, weight=weight), folder, name)
+    if bearings:
+        figure = pictures.shafts(model, statics.cycle, bearings, title)
+        save(figure, pictures.shafts_columns(model, statics.cycle, bearings), folder, "shafts")
+
+
+def _sizing(scene: Scene, statics: Statics, folder: Path, quiet: bool, watch: Stopwatch) -> Summary:
+    """Every combination of the listed amounts: table, picture and the best of it."""
+    count = len(combinations_of(scene)[1])
+    with _progress(count, "sizing", quiet) as done:
+        table = sizing_table(scene, statics.grid, watch, done)
+    labels = [_amount_label(scene, key) for key in table.keys]
+    error, pressure = (table.responses[name] for name in ("te_peak_to_peak_um", "max_pressure_MPa"))
+    title = f"{scene['name']}, {len(table.torques)} torques up to {max(table.torques):g} N m"
+    figure = pictures.sizing(labels, table.amounts, table.torques, error, pressure, title)
+    pictures.save(figure, sizing_columns(table), folder, "sizing")
+    return {"sizing": sizing_summary(scene, table)}
+
+
+def _amount_label(scene: Scene, key: str) -> str:
+    """A key of a flank as an axis names it."""
+    _, gear, name = key.split(".", 2)
+    unit = KEYS[general(key)].unit.replace("um", "µm") or "-"
+    return f"{'both' if scene['sizing.symmetric'] else gear}: {name} [{unit}]"
 
 
 def _draw_bias(
@@ -417,7 +464,14 @@ def _optimisation(
     grid = before.grid
     if not space.flanks_only:
         # The contact ratio may grow with the variables.
-        grid = mesh_grid(before.model.pair, phases=grid.phases, slices=grid.slices, margin=1.0)
+        grid = mesh_grid(
+            before.model.pair,
+            phases=grid.phases,
+            slices=grid.slices,
+            periods=grid.periods,
+            tip_contact=grid.beyond > 0.0,
+            margin=1.0,
+        )
     prepared = prepared_mesh(space, grid, watch)
     smooth = objective_function(space, grid, smooth_law_of(scene), prepared)
     exact = jax.jit(objective_function(space, grid, ExactContact(), prepared))
@@ -509,7 +563,8 @@ def _draw_search(
 def _judged(statics: Statics, objective: float) -> dict[str, float]:
     """Objective with exact contact over all torques, and what changed at the scene's torque."""
     names = ("te_mean_um", "te_rms_um", "te_peak_to_peak_um", "max_line_load_N_mm")
-    numbers = {name: float(statics.numbers[name]) for name in (*names, "max_pressure_MPa")}
+    names += "max_pressure_MPa", "face_load_factor"
+    numbers = {name: float(statics.numbers[name]) for name in names}
     return {"objective": objective} | numbers
 
 

@@ -53,7 +53,9 @@ class DesignSpace(eqx.Module):
         """The model at a point of the space; traceable by JAX."""
         scene = self.scene.replace(self.updates(values))
         if self.flanks_only:
-            return eqx.tree_at(lambda model: model.flanks, self.base, flanks_of(scene, self.base.pair))
+            return eqx.tree_at(
+                lambda model: model.flanks, self.base, flanks_of(scene, self.base.pair)
+            )
         return model_of(scene)
 
     def at_bounds(self, point: np.ndarray) -> list[str]:

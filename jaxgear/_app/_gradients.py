@@ -217,8 +217,7 @@ def _differences(
     size = min(_CHUNK, len(points))
     padded = np.pad(points, ((0, -len(points) % size), (0, 0)), mode="edge")
     parts = [
-        watch(chunk, jnp.asarray(part), pieces)
-        for part in padded.reshape(-1, size, len(centre))
+        watch(chunk, jnp.asarray(part), pieces) for part in padded.reshape(-1, size, len(centre))
     ]
     around, same = (np.concatenate(x)[: len(points)] for x in zip(*parts, strict=True))
     shape = (len(_STEPS), 4, len(centre))

@@ -335,7 +335,9 @@ def shafts(
         ylim=(low - 0.05 * (high - low), high + 0.05 * (high - low)),
     )
     axes.margins(x=0.12)
-    kinds = [Line2D([], [], color=colour, ls=style, lw=2.0) for colour, style in _DEFLECTION.values()]
+    kinds = [
+        Line2D([], [], color=colour, ls=style, lw=2.0) for colour, style in _DEFLECTION.values()
+    ]
     torque = Line2D([], [], color=_ORANGE, lw=1.8, marker=">", ms=6)
     figure.legend(
         [*kinds, torque],
@@ -496,9 +498,10 @@ def _draw_shaft(axes: Axes, shaft: jg.Shaft, level: float) -> None:
                 ends = [start, start + length]
                 axes.plot(ends, [level + side * inner] * 2, color=_GREY, lw=0.8, ls="--", zorder=3)
         start += length
-    ends = np.asarray([_height(shaft, 0.0), start])
-    over = 0.06 * (ends[1] - ends[0])
-    axes.plot(ends + [-over, over], [level, level], color="black", lw=0.8, ls="-.", zorder=3)
+    first = _height(shaft, 0.0)
+    over = 0.06 * (start - first)
+    ends = [first - over, start + over]
+    axes.plot(ends, [level, level], color="black", lw=0.8, ls="-.", zorder=3)
     for bearing in shaft.bearings:
         _draw_bearing(axes, shaft, bearing, level)
 
@@ -855,7 +858,7 @@ def _digits(value: float, count: int) -> str:
 
 
 def _cycle_periods(phase: np.ndarray) -> int:
-    """Number of mesh periods in the cycle: phases fill all of it but for half a step at the ends."""
+    """Number of mesh periods in the cycle, which the phases fill but for half a step at the ends."""
     return int(np.ceil(np.max(phase) - np.min(phase)))
 
 
@@ -1053,7 +1056,9 @@ def te_spectrum(
     else:
         spectrum.set_title("mesh harmonics (zero to peak)", loc="left")
     _torque_bar(figure, spectrum, norm, colours, torques_Nm)
-    for harmonic, colour, marker in zip(whole, (_BLUE, _ORANGE, _GREEN, _RED), "os^v", strict=False):
+    for harmonic, colour, marker in zip(
+        whole, (_BLUE, _ORANGE, _GREEN, _RED), "os^v", strict=False
+    ):
         over_torque = np.stack(amplitudes)[:, np.isclose(order, harmonic)][:, 0]
         label = f"order {harmonic}"
         size.plot(torques_Nm, over_torque, color=colour, marker=marker, ms=3.5, label=label)

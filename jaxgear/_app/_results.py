@@ -100,11 +100,21 @@ def _responses(
         "place": (lines.roll - pair.path_start) / pair.path_of_contact,
         "line_load": jg.line_load(cycle, law),
         "pressure": jg.hertz_pressure(pair, cycle, law),
+        "pair_stiffness": _pair_stiffness(model, cycle),
         "motion": cycle.system.gear_motion(cycle.load),
         "body_load": -wrench @ jg.structure_vectors(pair).T,
         "face_load": jg.face_load(pair, cycle),
         **_bearings(cycle),
     }
+
+
+def _pair_stiffness(model: jg.PairModel, cycle: jg.MeshCycle) -> Array:
+    """Of a pair loaded alone: what it gives by itself, and what the bodies under it give."""
+    pair, cells = model.pair, cycle.cells
+    on_path = jnp.clip(cells.lines.roll, pair.path_start, pair.path_end)
+    bodies = model.compliance.bodies(pair, 0)
+    give = sum((body.compliance(on_path) for body in bodies), 1.0 / cells.line_stiffness)
+    return 1.0 / give
 
 
 def _bearings(cycle: jg.MeshCycle) -> dict[str, Array]:
@@ -190,7 +200,6 @@ def _over_phases(cycle: jg.MeshCycle, found: dict[str, np.ndarray]) -> dict[str,
 def _over_cells(cycle: jg.MeshCycle, found: dict[str, np.ndarray]) -> dict[str, _Entry]:
     lines = cycle.cells.lines
     shape = lines.roll.shape
-    stiffness = np.asarray(cycle.cells.line_stiffness) / jg.N_per_mm_um
     each = {
         "roll_mm": (
             np.asarray(lines.roll) / jg.mm,
@@ -216,9 +225,9 @@ def _over_cells(cycle: jg.MeshCycle, found: dict[str, np.ndarray]) -> dict[str, 
             "gap of the undeformed flanks along the normal",
         ),
         "pair_stiffness_N_mm_um": (
-            stiffness,
+            found["pair_stiffness"] / jg.N_per_mm_um,
             "N/(mm um)",
-            "stiffness of one tooth pair per length of contact line",
+            "stiffness of a tooth pair loaded alone, per length of contact line",
         ),
     }
     dims = ("phase", "line", "slice")

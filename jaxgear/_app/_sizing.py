@@ -50,7 +50,7 @@ _TOP = 10
 # Combinations in one call of the compiled program, and those solved side by side within it.
 _CHUNK, _BATCH = 64, 8
 # Ranges of the transmission error closer than this are equal, and the pressure decides [um].
-_EQUAL = 1e-4
+_EQUAL = 1e-3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,8 +58,8 @@ class SizingTable:
     """Every combination of amounts, from the best to the worst.
 
     The first is the one whose largest peak-to-peak of the transmission error over the torques is
-    least; where two are equal the largest pressure decides. Combinations that were not solved are
-    last, with NaN.
+    least; where two are the same to the nanometre the largest pressure decides. Combinations that
+    were not solved are last, with NaN.
 
     **Fields:**
 
@@ -103,9 +103,7 @@ def combinations_of(scene: Scene) -> tuple[tuple[str, ...], np.ndarray]:
     - `InputError` if there are no amounts, too many combinations, or both of two keys that are
         to be the same.
     """
-    keys = tuple(
-        key.removeprefix(_AMOUNTS) for key in scene.values if key.startswith(_AMOUNTS)
-    )
+    keys = tuple(key.removeprefix(_AMOUNTS) for key in scene.values if key.startswith(_AMOUNTS))
     if not keys:
         raise InputError(
             "[sizing] names no amounts. Add, for example, "

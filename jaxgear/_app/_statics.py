@@ -180,6 +180,44 @@ def require_solved(converged: Any) -> None:
         )
 
 
+def notes(scene: Scene) -> list[str]:
+    """Remarks that a reader of the results should not miss.
+
+    **Arguments:**
+
+    - `scene`: that was run.
+
+    **Returns:**
+
+    A sentence each; none where there is nothing to say.
+    """
+    found = []
+    chosen = [scene.get(f"{gear}.foundation", scene["mesh.foundation"]) for gear in GEARS]
+    if scene["mesh.stiffness"] == "weber-banaschek" and "sainsot" in chosen:
+        found.append(
+            "Sainsot's foundation is for single-pair stiffness only: it counts the wind-up of a "
+            "body once per tooth pair, and the transmission error fluctuates far too much. Use "
+            'mesh.foundation = "ring", which couples the teeth.'
+        )
+    uneven = [
+        key
+        for gear in GEARS
+        for key in (f"flank.{gear}.pitch_error_um", f"flank.{gear}.eccentricity_um")
+        if key in scene.given
+    ]
+    if uneven and scene["mesh.periods"] == 1:
+        found.append(
+            f"One mesh period sees little of {' and '.join(uneven)}: raise mesh.periods, up to the "
+            "number of teeth for a whole revolution."
+        )
+    if scene["mesh.tip_contact"]:
+        found.append(
+            "Beyond the ends of the path tip corners press on the flank: the pressures there are "
+            "those of the cylinders at the end of the path, not of a corner."
+        )
+    return found
+
+
 def geometry_summary(model: PairModel) -> dict[str, float]:
     """The `geometry` part of the summary."""
     facts = {name: np.asarray(value) for name, value in pair_facts(model.pair).items()}

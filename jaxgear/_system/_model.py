@@ -7,7 +7,14 @@ from jaxgear._contact._compliance import AbstractCompliance, WeberBanaschek
 from jaxgear._flank._deviations import Flanks
 from jaxgear._geometry._pair import GearPair
 from jaxgear._system._shaft import BeamBody, Shaft
-from jaxgear._system._structure import Housing, RigidBody, driving_torque
+from jaxgear._system._structure import (
+    BODIES,
+    Housing,
+    RigidBody,
+    check_supported,
+    check_torque,
+    driving_torque,
+)
 from jaxgear._system._support import Support
 from jaxgear._types import Scalar, as_scalar
 
@@ -27,6 +34,10 @@ class PairModel(eqx.Module):
     - `pinion_body`: rigid, or a beam; `None` is a rigid disc.
     - `wheel_body`: the same of the wheel.
     - `housing`: behind the bearings; `None` is rigid.
+
+    **Raises:**
+
+    - `ValueError` if the torque on the mesh is not positive, or if a shaft is free to move.
     """
 
     pair: GearPair
@@ -39,6 +50,13 @@ class PairModel(eqx.Module):
     pinion_body: RigidBody | BeamBody | None = None
     wheel_body: RigidBody | BeamBody | None = None
     housing: Housing | None = None
+
+    def __check_init__(self):
+        # Here, and not only where the structure is assembled: that is often traced, and silent.
+        check_torque(self.pinion_support, self.torque)
+        for name, mount in zip(BODIES, (self.pinion_support, self.wheel_support), strict=True):
+            if isinstance(mount, Shaft):
+                check_supported(mount, name)
 
     @property
     def mesh_torque(self) -> Scalar:

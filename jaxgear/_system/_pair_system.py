@@ -11,7 +11,6 @@ import jax.scipy.linalg
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxgear._checks import require
 from jaxgear._contact._cells import MeshCells
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._wrench import beam_arms, cell_arms, structure_vectors
@@ -23,6 +22,7 @@ from jaxgear._system._structure import (
     StaticFlexibility,
     Structure,
     assemble_structure,
+    check_torque,
     driving_torque,
     solid_disc,
     static_flexibility,
@@ -142,19 +142,7 @@ def pair_system(
     - `ValueError` unless the torque on the mesh is positive, or if a shaft is free to move.
     """
     torque = as_scalar(torque)
-    require(
-        torque > 0.0,
-        "The pinion's torque must be positive, got {got:.6g} N m: it drives, and without load no "
-        "contact state exists. To load the other flanks, change the sign of the helix angle.",
-        got=torque,
-    )
-    on_mesh = driving_torque(pinion_support, torque)
-    require(
-        on_mesh > 0.0,
-        "The couples about Z on the pinion's shaft leave {got:.6g} N m of the torque to the mesh, "
-        "which must be positive: the pinion drives.",
-        got=on_mesh,
-    )
+    check_torque(pinion_support, torque)
     bodies = [
         _disc(pair, index) if body is None else body
         for index, body in enumerate((pinion_body, wheel_body))
@@ -185,7 +173,8 @@ def pair_system(
         structure=structure,
         statics=static_flexibility(structure, vectors),
         direction=jnp.eye(vectors.shape[1])[0],
-        force=on_mesh / (pair.base_radius[0] * jnp.cos(pair.base_helix_angle)),
+        force=driving_torque(pinion_support, torque)
+        / (pair.base_radius[0] * jnp.cos(pair.base_helix_angle)),
         bends=bends,
     )
 
@@ -194,6 +183,4 @@ def _disc(pair: GearPair, index: int) -> RigidBody:
     """A gear's body where nothing is said of it."""
     gear = (pair.pinion, pair.wheel)[index]
     bore = jnp.zeros(()) if gear.bore is None else gear.bore
-    return solid_disc(
-        2.0 * pair.root_radius[index], bore, gear.face_width, gear.material.density
-    )
+    return solid_disc(2.0 * pair.root_radius[index], bore, gear.face_width, gear.material.density)

@@ -351,6 +351,34 @@ def driving_torque(pinion: Shaft | Support, torque: Scalar) -> Scalar:
     return torque + _couple(pinion)
 
 
+def check_torque(pinion: Shaft | Support, torque: Scalar) -> None:
+    """Refuse a drive that does not load the mesh. Traced numbers are let through.
+
+    **Arguments:**
+
+    - `pinion`: its shaft, or the springs at its centre.
+    - `torque`: of the drive [N m].
+
+    **Raises:**
+
+    - `InputError` unless the torque is positive, and what the mesh must balance too.
+    """
+    require(
+        torque > 0.0,
+        "The pinion's torque must be positive, got {got:.6g} N m: it drives, and without load no "
+        "contact state exists. To load the other flanks, change the sign of the helix angle.",
+        got=torque,
+    )
+    require(
+        driving_torque(pinion, torque) > 0.0,
+        "Couples about Z on the pinion's shaft of {couple:.6g} N m leave the mesh nothing of its "
+        "torque of {torque:.6g} N m: the pinion must drive. Change the sign of a couple, or the "
+        "torque.",
+        couple=_couple(pinion),
+        torque=torque,
+    )
+
+
 def static_flexibility(structure: Structure, vectors: DofCoordinates) -> StaticFlexibility:
     r"""Response of a structure to loads on the teeth, and to its constant loads.
 

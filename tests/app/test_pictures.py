@@ -4,6 +4,7 @@ import subprocess
 import sys
 from types import SimpleNamespace
 
+import equinox as eqx
 import matplotlib
 import matplotlib.image
 import numpy as np
@@ -18,14 +19,15 @@ from jaxgear._app._results import cycle_statistics, static_dataset
 _UNIT = re.compile(r".+ \[[^\]]+\]$")
 
 
-def _spur() -> jg.PairModel:
+def _spur(depth: float = 0.0) -> jg.PairModel:
     pinion, wheel = jg.Gear(20, 12 * jg.mm, 0.2), jg.Gear(41, 10 * jg.mm, 0.1)
-    return jg.PairModel(jg.GearPair(pinion, wheel, 2 * jg.mm), 60.0)
+    relief = jg.TipRelief(depth * jg.um, 0.25)
+    pair = jg.GearPair(pinion, wheel, 2 * jg.mm)
+    return jg.PairModel(pair, 60.0, flanks=jg.Flanks(relief, relief))
 
 
 def _relieved() -> jg.PairModel:
-    relief = jg.TipRelief(12 * jg.um, 0.25)
-    return jg.PairModel(_spur().pair, 60.0, flanks=jg.Flanks(relief, relief))
+    return _spur(12.0)
 
 
 def _helical() -> jg.PairModel:
@@ -34,18 +36,64 @@ def _helical() -> jg.PairModel:
     return jg.PairModel(pair, 300.0)
 
 
-_MODELS = {"spur": _spur, "relieved": _relieved, "helical": _helical}
+_FORCE = (-400.0, 150.0, 20.0)
+
+
+def _mounted() -> jg.PairModel:
+    """Both gears on shafts, the pinion's a piece of its shaft, and one tooth out of place."""
+    pair = _helical().pair
+    steps = jg.Segment(40 * jg.mm, 30 * jg.mm, 10 * jg.mm), jg.Segment(80 * jg.mm, 40 * jg.mm)
+    bearings = [
+        jg.Bearing(at * jg.mm, 4e8, 5e8, axial, 1e4, 1e4)
+        for at, axial in ((0.0, 0.0), (100.0, 2e8))
+    ]
+    load = jg.ShaftLoad(20 * jg.mm, _FORCE)
+    width = 30 * jg.mm
+    body = jg.BeamBody(width, 68 * jg.mm)
+    pinion = jg.Shaft(steps, bearings, 60 * jg.mm, 120 * jg.mm, [load], body_width=width)
+    solid = [jg.Segment(120 * jg.mm, 40 * jg.mm)]
+    wheel = jg.Shaft(solid, [bearings[1], jg.Bearing(0.0, 4e8, 4e8)], 50 * jg.mm)
+    indexing = jg.Indexing([0.0, 4 * jg.um, *[0.0] * 23])
+    return jg.PairModel(
+        pair,
+        300.0,
+        flanks=jg.Flanks(pinion_indexing=indexing),
+        pinion_support=pinion,
+        wheel_support=wheel,
+        pinion_body=body,
+    )
+
+
+_MODELS = {"spur": _spur, "relieved": _relieved, "helical": _helical, "mounted": _mounted}
+# Phases, slices and periods of those that are solved.
+_GRIDS = {"spur": (24, 6, 1), "relieved": (24, 6, 1), "mounted": (12, 6, 3)}
 
 
 @pytest.fixture(scope="module")
-def datasets():
-    law = jg.ExactContact()
+def cycles():
+    solve = eqx.filter_jit(jg.mesh_cycle)
     found = {}
-    for name, make in _MODELS.items():
-        model = make()
-        grid = jg.mesh_grid(model.pair, phases=24, slices=6)
-        found[name] = static_dataset(model, jg.mesh_cycle(model, grid, law=law), law)
+    for name, (phases, slices, periods) in _GRIDS.items():
+        model = _MODELS[name]()
+        grid = jg.mesh_grid(model.pair, phases=phases, slices=slices, periods=periods)
+        found[name] = model, solve(model, grid)
     return found
+
+
+@pytest.fixture(scope="module")
+def datasets(cycles):
+    law = jg.ExactContact()
+    return {name: static_dataset(model, cycle, law) for name, (model, cycle) in cycles.items()}
+
+
+def _bearings(dataset):
+    """As in the summary."""
+    load = np.tensordot(dataset["weight"].values, dataset["bearing_load_N"].values, 1)
+    owners = [("pinion", 0), ("pinion", 1), ("wheel", 0), ("wheel", 1)]
+    return [
+        {"gear": gear, "index": index, "load_N": dict(zip("STZ", row, strict=True))}
+        for (gear, index), row in zip(owners, load, strict=True)
+    ]
 
 
 def _chart():
@@ -65,12 +113,20 @@ _BIAS = np.asarray([0.0, 1e-5, 1e-3, 0.1])
 _TORQUES = np.asarray([20.0, 40.0, 60.0])
 _PHASES = (np.arange(16) + 0.5) / 16
 _WAVES = np.asarray([1.0, 2.0, 3.0])[:, None] * (4.0 + np.sin(2 * np.pi * _PHASES))
+# Five mesh periods, and an order of a fifth besides the first.
+_LONG_PHASES = np.concatenate([_PHASES + period for period in range(5)])
+_LONG_WAVES = np.sin(2 * np.pi * _LONG_PHASES) + 0.5 * np.sin(0.4 * np.pi * _LONG_PHASES)
+_LONG = _TORQUES, _LONG_PHASES, np.asarray([1.0, 2.0, 3.0])[:, None] * _LONG_WAVES
+_SIZINGS = {
+    "one": (["depth [µm]"], np.asarray([[10.0], [0.0], [5.0]])),
+    "two": (["depth [µm]", "extent [-]"], np.asarray([[10.0, 0.2], [0.0, 0.2], [10.0, 0.3]])),
+}
 _SEARCHES = {"lbfgs": np.asarray([4.0, 5.0, 0.1]), "adam": np.asarray([4.0, 3.0, 2.0, 1.0])}
 
 
-def _all_pictures(datasets):
+def _all_pictures(datasets, cycles):
     """Every picture with its columns."""
-    spur, relieved, helical = (datasets[name] for name in _MODELS)
+    spur, relieved, mounted = (datasets[name] for name in _GRIDS)
     chart, valley, closed = _chart()
     path = np.asarray([[3.0, 0.2], [15.0, 0.3], [8.0, 0.25]])
     gradient = {"gradient_bias_relative": -2.0 * _BIAS}
@@ -81,6 +137,7 @@ def _all_pictures(datasets):
             pictures.transmission_error,
             pictures.stiffness_and_sharing,
             pictures.flank_maps,
+            pictures.face_load,
         ):
             columns = getattr(pictures, f"{make.__name__}_columns")(dataset)
             yield f"{make.__name__} {name}", make(dataset, f"{name}, 60 N m"), columns
@@ -89,6 +146,17 @@ def _all_pictures(datasets):
         pictures.harris_map(_TORQUES, _PHASES, _WAVES, "waves"),
         pictures.harris_map_columns(_TORQUES, _PHASES, _WAVES),
     )
+    for name, data in (("short", (_TORQUES, _PHASES, _WAVES)), ("long", _LONG)):
+        figure = pictures.te_spectrum(*data, "waves")
+        yield f"te_spectrum {name}", figure, pictures.te_spectrum_columns(*data)
+    yield (
+        "shafts",
+        pictures.shafts(*cycles["mounted"], _bearings(mounted), "mounted, 300 N m"),
+        pictures.shafts_columns(*cycles["mounted"], _bearings(mounted)),
+    )
+    for name, (labels, amounts) in _SIZINGS.items():
+        size = np.linspace(1.0, 3.0, 3 * len(amounts)).reshape(-1, 3)
+        yield f"sizing {name}", pictures.sizing(labels, amounts, _TORQUES, size, size, name), {}
     yield (
         "smoothing_bias",
         pictures.smoothing_bias(_WIDTH, _BIAS, -_BIAS, 0.8, "bias", **gradient),
@@ -109,12 +177,12 @@ def _all_pictures(datasets):
         pictures.before_after(spur, relieved, "relief"),
         pictures.before_after_columns(spur, relieved),
     )
-    assert helical.sizes["slice"] == 6
+    assert mounted.sizes["slice"] == 6
 
 
 @pytest.fixture(scope="module")
-def everything(datasets):
-    return list(_all_pictures(datasets))
+def everything(datasets, cycles):
+    return list(_all_pictures(datasets, cycles))
 
 
 def test_axes_say_quantity_and_unit(everything):
@@ -258,6 +326,73 @@ def test_harris_statistics_by_hand():
     )
     np.testing.assert_allclose(uneven["te_mean_um"], 0.2)
     np.testing.assert_allclose(uneven["te_rms_um"], 0.4)
+
+
+def test_spectrum_by_hand():
+    """Orders of sines come out with their amplitudes, between the mesh harmonics too."""
+    order, *amplitudes = pictures.te_spectrum_columns(*_LONG).values()
+    expected = np.where(np.isclose(order, 1.0), 1.0, np.where(np.isclose(order, 0.2), 0.5, 0.0))
+    assert order[0] == 0.2
+    for torque, amplitude in enumerate(amplitudes):
+        np.testing.assert_allclose(amplitude, (torque + 1) * expected, atol=1e-12)
+
+
+def test_a_long_cycle_is_drawn_once(cycles, datasets):
+    """From 0 to its end; each of its tooth pairs by itself; its harmonics are the library's."""
+    model, cycle = cycles["mounted"]
+    columns = pictures.transmission_error_columns(datasets["mounted"])
+    assert len(columns["phase"]) == cycle.approach.size
+    assert np.all(np.diff(columns["phase"]) > 0.0)
+    assert 2.9 < columns["phase"][-1] < 3.0
+    amplitudes = jg.harmonic_amplitudes(cycle, jg.transmission_error(model.pair, cycle), 5)
+    np.testing.assert_allclose(columns["te_harmonic_um"], amplitudes / jg.um, rtol=1e-9)
+    sharing = pictures.stiffness_and_sharing_columns(datasets["mounted"])
+    assert np.unique(sharing["tooth_pair"]).tolist() == [0, 1, 2]
+    for pair in range(3):
+        own = sharing["tooth_pair"] == pair
+        assert np.all(np.diff(sharing["roll_mm"][own]) > 0.0)
+        assert np.max(np.abs(np.diff(sharing["load_sharing"][own]))) < 0.4
+
+
+def test_face_load_adds_up_to_the_mesh_force(datasets):
+    for dataset in datasets.values():
+        columns = pictures.face_load_columns(dataset)
+        np.testing.assert_allclose(
+            columns["face_load_mean_N_mm"], dataset["face_load_N_mm"], rtol=1e-9
+        )
+        force = np.mean(columns["face_load_at_largest_N_mm"]) * dataset.attrs["face_width_mm"]
+        assert force == pytest.approx(float(dataset["mesh_force_N"][0]), rel=1e-9)
+    factor = np.max(columns["face_load_mean_N_mm"]) / np.mean(columns["face_load_mean_N_mm"])
+    legend = pictures.face_load(dataset, "mounted").axes[0].get_legend()
+    assert legend is not None
+    assert any(f"{factor:.3f}" in text.get_text() for text in legend.get_texts())
+
+
+def test_deflected_lines_carry_the_loads_of_the_bearings(cycles, datasets):
+    """Deflection at a bearing times its stiffness is its load; all loads balance."""
+    model, _ = cycles["mounted"]
+    bearings = _bearings(datasets["mounted"])
+    columns = pictures.shafts_columns(*cycles["mounted"], bearings)
+    shafts = {"pinion": model.pinion_support, "wheel": model.wheel_support}
+    for index, each in enumerate(bearings):
+        spring = shafts[each["gear"]].bearings[each["index"]]
+        place = columns["bearing_Z_mm"][index]
+        for axis, stiffness in (("S", spring.radial_s), ("T", spring.radial_t)):
+            line = columns[f"{each['gear']}_deflection_{axis}_um"]
+            moved = np.interp(place, columns[f"{each['gear']}_Z_mm"], line) * jg.um
+            load = each["load_N"][axis]
+            assert float(stiffness) * moved == pytest.approx(load, rel=1e-6)
+            assert columns[f"bearing_load_{axis}_N"][index] == load
+    for axis, outside in zip("STZ", _FORCE, strict=True):
+        # What the mesh puts on one gear it takes from the other.
+        assert np.sum(columns[f"bearing_load_{axis}_N"]) == pytest.approx(outside, abs=1e-3)
+
+
+def test_torques_of_the_side_view_balance(cycles):
+    """The wheel's is the pinion's times the ratio of teeth."""
+    model, _ = cycles["mounted"]
+    assert pictures._torque_on(model, 0) == 300.0
+    assert pictures._torque_on(model, 1) == pytest.approx(300.0 * 31 / 25)
 
 
 def test_bias_that_is_zero_is_not_on_the_logarithmic_line():

@@ -27,8 +27,15 @@ from helpers import assert_close, assert_gradient
 import jaxgear as jg
 from jaxgear import N_per_mm_um, mm, um
 
+
+def _on(first: jg.AbstractFoundation, second: jg.AbstractFoundation | None = None):
+    """Teeth on these foundations; by default the same under both gears."""
+    second = first if second is None else second
+    return jg.WeberBanaschek(pinion_foundation=first, wheel_foundation=second)
+
+
 _WEBER = jg.WeberBanaschek()
-_HALF_PLANES = jg.WeberBanaschek(jg.WeberFoundation(), jg.WeberFoundation())
+_HALF_PLANES = _on(jg.WeberFoundation())
 
 
 @eqx.filter_jit
@@ -82,7 +89,7 @@ def test_weber_and_banaschek_at_the_pitch_point(
     make, load, beam, foundation, contact, stiffness, iso, rack
 ):
     pair = make()
-    rigid = jg.WeberBanaschek(jg.NoFoundation(), jg.NoFoundation())
+    rigid = _on(jg.NoFoundation())
     total, without = (_at_pitch_point(pair, law, _load(load)) for law in (_WEBER, rigid))
     # Doubling the load takes 4 (1 - nu^2) ln(sqrt 2)/(pi E) off the contact term, and it alone.
     eased = _at_pitch_point(pair, rigid, _load(2.0 * load))
@@ -137,6 +144,27 @@ def test_mesh_stiffness_of_ross_62_62():
     assert_close(np.max(both) * 20.0 * mm, 6.386e8, rtol=3e-3, atol=0.0)
 
 
+def test_a_bore_chooses_the_ring():
+    """Each gear by itself: a ring where its bore says how thick, a half-plane where none does."""
+    bored, plain = ross_62_62(), standard_30_30()
+    mixed = eqx.tree_at(
+        lambda p: p.pinion,
+        plain,
+        eqx.tree_at(
+            lambda g: g.bore, plain.pinion, jnp.asarray(30.0 * mm), is_leaf=lambda x: x is None
+        ),
+    )
+    bodies = eqx.filter_jit(lambda pair: _WEBER.bodies(pair, 1))
+    assert [len(bodies(pair)) for pair in (bored, plain, mixed)] == [2, 0, 1]
+    (body,) = bodies(mixed)
+    assert body.roll_sign == 1
+    assert body.influence.shape == (2, 3, 3)
+    roll = _along(mixed, 0.2, 0.7)
+    chosen = _on(jg.RingFoundation(), jg.WeberFoundation())
+    found = _compliance(chosen, mixed, roll, _load(200.0))
+    assert_close(_compliance(_WEBER, mixed, roll, _load(200.0)), found, rtol=1e-13, atol=0.0)
+
+
 @over(standard_17_43, standard_30_30, standard_50_50)
 def test_stiffness_falls_towards_the_ends(make):
     """To 0.64-0.71 of the largest; physics A2.9 and, at 0.61, A2.10."""
@@ -151,7 +179,7 @@ def test_foundations_may_differ():
     pair, load = helical_25_31(), _load(200.0)
     roll = _along(pair, 0.3, 0.8)
     none, first, second, both = (
-        _compliance(jg.WeberBanaschek(a, b), pair, roll, load)
+        _compliance(_on(a, b), pair, roll, load)
         for a in (jg.NoFoundation(), jg.WeberFoundation())
         for b in (jg.NoFoundation(), jg.WeberFoundation())
     )

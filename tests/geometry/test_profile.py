@@ -301,7 +301,7 @@ def test_gradients(make):
 def test_every_field_of_a_section_is_differentiable():
     section = jg.tooth_section(helical_25_31(), helical_25_31().pinion)
     slopes = jax.tree.leaves(eqx.filter_grad(lambda s: s.root_half_angle)(section))
-    # All but the module, the bore and, as the rack's tip stays over the same foot, the profile shift.
+    # All but module, bore and, as the rack's tip stays over the same foot, the profile shift.
     named = dataclasses.fields(section)
     moving = [f.name for f, slope in zip(named, slopes, strict=True) if abs(float(slope)) > 1e-6]
     assert moving == ["teeth", "pressure_angle", "dedendum", "fillet_radius"]

@@ -1,0 +1,120 @@
+"""Variables of any kind: twins, bounds, remedies, and derivatives through shafts."""
+
+import re
+import tomllib
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxgear._app._design import design_space, objective_function, objective_of, twin
+from jaxgear._app._model import grid_of
+from jaxgear._app._scene import ready_scene
+from jaxgear._checks import InputError
+from jaxgear._interface._laws import ExactContact
+
+_COARSE = ("mesh.phases=8", "mesh.slices=4", "mesh.stiffness=iso6336")
+
+
+def _space(keys, *settings, symmetric=False):
+    scene = ready_scene("accessory", (*_COARSE, *settings))
+    return design_space(scene, tuple(keys), symmetric=symmetric, deflection=10.0)
+
+
+@pytest.mark.parametrize(
+    ("key", "expected"),
+    [
+        ("flank.wheel.end_relief.depth_um", "flank.pinion.end_relief.depth_um"),
+        ("flank.pinion.eccentricity_um", "flank.wheel.eccentricity_um"),
+        ("flank.pinion.pitch_error_um[3]", "flank.pinion.pitch_error_um[3]"),
+        ("pinion.shaft.bearings[0].at_mm", "pinion.shaft.bearings[0].at_mm"),
+        ("pair.helix_angle_deg", "pair.helix_angle_deg"),
+    ],
+)
+def test_flanks_have_twins_and_all_else_has_not(key, expected):
+    assert twin(key) == expected
+    assert twin(expected) == key
+
+
+def test_bounds_that_are_guessed():
+    """Three deflections of 10 um are rounded up to 40."""
+    guessed = {
+        "flank.pinion.tip_relief.depth_um": (0.0, 40.0),
+        "flank.pinion.tip_relief.extent": (0.02, 0.5),
+        "flank.pinion.profile_crowning_um": (0.0, 40.0),
+        "flank.pinion.elliptical_crowning_um": (0.0, 40.0),
+        "flank.pinion.profile_slope_um": (-40.0, 40.0),
+        "flank.pinion.bias_um": (-160.0, 160.0),
+        "flank.wheel.pitch_error_um[1]": (-40.0, 40.0),
+        "flank.wheel.eccentricity_um": (0.0, 40.0),
+        "flank.wheel.eccentricity_angle_deg": (-180.0, 180.0),
+        "flank.wheel.accuracy_grade": (1.0, 11.0),
+    }
+    space = _space(
+        guessed,
+        "flank.wheel.accuracy_grade=5",
+        f"flank.wheel.pitch_error_um={[0.0, 1.0] + [0.0] * 84}",
+    )
+    found = dict(zip(guessed, zip(space.box.lower, space.box.upper, strict=True), strict=True))
+    assert found == guessed
+    assert space.flanks_only
+
+
+@pytest.mark.parametrize("key", ["pinion.shaft.bearings[0].at_mm", "pinion.shaft.gear_at_mm"])
+def test_remedy_is_valid_toml(key):
+    with pytest.raises(InputError, match=r"no bounds can be guessed") as caught:
+        _space([key])
+    (line,) = re.findall(r'".+" = \[.+\]', str(caught.value))
+    ((written, bounds),) = tomllib.loads(line).items()
+    assert written == key
+    assert bounds[0] < bounds[1]
+    # And it is understood where it is asked for.
+    assert _space([key], f'optimise.bounds."{key}"={bounds}').keys == (key,)
+
+
+def test_points_of_a_shaft_must_not_pass_each_other():
+    """The pinion at 55 mm may come as far as 70, a bearing from 80 as far as 65."""
+    keys = ("pinion.shaft.gear_at_mm", "pinion.shaft.bearings[1].at_mm")
+    apart = [
+        'optimise.bounds."pinion.shaft.gear_at_mm"=[50.0, 60.0]',
+        'optimise.bounds."pinion.shaft.bearings[1].at_mm"=[65.0, 80.0]',
+    ]
+    assert not _space(keys, *apart).flanks_only
+    with pytest.raises(InputError, match=r"change places, which are 25 mm apart") as caught:
+        _space(keys, apart[0].replace("60.0", "70.0"), apart[1])
+    assert all(key in str(caught.value) for key in keys)
+
+
+def test_symmetric_search_from_a_grade_of_one_gear_is_refused():
+    space = _space(["flank.pinion.accuracy_grade"], "flank.pinion.accuracy_grade=5", symmetric=True)
+    with pytest.raises(InputError, match=r"flank.wheel.accuracy_grade is left out"):
+        space.require_symmetric_start()
+
+
+def test_face_load_factor_follows_bearings_and_sections():
+    """Its derivatives by rows of a shaft and by a flank against central differences."""
+    keys = (
+        "pinion.shaft.bearings[1].at_mm",
+        "pinion.shaft.segments[0].outer_mm",
+        "wheel.shaft.bearings[0].radial_N_m",
+        "flank.pinion.helix_slope_um",
+    )
+    space = _space(
+        keys,
+        "optimise.minimise=face_load_factor",
+        'optimise.bounds."pinion.shaft.bearings[1].at_mm"=[70.0, 90.0]',
+        'optimise.bounds."pinion.shaft.segments[0].outer_mm"=[20.0, 40.0]',
+        'optimise.bounds."wheel.shaft.bearings[0].radial_N_m"=[1e8, 2e9]',
+    )
+    assert objective_of(space.scene)[1] == "-"
+    grid = grid_of(space.scene, space.base)
+    function = jax.jit(objective_function(space, grid, ExactContact(), None))
+    gradient = np.asarray(jax.jit(jax.grad(function))(jnp.asarray(space.start)))
+    step = 1e-5 * (space.box.upper - space.box.lower)
+    for index in range(len(keys)):
+        shift = step[index] * np.eye(len(keys))[index]
+        above, below = (float(function(jnp.asarray(space.start + s))) for s in (shift, -shift))
+        assert gradient[index] != 0.0
+        expected = (above - below) / (2.0 * step[index])
+        assert gradient[index] == pytest.approx(expected, rel=1e-5)
