@@ -244,9 +244,7 @@ def _indexing(scene: Scene, pair: GearPair, name: str) -> Indexing | None:
     error = jnp.stack([jnp.asarray(x, dtype=float) for x in scene[f"{root}.pitch_error_um"]]) * um
     if graded:
         grade = _real(scene, f"{root}.accuracy_grade")
-        error = error + pitch_error_of_grade(
-            pair, GEARS.index(name), grade, _waveform(scene, name)
-        )
+        error = error + pitch_error_of_grade(pair, GEARS.index(name), grade, _waveform(scene, name))
     return Indexing(
         pitch_error=error,
         eccentricity=_real(scene, f"{root}.eccentricity_um") * um,
@@ -268,8 +266,8 @@ def _compliance(scene: Scene) -> AbstractCompliance:
             return Iso6336()
         case _:
             return WeberBanaschek(
-                _foundation(scene, "pinion"),
-                _foundation(scene, "wheel"),
+                pinion_foundation=_foundation(scene, "pinion"),
+                wheel_foundation=_foundation(scene, "wheel"),
                 load_updates=scene["mesh.line_load_updates"],
             )
 
@@ -361,9 +359,7 @@ def _support(scene: Scene, name: str) -> Support:
     )
 
 
-def _body(
-    scene: Scene, pair: GearPair, name: str, mount: Support | Shaft
-) -> RigidBody | BeamBody:
+def _body(scene: Scene, pair: GearPair, name: str, mount: Support | Shaft) -> RigidBody | BeamBody:
     """A gear's body; a rigid one is a disc from bore to root circle, but for what is given.
 
     Without a bore it begins at its shaft, which has a mass of its own.

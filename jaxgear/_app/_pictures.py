@@ -858,7 +858,7 @@ def _digits(value: float, count: int) -> str:
 
 
 def _cycle_periods(phase: np.ndarray) -> int:
-    """Number of mesh periods in the cycle, which the phases fill but for half a step at the ends."""
+    """Number of mesh periods in the cycle: phases fill it but for half a step at the ends."""
     return int(np.ceil(np.max(phase) - np.min(phase)))
 
 

@@ -132,7 +132,6 @@ def harmonic_count(cycle: jg.MeshCycle) -> int:
     return min(_HARMONICS, (cycle.approach.size // cycle.cells.lines.periods - 1) // 2)
 
 
-
 def _coordinates(cycle: jg.MeshCycle, facts: dict[str, np.ndarray]) -> dict[str, _Entry]:
     lines = cycle.cells.lines
     passage = _passage(facts, lines)

@@ -175,8 +175,8 @@ def require_solved(converged: Any) -> None:
             f"(phases {bad[:8]}{' and more' if len(bad) > 8 else ''}): the forces stayed out of "
             "balance. Check that gaps and deflections are of one size (flank corrections in um), "
             "and that supports are not softer than the mesh by more than a factor of 1e6. With "
-            "mesh.tip_contact, teeth that bend further than the nominal flanks part within a quarter "
-            "of a base pitch beyond the path are refused in this way too: lower the torque."
+            "mesh.tip_contact, so are teeth that bend further than nominal flanks part within a "
+            "quarter of a base pitch beyond the path: lower the torque."
         )
 
 

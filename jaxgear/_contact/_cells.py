@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxgear._checks import require
 from jaxgear._contact._compliance import AbstractCompliance, SharedBody
 from jaxgear._flank._deviations import Flanks
 from jaxgear._geometry._lines import ContactLines, MeshGrid, contact_lines, repeated_lines
@@ -162,8 +163,8 @@ def at_line_loads(
     r"""Cells whose contact compliance is taken at the line loads they carry (physics A2.6).
 
     Weber's contact term falls with the logarithm of the line load, $c(F') = c(F'_0) -
-    \frac{1}{\pi E^*}\ln(F'/F'_0)$. Cells below a hundredth of the nominal line load are taken there:
-    open ones have no contact to be soft.
+    \frac{1}{\pi E^*}\ln(F'/F'_0)$. Cells below a hundredth of the nominal line load are taken
+    there: open ones have no contact to be soft.
 
     **Arguments:**
 
@@ -227,10 +228,18 @@ def _from_tooth_to_tooth(pair: GearPair, lines: ContactLines, flanks: Flanks) ->
         (pair.wheel, flanks.wheel_indexing, -1.0),
     ):
         if indexing is not None:
+            count = indexing.pitch_error.size
+            require(
+                count in (1, gear.teeth),
+                "`Indexing.pitch_error` must have one value, or one for each of the {teeth} teeth, "
+                "got {count}.",
+                teeth=gear.teeth,
+                count=count,
+            )
             # A positive sense turns with the pinion, and pushes along the line of action.
             turn = indexing.eccentricity_angle + 2.0 * jnp.pi * lines.phase / gear.teeth
             push = jnp.sin(pair.working_pressure_angle + sense * turn)
-            added += indexing.pitch_error[lines.tooth % indexing.pitch_error.size]
+            added += indexing.pitch_error[lines.tooth % count]
             added += (sense * indexing.eccentricity * tilt * push)[:, None]
     return added
 

@@ -24,7 +24,7 @@ from jaxgear._contact._tooth import (
     penetration_compliance,
     tooth_load,
 )
-from jaxgear._geometry._gear import Material
+from jaxgear._geometry._gear import Gear, Material
 from jaxgear._geometry._pair import GearPair
 from jaxgear._geometry._profile import ToothSection, tooth_section
 from jaxgear._types import Influence, Reals, Scalar, as_scalar
@@ -202,13 +202,17 @@ class WeberBanaschek(AbstractCompliance):
         return 1.0 / (jnp.pi * contact_modulus(pair.pinion.material, pair.wheel.material))
 
     def _foundations(self, pair: GearPair) -> tuple[AbstractFoundation, AbstractFoundation]:
-        return tuple(
-            (WeberFoundation() if gear.bore is None else RingFoundation()) if own is None else own
-            for own, gear in (
-                (self.pinion_foundation, pair.pinion),
-                (self.wheel_foundation, pair.wheel),
-            )
+        return (
+            _foundation(self.pinion_foundation, pair.pinion),
+            _foundation(self.wheel_foundation, pair.wheel),
         )
+
+
+def _foundation(given: AbstractFoundation | None, gear: Gear) -> AbstractFoundation:
+    """The foundation of a gear, where none is named: a ring if there is a bore to hold it."""
+    if given is not None:
+        return given
+    return WeberFoundation() if gear.bore is None else RingFoundation()
 
 
 class ConstantStiffness(AbstractCompliance):

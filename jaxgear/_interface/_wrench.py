@@ -100,4 +100,3 @@ def beam_basis(pair: GearPair, face_position: Reals, roll: Reals) -> list[Reals]
     x = face_position / (0.5 * pair.face_width)
     s = (roll - pair.pitch_point) / pair.transverse_base_pitch
     return [jnp.ones_like(x), x, x**2, x**3, s, s * x, s * x**2]
-

@@ -5,6 +5,8 @@ what bodies, shafts and bearings contribute to the mesh is a flexibility of its 
 what loads from outside do to it an offset of them.
 """
 
+import dataclasses
+
 import equinox as eqx
 import jax.numpy as jnp
 import jax.scipy.linalg
@@ -14,7 +16,7 @@ from jaxtyping import Array, Float
 from jaxgear._contact._cells import MeshCells
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._wrench import beam_arms, cell_arms, structure_vectors
-from jaxgear._system._mesh_vectors import beam_vectors, section_motion
+from jaxgear._system._mesh_vectors import beam_vectors, section_motion, within_bodies
 from jaxgear._system._shaft import BeamBody, Shaft
 from jaxgear._system._structure import (
     Housing,
@@ -161,6 +163,12 @@ def pair_system(
         if bends
         else structure_vectors(pair)
     )
+    statics = static_flexibility(structure, vectors)
+    if bends:
+        whole = statics.mesh_flexibility + within_bodies(
+            pair, (pinion_support, wheel_support), bodies
+        )
+        statics = dataclasses.replace(statics, mesh_flexibility=whole)
     return PairSystem(
         pair=pair,
         vectors=vectors,
@@ -171,7 +179,7 @@ def pair_system(
             )
         ),
         structure=structure,
-        statics=static_flexibility(structure, vectors),
+        statics=statics,
         direction=jnp.eye(vectors.shape[1])[0],
         force=driving_torque(pinion_support, torque)
         / (pair.base_radius[0] * jnp.cos(pair.base_helix_angle)),
