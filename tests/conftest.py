@@ -10,6 +10,7 @@ os.environ.setdefault("MKL_NUM_THREADS", "1")
 os.environ.setdefault("MPLBACKEND", "Agg")
 
 import jax
+import pytest
 from jaxtyping import install_import_hook
 
 _CHECKED = ("jaxgear", "optimise")
@@ -22,3 +23,10 @@ install_import_hook(_CHECKED, "beartype.beartype")
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _let_programs_go():
+    """Forget what was compiled after each file: thousands of programs exhaust a process."""
+    yield
+    jax.clear_caches()

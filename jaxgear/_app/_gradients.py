@@ -221,13 +221,15 @@ def _differences(
     ]
     around, same = (np.concatenate(x)[: len(points)] for x in zip(*parts, strict=True))
     shape = (len(_STEPS), 4, len(centre))
-    around, same = around.reshape(*shape, -1), same.reshape(shape).all(axis=1)
+    around, same = around.reshape(*shape, -1), np.all(same.reshape(shape), axis=1)
     step = np.asarray(_STEPS)[:, None, None] * sizes[:, None]
     coarse = (around[:, 0] - around[:, 1]) / (2.0 * step)
     fine = (around[:, 2] - around[:, 3]) / step
     best = np.argmin(np.abs(fine - coarse), axis=0)[None]
     estimate = np.take_along_axis((4.0 * fine - coarse) / 3.0, best, axis=0)[0]
-    unchanged = np.take_along_axis(np.broadcast_to(same[:, :, None], fine.shape), best, axis=0)[0]
+    unchanged = np.take_along_axis(
+        np.broadcast_to(np.expand_dims(same, 2), fine.shape), best, axis=0
+    )[0]
     return estimate, unchanged
 
 

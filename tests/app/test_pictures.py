@@ -146,13 +146,15 @@ def _all_pictures(datasets, cycles):
         pictures.harris_map(_TORQUES, _PHASES, _WAVES, "waves"),
         pictures.harris_map_columns(_TORQUES, _PHASES, _WAVES),
     )
-    for name, data in (("short", (_TORQUES, _PHASES, _WAVES)), ("long", _LONG)):
-        figure = pictures.te_spectrum(*data, "waves")
-        yield f"te_spectrum {name}", figure, pictures.te_spectrum_columns(*data)
+    for torques, phases, waves in ((_TORQUES, _PHASES, _WAVES), _LONG):
+        figure = pictures.te_spectrum(torques, phases, waves, "waves")
+        columns = pictures.te_spectrum_columns(torques, phases, waves)
+        yield f"te_spectrum of {len(phases)}", figure, columns
+    on_shafts, cycle = cycles["mounted"]
     yield (
         "shafts",
-        pictures.shafts(*cycles["mounted"], _bearings(mounted), "mounted, 300 N m"),
-        pictures.shafts_columns(*cycles["mounted"], _bearings(mounted)),
+        pictures.shafts(on_shafts, cycle, _bearings(mounted), "mounted, 300 N m"),
+        pictures.shafts_columns(on_shafts, cycle, _bearings(mounted)),
     )
     for name, (labels, amounts) in _SIZINGS.items():
         size = np.linspace(1.0, 3.0, 3 * len(amounts)).reshape(-1, 3)
@@ -370,9 +372,9 @@ def test_face_load_adds_up_to_the_mesh_force(datasets):
 
 def test_deflected_lines_carry_the_loads_of_the_bearings(cycles, datasets):
     """Deflection at a bearing times its stiffness is its load; all loads balance."""
-    model, _ = cycles["mounted"]
+    model, cycle = cycles["mounted"]
     bearings = _bearings(datasets["mounted"])
-    columns = pictures.shafts_columns(*cycles["mounted"], bearings)
+    columns = pictures.shafts_columns(model, cycle, bearings)
     shafts = {"pinion": model.pinion_support, "wheel": model.wheel_support}
     for index, each in enumerate(bearings):
         spring = shafts[each["gear"]].bearings[each["index"]]

@@ -530,7 +530,10 @@ def test_an_unsolved_phase_is_reported_where_it_must_not_raise():
 
 
 def test_a_torque_that_does_not_drive_is_refused():
-    model = _model(ACCESSORY, -80.0)
+    with pytest.raises(ValueError, match="torque must be positive"):
+        _model(ACCESSORY, -80.0)
+    # Nor may it be turned round later.
+    model = eqx.tree_at(lambda m: m.torque, _model(ACCESSORY, 80.0), jnp.asarray(-80.0))
     with pytest.raises(ValueError, match="torque must be positive"):
         jg.mesh_cycle(model, jg.mesh_grid(model.pair))
 
