@@ -75,7 +75,8 @@ def test_bearing_loads_of_the_power_pair(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["init", "power"]) == 0
     capsys.readouterr()
-    settings = ("--set", "optimise.max_evaluations=1", "--set", "mesh.phases=16", "--set", "map.torques_Nm=[150.0, 308.8]")
+    settings = ("optimise.max_evaluations=1", "mesh.phases=16", "map.torques_Nm=[150.0, 308.8]")
+    settings = [word for setting in settings for word in ("--set", setting)]
     code, summary = _run(capsys, "run", "power.toml", "--json", "--quiet", *settings)
     assert code == 0
     load = np.asarray([[row["load_N"][a] for a in "STZ"] for row in summary["static"]["bearings"]])
