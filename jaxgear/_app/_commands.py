@@ -26,7 +26,6 @@ from jaxgear._app._design import (
     objective_of,
     prepared_mesh,
     round_up,
-    torques_of,
 )
 from jaxgear._app._gradients import gradient_table
 from jaxgear._app._model import model_of, smooth_law_of
@@ -43,11 +42,14 @@ from jaxgear._app._statics import (
     SolverFailure,
     Statics,
     Stopwatch,
+    couples_on_pinion,
     geometry_summary,
     iso_summary,
     mounts_summary,
+    notes,
     smoothing_bias,
     solve_statics,
+    torques_of,
 )
 from jaxgear._checks import InputError
 from jaxgear._geometry._lines import mesh_grid
@@ -308,6 +310,7 @@ def _head(scene: Scene, statics: Statics) -> Summary:
         "iso6336": iso_summary(statics.model),
         "static": {key: float(value) for key, value in statics.numbers.items()}
         | mounts_summary(statics),
+        "notes": notes(scene),
     }
 
 
@@ -316,9 +319,12 @@ def _title(scene: Scene) -> str:
 
 
 def _harris_torques(scene: Scene) -> np.ndarray:
-    """Torques of the Harris map: given, or from a quarter of the scene's to half as much again."""
-    nominal = scene["pair.torque_pinion_Nm"] * np.linspace(0.25, 1.5, 6)
-    return np.asarray(scene.get("map.torques_Nm", nominal), dtype=float)
+    """Torques of the Harris map: given, or from a quarter of the mesh's to half as much again."""
+    if scene.get("map.torques_Nm") is not None:
+        return torques_of(scene, "map.torques_Nm")
+    couples = couples_on_pinion(scene)
+    on_mesh = scene["pair.torque_pinion_Nm"] + couples
+    return on_mesh * np.linspace(0.25, 1.5, 6) - couples
 
 
 def _draw_statics(
@@ -507,7 +513,7 @@ def _optimisation(
     return {
         "optimise": {
             "minimise": scene.get("optimise.minimise", "weighted table"),
-            "torques_Nm": torques_of(scene),
+            "torques_Nm": torques_of(scene, "optimise.torques_Nm"),
             "objective_unit": objective_of(scene)[1],
             "variables": keys,
             "before": _judged(before, objectives["before"]),

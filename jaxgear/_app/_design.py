@@ -11,7 +11,7 @@ import optimise
 from jaxgear._app._model import flanks_of, model_of
 from jaxgear._app._scene import Scene
 from jaxgear._app._schema import GEARS, split_entry
-from jaxgear._app._statics import Stopwatch
+from jaxgear._app._statics import Stopwatch, torques_of
 from jaxgear._checks import InputError
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw
@@ -292,16 +292,11 @@ def objective_of(scene: Scene) -> tuple[optimise.AbstractObjective, str]:
             return optimise.LargestPressure(), "MPa"
 
 
-def torques_of(scene: Scene) -> np.ndarray:
-    """Pinion torques over which the objective is taken [N m]."""
-    return np.asarray(scene.get("optimise.torques_Nm", [scene["pair.torque_pinion_Nm"]]), float)
-
-
 def prepared_mesh(space: DesignSpace, grid: MeshGrid, watch: Stopwatch) -> PreparedMesh | None:
     """The meshes at the scene's torques, if the variables leave them as they are."""
     if not space.flanks_only:
         return None
-    torques = jnp.asarray(torques_of(space.scene))
+    torques = jnp.asarray(torques_of(space.scene, "optimise.torques_Nm"))
     return watch(lambda model, t: optimise.prepare_torques(model, t, grid), space.base, torques)
 
 
@@ -313,7 +308,7 @@ def objective_function(
     return optimise.over_torques(
         space.model,
         objective,
-        jnp.asarray(torques_of(space.scene)),
+        jnp.asarray(torques_of(space.scene, "optimise.torques_Nm")),
         grid=grid,
         law=law,
         worst=space.scene["optimise.over"] == "worst",

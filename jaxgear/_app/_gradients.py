@@ -292,7 +292,7 @@ def _interval(points: Reals, place: Reals) -> Reals:
 
 def _above_least_load(model: PairModel, cycle: MeshCycle) -> LineGrid:
     """Whether a cell's stiffness follows its line load [-]; below a least load it is constant."""
-    nominal = nominal_line_load(model.pair, model.torque)
+    nominal = nominal_line_load(model.pair, model.mesh_torque)
     softening = model.compliance.log_slope(model.pair)
     loaded, least = (
         at_line_loads(cycle.cells, force, nominal, softening).line_stiffness

@@ -19,7 +19,7 @@ import optimise
 from jaxgear._app._design import refuse_twins, twin
 from jaxgear._app._model import flanks_of, model_of
 from jaxgear._app._scene import Scene
-from jaxgear._app._statics import SolverFailure, Stopwatch
+from jaxgear._app._statics import SolverFailure, Stopwatch, torques_of
 from jaxgear._checks import InputError
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import ExactContact
@@ -123,11 +123,6 @@ def combinations_of(scene: Scene) -> tuple[tuple[str, ...], np.ndarray]:
     return keys, np.asarray(list(itertools.product(*lists)))
 
 
-def sizing_torques(scene: Scene) -> np.ndarray:
-    """Pinion torques of the table [N m]."""
-    return np.asarray(scene.get("sizing.torques_Nm", [scene["pair.torque_pinion_Nm"]]), float)
-
-
 def sizing_table(
     scene: Scene, grid: MeshGrid, watch: Stopwatch, done: Callable[[int], None]
 ) -> SizingTable:
@@ -150,7 +145,7 @@ def sizing_table(
     - `SolverFailure` if no combination was solved at all torques.
     """
     keys, amounts = combinations_of(scene)
-    torques = sizing_torques(scene)
+    torques = torques_of(scene, "sizing.torques_Nm")
     base = model_of(scene)
     meshes = watch(
         lambda model, t: optimise.prepare_torques(model, t, grid), base, jnp.asarray(torques)

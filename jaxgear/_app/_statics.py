@@ -180,6 +180,42 @@ def require_solved(converged: Any) -> None:
         )
 
 
+def couples_on_pinion(scene: Scene) -> float:
+    """Sum of the couples about Z on the pinion's shaft, which help its drive [N m]."""
+    rows = scene.rows("pinion.shaft.loads")
+    return float(sum(scene[f"{row}.moment_Nm"][2] for row in rows))
+
+
+def torques_of(scene: Scene, key: str) -> np.ndarray:
+    """Pinion torques that a scene lists under a key, or its own one.
+
+    **Arguments:**
+
+    - `scene`: checked against the schema.
+    - `key`: of the list.
+
+    **Returns:**
+
+    The torques [N m].
+
+    **Raises:**
+
+    - `InputError` if couples on the pinion's shaft leave the mesh nothing of one of them.
+    """
+    torques = np.asarray(scene.get(key, [scene["pair.torque_pinion_Nm"]]), dtype=float)
+    couples = couples_on_pinion(scene)
+    require(
+        bool(np.all(torques + couples > 0.0)),
+        "{key} lists {got:g} N m, of which the couples about Z on pinion.shaft.loads, {couples:g} "
+        "N m, leave the mesh nothing. List torques above {limit:g} N m.",
+        key=key,
+        got=float(np.min(torques)),
+        couples=couples,
+        limit=-couples,
+    )
+    return torques
+
+
 def notes(scene: Scene) -> list[str]:
     """Remarks that a reader of the results should not miss.
 
