@@ -256,7 +256,7 @@ def check_gradients(scene: Scene, folder: Path, quiet: bool) -> Summary:
     )
     counts = {
         verdict: int(np.sum(columns["verdict"] == verdict))
-        for verdict in ("ok", "no effect", "set changes", "WRONG")
+        for verdict in ("ok", "no effect", "shares a place", "set changes", "WRONG")
     }
     judged = columns["error"][columns["verdict"] == "ok"]
     summary = _names(scene) | {
@@ -310,7 +310,7 @@ def _head(scene: Scene, statics: Statics) -> Summary:
         "iso6336": iso_summary(statics.model),
         "static": {key: float(value) for key, value in statics.numbers.items()}
         | mounts_summary(statics),
-        "notes": notes(scene),
+        "notes": notes(scene, statics.model),
     }
 
 
@@ -322,9 +322,10 @@ def _harris_torques(scene: Scene) -> np.ndarray:
     """Torques of the Harris map: given, or from a quarter of the mesh's to half as much again."""
     if scene.get("map.torques_Nm") is not None:
         return torques_of(scene, "map.torques_Nm")
-    couples = couples_on_pinion(scene)
-    on_mesh = scene["pair.torque_pinion_Nm"] + couples
-    return on_mesh * np.linspace(0.25, 1.5, 6) - couples
+    torque, couples = scene["pair.torque_pinion_Nm"], couples_on_pinion(scene)
+    on_mesh = torque + couples
+    least = max(0.25 * on_mesh - couples, 0.05 * torque)
+    return np.linspace(least, 1.5 * on_mesh - couples, 6)
 
 
 def _draw_statics(
@@ -475,7 +476,7 @@ def _optimisation(
             phases=grid.phases,
             slices=grid.slices,
             periods=grid.periods,
-            tip_contact=grid.beyond > 0.0,
+            beyond=grid.beyond,
             margin=1.0,
         )
     prepared = prepared_mesh(space, grid, watch)

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import optimise
-from jaxgear._app._model import flanks_of, model_of
+from jaxgear._app._model import flanks_of, model_of, shared_places
 from jaxgear._app._scene import Scene
 from jaxgear._app._schema import GEARS, split_entry
 from jaxgear._app._statics import Stopwatch, torques_of
@@ -17,7 +17,7 @@ from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._solve._cycle import PreparedMesh
 from jaxgear._system._model import PairModel
-from jaxgear._system._shaft import BeamBody, Shaft, node_heights
+from jaxgear._system._shaft import BeamBody, Shaft, drawn_heights
 from jaxgear._types import Reals, Scalar
 from jaxgear._units import mm
 
@@ -151,6 +151,12 @@ def design_space(
     if symmetric:
         refuse_twins("optimise", keys)
     base = model_of(scene)
+    for key, owner in shared_places(scene, base).items():
+        if key in keys:
+            raise InputError(
+                f"optimise.vary names {key}, whose point lies where {owner} does and moves with "
+                "it: by itself it has no effect. Move it by 0.1 mm, or vary the other."
+            )
     bounds = np.asarray([_bounds(scene, key, deflection) for key in keys], dtype=float)
     start = np.asarray([scene[key] for key in keys], dtype=float)
     space = DesignSpace(
@@ -193,7 +199,7 @@ def _gaps(model: PairModel) -> Reals:
     """Distances between neighbouring nodes on both shafts [m]."""
     return jnp.concatenate(
         [
-            jnp.diff(node_heights(mount, body if isinstance(body, BeamBody) else None))
+            jnp.diff(drawn_heights(mount, body if isinstance(body, BeamBody) else None))
             for mount, body in (
                 (model.pinion_support, model.pinion_body),
                 (model.wheel_support, model.wheel_body),

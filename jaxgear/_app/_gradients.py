@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxgear._app._model import grid_of, model_of
+from jaxgear._app._model import grid_of, model_of, shared_places
 from jaxgear._app._scene import Scene
 from jaxgear._app._schema import split_entry
 from jaxgear._app._statics import Stopwatch, require_solved
@@ -75,7 +75,8 @@ class GradientRow:
     - `key`: dotted path, with its unit.
     - `forward`, `reverse`, `difference`: the derivative in units of response per unit of key.
     - `error`: largest relative deviation of the first two from the third.
-    - `verdict`: `ok`, `no effect`, `set changes` (contact or relief is not the same on both
+    - `verdict`: `ok`, `no effect`, `shares a place` (of a point on a shaft, which moves with
+      another one), `set changes` (contact or relief is not the same on both
       sides of the difference, which then proves nothing) or `WRONG`.
     """
 
@@ -134,7 +135,8 @@ def gradient_table(scene: Scene, law: AbstractContactLaw, watch: Stopwatch) -> l
     require_solved(converged)
     forward, reverse = np.asarray(forward), np.asarray(reverse)
     difference, same = _differences(evaluate, np.asarray(centre), sizes, pieces, watch)
-    return [
+    shared = shared_places(scene, base)
+    table = [
         _row(
             response,
             key,
@@ -146,6 +148,12 @@ def gradient_table(scene: Scene, law: AbstractContactLaw, watch: Stopwatch) -> l
         )
         for i, response in enumerate(names)
         for j, key in enumerate(keys)
+    ]
+    return [
+        dataclasses.replace(row, verdict="shares a place")
+        if row.key in shared and row.verdict == "no effect"
+        else row
+        for row in table
     ]
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from jaxgear._app._files import (
@@ -53,10 +54,12 @@ from jaxgear._flank._tolerances import GradeWaveform, deviation_of_grade, pitch_
 from jaxgear._geometry._gear import Gear, Material
 from jaxgear._geometry._lines import MeshGrid, mesh_grid
 from jaxgear._geometry._pair import GearPair
+from jaxgear._geometry._tip_contact import tip_separation
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact, SmoothContact
 from jaxgear._system._model import PairModel
+from jaxgear._system._pair_system import gear_disc
 from jaxgear._system._shaft import BeamBody, Bearing, Segment, Shaft, ShaftLayout, ShaftLoad
-from jaxgear._system._structure import Housing, RigidBody, solid_disc
+from jaxgear._system._structure import Housing, RigidBody
 from jaxgear._system._support import Support
 from jaxgear._types import Scalar
 from jaxgear._units import GPa, N_per_mm_um, deg, mm, um
@@ -127,7 +130,34 @@ def grid_of(scene: Scene, model: PairModel) -> MeshGrid:
         phases=scene["mesh.phases"],
         slices=scene["mesh.slices"],
         periods=scene["mesh.periods"],
-        tip_contact=scene["mesh.tip_contact"],
+        beyond=_tip_window(scene, model) if scene["mesh.tip_contact"] else 0.0,
+    )
+
+
+# A stiffness that few tooth pairs fall below [N/m2], and the highest torque of a Harris map over
+# the scene's own.
+_SOFT, _OVERLOAD = 10.0 * N_per_mm_um, 1.5
+
+
+def _tip_window(scene: Scene, model: PairModel) -> float:
+    """How far beyond the path tip corners may touch, in base pitches: as far as teeth can bend.
+
+    A window is no smoothing: one that is wide enough changes nothing, and one that is not
+    is refused once it is solved.
+    """
+    torque = max([_OVERLOAD * float(model.mesh_torque), *scene.get("map.torques_Nm", [])])
+    bend = torque / (float(model.pair.base_radius[0]) * float(model.pair.face_width) * _SOFT)
+    places = np.arange(0.1, 0.46, 0.05)
+    early, late = np.asarray(jax.jit(_tip_gaps)(model.pair, jnp.asarray(places)))
+    enough = np.minimum(early, late) > bend
+    return float(places[int(np.argmax(enough))]) if enough.any() else float(places[-1])
+
+
+def _tip_gaps(pair: GearPair, places: Array) -> Array:
+    """Separation before and behind the path [m], at distances in base pitches."""
+    away = places * pair.transverse_base_pitch
+    return jnp.stack(
+        [tip_separation(pair, pair.path_start - away), tip_separation(pair, pair.path_end + away)]
     )
 
 
@@ -230,7 +260,9 @@ def _graded(scene: Scene, pair: GearPair, name: str) -> list[AbstractFlankDeviat
 def _waveform(scene: Scene, name: str) -> GradeWaveform:
     slope = 1.0 if scene[f"flank.{name}.accuracy_slopes"] else 0.0
     waves = float(scene[f"flank.{name}.accuracy_waves"])
-    return GradeWaveform(waves=waves, profile_slope=slope, helix_slope=slope)
+    # Equal profile slopes cancel in mesh, for a pinion's tip meets the wheel's root; these add up.
+    towards = 1.0 if name == "pinion" else -1.0
+    return GradeWaveform(waves=waves, profile_slope=towards * slope, helix_slope=slope)
 
 
 def _indexing(scene: Scene, pair: GearPair, name: str) -> Indexing | None:
@@ -348,6 +380,34 @@ def _shaft(
     )
 
 
+def shared_places(scene: Scene, model: PairModel) -> dict[str, str]:
+    """Keys of points on shafts that lie where another point does, and which one moves them.
+
+    **Arguments:**
+
+    - `scene`: with or without shafts.
+    - `model`: its model.
+
+    **Returns:**
+
+    The owner of the place, such as "bearing 0", under each key that has no effect by itself.
+    """
+    found = {}
+    for name, mount in zip(GEARS, (model.pinion_support, model.wheel_support), strict=True):
+        if isinstance(mount, Shaft):
+            guests, root = mount.layout.guests, f"{name}.shaft"
+            keys = {
+                "gear": "gear_at_mm",
+                "torque": "torque_at_mm",
+                **{f"bearing {i}": f"bearings[{i}].at_mm" for i in range(len(mount.bearings))},
+                **{f"load {i}": f"loads[{i}].at_mm" for i in range(len(mount.loads))},
+            }
+            found |= {
+                f"{root}.{key}": guests[point] for point, key in keys.items() if point in guests
+            }
+    return {key: owner for key, owner in found.items() if scene.get(key) is not None}
+
+
 def _support(scene: Scene, name: str) -> Support:
     root = f"{name}.support"
     radial = scene.get(f"{root}.radial_N_m")
@@ -360,13 +420,10 @@ def _support(scene: Scene, name: str) -> Support:
 
 
 def _body(scene: Scene, pair: GearPair, name: str, mount: Support | Shaft) -> RigidBody | BeamBody:
-    """A gear's body; a rigid one is a disc from bore to root circle, but for what is given.
-
-    Without a bore it begins at its shaft, which has a mass of its own.
-    """
+    """A gear's body; a rigid one is a disc from bore to root circle, but for what is given."""
     index = GEARS.index(name)
-    gear, root = (pair.pinion, pair.wheel)[index], 2.0 * pair.root_radius[index]
     if scene[f"{name}.body.kind"] == "beam":
+        gear, root = (pair.pinion, pair.wheel)[index], 2.0 * pair.root_radius[index]
         return BeamBody(width=gear.face_width, outer=root, material=gear.material)
     given = {
         field: _real(scene, f"{name}.body.{key}")
@@ -377,10 +434,7 @@ def _body(scene: Scene, pair: GearPair, name: str, mount: Support | Shaft) -> Ri
         )
         if scene.get(f"{name}.body.{key}") is not None
     }
-    bore = gear.bore
-    if bore is None:
-        bore = mount.diameter_at_gear if isinstance(mount, Shaft) else jnp.zeros(())
-    return solid_disc(root, bore, gear.face_width, gear.material.density, **given)
+    return gear_disc(pair, index, mount, **given)
 
 
 def _housing(scene: Scene) -> Housing | None:

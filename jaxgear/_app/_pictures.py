@@ -23,11 +23,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
+from matplotlib.text import Annotation
 from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.transforms import offset_copy
 
 import jaxgear as jg
 from jaxgear._app._results import BODIES, cycle_statistics, flank_grid, whole_file, write_csv
 from jaxgear._system._beam import beam_shapes
+from jaxgear._system._mesh_vectors import body_beam
 from jaxgear._system._shaft import node_heights
 
 Columns = dict[str, np.ndarray]
@@ -324,10 +327,6 @@ def shafts(
         z, *moved = lines[name] / jg.mm
         for deflection, (colour, style) in zip(moved, _DEFLECTION.values(), strict=True):
             axes.plot(z, level + scale * deflection, color=colour, ls=style, lw=2.0, zorder=5)
-        for each in bearings:
-            if each["gear"] == name:
-                at = _height(mount, mount.bearings[each["index"]].at)
-                _write_bearing_load(axes, mount, at, level, each["load_N"], outwards=2 * body - 1)
     low, high = axes.get_ylim()
     axes.set(
         xlabel="Z from mid-face [mm]",
@@ -347,6 +346,7 @@ def shafts(
         ncols=2,
         frameon=False,
     )
+    _write_bearing_loads(axes, model, bearings)
     return figure
 
 
@@ -432,16 +432,13 @@ def _line_of_shaft(shaft: jg.Shaft, body: jg.BeamBody | None, motion: Array) -> 
     heights = node_heights(shaft, body)
     fraction = jnp.linspace(0.0, 1.0, _POINTS_OF_BEAM)
     segment = np.repeat(np.asarray(shaft.layout.segments), np.asarray(shaft.layout.cuts))
-    steel, shear = shaft.material, shaft.shear_coefficient
     parts = []
     for element, index in enumerate(segment):
-        section = shaft.segments[index]
-        outer, inner = section.outer, section.inner
-        if body is not None and _fills(shaft, element):
-            outer = body.outer
-        own = jg.cowper_coefficient(outer, inner, steel.poisson) if shear is None else shear
         length = heights[element + 1] - heights[element]
-        beam = jg.Beam(length, outer, inner, own, steel)
+        if body is not None and element == shaft.layout.gear_nodes[0]:
+            beam = body_beam(shaft, body)
+        else:
+            beam = _beam_of_segment(shaft, shaft.segments[index], length)
         ends = motion[6 * element : 6 * element + 12]
         shape = jax.vmap(lambda at, beam=beam: beam_shapes(beam, at)[:2])(fraction) @ ends
         parts.append(jnp.stack([heights[element] + fraction * length, *shape.T]))
@@ -449,10 +446,12 @@ def _line_of_shaft(shaft: jg.Shaft, body: jg.BeamBody | None, motion: Array) -> 
     return line.at[0].add(-shaft.gear_at)
 
 
-def _fills(shaft: jg.Shaft, element: int) -> bool:
-    """Whether the element is the gear's body."""
-    nodes = shaft.layout.gear_nodes
-    return len(nodes) == 2 and element == nodes[0]
+def _beam_of_segment(shaft: jg.Shaft, segment: jg.Segment, length: Array) -> jg.Beam:
+    """A stretch of a segment between two nodes."""
+    outer, inner, shear = segment.outer, segment.inner, shaft.shear_coefficient
+    if shear is None:
+        shear = jg.cowper_coefficient(outer, inner, shaft.material.poisson)
+    return jg.Beam(length, outer, inner, shear, shaft.material)
 
 
 def _draw_gear_side(axes: Axes, pair: jg.GearPair, body: int, level: float) -> None:
@@ -530,22 +529,149 @@ def _draw_bearing(axes: Axes, shaft: jg.Shaft, bearing: jg.Bearing, level: float
         axes.plot([left, right], [high, low], color="black", lw=0.8, zorder=3)
 
 
-def _write_bearing_load(
-    axes: Axes, shaft: jg.Shaft, at: float, level: float, load: Mapping[str, float], outwards: int
+class _BearingLabels(eqx.Module):
+    """What is written next to the bearings of one shaft, from left to right.
+
+    **Fields:**
+
+    - `texts`: the loads.
+    - `at`: places along Z from mid-face [mm].
+    - `edges`: of the bearings, from the pinion's axis along S [mm].
+    - `outwards`: direction along S away from the other shaft [-].
+    """
+
+    texts: list[str]
+    at: np.ndarray
+    edges: np.ndarray
+    outwards: int
+
+
+# Between a bearing and its label, and between labels [points].
+_GAP = 4.0
+# Labels change the limits, these the scale, and that which labels meet: it settles in two or three.
+_ROUNDS = 6
+
+
+def _write_bearing_loads(
+    axes: Axes, model: jg.PairModel, bearings: Sequence[Mapping[str, Any]]
 ) -> None:
-    """The load on a bearing, next to it on the side away from the other shaft."""
-    edge = _radius_at(shaft, at) + _bearing_size(shaft, at)
-    axes.annotate(
-        "\n".join(f"{axis} {load[axis]:.0f} N" for axis in "STZ"),
-        (at, level + outwards * edge),
-        xytext=(0, 4 * outwards),
-        textcoords="offset points",
-        ha="center",
-        va="bottom" if outwards > 0 else "top",
-        fontsize=8.5,
-        bbox=_BOX,
-        zorder=6,
-    )
+    """The load on each bearing, on the side away from the other shaft, with room for all."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    shafts = _bearing_labels(model, bearings)
+    x, y = axes.get_xlim(), axes.get_ylim()
+    drawn: list[Annotation] = []
+    before = 0.0
+    for _ in range(_ROUNDS):
+        figure.draw_without_rendering()
+        # How many millimetres of the picture a point of its letters takes.
+        scale = figure.dpi / 72.0 / float(axes.transData.get_matrix()[0, 0])
+        if abs(scale - before) < 1e-3 * scale:
+            break
+        before = scale
+        for label in drawn:
+            label.remove()
+        drawn = [label for each in shafts for label in _draw_labels(axes, each, scale)]
+        corners = axes.transData.inverted().transform(
+            np.concatenate([label.get_window_extent().padded(6.0).get_points() for label in drawn])
+        )
+        low, high = np.min(corners, axis=0), np.max(corners, axis=0)
+        axes.set_xlim(min(x[0], low[0]), max(x[1], high[0]))
+        axes.set_ylim(min(y[0], low[1]), max(y[1], high[1]))
+
+
+def _bearing_labels(
+    model: jg.PairModel, bearings: Sequence[Mapping[str, Any]]
+) -> list[_BearingLabels]:
+    """Texts and places for each shaft that has bearings."""
+    found = []
+    for body, name in enumerate(BODIES):
+        shaft, outwards = _mounts(model)[body], 2 * body - 1
+        own = [
+            (_height(shaft, shaft.bearings[each["index"]].at), each["load_N"])
+            for each in bearings
+            if each["gear"] == name
+        ]
+        if not own:
+            continue
+        own.sort(key=lambda pair: pair[0])
+        level = body * float(model.pair.working_centre_distance) / jg.mm
+        edges = [
+            level + outwards * (_radius_at(shaft, z) + _bearing_size(shaft, z)) for z, _ in own
+        ]
+        texts = ["\n".join(f"{axis} {load[axis]:.0f} N" for axis in "STZ") for _, load in own]
+        at = np.asarray([z for z, _ in own])
+        found.append(_BearingLabels(texts, at, np.asarray(edges), outwards))
+    return found
+
+
+def _draw_labels(axes: Axes, labels: _BearingLabels, scale: float) -> list[Annotation]:
+    """Labels of one shaft and the lines that lead to them; `scale` is that of letters [mm]."""
+    out = labels.outwards
+    look = {"fontsize": 8.5, "zorder": 6, "va": "bottom" if out > 0 else "top"}
+    size = np.max([_text_size(axes, text, look) for text in labels.texts], axis=0)
+    rows, asides = _label_places(labels.at, scale * (size[0] + _GAP))
+    # Rows begin beyond all bearings, so that no line runs through a neighbour's label.
+    furthest = out * np.max(out * labels.edges)
+    drawn = []
+    for text, at, edge, row, aside in zip(
+        labels.texts, labels.at, labels.edges, rows, asides, strict=True
+    ):
+        start = furthest if aside else edge
+        away = out * (_GAP + row * (size[1] + _GAP))
+        shifted = offset_copy(axes.transData, axes.figure, 3.0 * aside, away, "points")
+        ha = {-1: "right", 0: "center", 1: "left"}[int(aside)]
+        place: dict[str, Any] = {"xytext": (at, start), "textcoords": shifted}
+        drawn.append(axes.annotate(text, (at, edge), ha=ha, bbox=_BOX, **place, **look))
+        if aside:
+            top = offset_copy(axes.transData, axes.figure, 0.0, away + out * size[1], "points")
+            line = {"arrowstyle": "-", "color": _GREY, "lw": 0.8, "shrinkA": 0.0, "shrinkB": 0.0}
+            place = {"xytext": (at, start), "textcoords": top, "arrowprops": line}
+            drawn.append(axes.annotate("", (at, edge), zorder=5, **place))
+    return drawn
+
+
+def _text_size(axes: Axes, text: str, look: Mapping[str, Any]) -> np.ndarray:
+    """Width and height of a text [points]."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    trial = axes.annotate(text, (0.0, 0.0), **look)
+    size = np.asarray(trial.get_window_extent().size)
+    trial.remove()
+    return size * 72.0 / figure.dpi
+
+
+def _label_places(at: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
+    """Where labels go so that none lies on another, nor on a line that leads to another.
+
+    A label that has room stays above its bearing. Those of closer bearings become flags on poles:
+    they point away from the gear, and each flies above those that it would hide.
+
+    **Arguments:**
+
+    - `at`: places along Z of bearings, from mid-face.
+    - `width`: of a label, in the same unit.
+
+    **Returns:**
+
+    Row of each label, zero next to the bearings, and its side of the bearing along Z: -1, 0 or 1.
+    """
+    order = np.argsort(at, kind="stable")
+    near = np.diff(at[order]) < width
+    aside = np.zeros(len(at), int)
+    aside[order[1:][near]] = 1
+    aside[order[:-1][near]] = 1
+    aside *= np.where(at < 0.0, -1, 1)
+    middle = at + 0.5 * width * aside
+    row = np.zeros(len(at), int)
+    # From the outermost inwards: poles of later flags are clear of those that fly already.
+    left, right = order[at[order] < 0.0], order[at[order] >= 0.0][::-1]
+    for half in (left, right):
+        for count, index in enumerate(half):
+            before = half[:count]
+            hidden = before[np.abs(middle[before] - middle[index]) < width]
+            row[index] = 1 + np.max(row[hidden], initial=-1)
+    return row, aside
 
 
 def _draw_loads(axes: Axes, model: jg.PairModel, body: int, level: float) -> None:

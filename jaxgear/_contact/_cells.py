@@ -17,7 +17,7 @@ from jaxgear._contact._compliance import AbstractCompliance, SharedBody
 from jaxgear._flank._deviations import Flanks
 from jaxgear._geometry._lines import ContactLines, MeshGrid, contact_lines, repeated_lines
 from jaxgear._geometry._pair import GearPair
-from jaxgear._geometry._tip_contact import tip_separation
+from jaxgear._geometry._tip_contact import tip_contact_rolls, tip_separation
 from jaxgear._types import (
     CellGrid,
     CouplingGrid,
@@ -255,10 +255,8 @@ def at_window_ends(pair: GearPair, lines: ContactLines) -> CellGrid:
     **Returns:**
 
     1 where the next phase would take a cell out of the window beyond either end of the path, else
-    0; all zero where contact ends with the path [-].
+    0 [-].
     """
-    if lines.beyond == 0.0:
-        return jnp.zeros((lines.phase.size, lines.roll.shape[1] * lines.roll.shape[2]))
     pitch = pair.transverse_base_pitch
     window = (lines.beyond - jnp.max(lines.weight) * lines.periods) * pitch
     outside = (lines.roll < pair.path_start - window) | (lines.roll > pair.path_end + window)
@@ -282,8 +280,12 @@ def flank_coordinates(
     place = (lines.roll - pair.path_start) / pair.path_of_contact
     wheel_place = 1.0 - place
     if lines.beyond > 0.0:
-        # Beyond the path it is the tip's corner that touches.
-        place, wheel_place = jnp.minimum(place, 1.0), jnp.minimum(wheel_place, 1.0)
+        # Beyond the path a tip's corner touches, and the flank that it meets not where the line of
+        # action goes on. Counted from the tips, so that a corner is at 1 to the last digit.
+        rolls = tip_contact_rolls(pair, lines.roll)
+        place, wheel_place = (
+            1.0 - (pair.tip_roll[body] - rolls[body]) / pair.path_of_contact for body in (0, 1)
+        )
     z = jnp.broadcast_to(lines.face_position[None, None, :], place.shape)
     pinion = place, z / (0.5 * pair.pinion.face_width)
     return pinion, (wheel_place, z / (0.5 * pair.wheel.face_width))

@@ -68,7 +68,7 @@ def mesh_grid(
     phases: int = 64,
     slices: int = 20,
     periods: int = 1,
-    tip_contact: bool = False,
+    beyond: float = 0.0,
     margin: float = 0.05,
 ) -> MeshGrid:
     """Choose the grid for a pair. Call it outside of `jit`, on concrete gears.
@@ -79,7 +79,8 @@ def mesh_grid(
     - `phases`: positions in one mesh period, at least 8.
     - `slices`: slices across the face, at least 1.
     - `periods`: mesh periods in one cycle; pitch errors and eccentricities need several.
-    - `tip_contact`: whether tip corners may touch beyond the ends of the path.
+    - `beyond`: how far tip corners may touch beyond either end of the path, in base pitches; zero
+        leaves such contact out, 0.25 suffices for common loads [-].
     - `margin`: by how much the contact ratios may grow, in traced copies of this pair, before
         contact at the ends of the path is lost from the grid [-].
 
@@ -93,9 +94,13 @@ def mesh_grid(
     """
     require(phases >= 8, "A mesh period needs at least 8 phases, got {got}.", got=phases)
     require(slices >= 1, "The face needs at least 1 slice, got {got}.", got=slices)
+    require(
+        0.0 <= beyond < 0.5,
+        "Contact `beyond` the path is looked for over 0 to 0.5 base pitches, got {got:.6g}.",
+        got=beyond,
+    )
     require(periods >= 1, "A cycle has at least 1 mesh period, got {got}.", got=periods)
     facts = pair_facts(pair)
-    beyond = _TIP_CONTACT if tip_contact else 0.0
     profile = float(facts["profile_contact_ratio"]) + 2.0 * beyond
     overlap = float(facts["overlap_ratio"])
     half_overlap = 0.5 * overlap
@@ -123,10 +128,6 @@ def mesh_grid(
         periods=periods,
         beyond=beyond,
     )
-
-
-# Nominal flanks are further apart there than teeth bend [base pitches].
-_TIP_CONTACT = 0.25
 
 
 class ContactLines(eqx.Module):

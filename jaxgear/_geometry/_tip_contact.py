@@ -8,13 +8,18 @@ too late (the pressure peaks that the thesis names, but leaves out, at its Fig. 
 The gap is the approach that brings corner and flank into touch when the gear of the corner stands
 where it should and the other one turns. Had the other one stayed, it would be larger in the ratio
 $1 + g'$, with $g'$ its slope along the path; the force at the corner, which is normal to the flank
-that it meets, has on the corner's own gear an arm shorter in the ratio $1 - g'$.
+that it meets, has on the corner's own gear an arm shorter in the ratio $1 - g'$. The solver leaves
+that out: it keeps the arm of the line of action for both gears. Of the accessory pair (Guilbert
+2017, tab. III-1) $g'$ is 3 % where the corner is 0.8 mm beyond the path.
+
+The place of touch leaves the line of action too. On the corner's gear it stays at the tip; on the
+other one it turns round at the start of active profile and moves up the flank again.
 """
 
 import jax.numpy as jnp
 
 from jaxgear._geometry._pair import GearPair
-from jaxgear._types import Reals, Scalar
+from jaxgear._types import Reals
 
 
 def tip_separation(pair: GearPair, roll: Reals) -> Reals:
@@ -35,39 +40,68 @@ def tip_separation(pair: GearPair, roll: Reals) -> Reals:
 
     Gap normal to the flank [m]; exactly zero, and so is its slope, between the ends of the path.
     """
-    base, tip = pair.base_radius, pair.tip_roll
-    early = _corner_gap(pair.path_start - roll, tip[1], base[1], base[0], pair.tangent_length)
-    late = _corner_gap(roll - pair.path_end, tip[0], base[0], base[1], pair.tangent_length)
+    early, _ = _corner_on_flank(pair, 1, pair.path_start - roll)
+    late, _ = _corner_on_flank(pair, 0, roll - pair.path_end)
     return (early + late) * jnp.cos(pair.base_helix_angle)
 
 
-def _corner_gap(
-    beyond: Reals, tip_roll: Scalar, own_base: Scalar, other_base: Scalar, tangent: Scalar
-) -> Reals:
-    """Transverse gap at a tip corner that is short of the end of the path; zero past it.
+def tip_contact_rolls(pair: GearPair, roll: Reals) -> tuple[Reals, Reals]:
+    r"""Where the flanks touch, on each gear's own flank.
+
+    On the path both places are those of the line of action. A distance $s$ beyond the end the
+    corner's gear touches at its tip, and the other one at
+    $\rho + \left(\frac{r_{b,o}\,\rho_a}{r_b\,\rho} - 1\right)s$ to the first order, in the terms of
+    `tip_separation` and with $r_{b,o}$ the base radius of the other gear: above its start of
+    active profile wherever the path ends behind the pitch point. The slope along the path jumps at
+    either end, the place does not.
 
     **Arguments:**
 
-    - `beyond`: by how much the corner is short of the line of action [m].
-    - `tip_roll`: of the corner's gear, at its tip [m].
-    - `own_base`: base radius of the corner's gear [m].
-    - `other_base`: base radius of the gear whose flank the corner faces [m].
-    - `tangent`: length between the base tangent points [m].
+    - `pair`: the gears.
+    - `roll`: place on the path of contact, or on its continuation, from $T_1$ [m].
 
     **Returns:**
 
-    Angle by which the other gear is behind, times its base radius [m].
+    Roll length of the touching point on the pinion, from $T_1$, and on the wheel, from $T_2$ [m].
     """
+    early, late = pair.path_start - roll, roll - pair.path_end
+    _, under_wheel_tip = _corner_on_flank(pair, 1, early)
+    _, under_pinion_tip = _corner_on_flank(pair, 0, late)
+    # Not by a minimum: at a tie its slope would be half of each side's.
+    pinion = jnp.where(late > 0.0, pair.tip_roll[0], roll)
+    wheel = jnp.where(early > 0.0, pair.tip_roll[1], pair.tangent_length - roll)
+    pinion = jnp.where(early > 0.0, under_wheel_tip, pinion)
+    return pinion, jnp.where(late > 0.0, under_pinion_tip, wheel)
+
+
+def _corner_on_flank(pair: GearPair, body: int, beyond: Reals) -> tuple[Reals, Reals]:
+    """Transverse gap at a gear's tip corner that is short of the end of the path, and its place.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `body`: whose corner it is.
+    - `beyond`: by how much the corner is short of the line of action [m].
+
+    **Returns:**
+
+    Angle by which the other gear is behind, times its base radius [m], and the roll length at
+    which the corner meets that gear's flank [m]. Past the end of the path the gap is zero, and the
+    roll length that of the end.
+    """
+    own_base, other_base = pair.base_radius[body], pair.base_radius[1 - body]
+    tip_roll, tangent = pair.tip_roll[body], pair.tangent_length
     outside = beyond > 0.0
     turn = jnp.where(outside, beyond, 0.0) / own_base
     # The corner, from the other gear's centre: along the line of action, and square to it.
     sine, versine = jnp.sin(turn), 2.0 * jnp.sin(0.5 * turn) ** 2
     along = tangent - tip_roll + tip_roll * versine - own_base * sine
-    across = other_base + own_base * versine + tip_roll * sine
+    rise = own_base * versine + tip_roll * sine
+    across = other_base + rise
     # Below its base circle, where only gears that interfere have their corners, a flank is radial.
-    square = along**2 + across**2 - other_base**2
+    square = along**2 + rise * (other_base + across)
     reaches = outside & (square > 0.0)
     roll = jnp.where(reaches, jnp.sqrt(jnp.where(reaches, square, 1.0)), 0.0)
     angle = jnp.arctan2(along, across) - jnp.arctan2(roll, other_base)
     gap = other_base * angle + roll + beyond - (tangent - tip_roll)
-    return jnp.where(outside, gap, 0.0)
+    return jnp.where(outside, gap, 0.0), jnp.where(outside, roll, tangent - tip_roll)

@@ -234,6 +234,6 @@ _UNSOLVED = (
     "The contact was not solved at some phase of the mesh cycle: forces still out of balance "
     "after `SolverSettings.most_steps` steps, or contact lines outside of the grid. Raise "
     "`most_steps`, or make the grid from this pair, with a larger `margin` if it is traced; if "
-    "gaps are far larger than deflections, check the units of the flank corrections. With "
-    "`tip_contact`, teeth may have bent so far that they touch further beyond the path than looked."
+    "gaps are far larger than deflections, check the units of the flank corrections; with "
+    "tip contact, look for it further `beyond` the path."
 )

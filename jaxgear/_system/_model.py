@@ -6,6 +6,7 @@ from jaxgear._contact._cells import Misalignment
 from jaxgear._contact._compliance import AbstractCompliance, WeberBanaschek
 from jaxgear._flank._deviations import Flanks
 from jaxgear._geometry._pair import GearPair
+from jaxgear._system._pair_system import check_bodies
 from jaxgear._system._shaft import BeamBody, Shaft
 from jaxgear._system._structure import (
     BODIES,
@@ -37,7 +38,8 @@ class PairModel(eqx.Module):
 
     **Raises:**
 
-    - `ValueError` if the torque on the mesh is not positive, or if a shaft is free to move.
+    - `ValueError` if the torque on the mesh is not positive, if a shaft is free to move or
+        thicker than the gear on it, or if a beam body has not the width of its gear.
     """
 
     pair: GearPair
@@ -57,6 +59,11 @@ class PairModel(eqx.Module):
         for name, mount in zip(BODIES, (self.pinion_support, self.wheel_support), strict=True):
             if isinstance(mount, Shaft):
                 check_supported(mount, name)
+        check_bodies(
+            self.pair,
+            (self.pinion_support, self.wheel_support),
+            (self.pinion_body, self.wheel_body),
+        )
 
     @property
     def mesh_torque(self) -> Scalar:

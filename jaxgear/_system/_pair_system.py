@@ -13,12 +13,14 @@ import jax.scipy.linalg
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxgear._checks import require
 from jaxgear._contact._cells import MeshCells
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._wrench import beam_arms, cell_arms, structure_vectors
 from jaxgear._system._mesh_vectors import beam_vectors, section_motion, within_bodies
 from jaxgear._system._shaft import BeamBody, Shaft
 from jaxgear._system._structure import (
+    BODIES,
     Housing,
     RigidBody,
     StaticFlexibility,
@@ -40,6 +42,7 @@ from jaxgear._types import (
     Scalar,
     as_scalar,
 )
+from jaxgear._units import mm
 
 
 class PairSystem(eqx.Module):
@@ -146,8 +149,10 @@ def pair_system(
     torque = as_scalar(torque)
     check_torque(pinion_support, torque)
     bodies = [
-        _disc(pair, index) if body is None else body
-        for index, body in enumerate((pinion_body, wheel_body))
+        gear_disc(pair, index, mount) if body is None else body
+        for index, (mount, body) in enumerate(
+            zip((pinion_support, wheel_support), (pinion_body, wheel_body), strict=True)
+        )
     ]
     structure = assemble_structure(
         pinion_support,
@@ -187,8 +192,66 @@ def pair_system(
     )
 
 
-def _disc(pair: GearPair, index: int) -> RigidBody:
-    """A gear's body where nothing is said of it."""
+def gear_disc(pair: GearPair, index: int, mount: Support | Shaft, **given: Scalar) -> RigidBody:
+    """A gear's body where nothing else is said of it: a disc out to the root circle.
+
+    It begins at the bore or, without one, at its shaft, which has a mass of its own.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `index`: 0 for the pinion, 1 for the wheel.
+    - `mount`: its shaft, or the springs at its centre.
+    - `given`: `mass`, `polar_inertia`, `transverse_inertia` where they are known [kg, kg m2].
+
+    **Returns:**
+
+    The body.
+    """
     gear = (pair.pinion, pair.wheel)[index]
-    bore = jnp.zeros(()) if gear.bore is None else gear.bore
-    return solid_disc(2.0 * pair.root_radius[index], bore, gear.face_width, gear.material.density)
+    inner = gear.bore
+    if inner is None:
+        inner = mount.diameter_at_gear if isinstance(mount, Shaft) else jnp.zeros(())
+    outer = 2.0 * pair.root_radius[index]
+    return solid_disc(outer, inner, gear.face_width, gear.material.density, **given)
+
+
+def check_bodies(
+    pair: GearPair,
+    mounts: tuple[Support | Shaft, Support | Shaft],
+    bodies: tuple[RigidBody | BeamBody | None, RigidBody | BeamBody | None],
+) -> None:
+    """Refuse bodies that do not fit their gears. Traced numbers are let through.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `mounts`: their shafts, or the springs at their centres.
+    - `bodies`: of the gears.
+
+    **Raises:**
+
+    - `InputError` if a beam body has not its gear's width, or if a shaft is as thick as the gear.
+    """
+    for index, (name, mount, body) in enumerate(zip(BODIES, mounts, bodies, strict=True)):
+        width = (pair.pinion, pair.wheel)[index].face_width
+        if isinstance(body, BeamBody):
+            require(
+                jnp.abs(body.width - width) <= 1e-9 * width,
+                "The {name}'s beam body must be as wide as its face, {width:.6g} m, got {got:.6g} "
+                "m.",
+                name=name,
+                width=width,
+                got=body.width,
+            )
+        elif isinstance(mount, Shaft):
+            root = 2.0 * pair.root_radius[index]
+            require(
+                mount.diameter_at_gear < root,
+                "The {name}'s shaft must be thinner than the gear on it, whose root circle has "
+                "{root:.6g} mm, got {got:.6g} mm. Give the shaft's diameters in millimetres, or "
+                "make the body a beam.",
+                name=name,
+                root=root / mm,
+                got=mount.diameter_at_gear / mm,
+            )

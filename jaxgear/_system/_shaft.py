@@ -203,6 +203,13 @@ class ShaftLayout:
         return dict(self.places)
 
     @property
+    def guests(self) -> Mapping[str, str]:
+        """Points that share a station, with its owner: by their own heights nothing moves."""
+        nodes = self.nodes
+        owner = {nodes[name]: name for name in self.owners}
+        return {name: owner[node] for name, node in self.places if name not in self.owners}
+
+    @property
     def gear_nodes(self) -> tuple[int, ...]:
         """The gear's node, or the two ends of its body."""
         nodes = self.nodes
@@ -360,6 +367,34 @@ def node_heights(shaft: Shaft, body: BeamBody | None = None) -> Nodes:
     - `ValueError` if two points have changed places since the layout was settled, or if
         the layout was settled for the other kind of body.
     """
+    heights = drawn_heights(shaft, body)
+    rising = jnp.all(jnp.diff(heights) > 0.0)
+    require(
+        rising,
+        "The points of a shaft must keep the order in which it was laid out: {owners}. Build the "
+        "shaft anew, without `layout`.",
+        owners=", ".join(shaft.layout.owners),
+    )
+    # While JAX traces, nobody is told: no number is then better than a wrong one.
+    return jnp.where(rising, heights, jnp.nan)
+
+
+def drawn_heights(shaft: Shaft, body: BeamBody | None = None) -> Nodes:
+    """Height of each node in the order of the layout, even if points have passed each other since.
+
+    **Arguments:**
+
+    - `shaft`: the shaft.
+    - `body`: of its gear, where that is a beam.
+
+    **Returns:**
+
+    Heights [m].
+
+    **Raises:**
+
+    - `ValueError` if the layout was settled for the other kind of body.
+    """
     layout = shaft.layout
     require(
         (body is None) == (layout.body is None),
@@ -372,16 +407,7 @@ def node_heights(shaft: Shaft, body: BeamBody | None = None) -> Nodes:
     first = np.repeat(np.arange(len(cuts)), cuts)
     part = np.concatenate([np.arange(cut) / cut for cut in cuts])
     heights = stations[first] * (1.0 - part) + stations[first + 1] * part
-    heights = jnp.concatenate([heights, stations[-1:]])
-    rising = jnp.all(jnp.diff(heights) > 0.0)
-    require(
-        rising,
-        "The points of a shaft must keep the order in which it was laid out: {owners}. Build the "
-        "shaft anew, without `layout`.",
-        owners=", ".join(layout.owners),
-    )
-    # While JAX traces, nobody is told: no number is then better than a wrong one.
-    return jnp.where(rising, heights, jnp.nan)
+    return jnp.concatenate([heights, stations[-1:]])
 
 
 def shaft_matrices(shaft: Shaft, body: BeamBody | None = None) -> ShaftMatrices:

@@ -11,7 +11,7 @@ import xarray as xr
 
 from jaxgear._app._cli import main
 from jaxgear._app._scene import read_scene, ready_scene
-from jaxgear._app._statics import Stopwatch, solve_statics
+from jaxgear._app._statics import Stopwatch, mounts_summary, solve_statics
 
 _COARSE = ("--set", "mesh.phases=24", "--set", "mesh.slices=4", "--quiet", "--json")
 
@@ -70,16 +70,11 @@ def _assert_bearings_of_the_thesis(bearings: list[dict]) -> None:
         assert row["displacement_um"]["T"] == pytest.approx(along_t, rel=0.05)
 
 
-def test_bearing_loads_of_the_power_pair(capsys, tmp_path, monkeypatch):
+def test_bearing_loads_of_the_power_pair():
     """Tab. III-6 and III-7: totals within 0.1 %; the split follows from the shafts chosen."""
-    monkeypatch.chdir(tmp_path)
-    assert main(["init", "power"]) == 0
-    capsys.readouterr()
-    settings = ("optimise.max_evaluations=1", "mesh.phases=16", "map.torques_Nm=[150.0, 308.8]")
-    settings = [word for setting in settings for word in ("--set", setting)]
-    code, summary = _run(capsys, "run", "power.toml", "--json", "--quiet", *settings)
-    assert code == 0
-    load = np.asarray([[row["load_N"][a] for a in "STZ"] for row in summary["static"]["bearings"]])
+    statics = solve_statics(ready_scene("power", ("mesh.phases=16",)), Stopwatch())
+    rows = mounts_summary(statics)["bearings"]
+    load = np.asarray([[row["load_N"][axis] for axis in "STZ"] for row in rows])
     assert load[:2].sum(axis=0)[:2] == pytest.approx([-3444.5, -6829.5], rel=1e-3)
     assert load[2:].sum(axis=0)[:2] == pytest.approx([3444.5, 6829.5], rel=1e-3)
     assert load.sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-3)
@@ -175,27 +170,35 @@ def _without_shafts(folder: Path) -> Path:
 @pytest.mark.parametrize(
     "settings",
     [
-        ("pair.misalignment_deviation_um=40",),
+        pytest.param(("pair.misalignment_deviation_um=40",), marks=pytest.mark.slow),
         (_FREE, "pinion.support={radial_N_m=1e8, tilt_Nm_rad=1e5}"),
-        ("mesh.slices=1", "flank.pinion.crowning_um=20"),
+        pytest.param(("mesh.slices=1", "flank.pinion.crowning_um=20"), marks=pytest.mark.slow),
         ("mesh.slices=200",),
         ("flank.pinion.tip_relief={depth_um=900, extent=0.4}",),
-        ("pair.helix_angle_deg=35", "mesh.contact=smooth"),
-        ("mesh.stiffness=iso6336",),
+        pytest.param(("pair.helix_angle_deg=35", "mesh.contact=smooth"), marks=pytest.mark.slow),
+        pytest.param(("mesh.stiffness=iso6336",), marks=pytest.mark.slow),
         ("pair.torque_pinion_Nm=0.01", "flank.wheel.crowning_um=30"),
-        (_FREE, "pair.misalignment_deviation_um=40", "wheel.support={tilt_Nm_rad=1e3}"),
+        pytest.param(
+            (_FREE, "pair.misalignment_deviation_um=40", "wheel.support={tilt_Nm_rad=1e3}"),
+            marks=pytest.mark.slow,
+        ),
         (_FREE, "pinion.support={radial_N_m=1e4}"),
-        ("mesh.foundation=ring",),
+        pytest.param(("mesh.foundation=ring",), marks=pytest.mark.slow),
         ("mesh.foundation=ring", "pair.helix_angle_deg=25", "mesh.line_load_updates=2"),
         ("mesh.foundation=ring", "pinion.bore_mm=8", "wheel.bore_mm=126"),
         ("mesh.tip_contact=true", "mesh.foundation=ring"),
         ("pinion.body.kind=beam", "pair.helix_angle_deg=15", "pinion.shaft.torque_at_mm=0"),
         ("pinion.shaft.bearings[0].radial_N_m=1e5",),
         ("pinion.shaft.bearings[0].radial_N_m=1e14", "wheel.shaft.bearings[1].radial_N_m=1e14"),
-        ("wheel.shaft.segments[0].inner_mm=39.9",),
+        pytest.param(("wheel.shaft.segments[0].inner_mm=39.9",), marks=pytest.mark.slow),
         ("mesh.periods=5", "flank.pinion.eccentricity_um=20", "flank.pinion.accuracy_grade=7"),
-        ("pinion.face_width_mm=500", "wheel.face_width_mm=500", "flank.pinion.crowning_um=200"),
-        ("pinion.addendum_coeff=0.66", "wheel.addendum_coeff=0.66"),
+        pytest.param(
+            ("pinion.face_width_mm=500", "wheel.face_width_mm=500", "flank.pinion.crowning_um=200"),
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            ("pinion.addendum_coeff=0.66", "wheel.addendum_coeff=0.66"), marks=pytest.mark.slow
+        ),
     ],
     ids=str,
 )

@@ -5,6 +5,7 @@ import sys
 from types import SimpleNamespace
 
 import equinox as eqx
+import jax
 import matplotlib
 import matplotlib.image
 import numpy as np
@@ -15,6 +16,7 @@ from matplotlib.path import Path as Polygon
 import jaxgear as jg
 from jaxgear._app import _pictures as pictures
 from jaxgear._app._results import cycle_statistics, static_dataset
+from jaxgear._system._mesh_vectors import section_motion
 
 _UNIT = re.compile(r".+ \[[^\]]+\]$")
 
@@ -388,6 +390,63 @@ def test_deflected_lines_carry_the_loads_of_the_bearings(cycles, datasets):
     for axis, outside in zip("STZ", _FORCE, strict=True):
         # What the mesh puts on one gear it takes from the other.
         assert np.sum(columns[f"bearing_load_{axis}_N"]) == pytest.approx(outside, abs=1e-3)
+
+
+@pytest.mark.parametrize("at", [[0.0, 7.0, 12.0, 16.0, 21.0, 24.0, 100.0], [0.0, 100.0]])
+def test_labels_of_bearings_hide_nothing(cycles, at):
+    """However close the bearings are; none is moved where there is room."""
+    model, _ = cycles["mounted"]
+    steps = [jg.Segment(120 * jg.mm, 40 * jg.mm)]
+    bearings = [jg.Bearing(z * jg.mm, 4e8, 4e8) for z in at]
+    shaft = jg.Shaft(steps, bearings, 50 * jg.mm)
+    crowded = eqx.tree_at(lambda m: m.wheel_support, model, shaft)
+    loads = [
+        {"gear": "wheel", "index": i, "load_N": dict.fromkeys("STZ", -1e5 - i)}
+        for i in range(len(at))
+    ]
+    figure = Figure(figsize=pictures._side_view_size(crowded), layout="constrained")
+    axes = figure.subplots()
+    axes.set(aspect="equal", xlim=(-60.0, 80.0), ylim=(-50.0, 150.0))
+    pictures._write_bearing_loads(axes, crowded, loads)
+    figure.draw_without_rendering()
+    texts = [x for x in axes.texts if x.get_text()]
+    assert len(texts) == len(at)
+    boxes = [text.get_window_extent() for text in texts]
+    poles = [x.arrow_patch.get_window_extent() for x in axes.texts if not x.get_text()]
+    assert len(poles) == (6 if len(at) == 7 else 0)
+    for index, box in enumerate(boxes):
+        others = boxes[:index] + boxes[index + 1 :] + poles
+        assert not any(box.overlaps(other) for other in others)
+        assert axes.bbox.x0 < box.x0
+        assert box.x1 < axes.bbox.x1
+        assert axes.bbox.y0 < box.y0
+        assert box.y1 < axes.bbox.y1
+
+
+def test_places_of_labels_by_hand():
+    """Flags fly away from the gear, the outermost lowest; far from others they stay."""
+    row, aside = pictures._label_places(np.asarray([-10.0, -12.0, -40.0, 1.0, 8.0, 14.0]), 9.0)
+    assert aside.tolist() == [-1, -1, 0, 1, 1, 1]
+    assert row.tolist() == [1, 0, 0, 2, 1, 0]
+    # Next to each other on either side of mid-face they need but one row.
+    row, aside = pictures._label_places(np.asarray([-1.0, 1.0]), 9.0)
+    assert (row.tolist(), aside.tolist()) == ([0, 0], [-1, 1])
+
+
+def test_deflected_line_of_a_beam_body_is_the_motion_of_its_sections(cycles):
+    """The line and the mesh take the same beam, also where the body is of another material."""
+    model, _ = cycles["mounted"]
+    shaft = model.pinion_support
+    body = jg.BeamBody(30 * jg.mm, 68 * jg.mm, jg.Material(poisson=0.45))
+    heights = jg.node_heights(shaft, body)
+    motion = np.random.default_rng(3).normal(size=6 * len(heights)) * jg.um
+    z, *moved = np.asarray(jax.jit(pictures._line_of_shaft)(shaft, body, motion))
+    first = shaft.layout.gear_nodes[0]
+    count = pictures._POINTS_OF_BEAM
+    inside = slice(first * count, (first + 1) * count)
+    sections = jax.vmap(lambda at: section_motion(shaft, body, at))
+    expected = jax.jit(sections)(z[inside]) @ motion[6 * first : 6 * first + 12]
+    np.testing.assert_allclose(np.transpose(moved)[inside], expected[:, :2], rtol=1e-9, atol=1e-18)
 
 
 def test_torques_of_the_side_view_balance(cycles):

@@ -25,6 +25,7 @@ from helpers import assert_close, assert_gradient
 
 import jaxgear as jg
 from jaxgear import N_per_mm_um, mm, um
+from jaxgear._contact._cells import flank_coordinates
 
 _WEBER = jg.WeberBanaschek()
 _CONSTANT = jg.ConstantStiffness(14.0 * N_per_mm_um)
@@ -189,6 +190,39 @@ def test_tip_relief_acts_where_its_owner_has_its_tip(make):
     # Root relief of the one meets the tip of the other.
     root = jg.RootRelief(20 * um, 0.3)
     np.testing.assert_allclose(_gap(pair, jg.Flanks(pinion=root)), expected, atol=1e-9)
+
+
+@over(accessory, power)
+def test_tip_corners_touch_above_the_start_of_active_profile(make):
+    """Beyond the path: the corner at its own tip, the mate's place above 0 and growing."""
+    pair = make()
+    grid = jg.mesh_grid(pair, phases=16, slices=5, beyond=0.25)
+
+    @eqx.filter_jit
+    def both(pair):
+        lines = jg.contact_lines(pair, grid)
+        (pinion, _), (wheel, _) = flank_coordinates(pair, lines)
+        relieved = jg.Flanks(wheel=jg.RootRelief(20 * um, 0.2))
+        gaps = [jg.mesh_gap(pair, lines, x, _STRAIGHT) for x in (jg.Flanks(), relieved)]
+        linear = (lines.roll - pair.path_start) / pair.path_of_contact
+        return linear, pinion, wheel, (gaps[1] - gaps[0]).reshape(linear.shape), lines.fraction
+
+    linear, pinion, wheel, relief, fraction = (np.asarray(x) for x in both(pair))
+    on_path = (linear >= 0.0) & (linear <= 1.0)
+    np.testing.assert_allclose(pinion[on_path], linear[on_path], atol=1e-12)
+    np.testing.assert_allclose(wheel[on_path], 1.0 - linear[on_path], atol=1e-12)
+    window = fraction > 0.0
+    for own, mate, past in ((pinion, wheel, linear - 1.0), (wheel, pinion, -linear)):
+        corner = window & (past > 0.0)
+        assert corner.any()
+        assert np.all(own[corner] == 1.0)
+        order = np.argsort(past[corner])
+        assert np.all(mate[corner] > 0.0)
+        assert np.all(np.diff(mate[corner][order]) >= 0.0)
+    # The wheel's root relief is largest at its start of active profile, so nowhere deeper.
+    depth = 20 * um * np.maximum(1.0 - wheel / 0.2, 0.0)
+    np.testing.assert_allclose(relief[window], depth[window], atol=1e-9 * um)
+    assert relief[window].max() < 20 * um
 
 
 def test_gaps_of_both_gears_add():

@@ -1,4 +1,4 @@
-"""Separation beyond the path of contact, against profiles that are turned until they touch."""
+"""Separation and place of touch beyond the path, against profiles turned until they touch."""
 
 import math
 
@@ -23,24 +23,42 @@ from helpers import assert_close, assert_gradient, observed_order
 
 import jaxgear as jg
 from jaxgear import mm, um
-from jaxgear._geometry._tip_contact import tip_separation
+from jaxgear._geometry._tip_contact import tip_contact_rolls, tip_separation
 
 # Programs are shared by giving every one the same number of places.
 _PLACES = 400
 
 
 @eqx.filter_jit
-def _gap_and_slope(pair: jg.GearPair, roll: jax.Array) -> tuple[jax.Array, jax.Array]:
-    gap, back = jax.vjp(lambda roll: tip_separation(pair, roll), roll)
-    return gap, back(jnp.ones_like(roll))[0]
+def _touch(pair: jg.GearPair, roll: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Gap, place on the pinion, place on the wheel, and by reverse slopes how they change."""
+
+    def all_three(roll: jax.Array) -> jax.Array:
+        return jnp.stack([tip_separation(pair, roll), *tip_contact_rolls(pair, roll)])
+
+    values, back = jax.vjp(all_three, roll)
+    slopes = [back(jnp.zeros_like(values).at[row].set(1.0))[0] for row in range(3)]
+    return values, jnp.stack(slopes)
+
+
+def _touching(pair: jg.GearPair, roll: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What `_touch` finds, at any number of places up to the common one."""
+    padded = np.full(_PLACES, roll.flat[0])
+    padded[: roll.size] = roll.ravel()
+    values, slopes = (np.asarray(x) for x in _touch(pair, jnp.asarray(padded)))
+    shape = (3, *roll.shape)
+    return values[:, : roll.size].reshape(shape), slopes[:, : roll.size].reshape(shape)
 
 
 def _evaluated(pair: jg.GearPair, roll: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Gap and its slope along the path, at any number of places up to the common one."""
-    padded = np.full(_PLACES, roll.flat[0])
-    padded[: roll.size] = roll.ravel()
-    gap, slope = (np.asarray(x) for x in _gap_and_slope(pair, jnp.asarray(padded)))
-    return gap[: roll.size].reshape(roll.shape), slope[: roll.size].reshape(roll.shape)
+    """Gap and its slope along the path."""
+    values, slopes = _touching(pair, roll)
+    return values[0], slopes[0]
+
+
+def _rolls(pair: jg.GearPair, roll: np.ndarray) -> np.ndarray:
+    """Place of touch on the pinion and on the wheel."""
+    return _touching(pair, roll)[0][1:]
 
 
 # Unequal and helical, few teeth, an involute used almost from its base circle.
@@ -101,6 +119,11 @@ class _Facing:
         gap = self.base * (angle - self.flank(radius, turned, self.base))
         return np.where((radius >= self.form) & (radius <= self.tip), gap, np.inf)
 
+    def place(self, roll: float, point: int) -> float:
+        """Roll length on the faced gear of one point of the other's profile."""
+        x, y = (part[point] for part in self.profile(roll))
+        return math.sqrt(x**2 + y**2 - self.base**2)
+
     def arm(self, roll: float) -> float:
         """Distance of the corner gear's centre from the flank's normal through the corner."""
         x, y = (part[4000] for part in self.profile(roll))
@@ -114,24 +137,33 @@ class _Facing:
 
 @various_pairs
 def test_profiles_turned_until_they_touch(make):
-    """The least turn over both whole profiles, which is that of the tip corner."""
+    """The least turn over both whole profiles, which is that of the tip corner, and its place."""
     pair = make()
     found = _gaps(pair) / math.cos(float(pair.base_helix_angle))
+    places = _rolls(pair, _places(pair))
     for body in (0, 1):
         facing = _Facing(pair, body)
-        for roll, gap in zip(_places(pair)[body], found[body], strict=True):
+        tip_roll = math.sqrt(facing.other_tip**2 - facing.other_base**2)
+        assert_close(places[1 - body, body], np.full(BEYOND.size, tip_roll), rtol=1e-12, atol=0.0)
+        on_flank = places[body, body]
+        for roll, gap, place in zip(_places(pair)[body], found[body], on_flank, strict=True):
             turns = facing.gaps(roll)
             assert np.argmin(turns) == 4000
             assert_close(gap, np.min(turns), rtol=1e-9, atol=1e-15)
+            assert_close(place, facing.place(roll, 4000), rtol=1e-11, atol=0.0)
 
 
 def test_the_numeric_check_finds_contact_on_the_path():
     """Within the path the two involutes touch, so that the check above can tell."""
     pair = helical_25_31()
     for body in (0, 1):
-        turns = _Facing(pair, body).gaps(float(pair.pitch_point) + 0.3 * mm)
+        facing, roll = _Facing(pair, body), float(pair.pitch_point) + 0.3 * mm
+        turns = facing.gaps(roll)
         assert abs(np.min(turns)) < 1e-3 * um
         assert np.argmin(turns) < 4000
+        # As near as the points of the profile are to each other.
+        place = _rolls(pair, np.asarray([roll]))[body, 0]
+        assert abs(place - facing.place(roll, int(np.argmin(turns)))) < 2 * um
 
 
 def test_leading_order_by_hand():
@@ -226,9 +258,80 @@ def test_corner_below_a_base_circle_stays_finite():
     """Only gears that interfere get there, and only as copies that nobody has checked."""
     pair = eqx.tree_at(lambda p: p.wheel.addendum, standard_17_43(), jnp.asarray(1.6))
     assert float(pair.path_start) < 0.0
-    gap, slope = _evaluated(pair, np.linspace(float(pair.path_start) - 2 * mm, 0.0, _PLACES))
-    assert np.all(np.isfinite(gap))
-    assert np.all(np.isfinite(slope))
+    values, slopes = _touching(pair, np.linspace(float(pair.path_start) - 2 * mm, 0.0, _PLACES))
+    assert np.all(np.isfinite(values))
+    assert np.all(np.isfinite(slopes))
+
+
+# --- the place of touch
+
+
+def test_place_on_the_accessory_wheel():
+    """0.8 mm past E: 26.249 mm, above the start of active profile; straight on it were 25.121."""
+    pair = accessory()
+    end, tangent = float(pair.path_end), float(pair.tangent_length)
+    rolls = _rolls(pair, np.asarray([end, end + 0.8 * mm])) / mm
+    expected = np.asarray([[end / mm, end / mm], [25.921, 26.249]])
+    assert_close(rolls, expected, rtol=2e-5, atol=0.0)
+    assert_close(np.asarray((tangent - end) / mm - 0.8), 25.121, rtol=2e-5, atol=0.0)
+
+
+@various_pairs
+def test_places_on_the_path_are_those_of_the_line_of_action(make):
+    pair = make()
+    roll = np.linspace(float(pair.path_start), float(pair.path_end), 9)
+    values, slopes = _touching(pair, roll)
+    expected = np.stack([roll, float(pair.tangent_length) - roll])
+    assert_close(values[1:], expected, rtol=1e-14, atol=1e-17)
+    assert np.all(slopes[1:, 1:-1] == np.asarray([[1.0], [-1.0]]))
+
+
+@various_pairs
+def test_places_are_continuous_at_the_ends(make):
+    """Beyond, the corner stays, and on the other flank the slope is that of first order."""
+    pair = make()
+    base, tip = np.asarray(pair.base_radius), np.asarray(pair.tip_roll)
+    tangent = float(pair.tangent_length)
+    step = 1e-8 * float(pair.transverse_base_pitch)
+    values, slopes = _touching(pair, _places(pair, np.asarray([-1e-8, 1e-8])))
+    places, slopes = values[1:], slopes[1:] * np.asarray([[-1.0], [1.0]])
+    for body in (0, 1):
+        start = tangent - tip[1 - body]
+        rate = base[body] * tip[1 - body] / (base[1 - body] * start) - 1.0
+        assert rate > 0.0
+        expected = start + step * np.asarray([1.0, rate])
+        assert_close(places[body, body], expected, rtol=1e-9, atol=0.0)
+        assert_close(slopes[body, body, 1], rate, rtol=1e-4, atol=0.0)
+        corner = tip[1 - body] + step * np.asarray([-1.0, 0.0])
+        assert_close(places[1 - body, body], corner, rtol=1e-14, atol=0.0)
+        assert slopes[1 - body, body, 1] == 0.0
+
+
+@various_pairs
+def test_corner_moves_up_the_other_flank(make):
+    """Away from the start of active profile all the time, by ever longer steps."""
+    pair = make()
+    places = _rolls(pair, _places(pair, np.linspace(0.0, 0.5, 200)[1:]))
+    for body in (0, 1):
+        start = float(pair.tangent_length - pair.tip_roll[1 - body])
+        on_flank = places[body, body]
+        assert on_flank[0] > start
+        assert np.all(np.diff(on_flank) > 0.0)
+
+
+def test_places_are_differentiable_in_the_gears():
+    """On the path and beyond either end of it."""
+    pair = helical_25_31()
+    beyond = np.array([0.05, 0.2, 0.5, -0.1, -0.3])
+    places = jnp.asarray(_places(pair, beyond))
+    weight = jnp.asarray(np.random.default_rng(5).uniform(0.5, 1.5, (2, *places.shape))) / mm
+
+    def places_of_touch(arguments):
+        pair, roll = arguments
+        return jnp.sum(weight * jnp.stack(tip_contact_rolls(pair, roll)))
+
+    scale = (jax.tree.map(lambda x: 1e-2 * x, sizes(pair)), 1e-2 * places)
+    assert_gradient(places_of_touch, (pair, places), rtol=1e-6, step=1e-4, scale=scale)
 
 
 # --- symmetries
@@ -238,8 +341,10 @@ def test_corner_below_a_base_circle_stays_finite():
 def test_pinion_and_wheel_change_places(make):
     pair = make()
     roll = _places(pair)
-    other, _ = _evaluated(exchanged(pair), float(pair.tangent_length) - roll)
-    assert_close(other, _gaps(pair), rtol=1e-9, atol=1e-15)
+    other, _ = _touching(exchanged(pair), float(pair.tangent_length) - roll)
+    own, _ = _touching(pair, roll)
+    assert_close(other[0], own[0], rtol=1e-9, atol=1e-15)
+    assert_close(other[[2, 1]], own[1:], rtol=1e-12, atol=0.0)
 
 
 def test_hand_of_the_helix_does_not_matter():
@@ -250,7 +355,10 @@ def test_hand_of_the_helix_does_not_matter():
 @over(accessory, helical_25_31)
 def test_gap_scales_with_the_gears(make):
     pair = make()
-    assert_close(_gaps(lengths_scaled(pair, 37.0)), 37.0 * _gaps(pair), rtol=1e-9, atol=1e-14)
+    larger, own = lengths_scaled(pair, 37.0), pair
+    assert_close(_gaps(larger), 37.0 * _gaps(own), rtol=1e-9, atol=1e-14)
+    rolls, expected = _rolls(larger, _places(larger)), 37.0 * _rolls(own, _places(own))
+    assert_close(rolls, expected, rtol=1e-12, atol=0.0)
 
 
 def test_helical_gap_is_the_transverse_one_along_the_normal():
@@ -292,4 +400,6 @@ def test_one_trace():
 
 @pytest.mark.parametrize("shape", [(), (4,), (2, 3, 4)])
 def test_shapes_are_kept(shape):
-    assert tip_separation(accessory(), jnp.full(shape, 10 * mm)).shape == shape
+    roll = jnp.full(shape, 10 * mm)
+    for values in (tip_separation(accessory(), roll), *tip_contact_rolls(accessory(), roll)):
+        assert values.shape == shape

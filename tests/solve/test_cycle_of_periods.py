@@ -85,7 +85,7 @@ def test_three_periods_repeat_one(make):
 def test_teeth_are_numbered_by_their_entry(tip_contact):
     """Tooth n starts its path at phase n, at mid-face: phase = n + place in base pitches."""
     pair = POWER.pair()
-    grid = jg.mesh_grid(pair, phases=8, slices=3, periods=4, tip_contact=tip_contact)
+    grid = jg.mesh_grid(pair, phases=8, slices=3, periods=4, beyond=0.25 if tip_contact else 0.0)
     lines = jg.contact_lines(pair, grid)
     place = (lines.roll[:, :, 1] - pair.path_start) / pair.transverse_base_pitch
     entered = np.asarray(lines.phase)[:, None] - np.asarray(place)

@@ -379,7 +379,7 @@ DIRECTIONS = {
 def _everything() -> tuple[jg.PairModel, jg.MeshGrid]:
     """Rings, shafts, tip contact, a line-load update, with contact that is smooth."""
     model = replace(_on_shafts(1.0), compliance=jg.WeberBanaschek(load_updates=1))
-    return model, jg.mesh_grid(model.pair, phases=8, slices=3, tip_contact=True)
+    return model, jg.mesh_grid(model.pair, phases=8, slices=3, beyond=0.25)
 
 
 def _number(model: jg.PairModel, grid: jg.MeshGrid) -> jax.Array:
@@ -470,7 +470,7 @@ def test_softened_stiffness_by_hand():
 def _with_tips(flanks: jg.Flanks) -> tuple[jg.MeshCycle, jg.MeshCycle]:
     """Accessory on rings, without and with tip contact."""
     model = jg.PairModel(spur(), 80.0, flanks=flanks)
-    grids = (jg.mesh_grid(spur(), phases=48, slices=1, tip_contact=x) for x in (False, True))
+    grids = (jg.mesh_grid(spur(), phases=48, slices=1, beyond=x) for x in (0.0, 0.25))
     off, on = (_cycle(model, grid) for grid in grids)
     return off, on
 
