@@ -534,7 +534,7 @@ class _BearingLabels(eqx.Module):
 
     **Fields:**
 
-    - `texts`: the loads.
+    - `texts`: the loads, with their units [-].
     - `at`: places along Z from mid-face [mm].
     - `edges`: of the bearings, from the pinion's axis along S [mm].
     - `outwards`: direction along S away from the other shaft [-].
@@ -548,6 +548,8 @@ class _BearingLabels(eqx.Module):
 
 # Between a bearing and its label, and between labels [points].
 _GAP = 4.0
+# Of rows above the first that fits beside the gears [points].
+_FREE_HEIGHT = 80.0
 # Labels change the limits, these the scale, and that which labels meet: it settles in two or three.
 _ROUNDS = 6
 
@@ -560,6 +562,7 @@ def _write_bearing_loads(
     assert figure is not None
     shafts = _bearing_labels(model, bearings)
     x, y = axes.get_xlim(), axes.get_ylim()
+    height = figure.get_figheight()
     drawn: list[Annotation] = []
     before = 0.0
     for _ in range(_ROUNDS):
@@ -571,7 +574,11 @@ def _write_bearing_loads(
         before = scale
         for label in drawn:
             label.remove()
-        drawn = [label for each in shafts for label in _draw_labels(axes, each, scale)]
+        parts = [_draw_labels(axes, each, scale) for each in shafts]
+        drawn = [label for part, _ in parts for label in part]
+        # Where labels pile up the sheet grows, not they into the shafts.
+        piled = sum(above for _, above in parts)
+        figure.set_figheight(height + max(0.0, piled - _FREE_HEIGHT) / 72.0)
         corners = axes.transData.inverted().transform(
             np.concatenate([label.get_window_extent().padded(6.0).get_points() for label in drawn])
         )
@@ -605,11 +612,17 @@ def _bearing_labels(
     return found
 
 
-def _draw_labels(axes: Axes, labels: _BearingLabels, scale: float) -> list[Annotation]:
-    """Labels of one shaft and the lines that lead to them; `scale` is that of letters [mm]."""
+def _draw_labels(
+    axes: Axes, labels: _BearingLabels, scale: float
+) -> tuple[list[Annotation], float]:
+    """Labels of one shaft with the lines that lead to them, and the height of rows [points].
+
+    The first row does not count; `scale` says how much of the picture a point is [mm].
+    """
     out = labels.outwards
     look = {"fontsize": 8.5, "zorder": 6, "va": "bottom" if out > 0 else "top"}
     size = np.max([_text_size(axes, text, look) for text in labels.texts], axis=0)
+    figure = axes.get_figure(root=True)
     rows, asides = _label_places(labels.at, scale * (size[0] + _GAP))
     # Rows begin beyond all bearings, so that no line runs through a neighbour's label.
     furthest = out * np.max(out * labels.edges)
@@ -619,16 +632,16 @@ def _draw_labels(axes: Axes, labels: _BearingLabels, scale: float) -> list[Annot
     ):
         start = furthest if aside else edge
         away = out * (_GAP + row * (size[1] + _GAP))
-        shifted = offset_copy(axes.transData, axes.figure, 3.0 * aside, away, "points")
+        shifted = offset_copy(axes.transData, figure, 3.0 * aside, away, "points")
         ha = {-1: "right", 0: "center", 1: "left"}[int(aside)]
         place: dict[str, Any] = {"xytext": (at, start), "textcoords": shifted}
         drawn.append(axes.annotate(text, (at, edge), ha=ha, bbox=_BOX, **place, **look))
         if aside:
-            top = offset_copy(axes.transData, axes.figure, 0.0, away + out * size[1], "points")
+            top = offset_copy(axes.transData, figure, 0.0, away + out * size[1], "points")
             line = {"arrowstyle": "-", "color": _GREY, "lw": 0.8, "shrinkA": 0.0, "shrinkB": 0.0}
             place = {"xytext": (at, start), "textcoords": top, "arrowprops": line}
             drawn.append(axes.annotate("", (at, edge), zorder=5, **place))
-    return drawn
+    return drawn, float(np.max(rows) * (size[1] + _GAP))
 
 
 def _text_size(axes: Axes, text: str, look: Mapping[str, Any]) -> np.ndarray:

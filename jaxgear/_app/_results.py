@@ -285,7 +285,7 @@ def _on_path(facts: dict[str, np.ndarray]) -> dict[str, _Entry]:
 
 
 def cycle_statistics(values: xr.DataArray) -> tuple[float, float, float]:
-    """Weighted statistics of a variable over the mesh period.
+    """Weighted statistics of a variable over the cycle.
 
     **Arguments:**
 

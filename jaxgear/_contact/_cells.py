@@ -47,7 +47,7 @@ class Misalignment(eqx.Module):
 
 
 class MeshCells(eqx.Module):
-    r"""The cells of one mesh period: what does not depend on flank corrections.
+    r"""The cells of one cycle: what does not depend on flank corrections.
 
     **Fields:**
 
@@ -85,7 +85,7 @@ def nominal_line_load(pair: GearPair, torque: Scalar) -> Scalar:
 def mesh_cells(
     pair: GearPair, grid: MeshGrid, compliance: AbstractCompliance, line_load: Scalar
 ) -> MeshCells:
-    r"""Divide the contact lines of one mesh period into cells.
+    r"""Divide the contact lines of one cycle into cells.
 
     **Arguments:**
 

@@ -135,7 +135,8 @@ class RingFoundation(AbstractFoundation):
 
     **Fields:**
 
-    - `harmonics`: of the series around the ring [-].
+    - `harmonics`: of the series around the ring; 320 are enough for 80 teeth on a rim one module
+        thick, and for any gear on a thicker one [-].
     """
 
     couples: ClassVar[bool] = True

@@ -391,23 +391,6 @@ def _disc_point(
 # --- teeth on the ring
 
 
-def ring_harmonics(teeth: int) -> int:
-    r"""Number of harmonics that resolves a ring under a gear of `teeth` teeth.
-
-    The bore's share in order $n$ falls as $h^{-2n}$. A rim one module thick has $\ln h = 2/z$, and
-    with four orders per tooth this is $e^{-16}$: below 1e-6 of every influence.
-
-    **Arguments:**
-
-    - `teeth`: of the gear.
-
-    **Returns:**
-
-    The last order.
-    """
-    return 4 * teeth
-
-
 def ring_influence(
     *,
     radius_ratio: Scalar,
@@ -446,7 +429,8 @@ def ring_influence(
     - `poisson`: Poisson's ratio [-].
     - `pitch_angle`: between two teeth [rad].
     - `neighbours`: how many teeth on one side to look at.
-    - `harmonics`: last order of the series; `ring_harmonics` chooses it.
+    - `harmonics`: last order $N$ of the series. The bore's share in order $n$ falls as $h^{-2n}$:
+        four orders per tooth leave about 1e-6 of an influence where the rim is a module thick.
     - `traction`: `"parallel"` or `"radial"`.
     - `measure`: `"mean"` or `"point"`.
 

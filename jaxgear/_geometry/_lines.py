@@ -1,6 +1,7 @@
-r"""Contact lines on the plane of action, at every phase of one mesh period.
+r"""Contact lines on the plane of action, at every phase of one cycle of mesh periods.
 
-A phase $\tau \in [0, 1)$ counts mesh periods; at $\tau = 0$ a tooth pair enters contact at
+A phase $\tau$ counts mesh periods, from 0 or, where contact is looked for beyond the path, from
+that much earlier; at $\tau = 0$ a tooth pair enters contact at
 mid-face. Line $i$ runs through $x = T_1A + (\tau + i)\,p_{bt} + z\tan\beta_b$ (physics A1.7), with
 $x$ along the path of contact from the pinion's base tangent point, $z$ along the axes from
 mid-face.
@@ -131,7 +132,7 @@ def mesh_grid(
 
 
 class ContactLines(eqx.Module):
-    r"""Where the slices of all contact lines are, over one mesh period.
+    r"""Where the slices of all contact lines are, over one cycle.
 
     **Fields:**
 

@@ -52,8 +52,8 @@ def tip_contact_rolls(pair: GearPair, roll: Reals) -> tuple[Reals, Reals]:
     corner's gear touches at its tip, and the other one at
     $\rho + \left(\frac{r_{b,o}\,\rho_a}{r_b\,\rho} - 1\right)s$ to the first order, in the terms of
     `tip_separation` and with $r_{b,o}$ the base radius of the other gear: above its start of
-    active profile wherever the path ends behind the pitch point. The slope along the path jumps at
-    either end, the place does not.
+    active profile, if only the corner lies outside its own working pitch circle. The slope along
+    the path jumps at either end, the place does not.
 
     **Arguments:**
 

@@ -1,7 +1,8 @@
 """Stiffness, loads and pressures on the contact lines.
 
 Line load and pressure belong to slices whose middle lies on the path of contact; a slice that
-is less than half in contact carries force, but has no place on the flank.
+is less than half in contact carries force, but has no place on the flank. Beyond the path, where
+tip corners may touch, the pressure is that of the cylinders at its end, not of a corner.
 """
 
 import jax

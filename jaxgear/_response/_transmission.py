@@ -1,4 +1,4 @@
-r"""Transmission error and its statistics over a mesh period.
+r"""Transmission error and its statistics over a cycle of mesh periods.
 
 $TE = r_{b1}\theta_1 + r_{b2}\theta_2$ at the two gear nodes, a transverse length. Phases stand for
 unequal shares of the period, so every mean is weighted.
@@ -18,7 +18,7 @@ def transmission_error(pair: GearPair, cycle: MeshCycle) -> Phases:
 
 
 def cycle_mean(cycle: MeshCycle, values: Phases) -> Scalar:
-    """Mean of `values` over the mesh period, in their unit."""
+    """Mean of `values` over the cycle, in their unit."""
     return jnp.sum(cycle.cells.lines.weight * values)
 
 

@@ -65,7 +65,7 @@ def quasi_static(
     law: AbstractContactLaw,
     settings: SolverSettings,
 ) -> MeshCycle:
-    """Solve the contact of given cells at every phase of a mesh period.
+    """Solve the contact of given cells at every phase of a cycle.
 
     **Arguments:**
 
@@ -123,7 +123,7 @@ def mesh_cycle(
     settings: SolverSettings = SolverSettings(),
     throw: bool = True,
 ) -> MeshCycle:
-    """Run a pair quasi-statically through one mesh period.
+    """Run a pair quasi-statically through one cycle.
 
     **Arguments:**
 

@@ -39,7 +39,7 @@ class PairModel(eqx.Module):
     **Raises:**
 
     - `ValueError` if the torque on the mesh is not positive, if a shaft is free to move or
-        thicker than the gear on it, or if a beam body has not the width of its gear.
+        thicker than the gear on it, or if a beam body is narrower than its gear.
     """
 
     pair: GearPair

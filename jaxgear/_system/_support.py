@@ -1,10 +1,9 @@
 """Springs that hold a gear at its centre: the simplest of mounts."""
 
 import equinox as eqx
-import jax.numpy as jnp
 
 from jaxgear._checks import require
-from jaxgear._types import Dofs, Scalar, as_optional_scalar
+from jaxgear._types import Scalar, as_optional_scalar
 
 
 class Support(eqx.Module):
@@ -35,9 +34,3 @@ class Support(eqx.Module):
                 "`Support." + name + "` must be positive, got {got}. Use `None` for a rigid one.",
                 got=stiffness,
             )
-
-    @property
-    def flexibility(self) -> Dofs:
-        """Motion per load in S, T, Z and about them, none about Z itself [m/N, rad/(N m)]."""
-        order = (self.radial_s, self.radial_t, self.axial, self.tilt, self.tilt, None)
-        return jnp.stack([jnp.zeros(()) if k is None else 1.0 / k for k in order])

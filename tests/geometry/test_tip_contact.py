@@ -282,7 +282,7 @@ def test_places_on_the_path_are_those_of_the_line_of_action(make):
     roll = np.linspace(float(pair.path_start), float(pair.path_end), 9)
     values, slopes = _touching(pair, roll)
     expected = np.stack([roll, float(pair.tangent_length) - roll])
-    assert_close(values[1:], expected, rtol=1e-14, atol=1e-17)
+    assert_close(values[1:], expected, rtol=1e-14, atol=1e-15)
     assert np.all(slopes[1:, 1:-1] == np.asarray([[1.0], [-1.0]]))
 
 
