@@ -31,6 +31,7 @@ from jaxgear._geometry._pair import overlap_ratio as overlap_ratio
 from jaxgear._geometry._pair import pair_facts as pair_facts
 from jaxgear._geometry._pair import profile_contact_ratio as profile_contact_ratio
 from jaxgear._geometry._pair import total_contact_ratio as total_contact_ratio
+from jaxgear._geometry._tip_contact import tip_contact_rolls as tip_contact_rolls
 from jaxgear._geometry._tip_contact import tip_separation as tip_separation
 from jaxgear._geometry._profile import ToothSection as ToothSection
 from jaxgear._geometry._profile import tooth_section as tooth_section
@@ -51,6 +52,7 @@ from jaxgear._flank._deviations import TipRelief as TipRelief
 from jaxgear._flank._indexing import Indexing as Indexing
 from jaxgear._flank._measured import MeasuredProfile as MeasuredProfile
 from jaxgear._flank._measured import MeasuredTopography as MeasuredTopography
+from jaxgear._flank._tolerances import FlankTolerances as FlankTolerances
 from jaxgear._flank._tolerances import GradeWaveform as GradeWaveform
 from jaxgear._flank._tolerances import deviation_of_grade as deviation_of_grade
 from jaxgear._flank._tolerances import flank_tolerances as flank_tolerances
@@ -119,6 +121,9 @@ from jaxgear._response._factors import face_load as face_load
 from jaxgear._response._factors import face_load_factor as face_load_factor
 from jaxgear._response._factors import pressure_angle_change as pressure_angle_change
 from jaxgear._response._factors import smooth_face_load_factor as smooth_face_load_factor
+from jaxgear._response._factors import (
+    smooth_transverse_load_factor as smooth_transverse_load_factor,
+)
 from jaxgear._response._factors import transverse_load_factor as transverse_load_factor
 from jaxgear._response._factors import (
     working_pressure_angle_change as working_pressure_angle_change,

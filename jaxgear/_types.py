@@ -45,7 +45,6 @@ if TYPE_CHECKING:
     CoordinateMatrix = Array
     CoordinateColumns = Array
     CoordinateGrid = Array
-    Dofs = Array
     DofCoordinates = Array
     DofGrid = Array
     Harmonics = Array
@@ -74,7 +73,6 @@ else:
     CoordinateMatrix = Float[Array, "coordinate coordinate"]
     CoordinateColumns = Float[Array, "coordinate column"]
     CoordinateGrid = Float[Array, "phase coordinate"]
-    Dofs = Float[Array, "dof"]
     DofCoordinates = Float[Array, "dof coordinate"]
     DofGrid = Float[Array, "phase dof"]
     Harmonics = Float[Array, "harmonic"]

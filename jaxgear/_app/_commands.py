@@ -25,10 +25,12 @@ from jaxgear._app._design import (
     objective_function,
     objective_of,
     prepared_mesh,
+    refuse_unbounded,
     round_up,
 )
 from jaxgear._app._gradients import gradient_table
 from jaxgear._app._model import model_of, smooth_law_of
+from jaxgear._app._notes import notes
 from jaxgear._app._results import static_dataset, write_csv, write_dataset, write_json
 from jaxgear._app._scene import Scene, rewrite_scene, write_scene
 from jaxgear._app._schema import GEARS, KEYS, general
@@ -46,7 +48,6 @@ from jaxgear._app._statics import (
     geometry_summary,
     iso_summary,
     mounts_summary,
-    notes,
     smoothing_bias,
     solve_statics,
     torques_of,
@@ -95,8 +96,10 @@ def run(scene: Scene, folder: Path, quiet: bool) -> Summary:
     - `SolverFailure` if a contact problem was not solved.
     """
     watch = Stopwatch()
-    # Impossible gears are refused before any bar is drawn.
+    # Impossible gears and endless searches are refused before any bar is drawn.
     model_of(scene)
+    if scene.has_table("optimise"):
+        refuse_unbounded(scene, tuple(scene["optimise.vary"]))
     with _progress(2, "mesh cycle", quiet) as done:
         torques = _harris_torques(scene)
         statics = solve_statics(scene, watch, torques)
@@ -227,6 +230,7 @@ def optimise_flanks(scene: Scene, folder: Path, quiet: bool) -> Summary:
 
     Arguments, results and errors as for `run`.
     """
+    refuse_unbounded(scene, tuple(scene["optimise.vary"]))
     watch = Stopwatch()
     statics = solve_statics(scene, watch)
     summary = _head(scene, statics) | _optimisation(scene, statics, folder, quiet, watch)
@@ -310,7 +314,7 @@ def _head(scene: Scene, statics: Statics) -> Summary:
         "iso6336": iso_summary(statics.model),
         "static": {key: float(value) for key, value in statics.numbers.items()}
         | mounts_summary(statics),
-        "notes": notes(scene, statics.model),
+        "notes": notes(scene, statics),
     }
 
 
@@ -368,7 +372,8 @@ def _sizing(scene: Scene, statics: Statics, folder: Path, quiet: bool, watch: St
         table = sizing_table(scene, statics.grid, watch, done)
     labels = [_amount_label(scene, key) for key in table.keys]
     error, pressure = (table.responses[name] for name in ("te_peak_to_peak_um", "max_pressure_MPa"))
-    title = f"{scene['name']}, {len(table.torques)} torques up to {max(table.torques):g} N m"
+    several = f"{len(table.torques)} torques up to " if len(table.torques) > 1 else ""
+    title = f"{scene['name']}, {several}{max(table.torques):g} N m"
     figure = pictures.sizing(labels, table.amounts, table.torques, error, pressure, title)
     pictures.save(figure, sizing_columns(table), folder, "sizing")
     return {"sizing": sizing_summary(scene, table)}

@@ -150,6 +150,7 @@ def design_space(
         )
     if symmetric:
         refuse_twins("optimise", keys)
+    refuse_unbounded(scene, keys)
     base = model_of(scene)
     for key, owner in shared_places(scene, base).items():
         if key in keys:
@@ -209,8 +210,8 @@ def _gaps(model: PairModel) -> Reals:
     )
 
 
-def _bounds(scene: Scene, key: str, deflection: float) -> tuple[float, float]:
-    """Given bounds of a variable, or such as its kind suggests.
+def _bounds(scene: Scene, key: str, deflection: float) -> tuple[float, float] | None:
+    """Given bounds of a variable, or such as its kind suggests, or `None` if it suggests none.
 
     A depth reaches three deflections, a slope as far to either side; a bias, of which a quarter is
     in the corners, four times as far. An extent reaches half its path.
@@ -245,10 +246,33 @@ def _bounds(scene: Scene, key: str, deflection: float) -> tuple[float, float]:
             return value - 180.0, value + 180.0
         case "accuracy_grade":
             return 1.0, 11.0
-    low, high = sorted((0.9 * value, 1.1 * value or 1.0))
+    return None
+
+
+def refuse_unbounded(scene: Scene, keys: tuple[str, ...]) -> None:
+    """Refuse variables that have no bounds and for which none can be guessed, all at once.
+
+    **Arguments:**
+
+    - `scene`: gives the bounds.
+    - `keys`: the variables.
+
+    **Raises:**
+
+    - `InputError` naming them, with lines to add.
+    """
+    lost = [key for key in keys if scene.get(key) is not None and not _bounds(scene, key, 1.0)]
+    if not lost:
+        return
+    lines = []
+    for key in lost:
+        value = float(scene[key])
+        low, high = sorted((0.9 * value, 1.1 * value or 1.0))
+        lines.append(f'"{key}" = [{low:.6g}, {high:.6g}]')
     raise InputError(
-        f"optimise.vary names {key}, for which no bounds can be guessed. Add its lowest and "
-        f'highest value to the table [optimise.bounds], such as "{key}" = [{low:.6g}, {high:.6g}].'
+        f"optimise.vary ({scene.where('optimise.vary')}) names {', '.join(lost)}, for which no "
+        "bounds can be guessed. Add their lowest and highest values to the table "
+        "[optimise.bounds], such as:\n" + "\n".join(lines)
     )
 
 

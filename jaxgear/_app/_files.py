@@ -282,9 +282,16 @@ def check_covers(table: ProfileTable | TopographyTable, pair: GearPair, gear_ind
     limits = _limits(pair, gear_index)
     if any(isinstance(leaf, Tracer) for leaf in limits.values()):
         return
-    bound = {name: np.asarray(leaf) for name, leaf in limits.items()}
+    # Adding zero turns a negative one round.
+    bound = {name: np.asarray(leaf) + 0.0 for name, leaf in limits.items()}
     name = ("pinion", "wheel")[gear_index]
     _check_position(table, bound, name)
+    most = 0.1 * float(pair.normal_module) / um
+    if (largest := float(np.max(np.abs(table.deviation)))) > most:
+        raise InputError(
+            f"{table.path}: {_DEVIATION} reaches {largest:g}, more than a tenth of the module, "
+            f"{most:g} um: it looks like nanometres. Convert it."
+        )
     _check_reach(
         table.path,
         table.coordinate,

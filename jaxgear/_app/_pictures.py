@@ -1092,11 +1092,15 @@ def harris_map(
     figure, (curves, size) = _panels((9.6, 4.2), title, 2, (1.5, 1.0))
     colours, norm = _torque_colours(torques_Nm)
     width = min(_thin(phases), 1.3)
-    for torque, error in zip(torques_Nm, te_um, strict=True):
-        curves.plot(*_unrolled(phases, error), color=colours(norm(torque)), lw=width)
-    _phase_axis(curves, "transmission error [µm]", phases)
-    _torque_bar(figure, curves, norm, colours, torques_Nm)
     data = harris_map_columns(torques_Nm, phases, te_um, weight=weight)
+    # Shafts and bearings lift each curve by far more than it moves.
+    apart = float(np.ptp(te_um)) > 8.0 * float(np.max(data["te_peak_to_peak_um"]))
+    for torque, error, mean in zip(torques_Nm, te_um, data["te_mean_um"], strict=True):
+        shown = error - mean if apart else error
+        curves.plot(*_unrolled(phases, shown), color=colours(norm(torque)), lw=width)
+    label = "transmission error less its mean [µm]" if apart else "transmission error [µm]"
+    _phase_axis(curves, label, phases)
+    _torque_bar(figure, curves, norm, colours, torques_Nm)
     style = {"marker": "o", "ms": 3.5}
     size.plot(torques_Nm, data["te_peak_to_peak_um"], color=_ORANGE, label="peak to peak", **style)
     size.plot(torques_Nm, data["te_rms_um"], color=_BLUE, label="RMS", **style)

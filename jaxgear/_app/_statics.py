@@ -16,7 +16,6 @@ from jaxgear._app._schema import GEARS
 from jaxgear._checks import require
 from jaxgear._contact._cells import nominal_line_load
 from jaxgear._contact._compliance import iso_stiffness
-from jaxgear._contact._ring import SAINSOT_RADIUS_RATIO
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair, pair_facts
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact, SmoothContact
@@ -35,7 +34,7 @@ from jaxgear._response._transmission import (
 )
 from jaxgear._solve._cycle import MeshCycle, PreparedMesh, corrected_cycle, mesh_cycle
 from jaxgear._system._model import PairModel
-from jaxgear._system._shaft import BeamBody, Shaft
+from jaxgear._system._shaft import Shaft
 from jaxgear._system._structure import bearing_motion
 from jaxgear._system._support import Support
 from jaxgear._types import Phases, Reals, Scalar
@@ -215,90 +214,6 @@ def torques_of(scene: Scene, key: str) -> np.ndarray:
         limit=-couples,
     )
     return torques
-
-
-def _radius_ratios(model: PairModel) -> list[float]:
-    """Root circle over bore of both gears; infinite without a bore [-]."""
-    radii = np.asarray(jax.jit(lambda pair: pair.root_radius)(model.pair))
-    bores = [model.pair.pinion.bore, model.pair.wheel.bore]
-    return [
-        np.inf if bore is None else 2.0 * float(radius) / float(bore)
-        for radius, bore in zip(radii, bores, strict=True)
-    ]
-
-
-def notes(scene: Scene, model: PairModel) -> list[str]:
-    """Remarks that a reader of the results should not miss.
-
-    **Arguments:**
-
-    - `scene`: that was run.
-    - `model`: of the scene.
-
-    **Returns:**
-
-    A sentence each; none where there is nothing to say.
-    """
-    found = []
-    chosen = [scene.get(f"{gear}.foundation", scene["mesh.foundation"]) for gear in GEARS]
-    if scene["mesh.stiffness"] == "weber-banaschek" and "sainsot" in chosen:
-        found.append(
-            "Sainsot's foundation is for single-pair stiffness only: it counts the wind-up of a "
-            "body once per tooth pair, and the transmission error fluctuates far too much. Use "
-            'mesh.foundation = "ring", which couples the teeth.'
-        )
-    for gear, foundation, height in zip(GEARS, chosen, _radius_ratios(model), strict=True):
-        least, most = SAINSOT_RADIUS_RATIO
-        if foundation == "sainsot" and not least <= height <= most:
-            found.append(
-                f"Sainsot's fit holds for root circle over bore of {least:g} to {most:g}; the "
-                f"{gear} has {height:.3g}."
-            )
-        if foundation == "ring" and scene[f"{gear}.body.kind"] == "beam":
-            found.append(
-                f"The {gear}'s body winds up twice, as a beam and as a ring. Write "
-                f'{gear}.foundation = "weber".'
-            )
-    for gear, mount, body, bore in zip(
-        GEARS,
-        (model.pinion_support, model.wheel_support),
-        (model.pinion_body, model.wheel_body),
-        (model.pair.pinion.bore, model.pair.wheel.bore),
-        strict=True,
-    ):
-        if isinstance(body, BeamBody) and body.width < 0.5 * body.outer:
-            found.append(
-                f"The {gear}'s body is {float(body.width / body.outer):.2g} as long as thick: a "
-                "disc rather than a beam."
-            )
-        elif isinstance(mount, Shaft) and bore is not None and mount.diameter_at_gear > bore:
-            found.append(
-                f"The {gear}'s bore_mm, where its body is held, lies within its shaft of "
-                f"{float(mount.diameter_at_gear) / mm:g} mm."
-            )
-    uneven = [
-        key
-        for gear in GEARS
-        for key in (f"flank.{gear}.pitch_error_um", f"flank.{gear}.eccentricity_um")
-        if key in scene.given
-    ]
-    if uneven and scene["mesh.periods"] == 1:
-        found.append(
-            f"One mesh period sees little of {' and '.join(uneven)}: raise mesh.periods, up to the "
-            "number of teeth for a whole revolution."
-        )
-    if scene["mesh.periods"] == 1 and any(
-        scene.get(f"flank.{gear}.accuracy_grade") is not None for gear in GEARS
-    ):
-        found.append("One mesh period leaves out the pitch errors of accuracy_grade.")
-    if scene["mesh.line_load_updates"] > 0 and scene["mesh.stiffness"] != "weber-banaschek":
-        found.append(f"mesh.line_load_updates does nothing to {scene['mesh.stiffness']} stiffness.")
-    if scene["mesh.tip_contact"]:
-        found.append(
-            "Beyond the ends of the path tip corners press on the flank: the pressures there are "
-            "those of the cylinders at the end of the path, not of a corner."
-        )
-    return found
 
 
 def geometry_summary(model: PairModel) -> dict[str, float]:

@@ -1,0 +1,149 @@
+"""Remarks that a reader of results should not miss: where a model is outgrown, or sees nothing."""
+
+import jax
+import numpy as np
+
+from jaxgear._app._scene import Scene
+from jaxgear._app._schema import GEARS
+from jaxgear._app._statics import Statics
+from jaxgear._contact._ring import SAINSOT_RADIUS_RATIO
+from jaxgear._system._model import PairModel
+from jaxgear._system._shaft import BeamBody, Shaft
+from jaxgear._units import mm, um
+
+
+def notes(scene: Scene, statics: Statics) -> list[str]:
+    """Remarks on a solved scene.
+
+    **Arguments:**
+
+    - `scene`: that was run.
+    - `statics`: its settled cycle.
+
+    **Returns:**
+
+    A sentence or two each; none where there is nothing to say.
+    """
+    return [
+        *_on_foundations(scene, statics.model),
+        *_on_shafts(statics.model),
+        *_on_cycle(scene),
+        *_on_results(scene, statics),
+    ]
+
+
+def _on_foundations(scene: Scene, model: PairModel) -> list[str]:
+    if scene["mesh.stiffness"] != "weber-banaschek":
+        updates = scene["mesh.line_load_updates"]
+        return ["mesh.line_load_updates does nothing to this mesh.stiffness."] if updates else []
+    chosen = [scene.get(f"{gear}.foundation", scene["mesh.foundation"]) for gear in GEARS]
+    found = []
+    if "sainsot" in chosen:
+        found.append(
+            "Sainsot's foundation is for single-pair stiffness only: it counts the wind-up of a "
+            "body once per tooth pair, and the transmission error fluctuates far too much. Use "
+            'mesh.foundation = "ring", which couples the teeth.'
+        )
+    least, most = SAINSOT_RADIUS_RATIO
+    for gear, foundation, ratio in zip(GEARS, chosen, _radius_ratios(model), strict=True):
+        if foundation == "sainsot" and not least <= ratio <= most:
+            found.append(
+                f"Sainsot's fit holds for root circle over bore of {least:g} to {most:g}; the "
+                f"{gear} has {ratio:.3g}."
+            )
+        if foundation == "ring" and scene[f"{gear}.body.kind"] == "beam":
+            found.append(
+                f"The {gear}'s body winds up twice, as a beam and as a ring. Write "
+                f'{gear}.foundation = "weber".'
+            )
+    return found
+
+
+def _radius_ratios(model: PairModel) -> list[float]:
+    """Root circle over bore of both gears; infinite without a bore [-]."""
+    radii = np.asarray(jax.jit(lambda pair: pair.root_radius)(model.pair))
+    bores = [model.pair.pinion.bore, model.pair.wheel.bore]
+    return [
+        np.inf if bore is None else 2.0 * float(radius) / float(bore)
+        for radius, bore in zip(radii, bores, strict=True)
+    ]
+
+
+def _on_shafts(model: PairModel) -> list[str]:
+    found = []
+    for name, gear, mount, body in zip(
+        GEARS,
+        (model.pair.pinion, model.pair.wheel),
+        (model.pinion_support, model.wheel_support),
+        (model.pinion_body, model.wheel_body),
+        strict=True,
+    ):
+        if not isinstance(mount, Shaft):
+            continue
+        if isinstance(body, BeamBody):
+            slender = float(body.width / body.outer)
+            if slender < 0.5:
+                found.append(
+                    f"The {name}'s body is {slender:.2g} as long as thick: a disc, not a beam."
+                )
+            continue
+        thick = float(mount.diameter_at_gear)
+        if gear.bore is not None and thick > float(gear.bore):
+            found.append(
+                f"{name}.bore_mm, where the body is held, lies within its shaft of {thick / mm:g} "
+                "mm."
+            )
+        ends = float(mount.gear_at) + 0.5 * float(gear.face_width) * np.array([-1.0, 1.0])
+        length = sum(float(segment.length) for segment in mount.segments)
+        if ends[0] < -1e-9 or ends[1] > length + 1e-9:
+            found.append(
+                f"The {name}'s face reaches from {ends[0] / mm:.4g} to {ends[1] / mm:.4g} mm, off "
+                f"its shaft of {length / mm:.4g} mm."
+            )
+    return found
+
+
+def _on_cycle(scene: Scene) -> list[str]:
+    found, periods = [], scene["mesh.periods"]
+    for gear in GEARS:
+        keys = (f"flank.{gear}.{key}_um" for key in ("pitch_error", "eccentricity"))
+        uneven = [key for key in keys if key in scene.given]
+        teeth = scene[f"{gear}.teeth"]
+        if uneven and periods % teeth:
+            found.append(
+                f"{' and '.join(uneven)}: {periods} mesh periods are no whole revolution of the "
+                f"{gear}, so statistics and orders are those of a part of it. Make mesh.periods a "
+                f"multiple of {teeth}."
+            )
+        if periods == 1 and scene.get(f"flank.{gear}.accuracy_grade") is not None:
+            found.append(
+                f"One mesh period leaves out the pitch errors of flank.{gear}.accuracy_grade."
+            )
+    if scene["mesh.tip_contact"]:
+        found.append(
+            "Beyond the ends of the path tip corners press on the flank: the pressures there are "
+            "those of the cylinders at the end of the path, not of a corner."
+        )
+    return found
+
+
+def _on_results(scene: Scene, statics: Statics) -> list[str]:
+    found = []
+    module = float(statics.model.pair.normal_module)
+    approach = float(statics.numbers["te_mean_um"]) * um
+    if approach > 0.1 * module:
+        found.append(
+            f"Teeth, shafts and bearings give way by {approach / mm:.3g} mm in all, more than a "
+            "tenth of the module: contact no longer lies where the nominal gears have it. Check "
+            "the stiffness of the bearings, in N/m."
+        )
+    slices, factor = scene["mesh.slices"], float(statics.numbers["face_load_factor"])
+    mounts = (statics.model.pinion_support, statics.model.wheel_support)
+    if slices == 1 and any(isinstance(mount, Shaft) for mount in mounts):
+        found.append("One slice sees nothing of an uneven load across the face: use 20.")
+    elif slices > 1 and factor > 0.5 * slices:
+        found.append(
+            f"The load stands on {slices / factor:.2g} of {slices} slices: the face load factor "
+            "and the pressures are as large as the slices let them be."
+        )
+    return found
