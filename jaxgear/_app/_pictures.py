@@ -338,10 +338,11 @@ def shafts(
         Line2D([], [], color=colour, ls=style, lw=2.0) for colour, style in _DEFLECTION.values()
     ]
     torque = Line2D([], [], color=_ORANGE, lw=1.8, marker=">", ms=6)
+    fixed = Line2D([], [], color="black", ls="", marker="s", ms=8, mfc=_AXIAL)
     figure.legend(
-        [*kinds, torque],
+        [*kinds, torque, fixed],
         [f"deflection along {name}, {scale:g} times as large" for name in _DEFLECTION]
-        + ["torque about Z"],
+        + ["torque about Z", "bearing that holds Z too"],
         loc="outside lower center",
         ncols=2,
         frameon=False,
@@ -359,6 +360,7 @@ def _side_view_size(model: jg.PairModel) -> tuple[float, float]:
     return width, float(np.clip((width - 2.4) * height / length + 1.6, 5.0, 8.6))
 
 
+_AXIAL = "#c9d6e2"  # a bearing that holds its shaft along Z
 _DEFLECTION = {"S": (_GREEN, "-"), "T": (_RED, "--")}
 # Of the centre distance: how far the largest deflection is drawn.
 _SHOWN_DEFLECTION = 0.15
@@ -521,7 +523,7 @@ def _draw_bearing(axes: Axes, shaft: jg.Shaft, bearing: jg.Bearing, level: float
     at = _height(shaft, bearing.at)
     size, radius = _bearing_size(shaft, at), _radius_at(shaft, at)
     left, right = at - 0.5 * size, at + 0.5 * size
-    face = "#c9d6e2" if float(bearing.axial) > 0.0 else "white"
+    face = _AXIAL if float(bearing.axial) > 0.0 else "white"
     for inside, outside in ((radius, radius + size), (-radius, -radius - size)):
         low, high = level + min(inside, outside), level + max(inside, outside)
         axes.add_patch(Rectangle((left, low), size, size, fc=face, ec="black", lw=1.0, zorder=3))
