@@ -10,6 +10,7 @@
 | `tooth` | tooth of a gear |
 | `neighbour` | tooth, counted from a loaded one |
 | `column` | right-hand side of a system of equations |
+| `load` | force of a cell, or resultant on a mesh coordinate |
 | `coordinate` | mesh coordinate: approach along the normal, tilt about the normal's axis |
 | `dof` | degree of freedom of the two bodies: u_S u_T u_Z, then rotations, pinion then wheel |
 | `harmonic` | order of the mesh frequency |
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     CellArms = Array
     CellArmGrid = Array
     CellColumns = Array
+    Loads = Array
     Coupling = Array
     CouplingGrid = Array
     Influence = Array
@@ -66,6 +68,7 @@ else:
     CellArms = Float[Array, "cell coordinate"]
     CellArmGrid = Float[Array, "phase cell coordinate"]
     CellColumns = Float[Array, "cell column"]
+    Loads = Float[Array, "load"]
     Coupling = Float[Array, "line line slice"]
     CouplingGrid = Float[Array, "phase line line slice"]
     Influence = Float[Array, "neighbour 3 3"]

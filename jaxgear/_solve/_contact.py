@@ -1,6 +1,7 @@
 r"""Contact of many cells through a few mesh coordinates, at one position.
 
-Unknown are the driven approach $t$ and the cell forces $f$. The mesh coordinates are
+Unknown are the driven approach $t$ and the cell forces $f$, or their resultants. The mesh
+coordinates are
 $q = e\,t - H W^T f$: driven along $e$, less what the structure of flexibility $H$ gives way. Cell
 $c$ overlaps by $\Delta = W q - C f - \delta$, where $C$ couples the lines of a slice through the
 bodies under the teeth, and presses with $f_c = k_c\,\sigma(\Delta_c)$. With $e^T W^T f = F$ the
@@ -16,6 +17,7 @@ from collections.abc import Callable
 
 import equinox as eqx
 import jax
+import jax.flatten_util
 import jax.numpy as jnp
 import jax.scipy.linalg
 import numpy as np
@@ -32,6 +34,7 @@ from jaxgear._types import (
     Coordinates,
     Coupling,
     Flag,
+    Loads,
     Scalar,
 )
 
@@ -94,7 +97,9 @@ class SolverSettings(eqx.Module):
     most_steps: int = eqx.field(static=True, default=200)
 
 
-Unknown = tuple[Scalar, Cells]
+# Driven approach, and the loads. Where a body couples cells these are the forces of all cells; else
+# the few resultants g = W^T f say as much, and a batch of problems stays small.
+Unknown = tuple[Scalar, Loads]
 
 
 def contact_state(
@@ -125,49 +130,62 @@ def contact_state(
         return _newton(problem, law, start, settings)
 
     def solve_tangent(linear, right: Unknown) -> Unknown:
+        if problem.coupling is None:
+            return _solve_probed(linear, right)
         # Driving alone shows the cells' tangent stiffness at the solution.
         driven = linear((jnp.ones(()), jnp.zeros_like(problem.gap)))[1]
         moved = _at_cells(problem.arms, problem.direction)
         return _solve_linear(problem, -driven / moved, right)
 
-    (approach, force), (error, steps) = jax.lax.custom_root(
+    found, (error, steps) = jax.lax.custom_root(
         imbalance, _start(problem), solve, solve_tangent, has_aux=True
     )
-    overlap = _overlap(problem, (approach, force))
+    overlap = _overlap(problem, found)
+    coupled = problem.coupling is not None
     return ContactState(
-        approach=approach,
-        load=_on_coordinates(problem.arms, force),
+        approach=found[0],
+        load=_resultants(problem, found),
         overlap=overlap,
-        force=force,
+        force=found[1] if coupled else problem.stiffness * law.compression(overlap),
         converged=error <= settings.tolerance,
         steps=steps.astype(int),
     )
 
 
-# Up to this many mesh coordinates, sums are written out: a batch of tiny matrix products
-# costs many times its arithmetic.
-_FEW = 8
+# A batch of tiny matrix products costs many times its arithmetic: up to so many mesh coordinates
+# the sums are written out, and up to so many they are products and sums of arrays.
+_FEW, _SOME = 2, 8
 
 
 def _at_cells(arms: CellArms, place: Coordinates) -> Cells:
     """W q."""
-    if place.size > _FEW:
+    if place.size > _SOME:
         return arms @ place
-    return jnp.sum(arms * place[None, :], axis=1)
+    if place.size > _FEW:
+        return jnp.sum(arms * place[None, :], axis=1)
+    total = arms[:, 0] * place[0]
+    for i in range(1, place.size):
+        total += arms[:, i] * place[i]
+    return total
 
 
 def _on_coordinates(arms: CellArms, force: Cells) -> Coordinates:
     """W^T f."""
-    if arms.shape[1] > _FEW:
+    if arms.shape[1] > _SOME:
         return arms.T @ force
-    return jnp.sum(arms * force[:, None], axis=0)
+    if arms.shape[1] > _FEW:
+        return jnp.sum(arms * force[:, None], axis=0)
+    return jnp.stack([jnp.sum(arms[:, i] * force) for i in range(arms.shape[1])])
 
 
 def _on_coordinates_all(arms: CellArms, columns: CellColumns) -> CoordinateColumns:
     """W^T of several columns."""
-    if arms.shape[1] > _FEW:
+    if arms.shape[1] > _SOME:
         return arms.T @ columns
-    return jnp.sum(arms[:, :, None] * columns[:, None, :], axis=0)
+    if arms.shape[1] > _FEW:
+        return jnp.sum(arms[:, :, None] * columns[:, None, :], axis=0)
+    count = columns.shape[1]
+    return jnp.stack([_on_coordinates(arms, columns[:, i]) for i in range(count)], axis=1)
 
 
 def _yield(problem: ContactProblem, load: Coordinates) -> Coordinates:
@@ -175,9 +193,16 @@ def _yield(problem: ContactProblem, load: Coordinates) -> Coordinates:
     return jnp.sum(problem.flexibility * load[None, :], axis=1)
 
 
+def _resultants(problem: ContactProblem, unknown: Unknown) -> Coordinates:
+    """Loads on the mesh coordinates, g = W^T f [N, N m]."""
+    if problem.coupling is None:
+        return unknown[1]
+    return _on_coordinates(problem.arms, unknown[1])
+
+
 def _place(problem: ContactProblem, unknown: Unknown) -> Cells:
     """Where structure and drive have brought each cell [m]."""
-    load = _on_coordinates(problem.arms, unknown[1])
+    load = _resultants(problem, unknown)
     return _at_cells(problem.arms, problem.direction * unknown[0] - _yield(problem, load))
 
 
@@ -189,27 +214,17 @@ def _overlap(problem: ContactProblem, unknown: Unknown) -> Cells:
     return overlap - body_yield(problem.coupling, unknown[1])
 
 
-def _driving(problem: ContactProblem, force: Cells) -> Scalar:
-    """Force on the driven approach, e^T W^T f [N]."""
-    return jnp.sum(problem.direction * _on_coordinates(problem.arms, force))
-
-
 def _imbalance(
     problem: ContactProblem, law: AbstractContactLaw, unknown: Unknown
 ) -> tuple[Unknown, Cells, Cells]:
     """What is missing from both balances, with the overlaps and the cells' tangent stiffness."""
     overlap = _overlap(problem, unknown)
     compression, slope = jax.jvp(law.compression, (overlap,), (jnp.ones_like(overlap),))
-    driving = _driving(problem, unknown[1]) - problem.force
-    missing = driving, unknown[1] - problem.stiffness * compression
-    return missing, overlap, problem.stiffness * slope
-
-
-def _shared(problem: ContactProblem, tangent: Cells, columns: CellColumns) -> CellColumns:
-    """(I + K C)^-1 of several columns."""
+    force = problem.stiffness * compression
     if problem.coupling is None:
-        return columns
-    return share_with_body(problem.coupling, tangent, columns)
+        force = _on_coordinates(problem.arms, force)
+    driving = jnp.sum(problem.direction * _resultants(problem, unknown)) - problem.force
+    return (driving, unknown[1] - force), overlap, problem.stiffness * slope
 
 
 def _solve_linear(problem: ContactProblem, tangent: Cells, right: Unknown) -> Unknown:
@@ -218,18 +233,32 @@ def _solve_linear(problem: ContactProblem, tangent: Cells, right: Unknown) -> Un
     They read e^T W^T df = r_0 and df + K (C + W H W^T) df - K W e dt = r. Slices are solved
     first, then the few mesh coordinates that tie them, then the drive.
     """
-    arms, direction = problem.arms, problem.direction
+    arms, direction, coupling = problem.arms, problem.direction, problem.coupling
     # Apart from the right-hand side, in which all is linear and is kept so for transposing.
-    structure = _shared(problem, tangent, tangent[:, None] * arms)
+    structure, free, load = tangent[:, None] * arms, right[1], right[1]
+    if coupling is not None:
+        structure = share_with_body(coupling, tangent, structure)
+        free = share_with_body(coupling, tangent, right[1][:, None])[:, 0]
+        load = _on_coordinates(arms, free)
     stiffness = _on_coordinates_all(arms, structure)
-    free = _shared(problem, tangent, right[1][:, None])[:, 0]
     # With dg = W^T df: (I + S H) dg = W^T r' + S e dt.
     yielding = _small_solver(jnp.eye(direction.size) + stiffness @ problem.flexibility)
     driven = yielding(jnp.sum(stiffness * direction[None, :], axis=1))
-    answer = yielding(_on_coordinates(arms, free))
+    answer = yielding(load)
     step = (right[0] - jnp.sum(direction * answer)) / jnp.sum(direction * driven)
-    place = direction * step - _yield(problem, answer + driven * step)
-    return step, free + _at_cells(structure, place)
+    load = answer + driven * step
+    if coupling is None:
+        return step, load
+    return step, free + _at_cells(structure, direction * step - _yield(problem, load))
+
+
+def _solve_probed(linear, right: Unknown) -> Unknown:
+    """Solve `linear(x) = right` for a few unknowns, by its matrix."""
+    flat, unravel = jax.flatten_util.ravel_pytree(right)
+    matrix = jax.vmap(lambda x: jax.flatten_util.ravel_pytree(linear(unravel(x)))[0])(
+        jnp.eye(flat.size)
+    ).T
+    return unravel(jnp.linalg.solve(matrix, flat))
 
 
 def _small_solver(matrix: CoordinateMatrix) -> Callable[[Coordinates], Coordinates]:
@@ -246,19 +275,20 @@ def _small_solver(matrix: CoordinateMatrix) -> Callable[[Coordinates], Coordinat
 
 def _start(problem: ContactProblem) -> Unknown:
     """The state with every cell closed, pulling ones too: never short of contact."""
-    right = problem.force, -problem.stiffness * problem.gap
-    return _solve_linear(problem, problem.stiffness, right)
+    pull = -problem.stiffness * problem.gap
+    if problem.coupling is None:
+        pull = _on_coordinates(problem.arms, pull)
+    return _solve_linear(problem, problem.stiffness, (problem.force, pull))
 
 
 def _energy(
     problem: ContactProblem, law: AbstractContactLaw, unknown: Unknown, overlap: Cells
 ) -> Scalar:
     """The energy that the state minimises [J]."""
-    approach, force = unknown
-    load = _on_coordinates(problem.arms, force)
+    approach, load = unknown[0], _resultants(problem, unknown)
     bodies = jnp.sum(load * _yield(problem, load))
     if problem.coupling is not None:
-        bodies += jnp.sum(force * body_yield(problem.coupling, force))
+        bodies += jnp.sum(unknown[1] * body_yield(problem.coupling, unknown[1]))
     contact = jnp.sum(problem.stiffness * law.energy(overlap))
     return contact + 0.5 * bodies - problem.force * approach
 
@@ -295,6 +325,12 @@ def _newton(
     for `custom_root` differentiates what comes with its root.
     """
     total = jnp.sum(problem.stiffness)
+    # Loads of all kinds, as forces: a moment over the radius of gyration of the cells.
+    scale = jnp.ones(())
+    if problem.coupling is None:
+        own = jnp.sum(problem.stiffness[:, None] * problem.arms**2, axis=0)
+        along = jnp.sum(problem.stiffness * _at_cells(problem.arms, problem.direction) ** 2)
+        scale = jnp.sqrt(jnp.maximum(own, 1e-6 * jnp.max(own)) / along)
 
     def examine(trial: Unknown) -> tuple[Scalar, Unknown, Scalar]:
         """Energy at a trial, the Newton point from it, and its relative imbalance."""
@@ -302,7 +338,7 @@ def _newton(
         # Where the trial has lost all contact, every cell pulls it back.
         tangent = jnp.where(jnp.sum(tangent) <= 0.0, problem.stiffness, tangent)
         step = _solve_linear(problem, tangent, (-missing[0], -missing[1]))
-        size = jnp.abs(missing[0]) + jnp.sum(jnp.abs(missing[1]))
+        size = jnp.abs(missing[0]) + jnp.sum(jnp.abs(missing[1]) / scale)
         # Bodies far softer than the cells move far: overlaps are then differences of large numbers.
         reach = jnp.abs(overlap + problem.gap)
         if problem.coupling is not None:

@@ -101,7 +101,8 @@ def quasi_static(
         return contact_state(problem, law, settings)
 
     arms = system.arms(cells)
-    gap = gap - jnp.sum(arms * system.mesh_offset[None, None, :], axis=-1)
+    # Written out, as in the solver: the offset brings the flanks closer before any load.
+    gap -= sum(arms[..., i] * offset for i, offset in enumerate(system.mesh_offset))
     state = jax.vmap(at_phase)(cells.stiffness, gap, arms, cells.coupling)
     return MeshCycle(
         system=system,
