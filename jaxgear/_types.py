@@ -101,6 +101,11 @@ def as_scalar(value: object) -> Array:
     return jnp.asarray(value, dtype=float)
 
 
+def as_reals(value: object) -> Array:
+    """Real numbers of any shape as a differentiable leaf; as `as_scalar`."""
+    return jnp.asarray(value, dtype=float)
+
+
 def as_optional_scalar(value: object) -> Array | None:
     """As `as_scalar`, with `None` kept as `None`."""
     return None if value is None else as_scalar(value)

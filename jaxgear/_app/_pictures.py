@@ -740,14 +740,12 @@ def _draw_loads(axes: Axes, model: jg.PairModel, body: int, level: float) -> Non
 
 def _torque_on(model: jg.PairModel, body: int) -> float:
     """Torque about +Z that the drive or what is driven puts on a shaft [N m]."""
-    couples = [
-        sum(float(load.moment[2]) for load in mount.loads) if isinstance(mount, jg.Shaft) else 0.0
-        for mount in _mounts(model)
-    ]
     if body == 0:
         return float(model.torque)
-    ratio = float(model.pair.teeth[1]) / float(model.pair.teeth[0])
-    return ratio * (float(model.torque) + couples[0]) - couples[1]
+    wheel = _mounts(model)[1]
+    loads = wheel.loads if isinstance(wheel, jg.Shaft) else ()
+    ratio = model.pair.wheel.teeth / model.pair.pinion.teeth
+    return ratio * float(model.mesh_torque) - sum(float(load.moment[2]) for load in loads)
 
 
 # --- One mesh cycle

@@ -16,7 +16,7 @@ from collections import ChainMap
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, cast
 
 import tree_sitter
 import tree_sitter_toml
@@ -181,7 +181,7 @@ class Scene:
 
         - `KeyError` if the key is absent, or never had a value that was not traced.
         """
-        value = _look_up(ChainMap(dict(self.known), dict(self.values)), key)
+        value = _look_up(ChainMap(cast(dict, self.known), cast(dict, self.values)), key)
         if _is_traced(value):
             raise KeyError(f"{key} never had a value that was not traced")
         return value

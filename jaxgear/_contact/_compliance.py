@@ -16,7 +16,7 @@ from jaxtyping import Array
 
 from jaxgear._checks import require
 from jaxgear._contact._foundation import AbstractFoundation, RingFoundation, WeberFoundation
-from jaxgear._contact._ring import root_resultants
+from jaxgear._contact._ring import give_alone, root_resultants
 from jaxgear._contact._tooth import (
     HertzContact,
     beam_compliance,
@@ -64,8 +64,7 @@ class SharedBody(eqx.Module):
 
     def compliance(self, roll: Reals) -> Reals:
         """Give of a tooth loaded alone [m2/N]."""
-        resultants = self.resultants(roll)
-        return jnp.sum((resultants @ self.influence[0]) * resultants, axis=-1)
+        return give_alone(self.influence[0], self.resultants(roll))
 
 
 class AbstractCompliance(eqx.Module):

@@ -12,7 +12,12 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from jaxgear._checks import require
-from jaxgear._contact._ring import ring_influence, root_resultants, sainsot_compliance
+from jaxgear._contact._ring import (
+    give_alone,
+    ring_influence,
+    root_resultants,
+    sainsot_compliance,
+)
 from jaxgear._contact._tooth import tooth_load
 from jaxgear._geometry._gear import Material
 from jaxgear._geometry._profile import ToothSection
@@ -145,8 +150,7 @@ class RingFoundation(AbstractFoundation):
     def __call__(self, section: ToothSection, material: Material, roll_angle: Reals) -> Reals:
         """Evaluate the compliance that the foundation adds; see the base class."""
         own = self.influence(section, material, 0)[0]
-        resultants = root_resultants(section, roll_angle)
-        return jnp.sum((resultants @ own) * resultants, axis=-1)
+        return give_alone(own, root_resultants(section, roll_angle))
 
     def influence(self, section: ToothSection, material: Material, neighbours: int) -> Influence:
         """Motion of the roots; see the base class."""

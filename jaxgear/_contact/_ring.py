@@ -491,6 +491,21 @@ def root_resultants(section: ToothSection, roll_angle: Reals) -> Resultants:
     return jnp.stack([-jnp.sin(load.angle), cosine, cosine * arm], axis=-1)
 
 
+def give_alone(influence: Float[Array, "displacement resultant"], resultants: Resultants) -> Reals:
+    """Motion along its own load of a tooth loaded alone, in the unit of `influence`.
+
+    **Arguments:**
+
+    - `influence`: of a root on itself, from `ring_influence`.
+    - `resultants`: of unit loads, from `root_resultants`.
+
+    **Returns:**
+
+    The motion at each point.
+    """
+    return jnp.sum((resultants @ influence) * resultants, axis=-1)
+
+
 # --- Sainsot's polynomial
 
 SAINSOT_RADIUS_RATIO = (1.4, 7.0)

@@ -20,7 +20,7 @@ from jaxtyping import Array, Float, Int
 from jaxgear._checks import require
 from jaxgear._flank._deviations import AbstractFlankDeviation
 from jaxgear._geometry._pair import GearPair
-from jaxgear._types import Reals, Scalar
+from jaxgear._types import Reals, Scalar, as_reals
 
 if TYPE_CHECKING:
     ProfilePoints = Array
@@ -32,10 +32,6 @@ else:
     FacePoints = Float[Array, "face_point"]
     PointGrid = Float[Array, "profile_point face_point"]
     Indices = Int[Array, "..."]
-
-
-def _as_reals(values: object) -> Array:
-    return jnp.asarray(values, dtype=float)
 
 
 class MeasuredProfile(AbstractFlankDeviation):
@@ -51,8 +47,8 @@ class MeasuredProfile(AbstractFlankDeviation):
     - `ValueError` if there are fewer than two points, or they are not increasing numbers.
     """
 
-    place: ProfilePoints = eqx.field(converter=_as_reals)
-    deviation: ProfilePoints = eqx.field(converter=_as_reals)
+    place: ProfilePoints = eqx.field(converter=as_reals)
+    deviation: ProfilePoints = eqx.field(converter=as_reals)
 
     def __check_init__(self):
         _check_points(self.place, "MeasuredProfile.place")
@@ -79,9 +75,9 @@ class MeasuredTopography(AbstractFlankDeviation):
     - `ValueError` if a direction has fewer than two points, or they are not increasing numbers.
     """
 
-    place: ProfilePoints = eqx.field(converter=_as_reals)
-    face: FacePoints = eqx.field(converter=_as_reals)
-    deviation: PointGrid = eqx.field(converter=_as_reals)
+    place: ProfilePoints = eqx.field(converter=as_reals)
+    face: FacePoints = eqx.field(converter=as_reals)
+    deviation: PointGrid = eqx.field(converter=as_reals)
 
     def __check_init__(self):
         _check_points(self.place, "MeasuredTopography.place")

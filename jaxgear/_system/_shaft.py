@@ -25,7 +25,7 @@ from jaxgear._system._beam import (
     beam_stiffness,
     cowper_coefficient,
 )
-from jaxgear._types import Scalar, as_optional_scalar, as_scalar
+from jaxgear._types import Scalar, as_optional_scalar, as_reals, as_scalar
 
 if TYPE_CHECKING:
     Vector = Array
@@ -42,10 +42,6 @@ else:
 
 # Points closer than this share a node [m].
 _SAME_PLACE = 1e-9
-
-
-def _as_vector(value: object) -> Array:
-    return jnp.asarray(value, dtype=float)
 
 
 class Segment(eqx.Module):
@@ -147,8 +143,8 @@ class ShaftLoad(eqx.Module):
     """
 
     at: Scalar = eqx.field(converter=as_scalar)
-    force: Vector = eqx.field(converter=_as_vector, default=(0.0, 0.0, 0.0))
-    moment: Vector = eqx.field(converter=_as_vector, default=(0.0, 0.0, 0.0))
+    force: Vector = eqx.field(converter=as_reals, default=(0.0, 0.0, 0.0))
+    moment: Vector = eqx.field(converter=as_reals, default=(0.0, 0.0, 0.0))
 
     def __check_init__(self):
         for name in ("force", "moment"):

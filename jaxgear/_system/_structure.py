@@ -25,6 +25,7 @@ from jaxgear._types import (
     Coordinates,
     DofCoordinates,
     Scalar,
+    as_reals,
     as_scalar,
 )
 
@@ -51,10 +52,6 @@ BODIES = ("pinion", "wheel")
 
 # A rigid motion counts as free when it is held by less than this, relative to the best held one.
 _FREE = 1e-9
-
-
-def _as_matrix(value: object) -> Array:
-    return jnp.asarray(value, dtype=float)
 
 
 class RigidBody(eqx.Module):
@@ -155,7 +152,7 @@ class Housing(eqx.Module):
         definite.
     """
 
-    stiffness: BearingMatrix = eqx.field(converter=_as_matrix)
+    stiffness: BearingMatrix = eqx.field(converter=as_reals)
 
     def __check_init__(self):
         shape = self.stiffness.shape
