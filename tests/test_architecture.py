@@ -33,6 +33,7 @@ STAGES = (
     "_interface",
     "_system",
     "_solve",
+    "_dynamics",
     "_response",
     "_app",
 )

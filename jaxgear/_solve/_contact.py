@@ -13,8 +13,6 @@ Rigid gears have two mesh coordinates. Cells that are all coupled are the same p
 coordinates as cells, $W$ the identity and their compliance in $H$.
 """
 
-from collections.abc import Callable
-
 import equinox as eqx
 import jax
 import jax.flatten_util
@@ -25,11 +23,15 @@ from jaxtyping import Array
 
 from jaxgear._contact._coupling import body_yield, share_with_body
 from jaxgear._interface._laws import AbstractContactLaw
+from jaxgear._solve._coordinates import (
+    at_cells,
+    on_coordinates,
+    on_coordinates_all,
+    small_solver,
+)
 from jaxgear._types import (
     CellArms,
-    CellColumns,
     Cells,
-    CoordinateColumns,
     CoordinateMatrix,
     Coordinates,
     Coupling,
@@ -134,7 +136,7 @@ def contact_state(
             return _solve_probed(linear, right)
         # Driving alone shows the cells' tangent stiffness at the solution.
         driven = linear((jnp.ones(()), jnp.zeros_like(problem.gap)))[1]
-        moved = _at_cells(problem.arms, problem.direction)
+        moved = at_cells(problem.arms, problem.direction)
         return _solve_linear(problem, -driven / moved, right)
 
     found, (error, steps) = jax.lax.custom_root(
@@ -152,42 +154,6 @@ def contact_state(
     )
 
 
-# A batch of tiny matrix products costs many times its arithmetic: up to so many mesh coordinates
-# the sums are written out, and up to so many they are products and sums of arrays.
-_FEW, _SOME = 2, 8
-
-
-def _at_cells(arms: CellArms, place: Coordinates) -> Cells:
-    """W q."""
-    if place.size > _SOME:
-        return arms @ place
-    if place.size > _FEW:
-        return jnp.sum(arms * place[None, :], axis=1)
-    total = arms[:, 0] * place[0]
-    for i in range(1, place.size):
-        total += arms[:, i] * place[i]
-    return total
-
-
-def _on_coordinates(arms: CellArms, force: Cells) -> Coordinates:
-    """W^T f."""
-    if arms.shape[1] > _SOME:
-        return arms.T @ force
-    if arms.shape[1] > _FEW:
-        return jnp.sum(arms * force[:, None], axis=0)
-    return jnp.stack([jnp.sum(arms[:, i] * force) for i in range(arms.shape[1])])
-
-
-def _on_coordinates_all(arms: CellArms, columns: CellColumns) -> CoordinateColumns:
-    """W^T of several columns."""
-    if arms.shape[1] > _SOME:
-        return arms.T @ columns
-    if arms.shape[1] > _FEW:
-        return jnp.sum(arms[:, :, None] * columns[:, None, :], axis=0)
-    count = columns.shape[1]
-    return jnp.stack([_on_coordinates(arms, columns[:, i]) for i in range(count)], axis=1)
-
-
 def _yield(problem: ContactProblem, load: Coordinates) -> Coordinates:
     """H g."""
     return jnp.sum(problem.flexibility * load[None, :], axis=1)
@@ -197,13 +163,13 @@ def _resultants(problem: ContactProblem, unknown: Unknown) -> Coordinates:
     """Loads on the mesh coordinates, g = W^T f [N, N m]."""
     if problem.coupling is None:
         return unknown[1]
-    return _on_coordinates(problem.arms, unknown[1])
+    return on_coordinates(problem.arms, unknown[1])
 
 
 def _place(problem: ContactProblem, unknown: Unknown) -> Cells:
     """Where structure and drive have brought each cell [m]."""
     load = _resultants(problem, unknown)
-    return _at_cells(problem.arms, problem.direction * unknown[0] - _yield(problem, load))
+    return at_cells(problem.arms, problem.direction * unknown[0] - _yield(problem, load))
 
 
 def _overlap(problem: ContactProblem, unknown: Unknown) -> Cells:
@@ -222,7 +188,7 @@ def _imbalance(
     compression, slope = jax.jvp(law.compression, (overlap,), (jnp.ones_like(overlap),))
     force = problem.stiffness * compression
     if problem.coupling is None:
-        force = _on_coordinates(problem.arms, force)
+        force = on_coordinates(problem.arms, force)
     driving = jnp.sum(problem.direction * _resultants(problem, unknown)) - problem.force
     return (driving, unknown[1] - force), overlap, problem.stiffness * slope
 
@@ -239,17 +205,17 @@ def _solve_linear(problem: ContactProblem, tangent: Cells, right: Unknown) -> Un
     if coupling is not None:
         structure = share_with_body(coupling, tangent, structure)
         free = share_with_body(coupling, tangent, right[1][:, None])[:, 0]
-        load = _on_coordinates(arms, free)
-    stiffness = _on_coordinates_all(arms, structure)
+        load = on_coordinates(arms, free)
+    stiffness = on_coordinates_all(arms, structure)
     # With dg = W^T df: (I + S H) dg = W^T r' + S e dt.
-    yielding = _small_solver(jnp.eye(direction.size) + stiffness @ problem.flexibility)
+    yielding = small_solver(jnp.eye(direction.size) + stiffness @ problem.flexibility)
     driven = yielding(jnp.sum(stiffness * direction[None, :], axis=1))
     answer = yielding(load)
     step = (right[0] - jnp.sum(direction * answer)) / jnp.sum(direction * driven)
     load = answer + driven * step
     if coupling is None:
         return step, load
-    return step, free + _at_cells(structure, direction * step - _yield(problem, load))
+    return step, free + at_cells(structure, direction * step - _yield(problem, load))
 
 
 def _solve_probed(linear, right: Unknown) -> Unknown:
@@ -261,23 +227,11 @@ def _solve_probed(linear, right: Unknown) -> Unknown:
     return unravel(jnp.linalg.solve(matrix, flat))
 
 
-def _small_solver(matrix: CoordinateMatrix) -> Callable[[Coordinates], Coordinates]:
-    """Solve systems with one matrix, of order 1, 2 or more."""
-    if matrix.shape[0] == 1:
-        return lambda right: right / matrix[0, 0]
-    if matrix.shape[0] > 2:
-        factors = jax.scipy.linalg.lu_factor(matrix)
-        return lambda right: jax.scipy.linalg.lu_solve(factors, right)
-    (a, b), (c, d) = matrix
-    determinant = a * d - b * c
-    return lambda r: jnp.stack([d * r[0] - b * r[1], a * r[1] - c * r[0]]) / determinant
-
-
 def _start(problem: ContactProblem) -> Unknown:
     """The state with every cell closed, pulling ones too: never short of contact."""
     pull = -problem.stiffness * problem.gap
     if problem.coupling is None:
-        pull = _on_coordinates(problem.arms, pull)
+        pull = on_coordinates(problem.arms, pull)
     return _solve_linear(problem, problem.stiffness, (problem.force, pull))
 
 
@@ -329,7 +283,7 @@ def _newton(
     scale = jnp.ones(())
     if problem.coupling is None:
         own = jnp.sum(problem.stiffness[:, None] * problem.arms**2, axis=0)
-        along = jnp.sum(problem.stiffness * _at_cells(problem.arms, problem.direction) ** 2)
+        along = jnp.sum(problem.stiffness * at_cells(problem.arms, problem.direction) ** 2)
         scale = jnp.sqrt(jnp.maximum(own, 1e-6 * jnp.max(own)) / along)
 
     def examine(trial: Unknown) -> tuple[Scalar, Unknown, Scalar]:

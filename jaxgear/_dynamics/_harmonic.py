@@ -1,0 +1,521 @@
+r"""Harmonic balance on the mesh coordinates, with contact evaluated in time.
+
+All but the contact is linear and is eliminated by its receptance $R(i\omega) = V^TZ^{-1}V$, with
+$Z(s) = s^2M + s(C + \Omega_1G) + K + V\bar kV^T$: unknown are the harmonics of the few mesh
+coordinates alone, whatever the size of the structure. With $n = m + Bg$ the motion of the nodes,
+harmonic $h$ is in balance when
+$\hat n_h = \hat n_h^0 - R(ih\omega)(\hat g_h - \bar k\hat n_h)$, where $\hat n^0$ answers the
+constant load. The mean mesh stiffness $\bar k$ cancels; in the linear part it makes Newton's
+method converge from the quasi-static state.
+
+Derivatives are those of the solution, by the implicit function theorem.
+"""
+
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from jaxgear._checks import InputError, require
+from jaxgear._dynamics._orbit import AbstractMethod, Orbit, mesh_scales
+from jaxgear._dynamics._system import DynamicSystem, ModalBasis, modal_basis
+from jaxgear._dynamics._table import (
+    END,
+    MIDDLE,
+    START,
+    Mesh,
+    mean_load,
+    mesh_at,
+    mesh_load,
+    repeated,
+)
+from jaxgear._dynamics._types import (
+    Analysis,
+    Basis,
+    HarmonicMatrices,
+    Responses,
+    Start,
+    StepMatrices,
+    StepPlaces,
+    Terms,
+    Vector,
+)
+from jaxgear._interface._laws import AbstractContactLaw, ExactContact
+from jaxgear._types import CoordinateMatrix, Coordinates, Flag, Reals, Scalar
+
+
+class HarmonicBalance(AbstractMethod):
+    """Harmonic balance with alternating frequency and time.
+
+    **Fields:**
+
+    - `law`: exact or smooth contact.
+    - `harmonics`: of the mesh frequency that are kept.
+    - `averaged`: whether exact contact is averaged over each time step instead of evaluated in its
+        middle. Derivatives near the loss of contact are then a hundred times closer to those of
+        continuous time, at twice the cost.
+    - `multiple`: cycles after which the response repeats; 2 finds sub-harmonic responses, from a
+        start on one.
+    - `bilinear`: whether time is discretised as by `Midpoint`, whose responses these then are to
+        rounding, if steps are equally long and all harmonics are kept: a test of both.
+    - `tolerance`: imbalance at which the response counts as settled, in static deflections [-].
+    - `most_steps`: Newton steps and halvings after which the method gives up.
+    """
+
+    law: AbstractContactLaw = eqx.field(default_factory=ExactContact)
+    harmonics: int = eqx.field(static=True, default=20)
+    averaged: bool = eqx.field(static=True, default=False)
+    multiple: int = eqx.field(static=True, default=1)
+    bilinear: bool = eqx.field(static=True, default=False)
+    tolerance: float = eqx.field(static=True, default=1e-9)
+    most_steps: int = eqx.field(static=True, default=60)
+
+    def __check_init__(self):
+        require(
+            self.harmonics >= 1,
+            "`HarmonicBalance.harmonics` must be at least 1, got {got}.",
+            got=self.harmonics,
+        )
+        require(
+            not self.averaged or isinstance(self.law, ExactContact),
+            "`HarmonicBalance.averaged` is for `ExactContact`: smooth contact needs no average.",
+        )
+
+    def orbit(self, system: DynamicSystem, speed: Scalar, start: Start | None = None) -> Orbit:
+        """Find the response at one speed; see `AbstractMethod`.
+
+        Newton's method begins at the quasi-static states. To begin at harmonics that are known,
+        see `solve`.
+
+        **Raises:**
+
+        - `ValueError` if a `start` is given.
+        """
+        if start is not None:
+            raise InputError(
+                "Harmonic balance starts from harmonics, not from a motion. March from the motion "
+                "(`Marching`, `Shooting`), or leave `start` out."
+            )
+        return self.solve(balance_of(self, system), speed)[0]
+
+    def solve(
+        self, balance: "Balance", speed: Scalar, near: Terms | None = None
+    ) -> tuple[Orbit, Terms]:
+        """Find the response that Newton's method reaches from given harmonics.
+
+        **Arguments:**
+
+        - `balance`: what all speeds share, from `balance_of` with this method.
+        - `speed`: of the pinion [rad/s].
+        - `near`: harmonics of the mesh coordinates to begin with, or `None`: those of the
+            quasi-static states [m, rad].
+
+        **Returns:**
+
+        The response, settled or not, and its harmonics.
+        """
+        problem, responses = balance.at_speed(speed)
+        first = balance.rest if near is None else near
+        terms, residual, steps = _root((self.tolerance, self.most_steps), problem, first)
+        return balance.orbit(problem, responses, terms, residual, steps, self.tolerance), terms
+
+
+class Balance(eqx.Module):
+    """What the balances at all speeds share.
+
+    **Fields:**
+
+    - `system`: what moves, its table as long as the response.
+    - `modes`: with which the dynamic stiffness of the structure is inverted.
+    - `law`: exact or smooth contact.
+    - `samples`: the cells at mid-steps or, averaged, at each place of the steps.
+    - `times`: values of the harmonics where contact is evaluated [-].
+    - `middle`: values of the harmonics at mid-steps [-].
+    - `analysis`: harmonics of what is known at mid-steps [-].
+    - `still`: motion under the constant load alone [m, rad].
+    - `scales`: of the mesh coordinates [m, rad].
+    - `rest`: harmonics of the quasi-static states [m, rad].
+    - `bilinear`: whether time is discretised as by `Midpoint`.
+    """
+
+    system: DynamicSystem
+    modes: ModalBasis
+    law: AbstractContactLaw
+    samples: tuple[Mesh, ...]
+    times: tuple[Basis, ...]
+    middle: Basis
+    analysis: Analysis
+    still: Vector
+    scales: Coordinates
+    rest: Terms
+    bilinear: bool = eqx.field(static=True)
+
+    @property
+    def count(self) -> int:
+        """Number of harmonics of the response's own frequency."""
+        return (self.middle.shape[1] - 1) // 2
+
+    def at_speed(self, speed: Scalar) -> tuple["Problem", Responses]:
+        """The balance at one speed, and what the structure answers to mesh loads.
+
+        **Arguments:**
+
+        - `speed`: of the pinion [rad/s].
+
+        **Returns:**
+
+        The equations, and the motion of all degrees of freedom per mesh load in each harmonic
+        [m/N, rad/N, rad/(N m)].
+        """
+        system = self.system
+        base = 2.0 * jnp.pi / (system.mesh_period(speed) * system.table.periods)
+        order = jnp.arange(self.count + 1, dtype=float)
+        frequency = order * base
+        if self.bilinear:
+            step = 2.0 * jnp.pi / (base * self.middle.shape[0])
+            frequency = 2.0 / step * jnp.tan(0.5 * step * frequency)
+        responses = _responses(system, self.modes, frequency, speed)
+        receptance = jnp.einsum("da,hdb->hab", system.vectors.astype(complex), responses)
+        problem = Problem(
+            law=self.law,
+            samples=self.samples,
+            times=self.times,
+            rates=_rates(self.middle) * base,
+            analysis=self.analysis,
+            real=jnp.real(receptance),
+            imaginary=jnp.imag(receptance),
+            still=system.vectors.T @ self.still,
+            mean=system.mean,
+            bow=system.bow,
+            cell_damping=system.cell_damping,
+            scales=self.scales,
+            speed=speed,
+            base=base,
+        )
+        return problem, responses
+
+    def orbit(
+        self,
+        problem: "Problem",
+        responses: Responses,
+        terms: Terms,
+        residual: Scalar,
+        steps: Scalar,
+        tolerance: float,
+    ) -> Orbit:
+        """The response in time.
+
+        **Arguments:**
+
+        - `problem`, `responses`: from `at_speed`.
+        - `terms`: harmonics of the mesh coordinates [m, rad].
+        - `residual`, `steps`, `tolerance`: how they were found.
+
+        **Returns:**
+
+        The response.
+        """
+        elastic, total, _ = _loads(problem, terms)
+        load = (self.analysis @ total)[:, :, None]
+        nodes = _of_nodes(problem, terms.T[:, :, None], load)
+        excess = _excess(problem, nodes, load)[:, :, 0]
+        # Minus V (g - k n), harmonic by harmonic, through the structure.
+        count = self.count
+        cosines, sines = excess[: count + 1], excess[count + 1 :]
+        real, imaginary = jnp.real(responses), jnp.imag(responses)
+        product = lambda a, b: jnp.einsum("hdc,hc->hd", a, b)
+        cosine = -product(real, cosines) - jnp.concatenate(
+            [jnp.zeros_like(real[:1, :, 0]), product(imaginary[1:], sines)]
+        )
+        sine = product(imaginary[1:], cosines[1:]) - product(real[1:], sines)
+        motion = jnp.concatenate([cosine.at[0].add(self.still), sine])
+        order = jnp.arange(1, count + 1, dtype=float)
+        velocity = problem.base * jnp.sum(order[:, None] * sine, axis=0)
+        return Orbit(
+            speed=problem.speed,
+            place=self.middle @ terms.T,
+            load=elastic,
+            motion=self.middle @ motion,
+            start=jnp.stack([jnp.sum(motion[: count + 1], axis=0), velocity]),
+            residual=residual,
+            settled=residual <= tolerance,
+            steps=steps,
+        )
+
+
+class Problem(eqx.Module):
+    """The balance at one speed.
+
+    **Fields:**
+
+    - `law`, `samples`, `times`, `analysis`, `scales`: as of `Balance`.
+    - `rates`: time derivatives of the harmonics at mid-steps [1/s].
+    - `real`, `imaginary`: parts of the receptance at each harmonic [m/N, 1/N, 1/(N m)].
+    - `still`: mesh coordinates under the constant load alone [m, rad].
+    - `mean`, `bow`, `cell_damping`: of the system.
+    - `speed`: of the pinion [rad/s].
+    - `base`: frequency of the response [rad/s].
+    """
+
+    law: AbstractContactLaw
+    samples: tuple[Mesh, ...]
+    times: tuple[Basis, ...]
+    rates: Basis
+    analysis: Analysis
+    real: HarmonicMatrices
+    imaginary: HarmonicMatrices
+    still: Coordinates
+    mean: CoordinateMatrix
+    bow: CoordinateMatrix | None
+    cell_damping: Scalar | None
+    scales: Coordinates
+    speed: Scalar
+    base: Scalar
+
+
+def balance_of(method: HarmonicBalance, system: DynamicSystem) -> Balance:
+    """Prepare what all speeds share.
+
+    **Arguments:**
+
+    - `method`: settings.
+    - `system`: what moves.
+
+    **Returns:**
+
+    The balance.
+
+    **Raises:**
+
+    - `ValueError` if a response has too few time steps for its harmonics.
+    """
+    table = repeated(system.table, method.multiple)
+    steps, count = len(table.kinds), method.harmonics * table.periods
+    require(
+        2 * count < steps,
+        "{count} harmonics need more than {least} time steps, got {steps}. Raise the number of "
+        "phases in a mesh period, or lower `HarmonicBalance.harmonics`.",
+        count=count,
+        least=2 * count,
+        steps=steps,
+    )
+    share = table.edges / table.periods
+    middle = _values(0.5 * (share[1:] + share[:-1]), count)
+    parts = (START, MIDDLE, END) if method.averaged else (MIDDLE,)
+    times = (
+        (_values(share[:-1], count), _values(share[1:], count)) if method.averaged else (middle,)
+    )
+    analysis = _analysis(middle, jnp.diff(share), averaged=method.averaged)
+    whole = system.whole_stiffness
+    return Balance(
+        system=eqx.tree_at(lambda s: s.table, system, table),
+        modes=modal_basis(system),
+        law=method.law,
+        samples=tuple(mesh_at(table, part) for part in parts),
+        times=times,
+        middle=middle,
+        analysis=analysis,
+        still=jnp.linalg.solve(whole, system.load),
+        scales=mesh_scales(system),
+        rest=(analysis @ jnp.tile(system.rest, (method.multiple, 1))).T,
+        bilinear=method.bilinear,
+    )
+
+
+def _values(share: Reals, count: int) -> Basis:
+    """Values of the mean, cosines and sines at shares of the response."""
+    angle = 2.0 * jnp.pi * share[:, None] * jnp.arange(1, count + 1, dtype=float)[None, :]
+    return jnp.concatenate([jnp.ones((share.size, 1)), jnp.cos(angle), jnp.sin(angle)], axis=1)
+
+
+def _rates(values: Basis) -> Basis:
+    """Derivative of each term by the angle of the first harmonic."""
+    count = (values.shape[1] - 1) // 2
+    order = jnp.arange(1, count + 1, dtype=float)[None, :]
+    cosines, sines = values[:, 1 : count + 1], values[:, count + 1 :]
+    return jnp.concatenate([jnp.zeros_like(values[:, :1]), -order * sines, order * cosines], axis=1)
+
+
+def _analysis(middle: Basis, share: Reals, *, averaged: bool) -> Analysis:
+    """Mean, cosines and sines of what is known at the middles of steps of given shares.
+
+    Equal steps make it the discrete Fourier transform. Steps of two lengths would let the mean leak
+    into the harmonics; with the mean of each harmonic over its step it does not, and the loss in
+    that mean is made up for at the mean length of the steps. A mean over steps has that loss too.
+    """
+    count = (middle.shape[1] - 1) // 2
+    order = jnp.arange(1, count + 1, dtype=float)[:, None]
+    loss = jnp.sinc(order / share.size)
+    kept = jnp.sinc(order * share[None, :]) / (loss**2 if averaged else loss)
+    both = jnp.concatenate([jnp.ones((1, share.size)), 2.0 * kept, 2.0 * kept])
+    return both * share[None, :] * middle.T
+
+
+def _responses(
+    system: DynamicSystem, modes: ModalBasis, frequency: Reals, speed: Scalar
+) -> Responses:
+    """Motion of all degrees of freedom per unit mesh load at each frequency."""
+    mass, whole = system.mass.astype(complex), system.whole_stiffness.astype(complex)
+    damping = system.damping
+    if system.gyroscopic is not None:
+        damping = damping + speed * system.gyroscopic
+    damping = damping.astype(complex)
+    shape = modes.shape.astype(complex)
+    columns = system.vectors.astype(complex)
+
+    def at(frequency: Scalar):
+        s = jax.lax.complex(jnp.zeros(()), frequency)
+
+        def apply(x):
+            return s * s * (mass @ x) + s * (damping @ x) + whole @ x
+
+        def by_modes(_, right):
+            divisor = modes.square + s * s + s * modes.damping
+            return shape @ ((shape.T @ right) / divisor[:, None])
+
+        if system.gyroscopic is None:
+            # The modes are how the system is solved; derivatives are those of its solution.
+            return jax.lax.custom_linear_solve(apply, columns, by_modes, symmetric=True)
+        return jnp.linalg.solve(s * s * mass + s * damping + whole, columns)
+
+    return jax.vmap(at)(frequency)
+
+
+def _loads(
+    problem: Problem, terms: Terms
+) -> tuple[StepPlaces, StepPlaces, list[tuple[StepMatrices, Basis]]]:
+    """Elastic and total load at mid-steps, and the slopes of the latter.
+
+    A slope is a matrix for each step, and the values of the harmonics that it multiplies.
+    """
+    if len(problem.samples) > 1:
+        first, last = (values @ terms.T for values in problem.times)
+        load, *slopes = jax.vmap(mean_load)(*problem.samples, first, last)
+        return load, load, list(zip(slopes, problem.times, strict=True))
+    (values,), (mesh,) = problem.times, problem.samples
+    place = values @ terms.T
+    press = lambda mesh, place: mesh_load(mesh, place, problem.law)
+    elastic, tangent = jax.vmap(press)(mesh, place)
+    if problem.cell_damping is None:
+        return elastic, elastic, [(tangent, values)]
+
+    def damping(mesh: Mesh, place: Coordinates, rate: Coordinates) -> Coordinates:
+        return problem.cell_damping * jnp.sum(press(mesh, place)[1] * rate[None, :], axis=1)
+
+    rate = problem.rates @ terms.T
+    total = elastic + jax.vmap(damping)(mesh, place, rate)
+    tangent = tangent + jax.vmap(jax.jacfwd(damping, argnums=1))(mesh, place, rate)
+    by_rate = problem.cell_damping * jax.vmap(press)(mesh, place)[1]
+    return elastic, total, [(tangent, values), (by_rate, problem.rates)]
+
+
+def _of_nodes(problem: Problem, place: Reals, load: Reals) -> Reals:
+    """Harmonics of the nodes' mesh coordinates, n = m + B g; terms leading, columns trailing."""
+    if problem.bow is None:
+        return place
+    return place + jnp.sum(problem.bow[None, :, :, None] * load[:, None, :, :], axis=2)
+
+
+def _excess(problem: Problem, nodes: Reals, load: Reals) -> Reals:
+    """Harmonics of the load beyond that of the mean stiffness, g - k n."""
+    return load - jnp.sum(problem.mean[None, :, :, None] * nodes[:, None, :, :], axis=2)
+
+
+def _missing(problem: Problem, place: Reals, load: Reals) -> Reals:
+    """n + R (g - k n) of each harmonic: what must equal the answer to the constant load."""
+    nodes = _of_nodes(problem, place, load)
+    excess = _excess(problem, nodes, load)
+    count = problem.real.shape[0] - 1
+    times = lambda matrix, x: jnp.sum(matrix[:, :, :, None] * x[:, None, :, :], axis=2)
+    cosines, sines = excess[: count + 1], excess[count + 1 :]
+    real, imaginary = problem.real, problem.imaginary
+    in_phase = times(real, cosines).at[1:].add(times(imaginary[1:], sines))
+    square = times(real[1:], sines) - times(imaginary[1:], cosines[1:])
+    return nodes + jnp.concatenate([in_phase, square])
+
+
+def _residual(problem: Problem, terms: Terms, load: Reals) -> Terms:
+    """Imbalance of the harmonics of each mesh coordinate, over the coordinate's scale [-]."""
+    missing = _missing(problem, terms.T[:, :, None], load[:, :, None])[:, :, 0]
+    return missing.at[0].add(-problem.still).T / problem.scales[:, None]
+
+
+def _linearised(problem: Problem, terms: Terms) -> tuple[Terms, Reals]:
+    """The residual, and its derivative by the harmonics, a square matrix."""
+    _, total, slopes = _loads(problem, terms)
+    width, count = terms.shape
+    spread = sum(tangent[:, :, :, None] * values[:, None, None, :] for tangent, values in slopes)
+    load = problem.analysis @ spread.reshape(spread.shape[0], -1)
+    place = jnp.eye(width)[None, :, :, None] * jnp.eye(count)[:, None, None, :]
+    columns = count, width, width * count
+    matrix = _missing(problem, place.reshape(columns), load.reshape(columns))
+    # Rows in the order of the residual: coordinates leading.
+    matrix = jnp.moveaxis(matrix, 0, 1) / problem.scales[:, None, None]
+    residual = _residual(problem, terms, problem.analysis @ total)
+    return residual, matrix.reshape(width * count, width * count)
+
+
+class _Search(eqx.Module):
+    """Where Newton's method stands.
+
+    **Fields:**
+
+    - `best`: harmonics of the least imbalance so far [m, rad].
+    - `error`: its imbalance [-].
+    - `trial`: harmonics to examine next [m, rad].
+    - `steps`: taken [-].
+    """
+
+    best: Terms
+    error: Scalar
+    trial: Terms
+    steps: Scalar
+
+
+# Contact opens and closes in Newton's first steps, and imbalance may rise on the way; later steps
+# are halved until it falls.
+_FREE_STEPS = 12
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def _root(
+    settings: tuple[float, int], problem: Problem, first: Terms
+) -> tuple[Terms, Scalar, Scalar]:
+    """Harmonics in balance, the imbalance one Newton step before them, and the number of steps."""
+    tolerance, most_steps = settings
+
+    def body(state: _Search) -> _Search:
+        residual, matrix = _linearised(problem, state.trial)
+        error = jnp.max(jnp.abs(residual))
+        step = jnp.linalg.solve(matrix, residual.reshape(-1)).reshape(residual.shape)
+        better = (error < state.error) | (state.steps < _FREE_STEPS)
+        point = state.trial - step
+        return _Search(
+            best=jnp.where(better, state.trial, state.best),
+            error=jnp.where(better, error, state.error),
+            trial=jnp.where(better, point, 0.5 * (state.best + state.trial)),
+            steps=state.steps + 1.0,
+        )
+
+    def unfinished(state: _Search) -> Flag:
+        # A NaN is not finished either: it is met by the number of steps.
+        return ~(state.error <= tolerance) & (state.steps < most_steps)
+
+    start = _Search(first, jnp.asarray(jnp.inf), first, jnp.zeros(()))
+    last = jax.lax.while_loop(unfinished, body, start)
+    return last.trial, last.error, last.steps
+
+
+@_root.defjvp
+def _root_tangent(settings, primals, tangents):
+    problem, first = primals
+    terms, error, steps = _root(settings, problem, first)
+    matrix = _linearised(problem, terms)[1]
+
+    def imbalance(problem: Problem) -> Terms:
+        return _residual(problem, terms, problem.analysis @ _loads(problem, terms)[1])
+
+    _, change = jax.jvp(imbalance, (problem,), (tangents[0],))
+    moved = -jnp.linalg.solve(matrix, change.reshape(-1)).reshape(change.shape)
+    return (terms, error, steps), (moved, jnp.zeros_like(error), jnp.zeros_like(steps))

@@ -1,0 +1,640 @@
+r"""Marching in time: modes by a linear rule, contact by a few equations on the mesh coordinates.
+
+In a step all modes obey their rule under the load $u = \Phi^T(F - V(g - \bar kn))$. At the instant
+of the load the nodes are then at $n = c - S(g - \bar kn)$ with $S$ from the rule: the mesh load $g$
+is the minimum of a convex energy, unilateral contact of few unknowns (physics A8.2), whatever the
+number of modes. It is found by Newton's method from the load before.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxgear._checks import require
+from jaxgear._dynamics._orbit import AbstractMethod, Orbit
+from jaxgear._dynamics._steppers import AbstractStepper, Midpoint, Newmark, State
+from jaxgear._dynamics._system import DynamicSystem, ModalBasis, modal_basis
+from jaxgear._dynamics._table import (
+    END,
+    MIDDLE,
+    START,
+    Mesh,
+    MeshTable,
+    mean_load,
+    mesh_at,
+    mesh_load,
+    repeated,
+)
+from jaxgear._dynamics._types import Motion, Start, StepPlaces
+from jaxgear._interface._laws import AbstractContactLaw, ExactContact
+from jaxgear._solve._coordinates import small_solver
+from jaxgear._types import CoordinateMatrix, Coordinates, Flag, Reals, Scalar
+
+
+class History(eqx.Module):
+    """What a march leaves of its last cycles.
+
+    **Fields:**
+
+    - `speed`: of the pinion [rad/s].
+    - `place`: mesh coordinates at the instant of each step's load [m, rad].
+    - `load`: elastic load of the mesh on them [N, N m].
+    - `motion`: of every degree of freedom at the end of each step [m, rad].
+    - `velocity`: the same, its rate [m/s, rad/s].
+    - `start`: motion and velocity where these cycles begin [m, rad, m/s, rad/s].
+    - `drift`: change of the state over each cycle of the march, relative to its size [-].
+    - `converged`: whether contact was solved in every step.
+    """
+
+    speed: Scalar
+    place: StepPlaces
+    load: StepPlaces
+    motion: Motion
+    velocity: Motion
+    start: Start
+    drift: Float[Array, "cycle"]
+    converged: Flag
+
+
+class Marching(AbstractMethod):
+    """March until the response repeats, as machines do: it ends on stable responses only.
+
+    **Fields:**
+
+    - `stepper`: rule for one step.
+    - `law`: exact or smooth contact.
+    - `cycles`: to march.
+    - `multiple`: cycles after which the response must repeat; 2 for sub-harmonic responses.
+    - `averaged`: whether exact contact is averaged over each step.
+    - `tolerance`: change of the state over the response at which it counts as settled, relative
+        [-].
+    """
+
+    stepper: AbstractStepper = eqx.field(default_factory=Newmark)
+    law: AbstractContactLaw = eqx.field(default_factory=ExactContact)
+    cycles: int = eqx.field(static=True, default=200)
+    multiple: int = eqx.field(static=True, default=1)
+    averaged: bool = eqx.field(static=True, default=False)
+    tolerance: float = eqx.field(static=True, default=1e-4)
+
+    def orbit(self, system: DynamicSystem, speed: Scalar, start: Start | None = None) -> Orbit:
+        """Find the response at one speed; see `AbstractMethod`.
+
+        What is given back is the last of the march, settled or not.
+        """
+        start = quasi_static_start(system) if start is None else start
+        system = eqx.tree_at(lambda s: s.table, system, repeated(system.table, self.multiple))
+        history = march(
+            system,
+            speed,
+            start,
+            cycles=-(-self.cycles // self.multiple),
+            stepper=self.stepper,
+            law=self.law,
+            averaged=self.averaged,
+        )
+        drift = history.drift[-1]
+        begun = jnp.concatenate([history.start[:1], history.motion[:-1]])
+        part = self.stepper.at
+        return Orbit(
+            speed=speed,
+            place=history.place,
+            load=history.load,
+            motion=(1.0 - part) * begun + part * history.motion,
+            start=history.start,
+            residual=drift,
+            settled=(drift <= self.tolerance) & history.converged,
+            steps=jnp.asarray(float(self.cycles)),
+        )
+
+
+def at_rest(system: DynamicSystem) -> Start:
+    """The state without any motion: free of load, with all deflections to come.
+
+    **Arguments:**
+
+    - `system`: what moves.
+
+    **Returns:**
+
+    Motion and velocity, zero [m, rad, m/s, rad/s].
+    """
+    return jnp.zeros((2, system.load.size))
+
+
+def quasi_static_start(system: DynamicSystem) -> Start:
+    """The state at vanishing speed where the cycle begins.
+
+    **Arguments:**
+
+    - `system`: what moves.
+
+    **Returns:**
+
+    Motion, and no velocity [m, rad, m/s, rad/s].
+    """
+    # The mean of the last and the first mid-step: the cycle's start lies between them.
+    nodes = 0.5 * (system.rest[0] + system.rest[-1])
+    first = mesh_at(system.table, START)
+    first = jax.tree.map(lambda x: x[0], first)
+    load = mesh_load(first, nodes, ExactContact())[0]
+    # The same approach, with the structure at rest under a load that balances it.
+    load = load * system.force / load[0]
+    if system.bow is not None:
+        nodes = nodes + system.bow @ load
+    excess = load - system.mean @ nodes
+    motion = jnp.linalg.solve(system.whole_stiffness, system.load - system.vectors @ excess)
+    return jnp.stack([motion, jnp.zeros_like(motion)])
+
+
+class Rule(eqx.Module):
+    """A stepper's rule for steps of one length, on all modes.
+
+    **Fields:**
+
+    - `step`: length of the step [s].
+    - `state`: state at the end per state at the start, part by part.
+    - `load`: state at the end per modal load.
+    - `near`: displacement at the instant of the load per state at the start.
+    - `near_load`: the same per modal load.
+    - `rate`, `rate_load`: the same of the velocity.
+    - `yields`: $H$, mesh coordinates given up per mesh load [m/N, 1/N, 1/(N m)].
+    - `follows`: nodes' mesh coordinates per those that they would have without the mesh.
+    - `own`: $S$, nodes' mesh coordinates per excess load [m/N, 1/N, 1/(N m)].
+    - `brakes`: their rates per excess load [m/(N s), 1/(N s), 1/(N m s)].
+    """
+
+    step: Scalar
+    state: Reals
+    load: Reals
+    near: Reals
+    near_load: Reals
+    rate: Reals
+    rate_load: Reals
+    yields: CoordinateMatrix
+    follows: CoordinateMatrix
+    own: CoordinateMatrix
+    brakes: CoordinateMatrix
+
+
+def rule_of(
+    stepper: AbstractStepper, system: DynamicSystem, modes: ModalBasis, step: Scalar
+) -> Rule:
+    """Work out a stepper's rule by what it makes of unit states and a unit load.
+
+    **Arguments:**
+
+    - `stepper`: the rule.
+    - `system`: what moves.
+    - `modes`: of the system.
+    - `step`: length of the step [s].
+
+    **Returns:**
+
+    The rule.
+    """
+    none, one = jnp.zeros_like(modes.square), jnp.ones_like(modes.square)
+    parts = range(stepper.carries)
+
+    def respond(state: State, load: Reals) -> tuple[Reals, Reals, Reals]:
+        ended, near, rate = stepper.advance(state, load, modes.square, modes.damping, step)
+        return jnp.stack(ended), near, rate
+
+    by_state = [respond(tuple(one if i == k else none for i in parts), none) for k in parts]
+    by_load = respond(tuple(none for _ in parts), one)
+    on_mesh = lambda x: modes.mesh.T @ (x[:, None] * modes.mesh)
+    own, brakes = on_mesh(by_load[1]), on_mesh(by_load[2])
+    follows = jnp.linalg.inv(jnp.eye(own.shape[0]) - own @ system.mean)
+    yields = follows @ own
+    if system.bow is not None:
+        yields = yields + system.bow
+    return Rule(
+        step=step,
+        state=jnp.stack([each[0] for each in by_state], axis=1),
+        load=by_load[0],
+        near=jnp.stack([each[1] for each in by_state]),
+        near_load=by_load[1],
+        rate=jnp.stack([each[2] for each in by_state]),
+        rate_load=by_load[2],
+        yields=yields,
+        follows=follows,
+        own=own,
+        brakes=brakes,
+    )
+
+
+class Pressing(eqx.Module):
+    """The contact problem of one step: the mesh load $g$ at $m = c - Hg$.
+
+    **Fields:**
+
+    - `law`: exact or smooth contact.
+    - `meshes`: the cells at the instant of the load or, averaged over the step, at its start,
+        middle and end.
+    - `begun`: mesh coordinates where the step starts, if contact is averaged [m, rad].
+    - `place`: $c$, mesh coordinates without mesh load [m, rad].
+    - `yields`: $H$ [m/N, 1/N, 1/(N m)].
+    - `rate`: rates without mesh load [m/s, rad/s].
+    - `brakes`: rates given up per mesh load [m/(N s), 1/(N s), 1/(N m s)].
+    - `cell_damping`: of the system, or `None` [s].
+    - `scale`: of the loads, the static mesh force [N].
+    """
+
+    law: AbstractContactLaw
+    meshes: tuple[Mesh, ...]
+    begun: Coordinates | None
+    place: Coordinates
+    yields: CoordinateMatrix
+    rate: Coordinates
+    brakes: CoordinateMatrix
+    cell_damping: Scalar | None
+    scale: Scalar
+
+
+def _pushed(problem: Pressing, load: Coordinates) -> tuple[Coordinates, CoordinateMatrix]:
+    """Load that the mesh would give back, and minus its derivative by `load`."""
+    place = problem.place - _times(problem.yields, load)
+    if problem.begun is not None:
+        found, _, tangent = mean_load(*problem.meshes, problem.begun, 2.0 * place - problem.begun)
+        return found, 2.0 * _product(tangent, problem.yields)
+    (mesh,) = problem.meshes
+    if problem.cell_damping is None:
+        found, tangent = mesh_load(mesh, place, problem.law)
+        return found, _product(tangent, problem.yields)
+
+    def total(load: Coordinates) -> Coordinates:
+        elastic, tangent = mesh_load(
+            mesh, problem.place - _times(problem.yields, load), problem.law
+        )
+        rate = problem.rate - _times(problem.brakes, load)
+        return elastic + problem.cell_damping * _times(tangent, rate)
+
+    return total(load), -jax.jacfwd(total)(load)
+
+
+def _times(matrix: CoordinateMatrix, place: Coordinates) -> Coordinates:
+    return jnp.sum(matrix * place[None, :], axis=1)
+
+
+def _product(first: CoordinateMatrix, second: CoordinateMatrix) -> CoordinateMatrix:
+    return jnp.sum(first[:, :, None] * second[None, :, :], axis=1)
+
+
+# Imbalance of a mesh load over the static force, steps to reach it, and the steps that are taken
+# whole even if the imbalance rises.
+_TOLERANCE, _MOST_STEPS, _FREE_STEPS = 1e-11, 40, 6
+
+
+@jax.custom_jvp
+def pressed(problem: Pressing, first: Coordinates) -> tuple[Coordinates, Scalar]:
+    """Solve the contact of one step, from a load close by.
+
+    Derivatives are those of the solution, by the implicit function theorem.
+
+    **Arguments:**
+
+    - `problem`: the contact of the step.
+    - `first`: a load to begin with [N, N m].
+
+    **Returns:**
+
+    The mesh load [N, N m], and what it is out of balance, over the static force [-].
+    """
+    weights = 1.0 / _load_scales(problem)
+
+    def body(state):
+        best, error, trial, steps = state
+        found, slope = _pushed(problem, trial)
+        missing = found - trial
+        now = jnp.max(jnp.abs(missing) * weights)
+        step = small_solver(jnp.eye(trial.size) + slope)(missing)
+        better = (now < error) | (steps < _FREE_STEPS)
+        point = jnp.where(better, trial + step, 0.5 * (best + trial))
+        best = jnp.where(better, trial, best)
+        return best, jnp.where(better, now, error), point, steps + 1
+
+    def unfinished(state):
+        return ~(state[1] <= _TOLERANCE) & (state[3] < _MOST_STEPS)
+
+    last = jax.lax.while_loop(unfinished, body, (first, jnp.asarray(jnp.inf), first, 0))
+    return last[2], last[1]
+
+
+@pressed.defjvp
+def _pressed_tangent(primals, tangents):
+    problem, first = primals
+    load, error = pressed(problem, first)
+    _, slope = _pushed(problem, load)
+    _, change = jax.jvp(lambda p: _pushed(p, load)[0], (problem,), (tangents[0],))
+    moved = small_solver(jnp.eye(load.size) + slope)(change)
+    return (load, error), (moved, jnp.zeros_like(error))
+
+
+def _load_scales(problem: Pressing) -> Coordinates:
+    """Sizes of the mesh loads: the static force, and its moment at the cells' arms [N, N m]."""
+    arms = problem.meshes[0].arms
+    return problem.scale * jnp.maximum(jnp.max(jnp.abs(arms), axis=0), 1e-9)
+
+
+class Carried(eqx.Module):
+    """What a march carries from step to step.
+
+    **Fields:**
+
+    - `state`: of each mode, part by part.
+    - `load`: mesh load of the last step, to begin the next with [N, N m].
+    - `place`: mesh coordinates at the end of the last step, if contact is averaged [m, rad].
+    - `error`: largest imbalance of contact so far [-].
+    """
+
+    state: Reals
+    load: Coordinates
+    place: Coordinates | None
+    error: Scalar
+
+
+class March(eqx.Module):
+    """A march at one speed, ready to step.
+
+    **Fields:**
+
+    - `system`, `modes`: what moves.
+    - `stepper`: the rule's name.
+    - `law`: exact or smooth contact.
+    - `rules`: the rule for each length of step.
+    - `averaged`: whether contact is averaged over each step.
+    """
+
+    system: DynamicSystem
+    modes: ModalBasis
+    stepper: AbstractStepper
+    law: AbstractContactLaw
+    rules: tuple[Rule, ...]
+    averaged: bool = eqx.field(static=True)
+
+    @property
+    def meshes(self) -> tuple[Mesh, ...]:
+        """The cells of all steps, where a step needs them."""
+        parts = (self.stepper.at,)
+        if self.averaged:
+            parts = (START, MIDDLE, END)
+        elif self.stepper.refreshes:
+            parts = (self.stepper.at, START)
+        return tuple(mesh_at(self.system.table, part) for part in parts)
+
+    def begin(self, start: Start) -> Carried:
+        """Set out from a motion and its velocity.
+
+        **Arguments:**
+
+        - `start`: motion and velocity [m, rad, m/s, rad/s].
+
+        **Returns:**
+
+        What the first step needs.
+        """
+        modes = self.modes
+        onto = modes.shape.T @ self.system.mass
+        state = [onto @ start[0], onto @ start[1]]
+        rest = jnp.zeros(modes.mesh.shape[1]).at[0].set(self.system.force)
+        first = jax.tree.map(lambda x: x[0], mesh_at(self.system.table, START))
+        if self.stepper.carries == 3:
+            state.append(self._acceleration(first, state[0], state[1], rest))
+        place = self._place(first, state[0], rest)[1] if self.averaged else None
+        return Carried(jnp.stack(state), rest, place, jnp.zeros(()))
+
+    def _place(self, mesh: Mesh, motion: Reals, near: Coordinates):
+        """Mesh load at a given motion, the mesh coordinates and the nodes'."""
+        nodes = self.modes.mesh.T @ motion
+        if self.system.bow is None:
+            return mesh_load(mesh, nodes, self.law)[0], nodes, nodes
+        none = jnp.zeros_like(nodes)
+        problem = Pressing(
+            law=self.law,
+            meshes=(mesh,),
+            begun=None,
+            place=nodes,
+            yields=self.system.bow,
+            rate=none,
+            brakes=jnp.zeros_like(self.system.bow),
+            cell_damping=None,
+            scale=self.system.force,
+        )
+        load = pressed(problem, near)[0]
+        return load, nodes - _times(self.system.bow, load), nodes
+
+    def _acceleration(self, mesh: Mesh, motion: Reals, velocity: Reals, near: Coordinates) -> Reals:
+        """Acceleration of each mode under the loads of a motion."""
+        modes, system = self.modes, self.system
+        load, place, nodes = self._place(mesh, motion, near)
+        if system.cell_damping is not None:
+            tangent = mesh_load(mesh, place, self.law)[1]
+            load = load + system.cell_damping * _times(tangent, modes.mesh.T @ velocity)
+        excess = load - _times(system.mean, nodes)
+        return modes.load - modes.mesh @ excess - modes.damping * velocity - modes.square * motion
+
+    def step(
+        self, carried: Carried, kind: Array, meshes: tuple[Mesh, ...]
+    ) -> tuple[Carried, tuple[Coordinates, Coordinates, Reals]]:
+        """Take one step.
+
+        **Arguments:**
+
+        - `carried`: from the step before.
+        - `kind`: which length the step has.
+        - `meshes`: the cells where this step needs them.
+
+        **Returns:**
+
+        What the next step needs; mesh coordinates and elastic load at the instant of the load, and
+        the state at the end.
+        """
+        system, modes = self.system, self.modes
+        rule = self.rules[0]
+        for number, other in enumerate(self.rules[1:], 1):
+            rule = jax.tree.map(lambda a, b, k=number: jnp.where(kind == k, b, a), rule, other)
+        state = carried.state
+        if self.stepper.refreshes:
+            fresh = self._acceleration(meshes[1], state[0], state[1], carried.load)
+            state = state.at[2].set(fresh)
+        free = modes.mesh.T @ (jnp.sum(rule.near * state, axis=0) + rule.near_load * modes.load)
+        free_rate = modes.mesh.T @ (
+            jnp.sum(rule.rate * state, axis=0) + rule.rate_load * modes.load
+        )
+        place = _times(rule.follows, free)
+        brakes = rule.brakes
+        if system.cell_damping is not None:
+            # Rates answer to the excess load g - k n, and n to the load g.
+            free_rate = free_rate + _times(brakes, _times(system.mean, place))
+            node_yields = _product(rule.follows, rule.own)
+            brakes = brakes + _product(brakes, _product(system.mean, node_yields))
+        problem = Pressing(
+            law=self.law,
+            meshes=meshes if self.averaged else meshes[:1],
+            begun=carried.place if self.averaged else None,
+            place=place,
+            yields=rule.yields,
+            rate=free_rate,
+            brakes=brakes,
+            cell_damping=system.cell_damping,
+            scale=system.force,
+        )
+        load, error = pressed(problem, carried.load)
+        nodes = place - _times(_product(rule.follows, rule.own), load)
+        met = place - _times(rule.yields, load)
+        excess = load - _times(system.mean, nodes)
+        modal = modes.load - jnp.sum(modes.mesh * excess[None, :], axis=1)
+        ended = jnp.sum(rule.state * state[None, :, :], axis=1) + rule.load * modal[None, :]
+        elastic = load
+        if system.cell_damping is not None:
+            elastic = mesh_load(meshes[0], met, self.law)[0]
+        ahead = Carried(
+            state=ended,
+            load=load,
+            place=2.0 * met - carried.place if self.averaged else None,
+            error=jnp.maximum(carried.error, error),
+        )
+        return ahead, (met, elastic, ended)
+
+
+def march_of(
+    stepper: AbstractStepper,
+    law: AbstractContactLaw,
+    system: DynamicSystem,
+    modes: ModalBasis,
+    speed: Scalar,
+    *,
+    averaged: bool = False,
+) -> March:
+    """Prepare a march at one speed.
+
+    **Arguments:**
+
+    - `stepper`: rule for one step.
+    - `law`: exact or smooth contact.
+    - `system`: what moves.
+    - `modes`: its natural modes.
+    - `speed`: of the pinion [rad/s].
+    - `averaged`: whether exact contact is averaged over each step; for rules whose load is in
+        mid-step.
+
+    **Returns:**
+
+    The march.
+
+    **Raises:**
+
+    - `ValueError` if contact cannot be averaged with this rule or law.
+    """
+    require(
+        not averaged or (stepper.at == MIDDLE and stepper.carries == 2),
+        "Contact can be averaged over steps only where the load is in mid-step: use `Midpoint`.",
+    )
+    require(
+        not averaged or (isinstance(law, ExactContact) and system.cell_damping is None),
+        "Only exact contact without damping of its own can be averaged over steps.",
+    )
+    table = system.table
+    lengths = table.lengths * system.mesh_period(speed)
+    kinds = max(table.kinds) + 1
+    steps = [lengths[table.kinds.index(kind)] for kind in range(kinds)]
+    rules = tuple(rule_of(stepper, system, modes, step) for step in steps)
+    return March(system, modes, stepper, law, rules, averaged)
+
+
+def cycle(march: March, carried: Carried, table: MeshTable):
+    """March over one cycle.
+
+    **Arguments:**
+
+    - `march`: at one speed.
+    - `carried`: from the cycle before.
+    - `table`: of the cycle.
+
+    **Returns:**
+
+    What the next cycle needs, and what `March.step` gives of each step.
+    """
+    kinds = jnp.asarray(table.kinds)
+    return jax.lax.scan(lambda c, x: march.step(c, *x), carried, (kinds, march.meshes))
+
+
+def march(
+    system: DynamicSystem,
+    speed: Scalar,
+    start: Start,
+    *,
+    cycles: int,
+    keep: int = 1,
+    stepper: AbstractStepper = Midpoint(),
+    law: AbstractContactLaw = ExactContact(),
+    averaged: bool = False,
+    modes: ModalBasis | None = None,
+) -> History:
+    """March over a number of cycles.
+
+    **Arguments:**
+
+    - `system`: what moves.
+    - `speed`: of the pinion, positive [rad/s].
+    - `start`: motion and velocity at the start of a cycle: `at_rest`, `quasi_static_start`, or the
+        end of a march at another speed [m, rad, m/s, rad/s].
+    - `cycles`: to march.
+    - `keep`: how many of the last of them to give back.
+    - `stepper`: rule for one step.
+    - `law`: exact or smooth contact.
+    - `averaged`: whether exact contact is averaged over each step.
+    - `modes`: of the system, if they are known already.
+
+    **Returns:**
+
+    The last cycles; look at `converged` and `drift`. Derivatives pass through all steps: near
+    jumps of the response they grow without bound. Those of steady responses come from
+    `HarmonicBalance`.
+
+    **Raises:**
+
+    - `ValueError` unless 1 <= keep <= cycles, or if contact cannot be averaged.
+    """
+    require(
+        1 <= keep <= cycles,
+        "A march keeps at least one of its cycles and not more than all: got keep = {keep} of "
+        "{cycles}.",
+        keep=keep,
+        cycles=cycles,
+    )
+    modes = modal_basis(system) if modes is None else modes
+    ready = march_of(stepper, law, system, modes, speed, averaged=averaged)
+    swing = jnp.sqrt(modes.square)
+
+    def size(state: Reals) -> Scalar:
+        # The square root of the energy in the modes.
+        return jnp.sqrt(jnp.sum((swing * state[0]) ** 2 + state[1] ** 2))
+
+    def whole_cycle(carried: Carried, _):
+        ahead, kept = cycle(ready, carried, system.table)
+        drift = size(ahead.state - carried.state) / size(ahead.state)
+        return ahead, (drift, kept)
+
+    first = ready.begin(start)
+    silent = cycles - keep
+
+    def unseen(carried: Carried, _):
+        ahead, (drift, _) = whole_cycle(carried, None)
+        return ahead, drift
+
+    begun, early = jax.lax.scan(unseen, first, length=silent)
+    last, (late, (place, load, ended)) = jax.lax.scan(whole_cycle, begun, length=keep)
+    in_steps = lambda x: x.reshape(-1, *x.shape[2:])
+    states = in_steps(ended)
+    return History(
+        speed=speed,
+        place=in_steps(place),
+        load=in_steps(load),
+        motion=states[:, 0] @ modes.shape.T,
+        velocity=states[:, 1] @ modes.shape.T,
+        start=begun.state[:2] @ modes.shape.T,
+        drift=jnp.concatenate([early, late]),
+        converged=last.error <= _TOLERANCE,
+    )

@@ -1,0 +1,80 @@
+"""Steady responses: what every method finds, and how far it can be trusted."""
+
+import abc
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from jaxgear._dynamics._system import DynamicSystem
+from jaxgear._dynamics._types import Motion, Start, StepPlaces
+from jaxgear._types import Flag, Scalar
+
+
+class Orbit(eqx.Module):
+    """A response over one or more cycles of the mesh, after which it repeats.
+
+    **Fields:**
+
+    - `speed`: of the pinion [rad/s].
+    - `place`: mesh coordinates in the middle of each time step [m, rad].
+    - `load`: elastic load of the mesh on its coordinates there; the first is the total contact
+        force of the drive flanks [N, N m].
+    - `motion`: of every degree of freedom there [m, rad].
+    - `start`: motion and velocity where the cycle begins [m, rad, m/s, rad/s].
+    - `residual`: of the method's equations, relative: what is out of balance, or how far the end of
+        the cycle lies from its start [-].
+    - `settled`: whether the residual is within the method's tolerance.
+    - `steps`: iterations or cycles that it took [-].
+    """
+
+    speed: Scalar
+    place: StepPlaces
+    load: StepPlaces
+    motion: Motion
+    start: Start
+    residual: Scalar
+    settled: Flag
+    steps: Scalar
+
+
+class AbstractMethod(eqx.Module):
+    """A way to a steady response. Integers and flags select a program; reals are arguments.
+
+    `multiple` is the number of cycles after which the response repeats.
+    """
+
+    multiple: eqx.AbstractVar[int]
+
+    @abc.abstractmethod
+    def orbit(self, system: DynamicSystem, speed: Scalar, start: Start | None) -> Orbit:
+        """Find the response at one speed.
+
+        **Arguments:**
+
+        - `system`: what moves.
+        - `speed`: of the pinion, positive [rad/s].
+        - `start`: motion and velocity at the start of the cycle, or `None`: from the quasi-static
+            states [m, rad, m/s, rad/s].
+
+        **Returns:**
+
+        The response, settled or not.
+        """
+
+
+def mesh_scales(system: DynamicSystem) -> StepPlaces:
+    """Sizes of the mesh coordinates: static deflection, and the tilt that moves cells as far.
+
+    **Arguments:**
+
+    - `system`: what moves.
+
+    **Returns:**
+
+    One for each coordinate [m, rad].
+    """
+    stiffness = jnp.diagonal(system.mean)
+    largest = jnp.max(jnp.where(stiffness > 0.0, stiffness, 0.0))
+    deflection = system.force / system.mean[0, 0]
+    ratio = system.mean[0, 0] / jnp.maximum(stiffness, 1e-9 * largest)
+    return deflection * jnp.sqrt(ratio)

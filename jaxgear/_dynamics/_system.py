@@ -1,0 +1,307 @@
+r"""Bodies, shafts, bearings and a mesh in time: $M\ddot q + (C + \Omega_1 G)\dot q + Kq = F - Vg$.
+
+The motion $q$ is a perturbation about rigid rotation at the speed $\Omega_1$ of the pinion. The
+mesh presses with $g(t, m)$ on its few coordinates $m = V^Tq - Bg$. A gear pair turns freely as a
+whole: that one rotation is held by a spring and a damper, which loads that balance never stretch.
+"""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import jax.scipy.linalg
+import numpy as np
+
+from jaxgear._checks import InputError, require, require_float64
+from jaxgear._dynamics._damping import (
+    AbstractDamping,
+    ModalDamping,
+    free_of,
+)
+from jaxgear._dynamics._table import MeshTable, mesh_table, tangent_columns
+from jaxgear._dynamics._types import (
+    FreeMotions,
+    Matrix,
+    ModeMatrix,
+    Modes,
+    ModeVectors,
+    StepPlaces,
+    Vector,
+    Vectors,
+)
+from jaxgear._geometry._lines import MeshGrid
+from jaxgear._solve._coordinates import on_coordinates_all
+from jaxgear._solve._cycle import MeshCycle, corrected_cycle, prepare_mesh
+from jaxgear._system._model import PairModel
+from jaxgear._system._pair_system import PairSystem
+from jaxgear._types import CoordinateMatrix, Scalar
+
+
+class DynamicSystem(eqx.Module):
+    """A linear structure and a mesh in time.
+
+    **Fields:**
+
+    - `mass`: $M$ [kg, kg m, kg m2].
+    - `damping`: $C$ [N s/m, N s, N m s].
+    - `stiffness`: $K$ without the mesh; positive definite together with `mean` [N/m, N, N m].
+    - `gyroscopic`: $G$, per speed of the pinion, or `None` [kg, kg m, kg m2].
+    - `vectors`: $V$, mesh coordinates per motion [-, m].
+    - `load`: $F$, constant [N, N m].
+    - `bow`: $B$, what bodies give between their nodes per mesh load, or `None`: nothing
+        [m/N, 1/N, 1/(N m)].
+    - `mean`: mean mesh stiffness on the mesh coordinates [N/m, N, N m].
+    - `table`: the cells over one cycle.
+    - `cell_damping`: $\eta$ of closed cells, which press with $k(\Delta + \eta\dot\Delta)$, or
+        `None` [s].
+    - `force`: static mesh force along the normal [N].
+    - `transmission`: transmission error per motion [-, m].
+    - `rest`: mesh coordinates at vanishing speed, in the middle of each step [m, rad].
+    - `free`: motions that only the artificial spring holds, of unit modal mass.
+    - `teeth`: of the pinion.
+    """
+
+    mass: Matrix
+    damping: Matrix
+    stiffness: Matrix
+    gyroscopic: Matrix | None
+    vectors: Vectors
+    load: Vector
+    bow: CoordinateMatrix | None
+    mean: CoordinateMatrix
+    table: MeshTable
+    cell_damping: Scalar | None
+    force: Scalar
+    transmission: Vector
+    rest: StepPlaces
+    free: FreeMotions
+    teeth: int = eqx.field(static=True)
+
+    @property
+    def mesh_stiffness(self) -> Matrix:
+        """Mean mesh stiffness on all degrees of freedom [N/m, N, N m]."""
+        return self.vectors @ self.mean @ self.vectors.T
+
+    @property
+    def whole_stiffness(self) -> Matrix:
+        """Stiffness of the structure with the mean mesh in it [N/m, N, N m]."""
+        return self.stiffness + self.mesh_stiffness
+
+    def mesh_period(self, speed: Scalar) -> Scalar:
+        """Duration of one mesh period at a speed of the pinion [rad/s]; in [s]."""
+        return 2.0 * jnp.pi / (self.teeth * speed)
+
+
+class ModalBasis(eqx.Module):
+    r"""Natural modes of a system with the mean mesh stiffness, $\Phi^TM\Phi = I$.
+
+    **Fields:**
+
+    - `square`: $\omega^2$ of each mode [rad2/s2].
+    - `shape`: $\Phi$ [kg^-1/2, kg^-1/2 m^-1].
+    - `damping`: $2\xi\omega$ of each mode [1/s].
+    - `mesh`: $\Phi^TV$ [kg^-1/2].
+    - `load`: $\Phi^TF$ [N kg^-1/2].
+    """
+
+    square: Modes
+    shape: ModeMatrix
+    damping: Modes
+    mesh: ModeVectors
+    load: Modes
+
+
+def modal_basis(system: DynamicSystem) -> ModalBasis:
+    """Find all natural modes.
+
+    **Arguments:**
+
+    - `system`: with damping that its modes do not exchange, as of every `AbstractDamping`.
+
+    **Returns:**
+
+    The modes, by rising frequency. Their derivatives do not exist where two frequencies meet:
+    they are NaN there. Responses by harmonic balance do not pass through them.
+
+    **Raises:**
+
+    - `ValueError` if modes exchange damping.
+    """
+    lower = jnp.linalg.cholesky(system.mass)
+    half = jax.scipy.linalg.solve_triangular(lower, system.whole_stiffness, lower=True)
+    matrix = jax.scipy.linalg.solve_triangular(lower, half.T, lower=True)
+    square, vectors = jnp.linalg.eigh(0.5 * (matrix + matrix.T))
+    shape = jax.scipy.linalg.solve_triangular(lower, vectors, lower=True, trans=1)
+    damping = shape.T @ system.damping @ shape
+    diagonal = jnp.diagonal(damping)
+    rest = damping - jnp.diag(diagonal)
+    require(
+        jnp.max(jnp.abs(rest)) <= 1e-6 * (jnp.max(jnp.abs(diagonal)) + 1e-300),
+        "The damping matrix exchanges energy between modes: up to {got:.3g} of the largest modal "
+        "damping. Build it with `RayleighDamping` or `ModalDamping`.",
+        got=jnp.max(jnp.abs(rest)) / (jnp.max(jnp.abs(diagonal)) + 1e-300),
+    )
+    return ModalBasis(
+        square=square,
+        shape=shape,
+        damping=diagonal,
+        mesh=shape.T @ system.vectors,
+        load=shape.T @ system.load,
+    )
+
+
+class PairDynamics(eqx.Module):
+    """A gear pair in time, with the quasi-static cycle that it starts from.
+
+    **Fields:**
+
+    - `system`: what moves.
+    - `cycle`: its states at vanishing speed.
+    - `dofs`: which degrees of freedom of the structure move.
+    """
+
+    system: DynamicSystem
+    cycle: MeshCycle
+    dofs: tuple[int, ...] = eqx.field(static=True)
+
+
+def pair_dynamics(
+    model: PairModel,
+    grid: MeshGrid,
+    damping: AbstractDamping = ModalDamping(),
+    *,
+    gyroscopic: bool = False,
+    active_mesh_damping: bool = False,
+) -> PairDynamics:
+    r"""Set a gear pair in motion.
+
+    **Arguments:**
+
+    - `model`: gears, flanks, mounts, bodies and torque.
+    - `grid`: time steps in one mesh period (`phases`), slices, mesh periods in the cycle.
+    - `damping`: of the linear system with the mean mesh stiffness.
+    - `gyroscopic`: whether gears and shafts that tilt while they spin feel it.
+    - `active_mesh_damping`: whether the mesh damps only while it is in contact. Its part of
+        `damping` then becomes forces of the closed cells in proportion to their rate, with
+        the ratio that the mode of the largest mesh energy has.
+
+    **Returns:**
+
+    The pair; look at `cycle.converged`.
+
+    **Raises:**
+
+    - `ValueError` in single precision.
+    """
+    require_float64()
+    prepared = prepare_mesh(model, grid)
+    cycle = corrected_cycle(prepared, model)
+    mounted = prepared.system
+    mapped, structure = mounted.structure.map, mounted.structure
+    dofs = np.asarray(mapped.free)
+    among = lambda matrix: matrix[dofs[:, None], dofs[None, :]]
+    spread = jnp.zeros((mapped.size, mounted.vectors.shape[1]))
+    vectors = spread.at[np.asarray(mapped.gear_dofs)].set(mounted.vectors)[dofs]
+    mean = _mean_stiffness(mounted, cycle)
+    mass = among(structure.mass)
+    free = _rigid_rotation(mounted)[dofs]
+    free = free / jnp.sqrt(free @ mass @ free)
+    # The artificial spring gets a frequency of the size of the mesh's own.
+    approach = vectors[:, 0]
+    square = mean[0, 0] * jnp.sum(approach**2 / jnp.diagonal(mass))
+    momentum = mass @ free
+    stiffness = among(structure.stiffness) + square * momentum[:, None] * momentum[None, :]
+    meshed = vectors @ mean @ vectors.T
+    damping, active = _split(damping, active_mesh_damping)
+    matrix = damping.matrix(mass, stiffness + meshed, meshed)
+    whirl = None
+    if gyroscopic:
+        ratio = model.pair.teeth[0] / model.pair.teeth[1]
+        whirl = among(structure.pinion_gyroscopic - ratio * structure.wheel_gyroscopic)
+    # A damper beside the artificial spring, so that what rounding excites dies out.
+    matrix = free_of(matrix, mass, free[:, None])
+    matrix = matrix + jnp.sqrt(square) * momentum[:, None] * momentum[None, :]
+    system = DynamicSystem(
+        mass=mass,
+        damping=matrix,
+        stiffness=stiffness,
+        gyroscopic=whirl,
+        vectors=vectors,
+        load=structure.load[dofs],
+        bow=_bow(mounted),
+        mean=mean,
+        table=mesh_table(mounted, cycle.cells, grid, model.flanks, model.misalignment),
+        cell_damping=None,
+        force=mounted.force,
+        transmission=_transmission(mounted)[dofs],
+        rest=_rest(mounted, cycle),
+        free=free[:, None],
+        teeth=model.pair.pinion.teeth,
+    )
+    if active is not None:
+        system = dataclasses.replace(system, cell_damping=active(system))
+    return PairDynamics(system=system, cycle=cycle, dofs=mapped.free)
+
+
+def _split(damping: AbstractDamping, active: bool):
+    """Damping of all but the cells, and what gives the damping of the cells, if they have one."""
+    if not active:
+        return damping, None
+    if not isinstance(damping, ModalDamping):
+        raise InputError(
+            "Mesh damping that acts only in contact needs `ModalDamping`: no other has a ratio of "
+            "its own for the mesh."
+        )
+
+    def of_cells(system: DynamicSystem) -> Scalar:
+        basis = modal_basis(system)
+        energy = jnp.sum((basis.mesh @ system.mean) * basis.mesh, axis=1) / basis.square
+        return 2.0 * damping.mesh / jnp.sqrt(basis.square[jnp.argmax(energy)])
+
+    return ModalDamping(mesh=0.0, structure=damping.structure), of_cells
+
+
+def _mean_stiffness(mounted: PairSystem, cycle: MeshCycle) -> CoordinateMatrix:
+    """Mean over the cycle of the stiffness of the cells in contact, on the mesh coordinates."""
+    closed = jnp.where(cycle.overlap > 0.0, cycle.cells.stiffness, 0.0)
+
+    def at_phase(stiffness, coupling, arms):
+        return on_coordinates_all(arms, tangent_columns(stiffness, coupling, arms))
+
+    each = jax.vmap(at_phase)(closed, cycle.cells.coupling, mounted.arms(cycle.cells))
+    return jnp.sum(cycle.cells.lines.weight[:, None, None] * each, axis=0)
+
+
+def _rigid_rotation(mounted: PairSystem) -> Vector:
+    """Both bodies turning together, so that no tooth moves against another [1/m]."""
+    radius = mounted.pair.base_radius
+    pinion, wheel = mounted.structure.map.sizes
+    turned = np.zeros((2, pinion + wheel))
+    turned[0, 5:pinion:6] = 1.0
+    turned[1, pinion + 5 :: 6] = -1.0
+    return jnp.asarray(turned[0]) / radius[0] + jnp.asarray(turned[1]) / radius[1]
+
+
+def _transmission(mounted: PairSystem) -> Vector:
+    r"""Transmission error per motion: $r_{b1}\theta_1 + r_{b2}\theta_2$ at mid-face [-, m]."""
+    radius = mounted.pair.base_radius
+    at_gears = radius[0] * mounted.middles[5] + radius[1] * mounted.middles[11]
+    mapped = mounted.structure.map
+    return jnp.zeros(mapped.size).at[np.asarray(mapped.gear_dofs)].set(at_gears)
+
+
+def _bow(mounted: PairSystem) -> CoordinateMatrix | None:
+    """Flexibility of beam bodies between their nodes; it has no mass."""
+    if not mounted.bends:
+        return None
+    at_nodes = mounted.statics.response[np.asarray(mounted.structure.map.gear_dofs)]
+    given = mounted.vectors.T @ at_nodes
+    return mounted.mesh_flexibility - 0.5 * (given + given.T)
+
+
+def _rest(mounted: PairSystem, cycle: MeshCycle) -> StepPlaces:
+    """Mesh coordinates of the quasi-static states [m, rad]."""
+    given = cycle.load @ mounted.mesh_flexibility.T
+    driven = cycle.approach[:, None] * mounted.direction[None, :]
+    return driven - given + mounted.mesh_offset[None, :]

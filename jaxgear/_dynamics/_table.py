@@ -1,0 +1,317 @@
+r"""The mesh as a function of time: what its cells are at every step of a cycle, and how they push.
+
+A cycle is divided into the steps that the phases of a quasi-static cycle stand for. They are
+aligned with the entry and the exit of tooth pairs, so that stiffness jumps between steps and never
+within one; it is constant over each, while gaps and arms are known where a step starts, in its
+middle, and where it ends: both limits of whatever jumps.
+"""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxgear._contact._cells import MeshCells, Misalignment, mesh_gap
+from jaxgear._contact._coupling import body_yield, share_with_body
+from jaxgear._dynamics._types import (
+    Edges,
+    PlaceArms,
+    PlaceCells,
+    StepCells,
+    StepCoupling,
+)
+from jaxgear._flank._deviations import Flanks
+from jaxgear._geometry._lines import MeshGrid
+from jaxgear._interface._laws import AbstractContactLaw, ExactContact
+from jaxgear._solve._coordinates import at_cells, on_coordinates, on_coordinates_all
+from jaxgear._system._pair_system import PairSystem
+from jaxgear._types import (
+    CellArms,
+    CellColumns,
+    Cells,
+    CoordinateMatrix,
+    Coordinates,
+    Coupling,
+    Reals,
+)
+
+
+class MeshTable(eqx.Module):
+    """The cells of a mesh over one cycle.
+
+    **Fields:**
+
+    - `edges`: ends of the time steps, in mesh periods from the start of the cycle [-].
+    - `stiffness`: of each cell, its mean over the step [N/m].
+    - `gap`: of each cell before loading, at the start, middle and end of each step [m].
+    - `arms`: $W$, overlap of each cell per mesh coordinate, at the same places [-, m].
+    - `coupling`: $C$ between the lines of each slice through the bodies, or `None` [m/N].
+    - `periods`: mesh periods in the cycle.
+    - `kinds`: a number for each step; steps of one number are equally long.
+    """
+
+    edges: Edges
+    stiffness: StepCells
+    gap: PlaceCells
+    arms: PlaceArms
+    coupling: StepCoupling | None
+    periods: int = eqx.field(static=True)
+    kinds: tuple[int, ...] = eqx.field(static=True)
+
+    @property
+    def lengths(self) -> Reals:
+        """Length of each step in mesh periods [-]."""
+        return jnp.diff(self.edges)
+
+    @property
+    def middles(self) -> Reals:
+        """Middle of each step in mesh periods from the start of the cycle [-]."""
+        return 0.5 * (self.edges[:-1] + self.edges[1:])
+
+
+class Mesh(eqx.Module):
+    """The cells at one instant, or at each of many on a leading axis.
+
+    **Fields:**
+
+    - `stiffness`: of each cell [N/m].
+    - `gap`: of each cell [m].
+    - `arms`: $W$ [-, m].
+    - `coupling`: between the lines of each slice, or `None` [m/N].
+    """
+
+    stiffness: Reals
+    gap: Reals
+    arms: Reals
+    coupling: Reals | None
+
+
+START, MIDDLE, END = 0.0, 0.5, 1.0
+
+
+def mesh_table(
+    system: PairSystem,
+    cells: MeshCells,
+    grid: MeshGrid,
+    flanks: Flanks,
+    misalignment: Misalignment,
+) -> MeshTable:
+    """Tabulate the cells of a pair over one cycle.
+
+    **Arguments:**
+
+    - `system`: gears on their mounts.
+    - `cells`: in mesh, on the phases of `grid`.
+    - `grid`: phases, lines and slices.
+    - `flanks`: deviations of both gears.
+    - `misalignment`: of the two axes.
+
+    **Returns:**
+
+    The table.
+    """
+    lengths = cells.lines.weight * cells.lines.periods
+    moved = [_moved(system, cells, lengths * (part - 0.5)) for part in (START, MIDDLE, END)]
+    gaps = [mesh_gap(system.pair, at.lines, flanks, misalignment) for at in moved]
+    kinds = [0] * grid.entry_phases + [1] * (grid.phases - grid.entry_phases)
+    return MeshTable(
+        edges=jnp.concatenate([jnp.zeros(1), jnp.cumsum(lengths)]),
+        stiffness=cells.stiffness,
+        gap=jnp.stack(gaps),
+        arms=jnp.stack([system.arms(at) for at in moved]),
+        coupling=cells.coupling,
+        periods=grid.periods,
+        kinds=tuple(kinds * grid.periods),
+    )
+
+
+def _moved(system: PairSystem, cells: MeshCells, by: Reals) -> MeshCells:
+    """The same cells a little earlier or later, in mesh periods."""
+    path = by[:, None, None] * system.pair.transverse_base_pitch
+    shift = jnp.broadcast_to(path, cells.lines.roll.shape).reshape(cells.arm.shape)
+    lines = dataclasses.replace(
+        cells.lines, phase=cells.lines.phase + by, roll=cells.lines.roll + path
+    )
+    arm = cells.arm + shift * jnp.sin(system.pair.base_helix_angle)
+    return dataclasses.replace(cells, lines=lines, arm=arm)
+
+
+def mesh_at(table: MeshTable, part: float) -> Mesh:
+    """The cells of all steps, a fraction of its length into each step.
+
+    **Arguments:**
+
+    - `table`: of a cycle.
+    - `part`: 0 at the start of a step, 1 at its end [-].
+
+    **Returns:**
+
+    The cells, `step` leading. Between the three places of the table a parabola is laid.
+    """
+    # Lagrange's polynomials on 0, 1/2, 1; a zero is left out, so that places cost nothing.
+    shares = ((1 - part) * (1 - 2 * part), 4 * part * (1 - part), part * (2 * part - 1))
+    between = lambda x: sum(share * x[i] for i, share in enumerate(shares) if share != 0.0)
+    return Mesh(table.stiffness, between(table.gap), between(table.arms), table.coupling)
+
+
+def repeated(table: MeshTable, times: int) -> MeshTable:
+    """The table of a cycle that is gone through several times.
+
+    **Arguments:**
+
+    - `table`: of one cycle.
+    - `times`: how often, for responses that take so many cycles to repeat.
+
+    **Returns:**
+
+    The longer table.
+    """
+    if times == 1:
+        return table
+    again = lambda x, axis: jnp.concatenate([x] * times, axis=axis)
+    start = np.repeat(np.arange(times), len(table.kinds)) * table.periods
+    ends = again(table.edges[1:], 0) + jnp.asarray(start, dtype=float)
+    return MeshTable(
+        edges=jnp.concatenate([table.edges[:1], ends]),
+        stiffness=again(table.stiffness, 0),
+        gap=again(table.gap, 1),
+        arms=again(table.arms, 1),
+        coupling=None if table.coupling is None else again(table.coupling, 0),
+        periods=table.periods * times,
+        kinds=table.kinds * times,
+    )
+
+
+def cell_forces(mesh: Mesh, place: Coordinates, law: AbstractContactLaw) -> tuple[Cells, Cells]:
+    r"""Force of each cell at given mesh coordinates, $f = k\,\sigma(W m - \delta - C f)$.
+
+    **Arguments:**
+
+    - `mesh`: cells at one instant.
+    - `place`: mesh coordinates $m$ [m, rad].
+    - `law`: exact or smooth contact.
+
+    **Returns:**
+
+    Forces [N] and overlaps, what the bodies yield subtracted [m].
+    """
+    free = at_cells(mesh.arms, place) - mesh.gap
+    return _shared_forces(mesh.stiffness, mesh.coupling, free, law)
+
+
+def _shared_forces(
+    stiffness: Cells, coupling: Coupling | None, free: Cells, law: AbstractContactLaw
+) -> tuple[Cells, Cells]:
+    """Forces and overlaps of cells whose overlaps on rigid bodies would be `free`."""
+    if coupling is None:
+        return stiffness * law.compression(free), free
+    share = lambda tangent, force: share_with_body(coupling, tangent, force[:, None])[:, 0]
+    force = share(stiffness, stiffness * free)
+    # A slice has few lines: from all of them closed, Newton's steps open one or more each.
+    for _ in range(coupling.shape[0] + 2):
+        overlap = free - body_yield(coupling, force)
+        compression, slope = _pressed(law, overlap)
+        missing = stiffness * compression - force
+        force = force + share(stiffness * slope, missing)
+    return force, free - body_yield(coupling, force)
+
+
+def _pressed(law: AbstractContactLaw, overlap: Cells) -> tuple[Cells, Cells]:
+    """Compression of each cell [m] and its slope by the overlap [-]."""
+    return jax.jvp(law.compression, (overlap,), (jnp.ones_like(overlap),))
+
+
+def mesh_load(
+    mesh: Mesh, place: Coordinates, law: AbstractContactLaw
+) -> tuple[Coordinates, CoordinateMatrix]:
+    """Load of the mesh on its coordinates, and its tangent stiffness.
+
+    **Arguments:**
+
+    - `mesh`: cells at one instant.
+    - `place`: mesh coordinates [m, rad].
+    - `law`: exact or smooth contact.
+
+    **Returns:**
+
+    Resultants of the cell forces [N, N m], and their derivative by `place` [N/m, N, N m].
+    """
+    force, overlap = cell_forces(mesh, place, law)
+    _, slope = _pressed(law, overlap)
+    pushed = tangent_columns(mesh.stiffness * slope, mesh.coupling, mesh.arms)
+    return on_coordinates(mesh.arms, force), on_coordinates_all(mesh.arms, pushed)
+
+
+def tangent_columns(stiffness: Cells, coupling: Coupling | None, arms: CellArms) -> CellColumns:
+    """Forces of the cells per mesh coordinate."""
+    columns = stiffness[:, None] * arms
+    return columns if coupling is None else share_with_body(coupling, stiffness, columns)
+
+
+def mean_load(
+    start: Mesh, middle: Mesh, end: Mesh, first: Coordinates, last: Coordinates
+) -> tuple[Coordinates, CoordinateMatrix, CoordinateMatrix]:
+    r"""Load of the mesh in the mean over a step, with exact contact.
+
+    Overlaps are taken to change evenly over the step, so that a cell's mean compression is
+    $[\Phi(\Delta_1) - \Phi(\Delta_0)]/(\Delta_1 - \Delta_0)$ with $\Phi$ the integral of the
+    positive part: it knows when within the step the cell closed. As a time step at constant
+    stiffness this is Gonzalez's discrete gradient, which conserves energy.
+
+    **Arguments:**
+
+    - `start`, `middle`, `end`: the cells at these places of the step.
+    - `first`: mesh coordinates at its start [m, rad].
+    - `last`: mesh coordinates at its end [m, rad].
+
+    **Returns:**
+
+    Resultants of the mean cell forces [N, N m]; their derivatives by `first` and by `last`.
+    """
+    law = ExactContact()
+    _, begun = cell_forces(start, first, law)
+    _, ended = cell_forces(end, last, law)
+    ones = jnp.ones_like(begun)
+    compression, by_begun = jax.jvp(lambda x: mean_ramp(x, ended), (begun,), (ones,))
+    _, by_ended = jax.jvp(lambda x: mean_ramp(begun, x), (ended,), (ones,))
+    load = on_coordinates(middle.arms, middle.stiffness * compression)
+    tangents = [
+        on_coordinates_all(
+            middle.arms, (middle.stiffness * slope)[:, None] * _overlap_slopes(mesh, at, law)
+        )
+        for mesh, at, slope in ((start, begun, by_begun), (end, ended, by_ended))
+    ]
+    return load, tangents[0], tangents[1]
+
+
+def _overlap_slopes(mesh: Mesh, overlap: Cells, law: AbstractContactLaw) -> CellColumns:
+    """Overlap of each cell per mesh coordinate, what the bodies yield subtracted."""
+    if mesh.coupling is None:
+        return mesh.arms
+    _, slope = _pressed(law, overlap)
+    pushed = tangent_columns(mesh.stiffness * slope, mesh.coupling, mesh.arms)
+    columns = [body_yield(mesh.coupling, pushed[:, i]) for i in range(pushed.shape[1])]
+    return mesh.arms - jnp.stack(columns, axis=1)
+
+
+def mean_ramp(first: Reals, last: Reals) -> Reals:
+    """Mean of the positive part of what changes evenly from `first` to `last`, in their unit.
+
+    Written without the difference of like numbers, so that its slopes are right to rounding.
+
+    **Arguments:**
+
+    - `first`, `last`: any real arrays of one shape.
+
+    **Returns:**
+
+    An array like them.
+    """
+    closed = (first >= 0.0) & (last >= 0.0)
+    span = jnp.abs(first) + jnp.abs(last)
+    crossing = ~closed & (span > 0.0)
+    squares = jnp.maximum(first, 0.0) ** 2 + jnp.maximum(last, 0.0) ** 2
+    part = jnp.where(crossing, squares / (2.0 * jnp.where(crossing, span, 1.0)), 0.0)
+    return jnp.where(closed, 0.5 * (first + last), part)

@@ -1,0 +1,72 @@
+"""Array aliases of the dynamics, with the axes that only they have.
+
+| axis | meaning |
+|---|---|
+| `edge` | ends of the time steps of a cycle |
+| `step` | time step within a cycle |
+| `place` | start, middle and end of a time step |
+| `dof` | degree of freedom that can move |
+| `free` | motion that nothing holds |
+| `mode` | natural mode, all of them or the first |
+| `state` | part of a mode's state: displacement, velocity, acceleration where it is carried |
+| `column` | column of a matrix of states |
+| `speed` | operating speed |
+| `term` | mean, then cosines, then sines of the harmonics |
+"""
+
+from typing import TYPE_CHECKING
+
+from jaxtyping import Array, Complex, Float
+
+if TYPE_CHECKING:
+    Edges = Array
+    StepCells = Array
+    PlaceCells = Array
+    PlaceArms = Array
+    StepCoupling = Array
+    StepPlaces = Array
+    StepMatrices = Array
+    Matrix = Array
+    Vectors = Array
+    Vector = Array
+    FreeMotions = Array
+    Modes = Array
+    ModeMatrix = Array
+    ModeVectors = Array
+    States = Array
+    Motion = Array
+    Start = Array
+    Speeds = Array
+    Receptances = Array
+    Responses = Array
+    Multipliers = Array
+    Terms = Array
+    Basis = Array
+    Analysis = Array
+    HarmonicMatrices = Array
+else:
+    Edges = Float[Array, "edge"]
+    StepCells = Float[Array, "step cell"]
+    PlaceCells = Float[Array, "place step cell"]
+    PlaceArms = Float[Array, "place step cell coordinate"]
+    StepCoupling = Float[Array, "step line line slice"]
+    StepPlaces = Float[Array, "step coordinate"]
+    StepMatrices = Float[Array, "step coordinate coordinate"]
+    Matrix = Float[Array, "dof dof"]
+    Vectors = Float[Array, "dof coordinate"]
+    Vector = Float[Array, "dof"]
+    FreeMotions = Float[Array, "dof free"]
+    Modes = Float[Array, "mode"]
+    ModeMatrix = Float[Array, "dof mode"]
+    ModeVectors = Float[Array, "mode coordinate"]
+    States = Float[Array, "state mode"]
+    Motion = Float[Array, "step dof"]
+    Start = Float[Array, "2 dof"]
+    Speeds = Float[Array, "speed"]
+    Receptances = Complex[Array, "harmonic coordinate coordinate"]
+    Responses = Complex[Array, "harmonic dof coordinate"]
+    Multipliers = Complex[Array, "..."]
+    Terms = Float[Array, "coordinate term"]
+    Basis = Float[Array, "step term"]
+    Analysis = Float[Array, "term step"]
+    HarmonicMatrices = Float[Array, "harmonic coordinate coordinate"]
