@@ -1,0 +1,362 @@
+"""Speed sweeps: from speed to speed along a branch, as a machine would, or cold at each.
+
+A sweep follows a stable response by harmonic balance, judges it by its residual and its Floquet
+multipliers, and where it ends, at a fold or a doubling of the period, does what the machine does:
+it marches on from the last motion until a response of one or two cycles is found. A speed at which
+none is found keeps its march, and says so.
+"""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxgear._checks import require
+from jaxgear._dynamics._harmonic import Balance, HarmonicBalance, balance_of
+from jaxgear._dynamics._march import History, Marching, march, quasi_static_start
+from jaxgear._dynamics._orbit import AbstractMethod, Orbit
+from jaxgear._dynamics._shooting import Shooting, monodromy, multipliers
+from jaxgear._dynamics._steppers import Exponential
+from jaxgear._dynamics._system import DynamicSystem, ModalBasis, modal_basis
+from jaxgear._dynamics._types import Speeds, Start, Terms
+from jaxgear._types import Reals, Scalar
+
+# A multiplier counts as beyond 1 from here: rounding and truncated harmonics shift it by less.
+_STABLE = 1.0 + 1e-6
+
+# Halves of a response over two cycles that differ by less than this, relative to its swing, are
+# one response over one.
+_SAME = 1e-6
+
+
+def steady_state(
+    system: DynamicSystem,
+    speed: Scalar,
+    method: AbstractMethod = HarmonicBalance(),
+    start: Start | None = None,
+) -> Orbit:
+    """Find the steady response at one speed.
+
+    It can be traced, and batched over speeds by `jax.vmap`; `steady_states` is faster at that on a
+    CPU. With `HarmonicBalance` it is differentiable in everything the system is made of, and in
+    the speed.
+
+    **Arguments:**
+
+    - `system`: what moves.
+    - `speed`: of the pinion, positive [rad/s].
+    - `method`: how.
+    - `start`: motion and velocity to start from, for methods that march; `None`: the quasi-static
+        state [m, rad, m/s, rad/s].
+
+    **Returns:**
+
+    The response, settled or not. Whether it is stable `monodromy` tells.
+
+    **Raises:**
+
+    - `ValueError` unless the speed is positive.
+    """
+    speed = jnp.asarray(speed, dtype=float)
+    require(
+        jnp.all(speed > 0.0),
+        "The speed must be positive, got {got:.6g} rad/s: at rest, the quasi-static cycle is the "
+        "response.",
+        got=speed,
+    )
+    return method.orbit(system, speed, start)
+
+
+def steady_states(
+    system: DynamicSystem, speeds: Speeds, method: AbstractMethod = HarmonicBalance()
+) -> Orbit:
+    """Find the steady response at each speed from the quasi-static state: a cold sweep.
+
+    Where several responses exist, which one is found is an accident of the start. It can be traced.
+
+    **Arguments:**
+
+    - `system`: what moves.
+    - `speeds`: of the pinion, positive [rad/s].
+    - `method`: how.
+
+    **Returns:**
+
+    The responses, `speed` leading.
+
+    **Raises:**
+
+    - `ValueError` unless all speeds are positive.
+    """
+    speeds = jnp.asarray(speeds, dtype=float)
+    require(
+        jnp.all(speeds > 0.0),
+        "All speeds must be positive, got {got:.6g} rad/s.",
+        got=jnp.min(speeds),
+    )
+    if not isinstance(method, HarmonicBalance):
+        return jax.vmap(lambda speed: method.orbit(system, speed, None))(speeds)
+    balance = balance_of(method, system)
+    one = lambda speed: method.solve(balance, speed)[0]
+    # Lanes of a batch all wait for the slowest: on a CPU one after the other is faster.
+    return jax.lax.map(one, speeds) if jax.default_backend() == "cpu" else jax.vmap(one)(speeds)
+
+
+# Where no periodic response is found after a march, the march goes on for so many times as long. An
+# unstable response is left from a state that differs by so much, relative to the static one.
+_PATIENCE, _DISTURBANCE = 5, 0.1
+
+Direction = Literal["up", "down", "cold"]
+
+
+@dataclass(frozen=True)
+class SweepPoint:
+    """The response at one speed of a sweep.
+
+    `multiple` is the number of cycles that `orbit` covers; it repeats after these if it has
+    settled. `multipliers` are Floquet's, largest first; a march has none, for what it settles
+    on is stable.
+    """
+
+    orbit: Orbit
+    multiple: int
+    multipliers: np.ndarray
+
+    @property
+    def settled(self) -> bool:
+        """Whether the response repeats."""
+        return bool(self.orbit.settled)
+
+    @property
+    def stable(self) -> bool:
+        """Whether it has settled, and a machine stays on it."""
+        return self.settled and bool(np.abs(self.multipliers).max(initial=0.0) <= _STABLE)
+
+
+@dataclass(frozen=True)
+class SweepSettings:
+    """How a sweep goes about it.
+
+    `method` is that of the whole sweep. With harmonic balance, what its Newton's method cannot
+    follow is looked for by `shooting`, after `cycles` of marching from the last motion; a speed
+    without a periodic response keeps the last `kept` of them.
+    """
+
+    method: HarmonicBalance | Shooting | Marching = field(default_factory=HarmonicBalance)
+    shooting: Shooting = field(default_factory=lambda: Shooting(warm_up=0))
+    cycles: int = 100
+    kept: int = 10
+
+
+def sweep(
+    system: DynamicSystem,
+    speeds: Sequence[float] | np.ndarray,
+    direction: Direction = "up",
+    settings: SweepSettings = SweepSettings(),
+    *,
+    done: Callable[[int], None] = lambda count: None,
+) -> tuple[SweepPoint, ...]:
+    """Find the response at each speed, each from that before it.
+
+    Not for tracing: what is done at a speed depends on what was found. For derivatives, take the
+    points' `multiple` and harmonics to `HarmonicBalance.solve`.
+
+    **Arguments:**
+
+    - `system`: what moves.
+    - `speeds`: of the pinion, positive [rad/s].
+    - `direction`: "up" or "down", in that order of speeds, or "cold": each speed from the
+        quasi-static state.
+    - `settings`: how.
+    - `done`: told how many more speeds are finished.
+
+    **Returns:**
+
+    A point for each speed, in the order of `speeds`.
+
+    **Raises:**
+
+    - `ValueError` if there is no speed, or one that is not positive.
+    """
+    values = np.asarray(speeds, dtype=float)
+    require(values.size > 0, "A sweep needs at least one speed.")
+    require(
+        bool(np.all(values > 0.0)),
+        "All speeds of a sweep must be positive, got {got:.6g} rad/s.",
+        got=float(values.min()),
+    )
+    order = np.argsort(values)
+    order = order[::-1] if direction == "down" else order
+    finder = _Finder(system, settings)
+    points: dict[int, SweepPoint] = {}
+    last = None
+    for index in order:
+        point = finder.next(jnp.asarray(values[index]), last)
+        points[int(index)] = point
+        last = None if direction == "cold" else point
+        done(1)
+    return tuple(points[index] for index in range(values.size))
+
+
+class _Finder:
+    """Looks for the response at one speed after the other."""
+
+    def __init__(self, system: DynamicSystem, settings: SweepSettings):
+        self.system, self.settings = system, settings
+        self.modes = jax.jit(modal_basis)(system)
+        self.rest = jax.jit(quasi_static_start)(system)
+        self.balances: dict[int, Balance] = {}
+
+    def next(self, speed: Scalar, last: SweepPoint | None) -> SweepPoint:
+        """The response at a speed that follows `last`."""
+        method = self.settings.method
+        start = self.rest if last is None else last.orbit.start
+        if isinstance(method, Marching):
+            return self.alone(_orbit(_times(method, 2), self.system, speed, start))
+        if isinstance(method, Shooting):
+            return self.shot(method, speed, start) or self.searched(method, speed, start)
+        if last is not None and last.settled:
+            found = self.balanced(speed, last.multiple, last.orbit)
+        else:
+            found = self.balanced(speed, 1, None)
+        if found.stable:
+            return found
+        if found.settled:
+            start = self.disturbed(found)
+        found = self.searched(self.settings.shooting, speed, start)
+        if not found.settled:
+            return found
+        # Of two methods that agree, the one that all other speeds have.
+        polished = self.balanced(speed, found.multiple, found.orbit)
+        return polished if polished.stable else found
+
+    def balanced(self, speed: Scalar, multiple: int, near: Orbit | None) -> SweepPoint:
+        """The response by harmonic balance, from one close by or from the quasi-static states."""
+        method = _times(self.settings.method, multiple)
+        if multiple not in self.balances:
+            self.balances[multiple] = eqx.filter_jit(balance_of)(method, self.system)
+        balance = self.balances[multiple]
+        first = balance.rest if near is None else terms_of(balance, near)
+        return self.judged(_balanced(method, balance, speed, first))
+
+    def searched(self, method: Shooting, speed: Scalar, start: Start) -> SweepPoint:
+        """The response that a march from a motion ends in: soon, or after a longer while."""
+        cycles = self.settings.cycles
+        for longer in (1, _PATIENCE):
+            history = _march(self.system, self.modes, speed, start, longer * cycles, 1)
+            start = _state(history)
+            found = self.shot(method, speed, start)
+            if found is not None:
+                return found
+        return self.marched(speed, start)
+
+    def shot(self, method: Shooting, speed: Scalar, start: Start) -> SweepPoint | None:
+        """A stable response over one cycle or two by shooting, from a motion close by."""
+        for multiple in (1, 2):
+            orbit = _orbit(_times(method, multiple), self.system, speed, start)
+            found = self.judged(orbit)
+            if found.stable:
+                return found
+        return None
+
+    def judged(self, orbit: Orbit) -> SweepPoint:
+        """The response with its multipliers, if it has settled."""
+        point = self.alone(orbit)
+        if not point.settled:
+            return point
+        matrix = _monodromy(self.system, self.modes, point.orbit)
+        return dataclasses.replace(point, multipliers=multipliers(matrix, self.modes))
+
+    def disturbed(self, point: SweepPoint) -> Start:
+        """A start beside an unstable response, where it is left fastest."""
+        matrix = np.asarray(_monodromy(self.system, self.modes, point.orbit))
+        swing = np.sqrt(np.asarray(self.modes.square))
+        weights = np.concatenate([swing, np.ones_like(swing)])
+        values, vectors = np.linalg.eig(matrix * weights[:, None] / weights[None, :])
+        away = np.real(vectors[:, np.argmax(np.abs(values))])
+        onto = np.asarray(self.modes.shape.T @ self.system.mass)
+        state = (np.asarray(point.orbit.start) @ onto.T).reshape(-1) * weights
+        state = state + _DISTURBANCE * np.linalg.norm(state) / np.linalg.norm(away) * away
+        return jnp.asarray((state / weights).reshape(2, -1)) @ self.modes.shape.T
+
+    def alone(self, orbit: Orbit) -> SweepPoint:
+        """The response over as many cycles as it needs."""
+        steps = len(self.system.table.kinds)
+        multiple = orbit.place.shape[0] // steps
+        none = np.zeros(0, dtype=complex)
+        first, second = orbit.place[:steps], orbit.place[-steps:]
+        apart = float(jnp.max(jnp.abs(first - second)[:, 0]))
+        if multiple == 2 and bool(orbit.settled) and apart <= _SAME * float(jnp.ptp(first[:, 0])):
+            halved = {name: getattr(orbit, name)[:steps] for name in ("place", "load", "motion")}
+            return SweepPoint(dataclasses.replace(orbit, **halved), 1, none)
+        return SweepPoint(orbit, multiple, none)
+
+    def marched(self, speed: Scalar, start: Start) -> SweepPoint:
+        """What a march leaves where no periodic response is found."""
+        kept, cycles = self.settings.kept, self.settings.cycles
+        history = _march(self.system, self.modes, speed, start, cycles, kept)
+        begun = jnp.concatenate([history.start[:1], history.motion[:-1]])
+        orbit = Orbit(
+            speed=speed,
+            place=history.place,
+            load=history.load,
+            motion=0.5 * (begun + history.motion),
+            start=_state(history),
+            residual=history.drift[-1],
+            settled=jnp.asarray(False),
+            steps=jnp.asarray(float(cycles)),
+        )
+        return SweepPoint(orbit, kept, np.zeros(0, dtype=complex))
+
+
+def terms_of(balance: Balance, orbit: Orbit) -> Terms:
+    """Harmonics of a response by any method, to begin harmonic balance with.
+
+    **Arguments:**
+
+    - `balance`: over as many cycles as the response.
+    - `orbit`: the response.
+
+    **Returns:**
+
+    Harmonics of its mesh coordinates [m, rad].
+    """
+    return (balance.analysis @ orbit.place).T
+
+
+def _times(method, multiple: int):
+    """The same method for responses over so many cycles."""
+    return dataclasses.replace(method, multiple=multiple)
+
+
+def _state(history: History) -> Start:
+    """Motion and velocity where a march ended [m, rad, m/s, rad/s]."""
+    return jnp.stack([history.motion[-1], history.velocity[-1]])
+
+
+@eqx.filter_jit
+def _balanced(method: HarmonicBalance, balance: Balance, speed: Scalar, near: Terms) -> Orbit:
+    return method.solve(balance, speed, near)[0]
+
+
+@eqx.filter_jit
+def _orbit(method: AbstractMethod, system: DynamicSystem, speed: Scalar, start: Start) -> Orbit:
+    return method.orbit(system, speed, start)
+
+
+@eqx.filter_jit
+def _monodromy(system: DynamicSystem, modes: ModalBasis, orbit: Orbit) -> Reals:
+    return monodromy(system, modes, orbit)
+
+
+@eqx.filter_jit
+def _march(
+    system: DynamicSystem, modes: ModalBasis, speed: Scalar, start: Start, cycles: int, keep: int
+) -> History:
+    stepper = Exponential()
+    return march(system, speed, start, cycles=cycles, keep=keep, stepper=stepper, modes=modes)
