@@ -60,6 +60,8 @@ class DynamicSystem(eqx.Module):
     - `rest`: mesh coordinates at vanishing speed, in the middle of each step [m, rad].
     - `free`: motions that only the artificial spring holds, of unit modal mass.
     - `teeth`: of the pinion.
+    - `back`: whether the back flanks are in the mesh too; the second half of its coordinates is
+        then theirs.
     """
 
     mass: Matrix
@@ -77,6 +79,7 @@ class DynamicSystem(eqx.Module):
     rest: StepPlaces
     free: FreeMotions
     teeth: int = eqx.field(static=True)
+    back: bool = eqx.field(static=True, default=False)
 
     @property
     def mesh_stiffness(self) -> Matrix:

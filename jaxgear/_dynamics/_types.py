@@ -11,6 +11,7 @@
 | `state` | part of a mode's state: displacement, velocity, acceleration where it is carried |
 | `column` | column of a matrix of states |
 | `speed` | operating speed |
+| `order` | multiple of the mesh frequency |
 | `term` | mean, then cosines, then sines of the harmonics |
 """
 
@@ -44,6 +45,11 @@ if TYPE_CHECKING:
     Basis = Array
     Analysis = Array
     HarmonicMatrices = Array
+    Series = Array
+    PairSeries = Array
+    BearingSeries = Array
+    Orders = Array
+    BearingOrders = Array
 else:
     Edges = Float[Array, "edge"]
     StepCells = Float[Array, "step cell"]
@@ -70,3 +76,8 @@ else:
     Basis = Float[Array, "step term"]
     Analysis = Float[Array, "term step"]
     HarmonicMatrices = Float[Array, "harmonic coordinate coordinate"]
+    Series = Float[Array, "step"]
+    PairSeries = Float[Array, "step line"]
+    BearingSeries = Float[Array, "step bearing 5"]
+    Orders = Float[Array, "order"]
+    BearingOrders = Float[Array, "order bearing 5"]

@@ -1,0 +1,208 @@
+r"""What a steady response means for gears: dynamic ratio, transmission error, forces, orders.
+
+Means are weighted by the lengths of the time steps. Forces are elastic: damping forces do not
+stress a tooth. All functions can be traced, batched over responses and differentiated.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxgear._dynamics._orbit import Orbit
+from jaxgear._dynamics._system import DynamicSystem, PairDynamics
+from jaxgear._dynamics._table import MIDDLE, cell_forces, mesh_at, repeated
+from jaxgear._dynamics._types import (
+    BearingOrders,
+    BearingSeries,
+    Orders,
+    PairSeries,
+    Series,
+    StepCells,
+)
+from jaxgear._interface._laws import AbstractContactLaw, ExactContact
+from jaxgear._smooth import smooth_maximum
+from jaxgear._system._structure import bearing_motion
+from jaxgear._types import Reals, Scalar
+
+
+class DynamicResponse(eqx.Module):
+    """The numbers of one response.
+
+    **Fields:**
+
+    - `dynamic_ratio`: largest total contact force over the static one [-].
+    - `pair_ratio`: largest force on one tooth pair over the static mesh force [-].
+    - `line_load_ratio`: largest line load over the largest at vanishing speed [-].
+    - `te_mean`, `te_rms`, `te_peak_to_peak`: transmission error, its RMS about its mean, its range
+        [m].
+    - `contact_loss`: share of the time in which no tooth touches [-].
+    - `te_orders`: amplitudes at the mesh frequency and its multiples [m].
+    - `force_orders`: the same of the total contact force [N].
+    - `bearing_orders`: the same of the loads that the shafts put on their bearings, along S, T, Z
+        and about S, T [N, N m].
+    """
+
+    dynamic_ratio: Scalar
+    pair_ratio: Scalar
+    line_load_ratio: Scalar
+    te_mean: Scalar
+    te_rms: Scalar
+    te_peak_to_peak: Scalar
+    contact_loss: Scalar
+    te_orders: Orders
+    force_orders: Orders
+    bearing_orders: BearingOrders
+
+
+def dynamic_response(dynamics: PairDynamics, orbit: Orbit, orders: int = 8) -> DynamicResponse:
+    """Work out what a response means.
+
+    **Arguments:**
+
+    - `dynamics`: the pair.
+    - `orbit`: its response at one speed.
+    - `orders`: number of mesh orders.
+
+    **Returns:**
+
+    The numbers.
+    """
+    system = dynamics.system
+    error = dynamic_transmission_error(system, orbit)
+    force = contact_force(system, orbit)
+    loads = bearing_loads(dynamics, orbit)
+    static = jnp.max(_line_loads(dynamics, dynamics.cycle.force))
+    return DynamicResponse(
+        dynamic_ratio=dynamic_ratio(system, orbit),
+        pair_ratio=jnp.max(pair_forces(dynamics, orbit)) / system.force,
+        line_load_ratio=jnp.max(_line_loads(dynamics, _cell_forces(system, orbit))) / static,
+        te_mean=orbit_mean(system, error),
+        te_rms=orbit_rms(system, error),
+        te_peak_to_peak=jnp.max(error) - jnp.min(error),
+        contact_loss=orbit_mean(system, jnp.where(force > 0.0, 0.0, 1.0)),
+        te_orders=order_amplitudes(system, error, orders),
+        force_orders=order_amplitudes(system, force, orders),
+        bearing_orders=order_amplitudes(system, loads, orders),
+    )
+
+
+def contact_force(system: DynamicSystem, orbit: Orbit) -> Series:
+    """Total elastic force of all cells at each step [N], along the normal."""
+    drive = orbit.load[:, 0]
+    return drive + orbit.load[:, orbit.load.shape[1] // 2] if system.back else drive
+
+
+def dynamic_ratio(system: DynamicSystem, orbit: Orbit) -> Scalar:
+    """Largest total contact force over the static mesh force [-]."""
+    return jnp.max(contact_force(system, orbit)) / system.force
+
+
+def smooth_dynamic_ratio(system: DynamicSystem, orbit: Orbit, width: Scalar) -> Scalar:
+    """Differentiable `dynamic_ratio`; too large by `width log(steps)` at the most.
+
+    **Arguments:**
+
+    - `system`: what moves.
+    - `orbit`: its response.
+    - `width`: of the smoothing, in static mesh forces [-].
+
+    **Returns:**
+
+    The ratio [-].
+    """
+    return smooth_maximum(contact_force(system, orbit) / system.force, width)
+
+
+def dynamic_transmission_error(system: DynamicSystem, orbit: Orbit) -> Series:
+    r"""Transmission error $r_{b1}\theta_1 + r_{b2}\theta_2$ at each step [m]."""
+    return orbit.motion @ system.transmission
+
+
+def bearing_loads(dynamics: PairDynamics, orbit: Orbit) -> BearingSeries:
+    """Loads that the shafts put on their bearings at each step, the pinion's first [N, N m]."""
+    structure = dynamics.cycle.system.structure
+    motion = jnp.zeros((orbit.motion.shape[0], structure.map.size))
+    motion = motion.at[:, np.asarray(dynamics.dofs)].set(orbit.motion)
+    return jax.vmap(lambda x: bearing_motion(structure, x).load)(motion)
+
+
+def pair_forces(dynamics: PairDynamics, orbit: Orbit) -> PairSeries:
+    """Force on each tooth pair's contact line at each step, drive flanks [N]."""
+    lines = dynamics.cycle.cells.lines.roll.shape[1]
+    slices = dynamics.cycle.cells.lines.roll.shape[2]
+    force = _cell_forces(dynamics.system, orbit)[:, : lines * slices]
+    return jnp.sum(force.reshape(-1, lines, slices), axis=2)
+
+
+def orbit_mean(system: DynamicSystem, values: Reals) -> Reals:
+    """Mean over a response of values at its steps, in their unit."""
+    return jnp.tensordot(_weights(system, values.shape[0]), values, axes=1)
+
+
+def orbit_variance(system: DynamicSystem, values: Series) -> Scalar:
+    """Mean square of the fluctuation of values about their mean, in their unit squared.
+
+    Optimise this rather than the RMS, whose slope is 0/0 where it vanishes.
+    """
+    return orbit_mean(system, (values - orbit_mean(system, values)) ** 2)
+
+
+def orbit_rms(system: DynamicSystem, values: Series) -> Scalar:
+    """RMS of the fluctuation of values about their mean, in their unit."""
+    return jnp.sqrt(orbit_variance(system, values))
+
+
+def order_amplitudes(
+    system: DynamicSystem, values: Reals, count: int, *, first: float = 1.0
+) -> Reals:
+    """Amplitudes at multiples of the mesh frequency.
+
+    **Arguments:**
+
+    - `system`: gives the time steps.
+    - `values`: at each step of a response over whole cycles; further axes may follow.
+    - `count`: number of orders.
+    - `first`: the first of them and the distance between them, in mesh orders: 0.5 gives
+        the sub-harmonics of a response over two mesh periods too [-].
+
+    **Returns:**
+
+    Peak amplitude of each order, leading, in the unit of `values`.
+    """
+    weights = _weights(system, values.shape[0])
+    middles = jnp.cumsum(weights) - 0.5 * weights
+    cycles = values.shape[0] // len(system.table.kinds) * system.table.periods
+    order = first * jnp.arange(1, count + 1, dtype=float)
+    angle = 2.0 * jnp.pi * cycles * order[:, None] * middles[None, :]
+    swing = values - orbit_mean(system, values)
+    cosine = jnp.tensordot(weights[None, :] * jnp.cos(angle), swing, axes=1)
+    sine = jnp.tensordot(weights[None, :] * jnp.sin(angle), swing, axes=1)
+    size = cosine**2 + sine**2
+    # An amplitude that vanishes has no slope: zero is given.
+    return 2.0 * jnp.where(size > 0.0, jnp.sqrt(jnp.where(size > 0.0, size, 1.0)), 0.0)
+
+
+def _weights(system: DynamicSystem, steps: int) -> Series:
+    """Share of the response in each step [-]."""
+    lengths = system.table.lengths / system.table.periods
+    times = steps // lengths.size
+    return jnp.tile(lengths, times) / times
+
+
+def _cell_forces(
+    system: DynamicSystem, orbit: Orbit, law: AbstractContactLaw = ExactContact()
+) -> StepCells:
+    """Elastic force of each cell at each step [N]."""
+    times = orbit.place.shape[0] // len(system.table.kinds)
+    meshes = mesh_at(repeated(system.table, times), MIDDLE)
+    return jax.vmap(lambda mesh, place: cell_forces(mesh, place, law)[0])(meshes, orbit.place)
+
+
+def _line_loads(dynamics: PairDynamics, force: StepCells) -> Reals:
+    """Line load of the drive flanks' cells at each step, as `line_load` has it [N/m]."""
+    lines = dynamics.cycle.cells.lines
+    shape = lines.roll.shape[1:]
+    each = force[:, : shape[0] * shape[1]].reshape(-1, *lines.roll.shape)
+    length = jnp.where(lines.fraction >= 0.5, lines.fraction * lines.length, jnp.inf)
+    return each / length
