@@ -51,6 +51,7 @@ from jaxgear._flank._deviations import (
 )
 from jaxgear._flank._indexing import Indexing
 from jaxgear._flank._tolerances import GradeWaveform, deviation_of_grade, pitch_error_of_grade
+from jaxgear._geometry._backlash import check_backlash
 from jaxgear._geometry._gear import Gear, Material
 from jaxgear._geometry._lines import MeshGrid, mesh_grid
 from jaxgear._geometry._pair import GearPair
@@ -177,7 +178,7 @@ def _real(scene: Scene, key: str) -> Scalar:
 
 def _pair(scene: Scene) -> GearPair:
     centre_distance = scene.get("pair.centre_distance_mm")
-    return GearPair(
+    pair = GearPair(
         pinion=_gear(scene, "pinion"),
         wheel=_gear(scene, "wheel"),
         normal_module=_real(scene, "pair.module_mm") * mm,
@@ -185,9 +186,12 @@ def _pair(scene: Scene) -> GearPair:
         helix_angle=_real(scene, "pair.helix_angle_deg") * deg,
         centre_distance=None if centre_distance is None else centre_distance * mm,
     )
+    check_backlash(pair)
+    return pair
 
 
 def _gear(scene: Scene, name: str) -> Gear:
+    allowance = scene.get(f"{name}.thickness_allowance_um")
     # A bore of zero is none, which is a matter of the program and not of its numbers.
     has_bore = scene.get(f"{name}.bore_mm") is not None and scene.concrete(f"{name}.bore_mm") > 0.0
     return Gear(
@@ -200,6 +204,7 @@ def _gear(scene: Scene, name: str) -> Gear:
         tip_shortening=_real(scene, f"{name}.tip_shortening_coeff"),
         bore=_real(scene, f"{name}.bore_mm") * mm if has_bore else None,
         material=_material(scene, name),
+        thickness_allowance=None if allowance is None else allowance * um,
     )
 
 

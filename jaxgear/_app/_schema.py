@@ -389,6 +389,13 @@ def _gear(gear: str) -> tuple[Key, ...]:
             remedy="The key is in millimetres",
         ),
         _variable(f"{gear}.bore_mm", "diameter of the bore; 0: none", at_least=0.0),
+        _number(
+            f"{gear}.thickness_allowance_um",
+            "how much thinner the tooth is made at the reference cylinder, in the normal section; "
+            "where a gear has it, back flanks touch once the backlash is used up",
+            at_least=0.0,
+            remedy="An allowance is what is taken off the tooth, so it is not negative",
+        ),
         _text(f"{gear}.foundation", "foundation of this gear's teeth", **_FOUNDATIONS),
         *_material(f"{gear}.material", OPTIONAL, OPTIONAL, OPTIONAL),
         _variable(f"{gear}.support.radial_N_m", "radial stiffness of the support", **stiffness),

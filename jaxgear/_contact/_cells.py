@@ -99,19 +99,39 @@ def mesh_cells(
     Position and stiffness of each cell, $k = k'\,\Delta l$ times its active fraction.
     """
     lines = contact_lines(pair, dataclasses.replace(grid, periods=1))
+    cells = cells_on_lines(pair, lines, compliance, line_load)
+    return cells if grid.periods == 1 else _repeated(cells, grid)
+
+
+def cells_on_lines(
+    pair: GearPair, lines: ContactLines, compliance: AbstractCompliance, line_load: Scalar
+) -> MeshCells:
+    """Divide contact lines that have been placed already.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `lines`: over one mesh period.
+    - `compliance`: of one tooth pair.
+    - `line_load`: at which the secant is taken [N/m].
+
+    **Returns:**
+
+    As `mesh_cells`.
+    """
     line_stiffness = _along_path(pair, compliance, line_load, lines.roll)
     stiffness = line_stiffness * lines.fraction * lines.length
     helix = pair.base_helix_angle
     across = lines.face_position[None, None, :] * jnp.cos(helix)
     arm = across + (lines.roll - pair.pitch_point) * jnp.sin(helix)
-    cells = MeshCells(
+    flat = lines.phase.size, lines.roll.shape[1] * lines.roll.shape[2]
+    return MeshCells(
         lines=lines,
         line_stiffness=line_stiffness,
-        stiffness=stiffness.reshape(grid.phases, grid.cells),
-        coupling=_coupling(pair, lines, compliance.bodies(pair, grid.lines - 1)),
-        arm=arm.reshape(grid.phases, grid.cells),
+        stiffness=stiffness.reshape(flat),
+        coupling=_coupling(pair, lines, compliance.bodies(pair, lines.roll.shape[1] - 1)),
+        arm=arm.reshape(flat),
     )
-    return cells if grid.periods == 1 else _repeated(cells, grid)
 
 
 def _coupling(

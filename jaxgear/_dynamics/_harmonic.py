@@ -249,11 +249,15 @@ class Problem(eqx.Module):
 
     **Fields:**
 
-    - `law`, `samples`, `times`, `analysis`, `scales`: as of `Balance`.
+    - `law`, `samples`: as of `Balance`.
+    - `times`, `analysis`: as of `Balance` [-].
+    - `scales`: of the mesh coordinates [m, rad].
     - `rates`: time derivatives of the harmonics at mid-steps [1/s].
     - `real`, `imaginary`: parts of the receptance at each harmonic [m/N, 1/N, 1/(N m)].
     - `still`: mesh coordinates under the constant load alone [m, rad].
-    - `mean`, `bow`, `cell_damping`: of the system.
+    - `mean`: mean mesh stiffness [N/m, N, N m].
+    - `bow`: of the system, or `None` [m/N, 1/N, 1/(N m)].
+    - `cell_damping`: of the system, or `None` [s].
     - `speed`: of the pinion [rad/s].
     - `base`: frequency of the response [rad/s].
     """

@@ -154,13 +154,15 @@ class Rule(eqx.Module):
     **Fields:**
 
     - `step`: length of the step [s].
-    - `state`: state at the end per state at the start, part by part.
-    - `load`: state at the end per modal load.
-    - `near`: displacement at the instant of the load per state at the start.
-    - `near_load`: the same per modal load.
-    - `rate`, `rate_load`: the same of the velocity.
+    - `state`: state at the end per state at the start, part by part [s^n].
+    - `load`: state at the end per modal load [s2, s, -].
+    - `near`: displacement at the instant of the load per state at the start [-, s, s2].
+    - `near_load`: the same per modal load [s2].
+    - `rate`: velocity at the instant of the load per state at the start [1/s, -, s].
+    - `rate_load`: the same per modal load [s].
     - `yields`: $H$, mesh coordinates given up per mesh load [m/N, 1/N, 1/(N m)].
-    - `follows`: nodes' mesh coordinates per those that they would have without the mesh.
+    - `follows`: nodes' mesh coordinates per those that they would have with the mean mesh stiffness
+        alone [-, m, 1/m].
     - `own`: $S$, nodes' mesh coordinates per excess load [m/N, 1/N, 1/(N m)].
     - `brakes`: their rates per excess load [m/(N s), 1/(N s), 1/(N m s)].
     """
@@ -342,7 +344,7 @@ class Carried(eqx.Module):
 
     **Fields:**
 
-    - `state`: of each mode, part by part.
+    - `state`: of each mode, part by part [kg^1/2 m, kg^1/2 m/s, kg^1/2 m/s2].
     - `load`: mesh load of the last step, to begin the next with [N, N m].
     - `place`: mesh coordinates at the end of the last step, if contact is averaged [m, rad].
     - `error`: largest imbalance of contact so far [-].

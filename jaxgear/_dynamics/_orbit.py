@@ -7,7 +7,7 @@ import jax.numpy as jnp
 
 from jaxgear._dynamics._system import DynamicSystem
 from jaxgear._dynamics._types import Motion, Start, StepPlaces
-from jaxgear._types import Flag, Scalar
+from jaxgear._types import Coordinates, Flag, Scalar
 
 
 class Orbit(eqx.Module):
@@ -40,7 +40,9 @@ class Orbit(eqx.Module):
 class AbstractMethod(eqx.Module):
     """A way to a steady response. Integers and flags select a program; reals are arguments.
 
-    `multiple` is the number of cycles after which the response repeats.
+    **Fields:**
+
+    - `multiple`: cycles after which the response repeats.
     """
 
     multiple: eqx.AbstractVar[int]
@@ -62,7 +64,7 @@ class AbstractMethod(eqx.Module):
         """
 
 
-def mesh_scales(system: DynamicSystem) -> StepPlaces:
+def mesh_scales(system: DynamicSystem) -> Coordinates:
     """Sizes of the mesh coordinates: static deflection, and the tilt that moves cells as far.
 
     **Arguments:**
@@ -73,8 +75,9 @@ def mesh_scales(system: DynamicSystem) -> StepPlaces:
 
     One for each coordinate [m, rad].
     """
-    stiffness = jnp.diagonal(system.mean)
-    largest = jnp.max(jnp.where(stiffness > 0.0, stiffness, 0.0))
-    deflection = system.force / system.mean[0, 0]
-    ratio = system.mean[0, 0] / jnp.maximum(stiffness, 1e-9 * largest)
-    return deflection * jnp.sqrt(ratio)
+    width = system.mean.shape[0] // 2 if system.back else system.mean.shape[0]
+    # A coordinate that moves no cell, such as the tilt of one slice, has no size of its own.
+    stiffness = jnp.diagonal(system.mean)[:width]
+    ratio = stiffness[0] / jnp.maximum(stiffness, 1e-9 * jnp.max(stiffness))
+    scales = system.force / stiffness[0] * jnp.sqrt(ratio)
+    return jnp.concatenate([scales, scales]) if system.back else scales

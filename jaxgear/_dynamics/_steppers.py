@@ -6,6 +6,7 @@ that a march needs of a rule is what it makes of unit states and of a unit load.
 """
 
 import abc
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -106,53 +107,33 @@ class Exponential(AbstractStepper):
         return ended, 0.5 * (place + ended[0]), 0.5 * (speed + ended[1])
 
 
-class GeneralizedAlpha(AbstractStepper):
-    r"""Chung and Hulbert's generalised-$\alpha$ method, J. Appl. Mech. 60 (1993) 371.
+class Weights(NamedTuple):
+    r"""Numbers of a rule of Newmark's family: $\alpha_m$, $\alpha_f$, $\beta$, $\gamma$ [-]."""
 
-    Newmark's rules $y_1 = y_0 + h\dot y_0 + h^2[(\frac12-\beta)\ddot y_0 + \beta\ddot y_1]$,
-    $\dot y_1 = \dot y_0 + h[(1-\gamma)\ddot y_0 + \gamma\ddot y_1]$ with the balance taken between
-    the ends of the step: inertia at $1-\alpha_m$, the rest at $1-\alpha_f$. Contact is evaluated at
-    that instant and place.
+    inertia: float
+    forces: float
+    beta: float
+    gamma: float
 
-    **Fields:**
 
-    - `inertia`: $\alpha_m$ [-].
-    - `forces`: $\alpha_f$ [-].
-    - `beta`, `gamma`: of Newmark's rules [-].
+class AbstractNewmark(AbstractStepper):
+    r"""Newmark's family, which carries the acceleration.
+
+    $y_1 = y_0 + h\dot y_0 + h^2[(\frac12-\beta)\ddot y_0 + \beta\ddot y_1]$ and
+    $\dot y_1 = \dot y_0 + h[(1-\gamma)\ddot y_0 + \gamma\ddot y_1]$, with the balance of forces
+    between the ends of the step: inertia at $1-\alpha_m$, all else at $1-\alpha_f$, where contact
+    is evaluated.
     """
 
-    inertia: float = eqx.field(static=True)
-    forces: float = eqx.field(static=True)
-    beta: float = eqx.field(static=True)
-    gamma: float = eqx.field(static=True)
-
-    def __init__(self, radius: float = 0.8):
-        r"""The method with a given damping of infinitely fast modes.
-
-        **Arguments:**
-
-        - `radius`: $\rho_\infty$, what one step leaves of an infinitely fast mode, 0 to 1 [-].
-
-        **Raises:**
-
-        - `ValueError` if the radius is out of range.
-        """
-        require(
-            0.0 <= radius <= 1.0,
-            "`GeneralizedAlpha.radius` must be 0 to 1, got {got:.6g}.",
-            got=radius,
-        )
-        self._set((2.0 * radius - 1.0) / (radius + 1.0), radius / (radius + 1.0))
-
-    def _set(self, inertia: float, forces: float) -> None:
-        self.inertia, self.forces = inertia, forces
-        self.beta = 0.25 * (1.0 - inertia + forces) ** 2
-        self.gamma = 0.5 - inertia + forces
+    @property
+    @abc.abstractmethod
+    def weights(self) -> Weights:
+        """The four numbers."""
 
     @property
     def at(self) -> float:
         """Instant of the balance of forces within the step [-]."""
-        return 1.0 - self.forces
+        return 1.0 - self.weights.forces
 
     @property
     def carries(self) -> int:
@@ -161,74 +142,114 @@ class GeneralizedAlpha(AbstractStepper):
 
     def advance(self, state, load, square, damping, step):
         """Advance modes by one step; see `AbstractStepper`."""
+        weights = self.weights
         place, speed, acceleration = state
-        share = 1.0 - self.forces
+        share = 1.0 - weights.forces
         # At the instant of the balance, apart from what the new acceleration adds.
-        near = place + share * (step * speed + step**2 * (0.5 - self.beta) * acceleration)
-        rate = speed + share * step * (1.0 - self.gamma) * acceleration
-        by_place, by_rate = share * step**2 * self.beta, share * step * self.gamma
-        whole = (1.0 - self.inertia) + by_rate * damping + by_place * square
-        pull = load - self.inertia * acceleration - damping * rate - square * near
+        near = place + share * (step * speed + step**2 * (0.5 - weights.beta) * acceleration)
+        rate = speed + share * step * (1.0 - weights.gamma) * acceleration
+        by_place, by_rate = share * step**2 * weights.beta, share * step * weights.gamma
+        whole = (1.0 - weights.inertia) + by_rate * damping + by_place * square
+        pull = load - weights.inertia * acceleration - damping * rate - square * near
         new = pull / whole
-        mixed = (0.5 - self.beta) * acceleration + self.beta * new
+        mixed = (0.5 - weights.beta) * acceleration + weights.beta * new
         ended = (
             place + step * speed + step**2 * mixed,
-            speed + step * ((1.0 - self.gamma) * acceleration + self.gamma * new),
+            speed + step * ((1.0 - weights.gamma) * acceleration + weights.gamma * new),
             new,
         )
         return ended, near + by_place * new, rate + by_rate * new
 
 
-class HilberHughesTaylor(GeneralizedAlpha):
-    """The HHT-alpha method, Earthq. Eng. Struct. Dyn. 5 (1977) 283."""
+class GeneralizedAlpha(AbstractNewmark):
+    r"""The generalised-$\alpha$ method of Chung and Hulbert, J. Appl. Mech. 60 (1993) 371.
 
-    def __init__(self, alpha: float = -0.05):
-        r"""The method with its usual parameter.
+    **Fields:**
 
-        **Arguments:**
+    - `radius`: $\rho_\infty$, what one step leaves of an infinitely fast mode, 0 to 1 [-].
 
-        - `alpha`: $\alpha$ of the original paper, -1/3 to 0; more negative damps fast modes more
-            [-].
+    **Raises:**
 
-        **Raises:**
-
-        - `ValueError` if it is out of range.
-        """
-        require(
-            -1.0 / 3.0 <= alpha <= 0.0,
-            "`HilberHughesTaylor.alpha` must be -1/3 to 0, got {got:.6g}.",
-            got=alpha,
-        )
-        self._set(0.0, -alpha)
-
-
-class Newmark(GeneralizedAlpha):
-    r"""Newmark's method as in the thesis (section 3.3), by default $\beta = 1/4$, $\gamma = 1/2$.
-
-    Where stiffness jumps between two steps, the acceleration with which a step starts is that on
-    its own side of the jump.
+    - `ValueError` if the radius is out of range.
     """
 
-    def __init__(self, beta: float = 0.25, gamma: float = 0.5):
-        r"""The method with its two parameters.
+    radius: float = eqx.field(static=True, default=0.8)
 
-        **Arguments:**
-
-        - `beta`, `gamma`: $\beta$ and $\gamma$, positive; the method is unconditionally stable for
-            $2\beta \ge \gamma \ge 1/2$ [-].
-
-        **Raises:**
-
-        - `ValueError` unless both are positive.
-        """
+    def __check_init__(self):
         require(
-            beta > 0.0 and gamma > 0.0,
-            "`Newmark.beta` and `gamma` must be positive, got {beta:.6g} and {gamma:.6g}.",
-            beta=beta,
-            gamma=gamma,
+            0.0 <= self.radius <= 1.0,
+            "`GeneralizedAlpha.radius` must be 0 to 1, got {got:.6g}.",
+            got=self.radius,
         )
-        self._set(0.0, 0.0)
-        self.beta, self.gamma = beta, gamma
+
+    @property
+    def weights(self) -> Weights:
+        """The four numbers, of second order whatever the radius."""
+        inertia = (2.0 * self.radius - 1.0) / (self.radius + 1.0)
+        forces = self.radius / (self.radius + 1.0)
+        return Weights(
+            inertia, forces, 0.25 * (1.0 - inertia + forces) ** 2, 0.5 - inertia + forces
+        )
+
+
+class HilberHughesTaylor(AbstractNewmark):
+    r"""The HHT-$\alpha$ method, Earthq. Eng. Struct. Dyn. 5 (1977) 283.
+
+    **Fields:**
+
+    - `alpha`: $\alpha$, -1/3 to 0; the more negative, the more fast modes are damped [-].
+
+    **Raises:**
+
+    - `ValueError` if it is out of range.
+    """
+
+    alpha: float = eqx.field(static=True, default=-0.05)
+
+    def __check_init__(self):
+        require(
+            -1.0 / 3.0 <= self.alpha <= 0.0,
+            "`HilberHughesTaylor.alpha` must be -1/3 to 0, got {got:.6g}.",
+            got=self.alpha,
+        )
+
+    @property
+    def weights(self) -> Weights:
+        """The four numbers."""
+        return Weights(0.0, -self.alpha, 0.25 * (1.0 - self.alpha) ** 2, 0.5 - self.alpha)
+
+
+class Newmark(AbstractNewmark):
+    r"""Newmark's method as in the thesis (section 3.3).
+
+    Where stiffness jumps between two steps, the acceleration with which a step starts is that on
+    its own side of the jump. It is unconditionally stable for $2\beta \ge \gamma \ge 1/2$.
+
+    **Fields:**
+
+    - `beta`: $\beta$; 1/4 is the rule of constant average acceleration [-].
+    - `gamma`: $\gamma$; 1/2 damps nothing [-].
+
+    **Raises:**
+
+    - `ValueError` unless both are positive.
+    """
+
+    beta: float = eqx.field(static=True, default=0.25)
+    gamma: float = eqx.field(static=True, default=0.5)
+
+    def __check_init__(self):
+        require(
+            self.beta > 0.0 and self.gamma > 0.0,
+            "`Newmark.beta` and `Newmark.gamma` must be positive, got {beta:.6g} and {gamma:.6g}.",
+            beta=self.beta,
+            gamma=self.gamma,
+        )
+
+    @property
+    def weights(self) -> Weights:
+        """The four numbers: forces balance at the end of the step."""
+        return Weights(0.0, 0.0, self.beta, self.gamma)
 
     @property
     def refreshes(self) -> bool:

@@ -14,10 +14,11 @@ import jax.scipy.linalg
 import numpy as np
 
 from jaxgear._checks import InputError, require, require_float64
+from jaxgear._dynamics._back_flank import back_flank_table, back_vectors, with_back_flanks
 from jaxgear._dynamics._damping import (
     AbstractDamping,
     ModalDamping,
-    free_of,
+    damping_matrix,
 )
 from jaxgear._dynamics._table import MeshTable, mesh_table, tangent_columns
 from jaxgear._dynamics._types import (
@@ -30,16 +31,17 @@ from jaxgear._dynamics._types import (
     Vector,
     Vectors,
 )
+from jaxgear._geometry._backlash import check_backlash, has_back_contact
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._solve._coordinates import on_coordinates_all
 from jaxgear._solve._cycle import MeshCycle, corrected_cycle, prepare_mesh
 from jaxgear._system._model import PairModel
 from jaxgear._system._pair_system import PairSystem
-from jaxgear._types import CoordinateMatrix, Scalar
+from jaxgear._types import CoordinateMatrix, DofCoordinates, Scalar
 
 
 class DynamicSystem(eqx.Module):
-    """A linear structure and a mesh in time.
+    r"""A linear structure and a mesh in time.
 
     **Fields:**
 
@@ -58,7 +60,8 @@ class DynamicSystem(eqx.Module):
     - `force`: static mesh force along the normal [N].
     - `transmission`: transmission error per motion [-, m].
     - `rest`: mesh coordinates at vanishing speed, in the middle of each step [m, rad].
-    - `free`: motions that only the artificial spring holds, of unit modal mass.
+    - `free`: motions that only the artificial spring holds, of unit modal mass
+        [kg^-1/2, kg^-1/2 m^-1].
     - `teeth`: of the pinion.
     - `back`: whether the back flanks are in the mesh too; the second half of its coordinates is
         then theirs.
@@ -172,7 +175,7 @@ class PairDynamics(eqx.Module):
 def pair_dynamics(
     model: PairModel,
     grid: MeshGrid,
-    damping: AbstractDamping = ModalDamping(),
+    damping: AbstractDamping | None = None,
     *,
     gyroscopic: bool = False,
     active_mesh_damping: bool = False,
@@ -183,7 +186,7 @@ def pair_dynamics(
 
     - `model`: gears, flanks, mounts, bodies and torque.
     - `grid`: time steps in one mesh period (`phases`), slices, mesh periods in the cycle.
-    - `damping`: of the linear system with the mean mesh stiffness.
+    - `damping`: of the linear system with the mean mesh stiffness; by default `ModalDamping()`.
     - `gyroscopic`: whether gears and shafts that tilt while they spin feel it.
     - `active_mesh_damping`: whether the mesh damps only while it is in contact. Its part of
         `damping` then becomes forces of the closed cells in proportion to their rate, with
@@ -191,40 +194,53 @@ def pair_dynamics(
 
     **Returns:**
 
-    The pair; look at `cycle.converged`.
+    The pair, with its back flanks if a gear has a `thickness_allowance`; look at `cycle.converged`.
 
     **Raises:**
 
-    - `ValueError` in single precision.
+    - `ValueError` in single precision, or if thinner teeth still have no backlash.
     """
     require_float64()
     prepared = prepare_mesh(model, grid)
     cycle = corrected_cycle(prepared, model)
     mounted = prepared.system
     mapped, structure = mounted.structure.map, mounted.structure
+    back = has_back_contact(model.pair)
     dofs = np.asarray(mapped.free)
     among = lambda matrix: matrix[dofs[:, None], dofs[None, :]]
     spread = jnp.zeros((mapped.size, mounted.vectors.shape[1]))
-    vectors = spread.at[np.asarray(mapped.gear_dofs)].set(mounted.vectors)[dofs]
-    mean = _mean_stiffness(mounted, cycle)
+    onto = lambda rows: spread.at[np.asarray(mapped.gear_dofs)].set(rows)[dofs]
+    vectors, mean = onto(mounted.vectors), _mean_stiffness(mounted, cycle)
+    table = mesh_table(mounted, cycle.cells, grid, model.flanks, model.misalignment)
+    bow, rest = _bow(mounted), _rest(mounted, cycle)
     mass = among(structure.mass)
     free = _rigid_rotation(mounted)[dofs]
     free = free / jnp.sqrt(free @ mass @ free)
-    # The artificial spring gets a frequency of the size of the mesh's own.
-    approach = vectors[:, 0]
-    square = mean[0, 0] * jnp.sum(approach**2 / jnp.diagonal(mass))
-    momentum = mass @ free
-    stiffness = among(structure.stiffness) + square * momentum[:, None] * momentum[None, :]
+    own = among(structure.stiffness)
     meshed = vectors @ mean @ vectors.T
-    damping, active = _split(damping, active_mesh_damping)
-    matrix = damping.matrix(mass, stiffness + meshed, meshed)
+    # The artificial spring is faster than any mode, so that it meets none: the trace is the sum of
+    # all squared frequencies.
+    square = jnp.trace(jnp.linalg.solve(mass, own + meshed))
+    momentum = (mass @ free)[:, None]
+    hold = momentum @ momentum.T
+    stiffness = own + square * hold
+    damping, active = _split(ModalDamping() if damping is None else damping, active_mesh_damping)
+    # A damper beside it, so that what rounding excites dies out.
+    matrix = damping_matrix(damping, mass, stiffness + meshed, meshed, free[:, None])
+    matrix = matrix + jnp.sqrt(square) * hold
     whirl = None
     if gyroscopic:
         ratio = model.pair.teeth[0] / model.pair.teeth[1]
         whirl = among(structure.pinion_gyroscopic - ratio * structure.wheel_gyroscopic)
-    # A damper beside the artificial spring, so that what rounding excites dies out.
-    matrix = free_of(matrix, mass, free[:, None])
-    matrix = matrix + jnp.sqrt(square) * momentum[:, None] * momentum[None, :]
+    if back:
+        check_backlash(model.pair)
+        nodes = tuple(len(gear) for gear in mapped.gears)
+        turned = back_vectors(mounted.vectors, (nodes[0], nodes[1]))
+        both = jax.scipy.linalg.block_diag
+        vectors = jnp.concatenate([vectors, onto(turned)], axis=1)
+        mean, bow = both(mean, jnp.zeros_like(mean)), None if bow is None else both(bow, bow)
+        rest = jnp.concatenate([rest, _back_rest(mounted, cycle, turned)], axis=1)
+        table = with_back_flanks(table, back_flank_table(mounted, model, grid, table))
     system = DynamicSystem(
         mass=mass,
         damping=matrix,
@@ -232,15 +248,16 @@ def pair_dynamics(
         gyroscopic=whirl,
         vectors=vectors,
         load=structure.load[dofs],
-        bow=_bow(mounted),
+        bow=bow,
         mean=mean,
-        table=mesh_table(mounted, cycle.cells, grid, model.flanks, model.misalignment),
+        table=table,
         cell_damping=None,
         force=mounted.force,
         transmission=_transmission(mounted)[dofs],
-        rest=_rest(mounted, cycle),
+        rest=rest,
         free=free[:, None],
         teeth=model.pair.pinion.teeth,
+        back=back,
     )
     if active is not None:
         system = dataclasses.replace(system, cell_damping=active(system))
@@ -308,3 +325,11 @@ def _rest(mounted: PairSystem, cycle: MeshCycle) -> StepPlaces:
     given = cycle.load @ mounted.mesh_flexibility.T
     driven = cycle.approach[:, None] * mounted.direction[None, :]
     return driven - given + mounted.mesh_offset[None, :]
+
+
+def _back_rest(mounted: PairSystem, cycle: MeshCycle, turned: DofCoordinates) -> StepPlaces:
+    """Mesh coordinates of the back flanks in the quasi-static states [m, rad]."""
+    at_nodes = mounted.displacement(cycle.load)[:, np.asarray(mounted.structure.map.gear_dofs)]
+    # What drives the drive flanks together drives these apart.
+    driven = cycle.approach[:, None] * mounted.direction[None, :]
+    return at_nodes @ turned - driven

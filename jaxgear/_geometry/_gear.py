@@ -50,6 +50,10 @@ class Gear(eqx.Module):
         tip radius directly.
     - `bore`: bore diameter [m], or `None`.
     - `material`: of the teeth and the body.
+    - `thickness_allowance`: how much thinner than nominal the tooth is made, at the reference
+        cylinder in the normal section, all of it on the back flank [m]. It sets the backlash and
+        nothing else: the drive flank stays in place, and the tooth as stiff. `None` on both gears
+        of a pair: back flanks are left out.
 
     **Raises:**
 
@@ -65,6 +69,7 @@ class Gear(eqx.Module):
     tip_shortening: Scalar = eqx.field(converter=as_scalar, default=0.0)
     bore: Scalar | None = eqx.field(converter=as_optional_scalar, default=None)
     material: Material = eqx.field(default_factory=Material)
+    thickness_allowance: Scalar | None = eqx.field(converter=as_optional_scalar, default=None)
 
     def __check_init__(self):
         require(
@@ -84,3 +89,10 @@ class Gear(eqx.Module):
             dedendum=self.dedendum,
             got=self.fillet_radius,
         )
+        if self.thickness_allowance is not None:
+            require(
+                self.thickness_allowance >= 0.0,
+                "`Gear.thickness_allowance` is what is taken off the tooth, so it must not be "
+                "negative, got {got:.6g} m. Change its sign.",
+                got=self.thickness_allowance,
+            )

@@ -173,38 +173,66 @@ def contact_lines(pair: GearPair, grid: MeshGrid) -> ContactLines:
 
     Positions and active fractions. Look at `complete` if the pair has outgrown its grid.
     """
+    edges = _phase_edges(_window(pair, grid), grid)
+    lines = lines_on_steps(pair, grid, edges, edges[:-1, None], edges[1:, None])
+    return repeated_lines(lines, grid.periods)
+
+
+def lines_on_steps(
+    pair: GearPair, grid: MeshGrid, edges: Phases, first: Reals, last: Reals
+) -> ContactLines:
+    """Place the slices of all contact lines on given steps.
+
+    All in mesh periods from the entry of a pair, at mid-face, into the path or, where contact
+    is looked for beyond it, into the window that begins earlier.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `grid`: lines and slices.
+    - `edges`: ends of the steps [-].
+    - `first`, `last`: least and greatest advance of the teeth within each step; one for all slices,
+        or one for each [-].
+
+    **Returns:**
+
+    Positions in the middle of each step, fractions averaged over it.
+    """
     pitch = pair.transverse_base_pitch
-    # Where tip corners may touch, the path is longer at both ends, and phases start earlier.
-    ratio = profile_contact_ratio(pair) + 2.0 * grid.beyond
-    edges = _phase_edges(ratio, grid)
+    ratio = _window(pair, grid)
     phase = 0.5 * (edges[:-1] + edges[1:]) - grid.beyond
+    middle = 0.5 * (first + last) - grid.beyond
     line = jnp.arange(grid.lines, dtype=float) + grid.first_line
-    position = (jnp.arange(grid.slices, dtype=float) + 0.5) / grid.slices - 0.5
-    face_position = position * pair.face_width
+    face_position = face_positions(pair, grid)
     slope = jnp.tan(pair.base_helix_angle)
-    last, half_overlap = grid.first_line + grid.lines - 1, 0.5 * overlap_ratio(pair)
+    last_line, half_overlap = grid.first_line + grid.lines - 1, 0.5 * overlap_ratio(pair)
     # In base pitches from the start of the path; at a phase's edges, and in its middle.
     place = line[None, :, None] + (slope * face_position / pitch)[None, None, :]
     fraction = _swept_fraction(
-        edges[:-1, None, None] + place,
-        edges[1:, None, None] + place,
+        first[:, None, :] + place,
+        last[:, None, :] + place,
         ratio,
         stretch=overlap_ratio(pair) / grid.slices,
     )
     # The pair on line i entered i mesh periods ago.
     tooth = -jnp.arange(grid.first_line, grid.first_line + grid.lines)
-    lines = ContactLines(
+    return ContactLines(
         phase=phase,
         weight=edges[1:] - edges[:-1],
-        tooth=jnp.broadcast_to(tooth, (grid.phases, grid.lines)),
-        roll=pair.path_start + (phase[:, None, None] + place) * pitch,
+        tooth=jnp.broadcast_to(tooth, (phase.size, grid.lines)),
+        roll=pair.path_start + (middle[:, None, :] + place) * pitch,
         face_position=face_position,
         fraction=fraction,
         length=pair.face_width / (grid.slices * jnp.cos(pair.base_helix_angle)),
-        complete=(ratio + half_overlap <= last + 1.0) & (half_overlap <= -grid.first_line),
+        complete=(ratio + half_overlap <= last_line + 1.0) & (half_overlap <= -grid.first_line),
         beyond=grid.beyond,
     )
-    return repeated_lines(lines, grid.periods)
+
+
+def face_positions(pair: GearPair, grid: MeshGrid) -> Slices:
+    """Middles of the slices, from mid-face [m]."""
+    position = (jnp.arange(grid.slices, dtype=float) + 0.5) / grid.slices - 0.5
+    return position * pair.face_width
 
 
 def repeated_lines(lines: ContactLines, periods: int) -> ContactLines:
@@ -237,6 +265,14 @@ def repeated_lines(lines: ContactLines, periods: int) -> ContactLines:
 def mean_line_length(pair: GearPair) -> Scalar:
     r"""Mean total length of the contact lines, $\varepsilon_\alpha b / \cos\beta_b$ [m]."""
     return profile_contact_ratio(pair) * pair.face_width / jnp.cos(pair.base_helix_angle)
+
+
+def _window(pair: GearPair, grid: MeshGrid) -> Scalar:
+    """Length over which contact is looked for, in base pitches [-].
+
+    Where tip corners may touch, the path is longer at both ends, and phases start earlier.
+    """
+    return profile_contact_ratio(pair) + 2.0 * grid.beyond
 
 
 def _phase_edges(ratio: Scalar, grid: MeshGrid) -> Phases:

@@ -1,0 +1,375 @@
+r"""Natural frequencies and modes with the mean mesh stiffness, and where their energy is.
+
+Where two frequencies meet, no mode has a derivative, and no mode of its own either: every mixture
+of the two is one. What is said of such modes is therefore said of all that meet together, which
+does not depend on the mixture, and they are marked as `crossing`.
+"""
+
+import functools
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import jax.scipy.linalg
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from jaxgear._checks import require
+from jaxgear._dynamics._damping import per_mass, without_hold
+from jaxgear._dynamics._system import PairDynamics
+from jaxgear._dynamics._types import FreeMotions, Matrix, ModeMatrix, Speeds
+from jaxgear._system._structure import Structure
+
+if TYPE_CHECKING:
+    ModeNumbers = Array
+    PartModes = Array
+    CriticalSpeeds = Array
+    FlagPerMode = Array
+    Matrices = Array
+    Campbell = np.ndarray
+else:
+    ModeNumbers = Float[Array, "mode"]
+    PartModes = Float[Array, "part mode"]
+    CriticalSpeeds = Float[Array, "mode harmonic"]
+    FlagPerMode = Bool[Array, "mode"]
+    Matrices = Float[Array, "part dof dof"]
+    Campbell = Float[np.ndarray, "speed mode"]
+
+# Relative distance of two frequencies below which they count as one.
+_MEET = 1e-6
+
+# Share of the largest entry below which a matrix counts as antisymmetric.
+_ROUNDING = 1e-9
+
+
+class Modes(eqx.Module):
+    r"""Natural modes by rising frequency, without the motions that nothing holds.
+
+    Derivatives are those of $\omega^2$: $\varphi^T(dK - \omega^2 dM)\varphi$; where modes meet,
+    each is given the mean of these over them. Shares and ratios of modes that meet are those of all
+    their energy together, with the derivatives of that. Shapes have derivatives too, but those
+    of modes that meet are infinite or NaN.
+
+    **Fields:**
+
+    - `frequency`: [Hz].
+    - `shape`: $\varphi$, with $\varphi^TM\varphi = 1$ [1/kg^0.5, 1/(m kg^0.5)].
+    - `mesh`: share of the mean mesh stiffness in the strain energy [-].
+    - `parts`: shares of the parts of the structure that were named [-].
+    - `damping_ratio`: $\varphi^TC\varphi/2\omega$ [-], or `None` if no damping was given.
+    - `crossing`: whether the mode meets another.
+    - `names`: of the parts.
+    """
+
+    frequency: ModeNumbers
+    shape: ModeMatrix
+    mesh: ModeNumbers
+    parts: PartModes
+    damping_ratio: ModeNumbers | None
+    crossing: FlagPerMode
+    names: tuple[str, ...] = eqx.field(static=True)
+
+    def share(self, name: str) -> ModeNumbers:
+        """Share of a part in the strain energy of each mode [-].
+
+        **Arguments:**
+
+        - `name`: "mesh", or one of `names`.
+
+        **Raises:**
+
+        - `ValueError` if there is no such part.
+        """
+        known = ("mesh", *self.names)
+        require(
+            name in known,
+            "The strain energy was split into {known}, got `{name}`.",
+            known=", ".join(known),
+            name=name,
+        )
+        return self.mesh if name == "mesh" else self.parts[self.names.index(name)]
+
+
+def modes(
+    mass: Matrix,
+    stiffness: Matrix,
+    mesh: Matrix,
+    free: FreeMotions,
+    parts: Sequence[tuple[str, Matrix]] = (),
+    damping: Matrix | None = None,
+    *,
+    meet: float = _MEET,
+) -> Modes:
+    r"""Find all modes of a system, apart from those that only an artificial spring holds.
+
+    **Arguments:**
+
+    - `mass`: $M$, positive definite [kg, kg m, kg m2].
+    - `stiffness`: $\bar K$ with the mean mesh stiffness, and with springs that hold the free
+        motions, of whatever stiffness; positive definite [N/m, N, N m].
+    - `mesh`: part of the mean mesh stiffness in it [N/m, N, N m].
+    - `free`: motions that nothing else holds, as columns of unit modal mass, or no columns
+        [1/kg^0.5, 1/(m kg^0.5)].
+    - `parts`: names and stiffnesses of parts of the structure [N/m, N, N m].
+    - `damping`: $C$, or `None` [N s/m, N s, N m s].
+    - `meet`: distance of two frequencies, relative to them, below which they are one [-].
+
+    **Returns:**
+
+    The modes; the shares of the mesh and of all parts of a structure sum to one.
+
+    **Raises:**
+
+    - `ValueError` if `meet` is not between 0 and 0.1.
+    """
+    require(
+        0.0 <= meet < 0.1,
+        "`meet` must be at least 0 and below 0.1, got {got:.6g}. It is the distance of two "
+        "frequencies that count as one, relative to them.",
+        got=meet,
+    )
+    names = tuple(name for name, _ in parts)
+    root = jnp.linalg.cholesky(mass)
+    held = per_mass(root, without_hold(stiffness, free))
+    # Free motions go above all others, from where they are cut off.
+    at_rest = root.T @ free
+    above = 2.0 * jnp.sqrt(jnp.sum(held**2))
+    given = [held, per_mass(root, mesh), *(per_mass(root, part) for _, part in parts)]
+    if damping is not None:
+        given.append(per_mass(root, damping))
+    count = mass.shape[0] - free.shape[1]
+    values, vectors, forms = _spectrum(
+        held + above * (at_rest @ at_rest.T), jnp.stack(given), count, meet
+    )
+    square = forms[0]
+    shares = forms[1 : 2 + len(names)] / square[None, :]
+    return Modes(
+        frequency=jnp.sqrt(values) / (2.0 * jnp.pi),
+        shape=jax.scipy.linalg.solve_triangular(root, vectors, lower=True, trans=1),
+        mesh=shares[0],
+        parts=shares[1:],
+        damping_ratio=None if damping is None else 0.5 * forms[-1] / jnp.sqrt(square),
+        crossing=_crossing(values, meet),
+        names=names,
+    )
+
+
+def pair_modes(dynamics: PairDynamics, *, meet: float = _MEET) -> Modes:
+    """Modes of a gear pair, with the shares of both shafts and of their bearings.
+
+    **Arguments:**
+
+    - `dynamics`: the pair.
+    - `meet`: distance of two frequencies, relative to them, below which they are one [-].
+
+    **Returns:**
+
+    The modes; their parts are those of `stiffness_parts`.
+    """
+    system = dynamics.system
+    dofs = np.asarray(dynamics.dofs)
+    whole = stiffness_parts(dynamics.cycle.system.structure)
+    parts = [(name, part[dofs[:, None], dofs[None, :]]) for name, part in whole]
+    return modes(
+        system.mass,
+        system.whole_stiffness,
+        system.mesh_stiffness,
+        system.free,
+        parts,
+        system.damping,
+        meet=meet,
+    )
+
+
+def stiffness_parts(structure: Structure) -> tuple[tuple[str, Matrix], ...]:
+    """Split the stiffness of a structure into its parts, over all its degrees of freedom.
+
+    A beam body belongs to its shaft, springs of a `Support` are bearings, and so is what a housing
+    brings. Where it ties the bearings of both shafts to each other, either gear gets the work that
+    its own bearings do.
+
+    **Arguments:**
+
+    - `structure`: bodies, shafts, bearings.
+
+    **Returns:**
+
+    Names and matrices: "pinion shaft", "wheel shaft", "pinion bearings", "wheel bearings". They sum
+    to the structure's stiffness.
+    """
+    mapped = structure.map
+    first = np.asarray(mapped.bearings, dtype=int)[:, None]
+    along = (first + np.arange(3)).ravel()
+    about = (first + np.arange(3, 5)).ravel()
+    seats = jnp.zeros_like(structure.stiffness)
+    seats = seats.at[along[:, None], along[None, :]].add(structure.bearing_stiffness)
+    seats = seats.at[about, about].add(structure.bearing_tilt.ravel())
+    pinion = np.arange(mapped.size) < mapped.sizes[0]
+    shafts, bearings = [], []
+    for own in (pinion, ~pinion):
+        rows = jnp.asarray(own, dtype=float)
+        block = structure.stiffness * (rows[:, None] * rows[None, :])
+        if not own[along].any():
+            shafts.append(jnp.zeros_like(block))
+            bearings.append(block)
+            continue
+        inside = rows[:, None] * rows[None, :]
+        shafts.append((structure.stiffness - seats) * inside)
+        bearings.append(0.5 * (rows[:, None] + rows[None, :]) * seats)
+    names = ("pinion shaft", "wheel shaft", "pinion bearings", "wheel bearings")
+    return tuple(zip(names, (*shafts, *bearings), strict=True))
+
+
+def critical_speeds(
+    frequency: ModeNumbers, teeth: int, harmonics: Sequence[int] = (1,)
+) -> CriticalSpeeds:
+    r"""Speeds of the pinion at which a mesh harmonic meets a natural frequency.
+
+    $h z_1\Omega_1 = \omega$; gyroscopic effects are not considered.
+
+    **Arguments:**
+
+    - `frequency`: natural frequencies [Hz].
+    - `teeth`: $z_1$ of the pinion.
+    - `harmonics`: orders $h$ of the mesh frequency.
+
+    **Returns:**
+
+    $\Omega_1$ [rad/s].
+
+    **Raises:**
+
+    - `ValueError` unless there are teeth, and harmonics, all of at least order one.
+    """
+    require(
+        teeth >= 1 and len(harmonics) > 0 and min(harmonics) >= 1,
+        "Critical speeds need teeth, and harmonics from 1 on, got {teeth} teeth and the harmonics "
+        "{harmonics}.",
+        teeth=teeth,
+        harmonics=tuple(harmonics),
+    )
+    orders = teeth * np.asarray(harmonics, dtype=float)
+    return 2.0 * jnp.pi * frequency[:, None] / orders[None, :]
+
+
+def rotating_frequencies(
+    mass: Matrix, stiffness: Matrix, gyroscopic: Matrix, free: FreeMotions, speeds: Speeds
+) -> Campbell:
+    r"""Natural frequencies of the undamped turning system $M\ddot q + \Omega_1 G\dot q + \bar Kq$.
+
+    Over modes at rest it is $\dot x = Sx$ with $S$ antisymmetric, so that its frequencies are the
+    eigenvalues of a Hermitian matrix: real, and found to the last digit. It runs on the host, and
+    has no derivatives.
+
+    **Arguments:**
+
+    - `mass`, `stiffness`, `free`: as of `modes`.
+    - `gyroscopic`: $G$, antisymmetric, per speed of the pinion; free motions must not feel it
+        [kg, kg m, kg m2].
+    - `speeds`: $\Omega_1$ of the pinion [rad/s].
+
+    **Returns:**
+
+    Frequencies at each speed, rising [Hz].
+
+    **Raises:**
+
+    - `ValueError` if the gyroscopic matrix is not antisymmetric.
+    """
+    uneven = jnp.max(jnp.abs(gyroscopic + gyroscopic.T))
+    largest = jnp.max(jnp.abs(gyroscopic))
+    require(
+        uneven <= _ROUNDING * largest,
+        "A gyroscopic matrix must be antisymmetric, got entries up to {largest:.3g} that miss "
+        "their mirror image by {uneven:.3g}.",
+        largest=largest,
+        uneven=uneven,
+    )
+    at_rest = _modes_at_rest(mass, stiffness, free)
+    angular = 2.0 * np.pi * np.asarray(at_rest.frequency)
+    shape = np.asarray(at_rest.shape)
+    whirl = shape.T @ np.asarray(gyroscopic) @ shape
+    whirl = 0.5 * (whirl - whirl.T)
+    count = angular.size
+    flow = np.zeros((2 * count, 2 * count))
+    flow[:count, count:] = np.diag(angular)
+    flow[count:, :count] = -np.diag(angular)
+    found = np.zeros((np.asarray(speeds).size, count))
+    for i, speed in enumerate(np.asarray(speeds)):
+        flow[count:, count:] = -speed * whirl
+        # They come in pairs of either sign.
+        found[i] = np.linalg.eigvalsh(1j * flow)[count:]
+    return found / (2.0 * np.pi)
+
+
+@jax.jit
+def _modes_at_rest(mass: Matrix, stiffness: Matrix, free: FreeMotions) -> Modes:
+    return modes(mass, stiffness, jnp.zeros_like(stiffness), free)
+
+
+def _crossing(values: Array, meet: float) -> FlagPerMode:
+    """Whether each mode meets the one below or above it."""
+    joined = _joined(values, meet)
+    none = jnp.zeros(1, dtype=bool)
+    return jnp.concatenate([none, joined]) | jnp.concatenate([joined, none])
+
+
+def _joined(values: Array, meet: float) -> Array:
+    """Whether each squared frequency meets the next one; what rounding cannot part does."""
+    low, high = values[:-1], values[1:]
+    rounding = values.size * jnp.finfo(values.dtype).eps * jnp.abs(values[-1])
+    return high - low <= jnp.maximum((1.0 - (1.0 - meet) ** 2) * high, rounding)
+
+
+def _means(values: Array, meet: float) -> tuple[Array, Array]:
+    """Which modes meet, pair by pair, and the matrix that takes the mean over those that do."""
+    group = jnp.concatenate(
+        [jnp.zeros(1, dtype=int), jnp.cumsum(~_joined(values, meet), dtype=int)]
+    )
+    same = group[:, None] == group[None, :]
+    weight = same.astype(values.dtype)
+    return same, weight / jnp.sum(weight, axis=1, keepdims=True)
+
+
+@functools.partial(jax.custom_jvp, nondiff_argnums=(2, 3))
+def _spectrum(
+    stiffness: Matrix, forms: Matrices, count: int, meet: float
+) -> tuple[ModeNumbers, ModeMatrix, PartModes]:
+    """The lowest eigenvalues, their vectors, and of each form the values on the vectors.
+
+    The latter are means over vectors whose values meet.
+    """
+    values, vectors = jnp.linalg.eigh(stiffness)
+    values, vectors = values[:count], vectors[:, :count]
+    _, mean = _means(values, meet)
+    on_modes = jnp.einsum("ai,pab,bi->pi", vectors, forms, vectors)
+    return values, vectors, on_modes @ mean.T
+
+
+@_spectrum.defjvp
+def _spectrum_jvp(
+    count: int, meet: float, primals: tuple[Array, Array], tangents: tuple[Array, Array]
+):
+    stiffness, forms = primals
+    values, vectors = jnp.linalg.eigh(stiffness)
+    low, lowest = values[:count], vectors[:, :count]
+    same, mean = _means(low, meet)
+    between = jnp.einsum("ai,pab,bj->pij", lowest, forms, vectors)
+    on_modes = jnp.diagonal(between[:, :, :count], axis1=1, axis2=2)
+
+    dot = vectors.T @ tangents[0] @ lowest
+    values_dot = mean @ jnp.diagonal(dot[:count])
+    gap = low[None, :] - values[:, None]
+    met = jnp.concatenate([same, jnp.zeros((values.size - count, count), dtype=bool)])
+    inverse = jnp.where(met, 0.0, 1.0 / jnp.where(met, 1.0, gap))
+    turning = inverse * dot
+    # What is turned among vectors that meet cancels in their mean.
+    forms_dot = jnp.einsum("ai,pab,bi->pi", lowest, tangents[1], lowest)
+    forms_dot = forms_dot + 2.0 * jnp.einsum("pij,ji->pi", between, turning)
+    # One over a gap of zero: infinite, yet nothing to whoever does not ask for these vectors.
+    own = jnp.eye(values.size, count, dtype=bool)
+    steep = jnp.where(met & ~own, 1e300, 0.0)
+    turning = turning + (steep * dot) * steep
+    return (low, lowest, on_modes @ mean.T), (values_dot, vectors @ turning, forms_dot @ mean.T)

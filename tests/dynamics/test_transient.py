@@ -1,0 +1,399 @@
+"""Transients against closed forms and against SciPy's integrators on the same equations in NumPy.
+
+The oscillators have unit mass and unit static deflection: 1 rad/s is the natural frequency.
+"""
+
+import dataclasses
+import functools
+import math
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from dynamics import cases
+from helpers import assert_close, observed_order
+from scipy.integrate import solve_ivp
+
+import jaxgear as jg
+from jaxgear._dynamics._system import DynamicSystem
+from jaxgear._dynamics._table import MeshTable
+from jaxgear._dynamics._transient import (
+    Profile,
+    TransientError,
+    run_up,
+    start_stop,
+    torque_step,
+    transient,
+)
+
+STEPS, WIDTH = 16, 0.05
+LAW = jg.SmoothContact(WIDTH)
+AT_REST = np.array([[1.0], [0.0]])
+
+
+def _phases(steps: int = STEPS) -> np.ndarray:
+    """Phases of start, middle and end of each step."""
+    return (np.arange(steps) + np.array([[0.0], [0.5], [1.0]])) / steps
+
+
+def _oscillator(
+    *, damping: float = 0.0, ripple: float = 0.0, waviness: float = 0.0
+) -> DynamicSystem:
+    """x'' + c x' + k sigma(x - gap) = 1, with one wave of stiffness and of gap in a mesh period."""
+    stiffness = 1.0 + ripple * np.cos(2.0 * np.pi * _phases()[1])
+    table = MeshTable(
+        edges=jnp.linspace(0.0, 1.0, STEPS + 1),
+        stiffness=jnp.asarray(stiffness[:, None]),
+        gap=jnp.asarray(waviness * np.sin(2.0 * np.pi * _phases())[..., None]),
+        arms=jnp.ones((3, STEPS, 1, 1)),
+        coupling=None,
+        periods=1,
+        kinds=(0,) * STEPS,
+    )
+    one = jnp.ones((1, 1))
+    return DynamicSystem(
+        mass=one,
+        damping=damping * one,
+        stiffness=0.0 * one,
+        gyroscopic=None,
+        vectors=one,
+        load=jnp.ones(1),
+        bow=None,
+        mean=one,
+        table=table,
+        cell_damping=None,
+        force=jnp.ones(()),
+        transmission=jnp.ones(1),
+        rest=jnp.ones((STEPS, 1)),
+        free=jnp.zeros((1, 0)),
+        teeth=1,
+    )
+
+
+def _run(system, speed=1.0, ratio=1.0, *, start=AT_REST, end=60.0, rtol=1e-9, **options):
+    """Always as many samples and knots, so that one program serves many tests."""
+    times = np.linspace(0.0, end, 2001)
+    options = {"law": LAW, "rtol": rtol, "atol": rtol, **options}
+    return transient(system, speed, ratio, jnp.asarray(start), jnp.asarray(times), **options)
+
+
+# --- NumPy's own
+
+
+def _ramp(x: np.ndarray, width: float) -> np.ndarray:
+    v = np.clip(x / width + 1.0, 0.0, 2.0)
+    return np.where(x < width, width * v**3 * (4.0 - v) / 16.0, x)
+
+
+def _ramp_slope(x: np.ndarray, width: float) -> np.ndarray:
+    v = np.clip(x / width + 1.0, 0.0, 2.0)
+    return np.where(x < width, v**2 * (3.0 - v) / 4.0, 1.0)
+
+
+def _by_scipy(system: DynamicSystem, speed: float, start: np.ndarray, times: np.ndarray):
+    """Motion at given times, step by step of the table, at one speed."""
+    table, matrix = system.table, np.asarray
+    whirl = 0.0 if system.gyroscopic is None else speed * matrix(system.gyroscopic)
+    losing, mass = matrix(system.damping) + whirl, matrix(system.mass)
+    vectors, load = matrix(system.vectors), matrix(system.load)
+    eta = 0.0 if system.cell_damping is None else float(system.cell_damping)
+    edges, rate = matrix(table.edges), system.teeth * speed / (2.0 * np.pi)
+    size = len(load)
+
+    def slope(time, state, step, began, length):
+        motion, velocity = state[:size], state[size:]
+        part = (time * rate - began) / length
+        lay = np.array([(1 - part) * (1 - 2 * part), 4 * part * (1 - part), part * (2 * part - 1)])
+        steep = np.array([4 * part - 3, 4 - 8 * part, 4 * part - 1]) * rate / length
+        gap, arms = (matrix(x)[:, step] for x in (table.gap, table.arms))
+        place, moving = vectors.T @ motion, vectors.T @ velocity
+        rows = np.tensordot(lay, arms, 1)
+        overlap = rows @ place - lay @ gap
+        closing = rows @ moving + np.tensordot(steep, arms, 1) @ place - steep @ gap
+        press = _ramp(overlap, WIDTH) + eta * _ramp_slope(overlap, WIDTH) * closing
+        force = vectors @ (rows.T @ (matrix(table.stiffness)[step] * press))
+        pull = load - force - matrix(system.stiffness) @ motion - losing @ velocity
+        return np.concatenate([velocity, np.linalg.solve(mass, pull)])
+
+    state, found = np.concatenate(start), [start[0]]
+    steps = len(edges) - 1
+    for i in range(math.ceil(times[-1] * rate * steps)):
+        cycle, step = divmod(i, steps)
+        ends = [(cycle + edges[step]) / rate, min((cycle + edges[step + 1]) / rate, times[-1])]
+        given = (step, cycle + edges[step], edges[step + 1] - edges[step])
+        inside = times[(times > ends[0] + 1e-9) & (times <= ends[1] + 1e-9)]
+        at = np.unique(np.concatenate([np.clip(inside, *ends), ends[1:]]))
+        done = solve_ivp(slope, ends, state, "DOP853", at, args=given, rtol=1e-11, atol=1e-12)
+        state = done.y[:, -1]
+        found.extend(done.y[:size, : len(inside)].T)
+    return np.array(found)
+
+
+# --- closed forms
+
+
+def test_linear_oscillator_decays_as_in_closed_form():
+    ratio = 0.05
+    found = _run(_oscillator(damping=2.0 * ratio), start=[[1.4], [0.0]])
+    damped = math.sqrt(1.0 - ratio**2)
+    times = np.asarray(found.times)
+    swing = np.cos(damped * times) + ratio / damped * np.sin(damped * times)
+    expected = 1.0 + 0.4 * np.exp(-ratio * times) * swing
+    assert_close(found.motion[:, 0], expected, rtol=0.0, atol=2e-8)
+    assert_close(found.load[:, 0], expected, rtol=0.0, atol=2e-8)
+    assert_close(found.transmission_error, expected, rtol=0.0, atol=2e-8)
+    quick = -0.4 * np.exp(-ratio * times) * np.sin(damped * times) / damped
+    assert_close(found.velocity[:, 0], quick, rtol=0.0, atol=2e-8)
+    assert_close(found.phase, times / (2.0 * np.pi), rtol=1e-14, atol=1e-15)
+
+
+@pytest.mark.parametrize(("before", "after"), [(1.0, 0.8), (0.5, 0.7)])
+def test_torque_step_of_a_constant_stiffness(before, after):
+    at = 12.34567
+    found = _run(_oscillator(), ratio=torque_step(before, after, at), start=[[before], [0.0]])
+    since = np.maximum(np.asarray(found.times) - at, 0.0)
+    expected = after + (before - after) * np.cos(since)
+    assert_close(found.load[:, 0], expected, rtol=0.0, atol=5e-8)
+
+
+@pytest.mark.parametrize("swing", [0.5, 3.0])
+def test_energy_stays_at_a_frozen_phase(swing):
+    # With 3.0 it leaves contact, at x < 0, and comes back.
+    found = _run(_oscillator(), 0.0, start=[[1.0 + swing], [0.0]])
+    place, speed = np.asarray(found.place[:, 0]), np.asarray(found.velocity[:, 0])
+    assert (place.min() < -1.0) == (swing > 1.0)
+    contact = np.asarray(jg.SmoothContact(WIDTH).energy(jnp.asarray(place)))
+    energy = 0.5 * speed**2 + contact - place
+    assert_close(energy, np.full_like(energy, energy[0]), rtol=0.0, atol=2e-6)
+    assert float(jnp.max(jnp.abs(found.phase))) == 0.0
+
+
+# --- other integrators
+
+
+def _lossy() -> DynamicSystem:
+    return _oscillator(damping=0.1, ripple=0.3, waviness=0.1)
+
+
+def test_contact_loss_agrees_with_scipy():
+    system, speed = _lossy(), 0.85
+    found = _run(system, speed, end=50.0)
+    times = np.asarray(found.times)
+    expected = _by_scipy(system, speed, AT_REST, times[::20])
+    assert expected.min() < -0.5
+    assert_close(found.motion[::20], expected, rtol=0.0, atol=1e-6)
+
+
+def test_implicit_and_explicit_solver_agree():
+    system, speed = _lossy(), 0.85
+    explicit = _run(system, speed, end=50.0)
+    implicit = _run(system, speed, end=50.0, solver="kvaerno5")
+    assert_close(implicit.place, explicit.place, rtol=0.0, atol=1e-5)
+    # Stages beyond the end of a step see the step's own stiffness: no step fails at a jump.
+    smooth = _run(_oscillator(damping=0.1, ripple=0.3), 1.5, end=50.0, solver="kvaerno5")
+    assert int(smooth.rejected) < 0.1 * int(smooth.steps)
+
+
+def _bodies_with_everything() -> DynamicSystem:
+    """Approach and tilt, four cells with travelling gaps, whirl, damping in the cells."""
+    system = cases.two_dof(steps=STEPS)
+    return dataclasses.replace(
+        system,
+        gyroscopic=jnp.asarray([[0.0, 0.05], [-0.05, 0.0]]),
+        cell_damping=jnp.asarray(0.04),
+    )
+
+
+def test_coupled_coordinates_whirl_and_damping_cells_agree_with_scipy():
+    system, speed = _bodies_with_everything(), 0.9
+    start = np.array([[1.8, 0.1], [0.0, 0.2]])
+    found = _run(system, speed, start=start, end=30.0)
+    times = np.asarray(found.times)
+    expected = _by_scipy(system, speed, start, times[::20])
+    assert_close(found.motion[::20], expected, rtol=0.0, atol=1e-6)
+
+
+# --- what the structure leaves out
+
+
+def _bowed(system: DynamicSystem, stiffness: float, bow: float) -> DynamicSystem:
+    """With cells that much stiffer, behind a body that gives way."""
+    table = dataclasses.replace(system.table, stiffness=stiffness * system.table.stiffness)
+    return dataclasses.replace(system, table=table, bow=jnp.full((1, 1), bow))
+
+
+def test_bow_is_a_spring_in_series():
+    found = _run(_bowed(_oscillator(), 2.0, 0.5), start=[[1.5], [0.0]])
+    expected = 1.0 + 0.5 * np.cos(np.asarray(found.times))
+    assert_close(found.motion[:, 0], expected, rtol=0.0, atol=1e-7)
+    assert_close(found.load[:, 0], expected, rtol=0.0, atol=1e-7)
+    assert_close(found.place[:, 0], 0.5 * expected, rtol=0.0, atol=1e-7)
+
+
+def test_fast_modes_that_follow_are_springs_without_mass():
+    # A mass before a spring and a light gear: as the light one loses its mass, a bow is left.
+    spring = 50.0
+    bowed = _run(_bowed(_lossy(), 1.0, 1.0 / spring), 0.85, end=30.0, rtol=1e-7)
+    assert float(jnp.min(bowed.load)) == 0.0
+    errors = []
+    for light in (4e-3, 2e-3, 1e-3):
+        system = dataclasses.replace(
+            _lossy(),
+            mass=jnp.diag(jnp.asarray([1.0, light])),
+            damping=jnp.diag(jnp.asarray([0.1, 0.0])),
+            stiffness=spring * jnp.asarray([[1.0, -1.0], [-1.0, 1.0]]),
+            vectors=jnp.asarray([[0.0], [1.0]]),
+            load=jnp.asarray([1.0, 0.0]),
+            transmission=jnp.asarray([1.0, 0.0]),
+            free=jnp.zeros((2, 0)),
+        )
+        start = np.array([[1.0, 1.0 - 1.0 / spring], [0.0, 0.0]])
+        kept = _run(system, 0.85, start=start, below=20.0, end=30.0, rtol=1e-7)
+        assert int(kept.steps) < 1.2 * int(bowed.steps)
+        errors.append(float(jnp.max(jnp.abs(kept.motion[:, 0] - bowed.motion[:, 0]))))
+    assert 0.9 < observed_order([4e-3, 2e-3, 1e-3], errors) < 1.1
+
+
+# --- speeds that change
+
+
+def test_profiles_integrate_and_invert():
+    profile = Profile([0.0, 2.0, 3.0, 3.0, 5.0, 6.0], [0.0, 4.0, 4.0, 2.0, 0.0, 3.0])
+    # Triangle, rectangle, jump, triangle down to a standstill, triangle up, then constant.
+    known = [(-1.0, 0.0), (0.0, 0.0), (1.0, 1.0), (2.0, 4.0), (3.0, 8.0), (4.0, 9.5), (5.0, 10.0)]
+    known += [(6.0, 11.5), (8.0, 17.5)]
+    times, integrals = np.array(known).T
+    stopped = start_stop(10.0, 1.0, 2.0, 4.0)
+
+    @jax.jit
+    def evaluated(times, integrals, places):
+        there = jax.vmap(profile.integral)(times), jax.vmap(profile.when)(integrals)
+        end = stopped.integral(jnp.asarray(9.0)), stopped.when(jnp.asarray(45.1))
+        return *there, jax.vmap(profile)(places), *end
+
+    places = np.array([0.5, 2.5, 3.0, 4.0, 9.0])
+    sums, whens, values, end, never = evaluated(times, integrals[2:], places)
+    assert_close(sums, integrals, rtol=1e-14, atol=1e-14)
+    assert_close(whens, times[2:], rtol=1e-13, atol=1e-13)
+    assert_close(values, np.array([1.0, 4.0, 2.0, 1.0, 3.0]), rtol=1e-14, atol=1e-14)
+    assert_close(end, 45.0, rtol=1e-14, atol=1e-14)
+    assert float(never) == math.inf
+
+
+def test_run_up_peaks_behind_the_resonance_and_tends_to_the_steady_response():
+    damping, wave = 0.05, 0.02
+    system = _oscillator(damping=2.0 * damping, waviness=wave)
+    peaks, places = [], []
+    for end in (60.0, 240.0, 960.0):
+        found = _run(system, run_up(0.7, 1.3, end), end=end, rtol=1e-7)
+        swing = np.hypot(np.asarray(found.place[:, 0]) - 1.0, np.asarray(found.velocity[:, 0]))
+        peaks.append(swing.max())
+        places.append(float(found.speed[swing.argmax()]))
+    steady = wave / (2.0 * damping)
+    assert peaks[0] < peaks[1] < peaks[2] < 1.02 * steady
+    assert peaks[2] > 0.96 * steady
+    assert places[0] > places[1] > places[2] > 1.0
+
+
+# --- batches and derivatives
+
+
+def _waved(depth) -> DynamicSystem:
+    """Jumping stiffness, contact loss, and flanks whose waves have a depth."""
+    system = _lossy()
+    table = dataclasses.replace(system.table, gap=depth * system.table.gap)
+    return dataclasses.replace(system, table=table)
+
+
+def _late_place(depth, speed, **options) -> jax.Array:
+    times, start = jnp.linspace(0.0, 16.0, 3), jnp.asarray(AT_REST)
+    options = {"law": LAW, "rtol": 1e-10, "atol": 1e-10, "most_steps": 4096, **options}
+    found = transient(_waved(depth), speed, 1.0, start, times, **options)
+    return jnp.sum(found.place[:, 0] ** 2)
+
+
+def test_batches_and_gradients_by_gap_and_by_speed():
+    # The speed moves the instants at which stiffness jumps: derivatives hold those too.
+    depth, speed, step = 1.0, 0.85, 1e-4
+    at = [(depth, speed), (depth, speed), (depth, 0.0)]
+    at += [(depth + step, speed), (depth - step, speed)]
+    at += [(depth, speed + step), (depth, speed - step)]
+    depths, speeds = jnp.asarray(at).T
+    ways = jnp.eye(2)[jnp.asarray([0, 1, 0, 0, 0, 0, 0])].T
+    forward = functools.partial(_late_place, adjoint=diffrax.ForwardMode())
+    along = lambda depth, speed, *way: jax.jvp(forward, (depth, speed), way)
+    batch, tangents = jax.jit(jax.vmap(along))(depths, speeds, *ways)
+    for i in (1, 2):
+        alone = _run(_waved(depths[i]), speeds[i], end=16.0, rtol=1e-10)
+        assert_close(batch[i], jnp.sum(alone.place[::1000, 0] ** 2), rtol=1e-8, atol=1e-9)
+    central = ((batch[3] - batch[4]) / (2.0 * step), (batch[5] - batch[6]) / (2.0 * step))
+    assert min(abs(float(x)) for x in central) > 0.01
+    assert_close((tangents[0], tangents[1]), central, rtol=1e-4, atol=1e-6)
+    slopes = jax.jit(jax.grad(_late_place, argnums=(0, 1)))(depths[0], speeds[0])
+    assert_close(slopes, (tangents[0], tangents[1]), rtol=1e-6, atol=1e-9)
+
+
+# --- failures and bad input
+
+
+def _recorded(end: float, **options):
+    """Runs of one program: all steps kept, a meter shown, and not many steps allowed."""
+    given = {"start": [[1.4], [0.0]], "dense": True, "progress": True, "most_steps": 300}
+    return _run(_oscillator(), end=end, rtol=1e-8, **given, **options)
+
+
+def test_dense_output_and_progress_meter(capsys):
+    found = _recorded(12.0)
+    assert "100.00%" in capsys.readouterr().err
+    between = found.at(jnp.asarray([0.0, 3.21, 11.99, 12.1]))
+    expected = 1.0 + 0.4 * np.cos(np.asarray(between.times[:3]))
+    assert_close(between.load[:3, 0], expected, rtol=0.0, atol=1e-6)
+    assert jnp.isnan(between.load[3, 0])
+    with pytest.raises(ValueError, match="dense=True"):
+        dataclasses.replace(found, dense=None).at(jnp.asarray([1.0]))
+
+
+def test_too_few_steps_say_where_and_what_to_do(capsys):
+    with pytest.raises(TransientError, match=r"stopped at \d.* after `most_steps` = 300 steps"):
+        _recorded(1e3)
+    found = _recorded(1e3, throw=False)
+    assert not bool(found.complete)
+    assert 10.0 < float(found.reached) < 1e3
+    known = np.isfinite(np.asarray(found.place[:, 0]))
+    assert (known == (np.asarray(found.times) <= float(found.reached))).all()
+    capsys.readouterr()
+
+
+def test_forces_that_are_no_numbers_are_told():
+    system = _oscillator()
+    table = dataclasses.replace(system.table, gap=system.table.gap.at[:, 8:].set(jnp.nan))
+    with pytest.raises(TransientError, match=r"stopped at 3\.1\d* s.*not numbers"):
+        _run(dataclasses.replace(system, table=table))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"speed": -1.0}, "must not be negative, got -1 rad/s"),
+        ({"ratio": torque_step, "says": (1.0, -1.0, 5.0)}, "part for good"),
+        ({"start": [[1.0, 2.0], [0.0, 0.0]]}, "1 degrees of freedom"),
+        ({"end": 0.0}, "must rise"),
+        ({"solver": "rk4"}, "a solver of diffrax, got 'rk4'"),
+        ({"most_steps": 0}, "must be positive"),
+        ({"below": -2.0}, "must be positive, got -2 rad/s"),
+    ],
+)
+def test_bad_input_is_refused(change, message):
+    if "says" in change:
+        change = {"ratio": change["ratio"](*change["says"])}
+    with pytest.raises(ValueError, match=message):
+        _run(_oscillator(), **change)
+
+
+def test_bad_profiles_are_refused():
+    with pytest.raises(ValueError, match="must not go back"):
+        Profile([0.0, 2.0, 1.0], [1.0, 1.0, 1.0])
+    with pytest.raises(ValueError, match="one value for each of two knots"):
+        Profile([0.0, 2.0], [1.0, 1.0, 1.0])
