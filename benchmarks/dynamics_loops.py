@@ -11,6 +11,7 @@ installed. Times are of one processor, compiling apart.
 """
 
 import argparse
+import importlib
 import importlib.util
 import statistics
 import time
@@ -80,7 +81,7 @@ def main() -> None:
 
 
 def timings(modal: Modal, frequency: float, cycles: int) -> list[tuple[str, float, float]]:
-    """Time both loops at one speed.
+    """Time the loops at one speed.
 
     **Arguments:**
 
@@ -384,9 +385,8 @@ def looped_march(loop: Callable = _loop) -> Callable[..., Path]:
 
 def numba_march() -> Callable[..., Path]:
     """The loop over numbers, compiled by numba."""
-    import numba
-
-    return looped_march(numba.njit(_loop, fastmath=True))
+    numba = importlib.import_module("numba")
+    return looped_march(numba.njit(_loop))
 
 
 if __name__ == "__main__":

@@ -16,24 +16,21 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from jaxgear._app._scene import READY, Scene, SceneError, read_scene, rewrite_scene
+from jaxgear._app._scene import READY, Mistake, Scene, SceneError, read_scene, rewrite_scene
 from jaxgear._checks import InputError
 
 _COMMANDS = {
     "run": "compute everything that the scene asks for",
     "map": "Master Curve map: RMS of transmission error over relief depth and extent",
     "optimise": "improve the keys of [optimise].vary; writes NAME.optimised.toml",
+    "sweep": "steady responses over the speeds of [sweep]: dynamic ratio, orders, jumps",
+    "modes": "natural frequencies, where their energy is, critical speeds",
     "check-grad": "compare the optimiser's derivatives with central differences",
+    "compare": "the dynamics of one scene by all methods: error against time",
 }
 
-_NO_DYNAMICS = "this version has no dynamics yet: it computes statics only"
 _NO_BODIES = "this version has no condensed bodies yet: every gear body is rigid"
-_REFUSED = {
-    "sweep": ("speed sweep", _NO_DYNAMICS),
-    "modes": ("natural frequencies and Campbell diagram", _NO_DYNAMICS),
-    "condense": ("condensed gear bodies and their health report", _NO_BODIES),
-    "compare": ("the same scene at several fidelities", f"{_NO_DYNAMICS}, with rigid bodies"),
-}
+_REFUSED = {"condense": ("condensed gear bodies and their health report", _NO_BODIES)}
 
 # Many threads make the many small matrices of a gear pair several times slower.
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
@@ -205,18 +202,60 @@ def _print_gradients(found: Mapping[str, Any]) -> None:
 
 def _refuse_unfit(command: str, scene: Scene) -> None:
     """Refuse a good scene that does not go with the command."""
-    if command == "run" and scene.has_table("sweep"):
+    if command == "sweep" and not scene.has_table("sweep"):
         raise _Stop(
             2,
-            f"{scene.path}: the scene asks for a speed sweep, but {_NO_DYNAMICS}. Remove [sweep], "
-            "or use `jaxgear map` or `jaxgear optimise`, which leave it aside.",
+            f"{scene.path}: the scene does not say which speeds to sweep. Add these lines:\n\n"
+            "[sweep]\n"
+            "pinion_speed_rad_s = { from = 50.0, to = 3000.0, points = 300 }    # or a list\n"
+            'direction = "both"                    # up | down | both | cold\n',
         )
+    if command == "sweep" or (command == "run" and scene.has_table("sweep")):
+        mistakes = _sweep_mistakes(scene)
+        if mistakes:
+            raise SceneError(mistakes)
     if command == "optimise" and not scene.has_table("optimise"):
         raise _Stop(
             2,
             f"{scene.path}: the scene does not say what to optimise. Add a table [optimise] with "
             'vary = ["flank.pinion.tip_relief.depth_um"], or more keys.',
         )
+
+
+def _sweep_mistakes(scene: Scene) -> list[Mistake]:
+    """What is wrong with a scene, good as it is for all else, if it is to be swept."""
+    found = []
+
+    def mistake(key: str, message: str) -> None:
+        found.append(Mistake(scene.where(key), key, message))
+
+    modal = scene["damping.kind"] == "modal"
+    damped = ("mesh", "structure") if modal else ("a_R_1_s", "b_R_s")
+    if not any(scene[f"damping.{key}"] for key in damped):
+        mistake(
+            f"damping.{damped[0]}",
+            f"no damping: at a resonance there is no steady response. Give damping.{damped[0]} or "
+            f"damping.{damped[1]} a value > 0; `jaxgear modes` does without",
+        )
+    if scene["damping.active_mesh"] and not modal:
+        mistake(
+            "damping.active_mesh",
+            "got true, which needs a damping ratio of the mesh: Rayleigh damping has none. Write "
+            'damping.kind = "modal"',
+        )
+    method, steps, harmonics = (scene[f"sweep.{key}"] for key in ("method", "steps", "harmonics"))
+    if method in ("auto", "harmonic") and 2 * harmonics >= steps:
+        mistake(
+            "sweep.harmonics",
+            f"got {harmonics}, must be less than half of sweep.steps, {steps}: there are no more "
+            "harmonics in so few time steps",
+        )
+    if scene.get("sweep.continuation") and method in ("newmark", "shooting"):
+        mistake(
+            "sweep.continuation",
+            f'got true, which needs harmonic balance, but sweep.method is "{method}". Keep one',
+        )
+    return found
 
 
 def _prepare(folder: Path) -> None:

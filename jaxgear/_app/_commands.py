@@ -18,6 +18,7 @@ import tqdm
 import xarray as xr
 
 import optimise
+from jaxgear._app import _dynamic_pictures as dynamic_pictures
 from jaxgear._app import _pictures as pictures
 from jaxgear._app._design import (
     DesignSpace,
@@ -28,9 +29,30 @@ from jaxgear._app._design import (
     refuse_unbounded,
     round_up,
 )
+from jaxgear._app._dynamics import (
+    Dynamics,
+    Sweep,
+    campbell_dataset,
+    damping_summary,
+    directions_of,
+    drawn_sweep,
+    marked,
+    modes_dataset,
+    modes_shown,
+    modes_summary,
+    orbit_dataset,
+    pieces_lost,
+    require_damped,
+    solve_dynamics,
+    speeds_of,
+    sweep_dataset,
+    sweep_of,
+    sweep_summary,
+    way_of,
+)
 from jaxgear._app._gradients import gradient_table
 from jaxgear._app._model import model_of, smooth_law_of
-from jaxgear._app._notes import notes
+from jaxgear._app._notes import notes, sweep_notes
 from jaxgear._app._results import static_dataset, write_csv, write_dataset, write_json
 from jaxgear._app._scene import Scene, rewrite_scene, write_scene
 from jaxgear._app._schema import GEARS, KEYS, general
@@ -117,6 +139,12 @@ def run(scene: Scene, folder: Path, quiet: bool) -> Summary:
         bearings = summary["static"]["bearings"]
         _draw_statics(folder, _title(scene), statics, dataset, bearings)
         done(1)
+    if scene.has_table("sweep"):
+        dynamics = solve_dynamics(scene, watch)
+        found, swept = _sweep(scene, dynamics, folder, quiet)
+        write_dataset(dataset, folder / "result.nc", {"sweep": swept})
+        summary["notes"] += found.pop("notes")
+        summary |= found
     if scene.has_table("sizing"):
         summary |= _sizing(scene, statics, folder, quiet, watch)
     if scene.has_table("optimise"):
@@ -237,6 +265,102 @@ def optimise_flanks(scene: Scene, folder: Path, quiet: bool) -> Summary:
     return _finish(scene, folder, summary, watch)
 
 
+def sweep_speeds(scene: Scene, folder: Path, quiet: bool) -> Summary:
+    """Steady responses over the speeds of [sweep], in its directions, and round their folds.
+
+    Arguments, results and errors as for `run`.
+    """
+    watch = Stopwatch()
+    with _progress(1, "mesh cycle", quiet) as done:
+        dynamics = solve_dynamics(scene, watch)
+        done(1)
+    summary = _head(scene, dynamics.statics)
+    found, dataset = _sweep(scene, dynamics, folder, quiet)
+    write_dataset(xr.Dataset(), folder / "result.nc", {"sweep": dataset})
+    summary["notes"] += found.pop("notes")
+    return _finish(scene, folder, summary | found, watch)
+
+
+def _sweep(
+    scene: Scene, dynamics: Dynamics, folder: Path, quiet: bool
+) -> tuple[Summary, xr.Dataset]:
+    """Sweep, draw what was found, and return its part of the summary and of the dataset."""
+    require_damped(scene, dynamics)
+    count = len(speeds_of(scene)) * len(directions_of(scene))
+    with _progress(count, "sweep", quiet) as done:
+        found = sweep_of(scene, dynamics.pair, done)
+    model = dynamics.statics.model
+    dataset = sweep_dataset(dynamics.pair, model, found)
+    _draw_sweep(folder, scene, dynamics, found, dataset)
+    remarks = sweep_notes(scene, found.unsettled, count, list(pieces_lost(found)))
+    summary = {
+        "damping": damping_summary(scene, dynamics),
+        "sweep": sweep_summary(scene, dynamics, found, dataset),
+        "notes": remarks,
+    }
+    return summary, dataset
+
+
+def _draw_sweep(
+    folder: Path, scene: Scene, dynamics: Dynamics, found: Sweep, dataset: xr.Dataset
+) -> None:
+    """The pictures of a sweep; those of one direction show the one with the highest peak."""
+    save, title, model = pictures.save, _title(scene), dynamics.statics.model
+    critical, natural = marked(dynamics, model.pair.pinion.teeth)
+    over = drawn_sweep(dataset)
+    figure = dynamic_pictures.sweep(over, title, critical)
+    save(figure, dynamic_pictures.sweep_columns(over, critical), folder, "sweep")
+    own, title_of_way = dataset.sel(direction=found.main), title + way_of(found)
+    figure = dynamic_pictures.waterfall(own, title_of_way, natural)
+    save(figure, dynamic_pictures.waterfall_columns(own), folder, "waterfall")
+    for name, draw, columns in (
+        ("orders", dynamic_pictures.orders, dynamic_pictures.orders_columns),
+        ("contact_loss", dynamic_pictures.contact_loss, dynamic_pictures.contact_loss_columns),
+    ):
+        save(draw(own, title_of_way), columns(own), folder, name)
+    orbit = orbit_dataset(dynamics.pair, model, found)
+    speed = float(found.speeds[found.highest(found.main)[1]])
+    figure = dynamic_pictures.orbit(orbit, f"{title}, {speed:.5g} rad/s")
+    save(figure, dynamic_pictures.orbit_columns(orbit), folder, "orbit")
+
+
+def natural_modes(scene: Scene, folder: Path, quiet: bool) -> Summary:
+    """Natural frequencies with the mean mesh stiffness, strain energy, critical speeds.
+
+    Arguments, results and errors as for `run`.
+    """
+    watch = Stopwatch()
+    with _progress(1, "modes", quiet) as done:
+        dynamics = solve_dynamics(scene, watch)
+        done(1)
+    teeth, harmonics = dynamics.statics.model.pair.pinion.teeth, scene["modes.harmonics"]
+    count = modes_shown(scene, np.asarray(dynamics.modes.frequency))
+    dataset = modes_dataset(dynamics, count)
+    turning = campbell_dataset(scene, dynamics, teeth, count, harmonics)
+    groups = {"modes": dataset, "campbell": turning}
+    write_dataset(xr.Dataset(), folder / "result.nc", groups)
+    figure = dynamic_pictures.modes(dataset, _title(scene))
+    pictures.save(figure, dynamic_pictures.modes_columns(dataset), folder, "modes")
+    figure = dynamic_pictures.campbell(turning, _title(scene), harmonics=harmonics)
+    columns = dynamic_pictures.campbell_columns(turning, harmonics=harmonics)
+    pictures.save(figure, columns, folder, "campbell")
+    summary = _head(scene, dynamics.statics) | {
+        "damping": damping_summary(scene, dynamics),
+        "modes": modes_summary(scene, dynamics, teeth, count),
+    }
+    return _finish(scene, folder, summary, watch)
+
+
+def compare(scene: Scene, folder: Path, quiet: bool) -> Summary:
+    """The dynamics of one scene by all methods: error against time.
+
+    Arguments, results and errors as for `run`.
+    """
+    from jaxgear._app import _compare
+
+    return _compare.compare(scene, folder, quiet)
+
+
 def check_gradients(scene: Scene, folder: Path, quiet: bool) -> Summary:
     """Compare every derivative that an optimiser may use with central differences.
 
@@ -280,7 +404,10 @@ COMMANDS: dict[str, Callable[[Scene, Path, bool], Summary]] = {
     "run": run,
     "map": map_relief,
     "optimise": optimise_flanks,
+    "sweep": sweep_speeds,
+    "modes": natural_modes,
     "check-grad": check_gradients,
+    "compare": compare,
 }
 
 
@@ -306,7 +433,8 @@ def _head(scene: Scene, statics: Statics) -> Summary:
             else scene["mesh.foundation"],
             "contact": scene["mesh.contact"],
             "slices": scene["mesh.slices"],
-            "phases": scene["mesh.phases"],
+            # Time steps, where statics are those that the dynamics begin with.
+            "phases": statics.grid.phases,
             # Both gears' rotations are one coordinate: the drive.
             "dofs": len(statics.cycle.system.structure.map.free) - 1,
         },

@@ -381,6 +381,7 @@ def _shaft(
         shear_coefficient=number(f"{root}.shear_coeff", 1.0),
         material=_material(scene, name, read),
         body_width=number(f"{name}.face_width_mm", mm) if beam else None,
+        divisions=scene.get(f"{root}.divisions", 1),
         layout=layout,
     )
 

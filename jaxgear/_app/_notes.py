@@ -147,3 +147,37 @@ def _on_results(scene: Scene, statics: Statics) -> list[str]:
             "and the pressures are as large as the slices let them be."
         )
     return found
+
+
+def sweep_notes(scene: Scene, unsettled: int, responses: int, lost: list[str]) -> list[str]:
+    """Remarks on a sweep.
+
+    **Arguments:**
+
+    - `scene`: that was swept.
+    - `unsettled`: number of responses that did not settle.
+    - `responses`: number of all responses.
+    - `lost`: where and why a branch could not be followed further.
+
+    **Returns:**
+
+    A sentence or two each.
+    """
+    found = []
+    if scene["sweep.centrifugal"]:
+        found.append(
+            "Rigid and beam bodies do not grow with speed: sweep.centrifugal does nothing to them."
+        )
+    if scene.get("model.coordinates"):
+        found.append("model.coordinates does nothing: all modes of these bodies are kept.")
+    if unsettled:
+        found.append(
+            f"{unsettled} of {responses} responses did not settle: their numbers are those of the "
+            "end of a march. Raise sweep.cycles; where they never repeat there is nothing to "
+            "settle on, as in chaos."
+        )
+    found += [
+        f"The branch was followed no further: {why}. What lies beyond is shown by the sweep alone."
+        for why in lost
+    ]
+    return found

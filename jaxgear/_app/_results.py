@@ -32,7 +32,7 @@ _HARMONICS = 10
 _ON_FLANK = 0.5
 
 
-class _Entry(NamedTuple):
+class Entry(NamedTuple):
     """One variable: its dimensions, its values in the unit of the file, and what it is."""
 
     dims: tuple[str, ...]
@@ -65,7 +65,7 @@ def static_dataset(
     facts = {name: np.asarray(x) for name, x in jg.pair_facts(model.pair).items()}
     variables = _over_phases(cycle, found) | _over_cells(cycle, found)
     variables |= _over_bodies(found) | _on_path(facts) | _over_bearings(found)
-    variables["face_load_N_mm"] = _Entry(
+    variables["face_load_N_mm"] = Entry(
         ("slice",), found["face_load"] * jg.mm, "N/mm", "mean load per face width"
     )
     return xr.Dataset(
@@ -132,29 +132,29 @@ def harmonic_count(cycle: jg.MeshCycle) -> int:
     return min(_HARMONICS, (cycle.approach.size // cycle.cells.lines.periods - 1) // 2)
 
 
-def _coordinates(cycle: jg.MeshCycle, facts: dict[str, np.ndarray]) -> dict[str, _Entry]:
+def _coordinates(cycle: jg.MeshCycle, facts: dict[str, np.ndarray]) -> dict[str, Entry]:
     lines = cycle.cells.lines
     passage = _passage(facts, lines)
     # At the first phase a line is that far from its entry, in whole periods.
     index = np.rint(passage[0] - np.asarray(lines.phase)[0]).astype(int)
     orders = np.arange(1, harmonic_count(cycle) + 1)
     return {
-        "phase": _Entry(("phase",), lines.phase, "1", "position in the cycle, in mesh periods"),
-        "weight": _Entry(("phase",), lines.weight, "1", "share of the cycle"),
-        "line": _Entry(("line",), index, "1", "contact line, in mesh periods since its entry"),
-        "passage": _Entry(
+        "phase": Entry(("phase",), lines.phase, "1", "position in the cycle, in mesh periods"),
+        "weight": Entry(("phase",), lines.weight, "1", "share of the cycle"),
+        "line": Entry(("line",), index, "1", "contact line, in mesh periods since its entry"),
+        "passage": Entry(
             ("phase", "line"), passage, "1", "mesh periods since the pair's entry at mid-face"
         ),
-        "face_position_mm": _Entry(
+        "face_position_mm": Entry(
             ("slice",),
             np.asarray(lines.face_position) / jg.mm,
             "mm",
             "position from mid-face along the axes",
         ),
-        "harmonic": _Entry(("harmonic",), orders, "1", "order of the mesh frequency"),
-        "body": _Entry(("body",), list(BODIES), "1", "gear"),
-        "axis": _Entry(("axis",), list(_AXES), "1", "axis: S pinion to wheel, T = Z x S, Z axial"),
-        "path_point": _Entry(("path_point",), list("ABCDE"), "1", "point on the path of contact"),
+        "harmonic": Entry(("harmonic",), orders, "1", "order of the mesh frequency"),
+        "body": Entry(("body",), list(BODIES), "1", "gear"),
+        "axis": Entry(("axis",), list(_AXES), "1", "axis: S pinion to wheel, T = Z x S, Z axial"),
+        "path_point": Entry(("path_point",), list("ABCDE"), "1", "point on the path of contact"),
     }
 
 
@@ -164,30 +164,30 @@ def _passage(facts: dict[str, np.ndarray], lines: jg.ContactLines) -> np.ndarray
     return (at_middle - facts["path_start"]) / facts["transverse_base_pitch"]
 
 
-def _over_phases(cycle: jg.MeshCycle, found: dict[str, np.ndarray]) -> dict[str, _Entry]:
+def _over_phases(cycle: jg.MeshCycle, found: dict[str, np.ndarray]) -> dict[str, Entry]:
     return {
-        "transmission_error_um": _Entry(
+        "transmission_error_um": Entry(
             ("phase",), found["transmission_error"] / jg.um, "um", "quasi-static transmission error"
         ),
-        "te_harmonic_um": _Entry(
+        "te_harmonic_um": Entry(
             ("harmonic",),
             found["te_harmonic"] / jg.um,
             "um",
             "amplitude of a mesh harmonic of the transmission error",
         ),
-        "mesh_stiffness_N_um": _Entry(
+        "mesh_stiffness_N_um": Entry(
             ("phase",),
             found["mesh_stiffness"] * jg.um,
             "N/um",
             "stiffness of the cells in contact, along the normal",
         ),
-        "load_sharing": _Entry(
+        "load_sharing": Entry(
             ("phase", "line"), found["load_sharing"], "1", "share of the mesh force on a line"
         ),
-        "mesh_force_N": _Entry(
+        "mesh_force_N": Entry(
             ("phase",), np.asarray(cycle.load)[:, 0], "N", "mesh force along the normal"
         ),
-        "converged": _Entry(
+        "converged": Entry(
             ("phase",),
             np.asarray(cycle.converged).astype(np.int8),
             "1",
@@ -196,7 +196,7 @@ def _over_phases(cycle: jg.MeshCycle, found: dict[str, np.ndarray]) -> dict[str,
     }
 
 
-def _over_cells(cycle: jg.MeshCycle, found: dict[str, np.ndarray]) -> dict[str, _Entry]:
+def _over_cells(cycle: jg.MeshCycle, found: dict[str, np.ndarray]) -> dict[str, Entry]:
     lines = cycle.cells.lines
     shape = lines.roll.shape
     each = {
@@ -230,10 +230,10 @@ def _over_cells(cycle: jg.MeshCycle, found: dict[str, np.ndarray]) -> dict[str, 
         ),
     }
     dims = ("phase", "line", "slice")
-    return {name: _Entry(dims, *rest) for name, rest in each.items()}
+    return {name: Entry(dims, *rest) for name, rest in each.items()}
 
 
-def _over_bodies(found: dict[str, np.ndarray]) -> dict[str, _Entry]:
+def _over_bodies(found: dict[str, np.ndarray]) -> dict[str, Entry]:
     # Each body: three translations, then three rotations.
     motion = found["motion"].reshape(-1, 2, 2, 3)
     load = found["body_load"].reshape(-1, 2, 2, 3)
@@ -247,10 +247,10 @@ def _over_bodies(found: dict[str, np.ndarray]) -> dict[str, _Entry]:
         "body_force_N": (load[:, :, 0], "N", "force of the mesh on the gear"),
         "body_moment_Nm": (load[:, :, 1], "N m", "moment of the mesh about the gear's centre"),
     }
-    return {name: _Entry(("phase", "body", "axis"), *rest) for name, rest in each.items()}
+    return {name: Entry(("phase", "body", "axis"), *rest) for name, rest in each.items()}
 
 
-def _over_bearings(found: dict[str, np.ndarray]) -> dict[str, _Entry]:
+def _over_bearings(found: dict[str, np.ndarray]) -> dict[str, Entry]:
     """The pinion's bearings first, in the order of the scene."""
     if "bearing_load" not in found:
         return {}
@@ -260,10 +260,10 @@ def _over_bearings(found: dict[str, np.ndarray]) -> dict[str, _Entry]:
         "bearing_load_N": (load[:, :, :3], "N", "load of the shaft on the bearing"),
     }
     dims = ("phase", "bearing", "axis")
-    return {name: _Entry(dims, *rest) for name, rest in each.items()}
+    return {name: Entry(dims, *rest) for name, rest in each.items()}
 
 
-def _on_path(facts: dict[str, np.ndarray]) -> dict[str, _Entry]:
+def _on_path(facts: dict[str, np.ndarray]) -> dict[str, Entry]:
     """Where A to E are. B and D bound single-pair contact, so they need a ratio of 1 to 2."""
     length, start = float(facts["path_of_contact"]), float(facts["path_start"])
     pitch = float(facts["transverse_base_pitch"]) / length
@@ -272,10 +272,10 @@ def _on_path(facts: dict[str, np.ndarray]) -> dict[str, _Entry]:
     first, last = (1.0 - pitch, pitch) if has_single else (math.nan, math.nan)
     position = np.asarray([0.0, first, place, last, 1.0])
     return {
-        "path_point_position": _Entry(
+        "path_point_position": Entry(
             ("path_point",), position, "1", "place on the path of contact, 0 start to 1 end"
         ),
-        "path_point_roll_mm": _Entry(
+        "path_point_roll_mm": Entry(
             ("path_point",),
             (start + position * length) / jg.mm,
             "mm",
@@ -371,10 +371,21 @@ def whole_file(path: Path) -> Iterator[Path]:
         draft.unlink(missing_ok=True)
 
 
-def write_dataset(dataset: xr.Dataset, path: Path) -> None:
-    """Write a dataset as netCDF4."""
+def write_dataset(
+    dataset: xr.Dataset, path: Path, groups: Mapping[str, xr.Dataset] | None = None
+) -> None:
+    """Write a dataset as netCDF4.
+
+    **Arguments:**
+
+    - `dataset`: at the root of the file; it may be empty.
+    - `path`: of the file.
+    - `groups`: further datasets under their names, to be read with `group=`.
+    """
     with whole_file(path) as draft:
         dataset.to_netcdf(draft, engine="netcdf4", format="NETCDF4")
+        for name, group in (groups or {}).items():
+            group.to_netcdf(draft, mode="a", group=name, engine="netcdf4", format="NETCDF4")
 
 
 def write_json(summary: Mapping[str, object], path: Path) -> None:

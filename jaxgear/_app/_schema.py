@@ -33,7 +33,7 @@ Kind = Literal["float", "int", "text", "bool", "floats", "texts"]
 GEARS = ("pinion", "wheel")
 # Tables that every scene has, and tables that ask for work, which are written out only if given.
 ALWAYS = ("", "pair", *GEARS)
-ON_REQUEST = ("model", "damping", "sweep", "map", "optimise", "sizing")
+ON_REQUEST = ("model", "damping", "sweep", "modes", "map", "optimise", "sizing")
 # Tables whose keys are paths of other keys, quoted or as nested tables.
 BY_PATH = ("optimise.bounds", "sizing.amounts")
 
@@ -62,6 +62,7 @@ _UNITS = {
     "_mm": "mm",
     "_um": "um",
     "_kg": "kg",
+    "_Hz": "Hz",
     "_N": "N",
 }
 
@@ -469,6 +470,12 @@ def _shaft(table: str) -> tuple[Key, ...]:
             remedy="It is the share of the section that carries shear; a solid shaft has about 0.9",
         ),
         _variable(f"{load}.at_mm", "position of a load", REQUIRED, **place),
+        _count(
+            f"{table}.divisions",
+            "finite elements from one station to the next; default: 1, exact in statics",
+            at_least=1,
+            at_most=100,
+        ),
         _variables(f"{load}.force_N", "force along S, T, Z", [0.0, 0.0, 0.0], length=3),
         _variables(f"{load}.moment_Nm", "moment about S, T, Z", [0.0, 0.0, 0.0], length=3),
     )
@@ -620,10 +627,17 @@ _MESH = (
 )
 
 _RAYLEIGH = ("damping.kind", "rayleigh")
+_SPEED = "At rest, the quasi-static cycle of `jaxgear run` is the response"
 
 _DYNAMICS = (
     _count("model.coordinates", "system coordinates kept in time stepping; 0: all", at_least=0),
     _text("model.fidelity", "choice of model", modelled=()),
+    Key(
+        "model.gyroscopic",
+        "bool",
+        "whether gears and shafts that tilt while they spin feel it",
+        False,
+    ),
     _text("damping.kind", "kind of damping", "modal", choices=("modal", "rayleigh")),
     _number("damping.mesh", "damping ratio of the mesh", 0.07, at_least=0.0, below=1.0),
     _number("damping.structure", "damping ratio of the rest", 0.02, at_least=0.0, below=1.0),
@@ -634,25 +648,66 @@ _DYNAMICS = (
         "damping.b_R_s", "factor of the stiffness", REQUIRED, at_least=0.0, applies_if=_RAYLEIGH
     ),
     Key(
+        "damping.active_mesh",
+        "bool",
+        "whether the mesh damps only while its teeth touch; for modal damping",
+        False,
+    ),
+    Key(
         "sweep.pinion_speed_rad_s",
         "floats",
         "a table from, to, points or a list",
         REQUIRED,
         above=0.0,
+        remedy=_SPEED,
     ),
-    _number("sweep.pinion_speed_rad_s.from", "lowest speed", REQUIRED, above=0.0),
-    _number("sweep.pinion_speed_rad_s.to", "highest speed", REQUIRED, above=0.0),
+    _number("sweep.pinion_speed_rad_s.from", "lowest speed", REQUIRED, above=0.0, remedy=_SPEED),
+    _number("sweep.pinion_speed_rad_s.to", "highest speed", REQUIRED, above=0.0, remedy=_SPEED),
     _count(
         "sweep.pinion_speed_rad_s.points", "number of speeds", REQUIRED, at_least=2, at_most=100_000
     ),
-    _text("sweep.direction", "direction", "both", choices=("up", "down", "both", "cold")),
+    _text(
+        "sweep.direction",
+        "speeds rising, falling, one after the other; cold: each by itself",
+        "both",
+        choices=("up", "down", "both", "cold"),
+    ),
     _text(
         "sweep.method",
-        "method",
+        "method; auto: harmonic balance, but for cycles of many mesh periods newmark",
         "auto",
         choices=("auto", "newmark", "shooting", "harmonic"),
     ),
     Key("sweep.centrifugal", "bool", "centrifugal effects", True),
+    _count("sweep.steps", "time steps in one mesh period", 128, at_least=8, at_most=4096),
+    _count(
+        "sweep.harmonics",
+        "harmonics of the mesh frequency in harmonic balance; fewer than half the steps",
+        20,
+        at_least=1,
+        at_most=1000,
+    ),
+    _count(
+        "sweep.cycles",
+        "mesh periods to march before a response counts, in whole cycles and at least 4 of them",
+        100,
+        at_least=1,
+        at_most=1_000_000,
+    ),
+    _count("sweep.orders", "orders of the mesh frequency written down", 8, at_least=1, at_most=200),
+    Key(
+        "sweep.continuation",
+        "bool",
+        "whether the branch is followed round its folds too; default: with direction = both",
+    ),
+    _count(
+        "modes.count",
+        "number of modes written down; default: 12, or all up to highest_Hz",
+        at_least=1,
+        at_most=10_000,
+    ),
+    _number("modes.highest_Hz", "highest natural frequency written down", above=0.0),
+    _count("modes.harmonics", "mesh harmonics with critical speeds", 4, at_least=1, at_most=100),
 )
 
 _TORQUES: dict[str, Any] = {"above": 0.0, "remedy": _TORQUE}

@@ -121,17 +121,8 @@ def solve_statics(scene: Scene, watch: Stopwatch, torques: np.ndarray | None = N
     all_torques = jnp.concatenate([model.torque[None], jnp.asarray(more)])
     cycles, error, harmonics, numbers = watch(_solve, model, grid, law, all_torques)
     require_solved(cycles.converged)
-    # Weber's contact term holds while the contact is small against the tooth.
-    deflection = float(numbers["single_pair_deflection_um"][0]) * um
-    require(
-        deflection < 0.1 * float(model.pair.normal_module),
-        "A single tooth pair would give way by {got:.3g} mm under {torque:.6g} N m, more than a "
-        "tenth of the module: no tooth bears that. pair.torque_pinion_Nm is in N m; with a ring "
-        "foundation the body winds up about bore_mm, where it must be held.",
-        got=deflection / mm,
-        torque=float(model.torque),
-    )
     first = jax.tree.map(lambda x: jnp.asarray(np.asarray(x)[0]), (cycles, numbers))
+    _require_bearable(model, first[1])
     return Statics(
         model=model,
         grid=grid,
@@ -140,6 +131,45 @@ def solve_statics(scene: Scene, watch: Stopwatch, torques: np.ndarray | None = N
         numbers=first[1],
         harris=np.asarray(error)[1:],
         harris_harmonics=np.asarray(harmonics)[1:],
+    )
+
+
+def settled_statics(
+    model: PairModel, grid: MeshGrid, law: AbstractContactLaw, cycle: MeshCycle
+) -> Statics:
+    """The statics of a cycle that was solved for another purpose.
+
+    **Arguments:**
+
+    - `model`: that was solved.
+    - `grid`: on which.
+    - `law`: with which.
+    - `cycle`: its settled states.
+
+    **Returns:**
+
+    Statics without further torques.
+
+    **Raises:**
+
+    - `ValueError` if no tooth bears the torque.
+    """
+    numbers = jax.jit(_static_numbers)(model, cycle, law)
+    _require_bearable(model, numbers)
+    none = np.zeros((0, grid.phases * grid.periods)), np.zeros((0, harmonic_count(cycle)))
+    return Statics(model, grid, law, cycle, numbers, *none)
+
+
+def _require_bearable(model: PairModel, numbers: dict[str, Scalar]) -> None:
+    # Weber's contact term holds while the contact is small against the tooth.
+    deflection = float(numbers["single_pair_deflection_um"]) * um
+    require(
+        deflection < 0.1 * float(model.pair.normal_module),
+        "A single tooth pair would give way by {got:.3g} mm under {torque:.6g} N m, more than a "
+        "tenth of the module: no tooth bears that. pair.torque_pinion_Nm is in N m; with a ring "
+        "foundation the body winds up about bore_mm, where it must be held.",
+        got=deflection / mm,
+        torque=float(model.torque),
     )
 
 

@@ -10,15 +10,18 @@ Equations of exact contact at points in time have corners: close to a corner a f
 error of that discretisation, and has no derivative. Averaged or smooth contact has both.
 """
 
+import concurrent.futures
+import itertools
 from collections.abc import Callable
-from typing import Literal, NamedTuple
+from functools import partial
+from typing import TYPE_CHECKING, Literal, NamedTuple, cast
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.optimize
-from jaxtyping import Complex, Float, PyTree
+from jaxtyping import Bool, Complex, Float, PyTree
 
 from jaxgear._checks import InputError, require
 from jaxgear._dynamics._harmonic import (
@@ -29,11 +32,25 @@ from jaxgear._dynamics._harmonic import (
     _residual,
     balance_of,
 )
+from jaxgear._dynamics._march import History
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._shooting import monodromy, multipliers
 from jaxgear._dynamics._system import DynamicSystem
 from jaxgear._dynamics._types import Terms
 from jaxgear._types import Reals, Scalar
+
+if TYPE_CHECKING:
+    Places = np.ndarray
+    PlaceTerms = np.ndarray
+    PlaceMultipliers = np.ndarray
+    FlagPlaces = np.ndarray
+    Harmonics = np.ndarray
+else:
+    Places = Float[np.ndarray, "point"]
+    PlaceTerms = Float[np.ndarray, "point coordinate term"]
+    PlaceMultipliers = Complex[np.ndarray, "point"]
+    FlagPlaces = Bool[np.ndarray, "point"]
+    Harmonics = Float[np.ndarray, "coordinate term"]
 
 # Why a branch ends: at an end of the range of speeds, where it began, at a branch that repeats
 # after fewer cycles, where Newton's method fails at the smallest step, or after enough points.
@@ -48,12 +65,12 @@ class CurvePoint(eqx.Module):
     - `speed`: of the pinion [rad/s].
     - `dynamic_ratio`: largest total contact force over the static one [-].
     - `terms`: harmonics of the mesh coordinates [m, rad].
-    - `after`: index of the point of the branch that precedes it, -1 if there is none.
+    - `after`: index of the point of the branch that precedes it, -1 if there is none [-].
     """
 
     speed: float
     dynamic_ratio: float
-    terms: Float[np.ndarray, "coordinate term"]
+    terms: Harmonics
     after: int
 
 
@@ -67,21 +84,24 @@ class Curve(eqx.Module):
     - `te_rms`: of the dynamic transmission error about its mean [m].
     - `terms`: harmonics of the mesh coordinates [m, rad].
     - `multiplier`: the largest of Floquet, over the whole response; NaN if not asked for [-].
-    - `stable`: whether it is smaller than one.
+    - `stable`: whether it is smaller than one; false if not asked for.
     - `folds`: where the branch turns back in speed.
     - `doublings`: where a multiplier passes through -1.
+    - `tori`: where a pair of complex multipliers passes through the unit circle: beyond, the
+        amplitude beats.
     - `ends`: why there is nothing before the first and after the last point.
     - `steps`: Newton's steps in all.
     """
 
-    speed: Float[np.ndarray, "point"]
-    dynamic_ratio: Float[np.ndarray, "point"]
-    te_rms: Float[np.ndarray, "point"]
-    terms: Float[np.ndarray, "point coordinate term"]
-    multiplier: Complex[np.ndarray, "point"]
-    stable: np.ndarray
+    speed: Places
+    dynamic_ratio: Places
+    te_rms: Places
+    terms: PlaceTerms
+    multiplier: PlaceMultipliers
+    stable: FlagPlaces
     folds: tuple[CurvePoint, ...]
     doublings: tuple[CurvePoint, ...]
+    tori: tuple[CurvePoint, ...]
     ends: tuple[End, End] = eqx.field(static=True)
     steps: int = eqx.field(static=True)
 
@@ -180,11 +200,9 @@ def _measures(balance: Balance, orbit: Orbit) -> tuple[Scalar, Scalar]:
 
 
 @jax.jit
-def _first(
-    method: HarmonicBalance, balance: Balance, speed: Scalar, near: Terms | None
-) -> tuple[Terms, Scalar]:
-    orbit, terms = method.solve(balance, speed, near)
-    return terms, orbit.residual
+def _first(method: HarmonicBalance, balance: Balance, speed: Scalar, near: Terms) -> Reals:
+    """The response that Newton's method reaches at a given speed."""
+    return _joined(balance, method.solve(balance, speed, near)[1], speed)
 
 
 _prepared = jax.jit(balance_of)
@@ -204,6 +222,17 @@ class _Point(NamedTuple):
     multiplier: complex = complex(np.nan, np.nan)
     # Sign and logarithm of det(1 + M): it passes through zero as a multiplier passes through -1.
     doubling: tuple[float, float] = (1.0, 0.0)
+    # Logarithm of the largest size of a complex multiplier.
+    ring: float = -np.inf
+
+
+def _hides(here: _Point, ahead: _Point) -> bool:
+    """Whether speed turns twice between two points, by the cubic through their tangents."""
+    first, last = here.tangent[-1], ahead.tangent[-1]
+    step = _distance(ahead.unknowns, here.unknowns)
+    between = 1.5 * (ahead.unknowns[-1] - here.unknowns[-1]) / step - 0.25 * (first + last)
+    rises = (first + last) * (abs(first + last) > _UPRIGHT)
+    return bool(first * last > -(_UPRIGHT**2) and between * rises < 0.0)
 
 
 class _LostError(Exception):
@@ -234,15 +263,22 @@ class _Guide:
         if not self.stability:
             ratio, te_rms = jax.device_get(_seen(self.balance, point.unknowns))
             return point._replace(ratio=float(ratio), te_rms=float(te_rms))
-        ratio, te_rms, matrix = jax.device_get(_seen_whole(self.balance, point.unknowns))
-        largest = complex(multipliers(matrix, self.balance.modes)[0])
-        sign, size = np.linalg.slogdet(np.eye(len(matrix)) + matrix)
+        ratio, te_rms, matrix = _seen_whole(self.balance, point.unknowns)
+        found = multipliers(matrix, self.balance.modes)
+        sign, size = np.linalg.slogdet(np.eye(found.size) + np.asarray(matrix))
+        pairs = found[np.imag(found) != 0.0]
         return point._replace(
             ratio=float(ratio),
             te_rms=float(te_rms),
-            multiplier=largest,
+            multiplier=complex(found[0]),
             doubling=(float(sign), float(size)),
+            ring=float(np.log(np.abs(pairs[0]))) if pairs.size else -np.inf,
         )
+
+    def see_all(self, points: list[_Point]) -> list[_Point]:
+        """Points with all that is to be known of them, by two threads at a time."""
+        with concurrent.futures.ThreadPoolExecutor(2) as pool:
+            return list(pool.map(self.see, points))
 
     def between(self, here: _Point, ahead: _Point, share: float) -> _Point:
         """A point between two that are neighbours."""
@@ -259,23 +295,39 @@ class _Guide:
         ends = {0.0: of(here), 1.0: of(ahead)}
         value = lambda share: ends[share] if share in ends else of(self.between(here, ahead, share))
         step = float(here.tangent @ (ahead.unknowns - here.unknowns))
-        return self.between(
-            here, ahead, scipy.optimize.brentq(value, 0.0, 1.0, xtol=accuracy / step)
-        )
+        share = scipy.optimize.brentq(value, 0.0, 1.0, xtol=accuracy / step, full_output=False)
+        return self.between(here, ahead, float(cast(float, share)))
 
     def fold(self, here: _Point, ahead: _Point) -> _Point:
         """Where the branch turns back between two points."""
         return self.zero(here, ahead, lambda point: point.tangent[-1], _FOLD_ACCURACY)
 
-    def doubling(self, here: _Point, ahead: _Point) -> _Point:
-        """Where a multiplier passes through -1 between two points."""
+    def changes(self, points: list[_Point]) -> "tuple[_Events, _Events]":
+        """Where, among points that are seen, a period doubles, and where a torus begins."""
+        whole = lambda point: point if np.isfinite(point.ratio) else self.see(point)
+        doublings: _Events = []
+        tori: _Events = []
+        for index, (here, ahead) in enumerate(itertools.pairwise(points)):
 
-        def of(point: _Point) -> float:
-            seen = point if point.ratio == point.ratio else self.see(point)
-            sign, size = seen.doubling
-            return sign * np.exp(size - here.doubling[1])
+            def by_sign(point: _Point, scale: float = here.doubling[1]) -> float:
+                sign, size = whole(point).doubling
+                return sign * np.exp(size - scale)
 
-        return self.zero(here, ahead, of, _DOUBLING_ACCURACY)
+            if here.doubling[0] * ahead.doubling[0] < 0.0:
+                doublings.append((index, self.passage(here, ahead, by_sign)))
+            # Complex multipliers that meet and become real leave this without passing the circle.
+            if here.ring * ahead.ring < 0.0 and np.isfinite(here.ring * ahead.ring):
+                found = self.passage(here, ahead, lambda point: whole(point).ring)
+                if abs(found.ring) < _ON_CIRCLE:
+                    tori.append((index, found))
+        return doublings, tori
+
+    def passage(self, here: _Point, ahead: _Point, of: Callable[[_Point], float]) -> _Point:
+        """Where a function of the multipliers passes through zero, or the point before it."""
+        try:
+            return self.see(self.zero(here, ahead, of, _PASSAGE_ACCURACY))
+        except _LostError:
+            return here
 
     def shifted(self, unknowns: np.ndarray, cycles: int) -> np.ndarray:
         """The same response, some cycles later."""
@@ -323,8 +375,9 @@ class _Guide:
         return False
 
 
-# Places along a branch: where it folds, and where a period doubles.
-_FOLD_ACCURACY, _DOUBLING_ACCURACY = 1e-9, 1e-7
+# Along a branch: of folds, and of changes of stability. The multipliers of exact contact jump by
+# little as cells close: so far may a pair of them be off the circle where they pass it.
+_FOLD_ACCURACY, _PASSAGE_ACCURACY, _ON_CIRCLE = 1e-9, 1e-7, 1e-2
 # Distance between responses that are one, and tangents that do not lean to either side.
 _SAME, _UPRIGHT = 1e-4, 1e-9
 # Steps halve below the first and grow above the second of these cosines of the turn they make, and
@@ -332,6 +385,8 @@ _SAME, _UPRIGHT = 1e-4, 1e-9
 _SHARP, _STRAIGHT, _ASIDE = 0.8, 0.98, 0.5
 _FEW_NEWTON, _MANY_NEWTON = 4, 6
 _SMALLEST_STEP = 1e-7
+# Steps above this are halved if two folds seem to hide in them.
+_LOOKED_AT = 3e-3
 
 
 def _distance(first: np.ndarray, second: np.ndarray) -> float:
@@ -343,12 +398,17 @@ def _heading(point: _Point) -> float:
     return float(np.sign(point.tangent[-1])) if abs(point.tangent[-1]) > _UPRIGHT else 0.0
 
 
+# Points, each with the index of the point before it.
+_Events = list[tuple[int, _Point]]
+
+
 class _Walk(NamedTuple):
-    """The points after the first in one direction, what lies between them, and why they end."""
+    """The points in one direction, what lies between them, and why they end."""
 
     points: list[_Point]
-    folds: list[tuple[int, _Point]]
-    doublings: list[tuple[int, _Point]]
+    folds: _Events
+    doublings: _Events
+    tori: _Events
     end: End
 
 
@@ -362,13 +422,15 @@ def _walk(
 ) -> _Walk:
     """Follow a branch from a point in the direction of its tangent."""
     step, largest = steps
-    points, folds, doublings = [first], [], []
+    points, folds = [first], []
     heading = _heading(first)
     upright = np.zeros_like(first.unknowns)
     upright[-1] = 1.0
 
     def end(why: End) -> _Walk:
-        return _Walk(points[1:], folds, doublings, why)
+        seen = guide.see_all(points)
+        doublings, tori = guide.changes(seen)
+        return _Walk(seen, [(i, guide.see(x)) for i, x in folds], doublings, tori, why)
 
     def ahead_of(here: _Point, step: float) -> tuple[_Point | None, bool]:
         """The next point, and whether it is on the edge of the range."""
@@ -379,6 +441,8 @@ def _walk(
         if here.tangent @ ahead.tangent < _SHARP:
             return None, False
         if _distance(ahead.unknowns, guess) > _ASIDE * step:
+            return None, False
+        if step > _LOOKED_AT and _hides(here, ahead):
             return None, False
         low, high = span
         inside = low <= ahead.unknowns[-1] <= high
@@ -396,15 +460,12 @@ def _walk(
     while len(points) < most_points:
         here = points[-1]
         ahead, leaves = ahead_of(here, step)
-        joint = fold = doubling = None
+        joint = fold = None
         try:
             if ahead is not None:
-                ahead = guide.see(ahead)
                 joint = guide.joint(here, ahead)
-                if heading * _heading(ahead) < 0.0:
+                if joint is None and heading * _heading(ahead) < 0.0:
                     fold = guide.fold(here, ahead) if _heading(here) else here
-                if here.doubling[0] * ahead.doubling[0] < 0.0:
-                    doubling = guide.doubling(here, ahead)
         except _LostError:
             ahead = None
         if ahead is None:
@@ -413,14 +474,12 @@ def _walk(
                 return end("lost")
             continue
         if joint is not None:
-            points.append(guide.see(joint))
+            points.append(joint)
             done(1)
             return end("joined")
         heading = _heading(ahead) or heading
-        if doubling is not None:
-            doublings.append((len(points) - 1, guide.see(doubling)))
         if fold is not None:
-            folds.append((len(points) - 1, guide.see(fold)))
+            folds.append((len(points) - 1, fold))
         back = len(points) > 2 and guide.passes(here, ahead, first)
         points.append(first if back else ahead)
         done(1)
@@ -499,47 +558,49 @@ def continuation(
     )
     balance = _prepared(method, system)
     guide = _Guide(method, balance, stability=stability)
-    speed = jnp.asarray(float(at))
-    terms, _ = _first(method, balance, speed, near)
-    begun = np.asarray(_joined_once(balance, terms, speed))
+    near = balance.rest if near is None else near
+    begun = np.asarray(_first(method, balance, jnp.asarray(float(at)), near))
     upright = np.zeros_like(begun)
     upright[-1] = 1.0
     first = guide.correct(begun, upright, float(begun[-1])) if np.all(np.isfinite(begun)) else None
     if first is None:
-        return _curve(guide, [], _Walk([], [], [], "not found"), "not found")
-    first = guide.see(first)
+        return _curve(guide, _Walk([], [], [], [], "not found"), "not found")
     done(1)
     way = np.sign(stop - start)
     first = first._replace(tangent=way * first.tangent)
     span, steps = (float(np.log(low)), float(np.log(high))), (first_step, largest_step)
     onwards = _walk(guide, first, span, steps, most_points, done)
     if at == start or onwards.end == "returned":
-        begins: End = "began" if onwards.end != "returned" else "returned"
-        return _curve(guide, [first], onwards, begins)
+        return _curve(guide, onwards, "returned" if onwards.end == "returned" else "began")
     behind = first._replace(tangent=-first.tangent)
     backwards = _walk(guide, behind, span, steps, most_points, done)
-    count = len(backwards.points)
-    # Index k of a walk backwards from point `count` precedes, forwards, what follows count - k - 1.
-    turned = lambda events: [(count - 1 - k, point) for k, point in reversed(events)]
-    shifted = lambda events: [(count + k, point) for k, point in events]
-    both = _Walk(
-        onwards.points,
-        turned(backwards.folds) + shifted(onwards.folds),
-        turned(backwards.doublings) + shifted(onwards.doublings),
-        onwards.end,
+    return _curve(guide, _together(backwards, onwards), backwards.end)
+
+
+def _together(backwards: _Walk, onwards: _Walk) -> _Walk:
+    """One walk of two in opposite directions from one point."""
+    count = len(backwards.points) - 1
+    # What follows a point on the way back precedes it on the way forth.
+    before = lambda events: [(count - 1 - index, point) for index, point in reversed(events)]
+    after = lambda events: [(count + index, point) for index, point in events]
+    return _Walk(
+        points=[*reversed(backwards.points), *onwards.points[1:]],
+        folds=before(backwards.folds) + after(onwards.folds),
+        doublings=before(backwards.doublings) + after(onwards.doublings),
+        tori=before(backwards.tori) + after(onwards.tori),
+        end=onwards.end,
     )
-    return _curve(guide, [*reversed(backwards.points), first], both, backwards.end)
 
 
 _joined_once = jax.jit(_joined)
 
 
-def _curve(guide: _Guide, before: list[_Point], walk: _Walk, begins: End) -> Curve:
-    """Put points together."""
-    points = before + walk.points
+def _curve(guide: _Guide, walk: _Walk, begins: End) -> Curve:
+    """What a walk has found."""
+    points = walk.points
     sizes = np.asarray(_sizes(guide.balance))
 
-    def special(events: list[tuple[int, _Point]]) -> tuple[CurvePoint, ...]:
+    def special(events: _Events) -> tuple[CurvePoint, ...]:
         return tuple(_special(guide, point, index) for index, point in events)
 
     column = lambda name: np.asarray([getattr(point, name) for point in points])
@@ -554,6 +615,7 @@ def _curve(guide: _Guide, before: list[_Point], walk: _Walk, begins: End) -> Cur
         stable=np.abs(multiplier) < 1.0,
         folds=special(walk.folds),
         doublings=special(walk.doublings),
+        tori=special(walk.tori),
         ends=(begins, walk.end),
         steps=guide.steps,
     )
@@ -567,13 +629,14 @@ def _special(guide: _Guide, point: _Point, after: int) -> CurvePoint:
 _parted_once = jax.jit(_parted)
 
 
-def terms_of(balance: Balance, orbit: Orbit) -> Terms:
+def terms_of(balance: Balance, orbit: Orbit | History) -> Terms:
     """Harmonics of a response that was found by any method on the same time steps.
 
     **Arguments:**
 
     - `balance`: whose harmonics they are to be, from `balance_of`.
-    - `orbit`: over as many cycles, or over a divisor of them.
+    - `orbit`: over as many cycles, or over a divisor of them; of marches, by a rule whose load is
+        in mid-step.
 
     **Returns:**
 
@@ -639,7 +702,8 @@ def doubled(
     found = guide.correct(guess, shape, float(shape @ guess))
     if found is None:
         raise InputError(
-            f"No response of twice the period was found near {doubling.speed:.6g} rad/s. Try another `step`."
+            "No response of twice the period was found near "
+            f"{doubling.speed:.6g} rad/s. Try another `step`."
         )
     terms, speed = _parted_once(balance, found.unknowns)
     return terms, float(speed)
@@ -664,7 +728,8 @@ def condition(balance: Balance, terms: Terms, speed: Scalar) -> Scalar:
     **Returns:**
 
     The smallest singular value of the derivative of the balance by the harmonics, both without
-    units: 1 for a linear system, 0 at a fold. Derivatives of the response grow with its inverse [-].
+    units: 1 for a linear system, 0 at a fold. Derivatives of the response grow with its inverse
+    [-].
     """
     matrix = _by_both(balance, _joined(balance, terms, speed))[1][:, :-1]
     return jnp.linalg.svd(matrix, compute_uv=False)[-1]
@@ -728,7 +793,7 @@ def fold_gradient(
 
     **Arguments:**
 
-    - `build`: makes the system of parameters.
+    - `build`: makes the system of parameters. It is compiled anew when it is another function.
     - `parameters`: at which the fold was found.
     - `method`: by which it was found, with averaged or smooth contact. Exact contact at points in
         time changes its slope from one time step to the next: its folds are corners, and have no
@@ -744,39 +809,49 @@ def fold_gradient(
     - `ValueError` if the point is not a fold of that system, or is one at a corner.
     """
 
-    def work(parameters: PyTree, terms: Terms, speed: Scalar):
-        balance = balance_of(method, build(parameters))
-        unknowns = _joined(balance, terms, speed)
-        residual, matrix = _by_both(balance, unknowns)
-        left, sizes, _ = jnp.linalg.svd(matrix[:, :-1])
-        left = left[:, -1]
-
-        def weighted(parameters: PyTree) -> Scalar:
-            balance = balance_of(method, build(parameters))
-            problem = balance.at_speed(speed)[0]
-            load = problem.analysis @ _loads(problem, terms)[1]
-            return left @ _residual(problem, terms, load).reshape(-1)
-
-        by_speed = left @ matrix[:, -1] / speed
-        slopes = jax.grad(weighted)(parameters)
-        slopes = jax.tree.map(lambda slope: -slope / by_speed, slopes)
-        return slopes, sizes[-1], jnp.max(jnp.abs(residual))
-
+    balance = _prepared(method, _built(build, parameters))
     terms, speed = jnp.asarray(fold.terms), jnp.asarray(fold.speed)
-    slopes, smallest, error = jax.jit(work)(parameters, terms, speed)
+    residual, matrix = _by_both_once(balance, _joined_once(balance, terms, speed))
+    left, sizes, _ = np.linalg.svd(np.asarray(matrix)[:, :-1])
+    error = np.max(np.abs(residual))
     require(
-        error <= _BALANCED,
+        bool(error <= _BALANCED),
         "The point at {speed:.6g} rad/s is no response of the system of these parameters: its "
         "imbalance is {error:.3g}. Find the fold again with `fold_near`.",
         speed=fold.speed,
         error=error,
     )
     require(
-        smallest <= _SINGULAR,
+        bool(sizes[-1] <= _SINGULAR),
         "The point at {speed:.6g} rad/s is no smooth fold: the smallest singular value is "
         "{smallest:.3g}. Exact contact at points in time folds at corners; use `averaged=True` or "
         "`SmoothContact`.",
         speed=fold.speed,
-        smallest=smallest,
+        smallest=sizes[-1],
     )
-    return slopes
+    left = left[:, -1]
+    by_speed = float(left @ np.asarray(matrix)[:, -1]) / fold.speed
+    slopes = _weighted_slopes(build, parameters, method, left, terms, speed)
+    return jax.tree.map(lambda slope: -slope / by_speed, slopes)
+
+
+_built = jax.jit(lambda build, parameters: build(parameters), static_argnums=0)
+
+
+@partial(jax.jit, static_argnums=0)
+def _weighted_slopes(
+    build: Callable[[PyTree], DynamicSystem],
+    parameters: PyTree,
+    method: HarmonicBalance,
+    weights: Reals,
+    terms: Terms,
+    speed: Scalar,
+) -> PyTree:
+    """Derivatives by the parameters of a weighted sum of the residual."""
+
+    def total(parameters: PyTree) -> Scalar:
+        problem = balance_of(method, build(parameters)).at_speed(speed)[0]
+        load = problem.analysis @ _loads(problem, terms)[1]
+        return weights @ _residual(problem, terms, load).reshape(-1)
+
+    return jax.grad(total)(parameters)

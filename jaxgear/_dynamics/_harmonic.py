@@ -375,7 +375,7 @@ def _responses(
             return s * s * (mass @ x) + s * (damping @ x) + whole @ x
 
         def by_modes(_, right):
-            divisor = modes.square + s * s + s * modes.damping
+            divisor = jax.lax.complex(modes.square - frequency**2, frequency * modes.damping)
             return shape @ ((shape.T @ right) / divisor[:, None])
 
         if system.gyroscopic is None:

@@ -24,6 +24,7 @@ from jaxgear._dynamics._table import (
     mean_load,
     mesh_at,
     mesh_load,
+    mesh_within,
     repeated,
 )
 from jaxgear._dynamics._types import Motion, Start, StepPlaces
@@ -378,12 +379,12 @@ class March(eqx.Module):
     @property
     def meshes(self) -> tuple[Mesh, ...]:
         """The cells of all steps, where a step needs them."""
-        parts = (self.stepper.at,)
+        table, at = self.system.table, self.stepper.at
         if self.averaged:
-            parts = (START, MIDDLE, END)
-        elif self.stepper.refreshes:
-            parts = (self.stepper.at, START)
-        return tuple(mesh_at(self.system.table, part) for part in parts)
+            return tuple(mesh_at(table, part) for part in (START, MIDDLE, END))
+        if self.stepper.refreshes:
+            return mesh_at(table, at), mesh_at(table, START)
+        return (mesh_at(table, at) if at == MIDDLE else mesh_within(table, at),)
 
     def begin(self, start: Start) -> Carried:
         """Set out from a motion and its velocity.

@@ -89,15 +89,17 @@ class Exponential(AbstractStepper):
         place, speed = state
         half = 0.5 * damping
         rest = square - half**2
+        # Between swinging and creeping modes, where both forms are 0/0, a series.
+        near = jnp.abs(rest) * step**2 < 1e-6
+        root = jnp.sqrt(jnp.where(near, 1.0, jnp.abs(rest)))
+        fade, angle = jnp.exp(-half * step), root * step
+        slow, fast = jnp.exp((root - half) * step), jnp.exp(-(root + half) * step)
         swings = rest > 0.0
-        frequency = jnp.sqrt(jnp.where(swings, rest, 1.0))
-        decay = jnp.sqrt(jnp.where(swings, 1.0, jnp.maximum(-rest, 1e-300)))
-        # exp(-a t) times cos and sin(w t)/w, or their hyperbolic kin written without overflow.
-        fade = jnp.exp(-half * step)
-        slow, fast = jnp.exp((decay - half) * step), jnp.exp(-(decay + half) * step)
-        angle = frequency * step
         even = jnp.where(swings, fade * jnp.cos(angle), 0.5 * (slow + fast))
-        odd = jnp.where(swings, fade * jnp.sin(angle) / frequency, 0.5 * (slow - fast) / decay)
+        odd = jnp.where(swings, fade * jnp.sin(angle), 0.5 * (slow - fast)) / root
+        turn = rest * step**2
+        even = jnp.where(near, fade * (1.0 - turn / 2.0 + turn**2 / 24.0), even)
+        odd = jnp.where(near, fade * step * (1.0 - turn / 6.0 + turn**2 / 120.0), odd)
         static = load / square
         away = place - static
         ended = (

@@ -219,7 +219,9 @@ class _Finder:
         if isinstance(method, Marching):
             return self.alone(_orbit(_times(method, 2), self.system, speed, start))
         if isinstance(method, Shooting):
-            return self.shot(method, speed, start) or self.searched(method, speed, start)
+            twice = last is not None and last.multiple == 2
+            found = self.shot(method, speed, start, (2, 1) if twice else (1, 2))
+            return found or self.searched(method, speed, start)
         if last is not None and last.settled:
             found = self.balanced(speed, last.multiple, last.orbit)
         else:
@@ -255,9 +257,11 @@ class _Finder:
                 return found
         return self.marched(speed, start)
 
-    def shot(self, method: Shooting, speed: Scalar, start: Start) -> SweepPoint | None:
+    def shot(
+        self, method: Shooting, speed: Scalar, start: Start, multiples: tuple[int, ...] = (1, 2)
+    ) -> SweepPoint | None:
         """A stable response over one cycle or two by shooting, from a motion close by."""
-        for multiple in (1, 2):
+        for multiple in multiples:
             orbit = _orbit(_times(method, multiple), self.system, speed, start)
             found = self.judged(orbit)
             if found.stable:

@@ -19,6 +19,7 @@ from jaxgear._dynamics._damping import (
     AbstractDamping,
     ModalDamping,
     damping_matrix,
+    per_mass,
 )
 from jaxgear._dynamics._table import MeshTable, mesh_table, tangent_columns
 from jaxgear._dynamics._types import (
@@ -55,7 +56,7 @@ class DynamicSystem(eqx.Module):
         [m/N, 1/N, 1/(N m)].
     - `mean`: mean mesh stiffness on the mesh coordinates [N/m, N, N m].
     - `table`: the cells over one cycle.
-    - `cell_damping`: $\eta$ of closed cells, which press with $k(\Delta + \eta\dot\Delta)$, or
+    - `cell_damping`: $\eta$ of closed cells, which press with $k(\Delta + \eta W\dot m)$, or
         `None` [s].
     - `force`: static mesh force along the normal [N].
     - `transmission`: transmission error per motion [-, m].
@@ -127,31 +128,38 @@ def modal_basis(system: DynamicSystem) -> ModalBasis:
 
     **Returns:**
 
-    The modes, by rising frequency. Their derivatives do not exist where two frequencies meet:
-    they are NaN there. Responses by harmonic balance do not pass through them.
+    The modes. Where two of one frequency and damping meet, their derivatives do not exist and are
+    NaN. Responses by harmonic balance do not pass through them.
 
     **Raises:**
 
-    - `ValueError` if modes exchange damping.
+    - `ValueError` if modes exchange damping; while JAX traces, the damping is NaN instead.
     """
     lower = jnp.linalg.cholesky(system.mass)
-    half = jax.scipy.linalg.solve_triangular(lower, system.whole_stiffness, lower=True)
-    matrix = jax.scipy.linalg.solve_triangular(lower, half.T, lower=True)
-    square, vectors = jnp.linalg.eigh(0.5 * (matrix + matrix.T))
+    stiffness = per_mass(lower, system.whole_stiffness)
+    damping = per_mass(lower, system.damping)
+    # Both have the same vectors, if the modes exchange no damping; where frequencies meet, the
+    # damping tells their modes apart.
+    total = jnp.trace(damping)
+    share = 0.1 * jnp.trace(stiffness) / jnp.where(total > 0.0, total, 1.0)
+    _, vectors = jnp.linalg.eigh(stiffness + share * damping)
     shape = jax.scipy.linalg.solve_triangular(lower, vectors, lower=True, trans=1)
-    damping = shape.T @ system.damping @ shape
-    diagonal = jnp.diagonal(damping)
-    rest = damping - jnp.diag(diagonal)
+    square = jnp.sum(vectors * (stiffness @ vectors), axis=0)
+    modal = vectors.T @ damping @ vectors
+    diagonal = jnp.diagonal(modal)
+    exchanged = jnp.max(jnp.abs(modal - jnp.diag(diagonal)))
+    apart = exchanged <= 1e-6 * jnp.max(jnp.abs(diagonal))
     require(
-        jnp.max(jnp.abs(rest)) <= 1e-6 * (jnp.max(jnp.abs(diagonal)) + 1e-300),
+        apart,
         "The damping matrix exchanges energy between modes: up to {got:.3g} of the largest modal "
         "damping. Build it with `RayleighDamping` or `ModalDamping`.",
-        got=jnp.max(jnp.abs(rest)) / (jnp.max(jnp.abs(diagonal)) + 1e-300),
+        got=exchanged / jnp.max(jnp.abs(diagonal)),
     )
     return ModalBasis(
         square=square,
         shape=shape,
-        damping=diagonal,
+        # While JAX traces, nobody is told: no number is then better than a wrong one.
+        damping=jnp.where(apart, diagonal, jnp.nan),
         mesh=shape.T @ system.vectors,
         load=shape.T @ system.load,
     )
@@ -219,8 +227,8 @@ def pair_dynamics(
     own = among(structure.stiffness)
     meshed = vectors @ mean @ vectors.T
     # The artificial spring is faster than any mode, so that it meets none: the trace is the sum of
-    # all squared frequencies.
-    square = jnp.trace(jnp.linalg.solve(mass, own + meshed))
+    # all squared frequencies, of which there may be one.
+    square = 4.0 * jnp.trace(jnp.linalg.solve(mass, own + meshed))
     momentum = (mass @ free)[:, None]
     hold = momentum @ momentum.T
     stiffness = own + square * hold

@@ -156,6 +156,32 @@ def mesh_at(table: MeshTable, part: float) -> Mesh:
     return Mesh(table.stiffness, between(table.gap), between(table.arms), table.coupling)
 
 
+def mesh_within(table: MeshTable, part: float) -> Mesh:
+    """As `mesh_at`, with the stiffness of that instant instead of its mean over the step.
+
+    Its slope is that between neighbours, and never across a jump: between steps of one length.
+
+    **Arguments:**
+
+    - `table`: of a cycle.
+    - `part`: 0 at the start of a step, 1 at its end [-].
+
+    **Returns:**
+
+    The cells, `step` leading.
+    """
+    kinds = np.asarray(table.kinds)
+    steps = np.arange(kinds.size)
+    before, after = np.maximum(steps - 1, 0), np.minimum(steps + 1, kinds.size - 1)
+    before = np.where(kinds[before] == kinds, before, steps)
+    after = np.where(kinds[after] == kinds, after, steps)
+    apart = jnp.asarray(np.maximum(after - before, 1), dtype=float)[:, None]
+    slope = (table.stiffness[after] - table.stiffness[before]) / apart
+    stiffness = table.stiffness + (part - MIDDLE) * slope
+    stiffness = jnp.where(table.stiffness > 0.0, jnp.maximum(stiffness, 0.0), 0.0)
+    return dataclasses.replace(mesh_at(table, part), stiffness=stiffness)
+
+
 def repeated(table: MeshTable, times: int) -> MeshTable:
     """The table of a cycle that is gone through several times.
 
@@ -284,6 +310,32 @@ def mean_load(
         for mesh, at, slope in ((start, begun, by_begun), (end, ended, by_ended))
     ]
     return load, tangents[0], tangents[1]
+
+
+def mean_tangent(
+    start: Mesh, middle: Mesh, end: Mesh, first: Coordinates, last: Coordinates
+) -> CoordinateMatrix:
+    """Mean tangent stiffness of exact contact over a step: each cell while it is closed.
+
+    **Arguments:**
+
+    - `start`, `middle`, `end`: the cells at these places of the step.
+    - `first`: mesh coordinates at its start [m, rad].
+    - `last`: mesh coordinates at its end [m, rad].
+
+    **Returns:**
+
+    The mean stiffness on the mesh coordinates [N/m, N, N m].
+    """
+    law = ExactContact()
+    _, begun = cell_forces(start, first, law)
+    _, ended = cell_forces(end, last, law)
+    change = ended - begun
+    moves = jnp.abs(change) > 0.0
+    closing = (law.compression(ended) - law.compression(begun)) / jnp.where(moves, change, 1.0)
+    closed = jnp.where(moves, closing, jnp.where(begun > 0.0, 1.0, 0.0))
+    columns = tangent_columns(middle.stiffness * closed, middle.coupling, middle.arms)
+    return on_coordinates_all(middle.arms, columns)
 
 
 def _overlap_slopes(mesh: Mesh, overlap: Cells, law: AbstractContactLaw) -> CellColumns:

@@ -585,7 +585,7 @@ class _StopsState(eqx.Module):
 
     **Fields:**
 
-    - `inner`: state of the controller within.
+    - `inner`: state of the controller within [-].
     - `wish`: step that it would have taken without a stop [s].
     - `stop`: the next place that is not smooth [s].
     """
@@ -795,7 +795,7 @@ class _Dense(eqx.Module):
     **Fields:**
 
     - `motion`: its equations.
-    - `path`: state over time since the start.
+    - `path`: scaled state over time since the start [-].
     - `begin`: the start [s].
     - `transmission`: transmission error per motion [-, m].
     """

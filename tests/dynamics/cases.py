@@ -144,11 +144,14 @@ def sdof_backlash(
 
 
 @functools.cache
-def sdof_driven(*, load: float = 10.0, damping_ratio: float = 0.05, steps: int = 64):
+def sdof_driven(
+    *, load: float = 10.0, damping_ratio: float = 0.05, steps: int = 64
+) -> DynamicSystem:
     """Constant stiffness 1, excited by a gap that moves; it stays closed under a heavy load."""
     edges = _even(steps)
     phase = 2.0 * np.pi * _places(edges)[..., None]
-    gap = sum(np.cos(order * phase + order) / order**2 for order in range(1, 6))
+    order = np.arange(1, 6)
+    gap = np.sum(np.cos(order * phase + order) / order**2, axis=-1, keepdims=True)
     return _system(
         _table(edges, np.ones((steps, 1)), gap),
         [[1.0]],
@@ -223,8 +226,11 @@ def as_bodies(system: DynamicSystem) -> reference.Bodies:
 
 
 def as_cells(system: DynamicSystem) -> reference.Cells:
-    """The cells of a system for the judge."""
+    """The cells of a system for the judge, which knows rigid gears and uncoupled cells."""
     table = system.table
+    assert table.coupling is None
+    assert system.bow is None
+    assert system.cell_damping is None
     return reference.Cells(
         *(np.asarray(x) for x in (table.edges, table.stiffness, table.gap, table.arms))
     )

@@ -114,6 +114,18 @@ def test_multipliers_obey_liouville(case):
         assert_close(product, np.array(math.exp(-lost)), rtol=1e-5, atol=0.0)
 
 
+@pytest.mark.parametrize("case", ["two branches", "sub-harmonic branch", "doubled"])
+def test_polished_orbits_are_the_same_and_obey_liouville_more_closely(case):
+    oscillator, speed, _ = ORBITS[case]
+    for motion in _catalogue(case):
+        fine = reference.polished(oscillator, motion)
+        assert np.hypot(*np.subtract(fine.start, motion.start)) < 3e-4
+        lost = 2.0 * oscillator.damping_ratio * motion.multiple * 2.0 * math.pi / speed
+        product = np.array(np.prod(fine.multipliers).real)
+        assert_close(product, np.array(math.exp(-lost)), rtol=2e-5, atol=0.0)
+        assert fine.stable == motion.stable
+
+
 def test_doubling_leaves_through_minus_one():
     unstable = next(motion for motion in _catalogue("doubled") if not motion.stable)
     assert unstable.multipliers[0].real < -1.0

@@ -319,11 +319,11 @@ def test_steppers_are_of_second_order(name):
     assert 1.95 < order < 2.05, (order, errors)
 
 
-@pytest.mark.parametrize("name", ["Newmark", "midpoint", "exponential"])
+@pytest.mark.parametrize("name", ["Newmark", "midpoint"])
 def test_marching_stays_on_the_branches_of_b5(name):
     rows = _table()
     system = sdof_parametric(steps=2 * STEPS)
-    method = Marching(STEPPERS[name], cycles=80, multiple=2)
+    method = Marching(stepper=STEPPERS[name], cycles=80, multiple=2)
     starts = jnp.asarray([row.start for row in rows])[:, :, None]
     run = jax.jit(jax.vmap(lambda speed, start: method.orbit(system, speed, start)))
     orbits = run(_column(rows, "speed"), starts + 0.02)
@@ -368,7 +368,7 @@ def _modes():
 @functools.cache
 def _shoot(multiple: int, name: str):
     """Shooting at B5 (a), from motions at each of many speeds; multipliers as well."""
-    method = Shooting(STEPPERS[name], multiple=multiple, warm_up=0)
+    method = Shooting(stepper=STEPPERS[name], multiple=multiple, warm_up=0)
     system = sdof_parametric(steps=2 * STEPS)
     modes = _modes()
 
@@ -406,8 +406,8 @@ def test_shooting_finds_unstable_orbits_and_their_multipliers(speed, multiple):
     assert bool(orbits.settled[0])
     assert np.max(_differences(orbits.place[0, :, 0], rows[0])) < 1e-3
     grown = multipliers(jnp.asarray(matrices), _modes())[0]
-    assert np.max(np.abs(grown.imag)) == 0.0
-    assert_close(grown.real, unstable.multipliers.real, rtol=2e-3, atol=0.0)
+    assert np.max(np.abs(np.imag(grown))) == 0.0
+    assert_close(np.real(grown), np.real(unstable.multipliers), rtol=2e-3, atol=0.0)
 
 
 def test_shooting_holds_the_values_of_b5_with_backlash():
@@ -431,7 +431,7 @@ def test_bilinear_balance_is_shooting_with_the_midpoint_rule_to_rounding():
     system = sdof_parametric(steps=81)
     speeds = jnp.asarray([0.95, 1.0, 1.05])
     balance = HarmonicBalance(harmonics=40, bilinear=True)
-    shooting = Shooting(Midpoint(), tolerance=1e-12)
+    shooting = Shooting(stepper=Midpoint(), tolerance=1e-12)
     in_frequency = jax.jit(lambda speeds: jax.lax.map(lambda x: balance.orbit(system, x), speeds))(
         speeds
     )

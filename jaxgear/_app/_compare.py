@@ -1,0 +1,511 @@
+"""Error against time: steady responses of a scene by many methods and settings, side by side."""
+
+import dataclasses
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxgear._app import _dynamic_pictures as dynamic_pictures
+from jaxgear._app import _pictures as pictures
+from jaxgear._app._commands import _finish, _names, _progress
+from jaxgear._app._model import grid_of, model_of
+from jaxgear._app._scene import Scene
+from jaxgear._app._statics import SolverFailure, Stopwatch
+from jaxgear._dynamics._damping import AbstractDamping, ModalDamping, RayleighDamping
+from jaxgear._dynamics._harmonic import HarmonicBalance
+from jaxgear._dynamics._march import Marching, quasi_static_start
+from jaxgear._dynamics._orbit import AbstractMethod, Orbit
+from jaxgear._dynamics._shooting import Shooting, monodromy, multipliers
+from jaxgear._dynamics._steppers import (
+    AbstractStepper,
+    Exponential,
+    GeneralizedAlpha,
+    HilberHughesTaylor,
+    Midpoint,
+    Newmark,
+)
+from jaxgear._dynamics._sweep import steady_states
+from jaxgear._dynamics._system import DynamicSystem, PairDynamics, modal_basis, pair_dynamics
+from jaxgear._dynamics._transient import transient
+from jaxgear._dynamics._types import Speeds, Start
+from jaxgear._interface._laws import AbstractContactLaw, SmoothContact
+from jaxgear._response._dynamic import dynamic_ratio, dynamic_transmission_error, orbit_rms
+from jaxgear._system._model import PairModel
+from jaxgear._types import Flag, Scalar
+from jaxgear._units import um
+
+Summary = dict[str, Any]
+
+# A median error below this is good enough [-].
+TOLERANCE = 1e-3
+# A response within this of the reference is the same one; beyond, it is another branch [-].
+_SAME_BRANCH = 0.03
+# Of the speeds that count, so many must be on the reference's branch and settled, for a rung to be
+# recommended [-].
+_MOST = 0.9
+# Speeds at which all rungs are compared, and time steps of the reference.
+_SPEEDS, _REFERENCE_PHASES = 30, 1024
+# Without a sweep in the scene: speeds as shares of the one at which the mesh frequency meets the
+# mode with the largest share of its energy in the mesh [-].
+_AROUND = 0.1, 2.5
+# Runs of a program that are timed, at the most, and the seconds that suffice.
+_RUNS, _ENOUGH = 5, 1.0
+# A multiplier beyond this is unstable: rounding shifts it by less [-].
+_STABLE = 1.0 + 1e-6
+
+
+class Adaptive(AbstractMethod):
+    """Integrate with an adaptive step from one cycle to the next, and hope that it settles.
+
+    **Fields:**
+
+    - `law`: smooth contact, or exact.
+    - `rtol`: error of a step over the motion, and over the static deflection [-].
+    - `cycles`: to integrate.
+    - `tolerance`: change of the motion over the last cycle at which it counts as settled, relative
+        [-].
+    - `multiple`: cycles after which the response repeats, always 1.
+    """
+
+    law: AbstractContactLaw
+    rtol: float = eqx.field(static=True, default=1e-4)
+    cycles: int = eqx.field(static=True, default=50)
+    tolerance: float = eqx.field(static=True, default=1e-4)
+    multiple: int = eqx.field(static=True, default=1)
+
+    def orbit(self, system: DynamicSystem, speed: Scalar, start: Start | None = None) -> Orbit:
+        """Find the response at one speed; see `AbstractMethod`."""
+        start = quasi_static_start(system) if start is None else start
+        middles = system.table.middles
+        late = (self.cycles - 2.0) * system.table.periods
+        shares = jnp.concatenate([late + middles, late + system.table.periods + middles])
+        times = jnp.concatenate([jnp.zeros(1), shares * system.mesh_period(speed)])
+        found = transient(
+            system, speed, 1.0, start, times,
+            law=self.law, rtol=self.rtol, atol=self.rtol, throw=False,
+        )  # fmt: skip
+        last = slice(-middles.size, None)
+        error = found.transmission_error[1:].reshape(2, -1)
+        residual = jnp.max(jnp.abs(error[1] - error[0])) / jnp.max(jnp.abs(error))
+        return Orbit(
+            speed=speed,
+            place=found.place[last],
+            load=found.load[last],
+            motion=found.motion[last],
+            start=start,
+            residual=residual,
+            settled=(residual <= self.tolerance) & found.complete,
+            steps=(found.steps + found.rejected).astype(float),
+        )
+
+
+@dataclass(frozen=True)
+class Rung:
+    """A method with its settings, on so many time steps and slices.
+
+    `together` batches the speeds also where one after the other is faster; every `thinned`-th
+    speed is computed, and the time scaled.
+    """
+
+    name: str
+    family: str
+    method: AbstractMethod
+    phases: int
+    slices: int
+    together: bool = False
+    thinned: int = 1
+
+
+class Answers(eqx.Module):
+    """What is compared, at each speed.
+
+    **Fields:**
+
+    - `dynamic_ratio`: largest mesh force over the static one [-].
+    - `te_rms`: RMS of the dynamic transmission error [m].
+    - `settled`: whether the method says that it has settled.
+    """
+
+    dynamic_ratio: Speeds
+    te_rms: Speeds
+    settled: Flag
+
+
+class Timed(NamedTuple):
+    """What a program gave, seconds of its best run, and seconds to compile it."""
+
+    result: Any
+    best_s: float
+    compile_s: float
+
+
+def compare(scene: Scene, folder: Path, quiet: bool) -> Summary:
+    """Steady responses by all methods against a reference by shooting: error over time.
+
+    The reference has many more time steps than any rung and comes from another family than harmonic
+    balance; slices are compared with a reference of many more slices. Speeds where the reference
+    has not settled or is unstable are left out. At the others a rung is on the same branch if both
+    numbers are within 3 % of the reference's, and its errors are those of these speeds; if they
+    are fewer than half, its errors are those of all. Times are for all speeds, once compiled and
+    with the mesh tabulated, best of a few runs.
+
+    **Arguments:**
+
+    - `scene`: checked against the schema.
+    - `folder`: for the results; exists.
+    - `quiet`: whether to show no progress.
+
+    **Returns:**
+
+    The summary that is also in `summary.json`.
+
+    **Raises:**
+
+    - `ValueError` if the gears are impossible.
+    - `SolverFailure` if the mesh cycle or the reference was not solved at most speeds.
+    """
+    model = model_of(scene)
+    return compared(scene, model, rungs_of(scene), folder, quiet)
+
+
+def compared(
+    scene: Scene,
+    model: PairModel,
+    rungs: Sequence[Rung],
+    folder: Path,
+    quiet: bool,
+    *,
+    speeds: int = _SPEEDS,
+    phases: int = _REFERENCE_PHASES,
+) -> Summary:
+    """Compare given rungs; see `compare`.
+
+    **Arguments:**
+
+    - `scene`: gives damping, slices and speeds.
+    - `model`: of the scene.
+    - `rungs`: with names of their own.
+    - `folder`: for the results; exists.
+    - `quiet`: whether to show no progress.
+    - `speeds`: number of them.
+    - `phases`: time steps of the reference in a mesh period.
+
+    **Returns:**
+
+    The summary.
+    """
+    watch = Stopwatch()
+    tables = _Tables(scene, model, watch)
+    own = int(scene["mesh.slices"])
+    # Slices are compared with four times the scene's, or twice the most.
+    most = max(rung.slices for rung in rungs)
+    finest = sorted({own} | {2 * most for rung in rungs if rung.family == _SLICES})
+    with _progress(len(rungs) + len(finest), "compare", quiet) as done:
+        at = _speeds_of(scene, tables(phases, own).system, speeds)
+        references: dict[int, Reference] = {}
+        for slices in finest:
+            # Slices are compared on equal steps: half as many as the other reference has suffice.
+            steps = phases if slices == own else phases // 2
+            references[slices] = _reference(tables(steps, slices), at)
+            done(1)
+        reference = references[own]
+        if np.mean(reference.good) < 0.5:
+            raise SolverFailure(
+                "the reference, shooting from the quasi-static state, is settled and stable at "
+                f"{np.count_nonzero(reference.good)} of {at.size} speeds only"
+            )
+        rows = []
+        for rung in rungs:
+            by = references[2 * most] if rung.family == _SLICES else reference
+            rows.append(_row(rung, tables(rung.phases, rung.slices), at, by))
+            done(1)
+    recommended = _recommended(rows, own)
+    summary = _names(scene) | {
+        "compare": {
+            "rungs": rows,
+            "recommended": recommended,
+            "tolerance": TOLERANCE,
+            "reference": {
+                "name": f"shooting, exact linear part, {phases} steps",
+                "slices": own,
+                "slices_of_the_rungs_over_slices": 2 * most,
+                "speeds_rad_s": np.asarray(at),
+                "good": reference.good,
+                "dynamic_ratio": reference.answers.dynamic_ratio,
+                "te_rms_um": reference.answers.te_rms / um,
+                "time_s": reference.time_s,
+            },
+        }
+    }
+    columns = _columns(rows)
+    title = f"{scene['name']}, {scene['pair.torque_pinion_Nm']:g} N m, {at.size} speeds"
+    quantities = {"dynamic_ratio": "largest mesh force", "te_rms": "RMS of transmission error"}
+    for name, words in quantities.items():
+        figure = dynamic_pictures.compare(
+            [row | {"error": row["error"][name]} for row in rows],
+            title,
+            tolerance=TOLERANCE,
+            recommended=recommended,
+            quantity=f"median error of the {words}, relative",
+        )
+        ending = "" if name == "dynamic_ratio" else f"_{name}"
+        pictures.save(figure, columns, folder, f"compare{ending}")
+    return _finish(scene, folder, summary, watch)
+
+
+_SLICES = "slices"
+
+
+def rungs_of(scene: Scene) -> list[Rung]:
+    """All methods and settings that are compared on a scene.
+
+    **Arguments:**
+
+    - `scene`: gives the slices, and the width of smooth contact.
+
+    **Returns:**
+
+    The rungs, family by family.
+    """
+    own = int(scene["mesh.slices"])
+    balance = HarmonicBalance
+    rungs = [
+        Rung(f"H{h} N{n}", "harmonic balance", balance(harmonics=h), n, own)
+        for h, n in ((5, 64), (10, 64), (20, 64), (20, 128), (40, 128), (40, 256))
+    ]
+    rungs += [
+        Rung(f"H{h} N{n} vmap", "harmonic balance, vmap", balance(harmonics=h), n, own, True)
+        for h, n in ((10, 64), (20, 128))
+    ]
+    rungs += [
+        Rung(
+            f"H{h} N{n} mean", "contact averaged", balance(harmonics=h, averaged=True), n, own
+        )
+        for h, n in ((10, 64), (20, 128), (40, 256))
+    ]
+    width = float(scene["mesh.smoothing_um"])
+    rungs += [
+        Rung(
+            f"{part * width:g} um",
+            "smooth contact, H20 N128",
+            balance(law=SmoothContact(part * width * um)),
+            128,
+            own,
+        )
+        for part in (0.1, 0.3, 1.0, 3.0)
+    ]
+    rungs += [
+        Rung(f"{s} slices", _SLICES, balance(), 128, s) for s in sorted({1, 5, own, 2 * own})
+    ]
+    steppers: dict[str, AbstractStepper] = {"midpoint": Midpoint(), "exponential": Exponential()}
+    for name, stepper in steppers.items():
+        rungs += [
+            Rung(f"{name[:3]} N{n}", f"shooting, {name}", Shooting(stepper=stepper), n, own)
+            for n in (64, 128, 256)
+        ]
+    steppers = {
+        "Newmark": Newmark(),
+        "HHT": HilberHughesTaylor(),
+        "gen-alpha": GeneralizedAlpha(),
+    } | steppers
+    for name, stepper in steppers.items():
+        rungs += [
+            Rung(f"{n}x{c}", f"march, {name}", Marching(stepper=stepper, cycles=c), n, own)
+            for n, c in ((64, 100), (128, 100), (128, 400))
+        ]
+    smooth = Adaptive(SmoothContact(0.1 * width * um))
+    rungs.append(Rung("Tsit5 1e-4", "diffrax, smooth", smooth, 128, own, thinned=10))
+    return rungs
+
+
+class _Tables:
+    """The pair in time on various numbers of steps and slices, each built once."""
+
+    def __init__(self, scene: Scene, model: PairModel, watch: Stopwatch):
+        self.scene, self.model, self.watch = scene, model, watch
+        self.damping = _damping_of(scene)
+        self.built: dict[tuple[int, int], PairDynamics] = {}
+
+    def __call__(self, phases: int, slices: int) -> PairDynamics:
+        """The pair on so many steps in a mesh period and slices across the face."""
+        if (phases, slices) not in self.built:
+            scene = self.scene.replace({"mesh.phases": phases, "mesh.slices": slices})
+            grid = grid_of(scene, self.model)
+            build = lambda model, damping: pair_dynamics(model, grid, damping)
+            # It runs once: compiled in half the time it runs twice as long.
+            options = {"xla_backend_optimization_level": 0}
+            found = self.watch(build, self.model, self.damping, options=options)
+            if not bool(jnp.all(found.cycle.converged)):
+                raise SolverFailure(f"the mesh cycle of {phases} phases was not solved")
+            self.built[phases, slices] = found
+        return self.built[phases, slices]
+
+
+def _damping_of(scene: Scene) -> AbstractDamping:
+    if scene["damping.kind"] == "rayleigh":
+        return RayleighDamping(scene["damping.a_R_1_s"], scene["damping.b_R_s"])
+    return ModalDamping(mesh=scene["damping.mesh"], structure=scene["damping.structure"])
+
+
+def _speeds_of(scene: Scene, system: DynamicSystem, count: int) -> Speeds:
+    """Some of the scene's speeds, or speeds around the one where the mesh meets its mode."""
+    given = scene.get("sweep.pinion_speed_rad_s")
+    if isinstance(given, list):
+        given = np.asarray(given, dtype=float)
+        return jnp.asarray(given[np.linspace(0, given.size - 1, min(count, given.size)).astype(int)])
+    if scene.has_table("sweep"):
+        key = "sweep.pinion_speed_rad_s"
+        return jnp.linspace(scene[f"{key}.from"], scene[f"{key}.to"], count)
+    basis = jax.jit(modal_basis)(system)
+    energy = np.sum(np.asarray(basis.mesh @ system.mean) * np.asarray(basis.mesh), axis=1)
+    mode = int(np.argmax(energy / np.asarray(basis.square)))
+    critical = float(np.sqrt(basis.square[mode])) / system.teeth
+    return jnp.linspace(_AROUND[0] * critical, _AROUND[1] * critical, count)
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Answers that others are compared with.
+
+    `good` are the speeds where they are settled and stable.
+    """
+
+    answers: Answers
+    good: np.ndarray
+    time_s: float
+
+
+def _reference(dynamics: PairDynamics, speeds: Speeds) -> Reference:
+    """Responses by shooting from the quasi-static state, after a march."""
+    system = dynamics.system
+    method = Shooting(stepper=Exponential(), warm_up=20)
+    start = time.perf_counter()
+
+    def found(system: DynamicSystem, speeds: Speeds):
+        modes = modal_basis(system)
+        orbits = steady_states(system, speeds, method)
+        change = jax.lax.map(lambda orbit: monodromy(system, modes, orbit), orbits)
+        return _answers(system, orbits), change, modes
+
+    answers, change, modes = jax.jit(found)(system, speeds)
+    finite = np.isfinite(np.asarray(change)).all(axis=(1, 2))
+    growth = np.full(finite.size, np.inf)
+    growth[finite] = np.abs(multipliers(change[finite], modes)[:, 0])
+    good = np.asarray(answers.settled) & (growth <= _STABLE)
+    return Reference(answers, good, time.perf_counter() - start)
+
+
+def _answers(system: DynamicSystem, orbits: Orbit) -> Answers:
+    def one(orbit: Orbit):
+        error = dynamic_transmission_error(system, orbit)
+        return dynamic_ratio(system, orbit), orbit_rms(system, error)
+
+    ratio, rms = jax.vmap(one)(orbits)
+    return Answers(ratio, rms, orbits.settled)
+
+
+def _row(rung: Rung, dynamics: PairDynamics, speeds: Speeds, reference: Reference) -> Summary:
+    """One rung's line of the summary."""
+    chosen = np.arange(rung.thinned // 2, speeds.size, rung.thinned)
+    found = timed(_solver(rung), dynamics.system, speeds[chosen])
+    good = reference.good[chosen]
+    errors = {
+        name: np.abs(
+            np.asarray(getattr(found.result, name))
+            / np.asarray(getattr(reference.answers, name))[chosen]
+            - 1.0
+        )
+        for name in ("dynamic_ratio", "te_rms")
+    }
+    finite = good & np.all([np.isfinite(error) for error in errors.values()], axis=0)
+    hit = finite & np.all([error <= _SAME_BRANCH for error in errors.values()], axis=0)
+    counted = hit if 2 * np.count_nonzero(hit) >= np.count_nonzero(good) else finite
+
+    def quantile(error: np.ndarray, share: float) -> float | None:
+        return float(np.quantile(error[counted], share)) if counted.any() else None
+
+    return {
+        "name": rung.name,
+        "family": rung.family,
+        "dofs": len(dynamics.dofs) - dynamics.system.free.shape[1],
+        "phases": rung.phases,
+        "slices": rung.slices,
+        "speeds": chosen.size,
+        "time_s": found.best_s * speeds.size / chosen.size,
+        "compile_s": found.compile_s,
+        "error": {name: quantile(error, 0.5) for name, error in errors.items()},
+        "error_95": {name: quantile(error, 0.95) for name, error in errors.items()},
+        "same_branch_share": float(np.count_nonzero(hit) / max(np.count_nonzero(good), 1)),
+        "settled_share": float(np.mean(np.asarray(found.result.settled))),
+    }
+
+
+def _solver(rung: Rung) -> Callable[[DynamicSystem, Speeds], Answers]:
+    """The answers of a rung, as a program of the system and the speeds."""
+    method = rung.method
+
+    def solve(system: DynamicSystem, speeds: Speeds) -> Answers:
+        one = lambda speed: method.orbit(system, speed, None)
+        if isinstance(method, Adaptive):
+            orbits = jax.lax.map(one, speeds)
+        elif rung.together:
+            orbits = jax.vmap(one)(speeds)
+        else:
+            orbits = steady_states(system, speeds, method)
+        return _answers(system, orbits)
+
+    return solve
+
+
+def timed(program: Callable[..., Any], *arguments: Any) -> Timed:
+    """Compile a program, run it a few times, and keep the shortest."""
+    start = time.perf_counter()
+    compiled = jax.jit(program).lower(*arguments).compile()
+    compiling = time.perf_counter() - start
+    seconds: list[float] = []
+    result = None
+    while len(seconds) < _RUNS and (len(seconds) < 2 or sum(seconds) < _ENOUGH):
+        start = time.perf_counter()
+        result = jax.block_until_ready(compiled(*arguments))
+        seconds.append(time.perf_counter() - start)
+    return Timed(result, min(seconds), compiling)
+
+
+def _recommended(rows: Sequence[Summary], slices: int) -> str | None:
+    """Name of the fastest rung on the scene's slices that is good enough, if there is one."""
+    good = [
+        row
+        for row in rows
+        if row["slices"] == slices
+        and row["family"] != _SLICES
+        and min(row["same_branch_share"], row["settled_share"]) >= _MOST
+        and all(error is not None and error <= TOLERANCE for error in row["error"].values())
+    ]
+    return min(good, key=lambda row: row["time_s"])["name"] if good else None
+
+
+def _columns(rows: Sequence[Summary]) -> dict[str, np.ndarray]:
+    """The rungs as a table."""
+    flat = [
+        {key: value for key, value in row.items() if not isinstance(value, dict)}
+        | {
+            f"{kind}_{name}": value
+            for kind in ("error", "error_95")
+            for name, value in row[kind].items()
+        }
+        for row in rows
+    ]
+    texts = ("name", "family")
+    return {
+        key: np.asarray(
+            [row[key] if key in texts or row[key] is not None else np.nan for row in flat]
+        )
+        for key in flat[0]
+    }

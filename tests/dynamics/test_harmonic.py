@@ -1,0 +1,161 @@
+"""Harmonic balance: its equations, its limits, and the discretisation that it shares with time."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from dynamics import cases
+
+import jaxgear as jg
+from jaxgear._dynamics._harmonic import HarmonicBalance, _linearised, _loads, _residual, balance_of
+from jaxgear._dynamics._shooting import Shooting
+from jaxgear._dynamics._steppers import Midpoint
+from jaxgear._dynamics._sweep import steady_state, steady_states
+from jaxgear._response._dynamic import contact_force, order_amplitudes
+
+SPEEDS = jnp.asarray([0.3, 0.62, 0.9, 1.3, 2.4])
+
+
+def _variant(name: str):
+    system = cases.two_dof(steps=48)
+    if name == "cell damping":
+        return dataclasses.replace(system, cell_damping=jnp.asarray(0.1)), dict(
+            law=jg.SmoothContact(0.2)
+        )
+    if name == "bow":
+        return dataclasses.replace(system, bow=jnp.asarray([[0.1, 0.02], [0.02, 0.3]])), {}
+    return system, {"exact": {}, "averaged": dict(averaged=True), "two": dict(multiple=2)}[name]
+
+
+@pytest.mark.parametrize("name", ["exact", "averaged", "two", "bow", "cell damping"])
+def test_matrix_is_the_derivative_of_the_residual(name):
+    system, settings = _variant(name)
+    method = HarmonicBalance(harmonics=6, **settings)
+
+    @jax.jit
+    def both(shift):
+        balance = balance_of(method, system)
+        problem, _ = balance.at_speed(jnp.asarray(0.7))
+        terms = balance.rest + shift * jnp.cos(jnp.arange(balance.rest.size, dtype=float)).reshape(
+            balance.rest.shape
+        )
+
+        def residual(terms):
+            return _residual(problem, terms, problem.analysis @ _loads(problem, terms)[1])
+
+        matrix = jax.jacfwd(residual)(terms)
+        return _linearised(problem, terms)[1], matrix.reshape(terms.size, terms.size)
+
+    ours, expected = both(0.1)
+    np.testing.assert_allclose(ours, expected, rtol=1e-10, atol=1e-10)
+
+
+def test_bilinear_harmonics_are_the_midpoint_rule():
+    """Two codes, one number: all harmonics of an odd number of equal steps, contact lost."""
+    system = cases.two_dof(steps=41, load=0.08)
+    method = HarmonicBalance(harmonics=20, bilinear=True)
+    shooting = Shooting(stepper=Midpoint(), tolerance=1e-13)
+    both = jax.jit(
+        jax.vmap(
+            lambda speed: (
+                steady_state(system, speed, method),
+                steady_state(system, speed, shooting),
+            )
+        )
+    )
+    harmonic, shot = both(SPEEDS)
+    assert np.all(harmonic.settled)
+    assert np.all(shot.settled)
+    assert float(jnp.min(shot.load[:, :, 0])) == 0.0
+    np.testing.assert_allclose(harmonic.place, shot.place, rtol=0.0, atol=1e-11)
+    np.testing.assert_allclose(harmonic.load, shot.load, rtol=0.0, atol=1e-11)
+    np.testing.assert_allclose(harmonic.motion, shot.motion, rtol=0.0, atol=1e-11)
+
+
+def test_slow_gears_run_as_at_rest():
+    dynamics = cases.torsional_pair(relief=15e-6)
+    method = HarmonicBalance(harmonics=15)
+    slow = jax.jit(lambda s: steady_state(s, jnp.asarray(1.0), method))(dynamics.system)
+    swing = np.ptp(np.asarray(dynamics.system.rest[:, 0]))
+    np.testing.assert_allclose(
+        slow.place[:, 0], dynamics.system.rest[:, 0], rtol=0.0, atol=0.02 * swing
+    )
+    np.testing.assert_allclose(
+        contact_force(dynamics.system, slow), dynamics.system.force, rtol=1e-2
+    )
+
+
+def test_mesh_force_is_the_static_one_less_inertia():
+    """F_m = F_s - m_eq TE'' for gears that only turn (physics A10), with the damping force."""
+    system = cases.torsional_pair(relief=15e-6).system
+    method = HarmonicBalance(harmonics=12)
+
+    @jax.jit
+    def amplitudes(system, speed):
+        balance = balance_of(method, system)
+        problem, _ = balance.at_speed(speed)
+        orbit, terms = method.solve(balance, speed)
+        load = balance.analysis @ orbit.load
+        return problem.base, terms[0], load[:, 0], orbit
+
+    base, place, load, orbit = amplitudes(system, jnp.asarray(900.0))
+    base = float(base)
+    assert bool(orbit.settled)
+    inverse = np.asarray(system.vectors[:, 0]) @ np.linalg.solve(
+        np.asarray(system.mass), np.asarray(system.vectors[:, 0])
+    )
+    damping = np.asarray(system.damping)
+    # All damping is in the mesh: C = c v v^T, apart from the rotation that is held.
+    v = np.asarray(system.vectors[:, 0])
+    inertia = np.linalg.solve(np.asarray(system.mass), v)
+    viscous = inertia @ damping @ inertia / inverse**2
+    order = np.arange(1.0, 13.0)
+    cosine, sine = np.asarray(place[1:13]), np.asarray(place[13:])
+    speed_cosine, speed_sine = order * base * sine, -order * base * cosine
+    force_cosine = (order * base) ** 2 * cosine / inverse - viscous * speed_cosine
+    force_sine = (order * base) ** 2 * sine / inverse - viscous * speed_sine
+    size = np.abs(load[1:]).max()
+    np.testing.assert_allclose(load[0], system.force, rtol=1e-9)
+    np.testing.assert_allclose(load[1:13], force_cosine, rtol=0.0, atol=1e-9 * size)
+    np.testing.assert_allclose(load[13:], force_sine, rtol=0.0, atol=1e-9 * size)
+
+
+def test_batches_agree_with_single_speeds():
+    system = cases.two_dof(steps=48)
+    method = HarmonicBalance(harmonics=8)
+    mapped = eqx.filter_jit(steady_states)(system, SPEEDS, method)
+    batched = jax.jit(jax.vmap(lambda speed: steady_state(system, speed, method)))(SPEEDS)
+    np.testing.assert_allclose(mapped.place, batched.place, rtol=0.0, atol=1e-10)
+    np.testing.assert_array_equal(mapped.settled, batched.settled)
+
+
+def test_uneven_steps_keep_the_mean_out_of_the_harmonics():
+    system = cases.sdof_rectangular(steps=40, contact_ratio=1.2)
+    balance = eqx.filter_jit(balance_of)(HarmonicBalance(harmonics=10), system)
+    constant = balance.analysis @ jnp.ones(40)
+    np.testing.assert_allclose(constant, np.eye(21)[0], rtol=0.0, atol=1e-14)
+    wave = 2.0 * np.pi * np.asarray(system.table.middles)
+    amplitude = order_amplitudes(system, jnp.asarray(3.0 + 2.0 * np.cos(2.0 * wave)), 4)
+    np.testing.assert_allclose(amplitude, [0.0, 2.0, 0.0, 0.0], rtol=0.0, atol=2e-2)
+
+
+def test_more_harmonics_than_steps_can_carry_are_refused():
+    with pytest.raises(ValueError, match="24 harmonics need more than 48 time steps, got 48"):
+        balance_of(HarmonicBalance(harmonics=24), cases.two_dof(steps=48))
+    with pytest.raises(ValueError, match="must be at least 1, got 0"):
+        HarmonicBalance(harmonics=0)
+    with pytest.raises(ValueError, match="for `ExactContact`"):
+        HarmonicBalance(law=jg.SmoothContact(1e-6), averaged=True)
+    with pytest.raises(ValueError, match="starts from harmonics"):
+        steady_state(cases.two_dof(steps=48), jnp.asarray(1.0), start=jnp.zeros((2, 2)))
+
+
+@pytest.mark.parametrize("speed", [0.0, -3.0])
+def test_speeds_must_be_positive(speed):
+    with pytest.raises(ValueError, match="must be positive"):
+        steady_state(cases.two_dof(steps=48), jnp.asarray(speed))
+    with pytest.raises(ValueError, match="must be positive"):
+        steady_states(cases.two_dof(steps=48), jnp.asarray([1.0, speed]))

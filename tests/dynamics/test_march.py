@@ -1,0 +1,289 @@
+"""Marching: the rules of the steppers, their order, their energy, and the forces they report."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from dynamics import cases
+
+import jaxgear as jg
+from jaxgear._dynamics._march import Marching, at_rest, march, quasi_static_start, rule_of
+from jaxgear._dynamics._steppers import (
+    Exponential,
+    GeneralizedAlpha,
+    HilberHughesTaylor,
+    Midpoint,
+    Newmark,
+)
+from jaxgear._dynamics._sweep import steady_state
+from jaxgear._dynamics._system import modal_basis
+
+STEPPERS = {
+    "midpoint": Midpoint(),
+    "exponential": Exponential(),
+    "newmark": Newmark(),
+    "generalised alpha": GeneralizedAlpha(0.8),
+    "hht": HilberHughesTaylor(-0.05),
+}
+
+
+# The others carry an acceleration that is not that of the start of a step.
+@pytest.mark.parametrize("name", ["midpoint", "exponential", "newmark"])
+def test_rule_against_the_mode_itself(name):
+    """One step of damped and overdamped modes under a constant load: exact, or right to h^3."""
+    stepper = STEPPERS[name]
+    square, damping = jnp.asarray([1.0, 4.0, 0.04]), jnp.asarray([0.1, 4.0, 3.0])
+
+    @jax.jit
+    def error(step):
+        place, speed, load = jnp.full(3, 0.3), jnp.full(3, -0.2), jnp.full(3, 0.7)
+        state = (place, speed, load - damping * speed - square * place)[: stepper.carries]
+        ended = stepper.advance(state, load, square, damping, step)[0]
+        zero, one = jnp.zeros(3), jnp.ones(3)
+        matrix = jnp.stack(
+            [
+                jnp.stack([zero, one, zero]),
+                jnp.stack([-square, -damping, one]),
+                jnp.stack([zero, zero, zero]),
+            ]
+        )
+        exact = jax.vmap(jax.scipy.linalg.expm, in_axes=2)(step * matrix)
+        start = jnp.stack([place, speed, load], axis=1)
+        found = jnp.sum(exact * start[:, None, :], axis=2)
+        return jnp.max(jnp.abs(found[:, :2] - jnp.stack(ended[:2], axis=1)))
+
+    fine, coarse = (float(error(jnp.asarray(h))) for h in (0.01, 0.02))
+    if name == "exponential":
+        assert coarse < 1e-14
+    else:
+        assert 2.8 < np.log2(coarse / fine) < 3.2
+
+
+def test_rule_agrees_with_its_stepper():
+    system = cases.two_dof(steps=40)
+    modes = modal_basis(system)
+    state = tuple(jnp.asarray(x) for x in np.random.default_rng(1).normal(size=(3, 2)))
+    load = jnp.asarray([0.4, -1.0])
+    for stepper in STEPPERS.values():
+        rule = rule_of(stepper, system, modes, jnp.asarray(0.05))
+        own = state[: stepper.carries]
+        ended, near, rate = stepper.advance(
+            own, load, modes.square, modes.damping, jnp.asarray(0.05)
+        )
+        stacked = jnp.stack(own)
+        ours = jnp.sum(rule.state * stacked[None], axis=1) + rule.load * load[None]
+        np.testing.assert_allclose(ours, jnp.stack(ended), rtol=1e-12)
+        np.testing.assert_allclose(
+            jnp.sum(rule.near * stacked, axis=0) + rule.near_load * load, near, rtol=1e-12
+        )
+        np.testing.assert_allclose(
+            jnp.sum(rule.rate * stacked, axis=0) + rule.rate_load * load, rate, rtol=1e-12
+        )
+
+
+@pytest.mark.parametrize("name", STEPPERS)
+def test_second_order(name):
+    """The settled response against steps four times finer.
+
+    Stiffness jumps between steps, but for the two rules that carry a mixed acceleration over it.
+    """
+    stepper = STEPPERS[name]
+    smooth = name in ("generalised alpha", "hht")
+    build = cases.sdof_parametric if smooth else cases.sdof_rectangular
+
+    def motion(steps: int) -> np.ndarray:
+        system = build(steps=steps, damping_ratio=0.2)
+        history = jax.jit(
+            lambda: march(
+                system, jnp.asarray(0.8), quasi_static_start(system), cycles=25, stepper=stepper
+            )
+        )()
+        every = steps // 40
+        return np.asarray(history.motion[every - 1 :: every, 0])
+
+    coarse, fine, finest = (motion(steps) for steps in (40, 80, 320))
+    ratio = np.abs(coarse - finest).max() / np.abs(fine - finest).max()
+    assert 3.4 < ratio < 5.2
+
+
+def _bouncing(stiffness: float = 1.0):
+    """No damping and stiffness that stands still: energy has nowhere to go."""
+    system = cases.sdof_parametric(damping_ratio=0.0, ripple=0.0, steps=64)
+    return dataclasses.replace(system, damping=jnp.zeros((1, 1)))
+
+
+def _energies(step: float, stepper, *, averaged: bool) -> np.ndarray:
+    system = _bouncing()
+    speed = 2.0 * np.pi / (64 * step)
+    start = jnp.asarray([[4.0], [0.0]])
+    history = jax.jit(
+        lambda: march(
+            system,
+            jnp.asarray(speed),
+            start,
+            cycles=20,
+            keep=20,
+            stepper=stepper,
+            averaged=averaged,
+        )
+    )()
+    place, velocity = np.asarray(history.motion[:, 0]), np.asarray(history.velocity[:, 0])
+    return 0.5 * velocity**2 + 0.5 * np.maximum(place, 0.0) ** 2 - place
+
+
+def test_energy_of_bouncing_flanks():
+    """Averaged contact conserves it to rounding; Newmark drifts, at second order at the least."""
+    kept = _energies(0.1, Midpoint(), averaged=True)
+    np.testing.assert_allclose(kept, 4.0, rtol=0.0, atol=1e-9)
+    coarse, fine = (
+        np.abs(_energies(h, Newmark(), averaged=False) - 4.0).max() for h in (0.1, 0.05)
+    )
+    assert coarse > 1e-4
+    assert coarse / fine > 3.5
+
+
+def test_energy_in_contact_is_conserved_at_a_standing_phase():
+    """A real pair whose phase stands still, undamped, pushed: drift of second order in the step."""
+    dynamics = cases.torsional_pair()
+    system = dynamics.system
+    table = system.table
+    still = lambda x, axis: jnp.repeat(jnp.take(x, jnp.asarray([5]), axis=axis), 32, axis=axis)
+    frozen = dataclasses.replace(
+        table,
+        edges=jnp.linspace(0.0, 1.0, 33),
+        stiffness=still(table.stiffness, 0),
+        gap=still(table.gap, 1),
+        arms=still(table.arms, 1),
+        kinds=(0,) * 32,
+    )
+    system = dataclasses.replace(
+        system, table=frozen, damping=jnp.zeros_like(system.damping), rest=still(system.rest, 0)
+    )
+    rest = quasi_static_start(system)
+    kick = jnp.linalg.solve(system.mass, system.vectors[:, 0])
+    start = rest.at[1].set(kick * 0.6 / (system.vectors[:, 0] @ kick))
+
+    @jax.jit
+    def drift(speed):
+        history = march(system, speed, start, cycles=4, keep=4, stepper=Newmark())
+        kinetic = 0.5 * jnp.einsum("ti,ij,tj->t", history.velocity, system.mass, history.velocity)
+        place = history.motion @ system.vectors
+        overlap = place @ frozen.arms[1, 0].T - frozen.gap[1, 0][None, :]
+        strain = 0.5 * jnp.maximum(overlap, 0.0) ** 2 @ frozen.stiffness[0]
+        held = 0.5 * jnp.einsum("ti,ij,tj->t", history.motion, system.stiffness, history.motion)
+        energy = kinetic + strain + held - history.motion @ system.load
+        return jnp.ptp(energy) / jnp.max(kinetic), jnp.min(history.load[:, 0])
+
+    (coarse, lost), (fine, _) = (drift(jnp.asarray(v)) for v in (1500.0, 3000.0))
+    assert lost == 0.0
+    assert coarse < 0.05
+    assert coarse / fine > 3.0
+
+
+def test_marches_end_in_the_response_of_harmonic_balance():
+    system = cases.two_dof(steps=100)
+    speed = jnp.asarray(0.62)
+    reference = jax.jit(lambda: steady_state(system, speed))()
+    peak = float(jnp.max(reference.load[:, 0]))
+    for name in ("midpoint", "newmark", "hht"):
+        method = Marching(stepper=STEPPERS[name], cycles=120, tolerance=1e-6)
+        orbit = jax.jit(lambda m=method: steady_state(system, speed, m))()
+        assert bool(orbit.settled)
+        np.testing.assert_allclose(float(jnp.max(orbit.load[:, 0])), peak, rtol=4e-3)
+        np.testing.assert_allclose(orbit.motion, reference.motion, rtol=0.0, atol=0.01)
+
+
+def test_mesh_force_obeys_newton():
+    """M a = F - C v - K q - V g in every step of the midpoint rule, gears that only turn."""
+    system = cases.torsional_pair(relief=15e-6).system
+    history = eqx.filter_jit(march)(
+        system, jnp.asarray(1000.0), quasi_static_start(system), cycles=30
+    )
+    begun = np.concatenate([np.asarray(history.start[:1]), np.asarray(history.motion[:-1])])
+    rate = np.concatenate([np.asarray(history.start[1:]), np.asarray(history.velocity[:-1])])
+    step = np.asarray(system.table.lengths * system.mesh_period(jnp.asarray(1000.0)))[:, None]
+    acceleration = (np.asarray(history.velocity) - rate) / step
+    middle = 0.5 * (np.asarray(history.motion) + begun)
+    moved = 0.5 * (np.asarray(history.velocity) + rate)
+    balance = (
+        acceleration @ np.asarray(system.mass)
+        + moved @ np.asarray(system.damping)
+        + middle @ np.asarray(system.stiffness)
+        + np.asarray(history.load) @ np.asarray(system.vectors).T
+    )
+    size = float(jnp.max(jnp.abs(system.load)))
+    expected = np.broadcast_to(np.asarray(system.load), balance.shape)
+    np.testing.assert_allclose(balance, expected, rtol=0.0, atol=1e-6 * size)
+    ratio = np.asarray(history.load[:, 0]) / float(system.force)
+    # F_m = F_s - m_eq (TE_n'' and its damping), along the approach alone.
+    inverse = np.linalg.solve(np.asarray(system.mass), np.asarray(system.vectors[:, 0]))
+    approach = np.asarray(system.vectors[:, 0]) @ inverse
+    pushed = (
+        acceleration
+        + moved @ np.linalg.solve(np.asarray(system.mass), np.asarray(system.damping)).T
+    )
+    inertia = pushed @ np.asarray(system.vectors[:, 0]) / approach / float(system.force)
+    np.testing.assert_allclose(ratio, 1.0 - inertia, rtol=0.0, atol=1e-9)
+
+
+def test_start_from_rest_settles_where_the_quasi_static_start_does():
+    system = cases.two_dof(steps=60)
+    speed = jnp.asarray(1.7)
+    ends = jax.jit(
+        lambda starts: jax.vmap(
+            lambda start: march(system, speed, start, cycles=150, stepper=Exponential())
+        )(starts)
+    )(jnp.stack([at_rest(system), quasi_static_start(system)]))
+    assert np.all(ends.converged)
+    np.testing.assert_allclose(ends.motion[0], ends.motion[1], rtol=0.0, atol=1e-6)
+
+
+def test_smooth_contact_without_slices_near_separation_is_exact_contact():
+    system = cases.two_dof(steps=60, load=5.0)
+    one = lambda law: jax.jit(
+        lambda: march(system, jnp.asarray(1.7), quasi_static_start(system), cycles=5, law=law)
+    )()
+    exact, smooth = one(jg.ExactContact()), one(jg.SmoothContact(0.1))
+    np.testing.assert_array_equal(exact.load, smooth.load)
+
+
+def test_active_mesh_damping_acts_in_contact_only():
+    """Free flight between bounces keeps its energy, contact loses some."""
+    system = dataclasses.replace(_bouncing(), cell_damping=jnp.asarray(0.1))
+    start = jnp.asarray([[4.0], [0.0]])
+    history = eqx.filter_jit(march)(
+        system, jnp.asarray(2.0 * np.pi / 6.4), start, cycles=3, keep=3, stepper=Exponential()
+    )
+    place, velocity = np.asarray(history.motion[:, 0]), np.asarray(history.velocity[:, 0])
+    energy = 0.5 * velocity**2 + 0.5 * np.maximum(place, 0.0) ** 2 - place
+    flies = (place[1:] < -0.2) & (place[:-1] < -0.2)
+    assert flies.sum() > 5
+    # Nothing is left of a force, but the split of constant stiffness over the step.
+    np.testing.assert_allclose(np.diff(energy)[flies], 0.0, rtol=0.0, atol=2e-3)
+    assert energy[0] - energy[-1] > 0.5
+
+
+def test_what_cannot_be_marched_is_refused():
+    system = cases.two_dof(steps=60)
+    with pytest.raises(ValueError, match="keep = 3 of 2"):
+        march(system, jnp.asarray(1.0), at_rest(system), cycles=2, keep=3)
+    with pytest.raises(ValueError, match="use `Midpoint`"):
+        march(system, jnp.asarray(1.0), at_rest(system), cycles=2, stepper=Newmark(), averaged=True)
+    with pytest.raises(ValueError, match="Only exact contact"):
+        march(
+            system,
+            jnp.asarray(1.0),
+            at_rest(system),
+            cycles=2,
+            law=jg.SmoothContact(0.1),
+            averaged=True,
+        )
+    with pytest.raises(ValueError, match="0 to 1, got 2"):
+        GeneralizedAlpha(2.0)
+    with pytest.raises(ValueError, match=r"-1/3 to 0, got 0\.1"):
+        HilberHughesTaylor(0.1)
+    with pytest.raises(ValueError, match="must be positive"):
+        Newmark(beta=0.0)

@@ -1,0 +1,82 @@
+"""Sweeps: both directions of B5 (a), with its jumps and its sub-harmonic branch."""
+
+import functools
+
+import numpy as np
+import pytest
+from dynamics import cases
+
+from jaxgear._dynamics._harmonic import HarmonicBalance
+from jaxgear._dynamics._march import Marching
+from jaxgear._dynamics._shooting import Shooting
+from jaxgear._dynamics._steppers import Exponential
+from jaxgear._dynamics._sweep import SweepSettings, sweep
+
+SPEEDS = [0.5, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.5, 1.8, 1.9, 2.0, 2.1, 2.3]
+
+# physics B5 (a): RMS, largest and least displacement.
+UP = {
+    0.5: (0.52226, 1.98539, 0.14628),
+    0.7: (0.43500, 1.61480, 0.38629),
+    0.75: (0.51180, 1.74754, 0.30105),
+    0.85: (1.55067, 2.82339, -1.55553),
+    1.2: (0.42880, 1.53736, 0.32461),
+    1.5: (0.16310, 1.20061, 0.73931),
+    2.0: (0.99289, 2.42641, -0.39836),
+    2.3: (0.04888, 1.05928, 0.92104),
+}
+DOWN = UP | {0.75: (2.06952, 3.40656, -2.45721), 1.5: (2.15875, 3.46206, -2.71696)}
+
+METHODS = {
+    "harmonic": SweepSettings(method=HarmonicBalance(harmonics=24)),
+    "shooting": SweepSettings(method=Shooting(warm_up=0)),
+    "march": SweepSettings(method=Marching(stepper=Exponential(), cycles=200)),
+}
+
+
+@functools.cache
+def _swept(name: str, direction: str):
+    return sweep(cases.sdof_parametric(steps=200), SPEEDS, direction, METHODS[name])
+
+
+@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize(("direction", "table"), [("up", UP), ("down", DOWN)])
+def test_both_branches_of_the_table(name, direction, table):
+    points = dict(zip(SPEEDS, _swept(name, direction), strict=True))
+    for speed, expected in table.items():
+        point = points[speed]
+        place = np.asarray(point.orbit.place[:, 0])
+        assert point.settled, speed
+        assert point.stable, speed
+        found = place.std(), place.max(), place.min()
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-3 * expected[1])
+    assert points[2.0].multiple == 2
+    assert points[1.5].multiple == (1 if direction == "up" else 2)
+    assert points[2.3].multiple == 1
+
+
+def test_cold_sweep_takes_each_speed_alone():
+    alone = sweep(cases.sdof_parametric(steps=200), [1.5], "cold", METHODS["harmonic"])
+    assert alone[0].multiple == 1
+    np.testing.assert_allclose(np.std(alone[0].orbit.place), 0.16310, rtol=1e-3)
+
+
+def test_points_come_back_in_the_order_of_the_speeds():
+    told = []
+    points = sweep(
+        cases.sdof_parametric(steps=200),
+        [2.3, 0.5],
+        "down",
+        METHODS["harmonic"],
+        done=told.append,
+    )
+    assert [float(p.orbit.speed) for p in points] == [2.3, 0.5]
+    assert sum(told) == 2
+
+
+def test_what_cannot_be_swept_is_refused():
+    system = cases.sdof_parametric(steps=200)
+    with pytest.raises(ValueError, match="at least one speed"):
+        sweep(system, [])
+    with pytest.raises(ValueError, match="must be positive, got -1"):
+        sweep(system, [1.0, -1.0])

@@ -1,0 +1,152 @@
+"""The mesh in time: its cells, shared forces, averages over a step."""
+
+import dataclasses
+import itertools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from dynamics import cases
+
+import jaxgear as jg
+from jaxgear._dynamics._table import (
+    END,
+    MIDDLE,
+    START,
+    Mesh,
+    cell_forces,
+    mean_load,
+    mean_ramp,
+    mesh_at,
+    mesh_load,
+    repeated,
+)
+
+EXACT = jg.ExactContact()
+
+
+def test_steps_follow_the_phases_of_statics():
+    dynamics = cases.torsional_pair()
+    lines = dynamics.cycle.cells.lines
+    table = dynamics.system.table
+    np.testing.assert_allclose(table.lengths, lines.weight, rtol=1e-12)
+    np.testing.assert_allclose(table.middles, lines.phase, rtol=0.0, atol=1e-12)
+    assert table.kinds.count(0) + table.kinds.count(1) == lines.phase.size
+    for kind in (0, 1):
+        same = np.asarray(table.lengths)[np.asarray(table.kinds) == kind]
+        assert np.ptp(same) < 1e-12
+
+
+def test_places_of_relieved_flanks_meet_between_steps():
+    table = cases.torsional_pair(relief=15e-6).system.table
+    ends, starts = np.asarray(table.gap[2][:-1]), np.asarray(table.gap[0][1:])
+    np.testing.assert_allclose(ends, starts, rtol=0.0, atol=1e-15)
+    assert np.ptp(np.asarray(table.gap[1])) > 5e-6
+
+
+def test_mesh_between_places_is_a_parabola():
+    table = cases.two_dof().table
+    for part, place in ((START, 0), (MIDDLE, 1), (END, 2)):
+        np.testing.assert_array_equal(mesh_at(table, part).gap, table.gap[place])
+    # A gap that is a parabola in time is met everywhere.
+    time = jnp.asarray([0.0, 0.5, 1.0])[:, None, None]
+    bent = dataclasses.replace(table, gap=jnp.broadcast_to(3.0 * time**2 - time, table.gap.shape))
+    np.testing.assert_allclose(mesh_at(bent, 0.3).gap, 3.0 * 0.09 - 0.3, rtol=1e-12)
+
+
+def test_repeated_table_goes_on():
+    table = cases.sdof_rectangular(steps=20).table
+    twice = repeated(table, 2)
+    assert twice.periods == 2
+    assert len(twice.kinds) == 40
+    np.testing.assert_allclose(twice.edges[20:], 1.0 + np.asarray(table.edges), rtol=1e-12)
+    np.testing.assert_array_equal(twice.gap[:, 20:], table.gap)
+    assert repeated(table, 1) is table
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "mean"),
+    [(1.0, 3.0, 2.0), (-1.0, -2.0, 0.0), (-1.0, 1.0, 0.25), (1.0, -3.0, 0.125), (0.0, 0.0, 0.0)],
+)
+def test_mean_of_the_positive_part(first, last, mean):
+    got = mean_ramp(jnp.asarray(first), jnp.asarray(last))
+    np.testing.assert_allclose(got, mean, rtol=1e-14, atol=0.0)
+    np.testing.assert_allclose(got, mean_ramp(jnp.asarray(last), jnp.asarray(first)), rtol=1e-14)
+
+
+def test_mean_over_a_step_is_the_integral_and_its_slopes_are_true():
+    random = np.random.default_rng(3)
+    mesh = Mesh(
+        jnp.asarray(random.uniform(1.0, 2.0, 5)),
+        jnp.asarray(random.normal(size=5)),
+        jnp.asarray(np.stack([np.ones(5), np.linspace(-1.0, 1.0, 5)], axis=1)),
+        None,
+    )
+    first, last = jnp.asarray([0.2, 0.3]), jnp.asarray([-0.1, 0.5])
+    load, by_first, by_last = mean_load(mesh, mesh, mesh, first, last)
+    parts = (np.arange(20000) + 0.5) / 20000
+    each = jax.vmap(lambda s: mesh_load(mesh, first + s * (last - first), EXACT)[0])(
+        jnp.asarray(parts)
+    )
+    np.testing.assert_allclose(load, np.mean(each, axis=0), rtol=1e-7)
+    for at, slope in ((0, by_first), (1, by_last)):
+        differences = jax.jacfwd(lambda *x: mean_load(mesh, mesh, mesh, *x)[0], argnums=at)
+        np.testing.assert_allclose(differences(first, last), slope, rtol=1e-10, atol=1e-12)
+
+
+def _coupled(random: np.random.Generator, lines: int) -> tuple[Mesh, np.ndarray, np.ndarray]:
+    """Cells of three slices, with a positive definite compliance in each; the last two dense."""
+    factors = random.normal(size=(lines, lines, 3))
+    coupling = np.einsum("iks,jks->ijs", factors, factors) * random.choice([0.1, 1.0, 10.0])
+    stiffness = random.uniform(0.5, 2.0, 3 * lines)
+    mesh = Mesh(
+        jnp.asarray(stiffness),
+        jnp.asarray(random.normal(size=3 * lines)),
+        jnp.ones((3 * lines, 1)),
+        jnp.asarray(coupling),
+    )
+    dense = np.zeros((3 * lines, 3 * lines))
+    for s in range(3):
+        rows = np.arange(lines) * 3 + s
+        dense[np.ix_(rows, rows)] = coupling[:, :, s]
+    return mesh, stiffness, dense
+
+
+@pytest.mark.parametrize("lines", [2, 3, 4])
+def test_lines_share_a_body_in_any_state_of_contact(lines):
+    """Against the only set of closed cells that fits, found among all."""
+    random = np.random.default_rng(lines)
+    solve = jax.jit(lambda mesh, place: cell_forces(mesh, place, EXACT))
+    for _ in range(100):
+        mesh, stiffness, dense = _coupled(random, lines)
+        place = random.normal()
+        force = np.asarray(solve(mesh, jnp.asarray([place]))[0])
+        free = place - np.asarray(mesh.gap)
+        expected = np.zeros(3 * lines)
+        for s in range(3):
+            rows = np.arange(lines) * 3 + s
+            own = dense[np.ix_(rows, rows)]
+            for closed in itertools.product([False, True], repeat=lines):
+                on = np.flatnonzero(closed)
+                trial = np.zeros(lines)
+                matrix = own[np.ix_(on, on)] + np.diag(1.0 / stiffness[rows[on]])
+                trial[on] = np.linalg.solve(matrix, free[rows[on]])
+                overlap = free[rows] - own @ trial
+                if np.all(trial[on] >= 0.0) and np.all(np.delete(overlap, on) <= 0.0):
+                    expected[rows] = trial
+        np.testing.assert_allclose(force, expected, rtol=1e-9, atol=1e-10)
+
+
+@pytest.mark.parametrize("law", [EXACT, jg.SmoothContact(0.3)])
+def test_tangent_is_the_slope_of_the_load(law):
+    random = np.random.default_rng(9)
+    mesh, _, _ = _coupled(random, 3)
+    place = jnp.asarray([0.4])
+    load, tangent = mesh_load(mesh, place, law)
+    step = 1e-6
+    ends = [mesh_load(mesh, place + sign * step, law)[0] for sign in (1.0, -1.0)]
+    np.testing.assert_allclose(tangent[:, 0], (ends[0] - ends[1]) / (2.0 * step), rtol=1e-6)
+    assert load[0] > 0.0
+    by_jax = jax.jacfwd(lambda x: mesh_load(mesh, x, law)[0])(place)
+    np.testing.assert_allclose(by_jax, tangent, rtol=1e-8)
