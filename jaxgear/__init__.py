@@ -1,7 +1,7 @@
 """Gear dynamics that can be differentiated.
 
 Names stand in the order in which data flows: units, geometry, flanks, contact, interface,
-system, solve, response, and the door to scene files. Everything inside is SI and radians;
+system, solve, dynamics, response, and the door to scene files. Everything inside is SI and radians;
 JAX must be in double precision.
 """
 
@@ -117,6 +117,67 @@ from jaxgear._solve._cycle import mesh_cycle as mesh_cycle
 from jaxgear._solve._cycle import prepare_mesh as prepare_mesh
 from jaxgear._solve._cycle import quasi_static as quasi_static
 
+from jaxgear._dynamics._damping import ModalDamping as ModalDamping
+from jaxgear._dynamics._damping import RayleighDamping as RayleighDamping
+from jaxgear._dynamics._table import MeshTable as MeshTable
+from jaxgear._dynamics._table import mesh_table as mesh_table
+from jaxgear._dynamics._system import DynamicSystem as DynamicSystem
+from jaxgear._dynamics._system import ModalBasis as ModalBasis
+from jaxgear._dynamics._system import PairDynamics as PairDynamics
+from jaxgear._dynamics._system import modal_basis as modal_basis
+from jaxgear._dynamics._system import pair_dynamics as pair_dynamics
+from jaxgear._dynamics._modes import Modes as Modes
+from jaxgear._dynamics._modes import critical_speeds as critical_speeds
+from jaxgear._dynamics._modes import modes as modes
+from jaxgear._dynamics._modes import pair_modes as pair_modes
+from jaxgear._dynamics._modes import rotating_frequencies as rotating_frequencies
+from jaxgear._dynamics._orbit import Orbit as Orbit
+from jaxgear._dynamics._steppers import Exponential as Exponential
+from jaxgear._dynamics._steppers import GeneralizedAlpha as GeneralizedAlpha
+from jaxgear._dynamics._steppers import HilberHughesTaylor as HilberHughesTaylor
+from jaxgear._dynamics._steppers import Midpoint as Midpoint
+from jaxgear._dynamics._steppers import Newmark as Newmark
+from jaxgear._dynamics._march import History as History
+from jaxgear._dynamics._march import Marching as Marching
+from jaxgear._dynamics._march import at_rest as at_rest
+from jaxgear._dynamics._march import march as march
+from jaxgear._dynamics._march import quasi_static_start as quasi_static_start
+from jaxgear._dynamics._transient import Profile as Profile
+from jaxgear._dynamics._transient import Transient as Transient
+from jaxgear._dynamics._transient import run_up as run_up
+from jaxgear._dynamics._transient import start_stop as start_stop
+from jaxgear._dynamics._transient import torque_step as torque_step
+from jaxgear._dynamics._transient import transient as transient
+from jaxgear._dynamics._harmonic import HarmonicBalance as HarmonicBalance
+from jaxgear._dynamics._harmonic import balance_of as balance_of
+from jaxgear._dynamics._harmonic import terms_of as terms_of
+from jaxgear._dynamics._shooting import Shooting as Shooting
+from jaxgear._dynamics._shooting import monodromy as monodromy
+from jaxgear._dynamics._shooting import multipliers as multipliers
+from jaxgear._dynamics._sweep import SweepPoint as SweepPoint
+from jaxgear._dynamics._sweep import SweepSettings as SweepSettings
+from jaxgear._dynamics._sweep import steady_state as steady_state
+from jaxgear._dynamics._sweep import steady_states as steady_states
+from jaxgear._dynamics._sweep import sweep as sweep
+from jaxgear._dynamics._continuation import Curve as Curve
+from jaxgear._dynamics._continuation import condition as condition
+from jaxgear._dynamics._continuation import continuation as continuation
+from jaxgear._dynamics._continuation import fold_gradient as fold_gradient
+
+from jaxgear._response._dynamic import DynamicResponse as DynamicResponse
+from jaxgear._response._dynamic import bearing_loads as bearing_loads
+from jaxgear._response._dynamic import contact_force as contact_force
+from jaxgear._response._dynamic import dynamic_ratio as dynamic_ratio
+from jaxgear._response._dynamic import dynamic_response as dynamic_response
+from jaxgear._response._dynamic import dynamic_transmission_error as dynamic_transmission_error
+from jaxgear._response._dynamic import orbit_mean as orbit_mean
+from jaxgear._response._dynamic import orbit_rms as orbit_rms
+from jaxgear._response._dynamic import orbit_variance as orbit_variance
+from jaxgear._response._dynamic import order_amplitudes as order_amplitudes
+from jaxgear._response._dynamic import pair_forces as pair_forces
+from jaxgear._response._dynamic import smooth_dynamic_ratio as smooth_dynamic_ratio
+from jaxgear._response._energy import Energies as Energies
+from jaxgear._response._energy import energies as energies
 from jaxgear._response._factors import face_load as face_load
 from jaxgear._response._factors import face_load_factor as face_load_factor
 from jaxgear._response._factors import pressure_angle_change as pressure_angle_change

@@ -93,6 +93,10 @@ def print_summary(summary: Mapping[str, object], indent: str = "") -> None:
             print_summary(value, indent + "  ")
         elif isinstance(value, list | tuple) and value and isinstance(value[0], Mapping):
             for index, row in enumerate(value):
+                if not any(isinstance(each, Mapping) for each in row.values()):
+                    words = [f"{name} {_short(each)}" for name, each in row.items()]
+                    print(f"{indent}{key}[{index}]  {', '.join(words)}")
+                    continue
                 print(f"{indent}{key}[{index}]")
                 print_summary(row, indent + "  ")
         else:
@@ -174,6 +178,8 @@ def _command(argv: Sequence[str] | None) -> int:
         _print_json(summary)
     elif "check_grad" in summary:
         _print_gradients(summary["check_grad"])
+    elif args.command == "modes" and not args.quiet:
+        _print_modes(summary["modes"])
     elif not args.quiet:
         print_summary({key: value for key, value in summary.items() if key != "versions"})
     if not args.quiet:
@@ -198,6 +204,20 @@ def _print_gradients(found: Mapping[str, Any]) -> None:
             words = row["contact"], row["response"], row["key"]
             print(form.format(*words, *numbers, f"{row['error']:.1e}", row["verdict"]))
     print(", ".join(f"{count} {verdict}" for verdict, count in found["verdicts"].items()))
+
+
+def _print_modes(found: Mapping[str, Any]) -> None:
+    """Print the table of natural modes."""
+    parts = [name for name in ("mesh", "pinion", "wheel", "bearings") if any(found["energy"][name])]
+    columns = [found["frequency_Hz"], [100.0 * ratio for ratio in found["damping_ratio"]]]
+    columns += [[100.0 * share for share in found["energy"][name]] for name in parts]
+    columns.append(found["critical_speed_rad_s"]["mesh_harmonic_1"])
+    heads = ["mode", "Hz", "damping %", *(f"{name} %" for name in parts), "critical rad/s"]
+    form = "{:>4}" + "  {:>11}" * (len(heads) - 2) + "  {:>14}"
+    print(form.format(*heads))
+    for number, row in enumerate(zip(*columns, strict=True), start=1):
+        cells = [f"{row[0]:.6g}", *(f"{value:.3f}" for value in row[1:-1]), f"{row[-1]:.6g}"]
+        print(form.format(number, *cells))
 
 
 def _refuse_unfit(command: str, scene: Scene) -> None:

@@ -1,11 +1,10 @@
 """Error against time: steady responses of a scene by many methods and settings, side by side."""
 
-import dataclasses
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -15,10 +14,11 @@ import numpy as np
 from jaxgear._app import _dynamic_pictures as dynamic_pictures
 from jaxgear._app import _pictures as pictures
 from jaxgear._app._commands import _finish, _names, _progress
+from jaxgear._app._dynamics import dynamics_of, speeds_of
 from jaxgear._app._model import grid_of, model_of
 from jaxgear._app._scene import Scene
-from jaxgear._app._statics import SolverFailure, Stopwatch
-from jaxgear._dynamics._damping import AbstractDamping, ModalDamping, RayleighDamping
+from jaxgear._app._statics import SolverFailure, Stopwatch, require_solved
+from jaxgear._checks import require
 from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._march import Marching, quasi_static_start
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit
@@ -32,7 +32,7 @@ from jaxgear._dynamics._steppers import (
     Newmark,
 )
 from jaxgear._dynamics._sweep import steady_states
-from jaxgear._dynamics._system import DynamicSystem, PairDynamics, modal_basis, pair_dynamics
+from jaxgear._dynamics._system import DynamicSystem, PairDynamics, modal_basis
 from jaxgear._dynamics._transient import transient
 from jaxgear._dynamics._types import Speeds, Start
 from jaxgear._interface._laws import AbstractContactLaw, SmoothContact
@@ -57,6 +57,8 @@ _SPEEDS, _REFERENCE_PHASES = 30, 1024
 _AROUND = 0.1, 2.5
 # Runs of a program that are timed, at the most, and the seconds that suffice.
 _RUNS, _ENOUGH = 5, 1.0
+# Mesh periods of a cycle, at the most: the methods of short cycles are compared.
+_PERIODS = 4
 # A multiplier beyond this is unstable: rounding shifts it by less [-].
 _STABLE = 1.0 + 1e-6
 
@@ -138,14 +140,6 @@ class Answers(eqx.Module):
     settled: Flag
 
 
-class Timed(NamedTuple):
-    """What a program gave, seconds of its best run, and seconds to compile it."""
-
-    result: Any
-    best_s: float
-    compile_s: float
-
-
 def compare(scene: Scene, folder: Path, quiet: bool) -> Summary:
     """Steady responses by all methods against a reference by shooting: error over time.
 
@@ -172,6 +166,13 @@ def compare(scene: Scene, folder: Path, quiet: bool) -> Summary:
     - `SolverFailure` if the mesh cycle or the reference was not solved at most speeds.
     """
     model = model_of(scene)
+    require(
+        scene["mesh.periods"] <= _PERIODS,
+        "`compare` takes cycles of up to {most} mesh periods, got mesh.periods = {got}. Compare the "
+        "scene with fewer; what it finds of methods and steps holds for long cycles too.",
+        most=_PERIODS,
+        got=scene["mesh.periods"],
+    )
     return compared(scene, model, rungs_of(scene), folder, quiet)
 
 
@@ -209,11 +210,11 @@ def compared(
     finest = sorted({own} | {2 * most for rung in rungs if rung.family == _SLICES})
     with _progress(len(rungs) + len(finest), "compare", quiet) as done:
         at = _speeds_of(scene, tables(phases, own).system, speeds)
-        references: dict[int, Reference] = {}
+        references: dict[int, _Reference] = {}
         for slices in finest:
             # Slices are compared on equal steps: half as many as the other reference has suffice.
             steps = phases if slices == own else phases // 2
-            references[slices] = _reference(tables(steps, slices), at)
+            references[slices] = _reference(tables(steps, slices), at, watch)
             done(1)
         reference = references[own]
         if np.mean(reference.good) < 0.5:
@@ -224,7 +225,7 @@ def compared(
         rows = []
         for rung in rungs:
             by = references[2 * most] if rung.family == _SLICES else reference
-            rows.append(_row(rung, tables(rung.phases, rung.slices), at, by))
+            rows.append(_row(rung, tables(rung.phases, rung.slices), at, by, watch))
             done(1)
     recommended = _recommended(rows, own)
     summary = _names(scene) | {
@@ -232,6 +233,7 @@ def compared(
             "rungs": rows,
             "recommended": recommended,
             "tolerance": TOLERANCE,
+            "left_out": ["gyroscopic"] if scene["model.gyroscopic"] else [],
             "reference": {
                 "name": f"shooting, exact linear part, {phases} steps",
                 "slices": own,
@@ -260,7 +262,7 @@ def compared(
     return _finish(scene, folder, summary, watch)
 
 
-_SLICES = "slices"
+_SLICES = "its slices, H20 N128"
 
 
 def rungs_of(scene: Scene) -> list[Rung]:
@@ -275,62 +277,63 @@ def rungs_of(scene: Scene) -> list[Rung]:
     The rungs, family by family.
     """
     own = int(scene["mesh.slices"])
+    width = float(scene["mesh.smoothing_um"])
     balance = HarmonicBalance
     rungs = [
         Rung(f"H{h} N{n}", "harmonic balance", balance(harmonics=h), n, own)
         for h, n in ((5, 64), (10, 64), (20, 64), (20, 128), (40, 128), (40, 256))
     ]
     rungs += [
-        Rung(f"H{h} N{n} vmap", "harmonic balance, vmap", balance(harmonics=h), n, own, True)
+        Rung(f"H{h} N{n} vmap", "its speeds batched", balance(harmonics=h), n, own, together=True)
         for h, n in ((10, 64), (20, 128))
     ]
-    rungs += [
-        Rung(
-            f"H{h} N{n} mean", "contact averaged", balance(harmonics=h, averaged=True), n, own
-        )
-        for h, n in ((10, 64), (20, 128), (40, 256))
-    ]
-    width = float(scene["mesh.smoothing_um"])
-    rungs += [
-        Rung(
-            f"{part * width:g} um",
-            "smooth contact, H20 N128",
-            balance(law=SmoothContact(part * width * um)),
-            128,
-            own,
-        )
-        for part in (0.1, 0.3, 1.0, 3.0)
-    ]
-    rungs += [
-        Rung(f"{s} slices", _SLICES, balance(), 128, s) for s in sorted({1, 5, own, 2 * own})
-    ]
-    steppers: dict[str, AbstractStepper] = {"midpoint": Midpoint(), "exponential": Exponential()}
-    for name, stepper in steppers.items():
+    if not scene["damping.active_mesh"]:
         rungs += [
-            Rung(f"{name[:3]} N{n}", f"shooting, {name}", Shooting(stepper=stepper), n, own)
-            for n in (64, 128, 256)
+            Rung(f"H{h} N{n} mean", "its contact averaged", averaged, n, own)
+            for h, n in ((10, 64), (20, 128), (40, 256))
+            for averaged in [balance(harmonics=h, averaged=True)]
         ]
-    steppers = {
-        "Newmark": Newmark(),
-        "HHT": HilberHughesTaylor(),
-        "gen-alpha": GeneralizedAlpha(),
-    } | steppers
-    for name, stepper in steppers.items():
+    rungs += [
+        Rung(f"{part * width:g} um", "its contact smooth, H20 N128", balance(law=law), 128, own)
+        for part in (0.1, 0.3, 1.0, 3.0)
+        for law in [SmoothContact(part * width * um)]
+    ]
+    rungs += [
+        Rung(f"{s} slices" if s > 1 else "1 slice", _SLICES, balance(), 128, s)
+        for s in sorted({1, 5, own, 2 * own})
+    ]
+    steppers: dict[str, tuple[str, AbstractStepper]] = {
+        "midpoint": ("mid", Midpoint()),
+        "exponential": ("exp", Exponential()),
+    }
+    rungs += [
+        Rung(f"{short} N{n}", f"shooting, {name}", Shooting(stepper=stepper), n, own)
+        for name, (short, stepper) in steppers.items()
+        for n in (64, 128, 256)
+    ]
+    steppers |= {
+        "Newmark": ("NM", Newmark()),
+        "HHT": ("HHT", HilberHughesTaylor()),
+        "generalised alpha": ("GA", GeneralizedAlpha()),
+    }
+    for name, (short, stepper) in steppers.items():
         rungs += [
-            Rung(f"{n}x{c}", f"march, {name}", Marching(stepper=stepper, cycles=c), n, own)
+            Rung(f"{short} {n}x{c}", f"march, {name}", Marching(stepper, cycles=c), n, own)
             for n, c in ((64, 100), (128, 100), (128, 400))
+            if n > 64 or name not in ("HHT", "generalised alpha")
         ]
     smooth = Adaptive(SmoothContact(0.1 * width * um))
-    rungs.append(Rung("Tsit5 1e-4", "diffrax, smooth", smooth, 128, own, thinned=10))
-    return rungs
+    return [*rungs, Rung("Tsit5 1e-4", "diffrax, 50 cycles", smooth, 128, own, thinned=10)]
 
 
 class _Tables:
     """The pair in time on various numbers of steps and slices, each built once."""
 
     def __init__(self, scene: Scene, model: PairModel, watch: Stopwatch):
-        self.scene, self.model, self.watch = scene, model, watch
-        self.damping = _damping_of(scene)
+        # Marches in real modes do without gyroscopic effects, and methods can be compared
+        # only on one system.
+        self.scene = scene.replace({"model.gyroscopic": False})
+        self.model, self.watch = model, watch
         self.built: dict[tuple[int, int], PairDynamics] = {}
 
     def __call__(self, phases: int, slices: int) -> PairDynamics:
@@ -338,31 +341,21 @@ class _Tables:
         if (phases, slices) not in self.built:
             scene = self.scene.replace({"mesh.phases": phases, "mesh.slices": slices})
             grid = grid_of(scene, self.model)
-            build = lambda model, damping: pair_dynamics(model, grid, damping)
+            build = lambda model: dynamics_of(scene, model, grid)
             # It runs once: compiled in half the time it runs twice as long.
             options = {"xla_backend_optimization_level": 0}
-            found = self.watch(build, self.model, self.damping, options=options)
-            if not bool(jnp.all(found.cycle.converged)):
-                raise SolverFailure(f"the mesh cycle of {phases} phases was not solved")
+            found = self.watch(build, self.model, options=options)
+            require_solved(found.cycle.converged)
             self.built[phases, slices] = found
         return self.built[phases, slices]
 
 
-def _damping_of(scene: Scene) -> AbstractDamping:
-    if scene["damping.kind"] == "rayleigh":
-        return RayleighDamping(scene["damping.a_R_1_s"], scene["damping.b_R_s"])
-    return ModalDamping(mesh=scene["damping.mesh"], structure=scene["damping.structure"])
-
-
 def _speeds_of(scene: Scene, system: DynamicSystem, count: int) -> Speeds:
     """Some of the scene's speeds, or speeds around the one where the mesh meets its mode."""
-    given = scene.get("sweep.pinion_speed_rad_s")
-    if isinstance(given, list):
-        given = np.asarray(given, dtype=float)
-        return jnp.asarray(given[np.linspace(0, given.size - 1, min(count, given.size)).astype(int)])
     if scene.has_table("sweep"):
-        key = "sweep.pinion_speed_rad_s"
-        return jnp.linspace(scene[f"{key}.from"], scene[f"{key}.to"], count)
+        given = speeds_of(scene)
+        chosen = np.unique(np.linspace(0, given.size - 1, count).round().astype(int))
+        return jnp.asarray(given[chosen])
     basis = jax.jit(modal_basis)(system)
     energy = np.sum(np.asarray(basis.mesh @ system.mean) * np.asarray(basis.mesh), axis=1)
     mode = int(np.argmax(energy / np.asarray(basis.square)))
@@ -371,7 +364,7 @@ def _speeds_of(scene: Scene, system: DynamicSystem, count: int) -> Speeds:
 
 
 @dataclass(frozen=True)
-class Reference:
+class _Reference:
     """Answers that others are compared with.
 
     `good` are the speeds where they are settled and stable.
@@ -382,24 +375,24 @@ class Reference:
     time_s: float
 
 
-def _reference(dynamics: PairDynamics, speeds: Speeds) -> Reference:
+def _reference(dynamics: PairDynamics, speeds: Speeds, watch: Stopwatch) -> _Reference:
     """Responses by shooting from the quasi-static state, after a march."""
-    system = dynamics.system
-    method = Shooting(stepper=Exponential(), warm_up=20)
     start = time.perf_counter()
-
-    def found(system: DynamicSystem, speeds: Speeds):
-        modes = modal_basis(system)
-        orbits = steady_states(system, speeds, method)
-        change = jax.lax.map(lambda orbit: monodromy(system, modes, orbit), orbits)
-        return _answers(system, orbits), change, modes
-
-    answers, change, modes = jax.jit(found)(system, speeds)
+    method = Shooting(stepper=Exponential(), warm_up=20)
+    answers, change, modes = watch(_judged, method, dynamics.system, speeds)
     finite = np.isfinite(np.asarray(change)).all(axis=(1, 2))
     growth = np.full(finite.size, np.inf)
     growth[finite] = np.abs(multipliers(change[finite], modes)[:, 0])
     good = np.asarray(answers.settled) & (growth <= _STABLE)
-    return Reference(answers, good, time.perf_counter() - start)
+    return _Reference(answers, good, time.perf_counter() - start)
+
+
+def _judged(method: Shooting, system: DynamicSystem, speeds: Speeds):
+    """Answers, monodromy matrices, and the modes that scale them."""
+    modes = modal_basis(system)
+    orbits = steady_states(system, speeds, method)
+    change = jax.lax.map(lambda orbit: monodromy(system, modes, orbit), orbits)
+    return _answers(system, orbits), change, modes
 
 
 def _answers(system: DynamicSystem, orbits: Orbit) -> Answers:
@@ -411,15 +404,17 @@ def _answers(system: DynamicSystem, orbits: Orbit) -> Answers:
     return Answers(ratio, rms, orbits.settled)
 
 
-def _row(rung: Rung, dynamics: PairDynamics, speeds: Speeds, reference: Reference) -> Summary:
+def _row(
+    rung: Rung, dynamics: PairDynamics, speeds: Speeds, reference: _Reference, watch: Stopwatch
+) -> Summary:
     """One rung's line of the summary."""
     chosen = np.arange(rung.thinned // 2, speeds.size, rung.thinned)
-    found = timed(_solver(rung), dynamics.system, speeds[chosen])
+    arguments = rung.method, dynamics.system, speeds[chosen]
+    found, best, compiling = _timed(watch, _together if rung.together else _each, arguments)
     good = reference.good[chosen]
     errors = {
         name: np.abs(
-            np.asarray(getattr(found.result, name))
-            / np.asarray(getattr(reference.answers, name))[chosen]
+            np.asarray(getattr(found, name)) / np.asarray(getattr(reference.answers, name))[chosen]
             - 1.0
         )
         for name in ("dynamic_ratio", "te_rms")
@@ -438,44 +433,42 @@ def _row(rung: Rung, dynamics: PairDynamics, speeds: Speeds, reference: Referenc
         "phases": rung.phases,
         "slices": rung.slices,
         "speeds": chosen.size,
-        "time_s": found.best_s * speeds.size / chosen.size,
-        "compile_s": found.compile_s,
+        "time_s": best * speeds.size / chosen.size,
+        "compile_s": compiling,
         "error": {name: quantile(error, 0.5) for name, error in errors.items()},
         "error_95": {name: quantile(error, 0.95) for name, error in errors.items()},
         "same_branch_share": float(np.count_nonzero(hit) / max(np.count_nonzero(good), 1)),
-        "settled_share": float(np.mean(np.asarray(found.result.settled))),
+        "settled_share": float(np.mean(np.asarray(found.settled))),
     }
 
 
-def _solver(rung: Rung) -> Callable[[DynamicSystem, Speeds], Answers]:
-    """The answers of a rung, as a program of the system and the speeds."""
-    method = rung.method
-
-    def solve(system: DynamicSystem, speeds: Speeds) -> Answers:
-        one = lambda speed: method.orbit(system, speed, None)
-        if isinstance(method, Adaptive):
-            orbits = jax.lax.map(one, speeds)
-        elif rung.together:
-            orbits = jax.vmap(one)(speeds)
-        else:
-            orbits = steady_states(system, speeds, method)
-        return _answers(system, orbits)
-
-    return solve
+def _each(method: AbstractMethod, system: DynamicSystem, speeds: Speeds) -> Answers:
+    """Answers as the library finds them: batched where that is faster."""
+    if isinstance(method, Adaptive):
+        return _answers(system, jax.lax.map(lambda speed: method.orbit(system, speed), speeds))
+    return _answers(system, steady_states(system, speeds, method))
 
 
-def timed(program: Callable[..., Any], *arguments: Any) -> Timed:
-    """Compile a program, run it a few times, and keep the shortest."""
-    start = time.perf_counter()
-    compiled = jax.jit(program).lower(*arguments).compile()
-    compiling = time.perf_counter() - start
+def _together(method: AbstractMethod, system: DynamicSystem, speeds: Speeds) -> Answers:
+    """Answers at all speeds in one batch."""
+    return _answers(system, jax.vmap(lambda speed: method.orbit(system, speed, None))(speeds))
+
+
+def _timed(
+    watch: Stopwatch, program: Callable[..., Answers], arguments: tuple[Any, ...]
+) -> tuple[Answers, float, float]:
+    """Answers of a program, seconds of its shortest run, and seconds to compile it.
+
+    Programs that differ in real values only are compiled once.
+    """
+    compiled = watch.compile_s
     seconds: list[float] = []
-    result = None
-    while len(seconds) < _RUNS and (len(seconds) < 2 or sum(seconds) < _ENOUGH):
-        start = time.perf_counter()
-        result = jax.block_until_ready(compiled(*arguments))
-        seconds.append(time.perf_counter() - start)
-    return Timed(result, min(seconds), compiling)
+    while True:
+        before = watch.run_s
+        found = watch(program, *arguments)
+        seconds.append(watch.run_s - before)
+        if len(seconds) == _RUNS or (len(seconds) > 1 and sum(seconds) > _ENOUGH):
+            return found, min(seconds), watch.compile_s - compiled
 
 
 def _recommended(rows: Sequence[Summary], slices: int) -> str | None:

@@ -5,6 +5,7 @@ From the file's units to SI on the way in, back to them in the datasets on the w
 
 import concurrent.futures
 import dataclasses
+import functools
 import itertools
 import time
 from collections.abc import Callable, Iterator
@@ -19,7 +20,7 @@ import xarray as xr
 from jaxtyping import Array
 
 import jaxgear as jg
-from jaxgear._app._dynamic_pictures import _FEW, _NO_FORCE, _leaps
+from jaxgear._app._dynamic_pictures import _FEW, _leaps
 from jaxgear._app._model import grid_of, law_of, model_of
 from jaxgear._app._results import Entry
 from jaxgear._app._scene import Scene
@@ -263,6 +264,11 @@ class Response:
     numbers: dict[str, np.ndarray]
 
 
+# A tooth pair carries from this share of the static force on: a pair that only just enters has
+# cells of hardly any length.
+_CARRIES = 1e-6
+
+
 def _measure(dynamics: PairDynamics, orbit: Orbit, orders: int) -> dict[str, Array]:
     """The numbers of a response, in SI; traceable by JAX."""
     system = dynamics.system
@@ -270,7 +276,7 @@ def _measure(dynamics: PairDynamics, orbit: Orbit, orders: int) -> dict[str, Arr
     force, error = contact_force(system, orbit), dynamic_transmission_error(system, orbit)
     series = {"te_order": error, "force_order": force}
     series["bearing_order"] = bearing_loads(dynamics, orbit)
-    carrying = pair_forces(dynamics, orbit) > _NO_FORCE * system.force
+    carrying = pair_forces(dynamics, orbit) > _CARRIES * system.force
     return {
         "dynamic_ratio": found.dynamic_ratio,
         "pair_ratio": found.pair_ratio,
@@ -380,7 +386,9 @@ class Sweep:
     @property
     def main(self) -> Direction:
         """The direction with the highest peak, of settled responses if there are any."""
-        return max(self.responses, key=lambda way: self.highest(way)[0])
+        # Rounding must not choose between directions that found the same.
+        rank = lambda way: (self.highest(way)[0][0], round(self.highest(way)[0][1], 3))
+        return max(self.responses, key=rank)
 
     def highest(self, way: Direction) -> tuple[tuple[bool, float], int]:
         """Whether it settled, dynamic ratio, and place of the highest response of a direction."""
@@ -412,10 +420,10 @@ def branches(
 
     The pieces; none where no response is found to begin with.
     """
-    settings = settings_of(scene, dynamics)
-    assert isinstance(settings.method, HarmonicBalance)
+    method = settings_of(scene, dynamics).method
+    assert isinstance(method, HarmonicBalance)
     follow = lambda start, stop: continuation(
-        dynamics.system, start, stop, method=settings.method, done=done
+        dynamics.system, start, stop, method=method, done=done
     )
     low, high = float(speeds[0]), float(speeds[-1])
     pieces = [follow(low, high)]
@@ -468,8 +476,9 @@ def sweep_of(scene: Scene, dynamics: PairDynamics, done: Callable[[int], None]) 
         curves = pool.submit(timed, "continuation", follow) if continued(scene, dynamics) else None
         try:
             for way in directions_of(scene):
-                work = lambda way=way: swept(scene, dynamics, speeds, way, done)
-                responses[way] = timed(way, work)
+                responses[way] = timed(
+                    way, functools.partial(swept, scene, dynamics, speeds, way, done)
+                )
         except BaseException:
             stopped = True
             raise
@@ -501,8 +510,8 @@ def sweep_dataset(dynamics: PairDynamics, model: PairModel, sweep: Sweep) -> xr.
         "order": ("order", _orders(sweep), {"units": "1", "long_name": "order of the mesh"}),
         "phase": (
             "phase",
-            np.asarray(dynamics.system.table.middles)[:: _stride(dynamics)],
-            {"units": "1", "long_name": "position in the cycle, in mesh periods"},
+            _phases(dynamics, sweep),
+            {"units": "1", "long_name": "position in the cycle or cycles, in mesh periods"},
         ),
     }
     if "bearing_force_order_N" in variables:
@@ -621,15 +630,34 @@ def bearing_names(model: PairModel) -> list[str]:
 _MOST_PHASES = 512
 
 
-def _stride(dynamics: PairDynamics) -> int:
-    return -(-len(dynamics.system.table.kinds) // _MOST_PHASES)
+def _cycles(dynamics: PairDynamics, sweep: Sweep) -> tuple[int, int]:
+    """Number of cycles that a map of the mesh force shows, and of steps from column to column."""
+    table = dynamics.system.table
+    long = any(
+        r.settled and r.periods > table.periods for own in sweep.responses.values() for r in own
+    )
+    cycles = 2 if long else 1
+    return cycles, -(-cycles * len(table.kinds) // _MOST_PHASES)
+
+
+def _phases(dynamics: PairDynamics, sweep: Sweep) -> np.ndarray:
+    """Middles of the steps that a map of the mesh force shows [mesh periods]."""
+    cycles, stride = _cycles(dynamics, sweep)
+    table = dynamics.system.table
+    middles = np.asarray(table.middles)
+    return np.concatenate([middles + i * table.periods for i in range(cycles)])[::stride]
 
 
 def _over_phase(dynamics: PairDynamics, sweep: Sweep) -> dict[str, Entry]:
-    """The last cycle of each response; of long ones not every step."""
-    steps, stride = len(dynamics.system.table.kinds), _stride(dynamics)
+    """The last cycle of each response, or the last two where some need them."""
+    cycles, stride = _cycles(dynamics, sweep)
+    steps = cycles * len(dynamics.system.table.kinds)
     dims = (*_PLACE, "phase")
-    last = lambda name: _each(sweep, lambda r: r.numbers[name][-steps:][::stride])
+
+    def last(name: str) -> np.ndarray:
+        of = lambda values: np.tile(values, -(-steps // values.size))[-steps:][::stride]
+        return _each(sweep, lambda r: of(r.numbers[name]))
+
     return {
         "mesh_force_ratio": Entry(dims, last("force"), "1", "mesh force over the static one"),
         "tooth_pairs": Entry(dims, last("pairs"), "1", "number of tooth pairs that carry"),
@@ -671,15 +699,16 @@ def drawn_sweep(dataset: xr.Dataset) -> xr.Dataset:
     found["periods"] = found["periods"].where(found["periods"] != dataset.attrs["mesh_periods"], 1)
     if "curve_piece" not in found:
         return found
-    curve = found[[name for name in found if "point" in found[name].dims]]
+    curve = found[[str(name) for name in found if "point" in found[name].dims]]
     parts = []
-    for number in np.unique(curve["curve_piece"].values):
-        part = curve.isel(point=curve["curve_piece"].values == number)
+    for which in np.unique(curve["curve_piece"].values):
+        part = curve.isel(point=curve["curve_piece"].values == which)
         gap = part.isel(point=[-1]).copy(deep=True)
-        for name in ("curve_speed", "curve_dynamic_ratio", "curve_te_rms_um"):
-            gap[name][:] = np.nan
+        for number in ("speed", "dynamic_ratio", "te_rms_um"):
+            gap[f"curve_{number}"][:] = np.nan
         parts += [part, gap]
-    return xr.merge([found.drop_dims("point"), xr.concat(parts[:-1], "point")])
+    joined = xr.concat(parts[:-1], "point")
+    return found.drop_dims("point").assign({str(name): joined[name] for name in curve})
 
 
 def orbit_dataset(dynamics: PairDynamics, model: PairModel, sweep: Sweep) -> xr.Dataset:
@@ -696,7 +725,7 @@ def orbit_dataset(dynamics: PairDynamics, model: PairModel, sweep: Sweep) -> xr.
     A dataset over branch and phase, as the picture of orbits wants it.
     """
     _, place = sweep.highest(sweep.main)
-    chosen = {sweep.main: sweep.responses[sweep.main][place]}
+    chosen: dict[Direction, Response] = {sweep.main: sweep.responses[sweep.main][place]}
     for way, own in sweep.responses.items():
         if way not in chosen and _differ(own[place], chosen[sweep.main]):
             chosen[way] = own[place]
@@ -913,6 +942,7 @@ def sweep_summary(scene: Scene, dynamics: Dynamics, sweep: Sweep, dataset: xr.Da
         "bistable": bistable(dataset),
         "folds_rad_s": special("folds"),
         "doublings_rad_s": special("doublings"),
+        "tori_rad_s": special("tori"),
         "unsettled_count": sweep.unsettled,
         "method": method_name(scene, pair),
         "steps": scene["sweep.steps"],
@@ -928,6 +958,8 @@ _PROMINENCE = 0.05
 def peaks(dynamics: Dynamics, sweep: Sweep, dataset: xr.Dataset) -> list[Summary]:
     """Peaks of the dynamic ratio, the highest first, with the mesh order that is strongest there.
 
+    A peak that rising and falling speeds share has the direction "both".
+
     **Arguments:**
 
     - `dynamics`: the pair.
@@ -939,22 +971,28 @@ def peaks(dynamics: Dynamics, sweep: Sweep, dataset: xr.Dataset) -> list[Summary
     One table each.
     """
     natural = _excited(dynamics, 0.01)
-    teeth, found = int(dataset.attrs["teeth_pinion"]), []
+    teeth = int(dataset.attrs["teeth_pinion"])
+    found: list[Summary] = []
     for way in sweep.responses:
         own = dataset.sel(direction=way)
         own = own.isel(speed=own["settled"].values)
         ratio = own["dynamic_ratio"].values
         for place in scipy.signal.find_peaks(ratio, prominence=_PROMINENCE)[0]:
             here = own.isel(speed=int(place))
+            speed, high = float(here["speed"]), float(ratio[place])
+            twin = [row for row in found if row["speed_rad_s"] == speed]
+            if twin and _alike(twin[0]["dynamic_ratio"], high):
+                twin[0]["direction"] = "both"
+                continue
             strongest = int(np.argmax(here["mesh_force_order_N"].values))
-            order, speed = float(here["order"][strongest]), float(here["speed"])
+            order = float(here["order"][strongest])
             frequency = order * teeth * speed / (2.0 * np.pi)
             nearest = natural[np.argmin(np.abs(natural - frequency))]
             found.append(
                 {
                     "speed_rad_s": speed,
-                    "dynamic_ratio": float(ratio[place]),
-                    "direction": way,
+                    "dynamic_ratio": high,
+                    "direction": str(way),
                     "frequency_Hz": frequency,
                     "nearest_mode_Hz": float(nearest),
                     "mesh_order": order,
@@ -970,7 +1008,7 @@ def _excited(dynamics: Dynamics, least: float) -> np.ndarray:
 
 
 def jumps(dataset: xr.Dataset) -> list[Summary]:
-    """Where a direction leaps from one response to another, as the picture marks it.
+    """Where a direction leaps from one settled response to the next.
 
     **Arguments:**
 
@@ -980,17 +1018,19 @@ def jumps(dataset: xr.Dataset) -> list[Summary]:
 
     One table each; none in sweeps of so few speeds that each is shown.
     """
-    speed, found = dataset["speed"].values, []
-    for way in dataset["direction"].values if len(speed) > _FEW else ():
-        own = dataset.sel(direction=way)
-        ratio = own["dynamic_ratio"].values
-        if way == "cold":
+    found = []
+    for way in ("up", "down") if dataset.sizes["speed"] > _FEW else ():
+        if way not in dataset["direction"].values:
             continue
-        for place in np.sort(_leaps(ratio, own["settled"].values, float(np.max(ratio)))):
+        own = dataset.sel(direction=way)
+        own = own.isel(speed=own["settled"].values)
+        speed, ratio = own["speed"].values, own["dynamic_ratio"].values
+        leaps = _leaps(ratio, np.ones(ratio.size, bool), float(np.max(ratio, initial=0.0)))
+        for place in np.sort(leaps):
             ends = [int(place), int(place) + 1][:: -1 if way == "down" else 1]
             found.append(
                 {
-                    "direction": str(way),
+                    "direction": way,
                     "from_rad_s": float(speed[ends[0]]),
                     "to_rad_s": float(speed[ends[1]]),
                     "dynamic_ratio_before": float(ratio[ends[0]]),
@@ -1006,7 +1046,11 @@ _SAME = 1e-3
 
 def _differ(first: Response, second: Response) -> bool:
     a, b = (float(r.numbers["dynamic_ratio"]) for r in (first, second))
-    return first.settled and second.settled and abs(a - b) > _SAME * max(a, b)
+    return first.settled and second.settled and not _alike(a, b)
+
+
+def _alike(first: float, second: float) -> bool:
+    return abs(first - second) <= _SAME * max(first, second)
 
 
 def bistable(dataset: xr.Dataset) -> list[Summary]:

@@ -173,8 +173,8 @@ def sweep_notes(scene: Scene, unsettled: int, responses: int, lost: list[str]) -
     if unsettled:
         found.append(
             f"{unsettled} of {responses} responses did not settle: their numbers are those of the "
-            "end of a march. Raise sweep.cycles; where they never repeat there is nothing to "
-            "settle on, as in chaos."
+            "end of a march. Raise sweep.cycles; but where the amplitude beats, or motion is "
+            "chaotic, there is nothing to settle on."
         )
     found += [
         f"The branch was followed no further: {why}. What lies beyond is shown by the sweep alone."

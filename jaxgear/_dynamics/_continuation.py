@@ -27,12 +27,10 @@ from jaxgear._checks import InputError, require
 from jaxgear._dynamics._harmonic import (
     Balance,
     HarmonicBalance,
-    _linearised,
-    _loads,
-    _residual,
     balance_of,
+    imbalance,
+    linearised,
 )
-from jaxgear._dynamics._march import History
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._shooting import monodromy, multipliers
 from jaxgear._dynamics._system import DynamicSystem
@@ -129,11 +127,11 @@ def _parted(balance: Balance, unknowns: Reals) -> tuple[Terms, Scalar]:
 def _by_both(balance: Balance, unknowns: Reals) -> tuple[Reals, Reals]:
     """The residual, and its derivative by harmonics and speed: a column more than rows."""
     terms, speed = _parted(balance, unknowns)
-    residual, matrix = _linearised(balance.at_speed(speed)[0], terms)
+    residual, matrix = linearised(balance.at_speed(speed)[0], terms)
 
     def at(exponent: Scalar) -> Reals:
         problem = balance.at_speed(jnp.exp(exponent))[0]
-        return _residual(problem, terms, problem.analysis @ _loads(problem, terms)[1])
+        return imbalance(problem, terms)
 
     _, by_speed = jax.jvp(at, (unknowns[-1],), (jnp.ones(()),))
     columns = matrix * _sizes(balance).reshape(1, -1)
@@ -629,36 +627,6 @@ def _special(guide: _Guide, point: _Point, after: int) -> CurvePoint:
 _parted_once = jax.jit(_parted)
 
 
-def terms_of(balance: Balance, orbit: Orbit | History) -> Terms:
-    """Harmonics of a response that was found by any method on the same time steps.
-
-    **Arguments:**
-
-    - `balance`: whose harmonics they are to be, from `balance_of`.
-    - `orbit`: over as many cycles, or over a divisor of them; of marches, by a rule whose load is
-        in mid-step.
-
-    **Returns:**
-
-    Harmonics of the mesh coordinates: those closest to the response in mid-steps [m, rad].
-
-    **Raises:**
-
-    - `ValueError` unless the response divides the time of the balance.
-    """
-    steps, found = balance.middle.shape[0], orbit.place.shape[0]
-    require(
-        steps % found == 0,
-        "The response has {found} time steps and the balance {steps}: both must have the same "
-        "table, and `multiple` of the balance that of the response or a multiple of it.",
-        found=found,
-        steps=steps,
-    )
-    place = jnp.tile(orbit.place, (steps // found, 1))
-    share = jnp.sqrt(balance.system.table.lengths)[:, None]
-    return jnp.linalg.lstsq(share * balance.middle, share * place)[0].T
-
-
 def doubled(
     system: DynamicSystem, method: HarmonicBalance, doubling: CurvePoint, *, step: float = 0.02
 ) -> tuple[Terms, float]:
@@ -851,7 +819,6 @@ def _weighted_slopes(
 
     def total(parameters: PyTree) -> Scalar:
         problem = balance_of(method, build(parameters)).at_speed(speed)[0]
-        load = problem.analysis @ _loads(problem, terms)[1]
-        return weights @ _residual(problem, terms, load).reshape(-1)
+        return weights @ imbalance(problem, terms).reshape(-1)
 
     return jax.grad(total)(parameters)

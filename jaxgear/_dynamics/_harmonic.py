@@ -294,6 +294,11 @@ def balance_of(method: HarmonicBalance, system: DynamicSystem) -> Balance:
 
     - `ValueError` if a response has too few time steps for its harmonics.
     """
+    require(
+        not method.averaged or system.cell_damping is None,
+        "Contact with damping of its own cannot be averaged over steps: leave "
+        "`HarmonicBalance.averaged` out.",
+    )
     table = repeated(system.table, method.multiple)
     steps, count = len(table.kinds), method.harmonics * table.periods
     require(
@@ -325,6 +330,36 @@ def balance_of(method: HarmonicBalance, system: DynamicSystem) -> Balance:
         rest=(analysis @ jnp.tile(system.rest, (method.multiple, 1))).T,
         bilinear=method.bilinear,
     )
+
+
+def terms_of(balance: Balance, places: StepPlaces) -> Terms:
+    """Harmonics of a response that was found by any method on the same time steps.
+
+    **Arguments:**
+
+    - `balance`: whose harmonics they are to be.
+    - `places`: mesh coordinates of the response in mid-steps, over as many cycles as the balance,
+        or over a divisor of them [m, rad].
+
+    **Returns:**
+
+    Harmonics of the mesh coordinates: those closest to the response in mid-steps [m, rad].
+
+    **Raises:**
+
+    - `ValueError` unless the response divides the time of the balance.
+    """
+    steps, found = balance.middle.shape[0], places.shape[0]
+    require(
+        steps % found == 0,
+        "The response has {found} time steps and the balance {steps}: both must have the same "
+        "table, and `multiple` of the balance that of the response or a multiple of it.",
+        found=found,
+        steps=steps,
+    )
+    place = jnp.tile(places, (steps // found, 1))
+    share = jnp.sqrt(balance.system.table.lengths)[:, None]
+    return jnp.linalg.lstsq(share * balance.middle, share * place)[0].T
 
 
 def _values(share: Reals, count: int) -> Basis:
@@ -439,14 +474,38 @@ def _missing(problem: Problem, place: Reals, load: Reals) -> Reals:
     return nodes + jnp.concatenate([in_phase, square])
 
 
-def _residual(problem: Problem, terms: Terms, load: Reals) -> Terms:
-    """Imbalance of the harmonics of each mesh coordinate, over the coordinate's scale [-]."""
+def imbalance(problem: Problem, terms: Terms) -> Terms:
+    """What the harmonics of each mesh coordinate lack, over the coordinate's scale.
+
+    **Arguments:**
+
+    - `problem`: the balance at one speed.
+    - `terms`: harmonics of the mesh coordinates [m, rad].
+
+    **Returns:**
+
+    The imbalance, like `terms` [-].
+    """
+    return _imbalance(problem, terms, problem.analysis @ _loads(problem, terms)[1])
+
+
+def _imbalance(problem: Problem, terms: Terms, load: Reals) -> Terms:
     missing = _missing(problem, terms.T[:, :, None], load[:, :, None])[:, :, 0]
     return missing.at[0].add(-problem.still).T / problem.scales[:, None]
 
 
-def _linearised(problem: Problem, terms: Terms) -> tuple[Terms, Reals]:
-    """The residual, and its derivative by the harmonics, a square matrix."""
+def linearised(problem: Problem, terms: Terms) -> tuple[Terms, Reals]:
+    """The imbalance, and its derivative by the harmonics.
+
+    **Arguments:**
+
+    - `problem`: the balance at one speed.
+    - `terms`: harmonics of the mesh coordinates [m, rad].
+
+    **Returns:**
+
+    The imbalance [-], and a square matrix on the flattened harmonics [1/m, 1/rad].
+    """
     _, total, slopes = _loads(problem, terms)
     width, count = terms.shape
     spread = sum(tangent[:, :, :, None] * values[:, None, None, :] for tangent, values in slopes)
@@ -454,10 +513,11 @@ def _linearised(problem: Problem, terms: Terms) -> tuple[Terms, Reals]:
     place = jnp.eye(width)[None, :, :, None] * jnp.eye(count)[:, None, None, :]
     columns = count, width, width * count
     matrix = _missing(problem, place.reshape(columns), load.reshape(columns))
-    # Rows in the order of the residual: coordinates leading.
+    # Rows in the order of the imbalance: coordinates leading.
     matrix = jnp.moveaxis(matrix, 0, 1) / problem.scales[:, None, None]
-    residual = _residual(problem, terms, problem.analysis @ total)
-    return residual, matrix.reshape(width * count, width * count)
+    return _imbalance(problem, terms, problem.analysis @ total), matrix.reshape(
+        width * count, width * count
+    )
 
 
 class _Search(eqx.Module):
@@ -490,9 +550,9 @@ def _root(
     tolerance, most_steps = settings
 
     def body(state: _Search) -> _Search:
-        residual, matrix = _linearised(problem, state.trial)
-        error = jnp.max(jnp.abs(residual))
-        step = jnp.linalg.solve(matrix, residual.reshape(-1)).reshape(residual.shape)
+        missing, matrix = linearised(problem, state.trial)
+        error = jnp.max(jnp.abs(missing))
+        step = jnp.linalg.solve(matrix, missing.reshape(-1)).reshape(missing.shape)
         better = (error < state.error) | (state.steps < _FREE_STEPS)
         point = state.trial - step
         return _Search(
@@ -515,11 +575,7 @@ def _root(
 def _root_tangent(settings, primals, tangents):
     problem, first = primals
     terms, error, steps = _root(settings, problem, first)
-    matrix = _linearised(problem, terms)[1]
-
-    def imbalance(problem: Problem) -> Terms:
-        return _residual(problem, terms, problem.analysis @ _loads(problem, terms)[1])
-
-    _, change = jax.jvp(imbalance, (problem,), (tangents[0],))
+    matrix = linearised(problem, terms)[1]
+    _, change = jax.jvp(lambda p: imbalance(p, terms), (problem,), (tangents[0],))
     moved = -jnp.linalg.solve(matrix, change.reshape(-1)).reshape(change.shape)
     return (terms, error, steps), (moved, jnp.zeros_like(error), jnp.zeros_like(steps))

@@ -155,7 +155,7 @@ class Rule(eqx.Module):
     **Fields:**
 
     - `step`: length of the step [s].
-    - `state`: state at the end per state at the start, part by part [s^n].
+    - `state`: state at the end per state at the start, part by part [-, s, 1/s].
     - `load`: state at the end per modal load [s2, s, -].
     - `near`: displacement at the instant of the load per state at the start [-, s, s2].
     - `near_load`: the same per modal load [s2].

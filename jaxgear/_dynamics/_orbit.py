@@ -42,7 +42,7 @@ class AbstractMethod(eqx.Module):
 
     **Fields:**
 
-    - `multiple`: cycles after which the response repeats.
+    - `multiple`: cycles after which the response repeats [-].
     """
 
     multiple: eqx.AbstractVar[int]

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxgear._checks import require
-from jaxgear._dynamics._harmonic import Balance, HarmonicBalance, balance_of
+from jaxgear._dynamics._harmonic import Balance, HarmonicBalance, balance_of, terms_of
 from jaxgear._dynamics._march import History, Marching, march, quasi_static_start
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit
 from jaxgear._dynamics._shooting import Shooting, monodromy, multipliers
@@ -243,7 +243,7 @@ class _Finder:
         if multiple not in self.balances:
             self.balances[multiple] = eqx.filter_jit(balance_of)(method, self.system)
         balance = self.balances[multiple]
-        first = balance.rest if near is None else terms_of(balance, near)
+        first = balance.rest if near is None else terms_of(balance, near.place)
         return self.judged(_balanced(method, balance, speed, first))
 
     def searched(self, method: Shooting, speed: Scalar, start: Start) -> SweepPoint:
@@ -316,21 +316,6 @@ class _Finder:
             steps=jnp.asarray(float(cycles)),
         )
         return SweepPoint(orbit, kept, np.zeros(0, dtype=complex))
-
-
-def terms_of(balance: Balance, orbit: Orbit) -> Terms:
-    """Harmonics of a response by any method, to begin harmonic balance with.
-
-    **Arguments:**
-
-    - `balance`: over as many cycles as the response.
-    - `orbit`: the response.
-
-    **Returns:**
-
-    Harmonics of its mesh coordinates [m, rad].
-    """
-    return (balance.analysis @ orbit.place).T
 
 
 def _times(method, multiple: int):

@@ -16,9 +16,8 @@ from jaxgear._dynamics._continuation import (
     doubled,
     fold_gradient,
     fold_near,
-    terms_of,
 )
-from jaxgear._dynamics._harmonic import HarmonicBalance, balance_of
+from jaxgear._dynamics._harmonic import HarmonicBalance, balance_of, terms_of
 from jaxgear._dynamics._march import march
 from jaxgear._dynamics._steppers import Exponential
 
@@ -211,7 +210,7 @@ def test_condition_vanishes_at_folds_as_the_root_of_the_distance():
         speed = jnp.asarray(fold.speed * (1.0 - part))
         orbit = _solved(AVERAGED, balance, speed, jnp.asarray(curve.terms[fold.after]))
         assert bool(orbit.settled)
-        sizes.append(at(terms_of(balance, orbit), speed))
+        sizes.append(at(terms_of(balance, orbit.place), speed))
     assert abs(np.log10(sizes[0] / sizes[1]) - 1.0) < 0.1
 
 
@@ -287,7 +286,7 @@ def test_a_branch_of_threefold_period_closes():
     method = HarmonicBalance(multiple=3, harmonics=8, averaged=True)
     start = jnp.asarray([[3.24047], [-0.84177]])
     last = _marched(system, jnp.asarray(2.4), start)
-    near = terms_of(_balance(method, system), last)
+    near = terms_of(_balance(method, system), last.place)
     curve = continuation(
         system, 1.0, 3.5, method=method, near=near, at=2.4, largest_step=0.3, stability=False
     )
@@ -305,8 +304,8 @@ def test_terms_of_an_orbit_are_those_it_was_made_of():
     curve, i = _once(), _once().speed.size // 2
     balance = _balance(AVERAGED, _system())
     orbit = _solved(AVERAGED, balance, jnp.asarray(curve.speed[i]), jnp.asarray(curve.terms[i]))
-    assert_close(terms_of(balance, orbit), curve.terms[i], rtol=1e-9, atol=1e-9)
-    twice = np.asarray(terms_of(_balance(TWICE, _system()), orbit))
+    assert_close(terms_of(balance, orbit.place), curve.terms[i], rtol=1e-9, atol=1e-9)
+    twice = np.asarray(terms_of(_balance(TWICE, _system()), orbit.place))
     count = AVERAGED.harmonics
     kept = np.r_[0, 2 : 2 * count + 1 : 2, 2 * count + 2 : 4 * count + 1 : 2]
     assert_close(twice[:, kept], curve.terms[i], rtol=1e-9, atol=1e-9)

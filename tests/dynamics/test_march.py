@@ -20,6 +20,7 @@ from jaxgear._dynamics._steppers import (
 )
 from jaxgear._dynamics._sweep import steady_state
 from jaxgear._dynamics._system import modal_basis
+from jaxgear._response._energy import energies
 
 STEPPERS = {
     "midpoint": Midpoint(),
@@ -169,18 +170,25 @@ def test_energy_in_contact_is_conserved_at_a_standing_phase():
     @jax.jit
     def drift(speed):
         history = march(system, speed, start, cycles=4, keep=4, stepper=Newmark())
-        kinetic = 0.5 * jnp.einsum("ti,ij,tj->t", history.velocity, system.mass, history.velocity)
-        place = history.motion @ system.vectors
-        overlap = place @ frozen.arms[1, 0].T - frozen.gap[1, 0][None, :]
-        strain = 0.5 * jnp.maximum(overlap, 0.0) ** 2 @ frozen.stiffness[0]
-        held = 0.5 * jnp.einsum("ti,ij,tj->t", history.motion, system.stiffness, history.motion)
-        energy = kinetic + strain + held - history.motion @ system.load
-        return jnp.ptp(energy) / jnp.max(kinetic), jnp.min(history.load[:, 0])
+        found = energies(system, history)
+        return jnp.ptp(found.total) / jnp.max(found.kinetic), jnp.min(history.load[:, 0])
 
     (coarse, lost), (fine, _) = (drift(jnp.asarray(v)) for v in (1500.0, 3000.0))
     assert lost == 0.0
     assert coarse < 0.05
     assert coarse / fine > 3.0
+
+
+def test_damping_takes_what_energy_loses():
+    system = cases.sdof_parametric(ripple=0.0, steps=64)
+    start = jnp.asarray([[4.0], [0.0]])
+    found = jax.jit(
+        lambda: energies(
+            system, march(system, jnp.asarray(1.0), start, cycles=3, keep=3, averaged=True)
+        )
+    )()
+    assert float(found.dissipated[-1]) > 1.0
+    np.testing.assert_allclose(found.total, 4.0, rtol=0.0, atol=1e-9)
 
 
 def test_marches_end_in_the_response_of_harmonic_balance():

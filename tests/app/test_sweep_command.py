@@ -1,0 +1,250 @@
+"""`jaxgear sweep` end to end on a spur pair that only turns: what it finds, writes and refuses."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import jaxgear as jg
+from jaxgear._app import _cli, _dynamics
+from jaxgear._app._cli import main
+from jaxgear._app._model import model_of
+from jaxgear._app._scene import read_scene
+from jaxgear._dynamics._damping import ModalDamping, RayleighDamping
+from jaxgear._dynamics._harmonic import HarmonicBalance
+from jaxgear._dynamics._march import Marching
+
+_SPUR = """schema = 1
+name = "spur"
+[pair]
+module_mm = 3.0
+torque_pinion_Nm = 100.0
+[pinion]
+teeth = 20
+face_width_mm = 20.0
+[wheel]
+teeth = 40
+face_width_mm = 20.0
+[mesh]
+slices = 1
+"""
+# Between the folds near 2140 and 2170 rad/s rising and falling speeds differ.
+_SWEEP = """[sweep]
+pinion_speed_rad_s = [2000.0, 2080.0, 2150.0, 2230.0, 1500.0]
+steps = 48
+harmonics = 10
+orders = 3
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("sweep")
+
+
+def _scene(folder: Path, text: str = _SPUR + _SWEEP, name: str = "spur.toml") -> Path:
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+@pytest.fixture(scope="module")
+def both(folder):
+    """The folder of a sweep in both directions, and its summary."""
+    out = folder / "both"
+    assert main(["sweep", str(_scene(folder)), "--out", str(out), "--quiet"]) == 0
+    return out, json.loads((out / "summary.json").read_text())
+
+
+def test_a_sweep_writes_everything_that_it_found(both):
+    out, summary = both
+    found = summary["sweep"]
+    assert found["pinion_speed_rad_s"] == [1500.0, 2000.0, 2080.0, 2150.0, 2230.0]
+    assert found["method"] == "harmonic"
+    assert found["unsettled_count"] == 0
+    assert summary["model"]["phases"] == 48
+    for name in ("sweep", "waterfall", "orders", "contact_loss", "orbit"):
+        for ending in ("png", "svg", "csv"):
+            assert (out / f"{name}.{ending}").stat().st_size > 0
+    with xr.open_dataset(out / "result.nc", group="sweep") as dataset:
+        assert dict(dataset.sizes) >= {"direction": 2, "speed": 5, "order": 3, "phase": 48}
+        assert all(np.isfinite(v).all() for v in dataset.variables.values() if v.dtype.kind == "f")
+        ratio = dataset["dynamic_ratio"]
+        assert ratio.sel(direction="up").values == pytest.approx(found["dynamic_ratio_up"])
+        # The map of the mesh force holds the same largest force.
+        largest = dataset["mesh_force_ratio"].max("phase")
+        np.testing.assert_allclose(largest, ratio, rtol=1e-12)
+        # One pair at a time, so a pair has the force of the mesh.
+        assert float((dataset["pair_ratio"] - ratio).max()) < 1e-12
+        assert (dataset["multiplier"] < 1.0).all()
+
+
+def test_both_directions_part_between_the_folds_and_nowhere_else(both):
+    found = both[1]["sweep"]
+    up, down = (np.asarray(found[f"dynamic_ratio_{way}"]) for way in ("up", "down"))
+    apart = [0, 0, 0, 1, 0]
+    np.testing.assert_array_equal(np.abs(up / down - 1.0) > 1e-6, np.asarray(apart, bool))
+    assert down[3] > 1.2 * up[3]
+    assert found["bistable"] == [{"from_rad_s": 2150.0, "to_rad_s": 2150.0}]
+    low, high = found["folds_rad_s"]
+    assert 2080.0 < low < 2150.0 < high < 2230.0
+
+
+def test_the_highest_peak_is_named_with_its_mode_and_order(both):
+    summary = both[1]
+    (peak,) = [row for row in summary["sweep"]["peaks"] if row["direction"] == "down"]
+    assert peak["speed_rad_s"] == 2150.0
+    assert peak["mesh_order"] == 1.0
+    assert peak["frequency_Hz"] == pytest.approx(20 * 2150.0 / (2.0 * np.pi))
+    assert summary["damping"]["ratios"] == pytest.approx([0.07], rel=1e-9)
+    # Teeth that part are softer, so that the peak lies below the natural frequency.
+    assert 0.8 < peak["frequency_Hz"] / peak["nearest_mode_Hz"] < 1.0
+
+
+def test_marching_agrees_with_harmonic_balance(both, folder):
+    """Another method: with 48 steps Newmark's error is of the order of a percent."""
+    out = folder / "newmark"
+    changes = ("sweep.method=newmark", "sweep.pinion_speed_rad_s=[1500.0, 2000.0]")
+    changes += ("sweep.direction=up", "sweep.cycles=60")
+    arguments = [part for change in changes for part in ("--set", change)]
+    assert main(["sweep", str(folder / "spur.toml"), "--out", str(out), *arguments]) == 0
+    found = json.loads((out / "summary.json").read_text())["sweep"]
+    assert found["method"] == "newmark"
+    assert found["settled_up"] == [True, True]
+    assert "folds_rad_s" in found and not found["folds_rad_s"]
+    expected = both[1]["sweep"]["dynamic_ratio_up"][:2]
+    assert found["dynamic_ratio_up"] == pytest.approx(expected, rel=0.02)
+
+
+def test_a_slow_pair_has_its_quasi_static_transmission_error(folder):
+    """TE of the dynamics and of the statics are the same quantity, on shafts too."""
+    shaft = """{ gear_at_mm = 40.0, segments = [ { length_mm = 80.0, outer_mm = 30.0 } ], bearings =
+ [ { at_mm = 0.0, radial_N_m = 1e9, axial_N_m = 1e8 }, { at_mm = 80.0, radial_N_m = 1e9 } ] }"""
+    joined = shaft.replace("\n", "")
+    text = _SPUR.replace("teeth = 20", f"teeth = 20\nshaft = {joined}") + _SWEEP
+    scene = read_scene(_scene(folder, text, "slow.toml"), ("sweep.direction=up",))
+    scene = scene.replace({"sweep.steps": 24, "sweep.harmonics": 5, "sweep.orders": 1})
+    watch = _dynamics.Stopwatch()
+    dynamics = _dynamics.solve_dynamics(scene, watch)
+    # Very slowly, many steps of a resonance lie within one of the mesh: its mean is left.
+    (response,) = _dynamics.swept(scene, dynamics.pair, np.asarray([1.0]), "up", lambda _: None)
+    mean = float(dynamics.statics.numbers["te_mean_um"]) * jg.um
+    assert response.settled
+    assert response.numbers["te_mean"] == pytest.approx(mean, rel=2e-3)
+    dataset = _dynamics.sweep_dataset(
+        dynamics.pair,
+        dynamics.statics.model,
+        _dynamics.Sweep(np.asarray([1.0]), {"up": (response,)}, (), {}),
+    )
+    assert dataset["bearing"].values.tolist() == ["pinion 0", "pinion 1"]
+    assert dataset["bearing_load_order_N"].shape == (1, 1, 2, 3, 1)
+
+
+# --- From the scene to the library
+
+
+def test_speeds_are_a_range_or_a_sorted_list(folder):
+    path = _scene(folder, _SPUR, "speeds.toml")
+    of = lambda text: _dynamics.speeds_of(read_scene(path, (f"sweep.pinion_speed_rad_s={text}",)))
+    assert of("{from=10, to=20, points=3}").tolist() == [10.0, 15.0, 20.0]
+    assert of("[30, 10, 20, 10]").tolist() == [10.0, 20.0, 30.0]
+
+
+def test_damping_and_method_follow_the_scene(folder):
+    path = _scene(folder, _SPUR + _SWEEP, "methods.toml")
+    damping = _dynamics.damping_of(read_scene(path, ("damping.mesh=0.05",)))
+    assert isinstance(damping, ModalDamping)
+    assert float(damping.mesh) == 0.05
+    rayleigh = ("damping.kind=rayleigh", "damping.a_R_1_s=25.0", "damping.b_R_s=2.5e-6")
+    damping = _dynamics.damping_of(read_scene(path, rayleigh))
+    assert isinstance(damping, RayleighDamping)
+    assert float(damping.stiffness_factor) == 2.5e-6
+
+
+def test_long_cycles_are_marched(folder):
+    """20 harmonics of 20 mesh periods are too many unknowns, and 100 mesh periods 5 cycles."""
+    path = _scene(folder, _SPUR + _SWEEP, "long.toml")
+
+    def settings(*overrides):
+        scene = read_scene(path, ("sweep.harmonics=20", "mesh.phases=8", *overrides))
+        system = _Sized(1, scene["mesh.periods"])
+        return _dynamics.settings_of(scene, system)  # ty: ignore
+
+    assert isinstance(settings().method, HarmonicBalance)
+    assert isinstance(settings("mesh.periods=4").method, HarmonicBalance)
+    long = settings("mesh.periods=20")
+    assert isinstance(long.method, Marching)
+    assert long.method.cycles == 5
+    assert isinstance(settings("sweep.method=newmark").method, Marching)
+
+
+class _Sized:
+    """What `settings_of` looks at: mesh coordinates, and mesh periods in the cycle."""
+
+    def __init__(self, coordinates: int, periods: int):
+        self.system = self
+        self.table = self
+        self.vectors = np.zeros((2, coordinates))
+        self.periods = periods
+
+
+def test_divisions_cut_shafts_into_finite_elements(folder):
+    shaft = "{ gear_at_mm = 40.0, segments = [ { length_mm = 80.0, outer_mm = 30.0 } ], "
+    shaft += "bearings = [ { at_mm = 0.0, radial_N_m = 1e9 } ], divisions = 3 }"
+    path = _scene(folder, _SPUR.replace("teeth = 40", f"teeth = 40\nshaft = {shaft}"), "cut.toml")
+    model = model_of(read_scene(path))
+    assert model.wheel_support.layout.divisions == 3
+
+
+# --- Refusals
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (("damping.mesh=0", "damping.structure=0"), "no damping: at a resonance there is no"),
+        (("damping.mesh=0",), "nothing damps mode 1"),
+        (("sweep.harmonics=24",), "less than half of sweep.steps, 48"),
+        (("sweep.method=newmark", "sweep.continuation=true"), "needs harmonic balance"),
+        (
+            ("damping={kind='rayleigh', a_R_1_s=1.0, b_R_s=1e-6, active_mesh=true}",),
+            "Rayleigh damping has none",
+        ),
+        (("sweep.pinion_speed_rad_s={from=20, to=10, points=3}",), "must be less than `to`, 10"),
+        (("sweep.pinion_speed_rad_s=[0.0, 10.0]",), "must be a list of numbers, each > 0 [rad/s]"),
+        (("sweep.pinion_speed_rad_s=[]",), "got []"),
+    ],
+)
+def test_what_cannot_be_swept_is_refused(folder, capsys, changes, words):
+    path = _scene(folder, name="refused.toml")
+    arguments = [part for change in changes for part in ("--set", change)]
+    out = folder / "refused"
+    assert main(["sweep", str(path), "--out", str(out), *arguments]) == 2
+    error = capsys.readouterr().err
+    assert words in error
+    assert not (out / "summary.json").exists()
+
+
+def test_mistakes_of_a_sweep_come_together_with_file_and_line(folder, capsys):
+    text = _SPUR + _SWEEP + 'continuation = true\nmethod = "shooting"\n'
+    text += "[damping]\nmesh = 0.0\nstructure = 0.0\n"
+    path = _scene(folder, text, "two.toml")
+    assert main(["sweep", str(path), "--out", str(folder / "two")]) == 2
+    error = capsys.readouterr().err
+    lines = text.splitlines()
+    for key, start in (("damping.mesh", "mesh = 0.0"), ("sweep.continuation", "continuation")):
+        line = next(i for i, x in enumerate(lines, start=1) if x.startswith(start))
+        assert f"{path}:{line}: {key}: " in error
+    assert "2 mistakes" in error
+
+
+def test_without_speeds_the_lines_to_add_are_given(folder, capsys):
+    path = _scene(folder, _SPUR, "bare.toml")
+    assert main(["sweep", str(path)]) == 2
+    error = capsys.readouterr().err
+    lines = error[error.index("[sweep]") :]
+    path.write_text(_SPUR + lines)
+    assert _dynamics.directions_of(read_scene(path)) == ("up", "down")
+    assert not _cli._sweep_mistakes(read_scene(path))
