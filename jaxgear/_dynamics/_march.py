@@ -27,7 +27,7 @@ from jaxgear._dynamics._table import (
     mesh_within,
     repeated,
 )
-from jaxgear._dynamics._types import Motion, Start, StepPlaces
+from jaxgear._dynamics._types import Modes, ModeVectors, Motion, Start, StepPlaces
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._solve._coordinates import small_solver
 from jaxgear._types import CoordinateMatrix, Coordinates, Flag, Reals, Scalar
@@ -150,7 +150,7 @@ def quasi_static_start(system: DynamicSystem) -> Start:
 
 
 class Rule(eqx.Module):
-    """A stepper's rule for steps of one length, on all modes.
+    r"""A stepper's rule for steps of one length, on all modes.
 
     **Fields:**
 
@@ -161,6 +161,10 @@ class Rule(eqx.Module):
     - `near_load`: the same per modal load [s2].
     - `rate`: velocity at the instant of the load per state at the start [1/s, -, s].
     - `rate_load`: the same per modal load [s].
+    - `whirl`: $\Gamma$, modal load per velocity at the instant, what it brings about itself
+        included, of gyroscopic forces; or `None` [1/s].
+    - `steady`: modal load of the constant loads, $\Gamma$ considered [N kg^-1/2].
+    - `pushes`: modal load per mesh load, $\Gamma$ considered [kg^-1/2].
     - `yields`: $H$, mesh coordinates given up per mesh load [m/N, 1/N, 1/(N m)].
     - `follows`: nodes' mesh coordinates per those that they would have with the mean mesh stiffness
         alone [-, m, 1/m].
@@ -175,6 +179,9 @@ class Rule(eqx.Module):
     near_load: Reals
     rate: Reals
     rate_load: Reals
+    whirl: Reals | None
+    steady: Modes
+    pushes: ModeVectors
     yields: CoordinateMatrix
     follows: CoordinateMatrix
     own: CoordinateMatrix
@@ -182,7 +189,11 @@ class Rule(eqx.Module):
 
 
 def rule_of(
-    stepper: AbstractStepper, system: DynamicSystem, modes: ModalBasis, step: Scalar
+    stepper: AbstractStepper,
+    system: DynamicSystem,
+    modes: ModalBasis,
+    step: Scalar,
+    speed: Scalar,
 ) -> Rule:
     """Work out a stepper's rule by what it makes of unit states and a unit load.
 
@@ -192,6 +203,7 @@ def rule_of(
     - `system`: what moves.
     - `modes`: of the system.
     - `step`: length of the step [s].
+    - `speed`: of the pinion, for gyroscopic forces [rad/s].
 
     **Returns:**
 
@@ -206,7 +218,13 @@ def rule_of(
 
     by_state = [respond(tuple(one if i == k else none for i in parts), none) for k in parts]
     by_load = respond(tuple(none for _ in parts), one)
-    on_mesh = lambda x: modes.mesh.T @ (x[:, None] * modes.mesh)
+    whirl, steady, pushes = None, modes.load, modes.mesh
+    if system.gyroscopic is not None:
+        # The load is F - V w - G v with v = v_0 + b u: solved for u, all are linear in v_0.
+        spun = speed * modes.shape.T @ system.gyroscopic @ modes.shape
+        answers = jnp.linalg.inv(jnp.eye(one.size) + spun * by_load[2][None, :])
+        whirl, steady, pushes = answers @ spun, answers @ modes.load, answers @ modes.mesh
+    on_mesh = lambda x: modes.mesh.T @ (x[:, None] * pushes)
     own, brakes = on_mesh(by_load[1]), on_mesh(by_load[2])
     follows = jnp.linalg.inv(jnp.eye(own.shape[0]) - own @ system.mean)
     yields = follows @ own
@@ -220,6 +238,9 @@ def rule_of(
         near_load=by_load[1],
         rate=jnp.stack([each[2] for each in by_state]),
         rate_load=by_load[2],
+        whirl=whirl,
+        steady=steady,
+        pushes=pushes,
         yields=yields,
         follows=follows,
         own=own,
@@ -365,6 +386,7 @@ class March(eqx.Module):
     - `system`, `modes`: what moves.
     - `stepper`: the rule's name.
     - `law`: exact or smooth contact.
+    - `speed`: of the pinion [rad/s].
     - `rules`: the rule for each length of step.
     - `averaged`: whether contact is averaged over each step.
     """
@@ -373,6 +395,7 @@ class March(eqx.Module):
     modes: ModalBasis
     stepper: AbstractStepper
     law: AbstractContactLaw
+    speed: Scalar
     rules: tuple[Rule, ...]
     averaged: bool = eqx.field(static=True)
 
@@ -461,10 +484,10 @@ class March(eqx.Module):
         if self.stepper.refreshes:
             fresh = self._acceleration(meshes[1], state[0], state[1], carried.load)
             state = state.at[2].set(fresh)
-        free = modes.mesh.T @ (jnp.sum(rule.near * state, axis=0) + rule.near_load * modes.load)
-        free_rate = modes.mesh.T @ (
-            jnp.sum(rule.rate * state, axis=0) + rule.rate_load * modes.load
-        )
+        rate = jnp.sum(rule.rate * state, axis=0)
+        steady = rule.steady if rule.whirl is None else rule.steady - rule.whirl @ rate
+        free = modes.mesh.T @ (jnp.sum(rule.near * state, axis=0) + rule.near_load * steady)
+        free_rate = modes.mesh.T @ (rate + rule.rate_load * steady)
         place = _times(rule.follows, free)
         brakes = rule.brakes
         if system.cell_damping is not None:
@@ -487,7 +510,7 @@ class March(eqx.Module):
         nodes = place - _times(_product(rule.follows, rule.own), load)
         met = place - _times(rule.yields, load)
         excess = load - _times(system.mean, nodes)
-        modal = modes.load - jnp.sum(modes.mesh * excess[None, :], axis=1)
+        modal = steady - jnp.sum(rule.pushes * excess[None, :], axis=1)
         ended = jnp.sum(rule.state * state[None, :, :], axis=1) + rule.load * modal[None, :]
         elastic = load
         if system.cell_damping is not None:
@@ -542,8 +565,8 @@ def march_of(
     lengths = table.lengths * system.mesh_period(speed)
     kinds = max(table.kinds) + 1
     steps = [lengths[table.kinds.index(kind)] for kind in range(kinds)]
-    rules = tuple(rule_of(stepper, system, modes, step) for step in steps)
-    return March(system, modes, stepper, law, rules, averaged)
+    rules = tuple(rule_of(stepper, system, modes, step, speed) for step in steps)
+    return March(system, modes, stepper, law, speed, rules, averaged)
 
 
 def cycle(march: March, carried: Carried, table: MeshTable):

@@ -217,11 +217,17 @@ def _monodromy(march: March, tangents: StepMatrices) -> Monodromy:
             by_place = pick(by_place, gain[number][0])
             by_rate = None if by_rate is None else pick(by_rate, gain[number][1])
         near = jnp.sum(rule.near[:, :, None] * columns, axis=0)
+        rate = jnp.sum(rule.rate[:, :, None] * columns, axis=0)
+        turned = None if rule.whirl is None else rule.whirl @ rate
+        if turned is not None:
+            near = near - rule.near_load[:, None] * turned
+            rate = rate - rule.rate_load[:, None] * turned
         excess = by_place @ (modes.mesh.T @ near)
         if by_rate is not None:
-            rate = jnp.sum(rule.rate[:, :, None] * columns, axis=0)
             excess = excess + by_rate @ (modes.mesh.T @ rate)
-        pushed = -modes.mesh @ excess
+        pushed = -rule.pushes @ excess
+        if turned is not None:
+            pushed = pushed - turned
         ended = jnp.sum(rule.state[:, :, :, None] * columns[None], axis=1)
         return ended + rule.load[:, :, None] * pushed[None], None
 

@@ -50,9 +50,13 @@ def test_matrix_is_the_derivative_of_the_residual(name):
     np.testing.assert_allclose(ours, expected, rtol=1e-10, atol=1e-10)
 
 
-def test_bilinear_harmonics_are_the_midpoint_rule():
+@pytest.mark.parametrize("gyroscopic", [None, 0.2])
+def test_bilinear_harmonics_are_the_midpoint_rule(gyroscopic):
     """Two codes, one number: all harmonics of an odd number of equal steps, contact lost."""
     system = cases.two_dof(steps=41, load=0.08)
+    if gyroscopic is not None:
+        turning = gyroscopic * jnp.asarray([[0.0, 1.0], [-1.0, 0.0]])
+        system = dataclasses.replace(system, gyroscopic=turning)
     method = HarmonicBalance(harmonics=20, bilinear=True)
     shooting = Shooting(stepper=Midpoint(), tolerance=1e-13)
     both = jax.jit(

@@ -69,7 +69,7 @@ def test_rule_agrees_with_its_stepper():
     state = tuple(jnp.asarray(x) for x in np.random.default_rng(1).normal(size=(3, 2)))
     load = jnp.asarray([0.4, -1.0])
     for stepper in STEPPERS.values():
-        rule = rule_of(stepper, system, modes, jnp.asarray(0.05))
+        rule = rule_of(stepper, system, modes, jnp.asarray(0.05), jnp.asarray(1.0))
         own = state[: stepper.carries]
         ended, near, rate = stepper.advance(
             own, load, modes.square, modes.damping, jnp.asarray(0.05)

@@ -24,7 +24,7 @@ from jaxgear._dynamics._system import modal_basis
 from jaxgear._interface._laws import ExactContact, SmoothContact
 
 
-@pytest.mark.parametrize("name", ["exact", "cell damping", "bow"])
+@pytest.mark.parametrize("name", ["exact", "cell damping", "bow", "gyroscopic"])
 @pytest.mark.parametrize("stepper", [Midpoint(), Exponential()])
 def test_monodromy_is_the_derivative_of_a_cycle(stepper, name):
     system = cases.two_dof(steps=40, load=0.3)
@@ -33,6 +33,9 @@ def test_monodromy_is_the_derivative_of_a_cycle(stepper, name):
         # Where contact opens at once, a force in proportion to the rate jumps: no derivative.
         system = dataclasses.replace(system, cell_damping=jnp.asarray(0.2))
         system = dataclasses.replace(system, load=10.0 * system.load)
+    if name == "gyroscopic":
+        turning = jnp.asarray([[0.0, 0.3], [-0.3, 0.0]])
+        system = dataclasses.replace(system, gyroscopic=turning)
     if name == "bow":
         system = dataclasses.replace(system, bow=jnp.asarray([[0.1, 0.0], [0.0, 0.5]]))
     modes = modal_basis(system)

@@ -1,0 +1,155 @@
+"""Derivatives of steady responses, in everything a pair is made of, against central differences."""
+
+import dataclasses
+import functools
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxgear as jg
+from jaxgear import um
+from jaxgear._dynamics._damping import ModalDamping
+from jaxgear._dynamics._harmonic import HarmonicBalance
+from jaxgear._dynamics._system import pair_dynamics
+from jaxgear._response._dynamic import (
+    bearing_loads,
+    contact_force,
+    dynamic_transmission_error,
+    orbit_variance,
+    order_amplitudes,
+    smooth_dynamic_ratio,
+)
+
+# Each variable is a factor on its own value, so that every derivative is per relative change.
+_VARIABLES = (
+    "pinion depth",
+    "pinion extent",
+    "wheel depth",
+    "wheel extent",
+    "helix slope",
+    "mesh damping",
+    "structure damping",
+    "pinion bearings along S",
+    "all bearings",
+    "mesh stiffness",
+    "shaft length",
+    "torque",
+    "density",
+    "speed",
+)
+
+
+def _methods():
+    return {
+        "exact": HarmonicBalance(harmonics=10, tolerance=1e-12),
+        "averaged": HarmonicBalance(harmonics=10, tolerance=1e-12, averaged=True),
+        "smooth": HarmonicBalance(jg.SmoothContact(0.3 * um), harmonics=10, tolerance=1e-12),
+    }
+
+
+@functools.cache
+def _base():
+    """The accessory pair on its shafts, whose bearings are as stiff along S as along T."""
+    model = jg.model_of(jg.ready_scene("accessory"))
+    grid = jg.mesh_grid(model.pair, phases=32, slices=4)
+    return dataclasses.replace(model, compliance=jg.ConstantStiffness(14e9)), grid
+
+
+def _scaled(where, tree, factor):
+    return eqx.tree_at(where, tree, replace_fn=lambda x: factor * x)
+
+
+def _dynamics(factors):
+    base, grid = _base()
+    by = dict(zip(_VARIABLES, factors, strict=True))
+    pinion = jg.TipRelief(10.0 * um * by["pinion depth"], 0.25 * by["pinion extent"])
+    wheel = jg.TipRelief(8.0 * um * by["wheel depth"], 0.3 * by["wheel extent"])
+    slope = jg.HelixSlope(4.0 * um * by["helix slope"])
+    shaft = base.pinion_support
+    radial = lambda s: [x for b in s.bearings for x in (b.radial_s, b.radial_t)]
+    shaft = _scaled(radial, shaft, by["all bearings"])
+    along = lambda s: [b.radial_s for b in s.bearings]
+    shaft = _scaled(along, shaft, by["pinion bearings along S"])
+    ends = lambda s: (s.segments[0].length, s.bearings[1].at)
+    shaft = _scaled(ends, shaft, by["shaft length"])
+    steel = lambda p: (p.pinion.material.density, p.wheel.material.density)
+    model = dataclasses.replace(
+        base,
+        pair=_scaled(steel, base.pair, by["density"]),
+        torque=base.torque * by["torque"],
+        flanks=jg.Flanks(jg.Superposed((pinion, slope)), wheel),
+        compliance=jg.ConstantStiffness(14e9 * by["mesh stiffness"]),
+        pinion_support=_scaled(lambda s: s.material.density, shaft, by["density"]),
+    )
+    damping = ModalDamping(0.07 * by["mesh damping"], 0.02 * by["structure damping"])
+    return pair_dynamics(model, grid, damping)
+
+
+def _responses(factors, speed):
+    """By every method, and the least contact force and whether it has settled."""
+    dynamics = _dynamics(factors)
+    system = dynamics.system
+    values, seen = [], []
+    for method in _methods().values():
+        orbit = method.orbit(system, speed * factors[-1])
+        error = dynamic_transmission_error(system, orbit)
+        order = order_amplitudes(system, bearing_loads(dynamics, orbit), 1)[0]
+        values += [
+            orbit_variance(system, error) / um**2,
+            smooth_dynamic_ratio(system, orbit, jnp.asarray(0.02)),
+            order[0, 0],
+            order[0, 1],
+            order[2, 0],
+        ]
+        seen.append((jnp.min(contact_force(system, orbit)) / system.force, orbit.settled))
+    return jnp.stack(values), seen
+
+
+@jax.jit
+def _derivatives(factors, speed):
+    """Values, and derivatives in both directions: one program, one column after the other."""
+    value, push, seen = jax.linearize(lambda x: _responses(x, speed), factors, has_aux=True)
+    pull = jax.linear_transpose(push, factors)
+    forward = jax.lax.map(push, jnp.eye(factors.size)).T
+    reverse = jax.lax.map(lambda weights: pull(weights)[0], jnp.eye(value.size))
+    return value, forward, reverse, seen
+
+
+def _differences(speed, step):
+    """Central differences of orbits that have converged to rounding, extrapolated from two steps.
+
+    Frequencies that coincide part with a factor on one direction: what follows bends a lot.
+    """
+    columns = []
+    for index in range(len(_VARIABLES)):
+        slopes = []
+        for width in (step, 0.5 * step):
+            ends = []
+            for side in (1.0, -1.0):
+                factors = np.ones(len(_VARIABLES))
+                factors[index] += side * width
+                ends.append(np.asarray(_derivatives(jnp.asarray(factors), speed)[0]))
+            slopes.append((ends[0] - ends[1]) / (2.0 * width))
+        columns.append((4.0 * slopes[1] - slopes[0]) / 3.0)
+    return np.stack(columns, axis=1)
+
+
+@pytest.mark.parametrize(("speed", "parts"), [(700.0, False), (1000.0, True)])
+def test_steady_responses_have_derivatives_in_everything(speed, parts):
+    """In both directions, to 1e-5 of central differences."""
+    _base()
+    speed = jnp.asarray(speed)
+    value, forward, reverse, seen = _derivatives(jnp.ones(len(_VARIABLES)), speed)
+    assert all(bool(settled) for _, settled in seen)
+    assert all((float(least) <= 0.0) == parts for least, _ in seen)
+    expected = _differences(speed, 6e-5)
+    size = np.maximum(np.abs(expected), 1e-3 * np.abs(np.asarray(value))[:, None])
+    for found in (forward, reverse):
+        wrong = np.abs(np.asarray(found) - expected) / size
+        print(wrong.max(axis=0))
+        assert wrong.max() < 1e-5, (_VARIABLES[int(wrong.max(axis=0).argmax())], wrong.max())
+    # All of them matter.
+    assert np.all(np.abs(expected / np.asarray(value)[:, None]).max(axis=0) > 1e-3)
