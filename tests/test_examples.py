@@ -10,6 +10,7 @@ import pytest
 
 _ROOT = Path(__file__).parents[1]
 _NOTEBOOKS = sorted((_ROOT / "examples").glob("*.ipynb"))
+_LONG = {"03_dynamics"}
 
 
 def test_there_are_examples():
@@ -40,13 +41,32 @@ def _is_promised_by_the_shafts(text: str) -> None:
         assert [float(x) for x in found.groups()] == pytest.approx(numbers, rel=tolerance), pattern
 
 
+def _is_promised_by_the_dynamics(text: str) -> None:
+    """Two folds, a mesh mode, and a relief that takes the excitation away."""
+    mesh = re.search(r"^ *9 +(\d+) +0\.7\d+ ", text, flags=re.MULTILINE)
+    assert mesh is not None
+    assert 8400 < float(mesh[1]) < 8900
+    for name, low, high in (("before", 1.5, 1.8), ("after", 1.05, 1.15)):
+        found = re.search(name + r": mean dynamic ratio (\S+), (\d+) of 40 left out", text)
+        assert found is not None
+        assert low < float(found[1]) < high
+        assert int(found[2]) <= 2
+
+
 _PROMISES = {
     "01_scene_to_optimum": _is_promised_by_the_optimum,
     "02_shafts_and_bodies": _is_promised_by_the_shafts,
+    "03_dynamics": _is_promised_by_the_dynamics,
 }
 
 
-@pytest.mark.parametrize("path", _NOTEBOOKS, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stem in _LONG else [])
+        for path in _NOTEBOOKS
+    ],
+)
 def test_notebook_runs_and_its_assertions_hold(path):
     """Executed as a user would, in a kernel of its own."""
     notebook = nbformat.read(path, as_version=4)

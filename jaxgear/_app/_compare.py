@@ -4,12 +4,13 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Bool
 
 from jaxgear._app import _dynamic_pictures as dynamic_pictures
 from jaxgear._app import _pictures as pictures
@@ -35,11 +36,16 @@ from jaxgear._dynamics._sweep import steady_states
 from jaxgear._dynamics._system import DynamicSystem, PairDynamics, modal_basis
 from jaxgear._dynamics._transient import transient
 from jaxgear._dynamics._types import Speeds, Start
-from jaxgear._interface._laws import AbstractContactLaw, SmoothContact
+from jaxgear._interface._laws import AbstractContactLaw, ExactContact, SmoothContact
 from jaxgear._response._dynamic import dynamic_ratio, dynamic_transmission_error, orbit_rms
 from jaxgear._system._model import PairModel
-from jaxgear._types import Flag, Scalar
+from jaxgear._types import Scalar
 from jaxgear._units import um
+
+if TYPE_CHECKING:
+    Flags = Array
+else:
+    Flags = Bool[Array, "speed"]
 
 Summary = dict[str, Any]
 
@@ -50,6 +56,8 @@ _SAME_BRANCH = 0.03
 # Of the speeds that count, so many must be on the reference's branch and settled, for a rung to be
 # recommended [-].
 _MOST = 0.9
+# What is compared, in words.
+_QUANTITIES = {"dynamic_ratio": "largest mesh force", "te_rms": "RMS of transmission error"}
 # Speeds at which all rungs are compared, and time steps of the reference.
 _SPEEDS, _REFERENCE_PHASES = 30, 1024
 # Without a sweep in the scene: speeds as shares of the one at which the mesh frequency meets the
@@ -76,7 +84,7 @@ class Adaptive(AbstractMethod):
     - `multiple`: cycles after which the response repeats, always 1.
     """
 
-    law: AbstractContactLaw
+    law: AbstractContactLaw = eqx.field(default_factory=ExactContact)
     rtol: float = eqx.field(static=True, default=1e-4)
     cycles: int = eqx.field(static=True, default=50)
     tolerance: float = eqx.field(static=True, default=1e-4)
@@ -137,7 +145,7 @@ class Answers(eqx.Module):
 
     dynamic_ratio: Speeds
     te_rms: Speeds
-    settled: Flag
+    settled: Flags
 
 
 def compare(scene: Scene, folder: Path, quiet: bool) -> Summary:
@@ -168,8 +176,8 @@ def compare(scene: Scene, folder: Path, quiet: bool) -> Summary:
     model = model_of(scene)
     require(
         scene["mesh.periods"] <= _PERIODS,
-        "`compare` takes cycles of up to {most} mesh periods, got mesh.periods = {got}. Compare the "
-        "scene with fewer; what it finds of methods and steps holds for long cycles too.",
+        "`compare` takes cycles of up to {most} mesh periods, got mesh.periods = {got}. Compare "
+        "the scene with fewer: what is found of methods and steps holds for long cycles too.",
         most=_PERIODS,
         got=scene["mesh.periods"],
     )
@@ -209,7 +217,10 @@ def compared(
     most = max(rung.slices for rung in rungs)
     finest = sorted({own} | {2 * most for rung in rungs if rung.family == _SLICES})
     with _progress(len(rungs) + len(finest), "compare", quiet) as done:
-        at = _speeds_of(scene, tables(phases, own).system, speeds)
+        if scene.has_table("sweep"):
+            at = _some(speeds_of(scene), speeds)
+        else:
+            at = _speeds_around(tables(phases, own).system, speeds)
         references: dict[int, _Reference] = {}
         for slices in finest:
             # Slices are compared on equal steps: half as many as the other reference has suffice.
@@ -233,7 +244,6 @@ def compared(
             "rungs": rows,
             "recommended": recommended,
             "tolerance": TOLERANCE,
-            "left_out": ["gyroscopic"] if scene["model.gyroscopic"] else [],
             "reference": {
                 "name": f"shooting, exact linear part, {phases} steps",
                 "slices": own,
@@ -248,10 +258,9 @@ def compared(
     }
     columns = _columns(rows)
     title = f"{scene['name']}, {scene['pair.torque_pinion_Nm']:g} N m, {at.size} speeds"
-    quantities = {"dynamic_ratio": "largest mesh force", "te_rms": "RMS of transmission error"}
-    for name, words in quantities.items():
+    for name, words in _QUANTITIES.items():
         figure = dynamic_pictures.compare(
-            [row | {"error": row["error"][name]} for row in rows],
+            [row | {"error": _number(row["error"][name])} for row in rows],
             title,
             tolerance=TOLERANCE,
             recommended=recommended,
@@ -318,11 +327,11 @@ def rungs_of(scene: Scene) -> list[Rung]:
     }
     for name, (short, stepper) in steppers.items():
         rungs += [
-            Rung(f"{short} {n}x{c}", f"march, {name}", Marching(stepper, cycles=c), n, own)
+            Rung(f"{short} {n}x{c}", f"march, {name}", Marching(stepper=stepper, cycles=c), n, own)
             for n, c in ((64, 100), (128, 100), (128, 400))
             if n > 64 or name not in ("HHT", "generalised alpha")
         ]
-    smooth = Adaptive(SmoothContact(0.1 * width * um))
+    smooth = Adaptive(law=SmoothContact(0.1 * width * um))
     return [*rungs, Rung("Tsit5 1e-4", "diffrax, 50 cycles", smooth, 128, own, thinned=10)]
 
 
@@ -330,10 +339,7 @@ class _Tables:
     """The pair in time on various numbers of steps and slices, each built once."""
 
     def __init__(self, scene: Scene, model: PairModel, watch: Stopwatch):
-        # Marches in real modes do without gyroscopic effects, and methods can be compared
-        # only on one system.
-        self.scene = scene.replace({"model.gyroscopic": False})
-        self.model, self.watch = model, watch
+        self.scene, self.model, self.watch = scene, model, watch
         self.built: dict[tuple[int, int], PairDynamics] = {}
 
     def __call__(self, phases: int, slices: int) -> PairDynamics:
@@ -350,12 +356,14 @@ class _Tables:
         return self.built[phases, slices]
 
 
-def _speeds_of(scene: Scene, system: DynamicSystem, count: int) -> Speeds:
-    """Some of the scene's speeds, or speeds around the one where the mesh meets its mode."""
-    if scene.has_table("sweep"):
-        given = speeds_of(scene)
-        chosen = np.unique(np.linspace(0, given.size - 1, count).round().astype(int))
-        return jnp.asarray(given[chosen])
+def _some(speeds: np.ndarray, count: int) -> Speeds:
+    """Some of the speeds, from the first to the last, none twice."""
+    chosen = np.unique(np.linspace(0, speeds.size - 1, count).round().astype(int))
+    return jnp.asarray(speeds[chosen])
+
+
+def _speeds_around(system: DynamicSystem, count: int) -> Speeds:
+    """Speeds around the one where the mesh frequency meets the mode of the mesh."""
     basis = jax.jit(modal_basis)(system)
     energy = np.sum(np.asarray(basis.mesh @ system.mean) * np.asarray(basis.mesh), axis=1)
     mode = int(np.argmax(energy / np.asarray(basis.square)))
@@ -411,21 +419,6 @@ def _row(
     chosen = np.arange(rung.thinned // 2, speeds.size, rung.thinned)
     arguments = rung.method, dynamics.system, speeds[chosen]
     found, best, compiling = _timed(watch, _together if rung.together else _each, arguments)
-    good = reference.good[chosen]
-    errors = {
-        name: np.abs(
-            np.asarray(getattr(found, name)) / np.asarray(getattr(reference.answers, name))[chosen]
-            - 1.0
-        )
-        for name in ("dynamic_ratio", "te_rms")
-    }
-    finite = good & np.all([np.isfinite(error) for error in errors.values()], axis=0)
-    hit = finite & np.all([error <= _SAME_BRANCH for error in errors.values()], axis=0)
-    counted = hit if 2 * np.count_nonzero(hit) >= np.count_nonzero(good) else finite
-
-    def quantile(error: np.ndarray, share: float) -> float | None:
-        return float(np.quantile(error[counted], share)) if counted.any() else None
-
     return {
         "name": rung.name,
         "family": rung.family,
@@ -435,10 +428,28 @@ def _row(
         "speeds": chosen.size,
         "time_s": best * speeds.size / chosen.size,
         "compile_s": compiling,
+        **_errors(found, reference, chosen),
+        "settled_share": float(np.mean(np.asarray(found.settled))),
+    }
+
+
+def _errors(found: Answers, reference: _Reference, chosen: np.ndarray) -> Summary:
+    """Median and 95 % of the errors at the chosen speeds, and how many are on the same branch."""
+    good = reference.good[chosen]
+    errors = {}
+    for name in _QUANTITIES:
+        is_, should = (np.asarray(getattr(x, name)) for x in (found, reference.answers))
+        errors[name] = np.abs(is_ / should[chosen] - 1.0)
+    finite = good & np.all([np.isfinite(error) for error in errors.values()], axis=0)
+    same = finite & np.all([error <= _SAME_BRANCH for error in errors.values()], axis=0)
+    counted = same if 2 * np.count_nonzero(same) >= np.count_nonzero(good) else finite
+    quantile = lambda error, share: (
+        float(np.quantile(error[counted], share)) if counted.any() else None
+    )
+    return {
         "error": {name: quantile(error, 0.5) for name, error in errors.items()},
         "error_95": {name: quantile(error, 0.95) for name, error in errors.items()},
-        "same_branch_share": float(np.count_nonzero(hit) / max(np.count_nonzero(good), 1)),
-        "settled_share": float(np.mean(np.asarray(found.settled))),
+        "same_branch_share": float(np.count_nonzero(same) / max(np.count_nonzero(good), 1)),
     }
 
 
@@ -495,10 +506,9 @@ def _columns(rows: Sequence[Summary]) -> dict[str, np.ndarray]:
         }
         for row in rows
     ]
-    texts = ("name", "family")
-    return {
-        key: np.asarray(
-            [row[key] if key in texts or row[key] is not None else np.nan for row in flat]
-        )
-        for key in flat[0]
-    }
+    return {key: np.asarray([_number(row[key]) for row in flat]) for key in flat[0]}
+
+
+def _number(value: Any) -> Any:
+    """The value, or what is not a number where there is none."""
+    return np.nan if value is None else value

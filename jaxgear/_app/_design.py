@@ -1,5 +1,6 @@
 """What [optimise] asks for: variables and their bounds, the objective, the search."""
 
+import dataclasses
 from collections.abc import Callable
 
 import equinox as eqx
@@ -8,11 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 
 import optimise
+from jaxgear._app._dynamics import damping_of, dynamic_grid_of, speeds_of
 from jaxgear._app._model import flanks_of, model_of, shared_places
 from jaxgear._app._scene import Scene
 from jaxgear._app._schema import GEARS, split_entry
 from jaxgear._app._statics import Stopwatch, torques_of
 from jaxgear._checks import InputError
+from jaxgear._dynamics._damping import ModalDamping, RayleighDamping
+from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._solve._cycle import PreparedMesh
@@ -290,26 +294,46 @@ _OBJECTIVES = {
     "max_pressure": optimise.LargestPressure,
     "face_load_factor": optimise.FaceLoadFactor,
 }
+_DYNAMIC = "dynamic_ratio"
+
+# Width of the smooth maximum of the dynamic ratio, in static mesh forces.
+_RATIO_WIDTH = 0.02
 
 
-def objective_of(scene: Scene) -> tuple[optimise.AbstractObjective, str]:
+def is_dynamic(scene: Scene) -> bool:
+    """Whether the objective of a scene looks at its speeds."""
+    weighted = f"optimise.minimise.{_DYNAMIC}" in scene.values
+    return weighted or scene.get("optimise.minimise") == _DYNAMIC
+
+
+def objective_of(
+    scene: Scene, grid: MeshGrid | None = None
+) -> tuple[optimise.AbstractObjective, str]:
     """The objective that a scene asks for, and its unit.
 
     **Arguments:**
 
     - `scene`: with `optimise.minimise`, a name or a table of weights.
+    - `grid`: of the quasi-static cycles; `None`: that of the scene's own model.
 
     **Returns:**
 
     The objective and the unit of its value.
+
+    **Raises:**
+
+    - `InputError` if the dynamic ratio is asked for, and there is no [sweep].
     """
     weights = {
         name: scene[f"optimise.minimise.{name}"]
-        for name in _OBJECTIVES
+        for name in (*_OBJECTIVES, _DYNAMIC)
         if f"optimise.minimise.{name}" in scene.values
     }
     if weights:
-        parts = tuple(_OBJECTIVES[name]() for name in weights)
+        parts = tuple(
+            _over_speeds(scene, grid) if name == _DYNAMIC else _OBJECTIVES[name]()
+            for name in weights
+        )
         return optimise.WeightedSum(parts=parts, weights=list(weights.values())), "weighted"
     match scene["optimise.minimise"]:
         case "te_rms":
@@ -318,8 +342,73 @@ def objective_of(scene: Scene) -> tuple[optimise.AbstractObjective, str]:
             return optimise.TransmissionErrorRange(), "um"
         case "face_load_factor":
             return optimise.FaceLoadFactor(), "-"
+        case "dynamic_ratio":
+            return _over_speeds(scene, grid), "-"
         case _:
             return optimise.LargestPressure(), "MPa"
+
+
+def _over_speeds(scene: Scene, grid: MeshGrid | None) -> optimise.OverSpeeds:
+    """The dynamic ratio over the speeds of [sweep]."""
+    if not scene.has_table("sweep"):
+        raise InputError(
+            "optimise.minimise names dynamic_ratio, which is taken over the speeds of [sweep], and "
+            "there is no such table. Add one, such as:\n[sweep]\n"
+            "pinion_speed_rad_s = { from = 50.0, to = 3000.0, points = 100 }"
+        )
+    steps = scene["sweep.steps"]
+    if grid is None:
+        grid = dynamic_grid_of(scene, model_of(scene))
+    else:
+        # With its margins, and the same share of the steps after a pair's entry.
+        entry, fewest = round(grid.entry_phases * steps / grid.phases), steps // 8
+        grid = dataclasses.replace(
+            grid, phases=steps, entry_phases=min(max(entry, fewest), steps - fewest)
+        )
+    width = scene.get("optimise.smoothing_ratio", _RATIO_WIDTH)
+    worst = scene.get("optimise.over_speeds", "mean") == "worst"
+    damping = damping_of(scene)
+    assert isinstance(damping, ModalDamping | RayleighDamping)
+    return optimise.OverSpeeds(
+        response=optimise.DynamicRatio(width),
+        speeds=jnp.asarray(speeds_of(scene)),
+        grid=grid,
+        damping=damping,
+        method=HarmonicBalance(harmonics=scene["sweep.harmonics"], averaged=True),
+        power=np.inf if worst else 1.0,
+        gyroscopic=scene["model.gyroscopic"],
+        active_mesh_damping=scene["damping.active_mesh"],
+    )
+
+
+def judged_speeds(
+    space: DesignSpace, grid: MeshGrid, law: AbstractContactLaw, values: np.ndarray
+) -> list[tuple[float, optimise.Judged]]:
+    """What each speed contributes to the objective at a point, if it looks at speeds.
+
+    **Arguments:**
+
+    - `space`: variables of the scene.
+    - `grid`: of the quasi-static cycles.
+    - `law`: contact law.
+    - `values`: of the variables, in the units of their keys.
+
+    **Returns:**
+
+    For each torque [N m] the numbers, and which of them count: the user must hear of those that
+    do not.
+    """
+    if not is_dynamic(space.scene):
+        return []
+    over_speeds = _over_speeds(space.scene, grid)
+
+    @jax.jit
+    def judge(values: Reals, torque: Scalar) -> optimise.Judged:
+        model = eqx.tree_at(lambda m: m.torque, space.model(values), torque)
+        return over_speeds.judged(model, law)
+
+    torques = torques_of(space.scene, "optimise.torques_Nm")
+    return [(float(t), judge(jnp.asarray(values), jnp.asarray(float(t)))) for t in torques]
 
 
 def prepared_mesh(space: DesignSpace, grid: MeshGrid, watch: Stopwatch) -> PreparedMesh | None:
@@ -334,7 +423,7 @@ def objective_function(
     space: DesignSpace, grid: MeshGrid, law: AbstractContactLaw, prepared: PreparedMesh | None
 ) -> Callable[[Reals], Scalar]:
     """The objective as a function of the variables, over all torques of the scene."""
-    objective, _ = objective_of(space.scene)
+    objective, _ = objective_of(space.scene, grid)
     return optimise.over_torques(
         space.model,
         objective,
@@ -343,4 +432,5 @@ def objective_function(
         law=law,
         worst=space.scene["optimise.over"] == "worst",
         prepared=prepared,
+        batched=not is_dynamic(space.scene),
     )

@@ -9,7 +9,7 @@ import functools
 import itertools
 import time
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -42,7 +42,7 @@ from jaxgear._dynamics._modes import Modes, critical_speeds, pair_modes, rotatin
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steppers import Newmark
-from jaxgear._dynamics._sweep import Direction, SweepPoint, SweepSettings, _Finder
+from jaxgear._dynamics._sweep import Direction, Finder, SweepPoint, SweepSettings
 from jaxgear._dynamics._system import PairDynamics, pair_dynamics
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import ExactContact
@@ -118,44 +118,55 @@ def dynamics_of(scene: Scene, model: PairModel, grid: MeshGrid | None = None) ->
     )
 
 
-def unknowns_of(scene: Scene, dynamics: PairDynamics) -> int:
+class Size(NamedTuple):
+    """What the method of a sweep is chosen by: mesh coordinates, and mesh periods in the cycle."""
+
+    coordinates: int
+    periods: int
+
+
+def size_of(dynamics: PairDynamics) -> Size:
+    """The size of a pair's cycle."""
+    return Size(dynamics.system.vectors.shape[1], dynamics.system.table.periods)
+
+
+def unknowns_of(scene: Scene, size: Size) -> int:
     """Number of unknowns of harmonic balance."""
-    table = dynamics.system.table
-    return dynamics.system.vectors.shape[1] * (2 * scene["sweep.harmonics"] * table.periods + 1)
+    return size.coordinates * (2 * scene["sweep.harmonics"] * size.periods + 1)
 
 
-def settings_of(scene: Scene, dynamics: PairDynamics) -> SweepSettings:
+def method_name(scene: Scene, size: Size) -> str:
+    """The method of a sweep: what the scene says, or what it leaves to the program."""
+    chosen = scene["sweep.method"]
+    if chosen != "auto":
+        return chosen
+    return "harmonic" if unknowns_of(scene, size) <= MOST_UNKNOWNS else "newmark"
+
+
+def settings_of(scene: Scene, size: Size) -> SweepSettings:
     """How a scene is swept.
 
     **Arguments:**
 
     - `scene`: checked against the schema.
-    - `dynamics`: its pair.
+    - `size`: of its cycle.
 
     **Returns:**
 
     The method, by harmonic balance as long as a cycle is not too long for it.
     """
-    periods, law = dynamics.system.table.periods, law_of(scene)
-    cycles = max(4, -(-scene["sweep.cycles"] // periods))
-    shooting = Shooting(law=law, warm_up=0)
+    law = law_of(scene)
+    cycles = max(4, -(-scene["sweep.cycles"] // size.periods))
     method: HarmonicBalance | Shooting | Marching
-    match method_name(scene, dynamics):
+    match method_name(scene, size):
         case "newmark":
             method = Marching(stepper=Newmark(), law=law, cycles=cycles)
         case "shooting":
             method = Shooting(law=law)
         case _:
             method = HarmonicBalance(law=law, harmonics=scene["sweep.harmonics"])
-    return SweepSettings(method, shooting, cycles, kept=max(1, 10 // periods))
-
-
-def method_name(scene: Scene, dynamics: PairDynamics) -> str:
-    """The method of a sweep: what the scene says, or what it leaves to the program."""
-    chosen = scene["sweep.method"]
-    if chosen != "auto":
-        return chosen
-    return "harmonic" if unknowns_of(scene, dynamics) <= MOST_UNKNOWNS else "newmark"
+    shooting = Shooting(law=law, warm_up=0, most_steps=10)
+    return SweepSettings(method, shooting, cycles, kept=max(1, 10 // size.periods))
 
 
 class Dynamics(eqx.Module):
@@ -331,7 +342,7 @@ def swept(
     - `SolverFailure` if one is not a finite number.
     """
     # Responses of many mesh periods are too long to keep them all until the end.
-    finder = _Finder(dynamics.system, settings_of(scene, dynamics))
+    finder = Finder(dynamics.system, settings_of(scene, size_of(dynamics)))
     found: list[Response] = []
     last = None
     for speed in speeds[::-1] if direction == "down" else speeds:
@@ -420,7 +431,7 @@ def branches(
 
     The pieces; none where no response is found to begin with.
     """
-    method = settings_of(scene, dynamics).method
+    method = settings_of(scene, size_of(dynamics)).method
     assert isinstance(method, HarmonicBalance)
     follow = lambda start, stop: continuation(
         dynamics.system, start, stop, method=method, done=done
@@ -435,7 +446,9 @@ def branches(
 def continued(scene: Scene, dynamics: PairDynamics) -> bool:
     """Whether the branch is followed round its folds."""
     asked = scene.get("sweep.continuation", scene["sweep.direction"] == "both")
-    return asked and method_name(scene, dynamics) == "harmonic" and len(speeds_of(scene)) > 1
+    return (
+        asked and method_name(scene, size_of(dynamics)) == "harmonic" and len(speeds_of(scene)) > 1
+    )
 
 
 def sweep_of(scene: Scene, dynamics: PairDynamics, done: Callable[[int], None]) -> Sweep:
@@ -699,7 +712,8 @@ def drawn_sweep(dataset: xr.Dataset) -> xr.Dataset:
     found["periods"] = found["periods"].where(found["periods"] != dataset.attrs["mesh_periods"], 1)
     if "curve_piece" not in found:
         return found
-    curve = found[[str(name) for name in found if "point" in found[name].dims]]
+    names = [str(name) for name, values in found.items() if "point" in values.dims]
+    curve = found[names]
     parts = []
     for which in np.unique(curve["curve_piece"].values):
         part = curve.isel(point=curve["curve_piece"].values == which)
@@ -708,7 +722,7 @@ def drawn_sweep(dataset: xr.Dataset) -> xr.Dataset:
             gap[f"curve_{number}"][:] = np.nan
         parts += [part, gap]
     joined = xr.concat(parts[:-1], "point")
-    return found.drop_dims("point").assign({str(name): joined[name] for name in curve})
+    return found.drop_dims("point").assign({name: joined[name] for name in names})
 
 
 def orbit_dataset(dynamics: PairDynamics, model: PairModel, sweep: Sweep) -> xr.Dataset:
@@ -944,9 +958,9 @@ def sweep_summary(scene: Scene, dynamics: Dynamics, sweep: Sweep, dataset: xr.Da
         "doublings_rad_s": special("doublings"),
         "tori_rad_s": special("tori"),
         "unsettled_count": sweep.unsettled,
-        "method": method_name(scene, pair),
+        "method": method_name(scene, size_of(pair)),
         "steps": scene["sweep.steps"],
-        "unknowns": unknowns_of(scene, pair),
+        "unknowns": unknowns_of(scene, size_of(pair)),
         "seconds_with_compiling": sweep.seconds,
     }
 

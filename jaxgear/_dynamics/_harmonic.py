@@ -11,7 +11,8 @@ method converge from the quasi-static state.
 Derivatives are those of the solution, by the implicit function theorem.
 """
 
-from functools import partial
+import functools
+import operator
 
 import equinox as eqx
 import jax
@@ -428,24 +429,26 @@ def _loads(
 
     A slope is a matrix for each step, and the values of the harmonics that it multiplies.
     """
-    if len(problem.samples) > 1:
+    mesh, *others = problem.samples
+    if others:
         first, last = (values @ terms.T for values in problem.times)
-        load, *slopes = jax.vmap(mean_load)(*problem.samples, first, last)
+        load, *slopes = jax.vmap(mean_load)(mesh, *others, first, last)
         return load, load, list(zip(slopes, problem.times, strict=True))
-    (values,), (mesh,) = problem.times, problem.samples
+    values = problem.times[0]
     place = values @ terms.T
     press = lambda mesh, place: mesh_load(mesh, place, problem.law)
     elastic, tangent = jax.vmap(press)(mesh, place)
-    if problem.cell_damping is None:
+    loss = problem.cell_damping
+    if loss is None:
         return elastic, elastic, [(tangent, values)]
 
     def damping(mesh: Mesh, place: Coordinates, rate: Coordinates) -> Coordinates:
-        return problem.cell_damping * jnp.sum(press(mesh, place)[1] * rate[None, :], axis=1)
+        return loss * jnp.sum(press(mesh, place)[1] * rate[None, :], axis=1)
 
     rate = problem.rates @ terms.T
     total = elastic + jax.vmap(damping)(mesh, place, rate)
     tangent = tangent + jax.vmap(jax.jacfwd(damping, argnums=1))(mesh, place, rate)
-    by_rate = problem.cell_damping * jax.vmap(press)(mesh, place)[1]
+    by_rate = loss * jax.vmap(press)(mesh, place)[1]
     return elastic, total, [(tangent, values), (by_rate, problem.rates)]
 
 
@@ -508,7 +511,8 @@ def linearised(problem: Problem, terms: Terms) -> tuple[Terms, Reals]:
     """
     _, total, slopes = _loads(problem, terms)
     width, count = terms.shape
-    spread = sum(tangent[:, :, :, None] * values[:, None, None, :] for tangent, values in slopes)
+    spread = [tangent[:, :, :, None] * values[:, None, None, :] for tangent, values in slopes]
+    spread = functools.reduce(operator.add, spread)
     load = problem.analysis @ spread.reshape(spread.shape[0], -1)
     place = jnp.eye(width)[None, :, :, None] * jnp.eye(count)[:, None, None, :]
     columns = count, width, width * count
@@ -542,7 +546,7 @@ class _Search(eqx.Module):
 _FREE_STEPS = 12
 
 
-@partial(jax.custom_jvp, nondiff_argnums=(0,))
+@functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
 def _root(
     settings: tuple[float, int], problem: Problem, first: Terms
 ) -> tuple[Terms, Scalar, Scalar]:

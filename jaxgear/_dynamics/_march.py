@@ -280,10 +280,12 @@ def _pushed(problem: Pressing, load: Coordinates) -> tuple[Coordinates, Coordina
     """Load that the mesh would give back, and minus its derivative by `load`."""
     place = problem.place - _times(problem.yields, load)
     if problem.begun is not None:
-        found, _, tangent = mean_load(*problem.meshes, problem.begun, 2.0 * place - problem.begun)
+        begin, middle, end = problem.meshes
+        ended = 2.0 * place - problem.begun
+        found, _, tangent = mean_load(begin, middle, end, problem.begun, ended)
         return found, 2.0 * _product(tangent, problem.yields)
-    (mesh,) = problem.meshes
-    if problem.cell_damping is None:
+    mesh, loss = problem.meshes[0], problem.cell_damping
+    if loss is None:
         found, tangent = mesh_load(mesh, place, problem.law)
         return found, _product(tangent, problem.yields)
 
@@ -292,7 +294,7 @@ def _pushed(problem: Pressing, load: Coordinates) -> tuple[Coordinates, Coordina
             mesh, problem.place - _times(problem.yields, load), problem.law
         )
         rate = problem.rate - _times(problem.brakes, load)
-        return elastic + problem.cell_damping * _times(tangent, rate)
+        return elastic + loss * _times(tangent, rate)
 
     return total(load), -jax.jacfwd(total)(load)
 
@@ -518,7 +520,7 @@ class March(eqx.Module):
         ahead = Carried(
             state=ended,
             load=load,
-            place=2.0 * met - carried.place if self.averaged else None,
+            place=None if carried.place is None else 2.0 * met - carried.place,
             error=jnp.maximum(carried.error, error),
         )
         return ahead, (met, elastic, ended)

@@ -152,8 +152,9 @@ def monodromy(
         return _monodromy(march, _tangents(march, orbit.place))
     places = jnp.concatenate([orbit.place[-1:], orbit.place, orbit.place[:1]])
     ends = 0.5 * (places[:-1] + places[1:])
-    meshes = (mesh_at(system.table, part) for part in (START, MIDDLE, END))
-    return _monodromy(march, jax.vmap(mean_tangent)(*meshes, ends[:-1], ends[1:]))
+    start, middle, end = (mesh_at(system.table, part) for part in (START, MIDDLE, END))
+    mean = jax.vmap(mean_tangent)(start, middle, end, ends[:-1], ends[1:])
+    return _monodromy(march, mean)
 
 
 def multipliers(monodromies: Array, modes: ModalBasis) -> np.ndarray:

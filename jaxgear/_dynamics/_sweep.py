@@ -24,6 +24,7 @@ from jaxgear._dynamics._shooting import Shooting, monodromy, multipliers
 from jaxgear._dynamics._steppers import Exponential
 from jaxgear._dynamics._system import DynamicSystem, ModalBasis, modal_basis
 from jaxgear._dynamics._types import Speeds, Start, Terms
+from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._types import Reals, Scalar
 
 # A multiplier counts as beyond 1 from here: rounding and truncated harmonics shift it by less.
@@ -111,6 +112,13 @@ def steady_states(
 # unstable response is left from a state that differs by so much, relative to the static one.
 _PATIENCE, _DISTURBANCE = 5, 0.1
 
+# A response counts as that in which a march ends if it is nowhere further from the last cycles of
+# the march than by this part of their swing.
+_APART = 0.3
+
+# It also counts if a march of several times the length has come closer to it by this factor.
+_APPROACH = 0.8
+
 Direction = Literal["up", "down", "cold"]
 
 
@@ -142,13 +150,13 @@ class SweepPoint:
 class SweepSettings:
     """How a sweep goes about it.
 
-    `method` is that of the whole sweep. With harmonic balance, what its Newton's method cannot
-    follow is looked for by `shooting`, after `cycles` of marching from the last motion; a speed
-    without a periodic response keeps the last `kept` of them.
+    `method` is that of the whole sweep, and has its contact law. With harmonic balance, what its
+    Newton's method cannot follow is looked for by `shooting`, after `cycles` of marching from the
+    last motion; a speed without a periodic response keeps the last `kept` of them.
     """
 
     method: HarmonicBalance | Shooting | Marching = field(default_factory=HarmonicBalance)
-    shooting: Shooting = field(default_factory=lambda: Shooting(warm_up=0))
+    shooting: Shooting = field(default_factory=lambda: Shooting(warm_up=0, most_steps=10))
     cycles: int = 100
     kept: int = 10
 
@@ -192,7 +200,7 @@ def sweep(
     )
     order = np.argsort(values)
     order = order[::-1] if direction == "down" else order
-    finder = _Finder(system, settings)
+    finder = Finder(system, settings)
     points: dict[int, SweepPoint] = {}
     last = None
     for index in order:
@@ -203,82 +211,111 @@ def sweep(
     return tuple(points[index] for index in range(values.size))
 
 
-class _Finder:
-    """Looks for the response at one speed after the other."""
+class Finder:
+    """Looks for the response at one speed after the other, for those who keep less than `sweep`.
+
+    It holds the programs of one system, each compiled when it is first needed.
+    """
 
     def __init__(self, system: DynamicSystem, settings: SweepSettings):
         self.system, self.settings = system, settings
         self.modes = jax.jit(modal_basis)(system)
         self.rest = jax.jit(quasi_static_start)(system)
+        method = settings.method
+        self.harmonic = method if isinstance(method, HarmonicBalance) else HarmonicBalance()
         self.balances: dict[int, Balance] = {}
 
     def next(self, speed: Scalar, last: SweepPoint | None) -> SweepPoint:
-        """The response at a speed that follows `last`."""
+        """Find the response at a speed that follows `last`.
+
+        **Arguments:**
+
+        - `speed`: of the pinion [rad/s].
+        - `last`: the response at the speed before, or `None`: start from the quasi-static state.
+
+        **Returns:**
+
+        The response, settled and stable, or what a march leaves.
+        """
         method = self.settings.method
         start = self.rest if last is None else last.orbit.start
         if isinstance(method, Marching):
-            return self.alone(_orbit(_times(method, 2), self.system, speed, start))
+            return self._alone(_orbit(_times(method, 2), self.system, speed, start))
         if isinstance(method, Shooting):
             twice = last is not None and last.multiple == 2
-            found = self.shot(method, speed, start, (2, 1) if twice else (1, 2))
-            return found or self.searched(method, speed, start)
-        if last is not None and last.settled:
-            found = self.balanced(speed, last.multiple, last.orbit)
+            found = self._shot(method, speed, start, (2, 1) if twice else (1, 2))
+            return found or self._searched(method, speed, start)
+        if last is not None and not last.settled:
+            # What does not repeat is not left for a response that does, unless it ends there.
+            return self._searched(self.settings.shooting, speed, start)
+        if last is None:
+            found = self._balanced(speed, 1, None)
         else:
-            found = self.balanced(speed, 1, None)
+            found = self._balanced(speed, last.multiple, last.orbit)
         if found.stable:
             return found
         if found.settled:
-            start = self.disturbed(found)
-        found = self.searched(self.settings.shooting, speed, start)
+            start = self._disturbed(found)
+        found = self._searched(self.settings.shooting, speed, start)
         if not found.settled:
             return found
         # Of two methods that agree, the one that all other speeds have.
-        polished = self.balanced(speed, found.multiple, found.orbit)
-        return polished if polished.stable else found
+        polished = self._balanced(speed, found.multiple, found.orbit)
+        return polished if _apart(polished, found.orbit) < _APART else found
 
-    def balanced(self, speed: Scalar, multiple: int, near: Orbit | None) -> SweepPoint:
+    def _balanced(self, speed: Scalar, multiple: int, near: Orbit | None) -> SweepPoint:
         """The response by harmonic balance, from one close by or from the quasi-static states."""
-        method = _times(self.settings.method, multiple)
+        method = _times(self.harmonic, multiple)
         if multiple not in self.balances:
             self.balances[multiple] = eqx.filter_jit(balance_of)(method, self.system)
         balance = self.balances[multiple]
         first = balance.rest if near is None else terms_of(balance, near.place)
-        return self.judged(_balanced(method, balance, speed, first))
+        return self._judged(_balanced(method, balance, speed, first))
 
-    def searched(self, method: Shooting, speed: Scalar, start: Start) -> SweepPoint:
+    def _searched(self, method: Shooting, speed: Scalar, start: Start) -> SweepPoint:
         """The response that a march from a motion ends in: soon, or after a longer while."""
-        cycles = self.settings.cycles
-        for longer in (1, _PATIENCE):
-            history = _march(self.system, self.modes, speed, start, longer * cycles, 1)
-            start = _state(history)
-            found = self.shot(method, speed, start)
-            if found is not None:
-                return found
-        return self.marched(speed, start)
+        history = self._on(speed, start, self.settings.cycles)
+        found = self._shot(method, speed, _state(history))
+        apart = _apart(found, history)
+        if apart > _APART:
+            history = self._on(speed, _state(history), _PATIENCE * self.settings.cycles)
+            found, before = self._shot(method, speed, _state(history)), apart
+            apart = _apart(found, history)
+            # A slow approach to a response is one.
+            apart = 0.0 if apart < _APPROACH * before else apart
+        return self._unsettled(history) if found is None or apart > _APART else found
 
-    def shot(
+    def _on(self, speed: Scalar, start: Start, cycles: int) -> History:
+        """March on by at least so many cycles. One program serves for all marches."""
+        kept, law = self.settings.kept, self.settings.method.law
+        history = _march(self.system, self.modes, speed, start, law, kept)
+        for _ in range(-(-cycles // kept) - 1):
+            history = _march(self.system, self.modes, speed, _state(history), law, kept)
+        return history
+
+    def _shot(
         self, method: Shooting, speed: Scalar, start: Start, multiples: tuple[int, ...] = (1, 2)
     ) -> SweepPoint | None:
         """A stable response over one cycle or two by shooting, from a motion close by."""
         for multiple in multiples:
             orbit = _orbit(_times(method, multiple), self.system, speed, start)
-            found = self.judged(orbit)
+            found = self._judged(orbit)
             if found.stable:
                 return found
         return None
 
-    def judged(self, orbit: Orbit) -> SweepPoint:
+    def _judged(self, orbit: Orbit) -> SweepPoint:
         """The response with its multipliers, if it has settled."""
-        point = self.alone(orbit)
+        point = self._alone(orbit)
         if not point.settled:
             return point
-        matrix = _monodromy(self.system, self.modes, point.orbit)
+        matrix = _monodromy(self.system, self.modes, point.orbit, self.settings.method.law)
         return dataclasses.replace(point, multipliers=multipliers(matrix, self.modes))
 
-    def disturbed(self, point: SweepPoint) -> Start:
+    def _disturbed(self, point: SweepPoint) -> Start:
         """A start beside an unstable response, where it is left fastest."""
-        matrix = np.asarray(_monodromy(self.system, self.modes, point.orbit))
+        law = self.settings.method.law
+        matrix = np.asarray(_monodromy(self.system, self.modes, point.orbit, law))
         swing = np.sqrt(np.asarray(self.modes.square))
         weights = np.concatenate([swing, np.ones_like(swing)])
         values, vectors = np.linalg.eig(matrix * weights[:, None] / weights[None, :])
@@ -288,7 +325,7 @@ class _Finder:
         state = state + _DISTURBANCE * np.linalg.norm(state) / np.linalg.norm(away) * away
         return jnp.asarray((state / weights).reshape(2, -1)) @ self.modes.shape.T
 
-    def alone(self, orbit: Orbit) -> SweepPoint:
+    def _alone(self, orbit: Orbit) -> SweepPoint:
         """The response over as many cycles as it needs."""
         steps = len(self.system.table.kinds)
         multiple = orbit.place.shape[0] // steps
@@ -300,22 +337,30 @@ class _Finder:
             return SweepPoint(dataclasses.replace(orbit, **halved), 1, none)
         return SweepPoint(orbit, multiple, none)
 
-    def marched(self, speed: Scalar, start: Start) -> SweepPoint:
+    def _unsettled(self, history: History) -> SweepPoint:
         """What a march leaves where no periodic response is found."""
-        kept, cycles = self.settings.kept, self.settings.cycles
-        history = _march(self.system, self.modes, speed, start, cycles, kept)
         begun = jnp.concatenate([history.start[:1], history.motion[:-1]])
         orbit = Orbit(
-            speed=speed,
+            speed=history.speed,
             place=history.place,
             load=history.load,
             motion=0.5 * (begun + history.motion),
             start=_state(history),
             residual=history.drift[-1],
             settled=jnp.asarray(False),
-            steps=jnp.asarray(float(cycles)),
+            steps=jnp.asarray(float(self.settings.cycles)),
         )
-        return SweepPoint(orbit, kept, np.zeros(0, dtype=complex))
+        return SweepPoint(orbit, self.settings.kept, np.zeros(0, dtype=complex))
+
+
+def _apart(point: SweepPoint | None, other: Orbit | History) -> float:
+    """How far a stable response lies from the last cycles of a motion, over its swing [-]."""
+    if point is None or not point.stable:
+        return np.inf
+    own = point.orbit.place
+    steps = max(own.shape[0], min(other.place.shape[0], 2 * own.shape[0]))
+    last = lambda place: np.resize(np.asarray(place[-steps:, 0]), steps)
+    return float(np.abs(last(own) - last(other.place)).max() / np.ptp(last(other.place)))
 
 
 def _times(method, multiple: int):
@@ -339,13 +384,22 @@ def _orbit(method: AbstractMethod, system: DynamicSystem, speed: Scalar, start: 
 
 
 @eqx.filter_jit
-def _monodromy(system: DynamicSystem, modes: ModalBasis, orbit: Orbit) -> Reals:
-    return monodromy(system, modes, orbit)
+def _monodromy(
+    system: DynamicSystem, modes: ModalBasis, orbit: Orbit, law: AbstractContactLaw
+) -> Reals:
+    return monodromy(system, modes, orbit, law=law)
 
 
 @eqx.filter_jit
 def _march(
-    system: DynamicSystem, modes: ModalBasis, speed: Scalar, start: Start, cycles: int, keep: int
+    system: DynamicSystem,
+    modes: ModalBasis,
+    speed: Scalar,
+    start: Start,
+    law: AbstractContactLaw,
+    cycles: int,
 ) -> History:
     stepper = Exponential()
-    return march(system, speed, start, cycles=cycles, keep=keep, stepper=stepper, modes=modes)
+    return march(
+        system, speed, start, cycles=cycles, keep=cycles, stepper=stepper, law=law, modes=modes
+    )

@@ -7,6 +7,8 @@ middle, and where it ends: both limits of whatever jumps.
 """
 
 import dataclasses
+import functools
+import operator
 
 import equinox as eqx
 import jax
@@ -152,7 +154,8 @@ def mesh_at(table: MeshTable, part: float) -> Mesh:
     """
     # Lagrange's polynomials on 0, 1/2, 1; a zero is left out, so that places cost nothing.
     shares = ((1 - part) * (1 - 2 * part), 4 * part * (1 - part), part * (2 * part - 1))
-    between = lambda x: sum(share * x[i] for i, share in enumerate(shares) if share != 0.0)
+    used = [i for i, share in enumerate(shares) if share != 0.0]
+    between = lambda x: functools.reduce(operator.add, [shares[i] * x[i] for i in used])
     return Mesh(table.stiffness, between(table.gap), between(table.arms), table.coupling)
 
 

@@ -175,7 +175,7 @@ def order_amplitudes(
     cycles = values.shape[0] // len(system.table.kinds) * system.table.periods
     order = first * jnp.arange(1, count + 1, dtype=float)
     angle = 2.0 * jnp.pi * cycles * order[:, None] * middles[None, :]
-    swing = values - orbit_mean(system, values)
+    swing = values - orbit_mean(system, values)[None]
     cosine = jnp.tensordot(weights[None, :] * jnp.cos(angle), swing, axes=1)
     sine = jnp.tensordot(weights[None, :] * jnp.sin(angle), swing, axes=1)
     size = cosine**2 + sine**2
@@ -205,4 +205,4 @@ def _line_loads(dynamics: PairDynamics, force: StepCells) -> Reals:
     shape = lines.roll.shape[1:]
     each = force[:, : shape[0] * shape[1]].reshape(-1, *lines.roll.shape)
     length = jnp.where(lines.fraction >= 0.5, lines.fraction * lines.length, jnp.inf)
-    return each / length
+    return each / length[None, :, :, :]

@@ -214,10 +214,7 @@ def test_a_folder_that_cannot_be_written_is_refused_first(scene, commands, capsy
 @pytest.mark.parametrize(
     ("command", "reason"),
     [
-        ("sweep", "no dynamics yet"),
-        ("modes", "no dynamics yet"),
         ("condense", "no condensed bodies yet"),
-        ("compare", "no dynamics yet"),
     ],
 )
 def test_commands_of_later_versions_are_refused(scene, commands, capsys, command, reason):
@@ -225,14 +222,14 @@ def test_commands_of_later_versions_are_refused(scene, commands, capsys, command
     assert f"`{command}` cannot be computed: this version has {reason}" in capsys.readouterr().err
 
 
-def test_run_refuses_a_sweep_that_the_others_leave_aside(scene, commands, capsys):
-    override = ["--set", "sweep.pinion_speed_rad_s=[50.0, 60.0]"]
+def test_run_checks_its_sweep_and_the_others_leave_it_aside(scene, commands, capsys):
+    override = ["--set", "sweep.pinion_speed_rad_s=[50.0, 60.0]", "--set", "sweep.steps=40"]
     assert main(["run", str(scene), *override]) == 2
-    error = capsys.readouterr().err
-    assert "Remove [sweep]" in error
+    assert "less than half of sweep.steps" in capsys.readouterr().err
     assert not commands.calls
     assert main(["map", str(scene), *override]) == 0
     assert main(["optimise", str(scene), *override]) == 0
+    assert main(["run", str(scene), *override[:2]]) == 0
 
 
 def test_optimise_needs_to_know_what_to_vary(scene, commands, capsys):
@@ -285,8 +282,7 @@ def test_summary_is_indented_and_short(capsys):
         "static",
         "  te_rms_um  2.36",
         "  speeds     [300 values]",
-        "  bearings[0]",
-        "    index  0",
+        "  bearings[0]  index 0",
     ]
 
 

@@ -7,6 +7,9 @@ import pytest
 import xarray as xr
 
 from jaxgear._app._cli import main
+from jaxgear._app._dynamics import modes_shown
+from jaxgear._app._scene import read_scene
+from jaxgear._checks import InputError
 
 _SPUR = """schema = 1
 name = "spur"
@@ -19,12 +22,14 @@ face_width_mm = 20.0
 [pinion.body]
 mass_kg = 1.0
 inertia_kg_m2 = 4e-4
+transverse_inertia_kg_m2 = 3e-4
 [wheel]
 teeth = 40
 face_width_mm = 20.0
 [wheel.body]
 mass_kg = 3.0
 inertia_kg_m2 = 5e-3
+transverse_inertia_kg_m2 = 3e-3
 [mesh]
 slices = 1
 [sweep]
@@ -73,7 +78,8 @@ def test_shafts_and_bearings_share_the_energy_and_whirl(tmp_path):
     found = summary["modes"]
     frequency = np.asarray(found["frequency_Hz"])
     assert np.all(np.diff(frequency) >= 0.0)
-    assert frequency[-1] <= 20000.0 and 1 < len(frequency) < found["total"]
+    assert frequency[-1] <= 20000.0
+    assert 1 < len(frequency) < found["total"]
     parts = np.stack([found["energy"][name] for name in ("mesh", "pinion", "wheel", "bearings")])
     np.testing.assert_allclose(parts.sum(axis=0), 1.0, atol=1e-9)
     np.testing.assert_allclose(parts[1], 0.0, atol=1e-9)
@@ -89,9 +95,14 @@ def test_shafts_and_bearings_share_the_energy_and_whirl(tmp_path):
         assert float(np.abs(dataset["frequency_Hz"][-1] / frequency - 1.0).max()) > 1e-4
 
 
-def test_no_mode_below_a_limit_is_refused(tmp_path, capsys):
+def test_how_many_modes_are_shown(tmp_path):
     path = tmp_path / "scene.toml"
     path.write_text(_SPUR)
-    arguments = ["--out", str(tmp_path / "out"), "--set", "modes.highest_Hz=1.0"]
-    assert main(["modes", str(path), *arguments]) == 2
-    assert "no mode has a natural frequency up to modes.highest_Hz" in capsys.readouterr().err
+    frequency = np.arange(1.0, 31.0)
+    shown = lambda *changes: modes_shown(read_scene(path, changes), frequency)
+    assert shown() == 12
+    assert shown("modes.highest_Hz=20.5") == 20
+    assert shown("modes.highest_Hz=20.5", "modes.count=5") == 5
+    assert shown("modes.count=100") == 30
+    with pytest.raises(InputError, match=r"up to modes\.highest_Hz, 0\.5 Hz: the first has 1 Hz"):
+        shown("modes.highest_Hz=0.5")

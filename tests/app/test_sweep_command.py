@@ -3,18 +3,22 @@
 import json
 from pathlib import Path
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
 
 import jaxgear as jg
-from jaxgear._app import _cli, _dynamics
+from jaxgear._app import _cli, _commands, _dynamics
 from jaxgear._app._cli import main
 from jaxgear._app._model import model_of
 from jaxgear._app._scene import read_scene
+from jaxgear._checks import InputError
 from jaxgear._dynamics._damping import ModalDamping, RayleighDamping
 from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._march import Marching
+from jaxgear._system._shaft import Shaft
 
 _SPUR = """schema = 1
 name = "spur"
@@ -24,9 +28,11 @@ torque_pinion_Nm = 100.0
 [pinion]
 teeth = 20
 face_width_mm = 20.0
+bore_mm = 20.0
 [wheel]
 teeth = 40
 face_width_mm = 20.0
+bore_mm = 30.0
 [mesh]
 slices = 1
 """
@@ -52,14 +58,21 @@ def _scene(folder: Path, text: str = _SPUR + _SWEEP, name: str = "spur.toml") ->
 
 @pytest.fixture(scope="module")
 def both(folder):
-    """The folder of a sweep in both directions, and its summary."""
-    out = folder / "both"
-    assert main(["sweep", str(_scene(folder)), "--out", str(out), "--quiet"]) == 0
-    return out, json.loads((out / "summary.json").read_text())
+    """The folder of a sweep in both directions, its summary, and the pair that was swept."""
+    out, pairs = folder / "both", []
+
+    def noted(scene, watch):
+        pairs.append(_dynamics.solve_dynamics(scene, watch))
+        return pairs[0]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_commands, "solve_dynamics", noted)
+        assert main(["sweep", str(_scene(folder)), "--out", str(out), "--quiet"]) == 0
+    return out, json.loads((out / "summary.json").read_text()), pairs[0]
 
 
 def test_a_sweep_writes_everything_that_it_found(both):
-    out, summary = both
+    out, summary, _ = both
     found = summary["sweep"]
     assert found["pinion_speed_rad_s"] == [1500.0, 2000.0, 2080.0, 2150.0, 2230.0]
     assert found["method"] == "harmonic"
@@ -69,7 +82,8 @@ def test_a_sweep_writes_everything_that_it_found(both):
         for ending in ("png", "svg", "csv"):
             assert (out / f"{name}.{ending}").stat().st_size > 0
     with xr.open_dataset(out / "result.nc", group="sweep") as dataset:
-        assert dict(dataset.sizes) >= {"direction": 2, "speed": 5, "order": 3, "phase": 48}
+        shape = [dataset.sizes[name] for name in ("direction", "speed", "order", "phase")]
+        assert shape == [2, 5, 3, 48]
         assert all(np.isfinite(v).all() for v in dataset.variables.values() if v.dtype.kind == "f")
         ratio = dataset["dynamic_ratio"]
         assert ratio.sel(direction="up").values == pytest.approx(found["dynamic_ratio_up"])
@@ -105,17 +119,22 @@ def test_the_highest_peak_is_named_with_its_mode_and_order(both):
 
 def test_marching_agrees_with_harmonic_balance(both, folder):
     """Another method: with 48 steps Newmark's error is of the order of a percent."""
-    out = folder / "newmark"
-    changes = ("sweep.method=newmark", "sweep.pinion_speed_rad_s=[1500.0, 2000.0]")
-    changes += ("sweep.direction=up", "sweep.cycles=60")
-    arguments = [part for change in changes for part in ("--set", change)]
-    assert main(["sweep", str(folder / "spur.toml"), "--out", str(out), *arguments]) == 0
-    found = json.loads((out / "summary.json").read_text())["sweep"]
-    assert found["method"] == "newmark"
-    assert found["settled_up"] == [True, True]
-    assert "folds_rad_s" in found and not found["folds_rad_s"]
-    expected = both[1]["sweep"]["dynamic_ratio_up"][:2]
-    assert found["dynamic_ratio_up"] == pytest.approx(expected, rel=0.02)
+    _, summary, dynamics = both
+    scene = read_scene(folder / "spur.toml", ("sweep.method=newmark", "sweep.cycles=60"))
+    speeds = np.asarray([1500.0, 2000.0])
+    found = _dynamics.swept(scene, dynamics.pair, speeds, "up", lambda _: None)
+    assert all(response.settled and response.stable for response in found)
+    assert [response.periods for response in found] == [1, 1]
+    ratio = [float(response.numbers["dynamic_ratio"]) for response in found]
+    assert ratio == pytest.approx(summary["sweep"]["dynamic_ratio_up"][:2], rel=0.02)
+
+
+def test_a_mode_that_the_mesh_shakes_and_nothing_damps_is_refused(both, folder):
+    scene, dynamics = read_scene(folder / "spur.toml"), both[2]
+    _dynamics.require_damped(scene, dynamics)
+    bare = eqx.tree_at(lambda d: d.modes.damping_ratio, dynamics, jnp.zeros(1))
+    with pytest.raises(InputError, match=r"nothing damps mode 1 at 7520 Hz.*Raise damping\.mesh"):
+        _dynamics.require_damped(scene, bare)
 
 
 def test_a_slow_pair_has_its_quasi_static_transmission_error(folder):
@@ -132,7 +151,7 @@ def test_a_slow_pair_has_its_quasi_static_transmission_error(folder):
     (response,) = _dynamics.swept(scene, dynamics.pair, np.asarray([1.0]), "up", lambda _: None)
     mean = float(dynamics.statics.numbers["te_mean_um"]) * jg.um
     assert response.settled
-    assert response.numbers["te_mean"] == pytest.approx(mean, rel=2e-3)
+    assert response.numbers["te_mean"] == pytest.approx(mean, rel=5e-3)
     dataset = _dynamics.sweep_dataset(
         dynamics.pair,
         dynamics.statics.model,
@@ -169,8 +188,7 @@ def test_long_cycles_are_marched(folder):
 
     def settings(*overrides):
         scene = read_scene(path, ("sweep.harmonics=20", "mesh.phases=8", *overrides))
-        system = _Sized(1, scene["mesh.periods"])
-        return _dynamics.settings_of(scene, system)  # ty: ignore
+        return _dynamics.settings_of(scene, _dynamics.Size(1, scene["mesh.periods"]))
 
     assert isinstance(settings().method, HarmonicBalance)
     assert isinstance(settings("mesh.periods=4").method, HarmonicBalance)
@@ -180,21 +198,13 @@ def test_long_cycles_are_marched(folder):
     assert isinstance(settings("sweep.method=newmark").method, Marching)
 
 
-class _Sized:
-    """What `settings_of` looks at: mesh coordinates, and mesh periods in the cycle."""
-
-    def __init__(self, coordinates: int, periods: int):
-        self.system = self
-        self.table = self
-        self.vectors = np.zeros((2, coordinates))
-        self.periods = periods
-
-
 def test_divisions_cut_shafts_into_finite_elements(folder):
     shaft = "{ gear_at_mm = 40.0, segments = [ { length_mm = 80.0, outer_mm = 30.0 } ], "
-    shaft += "bearings = [ { at_mm = 0.0, radial_N_m = 1e9 } ], divisions = 3 }"
+    bearing = "{ at_mm = 0.0, radial_N_m = 1e9, axial_N_m = 1e8, tilt_Nm_rad = 1e5 }"
+    shaft += f"bearings = [ {bearing} ], divisions = 3 }}"
     path = _scene(folder, _SPUR.replace("teeth = 40", f"teeth = 40\nshaft = {shaft}"), "cut.toml")
     model = model_of(read_scene(path))
+    assert isinstance(model.wheel_support, Shaft)
     assert model.wheel_support.layout.divisions == 3
 
 
@@ -205,7 +215,6 @@ def test_divisions_cut_shafts_into_finite_elements(folder):
     ("changes", "words"),
     [
         (("damping.mesh=0", "damping.structure=0"), "no damping: at a resonance there is no"),
-        (("damping.mesh=0",), "nothing damps mode 1"),
         (("sweep.harmonics=24",), "less than half of sweep.steps, 48"),
         (("sweep.method=newmark", "sweep.continuation=true"), "needs harmonic balance"),
         (

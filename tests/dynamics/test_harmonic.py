@@ -14,26 +14,27 @@ from jaxgear._dynamics._harmonic import HarmonicBalance, balance_of, imbalance, 
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steppers import Midpoint
 from jaxgear._dynamics._sweep import steady_state, steady_states
+from jaxgear._dynamics._system import DynamicSystem
 from jaxgear._response._dynamic import contact_force, order_amplitudes
 
 SPEEDS = jnp.asarray([0.3, 0.5, 0.9, 1.3, 2.4])
 
 
-def _variant(name: str):
+def _variant(name: str) -> tuple[DynamicSystem, HarmonicBalance]:
     system = cases.two_dof(steps=48)
     if name == "cell damping":
-        return dataclasses.replace(system, cell_damping=jnp.asarray(0.1)), dict(
-            law=jg.SmoothContact(0.2)
-        )
+        system = dataclasses.replace(system, cell_damping=jnp.asarray(0.1))
+        return system, HarmonicBalance(harmonics=6, law=jg.SmoothContact(0.2))
     if name == "bow":
-        return dataclasses.replace(system, bow=jnp.asarray([[0.1, 0.02], [0.02, 0.3]])), {}
-    return system, {"exact": {}, "averaged": dict(averaged=True), "two": dict(multiple=2)}[name]
+        system = dataclasses.replace(system, bow=jnp.asarray([[0.1, 0.02], [0.02, 0.3]]))
+    return system, HarmonicBalance(
+        harmonics=6, averaged=name == "averaged", multiple=2 if name == "two" else 1
+    )
 
 
 @pytest.mark.parametrize("name", ["exact", "averaged", "two", "bow", "cell damping"])
 def test_matrix_is_the_derivative_of_the_residual(name):
-    system, settings = _variant(name)
-    method = HarmonicBalance(harmonics=6, **settings)
+    system, method = _variant(name)
 
     @jax.jit
     def both(shift):

@@ -10,7 +10,7 @@ from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._march import Marching
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steppers import Exponential
-from jaxgear._dynamics._sweep import SweepSettings, sweep
+from jaxgear._dynamics._sweep import Direction, SweepSettings, sweep
 
 SPEEDS = [0.5, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.5, 1.8, 1.9, 2.0, 2.1, 2.3]
 
@@ -35,7 +35,7 @@ METHODS = {
 
 
 @functools.cache
-def _swept(name: str, direction: str):
+def _swept(name: str, direction: Direction):
     return sweep(cases.sdof_parametric(steps=200), SPEEDS, direction, METHODS[name])
 
 
