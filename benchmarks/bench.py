@@ -1,6 +1,7 @@
 """What a computation costs and how accurate it is, on the accessory pair and the power pair.
 
     make bench                     or   python benchmarks/bench.py [--out DIR] [--threads 2]
+                                        [--only statics | dynamics]
 
 Times are medians of repeated runs after compiling, in one process; compile time stands beside
 them. Machines differ and are noisy: compare ratios within one table. Writes `bench.json`,
@@ -9,6 +10,7 @@ them. Machines differ and are noisy: compare ratios within one table. Writes `be
 """
 
 import argparse
+import functools
 import json
 import os
 import resource
@@ -25,6 +27,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="What a computation costs.")
     parser.add_argument("--out", type=Path, default=Path("results/bench"))
     parser.add_argument("--threads", type=int, default=2, help="processors to use")
+    parser.add_argument("--only", choices=("statics", "dynamics"), help="one part")
     options = parser.parse_args()
     # Before NumPy and JAX are imported.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -39,9 +42,12 @@ def main() -> None:
     device = jax.devices()[0]
     report = {"device": f"{device.platform}: {device.device_kind}", "processors": options.threads}
     print(f"{report['device']}, {options.threads} processors, jax {jax.__version__}\n")
-    report |= cycle_and_gradient() | shafts() | master_curve_map() | optimum()
-    report["foundations"] = foundations(options.out)
-    report["accuracy"] = accuracy_against_time(options.out)
+    if options.only != "dynamics":
+        report |= cycle_and_gradient() | shafts() | master_curve_map() | optimum()
+        report["foundations"] = foundations(options.out)
+        report["accuracy"] = accuracy_against_time(options.out)
+    if options.only != "statics":
+        report["dynamics"] = dynamics()
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     report["peak_memory_MB"] = peak / (1024.0**2 if sys.platform == "darwin" else 1024.0)
     print(f"{'peak memory':<58} {report['peak_memory_MB']:8.0f} MB")
@@ -352,6 +358,240 @@ def _timed_rms(model, phases: int, slices: int, law) -> tuple[float, float, Any]
         return jg.cycle_rms(cycle, jg.transmission_error(model.pair, cycle)) / jg.um
 
     return timed(value, model, repeats=30)
+
+
+# Speeds that are marched together.
+_BATCH = 30
+
+
+def dynamics(count: int = 300, steps: int = 100) -> dict:
+    """Steady responses of the accessory pair on its shafts at 300 speeds, and their gradient."""
+    import jax
+    import jax.numpy as jnp
+
+    import jaxgear as jg
+    from jaxgear._dynamics._system import modal_basis, pair_dynamics
+
+    model, _ = model_of("accessory")
+    grid = jg.mesh_grid(model.pair, phases=steps, slices=20)
+    speeds = jnp.linspace(50.0, 3000.0, count)
+    compiling, seconds, pair = timed(lambda m: pair_dynamics(m, grid), model, repeats=5)
+    system = pair.system
+    line(f"pair in time, {system.load.size} dof, {steps} steps", compiling, seconds)
+    modes = jax.jit(modal_basis)(system)
+    report: dict[str, Any] = {"dofs": system.load.size, "speeds": count, "steps": steps}
+    balance_ms, found = _balance_and_march(system, model, speeds)
+    report |= found | {"balance_ms": balance_ms}
+    report |= _floquet(system, modes, speeds)
+    report |= _march_and_loops(system, modes, speeds)
+    report |= _both_directions(system, speeds)
+    report |= _dynamic_gradient(model, grid, speeds)
+    return report
+
+
+def _dynamic_numbers(system, orbits):
+    """Largest mesh force over the static one, and RMS of the transmission error [um]."""
+    import jax
+
+    import jaxgear as jg
+    from jaxgear._response._dynamic import dynamic_ratio, dynamic_transmission_error, orbit_rms
+
+    rms = lambda orbit: orbit_rms(system, dynamic_transmission_error(system, orbit)) / jg.um
+    return jax.vmap(lambda orbit: (dynamic_ratio(system, orbit), rms(orbit)))(orbits)
+
+
+def _balance_and_march(system, model, speeds) -> tuple[float, dict]:
+    """Harmonic balance against marches, and the errors of both against finer shooting."""
+    import jax
+    import numpy as np
+
+    import jaxgear as jg
+    from jaxgear._dynamics._harmonic import HarmonicBalance
+    from jaxgear._dynamics._march import Marching
+    from jaxgear._dynamics._shooting import Shooting
+    from jaxgear._dynamics._steppers import Exponential, Newmark
+    from jaxgear._dynamics._sweep import steady_states
+    from jaxgear._dynamics._system import pair_dynamics
+
+    def build(steps):
+        grid = jg.mesh_grid(model.pair, phases=steps, slices=20)
+        return jax.jit(lambda m: pair_dynamics(m, grid))(model).system
+
+    # The reference knows every sixth speed.
+    thinned = slice(3, None, 6)
+
+    def solved(method, system, speeds, repeats):
+        def numbers(system, speeds):
+            orbits = steady_states(system, speeds, method)
+            return _dynamic_numbers(system, orbits), orbits.settled
+
+        return timed(numbers, system, speeds, repeats=repeats)
+
+    _, _, (exact, good) = solved(Shooting(), build(800), speeds[thinned], 1)
+
+    def errors(numbers):
+        """Median and 95 % of the errors on the reference's branch, and its share of speeds."""
+        ratio, rms = (
+            np.abs(np.asarray(a)[thinned] / np.asarray(b) - 1.0)
+            for a, b in zip(numbers, exact, strict=True)
+        )
+        same = np.asarray(good) & (ratio < 0.03) & (rms < 0.03)
+        return {
+            "ratio_median": float(np.median(ratio[same])),
+            "ratio_95": float(np.quantile(ratio[same], 0.95)),
+            "rms_median": float(np.median(rms[same])),
+            "same_branch": float(np.mean(same)),
+        }
+
+    report: dict[str, Any] = {}
+    balance_ms = 0.0
+    fine = build(200)
+    for name, method, on, repeats in (
+        ("harmonic balance, H20", HarmonicBalance(), system, 7),
+        ("march, Newmark, 100 cycles", Marching(stepper=Newmark(), cycles=100), system, 1),
+        ("march, exact, 100 cycles", Marching(stepper=Exponential(), cycles=100), system, 1),
+        ("march, Newmark, 200 steps, 400", Marching(stepper=Newmark(), cycles=400), fine, 1),
+        ("march, exact, 200 steps, 400", Marching(stepper=Exponential(), cycles=400), fine, 1),
+    ):
+        compiling, seconds, (numbers, settled) = solved(method, on, speeds, repeats)
+        found = errors(numbers) | {"ms": 1e3 * seconds, "settled": float(np.mean(settled))}
+        balance_ms = balance_ms or found["ms"]
+        found["over_balance"] = found["ms"] / balance_ms
+        note = (
+            f"{found['over_balance']:.0f} x   error {found['ratio_median']:.1e} of force, "
+            f"{found['rms_median']:.1e} of TE, settled {found['settled']:.2f}"
+        )
+        line(f"{speeds.size} speeds, {name}", compiling, seconds, note)
+        report[name] = found
+    return balance_ms, report
+
+
+def _floquet(system, modes, speeds) -> dict:
+    """All speeds by harmonic balance, with the multipliers of each."""
+    import jax
+    import numpy as np
+
+    from jaxgear._dynamics._shooting import monodromy, multipliers
+    from jaxgear._dynamics._sweep import steady_states
+
+    def matrices(system, modes, speeds):
+        orbits = steady_states(system, speeds)
+        return jax.lax.map(lambda orbit: monodromy(system, modes, orbit), orbits)
+
+    compiling, seconds, found = timed(matrices, system, modes, speeds, repeats=3)
+    start = time.perf_counter()
+    largest = np.abs(multipliers(found, modes)[:, 0])
+    eigenvalues = time.perf_counter() - start
+    note = f"eigenvalues {1e3 * eigenvalues:.0f} ms of it, {np.sum(largest > 1.0)} unstable"
+    line(f"{speeds.size} speeds with Floquet's multipliers", compiling, seconds + eigenvalues, note)
+    return {"floquet_ms": 1e3 * (seconds + eigenvalues), "eigenvalues_ms": 1e3 * eigenvalues}
+
+
+def _march_and_loops(system, modes, speeds) -> dict:
+    """One step at one speed: batched, and by hand-written loops over the same modes and mesh."""
+    import dynamics_loops as loops
+    import jax
+    import numpy as np
+
+    from jaxgear._dynamics._march import march, quasi_static_start
+    from jaxgear._dynamics._steppers import Newmark
+
+    cycles, steps = 40, len(system.table.kinds)
+    report, load = {}, None
+
+    def batched(system, modes, speeds, size):
+        start = quasi_static_start(system)
+        one = lambda speed: march(
+            system, speed, start, cycles=cycles, stepper=Newmark(), modes=modes
+        )
+        return jax.lax.map(lambda speed: one(speed).load, speeds, batch_size=size)
+
+    # More speeds at once than the caches hold are slower again.
+    for size in (speeds.size, _BATCH):
+        compiling, seconds, load = timed(
+            functools.partial(batched, size=size), system, modes, speeds, repeats=5
+        )
+        each = 1e6 * seconds / (cycles * steps * speeds.size)
+        report[f"march_{size}_us"] = each
+        name = f"a step of a march, {size} speeds batched"
+        print(f"{name:<58} {each:8.2f} us   compile {compiling:5.1f} s")
+    plain = lambda x: np.ascontiguousarray(np.asarray(x))
+    table = system.table
+    parts = modes.square, modes.damping, modes.mesh, modes.load, system.mean
+    parts += table.edges, table.stiffness, table.gap, table.arms
+    modal = loops.Modal(*map(plain, parts))
+    # The same motion, to see that it is the same algorithm.
+    last = speeds.size // 2
+    frequency = system.teeth * float(speeds[last])
+    start = plain(jax.jit(quasi_static_start)(system) @ (modes.shape.T @ system.mass).T)
+    path = loops.numpy_march(modal, frequency, start, cycles)
+    apart = np.max(np.abs(path.load[-steps:, 0] - plain(load)[last, :, 0])) / float(system.force)
+    print(f"{'  its largest difference from the loop below':<58} {apart:8.1e} of the force")
+    for name, microseconds, solves in loops.timings(modal, frequency, 400):
+        note = f"{microseconds / each:.1f} x, {solves:.2f} Newton steps"
+        print(f"{f'  {name}, one speed':<58} {microseconds:8.2f} us   {note}")
+        report[f"{name}_us"] = microseconds
+        report[f"{name}_over_march"] = microseconds / each
+    if "numba_us" not in report:
+        print("  numba is not installed: no comparison")
+    return report | {"march_differs_from_loop": float(apart)}
+
+
+def _both_directions(system, speeds) -> dict:
+    """Up and down with Floquet and responses over two periods, and round the folds."""
+    import numpy as np
+
+    from jaxgear._dynamics._continuation import continuation
+    from jaxgear._dynamics._sweep import sweep
+
+    values = np.asarray(speeds)
+
+    def whole():
+        ways = [sweep(system, values, way) for way in ("up", "down")]
+        return ways, continuation(system, float(values[0]), float(values[-1]))
+
+    seconds = []
+    for _ in range(2):
+        start = time.perf_counter()
+        (up, down), curve = whole()
+        seconds.append(time.perf_counter() - start)
+    points = [*up, *down]
+    double = sum(point.multiple == 2 for point in points)
+    lost = sum(not point.settled for point in points)
+    note = f"{double} of period 2, {lost} unsettled, {curve.speed.size} points round the folds"
+    line("both directions, round the folds", seconds[0] - seconds[1], seconds[1], note)
+    return {"both_directions_s": seconds[1], "both_directions_first_s": seconds[0]}
+
+
+def _dynamic_gradient(model, grid, speeds) -> dict:
+    """Mean square of the mesh force's fluctuation over all speeds, in 6 parameters."""
+    import equinox as eqx
+    import jax
+    import jax.numpy as jnp
+
+    import jaxgear as jg
+    from jaxgear._dynamics._sweep import steady_states
+    from jaxgear._dynamics._system import pair_dynamics
+    from jaxgear._response._dynamic import contact_force, orbit_variance
+
+    def objective(x):
+        pinion, wheel = (
+            jg.Superposed((jg.TipRelief(x[i] * jg.um, x[i + 1]), jg.Crowning(x[i + 2] * jg.um)))
+            for i in (0, 3)
+        )
+        corrected = eqx.tree_at(lambda m: m.flanks, model, jg.Flanks(pinion, wheel))
+        system = pair_dynamics(corrected, grid).system
+        orbits = steady_states(system, speeds)
+        force = lambda orbit: contact_force(system, orbit) / system.force
+        return jnp.mean(jax.vmap(lambda orbit: orbit_variance(system, force(orbit)))(orbits))
+
+    x = jnp.asarray([12.0, 0.25, 3.0, 12.0, 0.25, 3.0])
+    compiling, alone, _ = timed(objective, x, repeats=5)
+    compiling_too, both, (_, slope) = timed(jax.value_and_grad(objective), x, repeats=5)
+    line(f"objective over {speeds.size} speeds", compiling, alone)
+    line("  with its gradient", compiling_too, both, f"{both / alone:.2f} x alone")
+    finite = bool(jnp.all(jnp.isfinite(slope)))
+    return {"objective_ms": 1e3 * alone, "gradient_over_objective": both / alone, "finite": finite}
 
 
 def _draw(rows: list[dict], folder: Path) -> None:

@@ -3,6 +3,12 @@
 Built on the public names of `jaxgear` alone.
 """
 
+from optimise._dynamic_objectives import AbstractResponse as AbstractResponse
+from optimise._dynamic_objectives import DynamicErrorVariance as DynamicErrorVariance
+from optimise._dynamic_objectives import DynamicRatio as DynamicRatio
+from optimise._dynamic_objectives import Judged as Judged
+from optimise._dynamic_objectives import OverSpeeds as OverSpeeds
+from optimise._dynamic_objectives import require_regular as require_regular
 from optimise._master_curve import ReliefMap as ReliefMap
 from optimise._master_curve import Valley as Valley
 from optimise._master_curve import master_curve_depth as master_curve_depth

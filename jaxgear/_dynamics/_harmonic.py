@@ -432,7 +432,7 @@ def _loads(
     mesh, *others = problem.samples
     if others:
         first, last = (values @ terms.T for values in problem.times)
-        load, *slopes = jax.vmap(mean_load)(mesh, *others, first, last)
+        load, *slopes = jax.vmap(mean_load)(mesh, others[0], others[1], first, last)
         return load, load, list(zip(slopes, problem.times, strict=True))
     values = problem.times[0]
     place = values @ terms.T

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxgear._checks import require
-from jaxgear._dynamics._orbit import AbstractMethod, Orbit
+from jaxgear._dynamics._orbit import AbstractMethod, Orbit, carries
 from jaxgear._dynamics._steppers import AbstractStepper, Midpoint, Newmark, State
 from jaxgear._dynamics._system import DynamicSystem, ModalBasis, modal_basis
 from jaxgear._dynamics._table import (
@@ -105,7 +105,7 @@ class Marching(AbstractMethod):
             motion=(1.0 - part) * begun + part * history.motion,
             start=history.start,
             residual=drift,
-            settled=(drift <= self.tolerance) & history.converged,
+            settled=(drift <= self.tolerance) & history.converged & carries(system, history.load),
             steps=jnp.asarray(float(self.cycles)),
         )
 

@@ -64,6 +64,27 @@ class AbstractMethod(eqx.Module):
         """
 
 
+# A response whose mean mesh force is below this part of the static one has lost the teeth.
+_CARRIED = 0.5
+
+
+def carries(system: DynamicSystem, load: StepPlaces) -> Flag:
+    """Whether a response carries the load: one that has run away repeats, relative to its size.
+
+    **Arguments:**
+
+    - `system`: what moves.
+    - `load`: of the mesh on its coordinates, at each step [N, N m].
+
+    **Returns:**
+
+    Whether the drive flanks' mean force is of the size of the static one.
+    """
+    lengths = system.table.lengths
+    share = jnp.tile(lengths, load.shape[0] // lengths.size)
+    return jnp.sum(share * load[:, 0]) >= _CARRIED * system.force * jnp.sum(share)
+
+
 def mesh_scales(system: DynamicSystem) -> Coordinates:
     """Sizes of the mesh coordinates: static deflection, and the tilt that moves cells as far.
 

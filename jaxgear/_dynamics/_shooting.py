@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 from jaxgear._checks import require
 from jaxgear._dynamics._march import March, cycle, march_of, quasi_static_start
-from jaxgear._dynamics._orbit import AbstractMethod, Orbit
+from jaxgear._dynamics._orbit import AbstractMethod, Orbit, carries
 from jaxgear._dynamics._steppers import AbstractStepper, Exponential
 from jaxgear._dynamics._system import DynamicSystem, ModalBasis, modal_basis
 from jaxgear._dynamics._table import (
@@ -114,7 +114,7 @@ class Shooting(AbstractMethod):
             motion=middle @ modes.shape.T,
             start=state @ modes.shape.T,
             residual=error,
-            settled=error <= self.tolerance,
+            settled=(error <= self.tolerance) & carries(system, load),
             steps=steps,
         )
 

@@ -149,7 +149,6 @@ def test_steady_responses_have_derivatives_in_everything(speed, parts):
     size = np.maximum(np.abs(expected), 1e-3 * np.abs(np.asarray(value))[:, None])
     for found in (forward, reverse):
         wrong = np.abs(np.asarray(found) - expected) / size
-        print(wrong.max(axis=0))
         assert wrong.max() < 1e-5, (_VARIABLES[int(wrong.max(axis=0).argmax())], wrong.max())
     # All of them matter.
     assert np.all(np.abs(expected / np.asarray(value)[:, None]).max(axis=0) > 1e-3)
