@@ -471,7 +471,7 @@ def _floquet(system, modes, speeds) -> dict:
     import jax
     import numpy as np
 
-    from jaxgear._dynamics._shooting import monodromy, multipliers
+    from jaxgear._dynamics._floquet import monodromy, multipliers
     from jaxgear._dynamics._sweep import steady_states
 
     def matrices(system, modes, speeds):

@@ -152,8 +152,8 @@ from jaxgear._dynamics._harmonic import HarmonicBalance as HarmonicBalance
 from jaxgear._dynamics._harmonic import balance_of as balance_of
 from jaxgear._dynamics._harmonic import terms_of as terms_of
 from jaxgear._dynamics._shooting import Shooting as Shooting
-from jaxgear._dynamics._shooting import monodromy as monodromy
-from jaxgear._dynamics._shooting import multipliers as multipliers
+from jaxgear._dynamics._floquet import monodromy as monodromy
+from jaxgear._dynamics._floquet import multipliers as multipliers
 from jaxgear._dynamics._sweep import SweepPoint as SweepPoint
 from jaxgear._dynamics._sweep import SweepSettings as SweepSettings
 from jaxgear._dynamics._sweep import steady_state as steady_state

@@ -23,10 +23,14 @@ from jaxgear._app import _pictures as pictures
 from jaxgear._app._design import (
     DesignSpace,
     design_space,
+    is_dynamic,
+    judged_speeds,
+    left_out,
     objective_function,
     objective_of,
     prepared_mesh,
     refuse_unbounded,
+    require_swept,
     round_up,
 )
 from jaxgear._app._dynamics import (
@@ -50,9 +54,9 @@ from jaxgear._app._dynamics import (
     sweep_summary,
     way_of,
 )
-from jaxgear._app._gradients import gradient_table
+from jaxgear._app._gradients import dynamic_table, gradient_table
 from jaxgear._app._model import model_of, smooth_law_of
-from jaxgear._app._notes import notes, sweep_notes
+from jaxgear._app._notes import left_out_notes, notes, steady_notes, sweep_notes
 from jaxgear._app._results import static_dataset, write_csv, write_dataset, write_json
 from jaxgear._app._scene import Scene, rewrite_scene, write_scene
 from jaxgear._app._schema import GEARS, KEYS, general
@@ -122,6 +126,7 @@ def run(scene: Scene, folder: Path, quiet: bool) -> Summary:
     model_of(scene)
     if scene.has_table("optimise"):
         refuse_unbounded(scene, tuple(scene["optimise.vary"]))
+        require_swept(scene)
     with _progress(2, "mesh cycle", quiet) as done:
         torques = _harris_torques(scene)
         statics = solve_statics(scene, watch, torques)
@@ -148,7 +153,9 @@ def run(scene: Scene, folder: Path, quiet: bool) -> Summary:
     if scene.has_table("sizing"):
         summary |= _sizing(scene, statics, folder, quiet, watch)
     if scene.has_table("optimise"):
-        summary |= _optimisation(scene, statics, folder, quiet, watch, torques)
+        found = _optimisation(scene, statics, folder, quiet, watch, torques)
+        summary["notes"] += found.pop("notes")
+        summary |= found
     return _finish(scene, folder, summary, watch)
 
 
@@ -259,10 +266,13 @@ def optimise_flanks(scene: Scene, folder: Path, quiet: bool) -> Summary:
     Arguments, results and errors as for `run`.
     """
     refuse_unbounded(scene, tuple(scene["optimise.vary"]))
+    require_swept(scene)
     watch = Stopwatch()
     statics = solve_statics(scene, watch)
-    summary = _head(scene, statics) | _optimisation(scene, statics, folder, quiet, watch)
-    return _finish(scene, folder, summary, watch)
+    summary = _head(scene, statics)
+    found = _optimisation(scene, statics, folder, quiet, watch)
+    summary["notes"] += found.pop("notes")
+    return _finish(scene, folder, summary | found, watch)
 
 
 def sweep_speeds(scene: Scene, folder: Path, quiet: bool) -> Summary:
@@ -370,11 +380,19 @@ def check_gradients(scene: Scene, folder: Path, quiet: bool) -> Summary:
     """
     watch = Stopwatch()
     laws = {"exact": ExactContact(), "smooth": smooth_law_of(scene)}
-    table = []
-    with _progress(len(laws), "derivatives", quiet) as done:
+    table, steady = [], []
+    moving = scene.has_table("sweep")
+    with _progress(len(laws) + moving, "derivatives", quiet) as done:
         for name, law in laws.items():
             table += [(name, row) for row in gradient_table(scene, law, watch)]
             done(1)
+        if moving:
+            rows, steady = dynamic_table(scene, laws, watch)
+            table += rows
+            done(1)
+    remarks = steady_notes(steady)
+    for remark in remarks:
+        _warn(remark)
     columns = {
         name: np.asarray([getattr(row, name) for _, row in table])
         for name in ("response", "key", "forward", "reverse", "difference", "error", "verdict")
@@ -382,20 +400,25 @@ def check_gradients(scene: Scene, folder: Path, quiet: bool) -> Summary:
     write_csv(
         {"contact": np.asarray([name for name, _ in table])} | columns, folder / "gradients.csv"
     )
-    counts = {
-        verdict: int(np.sum(columns["verdict"] == verdict))
-        for verdict in ("ok", "no effect", "shares a place", "set changes", "WRONG")
-    }
+    verdicts = ["ok", "no effect", "shares a place", "set changes", "WRONG"]
+    if moving:
+        verdicts.insert(1, "ok to 1e-5")
+    counts = {verdict: int(np.sum(columns["verdict"] == verdict)) for verdict in verdicts}
+    counts["WRONG"] += int(np.sum(columns["verdict"] == "WRONG at 1e-5"))
     judged = columns["error"][columns["verdict"] == "ok"]
+    in_motion = columns["error"][columns["verdict"] == "ok to 1e-5"]
     summary = _names(scene) | {
         "check_grad": {
             "verdicts": counts,
             "largest_error_ok": float(np.max(judged, initial=0.0)),
+            "largest_error_ok_to_1e-5": float(np.max(in_motion, initial=0.0)),
+            "dynamics": [dataclasses.asdict(point) for point in steady],
             "rows": [
                 {"contact": name, **{key: getattr(row, key) for key in columns}}
                 for name, row in table
             ],
-        }
+        },
+        "notes": remarks,
     }
     return _finish(scene, folder, summary, watch)
 
@@ -615,11 +638,20 @@ def _optimisation(
     prepared = prepared_mesh(space, grid, watch)
     smooth = objective_function(space, grid, smooth_law_of(scene), prepared)
     exact = jax.jit(objective_function(space, grid, ExactContact(), prepared))
+    judged = judged_speeds(space, grid, ExactContact())
+    judged_before = judged(space.start)
+    _require_half(judged_before)
     start = time.perf_counter()
-    found = _descent(space.start, space, smooth, quiet)
+    try:
+        found = _descent(space.start, space, smooth, quiet)
+    except FloatingPointError as error:
+        if not is_dynamic(scene):
+            raise
+        raise SolverFailure(f"{error} {_TOO_FEW}") from error
     seconds = time.perf_counter() - start
+    limits = _FEW_MEMBERS if is_dynamic(scene) else {}
     with _progress(1, "differential evolution", quiet) as done:
-        baseline = optimise.differential_evolution(smooth, space.box)
+        baseline = optimise.differential_evolution(smooth, space.box, **limits)
         done(1)
     rival = baseline.point, baseline.value
     found, restarted = _unless_beaten(found, *rival, space, smooth, quiet)
@@ -643,8 +675,14 @@ def _optimisation(
         )
     }
     if not np.isfinite(list(objectives.values())).all():
-        raise SolverFailure("the contact was not solved where the search began or ended")
+        more = f", or {_TOO_FEW}" if is_dynamic(scene) else ""
+        raise SolverFailure(f"the contact was not solved where the search began or ended{more}")
+    judged_after = judged(np.asarray(found.point))
+    remarks = left_out_notes(judged_before, judged_after, limited=baseline.evaluations)
+    for remark in remarks:
+        _warn(remark)
     return {
+        "notes": remarks,
         "optimise": {
             "minimise": scene.get("optimise.minimise", "weighted table"),
             "torques_Nm": torques_of(scene, "optimise.torques_Nm"),
@@ -671,7 +709,24 @@ def _optimisation(
             },
             "scene": str(destination),
         }
+        | left_out(judged_before, judged_after),
     }
+
+
+# With responses at many speeds an evaluation takes a second, not a millisecond.
+_FEW_MEMBERS = {"population": 5, "most_generations": 10}
+
+_TOO_FEW = (
+    "fewer than half of the speeds of [sweep] have a response that has settled and is not close to "
+    "a fold. Raise the damping, or sweep other speeds."
+)
+
+
+def _require_half(judged: list[tuple[float, optimise.Judged]]) -> None:
+    """Refuse a search that begins where most speeds do not count."""
+    for _, each in judged:
+        if 2 * int(np.sum(each.kept)) < each.speed.size:
+            raise SolverFailure(_TOO_FEW)
 
 
 def _rewrite(scene: Scene, keys: dict[str, float], destination: Path) -> None:

@@ -20,10 +20,11 @@ from jaxgear._app._model import grid_of, model_of
 from jaxgear._app._scene import Scene
 from jaxgear._app._statics import SolverFailure, Stopwatch, require_solved
 from jaxgear._checks import require
+from jaxgear._dynamics._floquet import monodromy, multipliers
 from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._march import Marching, quasi_static_start
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit
-from jaxgear._dynamics._shooting import Shooting, monodromy, multipliers
+from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steppers import (
     AbstractStepper,
     Exponential,

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -11,7 +12,7 @@ import numpy as np
 import optimise
 from jaxgear._app._dynamics import damping_of, dynamic_grid_of, speeds_of
 from jaxgear._app._model import flanks_of, model_of, shared_places
-from jaxgear._app._scene import Scene
+from jaxgear._app._scene import Mistake, Scene, SceneError
 from jaxgear._app._schema import GEARS, split_entry
 from jaxgear._app._statics import Stopwatch, torques_of
 from jaxgear._checks import InputError
@@ -351,11 +352,7 @@ def objective_of(
 def _over_speeds(scene: Scene, grid: MeshGrid | None) -> optimise.OverSpeeds:
     """The dynamic ratio over the speeds of [sweep]."""
     if not scene.has_table("sweep"):
-        raise InputError(
-            "optimise.minimise names dynamic_ratio, which is taken over the speeds of [sweep], and "
-            "there is no such table. Add one, such as:\n[sweep]\n"
-            "pinion_speed_rad_s = { from = 50.0, to = 3000.0, points = 100 }"
-        )
+        raise InputError(f"optimise.minimise {_NO_SPEEDS}")
     steps = scene["sweep.steps"]
     if grid is None:
         grid = dynamic_grid_of(scene, model_of(scene))
@@ -381,25 +378,27 @@ def _over_speeds(scene: Scene, grid: MeshGrid | None) -> optimise.OverSpeeds:
     )
 
 
+_Judged = list[tuple[float, optimise.Judged]]
+
+
 def judged_speeds(
-    space: DesignSpace, grid: MeshGrid, law: AbstractContactLaw, values: np.ndarray
-) -> list[tuple[float, optimise.Judged]]:
-    """What each speed contributes to the objective at a point, if it looks at speeds.
+    space: DesignSpace, grid: MeshGrid, law: AbstractContactLaw
+) -> Callable[[np.ndarray], _Judged]:
+    """What each speed contributes to the objective, if it looks at speeds.
 
     **Arguments:**
 
     - `space`: variables of the scene.
     - `grid`: of the quasi-static cycles.
     - `law`: contact law.
-    - `values`: of the variables, in the units of their keys.
 
     **Returns:**
 
-    For each torque [N m] the numbers, and which of them count: the user must hear of those that
-    do not.
+    A function of the variables, in the units of their keys: for each torque [N m] the numbers, and
+    which of them count, for the user must hear of those that do not.
     """
     if not is_dynamic(space.scene):
-        return []
+        return lambda values: []
     over_speeds = _over_speeds(space.scene, grid)
 
     @jax.jit
@@ -407,8 +406,77 @@ def judged_speeds(
         model = eqx.tree_at(lambda m: m.torque, space.model(values), torque)
         return over_speeds.judged(model, law)
 
-    torques = torques_of(space.scene, "optimise.torques_Nm")
-    return [(float(t), judge(jnp.asarray(values), jnp.asarray(float(t)))) for t in torques]
+    torques = [float(torque) for torque in torques_of(space.scene, "optimise.torques_Nm")]
+    return lambda values: [(t, judge(jnp.asarray(values), jnp.asarray(t))) for t in torques]
+
+
+def left_out(before: _Judged, after: _Judged) -> dict[str, list[dict[str, Any]]]:
+    """Part of the summary: speeds that do not count where a search began and ended."""
+    if not before:
+        return {}
+    listed = lambda judged: [
+        {
+            "torque_Nm": torque,
+            "count": int(each.left_out.size),
+            "of": int(each.speed.size),
+            "speeds_rad_s": np.asarray(each.left_out),
+        }
+        for torque, each in judged
+    ]
+    return {"speeds_left_out_before": listed(before), "speeds_left_out_after": listed(after)}
+
+
+def require_swept(scene: Scene) -> None:
+    """Refuse an objective over speeds in a scene that has none, or none that can be computed.
+
+    **Arguments:**
+
+    - `scene`: with a table [optimise].
+
+    **Raises:**
+
+    - `SceneError` with every mistake.
+    """
+    if not is_dynamic(scene):
+        return
+    found = []
+
+    def mistake(key: str, message: str) -> None:
+        found.append(Mistake(scene.where(key), key, message))
+
+    if not scene.has_table("sweep"):
+        weighted = f"optimise.minimise.{_DYNAMIC}"
+        mistake(weighted if weighted in scene.values else "optimise.minimise", _NO_SPEEDS)
+    steps, harmonics = scene["sweep.steps"], scene["sweep.harmonics"]
+    if 2 * harmonics >= steps:
+        mistake(
+            "sweep.harmonics",
+            f"got {harmonics}, must be less than half of sweep.steps, {steps}: there are no more "
+            "harmonics in so few time steps",
+        )
+    modal = scene["damping.kind"] == "modal"
+    damped = ("mesh", "structure") if modal else ("a_R_1_s", "b_R_s")
+    if not any(scene[f"damping.{key}"] for key in damped):
+        mistake(
+            f"damping.{damped[0]}",
+            f"no damping: at a resonance there is no steady response. Give damping.{damped[0]} or "
+            f"damping.{damped[1]} a value > 0",
+        )
+    if scene["damping.active_mesh"] and not modal:
+        mistake(
+            "damping.active_mesh",
+            "got true, which needs a damping ratio of the mesh: Rayleigh damping has none. Write "
+            'damping.kind = "modal"',
+        )
+    if found:
+        raise SceneError(found)
+
+
+_NO_SPEEDS = (
+    "names dynamic_ratio, which is taken over the speeds of [sweep], and there is no such table. "
+    "Add one, such as:\n[sweep]\n"
+    "pinion_speed_rad_s = { from = 50.0, to = 3000.0, points = 100 }"
+)
 
 
 def prepared_mesh(space: DesignSpace, grid: MeshGrid, watch: Stopwatch) -> PreparedMesh | None:

@@ -1313,7 +1313,13 @@ def compare(
     """
     figure, (axes,) = _panels((9.6, 6.2), title)
     families = list(dict.fromkeys(str(rung["family"]) for rung in rungs))
-    looks = dict(zip(families, itertools.cycle(zip(_SERIES, "os^vDP*", strict=True)), strict=False))
+    looks = dict(
+        zip(
+            families,
+            zip(itertools.cycle(_SERIES), itertools.cycle("os^vDP*X"), strict=False),
+            strict=False,
+        )
+    )
     place = _rung_places(rungs, tolerance)
     handles = []
     for family in families:

@@ -1,18 +1,33 @@
 """Every derivative of a scene's responses, three ways: forward, reverse, central differences."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 
+from jaxgear._app._dynamics import (
+    MOST_UNKNOWNS,
+    dynamic_grid_of,
+    dynamics_of,
+    size_of,
+    speeds_of,
+    unknowns_of,
+)
 from jaxgear._app._model import grid_of, model_of, shared_places
 from jaxgear._app._scene import Scene
 from jaxgear._app._schema import split_entry
 from jaxgear._app._statics import Stopwatch, require_solved
 from jaxgear._contact._cells import at_line_loads, flank_coordinates, nominal_line_load
+from jaxgear._dynamics._continuation import condition
+from jaxgear._dynamics._harmonic import Balance, HarmonicBalance, balance_of
+from jaxgear._dynamics._orbit import Orbit
+from jaxgear._dynamics._system import PairDynamics
+from jaxgear._dynamics._table import END, MIDDLE, START, cell_forces, mesh_at
+from jaxgear._dynamics._types import Terms
 from jaxgear._flank._deviations import (
     AbstractFlankDeviation,
     EndRelief,
@@ -21,7 +36,14 @@ from jaxgear._flank._deviations import (
     TipRelief,
 )
 from jaxgear._flank._measured import MeasuredProfile, MeasuredTopography
-from jaxgear._interface._laws import AbstractContactLaw, SmoothContact
+from jaxgear._interface._laws import AbstractContactLaw, ExactContact, SmoothContact
+from jaxgear._response._dynamic import (
+    bearing_loads,
+    dynamic_transmission_error,
+    orbit_rms,
+    order_amplitudes,
+    smooth_dynamic_ratio,
+)
 from jaxgear._response._factors import smooth_face_load_factor
 from jaxgear._response._loads import hertz_pressure
 from jaxgear._response._transmission import (
@@ -48,16 +70,30 @@ RESPONSES = (
 # Of a pair on shafts: sum of squares over bearings and directions, at the mean mesh load.
 ON_BEARINGS = ("bearing_displacement_squared_um2", "bearing_load_squared_N2")
 
+# Of a steady response: the force is the root of the sum of squares over bearings and directions
+# of the amplitudes at the mesh frequency, for a pair on shafts.
+IN_MOTION = ("te_rms_dynamic_um", "smooth_dynamic_ratio")
+BEARINGS_IN_MOTION = ("bearing_force_order_1_N",)
+SPEED = "sweep.pinion_speed_rad_s"
+
 # Widths of the smooth maxima, as the optimiser's: of the pressure [Pa], of the range of the
-# transmission error [um], of the load per face width over its mean [-].
+# transmission error [um], of the load per face width over its mean [-], of the mesh force over
+# the static one [-].
 _PRESSURE_WIDTH = 5.0 * MPa
 _RANGE_WIDTH = 0.02
 _FACE_WIDTH = 0.01
+_RATIO_WIDTH = 0.02
 
 # Relative error that a derivative may have against central differences, and below which share
 # of the response over the step's scale it counts as none.
 _TOLERANCE = 1e-6
 _NO_EFFECT = 1e-12
+
+# Of a steady response, which is as much more sensitive as it is close to a resonance. Below the
+# condition it is at a fold, or so close that it has no useful derivative.
+_DYNAMIC_TOLERANCE = 1e-5
+_LEAST_CONDITION = 1e-2
+_SETTLED = 1e-12
 
 
 # The backward pass through all of the geometry is thousands of scalar operations. Fusing them
@@ -77,7 +113,8 @@ class GradientRow:
     - `error`: largest relative deviation of the first two from the third.
     - `verdict`: `ok`, `no effect`, `shares a place` (of a point on a shaft, which moves with
       another one), `set changes` (contact or relief is not the same on both
-      sides of the difference, which then proves nothing) or `WRONG`.
+      sides of the difference, which then proves nothing) or `WRONG`; of a steady response
+      `ok to 1e-5` and `WRONG at 1e-5`.
     """
 
     response: str
@@ -157,6 +194,254 @@ def gradient_table(scene: Scene, law: AbstractContactLaw, watch: Stopwatch) -> l
     ]
 
 
+@dataclasses.dataclass(frozen=True)
+class SteadyPoint:
+    """The steady response that is differentiated, or why none is.
+
+    **Fields:**
+
+    - `contact`: name of the contact law.
+    - `speed_rad_s`: of the pinion, the middle one of [sweep].
+    - `residual`: imbalance of the harmonics, in static deflections.
+    - `condition`: 1 for a linear system, 0 at a fold.
+    - `verdict`: `ok`, `not settled`, `near a fold`, or `too many unknowns` (a cycle of many mesh
+      periods is too long for harmonic balance).
+    """
+
+    contact: str
+    speed_rad_s: float
+    residual: float | None
+    condition: float | None
+    verdict: str
+
+
+def dynamic_table(
+    scene: Scene,
+    laws: Mapping[str, AbstractContactLaw],
+    watch: Stopwatch,
+    only: tuple[str, ...] | None = None,
+) -> tuple[list[tuple[str, GradientRow]], list[SteadyPoint]]:
+    """Compare the derivatives of a steady response by all real keys, damping and speed.
+
+    Harmonic balance at the middle speed of the scene. What is built of the keys, and the response
+    of what is built, are differentiated one after the other, and chained.
+
+    **Arguments:**
+
+    - `scene`: with a table [sweep].
+    - `laws`: contact laws and their names.
+    - `watch`: keeps the time.
+    - `only`: keys beside the speed; without it all real ones, and those of the damping.
+
+    **Returns:**
+
+    For each law one row per response and key, unless its point says why there is none; and the
+    points.
+
+    **Raises:**
+
+    - `SolverFailure` if a phase was not solved at the scene itself.
+    """
+    speeds = speeds_of(scene)
+    speed = float(speeds[len(speeds) // 2])
+    base = model_of(scene)
+    grid = dynamic_grid_of(scene, base)
+    keys = scene.real_keys() + _damping_keys(scene) if only is None else only
+    centre = np.asarray([scene[key] for key in keys] + [speed], dtype=float)
+    sizes = np.asarray([_size(key, float(scene[key])) for key in keys] + [speed])
+
+    def build(values: Reals) -> tuple[PairModel, PairDynamics]:
+        changed = scene.replace(dict(zip(keys, values, strict=True)))
+        model = model_of(changed)
+        return model, dynamics_of(changed, model, grid)
+
+    def flat(values: Reals) -> tuple[Reals, PairDynamics]:
+        dynamics = build(values)[1]
+        return ravel_pytree(eqx.filter(_moving(dynamics), eqx.is_inexact_array))[0], dynamics
+
+    def linearised(values: Reals, weights: Reals) -> tuple[Reals, PairDynamics, Reals, Reals]:
+        # As in `gradient_table`: both directions share one linearisation.
+        value, push, dynamics = jax.linearize(flat, values, has_aux=True)
+        pull = jax.linear_transpose(push, values)
+        columns = jax.lax.map(push, jnp.eye(len(keys)))
+        return value, dynamics, columns, jax.lax.map(lambda row: pull(row)[0], weights)
+
+    own = jnp.asarray(centre[:-1])
+    shape, still = jax.eval_shape(flat, own)
+    names = _dynamic_names(still)
+    # The weights follow from the response, and that from what is built: the program runs twice.
+    weights = jnp.zeros((len(laws) * len(names), *shape.shape))
+    value, dynamics, columns, _ = watch(linearised, own, weights, options=_UNFUSED)
+    require_solved(dynamics.cycle.converged)
+    if unknowns_of(scene, size_of(dynamics)) > MOST_UNKNOWNS:
+        return [], [SteadyPoint(name, speed, None, None, "too many unknowns") for name in laws]
+    methods = {name: _method(scene, dynamics, law) for name, law in laws.items()}
+    found = {
+        name: watch(_steady_derivatives(method), value, jnp.asarray(speed), dynamics, columns)
+        for name, method in methods.items()
+    }
+    points = [_steady_point(name, speed, each[-1]) for name, each in found.items()]
+    good = [point.contact for point in points if point.verdict == "ok"]
+    if not good:
+        return [], points
+
+    def evaluate(values: Reals) -> tuple[Reals, tuple[Flags, Flags]]:
+        model, dynamics = build(values[:-1])
+        numbers, pieces = [], [_pieces(model, dynamics.cycle, ExactContact()).astype(int)]
+        for name in good:
+            orbit, terms, balance = _solved(methods[name], dynamics, values[-1])
+            numbers += _dynamic_responses(dynamics, orbit)
+            pieces.append(_closed(balance, orbit, terms).astype(int))
+        return jnp.stack(numbers), (jnp.concatenate(pieces), dynamics.cycle.converged)
+
+    rows = jnp.concatenate([found[name][2] for name in good])
+    weights = weights.at[: len(rows)].set(rows)
+    reverse = np.asarray(watch(linearised, own, weights, options=_UNFUSED)[-1])
+    difference, same = _differences(
+        evaluate, centre, sizes, None, watch, steps=_DYNAMIC_STEPS, most=_FEWER
+    )
+    shared = shared_places(scene, base)
+    table = []
+    for place, name in enumerate(good):
+        numbers, forward, by_speed = (np.asarray(found[name][k]) for k in (0, 1, 3))
+        for i, response in enumerate(names):
+            row = place * len(names) + i
+            for j, key in enumerate((*keys, SPEED)):
+                last = j == len(keys)
+                judged = _row(
+                    response,
+                    key,
+                    forward[j, i],
+                    by_speed[i] if last else reverse[row, j],
+                    difference[j, row],
+                    scale=abs(float(numbers[i])) / sizes[j],
+                    same=bool(same[j, row]),
+                    tolerance=_DYNAMIC_TOLERANCE,
+                )
+                table.append((name, _worded(judged, shared)))
+    return table, points
+
+
+# Points of a difference in one call, each with a pair in motion; longer steps, because the rounding
+# of modes and harmonics is larger than that of statics.
+_FEWER = 60
+_DYNAMIC_STEPS = (4e-4, 1e-4, 2e-5)
+
+
+def _worded(row: GradientRow, shared: Mapping[str, str]) -> GradientRow:
+    """The row of a steady response with a verdict that says how close is close enough."""
+    words = {"ok": "ok to 1e-5", "WRONG": "WRONG at 1e-5"}
+    if row.key in shared:
+        words["no effect"] = "shares a place"
+    return dataclasses.replace(row, verdict=words.get(row.verdict, row.verdict))
+
+
+def _damping_keys(scene: Scene) -> tuple[str, ...]:
+    """The damping that a scene has."""
+    modal = scene["damping.kind"] == "modal"
+    return tuple(
+        f"damping.{key}" for key in (("mesh", "structure") if modal else ("a_R_1_s", "b_R_s"))
+    )
+
+
+def _moving(dynamics: PairDynamics) -> tuple:
+    """The parts of a pair that steady responses are found from."""
+    return dynamics.system, dynamics.cycle.system.structure
+
+
+def _method(scene: Scene, dynamics: PairDynamics, law: AbstractContactLaw) -> HarmonicBalance:
+    """Harmonic balance of a scene; exact contact averaged over time steps, as when optimising."""
+    averaged = isinstance(law, ExactContact) and dynamics.system.cell_damping is None
+    return HarmonicBalance(
+        law=law, harmonics=scene["sweep.harmonics"], averaged=averaged, tolerance=_SETTLED
+    )
+
+
+def _solved(
+    method: HarmonicBalance, dynamics: PairDynamics, speed: Scalar
+) -> tuple[Orbit, Terms, Balance]:
+    """A steady response, its harmonics, and the balance that they are in."""
+    balance = balance_of(method, dynamics.system)
+    return *method.solve(balance, speed), balance
+
+
+def _dynamic_names(dynamics: PairDynamics) -> tuple[str, ...]:
+    return IN_MOTION + (BEARINGS_IN_MOTION if _has_bearings(dynamics) else ())
+
+
+def _has_bearings(dynamics: PairDynamics) -> bool:
+    return bool(dynamics.cycle.system.structure.map.bearings)
+
+
+def _dynamic_responses(dynamics: PairDynamics, orbit: Orbit) -> list[Scalar]:
+    """The responses of a steady response, in the units of their names."""
+    system = dynamics.system
+    error = dynamic_transmission_error(system, orbit)
+    found = [
+        orbit_rms(system, error) / um,
+        smooth_dynamic_ratio(system, orbit, jnp.asarray(_RATIO_WIDTH)),
+    ]
+    if _has_bearings(dynamics):
+        order = order_amplitudes(system, bearing_loads(dynamics, orbit), 1)[0]
+        found.append(jnp.sqrt(jnp.sum(order[:, :3] ** 2)))
+    return found
+
+
+def _steady_derivatives(method: HarmonicBalance) -> Callable:
+    """A function of what was built, its speed and its tangents, for derivatives of the response.
+
+    It returns the responses; their derivatives by each tangent and by the speed, one row each;
+    their derivatives by what was built, and by the speed; and what to judge the response by.
+    """
+
+    def derivatives(flat: Reals, speed: Scalar, dynamics: PairDynamics, columns: Reals):
+        real, other = eqx.partition(_moving(dynamics), eqx.is_inexact_array)
+        unravel = ravel_pytree(real)[1]
+
+        def respond(flat: Reals, speed: Scalar) -> tuple[Reals, tuple[Orbit, Terms]]:
+            moved = eqx.tree_at(_moving, dynamics, eqx.combine(unravel(flat), other))
+            orbit, terms, _ = _solved(method, moved, speed)
+            return jnp.stack(_dynamic_responses(moved, orbit)), (orbit, terms)
+
+        value, push, (orbit, terms) = jax.linearize(respond, flat, speed, has_aux=True)
+        pull = jax.linear_transpose(push, flat, speed)
+        still = jnp.zeros(())
+        forward = jax.lax.map(lambda column: push(column, still), columns)
+        by_speed = push(jnp.zeros_like(flat), jnp.ones(()))
+        rows, speeds = jax.lax.map(pull, jnp.eye(value.size))
+        apart = condition(balance_of(method, dynamics.system), terms, speed)
+        forward = jnp.concatenate([forward, by_speed[None]])
+        return value, forward, rows, speeds, (orbit.residual, orbit.settled, apart)
+
+    return derivatives
+
+
+def _steady_point(contact: str, speed: float, seen: tuple[Scalar, Flag, Scalar]) -> SteadyPoint:
+    """Judge whether a response has useful derivatives."""
+    residual, settled, apart = (float(x) for x in seen)
+    verdict = "ok" if apart >= _LEAST_CONDITION else "near a fold"
+    finite = lambda x: x if np.isfinite(x) else None
+    return SteadyPoint(
+        contact, speed, finite(residual), finite(apart), verdict if settled else "not settled"
+    )
+
+
+def _closed(balance: Balance, orbit: Orbit, terms: Terms) -> Flags:
+    """Which cells are closed wherever in time contact is evaluated."""
+    table = balance.system.table
+    if len(balance.times) == 1:
+        at = [(MIDDLE, orbit.place)]
+    else:
+        ends = zip((START, END), balance.times, strict=True)
+        at = [(part, values @ terms.T) for part, values in ends]
+    law = balance.law
+    overlap = lambda mesh, place: cell_forces(mesh, place, law)[1]
+    found = jnp.stack([jax.vmap(overlap)(mesh_at(table, part), place) for part, place in at])
+    if isinstance(law, SmoothContact):
+        return jnp.stack([found > -law.width, found > law.width]).ravel()
+    return (found > 0.0).ravel()
+
+
 def _responses(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> list[Scalar]:
     """The responses of every pair, in the units of their names."""
     error = transmission_error(model.pair, cycle) / um
@@ -205,32 +490,40 @@ def _differences(
     evaluate: Callable[[Reals], tuple[Reals, tuple[Reals, Flags]]],
     centre: np.ndarray,
     sizes: np.ndarray,
-    pieces: Reals,
+    pieces: Reals | None,
     watch: Stopwatch,
+    *,
+    steps: tuple[float, ...] = _STEPS,
+    most: int = _CHUNK,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Extrapolated central differences, and whether both sides use the same pieces as the centre.
 
-    Of three steps the one counts whose two estimates, with h and with h/2, agree best.
+    Of three steps the one counts whose two estimates, with h and with h/2, agree best. Without the
+    `pieces` of the centre they are found too; `most` points are in one call.
     """
 
     def compared(point: Reals, pieces: Reals) -> tuple[Reals, Flag]:
         responses, (own, _) = evaluate(point)
         return responses, jnp.all(own == pieces)
 
-    def chunk(points: Reals, pieces: Reals) -> tuple[Reals, Flags]:
-        return jax.lax.map(lambda point: compared(point, pieces), points)
+    def chunk(points: Reals, pieces: Reals | None) -> tuple[Reals, Flags]:
+        if pieces is not None:
+            return jax.lax.map(lambda point: compared(point, pieces), points)
+        both = jnp.concatenate([jnp.asarray(centre)[None], points])
+        responses, (own, _) = jax.lax.map(evaluate, both)
+        return responses[1:], jnp.all(own[1:] == own[:1], axis=1)
 
-    shifts = np.outer(_STEPS, [1.0, -1.0, 0.5, -0.5]).ravel()
+    shifts = np.outer(steps, [1.0, -1.0, 0.5, -0.5]).ravel()
     points = (centre + shifts[:, None, None] * np.diag(sizes)).reshape(-1, len(centre))
-    size = min(_CHUNK, len(points))
+    size = min(most, len(points))
     padded = np.pad(points, ((0, -len(points) % size), (0, 0)), mode="edge")
     parts = [
         watch(chunk, jnp.asarray(part), pieces) for part in padded.reshape(-1, size, len(centre))
     ]
     around, same = (np.concatenate(x)[: len(points)] for x in zip(*parts, strict=True))
-    shape = (len(_STEPS), 4, len(centre))
+    shape = (len(steps), 4, len(centre))
     around, same = around.reshape(*shape, -1), np.all(same.reshape(shape), axis=1)
-    step = np.asarray(_STEPS)[:, None, None] * sizes[:, None]
+    step = np.asarray(steps)[:, None, None] * sizes[:, None]
     coarse = (around[:, 0] - around[:, 1]) / (2.0 * step)
     fine = (around[:, 2] - around[:, 3]) / step
     best = np.argmin(np.abs(fine - coarse), axis=0)[None]
@@ -318,6 +611,7 @@ def _row(
     *,
     scale: float,
     same: bool,
+    tolerance: float = _TOLERANCE,
 ) -> GradientRow:
     """Judge one derivative against `scale`, the response over the size of the key."""
     largest = max(abs(forward), abs(reverse), abs(difference))
@@ -327,7 +621,7 @@ def _row(
         verdict = "WRONG"
     elif largest <= _NO_EFFECT * scale:
         verdict = "no effect"
-    elif error <= _TOLERANCE:
+    elif error <= tolerance:
         verdict = "ok"
     else:
         verdict = "WRONG" if same else "set changes"

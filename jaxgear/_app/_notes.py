@@ -1,8 +1,12 @@
 """Remarks that a reader of results should not miss: where a model is outgrown, or sees nothing."""
 
+from collections.abc import Sequence
+
 import jax
 import numpy as np
 
+import optimise
+from jaxgear._app._gradients import SteadyPoint
 from jaxgear._app._scene import Scene
 from jaxgear._app._schema import GEARS
 from jaxgear._app._statics import Statics
@@ -180,4 +184,74 @@ def sweep_notes(scene: Scene, unsettled: int, responses: int, lost: list[str]) -
         f"The branch was followed no further: {why}. What lies beyond is shown by the sweep alone."
         for why in lost
     ]
+    return found
+
+
+def steady_notes(points: Sequence[SteadyPoint]) -> list[str]:
+    """Why steady responses were not differentiated.
+
+    **Arguments:**
+
+    - `points`: those that were looked at.
+
+    **Returns:**
+
+    A sentence or two for each that has no derivative.
+    """
+    found = []
+    for point in points:
+        at = f"With {point.contact} contact the response at {point.speed_rad_s:.6g} rad/s "
+        match point.verdict:
+            case "not settled":
+                size = "not finite" if point.residual is None else f"{point.residual:.3g}"
+                why = f"has not settled, imbalance {size}"
+            case "near a fold":
+                size = "not finite" if point.condition is None else f"{point.condition:.3g}"
+                why = f"is at a fold, or close to one, condition {size}"
+            case "too many unknowns":
+                why = "is over too many mesh periods for harmonic balance"
+            case _:
+                continue
+        found.append(
+            f"{at}{why}: it has no derivatives here. The speed is the middle one of "
+            "sweep.pinion_speed_rad_s; choose others."
+        )
+    return found
+
+
+def left_out_notes(
+    before: Sequence[tuple[float, optimise.Judged]],
+    after: Sequence[tuple[float, optimise.Judged]],
+    *,
+    limited: int,
+) -> list[str]:
+    """What the dynamic ratio of a search does not cover.
+
+    **Arguments:**
+
+    - `before`, `after`: what each speed contributes, for each torque [N m], where the search began
+        and ended; empty if it did not look at speeds.
+    - `limited`: evaluations of the search without gradients.
+
+    **Returns:**
+
+    A sentence or two each.
+    """
+    if not before:
+        return []
+    found = []
+    for when, judged in (("before", before), ("after", after)):
+        for torque, each in judged:
+            if speeds := [float(speed) for speed in each.left_out]:
+                named = ", ".join(f"{speed:.5g}" for speed in speeds[:8])
+                more = ", ..." if len(speeds) > 8 else ""
+                found.append(
+                    f"{len(speeds)} of {each.speed.size} speeds were left out of the dynamic ratio "
+                    f"{when} the search, at {torque:g} N m: responses there have not settled, or "
+                    f"are close to a fold ({named}{more} rad/s)."
+                )
+    found.append(
+        f"Differential evolution was kept to {limited} evaluations, each of which is a sweep: it "
+        "is no proof that nothing better exists."
+    )
     return found

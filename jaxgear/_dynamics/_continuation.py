@@ -24,6 +24,7 @@ import scipy.optimize
 from jaxtyping import Bool, Complex, Float, PyTree
 
 from jaxgear._checks import InputError, require
+from jaxgear._dynamics._floquet import monodromy, multipliers
 from jaxgear._dynamics._harmonic import (
     Balance,
     HarmonicBalance,
@@ -32,7 +33,6 @@ from jaxgear._dynamics._harmonic import (
     linearised,
 )
 from jaxgear._dynamics._orbit import Orbit
-from jaxgear._dynamics._shooting import monodromy, multipliers
 from jaxgear._dynamics._system import DynamicSystem
 from jaxgear._dynamics._types import Terms
 from jaxgear._types import Reals, Scalar

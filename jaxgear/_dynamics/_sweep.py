@@ -17,10 +17,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxgear._checks import require
+from jaxgear._dynamics._floquet import monodromy, multipliers
 from jaxgear._dynamics._harmonic import Balance, HarmonicBalance, balance_of, terms_of
 from jaxgear._dynamics._march import History, Marching, march, quasi_static_start
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit
-from jaxgear._dynamics._shooting import Shooting, monodromy, multipliers
+from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steppers import Exponential
 from jaxgear._dynamics._system import DynamicSystem, ModalBasis, modal_basis
 from jaxgear._dynamics._types import Speeds, Start, Terms
@@ -101,7 +102,10 @@ def steady_states(
         got=jnp.min(speeds),
     )
     if not isinstance(method, HarmonicBalance):
-        return jax.vmap(lambda speed: method.orbit(system, speed, None))(speeds)
+        # So many march abreast: more fall out of the processor's cache.
+        return jax.lax.map(
+            lambda speed: method.orbit(system, speed, None), speeds, batch_size=_ABREAST
+        )
     balance = balance_of(method, system)
     one = lambda speed: method.solve(balance, speed)[0]
     # Lanes of a batch all wait for the slowest: on a CPU one after the other is faster.
@@ -118,6 +122,9 @@ _APART = 0.3
 
 # It also counts if a march of several times the length has come closer to it by this factor.
 _APPROACH = 0.8
+
+# Speeds that march side by side.
+_ABREAST = 32
 
 Direction = Literal["up", "down", "cold"]
 

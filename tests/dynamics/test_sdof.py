@@ -21,9 +21,10 @@ from dynamics.cases import (
 )
 from helpers import assert_close, observed_order
 
+from jaxgear._dynamics._floquet import monodromy, multipliers
 from jaxgear._dynamics._harmonic import HarmonicBalance, balance_of
 from jaxgear._dynamics._march import Marching, march, quasi_static_start
-from jaxgear._dynamics._shooting import Shooting, monodromy, multipliers
+from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steppers import (
     Exponential,
     GeneralizedAlpha,

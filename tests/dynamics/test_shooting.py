@@ -9,15 +9,10 @@ import numpy as np
 import pytest
 from dynamics import cases
 
+from jaxgear._dynamics._floquet import monodromy, multipliers, product_of_steps, tangents_of
 from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._march import cycle, march_of, quasi_static_start
-from jaxgear._dynamics._shooting import (
-    Shooting,
-    _monodromy,
-    _tangents,
-    monodromy,
-    multipliers,
-)
+from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steppers import Exponential, Midpoint, Newmark
 from jaxgear._dynamics._sweep import steady_state
 from jaxgear._dynamics._system import modal_basis
@@ -59,7 +54,7 @@ def test_monodromy_is_the_derivative_of_a_cycle(name, stepper):
     )()
     onto = modes.shape.T @ system.mass
     state = orbit.start @ onto.T
-    ours = jax.jit(lambda o: _monodromy(ready, _tangents(ready, o.place)))(orbit)
+    ours = jax.jit(lambda o: product_of_steps(ready, tangents_of(ready, o.place)))(orbit)
     expected = jax.jit(jax.jacfwd(over))(state).reshape(4, 4)
     np.testing.assert_allclose(ours, expected, rtol=1e-8, atol=1e-9)
 

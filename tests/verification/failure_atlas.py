@@ -33,6 +33,7 @@ from dynamics.cases import sdof_driven, sdof_parametric
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
+from jaxgear._dynamics._floquet import monodromy, multipliers
 from jaxgear._dynamics._harmonic import HarmonicBalance, balance_of
 from jaxgear._dynamics._march import (
     Marching,
@@ -43,7 +44,7 @@ from jaxgear._dynamics._march import (
     quasi_static_start,
 )
 from jaxgear._dynamics._orbit import AbstractMethod
-from jaxgear._dynamics._shooting import Shooting, monodromy, multipliers
+from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steppers import (
     AbstractStepper,
     Exponential,
