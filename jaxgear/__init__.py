@@ -117,6 +117,7 @@ from jaxgear._solve._cycle import mesh_cycle as mesh_cycle
 from jaxgear._solve._cycle import prepare_mesh as prepare_mesh
 from jaxgear._solve._cycle import quasi_static as quasi_static
 
+from jaxgear._dynamics._damping import AbstractDamping as AbstractDamping
 from jaxgear._dynamics._damping import ModalDamping as ModalDamping
 from jaxgear._dynamics._damping import RayleighDamping as RayleighDamping
 from jaxgear._dynamics._table import MeshTable as MeshTable
@@ -131,7 +132,10 @@ from jaxgear._dynamics._modes import critical_speeds as critical_speeds
 from jaxgear._dynamics._modes import modes as modes
 from jaxgear._dynamics._modes import pair_modes as pair_modes
 from jaxgear._dynamics._modes import rotating_frequencies as rotating_frequencies
+from jaxgear._dynamics._orbit import AbstractMethod as AbstractMethod
 from jaxgear._dynamics._orbit import Orbit as Orbit
+from jaxgear._dynamics._orbit import contact_force as contact_force
+from jaxgear._dynamics._steppers import AbstractStepper as AbstractStepper
 from jaxgear._dynamics._steppers import Exponential as Exponential
 from jaxgear._dynamics._steppers import GeneralizedAlpha as GeneralizedAlpha
 from jaxgear._dynamics._steppers import HilberHughesTaylor as HilberHughesTaylor
@@ -160,13 +164,15 @@ from jaxgear._dynamics._sweep import steady_state as steady_state
 from jaxgear._dynamics._sweep import steady_states as steady_states
 from jaxgear._dynamics._sweep import sweep as sweep
 from jaxgear._dynamics._continuation import Curve as Curve
+from jaxgear._dynamics._continuation import CurvePoint as CurvePoint
 from jaxgear._dynamics._continuation import condition as condition
 from jaxgear._dynamics._continuation import continuation as continuation
+from jaxgear._dynamics._continuation import doubled as doubled
 from jaxgear._dynamics._continuation import fold_gradient as fold_gradient
+from jaxgear._dynamics._continuation import fold_near as fold_near
 
 from jaxgear._response._dynamic import DynamicResponse as DynamicResponse
 from jaxgear._response._dynamic import bearing_loads as bearing_loads
-from jaxgear._response._dynamic import contact_force as contact_force
 from jaxgear._response._dynamic import dynamic_ratio as dynamic_ratio
 from jaxgear._response._dynamic import dynamic_response as dynamic_response
 from jaxgear._response._dynamic import dynamic_transmission_error as dynamic_transmission_error

@@ -165,8 +165,8 @@ class OverSpeeds(AbstractObjective):
         )
         method = in_contact(self.method, law)
         balance = jg.balance_of(method, dynamics.system)
-        # It stays at the harmonics it is given, and has their derivatives.
-        still = dataclasses.replace(method, most_steps=0)
+        # One step from harmonics that have settled leaves them, and has their derivatives.
+        still = dataclasses.replace(method, most_steps=1)
         # A test, not part of the value: nothing is differentiated through it.
         fixed = jax.lax.stop_gradient(balance)
 

@@ -187,7 +187,7 @@ def _command(argv: Sequence[str] | None) -> int:
     if wrong:
         raise _Stop(
             1,
-            f"{wrong} derivatives disagree with central differences by more than 1e-6; they are "
+            f"{wrong} derivatives disagree with central differences; they are "
             f"marked WRONG in {folder / 'gradients.csv'}.",
         )
     return 0

@@ -45,7 +45,7 @@ from jaxgear._dynamics._steppers import Newmark
 from jaxgear._dynamics._sweep import Direction, Finder, SweepPoint, SweepSettings
 from jaxgear._dynamics._system import PairDynamics, pair_dynamics
 from jaxgear._geometry._lines import MeshGrid
-from jaxgear._interface._laws import ExactContact
+from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._response._dynamic import (
     bearing_loads,
     contact_force,
@@ -280,14 +280,16 @@ class Response:
 _CARRIES = 1e-6
 
 
-def _measure(dynamics: PairDynamics, orbit: Orbit, orders: int) -> dict[str, Array]:
+def _measure(
+    dynamics: PairDynamics, orbit: Orbit, law: AbstractContactLaw, orders: int
+) -> dict[str, Array]:
     """The numbers of a response, in SI; traceable by JAX."""
     system = dynamics.system
-    found = dynamic_response(dynamics, orbit, 1)
+    found = dynamic_response(dynamics, orbit, 1, law)
     force, error = contact_force(system, orbit), dynamic_transmission_error(system, orbit)
     series = {"te_order": error, "force_order": force}
     series["bearing_order"] = bearing_loads(dynamics, orbit)
-    carrying = pair_forces(dynamics, orbit) > _CARRIES * system.force
+    carrying = pair_forces(dynamics, orbit, law) > _CARRIES * system.force
     return {
         "dynamic_ratio": found.dynamic_ratio,
         "pair_ratio": found.pair_ratio,
@@ -313,7 +315,7 @@ def _half_orders(dynamics: PairDynamics, values: Reals, count: int) -> Reals:
     return jnp.zeros((2 * count, *whole.shape[1:])).at[1::2].set(whole)
 
 
-_measured = jax.jit(_measure, static_argnums=2)
+_measured = jax.jit(_measure, static_argnums=3)
 
 
 def swept(
@@ -354,7 +356,7 @@ def swept(
 
 
 def _response(scene: Scene, dynamics: PairDynamics, speed: float, point: SweepPoint) -> Response:
-    numbers = jax.device_get(_measured(dynamics, point.orbit, scene["sweep.orders"]))
+    numbers = jax.device_get(_measured(dynamics, point.orbit, law_of(scene), scene["sweep.orders"]))
     residual = float(point.orbit.residual)
     if not all(np.isfinite(x).all() for x in (residual, *numbers.values())):
         other = "shooting" if scene["sweep.method"] == "newmark" else "newmark"

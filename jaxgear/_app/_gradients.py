@@ -87,11 +87,16 @@ _RATIO_WIDTH = 0.02
 # Relative error that a derivative may have against central differences, and below which share
 # of the response over the step's scale it counts as none.
 _TOLERANCE = 1e-6
+# Rounding in the difference is about 1e-10 of the response over the step's scale: derivatives below
+# this share of it can't be told to the tolerance.
+_FLOOR = 1e-3
 _NO_EFFECT = 1e-12
 
 # Of a steady response, which is as much more sensitive as it is close to a resonance. Below the
 # condition it is at a fold, or so close that it has no useful derivative.
 _DYNAMIC_TOLERANCE = 1e-5
+# Modes of nearly the same frequency, as of equal bearings along S and T, round to about 1e-8.
+_DYNAMIC_FLOOR = 1e-2
 _LEAST_CONDITION = 1e-2
 _SETTLED = 1e-12
 
@@ -285,13 +290,13 @@ def dynamic_table(
     if not good:
         return [], points
 
-    def evaluate(values: Reals) -> tuple[Reals, tuple[Flags, Flags]]:
+    def evaluate(values: Reals) -> tuple[Reals, tuple[Reals, Flags]]:
         model, dynamics = build(values[:-1])
-        numbers, pieces = [], [_pieces(model, dynamics.cycle, ExactContact()).astype(int)]
+        numbers, pieces = [], [_pieces(model, dynamics.cycle, ExactContact())]
         for name in good:
             orbit, terms, balance = _solved(methods[name], dynamics, values[-1])
             numbers += _dynamic_responses(dynamics, orbit)
-            pieces.append(_closed(balance, orbit, terms).astype(int))
+            pieces.append(_closed(balance, orbit, terms))
         return jnp.stack(numbers), (jnp.concatenate(pieces), dynamics.cycle.converged)
 
     rows = jnp.concatenate([found[name][2] for name in good])
@@ -317,6 +322,7 @@ def dynamic_table(
                     scale=abs(float(numbers[i])) / sizes[j],
                     same=bool(same[j, row]),
                     tolerance=_DYNAMIC_TOLERANCE,
+                    floor=_DYNAMIC_FLOOR,
                 )
                 table.append((name, _worded(judged, shared)))
     return table, points
@@ -426,8 +432,8 @@ def _steady_point(contact: str, speed: float, seen: tuple[Scalar, Flag, Scalar])
     )
 
 
-def _closed(balance: Balance, orbit: Orbit, terms: Terms) -> Flags:
-    """Which cells are closed wherever in time contact is evaluated."""
+def _closed(balance: Balance, orbit: Orbit, terms: Terms) -> Reals:
+    """Whether each cell is closed, wherever in time contact is evaluated [-]."""
     table = balance.system.table
     if len(balance.times) == 1:
         at = [(MIDDLE, orbit.place)]
@@ -438,8 +444,8 @@ def _closed(balance: Balance, orbit: Orbit, terms: Terms) -> Flags:
     overlap = lambda mesh, place: cell_forces(mesh, place, law)[1]
     found = jnp.stack([jax.vmap(overlap)(mesh_at(table, part), place) for part, place in at])
     if isinstance(law, SmoothContact):
-        return jnp.stack([found > -law.width, found > law.width]).ravel()
-    return (found > 0.0).ravel()
+        return (jnp.sign(found + law.width) + jnp.sign(found - law.width)).ravel()
+    return (found > 0.0).astype(float).ravel()
 
 
 def _responses(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> list[Scalar]:
@@ -612,11 +618,11 @@ def _row(
     scale: float,
     same: bool,
     tolerance: float = _TOLERANCE,
+    floor: float = _FLOOR,
 ) -> GradientRow:
     """Judge one derivative against `scale`, the response over the size of the key."""
     largest = max(abs(forward), abs(reverse), abs(difference))
-    # Rounding in the difference is about 1e-10 of `scale`: smaller derivatives can't be told.
-    error = max(abs(forward - difference), abs(reverse - difference)) / max(largest, 1e-3 * scale)
+    error = max(abs(forward - difference), abs(reverse - difference)) / max(largest, floor * scale)
     if not np.isfinite([forward, reverse, difference]).all():
         verdict = "WRONG"
     elif largest <= _NO_EFFECT * scale:

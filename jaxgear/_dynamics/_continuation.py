@@ -24,7 +24,7 @@ import scipy.optimize
 from jaxtyping import Bool, Complex, Float, PyTree
 
 from jaxgear._checks import InputError, require
-from jaxgear._dynamics._floquet import monodromy, multipliers
+from jaxgear._dynamics._floquet import STABLE, monodromy, multipliers
 from jaxgear._dynamics._harmonic import (
     Balance,
     HarmonicBalance,
@@ -32,7 +32,7 @@ from jaxgear._dynamics._harmonic import (
     imbalance,
     linearised,
 )
-from jaxgear._dynamics._orbit import Orbit
+from jaxgear._dynamics._orbit import Orbit, contact_force
 from jaxgear._dynamics._system import DynamicSystem
 from jaxgear._dynamics._types import Terms
 from jaxgear._types import Reals, Scalar
@@ -193,7 +193,7 @@ def _measures(balance: Balance, orbit: Orbit) -> tuple[Scalar, Scalar]:
     error = orbit.motion @ system.transmission
     share = system.table.lengths / system.table.periods
     error = error - jnp.sum(share * error)
-    ratio = jnp.max(orbit.load[:, 0]) / system.force
+    ratio = jnp.max(contact_force(system, orbit)) / system.force
     return ratio, jnp.sqrt(jnp.sum(share * error**2))
 
 
@@ -610,7 +610,7 @@ def _curve(guide: _Guide, walk: _Walk, begins: End) -> Curve:
         te_rms=column("te_rms").astype(float),
         terms=unknowns[:, :-1].reshape(-1, *sizes.shape) * sizes,
         multiplier=multiplier,
-        stable=np.abs(multiplier) < 1.0,
+        stable=np.abs(multiplier) <= STABLE,
         folds=special(walk.folds),
         doublings=special(walk.doublings),
         tori=special(walk.tori),

@@ -30,6 +30,9 @@ from jaxgear._dynamics._types import StepMatrices, StepPlaces
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._types import CoordinateMatrix, Reals
 
+# A multiplier counts as beyond 1 from here: rounding and truncated harmonics shift it by less.
+STABLE = 1.0 + 1e-6
+
 # Derivatives of the state of all modes by its start, both parts; each flattened.
 Monodromy = Float[Array, "state state"]
 

@@ -58,8 +58,9 @@ class HarmonicBalance(AbstractMethod):
         continuous time, at twice the cost.
     - `multiple`: cycles after which the response repeats; 2 finds sub-harmonic responses, from a
         start on one.
-    - `bilinear`: whether time is discretised as by `Midpoint`, whose responses these then are to
-        rounding, if steps are equally long and all harmonics are kept: a test of both.
+    - `bilinear`: whether time is discretised as by `Midpoint`, whose motion in mid-steps this then
+        is to rounding, if steps are equally long, all harmonics are kept and cells do not damp: a
+        test of both.
     - `tolerance`: imbalance at which the response counts as settled, in static deflections [-].
     - `most_steps`: Newton steps and halvings after which the method gives up.
     """
@@ -240,7 +241,7 @@ class Balance(eqx.Module):
             motion=self.middle @ motion,
             start=jnp.stack([jnp.sum(motion[: count + 1], axis=0), velocity]),
             residual=residual,
-            settled=residual <= tolerance,
+            settled=(residual <= tolerance) & jnp.all(jnp.isfinite(terms)),
             steps=steps,
         )
 
@@ -557,12 +558,14 @@ def _root(
         missing, matrix = linearised(problem, state.trial)
         error = jnp.max(jnp.abs(missing))
         step = jnp.linalg.solve(matrix, missing.reshape(-1)).reshape(missing.shape)
-        better = (error < state.error) | (state.steps < _FREE_STEPS)
-        point = state.trial - step
+        finite = jnp.isfinite(error) & jnp.all(jnp.isfinite(step))
+        better = finite & (error < state.error)
+        best = jnp.where(better, state.trial, state.best)
+        on = better | (finite & (state.steps < _FREE_STEPS))
         return _Search(
-            best=jnp.where(better, state.trial, state.best),
+            best=best,
             error=jnp.where(better, error, state.error),
-            trial=jnp.where(better, point, 0.5 * (state.best + state.trial)),
+            trial=jnp.where(on, state.trial - step, 0.5 * (best + state.trial)),
             steps=state.steps + 1.0,
         )
 
@@ -572,7 +575,9 @@ def _root(
 
     start = _Search(first, jnp.asarray(jnp.inf), first, jnp.zeros(()))
     last = jax.lax.while_loop(unfinished, body, start)
-    return last.trial, last.error, last.steps
+    # `trial` is one Newton step beyond the point that met the tolerance.
+    terms = jnp.where(last.error <= tolerance, last.trial, last.best)
+    return terms, last.error, last.steps
 
 
 @_root.defjvp
@@ -581,5 +586,7 @@ def _root_tangent(settings, primals, tangents):
     terms, error, steps = _root(settings, problem, first)
     matrix = linearised(problem, terms)[1]
     _, change = jax.jvp(lambda p: imbalance(p, terms), (problem,), (tangents[0],))
+    # What is not a response has no derivative.
+    change = jnp.where(error <= settings[0], change, jnp.nan)
     moved = -jnp.linalg.solve(matrix, change.reshape(-1)).reshape(change.shape)
     return (terms, error, steps), (moved, jnp.zeros_like(error), jnp.zeros_like(steps))

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxgear._checks import require
-from jaxgear._dynamics._orbit import AbstractMethod, Orbit, carries
+from jaxgear._dynamics._orbit import AbstractMethod, Orbit, bears_load
 from jaxgear._dynamics._steppers import AbstractStepper, Midpoint, Newmark, State
 from jaxgear._dynamics._system import DynamicSystem, ModalBasis, modal_basis
 from jaxgear._dynamics._table import (
@@ -27,7 +27,7 @@ from jaxgear._dynamics._table import (
     mesh_within,
     repeated,
 )
-from jaxgear._dynamics._types import Modes, ModeVectors, Motion, Start, StepPlaces
+from jaxgear._dynamics._types import ModeValues, ModeVectors, Motion, Start, StepPlaces
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._solve._coordinates import small_solver
 from jaxgear._types import CoordinateMatrix, Coordinates, Flag, Reals, Scalar
@@ -57,6 +57,15 @@ class History(eqx.Module):
     drift: Float[Array, "cycle"]
     converged: Flag
 
+    @property
+    def middle(self) -> Motion:
+        """Motion in the middle of each step [m, rad]."""
+        return 0.5 * (jnp.concatenate([self.start[:1], self.motion[:-1]]) + self.motion)
+
+
+# A response that shrinks by less than this part in a cycle, or not at all, is taken to do so.
+_LEAST_DECAY = 1e-3
+
 
 class Marching(AbstractMethod):
     """March until the response repeats, as machines do: it ends on stable responses only.
@@ -68,8 +77,9 @@ class Marching(AbstractMethod):
     - `cycles`: to march.
     - `multiple`: cycles after which the response must repeat; 2 for sub-harmonic responses.
     - `averaged`: whether exact contact is averaged over each step.
-    - `tolerance`: change of the state over the response at which it counts as settled, relative
-        [-].
+    - `tolerance`: distance from the settled response at which it counts as settled: the change of
+        the state over the response, relative, as far as it goes on if it shrinks as it does, over
+        the swing of the approach in its mean [-].
     """
 
     stepper: AbstractStepper = eqx.field(default_factory=Newmark)
@@ -77,7 +87,15 @@ class Marching(AbstractMethod):
     cycles: int = eqx.field(static=True, default=200)
     multiple: int = eqx.field(static=True, default=1)
     averaged: bool = eqx.field(static=True, default=False)
-    tolerance: float = eqx.field(static=True, default=1e-4)
+    tolerance: float = eqx.field(static=True, default=1e-2)
+
+    def __check_init__(self):
+        require(
+            self.cycles >= 2 * self.multiple and self.multiple >= 1,
+            "`Marching.cycles` must be at least twice `multiple`, got {cycles} and {multiple}.",
+            cycles=self.cycles,
+            multiple=self.multiple,
+        )
 
     def orbit(self, system: DynamicSystem, speed: Scalar, start: Start | None = None) -> Orbit:
         """Find the response at one speed; see `AbstractMethod`.
@@ -95,18 +113,30 @@ class Marching(AbstractMethod):
             law=self.law,
             averaged=self.averaged,
         )
-        drift = history.drift[-1]
-        begun = jnp.concatenate([history.start[:1], history.motion[:-1]])
-        part = self.stepper.at
+        middle = history.middle
+        nodes = middle @ system.vectors
+        meshes = mesh_at(system.table, MIDDLE)
+        load, place, _ = jax.vmap(
+            lambda mesh, nodes, near: load_at_nodes(system, self.law, mesh, nodes, near)
+        )(meshes, nodes, history.load)
+        # What is still to come if the change goes on shrinking as it does, over the swing.
+        last, before = history.drift[-1], history.drift[-2]
+        left = 1.0 - last / jnp.where(before > 0.0, before, 1.0)
+        left = jnp.clip(left, _LEAST_DECAY, 1.0)
+        approach = nodes[:, 0] - jnp.mean(nodes[:, 0])
+        swing = jnp.sqrt(jnp.mean(approach**2) / jnp.mean(nodes[:, 0] ** 2))
+        residual = last / (left * jnp.maximum(swing, 1e-9))
         return Orbit(
             speed=speed,
-            place=history.place,
-            load=history.load,
-            motion=(1.0 - part) * begun + part * history.motion,
+            place=place,
+            load=load,
+            motion=middle,
             start=history.start,
-            residual=drift,
-            settled=(drift <= self.tolerance) & history.converged & carries(system, history.load),
-            steps=jnp.asarray(float(self.cycles)),
+            residual=residual,
+            settled=(residual <= self.tolerance)
+            & history.converged
+            & bears_load(system, history.load),
+            steps=jnp.asarray(float(history.drift.size * self.multiple)),
         )
 
 
@@ -140,8 +170,12 @@ def quasi_static_start(system: DynamicSystem) -> Start:
     first = mesh_at(system.table, START)
     first = jax.tree.map(lambda x: x[0], first)
     load = mesh_load(first, nodes, ExactContact())[0]
-    # The same approach, with the structure at rest under a load that balances it.
-    load = load * system.force / load[0]
+    # The same approach, with the structure at rest under a load that balances it; where a light
+    # load leaves the flanks just apart there, under the force alone.
+    pressed_on = load[0] > 1e-3 * system.force
+    alone = jnp.zeros_like(load).at[0].set(system.force)
+    scale = system.force / jnp.where(pressed_on, load[0], 1.0)
+    load = jnp.where(pressed_on, load * scale, alone)
     if system.bow is not None:
         nodes = nodes + system.bow @ load
     excess = load - system.mean @ nodes
@@ -180,7 +214,7 @@ class Rule(eqx.Module):
     rate: Reals
     rate_load: Reals
     whirl: Reals | None
-    steady: Modes
+    steady: ModeValues
     pushes: ModeVectors
     yields: CoordinateMatrix
     follows: CoordinateMatrix
@@ -309,7 +343,7 @@ def _product(first: CoordinateMatrix, second: CoordinateMatrix) -> CoordinateMat
 
 # Imbalance of a mesh load over the static force, steps to reach it, and the steps that are taken
 # whole even if the imbalance rises.
-_TOLERANCE, _MOST_STEPS, _FREE_STEPS = 1e-11, 40, 6
+CONTACT_TOLERANCE, _MOST_STEPS, _FREE_STEPS = 1e-11, 40, 6
 
 
 @jax.custom_jvp
@@ -341,7 +375,7 @@ def pressed(problem: Pressing, first: Coordinates) -> tuple[Coordinates, Scalar]
         return best, jnp.where(better, now, error), point, steps + 1
 
     def unfinished(state):
-        return ~(state[1] <= _TOLERANCE) & (state[3] < _MOST_STEPS)
+        return ~(state[1] <= CONTACT_TOLERANCE) & (state[3] < _MOST_STEPS)
 
     last = jax.lax.while_loop(unfinished, body, (first, jnp.asarray(jnp.inf), first, 0))
     return last[2], last[1]
@@ -355,6 +389,45 @@ def _pressed_tangent(primals, tangents):
     _, change = jax.jvp(lambda p: _pushed(p, load)[0], (problem,), (tangents[0],))
     moved = small_solver(jnp.eye(load.size) + slope)(change)
     return (load, error), (moved, jnp.zeros_like(error))
+
+
+def load_at_nodes(
+    system: DynamicSystem,
+    law: AbstractContactLaw,
+    mesh: Mesh,
+    nodes: Coordinates,
+    near: Coordinates,
+) -> tuple[Coordinates, Coordinates, Scalar]:
+    """Elastic load of the mesh where the nodes are known: behind them bodies may still bow.
+
+    **Arguments:**
+
+    - `system`: what moves.
+    - `law`: exact or smooth contact.
+    - `mesh`: cells at one instant.
+    - `nodes`: mesh coordinates of the nodes [m, rad].
+    - `near`: a load to begin with [N, N m].
+
+    **Returns:**
+
+    The load [N, N m], the mesh coordinates of the cells [m, rad], and what the load is out of
+    balance, over the static force [-].
+    """
+    if system.bow is None:
+        return mesh_load(mesh, nodes, law)[0], nodes, jnp.zeros(())
+    problem = Pressing(
+        law=law,
+        meshes=(mesh,),
+        begun=None,
+        place=nodes,
+        yields=system.bow,
+        rate=jnp.zeros_like(nodes),
+        brakes=jnp.zeros_like(system.bow),
+        cell_damping=None,
+        scale=system.force,
+    )
+    load, error = pressed(problem, near)
+    return load, nodes - _times(system.bow, load), error
 
 
 def _load_scales(problem: Pressing) -> Coordinates:
@@ -432,25 +505,13 @@ class March(eqx.Module):
         place = self._place(first, state[0], rest)[1] if self.averaged else None
         return Carried(jnp.stack(state), rest, place, jnp.zeros(()))
 
-    def _place(self, mesh: Mesh, motion: Reals, near: Coordinates):
+    def _place(
+        self, mesh: Mesh, motion: Reals, near: Coordinates
+    ) -> tuple[Coordinates, Coordinates, Coordinates]:
         """Mesh load at a given motion, the mesh coordinates and the nodes'."""
         nodes = self.modes.mesh.T @ motion
-        if self.system.bow is None:
-            return mesh_load(mesh, nodes, self.law)[0], nodes, nodes
-        none = jnp.zeros_like(nodes)
-        problem = Pressing(
-            law=self.law,
-            meshes=(mesh,),
-            begun=None,
-            place=nodes,
-            yields=self.system.bow,
-            rate=none,
-            brakes=jnp.zeros_like(self.system.bow),
-            cell_damping=None,
-            scale=self.system.force,
-        )
-        load = pressed(problem, near)[0]
-        return load, nodes - _times(self.system.bow, load), nodes
+        load, place, _ = load_at_nodes(self.system, self.law, mesh, nodes, near)
+        return load, place, nodes
 
     def _acceleration(self, mesh: Mesh, motion: Reals, velocity: Reals, near: Coordinates) -> Reals:
         """Acceleration of each mode under the loads of a motion."""
@@ -664,5 +725,5 @@ def march(
         velocity=states[:, 1] @ modes.shape.T,
         start=begun.state[:2] @ modes.shape.T,
         drift=jnp.concatenate([early, late]),
-        converged=last.error <= _TOLERANCE,
+        converged=last.error <= CONTACT_TOLERANCE,
     )

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from jaxgear._dynamics._system import DynamicSystem
-from jaxgear._dynamics._types import Motion, Start, StepPlaces
+from jaxgear._dynamics._types import Motion, Series, Start, StepPlaces
 from jaxgear._types import Coordinates, Flag, Scalar
 
 
@@ -64,11 +64,27 @@ class AbstractMethod(eqx.Module):
         """
 
 
+def contact_force(system: DynamicSystem, orbit: Orbit) -> Series:
+    """Total elastic force of all cells, along the normal.
+
+    **Arguments:**
+
+    - `system`: what moves.
+    - `orbit`: its response.
+
+    **Returns:**
+
+    The force at each step, drive and back flanks together [N].
+    """
+    drive = orbit.load[:, 0]
+    return drive + orbit.load[:, orbit.load.shape[1] // 2] if system.back else drive
+
+
 # A response whose mean mesh force is below this part of the static one has lost the teeth.
 _CARRIED = 0.5
 
 
-def carries(system: DynamicSystem, load: StepPlaces) -> Flag:
+def bears_load(system: DynamicSystem, load: StepPlaces) -> Flag:
     """Whether a response carries the load: one that has run away repeats, relative to its size.
 
     **Arguments:**

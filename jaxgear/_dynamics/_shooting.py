@@ -10,8 +10,8 @@ import jax.numpy as jnp
 
 from jaxgear._checks import require
 from jaxgear._dynamics._floquet import product_of_steps, tangents_of
-from jaxgear._dynamics._march import cycle, march_of, quasi_static_start
-from jaxgear._dynamics._orbit import AbstractMethod, Orbit, carries
+from jaxgear._dynamics._march import CONTACT_TOLERANCE, cycle, march_of, quasi_static_start
+from jaxgear._dynamics._orbit import AbstractMethod, Orbit, bears_load
 from jaxgear._dynamics._steppers import AbstractStepper, Exponential
 from jaxgear._dynamics._system import DynamicSystem, modal_basis
 from jaxgear._dynamics._table import (
@@ -61,7 +61,7 @@ class Shooting(AbstractMethod):
         swing = jnp.stack([jnp.sqrt(modes.square), jnp.ones_like(modes.square)])
 
         def over(state: Reals):
-            """State at the end, relative change, and what is kept of each step."""
+            """What the march ends with, its relative change, and what is kept of each step."""
             begun = eqx.tree_at(lambda c: c.state, march.begin(start), state)
             ended, kept = cycle(march, begun, system.table)
             change = jnp.sqrt(jnp.sum((swing * (ended.state - state)) ** 2))
@@ -91,7 +91,7 @@ class Shooting(AbstractMethod):
         )
         first = warm.state, jnp.asarray(jnp.inf), jnp.zeros(())
         state, _, steps = jax.lax.while_loop(unsettled, correct, first)
-        _, error, (place, load, ended) = over(state)
+        reached, error, (place, load, ended) = over(state)
         begun = jnp.concatenate([state[None], ended[:-1]])
         middle = 0.5 * (begun[:, 0] + ended[:, 0])
         return Orbit(
@@ -101,6 +101,8 @@ class Shooting(AbstractMethod):
             motion=middle @ modes.shape.T,
             start=state @ modes.shape.T,
             residual=error,
-            settled=(error <= self.tolerance) & carries(system, load),
+            settled=(error <= self.tolerance)
+            & (reached.error <= CONTACT_TOLERANCE)
+            & bears_load(system, load),
             steps=steps,
         )

@@ -9,7 +9,7 @@ none is found keeps its march, and says so.
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
 import equinox as eqx
 import jax
@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxgear._checks import require
-from jaxgear._dynamics._floquet import monodromy, multipliers
+from jaxgear._dynamics._floquet import STABLE, monodromy, multipliers
 from jaxgear._dynamics._harmonic import Balance, HarmonicBalance, balance_of, terms_of
 from jaxgear._dynamics._march import History, Marching, march, quasi_static_start
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit
@@ -27,9 +27,6 @@ from jaxgear._dynamics._system import DynamicSystem, ModalBasis, modal_basis
 from jaxgear._dynamics._types import Speeds, Start, Terms
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._types import Reals, Scalar
-
-# A multiplier counts as beyond 1 from here: rounding and truncated harmonics shift it by less.
-_STABLE = 1.0 + 1e-6
 
 # Halves of a response over two cycles that differ by less than this, relative to its swing, are
 # one response over one.
@@ -96,10 +93,12 @@ def steady_states(
     - `ValueError` unless all speeds are positive.
     """
     speeds = jnp.asarray(speeds, dtype=float)
+    require(speeds.size > 0, "A sweep needs at least one speed.")
     require(
-        jnp.all(speeds > 0.0),
-        "All speeds must be positive, got {got:.6g} rad/s.",
-        got=jnp.min(speeds),
+        jnp.all((speeds > 0.0) & jnp.isfinite(speeds)),
+        "All speeds must be positive and finite, got {least:.6g} to {largest:.6g} rad/s.",
+        least=jnp.min(speeds),
+        largest=jnp.max(speeds),
     )
     if not isinstance(method, HarmonicBalance):
         # So many march abreast: more fall out of the processor's cache.
@@ -150,7 +149,7 @@ class SweepPoint:
     @property
     def stable(self) -> bool:
         """Whether it has settled, and a machine stays on it."""
-        return self.settled and bool(np.abs(self.multipliers).max(initial=0.0) <= _STABLE)
+        return self.settled and bool(np.abs(self.multipliers).max(initial=0.0) <= STABLE)
 
 
 @dataclass(frozen=True)
@@ -166,6 +165,20 @@ class SweepSettings:
     shooting: Shooting = field(default_factory=lambda: Shooting(warm_up=0, most_steps=10))
     cycles: int = 100
     kept: int = 10
+
+    def __post_init__(self):
+        require(
+            self.cycles >= 1 and self.kept >= 1,
+            "`SweepSettings.cycles` and `kept` must be at least 1, got {cycles} and {kept}.",
+            cycles=self.cycles,
+            kept=self.kept,
+        )
+        require(
+            self.method.multiple == 1,
+            "A sweep finds by itself after how many cycles a response repeats: leave `multiple` of "
+            "its method at 1, got {got}.",
+            got=self.method.multiple,
+        )
 
 
 def sweep(
@@ -198,6 +211,12 @@ def sweep(
 
     - `ValueError` if there is no speed, or one that is not positive.
     """
+    require(
+        direction in get_args(Direction),
+        "`direction` must be one of {known}, got {got!r}. For both directions, sweep twice.",
+        known=", ".join(get_args(Direction)),
+        got=direction,
+    )
     values = np.asarray(speeds, dtype=float)
     require(values.size > 0, "A sweep needs at least one speed.")
     require(
@@ -230,6 +249,8 @@ class Finder:
         self.rest = jax.jit(quasi_static_start)(system)
         method = settings.method
         self.harmonic = method if isinstance(method, HarmonicBalance) else HarmonicBalance()
+        # Whatever is looked for obeys the law of the sweep.
+        self.shooting = dataclasses.replace(settings.shooting, law=method.law)
         self.balances: dict[int, Balance] = {}
 
     def next(self, speed: Scalar, last: SweepPoint | None) -> SweepPoint:
@@ -254,7 +275,7 @@ class Finder:
             return found or self._searched(method, speed, start)
         if last is not None and not last.settled:
             # What does not repeat is not left for a response that does, unless it ends there.
-            return self._searched(self.settings.shooting, speed, start)
+            return self._searched(self.shooting, speed, start)
         if last is None:
             found = self._balanced(speed, 1, None)
         else:
@@ -263,7 +284,7 @@ class Finder:
             return found
         if found.settled:
             start = self._disturbed(found)
-        found = self._searched(self.settings.shooting, speed, start)
+        found = self._searched(self.shooting, speed, start)
         if not found.settled:
             return found
         # Of two methods that agree, the one that all other speeds have.
@@ -289,7 +310,7 @@ class Finder:
             found, before = self._shot(method, speed, _state(history)), apart
             apart = _apart(found, history)
             # A slow approach to a response is one.
-            apart = 0.0 if apart < _APPROACH * before else apart
+            apart = 0.0 if apart < min(_APPROACH * before, 1.0) and before < np.inf else apart
         return self._unsettled(history) if found is None or apart > _APART else found
 
     def _on(self, speed: Scalar, start: Start, cycles: int) -> History:
@@ -346,12 +367,11 @@ class Finder:
 
     def _unsettled(self, history: History) -> SweepPoint:
         """What a march leaves where no periodic response is found."""
-        begun = jnp.concatenate([history.start[:1], history.motion[:-1]])
         orbit = Orbit(
             speed=history.speed,
             place=history.place,
             load=history.load,
-            motion=0.5 * (begun + history.motion),
+            motion=history.middle,
             start=_state(history),
             residual=history.drift[-1],
             settled=jnp.asarray(False),

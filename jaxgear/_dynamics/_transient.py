@@ -388,16 +388,10 @@ class _Motion(eqx.Module):
         if self.cell_damping is None:
             return place, on_coordinates(mesh.arms, cell_forces(mesh, place, self.law)[0])
 
-        def elastic(time: Scalar) -> tuple[Coordinates, CoordinateMatrix]:
-            return mesh_load(mesh_at_phase(self.table, at(time), within), place, self.law)
-
-        # Rates of what the cells pass through, and of the place.
-        (load, tangent), (passing, _) = jax.jvp(elastic, (time,), (jnp.ones(()),))
+        # Cells damp by the rates of the nodes, as in every other method.
+        load, tangent = mesh_load(mesh, place, self.law)
         closing = self._driven(state[1] * self.length * self.rate, ratio.slope)
-        if self.yielding is not None:
-            matrix = jnp.eye(closing.size) + self.yielding @ tangent
-            closing = jnp.linalg.solve(matrix, closing - self.yielding @ passing)
-        return place, load + self.cell_damping * (passing + tangent @ closing)
+        return place, load + self.cell_damping * (tangent @ closing)
 
     def _driven(self, along: AxisValues, ratio: Scalar) -> Coordinates:
         """Mesh coordinates before the mesh makes anything yield."""

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     Vectors = Array
     Vector = Array
     FreeMotions = Array
-    Modes = Array
+    ModeValues = Array
     ModeMatrix = Array
     ModeVectors = Array
     States = Array
@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     BearingSeries = Array
     Orders = Array
     BearingOrders = Array
+    BearingLoads = Array
 else:
     Edges = Float[Array, "edge"]
     StepCells = Float[Array, "step cell"]
@@ -62,7 +63,7 @@ else:
     Vectors = Float[Array, "dof coordinate"]
     Vector = Float[Array, "dof"]
     FreeMotions = Float[Array, "dof free"]
-    Modes = Float[Array, "mode"]
+    ModeValues = Float[Array, "mode"]
     ModeMatrix = Float[Array, "dof mode"]
     ModeVectors = Float[Array, "mode coordinate"]
     States = Float[Array, "state mode"]
@@ -81,3 +82,4 @@ else:
     BearingSeries = Float[Array, "step bearing 5"]
     Orders = Float[Array, "order"]
     BearingOrders = Float[Array, "order bearing 5"]
+    BearingLoads = Float[Array, "bearing 5"]

@@ -9,10 +9,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxgear._dynamics._orbit import Orbit
+from jaxgear._dynamics._orbit import Orbit, contact_force
 from jaxgear._dynamics._system import DynamicSystem, PairDynamics
 from jaxgear._dynamics._table import MIDDLE, cell_forces, mesh_at, repeated
 from jaxgear._dynamics._types import (
+    BearingLoads,
     BearingOrders,
     BearingSeries,
     Orders,
@@ -41,6 +42,7 @@ class DynamicResponse(eqx.Module):
     - `force_orders`: the same of the total contact force [N].
     - `bearing_orders`: the same of the loads that the shafts put on their bearings, along S, T, Z
         and about S, T [N, N m].
+    - `bearing_mean`, `bearing_range`: of the same loads [N, N m].
     """
 
     dynamic_ratio: Scalar
@@ -53,16 +55,24 @@ class DynamicResponse(eqx.Module):
     te_orders: Orders
     force_orders: Orders
     bearing_orders: BearingOrders
+    bearing_mean: BearingLoads
+    bearing_range: BearingLoads
 
 
-def dynamic_response(dynamics: PairDynamics, orbit: Orbit, orders: int = 8) -> DynamicResponse:
+def dynamic_response(
+    dynamics: PairDynamics,
+    orbit: Orbit,
+    orders: int = 8,
+    law: AbstractContactLaw = ExactContact(),
+) -> DynamicResponse:
     """Work out what a response means.
 
     **Arguments:**
 
     - `dynamics`: the pair.
     - `orbit`: its response at one speed.
-    - `orders`: number of mesh orders.
+    - `orders`: number of mesh orders, at least 1.
+    - `law`: with which the response was found.
 
     **Returns:**
 
@@ -73,24 +83,22 @@ def dynamic_response(dynamics: PairDynamics, orbit: Orbit, orders: int = 8) -> D
     force = contact_force(system, orbit)
     loads = bearing_loads(dynamics, orbit)
     static = jnp.max(_line_loads(dynamics, dynamics.cycle.force))
+    cells, overlap = _cells(system, orbit, law)
+    apart = jnp.max(overlap, axis=1) <= 0.0
     return DynamicResponse(
         dynamic_ratio=dynamic_ratio(system, orbit),
-        pair_ratio=jnp.max(pair_forces(dynamics, orbit)) / system.force,
-        line_load_ratio=jnp.max(_line_loads(dynamics, _cell_forces(system, orbit))) / static,
+        pair_ratio=jnp.max(pair_forces(dynamics, orbit, law)) / system.force,
+        line_load_ratio=jnp.max(_line_loads(dynamics, cells)) / static,
         te_mean=orbit_mean(system, error),
         te_rms=orbit_rms(system, error),
         te_peak_to_peak=jnp.max(error) - jnp.min(error),
-        contact_loss=orbit_mean(system, jnp.where(force > 0.0, 0.0, 1.0)),
+        contact_loss=orbit_mean(system, jnp.where(apart, 1.0, 0.0)),
         te_orders=order_amplitudes(system, error, orders),
         force_orders=order_amplitudes(system, force, orders),
         bearing_orders=order_amplitudes(system, loads, orders),
+        bearing_mean=orbit_mean(system, loads),
+        bearing_range=jnp.max(loads, axis=0) - jnp.min(loads, axis=0),
     )
-
-
-def contact_force(system: DynamicSystem, orbit: Orbit) -> Series:
-    """Total elastic force of all cells at each step [N], along the normal."""
-    drive = orbit.load[:, 0]
-    return drive + orbit.load[:, orbit.load.shape[1] // 2] if system.back else drive
 
 
 def dynamic_ratio(system: DynamicSystem, orbit: Orbit) -> Scalar:
@@ -127,11 +135,13 @@ def bearing_loads(dynamics: PairDynamics, orbit: Orbit) -> BearingSeries:
     return jax.vmap(lambda x: bearing_motion(structure, x).load)(motion)
 
 
-def pair_forces(dynamics: PairDynamics, orbit: Orbit) -> PairSeries:
+def pair_forces(
+    dynamics: PairDynamics, orbit: Orbit, law: AbstractContactLaw = ExactContact()
+) -> PairSeries:
     """Force on each tooth pair's contact line at each step, drive flanks [N]."""
     lines = dynamics.cycle.cells.lines.roll.shape[1]
     slices = dynamics.cycle.cells.lines.roll.shape[2]
-    force = _cell_forces(dynamics.system, orbit)[:, : lines * slices]
+    force = _cells(dynamics.system, orbit, law)[0][:, : lines * slices]
     return jnp.sum(force.reshape(-1, lines, slices), axis=2)
 
 
@@ -190,13 +200,13 @@ def _weights(system: DynamicSystem, steps: int) -> Series:
     return jnp.tile(lengths, times) / times
 
 
-def _cell_forces(
-    system: DynamicSystem, orbit: Orbit, law: AbstractContactLaw = ExactContact()
-) -> StepCells:
-    """Elastic force of each cell at each step [N]."""
+def _cells(
+    system: DynamicSystem, orbit: Orbit, law: AbstractContactLaw
+) -> tuple[StepCells, StepCells]:
+    """Elastic force [N] and overlap [m] of each cell at each step."""
     times = orbit.place.shape[0] // len(system.table.kinds)
     meshes = mesh_at(repeated(system.table, times), MIDDLE)
-    return jax.vmap(lambda mesh, place: cell_forces(mesh, place, law)[0])(meshes, orbit.place)
+    return jax.vmap(lambda mesh, place: cell_forces(mesh, place, law))(meshes, orbit.place)
 
 
 def _line_loads(dynamics: PairDynamics, force: StepCells) -> Reals:

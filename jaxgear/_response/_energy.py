@@ -9,6 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from jaxgear._checks import require
 from jaxgear._contact._coupling import body_yield
 from jaxgear._dynamics._march import History
 from jaxgear._dynamics._system import DynamicSystem
@@ -27,7 +28,7 @@ class Energies(eqx.Module):
     - `structure`: strain energy of shafts and bearings [J].
     - `contact`: strain energy of the cells, and of the bodies that couple them [J].
     - `load`: potential of the constant loads [J].
-    - `dissipated`: by the damping of the structure, since the start [J].
+    - `dissipated`: by the damping of the structure, since the first cycle that was kept [J].
     """
 
     kinetic: Series
@@ -56,11 +57,21 @@ def energies(
     **Returns:**
 
     The energies.
+
+    **Raises:**
+
+    - `ValueError` for bodies that bend between their nodes, and for cells that damp.
     """
+    require(
+        system.bow is None and system.cell_damping is None,
+        "Energies are worked out for rigid bodies and damping of the structure: not for bodies "
+        "that bend between their nodes, nor for cells that damp.",
+    )
     times = history.motion.shape[0] // len(system.table.kinds)
     table = repeated(system.table, times)
     steps = table.lengths * system.mesh_period(history.speed)
     before = jnp.concatenate([history.start[1:], history.velocity[:-1]])
+    # Exact for the midpoint rule.
     middle = 0.5 * (before + history.velocity)
     form = lambda matrix, x: jnp.sum(x * (x @ matrix), axis=1)
 

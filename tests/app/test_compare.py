@@ -36,6 +36,7 @@ def _answers(ratio, rms=None) -> Answers:
     return Answers(ratio, 1e-6 * rms, jnp.ones(ratio.shape, dtype=bool))
 
 
+@pytest.mark.slow
 def test_methods_of_all_families_agree_on_a_pair_that_only_turns(tmp_path):
     """From one scene to the files: all settle within the error of their steps."""
     scene = ready_scene("accessory")

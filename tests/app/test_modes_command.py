@@ -72,6 +72,7 @@ def test_two_discs_swing_at_the_frequency_of_their_mesh(tmp_path, capsys):
     assert float(row.split()[1]) == pytest.approx(expected, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_shafts_and_bearings_share_the_energy_and_whirl(tmp_path):
     changes = ("modes.highest_Hz=20000.0", "model.gyroscopic=true", "damping.mesh=0.1")
     summary = _modes(tmp_path, _SPUR + _SHAFT, *changes)

@@ -185,9 +185,6 @@ modes = 50
 young_GPa = 4e5
 [model]
 fidelity = "auto"
-[optimise]
-vary = ["flank.pinion.crowning_um"]
-minimise = "dynamic_ratio"
 """  # noqa: E501
 
 
@@ -344,7 +341,6 @@ def test_what_is_not_modelled_is_told_from_what_is_unknown(write):
         (7, "wheel.body.modes"),
         (8, "wheel.body.young_GPa"),
         (10, "model.fidelity"),
-        (13, "optimise.minimise"),
     ]
 
 

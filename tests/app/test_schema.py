@@ -132,7 +132,6 @@ def test_any_name_of_a_folder_will_do(path, value):
         ("wheel.body.superelement", "wheel.nc", "Remove it"),
         ("pinion.body.young_GPa", 4e5, "Remove it"),
         ("model.fidelity", "auto", "Remove it"),
-        ("optimise.minimise", "dynamic_ratio", '"max_pressure", "face_load_factor"'),
     ],
 )
 def test_what_is_not_modelled_is_refused_with_a_remedy(path, value, remedy):

@@ -137,6 +137,7 @@ def test_a_mode_that_the_mesh_shakes_and_nothing_damps_is_refused(both, folder):
         _dynamics.require_damped(scene, bare)
 
 
+@pytest.mark.slow
 def test_a_slow_pair_has_its_quasi_static_transmission_error(folder):
     """TE of the dynamics and of the statics are the same quantity, on shafts too."""
     shaft = """{ gear_at_mm = 40.0, segments = [ { length_mm = 80.0, outer_mm = 30.0 } ], bearings =

@@ -46,7 +46,7 @@ def _methods():
     return {
         "exact": HarmonicBalance(harmonics=10, tolerance=1e-12),
         "averaged": HarmonicBalance(harmonics=10, tolerance=1e-12, averaged=True),
-        "smooth": HarmonicBalance(jg.SmoothContact(0.3 * um), harmonics=10, tolerance=1e-12),
+        "smooth": HarmonicBalance(law=jg.SmoothContact(0.3 * um), harmonics=10, tolerance=1e-12),
     }
 
 

@@ -324,7 +324,7 @@ def test_steppers_are_of_second_order(name):
 def test_marching_stays_on_the_branches_of_b5(name):
     rows = _table()
     system = sdof_parametric(steps=2 * STEPS)
-    method = Marching(stepper=STEPPERS[name], cycles=80, multiple=2)
+    method = Marching(stepper=STEPPERS[name], cycles=240, multiple=2)
     starts = jnp.asarray([row.start for row in rows])[:, :, None]
     run = jax.jit(jax.vmap(lambda speed, start: method.orbit(system, speed, start)))
     orbits = run(_column(rows, "speed"), starts + 0.02)

@@ -118,12 +118,11 @@ def _by_scipy(system: DynamicSystem, speed: float, start: np.ndarray, times: np.
         motion, velocity = state[:size], state[size:]
         part = (time * rate - began) / length
         lay = np.array([(1 - part) * (1 - 2 * part), 4 * part * (1 - part), part * (2 * part - 1)])
-        steep = np.array([4 * part - 3, 4 - 8 * part, 4 * part - 1]) * rate / length
         gap, arms = (matrix(x)[:, step] for x in (table.gap, table.arms))
         place, moving = vectors.T @ motion, vectors.T @ velocity
         rows = np.tensordot(lay, arms, 1)
         overlap = rows @ place - lay @ gap
-        closing = rows @ moving + np.tensordot(steep, arms, 1) @ place - steep @ gap
+        closing = rows @ moving
         press = _ramp(overlap, WIDTH) + eta * _ramp_slope(overlap, WIDTH) * closing
         force = vectors @ (rows.T @ (matrix(table.stiffness)[step] * press))
         pull = load - force - matrix(system.stiffness) @ motion - losing @ velocity

@@ -51,6 +51,7 @@ UNEVENT = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", UNEVENT)
 def test_order_in_phases(case):
     model, slices = UNEVENT[case]
@@ -95,6 +96,7 @@ def test_contact_length_needs_no_slices():
     assert_close(values[:2], [values[2]] * 2, rtol=1e-10, atol=0.0)
 
 
+@pytest.mark.slow
 def test_order_in_slices_of_a_crowned_helical_pair():
     model, _ = EVENTFUL["crowned helical"]
     counts = (10, 20, 40)

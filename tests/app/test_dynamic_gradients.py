@@ -1,0 +1,182 @@
+"""Derivatives and searches of scenes in motion: what is computed, refused, and left out."""
+
+import json
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import optimise
+from jaxgear._app import _commands, _gradients
+from jaxgear._app._cli import main
+from jaxgear._app._design import left_out, require_swept
+from jaxgear._app._gradients import GradientRow, SteadyPoint, dynamic_table
+from jaxgear._app._notes import left_out_notes, steady_notes
+from jaxgear._app._scene import SceneError, read_scene, ready_scene
+from jaxgear._app._statics import Stopwatch
+from jaxgear._interface._laws import ExactContact
+
+# A spur pair that only turns, on teeth that compile fast.
+_TURNING = """\
+schema = 1
+[pair]
+module_mm = 1.5
+torque_pinion_Nm = 80
+[pinion]
+teeth = 45
+face_width_mm = 11.5
+[wheel]
+teeth = 86
+face_width_mm = 9.5
+[flank.pinion.tip_relief]
+depth_um = 8
+[mesh]
+phases = 16
+slices = 1
+stiffness = "constant"
+stiffness_N_mm_um = 14
+[optimise]
+vary = ["flank.pinion.tip_relief.depth_um"]
+minimise = "dynamic_ratio"
+max_evaluations = 12
+"""
+_SWEEP = """\
+[sweep]
+pinion_speed_rad_s = [600, 800, 1300]
+steps = 32
+harmonics = 8
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    """A function that writes a scene and returns its path."""
+
+    def written(text):
+        path = tmp_path / "turning.toml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return written
+
+
+def test_a_steady_response_by_flank_torque_damping_and_speed(write):
+    """At the middle speed, in both directions, to 1e-5 of differences of converged responses."""
+    scene = read_scene(write(_TURNING + _SWEEP))
+    keys = ("pair.torque_pinion_Nm", "flank.pinion.tip_relief.depth_um", "damping.mesh")
+    rows, points = dynamic_table(scene, {"exact": ExactContact()}, Stopwatch(), keys)
+    (point,) = points
+    assert (point.speed_rad_s, point.verdict) == (800.0, "ok")
+    assert point.residual is not None
+    assert point.condition is not None
+    assert point.residual <= 1e-12
+    assert 0.01 < point.condition <= 1.5
+    assert not steady_notes(points)
+    found = {(row.response, row.key): row for _, row in rows}
+    every = (*keys, "sweep.pinion_speed_rad_s")
+    assert set(found) == {(name, key) for name in _gradients.IN_MOTION for key in every}
+    for row in found.values():
+        assert row.verdict == "ok to 1e-5", row
+        assert abs(row.forward - row.reverse) <= 1e-9 * abs(row.forward)
+    # Below the mesh mode, near 1000 rad/s: the nearer to it, the more it shakes.
+    assert found["te_rms_dynamic_um", "sweep.pinion_speed_rad_s"].forward > 0.0
+    assert found["smooth_dynamic_ratio", "sweep.pinion_speed_rad_s"].forward > 0.0
+
+
+def test_no_numbers_where_there_is_no_derivative():
+    def judged(residual, settled, condition):
+        seen = jnp.asarray(residual), jnp.asarray(settled), jnp.asarray(condition)
+        return _gradients._steady_point("exact", 900.0, seen)
+
+    assert judged(1e-14, True, 0.5).verdict == "ok"
+    points = [judged(1e-3, False, 0.5), judged(1e-14, True, 3e-3), judged(np.nan, False, np.nan)]
+    assert [point.verdict for point in points] == ["not settled", "near a fold", "not settled"]
+    assert points[2].residual is None
+    notes = steady_notes([*points, SteadyPoint("smooth", 9.0, None, None, "too many unknowns")])
+    assert "900 rad/s has not settled, imbalance 0.001: it has no derivatives" in notes[0]
+    assert "at a fold, or close to one, condition 0.003" in notes[1]
+    assert "imbalance not finite" in notes[2]
+    assert "too many mesh periods" in notes[3]
+
+
+def test_the_verdict_says_how_close_is_close_enough():
+    row = lambda wrong: _gradients._worded(
+        _gradients._row("te", "key", 1.0, 1.0, 1.0 + wrong, scale=1.0, same=True, tolerance=1e-5),
+        {},
+    )
+    assert row(5e-6).verdict == "ok to 1e-5"
+    assert row(2e-5).verdict == "WRONG at 1e-5"
+
+
+def test_the_command_counts_wrong_derivatives_of_both_kinds(write, monkeypatch, capsys, tmp_path):
+    names = "te", "key", 1.0, 1.0, 2.0, 0.5
+    table = [("exact", GradientRow(*names, word)) for word in ("ok to 1e-5", "WRONG at 1e-5")]
+    lost = [SteadyPoint("smooth", 900.0, 0.1, 0.5, "not settled")]
+    monkeypatch.setattr(_commands, "dynamic_table", lambda *_: (table, lost))
+    monkeypatch.setattr(_commands, "gradient_table", lambda *_: [GradientRow(*names, "WRONG")])
+    path = write(_TURNING + _SWEEP)
+    arguments = ("--json", "--out", str(tmp_path / "out"))
+    assert main(["check-grad", str(path), *arguments]) == 1
+    captured = capsys.readouterr()
+    summary = json.loads(captured.out)
+    # Once for each contact law, and once in motion.
+    assert summary["check_grad"]["verdicts"]["WRONG"] == 3
+    assert summary["check_grad"]["verdicts"]["ok to 1e-5"] == 1
+    assert summary["check_grad"]["dynamics"][0]["verdict"] == "not settled"
+    assert "With smooth contact the response at 900 rad/s has not settled" in captured.err
+
+
+def test_searches_without_speeds_are_refused_with_all_mistakes_at_once(write):
+    path = write(_TURNING + "[damping]\nmesh = 0\nstructure = 0\n")
+    line = next(n for n, x in enumerate(_TURNING.splitlines(), 1) if x.startswith("minimise"))
+    with pytest.raises(SceneError) as caught:
+        require_swept(read_scene(path))
+    lines = str(caught.value).splitlines()
+    assert lines[0].startswith(f"{path}:{line}: optimise.minimise: names dynamic_ratio")
+    assert any("damping.mesh: no damping" in line for line in lines)
+    assert lines[-1].startswith("2 mistakes")
+    # Weights ask for it too; another objective does not.
+    weighted = ready_scene("accessory", ("optimise.minimise={te_rms=1.0, dynamic_ratio=2.0}",))
+    with pytest.raises(SceneError, match=r"optimise\.minimise\.dynamic_ratio: names"):
+        require_swept(weighted)
+    require_swept(ready_scene("accessory"))
+
+
+def test_speeds_that_are_left_out_are_told():
+    kept = jnp.array([True, False, True])
+    speed, number = jnp.array([500.0, 1100.0, 1500.0]), jnp.array([1.2, jnp.nan, 1.1])
+    judged = optimise.Judged(speed, number, kept, jnp.array([1.0, 500.0, 2.0]), kept)
+    whole = optimise.Judged(speed, number, kept, jnp.ones(3), jnp.ones(3, dtype=bool))
+    notes = left_out_notes([(80.0, judged)], [(80.0, whole)], limited=55)
+    assert "1 of 3 speeds were left out of the dynamic ratio before the search, at 80" in notes[0]
+    assert "(1100 rad/s)" in notes[0]
+    assert "kept to 55 evaluations" in notes[1]
+    assert len(notes) == 2
+    summary = left_out([(80.0, judged)], [(80.0, whole)])
+    assert summary["speeds_left_out_before"][0]["count"] == 1
+    assert summary["speeds_left_out_after"][0]["speeds_rad_s"].size == 0
+    assert not left_out_notes([], [], limited=0)
+    assert left_out([], []) == {}
+
+
+@pytest.mark.slow
+def test_a_response_that_is_not_found_is_not_differentiated(write):
+    """At 900 rad/s, where the branch from the quasi-static states has ended."""
+    scene = read_scene(write(_TURNING + _SWEEP), ("sweep.pinion_speed_rad_s=[900.0]",))
+    rows, points = dynamic_table(scene, {"exact": ExactContact()}, Stopwatch(), ("damping.mesh",))
+    assert not rows
+    assert points[0].verdict == "not settled"
+    assert points[0].residual is not None
+    assert points[0].residual > 1e-3
+
+
+@pytest.mark.slow
+def test_optimise_the_dynamic_ratio(write, tmp_path, capsys):
+    path = write(_TURNING + _SWEEP)
+    assert main(["optimise", str(path), "--json", "--out", str(tmp_path / "out")]) == 0
+    captured = capsys.readouterr()
+    found = json.loads(captured.out)["optimise"]
+    assert found["after"]["objective"] < found["before"]["objective"]
+    assert found["speeds_left_out_after"][0]["of"] == 3
+    assert found["differential_evolution"]["evaluations"] <= 60
+    assert "Differential evolution was kept to" in captured.err
