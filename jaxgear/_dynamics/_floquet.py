@@ -125,60 +125,37 @@ def product_of_steps(march: March, tangents: StepMatrices) -> Monodromy:
 
     As `monodromy`.
     """
-    whirls = any(rule.whirl is not None for rule in march.rules)
-    return _step_by_step(march, tangents) if whirls else _in_blocks(march, tangents)
+    whirls = [rule.whirl for rule in march.rules if rule.whirl is not None]
+    return _step_by_step(march, tangents, whirls) if whirls else _in_blocks(march, tangents)
 
 
-def _step_by_step(march: March, tangents: StepMatrices) -> Monodromy:
+def _step_by_step(march: March, tangents: StepMatrices, whirls: list[Reals]) -> Monodromy:
     """Product of the derivatives of all steps, of modes that gyroscopic forces tie together."""
-    modes, mean = march.modes, march.system.mean
-    size = modes.square.size
-    damping = march.system.cell_damping
-
-    def gains(rule, tangent):
-        """Excess load per change of the nodes' mesh coordinates, and of their rates."""
-        # g = T (n - B g) and, with damping, + eta T n'; n and n' are those under the load.
-        whole = (
-            tangent
-            if march.system.bow is None
-            else jnp.linalg.solve(jnp.eye(mean.shape[0]) + tangent @ march.system.bow, tangent)
-        )
-        excess = whole - mean
-        if damping is None:
-            closed = jnp.eye(mean.shape[0]) + excess @ rule.own
-            return jnp.linalg.solve(closed, excess), None
-        closed = jnp.eye(mean.shape[0]) + excess @ rule.own + damping * whole @ rule.brakes
-        both = jnp.linalg.solve(closed, jnp.concatenate([excess, damping * whole], axis=1))
-        return both[:, : mean.shape[0]], both[:, mean.shape[0] :]
-
-    each = [jax.vmap(lambda t, r=rule: gains(r, t))(tangents) for rule in march.rules]
+    mesh, damped = march.modes.mesh, march.system.cell_damping is not None
+    size = mesh.shape[0]
+    gains = [jax.vmap(lambda t, r=rule: _gains(march, r, t))(tangents) for rule in march.rules]
 
     def step(columns: Reals, x):
         kind, gain = x
-        rule, (by_place, by_rate) = march.rules[0], gain[0]
+        rule, own, whirl = march.rules[0], gain[0], whirls[0]
         for number, other in enumerate(march.rules[1:], 1):
             pick = lambda a, b, k=number: jnp.where(kind == k, b, a)
-            rule = jax.tree.map(pick, rule, other)
-            by_place = pick(by_place, gain[number][0])
-            by_rate = None if by_rate is None else pick(by_rate, gain[number][1])
-        near = jnp.sum(rule.near[:, :, None] * columns, axis=0)
+            others = other, gain[number], whirls[number]
+            rule, own, whirl = jax.tree.map(pick, (rule, own, whirl), others)
         rate = jnp.sum(rule.rate[:, :, None] * columns, axis=0)
-        turned = None if rule.whirl is None else rule.whirl @ rate
-        if turned is not None:
-            near = near - rule.near_load[:, None] * turned
+        turned = whirl @ rate
+        near = jnp.sum(rule.near[:, :, None] * columns, axis=0) - rule.near_load[:, None] * turned
+        seen = mesh.T @ near
+        if damped:
             rate = rate - rule.rate_load[:, None] * turned
-        excess = by_place @ (modes.mesh.T @ near)
-        if by_rate is not None:
-            excess = excess + by_rate @ (modes.mesh.T @ rate)
-        pushed = -rule.pushes @ excess
-        if turned is not None:
-            pushed = pushed - turned
+            seen = jnp.concatenate([seen, mesh.T @ rate])
+        pushed = -rule.pushes @ (own @ seen) - turned
         ended = jnp.sum(rule.state[:, :, :, None] * columns[None], axis=1)
         return ended + rule.load[:, :, None] * pushed[None], None
 
     start = jnp.eye(2 * size).reshape(2, size, 2 * size)
     kinds = jnp.asarray(march.system.table.kinds)
-    ended, _ = jax.lax.scan(step, start, (kinds, each))
+    ended, _ = jax.lax.scan(step, start, (kinds, gains))
     return ended.reshape(2 * size, 2 * size)
 
 

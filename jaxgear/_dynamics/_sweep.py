@@ -268,7 +268,7 @@ class Finder:
         method = self.settings.method
         start = self.rest if last is None else last.orbit.start
         if isinstance(method, Marching):
-            return self._alone(_orbit(_times(method, 2), self.system, speed, start))
+            return self._alone(_orbit(_over_cycles(method, 2), self.system, speed, start))
         if isinstance(method, Shooting):
             twice = last is not None and last.multiple == 2
             found = self._shot(method, speed, start, (2, 1) if twice else (1, 2))
@@ -293,7 +293,7 @@ class Finder:
 
     def _balanced(self, speed: Scalar, multiple: int, near: Orbit | None) -> SweepPoint:
         """The response by harmonic balance, from one close by or from the quasi-static states."""
-        method = _times(self.harmonic, multiple)
+        method = _over_cycles(self.harmonic, multiple)
         if multiple not in self.balances:
             self.balances[multiple] = eqx.filter_jit(balance_of)(method, self.system)
         balance = self.balances[multiple]
@@ -326,7 +326,7 @@ class Finder:
     ) -> SweepPoint | None:
         """A stable response over one cycle or two by shooting, from a motion close by."""
         for multiple in multiples:
-            orbit = _orbit(_times(method, multiple), self.system, speed, start)
+            orbit = _orbit(_over_cycles(method, multiple), self.system, speed, start)
             found = self._judged(orbit)
             if found.stable:
                 return found
@@ -390,7 +390,7 @@ def _apart(point: SweepPoint | None, other: Orbit | History) -> float:
     return float(np.abs(last(own) - last(other.place)).max() / np.ptp(last(other.place)))
 
 
-def _times(method, multiple: int):
+def _over_cycles(method, multiple: int):
     """The same method for responses over so many cycles."""
     return dataclasses.replace(method, multiple=multiple)
 
