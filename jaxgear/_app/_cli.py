@@ -16,6 +16,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from jaxgear._app._motion import motion_mistakes
 from jaxgear._app._scene import READY, Mistake, Scene, SceneError, read_scene, rewrite_scene
 from jaxgear._checks import InputError
 
@@ -244,37 +245,12 @@ def _refuse_unfit(command: str, scene: Scene) -> None:
 
 def _sweep_mistakes(scene: Scene) -> list[Mistake]:
     """What is wrong with a scene, good as it is for all else, if it is to be swept."""
-    found = []
-
-    def mistake(key: str, message: str) -> None:
-        found.append(Mistake(scene.where(key), key, message))
-
-    modal = scene["damping.kind"] == "modal"
-    damped = ("mesh", "structure") if modal else ("a_R_1_s", "b_R_s")
-    if not any(scene[f"damping.{key}"] for key in damped):
-        mistake(
-            f"damping.{damped[0]}",
-            f"no damping: at a resonance there is no steady response. Give damping.{damped[0]} or "
-            f"damping.{damped[1]} a value > 0; `jaxgear modes` does without",
-        )
-    if scene["damping.active_mesh"] and not modal:
-        mistake(
-            "damping.active_mesh",
-            "got true, which needs a damping ratio of the mesh: Rayleigh damping has none. Write "
-            'damping.kind = "modal"',
-        )
-    method, steps, harmonics = (scene[f"sweep.{key}"] for key in ("method", "steps", "harmonics"))
-    if method in ("auto", "harmonic") and 2 * harmonics >= steps:
-        mistake(
-            "sweep.harmonics",
-            f"got {harmonics}, must be less than half of sweep.steps, {steps}: there are no more "
-            "harmonics in so few time steps",
-        )
+    method = scene["sweep.method"]
+    found = motion_mistakes(scene, harmonic=method in ("auto", "harmonic"))
     if scene.get("sweep.continuation") and method in ("newmark", "shooting"):
-        mistake(
-            "sweep.continuation",
-            f'got true, which needs harmonic balance, but sweep.method is "{method}". Keep one',
-        )
+        key = "sweep.continuation"
+        words = f'got true, which needs harmonic balance, but sweep.method is "{method}". Keep one'
+        found.append(Mistake(scene.where(key), key, words))
     return found
 
 

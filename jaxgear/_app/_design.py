@@ -12,6 +12,7 @@ import numpy as np
 import optimise
 from jaxgear._app._dynamics import damping_of, dynamic_grid_of, speeds_of
 from jaxgear._app._model import flanks_of, model_of, shared_places
+from jaxgear._app._motion import motion_mistakes
 from jaxgear._app._scene import Mistake, Scene, SceneError
 from jaxgear._app._schema import GEARS, split_entry
 from jaxgear._app._statics import Stopwatch, torques_of
@@ -439,35 +440,11 @@ def require_swept(scene: Scene) -> None:
     """
     if not is_dynamic(scene):
         return
-    found = []
-
-    def mistake(key: str, message: str) -> None:
-        found.append(Mistake(scene.where(key), key, message))
-
+    found = motion_mistakes(scene, harmonic=True)
     if not scene.has_table("sweep"):
         weighted = f"optimise.minimise.{_DYNAMIC}"
-        mistake(weighted if weighted in scene.values else "optimise.minimise", _NO_SPEEDS)
-    steps, harmonics = scene["sweep.steps"], scene["sweep.harmonics"]
-    if 2 * harmonics >= steps:
-        mistake(
-            "sweep.harmonics",
-            f"got {harmonics}, must be less than half of sweep.steps, {steps}: there are no more "
-            "harmonics in so few time steps",
-        )
-    modal = scene["damping.kind"] == "modal"
-    damped = ("mesh", "structure") if modal else ("a_R_1_s", "b_R_s")
-    if not any(scene[f"damping.{key}"] for key in damped):
-        mistake(
-            f"damping.{damped[0]}",
-            f"no damping: at a resonance there is no steady response. Give damping.{damped[0]} or "
-            f"damping.{damped[1]} a value > 0",
-        )
-    if scene["damping.active_mesh"] and not modal:
-        mistake(
-            "damping.active_mesh",
-            "got true, which needs a damping ratio of the mesh: Rayleigh damping has none. Write "
-            'damping.kind = "modal"',
-        )
+        key = weighted if weighted in scene.values else "optimise.minimise"
+        found.insert(0, Mistake(scene.where(key), key, _NO_SPEEDS))
     if found:
         raise SceneError(found)
 
