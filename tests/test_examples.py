@@ -10,7 +10,7 @@ import pytest
 
 _ROOT = Path(__file__).parents[1]
 _NOTEBOOKS = sorted((_ROOT / "examples").glob("*.ipynb"))
-_LONG = {"03_dynamics"}
+_LONG = {"02_shafts_and_bodies", "03_dynamics"}
 
 
 def test_there_are_examples():

@@ -105,6 +105,7 @@ def test_map_finds_the_valley_and_the_closed_form(accessory, tmp_path, capsys):
         assert (tmp_path / "results" / "accessory" / f"{name}.png").exists()
 
 
+@pytest.mark.slow
 def test_optimise_over_torques_and_by_adam(accessory, capsys):
     code, summary = _run(
         capsys,
@@ -121,6 +122,7 @@ def test_optimise_over_torques_and_by_adam(accessory, capsys):
     assert found["objective_unit"] == "um"
 
 
+@pytest.mark.slow
 def test_optimise_a_weighted_sum_over_macro_geometry(accessory, capsys):
     """A variable that is no flank needs bounds, and changes stiffness and cells too."""
     vary = 'optimise.vary=["pinion.addendum_coeff", "flank.pinion.crowning_um"]'

@@ -49,6 +49,7 @@ def table():
     return scene, gradient_table(scene, ExactContact(), Stopwatch())
 
 
+@pytest.mark.slow
 def test_every_derivative_of_a_helical_pair_on_shafts_is_right(table):
     scene, rows = table
     assert {row.key for row in rows} == set(scene.real_keys())
@@ -112,6 +113,7 @@ def test_rounding_and_kinks_in_the_difference():
     assert not same[1, 0]
 
 
+@pytest.mark.slow
 def test_the_command_prints_a_table(table, tmp_path, monkeypatch, capsys):
     """With the derivatives of the pair above, for both contact laws."""
     monkeypatch.chdir(tmp_path)

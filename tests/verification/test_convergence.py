@@ -75,6 +75,7 @@ EVENTFUL = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "case",
     [CONSTANT_CASE, "crowned helical", pytest.param("relieved spur", marks=pytest.mark.slow)],
