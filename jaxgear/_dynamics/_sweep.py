@@ -119,6 +119,10 @@ _PATIENCE, _DISTURBANCE = 5, 0.1
 # the march than by this part of their swing.
 _APART = 0.3
 
+# From one speed to the next a response may move so far, in its swing, before it is asked whether
+# the machine would go there.
+_LEAP = 1.0
+
 # It also counts if a march of several times the length has come closer to it by this factor.
 _APPROACH = 0.8
 
@@ -280,9 +284,10 @@ class Finder:
             found = self._balanced(speed, 1, None)
         else:
             found = self._balanced(speed, last.multiple, last.orbit)
-        if found.stable:
+        if found.stable and (last is None or _apart(found, last.orbit) <= _LEAP):
             return found
-        if found.settled:
+        # Newton's method may leave a branch that goes on: whether it ends, a march tells.
+        if found.settled and not found.stable:
             start = self._disturbed(found)
         found = self._searched(self.shooting, speed, start)
         if not found.settled:
