@@ -24,7 +24,6 @@ from jaxgear._dynamics._table import (
     mean_tangent,
     mesh_at,
     mesh_load,
-    repeated,
 )
 from jaxgear._dynamics._types import StepMatrices, StepPlaces
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
@@ -64,7 +63,7 @@ def monodromy(
     A square matrix on displacements of all modes, then velocities, of unit modal mass.
     """
     multiple = orbit.place.shape[0] // len(system.table.kinds)
-    system = eqx.tree_at(lambda s: s.table, system, repeated(system.table, multiple))
+    system = system.over(multiple)
     march = march_of(stepper, law, system, modes, orbit.speed)
     if not isinstance(law, ExactContact):
         return product_of_steps(march, tangents_of(march, orbit.place))
@@ -89,8 +88,7 @@ def multipliers(monodromies: Array, modes: ModalBasis) -> np.ndarray:
 
     The multipliers on the last axis [-].
     """
-    swing = np.sqrt(np.asarray(modes.square))
-    weights = np.concatenate([swing, np.ones_like(swing)])
+    weights = np.asarray(modes.swing).reshape(-1)
     scaled = np.asarray(monodromies) * weights[:, None] / weights[None, :]
     found = np.linalg.eigvals(scaled)
     order = np.argsort(-np.abs(found), axis=-1)

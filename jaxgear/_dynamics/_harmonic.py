@@ -29,7 +29,6 @@ from jaxgear._dynamics._table import (
     mean_load,
     mesh_at,
     mesh_load,
-    repeated,
 )
 from jaxgear._dynamics._types import (
     Analysis,
@@ -301,7 +300,8 @@ def balance_of(method: HarmonicBalance, system: DynamicSystem) -> Balance:
         "Contact with damping of its own cannot be averaged over steps: leave "
         "`HarmonicBalance.averaged` out.",
     )
-    table = repeated(system.table, method.multiple)
+    system = system.over(method.multiple)
+    table = system.table
     steps, count = len(table.kinds), method.harmonics * table.periods
     require(
         2 * count < steps,
@@ -320,7 +320,7 @@ def balance_of(method: HarmonicBalance, system: DynamicSystem) -> Balance:
     analysis = _analysis(middle, jnp.diff(share), averaged=method.averaged)
     whole = system.whole_stiffness
     return Balance(
-        system=eqx.tree_at(lambda s: s.table, system, table),
+        system=system,
         modes=modal_basis(system),
         law=method.law,
         samples=tuple(mesh_at(table, part) for part in parts),

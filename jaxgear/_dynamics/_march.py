@@ -25,7 +25,6 @@ from jaxgear._dynamics._table import (
     mesh_at,
     mesh_load,
     mesh_within,
-    repeated,
 )
 from jaxgear._dynamics._types import ModeValues, ModeVectors, Motion, Start, StepPlaces
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
@@ -103,7 +102,7 @@ class Marching(AbstractMethod):
         What is given back is the last of the march, settled or not.
         """
         start = quasi_static_start(system) if start is None else start
-        system = eqx.tree_at(lambda s: s.table, system, repeated(system.table, self.multiple))
+        system = system.over(self.multiple)
         history = march(
             system,
             speed,
@@ -695,11 +694,10 @@ def march(
     )
     modes = modal_basis(system) if modes is None else modes
     ready = march_of(stepper, law, system, modes, speed, averaged=averaged)
-    swing = jnp.sqrt(modes.square)
 
     def size(state: Reals) -> Scalar:
         # The square root of the energy in the modes.
-        return jnp.sqrt(jnp.sum((swing * state[0]) ** 2 + state[1] ** 2))
+        return jnp.sqrt(jnp.sum((modes.swing * state[:2]) ** 2))
 
     def whole_cycle(carried: Carried, _):
         ahead, kept = cycle(ready, carried, system.table)

@@ -14,9 +14,6 @@ from jaxgear._dynamics._march import CONTACT_TOLERANCE, cycle, march_of, quasi_s
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit, bears_load
 from jaxgear._dynamics._steppers import AbstractStepper, Exponential
 from jaxgear._dynamics._system import DynamicSystem, modal_basis
-from jaxgear._dynamics._table import (
-    repeated,
-)
 from jaxgear._dynamics._types import Start
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._types import Flag, Reals, Scalar
@@ -55,10 +52,10 @@ class Shooting(AbstractMethod):
         There are no derivatives: those of the same response are to be had from `HarmonicBalance`.
         """
         start = quasi_static_start(system) if start is None else start
-        system = eqx.tree_at(lambda s: s.table, system, repeated(system.table, self.multiple))
+        system = system.over(self.multiple)
         modes = modal_basis(system)
         march = march_of(self.stepper, self.law, system, modes, speed)
-        swing = jnp.stack([jnp.sqrt(modes.square), jnp.ones_like(modes.square)])
+        swing = modes.swing
 
         def over(state: Reals):
             """What the march ends with, its relative change, and what is kept of each step."""

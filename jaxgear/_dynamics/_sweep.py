@@ -349,8 +349,7 @@ class Finder:
         """A start beside an unstable response, where it is left fastest."""
         law = self.settings.method.law
         matrix = np.asarray(_monodromy(self.system, self.modes, point.orbit, law))
-        swing = np.sqrt(np.asarray(self.modes.square))
-        weights = np.concatenate([swing, np.ones_like(swing)])
+        weights = np.asarray(self.modes.swing).reshape(-1)
         values, vectors = np.linalg.eig(matrix * weights[:, None] / weights[None, :])
         away = np.real(vectors[:, np.argmax(np.abs(values))])
         onto = np.asarray(self.modes.shape.T @ self.system.mass)

@@ -21,13 +21,14 @@ from jaxgear._dynamics._damping import (
     damping_matrix,
     per_mass,
 )
-from jaxgear._dynamics._table import MeshTable, mesh_table, tangent_columns
+from jaxgear._dynamics._table import MeshTable, mesh_table, repeated, tangent_columns
 from jaxgear._dynamics._types import (
     FreeMotions,
     Matrix,
     ModeMatrix,
     ModeValues,
     ModeVectors,
+    States,
     StepPlaces,
     Vector,
     Vectors,
@@ -95,6 +96,10 @@ class DynamicSystem(eqx.Module):
         """Stiffness of the structure with the mean mesh in it [N/m, N, N m]."""
         return self.stiffness + self.mesh_stiffness
 
+    def over(self, cycles: int) -> "DynamicSystem":
+        """The same system, its table gone through so many times."""
+        return eqx.tree_at(lambda s: s.table, self, repeated(self.table, cycles))
+
     def mesh_period(self, speed: Scalar) -> Scalar:
         """Duration of one mesh period at a speed of the pinion [rad/s]; in [s]."""
         return 2.0 * jnp.pi / (self.teeth * speed)
@@ -117,6 +122,11 @@ class ModalBasis(eqx.Module):
     damping: ModeValues
     mesh: ModeVectors
     load: ModeValues
+
+    @property
+    def swing(self) -> States:
+        r"""Weights $(\omega, 1)$ that make displacement and velocity comparable [1/s, -]."""
+        return jnp.stack([jnp.sqrt(self.square), jnp.ones_like(self.square)])
 
 
 def modal_basis(system: DynamicSystem) -> ModalBasis:

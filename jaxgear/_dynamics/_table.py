@@ -9,6 +9,7 @@ middle, and where it ends: both limits of whatever jumps.
 import dataclasses
 import functools
 import operator
+from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -37,6 +38,7 @@ from jaxgear._types import (
     Coordinates,
     Coupling,
     Reals,
+    Scalar,
 )
 
 
@@ -152,11 +154,28 @@ def mesh_at(table: MeshTable, part: float) -> Mesh:
 
     The cells, `step` leading. Between the three places of the table a parabola is laid.
     """
-    # Lagrange's polynomials on 0, 1/2, 1; a zero is left out, so that places cost nothing.
-    shares = ((1 - part) * (1 - 2 * part), 4 * part * (1 - part), part * (2 * part - 1))
+    shares = place_shares(part)
+    # A zero is left out, so that places cost nothing.
     used = [i for i, share in enumerate(shares) if share != 0.0]
     between = lambda x: functools.reduce(operator.add, [shares[i] * x[i] for i in used])
     return Mesh(table.stiffness, between(table.gap), between(table.arms), table.coupling)
+
+
+_Part = TypeVar("_Part", float, Scalar)
+
+
+def place_shares(part: _Part) -> tuple[_Part, _Part, _Part]:
+    """Lagrange's polynomials on the three places of a step.
+
+    **Arguments:**
+
+    - `part`: 0 at the start of a step, 1 at its end [-].
+
+    **Returns:**
+
+    Shares of its start, middle and end; they sum to 1 [-].
+    """
+    return (1.0 - part) * (1.0 - 2.0 * part), 4.0 * part * (1.0 - part), part * (2.0 * part - 1.0)
 
 
 def mesh_within(table: MeshTable, part: float) -> Mesh:

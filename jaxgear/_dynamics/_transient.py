@@ -26,7 +26,7 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from jaxgear._checks import InputError, require, require_float64
 from jaxgear._dynamics._system import DynamicSystem
-from jaxgear._dynamics._table import Mesh, MeshTable, cell_forces, mesh_load
+from jaxgear._dynamics._table import Mesh, MeshTable, cell_forces, mesh_load, place_shares
 from jaxgear._dynamics._types import FreeMotions, Matrix, Start, Vector, Vectors
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._solve._coordinates import on_coordinates
@@ -449,9 +449,7 @@ def mesh_at_phase(table: MeshTable, phase: Scalar, near: Scalar) -> Mesh:
     local = phase - start
     i = jnp.clip(jnp.searchsorted(table.edges, near - start, side="right") - 1, 0, steps - 1)
     part = (local - table.edges[i]) / (table.edges[i + 1] - table.edges[i])
-    first = (1.0 - part) * (1.0 - 2.0 * part)
-    middle = 4.0 * part * (1.0 - part)
-    last = part * (2.0 * part - 1.0)
+    first, middle, last = place_shares(part)
     between = lambda x: first * x[0, i] + middle * x[1, i] + last * x[2, i]
     return Mesh(
         stiffness=table.stiffness[i],
