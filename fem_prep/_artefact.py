@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ._checks import require
+
 FORMAT = 1
 UNITS = "SI: m, kg, s, N, rad"
 
@@ -124,3 +126,37 @@ def rigid_motions(points: np.ndarray) -> np.ndarray:
     motions[:, 0, 4], motions[:, 2, 4] = z, -x
     motions[:, 0, 5], motions[:, 1, 5] = -y, x
     return motions.reshape(-1, 6)
+
+
+def floating(body: ReducedBody, load: np.ndarray) -> np.ndarray:
+    """Static motion of a free body under loads that balance each other.
+
+    Its mean motion, weighted by mass, is none.
+
+    **Arguments:**
+
+    - `body`: the condensed body.
+    - `load`: shape `[dof]` [SI].
+
+    **Returns:**
+
+    Motion, shape `[dof]` [SI].
+
+    **Raises:**
+
+    - `BodyError` if the loads do not balance: a free body has no static answer to them.
+    """
+    rigid = body.rigid_motions
+    momenta = body.mass @ rigid
+    out_of_balance = np.linalg.norm(rigid.T @ load)
+    size = np.linalg.norm(np.abs(rigid).T @ np.abs(load))
+    require(
+        out_of_balance <= 1e-8 * size,
+        "The loads on a free body must balance; {part:.3g} of them do not. Hold the body by "
+        "springs at its seats instead.",
+        part=out_of_balance / max(size, 1e-300),
+    )
+    # Springs on the mean motion, about as stiff as the body, hold it and are not stretched.
+    stiffness = np.trace(body.stiffness) / body.dofs
+    springs = momenta * (stiffness / np.einsum("ij,ij->j", momenta, momenta))
+    return np.linalg.solve(body.stiffness + springs @ momenta.T, load)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 
 # The faces of a brick, outward: four corners, then the middles of the edges that follow them.
 FACES = np.array(
@@ -27,9 +28,11 @@ FACES = np.array(
 
 # The edges of a brick: two corners and the node between them.
 EDGES = np.array(
-    [[0, 1, 8], [1, 2, 9], [2, 3, 10], [3, 0, 11]]
-    + [[4, 5, 12], [5, 6, 13], [6, 7, 14], [7, 4, 15]]
-    + [[0, 4, 16], [1, 5, 17], [2, 6, 18], [3, 7, 19]]
+    [
+        *([0, 1, 8], [1, 2, 9], [2, 3, 10], [3, 0, 11]),
+        *([4, 5, 12], [5, 6, 13], [6, 7, 14], [7, 4, 15]),
+        *([0, 4, 16], [1, 5, 17], [2, 6, 18], [3, 7, 19]),
+    ]
 )
 
 
@@ -72,9 +75,7 @@ def merged(nodes: np.ndarray, bricks: np.ndarray, tolerance: float) -> tuple:
 
     The nodes that are left, and the bricks on them.
     """
-    from scipy.spatial import cKDTree
-
-    pairs = cKDTree(nodes).query_pairs(tolerance, output_type="ndarray")
+    pairs = KDTree(nodes).query_pairs(tolerance, output_type="ndarray")
     links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(nodes),) * 2)
     _, label = connected_components(links, directed=False)
     used, first, place = np.unique(label[bricks], return_index=True, return_inverse=True)

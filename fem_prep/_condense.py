@@ -1,0 +1,482 @@
+r"""Condensation of a body on its rim and its seats.
+
+The body follows its boundary $u_b$ statically, by constraint modes $T$, and adds to that shapes
+$Y$ that leave the boundary where it is: $u = T u_b + Y q$. The stiffness has then no blocks
+between both, whatever the shapes, $T^T K Y = 0$ (physics.md A6.2), and static answers at the
+boundary are exact for loads anywhere. What methods differ in is $Y$ alone.
+
+A seat that averages its nodes is a constraint $B u = u_s$, met by forces $B^T \lambda$.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg
+from scipy.sparse import csr_array
+
+from ._artefact import ReducedBody, floating
+from ._assembly import across, coriolis, stress_stiffening
+from ._boundary import FullBody, dofs_of
+from ._checks import Progress, require, silent
+from ._modes import free_modes, lowest_modes, scale_of
+from ._solvers import Factor, factorise
+from ._symmetry import Rotation
+
+METHODS = ("herting", "craig-bampton", "guyan")
+MOST_MODES = 200
+
+# Shapes that others make up to this, in energy, are left out: they say nothing new.
+_NEW = 1e-12
+
+# Columns treated at a time; three axes each.
+_COLUMNS = 510
+
+
+@dataclass(frozen=True)
+class Held:
+    """A body whose boundary is held, ready to be loaded.
+
+    **Fields:**
+
+    - `full`: the body.
+    - `inside`: unknowns that no coordinate of the boundary is.
+    - `factor`: of their stiffness.
+    - `forces`: answers to the forces of the averaging seats, `[inside, constraint]`.
+    - `meeting`: flexibility of those seats, $B K_{ii}^{-1} B^T$, `[constraint, constraint]`.
+    """
+
+    full: FullBody
+    inside: np.ndarray
+    factor: Factor
+    forces: np.ndarray
+    meeting: np.ndarray
+
+    @property
+    def averages(self) -> csr_array:
+        """Rows of the averaging seats on the inside."""
+        return self.full.averages[:, self.inside]
+
+    def loaded(self, load: np.ndarray, seats: np.ndarray | float = 0.0) -> np.ndarray:
+        """Motion under loads, the rim and rigid seats held and the averaging seats prescribed.
+
+        **Arguments:**
+
+        - `load`: loads on all unknowns, shape `[3 point, column]`.
+        - `seats`: motion of the averaging seats, `[constraint, column]`.
+
+        **Returns:**
+
+        Motion of all unknowns, shape `[3 point, column]`.
+        """
+        answer = self.factor.solve(load[self.inside])
+        if len(self.meeting):
+            answer += self.forces @ np.linalg.solve(self.meeting, seats - self.averages @ answer)
+        motion = np.zeros(load.shape)
+        motion[self.inside] = answer
+        return motion
+
+    def reaction(self, motion: np.ndarray) -> np.ndarray:
+        """Forces on the boundary that hold a motion with no other load, `[boundary, column]`."""
+        rim, rings, averaging = _places(self.full)
+        forces = self.full.stiffness @ motion
+        result = np.empty((len(rim) + len(rings) + len(averaging), motion.shape[1]))
+        result[np.concatenate([rim, rings])] = forces[self.full.held]
+        if len(averaging):
+            result[averaging] = np.linalg.solve(self.meeting, self.forces.T @ forces[self.inside])
+        return result
+
+    def followed(self, boundary: np.ndarray) -> np.ndarray:
+        """Static motion of all unknowns with the boundary.
+
+        **Arguments:**
+
+        - `boundary`: motion of the boundary, `[boundary, column]`: rim, then seats.
+
+        **Returns:**
+
+        Motion of all unknowns, shape `[3 point, column]`.
+        """
+        full = self.full
+        rim, rings, averaging = _places(full)
+        motion = np.zeros((3 * full.points, boundary.shape[1]))
+        motion[full.held] = boundary[np.concatenate([rim, rings])]
+        return motion + self.loaded(-(full.stiffness @ motion), boundary[averaging])
+
+
+def hold(full: FullBody, *, progress: Progress = silent) -> Held:
+    """Hold a body at its rim and its seats.
+
+    **Raises:**
+
+    - `BodyError` if a part of it is still loose.
+    """
+    inside = np.setdiff1d(np.arange(3 * full.points), full.held)
+    with progress(f"factorising {len(inside)} unknowns"):
+        factor = factorise(full.stiffness[inside][:, inside])
+    rows = full.averages[:, inside]
+    forces = factor.solve(rows.T.toarray()) if rows.shape[0] else np.zeros((len(inside), 0))
+    return Held(full, inside, factor, forces, rows @ forces)
+
+
+def boundary_of(full: FullBody, motion: np.ndarray) -> np.ndarray:
+    """Motion of the boundary in a motion of all unknowns, `[3 point, c]` to `[boundary, c]`."""
+    rim, rings, averaging = _places(full)
+    values = np.empty((len(rim) + len(rings) + len(averaging), motion.shape[1]))
+    values[np.concatenate([rim, rings])] = motion[full.held]
+    values[averaging] = full.averages @ motion
+    return values
+
+
+def _places(full: FullBody) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Coordinates of the rim, of rigid seats and of averaging seats."""
+    rim = np.arange(3 * len(full.rim))
+    starts = len(rim) + 6 * np.arange(len(full.seats))
+    averaging = np.array([seat.averaging for seat in full.seats], dtype=bool)
+    rings, means = (
+        (starts[chosen][:, None] + np.arange(6)).ravel() for chosen in (~averaging, averaging)
+    )
+    return rim, rings, means
+
+
+@dataclass(frozen=True)
+class _Basis:
+    """Shapes of the condensed coordinates, those of the rim for one sector only.
+
+    **Fields:**
+
+    - `rotation`: what carries one sector to the next.
+    - `nodes`: rim nodes of every sector, each the image of the same before, `[sector, each]`.
+    - `sector`: constraint modes of the rim nodes of the first sector, `[3 point, 3 each]`.
+    - `others`: of seats, then interior shapes, `[3 point, other]`.
+    """
+
+    rotation: Rotation
+    nodes: np.ndarray
+    sector: np.ndarray
+    others: np.ndarray
+
+    @property
+    def rim(self) -> int:
+        """Number of coordinates of the rim."""
+        return 3 * self.nodes.size
+
+    def dofs(self, sector: int) -> np.ndarray:
+        """Coordinates of the rim nodes of a sector."""
+        return dofs_of(self.nodes[sector])
+
+    def turn(self, sector: int) -> np.ndarray:
+        """Rotation of the coordinates of the first sector to those of another."""
+        return np.kron(np.eye(self.nodes.shape[1]), self.rotation.matrix(sector))
+
+    def spread(self, first: np.ndarray) -> np.ndarray:
+        """The rim's block of a matrix from what coordinates of the first sector say to all.
+
+        **Arguments:**
+
+        - `first`: shape `[3 each, rim]`.
+
+        **Returns:**
+
+        Shape `[rim, rim]`; what a sector says to the others is the same for all sectors.
+        """
+        count = self.rotation.sectors
+        blocks = [first[:, self.dofs(ahead)] for ahead in range(count)]
+        result = np.empty((self.rim, self.rim))
+        for row in range(count):
+            turn = self.turn(row)
+            for ahead in range(count):
+                place = np.ix_(self.dofs(row), self.dofs((row + ahead) % count))
+                result[place] = turn @ blocks[ahead] @ turn.T
+        return result
+
+    def projected(self, matrix: csr_array, sign: float = 1.0) -> np.ndarray:
+        """A matrix that does not change when the body turns, on the condensed coordinates.
+
+        **Arguments:**
+
+        - `matrix`: shape `[3 point, 3 point]`.
+        - `sign`: 1: the matrix is symmetric; -1: skew.
+
+        **Returns:**
+
+        Shape `[dof, dof]`.
+        """
+        rim, alone = self.rim, self.rotation.sectors == 1
+        result = np.empty((rim + self.others.shape[1],) * 2)
+        result[rim:, rim:] = self.others.T @ (matrix @ self.others)
+        first = np.zeros((self.sector.shape[1], rim))
+        for start in range(0, self.sector.shape[1], _COLUMNS):
+            part = slice(start, start + _COLUMNS)
+            # Without symmetry of rotation these products are all the work: half of them will do.
+            rows = slice(start, None) if alone else slice(None)
+            moved = matrix @ self.sector[:, part]
+            for times in range(self.rotation.sectors):
+                carried = self.rotation.turned(moved, times)
+                turn, dofs = self.turn(times)[part, part], self.dofs(times)[part]
+                first[rows, dofs] = self.sector[:, rows].T @ carried @ turn.T
+                result[rim:, dofs] = self.others.T @ carried @ turn.T
+        if alone:
+            first = np.tril(first) + sign * np.tril(first, -1).T
+        result[:rim, :rim] = self.spread(first)
+        result[:rim, rim:] = sign * result[rim:, :rim].T
+        return (result + sign * result.T) / 2
+
+    def rows(self, points: np.ndarray) -> np.ndarray:
+        """Motion of some points in every coordinate, `[3 point, dof]`."""
+        result = np.empty((3 * len(points), self.rim + self.others.shape[1]))
+        result[:, self.rim :] = self.others[dofs_of(points)]
+        for times in range(self.rotation.sectors):
+            before = np.argsort(self.rotation.images(times))[points]
+            turn = np.kron(np.eye(len(points)), self.rotation.matrix(times))
+            moved = turn @ self.sector[dofs_of(before)]
+            result[:, self.dofs(times)] = moved @ self.turn(times).T
+        return result
+
+    def loaded(self, load: np.ndarray) -> np.ndarray:
+        """A load that does not change when the body turns, on the condensed coordinates."""
+        result = np.concatenate([np.empty(self.rim), self.others.T @ load])
+        first = self.sector.T @ load
+        for times in range(self.rotation.sectors):
+            result[self.dofs(times)] = self.turn(times) @ first
+        return result
+
+
+def largest_rotation(full: FullBody) -> Rotation:
+    """The rotation by the smallest sector after which the body is the same.
+
+    Sectors tried are the divisors of the number of lines of rim nodes.
+    """
+    x, y, _ = full.grid.nodes[full.rim].T
+    angles = np.sort(np.mod(np.arctan2(y, x), 2 * math.pi))
+    lines = 1 + int(np.sum(np.diff(angles) > 1e-6))
+    for sectors in range(lines, 1, -1):
+        if lines % sectors == 0 and (found := full.rotation(sectors)) is not None:
+            return found
+    return Rotation(1, np.arange(full.points))
+
+
+def _basis(full: FullBody, held: Held, rotation: Rotation, interior: np.ndarray) -> _Basis:
+    """Constraint modes and interior shapes."""
+    number = np.full(full.points, -1)
+    number[full.rim_points] = np.arange(len(full.rim))
+    orbits = [number[rotation.images(times)[full.rim_points]] for times in range(rotation.sectors)]
+    # Every rim node moves with the body, so one of each orbit has the smallest number.
+    first = np.flatnonzero(np.min(orbits, axis=0) == np.arange(len(full.rim)))
+    boundary = 3 * len(full.rim) + 6 * len(full.seats)
+    unit = np.zeros((boundary, 3 * len(first)))
+    unit[dofs_of(first), np.arange(3 * len(first))] = 1.0
+    seats = np.eye(boundary)[:, 3 * len(full.rim) :]
+    return _Basis(
+        rotation=rotation,
+        nodes=np.array([orbit[first] for orbit in orbits]),
+        sector=held.followed(unit),
+        others=np.concatenate([held.followed(seats), interior], axis=1),
+    )
+
+
+def _interior(
+    full: FullBody, held: Held, method: str, modes: int, progress: Progress
+) -> np.ndarray:
+    """Interior shapes of a method, `[3 point, shape]`; none of them moves the boundary."""
+    if method == "guyan":
+        return np.zeros((3 * full.points, 0))
+    probes = np.zeros((3 * full.points, 3 * len(full.probe_points)))
+    probes[dofs_of(full.probe_points), np.arange(probes.shape[1])] = 1.0
+    loads = [full.centrifugal_load[:, None], probes]
+    if method == "herting":
+        # Inertia relief: what rigid accelerations of the body load it with.
+        loads.append(full.mass @ full.rigid_motions)
+    shapes = [held.loaded(np.concatenate(loads, axis=1))]
+    if modes and method == "herting":
+        _, free = free_modes(full, modes, progress=progress)
+        shapes.append(free - held.followed(boundary_of(full, free)))
+    elif modes:
+        shapes.append(_fixed_modes(held, modes, progress))
+    return _independent(full, np.concatenate(shapes, axis=1))
+
+
+def _fixed_modes(held: Held, modes: int, progress: Progress) -> np.ndarray:
+    """Modes of the body with its boundary held, `[3 point, mode]`."""
+    full, inside = held.full, held.inside
+    require(
+        not len(held.meeting),
+        "Craig-Bampton's modes are those of a body held at its seats, which seats that average "
+        "are not. Make the seats rigid rings, or use Herting's modes.",
+    )
+    with progress(f"{modes} modes of the held body"):
+        stiffness, mass = (each[inside][:, inside] for each in (full.stiffness, full.mass))
+        _, shapes = lowest_modes(stiffness, mass, modes, scale_of(full))
+    motion = np.zeros((3 * full.points, modes))
+    motion[inside] = shapes
+    return motion
+
+
+def _independent(full: FullBody, shapes: np.ndarray) -> np.ndarray:
+    """Modes in the space of some shapes, without those that others make up.
+
+    Shapes come with units of their own, and inertia relief says nearly what the lowest modes say:
+    all are scaled to unit energy, and combinations of none are left out.
+    """
+    energy = np.einsum("ij,ij->j", shapes, full.stiffness @ shapes)
+    shapes = shapes[:, energy > 0] / np.sqrt(energy[energy > 0])
+    if not shapes.shape[1]:
+        return shapes
+    weight, mixed = np.linalg.eigh(shapes.T @ (full.stiffness @ shapes))
+    kept = weight > _NEW * weight[-1]
+    shapes = shapes @ (mixed[:, kept] / np.sqrt(weight[kept]))
+    # Of unit modal mass, and stiffest last.
+    stiffness, mass = (shapes.T @ (each @ shapes) for each in (full.stiffness, full.mass))
+    _, mixed = scipy.linalg.eigh(stiffness, mass)
+    return shapes @ mixed
+
+
+def condense(
+    full: FullBody,
+    *,
+    method: str = "herting",
+    modes: int = 50,
+    rotating: bool = False,
+    rotation: Rotation | None = None,
+    progress: Progress = silent,
+) -> ReducedBody:
+    r"""Condense a body on its rim and its seats.
+
+    Interior shapes are, by method (physics.md A6):
+
+    - "herting": modes of the free body less their static part, and the answers to rigid
+      accelerations (inertia relief). Free frequencies of the modes kept are exact.
+    - "craig-bampton": modes of the body held at its boundary.
+    - "guyan": none; static condensation.
+
+    Both of the first have the answers to centrifugal load and to unit loads on the probes too, so
+    that these too move probes exactly in statics.
+
+    **Arguments:**
+
+    - `full`: the body.
+    - `method`: see above.
+    - `modes`: number of modes, 0 to 200.
+    - `rotating`: also condense Coriolis forces, spin softening and stress stiffening.
+    - `rotation`: a rotation that leaves the body as it is; the smallest one is sought without it.
+        Only the columns of one sector are solved for.
+    - `progress`: told what begins.
+
+    **Returns:**
+
+    The condensed body.
+
+    **Raises:**
+
+    - `BodyError` if the method is unknown, if there are too many modes, or if the body has other
+        than six rigid motions.
+    """
+    require(
+        method in METHODS,
+        "The method of condensation must be one of {known}, got {method!r}.",
+        known=", ".join(METHODS),
+        method=method,
+    )
+    require(
+        0 <= modes <= MOST_MODES,
+        "The number of modes must lie between 0 and {most}, got {modes}.",
+        most=MOST_MODES,
+        modes=modes,
+    )
+    rotation = largest_rotation(full) if rotation is None else rotation
+    held = hold(full, progress=progress)
+    interior = _interior(full, held, method, modes, progress)
+    columns = 3 * len(full.rim) // rotation.sectors
+    with progress(f"{columns} of {3 * len(full.rim)} columns of the rim"):
+        basis = _basis(full, held, rotation, interior)
+    with progress("stiffness and mass"):
+        stiffness, mass = _stiffness(held, basis), basis.projected(full.mass)
+    reduced = ReducedBody(
+        name=full.name,
+        stiffness=stiffness,
+        mass=mass,
+        centrifugal_load=basis.loaded(full.centrifugal_load),
+        rim_nodes=full.grid.nodes[full.rim],
+        rim_faces=full.rim_faces,
+        seats=tuple(seat.name for seat in full.seats),
+        seat_points=np.array([seat.point for seat in full.seats]).reshape(-1, 3),
+        interior=interior.shape[1],
+        probes=tuple(full.probes),
+        probe_points=full.grid.nodes[list(full.probes.values())].reshape(-1, 3),
+        probe_rows=basis.rows(full.probe_points).reshape(len(full.probes), 3, len(mass)),
+        nodes=full.grid.nodes,
+        bricks=full.grid.bricks,
+        interior_shapes=_on_nodes(full, interior),
+        facts=_facts(full, method, modes, rotation),
+    )
+    if not rotating:
+        return reduced
+    with progress("terms of rotation"):
+        return replace(reduced, **_rotating(held, basis, reduced))
+
+
+def _rotating(held: Held, basis: _Basis, reduced: ReducedBody) -> dict[str, np.ndarray]:
+    """Coriolis forces, spin softening, and stiffening by the stresses of the centrifugal load."""
+    full = held.full
+    strained = recovered(held, reduced, floating(reduced, reduced.centrifugal_load)[:, None])
+    stiffening = stress_stiffening(full.grid, full.material, strained[0])
+    return {
+        "coriolis": basis.projected(full.across(coriolis(full.grid_mass)), sign=-1.0),
+        "spin_softening": basis.projected(full.across(across(full.grid_mass))),
+        "stress_stiffening": basis.projected(full.across(stiffening)),
+    }
+
+
+def recovered(held: Held, reduced: ReducedBody, motion: np.ndarray) -> np.ndarray:
+    """Motion of all nodes of the grid in motions of the condensed body.
+
+    **Arguments:**
+
+    - `held`: the full body with its boundary held.
+    - `reduced`: the condensed body.
+    - `motion`: coordinates, shape `[dof, column]` [SI].
+
+    **Returns:**
+
+    Shape `[column, node, 3]` [m].
+    """
+    outer = reduced.boundary_dofs
+    shapes = np.tensordot(motion[outer:].T, reduced.interior_shapes, axes=1)
+    return _on_nodes(held.full, held.followed(motion[:outer])) + shapes
+
+
+def _on_nodes(full: FullBody, motion: np.ndarray) -> np.ndarray:
+    """Motion of the nodes of the grid, `[3 point, column]` to `[column, node, 3]`."""
+    return (full.spread @ motion).T.reshape(motion.shape[1], *full.grid.nodes.shape)
+
+
+def _stiffness(held: Held, basis: _Basis) -> np.ndarray:
+    """Condensed stiffness: forces on the boundary, and the energies of the interior shapes.
+
+    Between both there is nothing (physics.md A6.2).
+    """
+    rim, seats = basis.rim, 6 * len(held.full.seats)
+    result = np.zeros((rim + basis.others.shape[1],) * 2)
+    result[:rim, :rim] = basis.spread(held.reaction(basis.sector)[:rim].T)
+    forces = held.reaction(basis.others[:, :seats])
+    result[: rim + seats, rim : rim + seats] = forces
+    result[rim : rim + seats, :rim] = forces[:rim].T
+    shapes = basis.others[:, seats:]
+    result[rim + seats :, rim + seats :] = shapes.T @ (held.full.stiffness @ shapes)
+    return (result + result.T) / 2
+
+
+def _facts(full: FullBody, method: str, modes: int, rotation: Rotation) -> dict[str, object]:
+    facts: dict[str, object] = {
+        "method": method,
+        "modes": modes,
+        "sectors": rotation.sectors,
+        "young_Pa": full.material.young,
+        "poisson": full.material.poisson,
+        "density_kg_m3": full.material.density,
+        "seats_averaging": [seat.averaging for seat in full.seats],
+    }
+    if full.teeth is not None:
+        facts["teeth_mass_kg"] = full.teeth.mass
+        facts["teeth_polar_inertia_kg_m2"] = full.teeth.polar_inertia
+    return facts
