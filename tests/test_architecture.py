@@ -20,6 +20,8 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("jaxgear", "fem_prep", "optimise")
+# Names of classes are unique in each of these, as rules follow classes by name.
+FAMILIES = (("jaxgear", "optimise"), ("fem_prep",))
 
 # In the order in which data flows. A stage is a file or a folder, and imports only from above.
 STAGES = (
@@ -38,6 +40,37 @@ STAGES = (
     "_app",
 )
 APP = STAGES[-1]
+
+# The same for the files of `fem_prep`, which knows neither JAX nor `jaxgear`.
+BODY_STAGES = (
+    "_checks",
+    "_grid",
+    "_brick",
+    "_plate",
+    "_planar",
+    "_section",
+    "_web",
+    "_quality",
+    "_decks",
+    "_files",
+    "_solvers",
+    "_assembly",
+    "_symmetry",
+    "_artefact",
+    "_body_checks",
+    "_body_file",
+    "_cache",
+    "_boundary",
+    "_modes",
+    "_condense",
+    "_fourier",
+    "_health",
+    "_companion",
+    "_import_checks",
+    "_abaqus",
+    "_op4",
+    "_imports",
+)
 SCENE_FILES = ("_scene", "_model")
 
 # The one place that sets the process up, so the only one that may touch JAX's configuration.
@@ -162,6 +195,25 @@ def faults_of_flow(sources: Iterable[Source]) -> Iterator[str]:
                 yield f"{source.at(found.node)}: a stage imports from stages, not {found.name}"
             elif STAGES.index(names[0]) > STAGES.index(source.stage):
                 yield f"{source.at(found.node)}: {found.name} is downstream of `{source.stage}`"
+
+
+def faults_of_body_flow(sources: Iterable[Source]) -> Iterator[str]:
+    """A file of `fem_prep` imports only from files above; none knows JAX or `jaxgear`."""
+    for source in sources:
+        if source.path.parts[0] != "fem_prep" or source.stage == "__init__":
+            continue
+        if source.stage not in BODY_STAGES:
+            yield f"{source.path}: `{source.stage}` is not in the list of files of fem_prep"
+            continue
+        for found in _imports(source):
+            package, *names = found.parts
+            if package in ("jax", "jaxgear", "equinox", "jaxtyping"):
+                yield f"{source.at(found.node)}: fem_prep runs without {found.name}"
+            elif package == "fem_prep" and (not names or names[0] not in BODY_STAGES):
+                yield f"{source.at(found.node)}: a file imports from files, not {found.name}"
+            elif package == "fem_prep":
+                if BODY_STAGES.index(names[0]) >= BODY_STAGES.index(source.stage):
+                    yield f"{source.at(found.node)}: {found.name} is not above `{source.stage}`"
 
 
 def _faults_of_door(source: Source) -> Iterator[str]:
@@ -378,6 +430,7 @@ def faults_of_annotations(sources: Iterable[Source]) -> Iterator[str]:
 
 RULES = (
     faults_of_flow,
+    faults_of_body_flow,
     faults_of_sides,
     faults_of_classes,
     faults_of_fields,
@@ -388,7 +441,7 @@ RULES = (
 
 @pytest.mark.parametrize("rule", RULES)
 def test_packages_keep_the_rule(rule):
-    faults = list(rule(read_sources(ROOT, *PACKAGES)))
+    faults = [fault for family in FAMILIES for fault in rule(read_sources(ROOT, *family))]
     assert not faults, "\n" + "\n".join(faults)
 
 
@@ -408,10 +461,10 @@ def test_rules_have_something_to_hold():
 
 
 def test_names_of_classes_are_unique():
-    # The rules follow classes by name, so a name may stand for one class only.
-    sources = read_sources(ROOT, *PACKAGES)
-    count = sum(isinstance(x, ast.ClassDef) for s in sources for x in ast.walk(s.tree))
-    assert len(_classes(sources)) == count
+    for family in FAMILIES:
+        sources = read_sources(ROOT, *family)
+        count = sum(isinstance(x, ast.ClassDef) for s in sources for x in ast.walk(s.tree))
+        assert len(_classes(sources)) == count
 
 
 def test_every_module_carries_the_shape_checks():
@@ -435,6 +488,12 @@ def test_import_makes_no_array():
         if source.path.stem not in ("__init__", "__main__", CONFIGURES.stem)
     ]
     assert _arrays_made_by(f"import jaxgear, optimise, {', '.join(names)}") == 0
+
+
+def test_bodies_are_prepared_without_jax():
+    code = "import sys, fem_prep; print(sum(name in sys.modules for name in ('jax', 'jaxgear')))"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert done.stdout == "0\n", done.stderr
 
 
 def _arrays_made_by(code: str) -> int:
@@ -511,6 +570,27 @@ def test_upstream_import_is_found(path, text):
 )
 def test_downstream_flow_is_allowed(path, text):
     assert not _faults(faults_of_flow, path, text)
+
+
+@pytest.mark.parametrize(
+    ("path", "text"),
+    [
+        ("fem_prep/_grid.py", "from ._condense import condense"),
+        ("fem_prep/_grid.py", "from . import _condense"),
+        ("fem_prep/_grid.py", "from ._grid import Grid"),
+        ("fem_prep/_grid.py", "from fem_prep import Grid"),
+        ("fem_prep/_condense.py", "import jax.numpy as jnp"),
+        ("fem_prep/_condense.py", "import jaxgear as jg"),
+        ("fem_prep/_gird.py", "x = 1"),
+    ],
+)
+def test_upstream_import_is_found_in_bodies(path, text):
+    assert len(_faults(faults_of_body_flow, path, text)) == 1
+
+
+def test_downstream_flow_is_allowed_in_bodies():
+    text = "import numpy as np\nfrom ._grid import Grid"
+    assert not _faults(faults_of_body_flow, "fem_prep/_condense.py", text)
 
 
 @pytest.mark.parametrize(
