@@ -1,0 +1,218 @@
+"""Condensed bodies kept in the user's cache folder, each under the hash of what it was made from.
+
+The cache only saves time: where it cannot be read or written, work goes on without it and a
+`CacheWarning` says so.
+"""
+
+import dataclasses
+import hashlib
+import json
+import os
+import sys
+import warnings
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from ._artefact import FORMAT, ReducedBody
+from ._body_file import read_about, read_body, write_body
+from ._checks import BodyError
+
+# Raised whenever the same inputs would give another body than before.
+METHOD = 1
+
+# Files are read in pieces of this size [byte].
+_PIECE = 1 << 20
+
+
+class CacheWarning(UserWarning):
+    """The cache is of no use just now; the work is done all the same."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Entry:
+    """A body in the cache.
+
+    **Fields:**
+
+    - `key`: hash of what it was made from.
+    - `name`: of the body; empty if its file cannot be read.
+    - `size`: of its file [byte].
+    - `used`: when it was last read or written [s since 1970].
+    """
+
+    key: str
+    name: str
+    size: int
+    used: float
+
+
+def cache_folder() -> Path:
+    """Where bodies are kept: `$JAXGEAR_CACHE`, or the user's cache folder of the system."""
+    if own := os.environ.get("JAXGEAR_CACHE"):
+        return Path(own).expanduser() / "bodies"
+    if sys.platform == "win32":
+        general = os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local"
+    elif sys.platform == "darwin":
+        general = Path.home() / "Library" / "Caches"
+    else:
+        general = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(general) / "jaxgear" / "bodies"
+
+
+def key_of(inputs: Mapping[str, object]) -> str:
+    """Hash of everything that a body is made from.
+
+    The format of the file and the number of the method are part of it.
+
+    **Arguments:**
+
+    - `inputs`: by name: numbers, texts, arrays, dataclasses, and lists and mappings of them. Of a
+        file, its content: `file_digest(path)`.
+
+    **Returns:**
+
+    SHA-256 as 64 hexadecimal digits.
+
+    **Raises:**
+
+    - `TypeError` if something else is among the inputs.
+    """
+    whole = {"format": FORMAT, "method": METHOD, "inputs": _plain(inputs)}
+    text = json.dumps(whole, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def file_digest(path: str | os.PathLike) -> str:
+    """SHA-256 of the bytes of a file."""
+    digest = hashlib.sha256()
+    with open(path, "rb") as file:
+        while piece := file.read(_PIECE):
+            digest.update(piece)
+    return digest.hexdigest()
+
+
+def cached(key: str, build: Callable[[], ReducedBody]) -> tuple[ReducedBody, bool]:
+    """A body from the cache, or built and kept there.
+
+    Several processes may ask for the same body at once: each gets a whole one.
+
+    **Arguments:**
+
+    - `key`: from `key_of`.
+    - `build`: makes the body.
+
+    **Returns:**
+
+    The body, and whether it came from the cache.
+    """
+    path = _path(key)
+    if path.is_file():
+        try:
+            body = read_body(path)
+        except (BodyError, OSError) as error:
+            _warn(f"A condensed body in the cache cannot be used and is made anew. {error}")
+        else:
+            _mark_used(path)
+            return body, True
+    body = build()
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_body(path, body)
+    except OSError as error:
+        _warn(
+            f"The condensed body cannot be kept in {path.parent} ({error.strerror or error}) and "
+            "will be made anew each time. Free space there, or set JAXGEAR_CACHE to a folder that "
+            "can be written to."
+        )
+    return body, False
+
+
+def entries() -> list[Entry]:
+    """All bodies in the cache, the last used first."""
+    found = []
+    for path in _files("*.npz"):
+        try:
+            facts = path.stat()
+        except OSError:  # Another process cleared it.
+            continue
+        try:
+            name = str(read_about(path)["name"])
+        except (BodyError, OSError):
+            name = ""
+        found.append(Entry(path.stem, name, facts.st_size, facts.st_mtime))
+    return sorted(found, key=lambda entry: -entry.used)
+
+
+def clear(keys: Iterable[str] | None = None) -> int:
+    """Remove bodies from the cache.
+
+    **Arguments:**
+
+    - `keys`: of the bodies; all, and what broken-off work has left, without it.
+
+    **Returns:**
+
+    What was freed [byte].
+    """
+    paths = [*_files("*.npz"), *_files(".*.tmp")] if keys is None else [_path(key) for key in keys]
+    freed = 0
+    for path in paths:
+        try:
+            size = path.stat().st_size
+            path.unlink()
+        except OSError:
+            continue
+        freed += size
+    return freed
+
+
+def _path(key: str) -> Path:
+    return cache_folder() / f"{key}.npz"
+
+
+def _files(pattern: str) -> list[Path]:
+    try:
+        return sorted(cache_folder().glob(pattern))
+    except OSError:
+        return []
+
+
+def _mark_used(path: Path) -> None:
+    try:
+        os.utime(path)
+    except OSError:
+        # Only its place in the list suffers: a folder that is read only is of use all the same.
+        return
+
+
+def _warn(message: str) -> None:
+    # Python says one message from one place once only, unless told otherwise.
+    warnings.warn(message, CacheWarning, stacklevel=3)
+
+
+def _plain(value: object) -> object:
+    """What JSON knows, with a hash in the place of every array."""
+    if isinstance(value, np.ndarray):
+        array = np.ascontiguousarray(value)
+        kind = array.dtype.newbyteorder("<")
+        if kind.hasobject:
+            raise TypeError("An array of objects has no content that could be hashed.")
+        content = hashlib.sha256(array.astype(kind, copy=False).tobytes()).hexdigest()
+        return {"array": content, "dtype": kind.str, "shape": list(array.shape)}
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, Mapping):
+        return {str(key): _plain(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in value]
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        fields = {each.name: getattr(value, each.name) for each in dataclasses.fields(value)}
+        return {"class": type(value).__name__, "fields": _plain(fields)}
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    raise TypeError(
+        f"What a body is made from must be numbers, texts, arrays or dataclasses, got "
+        f"{type(value).__name__}. Of a file give its `file_digest`."
+    )
