@@ -1,6 +1,7 @@
 """Condensed models of flexible gear bodies, prepared offline.
 
-Will hold the finite element grid of a gear's web, its assembly, and its condensation on the
-rim and the bearing seats into the one file that `jaxgear` reads. This version has none of it:
-every gear body is rigid.
+From a grid of 20-node bricks, made here or brought along, to a small set of matrices on the rim
+and the seats of the bearings, in one file. NumPy, SciPy and scikit-fem; everything is SI and
+radians. Names stand in the order in which data flows.
 """
+

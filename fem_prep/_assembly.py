@@ -89,7 +89,9 @@ class _Pattern:
 
     def blocks(self, of: np.ndarray) -> csr_array:
         """The matrix of blocks, `[block, 3, 3]`, as one of numbers."""
-        return bsr_array((of, self.indices, self.indptr)).tocsr()
+        # Its shape said, as no element may reach the last nodes.
+        shape = (3 * (len(self.indptr) - 1),) * 2
+        return bsr_array((of, self.indices, self.indptr), shape=shape).tocsr()
 
     def isotropic(self, of: np.ndarray) -> csr_array:
         """The matrix that does the same, `[block]`, along every axis."""

@@ -134,6 +134,10 @@ class FullBody:
         found = rotation_of(self.grid.nodes, sectors)
         if found is None:
             return None
+        # An opening as large as one element leaves all nodes where they are.
+        bricks = self.grid.bricks
+        if not np.array_equal(_as_sets(found.image[bricks]), _as_sets(bricks)):
+            return None
         for seat in self.seats:
             if not np.array_equal(np.sort(found.image[seat.nodes]), np.sort(seat.nodes)):
                 return None
@@ -143,6 +147,11 @@ class FullBody:
         place[free] = np.arange(len(free))
         axis = np.arange(len(free), self.points)
         return Rotation(sectors, np.concatenate([place[found.image[free]], axis]))
+
+
+def _as_sets(bricks: np.ndarray) -> np.ndarray:
+    """Elements in an order of their own, their nodes too."""
+    return np.unique(np.sort(bricks, axis=1), axis=0)
 
 
 def dofs_of(points: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ from ._artefact import ReducedBody, floating
 from ._assembly import across, coriolis, stress_stiffening
 from ._boundary import FullBody, dofs_of
 from ._checks import Progress, require, silent
-from ._modes import free_modes, lowest_modes, scale_of
+from ._modes import RIGID, free_modes, lowest_modes, scale_of
 from ._solvers import Factor, factorise
 from ._symmetry import Rotation
 
@@ -113,7 +113,18 @@ def hold(full: FullBody, *, progress: Progress = silent) -> Held:
     """
     inside = np.setdiff1d(np.arange(3 * full.points), full.held)
     with progress(f"factorising {len(inside)} unknowns"):
-        factor = factorise(full.stiffness[inside][:, inside])
+        stiffness, mass = (each[inside][:, inside] for each in (full.stiffness, full.mass))
+        factor = factorise(stiffness)
+    # Pivots that should be none may pass for small ones: the softest motion tells.
+    start = np.random.default_rng(0).standard_normal(len(inside))
+    soft = factor.solve(mass @ start)
+    require(
+        soft @ (stiffness @ soft) > (RIGID * scale_of(full)) ** 2 * (soft @ (mass @ soft)),
+        "All of {name} must be held when its rim and its seats are: part of it moves freely. Are "
+        "there loose parts, parts that hang together by an edge, or nodes that belong to no "
+        "element?",
+        name=full.name,
+    )
     rows = full.averages[:, inside]
     forces = factor.solve(rows.T.toarray()) if rows.shape[0] else np.zeros((len(inside), 0))
     return Held(full, inside, factor, forces, rows @ forces)

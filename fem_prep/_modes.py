@@ -16,7 +16,7 @@ from ._solvers import factorise
 
 # Angular frequencies, in wave speed over size, below which a mode is rigid and which the shift
 # stands for. The softest webs have their first mode near 0.1, rounding leaves rigid ones at 1e-6.
-_RIGID = 1e-4
+RIGID = 1e-4
 _SHIFT = 0.1
 
 
@@ -92,7 +92,7 @@ def free_modes(
     scale = scale_of(full)
     with progress(f"{count} free modes of {order(full.stiffness)} unknowns"):
         square, shapes = lowest_modes(full.stiffness, full.mass, count + 6, _SHIFT * scale)
-    rigid = int(np.sum(square < (_RIGID * scale) ** 2))
+    rigid = int(np.sum(square < (RIGID * scale) ** 2))
     require(
         rigid == 6,
         "A free body must have six rigid motions, {name} has {rigid}. More than six: parts that "

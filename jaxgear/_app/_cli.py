@@ -18,6 +18,7 @@ from typing import Any
 
 from jaxgear._app._motion import motion_mistakes
 from jaxgear._app._scene import READY, Mistake, Scene, SceneError, read_scene, rewrite_scene
+from jaxgear._app._schema import GEARS
 from jaxgear._checks import InputError
 
 _COMMANDS = {
@@ -28,10 +29,8 @@ _COMMANDS = {
     "modes": "natural frequencies, where their energy is, critical speeds",
     "check-grad": "compare the optimiser's derivatives with central differences",
     "compare": "the dynamics of one scene by all methods: error against time",
+    "condense": "build the condensed bodies of the scene: files, pictures, health report",
 }
-
-_NO_BODIES = "this version has no condensed bodies yet: every gear body is rigid"
-_REFUSED = {"condense": ("condensed gear bodies and their health report", _NO_BODIES)}
 
 # Many threads make the many small matrices of a gear pair several times slower.
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
@@ -141,7 +140,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     texts = {"init": "write a ready scene, NAME.toml", **_COMMANDS}
-    texts |= {name: f"{text} (not in this version)" for name, (text, _) in _REFUSED.items()}
     for name, text in texts.items():
         command = commands.add_parser(name, parents=[options], help=text, allow_abbrev=False)
         if name == "init":
@@ -149,6 +147,12 @@ def _parser() -> argparse.ArgumentParser:
             command.add_argument("--force", action="store_true", help="overwrite NAME.toml")
         else:
             command.add_argument("scene", metavar="SCENE", type=Path, help="scene file (TOML)")
+    cache = commands.add_parser(
+        "cache", help="list the condensed bodies that are kept, or remove them", allow_abbrev=False
+    )
+    cache.add_argument("--clear", action="store_true", help="remove all of them")
+    cache.add_argument("--json", action="store_true", help="print the list as JSON")
+    cache.add_argument("--quiet", action="store_true", help="print nothing but errors")
     return parser
 
 
@@ -165,10 +169,10 @@ def _command(argv: Sequence[str] | None) -> int:
         args = _parser().parse_args(argv)
     except SystemExit as stop:
         return int(stop.code or 0)
-    if args.command in _REFUSED:
-        raise _Stop(2, f"`{args.command}` cannot be computed: {_REFUSED[args.command][1]}.")
     if args.command == "init":
         return _init(args)
+    if args.command == "cache":
+        return _cache(args)
     scene = read_scene(args.scene, args.overrides)
     _refuse_unfit(args.command, scene)
     folder = args.out or Path("results") / str(scene["name"])
@@ -181,6 +185,8 @@ def _command(argv: Sequence[str] | None) -> int:
         _print_gradients(summary["check_grad"])
     elif args.command == "modes" and not args.quiet:
         _print_modes(summary["modes"])
+    elif args.command == "condense" and not args.quiet:
+        _print_bodies(summary["bodies"])
     elif not args.quiet:
         print_summary({key: value for key, value in summary.items() if key != "versions"})
     if not args.quiet:
@@ -221,8 +227,21 @@ def _print_modes(found: Mapping[str, Any]) -> None:
         print(form.format(number, *cells))
 
 
+def _print_bodies(found: Sequence[Mapping[str, Any]]) -> None:
+    """Print the health reports of condensed bodies."""
+    from jaxgear._app._body_report import report_lines
+
+    for body in found:
+        print("\n".join(report_lines(body)))
+
+
 def _refuse_unfit(command: str, scene: Scene) -> None:
     """Refuse a good scene that does not go with the command."""
+    condensed = [gear for gear in GEARS if scene[f"{gear}.body.kind"] == "condensed"]
+    if command == "condense" and not condensed:
+        raise _Stop(2, _nothing_to_condense(scene))
+    if command != "condense" and condensed:
+        raise SceneError([_not_yet(scene, command, gear) for gear in condensed])
     if command == "sweep" and not scene.has_table("sweep"):
         raise _Stop(
             2,
@@ -241,6 +260,36 @@ def _refuse_unfit(command: str, scene: Scene) -> None:
             f"{scene.path}: the scene does not say what to optimise. Add a table [optimise] with "
             'vary = ["flank.pinion.tip_relief.depth_um"], or more keys.',
         )
+
+
+def _nothing_to_condense(scene: Scene) -> str:
+    """Say what a condensed body would be, or which key keeps it from being one."""
+    for gear in GEARS:
+        for source in ("web", "grid", "superelement"):
+            if scene.has_table(f"{gear}.body.{source}"):
+                kind = scene[f"{gear}.body.kind"]
+                return (
+                    f"{scene.path}: no gear body of the scene is condensed: {gear}.body has "
+                    f'{source}, but its kind is "{kind}". Write kind = "condensed" in '
+                    f"[{gear}.body], or --set {gear}.body.kind=condensed."
+                )
+    return (
+        f"{scene.path}: no gear body of the scene is condensed. Write, for instance,\n\n"
+        '[wheel.body]\nkind = "condensed"\n'
+        "web = { hub_outer_mm = 50.0, web_thickness_mm = 4.0, rim_inner_mm = 118.0 }\n\n"
+        "or leave web out for a solid body."
+    )
+
+
+def _not_yet(scene: Scene, command: str, gear: str) -> Mistake:
+    """Say which command takes a condensed body, and what this one takes."""
+    key = f"{gear}.body.kind"
+    words = (
+        f'got "condensed": this version condenses bodies (`jaxgear condense`), but `jaxgear '
+        f'{command}` does not yet put them in mesh. Write "rigid" or "beam", or --set '
+        f"{key}=rigid"
+    )
+    return Mistake(scene.where(key), key, words)
 
 
 def _sweep_mistakes(scene: Scene) -> list[Mistake]:
@@ -290,6 +339,18 @@ def _compute(command: str, scene: Scene, folder: Path, quiet: bool) -> Mapping[s
         raise
     except OSError as error:
         raise _Stop(1, f"cannot write results into {folder}: {error}") from error
+
+
+def _cache(args: argparse.Namespace) -> int:
+    """List the condensed bodies in the cache, or remove them."""
+    from jaxgear._app._body_cache import cache_summary, cleared, print_cache
+
+    found = cleared() if args.clear else cache_summary()
+    if args.json:
+        _print_json(found)
+    elif not args.quiet:
+        print_cache(found)
+    return 0
 
 
 def _print_json(summary: Mapping[str, object]) -> None:

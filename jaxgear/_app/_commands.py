@@ -423,6 +423,16 @@ def check_gradients(scene: Scene, folder: Path, quiet: bool) -> Summary:
     return _finish(scene, folder, summary, watch)
 
 
+def condense(scene: Scene, folder: Path, quiet: bool) -> Summary:
+    """Build the condensed bodies of a scene and say how good they are.
+
+    Arguments, results and errors as for `run`.
+    """
+    from jaxgear._app import _condense
+
+    return _condense.condense(scene, folder, quiet)
+
+
 COMMANDS: dict[str, Callable[[Scene, Path, bool], Summary]] = {
     "run": run,
     "map": map_relief,
@@ -431,6 +441,7 @@ COMMANDS: dict[str, Callable[[Scene, Path, bool], Summary]] = {
     "modes": natural_modes,
     "check-grad": check_gradients,
     "compare": compare,
+    "condense": condense,
 }
 
 

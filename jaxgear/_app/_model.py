@@ -21,6 +21,7 @@ from jaxgear._app._files import (
 )
 from jaxgear._app._scene import Scene
 from jaxgear._app._schema import GEARS
+from jaxgear._checks import InputError
 from jaxgear._contact._cells import Misalignment
 from jaxgear._contact._compliance import (
     AbstractCompliance,
@@ -81,7 +82,7 @@ def model_of(scene: Scene) -> PairModel:
 
     - `ValueError` if the gears are impossible.
     """
-    pair = _pair(scene)
+    pair = pair_of(scene)
     mounts = [_mount(scene, name) for name in GEARS]
     return PairModel(
         pair=pair,
@@ -176,7 +177,21 @@ def _real(scene: Scene, key: str) -> Scalar:
     return jnp.asarray(scene[key], dtype=float)
 
 
-def _pair(scene: Scene) -> GearPair:
+def pair_of(scene: Scene) -> GearPair:
+    """The gears of a scene.
+
+    **Arguments:**
+
+    - `scene`: checked against the schema; its real values may be traced.
+
+    **Returns:**
+
+    The pair, in SI.
+
+    **Raises:**
+
+    - `ValueError` if the gears are impossible.
+    """
     centre_distance = scene.get("pair.centre_distance_mm")
     pair = GearPair(
         pinion=_gear(scene, "pinion"),
@@ -428,6 +443,11 @@ def _support(scene: Scene, name: str) -> Support:
 def _body(scene: Scene, pair: GearPair, name: str, mount: Support | Shaft) -> RigidBody | BeamBody:
     """A gear's body; a rigid one is a disc from bore to root circle, but for what is given."""
     index = GEARS.index(name)
+    if scene[f"{name}.body.kind"] == "condensed":
+        raise InputError(
+            f"{name}.body.kind: this version condenses bodies but does not yet put them in mesh. "
+            'Write "rigid" or "beam".'
+        )
     if scene[f"{name}.body.kind"] == "beam":
         gear, root = (pair.pinion, pair.wheel)[index], 2.0 * pair.root_radius[index]
         return BeamBody(width=gear.face_width, outer=root, material=gear.material)

@@ -29,6 +29,7 @@ from matplotlib.transforms import offset_copy
 
 import jaxgear as jg
 from jaxgear._app._results import BODIES, cycle_statistics, flank_grid, whole_file, write_csv
+from jaxgear._app._teeth import tooth_outline
 from jaxgear._system._beam import beam_shapes
 from jaxgear._system._mesh_vectors import body_beam
 from jaxgear._system._shaft import node_heights
@@ -247,40 +248,12 @@ def _outline(pair: jg.GearPair, body: int) -> np.ndarray:
 
 def _tooth(pair: jg.GearPair, body: int) -> tuple[np.ndarray, np.ndarray]:
     """Radius [m] and half angle [rad] of a tooth, from mid-space over the flank to mid-tip."""
-    x, y = map(np.asarray, _half_tooth(pair, body))
+    x, y = tooth_outline(pair, body)
     radius, half = np.hypot(x, y), np.arctan2(x, y)
     space = np.linspace(np.pi / float(pair.teeth[body]), half[0], 7)[:-1]
     land = np.linspace(half[-1], 0.0, 7)[1:]
     radius = np.concatenate([np.full(6, radius[0]), radius, np.full(6, radius[-1])])
     return radius, np.concatenate([space, half, land])
-
-
-@eqx.filter_jit
-def _half_tooth(pair: jg.GearPair, body: int) -> tuple[Array, Array]:
-    """Half thickness and height of a tooth from root circle to tip [m]."""
-    section = _transverse_section(pair, body)
-    x, y = section.fillet(jnp.linspace(0.5 * jnp.pi, section.pressure_angle, 25))
-    tip = pair.tip_roll[body] / section.base_radius
-    u, v = section.flank(jnp.linspace(section.form_roll_angle, tip, 101))
-    return jnp.concatenate([x, u[1:]]), jnp.concatenate([y, v[1:]])
-
-
-def _transverse_section(pair: jg.GearPair, body: int) -> jg.ToothSection:
-    """The tooth that the rack's transverse section cuts.
-
-    Exact for spur gears. The tip radius of a helical gear's rack is an ellipse there; a circle of
-    the same depth stands for it, which touches the fillet only.
-    """
-    gear = (pair.pinion, pair.wheel)[body]
-    to_transverse = jnp.cos(pair.helix_angle)
-    return jg.ToothSection(
-        teeth=pair.teeth[body],
-        module=pair.transverse_module,
-        pressure_angle=pair.transverse_pressure_angle,
-        profile_shift=gear.profile_shift * to_transverse,
-        dedendum=gear.dedendum * to_transverse,
-        fillet_radius=gear.fillet_radius * to_transverse,
-    )
 
 
 # --- The shafts

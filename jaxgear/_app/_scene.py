@@ -22,13 +22,13 @@ import tree_sitter
 import tree_sitter_toml
 
 from jaxgear._app import _schema
+from jaxgear._app._body_checks import body_mistakes
 from jaxgear._app._schema import (
     ALWAYS,
     BY_PATH,
     GEARS,
     KEYS,
     REAL_KEYS,
-    REFUSED_TABLES,
     TABLES,
     general,
     show,
@@ -465,8 +465,8 @@ class _Reading:
         }
         self.lines[path] = where
 
-    def walk(self, table: Mapping[str, object], prefix: str, refused: bool = False) -> None:
-        """Check every key and table below `prefix`; `refused` once a table above was refused."""
+    def walk(self, table: Mapping[str, object], prefix: str) -> None:
+        """Check every key and table below `prefix`."""
         for name, value in table.items():
             path = _join(prefix, name)
             known = general(path)
@@ -477,18 +477,14 @@ class _Reading:
                 for index, row in enumerate(rows):
                     self.seen.add(f"{path}[{index}]")
                     self.tables.add(f"{path}[{index}]")
-                    self.walk(row, f"{path}[{index}]", refused)
+                    self.walk(row, f"{path}[{index}]")
             elif isinstance(value, dict) and known in TABLES:
                 self.seen.add(path)
                 self.tables.add(path)
-                refuse = known in REFUSED_TABLES and not refused
-                if refuse:
-                    self.mistake(path, f"{_schema.NOT_MODELLED}. Remove it")
-                self.walk(value, path, refused or refuse)
+                self.walk(value, path)
             elif known in KEYS and "[]" not in path:
                 self.seen.add(path)
-                if not refused:
-                    self.check(path, value)
+                self.check(path, value)
             else:
                 self.unknown(path, known, value)
 
@@ -536,7 +532,7 @@ class _Reading:
         for path, key in places.items():
             if path in self.values:
                 values[path] = self.values[path]
-            elif path not in self.seen and not isinstance(key.default, _schema.Presence):
+            elif path not in self.seen and _has_default(key, values):
                 values[path] = list(key.default) if isinstance(key.default, list) else key.default
         # Not defaults of the schema, since only the reader knows the file.
         values.setdefault("name", self.path.stem)
@@ -581,6 +577,8 @@ class _Reading:
             self._check_foundation(gear, values)
             self._check_pitch(gear, values)
             self._check_shaft(gear, values)
+            for path, message in body_mistakes(gear, values, self.seen):
+                self.mistake(path, message)
         weights = [values[path] for path in values if path.startswith("optimise.minimise.")]
         if "optimise.minimise" not in values and not any(weights):
             if not self._has_mistake("optimise.minimise"):
@@ -728,6 +726,13 @@ def _reading_order(mistake: Mistake) -> tuple[int, int]:
         return 2, 0
     line = mistake.where.rpartition(":")[2]
     return (1, int(line)) if line.isdecimal() else (0, 0)
+
+
+def _has_default(key: _schema.Key, values: Mapping[str, object]) -> bool:
+    """Say whether an absent key is filled in, next to the values before it."""
+    if isinstance(key.default, _schema.Presence):
+        return False
+    return key.default_if is None or values.get(key.default_if[0]) == key.default_if[1]
 
 
 def _applies(path: str, values: Mapping[str, object]) -> bool:

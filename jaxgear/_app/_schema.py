@@ -85,6 +85,7 @@ class Key:
     - `pattern`: regular expression that a text must match in full.
     - `modelled`: the values that this version models; `None` for all, empty for none.
     - `applies_if`: another key and the value of it that makes this one count.
+    - `default_if`: another key and the value of it with which the default is filled in.
     - `differentiable`: whether the static model has a derivative with respect to it; of a list,
         with respect to each entry.
     - `remedy`: what to do when a value is out of bounds.
@@ -103,6 +104,7 @@ class Key:
     pattern: str = ""
     modelled: tuple[object, ...] | None = None
     applies_if: tuple[str, str] | None = None
+    default_if: tuple[str, str] | None = None
     differentiable: bool = False
     remedy: str = ""
 
@@ -410,31 +412,184 @@ def _gear(gear: str) -> tuple[Key, ...]:
 
 
 def _body(table: str) -> tuple[Key, ...]:
-    refused: dict[str, Any] = {"modelled": ()}
+    """Keys of one gear's body."""
     return (
         _text(
             f"{table}.kind",
             "model of the gear body",
             "rigid",
             choices=("rigid", "beam", "condensed"),
-            modelled=("rigid", "beam"),
         ),
         _number(f"{table}.mass_kg", "mass", above=0.0),
         _number(f"{table}.inertia_kg_m2", "polar moment of inertia", above=0.0),
         _number(f"{table}.transverse_inertia_kg_m2", "transverse moment of inertia", above=0.0),
-        _number(f"{table}.web.hub_outer_mm", "outer diameter of the hub", **refused),
-        _number(f"{table}.web.web_thickness_mm", "thickness of the web", **refused),
-        _number(f"{table}.web.rim_inner_mm", "inner diameter of the rim", **refused),
-        _number(f"{table}.web.web_offset_mm", "axial offset of the web from mid-face", **refused),
-        _number(f"{table}.web.web_angle_deg", "cone angle of the web", **refused),
-        _count(f"{table}.web.holes", "number of holes", **refused),
-        _number(f"{table}.web.hole_diameter_mm", "diameter of a hole", **refused),
-        _number(f"{table}.web.hole_circle_mm", "diameter of the circle of holes", **refused),
-        _text(f"{table}.grid", "a finite element grid of the user's own", **refused),
-        _text(f"{table}.superelement", "matrices condensed elsewhere", **refused),
-        _text(f"{table}.interface", "herting, craig-bampton, or the rim's node set", **refused),
-        _count(f"{table}.modes", "number of internal modes kept", **refused),
-        _number(f"{table}.young_GPa", "Young's modulus of the condensed body", **refused),
+        *_web(f"{table}.web"),
+        *_condensed(table),
+        *_fineness(f"{table}.fineness"),
+    )
+
+
+def _web(table: str) -> tuple[Key, ...]:
+    """Keys of a body drawn by hub, web and rim."""
+    size: dict[str, Any] = {"above": 0.0, "remedy": "The key is in millimetres"}
+    many: dict[str, Any] = {"at_least": 0, "at_most": 100}
+    return (
+        _number(f"{table}.hub_outer_mm", "outer diameter of the hub", REQUIRED, **size),
+        _number(f"{table}.web_thickness_mm", "thickness of the web", REQUIRED, **size),
+        _number(f"{table}.rim_inner_mm", "inner diameter of the rim", REQUIRED, **size),
+        _number(
+            f"{table}.web_offset_mm",
+            "axial offset of the web's middle from mid-face, half way between hub and rim",
+        ),
+        _number(
+            f"{table}.web_angle_deg",
+            "cone angle of the web; positive: it rises along Z from hub to rim",
+            at_least=-60.0,
+            at_most=60.0,
+            remedy="The key is in degrees; 0 is a flat web",
+        ),
+        _number(f"{table}.hub_width_mm", "width of the hub; default: face_width_mm", **size),
+        _count(f"{table}.holes", "number of holes on a circle", **many),
+        _number(f"{table}.hole_diameter_mm", "diameter of a hole", **size),
+        _number(f"{table}.hole_circle_mm", "diameter of the circle of their centres", **size),
+        _number(f"{table}.hole_angle_deg", "direction of the first hole, from tooth 0; default: 0"),
+        _count(f"{table}.second_holes", "number of holes of a second ring", **many),
+        _number(
+            f"{table}.second_hole_diameter_mm", "their diameter; default: that of the first", **size
+        ),
+        _number(
+            f"{table}.second_hole_circle_mm", "their circle; default: that of the first", **size
+        ),
+        _number(
+            f"{table}.second_hole_angle_deg",
+            "direction of the first of them; default: half way between two of the first ring",
+        ),
+    )
+
+
+def _condensed(table: str) -> tuple[Key, ...]:
+    """Keys of a condensed body: where it comes from, and what is kept of it."""
+    only: dict[str, Any] = {"default_if": (f"{table}.kind", "condensed")}
+    return (
+        _text(f"{table}.grid", "a finite element grid of the user's own, instead of web"),
+        _text(f"{table}.rim_set", "its node set of the rim, the cylinder under the teeth"),
+        Key(
+            f"{table}.seats",
+            "texts",
+            "its node sets of the bearings' seats, in their order; without shaft, of the bore",
+        ),
+        _text(f"{table}.torque_set", "its node set where the torque enters or leaves"),
+        _number(
+            f"{table}.grid_unit_mm",
+            "length of its unit; default: 1",
+            above=0.0,
+            remedy="A grid in metres has 1000, one in inches 25.4",
+        ),
+        *_superelement(f"{table}.superelement"),
+        _text(
+            f"{table}.interface",
+            "how the inside is kept: herting, craig-bampton or guyan; with grid also the rim's set",
+            "herting",
+            **only,
+        ),
+        _count(
+            f"{table}.modes",
+            "number of modes of the inside that are kept",
+            50,
+            at_least=0,
+            at_most=200,
+            remedy="0 keeps the rim and the seats alone",
+            **only,
+        ),
+        _number(
+            f"{table}.young_GPa",
+            "Young's modulus of the body alone; a high one makes it rigid with its mass unchanged",
+            at_least=0.1,
+            at_most=1e7,
+            remedy="The key is in gigapascals; steel has 206",
+        ),
+        _text(
+            f"{table}.seat_coupling",
+            "what ties a seat to its node: a rigid ring, or the average of its motion",
+            "rigid",
+            choices=("rigid", "averaging"),
+            **only,
+        ),
+        _number(
+            f"{table}.seat_width_mm",
+            "length of shaft that a bearing holds; default: a third of the diameter there",
+            above=0.0,
+            remedy="The key is in millimetres",
+        ),
+        Key(
+            f"{table}.compare_seats",
+            "bool",
+            "whether the health report compares rigid and averaging seats, which takes a while",
+            True,
+            **only,
+        ),
+        Key(
+            f"{table}.teeth_mass",
+            "bool",
+            "whether the mass of the teeth is laid on the rim",
+            True,
+            **only,
+        ),
+        Key(
+            f"{table}.rotating_terms",
+            "bool",
+            "whether Coriolis terms, spin softening and stress stiffening are condensed too",
+            False,
+            **only,
+        ),
+    )
+
+
+def _superelement(key: str) -> tuple[Key, ...]:
+    """Keys of matrices condensed by another program."""
+    return (
+        _text(key, "matrices condensed elsewhere (.mtx, .sti, .op4, .npz), instead of web"),
+        _text(f"{key}_mass", "file of the mass matrix, where it is one of its own"),
+        _text(f"{key}_nodes", "table of its nodes: columns node, x, y, z, role"),
+        _text(f"{key}_faces", "elements of the rim: eight node numbers on a line"),
+        _text(
+            f"{key}_units",
+            "units of all of these files",
+            choices=("m-kg-s", "mm-t-s", "mm-kg-ms", "in-lbf-s"),
+        ),
+        _number(f"{key}_mid_face_mm", "its z of the middle of the toothed face; default: 0"),
+    )
+
+
+def _fineness(table: str) -> tuple[Key, ...]:
+    """Keys of the finite element grid of a drawn body: numbers of 20-node bricks."""
+    kind = f"{table.rpartition('.')[0]}.kind"
+    few: dict[str, Any] = {"at_least": 1, "at_most": 50}
+    return (
+        _count(
+            f"{table}.elements_per_tooth",
+            "elements around, for each tooth",
+            1,
+            default_if=(kind, "condensed"),
+            **few,
+        ),
+        _count(
+            f"{table}.sectors",
+            "elements around, whatever the teeth; instead of elements_per_tooth",
+            at_least=8,
+            at_most=2000,
+        ),
+        _count(f"{table}.rim_across", "elements across the face of the rim", **few),
+        _count(f"{table}.rim_deep", "elements through the rim", **few),
+        _count(f"{table}.web_along", "elements along the web, from hub to rim", **few),
+        _count(f"{table}.web_layers", "elements through the web", **few),
+        _count(f"{table}.hub_deep", "elements through the hub", **few),
+        _number(
+            f"{table}.shaft_mm",
+            "largest element along the shaft",
+            above=0.0,
+            remedy="The key is in millimetres",
+        ),
     )
 
 
@@ -848,11 +1003,6 @@ def parents(path: str) -> list[str]:
 
 
 TABLES: frozenset[str] = frozenset(table for path in KEYS for table in parents(path))
-
-# Tables of which nothing is modelled: refused once, as a whole.
-REFUSED_TABLES: frozenset[str] = TABLES - {
-    table for path, key in KEYS.items() if key.modelled != () for table in parents(path)
-}
 
 
 def _likeness(tail: str, known: str) -> float:

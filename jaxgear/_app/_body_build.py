@@ -1,0 +1,264 @@
+"""Condensed bodies from their plans, through the cache."""
+
+import contextlib
+import dataclasses
+import resource
+import sys
+import time
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from fem_prep._artefact import ReducedBody
+from fem_prep._boundary import FullBody, Seat, full_body
+from fem_prep._cache import CacheWarning, cached, file_digest, key_of
+from fem_prep._checks import BodyError
+from fem_prep._condense import condense, hold
+from fem_prep._grid import Grid
+from fem_prep._health import described_modes, health_report, modes_told, solid_of
+from fem_prep._quality import check_grid
+from fem_prep._web import body_grid, exact_properties
+from jaxgear._app._bodies import BodyPlan, Drawn, Matrices, OwnGrid
+from jaxgear._app._body_view import BodyView, keep_view, read_view
+from jaxgear._checks import InputError
+
+
+@dataclasses.dataclass(frozen=True)
+class BuiltBody:
+    """A condensed body and how it came about.
+
+    **Fields:**
+
+    - `plan`: what it was made from.
+    - `body`: the condensed body; its facts hold the health report.
+    - `view`: what pictures show; None without a grid.
+    - `key`: its name in the cache.
+    - `from_cache`: whether it was there.
+    - `seconds`: that it took to build or to read [s].
+    - `warnings`: what the cache could not do.
+    """
+
+    plan: BodyPlan
+    body: ReducedBody
+    view: BodyView | None
+    key: str
+    from_cache: bool
+    seconds: float
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def health(self) -> Mapping[str, Any]:
+        """What the body is and how far it is from the full one, a unit in every name."""
+        return cast(Mapping[str, Any], self.body.facts["health"])
+
+
+class Steps:
+    """Tells what begins, and remembers how long each step took.
+
+    **Fields:**
+
+    - `seconds`: by step [s].
+    """
+
+    def __init__(self, tell: Callable[[str], None]):
+        self.seconds: dict[str, float] = {}
+        self._tell = tell
+
+    def __call__(self, step: str) -> AbstractContextManager[None]:
+        """A context that lasts as long as the step."""
+        return self._timed(step)
+
+    @contextlib.contextmanager
+    def _timed(self, step: str) -> Iterator[None]:
+        self._tell(step)
+        start = time.perf_counter()
+        yield
+        self.seconds[step] = self.seconds.get(step, 0.0) + time.perf_counter() - start
+
+
+def built_body(plan: BodyPlan, tell: Callable[[str], None]) -> BuiltBody:
+    """The body of a plan, from the cache if it is there.
+
+    **Arguments:**
+
+    - `plan`: what it is made from.
+    - `tell`: told what begins.
+
+    **Returns:**
+
+    The body, its view, and what it cost.
+
+    **Raises:**
+
+    - `ValueError` if the body cannot be; the message says what to do.
+    """
+    start = time.perf_counter()
+    try:
+        key = key_of(_inputs(plan))
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always", CacheWarning)
+            body, found = cached(key, lambda: _build(plan, key, Steps(tell)))
+        body = dataclasses.replace(body, name=plan.name)
+        view = read_view(key, len(body.nodes)) if len(body.nodes) else None
+        if view is None and len(body.nodes):
+            view = _view(body, _full(plan, Steps(tell)), Steps(tell))
+            keep_view(key, view)
+    except BodyError as error:
+        raise InputError(f"{plan.gear}.body: {_in_keys(str(error), plan.gear)}") from error
+    warned = tuple(str(each.message) for each in said)
+    return BuiltBody(plan, body, view, key, found, time.perf_counter() - start, warned)
+
+
+def _in_keys(message: str, gear: str) -> str:
+    """A message about measures in the names of the scene's keys."""
+    for name, key in _KEYS.items():
+        message = message.replace(f"`{name}`", f"`{gear}.{key}`")
+    return message
+
+
+_KEYS = {
+    "GearBody.rim_outer": "teeth (root circle)",
+    "GearBody.rim_width": "face_width_mm",
+    "GearBody.bore": "bore_mm",
+    "GearBody.gear_at": "shaft.gear_at_mm",
+    "GearBody.segments": "shaft.segments",
+    "GearBody.seats": "shaft.bearings",
+    "SeatPlace.at": "shaft.bearings.at_mm",
+    "SeatPlace.width": "body.seat_width_mm",
+    "SeatPlace": "shaft.bearings",
+    "Segment.length": "shaft.segments.length_mm",
+    "Segment.inner": "shaft.segments.inner_mm",
+    "Segment.outer": "shaft.segments.outer_mm",
+    "Web": "body.web",
+    "Web.hub_outer": "body.web.hub_outer_mm",
+    "Web.rim_inner": "body.web.rim_inner_mm",
+    "Web.thickness": "body.web.web_thickness_mm",
+    "Web.angle": "body.web.web_angle_deg",
+    "Web.holes": "body.web.holes",
+    "Holes.diameter": "body.web.hole_diameter_mm",
+    "Holes.circle": "body.web.hole_circle_mm",
+    "Fineness.sectors": "body.fineness.sectors",
+    "length_unit": "body.grid_unit_mm",
+}
+
+
+def _inputs(plan: BodyPlan) -> dict[str, object]:
+    """What a plan says, and the content of its files in place of their names."""
+    source = plan.source
+    fields: dict[str, object] = {
+        each.name: getattr(plan, each.name)
+        for each in dataclasses.fields(plan)
+        if each.name != "name"
+    }
+    if isinstance(source, Drawn):
+        return fields
+    kept = {each.name: getattr(source, each.name) for each in dataclasses.fields(source)}
+    for name, value in kept.items():
+        paths = value if isinstance(value, tuple) else (value,)
+        if any(isinstance(path, Path) for path in paths):
+            kept[name] = [_digest(plan, path) for path in paths]
+    return fields | {"source": {type(source).__name__: kept}}
+
+
+def _digest(plan: BodyPlan, path: Path) -> list[str]:
+    """Content of a file and of those that are read with it."""
+    beside = [path.with_suffix(end) for end in (".mas", ".dof") if path.suffix == ".sti"]
+    try:
+        return [file_digest(each) for each in (path, *filter(Path.is_file, beside))]
+    except OSError as error:
+        raise BodyError(
+            f"The file {path} cannot be read: {error.strerror}. A relative path is relative to the "
+            "folder of the scene file."
+        ) from error
+
+
+# --- Building
+
+
+def _build(plan: BodyPlan, key: str, steps: Steps) -> ReducedBody:
+    """A body made anew, with its health among its facts; its view goes into the cache."""
+    full = held = exact = None
+    if isinstance(plan.source, Matrices):
+        body = _imported(plan, plan.source, steps)
+    else:
+        full = _full(plan, steps)
+        body = condense(
+            full, method=plan.method, modes=plan.modes, rotating=plan.rotating, progress=steps
+        )
+        held = hold(full, progress=steps)
+    modes = described_modes(body, held, count=modes_told(body), progress=steps)
+    if isinstance(plan.source, Drawn):
+        exact = solid_of(exact_properties(plan.source.body), plan.material.density)
+    health = health_report(
+        full,
+        held,
+        body,
+        exact=exact,
+        modes=modes,
+        root_thickness=plan.root_thickness,
+        couplings=plan.compares_seats,
+        progress=steps,
+    )
+    if full is not None:
+        keep_view(key, BodyView(full.grid.sets, modes.shapes.astype(np.float32)))
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    facts = {
+        "gear": plan.gear,
+        "source": type(plan.source).__name__,
+        "torque_seat": plan.torque_seat,
+        "health": health,
+        "build_seconds": dict(steps.seconds),
+        "build_peak_memory_MB": peak / (1024.0**2 if sys.platform == "darwin" else 1024.0),
+    }
+    return dataclasses.replace(body, facts={**body.facts, **facts})
+
+
+def _view(body: ReducedBody, full: FullBody, steps: Steps) -> BodyView:
+    """What pictures show of a body, made again."""
+    held = hold(full, progress=steps)
+    modes = described_modes(body, held, count=modes_told(body), progress=steps)
+    return BodyView(full.grid.sets, modes.shapes.astype(np.float32))
+
+
+def _imported(plan: BodyPlan, source: Matrices, steps: Steps) -> ReducedBody:
+    from fem_prep._imports import import_superelement
+
+    return import_superelement(
+        source.paths,
+        source.nodes,
+        units=source.units,
+        name=plan.name,
+        faces=source.faces,
+        modes=plan.modes,
+        mid_face=source.mid_face,
+        mass=source.mass,
+        progress=steps,
+    )
+
+
+def _full(plan: BodyPlan, steps: Steps) -> FullBody:
+    """A body in all its unknowns."""
+    with steps("grid"):
+        grid = _grid(plan)
+        seats = [f"seat:{seat.label}" for seat in plan.seats]
+        check_grid(grid, needs=("rim", *seats), radius=plan.root_radius)
+    held = [
+        Seat(seat.name, grid.sets[label], np.array([0.0, 0.0, seat.at]), seat.averaging)
+        for seat, label in zip(plan.seats, seats, strict=True)
+    ]
+    return full_body(plan.name, grid, plan.material, held, teeth=plan.teeth, progress=steps)
+
+
+def _grid(plan: BodyPlan) -> Grid:
+    source = plan.source
+    if isinstance(source, Drawn):
+        return body_grid(source.body, source.fineness)
+    assert isinstance(source, OwnGrid)
+    from fem_prep._files import read_grid
+
+    seats = {seat.label: seat.label for seat in plan.seats}
+    return read_grid(source.path, rim=source.rim, seats=seats, length_unit=source.length_unit)

@@ -1,0 +1,213 @@
+"""The command `condense`: builds the condensed bodies of a scene and says how good they are."""
+
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tqdm
+import xarray as xr
+
+from fem_prep._body_file import content_hash, write_body
+from fem_prep._files import write_vtu
+from fem_prep._grid import Grid
+from jaxgear._app import _body_pictures as pictures
+from jaxgear._app._bodies import BodyPlan, Drawn, Matrices, OwnGrid, body_plan, condensed_gears
+from jaxgear._app._body_build import BuiltBody, built_body
+from jaxgear._app._commands import Summary, _finish, _names, _warn
+from jaxgear._app._pictures import save
+from jaxgear._app._results import Entry, write_dataset
+from jaxgear._app._scene import Scene
+from jaxgear._app._statics import Stopwatch
+from jaxgear._units import GPa
+
+
+def condense(scene: Scene, folder: Path, quiet: bool) -> Summary:
+    """Build the condensed bodies of a scene, from the cache where they are known.
+
+    Writes each body, its grid with mode shapes for ParaView, and its pictures.
+
+    **Arguments:**
+
+    - `scene`: checked against the schema, with a condensed body.
+    - `folder`: for the results; exists.
+    - `quiet`: whether to show no progress.
+
+    **Returns:**
+
+    The summary that is also in `summary.json`.
+
+    **Raises:**
+
+    - `ValueError` if a body cannot be.
+    """
+    watch = Stopwatch()
+    # All plans before any long work: a mistake in the second costs no wait.
+    plans = [body_plan(scene, gear) for gear in condensed_gears(scene)]
+    bodies, remarks, groups = [], [], {}
+    for plan in plans:
+        with _steps(plan.gear, quiet) as tell:
+            found = built_body(plan, tell)
+            bodies.append(_body_summary(scene, found))
+            tell("writing the body")
+            path = folder / f"{plan.name}.body.npz"
+            write_body(path, found.body)
+            bodies[-1] |= {"file": str(path), "content_hash": content_hash(found.body)}
+            tell("drawing")
+            _draw(found, folder)
+        remarks += [*found.warnings, *_remarks(scene, found)]
+        groups[f"{plan.gear}_body"] = _dataset(found)
+    for remark in remarks:
+        _warn(remark)
+    write_dataset(xr.Dataset(), folder / "result.nc", groups)
+    summary = _names(scene) | {"bodies": bodies, "notes": remarks}
+    return _finish(scene, folder, summary, watch)
+
+
+@contextmanager
+def _steps(gear: str, quiet: bool) -> Iterator[Callable[[str], None]]:
+    """A line on a terminal's standard error that says what is being done, and since when."""
+    with tqdm.tqdm(
+        disable=quiet or None,
+        file=sys.stderr,
+        leave=False,
+        bar_format=gear + ": {desc} [{elapsed}]",
+    ) as line:
+
+        def tell(step: str) -> None:
+            line.set_description_str(step)
+
+        yield tell
+
+
+# --- The summary
+
+
+def _body_summary(scene: Scene, found: BuiltBody) -> Summary:
+    """What is known of a body: its health, and how it came about."""
+    plan, facts = found.plan, found.body.facts
+    health: dict[str, Any] = dict(found.health)
+    speed = _highest_speed(scene, plan.gear)
+    for key in [key for key in health if key.endswith("_um_at_rad_s")]:
+        if speed and health[key]:
+            known, growth = max((float(name), each) for name, each in health[key].items())
+            health[key] |= {f"{speed:g}": growth * (speed / known) ** 2}
+    made = {
+        "gear": plan.gear,
+        "source": _source(plan),
+        "torque_seat": plan.torque_seat,
+        "young_GPa": plan.material.young / GPa,
+    }
+    if plan.teeth is not None and not isinstance(plan.source, Matrices):
+        made["teeth_mass_kg"] = plan.teeth.mass
+    cost = {
+        "from_cache": found.from_cache,
+        "seconds": found.seconds,
+        "build_seconds": facts.get("build_seconds"),
+        "peak_memory_MB": facts.get("build_peak_memory_MB"),
+        "cache_key": found.key,
+    }
+    return made | health | cost
+
+
+def _source(plan: BodyPlan) -> str:
+    match plan.source:
+        case Drawn(body=drawn):
+            return "solid" if drawn.web is None else "web"
+        case OwnGrid(path=path):
+            return str(path)
+        case Matrices(paths=paths):
+            return ", ".join(map(str, paths))
+
+
+def _highest_speed(scene: Scene, gear: str) -> float | None:
+    """Highest speed of a gear in a sweep [rad/s]."""
+    listed = scene.get("sweep.pinion_speed_rad_s")
+    highest = max(listed) if listed else scene.get("sweep.pinion_speed_rad_s.to")
+    return highest and highest * scene["pinion.teeth"] / scene[f"{gear}.teeth"]
+
+
+def _remarks(scene: Scene, found: BuiltBody) -> list[str]:
+    """What a reader of the results should not miss."""
+    plan, gear = found.plan, found.plan.gear
+    remarks = [f"The {gear}'s body: {warning}" for warning in found.health["warnings"]]
+    if isinstance(plan.source, Drawn) and plan.source.fineness.sectors % plan.teeth_count:
+        remarks.append(
+            f"The {gear}'s grid has {plan.source.fineness.sectors} elements around for "
+            f"{plan.teeth_count} teeth: not every tooth stands on the same piece of rim. Elements "
+            f"around must repeat with holes too, and in pairs about a solid axis; a whole number "
+            f"for each tooth that does is the best {gear}.body.fineness.sectors."
+        )
+    if isinstance(plan.source, Matrices) and plan.teeth is not None:
+        remarks.append(f"The {gear}'s matrices must hold the mass of its teeth: none is added.")
+    unused = ["inertia_kg_m2", "transverse_inertia_kg_m2"]
+    unused += [] if isinstance(plan.source, Matrices) else ["mass_kg"]
+    for key in unused:
+        if f"{gear}.body.{key}" in scene.given:
+            remarks.append(f"{gear}.body.{key} does nothing: a condensed body has its own.")
+    return remarks
+
+
+def _dataset(found: BuiltBody) -> xr.Dataset:
+    """The free modes of a body."""
+    facts = found.health
+    entries = {
+        "frequency_Hz": ("free_frequency_Hz", "Hz", "natural frequency of the free body"),
+        "nodal_diameter": ("nodal_diameter", "1", "number of nodal diameters"),
+        "nodal_circle": ("nodal_circle", "1", "number of nodal circles"),
+        "nodal_diameter_share": ("nodal_diameter_share", "1", "its share of the energy"),
+        "kind": ("kind", "1", "direction of most motion"),
+    }
+    return xr.Dataset(
+        {
+            name: Entry(("mode",), np.asarray(facts[key]), unit, text).variable()
+            for name, (key, unit, text) in entries.items()
+            if key in facts
+        },
+        attrs={"gear": found.plan.gear, "body": found.body.name},
+    )
+
+
+# --- Files and pictures
+
+
+def _draw(found: BuiltBody, folder: Path) -> None:
+    """Pictures of a body, and its grid with mode shapes for ParaView."""
+    body, plan = found.body, found.plan
+    modes = drawn_modes(found.health)
+    title = f"{body.name}, free body"
+    figure = pictures.families(modes, title)
+    save(figure, pictures.families_columns(modes), folder, f"{plan.gear}_families")
+    if found.view is None:
+        return
+    points = dict(zip(body.seats, body.seat_points, strict=True))
+    labels = {seat.name: seat.label for seat in plan.seats}
+    sets = {f"seat:{name}": found.view.sets[f"seat:{label}"] for name, label in labels.items()}
+    grid = Grid(body.nodes, body.bricks, {"rim": found.view.sets["rim"], **sets})
+    drawn = pictures.DrawnBody(grid, points)
+    size = f"{len(body.bricks):,} elements, {len(body.nodes):,} nodes"
+    figure = pictures.grid(drawn, f"{body.name}: {size}")
+    save(figure, pictures.grid_columns(drawn), folder, f"{plan.gear}_grid")
+    shapes = found.view.shapes
+    figure = pictures.mode_shapes(drawn, modes, shapes, title)
+    save(figure, pictures.mode_shapes_columns(modes, shapes), folder, f"{plan.gear}_modes")
+    fields = {
+        f"mode {mode + 1:02d}: {modes.label(mode).replace(chr(10), ', ')}": shape
+        for mode, shape in enumerate(shapes)
+    }
+    write_vtu(folder / f"{body.name}.vtu", grid, fields)
+
+
+def drawn_modes(health: Mapping[str, Any]) -> pictures.DrawnModes:
+    """Free modes as a health report has them; without a grid circles are not known."""
+    frequency = np.asarray(health["free_frequency_Hz"])
+    circle = health.get("nodal_circle")
+    return pictures.DrawnModes(
+        frequency_Hz=frequency,
+        diameter=np.asarray(health["nodal_diameter"]),
+        circle=None if circle is None else np.asarray(circle),
+        share=np.asarray(health["nodal_diameter_share"]),
+        kind=health["kind"],
+    )

@@ -1,0 +1,436 @@
+"""`jaxgear condense` and `jaxgear cache` on bodies of a few elements, and what they are made of."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.colors import to_rgb
+
+from fem_prep._artefact import ReducedBody
+from fem_prep._body_file import read_body
+from fem_prep._files import read_grid, write_vtu
+from fem_prep._web import body_grid
+from jaxgear._app import _body_pictures as pictures
+from jaxgear._app._bodies import body_plan
+from jaxgear._app._body_build import built_body
+from jaxgear._app._body_render import frame, render
+from jaxgear._app._body_view import view_folder
+from jaxgear._app._cli import main
+from jaxgear._app._model import pair_of
+from jaxgear._app._pictures import _BLUE
+from jaxgear._app._scene import read_scene
+from jaxgear._app._teeth import facts_of_teeth, tooth_outline
+from jaxgear._checks import InputError
+
+_PAIR = """schema = 1
+name = "tiny"
+[material]
+young_GPa = 200.0
+density_kg_m3 = 8000.0
+[pair]
+module_mm = 3.0
+torque_pinion_Nm = 100.0
+[pinion]
+teeth = 20
+face_width_mm = 12.0
+[wheel]
+teeth = 24
+face_width_mm = 10.0
+bore_mm = 20.0
+"""
+_BODY = """[wheel.body]
+kind = "condensed"
+web = { hub_outer_mm = 30, web_thickness_mm = 4, rim_inner_mm = 52 }
+modes = 12
+compare_seats = false
+fineness = { sectors = 8, rim_across = 1, web_along = 1, hub_deep = 1 }
+"""
+_SHAFT = """[wheel.shaft]
+gear_at_mm = 15.0
+segments = [ { length_mm = 10, outer_mm = 18, inner_mm = 8 }, { length_mm = 30, outer_mm = 20, inner_mm = 8 } ]
+bearings = [ { at_mm = 0, radial_N_m = 1e8 }, { at_mm = 36, radial_N_m = 1e8 } ]
+"""  # noqa: E501
+# Root radius of the wheel: 36 mm less 1.25 modules.
+_ROOT = 32.25e-3
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("JAXGEAR_CACHE", str(tmp_path / "cache"))
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Writes a scene and returns its path."""
+
+    def write(text):
+        path = tmp_path / "scene.toml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def _plan(path, *changes, gear="wheel"):
+    return body_plan(read_scene(path, changes), gear)
+
+
+def _built(path, *changes):
+    return built_body(_plan(path, *changes), lambda step: None)
+
+
+# --- The commands
+
+
+def test_condense_end_to_end_and_then_from_the_cache(written, tmp_path, capsys):
+    path, out = written(_PAIR + _BODY), tmp_path / "out"
+    assert main(["condense", str(path), "--out", str(out)]) == 0
+    printed = capsys.readouterr()
+    (body,) = json.loads((out / "summary.json").read_text())["bodies"]
+    assert not body["from_cache"]
+    assert body["gear"] == "wheel"
+    _check_counts(body)
+    _check_mass(body)
+    assert len(body["free_frequency_Hz"]) == len(body["nodal_diameter"]) == 12
+    assert len(body["nodal_circle"]) == 12
+    assert body["rigid_body_modes"] == 6
+    assert body["largest_free_frequency_error"] < 1e-8
+    growth = body["centrifugal_growth_um_at_rad_s"]
+    assert growth["1000"] == pytest.approx(4.0 * growth["500"])
+    assert f"{body['free_frequency_Hz'][0]:.6g}" in printed.out
+    # Eight elements around for 24 teeth, each three teeth long: the report and the reader know.
+    assert "is a whole number" not in printed.err
+    assert "An element of the rim" in printed.err
+    kept = read_body(out / "tiny-wheel.body.npz")
+    assert kept.facts["health"]["mass_kg"] == body["mass_kg"]
+    assert kept.seats == ("gear",)
+    for name in ("grid", "families", "modes"):
+        for ending in ("png", "svg", "csv"):
+            assert (out / f"wheel_{name}.{ending}").stat().st_size > 100
+    again = read_grid(out / "tiny-wheel.vtu", rim="rim", length_unit=1.0)
+    np.testing.assert_allclose(again.nodes, kept.nodes, atol=1e-9)
+    modes = xr.open_dataset(out / "result.nc", group="wheel_body")
+    np.testing.assert_allclose(modes["frequency_Hz"], body["free_frequency_Hz"])
+    modes.close()
+    assert main(["condense", str(path), "--out", str(out), "--json", "--quiet"]) == 0
+    (second,) = json.loads(capsys.readouterr().out)["bodies"]
+    assert second["from_cache"]
+    assert second["seconds"] < 1.0
+    assert second["content_hash"] == body["content_hash"]
+    assert second["free_frequency_Hz"] == body["free_frequency_Hz"]
+    _check_cache_command(body["cache_key"], capsys)
+
+
+def _check_counts(body):
+    assert body["dofs"] == 3 * body["nodes"] - 3 * _nodes_of_bore(body) + 6
+    assert body["boundary_dofs"] == 3 * body["rim_nodes"] + 6
+    assert body["condensed_dofs"] == body["boundary_dofs"] + body["interior_shapes"]
+    assert body["seats"] == ["gear"]
+    assert body["torque_seat"] == "gear"
+
+
+def _nodes_of_bore(body):
+    """On 8 elements around: for three elements along, 7 nodes at corners and 4 between."""
+    along = round((body["dofs"] - 3 * body["nodes"] - 6) / -24)
+    assert along == 2 * 3 + 1 + 3 + 1
+    return 8 * along
+
+
+def _check_mass(body):
+    """Three rings of a drawing; the teeth are laid on as a skin that keeps their inertia."""
+    rings = ((10e-3, 15e-3, 10e-3), (15e-3, 26e-3, 4e-3), (26e-3, _ROOT, 10e-3))
+    mass = sum(8000.0 * math.pi * (r**2 - s**2) * width for s, r, width in rings)
+    inertia = sum(8000.0 * math.pi / 2 * (r**4 - s**4) * width for s, r, width in rings)
+    assert body["solid_mass_kg"] == pytest.approx(mass, rel=1e-9)
+    assert abs(body["mass_deviation"]) < 2e-3
+    teeth = body["polar_inertia_kg_m2"] - inertia
+    assert body["teeth_mass_kg"] * _ROOT**2 < teeth < body["teeth_mass_kg"] * (1.2 * _ROOT) ** 2
+
+
+def _check_cache_command(key, capsys):
+    assert main(["cache", "--json"]) == 0
+    (entry,) = json.loads(capsys.readouterr().out)["bodies"]
+    assert (entry["name"], entry["key"]) == ("tiny-wheel", key)
+    assert main(["cache"]) == 0
+    assert "tiny-wheel" in capsys.readouterr().out
+    (view,) = view_folder().glob("*.npz")
+    size = entry["size_MB"] * 1e6 + view.stat().st_size
+    assert main(["cache", "--clear", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["freed_bytes"] == pytest.approx(size)
+    assert main(["cache"]) == 0
+    assert "none" in capsys.readouterr().out
+    assert not list(view_folder().glob("*"))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (_PAIR, "Write, for instance,\n\n[wheel.body]"),
+        (_PAIR + _BODY.replace('"condensed"', '"rigid"'), "wheel.body has web, but its kind is"),
+    ],
+)
+def test_condense_without_a_condensed_body_says_what_to_write(written, capsys, text, words):
+    assert main(["condense", str(written(text))]) == 2
+    assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["run", "map", "optimise", "modes", "check-grad", "compare"])
+def test_commands_that_cannot_use_a_condensed_body_yet_name_the_one_that_can(
+    written, capsys, command
+):
+    path = written(_PAIR + _BODY + '[optimise]\nvary = ["flank.pinion.crowning_um"]\n')
+    assert main([command, str(path)]) == 2
+    error = capsys.readouterr().err
+    assert f"{path}:{_PAIR.count(chr(10)) + 2}: wheel.body.kind" in error
+    assert f"`jaxgear condense`), but `jaxgear {command}` does not yet" in error
+
+
+def test_an_impossible_body_is_refused_in_the_scene_s_own_words(written, capsys, tmp_path):
+    text = (_PAIR + _BODY).replace("rim_inner_mm = 52", "rim_inner_mm = 52, web_offset_mm = 4")
+    assert main(["condense", str(written(text)), "--out", str(tmp_path)]) == 2
+    error = capsys.readouterr().err
+    assert "scene.toml: wheel.body: `wheel.body.web` must end within the hub" in error
+
+
+# --- From the scene to the plan
+
+
+def test_measures_reach_the_drawing_in_metres(written):
+    text = (
+        _PAIR
+        + _SHAFT
+        + _BODY.replace(
+            "rim_inner_mm = 52",
+            "rim_inner_mm = 52, web_offset_mm = 1, web_angle_deg = 5, hub_width_mm = 9, holes = 4, "
+            "hole_diameter_mm = 5, hole_circle_mm = 42, hole_angle_deg = 10, second_holes = 4, "
+            "second_hole_diameter_mm = 3",
+        )
+    )
+    plan = _plan(written(text))
+    drawn = plan.source.body
+    assert drawn.rim_outer == pytest.approx(2 * _ROOT)
+    assert (drawn.rim_width, drawn.gear_at, drawn.hub_width) == (10e-3, 15e-3, 9e-3)
+    assert [s.outer for s in drawn.segments] == [18e-3, 20e-3]
+    web = drawn.web
+    assert (web.hub_outer, web.thickness, web.rim_inner) == (30e-3, 4e-3, 52e-3)
+    assert web.offset == 1e-3
+    assert web.angle == pytest.approx(math.radians(5))
+    first, second = web.holes
+    assert (first.count, first.diameter, first.circle) == (4, 5e-3, 42e-3)
+    assert first.angle == pytest.approx(math.radians(10))
+    # Where nothing is said the second ring stands on the same circle, between the holes.
+    assert (second.count, second.diameter, second.circle) == (4, 3e-3, 42e-3)
+    assert second.angle == pytest.approx(math.radians(55))
+    assert plan.source.fineness.sectors == 8
+    assert plan.source.fineness.rim_axial == 1
+    assert (plan.material.young, plan.material.density) == (200e9, 8000.0)
+    assert plan.method == "herting"
+
+
+@pytest.mark.parametrize(
+    ("torque", "places", "carrier"),
+    [
+        # At the gear: the inside of the shaft under the hub; its node is on the axis.
+        ("", [-15e-3, 21e-3, 0.0], "torque"),
+        ("torque_at_mm = 17", [-15e-3, 21e-3, 2e-3], "torque"),
+        ("torque_at_mm = 28", [-15e-3, 21e-3, 13e-3], "torque"),
+        # Within the seat of a bearing: the same piece of shaft.
+        ("torque_at_mm = 38", [-15e-3, 21e-3], "bearing[1]"),
+    ],
+)
+def test_seats_are_where_bearings_and_torque_are(written, torque, places, carrier):
+    shaft = _SHAFT.replace("gear_at_mm = 15.0", f"gear_at_mm = 15.0\n{torque}")
+    plan = _plan(written(_PAIR + shaft + _BODY))
+    names = ["bearing[0]", "bearing[1]", "torque"][: len(places)]
+    assert [seat.name for seat in plan.seats] == names
+    assert [seat.at for seat in plan.seats] == pytest.approx(places)
+    assert [seat.averaging for seat in plan.seats] == [name == "torque" for name in names]
+    assert plan.torque_seat == carrier
+    grid = body_grid(plan.source.body, plan.source.fineness)
+    assert all(len(grid.sets[f"seat:{seat.label}"]) > 2 for seat in plan.seats)
+
+
+def test_coupling_width_and_method_of_the_seats(written):
+    path = written(_PAIR + _SHAFT + _BODY)
+    soft = _plan(path, "wheel.body.seat_coupling=averaging", "wheel.body.seat_width_mm=4")
+    assert all(seat.averaging for seat in soft.seats)
+    assert {place.width for place in soft.source.body.seats} == {4e-3}
+    held = _plan(path, "wheel.body.interface=craig-bampton")
+    assert not any(seat.averaging for seat in held.seats)
+    assert held.method == "craig-bampton"
+
+
+@pytest.mark.parametrize(
+    ("changes", "sectors"),
+    [
+        ((), 24),
+        (("wheel.body.fineness.elements_per_tooth=2",), 48),
+        # A solid axis takes pairs of elements, holes a whole number for each.
+        (("wheel.teeth=25", "wheel.bore_mm=0"), 26),
+        (("wheel.body.web.holes=5", "wheel.bore_mm=0"), 30),
+    ],
+)
+def test_elements_around_follow_teeth_holes_and_axis(written, changes, sectors):
+    holes = "rim_inner_mm = 52, hole_diameter_mm = 5, hole_circle_mm = 41, holes = 3"
+    text = _BODY.replace("rim_inner_mm = 52", holes).replace("{ sectors = 8, ", "{ ")
+    plan = _plan(written(_PAIR + text), *changes)
+    assert plan.source.fineness.sectors == sectors
+
+
+def test_teeth_weigh_what_their_outline_encloses(written):
+    """By Green's theorem around one tooth: its two flanks, the tip circle, the root circle."""
+    pair = pair_of(read_scene(written(_PAIR)))
+    found = facts_of_teeth(pair, 1)
+    x, y = tooth_outline(pair, 1)
+    tip, root = math.atan2(x[-1], y[-1]), math.atan2(x[0], y[0])
+    over, under = np.linspace(tip, 0, 50), np.linspace(0, root, 50)
+    outer, inner = math.hypot(x[-1], y[-1]), math.hypot(x[0], y[0])
+    assert inner == pytest.approx(_ROOT)
+    around_x = np.concatenate([x, outer * np.sin(over), inner * np.sin(under)])
+    around_y = np.concatenate([y, outer * np.cos(over), inner * np.cos(under)])
+    area = -np.trapezoid(around_x, around_y)
+    assert found.mass == pytest.approx(24 * 2 * abs(area) * 8000.0 * 10e-3, rel=1e-4)
+    middle = math.sqrt(found.polar_inertia / found.mass)
+    assert _ROOT < middle < 0.5 * (inner + outer)
+    assert found.root_thickness == pytest.approx(2 * root * inner)
+
+
+# --- Bodies
+
+
+def test_a_rigidified_body_has_its_mass_and_not_its_frequencies(written):
+    """Frequencies grow with the root of Young's modulus; the material of the gear stays."""
+    path = written(_PAIR + _BODY)
+    plain, stiff = _built(path), _built(path, "wheel.body.young_GPa=20000")
+    assert stiff.key != plain.key
+    assert stiff.health["mass_kg"] == pytest.approx(plain.health["mass_kg"], rel=1e-12)
+    np.testing.assert_allclose(
+        stiff.health["free_frequency_Hz"],
+        10.0 * np.asarray(plain.health["free_frequency_Hz"]),
+        rtol=1e-7,
+    )
+    bare = _built(path, "wheel.body.teeth_mass=false")
+    assert bare.health["mass_kg"] < plain.health["mass_kg"]
+    # A name is none of a body's business; what it is made from is.
+    assert _built(path, "name=other", "pair.torque_pinion_Nm=7").from_cache
+
+
+def test_a_lost_view_is_made_again(written):
+    path = written(_PAIR + _BODY)
+    first = _built(path)
+    assert first.view is not None
+    (file,) = view_folder().glob("*.npz")
+    file.write_bytes(b"spoilt")
+    second = _built(path)
+    assert second.from_cache
+    assert second.view is not None
+    np.testing.assert_allclose(np.abs(second.view.shapes), np.abs(first.view.shapes), atol=1e-3)
+    assert set(second.view.sets) == set(first.view.sets)
+
+
+def test_a_grid_of_one_s_own_is_the_body_it_was_written_from(written, tmp_path):
+    """In millimetres, with the contract's `interface` for the name of the rim's set."""
+    path = written(_PAIR + _BODY)
+    drawn = _built(path)
+    grid = body_grid(drawn.plan.source.body, drawn.plan.source.fineness)
+    write_vtu(tmp_path / "wheel.vtu", grid)
+    own = 'grid = "wheel.vtu"\ninterface = "rim"\nseats = ["seat:bore"]\ngrid_unit_mm = 1000\n'
+    text = "\n".join(line for line in _BODY.splitlines() if "web =" not in line)
+    read = _built(written(_PAIR + text.replace("modes", own + "modes", 1)))
+    assert read.body.seats == ("gear",)
+    np.testing.assert_allclose(
+        read.health["free_frequency_Hz"], drawn.health["free_frequency_Hz"], rtol=1e-6
+    )
+    lost = text.replace("modes", own.replace("wheel.vtu", "none.vtu") + "modes", 1)
+    with pytest.raises(InputError, match=r"none\.vtu cannot be read"):
+        _built(written(_PAIR + lost))
+
+
+def test_matrices_from_elsewhere_are_the_body_they_came_from(written, tmp_path):
+    drawn = _built(written(_PAIR + _BODY))
+    body: ReducedBody = drawn.body
+    fields = ("stiffness", "mass", "rim_nodes", "rim_faces", "seat_points", "centrifugal_load")
+    arrays = {name: getattr(body, name) for name in fields}
+    np.savez(tmp_path / "wheel.npz", seats=np.asarray(body.seats), **arrays)
+    text = (
+        '[wheel.body]\nkind = "condensed"\nsuperelement = "wheel.npz"\n'
+        'superelement_units = "m-kg-s"\n'
+    )
+    found = _built(written(_PAIR + text))
+    assert found.view is None
+    assert found.body.seats == ("gear",)
+    np.testing.assert_allclose(found.body.stiffness, body.stiffness, rtol=1e-9, atol=1e-3)
+    frequency = found.health["free_frequency_Hz"]
+    count = min(len(frequency), 12)
+    np.testing.assert_allclose(
+        frequency[:count], drawn.health["free_frequency_Hz"][:count], rtol=1e-6
+    )
+    out = tmp_path / "out"
+    assert main(["condense", str(tmp_path / "scene.toml"), "--out", str(out)]) == 0
+    assert (out / "wheel_families.png").exists()
+    assert not (out / "wheel_grid.png").exists()
+
+
+# --- Pictures
+
+
+def _square(z, colour):
+    """A face of side 2 at a height, and its colour."""
+    x = np.array([-1, 1, 1, -1, 0, 1, 0, -1.0])
+    y = np.array([-1, -1, 1, 1, -1, 0, 1, 0.0])
+    return np.stack([x, y, np.full(8, z)], axis=1), np.tile(to_rgb(colour), (8, 1))
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_what_is_nearer_is_seen(order):
+    faces = [_square(0.0, "red"), _square(1.0, "blue")]
+    nodes = np.concatenate([faces[i][0] for i in order])
+    colours = np.stack([faces[i][1] for i in order])
+    picture = render(nodes, np.arange(16).reshape(2, 8), colours, flat=np.ones(2, bool), pixels=60)
+    left, right, bottom, top = picture.extent
+
+    def colour_at(point):
+        across, up = (np.asarray(point) @ frame())[:2]
+        rows, columns = picture.image.shape[:2]
+        column = int((across - left) / (right - left) * columns)
+        return picture.image[int((top - up) / (top - bottom) * rows), column]
+
+    np.testing.assert_allclose(colour_at([0.0, 0.0, 1.0]), [0, 0, 1, 1], atol=1e-6)
+    # The lower one shows where it reaches out from under the upper one, towards the viewer.
+    np.testing.assert_allclose(colour_at([0.9, 0.9, 0.0]), [1, 0, 0, 1], atol=1e-6)
+    assert picture.image[0, 0, 3] == 0.0
+    # Seen from behind there is nothing.
+    hidden = render(nodes, np.arange(16).reshape(2, 8)[:, [3, 2, 1, 0, 6, 5, 4, 7]], colours)
+    assert hidden.image[..., 3].max() == 0.0
+
+
+def test_the_section_is_that_of_the_drawing(written):
+    plan = _plan(written(_PAIR + _BODY))
+    grid = body_grid(plan.source.body, plan.source.fineness)
+    body = pictures.DrawnBody(grid, {"bore": np.zeros(3)})
+    columns = pictures.grid_columns(body)
+    element, r, z = (columns[name] for name in ("element", "r_mm", "z_mm"))
+    area = sum(_area(r[element == each], z[element == each]) for each in np.unique(element))
+    expected = 5 * 10 + 11 * 4 + (1e3 * _ROOT - 26) * 10
+    assert area == pytest.approx(expected, rel=1e-9)
+    assert body.colours["rim"] == _BLUE
+
+
+def _area(x, y):
+    return abs(np.sum(x * np.roll(y, 1) - y * np.roll(x, 1))) / 2
+
+
+def test_pairs_are_one_and_families_follow_the_nodal_diameter():
+    modes = pictures.DrawnModes(
+        frequency_Hz=np.array([100, 100.01, 150, 180, 190, 300, 300.001, 400.0]),
+        diameter=np.array([2, 2, 0, 3, 3, 2, 2, 0]),
+        circle=np.array([0, 0, 1, 0, 0, 1, 1, 2]),
+        share=np.array([1, 1, 1, 1, 1, 1, 1, 0.4]),
+        kind=("axial",) * 8,
+    )
+    # Holes part the pair of three nodal diameters: both are drawn, in one family.
+    assert pictures.chosen_modes(modes) == [0, 2, 3, 4, 5, 7]
+    assert pictures.families_columns(modes)["family"].tolist() == [1, 1, 1, 1, 1, 2, 2, 2]
+    assert modes.label(2) == "150 Hz, axial\n0 nodal diameters, 1 circle"
