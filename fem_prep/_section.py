@@ -95,7 +95,8 @@ class GearBody:
         _check_sizes(self)
         if self.web is not None:
             _check_web(self, self.web)
-        _check_shaft(self)
+        if self.segments:
+            _check_shaft(self)
         _check_seats(self)
 
     @property
@@ -238,8 +239,6 @@ def _check_web(body: GearBody, web: Web) -> None:
 
 def _check_shaft(body: GearBody) -> None:
     """Refuse a shaft that falls apart, misses the gear, or runs into it."""
-    if not body.segments:
-        return
     for number, (one, other) in enumerate(pairwise(body.segments), start=1):
         require(
             max(one.inner, other.inner) < min(one.outer, other.outer),

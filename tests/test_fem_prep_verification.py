@@ -89,7 +89,7 @@ def half_wave(hole, thickness, n, clamped, radial, around):
     if clamped:
         fixed.append(dofs(np.flatnonzero(grid.radius < hole + 1e-9)))
     unit = unit_of_plate(thickness)
-    return frequencies(stiffness, mass, np.unique(np.concatenate(fixed)), 7, 5 * unit) / unit
+    return frequencies(stiffness, mass, np.unique(np.concatenate(fixed)), 9, 5 * unit) / unit
 
 
 def assert_eigenvalues(found, wanted, lowest, highest):
