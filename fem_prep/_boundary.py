@@ -124,6 +124,10 @@ class FullBody:
         """Load per square of the speed, shape `[3 point]` [SI]."""
         return self.spread.T @ centrifugal_load(self.grid_mass, self.grid.nodes)
 
+    def on_nodes(self, motion: np.ndarray) -> np.ndarray:
+        """Motion of the nodes of the grid, `[3 point, column]` to `[column, node, 3]`."""
+        return (self.spread @ motion).T.reshape(motion.shape[1], *self.grid.nodes.shape)
+
     def across(self, matrix: csr_array) -> csr_array:
         """A matrix on the nodes of the grid, on the unknowns."""
         return csr_array(self.spread.T @ matrix @ self.spread)

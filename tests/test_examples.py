@@ -10,7 +10,7 @@ import pytest
 
 _ROOT = Path(__file__).parents[1]
 _NOTEBOOKS = sorted((_ROOT / "examples").glob("*.ipynb"))
-_LONG = {"02_shafts_and_bodies", "03_dynamics"}
+_LONG = {"02_shafts_and_bodies", "03_dynamics", "04_gear_bodies"}
 
 
 def test_there_are_examples():
@@ -53,10 +53,19 @@ def _is_promised_by_the_dynamics(text: str) -> None:
         assert int(found[2]) <= 2
 
 
+def _is_promised_by_the_bodies(text: str) -> None:
+    """Exact free frequencies and a file; its other promises are assertions of its own."""
+    found = re.search(r"against the full body: (\S+)", text)
+    assert found is not None
+    assert float(found[1]) < 1e-8
+    assert re.search(r"^n = 3: .* apart by \S+e-02$", text, flags=re.MULTILINE)
+
+
 _PROMISES = {
     "01_scene_to_optimum": _is_promised_by_the_optimum,
     "02_shafts_and_bodies": _is_promised_by_the_shafts,
     "03_dynamics": _is_promised_by_the_dynamics,
+    "04_gear_bodies": _is_promised_by_the_bodies,
 }
 
 

@@ -14,6 +14,7 @@ from fem_prep._assembly import Material
 from fem_prep._boundary import Teeth
 from fem_prep._web import Fineness, GearBody, Holes, SeatPlace, Segment, Web
 from jaxgear._app._body_checks import METHODS
+from jaxgear._app._body_words import in_keys
 from jaxgear._app._model import pair_of
 from jaxgear._app._scene import Scene
 from jaxgear._app._schema import GEARS
@@ -163,16 +164,21 @@ def body_plan(scene: Scene, gear: str) -> BodyPlan:
     # Nothing rigid is where a torque acts, a spline or another gear; but the modes of Craig and
     # Bampton are those of a body that is held there.
     soft = method != "craig-bampton"
-    if scene.get(f"{body}.superelement") is not None:
-        source, seats, torque = _matrices(scene, gear), (), ""
-    elif scene.get(f"{body}.grid") is not None:
-        source = _own_grid(scene, gear, interface)
-        seats, torque = _named_seats(scene, gear, soft)
-    else:
-        source = _drawn(scene, gear, root)
-        seats, torque = _drawn_seats(scene, gear, source.body, soft)
-    young = scene.get(f"{body}.young_GPa")
-    material = wheel.material
+    young, own = scene.get(f"{body}.young_GPa"), wheel.material
+    with in_keys(gear):
+        if scene.get(f"{body}.superelement") is not None:
+            source, seats, torque = _matrices(scene, gear), (), ""
+        elif scene.get(f"{body}.grid") is not None:
+            source = _own_grid(scene, gear, interface)
+            seats, torque = _named_seats(scene, gear, soft)
+        else:
+            source = _drawn(scene, gear, root)
+            seats, torque = _drawn_seats(scene, gear, source.body, soft)
+        material = Material(
+            young=float(own.young) if young is None else young * GPa,
+            poisson=float(own.poisson),
+            density=float(own.density),
+        )
     return BodyPlan(
         name=f"{scene['name']}-{gear}",
         gear=gear,
@@ -180,11 +186,7 @@ def body_plan(scene: Scene, gear: str) -> BodyPlan:
         root_radius=root,
         root_thickness=teeth.root_thickness,
         teeth_count=scene[f"{gear}.teeth"],
-        material=Material(
-            young=float(material.young) if young is None else young * GPa,
-            poisson=float(material.poisson),
-            density=float(material.density),
-        ),
+        material=material,
         seats=seats,
         torque_seat=torque,
         teeth=Teeth(teeth.mass, teeth.polar_inertia) if scene[f"{body}.teeth_mass"] else None,

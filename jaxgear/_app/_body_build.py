@@ -24,7 +24,7 @@ from fem_prep._quality import check_grid
 from fem_prep._web import body_grid, exact_properties
 from jaxgear._app._bodies import BodyPlan, Drawn, Matrices, OwnGrid
 from jaxgear._app._body_view import BodyView, keep_view, read_view
-from jaxgear._checks import InputError
+from jaxgear._app._body_words import in_keys
 
 
 @dataclasses.dataclass(frozen=True)
@@ -97,7 +97,7 @@ def built_body(plan: BodyPlan, tell: Callable[[str], None]) -> BuiltBody:
     - `ValueError` if the body cannot be; the message says what to do.
     """
     start = time.perf_counter()
-    try:
+    with in_keys(plan.gear):
         key = key_of(_inputs(plan))
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always", CacheWarning)
@@ -107,43 +107,8 @@ def built_body(plan: BodyPlan, tell: Callable[[str], None]) -> BuiltBody:
         if view is None and len(body.nodes):
             view = _view(body, _full(plan, Steps(tell)), Steps(tell))
             keep_view(key, view)
-    except BodyError as error:
-        raise InputError(f"{plan.gear}.body: {_in_keys(str(error), plan.gear)}") from error
     warned = tuple(str(each.message) for each in said)
     return BuiltBody(plan, body, view, key, found, time.perf_counter() - start, warned)
-
-
-def _in_keys(message: str, gear: str) -> str:
-    """A message about measures in the names of the scene's keys."""
-    for name, key in _KEYS.items():
-        message = message.replace(f"`{name}`", f"`{gear}.{key}`")
-    return message
-
-
-_KEYS = {
-    "GearBody.rim_outer": "teeth (root circle)",
-    "GearBody.rim_width": "face_width_mm",
-    "GearBody.bore": "bore_mm",
-    "GearBody.gear_at": "shaft.gear_at_mm",
-    "GearBody.segments": "shaft.segments",
-    "GearBody.seats": "shaft.bearings",
-    "SeatPlace.at": "shaft.bearings.at_mm",
-    "SeatPlace.width": "body.seat_width_mm",
-    "SeatPlace": "shaft.bearings",
-    "Segment.length": "shaft.segments.length_mm",
-    "Segment.inner": "shaft.segments.inner_mm",
-    "Segment.outer": "shaft.segments.outer_mm",
-    "Web": "body.web",
-    "Web.hub_outer": "body.web.hub_outer_mm",
-    "Web.rim_inner": "body.web.rim_inner_mm",
-    "Web.thickness": "body.web.web_thickness_mm",
-    "Web.angle": "body.web.web_angle_deg",
-    "Web.holes": "body.web.holes",
-    "Holes.diameter": "body.web.hole_diameter_mm",
-    "Holes.circle": "body.web.hole_circle_mm",
-    "Fineness.sectors": "body.fineness.sectors",
-    "length_unit": "body.grid_unit_mm",
-}
 
 
 def _inputs(plan: BodyPlan) -> dict[str, object]:

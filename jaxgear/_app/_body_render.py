@@ -94,9 +94,13 @@ def render(
 
 def _lit(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Light on the nodes of each face, `[face, 8]`, and which faces can be seen, `[face]`."""
-    x, y = np.array([[-1, 1, 1, -1, 0, 1, 0, -1, 0], [-1, -1, 1, 1, -1, 0, 1, 0, 0]])
-    _, along, up = _shape_functions(x, y)
-    normal = np.cross(along @ corners, up @ corners)
+    shape = _coefficients(corners)
+    x, y = np.append(_NODES, [[0.0, 0.0]], axis=0).T
+    along, up = (
+        np.einsum("pi,fijc,pj->fpc", *factors, optimize=True)
+        for factors in ((_slopes(x), shape, _powers(y)), (_powers(x), shape, _slopes(y)))
+    )
+    normal = np.cross(along, up)
     normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-300)
     light = normal @ (_LIGHT / np.linalg.norm(_LIGHT) @ frame())
     shade = _DARK + (1.0 - _DARK) * np.clip(light, 0.0, 1.0)
@@ -111,9 +115,8 @@ def _rounded(counts: np.ndarray) -> np.ndarray:
 
 def _sampled(at_nodes: np.ndarray, count: np.ndarray) -> np.ndarray:
     """Values on a regular grid of points of each face, `[face, first, second, 3]`."""
-    places = [(2.0 * np.arange(n) + 1.0) / n - 1.0 for n in count]
-    value, _, _ = _shape_functions(*np.meshgrid(*places, indexing="ij"))
-    return np.tensordot(value, at_nodes, (2, 1)).transpose(2, 0, 1, 3)
+    first, second = (_powers((2.0 * np.arange(n) + 1.0) / n - 1.0) for n in count)
+    return np.einsum("ai,fijc,bj->fabc", first, _coefficients(at_nodes), second, optimize=True)
 
 
 def _darkened(colours: np.ndarray, spans: np.ndarray, count: np.ndarray) -> np.ndarray:
@@ -155,19 +158,22 @@ def _averaged(painted: np.ndarray, seen: np.ndarray) -> np.ndarray:
     return np.concatenate([colour, opacity[..., None]], axis=-1).transpose(1, 0, 2)[::-1]
 
 
-def _shape_functions(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Those of the 8-node face and their slopes, shape `[first, second, 8]`."""
-    x, y = x[..., None], y[..., None]
-    p, q = np.array([-1, 1, 1, -1]), np.array([-1, -1, 1, 1])
-    corner = (1 + p * x) * (1 + q * y) * (p * x + q * y - 1) / 4
-    corner_x = p * (1 + q * y) * (2 * p * x + q * y) / 4
-    corner_y = q * (1 + p * x) * (2 * q * y + p * x) / 4
-    s, t = np.array([-1, 1]), np.array([1, -1])
-    flat, upright = (1 - x**2) * (1 + s * y) / 2, (1 - y**2) * (1 + t * x) / 2
-    flat_x, upright_x = -x * (1 + s * y), t * (1 - y**2) / 2
-    flat_y, upright_y = s * (1 - x**2) / 2, -y * (1 + t * x)
-    pairs = ((corner, flat, upright), (corner_x, flat_x, upright_x), (corner_y, flat_y, upright_y))
-    # Middles in order: below, right, above, left.
-    order = [0, 1, 2, 3, 4, 6, 5, 7]
-    value, along, up = (np.concatenate(parts, axis=-1)[..., order] for parts in pairs)
-    return value, along, up
+# Places of the nodes of a face, and the powers of both coordinates that its shape functions span.
+_NODES = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [0, -1], [1, 0], [0, 1], [-1, 0.0]])
+_POWERS = np.array([[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2], [2, 1], [1, 2]])
+_TO_POWERS = np.linalg.inv(np.prod(_NODES[:, None] ** _POWERS, axis=2))
+
+
+def _coefficients(at_nodes: np.ndarray) -> np.ndarray:
+    """Polynomials through values at the nodes, by powers, `[face, 8, c]` to `[face, 3, 3, c]`."""
+    result = np.zeros((len(at_nodes), 3, 3, at_nodes.shape[2]))
+    result[:, _POWERS[:, 0], _POWERS[:, 1]] = _TO_POWERS @ at_nodes
+    return result
+
+
+def _powers(x: np.ndarray) -> np.ndarray:
+    return np.stack([np.ones_like(x), x, x**2], axis=1)
+
+
+def _slopes(x: np.ndarray) -> np.ndarray:
+    return np.stack([np.zeros_like(x), np.ones_like(x), 2.0 * x], axis=1)

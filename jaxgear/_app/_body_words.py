@@ -1,0 +1,55 @@
+"""Mistakes in a body's measures, told in the keys of the scene."""
+
+import contextlib
+from collections.abc import Iterator
+
+from fem_prep._checks import BodyError
+from jaxgear._checks import InputError
+
+_KEYS = {
+    "GearBody.rim_outer": "teeth (root circle)",
+    "GearBody.rim_width": "face_width_mm",
+    "GearBody.bore": "bore_mm",
+    "GearBody.gear_at": "shaft.gear_at_mm",
+    "GearBody.segments": "shaft.segments",
+    "GearBody.seats": "shaft.bearings",
+    "GearBody": "body",
+    "SeatPlace.at": "shaft.bearings.at_mm",
+    "SeatPlace.width": "body.seat_width_mm",
+    "SeatPlace": "shaft.bearings",
+    "Segment.length": "shaft.segments.length_mm",
+    "Segment.inner": "shaft.segments.inner_mm",
+    "Segment.outer": "shaft.segments.outer_mm",
+    "Web": "body.web",
+    "Web.hub_outer": "body.web.hub_outer_mm",
+    "Web.rim_inner": "body.web.rim_inner_mm",
+    "Web.thickness": "body.web.web_thickness_mm",
+    "Web.angle": "body.web.web_angle_deg",
+    "Web.holes": "body.web.holes",
+    "Holes.count": "body.web.holes",
+    "Holes.diameter": "body.web.hole_diameter_mm",
+    "Holes.circle": "body.web.hole_circle_mm",
+    "Fineness.sectors": "body.fineness.sectors",
+    "length_unit": "body.grid_unit_mm",
+}
+
+
+@contextlib.contextmanager
+def in_keys(gear: str) -> Iterator[None]:
+    """Turn what is wrong with a body into what is wrong with the scene.
+
+    **Arguments:**
+
+    - `gear`: `pinion` or `wheel`.
+
+    **Raises:**
+
+    - `InputError` in place of a `BodyError`.
+    """
+    try:
+        yield
+    except BodyError as error:
+        message = str(error)
+        for name, key in _KEYS.items():
+            message = message.replace(f"`{name}`", f"`{gear}.{key}`")
+        raise InputError(f"{gear}.body: {message}") from error
