@@ -288,10 +288,13 @@ def _basis(full: FullBody, held: Held, rotation: Rotation, interior: np.ndarray)
 
 def _interior(
     full: FullBody, held: Held, method: str, modes: int, progress: Progress
-) -> np.ndarray:
-    """Interior shapes of a method, `[3 point, shape]`; none of them moves the boundary."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Interior shapes of a method, `[3 point, shape]`, none of which moves the boundary.
+
+    And the squares of the free frequencies that were found on the way [rad2/s2].
+    """
     if method == "guyan":
-        return np.zeros((3 * full.points, 0))
+        return np.zeros((3 * full.points, 0)), np.zeros(0)
     probes = np.zeros((3 * full.points, 3 * len(full.probe_points)))
     probes[dofs_of(full.probe_points), np.arange(probes.shape[1])] = 1.0
     loads = [full.centrifugal_load[:, None], probes]
@@ -299,12 +302,13 @@ def _interior(
         # Inertia relief: what rigid accelerations of the body load it with.
         loads.append(full.mass @ full.rigid_motions)
     shapes = [held.loaded(np.concatenate(loads, axis=1))]
+    square = np.zeros(0)
     if modes and method == "herting":
-        _, free = free_modes(full, modes, progress=progress)
+        square, free = free_modes(full, modes, progress=progress)
         shapes.append(free - held.followed(boundary_of(full, free)))
     elif modes:
         shapes.append(_fixed_modes(held, modes, progress))
-    return _independent(full, np.concatenate(shapes, axis=1))
+    return _independent(full, np.concatenate(shapes, axis=1)), square
 
 
 def _fixed_modes(held: Held, modes: int, progress: Progress) -> np.ndarray:
@@ -349,6 +353,7 @@ def condense(
     modes: int = 50,
     rotating: bool = False,
     rotation: Rotation | None = None,
+    held: Held | None = None,
     progress: Progress = silent,
 ) -> ReducedBody:
     r"""Condense a body on its rim and its seats.
@@ -371,6 +376,7 @@ def condense(
     - `rotating`: also condense Coriolis forces, spin softening and stress stiffening.
     - `rotation`: a rotation that leaves the body as it is; the smallest one is sought without it.
         Only the columns of one sector are solved for.
+    - `held`: the body with its boundary held, if that has been factorised already.
     - `progress`: told what begins.
 
     **Returns:**
@@ -395,8 +401,8 @@ def condense(
         modes=modes,
     )
     rotation = largest_rotation(full) if rotation is None else rotation
-    held = hold(full, progress=progress)
-    interior = _interior(full, held, method, modes, progress)
+    held = hold(full, progress=progress) if held is None else held
+    interior, square = _interior(full, held, method, modes, progress)
     columns = 3 * len(full.rim) // rotation.sectors
     with progress(f"{columns} of {3 * len(full.rim)} columns of the rim"):
         basis = _basis(full, held, rotation, interior)
@@ -417,8 +423,8 @@ def condense(
         probe_rows=basis.rows(full.probe_points).reshape(len(full.probes), 3, len(mass)),
         nodes=full.grid.nodes,
         bricks=full.grid.bricks,
-        interior_shapes=_on_nodes(full, interior),
-        facts=_facts(full, method, modes, rotation),
+        interior_shapes=full.on_nodes(interior),
+        facts=_facts(full, method, modes, rotation, square),
     )
     if not rotating:
         return reduced
@@ -453,12 +459,7 @@ def recovered(held: Held, reduced: ReducedBody, motion: np.ndarray) -> np.ndarra
     """
     outer = reduced.boundary_dofs
     shapes = np.tensordot(motion[outer:].T, reduced.interior_shapes, axes=1)
-    return _on_nodes(held.full, held.followed(motion[:outer])) + shapes
-
-
-def _on_nodes(full: FullBody, motion: np.ndarray) -> np.ndarray:
-    """Motion of the nodes of the grid, `[3 point, column]` to `[column, node, 3]`."""
-    return (full.spread @ motion).T.reshape(motion.shape[1], *full.grid.nodes.shape)
+    return held.full.on_nodes(held.followed(motion[:outer])) + shapes
 
 
 def _stiffness(held: Held, basis: _Basis) -> np.ndarray:
@@ -477,7 +478,9 @@ def _stiffness(held: Held, basis: _Basis) -> np.ndarray:
     return (result + result.T) / 2
 
 
-def _facts(full: FullBody, method: str, modes: int, rotation: Rotation) -> dict[str, object]:
+def _facts(
+    full: FullBody, method: str, modes: int, rotation: Rotation, square: np.ndarray
+) -> dict[str, object]:
     facts: dict[str, object] = {
         "method": method,
         "modes": modes,
@@ -486,6 +489,7 @@ def _facts(full: FullBody, method: str, modes: int, rotation: Rotation) -> dict[
         "poisson": full.material.poisson,
         "density_kg_m3": full.material.density,
         "seats_averaging": [seat.averaging for seat in full.seats],
+        "free_frequency_Hz": (np.sqrt(square) / (2 * math.pi)).tolist(),
     }
     if full.teeth is not None:
         facts["teeth_mass_kg"] = full.teeth.mass

@@ -216,7 +216,17 @@ def health_report(
 
     Numbers, texts, and lists and mappings of them, by name; a unit is part of the name. The last
     one, `warnings`, says in sentences what is not as it should be.
+
+    **Raises:**
+
+    - `BodyError` if the condensed body has no mass.
     """
+    require(
+        reduced.mass.any(),
+        "{name} must have a mass for its health to be told, and has none: matrices taken over for "
+        "statics alone are not judged.",
+        name=reduced.name,
+    )
     springs = Springs() if springs is None else springs
     if modes is None:
         if full is not None and held is None:

@@ -4,17 +4,19 @@ The bricks are laid here by a plain lattice of its own, so that a fault in one o
 `fem_prep` cannot hide another in its elements.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from scipy.sparse import csr_array, eye_array, vstack
+from numpy.typing import ArrayLike
+from scipy.sparse import csc_array, csr_array, eye_array, vstack
 
 from fem_prep._artefact import ReducedBody
-from fem_prep._assembly import Material, assemble
+from fem_prep._assembly import Material, assemble, order
 from fem_prep._boundary import FullBody, Seat, full_body
 from fem_prep._grid import EDGES, Grid
 from fem_prep._modes import lowest_modes
+from fem_prep._solvers import factorise
 from fem_prep._web import Fineness, GearBody, Holes, Web, body_grid
 
 STEEL = Material(2.1e11, 0.3, 7850.0)
@@ -32,9 +34,9 @@ SIGNS = np.array(
 
 
 def lattice(
-    x: Sequence[float],
-    y: Sequence[float],
-    z: Sequence[float],
+    x: ArrayLike,
+    y: ArrayLike,
+    z: ArrayLike,
     *,
     place: Callable[[np.ndarray], np.ndarray] = lambda at: at,
     keep: Callable[[np.ndarray], np.ndarray] = lambda at: np.ones(len(at), dtype=bool),
@@ -49,7 +51,8 @@ def lattice(
     - `keep`: whether a brick is there, by its middle in lattice coordinates.
     - `closed`: the last plane of constant y is the first.
     """
-    axes = [np.interp(np.arange(2 * len(a) - 1) / 2, np.arange(len(a)), a) for a in (x, y, z)]
+    planes = [np.asarray(each, dtype=float) for each in (x, y, z)]
+    axes = [np.interp(np.arange(2 * len(a) - 1) / 2, np.arange(len(a)), a) for a in planes]
     middles = np.stack(np.meshgrid(*(np.arange(1, len(a), 2) for a in axes), indexing="ij"), -1)
     middles = middles.reshape(-1, 3)
     at = np.stack([axis[n] for axis, n in zip(axes, middles.T, strict=True)], axis=1)
@@ -69,9 +72,7 @@ def block(x: float, y: float, z: float, counts: tuple[int, int, int]) -> Grid:
     return lattice(*edges)
 
 
-def ring(
-    radii: Sequence[float], around: int, heights: Sequence[float], *, keep=None, place=None
-) -> Grid:
+def ring(radii: ArrayLike, around: int, heights: ArrayLike, *, keep=None, place=None) -> Grid:
     """A body swept about z: sets "rim" and "bore" are its outermost and innermost nodes.
 
     **Arguments:**
@@ -124,7 +125,7 @@ def linear_field(grid: Grid, slopes: np.ndarray) -> np.ndarray:
     return (grid.nodes @ np.transpose(slopes)).ravel()
 
 
-def dofs(nodes: np.ndarray, *axes: int) -> np.ndarray:
+def dofs(nodes: ArrayLike, *axes: int) -> np.ndarray:
     """Unknowns of nodes along some axes, all three by default."""
     return (3 * np.asarray(nodes)[:, None] + np.array(axes or (0, 1, 2))).ravel()
 
@@ -141,7 +142,7 @@ def frequencies(
     stiffness: csr_array, mass: csr_array, fixed: np.ndarray, count: int, shift: float
 ) -> np.ndarray:
     """Lowest angular frequencies [rad/s] with some unknowns held at zero."""
-    free = np.setdiff1d(np.arange(stiffness.shape[0]), fixed)
+    free = np.setdiff1d(np.arange(order(stiffness)), fixed)
     square, _ = lowest_modes(stiffness[free][:, free], mass[free][:, free], count, shift)
     return np.sqrt(np.abs(square))
 
@@ -158,15 +159,14 @@ def small_wheel(around: int = 12, radial: int = 3) -> Grid:
     return ring(radii, around, heights, keep=keep)
 
 
-ACCESSORY = GearBody(
-    rim_outer=126.8631e-3, rim_width=9.5e-3, bore=40e-3, web=Web(50e-3, 3e-3, 118e-3)
-)
+ACCESSORY_WEB = Web(hub_outer=50e-3, thickness=3e-3, rim_inner=118e-3)
+ACCESSORY = GearBody(rim_outer=126.8631e-3, rim_width=9.5e-3, bore=40e-3, web=ACCESSORY_WEB)
 ACCESSORY_FINENESS = Fineness(sectors=86, rim_axial=3, rim_radial=1, web_radial=12, hub_radial=2)
 
 
 def accessory_wheel(holes: tuple[Holes, ...] = (), fineness: Fineness = ACCESSORY_FINENESS) -> Grid:
     """The wheel of an accessory gearbox, 37,000 degrees of freedom by default."""
-    web = replace(ACCESSORY.web, holes=holes)
+    web = replace(ACCESSORY_WEB, holes=holes)
     return body_grid(replace(ACCESSORY, web=web), fineness)
 
 
@@ -251,3 +251,16 @@ def on_springs(full: FullBody, springs: np.ndarray) -> csr_array:
 def padded(body: ReducedBody, of: np.ndarray) -> np.ndarray:
     """Loads or springs on the boundary of a condensed body, on all its coordinates."""
     return np.pad(of, [(0, body.interior)] * of.ndim)
+
+
+def answer(stiffness: csr_array, load: np.ndarray) -> np.ndarray:
+    """Static motion under a load."""
+    return factorise(csc_array(stiffness)).solve(load)
+
+
+def rotating_terms(body: ReducedBody) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Coriolis matrix, spin softening and stress stiffening of a body condensed with them."""
+    assert body.coriolis is not None
+    assert body.spin_softening is not None
+    assert body.stress_stiffening is not None
+    return body.coriolis, body.spin_softening, body.stress_stiffening

@@ -471,6 +471,12 @@ def test_without_the_full_body_nothing_is_compared(wheel20, reported):
         assert found[name] == pytest.approx(reported[name], rel=1e-9)
 
 
+def test_a_body_for_statics_alone_is_not_judged(wheel20):
+    _, reduced = wheel20
+    with pytest.raises(BodyError, match="must have a mass"):
+        health_report(None, None, replace(reduced, mass=0 * reduced.mass))
+
+
 def test_a_body_without_seats_floats():
     grid = body_grid(WHEEL, COARSE)
     full = full_body("ring", grid, STEEL, [])

@@ -151,10 +151,15 @@ def _build(plan: BodyPlan, key: str, steps: Steps) -> ReducedBody:
         body = _imported(plan, plan.source, steps)
     else:
         full = _full(plan, steps)
-        body = condense(
-            full, method=plan.method, modes=plan.modes, rotating=plan.rotating, progress=steps
-        )
         held = hold(full, progress=steps)
+        body = condense(
+            full,
+            method=plan.method,
+            modes=plan.modes,
+            rotating=plan.rotating,
+            held=held,
+            progress=steps,
+        )
     modes = described_modes(body, held, count=modes_told(body), progress=steps)
     if isinstance(plan.source, Drawn):
         exact = solid_of(exact_properties(plan.source.body), plan.material.density)

@@ -211,17 +211,6 @@ def test_a_folder_that_cannot_be_written_is_refused_first(scene, commands, capsy
     assert not commands.calls
 
 
-@pytest.mark.parametrize(
-    ("command", "reason"),
-    [
-        ("condense", "no condensed bodies yet"),
-    ],
-)
-def test_commands_of_later_versions_are_refused(scene, commands, capsys, command, reason):
-    assert main([command, str(scene)]) == 2
-    assert f"`{command}` cannot be computed: this version has {reason}" in capsys.readouterr().err
-
-
 def test_run_checks_its_sweep_and_the_others_leave_it_aside(scene, commands, capsys):
     override = ["--set", "sweep.pinion_speed_rad_s=[50.0, 60.0]", "--set", "sweep.steps=40"]
     assert main(["run", str(scene), *override]) == 2

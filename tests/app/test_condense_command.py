@@ -2,6 +2,7 @@
 
 import json
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,8 @@ from fem_prep._body_file import read_body
 from fem_prep._files import read_grid, write_vtu
 from fem_prep._web import body_grid
 from jaxgear._app import _body_pictures as pictures
-from jaxgear._app._bodies import body_plan
+from jaxgear._app import _condense
+from jaxgear._app._bodies import Drawn, body_plan
 from jaxgear._app._body_build import built_body
 from jaxgear._app._body_render import frame, render
 from jaxgear._app._body_view import view_folder
@@ -81,10 +83,19 @@ def _built(path, *changes):
     return built_body(_plan(path, *changes), lambda step: None)
 
 
+def _drawn(plan) -> Drawn:
+    assert isinstance(plan.source, Drawn)
+    return plan.source
+
+
+def _grid(plan):
+    return body_grid(_drawn(plan).body, _drawn(plan).fineness)
+
+
 # --- The commands
 
 
-def test_condense_end_to_end_and_then_from_the_cache(written, tmp_path, capsys):
+def test_condense_end_to_end_and_then_from_the_cache(written, tmp_path, capsys, monkeypatch):
     path, out = written(_PAIR + _BODY), tmp_path / "out"
     assert main(["condense", str(path), "--out", str(out)]) == 0
     printed = capsys.readouterr()
@@ -104,7 +115,8 @@ def test_condense_end_to_end_and_then_from_the_cache(written, tmp_path, capsys):
     assert "is a whole number" not in printed.err
     assert "An element of the rim" in printed.err
     kept = read_body(out / "tiny-wheel.body.npz")
-    assert kept.facts["health"]["mass_kg"] == body["mass_kg"]
+    health: Any = kept.facts["health"]
+    assert health["mass_kg"] == body["mass_kg"]
     assert kept.seats == ("gear",)
     for name in ("grid", "families", "modes"):
         for ending in ("png", "svg", "csv"):
@@ -114,6 +126,7 @@ def test_condense_end_to_end_and_then_from_the_cache(written, tmp_path, capsys):
     modes = xr.open_dataset(out / "result.nc", group="wheel_body")
     np.testing.assert_allclose(modes["frequency_Hz"], body["free_frequency_Hz"])
     modes.close()
+    monkeypatch.setattr(_condense, "_draw", lambda found, folder: None)
     assert main(["condense", str(path), "--out", str(out), "--json", "--quiet"]) == 0
     (second,) = json.loads(capsys.readouterr().out)["bodies"]
     assert second["from_cache"]
@@ -209,23 +222,22 @@ def test_measures_reach_the_drawing_in_metres(written):
         )
     )
     plan = _plan(written(text))
-    drawn = plan.source.body
+    drawn = _drawn(plan).body
     assert drawn.rim_outer == pytest.approx(2 * _ROOT)
-    assert (drawn.rim_width, drawn.gear_at, drawn.hub_width) == (10e-3, 15e-3, 9e-3)
-    assert [s.outer for s in drawn.segments] == [18e-3, 20e-3]
+    sizes = drawn.rim_width, drawn.gear_at, drawn.hub_width
+    assert sizes == pytest.approx((10e-3, 15e-3, 9e-3))
+    assert [s.outer for s in drawn.segments] == pytest.approx([18e-3, 20e-3])
     web = drawn.web
-    assert (web.hub_outer, web.thickness, web.rim_inner) == (30e-3, 4e-3, 52e-3)
-    assert web.offset == 1e-3
-    assert web.angle == pytest.approx(math.radians(5))
-    first, second = web.holes
-    assert (first.count, first.diameter, first.circle) == (4, 5e-3, 42e-3)
-    assert first.angle == pytest.approx(math.radians(10))
+    assert web is not None
+    sizes = web.hub_outer, web.thickness, web.rim_inner, web.offset, web.angle
+    assert sizes == pytest.approx((30e-3, 4e-3, 52e-3, 1e-3, math.radians(5)))
+    rings = [(ring.count, ring.diameter, ring.circle, ring.angle) for ring in web.holes]
+    assert rings[0] == pytest.approx((4, 5e-3, 42e-3, math.radians(10)))
     # Where nothing is said the second ring stands on the same circle, between the holes.
-    assert (second.count, second.diameter, second.circle) == (4, 3e-3, 42e-3)
-    assert second.angle == pytest.approx(math.radians(55))
-    assert plan.source.fineness.sectors == 8
-    assert plan.source.fineness.rim_axial == 1
-    assert (plan.material.young, plan.material.density) == (200e9, 8000.0)
+    assert rings[1] == pytest.approx((4, 3e-3, 42e-3, math.radians(55)))
+    assert _drawn(plan).fineness.sectors == 8
+    assert _drawn(plan).fineness.rim_axial == 1
+    assert (plan.material.young, plan.material.density) == pytest.approx((200e9, 8000.0))
     assert plan.method == "herting"
 
 
@@ -248,7 +260,7 @@ def test_seats_are_where_bearings_and_torque_are(written, torque, places, carrie
     assert [seat.at for seat in plan.seats] == pytest.approx(places)
     assert [seat.averaging for seat in plan.seats] == [name == "torque" for name in names]
     assert plan.torque_seat == carrier
-    grid = body_grid(plan.source.body, plan.source.fineness)
+    grid = _grid(plan)
     assert all(len(grid.sets[f"seat:{seat.label}"]) > 2 for seat in plan.seats)
 
 
@@ -256,7 +268,7 @@ def test_coupling_width_and_method_of_the_seats(written):
     path = written(_PAIR + _SHAFT + _BODY)
     soft = _plan(path, "wheel.body.seat_coupling=averaging", "wheel.body.seat_width_mm=4")
     assert all(seat.averaging for seat in soft.seats)
-    assert {place.width for place in soft.source.body.seats} == {4e-3}
+    assert {place.width for place in _drawn(soft).body.seats} == {4e-3}
     held = _plan(path, "wheel.body.interface=craig-bampton")
     assert not any(seat.averaging for seat in held.seats)
     assert held.method == "craig-bampton"
@@ -267,16 +279,16 @@ def test_coupling_width_and_method_of_the_seats(written):
     [
         ((), 24),
         (("wheel.body.fineness.elements_per_tooth=2",), 48),
-        # A solid axis takes pairs of elements, holes a whole number for each.
-        (("wheel.teeth=25", "wheel.bore_mm=0"), 26),
-        (("wheel.body.web.holes=5", "wheel.bore_mm=0"), 30),
+        # Holes take a whole number for each, a solid axis pairs.
+        (("wheel.body.web.holes=9",), 27),
+        (("wheel.body.web.holes=9", "wheel.shaft.segments[0].inner_mm=0"), 36),
     ],
 )
 def test_elements_around_follow_teeth_holes_and_axis(written, changes, sectors):
     holes = "rim_inner_mm = 52, hole_diameter_mm = 5, hole_circle_mm = 41, holes = 3"
     text = _BODY.replace("rim_inner_mm = 52", holes).replace("{ sectors = 8, ", "{ ")
-    plan = _plan(written(_PAIR + text), *changes)
-    assert plan.source.fineness.sectors == sectors
+    plan = _plan(written(_PAIR + _SHAFT + text), *changes)
+    assert _drawn(plan).fineness.sectors == sectors
 
 
 def test_teeth_weigh_what_their_outline_encloses(written):
@@ -326,7 +338,9 @@ def test_a_lost_view_is_made_again(written):
     second = _built(path)
     assert second.from_cache
     assert second.view is not None
-    np.testing.assert_allclose(np.abs(second.view.shapes), np.abs(first.view.shapes), atol=1e-3)
+    # The two modes of a pair may turn together; what they hold of each place is the same.
+    pairs = [np.sum(view.shapes[:2] ** 2, axis=(0, 2)) for view in (first.view, second.view)]
+    np.testing.assert_allclose(*pairs, rtol=1e-3, atol=1e-6)
     assert set(second.view.sets) == set(first.view.sets)
 
 
@@ -334,7 +348,7 @@ def test_a_grid_of_one_s_own_is_the_body_it_was_written_from(written, tmp_path):
     """In millimetres, with the contract's `interface` for the name of the rim's set."""
     path = written(_PAIR + _BODY)
     drawn = _built(path)
-    grid = body_grid(drawn.plan.source.body, drawn.plan.source.fineness)
+    grid = _grid(drawn.plan)
     write_vtu(tmp_path / "wheel.vtu", grid)
     own = 'grid = "wheel.vtu"\ninterface = "rim"\nseats = ["seat:bore"]\ngrid_unit_mm = 1000\n'
     text = "\n".join(line for line in _BODY.splitlines() if "web =" not in line)
@@ -408,7 +422,7 @@ def test_what_is_nearer_is_seen(order):
 
 def test_the_section_is_that_of_the_drawing(written):
     plan = _plan(written(_PAIR + _BODY))
-    grid = body_grid(plan.source.body, plan.source.fineness)
+    grid = _grid(plan)
     body = pictures.DrawnBody(grid, {"bore": np.zeros(3)})
     columns = pictures.grid_columns(body)
     element, r, z = (columns[name] for name in ("element", "r_mm", "z_mm"))

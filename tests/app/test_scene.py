@@ -175,16 +175,18 @@ flank.wheel.crowning_um = [2]
 """.replace("PITCH", "0, " * 84)
 
 _NOT_MODELLED_YET = """\
+[model]
+fidelity = "auto"
+"""
+
+# The contract's own example, and what may be added to it.
+_CONDENSED = """\
 [wheel.body]
 kind = "condensed"
 web = { hub_outer_mm = 40, web_thickness_mm = 4, rim_inner_mm = 118, web_offset_mm = 0, web_angle_deg = 0, holes = 6, hole_diameter_mm = 18, hole_circle_mm = 80 }
-grid = "wheel.inp"
-superelement = "wheel.nc"
 interface = "herting"
 modes = 50
 young_GPa = 4e5
-[model]
-fidelity = "auto"
 """  # noqa: E501
 
 
@@ -330,26 +332,73 @@ def test_a_beam_falls_back_on_weber_unless_told_otherwise(write):
 
 
 def test_what_is_not_modelled_is_told_from_what_is_unknown(write):
-    mistakes = _mistakes(write(_LEAST + _NOT_MODELLED_YET))
-    assert all("belongs to the scene format, but this version" in text for _, _, text in mistakes)
-    assert [(line - _END, path) for line, path, _ in mistakes] == [
-        (2, "wheel.body.kind"),
-        (3, "wheel.body.web"),
-        (4, "wheel.body.grid"),
-        (5, "wheel.body.superelement"),
-        (6, "wheel.body.interface"),
-        (7, "wheel.body.modes"),
-        (8, "wheel.body.young_GPa"),
-        (10, "model.fidelity"),
-    ]
+    ((line, path, message),) = _mistakes(write(_LEAST + _NOT_MODELLED_YET))
+    assert (line - _END, path) == (2, "model.fidelity")
+    assert "belongs to the scene format, but this version" in message
 
 
-def test_a_typing_error_inside_a_refused_table_is_still_found(write):
-    web = "[pinion.body.web]\nholes = 6\nhole_circel_mm = 1.0\n"
-    ((first, table, _), (line, path, message)) = _mistakes(write(_LEAST + web))
-    assert (first - _END, table) == (1, "pinion.body.web")
-    assert (line - _END, path) == (3, "pinion.body.web.hole_circel_mm")
-    assert "did you mean pinion.body.web.hole_circle_mm?" in message
+def test_a_condensed_body_gets_its_defaults_and_others_do_not(write):
+    scene = read_scene(write(_LEAST + _CONDENSED))
+    assert scene["wheel.body.young_GPa"] == 4e5
+    assert scene["wheel.body.seat_coupling"] == "rigid"
+    assert scene["wheel.body.fineness.elements_per_tooth"] == 1
+    assert not any(key.startswith("pinion.body.") for key in scene.values if "kind" not in key)
+    rigid = read_scene(write(_LEAST + _CONDENSED), ["wheel.body.kind=rigid"])
+    assert rigid["wheel.body.modes"] == 50
+    assert "wheel.body.seat_coupling" not in rigid.values
+
+
+def test_a_condensed_scene_reads_back_as_it_was_written(write, tmp_path):
+    scene = read_scene(write(_LEAST + _CONDENSED))
+    write_scene(scene, tmp_path / "again.toml")
+    again = read_scene(tmp_path / "again.toml")
+    assert {**again.values, "name": scene["name"]} == dict(scene.values)
+
+
+_BODY = '[wheel.body]\nkind = "condensed"\n'
+_WEB = "web.hub_outer_mm = 40\nweb.web_thickness_mm = 4\nweb.rim_inner_mm = 118\n"
+
+
+@pytest.mark.parametrize(
+    ("added", "line", "key", "message"),
+    [
+        ("[wheel.body]\nweb.hub_outer_mm = 40\nweb.rim_inner_mm = 9", 2, "web.web_thickness_mm",
+         "is missing: thickness of the web"),
+        (_BODY + _WEB + "web.hole_circel_mm = 1", 6, "web.hole_circel_mm", "mean wheel.body.web.hole"),
+        (_BODY + 'grid = "a.inp"\nrim_set = "R"\nseats = ["S"]\nsuperelement = "b"\n'
+         'superelement_units = "mm-t-s"', 6, "superelement", "excludes wheel.body.grid"),
+        (_BODY + 'interface = "hertin"', 3, "interface", 'must be one of "herting", "craig-bampton"'),
+        (_BODY + 'grid = "a.inp"\nseats = ["S"]', 3, "grid", "needs wheel.body.rim_set"),
+        (_BODY + 'grid = "a.inp"\ninterface = "R"', 3, "grid", "needs wheel.body.seats"),
+        (_BODY + 'grid = "a.inp"\ninterface = "R"\nrim_set = "R"\nseats = ["S"]', 4, "interface",
+         "or the rim's node set of a body.grid where rim_set does not name it"),
+        (_BODY + 'grid = "a.inp"\ninterface = "R"\nseats = ["S", "T"]', 5, "seats",
+         "got 2 names, must be 1, that of the bore"),
+        (_BODY + 'rim_set = "R"', 3, "rim_set", "is about a grid of your own, and there is none"),
+        (_BODY + 'superelement = "a.mtx"', 3, "superelement", "needs wheel.body.superelement_units"),
+        (_BODY + 'superelement_nodes = "a.csv"', 3, "superelement_nodes", "goes with wheel.body.super"),
+        (_BODY + 'seat_coupling = "averaging"\ninterface = "craig-bampton"', 3, "seat_coupling",
+         "the modes of craig-bampton are those of a body held at its seats"),
+        (_BODY + "fineness.sectors = 86\nfineness.elements_per_tooth = 1", 3, "fineness.sectors",
+         "excludes wheel.body.fineness.elements_per_tooth"),
+        ("bore_mm = 40.0\n" + _BODY + _WEB, 4, "web.hub_outer_mm", "must be greater than bore_mm, 40"),
+        (_BODY + _WEB.replace("118", "39"), 5, "web.rim_inner_mm", "greater than hub_outer_mm, 40"),
+        (_BODY + _WEB.replace("118", "126"), 5, "web.rim_inner_mm", "the root circle, 125.25"),
+        (_BODY + _WEB.replace("= 4\n", "= 9.6\n"), 4, "web.web_thickness_mm", "wheel.face_width_mm, 9.5"),
+        (_BODY + _WEB + "web.holes = 6\nweb.hole_circle_mm = 80", 2, "web.hole_diameter_mm",
+         "is missing, and 6 holes need it"),
+        (_BODY + _WEB + "web.hole_circle_mm = 80", 2, "web.holes", "is missing: number of holes"),
+        (_BODY + _WEB + "web.holes = 6\nweb.hole_diameter_mm = 45\nweb.hole_circle_mm = 80", 6,
+         "web.holes", "run into each other"),
+        (_BODY + _WEB + "web.holes = 6\nweb.hole_diameter_mm = 10\nweb.hole_circle_mm = 108", 8,
+         "web.hole_circle_mm", "holes that reach from 98 to 118 mm cut rim_inner_mm, 118"),
+    ],
+)  # fmt: skip
+def test_a_condensed_body_that_cannot_be_is_refused(write, added, line, key, message):
+    found = {(at - _END, path): text for at, path, text in _mistakes(write(_LEAST + added))}
+    places = [place for place in found if place[1] == f"wheel.body.{key}"]
+    assert (line, f"wheel.body.{key}") in found, found
+    assert message in found[places[0]]
 
 
 _SHAFT = "[wheel.shaft]\ngear_at_mm = 5\n"
