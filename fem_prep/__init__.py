@@ -32,6 +32,7 @@ from ._assembly import stress_stiffening as stress_stiffening
 from ._symmetry import Rotation as Rotation
 
 from ._artefact import ReducedBody as ReducedBody
+from ._artefact import balanced as balanced
 from ._artefact import floating as floating
 
 from ._body_file import read_body as read_body
@@ -53,6 +54,11 @@ from ._fourier import expected_split as expected_split
 from ._fourier import families as families
 from ._fourier import identify as identify
 from ._fourier import symmetry_splitting as symmetry_splitting
+
+from ._answers import Solid as Solid
+from ._answers import Springs as Springs
+from ._answers import described_modes as described_modes
+from ._answers import solid_of as solid_of
 
 from ._health import health_report as health_report
 

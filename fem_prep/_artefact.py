@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from ._checks import require
 
@@ -126,6 +127,23 @@ def rigid_motions(points: np.ndarray) -> np.ndarray:
     motions[:, 0, 4], motions[:, 2, 4] = z, -x
     motions[:, 0, 5], motions[:, 1, 5] = -y, x
     return motions.reshape(-1, 6)
+
+
+def balanced(load: np.ndarray, mass: np.ndarray | csr_array, rigid: np.ndarray) -> np.ndarray:
+    """A load less what the rigid acceleration it causes takes of it.
+
+    **Arguments:**
+
+    - `load`: shape `[dof]` [SI].
+    - `mass`: shape `[dof, dof]` [SI].
+    - `rigid`: rigid motions, `[dof, 6]` [SI].
+
+    **Returns:**
+
+    Shape `[dof]` [SI].
+    """
+    momenta = mass @ rigid
+    return load - momenta @ np.linalg.solve(rigid.T @ momenta, rigid.T @ load)
 
 
 def floating(body: ReducedBody, load: np.ndarray) -> np.ndarray:

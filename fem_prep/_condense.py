@@ -15,7 +15,7 @@ import numpy as np
 import scipy.linalg
 from scipy.sparse import csr_array
 
-from ._artefact import ReducedBody, floating
+from ._artefact import ReducedBody, balanced, floating
 from ._assembly import across, coriolis, stress_stiffening
 from ._boundary import FullBody, dofs_of
 from ._checks import Progress, require, silent
@@ -435,7 +435,9 @@ def condense(
 def _rotating(held: Held, basis: _Basis, reduced: ReducedBody) -> dict[str, np.ndarray]:
     """Coriolis forces, spin softening, and stiffening by the stresses of the centrifugal load."""
     full = held.full
-    strained = recovered(held, reduced, floating(reduced, reduced.centrifugal_load)[:, None])
+    # Of a body that is out of balance, what of the load accelerates it strains it too.
+    load = balanced(reduced.centrifugal_load, reduced.mass, reduced.rigid_motions)
+    strained = recovered(held, reduced, floating(reduced, load)[:, None])
     stiffening = stress_stiffening(full.grid, full.material, strained[0])
     return {
         "coriolis": basis.projected(full.across(coriolis(full.grid_mass)), sign=-1.0),

@@ -26,9 +26,10 @@ def scale_of(full: FullBody) -> float:
     return speed / float(np.ptp(full.grid.nodes, axis=0).max())
 
 
-def _operator(size: int, inverse: Callable[[np.ndarray], np.ndarray]) -> LinearOperator:
+def operator_of(size: int, product: Callable[[np.ndarray], np.ndarray]) -> LinearOperator:
+    """A function of a vector as a matrix, `[size, size]`."""
     # Without a type given, the library tries it on a vector of bytes, which solvers refuse.
-    return LinearOperator((size, size), matvec=inverse, dtype=np.float64)  # pyright: ignore[reportCallIssue]
+    return LinearOperator((size, size), matvec=product, dtype=np.float64)  # pyright: ignore[reportCallIssue]
 
 
 def lowest_modes(
@@ -53,7 +54,7 @@ def lowest_modes(
     - `BodyError` if the iteration does not converge.
     """
     factor = factorise(stiffness + shift**2 * mass)
-    inverse = _operator(order(stiffness), factor.solve)
+    inverse = operator_of(order(stiffness), factor.solve)
     # A start of its own: the library's is random, and results should repeat to the last digit.
     start = np.random.default_rng(0).standard_normal(order(stiffness))
     try:
@@ -124,7 +125,7 @@ def reduced_modes(
     # Shifted and inverted, as one factor of a full matrix is 30 times cheaper than all its modes.
     shift = np.trace(stiffness) / np.trace(body.mass) * 1e-6
     factor = scipy.linalg.cho_factor(stiffness + shift * body.mass, check_finite=False)
-    inverse = _operator(
+    inverse = operator_of(
         body.dofs, lambda vector: scipy.linalg.cho_solve(factor, vector, check_finite=False)
     )
     start = np.random.default_rng(0).standard_normal(body.dofs)

@@ -1,10 +1,19 @@
-"""Rotations about the axis that map a grid onto itself, and what they do to displacements."""
+"""Rotations about the axis that map a grid onto itself, and what they do to displacements.
+
+A body of N equal sectors is N / 2 + 1 problems of the size of one sector, each for motions with
+some number of waves around: matrices that do not change when the body turns do not mix them.
+Source: Thomas, Dynamics of rotationally periodic structures, Int. J. Numer. Methods Eng. 14 (1979).
+"""
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import bsr_array, coo_array, csr_array, eye_array, hstack, kron, vstack
 from scipy.spatial import KDTree
+
+from ._solvers import Factor, factorise
 
 # How far from its place a turned node may be, as a part of the body's size.
 _SAME = 1e-9
@@ -32,6 +41,11 @@ class Rotation:
         turn[0, 1] = -turn[1, 0]
         return turn
 
+    @property
+    def matrices(self) -> np.ndarray:
+        """Rotation matrices by none, one, two sectors and so on, shape `[sector, 3, 3]`."""
+        return np.array([self.matrix(times) for times in range(self.sectors)])
+
     def images(self, times: int) -> np.ndarray:
         """Points that the points come to after some sectors, shape `[point]`."""
         image = np.arange(len(self.image))
@@ -57,6 +71,22 @@ class Rotation:
         )
         return result.reshape(motions.shape)
 
+    def among(self, points: np.ndarray) -> "Rotation":
+        """The rotation of some of the points, which come to places of such points, alone."""
+        place = np.full(len(self.image), -1)
+        place[points] = np.arange(len(points))
+        return Rotation(self.sectors, place[self.image[points]])
+
+    def orbits(self) -> np.ndarray:
+        """Points off the axis, each the image of the one before it, `[sector, each]`.
+
+        The first of each has the smallest number. With one sector all points count.
+        """
+        images = np.array([self.images(times) for times in range(self.sectors)])
+        first = images.min(axis=0) == images[0]
+        moved = (self.image != images[0]) | (self.sectors == 1)
+        return images[:, first & moved]
+
 
 def rotation_of(points: np.ndarray, sectors: int) -> Rotation | None:
     """The rotation by one sector, if it maps a set of points onto itself.
@@ -76,3 +106,144 @@ def rotation_of(points: np.ndarray, sectors: int) -> Rotation | None:
     image = np.asarray(nearest)
     same = np.all(distance <= _SAME * np.ptp(points, axis=0).max())
     return Rotation(sectors, image) if same and len(np.unique(image)) == len(points) else None
+
+
+@dataclass(frozen=True)
+class Waves:
+    r"""Motions by the number n of their waves around.
+
+    In the frame of sector s such a motion is $v e^{2\pi i n s / N} / \sqrt{N}$; its amplitudes are
+    $v$ and, for points on the axis, which only few waves move, components along `_along`. Real
+    motions have waves of number -n too, whose amplitudes are the conjugate ones.
+
+    **Fields:**
+
+    - `rotation`: by one sector.
+    - `ring`: points off the axis, each the image of the one before it, `[sector, each]`.
+    - `axis`: points on the axis.
+    """
+
+    rotation: Rotation
+    ring: np.ndarray
+    axis: np.ndarray
+
+    @property
+    def weights(self) -> list[int]:
+        """For every number of waves: 2, or 1 if waves of number -n are the same."""
+        sectors = self.rotation.sectors
+        return [1 if 2 * number % sectors == 0 else 2 for number in range(sectors // 2 + 1)]
+
+    def parts(self, motions: np.ndarray) -> list[np.ndarray]:
+        """Amplitudes of motions by number of waves, `[3 point, column]` to `[amplitude, column]`.
+
+        Two motions have the same product as their amplitudes, if waves of number -n count too.
+        """
+        if self.rotation.sectors == 1:
+            return [motions]
+        each = motions.reshape(-1, 3, motions.shape[1])
+        local = np.einsum("sij,spic->spjc", self.rotation.matrices, each[self.ring])
+        parts = []
+        for number, around in enumerate(np.fft.rfft(local, axis=0, norm="ortho")):
+            along = np.einsum("ij,pic->pjc", self._along(number).conj(), each[self.axis])
+            part = np.concatenate([x.reshape(-1, motions.shape[1]) for x in (around, along)])
+            parts.append(part.real if self.weights[number] == 1 else part)
+        return parts
+
+    def whole(self, parts: Sequence[np.ndarray]) -> np.ndarray:
+        """Real motions of given amplitudes, `[amplitude, column]` to `[3 point, column]`."""
+        sectors, columns = self.rotation.sectors, parts[0].shape[1]
+        if sectors == 1:
+            return parts[0]
+        ring = 3 * self.ring.shape[1]
+        around = np.stack([part[:ring] for part in parts]).reshape(len(parts), -1, 3, columns)
+        local = np.fft.irfft(around, sectors, axis=0, norm="ortho")
+        motions = np.zeros((self.ring.size + self.axis.size, 3, columns))
+        motions[self.ring] = np.einsum("sij,spjc->spic", self.rotation.matrices, local)
+        for number, part in enumerate(parts):
+            along = part[ring:].reshape(len(self.axis), -1, columns)
+            moved = np.einsum("ij,pjc->pic", self._along(number), along)
+            motions[self.axis] += self.weights[number] * moved.real
+        return motions.reshape(-1, columns)
+
+    def matrices(self, matrix: csr_array) -> Iterator[csr_array]:
+        """Matrices on the amplitudes, one for every number of waves.
+
+        **Arguments:**
+
+        - `matrix`: shape `[3 point, 3 point]`; it does not change when the body turns.
+        """
+        if self.rotation.sectors == 1:
+            yield matrix
+            return
+        # What all sectors say to the amplitudes is as often what the first one says.
+        first = matrix[_dofs(self.ring[0])] * math.sqrt(self.rotation.sectors)
+        axis = matrix[_dofs(self.axis)]
+        for number in range(len(self.weights)):
+            motions = self._motions(number)
+            along = kron(eye_array(len(self.axis)), self._along(number).conj().T)
+            yield csr_array(vstack([first @ motions, along @ (axis @ motions)]))
+
+    def _motions(self, number: int) -> csr_array:
+        """Motions of unit amplitudes, `[3 point, amplitude]`."""
+        sectors, each = self.ring.shape
+        points = self.ring.size + self.axis.size
+        phase = np.exp(2j * math.pi * number / sectors * np.arange(sectors)) / math.sqrt(sectors)
+        if self.weights[number] == 1:
+            phase = phase.real
+        blocks = np.zeros((points, 3, 3), dtype=phase.dtype)
+        blocks[self.ring] = (phase[:, None, None] * self.rotation.matrices)[:, None]
+        column = np.zeros(points, dtype=int)
+        column[self.ring] = np.arange(each)
+        around = bsr_array((blocks, column, np.arange(points + 1)), (3 * points, 3 * each)).tocsr()
+        around.eliminate_zeros()
+        places = np.arange(len(self.axis))
+        axis = coo_array((np.ones(len(places)), (self.axis, places)), (points, len(places)))
+        return csr_array(hstack([around, kron(axis, self._along(number))]))
+
+    def _along(self, number: int) -> np.ndarray:
+        """Motions of a point on the axis, `[3, amplitude]`: those that a turn gives that phase."""
+        sectors = self.rotation.sectors
+        if number == 0:
+            return np.array([[0.0], [0.0], [1.0]])
+        if number == 1 and sectors == 2:
+            return np.eye(3)[:, :2]
+        if number == 1:
+            return np.array([[1], [1j], [0]]) / math.sqrt(2)
+        return np.zeros((3, 0))
+
+
+def waves_of(rotation: Rotation) -> Waves:
+    """Motions of the points of a rotation, by the number of their waves around."""
+    ring = rotation.orbits()
+    return Waves(rotation, ring, np.setdiff1d(np.arange(len(rotation.image)), ring))
+
+
+def factorise_by_waves(matrix: csr_array, rotation: Rotation) -> Factor:
+    """Factorise a symmetric positive definite matrix that does not change when the body turns.
+
+    **Arguments:**
+
+    - `matrix`: shape `[3 point, 3 point]`.
+    - `rotation`: of the points.
+
+    **Returns:**
+
+    Its factor, one of a matrix of the size of a sector for each number of waves.
+
+    **Raises:**
+
+    - `BodyError` if the matrix is singular or not definite.
+    """
+    waves = waves_of(rotation)
+    factors = [factorise(each) for each in waves.matrices(matrix)]
+
+    def solve(right: np.ndarray) -> np.ndarray:
+        parts = waves.parts(right.reshape(len(right), -1))
+        answers = [factor.solve(part) for factor, part in zip(factors, parts, strict=True)]
+        return waves.whole(answers).reshape(right.shape)
+
+    return Factor(factors[0].solver, solve)
+
+
+def _dofs(points: np.ndarray) -> np.ndarray:
+    return (3 * points[:, None] + np.arange(3)).ravel()

@@ -13,13 +13,14 @@ from typing import Any, cast
 
 import numpy as np
 
+from fem_prep._answers import described_modes, modes_told, solid_of
 from fem_prep._artefact import ReducedBody
 from fem_prep._boundary import FullBody, Seat, full_body
 from fem_prep._cache import CacheWarning, cached, file_digest, key_of
 from fem_prep._checks import BodyError
 from fem_prep._condense import condense, hold
 from fem_prep._grid import Grid
-from fem_prep._health import described_modes, health_report, modes_told, solid_of
+from fem_prep._health import health_report
 from fem_prep._quality import check_grid
 from fem_prep._web import body_grid, exact_properties
 from jaxgear._app._bodies import BodyPlan, Drawn, Matrices, OwnGrid

@@ -31,6 +31,7 @@ def notes(scene: Scene, statics: Statics) -> list[str]:
     return [
         *_on_foundations(scene, statics.model),
         *_on_shafts(statics.model),
+        *_on_bodies(scene),
         *_on_cycle(scene),
         *_on_results(scene, statics),
     ]
@@ -104,6 +105,18 @@ def _on_shafts(model: PairModel) -> list[str]:
                 f"The {name}'s face reaches from {ends[0] / mm:.4g} to {ends[1] / mm:.4g} mm, off "
                 f"its shaft of {length / mm:.4g} mm."
             )
+    return found
+
+
+def _on_bodies(scene: Scene) -> list[str]:
+    """Keys of condensed bodies at gears that have none."""
+    found = []
+    for gear in GEARS:
+        body = f"{gear}.body"
+        whole = [key for key in ("web", "grid", "superelement") if f"{body}.{key}" in scene.given]
+        if whole and scene[f"{body}.kind"] != "condensed":
+            kind = scene[f"{body}.kind"]
+            found.append(f'{body}.{whole[0]} does nothing: {body}.kind is "{kind}".')
     return found
 
 

@@ -65,7 +65,7 @@ def _raise(error):
     return command
 
 
-@pytest.mark.parametrize("name", ["accessory", "power"])
+@pytest.mark.parametrize("name", ["accessory", "accessory-h1", "power"])
 def test_init_writes_a_scene_that_reads(tmp_path, monkeypatch, capsys, name):
     monkeypatch.chdir(tmp_path)
     assert main(["init", name]) == 0
@@ -89,7 +89,7 @@ def test_init_of_an_unknown_name_lists_the_ready_ones(tmp_path, monkeypatch, cap
     monkeypatch.chdir(tmp_path)
     assert main(["init", "acessory"]) == 2
     error = capsys.readouterr().err
-    assert "accessory, power" in error
+    assert "accessory, accessory-h1, power" in error
     assert "Did you mean accessory?" in error
     assert not list(tmp_path.iterdir())
 
