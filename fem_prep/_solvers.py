@@ -13,6 +13,10 @@ from ._checks import BodyError, require
 # Columns solved at a time: enough for the libraries' dense kernels, few enough for the caches.
 _COLUMNS = 64
 
+# Motion of a random load over the load, unknowns scaled to a unit diagonal: of what holds together
+# at most 1e7, of what does not 1e13 and more.
+_GROWTH = 1e11
+
 
 @dataclass(frozen=True)
 class Factor:
@@ -115,11 +119,18 @@ def factorise(matrix: csc_array, solver: str | None = None) -> Factor:
         known=", ".join(known),
         chosen=chosen,
     )
+    scale = np.sqrt(np.abs(matrix.diagonal()))
     try:
-        return Factor(chosen, _SOLVERS[chosen](csc_array(matrix)))
+        factor = Factor(chosen, _SOLVERS[chosen](csc_array(matrix)))
+        # Whether pivots are but rounding: of a matrix of unit diagonal, random loads move much.
+        load = np.random.default_rng(0).standard_normal(len(scale)).astype(matrix.dtype)
+        growth = np.linalg.norm(scale * factor.solve(scale * load)) / np.linalg.norm(load)
+        if not growth < _GROWTH:
+            raise ArithmeticError("singular to rounding")
     except Exception as error:
         # The libraries' own classes: SuperLU's RuntimeError, CHOLMOD's not positive definite.
         raise BodyError(
             f"The stiffness of the body could not be factorised ({error}): part of it is held by "
             "nothing. Are there loose parts, or nodes that belong to no element?"
         ) from error
+    return factor

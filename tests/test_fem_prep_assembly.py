@@ -238,6 +238,18 @@ def test_stress_stiffening_of_a_uniform_stress():
         assert abs(moved).max() < 1e-14 * abs(stiffness).max()
 
 
+def test_faces_look_outward():
+    """Corners counter-clockwise seen from outside, then the middles that follow them."""
+    grid = patch()
+    faces = grid.nodes[surface(grid)]
+    assert faces.shape == (24, 8, 3)
+    corners, middles = faces[:, :4], faces[:, 4:]
+    np.testing.assert_allclose(middles, (corners + np.roll(corners, -1, axis=1)) / 2, rtol=1e-12)
+    normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    outward = corners.mean(axis=1) - grid.nodes.mean(axis=0)
+    assert np.all(np.sum(normal * outward, axis=1) > 0)
+
+
 def test_skin():
     """Area and moments of a flat distorted face and of a cylinder."""
     grid = straightened(

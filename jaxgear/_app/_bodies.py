@@ -323,7 +323,10 @@ def _drawn_seats(
     """Seats of a drawn body, and which of them the torque acts on."""
     averaging = scene[f"{gear}.body.seat_coupling"] == "averaging"
     if not body.segments:
-        return (PlannedSeat("gear", "bore" if body.bore else "gear", 0.0, averaging),), "gear"
+        if body.bore:
+            return (PlannedSeat("gear", "bore", 0.0, averaging),), "gear"
+        # Of a body without a bore the innermost elements, whose size is no measure of anything.
+        return (PlannedSeat("gear", "gear", 0.0, averaging or soft),), "gear"
     seats = [
         PlannedSeat(
             place.name,

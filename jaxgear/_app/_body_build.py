@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import os
 import resource
 import sys
 import time
@@ -17,7 +18,7 @@ from fem_prep._answers import described_modes, modes_told, solid_of
 from fem_prep._artefact import ReducedBody
 from fem_prep._boundary import FullBody, Seat, full_body
 from fem_prep._cache import CacheWarning, cached, file_digest, key_of
-from fem_prep._checks import BodyError
+from fem_prep._checks import BodyError, require
 from fem_prep._condense import condense, hold
 from fem_prep._grid import Grid
 from fem_prep._health import health_report
@@ -26,6 +27,9 @@ from fem_prep._web import body_grid, exact_properties
 from jaxgear._app._bodies import BodyPlan, Drawn, Matrices, OwnGrid
 from jaxgear._app._body_view import BodyView, keep_view, read_view
 from jaxgear._app._body_words import in_keys
+
+# Full matrices of the condensed coordinates that are there at one time.
+_MATRICES = 8
 
 
 @dataclasses.dataclass(frozen=True)
@@ -152,6 +156,7 @@ def _build(plan: BodyPlan, key: str, steps: Steps) -> ReducedBody:
         body = _imported(plan, plan.source, steps)
     else:
         full = _full(plan, steps)
+        _check_memory(full)
         held = hold(full, progress=steps)
         body = condense(
             full,
@@ -186,6 +191,25 @@ def _build(plan: BodyPlan, key: str, steps: Steps) -> ReducedBody:
         "build_peak_memory_MB": peak / (1024.0**2 if sys.platform == "darwin" else 1024.0),
     }
     return dataclasses.replace(body, facts={**body.facts, **facts})
+
+
+def _check_memory(full: FullBody) -> None:
+    """Refuse a rim whose matrices the machine cannot hold."""
+    if not hasattr(os, "sysconf"):
+        return
+    coordinates = 3 * len(full.rim) + 6 * len(full.seats)
+    needed = _MATRICES * 8 * coordinates**2
+    there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    require(
+        needed < there,
+        "The rim has {rim:,} nodes: condensing its {coordinates:,} coordinates takes some "
+        "{needed:.0f} GB, and there are {there:.0f}. Use fewer elements around or across the rim "
+        "(body.fineness).",
+        rim=len(full.rim),
+        coordinates=coordinates,
+        needed=needed / 1e9,
+        there=there / 1e9,
+    )
 
 
 def _view(body: ReducedBody, full: FullBody, steps: Steps) -> BodyView:

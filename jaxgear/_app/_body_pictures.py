@@ -142,8 +142,11 @@ def _draw_section(axes: Axes, body: DrawnBody, section: np.ndarray) -> None:
     for name, colour in body.colours.items():
         nodes = body.grid.nodes[body.grid.sets[name]]
         z, r = 1e3 * nodes[:, 2], 1e3 * np.hypot(nodes[:, 0], nodes[:, 1])
-        ends = [z.min(), z.max()]
-        axes.plot(ends, np.interp(ends, np.sort(z), r[np.argsort(z)]), color=colour, lw=4.0)
+        if np.ptp(r) < 1e-3 * r.max():
+            axes.plot([z.min(), z.max()], [r.mean()] * 2, color=colour, lw=4.0)
+        else:
+            # On several cylinders, as in a solid shaft or over a step.
+            axes.plot(*np.unique(np.round([z, r], 3), axis=1), ".", color=colour, ms=5)
     for name, point in body.seats.items():
         colour = body.colours.get(f"seat:{name}", _GREY)
         axes.plot(1e3 * point[2], 0.0, "o", ms=6, color="white", mec=colour, mew=1.8, zorder=4)

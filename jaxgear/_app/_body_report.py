@@ -87,14 +87,14 @@ def _tooth(body: Mapping[str, Any]) -> str:
 
 def _frequencies(body: Mapping[str, Any]) -> str:
     words = [
-        f"{what} within {body[key]:.1e} of the full body's"
+        f"{what} within {body[key]:.1e}"
         for what, key in (
             ("free", "largest_free_frequency_error"),
             ("on springs", "largest_sprung_frequency_error"),
         )
         if key in body
     ]
-    return ", ".join(words)
+    return " and ".join(words) + " of the full body's" if words else ""
 
 
 def _off(body: Mapping[str, Any], key: str, whose: str = "the full body's") -> str:

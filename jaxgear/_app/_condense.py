@@ -140,13 +140,31 @@ def _remarks(scene: Scene, found: BuiltBody) -> list[str]:
             f"around must repeat with holes too, and in pairs about a solid axis; a whole number "
             f"for each tooth that does is the best {gear}.body.fineness.sectors."
         )
-    if isinstance(plan.source, Matrices) and plan.teeth is not None:
-        remarks.append(f"The {gear}'s matrices must hold the mass of its teeth: none is added.")
+    if isinstance(plan.source, Matrices):
+        remarks += _remarks_on_matrices(scene, found)
     unused = ["inertia_kg_m2", "transverse_inertia_kg_m2"]
     unused += [] if isinstance(plan.source, Matrices) else ["mass_kg"]
     for key in unused:
         if f"{gear}.body.{key}" in scene.given:
             remarks.append(f"{gear}.body.{key} does nothing: a condensed body has its own.")
+    return remarks
+
+
+def _remarks_on_matrices(scene: Scene, found: BuiltBody) -> list[str]:
+    """Seats that bearings will look for, and teeth that matrices must bring along."""
+    plan, remarks = found.plan, []
+    bearings = range(len(scene.rows(f"{plan.gear}.shaft.bearings")))
+    wanted = [f"bearing[{i}]" for i in bearings] or ["gear"]
+    if missing := [name for name in wanted if name not in found.body.seats]:
+        seats = ", ".join(found.body.seats) or "none"
+        remarks.append(
+            f"The {plan.gear}'s matrices have no seat {' and '.join(missing)} for its bearings; "
+            f"their seats are: {seats}."
+        )
+    if plan.teeth is not None:
+        remarks.append(
+            f"The {plan.gear}'s matrices must hold the mass of its teeth: none is added."
+        )
     return remarks
 
 

@@ -20,7 +20,8 @@ from jaxgear._app._body_build import built_body
 from jaxgear._app._body_render import frame, render
 from jaxgear._app._body_view import view_folder
 from jaxgear._app._cli import main
-from jaxgear._app._model import pair_of
+from jaxgear._app._model import model_of, pair_of
+from jaxgear._app._notes import _on_bodies
 from jaxgear._app._pictures import _BLUE
 from jaxgear._app._scene import read_scene
 from jaxgear._app._teeth import facts_of_teeth, tooth_outline
@@ -200,11 +201,22 @@ def test_commands_that_cannot_use_a_condensed_body_yet_name_the_one_that_can(
     assert f"`jaxgear condense`), but `jaxgear {command}` does not yet" in error
 
 
+def test_a_model_is_not_built_as_if_the_body_were_rigid(written):
+    with pytest.raises(InputError, match="does not yet put them in mesh"):
+        model_of(read_scene(written(_PAIR + _BODY)))
+
+
 def test_an_impossible_body_is_refused_in_the_scene_s_own_words(written, capsys, tmp_path):
     text = (_PAIR + _BODY).replace("rim_inner_mm = 52", "rim_inner_mm = 52, web_offset_mm = 4")
     assert main(["condense", str(written(text)), "--out", str(tmp_path)]) == 2
     error = capsys.readouterr().err
     assert "scene.toml: wheel.body: `wheel.body.web` must end within the hub" in error
+
+
+def test_a_rigid_gear_with_a_web_is_told_that_it_has_none(written):
+    scene = read_scene(written(_PAIR + _BODY), ["wheel.body.kind=rigid"])
+    assert _on_bodies(scene) == ['wheel.body.web does nothing: wheel.body.kind is "rigid".']
+    assert not _on_bodies(read_scene(written(_PAIR + _BODY)))
 
 
 # --- From the scene to the plan
@@ -262,6 +274,13 @@ def test_seats_are_where_bearings_and_torque_are(written, torque, places, carrie
     assert plan.torque_seat == carrier
     grid = _grid(plan)
     assert all(len(grid.sets[f"seat:{seat.label}"]) > 2 for seat in plan.seats)
+
+
+def test_a_solid_disc_is_held_without_being_stiffened(written):
+    (seat,) = _plan(written(_PAIR.replace("bore_mm = 20.0\n", "") + _BODY)).seats
+    assert (seat.name, seat.label, seat.averaging) == ("gear", "gear", True)
+    (seat,) = _plan(written(_PAIR + _BODY)).seats
+    assert (seat.name, seat.label, seat.averaging) == ("gear", "bore", False)
 
 
 def test_coupling_width_and_method_of_the_seats(written):
