@@ -231,6 +231,7 @@ def mass_properties(
 
 
 def inertia_of(mass: np.ndarray | csr_array, rigid: np.ndarray) -> np.ndarray:
+    """Mass and inertias by the six rigid motions, `[6, 6]` [SI]."""
     return rigid.T @ (mass @ rigid)
 
 
@@ -458,6 +459,7 @@ def tooth_deflection(reduced: ReducedBody, row: np.ndarray, springs: Springs) ->
 def tooth_report(
     reduced: ReducedBody, bent: np.ndarray, row: np.ndarray, springs: Springs
 ) -> dict[str, Any]:
+    """Deflection under a tooth load, and the body's own share of it."""
     rows, stiffness = spring_rows(reduced, row, springs, mesh=False)
     # Work of load and torque, so the deflection is that against the turn of the first seat. Twice
     # the energies of all springs is what the seats give of it.

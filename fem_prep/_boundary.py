@@ -204,6 +204,17 @@ def full_body(
         nodes of the rim or of another seat, or if a probe is on the rim or on a rigid seat.
     """
     probes = {} if probes is None else probes
+    require(
+        RIM in grid.sets,
+        "The grid must have the set of nodes `rim`, the toothed surface; it has {sets}.",
+        sets=", ".join(grid.sets) or "none",
+    )
+    require(
+        all(0 <= node < len(grid.nodes) for node in probes.values()),
+        "Probes must be nodes of the grid, 0 to {last}, got {probes}.",
+        last=len(grid.nodes) - 1,
+        probes=dict(probes),
+    )
     rim = rim_order(grid)
     faces = surface_of(grid, RIM)
     require(
