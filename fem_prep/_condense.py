@@ -9,19 +9,20 @@ A seat that averages its nodes is a constraint $B u = u_s$, met by forces $B^T \
 """
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
-from scipy.sparse import csr_array
+from scipy.sparse import bsr_array, csr_array
 
 from ._artefact import ReducedBody, balanced, floating
-from ._assembly import across, coriolis, stress_stiffening
+from ._assembly import across, coriolis, order, stress_stiffening
 from ._boundary import FullBody, dofs_of
 from ._checks import Progress, require, silent
-from ._modes import RIGID, free_modes, lowest_modes, scale_of
+from ._modes import free_modes, largest_rotation, lowest_modes, scale_of
 from ._solvers import Factor, factorise
-from ._symmetry import Rotation
+from ._symmetry import Rotation, Waves, waves_of
 
 METHODS = ("herting", "craig-bampton", "guyan")
 MOST_MODES = 200
@@ -40,6 +41,7 @@ class Held:
     **Fields:**
 
     - `full`: the body.
+    - `rotation`: that leaves the body as it is, of which the factor makes use.
     - `inside`: unknowns that no coordinate of the boundary is.
     - `factor`: of their stiffness.
     - `forces`: answers to the forces of the averaging seats, `[inside, constraint]`.
@@ -47,6 +49,7 @@ class Held:
     """
 
     full: FullBody
+    rotation: Rotation
     inside: np.ndarray
     factor: Factor
     forces: np.ndarray
@@ -69,21 +72,27 @@ class Held:
 
         Motion of all unknowns, shape `[3 point, column]`.
         """
-        answer = self.factor.solve(load[self.inside])
+        motion = np.zeros(load.shape)
+        motion[self.inside] = self._answer(load[self.inside], seats)
+        return motion
+
+    def _answer(self, load: np.ndarray, seats: np.ndarray | float) -> np.ndarray:
+        """The same for the unknowns inside, `[inside, column]`."""
+        answer = self.factor.solve(load)
         if len(self.meeting):
             answer += self.forces @ np.linalg.solve(self.meeting, seats - self.averages @ answer)
-        motion = np.zeros(load.shape)
-        motion[self.inside] = answer
-        return motion
+        return answer
 
     def reaction(self, motion: np.ndarray) -> np.ndarray:
         """Forces on the boundary that hold a motion with no other load, `[boundary, column]`."""
-        rim, rings, averaging = _places(self.full)
-        forces = self.full.stiffness @ motion
+        full, rows = self.full, self.averages
+        rim, rings, averaging = _places(full)
         result = np.empty((len(rim) + len(rings) + len(averaging), motion.shape[1]))
-        result[np.concatenate([rim, rings])] = forces[self.full.held]
+        result[np.concatenate([rim, rings])] = _product(full.stiffness[full.held], motion)
         if len(averaging):
-            result[averaging] = np.linalg.solve(self.meeting, self.forces.T @ forces[self.inside])
+            # What is left inside are the forces of these seats, spread by their rows.
+            left = _product(csr_array(rows @ full.stiffness[self.inside]), motion)
+            result[averaging] = np.linalg.solve((rows @ rows.T).toarray(), left)
         return result
 
     def followed(self, boundary: np.ndarray) -> np.ndarray:
@@ -99,35 +108,68 @@ class Held:
         """
         full = self.full
         rim, rings, averaging = _places(full)
-        motion = np.zeros((3 * full.points, boundary.shape[1]))
-        motion[full.held] = boundary[np.concatenate([rim, rings])]
-        return motion + self.loaded(-(full.stiffness @ motion), boundary[averaging])
+        outer = boundary[np.concatenate([rim, rings])]
+        pull = full.stiffness[full.held][:, self.inside].T
+        motion = np.zeros((3 * full.points, boundary.shape[1]), order="F")
+        motion[full.held] = outer
+        for some in _blocks(boundary.shape[1]):
+            seats = boundary[averaging, some]
+            motion[self.inside, some] = self._answer(-(pull @ outer[:, some]), seats)
+        return motion
 
 
-def hold(full: FullBody, *, progress: Progress = silent) -> Held:
+def hold(full: FullBody, *, rotation: Rotation | None = None, progress: Progress = silent) -> Held:
     """Hold a body at its rim and its seats.
+
+    **Arguments:**
+
+    - `full`: the body.
+    - `rotation`: a rotation that leaves the body as it is; the smallest one is sought without it.
+    - `progress`: told what begins.
+
+    **Returns:**
+
+    The body with its boundary held.
 
     **Raises:**
 
     - `BodyError` if a part of it is still loose.
     """
-    inside = np.setdiff1d(np.arange(3 * full.points), full.held)
+    rotation = largest_rotation(full) if rotation is None else rotation
+    points = np.setdiff1d(np.arange(full.points), full.held // 3)
+    inside = dofs_of(points)
     with progress(f"factorising {len(inside)} unknowns"):
-        stiffness, mass = (each[inside][:, inside] for each in (full.stiffness, full.mass))
-        factor = factorise(stiffness)
-    # Pivots that should be none may pass for small ones: the softest motion tells.
-    start = np.random.default_rng(0).standard_normal(len(inside))
-    soft = factor.solve(mass @ start)
-    require(
-        soft @ (stiffness @ soft) > (RIGID * scale_of(full)) ** 2 * (soft @ (mass @ soft)),
-        "All of {name} must be held when its rim and its seats are: part of it moves freely. Are "
-        "there loose parts, parts that hang together by an edge, or nodes that belong to no "
-        "element?",
-        name=full.name,
-    )
+        stiffness = full.stiffness[inside][:, inside]
+        factor = _factor(stiffness, waves_of(rotation.among(points)))
     rows = full.averages[:, inside]
     forces = factor.solve(rows.T.toarray()) if rows.shape[0] else np.zeros((len(inside), 0))
-    return Held(full, inside, factor, forces, rows @ forces)
+    return Held(full, rotation, inside, factor, forces, rows @ forces)
+
+
+def _factor(matrix: csr_array, waves: Waves) -> Factor:
+    """Factor of a matrix that does not change when the body turns: one of each number of waves."""
+    factors = [factorise(each) for each in waves.matrices(matrix)]
+
+    def solve(right: np.ndarray) -> np.ndarray:
+        parts = waves.parts(right if right.ndim == 2 else right[:, None])
+        answers = [factor.solve(part) for factor, part in zip(factors, parts, strict=True)]
+        return waves.whole(answers).reshape(right.shape)
+
+    return Factor(factors[0].solver, solve)
+
+
+def _blocks(columns: int) -> Iterator[slice]:
+    """Columns, some at a time: what is made of them on the way stays small."""
+    for start in range(0, columns, _COLUMNS):
+        yield slice(start, min(start + _COLUMNS, columns))
+
+
+def _product(matrix: csr_array, motion: np.ndarray) -> np.ndarray:
+    """A sparse matrix times many columns."""
+    result = np.empty((order(matrix), motion.shape[1]))
+    for some in _blocks(motion.shape[1]):
+        result[:, some] = matrix @ motion[:, some]
+    return result
 
 
 def boundary_of(full: FullBody, motion: np.ndarray) -> np.ndarray:
@@ -154,15 +196,18 @@ def _places(full: FullBody) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 class _Basis:
     """Shapes of the condensed coordinates, those of the rim for one sector only.
 
+    What coordinates of the rim say to each other depends on how many sectors they are apart, if
+    each is seen in the frame of its own sector.
+
     **Fields:**
 
-    - `rotation`: what carries one sector to the next.
+    - `waves`: motions of the body by the number of their waves around.
     - `nodes`: rim nodes of every sector, each the image of the same before, `[sector, each]`.
     - `sector`: constraint modes of the rim nodes of the first sector, `[3 point, 3 each]`.
     - `others`: of seats, then interior shapes, `[3 point, other]`.
     """
 
-    rotation: Rotation
+    waves: Waves
     nodes: np.ndarray
     sector: np.ndarray
     others: np.ndarray
@@ -172,34 +217,33 @@ class _Basis:
         """Number of coordinates of the rim."""
         return 3 * self.nodes.size
 
-    def dofs(self, sector: int) -> np.ndarray:
-        """Coordinates of the rim nodes of a sector."""
-        return dofs_of(self.nodes[sector])
+    @property
+    def frames(self) -> csr_array:
+        """Coordinates of the rim from the same, sector by sector, each in its own frame."""
+        place = np.argsort(self.nodes.ravel())
+        turns = self.waves.rotation.matrices[place // self.nodes.shape[1]]
+        return bsr_array((turns, place, np.arange(len(place) + 1))).tocsr()
 
-    def turn(self, sector: int) -> np.ndarray:
-        """Rotation of the coordinates of the first sector to those of another."""
-        return np.kron(np.eye(self.nodes.shape[1]), self.rotation.matrix(sector))
-
-    def spread(self, first: np.ndarray) -> np.ndarray:
-        """The rim's block of a matrix from what coordinates of the first sector say to all.
+    def among_rim(self, apart: np.ndarray) -> np.ndarray:
+        """The rim's block of a matrix.
 
         **Arguments:**
 
-        - `first`: shape `[3 each, rim]`.
+        - `apart`: of coordinates of a sector and of one that is so many ahead,
+            `[sector, 3 each, 3 each]`.
 
         **Returns:**
 
-        Shape `[rim, rim]`; what a sector says to the others is the same for all sectors.
+        Shape `[rim, rim]`.
         """
-        count = self.rotation.sectors
-        blocks = [first[:, self.dofs(ahead)] for ahead in range(count)]
-        result = np.empty((self.rim, self.rim))
-        for row in range(count):
-            turn = self.turn(row)
-            for ahead in range(count):
-                place = np.ix_(self.dofs(row), self.dofs((row + ahead) % count))
-                result[place] = turn @ blocks[ahead] @ turn.T
-        return result
+        number, frames = np.arange(len(apart)), self.frames
+        blocks = apart[(number - number[:, None]) % len(apart)]
+        local = np.swapaxes(blocks, 1, 2).reshape(self.rim, self.rim)
+        return frames @ (frames @ local.T).T
+
+    def with_rim(self, apart: np.ndarray) -> np.ndarray:
+        """Rows of the matrix from those of each sector, `[sector, row, 3 each]` to `[row, rim]`."""
+        return (self.frames @ np.swapaxes(apart, 1, 2).reshape(self.rim, -1)).T
 
     def projected(self, matrix: csr_array, sign: float = 1.0) -> np.ndarray:
         """A matrix that does not change when the body turns, on the condensed coordinates.
@@ -213,74 +257,80 @@ class _Basis:
 
         Shape `[dof, dof]`.
         """
-        rim, alone = self.rim, self.rotation.sectors == 1
-        result = np.empty((rim + self.others.shape[1],) * 2)
-        result[rim:, rim:] = self.others.T @ (matrix @ self.others)
-        first = np.zeros((self.sector.shape[1], rim))
-        for start in range(0, self.sector.shape[1], _COLUMNS):
-            part = slice(start, start + _COLUMNS)
-            # Without symmetry of rotation these products are all the work: half of them will do.
-            rows = slice(start, None) if alone else slice(None)
-            moved = matrix @ self.sector[:, part]
-            for times in range(self.rotation.sectors):
-                carried = self.rotation.turned(moved, times)
-                turn, dofs = self.turn(times)[part, part], self.dofs(times)[part]
-                first[rows, dofs] = self.sector[:, rows].T @ carried @ turn.T
-                result[rim:, dofs] = self.others.T @ carried @ turn.T
-        if alone:
-            first = np.tril(first) + sign * np.tril(first, -1).T
-        result[:rim, :rim] = self.spread(first)
+        rim = self.rim
+        result = np.zeros((rim + self.others.shape[1],) * 2)
+        among, between = [], []
+        shapes = (self.waves.parts(each) for each in (self.sector, self.others))
+        numbers = zip(self.waves.weights, self.waves.matrices(matrix), *shapes, strict=True)
+        for weight, each, sector, others in numbers:
+            result[rim:, rim:] += weight * (others.conj().T @ (each @ others)).real
+            for products, found in zip(
+                (among, between), _products(each, sector, others, sign), strict=True
+            ):
+                products.append(found)
+        result[:rim, :rim] = self.among_rim(self._apart(among))
+        result[rim:, :rim] = self.with_rim(self._apart(between))
         result[:rim, rim:] = sign * result[rim:, :rim].T
         return (result + sign * result.T) / 2
 
+    def _apart(self, products: Sequence[np.ndarray]) -> np.ndarray:
+        """Products with the sector's shapes after turns by none, one, two sectors and so on.
+
+        **Arguments:**
+
+        - `products`: of amplitudes, one for every number of waves, `[row, column]`.
+
+        **Returns:**
+
+        Shape `[sector, row, column]`.
+        """
+        # Turning by one sector takes a wave back by its phase.
+        sectors = self.waves.rotation.sectors
+        return np.fft.irfft(np.conj(products), sectors, axis=0, norm="forward")
+
     def rows(self, points: np.ndarray) -> np.ndarray:
         """Motion of some points in every coordinate, `[3 point, dof]`."""
-        result = np.empty((3 * len(points), self.rim + self.others.shape[1]))
-        result[:, self.rim :] = self.others[dofs_of(points)]
-        for times in range(self.rotation.sectors):
-            before = np.argsort(self.rotation.images(times))[points]
-            turn = np.kron(np.eye(len(points)), self.rotation.matrix(times))
-            moved = turn @ self.sector[dofs_of(before)]
-            result[:, self.dofs(times)] = moved @ self.turn(times).T
-        return result
+        rotation = self.waves.rotation
+        source, before, apart = np.argsort(rotation.image), points, []
+        for turn in rotation.matrices:
+            apart.append(np.kron(np.eye(len(points)), turn) @ self.sector[dofs_of(before)])
+            before = source[before]
+        return np.concatenate(
+            [self.with_rim(np.array(apart)), self.others[dofs_of(points)]], axis=1
+        )
 
     def loaded(self, load: np.ndarray) -> np.ndarray:
         """A load that does not change when the body turns, on the condensed coordinates."""
-        result = np.concatenate([np.empty(self.rim), self.others.T @ load])
-        first = self.sector.T @ load
-        for times in range(self.rotation.sectors):
-            result[self.dofs(times)] = self.turn(times) @ first
-        return result
+        rim = self.frames @ np.tile(self.sector.T @ load, len(self.nodes))
+        return np.concatenate([rim, self.others.T @ load])
 
 
-def largest_rotation(full: FullBody) -> Rotation:
-    """The rotation by the smallest sector after which the body is the same.
-
-    Sectors tried are the divisors of the number of lines of rim nodes.
-    """
-    x, y, _ = full.grid.nodes[full.rim].T
-    angles = np.sort(np.mod(np.arctan2(y, x), 2 * math.pi))
-    lines = 1 + int(np.sum(np.diff(angles) > 1e-6))
-    for sectors in range(lines, 1, -1):
-        if lines % sectors == 0 and (found := full.rotation(sectors)) is not None:
-            return found
-    return Rotation(1, np.arange(full.points))
+def _products(
+    matrix: csr_array, sector: np.ndarray, others: np.ndarray, sign: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Products of a sector's shapes with themselves, and of the others with them."""
+    columns = sector.shape[1]
+    among = np.zeros((columns, columns), dtype=sector.dtype)
+    between = np.zeros((others.shape[1], columns), dtype=sector.dtype)
+    # Without symmetry of rotation these are most of the work: half of the first will do.
+    for some in _blocks(columns):
+        moved = matrix @ sector[:, some]
+        among[some.start :, some] = sector[:, some.start :].conj().T @ moved
+        between[:, some] = others.conj().T @ moved
+    return np.tril(among) + sign * np.tril(among, -1).conj().T, between
 
 
 def _basis(full: FullBody, held: Held, rotation: Rotation, interior: np.ndarray) -> _Basis:
     """Constraint modes and interior shapes."""
-    number = np.full(full.points, -1)
-    number[full.rim_points] = np.arange(len(full.rim))
-    orbits = [number[rotation.images(times)[full.rim_points]] for times in range(rotation.sectors)]
-    # Every rim node moves with the body, so one of each orbit has the smallest number.
-    first = np.flatnonzero(np.min(orbits, axis=0) == np.arange(len(full.rim)))
+    nodes = rotation.among(full.rim_points).orbits()
     boundary = 3 * len(full.rim) + 6 * len(full.seats)
-    unit = np.zeros((boundary, 3 * len(first)))
-    unit[dofs_of(first), np.arange(3 * len(first))] = 1.0
+    first = dofs_of(nodes[0])
+    unit = np.zeros((boundary, len(first)))
+    unit[first, np.arange(len(first))] = 1.0
     seats = np.eye(boundary)[:, 3 * len(full.rim) :]
     return _Basis(
-        rotation=rotation,
-        nodes=np.array([orbit[first] for orbit in orbits]),
+        waves=waves_of(rotation),
+        nodes=nodes,
         sector=held.followed(unit),
         others=np.concatenate([held.followed(seats), interior], axis=1),
     )
@@ -304,7 +354,7 @@ def _interior(
     shapes = [held.loaded(np.concatenate(loads, axis=1))]
     square = np.zeros(0)
     if modes and method == "herting":
-        square, free = free_modes(full, modes, progress=progress)
+        square, free = free_modes(full, modes, rotation=held.rotation, progress=progress)
         shapes.append(free - held.followed(boundary_of(full, free)))
     elif modes:
         shapes.append(_fixed_modes(held, modes, progress))
@@ -321,7 +371,8 @@ def _fixed_modes(held: Held, modes: int, progress: Progress) -> np.ndarray:
     )
     with progress(f"{modes} modes of the held body"):
         stiffness, mass = (each[inside][:, inside] for each in (full.stiffness, full.mass))
-        _, shapes = lowest_modes(stiffness, mass, modes, scale_of(full))
+        rotation = held.rotation.among(inside[::3] // 3)
+        _, shapes = lowest_modes(stiffness, mass, modes, scale_of(full), rotation)
     motion = np.zeros((3 * full.points, modes))
     motion[inside] = shapes
     return motion
@@ -400,8 +451,8 @@ def condense(
         most=MOST_MODES,
         modes=modes,
     )
-    rotation = largest_rotation(full) if rotation is None else rotation
-    held = hold(full, progress=progress) if held is None else held
+    held = hold(full, rotation=rotation, progress=progress) if held is None else held
+    rotation = held.rotation if rotation is None else rotation
     interior, square = _interior(full, held, method, modes, progress)
     columns = 3 * len(full.rim) // rotation.sectors
     with progress(f"{columns} of {3 * len(full.rim)} columns of the rim"):
@@ -471,7 +522,9 @@ def _stiffness(held: Held, basis: _Basis) -> np.ndarray:
     """
     rim, seats = basis.rim, 6 * len(held.full.seats)
     result = np.zeros((rim + basis.others.shape[1],) * 2)
-    result[:rim, :rim] = basis.spread(held.reaction(basis.sector)[:rim].T)
+    columns = basis.sector.shape[1]
+    apart = (basis.frames.T @ held.reaction(basis.sector)[:rim]).reshape(-1, columns, columns)
+    result[:rim, :rim] = basis.among_rim(np.swapaxes(apart, 1, 2))
     forces = held.reaction(basis.others[:, :seats])
     result[: rim + seats, rim : rim + seats] = forces
     result[rim : rim + seats, :rim] = forces[:rim].T

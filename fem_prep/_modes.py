@@ -1,7 +1,8 @@
 """Natural modes of free bodies, of bodies on springs, and of condensed ones."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
@@ -12,11 +13,12 @@ from ._artefact import ReducedBody
 from ._assembly import order
 from ._boundary import FullBody
 from ._checks import BodyError, Progress, require, silent
-from ._solvers import factorise
+from ._solvers import Factor, factorise
+from ._symmetry import Rotation, Waves, full_turn, waves_of
 
 # Angular frequencies, in wave speed over size, below which a mode is rigid and which the shift
 # stands for. The softest webs have their first mode near 0.1, rounding leaves rigid ones at 1e-6.
-RIGID = 1e-4
+_RIGID = 1e-4
 _SHIFT = 0.1
 
 
@@ -26,14 +28,83 @@ def scale_of(full: FullBody) -> float:
     return speed / float(np.ptp(full.grid.nodes, axis=0).max())
 
 
-def operator_of(size: int, product: Callable[[np.ndarray], np.ndarray]) -> LinearOperator:
+def largest_rotation(full: FullBody) -> Rotation:
+    """The rotation by the smallest sector after which the body is the same.
+
+    Sectors tried are the divisors of the number of lines of rim nodes.
+    """
+    x, y, _ = full.grid.nodes[full.rim].T
+    angles = np.sort(np.mod(np.arctan2(y, x), 2 * math.pi))
+    lines = 1 + int(np.sum(np.diff(angles) > 1e-6))
+    for sectors in range(lines, 1, -1):
+        if lines % sectors == 0 and (found := full.rotation(sectors)) is not None:
+            return found
+    return full_turn(full.points)
+
+
+def operator_of(
+    size: int, product: Callable[[np.ndarray], np.ndarray], kind: np.dtype | type = np.float64
+) -> LinearOperator:
     """A function of a vector as a matrix, `[size, size]`."""
     # Without a type given, the library tries it on a vector of bytes, which solvers refuse.
-    return LinearOperator((size, size), matvec=product, dtype=np.float64)  # pyright: ignore[reportCallIssue]
+    return LinearOperator((size, size), matvec=product, dtype=kind)  # pyright: ignore[reportCallIssue]
+
+
+@dataclass(frozen=True)
+class _Pencil:
+    """Stiffness and mass, real or complex, and the factor of their sum.
+
+    **Fields:**
+
+    - `stiffness`: positive semi-definite, shape `[n, n]`.
+    - `mass`: positive definite, shape `[n, n]`.
+    - `shift`: square of an angular frequency [rad2/s2].
+    - `factor`: of the stiffness and `shift` times the mass.
+    """
+
+    stiffness: csr_array
+    mass: csr_array
+    shift: float
+    factor: Factor
+
+    def lowest(self, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Squares of angular frequencies, rising, and shapes of unit modal mass, `[n, count]`."""
+        size = order(self.stiffness)
+        if size < 4 * count + 20:
+            return self._lowest_of_all(min(count, size))
+        # A start of its own: the library's is random, and results should repeat to the last digit.
+        start = np.random.default_rng(0).standard_normal(size).astype(self.stiffness.dtype)
+        square, shapes = eigsh(
+            self.stiffness,
+            count,
+            M=self.mass,
+            sigma=-self.shift,
+            OPinv=operator_of(size, self.factor.solve, start.dtype),
+            which="LM",
+            v0=start,
+        )
+        if np.iscomplexobj(shapes):
+            # The library's method for those does not make shapes orthogonal.
+            products = [shapes.conj().T @ (each @ shapes) for each in (self.stiffness, self.mass)]
+            square, mixed = scipy.linalg.eigh(*products)
+            shapes = shapes @ mixed
+        rising = np.argsort(square)
+        return square[rising], shapes[:, rising]
+
+    def _lowest_of_all(self, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """The same for small matrices, of whose modes the iteration cannot find most."""
+        size, mass = order(self.stiffness), self.mass.toarray()
+        both = self.stiffness.toarray() + self.shift * mass
+        inverse, shapes = scipy.linalg.eigh(mass, both, subset_by_index=(size - count, size - 1))
+        return 1 / inverse[::-1] - self.shift, (shapes / np.sqrt(inverse))[:, ::-1]
 
 
 def lowest_modes(
-    stiffness: csr_array, mass: csr_array, count: int, shift: float
+    stiffness: csr_array,
+    mass: csr_array,
+    count: int,
+    shift: float,
+    rotation: Rotation | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Lowest modes of sparse matrices, the stiffness possibly singular.
 
@@ -43,6 +114,8 @@ def lowest_modes(
     - `mass`: symmetric, positive definite, shape `[n, n]`.
     - `count`: number of modes.
     - `shift`: an angular frequency about that of the first elastic mode [rad/s].
+    - `rotation`: of the points that the unknowns belong to, three each, that leaves both matrices
+        as they are; modes are then sought by the number of their waves around.
 
     **Returns:**
 
@@ -53,25 +126,69 @@ def lowest_modes(
 
     - `BodyError` if the iteration does not converge.
     """
-    factor = factorise(stiffness + shift**2 * mass)
-    inverse = operator_of(order(stiffness), factor.solve)
-    # A start of its own: the library's is random, and results should repeat to the last digit.
-    start = np.random.default_rng(0).standard_normal(order(stiffness))
+    waves = waves_of(full_turn(order(stiffness) // 3) if rotation is None else rotation)
+    pencils = [
+        _Pencil(k, m, shift**2, factorise(k + shift**2 * m))
+        for k, m in zip(waves.matrices(stiffness), waves.matrices(mass), strict=True)
+    ]
+    first = min(count, 4 + 2 * count // waves.rotation.sectors)
     try:
-        square, shapes = eigsh(
-            stiffness, count, M=mass, sigma=-(shift**2), OPinv=inverse, which="LM", v0=start
-        )
+        found = [pencil.lowest(first) for pencil in pencils]
+        # Numbers of waves of which all modes found are among the lowest may have more of them.
+        while more := _unfinished(pencils, found, waves.weights, count):
+            for number in more:
+                found[number] = pencils[number].lowest(2 * len(found[number][0]))
     except ArpackNoConvergence as error:
         raise BodyError(
             f"Only {len(error.eigenvalues)} of {count} natural modes converged. Ask for fewer "
             "modes, or check the grid for elements that are much worse than the others."
         ) from error
-    rising = np.argsort(square)
-    return square[rising], shapes[:, rising]
+    return _real_modes(waves, found, count)
+
+
+def _unfinished(
+    pencils: Sequence[_Pencil],
+    found: Sequence[tuple[np.ndarray, np.ndarray]],
+    weights: Sequence[int],
+    count: int,
+) -> list[int]:
+    """Numbers of waves that may have more of the lowest modes than were found."""
+    pairs = zip(found, weights, strict=True)
+    known = np.sort(np.concatenate([np.repeat(square, weight) for (square, _), weight in pairs]))
+    last = known[count - 1] if len(known) >= count else math.inf
+    return [
+        number
+        for number, (square, _) in enumerate(found)
+        if square[-1] < last and len(square) < order(pencils[number].stiffness)
+    ]
+
+
+def _real_modes(
+    waves: Waves, found: Sequence[tuple[np.ndarray, np.ndarray]], count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """The lowest of modes given by number of waves, their shapes complex amplitudes."""
+    weights = waves.weights
+    repeated = [np.repeat(each, weight) for (each, _), weight in zip(found, weights, strict=True)]
+    square = np.concatenate(repeated)
+    rising = np.argsort(square, kind="stable")[:count]
+    parts, start = [], 0
+    for (_, shapes), weight in zip(found, weights, strict=True):
+        # A complex shape and its conjugate are two real ones, a quarter of a wave apart.
+        quarters = np.array([1.0]) if weight == 1 else np.array([1, -1j]) / math.sqrt(2)
+        both = (shapes[:, :, None] * quarters).reshape(len(shapes), -1)
+        every = np.zeros((len(shapes), len(square)), dtype=both.dtype)
+        every[:, start : start + both.shape[1]] = both
+        parts.append(every[:, rising])
+        start += both.shape[1]
+    return square[rising], waves.whole(parts)
 
 
 def free_modes(
-    full: FullBody, count: int, *, progress: Progress = silent
+    full: FullBody,
+    count: int,
+    *,
+    rotation: Rotation | None = None,
+    progress: Progress = silent,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Elastic modes of a free body.
 
@@ -79,6 +196,7 @@ def free_modes(
 
     - `full`: the body.
     - `count`: number of elastic modes.
+    - `rotation`: a rotation that leaves the body as it is; the smallest one is sought without it.
     - `progress`: told what begins.
 
     **Returns:**
@@ -91,9 +209,12 @@ def free_modes(
     - `BodyError` if the body has other than six rigid motions.
     """
     scale = scale_of(full)
+    rotation = largest_rotation(full) if rotation is None else rotation
     with progress(f"{count} free modes of {order(full.stiffness)} unknowns"):
-        square, shapes = lowest_modes(full.stiffness, full.mass, count + 6, _SHIFT * scale)
-    rigid = int(np.sum(square < (RIGID * scale) ** 2))
+        square, shapes = lowest_modes(
+            full.stiffness, full.mass, count + 6, _SHIFT * scale, rotation
+        )
+    rigid = int(np.sum(square < (_RIGID * scale) ** 2))
     require(
         rigid == 6,
         "A free body must have six rigid motions, {name} has {rigid}. More than six: parts that "

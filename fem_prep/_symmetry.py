@@ -10,10 +10,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import bsr_array, coo_array, csr_array, eye_array, hstack, kron, vstack
+from scipy.sparse import block_array, bsr_array, coo_array, csr_array, eye_array, kron
 from scipy.spatial import KDTree
-
-from ._solvers import Factor, factorise
 
 # How far from its place a turned node may be, as a part of the body's size.
 _SAME = 1e-9
@@ -82,10 +80,17 @@ class Rotation:
 
         The first of each has the smallest number. With one sector all points count.
         """
-        images = np.array([self.images(times) for times in range(self.sectors)])
-        first = images.min(axis=0) == images[0]
+        images = [np.arange(len(self.image))]
+        for _ in range(self.sectors - 1):
+            images.append(self.image[images[-1]])
+        first = np.min(images, axis=0) == images[0]
         moved = (self.image != images[0]) | (self.sectors == 1)
-        return images[:, first & moved]
+        return np.array(images)[:, first & moved]
+
+
+def full_turn(points: int) -> Rotation:
+    """The rotation that leaves every point where it is."""
+    return Rotation(1, np.arange(points))
 
 
 def rotation_of(points: np.ndarray, sectors: int) -> Rotation | None:
@@ -140,30 +145,32 @@ class Waves:
         """
         if self.rotation.sectors == 1:
             return [motions]
-        each = motions.reshape(-1, 3, motions.shape[1])
+        columns = motions.shape[1]
+        each = motions.reshape(self.ring.size + self.axis.size, 3, columns)
         local = np.einsum("sij,spic->spjc", self.rotation.matrices, each[self.ring])
         parts = []
         for number, around in enumerate(np.fft.rfft(local, axis=0, norm="ortho")):
             along = np.einsum("ij,pic->pjc", self._along(number).conj(), each[self.axis])
-            part = np.concatenate([x.reshape(-1, motions.shape[1]) for x in (around, along)])
-            parts.append(part.real if self.weights[number] == 1 else part)
+            both = [x.reshape(x.shape[0] * x.shape[1], columns) for x in (around, along)]
+            part = np.concatenate(both)
+            parts.append(np.real(part) if self.weights[number] == 1 else part)
         return parts
 
     def whole(self, parts: Sequence[np.ndarray]) -> np.ndarray:
         """Real motions of given amplitudes, `[amplitude, column]` to `[3 point, column]`."""
-        sectors, columns = self.rotation.sectors, parts[0].shape[1]
+        (sectors, each), columns = self.ring.shape, parts[0].shape[1]
         if sectors == 1:
             return parts[0]
-        ring = 3 * self.ring.shape[1]
-        around = np.stack([part[:ring] for part in parts]).reshape(len(parts), -1, 3, columns)
+        around = np.reshape([part[: 3 * each] for part in parts], (len(parts), each, 3, columns))
         local = np.fft.irfft(around, sectors, axis=0, norm="ortho")
         motions = np.zeros((self.ring.size + self.axis.size, 3, columns))
         motions[self.ring] = np.einsum("sij,spjc->spic", self.rotation.matrices, local)
         for number, part in enumerate(parts):
-            along = part[ring:].reshape(len(self.axis), -1, columns)
-            moved = np.einsum("ij,pjc->pic", self._along(number), along)
+            basis = self._along(number)
+            along = part[3 * each :].reshape(len(self.axis), basis.shape[1], columns)
+            moved = np.einsum("ij,pjc->pic", basis, along)
             motions[self.axis] += self.weights[number] * moved.real
-        return motions.reshape(-1, columns)
+        return motions.reshape(3 * len(motions), columns)
 
     def matrices(self, matrix: csr_array) -> Iterator[csr_array]:
         """Matrices on the amplitudes, one for every number of waves.
@@ -172,33 +179,26 @@ class Waves:
 
         - `matrix`: shape `[3 point, 3 point]`; it does not change when the body turns.
         """
-        if self.rotation.sectors == 1:
+        (sectors, each), root = self.ring.shape, math.sqrt(self.rotation.sectors)
+        if sectors == 1:
             yield matrix
             return
-        # What all sectors say to the amplitudes is as often what the first one says.
-        first = matrix[_dofs(self.ring[0])] * math.sqrt(self.rotation.sectors)
-        axis = matrix[_dofs(self.axis)]
-        for number in range(len(self.weights)):
-            motions = self._motions(number)
-            along = kron(eye_array(len(self.axis)), self._along(number).conj().T)
-            yield csr_array(vstack([first @ motions, along @ (axis @ motions)]))
-
-    def _motions(self, number: int) -> csr_array:
-        """Motions of unit amplitudes, `[3 point, amplitude]`."""
-        sectors, each = self.ring.shape
-        points = self.ring.size + self.axis.size
-        phase = np.exp(2j * math.pi * number / sectors * np.arange(sectors)) / math.sqrt(sectors)
-        if self.weights[number] == 1:
-            phase = phase.real
-        blocks = np.zeros((points, 3, 3), dtype=phase.dtype)
-        blocks[self.ring] = (phase[:, None, None] * self.rotation.matrices)[:, None]
-        column = np.zeros(points, dtype=int)
-        column[self.ring] = np.arange(each)
-        around = bsr_array((blocks, column, np.arange(points + 1)), (3 * points, 3 * each)).tocsr()
-        around.eliminate_zeros()
-        places = np.arange(len(self.axis))
-        axis = coo_array((np.ones(len(places)), (self.axis, places)), (points, len(places)))
-        return csr_array(hstack([around, kron(axis, self._along(number))]))
+        # All sectors say the same, so the first one is asked, and its answer counts as often.
+        ring, axis = _dofs(self.ring[0]), _dofs(self.axis)
+        first, last = matrix[ring], matrix[axis]
+        turns = np.repeat(self.rotation.matrices, each, axis=0)
+        frames = bsr_array((turns, np.arange(len(turns)), np.arange(len(turns) + 1)))
+        entries = (first[:, _dofs(self.ring.ravel())] @ frames).tocoo()
+        sector, column = np.divmod(entries.col, len(ring))
+        to_ring, to_axis, alone = root * last[:, ring], root * first[:, axis], last[:, axis]
+        for number, weight in enumerate(self.weights):
+            phase = np.exp(2j * math.pi * number * sector / sectors)
+            found = entries.data * (phase.real if weight == 1 else phase)
+            around = coo_array((found, (entries.row, column)), shape=(len(ring), len(ring)))
+            along = kron(eye_array(len(self.axis)), self._along(number))
+            back = along.conj().T
+            blocks = [[around, to_axis @ along], [back @ to_ring, back @ alone @ along]]
+            yield csr_array(block_array(blocks))
 
     def _along(self, number: int) -> np.ndarray:
         """Motions of a point on the axis, `[3, amplitude]`: those that a turn gives that phase."""
@@ -216,33 +216,6 @@ def waves_of(rotation: Rotation) -> Waves:
     """Motions of the points of a rotation, by the number of their waves around."""
     ring = rotation.orbits()
     return Waves(rotation, ring, np.setdiff1d(np.arange(len(rotation.image)), ring))
-
-
-def factorise_by_waves(matrix: csr_array, rotation: Rotation) -> Factor:
-    """Factorise a symmetric positive definite matrix that does not change when the body turns.
-
-    **Arguments:**
-
-    - `matrix`: shape `[3 point, 3 point]`.
-    - `rotation`: of the points.
-
-    **Returns:**
-
-    Its factor, one of a matrix of the size of a sector for each number of waves.
-
-    **Raises:**
-
-    - `BodyError` if the matrix is singular or not definite.
-    """
-    waves = waves_of(rotation)
-    factors = [factorise(each) for each in waves.matrices(matrix)]
-
-    def solve(right: np.ndarray) -> np.ndarray:
-        parts = waves.parts(right.reshape(len(right), -1))
-        answers = [factor.solve(part) for factor, part in zip(factors, parts, strict=True)]
-        return waves.whole(answers).reshape(right.shape)
-
-    return Factor(factors[0].solver, solve)
 
 
 def _dofs(points: np.ndarray) -> np.ndarray:
