@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy.linalg
 from scipy.sparse import csr_array
 
 from ._checks import require
@@ -177,4 +178,5 @@ def floating(body: ReducedBody, load: np.ndarray) -> np.ndarray:
     # Springs on the mean motion, about as stiff as the body, hold it and are not stretched.
     stiffness = np.trace(body.stiffness) / body.dofs
     springs = momenta * (stiffness / np.einsum("ij,ij->j", momenta, momenta))
-    return np.linalg.solve(body.stiffness + springs @ momenta.T, load)
+    held = body.stiffness + springs @ momenta.T
+    return scipy.linalg.solve(held, load, assume_a="pos", overwrite_a=True, check_finite=False)

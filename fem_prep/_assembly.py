@@ -182,6 +182,26 @@ def volume(grid: Grid) -> float:
     return float(sum(weights.sum() for _, weights, _, _ in _integration(grid)))
 
 
+def _stressed(
+    grid: Grid, material: Material, displacement: np.ndarray
+) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
+    """Stresses of a displacement, some bricks at a time.
+
+    **Returns:**
+
+    Which bricks; stresses times weights, `[brick, point, 3, 3]` [N m]; gradients of the shape
+    functions, `[brick, point, 20, 3]` [1/m].
+    """
+    dilatation, shear = material.lame
+    for part, weights, _, gradients in _integration(grid):
+        slopes = np.einsum(
+            "eai,eqaj->eqij", displacement[grid.bricks[part]], gradients, optimize=True
+        )
+        spread = np.trace(slopes, axis1=2, axis2=3)[..., None, None]
+        stress = dilatation * spread * np.eye(3) + shear * (slopes + np.swapaxes(slopes, 2, 3))
+        yield part, stress * weights[..., None, None], gradients
+
+
 def stress_stiffening(grid: Grid, material: Material, displacement: np.ndarray) -> csr_array:
     r"""Stiffness by stresses that are there already (geometric stiffness).
 
@@ -199,18 +219,32 @@ def stress_stiffening(grid: Grid, material: Material, displacement: np.ndarray) 
     The stiffness, shape `[3 node, 3 node]` [N/m]; of unit speed: [kg].
     """
     pattern = _pattern(grid.bricks, len(grid.nodes))
-    dilatation, shear = material.lame
     total = np.zeros(len(pattern.indices))
-    for part, weights, _, gradients in _integration(grid):
+    for part, stress, gradients in _stressed(grid, material, displacement):
         here = _Pattern(pattern.indptr, pattern.indices, pattern.slot[part])
-        slopes = np.einsum(
-            "eai,eqaj->eqij", displacement[grid.bricks[part]], gradients, optimize=True
-        )
-        spread = np.trace(slopes, axis1=2, axis2=3)[..., None, None]
-        stress = dilatation * spread * np.eye(3) + shear * (slopes + np.swapaxes(slopes, 2, 3))
-        pulled = gradients @ (stress * weights[..., None, None])
+        pulled = gradients @ stress
         total += here.gather(np.einsum("eqai,eqbi->eab", pulled, gradients, optimize=True))
     return pattern.isotropic(total)
+
+
+def internal_forces(grid: Grid, material: Material, displacement: np.ndarray) -> np.ndarray:
+    r"""Forces on the nodes that hold a displacement, $K u$ without the matrix.
+
+    **Arguments:**
+
+    - `grid`: the grid.
+    - `material`: its material.
+    - `displacement`: shape `[node, 3]` [m].
+
+    **Returns:**
+
+    Shape `[node, 3]` [N].
+    """
+    forces = np.zeros_like(grid.nodes)
+    for part, stress, gradients in _stressed(grid, material, displacement):
+        pulled = np.einsum("eqai,eqij->eaj", gradients, stress, optimize=True)
+        np.add.at(forces, grid.bricks[part], pulled)
+    return forces
 
 
 def surface_mass(nodes: np.ndarray, faces: np.ndarray) -> csr_array:

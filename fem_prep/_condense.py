@@ -14,10 +14,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
-from scipy.sparse import bsr_array, csr_array
+from scipy.sparse import bsr_array, csr_array, lil_array
 
-from ._artefact import ReducedBody, balanced, floating
-from ._assembly import across, coriolis, order, stress_stiffening
+from ._artefact import ReducedBody, balanced, floating, rigid_motions
+from ._assembly import (
+    across,
+    centrifugal_load,
+    coriolis,
+    internal_forces,
+    order,
+    stress_stiffening,
+)
 from ._boundary import FullBody, dofs_of
 from ._checks import Progress, require, silent
 from ._modes import free_modes, largest_rotation, lowest_modes, scale_of
@@ -487,14 +494,43 @@ def _rotating(held: Held, basis: _Basis, reduced: ReducedBody) -> dict[str, np.n
     """Coriolis forces, spin softening, and stiffening by the stresses of the centrifugal load."""
     full = held.full
     # Of a body that is out of balance, what of the load accelerates it strains it too.
-    load = balanced(reduced.centrifugal_load, reduced.mass, reduced.rigid_motions)
-    strained = recovered(held, reduced, floating(reduced, load)[:, None])
-    stiffening = stress_stiffening(full.grid, full.material, strained[0])
+    outer = balanced(reduced.centrifugal_load, reduced.mass, reduced.rigid_motions)
+    load = balanced(full.centrifugal_load, full.mass, full.rigid_motions)
+    moved = floating(reduced, outer)[: reduced.boundary_dofs]
+    # The boundary's motion is exact with any method, that of the inside by its own answer only.
+    motion = held.followed(moved[:, None]) + held.loaded(load[:, None])
+    strained = full.on_nodes(motion)[0]
+    stiffening = full.across(stress_stiffening(full.grid, full.material, strained))
     return {
         "coriolis": basis.projected(full.across(coriolis(full.grid_mass)), sign=-1.0),
         "spin_softening": basis.projected(full.across(across(full.grid_mass))),
-        "stress_stiffening": basis.projected(full.across(stiffening)),
+        "stress_stiffening": basis.projected(stiffening + _of_rings(full, strained)),
     }
+
+
+def _of_rings(full: FullBody, strained: np.ndarray) -> csr_array:
+    r"""What the forces in rigid seats, of unit speed, resist turns of the seats with.
+
+    A ring that turns by $\theta$ moves its nodes by $\theta \times r + \theta \times (\theta
+    \times r) / 2$. The forces $F$ that it puts on them work along the second part too: with
+    $S = \sum F r^T$ they add $(S + S^T) / 2 - \mathrm{tr}(S) I$ to its stiffness. Without it a
+    body that spins freely is not free to turn.
+    """
+    grid = full.grid
+    rigid = rigid_motions(grid.nodes)
+    load = balanced(centrifugal_load(full.grid_mass, grid.nodes), full.grid_mass, rigid)
+    forces = internal_forces(grid, full.material, strained) - load.reshape(-1, 3)
+    size = 3 * full.points
+    result = lil_array((size, size))
+    row = size - 6 * sum(not seat.averaging for seat in full.seats) + 3
+    for seat in full.seats:
+        if seat.averaging:
+            continue
+        product = forces[seat.nodes].T @ (grid.nodes[seat.nodes] - seat.point)
+        turn = slice(row, row + 3)
+        result[turn, turn] = (product + product.T) / 2 - np.trace(product) * np.eye(3)
+        row += 6
+    return csr_array(result)
 
 
 def recovered(held: Held, reduced: ReducedBody, motion: np.ndarray) -> np.ndarray:

@@ -16,6 +16,7 @@ from fem_cases import (
     accessory_wheel,
     answer,
     assert_near,
+    bore_seat,
     boundary_rows,
     dofs,
     frequencies,
@@ -25,6 +26,7 @@ from fem_cases import (
     padded,
     ring,
     rotating_terms,
+    small_wheel,
     springs_on,
     tooth_load,
     web_probe,
@@ -466,3 +468,27 @@ def test_the_accessory_wheel():
         assert_near(each.probe_rows[0] @ motion, at_probe, 1e-9)
     shapes = recovered(hold(full), body, np.eye(body.dofs)[:, -3:])
     assert_near(shapes, body.interior_shapes[-3:], 1e-12)
+
+
+@pytest.mark.parametrize("coupling", ["rigid", "averaging", "none"])
+@pytest.mark.parametrize("method", ["herting", "guyan"])
+def test_a_body_that_spins_freely_moves_freely(coupling, method):
+    """What rotation adds to the stiffness of rigid motions, for bodies that hang in space.
+
+    A turn about the axis meets none. A tilt leaves the axis of largest inertia: its stiffness is
+    C - A. A body that moves sideways leaves the axis of rotation, with all of its mass. This holds
+    if stiffening by stresses, softening, and the forces in rigid seats belong together.
+    """
+    grid = small_wheel(16)
+    seats = [] if coupling == "none" else [bore_seat(grid, coupling == "averaging")]
+    full = full_body("wheel", grid, STEEL, seats)
+    body = condense(full, method=method, modes=5, rotating=True)
+    assert body.stress_stiffening is not None
+    assert body.spin_softening is not None
+    rigid = body.rigid_motions
+    inertia = rigid.T @ body.mass @ rigid
+    added = rigid.T @ (body.stress_stiffening - body.spin_softening) @ rigid
+    assert abs(added[5, 5]) < 1e-10 * inertia[5, 5]
+    assert added[3, 3] == pytest.approx(inertia[5, 5] - inertia[3, 3], rel=1e-10)
+    assert added[0, 0] == pytest.approx(-inertia[0, 0], rel=1e-10)
+    assert abs(added[2, 2]) < 1e-10 * inertia[0, 0]
