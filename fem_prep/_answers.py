@@ -171,7 +171,6 @@ def modes_told(reduced: ReducedBody) -> int:
 def counts(full: FullBody | None, reduced: ReducedBody) -> dict[str, Any]:
     """Sizes of the full and of the condensed body."""
     sizes: dict[str, Any] = {
-        "name": reduced.name,
         "rim_nodes": len(reduced.rim_nodes),
         "seats": list(reduced.seats),
         "boundary_dofs": reduced.boundary_dofs,
@@ -198,7 +197,8 @@ def mass_properties(
     """Mass, centre and inertias by rigid motions, and how far they are from what they should be.
 
     Inertias are about the middle of the toothed face, the transverse one the mean of both. Teeth
-    that the grid leaves out count in all, but not in what is compared with the solid.
+    that the grid leaves out count in all, but not in what is compared with the solid; what the
+    skin that stands for them weighs is told beside what they weigh themselves.
     """
     condensed = inertia_of(reduced.mass, reduced.rigid_motions)
     total = condensed if full is None else inertia_of(full.mass, full.rigid_motions)
@@ -207,7 +207,7 @@ def mass_properties(
         "mass_kg": mass,
         "centre_of_mass_mm": [float(1e3 * x) for x in centre],
         "polar_inertia_kg_m2": polar,
-        "transverse_inertia_kg_m2": transverse,
+        "transverse_inertia_about_mid_face_kg_m2": transverse,
         "unbalance_g_mm": float(1e6 * mass * np.hypot(*centre[:2])),
     }
     if full is not None:
@@ -215,8 +215,11 @@ def mass_properties(
         size = np.sqrt(np.diag(total))
         off = np.abs(condensed - total) / np.outer(size, size)
         found["condensed_mass_deviation"] = float(off.max())
+    skin = np.zeros((6, 6)) if full is None else _teeth_inertia(full)
+    if full is not None and full.teeth is not None:
+        found["teeth_mass_kg"] = float(full.teeth.mass)
+        found["lumped_teeth_mass_kg"] = _told(skin)[0]
     if exact is not None:
-        skin = np.zeros((6, 6)) if full is None else _teeth_inertia(full)
         mass, centre, polar, transverse = _told(total - skin)
         expected = exact.inertia
         found["solid_mass_kg"] = float(exact.mass)
@@ -243,7 +246,7 @@ def _told(inertia: np.ndarray) -> tuple[float, np.ndarray, float, float]:
 
 
 def _teeth_inertia(full: FullBody) -> np.ndarray:
-    """What teeth left out by the grid bring to the mass of six rigid motions."""
+    """What the skin in the place of teeth brings to the mass of six rigid motions."""
     if full.teeth is None:
         return np.zeros((6, 6))
     skin = surface_mass(full.grid.nodes, full.rim[full.rim_faces])
@@ -428,42 +431,77 @@ def spring_matrix(
     return matrix
 
 
-def tooth_load(reduced: ReducedBody, row: np.ndarray) -> np.ndarray:
-    """A unit load on tooth 0, and on the first seat the torque that balances it."""
+def tooth_load(reduced: ReducedBody, row: np.ndarray, torque_seat: str | None = None) -> np.ndarray:
+    """A unit load on tooth 0, and on a seat the torque that balances it.
+
+    **Arguments:**
+
+    - `reduced`: the condensed body.
+    - `row`: where the load is, see `tooth_row`.
+    - `torque_seat`: name of the seat where the torque leaves; the first one without it.
+
+    **Returns:**
+
+    Shape `[boundary]` [-].
+
+    **Raises:**
+
+    - `BodyError` if there is no such seat.
+    """
+    seat = torque_seat or reduced.seats[0]
+    require(
+        seat in reduced.seats,
+        "The torque must leave at a seat of the body, got {seat!r}; its seats are {seats}.",
+        seat=seat,
+        seats=", ".join(reduced.seats),
+    )
+    turn = reduced.rim_nodes.size + 6 * reduced.seats.index(seat) + 5
     load = row.copy()
-    load[reduced.rim_nodes.size + 5] -= row @ reduced.rigid_motions[: reduced.boundary_dofs, 5]
+    load[turn] -= row @ reduced.rigid_motions[: reduced.boundary_dofs, 5]
     return load
 
 
-def tooth_deflection(reduced: ReducedBody, row: np.ndarray, springs: Springs) -> np.ndarray | None:
-    """Motion of the boundary under a unit load on tooth 0, the torque held at the first seat.
+def tooth_deflection(
+    reduced: ReducedBody, row: np.ndarray, springs: Springs, torque_seat: str | None = None
+) -> np.ndarray | None:
+    """Motion of the boundary under a unit load on tooth 0, the torque held at a seat.
 
     **Arguments:**
 
     - `reduced`: the condensed body, its seats on springs.
     - `row`: where the load is, see `tooth_row`.
     - `springs`: those of the seats.
+    - `torque_seat`: name of the seat where the torque leaves; the first one without it.
 
     **Returns:**
 
     Shape `[boundary]` [SI/N]; None if the body has no seats.
+
+    **Raises:**
+
+    - `BodyError` if there is no such seat.
     """
     if not reduced.seats:
         return None
     outer = reduced.boundary_dofs
     stiffness = reduced.stiffness + spring_matrix(reduced, row, springs, mesh=False)
-    load = np.concatenate([tooth_load(reduced, row), np.zeros(reduced.dofs - outer)])
+    load = np.zeros(reduced.dofs)
+    load[:outer] = tooth_load(reduced, row, torque_seat)
     return scipy.linalg.solve(stiffness, load, assume_a="pos", check_finite=False)[:outer]
 
 
 def tooth_report(
-    reduced: ReducedBody, bent: np.ndarray, row: np.ndarray, springs: Springs
+    reduced: ReducedBody,
+    bent: np.ndarray,
+    row: np.ndarray,
+    springs: Springs,
+    torque_seat: str | None = None,
 ) -> dict[str, Any]:
     """Deflection under a tooth load, and the body's own share of it."""
     rows, stiffness = spring_rows(reduced, row, springs, mesh=False)
-    # Work of load and torque, so the deflection is that against the turn of the first seat. Twice
-    # the energies of all springs is what the seats give of it.
-    whole = float(tooth_load(reduced, row) @ bent)
+    # Work of load and torque, so the deflection is that against the turn of the torque's seat.
+    # Twice the energies of all springs is what the seats give of it.
+    whole = float(tooth_load(reduced, row, torque_seat) @ bent)
     given = float(stiffness @ (rows @ bent) ** 2)
     return {
         "tooth_deflection_um_N": 1e6 * whole,

@@ -19,6 +19,10 @@ from ._symmetry import Rotation, rotation_of
 
 RIM = "rim"
 
+# How far along z a seat's point may be from its nodes, over the size of the body, if they lie in a
+# plane; and how far the middle of the nodes from the axis through it, over their mean distance.
+_POINT_OFF, _AROUND = 0.02, 0.2
+
 
 @dataclass(frozen=True)
 class Seat:
@@ -201,7 +205,8 @@ def full_body(
     **Raises:**
 
     - `BodyError` if the rim has no faces, if a seat has fewer than three nodes, nodes on one line,
-        nodes of the rim or of another seat, or if a probe is on the rim or on a rigid seat.
+        nodes of the rim or of another seat, or a point that is not amid its nodes, or if a probe
+        is on the rim or on a rigid seat.
     """
     probes = {} if probes is None else probes
     require(
@@ -302,6 +307,42 @@ def _check_seats(grid: Grid, seats: Sequence[Seat]) -> None:
                 first=other,
                 second=seat.name,
             )
+    for seat in seats:
+        _check_point(grid, seat)
+
+
+def _check_point(grid: Grid, seat: Seat) -> None:
+    """Refuse a seat's point far from its nodes: a lever arm would join them without a word."""
+    nodes = grid.nodes[seat.nodes]
+    low, high = nodes[:, 2].min(), nodes[:, 2].max()
+    margin = max((high - low) / 2, _POINT_OFF * np.ptp(grid.nodes, axis=0).max())
+    require(
+        low - margin <= seat.point[2] <= high + margin,
+        "The point of the seat {name!r} must lie near its nodes, got z = {at:.6g} mm and nodes "
+        "from {low:.6g} to {high:.6g} mm. Is the shaft drawn the other way round, or the order of "
+        "the seats another?",
+        name=seat.name,
+        at=1e3 * seat.point[2],
+        low=1e3 * low,
+        high=1e3 * high,
+    )
+    # Of a sector alone all is on one side, the rim too.
+    sector = _beside(grid.nodes[grid.sets[RIM]], np.zeros(3)) > _AROUND
+    require(
+        sector or _beside(nodes, seat.point) <= _AROUND,
+        "The nodes of the seat {name!r} must lie around its point, got the point at ({point}) mm "
+        "and the middle of the nodes at ({middle}) mm. Take the nodes of the whole seat, all the "
+        "way around.",
+        name=seat.name,
+        point=", ".join(f"{1e3 * each:.3f}" for each in seat.point),
+        middle=", ".join(f"{1e3 * each:.3f}" for each in nodes.mean(axis=0)),
+    )
+
+
+def _beside(nodes: np.ndarray, point: np.ndarray) -> float:
+    """How far the middle of nodes is from the axis through a point, over their mean distance."""
+    off = nodes[:, :2] - point[:2]
+    return float(np.hypot(*off.mean(axis=0)) / np.hypot(*off.T).mean())
 
 
 def _skin(grid: Grid, faces: np.ndarray, teeth: Teeth) -> csr_array:

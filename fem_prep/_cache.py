@@ -6,6 +6,7 @@ The cache only saves time: where it cannot be read or written, work goes on with
 
 import dataclasses
 import hashlib
+import importlib.metadata
 import json
 import os
 import sys
@@ -64,7 +65,7 @@ def cache_folder() -> Path:
 def key_of(inputs: Mapping[str, object]) -> str:
     """Hash of everything that a body is made from.
 
-    The format of the file and the number of the method are part of it.
+    The format of the file, the number of the method and the version of jaxgear are part of it.
 
     **Arguments:**
 
@@ -79,9 +80,22 @@ def key_of(inputs: Mapping[str, object]) -> str:
 
     - `TypeError` if something else is among the inputs.
     """
-    whole = {"format": FORMAT, "method": METHOD, "inputs": _plain(inputs)}
+    whole = {
+        "format": FORMAT,
+        "method": METHOD,
+        "version": _version(),
+        "inputs": _plain(inputs),
+    }
     text = json.dumps(whole, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _version() -> str:
+    """Version of jaxgear that is installed; empty if none is."""
+    try:
+        return importlib.metadata.version("jaxgear")
+    except importlib.metadata.PackageNotFoundError:
+        return ""
 
 
 def file_digest(path: str | os.PathLike) -> str:

@@ -185,6 +185,7 @@ def compared(
     bent: np.ndarray | None,
     row: np.ndarray,
     springs: Springs,
+    torque_seat: str | None,
     couplings: bool,
     progress: Progress,
 ) -> dict[str, Any]:
@@ -199,7 +200,8 @@ def compared(
         return found
     with progress("a tooth load on the full body"):
         solve = _on_springs(body, *spring_rows(reduced, row, springs, mesh=False))
-        answer = body.boundary @ solve(body.boundary.T @ tooth_load(reduced, row))
+        load = tooth_load(reduced, row, torque_seat)
+        answer = body.boundary @ solve(body.boundary.T @ load)
         found["tooth_deflection_error"] = _off(bent[:rim], answer[:rim])
     count = min(max(10, modes_told(reduced) // 2), reduced.dofs - 2)
     with progress(f"{count} modes on springs"):

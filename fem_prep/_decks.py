@@ -65,18 +65,52 @@ def _lines(
     path: Path, included: Callable[[str], str | None], above: tuple[Path, ...] = ()
 ) -> Iterator[tuple[str, str]]:
     """Lines of a file and of those that it includes, each with where it is."""
-    require(path not in above, "'{path}' includes itself.", path=path)
-    try:
-        # Comments may be in any encoding; what matters is ASCII.
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise BodyError(f"'{path}' cannot be read: {error.strerror}.") from error
-    for number, line in enumerate(text.splitlines(), start=1):
+    for number, line in enumerate(_text(path, above).splitlines(), start=1):
         other = included(line)
         if other is None:
             yield f"{path.name}, line {number}", line.rstrip()
         else:
             yield from _lines(path.parent / other, included, (*above, path))
+
+
+def files_of(path: Path) -> list[Path]:
+    """A grid's file and, if it is a deck, those that it includes.
+
+    **Arguments:**
+
+    - `path`: of a file of any kind.
+
+    **Returns:**
+
+    Paths in the order of reading; the first one is the file itself.
+
+    **Raises:**
+
+    - `BodyError` if one cannot be read, or includes itself.
+    """
+    included = _INCLUDED.get(path.suffix.lower())
+    return [path] if included is None else list(_files(path, included))
+
+
+def _files(
+    path: Path, included: Callable[[str], str | None], above: tuple[Path, ...] = ()
+) -> Iterator[Path]:
+    """A file and those that it includes."""
+    yield path
+    for line in _text(path, above).splitlines():
+        other = included(line)
+        if other is not None:
+            yield from _files(path.parent / other, included, (*above, path))
+
+
+def _text(path: Path, above: tuple[Path, ...]) -> str:
+    """Content of a file that is included by those above it."""
+    require(path not in above, "'{path}' includes itself.", path=path)
+    try:
+        # Comments may be in any encoding; what matters is ASCII.
+        return path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise BodyError(f"'{path}' cannot be read: {error.strerror}.") from error
 
 
 def _numbers(place: str, words: Sequence[str], kind: Callable) -> list:
@@ -198,16 +232,17 @@ def read_abaqus(path: Path) -> Deck:
     )
 
 
-def _keywords(path: Path) -> Iterator[_Keyword]:
-    def included(line: str) -> str | None:
-        if not line.startswith("*"):
-            return None
-        found = re.match(r"\*\s*INCLUDE\s*,\s*INPUT\s*=\s*(.+)", line, re.IGNORECASE)
-        return found[1].strip().strip("\"'") if found else None
+def _abaqus_include(line: str) -> str | None:
+    if not line.startswith("*"):
+        return None
+    found = re.match(r"\*\s*INCLUDE\s*,\s*INPUT\s*=\s*(.+)", line, re.IGNORECASE)
+    return found[1].strip().strip("\"'") if found else None
 
+
+def _keywords(path: Path) -> Iterator[_Keyword]:
     current: _Keyword | None = None
     head = ""
-    for place, line in _lines(path, included):
+    for place, line in _lines(path, _abaqus_include):
         if line.startswith("**") or not line.strip():
             continue
         # A line of parameters that ends with a comma goes on in the next one.
@@ -412,6 +447,13 @@ def _nastran_include(line: str) -> str | None:
         return None
     found = re.match(r"\s*INCLUDE\s+['\"]?([^'\"]+)['\"]?\s*$", line, re.IGNORECASE)
     return found[1].strip() if found else None
+
+
+# What a line includes, by the ending of a deck.
+_INCLUDED: Mapping[str, Callable[[str], str | None]] = {
+    ".inp": _abaqus_include,
+    **dict.fromkeys((".bdf", ".nas", ".dat"), _nastran_include),
+}
 
 
 def _without_sets(

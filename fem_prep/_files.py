@@ -16,16 +16,25 @@ from pathlib import Path
 
 import meshio
 import numpy as np
+from scipy.spatial import KDTree
 
 from ._checks import BodyError, require
 from ._decks import Deck, read_abaqus, read_nastran
 from ._grid import Grid
+from ._symmetry import Rotation
 
 # What lies on the surface of a solid or beside it, and says nothing about it.
 _FLAT = re.compile(r"(vertex|line|triangle|quad|polygon|pixel)\d*$|empty$")
 
 # Names of bricks with corner nodes only, in the formats that are read.
 _LINEAR = "hexahedron$|C3D8|CHEXA"
+
+# How far a turned node may be from its place in a body that repeats around the axis, over the
+# body's size: eight characters, sign and point among them, are good to 7e-6; more is no rounding.
+_NEARLY = 1e-5
+
+# What is rounding in the last digits of a number, over the body's size.
+_EXACTLY = 1e-12
 
 _DIMENSIONS = ("point", "line", "surface", "volume")
 
@@ -53,8 +62,9 @@ def read_grid(
     SET1, SET3), Gmsh (.msh, versions 2 and 4; physical groups) and VTU (quadratic hexahedra;
     point data). Of 27-node bricks the first 20 nodes are used. Elements of surfaces, lines and
     points are left out, as are nodes without a brick. The grid must be that of the body without
-    teeth; it is moved along z until the middle of the rim is at z = 0. Whether it can be a gear
-    body, `check_grid` says.
+    teeth; it is moved along z until the middle of the rim is at z = 0. Nodes that repeat around
+    the axis but for the digits of a text file are moved until they do so exactly, by 1e-5 of the
+    size of the body at most. Whether it can be a gear body, `check_grid` says.
 
     **Arguments:**
 
@@ -107,7 +117,37 @@ def read_grid(
     )
     along = nodes[sets["rim"], 2]
     nodes[:, 2] -= (along.min() + along.max()) / 2
-    return Grid(nodes, place[deck.bricks], sets)
+    return Grid(_evened(nodes, sets["rim"]), place[deck.bricks], sets)
+
+
+def _evened(nodes: np.ndarray, rim: np.ndarray) -> np.ndarray:
+    """Nodes that repeat around the axis exactly, if they do so to the digits of a text file.
+
+    Each becomes the mean of all its images, turned back. Solving wave by wave needs that: what
+    one sector says for all strains rigid motions by the error of its places.
+    """
+    tree, all_nodes = KDTree(nodes), np.arange(len(nodes))
+    size = float(np.ptp(nodes, axis=0).max())
+    for sectors in range(len(rim), 1, -1):
+        if len(rim) % sectors:
+            continue
+        turn = Rotation(sectors, all_nodes).matrix(1).T
+        # A few nodes say mostly that it is another number.
+        if tree.query(nodes[rim[:8]] @ turn)[0].max() > _NEARLY * size:
+            continue
+        distance, nearest = tree.query(nodes @ turn)
+        if distance.max() > _NEARLY * size:
+            continue
+        if distance.max() <= _EXACTLY * size:
+            return nodes
+        total, at, image = np.zeros_like(nodes), all_nodes, np.asarray(nearest)
+        for back in Rotation(sectors, all_nodes).matrices:
+            total += nodes[at] @ back
+            at = image[at]
+        if np.array_equal(at, all_nodes):
+            # Angles of nodes on the x axis must not jump by a turn.
+            return np.where(abs(total) <= _EXACTLY * size, 0.0, total / sectors)
+    return nodes
 
 
 def write_vtu(

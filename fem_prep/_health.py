@@ -42,6 +42,7 @@ def health_report(
     free_frequency: Sequence[float] | np.ndarray | None = None,
     root_thickness: float | None = None,
     springs: Springs | None = None,
+    torque_seat: str | None = None,
     speeds: Sequence[float] = (500.0, 1000.0, 1500.0),
     couplings: bool = False,
     progress: Progress = silent,
@@ -60,6 +61,8 @@ def health_report(
         among the facts of the condensed body are taken, or they are sought, which takes long.
     - `root_thickness`: of a tooth, along the rim [m].
     - `springs`: on which the body is compared.
+    - `torque_seat`: name of the seat where the torque of a tooth load leaves; the first one
+        without it.
     - `speeds`: at which the growth of the rim is told [rad/s].
     - `couplings`: also compare rigid and averaging seats, which takes another factor.
     - `progress`: told what begins.
@@ -71,7 +74,7 @@ def health_report(
 
     **Raises:**
 
-    - `BodyError` if the condensed body has no mass.
+    - `BodyError` if the condensed body has no mass, or no such seat.
     """
     require(
         reduced.mass.any(),
@@ -90,15 +93,17 @@ def health_report(
         grown = growth(reduced)
         report |= growth_report(reduced, grown, speeds)
         row = tooth_row(reduced, springs.line_of_action, root_thickness)
-        bent = tooth_deflection(reduced, row, springs)
+        bent = tooth_deflection(reduced, row, springs, torque_seat)
         if bent is not None:
-            report |= tooth_report(reduced, bent, row, springs)
+            report |= tooth_report(reduced, bent, row, springs, torque_seat)
     with progress("largest frequency"):
         report |= conditioning(reduced)
     if full is not None:
         free = reduced.facts.get("free_frequency_Hz") if free_frequency is None else free_frequency
         report |= free_error(full, modes, free, progress)
-        report |= compared(full, reduced, grown, bent, row, springs, couplings, progress)
+        report |= compared(
+            full, reduced, grown, bent, row, springs, torque_seat, couplings, progress
+        )
         report |= brick_report(full)
     report |= rim_report(reduced, root_thickness)
     return report | {"warnings": verdicts(report)}

@@ -113,8 +113,14 @@ def _motions(points: np.ndarray, component: np.ndarray) -> np.ndarray:
     return np.where((component > 0)[:, None], motions, 0.0)
 
 
-def check_size(body: ReducedBody, units: str) -> None:
+def check_size(body: ReducedBody, units: str, mid_face: float) -> None:
     """Refuse a rim that is no cylinder about z, or of no gear's size.
+
+    **Arguments:**
+
+    - `body`: the body.
+    - `units`: that the files are said to be in.
+    - `mid_face`: by how much the body was moved along -z [m].
 
     **Raises:**
 
@@ -144,10 +150,12 @@ def check_size(body: ReducedBody, units: str) -> None:
     require(
         abs(middle) <= _MIDDLE * (high - low) + 1e-9 * mean,
         "The middle of the toothed face must be at z = 0, got the rim from {low:.6g} to {high:.6g} "
-        "mm. Move the body, or state `mid_face` in the unit of the files: {middle:.6g} mm here.",
+        "mm. Move the body, or state that `mid_face` is {needed:.6g} mm in the files, not "
+        "{stated:.6g} mm.",
         low=1e3 * low,
         high=1e3 * high,
-        middle=1e3 * middle,
+        needed=1e3 * (mid_face + middle),
+        stated=1e3 * mid_face,
     )
 
 

@@ -58,7 +58,7 @@ def import_superelement(
         of `ReducedBody.rim_faces`.
     - `modes`: of the held body, that stand for `interior` nodes beside static condensation; no more
         than there can be are taken.
-    - `mid_face`: z of the middle of the toothed face [m, or the files' unit].
+    - `mid_face`: z of the middle of the toothed face in the files [m, whatever their unit].
     - `mass`: of the body, to compare with [kg].
     - `static`: True: a file without mass will do; the body is then good for statics only.
     - `matrices`: names of stiffness and mass in OP4 files.
@@ -97,7 +97,7 @@ def import_superelement(
     body = replace(body, name=name or files[0].stem, facts=facts)
     with progress("checking the body"):
         check_body(body)
-        check_size(body, units)
+        check_size(body, units, mid_face)
         check_free(body)
         if read.mass is not None:
             check_mass(body, mass, units)
@@ -174,7 +174,7 @@ def _body(
     length, weight, time = system
     size = read.rows
     place, component = rows_of(companion, read.labels, size).T
-    points = length * (companion.points - [0.0, 0.0, mid_face])
+    points = length * companion.points - [0.0, 0.0, mid_face]
     # Coordinates in SI of one in the files' units; turns and amplitudes keep theirs.
     scale = np.where((component >= 1) & (component <= 3), length, 1.0)
     energy = weight * length**2

@@ -14,7 +14,7 @@ from ._assembly import order
 from ._boundary import FullBody
 from ._checks import BodyError, Progress, require, silent
 from ._solvers import Factor, factorise
-from ._symmetry import Rotation, Waves, full_turn, waves_of
+from ._symmetry import Rotation, Waves, full_turn, rotation_of, waves_of
 
 # Angular frequencies, in wave speed over size, below which a mode is rigid and which the shift
 # stands for. The softest webs have their first mode near 0.1, rounding leaves rigid ones at 1e-6.
@@ -31,13 +31,13 @@ def scale_of(full: FullBody) -> float:
 def largest_rotation(full: FullBody) -> Rotation:
     """The rotation by the smallest sector after which the body is the same.
 
-    Sectors tried are the divisors of the number of lines of rim nodes.
+    Every node of the rim comes to a place of another, so their number is a multiple of it.
     """
-    x, y, _ = full.grid.nodes[full.rim].T
-    angles = np.sort(np.mod(np.arctan2(y, x), 2 * math.pi))
-    lines = 1 + int(np.sum(np.diff(angles) > 1e-6))
-    for sectors in range(lines, 1, -1):
-        if lines % sectors == 0 and (found := full.rotation(sectors)) is not None:
+    rim = full.grid.nodes[full.rim]
+    for sectors in range(len(rim), 1, -1):
+        if len(rim) % sectors or rotation_of(rim, sectors) is None:
+            continue
+        if (found := full.rotation(sectors)) is not None:
             return found
     return full_turn(full.points)
 

@@ -79,6 +79,11 @@ def _order(matrix: csc_array) -> np.ndarray:
     return np.argsort(factor.perm_c[np.arange(size) // _NODE], kind="stable")
 
 
+# Wheels of 10, 37 and 103 thousand unknowns, one thread: CHOLMOD factorises 2, 2.6 and 4 times as
+# fast as SuperLU, solves many columns 4, 5 and 7 times as fast and takes half the memory, if it
+# finds OpenBLAS; with the reference BLAS it takes up to twice as long. What else comes in wheels
+# for pip (PARDISO, QDLDL, CHOLMOD in cvxopt and in cholespy) solves columns no faster than SuperLU,
+# or factorises slower; that of MUMPS wants NumPy 1.
 _SOLVERS = {"cholmod": _by_cholmod, "superlu": _by_superlu}
 
 

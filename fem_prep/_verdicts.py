@@ -1,5 +1,6 @@
 """What of a condensed body is not as it should be, and what to do."""
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -10,6 +11,8 @@ _FREQUENCY_OFF = 1e-3
 _STATIC_OFF = 1e-7
 # Frequencies on springs that differ by more say that the coupling of the seats is a decision.
 _COUPLING_OFF = 0.02
+# The skin in the place of teeth keeps their inertia, not their mass: what of that is worth a word.
+_SKIN_OFF = 0.01
 # Slender bricks stiffen thin webs, skew ones everything; both are fair well beyond what gears need.
 _JACOBIAN, _ASPECT = 0.1, 25.0
 # One element of 1.5 root thicknesses per tooth gives 4% less deflection under an even load than
@@ -77,6 +80,14 @@ def _of_mass(report: Mapping[str, Any]) -> Iterator[str]:
             "The condensed body does not weigh what the full one does: rigid motions differ by "
             f"{_value(report, 'condensed_mass_deviation'):.1e}, which should be rounding only. "
             "Condense it again."
+        )
+    skin, teeth = _value(report, "lumped_teeth_mass_kg"), _value(report, "teeth_mass_kg")
+    excess = (skin - teeth) / _value(report, "mass_kg", math.inf)
+    if excess > _SKIN_OFF:
+        yield (
+            f"The teeth are laid on the rim so that they keep their polar inertia. As {skin:.4g} "
+            f"kg, where they weigh {teeth:.4g}, they make the body {_percent(excess)} too heavy: "
+            "allow for it where the body moves sideways or along its axis, or leave them out."
         )
 
 

@@ -245,6 +245,10 @@ def test_a_key_depends_on_everything_and_on_nothing_else(tmp_path, monkeypatch):
     assert len({key, *map(key_of, others)}) == 6
     monkeypatch.setattr(_cache, "METHOD", _cache.METHOD + 1)
     assert key_of(inputs) != key
+    monkeypatch.undo()
+    assert key_of(inputs) == key
+    monkeypatch.setattr(_cache.importlib.metadata, "version", lambda name: f"{name} 99")
+    assert key_of(inputs) != key
     with pytest.raises(TypeError, match="file_digest"):
         key_of({"path": path})
 

@@ -82,15 +82,25 @@ def test_every_matrix_is_the_full_one_in_the_shapes_of_the_coordinates(seats):
         "mass": full.grid_mass,
         "coriolis": coriolis(full.grid_mass),
         "spin_softening": across(full.grid_mass),
-        "stress_stiffening": stiffening,
     }
     for name, matrix in expected.items():
         assert_near(getattr(body, name), motion.T @ (matrix @ motion), 1e-10)
     # The grid's own stiffness, before seats are tied.
     stiffness = full_body("untied", full.grid, full.material, []).stiffness
     assert_near(body.stiffness, motion.T @ (stiffness @ motion), 1e-10)
-    load = motion.T @ (full.grid_mass @ (full.grid.nodes * [1, 1, 0]).ravel())
-    assert_near(body.centrifugal_load, load, 1e-11)
+    load = full.grid_mass @ (full.grid.nodes * [1, 1, 0]).ravel()
+    assert_near(body.centrifugal_load, motion.T @ load, 1e-11)
+    stiffened = motion.T @ (stiffening @ motion)
+    forces = (stiffness @ growth.ravel() - load).reshape(-1, 3)
+    for seat in full.seats:
+        if not seat.averaging:
+            # Forces on the nodes of a ring work along the second order of its turns too.
+            product = forces[seat.nodes].T @ (full.grid.nodes[seat.nodes] - seat.point)
+            turns = np.arange(body.dofs)[body.seat_dofs(seat.name)][3:]
+            turning = (product + product.T) / 2 - np.trace(product) * np.eye(3)
+            stiffened[np.ix_(turns, turns)] += turning
+    assert body.stress_stiffening is not None
+    assert_near(body.stress_stiffening, stiffened, 1e-10)
     for name, rows in zip(body.probes, body.probe_rows, strict=True):
         assert_near(rows, motion[dofs([full.probes[name]])], 1e-11)
     assert_near(rows_of_boundary(full) @ motion, np.eye(body.boundary_dofs, body.dofs), 1e-10)
@@ -460,6 +470,25 @@ def test_bad_boundaries_are_refused(what, says):
     grid, seats, probes = bad(what)
     with pytest.raises(BodyError, match=says):
         full_body("bad", grid, STEEL, seats, probes=probes)
+
+
+@pytest.mark.parametrize(
+    ("point", "says"),
+    [
+        ((0, 0, 9e-3), None),
+        ((0, 0, -9e-3), None),
+        ((0, 0, 26e-3), "got z = 26 mm and nodes from .* the other way round"),
+        ((8e-3, 0, 0), r"point at \(8.000, 0.000, 0.000\) mm and the middle .* all the way around"),
+    ],
+)
+def test_the_point_of_a_seat_lies_amid_its_nodes(point, says):
+    grid = small_wheel(8)
+    seat = Seat("a", grid.sets["bore"], np.array(point))
+    if says is None:
+        assert full_body("good", grid, STEEL, [seat]).seats == (seat,)
+        return
+    with pytest.raises(BodyError, match=says):
+        full_body("bad", grid, STEEL, [seat])
 
 
 @pytest.mark.parametrize(

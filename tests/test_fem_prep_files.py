@@ -1,6 +1,7 @@
 """Grids in files: written here by each format's own documentation, and read back."""
 
 import re
+from dataclasses import replace
 
 import meshio
 import numpy as np
@@ -8,9 +9,11 @@ import pytest
 
 from fem_prep._brick import REFERENCE_NODES
 from fem_prep._checks import BodyError
+from fem_prep._decks import files_of
 from fem_prep._files import read_grid, write_vtu
 from fem_prep._grid import EDGES, Grid, merged
 from fem_prep._quality import check_grid
+from fem_prep._symmetry import rotation_of
 
 SECTORS = 6
 
@@ -413,6 +416,45 @@ def test_nastran_without_sections(body, write):
     text = f"$ a comment\nINCLUDE 'points.bdf'\n{sets}"
     grid = read_grid(write("ring.bdf", text), rim="3", seats={"bore": "8"})
     assert_same(grid, body, 2e-7)
+
+
+def test_files_of_a_deck_are_all_that_it_includes(tmp_path, write):
+    (tmp_path / "parts").mkdir()
+    top = write("top.inp", '*HEADING\n*Include, Input="parts/a.inp"\n*INCLUDE, INPUT=b.txt\n')
+    first = write("parts/a.inp", "*INCLUDE, INPUT=c.inc\n")
+    others = [write("parts/c.inc", "*NODE\n"), write("b.txt", "*NSET, NSET=A\n1\n")]
+    assert files_of(top) == [top, first, *others]
+    assert files_of(write("top.bdf", "INCLUDE 'b.txt'\n")) == [tmp_path / "top.bdf", others[1]]
+    assert files_of(tmp_path / "none.msh") == [tmp_path / "none.msh"]
+
+
+def rounded(body, digits):
+    """The ring as a text file of few digits has it, in millimetres."""
+    number = r"-?\d\.\d{9}e[+-]\d\d"
+    return re.sub(number, lambda found: f"{float(found[0]):.{digits - 1}e}", inp(body))
+
+
+def test_digits_that_a_text_file_leaves_out_do_not_spoil_the_symmetry(body, write):
+    near = read_grid(write("near.inp", rounded(body, 7)), rim="RIM").nodes
+    assert rotation_of(near, SECTORS) is not None
+    assert np.all(near[abs(near[:, 1]) < 1e-9, 1] == 0.0)
+    want = read_grid(write("exact.inp", inp(body)), rim="RIM").nodes
+    assert 0 < abs(near - want).max() < 1e-8
+    # As the digits themselves are not symmetric, reading them as they are would not do.
+    digits = np.round(1e3 * want, 5) / 1e3
+    assert rotation_of(digits, SECTORS) is None
+
+
+def test_a_body_that_is_not_symmetric_is_left_as_it_is(body, write):
+    moved = body.nodes.copy()
+    moved[body.sets["rim"][0], 2] += 3e-6
+    text = inp(replace(body, nodes=moved))
+    nodes = read_grid(write("ring.inp", text), rim="RIM").nodes
+    assert rotation_of(nodes, SECTORS) is None
+    # One node is 3 um off, and the middle of the rim perhaps half of that.
+    heights = np.unique(np.round(nodes[:, 2], 9))
+    assert len(heights) == 4
+    assert np.diff(heights).min() == pytest.approx(3e-6, abs=1e-9)
 
 
 def test_nastran_that_cannot_be_read(body, write):

@@ -22,6 +22,7 @@ from fem_prep._answers import (
     rim_report,
     solid_of,
     tooth_deflection,
+    tooth_report,
     tooth_row,
 )
 from fem_prep._artefact import ReducedBody, rigid_motions
@@ -121,7 +122,7 @@ def test_mass_centre_and_inertias_of_point_masses():
     np.testing.assert_allclose(found["centre_of_mass_mm"], 1e3 * centre, rtol=1e-12)
     assert found["polar_inertia_kg_m2"] == pytest.approx(square[0] + square[1])
     across = (square[0] + square[1]) / 2 + square[2]
-    assert found["transverse_inertia_kg_m2"] == pytest.approx(across)
+    assert found["transverse_inertia_about_mid_face_kg_m2"] == pytest.approx(across)
     unbalance = 1e6 * np.hypot(*(masses @ points)[:2])
     assert found["unbalance_g_mm"] == pytest.approx(unbalance)
 
@@ -161,6 +162,11 @@ def test_lumped_teeth_count_but_not_against_the_solid(reported):
     found = mass_properties(full, reduced, solid)
     more = found["polar_inertia_kg_m2"] - reported["polar_inertia_kg_m2"]
     assert more == pytest.approx(teeth.polar_inertia, rel=1e-9)
+    # The skin is that of a cylinder, whose mass is all on its radius.
+    skin = found["lumped_teeth_mass_kg"]
+    assert found["teeth_mass_kg"] == teeth.mass
+    assert skin == pytest.approx(teeth.polar_inertia / (30 * MM) ** 2, rel=1e-3)
+    assert found["mass_kg"] - reported["mass_kg"] == pytest.approx(skin, rel=1e-9)
     for key in ("mass_deviation", "polar_inertia_deviation", "transverse_inertia_deviation"):
         assert found[key] == pytest.approx(reported[key], rel=1e-6)
 
@@ -281,6 +287,31 @@ def test_a_tooth_load_bends_as_the_full_matrices_say(averaging):
     assert report["tooth_deflection_um_N"] == pytest.approx(1e6 * load @ motion, rel=1e-8)
     strain = motion @ (full.stiffness @ motion)
     assert report["tooth_deflection_of_body_um_N"] == pytest.approx(1e6 * strain, rel=1e-7)
+
+
+def test_a_tooth_load_does_not_depend_on_the_order_of_the_seats():
+    grid = body_grid(WHEEL, COARSE)
+    nodes = np.asarray(grid.sets["seat:bore"])
+    z = grid.nodes[nodes, 2]
+    # Springs hold both edges of the bore against turning; the torque leaves at the right one.
+    edges = [
+        Seat(name, nodes[np.abs(z - at) < 1e-9], np.array([0.0, 0.0, at]))
+        for name, at in (("left", z.min()), ("right", z.max()))
+    ]
+    told = {}
+    for seats in (edges, edges[::-1]):
+        reduced = condense(full_body("wheel", grid, STEEL, seats), method="guyan")
+        row = tooth_row(reduced, SPRINGS.line_of_action)
+        for seat in ("right", None):
+            bent = tooth_deflection(reduced, row, SPRINGS, seat)
+            assert bent is not None
+            told[seats[0].name, seat] = tooth_report(reduced, bent, row, SPRINGS, seat)
+        with pytest.raises(BodyError, match="got 'middle'; its seats are"):
+            tooth_deflection(reduced, row, SPRINGS, "middle")
+    assert told["left", "right"] == pytest.approx(told["right", "right"], rel=1e-7)
+    assert told["right", None] == told["right", "right"]
+    one, other = (told["left", seat]["tooth_deflection_um_N"] for seat in ("right", None))
+    assert one != pytest.approx(other, rel=1e-3)
 
 
 def test_a_truncated_body_is_told(wheel20):
@@ -493,6 +524,10 @@ def test_a_body_without_seats_floats():
         ({"mass_deviation": 1e9}, "The units are wrong"),
         ({"mass_deviation": -0.999}, "The units are wrong"),
         ({"condensed_mass_deviation": 1e-6}, "Condense it again"),
+        (
+            {"lumped_teeth_mass_kg": 0.072, "teeth_mass_kg": 0.06, "mass_kg": 1.0},
+            "the body 1.2% too heavy",
+        ),
         ({"rigid_body_modes": 7}, "has 7 rigid-body modes"),
         ({"rigid_body_energy_relative": [0.0, 1e-6]}, "store energy"),
         ({"full_rigid_body_energy_relative": [1e-6]}, "store energy"),
@@ -517,6 +552,9 @@ def test_a_healthy_body_gives_no_warning():
     assert verdicts({}) == []
     fine = {
         "mass_deviation": 5e-4,
+        "mass_kg": 1.0,
+        "teeth_mass_kg": 0.06,
+        "lumped_teeth_mass_kg": 0.069,
         "rigid_body_modes": 6,
         "rigid_body_energy_relative": [1e-12],
         "largest_sprung_frequency_error": 5e-4,

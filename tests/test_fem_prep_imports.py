@@ -400,6 +400,19 @@ def test_units(body, tmp_path, units):
     assert (got.seats, got.interior) == (body.seats, body.interior)
 
 
+def test_the_middle_of_the_face_is_in_metres_whatever_the_files_are_in(body, tmp_path):
+    arrays = _in_units(body, "mm-t-s")
+    for name in ("rim_nodes", "seat_points"):
+        arrays[name] = arrays[name] + [0.0, 0.0, 40.0]
+    path = _npz(tmp_path / "a.npz", arrays)
+    got = import_superelement(path, units="mm-t-s", mid_face=0.04)
+    assert np.allclose(got.rim_nodes, body.rim_nodes, atol=1e-15)
+    assert np.allclose(got.seat_points, body.seat_points, atol=1e-15)
+    # The middle that is asked for is the whole one, not what is missing of it.
+    with pytest.raises(BodyError, match=r"`mid_face` is 40 mm in the files, not 25 mm"):
+        import_superelement(path, units="mm-t-s", mid_face=0.025)
+
+
 def test_centrifugal_load_of_the_nodes_that_are_known(body, tmp_path):
     # M times distances from the axis: of rim and seat alone, as nothing more is in the file.
     arrays = _in_units(body, "m-kg-s")
@@ -466,7 +479,7 @@ def _at(body: ReducedBody, name: str, value: float, *place: int) -> np.ndarray:
         (lambda b: {"mass": 1e3 * b.mass}, {}, "that of a gear, got 24.6 kg in .* in tonnes"),
         (lambda b: {}, {"units": "mm-t-s"}, "another unit of length|radius of the rim"),
         (lambda b: {}, {"units": "SI"}, "one of m-kg-s, mm-t-s, .*, got 'SI'"),
-        (lambda b: {}, {"mid_face": 1e-3}, r"rim from -7 to 5 mm. .* -1 mm here"),
+        (lambda b: {}, {"mid_face": 1e-3}, r"from -7 to 5 mm. .* is 0 mm in the files, not 1 mm"),
         (lambda b: {"stiffness": b.stiffness[:9, :9]}, {}, "must be square and of one size"),
         (lambda b: {"seats": np.array(["a", "b"])}, {}, "1 seats and 2 names|2 names of seats"),
         (lambda b: {"centrifugal_load": np.zeros(3)}, {}, r"for each of \d+ rows, got \[3\]"),

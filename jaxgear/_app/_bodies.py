@@ -281,6 +281,21 @@ def _repeats(body: GearBody) -> int:
     return math.lcm(*(ring.count for ring in rings)) * (2 if min(inner) == 0.0 else 1)
 
 
+def even_sectors(body: GearBody, teeth: int) -> int:
+    """The fewest elements around that are a whole number for each tooth and fit holes and axis.
+
+    **Arguments:**
+
+    - `body`: as drawn.
+    - `teeth`: number of teeth.
+
+    **Returns:**
+
+    Their number.
+    """
+    return _next_multiple(1, math.lcm(teeth, _repeats(body)))
+
+
 def _next_multiple(least: int, of: int) -> int:
     """The smallest multiple not below, and at least eight."""
     return max(-(-least // of), -(-8 // of)) * of

@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import math
 import os
 import resource
 import sys
@@ -20,9 +21,12 @@ from fem_prep._boundary import FullBody, Seat, full_body
 from fem_prep._cache import CacheWarning, cached, file_digest, key_of
 from fem_prep._checks import BodyError, require
 from fem_prep._condense import condense, hold
+from fem_prep._decks import files_of
 from fem_prep._grid import Grid
 from fem_prep._health import health_report
+from fem_prep._modes import largest_rotation
 from fem_prep._quality import check_grid
+from fem_prep._symmetry import Rotation
 from fem_prep._web import body_grid, exact_properties
 from jaxgear._app._bodies import BodyPlan, Drawn, Matrices, OwnGrid
 from jaxgear._app._body_view import BodyView, keep_view, read_view
@@ -30,6 +34,15 @@ from jaxgear._app._body_words import in_keys
 
 # Full matrices of the condensed coordinates that are there at one time.
 _MATRICES = 8
+# Motions of the whole body with the rim's columns of one sector: themselves, and what they are on
+# the way to their waves around. Of a body in one piece there is no such way.
+_COPIES = 4
+
+# What a container may take, by both generations of such limits; "max" if there is none.
+_LIMITS = (
+    Path("/sys/fs/cgroup/memory.max"),
+    Path("/sys/fs/cgroup/memory/memory.limit_in_bytes"),
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -138,7 +151,8 @@ def _digest(plan: BodyPlan, path: Path) -> list[str]:
     """Content of a file and of those that are read with it."""
     beside = [path.with_suffix(end) for end in (".mas", ".dof") if path.suffix == ".sti"]
     try:
-        return [file_digest(each) for each in (path, *filter(Path.is_file, beside))]
+        found = [file_digest(each) for each in (path, *filter(Path.is_file, beside))]
+        return found + [file_digest(each) for each in files_of(path)[1:]]
     except OSError as error:
         raise BodyError(
             f"The file {path} cannot be read: {error.strerror}. A relative path is relative to the "
@@ -156,8 +170,9 @@ def _build(plan: BodyPlan, key: str, steps: Steps) -> ReducedBody:
         body = _imported(plan, plan.source, steps)
     else:
         full = _full(plan, steps)
-        _check_memory(full)
-        held = hold(full, progress=steps)
+        rotation = largest_rotation(full)
+        _check_memory(full, rotation)
+        held = hold(full, rotation=rotation, progress=steps)
         body = condense(
             full,
             method=plan.method,
@@ -176,6 +191,7 @@ def _build(plan: BodyPlan, key: str, steps: Steps) -> ReducedBody:
         exact=exact,
         modes=modes,
         root_thickness=plan.root_thickness,
+        torque_seat=plan.torque_seat or None,
         couplings=plan.compares_seats,
         progress=steps,
     )
@@ -193,23 +209,41 @@ def _build(plan: BodyPlan, key: str, steps: Steps) -> ReducedBody:
     return dataclasses.replace(body, facts={**body.facts, **facts})
 
 
-def _check_memory(full: FullBody) -> None:
-    """Refuse a rim whose matrices the machine cannot hold."""
-    if not hasattr(os, "sysconf"):
-        return
-    coordinates = 3 * len(full.rim) + 6 * len(full.seats)
-    needed = _MATRICES * 8 * coordinates**2
-    there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+def _check_memory(full: FullBody, rotation: Rotation) -> None:
+    """Refuse a rim whose matrices and columns the machine cannot hold."""
+    rim, sectors = 3 * len(full.rim), rotation.sectors
+    coordinates = rim + 6 * len(full.seats)
+    columns = (1 if sectors == 1 else _COPIES) * 3 * full.points * (rim // sectors)
+    needed, there = 8 * (_MATRICES * coordinates**2 + columns), _memory()
     require(
         needed < there,
-        "The rim has {rim:,} nodes: condensing its {coordinates:,} coordinates takes some "
-        "{needed:.0f} GB, and there are {there:.0f}. Use fewer elements around or across the rim "
-        "(body.fineness).",
+        "The rim has {rim:,} nodes: condensing its {coordinates:,} coordinates, in a body of "
+        "{sectors} equal sectors, takes some {needed:.3g} GB, and {there:.3g} are free. Use fewer "
+        "elements around or across the rim (body.fineness), or a body that repeats more often.",
         rim=len(full.rim),
         coordinates=coordinates,
+        sectors=sectors,
         needed=needed / 1e9,
         there=there / 1e9,
     )
+
+
+def _memory() -> float:
+    """Memory to be had [byte]: what is free, or all if that is not known; infinite if nothing is.
+
+    A container may have less than its machine.
+    """
+    found = [math.inf]
+    with contextlib.suppress(AttributeError, OSError, ValueError):
+        found.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    with contextlib.suppress(OSError):
+        # What of the memory caches of files hold is free too; `SC_AVPHYS_PAGES` leaves that out.
+        lines = Path("/proc/meminfo").read_text().splitlines()
+        found += [1024 * float(each.split()[1]) for each in lines if "MemAvailable" in each]
+    for limit in _LIMITS:
+        with contextlib.suppress(OSError, ValueError):
+            found.append(float(limit.read_text()))
+    return min(found)
 
 
 def _view(body: ReducedBody, full: FullBody, steps: Steps) -> BodyView:

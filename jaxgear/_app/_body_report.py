@@ -43,7 +43,9 @@ def _source(body: Mapping[str, Any]) -> str:
     words = [str(body["source"])]
     if "method" in body:
         words.append(f"{body['method']}, {body['modes']} modes")
-    return "; ".join([*words, f"Young's modulus {body['young_GPa']:g} GPa"])
+    if "young_GPa" in body:
+        words.append(f"Young's modulus {body['young_GPa']:g} GPa")
+    return "; ".join(words)
 
 
 def _grid(body: Mapping[str, Any]) -> str:
@@ -57,10 +59,15 @@ def _grid(body: Mapping[str, Any]) -> str:
 
 
 def _mass(body: Mapping[str, Any]) -> str:
-    teeth = f", of it teeth {body['teeth_mass_kg']:.4g}" if "teeth_mass_kg" in body else ""
+    teeth = ""
+    if "teeth_mass_kg" in body:
+        teeth = (
+            f", of it teeth {body['lumped_teeth_mass_kg']:.4g} laid on the rim "
+            f"({body['teeth_mass_kg']:.4g} in truth; it keeps their inertia)"
+        )
     text = (
         f"{body['mass_kg']:.5g} kg{teeth}; inertia {body['polar_inertia_kg_m2']:.5g} kg m2 polar, "
-        f"{body['transverse_inertia_kg_m2']:.5g} transverse"
+        f"{body['transverse_inertia_about_mid_face_kg_m2']:.5g} transverse about mid-face"
     )
     return text + _off(body, "mass_deviation", "the solid's")
 

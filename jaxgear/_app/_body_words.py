@@ -31,6 +31,7 @@ _KEYS = {
     "Holes.circle": "body.web.hole_circle_mm",
     "Fineness.sectors": "body.fineness.sectors",
     "length_unit": "body.grid_unit_mm",
+    "mid_face": "body.superelement_mid_face_mm",
 }
 
 

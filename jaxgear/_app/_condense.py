@@ -14,7 +14,15 @@ from fem_prep._body_file import content_hash, write_body
 from fem_prep._files import write_vtu
 from fem_prep._grid import Grid
 from jaxgear._app import _body_pictures as pictures
-from jaxgear._app._bodies import BodyPlan, Drawn, Matrices, OwnGrid, body_plan, condensed_gears
+from jaxgear._app._bodies import (
+    BodyPlan,
+    Drawn,
+    Matrices,
+    OwnGrid,
+    body_plan,
+    condensed_gears,
+    even_sectors,
+)
 from jaxgear._app._body_build import BuiltBody, built_body
 from jaxgear._app._commands import Summary, _finish, _names, _warn
 from jaxgear._app._pictures import save
@@ -22,6 +30,17 @@ from jaxgear._app._results import Entry, write_dataset
 from jaxgear._app._scene import Scene
 from jaxgear._app._statics import Stopwatch
 from jaxgear._units import GPa
+
+# Keys of a condensed body that change nothing about matrices from elsewhere.
+_NOT_OF_MATRICES = (
+    "interface",
+    "young_GPa",
+    "seat_coupling",
+    "seat_width_mm",
+    "compare_seats",
+    "rotating_terms",
+    "fineness",
+)
 
 
 def condense(scene: Scene, folder: Path, quiet: bool) -> Summary:
@@ -93,15 +112,16 @@ def _body_summary(scene: Scene, found: BuiltBody) -> Summary:
     for key in [key for key in health if key.endswith("_um_at_rad_s")]:
         if speed and health[key]:
             known, growth = max((float(name), each) for name, each in health[key].items())
-            health[key] |= {f"{speed:g}": growth * (speed / known) ** 2}
-    made = {
+            # A new mapping: the old one is the body's own and goes into its file.
+            health[key] = health[key] | {f"{speed:g}": growth * (speed / known) ** 2}
+    made: dict[str, Any] = {
+        "name": plan.name,
         "gear": plan.gear,
         "source": _source(plan),
         "torque_seat": plan.torque_seat,
-        "young_GPa": plan.material.young / GPa,
     }
-    if plan.teeth is not None and not isinstance(plan.source, Matrices):
-        made["teeth_mass_kg"] = plan.teeth.mass
+    if not isinstance(plan.source, Matrices):
+        made["young_GPa"] = plan.material.young / GPa
     cost = {
         "from_cache": found.from_cache,
         "seconds": found.seconds,
@@ -134,11 +154,11 @@ def _remarks(scene: Scene, found: BuiltBody) -> list[str]:
     plan, gear = found.plan, found.plan.gear
     remarks = [f"The {gear}'s body: {warning}" for warning in found.health["warnings"]]
     if isinstance(plan.source, Drawn) and plan.source.fineness.sectors % plan.teeth_count:
+        even = even_sectors(plan.source.body, plan.teeth_count)
         remarks.append(
             f"The {gear}'s grid has {plan.source.fineness.sectors} elements around for "
-            f"{plan.teeth_count} teeth: not every tooth stands on the same piece of rim. Elements "
-            f"around must repeat with holes too, and in pairs about a solid axis; a whole number "
-            f"for each tooth that does is the best {gear}.body.fineness.sectors."
+            f"{plan.teeth_count} teeth: not every tooth stands on the same piece of rim. With "
+            f"{gear}.body.fineness.sectors = {even} every tooth would."
         )
     if isinstance(plan.source, Matrices):
         remarks += _remarks_on_matrices(scene, found)
@@ -151,7 +171,7 @@ def _remarks(scene: Scene, found: BuiltBody) -> list[str]:
 
 
 def _remarks_on_matrices(scene: Scene, found: BuiltBody) -> list[str]:
-    """Seats that bearings will look for, and teeth that matrices must bring along."""
+    """Seats that bearings will look for, teeth that matrices must hold, keys that do nothing."""
     plan, remarks = found.plan, []
     bearings = range(len(scene.rows(f"{plan.gear}.shaft.bearings")))
     wanted = [f"bearing[{i}]" for i in bearings] or ["gear"]
@@ -165,6 +185,13 @@ def _remarks_on_matrices(scene: Scene, found: BuiltBody) -> list[str]:
         remarks.append(
             f"The {plan.gear}'s matrices must hold the mass of its teeth: none is added."
         )
+    # Nodes of the inside that the matrices still have are condensed here, with so many modes.
+    idle = plan.modes and not found.body.facts.get("modes_of_interior_nodes")
+    for key in (*_NOT_OF_MATRICES, *(["modes"] if idle else [])):
+        if f"{plan.gear}.body.{key}" in scene.given:
+            remarks.append(
+                f"{plan.gear}.body.{key} does nothing: the matrices were condensed elsewhere."
+            )
     return remarks
 
 

@@ -422,7 +422,11 @@ def _body(table: str) -> tuple[Key, ...]:
         ),
         _number(f"{table}.mass_kg", "mass", above=0.0),
         _number(f"{table}.inertia_kg_m2", "polar moment of inertia", above=0.0),
-        _number(f"{table}.transverse_inertia_kg_m2", "transverse moment of inertia", above=0.0),
+        _number(
+            f"{table}.transverse_inertia_kg_m2",
+            "transverse moment of inertia, about a diameter at mid-face",
+            above=0.0,
+        ),
         *_web(f"{table}.web"),
         *_condensed(table),
         *_fineness(f"{table}.fineness"),

@@ -10,14 +10,19 @@ import xarray as xr
 from matplotlib.colors import to_rgb
 
 from fem_prep._artefact import ReducedBody
-from fem_prep._body_file import read_body
+from fem_prep._body_file import content_hash, read_body
+from fem_prep._cache import key_of
+from fem_prep._checks import BodyError
 from fem_prep._files import read_grid, write_vtu
+from fem_prep._modes import largest_rotation
+from fem_prep._symmetry import full_turn
 from fem_prep._web import body_grid
+from jaxgear._app import _body_build, _condense
 from jaxgear._app import _body_pictures as pictures
-from jaxgear._app import _condense
 from jaxgear._app._bodies import Drawn, body_plan
-from jaxgear._app._body_build import built_body
+from jaxgear._app._body_build import Steps, _full, _inputs, built_body
 from jaxgear._app._body_render import frame, render
+from jaxgear._app._body_report import report_lines
 from jaxgear._app._body_view import view_folder
 from jaxgear._app._cli import main
 from jaxgear._app._model import model_of, pair_of
@@ -102,7 +107,7 @@ def test_condense_end_to_end_and_then_from_the_cache(written, tmp_path, capsys, 
     printed = capsys.readouterr()
     (body,) = json.loads((out / "summary.json").read_text())["bodies"]
     assert not body["from_cache"]
-    assert body["gear"] == "wheel"
+    assert (body["name"], body["gear"]) == ("tiny-wheel", "wheel")
     _check_counts(body)
     _check_mass(body)
     assert len(body["free_frequency_Hz"]) == len(body["nodal_diameter"]) == 12
@@ -115,6 +120,8 @@ def test_condense_end_to_end_and_then_from_the_cache(written, tmp_path, capsys, 
     # Eight elements around for 24 teeth, each three teeth long: the report and the reader know.
     assert "is a whole number" not in printed.err
     assert "An element of the rim" in printed.err
+    assert "wheel.body.fineness.sectors = 24 every tooth would" in printed.err
+    assert f"({body['teeth_mass_kg']:.4g} in truth; it keeps their inertia)" in printed.out
     kept = read_body(out / "tiny-wheel.body.npz")
     health: Any = kept.facts["health"]
     assert health["mass_kg"] == body["mass_kg"]
@@ -159,6 +166,7 @@ def _check_mass(body):
     inertia = sum(8000.0 * math.pi / 2 * (r**4 - s**4) * width for s, r, width in rings)
     assert body["solid_mass_kg"] == pytest.approx(mass, rel=1e-9)
     assert abs(body["mass_deviation"]) < 2e-3
+    assert body["lumped_teeth_mass_kg"] > 1.05 * body["teeth_mass_kg"]
     teeth = body["polar_inertia_kg_m2"] - inertia
     assert body["teeth_mass_kg"] * _ROOT**2 < teeth < body["teeth_mass_kg"] * (1.2 * _ROOT) ** 2
 
@@ -348,6 +356,34 @@ def test_a_rigidified_body_has_its_mass_and_not_its_frequencies(written):
     assert _built(path, "name=other", "pair.torque_pinion_Nm=7").from_cache
 
 
+def test_a_summary_is_of_its_own_scene_and_leaves_the_body_as_it_is(written):
+    """With a sweep the summary tells growth at its highest speed too; the file does not change."""
+    path = written(_PAIR + _BODY)
+    _built(path)
+    changes = ("name=other", "sweep.pinion_speed_rad_s=[720.0]")
+    found = _built(path, *changes)
+    before = content_hash(found.body)
+    summary = _condense._body_summary(read_scene(path, changes), found)
+    assert summary["from_cache"]
+    assert summary["name"] == found.body.name == "other-wheel"
+    growth = "centrifugal_growth_um_at_rad_s"
+    assert summary[growth]["600"] == pytest.approx(0.36 * found.health[growth]["1000"])
+    assert content_hash(found.body) == before
+
+
+def test_columns_of_a_body_that_does_not_repeat_count_as_memory(written, tmp_path, monkeypatch):
+    full = _full(_plan(written(_PAIR + _BODY)), Steps(lambda step: None))
+    matrices = 8 * 8 * (3 * len(full.rim) + 6) ** 2
+    columns = 8 * 3 * full.points * 3 * len(full.rim)
+    (tmp_path / "limit").write_text(str(matrices + 3 * columns // 4))
+    monkeypatch.setattr(_body_build, "_LIMITS", (tmp_path / "none", tmp_path / "limit"))
+    _body_build._check_memory(full, largest_rotation(full))
+    with pytest.raises(BodyError, match="1 equal sectors, takes some"):
+        _body_build._check_memory(full, full_turn(full.points))
+    (tmp_path / "limit").write_text("max\n")
+    _body_build._check_memory(full, full_turn(full.points))
+
+
 def test_a_lost_view_is_made_again(written):
     path = written(_PAIR + _BODY)
     first = _built(path)
@@ -381,6 +417,36 @@ def test_a_grid_of_one_s_own_is_the_body_it_was_written_from(written, tmp_path):
         _built(written(_PAIR + lost))
 
 
+@pytest.mark.parametrize(
+    ("top", "line"), [("ring.inp", "*INCLUDE, INPUT={}"), ("ring.bdf", "INCLUDE '{}'")]
+)
+def test_the_cache_knows_the_files_that_a_grid_includes(written, tmp_path, top, line):
+    own = f'kind = "condensed"\ngrid = "{top}"\nrim_set = "rim"\nseats = ["bore"]\n'
+    plan = _plan(written(_PAIR + "[wheel.body]\n" + own))
+    (tmp_path / top).write_text(line.format("nodes.txt"))
+    keys = []
+    for text in ("1, 0, 0, 0", "1, 0, 0, 1", "1, 0, 0, 0"):
+        (tmp_path / "nodes.txt").write_text(text)
+        keys.append(key_of(_inputs(plan)))
+    assert keys[0] == keys[2] != keys[1]
+
+
+def test_a_middle_of_the_face_that_is_missing_is_asked_for_by_its_key(written, tmp_path):
+    body: ReducedBody = _built(written(_PAIR + _BODY)).body
+    arrays = {name: getattr(body, name) for name in ("stiffness", "mass")}
+    places = {
+        name: getattr(body, name) + np.array([0, 0, 0.04]) for name in ("rim_nodes", "seat_points")
+    }
+    np.savez(tmp_path / "wheel.npz", **arrays, **places)
+    text = (
+        '[wheel.body]\nkind = "condensed"\nsuperelement = "wheel.npz"\n'
+        'superelement_units = "m-kg-s"\n'
+    )
+    says = r"`wheel\.body\.superelement_mid_face_mm` is 40 mm in the files, not 0 mm"
+    with pytest.raises(InputError, match=says):
+        _built(written(_PAIR + text))
+
+
 def test_matrices_from_elsewhere_are_the_body_they_came_from(written, tmp_path):
     drawn = _built(written(_PAIR + _BODY))
     body: ReducedBody = drawn.body
@@ -389,9 +455,17 @@ def test_matrices_from_elsewhere_are_the_body_they_came_from(written, tmp_path):
     np.savez(tmp_path / "wheel.npz", seats=np.asarray(body.seats), **arrays)
     text = (
         '[wheel.body]\nkind = "condensed"\nsuperelement = "wheel.npz"\n'
-        'superelement_units = "m-kg-s"\n'
+        'superelement_units = "m-kg-s"\nmodes = 3\nyoung_GPa = 100\nrotating_terms = true\n'
     )
-    found = _built(written(_PAIR + text))
+    path = written(_PAIR + text)
+    found, scene = _built(path), read_scene(path)
+    said = "\n".join(_condense._remarks(scene, found))
+    for key in ("modes", "young_GPa", "rotating_terms"):
+        assert f"wheel.body.{key} does nothing: the matrices" in said
+    assert said.count("does nothing") == 3
+    summary = _condense._body_summary(scene, found)
+    assert "young_GPa" not in summary
+    assert not [line for line in report_lines(summary) if "Young" in line]
     assert found.view is None
     assert found.body.seats == ("gear",)
     np.testing.assert_allclose(found.body.stiffness, body.stiffness, rtol=1e-9, atol=1e-3)
