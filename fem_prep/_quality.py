@@ -222,8 +222,8 @@ def _require_size(grid: Grid) -> None:
     require(
         _SMALLEST <= size <= _LARGEST,
         "A gear body measures {smallest:g} mm to {largest:g} m; this one measures {size:.4g} m. "
-        "The unit of length is wrong: write `length_unit=1e-3` for a file in millimetres, 1.0 "
-        "for metres, 0.0254 for inches.",
+        "The `length_unit` of the file is wrong, 1e-3 m for one in millimetres, 1 m for "
+        "one in metres, 0.0254 m for one in inches.",
         smallest=1e3 * _SMALLEST,
         largest=_LARGEST,
         size=size,

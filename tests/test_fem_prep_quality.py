@@ -141,7 +141,9 @@ def test_a_file_of_six_digits_passes():
 
 @pytest.mark.parametrize("factor", [1e-3, 1e3])
 def test_a_wrong_unit_is_named(factor):
-    refused(changed(ring(), nodes=factor * ring().nodes), "length_unit=1e-3", "unit of length")
+    refused(
+        changed(ring(), nodes=factor * ring().nodes), "length_unit", "1e-3 m for one in millimetres"
+    )
 
 
 def test_numbers_shapes_and_sets():

@@ -107,6 +107,7 @@ class BodyPlan:
     - `gear`: `pinion` or `wheel`.
     - `source`: what gives its grid or its matrices.
     - `root_radius`: of the teeth [m].
+    - `face_width`: of the teeth [m].
     - `root_thickness`: of a tooth at its root, along the rim [m].
     - `teeth_count`: number of teeth.
     - `material`: of the body.
@@ -123,6 +124,7 @@ class BodyPlan:
     gear: str
     source: Drawn | OwnGrid | Matrices
     root_radius: float
+    face_width: float
     root_thickness: float
     teeth_count: int
     material: Material
@@ -184,6 +186,7 @@ def body_plan(scene: Scene, gear: str) -> BodyPlan:
         gear=gear,
         source=source,
         root_radius=root,
+        face_width=scene[f"{gear}.face_width_mm"] * mm,
         root_thickness=teeth.root_thickness,
         teeth_count=scene[f"{gear}.teeth"],
         material=material,

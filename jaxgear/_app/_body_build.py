@@ -31,6 +31,7 @@ from fem_prep._web import body_grid, exact_properties
 from jaxgear._app._bodies import BodyPlan, Drawn, Matrices, OwnGrid
 from jaxgear._app._body_view import BodyView, keep_view, read_view
 from jaxgear._app._body_words import in_keys
+from jaxgear._units import mm
 
 # Full matrices of the condensed coordinates that are there at one time.
 _MATRICES = 8
@@ -43,6 +44,9 @@ _LIMITS = (
     Path("/sys/fs/cgroup/memory.max"),
     Path("/sys/fs/cgroup/memory/memory.limit_in_bytes"),
 )
+
+# How far the rim of a body may be off the teeth's: more than their rounding, less than a tooth.
+_RIM_OFF = 5e-3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -256,7 +260,7 @@ def _view(body: ReducedBody, full: FullBody, steps: Steps) -> BodyView:
 def _imported(plan: BodyPlan, source: Matrices, steps: Steps) -> ReducedBody:
     from fem_prep._imports import import_superelement
 
-    return import_superelement(
+    body = import_superelement(
         source.paths,
         source.nodes,
         units=source.units,
@@ -267,6 +271,25 @@ def _imported(plan: BodyPlan, source: Matrices, steps: Steps) -> ReducedBody:
         mass=source.mass,
         progress=steps,
     )
+    _check_rim(plan, body.rim_nodes)
+    return body
+
+
+def _check_rim(plan: BodyPlan, nodes: np.ndarray) -> None:
+    """Refuse a rim that is not the one under the teeth: of another radius or width."""
+    found = {
+        "diameter": 2.0 * float(np.median(np.hypot(nodes[:, 0], nodes[:, 1]))),
+        "width": float(np.ptp(nodes[:, 2])),
+    }
+    wanted = {"diameter": 2.0 * plan.root_radius, "width": plan.face_width}
+    keys = {"diameter": "the root circle of its teeth", "width": f"`{plan.gear}.face_width_mm`"}
+    for name, size in wanted.items():
+        if abs(found[name] - size) > _RIM_OFF * size:
+            raise BodyError(
+                f"The rim must have the {name} of {keys[name]}, {size / mm:.6g} mm, but has "
+                f"{found[name] / mm:.6g} mm. Is it the body of another gear, or its rim set that "
+                "of another surface?"
+            )
 
 
 def _full(plan: BodyPlan, steps: Steps) -> FullBody:
@@ -275,6 +298,7 @@ def _full(plan: BodyPlan, steps: Steps) -> FullBody:
         grid = _grid(plan)
         seats = [f"seat:{seat.label}" for seat in plan.seats]
         check_grid(grid, needs=("rim", *seats), radius=plan.root_radius)
+        _check_rim(plan, grid.nodes[grid.sets["rim"]])
     held = [
         Seat(seat.name, grid.sets[label], np.array([0.0, 0.0, seat.at]), seat.averaging)
         for seat, label in zip(plan.seats, seats, strict=True)

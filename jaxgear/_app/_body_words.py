@@ -34,6 +34,9 @@ _KEYS = {
     "mid_face": "body.superelement_mid_face_mm",
 }
 
+_METRES = "1e-3 m for one in millimetres, 1 m for one in metres, 0.0254 m for one in inches"
+_MILLIMETRES = "1 for one in millimetres, 1000 for one in metres, 25.4 for one in inches"
+
 
 @contextlib.contextmanager
 def in_keys(gear: str) -> Iterator[None]:
@@ -53,4 +56,6 @@ def in_keys(gear: str) -> Iterator[None]:
         message = str(error)
         for name, key in _KEYS.items():
             message = message.replace(f"`{name}`", f"`{gear}.{key}`")
+        # The scene's key counts in millimetres.
+        message = message.replace(_METRES, _MILLIMETRES)
         raise InputError(f"{gear}.body: {message}") from error

@@ -1,5 +1,6 @@
 """`jaxgear condense` and `jaxgear cache` on bodies of a few elements, and what they are made of."""
 
+import dataclasses
 import json
 import math
 from typing import Any
@@ -415,6 +416,9 @@ def test_a_grid_of_one_s_own_is_the_body_it_was_written_from(written, tmp_path):
     lost = text.replace("modes", own.replace("wheel.vtu", "none.vtu") + "modes", 1)
     with pytest.raises(InputError, match=r"none\.vtu cannot be read"):
         _built(written(_PAIR + lost))
+    metres = text.replace("modes", own.replace("1000", "1") + "modes", 1)
+    with pytest.raises(InputError, match=r"`wheel\.body\.grid_unit_mm`.* 1000 for one in metres"):
+        _built(written(_PAIR + metres))
 
 
 @pytest.mark.parametrize(
@@ -468,6 +472,11 @@ def test_matrices_from_elsewhere_are_the_body_they_came_from(written, tmp_path):
     assert not [line for line in report_lines(summary) if "Young" in line]
     assert found.view is None
     assert found.body.seats == ("gear",)
+    wide = dataclasses.replace(found.plan, face_width=2.0 * found.plan.face_width)
+    small = dataclasses.replace(found.plan, root_radius=0.9 * found.plan.root_radius)
+    for plan, says in ((wide, r"width of `wheel\.face_width_mm`"), (small, "diameter of the root")):
+        with pytest.raises(InputError, match=says):
+            built_body(plan, lambda step: None)
     np.testing.assert_allclose(found.body.stiffness, body.stiffness, rtol=1e-9, atol=1e-3)
     frequency = found.health["free_frequency_Hz"]
     count = min(len(frequency), 12)
