@@ -5,6 +5,7 @@ success, 2 a bad scene or an impossible gear, 1 a solver that failed, 130 interr
 commands are imported only once the scene is known to be good.
 """
 
+import _thread
 import argparse
 import difflib
 import importlib.metadata
@@ -12,7 +13,8 @@ import json
 import os
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -63,7 +65,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     for name in _THREADS:
         os.environ.setdefault(name, "1")
     try:
-        code = _command(argv)
+        with _kept_interrupts():
+            code = _command(argv)
         sys.stdout.flush()
         return code
     except (_Stop, SceneError) as error:
@@ -76,6 +79,24 @@ def main(argv: Sequence[str] | None = None) -> int:
         # The reader, such as `head`, has seen enough. Python flushes once more at its exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+
+
+@contextmanager
+def _kept_interrupts() -> Iterator[None]:
+    """Interrupt again where a library's callback, such as JAX's, has swallowed it."""
+    usual = sys.unraisablehook
+
+    def hook(lost: Any) -> None:
+        if issubclass(lost.exc_type, KeyboardInterrupt):
+            _thread.interrupt_main()
+        else:
+            usual(lost)
+
+    sys.unraisablehook = hook
+    try:
+        yield
+    finally:
+        sys.unraisablehook = usual
 
 
 def print_summary(summary: Mapping[str, object], indent: str = "") -> None:

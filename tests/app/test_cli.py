@@ -201,6 +201,34 @@ def test_an_interruption_is_one_line_and_130(scene, commands, capsys):
     assert capsys.readouterr().err == "jaxgear: interrupted\n"
 
 
+class _Swallows:
+    """Raises where Python cannot: what it raises is only reported."""
+
+    def __init__(self, error):
+        self.error = error
+
+    def __del__(self):
+        raise self.error
+
+
+@pytest.mark.parametrize(("error", "count"), [(KeyboardInterrupt(), 1), (ValueError(), 0)])
+def test_an_interruption_that_a_callback_swallows_comes_again(
+    scene, commands, monkeypatch, error, count
+):
+    again, reported = [], []
+    monkeypatch.setattr("_thread.interrupt_main", lambda: again.append(True))
+    monkeypatch.setattr(sys, "unraisablehook", lambda lost: reported.append(lost.exc_type))
+
+    def command(*_):
+        _Swallows(error)
+        raise OSError("enough")
+
+    commands.COMMANDS["run"] = command
+    assert main(["run", str(scene)]) == 1
+    assert len(again) == count
+    assert len(reported) == 1 - count
+
+
 @pytest.mark.parametrize("out", ["file", "file/below"])
 def test_a_folder_that_cannot_be_written_is_refused_first(scene, commands, capsys, out):
     Path("file").write_text("")
