@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     Loads = Array
     Coupling = Array
     CouplingGrid = Array
+    DenseCouplingGrid = Array
     Influence = Array
     Coordinates = Array
     CoordinateMatrix = Array
@@ -69,8 +70,9 @@ else:
     CellArmGrid = Float[Array, "phase cell coordinate"]
     CellColumns = Float[Array, "cell column"]
     Loads = Float[Array, "load"]
-    Coupling = Float[Array, "line line slice"]
+    Coupling = Float[Array, "line line slice"] | Float[Array, "cell cell"]
     CouplingGrid = Float[Array, "phase line line slice"]
+    DenseCouplingGrid = Float[Array, "phase cell cell"]
     Influence = Float[Array, "neighbour 3 3"]
     Coordinates = Float[Array, "coordinate"]
     CoordinateMatrix = Float[Array, "coordinate coordinate"]

@@ -19,8 +19,10 @@ from jaxgear._geometry._lines import ContactLines, MeshGrid, contact_lines, repe
 from jaxgear._geometry._pair import GearPair
 from jaxgear._geometry._tip_contact import tip_contact_rolls, tip_separation
 from jaxgear._types import (
+    CellArmGrid,
     CellGrid,
     CouplingGrid,
+    DenseCouplingGrid,
     LineGrid,
     LinePhases,
     Reals,
@@ -55,16 +57,22 @@ class MeshCells(eqx.Module):
     - `line_stiffness`: $k'$ per length of contact line of what each tooth pair gives by itself, at
         each slice [N/m2].
     - `stiffness`: of each cell, its active fraction included [N/m].
-    - `coupling`: of the lines in each slice through the bodies they share, or `None` [m/N].
+    - `coupling`: of the lines in each slice through the bodies they share, of all cells where a body
+        is condensed, or `None` [m/N].
     - `arm`: $\lambda$, place of each cell along its contact line, from the foot of the pitch
         point at mid-face [m].
+    - `seat_arms`: approach of each cell per motion of the seats of condensed bodies, or `None`
+        [-, m].
+    - `growth`: approach of each cell by the rotation of condensed bodies, or `None` [m].
     """
 
     lines: ContactLines
     line_stiffness: LineGrid
     stiffness: CellGrid
-    coupling: CouplingGrid | None
+    coupling: CouplingGrid | DenseCouplingGrid | None
     arm: CellGrid
+    seat_arms: CellArmGrid | None = None
+    growth: CellGrid | None = None
 
 
 def nominal_line_load(pair: GearPair, torque: Scalar) -> Scalar:

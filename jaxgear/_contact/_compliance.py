@@ -15,7 +15,12 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxgear._checks import require
-from jaxgear._contact._foundation import AbstractFoundation, RingFoundation, WeberFoundation
+from jaxgear._contact._foundation import (
+    AbstractFoundation,
+    NoFoundation,
+    RingFoundation,
+    WeberFoundation,
+)
 from jaxgear._contact._ring import give_alone, root_resultants
 from jaxgear._contact._tooth import (
     HertzContact,
@@ -105,6 +110,22 @@ class AbstractCompliance(eqx.Module):
 
         Those bodies of the two that do.
         """
+
+    def without(self, gears: tuple[int, ...]) -> "AbstractCompliance":
+        """Leave out what the bodies of some gears give: condensed ones bring their own.
+
+        Only where the model has a foundation of its own can it be left out.
+
+        **Arguments:**
+
+        - `gears`: 0 for the pinion, 1 for the wheel.
+
+        **Returns:**
+
+        The compliance of the rest.
+        """
+        del gears
+        return self
 
     @abc.abstractmethod
     def log_slope(self, pair: GearPair) -> Scalar:
@@ -199,6 +220,11 @@ class WeberBanaschek(AbstractCompliance):
     def log_slope(self, pair: GearPair) -> Scalar:
         r"""Return $1/(\pi E^*)$, for $a_H$ grows with the root of the load; see the base class."""
         return 1.0 / (jnp.pi * contact_modulus(pair.pinion.material, pair.wheel.material))
+
+    def without(self, gears: tuple[int, ...]) -> "WeberBanaschek":
+        """Leave out the foundations of some gears; see the base class."""
+        names = [("pinion_foundation", "wheel_foundation")[gear] for gear in gears]
+        return dataclasses.replace(self, **dict.fromkeys(names, NoFoundation()))
 
     def _foundations(self, pair: GearPair) -> tuple[AbstractFoundation, AbstractFoundation]:
         return (

@@ -21,7 +21,7 @@ import jax.scipy.linalg
 import numpy as np
 from jaxtyping import Array
 
-from jaxgear._contact._coupling import body_yield, share_with_body
+from jaxgear._contact._coupling import body_yield, sharing_with_body
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._solve._coordinates import (
     at_cells,
@@ -203,8 +203,8 @@ def _solve_linear(problem: ContactProblem, tangent: Cells, right: Unknown) -> Un
     # Apart from the right-hand side, in which all is linear and is kept so for transposing.
     structure, free, load = tangent[:, None] * arms, right[1], right[1]
     if coupling is not None:
-        structure = share_with_body(coupling, tangent, structure)
-        free = share_with_body(coupling, tangent, right[1][:, None])[:, 0]
+        share = sharing_with_body(coupling, tangent)
+        structure, free = share(structure), share(right[1][:, None])[:, 0]
         load = on_coordinates(arms, free)
     stiffness = on_coordinates_all(arms, structure)
     # With dg = W^T df: (I + S H) dg = W^T r' + S e dt.

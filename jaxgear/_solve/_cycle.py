@@ -19,7 +19,8 @@ from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._solve._contact import ContactProblem, ContactState, SolverSettings, contact_state
 from jaxgear._system._model import PairModel
-from jaxgear._system._pair_system import PairSystem, pair_system
+from jaxgear._system._flexible import FlexibleBody
+from jaxgear._system._pair_system import PairSystem, on_condensed_bodies, pair_system
 from jaxgear._types import (
     CellArms,
     CellGrid,
@@ -103,6 +104,8 @@ def quasi_static(
     arms = system.arms(cells)
     # Written out, as in the solver: the offset brings the flanks closer before any load.
     gap -= sum(arms[..., i] * offset for i, offset in enumerate(system.mesh_offset))
+    if cells.growth is not None:
+        gap -= cells.growth
     state = jax.vmap(at_phase)(cells.stiffness, gap, arms, cells.coupling)
     return MeshCycle(
         system=system,
@@ -174,10 +177,14 @@ def prepare_mesh(model: PairModel, grid: MeshGrid) -> PreparedMesh:
 
     **Raises:**
 
-    - `ValueError` if the torque is not positive.
+    - `ValueError` if the torque is not positive, or if a condensed body was made for another grid.
     """
     pair = model.pair
+    for body in model.bodies:
+        if isinstance(body, FlexibleBody):
+            body.check(grid)
     load = nominal_line_load(pair, model.mesh_torque)
+    cells = mesh_cells(pair, grid, model.tooth_compliance, load)
     return PreparedMesh(
         system=pair_system(
             pair,
@@ -187,8 +194,9 @@ def prepare_mesh(model: PairModel, grid: MeshGrid) -> PreparedMesh:
             pinion_body=model.pinion_body,
             wheel_body=model.wheel_body,
             housing=model.housing,
+            speed=model.speed,
         ),
-        cells=mesh_cells(pair, grid, model.compliance, load),
+        cells=on_condensed_bodies(pair, cells, model.bodies, model.speed),
     )
 
 

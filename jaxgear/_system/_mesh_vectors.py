@@ -15,7 +15,8 @@ from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._wrench import beam_basis
 from jaxgear._system._beam import Beam, beam_shapes, cowper_coefficient
 from jaxgear._system._shaft import BeamBody, Shaft
-from jaxgear._system._structure import RigidBody
+from jaxgear._system._flexible import FlexibleBody
+from jaxgear._system._structure import GearBody, RigidBody
 from jaxgear._system._support import Support
 from jaxgear._types import CoordinateMatrix, DofCoordinates, Scalar
 
@@ -29,7 +30,7 @@ _POINTS = np.array(
 def beam_vectors(
     pair: GearPair,
     mounts: tuple[Shaft | Support, Shaft | Support],
-    bodies: list[RigidBody | BeamBody],
+    bodies: list[GearBody],
 ) -> DofCoordinates:
     """Coefficients of `beam_basis` that unit motions of the gears' nodes produce.
 
@@ -75,9 +76,11 @@ def _section_normals(pair: GearPair, roll: Scalar) -> tuple[Array, Array]:
 
 
 def section_motion(
-    mount: Shaft | Support, body: RigidBody | BeamBody, z: Scalar
+    mount: Shaft | Support, body: GearBody, z: Scalar
 ) -> Float[Array, "6 node_dof"]:
-    """Motion of a section of a gear per motion of the gear's node or nodes.
+    """Motion of a section of a gear per motion of the nodes that its teeth load.
+
+    What the teeth on a condensed body move with is no section: it does not count here.
 
     **Arguments:**
 
@@ -89,6 +92,8 @@ def section_motion(
 
     Translations along S, T, Z and rotations about them [-, m, 1/m].
     """
+    if isinstance(body, FlexibleBody):
+        return jnp.zeros((6, body.seat_load.size))
     if isinstance(body, RigidBody) or isinstance(mount, Support):
         moved = jnp.eye(6)
         return moved.at[0, 4].set(z).at[1, 3].set(-z)
@@ -98,7 +103,7 @@ def section_motion(
 def within_bodies(
     pair: GearPair,
     mounts: tuple[Shaft | Support, Shaft | Support],
-    bodies: list[RigidBody | BeamBody],
+    bodies: list[GearBody],
 ) -> CoordinateMatrix:
     r"""Flexibility of beam bodies between their nodes, where teeth load them along the face.
 

@@ -7,11 +7,12 @@ from jaxgear._contact._compliance import AbstractCompliance, WeberBanaschek
 from jaxgear._flank._deviations import Flanks
 from jaxgear._geometry._pair import GearPair
 from jaxgear._system._pair_system import check_bodies
-from jaxgear._system._shaft import BeamBody, Shaft
+from jaxgear._system._flexible import FlexibleBody
+from jaxgear._system._shaft import Shaft
 from jaxgear._system._structure import (
     BODIES,
+    GearBody,
     Housing,
-    RigidBody,
     check_supported,
     check_torque,
     driving_torque,
@@ -28,18 +29,20 @@ class PairModel(eqx.Module):
     - `pair`: nominal geometry.
     - `torque`: of the drive on the pinion's shaft, positive [N m].
     - `flanks`: deviations from the nominal flanks.
-    - `compliance`: of one tooth pair.
+    - `compliance`: of one tooth pair; foundations of condensed bodies in it are not used.
     - `pinion_support`: the pinion's shaft on bearings, or springs at its centre.
     - `wheel_support`: the same of the wheel.
     - `misalignment`: of the two axes.
-    - `pinion_body`: rigid, or a beam; `None` is a rigid disc.
+    - `pinion_body`: rigid, a beam or condensed; `None` is a rigid disc.
     - `wheel_body`: the same of the wheel.
     - `housing`: behind the bearings; `None` is rigid.
+    - `speed`: of the pinion, whose rotation loads condensed bodies in statics [rad/s].
 
     **Raises:**
 
     - `ValueError` if the torque on the mesh is not positive, if a shaft is free to move or
-        thicker than the gear on it, or if a beam body is narrower than its gear.
+        thicker than the gear on it, if a beam body is narrower than its gear, or if a condensed body
+        cannot be held by its mount.
     """
 
     pair: GearPair
@@ -49,9 +52,10 @@ class PairModel(eqx.Module):
     pinion_support: Support | Shaft = eqx.field(default_factory=Support)
     wheel_support: Support | Shaft = eqx.field(default_factory=Support)
     misalignment: Misalignment = eqx.field(default_factory=Misalignment)
-    pinion_body: RigidBody | BeamBody | None = None
-    wheel_body: RigidBody | BeamBody | None = None
+    pinion_body: GearBody | None = None
+    wheel_body: GearBody | None = None
     housing: Housing | None = None
+    speed: Scalar = eqx.field(converter=as_scalar, default=0.0)
 
     def __check_init__(self):
         # Here, and not only where the structure is assembled: that is often traced, and silent.
@@ -69,3 +73,14 @@ class PairModel(eqx.Module):
     def mesh_torque(self) -> Scalar:
         """Torque on the pinion that the mesh balances, couples on its shaft included [N m]."""
         return driving_torque(self.pinion_support, self.torque)
+
+    @property
+    def bodies(self) -> tuple[GearBody | None, GearBody | None]:
+        """Bodies of pinion and wheel."""
+        return self.pinion_body, self.wheel_body
+
+    @property
+    def tooth_compliance(self) -> AbstractCompliance:
+        """Compliance of one tooth pair without what condensed bodies bring themselves."""
+        condensed = (i for i, body in enumerate(self.bodies) if isinstance(body, FlexibleBody))
+        return self.compliance.without(tuple(condensed))

@@ -15,12 +15,15 @@ from jaxtyping import Array, Float
 
 from jaxgear._checks import require
 from jaxgear._contact._cells import MeshCells
+from jaxgear._contact._coupling import between_all_cells
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._wrench import beam_arms, cell_arms, structure_vectors
+from jaxgear._system._flexible import FlexibleBody, foot_tables
 from jaxgear._system._mesh_vectors import beam_vectors, section_motion, within_bodies
 from jaxgear._system._shaft import BeamBody, Shaft
 from jaxgear._system._structure import (
     BODIES,
+    GearBody,
     Housing,
     RigidBody,
     StaticFlexibility,
@@ -57,7 +60,9 @@ class PairSystem(eqx.Module):
     - `statics`: how the structure gives to mesh loads.
     - `direction`: mesh coordinates per approach by rotation [-].
     - `force`: normal mesh force that balances the torque, $C_1/(r_{b1}\cos\beta_b)$ [N].
-    - `bends`: whether a gear body bends, and the mesh has seven coordinates instead of two.
+    - `bends`: whether a gear body bends, and its sections have seven coordinates instead of two.
+    - `flexible`: which gears have condensed bodies. The motions of their seats are mesh
+        coordinates too, after those of sections.
     """
 
     pair: GearPair
@@ -68,6 +73,7 @@ class PairSystem(eqx.Module):
     direction: Coordinates
     force: Scalar
     bends: bool = eqx.field(static=True, default=False)
+    flexible: tuple[int, ...] = eqx.field(static=True, default=())
 
     @property
     def mesh_flexibility(self) -> CoordinateMatrix:
@@ -86,7 +92,10 @@ class PairSystem(eqx.Module):
 
         - `cells`: in mesh.
         """
-        return beam_arms(self.pair, cells.lines) if self.bends else cell_arms(cells.arm)
+        own = beam_arms(self.pair, cells.lines) if self.bends else cell_arms(cells.arm)
+        if cells.seat_arms is None:
+            return own
+        return jnp.concatenate([own, cells.seat_arms], axis=2)
 
     def displacement(self, load: CoordinateGrid) -> DofGrid:
         """Motion of the structure under mesh loads, apart from the driving rotation.
@@ -122,9 +131,10 @@ def pair_system(
     pinion_support: Support | Shaft = Support(),
     wheel_support: Support | Shaft = Support(),
     *,
-    pinion_body: RigidBody | BeamBody | None = None,
-    wheel_body: RigidBody | BeamBody | None = None,
+    pinion_body: GearBody | None = None,
+    wheel_body: GearBody | None = None,
     housing: Housing | None = None,
+    speed: Scalar | float = 0.0,
 ) -> PairSystem:
     """Assemble two gears under a torque.
 
@@ -134,9 +144,10 @@ def pair_system(
     - `torque`: of the drive on the pinion's shaft, positive; reacted at the wheel's [N m].
     - `pinion_support`: its shaft on bearings, or springs at its centre; by default it only turns.
     - `wheel_support`: the same of the wheel.
-    - `pinion_body`: rigid, or a beam; by default a rigid disc from bore to root circle.
+    - `pinion_body`: rigid, a beam or condensed; by default a rigid disc from bore to root circle.
     - `wheel_body`: the same of the wheel.
     - `housing`: behind the bearings, or `None`: rigid.
+    - `speed`: of the pinion, whose rotation loads condensed bodies [rad/s].
 
     **Returns:**
 
@@ -161,27 +172,22 @@ def pair_system(
         torque=torque,
         ratio=pair.teeth[1] / pair.teeth[0],
         housing=housing,
+        speed=speed,
     )
     bends = any(isinstance(body, BeamBody) for body in bodies)
-    vectors = (
-        beam_vectors(pair, (pinion_support, wheel_support), bodies)
-        if bends
-        else structure_vectors(pair)
-    )
+    mounts = (pinion_support, wheel_support)
+    vectors = beam_vectors(pair, mounts, bodies) if bends else _rigid_vectors(pair, bodies)
+    vectors = _with_seats(vectors, bodies)
     statics = static_flexibility(structure, vectors)
     if bends:
-        whole = statics.mesh_flexibility + within_bodies(
-            pair, (pinion_support, wheel_support), bodies
-        )
+        own = within_bodies(pair, mounts, bodies)
+        whole = statics.mesh_flexibility.at[: len(own), : len(own)].add(own)
         statics = dataclasses.replace(statics, mesh_flexibility=whole)
     return PairSystem(
         pair=pair,
         vectors=vectors,
         middles=jax.scipy.linalg.block_diag(
-            *(
-                section_motion(mount, body, jnp.zeros(()))
-                for mount, body in zip((pinion_support, wheel_support), bodies, strict=True)
-            )
+            *(_middle(mount, body) for mount, body in zip(mounts, bodies, strict=True))
         ),
         structure=structure,
         statics=statics,
@@ -189,7 +195,74 @@ def pair_system(
         force=driving_torque(pinion_support, torque)
         / (pair.base_radius[0] * jnp.cos(pair.base_helix_angle)),
         bends=bends,
+        flexible=tuple(
+            index for index, body in enumerate(bodies) if isinstance(body, FlexibleBody)
+        ),
     )
+
+
+def on_condensed_bodies(
+    pair: GearPair,
+    cells: MeshCells,
+    bodies: tuple[GearBody | None, GearBody | None],
+    speed: Scalar | float = 0.0,
+) -> MeshCells:
+    """Cells as the condensed bodies of a pair let them give.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `cells`: of teeth without the foundation of condensed bodies.
+    - `bodies`: of pinion and wheel.
+    - `speed`: of the pinion, whose rotation loads condensed bodies [rad/s].
+
+    **Returns:**
+
+    The cells; the same if no body is condensed.
+    """
+    ratio = pair.teeth[1] / pair.teeth[0]
+    tables, growth = [], jnp.zeros_like(cells.stiffness)
+    for index, (body, own) in enumerate(zip(bodies, (speed, speed / ratio), strict=True)):
+        if isinstance(body, FlexibleBody):
+            table = foot_tables(pair, index, body, cells.lines)
+            tables.append(table)
+            growth += own**2 * table.growth
+    if not tables:
+        return cells
+    coupling = sum(table.compliance for table in tables)
+    if cells.coupling is not None:
+        coupling += between_all_cells(cells.coupling)
+    arms = jnp.concatenate([table.arms for table in tables], axis=2)
+    return dataclasses.replace(cells, coupling=coupling, seat_arms=arms, growth=growth)
+
+
+def _rigid_vectors(pair: GearPair, bodies: list[GearBody]) -> DofCoordinates:
+    """Approach and tilt by the nodes of rigid bodies; the seats of condensed ones have their own."""
+    whole = structure_vectors(pair)
+    rows = [
+        jnp.zeros((body.seat_load.size, 2)) if isinstance(body, FlexibleBody) else part
+        for body, part in zip(bodies, (whole[:6], whole[6:]), strict=True)
+    ]
+    return jnp.concatenate(rows)
+
+
+def _with_seats(vectors: DofCoordinates, bodies: list[GearBody]) -> DofCoordinates:
+    """Mesh coordinates of sections, and after them every motion of every seat."""
+    first, last = (
+        body.seat_load.size if isinstance(body, FlexibleBody) else 0 for body in bodies
+    )
+    own = jnp.eye(len(vectors))
+    return jnp.concatenate([vectors, own[:, :first], own[:, len(vectors) - last :]], axis=1)
+
+
+def _middle(mount: Shaft | Support, body: GearBody) -> Float[Array, "6 node_dof"]:
+    """Motion of a gear at mid-face per motion of its nodes: of a condensed one as its seat's."""
+    if not isinstance(body, FlexibleBody):
+        return section_motion(mount, body, jnp.zeros(()))
+    away = -body.seat_heights[body.gear_seat]
+    moved = jnp.eye(6).at[0, 4].set(away).at[1, 3].set(-away)
+    first = 6 * body.gear_seat
+    return jnp.zeros((6, body.seat_load.size)).at[:, first : first + 6].set(moved)
 
 
 def gear_disc(pair: GearPair, index: int, mount: Support | Shaft, **given: Scalar) -> RigidBody:
@@ -219,7 +292,7 @@ def gear_disc(pair: GearPair, index: int, mount: Support | Shaft, **given: Scala
 def check_bodies(
     pair: GearPair,
     mounts: tuple[Support | Shaft, Support | Shaft],
-    bodies: tuple[RigidBody | BeamBody | None, RigidBody | BeamBody | None],
+    bodies: tuple[GearBody | None, GearBody | None],
 ) -> None:
     """Refuse bodies that do not fit their gears. Traced numbers are let through.
 
@@ -231,7 +304,8 @@ def check_bodies(
 
     **Raises:**
 
-    - `InputError` if a beam body is narrower than its gear, or if a shaft is as thick as the gear.
+    - `InputError` if a beam body is narrower than its gear, if a shaft is as thick as the gear, or
+        if a condensed body has no seat for a bearing, or loads on its shaft.
     """
     for index, (name, mount, body) in enumerate(zip(BODIES, mounts, bodies, strict=True)):
         width = (pair.pinion, pair.wheel)[index].face_width
@@ -244,6 +318,8 @@ def check_bodies(
                 width=width,
                 got=body.width,
             )
+        elif isinstance(body, FlexibleBody):
+            _check_seats(name, mount, body)
         elif isinstance(mount, Shaft):
             root = 2.0 * pair.root_radius[index]
             require(
@@ -255,3 +331,31 @@ def check_bodies(
                 root=root / mm,
                 got=mount.diameter_at_gear / mm,
             )
+
+
+def _check_seats(name: str, mount: Shaft | Support, body: FlexibleBody) -> None:
+    """Refuse a condensed body that its mount cannot hold."""
+    seats = ", ".join(body.seats)
+    if isinstance(mount, Support):
+        require(
+            len(body.seats) == 1,
+            "The {name}'s condensed body has the seats {seats}: give the bearings of its shaft. "
+            "Springs at the centre hold a body of one seat only.",
+            name=name,
+            seats=seats,
+        )
+        return
+    wanted = [f"bearing[{i}]" for i in range(len(mount.bearings))]
+    require(
+        set(wanted) <= set(body.seats),
+        "The {name}'s condensed body must have a seat for each bearing, {wanted}, got {seats}.",
+        name=name,
+        wanted=", ".join(wanted),
+        seats=seats,
+    )
+    require(
+        not mount.loads,
+        "The {name}'s condensed body contains its shaft, which has no node where the loads of the "
+        "shaft act. Leave the loads out, or make the body rigid or a beam.",
+        name=name,
+    )

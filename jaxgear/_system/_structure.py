@@ -18,6 +18,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from jaxgear._checks import InputError, require
+from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._shaft import BeamBody, Bearing, Shaft, ShaftMatrices, shaft_matrices
 from jaxgear._system._support import Support
 from jaxgear._types import (
@@ -138,6 +139,9 @@ def solid_disc(
     )
 
 
+GearBody = RigidBody | BeamBody | FlexibleBody
+
+
 class Housing(eqx.Module):
     """An elastic housing, as the bearings see it. It has no mass.
 
@@ -187,12 +191,16 @@ class StructureMap:
 
     `starts` lists every named node with its first degree of freedom, `sizes` the number of
     degrees of freedom of either body. `gears` has the first degree of freedom of each node of
-    either gear, `bearings` of each bearing's node. `free` are all that can move.
+    either gear, whose rotation is the gear's; `loaded` of each node that its teeth load, all seats
+    of a condensed body; `torques` of each node where its torque acts, in equal parts; `bearings` of
+    each bearing's node. `free` are all that can move.
     """
 
     starts: tuple[tuple[str, int], ...]
     sizes: tuple[int, int]
     gears: tuple[tuple[int, ...], tuple[int, ...]]
+    loaded: tuple[tuple[int, ...], tuple[int, ...]]
+    torques: tuple[tuple[int, ...], tuple[int, ...]]
     bearings: tuple[int, ...]
     free: tuple[int, ...]
 
@@ -208,8 +216,8 @@ class StructureMap:
 
     @property
     def gear_dofs(self) -> tuple[int, ...]:
-        """Degrees of freedom of the gears' nodes, pinion then wheel, left end then right."""
-        return tuple(first + k for gear in self.gears for first in gear for k in range(6))
+        """Degrees of freedom of the nodes that teeth load, pinion then wheel, left to right."""
+        return tuple(first + k for gear in self.loaded for first in gear for k in range(6))
 
 
 class Structure(eqx.Module):
@@ -271,11 +279,12 @@ class BearingMotion(eqx.Module):
 def assemble_structure(
     pinion: Shaft | Support,
     wheel: Shaft | Support,
-    pinion_body: RigidBody | BeamBody,
-    wheel_body: RigidBody | BeamBody,
+    pinion_body: GearBody,
+    wheel_body: GearBody,
     torque: Scalar,
     ratio: Scalar,
     housing: Housing | None = None,
+    speed: Scalar | float = 0.0,
 ) -> Structure:
     """Put both bodies on their shafts, and the shafts on their bearings.
 
@@ -292,10 +301,11 @@ def assemble_structure(
     - `torque`: of the drive, on the pinion's shaft [N m].
     - `ratio`: of the wheel's base radius to the pinion's [-].
     - `housing`: between the bearings and the ground, or `None`: rigid.
+    - `speed`: of the pinion, whose rotation loads condensed bodies [rad/s].
 
     **Returns:**
 
-    The structure.
+    The structure. Condensed bodies are in it without their mass.
 
     **Raises:**
 
@@ -306,7 +316,7 @@ def assemble_structure(
     for name, mount in zip(BODIES, mounts, strict=True):
         if isinstance(mount, Shaft):
             check_supported(mount, name)
-    mapped = _structure_map(mounts)
+    mapped = _structure_map(mounts, (pinion_body, wheel_body))
     bearings = [b for mount in mounts if isinstance(mount, Shaft) for b in mount.bearings]
     seats = _seat_stiffness(bearings, housing)
     parts = [_mounted_body(*each) for each in zip(BODIES, mounts, bodies, strict=True)]
@@ -324,7 +334,8 @@ def assemble_structure(
         mass=_on_diagonal(parts[0].mass, parts[1].mass),
         pinion_gyroscopic=_on_diagonal(parts[0].gyroscopic, none[1]),
         wheel_gyroscopic=_on_diagonal(none[0], parts[1].gyroscopic),
-        load=_outside_load(mounts, mapped, as_scalar(torque), as_scalar(ratio)),
+        load=_outside_load(mounts, mapped, as_scalar(torque), as_scalar(ratio))
+        + _rotation_load(bodies, mapped, as_scalar(speed), as_scalar(ratio)),
         bearing_stiffness=seats,
         bearing_tilt=tilts,
         map=mapped,
@@ -504,8 +515,14 @@ def _moves(free: np.ndarray) -> bool:
     return free.shape[1] == 2 or bool(np.any(np.abs(free[1]) < 1e-6))
 
 
-def _mounted_body(name: str, mount: Shaft | Support, body: RigidBody | BeamBody) -> ShaftMatrices:
+def _mounted_body(name: str, mount: Shaft | Support, body: GearBody) -> ShaftMatrices:
     """Matrices of one body on its shaft, or at the one node of its support."""
+    if isinstance(body, FlexibleBody):
+        none = jnp.zeros_like(body.seat_stiffness)
+        held = none
+        if isinstance(mount, Support):
+            held = jnp.diag(_springs(mount))
+        return ShaftMatrices(body.seat_stiffness + held, none, none)
     if isinstance(mount, Shaft):
         if isinstance(body, BeamBody):
             return shaft_matrices(mount, body)
@@ -523,10 +540,14 @@ def _mounted_body(name: str, mount: Shaft | Support, body: RigidBody | BeamBody)
             "bearings, or make the body rigid."
         )
     inertia, spin = _lumped(body)
+    return ShaftMatrices(jnp.diag(_springs(mount)), jnp.diag(inertia), spin)
+
+
+def _springs(mount: Support) -> NodeDofs:
+    """Stiffness of a support along and about S, T, Z."""
     springs = [mount.radial_s, mount.radial_t, mount.axial, mount.tilt, mount.tilt, None]
     # A rigid direction has no spring: it is not among the free degrees of freedom.
-    held = jnp.stack([jnp.zeros(()) if spring is None else spring for spring in springs])
-    return ShaftMatrices(jnp.diag(held), jnp.diag(inertia), spin)
+    return jnp.stack([jnp.zeros(()) if spring is None else spring for spring in springs])
 
 
 def _lumped(body: RigidBody) -> tuple[NodeDofs, NodeMatrix]:
@@ -538,15 +559,28 @@ def _lumped(body: RigidBody) -> tuple[NodeDofs, NodeMatrix]:
     return inertia, polar * turn
 
 
-def _structure_map(mounts: tuple[Shaft | Support, Shaft | Support]) -> StructureMap:
+def _structure_map(
+    mounts: tuple[Shaft | Support, Shaft | Support], bodies: tuple[GearBody, GearBody]
+) -> StructureMap:
     starts: list[tuple[str, int]] = []
-    sizes, gears, bearings, free = [], [], [], []
-    for name, mount in zip(BODIES, mounts, strict=True):
+    sizes, gears, loaded, torques, bearings, free = [], [], [], [], [], []
+    for name, mount, body in zip(BODIES, mounts, bodies, strict=True):
         begin = sum(sizes)
-        if isinstance(mount, Shaft):
+        if isinstance(body, FlexibleBody) and isinstance(mount, Shaft):
+            nodes = seat_nodes(body)
+            starts += [(f"{name} {place}", begin + 6 * node) for place, node in nodes.items()]
+            gears.append((begin + 6 * body.gear_seat,))
+            torques.append(gears[-1])
+            loaded.append(tuple(begin + 6 * node for node in range(len(body.seats))))
+            bearings += [begin + 6 * nodes[f"bearing {i}"] for i in range(len(mount.bearings))]
+            sizes.append(6 * len(body.seats))
+            free += range(begin, begin + sizes[-1])
+        elif isinstance(mount, Shaft):
             layout = mount.layout
             starts += [(f"{name} {place}", begin + 6 * node) for place, node in layout.places]
             gears.append(tuple(begin + 6 * node for node in layout.gear_nodes))
+            loaded.append(gears[-1])
+            torques.append(tuple(begin + 6 * node for node in layout.torque_nodes))
             nodes = layout.nodes
             count = len(mount.bearings)
             bearings += [begin + 6 * nodes[f"bearing {i}"] for i in range(count)]
@@ -555,13 +589,36 @@ def _structure_map(mounts: tuple[Shaft | Support, Shaft | Support]) -> Structure
         else:
             starts += [(f"{name} {place}", begin) for place in ("gear", "torque")]
             gears.append((begin,))
+            loaded.append(gears[-1])
+            torques.append(gears[-1])
             sizes.append(6)
             springs = (mount.radial_s, mount.radial_t, mount.axial, mount.tilt, mount.tilt)
             free += [begin + k for k, spring in enumerate(springs) if spring is not None]
             free.append(begin + 5)
     return StructureMap(
-        tuple(starts), (sizes[0], sizes[1]), (gears[0], gears[1]), tuple(bearings), tuple(free)
+        tuple(starts),
+        (sizes[0], sizes[1]),
+        (gears[0], gears[1]),
+        (loaded[0], loaded[1]),
+        (torques[0], torques[1]),
+        tuple(bearings),
+        tuple(free),
     )
+
+
+def seat_nodes(body: FlexibleBody) -> dict[str, int]:
+    """Numbers of the seats of a condensed body, named as the nodes of a shaft.
+
+    **Arguments:**
+
+    - `body`: its seats are `bearing[0]` and so on, and `torque` where that is a place of its own.
+
+    **Returns:**
+
+    The numbers, with "gear" and "torque" for the seat whose rotation is the gear's.
+    """
+    named = {seat.replace("[", " ").rstrip("]"): i for i, seat in enumerate(body.seats)}
+    return named | {"gear": body.gear_seat, "torque": body.gear_seat}
 
 
 def _seat_stiffness(bearings: list[Bearing], housing: Housing | None) -> BearingMatrix:
@@ -604,17 +661,26 @@ def _outside_load(
     """Loads of the shafts, the driving torque and the reaction that balances the mesh."""
     reaction = ratio * driving_torque(mounts[0], torque) - _couple(mounts[1])
     load = jnp.zeros(mapped.size)
-    begin = 0
-    for mount, couple, size in zip(mounts, (torque, reaction), mapped.sizes, strict=True):
-        nodes = mount.layout.torque_nodes if isinstance(mount, Shaft) else (0,)
-        about = begin + 6 * np.asarray(nodes) + 5
-        load = load.at[about].add(couple / len(nodes))
+    for name, mount, couple, nodes in zip(
+        BODIES, mounts, (torque, reaction), mapped.torques, strict=True
+    ):
+        load = load.at[np.asarray(nodes) + 5].add(couple / len(nodes))
         if isinstance(mount, Shaft):
             for i, extra in enumerate(mount.loads):
-                first = begin + 6 * mount.layout.nodes[f"load {i}"]
+                first = mapped.dofs[f"{name} load {i}"]
                 whole = jnp.concatenate([extra.force, extra.moment])
                 load = load.at[first + np.arange(6)].add(whole)
-        begin += size
+    return load
+
+
+def _rotation_load(
+    bodies: tuple[GearBody, GearBody], mapped: StructureMap, speed: Scalar, ratio: Scalar
+) -> Load:
+    """Loads of rotation on the seats of condensed bodies."""
+    load = jnp.zeros(mapped.size)
+    for body, nodes, own in zip(bodies, mapped.loaded, (speed, speed / ratio), strict=True):
+        if isinstance(body, FlexibleBody):
+            load = load.at[nodes[0] : nodes[0] + body.seat_load.size].add(own**2 * body.seat_load)
     return load
 
 
