@@ -261,7 +261,8 @@ def _refuse_unfit(command: str, scene: Scene) -> None:
     condensed = [gear for gear in GEARS if scene[f"{gear}.body.kind"] == "condensed"]
     if command == "condense" and not condensed:
         raise _Stop(2, _nothing_to_condense(scene))
-    if command != "condense" and condensed:
+    swept = command == "run" and scene.has_table("sweep")
+    if condensed and (swept or command in ("sweep", "modes", "compare")):
         raise SceneError([_not_yet(scene, command, gear) for gear in condensed])
     if command == "sweep" and not scene.has_table("sweep"):
         raise _Stop(
@@ -303,12 +304,12 @@ def _nothing_to_condense(scene: Scene) -> str:
 
 
 def _not_yet(scene: Scene, command: str, gear: str) -> Mistake:
-    """Say which command takes a condensed body, and what this one takes."""
+    """Say which commands take a condensed body, and what this one takes."""
     key = f"{gear}.body.kind"
+    whose = "[sweep] in `jaxgear run`" if command == "run" else f"`jaxgear {command}`"
     words = (
-        f'got "condensed": this version condenses bodies (`jaxgear condense`), but `jaxgear '
-        f'{command}` does not yet put them in mesh. Write "rigid" or "beam", or --set '
-        f"{key}=rigid"
+        f'got "condensed": {whose} does not yet take the mass of condensed bodies. Use run, map, '
+        f'optimise or check-grad without it, write "rigid" or "beam", or --set {key}=rigid'
     )
     return Mistake(scene.where(key), key, words)
 

@@ -103,6 +103,16 @@ def _progress(total: int, what: str, quiet: bool) -> Iterator[Callable[[int], No
         yield done
 
 
+def _with_bodies(scene: Scene, quiet: bool) -> Scene:
+    """The scene with its condensed bodies; where it has none, nothing is imported for them."""
+    if all(scene[f"{gear}.body.kind"] != "condensed" for gear in GEARS):
+        return scene
+    from jaxgear._app import _condense, _mesh_bodies
+
+    with _condense.steps("bodies", quiet) as tell:
+        return _mesh_bodies.with_bodies(scene, tell)
+
+
 def run(scene: Scene, folder: Path, quiet: bool) -> Summary:
     """Geometry, a quasi-static mesh cycle and, where asked for, sizing table and optimisation.
 
@@ -122,6 +132,7 @@ def run(scene: Scene, folder: Path, quiet: bool) -> Summary:
     - `SolverFailure` if a contact problem was not solved.
     """
     watch = Stopwatch()
+    scene = _with_bodies(scene, quiet)
     # Impossible gears and endless searches are refused before any bar is drawn.
     model_of(scene)
     if scene.has_table("optimise"):
@@ -167,7 +178,7 @@ def map_relief(scene: Scene, folder: Path, quiet: bool) -> Summary:
     watch = Stopwatch()
     # The closed form, and so the map, is for linear relief.
     linear = {f"flank.{gear}.tip_relief.shape": "linear" for gear in GEARS}
-    scene = scene.replace(linear)
+    scene = _with_bodies(scene.replace(linear), quiet)
     statics = solve_statics(scene, watch)
     summary = _head(scene, statics)
     deflection = summary["static"]["single_pair_deflection_um"] * um
@@ -268,6 +279,7 @@ def optimise_flanks(scene: Scene, folder: Path, quiet: bool) -> Summary:
     refuse_unbounded(scene, tuple(scene["optimise.vary"]))
     require_swept(scene)
     watch = Stopwatch()
+    scene = _with_bodies(scene, quiet)
     statics = solve_statics(scene, watch)
     summary = _head(scene, statics)
     found = _optimisation(scene, statics, folder, quiet, watch)
@@ -379,6 +391,7 @@ def check_gradients(scene: Scene, folder: Path, quiet: bool) -> Summary:
     A derivative that is wrong is counted in `check_grad.verdicts.WRONG`.
     """
     watch = Stopwatch()
+    scene = _with_bodies(scene, quiet)
     laws = {"exact": ExactContact(), "smooth": smooth_law_of(scene)}
     table, steady = [], []
     moving = scene.has_table("sweep")

@@ -67,7 +67,7 @@ def condense(scene: Scene, folder: Path, quiet: bool) -> Summary:
     plans = [body_plan(scene, gear) for gear in condensed_gears(scene)]
     bodies, remarks, groups = [], [], {}
     for plan in plans:
-        with _steps(plan.gear, quiet) as tell:
+        with steps(plan.gear, quiet) as tell:
             found = built_body(plan, tell)
             bodies.append(_body_summary(scene, found))
             tell("writing the body")
@@ -86,13 +86,13 @@ def condense(scene: Scene, folder: Path, quiet: bool) -> Summary:
 
 
 @contextmanager
-def _steps(gear: str, quiet: bool) -> Iterator[Callable[[str], None]]:
+def steps(what: str, quiet: bool) -> Iterator[Callable[[str], None]]:
     """A line on a terminal's standard error that says what is being done, and since when."""
     with tqdm.tqdm(
         disable=quiet or None,
         file=sys.stderr,
         leave=False,
-        bar_format=gear + ": {desc} [{elapsed}]",
+        bar_format=what + ": {desc} [{elapsed}]",
     ) as line:
 
         def tell(step: str) -> None:

@@ -20,7 +20,7 @@ from jaxgear._app._files import (
     read_topography,
 )
 from jaxgear._app._scene import Scene
-from jaxgear._app._schema import GEARS
+from jaxgear._app._schema import GEARS, shapes_body
 from jaxgear._checks import InputError
 from jaxgear._contact._cells import Misalignment
 from jaxgear._contact._compliance import (
@@ -58,10 +58,11 @@ from jaxgear._geometry._lines import MeshGrid, mesh_grid
 from jaxgear._geometry._pair import GearPair
 from jaxgear._geometry._tip_contact import tip_separation
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact, SmoothContact
+from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._model import PairModel
 from jaxgear._system._pair_system import gear_disc
 from jaxgear._system._shaft import BeamBody, Bearing, Segment, Shaft, ShaftLayout, ShaftLoad
-from jaxgear._system._structure import Housing, RigidBody
+from jaxgear._system._structure import GearBody, Housing
 from jaxgear._system._support import Support
 from jaxgear._types import Scalar
 from jaxgear._units import GPa, N_per_mm_um, deg, mm, um
@@ -80,7 +81,8 @@ def model_of(scene: Scene) -> PairModel:
 
     **Raises:**
 
-    - `ValueError` if the gears are impossible.
+    - `ValueError` if the gears are impossible, or if a condensed body has not been built or cannot
+        follow what is traced.
     """
     pair = pair_of(scene)
     mounts = [_mount(scene, name) for name in GEARS]
@@ -98,6 +100,7 @@ def model_of(scene: Scene) -> PairModel:
         pinion_body=_body(scene, pair, "pinion", mounts[0]),
         wheel_body=_body(scene, pair, "wheel", mounts[1]),
         housing=_housing(scene),
+        speed=_real(scene, key) if scene.get(key := "mesh.pinion_speed_rad_s") is not None else 0.0,
     )
 
 
@@ -127,12 +130,17 @@ def flanks_of(scene: Scene, pair: GearPair) -> Flanks:
 
 def grid_of(scene: Scene, model: PairModel) -> MeshGrid:
     """Choose the grid that a scene asks for, for its model or one close to it."""
+    return pair_grid(scene, model.pair, model.mesh_torque)
+
+
+def pair_grid(scene: Scene, pair: GearPair, torque: Scalar) -> MeshGrid:
+    """As `grid_of`, of the pair alone under a torque on the mesh."""
     return mesh_grid(
-        model.pair,
+        pair,
         phases=scene["mesh.phases"],
         slices=scene["mesh.slices"],
         periods=scene["mesh.periods"],
-        beyond=_tip_window(scene, model) if scene["mesh.tip_contact"] else 0.0,
+        beyond=_tip_window(scene, pair, torque) if scene["mesh.tip_contact"] else 0.0,
     )
 
 
@@ -141,16 +149,16 @@ def grid_of(scene: Scene, model: PairModel) -> MeshGrid:
 _SOFT, _OVERLOAD = 10.0 * N_per_mm_um, 1.5
 
 
-def _tip_window(scene: Scene, model: PairModel) -> float:
+def _tip_window(scene: Scene, pair: GearPair, torque: Scalar) -> float:
     """How far beyond the path tip corners may touch, in base pitches: as far as teeth can bend.
 
     A window is no smoothing: one that is wide enough changes nothing, and one that is not
     is refused once it is solved.
     """
-    torque = max([_OVERLOAD * float(model.mesh_torque), *scene.get("map.torques_Nm", [])])
-    bend = torque / (float(model.pair.base_radius[0]) * float(model.pair.face_width) * _SOFT)
+    most = max([_OVERLOAD * float(torque), *scene.get("map.torques_Nm", [])])
+    bend = most / (float(pair.base_radius[0]) * float(pair.face_width) * _SOFT)
     places = np.arange(0.1, 0.46, 0.05)
-    early, late = np.asarray(jax.jit(_tip_gaps)(model.pair, jnp.asarray(places)))
+    early, late = np.asarray(jax.jit(_tip_gaps)(pair, jnp.asarray(places)))
     enough = np.minimum(early, late) > bend
     return float(places[int(np.argmax(enough))]) if enough.any() else float(places[-1])
 
@@ -440,14 +448,11 @@ def _support(scene: Scene, name: str) -> Support:
     )
 
 
-def _body(scene: Scene, pair: GearPair, name: str, mount: Support | Shaft) -> RigidBody | BeamBody:
+def _body(scene: Scene, pair: GearPair, name: str, mount: Support | Shaft) -> GearBody:
     """A gear's body; a rigid one is a disc from bore to root circle, but for what is given."""
     index = GEARS.index(name)
     if scene[f"{name}.body.kind"] == "condensed":
-        raise InputError(
-            f"{name}.body.kind: this version condenses bodies but does not yet put them in mesh. "
-            'Write "rigid" or "beam".'
-        )
+        return _condensed_body(scene, name)
     if scene[f"{name}.body.kind"] == "beam":
         gear, root = (pair.pinion, pair.wheel)[index], 2.0 * pair.root_radius[index]
         return BeamBody(width=gear.face_width, outer=root, material=gear.material)
@@ -461,6 +466,23 @@ def _body(scene: Scene, pair: GearPair, name: str, mount: Support | Shaft) -> Ri
         if scene.get(f"{name}.body.{key}") is not None
     }
     return gear_disc(pair, index, mount, **given)
+
+
+def _condensed_body(scene: Scene, name: str) -> FlexibleBody:
+    """The condensed body that was built for the scene, unless the scene has left it behind."""
+    varied = [key for key in scene.known if shapes_body(key, name)]
+    if varied:
+        raise InputError(
+            f"The {name}'s body is condensed finite elements, whose numbers do not follow "
+            f"{', '.join(sorted(varied))}: there is no derivative. Vary keys of flanks, torque, "
+            "bearing stiffnesses, misalignment or tips, or make the body rigid."
+        )
+    if name not in scene.bodies:
+        raise InputError(
+            f"The {name}'s condensed body has not been built for this scene: use "
+            "`with_bodies(scene)` first, and again after other changes than of flanks and loads."
+        )
+    return scene.bodies[name].flexible
 
 
 def _housing(scene: Scene) -> Housing | None:

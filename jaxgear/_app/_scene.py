@@ -31,6 +31,7 @@ from jaxgear._app._schema import (
     REAL_KEYS,
     TABLES,
     general,
+    shapes_body,
     show,
     split_entry,
 )
@@ -90,6 +91,7 @@ class Scene:
     - `lines`: where each given key, and each entry of a list of numbers that can be varied, was
         set: `file:line` or the `--set` argument.
     - `known`: the last value that was not traced of each key that now has a traced one.
+    - `bodies`: condensed bodies in mesh, by gear, where they have been built for this scene.
     """
 
     path: Path
@@ -97,6 +99,7 @@ class Scene:
     given: frozenset[str]
     lines: Mapping[str, str]
     known: Mapping[str, Any] = dataclasses.field(default_factory=lambda: MappingProxyType({}))
+    bodies: Mapping[str, Any] = dataclasses.field(default_factory=lambda: MappingProxyType({}))
 
     def __getitem__(self, key: str) -> Any:
         return _look_up(self.values, key)
@@ -138,6 +141,8 @@ class Scene:
     def replace(self, updates: Mapping[str, object]) -> "Scene":
         """Return the scene with other values, unchecked: they may be traced by JAX.
 
+        A condensed body that would be another one with the new values is left out.
+
         **Arguments:**
 
         - `updates`: path to new value, in the units of the file; the path may be that of an
@@ -169,6 +174,13 @@ class Scene:
             values=MappingProxyType(values),
             given=frozenset(written),
             known=MappingProxyType(known),
+            bodies=MappingProxyType(
+                {
+                    gear: body
+                    for gear, body in self.bodies.items()
+                    if not any(shapes_body(key, gear) and key not in known for key in updates)
+                }
+            ),
         )
 
     def concrete(self, key: str) -> Any:

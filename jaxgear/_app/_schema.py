@@ -783,6 +783,34 @@ _MESH = (
         "contact of tip corners beyond the ends of the path",
         False,
     ),
+    _variable(
+        "mesh.pinion_speed_rad_s",
+        "speed of the pinion, whose rotation loads condensed bodies in the quasi-static cycle; "
+        "default: at rest",
+        at_least=0.0,
+        at_most=1e5,
+        remedy="The key is in rad/s",
+    ),
+    _text(
+        "mesh.connection",
+        "how slices stand on the rim of a condensed body: mortar, or collocation to compare with",
+        "mortar",
+        choices=("mortar", "collocation"),
+    ),
+    _count(
+        "mesh.root_points",
+        "points across the root of a tooth by which it stands on the rim of a condensed body; 2: the "
+        "thesis's two",
+        4,
+        at_least=2,
+        at_most=16,
+    ),
+    Key(
+        "mesh.root_correction",
+        "bool",
+        "whether what the rim's elements are too large to show of a root's give is added",
+        True,
+    ),
 )
 
 _RAYLEIGH = ("damping.kind", "rayleigh")
@@ -987,6 +1015,51 @@ _COUNT = r"(?:0|[1-9][0-9]*)"
 def general(path: str) -> str:
     """Return the path in the schema: `[]` for every index."""
     return re.sub(rf"\[{_COUNT}\]", "[]", path)
+
+
+# What of a scene condensed bodies are made from or for: these tables, and these keys of the gears.
+_SHAPING_TABLES = ("material", "{gear}.material", "{gear}.body", "{gear}.web")
+_SHAPING_KEYS = (
+    "pair.module_mm",
+    "pair.pressure_angle_deg",
+    "pair.helix_angle_deg",
+    "pinion.face_width_mm",
+    "wheel.face_width_mm",
+    "mesh.slices",
+    "mesh.periods",
+    "mesh.tip_contact",
+    "mesh.connection",
+    "mesh.root_points",
+    "mesh.root_correction",
+    *(
+        f"{{gear}}.{key}"
+        for key in (
+            "teeth",
+            "profile_shift",
+            "dedendum_coeff",
+            "fillet_radius_coeff",
+            "bore_mm",
+            "shaft.gear_at_mm",
+            "shaft.torque_at_mm",
+        )
+    ),
+)
+
+
+def shapes_body(key: str, gear: str) -> bool:
+    """Say whether a condensed body would be another one if a key of the scene were.
+
+    **Arguments:**
+
+    - `key`: path of the key.
+    - `gear`: `pinion` or `wheel`, whose body is condensed.
+    """
+    whole = {each.format(gear=gear) for each in _SHAPING_KEYS}
+    tables = tuple(f"{each.format(gear=gear)}." for each in _SHAPING_TABLES)
+    along = key.startswith(f"{gear}.shaft.segments") or (
+        key.startswith(f"{gear}.shaft.bearings") and key.endswith(".at_mm")
+    )
+    return key in whole or key.startswith(tables) or along
 
 
 def split_entry(path: str) -> tuple[str, int | None]:

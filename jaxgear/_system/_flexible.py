@@ -13,7 +13,7 @@ phases, and another body one for each of the mesh periods after which it repeats
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -53,6 +53,7 @@ _UNEVEN = 1e-3
 _RIM_OFF = 5e-3
 
 
+@runtime_checkable
 class Condensed(Protocol):
     """What is needed of a condensed body; `fem_prep.ReducedBody` is one.
 
