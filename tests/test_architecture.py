@@ -56,6 +56,7 @@ BODY_STAGES = (
     "_files",
     "_solvers",
     "_assembly",
+    "_patch",
     "_artefact",
     "_body_checks",
     "_body_file",

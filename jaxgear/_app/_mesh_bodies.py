@@ -71,7 +71,9 @@ def _in_mesh(
     with in_keys(plan.gear):
         local = None
         if scene["mesh.root_correction"]:
-            local = root_correction(built.body, pair, index, grid, points=points)
+            local = root_correction(
+                built.body, plan.material, pair, index, grid, points=points, axial=axial
+            )
         flexible = flexible_body(
             built.body,
             pair,

@@ -799,11 +799,11 @@ _MESH = (
     ),
     _count(
         "mesh.root_points",
-        "points across the root of a tooth by which it stands on the rim of a condensed body; 2: the "
-        "thesis's two",
-        4,
+        "points across the root of a tooth by which it stands on the rim of a condensed body; "
+        "2: the thesis's two",
+        12,
         at_least=2,
-        at_most=16,
+        at_most=24,
     ),
     Key(
         "mesh.root_correction",

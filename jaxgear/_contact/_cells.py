@@ -57,8 +57,8 @@ class MeshCells(eqx.Module):
     - `line_stiffness`: $k'$ per length of contact line of what each tooth pair gives by itself, at
         each slice [N/m2].
     - `stiffness`: of each cell, its active fraction included [N/m].
-    - `coupling`: of the lines in each slice through the bodies they share, of all cells where a body
-        is condensed, or `None` [m/N].
+    - `coupling`: of the lines in each slice through the bodies they share, of all cells where a
+        body is condensed, or `None` [m/N].
     - `arm`: $\lambda$, place of each cell along its contact line, from the foot of the pitch
         point at mid-face [m].
     - `seat_arms`: approach of each cell per motion of the seats of condensed bodies, or `None`

@@ -50,9 +50,7 @@ def share_with_body(coupling: Coupling, stiffness: Cells, columns: CellColumns) 
     return sharing_with_body(coupling, stiffness)(columns)
 
 
-def sharing_with_body(
-    coupling: Coupling, stiffness: Cells
-) -> Callable[[CellColumns], CellColumns]:
+def sharing_with_body(coupling: Coupling, stiffness: Cells) -> Callable[[CellColumns], CellColumns]:
     r"""What solves $(I + K C)\,y = r$, for the right-hand sides to come.
 
     With $r$ the forces that stiff bodies would leave on the cells, $y$ are those that remain when
@@ -145,9 +143,7 @@ def _one_by_one(function: Callable) -> Callable:
     (jaxlib 0.10.2 on two cores). In turn they cost the same.
     """
     in_turn = jax.custom_batching.sequential_vmap(function)
-    return lambda *arguments: jax.lax.platform_dependent(
-        *arguments, cpu=in_turn, default=function
-    )
+    return lambda *arguments: jax.lax.platform_dependent(*arguments, cpu=in_turn, default=function)
 
 
 def between_all_cells(coupling: CouplingGrid) -> DenseCouplingGrid:

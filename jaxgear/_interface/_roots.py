@@ -16,15 +16,16 @@ is the mortar condition, weights [1 4 1]/6 (eq. 2.21 to 2.27). The rim's displac
 that of its 8-node element (eq. 2.28).
 """
 
+import itertools
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 import scipy.sparse
-import scipy.spatial
 from scipy.sparse import csr_array
+from scipy.spatial import KDTree
 
-from jaxgear._checks import InputError, require
+from jaxgear._checks import InputError
 from jaxgear._units import mm
 
 # Of an element: how far outside of it a point may be and still be taken as on its edge.
@@ -33,6 +34,9 @@ _EDGE = 1e-6
 _CANDIDATES, _STEPS = 9, 12
 # More levels of nodes than this are no layers of elements: slices are then cut evenly.
 _MOST_LEVELS, _EVEN_PIECES = 200, 4
+
+# Across a root: enough for a linear stress, however small the elements of the rim.
+ROOT_POINTS = 12
 
 Axial = Literal["mortar", "collocation"]
 
@@ -49,6 +53,12 @@ class RimSurface:
 
     nodes: np.ndarray
     faces: np.ndarray
+
+    @property
+    def radius(self) -> float:
+        """Of the surface [m]."""
+        x, y, _ = self.nodes[self.faces[:, :4].ravel()].T
+        return float(np.median(np.hypot(x, y)))
 
 
 @dataclass(frozen=True)
@@ -68,7 +78,7 @@ class RootPatches:
     angles: np.ndarray
     edges: np.ndarray
     width: float
-    points: int = 4
+    points: int = ROOT_POINTS
     axial: Axial = "mortar"
 
 
@@ -108,9 +118,8 @@ def feet(rim: RimSurface, patches: RootPatches) -> Feet:
     along, weights_along, owner = _along(patches, rim)
     slices = len(patches.edges) - 1
     angles = patches.angles.reshape(-1, slices)
-    radius = float(np.median(np.hypot(rim.nodes[:, 0], rim.nodes[:, 1])))
     # Points: tooth, point along, point across.
-    turned = angles[:, owner, None] + across / radius
+    turned = angles[:, owner, None] + across / rim.radius
     heights = np.broadcast_to(along[:, None], turned.shape)
     weights = np.broadcast_to(weights_along[:, None] * weights_across, turned.shape)
     foot = np.arange(angles.shape[0])[:, None, None] * slices + owner[:, None]
@@ -140,9 +149,7 @@ def _across(patches: RootPatches) -> tuple[np.ndarray, np.ndarray]:
     return 0.5 * patches.width * places, 0.5 * weights
 
 
-def _along(
-    patches: RootPatches, rim: RimSurface
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _along(patches: RootPatches, rim: RimSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Heights of points along the axis, their weights within their slice, and their slice."""
     edges = patches.edges
     slices = len(edges) - 1
@@ -167,7 +174,7 @@ def _cuts(edges: np.ndarray, rim: RimSurface) -> np.ndarray:
     size = np.ptp(edges)
     levels = np.unique(np.round(rim.nodes[rim.faces[:, :4], 2] / size, 9)) * size
     if len(levels) > _MOST_LEVELS:
-        pieces = [np.linspace(*pair, _EVEN_PIECES + 1) for pair in zip(edges[:-1], edges[1:], strict=True)]
+        pieces = [np.linspace(*pair, _EVEN_PIECES + 1) for pair in itertools.pairwise(edges)]
         return np.unique(np.concatenate(pieces))
     within = levels[(levels > edges[0]) & (levels < edges[-1])]
     cuts = np.sort(np.concatenate([edges, within]))
@@ -216,8 +223,7 @@ def _shape_values(
 
     - `ValueError` if a point is on no element.
     """
-    nodes = rim.nodes
-    radius = float(np.median(np.hypot(nodes[:, 0], nodes[:, 1])))
+    nodes, radius = rim.nodes, rim.radius
     corners = nodes[rim.faces]
     face_angle = np.arctan2(*corners[:, :4, :2].mean(axis=1).T[::-1])
     # Elements unrolled about their own middles, so that none is cut by a full turn.
@@ -226,13 +232,11 @@ def _shape_values(
     unrolled = np.stack([radius * own, corners[..., 2]], axis=-1)
     centres = corners[:, :4].mean(axis=1)
     on_cylinder = lambda angle, z: np.stack([radius * np.cos(angle), radius * np.sin(angle), z], -1)
-    tree = scipy.spatial.cKDTree(on_cylinder(face_angle, centres[:, 2]))
+    tree = KDTree(on_cylinder(face_angle, centres[:, 2]))
     few = min(_CANDIDATES, len(rim.faces))
     near = tree.query(on_cylinder(angles, heights), k=few)[1].reshape(len(angles), few)
     away = (angles[:, None] - face_angle[near] + np.pi) % (2.0 * np.pi) - np.pi
-    wanted = np.stack(
-        [radius * away, np.broadcast_to(heights[:, None], away.shape)], axis=-1
-    )
+    wanted = np.stack([radius * away, np.broadcast_to(heights[:, None], away.shape)], axis=-1)
     local = _local_coordinates(unrolled[near].reshape(-1, 8, 2), wanted.reshape(-1, 2))
     outside = np.abs(local).max(axis=-1).reshape(near.shape)
     best = np.argmin(outside, axis=1)
@@ -240,13 +244,13 @@ def _shape_values(
     lost = outside[rows, best] > 1.0 + _EDGE
     if lost.any():
         first = int(np.argmax(lost))
-        low, high = nodes[:, 2].min(), nodes[:, 2].max()
+        low, high = corners[..., 2].min(), corners[..., 2].max()
         raise InputError(
             f"The slices of the teeth must stand on the rim: {int(lost.sum())} of {len(lost)} "
             f"points of their roots do not, the first at z = {heights[first] / mm:.6g} mm and "
             f"{np.rad2deg(angles[first]) % 360.0:.4g} degrees around; the rim reaches from "
-            f"{low / mm:.6g} to {high / mm:.6g} mm. Is the rim's set of nodes complete, and z = 0 in "
-            "the middle of the face?"
+            f"{low / mm:.6g} to {high / mm:.6g} mm. Is the rim's set of nodes complete, and z = 0 "
+            "in the middle of the face?"
         )
     chosen = np.clip(local.reshape(*near.shape, 2)[rows, best], -1.0, 1.0)
     return rim.faces[near[rows, best]], serendipity(chosen)[0]

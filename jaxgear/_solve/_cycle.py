@@ -18,8 +18,8 @@ from jaxgear._contact._cells import (
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._solve._contact import ContactProblem, ContactState, SolverSettings, contact_state
-from jaxgear._system._model import PairModel
 from jaxgear._system._flexible import FlexibleBody
+from jaxgear._system._model import PairModel
 from jaxgear._system._pair_system import PairSystem, on_condensed_bodies, pair_system
 from jaxgear._types import (
     CellArms,

@@ -12,7 +12,7 @@ phases, and another body one for each of the mesh periods after which it repeats
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import equinox as eqx
@@ -26,7 +26,7 @@ from jaxgear._checks import require
 from jaxgear._geometry._lines import ContactLines, MeshGrid, face_positions
 from jaxgear._geometry._pair import GearPair
 from jaxgear._geometry._profile import tooth_section
-from jaxgear._interface._roots import Axial, Feet, RimSurface, RootPatches, feet
+from jaxgear._interface._roots import ROOT_POINTS, Axial, Feet, RimSurface, RootPatches, feet
 from jaxgear._types import CellArmGrid, CellGrid, DenseCouplingGrid, Reals
 from jaxgear._units import mm
 
@@ -61,14 +61,45 @@ class Condensed(Protocol):
     then the rest; z is the axis and z = 0 mid-face, x points towards the middle of tooth 0.
     """
 
-    name: str
-    stiffness: np.ndarray
-    centrifugal_load: np.ndarray
-    rim_nodes: np.ndarray
-    rim_faces: np.ndarray
-    seats: tuple[str, ...]
-    seat_points: np.ndarray
-    facts: Mapping[str, object]
+    @property
+    def name(self) -> str:
+        """Of the body."""
+        ...
+
+    @property
+    def stiffness(self) -> np.ndarray:
+        """Of its coordinates, `[dof, dof]` [SI]."""
+        ...
+
+    @property
+    def centrifugal_load(self) -> np.ndarray:
+        """On its coordinates per square of the speed, `[dof]` [SI]."""
+        ...
+
+    @property
+    def rim_nodes(self) -> np.ndarray:
+        """Places of the rim nodes, `[rim, 3]` [m]."""
+        ...
+
+    @property
+    def rim_faces(self) -> np.ndarray:
+        """Rim nodes of the elements of the rim, `[face, 8]`."""
+        ...
+
+    @property
+    def seats(self) -> tuple[str, ...]:
+        """Names of the seats."""
+        ...
+
+    @property
+    def seat_points(self) -> np.ndarray:
+        """Places of the seats, `[seat, 3]` [m]."""
+        ...
+
+    @property
+    def facts(self) -> Mapping[str, object]:
+        """What else is known: `sectors`, equal ones that the body repeats in."""
+        ...
 
 
 class FlexibleBody(eqx.Module):
@@ -221,9 +252,9 @@ def flexible_body(
     grid: MeshGrid,
     *,
     gear_seat: str | None = None,
-    points: int = 4,
+    points: int = ROOT_POINTS,
     axial: Axial = "mortar",
-    local: np.ndarray | None = None,
+    local: Callable[[int], np.ndarray] | None = None,
 ) -> FlexibleBody:
     """Put a condensed body in mesh. Call it outside of `jit`, on concrete gears.
 
@@ -237,8 +268,8 @@ def flexible_body(
         `torque`, or the only one.
     - `points`: across the root of a tooth; 2 is the thesis's connection.
     - `axial`: how a slice follows the rim along the axis, "mortar" or "collocation".
-    - `local`: what the feet give beyond what the body's grid resolves, `[6 slice, 6 slice]` of one
-        tooth in the frames of its feet [m/N, 1/N, 1/(N m)].
+    - `local`: what the feet of a tooth give beyond what the elements of the rim can show, by the
+        tooth's number: `[6 slice, 6 slice]` in the frames of the feet [m/N, 1/N, 1/(N m)].
 
     **Returns:**
 
@@ -272,10 +303,11 @@ def flexible_body(
     flexibility = by_foot(held.flexibility)
     flexibility = np.moveaxis(by_foot(np.moveaxis(flexibility, 3, 0)), (0, 1, 2), (3, 4, 5))
     if local is not None:
-        own = by_foot_of_one(local, slices, components)
-        flexibility = flexibility + 0.0
-        for tooth in range(count):
-            flexibility[tooth, :, :, tooth] += own
+        # Teeth that the body repeats under have the same.
+        own = {int(tooth): local(int(tooth)) for tooth in (each if repeats > 1 else each[:1])}
+        for place, tooth in enumerate(each):
+            more = own[int(tooth if repeats > 1 else each[0])]
+            flexibility[place, :, :, place] += _of_one_tooth(more, slices, components)
     lines = where.reshape(teeth.shape)
     cells = grid.lines * slices
     pairs = flexibility[lines[:, :, None], :, :, lines[:, None, :]]
@@ -304,7 +336,7 @@ def flexible_body(
     )
 
 
-def by_foot_of_one(local: np.ndarray, slices: int, components: tuple[int, ...]) -> np.ndarray:
+def _of_one_tooth(local: np.ndarray, slices: int, components: tuple[int, ...]) -> np.ndarray:
     """What the feet of one tooth give, as `[slice, component, slice, component]`."""
     chosen = local.reshape(slices, 6, slices, 6)[:, list(components)]
     return chosen[:, :, :, list(components)]
@@ -360,7 +392,10 @@ def _same_all_round(matrix: np.ndarray, before: np.ndarray, body: Condensed) -> 
     """The stiffness between seats, the mean over all directions, and free in rigid motions."""
     turned = []
     for quarter in range(4):
-        cosine, sine = round(math.cos(quarter * math.pi / 2)), round(math.sin(quarter * math.pi / 2))
+        cosine, sine = (
+            round(math.cos(quarter * math.pi / 2)),
+            round(math.sin(quarter * math.pi / 2)),
+        )
         turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
         whole = np.kron(np.eye(len(matrix) // 3), turn)
         turned.append(whole @ matrix @ whole.T)
@@ -444,9 +479,7 @@ def _check_rim(body: Condensed, pair: GearPair, index: int) -> None:
 # --- Using them, at every phase
 
 
-def foot_tables(
-    pair: GearPair, index: int, body: FlexibleBody, lines: ContactLines
-) -> FootTables:
+def foot_tables(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLines) -> FootTables:
     """What a condensed body adds to the cells of a cycle.
 
     **Arguments:**
@@ -491,13 +524,15 @@ def _on_cells(
     weights = [weights[component] for component in body.components]
     size = range(len(weights))
     # Written out over the few components: a batch of tiny products costs many times its arithmetic.
-    compliance = sum(
-        weights[a][:, :, None]
-        * sum(flexibility[a, b][None] * weights[b][:, None, :] for b in size)
-        for a in size
-    )
-    rows = sum(weights[a][:, :, None] * from_seats[a][None] for a in size)
-    grown = sum(weights[a] * growth[a][None] for a in size)
+    none = jnp.zeros(())
+
+    def given(a: int) -> Array:
+        """Motion of all feet along one component, by the forces of all cells."""
+        return sum((flexibility[a, b][None] * weights[b][:, None, :] for b in size), none)
+
+    compliance = sum((weights[a][:, :, None] * given(a) for a in size), none)
+    rows = sum((weights[a][:, :, None] * from_seats[a][None] for a in size), none)
+    grown = sum((weights[a] * growth[a][None] for a in size), none)
     return compliance, _in_fixed_frame(rows, angle), grown
 
 

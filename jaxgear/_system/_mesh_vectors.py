@@ -14,8 +14,8 @@ from jaxtyping import Array, Float
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._wrench import beam_basis
 from jaxgear._system._beam import Beam, beam_shapes, cowper_coefficient
-from jaxgear._system._shaft import BeamBody, Shaft
 from jaxgear._system._flexible import FlexibleBody
+from jaxgear._system._shaft import BeamBody, Shaft
 from jaxgear._system._structure import GearBody, RigidBody
 from jaxgear._system._support import Support
 from jaxgear._types import CoordinateMatrix, DofCoordinates, Scalar
@@ -75,9 +75,7 @@ def _section_normals(pair: GearPair, roll: Scalar) -> tuple[Array, Array]:
     )
 
 
-def section_motion(
-    mount: Shaft | Support, body: GearBody, z: Scalar
-) -> Float[Array, "6 node_dof"]:
+def section_motion(mount: Shaft | Support, body: GearBody, z: Scalar) -> Float[Array, "6 node_dof"]:
     """Motion of a section of a gear per motion of the nodes that its teeth load.
 
     What the teeth on a condensed body move with is no section: it does not count here.

@@ -6,8 +6,8 @@ from jaxgear._contact._cells import Misalignment
 from jaxgear._contact._compliance import AbstractCompliance, WeberBanaschek
 from jaxgear._flank._deviations import Flanks
 from jaxgear._geometry._pair import GearPair
-from jaxgear._system._pair_system import check_bodies
 from jaxgear._system._flexible import FlexibleBody
+from jaxgear._system._pair_system import check_bodies
 from jaxgear._system._shaft import Shaft
 from jaxgear._system._structure import (
     BODIES,
@@ -41,8 +41,8 @@ class PairModel(eqx.Module):
     **Raises:**
 
     - `ValueError` if the torque on the mesh is not positive, if a shaft is free to move or
-        thicker than the gear on it, if a beam body is narrower than its gear, or if a condensed body
-        cannot be held by its mount.
+        thicker than the gear on it, if a beam body is narrower than its gear, or if a condensed
+        body cannot be held by its mount.
     """
 
     pair: GearPair

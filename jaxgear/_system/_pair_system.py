@@ -237,7 +237,7 @@ def on_condensed_bodies(
 
 
 def _rigid_vectors(pair: GearPair, bodies: list[GearBody]) -> DofCoordinates:
-    """Approach and tilt by the nodes of rigid bodies; the seats of condensed ones have their own."""
+    """Approach and tilt by the nodes of rigid bodies; not by the seats of condensed ones."""
     whole = structure_vectors(pair)
     rows = [
         jnp.zeros((body.seat_load.size, 2)) if isinstance(body, FlexibleBody) else part
@@ -248,9 +248,7 @@ def _rigid_vectors(pair: GearPair, bodies: list[GearBody]) -> DofCoordinates:
 
 def _with_seats(vectors: DofCoordinates, bodies: list[GearBody]) -> DofCoordinates:
     """Mesh coordinates of sections, and after them every motion of every seat."""
-    first, last = (
-        body.seat_load.size if isinstance(body, FlexibleBody) else 0 for body in bodies
-    )
+    first, last = (body.seat_load.size if isinstance(body, FlexibleBody) else 0 for body in bodies)
     own = jnp.eye(len(vectors))
     return jnp.concatenate([vectors, own[:, :first], own[:, len(vectors) - last :]], axis=1)
 
