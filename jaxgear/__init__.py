@@ -86,6 +86,9 @@ from jaxgear._interface._laws import ExactContact as ExactContact
 from jaxgear._interface._laws import SmoothContact as SmoothContact
 from jaxgear._interface._wrench import structure_vectors as structure_vectors
 
+from jaxgear._system._flexible import Condensed as Condensed
+from jaxgear._system._flexible import FlexibleBody as FlexibleBody
+from jaxgear._system._flexible import flexible_body as flexible_body
 from jaxgear._system._model import PairModel as PairModel
 from jaxgear._system._pair_system import PairSystem as PairSystem
 from jaxgear._system._pair_system import pair_system as pair_system
@@ -214,3 +217,4 @@ from jaxgear._app._scene import Scene as Scene
 from jaxgear._app._scene import SceneError as SceneError
 from jaxgear._app._scene import read_scene as read_scene
 from jaxgear._app._scene import ready_scene as ready_scene
+from jaxgear._app._with_bodies import with_bodies as with_bodies

@@ -141,6 +141,8 @@ def pair_grid(scene: Scene, pair: GearPair, torque: Scalar) -> MeshGrid:
         slices=scene["mesh.slices"],
         periods=scene["mesh.periods"],
         beyond=_tip_window(scene, pair, torque) if scene["mesh.tip_contact"] else 0.0,
+        # Condensed bodies do not follow the face anyway, and every line costs.
+        fixed_face=any(scene[f"{name}.body.kind"] == "condensed" for name in GEARS),
     )
 
 

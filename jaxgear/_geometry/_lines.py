@@ -71,6 +71,7 @@ def mesh_grid(
     periods: int = 1,
     beyond: float = 0.0,
     margin: float = 0.05,
+    fixed_face: bool = False,
 ) -> MeshGrid:
     """Choose the grid for a pair. Call it outside of `jit`, on concrete gears.
 
@@ -84,6 +85,8 @@ def mesh_grid(
         leaves such contact out, 0.25 suffices for common loads [-].
     - `margin`: by how much the contact ratios may grow, in traced copies of this pair, before
         contact at the ends of the path is lost from the grid [-].
+    - `fixed_face`: whether helix angle and face width stay what they are: a spur pair then has no
+        line that is about to enter.
 
     **Returns:**
 
@@ -114,7 +117,7 @@ def mesh_grid(
         least=math.ceil(overlap / profile),
     )
     # Spur gears too: the derivative by the helix angle needs the line that is about to enter.
-    ahead = math.ceil(half_overlap + margin)
+    ahead = math.ceil(half_overlap + (0.0 if fixed_face else margin))
     last = math.floor(profile + half_overlap + margin)
     # An eighth of the phases at least on either side of the event, so that a contact ratio that
     # crosses an integer in a traced copy still finds both sets populated.

@@ -85,6 +85,32 @@ class ContactState(eqx.Module):
     steps: Array
 
 
+def between_cells(problem: ContactProblem) -> ContactProblem:
+    """The same problem with all that gives between its cells, and the drive alone beside them.
+
+    Where all cells are coupled anyway, this spares the solver the mesh coordinates.
+
+    **Arguments:**
+
+    - `problem`: with a coupling of all cells.
+
+    **Returns:**
+
+    The problem, of one mesh coordinate that does not give.
+    """
+    assert problem.coupling is not None
+    arms = problem.arms
+    return ContactProblem(
+        stiffness=problem.stiffness,
+        gap=problem.gap,
+        arms=(arms @ problem.direction)[:, None],
+        flexibility=jnp.zeros((1, 1)),
+        direction=jnp.ones(1),
+        force=problem.force,
+        coupling=problem.coupling + arms @ (problem.flexibility @ arms.T),
+    )
+
+
 class SolverSettings(eqx.Module):
     """When to stop.
 

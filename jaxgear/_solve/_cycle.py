@@ -17,7 +17,14 @@ from jaxgear._contact._cells import (
 )
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
-from jaxgear._solve._contact import ContactProblem, ContactState, SolverSettings, contact_state
+from jaxgear._solve._contact import (
+    ContactProblem,
+    ContactState,
+    SolverSettings,
+    between_cells,
+    contact_state,
+)
+from jaxgear._solve._coordinates import on_coordinates
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._model import PairModel
 from jaxgear._system._pair_system import PairSystem, on_condensed_bodies, pair_system
@@ -85,7 +92,6 @@ def quasi_static(
     - `ValueError` in single precision.
     """
     require_float64()
-    flexibility = system.mesh_flexibility
 
     def at_phase(
         stiffness: Cells, gap: Cells, arms: CellArms, coupling: Coupling | None
@@ -94,12 +100,15 @@ def quasi_static(
             stiffness=stiffness,
             gap=gap,
             arms=arms,
-            flexibility=flexibility,
+            flexibility=system.mesh_flexibility,
             direction=system.direction,
             force=system.force,
             coupling=coupling,
         )
-        return contact_state(problem, law, settings)
+        if coupling is None or coupling.ndim > 2:
+            return contact_state(problem, law, settings)
+        state = contact_state(between_cells(problem), law, settings)
+        return dataclasses.replace(state, load=on_coordinates(arms, state.force))
 
     arms = system.arms(cells)
     # Written out, as in the solver: the offset brings the flanks closer before any load.

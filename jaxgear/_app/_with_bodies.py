@@ -1,0 +1,29 @@
+"""Condensed bodies for scenes that name some; for others no finite elements are imported."""
+
+from collections.abc import Callable
+
+from jaxgear._app._scene import Scene
+from jaxgear._app._schema import GEARS
+
+
+def with_bodies(scene: Scene, tell: Callable[[str], None] = lambda step: None) -> Scene:
+    """A scene with the condensed bodies that it names, from the cache where they are known.
+
+    **Arguments:**
+
+    - `scene`: checked against the schema.
+    - `tell`: told what begins.
+
+    **Returns:**
+
+    The scene, of which a model can be made; the same if no body is condensed.
+
+    **Raises:**
+
+    - `ValueError` if a body cannot be, or not carry its teeth.
+    """
+    if all(scene[f"{gear}.body.kind"] != "condensed" for gear in GEARS):
+        return scene
+    from jaxgear._app import _mesh_bodies
+
+    return _mesh_bodies.with_bodies(scene, tell)
