@@ -150,8 +150,11 @@ def run(scene: Scene, folder: Path, quiet: bool) -> Summary:
         about = {"units": "um", "long_name": "amplitudes of its mesh harmonics"}
         harmonics = statics.harris_harmonics / um
         dataset["harris_te_harmonic_um"] = (("torque", "harmonic"), harmonics, about)
-        write_dataset(dataset, folder / "result.nc")
         summary = _head(scene, statics)
+        if scene.bodies:
+            dataset, found = _on_bodies(scene, statics, dataset, folder, quiet)
+            summary["static"] |= found
+        write_dataset(dataset, folder / "result.nc")
         bearings = summary["static"]["bearings"]
         _draw_statics(folder, _title(scene), statics, dataset, bearings)
         done(1)
@@ -168,6 +171,20 @@ def run(scene: Scene, folder: Path, quiet: bool) -> Summary:
         summary["notes"] += found.pop("notes")
         summary |= found
     return _finish(scene, folder, summary, watch)
+
+
+def _on_bodies(
+    scene: Scene, statics: Statics, dataset: xr.Dataset, folder: Path, quiet: bool
+) -> tuple[xr.Dataset, Summary]:
+    """Draw what condensed bodies do, and add it to the dataset; what they do to the summary."""
+    from jaxgear._app import _condense, _hybrid, _hybrid_pictures
+
+    with _condense.steps("bodies", quiet) as tell:
+        answers = _hybrid.body_answers(scene, statics, tell)
+        dataset = _hybrid.hybrid_variables(scene, dataset, answers)
+        tell("drawing")
+        _hybrid_pictures.draw(folder, _title(scene), dataset, answers)
+    return dataset, _hybrid.hybrid_summary(dataset, answers)
 
 
 def map_relief(scene: Scene, folder: Path, quiet: bool) -> Summary:
@@ -467,30 +484,51 @@ def _names(scene: Scene) -> Summary:
 
 def _head(scene: Scene, statics: Statics) -> Summary:
     """Names, model, geometry and statics."""
-    return _names(scene) | {
-        "model": {
-            "pinion": scene["pinion.body.kind"],
-            "wheel": scene["wheel.body.kind"],
-            "stiffness": scene["mesh.stiffness"],
-            "foundation": ", ".join(
-                f"{gear} {scene.get(f'{gear}.foundation', scene['mesh.foundation'])}"
-                for gear in GEARS
-            )
-            if any(f"{gear}.foundation" in scene.values for gear in GEARS)
-            else scene["mesh.foundation"],
-            "contact": scene["mesh.contact"],
-            "slices": scene["mesh.slices"],
-            # Time steps, where statics are those that the dynamics begin with.
-            "phases": statics.grid.phases,
-            # Both gears' rotations are one coordinate: the drive.
-            "dofs": len(statics.cycle.system.structure.map.free) - 1,
-        },
-        "geometry": geometry_summary(statics.model),
-        "iso6336": iso_summary(statics.model),
-        "static": {key: float(value) for key, value in statics.numbers.items()}
-        | mounts_summary(statics),
-        "notes": notes(scene, statics),
-    }
+    known = notes(scene, statics)
+    return (
+        _names(scene)
+        | {
+            "model": {
+                "pinion": scene["pinion.body.kind"],
+                "wheel": scene["wheel.body.kind"],
+                "stiffness": scene["mesh.stiffness"],
+                "foundation": _foundation(scene),
+                "contact": scene["mesh.contact"],
+                "slices": scene["mesh.slices"],
+                # Time steps, where statics are those that the dynamics begin with.
+                "phases": statics.grid.phases,
+                # Both gears' rotations are one coordinate: the drive.
+                "dofs": len(statics.cycle.system.structure.map.free) - 1,
+            },
+            "geometry": geometry_summary(statics.model),
+            "iso6336": iso_summary(statics.model),
+            "static": {key: float(value) for key, value in statics.numbers.items()}
+            | mounts_summary(statics),
+            "notes": known,
+        }
+        | _bodies(scene, known)
+    )
+
+
+def _foundation(scene: Scene) -> str:
+    """What gives under the teeth of either gear; once, if it is the same."""
+    given = [scene.get(f"{gear}.foundation", scene["mesh.foundation"]) for gear in GEARS]
+    own = ["its condensed body" if gear in scene.bodies else None for gear in GEARS]
+    if not any(own) and not any(f"{gear}.foundation" in scene.values for gear in GEARS):
+        return scene["mesh.foundation"]
+    named = zip(GEARS, own, given, strict=True)
+    return ", ".join(f"{gear} {body or foundation}" for gear, body, foundation in named)
+
+
+def _bodies(scene: Scene, known: list[str]) -> Summary:
+    """What the condensed bodies are, as `condense` says it, and all notes; empty without them."""
+    if not scene.bodies:
+        return {}
+    from jaxgear._app._condense import _body_summary, _remarks
+
+    built = [each.built for each in scene.bodies.values()]
+    said = [words for each in built for words in (*each.warnings, *_remarks(scene, each))]
+    return {"bodies": [_body_summary(scene, each) for each in built], "notes": known + said}
 
 
 def _title(scene: Scene) -> str:

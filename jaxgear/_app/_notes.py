@@ -1,5 +1,6 @@
 """Remarks that a reader of results should not miss: where a model is outgrown, or sees nothing."""
 
+import math
 from collections.abc import Sequence
 
 import jax
@@ -32,6 +33,7 @@ def notes(scene: Scene, statics: Statics) -> list[str]:
         *_on_foundations(scene, statics.model),
         *_on_shafts(statics.model),
         *_on_bodies(scene),
+        *_on_condensed(scene),
         *_on_cycle(scene),
         *_on_results(scene, statics),
     ]
@@ -117,6 +119,37 @@ def _on_bodies(scene: Scene) -> list[str]:
         if whole and scene[f"{body}.kind"] != "condensed":
             kind = scene[f"{body}.kind"]
             found.append(f'{body}.{whole[0]} does nothing: {body}.kind is "{kind}".')
+    return found
+
+
+# Keys of the mesh that speak to condensed bodies alone.
+_OF_CONDENSED = ("pinion_speed_rad_s", "connection", "root_points", "root_correction")
+
+
+def _on_condensed(scene: Scene) -> list[str]:
+    """What condensed bodies bring themselves, and how far the cycle shows them."""
+    given = [f"mesh.{key}" for key in _OF_CONDENSED if f"mesh.{key}" in scene.given]
+    if not scene.bodies:
+        words = ", ".join(given)
+        return [f"{words}: no body is condensed, so it does nothing."] if given else []
+    found, periods = [], scene["mesh.periods"]
+    for gear, each in scene.bodies.items():
+        named = [key for key in (f"{gear}.foundation", "mesh.foundation") if key in scene.given]
+        every = len(scene.bodies) == len(GEARS)
+        # One foundation for both gears still serves the other one.
+        dropped = [key for key in named if key != "mesh.foundation" or every]
+        if dropped:
+            found.append(
+                f"{dropped[0]} does nothing to the {gear}: what gives under its teeth is its "
+                "condensed body."
+            )
+        teeth, sectors = scene[f"{gear}.teeth"], each.built.body.facts.get("sectors", 1)
+        repeats = teeth // math.gcd(teeth, sectors)
+        if periods % repeats:
+            found.append(
+                f"The {gear}'s body repeats after {repeats} teeth, of which {periods} are in the "
+                f"cycle: make mesh.periods a multiple of {repeats} to see all of them."
+            )
     return found
 
 

@@ -31,6 +31,7 @@ import jaxgear as jg
 from jaxgear._app._results import BODIES, cycle_statistics, flank_grid, whole_file, write_csv
 from jaxgear._app._teeth import tooth_outline
 from jaxgear._system._beam import beam_shapes
+from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._mesh_vectors import body_beam
 from jaxgear._system._shaft import node_heights
 
@@ -268,8 +269,9 @@ def shafts(
 ) -> Figure:
     """Both shafts from the side, to scale, with their deflection and what the bearings carry.
 
-    Gears are drawn from the axis to the tip circle, bearings as crossed boxes, filled where they
-    hold the shaft along Z. Torques are arrows with two heads along the axis of rotation.
+    Of a shaft in a condensed body the displacements of its seats are shown, as marks. Gears are
+    drawn from the axis to the tip circle, bearings as crossed boxes, filled where they hold the
+    shaft along Z. Torques are arrows with two heads along the axis of rotation.
 
     **Arguments:**
 
@@ -298,8 +300,13 @@ def shafts(
         _draw_shaft(axes, mount, level)
         _draw_loads(axes, model, body, level)
         z, *moved = lines[name] / jg.mm
-        for deflection, (colour, style) in zip(moved, _DEFLECTION.values(), strict=True):
-            axes.plot(z, level + scale * deflection, color=colour, ls=style, lw=2.0, zorder=5)
+        # Between the seats of a condensed body nothing is known of its shaft.
+        marks = _SEAT_MARKS if isinstance(model.bodies[body], FlexibleBody) else ({}, {})
+        for deflection, (colour, style), mark in zip(
+            moved, _DEFLECTION.values(), marks, strict=True
+        ):
+            look = {"color": colour, "ls": style, "lw": 2.0, "zorder": 5} | mark
+            axes.plot(z, level + scale * deflection, **look)
     low, high = axes.get_ylim()
     axes.set(
         xlabel="Z from mid-face [mm]",
@@ -307,8 +314,12 @@ def shafts(
         ylim=(low - 0.05 * (high - low), high + 0.05 * (high - low)),
     )
     axes.margins(x=0.12)
+    seated = any(isinstance(body, FlexibleBody) for body in model.bodies)
     kinds = [
-        Line2D([], [], color=colour, ls=style, lw=2.0) for colour, style in _DEFLECTION.values()
+        Line2D(
+            [], [], color=colour, ls=style, lw=2.0, **({"marker": mark["marker"]} if seated else {})
+        )
+        for (colour, style), mark in zip(_DEFLECTION.values(), _SEAT_MARKS, strict=True)
     ]
     torque = Line2D([], [], color=_ORANGE, lw=1.8, marker=">", ms=6)
     fixed = Line2D([], [], color="black", ls="", marker="s", ms=8, mfc=_AXIAL)
@@ -335,6 +346,7 @@ def _side_view_size(model: jg.PairModel) -> tuple[float, float]:
 
 _AXIAL = "#c9d6e2"  # a bearing that holds its shaft along Z
 _DEFLECTION = {"S": (_GREEN, "-"), "T": (_RED, "--")}
+_SEAT_MARKS = ({"ls": "", "marker": "s", "ms": 5}, {"ls": "", "marker": "D", "ms": 5})
 # Of the centre distance: how far the largest deflection is drawn.
 _SHOWN_DEFLECTION = 0.15
 
@@ -393,10 +405,18 @@ def _lines_of_shafts(model: jg.PairModel, cycle: jg.MeshCycle) -> dict[str, Arra
     parts = motion[:first], motion[first:]
     bodies = model.pinion_body, model.wheel_body
     return {
-        name: _line_of_shaft(mount, body if isinstance(body, jg.BeamBody) else None, part)
+        name: _seats_of_body(body, part)
+        if isinstance(body, FlexibleBody)
+        else _line_of_shaft(mount, body if isinstance(body, jg.BeamBody) else None, part)
         for name, mount, body, part in zip(BODIES, _mounts(model), bodies, parts, strict=True)
         if isinstance(mount, jg.Shaft)
     }
+
+
+def _seats_of_body(body: FlexibleBody, motion: Array) -> Array:
+    """Rows Z from mid-face, displacement along S and T: each seat of a condensed body [m]."""
+    moved = motion.reshape(-1, 6)
+    return jnp.stack([body.seat_heights, moved[:, 0], moved[:, 1]])
 
 
 _POINTS_OF_BEAM = 9

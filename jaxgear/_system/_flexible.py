@@ -49,6 +49,8 @@ else:
 _IN_PLANE, _ALL = (0, 1, 5), (0, 1, 2, 3, 4, 5)
 # How far the stiffness between seats may depend on the direction, of its largest entry.
 _UNEVEN = 1e-3
+# Longest element of a rim [pitches], widest [faces], and slices that even one element can follow.
+_LONGEST, _WIDEST, _FEW_SLICES = 1.5, 0.5 + 1e-6, 3
 # How far rim and root circle may be apart, of the radius.
 _RIM_OFF = 5e-3
 
@@ -282,6 +284,7 @@ def flexible_body(
         depends on the direction.
     """
     _check_rim(body, pair, index)
+    _check_elements(body, pair, index, grid)
     gear = (pair.pinion, pair.wheel)[index]
     sectors = body.facts.get("sectors", 1)
     assert isinstance(sectors, int)
@@ -473,6 +476,36 @@ def _check_rim(body: Condensed, pair: GearPair, index: int) -> None:
         name=name,
         face=face / mm,
         got=width / mm,
+    )
+
+
+def _check_elements(body: Condensed, pair: GearPair, index: int, grid: MeshGrid) -> None:
+    """Refuse a rim whose elements cannot follow the loads of teeth."""
+    name, gear = ("pinion", "wheel")[index], (pair.pinion, pair.wheel)[index]
+    corners = body.rim_nodes[body.rim_faces[:, :4]]
+    angle = np.arctan2(corners[..., 1], corners[..., 0])
+    turned = (angle - angle[:, :1] + np.pi) % (2.0 * np.pi)
+    around = float(np.ptp(turned, axis=1).max()) * gear.teeth / (2.0 * np.pi)
+    require(
+        around <= _LONGEST,
+        "The elements of the rim of the {name}'s condensed body are too coarse for its teeth: one "
+        "covers {around:.3g} pitches, at most {most:.3g} can be. Use more elements around, one for "
+        "each tooth or more.",
+        name=name,
+        around=around,
+        most=_LONGEST,
+    )
+    across, face = float(np.ptp(corners[..., 2], axis=1).max()), float(pair.face_width)
+    require(
+        across <= _WIDEST * face or grid.slices <= _FEW_SLICES,
+        "The elements of the rim of the {name}'s condensed body are too coarse for {slices} "
+        "slices: one covers {across:.6g} mm of a face of {face:.6g} mm, at most half of it can be. "
+        "Use more elements across the rim, or {few} slices.",
+        name=name,
+        slices=grid.slices,
+        across=across / mm,
+        face=face / mm,
+        few=_FEW_SLICES,
     )
 
 
