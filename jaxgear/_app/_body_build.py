@@ -205,6 +205,7 @@ def _build(plan: BodyPlan, key: str, steps: Steps) -> ReducedBody:
     facts = {
         "gear": plan.gear,
         "source": type(plan.source).__name__,
+        "teeth_count": plan.teeth_count,
         "torque_seat": plan.torque_seat,
         "health": health,
         "build_seconds": dict(steps.seconds),
@@ -272,6 +273,14 @@ def _imported(plan: BodyPlan, source: Matrices, steps: Steps) -> ReducedBody:
         progress=steps,
     )
     _check_rim(plan, body.rim_nodes)
+    teeth = body.facts.get("teeth_count", plan.teeth_count)
+    require(
+        teeth == plan.teeth_count,
+        "The matrices are those of a gear of {teeth} teeth, and this one has {own}. Condense the "
+        "body of this gear.",
+        teeth=teeth,
+        own=plan.teeth_count,
+    )
     return body
 
 

@@ -5,6 +5,7 @@ elements are too stiff under a tooth, by a tenth of a pair's give and more (phys
 neighbourhood of the root, with the same elements and with smaller ones, shows by how much.
 """
 
+import dataclasses
 import math
 
 import numpy as np
@@ -15,7 +16,7 @@ from fem_prep._grid import Grid, surface_of
 from fem_prep._patch import RIM, give, piece_of, refined
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
-from jaxgear._interface._roots import Axial, RimSurface, RootPatches, feet
+from jaxgear._interface._roots import ROOT_POINTS, Axial, RimSurface, RootPatches, feet
 from jaxgear._system._flexible import root_patches
 
 # How far the piece reaches to either side [pitches], and under the rim [root widths].
@@ -103,7 +104,9 @@ class RootCorrection:
             ):
                 return correction
         finer = refined(piece, self._parts(piece), _DEEP, 1)
-        correction = self._give(finer, patches) - self._give(piece, patches)
+        # Few points are line loads, whose give grows as elements shrink: only to be taken off.
+        spread = dataclasses.replace(patches, points=max(patches.points, ROOT_POINTS))
+        correction = self._give(finer, spread) - self._give(piece, patches)
         self._found.append((print_of, correction))
         self.pieces += 1
         return correction

@@ -202,8 +202,9 @@ class Scene:
         """Return the numbers present that the static model can be differentiated by.
 
         Each row and each entry counts by itself. Lists of one zero, such as the default pitch
-        error, are left out.
+        error, are left out, and so is what a condensed body is made from.
         """
+        condensed = [gear for gear in GEARS if self.get(f"{gear}.body.kind") == "condensed"]
         present: dict[str, list[str]] = {}
         for key, value in {**self.values, **self.known}.items():
             path = general(key)
@@ -217,6 +218,7 @@ class Scene:
             for path in REAL_KEYS
             if _applies(path, self.values)
             for key in present.get(path, ())
+            if not any(shapes_body(key, gear) for gear in condensed)
         )
 
     def _whole(self, path: str) -> object:

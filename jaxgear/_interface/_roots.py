@@ -30,8 +30,9 @@ from jaxgear._units import mm
 
 # Of an element: how far outside of it a point may be and still be taken as on its edge.
 _EDGE = 1e-6
-# Elements next to a point that are looked at, and steps to find the point in each.
-_CANDIDATES, _STEPS = 9, 12
+# Elements next to a point that are looked at, at first and if it is on none of them, and steps to
+# find the point in each.
+_CANDIDATES, _MANY_CANDIDATES, _STEPS = 9, 200, 12
 # More levels of nodes than this are no layers of elements: slices are then cut evenly.
 _MOST_LEVELS, _EVEN_PIECES = 200, 4
 
@@ -172,7 +173,8 @@ def _along(patches: RootPatches, rim: RimSurface) -> tuple[np.ndarray, np.ndarra
 def _cuts(edges: np.ndarray, rim: RimSurface) -> np.ndarray:
     """Edges of slices and of elements along the axis."""
     size = np.ptp(edges)
-    levels = np.unique(np.round(rim.nodes[rim.faces[:, :4], 2] / size, 9)) * size
+    heights = rim.nodes[rim.faces[:, :4], 2].ravel()
+    levels = heights[np.unique(np.round(heights / size, 9), return_index=True)[1]]
     if len(levels) > _MOST_LEVELS:
         pieces = [np.linspace(*pair, _EVEN_PIECES + 1) for pair in itertools.pairwise(edges)]
         return np.unique(np.concatenate(pieces))
@@ -223,28 +225,15 @@ def _shape_values(
 
     - `ValueError` if a point is on no element.
     """
-    nodes, radius = rim.nodes, rim.radius
-    corners = nodes[rim.faces]
-    face_angle = np.arctan2(*corners[:, :4, :2].mean(axis=1).T[::-1])
-    # Elements unrolled about their own middles, so that none is cut by a full turn.
-    own = np.arctan2(corners[..., 1], corners[..., 0]) - face_angle[:, None]
-    own = (own + np.pi) % (2.0 * np.pi) - np.pi
-    unrolled = np.stack([radius * own, corners[..., 2]], axis=-1)
-    centres = corners[:, :4].mean(axis=1)
-    on_cylinder = lambda angle, z: np.stack([radius * np.cos(angle), radius * np.sin(angle), z], -1)
-    tree = KDTree(on_cylinder(face_angle, centres[:, 2]))
-    few = min(_CANDIDATES, len(rim.faces))
-    near = tree.query(on_cylinder(angles, heights), k=few)[1].reshape(len(angles), few)
-    away = (angles[:, None] - face_angle[near] + np.pi) % (2.0 * np.pi) - np.pi
-    wanted = np.stack([radius * away, np.broadcast_to(heights[:, None], away.shape)], axis=-1)
-    local = _local_coordinates(unrolled[near].reshape(-1, 8, 2), wanted.reshape(-1, 2))
-    outside = np.abs(local).max(axis=-1).reshape(near.shape)
-    best = np.argmin(outside, axis=1)
-    rows = np.arange(len(angles))
-    lost = outside[rows, best] > 1.0 + _EDGE
+    face, local = _places(rim, angles, heights, _CANDIDATES)
+    lost = np.abs(local).max(axis=1) > 1.0 + _EDGE
+    if lost.any():
+        # Beside elements of very different sizes the nearest middles may be those of others.
+        face[lost], local[lost] = _places(rim, angles[lost], heights[lost], _MANY_CANDIDATES)
+        lost = np.abs(local).max(axis=1) > 1.0 + _EDGE
     if lost.any():
         first = int(np.argmax(lost))
-        low, high = corners[..., 2].min(), corners[..., 2].max()
+        low, high = (each(rim.nodes[rim.faces, 2]) for each in (np.min, np.max))
         raise InputError(
             f"The slices of the teeth must stand on the rim: {int(lost.sum())} of {len(lost)} "
             f"points of their roots do not, the first at z = {heights[first] / mm:.6g} mm and "
@@ -252,8 +241,30 @@ def _shape_values(
             f"{low / mm:.6g} to {high / mm:.6g} mm. Is the rim's set of nodes complete, and z = 0 "
             "in the middle of the face?"
         )
-    chosen = np.clip(local.reshape(*near.shape, 2)[rows, best], -1.0, 1.0)
-    return rim.faces[near[rows, best]], serendipity(chosen)[0]
+    return rim.faces[face], serendipity(np.clip(local, -1.0, 1.0))[0]
+
+
+def _places(
+    rim: RimSurface, angles: np.ndarray, heights: np.ndarray, candidates: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """The element that each point is on, or least outside of, and its coordinates within it."""
+    radius, corners = rim.radius, rim.nodes[rim.faces]
+    middle = np.arctan2(*corners[:, :4, :2].mean(axis=1).T[::-1])
+    # Elements unrolled about their own middles, so that none is cut by a full turn.
+    within = lambda angle: (angle + np.pi) % (2.0 * np.pi) - np.pi
+    own = within(np.arctan2(corners[..., 1], corners[..., 0]) - middle[:, None])
+    unrolled = np.stack([radius * own, corners[..., 2]], axis=-1)
+    on_cylinder = lambda angle, z: np.stack([radius * np.cos(angle), radius * np.sin(angle), z], -1)
+    tree = KDTree(on_cylinder(middle, corners[:, :4, 2].mean(axis=1)))
+    few = min(candidates, len(rim.faces))
+    near = tree.query(on_cylinder(angles, heights), k=few)[1].reshape(len(angles), few)
+    away = radius * within(angles[:, None] - middle[near])
+    wanted = np.stack([away, np.broadcast_to(heights[:, None], away.shape)], axis=-1)
+    local = _local_coordinates(unrolled[near].reshape(-1, 8, 2), wanted.reshape(-1, 2))
+    local = local.reshape(*near.shape, 2)
+    best = np.argmin(np.abs(local).max(axis=2), axis=1)
+    rows = np.arange(len(angles))
+    return near[rows, best], local[rows, best]
 
 
 def _local_coordinates(corners: np.ndarray, wanted: np.ndarray) -> np.ndarray:
@@ -263,12 +274,19 @@ def _local_coordinates(corners: np.ndarray, wanted: np.ndarray) -> np.ndarray:
         values, slopes = serendipity(local)
         off = np.einsum("pn,pni->pi", values, corners) - wanted
         jacobian = np.einsum("pnj,pni->pij", slopes, corners)
-        step = np.linalg.solve(jacobian, off[:, :, None])[:, :, 0]
+        step = _solved(jacobian, off)
         # Far from the element the map may fold: a bounded step cannot be lost there.
         local = np.clip(local - step, -3.0, 3.0)
         if np.abs(step).max() < 1e-13:
             break
     return local
+
+
+def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Solve many systems of two equations, `[n, 2, 2]` and `[n, 2]`."""
+    (a, b), (c, d) = np.moveaxis(matrix, 0, 2)
+    x, y = right.T
+    return np.stack([d * x - b * y, a * y - c * x], axis=1) / (a * d - b * c)[:, None]
 
 
 _CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])

@@ -246,7 +246,9 @@ def _rigid_vectors(pair: GearPair, bodies: list[GearBody]) -> DofCoordinates:
     return jnp.concatenate(rows)
 
 
-def _with_seats(vectors: DofCoordinates, bodies: list[GearBody]) -> DofCoordinates:
+def _with_seats(
+    vectors: DofCoordinates, bodies: list[GearBody]
+) -> Float[Array, "dof mesh_coordinate"]:
     """Mesh coordinates of sections, and after them every motion of every seat."""
     first, last = (body.seat_load.size if isinstance(body, FlexibleBody) else 0 for body in bodies)
     own = jnp.eye(len(vectors))

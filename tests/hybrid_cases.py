@@ -1,0 +1,309 @@
+"""Small condensed gear bodies, and the pairs whose teeth stand on them.
+
+The wheel has a thin web off the middle of its rim, and the numbers of teeth are small: nothing
+cancels by accident, and whole stiffness matrices are inverted in a moment.
+"""
+
+import dataclasses
+import functools
+import math
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg
+from fem_cases import STEEL, ring
+
+import jaxgear as jg
+from fem_prep import ReducedBody, Seat, condense, full_body
+from jaxgear import deg, mm
+from jaxgear._interface._roots import ROOT_POINTS, Axial, RimSurface, feet
+from jaxgear._system._flexible import root_patches
+
+TEETH = (20, 24)
+FACE = 10e-3
+# Of the wheel on a shaft: places of three bearings and of the torque, from mid-face [m].
+BEARINGS_AT, TORQUE_AT = (-26e-3, 14e-3, 27e-3), -15e-3
+
+
+@functools.cache
+def spur() -> jg.GearPair:
+    """20 and 24 teeth, shifted."""
+    return _pair(0.0)
+
+
+@functools.cache
+def helical() -> jg.GearPair:
+    """The same at 18 degrees: an overlap of a half."""
+    return _pair(18.0)
+
+
+def _pair(helix: float) -> jg.GearPair:
+    pinion, wheel = jg.Gear(TEETH[0], 12.0 * mm, 0.2), jg.Gear(TEETH[1], FACE, 0.1)
+    return jg.GearPair(pinion, wheel, 2.0 * mm, 20.0 * deg, helix * deg)
+
+
+PAIRS = {"spur": spur, "helical": helical}
+
+
+@functools.cache
+def body(
+    kind: str = "spur",
+    index: int = 1,
+    *,
+    seats: str = "bore",
+    holes: int = 0,
+    modes: int = 0,
+    layers: int = 2,
+) -> ReducedBody:
+    """A condensed body of the pinion or the wheel.
+
+    **Arguments:**
+
+    - `kind`: of the teeth.
+    - `index`: 0 for the pinion, 1 for the wheel.
+    - `seats`: "bore" is one ring, "mean" one that averages, "shaft" three bearings and the torque.
+    - `holes`: in the web, equal and equally far apart.
+    - `modes`: interior shapes beside the static ones; none: static condensation.
+    - `layers`: elements across the rim.
+    """
+    teeth = TEETH[index]
+    root = float(PAIRS[kind]().root_radius[index])
+    hub, rim = 0.42 * root, 0.88 * root
+    half = 6e-3
+    web = (-1e-3, 2e-3)
+    inner = np.union1d(np.linspace(-half, half, layers + 1), web)
+    outer = 30e-3 * np.array([-1.0, -0.6, 0.6, 1.0]) if seats == "shaft" else []
+    heights = np.union1d(inner, outer)
+
+    def keep(at: np.ndarray) -> np.ndarray:
+        r, angle, z = at.T
+        in_face, in_web = abs(z) < half, (z > web[0]) & (z < web[1])
+        solid = (r < hub) | (in_face & ((r > rim) | in_web))
+        if not holes:
+            return solid
+        number = np.round(angle * teeth / (2.0 * np.pi)).astype(int)
+        opened = number % (teeth // holes) == 0
+        return solid & ~(opened & (r > hub) & (r < rim))
+
+    grid = ring([0.25 * root, hub, 0.65 * root, rim, root], teeth, heights, keep=keep)
+    full = full_body(f"{kind} {index}", grid, STEEL, _seats(grid, seats))
+    method = "craig-bampton" if modes else "guyan"
+    return condense(full, method=method, modes=modes)
+
+
+def _seats(grid, seats: str) -> list[Seat]:
+    bore = grid.sets["bore"]
+    if seats != "shaft":
+        return [Seat("bore", bore, np.zeros(3), seats == "mean")]
+    z = grid.nodes[bore, 2]
+    bands = {
+        "bearing[0]": (z < -20e-3, BEARINGS_AT[0]),
+        "torque": ((z > -20e-3) & (z < -10e-3), TORQUE_AT),
+        "bearing[1]": ((z > 7e-3) & (z < 19e-3), BEARINGS_AT[1]),
+        "bearing[2]": (z > 20e-3, BEARINGS_AT[2]),
+    }
+    # A seat that averages leaves the bore as flexible as it is.
+    return [
+        Seat(name, bore[inside], np.array([0.0, 0.0, at]), True)
+        for name, (inside, at) in bands.items()
+    ]
+
+
+def stiffened(body: ReducedBody, factor: float) -> ReducedBody:
+    """The same body of another Young's modulus."""
+    return dataclasses.replace(body, stiffness=factor * body.stiffness)
+
+
+# --- The same mechanics in plain NumPy, with every degree of freedom of the bodies
+
+
+class Gear(NamedTuple):
+    """One gear of a dense reference.
+
+    `body` is `None` for a rigid one; `springs` hold its seats, or its centre, along and about S, T,
+    Z, shape `[seat, 6]`, infinite where they are rigid; `gear_seat` is the seat that turns with it.
+    """
+
+    body: ReducedBody | None
+    springs: np.ndarray
+    gear_seat: int = 0
+
+
+class DenseState(NamedTuple):
+    """Motion of a dense reference: approach, cell forces, seats of both gears in S, T, Z."""
+
+    approach: float
+    force: np.ndarray
+    seats: tuple[np.ndarray, np.ndarray]
+
+
+def _turn(angle: float) -> np.ndarray:
+    """Components along S, T, Z from those in a frame that has turned."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+class Dense:
+    """Two gears in mesh with all unknowns of their bodies, built from the drawing (physics A1.7).
+
+    **Arguments:**
+
+    - `pair`, `grid`: as in the model.
+    - `gears`: pinion and wheel.
+    - `lines`: places of the cells.
+    - `points`, `axial`: of the connection.
+    """
+
+    def __init__(
+        self, pair, grid, gears, lines, points: int = ROOT_POINTS, axial: Axial = "mortar"
+    ):
+        self.pair, self.grid, self.gears = pair, grid, gears
+        self.points: int = points
+        self.axial: Axial = axial
+        self.roll = np.asarray(lines.roll)
+        self.heights = np.asarray(lines.face_position)
+        self.phase = np.asarray(lines.phase)
+        self.alpha = float(pair.working_pressure_angle)
+        self.helix = float(pair.base_helix_angle)
+        self.base = [float(x) for x in pair.base_radius]
+        self.path = np.array([math.sin(self.alpha), math.cos(self.alpha), 0.0])
+        self.normal = math.cos(self.helix) * self.path - math.sin(self.helix) * np.eye(3)[2]
+
+    def _points(self, index: int, x: np.ndarray, z: np.ndarray) -> np.ndarray:
+        """Points of contact from the centre of a gear, along S, T, Z."""
+        start = self.base[0] * np.array([math.cos(self.alpha), -math.sin(self.alpha), 0.0])
+        away = np.array([index * sum(self.base) / math.cos(self.alpha), 0.0, 0.0])
+        return start - away + x[..., None] * self.path + z[..., None] * np.eye(3)[2]
+
+    def _middle(self, index: int, at: np.ndarray) -> np.ndarray:
+        """Angle of the middle of the tooth whose flank is touched at a point."""
+        pair = self.pair
+        gear = (pair.pinion, pair.wheel)[index]
+        cosine, tangent = math.cos(float(pair.helix_angle)), math.tan(float(pair.pressure_angle))
+        transverse = math.atan(tangent / cosine)
+        half = (0.5 * math.pi + 2.0 * float(gear.profile_shift) * tangent) / gear.teeth
+        # Signed: cells that are not in contact may lie beyond the base tangent point.
+        here = np.arctan((1.0, -1.0)[index] * (at @ self.path) / self.base[index])
+        thick = half + math.tan(transverse) - transverse - (np.tan(here) - here)
+        return np.arctan2(at[..., 1], at[..., 0]) - thick
+
+    def turned(self, index: int, phase: int) -> float:
+        """Angle of the body's own x against S: tooth 0 enters at phase 0."""
+        first = np.asarray(float(self.pair.path_start))
+        begin = self._middle(index, self._points(index, first, np.zeros(())))
+        step = 2.0 * math.pi / TEETH[index] * float(self.phase[phase])
+        return float(begin) + (step if index == 0 else -step)
+
+    def rows(self, index: int, phase: int) -> np.ndarray:
+        """Overlap of the cells per coordinate of a gear: of its body, or of its centre."""
+        x = self.roll[phase]
+        z = np.broadcast_to(self.heights, x.shape)
+        at = self._points(index, x, z)
+        normal = (1.0, -1.0)[index] * self.normal
+        body = self.gears[index].body
+        if body is None:
+            turning = np.cross(at, np.broadcast_to(normal, at.shape))
+            both = np.concatenate([np.broadcast_to(normal, at.shape), turning], axis=-1)
+            return both.reshape(-1, 6)
+        middle = self._middle(index, at)
+        twist = (1.0, -1.0)[index] * math.tan(self.helix) / self.base[index] * self.heights
+        angle = middle - self.turned(index, phase)
+        tooth = (angle - twist) * TEETH[index] / (2.0 * math.pi)
+        assert abs(tooth - np.round(tooth)).max() < 1e-9
+        own = root_patches(
+            self.pair, index, self.grid, np.zeros(1, int), points=self.points, axial=self.axial
+        )
+        patches = dataclasses.replace(own, angles=angle)
+        found = feet(RimSurface(body.rim_nodes, body.rim_faces), patches)
+        rows = np.zeros((x.size, body.dofs))
+        follow = found.rows.toarray()
+        for cell, (point, turn) in enumerate(zip(at.reshape(-1, 3), middle.ravel(), strict=True)):
+            into = _turn(turn).T
+            push = into @ normal
+            moment = np.cross(into @ point - found.centres[cell], push)
+            load = np.concatenate([push, moment])
+            rows[cell, : follow.shape[1]] = load @ follow[6 * cell : 6 * cell + 6]
+        return rows
+
+    def held(self, index: int, phase: int) -> tuple[np.ndarray, np.ndarray, int]:
+        """Stiffness of a gear on its springs, which coordinates can move, and that of rotation."""
+        gear = self.gears[index]
+        if gear.body is None:
+            springs = gear.springs[0]
+            return np.diag(np.where(np.isfinite(springs), springs, 0.0)), np.isfinite(springs), 5
+        stiffness, free = gear.body.stiffness.copy(), np.ones(gear.body.dofs, dtype=bool)
+        turn = np.kron(np.eye(2), _turn(self.turned(index, phase)))
+        first = 3 * len(gear.body.rim_nodes)
+        for seat, springs in enumerate(gear.springs):
+            at = slice(first + 6 * seat, first + 6 * seat + 6)
+            finite = np.isfinite(springs)
+            stiffness[at, at] += turn.T @ np.diag(np.where(finite, springs, 0.0)) @ turn
+            free[at] = finite
+        return stiffness, free, first + 6 * gear.gear_seat + 5
+
+    def flexibility(self, index: int, phase: int) -> np.ndarray:
+        """Overlap of the cells per force on them that one gear gives, its rotation held."""
+        rows = self.rows(index, phase)
+        return rows @ self.answer(index, phase, rows.T)
+
+    def answer(self, index: int, phase: int, load: np.ndarray) -> np.ndarray:
+        """Motion of all coordinates of one gear under loads, its rotation held."""
+        stiffness, free, rotation = self.held(index, phase)
+        free[rotation] = False
+        motion = np.zeros(load.shape)
+        motion[free] = _solved(stiffness[np.ix_(free, free)], load[free])
+        return motion
+
+    def state(
+        self, phase: int, stiffness: np.ndarray, gap: np.ndarray, torque: float, speed: float = 0.0
+    ) -> DenseState:
+        """Rest by the active set: closed cells are springs in the matrix, which is rebuilt."""
+        parts = [self.held(index, phase) for index in (0, 1)]
+        rows = [self.rows(index, phase) for index in (0, 1)]
+        sizes = [len(part[0]) for part in parts]
+        whole = scipy.linalg.block_diag(parts[0][0], parts[1][0])
+        across = np.concatenate(rows, axis=1)
+        free = np.concatenate([parts[0][1], parts[1][1]])
+        free[parts[0][2]], free[sizes[0] + parts[1][2]] = True, False
+        load = np.zeros(sum(sizes))
+        for begin, gear, own in zip(
+            (0, sizes[0]), self.gears, (speed, speed * TEETH[0] / TEETH[1]), strict=True
+        ):
+            if gear.body is not None:
+                load[begin : begin + gear.body.dofs] = own**2 * gear.body.centrifugal_load
+        load[parts[0][2]] += torque
+        closed = stiffness > 0.0
+        for _ in range(40):
+            springs = np.where(closed, stiffness, 0.0)
+            total = whole + across.T @ (springs[:, None] * across)
+            right = load + across.T @ (springs * gap)
+            motion = np.zeros(len(load))
+            motion[free] = _solved(total[np.ix_(free, free)], right[free])
+            overlap = across @ motion - gap
+            before, closed = closed, (overlap > 0.0) & (stiffness > 0.0)
+            if np.array_equal(before, closed):
+                break
+        else:
+            raise AssertionError("The active set goes round.")
+        turn = motion[parts[0][2]] * self.base[0] * math.cos(self.helix)
+        seats = [
+            self._seats(index, phase, motion[begin : begin + size])
+            for index, begin, size in zip((0, 1), (0, sizes[0]), sizes, strict=True)
+        ]
+        return DenseState(turn, springs * overlap, (seats[0], seats[1]))
+
+    def _seats(self, index: int, phase: int, motion: np.ndarray) -> np.ndarray:
+        body = self.gears[index].body
+        if body is None:
+            return motion[None]
+        first = 3 * len(body.rim_nodes)
+        own = motion[first : first + 6 * len(body.seats)].reshape(-1, 2, 3)
+        return (own @ _turn(self.turned(index, phase)).T).reshape(-1, 6)
+
+
+def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Solve a positive definite system whose rows are of different units."""
+    scale = 1.0 / np.sqrt(np.diagonal(matrix))
+    right = (right.T * scale).T
+    found = scipy.linalg.solve(scale[:, None] * matrix * scale, right, assume_a="pos")
+    return (found.T * scale).T
