@@ -51,6 +51,7 @@ test-slow: $(VENV)/.installed-dev
 bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/bench.py
 	$(BIN)/python benchmarks/bench_bodies.py
+	$(BIN)/python benchmarks/bench_hybrid.py
 
 clean:
 	rm -rf $(VENV) $(DEMO) results/bench build dist .pytest_cache .ruff_cache

@@ -84,6 +84,9 @@ from jaxgear._contact._tooth import penetration_compliance as penetration_compli
 from jaxgear._interface._laws import AbstractContactLaw as AbstractContactLaw
 from jaxgear._interface._laws import ExactContact as ExactContact
 from jaxgear._interface._laws import SmoothContact as SmoothContact
+from jaxgear._interface._roots import RimSurface as RimSurface
+from jaxgear._interface._roots import RootPatches as RootPatches
+from jaxgear._interface._roots import feet as feet
 from jaxgear._interface._wrench import structure_vectors as structure_vectors
 
 from jaxgear._system._flexible import Condensed as Condensed

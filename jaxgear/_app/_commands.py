@@ -181,7 +181,7 @@ def _on_bodies(
 
     with _condense.steps("bodies", quiet) as tell:
         answers = _hybrid.body_answers(scene, statics, tell)
-        dataset = _hybrid.hybrid_variables(scene, dataset, answers)
+        dataset = _hybrid.hybrid_variables(dataset, answers)
         tell("drawing")
         _hybrid_pictures.draw(folder, _title(scene), dataset, answers)
     return dataset, _hybrid.hybrid_summary(dataset, answers)

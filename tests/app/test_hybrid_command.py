@@ -1,0 +1,405 @@
+"""What runs with condensed bodies say beside the rigid model's answers."""
+
+import dataclasses
+import json
+import types
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import xarray as xr
+
+from fem_prep._artefact import balanced, floating
+from fem_prep._condense import boundary_of, hold
+from jaxgear._app import _hybrid as hybrid
+from jaxgear._app import _hybrid_pictures as pictures
+from jaxgear._app._body_build import Steps, _full
+from jaxgear._app._cli import main
+from jaxgear._app._commands import _foundation
+from jaxgear._app._mesh_bodies import with_bodies
+from jaxgear._app._model import grid_of, law_of, model_of
+from jaxgear._app._notes import _on_condensed
+from jaxgear._app._results import static_dataset
+from jaxgear._app._scene import read_scene
+from jaxgear._app._statics import Statics, Stopwatch, solve_statics
+from jaxgear._solve._cycle import MeshCycle, prepare_mesh
+from jaxgear._system._structure import bearing_motion
+from jaxgear._units import deg, um
+
+# The web is off the middle and three bearings hold its shaft: nothing cancels by accident.
+_SCENE = """schema = 1
+name = "tiny"
+[material]
+young_GPa = 200.0
+density_kg_m3 = 8000.0
+[pair]
+module_mm = 3.0
+torque_pinion_Nm = 100.0
+[pinion]
+teeth = 20
+face_width_mm = 12.0
+[wheel]
+teeth = 24
+face_width_mm = 10.0
+[wheel.body]
+kind = "condensed"
+web = { hub_outer_mm = 30, web_thickness_mm = 4, rim_inner_mm = 52, web_offset_mm = 2 }
+modes = 2
+compare_seats = false
+fineness = { sectors = 24, rim_across = 1, web_along = 1, hub_deep = 1 }
+[wheel.shaft]
+gear_at_mm = 20.0
+segments = [ { length_mm = 40, outer_mm = 20, inner_mm = 8 } ]
+bearings = [
+    { at_mm = 0, radial_N_m = 1e8, axial_N_m = 5e7, tilt_Nm_rad = 2e3 },
+    { at_mm = 30, radial_N_m = 2e8 },
+    { at_mm = 40, radial_N_m = 5e7 },
+]
+[mesh]
+stiffness = "constant"
+stiffness_N_mm_um = 14.0
+slices = 4
+phases = 8
+pinion_speed_rad_s = 1500.0
+root_correction = false
+"""
+_HOLES = "web_offset_mm = 2, holes = 4, hole_diameter_mm = 8, hole_circle_mm = 41 }"
+
+
+def _scene(path, text=_SCENE):
+    path.write_text(text)
+    return with_bodies(read_scene(path))
+
+
+@eqx.filter_jit
+def _prepared(model, grid):
+    return prepare_mesh(model, grid)
+
+
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory):
+    """The scene with its body, and a cycle of any forces that balance the torque."""
+    folder = tmp_path_factory.mktemp("hybrid")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("JAXGEAR_CACHE", str(folder / "cache"))
+        scene = _scene(folder / "tiny.toml")
+    model = model_of(scene)
+    grid = grid_of(scene, model)
+    prepared = _prepared(model, grid)
+    system, cells = prepared.system, prepared.cells
+    force = np.random.default_rng(0).uniform(0.1, 1.0, cells.stiffness.shape)
+    force *= float(system.force) / force.sum(axis=1, keepdims=True)
+    arms = np.asarray(system.arms(cells))
+    cycle = MeshCycle(
+        system=system,
+        cells=cells,
+        approach=jnp.zeros(len(force)),
+        load=jnp.asarray(np.einsum("pcq,pc->pq", arms, force)),
+        overlap=jnp.asarray(1e-6 * force),
+        force=jnp.asarray(force),
+        converged=jnp.ones(len(force), bool),
+        steps=jnp.ones(len(force), int),
+    )
+    none = np.zeros((0, len(force))), np.zeros((0, 3))
+    statics = Statics(model, grid, law_of(scene), cycle, {}, *none)
+    return scene, statics, hybrid.body_under_teeth(scene, "wheel", statics)
+
+
+# --- The body under its teeth
+
+
+def test_feet_move_as_the_contact_solution_has_them(solved):
+    _, statics, under = solved
+    cycle, found = statics.cycle, under.under_mesh(0)
+    cells = cycle.cells
+    assert cells.coupling is not None
+    assert cells.seat_arms is not None
+    assert cells.growth is not None
+    seats = np.asarray(cycle.system.displacement(cycle.load))[:, -24:]
+    said = np.einsum("pcs,ps->pc", np.asarray(cells.seat_arms), seats)
+    said -= np.einsum("pij,pj->pi", np.asarray(cells.coupling), np.asarray(cycle.force))
+    said += np.asarray(cells.growth)
+    rim = 3 * len(under.body.rim_nodes)
+    whole = (found.motion + under.rotation)[:, :rim].reshape(len(said), -1, 3)
+    got = np.sum(found.weights * found.on_feet(whole), axis=2)
+    np.testing.assert_allclose(got, said, rtol=0, atol=1e-10 * np.abs(said).max())
+    # The body turns by a pitch in a mesh period, the wheel of a pair backwards.
+    steps = np.asarray(cycle.cells.lines.phase, dtype=float) * 2.0 * np.pi / 24
+    np.testing.assert_allclose(np.diff(found.turn), -np.diff(steps), rtol=1e-9)
+
+
+def test_the_whole_grid_is_in_balance(solved):
+    """Loads on the rim, reactions of the bearings, and nothing at any other node."""
+    scene, statics, under = solved
+    built, found = scene.bodies["wheel"].built, under.under_mesh(0)
+    cycle, phase = statics.cycle, 3
+    full = _full(built.plan, Steps(lambda step: None))
+    outer = built.body.boundary_dofs
+    held = hold(full)
+    motion = held.followed(found.motion[phase, :outer][:, None])
+    np.testing.assert_allclose(
+        hybrid.whole_motion(built, found.motion[phase][None], np.zeros(1))[0],
+        full.on_nodes(motion)[0],
+        rtol=0,
+        atol=1e-12 * np.abs(motion).max(),
+    )
+    np.testing.assert_allclose(
+        boundary_of(full, motion)[:, 0],
+        found.motion[phase, :outer],
+        atol=1e-10 * np.abs(motion).max(),
+    )
+    rim = 3 * len(full.rim)
+    reaction = held.reaction(motion)[:, 0]
+    load = found.load[phase]
+    np.testing.assert_allclose(reaction[:rim], load[:rim], atol=1e-6 * np.abs(load).max())
+    # What holds the seats are the bearings, and the torque on its seat.
+    structure = cycle.system.structure
+    moved = np.asarray(cycle.system.displacement(cycle.load))[phase]
+    moved = moved - np.asarray(hybrid._rotation_offset(statics.model, cycle))
+    bearings = np.asarray(bearing_motion(structure, jnp.asarray(moved)).load)[-3:]
+    seats = reaction[rim:].reshape(-1, 6)
+    turned = hybrid._turned(seats.reshape(1, -1), found.turn[phase][None]).reshape(-1, 6)
+    names = [under.body.seats.index(f"bearing[{i}]") for i in range(3)]
+    size = np.abs(bearings).max()
+    np.testing.assert_allclose(turned[names, :3], -bearings[:, :3], atol=1e-5 * size)
+    np.testing.assert_allclose(turned[names, 3:5], -bearings[:, 3:], atol=1e-6 * size)
+    torque = under.body.seats.index("torque")
+    np.testing.assert_allclose(turned[torque, 5], 24 / 20 * 100.0, rtol=1e-6)
+    # Work of the loads is the strain energy, twice.
+    energy = motion[:, 0] @ (full.stiffness @ motion[:, 0])
+    work = load @ found.motion[phase] + reaction[rim:] @ found.motion[phase, rim:outer]
+    assert energy == pytest.approx(work, rel=1e-8)
+
+
+def test_bearing_loads_balance_the_mesh(solved):
+    _, statics, _ = solved
+    cycle = statics.cycle
+    moved = cycle.system.displacement(cycle.load)
+    load = np.asarray(
+        eqx.filter_vmap(bearing_motion, in_axes=(None, 0))(cycle.system.structure, moved).load
+    )[:, -3:]
+    force = float(cycle.system.force)
+    angle = float(statics.model.pair.working_pressure_angle)
+    total = np.sum(load[:, :, :3], axis=1)
+    expected = force * np.array([np.sin(angle), np.cos(angle), 0.0])
+    np.testing.assert_allclose(np.abs(total), np.tile(expected, (len(total), 1)), atol=1e-4 * force)
+
+
+def test_rotation_is_told_apart(solved):
+    """It grows with the square of the speed, is the same all around, and opens the rim."""
+    scene, statics, under = solved
+    slow = eqx.tree_at(lambda m: m.speed, statics.model, 0.5 * statics.model.speed)
+    system = _prepared(slow, statics.grid).system
+    cycle = dataclasses.replace(statics.cycle, system=system)
+    slower = hybrid.BodyUnderTeeth(
+        scene.bodies["wheel"], 1, slow, statics.grid, cycle, points=12, axial="mortar"
+    )
+    scale = np.abs(under.rotation).max()
+    np.testing.assert_allclose(4.0 * slower.rotation, under.rotation, rtol=0, atol=1e-9 * scale)
+    assert under.spin == pytest.approx(1500.0 * 20 / 24)
+    grown = under.against_seat(under.rotation[None])[0]
+    parts = hybrid.along_radius(under.body.rim_nodes, grown).reshape(24, -1, 3)
+    np.testing.assert_allclose(parts, np.broadcast_to(parts[:1], parts.shape), atol=1e-6 * scale)
+    assert parts[..., 0].mean() > 0.0
+    # Nothing resists it, not even the bearings, of which one alone holds the axis.
+    body = under.body
+    load = balanced(under.spin**2 * body.centrifugal_load, body.mass, body.rigid_motions)
+    alone = under.against_seat(floating(body, load)[None])[0]
+    np.testing.assert_allclose(grown, alone, rtol=0, atol=1e-6 * scale)
+    # Under the mesh alone it does not show.
+    moved, slow_moved = under.under_mesh(0).motion, slower.under_mesh(0).motion
+    np.testing.assert_allclose(moved, slow_moved, rtol=0, atol=1e-9 * np.abs(moved).max())
+
+
+def test_a_rigid_motion_is_no_deflection(solved):
+    _, _, under = solved
+    rigid = under.body.rigid_motions.T
+    left = under.against_seat(rigid)
+    np.testing.assert_allclose(left, 0.0, atol=1e-12)
+
+
+def test_answers_are_of_all_phases(solved, tmp_path):
+    scene, statics, under = solved
+    (answer,) = hybrid.body_answers(scene, statics)
+    assert answer.rim.shape == (8, 3)
+    assert answer.roots.shape == (*statics.cycle.cells.lines.roll.shape, 3)
+    # A foot follows its patch of the rim, which moves by no more than the rim's largest.
+    assert np.abs(answer.roots).max() <= 1.2 * answer.rim.max()
+    numbers = answer.numbers
+    worst = hybrid.worst_phase(statics.cycle)
+    assert [field.what for field in answer.fields] == ["mesh", "rotation"]
+    field = answer.fields[0]
+    rim = answer.grid.sets["rim"]
+    largest = np.linalg.norm(field.field, axis=1)
+    assert numbers["body_deflection_um"] == pytest.approx(largest.max() / um)
+    np.testing.assert_allclose(
+        np.abs(hybrid.along_radius(answer.grid.nodes[rim], field.field[rim])).max(axis=0),
+        answer.rim[worst],
+        rtol=1e-6,
+    )
+    assert numbers["web_wind_up_um"] > 0.0
+    known = answer.built.health["centrifugal_growth_um_at_rad_s"]
+    speed, growth = max((float(name), each) for name, each in known.items())
+    expected = growth * (numbers["speed_rad_s"] / speed) ** 2
+    assert numbers["growth_mean_radial_um"] == pytest.approx(expected, rel=1e-6)
+    for shown in answer.fields:
+        columns = pictures.deflected_body_columns(answer, shown)
+        assert {len(column) for column in columns.values()} == {len(under.body.rim_nodes)}
+        at = np.argmax(np.abs(columns["tangential_um"]))
+        if shown.what == "mesh":
+            # The wheel's rim gives most where the teeth press.
+            assert abs(columns["angle_deg"][at]) < 60.0
+    assert _foundation(scene) == "pinion weber, wheel its condensed body"
+
+
+# --- Teeth and holes, by hand
+
+
+def _dataset(periods=6, phases=8):
+    """Two lines, three slices: the pair on line 0 carries more the later it entered."""
+    count = periods * phases
+    phase = (np.arange(count) + 0.5) / phases
+    passage = np.stack([phase % 1.0, phase % 1.0 + 1.0], axis=1)
+    pair = np.rint(phase[:, None] - passage).astype(int) % periods
+    share = np.tile([0.6, 0.4], (count, 1))
+    load = (100.0 + 10.0 * pair)[:, :, None] * np.array([1.0, 0.8, 0.5])
+    cells = ("phase", "line", "slice")
+    return xr.Dataset(
+        {
+            "weight": ("phase", np.full(count, 1.0 / count)),
+            "load_sharing": (("phase", "line"), share),
+            "line_load_N_mm": (cells, load),
+            "pressure_MPa": (cells, 10.0 * load),
+            "fraction": (cells, np.ones(load.shape)),
+            "transmission_error_um": ("phase", 20.0 + np.sin(2 * np.pi * phase)),
+        },
+        coords={
+            "phase": phase,
+            "passage": (("phase", "line"), passage),
+            "line": ("line", [0, 1]),
+            "face_position_mm": ("slice", [-3.0, 0.0, 3.0]),
+        },
+        attrs={"face_width_mm": 9.0, "teeth_pinion": 20, "teeth_wheel": 24},
+    )
+
+
+def test_each_tooth_has_its_own_load():
+    found = hybrid.hybrid_variables(_dataset(), [])
+    np.testing.assert_allclose(found["tooth_line_load_N_mm"], 100.0 + 10.0 * np.arange(6))
+    np.testing.assert_allclose(found["tooth_load_over_mean"], 1.0)
+    np.testing.assert_allclose(found["tooth_share"], 0.6)
+    assert int(found["way_tooth_pair"]) == 5
+    assert np.all(np.diff(found["way_passage"]) > 0.0)
+    assert found.sizes["step"] == 16
+    np.testing.assert_allclose(found["way_line_load_N_mm"][:, 1], 0.8 * 150.0)
+    # Teeth enter ahead on the wheel, behind on the pinion.
+    np.testing.assert_allclose(found["wheel_tooth_angle_deg"], 15.0 * np.arange(6))
+    np.testing.assert_allclose(found["pinion_tooth_angle_deg"][:3], [0.0, 342.0, 324.0])
+
+
+def test_teeth_above_holes_are_told_from_others():
+    found = hybrid.hybrid_variables(_dataset(), [])
+    holes = hybrid.HolePlaces(np.array([0.0]), np.array([20 * deg]))
+    assert holes.above(np.array([0, 19, 21, 341.0]) * deg).tolist() == [True, True, False, True]
+    numbers = hybrid.hole_numbers(found, "wheel", holes)
+    assert numbers["line_load_above_holes_mean_N_mm"] == pytest.approx(105.0)
+    assert numbers["line_load_above_holes_largest_N_mm"] == pytest.approx(110.0)
+    assert numbers["line_load_between_holes_mean_N_mm"] == pytest.approx(135.0)
+    columns = pictures.tooth_loads_columns(found, "wheel", holes)
+    assert columns["above_a_hole"].tolist() == [1, 1, 0, 0, 0, 0]
+    figure = pictures.tooth_loads(found, "wheel", holes, "tiny")
+    assert figure.axes[0].get_ylabel() == "largest line load [N/mm]"
+
+
+def test_loads_across_the_face_are_shown_where_they_are_largest():
+    dataset = hybrid.hybrid_variables(_dataset(), [])
+    columns = pictures.contact_line_loads_columns(dataset)
+    assert columns["line_load_N_mm"].max() == pytest.approx(150.0)
+    assert len(np.unique(columns["phase"])) == 6
+    assert np.ptp(columns["phase"]) < 1.0
+    assert len(pictures.contact_line_loads(dataset, "tiny").axes) == 6
+    way = pictures.tooth_way_columns(dataset)
+    assert len(way["passage"]) == 48
+    assert (
+        pictures.tooth_way(dataset, "tiny").axes[0].get_title(loc="left").startswith("tooth pair 5")
+    )
+
+
+def test_models_are_compared_by_name():
+    rigid, soft = _dataset(1), _dataset()
+    figure = pictures.models_compared({"rigid": rigid, "flexible": soft}, "tiny")
+    legend = figure.axes[0].get_legend()
+    assert legend is not None
+    texts = [text.get_text() for text in legend.get_texts()]
+    assert texts == ["rigid: at most 100.0 N/mm", "flexible: at most 150.0 N/mm"]
+    columns = pictures.models_compared_columns({"rigid": rigid, "flexible": soft})
+    np.testing.assert_allclose(columns["flexible_line_load_max_N_mm"], [150.0, 120.0, 75.0])
+
+
+# --- Notes
+
+
+def test_notes_on_condensed_bodies(solved, tmp_path):
+    scene, _, _ = solved
+    assert _on_condensed(scene) == []
+    given = scene.replace({"wheel.foundation": "weber"})
+    assert "wheel.foundation does nothing to the wheel" in _on_condensed(given)[0]
+    facts = {"sectors": 4}
+    built: Any = types.SimpleNamespace(body=types.SimpleNamespace(facts=facts))
+    body: Any = types.SimpleNamespace(built=built)
+    short = dataclasses.replace(scene, bodies={"wheel": body})
+    (said,) = _on_condensed(short)
+    assert "repeats after 6 teeth" in said
+    assert "multiple of 6" in said
+    path = tmp_path / "rigid.toml"
+    path.write_text(_SCENE.replace('kind = "condensed"', 'kind = "rigid"'))
+    (said,) = _on_condensed(read_scene(path))
+    assert said.startswith("mesh.pinion_speed_rad_s, mesh.root_correction: no body is condensed")
+
+
+# --- The command
+
+
+def _teeth_of(path, *changes):
+    """Largest line load of each tooth."""
+    scene = with_bodies(read_scene(path, changes))
+    statics = solve_statics(scene, Stopwatch())
+    dataset = static_dataset(statics.model, statics.cycle, statics.law)
+    return hybrid.hybrid_variables(dataset, [])["tooth_line_load_N_mm"].values
+
+
+@pytest.mark.slow
+def test_a_run_shows_teeth_above_holes_and_between(tmp_path, monkeypatch):
+    monkeypatch.setenv("JAXGEAR_CACHE", str(tmp_path / "cache"))
+    path, out = tmp_path / "tiny.toml", tmp_path / "out"
+    text = _SCENE.replace("web_offset_mm = 2 }", _HOLES).replace("slices", "periods = 6\nslices")
+    path.write_text(text)
+    assert main(["run", str(path), "--out", str(out)]) == 0
+    summary = json.loads((out / "summary.json").read_text())
+    wheel = summary["static"]["wheel_body"]
+    assert summary["bodies"][0]["gear"] == "wheel"
+    assert summary["model"]["foundation"] == "pinion weber, wheel its condensed body"
+    assert len(summary["static"]["bearings"]) == 3
+    above, between = (wheel[f"line_load_{where}_holes_mean_N_mm"] for where in ("above", "between"))
+    assert 1e-4 < abs(above / between - 1.0) < 0.1
+    with xr.open_dataset(out / "result.nc") as dataset:
+        assert dataset["wheel_root_deflection_um"].dims == ("phase", "line", "slice", "direction")
+        assert float(dataset["tooth_load_over_mean"].mean()) == pytest.approx(1.0)
+        loads = dataset["tooth_line_load_N_mm"].values
+    for name in (
+        "contact_lines",
+        "tooth_way",
+        "wheel_tooth_loads",
+        "wheel_under_mesh",
+        "wheel_under_rotation",
+        "shafts",
+    ):
+        for ending in ("png", "svg", "csv"):
+            assert (out / f"{name}.{ending}").stat().st_size > 0
+    assert (out / "wheel_deflected.vtu").exists()
+    # Holes one tooth further on: the same loads, one tooth further on.
+    moved = _teeth_of(path, "wheel.body.web.hole_angle_deg=15")
+    assert np.ptp(loads) > 1e-4 * loads.max()
+    np.testing.assert_allclose(np.roll(loads, 1), moved, rtol=1e-6)
