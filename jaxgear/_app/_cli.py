@@ -306,7 +306,7 @@ def _nothing_to_condense(scene: Scene) -> str:
 def _not_yet(scene: Scene, command: str, gear: str) -> Mistake:
     """Say which commands take a condensed body, and what this one takes."""
     key = f"{gear}.body.kind"
-    whose = "[sweep] in `jaxgear run`" if command == "run" else f"`jaxgear {command}`"
+    whose = "[sweep] of `jaxgear run`" if command == "run" else f"`jaxgear {command}`"
     words = (
         f'got "condensed": {whose} does not yet take the mass of condensed bodies. Use run, map, '
         f'optimise or check-grad without it, write "rigid" or "beam", or --set {key}=rigid'

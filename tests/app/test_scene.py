@@ -1050,7 +1050,7 @@ def test_set_repairs_a_mistake_of_the_file(write):
     assert read_scene(path, ["pair.torque_pinion_Nm=60"])["pair.torque_pinion_Nm"] == 60.0
 
 
-@pytest.mark.parametrize("name", ["accessory", "power"])
+@pytest.mark.parametrize("name", sorted(path.stem for path in _READY.glob("*.toml")))
 def test_ready_scenes_round_trip(tmp_path, name):
     scene = read_scene(_READY / f"{name}.toml")
     assert scene["name"] == name

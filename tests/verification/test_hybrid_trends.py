@@ -33,10 +33,19 @@ _OTHERWISE: dict[str, set[str]] = {
     # Bodies share between pairs what foundations give to each alone: two of them lessen the depth,
     # and the pinion's web takes back a little of it.
     "master-curve": {"spur, H2, webbed pinion: deeper than the rigid pair's at every extent"},
+    # Where thrust tilts the rim over its web, the edge that it presses on carries the most.
+    "web-junction": {
+        "power: the maximum lies within 0.15 faces of the junction",
+        "power: off a straight line the load is largest there",
+        "accessory: the maximum lies there",
+        "the maximum is higher than with rigid bodies",
+    },
     "bearings": set(),
     "helix": set(),
     # The rim grows at both edges of a centred web too, which the pressed edge feels.
     "rotation": {"straight centred web: hardly (less than a fifth of that)"},
+    # There the rim grows unevenly around, and teeth above holes are loaded less evenly.
+    "holes": {"at 3000 rad/s too"},
 }
 
 

@@ -1,0 +1,71 @@
+"""Condensed bodies and the scenes that they were built for."""
+
+import dataclasses
+from types import MappingProxyType
+
+import jax
+import pytest
+
+from jaxgear._app._mesh_bodies import MeshBody
+from jaxgear._app._model import model_of
+from jaxgear._app._scene import ready_scene
+from jaxgear._app._with_bodies import with_bodies
+from jaxgear._checks import InputError
+
+
+@pytest.fixture
+def scene():
+    """A scene whose wheel has been built: nothing here looks into it."""
+    body = object.__new__(MeshBody)
+    built = MappingProxyType({"wheel": body})
+    return dataclasses.replace(ready_scene("accessory-h1"), bodies=built)
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        "pair.module_mm",
+        "wheel.profile_shift",
+        "pinion.face_width_mm",
+        "wheel.shaft.gear_at_mm",
+        "wheel.shaft.segments[0].outer_mm",
+        "wheel.shaft.bearings[1].at_mm",
+        "material.young_GPa",
+        "mesh.slices",
+        "mesh.root_points",
+    ],
+)
+def test_a_body_stays_behind_when_it_would_be_another(scene, key):
+    assert "wheel" not in scene.replace({key: scene[key]}).bodies
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        "pair.torque_pinion_Nm",
+        "flank.wheel.crowning_um",
+        "pinion.profile_shift",
+        "wheel.addendum_coeff",
+        "wheel.shaft.bearings[1].radial_N_m",
+        "mesh.phases",
+    ],
+)
+def test_a_body_stays_with_what_leaves_it_the_same(scene, key):
+    assert "wheel" in scene.replace({key: scene[key]}).bodies
+
+
+def test_there_is_no_derivative_by_what_a_body_is_made_from(scene):
+    def moved(shift):
+        return model_of(scene.replace({"wheel.profile_shift": shift})).torque
+
+    with pytest.raises(InputError, match=r"do not follow wheel\.profile_shift: there is no deriv"):
+        jax.grad(moved)(0.481)
+    keys = scene.real_keys()
+    assert "wheel.profile_shift" not in keys
+    assert "wheel.shaft.bearings[0].at_mm" not in keys
+    assert {"pinion.profile_shift", "wheel.shaft.bearings[0].radial_N_m"} <= set(keys)
+
+
+def test_scenes_of_rigid_bodies_need_none():
+    rigid = ready_scene("accessory")
+    assert with_bodies(rigid) is rigid
