@@ -75,7 +75,7 @@ BODY_STAGES = (
     "_op4",
     "_imports",
 )
-SCENE_FILES = ("_scene", "_model")
+SCENE_FILES = ("_scene", "_model", "_with_bodies")
 
 # The one place that sets the process up, so the only one that may touch JAX's configuration.
 CONFIGURES = PurePosixPath("jaxgear/_app/_cli.py")

@@ -127,7 +127,7 @@ def built_body(plan: BodyPlan, tell: Callable[[str], None]) -> BuiltBody:
         body = dataclasses.replace(body, name=plan.name)
         view = read_view(key, len(body.nodes)) if len(body.nodes) else None
         if view is None and len(body.nodes):
-            view = _view(body, _full(plan, Steps(tell)), Steps(tell))
+            view = _view(body, full_of(plan, Steps(tell)), Steps(tell))
             keep_view(key, view)
     warned = tuple(str(each.message) for each in said)
     return BuiltBody(plan, body, view, key, found, time.perf_counter() - start, warned)
@@ -173,7 +173,7 @@ def _build(plan: BodyPlan, key: str, steps: Steps) -> ReducedBody:
     if isinstance(plan.source, Matrices):
         body = _imported(plan, plan.source, steps)
     else:
-        full = _full(plan, steps)
+        full = full_of(plan, steps)
         rotation = largest_rotation(full)
         _check_memory(full, rotation)
         held = hold(full, rotation=rotation, progress=steps)
@@ -301,7 +301,7 @@ def _check_rim(plan: BodyPlan, nodes: np.ndarray) -> None:
             )
 
 
-def _full(plan: BodyPlan, steps: Steps) -> FullBody:
+def full_of(plan: BodyPlan, steps: Steps) -> FullBody:
     """A body in all its unknowns."""
     with steps("grid"):
         grid = _grid(plan)

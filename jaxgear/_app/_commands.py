@@ -177,14 +177,14 @@ def _on_bodies(
     scene: Scene, statics: Statics, dataset: xr.Dataset, folder: Path, quiet: bool
 ) -> tuple[xr.Dataset, Summary]:
     """Draw what condensed bodies do, and add it to the dataset; what they do to the summary."""
-    from jaxgear._app import _condense, _hybrid, _hybrid_pictures
+    from jaxgear._app import _condense, _hybrid, _hybrid_dataset, _hybrid_pictures
 
     with _condense.steps("bodies", quiet) as tell:
         answers = _hybrid.body_answers(scene, statics, tell)
-        dataset = _hybrid.hybrid_variables(dataset, answers)
+        dataset = _hybrid_dataset.hybrid_variables(dataset, answers)
         tell("drawing")
         _hybrid_pictures.draw(folder, _title(scene), dataset, answers)
-    return dataset, _hybrid.hybrid_summary(dataset, answers)
+    return dataset, _hybrid_dataset.hybrid_summary(dataset, answers)
 
 
 def map_relief(scene: Scene, folder: Path, quiet: bool) -> Summary:

@@ -19,14 +19,8 @@ from fem_prep._files import write_vtu
 from fem_prep._grid import surface
 from jaxgear._app._body_pictures import _show
 from jaxgear._app._body_render import VIEW, frame, render
-from jaxgear._app._hybrid import (
-    DIRECTIONS,
-    BodyAnswer,
-    BodyField,
-    HolePlaces,
-    along_radius,
-    hole_places,
-)
+from jaxgear._app._hybrid import DIRECTIONS, BodyAnswer, BodyField, along_radius
+from jaxgear._app._hybrid_dataset import HolePlaces, hole_places
 from jaxgear._app._pictures import (
     _BLUE,
     _BOX,

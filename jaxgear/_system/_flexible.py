@@ -125,6 +125,7 @@ class FlexibleBody(eqx.Module):
     - `gear_seat`: number of the seat whose rotation is the gear's, where the torque acts.
     - `components`: of a foot's motion, that its teeth load.
     - `first_line`, `slices`: of the grid that it was made for.
+    - `repeats`: mesh periods after which the body repeats under its teeth.
     """
 
     flexibility: FootMatrix
@@ -139,6 +140,7 @@ class FlexibleBody(eqx.Module):
     components: tuple[int, ...] = eqx.field(static=True)
     first_line: int = eqx.field(static=True)
     slices: int = eqx.field(static=True)
+    repeats: int = eqx.field(static=True)
 
     @property
     def lines(self) -> int:
@@ -147,7 +149,7 @@ class FlexibleBody(eqx.Module):
 
     @property
     def periods(self) -> int:
-        """Mesh periods in the tables, after which they repeat."""
+        """Mesh periods in the tables: as many as the cycle has, or until the body repeats."""
         return self.growth.shape[0]
 
     def check(self, grid: MeshGrid) -> None:
@@ -159,8 +161,18 @@ class FlexibleBody(eqx.Module):
 
         **Raises:**
 
-        - `InputError` if slices or contact lines differ.
+        - `InputError` if slices or contact lines differ, or if the cycle has more mesh periods and
+            the body is another one in them.
         """
+        require(
+            self.periods >= min(self.repeats, grid.periods),
+            "A condensed body that repeats after {repeats} mesh periods was put in mesh for "
+            "{own} of them, and is used for {periods}. Make it with `flexible_body` from the grid "
+            "of the cycle.",
+            repeats=self.repeats,
+            own=self.periods,
+            periods=grid.periods,
+        )
         require(
             (self.slices, self.lines, self.first_line)
             == (grid.slices, grid.lines, grid.first_line),
@@ -336,6 +348,7 @@ def flexible_body(
         components=components,
         first_line=grid.first_line,
         slices=slices,
+        repeats=repeats,
     )
 
 
@@ -553,7 +566,7 @@ def _on_cells(
 ) -> tuple[Array, Array, Array]:
     """Compliance, arms and growth of the cells of one mesh period."""
     flexibility, from_seats, growth, centres = table
-    weights, angle = _foot_weights(pair, index, centres, roll, face_position)
+    weights, angle = foot_weights(pair, index, centres, roll, face_position)
     weights = [weights[component] for component in body.components]
     size = range(len(weights))
     # Written out over the few components: a batch of tiny products costs many times its arithmetic.
@@ -569,7 +582,7 @@ def _on_cells(
     return compliance, _in_fixed_frame(rows, angle), grown
 
 
-def _foot_weights(
+def foot_weights(
     pair: GearPair, index: int, centres: Array, roll: Reals, face_position: Reals
 ) -> tuple[list[Array], Array]:
     r"""Approach of each cell per motion of its foot, and the angle of its tooth's middle.

@@ -6,6 +6,8 @@ the axis to $M$ (thesis eq. 2.7 to 2.9). As a function of $M$ it lies in the spa
 its coefficients are found from as many points.
 """
 
+from collections.abc import Sequence
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -30,7 +32,7 @@ _POINTS = np.array(
 def beam_vectors(
     pair: GearPair,
     mounts: tuple[Shaft | Support, Shaft | Support],
-    bodies: list[GearBody],
+    bodies: Sequence[GearBody],
 ) -> DofCoordinates:
     """Coefficients of `beam_basis` that unit motions of the gears' nodes produce.
 
@@ -101,7 +103,7 @@ def section_motion(mount: Shaft | Support, body: GearBody, z: Scalar) -> Float[A
 def within_bodies(
     pair: GearPair,
     mounts: tuple[Shaft | Support, Shaft | Support],
-    bodies: list[GearBody],
+    bodies: Sequence[GearBody],
 ) -> CoordinateMatrix:
     r"""Flexibility of beam bodies between their nodes, where teeth load them along the face.
 

@@ -8,11 +8,12 @@ from jaxgear._flank._deviations import Flanks
 from jaxgear._geometry._pair import GearPair
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._pair_system import check_bodies
-from jaxgear._system._shaft import Shaft
+from jaxgear._system._shaft import BeamBody, Shaft
 from jaxgear._system._structure import (
     BODIES,
     GearBody,
     Housing,
+    RigidBody,
     check_supported,
     check_torque,
     driving_torque,
@@ -52,8 +53,8 @@ class PairModel(eqx.Module):
     pinion_support: Support | Shaft = eqx.field(default_factory=Support)
     wheel_support: Support | Shaft = eqx.field(default_factory=Support)
     misalignment: Misalignment = eqx.field(default_factory=Misalignment)
-    pinion_body: GearBody | None = None
-    wheel_body: GearBody | None = None
+    pinion_body: RigidBody | BeamBody | FlexibleBody | None = None
+    wheel_body: RigidBody | BeamBody | FlexibleBody | None = None
     housing: Housing | None = None
     speed: Scalar = eqx.field(converter=as_scalar, default=0.0)
 

@@ -6,6 +6,7 @@ what loads from outside do to it an offset of them.
 """
 
 import dataclasses
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -236,7 +237,7 @@ def on_condensed_bodies(
     return dataclasses.replace(cells, coupling=coupling, seat_arms=arms, growth=growth)
 
 
-def _rigid_vectors(pair: GearPair, bodies: list[GearBody]) -> DofCoordinates:
+def _rigid_vectors(pair: GearPair, bodies: Sequence[GearBody]) -> DofCoordinates:
     """Approach and tilt by the nodes of rigid bodies; not by the seats of condensed ones."""
     whole = structure_vectors(pair)
     rows = [
@@ -247,7 +248,7 @@ def _rigid_vectors(pair: GearPair, bodies: list[GearBody]) -> DofCoordinates:
 
 
 def _with_seats(
-    vectors: DofCoordinates, bodies: list[GearBody]
+    vectors: DofCoordinates, bodies: Sequence[GearBody]
 ) -> Float[Array, "dof mesh_coordinate"]:
     """Mesh coordinates of sections, and after them every motion of every seat."""
     first, last = (body.seat_load.size if isinstance(body, FlexibleBody) else 0 for body in bodies)

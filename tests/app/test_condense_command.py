@@ -21,7 +21,7 @@ from fem_prep._web import body_grid
 from jaxgear._app import _body_build, _condense
 from jaxgear._app import _body_pictures as pictures
 from jaxgear._app._bodies import Drawn, body_plan
-from jaxgear._app._body_build import Steps, _full, _inputs, built_body
+from jaxgear._app._body_build import Steps, _inputs, built_body, full_of
 from jaxgear._app._body_render import frame, render
 from jaxgear._app._body_report import report_lines
 from jaxgear._app._body_view import view_folder
@@ -374,7 +374,7 @@ def test_a_summary_is_of_its_own_scene_and_leaves_the_body_as_it_is(written):
 
 
 def test_columns_of_a_body_that_does_not_repeat_count_as_memory(written, tmp_path, monkeypatch):
-    full = _full(_plan(written(_PAIR + _BODY)), Steps(lambda step: None))
+    full = full_of(_plan(written(_PAIR + _BODY)), Steps(lambda step: None))
     matrices = 8 * 8 * (3 * len(full.rim) + 6) ** 2
     columns = 8 * 3 * full.points * 3 * len(full.rim)
     (tmp_path / "limit").write_text(str(matrices + 3 * columns // 4))

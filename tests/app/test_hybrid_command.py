@@ -14,8 +14,9 @@ import xarray as xr
 from fem_prep._artefact import balanced, floating
 from fem_prep._condense import boundary_of, hold
 from jaxgear._app import _hybrid as hybrid
+from jaxgear._app import _hybrid_dataset as hybrid_dataset
 from jaxgear._app import _hybrid_pictures as pictures
-from jaxgear._app._body_build import Steps, _full
+from jaxgear._app._body_build import Steps, full_of
 from jaxgear._app._cli import main
 from jaxgear._app._commands import _foundation
 from jaxgear._app._mesh_bodies import with_bodies
@@ -135,7 +136,7 @@ def test_the_whole_grid_is_in_balance(solved):
     scene, statics, under = solved
     built, found = scene.bodies["wheel"].built, under.under_mesh(0)
     cycle, phase = statics.cycle, 3
-    full = _full(built.plan, Steps(lambda step: None))
+    full = full_of(built.plan, Steps(lambda step: None))
     outer = built.body.boundary_dofs
     held = hold(full)
     motion = held.followed(found.motion[phase, :outer][:, None])
@@ -286,7 +287,7 @@ def _dataset(periods=6, phases=8):
 
 
 def test_each_tooth_has_its_own_load():
-    found = hybrid.hybrid_variables(_dataset(), [])
+    found = hybrid_dataset.hybrid_variables(_dataset(), [])
     np.testing.assert_allclose(found["tooth_line_load_N_mm"], 100.0 + 10.0 * np.arange(6))
     np.testing.assert_allclose(found["tooth_load_over_mean"], 1.0)
     np.testing.assert_allclose(found["tooth_share"], 0.6)
@@ -300,10 +301,10 @@ def test_each_tooth_has_its_own_load():
 
 
 def test_teeth_above_holes_are_told_from_others():
-    found = hybrid.hybrid_variables(_dataset(), [])
-    holes = hybrid.HolePlaces(np.array([0.0]), np.array([20 * deg]))
+    found = hybrid_dataset.hybrid_variables(_dataset(), [])
+    holes = hybrid_dataset.HolePlaces(np.array([0.0]), np.array([20 * deg]))
     assert holes.above(np.array([0, 19, 21, 341.0]) * deg).tolist() == [True, True, False, True]
-    numbers = hybrid.hole_numbers(found, "wheel", holes)
+    numbers = hybrid_dataset.hole_numbers(found, "wheel", holes)
     assert numbers["line_load_above_holes_mean_N_mm"] == pytest.approx(105.0)
     assert numbers["line_load_above_holes_largest_N_mm"] == pytest.approx(110.0)
     assert numbers["line_load_between_holes_mean_N_mm"] == pytest.approx(135.0)
@@ -314,7 +315,7 @@ def test_teeth_above_holes_are_told_from_others():
 
 
 def test_loads_across_the_face_are_shown_where_they_are_largest():
-    dataset = hybrid.hybrid_variables(_dataset(), [])
+    dataset = hybrid_dataset.hybrid_variables(_dataset(), [])
     columns = pictures.contact_line_loads_columns(dataset)
     assert columns["line_load_N_mm"].max() == pytest.approx(150.0)
     assert len(np.unique(columns["phase"])) == 6
@@ -367,7 +368,7 @@ def _teeth_of(path, *changes):
     scene = with_bodies(read_scene(path, changes))
     statics = solve_statics(scene, Stopwatch())
     dataset = static_dataset(statics.model, statics.cycle, statics.law)
-    return hybrid.hybrid_variables(dataset, [])["tooth_line_load_N_mm"].values
+    return hybrid_dataset.hybrid_variables(dataset, [])["tooth_line_load_N_mm"].values
 
 
 @pytest.mark.slow
