@@ -137,11 +137,6 @@ class BodyPlan:
     compares_seats: bool
 
 
-def condensed_gears(scene: Scene) -> tuple[str, ...]:
-    """Gears of a scene whose body is to be condensed."""
-    return tuple(gear for gear in GEARS if scene[f"{gear}.body.kind"] == "condensed")
-
-
 def body_plan(scene: Scene, gear: str) -> BodyPlan:
     """What the condensed body of a gear is made from.
 

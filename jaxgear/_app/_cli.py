@@ -258,12 +258,15 @@ def _print_bodies(found: Sequence[Mapping[str, Any]]) -> None:
 
 def _refuse_unfit(command: str, scene: Scene) -> None:
     """Refuse a good scene that does not go with the command."""
-    condensed = [gear for gear in GEARS if scene[f"{gear}.body.kind"] == "condensed"]
+    condensed = scene.condensed
     if command == "condense" and not condensed:
         raise _Stop(2, _nothing_to_condense(scene))
-    swept = command == "run" and scene.has_table("sweep")
-    if condensed and (swept or command in ("sweep", "modes", "compare")):
-        raise SceneError([_not_yet(scene, command, gear) for gear in condensed])
+    if condensed and command != "condense":
+        moving = scene.has_table("sweep") and command in ("run", "check-grad", "optimise")
+        if moving or command in ("sweep", "modes", "compare"):
+            raise SceneError([_not_yet(scene, command, gear) for gear in condensed])
+        if scene["mesh.stiffness"] == "iso6336":
+            raise SceneError([_counted_twice(scene)])
     if command == "sweep" and not scene.has_table("sweep"):
         raise _Stop(
             2,
@@ -306,12 +309,22 @@ def _nothing_to_condense(scene: Scene) -> str:
 def _not_yet(scene: Scene, command: str, gear: str) -> Mistake:
     """Say which commands take a condensed body, and what this one takes."""
     key = f"{gear}.body.kind"
-    whose = "[sweep] of `jaxgear run`" if command == "run" else f"`jaxgear {command}`"
+    swept = scene.has_table("sweep") and command not in ("sweep", "modes", "compare")
+    whose = f"[sweep] of `jaxgear {command}`" if swept else f"`jaxgear {command}`"
     words = (
         f'got "condensed": {whose} does not yet take the mass of condensed bodies. Use run, map, '
         f'optimise or check-grad without it, write "rigid" or "beam", or --set {key}=rigid'
     )
     return Mistake(scene.where(key), key, words)
+
+
+def _counted_twice(scene: Scene) -> Mistake:
+    """Say why a standard's stiffness and a condensed body exclude each other."""
+    words = (
+        'got "iso6336", whose stiffness includes the gear body, and a condensed body brings its '
+        'own. Write "weber-banaschek"'
+    )
+    return Mistake(scene.where("mesh.stiffness"), "mesh.stiffness", words)
 
 
 def _sweep_mistakes(scene: Scene) -> list[Mistake]:

@@ -78,6 +78,7 @@ from jaxgear._app._statics import (
     solve_statics,
     torques_of,
 )
+from jaxgear._app._with_bodies import with_bodies
 from jaxgear._checks import InputError
 from jaxgear._geometry._lines import mesh_grid
 from jaxgear._interface._laws import ExactContact
@@ -105,12 +106,12 @@ def _progress(total: int, what: str, quiet: bool) -> Iterator[Callable[[int], No
 
 def _with_bodies(scene: Scene, quiet: bool) -> Scene:
     """The scene with its condensed bodies; where it has none, nothing is imported for them."""
-    if all(scene[f"{gear}.body.kind"] != "condensed" for gear in GEARS):
+    if not scene.condensed:
         return scene
-    from jaxgear._app import _condense, _mesh_bodies
+    from jaxgear._app import _condense
 
     with _condense.steps("bodies", quiet) as tell:
-        return _mesh_bodies.with_bodies(scene, tell)
+        return with_bodies(scene, tell)
 
 
 def run(scene: Scene, folder: Path, quiet: bool) -> Summary:
@@ -687,8 +688,8 @@ def _optimisation(
     # Before the search, so that a file that cannot be rewritten does not cost its result.
     _rewrite(scene, {}, destination)
     grid = before.grid
-    if not space.flanks_only:
-        # The contact ratio may grow with the variables.
+    if not space.flanks_only and not scene.bodies:
+        # The contact ratio may grow with the variables; condensed bodies hold for one grid.
         grid = mesh_grid(
             before.model.pair,
             phases=grid.phases,

@@ -20,7 +20,6 @@ from jaxgear._app._bodies import (
     Matrices,
     OwnGrid,
     body_plan,
-    condensed_gears,
     even_sectors,
 )
 from jaxgear._app._body_build import BuiltBody, built_body
@@ -64,7 +63,7 @@ def condense(scene: Scene, folder: Path, quiet: bool) -> Summary:
     """
     watch = Stopwatch()
     # All plans before any long work: a mistake in the second costs no wait.
-    plans = [body_plan(scene, gear) for gear in condensed_gears(scene)]
+    plans = [body_plan(scene, gear) for gear in scene.condensed]
     bodies, remarks, groups = [], [], {}
     for plan in plans:
         with steps(plan.gear, quiet) as tell:

@@ -14,7 +14,7 @@ from jaxgear._app._dynamics import damping_of, dynamic_grid_of, speeds_of
 from jaxgear._app._model import flanks_of, model_of, shared_places
 from jaxgear._app._motion import motion_mistakes
 from jaxgear._app._scene import Mistake, Scene, SceneError
-from jaxgear._app._schema import GEARS, split_entry
+from jaxgear._app._schema import GEARS, shapes_body, split_entry
 from jaxgear._app._statics import Stopwatch, torques_of
 from jaxgear._checks import InputError
 from jaxgear._dynamics._damping import ModalDamping, RayleighDamping
@@ -148,6 +148,13 @@ def design_space(
     - `InputError` if a key has no effect, or no bounds and none can be guessed, if two variables
         are the same, or if points of a shaft could pass each other.
     """
+    shaping = [key for key in keys if any(shapes_body(key, gear) for gear in scene.condensed)]
+    if shaping:
+        raise InputError(
+            f"optimise.vary names {', '.join(shaping)}, from which a condensed body is made: its "
+            "finite elements do not follow. Vary flanks, bearing stiffnesses or misalignment, or "
+            "make the body rigid."
+        )
     if dead := [key for key in keys if key in _NOT_VARIABLE or key not in scene.real_keys()]:
         raise InputError(
             f"optimise.vary names {', '.join(dead)}, which no objective depends on: torques are "

@@ -6,7 +6,7 @@ from types import MappingProxyType
 
 import jax.numpy as jnp
 
-from jaxgear._app._bodies import BodyPlan, body_plan, condensed_gears
+from jaxgear._app._bodies import BodyPlan, body_plan
 from jaxgear._app._body_build import BuiltBody, built_body
 from jaxgear._app._body_words import in_keys
 from jaxgear._app._model import pair_grid, pair_of
@@ -43,20 +43,17 @@ def with_bodies(scene: Scene, tell: Callable[[str], None] = lambda step: None) -
 
     **Returns:**
 
-    The scene; the same if no body is condensed.
+    The scene, of which a model can be made.
 
     **Raises:**
 
     - `ValueError` if a body cannot be, or not carry its teeth.
     """
-    gears = condensed_gears(scene)
-    if not gears:
-        return scene
     pair = pair_of(scene)
     torque = jnp.asarray(scene["pair.torque_pinion_Nm"] + couples_on_pinion(scene))
     grid = pair_grid(scene, pair, torque)
     # All plans before any long work: a mistake in the second costs no wait.
-    plans = [body_plan(scene, gear) for gear in gears]
+    plans = [body_plan(scene, gear) for gear in scene.condensed]
     bodies = {plan.gear: _in_mesh(scene, plan, pair, grid, tell) for plan in plans}
     return dataclasses.replace(scene, bodies=MappingProxyType(bodies))
 

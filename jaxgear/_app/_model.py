@@ -142,7 +142,7 @@ def pair_grid(scene: Scene, pair: GearPair, torque: Scalar) -> MeshGrid:
         periods=scene["mesh.periods"],
         beyond=_tip_window(scene, pair, torque) if scene["mesh.tip_contact"] else 0.0,
         # Condensed bodies do not follow the face anyway, and every line costs.
-        fixed_face=any(scene[f"{name}.body.kind"] == "condensed" for name in GEARS),
+        fixed_face=bool(scene.condensed),
     )
 
 
@@ -477,7 +477,7 @@ def _condensed_body(scene: Scene, name: str) -> FlexibleBody:
         raise InputError(
             f"The {name}'s body is condensed finite elements, whose numbers do not follow "
             f"{', '.join(sorted(varied))}: there is no derivative. Vary keys of flanks, torque, "
-            "bearing stiffnesses, misalignment or tips, or make the body rigid."
+            "bearing stiffnesses or misalignment, or make the body rigid."
         )
     if name not in scene.bodies:
         raise InputError(

@@ -133,6 +133,11 @@ def _on_condensed(scene: Scene) -> list[str]:
         words = ", ".join(given)
         return [f"{words}: no body is condensed, so it does nothing."] if given else []
     found, periods = [], scene["mesh.periods"]
+    if scene["mesh.stiffness"] == "constant":
+        found.append(
+            "mesh.stiffness_N_mm_um is taken as that of teeth alone: condensed bodies bring their "
+            "own give."
+        )
     for gear, each in scene.bodies.items():
         named = [key for key in (f"{gear}.foundation", "mesh.foundation") if key in scene.given]
         every = len(scene.bodies) == len(GEARS)
@@ -140,9 +145,18 @@ def _on_condensed(scene: Scene) -> list[str]:
         dropped = [key for key in named if key != "mesh.foundation" or every]
         if dropped:
             found.append(
-                f"{dropped[0]} does nothing to the {gear}: what gives under its teeth is its "
-                "condensed body."
+                f"{dropped[0]} does nothing to the {gear} in mesh: what gives under its teeth is "
+                "its condensed body. It counts in the stiffness of a single pair and in the "
+                "closed form of the Master Curve, which are those of rigid gears."
             )
+        body = each.built.body
+        if scene["mesh.root_correction"] and not len(body.bricks):
+            found.append(
+                f"The {gear}'s matrices come without a grid: what the elements of its rim are too "
+                "large to show of a root's give is not known, and not added."
+            )
+        if scene.get("mesh.pinion_speed_rad_s") and not body.centrifugal_load.any():
+            found.append(f"The {gear}'s matrices know no load of rotation: it does not grow.")
         teeth, sectors = scene[f"{gear}.teeth"], each.built.body.facts.get("sectors", 1)
         repeats = teeth // math.gcd(teeth, sectors)
         if periods % repeats:

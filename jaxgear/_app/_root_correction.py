@@ -13,7 +13,7 @@ import numpy as np
 from fem_prep._artefact import ReducedBody
 from fem_prep._assembly import Material
 from fem_prep._grid import Grid, surface_of
-from fem_prep._patch import RIM, give, piece_of, refined
+from fem_prep._patch import CUT, RIM, give, piece_of, refined
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._roots import ROOT_POINTS, Axial, RimSurface, RootPatches, feet
@@ -97,7 +97,7 @@ class RootCorrection:
             depth=_DEPTH * patches.width,
         )
         middle = self._pitch * tooth
-        print_of = _fingerprint(piece.nodes, middle)
+        print_of = _fingerprint(piece, middle)
         for known, correction in self._found:
             if known.shape == print_of.shape and np.allclose(
                 known, print_of, atol=1e-6 * self._radius
@@ -126,11 +126,15 @@ class RootCorrection:
         return give(grid, self._material, rows.T.toarray())
 
 
-def _fingerprint(nodes: np.ndarray, angle: float) -> np.ndarray:
-    """Nodes turned so that the tooth is at angle zero, in an order of their own."""
+def _fingerprint(piece: Grid, angle: float) -> np.ndarray:
+    """Nodes turned so that the tooth is at angle zero, and which are cut, in an order of their own.
+
+    What is cut tells pieces above a hole from those beside it.
+    """
     cosine, sine = np.cos(angle), np.sin(angle)
-    x = cosine * nodes[:, 0] + sine * nodes[:, 1]
-    y = cosine * nodes[:, 1] - sine * nodes[:, 0]
-    turned = np.stack([x, y, nodes[:, 2]], axis=1)
+    x, y, z = piece.nodes.T
+    held = np.zeros(len(x))
+    held[piece.sets[CUT]] = np.hypot(x, y).max()
+    turned = np.stack([cosine * x + sine * y, cosine * y - sine * x, z, held], axis=1)
     keys = np.round(turned / np.abs(turned).max(), 6)
     return turned[np.lexsort(keys.T)]

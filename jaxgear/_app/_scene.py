@@ -111,6 +111,11 @@ class Scene:
         except KeyError:
             return default
 
+    @property
+    def condensed(self) -> tuple[str, ...]:
+        """Gears whose body is to be condensed."""
+        return tuple(gear for gear in GEARS if self.get(f"{gear}.body.kind") == "condensed")
+
     def has_table(self, prefix: str) -> bool:
         """Say whether the user wrote the table, even an empty one."""
         return prefix in self.given
@@ -204,7 +209,6 @@ class Scene:
         Each row and each entry counts by itself. Lists of one zero, such as the default pitch
         error, are left out, and so is what a condensed body is made from.
         """
-        condensed = [gear for gear in GEARS if self.get(f"{gear}.body.kind") == "condensed"]
         present: dict[str, list[str]] = {}
         for key, value in {**self.values, **self.known}.items():
             path = general(key)
@@ -218,7 +222,7 @@ class Scene:
             for path in REAL_KEYS
             if _applies(path, self.values)
             for key in present.get(path, ())
-            if not any(shapes_body(key, gear) for gear in condensed)
+            if not any(shapes_body(key, gear) for gear in self.condensed)
         )
 
     def _whole(self, path: str) -> object:

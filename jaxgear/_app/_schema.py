@@ -800,7 +800,7 @@ _MESH = (
     _count(
         "mesh.root_points",
         "points across the root of a tooth by which it stands on the rim of a condensed body; "
-        "2: the thesis's two",
+        "2: the thesis's two, if mesh.root_correction is false",
         12,
         at_least=2,
         at_most=24,
@@ -1036,6 +1036,9 @@ _SHAPING_KEYS = (
         for key in (
             "teeth",
             "profile_shift",
+            # The teeth's mass is on the rim.
+            "addendum_coeff",
+            "tip_shortening_coeff",
             "dedendum_coeff",
             "fillet_radius_coeff",
             "bore_mm",

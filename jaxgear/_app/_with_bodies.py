@@ -3,7 +3,6 @@
 from collections.abc import Callable
 
 from jaxgear._app._scene import Scene
-from jaxgear._app._schema import GEARS
 
 
 def with_bodies(scene: Scene, tell: Callable[[str], None] = lambda step: None) -> Scene:
@@ -22,7 +21,7 @@ def with_bodies(scene: Scene, tell: Callable[[str], None] = lambda step: None) -
 
     - `ValueError` if a body cannot be, or not carry its teeth.
     """
-    if all(scene[f"{gear}.body.kind"] != "condensed" for gear in GEARS):
+    if not scene.condensed:
         return scene
     from jaxgear._app import _mesh_bodies
 

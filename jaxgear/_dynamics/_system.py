@@ -37,6 +37,7 @@ from jaxgear._geometry._backlash import check_backlash, has_back_contact
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._solve._coordinates import on_coordinates_all
 from jaxgear._solve._cycle import MeshCycle, corrected_cycle, prepare_mesh
+from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._model import PairModel
 from jaxgear._system._pair_system import PairSystem
 from jaxgear._types import CoordinateMatrix, DofCoordinates, Scalar
@@ -231,6 +232,11 @@ def pair_dynamics(
     - `ValueError` in single precision, or if thinner teeth still have no backlash.
     """
     require_float64()
+    require(
+        not any(isinstance(body, FlexibleBody) for body in model.bodies),
+        "The dynamics of condensed bodies is not there yet: in it they have no mass. Make the "
+        "bodies rigid or beams.",
+    )
     prepared = prepare_mesh(model, grid)
     cycle = corrected_cycle(prepared, model)
     mounted = prepared.system

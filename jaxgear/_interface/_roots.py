@@ -133,13 +133,11 @@ def feet(rim: RimSurface, patches: RootPatches) -> Feet:
     rows, centres = _nearest_motion(local, weights.ravel(), foot, len(middle))
     # Rows act on displacements in the foot's frame: turn them to those of the body.
     rows = np.einsum("paj,pji->pai", rows, turn[foot])
-    count = columns.shape[1]
     entry = rows[:, :, None, :] * values[:, None, :, None]
     row = np.broadcast_to((6 * foot[:, None] + np.arange(6))[:, :, None, None], entry.shape)
     column = 3 * columns[:, None, :, None] + np.arange(3)
     column = np.broadcast_to(column, entry.shape)
     shape = (6 * len(middle), 3 * len(rim.nodes))
-    assert count == 8
     matrix = scipy.sparse.coo_array((entry.ravel(), (row.ravel(), column.ravel())), shape)
     return Feet(csr_array(matrix), centres)
 

@@ -19,7 +19,8 @@ from jaxgear._types import LineGrid, LinePhases, Phases
 def mesh_stiffness(cycle: MeshCycle) -> Phases:
     """Force per approach of the cells in contact at each phase [N/m], along the normal.
 
-    Sum of their stiffnesses or, where bodies couple them, the stiffness of all together.
+    Sum of their stiffnesses or, where bodies couple them, the stiffness of all together; of
+    condensed bodies with their seats held.
     """
     closed = jnp.where(cycle.overlap > 0.0, cycle.cells.stiffness, 0.0)
     if cycle.cells.coupling is None:

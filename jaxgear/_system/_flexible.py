@@ -13,6 +13,7 @@ phases, and another body one for each of the mesh periods after which it repeats
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import equinox as eqx
@@ -308,15 +309,10 @@ def flexible_body(
     found = feet(RimSurface(body.rim_nodes, body.rim_faces), patches)
     helical = float(pair.helix_angle) != 0.0
     components = _ALL if helical else _IN_PLANE
-    held = _HeldBody(body, found, patches.angles.ravel())
+    held = _held(body, found, patches.angles.ravel(), components)
     count, slices, size = len(each), grid.slices, len(components)
 
-    def by_foot(rows: np.ndarray) -> np.ndarray:
-        """Rows of all feet as `[tooth, slice, component, ...]`, of the components kept."""
-        return rows.reshape(count, slices, 6, *rows.shape[1:])[:, :, list(components)]
-
-    flexibility = by_foot(held.flexibility)
-    flexibility = np.moveaxis(by_foot(np.moveaxis(flexibility, 3, 0)), (0, 1, 2), (3, 4, 5))
+    flexibility = held.flexibility.reshape(count, slices, size, count, slices, size)
     if local is not None:
         # Teeth that the body repeats under have the same.
         own = {int(tooth): local(int(tooth)) for tooth in (each if repeats > 1 else each[:1])}
@@ -330,15 +326,15 @@ def flexible_body(
     pairs = pairs.transpose(0, 4, 6, 1, 3, 2, 5).reshape(periods, size, size, cells, cells)
 
     def on_cells(rows: np.ndarray) -> np.ndarray:
-        """`[tooth, slice, component, ...]` as `[period, component, cell, ...]`."""
-        chosen = np.moveaxis(rows[lines], 3, 1)
-        return chosen.reshape(periods, size, cells, *rows.shape[3:])
+        """Rows of all feet as `[period, component, cell, ...]`."""
+        chosen = rows.reshape(count, slices, size, *rows.shape[1:])[lines]
+        return np.moveaxis(chosen, 3, 1).reshape(periods, size, cells, *rows.shape[1:])
 
     centres = found.centres.reshape(count, slices, 3)[lines].reshape(periods, cells, 3)
     return FlexibleBody(
         flexibility=jnp.asarray(0.5 * (pairs + pairs.transpose(0, 2, 1, 4, 3))),
-        from_seats=jnp.asarray(on_cells(by_foot(held.from_seats))),
-        growth=jnp.asarray(on_cells(by_foot(held.growth))),
+        from_seats=jnp.asarray(on_cells(held.from_seats)),
+        growth=jnp.asarray(on_cells(held.growth)),
         centres=jnp.asarray(centres),
         seat_stiffness=jnp.asarray(held.seat_stiffness),
         seat_load=jnp.asarray(held.seat_load),
@@ -358,47 +354,58 @@ def _of_one_tooth(local: np.ndarray, slices: int, components: tuple[int, ...]) -
     return chosen[:, :, :, list(components)]
 
 
+@dataclass(frozen=True)
 class _HeldBody:
     """A body with its seats held, and what the seats feel of it.
 
     **Fields:**
 
-    - `flexibility`: of the feet, `[6 foot, 6 foot]`.
-    - `from_seats`: `[6 foot, 6 seat]`, both in the frame of each foot.
-    - `growth`: of the feet by rotation `[6 foot]`.
+    - `flexibility`: of the feet's components, `[row, row]`.
+    - `from_seats`: `[row, 6 seat]`, both in the frame of each foot.
+    - `growth`: of the feet by rotation `[row]`.
     - `seat_stiffness`, `seat_load`: of the seats, the same in every direction.
     """
 
-    def __init__(self, body: Condensed, found: Feet, angles: np.ndarray):
-        rim, count = 3 * len(body.rim_nodes), len(body.seats)
-        seat = np.arange(rim, rim + 6 * count)
-        inner = np.setdiff1d(np.arange(len(body.stiffness)), seat)
-        inside = body.stiffness[np.ix_(inner, inner)]
-        joined = body.stiffness[np.ix_(inner, seat)]
-        # Unit motions of the seats, loads on the feet, rotation: all in one solution.
-        spin = body.centrifugal_load[inner][:, None]
-        rows = found.rows.toarray()
-        right = np.zeros((len(inner), joined.shape[1] + len(rows) + 1), order="F")
-        right[:, : joined.shape[1]] = joined
-        right[:rim, joined.shape[1] : -1] = rows.T
-        right[:, -1:] = spin
-        factor = scipy.linalg.cho_factor(inside, lower=True, check_finite=False)
-        solved = scipy.linalg.cho_solve(factor, right, overwrite_b=True, check_finite=False)
-        given = rows @ solved[:rim]
-        seats = given[:, : joined.shape[1]]
-        self.flexibility = given[:, joined.shape[1] : -1]
-        self.growth = given[:, -1]
-        self.from_seats = -_turned(seats, angles)
-        stiffness = body.stiffness[np.ix_(seat, seat)]
-        condensed = stiffness - joined.T @ solved[:, : joined.shape[1]]
-        self.seat_stiffness = _same_all_round(condensed, stiffness, body)
-        load = body.centrifugal_load[seat] - joined.T @ solved[:, -1]
-        self.seat_load = _along_axis(load)
+    flexibility: np.ndarray
+    from_seats: np.ndarray
+    growth: np.ndarray
+    seat_stiffness: np.ndarray
+    seat_load: np.ndarray
+
+
+def _held(
+    body: Condensed, found: Feet, angles: np.ndarray, components: tuple[int, ...]
+) -> _HeldBody:
+    """Hold the seats of a body, and move them and load its feet one by one."""
+    rim, count = 3 * len(body.rim_nodes), len(body.seats)
+    seat = np.arange(rim, rim + 6 * count)
+    inner = np.setdiff1d(np.arange(len(body.stiffness)), seat)
+    joined = body.stiffness[np.ix_(inner, seat)]
+    kept = (6 * np.arange(len(angles))[:, None] + np.array(components)).ravel()
+    rows = found.rows[kept].toarray()
+    # Unit motions of the seats, loads on the feet, rotation: all in one solution.
+    right = np.zeros((len(inner), joined.shape[1] + len(rows) + 1), order="F")
+    right[:, : joined.shape[1]] = joined
+    right[:rim, joined.shape[1] : -1] = rows.T
+    right[:, -1] = body.centrifugal_load[inner]
+    inside = body.stiffness[np.ix_(inner, inner)]
+    factor = scipy.linalg.cho_factor(inside, lower=True, overwrite_a=True, check_finite=False)
+    solved = scipy.linalg.cho_solve(factor, right, overwrite_b=True, check_finite=False)
+    given = rows @ solved[:rim]
+    by_seats = solved[:, : joined.shape[1]]
+    stiffness = body.stiffness[np.ix_(seat, seat)]
+    return _HeldBody(
+        flexibility=given[:, joined.shape[1] : -1],
+        from_seats=-_turned(given[:, : joined.shape[1]], angles),
+        growth=given[:, -1],
+        seat_stiffness=_same_all_round(stiffness - joined.T @ by_seats, stiffness, body),
+        seat_load=_along_axis(body.centrifugal_load[seat] - joined.T @ solved[:, -1]),
+    )
 
 
 def _turned(rows: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Rows of each foot, six, per motion of the seats in the body's frame: now in the foot's."""
-    apart = rows.reshape(len(angles), 6, -1, 3)
+    """Rows of each foot per motion of the seats in the body's frame: now in the foot's."""
+    apart = rows.reshape(len(angles), len(rows) // len(angles), -1, 3)
     cosine, sine = np.cos(angles)[:, None, None], np.sin(angles)[:, None, None]
     x, y, z = np.moveaxis(apart, 3, 0)
     return np.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=3).reshape(rows.shape)

@@ -48,6 +48,9 @@ from jaxgear._types import (
 )
 from jaxgear._units import mm
 
+# How far a seat may be from its bearing, of the shaft's length.
+_SEAT_OFF = 1e-3
+
 
 class PairSystem(eqx.Module):
     r"""A pair on its mounts.
@@ -62,8 +65,8 @@ class PairSystem(eqx.Module):
     - `direction`: mesh coordinates per approach by rotation [-].
     - `force`: normal mesh force that balances the torque, $C_1/(r_{b1}\cos\beta_b)$ [N].
     - `bends`: whether a gear body bends, and its sections have seven coordinates instead of two.
-    - `flexible`: which gears have condensed bodies. The motions of their seats are mesh
-        coordinates too, after those of sections.
+
+    The motions of the seats of condensed bodies are mesh coordinates too, after those of sections.
     """
 
     pair: GearPair
@@ -74,7 +77,6 @@ class PairSystem(eqx.Module):
     direction: Coordinates
     force: Scalar
     bends: bool = eqx.field(static=True, default=False)
-    flexible: tuple[int, ...] = eqx.field(static=True, default=())
 
     @property
     def mesh_flexibility(self) -> CoordinateMatrix:
@@ -113,6 +115,8 @@ class PairSystem(eqx.Module):
 
     def gear_motion(self, load: CoordinateGrid) -> DofGrid:
         """Motion of both gears at mid-face under mesh loads, apart from the driving rotation.
+
+        A condensed gear counts as its seat where the torque acts, carried on to mid-face.
 
         **Arguments:**
 
@@ -196,9 +200,6 @@ def pair_system(
         force=driving_torque(pinion_support, torque)
         / (pair.base_radius[0] * jnp.cos(pair.base_helix_angle)),
         bends=bends,
-        flexible=tuple(
-            index for index, body in enumerate(bodies) if isinstance(body, FlexibleBody)
-        ),
     )
 
 
@@ -354,6 +355,26 @@ def _check_seats(name: str, mount: Shaft | Support, body: FlexibleBody) -> None:
         wanted=", ".join(wanted),
         seats=seats,
     )
+    spare = set(body.seats) - {*wanted, body.seats[body.gear_seat]}
+    require(
+        not spare,
+        "The {name}'s condensed body has seats that nothing holds: {spare}. Give their bearings.",
+        name=name,
+        spare=", ".join(sorted(spare)),
+    )
+    length = sum((segment.length for segment in mount.segments), jnp.zeros(()))
+    for seat, bearing in zip(wanted, mount.bearings, strict=True):
+        at = bearing.at - mount.gear_at
+        height = body.seat_heights[body.seats.index(seat)]
+        require(
+            jnp.abs(height - at) <= _SEAT_OFF * length,
+            "The {name}'s condensed body must have its seat {seat} where that bearing is, {at:.6g} "
+            "mm from mid-face, got {height:.6g} mm.",
+            name=name,
+            seat=seat,
+            at=at / mm,
+            height=height / mm,
+        )
     require(
         not mount.loads,
         "The {name}'s condensed body contains its shaft, which has no node where the loads of the "

@@ -26,6 +26,7 @@ def scene():
     [
         "pair.module_mm",
         "wheel.profile_shift",
+        "wheel.addendum_coeff",
         "pinion.face_width_mm",
         "wheel.shaft.gear_at_mm",
         "wheel.shaft.segments[0].outer_mm",
@@ -45,7 +46,7 @@ def test_a_body_stays_behind_when_it_would_be_another(scene, key):
         "pair.torque_pinion_Nm",
         "flank.wheel.crowning_um",
         "pinion.profile_shift",
-        "wheel.addendum_coeff",
+        "pinion.addendum_coeff",
         "wheel.shaft.bearings[1].radial_N_m",
         "mesh.phases",
     ],

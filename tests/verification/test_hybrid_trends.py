@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from fem_prep import body_grid, exact_properties
-from jaxgear._app._bodies import Drawn, body_plan, condensed_gears
+from jaxgear._app._bodies import Drawn, body_plan
 from jaxgear._app._scene import ready_scene
 
 _SCRIPT = Path(__file__).parents[2] / "benchmarks" / "hybrid_trends.py"
@@ -100,7 +100,7 @@ def test_holes_lighten_the_wheel_as_much_as_in_the_thesis():
 @pytest.mark.parametrize("name", _HYBRIDS)
 def test_rims_of_ready_scenes_stay_small(name):
     """A rim's matrices are dense: 4,500 coordinates take 160 MB each."""
-    for gear in condensed_gears(ready_scene(name)):
+    for gear in ready_scene(name).condensed:
         source = _drawn(name, [], gear)
         grid = body_grid(source.body, source.fineness)
         assert 3 * len(grid.sets["rim"]) < 4500
