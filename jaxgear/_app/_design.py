@@ -148,13 +148,7 @@ def design_space(
     - `InputError` if a key has no effect, or no bounds and none can be guessed, if two variables
         are the same, or if points of a shaft could pass each other.
     """
-    shaping = [key for key in keys if any(shapes_body(key, gear) for gear in scene.condensed)]
-    if shaping:
-        raise InputError(
-            f"optimise.vary names {', '.join(shaping)}, from which a condensed body is made: its "
-            "finite elements do not follow. Vary flanks, bearing stiffnesses or misalignment, or "
-            "make the body rigid."
-        )
+    _refuse_shaping(scene, keys)
     if dead := [key for key in keys if key in _NOT_VARIABLE or key not in scene.real_keys()]:
         raise InputError(
             f"optimise.vary names {', '.join(dead)}, which no objective depends on: torques are "
@@ -262,6 +256,17 @@ def _bounds(scene: Scene, key: str, deflection: float) -> tuple[float, float] | 
     return None
 
 
+def _refuse_shaping(scene: Scene, keys: tuple[str, ...]) -> None:
+    """Refuse to vary what a condensed body is made from."""
+    shaping = [key for key in keys if any(shapes_body(key, gear) for gear in scene.condensed)]
+    if shaping:
+        raise InputError(
+            f"optimise.vary names {', '.join(shaping)}, from which a condensed body is made: its "
+            "finite elements do not follow. Vary flanks, bearing stiffnesses or misalignment, or "
+            "make the body rigid."
+        )
+
+
 def refuse_unbounded(scene: Scene, keys: tuple[str, ...]) -> None:
     """Refuse variables that have no bounds and for which none can be guessed, all at once.
 
@@ -274,6 +279,7 @@ def refuse_unbounded(scene: Scene, keys: tuple[str, ...]) -> None:
 
     - `InputError` naming them, with lines to add.
     """
+    _refuse_shaping(scene, keys)
     lost = [key for key in keys if scene.get(key) is not None and not _bounds(scene, key, 1.0)]
     if not lost:
         return
