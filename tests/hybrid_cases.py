@@ -54,6 +54,7 @@ def body(
     holes: int = 0,
     modes: int = 0,
     layers: int = 2,
+    rotating: bool = False,
 ) -> ReducedBody:
     """A condensed body of the pinion or the wheel.
 
@@ -65,6 +66,7 @@ def body(
     - `holes`: in the web, equal and equally far apart.
     - `modes`: interior shapes beside the static ones; none: static condensation.
     - `layers`: elements across the rim.
+    - `rotating`: with the terms of rotation.
     """
     teeth = TEETH[index]
     root = float(PAIRS[kind]().root_radius[index])
@@ -88,7 +90,7 @@ def body(
     grid = ring([0.25 * root, hub, 0.65 * root, rim, root], teeth, heights, keep=keep)
     full = full_body(f"{kind} {index}", grid, STEEL, _seats(grid, seats))
     method = "craig-bampton" if modes else "guyan"
-    return condense(full, method=method, modes=modes)
+    return condense(full, method=method, modes=modes, rotating=rotating)
 
 
 def _seats(grid, seats: str) -> list[Seat]:

@@ -262,9 +262,6 @@ def _refuse_unfit(command: str, scene: Scene) -> None:
     if command == "condense" and not condensed:
         raise _Stop(2, _nothing_to_condense(scene))
     if condensed and command != "condense":
-        moving = scene.has_table("sweep") and command in ("run", "check-grad", "optimise")
-        if moving or command in ("sweep", "modes", "compare"):
-            raise SceneError([_not_yet(scene, command, gear) for gear in condensed])
         if scene["mesh.stiffness"] == "iso6336":
             raise SceneError([_counted_twice(scene)])
     if command == "sweep" and not scene.has_table("sweep"):
@@ -304,18 +301,6 @@ def _nothing_to_condense(scene: Scene) -> str:
         "web = { hub_outer_mm = 50.0, web_thickness_mm = 4.0, rim_inner_mm = 118.0 }\n\n"
         "or leave web out for a solid body."
     )
-
-
-def _not_yet(scene: Scene, command: str, gear: str) -> Mistake:
-    """Say which commands take a condensed body, and what this one takes."""
-    key = f"{gear}.body.kind"
-    swept = scene.has_table("sweep") and command not in ("sweep", "modes", "compare")
-    whose = f"[sweep] of `jaxgear {command}`" if swept else f"`jaxgear {command}`"
-    words = (
-        f'got "condensed": {whose} does not yet take the mass of condensed bodies. Use run, map, '
-        f'optimise or check-grad without it, write "rigid" or "beam", or --set {key}=rigid'
-    )
-    return Mistake(scene.where(key), key, words)
 
 
 def _counted_twice(scene: Scene) -> Mistake:

@@ -104,14 +104,14 @@ def _progress(total: int, what: str, quiet: bool) -> Iterator[Callable[[int], No
         yield done
 
 
-def _with_bodies(scene: Scene, quiet: bool) -> Scene:
+def _with_bodies(scene: Scene, quiet: bool, *, moving: bool = False) -> Scene:
     """The scene with its condensed bodies; where it has none, nothing is imported for them."""
     if not scene.condensed:
         return scene
     from jaxgear._app import _condense
 
     with _condense.steps("bodies", quiet) as tell:
-        return with_bodies(scene, tell)
+        return with_bodies(scene, tell, moving=moving or scene.has_table("sweep"))
 
 
 def run(scene: Scene, folder: Path, quiet: bool) -> Summary:
@@ -311,6 +311,7 @@ def sweep_speeds(scene: Scene, folder: Path, quiet: bool) -> Summary:
     Arguments, results and errors as for `run`.
     """
     watch = Stopwatch()
+    scene = _with_bodies(scene, quiet, moving=True)
     with _progress(1, "mesh cycle", quiet) as done:
         dynamics = solve_dynamics(scene, watch)
         done(1)
@@ -370,6 +371,7 @@ def natural_modes(scene: Scene, folder: Path, quiet: bool) -> Summary:
     Arguments, results and errors as for `run`.
     """
     watch = Stopwatch()
+    scene = _with_bodies(scene, quiet, moving=True)
     with _progress(1, "modes", quiet) as done:
         dynamics = solve_dynamics(scene, watch)
         done(1)
@@ -398,7 +400,7 @@ def compare(scene: Scene, folder: Path, quiet: bool) -> Summary:
     """
     from jaxgear._app import _compare
 
-    return _compare.compare(scene, folder, quiet)
+    return _compare.compare(_with_bodies(scene, quiet, moving=True), folder, quiet)
 
 
 def check_gradients(scene: Scene, folder: Path, quiet: bool) -> Summary:

@@ -115,6 +115,8 @@ def dynamics_of(scene: Scene, model: PairModel, grid: MeshGrid | None = None) ->
         damping_of(scene),
         gyroscopic=scene["model.gyroscopic"],
         active_mesh_damping=scene["damping.active_mesh"],
+        centrifugal=scene["sweep.centrifugal"],
+        mesh_coordinates=scene["model.mesh_coordinates"],
     )
 
 
@@ -867,6 +869,7 @@ def campbell_dataset(
             system.gyroscopic,
             system.free,
             jnp.asarray(speeds),
+            None if system.turning is None else system.turning.softening,
         )[:, :count]
     return xr.Dataset(
         {name: (("speed", "mode"), values) for name, values in data.items()},

@@ -16,6 +16,7 @@ from jaxgear._app._schema import GEARS
 from jaxgear._app._statics import couples_on_pinion
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
+from jaxgear._system._body_modes import BodyBasis, body_basis
 from jaxgear._system._flexible import FlexibleBody, flexible_body
 
 
@@ -27,19 +28,24 @@ class MeshBody:
 
     - `built`: the body and how it came about.
     - `flexible`: its tables, for the slices and contact lines of the scene.
+    - `basis`: motions on which it vibrates, or `None`: it is for statics.
     """
 
     built: BuiltBody
     flexible: FlexibleBody
+    basis: BodyBasis | None
 
 
-def with_bodies(scene: Scene, tell: Callable[[str], None] = lambda step: None) -> Scene:
+def with_bodies(
+    scene: Scene, tell: Callable[[str], None] = lambda step: None, *, moving: bool = False
+) -> Scene:
     """A scene with the condensed bodies that it names, from the cache where they are known.
 
     **Arguments:**
 
     - `scene`: checked against the schema.
     - `tell`: told what begins.
+    - `moving`: whether they are to vibrate.
 
     **Returns:**
 
@@ -54,14 +60,24 @@ def with_bodies(scene: Scene, tell: Callable[[str], None] = lambda step: None) -
     grid = pair_grid(scene, pair, torque)
     # All plans before any long work: a mistake in the second costs no wait.
     plans = [body_plan(scene, gear) for gear in scene.condensed]
-    bodies = {plan.gear: _in_mesh(scene, plan, pair, grid, tell) for plan in plans}
+    bodies = {plan.gear: _in_mesh(scene, plan, pair, grid, tell, moving) for plan in plans}
     return dataclasses.replace(scene, bodies=MappingProxyType(bodies))
 
 
 def _in_mesh(
-    scene: Scene, plan: BodyPlan, pair: GearPair, grid: MeshGrid, tell: Callable[[str], None]
+    scene: Scene,
+    plan: BodyPlan,
+    pair: GearPair,
+    grid: MeshGrid,
+    tell: Callable[[str], None],
+    moving: bool,
 ) -> MeshBody:
     built = built_body(plan, lambda step: tell(f"{plan.gear}: {step}"))
+    basis = None
+    if moving:
+        tell(f"{plan.gear}: modes with its seats held")
+        with in_keys(plan.gear):
+            basis = body_basis(built.body, scene["model.coordinates"])
     tell(f"{plan.gear}: teeth on the rim")
     index = GEARS.index(plan.gear)
     points, axial = scene["mesh.root_points"], scene["mesh.connection"]
@@ -80,5 +96,6 @@ def _in_mesh(
             points=points,
             axial=axial,
             local=local,
+            basis=basis,
         )
-    return MeshBody(built, flexible)
+    return MeshBody(built, flexible, basis)

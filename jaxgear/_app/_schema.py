@@ -817,7 +817,19 @@ _RAYLEIGH = ("damping.kind", "rayleigh")
 _SPEED = "At rest, the quasi-static cycle of `jaxgear run` is the response"
 
 _DYNAMICS = (
-    _count("model.coordinates", "system coordinates kept in time stepping; 0: all", at_least=0),
+    _count(
+        "model.coordinates",
+        "modes that each condensed body has in motion, the rest with their static part; 0: all",
+        100,
+        at_least=0,
+    ),
+    _count(
+        "model.mesh_coordinates",
+        "combinations of these that the mesh tells apart",
+        12,
+        at_least=4,
+        at_most=60,
+    ),
     _text("model.fidelity", "choice of model", modelled=()),
     Key(
         "model.gyroscopic",

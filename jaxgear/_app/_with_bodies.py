@@ -5,13 +5,16 @@ from collections.abc import Callable
 from jaxgear._app._scene import Scene
 
 
-def with_bodies(scene: Scene, tell: Callable[[str], None] = lambda step: None) -> Scene:
+def with_bodies(
+    scene: Scene, tell: Callable[[str], None] = lambda step: None, *, moving: bool = False
+) -> Scene:
     """A scene with the condensed bodies that it names, from the cache where they are known.
 
     **Arguments:**
 
     - `scene`: checked against the schema.
     - `tell`: told what begins.
+    - `moving`: whether they are to vibrate: modes are found, and cost some seconds.
 
     **Returns:**
 
@@ -25,4 +28,4 @@ def with_bodies(scene: Scene, tell: Callable[[str], None] = lambda step: None) -
         return scene
     from jaxgear._app import _mesh_bodies
 
-    return _mesh_bodies.with_bodies(scene, tell)
+    return _mesh_bodies.with_bodies(scene, tell, moving=moving)

@@ -69,7 +69,9 @@ def monodromy(
         return product_of_steps(march, tangents_of(march, orbit.place))
     places = jnp.concatenate([orbit.place[-1:], orbit.place, orbit.place[:1]])
     ends = 0.5 * (places[:-1] + places[1:])
-    start, middle, end = (mesh_at(system.table, part) for part in (START, MIDDLE, END))
+    start, middle, end = (
+        mesh_at(system.table, part).at(orbit.speed) for part in (START, MIDDLE, END)
+    )
     mean = jax.vmap(mean_tangent)(start, middle, end, ends[:-1], ends[1:])
     return product_of_steps(march, mean)
 
@@ -123,11 +125,11 @@ def product_of_steps(march: March, tangents: StepMatrices) -> Monodromy:
 
     As `monodromy`.
     """
-    whirls = [rule.whirl for rule in march.rules if rule.whirl is not None]
-    return _step_by_step(march, tangents, whirls) if whirls else _in_blocks(march, tangents)
+    tied = march.system.gyroscopic is not None
+    return _step_by_step(march, tangents) if tied else _in_blocks(march, tangents)
 
 
-def _step_by_step(march: March, tangents: StepMatrices, whirls: list[Reals]) -> Monodromy:
+def _step_by_step(march: March, tangents: StepMatrices) -> Monodromy:
     """Product of the derivatives of all steps, of modes that gyroscopic forces tie together."""
     mesh, damped = march.modes.mesh, march.system.cell_damping is not None
     size = mesh.shape[0]
@@ -135,14 +137,18 @@ def _step_by_step(march: March, tangents: StepMatrices, whirls: list[Reals]) -> 
 
     def step(columns: Reals, x):
         kind, gain = x
-        rule, own, whirl = march.rules[0], gain[0], whirls[0]
+        rule, own = march.rules[0], gain[0]
         for number, other in enumerate(march.rules[1:], 1):
             pick = lambda a, b, k=number: jnp.where(kind == k, b, a)
-            others = other, gain[number], whirls[number]
-            rule, own, whirl = jax.tree.map(pick, (rule, own, whirl), others)
-        rate = jnp.sum(rule.rate[:, :, None] * columns, axis=0)
-        turned = whirl @ rate
-        near = jnp.sum(rule.near[:, :, None] * columns, axis=0) - rule.near_load[:, None] * turned
+            rule, own = jax.tree.map(pick, (rule, own), (other, gain[number]))
+        rate, near = (
+            jnp.sum(part[:, :, None] * columns, axis=0) for part in (rule.rate, rule.near)
+        )
+        assert rule.whirl is not None
+        turned = rule.whirl @ rate
+        if rule.stiffens is not None:
+            turned = turned + rule.stiffens @ near
+        near = near - rule.near_load[:, None] * turned
         seen = mesh.T @ near
         if damped:
             rate = rate - rule.rate_load[:, None] * turned

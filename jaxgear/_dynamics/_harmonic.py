@@ -177,16 +177,20 @@ class Balance(eqx.Module):
             step = 2.0 * jnp.pi / (base * self.middle.shape[0])
             frequency = 2.0 / step * jnp.tan(0.5 * step * frequency)
         responses = _responses(system, self.modes, frequency, speed)
+        resting = self.still
+        if system.turning is not None:
+            resting = jnp.linalg.solve(system.stiffness_at(speed), system.load_at(speed))
         receptance = jnp.einsum("da,hdb->hab", system.vectors.astype(complex), responses)
         problem = Problem(
             law=self.law,
-            samples=self.samples,
+            samples=tuple(mesh.at(speed) for mesh in self.samples),
             times=self.times,
             rates=_rates(self.middle) * base,
             analysis=self.analysis,
             real=jnp.real(receptance),
             imaginary=jnp.imag(receptance),
-            still=system.vectors.T @ self.still,
+            resting=resting,
+            still=system.vectors.T @ resting,
             mean=system.mean,
             bow=system.bow,
             cell_damping=system.cell_damping,
@@ -230,7 +234,7 @@ class Balance(eqx.Module):
             [jnp.zeros_like(real[:1, :, 0]), product(imaginary[1:], sines)]
         )
         sine = product(imaginary[1:], cosines[1:]) - product(real[1:], sines)
-        motion = jnp.concatenate([cosine.at[0].add(self.still), sine])
+        motion = jnp.concatenate([cosine.at[0].add(problem.resting), sine])
         order = jnp.arange(1, count + 1, dtype=float)
         velocity = problem.base * jnp.sum(order[:, None] * sine, axis=0)
         return Orbit(
@@ -255,7 +259,8 @@ class Problem(eqx.Module):
     - `scales`: of the mesh coordinates [m, rad].
     - `rates`: time derivatives of the harmonics at mid-steps [1/s].
     - `real`, `imaginary`: parts of the receptance at each harmonic [m/N, 1/N, 1/(N m)].
-    - `still`: mesh coordinates under the constant load alone [m, rad].
+    - `resting`: motion of all degrees of freedom under the constant load alone [m, rad].
+    - `still`: mesh coordinates of it [m, rad].
     - `mean`: mean mesh stiffness [N/m, N, N m].
     - `bow`: of the system, or `None` [m/N, 1/N, 1/(N m)].
     - `cell_damping`: of the system, or `None` [s].
@@ -270,6 +275,7 @@ class Problem(eqx.Module):
     analysis: Analysis
     real: HarmonicMatrices
     imaginary: HarmonicMatrices
+    resting: Vector
     still: Coordinates
     mean: CoordinateMatrix
     bow: CoordinateMatrix | None
@@ -397,11 +403,8 @@ def _responses(
     system: DynamicSystem, modes: ModalBasis, frequency: Reals, speed: Scalar
 ) -> Responses:
     """Motion of all degrees of freedom per unit mesh load at each frequency."""
-    mass, whole = system.mass.astype(complex), system.whole_stiffness.astype(complex)
-    damping = system.damping
-    if system.gyroscopic is not None:
-        damping = damping + speed * system.gyroscopic
-    damping = damping.astype(complex)
+    mass, whole = system.mass.astype(complex), system.stiffness_at(speed).astype(complex)
+    damping = system.rates_at(speed).astype(complex)
     shape = modes.shape.astype(complex)
     columns = system.vectors.astype(complex)
 
@@ -420,7 +423,8 @@ def _responses(
             return jax.lax.custom_linear_solve(apply, columns, by_modes, symmetric=True)
         return jnp.linalg.solve(s * s * mass + s * damping + whole, columns)
 
-    return jax.vmap(at)(frequency)
+    # Large systems one by one: see `between_all_cells`.
+    return jax.vmap(at)(frequency) if system.turning is None else jax.lax.map(at, frequency)
 
 
 def _loads(

@@ -114,7 +114,7 @@ class Marching(AbstractMethod):
         )
         middle = history.middle
         nodes = middle @ system.vectors
-        meshes = mesh_at(system.table, MIDDLE)
+        meshes = mesh_at(system.table, MIDDLE).at(speed)
         load, place, _ = jax.vmap(
             lambda mesh, nodes, near: load_at_nodes(system, self.law, mesh, nodes, near)
         )(meshes, nodes, history.load)
@@ -166,7 +166,7 @@ def quasi_static_start(system: DynamicSystem) -> Start:
     """
     # The mean of the last and the first mid-step: the cycle's start lies between them.
     nodes = 0.5 * (system.rest[0] + system.rest[-1])
-    first = mesh_at(system.table, START)
+    first = mesh_at(system.table, START).at(jnp.zeros(()))
     first = jax.tree.map(lambda x: x[0], first)
     load = mesh_load(first, nodes, ExactContact())[0]
     # The same approach, with the structure at rest under a load that balances it; where a light
@@ -196,6 +196,7 @@ class Rule(eqx.Module):
     - `rate_load`: the same per modal load [s].
     - `whirl`: $\Gamma$, modal load per velocity at the instant, what it brings about itself
         included, of gyroscopic forces; or `None` [1/s].
+    - `stiffens`: the same per displacement, of turning bodies; or `None` [1/s2].
     - `steady`: modal load of the constant loads, $\Gamma$ considered [N kg^-1/2].
     - `pushes`: modal load per mesh load, $\Gamma$ considered [kg^-1/2].
     - `yields`: $H$, mesh coordinates given up per mesh load [m/N, 1/N, 1/(N m)].
@@ -213,6 +214,7 @@ class Rule(eqx.Module):
     rate: Reals
     rate_load: Reals
     whirl: Reals | None
+    stiffens: Reals | None
     steady: ModeValues
     pushes: ModeVectors
     yields: CoordinateMatrix
@@ -251,12 +253,20 @@ def rule_of(
 
     by_state = [respond(tuple(one if i == k else none for i in parts), none) for k in parts]
     by_load = respond(tuple(none for _ in parts), one)
-    whirl, steady, pushes = None, modes.load, modes.mesh
+    whirl, stiffens, steady, pushes = None, None, modes.load, modes.mesh
     if system.gyroscopic is not None:
         # The load is F - V w - G v with v = v_0 + b u: solved for u, all are linear in v_0.
-        spun = speed * modes.shape.T @ system.gyroscopic @ modes.shape
-        answers = jnp.linalg.inv(jnp.eye(one.size) + spun * by_load[2][None, :])
-        whirl, steady, pushes = answers @ spun, answers @ modes.load, answers @ modes.mesh
+        on_modes = lambda matrix: modes.shape.T @ matrix @ modes.shape
+        spun = speed * on_modes(system.gyroscopic)
+        tied = jnp.eye(one.size) + spun * by_load[2][None, :]
+        if system.turning is not None:
+            # And so it is with forces by displacements.
+            stiffens = on_modes(system.turning.stiffness_at(speed))
+            steady = modes.shape.T @ system.load_at(speed)
+            tied = tied + stiffens * by_load[1][None, :]
+        answers = jnp.linalg.inv(tied)
+        whirl, steady, pushes = answers @ spun, answers @ steady, answers @ pushes
+        stiffens = None if stiffens is None else answers @ stiffens
     on_mesh = lambda x: modes.mesh.T @ (x[:, None] * pushes)
     own, brakes = on_mesh(by_load[1]), on_mesh(by_load[2])
     follows = jnp.linalg.inv(jnp.eye(own.shape[0]) - own @ system.mean)
@@ -272,6 +282,7 @@ def rule_of(
         rate=jnp.stack([each[2] for each in by_state]),
         rate_load=by_load[2],
         whirl=whirl,
+        stiffens=stiffens,
         steady=steady,
         pushes=pushes,
         yields=yields,
@@ -478,10 +489,12 @@ class March(eqx.Module):
         """The cells of all steps, where a step needs them."""
         table, at = self.system.table, self.stepper.at
         if self.averaged:
-            return tuple(mesh_at(table, part) for part in (START, MIDDLE, END))
-        if self.stepper.refreshes:
-            return mesh_at(table, at), mesh_at(table, START)
-        return (mesh_at(table, at) if at == MIDDLE else mesh_within(table, at),)
+            found = [mesh_at(table, part) for part in (START, MIDDLE, END)]
+        elif self.stepper.refreshes:
+            found = [mesh_at(table, at), mesh_at(table, START)]
+        else:
+            found = [mesh_at(table, at) if at == MIDDLE else mesh_within(table, at)]
+        return tuple(mesh.at(self.speed) for mesh in found)
 
     def begin(self, start: Start) -> Carried:
         """Set out from a motion and its velocity.
@@ -498,7 +511,8 @@ class March(eqx.Module):
         onto = modes.shape.T @ self.system.mass
         state = [onto @ start[0], onto @ start[1]]
         rest = jnp.zeros(modes.mesh.shape[1]).at[0].set(self.system.force)
-        first = jax.tree.map(lambda x: x[0], mesh_at(self.system.table, START))
+        first = mesh_at(self.system.table, START).at(self.speed)
+        first = jax.tree.map(lambda x: x[0], first)
         if self.stepper.carries == 3:
             state.append(self._acceleration(first, state[0], state[1], rest))
         place = self._place(first, state[0], rest)[1] if self.averaged else None
@@ -520,7 +534,16 @@ class March(eqx.Module):
             tangent = mesh_load(mesh, place, self.law)[1]
             load = load + system.cell_damping * _times(tangent, modes.mesh.T @ velocity)
         excess = load - _times(system.mean, nodes)
-        return modes.load - modes.mesh @ excess - modes.damping * velocity - modes.square * motion
+        pull = modes.load - modes.mesh @ excess
+        if system.gyroscopic is not None:
+            pull = pull - self.speed * modes.shape.T @ (
+                system.gyroscopic @ (modes.shape @ velocity)
+            )
+        if system.turning is not None:
+            added = system.turning.stiffness_at(self.speed) @ (modes.shape @ motion)
+            load = system.load_at(self.speed) - system.load
+            pull = pull + modes.shape.T @ (load - added)
+        return pull - modes.damping * velocity - modes.square * motion
 
     def step(
         self, carried: Carried, kind: Array, meshes: tuple[Mesh, ...]
@@ -546,9 +569,11 @@ class March(eqx.Module):
         if self.stepper.refreshes:
             fresh = self._acceleration(meshes[1], state[0], state[1], carried.load)
             state = state.at[2].set(fresh)
-        rate = jnp.sum(rule.rate * state, axis=0)
+        rate, near = (jnp.sum(part * state, axis=0) for part in (rule.rate, rule.near))
         steady = rule.steady if rule.whirl is None else rule.steady - rule.whirl @ rate
-        free = modes.mesh.T @ (jnp.sum(rule.near * state, axis=0) + rule.near_load * steady)
+        if rule.stiffens is not None:
+            steady = steady - rule.stiffens @ near
+        free = modes.mesh.T @ (near + rule.near_load * steady)
         free_rate = modes.mesh.T @ (rate + rule.rate_load * steady)
         place = _times(rule.follows, free)
         brakes = rule.brakes

@@ -20,7 +20,7 @@ from jaxgear._checks import require
 from jaxgear._dynamics._damping import per_mass, without_hold
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._dynamics._types import FreeMotions, Matrix, ModeMatrix, Speeds
-from jaxgear._system._structure import Structure
+from jaxgear._system._structure import BODIES, Structure
 
 if TYPE_CHECKING:
     ModeNumbers = Array
@@ -170,8 +170,17 @@ def pair_modes(dynamics: PairDynamics, *, meet: float = _MEET) -> Modes:
     """
     system = dynamics.system
     dofs = np.asarray(dynamics.dofs)
-    whole = stiffness_parts(dynamics.cycle.system.structure)
-    parts = [(name, part[dofs[:, None], dofs[None, :]]) for name, part in whole]
+    structure = dynamics.cycle.system.structure
+    parts = []
+    for name, part in stiffness_parts(structure):
+        whole = jnp.zeros((max(dofs) + 1, max(dofs) + 1))
+        whole = whole.at[: structure.map.size, : structure.map.size].set(part)
+        for body in dynamics.bodies:
+            # A condensed body contains its shaft.
+            if name == f"{BODIES[body.index]} shaft":
+                own = np.arange(body.first, body.first + body.square.size)
+                whole = whole.at[own, own].add(body.square)
+        parts.append((name, whole[dofs[:, None], dofs[None, :]]))
     return modes(
         system.mass,
         system.whole_stiffness,
@@ -255,13 +264,20 @@ def critical_speeds(
 
 
 def rotating_frequencies(
-    mass: Matrix, stiffness: Matrix, gyroscopic: Matrix, free: FreeMotions, speeds: Speeds
+    mass: Matrix,
+    stiffness: Matrix,
+    gyroscopic: Matrix,
+    free: FreeMotions,
+    speeds: Speeds,
+    softening: Matrix | None = None,
 ) -> Campbell:
-    r"""Natural frequencies of the undamped turning system $M\ddot q + \Omega_1 G\dot q + \bar Kq$.
+    r"""Natural frequencies of the undamped turning system
+    $M\ddot q + \Omega_1 G\dot q + (\bar K + \Omega_1^2S)q$.
 
-    Over modes at rest it is $\dot x = Sx$ with $S$ antisymmetric, so that its frequencies are the
-    eigenvalues of a Hermitian matrix: real, and found to the last digit. It runs on the host, and
-    has no derivatives.
+    Over the modes of its stiffness it is $\dot x = Ax$ with $A$ antisymmetric, so that its
+    frequencies are the eigenvalues of a Hermitian matrix: real, and found to the last digit. It
+    runs on the host, and has no derivatives. Seen from space: waves of condensed bodies have there
+    the frequency on the body plus or minus their number times its speed.
 
     **Arguments:**
 
@@ -269,10 +285,11 @@ def rotating_frequencies(
     - `gyroscopic`: $G$, antisymmetric, per speed of the pinion; free motions must not feel it
         [kg, kg m, kg m2].
     - `speeds`: $\Omega_1$ of the pinion [rad/s].
+    - `softening`: $S$, stiffness per square of the speed, of turning bodies, or `None` [kg].
 
     **Returns:**
 
-    Frequencies at each speed, rising [Hz].
+    Frequencies at each speed, rising; NaN where rotation has taken the stiffness away [Hz].
 
     **Raises:**
 
@@ -287,18 +304,22 @@ def rotating_frequencies(
         largest=largest,
         uneven=uneven,
     )
-    at_rest = _modes_at_rest(mass, stiffness, free)
-    angular = 2.0 * np.pi * np.asarray(at_rest.frequency)
-    shape = np.asarray(at_rest.shape)
-    whirl = shape.T @ np.asarray(gyroscopic) @ shape
-    whirl = 0.5 * (whirl - whirl.T)
-    count = angular.size
-    flow = np.zeros((2 * count, 2 * count))
-    flow[:count, count:] = np.diag(angular)
-    flow[count:, :count] = -np.diag(angular)
-    found = np.zeros((np.asarray(speeds).size, count))
+    count = mass.shape[0] - free.shape[1]
+    found = np.full((np.asarray(speeds).size, count), np.nan)
+    at_rest = None
     for i, speed in enumerate(np.asarray(speeds)):
-        flow[count:, count:] = -speed * whirl
+        if at_rest is None or softening is not None:
+            added = 0.0 if softening is None else speed**2 * softening
+            at_rest = _modes_at_rest(mass, stiffness + added, free)
+        angular = 2.0 * np.pi * np.asarray(at_rest.frequency)
+        if not np.isfinite(angular).all():
+            continue
+        shape = np.asarray(at_rest.shape)
+        whirl = shape.T @ np.asarray(gyroscopic) @ shape
+        flow = np.zeros((2 * count, 2 * count))
+        flow[:count, count:] = np.diag(angular)
+        flow[count:, :count] = -np.diag(angular)
+        flow[count:, count:] = -0.5 * speed * (whirl - whirl.T)
         # They come in pairs of either sign.
         found[i] = np.linalg.eigvalsh(1j * flow)[count:]
     return found / (2.0 * np.pi)

@@ -15,13 +15,31 @@ import numpy as np
 
 from jaxgear._checks import InputError, require, require_float64
 from jaxgear._dynamics._back_flank import back_flank_table, back_vectors, with_back_flanks
+from jaxgear._dynamics._bodies import (
+    BodyPlace,
+    TurningTerms,
+    body_masses,
+    body_table,
+    mode_stiffness,
+    size_with,
+    turning_terms,
+    vibrating_bodies,
+    with_modes,
+)
 from jaxgear._dynamics._damping import (
     AbstractDamping,
     ModalDamping,
     damping_matrix,
     per_mass,
 )
-from jaxgear._dynamics._table import MeshTable, mesh_table, repeated, tangent_columns
+from jaxgear._dynamics._table import (
+    MIDDLE,
+    MeshTable,
+    mesh_at,
+    mesh_table,
+    repeated,
+    tangent_columns,
+)
 from jaxgear._dynamics._types import (
     FreeMotions,
     Matrix,
@@ -40,7 +58,7 @@ from jaxgear._solve._cycle import MeshCycle, corrected_cycle, prepare_mesh
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._model import PairModel
 from jaxgear._system._pair_system import PairSystem
-from jaxgear._types import CoordinateMatrix, DofCoordinates, Scalar
+from jaxgear._types import CoordinateMatrix, DofCoordinates, Scalar, as_scalar
 
 
 class DynamicSystem(eqx.Module):
@@ -68,6 +86,7 @@ class DynamicSystem(eqx.Module):
     - `teeth`: of the pinion.
     - `back`: whether the back flanks are in the mesh too; the second half of its coordinates is
         then theirs.
+    - `turning`: what condensed bodies bring as they turn, or `None`: there are none.
     """
 
     mass: Matrix
@@ -86,6 +105,7 @@ class DynamicSystem(eqx.Module):
     free: FreeMotions
     teeth: int = eqx.field(static=True)
     back: bool = eqx.field(static=True, default=False)
+    turning: TurningTerms | None = None
 
     @property
     def mesh_stiffness(self) -> Matrix:
@@ -96,6 +116,23 @@ class DynamicSystem(eqx.Module):
     def whole_stiffness(self) -> Matrix:
         """Stiffness of the structure with the mean mesh in it [N/m, N, N m]."""
         return self.stiffness + self.mesh_stiffness
+
+    def stiffness_at(self, speed: Scalar) -> Matrix:
+        """Stiffness with the mean mesh in it at a speed of the pinion [N/m, N, N m]."""
+        if self.turning is None:
+            return self.whole_stiffness
+        return self.whole_stiffness + self.turning.stiffness_at(speed)
+
+    def rates_at(self, speed: Scalar) -> Matrix:
+        """Damping and gyroscopic forces at a speed of the pinion [N s/m, N s, N m s]."""
+        matrix = self.damping
+        if self.gyroscopic is not None:
+            matrix = matrix + speed * self.gyroscopic
+        return matrix
+
+    def load_at(self, speed: Scalar) -> Vector:
+        """Constant load at a speed of the pinion [N, N m]."""
+        return self.load if self.turning is None else self.load + speed**2 * self.turning.load
 
     def over(self, cycles: int) -> "DynamicSystem":
         """The same system, its table gone through so many times."""
@@ -195,12 +232,18 @@ class PairDynamics(eqx.Module):
 
     - `system`: what moves.
     - `cycle`: its states at vanishing speed.
-    - `dofs`: which degrees of freedom of the structure move.
+    - `dofs`: which degrees of freedom of the structure move; beyond its size, modes of condensed
+        bodies.
+    - `bodies`: condensed ones, where their seats and modes are.
+    - `left_out`: motion of the cells that mesh coordinates leave out of that of condensed bodies,
+        relative; statics has all of it [-].
     """
 
     system: DynamicSystem
     cycle: MeshCycle
     dofs: tuple[int, ...] = eqx.field(static=True)
+    bodies: tuple[BodyPlace, ...] = ()
+    left_out: Scalar = eqx.field(converter=as_scalar, default=0.0)
 
 
 def pair_dynamics(
@@ -210,6 +253,8 @@ def pair_dynamics(
     *,
     gyroscopic: bool = False,
     active_mesh_damping: bool = False,
+    centrifugal: bool = True,
+    mesh_coordinates: int = 12,
 ) -> PairDynamics:
     r"""Set a gear pair in motion.
 
@@ -232,11 +277,16 @@ def pair_dynamics(
     - `ValueError` in single precision, or if thinner teeth still have no backlash.
     """
     require_float64()
-    require(
-        not any(isinstance(body, FlexibleBody) for body in model.bodies),
-        "The dynamics of condensed bodies is not there yet: in it they have no mass. Make the "
-        "bodies rigid or beams.",
-    )
+    if any(isinstance(body, FlexibleBody) for body in model.bodies):
+        return _with_condensed_bodies(
+            model,
+            grid,
+            damping,
+            gyroscopic=gyroscopic,
+            active=active_mesh_damping,
+            centrifugal=centrifugal,
+            coordinates=mesh_coordinates,
+        )
     prepared = prepare_mesh(model, grid)
     cycle = corrected_cycle(prepared, model)
     mounted = prepared.system
@@ -303,6 +353,105 @@ def pair_dynamics(
     if active is not None:
         system = dataclasses.replace(system, cell_damping=active(system))
     return PairDynamics(system=system, cycle=cycle, dofs=mapped.free)
+
+
+def _with_condensed_bodies(
+    model: PairModel,
+    grid: MeshGrid,
+    damping: AbstractDamping | None,
+    *,
+    gyroscopic: bool,
+    active: bool,
+    centrifugal: bool,
+    coordinates: int,
+) -> PairDynamics:
+    """A pair of which a body is condensed; see `pair_dynamics`."""
+    prepared = prepare_mesh(model, grid)
+    cycle = corrected_cycle(prepared, model)
+    mounted = prepared.system
+    structure, mapped = mounted.structure, mounted.structure.map
+    require(
+        not mounted.bends,
+        "Beside a condensed body the other must be condensed or rigid in motion, not a beam.",
+    )
+    require(
+        not active,
+        "Mesh damping that acts only in contact is for rigid bodies: leave it out, or make "
+        "condensed bodies rigid.",
+    )
+    require(
+        not has_back_contact(model.pair),
+        "Back flanks are for rigid bodies and beams in motion: leave `thickness_allowance` out, or "
+        "make condensed bodies rigid.",
+    )
+    bodies = vibrating_bodies(model, mounted)
+    size = size_with(mounted, bodies)
+    dofs = np.r_[np.asarray(mapped.free), mapped.size : size]
+    among = lambda matrix: matrix[dofs[:, None], dofs[None, :]]
+    met = body_table(model, mounted, cycle, grid, bodies, coordinates)
+    vectors = met.vectors[dofs]
+    mean = _mean_over(cycle, met.table)
+    mass = among(with_modes(structure.mass, bodies, size) + body_masses(bodies, size))
+    own = among(with_modes(structure.stiffness, bodies, size))
+    own = own + jnp.diag(mode_stiffness(bodies, size)[dofs])
+    rest_of = lambda vector: jnp.concatenate([vector, jnp.zeros(size - mapped.size)])[dofs]
+    free = rest_of(_rigid_rotation(mounted))
+    free = free / jnp.sqrt(free @ mass @ free)
+    meshed = vectors @ mean @ vectors.T
+    square = 4.0 * jnp.trace(jnp.linalg.solve(mass, own + meshed))
+    momentum = (mass @ free)[:, None]
+    hold = momentum @ momentum.T
+    stiffness = own + square * hold
+    damping = ModalDamping() if damping is None else damping
+    matrix = damping_matrix(damping, mass, stiffness + meshed, meshed, free[:, None])
+    matrix = matrix + jnp.sqrt(square) * hold
+    turning = turning_terms(bodies, size, damping, whole=gyroscopic)
+    whirl = turning.gyroscopic
+    if gyroscopic:
+        ratio = model.pair.teeth[0] / model.pair.teeth[1]
+        rigid = structure.pinion_gyroscopic - ratio * structure.wheel_gyroscopic
+        whirl = whirl + with_modes(rigid, bodies, size)
+    table = met.table
+    if not centrifugal:
+        turning = dataclasses.replace(turning, load=jnp.zeros_like(turning.load))
+        table = dataclasses.replace(table, growth=None)
+    system = DynamicSystem(
+        mass=mass,
+        damping=matrix,
+        stiffness=stiffness,
+        gyroscopic=among(whirl),
+        vectors=vectors,
+        load=rest_of(structure.load),
+        bow=None,
+        mean=mean,
+        table=table,
+        cell_damping=None,
+        force=mounted.force,
+        transmission=rest_of(_transmission(mounted)),
+        rest=met.rest,
+        free=free[:, None],
+        teeth=model.pair.pinion.teeth,
+        turning=jax.tree.map(lambda x: among(x) if x.ndim == 2 else x[dofs], turning),
+    )
+    return PairDynamics(
+        system=system,
+        cycle=cycle,
+        dofs=tuple(int(i) for i in dofs),
+        bodies=tuple(each.place for each in bodies),
+        left_out=met.left_out,
+    )
+
+
+def _mean_over(cycle: MeshCycle, table: MeshTable) -> CoordinateMatrix:
+    """Mean over the cycle of the stiffness of the cells in contact, on a table's coordinates."""
+    closed = jnp.where(cycle.overlap > 0.0, cycle.cells.stiffness, 0.0)
+
+    def at_phase(stiffness, coupling, arms):
+        return on_coordinates_all(arms, tangent_columns(stiffness, coupling, arms))
+
+    each = jax.vmap(at_phase)(closed, table.coupling, mesh_at(table, MIDDLE).arms)
+    mean = jnp.sum(cycle.cells.lines.weight[:, None, None] * each, axis=0)
+    return 0.5 * (mean + mean.T)
 
 
 def _split(damping: AbstractDamping, active: bool):

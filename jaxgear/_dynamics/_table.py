@@ -27,6 +27,7 @@ from jaxgear._dynamics._types import (
 )
 from jaxgear._flank._deviations import Flanks
 from jaxgear._geometry._lines import MeshGrid
+from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._solve._coordinates import at_cells, on_coordinates, on_coordinates_all
 from jaxgear._system._pair_system import PairSystem
@@ -51,9 +52,12 @@ class MeshTable(eqx.Module):
     - `stiffness`: of each cell, its mean over the step [N/m].
     - `gap`: of each cell before loading, at the start, middle and end of each step [m].
     - `arms`: $W$, overlap of each cell per mesh coordinate, at the same places [-, m].
-    - `coupling`: $C$ between the lines of each slice through the bodies, or `None` [m/N].
+    - `coupling`: $C$ between the lines of each slice through the bodies or, on condensed bodies,
+        between all cells, or `None` [m/N].
     - `periods`: mesh periods in the cycle.
     - `kinds`: a number for each step; steps of one number are equally long.
+    - `growth`: approach of each cell by rotation, per square of the pinion's speed, at the same
+        places as the gap, or `None` [m s2].
     """
 
     edges: Edges
@@ -63,6 +67,7 @@ class MeshTable(eqx.Module):
     coupling: StepCoupling | None
     periods: int = eqx.field(static=True)
     kinds: tuple[int, ...] = eqx.field(static=True)
+    growth: PlaceCells | None = None
 
     @property
     def lengths(self) -> Reals:
@@ -83,16 +88,24 @@ class Mesh(eqx.Module):
     - `stiffness`: of each cell [N/m].
     - `gap`: of each cell [m].
     - `arms`: $W$ [-, m].
-    - `coupling`: between the lines of each slice, or `None` [m/N].
+    - `coupling`: between the lines of each slice, or all cells, or `None` [m/N].
+    - `growth`: approach of each cell by rotation, per square of the speed, or `None` [m s2].
     """
 
     stiffness: Reals
     gap: Reals
     arms: Reals
     coupling: Reals | None
+    growth: Reals | None = None
+
+    def at(self, speed: Scalar) -> "Mesh":
+        """The same cells as rotation brings them closer, at a speed of the pinion [rad/s]."""
+        if self.growth is None:
+            return self
+        return dataclasses.replace(self, gap=self.gap - speed**2 * self.growth, growth=None)
 
 
-START, MIDDLE, END = 0.0, 0.5, 1.0
+START, MIDDLE, END = _PLACES = 0.0, 0.5, 1.0
 
 
 def mesh_table(
@@ -116,29 +129,71 @@ def mesh_table(
 
     The table.
     """
-    lengths = cells.lines.weight * cells.lines.periods
-    moved = [_moved(system, cells, lengths * (part - 0.5)) for part in (START, MIDDLE, END)]
+    moved = at_places(system.pair, cells)
     gaps = [mesh_gap(system.pair, at.lines, flanks, misalignment) for at in moved]
+    return tabulated(grid, cells, jnp.stack(gaps), jnp.stack([system.arms(at) for at in moved]))
+
+
+def tabulated(
+    grid: MeshGrid,
+    cells: MeshCells,
+    gap: PlaceCells,
+    arms: PlaceArms,
+    growth: PlaceCells | None = None,
+) -> MeshTable:
+    """A table of what is known of its cells.
+
+    **Arguments:**
+
+    - `grid`: phases, lines and slices.
+    - `cells`: in mesh, on the phases of `grid`, with their coupling.
+    - `gap`: of each cell at the start, middle and end of each step [m].
+    - `arms`: of each cell there [-, m].
+    - `growth`: of each cell there, or `None` [m s2].
+
+    **Returns:**
+
+    The table.
+    """
+    lengths = cells.lines.weight * cells.lines.periods
     kinds = [0] * grid.entry_phases + [1] * (grid.phases - grid.entry_phases)
     return MeshTable(
         edges=jnp.concatenate([jnp.zeros(1), jnp.cumsum(lengths)]),
         stiffness=cells.stiffness,
-        gap=jnp.stack(gaps),
-        arms=jnp.stack([system.arms(at) for at in moved]),
+        gap=gap,
+        arms=arms,
         coupling=cells.coupling,
         periods=grid.periods,
         kinds=tuple(kinds * grid.periods),
+        growth=growth,
     )
 
 
-def _moved(system: PairSystem, cells: MeshCells, by: Reals) -> MeshCells:
+def at_places(pair: GearPair, cells: MeshCells) -> tuple[MeshCells, MeshCells, MeshCells]:
+    """The cells at the start, in the middle and at the end of each step.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `cells`: in the middle of each step.
+
+    **Returns:**
+
+    Cells; what they take from condensed bodies is that of the middle.
+    """
+    lengths = cells.lines.weight * cells.lines.periods
+    start, middle, end = (_moved(pair, cells, lengths * (part - 0.5)) for part in _PLACES)
+    return start, middle, end
+
+
+def _moved(pair: GearPair, cells: MeshCells, by: Reals) -> MeshCells:
     """The same cells a little earlier or later, in mesh periods."""
-    path = by[:, None, None] * system.pair.transverse_base_pitch
+    path = by[:, None, None] * pair.transverse_base_pitch
     shift = jnp.broadcast_to(path, cells.lines.roll.shape).reshape(cells.arm.shape)
     lines = dataclasses.replace(
         cells.lines, phase=cells.lines.phase + by, roll=cells.lines.roll + path
     )
-    arm = cells.arm + shift * jnp.sin(system.pair.base_helix_angle)
+    arm = cells.arm + shift * jnp.sin(pair.base_helix_angle)
     return dataclasses.replace(cells, lines=lines, arm=arm)
 
 
@@ -158,7 +213,8 @@ def mesh_at(table: MeshTable, part: float) -> Mesh:
     # A zero is left out, so that places cost nothing.
     used = [i for i, share in enumerate(shares) if share != 0.0]
     between = lambda x: functools.reduce(operator.add, [shares[i] * x[i] for i in used])
-    return Mesh(table.stiffness, between(table.gap), between(table.arms), table.coupling)
+    growth = None if table.growth is None else between(table.growth)
+    return Mesh(table.stiffness, between(table.gap), between(table.arms), table.coupling, growth)
 
 
 _Part = TypeVar("_Part", float, Scalar)
@@ -229,6 +285,7 @@ def repeated(table: MeshTable, times: int) -> MeshTable:
         coupling=None if table.coupling is None else again(table.coupling, 0),
         periods=table.periods * times,
         kinds=table.kinds * times,
+        growth=None if table.growth is None else again(table.growth, 1),
     )
 
 
@@ -255,6 +312,9 @@ def _shared_forces(
     """Forces and overlaps of cells whose overlaps on rigid bodies would be `free`."""
     if coupling is None:
         return stiffness * law.compression(free), free
+    if coupling.ndim == 2:
+        force = forces_between_all(law, stiffness, coupling, free)
+        return force, free - body_yield(coupling, force)
     share = lambda tangent, force: share_with_body(coupling, tangent, force[:, None])[:, 0]
     force = share(stiffness, stiffness * free)
     # A slice has few lines: from all of them closed, Newton's steps open one or more each.
@@ -264,6 +324,62 @@ def _shared_forces(
         missing = stiffness * compression - force
         force = force + share(stiffness * slope, missing)
     return force, free - body_yield(coupling, force)
+
+
+# Newton's steps between all cells, and the forces still missing then, over those there are.
+_MOST_STEPS, _MISSING = 30, 1e-13
+
+
+@jax.custom_jvp
+def forces_between_all(
+    law: AbstractContactLaw, stiffness: Cells, coupling: Coupling, free: Cells
+) -> Cells:
+    r"""Forces of cells that are all coupled, $f = k\,\sigma(\Delta_0 - C f)$.
+
+    Newton's method from all of them closed; derivatives are those of the solution.
+
+    **Arguments:**
+
+    - `law`: exact or smooth contact.
+    - `stiffness`: of each cell [N/m].
+    - `coupling`: $C$ between all cells [m/N].
+    - `free`: $\Delta_0$, overlap of each on rigid bodies [m].
+
+    **Returns:**
+
+    Forces [N].
+    """
+
+    def missing_at(force: Cells) -> tuple[Cells, Cells]:
+        compression, slope = _pressed(law, free - body_yield(coupling, force))
+        return stiffness * compression - force, stiffness * slope
+
+    def body(state):
+        force, missing, tangent, _, steps = state
+        force = force + share_with_body(coupling, tangent, missing[:, None])[:, 0]
+        missing, tangent = missing_at(force)
+        done = jnp.max(jnp.abs(missing)) <= _MISSING * jnp.max(stiffness * jnp.abs(free))
+        return force, missing, tangent, done, steps + 1
+
+    def unfinished(state):
+        return ~state[3] & (state[4] < _MOST_STEPS)
+
+    none = jnp.zeros_like(free)
+    first = none, stiffness * free, stiffness, jnp.asarray(False), 0
+    return jax.lax.while_loop(unfinished, body, first)[0]
+
+
+@forces_between_all.defjvp
+def _forces_tangent(primals, tangents):
+    law, stiffness, coupling, free = primals
+    force = forces_between_all(law, stiffness, coupling, free)
+
+    def pressed(law, stiffness, coupling, free):
+        return stiffness * law.compression(free - body_yield(coupling, force))
+
+    _, change = jax.jvp(pressed, primals, tangents)
+    _, slope = _pressed(law, free - body_yield(coupling, force))
+    return force, share_with_body(coupling, stiffness * slope, change[:, None])[:, 0]
 
 
 def _pressed(law: AbstractContactLaw, overlap: Cells) -> tuple[Cells, Cells]:

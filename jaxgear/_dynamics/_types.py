@@ -9,6 +9,7 @@
 | `free` | motion that nothing holds |
 | `mode` | natural mode, all of them or the first |
 | `state` | part of a mode's state: displacement, velocity, acceleration where it is carried |
+| `between` | lines, lines and slices that share a body, or cells and cells |
 | `column` | column of a matrix of states |
 | `speed` | operating speed |
 | `order` | multiple of the mesh frequency |
@@ -56,7 +57,7 @@ else:
     StepCells = Float[Array, "step cell"]
     PlaceCells = Float[Array, "place step cell"]
     PlaceArms = Float[Array, "place step cell coordinate"]
-    StepCoupling = Float[Array, "step line line slice"]
+    StepCoupling = Float[Array, "step *between"]
     StepPlaces = Float[Array, "step coordinate"]
     StepMatrices = Float[Array, "step coordinate coordinate"]
     Matrix = Float[Array, "dof dof"]

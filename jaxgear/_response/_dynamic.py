@@ -130,8 +130,9 @@ def dynamic_transmission_error(system: DynamicSystem, orbit: Orbit) -> Series:
 def bearing_loads(dynamics: PairDynamics, orbit: Orbit) -> BearingSeries:
     """Loads that the shafts put on their bearings at each step, the pinion's first [N, N m]."""
     structure = dynamics.cycle.system.structure
-    motion = jnp.zeros((orbit.motion.shape[0], structure.map.size))
-    motion = motion.at[:, np.asarray(dynamics.dofs)].set(orbit.motion)
+    # Behind the structure's come the modes of condensed bodies.
+    motion = jnp.zeros((orbit.motion.shape[0], max(dynamics.dofs) + 1))
+    motion = motion.at[:, np.asarray(dynamics.dofs)].set(orbit.motion)[:, : structure.map.size]
     return jax.vmap(lambda x: bearing_motion(structure, x).load)(motion)
 
 
@@ -205,7 +206,7 @@ def _cells(
 ) -> tuple[StepCells, StepCells]:
     """Elastic force [N] and overlap [m] of each cell at each step."""
     times = orbit.place.shape[0] // len(system.table.kinds)
-    meshes = mesh_at(repeated(system.table, times), MIDDLE)
+    meshes = mesh_at(repeated(system.table, times), MIDDLE).at(orbit.speed)
     return jax.vmap(lambda mesh, place: cell_forces(mesh, place, law))(meshes, orbit.place)
 
 

@@ -12,9 +12,9 @@ phases, and another body one for each of the mesh periods after which it repeats
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING
 
 import equinox as eqx
 import jax
@@ -28,6 +28,8 @@ from jaxgear._geometry._lines import ContactLines, MeshGrid, face_positions
 from jaxgear._geometry._pair import GearPair
 from jaxgear._geometry._profile import tooth_section
 from jaxgear._interface._roots import ROOT_POINTS, Axial, Feet, RimSurface, RootPatches, feet
+from jaxgear._system._body_modes import BodyBasis, BodyModes
+from jaxgear._system._condensed import Condensed
 from jaxgear._types import CellArmGrid, CellGrid, DenseCouplingGrid, Reals
 from jaxgear._units import mm
 
@@ -56,55 +58,6 @@ _LONGEST, _WIDEST, _FEW_SLICES = 1.5, 0.5 + 1e-6, 3
 _RIM_OFF = 5e-3
 
 
-@runtime_checkable
-class Condensed(Protocol):
-    """What is needed of a condensed body; `fem_prep.ReducedBody` is one.
-
-    Its coordinates are three translations of every rim node, then six displacements of every seat,
-    then the rest; z is the axis and z = 0 mid-face, x points towards the middle of tooth 0.
-    """
-
-    @property
-    def name(self) -> str:
-        """Of the body."""
-        ...
-
-    @property
-    def stiffness(self) -> np.ndarray:
-        """Of its coordinates, `[dof, dof]` [SI]."""
-        ...
-
-    @property
-    def centrifugal_load(self) -> np.ndarray:
-        """On its coordinates per square of the speed, `[dof]` [SI]."""
-        ...
-
-    @property
-    def rim_nodes(self) -> np.ndarray:
-        """Places of the rim nodes, `[rim, 3]` [m]."""
-        ...
-
-    @property
-    def rim_faces(self) -> np.ndarray:
-        """Rim nodes of the elements of the rim, `[face, 8]`."""
-        ...
-
-    @property
-    def seats(self) -> tuple[str, ...]:
-        """Names of the seats."""
-        ...
-
-    @property
-    def seat_points(self) -> np.ndarray:
-        """Places of the seats, `[seat, 3]` [m]."""
-        ...
-
-    @property
-    def facts(self) -> Mapping[str, object]:
-        """What else is known: `sectors`, equal ones that the body repeats in."""
-        ...
-
-
 class FlexibleBody(eqx.Module):
     r"""A condensed gear body in mesh.
 
@@ -127,6 +80,7 @@ class FlexibleBody(eqx.Module):
     - `components`: of a foot's motion, that its teeth load.
     - `first_line`, `slices`: of the grid that it was made for.
     - `repeats`: mesh periods after which the body repeats under its teeth.
+    - `modes`: on which it vibrates, or `None`: it is for statics.
     """
 
     flexibility: FootMatrix
@@ -142,6 +96,7 @@ class FlexibleBody(eqx.Module):
     first_line: int = eqx.field(static=True)
     slices: int = eqx.field(static=True)
     repeats: int = eqx.field(static=True)
+    modes: BodyModes | None = None
 
     @property
     def lines(self) -> int:
@@ -270,6 +225,7 @@ def flexible_body(
     points: int = ROOT_POINTS,
     axial: Axial = "mortar",
     local: Callable[[int], np.ndarray] | None = None,
+    basis: BodyBasis | None = None,
 ) -> FlexibleBody:
     """Put a condensed body in mesh. Call it outside of `jit`, on concrete gears.
 
@@ -285,6 +241,7 @@ def flexible_body(
     - `axial`: how a slice follows the rim along the axis, "mortar" or "collocation".
     - `local`: what the feet of a tooth give beyond what the elements of the rim can show, by the
         tooth's number: `[6 slice, 6 slice]` in the frames of the feet [m/N, 1/N, 1/(N m)].
+    - `basis`: on which the body vibrates, from `body_basis`; statics need none.
 
     **Returns:**
 
@@ -302,6 +259,8 @@ def flexible_body(
     sectors = body.facts.get("sectors", 1)
     assert isinstance(sectors, int)
     repeats = gear.teeth // math.gcd(gear.teeth, sectors)
+    if basis is not None:
+        basis, repeats = basis.under_teeth(gear.teeth, sectors)
     periods = min(repeats, grid.periods)
     teeth = teeth_on_lines(index, grid, periods)
     each, where = np.unique(teeth % gear.teeth if repeats > 1 else teeth, return_inverse=True)
@@ -312,16 +271,17 @@ def flexible_body(
     held = _held(body, found, patches.angles.ravel(), components)
     count, slices, size = len(each), grid.slices, len(components)
 
-    flexibility = held.flexibility.reshape(count, slices, size, count, slices, size)
+    whole = held.flexibility.reshape(count, slices, size, count, slices, size)
     if local is not None:
         # Teeth that the body repeats under have the same.
         own = {int(tooth): local(int(tooth)) for tooth in (each if repeats > 1 else each[:1])}
         for place, tooth in enumerate(each):
             more = own[int(tooth if repeats > 1 else each[0])]
-            flexibility[place, :, :, place] += _of_one_tooth(more, slices, components)
+            whole[place, :, :, place] += _of_one_tooth(more, slices, components)
     lines = where.reshape(teeth.shape)
     cells = grid.lines * slices
-    pairs = flexibility[lines[:, :, None], :, :, lines[:, None, :]]
+
+    pairs = whole[lines[:, :, None], :, :, lines[:, None, :]]
     # Period, line, line, slice, component, slice, component.
     pairs = pairs.transpose(0, 4, 6, 1, 3, 2, 5).reshape(periods, size, size, cells, cells)
 
@@ -331,6 +291,17 @@ def flexible_body(
         return np.moveaxis(chosen, 3, 1).reshape(periods, size, cells, *rows.shape[1:])
 
     centres = found.centres.reshape(count, slices, 3)[lines].reshape(periods, cells, 3)
+    modes = None
+    if basis is not None:
+        rows = held.feet @ basis.shapes[: held.feet.shape[1]]
+        modes = BodyModes(
+            square=jnp.asarray(basis.square),
+            rows=jnp.asarray(on_cells(rows)),
+            load=jnp.asarray(basis.shapes.T @ body.centrifugal_load),
+            **basis.matrices(body),
+            waves=tuple(int(wave) for wave in basis.waves),
+            diameters=tuple(int(number) for number in basis.diameters),
+        )
     return FlexibleBody(
         flexibility=jnp.asarray(0.5 * (pairs + pairs.transpose(0, 2, 1, 4, 3))),
         from_seats=jnp.asarray(on_cells(held.from_seats)),
@@ -345,6 +316,7 @@ def flexible_body(
         first_line=grid.first_line,
         slices=slices,
         repeats=repeats,
+        modes=modes,
     )
 
 
@@ -360,12 +332,14 @@ class _HeldBody:
 
     **Fields:**
 
+    - `feet`: their components by the translations of the rim nodes, `[row, 3 rim]`.
     - `flexibility`: of the feet's components, `[row, row]`.
     - `from_seats`: `[row, 6 seat]`, both in the frame of each foot.
     - `growth`: of the feet by rotation `[row]`.
     - `seat_stiffness`, `seat_load`: of the seats, the same in every direction.
     """
 
+    feet: np.ndarray
     flexibility: np.ndarray
     from_seats: np.ndarray
     growth: np.ndarray
@@ -395,6 +369,7 @@ def _held(
     by_seats = solved[:, : joined.shape[1]]
     stiffness = body.stiffness[np.ix_(seat, seat)]
     return _HeldBody(
+        feet=rows,
         flexibility=given[:, joined.shape[1] : -1],
         from_seats=-_turned(given[:, : joined.shape[1]], angles),
         growth=given[:, -1],
@@ -561,6 +536,52 @@ def foot_tables(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLi
     found = jax.lax.map(of_period, (jnp.arange(lines.periods), roll))
     compliance, arms, growth = (x.reshape(-1, *x.shape[2:]) for x in found)
     return FootTables(compliance, arms, growth)
+
+
+def mode_arms(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLines) -> CellArmGrid:
+    """Approach of each cell per motion of the modes, in coordinates that stand still in space.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `index`: 0 for the pinion, 1 for the wheel.
+    - `body`: of that gear, with modes.
+    - `lines`: where the cells are.
+
+    **Returns:**
+
+    Arms of all cells at each phase [kg^-1/2].
+    """
+    modes = body.modes
+    assert modes is not None
+    teeth = (pair.pinion, pair.wheel)[index].teeth
+    # Of the first cell: its tooth in each period, and how far the helix has it turned.
+    first = np.arange(body.periods)
+    tooth = (1.0, -1.0)[index] * (body.first_line - first)
+    twist = (1.0, -1.0)[index] * jnp.tan(pair.base_helix_angle) / pair.base_radius[index]
+    on_body = 2.0 * jnp.pi / teeth * jnp.asarray(tooth) + twist * lines.face_position.ravel()[0]
+    roll = lines.roll.reshape(lines.periods, -1, *lines.roll.shape[1:])
+    waves = np.asarray(modes.waves)
+    partner = np.arange(waves.size) + np.where(waves < 0, -1, 0)
+    partner[np.flatnonzero(waves < 0) - 1] += 1
+    # Modes without a partner stand still on the body.
+    number = jnp.asarray(np.where(partner == np.arange(waves.size), 0, waves), dtype=float)
+
+    def of_period(given: tuple[Array, Array]) -> Array:
+        period, roll = given
+        own = period % body.periods
+        weights, angle = foot_weights(pair, index, body.centres[own], roll, lines.face_position)
+        rows = modes.rows[own]
+        arms = sum(
+            (weights[c][:, :, None] * rows[i][None] for i, c in enumerate(body.components)),
+            jnp.zeros(()),
+        )
+        turned = (angle[:, 0] - on_body[own])[:, None, None] * number
+        # The first of a pair has a positive number, the second the same negative.
+        return jnp.cos(turned) * arms - jnp.sin(turned) * arms[:, :, partner]
+
+    found = jax.lax.map(of_period, (jnp.arange(lines.periods), roll))
+    return found.reshape(-1, *found.shape[2:])
 
 
 def _on_cells(

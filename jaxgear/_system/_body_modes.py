@@ -1,0 +1,375 @@
+r"""Natural modes of condensed gear bodies, as what turns with the body of its motion.
+
+The motion of a body is the static one by which it follows its seats, and modes with all seats held:
+$u = T s + X z$. A body of equal sectors has its modes in pairs that a turn of the body mixes, or
+alone: turned by $\theta$, a pattern $z$ looks from outside like $D(\theta)z$, $D = e^{\theta J}$,
+where $J$ has the wave number of each pair. In coordinates $x = D(\theta) z$, which stand still while
+the body turns, mesh, seats and bearings are the same in every mesh period: this is the rotated
+periodicity of the body, and its Doppler shift, at once (physics A9).
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import scipy.linalg
+import scipy.sparse.linalg
+from jaxtyping import Array, Float
+from scipy.spatial import KDTree
+
+from jaxgear._checks import InputError, require
+from jaxgear._system._condensed import Condensed
+
+if TYPE_CHECKING:
+    ModeRows = Array
+    PerMode = Array
+    BodyMatrix = Array
+else:
+    ModeRows = Float[Array, "period component cell mode"]
+    PerMode = Float[Array, "mode"]
+    BodyMatrix = Float[Array, "seat_dof_and_mode seat_dof_and_mode"]
+
+# Squared frequencies closer than this, relatively, belong to one pair; a pair apart by more is
+# that of an uneven body.
+_PAIR = 1e-5
+# What rounding may leave of a symmetry.
+_EVEN = 1e-4
+
+
+class BodyModes(eqx.Module):
+    r"""What of a condensed body vibrates: its mass on the seats, and its modes with these held.
+
+    Coordinates are the displacements of the seats, then the modes.
+
+    **Fields:**
+
+    - `square`: $\omega^2$ of each mode [rad2/s2].
+    - `rows`: motion of the feet per mode, in the frame of each foot, as of `FlexibleBody`
+        [kg^-1/2, m^-1 kg^-1/2].
+    - `load`: on the modes by rotation, per square of the speed [kg^1/2 m].
+    - `mass`: of all coordinates; of unit modal mass [kg, kg m, kg m2].
+    - `turning`: $J$ of all coordinates, antisymmetric: their change per turn of the body [-].
+    - `coriolis`, `softening`: $G$ of the body per speed, and $K_\sigma - M_\perp$ per its square,
+        of all coordinates, or `None` if the body was made without them [kg, kg m, kg m2].
+    - `waves`: wave number of each mode, counted as far as the sectors tell them apart.
+    - `diameters`: nodal diameters of each mode.
+    """
+
+    square: PerMode
+    rows: ModeRows
+    load: PerMode
+    mass: BodyMatrix
+    turning: BodyMatrix
+    coriolis: BodyMatrix | None
+    softening: BodyMatrix | None
+    waves: tuple[int, ...] = eqx.field(static=True)
+    diameters: tuple[int, ...] = eqx.field(static=True)
+
+    @property
+    def frequency(self) -> PerMode:
+        """Natural frequencies with all seats held [Hz]."""
+        return jnp.sqrt(self.square) / (2.0 * jnp.pi)
+
+
+@dataclass(frozen=True)
+class BodyBasis:
+    """Motions of a condensed body on which it vibrates.
+
+    **Fields:**
+
+    - `square`: of the frequency of each mode [rad2/s2].
+    - `shapes`: $X$, modes with the seats held, of unit modal mass, `[dof, mode]`.
+    - `following`: $T$, static motion with the seats, `[dof, 6 seat]`.
+    - `waves`: wave number of each mode; the second of a pair has it negative.
+    - `diameters`: nodal diameters of each mode.
+    """
+
+    square: np.ndarray
+    shapes: np.ndarray
+    following: np.ndarray
+    waves: np.ndarray
+    diameters: np.ndarray
+
+    @property
+    def motions(self) -> np.ndarray:
+        """Motion of the body's coordinates per seat and mode, `[dof, 6 seat + mode]`."""
+        return np.concatenate([self.following, self.shapes], axis=1)
+
+    @property
+    def turning(self) -> np.ndarray:
+        """$J$: how motions that stand still on the body change in space as it turns [-]."""
+        quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+        seats = self.following.shape[1]
+        size = seats + len(self.waves)
+        turning = np.zeros((size, size))
+        turning[:seats, :seats] = np.kron(np.eye(seats // 3), quarter)
+        second = np.flatnonzero(self.waves < 0)
+        number = -self.waves[second]
+        first, second = seats + second - 1, seats + second
+        turning[first, second], turning[second, first] = -number, number
+        return turning
+
+    def matrices(self, body: Condensed) -> dict[str, Array | None]:
+        """Mass, turning and terms of rotation of the seats and modes.
+
+        **Arguments:**
+
+        - `body`: whose basis this is.
+
+        **Returns:**
+
+        Fields of `BodyModes` by name.
+        """
+        motions = self.motions
+        onto = lambda matrix: jnp.asarray(motions.T @ (matrix @ motions))
+        mass = np.array(onto(body.mass))
+        softening = None
+        if body.spin_softening is not None and body.stress_stiffening is not None:
+            softening = onto(body.stress_stiffening) - onto(body.spin_softening)
+        # Modes are of unit mass and apart: what rounding leaves would tie pairs together.
+        seats = self.following.shape[1]
+        mass[seats:, seats:] = np.eye(len(self.waves))
+        return dict(
+            mass=jnp.asarray(0.5 * (mass + mass.T)),
+            turning=jnp.asarray(self.turning),
+            coriolis=None if body.coriolis is None else onto(body.coriolis),
+            softening=softening,
+        )
+
+    def under_teeth(self, teeth: int, sectors: int) -> tuple["BodyBasis", int]:
+        """What of a basis repeats under teeth, and after how many mesh periods.
+
+        Modes in which neighbouring sectors move against each other are alone, and do not turn.
+
+        **Arguments:**
+
+        - `teeth`: of the gear.
+        - `sectors`: of the body.
+
+        **Returns:**
+
+        The basis and the number of mesh periods: where every tooth stands on the same, modes that
+        change their sign from each to the next are left out; else after two turns of the sectors
+        they are themselves again.
+        """
+        common = math.gcd(teeth, sectors)
+        alone = 2 * self.waves == sectors
+        passed = sectors // common
+        if not alone.any() or passed % 2 == 0:
+            return self, teeth // common
+        if common < teeth:
+            return self, 2 * teeth // common
+        kept = dict(
+            square=self.square[~alone],
+            shapes=self.shapes[:, ~alone],
+            waves=self.waves[~alone],
+            diameters=self.diameters[~alone],
+        )
+        return replace(self, **kept), 1
+
+
+def body_basis(body: Condensed, count: int) -> BodyBasis:
+    """Find the modes of a condensed body with its seats held.
+
+    An interior shape whose other half of a pair was cut off when the body was condensed is left
+    out: with it the body would not be even.
+
+    **Arguments:**
+
+    - `body`: the condensed body, of equal sectors.
+    - `count`: number of modes; 0 are all. A pair is never parted.
+
+    **Returns:**
+
+    The modes by rising frequency, pairs beside each other, and the motions with the seats.
+
+    **Raises:**
+
+    - `ValueError` if the body has fewer than three equal sectors, or is not as even as it claims.
+    """
+    sectors = body.facts.get("sectors", 1)
+    assert isinstance(sectors, int)
+    require(
+        sectors >= 3,
+        "A condensed body that vibrates must be of three or more equal sectors, got {got} of "
+        "{name!r}: seen from the bearings it would change as it turns. Give its grid, so that its "
+        "sectors are known, or leave it to statics.",
+        got=sectors,
+        name=body.name,
+    )
+    rim, seats = 3 * len(body.rim_nodes), 6 * len(body.seats)
+    seat = np.arange(rim, rim + seats)
+    turn = _sector_turn(body, sectors)
+    inner = np.setdiff1d(np.arange(len(body.stiffness)), np.r_[seat, turn.lonely])
+    stiffness, mass = (m[np.ix_(inner, inner)] for m in (body.stiffness, body.mass))
+    following = np.zeros((len(body.stiffness), seats))
+    following[seat] = np.eye(seats)
+    factor = scipy.linalg.cho_factor(stiffness, lower=True, check_finite=False)
+    following[inner] = -scipy.linalg.cho_solve(factor, body.stiffness[np.ix_(inner, seat)])
+    square, shapes = _lowest(stiffness, mass, factor, count)
+    whole = np.zeros((len(body.stiffness), len(square)))
+    whole[inner] = shapes
+    # In the modes, a turn by one sector.
+    on_modes = whole.T @ (body.mass @ turn.of(whole))
+    mixed, waves = _in_pairs(square, on_modes, sectors, body.name)
+    shapes = whole @ mixed
+    square = square @ mixed**2
+    # Both of a pair have one frequency, up to rounding.
+    second = np.flatnonzero(waves < 0)
+    square[second] = square[second - 1] = 0.5 * (square[second] + square[second - 1])
+    return BodyBasis(
+        square=square,
+        shapes=shapes,
+        following=following,
+        waves=waves,
+        diameters=_diameters(body.rim_nodes, shapes[:rim]),
+    )
+
+
+def _lowest(
+    stiffness: np.ndarray, mass: np.ndarray, factor: tuple[np.ndarray, bool], count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest modes, of unit mass, with one more to see where the last pair ends."""
+    size = len(stiffness)
+    if count == 0 or count + 1 > size // 4:
+        square, shapes = scipy.linalg.eigh(stiffness, mass)
+        square, shapes = (square, shapes) if count == 0 else (square[:count], shapes[:, :count])
+        return square, shapes
+    operator = scipy.sparse.linalg.LinearOperator
+    solve = lambda right: scipy.linalg.cho_solve(factor, right, check_finite=False)
+    start = np.random.default_rng(1).standard_normal(size)
+    square, shapes = scipy.sparse.linalg.eigsh(
+        operator((size, size), matvec=lambda x: stiffness @ x, dtype=float),
+        k=count,
+        M=operator((size, size), matvec=lambda x: mass @ x, dtype=float),
+        sigma=0.0,
+        OPinv=operator((size, size), matvec=solve, dtype=float),
+        v0=start,
+        tol=1e-12,
+    )
+    order = np.argsort(square)
+    return square[order], shapes[:, order]
+
+
+@dataclass(frozen=True)
+class _SectorTurn:
+    """A turn of a body by one of its sectors.
+
+    **Fields:**
+
+    - `turn`: of a vector, `[3, 3]`.
+    - `image`: where each rim node comes to lie, `[rim]`.
+    - `action`: on the interior shapes, `[interior, interior]`.
+    - `first`: first of their coordinates.
+    - `lonely`: coordinates of interior shapes whose other half of a pair is missing.
+    """
+
+    turn: np.ndarray
+    image: np.ndarray
+    action: np.ndarray
+    first: int
+    lonely: np.ndarray
+
+    def of(self, shapes: np.ndarray) -> np.ndarray:
+        """Motions of the turned body, seats left out."""
+        result = np.zeros_like(shapes)
+        rim = 3 * len(self.image)
+        result[:rim] = self.on_rim(shapes[:rim])
+        result[self.first :] = self.action @ shapes[self.first :]
+        return result
+
+    def on_rim(self, motion: np.ndarray) -> np.ndarray:
+        """The same of the rim alone."""
+        moved = np.empty((len(self.image), 3, motion.shape[1]))
+        own = motion.reshape(len(self.image), 3, -1)
+        moved[self.image] = np.einsum("ij,njc->nic", self.turn, own)
+        return moved.reshape(motion.shape)
+
+
+def _sector_turn(body: Condensed, sectors: int) -> _SectorTurn:
+    angle = 2.0 * math.pi / sectors
+    c, s = math.cos(angle), math.sin(angle)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    nodes = body.rim_nodes
+    distance, image = KDTree(nodes).query(nodes @ turn.T)
+    apart = float(distance.max()) / float(np.hypot(nodes[:, 0], nodes[:, 1]).max())
+    require(
+        apart <= 1e-6 and len(np.unique(image)) == len(nodes),
+        "The rim nodes of {name!r} must repeat after one of its {sectors} sectors, got {got:.3g} "
+        "of the radius between them.",
+        name=body.name,
+        sectors=sectors,
+        got=apart,
+    )
+    first = 3 * len(nodes) + 6 * len(body.seats)
+    none = np.zeros((0, 0))
+    alone = _SectorTurn(turn, image, none, first, np.zeros(0, int))
+    if first == len(body.stiffness):
+        return alone
+    # Interior shapes turn as the mass between them and the rim says.
+    joined = body.mass[: 3 * len(nodes), first:]
+    size = np.linalg.norm(joined, axis=0)
+    turned = alone.on_rim(joined) / size
+    action, *_ = np.linalg.lstsq(joined / size, turned, rcond=None)
+    lonely = np.linalg.norm(joined / size @ action - turned, axis=0) > _EVEN
+    action = action * size[None, :] / size[:, None]
+    action[lonely], action[:, lonely] = 0.0, 0.0
+    return replace(alone, action=action, lonely=first + np.flatnonzero(lonely))
+
+
+def _in_pairs(
+    square: np.ndarray, turn: np.ndarray, sectors: int, name: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mix modes of one frequency so that each pair turns into itself, and name its waves."""
+    size = len(square)
+    starts = np.flatnonzero(np.r_[True, np.diff(square) > _PAIR * square[1:]])
+    angle = 2.0 * math.pi / sectors
+    columns, waves = [], []
+    for first, last in zip(starts, np.r_[starts[1:], size], strict=True):
+        some = slice(first, last)
+        own = turn[some, some]
+        uneven = float(np.abs(own.T @ own - np.eye(last - first)).max())
+        if uneven > _EVEN:
+            if last == size:
+                break
+            raise InputError(
+                f"The condensed body {name!r} is not of {sectors} equal sectors: turned by one, "
+                f"its mode of {math.sqrt(square[first]) / (2.0 * math.pi):.5g} Hz differs by "
+                f"{uneven:.3g} of itself. Keep all interior shapes of a pair."
+            )
+        form, vectors = scipy.linalg.schur(own, output="real")
+        place = 0
+        while place < last - first:
+            alone = place + 1 == last - first or abs(form[place + 1, place]) < 1e-3
+            chosen = vectors[:, place : place + (1 if alone else 2)]
+            if alone:
+                waves.append(0 if form[place, place] > 0.0 else sectors // 2)
+            else:
+                sine = form[place + 1, place]
+                if sine < 0.0:
+                    chosen = chosen * np.array([1.0, -1.0])
+                number = round(math.atan2(abs(sine), form[place, place]) / angle)
+                waves += [number, -number]
+            block = np.zeros((size, chosen.shape[1]))
+            block[some] = chosen
+            columns.append(block)
+            place += chosen.shape[1]
+    return np.concatenate(columns, axis=1), np.array(waves)
+
+
+def _diameters(nodes: np.ndarray, shapes: np.ndarray) -> np.ndarray:
+    """Number of nodal diameters that each mode shows most of on the rim."""
+    angle = np.arctan2(nodes[:, 1], nodes[:, 0])
+    motion = shapes.reshape(len(nodes), 3, -1)
+    x, y, z = np.moveaxis(motion, 1, 0)
+    c, s = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    parts = c * x + s * y, c * y - s * x, z
+    around = len(np.unique(np.round(angle * 1e6)))
+    content = []
+    for number in range(around // 2 + 1):
+        wave = np.exp(-1j * number * angle)
+        content.append(sum(abs(wave @ part) ** 2 for part in parts))
+    return np.argmax(content, axis=0)
