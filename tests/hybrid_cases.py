@@ -15,9 +15,14 @@ from fem_cases import STEEL, ring
 
 import jaxgear as jg
 from fem_prep import ReducedBody, Seat, condense, full_body
-from jaxgear import deg, mm
+from jaxgear import deg, mm, um
+from jaxgear._contact._cells import mesh_gap
+from jaxgear._dynamics._march import quasi_static_start
+from jaxgear._dynamics._system import PairDynamics
 from jaxgear._interface._roots import ROOT_POINTS, Axial, RimSurface, feet
-from jaxgear._system._flexible import root_patches
+from jaxgear._system._body_modes import BodyBasis, body_basis
+from jaxgear._system._flexible import FlexibleBody, flexible_body, root_patches
+from jaxgear._system._model import PairModel
 
 TEETH = (20, 24)
 FACE = 10e-3
@@ -309,3 +314,224 @@ def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     right = (right.T * scale).T
     found = scipy.linalg.solve(scale[:, None] * matrix * scale, right, assume_a="pos")
     return (found.T * scale).T
+
+
+# --- In motion
+
+# Equally stiff all round: the same springs on a body and in space.
+ROUND = jg.Support(1e8, 1e8, 3e8, 1e5)
+_ROUND = np.array([[1e8, 1e8, 3e8, 1e5, 1e5, 0.0]])
+
+
+def relieved() -> jg.Flanks:
+    """Flanks with tip reliefs and a crowned pinion."""
+    relief = jg.TipRelief(12.0 * um, 0.3)
+    return jg.Flanks(jg.Superposed(parts=(relief, jg.Crowning(5.0 * um))), relief)
+
+
+@functools.cache
+def basis_of(kind: str, index: int, count: int, **shape) -> BodyBasis:
+    """Modes of `body`."""
+    return body_basis(body(kind, index, **shape), count)
+
+
+@functools.cache
+def vibrating(
+    kind: str, index: int, grid: jg.MeshGrid, count: int, factor: float = 1.0, **shape
+) -> FlexibleBody:
+    """A condensed body with modes, in mesh.
+
+    **Arguments:**
+
+    - `kind`, `index`, `shape`: of `body`.
+    - `grid`: of the cycle.
+    - `count`: of modes.
+    - `factor`: of Young's modulus.
+    """
+    basis, own = basis_of(kind, index, count, **shape), body(kind, index, **shape)
+    if factor != 1.0:
+        basis = dataclasses.replace(basis, square=factor * basis.square)
+        own = stiffened(own, factor)
+    return flexible_body(own, PAIRS[kind](), index, grid, basis=basis)
+
+
+class Turning:
+    """A rigid pinion and a condensed wheel in time, on the wheel's own turning frame, in NumPy.
+
+    Both stand on `ROUND`. All terms of rotation are in it, and damping in proportion to mass: in
+    space for seats and waves of one nodal diameter or none, on the body for others.
+
+    **Arguments:**
+
+    - `model`, `grid`: of the pair.
+    - `dynamics`: gives the cells and where the march begins.
+    - `body`, `basis`: of the wheel.
+    - `damping`: over the mass [1/s].
+    - `every`: all modes of the body, so that all of its coordinates move; else its seats and those
+        of `basis` do, and the rest of the body follows at once.
+    """
+
+    def __init__(
+        self,
+        model: PairModel,
+        grid: jg.MeshGrid,
+        dynamics: PairDynamics,
+        body: ReducedBody,
+        basis: BodyBasis,
+        *,
+        damping: float,
+        every: BodyBasis | None = None,
+    ):
+        self.model, self.dynamics, self.basis = model, dynamics, basis
+        self.grid, self.body = grid, body
+        structure = dynamics.cycle.system.structure
+        motions = basis.motions
+        # All coordinates of the body by those that move here, and these by its seats and modes.
+        own, some = np.eye(body.dofs), np.eye(motions.shape[1])
+        self.moves, self.onto = (motions, some) if every is None else (own, motions)
+        reduced = lambda matrix: self.moves.T @ matrix @ self.moves
+        first = 3 * len(body.rim_nodes)
+        on_springs = self.moves[first : first + 6].T @ np.diag(_ROUND[0]) @ self.moves[first:][:6]
+        assert body.coriolis is not None
+        assert body.spin_softening is not None
+        assert body.stress_stiffening is not None
+        both = scipy.linalg.block_diag
+        pinion = np.asarray(structure.mass)[:6, :6]
+        spun = np.asarray(structure.pinion_gyroscopic)[:6, :6]
+        self.mass = np.asarray(both(pinion, reduced(body.mass)))
+        self.stiffness = both(np.diag(_ROUND[0]), reduced(body.stiffness) + on_springs)
+        softening = reduced(body.stress_stiffening - body.spin_softening)
+        self.softening = both(np.zeros((6, 6)), softening)
+        self.pinion_gyroscopic = both(spun, np.zeros_like(softening))
+        self.coriolis = both(np.zeros((6, 6)), reduced(body.coriolis))
+        spun_load = self.moves.T @ body.centrifugal_load
+        self.centrifugal = np.concatenate([np.zeros(6), spun_load])
+        found = basis if every is None else every
+        in_space = np.concatenate([np.ones(6), found.diameters < 2])
+        carried = found.turning * in_space
+        if every is not None:
+            carried = every.motions @ carried @ np.linalg.inv(every.motions)
+        # Both turning together, which nothing holds or damps.
+        radius = [float(x) for x in model.pair.base_radius]
+        free = np.concatenate([np.zeros(6), -self.onto[:, 5] / radius[1]])
+        free[5] = 1.0 / radius[0]
+        momentum = np.asarray(self.mass @ free) / math.sqrt(free @ self.mass @ free)
+        self.damping = damping * (self.mass - np.outer(momentum, momentum))
+        self.carried = damping * self.mass @ both(np.zeros((6, 6)), carried)
+        torque = float(model.torque)
+        self.load = np.concatenate([np.zeros(6), self.moves[first + 5] * TEETH[1] / TEETH[0]])
+        self.load[5] = 1.0
+        self.load *= torque
+        self.rest = self._rest() if every is None else None
+        self._seen: dict[tuple[int, int], _Cells] = {}
+
+    def _rest(self) -> np.ndarray:
+        """Flexibility of the body, its seats held, that its modes leave out."""
+        body, basis = self.body, self.basis
+        seat = 3 * len(body.rim_nodes) + np.arange(6)
+        inner = np.setdiff1d(np.arange(body.dofs), seat)
+        rest = np.zeros((body.dofs, body.dofs))
+        rest[np.ix_(inner, inner)] = np.linalg.inv(body.stiffness[np.ix_(inner, inner)])
+        return rest - (basis.shapes / basis.square) @ basis.shapes.T
+
+    def march(self, speed: float, cycles: int) -> np.ndarray:
+        """Total mesh force in the middle of each step, by the midpoint rule and active sets.
+
+        **Arguments:**
+
+        - `speed`: of the pinion [rad/s].
+        - `cycles`: mesh periods, from the quasi-static start.
+        """
+        own = -speed * TEETH[0] / TEETH[1]
+        stiffness = self.stiffness + own**2 * self.softening + own * self.carried
+        rates = self.damping + speed * self.pinion_gyroscopic + own * self.coriolis
+        load = self.load + own**2 * self.centrifugal
+        cells, system = self.dynamics.cycle.cells, self.dynamics.system
+        springs, model = np.asarray(cells.stiffness), self.model
+        gap = np.asarray(mesh_gap(model.pair, cells.lines, model.flanks, model.misalignment))
+        lengths = np.asarray(system.table.lengths) * 2.0 * math.pi / (TEETH[0] * speed)
+        answers: dict[int, np.ndarray] = {}
+        place, rate = self._start(own)
+        found = []
+        for step in range(cycles * len(lengths)):
+            k = step % len(lengths)
+            half = 0.5 * lengths[k]
+            key = round(half * 1e15)
+            if key not in answers:
+                answers[key] = np.linalg.inv(self.mass / half**2 + rates / half + stiffness)
+            answer = answers[key]
+            across, give, grown = self._cells(step // len(lengths), k)
+            right = load + self.mass @ (place / half**2 + rate / half) + rates @ (place / half)
+            overlap = across @ (answer @ right) + own**2 * grown - gap[k]
+            force = _pressed(overlap, across @ answer @ across.T + give, springs[k])
+            middle = answer @ (right - across.T @ force)
+            velocity = (middle - place) / half
+            place, rate = 2.0 * middle - place, 2.0 * velocity - rate
+            found.append(force.sum())
+        return np.array(found)
+
+    def _dense(self, phase: float, roll: np.ndarray) -> Dense:
+        """The pair at one instant."""
+        gears = [Gear(None, _ROUND), Gear(self.body, _ROUND)]
+        heights = np.asarray(self.dynamics.cycle.cells.lines.face_position)
+        lines = _Lines(roll[None], heights, np.array([phase]))
+        return Dense(self.model.pair, self.grid, gears, lines)
+
+    def _cells(self, period: int, step: int) -> "_Cells":
+        """The cells at one step of a mesh period."""
+        if (period, step) not in self._seen:
+            lines = self.dynamics.cycle.cells.lines
+            dense = self._dense(float(lines.phase[step]) + period, np.asarray(lines.roll)[step])
+            rows = dense.rows(1, 0)
+            across = np.concatenate([dense.rows(0, 0), rows @ self.moves], axis=1)
+            give, grown = np.zeros((len(rows), len(rows))), np.zeros(len(rows))
+            if self.rest is not None:
+                give, grown = (
+                    rows @ self.rest @ rows.T,
+                    rows @ self.rest @ self.body.centrifugal_load,
+                )
+            self._seen[period, step] = _Cells(across, give, grown)
+        return self._seen[period, step]
+
+    def _start(self, own: float) -> tuple[np.ndarray, np.ndarray]:
+        """The quasi-static start, at rest in space: on the body all of it turns back."""
+        motion = np.zeros(12 + len(self.basis.square))
+        motion[list(self.dynamics.dofs)] = np.asarray(quasi_static_start(self.dynamics.system))[0]
+        dense = self._dense(0.0, np.asarray(self.dynamics.cycle.cells.lines.roll)[0])
+        on_body = scipy.linalg.expm(-dense.turned(1, 0) * self.basis.turning) @ motion[6:]
+        turned = self.onto @ (-own * self.basis.turning @ on_body)
+        place = np.concatenate([motion[:6], self.onto @ on_body])
+        return place, np.concatenate([np.zeros(6), turned])
+
+
+class _Lines(NamedTuple):
+    """Places of cells at one instant."""
+
+    roll: np.ndarray
+    face_position: np.ndarray
+    phase: np.ndarray
+
+
+class _Cells(NamedTuple):
+    """Overlap of cells per coordinate, and what follows at once: per force on them, and by rotation
+    per square of the wheel's speed."""
+
+    across: np.ndarray
+    give: np.ndarray
+    grown: np.ndarray
+
+
+def _pressed(overlap: np.ndarray, give: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
+    """Forces of cells from their overlap without force and what they give, by the active set."""
+    carries = stiffness > 0.0
+    closed = carries.copy()
+    for _ in range(40):
+        on = np.flatnonzero(closed)
+        force = np.zeros(len(overlap))
+        force[on] = np.linalg.solve(
+            np.diag(1.0 / stiffness[on]) + give[np.ix_(on, on)], overlap[on]
+        )
+        before, closed = closed, carries & (overlap - give @ force > 0.0)
+        if np.array_equal(before, closed):
+            return force
+    raise AssertionError("The active set goes round.")

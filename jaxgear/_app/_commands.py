@@ -18,6 +18,7 @@ import tqdm
 import xarray as xr
 
 import optimise
+from jaxgear._app import _campbell_pictures
 from jaxgear._app import _dynamic_pictures as dynamic_pictures
 from jaxgear._app import _pictures as pictures
 from jaxgear._app._design import (
@@ -52,6 +53,7 @@ from jaxgear._app._dynamics import (
     sweep_dataset,
     sweep_of,
     sweep_summary,
+    waves_of,
     way_of,
 )
 from jaxgear._app._gradients import dynamic_table, gradient_table
@@ -78,6 +80,7 @@ from jaxgear._app._statics import (
     solve_statics,
     torques_of,
 )
+from jaxgear._app._turning import require_retained, turning_dataset
 from jaxgear._app._with_bodies import with_bodies
 from jaxgear._checks import InputError
 from jaxgear._geometry._lines import mesh_grid
@@ -162,7 +165,7 @@ def run(scene: Scene, folder: Path, quiet: bool) -> Summary:
     if scene.has_table("sweep"):
         dynamics = solve_dynamics(scene, watch)
         found, swept = _sweep(scene, dynamics, folder, quiet)
-        write_dataset(dataset, folder / "result.nc", {"sweep": swept})
+        write_dataset(dataset, folder / "result.nc", swept)
         summary["notes"] += found.pop("notes")
         summary |= found
     if scene.has_table("sizing"):
@@ -316,20 +319,21 @@ def sweep_speeds(scene: Scene, folder: Path, quiet: bool) -> Summary:
         dynamics = solve_dynamics(scene, watch)
         done(1)
     summary = _head(scene, dynamics.statics)
-    found, dataset = _sweep(scene, dynamics, folder, quiet)
-    write_dataset(xr.Dataset(), folder / "result.nc", {"sweep": dataset})
+    found, groups = _sweep(scene, dynamics, folder, quiet)
+    write_dataset(xr.Dataset(), folder / "result.nc", groups)
     summary["notes"] += found.pop("notes")
     return _finish(scene, folder, summary | found, watch)
 
 
 def _sweep(
     scene: Scene, dynamics: Dynamics, folder: Path, quiet: bool
-) -> tuple[Summary, xr.Dataset]:
-    """Sweep, draw what was found, and return its part of the summary and of the dataset."""
+) -> tuple[Summary, dict[str, xr.Dataset]]:
+    """Sweep, draw what was found, and return its part of the summary, and datasets by name."""
     require_damped(scene, dynamics)
+    watch = _wave_watch(scene, dynamics, quiet)
     count = len(speeds_of(scene)) * len(directions_of(scene))
     with _progress(count, "sweep", quiet) as done:
-        found = sweep_of(scene, dynamics.pair, done)
+        found = sweep_of(scene, dynamics.pair, done, watch)
     model = dynamics.statics.model
     dataset = sweep_dataset(dynamics.pair, model, found)
     _draw_sweep(folder, scene, dynamics, found, dataset)
@@ -339,7 +343,27 @@ def _sweep(
         "sweep": sweep_summary(scene, dynamics, found, dataset),
         "notes": remarks,
     }
-    return summary, dataset
+    groups = {"sweep": dataset}
+    if watch is not None:
+        from jaxgear._app import _body_waves, _condense, _wave_pictures
+
+        with _condense.steps("waves", quiet) as tell:
+            groups["waves"] = _body_waves.waves_dataset(watch, found)
+            summary["sweep"]["waves"] = _body_waves.waves_summary(watch, groups["waves"])
+            _wave_pictures.draw(folder, _title(scene), watch, groups["waves"], tell)
+    return summary, groups
+
+
+def _wave_watch(scene: Scene, dynamics: Dynamics, quiet: bool):
+    """What looks at the waves of condensed bodies in a sweep; None where there are none."""
+    if not dynamics.pair.bodies:
+        if scene.rows("probes"):
+            raise InputError("probes: they look at condensed bodies, of which this scene has none.")
+        return None
+    from jaxgear._app import _body_waves, _condense
+
+    with _condense.steps("probes", quiet) as tell:
+        return _body_waves.wave_watch(scene, dynamics.pair, tell)
 
 
 def _draw_sweep(
@@ -376,19 +400,25 @@ def natural_modes(scene: Scene, folder: Path, quiet: bool) -> Summary:
         dynamics = solve_dynamics(scene, watch)
         done(1)
     teeth, harmonics = dynamics.statics.model.pair.pinion.teeth, scene["modes.harmonics"]
+    require_retained(scene, dynamics.pair)
     count = modes_shown(scene, np.asarray(dynamics.modes.frequency))
-    dataset = modes_dataset(dynamics, count)
-    turning = campbell_dataset(scene, dynamics, teeth, count, harmonics)
-    groups = {"modes": dataset, "campbell": turning}
-    write_dataset(xr.Dataset(), folder / "result.nc", groups)
+    waves = waves_of(scene, dynamics, teeth, count, harmonics)
+    dataset = modes_dataset(dynamics, count, waves)
     figure = dynamic_pictures.modes(dataset, _title(scene))
     pictures.save(figure, dynamic_pictures.modes_columns(dataset), folder, "modes")
-    figure = dynamic_pictures.campbell(turning, _title(scene), harmonics=harmonics)
-    columns = dynamic_pictures.campbell_columns(turning, harmonics=harmonics)
-    pictures.save(figure, columns, folder, "campbell")
+    if waves is None:
+        turning = campbell_dataset(scene, dynamics, teeth, count, harmonics)
+        figure = dynamic_pictures.campbell(turning, _title(scene), harmonics=harmonics)
+        columns = dynamic_pictures.campbell_columns(turning, harmonics=harmonics)
+        pictures.save(figure, columns, folder, "campbell")
+    else:
+        turning = turning_dataset(waves, harmonics)
+        _campbell_pictures.draw(folder, _title(scene), turning, waves)
+    groups = {"modes": dataset, "campbell": turning}
+    write_dataset(xr.Dataset(), folder / "result.nc", groups)
     summary = _head(scene, dynamics.statics) | {
         "damping": damping_summary(scene, dynamics),
-        "modes": modes_summary(scene, dynamics, teeth, count),
+        "modes": modes_summary(scene, dynamics, teeth, count, waves),
     }
     return _finish(scene, folder, summary, watch)
 

@@ -1036,8 +1036,8 @@ def modes(dataset: xr.Dataset, title: str) -> Figure:
     **Arguments:**
 
     - `dataset`: `frequency_Hz` over mode, `energy` over mode and part, the shares of the strain
-        energy; `damping_ratio` over mode may be added. Frequency zero is a motion that nothing
-        holds, and has no energy.
+        energy; `damping_ratio`, `gear` and `nodal_diameter` over mode may be added. Frequency zero
+        is a motion that nothing holds, and has no energy.
     - `title`: the case or the finding.
 
     **Returns:**
@@ -1063,6 +1063,10 @@ def modes(dataset: xr.Dataset, title: str) -> Figure:
     for row in np.nonzero(free)[0]:
         axes.text(0.01, place[row], "turns freely", va="center", color=_GREY, fontsize=8.5)
     names = [f"{n}:  {_frequency_text(f)}" for n, f in zip(place, frequency, strict=True)]
+    waves = "nodal_diameter" in dataset
+    if waves:
+        leads = zip(dataset["gear"].values, dataset["nodal_diameter"].values, strict=True)
+        names = [f"{gear} {n} ND   {name}" for name, (gear, n) in zip(names, leads, strict=False)]
     axes.set_yticks(place, names)
     axes.tick_params(axis="y", length=0)
     axes.grid(axis="y", visible=False)
@@ -1070,7 +1074,7 @@ def modes(dataset: xr.Dataset, title: str) -> Figure:
         xlim=(0.0, 1.0),
         ylim=(count + 0.6, 0.4),
         xlabel="share of the strain energy [-]",
-        ylabel="mode and natural frequency [Hz]",
+        ylabel=f"{'leading wave, ' * waves}mode and natural frequency [Hz]",
     )
     if "damping_ratio" in dataset:
         _write_damping(axes, dataset["damping_ratio"].values[:count], ~free)
@@ -1086,6 +1090,9 @@ def modes_columns(dataset: xr.Dataset) -> Columns:
         "mode": np.arange(1, dataset.sizes["mode"] + 1),
         "frequency_Hz": dataset["frequency_Hz"].values,
     }
+    for name in ("gear", "nodal_diameter", "wave_share"):
+        if name in dataset:
+            columns[name] = dataset[name].values
     for part in dataset["part"].values:
         columns[f"energy_{part}"] = dataset["energy"].sel(part=part).values
     if "damping_ratio" in dataset:

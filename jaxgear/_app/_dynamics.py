@@ -33,6 +33,7 @@ from jaxgear._app._statics import (
     settled_statics,
     solve_statics,
 )
+from jaxgear._app._turning import BodyWaves, body_waves, wave_variables, waves_summary
 from jaxgear._checks import require
 from jaxgear._dynamics._continuation import Curve, continuation
 from jaxgear._dynamics._damping import AbstractDamping, ModalDamping, RayleighDamping
@@ -62,7 +63,7 @@ from jaxgear._types import Reals
 Summary = dict[str, Any]
 
 # A harmonic balance of more unknowns takes longer than a march.
-MOST_UNKNOWNS = 400
+MOST_UNKNOWNS = 600
 
 
 # --- From the scene to the library
@@ -222,10 +223,11 @@ def solve_dynamics(scene: Scene, watch: Stopwatch) -> Dynamics:
 
     pair, modes = watch(solve, model)
     require_solved(pair.cycle.converged)
-    if scene["mesh.contact"] == "exact":
+    if scene["mesh.contact"] == "exact" and not scene.get("mesh.pinion_speed_rad_s"):
         statics = settled_statics(model, grid, ExactContact(), pair.cycle)
     else:
-        # The dynamics are built on the exact cycle; what is reported is the one asked for.
+        # The dynamics are built on the exact cycle at vanishing speed; what is reported is the one
+        # asked for.
         statics = solve_statics(scene, watch)
     return Dynamics(pair=pair, modes=modes, statics=statics)
 
@@ -326,6 +328,7 @@ def swept(
     speeds: np.ndarray,
     direction: Direction,
     done: Callable[[int], None],
+    watch: "Watch | None" = None,
 ) -> tuple[Response, ...]:
     """Sweep in one direction, and keep of each response what is shown of it.
 
@@ -336,6 +339,7 @@ def swept(
     - `speeds`: of the pinion, rising [rad/s].
     - `direction`: which way.
     - `done`: told how many more speeds are finished.
+    - `watch`: sees each response whole, and adds to its numbers.
 
     **Returns:**
 
@@ -351,7 +355,11 @@ def swept(
     last = None
     for speed in speeds[::-1] if direction == "down" else speeds:
         point = finder.next(jnp.asarray(float(speed)), last)
-        found.append(_response(scene, dynamics, float(speed), point))
+        response = _response(scene, dynamics, float(speed), point)
+        if watch is not None:
+            more = watch(direction, point, float(response.numbers["dynamic_ratio"]))
+            response = dataclasses.replace(response, numbers=response.numbers | more)
+        found.append(response)
         last = None if direction == "cold" else point
         done(1)
     return tuple(found[::-1] if direction == "down" else found)
@@ -377,6 +385,9 @@ def _response(scene: Scene, dynamics: PairDynamics, speed: float, point: SweepPo
         numbers=numbers,
     )
 
+
+# Direction, response and dynamic ratio to further numbers, in SI.
+Watch = Callable[[Direction, SweepPoint, float], dict[str, np.ndarray]]
 
 _WAYS: dict[Direction, str] = {
     "up": "speed rising",
@@ -455,7 +466,12 @@ def continued(scene: Scene, dynamics: PairDynamics) -> bool:
     )
 
 
-def sweep_of(scene: Scene, dynamics: PairDynamics, done: Callable[[int], None]) -> Sweep:
+def sweep_of(
+    scene: Scene,
+    dynamics: PairDynamics,
+    done: Callable[[int], None],
+    watch: Watch | None = None,
+) -> Sweep:
     """Sweep a scene in all its directions, and follow its branch.
 
     **Arguments:**
@@ -463,6 +479,7 @@ def sweep_of(scene: Scene, dynamics: PairDynamics, done: Callable[[int], None]) 
     - `scene`: with a table [sweep].
     - `dynamics`: its pair.
     - `done`: told how many more speeds are finished.
+    - `watch`: sees each response whole, and adds to its numbers.
 
     **Returns:**
 
@@ -494,7 +511,7 @@ def sweep_of(scene: Scene, dynamics: PairDynamics, done: Callable[[int], None]) 
         try:
             for way in directions_of(scene):
                 responses[way] = timed(
-                    way, functools.partial(swept, scene, dynamics, speeds, way, done)
+                    way, functools.partial(swept, scene, dynamics, speeds, way, done, watch)
                 )
         except BaseException:
             stopped = True
@@ -777,13 +794,14 @@ def _periodic_slope(time: np.ndarray, values: np.ndarray, period: float) -> np.n
     return np.gradient(np.concatenate([values[-1:], values, values[:1]]), around)[1:-1]
 
 
-def modes_dataset(dynamics: Dynamics, count: int) -> xr.Dataset:
+def modes_dataset(dynamics: Dynamics, count: int, waves: BodyWaves | None = None) -> xr.Dataset:
     """The first modes, and where their energy is.
 
     **Arguments:**
 
     - `dynamics`: the pair.
     - `count`: number of modes.
+    - `waves`: of its condensed bodies, or `None`: it has none.
 
     **Returns:**
 
@@ -805,9 +823,10 @@ def modes_dataset(dynamics: Dynamics, count: int) -> xr.Dataset:
             ("mode",), dynamics.damping_ratio[:count], "1", "ratio to critical damping"
         ),
     }
-    return xr.Dataset(
-        {name: entry.variable() for name, entry in entries.items()}, coords={"part": shown}
-    )
+    variables = {name: entry.variable() for name, entry in entries.items()}
+    if waves is not None:
+        variables |= wave_variables(waves)
+    return xr.Dataset(variables, coords={"part": shown})
 
 
 _PARTS = ("mesh", "pinion", "wheel", "bearings")
@@ -834,10 +853,40 @@ def energies(modes: Modes) -> dict[str, np.ndarray]:
     }
 
 
+def highest_speed(scene: Scene, frequency: np.ndarray, teeth: int) -> float:
+    """Up to which speed of the pinion modes are shown [rad/s].
+
+    **Arguments:**
+
+    - `scene`: gives the speeds, if it has any.
+    - `frequency`: natural frequencies that are shown [Hz].
+    - `teeth`: of the pinion.
+    """
+    if scene.has_table("sweep"):
+        return float(speeds_of(scene)[-1])
+    # Up to where the mesh frequency itself meets the last of these modes.
+    return 1.05 * 2.0 * np.pi * float(frequency[-1]) / teeth
+
+
+def waves_of(
+    scene: Scene, dynamics: Dynamics, teeth: int, count: int, harmonics: int
+) -> BodyWaves | None:
+    """Waves of a scene's condensed bodies, at rest and over speed, or `None`: it has none.
+
+    Arguments as for `campbell_dataset`.
+    """
+    if not dynamics.pair.bodies:
+        return None
+    highest = highest_speed(scene, np.asarray(dynamics.modes.frequency)[:count], teeth)
+    return body_waves(scene, dynamics.pair, dynamics.modes, highest, count, harmonics)
+
+
 def campbell_dataset(
     scene: Scene, dynamics: Dynamics, teeth: int, count: int, harmonics: int
 ) -> xr.Dataset:
     """Natural frequencies over speed, split by gyroscopic moments where the scene has them.
+
+    Those of condensed bodies are in `waves_of`.
 
     **Arguments:**
 
@@ -852,10 +901,7 @@ def campbell_dataset(
     A dataset over speed and mode, as the picture wants it.
     """
     frequency = np.asarray(dynamics.modes.frequency)[:count]
-    # Up to where the mesh frequency itself meets the last of these modes.
-    highest = 1.05 * 2.0 * np.pi * float(frequency[-1]) / teeth
-    if scene.has_table("sweep"):
-        highest = float(speeds_of(scene)[-1])
+    highest = highest_speed(scene, frequency, teeth)
     speeds, system = np.linspace(0.0, highest, 121), dynamics.pair.system
     data: dict[str, Any] = {}
     if system.gyroscopic is None:
@@ -869,7 +915,6 @@ def campbell_dataset(
             system.gyroscopic,
             system.free,
             jnp.asarray(speeds),
-            None if system.turning is None else system.turning.softening,
         )[:, :count]
     return xr.Dataset(
         {name: (("speed", "mode"), values) for name, values in data.items()},
@@ -894,11 +939,14 @@ def modes_shown(scene: Scene, frequency: np.ndarray) -> int:
             got=highest,
             first=float(frequency[0]),
         )
-    default = 12 if highest is None else below
+    # The first of a thin wheel are but its lowest waves.
+    default = (40 if scene.condensed else 12) if highest is None else below
     return min(below, default if count is None else count)
 
 
-def modes_summary(scene: Scene, dynamics: Dynamics, teeth: int, count: int) -> Summary:
+def modes_summary(
+    scene: Scene, dynamics: Dynamics, teeth: int, count: int, waves: BodyWaves | None = None
+) -> Summary:
     """The `modes` part of the summary."""
     frequency = dynamics.modes.frequency[:count]
     harmonics = range(1, scene["modes.harmonics"] + 1)
@@ -910,7 +958,7 @@ def modes_summary(scene: Scene, dynamics: Dynamics, teeth: int, count: int) -> S
         "critical_speed_rad_s": {f"mesh_harmonic_{h}": critical[:, h - 1] for h in harmonics},
         "crossing": np.asarray(dynamics.modes.crossing)[:count],
         "total": int(dynamics.modes.frequency.size),
-    }
+    } | ({} if waves is None else waves_summary(waves))
 
 
 def damping_summary(scene: Scene, dynamics: Dynamics) -> Summary:

@@ -909,6 +909,33 @@ _DYNAMICS = (
     _count("modes.harmonics", "mesh harmonics with critical speeds", 4, at_least=1, at_most=100),
 )
 
+_PROBES = (
+    _text(
+        "probes[].gear", "gear, with a condensed body, that is looked at", REQUIRED, choices=GEARS
+    ),
+    _text("probes[].name", "name in results; default: what is looked at"),
+    _text(
+        "probes[].frame",
+        "whether the probe turns with the body, or stands still and sees it pass",
+        "rotating",
+        choices=("rotating", "fixed"),
+    ),
+    _text(
+        "probes[].direction",
+        "displacement that is read",
+        "axial",
+        choices=("radial", "tangential", "axial"),
+    ),
+    _number("probes[].radius_mm", "distance from the axis; default: the rim", above=0.0),
+    _number(
+        "probes[].angle_deg",
+        "about Z; rotating: on the body, from the middle of tooth 0; fixed: in space, from S",
+        0.0,
+    ),
+    _number("probes[].height_mm", "along Z from mid-face", 0.0),
+    _text("probes[].node", "a node that was condensed with the body, by name, in place of a place"),
+)
+
 _TORQUES: dict[str, Any] = {"above": 0.0, "remedy": _TORQUE}
 _POINTS: dict[str, Any] = {"at_least": 2, "at_most": 2000}
 _WEIGHT: dict[str, Any] = {"at_least": 0.0}
@@ -1002,6 +1029,7 @@ _PLAIN = (
     *_HOUSING,
     *_MESH,
     *_DYNAMICS,
+    *_PROBES,
     *_MAP,
     *_OPTIMISE,
     *_SIZING,

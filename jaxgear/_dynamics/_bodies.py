@@ -3,7 +3,7 @@ r"""Condensed bodies in motion: their seats and modes beside the rest, and few m
 Seats and modes are in coordinates that stand still in space while the body turns, so that a pair
 with condensed bodies is a system like any other, periodic with the mesh, whose turning bodies bring
 terms of their own. With $B = \mp J\,\Omega_i/\Omega_1$ the velocity on the body is
-$\dot x + \Omega_1 Bx$, hence a motion obeys $M\ddot x + \Omega_1 G\dot x + \Omega_1^2 Sx = \dots$ with
+$\dot x + \Omega_1 Bx$, hence its inertia is $M\ddot x + \Omega_1 G\dot x + \Omega_1^2 Sx$, where
 $G = MB - B^TM$ and $S = -B^TMB$. With the terms of rotation of the body (physics A7) all is exact.
 Without them only waves of two and more nodal diameters turn with the body: rigid motions, and the
 bending of shafts, would otherwise be given a false inertia.
@@ -113,7 +113,8 @@ class TurningTerms(eqx.Module):
     **Fields:**
 
     - `gyroscopic`: $G$, per speed of the pinion [kg, kg m, kg m2].
-    - `circulatory`: $H$, stiffness per speed, of damping that turns with a body [N s/m, N s, N m s].
+    - `circulatory`: $H$, stiffness per speed, of damping that turns with a body
+        [N s/m, N s, N m s].
     - `softening`: $S$, stiffness per square of the speed [kg, kg m, kg m2].
     - `load`: per square of the speed [N s2].
     """
@@ -208,24 +209,15 @@ def turning_terms(
 
     - `ValueError` if they are to be considered and a body has none.
     """
-    terms = TurningTerms(*(jnp.zeros((size, size)) for _ in range(3)), jnp.zeros(size))
+    none = jnp.zeros((size, size))
+    terms = TurningTerms(none, none, none, jnp.zeros(size))
     for each in bodies:
         modes, at = each.modes, (each.dofs[:, None], each.dofs[None, :])
-        waves = np.asarray(modes.diameters) >= _TURNING
-        alone = jnp.asarray(np.concatenate([np.zeros(len(each.seats)), waves]))
-        damped = alone * jnp.concatenate(
-            [
-                jnp.zeros(len(each.seats)),
-                jnp.diagonal(
-                    damping.matrix(
-                        jnp.eye(modes.square.size),
-                        jnp.diag(modes.square),
-                        jnp.zeros((modes.square.size, modes.square.size)),
-                    )
-                ),
-            ]
-        )
-        turning = modes.turning if whole else modes.turning * alone[:, None]
+        seats, count = len(each.seats), modes.square.size
+        waves = jnp.asarray(np.r_[np.zeros(seats), np.asarray(modes.diameters) >= _TURNING])
+        rates = damping.matrix(jnp.eye(count), jnp.diag(modes.square), jnp.zeros((count, count)))
+        damped = waves * jnp.concatenate([jnp.zeros(seats), jnp.diagonal(rates)])
+        turning = modes.turning if whole else modes.turning * waves[:, None]
         moved = -each.speed * turning
         gyroscopic = modes.mass @ moved - moved.T @ modes.mass
         softening = -moved.T @ modes.mass @ moved
@@ -241,7 +233,7 @@ def turning_terms(
             carried = each.speed * modes.coriolis @ moved
             gyroscopic = gyroscopic + each.speed * modes.coriolis
             softening = softening + 0.5 * (carried + carried.T) + each.speed**2 * modes.softening
-        circulatory = damped[:, None] * moved * alone[None, :]
+        circulatory = damped[:, None] * moved * waves[None, :]
         terms = TurningTerms(
             gyroscopic=terms.gyroscopic.at[at].add(0.5 * (gyroscopic - gyroscopic.T)),
             circulatory=terms.circulatory.at[at].add(circulatory),
@@ -302,12 +294,15 @@ def body_table(
     cells, pair = cycle.cells, model.pair
     at = at_places(pair, cells)
     gap = jnp.stack([mesh_gap(pair, c.lines, model.flanks, model.misalignment) for c in at])
-    arms, growth = (jnp.stack(parts) for parts in zip(*(_arms(pair, bodies, c) for c in at)))
+    arms, growth = (
+        jnp.stack(parts) for parts in zip(*(_arms(pair, bodies, c) for c in at), strict=True)
+    )
     held = _held(mounted, bodies)
     few = _combinations(arms, cells.stiffness > 0.0, held.give, coordinates)
     met, give = arms @ few.into, few.out_of.T @ held.give @ few.out_of
     # What cells give in all, less what of it is in the motion of the mesh coordinates.
     whole, kept = arms[_MIDDLE_PLACE][:, :, : held.count], met[_MIDDLE_PLACE]
+    assert cells.coupling is not None
     coupling = cells.coupling + _between(whole, held.give[: held.count, : held.count])
     coupling = coupling - _between(kept, give)
     grown = growth + arms[..., : held.count] @ held.spun[: held.count]
@@ -427,8 +422,9 @@ class _Combinations(NamedTuple):
 def _combinations(arms: Array, in_mesh: Array, give: Array, count: int) -> _Combinations:
     """Those by which static loads move the cells most; which they are has no derivative."""
     size = jax.lax.stop_gradient(jnp.sqrt(jnp.diagonal(give)[2:]))
-    seen = jax.lax.stop_gradient(arms[..., 2:]) * in_mesh[None, :, :, None]
-    seen = seen.reshape(-1, seen.shape[-1]) * size
+    seen = jax.lax.stop_gradient(arms[..., 2:])
+    seen = jnp.where(in_mesh[None, :, :, None], seen, 0.0)
+    seen = seen.reshape(-1, seen.shape[-1]) * size[None, :]
     energies, patterns = jnp.linalg.eigh(seen.T @ seen)
     patterns = patterns[:, ::-1][:, :count]
     both = jax.scipy.linalg.block_diag

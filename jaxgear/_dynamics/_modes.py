@@ -168,7 +168,29 @@ def pair_modes(dynamics: PairDynamics, *, meet: float = _MEET) -> Modes:
 
     The modes; their parts are those of `stiffness_parts`.
     """
-    system = dynamics.system
+    system, parts = dynamics.system, gear_parts(dynamics)
+    return modes(
+        system.mass,
+        system.whole_stiffness,
+        system.mesh_stiffness,
+        system.free,
+        parts,
+        system.damping,
+        meet=meet,
+    )
+
+
+def gear_parts(dynamics: PairDynamics) -> tuple[tuple[str, Matrix], ...]:
+    """Split the stiffness of a pair without its mesh, over the degrees of freedom that move.
+
+    **Arguments:**
+
+    - `dynamics`: the pair.
+
+    **Returns:**
+
+    Names and matrices as of `stiffness_parts`; a condensed body is part of its shaft.
+    """
     dofs = np.asarray(dynamics.dofs)
     structure = dynamics.cycle.system.structure
     parts = []
@@ -181,15 +203,7 @@ def pair_modes(dynamics: PairDynamics, *, meet: float = _MEET) -> Modes:
                 own = np.arange(body.first, body.first + body.square.size)
                 whole = whole.at[own, own].add(body.square)
         parts.append((name, whole[dofs[:, None], dofs[None, :]]))
-    return modes(
-        system.mass,
-        system.whole_stiffness,
-        system.mesh_stiffness,
-        system.free,
-        parts,
-        system.damping,
-        meet=meet,
-    )
+    return tuple(parts)
 
 
 def stiffness_parts(structure: Structure) -> tuple[tuple[str, Matrix], ...]:

@@ -263,10 +263,15 @@ def pair_dynamics(
     - `model`: gears, flanks, mounts, bodies and torque.
     - `grid`: time steps in one mesh period (`phases`), slices, mesh periods in the cycle.
     - `damping`: of the linear system with the mean mesh stiffness; by default `ModalDamping()`.
-    - `gyroscopic`: whether gears and shafts that tilt while they spin feel it.
+    - `gyroscopic`: whether gears and shafts that tilt while they spin feel it; and condensed bodies
+        the Coriolis forces, spin softening and stress stiffening that they then must have.
     - `active_mesh_damping`: whether the mesh damps only while it is in contact. Its part of
         `damping` then becomes forces of the closed cells in proportion to their rate, with
         the ratio that the mode of the largest mesh energy has.
+    - `centrifugal`: whether condensed bodies grow with the speed of each response; `model.speed`
+        is that of statics, and not used here.
+    - `mesh_coordinates`: combinations of the motions of condensed bodies that the mesh tells apart,
+        beside approach and tilt.
 
     **Returns:**
 
@@ -274,7 +279,9 @@ def pair_dynamics(
 
     **Raises:**
 
-    - `ValueError` in single precision, or if thinner teeth still have no backlash.
+    - `ValueError` in single precision, if thinner teeth still have no backlash, or if a condensed
+        body was made without modes or, with `gyroscopic`, without the terms of rotation, or stands
+        beside a beam body, active mesh damping or back flanks.
     """
     require_float64()
     if any(isinstance(body, FlexibleBody) for body in model.bodies):
@@ -366,6 +373,8 @@ def _with_condensed_bodies(
     coordinates: int,
 ) -> PairDynamics:
     """A pair of which a body is condensed; see `pair_dynamics`."""
+    # Rotation acts at the speed of each response, and not at one for all.
+    model = dataclasses.replace(model, speed=jnp.zeros(()))
     prepared = prepare_mesh(model, grid)
     cycle = corrected_cycle(prepared, model)
     mounted = prepared.system

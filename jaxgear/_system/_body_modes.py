@@ -3,14 +3,14 @@ r"""Natural modes of condensed gear bodies, as what turns with the body of its m
 The motion of a body is the static one by which it follows its seats, and modes with all seats held:
 $u = T s + X z$. A body of equal sectors has its modes in pairs that a turn of the body mixes, or
 alone: turned by $\theta$, a pattern $z$ looks from outside like $D(\theta)z$, $D = e^{\theta J}$,
-where $J$ has the wave number of each pair. In coordinates $x = D(\theta) z$, which stand still while
-the body turns, mesh, seats and bearings are the same in every mesh period: this is the rotated
-periodicity of the body, and its Doppler shift, at once (physics A9).
+where $J$ has the wave number of each pair. In coordinates $x = D(\theta) z$, which stand still
+while the body turns, mesh, seats and bearings are the same in every mesh period: this is the
+rotated periodicity of the body, and its Doppler shift, at once (physics A9).
 """
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -112,7 +112,7 @@ class BodyBasis:
         turning[first, second], turning[second, first] = -number, number
         return turning
 
-    def matrices(self, body: Condensed) -> dict[str, Array | None]:
+    def matrices(self, body: Condensed) -> dict[str, Any]:
         """Mass, turning and terms of rotation of the seats and modes.
 
         **Arguments:**
@@ -238,17 +238,18 @@ def _lowest(
         square, shapes = scipy.linalg.eigh(stiffness, mass)
         square, shapes = (square, shapes) if count == 0 else (square[:count], shapes[:, :count])
         return square, shapes
-    operator = scipy.sparse.linalg.LinearOperator
+    # SciPy's own annotations know neither this way to make an operator nor a tolerance of a float.
+    operator: Any = scipy.sparse.linalg.LinearOperator
+    tolerance: Any = 1e-12
     solve = lambda right: scipy.linalg.cho_solve(factor, right, check_finite=False)
-    start = np.random.default_rng(1).standard_normal(size)
     square, shapes = scipy.sparse.linalg.eigsh(
-        operator((size, size), matvec=lambda x: stiffness @ x, dtype=float),
+        stiffness,
         k=count,
-        M=operator((size, size), matvec=lambda x: mass @ x, dtype=float),
+        M=mass,
         sigma=0.0,
         OPinv=operator((size, size), matvec=solve, dtype=float),
-        v0=start,
-        tol=1e-12,
+        v0=np.random.default_rng(1).standard_normal(size),
+        tol=tolerance,
     )
     order = np.argsort(square)
     return square[order], shapes[:, order]
@@ -294,7 +295,7 @@ def _sector_turn(body: Condensed, sectors: int) -> _SectorTurn:
     c, s = math.cos(angle), math.sin(angle)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     nodes = body.rim_nodes
-    distance, image = KDTree(nodes).query(nodes @ turn.T)
+    distance, image = (np.asarray(each) for each in KDTree(nodes).query(nodes @ turn.T))
     apart = float(distance.max()) / float(np.hypot(nodes[:, 0], nodes[:, 1]).max())
     require(
         apart <= 1e-6 and len(np.unique(image)) == len(nodes),
@@ -340,7 +341,7 @@ def _in_pairs(
                 f"its mode of {math.sqrt(square[first]) / (2.0 * math.pi):.5g} Hz differs by "
                 f"{uneven:.3g} of itself. Keep all interior shapes of a pair."
             )
-        form, vectors = scipy.linalg.schur(own, output="real")
+        form, vectors = scipy.linalg.schur(own, output="real")[:2]
         place = 0
         while place < last - first:
             alone = place + 1 == last - first or abs(form[place + 1, place]) < 1e-3

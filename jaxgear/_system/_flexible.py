@@ -576,7 +576,7 @@ def mode_arms(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLine
             (weights[c][:, :, None] * rows[i][None] for i, c in enumerate(body.components)),
             jnp.zeros(()),
         )
-        turned = (angle[:, 0] - on_body[own])[:, None, None] * number
+        turned = (angle[:, 0] - on_body[own])[:, None, None] * number[None, None, :]
         # The first of a pair has a positive number, the second the same negative.
         return jnp.cos(turned) * arms - jnp.sin(turned) * arms[:, :, partner]
 

@@ -1,0 +1,221 @@
+"""What a sweep says and draws of waves, by a wave made by hand in a small condensed wheel."""
+
+import dataclasses
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from jaxgear._app import _body_waves as body_waves
+from jaxgear._app import _wave_pictures as pictures
+from jaxgear._app._bodies import body_plan
+from jaxgear._app._body_build import built_body
+from jaxgear._app._dynamics import Response, Sweep
+from jaxgear._app._scene import read_scene
+from jaxgear._checks import InputError
+from jaxgear._dynamics._system import PairDynamics
+from jaxgear._response._waves import BodyMotion, along_directions, rotating_spectrum
+from jaxgear._system._body_modes import body_basis
+from jaxgear._units import mm, um
+
+TEETH = 24
+_SCENE = """schema = 1
+name = "tiny"
+[pair]
+module_mm = 3.0
+torque_pinion_Nm = 100.0
+[pinion]
+teeth = 20
+face_width_mm = 12.0
+[wheel]
+teeth = 24
+face_width_mm = 10.0
+[wheel.body]
+kind = "condensed"
+web = { hub_outer_mm = 30, web_thickness_mm = 3, rim_inner_mm = 56 }
+modes = 2
+compare_seats = false
+fineness = { sectors = 24, rim_across = 1, web_along = 1, hub_deep = 1 }
+[wheel.shaft]
+gear_at_mm = 20.0
+segments = [ { length_mm = 40, outer_mm = 20, inner_mm = 8 } ]
+bearings = [ { at_mm = 0, radial_N_m = 1e8, axial_N_m = 5e7 }, { at_mm = 40, radial_N_m = 5e7 } ]
+[mesh]
+stiffness = "constant"
+stiffness_N_mm_um = 14.0
+slices = 2
+root_correction = false
+[model]
+coordinates = 16
+[sweep]
+pinion_speed_rad_s = [100.0, 200.0]
+"""
+_PROBES = """
+[[probes]]
+gear = "wheel"
+name = "on the web"
+radius_mm = 22.0
+angle_deg = 7.0
+height_mm = 1.5
+[[probes]]
+gear = "wheel"
+name = "beside the rim"
+frame = "fixed"
+height_mm = 5.0
+"""
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("waves")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("JAXGEAR_CACHE", str(folder / "cache"))
+        path = folder / "tiny.toml"
+        path.write_text(_SCENE + _PROBES)
+        scene = read_scene(path)
+        built = built_body(body_plan(scene, "wheel"), lambda step: None)
+    # What the mesh sees of the body is of no interest here.
+    flexible = SimpleNamespace(gear_seat=built.body.seats.index("torque"))
+    body = SimpleNamespace(built=built, basis=body_basis(built.body, 16), flexible=flexible)
+    return dataclasses.replace(scene, bodies={"wheel": body})
+
+
+@pytest.fixture(scope="module")
+def watch(scene):
+    return body_waves.wave_watch(scene, object.__new__(PairDynamics))
+
+
+@pytest.fixture(scope="module")
+def motion(watch):
+    """A wave of two nodal diameters that travels forward on the wheel, which turns about -Z."""
+    basis = watch.looked["wheel"].body.basis
+    seats = basis.following.shape[1]
+    first = int(np.flatnonzero((basis.waves == 2) & (basis.diameters == 2))[0])
+    amplitudes = np.zeros((2, seats + len(basis.waves)), dtype=complex)
+    amplitudes[1, seats + first : seats + first + 2] = 1e-7 * np.array([1.0, 1j])
+    return BodyMotion(amplitudes, basis.turning, TEETH, 1, -100.0, 0.3)
+
+
+@pytest.fixture(scope="module")
+def seen(watch, motion):
+    """The watch after a sweep of two speeds, of which the first was the higher, and its data."""
+    each = watch.looked["wheel"]
+    rms = each.waves(motion).by_diameter(each.most, each.low)
+    probes = np.array([np.sqrt(p.spectrum(motion).mean_square) for p in each.probes])
+    responses = tuple(
+        Response(speed, True, True, 1, 0.0, None, numbers)
+        for speed, part in ((100.0, 1.0), (200.0, 0.5))
+        for numbers in [{"wheel_wave_rms": part * rms, "wheel_probe_rms": part * probes}]
+    )
+    numbers = [{**r.numbers, "dynamic_ratio": np.asarray(1.0)} for r in responses]
+    responses = tuple(
+        dataclasses.replace(r, numbers=n) for r, n in zip(responses, numbers, strict=True)
+    )
+    best = {"up": (True, 1.0, 100.0, {"wheel": motion})}
+    looked = dataclasses.replace(watch, best=best)
+    sweep = Sweep(np.array([100.0, 200.0]), {"up": responses}, (), {})
+    return looked, body_waves.waves_dataset(looked, sweep)
+
+
+def test_the_wave_is_named(seen):
+    watch, dataset = seen
+    (found,) = body_waves.waves_summary(watch, dataset)
+    assert (found["order"], found["nodal_diameters"]) == (TEETH - 2, 2)
+    assert found["wave"] == "2 nodal diameters, forward"
+    assert found["share"] > 0.999
+    assert found["travel_rad_s"] == pytest.approx(100.0 * 11)
+    assert max(found["amplitude_um"], key=found["amplitude_um"].__getitem__) == "axial"
+    gauge, probe = found["probes"]
+    assert (gauge["name"], gauge["frame"], gauge["strongest_order"]) == (
+        "on the web",
+        "rotating",
+        TEETH - 2,
+    )
+    assert (probe["name"], probe["frame"], probe["strongest_order"]) == (
+        "beside the rim",
+        "fixed",
+        TEETH,
+    )
+    assert probe["amplitude_at_teeth_um"] == probe["amplitude_um"] > 0.0
+    assert gauge["amplitude_at_teeth_um"] < 1e-6 * gauge["amplitude_um"]
+    largest = {row["nodal_diameters"]: row for row in found["largest"]}
+    assert largest[2]["pinion_speed_rad_s"] == 100.0
+    assert largest[2]["rms_um"] > 1e3 * max(largest[n]["rms_um"] for n in (-2, -1, 0, 1, 3))
+
+
+def test_a_gauge_on_the_web_moves_as_the_grid_does(watch, motion):
+    each = watch.looked["wheel"]
+    body, probe = each.body, each.probes[0]
+    assert probe.place == pytest.approx((22.0 * mm, np.radians(7.0), 1.5 * mm), rel=0.1)
+    radius, angle, height = probe.place
+    place = np.array([radius * np.cos(angle), radius * np.sin(angle), height])
+    node = int(np.argmin(np.linalg.norm(body.nodes - place, axis=1)))
+    # Neither on the rim nor held: its motion follows by the grid alone.
+    assert body._rim[node] < 0
+    shape = body.shape(motion, TEETH - 2)
+    own = along_directions(np.array([angle]), shape[None, node])[0, 2]
+    seat = along_directions(np.array([angle]), body.with_seat(place[None]))[0, 2]
+    own = own + seat @ motion.of_body.near(TEETH - 2)
+    assert probe.spectrum(motion).near(TEETH - 2) == pytest.approx(own, rel=1e-9)
+    # The rim's part of the whole grid is the rim.
+    rim = np.flatnonzero(body._rim >= 0)
+    moved = body.field(body.basis.shapes[:, :2])[:, rim]
+    assert np.moveaxis(body.rows(rim), 2, 0)[body.basis.following.shape[1] :][:2] == pytest.approx(
+        moved, rel=1e-6, abs=1e-9 * np.abs(moved).max()
+    )
+
+
+def test_pictures_and_shapes_are_written(seen, tmp_path, monkeypatch):
+    watch, dataset = seen
+    monkeypatch.setattr(pictures, "_FRAMES", 3)
+    monkeypatch.setattr(pictures, "_STATES", 2)
+    drawn = {}
+
+    def save(figure, columns, folder, name):
+        figure.savefig(folder / f"{name}.png", dpi=40)
+        drawn[name] = columns
+
+    monkeypatch.setattr(pictures, "save", save)
+    pictures.draw(tmp_path, "tiny", watch, dataset)
+    assert set(drawn) == {"wheel_spectra", "wheel_waves", "wheel_levels"}
+    for columns in drawn.values():
+        (length,) = {len(values) for values in columns.values()}
+        assert length > 0
+    with Image.open(tmp_path / "wheel_shape.gif") as picture:
+        assert getattr(picture, "n_frames", 1) == 3
+    series = json.loads((tmp_path / "wheel_shape" / "wheel_shape.vtu.series").read_text())
+    assert [each["time"] for each in series["files"]] == [0.0, 0.5]
+    first = tmp_path / "wheel_shape" / series["files"][0]["name"]
+    assert b"displacement [m]" in first.read_bytes()
+    largest = drawn["wheel_waves"]
+    assert largest["nodal_diameters"][np.argmax(largest["axial_um"])] == 2
+
+
+def test_probes_say_what_they_cannot_see(scene, watch):
+    body = watch.looked["wheel"].body
+    at = lambda **place: dataclasses.replace(scene, values={**scene.values, **place})
+    with pytest.raises(InputError, match=r"probes\[0\]: no node of the wheel's body is near"):
+        body_waves._asked(at(**{"probes[0].radius_mm": 100.0}), body)
+    with pytest.raises(InputError, match=r"probes\[0\]\.node: no node 'ear' was condensed"):
+        body_waves._asked(at(**{"probes[0].node": "ear"}), body)
+    with pytest.raises(InputError, match=r"probes\[1\]\.gear: the body of the pinion is not"):
+        body_waves._asked(at(**{"probes[1].gear": "pinion"}), body)
+    bare = dataclasses.replace(body.built.body, nodes=np.zeros((0, 3)), bricks=np.zeros((0, 20)))
+    built = dataclasses.replace(body.built, body=bare, view=None)
+    rim_only = body_waves.MovingBody("wheel", built, body.basis, TEETH)
+    with pytest.raises(InputError, match="Of a body without a grid only the rim is known"):
+        body_waves._asked(scene, rim_only)
+    (usual, *_) = body_waves._usual(rim_only)
+    assert usual.turns
+
+
+def test_the_usual_probes_are_on_the_rim(watch, motion):
+    found = body_waves._usual(watch.looked["wheel"].body)
+    assert [probe.turns for probe in found] == [True, True, False, False]
+    axial = [np.abs(probe.spectrum(motion).amplitude).max() / um for probe in found[::2]]
+    # One wave passes both, but for what repeats with the sectors.
+    assert axial[0] == pytest.approx(axial[1], rel=1e-3)
+    rows = watch.looked["wheel"].body.rows(np.array([0, 1]))
+    assert rotating_spectrum(motion, rows).amplitude.shape[1:] == (2, 3)

@@ -1,0 +1,601 @@
+"""Condensed gear bodies in motion, against plain NumPy on the turning body, limits, and each other.
+
+The small wheel of `hybrid_cases` has 24 teeth on 24 equal sectors: its waves are its nodal
+diameters. It turns backwards about Z.
+"""
+
+import dataclasses
+import functools
+import math
+
+import equinox as eqx
+import hybrid_cases
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from fem_cases import assert_near
+from helpers import observed_order
+from hybrid_cases import BEARINGS_AT, PAIRS, ROUND, TEETH, Turning, relieved, vibrating
+
+import jaxgear as jg
+from jaxgear import mm, um
+from jaxgear._dynamics._bodies import turning_terms, vibrating_bodies
+from jaxgear._dynamics._damping import ModalDamping, RayleighDamping
+from jaxgear._dynamics._harmonic import HarmonicBalance
+from jaxgear._dynamics._march import Marching, march, quasi_static_start
+from jaxgear._dynamics._shooting import Shooting
+from jaxgear._dynamics._steppers import Exponential, Midpoint, Newmark
+from jaxgear._dynamics._sweep import steady_state, steady_states
+from jaxgear._dynamics._system import DynamicSystem, PairDynamics, pair_dynamics
+from jaxgear._dynamics._table import MIDDLE, cell_forces, mesh_at
+from jaxgear._response._dynamic import dynamic_transmission_error, orbit_variance
+from jaxgear._system._body_modes import body_basis
+from jaxgear._system._flexible import FlexibleBody, flexible_body, foot_tables, mode_arms
+from jaxgear._system._model import PairModel
+from jaxgear._system._structure import RigidBody
+
+# Interior shapes and terms of rotation; all modes up to 60 kHz.
+WHEEL = {"modes": 8, "rotating": True}
+MODES, RATIO = 24, TEETH[0] / TEETH[1]
+FEW = 6
+# Stiffer along T than along S: on the body they would change as it turns.
+UNLIKE = jg.Support(1e8, 2.5e8, 3e8, 1e5)
+
+_made = eqx.filter_jit(
+    lambda model, grid, damping, whole, coordinates: pair_dynamics(
+        model, grid, damping, gyroscopic=whole, mesh_coordinates=coordinates
+    )
+)
+_steady = eqx.filter_jit(steady_states)
+
+
+@functools.cache
+def _grid(phases: int = 15, kind: str = "spur", periods: int = 1) -> jg.MeshGrid:
+    return jg.mesh_grid(PAIRS[kind](), phases=phases, slices=2, periods=periods)
+
+
+def _model(grid: jg.MeshGrid, count: int = MODES, factor: float = 1.0, **others) -> PairModel:
+    """A rigid pinion and the condensed wheel, light enough for one cell or the other to open."""
+    parts: dict = {"flanks": relieved(), "pinion_support": ROUND, "wheel_support": ROUND}
+    if "wheel_body" not in others:
+        parts["wheel_body"] = vibrating("spur", 1, grid, count, factor, **WHEEL)
+    return PairModel(PAIRS["spur"](), 20.0, **{**parts, **others})
+
+
+def _mass_damped(rate: float = 1500.0) -> RayleighDamping:
+    """In proportion to mass: a ratio of 1 % at 12 kHz."""
+    return RayleighDamping(rate, 0.0)
+
+
+@functools.cache
+def _pair(
+    rate: float = 1500.0,
+    factor: float = 1.0,
+    phases: int = 15,
+    coordinates: int = FEW,
+    alike: bool = True,
+    count: int = MODES,
+) -> PairDynamics:
+    """With all terms of rotation. Whatever is given, but for the steps: one program."""
+    grid = _grid(phases)
+    others = {} if alike else {"pinion_support": UNLIKE, "wheel_support": UNLIKE}
+    model = _model(grid, count, factor, **others)
+    return _made(model, grid, _mass_damped(rate), True, coordinates)
+
+
+@eqx.filter_jit
+def _terms(model: PairModel, dynamics: PairDynamics, damping: RayleighDamping):
+    bodies = vibrating_bodies(model, dynamics.cycle.system)
+    size = max(dynamics.dofs) + 1
+    return turning_terms(bodies, size, damping, whole=False)
+
+
+def _by_default(rate: float = 1500.0) -> DynamicSystem:
+    """The same pair without terms of rotation of the body: waves alone turn with it."""
+    dynamics, grid = _pair(rate), _grid()
+    terms, dofs = _terms(_model(grid), dynamics, _mass_damped(rate)), np.asarray(dynamics.dofs)
+    among = lambda x: x[dofs[:, None], dofs] if x.ndim == 2 else x[dofs]
+    terms = jax.tree.map(among, terms)
+    return dataclasses.replace(dynamics.system, gyroscopic=terms.gyroscopic, turning=terms)
+
+
+def _seat(dynamics: PairDynamics) -> np.ndarray:
+    """Columns of the wheel's seat: three translations, three rotations."""
+    return np.array([dynamics.dofs.index(dof) for dof in dynamics.bodies[0].seats[:6]])
+
+
+def _modes(dynamics: PairDynamics) -> np.ndarray:
+    """Columns of the wheel's modes."""
+    first = dynamics.bodies[0].first
+    return dynamics.dofs.index(first) + np.arange(len(dynamics.bodies[0].waves))
+
+
+# --- At rest
+
+
+_cells = jax.jit(jax.vmap(lambda mesh, place: cell_forces(mesh, place, jg.ExactContact())[0]))
+
+
+def _same_at_rest(dynamics: PairDynamics, speed: float = 0.0) -> None:
+    """Cell forces at the quasi-static mesh coordinates are those of the cycle."""
+    system, force = dynamics.system, np.asarray(dynamics.cycle.force)
+    assert np.asarray(dynamics.cycle.converged).all()
+    found = _cells(mesh_at(system.table, MIDDLE).at(jnp.asarray(speed)), system.rest)
+    assert_near(np.asarray(found), force, 1e-10)
+    assert ((force == 0.0) & (np.asarray(system.table.stiffness) > 0.0)).any()
+
+
+def test_statics_has_what_few_modes_and_coordinates_leave_out():
+    dynamics = _pair()
+    assert dynamics.system.vectors.shape[1] == 2 + FEW
+    assert 1e-4 < float(dynamics.left_out) < 0.3
+    _same_at_rest(dynamics)
+
+
+def test_what_mesh_coordinates_leave_out_gives_way_under_any_load():
+    coupling = np.asarray(_pair().system.table.coupling)
+    assert np.linalg.eigvalsh(coupling).min() > -1e-9 * np.abs(coupling).max()
+
+
+def _shaft() -> jg.Shaft:
+    bearings = [
+        jg.Bearing((30.0 + 1e3 * at) * mm, 2e8 * (i + 1), 3e8, 1e8 if i == 1 else 0.0)
+        for i, at in enumerate(BEARINGS_AT)
+    ]
+    return jg.Shaft([jg.Segment(60.0 * mm, 8.0 * mm)], bearings, gear_at=30.0 * mm)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("coordinates", [2, 12])
+@pytest.mark.parametrize("count", [7, 24])
+def test_statics_of_two_condensed_gears(coordinates, count):
+    """Helical, the wheel with its shaft on three bearings, that are not the same along S and T."""
+    grid = _grid(8, "helical")
+    model = PairModel(
+        PAIRS["helical"](),
+        150.0,
+        flanks=relieved(),
+        speed=2000.0,
+        pinion_support=UNLIKE,
+        wheel_support=_shaft(),
+        pinion_body=vibrating("helical", 0, grid, count),
+        wheel_body=vibrating("helical", 1, grid, count, seats="shaft"),
+    )
+    dynamics = _made(model, grid, ModalDamping(), False, coordinates)
+    assert len(dynamics.bodies) == 2
+    found = _cells(
+        mesh_at(dynamics.system.table, MIDDLE).at(jnp.asarray(2000.0)), dynamics.system.rest
+    )
+    assert np.asarray(dynamics.cycle.converged).all()
+    assert_near(np.asarray(found), np.asarray(dynamics.cycle.force), 1e-10)
+
+
+# --- The body's own frame
+
+
+@functools.cache
+def _marching(cycles: int):
+    return eqx.filter_jit(
+        lambda system, speed: march(
+            system,
+            speed,
+            quasi_static_start(system),
+            cycles=cycles,
+            keep=cycles,
+            stepper=Midpoint(),
+        )
+    )
+
+
+def _off(phases: int, cycles: int, speed: float, coordinates: int, count: int) -> np.ndarray:
+    """Differences of the mesh force in each mesh period, over the largest force."""
+    rate, grid = 300.0, _grid(phases)
+    dynamics = _pair(rate, 1.0, phases, coordinates, count=count)
+    history = _marching(cycles)(dynamics.system, jnp.asarray(speed))
+    assert bool(history.converged)
+    body = hybrid_cases.body("spur", 1, **WHEEL)
+    basis = hybrid_cases.basis_of("spur", 1, count, **WHEEL)
+    judge = Turning(_model(grid, count), grid, dynamics, body, basis, damping=rate)
+    force = judge.march(speed, cycles)
+    off = np.abs(np.asarray(history.load)[:, 0] - force).reshape(cycles, phases)
+    return off / force.max()
+
+
+def test_a_march_in_space_is_one_on_the_turning_body():
+    off = _off(15, 2, 3900.0, FEW, MODES).max(axis=1)
+    print(off)
+    assert off[0] < 1e-3
+    assert off[1] < 5e-3
+
+
+@pytest.mark.slow
+def test_frames_agree_to_the_order_of_the_time_step():
+    """The midpoint rule has its second order in each frame: so has what they differ by.
+
+    All modes must be slow enough for the time step, and all mesh coordinates be there.
+    """
+    off = [_off(phases, 2, 3900.0, 6, 6) for phases in (16, 32, 64)]
+    rms = [float(np.sqrt(np.mean(each**2))) for each in off]
+    assert rms[0] < 1e-4
+    steps = [1.0 / 16, 1.0 / 32, 1.0 / 64]
+    assert observed_order(steps, rms) == pytest.approx(2.0, abs=0.1)
+
+
+# --- Seen from space (physics A7)
+
+
+def _without_mesh(system: DynamicSystem, speed: float) -> np.ndarray:
+    matrix = system.stiffness_at(jnp.asarray(speed)) - system.mesh_stiffness
+    return np.asarray(matrix)
+
+
+def _rigid_mass() -> np.ndarray:
+    """Mass of the wheel about mid-face, in rigid motions."""
+    body = hybrid_cases.body("spur", 1, **WHEEL)
+    basis = hybrid_cases.basis_of("spur", 1, MODES, **WHEEL)
+    return basis.following.T @ body.mass @ basis.following
+
+
+def test_a_load_fixed_in_space_moves_a_stiff_wheel_the_same_at_every_speed():
+    dynamics = _pair(1500.0, 1e6)
+    system, seat = dynamics.system, _seat(dynamics)
+    mass = _rigid_mass()[0, 0]
+    for column, stiffness in zip(seat[:5], (1e8, 1e8, 3e8, 1e5, 1e5), strict=True):
+        load = np.zeros(len(dynamics.dofs))
+        load[column] = 1.0
+        for speed in (1.0, 4000.0):
+            moved = np.linalg.solve(_without_mesh(system, speed), load)
+            assert moved[column] * stiffness == pytest.approx(1.0, rel=1e-6)
+        still = np.linalg.solve(_without_mesh(system, 1.0), load)
+        apart = np.linalg.norm((moved - still)[seat[:3]]) / np.linalg.norm(still)
+        assert apart < 1e-8
+    # Held on the body without Coriolis and centrifugal forces it would miss by so much.
+    assert mass * (4000.0 * RATIO) ** 2 / 1e8 > 5e-3
+
+
+def test_rates_of_a_stiff_wheel_are_those_of_a_gyroscope():
+    dynamics = _pair(1500.0, 1e6)
+    system, seat = dynamics.system, _seat(dynamics)
+    speed, own = 4000.0, -4000.0 * RATIO
+    mass, polar = np.diagonal(_rigid_mass())[[0, 5]]
+    whirl = np.asarray(system.rates_at(jnp.asarray(speed)) - system.damping)
+    np.testing.assert_allclose(whirl, -whirl.T, atol=1e-12 * np.abs(whirl).max())
+    block = whirl[seat[:, None], seat]
+    # M_x = -I_p Omega' theta_y' on the body, hence a force with the other sign on the left.
+    wanted = np.zeros((6, 6))
+    wanted[3, 4], wanted[4, 3] = polar * own, -polar * own
+    size = np.sqrt([mass] * 3 + [polar] * 3)
+    assert_near(block / size[:, None] / size, wanted / size[:, None] / size, 1e-8)
+
+
+def test_seats_are_in_space_by_default():
+    system, dynamics = _by_default(), _pair()
+    seat = _seat(dynamics)
+    terms = system.turning
+    assert terms is not None
+    for matrix in (terms.gyroscopic, terms.circulatory, terms.softening):
+        size = np.abs(matrix).max()
+        assert np.abs(np.asarray(matrix)[seat]).max() < 1e-12 * size
+        assert np.abs(np.asarray(matrix)[:, seat]).max() < 1e-12 * size
+    modes = _modes(dynamics)
+    waves = np.asarray(dynamics.bodies[0].waves)
+    softening = np.diagonal(np.asarray(terms.softening))[modes]
+    # A pattern of n waves that stands still in space passes the body n times a turn.
+    np.testing.assert_allclose(
+        softening, -(np.where(abs(waves) >= 2, waves * RATIO, 0) ** 2), atol=1e-12
+    )
+    # And its rate of change on the body is damped there.
+    spun = np.asarray(terms.circulatory)[modes[:, None], modes]
+    first = np.flatnonzero(waves >= 2)
+    np.testing.assert_allclose(
+        np.abs(spun[first, first + 1]), 1500.0 * waves[first] * RATIO, rtol=1e-6
+    )
+
+
+# --- Waves
+
+
+def _wave(dynamics: PairDynamics, orbit, number: int) -> tuple[np.ndarray, np.ndarray]:
+    """Amplitudes of a pair's waves at the mesh frequency, with the wheel's sense and against it."""
+    waves = dynamics.bodies[0].waves
+    first = int(_modes(dynamics)[waves.index(number)])
+    motion = np.asarray(orbit.motion)
+    pair = motion[..., first] + 1j * motion[..., first + 1]
+    table = dynamics.system.table
+    turn = np.exp(-2j * np.pi * np.asarray(table.middles)) * np.asarray(table.lengths)
+    # A pattern at angle n alpha is e^{i n alpha}; the wheel turns backwards about Z.
+    return np.abs(pair @ turn.conj()), np.abs(pair @ turn)
+
+
+def test_waves_peak_where_the_mesh_meets_them():
+    """With the terms of rotation, and without, when both waves are equally fast on the body."""
+    dynamics, number = _pair(), 2
+    body, basis = (
+        hybrid_cases.body("spur", 1, **WHEEL),
+        hybrid_cases.basis_of("spur", 1, MODES, **WHEEL),
+    )
+    omega, shapes = math.sqrt(basis.square[2]), basis.shapes[:, 2:4]
+    assert list(basis.waves[2:4]) == [2, -2]
+    assert body.coriolis is not None
+    # Backward waves are faster on the body than forward ones, each by half of its Coriolis term.
+    split = 0.5 * abs((shapes.T @ body.coriolis @ shapes)[0, 1])
+    speeds = np.r_[3310.0:3451.0:10.0, 3910.0:4051.0:10.0]
+    peaks = []
+    for system, own in ((dynamics.system, split), (_by_default(), 0.0)):
+        orbits = _steady(system, jnp.asarray(speeds), HarmonicBalance(harmonics=7))
+        assert np.asarray(orbits.settled).all()
+        forward, backward = _wave(dynamics, orbits, number)
+        at, back = int(np.argmax(forward)), int(np.argmax(backward))
+        # On the wheel, omega -+ split Omega = (Z -+ n) Omega; the mesh stiffens it a little.
+        met = np.array([TEETH[1] - number + own, TEETH[1] + number - own])
+        found, wanted = speeds[[at, back]], omega / met / RATIO
+        assert (found > wanted).all()
+        np.testing.assert_allclose(found, wanted, rtol=0.025)
+        assert forward[at] > 8.0 * backward[at]
+        assert backward[back] > 3.0 * forward[back]
+        peaks.append((found, wanted))
+    (found, wanted), (found_without, wanted_without) = peaks
+    np.testing.assert_allclose(found - found_without, wanted - wanted_without, atol=15.0)
+    assert abs(wanted - wanted_without).min() > 25.0
+
+
+# --- Limits
+
+
+def _rigid(support: jg.Support, rate: float) -> PairDynamics:
+    """The wheel as a rigid body of the same mass, its own foundation left out."""
+    whole = _rigid_mass()
+    model = PairModel(
+        PAIRS["spur"](),
+        20.0,
+        flanks=relieved(),
+        compliance=jg.WeberBanaschek().without((1,)),
+        pinion_support=support,
+        wheel_support=support,
+        wheel_body=RigidBody(whole[0, 0], whole[5, 5], whole[3, 3]),
+    )
+    dynamics = _made(model, _grid(), _mass_damped(rate), True, FEW)
+    # The web is off the middle of the rim: the centre of mass is not at mid-face.
+    wheel = np.array([dynamics.dofs.index(dof) for dof in range(6, 12)])
+    system = dynamics.system
+    more = jnp.zeros_like(system.mass)
+    more = more.at[wheel[:, None], wheel].set(whole) - more.at[wheel[:, None], wheel].set(
+        system.mass[wheel[:, None], wheel]
+    )
+    assert np.abs(np.asarray(more)).max() > 1e-6
+    system = dataclasses.replace(
+        system, mass=system.mass + more, damping=system.damping + rate * more
+    )
+    return dataclasses.replace(dynamics, system=system)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("alike", [True, False])
+def test_a_rigidified_wheel_runs_as_a_rigid_one(alike):
+    """Also on bearings that are stiffer along T: seats are in space."""
+    # Damped well: a light pair has more than one response near its resonances.
+    rate = 6000.0
+    rigid = _rigid(ROUND if alike else UNLIKE, rate)
+    method = HarmonicBalance(harmonics=7)
+    speeds = jnp.linspace(300.0, 3500.0, 17)
+    wanted = _steady(rigid.system, speeds, method)
+    static = float(rigid.system.force)
+    swing = np.ptp(np.asarray(wanted.load)[:, :, 0], axis=1) / static
+    assert swing.max() > 0.3
+    across = [rigid.dofs.index(dof) for dof in range(6, 11)]
+    found = []
+    for factor in (1e4, 1e6):
+        dynamics = _pair(rate, factor, alike=alike)
+        orbits = _steady(dynamics.system, speeds, method)
+        # Newton's method may go round where a cell just opens.
+        kept = np.asarray(orbits.settled & wanted.settled)
+        print(kept.sum(), np.asarray(wanted.settled).sum())
+        assert kept.sum() >= 14
+        ours, theirs = (np.asarray(each.load)[kept][:, :, 0] for each in (orbits, wanted))
+        force = np.abs(ours - theirs)
+        seat = np.asarray(orbits.motion)[kept][:, :, _seat(dynamics)[:5]]
+        body = np.asarray(wanted.motion)[kept][:, :, across]
+        moved = np.abs(seat - body).max(axis=(0, 1)) / np.abs(body).max(axis=(0, 1)).max()
+        found.append((force.max() / static, moved[:2].max()))
+    print(found)
+    # Both are of the first order in the body's flexibility.
+    assert found[0][0] < 1e-2
+    for first, second in zip(*found, strict=True):
+        assert second < 0.02 * first
+
+
+@pytest.mark.slow
+def test_more_modes_come_closer_and_statics_helps_them():
+    """The largest mesh force of 6 and 24 modes against 80, with and without the rest of the
+    flexibility."""
+    grid, speeds = _grid(), jnp.linspace(1200.0, 4200.0, 13)
+    method, rate = HarmonicBalance(harmonics=7), 1500.0
+    peaks: dict[tuple[int, bool], np.ndarray] = {}
+    for count in (80, 24, 6):
+        model = _model(grid, count)
+        dynamics = _made(model, grid, _mass_damped(rate), True, 12)
+        for whole in (True, False):
+            system = dynamics.system
+            if not whole:
+                table = _without_rest(model, dynamics)
+                system = dataclasses.replace(system, table=table)
+            orbits = _steady(system, speeds, method)
+            peaks[count, whole] = np.asarray(orbits.load)[:, :, 0].max(axis=1)
+            peaks[count, whole][~np.asarray(orbits.settled)] = np.nan
+    best = peaks[80, True]
+    off = {key: np.nanmedian(np.abs(peak / best - 1.0)) for key, peak in peaks.items()}
+    print(off)
+    assert off[24, True] < off[6, True]
+    assert off[24, True] < 0.01
+    for count in (6, 24):
+        assert off[count, True] < 0.5 * off[count, False]
+
+
+@eqx.filter_jit
+def _rest_of(model: PairModel, dynamics: PairDynamics):
+    lines, body = dynamics.cycle.cells.lines, model.wheel_body
+    assert isinstance(body, FlexibleBody)
+    assert body.modes is not None
+    tables = foot_tables(model.pair, 1, body, lines)
+    arms = mode_arms(model.pair, 1, body, lines)
+    return tables.compliance - (arms / body.modes.square[None, None, :]) @ jnp.swapaxes(arms, 1, 2)
+
+
+def _without_rest(model: PairModel, dynamics: PairDynamics):
+    """Cells that feel of the body what its modes show alone."""
+    table = dynamics.system.table
+    rest = _rest_of(model, dynamics)
+    assert table.coupling is not None
+    assert np.linalg.eigvalsh(np.asarray(rest)).min() > -1e-6 * np.abs(np.asarray(rest)).max()
+    return dataclasses.replace(table, coupling=table.coupling - rest)
+
+
+# --- Methods
+
+
+def _even(system: DynamicSystem) -> DynamicSystem:
+    """The same cells, but at steps of one length."""
+    steps = len(system.table.kinds)
+    table = dataclasses.replace(
+        system.table, edges=jnp.linspace(0.0, system.table.periods, steps + 1), kinds=(0,) * steps
+    )
+    return dataclasses.replace(system, table=table)
+
+
+@pytest.mark.slow
+def test_bilinear_harmonics_are_the_midpoint_rule():
+    system = _even(_pair().system)
+    # With so few steps there are two responses at some lower speeds.
+    speeds = jnp.asarray([2200.0, 3390.0, 3960.0])
+    harmonic = _steady(system, speeds, HarmonicBalance(harmonics=7, bilinear=True, tolerance=1e-12))
+    shot = _steady(system, speeds, Shooting(stepper=Midpoint(), tolerance=1e-13))
+    assert np.asarray(harmonic.settled & shot.settled).all()
+    for one, other in ((harmonic.load, shot.load), (harmonic.motion, shot.motion)):
+        assert_near(np.asarray(one), np.asarray(other), 1e-10)
+
+
+@pytest.mark.slow
+def test_harmonics_shooting_and_a_long_march_agree():
+    """At a forward wave's critical speed, and away from all."""
+    system = _pair(phases=64).system
+    speeds = jnp.asarray([1700.0, 3960.0])
+    harmonic = _steady(system, speeds, HarmonicBalance(harmonics=30))
+    shot = _steady(system, speeds, Shooting(stepper=Exponential()))
+    long = _steady(system, speeds, Marching(stepper=Newmark(), cycles=400))
+    assert np.asarray(harmonic.settled & shot.settled & long.settled).all()
+    force = [np.asarray(orbit.load)[:, :, 0] for orbit in (harmonic, shot, long)]
+    swing = np.ptp(force[1], axis=1)[:, None]
+    off = [np.abs((each - force[1]) / swing).max(axis=1) for each in (force[0], force[2])]
+    print(off)
+    assert max(each.max() for each in off) < 0.03
+
+
+# --- Derivatives
+
+NAMES = ("relief depth", "speed", "bearing")
+
+
+@pytest.mark.slow
+def test_gradients_of_a_steady_state():
+    """Variance of the dynamic transmission error, by implicit differentiation."""
+    grid = _grid()
+    body = vibrating("spur", 1, grid, MODES, **WHEEL)
+    method = HarmonicBalance(harmonics=7, tolerance=1e-12)
+
+    @jax.jit
+    @jax.value_and_grad
+    def variance(factors):
+        depth, faster, stiffer = factors
+        relief = jg.TipRelief(12.0 * um * depth, 0.3)
+        flanks = jg.Flanks(jg.Superposed(parts=(relief, jg.Crowning(5.0 * um))), relief)
+        support = jg.Support(1e8 * stiffer, 1.2e8 * stiffer, 3e8, 1e5)
+        model = _model(grid, flanks=flanks, wheel_support=support, wheel_body=body)
+        dynamics = pair_dynamics(model, grid, gyroscopic=True, mesh_coordinates=FEW)
+        orbit = steady_state(dynamics.system, 2200.0 * faster, method)
+        error = dynamic_transmission_error(dynamics.system, orbit) / um
+        return orbit_variance(dynamics.system, error)
+
+    at, step = jnp.ones(3), 1e-5
+    value, gradient = variance(at)
+    for i, name in enumerate(NAMES):
+        away = step * jnp.eye(3)[i]
+        central = float((variance(at + away)[0] - variance(at - away)[0]) / (2.0 * step))
+        print(name, float(value), float(gradient[i]), central)
+        assert abs(central) > 1e-3 * float(value)
+        assert float(gradient[i]) == pytest.approx(central, rel=1e-4), name
+
+
+# --- Holes
+
+
+def _turned_by_a_tooth(body):
+    """The same body with its holes one tooth further along the angle."""
+    angle = 2.0 * math.pi / TEETH[1]
+    c, s = math.cos(angle), math.sin(angle)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    rim, seats = len(body.rim_nodes), len(body.seats)
+    whole = np.eye(body.dofs)
+    first = 3 * rim + 6 * seats
+    whole[:first, :first] = np.kron(np.eye(rim + 2 * seats), turn)
+    return dataclasses.replace(
+        body,
+        stiffness=whole @ body.stiffness @ whole.T,
+        mass=whole @ body.mass @ whole.T,
+        centrifugal_load=whole @ body.centrifugal_load,
+        rim_nodes=body.rim_nodes @ turn.T,
+    )
+
+
+@pytest.mark.slow
+def test_holes_are_seen_again_after_their_teeth():
+    """Three holes under 24 teeth: a response over eight mesh periods, which turns with them."""
+    grid, kind = _grid(15, periods=8), "spur"
+    own = hybrid_cases.body(kind, 1, holes=3, modes=8)
+    orbits = []
+    for body in (own, _turned_by_a_tooth(own)):
+        flexible = flexible_body(body, PAIRS[kind](), 1, grid, basis=body_basis(body, 6))
+        assert flexible.repeats == 8
+        assert flexible.periods == 8
+        model = _model(grid, wheel_body=flexible)
+        system = _made(model, grid, _mass_damped(), False, FEW).system
+        orbits.append(_steady(system, jnp.asarray([2200.0]), HarmonicBalance(harmonics=7)))
+    force = [np.asarray(orbit.load)[0, :, 0] for orbit in orbits]
+    assert all(np.asarray(orbit.settled).all() for orbit in orbits)
+    period = force[0].reshape(8, 15)
+    assert np.ptp(period, axis=0).max() > 0.02 * np.ptp(force[0])
+    # What was under tooth 0 is one mesh period later.
+    assert_near(force[1], np.roll(force[0], 15), 1e-6)
+    # And a march comes to the same, up to the harmonics that are left out.
+    even = _even(system)
+    bilinear = HarmonicBalance(harmonics=7, bilinear=True)
+    balanced = np.asarray(_steady(even, jnp.asarray([2200.0]), bilinear).load)[0, :, 0]
+    history = eqx.filter_jit(
+        lambda s: march(
+            s, jnp.asarray(2200.0), quasi_static_start(s), cycles=12, keep=1, stepper=Midpoint()
+        )
+    )(even)
+    assert bool(history.converged)
+    marched = np.asarray(history.load)[:, 0]
+    print(np.abs(marched - balanced).max() / np.ptp(balanced))
+    assert np.abs(marched - balanced).max() < 0.05 * np.ptp(balanced)
+
+
+# --- All coordinates of the body
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("speed", [1500.0, 3900.0])
+def test_modes_of_a_march_against_all_coordinates_of_the_body(speed):
+    """What the modes cut off leaves out, beside the time step."""
+    cycles, grid = 2, _grid(15)
+    dynamics = _pair(300.0, 1.0, 15, FEW)
+    history = _marching(cycles)(dynamics.system, jnp.asarray(speed))
+    body = hybrid_cases.body("spur", 1, **WHEEL)
+    basis = hybrid_cases.basis_of("spur", 1, 0, **WHEEL)
+    kept = hybrid_cases.basis_of("spur", 1, MODES, **WHEEL)
+    judge = Turning(_model(grid), grid, dynamics, body, kept, damping=300.0, every=basis)
+    force = judge.march(speed, cycles)
+    off = np.abs(np.asarray(history.load)[:, 0] - force).max() / force.max()
+    print(off)
+    assert off < 0.05
