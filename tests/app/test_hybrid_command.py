@@ -349,8 +349,8 @@ def test_notes_on_condensed_bodies(solved, tmp_path):
     given = scene.replace({"wheel.foundation": "weber"})
     assert "wheel.foundation does nothing to the wheel" in _on_condensed(given)[1]
     facts = {"sectors": 4}
-    built: Any = types.SimpleNamespace(body=types.SimpleNamespace(facts=facts))
-    body: Any = types.SimpleNamespace(built=built)
+    known = dataclasses.replace(scene.bodies["wheel"].built.body, facts=facts)
+    body: Any = types.SimpleNamespace(built=types.SimpleNamespace(body=known))
     short = dataclasses.replace(scene, bodies={"wheel": body})
     (_, said) = _on_condensed(short)
     assert "repeats after 6 teeth" in said
