@@ -142,7 +142,7 @@ class Solved:
         return float(relative[0]), float(relative[-1])
 
 
-@functools.cache
+# Not kept: a body's matrices take up to 300 MB.
 def scene_of(name: str, *settings: str) -> Scene:
     """A ready scene with its bodies.
 

@@ -206,7 +206,9 @@ def test_teeth_stand_on_the_middles_of_elements(body, sectors):
 
 
 def test_accessory_wheel_has_the_size_that_was_planned():
-    grid = body_grid(wheel(), Fineness(86))
+    # Two elements through the rim where nothing is said.
+    assert len(body_grid(wheel(), Fineness(86)).bricks) == 86 * (3 * 3 + 8 + 2 * 3)
+    grid = body_grid(wheel(), Fineness(86, rim_radial=1))
     assert len(grid.bricks) == 86 * (3 * 3 + 8 + 3) == 1720
     # Corner nodes, mid nodes in the section, and mid nodes of arcs: hub, web and rim share edges.
     section = (16 + 24 + 16) + (9 * 2 + 25 + 18 - 2 * 5) + (8 + 10 + 8)

@@ -11,9 +11,10 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
 from fem_prep._files import write_vtu
 from fem_prep._grid import surface
@@ -228,6 +229,8 @@ def tooth_loads(dataset: xr.Dataset, gear: str, holes: HolePlaces | None, title:
         span = max(float(np.ptp(data[name])), 2e-3 * float(np.max(data[name])))
         axes.set_ylim(np.min(data[name]) - 0.15 * span, np.max(data[name]) + 0.15 * span)
     panels[0].set(ylabel="largest line load [N/mm]")
+    # Steps in which a turn can be cut.
+    panels[1].xaxis.set_major_locator(MaxNLocator(steps=[1, 1.5, 3, 6, 10]))
     panels[1].set(
         xlabel=f"place of the tooth on the {gear}, from tooth 0 [°]",
         ylabel="load over its way,\nof the mean tooth's [-]",
@@ -283,10 +286,13 @@ def deflected_body(answer: BodyAnswer, shown: BodyField, title: str) -> Figure:
     The figure; displacements are against the gear's seat.
     """
     figure = Figure(figsize=(11.6, 5.4))
-    figure.set_layout_engine("constrained", wspace=0.05)
-    view, around = figure.subplots(1, 2, width_ratios=(1.0, 0.9))
+    figure.set_layout_engine("constrained")
+    # Each lays out its own margins.
+    parts = figure.subfigures(1, 2, squeeze=False, width_ratios=(0.9, 1.0), wspace=0.02)
+    left, right = parts[0]
+    view, around = left.subplots(), right.subplots()
     figure.suptitle(f"{title}: {answer.gear} under {shown.words}")
-    _draw_deflected(figure, view, answer, shown)
+    _draw_deflected(left, view, answer, shown)
     data = deflected_body_columns(answer, shown)
     order = np.argsort(data["angle_deg"], kind="stable")
     middle = np.abs(data["Z_mm"]) < 1e-6 + np.abs(data["Z_mm"]).min()
@@ -299,26 +305,31 @@ def deflected_body(answer: BodyAnswer, shown: BodyField, title: str) -> Figure:
     for name, colour in zip(DIRECTIONS, (_BLUE, _ORANGE, _GREEN), strict=True):
         for chosen, style in ends.values():
             rows = order[chosen[order]]
-            around.plot(
-                data["angle_deg"][rows], data[f"{name}_um"][rows], color=colour, ls=style, lw=1.3
-            )
+            # A place before the first and one after the last: curves reach both ends.
+            around_it = np.concatenate([rows[-1:], rows, rows[:1]])
+            angle = data["angle_deg"][around_it]
+            angle[[0, -1]] += -360.0, 360.0
+            values = data[f"{name}_um"][around_it]
+            around.plot(angle, values, color=colour, ls=style, lw=1.3)
     around.set(
         xlabel="place on the rim, from the mesh about +Z [°]",
         ylabel="displacement of the rim [µm]",
         xlim=(-180.0, 180.0),
         xticks=np.arange(-180, 181, 60),
     )
-    around.legend(
-        [Line2D([], [], color=colour) for colour in (_BLUE, _ORANGE, _GREEN)]
-        + [Line2D([], [], color="black", ls=style) for _, style in ends.values()],
-        [*DIRECTIONS, *ends],
-        loc="best",
-        ncols=2,
-    )
+    # Directions above, places below them; columns are filled first.
+    handles = [
+        Line2D([], [], color=colour, ls=style)
+        for colour, (_, style) in zip((_BLUE, _ORANGE, _GREEN), ends.values(), strict=True)
+        for colour, style in ((colour, "-"), ("black", style))
+    ]
+    words = [each for pair in zip(DIRECTIONS, ends, strict=True) for each in pair]
+    place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
+    around.legend(handles, words, ncols=3, frameon=False, **place)
     return figure
 
 
-def _draw_deflected(figure: Figure, axes: Axes, answer: BodyAnswer, shown: BodyField) -> None:
+def _draw_deflected(figure: FigureBase, axes: Axes, answer: BodyAnswer, shown: BodyField) -> None:
     """The surface, displaced so that it can be seen, with the mesh on the viewer's side."""
     grid = answer.grid
     size = np.linalg.norm(shown.field, axis=1)
@@ -350,7 +361,15 @@ def _draw_deflected(figure: Figure, axes: Axes, answer: BodyAnswer, shown: BodyF
             bbox=_BOX,
         )
     axes.set_title(f"drawn {scale:g} times as large", loc="left")
-    figure.colorbar(colours, ax=axes, label="displacement against the gear's seat [µm]", shrink=0.8)
+    # Below, so that slender bodies stay in the middle.
+    figure.colorbar(
+        colours,
+        ax=axes,
+        location="bottom",
+        label="displacement against the gear's seat [µm]",
+        shrink=0.7,
+        aspect=30,
+    )
 
 
 def deflected_body_columns(answer: BodyAnswer, shown: BodyField) -> Columns:

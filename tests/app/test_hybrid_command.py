@@ -344,14 +344,15 @@ def test_models_are_compared_by_name():
 
 def test_notes_on_condensed_bodies(solved, tmp_path):
     scene, _, _ = solved
-    assert _on_condensed(scene) == []
+    (said,) = _on_condensed(scene)
+    assert "is taken as that of teeth alone" in said
     given = scene.replace({"wheel.foundation": "weber"})
-    assert "wheel.foundation does nothing to the wheel" in _on_condensed(given)[0]
+    assert "wheel.foundation does nothing to the wheel" in _on_condensed(given)[1]
     facts = {"sectors": 4}
-    built: Any = types.SimpleNamespace(body=types.SimpleNamespace(facts=facts))
-    body: Any = types.SimpleNamespace(built=built)
+    known = dataclasses.replace(scene.bodies["wheel"].built.body, facts=facts)
+    body: Any = types.SimpleNamespace(built=types.SimpleNamespace(body=known))
     short = dataclasses.replace(scene, bodies={"wheel": body})
-    (said,) = _on_condensed(short)
+    (_, said) = _on_condensed(short)
     assert "repeats after 6 teeth" in said
     assert "multiple of 6" in said
     path = tmp_path / "rigid.toml"

@@ -27,18 +27,19 @@ _HYBRIDS = (
 
 # Statements of a table that do not hold, and why.
 _OTHERWISE: dict[str, set[str]] = {
-    # A body that does not give at all leaves less to its teeth: RMS lies a seventh lower.
+    # A rigid body lacks the give under each tooth, of which one pair and two share differently:
+    # RMS lies a fifth lower.
     "transmission": {"RMS of H1: flexible within 2 % of rigidified, as the thesis has it"},
     "rigidified": set(),
     # Bodies share between pairs what foundations give to each alone: two of them lessen the depth,
     # and the pinion's web takes back a little of it.
     "master-curve": {"spur, H2, webbed pinion: deeper than the rigid pair's at every extent"},
-    # Where thrust tilts the rim over its web, the edge that it presses on carries the most.
+    # Where thrust tilts the rim over its web, the edge that it presses on carries the most; with
+    # spur teeth and a web off the middle, the edge on the web's side.
     "web-junction": {
         "power: the maximum lies within 0.15 faces of the junction",
         "power: off a straight line the load is largest there",
         "accessory: the maximum lies there",
-        "the maximum is higher than with rigid bodies",
     },
     "bearings": set(),
     "helix": set(),
