@@ -267,7 +267,7 @@ def _fineness(scene: Scene, gear: str, body: GearBody) -> Fineness:
     }
     sectors = scene.get(f"{table}.sectors")
     if sectors is None:
-        wanted = scene[f"{gear}.teeth"] * scene[f"{table}.elements_per_tooth"]
+        wanted = scene[f"{gear}.teeth"] * scene.get(f"{table}.elements_per_tooth", 1)
         sectors = _next_multiple(wanted, _repeats(body))
     return Fineness(sectors, **{key: each for key, each in given.items() if each is not None})
 

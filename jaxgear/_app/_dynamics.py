@@ -117,7 +117,7 @@ def dynamics_of(scene: Scene, model: PairModel, grid: MeshGrid | None = None) ->
         gyroscopic=scene["model.gyroscopic"],
         active_mesh_damping=scene["damping.active_mesh"],
         centrifugal=scene["sweep.centrifugal"],
-        mesh_coordinates=scene["model.mesh_coordinates"],
+        mesh_coordinates=scene.get("model.mesh_coordinates", 12),
     )
 
 

@@ -77,7 +77,7 @@ def _in_mesh(
     if moving:
         tell(f"{plan.gear}: modes with its seats held")
         with in_keys(plan.gear):
-            basis = body_basis(built.body, scene["model.coordinates"])
+            basis = body_basis(built.body, scene.get("model.coordinates", 100))
     tell(f"{plan.gear}: teeth on the rim")
     index = GEARS.index(plan.gear)
     points, axial = scene["mesh.root_points"], scene["mesh.connection"]

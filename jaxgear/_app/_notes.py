@@ -228,11 +228,11 @@ def sweep_notes(scene: Scene, unsettled: int, responses: int, lost: list[str]) -
     A sentence or two each.
     """
     found = []
-    if scene["sweep.centrifugal"]:
+    if scene["sweep.centrifugal"] and not scene.condensed:
         found.append(
             "Rigid and beam bodies do not grow with speed: sweep.centrifugal does nothing to them."
         )
-    if scene.get("model.coordinates"):
+    if scene.get("model.coordinates") and not scene.condensed:
         found.append("model.coordinates does nothing: all modes of these bodies are kept.")
     if unsettled:
         found.append(

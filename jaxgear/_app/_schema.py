@@ -567,14 +567,11 @@ def _superelement(key: str) -> tuple[Key, ...]:
 
 def _fineness(table: str) -> tuple[Key, ...]:
     """Keys of the finite element grid of a drawn body: numbers of 20-node bricks."""
-    kind = f"{table.rpartition('.')[0]}.kind"
     few: dict[str, Any] = {"at_least": 1, "at_most": 50}
     return (
         _count(
             f"{table}.elements_per_tooth",
-            "elements around, for each tooth",
-            1,
-            default_if=(kind, "condensed"),
+            "elements around, for each tooth; 1 unless said",
             **few,
         ),
         _count(
@@ -819,14 +816,13 @@ _SPEED = "At rest, the quasi-static cycle of `jaxgear run` is the response"
 _DYNAMICS = (
     _count(
         "model.coordinates",
-        "modes that each condensed body has in motion, the rest with their static part; 0: all",
-        100,
+        "modes that each condensed body has in motion, the rest with their static part; 0: all, "
+        "100 unless said",
         at_least=0,
     ),
     _count(
         "model.mesh_coordinates",
-        "combinations of these that the mesh tells apart",
-        12,
+        "combinations of these that the mesh tells apart; 12 unless said",
         at_least=4,
         at_most=60,
     ),
