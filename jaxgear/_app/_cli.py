@@ -309,8 +309,8 @@ def _not_compared(scene: Scene, gear: str) -> Mistake:
     """Say which commands take a condensed body."""
     key = f"{gear}.body.kind"
     words = (
-        'got "condensed": `jaxgear compare` does not yet take condensed bodies. Use sweep or modes, '
-        f'write "rigid" or "beam", or --set {key}=rigid'
+        'got "condensed": `jaxgear compare` does not yet take condensed bodies. Use sweep or '
+        f'modes, write "rigid" or "beam", or --set {key}=rigid'
     )
     return Mistake(scene.where(key), key, words)
 
