@@ -484,11 +484,11 @@ def test_every_real_input_is_differentiable(compliance):
     """One direction through gears, flanks, supports, misalignment, stiffness and torque at once."""
     drawing, more = EVERYTHING["helical"]
     model = _model(drawing, 300.0, **{**more, "compliance": compliance})
-    # Tip shortenings are zero.
+    # Tip shortenings and the speed are zero.
     sizes = eqx.tree_at(
-        lambda m: (m.pair.pinion.tip_shortening, m.pair.wheel.tip_shortening),
+        lambda m: (m.pair.pinion.tip_shortening, m.pair.wheel.tip_shortening, m.speed),
         model,
-        (jnp.asarray(0.1), jnp.asarray(0.1)),
+        (jnp.asarray(0.1), jnp.asarray(0.1), jnp.asarray(100.0)),
     )
     grid = jg.mesh_grid(model.pair, phases=8, slices=8)
 
