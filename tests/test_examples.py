@@ -61,11 +61,21 @@ def _is_promised_by_the_bodies(text: str) -> None:
     assert re.search(r"^n = 3: .* apart by \S+e-02$", text, flags=re.MULTILINE)
 
 
+def _is_promised_by_the_hybrids(text: str) -> None:
+    """A body that gives raises the mean over any rigid one; relief still takes the RMS away."""
+    found = re.findall(r"mean +([\d.]+) um, RMS ([\d.]+) um", text)
+    (halves, nothing, flexible), rms = ([float(row[i]) for row in found] for i in (0, 1))
+    assert flexible > 1.5 * halves > 1.5 * nothing
+    (relieved,) = (float(number) for number in re.findall(r"RMS ([\d.]+) um; slopes", text))
+    assert relieved < 0.5 * rms[2]
+
+
 _PROMISES = {
     "01_scene_to_optimum": _is_promised_by_the_optimum,
     "02_shafts_and_bodies": _is_promised_by_the_shafts,
     "03_dynamics": _is_promised_by_the_dynamics,
     "04_gear_bodies": _is_promised_by_the_bodies,
+    "05_hybrid_models": _is_promised_by_the_hybrids,
 }
 
 

@@ -114,7 +114,7 @@ def require_retained(scene: Scene, pair: PairDynamics) -> None:
             gear=GEARS[body.index],
             last=last,
             count=count,
-            given=scene["model.coordinates"] or "all",
+            given=scene.get("model.coordinates", 100) or "all",
         )
 
 
