@@ -10,7 +10,7 @@ import pytest
 
 _ROOT = Path(__file__).parents[1]
 _NOTEBOOKS = sorted((_ROOT / "examples").glob("*.ipynb"))
-_LONG = {"02_shafts_and_bodies", "03_dynamics", "04_gear_bodies"}
+_LONG = {"02_shafts_and_bodies", "03_dynamics", "04_gear_bodies", "05_hybrid_models"}
 
 
 def test_there_are_examples():

@@ -174,8 +174,8 @@ class BodyBasis:
 def body_basis(body: Condensed, count: int) -> BodyBasis:
     """Find the modes of a condensed body with its seats held.
 
-    An interior shape whose other half of a pair was cut off when the body was condensed is left
-    out: with it the body would not be even.
+    Where the other half of a pair of interior shapes was cut off when the body was condensed, what
+    of the shapes does not turn among them is left out: with it the body would not be even.
 
     **Arguments:**
 
@@ -203,15 +203,24 @@ def body_basis(body: Condensed, count: int) -> BodyBasis:
     rim, seats = 3 * len(body.rim_nodes), 6 * len(body.seats)
     seat = np.arange(rim, rim + seats)
     turn = _sector_turn(body, sectors)
-    inner = np.setdiff1d(np.arange(len(body.stiffness)), np.r_[seat, turn.lonely])
-    stiffness, mass = (m[np.ix_(inner, inner)] for m in (body.stiffness, body.mass))
+    inner = np.setdiff1d(np.arange(len(body.stiffness)), seat)
+    onto = scipy.linalg.block_diag(np.eye(rim), turn.kept)
+    if turn.kept.shape[0] == turn.kept.shape[1]:
+        # All of them are kept: no products of large matrices.
+        onto = np.eye(len(inner))
+        stiffness, mass = (m[np.ix_(inner, inner)] for m in (body.stiffness, body.mass))
+    else:
+        stiffness, mass = (
+            onto.T @ m[np.ix_(inner, inner)] @ onto for m in (body.stiffness, body.mass)
+        )
     following = np.zeros((len(body.stiffness), seats))
     following[seat] = np.eye(seats)
     factor = scipy.linalg.cho_factor(stiffness, lower=True, check_finite=False)
-    following[inner] = -scipy.linalg.cho_solve(factor, body.stiffness[np.ix_(inner, seat)])
+    pulled = onto.T @ body.stiffness[np.ix_(inner, seat)]
+    following[inner] = -onto @ scipy.linalg.cho_solve(factor, pulled)
     square, shapes = _lowest(stiffness, mass, factor, count)
     whole = np.zeros((len(body.stiffness), len(square)))
-    whole[inner] = shapes
+    whole[inner] = onto @ shapes
     # In the modes, a turn by one sector.
     on_modes = whole.T @ (body.mass @ turn.of(whole))
     mixed, waves = _in_pairs(square, on_modes, sectors, body.name)
@@ -265,14 +274,14 @@ class _SectorTurn:
     - `image`: where each rim node comes to lie, `[rim]`.
     - `action`: on the interior shapes, `[interior, interior]`.
     - `first`: first of their coordinates.
-    - `lonely`: coordinates of interior shapes whose other half of a pair is missing.
+    - `kept`: combinations of interior shapes that turn among themselves, `[interior, kept]`.
     """
 
     turn: np.ndarray
     image: np.ndarray
     action: np.ndarray
     first: int
-    lonely: np.ndarray
+    kept: np.ndarray
 
     def of(self, shapes: np.ndarray) -> np.ndarray:
         """Motions of the turned body, seats left out."""
@@ -284,10 +293,21 @@ class _SectorTurn:
 
     def on_rim(self, motion: np.ndarray) -> np.ndarray:
         """The same of the rim alone."""
-        moved = np.empty((len(self.image), 3, motion.shape[1]))
-        own = motion.reshape(len(self.image), 3, -1)
-        moved[self.image] = np.einsum("ij,njc->nic", self.turn, own)
-        return moved.reshape(motion.shape)
+        return _moved(motion, self.turn, self.image)
+
+
+def _moved(motion: np.ndarray, turn: np.ndarray, image: np.ndarray) -> np.ndarray:
+    """A motion of nodes, `[3 node, column]`, turned with them to where they come to lie."""
+    moved = np.empty((len(image), 3, motion.shape[1]))
+    moved[image] = np.einsum("ij,njc->nic", turn, motion.reshape(len(image), 3, -1))
+    return moved.reshape(motion.shape)
+
+
+def _image(nodes: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, float]:
+    """Where each node comes to lie, and how far from there at most, over the radius."""
+    distance, image = (np.asarray(each) for each in KDTree(nodes).query(nodes @ turn.T))
+    apart = float(distance.max()) / float(np.hypot(nodes[:, 0], nodes[:, 1]).max())
+    return image, apart if len(np.unique(image)) == len(nodes) else math.inf
 
 
 def _sector_turn(body: Condensed, sectors: int) -> _SectorTurn:
@@ -295,10 +315,9 @@ def _sector_turn(body: Condensed, sectors: int) -> _SectorTurn:
     c, s = math.cos(angle), math.sin(angle)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     nodes = body.rim_nodes
-    distance, image = (np.asarray(each) for each in KDTree(nodes).query(nodes @ turn.T))
-    apart = float(distance.max()) / float(np.hypot(nodes[:, 0], nodes[:, 1]).max())
+    image, apart = _image(nodes, turn)
     require(
-        apart <= 1e-6 and len(np.unique(image)) == len(nodes),
+        apart <= 1e-6,
         "The rim nodes of {name!r} must repeat after one of its {sectors} sectors, got {got:.3g} "
         "of the radius between them.",
         name=body.name,
@@ -307,18 +326,29 @@ def _sector_turn(body: Condensed, sectors: int) -> _SectorTurn:
     )
     first = 3 * len(nodes) + 6 * len(body.seats)
     none = np.zeros((0, 0))
-    alone = _SectorTurn(turn, image, none, first, np.zeros(0, int))
+    alone = _SectorTurn(turn, image, none, first, none)
     if first == len(body.stiffness):
         return alone
-    # Interior shapes turn as the mass between them and the rim says.
+    # Interior shapes turn as the grid says or, without one, the mass between them and the rim.
     joined = body.mass[: 3 * len(nodes), first:]
-    size = np.linalg.norm(joined, axis=0)
-    turned = alone.on_rim(joined) / size
-    action, *_ = np.linalg.lstsq(joined / size, turned, rcond=None)
-    lonely = np.linalg.norm(joined / size @ action - turned, axis=0) > _EVEN
-    action = action * size[None, :] / size[:, None]
-    action[lonely], action[:, lonely] = 0.0, 0.0
-    return replace(alone, action=action, lonely=first + np.flatnonzero(lonely))
+    if len(body.interior_shapes):
+        joined = body.interior_shapes.reshape(len(body.interior_shapes), -1).T
+        image = _image(body.nodes, turn)[0]
+    orthogonal, triangle = np.linalg.qr(joined / np.linalg.norm(joined, axis=0))
+    triangle = triangle * np.linalg.norm(joined, axis=0)
+    whole = orthogonal.T @ _moved(orthogonal, turn, image)
+    # Where a pair was cut, shapes turn out of what is there: those that do not are kept.
+    among = np.eye(len(whole))
+    while among.shape[1]:
+        _, sizes, stays = np.linalg.svd(among.T @ whole @ among)
+        if sizes[-1] > 1.0 - _EVEN:
+            break
+        among = among @ stays[sizes > 1.0 - _EVEN].T
+    kept = np.linalg.solve(triangle, among)
+    action = kept @ (among.T @ whole @ among) @ (among.T @ triangle)
+    if among.shape[1] == len(whole):
+        kept = np.eye(len(whole))
+    return replace(alone, action=action, kept=kept)
 
 
 def _in_pairs(

@@ -60,6 +60,17 @@ class Condensed(Protocol):
         ...
 
     @property
+    def nodes(self) -> np.ndarray:
+        """Places of the nodes of its grid, `[node, 3]` [m]; empty if not known."""
+        ...
+
+    @property
+    def interior_shapes(self) -> np.ndarray:
+        """Displacements of the grid for each of its last coordinates, `[interior, node, 3]` [SI];
+        empty if not known."""
+        ...
+
+    @property
     def seats(self) -> tuple[str, ...]:
         """Names of the seats."""
         ...
