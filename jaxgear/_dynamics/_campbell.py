@@ -328,7 +328,7 @@ def modes_alone(dynamics: PairDynamics, modes: Modes, gear: int) -> AloneModes:
     whole[own] = shapes
     frequency = np.sqrt(np.clip(square, 0.0, None)) / (2.0 * np.pi)
     content = wave_content(dynamics, whole)
-    same = np.cumsum(np.r_[False, np.diff(square) > _MEETS * square[1:]])
+    same = np.cumsum(np.r_[False, np.diff(square) > _ONE_ALONE * square[1:]])
     meshed = np.asarray(modes.shape)[own]
     like = (shapes.T @ mass @ meshed) ** 2
     # Of modes of one frequency every mixture is one: what counts is their sum.
@@ -345,8 +345,8 @@ def modes_alone(dynamics: PairDynamics, modes: Modes, gear: int) -> AloneModes:
     )
 
 
-# Squared frequencies closer than this, relatively, are one.
-_MEETS = 1e-5
+# Squared frequencies of a gear alone closer than this, relatively, are one; frequencies as it turns.
+_ONE_ALONE, _MEETS = 1e-5, 1e-9
 
 
 # --- Waves
@@ -505,9 +505,18 @@ def _followed(
     before: np.ndarray, found: np.ndarray, states: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Frequencies and states in the order of those before, and how like they are."""
-    like = abs(before.conj().T @ states) ** 2
-    _, columns = scipy.optimize.linear_sum_assignment(-like)
-    return found[columns], states[:, columns], like[np.arange(columns.size), columns]
+    # Of states of one frequency every mixture is one: all of them together are like or not, and
+    # that mixture is taken which is most like those before.
+    same = np.cumsum(np.r_[False, np.diff(found) > _MEETS * abs(found[1:])])
+    each = abs(before.conj().T @ states) ** 2
+    like = np.stack([each[:, same == group].sum(axis=1) for group in range(same[-1] + 1)], axis=1)
+    _, columns = scipy.optimize.linear_sum_assignment(-like[:, same])
+    found, states, same = found[columns], states[:, columns], same[columns]
+    for group in np.flatnonzero(np.bincount(same) > 1):
+        mixed = same == group
+        left, _, right = np.linalg.svd(states[:, mixed].conj().T @ before[:, mixed])
+        states[:, mixed] = _unit(states[:, mixed] @ (left @ right))
+    return found, states, abs(np.sum(before.conj() * states, axis=0)) ** 2
 
 
 def _seen(
