@@ -13,13 +13,11 @@ import argparse
 import functools
 import json
 import os
-import resource
-import statistics
-import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+from timing import line, peak, timed
 
 
 def main() -> None:
@@ -48,32 +46,10 @@ def main() -> None:
         report["accuracy"] = accuracy_against_time(options.out)
     if options.only != "statics":
         report["dynamics"] = dynamics()
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    report["peak_memory_MB"] = peak / (1024.0**2 if sys.platform == "darwin" else 1024.0)
+    report["peak_memory_MB"] = peak()
     print(f"{'peak memory':<58} {report['peak_memory_MB']:8.0f} MB")
     (options.out / "bench.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     print(f"\nwritten to {options.out}")
-
-
-def timed(function: Callable, *arguments, repeats: int = 15) -> tuple[float, float, Any]:
-    """Seconds to compile, median seconds to run, and the result."""
-    import jax
-
-    start = time.perf_counter()
-    compiled = jax.jit(function).lower(*arguments).compile()
-    compiling = time.perf_counter() - start
-    result = jax.block_until_ready(compiled(*arguments))
-    seconds = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        jax.block_until_ready(compiled(*arguments))
-        seconds.append(time.perf_counter() - start)
-    return compiling, statistics.median(seconds), result
-
-
-def line(name: str, compiling: float, seconds: float, note: str = "") -> None:
-    """Print one row."""
-    print(f"{name:<58} {1e3 * seconds:8.2f} ms   compile {compiling:5.1f} s   {note}")
 
 
 def model_of(name: str, flank: Any = None):

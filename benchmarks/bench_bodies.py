@@ -14,7 +14,6 @@ import contextlib
 import functools
 import json
 import os
-import resource
 import subprocess
 import sys
 import tempfile
@@ -23,6 +22,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+from timing import peak
 
 
 def main() -> None:
@@ -61,12 +62,6 @@ def print_case(title: str, found: dict[str, Any]) -> None:
     print(f"{title:<50} {found['s']:8.2f} s {found['cpu_s']:9.2f} s {memory}   {found['note']}")
     for step, (seconds, own) in found["steps"].items():
         print(f"  {step:<48} {seconds:8.2f} s {own:9.2f} s")
-
-
-def peak() -> float:
-    """Largest memory of this process so far [MB]."""
-    kilobytes = 1024.0 if sys.platform == "darwin" else 1.0
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / kilobytes / 1024.0
 
 
 class Clock:

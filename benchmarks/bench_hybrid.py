@@ -12,13 +12,12 @@ differ and are noisy: compare ratios within one table. Writes `hybrid.json`.
 import argparse
 import json
 import os
-import resource
 import statistics
-import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+from timing import line, peak, timed
 
 MM, UM = 1e-3, 1e-6
 
@@ -38,33 +37,10 @@ def main() -> None:
     report: dict[str, Any] = {"thesis": thesis_way(), "cycle": cycle_and_gradient()}
     if options.all:
         report["convergence"] = convergence()
-    kilobytes = 1024.0 if sys.platform == "darwin" else 1.0
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / kilobytes / 1024.0
-    print(f"{'peak memory':<58} {peak:8.0f} MB")
-    report["peak_memory_MB"] = peak
+    report["peak_memory_MB"] = peak()
+    print(f"{'peak memory':<58} {report['peak_memory_MB']:8.0f} MB")
     (options.out / "hybrid.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     print(f"\nwritten to {options.out}")
-
-
-def timed(function: Callable, *arguments, repeats: int = 15) -> tuple[float, float, Any]:
-    """Seconds to compile, median seconds to run, and the result."""
-    import jax
-
-    start = time.perf_counter()
-    compiled = jax.jit(function).lower(*arguments).compile()
-    compiling = time.perf_counter() - start
-    result = jax.block_until_ready(compiled(*arguments))
-    seconds = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        jax.block_until_ready(compiled(*arguments))
-        seconds.append(time.perf_counter() - start)
-    return compiling, statistics.median(seconds), result
-
-
-def line(name: str, compiling: float, seconds: float, note: str = "") -> None:
-    """Print one row."""
-    print(f"{name:<58} {1e3 * seconds:8.2f} ms   compile {compiling:5.1f} s   {note}", flush=True)
 
 
 def hybrid(*overrides: str):

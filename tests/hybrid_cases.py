@@ -121,6 +121,23 @@ def stiffened(body: ReducedBody, factor: float) -> ReducedBody:
     return dataclasses.replace(body, stiffness=factor * body.stiffness)
 
 
+def shaft() -> jg.Shaft:
+    """Three unequal bearings under a body with seats for a shaft, the second one axial too."""
+    bearings = [
+        jg.Bearing((30.0 + 1e3 * at) * mm, 2e8 * (i + 1), 3e8, 1e8 if i == 1 else 0.0)
+        for i, at in enumerate(BEARINGS_AT)
+    ]
+    return jg.Shaft([jg.Segment(60.0 * mm, 8.0 * mm)], bearings, gear_at=30.0 * mm)
+
+
+def shaft_springs() -> np.ndarray:
+    """The same on the body's seats, along and about S, T, Z."""
+    springs = np.zeros((4, 6))
+    for seat, (i, axial) in {0: (0, 0.0), 2: (1, 1e8), 3: (2, 0.0)}.items():
+        springs[seat, :3] = 2e8 * (i + 1), 3e8, axial
+    return springs
+
+
 # --- The same mechanics in plain NumPy, with every degree of freedom of the bodies
 
 

@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 from fem_cases import assert_near
 from helpers import observed_order
-from hybrid_cases import BEARINGS_AT, PAIRS, ROUND, TEETH, Turning, relieved, vibrating
+from hybrid_cases import PAIRS, ROUND, TEETH, Turning, relieved, shaft, vibrating
 
 import jaxgear as jg
-from jaxgear import mm, um
+from jaxgear import um
 from jaxgear._dynamics._bodies import turning_terms, vibrating_bodies
 from jaxgear._dynamics._damping import ModalDamping, RayleighDamping
 from jaxgear._dynamics._harmonic import HarmonicBalance
@@ -138,14 +138,6 @@ def test_what_mesh_coordinates_leave_out_gives_way_under_any_load():
     assert np.linalg.eigvalsh(coupling).min() > -1e-9 * np.abs(coupling).max()
 
 
-def _shaft() -> jg.Shaft:
-    bearings = [
-        jg.Bearing((30.0 + 1e3 * at) * mm, 2e8 * (i + 1), 3e8, 1e8 if i == 1 else 0.0)
-        for i, at in enumerate(BEARINGS_AT)
-    ]
-    return jg.Shaft([jg.Segment(60.0 * mm, 8.0 * mm)], bearings, gear_at=30.0 * mm)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("coordinates", [2, 12])
 @pytest.mark.parametrize("count", [7, 24])
@@ -158,7 +150,7 @@ def test_statics_of_two_condensed_gears(coordinates, count):
         flanks=relieved(),
         speed=2000.0,
         pinion_support=UNLIKE,
-        wheel_support=_shaft(),
+        wheel_support=shaft(),
         pinion_body=vibrating("helical", 0, grid, count),
         wheel_body=vibrating("helical", 1, grid, count, seats="shaft"),
     )

@@ -12,11 +12,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hybrid_cases import BEARINGS_AT, PAIRS, Dense, Gear, stiffened
+from hybrid_cases import PAIRS, Dense, Gear, shaft, shaft_springs, stiffened
 
 import jaxgear as jg
 from fem_prep import ReducedBody
-from jaxgear import mm, um
+from jaxgear import um
 from jaxgear._contact._cells import Misalignment, mesh_gap
 from jaxgear._system._flexible import FlexibleBody, flexible_body
 from jaxgear._system._model import PairModel
@@ -64,21 +64,6 @@ def _h1(wheel: FlexibleBody | None = None, torque=20.0, **others) -> PairModel:
     return PairModel(PAIRS["spur"](), torque, **parts)
 
 
-def _shaft() -> jg.Shaft:
-    bearings = [
-        jg.Bearing((30.0 + 1e3 * at) * mm, 2e8 * (i + 1), 3e8, 1e8 if i == 1 else 0.0)
-        for i, at in enumerate(BEARINGS_AT)
-    ]
-    return jg.Shaft([jg.Segment(60.0 * mm, 8.0 * mm)], bearings, gear_at=30.0 * mm)
-
-
-def _shaft_springs() -> np.ndarray:
-    springs = np.zeros((4, 6))
-    for seat, (i, axial) in {0: (0, 0.0), 2: (1, 1e8), 3: (2, 0.0)}.items():
-        springs[seat, :3] = 2e8 * (i + 1), 3e8, axial
-    return springs
-
-
 def _h2(torque=150.0) -> PairModel:
     """Both gears condensed, helical, the wheel with its shaft on three bearings."""
     return PairModel(
@@ -87,14 +72,14 @@ def _h2(torque=150.0) -> PairModel:
         flanks=_flanks(),
         speed=SPEED,
         pinion_support=SUPPORT,
-        wheel_support=_shaft(),
+        wheel_support=shaft(),
         pinion_body=_body("helical", 0),
         wheel_body=_body("helical", 1, "shaft"),
     )
 
 
 def _gears(reduced: tuple[ReducedBody | None, ReducedBody | None], shaft: bool) -> list[Gear]:
-    wheel = Gear(reduced[1], _shaft_springs(), 1) if shaft else Gear(reduced[1], SPRINGS)
+    wheel = Gear(reduced[1], shaft_springs(), 1) if shaft else Gear(reduced[1], SPRINGS)
     return [Gear(reduced[0], SPRINGS), wheel]
 
 

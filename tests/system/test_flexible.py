@@ -13,11 +13,10 @@ import hybrid_cases
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hybrid_cases import BEARINGS_AT, PAIRS, TEETH, Dense, Gear
+from hybrid_cases import PAIRS, TEETH, Dense, Gear, shaft, shaft_springs
 
 import jaxgear as jg
 from fem_prep import ReducedBody
-from jaxgear import mm
 from jaxgear._contact._coupling import between_all_cells
 from jaxgear._interface._wrench import structure_vectors
 from jaxgear._solve._cycle import prepare_mesh
@@ -253,21 +252,6 @@ SUPPORT = jg.Support(1e8, 2.5e8, 3e8, 1e5)
 SPRINGS = np.array([[1e8, 2.5e8, 3e8, 1e5, 1e5, np.inf]])
 
 
-def _shaft() -> jg.Shaft:
-    bearings = [
-        jg.Bearing((30.0 + 1e3 * at) * mm, 2e8 * (i + 1), 3e8, 1e8 if i == 1 else 0.0)
-        for i, at in enumerate(BEARINGS_AT)
-    ]
-    return jg.Shaft([jg.Segment(60.0 * mm, 8.0 * mm)], bearings, gear_at=30.0 * mm)
-
-
-def _shaft_springs() -> np.ndarray:
-    springs = np.zeros((4, 6))
-    for seat, (i, axial) in {0: (0, 0.0), 2: (1, 1e8), 3: (2, 0.0)}.items():
-        springs[seat, :3] = 2e8 * (i + 1), 3e8, axial
-    return springs
-
-
 def _compare(kind: str, index: int, state, gear: Gear, mount, phases=(1, 5), speed=900.0) -> None:
     """What cells give to forces and to rotation, in both ways."""
     body, flexible, lines, tables = state
@@ -294,7 +278,7 @@ def test_statics_are_those_of_the_whole_body(kind, index):
 
 def test_statics_of_a_body_on_three_bearings():
     state = _in_mesh("spur", 1, "shaft")
-    _compare("spur", 1, state, Gear(state[0], _shaft_springs(), 1), _shaft())
+    _compare("spur", 1, state, Gear(state[0], shaft_springs(), 1), shaft())
 
 
 @pytest.mark.slow
@@ -384,7 +368,7 @@ def _model(flexible: FlexibleBody, mount) -> PairModel:
 def test_seats_that_no_bearing_has_are_refused():
     flexible = _in_mesh("spur", 1)[1]
     with pytest.raises(ValueError, match=r"a seat for each bearing, bearing\[0\].* got bore"):
-        _model(flexible, _shaft())
+        _model(flexible, shaft())
     flexible = _in_mesh("spur", 1, "shaft")[1]
     with pytest.raises(ValueError, match=r"has the seats bearing\[0\].* give the bearings"):
         _model(flexible, SUPPORT)
