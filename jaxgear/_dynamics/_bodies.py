@@ -34,6 +34,7 @@ from jaxgear._interface._wrench import cell_arms, structure_vectors
 from jaxgear._solve._cycle import MeshCycle
 from jaxgear._system._body_modes import BodyModes
 from jaxgear._system._flexible import FlexibleBody, foot_tables, mode_arms
+from jaxgear._system._mesh_vectors import carried
 from jaxgear._system._model import PairModel
 from jaxgear._system._pair_system import PairSystem
 from jaxgear._types import CellArmGrid, CellGrid, Scalar
@@ -168,7 +169,7 @@ def size_with(mounted: PairSystem, bodies: list[VibratingBody]) -> int:
     return mounted.structure.map.size + sum(each.modes.square.size for each in bodies)
 
 
-def with_modes(matrix: Array, bodies: list[VibratingBody], size: int) -> Array:
+def with_modes(matrix: Array, size: int) -> Array:
     """A matrix of the structure among all degrees of freedom, zero for the modes."""
     return jnp.zeros((size, size)).at[: len(matrix), : len(matrix)].set(matrix)
 
@@ -230,9 +231,9 @@ def turning_terms(
             )
             assert modes.coriolis is not None
             assert modes.softening is not None
-            carried = each.speed * modes.coriolis @ moved
+            turned = each.speed * modes.coriolis @ moved
             gyroscopic = gyroscopic + each.speed * modes.coriolis
-            softening = softening + 0.5 * (carried + carried.T) + each.speed**2 * modes.softening
+            softening = softening + turned + each.speed**2 * modes.softening
         circulatory = damped[:, None] * moved * waves[None, :]
         terms = TurningTerms(
             gyroscopic=terms.gyroscopic.at[at].add(0.5 * (gyroscopic - gyroscopic.T)),
@@ -398,9 +399,8 @@ def _against_gear(each: VibratingBody, size: int) -> Array:
     gear = each.seats[6 * body.gear_seat : 6 * body.gear_seat + 6]
     for other in _others(body):
         away = body.seat_heights[other] - body.seat_heights[body.gear_seat]
-        carried = jnp.eye(6).at[0, 4].set(away).at[1, 3].set(-away)
         own = jnp.zeros((size, 6)).at[each.seats[6 * other : 6 * other + 6]].set(jnp.eye(6))
-        columns.append(own.at[gear].set(-carried.T))
+        columns.append(own.at[gear].set(-carried(away).T))
     return jnp.concatenate(columns, axis=1) if columns else jnp.zeros((size, 0))
 
 

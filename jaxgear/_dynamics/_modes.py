@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxgear._checks import require
+from jaxgear._dynamics._bodies import with_modes
 from jaxgear._dynamics._damping import per_mass, without_hold
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._dynamics._types import FreeMotions, Matrix, ModeMatrix, Speeds
@@ -195,8 +196,7 @@ def gear_parts(dynamics: PairDynamics) -> tuple[tuple[str, Matrix], ...]:
     structure = dynamics.cycle.system.structure
     parts = []
     for name, part in stiffness_parts(structure):
-        whole = jnp.zeros((max(dofs) + 1, max(dofs) + 1))
-        whole = whole.at[: structure.map.size, : structure.map.size].set(part)
+        whole = with_modes(part, int(max(dofs)) + 1)
         for body in dynamics.bodies:
             # A condensed body contains its shaft.
             if name == f"{BODIES[body.index]} shaft":

@@ -6,6 +6,7 @@ whole: that one rotation is held by a spring and a damper, which loads that bala
 """
 
 import dataclasses
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -308,24 +309,13 @@ def pair_dynamics(
     among = lambda matrix: matrix[dofs[:, None], dofs[None, :]]
     spread = jnp.zeros((mapped.size, mounted.vectors.shape[1]))
     onto = lambda rows: spread.at[np.asarray(mapped.gear_dofs)].set(rows)[dofs]
-    vectors, mean = onto(mounted.vectors), _mean_stiffness(mounted, cycle)
     table = mesh_table(mounted, cycle.cells, grid, model.flanks, model.misalignment)
+    vectors, mean = onto(mounted.vectors), _mean_stiffness(cycle, table)
     bow, rest = _bow(mounted), _rest(mounted, cycle)
     mass = among(structure.mass)
-    free = _rigid_rotation(mounted)[dofs]
-    free = free / jnp.sqrt(free @ mass @ free)
-    own = among(structure.stiffness)
-    meshed = vectors @ mean @ vectors.T
-    # The artificial spring is faster than any mode, so that it meets none: the trace is the sum of
-    # all squared frequencies, of which there may be one.
-    square = 4.0 * jnp.trace(jnp.linalg.solve(mass, own + meshed))
-    momentum = (mass @ free)[:, None]
-    hold = momentum @ momentum.T
-    stiffness = own + square * hold
     damping, active = _split(ModalDamping() if damping is None else damping, active_mesh_damping)
-    # A damper beside it, so that what rounding excites dies out.
-    matrix = damping_matrix(damping, mass, stiffness + meshed, meshed, free[:, None])
-    matrix = matrix + jnp.sqrt(square) * hold
+    meshed, rotation = vectors @ mean @ vectors.T, _rigid_rotation(mounted)[dofs]
+    held = _held(mass, among(structure.stiffness), meshed, rotation, damping)
     whirl = None
     if gyroscopic:
         ratio = model.pair.teeth[0] / model.pair.teeth[1]
@@ -341,8 +331,8 @@ def pair_dynamics(
         table = with_back_flanks(table, back_flank_table(mounted, model, grid, table))
     system = DynamicSystem(
         mass=mass,
-        damping=matrix,
-        stiffness=stiffness,
+        damping=held.damping,
+        stiffness=held.stiffness,
         gyroscopic=whirl,
         vectors=vectors,
         load=structure.load[dofs],
@@ -353,7 +343,7 @@ def pair_dynamics(
         force=mounted.force,
         transmission=_transmission(mounted)[dofs],
         rest=rest,
-        free=free[:, None],
+        free=held.free,
         teeth=model.pair.pinion.teeth,
         back=back,
     )
@@ -399,35 +389,29 @@ def _with_condensed_bodies(
     among = lambda matrix: matrix[dofs[:, None], dofs[None, :]]
     met = body_table(model, mounted, cycle, grid, bodies, coordinates)
     vectors = met.vectors[dofs]
-    mean = _mean_over(cycle, met.table)
-    mass = among(with_modes(structure.mass, bodies, size) + body_masses(bodies, size))
-    own = among(with_modes(structure.stiffness, bodies, size))
+    mean = _mean_stiffness(cycle, met.table)
+    mean = 0.5 * (mean + mean.T)
+    mass = among(with_modes(structure.mass, size) + body_masses(bodies, size))
+    own = among(with_modes(structure.stiffness, size))
     own = own + jnp.diag(mode_stiffness(bodies, size)[dofs])
     rest_of = lambda vector: jnp.concatenate([vector, jnp.zeros(size - mapped.size)])[dofs]
-    free = rest_of(_rigid_rotation(mounted))
-    free = free / jnp.sqrt(free @ mass @ free)
-    meshed = vectors @ mean @ vectors.T
-    square = 4.0 * jnp.trace(jnp.linalg.solve(mass, own + meshed))
-    momentum = (mass @ free)[:, None]
-    hold = momentum @ momentum.T
-    stiffness = own + square * hold
     damping = ModalDamping() if damping is None else damping
-    matrix = damping_matrix(damping, mass, stiffness + meshed, meshed, free[:, None])
-    matrix = matrix + jnp.sqrt(square) * hold
+    meshed, rotation = vectors @ mean @ vectors.T, rest_of(_rigid_rotation(mounted))
+    held = _held(mass, own, meshed, rotation, damping)
     turning = turning_terms(bodies, size, damping, whole=gyroscopic)
     whirl = turning.gyroscopic
     if gyroscopic:
         ratio = model.pair.teeth[0] / model.pair.teeth[1]
         rigid = structure.pinion_gyroscopic - ratio * structure.wheel_gyroscopic
-        whirl = whirl + with_modes(rigid, bodies, size)
+        whirl = whirl + with_modes(rigid, size)
     table = met.table
     if not centrifugal:
         turning = dataclasses.replace(turning, load=jnp.zeros_like(turning.load))
         table = dataclasses.replace(table, growth=None)
     system = DynamicSystem(
         mass=mass,
-        damping=matrix,
-        stiffness=stiffness,
+        damping=held.damping,
+        stiffness=held.stiffness,
         gyroscopic=among(whirl),
         vectors=vectors,
         load=rest_of(structure.load),
@@ -438,7 +422,7 @@ def _with_condensed_bodies(
         force=mounted.force,
         transmission=rest_of(_transmission(mounted)),
         rest=met.rest,
-        free=free[:, None],
+        free=held.free,
         teeth=model.pair.pinion.teeth,
         turning=jax.tree.map(lambda x: among(x) if x.ndim == 2 else x[dofs], turning),
     )
@@ -451,16 +435,34 @@ def _with_condensed_bodies(
     )
 
 
-def _mean_over(cycle: MeshCycle, table: MeshTable) -> CoordinateMatrix:
-    """Mean over the cycle of the stiffness of the cells in contact, on a table's coordinates."""
-    closed = jnp.where(cycle.overlap > 0.0, cycle.cells.stiffness, 0.0)
+class _Held(NamedTuple):
+    """A structure whose free rotation is held by a spring and a damper of no meaning.
 
-    def at_phase(stiffness, coupling, arms):
-        return on_coordinates_all(arms, tangent_columns(stiffness, coupling, arms))
+    **Fields:**
 
-    each = jax.vmap(at_phase)(closed, table.coupling, mesh_at(table, MIDDLE).arms)
-    mean = jnp.sum(cycle.cells.lines.weight[:, None, None] * each, axis=0)
-    return 0.5 * (mean + mean.T)
+    - `stiffness`, `damping`: of all motions.
+    - `free`: the rotation, of unit modal mass, as a column.
+    """
+
+    stiffness: Matrix
+    damping: Matrix
+    free: FreeMotions
+
+
+def _held(
+    mass: Matrix, own: Matrix, meshed: Matrix, rotation: Vector, damping: AbstractDamping
+) -> _Held:
+    """Hold the free rotation of a structure, `meshed` being the stiffness of its mean mesh."""
+    free = rotation / jnp.sqrt(rotation @ mass @ rotation)
+    # The artificial spring is faster than any mode, so that it meets none: the trace is the sum of
+    # all squared frequencies, of which there may be one.
+    square = 4.0 * jnp.trace(jnp.linalg.solve(mass, own + meshed))
+    momentum = (mass @ free)[:, None]
+    hold = momentum @ momentum.T
+    stiffness = own + square * hold
+    # A damper beside it, so that what rounding excites dies out.
+    matrix = damping_matrix(damping, mass, stiffness + meshed, meshed, free[:, None])
+    return _Held(stiffness, matrix + jnp.sqrt(square) * hold, free[:, None])
 
 
 def _split(damping: AbstractDamping, active: bool):
@@ -481,14 +483,14 @@ def _split(damping: AbstractDamping, active: bool):
     return ModalDamping(mesh=0.0, structure=damping.structure), of_cells
 
 
-def _mean_stiffness(mounted: PairSystem, cycle: MeshCycle) -> CoordinateMatrix:
-    """Mean over the cycle of the stiffness of the cells in contact, on the mesh coordinates."""
-    closed = jnp.where(cycle.overlap > 0.0, cycle.cells.stiffness, 0.0)
+def _mean_stiffness(cycle: MeshCycle, table: MeshTable) -> CoordinateMatrix:
+    """Mean over the cycle of the stiffness of the cells in contact, on a table's coordinates."""
+    closed = jnp.where(cycle.overlap > 0.0, table.stiffness, 0.0)
 
     def at_phase(stiffness, coupling, arms):
         return on_coordinates_all(arms, tangent_columns(stiffness, coupling, arms))
 
-    each = jax.vmap(at_phase)(closed, cycle.cells.coupling, mounted.arms(cycle.cells))
+    each = jax.vmap(at_phase)(closed, table.coupling, mesh_at(table, MIDDLE).arms)
     return jnp.sum(cycle.cells.lines.weight[:, None, None] * each, axis=0)
 
 

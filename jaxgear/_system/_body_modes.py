@@ -16,6 +16,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import scipy.linalg
+import scipy.sparse
 import scipy.sparse.linalg
 from jaxtyping import Array, Float
 from scipy.spatial import KDTree
@@ -204,15 +205,10 @@ def body_basis(body: Condensed, count: int) -> BodyBasis:
     seat = np.arange(rim, rim + seats)
     turn = _sector_turn(body, sectors)
     inner = np.setdiff1d(np.arange(len(body.stiffness)), seat)
-    onto = scipy.linalg.block_diag(np.eye(rim), turn.kept)
-    if turn.kept.shape[0] == turn.kept.shape[1]:
-        # All of them are kept: no products of large matrices.
-        onto = np.eye(len(inner))
-        stiffness, mass = (m[np.ix_(inner, inner)] for m in (body.stiffness, body.mass))
-    else:
-        stiffness, mass = (
-            onto.T @ m[np.ix_(inner, inner)] @ onto for m in (body.stiffness, body.mass)
-        )
+    onto = scipy.sparse.block_diag([scipy.sparse.eye_array(rim), turn.kept], format="csr")
+    stiffness, mass = (
+        onto.T @ (m[np.ix_(inner, inner)] @ onto) for m in (body.stiffness, body.mass)
+    )
     following = np.zeros((len(body.stiffness), seats))
     following[seat] = np.eye(seats)
     factor = scipy.linalg.cho_factor(stiffness, lower=True, check_finite=False)

@@ -77,6 +77,20 @@ def _section_normals(pair: GearPair, roll: Scalar) -> tuple[Array, Array]:
     )
 
 
+def carried(away: Scalar) -> Float[Array, "6 6"]:
+    """Motion of a rigid body somewhere along the axis per its motion at a node.
+
+    **Arguments:**
+
+    - `away`: from the node along the axis [m].
+
+    **Returns:**
+
+    Translations along S, T, Z and rotations about them [-, m].
+    """
+    return jnp.eye(6).at[0, 4].set(away).at[1, 3].set(-away)
+
+
 def section_motion(mount: Shaft | Support, body: GearBody, z: Scalar) -> Float[Array, "6 node_dof"]:
     """Motion of a section of a gear per motion of the nodes that its teeth load.
 
@@ -95,8 +109,7 @@ def section_motion(mount: Shaft | Support, body: GearBody, z: Scalar) -> Float[A
     if isinstance(body, FlexibleBody):
         return jnp.zeros((6, body.seat_load.size))
     if isinstance(body, RigidBody) or isinstance(mount, Support):
-        moved = jnp.eye(6)
-        return moved.at[0, 4].set(z).at[1, 3].set(-z)
+        return carried(z)
     return beam_shapes(body_beam(mount, body), 0.5 + z / body.width)
 
 

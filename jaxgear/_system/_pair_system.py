@@ -20,7 +20,12 @@ from jaxgear._contact._coupling import between_all_cells
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._wrench import beam_arms, cell_arms, structure_vectors
 from jaxgear._system._flexible import FlexibleBody, foot_tables
-from jaxgear._system._mesh_vectors import beam_vectors, section_motion, within_bodies
+from jaxgear._system._mesh_vectors import (
+    beam_vectors,
+    carried,
+    section_motion,
+    within_bodies,
+)
 from jaxgear._system._shaft import BeamBody, Shaft
 from jaxgear._system._structure import (
     BODIES,
@@ -261,8 +266,7 @@ def _middle(mount: Shaft | Support, body: GearBody) -> Float[Array, "6 node_dof"
     """Motion of a gear at mid-face per motion of its nodes: of a condensed one as its seat's."""
     if not isinstance(body, FlexibleBody):
         return section_motion(mount, body, jnp.zeros(()))
-    away = -body.seat_heights[body.gear_seat]
-    moved = jnp.eye(6).at[0, 4].set(away).at[1, 3].set(-away)
+    moved = carried(-body.seat_heights[body.gear_seat])
     first = 6 * body.gear_seat
     return jnp.zeros((6, body.seat_load.size)).at[:, first : first + 6].set(moved)
 

@@ -74,11 +74,11 @@ def _assembled(model: PairModel) -> _Matrices:
     bodies = vibrating_bodies(model, mounted)
     size = size_with(mounted, bodies)
     structure = mounted.structure
-    stiffness = with_modes(structure.stiffness, bodies, size)
+    stiffness = with_modes(structure.stiffness, size)
     return _Matrices(
         mounted,
         tuple(each.place for each in bodies),
-        with_modes(structure.mass, bodies, size) + body_masses(bodies, size),
+        with_modes(structure.mass, size) + body_masses(bodies, size),
         stiffness + jnp.diag(mode_stiffness(bodies, size)),
         (
             turning_terms(bodies, size, ModalDamping(), whole=False),
