@@ -345,7 +345,8 @@ def modes_alone(dynamics: PairDynamics, modes: Modes, gear: int) -> AloneModes:
     )
 
 
-# Squared frequencies of a gear alone closer than this, relatively, are one; frequencies as it turns.
+# Closer than this, relatively, are one: squared frequencies of a gear alone; frequencies as it
+# turns.
 _ONE_ALONE, _MEETS = 1e-5, 1e-9
 
 
