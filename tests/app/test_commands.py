@@ -82,6 +82,7 @@ def test_bearing_loads_of_the_power_pair():
     assert load[:, :2] == pytest.approx(np.asarray(thesis, dtype=float), rel=5e-3)
 
 
+@pytest.mark.slow
 def test_map_finds_the_valley_and_the_closed_form(accessory, tmp_path, capsys):
     code, summary = _run(
         capsys,
@@ -176,7 +177,10 @@ def _without_shafts(folder: Path) -> Path:
         (_FREE, "pinion.support={radial_N_m=1e8, tilt_Nm_rad=1e5}"),
         pytest.param(("mesh.slices=1", "flank.pinion.crowning_um=20"), marks=pytest.mark.slow),
         ("mesh.slices=200",),
-        ("flank.pinion.tip_relief={depth_um=900, extent=0.4}",),
+        pytest.param(
+            ("flank.pinion.tip_relief={depth_um=900, extent=0.4}",),
+            marks=pytest.mark.slow,
+        ),
         pytest.param(("pair.helix_angle_deg=35", "mesh.contact=smooth"), marks=pytest.mark.slow),
         pytest.param(("mesh.stiffness=iso6336",), marks=pytest.mark.slow),
         ("pair.torque_pinion_Nm=0.01", "flank.wheel.crowning_um=30"),
@@ -186,14 +190,23 @@ def _without_shafts(folder: Path) -> Path:
         ),
         (_FREE, "pinion.support={radial_N_m=1e4}"),
         pytest.param(("mesh.foundation=ring",), marks=pytest.mark.slow),
-        ("mesh.foundation=ring", "pair.helix_angle_deg=25", "mesh.line_load_updates=2"),
-        ("mesh.foundation=ring", "pinion.bore_mm=8", "wheel.bore_mm=126"),
+        pytest.param(
+            ("mesh.foundation=ring", "pair.helix_angle_deg=25", "mesh.line_load_updates=2"),
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            ("mesh.foundation=ring", "pinion.bore_mm=8", "wheel.bore_mm=126"),
+            marks=pytest.mark.slow,
+        ),
         ("mesh.tip_contact=true", "mesh.foundation=ring"),
         ("pinion.body.kind=beam", "pair.helix_angle_deg=15", "pinion.shaft.torque_at_mm=0"),
         ("pinion.shaft.bearings[0].radial_N_m=1e5",),
         ("pinion.shaft.bearings[0].radial_N_m=1e14", "wheel.shaft.bearings[1].radial_N_m=1e14"),
         pytest.param(("wheel.shaft.segments[0].inner_mm=39.9",), marks=pytest.mark.slow),
-        ("mesh.periods=5", "flank.pinion.eccentricity_um=20", "flank.pinion.accuracy_grade=7"),
+        pytest.param(
+            ("mesh.periods=5", "flank.pinion.eccentricity_um=20", "flank.pinion.accuracy_grade=7"),
+            marks=pytest.mark.slow,
+        ),
         pytest.param(
             ("pinion.face_width_mm=500", "wheel.face_width_mm=500", "flank.pinion.crowning_um=200"),
             marks=pytest.mark.slow,

@@ -60,6 +60,7 @@ def write(tmp_path):
     return written
 
 
+@pytest.mark.slow
 def test_a_steady_response_by_flank_torque_damping_and_speed(write):
     """At the middle speed, in both directions, to 1e-5 of differences of converged responses."""
     scene = read_scene(write(_TURNING + _SWEEP))

@@ -76,6 +76,7 @@ def test_every_derivative_of_a_helical_pair_on_shafts_is_right(table):
     assert "pinion.face_width_mm" in marked
 
 
+@pytest.mark.slow
 def test_a_false_derivative_is_found(monkeypatch):
     """A response whose derivative lies by a thousandth."""
 

@@ -280,6 +280,7 @@ def test_a_fold_out_of_reach_is_not_found():
 # --- other branches, and how they end
 
 
+@pytest.mark.slow
 def test_a_branch_of_threefold_period_closes():
     # A start that random ones led to; no branch of one or two cycles meets this one.
     system = sdof_parametric(steps=STEPS, damping_ratio=0.03)

@@ -374,6 +374,7 @@ def test_batches_agree_with_single_runs():
         assert_close(found, jnp.sum(alone.place[::1000, 0] ** 2), rtol=1e-8, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_gradients_by_gap_and_by_speed():
     # The speed moves the instants at which stiffness jumps: derivatives hold those too.
     both = jax.jit(jax.value_and_grad(_late_place, argnums=(0, 1)))

@@ -142,7 +142,10 @@ def test_unmodified_spur_pair_is_exact_on_any_grid(phases):
     assert_close(spread(cycle, _error(model, cycle)), expected, rtol=1e-7, atol=0.0)
 
 
-@pytest.mark.parametrize("ratio", [1.2, 1.42, 1.8])
+@pytest.mark.parametrize(
+    "ratio",
+    [pytest.param(1.2, marks=pytest.mark.slow), 1.42, pytest.param(1.8, marks=pytest.mark.slow)],
+)
 def test_rms_follows_the_contact_ratio(ratio):
     """d RMS/d eps = delta (3 - 2 eps) / (4 sqrt((eps-1)(2-eps))), through the addendum.
 
@@ -221,7 +224,11 @@ def test_deep_relief_separates_neighbouring_teeth():
     assert_close(_error(model, cycle)[alone], np.full(alone.sum(), delta), rtol=1e-9, atol=0.0)
 
 
-@pytest.mark.parametrize("drawing", [ACCESSORY, POWER], ids=["spur", "helical"])
+@pytest.mark.parametrize(
+    "drawing",
+    [pytest.param(ACCESSORY, marks=pytest.mark.slow), POWER],
+    ids=["spur", "helical"],
+)
 def test_slope_at_zero_relief_is_a_derivative(drawing):
     """d mean TE/d depth: the mean removal over the cells in contact. A tie must not halve it."""
     model = _model(drawing, 120.0)
@@ -389,6 +396,7 @@ def test_wide_narrow_and_steep_pairs_converge(helix, width, slices):
     assert_close(np.asarray(cycle.force).sum(axis=1), expected, rtol=1e-9, atol=0.0)
 
 
+@pytest.mark.slow
 def test_two_hundred_slices_agree_with_twenty():
     model = _model(POWER, 150.0, flanks=jg.Flanks(RELIEVED, RELIEVED))
     means = []

@@ -145,7 +145,7 @@ def _moving_together(system: jg.PairSystem, kind: str, shift, turn) -> np.ndarra
     return np.concatenate(nodes)
 
 
-@pytest.mark.parametrize("kind", ["spur", "helical"])
+@pytest.mark.parametrize("kind", [pytest.param("spur", marks=pytest.mark.slow), "helical"])
 @pytest.mark.parametrize("body", ["rigid", "beams"])
 def test_motions_that_leave_the_flanks_where_they_are(kind, body):
     """No cell comes closer: all as one body, gears in their ratio, gliding along the contact."""
@@ -298,7 +298,7 @@ def test_lever_rule():
 # --- supports and shafts as limits of each other
 
 
-@pytest.mark.parametrize("kind", ["spur", "helical"])
+@pytest.mark.parametrize("kind", [pytest.param("spur", marks=pytest.mark.slow), "helical"])
 def test_a_bearing_under_the_gear_is_a_support_at_its_centre(kind):
     more = {"misalignment": jg.Misalignment(8 * um, -15 * um)}
     springs = _cycle(kind, pinion_support=SUPPORT, wheel_support=SUPPORT, **more)
@@ -390,7 +390,7 @@ def test_a_gear_in_the_middle_is_loaded_evenly():
     assert_close(load, np.full(6, load.mean()), rtol=1e-8, atol=0.0)
 
 
-@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("side", [pytest.param(1.0, marks=pytest.mark.slow), -1.0])
 def test_an_overhung_gear_gives_way_at_its_free_end(side):
     """The mesh bends the pinion's shaft away: the end of the face towards the bearings carries."""
     reach = 30 * mm
@@ -485,6 +485,7 @@ def _twist_and_shear(torsion: float, shear: float, radius: float, width: float):
     return lambda z: even * np.cosh(rate * z) + odd * np.sinh(rate * z), twist
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("size", "within"), [(0.2, 1.5e-3), (0.5, 6e-3), (1.0, 2e-2), (2.0, 6e-2)])
 def test_a_twisted_body_against_the_differential_equation(size, within):
     """Uneven load of a body driven from one end, as part of its own excess at that end.

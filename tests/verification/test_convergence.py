@@ -32,6 +32,7 @@ def _order(sizes, values, best, bend: float) -> float:
     return observed_order(1.0 / np.asarray(sizes), errors, bend=bend)
 
 
+@pytest.mark.slow
 def test_plain_spur_pair_of_constant_stiffness_needs_no_phases():
     drawing = with_contact_ratio(1.6)
     model = jg.PairModel(drawing.pair(), 100.0, compliance=CONSTANT)
@@ -90,6 +91,7 @@ def test_errors_stay_under_a_square_of_the_step(case):
     assert np.max(np.abs(errors)) > 1e-4
 
 
+@pytest.mark.slow
 def test_contact_length_needs_no_slices():
     """Swept parallelograms tile the plane of action: plain and constant, any count is exact."""
     model, _ = UNEVENT["plain helical"]

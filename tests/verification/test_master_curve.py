@@ -138,6 +138,7 @@ def test_helical_pair_is_still_on_the_curve(name):
     assert plain > 1e-3
 
 
+@pytest.mark.slow
 def test_helical_residual_at_the_longest_relief_falls_with_the_slices():
     """At Gamma* the ends are just closing: slices cut by the end of the path carry wrongly.
 

@@ -163,6 +163,7 @@ def _middle_of_two(cycle: jg.MeshCycle) -> tuple[int, np.ndarray]:
     return phase, np.flatnonzero(fraction[phase] > 0.5)
 
 
+@pytest.mark.slow
 def test_two_pairs_on_two_rings_by_hand():
     """The 2 x 2 compliance of a spur pair in double contact, from tractions on explicit angles."""
     cycle = _spur_cycle(RING)
@@ -307,6 +308,7 @@ def _face_load(cycle: jg.MeshCycle) -> np.ndarray:
     return np.einsum("p,pls->s", weight, force)
 
 
+@pytest.mark.slow
 def test_mirror_square_to_the_axes():
     """Rings, shafts, loads, flanks, all mirrored: the same error, face loads the other way."""
     one, other = _cycle_on_shafts(1.0), _cycle_on_shafts(-1.0)
@@ -485,6 +487,7 @@ def _beyond(cycle: jg.MeshCycle) -> np.ndarray:
     return (roll < float(spur().path_start)) | (roll > float(spur().path_end))
 
 
+@pytest.mark.slow
 def test_tip_corners_take_load_off_the_others():
     """Longer contact: less TE at each phase, and no jump where a pair enters."""
     off, on = _tips_of_nominal_flanks()
