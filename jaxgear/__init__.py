@@ -201,6 +201,9 @@ from jaxgear._response._factors import transverse_load_factor as transverse_load
 from jaxgear._response._factors import (
     working_pressure_angle_change as working_pressure_angle_change,
 )
+from jaxgear._response._half_power import Resonance as Resonance
+from jaxgear._response._half_power import rayleigh_damping as rayleigh_damping
+from jaxgear._response._half_power import resonances as resonances
 from jaxgear._response._loads import hertz_pressure as hertz_pressure
 from jaxgear._response._loads import line_load as line_load
 from jaxgear._response._loads import load_sharing as load_sharing
