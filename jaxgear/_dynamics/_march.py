@@ -9,11 +9,12 @@ number of modes. It is found by Newton's method from the load before.
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from jaxgear._checks import require
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit, bears_load
-from jaxgear._dynamics._steppers import AbstractStepper, Midpoint, Newmark, State
+from jaxgear._dynamics._steppers import AbstractStepper, Midpoint, Newmark
 from jaxgear._dynamics._system import DynamicSystem, ModalBasis, modal_basis
 from jaxgear._dynamics._table import (
     END,
@@ -244,43 +245,43 @@ def rule_of(
 
     The rule.
     """
-    none, one = jnp.zeros_like(modes.square), jnp.ones_like(modes.square)
-    parts = range(stepper.carries)
+    # All states and the load at once: what is worked out once is compiled once.
+    unit = jnp.eye(stepper.carries + 1)[:, :, None] * jnp.ones_like(modes.square)[None, None]
 
-    def respond(state: State, load: Reals) -> tuple[Reals, Reals, Reals]:
-        ended, near, rate = stepper.advance(state, load, modes.square, modes.damping, step)
+    def respond(case: Reals) -> tuple[Reals, Reals, Reals]:
+        *state, load = case
+        ended, near, rate = stepper.advance(tuple(state), load, modes.square, modes.damping, step)
         return jnp.stack(ended), near, rate
 
-    by_state = [respond(tuple(one if i == k else none for i in parts), none) for k in parts]
-    by_load = respond(tuple(none for _ in parts), one)
+    ended, near, rate = jax.vmap(respond)(unit)
     whirl, stiffens, steady, pushes = None, None, modes.load, modes.mesh
     if system.gyroscopic is not None:
         # The load is F - V w - G v with v = v_0 + b u: solved for u, all are linear in v_0.
         on_modes = lambda matrix: modes.shape.T @ matrix @ modes.shape
         spun = speed * on_modes(system.gyroscopic)
-        tied = jnp.eye(one.size) + spun * by_load[2][None, :]
+        tied = jnp.eye(modes.square.size) + spun * rate[-1][None, :]
         if system.turning is not None:
             # And so it is with forces by displacements.
             stiffens = on_modes(system.turning.stiffness_at(speed))
             steady = modes.shape.T @ system.load_at(speed)
-            tied = tied + stiffens * by_load[1][None, :]
+            tied = tied + stiffens * near[-1][None, :]
         answers = jnp.linalg.inv(tied)
         whirl, steady, pushes = answers @ spun, answers @ steady, answers @ pushes
         stiffens = None if stiffens is None else answers @ stiffens
     on_mesh = lambda x: modes.mesh.T @ (x[:, None] * pushes)
-    own, brakes = on_mesh(by_load[1]), on_mesh(by_load[2])
+    own, brakes = on_mesh(near[-1]), on_mesh(rate[-1])
     follows = jnp.linalg.inv(jnp.eye(own.shape[0]) - own @ system.mean)
     yields = follows @ own
     if system.bow is not None:
         yields = yields + system.bow
     return Rule(
         step=step,
-        state=jnp.stack([each[0] for each in by_state], axis=1),
-        load=by_load[0],
-        near=jnp.stack([each[1] for each in by_state]),
-        near_load=by_load[1],
-        rate=jnp.stack([each[2] for each in by_state]),
-        rate_load=by_load[2],
+        state=jnp.swapaxes(ended[:-1], 0, 1),
+        load=ended[-1],
+        near=near[:-1],
+        near_load=near[-1],
+        rate=rate[:-1],
+        rate_load=rate[-1],
         whirl=whirl,
         stiffens=stiffens,
         steady=steady,
@@ -651,8 +652,9 @@ def march_of(
     table = system.table
     lengths = table.lengths * system.mesh_period(speed)
     kinds = max(table.kinds) + 1
-    steps = [lengths[table.kinds.index(kind)] for kind in range(kinds)]
-    rules = tuple(rule_of(stepper, system, modes, step, speed) for step in steps)
+    steps = lengths[np.asarray([table.kinds.index(kind) for kind in range(kinds)])]
+    every = jax.lax.map(lambda step: rule_of(stepper, system, modes, step, speed), steps)
+    rules = tuple(jax.tree.map(lambda x, k=kind: x[k], every) for kind in range(kinds))
     return March(system, modes, stepper, law, speed, rules, averaged)
 
 
