@@ -220,19 +220,15 @@ def _blocks(step: _Step, gains: Reals) -> list[tuple[_Joined, Reals]]:
     _, push = jax.lax.scan(lambda x, _: (step.free @ x, x), step.push, length=most)
     echo = look @ step.push
     free = jnp.linalg.matrix_power(step.free, short)
-    found = []
-    for size, number in ((short + 1, longer), (short, count - longer)):
-        if number:
-            joined = _Joined(
-                step.free @ free if size > short else free, look[:size], echo[:size], push[:size]
-            )
-            part = (
-                gains[:, : longer * (short + 1)]
-                if size > short
-                else gains[:, longer * (short + 1) :]
-            )
-            found.append((joined, part.reshape(-1, number, size, *gains.shape[2:])))
-    return found
+    first, rest = jnp.split(gains, [longer * (short + 1)], axis=1)
+    return [
+        (
+            _Joined(power, look[:size], echo[:size], push[:size]),
+            part.reshape(len(part), -1, size, *part.shape[2:]),
+        )
+        for size, power, part in ((short + 1, step.free @ free, first), (short, free, rest))
+        if part.size
+    ]
 
 
 def _gains(
