@@ -137,13 +137,15 @@ def compare_bodies(
         whole = combined(rungs, rows)
         if whole is not None:
             rows.append(row(whole))
-    found = cheapest(rows, TOLERANCE)
+    found, own_row = cheapest(rows, TOLERANCE), rows[0]
+    kept = sorted((row for row in rows if row["family"] == _KEPT), key=lambda row: row["modes"])
+    rows = [*kept, *(row for row in rows if row["family"] != _KEPT)]
     recommended = None if found is None else found["name"]
     summary = _names(scene) | {
         "compare": {
             "rungs": rows,
             "recommended": recommended,
-            "words": words_of(found, rows[0]),
+            "words": words_of(found, own_row),
             "tolerance": TOLERANCE,
             "reference": _reference_summary(scene, dynamics, steps, at, reference),
         }
