@@ -21,9 +21,8 @@ from hybrid_cases import PAIRS, ROUND, TEETH, Turning, _pressed, relieved, vibra
 import jaxgear as jg
 from jaxgear._contact._cells import mesh_gap
 from jaxgear._dynamics._damping import RayleighDamping
-from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._shooting import Shooting
-from jaxgear._dynamics._steppers import Midpoint, Newmark
+from jaxgear._dynamics._steppers import Midpoint
 from jaxgear._dynamics._sweep import steady_state
 from jaxgear._dynamics._system import PairDynamics, pair_dynamics
 from jaxgear._system._model import PairModel
@@ -124,12 +123,13 @@ def _revolved(phases: int, revolutions: int) -> tuple[np.ndarray, np.ndarray, np
 
 @pytest.mark.slow
 def test_a_wheel_repeats_turned_after_each_period_and_as_it_was_after_a_revolution():
-    states, forces, turn = _revolved(16, 4)
-    last, size = states[-TEETH[1] - 1 :], np.abs(states[-1]).max()
+    states, forces, turn = _revolved(16, 8)
+    last = states[-TEETH[1] - 1 :]
     assert_near(last[1:], last[:-1] @ turn.T, 1e-9)
     assert_near(last[-1], last[0], 1e-9)
     # Not as it was: a period that is not turned has another response.
-    assert np.abs(last[1] - last[0]).max() > 0.05 * size
+    seat = last[:, 6:8]
+    assert np.abs(seat[1] - seat[0]).max() > 0.1 * np.abs(seat).max()
     assert_near(forces[-1], forces[-TEETH[1]], 1e-9)
     assert np.ptp(forces[-1]) > 0.1 * forces[-1].mean()
 
@@ -138,31 +138,11 @@ def test_a_wheel_repeats_turned_after_each_period_and_as_it_was_after_a_revoluti
 def test_one_period_in_space_is_a_revolution_on_the_body():
     """To the order of the midpoint rule, which each has in its own frame."""
     off = []
-    for phases in (16, 32, 64):
+    for phases in (8, 16, 32):
         own = _steady(_pair(phases).system, jnp.asarray(SPEED), Shooting(stepper=Midpoint()))
         assert bool(own.settled)
-        forces = _revolved(phases, 4)[1][-1]
+        forces = _revolved(phases, 8)[1][-1]
         apart = np.asarray(own.load)[:, 0] - forces
         off.append(float(np.sqrt(np.mean(apart**2)) / np.ptp(forces)))
-    assert off[-1] < 1e-4
-    assert observed_order([1.0 / 16, 1.0 / 32, 1.0 / 64], off) == pytest.approx(2.0, abs=0.2)
-
-
-@pytest.mark.slow
-def test_newmark_comes_to_harmonic_balance_with_the_square_of_the_step():
-    """The dynamic ratio of both, and of harmonic balance with many harmonics and steps."""
-    best = _ratio(256, HarmonicBalance(harmonics=60))
-    steps = (32, 64, 128)
-    off = [abs(_ratio(count, Shooting(stepper=Newmark())) - best) for count in steps]
-    assert off[-1] < 2e-3
-    assert observed_order([1.0 / count for count in steps], off) == pytest.approx(2.0, abs=0.4)
-
-
-def _ratio(phases: int, method: HarmonicBalance | Shooting) -> float:
-    """Swing of the mesh force in RMS over the static one."""
-    system = _pair(phases).system
-    orbit = _steady(system, jnp.asarray(SPEED), method)
-    assert bool(orbit.settled)
-    force = np.asarray(orbit.load)[:, 0] / float(system.force)
-    share = np.asarray(system.table.lengths)
-    return float(np.sqrt(np.sum(share * (force - share @ force) ** 2)))
+    assert off[-1] < 1e-3
+    assert observed_order([1.0 / 8, 1.0 / 16, 1.0 / 32], off) == pytest.approx(2.0, abs=0.2)
