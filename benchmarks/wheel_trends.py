@@ -433,9 +433,10 @@ def critical_speeds() -> Finding:
             for name in ("accessory", "power")
             for what, base in beside.items()
         },
-        "the thinner the web, the lower": bool(np.all(np.diff(webs) < 0.0)),
         "H2 lies lower than H1": pace["accessory, H2"] < pace["accessory, 3 mm"],
     }
+    if len(webs) > 1:
+        found.holds["the thinner the web, the lower"] = bool(np.all(np.diff(webs) < 0.0))
     return found
 
 
