@@ -261,8 +261,6 @@ def _refuse_unfit(command: str, scene: Scene) -> None:
     condensed = scene.condensed
     if command == "condense" and not condensed:
         raise _Stop(2, _nothing_to_condense(scene))
-    if condensed and command == "compare":
-        raise SceneError([_not_compared(scene, gear) for gear in condensed])
     if condensed and command != "condense":
         if scene["mesh.stiffness"] == "iso6336":
             raise SceneError([_counted_twice(scene)])
@@ -303,16 +301,6 @@ def _nothing_to_condense(scene: Scene) -> str:
         "web = { hub_outer_mm = 50.0, web_thickness_mm = 4.0, rim_inner_mm = 118.0 }\n\n"
         "or leave web out for a solid body."
     )
-
-
-def _not_compared(scene: Scene, gear: str) -> Mistake:
-    """Say which commands take a condensed body."""
-    key = f"{gear}.body.kind"
-    words = (
-        'got "condensed": `jaxgear compare` does not yet take condensed bodies. Use sweep or '
-        f'modes, write "rigid" or "beam", or --set {key}=rigid'
-    )
-    return Mistake(scene.where(key), key, words)
 
 
 def _counted_twice(scene: Scene) -> Mistake:
