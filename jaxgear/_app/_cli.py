@@ -242,10 +242,13 @@ def _print_modes(found: Mapping[str, Any]) -> None:
     columns.append(found["critical_speed_rad_s"]["mesh_harmonic_1"])
     heads = ["mode", "Hz", "damping %", *(f"{name} %" for name in parts), "critical rad/s"]
     form = "{:>4}" + "  {:>11}" * (len(heads) - 2) + "  {:>14}"
-    print(form.format(*heads))
+    # Of condensed bodies: the gear of the leading wave, and its nodal diameters.
+    names, numbers = found.get("gear", ()), found.get("nodal_diameter", ())
+    waves = [f"  {gear:>6}  {count:>9}" for gear, count in zip(names, numbers, strict=True)]
+    print(form.format(*heads) + (f"  {'gear':>6}  {'diameters':>9}" if waves else ""))
     for number, row in enumerate(zip(*columns, strict=True), start=1):
         cells = [f"{row[0]:.6g}", *(f"{value:.3f}" for value in row[1:-1]), f"{row[-1]:.6g}"]
-        print(form.format(number, *cells))
+        print(form.format(number, *cells) + (waves[number - 1] if waves else ""))
 
 
 def _print_bodies(found: Sequence[Mapping[str, Any]]) -> None:
