@@ -188,8 +188,12 @@ from jaxgear._response._dynamic import orbit_variance as orbit_variance
 from jaxgear._response._dynamic import order_amplitudes as order_amplitudes
 from jaxgear._response._dynamic import pair_forces as pair_forces
 from jaxgear._response._dynamic import smooth_dynamic_ratio as smooth_dynamic_ratio
+from jaxgear._response._dynamic_loads import dynamic_line_load as dynamic_line_load
+from jaxgear._response._dynamic_loads import dynamic_pressure as dynamic_pressure
 from jaxgear._response._energy import Energies as Energies
+from jaxgear._response._energy import Work as Work
 from jaxgear._response._energy import energies as energies
+from jaxgear._response._energy import work_done as work_done
 from jaxgear._response._factors import face_load as face_load
 from jaxgear._response._factors import face_load_factor as face_load_factor
 from jaxgear._response._factors import pressure_angle_change as pressure_angle_change
@@ -201,6 +205,9 @@ from jaxgear._response._factors import transverse_load_factor as transverse_load
 from jaxgear._response._factors import (
     working_pressure_angle_change as working_pressure_angle_change,
 )
+from jaxgear._response._half_power import Resonance as Resonance
+from jaxgear._response._half_power import rayleigh_damping as rayleigh_damping
+from jaxgear._response._half_power import resonances as resonances
 from jaxgear._response._loads import hertz_pressure as hertz_pressure
 from jaxgear._response._loads import line_load as line_load
 from jaxgear._response._loads import load_sharing as load_sharing

@@ -15,7 +15,8 @@ from fem_prep._condense import Held, hold, recovered
 from jaxgear._app._body_build import BuiltBody, Steps, full_of
 from jaxgear._app._body_words import in_keys
 from jaxgear._app._dynamics import Sweep
-from jaxgear._app._model import pair_of
+from jaxgear._app._flank_loads import FlankLoads, flank_loads, loads_over_speeds, loads_summary
+from jaxgear._app._model import law_of, pair_of
 from jaxgear._app._results import Entry
 from jaxgear._app._scene import Scene
 from jaxgear._app._schema import GEARS
@@ -23,6 +24,7 @@ from jaxgear._checks import require
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._sweep import Direction, SweepPoint
 from jaxgear._dynamics._system import PairDynamics
+from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._response._waves import (
     DIRECTIONS,
     BodyMotion,
@@ -428,6 +430,8 @@ class WaveWatch:
     - `looked`: what is looked at, by gear.
     - `orders`: mesh orders that are considered.
     - `best`: of each direction, whether it settled, dynamic ratio, speed and motions by gear.
+    - `law`: of contact.
+    - `loads`: on the flanks, of each direction, at its lowest and highest speed and at `best`.
     """
 
     pair: PairDynamics
@@ -436,20 +440,34 @@ class WaveWatch:
     best: dict[Direction, tuple[bool, float, float, dict[str, BodyMotion]]] = dataclasses.field(
         default_factory=dict
     )
+    law: AbstractContactLaw = dataclasses.field(default_factory=ExactContact)
+    loads: dict[Direction, dict[str, FlankLoads]] = dataclasses.field(default_factory=dict)
+
+    def flanks(self, direction: Direction) -> list[FlankLoads]:
+        """Loads on the flanks that are shown of a direction, by rising speed, each once."""
+        own = {each.speed: each for each in self.loads.get(direction, {}).values()}
+        return [own[speed] for speed in sorted(own)]
 
     def __call__(
         self, direction: Direction, point: SweepPoint, ratio: float
     ) -> dict[str, np.ndarray]:
-        """RMS of waves and of probes, in SI, under names that begin with the gear's."""
+        """RMS of waves and of probes, their names begin with the gear's, and flank loads, in SI."""
         motions = {
             gear: _within(each.motion(self.pair, point.orbit), self.orders)
             for gear, each in self.looked.items()
         }
         kept = self.best.get(direction)
+        speed = float(point.orbit.speed)
+        loads = flank_loads(self.pair, point.orbit, self.law)
+        shown = self.loads.setdefault(direction, {})
         if kept is None or (point.settled, ratio) > kept[:2]:
-            speed = float(point.orbit.speed)
             self.best[direction] = point.settled, ratio, speed, motions
-        numbers = {}
+            shown["peak"] = loads
+        if speed <= shown.get("lowest", loads).speed:
+            shown["lowest"] = loads
+        if speed >= shown.get("highest", loads).speed:
+            shown["highest"] = loads
+        numbers = loads.numbers()
         for gear, each in self.looked.items():
             motion = motions[gear]
             numbers[f"{gear}_wave_rms"] = each.waves(motion).by_diameter(each.most, each.low)
@@ -518,7 +536,7 @@ def wave_watch(
         probes = _asked(scene, body) or _usual(body)
         rim = joined_circles(circles, most)
         looked[gear] = Looked(body, rim, tuple(probes), angle_of(body.index))
-    return WaveWatch(pair, looked, max(1, scene["sweep.orders"]))
+    return WaveWatch(pair, looked, max(1, scene["sweep.orders"]), law=law_of(scene))
 
 
 # --- Dataset and summary
@@ -545,6 +563,8 @@ def waves_dataset(watch: WaveWatch, sweep: Sweep) -> xr.Dataset:
     }
     for gear, each in watch.looked.items():
         entries |= _over_speeds(gear, each, sweep) | _at_peak(gear, each, motions[gear])
+    if watch.loads:
+        entries |= loads_over_speeds([[r.numbers for r in own] for own in sweep.responses.values()])
     return xr.Dataset(
         {name: entry.variable() for name, entry in entries.items()},
         attrs={
@@ -736,6 +756,7 @@ def waves_summary(watch: WaveWatch, dataset: xr.Dataset) -> list[Summary]:
                 ),
                 "probes": probes,
                 "largest": _largest(dataset, gear),
+                "flank": loads_summary(dataset) if "max_line_load_N_mm" in dataset else None,
             }
         )
     return found

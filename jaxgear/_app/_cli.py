@@ -242,10 +242,13 @@ def _print_modes(found: Mapping[str, Any]) -> None:
     columns.append(found["critical_speed_rad_s"]["mesh_harmonic_1"])
     heads = ["mode", "Hz", "damping %", *(f"{name} %" for name in parts), "critical rad/s"]
     form = "{:>4}" + "  {:>11}" * (len(heads) - 2) + "  {:>14}"
-    print(form.format(*heads))
+    # Of condensed bodies: the gear of the leading wave, and its nodal diameters.
+    names, numbers = found.get("gear", ()), found.get("nodal_diameter", ())
+    waves = [f"  {gear:>6}  {count:>9}" for gear, count in zip(names, numbers, strict=True)]
+    print(form.format(*heads) + (f"  {'gear':>6}  {'diameters':>9}" if waves else ""))
     for number, row in enumerate(zip(*columns, strict=True), start=1):
         cells = [f"{row[0]:.6g}", *(f"{value:.3f}" for value in row[1:-1]), f"{row[-1]:.6g}"]
-        print(form.format(number, *cells))
+        print(form.format(number, *cells) + (waves[number - 1] if waves else ""))
 
 
 def _print_bodies(found: Sequence[Mapping[str, Any]]) -> None:
@@ -261,8 +264,6 @@ def _refuse_unfit(command: str, scene: Scene) -> None:
     condensed = scene.condensed
     if command == "condense" and not condensed:
         raise _Stop(2, _nothing_to_condense(scene))
-    if condensed and command == "compare":
-        raise SceneError([_not_compared(scene, gear) for gear in condensed])
     if condensed and command != "condense":
         if scene["mesh.stiffness"] == "iso6336":
             raise SceneError([_counted_twice(scene)])
@@ -303,16 +304,6 @@ def _nothing_to_condense(scene: Scene) -> str:
         "web = { hub_outer_mm = 50.0, web_thickness_mm = 4.0, rim_inner_mm = 118.0 }\n\n"
         "or leave web out for a solid body."
     )
-
-
-def _not_compared(scene: Scene, gear: str) -> Mistake:
-    """Say which commands take a condensed body."""
-    key = f"{gear}.body.kind"
-    words = (
-        'got "condensed": `jaxgear compare` does not yet take condensed bodies. Use sweep or '
-        f'modes, write "rigid" or "beam", or --set {key}=rigid'
-    )
-    return Mistake(scene.where(key), key, words)
 
 
 def _counted_twice(scene: Scene) -> Mistake:

@@ -531,7 +531,7 @@ def _head(scene: Scene, statics: Statics) -> Summary:
                 # Time steps, where statics are those that the dynamics begin with.
                 "phases": statics.grid.phases,
                 # Both gears' rotations are one coordinate: the drive.
-                "dofs": len(statics.cycle.system.structure.map.free) - 1,
+                "dofs": len(statics.cycle.system.structure.map.free) - 1 + _modes_kept(scene),
             },
             "geometry": geometry_summary(statics.model),
             "iso6336": iso_summary(statics.model),
@@ -541,6 +541,12 @@ def _head(scene: Scene, statics: Statics) -> Summary:
         }
         | _bodies(scene, known)
     )
+
+
+def _modes_kept(scene: Scene) -> int:
+    """Modes with which condensed bodies vibrate; none in statics."""
+    bases = [body.basis for body in scene.bodies.values()]
+    return sum(len(basis.square) for basis in bases if basis is not None)
 
 
 def _foundation(scene: Scene) -> str:

@@ -1340,7 +1340,8 @@ def compare(
         handles.append(Line2D([], [], color=colour, marker=marker, ms=6.5, lw=1.1, label=family))
     axes.set(xscale="log", yscale="log", xlabel="time, without compilation [s]")
     axes.set_ylabel(f"{quantity} [{unit}]")
-    _room_around(axes, place)
+    asked = [] if tolerance is None else [[place[0, 0], tolerance]]
+    _room_around(axes, np.concatenate([place, np.reshape(asked, (-1, 2))]))
     if tolerance is not None:
         axes.axhline(tolerance, color=_GREEN, lw=1.2, ls="--", zorder=1.5)
         label = f"tolerance {tolerance:.2g}"

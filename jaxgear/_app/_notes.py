@@ -7,11 +7,13 @@ import jax
 import numpy as np
 
 import optimise
+from jaxgear._app._dynamics import Size, method_name, speeds_of
 from jaxgear._app._gradients import SteadyPoint
 from jaxgear._app._scene import Scene
 from jaxgear._app._schema import GEARS
 from jaxgear._app._statics import Statics
 from jaxgear._contact._ring import SAINSOT_RADIUS_RATIO
+from jaxgear._system._body_modes import BodyBasis
 from jaxgear._system._model import PairModel
 from jaxgear._system._shaft import BeamBody, Shaft
 from jaxgear._units import mm, um
@@ -162,7 +164,9 @@ def _on_condensed(scene: Scene) -> list[str]:
         if periods % repeats:
             found.append(
                 f"The {gear}'s body repeats after {repeats} teeth, of which {periods} are in the "
-                f"cycle: make mesh.periods a multiple of {repeats} to see all of them."
+                f"cycle: make mesh.periods a multiple of {repeats} to see all of them; a response "
+                f"is then over {repeats} mesh periods, and takes at least so many times as long as "
+                "one over a single period."
             )
     return found
 
@@ -234,6 +238,7 @@ def sweep_notes(scene: Scene, unsettled: int, responses: int, lost: list[str]) -
         )
     if scene.get("model.coordinates") and not scene.condensed:
         found.append("model.coordinates does nothing: all modes of these bodies are kept.")
+    found += [*_beyond_bodies(scene), *_beyond_reach(scene)]
     if unsettled:
         found.append(
             f"{unsettled} of {responses} responses did not settle: their numbers are those of the "
@@ -245,6 +250,65 @@ def sweep_notes(scene: Scene, unsettled: int, responses: int, lost: list[str]) -
         for why in lost
     ]
     return found
+
+
+def _beyond_bodies(scene: Scene) -> list[str]:
+    """More modes asked for than bodies have."""
+    asked, found = scene.get("model.coordinates", 0), []
+    for gear, basis in _bases(scene):
+        has = len(basis.square)
+        # The last pair is never parted.
+        if asked > has + 1:
+            found.append(
+                f"model.coordinates asks for {asked} modes, but the {gear}'s condensed body has "
+                f"{has}: all of them are kept. Raise {gear}.body.modes, or make its rim's elements "
+                "smaller, for more."
+            )
+    return found
+
+
+def _beyond_reach(scene: Scene) -> list[str]:
+    """The highest mode of a condensed body, where steps or harmonics are too few to follow it."""
+    each = [(float(basis.square.max()), gear, basis) for gear, basis in _bases(scene)]
+    if not each or not scene.has_table("sweep"):
+        return []
+    square, gear, basis = max(each, key=lambda row: row[0])
+    frequency, mode = math.sqrt(square) / (2.0 * math.pi), int(np.argmax(basis.square))
+    speeds, teeth = speeds_of(scene), scene["pinion.teeth"]
+    # Approach and tilt stand beside the mesh coordinates.
+    size = Size(2 + scene.get("model.mesh_coordinates", 12), scene["mesh.periods"])
+    harmonic = method_name(scene, size) == "harmonic"
+    key = "sweep.harmonics" if harmonic else "sweep.steps"
+    # Up to which multiple of the mesh frequency a response is followed, and what that takes.
+    per = 1.0 if harmonic else 1.0 / STEPS_IN_PERIOD
+    order = lambda speed: 2.0 * math.pi * frequency / (teeth * speed)
+    limit = order(1.0) / (per * scene[key])
+    if limit <= speeds[0]:
+        return []
+    need = lambda speed: math.ceil(order(speed) / per)
+    where = (
+        f"at all speeds up to {speeds[-1]:.5g} rad/s"
+        if limit > speeds[-1]
+        else f"below {limit:.5g} rad/s"
+    )
+    wants = f"{need(speeds[-1])} at {speeds[-1]:.5g} rad/s, {need(speeds[0])} at {speeds[0]:.5g}"
+    beside = ", and more than twice as many sweep.steps" if harmonic else ""
+    return [
+        f"{key} = {scene[key]} reaches less far than mode {mode + 1} of the {gear}'s body, "
+        f"{frequency:.5g} Hz with {int(basis.diameters[mode])} nodal diameters, its seats held, "
+        f"{where}: there it follows its load, but does not vibrate. To see it vibrate, {key} must "
+        f"be at least {wants} rad/s{beside}."
+    ]
+
+
+# Fewer time steps in the period of a mode do not show it: its frequency is then off by 3 %.
+STEPS_IN_PERIOD = 10
+
+
+def _bases(scene: Scene) -> list[tuple[str, BodyBasis]]:
+    """Modes of the condensed bodies that vibrate, their seats held."""
+    found = [(gear, each.basis) for gear, each in scene.bodies.items()]
+    return [(gear, basis) for gear, basis in found if basis is not None]
 
 
 def steady_notes(points: Sequence[SteadyPoint]) -> list[str]:

@@ -897,7 +897,8 @@ _DYNAMICS = (
     ),
     _count(
         "modes.count",
-        "number of modes written down; default: 12, or all up to highest_Hz",
+        "number of modes written down; default: 12, with condensed bodies 40, or all up to "
+        "highest_Hz",
         at_least=1,
         at_most=10_000,
     ),

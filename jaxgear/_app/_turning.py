@@ -7,6 +7,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy.linalg
 import xarray as xr
 
 from jaxgear._app._results import Entry
@@ -91,31 +92,48 @@ def require_retained(scene: Scene, pair: PairDynamics) -> None:
 
     **Arguments:**
 
-    - `scene`: gives the highest frequency, if it wants one.
+    - `scene`: gives the highest frequency or the number of modes, if it wants one.
     - `pair`: of it.
 
     **Raises:**
 
     - `InputError` naming the gear whose modes end below it.
     """
-    highest = scene.get("modes.highest_Hz")
-    if highest is None:
+    asked, count = scene.get("modes.highest_Hz"), scene.get("modes.count")
+    if not pair.bodies or (asked is None and count is None):
         return
-    for body in pair.bodies:
-        last = float(np.sqrt(np.max(np.asarray(body.square)))) / (2.0 * np.pi)
-        count = body.square.size
-        require(
-            highest <= last,
-            "modes.highest_Hz is {highest:g} Hz, but the {count} modes that the {gear}'s condensed "
-            "body has in motion, all seats held, end at {last:.5g} Hz: beyond, the pair's would be "
-            "wrong. Raise model.coordinates, of which it has {given}, and the {gear}'s body.modes "
-            "if that is all that it has; or lower modes.highest_Hz.",
-            highest=highest,
-            gear=GEARS[body.index],
-            last=last,
-            count=count,
-            given=scene.get("model.coordinates", 100) or "all",
-        )
+    ends = [float(np.sqrt(np.max(np.asarray(body.square)))) for body in pair.bodies]
+    body, last = pair.bodies[int(np.argmin(ends))], min(ends) / (2.0 * np.pi)
+    about = dict(
+        gear=GEARS[body.index],
+        last=last,
+        modes=body.square.size,
+        given=scene.get("model.coordinates", 100) or "all",
+    )
+    whose = (
+        "but the {modes} modes that the {gear}'s condensed body has in motion, all seats held, end "
+        "at {last:.5g} Hz"
+    )
+    remedy = (
+        "beyond, the pair's would be wrong. Raise model.coordinates, of which it has {given}, and "
+        "the {gear}'s body.modes if that is all that it has; or lower "
+    )
+    if asked is not None:
+        message = "modes.highest_Hz is {asked:g} Hz, " + whose + ": " + remedy
+        require(asked <= last, message + "modes.highest_Hz.", asked=asked, **about)
+        return
+    below = int(np.searchsorted(_natural(pair), last, side="right"))
+    message = "modes.count is {count}, " + whose + ", and the pair has {below} below: " + remedy
+    require(count <= below, message + "modes.count.", count=count, below=below, **about)
+
+
+def _natural(pair: PairDynamics) -> np.ndarray:
+    """Natural frequencies of a pair at rest, up to that of the spring that holds it [Hz]."""
+    stiffness, mass = np.asarray(pair.system.whole_stiffness), np.asarray(pair.system.mass)
+    size = 1.0 / np.sqrt(np.diagonal(mass))
+    scaled = lambda matrix: size[:, None] * matrix * size
+    square = scipy.linalg.eigvalsh(scaled(stiffness), scaled(mass))
+    return np.sqrt(np.maximum(square, 0.0)) / (2.0 * np.pi)
 
 
 # --- Datasets

@@ -30,6 +30,16 @@ from jaxgear._app._body_waves import (
     main_wave,
     wave_words,
 )
+from jaxgear._app._flank_loads import FlankLoads
+from jaxgear._app._flank_pictures import (
+    flank_pressure,
+    flank_pressure_columns,
+    largest_loads,
+    largest_loads_columns,
+    teeth_at_speed,
+    teeth_at_speed_columns,
+)
+from jaxgear._app._hybrid_dataset import hole_places
 from jaxgear._app._pictures import (
     _BLUE,
     _GREEN,
@@ -429,6 +439,23 @@ def draw(
             figure = picture(dataset, gear, f"{words}: {gear}")
             save(figure, columns(dataset, gear), folder, f"{gear}_{name}")
         _draw_motion(folder, at_peak, each, motions[gear], tell)
+    if flanks := watch.flanks(dataset.attrs["peak_direction"]):
+        tell("loads on the flanks: drawing")
+        _draw_flanks(folder, title, watch, dataset, flanks)
+
+
+def _draw_flanks(
+    folder: Path, title: str, watch: WaveWatch, dataset: xr.Dataset, flanks: list[FlankLoads]
+) -> None:
+    figure = flank_pressure(flanks, f"{title}: the most loaded tooth pair")
+    save(figure, flank_pressure_columns(flanks), folder, "flank_pressure")
+    own = dataset.sel(direction=dataset.attrs["peak_direction"])
+    save(largest_loads(own, title), largest_loads_columns(own), folder, "flank_loads")
+    for gear, each in watch.looked.items() if flanks[0].pairs > 1 else ():
+        holes = hole_places(each.body.built)
+        figure = teeth_at_speed(flanks, gear, holes, title)
+        columns = teeth_at_speed_columns(flanks, gear, holes)
+        save(figure, columns, folder, f"{gear}_teeth_at_speed")
 
 
 def _draw_motion(folder: Path, title: str, each: Looked, motion, tell) -> None:

@@ -6,7 +6,8 @@ columns. Its eigenvalues are Floquet's multipliers: beyond 1 in size the respons
 machine stays on it. One leaves through +1 at a fold, through -1 where the period doubles.
 """
 
-import equinox as eqx
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 import jax.scipy.linalg
@@ -125,60 +126,82 @@ def product_of_steps(march: March, tangents: StepMatrices) -> Monodromy:
 
     As `monodromy`.
     """
-    tied = march.system.gyroscopic is not None
-    return _step_by_step(march, tangents) if tied else _in_blocks(march, tangents)
+    kinds = march.system.table.kinds
+    period = next(n for n in range(1, len(kinds) + 1) if kinds == kinds[:n] * (len(kinds) // n))
+    ends = [n for n in range(1, period + 1) if n == period or kinds[n] != kinds[n - 1]]
+    steps = [_step_of(march, rule) for rule in march.rules]
+    own = [
+        jnp.stack(each)[np.asarray(kinds)]
+        for each in zip(*((r.own, r.brakes) for r in march.rules), strict=True)
+    ]
+    gains = jax.vmap(lambda *x: _gains(march.system, *x))(tangents, *own)
+    gains = gains.reshape(-1, period, *gains.shape[1:])
+    runs = []
+    for first, last in zip([0, *ends[:-1]], ends, strict=True):
+        runs += _blocks(steps[kinds[first]], gains[:, first:last])
+
+    def over_period(state: Reals, gains):
+        for (joined, _), gain in zip(runs, gains, strict=True):
+            state, _ = jax.lax.scan(lambda x, g, j=joined: (_over(j, g, x), None), state, gain)
+        return state, None
+
+    start = jnp.eye(2 * march.modes.square.size)
+    return jax.lax.scan(over_period, start, [gains for _, gains in runs])[0]
 
 
-def _step_by_step(march: March, tangents: StepMatrices) -> Monodromy:
-    """Product of the derivatives of all steps, of modes that gyroscopic forces tie together."""
-    mesh, damped = march.modes.mesh, march.system.cell_damping is not None
-    size = mesh.shape[0]
-    gains = [jax.vmap(lambda t, r=rule: _gains(march, r, t))(tangents) for rule in march.rules]
+class _Step(NamedTuple):
+    """One step, without the mesh load beyond that of the mean stiffness, and what that load does.
 
-    def step(columns: Reals, x):
-        kind, gain = x
-        rule, own = march.rules[0], gain[0]
-        for number, other in enumerate(march.rules[1:], 1):
-            pick = lambda a, b, k=number: jnp.where(kind == k, b, a)
-            rule, own = jax.tree.map(pick, (rule, own), (other, gain[number]))
-        rate, near = (
-            jnp.sum(part[:, :, None] * columns, axis=0) for part in (rule.rate, rule.near)
-        )
-        assert rule.whirl is not None
+    **Fields:**
+
+    - `free`: state at the end per state at the start, displacements of all modes, then velocities
+        [-, s, 1/s].
+    - `look`: what the load answers to per state at the start: the nodes' mesh coordinates and, with
+        damping cells, their rates [-, 1/s].
+    - `push`: state at the end, lost per excess load [s2 kg^-1/2, s kg^-1/2].
+    """
+
+    free: Reals
+    look: Reals
+    push: Reals
+
+
+def _step_of(march: March, rule: Rule) -> _Step:
+    """A step by a rule, as matrices."""
+    mesh = march.modes.mesh
+    size, width = mesh.shape
+    unit = jnp.eye(2 * size).reshape(2, size, 2 * size)
+    rate, near = (jnp.sum(part[:, :, None] * unit, axis=0) for part in (rule.rate, rule.near))
+    free = jnp.sum(rule.state[:, :, :, None] * unit[None], axis=1)
+    if rule.whirl is not None:
         turned = rule.whirl @ rate
         if rule.stiffens is not None:
             turned = turned + rule.stiffens @ near
         near = near - rule.near_load[:, None] * turned
-        seen = mesh.T @ near
-        if damped:
-            rate = rate - rule.rate_load[:, None] * turned
-            seen = jnp.concatenate([seen, mesh.T @ rate])
-        pushed = -rule.pushes @ (own @ seen) - turned
-        ended = jnp.sum(rule.state[:, :, :, None] * columns[None], axis=1)
-        return ended + rule.load[:, :, None] * pushed[None], None
-
-    start = jnp.eye(2 * size).reshape(2, size, 2 * size)
-    kinds = jnp.asarray(march.system.table.kinds)
-    ended, _ = jax.lax.scan(step, start, (kinds, gains))
-    return ended.reshape(2 * size, 2 * size)
+        rate = rate - rule.rate_load[:, None] * turned
+        free = free - rule.load[:, :, None] * turned[None]
+    seen = [near] if march.system.cell_damping is None else [near, rate]
+    return _Step(
+        free=free.reshape(2 * size, 2 * size),
+        look=jnp.concatenate([mesh.T @ each for each in seen]),
+        push=(rule.load[:, :, None] * rule.pushes[None]).reshape(2 * size, width),
+    )
 
 
-# So many steps are joined into one equation: more make better use of the machine, until the
-# triangle that they form costs more than it saves.
+# At least so many steps are joined into one equation: more make better use of the machine, until
+# the triangle that they form costs more than the products of whole matrices that it saves.
 _JOINED = 20
 
 
-class _Joined(eqx.Module):
-    """What a number of equal steps do together, of each of them or after each number of them.
+class _Joined(NamedTuple):
+    """What a number of equal steps do together.
 
     **Fields:**
 
-    - `free`: state after so many steps per state, without excess loads; part by part, of each mode
-        [-, s, 1/s].
-    - `look`: what the load of a step answers to per state at the start of all: the nodes' mesh
-        coordinates and, with damping cells, their rates [-, 1/s].
+    - `free`: state after all of them per state before, without excess loads [-, s, 1/s].
+    - `look`: what the load of each answers to per state before all, as of `_Step` [-, 1/s].
     - `echo`: the same per excess load of a step so many steps before [m/N, 1/N, 1/(N m)].
-    - `push`: state at the end per excess load, of the last step first [s2 kg^-1/2, s kg^-1/2].
+    - `push`: state after all, lost per excess load of each [s2 kg^-1/2, s kg^-1/2].
     """
 
     free: Reals
@@ -187,94 +210,63 @@ class _Joined(eqx.Module):
     push: Reals
 
 
-def _in_blocks(march: March, tangents: StepMatrices) -> Monodromy:
-    r"""Product of the derivatives of all steps, of modes that only the mesh ties together.
-
-    Excess loads of joined steps obey one equation, $e_k = g_k(l_kx - \sum_{j<k}r_{k-j}e_j)$: a
-    triangle of few unknowns, with whole matrices to multiply on both sides.
-    """
-    kinds = march.system.table.kinds
-    period = next(n for n in range(1, len(kinds) + 1) if kinds == kinds[:n] * (len(kinds) // n))
-    ends = [n for n in range(1, period + 1) if n == period or kinds[n] != kinds[n - 1]]
-    runs = list(zip([0, *ends[:-1]], ends, strict=True))
-    each = []
-    for first, last in runs:
-        rule = march.rules[kinds[first]]
-        together = -(-(last - first) // -(-(last - first) // _JOINED))
-        gains = jax.vmap(lambda t, r=rule: _gains(march, r, t))(
-            tangents.reshape(-1, period, *tangents.shape[1:])[:, first:last].reshape(
-                -1, *tangents.shape[1:]
-            )
+def _blocks(step: _Step, gains: Reals) -> list[tuple[_Joined, Reals]]:
+    """Equal steps in blocks of one size and of one more, each with its gains."""
+    length = gains.shape[1]
+    count = -(-length // max(_JOINED, step.free.shape[0] // step.push.shape[1]))
+    short, longer = divmod(length, count)
+    most = short + (longer > 0)
+    _, look = jax.lax.scan(lambda x, _: (x @ step.free, x), step.look, length=most)
+    _, push = jax.lax.scan(lambda x, _: (step.free @ x, x), step.push, length=most)
+    echo = look @ step.push
+    free = jnp.linalg.matrix_power(step.free, short)
+    first, rest = jnp.split(gains, [longer * (short + 1)], axis=1)
+    return [
+        (
+            _Joined(power, look[:size], echo[:size], push[:size]),
+            part.reshape(len(part), -1, size, *part.shape[2:]),
         )
-        each.append(
-            (_joined(march, rule, together), gains.reshape(-1, last - first, *gains.shape[1:]))
-        )
-
-    def over_period(state: Reals, gains):
-        for (joined, _), gain in zip(each, gains, strict=True):
-            together = joined.look.shape[0]
-            whole = gain.shape[0] // together
-            blocks = gain[: whole * together].reshape(whole, together, *gain.shape[1:])
-            state, _ = jax.lax.scan(lambda x, g, j=joined: (_over(j, g, x), None), state, blocks)
-            if gain.shape[0] > whole * together:
-                state = _over(joined, gain[whole * together :], state)
-        return state, None
-
-    start = jnp.eye(2 * march.modes.square.size)
-    return jax.lax.scan(over_period, start, [gains for _, gains in each])[0]
+        for size, power, part in ((short + 1, step.free @ free, first), (short, free, rest))
+        if part.size
+    ]
 
 
-def _gains(march: March, rule: Rule, tangent: CoordinateMatrix) -> Reals:
+def _gains(
+    system: DynamicSystem,
+    tangent: CoordinateMatrix,
+    own: CoordinateMatrix,
+    brakes: CoordinateMatrix,
+) -> Reals:
     """Excess load of a step per change of the nodes' mesh coordinates, and of their rates."""
-    mean, damping = march.system.mean, march.system.cell_damping
+    mean, damping = system.mean, system.cell_damping
     unit = jnp.eye(mean.shape[0])
     # g = T (n - B g) and, with damping, + eta T n'; n and n' are those under the load.
     whole = tangent
-    if march.system.bow is not None:
-        whole = jnp.linalg.solve(unit + tangent @ march.system.bow, tangent)
+    if system.bow is not None:
+        whole = jnp.linalg.solve(unit + tangent @ system.bow, tangent)
     excess = whole - mean
     if damping is None:
-        return jnp.linalg.solve(unit + excess @ rule.own, excess)
-    closed = unit + excess @ rule.own + damping * whole @ rule.brakes
+        return jnp.linalg.solve(unit + excess @ own, excess)
+    closed = unit + excess @ own + damping * whole @ brakes
     return jnp.linalg.solve(closed, jnp.concatenate([excess, damping * whole], axis=1))
 
 
-def _joined(march: March, rule: Rule, steps: int) -> _Joined:
-    """Join equal steps."""
-    mesh = march.modes.mesh
-    modes, width = mesh.shape
-    times = lambda a, b: jnp.sum(a[..., :, :, None, :] * b[..., None, :, :, :], axis=-3)
-    free, power = jnp.broadcast_to(jnp.eye(2)[None, :, :, None], (1, 2, 2, modes)), rule.state
-    while free.shape[0] <= steps:
-        free = jnp.concatenate([free, times(free, jnp.broadcast_to(power, free.shape))])
-        power = times(power, power)
-    free = free[: steps + 1]
-    damped = march.system.cell_damping is not None
-    seen = jnp.stack([rule.near, rule.rate] if damped else [rule.near])
-    look = jnp.sum(seen[None, :, :, None, :] * free[:steps, None], axis=2)
-    push = jnp.sum(free[:steps] * rule.load[None, None], axis=2)
-    echo = jnp.sum(seen[None] * push[:, None], axis=2)
-    pairs = (mesh[:, :, None] * mesh[:, None, :]).reshape(modes, width * width)
-    return _Joined(
-        free=free,
-        look=(look[:, :, None] * mesh.T[None, None, :, None, :]).reshape(steps, -1, 2 * modes),
-        echo=(echo @ pairs).reshape(steps, -1, width),
-        push=(push[::-1, None] * mesh.T[None, :, None, :]).reshape(steps, width, 2 * modes),
-    )
-
-
 def _over(joined: _Joined, gains: Reals, state: Reals) -> Reals:
-    """Columns of states at the end of joined steps, of the first so many that have gains."""
-    steps, width = gains.shape[:2]
-    size = state.shape[0]
-    before = np.arange(steps)[:, None] - np.arange(steps)[None, :] - 1
-    echo = jnp.where((before >= 0)[:, :, None, None], joined.echo[np.maximum(before, 0)], 0.0)
-    tie = jnp.sum(gains[:, None, :, :, None] * echo[:, :, None], axis=3)
-    unknowns = steps * width
-    matrix = jnp.eye(unknowns) + jnp.moveaxis(tie, 2, 1).reshape(unknowns, unknowns)
-    look = jnp.sum(gains[:, :, :, None] * joined.look[:steps, None], axis=2)
-    seen = look.reshape(unknowns, size) @ state
-    excess = jax.scipy.linalg.solve_triangular(matrix, seen, lower=True, unit_diagonal=True)
-    parts = state.reshape(2, -1, size)
-    free = jnp.sum(joined.free[steps][:, :, :, None] * parts[None], axis=1)
-    return free.reshape(size, size) - joined.push[-steps:].reshape(unknowns, size).T @ excess
+    r"""Columns of states at the end of joined steps.
+
+    Their excess loads obey one equation, $e_k = g_k(l_kx - \sum_{j<k}r_{k-1-j}e_j)$: a triangle of
+    few unknowns, with whole matrices to multiply on both sides.
+    """
+    steps, width, seen = gains.shape
+    unknowns, number = steps * width, np.arange(steps)
+    echo = jnp.swapaxes(joined.echo, 0, 1).reshape(seen, -1)
+    answers = (gains.reshape(unknowns, seen) @ echo).reshape(steps, width, steps, width)
+    since = number[:, None] - number[None, :] - 1
+    tie = jnp.where(
+        (since >= 0)[:, :, None, None], answers[number[:, None], :, np.maximum(since, 0)], 0.0
+    )
+    matrix = jnp.eye(unknowns) + jnp.swapaxes(tie, 1, 2).reshape(unknowns, unknowns)
+    right = (gains @ joined.look).reshape(unknowns, -1) @ state
+    excess = jax.scipy.linalg.solve_triangular(matrix, right, lower=True, unit_diagonal=True)
+    push = jnp.moveaxis(joined.push[::-1], 0, 1).reshape(-1, unknowns)
+    return joined.free @ state - push @ excess

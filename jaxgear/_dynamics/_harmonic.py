@@ -457,16 +457,27 @@ def _loads(
     return elastic, total, [(tangent, values), (by_rate, problem.rates)]
 
 
+# Up to so many mesh coordinates a sum of products of arrays is faster than many small matrices.
+_FEW = 4
+
+
+def _by_harmonic(matrices: Reals, columns: Reals) -> Reals:
+    """A matrix for each harmonic, or one for all, times the columns of the harmonic."""
+    if matrices.shape[2] > _FEW:
+        return jnp.matmul(matrices, columns)
+    return jnp.sum(matrices[:, :, :, None] * columns[:, None, :, :], axis=2)
+
+
 def _of_nodes(problem: Problem, place: Reals, load: Reals) -> Reals:
     """Harmonics of the nodes' mesh coordinates, n = m + B g; terms leading, columns trailing."""
     if problem.bow is None:
         return place
-    return place + jnp.sum(problem.bow[None, :, :, None] * load[:, None, :, :], axis=2)
+    return place + _by_harmonic(problem.bow[None], load)
 
 
 def _excess(problem: Problem, nodes: Reals, load: Reals) -> Reals:
     """Harmonics of the load beyond that of the mean stiffness, g - k n."""
-    return load - jnp.sum(problem.mean[None, :, :, None] * nodes[:, None, :, :], axis=2)
+    return load - _by_harmonic(problem.mean[None], nodes)
 
 
 def _missing(problem: Problem, place: Reals, load: Reals) -> Reals:
@@ -474,11 +485,10 @@ def _missing(problem: Problem, place: Reals, load: Reals) -> Reals:
     nodes = _of_nodes(problem, place, load)
     excess = _excess(problem, nodes, load)
     count = problem.real.shape[0] - 1
-    times = lambda matrix, x: jnp.sum(matrix[:, :, :, None] * x[:, None, :, :], axis=2)
     cosines, sines = excess[: count + 1], excess[count + 1 :]
     real, imaginary = problem.real, problem.imaginary
-    in_phase = times(real, cosines).at[1:].add(times(imaginary[1:], sines))
-    square = times(real[1:], sines) - times(imaginary[1:], cosines[1:])
+    in_phase = _by_harmonic(real, cosines).at[1:].add(_by_harmonic(imaginary[1:], sines))
+    square = _by_harmonic(real[1:], sines) - _by_harmonic(imaginary[1:], cosines[1:])
     return nodes + jnp.concatenate([in_phase, square])
 
 

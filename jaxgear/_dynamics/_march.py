@@ -9,11 +9,12 @@ number of modes. It is found by Newton's method from the load before.
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from jaxgear._checks import require
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit, bears_load
-from jaxgear._dynamics._steppers import AbstractStepper, Midpoint, Newmark, State
+from jaxgear._dynamics._steppers import AbstractStepper, Midpoint, Newmark
 from jaxgear._dynamics._system import DynamicSystem, ModalBasis, modal_basis
 from jaxgear._dynamics._table import (
     END,
@@ -21,6 +22,7 @@ from jaxgear._dynamics._table import (
     START,
     Mesh,
     MeshTable,
+    forces_between_all,
     mean_load,
     mesh_at,
     mesh_load,
@@ -223,6 +225,31 @@ class Rule(eqx.Module):
     brakes: CoordinateMatrix
 
 
+class Ties(eqx.Module):
+    r"""Forces that tie modes together at one speed: gyroscopic ones, and those of turning bodies.
+
+    **Fields:**
+
+    - `whirl`: modal load lost per velocity, or `None` [1/s].
+    - `stiffens`: the same per displacement, or `None` [1/s2].
+    - `steady`: modal load of the constant loads [N kg^-1/2].
+    """
+
+    whirl: Reals | None
+    stiffens: Reals | None
+    steady: ModeValues
+
+
+def ties_of(system: DynamicSystem, modes: ModalBasis, speed: Scalar) -> Ties:
+    """Forces between the modes of a system at a speed of the pinion [rad/s]."""
+    on_modes = lambda matrix: modes.shape.T @ matrix @ modes.shape
+    whirl = None if system.gyroscopic is None else speed * on_modes(system.gyroscopic)
+    if system.turning is None:
+        return Ties(whirl, None, modes.load)
+    stiffens = on_modes(system.turning.stiffness_at(speed))
+    return Ties(whirl, stiffens, modes.shape.T @ system.load_at(speed))
+
+
 def rule_of(
     stepper: AbstractStepper,
     system: DynamicSystem,
@@ -244,43 +271,40 @@ def rule_of(
 
     The rule.
     """
-    none, one = jnp.zeros_like(modes.square), jnp.ones_like(modes.square)
-    parts = range(stepper.carries)
+    # All states and the load at once: what is worked out once is compiled once.
+    unit = jnp.eye(stepper.carries + 1)[:, :, None] * jnp.ones_like(modes.square)[None, None]
 
-    def respond(state: State, load: Reals) -> tuple[Reals, Reals, Reals]:
-        ended, near, rate = stepper.advance(state, load, modes.square, modes.damping, step)
+    def respond(case: Reals) -> tuple[Reals, Reals, Reals]:
+        *state, load = case
+        ended, near, rate = stepper.advance(tuple(state), load, modes.square, modes.damping, step)
         return jnp.stack(ended), near, rate
 
-    by_state = [respond(tuple(one if i == k else none for i in parts), none) for k in parts]
-    by_load = respond(tuple(none for _ in parts), one)
-    whirl, stiffens, steady, pushes = None, None, modes.load, modes.mesh
-    if system.gyroscopic is not None:
-        # The load is F - V w - G v with v = v_0 + b u: solved for u, all are linear in v_0.
-        on_modes = lambda matrix: modes.shape.T @ matrix @ modes.shape
-        spun = speed * on_modes(system.gyroscopic)
-        tied = jnp.eye(one.size) + spun * by_load[2][None, :]
-        if system.turning is not None:
-            # And so it is with forces by displacements.
-            stiffens = on_modes(system.turning.stiffness_at(speed))
-            steady = modes.shape.T @ system.load_at(speed)
-            tied = tied + stiffens * by_load[1][None, :]
+    ended, near, rate = jax.vmap(respond)(unit)
+    ties, pushes = ties_of(system, modes, speed), modes.mesh
+    whirl, stiffens, steady = ties.whirl, ties.stiffens, ties.steady
+    if whirl is not None:
+        # The load is F - V w - G v with v = v_0 + b u: solved for u, all are linear in v_0, and so
+        # it is with forces by displacements.
+        tied = jnp.eye(modes.square.size) + whirl * rate[-1][None, :]
+        if stiffens is not None:
+            tied = tied + stiffens * near[-1][None, :]
         answers = jnp.linalg.inv(tied)
-        whirl, steady, pushes = answers @ spun, answers @ steady, answers @ pushes
+        whirl, steady, pushes = answers @ whirl, answers @ steady, answers @ pushes
         stiffens = None if stiffens is None else answers @ stiffens
     on_mesh = lambda x: modes.mesh.T @ (x[:, None] * pushes)
-    own, brakes = on_mesh(by_load[1]), on_mesh(by_load[2])
+    own, brakes = on_mesh(near[-1]), on_mesh(rate[-1])
     follows = jnp.linalg.inv(jnp.eye(own.shape[0]) - own @ system.mean)
     yields = follows @ own
     if system.bow is not None:
         yields = yields + system.bow
     return Rule(
         step=step,
-        state=jnp.stack([each[0] for each in by_state], axis=1),
-        load=by_load[0],
-        near=jnp.stack([each[1] for each in by_state]),
-        near_load=by_load[1],
-        rate=jnp.stack([each[2] for each in by_state]),
-        rate_load=by_load[2],
+        state=jnp.swapaxes(ended[:-1], 0, 1),
+        load=ended[-1],
+        near=near[:-1],
+        near_load=near[-1],
+        rate=rate[:-1],
+        rate_load=rate[-1],
         whirl=whirl,
         stiffens=stiffens,
         steady=steady,
@@ -371,6 +395,10 @@ def pressed(problem: Pressing, first: Coordinates) -> tuple[Coordinates, Scalar]
 
     The mesh load [N, N m], and what it is out of balance, over the static force [-].
     """
+    coupling = problem.meshes[0].coupling
+    held = problem.begun is None and problem.cell_damping is None
+    if held and coupling is not None and coupling.ndim == 2:
+        return _pressed_at_once(problem)
     weights = 1.0 / _load_scales(problem)
 
     def body(state):
@@ -389,6 +417,18 @@ def pressed(problem: Pressing, first: Coordinates) -> tuple[Coordinates, Scalar]
 
     last = jax.lax.while_loop(unfinished, body, (first, jnp.asarray(jnp.inf), first, 0))
     return last[2], last[1]
+
+
+def _pressed_at_once(problem: Pressing) -> tuple[Coordinates, Scalar]:
+    """As `pressed`: where all cells are coupled, what the nodes give way is coupling as well."""
+    mesh, law = problem.meshes[0], problem.law
+    assert mesh.coupling is not None
+    coupling = mesh.coupling + mesh.arms @ problem.yields @ mesh.arms.T
+    free = mesh.arms @ problem.place - mesh.gap
+    force = forces_between_all(law, mesh.stiffness, coupling, free)
+    missing = mesh.stiffness * law.compression(free - coupling @ force) - force
+    load, error = mesh.arms.T @ force, jnp.abs(mesh.arms.T @ missing) / _load_scales(problem)
+    return load, jnp.max(error)
 
 
 @pressed.defjvp
@@ -472,6 +512,7 @@ class March(eqx.Module):
     - `stepper`: the rule's name.
     - `law`: exact or smooth contact.
     - `speed`: of the pinion [rad/s].
+    - `ties`: what ties the modes together at this speed.
     - `rules`: the rule for each length of step.
     - `averaged`: whether contact is averaged over each step.
     """
@@ -481,6 +522,7 @@ class March(eqx.Module):
     stepper: AbstractStepper
     law: AbstractContactLaw
     speed: Scalar
+    ties: Ties
     rules: tuple[Rule, ...]
     averaged: bool = eqx.field(static=True)
 
@@ -534,15 +576,11 @@ class March(eqx.Module):
             tangent = mesh_load(mesh, place, self.law)[1]
             load = load + system.cell_damping * _times(tangent, modes.mesh.T @ velocity)
         excess = load - _times(system.mean, nodes)
-        pull = modes.load - modes.mesh @ excess
-        if system.gyroscopic is not None:
-            pull = pull - self.speed * modes.shape.T @ (
-                system.gyroscopic @ (modes.shape @ velocity)
-            )
-        if system.turning is not None:
-            added = system.turning.stiffness_at(self.speed) @ (modes.shape @ motion)
-            load = system.load_at(self.speed) - system.load
-            pull = pull + modes.shape.T @ (load - added)
+        pull = self.ties.steady - modes.mesh @ excess
+        if self.ties.whirl is not None:
+            pull = pull - self.ties.whirl @ velocity
+        if self.ties.stiffens is not None:
+            pull = pull - self.ties.stiffens @ motion
         return pull - modes.damping * velocity - modes.square * motion
 
     def step(
@@ -651,9 +689,11 @@ def march_of(
     table = system.table
     lengths = table.lengths * system.mesh_period(speed)
     kinds = max(table.kinds) + 1
-    steps = [lengths[table.kinds.index(kind)] for kind in range(kinds)]
-    rules = tuple(rule_of(stepper, system, modes, step, speed) for step in steps)
-    return March(system, modes, stepper, law, speed, rules, averaged)
+    steps = lengths[np.asarray([table.kinds.index(kind) for kind in range(kinds)])]
+    every = jax.lax.map(lambda step: rule_of(stepper, system, modes, step, speed), steps)
+    rules = tuple(jax.tree.map(lambda x, k=kind: x[k], every) for kind in range(kinds))
+    ties = ties_of(system, modes, speed)
+    return March(system, modes, stepper, law, speed, ties, rules, averaged)
 
 
 def cycle(march: March, carried: Carried, table: MeshTable):

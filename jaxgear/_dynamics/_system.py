@@ -214,16 +214,18 @@ def modal_basis(system: DynamicSystem) -> ModalBasis:
     )
 
 
-# Rounding leaves as much between modes, relative to their own; and so much of the largest.
+# So much between modes, relative to their own, does no harm. And so much of the largest is
+# rounding: the hold of the free rotation may be a million times as fast as all others.
 _LEAST_MIXED, _NOISE = 1e-5, 1e-13
 
 
 def _mixed(matrix: Matrix) -> Scalar:
     """Largest entry off the diagonal, relative to the diagonal entries that it ties together."""
     own = jnp.abs(jnp.diagonal(matrix))
-    size = jnp.sqrt(own[:, None] * own[None, :]) + _NOISE * jnp.sum(own)
-    off = jnp.abs(matrix - jnp.diag(jnp.diagonal(matrix)))
-    return jnp.max(off / jnp.where(size > 0.0, size, 1.0))
+    noise = _NOISE * jnp.sum(own)
+    size = jnp.sqrt(own[:, None] * own[None, :]) + noise
+    off = jnp.abs(matrix - jnp.diag(jnp.diagonal(matrix))) - noise
+    return jnp.max(jnp.maximum(off, 0.0) / jnp.where(size > 0.0, size, 1.0))
 
 
 class PairDynamics(eqx.Module):

@@ -237,12 +237,36 @@ def body_basis(body: Condensed, count: int) -> BodyBasis:
 def _lowest(
     stiffness: np.ndarray, mass: np.ndarray, factor: tuple[np.ndarray, bool], count: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest modes, of unit mass, with one more to see where the last pair ends."""
+    """Lowest modes, of unit mass, none of them missed."""
     size = len(stiffness)
-    if count == 0 or count + 1 > size // 4:
-        square, shapes = scipy.linalg.eigh(stiffness, mass)
-        square, shapes = (square, shapes) if count == 0 else (square[:count], shapes[:, :count])
-        return square, shapes
+    if count == 0:
+        return scipy.linalg.eigh(stiffness, mass)
+    if count + _MORE <= size // 4:
+        square, shapes = _by_iteration(stiffness, mass, factor, count + _MORE)
+        # Iteration may miss one of a pair: inertia counts what is below the last gap.
+        last = int(np.flatnonzero(np.r_[True, np.diff(square) > _PAIR * square[1:]])[-1])
+        between = 0.5 * (square[last - 1] + square[last])
+        if last >= count and _below(between, stiffness, mass) == last:
+            return square[:count], shapes[:, :count]
+    return scipy.linalg.eigh(stiffness, mass, subset_by_index=(0, min(count, size) - 1))
+
+
+# So many modes more than are wanted: enough that one of the gaps between them is wide.
+_MORE = 4
+
+
+def _below(square: float, stiffness: np.ndarray, mass: np.ndarray) -> int:
+    """Number of modes below a squared frequency, by Sylvester's law of inertia."""
+    blocks = scipy.linalg.ldl(stiffness - square * mass, check_finite=False)[1]
+    signs = scipy.linalg.eigvalsh_tridiagonal(np.diagonal(blocks), np.diagonal(blocks, 1))
+    return int(np.sum(signs < 0.0))
+
+
+def _by_iteration(
+    stiffness: np.ndarray, mass: np.ndarray, factor: tuple[np.ndarray, bool], count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest modes by Lanczos iteration."""
+    size = len(stiffness)
     # SciPy's own annotations know neither this way to make an operator nor a tolerance of a float.
     operator: Any = scipy.sparse.linalg.LinearOperator
     tolerance: Any = 1e-12

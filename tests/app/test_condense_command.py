@@ -199,14 +199,6 @@ def test_condense_without_a_condensed_body_says_what_to_write(written, capsys, t
     assert words in capsys.readouterr().err
 
 
-def test_the_command_that_takes_no_condensed_body_yet_names_those_that_do(written, capsys):
-    path = written(_PAIR + _BODY + "[sweep]\npinion_speed_rad_s = [100.0]\n")
-    assert main(["compare", str(path)]) == 2
-    error = capsys.readouterr().err
-    assert f"{path}:{_PAIR.count(chr(10)) + 2}: wheel.body.kind" in error
-    assert "`jaxgear compare` does not yet take condensed bodies. Use sweep or modes" in error
-
-
 def test_a_model_is_not_built_as_if_the_body_were_rigid(written):
     with pytest.raises(InputError, match="has not been built for this scene: use `with_bodies"):
         model_of(read_scene(written(_PAIR + _BODY)))

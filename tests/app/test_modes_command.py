@@ -1,6 +1,7 @@
 """`jaxgear modes` end to end: a pair that only turns, and one on shafts."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,10 @@ import xarray as xr
 from jaxgear._app._cli import main
 from jaxgear._app._dynamics import modes_shown
 from jaxgear._app._scene import read_scene
+from jaxgear._app._turning import require_retained
 from jaxgear._checks import InputError
+from jaxgear._dynamics._bodies import BodyPlace
+from jaxgear._dynamics._system import PairDynamics
 
 _SPUR = """schema = 1
 name = "spur"
@@ -107,3 +111,24 @@ def test_how_many_modes_are_shown(tmp_path):
     assert shown("modes.count=100") == 30
     with pytest.raises(InputError, match=r"up to modes\.highest_Hz, 0\.5 Hz: the first has 1 Hz"):
         shown("modes.highest_Hz=0.5")
+
+
+def test_more_modes_than_a_condensed_body_can_tell_are_refused(tmp_path):
+    """Two modes of the body, the higher at 5 kHz; the pair has three below, and one above."""
+    path = tmp_path / "scene.toml"
+    path.write_text(_SPUR)
+    place, pair = object.__new__(BodyPlace), object.__new__(PairDynamics)
+    square = (2.0 * np.pi * np.array([1e3, 5e3])) ** 2
+    mass = np.array([2.0, 1e-3, 1.0, 1e-6])
+    whole = mass * (2.0 * np.pi * np.array([4e3, 9e2, 2e3, 7e3])) ** 2
+    system = SimpleNamespace(mass=np.diag(mass), whole_stiffness=np.diag(whole))
+    for module, name, value in (
+        (place, "square", square),
+        (place, "index", 1),
+        (pair, "bodies", (place,)),
+        (pair, "system", system),
+    ):
+        object.__setattr__(module, name, value)
+    require_retained(read_scene(path, ("modes.count=3",)), pair)
+    with pytest.raises(InputError, match=r"modes\.count is 4, .*wheel's.* 5000 Hz.* has 3 below"):
+        require_retained(read_scene(path, ("modes.count=4",)), pair)

@@ -1,7 +1,9 @@
 """`jaxgear sweep` end to end on a spur pair that only turns: what it finds, writes and refuses."""
 
+import dataclasses
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -13,11 +15,13 @@ import jaxgear as jg
 from jaxgear._app import _cli, _commands, _dynamics
 from jaxgear._app._cli import main
 from jaxgear._app._model import model_of
+from jaxgear._app._notes import sweep_notes
 from jaxgear._app._scene import read_scene
 from jaxgear._checks import InputError
 from jaxgear._dynamics._damping import ModalDamping, RayleighDamping
 from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._march import Marching
+from jaxgear._system._body_modes import BodyBasis
 from jaxgear._system._shaft import Shaft
 
 _SPUR = """schema = 1
@@ -258,3 +262,103 @@ def test_without_speeds_the_lines_to_add_are_given(folder, capsys):
     path.write_text(_SPUR + lines)
     assert _dynamics.directions_of(read_scene(path)) == ("up", "down")
     assert not _cli._sweep_mistakes(read_scene(path))
+
+
+# --- A condensed wheel
+
+_THIN = """schema = 1
+name = "tiny"
+[pair]
+module_mm = 3.0
+torque_pinion_Nm = 100.0
+[pinion]
+teeth = 20
+face_width_mm = 12.0
+[wheel]
+teeth = 24
+face_width_mm = 10.0
+[wheel.body]
+kind = "condensed"
+web = { hub_outer_mm = 30, web_thickness_mm = 3, rim_inner_mm = 56 }
+modes = 4
+compare_seats = false
+fineness = { sectors = 24, rim_across = 1, web_along = 1, hub_deep = 1 }
+[wheel.shaft]
+gear_at_mm = 20.0
+segments = [ { length_mm = 40, outer_mm = 20, inner_mm = 8 } ]
+bearings = [ { at_mm = 0, radial_N_m = 1e8, axial_N_m = 5e7 }, { at_mm = 40, radial_N_m = 5e7 } ]
+[flank.pinion]
+tip_relief = { depth_um = 10.0, extent = 0.25 }
+crowning_um = 5.0
+[mesh]
+stiffness = "constant"
+stiffness_N_mm_um = 14.0
+slices = 4
+root_correction = false
+[model]
+coordinates = 16
+mesh_coordinates = 4
+[sweep]
+pinion_speed_rad_s = [60.0, 1000.0]
+direction = "up"
+steps = 24
+harmonics = 5
+[modes]
+count = 10
+"""
+
+
+@pytest.mark.slow
+def test_a_condensed_wheel_from_its_drawing_to_its_waves(folder, capsys, monkeypatch):
+    monkeypatch.setenv("JAXGEAR_CACHE", str(folder / "cache"))
+    scene, out = _scene(folder, _THIN, "tiny.toml"), folder / "thin"
+    assert main(["modes", str(scene), "--out", str(out / "modes")]) == 0
+    found = json.loads((out / "modes" / "summary.json").read_text())["modes"]
+    assert len(found["frequency_Hz"]) == 10
+    assert set(found["gear"]) <= {"pinion", "wheel"}
+    assert max(found["nodal_diameter"]) >= 2
+    for name in ("modes", "campbell"):
+        assert (out / "modes" / f"{name}.png").stat().st_size > 0
+    # Beyond what sixteen modes of the body can tell.
+    assert main(["modes", str(scene), "--set", "modes.count=60", "--out", str(out / "no")]) == 2
+    assert "modes.count is 60" in capsys.readouterr().err
+    assert main(["sweep", str(scene), "--out", str(out / "sweep"), "--quiet"]) == 0
+    summary = json.loads((out / "sweep" / "summary.json").read_text())
+    assert summary["sweep"]["unsettled_count"] == 0
+    (waves,) = summary["sweep"]["waves"]
+    assert waves["gear"] == "wheel"
+    assert len(waves["probes"]) == 4
+    (said,) = (note for note in summary["notes"] if "sweep.harmonics = 5" in note)
+    assert "mode 15 of the wheel's body" in said
+    with xr.open_dataset(out / "sweep" / "result.nc", group="waves") as dataset:
+        load = dataset["max_line_load_N_mm"].values[0]
+        pressure = dataset["max_pressure_MPa"].values[0]
+    # Slowly it is the quasi-static cycle, as far as five harmonics show it.
+    static = summary["static"]
+    assert load[0] == pytest.approx(static["max_line_load_N_mm"], rel=0.08)
+    assert pressure[0] == pytest.approx(static["max_pressure_MPa"], rel=0.08)
+    assert waves["flank"]["max_line_load_N_mm"] == pytest.approx(load.max())
+    for name in ("flank_pressure", "flank_loads", "wheel_waves", "wheel_spectra", "sweep"):
+        assert (out / "sweep" / f"{name}.png").stat().st_size > 0
+
+
+def test_what_a_condensed_body_cannot_show_is_said(folder):
+    """Its highest mode against harmonics or steps; more modes than it has."""
+    bare = read_scene(_scene(folder, _THIN, "bare.toml"))
+    square = (2.0 * np.pi * np.array([3e3, 9e3])) ** 2
+    none, waves = np.zeros((6, 2)), np.array([0, 4])
+    basis = BodyBasis(square, none, np.eye(6), waves, waves)
+    bodies = {"wheel": SimpleNamespace(basis=basis)}
+    scene = dataclasses.replace(bare, bodies=bodies)
+    # 9 kHz is the 2.83rd order of 20 teeth at 1000 rad/s, the 47.1st at 60.
+    too_many, reach = sweep_notes(scene, 0, 2, [])
+    assert "asks for 16 modes, but the wheel's condensed body has 2" in too_many
+    assert "mode 2 of the wheel's body, 9000 Hz with 4 nodal diameters" in reach
+    assert "below 565.49 rad/s" in reach
+    assert "sweep.harmonics must be at least 3 at 1000 rad/s, 48 at 60 rad/s" in reach
+    marched = scene.replace({"sweep.method": "newmark", "sweep.steps": 24})
+    (_, reach) = sweep_notes(marched, 0, 2, [])
+    assert "at all speeds up to 1000 rad/s" in reach
+    assert "sweep.steps must be at least 29 at 1000 rad/s, 472 at 60 rad/s" in reach
+    fine = scene.replace({"sweep.harmonics": 48, "model.coordinates": 2})
+    assert sweep_notes(fine, 0, 2, []) == []

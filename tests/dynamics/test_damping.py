@@ -1,5 +1,6 @@
 """Damping matrices: ratios by hand, what they do not depend on, derivatives where modes meet."""
 
+import dataclasses
 import math
 
 import equinox as eqx
@@ -8,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.linalg
+from dynamics.cases import two_dof
 from helpers import assert_close, assert_gradient
 
 from jaxgear._checks import InputError
@@ -17,6 +19,7 @@ from jaxgear._dynamics._damping import (
     damping_matrix,
     free_of,
 )
+from jaxgear._dynamics._system import modal_basis
 
 
 @eqx.filter_jit
@@ -240,6 +243,48 @@ def test_ratios_have_derivatives_where_modes_meet():
         near = [_matrix(ModalDamping(*(0.5 * x for x in ratios)), *given)]
         expected = 2.0 * np.asarray(near[0])
         assert_close(got, expected, rtol=1e-9, atol=1e-11 * np.abs(expected).max())
+
+
+# --- Modes that share it
+
+
+def _held_system(damping, fast=5e8, size=40):
+    """A free motion held by a spring and a damper of no meaning, the others damped as given."""
+    mass, stiffness, _ = _random(size)
+    free = np.ones(size) / math.sqrt(np.ones(size) @ mass @ np.ones(size))
+    momentum = mass @ free
+    project = np.eye(size) - np.outer(free, momentum)
+    loose = project.T @ stiffness @ project
+    hold = np.outer(momentum, momentum)
+    matrices = {
+        "mass": mass,
+        "damping": project.T @ damping(mass, loose) @ project + fast * hold,
+        "stiffness": loose + fast**2 * hold,
+        "vectors": np.zeros((size, 2)),
+        "load": np.zeros(size),
+        "transmission": np.zeros(size),
+        "free": free[:, None],
+    }
+    given = {name: jnp.asarray(value) for name, value in matrices.items()}
+    square = scipy.linalg.eigvalsh(loose, mass)
+    return dataclasses.replace(two_dof(), **given), square[1:]
+
+
+@pytest.mark.parametrize("factor", [1e-10, 1e-6])
+def test_a_fast_hold_does_not_drown_what_hardly_damps(factor):
+    """Rounding of the hold's damper is larger than the damping of the slowest modes."""
+    system, square = _held_system(lambda mass, stiffness: factor * stiffness)
+    basis = jax.jit(modal_basis)(system)
+    assert_close(basis.square[:-1], square, rtol=1e-4, atol=1e-15 * 5e8**2)
+    assert_close(basis.damping[:-1], factor * square, rtol=1e-4, atol=1e-14 * 5e8)
+
+
+def test_modes_that_exchange_damping_are_refused_behind_a_hold():
+    mixing = np.diag(np.arange(40.0))
+    system, _ = _held_system(lambda mass, stiffness: mixing)
+    with pytest.raises(InputError, match="exchanges energy between modes"):
+        modal_basis(system)
+    assert np.isnan(np.asarray(jax.jit(modal_basis)(system).damping)).all()
 
 
 # --- Refusals

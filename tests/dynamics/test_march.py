@@ -10,7 +10,15 @@ import pytest
 from dynamics import cases
 
 import jaxgear as jg
-from jaxgear._dynamics._march import Marching, at_rest, march, quasi_static_start, rule_of
+from jaxgear._dynamics._march import (
+    Marching,
+    Pressing,
+    at_rest,
+    march,
+    pressed,
+    quasi_static_start,
+    rule_of,
+)
 from jaxgear._dynamics._steppers import (
     Exponential,
     GeneralizedAlpha,
@@ -20,6 +28,7 @@ from jaxgear._dynamics._steppers import (
 )
 from jaxgear._dynamics._sweep import steady_state
 from jaxgear._dynamics._system import modal_basis
+from jaxgear._dynamics._table import Mesh
 from jaxgear._response._energy import energies
 
 STEPPERS = {
@@ -247,6 +256,47 @@ def test_start_from_rest_settles_where_the_quasi_static_start_does():
     )(jnp.stack([at_rest(system), quasi_static_start(system)]))
     assert np.all(ends.converged)
     np.testing.assert_allclose(ends.motion[0], ends.motion[1], rtol=0.0, atol=1e-6)
+
+
+def test_contact_of_cells_that_are_all_coupled():
+    """Against every set of closed cells: the one whose forces press and whose gaps are open."""
+    cells, width = 6, 3
+    random = np.random.default_rng(5)
+    spread = random.normal(size=(cells, cells))
+    stiffness, arms = 1.0 + random.random(cells), random.normal(size=(cells, width))
+    coupling, own = 0.1 * spread @ spread.T, random.normal(size=(width, width))
+    # Not symmetric, as where gyroscopic forces tie the modes together.
+    yields = own @ own.T + 0.2 * np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+    given = coupling + arms @ yields @ arms.T
+
+    def ours(place):
+        mesh = Mesh(*(jnp.asarray(x) for x in (stiffness, 0.0 * stiffness, arms, coupling)))
+        zero, one = jnp.zeros(width), jnp.asarray(1.0)
+        nothing = jnp.zeros((width, width))
+        problem = Pressing(
+            jg.ExactContact(), (mesh,), None, place, jnp.asarray(yields), zero, nothing, None, one
+        )
+        return pressed(problem, zero)
+
+    solve = jax.jit(lambda place: (*ours(place), jax.jacfwd(lambda x: ours(x)[0])(place)))
+    closed = []
+    for _ in range(5):
+        place = random.normal(size=width)
+        load, error, slope = solve(jnp.asarray(place))
+        found = []
+        for number in range(2**cells):
+            some = np.array([bool(number >> i & 1) for i in range(cells)])
+            tied = np.diag(1.0 / stiffness[some]) + given[np.ix_(some, some)]
+            force = np.zeros(cells)
+            force[some] = np.linalg.solve(tied, arms[some] @ place)
+            if np.all(force >= 0.0) and np.all((arms @ place - given @ force)[~some] <= 0.0):
+                found.append((arms.T @ force, arms[some].T @ np.linalg.solve(tied, arms[some])))
+                closed.append(some.sum())
+        assert len(found) == 1
+        assert float(error) < 1e-12
+        np.testing.assert_allclose(load, found[0][0], rtol=1e-10, atol=1e-12)
+        np.testing.assert_allclose(slope, found[0][1], rtol=1e-9, atol=1e-11)
+    assert 0 < min(closed) < max(closed)
 
 
 def test_smooth_contact_without_slices_near_separation_is_exact_contact():

@@ -20,6 +20,7 @@ from scipy.spatial import KDTree
 
 import jaxgear as jg
 from fem_prep import ReducedBody
+from jaxgear._system import _body_modes
 from jaxgear._system._body_modes import BodyBasis, body_basis
 from jaxgear._system._flexible import flexible_body, mode_arms
 
@@ -188,6 +189,22 @@ def test_no_count_is_all_of_them():
 def test_a_pair_is_never_parted(count, kept):
     body = hybrid_cases.body("spur", 1)
     assert len(body_basis(body, count).square) == kept
+
+
+def test_a_mode_that_iteration_missed_is_found(monkeypatch):
+    """Half a pair, in whose place is the mode after the last."""
+    body, complete = _basis("bore", 20)
+    iterated = _body_modes._by_iteration
+
+    def missing(stiffness, mass, factor, count):
+        square, shapes = iterated(stiffness, mass, factor, count + 1)
+        lost = int(np.flatnonzero(np.diff(square) < 1e-5 * square[1:])[1])
+        return np.delete(square, lost), np.delete(shapes, lost, axis=1)
+
+    monkeypatch.setattr(_body_modes, "_by_iteration", missing)
+    found = body_basis(body, 20)
+    np.testing.assert_allclose(found.square, complete.square, rtol=1e-9)
+    np.testing.assert_array_equal(found.waves, complete.waves)
 
 
 def test_a_shape_whose_partner_was_cut_off_is_left_out():

@@ -1,0 +1,195 @@
+"""Pictures of flanks at speed: pressure on one tooth's way, and what each tooth carries.
+
+Each has beside it the function that gives its data as columns, for `save`.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
+
+from jaxgear._app._flank_loads import FlankLoads, tooth_places
+from jaxgear._app._hybrid_dataset import HolePlaces
+from jaxgear._app._hybrid_pictures import _HOLE, _SERIES, _shade_holes
+from jaxgear._app._pictures import (
+    _BLUE,
+    _GREY,
+    _RED,
+    _SURFACE,
+    Columns,
+    _digits,
+    _house_look,
+    _panels,
+)
+from jaxgear._units import MPa, deg, mm
+
+
+@_house_look()
+def flank_pressure(chosen: Sequence[FlankLoads], title: str) -> Figure:
+    """Pressure on the most loaded tooth pair from its entry to its exit, at some speeds.
+
+    **Arguments:**
+
+    - `chosen`: one for each speed.
+    - `title`: the case or the finding.
+
+    **Returns:**
+
+    The figure; all panels are of one scale.
+    """
+    figure, panels = _panels((3.6 * len(chosen) + 1.6, 4.4), title, len(chosen))
+    most = max(float(each.pressure.max()) for each in chosen) / MPa
+    half = 0.5 * chosen[0].width / mm
+    for axes, each in zip(panels, chosen, strict=True):
+        passage, _, pressure = each.way()
+        middle = 0.5 * (passage[1:] + passage[:-1])
+        steps = np.concatenate([[1.5 * passage[0] - 0.5 * passage[1]], middle, passage[-1:]])
+        face = np.linspace(-half, half, len(each.face) + 1)
+        area = axes.pcolormesh(
+            steps, face, pressure.T / MPa, cmap=_SURFACE, vmin=0.0, vmax=most, rasterized=True
+        )
+        axes.grid(False)
+        largest = _digits(float(pressure.max()) / MPa, 4)
+        axes.set_title(f"{each.speed:.5g} rad/s: largest {largest} MPa", loc="left")
+        axes.set(xlabel="since entry at mid-face [mesh periods]")
+    panels[0].set_ylabel("position from mid-face [mm]")
+    figure.colorbar(area, ax=panels, label="pressure [MPa]")
+    return figure
+
+
+def flank_pressure_columns(chosen: Sequence[FlankLoads]) -> Columns:
+    """The data of `flank_pressure`, one row per place on the flank at each speed."""
+    rows = []
+    for each in chosen:
+        passage, load, pressure = each.way()
+        shape = load.shape
+        rows.append(
+            {
+                "pinion_speed_rad_s": np.full(load.size, each.speed),
+                "passage": np.broadcast_to(passage[:, None], shape).ravel(),
+                "face_position_mm": np.broadcast_to(each.face / mm, shape).ravel(),
+                "line_load_N_mm": load.ravel() * mm,
+                "pressure_MPa": pressure.ravel() / MPa,
+            }
+        )
+    return {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
+
+
+@_house_look()
+def largest_loads(dataset: xr.Dataset, title: str) -> Figure:
+    """Largest line load and pressure over speed, and where on the flank it is.
+
+    **Arguments:**
+
+    - `dataset`: of one direction of a sweep, with the entries of `loads_over_speeds`.
+    - `title`: the case or the finding.
+
+    **Returns:**
+
+    The figure.
+    """
+    figure, (left, right) = _panels((10.6, 4.6), title, 2)
+    speed = dataset["speed"].values
+    mark = "o" if speed.size < 40 else ""
+    left.plot(speed, dataset["max_line_load_N_mm"].values, marker=mark, ms=3, color=_BLUE)
+    left.set_ylabel("largest line load [N/mm]", color=_BLUE)
+    beside = left.twinx()
+    beside.plot(speed, dataset["max_pressure_MPa"].values, marker=mark, ms=3, color=_RED, ls="--")
+    beside.set_ylabel("largest pressure [MPa]", color=_RED)
+    beside.grid(False)
+    left.set_ylim(bottom=0.0)
+    beside.set_ylim(bottom=0.0)
+    right.plot(speed, dataset["max_line_load_passage"].values, "o", ms=3, color=_BLUE)
+    right.set_ylabel("mesh periods since entry at mid-face", color=_BLUE)
+    across = right.twinx()
+    across.plot(speed, dataset["max_line_load_face_mm"].values, "x", ms=4, color=_GREY)
+    across.set_ylabel("position from mid-face [mm]", color=_GREY)
+    reach = 1.2 * max(float(np.abs(dataset["max_line_load_face_mm"].values).max()), 0.1)
+    across.set_ylim(-reach, reach)
+    right.set_ylim(0.0, 1.2 * float(dataset["max_line_load_passage"].values.max()))
+    across.grid(False)
+    left.set_title("largest on the flank", loc="left")
+    right.set_title("where the largest line load is", loc="left")
+    for axes in (left, right):
+        axes.set_xlabel("speed of the pinion [rad/s]")
+    return figure
+
+
+def largest_loads_columns(dataset: xr.Dataset) -> Columns:
+    """The data of `largest_loads`."""
+    names = (
+        "max_line_load_N_mm",
+        "max_pressure_MPa",
+        "max_line_load_passage",
+        "max_line_load_face_mm",
+    )
+    speed = {"speed_rad_s": dataset["speed"].values}
+    return speed | {name: dataset[name].values for name in names}
+
+
+@_house_look()
+def teeth_at_speed(
+    chosen: Sequence[FlankLoads], gear: str, holes: HolePlaces | None, title: str
+) -> Figure:
+    """Largest line load of each tooth at some speeds, with the places of holes in the web.
+
+    **Arguments:**
+
+    - `chosen`: one for each speed, over several mesh periods.
+    - `gear`: `pinion` or `wheel`: whose teeth.
+    - `holes`: of its web.
+    - `title`: the case or the finding.
+
+    **Returns:**
+
+    The figure; loads are over their mean at each speed.
+    """
+    figure, (axes,) = _panels((9.6, 4.4), title, 1)
+    data = teeth_at_speed_columns(chosen, gear, holes)
+    step = 360.0 / chosen[0].teeth[0 if gear == "pinion" else 1]
+    angle = data["tooth_angle_deg"]
+    low, high = angle.min() - 0.5 * step, angle.max() + 0.5 * step
+    if holes is not None:
+        _shade_holes(axes, holes, low, high)
+    for number, each in enumerate(chosen):
+        own = data["pinion_speed_rad_s"] == each.speed
+        mean = float(np.mean(data["line_load_max_N_mm"][own]))
+        axes.plot(
+            angle[own],
+            data["line_load_max_N_mm"][own] / mean,
+            "o-",
+            ms=4,
+            color=_SERIES[number % len(_SERIES)],
+            label=f"{each.speed:.5g} rad/s, mean {_digits(mean, 4)} N/mm",
+        )
+    axes.set(
+        xlim=(low, high),
+        xlabel=f"place of the tooth on the {gear}, from tooth 0 [°]",
+        ylabel="largest line load of a tooth,\nover the mean of all",
+    )
+    axes.xaxis.set_major_locator(MaxNLocator(steps=[1, 1.5, 3, 6, 10]))
+    handles, labels = axes.get_legend_handles_labels()
+    if holes is not None:
+        handles, labels = [*handles, Patch(color=_HOLE)], [*labels, "above a hole"]
+    figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False)
+    return figure
+
+
+def teeth_at_speed_columns(
+    chosen: Sequence[FlankLoads], gear: str, holes: HolePlaces | None
+) -> Columns:
+    """The data of `teeth_at_speed`, a row for each tooth at each speed."""
+    angle = tooth_places(chosen[0], gear)
+    order = np.argsort(angle, kind="stable")
+    above = np.zeros(len(angle), bool) if holes is None else holes.above(angle * deg)
+    many = len(chosen)
+    return {
+        "pinion_speed_rad_s": np.repeat([each.speed for each in chosen], len(angle)),
+        "tooth_pair": np.tile(order, many),
+        "tooth_angle_deg": np.tile(angle[order], many),
+        "line_load_max_N_mm": np.concatenate([each.by_pair[order] * mm for each in chosen]),
+        "above_a_hole": np.tile(above[order].astype(int), many),
+    }

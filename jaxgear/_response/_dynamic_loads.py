@@ -1,0 +1,51 @@
+"""Loads and pressures on the contact lines of a steady response, in the middle of each step.
+
+As for the quasi-static cycle, they belong to slices that are at least half in contact.
+"""
+
+import jax.numpy as jnp
+
+from jaxgear._contact._compliance import hertz_contact
+from jaxgear._dynamics._orbit import Orbit
+from jaxgear._dynamics._system import PairDynamics
+from jaxgear._interface._laws import AbstractContactLaw, ExactContact
+from jaxgear._response._dynamic import _cells, _line_loads
+from jaxgear._types import LineGrid
+
+
+def dynamic_line_load(
+    dynamics: PairDynamics, orbit: Orbit, law: AbstractContactLaw = ExactContact()
+) -> LineGrid:
+    """Load per length of contact line at each slice, drive flanks.
+
+    **Arguments:**
+
+    - `dynamics`: the pair.
+    - `orbit`: its response at one speed.
+    - `law`: with which the response was found.
+
+    **Returns:**
+
+    Line load at each step of the response [N/m].
+    """
+    by_cycle = _line_loads(dynamics, _cells(dynamics.system, orbit, law)[0])
+    return by_cycle.reshape(-1, *by_cycle.shape[-2:])
+
+
+def dynamic_pressure(
+    dynamics: PairDynamics, orbit: Orbit, law: AbstractContactLaw = ExactContact()
+) -> LineGrid:
+    """Largest Hertzian pressure across the contact band at each slice, drive flanks.
+
+    Arguments as for `dynamic_line_load`; beyond the path of contact it is that of the cylinders at
+    its end.
+
+    **Returns:**
+
+    Pressure at each step of the response [Pa].
+    """
+    pair, lines = dynamics.cycle.system.pair, dynamics.cycle.cells.lines
+    load = dynamic_line_load(dynamics, orbit, law)
+    on_path = jnp.clip(lines.roll, pair.path_start, pair.path_end)
+    times = load.shape[0] // on_path.shape[0]
+    return hertz_contact(pair, jnp.tile(on_path, (times, 1, 1))).pressure(load)
