@@ -295,8 +295,7 @@ def constant():
     return _residuals(CONSTANT, 48), closed
 
 
-def test_residuals_sum_to_the_variance(constant):
-    residuals, _ = constant
+def test_residuals_sum_to_the_variance():
     torques = jnp.asarray([40.0, 80.0])
     grid = jg.mesh_grid(CONSTANT.pair, phases=16, slices=1)
     settings = dict(grid=grid, law=EXACT)
