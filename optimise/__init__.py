@@ -27,9 +27,11 @@ from optimise._objectives import WeightedSum as WeightedSum
 from optimise._objectives import over_torques as over_torques
 from optimise._objectives import prepare_torques as prepare_torques
 from optimise._objectives import residuals_over_torques as residuals_over_torques
+from optimise._objectives import responses_over_torques as responses_over_torques
 from optimise._record import Box as Box
 from optimise._record import Record as Record
 from optimise._record import SearchResult as SearchResult
+from optimise._record import Watcher as Watcher
 from optimise._robust import AbstractMeasure as AbstractMeasure
 from optimise._robust import Influence as Influence
 from optimise._robust import Mean as Mean

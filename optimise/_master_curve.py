@@ -181,6 +181,7 @@ def traced_curve(
     extent: np.ndarray,
     start: float,
     *,
+    deepest: float = np.inf,
     most_steps: int = 30,
     tolerance: float = 1e-9,
     done: Callable[[int], None] = lambda count: None,
@@ -197,13 +198,14 @@ def traced_curve(
         the transmission error about its mean [m]; traceable by JAX.
     - `extent`: in the order in which to go; begin where the curve is flat, at the longest.
     - `start`: depth to begin with at the first extent [m].
+    - `deepest`: where the curve ends; so it does where depth has no effect [m].
     - `most_steps`: at each extent.
     - `tolerance`: of the last step, relative to the depth [-].
     - `done`: told how many more extents are finished, for a progress bar.
 
     **Returns:**
 
-    The curve, in the order of the extents.
+    The curve, in the order of the extents; NaN, and not settled, after its end.
 
     **Raises:**
 
@@ -227,12 +229,16 @@ def traced_curve(
 
     rows, depth = [], float(start)
     for gamma, ahead in zip(extent, [*extent[1:], extent[-1]], strict=True):
-        depth, found, settled = _bottom(
-            lambda e, g=float(gamma): at(e, g), depth, most_steps, tolerance
-        )
+        # What is deeper than this touches nothing, or is asked for by no one: there it ends.
+        if not depth <= deepest:
+            rows.append((np.nan, np.nan, np.nan, False))
+            continue
+        bottom = lambda depth, gamma=float(gamma): at(depth, gamma)
+        depth, found, settled = _bottom(bottom, depth, most_steps, tolerance)
         rows.append((depth, np.sqrt(found[0]), 2.0 * found[2], settled))
         # Half of it at the least: near the shortest extent the tangent overshoots.
-        depth = max(depth - found[3] / found[2] * float(ahead - gamma), 0.5 * depth)
+        slope = found[3] / found[2] if found[2] > 0.0 else np.nan
+        depth = np.maximum(depth - slope * float(ahead - gamma), 0.5 * depth)
         done(1)
     columns = (np.asarray(column) for column in zip(*rows, strict=True))
     return TracedCurve(np.asarray(extent, dtype=float), *columns)

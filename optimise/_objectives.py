@@ -1,7 +1,7 @@
 """What to make small. Numbers of order one: micrometres and megapascals, not SI."""
 
 import abc
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import equinox as eqx
 import jax
@@ -240,6 +240,43 @@ def residuals_over_torques(
     residuals = TransmissionErrorVariance().residuals
     at_torques = _at_torques(model_of, residuals, torques, grid, law, prepared, batched=True)
     return lambda variables: at_torques(variables).ravel() / jnp.sqrt(float(torques.size))
+
+
+def responses_over_torques(
+    model_of: Callable[[Array], jg.PairModel],
+    objective: AbstractObjective,
+    limited: Sequence[AbstractObjective],
+    torques: Float[Array, " torque"],
+    *,
+    grid: jg.MeshGrid,
+    law: jg.AbstractContactLaw,
+    worst: bool = False,
+    prepared: jg.PreparedMesh | None = None,
+    batched: bool = True,
+) -> Callable[[Float[Array, " variable"]], Float[Array, " response"]]:
+    """An objective, and responses that have limits, of the same cycles.
+
+    **Arguments:**
+
+    - `limited`: the responses; of each the largest over the torques counts.
+    - others: as of `over_torques`.
+
+    **Returns:**
+
+    A function for `constrained`: the objective first.
+    """
+
+    def judge(model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw) -> Array:
+        return jnp.stack([each(model, cycle, law) for each in (objective, *limited)])
+
+    at_torques = _at_torques(model_of, judge, torques, grid, law, prepared, batched)
+
+    def value(variables: Float[Array, " variable"]) -> Float[Array, " response"]:
+        values = at_torques(variables)
+        first = jnp.max(values[:, 0]) if worst else jnp.mean(values[:, 0])
+        return jnp.concatenate([first[None], jnp.max(values[:, 1:], axis=0)])
+
+    return value
 
 
 def _at_torques(

@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -169,11 +169,13 @@ def least_squares(
     squares = lambda values: float(np.sum(values**2))
     record = Record(_jacobian(residuals), box, told, file)
     count = len(start)
+    # SciPy's own annotations know no function here.
+    slopes: Any = lambda unit: record(unit)[1]
     end = scipy.optimize.least_squares(
         lambda unit: record(unit)[0],
         # Its method works inside, never on a face.
         np.clip(box.to_unit(np.asarray(start, float)), 1e-6, 1.0 - 1e-6),
-        jac=lambda unit: record(unit)[1],
+        jac=slopes,
         bounds=(np.zeros(count), np.ones(count)),
         max_nfev=most_evaluations,
         ftol=tolerance,

@@ -1,6 +1,7 @@
 """Objectives of whole designs: values, gradients, and an optimisation from start to end."""
 
 import math
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -298,7 +299,7 @@ def constant():
 def test_residuals_sum_to_the_variance():
     torques = jnp.asarray([40.0, 80.0])
     grid = jg.mesh_grid(CONSTANT.pair, phases=16, slices=1)
-    settings = dict(grid=grid, law=EXACT)
+    settings: Any = dict(grid=grid, law=EXACT)
     found = optimise.residuals_over_torques(_design(CONSTANT), torques, **settings)
     variance = optimise.over_torques(
         _design(CONSTANT), optimise.TransmissionErrorVariance(), torques, **settings
