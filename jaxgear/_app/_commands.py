@@ -801,7 +801,8 @@ def _optimisation(
     found, restarted = _unless_beaten(found, *rival, search, space, quiet)
     file.unlink(missing_ok=True)
     if not found.converged:
-        _warn(f"the search did not converge: {found.reason}. Raise optimise.max_evaluations.")
+        more = "" if search.limits else " Raise optimise.max_evaluations."
+        _warn(f"the search did not converge: {found.reason}.{more}")
     keys = {key: float(value) for key, value in space.updates(jnp.asarray(found.point)).items()}
     try:
         after = solve_statics(scene.replace(keys), watch, torques)
