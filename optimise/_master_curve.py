@@ -13,6 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+import jaxgear as jg
+
 
 def master_curve_depth(
     extent: Float[Array, "..."], contact_ratio: Float[Array, ""], deflection: Float[Array, ""]
@@ -138,3 +140,134 @@ def _lowest(x: np.ndarray, y: np.ndarray) -> float:
     step = x[1] - x[0]
     slope, bend = y[i + 1] - y[i - 1], y[i + 1] - 2.0 * y[i] + y[i - 1]
     return float(x[i] - 0.5 * step * slope / bend) if bend > 0.0 else float(x[i])
+
+
+class TracedCurve(eqx.Module):
+    r"""The computed Master Curve, followed along its extents, and how steep its sides are.
+
+    **Fields:**
+
+    - `extent`: of the tip relief [-].
+    - `depth`: that makes the mean square least [m].
+    - `rms`: of the deviations there [m].
+    - `bend`: second derivative of the mean square by the depth, $2\,r_E\cdot r_E$: exact where the
+        transmission error is piecewise linear in the depth, as with linear relief and exact
+        contact [-].
+    - `settled`: whether the depth was found to the tolerance [-].
+    """
+
+    extent: np.ndarray
+    depth: np.ndarray
+    rms: np.ndarray
+    bend: np.ndarray
+    settled: np.ndarray
+
+    def margin(self, rms: float) -> np.ndarray:
+        """How far the depth may be off until the RMS is so large.
+
+        **Arguments:**
+
+        - `rms`: allowed [m].
+
+        **Returns:**
+
+        The margin at each extent; zero where the RMS is larger all the same [m].
+        """
+        return np.sqrt(np.clip(rms**2 - self.rms**2, 0.0, None) / (0.5 * self.bend))
+
+
+def traced_curve(
+    deviations: Callable[[Array, Array], Array],
+    extent: np.ndarray,
+    start: float,
+    *,
+    deepest: float = np.inf,
+    most_steps: int = 30,
+    tolerance: float = 1e-9,
+    done: Callable[[int], None] = lambda count: None,
+) -> TracedCurve:
+    r"""Follow the best depth from one extent to the next.
+
+    At each extent Gauss and Newton's steps $-r\cdot r_E / r_E\cdot r_E$, halved until the mean
+    square falls; to the next extent along the tangent $dE/d\Gamma = -r_E\cdot r_\Gamma /
+    r_E\cdot r_E$.
+
+    **Arguments:**
+
+    - `deviations`: $r$ of a depth [m] and an extent [-], whose squares sum to the mean square of
+        the transmission error about its mean [m]; traceable by JAX.
+    - `extent`: in the order in which to go; begin where the curve is flat, at the longest.
+    - `start`: depth to begin with at the first extent [m].
+    - `deepest`: where the curve ends; so it does where depth has no effect [m].
+    - `most_steps`: at each extent.
+    - `tolerance`: of the last step, relative to the depth [-].
+    - `done`: told how many more extents are finished, for a progress bar.
+
+    **Returns:**
+
+    The curve, in the order of the extents; NaN, and not settled, after its end.
+
+    **Raises:**
+
+    - `FloatingPointError` where the deviations are not finite.
+    """
+
+    @jax.jit
+    def products(depth: Array, extent: Array) -> Array:
+        twice = lambda e, g: (deviations(e, g),) * 2
+        (by_depth, by_extent), r = jax.jacfwd(twice, (0, 1), has_aux=True)(depth, extent)
+        return jnp.stack([r @ r, r @ by_depth, by_depth @ by_depth, by_depth @ by_extent])
+
+    def at(depth: float, gamma: float) -> np.ndarray:
+        found = np.asarray(products(jnp.asarray(depth), jnp.asarray(gamma)))
+        if not np.all(np.isfinite(found)):
+            raise FloatingPointError(
+                f"The deviations or their slopes are not finite at a relief of {depth / jg.um:.6g} "
+                f"um over {gamma:.6g} of the path."
+            )
+        return found
+
+    rows, depth = [], float(start)
+    for gamma, ahead in zip(extent, [*extent[1:], extent[-1]], strict=True):
+        # What is deeper than this touches nothing, or is asked for by no one: there it ends.
+        if not depth <= deepest:
+            rows.append((np.nan, np.nan, np.nan, False))
+            continue
+        bottom = lambda depth, gamma=float(gamma): at(depth, gamma)
+        depth, found, settled = _bottom(bottom, depth, most_steps, tolerance)
+        rows.append((depth, np.sqrt(found[0]), 2.0 * found[2], settled))
+        # Half of it at the least: near the shortest extent the tangent overshoots.
+        slope = found[3] / found[2] if found[2] > 0.0 else np.nan
+        depth = np.maximum(depth - slope * float(ahead - gamma), 0.5 * depth)
+        done(1)
+    columns = (np.asarray(column) for column in zip(*rows, strict=True))
+    return TracedCurve(np.asarray(extent, dtype=float), *columns)
+
+
+def _bottom(
+    at: Callable[[float], np.ndarray], depth: float, most_steps: int, tolerance: float
+) -> tuple[float, np.ndarray, bool]:
+    """The depth of least mean square, its products, and whether it was found."""
+    here = at(depth)
+    for _ in range(most_steps):
+        if not here[2] > 0.0:
+            return depth, here, False
+        step = -here[1] / here[2]
+        if abs(step) <= tolerance * max(depth, abs(step) * tolerance):
+            return depth, here, True
+        for _ in range(_HALVINGS):
+            ahead = max(depth + step, 0.0)
+            there = at(ahead)
+            if there[0] < here[0]:
+                break
+            step *= 0.5
+        else:
+            # No step is an improvement: rounding is all that is left, or a kink.
+            return depth, here, abs(step) * 2.0**_HALVINGS <= _KINK * depth
+        depth, here = ahead, there
+    return depth, here, False
+
+
+# A step is halved so often; where even that is no improvement, a first step up to this share of
+# the depth was rounding or a kink of the mean square.
+_HALVINGS, _KINK = 12, 1e-3

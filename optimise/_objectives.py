@@ -1,7 +1,7 @@
 """What to make small. Numbers of order one: micrometres and megapascals, not SI."""
 
 import abc
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import equinox as eqx
 import jax
@@ -37,7 +37,10 @@ class AbstractObjective(eqx.Module):
 
 
 class TransmissionErrorVariance(AbstractObjective):
-    """Square of the RMS of the transmission error, in um2: smooth where the RMS has a cone."""
+    """Square of the RMS of the transmission error, in um2: smooth where the RMS has a cone.
+
+    It is a sum of squares, those of its `residuals`.
+    """
 
     def __call__(
         self, model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw
@@ -46,6 +49,15 @@ class TransmissionErrorVariance(AbstractObjective):
         del law
         error = jg.transmission_error(model.pair, cycle)
         return jg.cycle_variance(cycle, error) / jg.um**2
+
+    def residuals(
+        self, model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw
+    ) -> Float[Array, " phase"]:
+        """Deviations from the mean, weighted by the time that each phase stands for [um]."""
+        del law
+        error = jg.transmission_error(model.pair, cycle)
+        weight = jnp.sqrt(cycle.cells.lines.weight)
+        return weight * (error - jg.cycle_mean(cycle, error)) / jg.um
 
 
 class TransmissionErrorRms(AbstractObjective):
@@ -198,19 +210,97 @@ def over_torques(
     cycle was not solved. With `worst` its slope jumps where two torques are equally bad.
     """
 
+    at_torques = _at_torques(model_of, objective, torques, grid, law, prepared, batched)
+
     def value(variables: Float[Array, " variable"]) -> Float[Array, ""]:
+        values = at_torques(variables)
+        return jnp.max(values) if worst else jnp.mean(values)
+
+    return value
+
+
+def residuals_over_torques(
+    model_of: Callable[[Array], jg.PairModel],
+    torques: Float[Array, " torque"],
+    *,
+    grid: jg.MeshGrid,
+    law: jg.AbstractContactLaw,
+    prepared: jg.PreparedMesh | None = None,
+) -> Callable[[Float[Array, " variable"]], Float[Array, " residual"]]:
+    """Residuals whose squares sum to the mean variance of the transmission error over torques.
+
+    **Arguments:**
+
+    - `model_of`, `torques`, `grid`, `law`, `prepared`: as of `over_torques`.
+
+    **Returns:**
+
+    A function for `least_squares`, in um; NaN where a cycle was not solved.
+    """
+    residuals = TransmissionErrorVariance().residuals
+    at_torques = _at_torques(model_of, residuals, torques, grid, law, prepared, batched=True)
+    return lambda variables: at_torques(variables).ravel() / jnp.sqrt(float(torques.size))
+
+
+def responses_over_torques(
+    model_of: Callable[[Array], jg.PairModel],
+    objective: AbstractObjective,
+    limited: Sequence[AbstractObjective],
+    torques: Float[Array, " torque"],
+    *,
+    grid: jg.MeshGrid,
+    law: jg.AbstractContactLaw,
+    worst: bool = False,
+    prepared: jg.PreparedMesh | None = None,
+    batched: bool = True,
+) -> Callable[[Float[Array, " variable"]], Float[Array, " response"]]:
+    """An objective, and responses that have limits, of the same cycles.
+
+    **Arguments:**
+
+    - `limited`: the responses; of each the largest over the torques counts.
+    - others: as of `over_torques`.
+
+    **Returns:**
+
+    A function for `constrained`: the objective first.
+    """
+
+    def judge(model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw) -> Array:
+        return jnp.stack([each(model, cycle, law) for each in (objective, *limited)])
+
+    at_torques = _at_torques(model_of, judge, torques, grid, law, prepared, batched)
+
+    def value(variables: Float[Array, " variable"]) -> Float[Array, " response"]:
+        values = at_torques(variables)
+        first = jnp.max(values[:, 0]) if worst else jnp.mean(values[:, 0])
+        return jnp.concatenate([first[None], jnp.max(values[:, 1:], axis=0)])
+
+    return value
+
+
+def _at_torques(
+    model_of: Callable[[Array], jg.PairModel],
+    judge: Callable[[jg.PairModel, jg.MeshCycle, jg.AbstractContactLaw], Array],
+    torques: Array,
+    grid: jg.MeshGrid,
+    law: jg.AbstractContactLaw,
+    prepared: jg.PreparedMesh | None,
+    batched: bool,
+) -> Callable[[Array], Array]:
+    """What is judged of the cycle at each torque, NaN where it was not solved."""
+
+    def values(variables: Array) -> Array:
         model = model_of(variables)
 
         def at_torque(mesh: jg.PreparedMesh, torque: Array) -> Array:
             own = _loaded(model, torque)
             cycle = jg.corrected_cycle(mesh, own, law=law)
-            return jnp.where(jnp.all(cycle.converged), objective(own, cycle, law), jnp.nan)
+            return jnp.where(jnp.all(cycle.converged), judge(own, cycle, law), jnp.nan)
 
         meshes = prepare_torques(model, torques, grid) if prepared is None else prepared
         if batched:
-            values = jax.vmap(at_torque)(meshes, torques)
-        else:
-            values = jax.lax.map(lambda both: at_torque(*both), (meshes, torques))
-        return jnp.max(values) if worst else jnp.mean(values)
+            return jax.vmap(at_torque)(meshes, torques)
+        return jax.lax.map(lambda both: at_torque(*both), (meshes, torques))
 
-    return value
+    return values

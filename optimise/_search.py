@@ -1,113 +1,21 @@
-"""Searches within a box, by gradient and without. All start from, and count, whole evaluations."""
+"""Searches within a box by gradient. All count whole evaluations, and keep them."""
 
-from collections.abc import Callable
+import dataclasses
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
 import scipy.optimize
-from jaxtyping import Array, Float
 
-Objective = Callable[[Float[Array, " variable"]], Float[Array, ""]]
-# Called with the point and the value after each evaluation of the gradient.
-Watcher = Callable[[np.ndarray, float], None]
+from optimise._record import Box, Objective, Record, Residuals, SearchResult, Watcher
 
 
-class Box(eqx.Module):
-    """Bounds of the variables; they are also their scales.
-
-    **Fields:**
-
-    - `lower`: smallest value of each variable, in its own unit [-].
-    - `upper`: largest value of each variable, in its own unit [-].
-
-    **Raises:**
-
-    - `ValueError` if a lower bound is not below its upper bound.
-    """
-
-    lower: np.ndarray = eqx.field(converter=np.asarray)
-    upper: np.ndarray = eqx.field(converter=np.asarray)
-
-    def __check_init__(self):
-        if not np.all(self.lower < self.upper):
-            raise ValueError(
-                f"Every lower bound must be below its upper bound, got {self.lower.tolist()} and "
-                f"{self.upper.tolist()}."
-            )
-
-    def to_unit(self, point: np.ndarray) -> np.ndarray:
-        """Place a point in the unit cube, moved inside the box if it was not [-]."""
-        return np.clip((point - self.lower) / (self.upper - self.lower), 0.0, 1.0)
-
-    def from_unit(self, unit: np.ndarray) -> np.ndarray:
-        """Undo `to_unit`, in the units of the variables."""
-        return self.lower + unit * (self.upper - self.lower)
-
-
-class SearchResult(eqx.Module):
-    """Where a search ended, and how.
-
-    **Fields:**
-
-    - `point`: best point found, in the units of the variables [-].
-    - `value`: objective there, in its own unit [-].
-    - `evaluations`: of the objective, with or without gradient [-].
-    - `gradient_evaluations`: of the objective with its gradient [-].
-    - `converged`: whether the search stopped by itself.
-    - `reason`: why it stopped.
-    - `path`: every point evaluated, for gradient searches in order [-].
-    - `values`: objective at each of them [-].
-    """
-
-    point: np.ndarray
-    value: float
-    evaluations: int
-    gradient_evaluations: int
-    converged: bool
-    reason: str
-    path: np.ndarray
-    values: np.ndarray
-
-
-class _Recorder:
-    """Evaluates value and gradient in the unit cube and keeps the whole record."""
-
-    def __init__(self, objective: Objective, box: Box, watch: Watcher | None):
-        self._evaluate = jax.jit(jax.value_and_grad(objective))
-        self._box, self._watch = box, watch
-        self.points: list[np.ndarray] = []
-        self.values: list[float] = []
-
-    def __call__(self, unit: np.ndarray) -> tuple[float, np.ndarray]:
-        point = self._box.from_unit(unit)
-        value, gradient = self._evaluate(jnp.asarray(point))
-        gradient = np.asarray(gradient) * (self._box.upper - self._box.lower)
-        if not (np.isfinite(value) and np.all(np.isfinite(gradient))):
-            raise FloatingPointError(
-                f"The objective or its gradient is not finite at {point.tolist()}: value "
-                f"{float(value)}. Narrow the bounds: some design within them is impossible."
-            )
-        self.points.append(point)
-        self.values.append(float(value))
-        if self._watch is not None:
-            self._watch(point, float(value))
-        return float(value), gradient
-
-    def result(self, *, converged: bool, reason: str) -> SearchResult:
-        best = int(np.argmin(self.values))
-        return SearchResult(
-            point=self.points[best],
-            value=self.values[best],
-            evaluations=len(self.values),
-            gradient_evaluations=len(self.values),
-            converged=converged,
-            reason=reason,
-            path=np.stack(self.points),
-            values=np.asarray(self.values),
-        )
+def _slopes(objective: Callable, with_slope: bool) -> Callable:
+    return objective if with_slope else jax.jit(jax.value_and_grad(objective))
 
 
 # L-BFGS-B knows no scale before its first step, and makes it of length one: in these units.
@@ -122,6 +30,8 @@ def lbfgs(
     most_evaluations: int = 50,
     tolerance: float = 1e-6,
     watch: Watcher | None = None,
+    file: Path | None = None,
+    with_slope: bool = False,
 ) -> SearchResult:
     """Minimise by SciPy's L-BFGS-B, with gradients from JAX.
 
@@ -133,6 +43,8 @@ def lbfgs(
     - `most_evaluations`: of the gradient, about; a line search is finished.
     - `tolerance`: on the largest slope in the unit cube; a thousandth of it on relative progress.
     - `watch`: called after each evaluation.
+    - `file`: keeps the evaluations, and has those of a search that was stopped: see `Record`.
+    - `with_slope`: whether `objective` returns its gradient too, and is compiled already.
 
     **Returns:**
 
@@ -141,12 +53,13 @@ def lbfgs(
     **Raises:**
 
     - `FloatingPointError` if the objective or its gradient is not finite.
+    - `ValueError` if the file is of a search in another box.
     """
-    record = _Recorder(objective, box, watch)
+    record = Record(_slopes(objective, with_slope), box, watch, file)
 
     def stretched(place: np.ndarray) -> tuple[float, np.ndarray]:
         value, slope = record(place * _FIRST_STEP)
-        return value, slope * _FIRST_STEP
+        return float(value), slope * _FIRST_STEP
 
     end = scipy.optimize.minimize(
         stretched,
@@ -172,6 +85,8 @@ def adam(
     learning_rate: float = 0.05,
     tolerance: float = 1e-4,
     watch: Watcher | None = None,
+    file: Path | None = None,
+    with_slope: bool = False,
 ) -> SearchResult:
     """Minimise by optax's Adam, projected onto the box, with a cosine schedule.
 
@@ -184,6 +99,8 @@ def adam(
     - `learning_rate`: first step, in unit cubes.
     - `tolerance`: the search has converged if its last tenth moved less than this [unit cubes].
     - `watch`: called after each evaluation.
+    - `file`: keeps the evaluations, and has those of a search that was stopped: see `Record`.
+    - `with_slope`: whether `objective` returns its gradient too, and is compiled already.
 
     **Returns:**
 
@@ -192,8 +109,9 @@ def adam(
     **Raises:**
 
     - `FloatingPointError` if the objective or its gradient is not finite.
+    - `ValueError` if the file is of a search in another box.
     """
-    record = _Recorder(objective, box, watch)
+    record = Record(_slopes(objective, with_slope), box, watch, file)
     optimiser = optax.adam(optax.cosine_decay_schedule(learning_rate, most_evaluations))
     unit = jnp.asarray(box.to_unit(np.asarray(start, float)))
     state = optimiser.init(unit)
@@ -212,60 +130,166 @@ def adam(
     return record.result(converged=converged, reason=reason)
 
 
-def differential_evolution(
-    objective: Objective,
+def least_squares(
+    residuals: Residuals,
+    start: np.ndarray,
     box: Box,
     *,
-    seed: int = 0,
-    population: int = 15,
-    most_generations: int = 100,
-    tolerance: float = 1e-3,
+    most_evaluations: int = 50,
+    tolerance: float = 1e-8,
+    watch: Watcher | None = None,
+    file: Path | None = None,
 ) -> SearchResult:
-    """Minimise by SciPy's differential evolution: the baseline that uses no gradient.
+    """Minimise a sum of squares by SciPy's trust region for least squares, with JAX's Jacobian.
+
+    Gauss and Newton's way, of Levenberg and Marquardt's kind: the curvature comes from first
+    derivatives alone, so that few evaluations suffice where the residuals are nearly linear. That
+    of optimistix knows no bounds.
 
     **Arguments:**
 
-    - `objective`: traceable by JAX; a generation is one batched call.
+    - `residuals`: traceable by JAX; their squares sum to a number of order one.
+    - `start`: first point; moved into the box, a hair off its faces.
     - `box`: bounds.
-    - `seed`: of the random numbers.
-    - `population`: members per variable.
-    - `most_generations`: after which it stops.
-    - `tolerance`: spread of the population's values over their mean, at which it has converged.
+    - `most_evaluations`: of residuals and Jacobian.
+    - `tolerance`: on progress, on steps, and on the largest slope in the unit cube [-].
+    - `watch`: called after each evaluation, with the sum of squares.
+    - `file`: keeps the evaluations: see `Record`.
 
     **Returns:**
 
-    The best point and the record of the search.
+    The best point and the record of the search; its values are sums of squares.
+
+    **Raises:**
+
+    - `FloatingPointError` if a residual or its gradient is not finite.
+    - `ValueError` if the file is of a search in another box.
     """
-    batched = jax.jit(lambda points: jax.lax.map(objective, points))
-    points, values = [], []
-
-    def evaluate(units: np.ndarray) -> np.ndarray:
-        generation = box.from_unit(np.atleast_2d(units.T))
-        found = np.asarray(batched(jnp.asarray(generation)))
-        # A design that cannot be evaluated is the worst of all.
-        result = np.where(np.isfinite(found), found, np.inf)
-        points.append(generation)
-        values.append(result)
-        return result
-
-    end = scipy.optimize.differential_evolution(
-        evaluate,
-        [(0.0, 1.0)] * len(box.lower),
-        rng=seed,
-        popsize=population,
-        maxiter=most_generations,
-        tol=tolerance,
-        polish=False,
-        vectorized=True,
-        updating="deferred",
+    told = None if watch is None else lambda point, _: watch(point, squares(record.values[-1]))
+    squares = lambda values: float(np.sum(values**2))
+    record = Record(_jacobian(residuals), box, told, file)
+    count = len(start)
+    # SciPy's own annotations know no function here.
+    slopes: Any = lambda unit: record(unit)[1]
+    end = scipy.optimize.least_squares(
+        lambda unit: record(unit)[0],
+        # Its method works inside, never on a face.
+        np.clip(box.to_unit(np.asarray(start, float)), 1e-6, 1.0 - 1e-6),
+        jac=slopes,
+        bounds=(np.zeros(count), np.ones(count)),
+        max_nfev=most_evaluations,
+        ftol=tolerance,
+        xtol=tolerance,
+        gtol=tolerance,
     )
-    return SearchResult(
-        point=box.from_unit(end.x),
-        value=float(end.fun),
-        evaluations=sum(len(v) for v in values),
-        gradient_evaluations=0,
-        converged=bool(end.success),
-        reason=str(end.message),
-        path=np.concatenate(points),
-        values=np.concatenate(values),
+    numbers = np.asarray([squares(values) for values in record.values])
+    return record.result(converged=end.status > 0, reason=str(end.message), numbers=numbers)
+
+
+class Limit(NamedTuple):
+    """A response that must not be above a number.
+
+    **Fields:**
+
+    - `name`: for messages.
+    - `most`: what is allowed, in the unit of the response [-].
+    - `scale`: by how much counts as one, in that unit [-].
+    """
+
+    name: str
+    most: float
+    scale: float
+
+
+# Excess of a limit over its scale that counts as none.
+_KEPT = 1e-4
+
+
+def constrained(
+    responses: Residuals,
+    limits: Sequence[Limit],
+    start: np.ndarray,
+    box: Box,
+    *,
+    most_evaluations: int = 100,
+    tolerance: float = 1e-6,
+    watch: Watcher | None = None,
+    file: Path | None = None,
+) -> SearchResult:
+    """Minimise a response while others stay below limits, by SciPy's SLSQP.
+
+    **Arguments:**
+
+    - `responses`: the number to make small, of order one, and that of each limit; traceable by JAX.
+    - `limits`: of all but the first.
+    - `start`: first point; moved into the box. It may be beyond limits.
+    - `box`: bounds.
+    - `most_evaluations`: of responses and Jacobian, about; a line search is finished.
+    - `tolerance`: on relative progress [-].
+    - `watch`: called after each evaluation.
+    - `file`: keeps the evaluations: see `Record`.
+
+    **Returns:**
+
+    The best point within all limits, or if there was none that which exceeds them least; it has
+    then not converged, and the reason says which limit by how much.
+
+    **Raises:**
+
+    - `FloatingPointError` if a response or its gradient is not finite.
+    - `ValueError` if the file is of a search in another box.
+    """
+    record = Record(_jacobian(responses), box, watch, file)
+    most, scale = (np.asarray([getattr(each, k) for each in limits]) for k in ("most", "scale"))
+    below = lambda unit: (most - record(unit)[0][1:]) / scale
+
+    def objective(unit: np.ndarray) -> float:
+        if len(record.points) > most_evaluations:
+            raise StopIteration
+        return float(record(unit)[0][0])
+
+    try:
+        end = scipy.optimize.minimize(
+            objective,
+            box.to_unit(np.asarray(start, float)),
+            jac=lambda unit: record(unit)[1][0],
+            method="SLSQP",
+            bounds=[(0.0, 1.0)] * len(start),
+            constraints={
+                "type": "ineq",
+                "fun": below,
+                "jac": lambda unit: -record(unit)[1][1:] / scale[:, None],
+            },
+            options={"maxiter": most_evaluations, "ftol": tolerance},
+        )
+        settled, reason = bool(end.success), str(end.message)
+        record(end.x)
+    except StopIteration:
+        settled, reason = False, "the evaluations allowed are spent"
+    values = np.asarray(record.values)
+    excess = (values[:, 1:] - most) / scale
+    worst = np.maximum(excess.max(axis=1), 0.0)
+    kept = worst <= _KEPT
+    # Beyond the limits the least excess is best; among those that keep them, the least value, but
+    # for the end of a search that has settled: others would make use of what counts as kept.
+    numbers = np.where(kept, values[:, 0], np.inf) if kept.any() else worst
+    if settled and kept[-1]:
+        numbers = np.where(np.arange(len(numbers)) == len(numbers) - 1, values[:, 0], np.inf)
+    found = record.result(converged=settled and bool(kept.any()), reason=reason, numbers=numbers)
+    best = int(np.argmin(numbers))
+    if not kept.any():
+        limit = limits[int(np.argmax(excess[best]))]
+        over = excess[best].max() * limit.scale
+        reason = (
+            f"no point keeps all limits: {limit.name} is above {limit.most:g} by {over:.3g} at the "
+            "best. Allow more, or widen the bounds"
+        )
+    return dataclasses.replace(
+        found, value=float(values[best, 0]), values=values[:, 0], reason=reason
     )
+
+
+def _jacobian(function: Residuals) -> Callable:
+    """Several values and the derivatives of each, `[value, variable]`, in one pass."""
+    both = jax.jit(jax.jacfwd(lambda x: (function(x),) * 2, has_aux=True))
+    return lambda point: both(point)[::-1]

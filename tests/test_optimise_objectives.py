@@ -1,6 +1,7 @@
 """Objectives of whole designs: values, gradients, and an optimisation from start to end."""
 
 import math
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -269,3 +270,73 @@ def test_differential_evolution_finds_no_better(search):
     assert _exact_rms(result.point) < 0.3
     # Within a twentieth of a micrometre of each other, in a valley that is flat.
     assert abs(math.sqrt(result.value) - math.sqrt(by_gradient.value)) < 0.05
+
+
+# --- the Master Curve, traced
+
+_LONGEST = (ACCESSORY.contact_ratio - 1.0) / ACCESSORY.contact_ratio
+
+
+def _residuals(base: jg.PairModel, phases: int, law: jg.AbstractContactLaw = EXACT):
+    grid = jg.mesh_grid(base.pair, phases=phases, slices=1)
+    return optimise.residuals_over_torques(
+        _design(base), jnp.asarray([base.torque]), grid=grid, law=law
+    )
+
+
+@pytest.fixture(scope="module")
+def constant():
+    """Deviations of the pair of constant stiffness, and the closed form [um]."""
+    deflection = ACCESSORY.force(80.0) / (23e9 * ACCESSORY.common_width) / um
+    closed = lambda extent: np.asarray(
+        optimise.master_curve_depth(
+            jnp.asarray(extent), jnp.asarray(ACCESSORY.contact_ratio), jnp.asarray(deflection)
+        )
+    )
+    return _residuals(CONSTANT, 48), closed
+
+
+def test_residuals_sum_to_the_variance():
+    torques = jnp.asarray([40.0, 80.0])
+    grid = jg.mesh_grid(CONSTANT.pair, phases=16, slices=1)
+    settings: Any = dict(grid=grid, law=EXACT)
+    found = optimise.residuals_over_torques(_design(CONSTANT), torques, **settings)
+    variance = optimise.over_torques(
+        _design(CONSTANT), optimise.TransmissionErrorVariance(), torques, **settings
+    )
+    x = jnp.asarray([8.0, 0.25])
+    assert_close(jnp.sum(found(x) ** 2), variance(x), rtol=1e-12, atol=0.0)
+
+
+def test_the_traced_curve_is_the_closed_form(constant):
+    """From half the depth at the longest extent down to where depths grow without bound."""
+    residuals, closed = constant
+    extent = np.linspace(_LONGEST, 0.56 * _LONGEST, 12)
+    scaled = lambda depth, extent: um * residuals(jnp.stack([depth / um, extent]))
+    curve = optimise.traced_curve(scaled, extent, 0.5 * um * float(closed(_LONGEST)))
+    assert curve.settled.all()
+    assert_close(curve.depth / um, closed(extent), rtol=1e-6, atol=0.0)
+    assert curve.rms.max() < 1e-6 * um
+    # On the exact curve a depth that is off by x costs an RMS of x sqrt(bend / 2).
+    off = curve.depth[3] + np.array([-0.2, 0.2]) * um
+    run = jax.jit(lambda depth: jnp.sqrt(jnp.sum(scaled(depth, extent[3]) ** 2)))
+    rms = np.asarray([run(jnp.asarray(each)) for each in off])
+    assert_close(rms, np.full(2, 0.2 * um * math.sqrt(0.5 * curve.bend[3])), rtol=2e-2, atol=0.0)
+    assert_close(curve.margin(float(rms[1]))[3], 0.2 * um, rtol=2e-2, atol=0.0)
+
+
+@pytest.mark.parametrize(
+    "start",
+    [
+        (0.5, 0.31),
+        pytest.param((30.0, 0.2), marks=pytest.mark.slow),
+        pytest.param((12.0, 0.4), marks=pytest.mark.slow),
+    ],
+)
+def test_least_squares_land_on_the_closed_form(constant, start):
+    residuals, closed = constant
+    box = optimise.Box([0.0, 0.9 * _LONGEST], [60.0, _LONGEST])
+    found = optimise.least_squares(residuals, np.asarray(start), box, tolerance=1e-12)
+    assert found.converged
+    assert found.evaluations < 30
+    assert_close(found.point[0], float(closed(found.point[1])), rtol=1e-6, atol=0.0)

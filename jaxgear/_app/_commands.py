@@ -19,6 +19,7 @@ import xarray as xr
 
 import optimise
 from jaxgear._app import _campbell_pictures
+from jaxgear._app import _curve_pictures as curve_pictures
 from jaxgear._app import _dynamic_pictures as dynamic_pictures
 from jaxgear._app import _pictures as pictures
 from jaxgear._app._design import (
@@ -31,7 +32,9 @@ from jaxgear._app._design import (
     objective_of,
     prepared_mesh,
     refuse_unbounded,
+    require_search,
     require_swept,
+    responses_function,
     round_up,
 )
 from jaxgear._app._dynamics import (
@@ -62,6 +65,15 @@ from jaxgear._app._notes import left_out_notes, notes, steady_notes, sweep_notes
 from jaxgear._app._results import static_dataset, write_csv, write_dataset, write_json
 from jaxgear._app._scene import Scene, rewrite_scene, write_scene
 from jaxgear._app._schema import GEARS, KEYS, general
+from jaxgear._app._search import (
+    Search,
+    best_of_starts,
+    by_gradient,
+    joined,
+    limits_summary,
+    record_file,
+    search_of,
+)
 from jaxgear._app._sizing import (
     combinations_of,
     sizing_columns,
@@ -88,7 +100,7 @@ from jaxgear._interface._laws import ExactContact
 from jaxgear._response._transmission import cycle_rms, transmission_error
 from jaxgear._solve._cycle import PreparedMesh, corrected_cycle
 from jaxgear._system._model import PairModel
-from jaxgear._types import Reals, Scalar
+from jaxgear._types import Scalar
 from jaxgear._units import um
 
 Summary = dict[str, Any]
@@ -142,6 +154,7 @@ def run(scene: Scene, folder: Path, quiet: bool) -> Summary:
     if scene.has_table("optimise"):
         refuse_unbounded(scene, tuple(scene["optimise.vary"]))
         require_swept(scene)
+        require_search(scene)
     with _progress(2, "mesh cycle", quiet) as done:
         torques = _harris_torques(scene)
         statics = solve_statics(scene, watch, torques)
@@ -229,11 +242,13 @@ def map_relief(scene: Scene, folder: Path, quiet: bool) -> Summary:
         law=smooth_law_of(scene),
         prepared=meshes,
     )
-    found = _descent(space.start, space, variance, quiet)
+    search = by_gradient(space, variance)
+    found = _descent(search, space, quiet, space.start)
     lowest = int(np.argmin(valley.value))
     rival = np.asarray([valley.depth[lowest] / um, valley.extent[lowest]])
     best_on_grid = float(valley.value[lowest] ** 2)
-    found, restarted = _unless_beaten(found, rival, best_on_grid, space, variance, quiet)
+    found, restarted = _unless_beaten(found, rival, best_on_grid, search, space, quiet)
+    curve = _traced(space, statics, meshes, valley, float(depth[-1]), quiet)
     best = jax.jit(te_rms)(jnp.asarray(found.point[0] * um), jnp.asarray(found.point[1]))
     ratio = jnp.asarray(summary["geometry"]["profile_contact_ratio"])
     closed = _closed_form(np.append(extent, found.point[1]), ratio, deflection)
@@ -248,6 +263,7 @@ def map_relief(scene: Scene, folder: Path, quiet: bool) -> Summary:
         "converged": found.converged,
         "restarted_from_grid": restarted,
         **_valley_summary(valley, closed[:-1]),
+        "traced": _traced_summary(curve, ratio, deflection, float(depth[-1])),
     }
     # Relief of one and a half deflections parts the teeth at the ends of the path.
     relieved = jax.jit(lambda x: space.model(x))(jnp.asarray([1.5 * deflection / um, 0.3]))
@@ -255,6 +271,9 @@ def map_relief(scene: Scene, folder: Path, quiet: bool) -> Summary:
     figure = pictures.master_curve(chart, valley, closed[:-1], found.path, _title(scene))
     columns = pictures.master_curve_columns(chart, valley, closed[:-1])
     pictures.save(figure, columns, folder, "master_curve")
+    traced = summary["master_curve"]["traced"]
+    figure = curve_pictures.traced_curve(traced, _title(scene))
+    pictures.save(figure, traced, folder, "master_curve_traced")
     return _finish(scene, folder, summary, watch)
 
 
@@ -272,6 +291,48 @@ def _map_axes(scene: Scene, deflection: float) -> tuple[np.ndarray, np.ndarray]:
             raise InputError(f"map.{name} must rise, got from = {low:g}, to = {high:g}.")
     depth = um * np.linspace(first, last, scene["map.depth_um.points"])
     return depth, np.linspace(*extents, scene["map.extent.points"])
+
+
+def _traced(
+    space: DesignSpace,
+    statics: Statics,
+    meshes: PreparedMesh,
+    valley: optimise.Valley,
+    deepest: float,
+    quiet: bool,
+) -> optimise.TracedCurve:
+    """The best depth followed from the longest extent of the map to the shortest, exactly."""
+    residuals = optimise.residuals_over_torques(
+        space.model,
+        statics.model.torque[None],
+        grid=statics.grid,
+        law=ExactContact(),
+        prepared=meshes,
+    )
+    deviations = lambda depth, extent: um * residuals(jnp.stack([depth / um, extent]))
+    with _progress(valley.extent.size, "Master Curve", quiet) as done:
+        return optimise.traced_curve(
+            deviations,
+            valley.extent[::-1],
+            float(valley.depth[-1]),
+            deepest=deepest,
+            done=done,
+        )
+
+
+def _traced_summary(
+    curve: optimise.TracedCurve, ratio: Scalar, deflection: float, deepest: float
+) -> dict[str, np.ndarray]:
+    """The traced curve where it is one: found, and with less error than without relief."""
+    kept = curve.settled & (curve.depth > 0.0) & (curve.depth <= deepest)
+    return {
+        "extent": curve.extent[kept],
+        "depth_um": curve.depth[kept] / um,
+        "te_rms_um": curve.rms[kept] / um,
+        # RMS over error of depth, where the curve itself has none.
+        "te_rms_per_depth": np.sqrt(0.5 * curve.bend[kept]),
+        "closed_form_depth_um": _closed_form(curve.extent[kept], ratio, deflection),
+    }
 
 
 def _valley_summary(valley: optimise.Valley, closed: np.ndarray) -> Summary:
@@ -299,6 +360,7 @@ def optimise_flanks(scene: Scene, folder: Path, quiet: bool) -> Summary:
     """
     refuse_unbounded(scene, tuple(scene["optimise.vary"]))
     require_swept(scene)
+    require_search(scene)
     watch = Stopwatch()
     scene = _with_bodies(scene, quiet)
     statics = solve_statics(scene, watch)
@@ -659,47 +721,33 @@ def _closed_form(extent: np.ndarray, ratio: Scalar, deflection: float) -> np.nda
     return np.asarray(depth) / um
 
 
-def _descent(
-    start: np.ndarray, space: DesignSpace, objective: Callable[[Reals], Scalar], quiet: bool
-) -> optimise.SearchResult:
-    """The gradient search that the scene names, with a progress bar."""
-    scene = space.scene
-    search = {"lbfgs": optimise.lbfgs, "adam": optimise.adam}[scene["optimise.method"]]
-    most = scene["optimise.max_evaluations"]
-    with _progress(most, scene["optimise.method"], quiet) as done:
-        return search(
-            objective,
-            start,
-            space.box,
-            most_evaluations=most,
-            watch=lambda point, value: done(1),
-        )
-
-
 # A better point by this much of the objective found elsewhere is worth a second search.
 _CLEARLY_BETTER = 0.02
+
+
+def _descent(search: Search, space: DesignSpace, quiet: bool, start: np.ndarray | None = None):
+    """One search from a start, or from as many as the scene asks for, with a progress bar."""
+    most = space.scene["optimise.max_evaluations"]
+    most *= space.scene["optimise.starts"] if start is None else 1
+    with _progress(most, search.name, quiet) as done:
+        watch = lambda point, value: done(1)
+        if start is None:
+            return best_of_starts(search, space, watch)
+        return search.descend(start, watch)
 
 
 def _unless_beaten(
     found: optimise.SearchResult,
     rival: np.ndarray,
     value: float,
+    search: Search,
     space: DesignSpace,
-    objective: Callable[[Reals], Scalar],
     quiet: bool,
 ) -> tuple[optimise.SearchResult, bool]:
     """Search once more from a rival's point if its value is clearly better; says whether it was."""
     if value >= (1.0 - _CLEARLY_BETTER) * found.value:
         return found, False
-    second = _descent(rival, space, objective, quiet)
-    joined = dataclasses.replace(
-        second,
-        evaluations=found.evaluations + second.evaluations,
-        gradient_evaluations=found.gradient_evaluations + second.gradient_evaluations,
-        path=np.concatenate([found.path, second.path]),
-        values=np.concatenate([found.values, second.values]),
-    )
-    return joined, True
+    return joined(_descent(search, space, quiet, rival), found), True
 
 
 def _warn(text: str) -> None:
@@ -737,14 +785,15 @@ def _optimisation(
             margin=1.0,
         )
     prepared = prepared_mesh(space, grid, watch)
-    smooth = objective_function(space, grid, smooth_law_of(scene), prepared)
+    file = record_file(space, folder, importlib.metadata.version("jaxgear"))
+    search = search_of(space, grid, smooth_law_of(scene), prepared, file)
     exact = jax.jit(objective_function(space, grid, ExactContact(), prepared))
     judged = judged_speeds(space, grid, ExactContact())
     judged_before = judged(space.start)
     _require_half(judged_before)
     start = time.perf_counter()
     try:
-        found = _descent(space.start, space, smooth, quiet)
+        found = _descent(search, space, quiet)
     except FloatingPointError as error:
         if not is_dynamic(scene):
             raise
@@ -752,12 +801,14 @@ def _optimisation(
     seconds = time.perf_counter() - start
     limits = _FEW_MEMBERS if is_dynamic(scene) else {}
     with _progress(1, "differential evolution", quiet) as done:
-        baseline = optimise.differential_evolution(smooth, space.box, **limits)
+        baseline = optimise.differential_evolution(search.objective, space.box, **limits)
         done(1)
     rival = baseline.point, baseline.value
-    found, restarted = _unless_beaten(found, *rival, space, smooth, quiet)
+    found, restarted = _unless_beaten(found, *rival, search, space, quiet)
+    file.unlink(missing_ok=True)
     if not found.converged:
-        _warn(f"the search did not converge: {found.reason}. Raise optimise.max_evaluations.")
+        more = "" if search.limits else " Raise optimise.max_evaluations."
+        _warn(f"the search did not converge: {found.reason}.{more}")
     keys = {key: float(value) for key, value in space.updates(jnp.asarray(found.point)).items()}
     try:
         after = solve_statics(scene.replace(keys), watch, torques)
@@ -766,7 +817,7 @@ def _optimisation(
             f"the search ended at impossible gears, {keys}: {error} Narrow [optimise.bounds]."
         ) from error
     _rewrite(scene, keys, destination)
-    _draw_search(scene, folder, before, after, found, baseline)
+    _draw_search(scene, folder, before, after, search.name, found, baseline)
     objectives = {
         name: float(exact(jnp.asarray(point)))
         for name, point in (
@@ -778,6 +829,8 @@ def _optimisation(
     if not np.isfinite(list(objectives.values())).all():
         more = f", or {_TOO_FEW}" if is_dynamic(scene) else ""
         raise SolverFailure(f"the contact was not solved where the search began or ended{more}")
+    responses = jax.jit(responses_function(space, grid, ExactContact(), prepared))
+    kept = lambda point: np.asarray(responses(jnp.asarray(point)))
     judged_after = judged(np.asarray(found.point))
     remarks = left_out_notes(judged_before, judged_after, limited=baseline.evaluations)
     for remark in remarks:
@@ -794,7 +847,9 @@ def _optimisation(
             "smooth_objective": found.value,
             "smooth_less_exact": found.value - objectives["after"],
             "smoothing_um": scene["mesh.smoothing_um"],
-            "method": scene["optimise.method"],
+            "method": search.name,
+            "starts": scene["optimise.starts"],
+            "limits": limits_summary(search, kept, found.point),
             "evaluations": found.evaluations,
             "gradient_evaluations": found.gradient_evaluations,
             "converged": found.converged,
@@ -843,6 +898,7 @@ def _draw_search(
     folder: Path,
     before: Statics,
     after: Statics,
+    name: str,
     found: optimise.SearchResult,
     baseline: optimise.SearchResult,
 ) -> None:
@@ -850,7 +906,7 @@ def _draw_search(
     old, new = (static_dataset(each.model, each.cycle, each.law) for each in (before, after))
     figure = pictures.before_after(old, new, _title(scene))
     pictures.save(figure, pictures.before_after_columns(old, new), folder, "before_after")
-    traces = {scene["optimise.method"]: found.values, "differential evolution": baseline.values}
+    traces = {name: found.values, "differential evolution": baseline.values}
     unit = objective_of(scene)[1]
     figure = pictures.search_trace(traces, unit, _title(scene))
     pictures.save(figure, pictures.search_trace_columns(traces, unit), folder, "search")

@@ -492,3 +492,82 @@ def objective_function(
         prepared=prepared,
         batched=not is_dynamic(space.scene),
     )
+
+
+# Responses that may have limits, with the unit in the key, and by how much counts as one.
+_LIMITED = {
+    "max_pressure_MPa": (optimise.LargestPressure, 0.1),
+    "te_peak_to_peak_um": (optimise.TransmissionErrorRange, 0.1),
+    "face_load_factor": (optimise.FaceLoadFactor, 0.1),
+}
+
+
+def limits_of(scene: Scene) -> tuple[optimise.Limit, ...]:
+    """What [optimise.limits] allows, scaled by a tenth of itself.
+
+    **Arguments:**
+
+    - `scene`: to look at.
+
+    **Returns:**
+
+    The limits, in the order of the keys.
+    """
+    given = {name: scene.get(f"optimise.limits.{name}") for name in _LIMITED}
+    return tuple(
+        optimise.Limit(name, float(most), _LIMITED[name][1] * float(most))
+        for name, most in given.items()
+        if most is not None
+    )
+
+
+def responses_function(
+    space: DesignSpace, grid: MeshGrid, law: AbstractContactLaw, prepared: PreparedMesh | None
+) -> Callable[[Reals], Reals]:
+    """The objective and the responses that have limits, over all torques of the scene."""
+    objective, _ = objective_of(space.scene, grid)
+    return optimise.responses_over_torques(
+        space.model,
+        objective,
+        [_LIMITED[limit.name][0]() for limit in limits_of(space.scene)],
+        jnp.asarray(torques_of(space.scene, "optimise.torques_Nm")),
+        grid=grid,
+        law=law,
+        worst=space.scene["optimise.over"] == "worst",
+        prepared=prepared,
+        batched=not is_dynamic(space.scene),
+    )
+
+
+def residuals_function(
+    space: DesignSpace, grid: MeshGrid, law: AbstractContactLaw, prepared: PreparedMesh | None
+) -> Callable[[Reals], Reals]:
+    """Deviations of the transmission error, whose squares sum to the objective."""
+    torques = jnp.asarray(torques_of(space.scene, "optimise.torques_Nm"))
+    return optimise.residuals_over_torques(
+        space.model, torques, grid=grid, law=law, prepared=prepared
+    )
+
+
+def require_search(scene: Scene) -> None:
+    """Refuse a search that cannot do what the scene asks for.
+
+    **Arguments:**
+
+    - `scene`: with a table [optimise].
+
+    **Raises:**
+
+    - `SceneError` with every mistake.
+    """
+    squares = scene.get("optimise.minimise") == "te_rms" and scene["optimise.over"] == "mean"
+    limited, method = bool(limits_of(scene)), scene["optimise.method"]
+    found = []
+    if method == "least_squares" and not squares:
+        found.append("is for a sum of squares: te_rms over the mean of torques")
+    if method != "lbfgs" and limited:
+        found.append("knows no limits: leave it out, and SLSQP keeps [optimise.limits]")
+    if found:
+        key = "optimise.method"
+        words = [f'"{method}" {each}' for each in found]
+        raise SceneError([Mistake(scene.where(key), key, each) for each in words])

@@ -390,24 +390,29 @@ def write_dataset(
 
 def write_json(summary: Mapping[str, object], path: Path) -> None:
     """Write a summary as JSON: arrays as lists, and what is not a finite number as null."""
-    text = json.dumps(_plain(summary), indent=2, allow_nan=False, ensure_ascii=False)
+    text = json.dumps(as_json(summary), indent=2, allow_nan=False, ensure_ascii=False)
     with whole_file(path) as draft:
         draft.write_text(text + "\n", encoding="utf-8")
 
 
-def _plain(value: object) -> object:
-    """The value in the types that JSON knows."""
+def as_json(value: object) -> object:
+    """The value in the types that JSON knows; what is not a finite number is null.
+
+    **Arguments:**
+
+    - `value`: numbers, texts, arrays, lists and tables of them.
+    """
     if isinstance(value, Mapping):
-        return {str(key): _plain(each) for key, each in value.items()}
+        return {str(key): as_json(each) for key, each in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(each) for each in value]
+        return [as_json(each) for each in value]
     if isinstance(value, float):
         # NumPy's own double is a float too.
         return float(value) if math.isfinite(value) else None
     if isinstance(value, str | int | None):
         return value
     if hasattr(value, "tolist"):
-        return _plain(np.asarray(value).tolist())
+        return as_json(np.asarray(value).tolist())
     raise TypeError(f"A summary holds numbers, texts, lists and tables, got {type(value)}.")
 
 

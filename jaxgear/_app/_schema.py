@@ -980,7 +980,26 @@ _OPTIMISE = (
     ),
     Key("optimise.torques_Nm", "floats", "pinion torques; default: that of the pair", **_TORQUES),
     _text("optimise.over", "how torques are combined", "mean", choices=("mean", "worst")),
-    _text("optimise.method", "optimiser", "lbfgs", choices=("lbfgs", "adam")),
+    _text(
+        "optimise.method",
+        "optimiser; with [optimise.limits] SLSQP takes its place",
+        "lbfgs",
+        choices=("lbfgs", "adam", "least_squares"),
+    ),
+    _count(
+        "optimise.starts",
+        "searches, from the scene itself and from the best of 64 points in the bounds",
+        1,
+        at_least=1,
+        at_most=64,
+    ),
+    _number("optimise.limits.max_pressure_MPa", "largest pressure allowed", above=0.0),
+    _number(
+        "optimise.limits.te_peak_to_peak_um",
+        "largest peak to peak of the transmission error allowed",
+        above=0.0,
+    ),
+    _number("optimise.limits.face_load_factor", "largest face load factor allowed", above=1.0),
     _count("optimise.max_evaluations", "most evaluations", 50, at_least=1, at_most=1_000_000),
 )
 

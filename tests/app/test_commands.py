@@ -140,6 +140,42 @@ def test_optimise_a_weighted_sum_over_macro_geometry(accessory, capsys):
     assert 0.9 <= found["variables"]["pinion.addendum_coeff"] <= 0.95
 
 
+@pytest.mark.slow
+def test_optimise_within_a_limit_from_several_starts(accessory, tmp_path, capsys):
+    """The limit is kept and active: without it the pressure is higher and the error lower."""
+    vary = 'optimise.vary=["flank.pinion.tip_relief.depth_um", "flank.pinion.crowning_um"]'
+    common = ("optimise", accessory, *_COARSE, "--set", vary, "--set", "optimise.symmetric=false")
+    common += ("--set", "flank.pinion.crowning_um=5.0")
+    common += ("--set", "optimise.bounds.flank.pinion.crowning_um=[2.0, 20.0]")
+    code, free = _run(capsys, *common, "--set", "optimise.method=least_squares")
+    assert code == 0
+    assert free["optimise"]["method"] == "least_squares"
+    assert free["optimise"]["starts"] == 1
+    most = 0.98 * free["optimise"]["after"]["max_pressure_MPa"]
+    limit = ("--set", f"optimise.limits.max_pressure_MPa={most}")
+    code, kept = _run(capsys, *common, *limit, "--set", "optimise.starts=2")
+    assert code == 0
+    (row,) = kept["optimise"]["limits"]
+    assert row["kept"]
+    assert row["found"] == pytest.approx(most, rel=1e-2)
+    assert kept["optimise"]["after"]["te_rms_um"] > free["optimise"]["after"]["te_rms_um"]
+    assert kept["optimise"]["method"] == "slsqp"
+    assert not list((tmp_path / "results").rglob("*.jsonl"))
+
+
+def test_searches_that_cannot_do_what_is_asked_are_refused(accessory, capsys):
+    squares = "--set", "optimise.method=least_squares"
+    for settings, words in (
+        ((*squares, "--set", "optimise.minimise=max_pressure"), "is for a sum of squares"),
+        ((*squares, "--set", "optimise.limits.face_load_factor=1.2"), "knows no limits"),
+        (("--set", "optimise.limits.face_load_factor=0.9"), "face_load_factor"),
+    ):
+        assert main(["optimise", accessory, *settings]) == 2
+        error = capsys.readouterr().err
+        assert words in error, error
+        assert "Traceback" not in error
+
+
 def test_impossible_gears_are_refused_with_a_remedy(accessory, capsys):
     for setting, words in (
         (

@@ -1,0 +1,221 @@
+r"""Designs for gears as they are made: objectives over scattered deviations, by quasi-Monte Carlo.
+
+The scatter is drawn once, from Sobol's sequence; what is minimised is then a deterministic,
+differentiable number of the same sample.
+"""
+
+import abc
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.stats
+from jaxtyping import Array, Float
+
+from optimise._strategies import sobol
+
+Scattered = Callable[[Float[Array, " variable"], Float[Array, " quantity"]], Float[Array, ""]]
+
+
+class Quantity(NamedTuple):
+    """Something that scatters.
+
+    **Fields:**
+
+    - `name`: for pictures and messages.
+    - `mean`: in its own unit [-].
+    - `deviation`: standard deviation, in its own unit [-].
+    - `even`: whether it is as likely anywhere within $\\sqrt3$ standard deviations, and nowhere
+        else; or normal.
+    """
+
+    name: str
+    mean: float
+    deviation: float
+    even: bool = False
+
+
+def scattered(quantities: Sequence[Quantity], count: int, seed: int = 0) -> np.ndarray:
+    """Draw samples of several quantities, independent of each other.
+
+    **Arguments:**
+
+    - `quantities`: that scatter.
+    - `count`: of samples, a power of two.
+    - `seed`: of the scrambling: another one gives fresh samples.
+
+    **Returns:**
+
+    Shape `[sample, quantity]`, in the units of the quantities.
+
+    **Raises:**
+
+    - `ValueError` if the number of samples is no power of two.
+    """
+    unit = sobol(len(quantities), count, seed)
+    columns = []
+    for place, each in zip(unit.T, quantities, strict=True):
+        normal = scipy.stats.norm.ppf(np.clip(place, 1e-12, 1.0 - 1e-12))
+        even = np.sqrt(3.0) * (2.0 * place - 1.0)
+        columns.append(each.mean + each.deviation * (even if each.even else normal))
+    return np.stack(columns, axis=1)
+
+
+class AbstractMeasure(eqx.Module):
+    """One number for a sample of values."""
+
+    @abc.abstractmethod
+    def __call__(self, values: Float[Array, " sample"]) -> Float[Array, ""]:
+        """Judge a sample.
+
+        **Arguments:**
+
+        - `values`: one for each member.
+
+        **Returns:**
+
+        The number, in the unit of the values.
+        """
+
+
+class Mean(AbstractMeasure):
+    """The mean of a sample."""
+
+    def __call__(self, values: Float[Array, " sample"]) -> Float[Array, ""]:
+        """Return the mean [unit of the values]."""
+        return jnp.mean(values)
+
+
+def _as_scalar(value: object) -> Array:
+    return jnp.asarray(value, dtype=float)
+
+
+class Quantile(AbstractMeasure):
+    r"""The value that a share of a sample stays below, smoothed.
+
+    It solves $\frac1n\sum_i\sigma((q - v_i)/w) = p$ with the logistic $\sigma$, the distribution of
+    the sample widened by $w$; so it is differentiable, and has more than one member's slope.
+
+    **Fields:**
+
+    - `share`: $p$, between 0 and 1 [-].
+    - `width`: $w$, in the unit of the values [-].
+    """
+
+    share: Float[Array, ""] = eqx.field(converter=_as_scalar)
+    width: Float[Array, ""] = eqx.field(converter=_as_scalar)
+
+    def __call__(self, values: Float[Array, " sample"]) -> Float[Array, ""]:
+        """Return the quantile [unit of the values]."""
+        below = lambda q, v: jnp.mean(jax.nn.sigmoid((q - v) / self.width)) - self.share
+        # Outside of these ends every member is on one side of the share.
+        tail = self.width * jnp.abs(jax.scipy.special.logit(self.share))
+        still = jax.lax.stop_gradient(values)
+
+        def halved(_, ends):
+            low, high = ends
+            middle = 0.5 * (low + high)
+            under = below(middle, still) < 0.0
+            return jnp.where(under, middle, low), jnp.where(under, high, middle)
+
+        ends = jax.lax.fori_loop(
+            0, _HALVINGS, halved, (jnp.min(still) - tail, jnp.max(still) + tail)
+        )
+        # A step of Newton's at the solution leaves it, and has the derivatives of the equation.
+        q = jax.lax.stop_gradient(0.5 * (ends[0] + ends[1]))
+        slope = jax.lax.stop_gradient(jax.grad(below)(q, still))
+        return q - below(q, values) / slope
+
+
+# Each halves the interval: more than the digits of a number.
+_HALVINGS = 60
+
+
+def over_samples(
+    objective: Scattered,
+    samples: np.ndarray,
+    measure: AbstractMeasure,
+    *,
+    batch: int = 1,
+) -> Callable[[Float[Array, " variable"]], Float[Array, ""]]:
+    """A measure of an objective over a sample, as a function of the variables alone.
+
+    **Arguments:**
+
+    - `objective`: of the variables and of one member of the sample; traceable by JAX.
+    - `samples`: from `scattered`, `[sample, quantity]`.
+    - `measure`: of the values, such as `Quantile`.
+    - `batch`: members that are computed at once; on a CPU one after the other is often as fast, and
+        takes less memory.
+
+    **Returns:**
+
+    A function that `jax.grad` accepts, in the unit of the objective.
+    """
+    drawn = jnp.asarray(samples, dtype=float)
+
+    def value(variables: Float[Array, " variable"]) -> Float[Array, ""]:
+        one = lambda sample: objective(variables, sample)
+        if batch == 1:
+            return measure(jax.lax.map(one, drawn))
+        return measure(jax.lax.map(one, drawn, batch_size=batch))
+
+    return value
+
+
+class Influence(eqx.Module):
+    """What each scattered quantity changes by itself: the bars of a tornado chart.
+
+    **Fields:**
+
+    - `names`: of the quantities, the most influential first.
+    - `nominal`: objective with all of them at their means, in its own unit [-].
+    - `low`, `high`: objective with one of them a number of standard deviations down and up.
+    """
+
+    names: tuple[str, ...] = eqx.field(static=True)
+    nominal: float
+    low: np.ndarray
+    high: np.ndarray
+
+
+def influences(
+    objective: Scattered,
+    variables: np.ndarray,
+    quantities: Sequence[Quantity],
+    *,
+    deviations: float = 2.0,
+) -> Influence:
+    """Move each scattered quantity alone, down and up.
+
+    **Arguments:**
+
+    - `objective`: of the variables and of one member of a sample; traceable by JAX.
+    - `variables`: the design.
+    - `quantities`: that scatter.
+    - `deviations`: how far to move each, in standard deviations; one that is even moves within its
+        bounds [-].
+
+    **Returns:**
+
+    The values, sorted by how much they span.
+    """
+    means = np.asarray([each.mean for each in quantities], dtype=float)
+    reach = [min(deviations, np.sqrt(3.0)) if each.even else deviations for each in quantities]
+    moved = np.diag([r * each.deviation for r, each in zip(reach, quantities, strict=True)])
+    samples = np.concatenate([means[None], means - moved, means + moved])
+    at = jnp.asarray(variables, dtype=float)
+    run = jax.jit(lambda x, s: jax.lax.map(lambda sample: objective(x, sample), s))
+    values = np.asarray(run(at, jnp.asarray(samples)))
+    low, high = np.split(values[1:], 2)
+    span = np.ptp(np.stack([low, np.full_like(low, values[0]), high]), axis=0)
+    order = np.argsort(-span)
+    return Influence(
+        names=tuple(quantities[i].name for i in order),
+        nominal=float(values[0]),
+        low=low[order],
+        high=high[order],
+    )

@@ -1,0 +1,145 @@
+"""Several searches in a row: from many starts, and with a width that falls."""
+
+import dataclasses
+import functools
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.stats
+from jaxtyping import Array, Float
+
+from optimise._record import Box, Objective, SearchResult
+from optimise._search import lbfgs
+
+Search = Callable[..., SearchResult]
+
+
+def multi_start(
+    objective: Objective,
+    box: Box,
+    *,
+    search: Search = lbfgs,
+    candidates: int = 64,
+    starts: int = 3,
+    seed: int = 0,
+    **settings: Any,
+) -> tuple[SearchResult, ...]:
+    """Search from the best of many points that fill the box evenly.
+
+    **Arguments:**
+
+    - `objective`: traceable by JAX.
+    - `box`: bounds.
+    - `search`: from one start, such as `lbfgs`.
+    - `candidates`: points of Sobol's sequence, all evaluated in one call; a power of two.
+    - `starts`: how many of them to search from: the best, and the next best that are apart.
+    - `seed`: of the scrambling.
+    - `settings`: of the search.
+
+    **Returns:**
+
+    The results, the best first.
+
+    **Raises:**
+
+    - `FloatingPointError` if no candidate can be evaluated, or a search meets one that cannot.
+    - `ValueError` if the number of candidates is no power of two.
+    """
+    unit = sobol(len(box.lower), candidates, seed)
+    points = box.from_unit(unit)
+    values = np.asarray(jax.jit(lambda x: jax.lax.map(objective, x))(jnp.asarray(points)))
+    if not np.isfinite(values).any():
+        raise FloatingPointError(
+            f"The objective is not finite at any of {candidates} points all over the box. "
+            "Narrow the bounds: some design within them is impossible."
+        )
+    # Half the distance that as many points on a lattice have.
+    apart = 0.5 * candidates ** (-1.0 / len(box.lower))
+    chosen: list[int] = []
+    for place in np.argsort(np.where(np.isfinite(values), values, np.inf)):
+        near = [np.max(abs(unit[place] - unit[other])) < apart for other in chosen]
+        if np.isfinite(values[place]) and len(chosen) < starts and not any(near):
+            chosen.append(int(place))
+    found = [search(objective, points[place], box, **settings) for place in chosen]
+    return tuple(sorted(found, key=lambda result: result.value))
+
+
+def sobol(dimension: int, count: int, seed: int) -> np.ndarray:
+    """Points that fill a unit cube evenly: Sobol's sequence, scrambled (Owen 1998).
+
+    **Arguments:**
+
+    - `dimension`: of the cube.
+    - `count`: of points, a power of two.
+    - `seed`: of the scrambling.
+
+    **Returns:**
+
+    Shape `[count, dimension]` [-].
+
+    **Raises:**
+
+    - `ValueError` if the number of points is no power of two.
+    """
+    power = count.bit_length() - 1
+    if count != 2**power:
+        raise ValueError(
+            f"Sobol's sequence fills a cube evenly with a power of two of points, got {count}. "
+            f"Take {2**power} or {2 ** (power + 1)}."
+        )
+    return scipy.stats.qmc.Sobol(dimension, rng=seed).random_base2(power)
+
+
+def annealed(
+    objective: Callable[[Float[Array, " variable"], Float[Array, ""]], Float[Array, ""]],
+    widths: Sequence[float],
+    start: np.ndarray,
+    box: Box,
+    *,
+    search: Search = lbfgs,
+    **settings: Any,
+) -> SearchResult:
+    """Search with a smoothing width that falls, from each optimum on to the next.
+
+    Wide smoothing has few wrinkles to be caught in, narrow smoothing little bias. Compiled once.
+
+    **Arguments:**
+
+    - `objective`: of a point and a width, traceable by JAX.
+    - `widths`: one after the other, in the unit that the objective takes.
+    - `start`: first point; moved into the box.
+    - `box`: bounds.
+    - `search`: one that takes objectives with their gradient, `lbfgs` or `adam`.
+    - `settings`: of the search.
+
+    **Returns:**
+
+    The search with the last width; its counts and its record are those of all.
+
+    **Raises:**
+
+    - `FloatingPointError` if the objective or its gradient is not finite.
+    - `ValueError` without a width.
+    """
+    if not len(widths):
+        raise ValueError("`annealed` needs one width at least, got none.")
+    compiled = jax.jit(jax.value_and_grad(objective))
+    found: list[SearchResult] = []
+    for width in widths:
+        at_width = functools.partial(_swapped, compiled, jnp.asarray(float(width)))
+        found.append(search(at_width, start, box, with_slope=True, **settings))
+        start = found[-1].point
+    return dataclasses.replace(
+        found[-1],
+        evaluations=sum(each.evaluations for each in found),
+        gradient_evaluations=sum(each.gradient_evaluations for each in found),
+        path=np.concatenate([each.path for each in found]),
+        values=np.concatenate([each.values for each in found]),
+    )
+
+
+def _swapped(function: Callable, second: Array, first: Array) -> Any:
+    return function(first, second)
