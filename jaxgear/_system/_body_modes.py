@@ -259,7 +259,7 @@ def _below(square: float, stiffness: np.ndarray, mass: np.ndarray) -> int:
     """Number of modes below a squared frequency, by Sylvester's law of inertia."""
     blocks = scipy.linalg.ldl(stiffness - square * mass, check_finite=False)[1]
     signs = scipy.linalg.eigvalsh_tridiagonal(np.diagonal(blocks), np.diagonal(blocks, 1))
-    return int(np.sum(signs < 0.0))
+    return int(np.sum(np.asarray(signs) < 0.0))
 
 
 def _by_iteration(

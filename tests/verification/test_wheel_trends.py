@@ -68,7 +68,7 @@ def trends():
     # Dataclasses look their module up.
     sys.modules["wheel_trends"] = module
     spec.loader.exec_module(module)
-    module.WHEELS = {label: module.WHEELS[label] for label in _WEBS}
+    module.__dict__["WHEELS"] = {label: module.WHEELS[label] for label in _WEBS}
     yield module
     sys.path.remove(str(_FOLDER))
     for name in ("wheel_trends", "hybrid_trends"):

@@ -118,7 +118,7 @@ def _revolved(phases: int, revolutions: int) -> tuple[np.ndarray, np.ndarray, np
     # The wheel turns against Z: what stands still in space goes forward on it.
     turn = scipy.linalg.expm(2.0 * math.pi / TEETH[1] * basis.turning)
     one = scipy.linalg.block_diag(np.eye(6), turn)
-    return states, forces, scipy.linalg.block_diag(one, one)
+    return states, forces, np.asarray(scipy.linalg.block_diag(one, one))
 
 
 @pytest.mark.slow
