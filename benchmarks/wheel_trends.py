@@ -603,17 +603,17 @@ def in_mesh() -> Finding:
 # --- Bodies made rigid
 
 
-def carried(each: Moving, index: int) -> np.ndarray:
+def carried(scene: Scene, model: PairModel, dynamics: PairDynamics, index: int) -> np.ndarray:
     """Mass of a gear with its shaft in rigid motions about its mid-face, shape `[6, 6]`."""
-    dynamics, gear = each.dynamics, GEARS[index]
+    gear = GEARS[index]
     mapped = dynamics.cycle.system.structure.map
     first = (0, mapped.sizes[0])[index]
-    if gear in each.scene.bodies:
-        heights = each.scene.bodies[gear].built.body.seat_points[:, 2]
+    if gear in scene.bodies:
+        heights = scene.bodies[gear].built.body.seat_points[:, 2]
         place = next(body for body in dynamics.bodies if body.index == index)
         numbers = np.asarray(place.seats).reshape(-1, 6)
     else:
-        shaft = (each.model.pinion_support, each.model.wheel_support)[index]
+        shaft = (model.pinion_support, model.wheel_support)[index]
         assert isinstance(shaft, Shaft)
         heights = np.asarray(node_heights(shaft)) - float(shaft.gear_at)
         numbers = first + np.arange(mapped.sizes[index]).reshape(-1, 6)
@@ -640,15 +640,11 @@ def as_rigid(name: str, masses: dict[str, np.ndarray]) -> DynamicSystem:
         bodies = [RigidBody(*(diagonals[gear] - none[gear])[[0, 5, 3]].tolist()) for gear in masses]
         model = eqx.tree_at(where, model, bodies, is_leaf=lambda x: x is None)
         dynamics = make(model)
-        each = Moving(scene, model, dynamics, None)
-        none = {
-            gear: none[gear] + np.diagonal(carried(each, GEARS.index(gear))) - diagonals[gear]
-            for gear in masses
-        }
+        own = {gear: carried(scene, model, dynamics, GEARS.index(gear)) for gear in masses}
+        none = {gear: none[gear] + np.diagonal(own[gear]) - diagonals[gear] for gear in masses}
     for gear, mass in masses.items():
-        own = carried(each, GEARS.index(gear))
         size = np.sqrt(np.diagonal(mass))
-        assert np.abs((own - mass) / size / size[:, None])[:, [0, 1, 2, 5]].max() < 0.02, gear
+        assert np.abs((own[gear] - mass) / size / size[:, None])[:, [0, 1, 2, 5]].max() < 0.02, gear
     return dynamics.system
 
 
@@ -666,7 +662,9 @@ def stiffened(label: str) -> tuple[Curve, dict[str, np.ndarray]]:
     stiff = [rigid_body(gear) for gear in gears]
     quick = [f"{gear}.body.{each}" for gear in gears for each in QUICK]
     each = moving(f"{name}-{kind}", *stiff, *quick)
-    return sweep(each.system)[0], {gear: carried(each, GEARS.index(gear)) for gear in gears}
+    return sweep(each.system)[0], {
+        gear: carried(each.scene, each.model, each.dynamics, GEARS.index(gear)) for gear in gears
+    }
 
 
 def rigidified() -> Finding:
