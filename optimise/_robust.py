@@ -173,7 +173,8 @@ class Influence(eqx.Module):
 
     - `names`: of the quantities, the most influential first.
     - `nominal`: objective with all of them at their means, in its own unit [-].
-    - `low`, `high`: objective with one of them a number of standard deviations down and up.
+    - `low`, `high`: objective with one of them a number of standard deviations down and up, in its
+        own unit [-].
     """
 
     names: tuple[str, ...] = eqx.field(static=True)

@@ -8,13 +8,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("MKL_NUM_THREADS", "1")
 os.environ.setdefault("MPLBACKEND", "Agg")
-# Tests compile far more than they compute: without the optimiser's passes and with the older
-# emitters that takes a quarter of the time. `XLA_FLAGS= pytest` tests the programs as users have
-# them.
+# Tests compile far more than they compute: without the optimiser's passes that takes half the time.
+# `XLA_FLAGS= pytest` tests the programs as users have them.
 os.environ.setdefault(
-    "XLA_FLAGS",
-    "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true"
-    " --xla_cpu_use_fusion_emitters=false",
+    "XLA_FLAGS", "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true"
 )
 
 import jax
