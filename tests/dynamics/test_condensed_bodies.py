@@ -233,7 +233,7 @@ def _rigid_mass() -> np.ndarray:
 
 def test_a_load_fixed_in_space_moves_a_stiff_wheel_the_same_at_every_speed():
     dynamics = _pair(1500.0, 1e6)
-    system, seat = dynamics.system, _seat(dynamics)
+    seat = _seat(dynamics)
     mass = _rigid_mass()[0, 0]
     for column, stiffness in zip(seat[:5], (1e8, 1e8, 3e8, 1e5, 1e5), strict=True):
         load = np.zeros(len(dynamics.dofs))
@@ -250,7 +250,7 @@ def test_a_load_fixed_in_space_moves_a_stiff_wheel_the_same_at_every_speed():
 
 def test_rates_of_a_stiff_wheel_are_those_of_a_gyroscope():
     dynamics = _pair(1500.0, 1e6)
-    system, seat = dynamics.system, _seat(dynamics)
+    seat = _seat(dynamics)
     speed, own = 4000.0, -4000.0 * RATIO
     mass, polar = np.diagonal(_rigid_mass())[[0, 5]]
     whirl = np.asarray(system.rates_at(jnp.asarray(speed)) - system.damping)
