@@ -14,7 +14,7 @@ import json
 import math
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -713,33 +713,40 @@ FINDINGS: dict[str, Callable[[], Finding]] = {
 }
 
 
-def main() -> None:
-    """Print the tables that are asked for."""
-    parser = argparse.ArgumentParser(description="What flexible gear bodies change in a mesh.")
-    parser.add_argument("--only", nargs="*", choices=FINDINGS, metavar="NAME", help="some tables")
+def tell(findings: Mapping[str, Callable[[], Finding]], description: str, name: str) -> None:
+    """Print the tables that the command line asks for, and keep them in a file.
+
+    **Arguments:**
+
+    - `findings`: by name.
+    - `description`: of the script.
+    - `name`: of the file, without its ending.
+    """
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("--only", nargs="*", choices=findings, metavar="NAME", help="some tables")
     parser.add_argument("--out", type=Path, default=Path("results/bench"))
     parser.add_argument("--list", action="store_true", help="print the names of the tables")
     options = parser.parse_args()
     if options.list:
-        print("\n".join(FINDINGS))
+        print("\n".join(findings))
         return
     jax.config.update("jax_enable_x64", True)
+    options.out.mkdir(parents=True, exist_ok=True)
     report = {}
-    for name in options.only or FINDINGS:
+    for which in options.only or findings:
         start = time.perf_counter()
-        found = FINDINGS[name]()
+        found = findings[which]()
         print(found.told(), f"\n  ({time.perf_counter() - start:.0f} s)", flush=True)
-        report[name] = {
+        report[which] = {
             "title": found.title,
             "thesis": found.thesis,
             "columns": found.columns,
             "rows": found.rows,
             "holds": {what: bool(ok) for what, ok in found.holds.items()},
         }
-    options.out.mkdir(parents=True, exist_ok=True)
-    (options.out / "hybrid_trends.json").write_text(json.dumps(report, indent=2) + "\n")
+        (options.out / f"{name}.json").write_text(json.dumps(report, indent=2) + "\n")
     print(f"\nwritten to {options.out}")
 
 
 if __name__ == "__main__":
-    main()
+    tell(FINDINGS, "What flexible gear bodies change in a mesh.", "hybrid_trends")

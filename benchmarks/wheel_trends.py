@@ -8,19 +8,15 @@ hold. Responses are by harmonic balance, those of wheels with holes by marching.
 the cache after the first time. Writes `wheel_trends.json`.
 """
 
-import argparse
 import dataclasses
 import functools
 import itertools
-import json
 import math
-import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import NamedTuple
 
 # First: it holds the threads before NumPy is imported.
-from hybrid_trends import POWER_WEBS, Finding, rigid_body, web, with_rigid_shaft
+from hybrid_trends import POWER_WEBS, Finding, rigid_body, tell, web, with_rigid_shaft
 
 # isort: split
 import equinox as eqx
@@ -823,33 +819,5 @@ FINDINGS: dict[str, Callable[[], Finding]] = {
 }
 
 
-def main() -> None:
-    """Print the tables that are asked for."""
-    parser = argparse.ArgumentParser(description="What turning flexible wheels do in a mesh.")
-    parser.add_argument("--only", nargs="*", choices=FINDINGS, metavar="NAME", help="some tables")
-    parser.add_argument("--out", type=Path, default=Path("results/bench"))
-    parser.add_argument("--list", action="store_true", help="print the names of the tables")
-    options = parser.parse_args()
-    if options.list:
-        print("\n".join(FINDINGS))
-        return
-    jax.config.update("jax_enable_x64", True)
-    report = {}
-    options.out.mkdir(parents=True, exist_ok=True)
-    for name in options.only or FINDINGS:
-        start = time.perf_counter()
-        found = FINDINGS[name]()
-        print(found.told(), f"\n  ({time.perf_counter() - start:.0f} s)", flush=True)
-        report[name] = {
-            "title": found.title,
-            "thesis": found.thesis,
-            "columns": found.columns,
-            "rows": found.rows,
-            "holds": {what: bool(ok) for what, ok in found.holds.items()},
-        }
-        (options.out / "wheel_trends.json").write_text(json.dumps(report, indent=2) + "\n")
-    print(f"\nwritten to {options.out}")
-
-
 if __name__ == "__main__":
-    main()
+    tell(FINDINGS, "What turning flexible wheels do in a mesh.", "wheel_trends")

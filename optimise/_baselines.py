@@ -1,11 +1,9 @@
 """Searches that use no gradient, to compare with: on the same objective, in the same box."""
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import scipy.optimize
 
-from optimise._record import Box, Objective, SearchResult
+from optimise._record import Box, Objective, SearchResult, batched
 
 
 def differential_evolution(
@@ -32,12 +30,12 @@ def differential_evolution(
 
     The best point and the record of the search.
     """
-    batched = jax.jit(lambda points: jax.lax.map(objective, points))
+    evaluated = batched(objective)
     points, values = [], []
 
     def evaluate(units: np.ndarray) -> np.ndarray:
         generation = box.from_unit(np.atleast_2d(units.T))
-        found = np.asarray(batched(jnp.asarray(generation)))
+        found = evaluated(generation)
         # A design that cannot be evaluated is the worst of all.
         result = np.where(np.isfinite(found), found, np.inf)
         points.append(generation)
@@ -101,7 +99,7 @@ def cma_es(
         import cma
     except ImportError as missing:
         raise ImportError("`cma_es` needs the package cma: pip install 'jaxgear[cma]'") from missing
-    batched = jax.jit(lambda points: jax.lax.map(objective, points))
+    evaluated = batched(objective)
     count = len(box.lower)
     middle = np.full(count, 0.5) if start is None else box.to_unit(np.asarray(start, float))
     options = {
@@ -115,7 +113,7 @@ def cma_es(
     while not strategy.stop():
         units = strategy.ask()
         generation = box.from_unit(np.asarray(units))
-        found = np.asarray(batched(jnp.asarray(generation)))
+        found = evaluated(generation)
         # A design that cannot be evaluated is the worst of all.
         found = np.where(np.isfinite(found), found, np.finfo(float).max)
         strategy.tell(units, found.tolist())

@@ -9,11 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 import jaxgear as jg
-from optimise._objectives import AbstractObjective
-
-
-def _as_scalar(value: object) -> Array:
-    return jnp.asarray(value, dtype=float)
+from optimise._objectives import AbstractObjective, as_scalar
 
 
 class AbstractResponse(eqx.Module):
@@ -42,7 +38,7 @@ class DynamicRatio(AbstractResponse):
     - `width`: of the smooth maximum, in static mesh forces [-].
     """
 
-    width: Float[Array, ""] = eqx.field(converter=_as_scalar, default=0.02)
+    width: Float[Array, ""] = eqx.field(converter=as_scalar, default=0.02)
 
     def __call__(self, dynamics: jg.PairDynamics, orbit: jg.Orbit) -> Float[Array, ""]:
         """Return the ratio [-]."""
@@ -117,8 +113,8 @@ class OverSpeeds(AbstractObjective):
     method: jg.HarmonicBalance = eqx.field(
         default_factory=lambda: jg.HarmonicBalance(averaged=True)
     )
-    most_sensitive: Float[Array, ""] = eqx.field(converter=_as_scalar, default=100.0)
-    least_share: Float[Array, ""] = eqx.field(converter=_as_scalar, default=0.5)
+    most_sensitive: Float[Array, ""] = eqx.field(converter=as_scalar, default=100.0)
+    least_share: Float[Array, ""] = eqx.field(converter=as_scalar, default=0.5)
     power: float = eqx.field(static=True, default=1.0)
     gyroscopic: bool = eqx.field(static=True, default=False)
     active_mesh_damping: bool = eqx.field(static=True, default=False)

@@ -11,7 +11,13 @@ from jaxtyping import Array, Float
 import jaxgear as jg
 
 
-def _as_scalar(value: object) -> Array:
+def as_scalar(value: object) -> Array:
+    """A real array of a number that a field was given.
+
+    **Arguments:**
+
+    - `value`: the number, or an array of numbers.
+    """
     return jnp.asarray(value, dtype=float)
 
 
@@ -68,7 +74,7 @@ class TransmissionErrorRms(AbstractObjective):
     - `width`: value at a constant transmission error, where the RMS itself is zero [m].
     """
 
-    width: Float[Array, ""] = eqx.field(converter=_as_scalar, default=0.01 * jg.um)
+    width: Float[Array, ""] = eqx.field(converter=as_scalar, default=0.01 * jg.um)
 
     def __call__(
         self, model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw
@@ -87,7 +93,7 @@ class TransmissionErrorRange(AbstractObjective):
     - `width`: of the smooth maximum and minimum [m].
     """
 
-    width: Float[Array, ""] = eqx.field(converter=_as_scalar, default=0.02 * jg.um)
+    width: Float[Array, ""] = eqx.field(converter=as_scalar, default=0.02 * jg.um)
 
     def __call__(
         self, model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw
@@ -106,7 +112,7 @@ class LargestPressure(AbstractObjective):
     - `width`: of the smooth maximum [Pa].
     """
 
-    width: Float[Array, ""] = eqx.field(converter=_as_scalar, default=5.0 * jg.MPa)
+    width: Float[Array, ""] = eqx.field(converter=as_scalar, default=5.0 * jg.MPa)
 
     def __call__(
         self, model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw
@@ -126,7 +132,7 @@ class FaceLoadFactor(AbstractObjective):
     - `width`: of the smooth maximum over the slices, relative to the mean load [-].
     """
 
-    width: Float[Array, ""] = eqx.field(converter=_as_scalar, default=0.01)
+    width: Float[Array, ""] = eqx.field(converter=as_scalar, default=0.01)
 
     def __call__(
         self, model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw
@@ -146,7 +152,7 @@ class WeightedSum(AbstractObjective):
     """
 
     parts: tuple[AbstractObjective, ...]
-    weights: Float[Array, " part"] = eqx.field(converter=_as_scalar)
+    weights: Float[Array, " part"] = eqx.field(converter=as_scalar)
 
     def __call__(
         self, model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -70,6 +71,21 @@ class SearchResult(eqx.Module):
     reason: str
     path: np.ndarray
     values: np.ndarray
+
+
+def batched(objective: Objective) -> Callable[[np.ndarray], np.ndarray]:
+    """An objective at many points in one compiled call, one after the other.
+
+    **Arguments:**
+
+    - `objective`: traceable by JAX.
+
+    **Returns:**
+
+    A function of points, shape `[point, variable]`.
+    """
+    compiled = jax.jit(lambda points: jax.lax.map(objective, points))
+    return lambda points: np.asarray(compiled(jnp.asarray(points)))
 
 
 class Record:

@@ -15,6 +15,7 @@ import numpy as np
 import scipy.stats
 from jaxtyping import Array, Float
 
+from optimise._objectives import as_scalar
 from optimise._strategies import sobol
 
 Scattered = Callable[[Float[Array, " variable"], Float[Array, " quantity"]], Float[Array, ""]]
@@ -89,10 +90,6 @@ class Mean(AbstractMeasure):
         return jnp.mean(values)
 
 
-def _as_scalar(value: object) -> Array:
-    return jnp.asarray(value, dtype=float)
-
-
 class Quantile(AbstractMeasure):
     r"""The value that a share of a sample stays below, smoothed.
 
@@ -105,8 +102,8 @@ class Quantile(AbstractMeasure):
     - `width`: $w$, in the unit of the values [-].
     """
 
-    share: Float[Array, ""] = eqx.field(converter=_as_scalar)
-    width: Float[Array, ""] = eqx.field(converter=_as_scalar)
+    share: Float[Array, ""] = eqx.field(converter=as_scalar)
+    width: Float[Array, ""] = eqx.field(converter=as_scalar)
 
     def __call__(self, values: Float[Array, " sample"]) -> Float[Array, ""]:
         """Return the quantile [unit of the values]."""

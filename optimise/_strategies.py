@@ -11,7 +11,7 @@ import numpy as np
 import scipy.stats
 from jaxtyping import Array, Float
 
-from optimise._record import Box, Objective, SearchResult
+from optimise._record import Box, Objective, SearchResult, batched
 from optimise._search import lbfgs
 
 Search = Callable[..., SearchResult]
@@ -50,7 +50,7 @@ def multi_start(
     """
     unit = sobol(len(box.lower), candidates, seed)
     points = box.from_unit(unit)
-    values = np.asarray(jax.jit(lambda x: jax.lax.map(objective, x))(jnp.asarray(points)))
+    values = batched(objective)(points)
     if not np.isfinite(values).any():
         raise FloatingPointError(
             f"The objective is not finite at any of {candidates} points all over the box. "

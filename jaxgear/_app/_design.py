@@ -494,11 +494,11 @@ def objective_function(
     )
 
 
-# Responses that may have limits, with the unit in the key, and by how much counts as one.
+# Responses that may have limits, with the unit in the key.
 _LIMITED = {
-    "max_pressure_MPa": (optimise.LargestPressure, 0.1),
-    "te_peak_to_peak_um": (optimise.TransmissionErrorRange, 0.1),
-    "face_load_factor": (optimise.FaceLoadFactor, 0.1),
+    "max_pressure_MPa": optimise.LargestPressure,
+    "te_peak_to_peak_um": optimise.TransmissionErrorRange,
+    "face_load_factor": optimise.FaceLoadFactor,
 }
 
 
@@ -515,7 +515,7 @@ def limits_of(scene: Scene) -> tuple[optimise.Limit, ...]:
     """
     given = {name: scene.get(f"optimise.limits.{name}") for name in _LIMITED}
     return tuple(
-        optimise.Limit(name, float(most), _LIMITED[name][1] * float(most))
+        optimise.Limit(name, float(most), 0.1 * float(most))
         for name, most in given.items()
         if most is not None
     )
@@ -529,7 +529,7 @@ def responses_function(
     return optimise.responses_over_torques(
         space.model,
         objective,
-        [_LIMITED[limit.name][0]() for limit in limits_of(space.scene)],
+        [_LIMITED[limit.name]() for limit in limits_of(space.scene)],
         jnp.asarray(torques_of(space.scene, "optimise.torques_Nm")),
         grid=grid,
         law=law,

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -170,10 +171,15 @@ def joined(best: optimise.SearchResult, *others: optimise.SearchResult) -> optim
 
 
 def record_file(space: DesignSpace, folder: Path, version: str) -> Path:
-    """Where the evaluations of a search are kept while it runs: another scene has another file."""
+    """Where the evaluations of a search are kept while it runs: another scene has another file.
+
+    So has another model, whose deviations are from a file that has changed since.
+    """
     told = json.dumps(as_json(dict(space.scene.values)), sort_keys=True)
-    name = hashlib.sha256(f"{version} {told}".encode()).hexdigest()[:12]
-    return folder / f"search-{name}.jsonl"
+    content = hashlib.sha256(f"{version} {told}".encode())
+    for leaf in jax.tree.leaves(space.base):
+        content.update(np.asarray(leaf).tobytes())
+    return folder / f"search-{content.hexdigest()[:12]}.jsonl"
 
 
 def limits_summary(

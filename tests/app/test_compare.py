@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from tiny_cases import tiny_scene
 
 import jaxgear as jg
 from fem_prep._artefact import rigid_motions
@@ -186,28 +187,9 @@ def test_adaptive_integration_settles_on_the_response_of_harmonic_balance():
 
 # --- Condensed bodies
 
-_TINY = """schema = 1
-name = "tiny"
-[pair]
-module_mm = 3.0
-torque_pinion_Nm = 100.0
-[pinion]
-teeth = 20
-face_width_mm = 12.0
-[wheel]
-teeth = 24
-face_width_mm = 10.0
-[wheel.body]
-kind = "condensed"
-web = { hub_outer_mm = 30, web_thickness_mm = 3, rim_inner_mm = 56 }
-modes = 2
-compare_seats = false
-fineness = { sectors = 24, rim_across = 1, web_along = 1, hub_deep = 1 }
-[wheel.shaft]
-gear_at_mm = 25.0
-segments = [ { length_mm = 40, outer_mm = 20, inner_mm = 8 } ]
-bearings = [ { at_mm = 0, radial_N_m = 1e8, axial_N_m = 5e7 }, { at_mm = 40, radial_N_m = 5e7 } ]
-[mesh]
+_TINY = (
+    tiny_scene(modes=2, gear_at=25.0)
+    + """[mesh]
 stiffness = "constant"
 stiffness_N_mm_um = 14.0
 slices = 3
@@ -217,6 +199,7 @@ pinion_speed_rad_s = [300.0, 900.0, 1500.0]
 steps = 16
 harmonics = 5
 """
+)
 
 
 def _tiny(folder, *overrides):

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
+from tiny_cases import tiny_scene
 
 import jaxgear as jg
 from jaxgear._app import _cli, _commands, _dynamics
@@ -266,28 +267,9 @@ def test_without_speeds_the_lines_to_add_are_given(folder, capsys):
 
 # --- A condensed wheel
 
-_THIN = """schema = 1
-name = "tiny"
-[pair]
-module_mm = 3.0
-torque_pinion_Nm = 100.0
-[pinion]
-teeth = 20
-face_width_mm = 12.0
-[wheel]
-teeth = 24
-face_width_mm = 10.0
-[wheel.body]
-kind = "condensed"
-web = { hub_outer_mm = 30, web_thickness_mm = 3, rim_inner_mm = 56 }
-modes = 4
-compare_seats = false
-fineness = { sectors = 24, rim_across = 1, web_along = 1, hub_deep = 1 }
-[wheel.shaft]
-gear_at_mm = 20.0
-segments = [ { length_mm = 40, outer_mm = 20, inner_mm = 8 } ]
-bearings = [ { at_mm = 0, radial_N_m = 1e8, axial_N_m = 5e7 }, { at_mm = 40, radial_N_m = 5e7 } ]
-[flank.pinion]
+_THIN = (
+    tiny_scene(modes=4, gear_at=20.0)
+    + """[flank.pinion]
 tip_relief = { depth_um = 10.0, extent = 0.25 }
 crowning_um = 5.0
 [mesh]
@@ -306,6 +288,7 @@ harmonics = 5
 [modes]
 count = 10
 """
+)
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from PIL import Image
+from tiny_cases import tiny_scene
 
 from jaxgear._app import _body_waves as body_waves
 from jaxgear._app import _wave_pictures as pictures
@@ -21,28 +22,9 @@ from jaxgear._system._body_modes import body_basis
 from jaxgear._units import mm, um
 
 TEETH = 24
-_SCENE = """schema = 1
-name = "tiny"
-[pair]
-module_mm = 3.0
-torque_pinion_Nm = 100.0
-[pinion]
-teeth = 20
-face_width_mm = 12.0
-[wheel]
-teeth = 24
-face_width_mm = 10.0
-[wheel.body]
-kind = "condensed"
-web = { hub_outer_mm = 30, web_thickness_mm = 3, rim_inner_mm = 56 }
-modes = 2
-compare_seats = false
-fineness = { sectors = 24, rim_across = 1, web_along = 1, hub_deep = 1 }
-[wheel.shaft]
-gear_at_mm = 20.0
-segments = [ { length_mm = 40, outer_mm = 20, inner_mm = 8 } ]
-bearings = [ { at_mm = 0, radial_N_m = 1e8, axial_N_m = 5e7 }, { at_mm = 40, radial_N_m = 5e7 } ]
-[mesh]
+_SCENE = (
+    tiny_scene(modes=2, gear_at=20.0)
+    + """[mesh]
 stiffness = "constant"
 stiffness_N_mm_um = 14.0
 slices = 2
@@ -52,6 +34,7 @@ coordinates = 16
 [sweep]
 pinion_speed_rad_s = [100.0, 200.0]
 """
+)
 _PROBES = """
 [[probes]]
 gear = "wheel"

@@ -1,0 +1,36 @@
+"""The smallest scene with a condensed body that vibrates, for tests of commands."""
+
+
+def tiny_scene(modes: int, gear_at: float) -> str:
+    """Head of a scene: a pair whose wheel has a thin web, on a shaft with two bearings.
+
+    **Arguments:**
+
+    - `modes`: of the wheel's body.
+    - `gear_at`: place of the wheel on its shaft [mm].
+    """
+    return f"""schema = 1
+name = "tiny"
+[pair]
+module_mm = 3.0
+torque_pinion_Nm = 100.0
+[pinion]
+teeth = 20
+face_width_mm = 12.0
+[wheel]
+teeth = 24
+face_width_mm = 10.0
+[wheel.body]
+kind = "condensed"
+web = {{ hub_outer_mm = 30, web_thickness_mm = 3, rim_inner_mm = 56 }}
+modes = {modes}
+compare_seats = false
+fineness = {{ sectors = 24, rim_across = 1, web_along = 1, hub_deep = 1 }}
+[wheel.shaft]
+gear_at_mm = {gear_at}
+segments = [ {{ length_mm = 40, outer_mm = 20, inner_mm = 8 }} ]
+bearings = [
+    {{ at_mm = 0, radial_N_m = 1e8, axial_N_m = 5e7 }},
+    {{ at_mm = 40, radial_N_m = 5e7 }},
+]
+"""
