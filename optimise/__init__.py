@@ -11,6 +11,10 @@ from optimise._dynamic_objectives import DynamicRatio as DynamicRatio
 from optimise._dynamic_objectives import Judged as Judged
 from optimise._dynamic_objectives import OverSpeeds as OverSpeeds
 from optimise._dynamic_objectives import require_regular as require_regular
+from optimise._face_objectives import EdgeLoad as EdgeLoad
+from optimise._face_objectives import PressureOffset as PressureOffset
+from optimise._face_objectives import loaded_maximum as loaded_maximum
+from optimise._face_objectives import pressure_offset as pressure_offset
 from optimise._master_curve import ReliefMap as ReliefMap
 from optimise._master_curve import TracedCurve as TracedCurve
 from optimise._master_curve import Valley as Valley

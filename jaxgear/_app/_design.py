@@ -308,6 +308,7 @@ _OBJECTIVES = {
     "te_peak_to_peak": optimise.TransmissionErrorRange,
     "max_pressure": optimise.LargestPressure,
     "face_load_factor": optimise.FaceLoadFactor,
+    "pressure_offset": optimise.PressureOffset,
 }
 _DYNAMIC = "dynamic_ratio"
 
@@ -357,6 +358,8 @@ def objective_of(
             return optimise.TransmissionErrorRange(), "um"
         case "face_load_factor":
             return optimise.FaceLoadFactor(), "-"
+        case "pressure_offset":
+            return optimise.PressureOffset(), "-"
         case "dynamic_ratio":
             return _over_speeds(scene, grid), "-"
         case _:
@@ -499,6 +502,7 @@ _LIMITED = {
     "max_pressure_MPa": optimise.LargestPressure,
     "te_peak_to_peak_um": optimise.TransmissionErrorRange,
     "face_load_factor": optimise.FaceLoadFactor,
+    "edge_line_load_N_mm": optimise.EdgeLoad,
 }
 
 

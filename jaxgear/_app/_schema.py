@@ -954,12 +954,24 @@ _OPTIMISE = (
         "optimise.minimise",
         "what to minimise; a table of weights is allowed too",
         "te_rms",
-        choices=("te_rms", "te_peak_to_peak", "max_pressure", "face_load_factor", "dynamic_ratio"),
+        choices=(
+            "te_rms",
+            "te_peak_to_peak",
+            "max_pressure",
+            "face_load_factor",
+            "pressure_offset",
+            "dynamic_ratio",
+        ),
     ),
     _number("optimise.minimise.te_rms", "weight of static.te_rms_um", **_WEIGHT),
     _number("optimise.minimise.te_peak_to_peak", "weight of static.te_peak_to_peak_um", **_WEIGHT),
     _number("optimise.minimise.max_pressure", "weight of static.max_pressure_MPa", **_WEIGHT),
     _number("optimise.minimise.face_load_factor", "weight of the face load factor", **_WEIGHT),
+    _number(
+        "optimise.minimise.pressure_offset",
+        "weight of the squared offset of the pressure from mid-face, over half the face",
+        **_WEIGHT,
+    ),
     _number(
         "optimise.minimise.dynamic_ratio",
         "weight of the dynamic ratio over the speeds of [sweep]",
@@ -1000,6 +1012,11 @@ _OPTIMISE = (
         above=0.0,
     ),
     _number("optimise.limits.face_load_factor", "largest face load factor allowed", above=1.0),
+    _number(
+        "optimise.limits.edge_line_load_N_mm",
+        "largest line load on the first and the last slice allowed",
+        above=0.0,
+    ),
     _count("optimise.max_evaluations", "most evaluations", 50, at_least=1, at_most=1_000_000),
 )
 
