@@ -32,6 +32,8 @@ from optimise._objectives import over_torques as over_torques
 from optimise._objectives import prepare_torques as prepare_torques
 from optimise._objectives import residuals_over_torques as residuals_over_torques
 from optimise._objectives import responses_over_torques as responses_over_torques
+from optimise._pareto import ParetoFront as ParetoFront
+from optimise._pareto import pareto_front as pareto_front
 from optimise._record import Box as Box
 from optimise._record import Record as Record
 from optimise._record import SearchResult as SearchResult
@@ -49,6 +51,7 @@ from optimise._search import adam as adam
 from optimise._search import constrained as constrained
 from optimise._search import lbfgs as lbfgs
 from optimise._search import least_squares as least_squares
+from optimise._search import slopes_of_each as slopes_of_each
 from optimise._strategies import annealed as annealed
 from optimise._strategies import multi_start as multi_start
 from optimise._strategies import sobol as sobol

@@ -12,7 +12,7 @@ from optimise._objectives import AbstractObjective, as_scalar
 def loaded_maximum(
     values: Float[Array, "case ..."], width: Float[Array, ""]
 ) -> Float[Array, "..."]:
-    r"""A smooth largest of loads that is zero where there are none: $w \log(1 + \sum(e^{x/w} - 1))$.
+    r"""A smooth largest of loads, zero where there are none: $w \log(1 + \sum(e^{x/w} - 1))$.
 
     Never below the largest, and above it by at most $w \log n$ for $n$ loads; what carries nothing
     takes no part, where in `jaxgear.smooth_maximum` it adds to all others.

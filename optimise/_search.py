@@ -167,7 +167,7 @@ def least_squares(
     """
     told = None if watch is None else lambda point, _: watch(point, squares(record.values[-1]))
     squares = lambda values: float(np.sum(values**2))
-    record = Record(_jacobian(residuals), box, told, file)
+    record = Record(slopes_of_each(residuals), box, told, file)
     count = len(start)
     # SciPy's own annotations know no function here.
     slopes: Any = lambda unit: record(unit)[1]
@@ -202,7 +202,23 @@ class Limit(NamedTuple):
 
 
 # Excess of a limit over its scale that counts as none.
-_KEPT = 1e-4
+KEPT = 1e-4
+
+
+def excess_of(values: np.ndarray, limits: Sequence[Limit]) -> np.ndarray:
+    """By how much responses are above their limits, over the scales of these.
+
+    **Arguments:**
+
+    - `values`: of the responses that have limits, in the order of these along the last axis.
+    - `limits`: of each.
+
+    **Returns:**
+
+    The excess, negative below a limit [-].
+    """
+    most, scale = (np.asarray([getattr(each, k) for each in limits]) for k in ("most", "scale"))
+    return (values - most) / scale
 
 
 def constrained(
@@ -215,6 +231,7 @@ def constrained(
     tolerance: float = 1e-6,
     watch: Watcher | None = None,
     file: Path | None = None,
+    with_slope: bool = False,
 ) -> SearchResult:
     """Minimise a response while others stay below limits, by SciPy's SLSQP.
 
@@ -228,6 +245,7 @@ def constrained(
     - `tolerance`: on relative progress [-].
     - `watch`: called after each evaluation.
     - `file`: keeps the evaluations: see `Record`.
+    - `with_slope`: whether `responses` returns its Jacobian too, as `slopes_of_each` does.
 
     **Returns:**
 
@@ -239,7 +257,8 @@ def constrained(
     - `FloatingPointError` if a response or its gradient is not finite.
     - `ValueError` if the file is of a search in another box.
     """
-    record = Record(_jacobian(responses), box, watch, file)
+    slopes = responses if with_slope else slopes_of_each(responses)
+    record = Record(slopes, box, watch, file)
     most, scale = (np.asarray([getattr(each, k) for each in limits]) for k in ("most", "scale"))
     below = lambda unit: (most - record(unit)[0][1:]) / scale
 
@@ -267,9 +286,9 @@ def constrained(
     except StopIteration:
         settled, reason = False, "the evaluations allowed are spent"
     values = np.asarray(record.values)
-    excess = (values[:, 1:] - most) / scale
+    excess = excess_of(values[:, 1:], limits)
     worst = np.maximum(excess.max(axis=1), 0.0)
-    kept = worst <= _KEPT
+    kept = worst <= KEPT
     # Beyond the limits the least excess is best; among those that keep them, the least value, but
     # for the end of a search that has settled: others would make use of what counts as kept.
     numbers = np.where(kept, values[:, 0], np.inf) if kept.any() else worst
@@ -289,7 +308,16 @@ def constrained(
     )
 
 
-def _jacobian(function: Residuals) -> Callable:
-    """Several values and the derivatives of each, `[value, variable]`, in one pass."""
+def slopes_of_each(function: Residuals) -> Callable:
+    """Several values and the derivatives of each, in one pass and compiled.
+
+    **Arguments:**
+
+    - `function`: several values of a point; traceable by JAX.
+
+    **Returns:**
+
+    A function of a point: the values, and their derivatives `[value, variable]`.
+    """
     both = jax.jit(jax.jacfwd(lambda x: (function(x),) * 2, has_aux=True))
     return lambda point: both(point)[::-1]

@@ -62,6 +62,7 @@ from jaxgear._app._dynamics import (
 from jaxgear._app._gradients import dynamic_table, gradient_table
 from jaxgear._app._model import model_of, smooth_law_of
 from jaxgear._app._notes import left_out_notes, notes, steady_notes, sweep_notes
+from jaxgear._app._pareto import draw_front, front_of, front_remarks, is_asked_for
 from jaxgear._app._results import static_dataset, write_csv, write_dataset, write_json
 from jaxgear._app._scene import Scene, rewrite_scene, write_scene
 from jaxgear._app._schema import GEARS, KEYS, general
@@ -248,7 +249,9 @@ def map_relief(scene: Scene, folder: Path, quiet: bool) -> Summary:
     rival = np.asarray([valley.depth[lowest] / um, valley.extent[lowest]])
     best_on_grid = float(valley.value[lowest] ** 2)
     found, restarted = _unless_beaten(found, rival, best_on_grid, search, space, quiet)
-    curve = _traced(space, statics, meshes, valley, float(depth[-1]), quiet)
+    curve = _traced(
+        space, statics, meshes, extent[::-1], float(valley.depth[-1]), float(depth[-1]), quiet
+    )
     best = jax.jit(te_rms)(jnp.asarray(found.point[0] * um), jnp.asarray(found.point[1]))
     ratio = jnp.asarray(summary["geometry"]["profile_contact_ratio"])
     closed = _closed_form(np.append(extent, found.point[1]), ratio, deflection)
@@ -274,6 +277,12 @@ def map_relief(scene: Scene, folder: Path, quiet: bool) -> Summary:
     traced = summary["master_curve"]["traced"]
     figure = curve_pictures.traced_curve(traced, _title(scene))
     pictures.save(figure, traced, folder, "master_curve_traced")
+    if scene.get("map.torques_Nm") is not None:
+        start, deepest = float(valley.depth[-1]), float(depth[-1])
+        family = _family(space, extent[::-1], start, deepest, watch, quiet)
+        summary["master_curve"]["torques"] = family
+        figure = curve_pictures.family(chart, family, _title(scene))
+        pictures.save(figure, curve_pictures.family_columns(family), folder, "master_curve_torques")
     return _finish(scene, folder, summary, watch)
 
 
@@ -293,15 +302,43 @@ def _map_axes(scene: Scene, deflection: float) -> tuple[np.ndarray, np.ndarray]:
     return depth, np.linspace(*extents, scene["map.extent.points"])
 
 
+def _family(
+    space: DesignSpace,
+    extent: np.ndarray,
+    start: float,
+    deepest: float,
+    watch: Stopwatch,
+    quiet: bool,
+) -> list[Summary]:
+    """The curve traced at each of `map.torques_Nm`, beside the closed form at that torque."""
+    own, found = space.scene["pair.torque_pinion_Nm"], []
+    for torque in torques_of(space.scene, "map.torques_Nm"):
+        scene = space.scene.replace({"pair.torque_pinion_Nm": float(torque)})
+        statics = solve_statics(scene, watch)
+        prepare = lambda model, t, grid=statics.grid: optimise.prepare_torques(model, t, grid)
+        meshes = watch(prepare, statics.model, statics.model.torque[None])
+        # Deflections are nearly in proportion to the torque; and deeper is asked for by no one.
+        near = min(start * float(torque) / own, deepest)
+        curve = _traced(space, statics, meshes, extent, near, deepest, quiet)
+        deflection = float(statics.numbers["single_pair_deflection_um"]) * um
+        ratio = jnp.asarray(geometry_summary(statics.model)["profile_contact_ratio"])
+        found.append(
+            {"torque_Nm": float(torque), "single_pair_deflection_um": deflection / um}
+            | _traced_summary(curve, ratio, deflection, deepest)
+        )
+    return found
+
+
 def _traced(
     space: DesignSpace,
     statics: Statics,
     meshes: PreparedMesh,
-    valley: optimise.Valley,
+    extent: np.ndarray,
+    start: float,
     deepest: float,
     quiet: bool,
 ) -> optimise.TracedCurve:
-    """The best depth followed from the longest extent of the map to the shortest, exactly."""
+    """The best depth followed from the longest of extents to the shortest, exactly."""
     residuals = optimise.residuals_over_torques(
         space.model,
         statics.model.torque[None],
@@ -310,14 +347,8 @@ def _traced(
         prepared=meshes,
     )
     deviations = lambda depth, extent: um * residuals(jnp.stack([depth / um, extent]))
-    with _progress(valley.extent.size, "Master Curve", quiet) as done:
-        return optimise.traced_curve(
-            deviations,
-            valley.extent[::-1],
-            float(valley.depth[-1]),
-            deepest=deepest,
-            done=done,
-        )
+    with _progress(extent.size, "Master Curve", quiet) as done:
+        return optimise.traced_curve(deviations, extent, start, deepest=deepest, done=done)
 
 
 def _traced_summary(
@@ -833,9 +864,15 @@ def _optimisation(
     kept = lambda point: np.asarray(responses(jnp.asarray(point)))
     judged_after = judged(np.asarray(found.point))
     remarks = left_out_notes(judged_before, judged_after, limited=baseline.evaluations)
+    pareto = {}
+    if is_asked_for(space):
+        with _progress(scene["optimise.pareto.points"], "front", quiet) as done:
+            front = front_of(space, grid, prepared, space.start, done)
+        pareto = {"pareto": draw_front(space, front, _title(scene), folder)}
+        remarks += front_remarks(front)
     for remark in remarks:
         _warn(remark)
-    return {
+    return pareto | {
         "notes": remarks,
         "optimise": {
             "minimise": scene.get("optimise.minimise", "weighted table"),

@@ -1,11 +1,15 @@
-"""Pictures of the Master Curve as it was traced."""
+"""Pictures of curves through many optima: the Master Curve as it was traced, and fronts."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any
 
+import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
-from jaxgear._app._pictures import _BLUE, _GREEN, _ORANGE, _house_look, _panels
+from jaxgear._app._pictures import _BLUE, _GREEN, _GREY, _ORANGE, _RED, _house_look, _panels
+from jaxgear._units import um
 
 
 @_house_look()
@@ -38,3 +42,103 @@ def traced_curve(traced: Mapping[str, np.ndarray], title: str) -> Figure:
     for axes in (left, middle, right):
         axes.set(xlabel="extent over the path of contact [-]")
     return figure
+
+
+@_house_look()
+def family(chart: Any, curves: Sequence[Mapping[str, Any]], title: str) -> Figure:
+    """The curves of several torques on the map of one, and how much an error of depth costs.
+
+    **Arguments:**
+
+    - `chart`: an `optimise.ReliefMap` of the RMS in um.
+    - `curves`: parts of the summary, each with its torque.
+    - `title`: the case or the finding.
+
+    **Returns:**
+
+    The figure.
+    """
+    figure, (left, right) = _panels((10.6, 4.8), title, columns=2, ratios=(1.35, 1.0))
+    surface = left.contourf(
+        chart.extent, chart.depth / um, chart.value, levels=12, cmap="Greys", alpha=0.7
+    )
+    surface.set_edgecolor("face")
+    left.grid(False)
+    figure.colorbar(surface, ax=left, label="RMS of the transmission error [µm]", format="%.3g")
+    colours = _shades(len(curves))
+    for colour, curve in zip(colours, curves, strict=True):
+        label = f"{curve['torque_Nm']:g} N m"
+        left.plot(curve["extent"], curve["depth_um"], color=colour, lw=2.2, label=label)
+        left.plot(curve["extent"], curve["closed_form_depth_um"], "--", color=colour, lw=1.2)
+        right.plot(curve["extent"], curve["te_rms_per_depth"], color=colour, label=label)
+    left.plot([], [], "--", color=_GREY, lw=1.2, label="closed form")
+    deepest = float(chart.depth[-1]) / um
+    left.set(ylabel="depth of the tip relief [µm]", ylim=(float(chart.depth[0]) / um, deepest))
+    right.set(ylabel="RMS over error of depth [µm/µm]")
+    right.set_ylim(bottom=0.0)
+    for axes in (left, right):
+        axes.set(xlabel="extent over the path of contact [-]")
+        axes.set_xlim(float(chart.extent[0]), float(chart.extent[-1]))
+    handles, labels = left.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=5, frameon=False)
+    return figure
+
+
+def _shades(count: int) -> list[Any]:
+    """Colours from the least to the most of something."""
+    return [matplotlib.colormaps["viridis"](x) for x in np.linspace(0.0, 0.85, count)]
+
+
+def family_columns(curves: Sequence[Mapping[str, Any]]) -> dict[str, np.ndarray]:
+    """The data of `family`, one torque under the other."""
+    names = ("extent", "depth_um", "te_rms_um", "te_rms_per_depth", "closed_form_depth_um")
+    joined = {name: np.concatenate([np.asarray(each[name]) for each in curves]) for name in names}
+    torque = [np.full(len(each["extent"]), each["torque_Nm"]) for each in curves]
+    return {"torque_Nm": np.concatenate(torque)} | joined
+
+
+@_house_look()
+def pareto(front: Any, names: Sequence[tuple[str, str]], title: str) -> Figure:
+    """One number of designs over another, the designs that count joined.
+
+    **Arguments:**
+
+    - `front`: an `optimise.ParetoFront`.
+    - `names`: of both numbers, with their units.
+    - `title`: the case or the finding.
+
+    **Returns:**
+
+    The figure.
+    """
+    figure, (axes,) = _panels((6.4, 4.8), title)
+    curve, beaten = front.front, front.dominated
+    axes.plot(curve[:, 1], curve[:, 0], "o-", color=_BLUE, label="front")
+    if (lost := beaten & front.kept).any():
+        style = {"marker": "s", "ls": "", "mfc": "none", "color": _GREY}
+        axes.plot(front.value[lost, 1], front.value[lost, 0], label="dominated", **style)
+    if (~front.kept).any():
+        style = {"marker": "x", "ls": "", "color": _RED}
+        lost = ~front.kept
+        axes.plot(front.value[lost, 1], front.value[lost, 0], label="beyond a limit", **style)
+    for each in (axes.xaxis, axes.yaxis):
+        each.set_major_formatter(FuncFormatter(lambda x, _: f"{x:.6g}"))
+    first, second = (_axis_of(name, unit) for name, unit in names)
+    axes.set(xlabel=second, ylabel=first)
+    axes.legend(loc="best")
+    return figure
+
+
+_SPOKEN = {
+    "te_rms": "RMS of the transmission error",
+    "te_peak_to_peak": "peak to peak of the transmission error",
+    "max_pressure": "largest flank pressure",
+    "face_load_factor": "face load factor",
+    "pressure_offset": "squared offset of the pressure",
+    "dynamic_ratio": "dynamic ratio",
+    "weighted": "weighted objective",
+}
+
+
+def _axis_of(name: str, unit: str) -> str:
+    return f"{_SPOKEN[name]} [{unit.replace('um', 'µm')}]"

@@ -354,16 +354,73 @@ def objective_of(
     match scene["optimise.minimise"]:
         case "te_rms":
             return optimise.TransmissionErrorVariance(), "um2"
-        case "te_peak_to_peak":
-            return optimise.TransmissionErrorRange(), "um"
-        case "face_load_factor":
-            return optimise.FaceLoadFactor(), "-"
-        case "pressure_offset":
-            return optimise.PressureOffset(), "-"
-        case "dynamic_ratio":
-            return _over_speeds(scene, grid), "-"
-        case _:
-            return optimise.LargestPressure(), "MPa"
+        case name:
+            return _named(scene, name, grid)
+
+
+_UNITS = {"te_rms": "um", "te_peak_to_peak": "um", "max_pressure": "MPa"}
+
+
+def _named(
+    scene: Scene, name: str, grid: MeshGrid | None
+) -> tuple[optimise.AbstractObjective, str]:
+    """An objective by its name, and its unit."""
+    if name == _DYNAMIC:
+        return _over_speeds(scene, grid), "-"
+    return _OBJECTIVES[name](), _UNITS.get(name, "-")
+
+
+def front_objectives(
+    scene: Scene, grid: MeshGrid | None = None
+) -> tuple[tuple[optimise.AbstractObjective, str, str], ...]:
+    """What is minimised and what it is traded against: objectives, names and units.
+
+    **Arguments:**
+
+    - `scene`: with `optimise.pareto.against`.
+    - `grid`: as of `objective_of`.
+
+    **Returns:**
+
+    Two rows. The RMS of the transmission error is itself here, not its square.
+    """
+    first, against = scene.get("optimise.minimise"), scene["optimise.pareto.against"]
+    second = (*_named(scene, against, grid), against)
+    if first is None:
+        return (*objective_of(scene, grid)[:1], "weighted", "-"), (second[0], against, second[1])
+    own = _named(scene, first, grid)
+    return (own[0], first, own[1]), (second[0], against, second[1])
+
+
+def smallest_width(objective: optimise.AbstractObjective) -> optimise.AbstractObjective:
+    """The same objective with its smoothing taken away, for a re-check."""
+    if isinstance(objective, optimise.WeightedSum):
+        parts = tuple(smallest_width(part) for part in objective.parts)
+        return dataclasses.replace(objective, parts=parts)
+    if isinstance(objective, optimise.OverSpeeds):
+        response = _sharpened(objective.response)
+        return dataclasses.replace(objective, response=response)
+    return _sharpened(objective)
+
+
+# Of a smoothing width, for numbers that are told.
+_SHARP = 1e-3
+
+
+def _sharpened(smoothed: Any) -> Any:
+    if not hasattr(smoothed, "width"):
+        return smoothed
+    return dataclasses.replace(smoothed, width=_SHARP * smoothed.width)
+
+
+def looks_at_speeds(scene: Scene) -> bool:
+    """Whether the objective of a scene, or what it is traded against, looks at its speeds."""
+    return is_dynamic(scene) or scene.get("optimise.pareto.against") == _DYNAMIC
+
+
+def limits_objectives(scene: Scene) -> list[optimise.AbstractObjective]:
+    """The responses of `limits_of`, in its order."""
+    return [_LIMITED[limit.name]() for limit in limits_of(scene)]
 
 
 def _over_speeds(scene: Scene, grid: MeshGrid | None) -> optimise.OverSpeeds:
@@ -454,12 +511,13 @@ def require_swept(scene: Scene) -> None:
 
     - `SceneError` with every mistake.
     """
-    if not is_dynamic(scene):
+    if not looks_at_speeds(scene):
         return
     found = motion_mistakes(scene, harmonic=True)
     if not scene.has_table("sweep"):
         weighted = f"optimise.minimise.{_DYNAMIC}"
         key = weighted if weighted in scene.values else "optimise.minimise"
+        key = key if is_dynamic(scene) else "optimise.pareto.against"
         found.insert(0, Mistake(scene.where(key), key, _NO_SPEEDS))
     if found:
         raise SceneError(found)
@@ -533,7 +591,7 @@ def responses_function(
     return optimise.responses_over_torques(
         space.model,
         objective,
-        [_LIMITED[limit.name]() for limit in limits_of(space.scene)],
+        limits_objectives(space.scene),
         jnp.asarray(torques_of(space.scene, "optimise.torques_Nm")),
         grid=grid,
         law=law,
@@ -571,7 +629,11 @@ def require_search(scene: Scene) -> None:
         found.append("is for a sum of squares: te_rms over the mean of torques")
     if method != "lbfgs" and limited:
         found.append("knows no limits: leave it out, and SLSQP keeps [optimise.limits]")
-    if found:
-        key = "optimise.method"
-        words = [f'"{method}" {each}' for each in found]
-        raise SceneError([Mistake(scene.where(key), key, each) for each in words])
+    key = "optimise.method"
+    mistakes = [Mistake(scene.where(key), key, f'"{method}" {each}') for each in found]
+    against = "optimise.pareto.against"
+    if scene.get(against) is not None and scene.get(against) == scene.get("optimise.minimise"):
+        words = f'got "{scene[against]}", which optimise.minimise names too: name another response'
+        mistakes.append(Mistake(scene.where(against), against, words))
+    if mistakes:
+        raise SceneError(mistakes)

@@ -944,7 +944,12 @@ _MAP = (
     _number("map.extent.from", "smallest extent", 0.01, above=0.0, at_most=1.0, remedy=_EXTENT),
     _number("map.extent.to", "largest extent", 0.5, above=0.0, at_most=1.0, remedy=_EXTENT),
     _count("map.extent.points", "number of extents", 50, **_POINTS),
-    Key("map.torques_Nm", "floats", "pinion torques of the Harris map", **_TORQUES),
+    Key(
+        "map.torques_Nm",
+        "floats",
+        "pinion torques of the Harris map, and of Master Curves",
+        **_TORQUES,
+    ),
 )
 
 _OPTIMISE = (
@@ -1018,6 +1023,19 @@ _OPTIMISE = (
         above=0.0,
     ),
     _count("optimise.max_evaluations", "most evaluations", 50, at_least=1, at_most=1_000_000),
+    _text(
+        "optimise.pareto.against",
+        "what optimise.minimise is traded against, design by design; left out: nothing",
+        choices=(
+            "te_rms",
+            "te_peak_to_peak",
+            "max_pressure",
+            "face_load_factor",
+            "pressure_offset",
+            "dynamic_ratio",
+        ),
+    ),
+    _count("optimise.pareto.points", "designs to look for", 7, at_least=2, at_most=200),
 )
 
 

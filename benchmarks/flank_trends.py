@@ -1,0 +1,444 @@
+"""Flanks of a fast power pair, per web thickness, beside what Guilbert (2017) found.
+
+    python benchmarks/flank_trends.py [--only NAME ...] [--out DIR] [--list]
+
+The power pair with a condensed wheel at 3000 rad/s of its pinion, whose centrifugal load tilts the
+rim: which crowning or lead relief evens its pressure, and whether that holds for another web.
+Corrections are the pinion's. The drawings of the thesis are not in its text, so that these are
+trends and not its numbers: the webs are those of `power-h1` with the thicknesses of its Tab. IV-9.
+Under each table stands which of its statements hold. Coarse: 10 slices, 64 phases. Writes
+`flank_trends.json`.
+"""
+
+import dataclasses
+import functools
+import time
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+# First: it holds the threads before NumPy is imported.
+from hybrid_trends import Finding, tell, web
+
+# isort: split
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import jaxgear as jg
+import optimise
+from jaxgear._app._dynamics import damping_of, dynamic_grid_of
+from jaxgear._app._mesh_bodies import with_bodies
+from jaxgear._app._model import model_of
+from jaxgear._app._scene import ready_scene
+
+um, mm, MPa = 1e-6, 1e-3, 1e6
+SPEED = 3000.0
+# Tab. IV-9: the web of the wheel as it is, 24 % and 48 % thinner.
+WEBS = {"O": 6.5, "D": 4.94, "E": 3.38}
+COARSE = ("mesh.slices=10", "mesh.phases=64", "sweep.steps=64", "model.coordinates=60")
+LAW = jg.ExactContact()
+BALANCE = jg.HarmonicBalance(harmonics=14, averaged=True)
+# Of the smooth maximum that searches look at; what is told is exact.
+WIDTH = 5.0 * MPa
+# Fig. IV-33: share of the face that is relieved at its loaded end.
+END = 0.4
+
+
+# --- The pairs
+
+
+class Pair(NamedTuple):
+    """The power pair with one web, without corrections.
+
+    `quick` and `still` are its meshes at `SPEED` and at rest.
+    """
+
+    model: jg.PairModel
+    grid: jg.MeshGrid
+    damping: jg.AbstractDamping
+    quick: jg.PreparedMesh
+    still: jg.PreparedMesh
+
+
+@functools.cache
+def pair_with(label: str) -> Pair:
+    """The pair with the web of a test case."""
+    settings = [*COARSE, f"sweep.pinion_speed_rad_s=[{SPEED}]", f"mesh.pinion_speed_rad_s={SPEED}"]
+    scene = ready_scene("power-h1", [*settings, *web(web_thickness_mm=WEBS[label])])
+    scene = with_bodies(scene, moving=True)
+    model = model_of(scene)
+    grid = dynamic_grid_of(scene, model)
+    resting = dataclasses.replace(model, speed=jnp.zeros(()))
+    damping = damping_of(scene)
+    return Pair(model, grid, damping, _prepared(model, grid), _prepared(resting, grid))
+
+
+_prepared = eqx.filter_jit(jg.prepare_mesh)
+
+# Of the pinion's flank [um].
+KINDS = ("crowning", "elliptical", "relief", "slope")
+
+
+def corrected(model: jg.PairModel, depths) -> jg.PairModel:
+    """The pair with corrections of `KINDS`; relief is of the right end, linear, over `END`."""
+    parabolic, elliptical, relief, slope = um * depths
+    parts = (
+        jg.Crowning(parabolic),
+        jg.EllipticalCrowning(elliptical),
+        jg.EndRelief(relief, END, left=False),
+        jg.HelixSlope(slope),
+    )
+    flanks = jg.Flanks(jg.Superposed(parts), jg.Superposed())
+    return eqx.tree_at(lambda m: m.flanks, model, flanks)
+
+
+class Across(NamedTuple):
+    """What the flanks carry.
+
+    `pressure` largest at each slice [MPa], `load` mean per face width [N/mm], `ends` largest line
+    load at the left and right end [N/mm], `offset` of the pressure over half the face [-], `rms` of
+    the transmission error [um].
+    """
+
+    pressure: np.ndarray
+    load: np.ndarray
+    ends: np.ndarray
+    offset: float
+    rms: float
+
+    @property
+    def highest(self) -> float:
+        """Largest pressure [MPa]."""
+        return float(self.pressure.max())
+
+    @property
+    def evenness(self) -> float:
+        """Face load factor [-]."""
+        return float(self.load.max() / self.load.mean())
+
+    def place(self) -> float:
+        """Where the largest pressure is, from mid-face over half the face [-]."""
+        count = len(self.pressure)
+        return float((2.0 * np.argmax(self.pressure) + 1.0) / count - 1.0)
+
+
+@eqx.filter_jit
+def _across(model, prepared, depths):
+    own = corrected(model, depths)
+    cycle = jg.corrected_cycle(prepared, own, law=LAW)
+    line = jnp.max(jg.line_load(cycle, LAW), axis=(0, 1))
+    found = (
+        jnp.max(jg.hertz_pressure(own.pair, cycle, LAW), axis=(0, 1)) / MPa,
+        jg.face_load(own.pair, cycle) * mm,
+        line[jnp.asarray([0, -1])] * mm,
+        # Hardly smoothed: as good as exact.
+        optimise.pressure_offset(own.pair, cycle, LAW, jnp.asarray(0.05 * MPa)),
+        jg.cycle_rms(cycle, jg.transmission_error(own.pair, cycle)) / um,
+    )
+    return found, jnp.all(cycle.converged)
+
+
+def across(label: str, depths: Sequence[float], *, still: bool = False) -> Across:
+    """A pair with corrections, quasi-static: with centrifugal load, or at rest."""
+    pair = pair_with(label)
+    found, solved = _across(pair.model, pair.still if still else pair.quick, jnp.asarray(depths))
+    assert bool(solved), "the contact was not solved at some phase"
+    pressure, load, ends, offset, rms = (np.asarray(x) for x in found)
+    return Across(pressure, load, ends, float(offset), float(rms))
+
+
+_OBJECTIVE = (optimise.PressureOffset(WIDTH), optimise.LargestPressure(WIDTH))
+
+
+@eqx.filter_jit
+def _slopes(model, prepared, weights, depths):
+    def value(depths):
+        own = corrected(model, depths)
+        cycle = jg.corrected_cycle(prepared, own, law=LAW)
+        return optimise.WeightedSum(parts=_OBJECTIVE, weights=weights)(own, cycle, LAW)
+
+    return jax.value_and_grad(value)(depths)
+
+
+# What a search makes small: the squared offset in percent, or the pressure in 100 MPa.
+AIMS = {"centred": (1e4, 0.0), "even": (0.0, 1e-2)}
+
+
+class Optimum(NamedTuple):
+    """Where a search ended: depths of `KINDS` [um], gradients, seconds without compiling."""
+
+    depths: np.ndarray
+    evaluations: int
+    seconds: float
+
+
+@functools.cache
+def optimum(label: str, aim: str, vary: tuple[str, ...]) -> Optimum:
+    """Corrections of a pair that centre its pressure, or make the largest least.
+
+    **Arguments:**
+
+    - `label`: of the web.
+    - `aim`: of `AIMS`.
+    - `vary`: of `KINDS`; the others are zero.
+    """
+    pair, weights = pair_with(label), jnp.asarray(AIMS[aim])
+    at = np.asarray([KINDS.index(kind) for kind in vary])
+
+    def with_slope(depths):
+        full = jnp.zeros(len(KINDS)).at[at].set(depths)
+        value, slope = _slopes(pair.model, pair.quick, weights, full)
+        return value, slope[at]
+
+    start = np.asarray([-2.0 if kind == "slope" else 2.0 for kind in vary])
+    lower = np.asarray([-60.0 if kind == "slope" else 0.0 for kind in vary])
+    with_slope(start)
+    begun = time.perf_counter()
+    found = optimise.lbfgs(with_slope, start, optimise.Box(lower, lower + 60.0), with_slope=True)
+    seconds = time.perf_counter() - begun
+    depths = np.zeros(len(KINDS))
+    depths[at] = found.point
+    return Optimum(depths, found.gradient_evaluations, seconds)
+
+
+@eqx.filter_jit
+def _in_motion(model, grid, damping, depths):
+    dynamics = jg.pair_dynamics(corrected(model, depths), grid, damping)
+    orbit = jg.steady_state(dynamics.system, SPEED, BALANCE)
+    pressure = jnp.max(jg.dynamic_pressure(dynamics, orbit), axis=(0, 1)) / MPa
+    return jg.dynamic_ratio(dynamics.system, orbit), pressure, orbit.settled
+
+
+class Motion(NamedTuple):
+    """The response at `SPEED`: dynamic ratio [-] and largest pressure at each slice [MPa]."""
+
+    ratio: float
+    pressure: np.ndarray
+
+
+def in_motion(label: str, depths: Sequence[float]) -> Motion:
+    """The response of a pair with corrections at `SPEED`."""
+    pair = pair_with(label)
+    ratio, pressure, settled = _in_motion(pair.model, pair.grid, pair.damping, jnp.asarray(depths))
+    assert bool(settled), "no response was found"
+    return Motion(float(ratio), np.asarray(pressure))
+
+
+# --- Findings
+
+
+def only(kind: str, depth: float) -> list[float]:
+    """Depths of `KINDS` of which all but one are zero."""
+    return [depth if each == kind else 0.0 for each in KINDS]
+
+
+PLAIN = only("crowning", 0.0)
+
+
+def webs() -> Finding:
+    """Fig. IV-43, IV-44: the load across the face, at rest and at speed."""
+    found = Finding(
+        "Pressure across the face without corrections (Fig. IV-43, IV-44)",
+        "at rest: more centred and more even, the thinner the web; at 3000 rad/s: peaks at the "
+        "ends of the face, the largest on the other side than at rest, E most affected",
+        ["web", "rad/s", "left MPa", "mid", "right", "largest", "at", "offset", "K_Hbeta"],
+    )
+    rows: dict[tuple[str, bool], Across] = {}
+    for label in WEBS:
+        for still in (True, False):
+            each = rows[label, still] = across(label, PLAIN, still=still)
+            middle = float(each.pressure[len(each.pressure) // 2])
+            row = [each.pressure[0], middle, each.pressure[-1], each.highest, each.place()]
+            row += [each.offset, each.evenness]
+            found.rows.append([label, 0.0 if still else SPEED, *(float(x) for x in row)])
+    rest, fast = ([rows[label, still] for label in WEBS] for still in (True, False))
+    found.holds = {
+        "at rest the load is more even, the thinner the web": rest[0].evenness
+        > rest[1].evenness
+        > rest[2].evenness,
+        "at rest the pressure is more centred, the thinner the web": abs(rest[0].offset)
+        > abs(rest[1].offset)
+        > abs(rest[2].offset),
+        "the largest pressure is on the other side at speed": all(
+            a.place() * b.place() < 0.0 for a, b in zip(rest, fast, strict=True)
+        ),
+        "at speed it is at an end of the face": all(abs(x.place()) > 0.85 for x in fast),
+        "E is changed most by rotation": abs(fast[2].highest / rest[2].highest - 1.0)
+        == max(abs(b.highest / a.highest - 1.0) for a, b in zip(rest, fast, strict=True)),
+    }
+    return found
+
+
+DEPTHS = (0.0, 2.5, 5.0, 7.5, 10.0, 12.5, 15.0, 20.0)
+
+
+def crowning() -> Finding:
+    """Fig. IV-47 to IV-50: crowning of the pinion at speed."""
+    found = Finding(
+        "Crowning of the pinion at 3000 rad/s (Fig. IV-47 to IV-50)",
+        "the more, the better centred; beyond 10 um the ends are less and less loaded; mesh force "
+        "oscillations grow with crowning; 10 um a good compromise",
+        [
+            "web",
+            "crowning um",
+            "largest MPa",
+            "at",
+            "offset",
+            "left end N/mm",
+            "right end",
+            "TE RMS um",
+            "dynamic ratio",
+            "largest there MPa",
+        ],
+    )
+    rows: dict[str, list[tuple[Across, Motion]]] = {}
+    for label in WEBS:
+        for depth in DEPTHS:
+            each, moved = (
+                across(label, only("crowning", depth)),
+                in_motion(label, only("crowning", depth)),
+            )
+            rows.setdefault(label, []).append((each, moved))
+            row = [each.highest, each.place(), each.offset, *each.ends, each.rms]
+            row += [moved.ratio, moved.pressure.max()]
+            found.rows.append([label, depth, *(float(x) for x in row)])
+    ten = DEPTHS.index(10.0)
+    every = rows.values()
+    found.holds = {
+        "the largest pressure moves towards mid-face": all(
+            abs(own[ten][0].place()) < abs(own[0][0].place()) for own in every
+        ),
+        "the centre of the pressure comes closer to mid-face": all(
+            abs(own[ten][0].offset) < abs(own[0][0].offset) for own in every
+        ),
+        "the ends are less and less loaded": all(
+            np.all(np.diff([x.ends.sum() for x, _ in own]) < 0.0) for own in every
+        ),
+        "of these the largest pressure is least between 5 and 15 um": all(
+            5.0 <= DEPTHS[int(np.argmin([x.highest for x, _ in own]))] <= 15.0 for own in every
+        ),
+        "the dynamic ratio grows from no crowning on": all(
+            np.all(np.diff([m.ratio for _, m in own]) > 0.0) for own in every
+        ),
+        "... from 10 um on": all(
+            np.all(np.diff([m.ratio for _, m in own[ten:]]) > 0.0) for own in every
+        ),
+    }
+    return found
+
+
+SHAPES: dict[str, tuple[str, tuple[str, ...]]] = {
+    "crowning, even": ("even", ("crowning",)),
+    "crowning, centred": ("centred", ("crowning",)),
+    "elliptical, even": ("even", ("elliptical",)),
+    "end relief, even": ("even", ("relief",)),
+    "end relief, centred": ("centred", ("relief",)),
+    "slope + crowning, even": ("even", ("slope", "crowning")),
+    "slope + elliptical, even": ("even", ("slope", "elliptical")),
+    "relief + crowning, even": ("even", ("relief", "crowning")),
+}
+
+
+def shapes() -> Finding:
+    """Fig. IV-33, IV-34 and p. 168: which shape does best, found by gradient."""
+    found = Finding(
+        "Corrections of the pinion that centre the pressure, or make it least, at 3000 rad/s "
+        "(Fig. IV-33, IV-34, IV-46)",
+        "crowning of about 10 um; linear relief of 10 um over 0.4 of the face at the loaded end "
+        "centres the pressure; elliptical, or linear and parabolic, might be better",
+        [
+            "web",
+            "what",
+            *(f"{kind} um" for kind in KINDS),
+            "largest MPa",
+            "offset",
+            "K_Hbeta",
+            "dynamic ratio",
+            "gradients",
+            "s",
+        ],
+    )
+    by: dict[tuple[str, str], tuple[Optimum, Across]] = {}
+    for label in WEBS:
+        for what in ("plain", *SHAPES):
+            best = Optimum(np.zeros(len(KINDS)), 0, 0.0)
+            if what != "plain":
+                best = optimum(label, *SHAPES[what])
+            each = across(label, list(best.depths))
+            by[label, what] = best, each
+            ratio = in_motion(label, list(best.depths)).ratio
+            row = [*best.depths, each.highest, each.offset, each.evenness, ratio]
+            row += [best.evaluations, best.seconds]
+            found.rows.append([label, what, *(float(x) for x in row)])
+    depth = lambda label, what, kind: float(by[label, what][0].depths[KINDS.index(kind)])
+    least = lambda label, what: by[label, what][1].highest
+    found.holds = {
+        "the crowning of least pressure lies between 7.5 and 12.5 um": all(
+            7.5 <= depth(label, "crowning, even", "crowning") <= 12.5 for label in WEBS
+        ),
+        "crowning alone centres the pressure to 1 % of half the face": all(
+            abs(by[label, "crowning, centred"][1].offset) < 0.01 for label in WEBS
+        ),
+        "linear relief of the right end centres it to 1 %": all(
+            abs(by[label, "end relief, centred"][1].offset) < 0.01 for label in WEBS
+        ),
+        "... with 7.5 to 12.5 um": all(
+            7.5 <= depth(label, "end relief, centred", "relief") <= 12.5 for label in WEBS
+        ),
+        "linear + parabolic has a lower pressure than crowning alone": all(
+            least(label, "slope + crowning, even") < least(label, "crowning, even")
+            for label in WEBS
+        ),
+        "elliptical has a lower pressure than parabolic crowning": all(
+            least(label, "elliptical, even") < least(label, "crowning, even") for label in WEBS
+        ),
+        "each search within 60 s without compiling": all(x.seconds < 60.0 for x, _ in by.values()),
+    }
+    return found
+
+
+def transfer() -> Finding:
+    """Fig. IV-49 and p. 167: whether the optimum of one web serves another."""
+    found = Finding(
+        "Optimum of one web on another, at 3000 rad/s (Fig. IV-49)",
+        "lead modification cannot be directly transposed from one web to another",
+        ["what", "found for", "used on", "largest MPa", "over its own %", "offset"],
+    )
+    worse: dict[str, list[float]] = {}
+    offset: dict[str, list[float]] = {}
+    for what in ("crowning, even", "end relief, centred", "slope + crowning, even"):
+        own = {label: optimum(label, *SHAPES[what]).depths for label in WEBS}
+        best = {label: across(label, list(own[label])) for label in WEBS}
+        for i in WEBS:
+            for j in WEBS:
+                each = across(j, list(own[i]))
+                over = 100.0 * (each.highest / best[j].highest - 1.0)
+                found.rows.append([what, i, j, each.highest, over, each.offset])
+                worse.setdefault(what, []).append(over)
+                offset.setdefault(what, []).append(abs(each.offset))
+    found.holds = {
+        **{
+            f"{what}: another web's optimum costs more than 2 % of pressure somewhere": max(over)
+            > 2.0
+            for what, over in worse.items()
+            if what.endswith("even")
+        },
+        "end relief: another web's leaves the pressure off by more than 2 % of half the face": max(
+            offset["end relief, centred"]
+        )
+        > 0.02,
+    }
+    return found
+
+
+FINDINGS: dict[str, Callable[[], Finding]] = {
+    "webs": webs,
+    "crowning": crowning,
+    "shapes": shapes,
+    "transfer": transfer,
+}
+
+
+if __name__ == "__main__":
+    tell(FINDINGS, "Flanks of a fast power pair, per web thickness.", "flank_trends")

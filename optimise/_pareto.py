@@ -1,0 +1,241 @@
+"""Two numbers at once: how little there can be of one for so much of the other."""
+
+from collections.abc import Callable, Sequence
+
+import equinox as eqx
+import numpy as np
+
+from optimise._record import Box, Residuals, SearchResult
+from optimise._search import KEPT, Limit, constrained, excess_of, lbfgs, slopes_of_each
+
+
+class ParetoFront(eqx.Module):
+    """Designs that trade one number against another.
+
+    **Fields:**
+
+    - `point`: designs, from the least of the first number to the least of the second, in the units
+        of the variables; shape `[point, variable]` [-].
+    - `value`: both numbers of each, re-checked, in their own units; NaN where a search failed [-].
+    - `allowed`: how much of the second number each was allowed; infinite for the first [-].
+    - `kept`: whether the design keeps what it was allowed and all other limits.
+    - `settled`: whether its search stopped by itself.
+    - `reason`: why it stopped.
+    - `evaluations`: of both numbers with their gradients, in all [-].
+    """
+
+    point: np.ndarray
+    value: np.ndarray
+    allowed: np.ndarray
+    kept: np.ndarray
+    settled: np.ndarray
+    reason: tuple[str, ...]
+    evaluations: int
+
+    @property
+    def dominated(self) -> np.ndarray:
+        """Whether another design that keeps its limits is as good in both numbers, to a millionth,
+        and better in one; so counts what keeps none.
+        """
+        beaten = ~self.kept
+        for i, own in enumerate(self.value):
+            for other in self.value[self.kept]:
+                over = (own - other) / np.abs(own)
+                beaten[i] |= bool(np.all(over >= -_SAME) and np.any(over > _SAME))
+        return beaten
+
+    @property
+    def front(self) -> np.ndarray:
+        """Numbers of the designs that count, in the order of the first; shape `[point, 2]` [-]."""
+        left = self.value[~self.dominated]
+        return left[np.argsort(left[:, 0])]
+
+
+def pareto_front(
+    responses: Residuals,
+    start: np.ndarray,
+    box: Box,
+    *,
+    points: int = 7,
+    limits: Sequence[Limit] = (),
+    exact: Callable[[np.ndarray], np.ndarray] | None = None,
+    most_evaluations: int = 50,
+    tolerance: float = 1e-6,
+    done: Callable[[int], None] = lambda count: None,
+) -> ParetoFront:
+    """Make one number least for several amounts of another: the method of epsilon constraints.
+
+    First each number is made least by itself. Between what the second number is at these two ends,
+    amounts are spread evenly, and for each the first number is made least while the second stays
+    below; each search begins where the one before has ended. Unlike weighted sums, that finds
+    fronts that are hollow too. Searches are local: a front is as good as its searches.
+
+    **Arguments:**
+
+    - `responses`: the two numbers, and that of each limit; traceable by JAX.
+    - `start`: first point; moved into the box. At it both numbers must be positive: they are scaled
+        by it.
+    - `box`: bounds.
+    - `points`: designs to look for, with both ends.
+    - `limits`: that all designs keep, beside the two numbers.
+    - `exact`: both numbers of a design for the re-check; `None`: those of `responses`.
+    - `most_evaluations`: of each search.
+    - `tolerance`: of each search on relative progress [-].
+    - `done`: told how many more designs are finished, for a progress bar.
+
+    **Returns:**
+
+    The designs. One that cannot be found, or not within its limits, says so and does not count.
+
+    **Raises:**
+
+    - `ValueError` if fewer than two points are asked for, or a number is not positive at the start.
+    - `FloatingPointError` if a number cannot be evaluated at the start.
+    """
+    if points < 2:
+        raise ValueError(f"A front has two ends: `points` must be at least 2, got {points}.")
+    slopes = slopes_of_each(responses)
+    sizes = _sizes(np.asarray(slopes(np.asarray(start, float))[0]))
+
+    def scaled(order: Sequence[int]) -> Callable:
+        """Both numbers in units of their own at the start, in an order; then the limited ones."""
+
+        def both(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            value, slope = (np.asarray(part) for part in slopes(point))
+            unit = np.concatenate([sizes, np.ones(len(limits))])
+            rows = [*order, *range(2, 2 + len(limits))]
+            return (value / unit)[rows], (slope / unit[:, None])[rows]
+
+        return both
+
+    searches = _Searches(box, limits, most_evaluations, tolerance, done)
+    first = searches.alone(scaled([0]), np.asarray(start, float))
+    second = searches.alone(scaled([1]), np.asarray(start, float))
+    ends = [_numbers(slopes, found.point, sizes) for found in (first, second)]
+    span = ends[0][1] - ends[1][1]
+    between, allowed = [], []
+    if span > _SAME * abs(ends[1][1]):
+        near = first.point
+        for most in np.linspace(ends[0][1], ends[1][1], points)[1:-1]:
+            limit = Limit("the second number", float(most), float(span))
+            near = searches.within(scaled([0, 1]), limit, near)
+            between.append(near)
+            allowed.append(float(most) * sizes[1])
+            near = near.point
+    every = [first, *between, second]
+    check = exact or (lambda point: np.asarray(slopes(point)[0])[:2])
+    return ParetoFront(
+        point=np.stack([found.point for found in every]),
+        value=np.stack([_checked(check, found.point) for found in every]),
+        allowed=np.asarray([np.inf, *allowed, ends[1][1] * sizes[1]]),
+        kept=np.asarray([found.kept for found in every]),
+        settled=np.asarray([found.settled for found in every]),
+        reason=tuple(found.reason for found in every),
+        evaluations=searches.evaluations,
+    )
+
+
+# Numbers that differ by less, over their size, are the same.
+_SAME = 1e-6
+
+
+class _Found(eqx.Module):
+    """Where one search ended."""
+
+    point: np.ndarray
+    kept: bool
+    settled: bool
+    reason: str
+
+
+class _Searches:
+    """Searches with the same settings, which count their evaluations."""
+
+    def __init__(
+        self,
+        box: Box,
+        limits: Sequence[Limit],
+        most_evaluations: int,
+        tolerance: float,
+        done: Callable[[int], None],
+    ):
+        self._box, self._limits, self._done = box, list(limits), done
+        self._most, self._tolerance = most_evaluations, tolerance
+        self.evaluations = 0
+
+    def alone(self, responses: Callable, start: np.ndarray) -> _Found:
+        """Make a number least."""
+        if self._limits:
+            return self._search(responses, self._limits, start)
+
+        def one(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            value, slope = responses(point)
+            return value[0], slope[0]
+
+        search = lambda: lbfgs(
+            one,
+            start,
+            self._box,
+            most_evaluations=self._most,
+            tolerance=self._tolerance,
+            with_slope=True,
+        )
+        return self._told(search, lambda point: True, start)
+
+    def within(self, responses: Callable, limit: Limit, start: np.ndarray) -> _Found:
+        """Make the first number least while the second stays below a limit."""
+        return self._search(responses, [limit, *self._limits], start)
+
+    def _search(self, responses: Callable, limits: Sequence[Limit], start: np.ndarray) -> _Found:
+        search = lambda: constrained(
+            responses,
+            limits,
+            start,
+            self._box,
+            most_evaluations=self._most,
+            tolerance=self._tolerance,
+            with_slope=True,
+        )
+        keeps = lambda point: not np.any(excess_of(responses(point)[0][1:], limits) > KEPT)
+        return self._told(search, keeps, start)
+
+    def _told(
+        self,
+        search: Callable[[], SearchResult],
+        keeps: Callable[[np.ndarray], bool],
+        start: np.ndarray,
+    ) -> _Found:
+        try:
+            found = search()
+        except FloatingPointError as error:
+            self._done(1)
+            inside = self._box.from_unit(self._box.to_unit(start))
+            return _Found(inside, False, False, str(error))
+        self._done(1)
+        self.evaluations += found.gradient_evaluations
+        return _Found(found.point, keeps(found.point), found.converged, found.reason)
+
+
+def _sizes(values: np.ndarray) -> np.ndarray:
+    """What both numbers are at the start, as their units."""
+    if not np.all(np.isfinite(values[:2])):
+        raise FloatingPointError(
+            f"The two numbers of a front are {values[:2].tolist()} at the start. Begin with a "
+            "design that can be evaluated."
+        )
+    if not np.all(values[:2] > 0.0):
+        raise ValueError(
+            f"Both numbers of a front must be positive at the start, got {values[:2].tolist()}: "
+            "begin with a design that is not perfect already."
+        )
+    return values[:2]
+
+
+def _numbers(slopes: Callable, point: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    return np.asarray(slopes(point)[0])[:2] / sizes
+
+
+def _checked(exact: Callable, point: np.ndarray) -> np.ndarray:
+    """Both numbers of a design, or NaN."""
+    value = np.asarray(exact(point), dtype=float)
+    return value if np.all(np.isfinite(value)) else np.full(2, np.nan)
