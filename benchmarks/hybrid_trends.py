@@ -713,7 +713,7 @@ FINDINGS: dict[str, Callable[[], Finding]] = {
 }
 
 
-def tell(findings: Mapping[str, Callable[[], Finding]], description: str, name: str) -> None:
+def tell(findings: Mapping[str, Callable[[], Finding]], description: str, name: str) -> Path | None:
     """Print the tables that the command line asks for, and keep them in a file.
 
     **Arguments:**
@@ -721,6 +721,10 @@ def tell(findings: Mapping[str, Callable[[], Finding]], description: str, name: 
     - `findings`: by name.
     - `description`: of the script.
     - `name`: of the file, without its ending.
+
+    **Returns:**
+
+    The folder of the file; `None` if nothing was asked for.
     """
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--only", nargs="*", choices=findings, metavar="NAME", help="some tables")
@@ -729,7 +733,7 @@ def tell(findings: Mapping[str, Callable[[], Finding]], description: str, name: 
     options = parser.parse_args()
     if options.list:
         print("\n".join(findings))
-        return
+        return None
     jax.config.update("jax_enable_x64", True)
     options.out.mkdir(parents=True, exist_ok=True)
     report = {}
@@ -746,6 +750,7 @@ def tell(findings: Mapping[str, Callable[[], Finding]], description: str, name: 
         }
         (options.out / f"{name}.json").write_text(json.dumps(report, indent=2) + "\n")
     print(f"\nwritten to {options.out}")
+    return options.out
 
 
 if __name__ == "__main__":

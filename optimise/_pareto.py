@@ -1,9 +1,11 @@
 """Two numbers at once: how little there can be of one for so much of the other."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import equinox as eqx
 import numpy as np
+from jaxtyping import Array
 
 from optimise._record import Box, Residuals, SearchResult
 from optimise._search import KEPT, Limit, constrained, excess_of, lbfgs, slopes_of_each
@@ -62,6 +64,7 @@ def pareto_front(
     most_evaluations: int = 50,
     tolerance: float = 1e-6,
     done: Callable[[int], None] = lambda count: None,
+    with_slope: bool = False,
 ) -> ParetoFront:
     """Make one number least for several amounts of another: the method of epsilon constraints.
 
@@ -82,6 +85,7 @@ def pareto_front(
     - `most_evaluations`: of each search.
     - `tolerance`: of each search on relative progress [-].
     - `done`: told how many more designs are finished, for a progress bar.
+    - `with_slope`: whether `responses` returns its Jacobian too, as `slopes_of_each` does.
 
     **Returns:**
 
@@ -94,13 +98,13 @@ def pareto_front(
     """
     if points < 2:
         raise ValueError(f"A front has two ends: `points` must be at least 2, got {points}.")
-    slopes = slopes_of_each(responses)
+    slopes = responses if with_slope else slopes_of_each(responses)
     sizes = _sizes(np.asarray(slopes(np.asarray(start, float))[0]))
 
     def scaled(order: Sequence[int]) -> Callable:
         """Both numbers in units of their own at the start, in an order; then the limited ones."""
 
-        def both(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        def both(point: Array | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             value, slope = (np.asarray(part) for part in slopes(point))
             unit = np.concatenate([sizes, np.ones(len(limits))])
             rows = [*order, *range(2, 2 + len(limits))]
@@ -168,7 +172,7 @@ class _Searches:
         if self._limits:
             return self._search(responses, self._limits, start)
 
-        def one(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        def one(point: Array | np.ndarray) -> tuple[Any, np.ndarray]:
             value, slope = responses(point)
             return value[0], slope[0]
 

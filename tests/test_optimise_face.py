@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import assert_close, assert_gradient
+from helpers import assert_gradient
 from solve_cases import ACCESSORY
 
 import jaxgear as jg
@@ -17,17 +17,39 @@ from jaxgear import MPa, um
 SPUR = jg.PairModel(ACCESSORY.pair(), 80.0, compliance=jg.ConstantStiffness(23e9))
 GRID = jg.mesh_grid(SPUR.pair, phases=8, slices=8)
 LAW = jg.ExactContact()
-WIDTH = jnp.asarray(5.0 * MPa)
 
 
-def _sloped(amount, base: jg.PairModel = SPUR) -> jg.PairModel:
-    return eqx.tree_at(lambda m: m.flanks, base, jg.Flanks(jg.HelixSlope(amount)))
+# A lead is given over the face of its own gear, contact spans the common one.
+SHARE = ACCESSORY.common_width / ACCESSORY.face_width[0]
+DEFLECTION = ACCESSORY.force(80.0) / (23e9 * ACCESSORY.common_width)
 
 
-@eqx.filter_jit
-def _judged(objective, model: jg.PairModel):
-    cycle = jg.mesh_cycle(model, GRID, law=LAW)
-    return objective(model, cycle, LAW), cycle
+def _cycle(x, deviation=0.0):
+    """The pair with helix slope and crowning of the pinion, and a deviation of the axes [um]."""
+    flank = jg.Superposed((jg.HelixSlope(x[0] * um), jg.Crowning(x[1] * um)))
+    axes = jg.Misalignment(deviation=deviation * um)
+    where = lambda m: (m.flanks, m.misalignment)
+    model = eqx.tree_at(where, SPUR, (jg.Flanks(flank), axes))
+    return model, jg.mesh_cycle(model, GRID, law=LAW)
+
+
+@jax.jit
+def _numbers(x, deviation, widths):
+    """Squared offset, its root with its sign, load at one and at two slices of the ends, K_Hb."""
+    model, cycle = _cycle(x, deviation)
+    parts = (
+        optimise.PressureOffset(widths[0]),
+        optimise.EdgeLoad(widths[1]),
+        optimise.EdgeLoad(widths[1], slices=2),
+    )
+    square, one, two = (part(model, cycle, LAW) for part in parts)
+    offset = optimise.pressure_offset(model.pair, cycle, LAW, widths[0])
+    return jnp.stack([square, offset, one, two, jg.face_load_factor(cycle)])
+
+
+def _judged(slope=0.0, crowning=0.0, deviation=0.0, *, pressure=5.0 * MPa, load=1.0 / jg.mm):
+    amounts = jnp.asarray([slope, crowning]), jnp.asarray(deviation)
+    return np.asarray(_numbers(*amounts, jnp.asarray([pressure, load])))
 
 
 @pytest.mark.parametrize("width", [0.01, 0.3, 5.0])
@@ -45,67 +67,70 @@ def test_largest_of_loads_is_a_bound_and_nothing_stays_nothing(width):
 
 
 def test_an_even_pressure_is_centred():
-    value, cycle = _judged(optimise.PressureOffset(), SPUR)
-    assert float(value) < 1e-24
-    assert abs(float(optimise.pressure_offset(SPUR.pair, cycle, LAW, WIDTH))) < 1e-12
+    square, offset, *_ = _judged()
+    assert square < 1e-24
+    assert abs(offset) < 1e-12
 
 
 def test_offset_of_a_slope_by_hand():
     """Pressure goes with the root of a load that is linear across the face."""
-    amount = 4.0 * um
-    value, cycle = _judged(optimise.PressureOffset(1e-3 * MPa), _sloped(amount))
+    square, offset, *_ = _judged(4.0, pressure=1e-3 * MPa)
     place = (2.0 * np.arange(8) + 1.0) / 8.0 - 1.0
-    # A single tooth pair carries most: its overlap is the deflection and half the slope.
-    deflection = ACCESSORY.force(80.0) / (23e9 * ACCESSORY.common_width)
-    pressure = np.sqrt(deflection + 0.5 * amount * place)
-    expected = float((pressure @ place / pressure.sum()) ** 2)
-    assert_close(value, expected, rtol=1e-3, atol=0.0)
-    toward = optimise.pressure_offset(SPUR.pair, cycle, LAW, WIDTH)
-    assert float(toward) > 0.0
+    # The most loaded tooth pair is alone: its overlap is the deflection and half the slope.
+    pressure = np.sqrt(DEFLECTION + 0.5 * SHARE * 4.0 * um * place)
+    expected = pressure @ place / pressure.sum()
+    assert offset == pytest.approx(expected, rel=1e-3)
+    assert square == pytest.approx(offset**2, rel=1e-12)
 
 
 def test_the_opposite_slope_centres_a_misaligned_pair():
-    """An axis that deviates is a slope of the lead, so that a slope undoes it exactly."""
-    tilted = eqx.tree_at(lambda m: m.misalignment, SPUR, jg.Misalignment(deviation=6.0 * um))
-    objective = lambda x: 1e2 * _judged(optimise.PressureOffset(), _sloped(um * x[0], tilted))[0]
-    assert float(objective(jnp.zeros(1))) > 0.01
+    """An axis that deviates is a slope of the lead, so that a slope undoes it exactly.
+
+    Over the common face the wheel moves away along the line of action by the deviation times the
+    cosine of the working pressure angle.
+    """
+    own = jax.jit(jax.value_and_grad(_offset_by_slope))
+    with_slope = lambda x: tuple(map(np.asarray, own(jnp.asarray(x))))
+    assert float(with_slope(np.zeros(1))[0]) > 0.1
     box = optimise.Box([-20.0], [20.0])
-    found = optimise.lbfgs(objective, np.zeros(1), box, tolerance=1e-10)
+    found = optimise.lbfgs(with_slope, np.zeros(1), box, tolerance=1e-9, with_slope=True)
     assert found.converged
-    centred, cycle = _judged(optimise.PressureOffset(), _sloped(um * found.point[0], tilted))
-    assert float(centred) < 1e-12
-    assert_close(jg.face_load_factor(cycle), 1.0, rtol=1e-5, atol=0.0)
-    # Contact spans the common face, over which a deviation is given: slope and deviation cancel.
-    opposite, _ = _judged(optimise.PressureOffset(), _sloped(um * -found.point[0], tilted))
-    assert float(opposite) > 0.01
+    by_hand = 6.0 * math.cos(ACCESSORY.working_angle) / SHARE
+    assert abs(found.point[0]) == pytest.approx(by_hand, rel=1e-6)
+    square, *_, factor = _judged(found.point[0], deviation=6.0)
+    assert square < 1e-12
+    assert factor == pytest.approx(1.0, abs=1e-6)
+    assert _judged(-found.point[0], deviation=6.0)[0] > 1e-4
+
+
+def _offset_by_slope(x):
+    """Of a pair whose axes deviate by 6 um, in percent squared."""
+    model, cycle = _cycle(jnp.append(x, 0.0), 6.0)
+    return 1e4 * optimise.PressureOffset()(model, cycle, LAW)
 
 
 def test_load_at_the_ends_by_hand():
-    """The steeper end carries deflection plus 7/16 of the slope."""
-    value, _ = _judged(optimise.EdgeLoad(1e-3 / jg.mm), _sloped(4.0 * um))
-    deflection = ACCESSORY.force(80.0) / (23e9 * ACCESSORY.common_width)
-    assert_close(value, 23e9 * (deflection + 4.0 * um * 7.0 / 16.0) * 1e-3, rtol=1e-4, atol=0.0)
-    wide, _ = _judged(optimise.EdgeLoad(), _sloped(4.0 * um))
-    assert float(value) < float(wide) < float(value) + math.log(8 * 2 * 2) + 1e-9
+    """The fuller end carries deflection plus 7/16 of the slope."""
+    *_, one, two, _ = _judged(4.0, load=1e-3 / jg.mm)
+    by_hand = 23e9 * (DEFLECTION + SHARE * 4.0 * um * 7.0 / 16.0) * jg.mm
+    assert one == pytest.approx(by_hand, rel=1e-4)
     # Two slices at either end have the same largest.
-    two, _ = _judged(optimise.EdgeLoad(1e-3 / jg.mm, slices=2), _sloped(4.0 * um))
-    assert_close(two, value, rtol=1e-6, atol=0.0)
+    assert two == pytest.approx(one, rel=1e-6)
+    wide = _judged(4.0)[2]
+    assert one < wide < one + math.log(8 * 2 * 2) + 1e-9
 
 
 def test_ends_that_do_not_touch_carry_nothing():
-    crowned = eqx.tree_at(lambda m: m.flanks, SPUR, jg.Flanks(jg.Crowning(80.0 * um)))
-    value, _ = _judged(optimise.EdgeLoad(), crowned)
-    assert float(value) == pytest.approx(0.0, abs=1e-12)
+    assert _judged(crowning=80.0)[2] == pytest.approx(0.0, abs=1e-12)
     with pytest.raises(ValueError, match="at least 1"):
         optimise.EdgeLoad(slices=0)
 
 
-@pytest.mark.parametrize("objective", [optimise.PressureOffset(), optimise.EdgeLoad()])
-def test_slopes_are_those_of_differences(objective):
+def test_slopes_are_those_of_differences():
     def value(x):
-        flank = jg.Superposed((jg.HelixSlope(x[0] * um), jg.Crowning(x[1] * um)))
-        model = eqx.tree_at(lambda m: m.flanks, SPUR, jg.Flanks(flank))
-        return objective(model, jg.mesh_cycle(model, GRID, law=LAW), LAW)
+        model, cycle = _cycle(x)
+        offset, edge = optimise.PressureOffset(), optimise.EdgeLoad()
+        return 1e4 * offset(model, cycle, LAW) + edge(model, cycle, LAW)
 
     assert_gradient(jax.jit(value), jnp.asarray([3.0, 2.0]), rtol=1e-5, step=1e-4)
 

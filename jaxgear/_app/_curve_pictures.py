@@ -8,7 +8,17 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from jaxgear._app._pictures import _BLUE, _GREEN, _GREY, _ORANGE, _RED, _house_look, _panels
+from jaxgear._app._pictures import (
+    _BLUE,
+    _GREEN,
+    _GREY,
+    _ORANGE,
+    _PINK,
+    _RED,
+    _SKY,
+    _house_look,
+    _panels,
+)
 from jaxgear._units import um
 
 
@@ -82,6 +92,43 @@ def family(chart: Any, curves: Sequence[Mapping[str, Any]], title: str) -> Figur
     handles, labels = left.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=5, frameon=False)
     return figure
+
+
+@_house_look()
+def several_curves(
+    curves: Mapping[str, Mapping[str, np.ndarray]], title: str
+) -> tuple[Figure, dict[str, np.ndarray]]:
+    """Master Curves of several pairs: each over its extents, and over its own closed form.
+
+    **Arguments:**
+
+    - `curves`: by label; `extent` [-], `depth` and `closed` [um], `rms` [um], `steep` [-].
+    - `title`: the case or the finding.
+
+    **Returns:**
+
+    The figure, and its data as columns.
+    """
+    figure, (left, middle, right) = _panels((12.0, 4.6), title, columns=3)
+    colours = (_BLUE, _ORANGE, _GREEN, _RED, _SKY, _GREY, _PINK)
+    for i, (label, curve) in enumerate(curves.items()):
+        style = {"color": colours[i % len(colours)], "marker": ".", "ls": ("-", "--")[i % 2]}
+        left.plot(curve["extent"], curve["depth"], label=label, **style)
+        middle.plot(curve["extent"], curve["depth"] / curve["closed"], **style)
+        right.plot(curve["extent"], curve["steep"], **style)
+    middle.axhline(1.0, color=_GREY, lw=1.0)
+    left.set(ylabel="best depth of the tip relief [µm]")
+    middle.set(ylabel="depth over the closed form's [-]")
+    right.set(ylabel="RMS over error of depth [µm/µm]")
+    left.set_ylim(bottom=0.0)
+    for axes in (left, middle, right):
+        axes.set(xlabel="extent over the path of contact [-]")
+    figure.legend(loc="outside lower center", ncols=4, frameon=False)
+    names = ("extent", "depth", "rms", "steep", "closed")
+    every = list(curves.items())
+    columns = {name: np.concatenate([curve[name] for _, curve in every]) for name in names}
+    labels = np.concatenate([np.full(len(curve["extent"]), label) for label, curve in every])
+    return figure, {"pair": labels} | columns
 
 
 def _shades(count: int) -> list[Any]:
