@@ -84,7 +84,7 @@ def traced(scene: Scene, torque: float | None = None) -> Traced:
     grid = grid_of(scene, model)
     prepared = _prepared(model, grid)
     deflection = float(_deflection(model)) / um
-    ratio = jnp.asarray(float(jg.contact_ratio(model.pair)))
+    ratio = jnp.asarray(float(jg.profile_contact_ratio(model.pair)))
     closed = np.asarray(
         jax.jit(optimise.master_curve_depth)(jnp.asarray(EXTENTS), ratio, jnp.asarray(deflection))
     )

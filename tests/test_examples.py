@@ -10,7 +10,14 @@ import pytest
 
 _ROOT = Path(__file__).parents[1]
 _NOTEBOOKS = sorted((_ROOT / "examples").glob("*.ipynb"))
-_LONG = {"02_shafts_and_bodies", "03_dynamics", "04_gear_bodies", "05_hybrid_models"}
+_LONG = {
+    "02_shafts_and_bodies",
+    "03_dynamics",
+    "04_gear_bodies",
+    "05_hybrid_models",
+    "06_master_curve_rigid_to_flexible",
+    "07_crowning_at_speed",
+}
 
 
 def test_there_are_examples():
@@ -70,12 +77,40 @@ def _is_promised_by_the_hybrids(text: str) -> None:
     assert relieved < 0.5 * rms[2]
 
 
+def _is_promised_by_the_curves(text: str) -> None:
+    """The closed form where it is exact; the rest of what its prose says, from what it prints."""
+    found = re.search(r"off the closed form by (\S+) up to", text)
+    assert found is not None
+    assert float(found[1]) < 1e-6
+    margins = [float(x) for x in re.findall(r"off by ([\d.]+) um at most", text)]
+    assert len(margins) == 3
+    assert margins == sorted(margins)
+
+
+def _is_promised_by_the_crowning(text: str) -> None:
+    """Crowning wins a little, a slope beside it much; relief of one end raises the middle."""
+    gains = dict(re.findall(r"^(\S.*), (?:least|centred) .* \(([-+]\d+) %\)", text, re.MULTILINE))
+    assert -12 < int(gains["crowning"]) < -4
+    assert -12 < int(gains["elliptical"]) < -4
+    assert int(gains["slope + crowning"]) < -14
+    found = re.findall(r"at most (\d+) MPa, left end (\d+), right end (\d+)", text)
+    fast, better, still, after = ([int(x) for x in row] for row in found)
+    assert fast[0] == fast[2] > better[0]
+    # The peak at rest has changed ends, and is no higher.
+    assert still[0] == still[2]
+    assert after[0] == after[1] <= still[0]
+    ends = re.findall(r"crowning .* left end (\d+) MPa", text)
+    assert ends[-1] == "0"
+
+
 _PROMISES = {
     "01_scene_to_optimum": _is_promised_by_the_optimum,
     "02_shafts_and_bodies": _is_promised_by_the_shafts,
     "03_dynamics": _is_promised_by_the_dynamics,
     "04_gear_bodies": _is_promised_by_the_bodies,
     "05_hybrid_models": _is_promised_by_the_hybrids,
+    "06_master_curve_rigid_to_flexible": _is_promised_by_the_curves,
+    "07_crowning_at_speed": _is_promised_by_the_crowning,
 }
 
 
