@@ -74,6 +74,7 @@ from jaxgear._app._search import (
     require_acting,
     search_of,
     smoothing_bias_of,
+    smoothing_notes,
 )
 from jaxgear._app._sizing import (
     combinations_of,
@@ -837,6 +838,9 @@ def _optimisation(
     kept = lambda point: np.asarray(responses(jnp.asarray(point)))
     judged_after = judged(np.asarray(found.point))
     remarks = left_out_notes(judged_before, judged_after, limited=baseline.evaluations)
+    bias = found.value - objectives["after"]
+    own = objectives["before"], objectives["after"]
+    remarks += smoothing_notes(scene["mesh.smoothing_um"], bias, *own)
     for remark in remarks:
         _warn(remark)
     return {
@@ -849,7 +853,7 @@ def _optimisation(
             "before": _judged(before, objectives["before"]),
             "after": _judged(after, objectives["after"]),
             "smooth_objective": found.value,
-            "smooth_less_exact": found.value - objectives["after"],
+            "smooth_less_exact": bias,
             "smoothing_bias_at_most": smoothing_bias_of(search, space, found.point),
             "smoothing_um": scene["mesh.smoothing_um"],
             "method": search.name,
