@@ -210,8 +210,8 @@ def optimum(label: str, aim: str, vary: tuple[str, ...]) -> Optimum:
     begun, evaluations = time.perf_counter(), 0
     for width in WIDTHS:
         # One of a width after the other, each from where the one before has ended.
-        own = functools.partial(with_slope, width)
-        found = optimise.lbfgs(own, point, box, with_slope=True)
+        own = optimise.Sloped(functools.partial(with_slope, width))
+        found = optimise.lbfgs(own, point, box)
         point, evaluations = found.point, evaluations + found.gradient_evaluations
     depths = np.zeros(len(KINDS))
     depths[at] = point
@@ -480,7 +480,7 @@ def front() -> Finding:
 
     box = optimise.Box([-40.0, 0.0], [10.0, 20.0])
     made = optimise.pareto_front(
-        slopes, np.asarray([-5.0, 5.0]), box, points=7, exact=exact, with_slope=True
+        optimise.Sloped(slopes), np.asarray([-5.0, 5.0]), box, points=7, exact=exact
     )
     rows = zip(made.point, made.value, made.dominated, strict=True)
     for i, (point, value, dominated) in enumerate(rows):

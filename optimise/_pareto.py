@@ -1,14 +1,14 @@
 """Two numbers at once: how little there can be of one for so much of the other."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from optimise._record import Box, Residuals, SearchResult
-from optimise._search import KEPT, Limit, constrained, excess_of, lbfgs, slopes_of_each
+from optimise._record import Box, Residuals, SearchResult, Sloped, with_jacobian
+from optimise._search import KEPT, Limit, constrained, excess_of, lbfgs
 
 
 class ParetoFront(eqx.Module):
@@ -54,7 +54,7 @@ class ParetoFront(eqx.Module):
 
 
 def pareto_front(
-    responses: Residuals,
+    responses: Residuals | Sloped,
     start: np.ndarray,
     box: Box,
     *,
@@ -64,7 +64,6 @@ def pareto_front(
     most_evaluations: int = 50,
     tolerance: float = 1e-6,
     done: Callable[[int], None] = lambda count: None,
-    with_slope: bool = False,
 ) -> ParetoFront:
     """Make one number least for several amounts of another: the method of epsilon constraints.
 
@@ -85,7 +84,6 @@ def pareto_front(
     - `most_evaluations`: of each search.
     - `tolerance`: of each search on relative progress [-].
     - `done`: told how many more designs are finished, for a progress bar.
-    - `with_slope`: whether `responses` returns its Jacobian too, as `slopes_of_each` does.
 
     **Returns:**
 
@@ -98,36 +96,37 @@ def pareto_front(
     """
     if points < 2:
         raise ValueError(f"A front has two ends: `points` must be at least 2, got {points}.")
-    slopes = responses if with_slope else slopes_of_each(responses)
-    sizes = _sizes(np.asarray(slopes(np.asarray(start, float))[0]))
+    slopes = with_jacobian(responses)
+    numbers = lambda point: np.asarray(slopes(jnp.asarray(point, dtype=float))[0])[:2]
+    sizes = _sizes(numbers(start))
+    units = jnp.asarray([*sizes, *(1.0 for _ in limits)])
 
-    def scaled(order: Sequence[int]) -> Callable:
+    def scaled(*order: int) -> Sloped:
         """Both numbers in units of their own at the start, in an order; then the limited ones."""
+        rows = np.asarray([*order, *range(2, 2 + len(limits))])
 
-        def both(point: Array | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            value, slope = (np.asarray(part) for part in slopes(point))
-            unit = np.concatenate([sizes, np.ones(len(limits))])
-            rows = [*order, *range(2, 2 + len(limits))]
-            return (value / unit)[rows], (slope / unit[:, None])[rows]
+        def both(point: Array) -> tuple[Array, Array]:
+            value, slope = slopes(point)
+            return (value / units)[rows], (slope / units[:, None])[rows]
 
-        return both
+        return Sloped(both)
 
     searches = _Searches(box, limits, most_evaluations, tolerance, done)
-    first = searches.alone(scaled([0]), np.asarray(start, float))
-    second = searches.alone(scaled([1]), np.asarray(start, float))
-    ends = [_numbers(slopes, found.point, sizes) for found in (first, second)]
+    first = searches.alone(scaled(0), np.asarray(start, float))
+    second = searches.alone(scaled(1), np.asarray(start, float))
+    ends = [numbers(found.point) / sizes for found in (first, second)]
     span = ends[0][1] - ends[1][1]
     between, allowed = [], []
     if span > _SAME * abs(ends[1][1]):
         near = first.point
         for most in np.linspace(ends[0][1], ends[1][1], points)[1:-1]:
             limit = Limit("the second number", float(most), float(span))
-            near = searches.within(scaled([0, 1]), limit, near)
+            near = searches.within(scaled(0, 1), limit, near)
             between.append(near)
             allowed.append(float(most) * sizes[1])
             near = near.point
     every = [first, *between, second]
-    check = exact or (lambda point: np.asarray(slopes(point)[0])[:2])
+    check = exact or numbers
     return ParetoFront(
         point=np.stack([found.point for found in every]),
         value=np.stack([_checked(check, found.point) for found in every]),
@@ -167,30 +166,29 @@ class _Searches:
         self._most, self._tolerance = most_evaluations, tolerance
         self.evaluations = 0
 
-    def alone(self, responses: Callable, start: np.ndarray) -> _Found:
+    def alone(self, responses: Sloped, start: np.ndarray) -> _Found:
         """Make a number least."""
         if self._limits:
             return self._search(responses, self._limits, start)
 
-        def one(point: Array | np.ndarray) -> tuple[Any, np.ndarray]:
+        def one(point: Array) -> tuple[Array, Array]:
             value, slope = responses(point)
             return value[0], slope[0]
 
         search = lambda: lbfgs(
-            one,
+            Sloped(one),
             start,
             self._box,
             most_evaluations=self._most,
             tolerance=self._tolerance,
-            with_slope=True,
         )
         return self._told(search, lambda point: True, start)
 
-    def within(self, responses: Callable, limit: Limit, start: np.ndarray) -> _Found:
+    def within(self, responses: Sloped, limit: Limit, start: np.ndarray) -> _Found:
         """Make the first number least while the second stays below a limit."""
         return self._search(responses, [limit, *self._limits], start)
 
-    def _search(self, responses: Callable, limits: Sequence[Limit], start: np.ndarray) -> _Found:
+    def _search(self, responses: Sloped, limits: Sequence[Limit], start: np.ndarray) -> _Found:
         search = lambda: constrained(
             responses,
             limits,
@@ -198,9 +196,12 @@ class _Searches:
             self._box,
             most_evaluations=self._most,
             tolerance=self._tolerance,
-            with_slope=True,
         )
-        keeps = lambda point: not np.any(excess_of(responses(point)[0][1:], limits) > KEPT)
+
+        def keeps(point: np.ndarray) -> bool:
+            values = np.asarray(responses(jnp.asarray(point))[0])[1:]
+            return not np.any(excess_of(values, limits) > KEPT)
+
         return self._told(search, keeps, start)
 
     def _told(
@@ -233,10 +234,6 @@ def _sizes(values: np.ndarray) -> np.ndarray:
             "begin with a design that is not perfect already."
         )
     return values[:2]
-
-
-def _numbers(slopes: Callable, point: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    return np.asarray(slopes(point)[0])[:2] / sizes
 
 
 def _checked(exact: Callable, point: np.ndarray) -> np.ndarray:

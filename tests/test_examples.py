@@ -17,6 +17,7 @@ _LONG = {
     "05_hybrid_models",
     "06_master_curve_rigid_to_flexible",
     "07_crowning_at_speed",
+    "08_designs_times_speeds",
 }
 
 
@@ -103,6 +104,17 @@ def _is_promised_by_the_crowning(text: str) -> None:
     assert ends[-1] == "0"
 
 
+def _is_promised_by_the_speeds(text: str) -> None:
+    """One depth quietens all speeds; its slopes are asserted there."""
+    worst = re.search(r"worst RMS (\S+) um plain, (\S+) um with 12 um", text)
+    assert worst is not None
+    assert float(worst[2]) < 0.1 * float(worst[1])
+    assert "best depths from 12 to 14 um" in text
+    rows = re.findall(r"rad/s: (\S+) um per um of relief, (\S+) um per N m", text)
+    assert len(rows) == 5
+    assert all(float(depth) < 0.0 < float(torque) for depth, torque in rows)
+
+
 _PROMISES = {
     "01_scene_to_optimum": _is_promised_by_the_optimum,
     "02_shafts_and_bodies": _is_promised_by_the_shafts,
@@ -111,6 +123,7 @@ _PROMISES = {
     "05_hybrid_models": _is_promised_by_the_hybrids,
     "06_master_curve_rigid_to_flexible": _is_promised_by_the_curves,
     "07_crowning_at_speed": _is_promised_by_the_crowning,
+    "08_designs_times_speeds": _is_promised_by_the_speeds,
 }
 
 

@@ -63,7 +63,7 @@ def _least_pressure(model, prepared, free):
 
     box = optimise.Box(np.asarray([-40.0, 0.0])[free], np.asarray([20.0, 20.0])[free])
     start = np.asarray([-5.0, 5.0])[free]
-    found = optimise.lbfgs(with_slope, start, box, with_slope=True)
+    found = optimise.lbfgs(optimise.Sloped(with_slope), start, box)
     return jnp.zeros(2).at[free].set(found.point)
 
 

@@ -90,10 +90,10 @@ def test_the_opposite_slope_centres_a_misaligned_pair():
     cosine of the working pressure angle.
     """
     own = jax.jit(jax.value_and_grad(_offset_by_slope))
-    with_slope = lambda x: tuple(map(np.asarray, own(jnp.asarray(x))))
-    assert float(with_slope(np.zeros(1))[0]) > 0.1
+    with_slope = optimise.Sloped(own)
+    assert float(with_slope(jnp.zeros(1))[0]) > 0.1
     box = optimise.Box([-20.0], [20.0])
-    found = optimise.lbfgs(with_slope, np.zeros(1), box, tolerance=1e-9, with_slope=True)
+    found = optimise.lbfgs(with_slope, np.zeros(1), box, tolerance=1e-9)
     assert found.converged
     by_hand = 6.0 * math.cos(ACCESSORY.working_angle) / SHARE
     assert abs(found.point[0]) == pytest.approx(by_hand, rel=1e-6)

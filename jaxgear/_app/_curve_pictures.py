@@ -112,7 +112,11 @@ def several_curves(
     figure, (left, middle, right) = _panels((12.0, 4.6), title, columns=3)
     colours = (_BLUE, _ORANGE, _GREEN, _RED, _SKY, _GREY, _PINK)
     for i, (label, curve) in enumerate(curves.items()):
-        style = {"color": colours[i % len(colours)], "marker": ".", "ls": ("-", "--")[i % 2]}
+        style: dict[str, Any] = {
+            "color": colours[i % len(colours)],
+            "marker": ".",
+            "ls": ("-", "--")[i % 2],
+        }
         left.plot(curve["extent"], curve["depth"], label=label, **style)
         middle.plot(curve["extent"], curve["depth"] / curve["closed"], **style)
         right.plot(curve["extent"], curve["steep"], **style)
@@ -161,12 +165,12 @@ def pareto(front: Any, names: Sequence[tuple[str, str]], title: str) -> Figure:
     figure, (axes,) = _panels((6.4, 4.8), title)
     curve, beaten = front.front, front.dominated
     axes.plot(curve[:, 1], curve[:, 0], "o-", color=_BLUE, label="front")
+    style: dict[str, Any]
     if (lost := beaten & front.kept).any():
         style = {"marker": "s", "ls": "", "mfc": "none", "color": _GREY}
         axes.plot(front.value[lost, 1], front.value[lost, 0], label="dominated", **style)
     if (~front.kept).any():
-        style = {"marker": "x", "ls": "", "color": _RED}
-        lost = ~front.kept
+        lost, style = ~front.kept, {"marker": "x", "ls": "", "color": _RED}
         axes.plot(front.value[lost, 1], front.value[lost, 0], label="beyond a limit", **style)
     for each in (axes.xaxis, axes.yaxis):
         each.set_major_formatter(FuncFormatter(lambda x, _: f"{x:.6g}"))
@@ -179,13 +183,15 @@ def pareto(front: Any, names: Sequence[tuple[str, str]], title: str) -> Figure:
 _SPOKEN = {
     "te_rms": "RMS of the transmission error",
     "te_peak_to_peak": "peak to peak of the transmission error",
+    "te_harmonics": "mesh harmonics of the transmission error",
     "max_pressure": "largest flank pressure",
     "face_load_factor": "face load factor",
     "pressure_offset": "squared offset of the pressure",
     "dynamic_ratio": "dynamic ratio",
+    "bearing_force": "RMS of the bearing forces",
     "weighted": "weighted objective",
 }
 
 
 def _axis_of(name: str, unit: str) -> str:
-    return f"{_SPOKEN[name]} [{unit.replace('um', 'µm')}]"
+    return f"{_SPOKEN[name]} [{unit.replace('um', 'µm').replace('2', '²')}]"

@@ -35,7 +35,7 @@ GEARS = ("pinion", "wheel")
 ALWAYS = ("", "pair", *GEARS)
 ON_REQUEST = ("model", "damping", "sweep", "modes", "map", "optimise", "sizing")
 # Tables whose keys are paths of other keys, quoted or as nested tables.
-BY_PATH = ("optimise.bounds", "sizing.amounts")
+BY_PATH = ("optimise.bounds", "optimise.ties", "sizing.amounts")
 
 _NOUNS: Mapping[Kind, tuple[str, str]] = {
     "float": ("a number", ""),
@@ -962,14 +962,17 @@ _OPTIMISE = (
         choices=(
             "te_rms",
             "te_peak_to_peak",
+            "te_harmonics",
             "max_pressure",
             "face_load_factor",
             "pressure_offset",
             "dynamic_ratio",
+            "bearing_force",
         ),
     ),
     _number("optimise.minimise.te_rms", "weight of static.te_rms_um", **_WEIGHT),
     _number("optimise.minimise.te_peak_to_peak", "weight of static.te_peak_to_peak_um", **_WEIGHT),
+    _number("optimise.minimise.te_harmonics", "weight of the chosen harmonics", **_WEIGHT),
     _number("optimise.minimise.max_pressure", "weight of static.max_pressure_MPa", **_WEIGHT),
     _number("optimise.minimise.face_load_factor", "weight of the face load factor", **_WEIGHT),
     _number(
@@ -983,6 +986,18 @@ _OPTIMISE = (
         **_WEIGHT,
     ),
     _number(
+        "optimise.minimise.bearing_force",
+        "weight of the RMS of the bearings' forces over the speeds of [sweep], in N",
+        **_WEIGHT,
+    ),
+    Key(
+        "optimise.harmonics",
+        "floats",
+        "mesh harmonics that te_harmonics counts; default: the first",
+        at_least=1.0,
+        at_most=1000.0,
+    ),
+    _number(
         "optimise.smoothing_ratio",
         "width of the smooth maximum of the dynamic ratio, in static mesh forces",
         0.02,
@@ -991,7 +1006,7 @@ _OPTIMISE = (
     ),
     _text(
         "optimise.over_speeds",
-        "how the dynamic ratios of the speeds are combined",
+        "how the numbers of the speeds are combined",
         "mean",
         choices=("mean", "worst"),
     ),
@@ -1022,6 +1037,13 @@ _OPTIMISE = (
         "largest line load on the first and the last slice allowed",
         above=0.0,
     ),
+    Key(
+        "optimise.anneal_um",
+        "floats",
+        "widths of smooth contact to search with before mesh.smoothing_um, falling",
+        above=0.0,
+        at_most=1000.0,
+    ),
     _count("optimise.max_evaluations", "most evaluations", 50, at_least=1, at_most=1_000_000),
     _text(
         "optimise.pareto.against",
@@ -1029,10 +1051,12 @@ _OPTIMISE = (
         choices=(
             "te_rms",
             "te_peak_to_peak",
+            "te_harmonics",
             "max_pressure",
             "face_load_factor",
             "pressure_offset",
             "dynamic_ratio",
+            "bearing_force",
         ),
     ),
     _count("optimise.pareto.points", "designs to look for", 7, at_least=2, at_most=200),
@@ -1058,6 +1082,12 @@ def _bounds(key: Key) -> Key:
         applies_if=None,
         differentiable=False,
     )
+
+
+def _tie(key: Key) -> Key:
+    """Return the key of `[optimise.ties]` that makes a number follow a variable."""
+    path = f"{key.path}[]" if key.kind == "floats" else key.path
+    return Key(f"optimise.ties.{path}", "text", f"the variable that {path} is equal to")
 
 
 def _amounts(key: Key) -> Key:
@@ -1095,7 +1125,8 @@ REAL_KEYS: tuple[str, ...] = tuple(
 )
 
 KEYS: Mapping[str, Key] = {
-    key.path: key for key in (*_PLAIN, *map(_bounds, _REAL), *map(_amounts, _SIZED))
+    key.path: key
+    for key in (*_PLAIN, *map(_bounds, _REAL), *map(_tie, _REAL), *map(_amounts, _SIZED))
 }
 
 
@@ -1165,6 +1196,13 @@ def split_entry(path: str) -> tuple[str, int | None]:
     if not found or path.startswith(BY_PATH):
         return path, None
     return found[1], int(found[2])
+
+
+def unit_of(path: str) -> str:
+    """Return the unit of a number, or of an entry of a list; empty for a plain or unknown one."""
+    known = general(path)
+    key = KEYS.get(known) or KEYS.get(known.removesuffix("[]"))
+    return key.unit if key else ""
 
 
 def parents(path: str) -> list[str]:
