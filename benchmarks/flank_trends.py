@@ -221,7 +221,7 @@ def optimum(label: str, aim: str, vary: tuple[str, ...]) -> Optimum:
 @eqx.filter_jit
 def _in_motion(model, grid, damping, depths):
     dynamics = jg.pair_dynamics(corrected(model, depths), grid, damping)
-    orbit = jg.steady_state(dynamics.system, SPEED, BALANCE)
+    orbit = jg.steady_state(dynamics.system, jnp.asarray(SPEED), BALANCE)
     pressure = jnp.max(jg.dynamic_pressure(dynamics, orbit), axis=(0, 1)) / MPa
     return jg.dynamic_ratio(dynamics.system, orbit), pressure, orbit.settled
 
@@ -466,8 +466,10 @@ def front() -> Finding:
             cycle = jg.corrected_cycle(prepared, own, law=LAW)
             pressure = optimise.LargestPressure(WIDTHS[1])(own, cycle, LAW)
             system = jg.pair_dynamics(own, pair.grid, damping).system
-            orbit = jg.steady_state(system, SPEED, BALANCE)
-            return (jnp.stack([pressure, jg.smooth_dynamic_ratio(system, orbit, 2e-3)]),) * 2
+            orbit = jg.steady_state(system, jnp.asarray(SPEED), BALANCE)
+            return (
+                jnp.stack([pressure, jg.smooth_dynamic_ratio(system, orbit, jnp.asarray(2e-3))]),
+            ) * 2
 
         return jax.jacfwd(numbers, has_aux=True)(point)[::-1]
 

@@ -1,6 +1,7 @@
 """Two numbers at once: how little there can be of one for so much of the other."""
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -20,8 +21,8 @@ class ParetoFront(eqx.Module):
         of the variables; shape `[point, variable]` [-].
     - `value`: both numbers of each, re-checked, in their own units; NaN where a search failed [-].
     - `allowed`: how much of the second number each was allowed; infinite for the first [-].
-    - `kept`: whether the design keeps what it was allowed and all other limits.
-    - `settled`: whether its search stopped by itself.
+    - `kept`: whether the design keeps what it was allowed and all other limits [-].
+    - `settled`: whether its search stopped by itself [-].
     - `reason`: why it stopped.
     - `evaluations`: of both numbers with their gradients, in all [-].
     """
@@ -142,8 +143,8 @@ def pareto_front(
 _SAME = 1e-6
 
 
-class _Found(eqx.Module):
-    """Where one search ended."""
+class _Found(NamedTuple):
+    """Where one search ended; as of `ParetoFront`."""
 
     point: np.ndarray
     kept: bool

@@ -83,9 +83,14 @@ def _is_promised_by_the_curves(text: str) -> None:
     found = re.search(r"off the closed form by (\S+) up to", text)
     assert found is not None
     assert float(found[1]) < 1e-6
+    rows = re.findall(r"extent 0\.\d+: depth +(\S+) um, closed form +(\S+) um", text)
+    assert len(rows) == 6
+    for (rigid, closed), (thin, _) in zip(rows[:3], rows[3:], strict=True):
+        assert 0.8 < float(rigid) / float(closed) < 0.9
+        assert abs(float(thin) / float(rigid) - 1.0) < 0.05
     margins = [float(x) for x in re.findall(r"off by ([\d.]+) um at most", text)]
     assert len(margins) == 3
-    assert margins == sorted(margins)
+    assert 0.0 < margins[0] < margins[1] < margins[2]
 
 
 def _is_promised_by_the_crowning(text: str) -> None:
