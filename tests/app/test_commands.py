@@ -164,6 +164,52 @@ def test_optimise_within_a_limit_from_several_starts(accessory, tmp_path, capsys
     assert not list((tmp_path / "results").rglob("*.jsonl"))
 
 
+@pytest.mark.slow
+def test_a_front_of_two_numbers_with_little_load_at_the_ends(accessory, tmp_path, capsys):
+    """Each design keeps the limit; the ends are the best in one number each."""
+    vary = 'optimise.vary=["flank.pinion.tip_relief.depth_um", "flank.pinion.crowning_um"]'
+    common = ("optimise", accessory, *_COARSE, "--set", vary, "--set", "optimise.symmetric=false")
+    common += ("--set", "flank.pinion.crowning_um=5.0", "--set", "optimise.max_evaluations=20")
+    front = ("--set", "optimise.pareto={ against = 'te_rms', points = 3 }")
+    limit = ("--set", "optimise.limits.edge_line_load_N_mm=100.0")
+    code, summary = _run(capsys, *common, *front, *limit, "--set", "optimise.minimise=max_pressure")
+    assert code == 0
+    (row,) = summary["optimise"]["limits"]
+    assert row["name"] == "edge_line_load_N_mm"
+    assert row["kept"]
+    found = summary["pareto"]
+    designs = found["designs"]
+    assert (found["minimise"], found["against"]) == ("max_pressure_MPa", "te_rms_um")
+    assert 2 <= len(designs) <= 3
+    kept = [each for each in designs if each["kept"]]
+    assert kept
+    assert kept[0]["max_pressure_MPa"] <= kept[-1]["max_pressure_MPa"] * (1.0 + 1e-4)
+    assert kept[-1]["te_rms_um"] <= kept[0]["te_rms_um"] * (1.0 + 1e-4)
+    assert all(each["flank.pinion.crowning_um"] > 5.0 for each in kept)
+    for ending in ("png", "svg", "csv"):
+        assert (tmp_path / "results" / "accessory" / f"pareto.{ending}").exists()
+
+
+@pytest.mark.slow
+def test_map_traces_a_curve_for_each_torque(accessory, tmp_path, capsys):
+    """Deflections, and so depths, grow a little slower than the torque: contact stiffens."""
+    code, summary = _run(
+        capsys,
+        *("map", accessory, *_COARSE, "--set", "map.torques_Nm=[40.0, 80.0]"),
+        *("--set", "map.depth_um.points=8", "--set", "map.extent.points=6"),
+        *("--set", "map.extent.from=0.22", "--set", "map.extent.to=0.32"),
+    )
+    assert code == 0
+    half, whole = summary["master_curve"]["torques"]
+    assert (half["torque_Nm"], whole["torque_Nm"]) == (40.0, 80.0)
+    assert half["extent"] == whole["extent"]
+    share = np.asarray(half["depth_um"]) / np.asarray(whole["depth_um"])
+    assert np.all((0.5 < share) & (share < 0.56))
+    own = summary["master_curve"]["traced"]["depth_um"]
+    assert whole["depth_um"] == pytest.approx(own, rel=1e-6)
+    assert (tmp_path / "results" / "accessory" / "master_curve_torques.png").exists()
+
+
 def test_searches_that_cannot_do_what_is_asked_are_refused(accessory, capsys):
     squares = "--set", "optimise.method=least_squares"
     tie = "optimise.ties.flank.wheel.crowning_um"
@@ -175,6 +221,8 @@ def test_searches_that_cannot_do_what_is_asked_are_refused(accessory, capsys):
         (("--set", "optimise.anneal_um=[1.0, 2.0]"), "must fall"),
         (("--set", "optimise.harmonics=[1.5]"), "must be whole numbers"),
         (("--set", "optimise.minimise=bearing_force"), "names bearing_force, which is taken over"),
+        (("--set", "optimise.pareto.against=te_rms"), "which optimise.minimise names too"),
+        (("--set", "optimise.pareto.against=dynamic_ratio"), "dynamic_ratio, which is taken over"),
         (("--set", f"{tie}='flank.pinion.crowning_um'"), "must be one of optimise.vary"),
         (
             ("--set", f"{tie}='flank.pinion.tip_relief.extent'"),
