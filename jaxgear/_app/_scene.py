@@ -31,6 +31,7 @@ from jaxgear._app._schema import (
     REAL_KEYS,
     TABLES,
     general,
+    scales_body,
     shapes_body,
     show,
     split_entry,
@@ -146,7 +147,8 @@ class Scene:
     def replace(self, updates: Mapping[str, object]) -> "Scene":
         """Return the scene with other values, unchecked: they may be traced by JAX.
 
-        A condensed body that would be another one with the new values is left out.
+        A condensed body that would be another one with the new values is left out, unless it
+        follows by its scale.
 
         **Arguments:**
 
@@ -183,7 +185,7 @@ class Scene:
                 {
                     gear: body
                     for gear, body in self.bodies.items()
-                    if not any(shapes_body(key, gear) and key not in known for key in updates)
+                    if not any(_remakes(key, gear) and key not in known for key in updates)
                 }
             ),
         )
@@ -222,7 +224,7 @@ class Scene:
             for path in REAL_KEYS
             if _applies(path, self.values)
             for key in present.get(path, ())
-            if not any(shapes_body(key, gear) for gear in self.condensed)
+            if not any(_remakes(key, gear) for gear in self.condensed)
         )
 
     def _whole(self, path: str) -> object:
@@ -751,6 +753,11 @@ def _has_default(key: _schema.Key, values: Mapping[str, object]) -> bool:
     if isinstance(key.default, _schema.Presence):
         return False
     return key.default_if is None or values.get(key.default_if[0]) == key.default_if[1]
+
+
+def _remakes(key: str, gear: str) -> bool:
+    """Say whether a condensed body would have to be made anew for another value of a key."""
+    return shapes_body(key, gear) and not scales_body(key, gear)
 
 
 def _applies(path: str, values: Mapping[str, object]) -> bool:

@@ -287,7 +287,7 @@ def _material(table: str, young: object, poisson: object, density: object) -> tu
             remedy=gpa,
         ),
         _variable(f"{table}.poisson", "Poisson's ratio", poisson, at_least=0.0, below=0.5),
-        _number(f"{table}.density_kg_m3", "density", density, at_least=100.0, remedy=dense),
+        _variable(f"{table}.density_kg_m3", "density", density, at_least=100.0, remedy=dense),
     )
 
 
@@ -505,7 +505,7 @@ def _condensed(table: str) -> tuple[Key, ...]:
             remedy="0 keeps the rim and the seats alone",
             **only,
         ),
-        _number(
+        _variable(
             f"{table}.young_GPa",
             "Young's modulus of the body alone; a high one makes it rigid with its mass unchanged",
             at_least=0.1,
@@ -1119,6 +1119,20 @@ def shapes_body(key: str, gear: str) -> bool:
         key.startswith(f"{gear}.shaft.bearings") and key.endswith(".at_mm")
     )
     return key in whole or key.startswith(tables) or along
+
+
+def scales_body(key: str, gear: str) -> bool:
+    """Say whether a condensed body follows a key of the scene by its scale, without being remade.
+
+    **Arguments:**
+
+    - `key`: path of the key.
+    - `gear`: `pinion` or `wheel`, whose body is condensed.
+    """
+    table, _, name = key.rpartition(".")
+    if name == "young_GPa" and table == f"{gear}.body":
+        return True
+    return table in ("material", f"{gear}.material") and name in ("young_GPa", "density_kg_m3")
 
 
 def split_entry(path: str) -> tuple[str, int | None]:
