@@ -20,7 +20,7 @@ from jaxgear._app._files import (
     read_topography,
 )
 from jaxgear._app._scene import Scene
-from jaxgear._app._schema import GEARS, scales_body, shapes_body
+from jaxgear._app._schema import GEARS
 from jaxgear._checks import InputError
 from jaxgear._contact._cells import Misalignment
 from jaxgear._contact._compliance import (
@@ -473,9 +473,7 @@ def _body(scene: Scene, pair: GearPair, name: str, mount: Support | Shaft) -> Ge
 
 def _condensed_body(scene: Scene, name: str) -> FlexibleBody:
     """The condensed body that was built for the scene, unless the scene has left it behind."""
-    varied = [
-        key for key in scene.known if shapes_body(key, name) and not scales_body(key, name)
-    ]
+    varied = [key for key in scene.known if scene.remakes(key, name)]
     if varied:
         raise InputError(
             f"The {name}'s body is condensed finite elements, whose numbers do not follow "
@@ -492,17 +490,18 @@ def _condensed_body(scene: Scene, name: str) -> FlexibleBody:
 
 
 def _of_its_material(scene: Scene, name: str, each: Any) -> FlexibleBody:
-    """A body scaled to the material that the scene now says, where it is another or traced."""
+    """A body of the shape and the material that the scene now says, which may be traced."""
+    body = each.flexible if each.family is None else each.family(scene[each.follows])
     if scene.get(f"{name}.body.superelement") is not None:
         # Matrices made elsewhere are of a material that no key names.
-        return each.flexible
+        return body
     now, made = _material(scene, name), each.built.plan.material
     own = scene.get(f"{name}.body.young_GPa")
     stiffer = (now.young if own is None else jnp.asarray(own) * GPa) / made.young
     denser = now.density / made.density
     if all(not isinstance(x, jax.core.Tracer) and float(x) == 1.0 for x in (stiffer, denser)):
-        return each.flexible
-    return scaled_body(each.flexible, young=stiffer, density=denser)
+        return body
+    return scaled_body(body, young=stiffer, density=denser)
 
 
 def _housing(scene: Scene) -> Housing | None:

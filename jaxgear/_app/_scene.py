@@ -31,6 +31,7 @@ from jaxgear._app._schema import (
     REAL_KEYS,
     TABLES,
     general,
+    of_condensed,
     scales_body,
     shapes_body,
     show,
@@ -185,7 +186,7 @@ class Scene:
                 {
                     gear: body
                     for gear, body in self.bodies.items()
-                    if not any(_remakes(key, gear) and key not in known for key in updates)
+                    if not any(self.remakes(key, gear) and key not in known for key in updates)
                 }
             ),
         )
@@ -204,6 +205,14 @@ class Scene:
         if _is_traced(value):
             raise KeyError(f"{key} never had a value that was not traced")
         return value
+
+    def remakes(self, key: str, gear: str) -> bool:
+        """Say whether a condensed body would have to be made anew for another value of a key.
+
+        Not if it follows the key by its scale, or by a family of bodies that was made for it.
+        """
+        followed = getattr(self.bodies.get(gear), "follows", None)
+        return shapes_body(key, gear) and not scales_body(key, gear) and key != followed
 
     def real_keys(self) -> tuple[str, ...]:
         """Return the numbers present that the static model can be differentiated by.
@@ -224,7 +233,8 @@ class Scene:
             for path in REAL_KEYS
             if _applies(path, self.values)
             for key in present.get(path, ())
-            if not any(_remakes(key, gear) for gear in self.condensed)
+            if not any(self.remakes(key, gear) for gear in self.condensed)
+            if all(gear in self.condensed or not of_condensed(key, gear) for gear in GEARS)
         )
 
     def _whole(self, path: str) -> object:
@@ -753,11 +763,6 @@ def _has_default(key: _schema.Key, values: Mapping[str, object]) -> bool:
     if isinstance(key.default, _schema.Presence):
         return False
     return key.default_if is None or values.get(key.default_if[0]) == key.default_if[1]
-
-
-def _remakes(key: str, gear: str) -> bool:
-    """Say whether a condensed body would have to be made anew for another value of a key."""
-    return shapes_body(key, gear) and not scales_body(key, gear)
 
 
 def _applies(path: str, values: Mapping[str, object]) -> bool:
