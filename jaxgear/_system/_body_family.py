@@ -204,12 +204,14 @@ def table_difference(first: FlexibleBody, second: FlexibleBody) -> float:
     one, other = (jax.tree.map(np.asarray, each) for each in (first, second))
     size = np.sqrt(np.einsum("paaii->pai", other.flexibility))
     scale = size[:, :, None, :, None] * size[:, None, :, None, :]
-    stiff = np.sqrt(np.diagonal(other.seat_stiffness))
-    turns = np.arange(stiff.size) % 6 >= 3
+    turns = np.arange(other.seat_load.size) % 6 >= 3
     radius = float(np.linalg.norm(other.centres, axis=-1).max())
     # Unit motions of feet and seats: a rotation is one that moves the rim as far.
     of_foot = np.where(np.asarray(other.components) >= 3, 1.0 / radius, 1.0)[:, None]
     of_seat = np.where(turns, radius, 1.0)
+    # A body of one seat has no stiffness between seats: that of its feet is the measure.
+    least = of_seat / size[:, np.asarray(other.components) < 3].max()
+    stiff = np.maximum(np.sqrt(np.maximum(np.diagonal(other.seat_stiffness), 0.0)), least)
     growth = float(np.abs(other.growth / of_foot).max())
     load = stiff * stiff[~turns].max() * growth
     parts = [
