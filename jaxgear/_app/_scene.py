@@ -218,8 +218,10 @@ class Scene:
         """Return the numbers present that the static model can be differentiated by.
 
         Each row and each entry counts by itself. Lists of one zero, such as the default pitch
-        error, are left out, and so is what a condensed body is made from.
+        error, are left out, and so is what a condensed body is made from. A density counts where
+        something turns.
         """
+        turns = bool(self.condensed) or self.has_table("sweep")
         present: dict[str, list[str]] = {}
         for key, value in {**self.values, **self.known}.items():
             path = general(key)
@@ -231,7 +233,7 @@ class Scene:
         return tuple(
             key
             for path in REAL_KEYS
-            if _applies(path, self.values)
+            if _applies(path, self.values) and (turns or not path.endswith("density_kg_m3"))
             for key in present.get(path, ())
             if not any(self.remakes(key, gear) for gear in self.condensed)
             if all(gear in self.condensed or not of_condensed(key, gear) for gear in GEARS)

@@ -1,7 +1,8 @@
 """What a scene's responses react to: the derivatives that `check-grad` proves, in shares.
 
 One sensitivity compares keys of any unit: per cent of a response per per cent of a key. A key in
-micrometres is a deviation from the nominal and often 0: for it, per cent per micrometre.
+micrometres is a deviation from the nominal and often 0: for it, per cent per micrometre; for
+others that are 0, such as a profile shift, per cent per 0.01.
 """
 
 import dataclasses
@@ -53,10 +54,10 @@ STATIC = (
     "mesh_stiffness_mean_N_um",
 )
 
-Measure = Literal["%/%", "%/um", "%/unit"]
+Measure = Literal["%/%", "%/um", "%/0.01"]
 
-# Smaller sensitivities are rounding: per cent per per cent, or per whatever the measure is of.
-_LEAST = 1e-9
+# Smaller sensitivities are rounding.
+LEAST = 1e-9
 # Speeds of [sweep] at which sensitivities are found: the first, the last and between them.
 _FEW_SPEEDS = 3
 
@@ -71,7 +72,8 @@ class Sensitivities:
     - `speeds`: of the pinion for each response, or NaN of the quasi-static cycle [rad/s].
     - `values`: of the responses, in the units of their names.
     - `keys`: dotted paths, with their units.
-    - `measures`: of each key: `%/%`, `%/um`, or, of a key that is 0, `%/unit`.
+    - `measures`: of each key: `%/%`, `%/um`, or, of another key that is 0, `%/0.01`
+        of its unit.
     - `numbers`: sensitivities `[response, key]`, by measure; NaN where there is none.
     """
 
@@ -85,8 +87,8 @@ class Sensitivities:
     def sorted(self) -> "Sensitivities":
         """The keys that act, the strongest first, those of one measure together."""
         most = np.max(np.abs(np.nan_to_num(self.numbers)), axis=0, initial=0.0)
-        order = ("%/%", "%/um", "%/unit")
-        acting = [j for j in range(len(self.keys)) if most[j] > _LEAST]
+        order = ("%/%", "%/um", "%/0.01")
+        acting = [j for j in range(len(self.keys)) if most[j] > LEAST]
         acting.sort(key=lambda j: (order.index(self.measures[j]), -most[j]))
         return dataclasses.replace(
             self,
@@ -102,7 +104,7 @@ class Sensitivities:
             at = "" if np.isnan(self.speeds[i]) else f"_at_{self.speeds[i]:g}_rad_s"
             own = self.numbers[i]
             order = sorted(range(len(self.keys)), key=lambda j: -abs(np.nan_to_num(own[j])))
-            acting = [j for j in order if abs(np.nan_to_num(own[j])) > _LEAST]
+            acting = [j for j in order if abs(np.nan_to_num(own[j])) > LEAST]
             table[name + at] = {"value": float(self.values[i])} | {
                 f"{self.keys[j]} [{self.measures[j]}]": float(own[j]) for j in acting
             }
@@ -262,7 +264,9 @@ def _in_shares(
 ) -> Sensitivities:
     """Derivatives `[response, key]` in per cent."""
     measures = tuple(_measure(key, at) for key, at in zip(keys, centre, strict=True))
-    per = [at if measure == "%/%" else 100.0 for measure, at in zip(measures, centre, strict=True)]
+    # Per cent of a response per 0.01 of a key is its relative change per one of it.
+    scales = {"%/um": 100.0, "%/0.01": 1.0}
+    per = [scales.get(measure, at) for measure, at in zip(measures, centre, strict=True)]
     with np.errstate(divide="ignore", invalid="ignore"):
         numbers = slopes * np.asarray(per) / values[:, None]
     numbers = np.where(np.isfinite(numbers), numbers, np.nan)
@@ -272,4 +276,4 @@ def _in_shares(
 def _measure(key: str, value: float) -> Measure:
     if split_entry(key)[0].endswith("_um"):
         return "%/um"
-    return "%/%" if value else "%/unit"
+    return "%/%" if value else "%/0.01"

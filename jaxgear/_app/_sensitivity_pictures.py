@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jaxgear._app._pictures import _BLUE, _GREEN, _ORANGE, _house_look
-from jaxgear._app._sensitivities import Measure, Sensitivities
+from jaxgear._app._sensitivities import LEAST, Measure, Sensitivities
 
 # Keys in each part of the picture; the table has all of them.
 _SHOWN = 12
@@ -13,7 +13,7 @@ _COLOURS = (_BLUE, _ORANGE, _GREEN)
 _WORDS: dict[Measure, str] = {
     "%/%": "% per % of the key",
     "%/um": "% per µm",
-    "%/unit": "% per unit of the key",
+    "%/0.01": "% per 0.01 of the key",
 }
 
 
@@ -55,6 +55,7 @@ def sensitivity(found: Sensitivities, title: str) -> Figure:
             if not row:
                 axes.set_title(_told(name, found))
     figure.suptitle(title)
+    figure.align_ylabels(panels[:, 0])
     if len(set(found.speeds[~np.isnan(found.speeds)])) > 1:
         handles, labels = panels[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
@@ -69,9 +70,14 @@ def _draw(axes: Axes, found: Sensitivities, name: str, places: list[int]) -> Non
         at = np.arange(len(places)) + (number - 0.5 * (len(own) - 1)) * height
         label = f"{found.speeds[i]:.6g} rad/s"
         width = np.nan_to_num(found.numbers[i, places])
+        width = np.where(np.abs(width) > LEAST, width, 0.0)
         axes.barh(at, width, height=0.9 * height, color=_COLOURS[number], label=label)
     axes.axvline(0.0, color="black", lw=0.8)
     axes.set_ylim(len(places) - 0.4, -0.6)
+    if not np.any(np.abs(np.nan_to_num(found.numbers[np.ix_(own, places)])) > LEAST):
+        axes.set(xticks=[0.0], xlim=(-1.0, 1.0))
+        axes.text(0.5, 0.5, "none", transform=axes.transAxes, ha="center", backgroundcolor="white")
+        return
     axes.locator_params(axis="x", nbins=4)
     axes.margins(x=0.08)
 
