@@ -10,6 +10,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array
 
 from jaxgear._app._files import (
@@ -499,7 +500,7 @@ def _of_its_material(scene: Scene, name: str, each: Any) -> FlexibleBody:
     own = scene.get(f"{name}.body.young_GPa")
     stiffer = (now.young if own is None else jnp.asarray(own) * GPa) / made.young
     denser = now.density / made.density
-    if all(not isinstance(x, jax.core.Tracer) and float(x) == 1.0 for x in (stiffer, denser)):
+    if all(not isinstance(x, Tracer) and float(x) == 1.0 for x in (stiffer, denser)):
         return body
     return scaled_body(body, young=stiffer, density=denser)
 

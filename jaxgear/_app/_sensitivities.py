@@ -6,7 +6,6 @@ others that are 0, such as a profile shift, per cent per 0.01.
 """
 
 import dataclasses
-from typing import Literal
 
 import equinox as eqx
 import jax
@@ -54,8 +53,6 @@ STATIC = (
     "mesh_stiffness_mean_N_um",
 )
 
-Measure = Literal["%/%", "%/um", "%/0.01"]
-
 # Smaller sensitivities are rounding.
 LEAST = 1e-9
 # Speeds of [sweep] at which sensitivities are found: the first, the last and between them.
@@ -81,7 +78,7 @@ class Sensitivities:
     speeds: np.ndarray
     values: np.ndarray
     keys: tuple[str, ...]
-    measures: tuple[Measure, ...]
+    measures: tuple[str, ...]
     numbers: np.ndarray
 
     def sorted(self) -> "Sensitivities":
@@ -263,7 +260,7 @@ def _in_shares(
     slopes: np.ndarray,
 ) -> Sensitivities:
     """Derivatives `[response, key]` in per cent."""
-    measures = tuple(_measure(key, at) for key, at in zip(keys, centre, strict=True))
+    measures = tuple(map(_measure, keys, centre))
     # Per cent of a response per 0.01 of a key is its relative change per one of it.
     scales = {"%/um": 100.0, "%/0.01": 1.0}
     per = [scales.get(measure, at) for measure, at in zip(measures, centre, strict=True)]
@@ -273,7 +270,7 @@ def _in_shares(
     return Sensitivities(responses, speeds, values, keys, measures, numbers)
 
 
-def _measure(key: str, value: float) -> Measure:
+def _measure(key: str, value: float) -> str:
     if split_entry(key)[0].endswith("_um"):
         return "%/um"
     return "%/%" if value else "%/0.01"

@@ -5,12 +5,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jaxgear._app._pictures import _BLUE, _GREEN, _ORANGE, _house_look
-from jaxgear._app._sensitivities import LEAST, Measure, Sensitivities
+from jaxgear._app._sensitivities import LEAST, Sensitivities
 
 # Keys in each part of the picture; the table has all of them.
 _SHOWN = 12
 _COLOURS = (_BLUE, _ORANGE, _GREEN)
-_WORDS: dict[Measure, str] = {
+_WORDS: dict[str, str] = {
     "%/%": "% per % of the key",
     "%/um": "% per µm",
     "%/0.01": "% per 0.01 of the key",

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from matplotlib.patches import Rectangle
 from tiny_cases import tiny_scene
 
 from jaxgear._app import _sensitivities
@@ -66,6 +67,7 @@ def test_the_picture_has_a_panel_for_each_response_and_measure():
     figure = sensitivity(_found().sorted(), "title")
     assert len(figure.axes) == 6
     (bar,) = figure.axes[0].patches
+    assert isinstance(bar, Rectangle)
     assert bar.get_width() == pytest.approx(0.75)
     assert [text.get_text() for text in figure.axes[1].texts] == ["none"]
     moving = _sensitivities._joined([_found((600.0, 600.0)), _found((900.0, 900.0))])
