@@ -107,10 +107,16 @@ def test_a_web_without_bounds_is_refused(write):
 
 @pytest.mark.slow
 def test_responses_balance_all_that_is_stiff_against_all_that_loads(write, tmp_path, capsys):
-    """All moduli, bearings, the torque and the density by 1 %: displacements stay as they are."""
-    path, out = write("[flank.pinion.tip_relief]\ndepth_um = 8\n"), tmp_path / "out"
+    """All moduli, bearings, the torque and the density by 1 %: displacements stay as they are.
+
+    And what is dense shakes as what turns fast: only the density times the speed's square counts.
+    """
+    moving = "[sweep]\npinion_speed_rad_s = [600]\nsteps = 16\nharmonics = 4\n"
+    path = write("[flank.pinion.tip_relief]\ndepth_um = 8\n" + moving)
+    out = tmp_path / "out"
     assert main(["sensitivity", str(path), "--json", "--out", str(out)]) == 0
-    found = json.loads(capsys.readouterr().out)["sensitivity"]
+    summary = json.loads(capsys.readouterr().out)
+    found = summary["sensitivity"] | summary["sensitivity_in_motion"]
     scaled = ("young_GPa", "radial_N_m", "axial_N_m", "torque_pinion_Nm", "density_kg_m3")
     for name, share in (
         ("te_mean_um", 0.0),
@@ -118,12 +124,19 @@ def test_responses_balance_all_that_is_stiff_against_all_that_loads(write, tmp_p
         ("max_pressure_MPa", 1.0),
         ("face_load_factor", 0.0),
         ("mesh_stiffness_mean_N_um", 1.0),
+        ("te_rms_dynamic_um_at_600_rad_s", 0.0),
+        ("smooth_dynamic_ratio_at_600_rad_s", 0.0),
+        ("bearing_force_order_1_N_at_600_rad_s", 1.0),
     ):
         own = {key.removesuffix(" [%/%]"): value for key, value in found[name].items()}
         total = sum(value for key, value in own.items() if key.endswith(scaled))
         assert total == pytest.approx(share, abs=1e-6), name
+        if name.endswith("rad_s"):
+            twice = 2.0 * own["material.density_kg_m3"]
+            assert own["sweep.pinion_speed_rad_s"] == pytest.approx(twice, rel=1e-6)
     assert found["mesh_stiffness_mean_N_um"]["wheel.body.young_GPa [%/%]"] > 0.1
-    assert (out / "sensitivity.png").exists()
+    for name in ("sensitivity", "sensitivity_in_motion"):
+        assert (out / f"{name}.png").exists()
 
 
 @pytest.mark.slow
