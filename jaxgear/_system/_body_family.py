@@ -28,7 +28,7 @@ class BodyFamily(eqx.Module):
 
     **Fields:**
 
-    - `parameters`: measures of the bodies, rising, in the unit of whoever made it [any].
+    - `parameters`: measures of the bodies, rising: numbers in the unit that they were given in [-].
     - `bodies`: their tables, one above the other.
     - `interpolation_error`: of the tables between the bodies, by `table_difference` from those of
         bodies that were condensed there [-].
