@@ -92,6 +92,11 @@ from jaxgear._interface._wrench import structure_vectors as structure_vectors
 from jaxgear._system._flexible import Condensed as Condensed
 from jaxgear._system._flexible import FlexibleBody as FlexibleBody
 from jaxgear._system._flexible import flexible_body as flexible_body
+from jaxgear._system._body_family import BodyFamily as BodyFamily
+from jaxgear._system._body_family import body_family as body_family
+from jaxgear._system._body_family import family_parameters as family_parameters
+from jaxgear._system._body_family import table_difference as table_difference
+from jaxgear._system._scaled_body import scaled_body as scaled_body
 from jaxgear._system._model import PairModel as PairModel
 from jaxgear._system._pair_system import PairSystem as PairSystem
 from jaxgear._system._pair_system import pair_system as pair_system

@@ -30,6 +30,7 @@ _COMMANDS = {
     "sweep": "steady responses over the speeds of [sweep]: dynamic ratio, orders, jumps",
     "modes": "natural frequencies, where their energy is, critical speeds",
     "check-grad": "compare the optimiser's derivatives with central differences",
+    "sensitivity": "what the responses react to: per cent per per cent of each key, as bars",
     "compare": "the dynamics of one scene by all methods: error against time",
     "condense": "build the condensed bodies of the scene: files, pictures, health report",
 }

@@ -591,6 +591,40 @@ def condense(scene: Scene, folder: Path, quiet: bool) -> Summary:
     return _condense.condense(scene, folder, quiet)
 
 
+def sensitivity(scene: Scene, folder: Path, quiet: bool) -> Summary:
+    """Find what the responses of a scene react to, and how strongly.
+
+    Arguments, results and errors as for `run`.
+    """
+    from jaxgear._app import _sensitivities
+    from jaxgear._app._sensitivity_pictures import sensitivity as bars
+
+    watch = Stopwatch()
+    scene = _with_bodies(_sensitivities.with_own_modulus(scene), quiet)
+    moving, remarks = scene.has_table("sweep"), []
+    found = {}
+    with _progress(1 + moving, "derivatives", quiet) as done:
+        found["sensitivity"] = _sensitivities.static_sensitivities(scene, watch)
+        done(1)
+        if moving:
+            steady, points = _sensitivities.moving_sensitivities(scene, watch)
+            remarks = steady_notes(points)
+            if steady is not None:
+                found["sensitivity_in_motion"] = steady
+            done(1)
+    if scene.condensed:
+        remarks.append(_sensitivities.OF_BODIES)
+    for remark in remarks:
+        _warn(remark)
+    summary = _names(scene) | {"notes": remarks}
+    for name, each in found.items():
+        acting = each.sorted()
+        title = f"{_title(scene)}: what the responses react to"
+        pictures.save(bars(acting, title), acting.columns(), folder, name)
+        summary[name] = acting.told()
+    return _finish(scene, folder, summary, watch)
+
+
 COMMANDS: dict[str, Callable[[Scene, Path, bool], Summary]] = {
     "run": run,
     "map": map_relief,
@@ -598,6 +632,7 @@ COMMANDS: dict[str, Callable[[Scene, Path, bool], Summary]] = {
     "sweep": sweep_speeds,
     "modes": natural_modes,
     "check-grad": check_gradients,
+    "sensitivity": sensitivity,
     "compare": compare,
     "condense": condense,
 }

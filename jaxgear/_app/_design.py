@@ -15,7 +15,7 @@ from jaxgear._app._dynamics import damping_of, dynamic_grid_of, speeds_of
 from jaxgear._app._model import flanks_of, model_of, shared_places
 from jaxgear._app._motion import motion_mistakes
 from jaxgear._app._scene import Mistake, Scene, SceneError
-from jaxgear._app._schema import GEARS, shapes_body, split_entry, unit_of
+from jaxgear._app._schema import GEARS, split_entry, unit_of
 from jaxgear._app._statics import Stopwatch, torques_of
 from jaxgear._checks import InputError
 from jaxgear._dynamics._damping import ModalDamping, RayleighDamping
@@ -298,7 +298,13 @@ def _bounds(scene: Scene, key: str, deflection: float) -> tuple[float, float] | 
 
 def _refuse_shaping(scene: Scene, keys: tuple[str, ...]) -> None:
     """Refuse to vary what a condensed body is made from."""
-    shaping = [key for key in keys if any(shapes_body(key, gear) for gear in scene.condensed)]
+    shaping = [key for key in keys if any(scene.remakes(key, gear) for gear in scene.condensed)]
+    if shaping and scene.bodies and any(".body.web." in key for key in shaping):
+        raise InputError(
+            f"optimise.vary names {', '.join(shaping)}: one measure of a condensed body's web can "
+            "be varied, in statics, by interpolating between bodies. In motion modes do not "
+            "follow: leave [sweep] out, vary one measure of each gear, or run once for each web."
+        )
     if shaping:
         raise InputError(
             f"optimise.vary names {', '.join(shaping)}, from which a condensed body is made: its "

@@ -6,7 +6,7 @@ from types import MappingProxyType
 
 import jax.numpy as jnp
 
-from jaxgear._app._bodies import BodyPlan, body_plan
+from jaxgear._app._bodies import BodyPlan, Drawn, body_plan
 from jaxgear._app._body_build import BuiltBody, built_body
 from jaxgear._app._body_words import in_keys
 from jaxgear._app._model import pair_grid, pair_of
@@ -14,8 +14,10 @@ from jaxgear._app._root_correction import root_correction
 from jaxgear._app._scene import Scene
 from jaxgear._app._schema import GEARS
 from jaxgear._app._statics import couples_on_pinion
+from jaxgear._checks import require
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
+from jaxgear._system._body_family import BodyFamily, body_family, family_parameters
 from jaxgear._system._body_modes import BodyBasis, body_basis
 from jaxgear._system._flexible import FlexibleBody, flexible_body
 
@@ -29,11 +31,15 @@ class MeshBody:
     - `built`: the body and how it came about.
     - `flexible`: its tables, for the slices and contact lines of the scene.
     - `basis`: motions on which it vibrates, or `None`: it is for statics.
+    - `follows`: key of a measure of its web that is to be varied, or `None`.
+    - `family`: bodies over that measure, in the unit of its key; their statics is the body's.
     """
 
     built: BuiltBody
     flexible: FlexibleBody
     basis: BodyBasis | None
+    follows: str | None = None
+    family: BodyFamily | None = None
 
 
 def with_bodies(
@@ -60,8 +66,72 @@ def with_bodies(
     grid = pair_grid(scene, pair, torque)
     # All plans before any long work: a mistake in the second costs no wait.
     plans = [body_plan(scene, gear) for gear in scene.condensed]
+    # Modes do not follow: what is to vibrate stays as it is.
+    measures = {} if moving else {plan.gear: _varied_measure(scene, plan) for plan in plans}
     bodies = {plan.gear: _in_mesh(scene, plan, pair, grid, tell, moving) for plan in plans}
+    for gear, key in measures.items():
+        if key is not None:
+            bodies[gear] = _with_family(scene, gear, key, bodies[gear], pair, grid, tell)
     return dataclasses.replace(scene, bodies=MappingProxyType(bodies))
+
+
+def _varied_measure(scene: Scene, plan: BodyPlan) -> str | None:
+    """The measure of a gear's web that the scene varies, if it is one and has bounds."""
+    table = f"{plan.gear}.body.web."
+    keys = [key for key in scene.get("optimise.vary", ()) if key.startswith(table)]
+    keys = [key for key in keys if key in scene.values]
+    if len(keys) != 1 or not isinstance(plan.source, Drawn):
+        return None
+    key = keys[0]
+    bounds = scene.get(f"optimise.bounds.{key}")
+    require(
+        bounds is not None and bounds[0] < bounds[1],
+        "optimise.vary names {key}: bodies are condensed from one bound to the other, and "
+        "interpolated. Give both, rising, in the table [optimise.bounds], such as\n"
+        '"{key}" = [{low:.6g}, {high:.6g}]',
+        key=key,
+        low=0.8 * scene[key],
+        high=1.2 * scene[key],
+    )
+    return key
+
+
+# Bodies of a family: of a web between half and twice its thickness, off by less than 0.1 %.
+_MEMBERS = 5
+
+
+def _with_family(
+    scene: Scene,
+    gear: str,
+    key: str,
+    own: MeshBody,
+    pair: GearPair,
+    grid: MeshGrid,
+    tell: Callable[[str], None],
+) -> MeshBody:
+    """A body with others of its shape, from one bound of a measure to the other."""
+    low, high = scene[f"optimise.bounds.{key}"]
+    reciprocal = low > 0.0
+    at, checks = family_parameters(low, high, _MEMBERS, reciprocal=reciprocal)
+    bodies = {}
+    for number, value in enumerate((*at, *checks), start=1):
+        where = f"{key} = {value:.6g}, {number} of {_MEMBERS + len(checks)}"
+        plan = body_plan(scene.replace({key: float(value)}), gear)
+        # Of rim and seats, and of rotation, statics is exact without any shapes of the inside.
+        plan = dataclasses.replace(
+            plan, method="guyan", modes=0, rotating=False, compares_seats=False
+        )
+        along = lambda step, where=where: tell(f"{step}: {where}")
+        bodies[float(value)] = _in_mesh(scene, plan, pair, grid, along, False).flexible
+    probes = [(float(value), bodies[float(value)]) for value in checks]
+    with in_keys(gear):
+        family = body_family(
+            at,
+            [bodies[float(value)] for value in at],
+            checks=[*probes, (scene[key], own.flexible)],
+            reciprocal=reciprocal,
+        )
+    return dataclasses.replace(own, follows=key, family=family)
 
 
 def _in_mesh(

@@ -10,6 +10,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array
 
 from jaxgear._app._files import (
@@ -20,7 +21,7 @@ from jaxgear._app._files import (
     read_topography,
 )
 from jaxgear._app._scene import Scene
-from jaxgear._app._schema import GEARS, shapes_body
+from jaxgear._app._schema import GEARS
 from jaxgear._checks import InputError
 from jaxgear._contact._cells import Misalignment
 from jaxgear._contact._compliance import (
@@ -61,6 +62,7 @@ from jaxgear._interface._laws import AbstractContactLaw, ExactContact, SmoothCon
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._model import PairModel
 from jaxgear._system._pair_system import gear_disc
+from jaxgear._system._scaled_body import scaled_body
 from jaxgear._system._shaft import BeamBody, Bearing, Segment, Shaft, ShaftLayout, ShaftLoad
 from jaxgear._system._structure import GearBody, Housing
 from jaxgear._system._support import Support
@@ -472,19 +474,35 @@ def _body(scene: Scene, pair: GearPair, name: str, mount: Support | Shaft) -> Ge
 
 def _condensed_body(scene: Scene, name: str) -> FlexibleBody:
     """The condensed body that was built for the scene, unless the scene has left it behind."""
-    varied = [key for key in scene.known if shapes_body(key, name)]
+    varied = [key for key in scene.known if scene.remakes(key, name)]
     if varied:
         raise InputError(
             f"The {name}'s body is condensed finite elements, whose numbers do not follow "
             f"{', '.join(sorted(varied))}: there is no derivative. Vary keys of flanks, torque, "
-            "bearing stiffnesses or misalignment, or make the body rigid."
+            "bearing stiffnesses, misalignment, Young's modulus or density, or make the body "
+            "rigid."
         )
     if name not in scene.bodies:
         raise InputError(
             f"The {name}'s condensed body has not been built for this scene: use "
             "`with_bodies(scene)` first, and again after other changes than of flanks and loads."
         )
-    return scene.bodies[name].flexible
+    return _of_its_material(scene, name, scene.bodies[name])
+
+
+def _of_its_material(scene: Scene, name: str, each: Any) -> FlexibleBody:
+    """A body of the shape and the material that the scene now says, which may be traced."""
+    body = each.flexible if each.family is None else each.family(scene[each.follows])
+    if scene.get(f"{name}.body.superelement") is not None:
+        # Matrices made elsewhere are of a material that no key names.
+        return body
+    now, made = _material(scene, name), each.built.plan.material
+    own = scene.get(f"{name}.body.young_GPa")
+    stiffer = (now.young if own is None else jnp.asarray(own) * GPa) / made.young
+    denser = now.density / made.density
+    if all(not isinstance(x, Tracer) and float(x) == 1.0 for x in (stiffer, denser)):
+        return body
+    return scaled_body(body, young=stiffer, density=denser)
 
 
 def _housing(scene: Scene) -> Housing | None:

@@ -151,6 +151,14 @@ def _on_condensed(scene: Scene) -> list[str]:
                 "its condensed body. It counts in the stiffness of a single pair and in the "
                 "closed form of the Master Curve, which are those of rigid gears."
             )
+        if each.family is not None:
+            low, high = (float(each.family.parameters[end]) for end in (0, -1))
+            found.append(
+                f"{each.follows} is varied: from {low:g} to {high:g} the {gear}'s body is "
+                "interpolated between condensed ones, its tables off by at most "
+                f"{100.0 * each.family.interpolation_error:.2g} % of those condensed to compare. "
+                "Run the scene that is written to see the optimum's own body."
+            )
         body = each.built.body
         if scene["mesh.root_correction"] and not len(body.bricks):
             found.append(

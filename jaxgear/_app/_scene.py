@@ -31,6 +31,8 @@ from jaxgear._app._schema import (
     REAL_KEYS,
     TABLES,
     general,
+    of_condensed,
+    scales_body,
     shapes_body,
     show,
     split_entry,
@@ -147,7 +149,8 @@ class Scene:
     def replace(self, updates: Mapping[str, object]) -> "Scene":
         """Return the scene with other values, unchecked: they may be traced by JAX.
 
-        A condensed body that would be another one with the new values is left out.
+        A condensed body that would be another one with the new values is left out, unless it
+        follows by its scale.
 
         **Arguments:**
 
@@ -184,7 +187,7 @@ class Scene:
                 {
                     gear: body
                     for gear, body in self.bodies.items()
-                    if not any(shapes_body(key, gear) and key not in known for key in updates)
+                    if not any(self.remakes(key, gear) and key not in known for key in updates)
                 }
             ),
         )
@@ -204,12 +207,22 @@ class Scene:
             raise KeyError(f"{key} never had a value that was not traced")
         return value
 
+    def remakes(self, key: str, gear: str) -> bool:
+        """Say whether a condensed body would have to be made anew for another value of a key.
+
+        Not if it follows the key by its scale, or by a family of bodies that was made for it.
+        """
+        followed = getattr(self.bodies.get(gear), "follows", None)
+        return shapes_body(key, gear) and not scales_body(key, gear) and key != followed
+
     def real_keys(self) -> tuple[str, ...]:
         """Return the numbers present that the static model can be differentiated by.
 
         Each row and each entry counts by itself. Lists of one zero, such as the default pitch
-        error, are left out, and so is what a condensed body is made from.
+        error, are left out, and so is what a condensed body is made from. A density counts where
+        something turns.
         """
+        turns = bool(self.condensed) or self.has_table("sweep")
         present: dict[str, list[str]] = {}
         for key, value in {**self.values, **self.known}.items():
             path = general(key)
@@ -221,9 +234,10 @@ class Scene:
         return tuple(
             key
             for path in REAL_KEYS
-            if _applies(path, self.values)
+            if _applies(path, self.values) and (turns or not path.endswith("density_kg_m3"))
             for key in present.get(path, ())
-            if not any(shapes_body(key, gear) for gear in self.condensed)
+            if not any(self.remakes(key, gear) for gear in self.condensed)
+            if all(gear in self.condensed or not of_condensed(key, gear) for gear in GEARS)
         )
 
     def _whole(self, path: str) -> object:

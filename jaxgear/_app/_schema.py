@@ -287,7 +287,7 @@ def _material(table: str, young: object, poisson: object, density: object) -> tu
             remedy=gpa,
         ),
         _variable(f"{table}.poisson", "Poisson's ratio", poisson, at_least=0.0, below=0.5),
-        _number(f"{table}.density_kg_m3", "density", density, at_least=100.0, remedy=dense),
+        _variable(f"{table}.density_kg_m3", "density", density, at_least=100.0, remedy=dense),
     )
 
 
@@ -438,33 +438,35 @@ def _web(table: str) -> tuple[Key, ...]:
     size: dict[str, Any] = {"above": 0.0, "remedy": "The key is in millimetres"}
     many: dict[str, Any] = {"at_least": 0, "at_most": 100}
     return (
-        _number(f"{table}.hub_outer_mm", "outer diameter of the hub", REQUIRED, **size),
-        _number(f"{table}.web_thickness_mm", "thickness of the web", REQUIRED, **size),
-        _number(f"{table}.rim_inner_mm", "inner diameter of the rim", REQUIRED, **size),
-        _number(
+        _variable(f"{table}.hub_outer_mm", "outer diameter of the hub", REQUIRED, **size),
+        _variable(f"{table}.web_thickness_mm", "thickness of the web", REQUIRED, **size),
+        _variable(f"{table}.rim_inner_mm", "inner diameter of the rim", REQUIRED, **size),
+        _variable(
             f"{table}.web_offset_mm",
             "axial offset of the web's middle from mid-face, half way between hub and rim",
         ),
-        _number(
+        _variable(
             f"{table}.web_angle_deg",
             "cone angle of the web; positive: it rises along Z from hub to rim",
             at_least=-60.0,
             at_most=60.0,
             remedy="The key is in degrees; 0 is a flat web",
         ),
-        _number(f"{table}.hub_width_mm", "width of the hub; default: face_width_mm", **size),
+        _variable(f"{table}.hub_width_mm", "width of the hub; default: face_width_mm", **size),
         _count(f"{table}.holes", "number of holes on a circle", **many),
-        _number(f"{table}.hole_diameter_mm", "diameter of a hole", **size),
-        _number(f"{table}.hole_circle_mm", "diameter of the circle of their centres", **size),
-        _number(f"{table}.hole_angle_deg", "direction of the first hole, from tooth 0; default: 0"),
+        _variable(f"{table}.hole_diameter_mm", "diameter of a hole", **size),
+        _variable(f"{table}.hole_circle_mm", "diameter of the circle of their centres", **size),
+        _variable(
+            f"{table}.hole_angle_deg", "direction of the first hole, from tooth 0; default: 0"
+        ),
         _count(f"{table}.second_holes", "number of holes of a second ring", **many),
-        _number(
+        _variable(
             f"{table}.second_hole_diameter_mm", "their diameter; default: that of the first", **size
         ),
-        _number(
+        _variable(
             f"{table}.second_hole_circle_mm", "their circle; default: that of the first", **size
         ),
-        _number(
+        _variable(
             f"{table}.second_hole_angle_deg",
             "direction of the first of them; default: half way between two of the first ring",
         ),
@@ -505,7 +507,7 @@ def _condensed(table: str) -> tuple[Key, ...]:
             remedy="0 keeps the rim and the seats alone",
             **only,
         ),
-        _number(
+        _variable(
             f"{table}.young_GPa",
             "Young's modulus of the body alone; a high one makes it rigid with its mass unchanged",
             at_least=0.1,
@@ -1185,6 +1187,31 @@ def shapes_body(key: str, gear: str) -> bool:
         key.startswith(f"{gear}.shaft.bearings") and key.endswith(".at_mm")
     )
     return key in whole or key.startswith(tables) or along
+
+
+def scales_body(key: str, gear: str) -> bool:
+    """Say whether a condensed body follows a key of the scene by its scale, without being remade.
+
+    **Arguments:**
+
+    - `key`: path of the key.
+    - `gear`: `pinion` or `wheel`, whose body is condensed.
+    """
+    table, _, name = key.rpartition(".")
+    if name == "young_GPa" and table == f"{gear}.body":
+        return True
+    return table in ("material", f"{gear}.material") and name in ("young_GPa", "density_kg_m3")
+
+
+def of_condensed(key: str, gear: str) -> bool:
+    """Say whether a key of a gear's body acts only on one that is condensed.
+
+    **Arguments:**
+
+    - `key`: path of the key.
+    - `gear`: `pinion` or `wheel`.
+    """
+    return key == f"{gear}.body.young_GPa" or key.startswith(f"{gear}.body.web.")
 
 
 def split_entry(path: str) -> tuple[str, int | None]:

@@ -421,10 +421,10 @@ class _Combinations(NamedTuple):
 
 def _combinations(arms: Array, in_mesh: Array, give: Array, count: int) -> _Combinations:
     """Those by which static loads move the cells most; which they are has no derivative."""
-    size = jax.lax.stop_gradient(jnp.sqrt(jnp.diagonal(give)[2:]))
-    seen = jax.lax.stop_gradient(arms[..., 2:])
-    seen = jnp.where(in_mesh[None, :, :, None], seen, 0.0)
-    seen = seen.reshape(-1, seen.shape[-1]) * size[None, :]
+    # The sizes have one: modes are of unit mass, and what they are of a body has to follow that.
+    size = jnp.sqrt(jnp.diagonal(give)[2:])
+    seen = jnp.where(in_mesh[None, :, :, None], arms[..., 2:], 0.0)
+    seen = jax.lax.stop_gradient(seen.reshape(-1, seen.shape[-1]) * size[None, :])
     energies, patterns = jnp.linalg.eigh(seen.T @ seen)
     patterns = patterns[:, ::-1][:, :count]
     both = jax.scipy.linalg.block_diag

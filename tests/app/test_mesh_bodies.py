@@ -17,8 +17,10 @@ from jaxgear._checks import InputError
 def scene():
     """A scene whose wheel has been built: nothing here looks into it."""
     body = object.__new__(MeshBody)
+    assert body.follows is None
     built = MappingProxyType({"wheel": body})
-    return dataclasses.replace(ready_scene("accessory-h1"), bodies=built)
+    named = ready_scene("accessory-h1", ("wheel.body.young_GPa=206.0",))
+    return dataclasses.replace(named, bodies=built)
 
 
 @pytest.mark.parametrize(
@@ -31,7 +33,8 @@ def scene():
         "wheel.shaft.gear_at_mm",
         "wheel.shaft.segments[0].outer_mm",
         "wheel.shaft.bearings[1].at_mm",
-        "material.young_GPa",
+        "material.poisson",
+        "wheel.body.web.web_thickness_mm",
         "mesh.slices",
         "mesh.root_points",
     ],
@@ -49,6 +52,8 @@ def test_a_body_stays_behind_when_it_would_be_another(scene, key):
         "pinion.addendum_coeff",
         "wheel.shaft.bearings[1].radial_N_m",
         "mesh.phases",
+        "material.young_GPa",
+        "wheel.body.young_GPa",
     ],
 )
 def test_a_body_stays_with_what_leaves_it_the_same(scene, key):

@@ -1,0 +1,87 @@
+"""A condensed body of another material: elasticity and density scale what was condensed once.
+
+All stiffness of a body is in proportion to Young's modulus, all mass, and all that rotation brings,
+to its density: stresses of rotation do not know the modulus, and stress stiffening is the
+density's too. Seats that are rigid or averaged have no stiffness of their own, and shapes that
+solve an eigenproblem solve it for any factors of its two matrices: nothing is left to condense.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxgear._checks import require
+from jaxgear._system._body_modes import BodyModes
+from jaxgear._system._flexible import FlexibleBody
+from jaxgear._types import Scalar
+
+
+def scaled_body(
+    body: FlexibleBody, *, young: Scalar | float = 1.0, density: Scalar | float = 1.0
+) -> FlexibleBody:
+    r"""The same body of a stiffer or denser material, exactly.
+
+    With $e = E'/E$ and $r = \varrho'/\varrho$: compliances change by $1/e$, growth by rotation by
+    $r/e$, stiffness between seats by $e$, loads of rotation by $r$, squares of frequencies by
+    $e/r$, and modes of unit modal mass by $1/\sqrt r$. Poisson's ratio stays: nothing scales with
+    it. What the condensed body contains scales too, its shaft if it has one; bearings do not. The
+    teeth's own bending and the contact are of the gear's material, which is not here.
+
+    **Arguments:**
+
+    - `body`: as `flexible_body` made it.
+    - `young`: new Young's modulus over the old one, $e$ [-].
+    - `density`: new density over the old one, $r$, of teeth laid on the rim too [-].
+
+    **Returns:**
+
+    The body; differentiable by both ratios.
+
+    **Raises:**
+
+    - `ValueError` if a ratio is not positive.
+    """
+    for name, ratio in (("young", young), ("density", density)):
+        require(
+            jnp.asarray(ratio) > 0.0,
+            "`{name}` of `scaled_body` must be a ratio above 0, new over old, got {got:.6g}.",
+            name=name,
+            got=ratio,
+        )
+    stiffer, denser = jnp.asarray(young, dtype=float), jnp.asarray(density, dtype=float)
+    return eqx.tree_at(
+        lambda b: (b.flexibility, b.growth, b.seat_stiffness, b.seat_load, b.modes),
+        body,
+        (
+            body.flexibility / stiffer,
+            body.growth * (denser / stiffer),
+            body.seat_stiffness * stiffer,
+            body.seat_load * denser,
+            None if body.modes is None else _scaled_modes(body.modes, stiffer, denser),
+        ),
+        is_leaf=lambda x: x is None,
+    )
+
+
+def _scaled_modes(modes: BodyModes, stiffer: Scalar, denser: Scalar) -> BodyModes:
+    """The modes: unit modal mass stays, so that their shapes take the root of the density."""
+    root = jnp.sqrt(denser)
+    seats = modes.mass.shape[0] - modes.square.size
+    # Of seats and modes: what is between two seats takes all of the density, and two roots.
+    each = jnp.where(jnp.arange(modes.mass.shape[0]) < seats, root, 1.0)
+    inertia = lambda matrix: each[:, None] * matrix * each[None, :]
+    of_rotation: list[Array | None] = [
+        None if matrix is None else inertia(matrix) for matrix in (modes.coriolis, modes.softening)
+    ]
+    return eqx.tree_at(
+        lambda m: (m.square, m.rows, m.load, m.mass, m.coriolis, m.softening),
+        modes,
+        (
+            modes.square * (stiffer / denser),
+            modes.rows / root,
+            modes.load * root,
+            inertia(modes.mass),
+            *of_rotation,
+        ),
+        is_leaf=lambda x: x is None,
+    )
