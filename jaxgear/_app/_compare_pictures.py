@@ -1,4 +1,4 @@
-"""The overview of a comparison: errors of all rungs and responses at a glance, beside their time."""
+"""The overview of a comparison: errors of all rungs and responses, beside their time."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -56,7 +56,7 @@ def overview(
     )
     for row, column in np.ndindex(errors.shape):
         bold = "bold" if rungs[row]["name"] == recommended else "normal"
-        text = _percent(errors[row, column])
+        text = _percent(float(errors[row, column]))
         table.text(column, row, text, ha="center", va="center", fontsize=9, fontweight=bold)
     heads = [QUANTITIES[name].replace(" of ", "\nof ").replace("mean ", "mean\n") for name in
              responses]  # fmt: skip

@@ -27,6 +27,7 @@ from jaxgear._app._ladder import (
     Summary,
     cheapest_of_families,
     choose,
+    columns_of,
     for_each,
     words_of,
     worst,
@@ -326,14 +327,15 @@ class _Solver:
     def __init__(
         self, scene: Scene, points: Sequence[Point], tell: Callable[[str], None], *, quick: bool
     ):
-        self.scene, self.points, self.tell = scene, points, tell
+        self.points, self.tell = points, tell
+        # Bodies that vibrate are no use in statics, and are one for each number of slices.
+        self.plain = dataclasses.replace(scene, bodies=MappingProxyType({}))
+        self.scenes: dict[int, Scene] = {}
         # What is compiled in half the time runs twice as long: good enough to choose by.
         self.options = {"xla_backend_optimization_level": 0} if quick else None
 
     def __call__(self, changes: Mapping[str, Any]) -> _Found:
-        scene = changed(self.scene, changes)
-        if set(scene.condensed) - set(scene.bodies):
-            scene = with_bodies(scene, self.tell)
+        scene = self._with_bodies(changes)
         model = model_of(scene)
         points = self._loaded(scene, model)
         # A watch of its own, so that programs of many shapes are not kept.
@@ -350,6 +352,18 @@ class _Solver:
         gc.collect()
         dofs = _dofs(model)
         return _Found(values, min(seconds) / len(self.points), watch.compile_s, dofs)
+
+    def _with_bodies(self, changes: Mapping[str, Any]) -> Scene:
+        """A rung's scene, with its condensed bodies."""
+        wanted = changed(self.plain, changes)
+        if not wanted.condensed:
+            return wanted
+        slices = wanted["mesh.slices"]
+        if slices not in self.scenes:
+            sliced = self.plain.replace({"mesh.slices": slices})
+            self.scenes[slices] = with_bodies(sliced, self.tell)
+        rest = {key: value for key, value in changes.items() if key != "mesh.slices"}
+        return changed(self.scenes[slices], rest)
 
     def _loaded(self, scene: Scene, model: PairModel) -> _Loaded:
         each = [
@@ -578,7 +592,7 @@ def _beyond(rows: Sequence[Summary], responses: Sequence[str], tolerance: float)
     return found
 
 
-def draw_statics(chart: StaticChart, title: str, folder: Path) -> None:
+def draw_statics(chart: StaticChart, title: str, folder: Path, name: str = "compare") -> None:
     """An overview of all rungs and responses, and a chart of error over time for each.
 
     **Arguments:**
@@ -586,6 +600,7 @@ def draw_statics(chart: StaticChart, title: str, folder: Path) -> None:
     - `chart`: what was found.
     - `title`: the case.
     - `folder`: for the files; exists.
+    - `name`: what the files' names begin with.
     """
     found, rows = chart.summary, chart.rows
     figure = overview(
@@ -597,28 +612,13 @@ def draw_statics(chart: StaticChart, title: str, folder: Path) -> None:
         words="largest error at the torques by which rungs are chosen",
     )
     columns = columns_of(rows)
-    pictures.save(figure, columns, folder, "compare_statics")
-    for name in found["responses"]:
+    pictures.save(figure, columns, folder, name)
+    for response in found["responses"]:
         figure = dynamic_pictures.compare(
-            [row | {"error": worst(row["error"], (name,))} for row in rows],
+            [row | {"error": worst(row["error"], (response,))} for row in rows],
             f"{title}, quasi-static cycle",
             tolerance=found["tolerance"],
-            recommended=found["recommended_for"][name],
-            quantity=f"largest error of the {QUANTITIES[name]}, relative",
+            recommended=found["recommended_for"][response],
+            quantity=f"largest error of the {QUANTITIES[response]}, relative",
         )
-        pictures.save(figure, columns, folder, f"compare_statics_{name}")
-
-
-def columns_of(rows: Sequence[Summary]) -> dict[str, np.ndarray]:
-    """The rungs as a table, a column for each number; what is not known is not a number."""
-    flat = [
-        {key: value for key, value in row.items() if not isinstance(value, Mapping)}
-        | {
-            f"{kind}_{name}": np.nan if value is None else value
-            for kind in ("error", "error_95", "held_out")
-            for name, value in row.get(kind, {}).items()
-        }
-        for row in rows
-    ]
-    names = dict.fromkeys(key for row in flat for key in row)
-    return {key: np.asarray([row.get(key, np.nan) for row in flat]) for key in names}
+        pictures.save(figure, columns, folder, f"{name}_{response}")
