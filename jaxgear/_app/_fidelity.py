@@ -25,7 +25,7 @@ from jaxgear._app._compare_statics import (
 from jaxgear._app._design import is_dynamic
 from jaxgear._app._ladder import Summary
 from jaxgear._app._model import model_of
-from jaxgear._app._results import as_json, write_json
+from jaxgear._app._results import write_json
 from jaxgear._app._rungs import Rung
 from jaxgear._app._scene import Scene
 from jaxgear._app._statics import Stopwatch
@@ -62,14 +62,16 @@ def chosen(scene: Scene, command: str, folder: Path, quiet: bool) -> tuple[Scene
     key = digest(scene, "sweep" if moving else work)
     kept = _read(folder / FILE)
     start = time.perf_counter()
-    if known := kept.get(key):
-        about = known | {"from_cache": True}
-    else:
+    known = kept.get(key)
+    about: Summary = known or {}
+    if known is None:
         about = _in_motion(scene, quiet) if moving else _at_rest(scene, work, quiet)
-        about = as_json(about | {"seconds": time.perf_counter() - start})
+        about["seconds"] = time.perf_counter() - start
         write_json(kept | {key: about}, folder / FILE)
-        about = about | {"from_cache": False}
-    return changed(scene, {**about["changes"], KEY: "as given"}), about
+    changes = about["changes"]
+    said = {name: "left out" if value is None else value for name, value in changes.items()}
+    about = about | {"changes": said, "from_cache": known is not None}
+    return changed(scene, {**changes, KEY: "as given"}), about
 
 
 def in_motion(scene: Scene, command: str) -> bool:
