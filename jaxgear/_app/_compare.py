@@ -72,7 +72,7 @@ _SAME_BRANCH = 0.03
 # Speeds at which all rungs are compared, and time steps of the reference.
 _SPEEDS, _REFERENCE_PHASES = 30, 1024
 # Mesh periods of a cycle, at the most: the methods of short cycles are compared.
-_PERIODS = 4
+PERIODS = 4
 # A multiplier beyond this is unstable: rounding shifts it by less [-].
 _STABLE = 1.0 + 1e-6
 
@@ -144,17 +144,17 @@ def compare(scene: Scene, folder: Path, quiet: bool) -> Summary:
     - `ValueError` if the gears are impossible.
     - `SolverFailure` if the mesh cycle or the reference was not solved at most speeds.
     """
+    require(
+        scene["mesh.periods"] <= PERIODS,
+        "`compare` takes cycles of up to {most} mesh periods, got mesh.periods = {got}. "
+        "Compare the scene with fewer: what is found of models and methods holds for long cycles "
+        "too.",
+        most=PERIODS,
+        got=scene["mesh.periods"],
+    )
     if not scene.has_table("sweep"):
         found = _statics(scene, folder, "compare", quiet)
         return _finish(scene, folder, _names(scene) | {"compare": found}, Stopwatch())
-    require(
-        scene["mesh.periods"] <= _PERIODS,
-        "`compare` takes cycles of up to {most} mesh periods in motion, got mesh.periods = {got}. "
-        "Compare the scene with fewer: what is found of methods and steps holds for long cycles "
-        "too.",
-        most=_PERIODS,
-        got=scene["mesh.periods"],
-    )
     statics = _statics(scene, folder, "compare_statics", quiet)
     if scene.condensed:
         # Finite elements are imported for scenes that have some only.

@@ -28,7 +28,7 @@ from jaxgear._app._model import model_of
 from jaxgear._app._results import write_json
 from jaxgear._app._rungs import Rung
 from jaxgear._app._scene import Scene
-from jaxgear._app._statics import Stopwatch
+from jaxgear._app._statics import SolverFailure, Stopwatch
 from jaxgear._dynamics._harmonic import HarmonicBalance
 
 KEY = "model.fidelity"
@@ -65,13 +65,34 @@ def chosen(scene: Scene, command: str, folder: Path, quiet: bool) -> tuple[Scene
     known = kept.get(key)
     about: Summary = known or {}
     if known is None:
-        about = _in_motion(scene, quiet) if moving else _at_rest(scene, work, quiet)
+        short = _short(scene)
+        try:
+            about = _in_motion(short, quiet) if moving else _at_rest(short, work, quiet)
+        except SolverFailure as error:
+            about = _as_given(scene, f"There was nothing to compare with: {error}.")
         about["seconds"] = time.perf_counter() - start
         write_json(kept | {key: about}, folder / FILE)
     changes = about["changes"]
     said = {name: "left out" if value is None else value for name, value in changes.items()}
     about = about | {"changes": said, "from_cache": known is not None}
     return changed(scene, {**changes, KEY: "as given"}), about
+
+
+def _short(scene: Scene) -> Scene:
+    """The scene over one mesh period, where its cycle is long: rungs do not differ by that."""
+    return scene.replace({"mesh.periods": 1}) if scene["mesh.periods"] > _compare.PERIODS else scene
+
+
+def _as_given(scene: Scene, why: str) -> Summary:
+    """The `fidelity` part of the summary where nothing could be chosen."""
+    return {
+        "rung": "as given",
+        "changes": {},
+        "why": f"{why} So the scene was taken as it is given.",
+        "errors": {},
+        "tolerance": scene["compare.tolerance"],
+        "within_tolerance": False,
+    }
 
 
 def in_motion(scene: Scene, command: str) -> bool:

@@ -15,9 +15,9 @@ Summary = dict[str, Any]
 # Errors at held-out points, by response.
 HeldOut = Callable[[Summary], Mapping[str, float | None]]
 
-# Share of the tolerance that a rung may use up at the points by which it is chosen. Where errors of
-# quasi-static cycles are of the size of the tolerance, they were up to 1.3 times as large at torques
-# and flanks held out: of the accessory pair on 16 phases 1.5 % and 1.9 % in the mean stiffness [-].
+# Share of the tolerance that a rung may use up at the points by which it is chosen. Of quasi-static
+# cycles, errors of the size of the tolerance were up to 1.3 times as large at torques and flanks
+# held out: of the accessory pair on 16 phases 1.5 % and 1.9 % in the mean mesh stiffness [-].
 MARGIN = 0.75
 # Of the speeds that count, so many must be settled, for a rung to be recommended [-].
 MOST = 0.9

@@ -18,6 +18,7 @@ from jaxgear._app._compare import model_rungs_of
 from jaxgear._app._rungs import other_speeds
 from jaxgear._app._scene import SceneError, read_scene, ready_scene, write_scene
 from jaxgear._app._schema import STATIC_RESPONSES
+from jaxgear._app._statics import SolverFailure
 
 _TWO = ("te_mean", "te_rms")
 
@@ -297,6 +298,19 @@ def test_a_choice_is_kept_for_the_next_command(tmp_path, monkeypatch):
     # What is spoilt is no use, and no harm.
     (tmp_path / fidelity.FILE).write_text("{")
     assert not fidelity.chosen(scene, "map", tmp_path, True)[1]["from_cache"]
+
+
+def test_a_scene_without_a_reference_is_taken_as_it_is(tmp_path, monkeypatch):
+    def at_rest(scene, work, quiet):
+        assert scene["mesh.periods"] == 1
+        raise SolverFailure("no luck")
+
+    monkeypatch.setattr(fidelity, "_at_rest", at_rest)
+    scene = ready_scene("accessory", ['model.fidelity="auto"', "mesh.periods=45"])
+    found, about = fidelity.chosen(scene, "run", tmp_path, True)
+    assert about["rung"] == "as given"
+    assert "no luck. So the scene was taken as it is given" in about["why"]
+    assert found["mesh.periods"] == 45
 
 
 def test_a_rung_in_motion_is_keys_of_the_scene():
