@@ -182,9 +182,15 @@ def words_of(
         beside = f", where the scene itself takes {own['time_s']:.2g} s"
         if not is_good(own, tolerance, responses):
             beside += " and is not within the tolerance"
+    apart = found.get("held_out")
+    tried = (
+        f" (at points not used to choose it at most {percent(worst(apart, responses))})"
+        if apart
+        else ""
+    )
     return (
-        f'"{found["name"]}" suffices for {100 * tolerance:g} %: {judged} of {said(found)}, in '
-        f"{found['time_s']:.2g} s{beside}.{passed}"
+        f'"{found["name"]}" suffices for {100 * tolerance:g} %: {judged} of {said(found)}{tried}, '
+        f"in {found['time_s']:.2g} s{beside}.{passed}"
     )
 
 
