@@ -389,7 +389,7 @@ def draw(
         title,
         tolerance=tolerance,
         recommended=recommended,
-        words="95 % of the errors at the speeds by which rungs are chosen",
+        words="error that 95 % of the speeds by which rungs are chosen stay below",
     )
     pictures.save(figure, columns, folder, "compare_overview")
     for name in rows[0]["error"]:
