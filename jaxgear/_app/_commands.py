@@ -519,13 +519,15 @@ def natural_modes(scene: Scene, folder: Path, quiet: bool) -> Summary:
 
 
 def compare(scene: Scene, folder: Path, quiet: bool) -> Summary:
-    """The dynamics of one scene by all methods: error against time.
+    """One scene by many models and methods: error against time, and which suffices.
 
     Arguments, results and errors as for `run`.
     """
     from jaxgear._app import _compare
 
-    return _compare.compare(_with_bodies(scene, quiet, moving=True), folder, quiet)
+    if scene.has_table("sweep"):
+        scene = _with_bodies(scene, quiet, moving=True)
+    return _compare.compare(scene, folder, quiet)
 
 
 def check_gradients(scene: Scene, folder: Path, quiet: bool) -> Summary:
@@ -625,11 +627,25 @@ def sensitivity(scene: Scene, folder: Path, quiet: bool) -> Summary:
     return _finish(scene, folder, summary, watch)
 
 
+def _at_fidelity(name: str, command: Callable[[Scene, Path, bool], Summary]):
+    """A command that first chooses the model, where the scene leaves it to the program."""
+
+    def chosen(scene: Scene, folder: Path, quiet: bool) -> Summary:
+        if scene["model.fidelity"] != "auto":
+            return command(scene, folder, quiet)
+        from jaxgear._app import _fidelity
+
+        scene, about = _fidelity.chosen(scene, name, folder, quiet)
+        return _fidelity.told(command(scene, folder, quiet), about, folder)
+
+    return chosen
+
+
 COMMANDS: dict[str, Callable[[Scene, Path, bool], Summary]] = {
-    "run": run,
-    "map": map_relief,
-    "optimise": optimise_flanks,
-    "sweep": sweep_speeds,
+    "run": _at_fidelity("run", run),
+    "map": _at_fidelity("map", map_relief),
+    "optimise": _at_fidelity("optimise", optimise_flanks),
+    "sweep": _at_fidelity("sweep", sweep_speeds),
     "modes": natural_modes,
     "check-grad": check_gradients,
     "sensitivity": sensitivity,

@@ -1,7 +1,10 @@
 """Error against time: steady responses of a scene by many methods and settings, side by side."""
 
-from collections.abc import Sequence
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -9,21 +12,34 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxgear._app._commands import _finish, _names, _progress
+from jaxgear._app._compare_statics import (
+    changed,
+    compared_statics,
+    draw_statics,
+    simpler_bodies,
+    static_rungs,
+)
 from jaxgear._app._dynamics import speeds_of
+from jaxgear._app._ladder import MARGIN, cheapest
 from jaxgear._app._model import model_of
 from jaxgear._app._rungs import (
+    HELD_OUT_TORQUE,
+    TORQUE,
     Answers,
+    Elsewhere,
     Reference,
     Rung,
     Summary,
     Tables,
     answers_of,
-    cheapest,
+    counted,
     draw,
     each,
+    errors_elsewhere,
+    other_speeds,
+    recommendation,
     row_of,
     some_speeds,
-    speeds_around,
     timed_reference,
 )
 from jaxgear._app._scene import Scene
@@ -51,14 +67,12 @@ from jaxgear._system._model import PairModel
 from jaxgear._types import Scalar
 from jaxgear._units import um
 
-# A median error below this is good enough [-].
-TOLERANCE = 1e-3
 # A response within this of the reference is the same one; beyond, it is another branch [-].
 _SAME_BRANCH = 0.03
 # Speeds at which all rungs are compared, and time steps of the reference.
 _SPEEDS, _REFERENCE_PHASES = 30, 1024
 # Mesh periods of a cycle, at the most: the methods of short cycles are compared.
-_PERIODS = 4
+PERIODS = 4
 # A multiplier beyond this is unstable: rounding shifts it by less [-].
 _STABLE = 1.0 + 1e-6
 
@@ -109,16 +123,11 @@ class Adaptive(AbstractMethod):
 
 
 def compare(scene: Scene, folder: Path, quiet: bool) -> Summary:
-    """Steady responses by all methods against a reference by shooting: error over time.
+    """One scene by many models and methods: error against time, and which suffices.
 
-    A scene with condensed bodies is compared with other models of itself: see `compare_bodies`.
-
-    The reference has many more time steps than any rung and comes from another family than harmonic
-    balance; slices are compared with a reference of many more slices. Speeds where the reference
-    has not settled or is unstable are left out. At the others a rung is on the same branch if both
-    numbers are within 3 % of the reference's, and its errors are those of these speeds; if they
-    are fewer than half, its errors are those of all. Times are for all speeds, once compiled and
-    with the mesh tabulated, best of a few runs.
+    Of a scene without [sweep] the quasi-static cycle is compared: see `compared_statics`. With
+    [sweep] it stands beside the responses in motion: see `compared`, and `compare_bodies` for
+    scenes with condensed bodies.
 
     **Arguments:**
 
@@ -136,18 +145,35 @@ def compare(scene: Scene, folder: Path, quiet: bool) -> Summary:
     - `SolverFailure` if the mesh cycle or the reference was not solved at most speeds.
     """
     require(
-        scene["mesh.periods"] <= _PERIODS,
-        "`compare` takes cycles of up to {most} mesh periods, got mesh.periods = {got}. Compare "
-        "the scene with fewer: what is found of methods and steps holds for long cycles too.",
-        most=_PERIODS,
+        scene["mesh.periods"] <= PERIODS,
+        "`compare` takes cycles of up to {most} mesh periods, got mesh.periods = {got}. "
+        "Compare the scene with fewer: what is found of models and methods holds for long cycles "
+        "too.",
+        most=PERIODS,
         got=scene["mesh.periods"],
     )
+    if not scene.has_table("sweep"):
+        found = _statics(scene, folder, "compare", quiet)
+        return _finish(scene, folder, _names(scene) | {"compare": found}, Stopwatch())
+    statics = _statics(scene, folder, "compare_statics", quiet)
     if scene.condensed:
         # Finite elements are imported for scenes that have some only.
         from jaxgear._app import _compare_bodies
 
-        return _compare_bodies.compare_bodies(scene, folder, quiet)
-    return compared(scene, model_of(scene), rungs_of(scene), folder, quiet)
+        return _compare_bodies.compare_bodies(scene, folder, quiet, statics=statics)
+    rungs = [*rungs_of(scene), *model_rungs_of(scene)]
+    return compared(scene, model_of(scene), rungs, folder, quiet, statics=statics)
+
+
+def _statics(scene: Scene, folder: Path, name: str, quiet: bool) -> Summary:
+    """The quasi-static part of the summary, drawn."""
+    work = "optimise" if scene.has_table("optimise") else "run"
+    rungs = static_rungs(scene)
+    # The reference, and two put together.
+    with _progress(len(rungs) + 3, "compare statics", quiet) as done:
+        chart = compared_statics(scene, work=work, rungs=rungs, tell=lambda step: done(1))
+    draw_statics(chart, f"{scene['name']}, {scene['pair.torque_pinion_Nm']:g} N m", folder, name)
+    return chart.summary
 
 
 def compared(
@@ -159,8 +185,9 @@ def compared(
     *,
     speeds: int = _SPEEDS,
     phases: int = _REFERENCE_PHASES,
+    statics: Summary | None = None,
 ) -> Summary:
-    """Compare given rungs; see `compare`.
+    """Compare given rungs of a scene in motion; see `chart`.
 
     **Arguments:**
 
@@ -171,67 +198,226 @@ def compared(
     - `quiet`: whether to show no progress.
     - `speeds`: number of them.
     - `phases`: time steps of the reference in a mesh period.
+    - `statics`: what was found of the quasi-static cycle.
 
     **Returns:**
 
     The summary.
     """
     watch = Stopwatch()
-    tables = Tables(
-        lambda slices, changes: (scene.replace({"mesh.slices": slices, **changes}), model), watch
-    )
-    own = int(scene["mesh.slices"])
-    # Slices are compared with four times the scene's, or twice the most.
-    most = max(rung.slices for rung in rungs)
-    finest = sorted({own} | {2 * most for rung in rungs if rung.family == _SLICES})
-    with _progress(len(rungs) + len(finest), "compare", quiet) as done:
-        if scene.has_table("sweep"):
-            at = some_speeds(speeds_of(scene), speeds)
-        else:
-            at = speeds_around(tables(phases, own).system, speeds)
-        references: dict[int, Reference] = {}
-        for slices in finest:
-            # Slices are compared on equal steps: half as many as the other reference has suffice.
-            steps = phases if slices == own else phases // 2
-            references[slices] = _reference(tables(steps, slices), at, watch)
-            done(1)
-        reference = references[own]
-        if np.mean(reference.good) < 0.5:
-            raise SolverFailure(
-                "the reference, shooting from the quasi-static state, is settled and stable at "
-                f"{np.count_nonzero(reference.good)} of {at.size} speeds only"
-            )
-        rows = []
-        for rung in rungs:
-            by = references[2 * most] if rung.family == _SLICES else reference
-            found = tables(rung.phases, rung.slices)
-            program = _adaptive if isinstance(rung.method, Adaptive) else each
-            rows.append(row_of(rung, found, at, by, watch, program=program, branch=_SAME_BRANCH))
-            done(1)
-    recommended = _recommended(rows, own)
-    summary = _names(scene) | {
-        "compare": {
-            "rungs": rows,
-            "recommended": recommended,
-            "tolerance": TOLERANCE,
-            "reference": {
-                "name": f"shooting, exact linear part, {phases} steps",
-                "slices": own,
-                "slices_of_the_rungs_over_slices": 2 * most,
-                "speeds_rad_s": np.asarray(at),
-                "good": reference.good,
-                "dynamic_ratio": reference.answers.dynamic_ratio,
-                "te_rms_um": reference.answers.te_rms / um,
-                "time_s": reference.time_s,
-            },
-        }
-    }
-    title = f"{scene['name']}, {scene['pair.torque_pinion_Nm']:g} N m, {at.size} speeds"
-    draw(rows, title, folder, TOLERANCE, recommended)
+    found, _ = chart(scene, model, rungs, watch, quiet, speeds=speeds, phases=phases)
+    title = f"{scene['name']}, {scene['pair.torque_pinion_Nm']:g} N m, "
+    title += f"{len(found['reference']['speeds_rad_s'])} speeds"
+    chosen = found["recommended"], found["recommended_for"]
+    draw(found["rungs"], title, folder, found["tolerance"], *chosen)
+    beside = {} if statics is None else {"statics": statics}
+    summary = _names(scene) | {"compare": found | beside}
     return _finish(scene, folder, summary, watch)
 
 
-_SLICES = "its slices, H20 N128"
+def chart(
+    scene: Scene,
+    model: PairModel,
+    rungs: Sequence[Rung],
+    watch: Stopwatch,
+    quiet: bool,
+    *,
+    speeds: int = _SPEEDS,
+    phases: int = _REFERENCE_PHASES,
+) -> tuple[Summary, dict[str, Rung]]:
+    """Steady responses by many models and methods against a reference by shooting.
+
+    The reference has many more time steps than any rung and comes from another family than harmonic
+    balance; slices and bodies are compared with a reference of many more slices. Speeds where the
+    reference has not settled or is unstable are left out. At the others a rung is on the same
+    branch if its numbers are within a few per cent of the reference's, and its errors are those of
+    these speeds; if they are fewer than half, its errors are those of all. Times are for all
+    speeds, once compiled and with the mesh tabulated, best of a few runs. What is recommended was
+    tried at speeds between these, and at another torque.
+
+    **Arguments:**
+
+    - `scene`, `model`, `rungs`, `quiet`, `speeds`, `phases`: as for `compared`.
+    - `watch`: keeps the time.
+
+    **Returns:**
+
+    The `compare` part of the summary, and the rungs by name.
+
+    **Raises:**
+
+    - `SolverFailure` if the reference was not solved at most speeds.
+    """
+    tolerance = float(scene["compare.tolerance"])
+    branch = max(_SAME_BRANCH, 2.0 * tolerance)
+    tables = Tables(_made(scene, model), watch)
+    own = int(scene["mesh.slices"])
+    at = some_speeds(speeds_of(scene), speeds)
+    # Slices are compared with four times the scene's, or twice the most.
+    most = 2 * max(rung.slices for rung in rungs)
+    tried = {rung.name: rung for rung in rungs}
+    whole = any(rung.family in (SLICES, MODELS) for rung in rungs)
+    finest = sorted({own} | ({most} if whole else set()))
+    # Slices are compared on equal steps: half as many as the other reference has suffice.
+    steps = {slices: phases if slices == own else phases // 2 for slices in finest}
+    with _progress(len(rungs) + len(finest), "compare", quiet) as done:
+        references: dict[int, Reference] = {}
+        for slices in finest:
+            references[slices] = _reference(tables(steps[slices], slices), at, watch)
+            done(1)
+        if np.mean(references[own].good) < 0.5:
+            raise SolverFailure(
+                "the reference, shooting from the quasi-static state, is settled and stable at "
+                f"{np.count_nonzero(references[own].good)} of {at.size} speeds only"
+            )
+
+        def row(rung: Rung) -> Summary:
+            by = references[own if rung.family not in (SLICES, MODELS, _WHOLE) else finest[-1]]
+            found = tables(rung.phases, rung.slices, rung.changes)
+            program = _adaptive if isinstance(rung.method, Adaptive) else each
+            line = row_of(rung, found, at, by, watch, program=program, branch=branch)
+            done(1)
+            return line
+
+        rows = [row(rung) for rung in rungs]
+        names = ("dynamic_ratio", "te_rms")
+        itself = _itself(scene, rungs, rows)
+        together = put_together(scene, tried, rows, tolerance, counted(scene, names))
+        if together is not None:
+            tried[together.name] = together
+            rows.append(row(together))
+
+        points: list[Elsewhere] = []
+
+        def held_out(line: Summary) -> Mapping[str, float | None]:
+            if not points:
+                pair = lambda loads: tables(steps[finest[-1]], finest[-1], loads=loads)
+                points.extend(_elsewhere(scene, pair, at, watch))
+            rung = tried[line["name"]]
+            program = _adaptive if isinstance(rung.method, Adaptive) else each
+            return errors_elsewhere(rung, points, tables, watch, program=program, branch=branch)
+
+        said = recommendation(scene, rows, itself, names, held_out)
+    reference = references[own]
+    return {
+        "rungs": rows,
+        **said,
+        "reference": {
+            "name": f"shooting, exact linear part, {phases} steps",
+            "slices": own,
+            "slices_of_the_rungs_over_slices": most,
+            "speeds_rad_s": np.asarray(at),
+            "held_out": [point.words for point in points],
+            "good": reference.good,
+            "dynamic_ratio": reference.answers.dynamic_ratio,
+            "te_rms_um": reference.answers.te_rms / um,
+            "te_rms_relative_to_at_least_um": reference.floors.get("te_rms", 0.0) / um,
+            "time_s": reference.time_s,
+        },
+    }, tried
+
+
+def _made(
+    scene: Scene, model: PairModel
+) -> Callable[[int, Mapping[str, Any]], tuple[Scene, PairModel]]:
+    """Scene and model of a rung; the given model, where only slices and torque differ."""
+
+    def made(slices: int, changes: Mapping[str, Any]) -> tuple[Scene, PairModel]:
+        found = changed(scene, {"mesh.slices": slices, **changes})
+        if set(changes) - {TORQUE}:
+            return found, model_of(found)
+        torque = jnp.asarray(found[TORQUE], dtype=float)
+        return found, eqx.tree_at(lambda m: m.torque, model, torque)
+
+    return made
+
+
+def _elsewhere(
+    scene: Scene,
+    pair: Callable[[Mapping[str, float]], PairDynamics],
+    at: Speeds,
+    watch: Stopwatch,
+) -> list[Elsewhere]:
+    """Speeds between those by which rungs are chosen, and a lower torque, with their reference."""
+    loads = {TORQUE: HELD_OUT_TORQUE * float(scene[TORQUE])}
+    others = other_speeds(at)
+    return [
+        Elsewhere(words, speeds, load, _reference(pair(load), speeds, watch))
+        for words, speeds, load in (
+            ("speeds between these", others, {}),
+            (f"these speeds at {HELD_OUT_TORQUE:g} x the torque", at, loads),
+        )
+    ]
+
+
+SLICES = "its slices, H20 N128"
+MODELS = "its bodies, H20 N128"
+_WHOLE = "together"
+
+
+def model_rungs_of(scene: Scene) -> list[Rung]:
+    """Simpler bodies of a scene, in motion by one method."""
+    own = int(scene["mesh.slices"])
+    return [
+        Rung(name, MODELS, HarmonicBalance(), 128, own, changes=MappingProxyType(changes))
+        for name, changes in simpler_bodies(scene).items()
+    ]
+
+
+def _itself(scene: Scene, rungs: Sequence[Rung], rows: Sequence[Summary]) -> Summary:
+    """The line of the scene's own settings, or of harmonic balance as it is by default."""
+    asked = scene["sweep.harmonics"], scene["sweep.steps"]
+    own = int(scene["mesh.slices"])
+    for settings in (asked, (20, 128)):
+        for rung, row in zip(rungs, rows, strict=True):
+            plain = rung.method == HarmonicBalance(harmonics=settings[0])
+            if plain and (rung.phases, rung.slices) == (settings[1], own) and not rung.changes:
+                return row
+    return rows[0]
+
+
+def put_together(
+    scene: Scene,
+    rungs: Mapping[str, Rung],
+    rows: Sequence[Summary],
+    tolerance: float,
+    responses: Sequence[str],
+) -> Rung | None:
+    """The cheapest good method on the cheapest good slices and bodies.
+
+    **Arguments:**
+
+    - `scene`: gives the slices.
+    - `rungs`: by name.
+    - `rows`: their lines.
+    - `tolerance`: of the whole; each part may use up the same share of what a choice may [-].
+    - `responses`: that count.
+
+    **Returns:**
+
+    The rung, or `None` if fewer than two parts differ from the scene.
+    """
+    own = int(scene["mesh.slices"])
+    parts = []
+    for kind in ("method", SLICES, MODELS):
+        is_kind = lambda row, kind=kind: (
+            row["family"] == kind if kind != "method" else row["family"] not in (SLICES, MODELS)
+        )
+        best = cheapest([row for row in rows if is_kind(row)], 0.5 * MARGIN * tolerance, responses)
+        parts.append(None if best is None else rungs[best["name"]])
+    method, slices, bodies = parts
+    if slices is not None and slices.slices >= own:
+        slices = None
+    if method is None or (slices is None and bodies is None):
+        return None
+    name = ", ".join(part.name for part in (bodies, slices, method) if part is not None)
+    return dataclasses.replace(
+        method,
+        name=name,
+        family=_WHOLE,
+        slices=own if slices is None else slices.slices,
+        changes=MappingProxyType({}) if bodies is None else bodies.changes,
+    )
 
 
 def rungs_of(scene: Scene) -> list[Rung]:
@@ -248,9 +434,11 @@ def rungs_of(scene: Scene) -> list[Rung]:
     own = int(scene["mesh.slices"])
     width = float(scene["mesh.smoothing_um"])
     balance = HarmonicBalance
+    settings = {(5, 64), (10, 64), (20, 64), (20, 128), (40, 128), (40, 256)}
+    settings.add((scene["sweep.harmonics"], scene["sweep.steps"]))
     rungs = [
         Rung(f"H{h} N{n}", "harmonic balance", balance(harmonics=h), n, own)
-        for h, n in ((5, 64), (10, 64), (20, 64), (20, 128), (40, 128), (40, 256))
+        for h, n in sorted(settings, key=lambda pair: (pair[1], pair[0]))
     ]
     rungs += [
         Rung(f"H{h} N{n} vmap", "its speeds batched", balance(harmonics=h), n, own, together=True)
@@ -268,7 +456,7 @@ def rungs_of(scene: Scene) -> list[Rung]:
         for law in [SmoothContact(part * width * um)]
     ]
     rungs += [
-        Rung(f"{s} slices" if s > 1 else "1 slice", _SLICES, balance(), 128, s)
+        Rung(f"{s} slices" if s > 1 else "1 slice", SLICES, balance(), 128, s)
         for s in sorted({1, 5, own, 2 * own})
     ]
     steppers: dict[str, tuple[str, AbstractStepper]] = {
@@ -306,7 +494,7 @@ def _reference(dynamics: PairDynamics, speeds: Speeds, watch: Stopwatch) -> Refe
         growth[finite] = np.abs(multipliers(change[finite], modes)[:, 0])
         return answers, np.asarray(answers.settled) & (growth <= _STABLE)
 
-    return timed_reference(find)
+    return timed_reference(find, dynamics)
 
 
 def _judged(method: Shooting, system: DynamicSystem, speeds: Speeds):
@@ -320,10 +508,3 @@ def _judged(method: Shooting, system: DynamicSystem, speeds: Speeds):
 def _adaptive(method: AbstractMethod, system: DynamicSystem, speeds: Speeds) -> Answers:
     """Answers one speed after the other: steps of their own length do not batch."""
     return answers_of(system, jax.lax.map(lambda speed: method.orbit(system, speed, None), speeds))
-
-
-def _recommended(rows: Sequence[Summary], slices: int) -> str | None:
-    """Name of the fastest rung on the scene's slices that is good enough, if there is one."""
-    own = [row for row in rows if row["slices"] == slices and row["family"] != _SLICES]
-    found = cheapest(own, TOLERANCE)
-    return None if found is None else found["name"]

@@ -16,25 +16,29 @@ import numpy as np
 from jaxgear._app import _condense
 from jaxgear._app._commands import _finish, _names, _progress
 from jaxgear._app._dynamics import speeds_of
+from jaxgear._app._ladder import MARGIN, cheapest
 from jaxgear._app._mesh_bodies import MeshBody, with_bodies
 from jaxgear._app._model import model_of
 from jaxgear._app._rungs import (
-    QUANTITIES,
+    HELD_OUT_TORQUE,
+    TORQUE,
+    Elsewhere,
     Reference,
     Rung,
     Summary,
     Tables,
-    cheapest,
+    counted,
     draw,
     each,
-    is_good,
+    errors_elsewhere,
+    other_speeds,
+    recommendation,
     row_of,
     some_speeds,
-    speeds_around,
     timed_reference,
 )
 from jaxgear._app._scene import Scene
-from jaxgear._app._schema import GEARS
+from jaxgear._app._schema import DYNAMIC_RESPONSES, GEARS
 from jaxgear._app._statics import SolverFailure, Stopwatch
 from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._march import Marching
@@ -45,8 +49,6 @@ from jaxgear._system._model import PairModel
 from jaxgear._system._shaft import Shaft
 from jaxgear._units import um
 
-# A median error below this is good enough for a model [-].
-TOLERANCE = 0.02
 # Speeds at which all rungs are compared: one costs a tenth of a second to several.
 _SPEEDS = 12
 # Of the reference: modes of all bodies together, and combinations that the mesh tells apart.
@@ -66,18 +68,54 @@ def compare_bodies(
     rungs: Sequence[Rung] | None = None,
     speeds: int = _SPEEDS,
     modes: int | None = None,
+    statics: Summary | None = None,
 ) -> Summary:
+    """Compare the models of a scene with condensed bodies; see `chart`.
+
+    **Arguments:**
+
+    - `scene`: checked against the schema, with bodies that can vibrate.
+    - `folder`: for the results; exists.
+    - `quiet`: whether to show no progress.
+    - `rungs`, `speeds`, `modes`: as for `chart`.
+    - `statics`: what was found of the quasi-static cycle.
+
+    **Returns:**
+
+    The summary that is also in `summary.json`.
+    """
+    watch = Stopwatch()
+    found, _ = chart(scene, watch, quiet, rungs=rungs, speeds=speeds, modes=modes)
+    title = f"{scene['name']}, {scene['pair.torque_pinion_Nm']:g} N m, "
+    title += f"{len(found['reference']['speeds_rad_s'])} speeds"
+    chosen = found["recommended"], found["recommended_for"]
+    draw(found["rungs"], title, folder, found["tolerance"], *chosen)
+    beside = {} if statics is None else {"statics": statics}
+    summary = _names(scene) | {"compare": found | beside}
+    return _finish(scene, folder, summary, watch)
+
+
+def chart(
+    scene: Scene,
+    watch: Stopwatch,
+    quiet: bool,
+    *,
+    rungs: Sequence[Rung] | None = None,
+    speeds: int = _SPEEDS,
+    modes: int | None = None,
+) -> tuple[Summary, dict[str, Rung]]:
     """Steady responses by many models of one scene against a richer one: error over time.
 
     The reference is harmonic balance with many more modes, more mesh coordinates and twice the
     steps of the scene, on the same slices. Rungs by shooting and by a march, which have nothing
     of it in common, tell how far it can be trusted. Errors are those of all speeds at which
     the reference is settled; times are for all speeds, once compiled and with the mesh tabulated.
+    What is recommended was tried at speeds between these, and at another torque.
 
     **Arguments:**
 
-    - `scene`: checked against the schema, with bodies that can vibrate.
-    - `folder`: for the results; exists.
+    - `scene`: checked against the schema, with bodies that can vibrate, and a sweep.
+    - `watch`: keeps the time.
     - `quiet`: whether to show no progress.
     - `rungs`: with names of their own, that of the scene itself first; all by default.
     - `speeds`: number of them.
@@ -85,14 +123,13 @@ def compare_bodies(
 
     **Returns:**
 
-    The summary that is also in `summary.json`.
+    The `compare` part of the summary, and the rungs by name.
 
     **Raises:**
 
     - `ValueError` if bodies or gears are impossible, or cannot vibrate together.
     - `SolverFailure` if the mesh cycle or the reference was not solved at most speeds.
     """
-    watch = Stopwatch()
     own = scene.get("model.coordinates", _MODES)
     most = modes or _REFERENCE_MODES // len(scene.condensed)
     most = 0 if own == 0 else max(own, most)
@@ -100,22 +137,23 @@ def compare_bodies(
         models = _Models(scene, most, tell)
     tables = Tables(models, watch)
     rungs = model_rungs(scene, most) if rungs is None else list(rungs)
+    tried = {rung.name: rung for rung in rungs}
     steps = 2 * scene["sweep.steps"]
+    tolerance = float(scene["compare.tolerance"])
+    at = some_speeds(speeds_of(scene), speeds)
+    richest = {
+        "model.coordinates": most,
+        "model.mesh_coordinates": max(_REFERENCE_COORDINATES, _coordinates(scene)),
+    }
+    method = HarmonicBalance(harmonics=scene["sweep.harmonics"])
+
+    def referred(speeds: Any, loads: Mapping[str, float]) -> Reference:
+        dynamics = tables(steps, scene["mesh.slices"], richest, loads)
+        find = lambda: _settled(watch(each, method, dynamics.system, speeds))
+        return timed_reference(find, dynamics)
+
     with _progress(len(rungs) + 2, "compare", quiet) as done:
-        first = tables(rungs[0].phases, rungs[0].slices, rungs[0].changes)
-        if scene.has_table("sweep"):
-            at = some_speeds(speeds_of(scene), speeds)
-        else:
-            at = speeds_around(first.system, speeds)
-        richest = {
-            "model.coordinates": most,
-            "model.mesh_coordinates": max(_REFERENCE_COORDINATES, _coordinates(scene)),
-        }
-        dynamics = tables(steps, scene["mesh.slices"], richest)
-        method = HarmonicBalance(harmonics=scene["sweep.harmonics"])
-        reference = timed_reference(
-            lambda: _settled(watch(each, method, dynamics.system, at)),
-        )
+        reference = referred(at, {})
         done(1)
         if np.mean(reference.good) < 0.5:
             raise SolverFailure(
@@ -125,7 +163,7 @@ def compare_bodies(
 
         def row(rung: Rung) -> Summary:
             pair = tables(rung.phases, rung.slices, rung.changes)
-            found = row_of(rung, pair, at, reference, watch, quantities=tuple(QUANTITIES))
+            found = row_of(rung, pair, at, reference, watch, quantities=DYNAMIC_RESPONSES)
             done(1)
             changed = scene.replace(rung.changes)
             return found | {
@@ -134,25 +172,30 @@ def compare_bodies(
             }
 
         rows = [row(rung) for rung in rungs]
-        whole = combined(rungs, rows)
+        itself = rows[0]
+        whole = combined(rungs, rows, MARGIN * tolerance, counted(scene, DYNAMIC_RESPONSES))
         if whole is not None:
+            tried[whole.name] = whole
             rows.append(row(whole))
-    found, own_row = cheapest(rows, TOLERANCE), rows[0]
+        points: list[Elsewhere] = []
+
+        def held_out(line: Summary) -> Mapping[str, float | None]:
+            if not points:
+                loads = {TORQUE: HELD_OUT_TORQUE * float(scene[TORQUE])}
+                words = f"these speeds at {HELD_OUT_TORQUE:g} x the torque"
+                others = other_speeds(at)
+                points.append(Elsewhere("speeds between these", others, {}, referred(others, {})))
+                points.append(Elsewhere(words, at, loads, referred(at, loads)))
+            rung = tried[line["name"]]
+            return errors_elsewhere(rung, points, tables, watch, quantities=DYNAMIC_RESPONSES)
+
+        said = recommendation(scene, rows, itself, DYNAMIC_RESPONSES, held_out)
     kept = sorted((row for row in rows if row["family"] == _KEPT), key=lambda row: row["modes"])
     rows = [*kept, *(row for row in rows if row["family"] != _KEPT)]
-    recommended = None if found is None else found["name"]
-    summary = _names(scene) | {
-        "compare": {
-            "rungs": rows,
-            "recommended": recommended,
-            "words": words_of(found, own_row),
-            "tolerance": TOLERANCE,
-            "reference": _reference_summary(scene, dynamics, steps, at, reference),
-        }
-    }
-    title = f"{scene['name']}, {scene['pair.torque_pinion_Nm']:g} N m, {at.size} speeds"
-    draw(rows, title, folder, TOLERANCE, recommended)
-    return _finish(scene, folder, summary, watch)
+    dynamics = tables(steps, scene["mesh.slices"], richest)
+    about = _reference_summary(scene, dynamics, steps, at, reference)
+    about["held_out"] = [point.words for point in points]
+    return {"rungs": rows, **said, "reference": about}, tried
 
 
 def model_rungs(scene: Scene, most: int) -> list[Rung]:
@@ -204,6 +247,13 @@ def model_rungs(scene: Scene, most: int) -> list[Rung]:
         Rung("NM 64x200", "march, Newmark", march, 64, slices, thinned=4),
         Rung("exp N64", "shooting, exponential", shot, 64, slices, thinned=4),
     ]
+
+
+def few_rungs(scene: Scene) -> list[Rung]:
+    """The scene itself, and the few rungs that are likely to be cheaper and to suffice."""
+    wanted = ("10 modes", "50 modes", "5 slices", "H10 N64", "rigid", "rigid pinion")
+    rungs = model_rungs(scene, scene.get("model.coordinates", _MODES))
+    return [rungs[0], *(rung for rung in rungs[1:] if rung.name in wanted)]
 
 
 def rigid_changes(scene: Scene) -> dict[str, dict[str, Any]]:
@@ -261,13 +311,20 @@ def _shaft_inertia(shaft: Shaft) -> np.ndarray:
     return total
 
 
-def combined(rungs: Sequence[Rung], rows: Sequence[Summary]) -> Rung | None:
+def combined(
+    rungs: Sequence[Rung],
+    rows: Sequence[Summary],
+    allowed: float,
+    responses: Sequence[str] | None = None,
+) -> Rung | None:
     """All together that alone is good enough and cheaper than the scene itself.
 
     **Arguments:**
 
     - `rungs`: that of the scene first.
     - `rows`: their lines of the summary.
+    - `allowed`: error of each alone [-].
+    - `responses`: that count; all by default.
 
     **Returns:**
 
@@ -281,7 +338,7 @@ def combined(rungs: Sequence[Rung], rows: Sequence[Summary]) -> Rung | None:
         pairs = [
             (rung, row) for rung, row in zip(rungs, rows, strict=True) if rung.family == family
         ]
-        best = cheapest([row for _, row in pairs], TOLERANCE)
+        best = cheapest([row for _, row in pairs], allowed, responses)
         if best is None or best["time_s"] >= rows[0]["time_s"]:
             continue
         chosen.append(next(rung for rung, row in pairs if row is best))
@@ -300,29 +357,6 @@ def combined(rungs: Sequence[Rung], rows: Sequence[Summary]) -> Rung | None:
         phases=last.phases,
         slices=min(rung.slices for rung in chosen),
         changes=MappingProxyType(changes),
-    )
-
-
-def words_of(found: Summary | None, own: Summary) -> str:
-    """A sentence that says what suffices.
-
-    **Arguments:**
-
-    - `found`: line of the recommended rung, if there is one.
-    - `own`: line of the scene itself.
-    """
-    if found is None:
-        return f"No rung is within {100 * TOLERANCE:g} % of the reference: the scene needs more."
-    errors = ", ".join(
-        f"{100 * error:.2g} % in the {QUANTITIES[name]}" for name, error in found["error"].items()
-    )
-    beside = ""
-    if found["name"] != own["name"]:
-        beside = f", where the scene itself takes {own['time_s']:.2g} s"
-        if not is_good(own, TOLERANCE):
-            beside += " and is not within the tolerance"
-    return (
-        f"{found['name']} suffices: median errors of {errors}, in {found['time_s']:.2g} s{beside}."
     )
 
 

@@ -15,13 +15,23 @@ from jaxtyping import Array, Bool
 
 from jaxgear._app import _dynamic_pictures as dynamic_pictures
 from jaxgear._app import _pictures as pictures
+from jaxgear._app._compare_pictures import overview
 from jaxgear._app._dynamics import dynamics_of
+from jaxgear._app._ladder import (
+    MOST,
+    QUANTITIES,
+    choose,
+    columns_of,
+    for_each,
+    words_of,
+    worst,
+)
 from jaxgear._app._model import grid_of
 from jaxgear._app._scene import Scene
 from jaxgear._app._statics import Stopwatch, require_solved
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit
 from jaxgear._dynamics._sweep import steady_states
-from jaxgear._dynamics._system import DynamicSystem, PairDynamics, modal_basis
+from jaxgear._dynamics._system import DynamicSystem, PairDynamics
 from jaxgear._dynamics._types import Speeds
 from jaxgear._response._dynamic import (
     dynamic_ratio,
@@ -29,6 +39,8 @@ from jaxgear._response._dynamic import (
     orbit_mean,
     orbit_rms,
 )
+from jaxgear._response._loads import mesh_stiffness
+from jaxgear._response._transmission import cycle_mean
 from jaxgear._system._model import PairModel
 
 if TYPE_CHECKING:
@@ -38,17 +50,11 @@ else:
 
 Summary = dict[str, Any]
 
-# What can be compared, in words.
-QUANTITIES = {
-    "dynamic_ratio": "largest mesh force",
-    "te_rms": "RMS of transmission error",
-    "te_mean": "mean transmission error",
-}
-# Of the speeds that count, so many must be settled, for a rung to be recommended [-].
-MOST = 0.9
-# Without a sweep in the scene: speeds as shares of the one at which the mesh frequency meets the
-# mode with the largest share of its energy in the mesh [-].
-_AROUND = 0.1, 2.5
+# A fluctuation is compared with this share of what teeth give way by, where it is less [-].
+_FLOOR = 0.01
+# Torque of the held-out points, over the scene's own.
+HELD_OUT_TORQUE = 0.7
+TORQUE = "pair.torque_pinion_Nm"
 # Runs of a program that are timed, at the most, and the seconds that suffice.
 _RUNS, _ENOUGH = 5, 1.0
 
@@ -93,12 +99,24 @@ class Answers(eqx.Module):
 class Reference:
     """Answers that others are compared with.
 
-    `good` are the speeds where they are settled and stable.
+    `good` are the speeds where they are settled and stable; errors of a response are relative to
+    its `floors` [m] where its own value is less.
     """
 
     answers: Answers
     good: np.ndarray
     time_s: float
+    floors: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+
+
+@dataclass(frozen=True)
+class Elsewhere:
+    """Speeds and a torque that rungs are not chosen by, and the reference there."""
+
+    words: str
+    speeds: Speeds
+    loads: Mapping[str, float]
+    reference: Reference
 
 
 class Tables:
@@ -114,19 +132,29 @@ class Tables:
     ):
         self.made, self.watch = made, watch
         self.built: dict[tuple[Any, ...], PairDynamics] = {}
+        self.builders: dict[tuple[Any, ...], Callable[[PairModel], PairDynamics]] = {}
 
     def __call__(
-        self, phases: int, slices: int, changes: Mapping[str, Any] = MappingProxyType({})
+        self,
+        phases: int,
+        slices: int,
+        changes: Mapping[str, Any] = MappingProxyType({}),
+        loads: Mapping[str, float] = MappingProxyType({}),
     ) -> PairDynamics:
-        """The pair on so many steps in a mesh period and slices across the face."""
-        key = phases, slices, *sorted(changes.items())
+        """The pair on so many steps in a mesh period and slices across the face.
+
+        Loads change real values only: nothing is compiled again for them.
+        """
+        program = phases, slices, *sorted(changes.items())
+        key = *program, *sorted(loads.items())
         if key not in self.built:
-            scene, model = self.made(slices, changes)
-            grid = grid_of(scene.replace({"mesh.phases": phases}), model)
-            build = lambda model: dynamics_of(scene, model, grid)
+            scene, model = self.made(slices, {**changes, **loads})
+            if program not in self.builders:
+                grid = grid_of(scene.replace({"mesh.phases": phases}), model)
+                self.builders[program] = lambda model: dynamics_of(scene, model, grid)
             # It runs once: compiled in half the time it runs twice as long.
             options = {"xla_backend_optimization_level": 0}
-            found = self.watch(build, model, options=options)
+            found = self.watch(self.builders[program], model, options=options)
             require_solved(found.cycle.converged)
             self.built[key] = found
         return self.built[key]
@@ -138,13 +166,13 @@ def some_speeds(speeds: np.ndarray, count: int) -> Speeds:
     return jnp.asarray(speeds[chosen])
 
 
-def speeds_around(system: DynamicSystem, count: int) -> Speeds:
-    """Speeds around the one where the mesh frequency meets the mode of the mesh."""
-    basis = jax.jit(modal_basis)(system)
-    energy = np.sum(np.asarray(basis.mesh @ system.mean) * np.asarray(basis.mesh), axis=1)
-    mode = int(np.argmax(energy / np.asarray(basis.square)))
-    critical = float(np.sqrt(basis.square[mode])) / system.teeth
-    return jnp.linspace(_AROUND[0] * critical, _AROUND[1] * critical, count)
+def other_speeds(speeds: Speeds) -> Speeds:
+    """As many speeds in the same range, none of them among those given: between neighbours."""
+    between = 0.5 * (speeds[1:] + speeds[:-1])
+    if not between.size:
+        return 0.9 * speeds
+    # One more, so that programs need not be compiled again.
+    return jnp.sort(jnp.append(between, 0.25 * speeds[-2] + 0.75 * speeds[-1]))
 
 
 def answers_of(system: DynamicSystem, orbits: Orbit) -> Answers:
@@ -214,6 +242,50 @@ def row_of(
     }
 
 
+def counted(scene: Scene, quantities: Sequence[str]) -> tuple[str, ...]:
+    """Of what is compared in motion, that which counts; all, where the scene names none of it."""
+    named = scene.get("compare.responses") or quantities
+    return tuple(name for name in quantities if name in named) or tuple(quantities)
+
+
+def recommendation(
+    scene: Scene,
+    rows: Sequence[Summary],
+    own: Summary,
+    quantities: Sequence[str],
+    held_out: Callable[[Summary], Mapping[str, float | None]],
+) -> Summary:
+    """What a comparison in motion comes to.
+
+    **Arguments:**
+
+    - `scene`: gives tolerance and responses.
+    - `rows`: lines of the rungs.
+    - `own`: that of the scene itself.
+    - `quantities`: what was compared.
+    - `held_out`: finds a rung's errors elsewhere; they are written into its line.
+
+    **Returns:**
+
+    Its part of the summary.
+    """
+    tolerance, responses = float(scene["compare.tolerance"]), counted(scene, quantities)
+
+    def tried(row: Summary) -> Mapping[str, float | None]:
+        if "held_out" not in row:
+            row["held_out"] = held_out(row)
+        return row["held_out"]
+
+    choice = choose(rows, tolerance, responses, tried)
+    return {
+        "recommended": None if choice.row is None else choice.row["name"],
+        "recommended_for": for_each(rows, tolerance, responses, tried),
+        "words": words_of(choice, own, tolerance, responses, judged="95 % errors"),
+        "tolerance": tolerance,
+        "responses": list(responses),
+    }
+
+
 def errors_of(
     found: Answers,
     reference: Reference,
@@ -226,7 +298,8 @@ def errors_of(
     errors = {}
     for name in quantities:
         is_, should = (np.asarray(getattr(x, name)) for x in (found, reference.answers))
-        errors[name] = np.abs(is_ / should[chosen] - 1.0)
+        least = reference.floors.get(name, 0.0)
+        errors[name] = np.abs(is_ - should[chosen]) / np.maximum(np.abs(should[chosen]), least)
     finite = good & np.all([np.isfinite(error) for error in errors.values()], axis=0)
     within = np.inf if branch is None else branch
     same = finite & np.all([error <= within for error in errors.values()], axis=0)
@@ -239,6 +312,35 @@ def errors_of(
         "error_95": {name: quantile(error, 0.95) for name, error in errors.items()},
         "same_branch_share": float(np.count_nonzero(same) / max(np.count_nonzero(good), 1)),
     }
+
+
+def errors_elsewhere(
+    rung: Rung,
+    points: Sequence[Elsewhere],
+    tables: Tables,
+    watch: Stopwatch,
+    *,
+    program: Callable[..., Answers] = each,
+    quantities: Sequence[str] = ("dynamic_ratio", "te_rms"),
+    branch: float | None = None,
+) -> dict[str, float | None]:
+    """The largest of a rung's 95 % errors at held-out points.
+
+    Arguments as for `row_of`. Where it is on another branch at too many speeds there is none.
+    """
+    found: dict[str, float | None] = dict.fromkeys(quantities, 0.0)
+    for point in points:
+        chosen = np.arange(rung.thinned // 2, point.speeds.size, rung.thinned)
+        pair = tables(rung.phases, rung.slices, rung.changes, point.loads)
+        run = together if rung.together else program
+        answers = watch(run, rung.method, pair.system, point.speeds[chosen])
+        part = errors_of(answers, point.reference, chosen, quantities, branch)
+        good = part["same_branch_share"] >= MOST
+        for name, before in found.items():
+            both = {"now": part["error_95"][name] if good else None, "before": before}
+            largest = worst(both, tuple(both))
+            found[name] = largest if np.isfinite(largest) else None
+    return found
 
 
 def _timed(
@@ -261,21 +363,13 @@ def _timed(
             return found, seconds[0], watch.compile_s - compiled
 
 
-def is_good(row: Summary, tolerance: float) -> bool:
-    """Whether a rung's errors are small enough, at enough speeds."""
-    return min(row["same_branch_share"], row["settled_share"]) >= MOST and all(
-        error is not None and error <= tolerance for error in row["error"].values()
-    )
-
-
-def cheapest(rows: Sequence[Summary], tolerance: float) -> Summary | None:
-    """The fastest rung that is good enough, if there is one."""
-    good = [row for row in rows if is_good(row, tolerance)]
-    return min(good, key=lambda row: row["time_s"]) if good else None
-
-
 def draw(
-    rows: Sequence[Summary], title: str, folder: Path, tolerance: float, recommended: str | None
+    rows: Sequence[Summary],
+    title: str,
+    folder: Path,
+    tolerance: float,
+    recommended: str | None,
+    recommended_for: Mapping[str, str | None],
 ) -> None:
     """The chart of error over time for each quantity, and the rungs as a table.
 
@@ -285,42 +379,49 @@ def draw(
     - `title`: the case.
     - `folder`: for the files; exists.
     - `tolerance`: of the errors, relative [-].
-    - `recommended`: name of the rung to be marked.
+    - `recommended`: name of the rung to be marked in the overview.
+    - `recommended_for`: and in the chart of each response.
     """
-    columns = _columns(rows)
+    columns = columns_of(rows)
+    figure = overview(
+        rows,
+        tuple(rows[0]["error"]),
+        title,
+        tolerance=tolerance,
+        recommended=recommended,
+        words="error that 95 % of the speeds by which rungs are chosen stay below",
+    )
+    pictures.save(figure, columns, folder, "compare_overview")
     for name in rows[0]["error"]:
         figure = dynamic_pictures.compare(
-            [row | {"error": _number(row["error"][name])} for row in rows],
+            [row | {"error": worst(row["error_95"], (name,))} for row in rows],
             title,
             tolerance=tolerance,
-            recommended=recommended,
-            quantity=f"median error of the {QUANTITIES[name]}, relative",
+            recommended=recommended_for.get(name),
+            quantity=f"95 % error of the {QUANTITIES[name]}, relative",
         )
         ending = "" if name == "dynamic_ratio" else f"_{name}"
         pictures.save(figure, columns, folder, f"compare{ending}")
 
 
-def _columns(rows: Sequence[Summary]) -> dict[str, np.ndarray]:
-    """The rungs as a table."""
-    flat = [
-        {key: value for key, value in row.items() if not isinstance(value, dict)}
-        | {
-            f"{kind}_{name}": value
-            for kind in ("error", "error_95")
-            for name, value in row[kind].items()
-        }
-        for row in rows
-    ]
-    return {key: np.asarray([_number(row[key]) for row in flat]) for key in flat[0]}
+def timed_reference(
+    find: Callable[[], tuple[Answers, np.ndarray]], dynamics: PairDynamics | None = None
+) -> Reference:
+    """A reference and the seconds that it took, compilation included.
 
+    **Arguments:**
 
-def _number(value: Any) -> Any:
-    """The value, or what is not a number where there is none."""
-    return np.nan if value is None else value
-
-
-def timed_reference(find: Callable[[], tuple[Answers, np.ndarray]]) -> Reference:
-    """A reference and the seconds that it took, compilation included."""
+    - `find`: finds answers, and where they are good.
+    - `dynamics`: the pair, for the floors of errors; without it there are none.
+    """
     start = time.perf_counter()
     answers, good = find()
-    return Reference(answers, good, time.perf_counter() - start)
+    seconds = time.perf_counter() - start
+    return Reference(answers, good, seconds, {} if dynamics is None else floors_of(dynamics))
+
+
+def floors_of(dynamics: PairDynamics) -> dict[str, float]:
+    """What the RMS of a fluctuation is compared with at least: a hundredth of the teeth's give."""
+    cycle = dynamics.cycle
+    stiffness = jax.jit(lambda cycle: cycle_mean(cycle, mesh_stiffness(cycle)))(cycle)
+    return {"te_rms": _FLOOR * abs(float(cycle.load[0, 0])) / float(stiffness)}

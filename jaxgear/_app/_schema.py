@@ -33,7 +33,7 @@ Kind = Literal["float", "int", "text", "bool", "floats", "texts"]
 GEARS = ("pinion", "wheel")
 # Tables that every scene has, and tables that ask for work, which are written out only if given.
 ALWAYS = ("", "pair", *GEARS)
-ON_REQUEST = ("model", "damping", "sweep", "modes", "map", "optimise", "sizing")
+ON_REQUEST = ("model", "damping", "sweep", "modes", "map", "optimise", "sizing", "compare")
 # Tables whose keys are paths of other keys, quoted or as nested tables.
 BY_PATH = ("optimise.bounds", "optimise.ties", "sizing.amounts")
 
@@ -828,7 +828,13 @@ _DYNAMICS = (
         at_least=4,
         at_most=60,
     ),
-    _text("model.fidelity", "choice of model", modelled=()),
+    _text(
+        "model.fidelity",
+        "auto: run, map, optimise and sweep first compare models, and take the cheapest that is "
+        "within compare.tolerance",
+        "as given",
+        choices=("as given", "auto"),
+    ),
     Key(
         "model.gyroscopic",
         "bool",
@@ -1071,6 +1077,35 @@ _SIZING = (
 )
 
 
+# What `compare` compares: of the quasi-static cycle, and in motion.
+STATIC_RESPONSES = (
+    "te_mean",
+    "te_rms",
+    "te_peak_to_peak",
+    "max_line_load",
+    "max_pressure",
+    "mesh_stiffness_mean",
+)
+DYNAMIC_RESPONSES = ("dynamic_ratio", "te_rms", "te_mean")
+
+_COMPARE = (
+    _number(
+        "compare.tolerance",
+        "error that is good enough, relative",
+        0.02,
+        above=0.0,
+        below=1.0,
+        remedy="It is a share, not a percentage: 0.02 is 2 %",
+    ),
+    Key(
+        "compare.responses",
+        "texts",
+        "responses that count for the recommendation; default: all",
+        choices=tuple(dict.fromkeys((*STATIC_RESPONSES, *DYNAMIC_RESPONSES))),
+    ),
+)
+
+
 def _bounds(key: Key) -> Key:
     """Return the key of `[optimise.bounds]` that limits a number, or an entry of a list."""
     path = f"{key.path}[]" if key.kind == "floats" else key.path
@@ -1116,6 +1151,7 @@ _PLAIN = (
     *_MAP,
     *_OPTIMISE,
     *_SIZING,
+    *_COMPARE,
 )
 
 _REAL = tuple(key for key in _PLAIN if key.differentiable)

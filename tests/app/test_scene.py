@@ -174,11 +174,6 @@ symmetric = false
 flank.wheel.crowning_um = [2]
 """.replace("PITCH", "0, " * 84)
 
-_NOT_MODELLED_YET = """\
-[model]
-fidelity = "auto"
-"""
-
 # The contract's own example, and what may be added to it.
 _CONDENSED = """\
 [wheel.body]
@@ -329,12 +324,6 @@ def test_a_beam_falls_back_on_weber_unless_told_otherwise(write):
     assert read_scene(write(least + _SHAFTS))["pinion.foundation"] == "weber"
     asked = least.replace("[pinion]\n", '[pinion]\nfoundation = "sainsot"\n')
     assert read_scene(write(asked + _SHAFTS))["pinion.foundation"] == "sainsot"
-
-
-def test_what_is_not_modelled_is_told_from_what_is_unknown(write):
-    ((line, path, message),) = _mistakes(write(_LEAST + _NOT_MODELLED_YET))
-    assert (line - _END, path) == (2, "model.fidelity")
-    assert "belongs to the scene format, but this version" in message
 
 
 def test_a_condensed_body_gets_its_defaults_and_others_do_not(write):

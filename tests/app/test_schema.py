@@ -1,3 +1,4 @@
+import dataclasses
 import math
 import re
 
@@ -133,13 +134,15 @@ def test_any_name_of_a_folder_will_do(path, value):
 
 
 @pytest.mark.parametrize(
-    ("path", "value", "remedy"),
+    ("modelled", "value", "remedy"),
     [
-        ("model.fidelity", "auto", "Remove it"),
+        ((), "auto", "Remove it"),
+        (("as given",), "auto", 'Remove it or write "as given"'),
     ],
 )
-def test_what_is_not_modelled_is_refused_with_a_remedy(path, value, remedy):
-    refusal = KEYS[path].refusal(value)
+def test_what_is_not_modelled_is_refused_with_a_remedy(modelled, value, remedy):
+    key = dataclasses.replace(KEYS["model.fidelity"], modelled=modelled)
+    refusal = key.refusal(value)
     assert refusal is not None
     assert _schema.NOT_MODELLED in refusal
     assert refusal.endswith(remedy)

@@ -1,0 +1,104 @@
+"""The overview of a comparison: errors of all rungs and responses, beside their time."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+
+from jaxgear._app._ladder import MARGIN, QUANTITIES, judged_by
+from jaxgear._app._pictures import _BLUE, _GREEN, _GREY, _house_look
+
+# Of cells: well within the tolerance, within it, up to five times it, beyond.
+_STEPS = (MARGIN, 1.0, 5.0)
+_SHADES = ("#b7e3d3", "#e3f1d4", "#fbe6bd", "#f3bfa6")
+
+
+@_house_look()
+def overview(
+    rungs: Sequence[Mapping[str, Any]],
+    responses: Sequence[str],
+    title: str,
+    *,
+    tolerance: float,
+    recommended: str | None,
+    words: str,
+) -> Figure:
+    """Errors of every rung as a table with shades, and its time as a bar.
+
+    **Arguments:**
+
+    - `rungs`: each with `name`, `family`, `time_s` and errors by response.
+    - `responses`: columns of the table.
+    - `title`: the case.
+    - `tolerance`: of the errors.
+    - `recommended`: name of the rung to be marked.
+    - `words`: what the errors are.
+
+    **Returns:**
+
+    The figure.
+    """
+    count = len(rungs)
+    figure = Figure(figsize=(3.9 + 1.45 * len(responses) + 2.6, 1.9 + 0.3 * count))
+    figure.set_layout_engine("constrained", wspace=0.02)
+    ratios = (1.45 * len(responses), 2.6)
+    table, bars = figure.subplots(1, 2, width_ratios=ratios)
+    figure.suptitle(title)
+    errors = np.asarray([[_number(judged_by(rung), name) for name in responses] for rung in rungs])
+    table.imshow(
+        np.where(np.isfinite(errors), np.digitize(errors / tolerance, _STEPS), 3.0),
+        cmap=ListedColormap(_SHADES),
+        vmin=-0.5,
+        vmax=3.5,
+        aspect="auto",
+    )
+    for row, column in np.ndindex(errors.shape):
+        bold = "bold" if rungs[row]["name"] == recommended else "normal"
+        text = _percent(float(errors[row, column]))
+        table.text(column, row, text, ha="center", va="center", fontsize=9, fontweight=bold)
+    heads = [QUANTITIES[name].replace(" of ", "\nof ").replace("mean ", "mean\n") for name in
+             responses]  # fmt: skip
+    table.set_xticks(range(len(responses)), heads, fontsize=9)
+    table.tick_params(top=True, labeltop=True, bottom=False, labelbottom=False, length=0)
+    table.set_yticks(range(count), [str(rung["name"]) for rung in rungs], fontsize=9)
+    for label, rung in zip(table.get_yticklabels(), rungs, strict=True):
+        label.set_fontweight("bold" if rung["name"] == recommended else "normal")
+    table.set_xticks(np.arange(len(responses) - 1) + 0.5, minor=True)
+    table.set_yticks(np.arange(count - 1) + 0.5, minor=True)
+    table.grid(which="minor", color="white", lw=1.5)
+    table.grid(which="major", visible=False)
+    table.tick_params(which="minor", length=0)
+    table.spines[:].set_visible(False)
+    table.set_xlabel(
+        f"{words};\nshades: up to {_percent(MARGIN * tolerance)}, {_percent(tolerance)}, "
+        f"{_percent(5.0 * tolerance)}, and beyond",
+        fontsize=9,
+    )
+    times = np.asarray([max(float(rung["time_s"]), 1e-9) for rung in rungs])
+    colours = [_colour(rung, recommended) for rung in rungs]
+    bars.barh(range(count), times, color=colours, height=0.6)
+    bars.set(xscale="log", ylim=(count - 0.5, -0.5), xlabel="time, without compilation [s]")
+    bars.set_xlim(0.5 * times.min(), 6.0 * times.max())
+    bars.set_yticks([])
+    for row, time in enumerate(times):
+        bars.text(1.15 * time, row, f"{time:.2g}", va="center", fontsize=8.5)
+    return figure
+
+
+def _number(errors: Mapping[str, float | None], name: str) -> float:
+    value = errors.get(name)
+    return np.nan if value is None else float(value)
+
+
+def _percent(error: float) -> str:
+    if not np.isfinite(error):
+        return "none"
+    return f"{100.0 * error:.2g} %" if error < 0.995 else f"{error:.2g} x"
+
+
+def _colour(rung: Mapping[str, Any], recommended: str | None) -> str:
+    if rung["name"] == recommended:
+        return _GREEN
+    return _GREY if rung.get("beyond") else _BLUE

@@ -1,0 +1,250 @@
+"""`model.fidelity = "auto"`: a short comparison chooses the model that a command then runs with.
+
+What was chosen is kept in the results folder, under a hash of the scene: the next command on the
+same scene does not pay for it again.
+"""
+
+import hashlib
+import importlib.metadata
+import json
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from jaxgear._app import _compare
+from jaxgear._app._commands import _progress, _with_bodies
+from jaxgear._app._compare_statics import (
+    Work,
+    changed,
+    compared_statics,
+    simpler_bodies,
+    static_rungs,
+)
+from jaxgear._app._design import is_dynamic
+from jaxgear._app._ladder import Summary
+from jaxgear._app._model import model_of
+from jaxgear._app._results import write_json
+from jaxgear._app._rungs import Rung
+from jaxgear._app._scene import Scene
+from jaxgear._app._statics import SolverFailure, Stopwatch
+from jaxgear._dynamics._harmonic import HarmonicBalance
+
+KEY = "model.fidelity"
+FILE = "fidelity.json"
+# Raised whenever the same scene would be given another rung than before.
+_VERSION = 1
+# Speeds, and steps of the reference of rigid bodies: a choice must cost less than what it saves.
+_SPEEDS, _PHASES = 8, 512
+# Values that name a file whose content counts.
+_FILES = ("_csv", ".grid", ".superelement")
+
+
+def chosen(scene: Scene, command: str, folder: Path, quiet: bool) -> tuple[Scene, Summary]:
+    """The scene at the cheapest fidelity that suffices for a command, and why.
+
+    **Arguments:**
+
+    - `scene`: with `model.fidelity = "auto"`.
+    - `command`: `run`, `map`, `optimise` or `sweep`.
+    - `folder`: for the results; what was chosen before is looked for there.
+    - `quiet`: whether to show no progress.
+
+    **Returns:**
+
+    The scene with the rung's keys, without bodies; and the `fidelity` part of the summary.
+    """
+    moving = in_motion(scene, command)
+    # What [optimise] asks for is part of `run` too.
+    searched = command != "map" and command != "sweep" and scene.has_table("optimise")
+    work: Work = "map" if command == "map" else "optimise" if searched else "run"
+    key = digest(scene, "sweep" if moving else work)
+    kept = _read(folder / FILE)
+    start = time.perf_counter()
+    known = kept.get(key)
+    about: Summary = known or {}
+    if known is None:
+        short = _short(scene)
+        try:
+            about = _in_motion(short, quiet) if moving else _at_rest(short, work, quiet)
+        except SolverFailure as error:
+            about = _as_given(scene, f"There was nothing to compare with: {error}.")
+        about["seconds"] = time.perf_counter() - start
+        write_json(kept | {key: about}, folder / FILE)
+    changes = about["changes"]
+    said = {name: "left out" if value is None else value for name, value in changes.items()}
+    about = about | {"changes": said, "from_cache": known is not None}
+    return changed(scene, {**changes, KEY: "as given"}), about
+
+
+def _short(scene: Scene) -> Scene:
+    """The scene over one mesh period, where its cycle is long: rungs do not differ by that."""
+    return scene.replace({"mesh.periods": 1}) if scene["mesh.periods"] > _compare.PERIODS else scene
+
+
+def _as_given(scene: Scene, why: str) -> Summary:
+    """The `fidelity` part of the summary where nothing could be chosen."""
+    return {
+        "rung": "as given",
+        "changes": {},
+        "why": f"{why} So the scene was taken as it is given.",
+        "errors": {},
+        "tolerance": scene["compare.tolerance"],
+        "within_tolerance": False,
+    }
+
+
+def in_motion(scene: Scene, command: str) -> bool:
+    """Whether a command asks for responses in motion: then these decide, and not statics."""
+    swept = scene.has_table("sweep")
+    if command == "optimise":
+        return swept and is_dynamic(scene)
+    return command == "sweep" or (command == "run" and swept)
+
+
+def told(summary: Summary, about: Summary, folder: Path) -> Summary:
+    """A command's summary with what was chosen, rewritten.
+
+    **Arguments:**
+
+    - `summary`: of the command.
+    - `about`: from `chosen`.
+    - `folder`: of the results.
+
+    **Returns:**
+
+    The summary with `fidelity`, and a note.
+    """
+    note = f'model.fidelity = "auto" took the rung "{about["rung"]}". {about["why"]}'
+    summary = summary | {"fidelity": about, "notes": [*summary.get("notes", []), note]}
+    write_json(summary, folder / "summary.json")
+    return summary
+
+
+def digest(scene: Scene, work: str) -> str:
+    """Hash of what a choice depends on: the scene, the files it names, the work, the version."""
+    values = {key: value for key, value in scene.values.items() if key not in (KEY, "cite", "name")}
+    files = {
+        key: hashlib.sha256((scene.path.parent / value).read_bytes()).hexdigest()
+        for key, value in values.items()
+        if key.endswith(_FILES) and isinstance(value, str) and value
+        if (scene.path.parent / value).is_file()
+    }
+    whole = {
+        "values": values,
+        "tables": sorted(scene.given),
+        "files": files,
+        "work": work,
+        "version": [_VERSION, importlib.metadata.version("jaxgear")],
+    }
+    text = json.dumps(whole, sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _read(file: Path) -> dict[str, Summary]:
+    """What was chosen before; nothing where the file is missing or spoilt."""
+    try:
+        found = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _at_rest(scene: Scene, work: Work, quiet: bool) -> Summary:
+    """The choice by the quasi-static cycle."""
+    rungs = static_rungs(scene, few=True)
+    with _progress(len(rungs) + 3, "fidelity", quiet) as done:
+        found = compared_statics(
+            scene, work=work, rungs=rungs, quick=True, tell=lambda step: done(1)
+        )
+    row = found.choice.row
+    changes = {} if row is None else dict(found.rungs[row["name"]].changes)
+    return _about(found.summary, row, changes, "of the quasi-static cycle")
+
+
+def _in_motion(scene: Scene, quiet: bool) -> Summary:
+    """The choice by responses in motion, at a few speeds."""
+    watch = Stopwatch()
+    scene = _with_bodies(scene, quiet, moving=True)
+    if scene.condensed:
+        from jaxgear._app import _compare_bodies
+
+        rungs = _compare_bodies.few_rungs(scene)
+        found, tried = _compare_bodies.chart(scene, watch, quiet, rungs=rungs, speeds=_SPEEDS)
+    else:
+        rungs, model = moving_rungs(scene), model_of(scene)
+        found, tried = _compare.chart(
+            scene, model, rungs, watch, quiet, speeds=_SPEEDS, phases=_PHASES
+        )
+    rows = {row["name"]: row for row in found["rungs"]}
+    name = found["recommended"]
+    row = None if name is None else rows[name]
+    changes = {} if row is None else changes_in_motion(scene, tried[row["name"]])
+    return _about(found, row, changes, "in motion")
+
+
+def moving_rungs(scene: Scene) -> list[Rung]:
+    """The few rungs of rigid bodies in motion from which one is chosen; the scene's own first.
+
+    **Arguments:**
+
+    - `scene`: with a sweep.
+    """
+    own, steps, harmonics = scene["mesh.slices"], scene["sweep.steps"], scene["sweep.harmonics"]
+    balance = HarmonicBalance(harmonics=harmonics)
+    rungs = [Rung(f"H{harmonics} N{steps}", "harmonic balance", balance, steps, own)]
+    # Another method of the user's is not overruled: only slices and bodies are chosen then.
+    settings = ((5, 64), (10, 64)) if _by_balance(scene) else ()
+    rungs += [
+        Rung(f"H{h} N{n}", "harmonic balance", HarmonicBalance(harmonics=h), n, own)
+        for h, n in settings
+        if n <= steps and h < harmonics
+    ]
+    rungs += [
+        Rung(f"{n} slice{'s' if n > 1 else ''}", _compare.SLICES, balance, steps, n)
+        for n in (1, 5)
+        if n < own
+    ]
+    return rungs + [
+        Rung(name, _compare.MODELS, balance, steps, own, changes=MappingProxyType(changes))
+        for name, changes in simpler_bodies(scene).items()
+    ]
+
+
+def changes_in_motion(scene: Scene, rung: Rung) -> dict[str, Any]:
+    """Keys of the scene that make a rung of it, by harmonic balance where it is that.
+
+    **Arguments:**
+
+    - `scene`: that was compared.
+    - `rung`: one of its rungs.
+    """
+    found: dict[str, Any] = dict(rung.changes)
+    wanted: dict[str, Any] = {"mesh.slices": rung.slices}
+    if _by_balance(scene) and isinstance(rung.method, HarmonicBalance):
+        wanted |= {"sweep.steps": rung.phases, "sweep.harmonics": rung.method.harmonics}
+    return found | {key: value for key, value in wanted.items() if scene[key] != value}
+
+
+def _by_balance(scene: Scene) -> bool:
+    return scene["sweep.method"] in ("auto", "harmonic")
+
+
+def _about(found: Summary, row: Summary | None, changes: Mapping[str, Any], of: str) -> Summary:
+    """The `fidelity` part of the summary."""
+    best = found["rungs"][0] if row is None else row
+    errors = best.get("error_95", best["error"])
+    why = f"By a comparison {of}: {found['words']}"
+    if row is None:
+        why += " So the scene was taken as it is given."
+    return {
+        "rung": "as given" if row is None or not changes else row["name"],
+        "changes": dict(changes),
+        "why": why,
+        "errors": errors,
+        "errors_elsewhere": best.get("held_out"),
+        "tolerance": found["tolerance"],
+        "within_tolerance": row is not None,
+        "time_s": best["time_s"],
+    }
