@@ -215,6 +215,7 @@ def constrained(
     tolerance: float = 1e-6,
     watch: Watcher | None = None,
     file: Path | None = None,
+    with_slope: bool = False,
 ) -> SearchResult:
     """Minimise a response while others stay below limits, by SciPy's SLSQP.
 
@@ -228,6 +229,7 @@ def constrained(
     - `tolerance`: on relative progress [-].
     - `watch`: called after each evaluation.
     - `file`: keeps the evaluations: see `Record`.
+    - `with_slope`: whether `responses` returns their Jacobian too, and is compiled already.
 
     **Returns:**
 
@@ -239,7 +241,7 @@ def constrained(
     - `FloatingPointError` if a response or its gradient is not finite.
     - `ValueError` if the file is of a search in another box.
     """
-    record = Record(_jacobian(responses), box, watch, file)
+    record = Record(responses if with_slope else _jacobian(responses), box, watch, file)
     most, scale = (np.asarray([getattr(each, k) for each in limits]) for k in ("most", "scale"))
     below = lambda unit: (most - record(unit)[0][1:]) / scale
 

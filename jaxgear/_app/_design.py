@@ -495,7 +495,7 @@ def objective_function(
 
 
 # Responses that may have limits, with the unit in the key.
-_LIMITED = {
+LIMITED = {
     "max_pressure_MPa": optimise.LargestPressure,
     "te_peak_to_peak_um": optimise.TransmissionErrorRange,
     "face_load_factor": optimise.FaceLoadFactor,
@@ -513,7 +513,7 @@ def limits_of(scene: Scene) -> tuple[optimise.Limit, ...]:
 
     The limits, in the order of the keys.
     """
-    given = {name: scene.get(f"optimise.limits.{name}") for name in _LIMITED}
+    given = {name: scene.get(f"optimise.limits.{name}") for name in LIMITED}
     return tuple(
         optimise.Limit(name, float(most), 0.1 * float(most))
         for name, most in given.items()
@@ -529,7 +529,7 @@ def responses_function(
     return optimise.responses_over_torques(
         space.model,
         objective,
-        [_LIMITED[limit.name]() for limit in limits_of(space.scene)],
+        [LIMITED[limit.name]() for limit in limits_of(space.scene)],
         jnp.asarray(torques_of(space.scene, "optimise.torques_Nm")),
         grid=grid,
         law=law,

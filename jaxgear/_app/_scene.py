@@ -23,6 +23,7 @@ import tree_sitter_toml
 
 from jaxgear._app import _schema
 from jaxgear._app._body_checks import body_mistakes
+from jaxgear._app._scatter_checks import robust_mistakes, scattered_key
 from jaxgear._app._schema import (
     ALWAYS,
     BY_PATH,
@@ -602,6 +603,13 @@ class _Reading:
             if not self._has_mistake("optimise.minimise"):
                 self.mistake("optimise.minimise", "must have at least one weight > 0")
         self._check_vary(values)
+        if "robust" in self.seen:
+            for path, message in robust_mistakes(values, self.seen):
+                self.mistake(path, message)
+            for path in values:
+                key = scattered_key(path)
+                if key and (missing := self._missing(key, values)):
+                    self.mistake(path, missing)
 
     def _has_mistake(self, path: str) -> bool:
         return any(mistake.path.startswith(path) for mistake in self.mistakes)
@@ -848,7 +856,7 @@ def _nested(values: Mapping[str, object]) -> dict[str, Any]:
 def _steps(document: Mapping[str, Any], path: str) -> list[str | int]:
     """Split a path into names and indices.
 
-    Below `optimise.bounds` and `sizing.amounts` the path of the other key is split as the document
+    Below tables such as `optimise.bounds` the path of the other key is split as the document
     spells it: one quoted name, which it is made where it is new, or nested tables.
     """
     for table in BY_PATH:
@@ -937,7 +945,7 @@ def _untraced(value: object, before: object) -> object:
 def _join(prefix: str, name: str) -> str:
     """Append a name to a dotted path, in quotes where TOML would need them.
 
-    Below `optimise.bounds` and `sizing.amounts` the names are paths themselves, quoted or not.
+    Below tables such as `optimise.bounds` the names are paths themselves, quoted or not.
     """
     by_path = f"{prefix}.".startswith(tuple(f"{table}." for table in BY_PATH))
     if not by_path and not _BARE.fullmatch(name):

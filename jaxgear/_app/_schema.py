@@ -33,9 +33,9 @@ Kind = Literal["float", "int", "text", "bool", "floats", "texts"]
 GEARS = ("pinion", "wheel")
 # Tables that every scene has, and tables that ask for work, which are written out only if given.
 ALWAYS = ("", "pair", *GEARS)
-ON_REQUEST = ("model", "damping", "sweep", "modes", "map", "optimise", "sizing")
+ON_REQUEST = ("model", "damping", "sweep", "modes", "map", "optimise", "robust", "sizing")
 # Tables whose keys are paths of other keys, quoted or as nested tables.
-BY_PATH = ("optimise.bounds", "sizing.amounts")
+BY_PATH = ("optimise.bounds", "sizing.amounts", "robust.scatter", "robust.even")
 
 _NOUNS: Mapping[Kind, tuple[str, str]] = {
     "float": ("a number", ""),
@@ -1004,6 +1004,53 @@ _OPTIMISE = (
 )
 
 
+_ROBUST = (
+    _text(
+        "robust.measure",
+        "what of the objective over the sample is minimised",
+        "quantile",
+        choices=("mean", "quantile"),
+    ),
+    _number(
+        "robust.share",
+        "share of the gears that stays below the quantile",
+        0.95,
+        above=0.0,
+        below=1.0,
+        remedy="It is a share, not a percentage: 0.95 for 95 %",
+    ),
+    _count(
+        "robust.samples",
+        "gears in the sample that is searched with; a power of two",
+        256,
+        at_least=8,
+        at_most=65_536,
+    ),
+    _count(
+        "robust.fresh_samples",
+        "gears in the sample that judges the result; a power of two",
+        1024,
+        at_least=8,
+        at_most=65_536,
+    ),
+    _count("robust.seed", "of the samples; the fresh ones have the next one", 0, at_least=0),
+    _number(
+        "robust.accuracy_grade",
+        "ISO 1328-1 class whose profile, helix and pitch deviations both gears have at random; "
+        "left out: none",
+        at_least=1.0,
+        at_most=11.0,
+        remedy="Classes of ISO 1328-1:2013 lie between 1 and 11",
+    ),
+    _number(
+        "robust.tolerance_deviations",
+        "standard deviations of these that fit into their tolerance",
+        3.0,
+        above=0.0,
+        at_most=10.0,
+    ),
+)
+
 _SIZING = (
     Key("sizing.torques_Nm", "floats", "pinion torques; default: that of the pair", **_TORQUES),
     Key("sizing.symmetric", "bool", "pinion and wheel get the same amounts", True),
@@ -1037,6 +1084,18 @@ def _amounts(key: Key) -> Key:
     )
 
 
+def _scatter(key: Key, table: str, doc: str) -> Key:
+    """Return the key of a table of [robust] that says how much a number, or an entry, scatters."""
+    path = f"{key.path}[]" if key.kind == "floats" else key.path
+    return Key(
+        f"{table}.{path}",
+        "float",
+        f"{doc} of {path}",
+        above=0.0,
+        remedy="Leave the key out where nothing scatters",
+    )
+
+
 _PLAIN = (
     *_GENERAL,
     *_PAIR,
@@ -1048,6 +1107,7 @@ _PLAIN = (
     *_PROBES,
     *_MAP,
     *_OPTIMISE,
+    *_ROBUST,
     *_SIZING,
 )
 
@@ -1060,7 +1120,14 @@ REAL_KEYS: tuple[str, ...] = tuple(
 )
 
 KEYS: Mapping[str, Key] = {
-    key.path: key for key in (*_PLAIN, *map(_bounds, _REAL), *map(_amounts, _SIZED))
+    key.path: key
+    for key in (
+        *_PLAIN,
+        *map(_bounds, _REAL),
+        *map(_amounts, _SIZED),
+        *(_scatter(key, "robust.scatter", "standard deviation") for key in _REAL),
+        *(_scatter(key, "robust.even", "half width of the even scatter") for key in _REAL),
+    )
 }
 
 

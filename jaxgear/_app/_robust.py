@@ -1,0 +1,770 @@
+"""What [robust] asks for: an optimum for gears as they are made, and how it was judged.
+
+The sample is drawn once. What scatters without a variable's say, such as the torque's stiffness of
+the teeth, is prepared once for each gear of it; a search then solves contact alone.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+import optimise
+from jaxgear._app._design import LIMITED, DesignSpace, limits_of, objective_of, twin
+from jaxgear._app._model import flanks_of, model_of
+from jaxgear._app._scatter_checks import scattered_key
+from jaxgear._app._scene import Scene
+from jaxgear._app._schema import GEARS, KEYS, general, show, split_entry
+from jaxgear._app._statics import SolverFailure, Statics, torques_of
+from jaxgear._checks import InputError
+from jaxgear._contact._cells import Misalignment
+from jaxgear._flank._deviations import (
+    Flanks,
+    HelixSlope,
+    ProfileSlope,
+    ProfileWaviness,
+    Superposed,
+)
+from jaxgear._flank._indexing import Indexing
+from jaxgear._flank._tolerances import flank_tolerances
+from jaxgear._geometry._lines import MeshGrid
+from jaxgear._geometry._pair import GearPair
+from jaxgear._interface._laws import AbstractContactLaw, ExactContact, SmoothContact
+from jaxgear._solve._cycle import PreparedMesh, corrected_cycle, prepare_mesh
+from jaxgear._system._model import PairModel
+from jaxgear._types import Reals, Scalar
+from jaxgear._units import um
+
+_TORQUE = "pair.torque_pinion_Nm"
+_INCLINATION = "pair.misalignment_inclination_um"
+_DEVIATION = "pair.misalignment_deviation_um"
+# They change no prepared mesh; flanks do not either.
+_ALIGNMENT = (_INCLINATION, _DEVIATION)
+
+# Amounts of material: a scatter may leave some standing where none was to be removed.
+_AMOUNTS = ("depth_um", "crowning_um", "profile_crowning_um", "elliptical_crowning_um")
+
+
+class Tolerated(NamedTuple):
+    """One random deviation of a tolerance class.
+
+    **Fields:**
+
+    - `gear`: 0 is the pinion, 1 the wheel.
+    - `kind`: `profile slope`, `profile form`, `helix slope` or `pitch`.
+    - `tooth`: the tooth whose pitch it is, or -1.
+    """
+
+    gear: int
+    kind: str
+    tooth: int = -1
+
+
+class Scatter(eqx.Module):
+    """What scatters about a design, in file units.
+
+    **Fields:**
+
+    - `space`: the variables.
+    - `keys`: of the scene, that scatter; the first of the quantities.
+    - `tolerated`: deviations of a tolerance class; the rest of them.
+    - `quantities`: how much each scatters, about zero, in the unit of its key or in um.
+    """
+
+    space: DesignSpace
+    keys: tuple[str, ...] = eqx.field(static=True)
+    tolerated: tuple[Tolerated, ...] = eqx.field(static=True)
+    quantities: tuple[optimise.Quantity, ...] = eqx.field(static=True)
+
+    @property
+    def _light(self) -> bool:
+        """Whether gears of the sample differ in flanks, alignment and torque alone."""
+        own = (*_ALIGNMENT, _TORQUE)
+        only = all(key.startswith("flank.") or key in own for key in self.keys)
+        return self.space.flanks_only and only
+
+    @property
+    def same_mesh(self) -> bool:
+        """Whether all gears of the sample share one prepared mesh for each torque."""
+        return self._light and _TORQUE not in self.keys
+
+    @property
+    def same_lines(self) -> bool:
+        """Whether what scatters leaves the contact lines where they are."""
+        mounts = (".shaft.", ".support.", ".material.")
+        own = (*_ALIGNMENT, _TORQUE)
+        return all(
+            key.startswith(("flank.", "material.", "mesh."))
+            or key in own
+            or any(mount in key for mount in mounts)
+            for key in self.keys
+        )
+
+    def model(self, values: Reals, drawn: Reals, torque: Scalar) -> PairModel:
+        """The model of one gear of the sample; traceable by JAX.
+
+        **Arguments:**
+
+        - `values`: of the variables, in the units of their keys.
+        - `drawn`: the deviations of one gear of the sample.
+        - `torque`: on the pinion, about which it may scatter [N m].
+        """
+        scene, base = self.space.scene, self.space.base
+        by = dict(zip(self.keys, drawn, strict=False))
+        torque = torque + by.pop(_TORQUE, 0.0)
+        updates = self.space.updates(values)
+        updates |= {key: updates.get(key, scene[key]) + more for key, more in by.items()}
+        scene = scene.replace(updates)
+        if self._light:
+            alignment = Misalignment(*(scene[key] * um for key in _ALIGNMENT))
+            model = eqx.tree_at(
+                lambda m: (m.flanks, m.misalignment), base, (flanks_of(scene, base.pair), alignment)
+            )
+        else:
+            model = model_of(scene)
+        flanks = _deviated(scene, model, self.tolerated, drawn[len(self.keys) :])
+        return eqx.tree_at(lambda m: (m.flanks, m.torque), model, (flanks, torque))
+
+
+def _deviated(
+    scene: Scene, model: PairModel, tolerated: Sequence[Tolerated], drawn: Reals
+) -> Flanks:
+    """The flanks of a model with deviations of a tolerance class added, in um."""
+    flanks = [model.flanks.pinion, model.flanks.wheel]
+    indexing = [model.flanks.pinion_indexing, model.flanks.wheel_indexing]
+    for (gear, kind, tooth), amount in zip(tolerated, drawn, strict=True):
+        if kind == "pitch":
+            indexing[gear] = _out_of_place(model.pair, gear, indexing[gear], tooth, amount * um)
+            continue
+        match kind:
+            case "profile slope":
+                more = ProfileSlope(amount * um)
+            case "helix slope":
+                more = HelixSlope(amount * um)
+            case _:
+                waves = float(scene[f"flank.{GEARS[gear]}.accuracy_waves"])
+                # A cosine of whole waves has no slope, and no mean.
+                more = ProfileWaviness(amount * um, waves, 0.5 * np.pi)
+        flanks[gear] = Superposed((flanks[gear], more))
+    return Flanks(*flanks, *indexing)
+
+
+def _out_of_place(
+    pair: GearPair, gear: int, indexing: Indexing | None, tooth: int, amount: Scalar
+) -> Indexing:
+    teeth = (pair.pinion, pair.wheel)[gear].teeth
+    indexing = Indexing() if indexing is None else indexing
+    error = jnp.broadcast_to(indexing.pitch_error, (teeth,)).at[tooth].add(amount)
+    return eqx.tree_at(lambda i: i.pitch_error, indexing, error)
+
+
+def scatter_of(space: DesignSpace, statics: Statics) -> Scatter:
+    """What a scene's [robust] lets scatter.
+
+    **Arguments:**
+
+    - `space`: the variables of its [optimise].
+    - `statics`: of the scene, whose teeth in mesh may be out of place.
+
+    **Returns:**
+
+    The scatter.
+
+    **Raises:**
+
+    - `InputError` if a key has no effect, or its values would leave their range.
+    """
+    scene, paths = space.scene, {}
+    for path, value in scene.values.items():
+        if key := scattered_key(path):
+            paths[key] = path, float(value), path.startswith("robust.even.")
+    dead = [key for key in paths if key not in scene.real_keys() or key == "mesh.smoothing_um"]
+    if dead:
+        raise InputError(
+            f"[robust] lets {', '.join(dead)} scatter, on which no objective depends: the "
+            "smoothing width belongs to the method, and a stiffness counts only if mesh.stiffness "
+            "uses it. Remove it."
+        )
+    named = [
+        optimise.Quantity(key, 0.0, value / np.sqrt(3.0) if even else value, even)
+        for key, (_, value, even) in paths.items()
+    ]
+    tolerated = _tolerated(scene, statics)
+    found = Scatter(
+        space=space,
+        keys=tuple(paths),
+        tolerated=tuple(each for each, _ in tolerated),
+        quantities=(*named, *(quantity for _, quantity in tolerated)),
+    )
+    _require_range(found, {key: path for key, (path, *_) in paths.items()})
+    return found
+
+
+def _tolerated(scene: Scene, statics: Statics) -> list[tuple[Tolerated, optimise.Quantity]]:
+    """The deviations of a tolerance class along the flank normal, as many as act."""
+    grade = scene.get("robust.accuracy_grade")
+    if grade is None:
+        return []
+    pair, found = statics.model.pair, []
+    # Tolerances hold in the transverse plane, and along an arc; see `deviation_of_grade`.
+    normal = float(jnp.cos(pair.base_helix_angle))
+    along_arc = float(jnp.cos(pair.pressure_angle) * jnp.cos(pair.helix_angle))
+    for gear, name in enumerate(GEARS):
+        allowed = flank_tolerances(pair, gear, grade)
+        amounts = [
+            (Tolerated(gear, "profile slope"), normal * allowed.profile_slope),
+            # A wave's amplitude is half of what it spans.
+            (Tolerated(gear, "profile form"), 0.5 * normal * allowed.profile_form),
+            (Tolerated(gear, "helix slope"), normal * allowed.helix_slope),
+        ]
+        if scene["mesh.periods"] > 1:
+            # A single pitch is the difference of two teeth that are out of place independently.
+            place = along_arc * allowed.single_pitch / np.sqrt(2.0)
+            count = (pair.pinion, pair.wheel)[gear].teeth
+            teeth = np.unique(np.asarray(statics.cycle.cells.lines.tooth) % count)
+            amounts += [(Tolerated(gear, "pitch", int(tooth)), place) for tooth in teeth]
+        for each, most in amounts:
+            label = f"{name} {each.kind}" + (f" of tooth {each.tooth}" if each.tooth >= 0 else "")
+            share = float(most) / um / scene["robust.tolerance_deviations"]
+            found.append((each, optimise.Quantity(label, 0.0, share)))
+    return found
+
+
+def _require_range(scatter: Scatter, paths: dict[str, str]) -> None:
+    """Refuse a scatter that leaves the range of its key, as a torque below zero."""
+    scene, space = scatter.space.scene, scatter.space
+    every = np.concatenate(_samples(scatter))
+    for column, (key, path) in enumerate(paths.items()):
+        rule = KEYS[general(split_entry(key)[0])]
+        least, most = float(every[:, column].min()), float(every[:, column].max())
+        own = [own for own in (key, twin(key)) if own in space.keys]
+        if key.startswith("flank.") and key.rpartition(".")[2] in _AMOUNTS:
+            continue
+        if own and (own[0] == key or space.symmetric):
+            place = space.keys.index(own[0])
+            low, high = float(space.box.lower[place]), float(space.box.upper[place])
+            what, remedy = f"between its bounds {low:g} and {high:g}", "narrow [optimise.bounds]"
+        elif key == _TORQUE:
+            torques = torques_of(scene, "optimise.torques_Nm")
+            low, high = float(min(torques)), float(max(torques))
+            what, remedy = f"{low:g} at the least", "raise the torque"
+        else:
+            low = high = float(scene[key])
+            what, remedy = f"{low:g}", "change it"
+        if not _allowed(rule, low + least) or not _allowed(rule, high + most):
+            worst = low + least if not _allowed(rule, low + least) else high + most
+            raise InputError(
+                f"{path} ({scene.where(path)}) is {show(scene[path])}: with {key} {what}, a gear "
+                f"of the sample has {worst:.4g}, but it must be {rule.allowed}. Take a smaller "
+                f"deviation, {remedy}, or use [robust.even], whose band has ends."
+            )
+
+
+def _allowed(rule: Any, value: float) -> bool:
+    return (
+        (rule.above is None or value > rule.above)
+        and (rule.at_least is None or value >= rule.at_least)
+        and (rule.below is None or value < rule.below)
+        and (rule.at_most is None or value <= rule.at_most)
+    )
+
+
+def _samples(scatter: Scatter) -> tuple[np.ndarray, np.ndarray]:
+    """The sample to search with, and the fresh one."""
+    scene, seed = scatter.space.scene, scatter.space.scene["robust.seed"]
+    return (
+        optimise.scattered(scatter.quantities, scene["robust.samples"], seed),
+        optimise.scattered(scatter.quantities, scene["robust.fresh_samples"], seed + 1),
+    )
+
+
+def judge_of(
+    scatter: Scatter, grid: MeshGrid, law: AbstractContactLaw
+) -> Callable[[Reals, Reals, PreparedMesh | None], Reals]:
+    """The objective and the responses that have limits, of one gear of a sample.
+
+    **Arguments:**
+
+    - `scatter`: about the design.
+    - `grid`: phases, lines and slices.
+    - `law`: contact law.
+
+    **Returns:**
+
+    A function of the variables, the deviations, and the prepared meshes or `None`, over all
+    torques of the scene; NaN where a cycle was not solved.
+    """
+    scene = scatter.space.scene
+    torques = jnp.asarray(torques_of(scene, "optimise.torques_Nm"))
+    parts = (
+        objective_of(scene, grid)[0],
+        *(LIMITED[limit.name]() for limit in limits_of(scene)),
+    )
+    worst = scene["optimise.over"] == "worst"
+
+    def judge(values: Reals, drawn: Reals, prepared: PreparedMesh | None) -> Reals:
+        def at_torque(torque: Scalar, mesh: PreparedMesh | None) -> Reals:
+            model = scatter.model(values, drawn, torque)
+            mesh = prepare_mesh(model, grid) if mesh is None else mesh
+            cycle = corrected_cycle(mesh, model, law=law)
+            found = jnp.stack([part(model, cycle, law) for part in parts])
+            return jnp.where(jnp.all(cycle.converged), found, jnp.nan)
+
+        found = jax.lax.map(lambda both: at_torque(*both), (torques, prepared))
+        first = jnp.max(found[:, 0]) if worst else jnp.mean(found[:, 0])
+        return jnp.concatenate([first[None], jnp.max(found[:, 1:], axis=0)])
+
+    return judge
+
+
+def members_of(
+    scatter: Scatter, samples: np.ndarray, grid: MeshGrid, prepared: PreparedMesh | None
+) -> optimise.Population:
+    """The gears of a sample, with all that no variable changes.
+
+    **Arguments:**
+
+    - `scatter`: about the design.
+    - `samples`: deviations, `[gear, quantity]`.
+    - `grid`: phases, lines and slices.
+    - `prepared`: the meshes of the nominal gears at the scene's torques, where the variables
+        leave them as they are.
+
+    **Returns:**
+
+    The population.
+    """
+    space = scatter.space
+    nothing = jax.tree.map(lambda leaf: None, prepared)
+    if scatter.same_mesh or not space.flanks_only:
+        # Either all have one mesh, or each evaluation prepares its own.
+        return optimise.Population(jnp.asarray(samples), prepared, nothing)
+    torques = jnp.asarray(torques_of(space.scene, "optimise.torques_Nm"))
+    start = jnp.asarray(space.start)
+
+    def prepare(drawn: Reals) -> PreparedMesh:
+        at = lambda torque: prepare_mesh(scatter.model(start, drawn, torque), grid)
+        return jax.lax.map(at, torques)
+
+    return optimise.population(prepare, samples)
+
+
+# Of the scatter of an objective, the width over which its quantile is smoothed: the spread of the
+# sample grows by 1.6 %.
+_WIDTH = 0.1
+# A quantity that moves the objective by less than this, relatively, has no effect.
+_NOTHING = 1e-9
+
+
+class Judged(NamedTuple):
+    """A design in gears as they are made, with exact contact.
+
+    **Fields:**
+
+    - `point`: values of the variables, in the units of their keys.
+    - `fresh`: objective in each gear of the fresh sample, in its own unit.
+    - `limited`: responses that have limits, `[gear, limit]`, in the unit of each.
+    - `at_means`: objective of the gear without deviations.
+    - `influence`: of each quantity.
+    """
+
+    point: np.ndarray
+    fresh: np.ndarray
+    limited: np.ndarray
+    at_means: float
+    influence: optimise.Influence
+
+
+class Hardened(NamedTuple):
+    """Nominal and robust optimum, judged alike.
+
+    **Fields:**
+
+    - `scatter`: for which the robust one was made.
+    - `nominal`, `robust`: the designs.
+    - `found`: the search.
+    - `method`: its name.
+    - `widths`: of the smooth quantiles of the objective and of each limited response.
+    - `began`: the smooth measure of the nominal optimum over the sample searched with.
+    - `seconds`: of the search, with compiling [s].
+    - `prepare_s`: of preparing what no variable changes [s].
+    """
+
+    scatter: Scatter
+    nominal: Judged
+    robust: Judged
+    found: optimise.SearchResult
+    method: str
+    widths: np.ndarray
+    began: float
+    seconds: float
+    prepare_s: float
+
+
+def hardened(
+    scatter: Scatter,
+    nominal: np.ndarray,
+    grid: MeshGrid,
+    law: SmoothContact,
+    prepared: PreparedMesh | None,
+    watch: optimise.Watcher,
+    file: Path | None = None,
+) -> Hardened:
+    """Make an optimum robust, and judge both on samples that the search has not seen.
+
+    **Arguments:**
+
+    - `scatter`: about the design.
+    - `nominal`: the nominal optimum, from which the search starts.
+    - `grid`: phases, lines and slices.
+    - `law`: contact law of the search; designs are judged with exact contact.
+    - `prepared`: the meshes, where the variables leave them as they are.
+    - `watch`: called after each evaluation.
+    - `file`: keeps the evaluations.
+
+    **Returns:**
+
+    Both designs.
+
+    **Raises:**
+
+    - `InputError` if nothing that scatters changes the objective.
+    - `SolverFailure` if the contact of a gear of the samples was not solved.
+    """
+    scene, space = scatter.space.scene, scatter.space
+    quantities = scatter.quantities
+    samples, fresh = _samples(scatter)
+    moved = optimise.moved_alone(quantities)
+    start = time.perf_counter()
+    # One program judges all of them.
+    every = members_of(scatter, np.concatenate([samples, fresh, moved]), grid, prepared)
+    members = _first(every, len(samples))
+    prepare_s = time.perf_counter() - start
+    exact = jax.jit(lambda x, who: optimise.responses_of(judge_of(scatter, grid, _EXACT), x, who))
+
+    def judged(point: np.ndarray) -> tuple[np.ndarray, Judged]:
+        found = np.asarray(exact(jnp.asarray(point), every))
+        if lost := int(np.sum(~np.isfinite(found).all(axis=1))):
+            raise SolverFailure(
+                f"the contact of {lost} of {len(found)} gears of the samples was not solved. Let "
+                "less scatter, or narrow [optimise.bounds]"
+            )
+        seen, new, alone = np.split(found, np.cumsum([len(samples), len(fresh)]))
+        influence = optimise.ranked(quantities, alone[:, 0])
+        return seen, Judged(point, new[:, 0], new[:, 1:], float(alone[0, 0]), influence)
+
+    seen, before = judged(np.asarray(nominal, dtype=float))
+    if not (acts(before.influence)).any():
+        names = ", ".join(each.name for each in quantities)
+        raise InputError(
+            f"[robust]: nothing that scatters changes the objective, not by its "
+            f"{_NOTHING:g}th part: {names}. Let something else scatter, or remove [robust]."
+        )
+    widths = _WIDTH * seen.std(axis=0)
+    begin = time.perf_counter()
+    both = jax.jit(optimise.measured(judge_of(scatter, grid, law), _measures(scene, widths)))
+    objective = lambda point: both(point, members)
+    began = float(objective(jnp.asarray(before.point))[0][0])
+    method, found = _searched(space, objective, before.point, watch, file)
+    seconds = time.perf_counter() - begin
+    after = judged(np.asarray(found.point))[1]
+    return Hardened(scatter, before, after, found, method, widths, began, seconds, prepare_s)
+
+
+_EXACT = ExactContact()
+
+
+def _first(members: optimise.Population, count: int) -> optimise.Population:
+    cut = lambda tree: jax.tree.map(lambda leaf: leaf[:count], tree)
+    return optimise.Population(cut(members.deviations), members.shared, cut(members.own))
+
+
+def acts(influence: optimise.Influence) -> np.ndarray:
+    """Which quantities of an influence change anything.
+
+    **Arguments:**
+
+    - `influence`: on one design.
+    """
+    span = np.maximum(
+        abs(influence.low - influence.nominal), abs(influence.high - influence.nominal)
+    )
+    return span > _NOTHING * max(abs(influence.nominal), 1e-300)
+
+
+def _measures(scene: Scene, widths: np.ndarray) -> list[optimise.AbstractMeasure]:
+    if scene["robust.measure"] == "mean":
+        return [optimise.Mean() for _ in widths]
+    share = scene["robust.share"]
+    return [optimise.Quantile(share, max(float(width), 1e-12)) for width in widths]
+
+
+def _searched(
+    space: DesignSpace,
+    objective: Callable[[Array], tuple[Array, Array]],
+    start: np.ndarray,
+    watch: optimise.Watcher,
+    file: Path | None,
+) -> tuple[str, optimise.SearchResult]:
+    """Search by the scene's method; a measure of squares is no sum of squares."""
+    scene, limits = space.scene, limits_of(space.scene)
+    settings: Any = dict(
+        most_evaluations=scene["optimise.max_evaluations"], watch=watch, file=file, with_slope=True
+    )
+    if limits:
+        found = optimise.constrained(objective, limits, start, space.box, **settings)
+        return "slsqp", found
+    first: Any = lambda point: tuple(each[0] for each in objective(point))
+    if scene["optimise.method"] == "adam":
+        return "adam", optimise.adam(first, start, space.box, **settings)
+    return "lbfgs", optimise.lbfgs(first, start, space.box, **settings)
+
+
+# Names and units of objectives for a reader. The variance of the transmission error is its own
+# square: a reader sees the RMS.
+_SHOWN = {
+    "te_rms": ("RMS of the transmission error", "um"),
+    "te_peak_to_peak": ("peak to peak of the transmission error", "um"),
+    "max_pressure": ("largest pressure", "MPa"),
+    "face_load_factor": ("face load factor", "-"),
+}
+
+
+def response_of(scene: Scene) -> tuple[str, str]:
+    """Name and unit of the response that a reader sees.
+
+    **Arguments:**
+
+    - `scene`: with [optimise].
+    """
+    return _SHOWN.get(scene.get("optimise.minimise", ""), ("weighted sum", "-"))
+
+
+def shown(scene: Scene, values: np.ndarray) -> np.ndarray:
+    """Values of the objective as a reader sees them: the RMS for a variance.
+
+    **Arguments:**
+
+    - `scene`: with [optimise].
+    - `values`: of its objective, in its own unit.
+    """
+    return np.sqrt(values) if scene.get("optimise.minimise") == "te_rms" else np.asarray(values)
+
+
+def measure_of(scene: Scene, values: np.ndarray) -> float:
+    """The measure of [robust] of a sample of the objective, not smoothed.
+
+    **Arguments:**
+
+    - `scene`: with [robust].
+    - `values`: of its objective.
+    """
+    if scene["robust.measure"] == "mean":
+        return float(np.mean(values))
+    return float(np.quantile(values, scene["robust.share"]))
+
+
+def robust_summary(made: Hardened) -> dict[str, Any]:
+    """Part of the summary: what scattered, both designs on fresh gears, and the search.
+
+    **Arguments:**
+
+    - `made`: from `hardened`.
+
+    **Returns:**
+
+    The part.
+    """
+    scatter, found = made.scatter, made.found
+    space, scene = scatter.space, scatter.space.scene
+    fewer = [measure_of(scene, each.fresh) for each in (made.nominal, made.robust)]
+    return {
+        "measure": scene["robust.measure"],
+        "share": scene["robust.share"],
+        "samples": scene["robust.samples"],
+        "fresh_samples": scene["robust.fresh_samples"],
+        "seed": scene["robust.seed"],
+        "response": response_of(scene)[0],
+        "unit": response_of(scene)[1],
+        "scatter": [
+            {
+                "name": each.name,
+                "unit": unit_of(each.name),
+                "standard_deviation": each.deviation,
+                "half_width": np.sqrt(3.0) * each.deviation if each.even else None,
+            }
+            for each in scatter.quantities
+        ],
+        "variables": {
+            key: float(value) for key, value in space.updates(jnp.asarray(found.point)).items()
+        },
+        "nominal": _on_fresh(scene, made.nominal),
+        "robust": _on_fresh(scene, made.robust),
+        "better": bool(fewer[1] < fewer[0]),
+        "share_of_gears_better": float(np.mean(made.robust.fresh < made.nominal.fresh)),
+        "without_effect": without_effect(made),
+        "method": made.method,
+        "smooth_measure": {"before": made.began, "after": found.value},
+        "quantile_widths": made.widths,
+        "evaluations": found.evaluations,
+        "gradient_evaluations": found.gradient_evaluations,
+        "converged": found.converged,
+        "reason": found.reason,
+        "at_bounds": space.at_bounds(found.point),
+        "prepare_s": made.prepare_s,
+        "seconds_with_compiling": made.seconds,
+    }
+
+
+def _on_fresh(scene: Scene, judged: Judged) -> dict[str, Any]:
+    """One design on fresh gears, in the unit that a reader sees."""
+    values, influence = shown(scene, judged.fresh), judged.influence
+    limited = {
+        limit.name: {
+            "most": limit.most,
+            "measure": measure_of(scene, column),
+            "share_above": float(np.mean(column > limit.most)),
+        }
+        for limit, column in zip(limits_of(scene), judged.limited.T, strict=True)
+    }
+    return {
+        "mean": float(values.mean()),
+        "quantile": float(np.quantile(values, scene["robust.share"])),
+        "largest": float(values.max()),
+        "without_deviations": float(shown(scene, np.asarray(judged.at_means))),
+        "influences": [
+            {"name": name, "low": float(low), "high": float(high)}
+            for name, low, high in zip(
+                influence.names,
+                shown(scene, influence.low),
+                shown(scene, influence.high),
+                strict=True,
+            )
+        ],
+    } | ({"limits": limited} if limited else {})
+
+
+# How far a tornado chart moves each quantity, as `optimise.moved_alone` does unless told.
+_REACH = 2.0
+
+
+def reach_of(
+    made: Hardened,
+) -> tuple[list[str], list[str], dict[str, tuple[float, np.ndarray, np.ndarray]]]:
+    """What a tornado chart draws: names, how far each is moved, and both designs' responses.
+
+    **Arguments:**
+
+    - `made`: from `hardened`.
+
+    **Returns:**
+
+    Names and reaches, the most influential first, and under `nominal` and `robust` the response
+    without deviations, and with each moved down and up.
+    """
+    scene = made.scatter.space.scene
+    given = {each.name: each for each in made.scatter.quantities}
+    ends, span = {}, dict.fromkeys(given, 0.0)
+    for design, judged in (("nominal", made.nominal), ("robust", made.robust)):
+        own = judged.influence
+        middle = float(shown(scene, np.asarray(own.nominal)))
+        low, high = shown(scene, own.low), shown(scene, own.high)
+        ends[design] = middle, dict(zip(own.names, zip(low, high, strict=True), strict=True))
+        for name, (less, more) in ends[design][1].items():
+            span[name] = max(span[name], abs(less - middle), abs(more - middle))
+    names = sorted(given, key=lambda name: -span[name])
+    reach = []
+    for name in names:
+        each = given[name]
+        far = min(_REACH, np.sqrt(3.0)) if each.even else _REACH
+        unit = unit_of(name).replace("um", "µm")
+        reach.append(f"± {far * each.deviation:.3g} {unit}".rstrip())
+    drawn = {
+        design: (middle, *np.asarray([found[name] for name in names]).T)
+        for design, (middle, found) in ends.items()
+    }
+    return names, reach, drawn
+
+
+def unit_of(name: str) -> str:
+    """Unit of what scatters: that of its key, or um of a deviation of a tolerance class.
+
+    **Arguments:**
+
+    - `name`: of the quantity.
+    """
+    key = general(split_entry(name)[0])
+    return KEYS[key].unit if key in KEYS else "um"
+
+
+def without_effect(made: Hardened) -> list[str]:
+    """What scatters and changes the objective of neither design.
+
+    **Arguments:**
+
+    - `made`: from `hardened`.
+    """
+    acting = {
+        name
+        for each in (made.nominal.influence, made.robust.influence)
+        for name, does in zip(each.names, acts(each), strict=True)
+        if does
+    }
+    return [each.name for each in made.scatter.quantities if each.name not in acting]
+
+
+def robust_notes(made: Hardened) -> list[str]:
+    """What a user must hear of a robust optimum.
+
+    **Arguments:**
+
+    - `made`: from `hardened`.
+
+    **Returns:**
+
+    A sentence or two each.
+    """
+    scatter, scene, found = made.scatter, made.scatter.space.scene, []
+    before, after = (measure_of(scene, each.fresh) for each in (made.nominal, made.robust))
+    what, unit = response_of(scene)
+    old, new = (float(shown(scene, np.asarray(value))) for value in (before, after))
+    numbers = (
+        f"on {scene['robust.fresh_samples']} fresh gears the {scene['robust.measure']} of the "
+        f"{what} is {new:.4g} {unit}, that of the nominal optimum {old:.4g} {unit}"
+    )
+    broken = [
+        limit.name
+        for limit, column in zip(limits_of(scene), made.nominal.limited.T, strict=True)
+        if measure_of(scene, column) > limit.most
+    ]
+    if not after < before and broken:
+        found.append(
+            f"The robust optimum pays for its limits: {numbers}, beyond {', '.join(broken)}."
+        )
+    elif not after < before:
+        found.append(
+            f"THE ROBUST OPTIMUM IS NOT BETTER: {numbers}. Keep the nominal one, or raise "
+            "robust.samples."
+        )
+    if idle := without_effect(made):
+        found.append(f"[robust]: {', '.join(idle)} scattered without any effect on the objective.")
+    aimed = {*scatter.space.keys, *map(twin, scatter.space.keys)}
+    tied = [
+        key
+        for key in scatter.keys
+        if scatter.space.symmetric and key in aimed and twin(key) not in scatter.keys
+    ]
+    for key in tied:
+        found.append(
+            f"[robust]: {key} scatters, {twin(key)} does not: optimise.symmetric ties the depths "
+            "that are aimed at, not the errors of two gears. Name both to let both scatter."
+        )
+    if made.found.converged is False:
+        found.append(f"The robust search did not converge: {made.found.reason}.")
+    return found
