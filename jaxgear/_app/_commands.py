@@ -784,7 +784,10 @@ def _optimisation(
     destination = folder / f"{scene['name']}.optimised.toml"
     # Before the search, so that a file that cannot be rewritten does not cost its result.
     _rewrite(scene, {}, destination)
-    scatter = scatter_of(space, before) if scene.has_table("robust") else None
+    scatter = None
+    if scene.has_table("robust"):
+        teeth = np.asarray(before.cycle.cells.lines.tooth)
+        scatter = scatter_of(space, before.model.pair, teeth)
     grid = before.grid
     moving = not space.flanks_only or (scatter is not None and not scatter.same_lines)
     if moving and not scene.bodies:

@@ -4,6 +4,7 @@ The sample is drawn once. What scatters without a variable's say, such as the to
 the teeth, is prepared once for each gear of it; a search then solves contact alone.
 """
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -21,7 +22,7 @@ from jaxgear._app._model import flanks_of, model_of
 from jaxgear._app._scatter_checks import scattered_key
 from jaxgear._app._scene import Scene
 from jaxgear._app._schema import GEARS, KEYS, general, show, split_entry
-from jaxgear._app._statics import SolverFailure, Statics, torques_of
+from jaxgear._app._statics import SolverFailure, torques_of
 from jaxgear._checks import InputError
 from jaxgear._contact._cells import Misalignment
 from jaxgear._flank._deviations import (
@@ -164,13 +165,14 @@ def _out_of_place(
     return eqx.tree_at(lambda i: i.pitch_error, indexing, error)
 
 
-def scatter_of(space: DesignSpace, statics: Statics) -> Scatter:
+def scatter_of(space: DesignSpace, pair: GearPair, teeth: np.ndarray) -> Scatter:
     """What a scene's [robust] lets scatter.
 
     **Arguments:**
 
     - `space`: the variables of its [optimise].
-    - `statics`: of the scene, whose teeth in mesh may be out of place.
+    - `pair`: the gears, for their tolerances.
+    - `teeth`: numbers of the tooth pairs that are in mesh in a cycle.
 
     **Returns:**
 
@@ -192,10 +194,10 @@ def scatter_of(space: DesignSpace, statics: Statics) -> Scatter:
             "uses it. Remove it."
         )
     named = [
-        optimise.Quantity(key, 0.0, value / np.sqrt(3.0) if even else value, even)
+        optimise.Quantity(key, 0.0, value / math.sqrt(3.0) if even else value, even)
         for key, (_, value, even) in paths.items()
     ]
-    tolerated = _tolerated(scene, statics)
+    tolerated = _tolerated(scene, pair, teeth)
     found = Scatter(
         space=space,
         keys=tuple(paths),
@@ -206,12 +208,14 @@ def scatter_of(space: DesignSpace, statics: Statics) -> Scatter:
     return found
 
 
-def _tolerated(scene: Scene, statics: Statics) -> list[tuple[Tolerated, optimise.Quantity]]:
+def _tolerated(
+    scene: Scene, pair: GearPair, teeth: np.ndarray
+) -> list[tuple[Tolerated, optimise.Quantity]]:
     """The deviations of a tolerance class along the flank normal, as many as act."""
     grade = scene.get("robust.accuracy_grade")
     if grade is None:
         return []
-    pair, found = statics.model.pair, []
+    found = []
     # Tolerances hold in the transverse plane, and along an arc; see `deviation_of_grade`.
     normal = float(jnp.cos(pair.base_helix_angle))
     along_arc = float(jnp.cos(pair.pressure_angle) * jnp.cos(pair.helix_angle))
@@ -227,8 +231,7 @@ def _tolerated(scene: Scene, statics: Statics) -> list[tuple[Tolerated, optimise
             # A single pitch is the difference of two teeth that are out of place independently.
             place = along_arc * allowed.single_pitch / np.sqrt(2.0)
             count = (pair.pinion, pair.wheel)[gear].teeth
-            teeth = np.unique(np.asarray(statics.cycle.cells.lines.tooth) % count)
-            amounts += [(Tolerated(gear, "pitch", int(tooth)), place) for tooth in teeth]
+            amounts += [(Tolerated(gear, "pitch", int(t)), place) for t in np.unique(teeth % count)]
         for each, most in amounts:
             label = f"{name} {each.kind}" + (f" of tooth {each.tooth}" if each.tooth >= 0 else "")
             share = float(most) / um / scene["robust.tolerance_deviations"]
@@ -355,9 +358,10 @@ def members_of(
     return optimise.population(prepare, samples)
 
 
-# Of the scatter of an objective, the width over which its quantile is smoothed: the spread of the
-# sample grows by 1.6 %.
-_WIDTH = 0.1
+# Of the scatter of an objective, the width over which its quantile is smoothed. The spread of the
+# sample grows by 6 % with it. Half of it follows single members of 256, and what it gains on them
+# is not there on fresh ones; twice as much is no longer the quantile that was asked for.
+_WIDTH = 0.2
 # A quantity that moves the objective by less than this, relatively, has no effect.
 _NOTHING = 1e-9
 

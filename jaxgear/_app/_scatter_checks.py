@@ -21,13 +21,16 @@ def scattered_key(path: str) -> str:
     return ""
 
 
-def robust_mistakes(values: Mapping[str, object], seen: Set[str]) -> Iterator[tuple[str, str]]:
+def robust_mistakes(
+    values: Mapping[str, object], seen: Set[str], *, faulty: bool
+) -> Iterator[tuple[str, str]]:
     """Yield the path and the message of every mistake.
 
     **Arguments:**
 
     - `values`: of the scene, by path.
     - `seen`: tables and keys that were given.
+    - `faulty`: whether a key of [robust] has been refused already.
     """
     if "optimise" not in seen:
         yield (
@@ -46,8 +49,7 @@ def robust_mistakes(values: Mapping[str, object], seen: Set[str]) -> Iterator[tu
         )
     yield from _counts(values)
     keys = [path for path in values if scattered_key(path)]
-    tried = any(path.startswith(tuple(f"{t}." for t in _TABLES)) for path in seen)
-    if not keys and not tried and "robust.accuracy_grade" not in seen:
+    if not keys and not faulty and "robust.accuracy_grade" not in seen:
         yield (
             "robust",
             "nothing scatters. Give robust.accuracy_grade, or standard deviations such as "

@@ -604,7 +604,8 @@ class _Reading:
                 self.mistake("optimise.minimise", "must have at least one weight > 0")
         self._check_vary(values)
         if "robust" in self.seen:
-            for path, message in robust_mistakes(values, self.seen):
+            faulty = self._has_mistake("robust")
+            for path, message in robust_mistakes(values, self.seen, faulty=faulty):
                 self.mistake(path, message)
             for path in values:
                 key = scattered_key(path)
