@@ -153,7 +153,7 @@ def _deviated(
                 # A cosine of whole waves has no slope, and no mean.
                 more = ProfileWaviness(amount * um, waves, 0.5 * np.pi)
         flanks[gear] = Superposed((flanks[gear], more))
-    return Flanks(*flanks, *indexing)
+    return Flanks(flanks[0], flanks[1], indexing[0], indexing[1])
 
 
 def _out_of_place(
@@ -522,7 +522,8 @@ def _searched(
         most_evaluations=scene["optimise.max_evaluations"], watch=watch, file=file, with_slope=True
     )
     if limits:
-        found = optimise.constrained(objective, limits, start, space.box, **settings)
+        both: Any = objective
+        found = optimise.constrained(both, limits, start, space.box, **settings)
         return "slsqp", found
     first: Any = lambda point: tuple(each[0] for each in objective(point))
     if scene["optimise.method"] == "adam":

@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -70,8 +71,8 @@ def test_a_robust_scene_needs_something_to_optimise(tmp_path):
 
 
 def test_what_a_condensed_body_is_made_from_cannot_scatter():
+    settings = "robust.scatter.pair.module_mm=0.01", f'optimise.vary=["{_DEPTH}"]'
     with pytest.raises(SceneError, match=r"condensed body is made from pair\.module_mm"):
-        settings = "robust.scatter.pair.module_mm=0.01", f'optimise.vary=["{_DEPTH}"]'
         ready_scene("accessory-h1", settings)
 
 
@@ -91,7 +92,7 @@ def test_a_variable_scatters_about_its_value_and_its_twin_by_itself():
     assert_close(band.deviation, 9.0 / 3.0**0.5, rtol=1e-14, atol=0.0)
     assert not depth.even
     model = scatter.model(jnp.array([12.0, 0.25]), jnp.array([1.5, -3.0]), jnp.asarray(80.0))
-    gears = model.flanks.pinion, model.flanks.wheel
+    gears: tuple[Any, Any] = model.flanks.pinion, model.flanks.wheel
     depths = [flank.parts[0].depth / jg.um for flank in gears]
     assert_close(jnp.stack(depths), jnp.array([13.5, 12.0]), rtol=1e-14, atol=0.0)
     assert_close(model.torque, 77.0, rtol=1e-14, atol=0.0)
@@ -113,6 +114,7 @@ def test_a_class_scatters_both_gears_by_its_tolerances():
     assert_close(single, along * float(allowed.single_pitch) / jg.um, rtol=1e-12, atol=0.0)
     drawn = jnp.arange(1.0, 15.0)
     model = scatter.model(jnp.array([12.0, 0.25]), drawn, jnp.asarray(80.0))
+    assert model.flanks.wheel_indexing is not None
     error = model.flanks.wheel_indexing.pitch_error / jg.um
     place = [each.tooth for each in scatter.tolerated if each.gear == 1 and each.kind == "pitch"]
     assert place == [0, 1, 2, 85]
