@@ -6,6 +6,7 @@ Built on the public names of `jaxgear` alone.
 from optimise._baselines import cma_es as cma_es
 from optimise._baselines import differential_evolution as differential_evolution
 from optimise._dynamic_objectives import AbstractResponse as AbstractResponse
+from optimise._dynamic_objectives import BearingForce as BearingForce
 from optimise._dynamic_objectives import DynamicErrorVariance as DynamicErrorVariance
 from optimise._dynamic_objectives import DynamicRatio as DynamicRatio
 from optimise._dynamic_objectives import Judged as Judged
@@ -20,6 +21,7 @@ from optimise._master_curve import traced_curve as traced_curve
 from optimise._objectives import AbstractObjective as AbstractObjective
 from optimise._objectives import FaceLoadFactor as FaceLoadFactor
 from optimise._objectives import LargestPressure as LargestPressure
+from optimise._objectives import TransmissionErrorHarmonics as TransmissionErrorHarmonics
 from optimise._objectives import TransmissionErrorRange as TransmissionErrorRange
 from optimise._objectives import TransmissionErrorRms as TransmissionErrorRms
 from optimise._objectives import TransmissionErrorVariance as TransmissionErrorVariance
@@ -31,7 +33,10 @@ from optimise._objectives import responses_over_torques as responses_over_torque
 from optimise._record import Box as Box
 from optimise._record import Record as Record
 from optimise._record import SearchResult as SearchResult
+from optimise._record import Sloped as Sloped
 from optimise._record import Watcher as Watcher
+from optimise._record import with_gradient as with_gradient
+from optimise._record import with_jacobian as with_jacobian
 from optimise._robust import AbstractMeasure as AbstractMeasure
 from optimise._robust import Influence as Influence
 from optimise._robust import Mean as Mean
@@ -52,5 +57,7 @@ from optimise._search import constrained as constrained
 from optimise._search import lbfgs as lbfgs
 from optimise._search import least_squares as least_squares
 from optimise._strategies import annealed as annealed
+from optimise._strategies import inactive as inactive
+from optimise._strategies import joined as joined
 from optimise._strategies import multi_start as multi_start
 from optimise._strategies import sobol as sobol

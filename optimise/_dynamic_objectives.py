@@ -54,6 +54,26 @@ class DynamicErrorVariance(AbstractResponse):
         return jg.orbit_variance(dynamics.system, error) / jg.um**2
 
 
+class BearingForce(AbstractResponse):
+    """What shakes the housing: RMS of the bearings' forces about their means, in N.
+
+    The squares of all bearings, along S, T and Z, are summed: no bearing's share can hide.
+
+    **Fields:**
+
+    - `width`: value where nothing shakes, where the RMS itself has a cone [N].
+    """
+
+    width: Float[Array, ""] = eqx.field(converter=as_scalar, default=1.0)
+
+    def __call__(self, dynamics: jg.PairDynamics, orbit: jg.Orbit) -> Float[Array, ""]:
+        """Return the rounded RMS [N]."""
+        force = jg.bearing_loads(dynamics, orbit)[:, :, :3]
+        swing = force - jg.orbit_mean(dynamics.system, force)[None]
+        square = jnp.sum(swing**2, axis=(1, 2))
+        return jnp.sqrt(jg.orbit_mean(dynamics.system, square) + self.width**2)
+
+
 class Judged(eqx.Module):
     """A number at each speed, and which of them count.
 

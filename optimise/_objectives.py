@@ -85,6 +85,36 @@ class TransmissionErrorRms(AbstractObjective):
         return jnp.sqrt(jg.cycle_variance(cycle, error) + self.width**2) / jg.um
 
 
+class TransmissionErrorHarmonics(AbstractObjective):
+    r"""Chosen mesh harmonics of the transmission error: $\frac12\sum_k A_k^2$, in um2.
+
+    It is their part of the variance: that of all harmonics is the whole.
+
+    **Fields:**
+
+    - `orders`: the harmonics of the mesh frequency, from 1.
+    """
+
+    orders: tuple[int, ...] = eqx.field(static=True)
+
+    def __check_init__(self):
+        if not self.orders or min(self.orders) < 1:
+            raise ValueError(f"`orders` must be harmonics from 1, got {self.orders}.")
+
+    def __call__(
+        self, model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw
+    ) -> Float[Array, ""]:
+        """Return their part of the variance [um2]."""
+        del law
+        lines = cycle.cells.lines
+        error = jg.transmission_error(model.pair, cycle)
+        weighted = lines.weight * (error - jg.cycle_mean(cycle, error)) / jg.um
+        angle = 2.0 * jnp.pi * jnp.asarray(self.orders, float)[:, None] * lines.phase[None, :]
+        # Cosine and sine parts of each, half an amplitude long: smooth where one vanishes.
+        halves = jnp.stack([jnp.cos(angle), jnp.sin(angle)]) @ weighted
+        return 2.0 * jnp.sum(halves**2)
+
+
 class TransmissionErrorRange(AbstractObjective):
     """Peak to peak of the transmission error, in um, smoothed.
 

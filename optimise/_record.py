@@ -16,6 +16,66 @@ Residuals = Callable[[Float[Array, " variable"]], Float[Array, " residual"]]
 Watcher = Callable[[np.ndarray, float], None]
 
 
+class Sloped:
+    """A function that returns its values and their derivatives, in one compiled call.
+
+    Searches take one in place of a function: what was looked at before is not compiled again.
+    """
+
+    def __init__(self, both: Callable[..., tuple[Array, Array]]):
+        """Mark a function as one that is compiled, and returns derivatives.
+
+        **Arguments:**
+
+        - `both`: of a point, and of what else it takes; values, and derivatives with an axis more,
+            of the variables.
+        """
+        self._both = both
+
+    def __call__(self, point: Array, *others: Array) -> tuple[Array, Array]:
+        """Values and derivatives at a point."""
+        return self._both(point, *others)
+
+    def at(self, *others: Array) -> "Sloped":
+        """The function of a point alone, all else given."""
+        return Sloped(lambda point: self._both(point, *others))
+
+
+def with_gradient(objective: Callable[..., Array] | Sloped) -> Sloped:
+    """An objective with its gradient, in reverse.
+
+    **Arguments:**
+
+    - `objective`: of a point, and of what else it takes, traceable by JAX; one that has its
+        gradient already stays as it is.
+
+    **Returns:**
+
+    The function of the same.
+    """
+    if isinstance(objective, Sloped):
+        return objective
+    return Sloped(jax.jit(jax.value_and_grad(objective)))
+
+
+def with_jacobian(function: Callable[..., Array] | Sloped) -> Sloped:
+    """Several values and the derivatives of each, `[value, variable]`, forward in one pass.
+
+    **Arguments:**
+
+    - `function`: of a point, and of what else it takes, traceable by JAX; one that has its
+        derivatives already stays as it is.
+
+    **Returns:**
+
+    The function of the same.
+    """
+    if isinstance(function, Sloped):
+        return function
+    both = jax.jit(jax.jacfwd(lambda *x: (function(*x),) * 2, has_aux=True))
+    return Sloped(lambda *x: both(*x)[::-1])
+
+
 class Box(eqx.Module):
     """Bounds of the variables; they are also their scales.
 

@@ -1,7 +1,7 @@
 """Searches within a box by gradient. All count whole evaluations, and keep them."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,19 +11,24 @@ import numpy as np
 import optax
 import scipy.optimize
 
-from optimise._record import Box, Objective, Record, Residuals, SearchResult, Watcher
-
-
-def _slopes(objective: Callable, with_slope: bool) -> Callable:
-    return objective if with_slope else jax.jit(jax.value_and_grad(objective))
-
+from optimise._record import (
+    Box,
+    Objective,
+    Record,
+    Residuals,
+    SearchResult,
+    Sloped,
+    Watcher,
+    with_gradient,
+    with_jacobian,
+)
 
 # L-BFGS-B knows no scale before its first step, and makes it of length one: in these units.
 _FIRST_STEP = 0.1
 
 
 def lbfgs(
-    objective: Objective,
+    objective: Objective | Sloped,
     start: np.ndarray,
     box: Box,
     *,
@@ -31,7 +36,6 @@ def lbfgs(
     tolerance: float = 1e-6,
     watch: Watcher | None = None,
     file: Path | None = None,
-    with_slope: bool = False,
 ) -> SearchResult:
     """Minimise by SciPy's L-BFGS-B, with gradients from JAX.
 
@@ -44,7 +48,6 @@ def lbfgs(
     - `tolerance`: on the largest slope in the unit cube; a thousandth of it on relative progress.
     - `watch`: called after each evaluation.
     - `file`: keeps the evaluations, and has those of a search that was stopped: see `Record`.
-    - `with_slope`: whether `objective` returns its gradient too, and is compiled already.
 
     **Returns:**
 
@@ -55,7 +58,7 @@ def lbfgs(
     - `FloatingPointError` if the objective or its gradient is not finite.
     - `ValueError` if the file is of a search in another box.
     """
-    record = Record(_slopes(objective, with_slope), box, watch, file)
+    record = Record(with_gradient(objective), box, watch, file)
 
     def stretched(place: np.ndarray) -> tuple[float, np.ndarray]:
         value, slope = record(place * _FIRST_STEP)
@@ -77,7 +80,7 @@ def lbfgs(
 
 
 def adam(
-    objective: Objective,
+    objective: Objective | Sloped,
     start: np.ndarray,
     box: Box,
     *,
@@ -86,7 +89,6 @@ def adam(
     tolerance: float = 1e-4,
     watch: Watcher | None = None,
     file: Path | None = None,
-    with_slope: bool = False,
 ) -> SearchResult:
     """Minimise by optax's Adam, projected onto the box, with a cosine schedule.
 
@@ -100,7 +102,6 @@ def adam(
     - `tolerance`: the search has converged if its last tenth moved less than this [unit cubes].
     - `watch`: called after each evaluation.
     - `file`: keeps the evaluations, and has those of a search that was stopped: see `Record`.
-    - `with_slope`: whether `objective` returns its gradient too, and is compiled already.
 
     **Returns:**
 
@@ -111,7 +112,7 @@ def adam(
     - `FloatingPointError` if the objective or its gradient is not finite.
     - `ValueError` if the file is of a search in another box.
     """
-    record = Record(_slopes(objective, with_slope), box, watch, file)
+    record = Record(with_gradient(objective), box, watch, file)
     optimiser = optax.adam(optax.cosine_decay_schedule(learning_rate, most_evaluations))
     unit = jnp.asarray(box.to_unit(np.asarray(start, float)))
     state = optimiser.init(unit)
@@ -131,7 +132,7 @@ def adam(
 
 
 def least_squares(
-    residuals: Residuals,
+    residuals: Residuals | Sloped,
     start: np.ndarray,
     box: Box,
     *,
@@ -167,7 +168,7 @@ def least_squares(
     """
     told = None if watch is None else lambda point, _: watch(point, squares(record.values[-1]))
     squares = lambda values: float(np.sum(values**2))
-    record = Record(_jacobian(residuals), box, told, file)
+    record = Record(with_jacobian(residuals), box, told, file)
     count = len(start)
     # SciPy's own annotations know no function here.
     slopes: Any = lambda unit: record(unit)[1]
@@ -206,7 +207,7 @@ _KEPT = 1e-4
 
 
 def constrained(
-    responses: Residuals,
+    responses: Residuals | Sloped,
     limits: Sequence[Limit],
     start: np.ndarray,
     box: Box,
@@ -215,7 +216,6 @@ def constrained(
     tolerance: float = 1e-6,
     watch: Watcher | None = None,
     file: Path | None = None,
-    with_slope: bool = False,
 ) -> SearchResult:
     """Minimise a response while others stay below limits, by SciPy's SLSQP.
 
@@ -229,7 +229,6 @@ def constrained(
     - `tolerance`: on relative progress [-].
     - `watch`: called after each evaluation.
     - `file`: keeps the evaluations: see `Record`.
-    - `with_slope`: whether `responses` returns their Jacobian too, and is compiled already.
 
     **Returns:**
 
@@ -241,7 +240,7 @@ def constrained(
     - `FloatingPointError` if a response or its gradient is not finite.
     - `ValueError` if the file is of a search in another box.
     """
-    record = Record(responses if with_slope else _jacobian(responses), box, watch, file)
+    record = Record(with_jacobian(responses), box, watch, file)
     most, scale = (np.asarray([getattr(each, k) for each in limits]) for k in ("most", "scale"))
     below = lambda unit: (most - record(unit)[0][1:]) / scale
 
@@ -289,9 +288,3 @@ def constrained(
     return dataclasses.replace(
         found, value=float(values[best, 0]), values=values[:, 0], reason=reason
     )
-
-
-def _jacobian(function: Residuals) -> Callable:
-    """Several values and the derivatives of each, `[value, variable]`, in one pass."""
-    both = jax.jit(jax.jacfwd(lambda x: (function(x),) * 2, has_aux=True))
-    return lambda point: both(point)[::-1]

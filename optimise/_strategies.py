@@ -1,17 +1,16 @@
 """Several searches in a row: from many starts, and with a width that falls."""
 
 import dataclasses
-import functools
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.stats
 from jaxtyping import Array, Float
 
-from optimise._record import Box, Objective, SearchResult, batched
+from optimise._record import Box, Objective, SearchResult, Sloped, batched, with_gradient
 from optimise._search import lbfgs
 
 Search = Callable[..., SearchResult]
@@ -94,12 +93,13 @@ def sobol(dimension: int, count: int, seed: int) -> np.ndarray:
 
 
 def annealed(
-    objective: Callable[[Float[Array, " variable"], Float[Array, ""]], Float[Array, ""]],
+    objective: Callable[[Float[Array, " variable"], Float[Array, ""]], Float[Array, ""]] | Sloped,
     widths: Sequence[float],
     start: np.ndarray,
     box: Box,
     *,
     search: Search = lbfgs,
+    file: Path | None = None,
     **settings: Any,
 ) -> SearchResult:
     """Search with a smoothing width that falls, from each optimum on to the next.
@@ -108,11 +108,12 @@ def annealed(
 
     **Arguments:**
 
-    - `objective`: of a point and a width, traceable by JAX.
+    - `objective`: of a point and a width, traceable by JAX; with its gradient or without.
     - `widths`: one after the other, in the unit that the objective takes.
     - `start`: first point; moved into the box.
     - `box`: bounds.
-    - `search`: one that takes objectives with their gradient, `lbfgs` or `adam`.
+    - `search`: that uses the gradient, `lbfgs` or `adam`.
+    - `file`: as of the search; each width has its own, its number before the suffix.
     - `settings`: of the search.
 
     **Returns:**
@@ -126,20 +127,82 @@ def annealed(
     """
     if not len(widths):
         raise ValueError("`annealed` needs one width at least, got none.")
-    compiled = jax.jit(jax.value_and_grad(objective))
+    sloped = with_gradient(objective)
     found: list[SearchResult] = []
-    for width in widths:
-        at_width = functools.partial(_swapped, compiled, jnp.asarray(float(width)))
-        found.append(search(at_width, start, box, with_slope=True, **settings))
+    for number, width in enumerate(widths):
+        at_width = sloped.at(jnp.asarray(float(width)))
+        own = None if file is None else file.with_suffix(f".{number}{file.suffix}")
+        found.append(search(at_width, start, box, file=own, **settings))
         start = found[-1].point
+    return joined(found[-1], *found[:-1])
+
+
+def joined(best: SearchResult, *others: SearchResult) -> SearchResult:
+    """A result with the counts and the record of others before it.
+
+    **Arguments:**
+
+    - `best`: whose point and reason count.
+    - `others`: searches before.
+
+    **Returns:**
+
+    The result.
+    """
+    every = (*others, best)
     return dataclasses.replace(
-        found[-1],
-        evaluations=sum(each.evaluations for each in found),
-        gradient_evaluations=sum(each.gradient_evaluations for each in found),
-        path=np.concatenate([each.path for each in found]),
-        values=np.concatenate([each.values for each in found]),
+        best,
+        evaluations=sum(each.evaluations for each in every),
+        gradient_evaluations=sum(each.gradient_evaluations for each in every),
+        path=np.concatenate([each.path for each in every]),
+        values=np.concatenate([each.values for each in every]),
     )
 
 
-def _swapped(function: Callable, second: Array, first: Array) -> Any:
-    return function(first, second)
+def inactive(
+    function: Sloped, start: np.ndarray, box: Box, *, places: int = 4, seed: int = 0
+) -> tuple[int, ...]:
+    """Variables that change nothing: whose derivatives vanish wherever they are looked at.
+
+    Where all act at the start, nothing else is evaluated.
+
+    **Arguments:**
+
+    - `function`: values and derivatives.
+    - `start`: first point.
+    - `box`: bounds.
+    - `places`: of Sobol's sequence to look at too, a power of two.
+    - `seed`: of the scrambling.
+
+    **Returns:**
+
+    Their places among the variables; empty if all of them act.
+
+    **Raises:**
+
+    - `FloatingPointError` if a value or a derivative is not finite at the start.
+    """
+    span = box.upper - box.lower
+
+    def changes(point: np.ndarray) -> tuple[np.ndarray, float]:
+        value, slope = (np.asarray(each) for each in function(jnp.asarray(point)))
+        by_variable = np.max(abs(slope.reshape(-1, span.size)), axis=0) * span
+        return by_variable, float(np.max(abs(value), initial=0.0))
+
+    idle = np.ones(span.size, bool)
+    points = [np.asarray(start, float), *box.from_unit(sobol(span.size, places, seed))]
+    for number, point in enumerate(points):
+        change, size = changes(point)
+        if number == 0 and not (np.isfinite(change).all() and np.isfinite(size)):
+            raise FloatingPointError(
+                f"The objective or its gradient is not finite where the search starts, at "
+                f"{point.tolist()}: value {size:g}, slopes over the bounds {change.tolist()}."
+            )
+        idle &= change <= _NOTHING * max(size, float(np.nanmax(change)))
+        if not idle.any():
+            return ()
+    return tuple(int(place) for place in np.flatnonzero(idle))
+
+
+# A change over the whole box by less than this share of the value is rounding.
+_NOTHING = 1e-12

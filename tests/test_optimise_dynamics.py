@@ -15,7 +15,7 @@ import jaxgear as jg
 import optimise
 from jaxgear import um
 from jaxgear._app._design import design_space, judged_speeds, objective_function, objective_of
-from jaxgear._app._model import grid_of
+from jaxgear._app._model import grid_of, model_of
 from jaxgear._app._scene import ready_scene
 from jaxgear._checks import InputError
 from jaxgear._interface._laws import ExactContact
@@ -129,6 +129,32 @@ def test_speeds_that_have_not_settled_or_are_too_sensitive_are_left_out():
     fewer = _judged(_over(method=_method(most_steps=4), most_sensitive=limit), _DESIGN)
     assert fewer.left_out.size == found.left_out.size + 1
     np.testing.assert_array_equal(np.asarray(fewer.number), np.asarray(found.number))
+
+
+@pytest.mark.slow
+def test_bearing_force_sums_the_orders_of_all_bearings():
+    """Half the squares of all amplitudes, by Parseval; and its derivative is true."""
+    settings = ("mesh.phases=32", "mesh.slices=2", "mesh.stiffness=iso6336")
+    scene = ready_scene("accessory", settings)
+    model = model_of(scene)
+    grid = jg.mesh_grid(model.pair, phases=64, slices=2)
+    method = _method()
+
+    @jax.jit
+    def found(depth):
+        tip = jg.TipRelief(depth * um, 0.25)
+        own = dataclasses.replace(model, flanks=jg.Flanks(tip, tip))
+        dynamics = jg.pair_dynamics(own, grid)
+        orbit = method.orbit(dynamics.system, jnp.asarray(900.0))
+        orders = jg.dynamic_response(dynamics, orbit, 8).bearing_orders[:, :, :3]
+        return optimise.BearingForce(1e-3)(dynamics, orbit), orders
+
+    value, orders = found(5.0)
+    assert orders.shape[1] == 4
+    assert float(value) == pytest.approx(np.sqrt(0.5 * np.sum(np.asarray(orders) ** 2)), rel=1e-3)
+    slope = float(jax.grad(lambda depth: found(depth)[0])(5.0))
+    above, below = (float(found(5.0 + side * 1e-4)[0]) for side in (1.0, -1.0))
+    assert slope == pytest.approx((above - below) / 2e-4, rel=1e-5)
 
 
 @pytest.mark.slow

@@ -66,6 +66,19 @@ def test_variance_of_a_helical_pair_is_transverse():
     assert_close(found, spread(cycle, transverse) ** 2, rtol=1e-9, atol=0.0)
 
 
+def test_chosen_harmonics_are_their_part_of_the_variance(settled):
+    """Half the squares of their amplitudes; all of them are the whole, up to uneven phases."""
+    model, cycle = settled
+    amplitude = np.asarray(jg.harmonic_amplitudes(cycle, cycle.approach, 3)) / um
+    some = optimise.TransmissionErrorHarmonics((1, 3))(model, cycle, EXACT)
+    assert_close(some, 0.5 * (amplitude[0] ** 2 + amplitude[2] ** 2), rtol=1e-12, atol=0.0)
+    whole = float(optimise.TransmissionErrorVariance()(model, cycle, EXACT))
+    every = float(optimise.TransmissionErrorHarmonics(tuple(range(1, 16)))(model, cycle, EXACT))
+    assert_close(every, whole, rtol=0.02, atol=0.0)
+    with pytest.raises(ValueError, match="harmonics from 1"):
+        optimise.TransmissionErrorHarmonics((0, 1))
+
+
 def test_range_is_a_bound_of_the_peak_to_peak_in_um(settled):
     model, cycle = settled
     exact = np.ptp(np.asarray(cycle.approach)) / um

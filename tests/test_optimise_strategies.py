@@ -2,6 +2,7 @@
 
 import json
 import math
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -176,3 +177,39 @@ def test_an_evolution_strategy_agrees():
     assert_close(found.point, np.array([1.0, 8.0]), rtol=2e-2, atol=0.0)
     assert found.evaluations == len(found.path)
     assert found.gradient_evaluations == 0
+
+
+def test_each_width_has_its_own_record(tmp_path):
+    """The same point with another width has another value; a second search evaluates nothing."""
+    objective = lambda x, width: _rosenbrock(x) + width * x[0]
+    settings: Any = dict(most_evaluations=12, file=tmp_path / "search.jsonl")
+    found = optimise.annealed(objective, [1.0, 0.1], START, BOX, **settings)
+    assert len(list(tmp_path.glob("search.*.jsonl"))) == 2
+    poisoned = lambda x, width: objective(x, width) * jnp.nan
+    again = optimise.annealed(poisoned, [1.0, 0.1], START, BOX, **settings)
+    assert_close(again.values, found.values, rtol=0.0, atol=0.0)
+
+
+# --- before a search
+
+
+def test_variables_that_change_nothing_are_found():
+    """The second acts beyond a place only, the third nowhere."""
+    box = optimise.Box([-1.0, 0.0, 2.0], [1.0, 10.0, 3.0])
+    start = np.array([0.5, 1.0, 2.5])
+    objective = lambda x: x[0] ** 2 + jnp.maximum(x[1] - 5.0, 0.0) + 0.0 * x[2]
+    assert optimise.inactive(optimise.with_gradient(objective), start, box) == (2,)
+    several = lambda x: jnp.stack([x[0], x[1] * x[0]])
+    assert optimise.inactive(optimise.with_jacobian(several), start, box) == (2,)
+    all_act = lambda x: jnp.sum(x)
+    calls = []
+    counted = optimise.with_gradient(all_act)
+    watched = optimise.Sloped(lambda x: (calls.append(x), counted(x))[1])
+    assert optimise.inactive(watched, start, box) == ()
+    assert len(calls) == 1
+
+
+def test_a_start_that_is_not_finite_is_said():
+    objective = optimise.with_gradient(lambda x: jnp.log(x[0]) + x[1])
+    with pytest.raises(FloatingPointError, match=r"where the search starts, at \[-1.2, 1.0\]"):
+        optimise.inactive(objective, START, BOX)

@@ -80,10 +80,11 @@ from jaxgear._app._search import (
     Search,
     best_of_starts,
     by_gradient,
-    joined,
     limits_summary,
     record_file,
+    require_acting,
     search_of,
+    smoothing_bias_of,
 )
 from jaxgear._app._sizing import (
     combinations_of,
@@ -107,7 +108,7 @@ from jaxgear._app._turning import require_retained, turning_dataset
 from jaxgear._app._with_bodies import with_bodies
 from jaxgear._checks import InputError
 from jaxgear._geometry._lines import MeshGrid, mesh_grid
-from jaxgear._interface._laws import ExactContact
+from jaxgear._interface._laws import ExactContact, SmoothContact
 from jaxgear._response._transmission import cycle_rms, transmission_error
 from jaxgear._solve._cycle import PreparedMesh, corrected_cycle
 from jaxgear._system._model import PairModel
@@ -245,14 +246,14 @@ def map_relief(scene: Scene, folder: Path, quiet: bool) -> Summary:
         chart, valley = optimise.relief_map(te_rms, depth, extent, done=done)
     if not (np.isfinite(chart.value).all() and np.isfinite(valley.value).all()):
         raise SolverFailure("the contact was not solved at some point of the map")
-    variance = optimise.over_torques(
+    variance = lambda variables, width: optimise.over_torques(
         space.model,
         optimise.TransmissionErrorVariance(),
         torque,
         grid=statics.grid,
-        law=smooth_law_of(scene),
+        law=SmoothContact(width),
         prepared=meshes,
-    )
+    )(variables)
     search = by_gradient(space, variance)
     found = _descent(search, space, quiet, space.start)
     lowest = int(np.argmin(valley.value))
@@ -740,6 +741,7 @@ def _descent(search: Search, space: DesignSpace, quiet: bool, start: np.ndarray 
     """One search from a start, or from as many as the scene asks for, with a progress bar."""
     most = space.scene["optimise.max_evaluations"]
     most *= space.scene["optimise.starts"] if start is None else 1
+    most *= 1 + len(space.scene.get("optimise.anneal_um", ()))
     with _progress(most, search.name, quiet) as done:
         watch = lambda point, value: done(1)
         if start is None:
@@ -758,7 +760,7 @@ def _unless_beaten(
     """Search once more from a rival's point if its value is clearly better; says whether it was."""
     if value >= (1.0 - _CLEARLY_BETTER) * found.value:
         return found, False
-    return joined(_descent(search, space, quiet, rival), found), True
+    return optimise.joined(_descent(search, space, quiet, rival), found), True
 
 
 def _warn(text: str) -> None:
@@ -780,7 +782,7 @@ def _optimisation(
         symmetric=scene["optimise.symmetric"],
         deflection=float(before.numbers["single_pair_deflection_um"]),
     )
-    space.require_symmetric_start()
+    space.require_tied_start()
     destination = folder / f"{scene['name']}.optimised.toml"
     # Before the search, so that a file that cannot be rewritten does not cost its result.
     _rewrite(scene, {}, destination)
@@ -802,11 +804,12 @@ def _optimisation(
         )
     prepared = prepared_mesh(space, grid, watch)
     file = record_file(space, folder, importlib.metadata.version("jaxgear"))
-    search = search_of(space, grid, smooth_law_of(scene), prepared, file)
+    search = search_of(space, grid, prepared, file)
     exact = jax.jit(objective_function(space, grid, ExactContact(), prepared))
     judged = judged_speeds(space, grid, ExactContact())
     judged_before = judged(space.start)
     _require_half(judged_before)
+    require_acting(search, space)
     start = time.perf_counter()
     try:
         found = _descent(search, space, quiet)
@@ -821,7 +824,8 @@ def _optimisation(
         done(1)
     rival = baseline.point, baseline.value
     found, restarted = _unless_beaten(found, *rival, search, space, quiet)
-    file.unlink(missing_ok=True)
+    for each in folder.glob(f"{file.stem}*{file.suffix}"):
+        each.unlink()
     if not found.converged:
         more = "" if search.limits else " Raise optimise.max_evaluations."
         _warn(f"the search did not converge: {found.reason}.{more}")
@@ -868,6 +872,7 @@ def _optimisation(
             "after": _judged(after, objectives["after"]),
             "smooth_objective": found.value,
             "smooth_less_exact": found.value - objectives["after"],
+            "smoothing_bias_at_most": smoothing_bias_of(search, space, found.point),
             "smoothing_um": scene["mesh.smoothing_um"],
             "method": search.name,
             "starts": scene["optimise.starts"],

@@ -1,7 +1,8 @@
 """What [optimise] asks for: variables and their bounds, the objective, the search."""
 
 import dataclasses
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import equinox as eqx
@@ -14,7 +15,7 @@ from jaxgear._app._dynamics import damping_of, dynamic_grid_of, speeds_of
 from jaxgear._app._model import flanks_of, model_of, shared_places
 from jaxgear._app._motion import motion_mistakes
 from jaxgear._app._scene import Mistake, Scene, SceneError
-from jaxgear._app._schema import GEARS, shapes_body, split_entry
+from jaxgear._app._schema import GEARS, shapes_body, split_entry, unit_of
 from jaxgear._app._statics import Stopwatch, torques_of
 from jaxgear._checks import InputError
 from jaxgear._dynamics._damping import ModalDamping, RayleighDamping
@@ -36,6 +37,7 @@ class DesignSpace(eqx.Module):
     - `scene`: whose keys they are.
     - `keys`: dotted path of each variable.
     - `symmetric`: whether the other gear's flank follows.
+    - `ties`: dotted paths of other keys, and of the variable that each follows.
     - `base`: model of the scene itself.
     - `start`: value of each variable in the scene, in the unit of its key [-].
     - `box`: bounds of each variable, in the unit of its key.
@@ -44,6 +46,7 @@ class DesignSpace(eqx.Module):
     scene: Scene = eqx.field(static=True)
     keys: tuple[str, ...] = eqx.field(static=True)
     symmetric: bool = eqx.field(static=True)
+    ties: tuple[tuple[str, str], ...] = eqx.field(static=True)
     base: PairModel
     start: np.ndarray
     box: optimise.Box
@@ -53,7 +56,7 @@ class DesignSpace(eqx.Module):
         pairs = dict(zip(self.keys, values, strict=True))
         if self.symmetric:
             pairs |= {twin(key): value for key, value in pairs.items()}
-        return pairs
+        return pairs | {key: pairs[owner] for key, owner in self.ties}
 
     def model(self, values: Reals) -> PairModel:
         """The model at a point of the space; traceable by JAX."""
@@ -69,8 +72,8 @@ class DesignSpace(eqx.Module):
         unit = self.box.to_unit(point)
         return [key for key, place in zip(self.keys, unit, strict=True) if place in (0.0, 1.0)]
 
-    def require_symmetric_start(self) -> None:
-        """Refuse a symmetric search from two different flanks: it would start from neither."""
+    def require_tied_start(self) -> None:
+        """Refuse a search from tied values that differ: it would start from neither."""
         for key in self.keys if self.symmetric else ():
             mine, other = self.scene[key], self.scene.get(twin(key))
             if mine != other:
@@ -79,11 +82,17 @@ class DesignSpace(eqx.Module):
                     f"With optimise.symmetric both gears must start alike, but {key} is {mine:g} "
                     f"and {twin(key)} is {theirs}. Make them equal, or set symmetric = false."
                 )
+        for key, owner in self.ties:
+            if self.scene[key] != self.scene[owner]:
+                raise InputError(
+                    f"optimise.ties makes {key} follow {owner}, but they start at "
+                    f"{self.scene[key]:g} and {self.scene[owner]:g}. Make them equal."
+                )
 
     @property
     def flanks_only(self) -> bool:
         """Whether every variable is a flank correction."""
-        return all(key.startswith("flank.") for key in self.keys)
+        return all(key.startswith("flank.") for key in (*self.keys, *dict(self.ties)))
 
 
 _NOT_VARIABLE = ("pair.torque_pinion_Nm", "mesh.smoothing_um")
@@ -155,8 +164,10 @@ def design_space(
             "optimise.torques_Nm, the smoothing width belongs to the method, and a stiffness "
             "counts only if mesh.stiffness uses it. Remove it."
         )
+    ties = _ties(scene, keys)
+    _refuse_shaping(scene, tuple(ties))
     if symmetric:
-        refuse_twins("optimise", keys)
+        refuse_twins("optimise", (*keys, *ties))
     refuse_unbounded(scene, keys)
     base = model_of(scene)
     for key, owner in shared_places(scene, base).items():
@@ -171,12 +182,41 @@ def design_space(
         scene=scene,
         keys=keys,
         symmetric=symmetric,
+        ties=tuple(ties.items()),
         base=base,
         start=start,
         box=optimise.Box(lower=bounds[:, 0], upper=bounds[:, 1]),
     )
     _require_order(space)
+    _require_narrow(space)
     return space
+
+
+def _ties(scene: Scene, keys: tuple[str, ...]) -> dict[str, str]:
+    """Keys that follow one of the variables, and which."""
+    table = "optimise.ties."
+    pairs = {
+        path.removeprefix(table): str(owner)
+        for path, owner in scene.values.items()
+        if path.startswith(table)
+    }
+    return {key: owner for key, owner in pairs.items() if owner in keys}
+
+
+# Of the range of a depth, the largest width of smooth contact that leaves its effect to be seen.
+_WIDEST = 0.5
+
+
+def _require_narrow(space: DesignSpace) -> None:
+    """Refuse smooth contact so wide that depths within their bounds make no difference to it."""
+    width, span = float(space.scene["mesh.smoothing_um"]), space.box.upper - space.box.lower
+    for key, most in zip(space.keys, span, strict=True):
+        if key.startswith("flank.") and unit_of(key) == "um" and width > _WIDEST * most:
+            raise InputError(
+                f"mesh.smoothing_um = {width:g} is too wide for {key}, which moves over {most:g} "
+                f"um: contact would hardly feel it. Take a tenth, {0.1 * most:.2g} um, or wider "
+                "bounds."
+            )
 
 
 def _require_order(space: DesignSpace) -> None:
@@ -303,22 +343,44 @@ def round_up(value: float) -> float:
     )
 
 
-_OBJECTIVES = {
-    "te_rms": optimise.TransmissionErrorRms,
-    "te_peak_to_peak": optimise.TransmissionErrorRange,
-    "max_pressure": optimise.LargestPressure,
-    "face_load_factor": optimise.FaceLoadFactor,
+# Objectives that a scene may name: each of its weighted sum, and its unit there.
+_OBJECTIVES: Mapping[str, tuple[Callable[[Scene], optimise.AbstractObjective], str]] = {
+    "te_rms": (lambda scene: optimise.TransmissionErrorRms(), "um"),
+    "te_peak_to_peak": (lambda scene: optimise.TransmissionErrorRange(), "um"),
+    "te_harmonics": (lambda scene: optimise.TransmissionErrorHarmonics(_orders(scene)), "um2"),
+    "max_pressure": (lambda scene: optimise.LargestPressure(), "MPa"),
+    "face_load_factor": (lambda scene: optimise.FaceLoadFactor(), "-"),
 }
-_DYNAMIC = "dynamic_ratio"
+# The same of those that look at the speeds of [sweep]: numbers of a response.
+_RESPONSES: Mapping[str, tuple[Callable[[Scene], optimise.AbstractResponse], str]] = {
+    "dynamic_ratio": (lambda scene: optimise.DynamicRatio(_ratio_width(scene)), "-"),
+    "bearing_force": (lambda scene: optimise.BearingForce(), "N"),
+}
 
 # Width of the smooth maximum of the dynamic ratio, in static mesh forces.
 _RATIO_WIDTH = 0.02
 
 
+def _ratio_width(scene: Scene) -> float:
+    return scene.get("optimise.smoothing_ratio", _RATIO_WIDTH)
+
+
+def _orders(scene: Scene) -> tuple[int, ...]:
+    """The mesh harmonics that are to be made small."""
+    return tuple(int(order) for order in scene.get("optimise.harmonics", (1,)))
+
+
+def _minimised(scene: Scene) -> dict[str, float | None]:
+    """What is to be made small, by name: its weight, or `None` where it is one thing alone."""
+    if "optimise.minimise" in scene.values:
+        return {scene["optimise.minimise"]: None}
+    given = {name: scene.get(f"optimise.minimise.{name}") for name in (*_OBJECTIVES, *_RESPONSES)}
+    return {name: weight for name, weight in given.items() if weight is not None}
+
+
 def is_dynamic(scene: Scene) -> bool:
     """Whether the objective of a scene looks at its speeds."""
-    weighted = f"optimise.minimise.{_DYNAMIC}" in scene.values
-    return weighted or scene.get("optimise.minimise") == _DYNAMIC
+    return any(name in _RESPONSES for name in _minimised(scene))
 
 
 def objective_of(
@@ -339,34 +401,28 @@ def objective_of(
 
     - `InputError` if the dynamic ratio is asked for, and there is no [sweep].
     """
-    weights = {
-        name: scene[f"optimise.minimise.{name}"]
-        for name in (*_OBJECTIVES, _DYNAMIC)
-        if f"optimise.minimise.{name}" in scene.values
-    }
-    if weights:
-        parts = tuple(
-            _over_speeds(scene, grid) if name == _DYNAMIC else _OBJECTIVES[name]()
-            for name in weights
-        )
-        return optimise.WeightedSum(parts=parts, weights=list(weights.values())), "weighted"
-    match scene["optimise.minimise"]:
-        case "te_rms":
-            return optimise.TransmissionErrorVariance(), "um2"
-        case "te_peak_to_peak":
-            return optimise.TransmissionErrorRange(), "um"
-        case "face_load_factor":
-            return optimise.FaceLoadFactor(), "-"
-        case "dynamic_ratio":
-            return _over_speeds(scene, grid), "-"
-        case _:
-            return optimise.LargestPressure(), "MPa"
+    named = _minimised(scene)
+
+    def part(name: str) -> optimise.AbstractObjective:
+        if name in _RESPONSES:
+            return _over_speeds(scene, name, grid)
+        return _OBJECTIVES[name][0](scene)
+
+    (first, weight), *_ = named.items()
+    if weight is not None:
+        parts = tuple(part(name) for name in named)
+        return optimise.WeightedSum(parts=parts, weights=list(named.values())), "weighted"
+    if first == "te_rms":
+        # Alone without the cone of an RMS.
+        return optimise.TransmissionErrorVariance(), "um2"
+    unit = _RESPONSES[first][1] if first in _RESPONSES else _OBJECTIVES[first][1]
+    return part(first), unit
 
 
-def _over_speeds(scene: Scene, grid: MeshGrid | None) -> optimise.OverSpeeds:
-    """The dynamic ratio over the speeds of [sweep]."""
+def _over_speeds(scene: Scene, name: str, grid: MeshGrid | None) -> optimise.OverSpeeds:
+    """A number of the responses over the speeds of [sweep]."""
     if not scene.has_table("sweep"):
-        raise InputError(f"optimise.minimise {_NO_SPEEDS}")
+        raise InputError(f"optimise.minimise names {name}, {_NO_SPEEDS}")
     steps = scene["sweep.steps"]
     if grid is None:
         grid = dynamic_grid_of(scene, model_of(scene))
@@ -376,12 +432,11 @@ def _over_speeds(scene: Scene, grid: MeshGrid | None) -> optimise.OverSpeeds:
         grid = dataclasses.replace(
             grid, phases=steps, entry_phases=min(max(entry, fewest), steps - fewest)
         )
-    width = scene.get("optimise.smoothing_ratio", _RATIO_WIDTH)
     worst = scene.get("optimise.over_speeds", "mean") == "worst"
     damping = damping_of(scene)
     assert isinstance(damping, ModalDamping | RayleighDamping)
     return optimise.OverSpeeds(
-        response=optimise.DynamicRatio(width),
+        response=_RESPONSES[name][0](scene),
         speeds=jnp.asarray(speeds_of(scene)),
         grid=grid,
         damping=damping,
@@ -413,7 +468,9 @@ def judged_speeds(
     """
     if not is_dynamic(space.scene):
         return lambda values: []
-    over_speeds = _over_speeds(space.scene, grid)
+    # Which speeds count does not depend on what is read from their responses.
+    name = next(name for name in _minimised(space.scene) if name in _RESPONSES)
+    over_speeds = _over_speeds(space.scene, name, grid)
 
     @jax.jit
     def judge(values: Reals, torque: Scalar) -> optimise.Judged:
@@ -454,16 +511,27 @@ def require_swept(scene: Scene) -> None:
     if not is_dynamic(scene):
         return
     found = motion_mistakes(scene, harmonic=True)
+    bearings = [f"{gear}.shaft.bearings" for gear in GEARS]
+    if "bearing_force" in _minimised(scene) and not any(map(scene.rows, bearings)):
+        key = "optimise.minimise"
+        found.append(
+            Mistake(
+                scene.where(key),
+                key,
+                f"names bearing_force, but neither {' nor '.join(bearings)} is there",
+            )
+        )
     if not scene.has_table("sweep"):
-        weighted = f"optimise.minimise.{_DYNAMIC}"
+        name = next(name for name in _minimised(scene) if name in _RESPONSES)
+        weighted = f"optimise.minimise.{name}"
         key = weighted if weighted in scene.values else "optimise.minimise"
-        found.insert(0, Mistake(scene.where(key), key, _NO_SPEEDS))
+        found.insert(0, Mistake(scene.where(key), key, f"names {name}, {_NO_SPEEDS}"))
     if found:
         raise SceneError(found)
 
 
 _NO_SPEEDS = (
-    "names dynamic_ratio, which is taken over the speeds of [sweep], and there is no such table. "
+    "which is taken over the speeds of [sweep], and there is no such table. "
     "Add one, such as:\n[sweep]\n"
     "pinion_speed_rad_s = { from = 50.0, to = 3000.0, points = 100 }"
 )
@@ -562,12 +630,30 @@ def require_search(scene: Scene) -> None:
     """
     squares = scene.get("optimise.minimise") == "te_rms" and scene["optimise.over"] == "mean"
     limited, method = bool(limits_of(scene)), scene["optimise.method"]
-    found = []
-    if method == "least_squares" and not squares:
-        found.append("is for a sum of squares: te_rms over the mean of torques")
-    if method != "lbfgs" and limited:
-        found.append("knows no limits: leave it out, and SLSQP keeps [optimise.limits]")
+    orders = scene.get("optimise.harmonics", ())
+    widths = [*scene.get("optimise.anneal_um", ()), scene["mesh.smoothing_um"]]
+    wrong = {
+        f'"{method}" is for a sum of squares: te_rms over the mean of torques': (
+            "method",
+            method == "least_squares" and not squares,
+        ),
+        f'"{method}" knows no limits: leave it out, and SLSQP keeps [optimise.limits]': (
+            "method",
+            method != "lbfgs" and limited,
+        ),
+        "needs lbfgs or adam, without [optimise.limits]": (
+            "anneal_um",
+            len(widths) > 1 and (method == "least_squares" or limited),
+        ),
+        "must fall, and end above mesh.smoothing_um: " + ", ".join(f"{w:g}" for w in widths): (
+            "anneal_um",
+            any(wide <= narrow for wide, narrow in itertools.pairwise(widths)),
+        ),
+        "must be whole numbers, less than half of mesh.phases": (
+            "harmonics",
+            any(order % 1.0 or 2.0 * order >= scene["mesh.phases"] for order in orders),
+        ),
+    }
+    found = [(f"optimise.{key}", words) for words, (key, is_wrong) in wrong.items() if is_wrong]
     if found:
-        key = "optimise.method"
-        words = [f'"{method}" {each}' for each in found]
-        raise SceneError([Mistake(scene.where(key), key, each) for each in words])
+        raise SceneError([Mistake(scene.where(key), key, words) for key, words in found])

@@ -17,11 +17,11 @@ import numpy as np
 from jaxtyping import Array
 
 import optimise
-from jaxgear._app._design import LIMITED, DesignSpace, limits_of, objective_of, twin
+from jaxgear._app._design import LIMITED, DesignSpace, limits_of, objective_of
 from jaxgear._app._model import flanks_of, model_of
 from jaxgear._app._scatter_checks import scattered_key
 from jaxgear._app._scene import Scene
-from jaxgear._app._schema import GEARS, KEYS, general, show, split_entry
+from jaxgear._app._schema import GEARS, KEYS, general, show, split_entry, unit_of
 from jaxgear._app._statics import SolverFailure, torques_of
 from jaxgear._checks import InputError
 from jaxgear._contact._cells import Misalignment
@@ -243,15 +243,14 @@ def _require_range(scatter: Scatter, paths: dict[str, str]) -> None:
     """Refuse a scatter that leaves the range of its key, as a torque below zero."""
     scene, space = scatter.space.scene, scatter.space
     every = np.concatenate(_samples(scatter))
+    ends = [space.updates(jnp.asarray(end)) for end in (space.box.lower, space.box.upper)]
     for column, (key, path) in enumerate(paths.items()):
         rule = KEYS[general(split_entry(key)[0])]
         least, most = float(every[:, column].min()), float(every[:, column].max())
-        own = [own for own in (key, twin(key)) if own in space.keys]
         if key.startswith("flank.") and key.rpartition(".")[2] in _AMOUNTS:
             continue
-        if own and (own[0] == key or space.symmetric):
-            place = space.keys.index(own[0])
-            low, high = float(space.box.lower[place]), float(space.box.upper[place])
+        if key in ends[0]:
+            low, high = (float(end[key]) for end in ends)
             what, remedy = f"between its bounds {low:g} and {high:g}", "narrow [optimise.bounds]"
         elif key == _TORQUE:
             torques = torques_of(scene, "optimise.torques_Nm")
@@ -518,23 +517,25 @@ def _searched(
 ) -> tuple[str, optimise.SearchResult]:
     """Search by the scene's method; a measure of squares is no sum of squares."""
     scene, limits = space.scene, limits_of(space.scene)
-    settings: Any = dict(
-        most_evaluations=scene["optimise.max_evaluations"], watch=watch, file=file, with_slope=True
-    )
+    settings: Any = dict(most_evaluations=scene["optimise.max_evaluations"], watch=watch, file=file)
     if limits:
-        both: Any = objective
-        found = optimise.constrained(both, limits, start, space.box, **settings)
-        return "slsqp", found
-    first: Any = lambda point: tuple(each[0] for each in objective(point))
+        all_of = optimise.Sloped(objective)
+        return "slsqp", optimise.constrained(all_of, limits, start, space.box, **settings)
+    first = optimise.Sloped(lambda point: _first_of(*objective(point)))
     if scene["optimise.method"] == "adam":
         return "adam", optimise.adam(first, start, space.box, **settings)
     return "lbfgs", optimise.lbfgs(first, start, space.box, **settings)
 
 
-# Names and units of objectives for a reader. The variance of the transmission error is its own
-# square: a reader sees the RMS.
+def _first_of(values: Array, slopes: Array) -> tuple[Array, Array]:
+    return values[0], slopes[0]
+
+
+# Names and units of objectives for a reader, who sees an RMS where the objective is its square.
+_SQUARED = ("te_rms", "te_harmonics")
 _SHOWN = {
     "te_rms": ("RMS of the transmission error", "um"),
+    "te_harmonics": ("RMS of the chosen mesh harmonics", "um"),
     "te_peak_to_peak": ("peak to peak of the transmission error", "um"),
     "max_pressure": ("largest pressure", "MPa"),
     "face_load_factor": ("face load factor", "-"),
@@ -559,7 +560,8 @@ def shown(scene: Scene, values: np.ndarray) -> np.ndarray:
     - `scene`: with [optimise].
     - `values`: of its objective, in its own unit.
     """
-    return np.sqrt(values) if scene.get("optimise.minimise") == "te_rms" else np.asarray(values)
+    squared = scene.get("optimise.minimise") in _SQUARED
+    return np.sqrt(values) if squared else np.asarray(values)
 
 
 def measure_of(scene: Scene, values: np.ndarray) -> float:
@@ -600,7 +602,7 @@ def robust_summary(made: Hardened) -> dict[str, Any]:
         "scatter": [
             {
                 "name": each.name,
-                "unit": unit_of(each.name),
+                "unit": _unit(scatter, each.name),
                 "standard_deviation": each.deviation,
                 "half_width": np.sqrt(3.0) * each.deviation if each.even else None,
             }
@@ -688,7 +690,7 @@ def reach_of(
     for name in names:
         each = given[name]
         far = min(_REACH, np.sqrt(3.0)) if each.even else _REACH
-        unit = unit_of(name).replace("um", "µm")
+        unit = _unit(made.scatter, name).replace("um", "µm")
         reach.append(f"± {far * each.deviation:.3g} {unit}".rstrip())
     drawn = {
         design: (middle, *np.asarray([found[name] for name in names]).T)
@@ -697,15 +699,9 @@ def reach_of(
     return names, reach, drawn
 
 
-def unit_of(name: str) -> str:
-    """Unit of what scatters: that of its key, or um of a deviation of a tolerance class.
-
-    **Arguments:**
-
-    - `name`: of the quantity.
-    """
-    key = general(split_entry(name)[0])
-    return KEYS[key].unit if key in KEYS else "um"
+def _unit(scatter: Scatter, name: str) -> str:
+    """Unit of what scatters: that of its key, or um of a deviation of a tolerance class."""
+    return unit_of(name) if name in scatter.keys else "um"
 
 
 def without_effect(made: Hardened) -> list[str]:
@@ -759,17 +755,15 @@ def robust_notes(made: Hardened) -> list[str]:
         )
     if idle := without_effect(made):
         found.append(f"[robust]: {', '.join(idle)} scattered without any effect on the objective.")
-    aimed = {*scatter.space.keys, *map(twin, scatter.space.keys)}
-    tied = [
-        key
-        for key in scatter.keys
-        if scatter.space.symmetric and key in aimed and twin(key) not in scatter.keys
-    ]
-    for key in tied:
-        found.append(
-            f"[robust]: {key} scatters, {twin(key)} does not: optimise.symmetric ties the depths "
-            "that are aimed at, not the errors of two gears. Name both to let both scatter."
-        )
+    # Which variable each key follows.
+    owners = scatter.space.updates(jnp.arange(float(len(scatter.space.keys))))
+    for key in scatter.keys:
+        same = [k for k in owners if key in owners and owners[k] == owners[key]]
+        if still := [k for k in same if k not in scatter.keys]:
+            found.append(
+                f"[robust]: {key} scatters, {', '.join(still)} does not: what is tied is what is "
+                "aimed at, not the errors of two gears. Name both to let both scatter."
+            )
     if made.found.converged is False:
         found.append(f"The robust search did not converge: {made.found.reason}.")
     return found

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Set
 from jaxgear._app._schema import GEARS, shapes_body, show
 
 _TABLES = ("robust.scatter", "robust.even")
-_DYNAMIC = "dynamic_ratio"
+_OVER_SPEEDS = ("dynamic_ratio", "bearing_force")
 
 
 def scattered_key(path: str) -> str:
@@ -39,14 +39,15 @@ def robust_mistakes(
             "[robust]",
         )
         return
-    weighted = f"optimise.minimise.{_DYNAMIC}" in values
-    if weighted or values.get("optimise.minimise") == _DYNAMIC:
-        yield (
-            "robust",
-            f"is for responses of the mesh cycle, but optimise.minimise looks at {_DYNAMIC}, whose "
-            "sweep would be repeated for every gear of the sample. Minimise te_rms, or remove "
-            "[robust]",
-        )
+    for name in _OVER_SPEEDS:
+        weighted = f"optimise.minimise.{name}" in values
+        if weighted or values.get("optimise.minimise") == name:
+            yield (
+                "robust",
+                f"is for responses of the mesh cycle, but optimise.minimise looks at {name}, whose "
+                "sweep would be repeated for every gear of the sample. Minimise te_rms, or remove "
+                "[robust]",
+            )
     yield from _counts(values)
     keys = [path for path in values if scattered_key(path)]
     if not keys and not faulty and "robust.accuracy_grade" not in seen:

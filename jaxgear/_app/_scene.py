@@ -35,6 +35,7 @@ from jaxgear._app._schema import (
     shapes_body,
     show,
     split_entry,
+    unit_of,
 )
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
@@ -42,7 +43,7 @@ _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _INDEX = re.compile(r"""("(?:[^"\\]|\\.)*"|'[^']*')|\[\s*(\d+)\s*\]""")
 # The names and indices of a path.
 _STEPS = re.compile(r"\[(\d+)\]|([^.\[\]]+)")
-_BOUNDS = "optimise.bounds"
+_BOUNDS, _TIES = "optimise.bounds", "optimise.ties"
 _SET = "--set "
 
 
@@ -730,6 +731,22 @@ class _Reading:
                     )
             elif "[" in key and (missing := self._missing(key, values)):
                 self.mistake(path, missing)
+        for path, owner in values.items():
+            key = path.removeprefix(f"{_TIES}.")
+            if key == path:
+                continue
+            if owner not in vary:
+                self.mistake(path, f"got {show(owner)}, must be one of optimise.vary")
+            elif key in vary:
+                self.mistake(path, "is in optimise.vary itself. Keep one")
+            elif missing := self._missing(key, values):
+                self.mistake(path, missing)
+            elif unit_of(key) != unit_of(str(owner)):
+                self.mistake(
+                    path,
+                    f"got {show(owner)} in {unit_of(str(owner)) or 'no unit'}, must be a number in "
+                    f"{unit_of(key) or 'no unit'}",
+                )
 
     def _missing(self, path: str, values: Mapping[str, object]) -> str:
         """Say what is not there of a key, row or entry that is named; empty where all is."""
@@ -857,7 +874,7 @@ def _nested(values: Mapping[str, object]) -> dict[str, Any]:
 def _steps(document: Mapping[str, Any], path: str) -> list[str | int]:
     """Split a path into names and indices.
 
-    Below tables such as `optimise.bounds` the path of the other key is split as the document
+    Below the tables of `BY_PATH` the path of the other key is split as the document
     spells it: one quoted name, which it is made where it is new, or nested tables.
     """
     for table in BY_PATH:
@@ -946,7 +963,7 @@ def _untraced(value: object, before: object) -> object:
 def _join(prefix: str, name: str) -> str:
     """Append a name to a dotted path, in quotes where TOML would need them.
 
-    Below tables such as `optimise.bounds` the names are paths themselves, quoted or not.
+    Below the tables of `BY_PATH` the names are paths themselves, quoted or not.
     """
     by_path = f"{prefix}.".startswith(tuple(f"{table}." for table in BY_PATH))
     if not by_path and not _BARE.fullmatch(name):

@@ -35,7 +35,13 @@ GEARS = ("pinion", "wheel")
 ALWAYS = ("", "pair", *GEARS)
 ON_REQUEST = ("model", "damping", "sweep", "modes", "map", "optimise", "robust", "sizing")
 # Tables whose keys are paths of other keys, quoted or as nested tables.
-BY_PATH = ("optimise.bounds", "sizing.amounts", "robust.scatter", "robust.even")
+BY_PATH = (
+    "optimise.bounds",
+    "optimise.ties",
+    "sizing.amounts",
+    "robust.scatter",
+    "robust.even",
+)
 
 _NOUNS: Mapping[Kind, tuple[str, str]] = {
     "float": ("a number", ""),
@@ -954,16 +960,37 @@ _OPTIMISE = (
         "optimise.minimise",
         "what to minimise; a table of weights is allowed too",
         "te_rms",
-        choices=("te_rms", "te_peak_to_peak", "max_pressure", "face_load_factor", "dynamic_ratio"),
+        choices=(
+            "te_rms",
+            "te_peak_to_peak",
+            "te_harmonics",
+            "max_pressure",
+            "face_load_factor",
+            "dynamic_ratio",
+            "bearing_force",
+        ),
     ),
     _number("optimise.minimise.te_rms", "weight of static.te_rms_um", **_WEIGHT),
     _number("optimise.minimise.te_peak_to_peak", "weight of static.te_peak_to_peak_um", **_WEIGHT),
+    _number("optimise.minimise.te_harmonics", "weight of the chosen harmonics", **_WEIGHT),
     _number("optimise.minimise.max_pressure", "weight of static.max_pressure_MPa", **_WEIGHT),
     _number("optimise.minimise.face_load_factor", "weight of the face load factor", **_WEIGHT),
     _number(
         "optimise.minimise.dynamic_ratio",
         "weight of the dynamic ratio over the speeds of [sweep]",
         **_WEIGHT,
+    ),
+    _number(
+        "optimise.minimise.bearing_force",
+        "weight of the RMS of the bearings' forces over the speeds of [sweep], in N",
+        **_WEIGHT,
+    ),
+    Key(
+        "optimise.harmonics",
+        "floats",
+        "mesh harmonics that te_harmonics counts; default: the first",
+        at_least=1.0,
+        at_most=1000.0,
     ),
     _number(
         "optimise.smoothing_ratio",
@@ -974,7 +1001,7 @@ _OPTIMISE = (
     ),
     _text(
         "optimise.over_speeds",
-        "how the dynamic ratios of the speeds are combined",
+        "how the numbers of the speeds are combined",
         "mean",
         choices=("mean", "worst"),
     ),
@@ -1000,6 +1027,13 @@ _OPTIMISE = (
         above=0.0,
     ),
     _number("optimise.limits.face_load_factor", "largest face load factor allowed", above=1.0),
+    Key(
+        "optimise.anneal_um",
+        "floats",
+        "widths of smooth contact to search with before mesh.smoothing_um, falling",
+        above=0.0,
+        at_most=1000.0,
+    ),
     _count("optimise.max_evaluations", "most evaluations", 50, at_least=1, at_most=1_000_000),
 )
 
@@ -1072,6 +1106,12 @@ def _bounds(key: Key) -> Key:
     )
 
 
+def _tie(key: Key) -> Key:
+    """Return the key of `[optimise.ties]` that makes a number follow a variable."""
+    path = f"{key.path}[]" if key.kind == "floats" else key.path
+    return Key(f"optimise.ties.{path}", "text", f"the variable that {path} is equal to")
+
+
 def _amounts(key: Key) -> Key:
     """Return the key of `[sizing.amounts]` that lists the values of another one to try."""
     return dataclasses.replace(
@@ -1124,6 +1164,7 @@ KEYS: Mapping[str, Key] = {
     for key in (
         *_PLAIN,
         *map(_bounds, _REAL),
+        *map(_tie, _REAL),
         *map(_amounts, _SIZED),
         *(_scatter(key, "robust.scatter", "standard deviation") for key in _REAL),
         *(_scatter(key, "robust.even", "half width of the even scatter") for key in _REAL),
@@ -1197,6 +1238,13 @@ def split_entry(path: str) -> tuple[str, int | None]:
     if not found or path.startswith(BY_PATH):
         return path, None
     return found[1], int(found[2])
+
+
+def unit_of(path: str) -> str:
+    """Return the unit of a number, or of an entry of a list; empty for a plain or unknown one."""
+    known = general(path)
+    key = KEYS.get(known) or KEYS.get(known.removesuffix("[]"))
+    return key.unit if key else ""
 
 
 def parents(path: str) -> list[str]:

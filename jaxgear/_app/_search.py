@@ -1,6 +1,5 @@
 """The search that [optimise] asks for: from one start or several, kept in a file against a kill."""
 
-import dataclasses
 import hashlib
 import json
 from collections.abc import Callable, Sequence
@@ -19,11 +18,15 @@ from jaxgear._app._design import (
     residuals_function,
     responses_function,
 )
+from jaxgear._app._model import smooth_law_of
 from jaxgear._app._results import as_json
+from jaxgear._app._statics import SolverFailure
+from jaxgear._checks import InputError
 from jaxgear._geometry._lines import MeshGrid
-from jaxgear._interface._laws import AbstractContactLaw
+from jaxgear._interface._laws import SmoothContact
 from jaxgear._solve._cycle import PreparedMesh
 from jaxgear._types import Reals, Scalar
+from jaxgear._units import um
 
 # Points over the whole box of which the best are starts.
 _CANDIDATES = 64
@@ -39,22 +42,23 @@ class Search(NamedTuple):
     - `name`: of the method.
     - `objective`: one number to make small for searches that know no limits: what is beyond a limit
         is added to it.
+    - `slopes`: what the method evaluates, with derivatives, at a point with a width of smooth
+        contact [m].
+    - `number`: the objective among its values.
     - `descend`: from a start, told what to call after each evaluation; within the limits.
     - `limits`: that are kept.
     """
 
     name: str
     objective: Callable[[Reals], Scalar]
+    slopes: optimise.Sloped
+    number: Callable[[np.ndarray], float]
     descend: Callable[[np.ndarray, optimise.Watcher], optimise.SearchResult]
     limits: tuple[optimise.Limit, ...]
 
 
 def search_of(
-    space: DesignSpace,
-    grid: MeshGrid,
-    law: AbstractContactLaw,
-    prepared: PreparedMesh | None,
-    file: Path,
+    space: DesignSpace, grid: MeshGrid, prepared: PreparedMesh | None, file: Path | None = None
 ) -> Search:
     """The search that a scene asks for.
 
@@ -62,7 +66,6 @@ def search_of(
 
     - `space`: variables of the scene.
     - `grid`: of the quasi-static cycles.
-    - `law`: contact law.
     - `prepared`: the meshes, where the variables leave them as they are.
     - `file`: keeps the evaluations.
 
@@ -71,53 +74,114 @@ def search_of(
     The search.
     """
     scene, limits = space.scene, limits_of(space.scene)
+    at_width = lambda made: lambda x, width: made(space, grid, SmoothContact(width), prepared)(x)
+    if not limits and scene["optimise.method"] != "least_squares":
+        return by_gradient(space, at_width(objective_function), file)
     settings: Any = dict(most_evaluations=scene["optimise.max_evaluations"], file=file)
-    objective = objective_function(space, grid, law, prepared)
+    law = smooth_law_of(scene)
     if limits:
-        responses = responses_function(space, grid, law, prepared)
+        slopes = optimise.with_jacobian(at_width(responses_function))
+        own = slopes.at(law.width)
         return Search(
             "slsqp",
-            _penalised(responses, limits),
+            _penalised(responses_function(space, grid, law, prepared), limits),
+            slopes,
+            lambda values: float(values[0]),
             lambda start, watch: optimise.constrained(
-                responses, limits, start, space.box, watch=watch, **settings
+                own, limits, start, space.box, watch=watch, **settings
             ),
             limits,
         )
-    if scene["optimise.method"] != "least_squares":
-        return by_gradient(space, objective, file)
-    residuals = residuals_function(space, grid, law, prepared)
+    slopes = optimise.with_jacobian(at_width(residuals_function))
+    own = slopes.at(law.width)
     return Search(
         "least_squares",
-        objective,
-        lambda start, watch: optimise.least_squares(
-            residuals, start, space.box, watch=watch, **settings
-        ),
+        objective_function(space, grid, law, prepared),
+        slopes,
+        lambda values: float(np.sum(values**2)),
+        lambda start, watch: optimise.least_squares(own, start, space.box, watch=watch, **settings),
         (),
     )
 
 
 def by_gradient(
-    space: DesignSpace, objective: Callable[[Reals], Scalar], file: Path | None = None
+    space: DesignSpace, objective: Callable[[Reals, Scalar], Scalar], file: Path | None = None
 ) -> Search:
-    """A search without limits by the scene's method, L-BFGS or Adam.
+    """A search without limits by the scene's method, L-BFGS or Adam, and through its widths.
 
     **Arguments:**
 
     - `space`: variables of the scene.
-    - `objective`: to make small.
+    - `objective`: to make small, of the variables and a width of smooth contact [m].
     - `file`: keeps the evaluations.
 
     **Returns:**
 
     The search.
     """
-    name = "adam" if space.scene["optimise.method"] == "adam" else "lbfgs"
+    scene = space.scene
+    name = "adam" if scene["optimise.method"] == "adam" else "lbfgs"
     method = {"lbfgs": optimise.lbfgs, "adam": optimise.adam}[name]
-    most = space.scene["optimise.max_evaluations"]
-    descend = lambda start, watch: method(
-        objective, start, space.box, most_evaluations=most, watch=watch, file=file
-    )
-    return Search(name, objective, descend, ())
+    settings: Any = dict(most_evaluations=scene["optimise.max_evaluations"], file=file)
+    slopes, width = optimise.with_gradient(objective), smooth_law_of(scene).width
+    widths = [um * each for each in scene.get("optimise.anneal_um", ())]
+
+    def descend(start: np.ndarray, watch: optimise.Watcher) -> optimise.SearchResult:
+        if widths:
+            every = [*widths, float(width)]
+            return optimise.annealed(
+                slopes, every, start, space.box, search=method, watch=watch, **settings
+            )
+        return method(slopes.at(width), start, space.box, watch=watch, **settings)
+
+    return Search(name, lambda x: objective(x, width), slopes, float, descend, ())
+
+
+def require_acting(search: Search, space: DesignSpace) -> None:
+    """Refuse a search from where nothing is known, or with a variable that changes nothing.
+
+    **Arguments:**
+
+    - `search`: of the scene.
+    - `space`: its variables.
+
+    **Raises:**
+
+    - `InputError` with the keys that do not act.
+    - `SolverFailure` if the objective or its gradient is not finite at the start.
+    """
+    own = search.slopes.at(smooth_law_of(space.scene).width)
+    try:
+        idle = optimise.inactive(own, space.start, space.box)
+    except FloatingPointError as error:
+        where = dict(zip(space.keys, space.start.tolist(), strict=True))
+        raise SolverFailure(f"{error} The start: {where}.") from error
+    if idle:
+        names = ", ".join(space.keys[place] for place in idle)
+        raise InputError(
+            f"optimise.vary names {names}, which changes nothing: the derivatives of the objective "
+            "vanish at the start and all over the bounds. Remove it, or give what it needs to act."
+        )
+
+
+def smoothing_bias_of(search: Search, space: DesignSpace, point: np.ndarray) -> float:
+    """How far smooth contact may have moved the objective, from half its width.
+
+    A bias that grows with the width or faster is at most twice what half the width takes away.
+
+    **Arguments:**
+
+    - `search`: of the scene.
+    - `space`: its variables.
+    - `point`: where the search ended.
+
+    **Returns:**
+
+    The bound, in the unit of the objective.
+    """
+    width, at = smooth_law_of(space.scene).width, jnp.asarray(point)
+    whole, half = (search.number(np.asarray(search.slopes(at, w)[0])) for w in (width, 0.5 * width))
+    return 2.0 * abs(whole - half)
 
 
 def _penalised(
@@ -155,19 +219,7 @@ def best_of_starts(
             search.objective, space.box, search=descend, candidates=_CANDIDATES, starts=more
         )
     best = min(found, key=lambda each: (bool(search.limits) and not each.converged, each.value))
-    return joined(best, *(each for each in found if each is not best))
-
-
-def joined(best: optimise.SearchResult, *others: optimise.SearchResult) -> optimise.SearchResult:
-    """A result with the counts and the record of others before it."""
-    every = (*others, best)
-    return dataclasses.replace(
-        best,
-        evaluations=sum(each.evaluations for each in every),
-        gradient_evaluations=sum(each.gradient_evaluations for each in every),
-        path=np.concatenate([each.path for each in every]),
-        values=np.concatenate([each.values for each in every]),
-    )
+    return optimise.joined(best, *(each for each in found if each is not best))
 
 
 def record_file(space: DesignSpace, folder: Path, version: str, name: str = "search") -> Path:

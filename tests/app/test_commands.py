@@ -11,6 +11,7 @@ import xarray as xr
 
 from jaxgear._app._cli import main
 from jaxgear._app._scene import read_scene, ready_scene
+from jaxgear._app._schema import GEARS
 from jaxgear._app._statics import Stopwatch, mounts_summary, solve_statics
 
 _COARSE = ("--set", "mesh.phases=24", "--set", "mesh.slices=4", "--quiet", "--json")
@@ -165,15 +166,57 @@ def test_optimise_within_a_limit_from_several_starts(accessory, tmp_path, capsys
 
 def test_searches_that_cannot_do_what_is_asked_are_refused(accessory, capsys):
     squares = "--set", "optimise.method=least_squares"
+    tie = "optimise.ties.flank.wheel.crowning_um"
     for settings, words in (
         ((*squares, "--set", "optimise.minimise=max_pressure"), "is for a sum of squares"),
         ((*squares, "--set", "optimise.limits.face_load_factor=1.2"), "knows no limits"),
         (("--set", "optimise.limits.face_load_factor=0.9"), "face_load_factor"),
+        ((*squares, "--set", "optimise.anneal_um=[2.0, 1.0]"), "needs lbfgs or adam"),
+        (("--set", "optimise.anneal_um=[1.0, 2.0]"), "must fall"),
+        (("--set", "optimise.harmonics=[1.5]"), "must be whole numbers"),
+        (("--set", "optimise.minimise=bearing_force"), "names bearing_force, which is taken over"),
+        (("--set", f"{tie}='flank.pinion.crowning_um'"), "must be one of optimise.vary"),
+        (
+            ("--set", f"{tie}='flank.pinion.tip_relief.extent'"),
+            "in no unit, must be a number in um",
+        ),
     ):
         assert main(["optimise", accessory, *settings]) == 2
         error = capsys.readouterr().err
         assert words in error, error
         assert "Traceback" not in error
+
+
+def test_a_variable_that_changes_nothing_is_named(accessory, capsys):
+    """The extent of a relief whose depth is zero, and is not varied."""
+    vary = 'optimise.vary=["flank.pinion.crowning_um", "flank.pinion.tip_relief.extent"]'
+    code = main(["optimise", accessory, *_COARSE, "--set", vary])
+    error = capsys.readouterr().err
+    assert code == 2, error
+    assert "names flank.pinion.tip_relief.extent, which changes nothing" in error
+
+
+@pytest.mark.slow
+def test_optimise_through_falling_widths_tied_harmonics(accessory, tmp_path, capsys):
+    """The first harmonic goes, the tied depth follows, and smoothing's bias is within its bound."""
+    code, summary = _run(
+        capsys,
+        *("optimise", accessory, *_COARSE),
+        *("--set", "optimise.minimise=te_harmonics", "--set", "optimise.harmonics=[1, 2]"),
+        *("--set", "optimise.symmetric=false", "--set", "optimise.anneal_um=[2.0, 1.0]"),
+        *("--set", "optimise.vary=['flank.pinion.tip_relief.depth_um']"),
+        *(
+            "--set",
+            "optimise.ties.flank.wheel.tip_relief.depth_um='flank.pinion.tip_relief.depth_um'",
+        ),
+    )
+    assert code == 0
+    found = summary["optimise"]
+    pinion, wheel = (found["variables"][f"flank.{g}.tip_relief.depth_um"] for g in GEARS)
+    assert pinion == wheel > 5.0
+    assert found["after"]["objective"] < 0.05 * found["before"]["objective"]
+    assert abs(found["smooth_less_exact"]) <= found["smoothing_bias_at_most"] + 1e-9
+    assert not list((tmp_path / "results").rglob("*.jsonl"))
 
 
 def test_impossible_gears_are_refused_with_a_remedy(accessory, capsys):

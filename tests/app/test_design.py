@@ -89,7 +89,31 @@ def test_points_of_a_shaft_must_not_pass_each_other():
 def test_symmetric_search_from_a_grade_of_one_gear_is_refused():
     space = _space(["flank.pinion.accuracy_grade"], "flank.pinion.accuracy_grade=5", symmetric=True)
     with pytest.raises(InputError, match=r"flank.wheel.accuracy_grade is left out"):
-        space.require_symmetric_start()
+        space.require_tied_start()
+
+
+def test_tied_keys_follow_their_variable():
+    keys = ["flank.pinion.crowning_um"]
+    tie = 'optimise.ties."flank.wheel.tip_relief.depth_um"="flank.pinion.crowning_um"'
+    vary = f"optimise.vary={keys}"
+    space = _space(keys, vary, tie)
+    assert space.updates(np.array([7.0])) == {
+        "flank.pinion.crowning_um": 7.0,
+        "flank.wheel.tip_relief.depth_um": 7.0,
+    }
+    assert space.flanks_only
+    space.require_tied_start()
+    unlike = _space(keys, vary, tie, "flank.pinion.crowning_um=2.0")
+    with pytest.raises(InputError, match=r"they start at 0 and 2. Make them equal"):
+        unlike.require_tied_start()
+
+
+def test_contact_too_smooth_for_a_depth_is_refused():
+    key = "flank.pinion.crowning_um"
+    bounds = f"optimise.bounds.{key}=[0.0, 4.0]"
+    _space([key], bounds, "mesh.smoothing_um=2.0")
+    with pytest.raises(InputError, match=r"too wide for .*crowning_um, which moves over 4 um"):
+        _space([key], bounds, "mesh.smoothing_um=2.1")
 
 
 def test_face_load_factor_follows_bearings_and_sections():
