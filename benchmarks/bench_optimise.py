@@ -134,6 +134,7 @@ def _ten(settings: Sequence[str]) -> Task:
             f"optimise.vary={list(TEN)}",
             "optimise.symmetric=false",
             f"optimise.torques_Nm={TORQUES}",
+            "optimise.max_evaluations=200",
             *roots,
             *profile,
             *settings,

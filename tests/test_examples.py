@@ -10,7 +10,13 @@ import pytest
 
 _ROOT = Path(__file__).parents[1]
 _NOTEBOOKS = sorted((_ROOT / "examples").glob("*.ipynb"))
-_LONG = {"02_shafts_and_bodies", "03_dynamics", "04_gear_bodies", "05_hybrid_models"}
+_LONG = {
+    "02_shafts_and_bodies",
+    "03_dynamics",
+    "04_gear_bodies",
+    "05_hybrid_models",
+    "08_designs_times_speeds",
+}
 
 
 def test_there_are_examples():
@@ -70,12 +76,24 @@ def _is_promised_by_the_hybrids(text: str) -> None:
     assert relieved < 0.5 * rms[2]
 
 
+def _is_promised_by_the_speeds(text: str) -> None:
+    """One depth quietens all speeds; its slopes are asserted there."""
+    worst = re.search(r"worst RMS (\S+) um plain, (\S+) um with 12 um", text)
+    assert worst is not None
+    assert float(worst[2]) < 0.1 * float(worst[1])
+    assert "best depths from 12 to 14 um" in text
+    rows = re.findall(r"rad/s: (\S+) um per um of relief, (\S+) um per N m", text)
+    assert len(rows) == 5
+    assert all(float(depth) < 0.0 < float(torque) for depth, torque in rows)
+
+
 _PROMISES = {
     "01_scene_to_optimum": _is_promised_by_the_optimum,
     "02_shafts_and_bodies": _is_promised_by_the_shafts,
     "03_dynamics": _is_promised_by_the_dynamics,
     "04_gear_bodies": _is_promised_by_the_bodies,
     "05_hybrid_models": _is_promised_by_the_hybrids,
+    "08_designs_times_speeds": _is_promised_by_the_speeds,
 }
 
 
