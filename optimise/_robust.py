@@ -178,8 +178,8 @@ class Population(eqx.Module):
     **Fields:**
 
     - `deviations`: of each member, in the units of the quantities [-].
-    - `shared`: leaves of the prepared data that all members have in common.
-    - `own`: the other leaves, stacked; the first axis is the member.
+    - `shared`: leaves of the prepared data that all members have in common, in their units [-].
+    - `own`: the other leaves, stacked; the first axis is the member [-].
     """
 
     deviations: Float[Array, "member quantity"]

@@ -365,7 +365,7 @@ _WIDTH = 0.2
 _NOTHING = 1e-9
 
 
-class Judged(NamedTuple):
+class JudgedDesign(NamedTuple):
     """A design in gears as they are made, with exact contact.
 
     **Fields:**
@@ -400,8 +400,8 @@ class Hardened(NamedTuple):
     """
 
     scatter: Scatter
-    nominal: Judged
-    robust: Judged
+    nominal: JudgedDesign
+    robust: JudgedDesign
     found: optimise.SearchResult
     method: str
     widths: np.ndarray
@@ -451,7 +451,7 @@ def hardened(
     prepare_s = time.perf_counter() - start
     exact = jax.jit(lambda x, who: optimise.responses_of(judge_of(scatter, grid, _EXACT), x, who))
 
-    def judged(point: np.ndarray) -> tuple[np.ndarray, Judged]:
+    def judged(point: np.ndarray) -> tuple[np.ndarray, JudgedDesign]:
         found = np.asarray(exact(jnp.asarray(point), every))
         if lost := int(np.sum(~np.isfinite(found).all(axis=1))):
             raise SolverFailure(
@@ -460,7 +460,7 @@ def hardened(
             )
         seen, new, alone = np.split(found, np.cumsum([len(samples), len(fresh)]))
         influence = optimise.ranked(quantities, alone[:, 0])
-        return seen, Judged(point, new[:, 0], new[:, 1:], float(alone[0, 0]), influence)
+        return seen, JudgedDesign(point, new[:, 0], new[:, 1:], float(alone[0, 0]), influence)
 
     seen, before = judged(np.asarray(nominal, dtype=float))
     if not (acts(before.influence)).any():
@@ -629,7 +629,7 @@ def robust_summary(made: Hardened) -> dict[str, Any]:
     }
 
 
-def _on_fresh(scene: Scene, judged: Judged) -> dict[str, Any]:
+def _on_fresh(scene: Scene, judged: JudgedDesign) -> dict[str, Any]:
     """One design on fresh gears, in the unit that a reader sees."""
     values, influence = shown(scene, judged.fresh), judged.influence
     limited = {
