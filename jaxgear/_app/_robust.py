@@ -561,7 +561,7 @@ def shown(scene: Scene, values: np.ndarray) -> np.ndarray:
     - `values`: of its objective, in its own unit.
     """
     squared = scene.get("optimise.minimise") in _SQUARED
-    return np.sqrt(values) if squared else np.asarray(values)
+    return np.asarray(np.sqrt(values) if squared else values)
 
 
 def measure_of(scene: Scene, values: np.ndarray) -> float:
@@ -735,10 +735,9 @@ def robust_notes(made: Hardened) -> list[str]:
     before, after = (measure_of(scene, each.fresh) for each in (made.nominal, made.robust))
     what, unit = response_of(scene)
     old, new = (float(shown(scene, np.asarray(value))) for value in (before, after))
-    numbers = (
-        f"on {scene['robust.fresh_samples']} fresh gears the {scene['robust.measure']} of the "
-        f"{what} is {new:.4g} {unit}, that of the nominal optimum {old:.4g} {unit}"
-    )
+    mean_square = scene["robust.measure"] == "mean" and scene.get("optimise.minimise") in _SQUARED
+    over = "root mean square" if mean_square else scene["robust.measure"]
+    numbers = f"on {scene['robust.fresh_samples']} fresh gears the {over} of the {what} is {new:.4g} {unit}, that of the nominal optimum {old:.4g} {unit}"
     broken = [
         limit.name
         for limit, column in zip(limits_of(scene), made.nominal.limited.T, strict=True)
