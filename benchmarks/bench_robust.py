@@ -79,7 +79,8 @@ def _case(phases: int, slices: int, count: int, settings: list[str]):
     import optimise
     from jaxgear._app._design import design_space, prepared_mesh
     from jaxgear._app._model import smooth_law_of
-    from jaxgear._app._robust import members_of, scatter_of
+    from jaxgear._app._robust import members_of
+    from jaxgear._app._scatter import scatter_of
     from jaxgear._app._statics import Stopwatch
 
     scene = jg.ready_scene(

@@ -65,15 +65,14 @@ from jaxgear._app._model import model_of, smooth_law_of
 from jaxgear._app._notes import left_out_notes, notes, steady_notes, sweep_notes
 from jaxgear._app._results import static_dataset, write_csv, write_dataset, write_json
 from jaxgear._app._robust import (
-    Scatter,
     hardened,
     reach_of,
     response_of,
     robust_notes,
     robust_summary,
-    scatter_of,
     shown,
 )
+from jaxgear._app._scatter import Scatter, scatter_of
 from jaxgear._app._scene import Scene, rewrite_scene, write_scene
 from jaxgear._app._schema import GEARS, KEYS, general
 from jaxgear._app._search import (

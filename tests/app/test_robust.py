@@ -16,6 +16,7 @@ from jaxgear._app import _robust as robust
 from jaxgear._app._cli import main
 from jaxgear._app._design import design_space, prepared_mesh
 from jaxgear._app._model import grid_of, smooth_law_of
+from jaxgear._app._scatter import Scatter, scatter_of
 from jaxgear._app._scene import Scene, SceneError, ready_scene
 from jaxgear._app._statics import Stopwatch
 from jaxgear._checks import InputError
@@ -76,10 +77,10 @@ def test_what_a_condensed_body_is_made_from_cannot_scatter():
         ready_scene("accessory-h1", settings)
 
 
-def _scatter(*overrides: str, teeth: int = 3) -> robust.Scatter:
+def _scatter(*overrides: str, teeth: int = 3) -> Scatter:
     scene = _scene(*overrides)
     space = design_space(scene, tuple(scene["optimise.vary"]), symmetric=True, deflection=10.0)
-    return robust.scatter_of(space, space.base.pair, np.arange(-1, teeth))
+    return scatter_of(space, space.base.pair, np.arange(-1, teeth))
 
 
 def test_a_variable_scatters_about_its_value_and_its_twin_by_itself():
