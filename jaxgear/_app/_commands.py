@@ -84,6 +84,7 @@ from jaxgear._app._search import (
     require_acting,
     search_of,
     smoothing_bias_of,
+    smoothing_notes,
 )
 from jaxgear._app._sizing import (
     combinations_of,
@@ -852,6 +853,9 @@ def _optimisation(
     kept = lambda point: np.asarray(responses(jnp.asarray(point)))
     judged_after = judged(np.asarray(found.point))
     remarks = left_out_notes(judged_before, judged_after, limited=baseline.evaluations)
+    bias = found.value - objectives["after"]
+    own = objectives["before"], objectives["after"]
+    remarks += smoothing_notes(scene["mesh.smoothing_um"], bias, *own)
     robust: Summary = {}
     if scatter is not None:
         told, robust["robust"] = _robust(
@@ -870,7 +874,7 @@ def _optimisation(
             "before": _judged(before, objectives["before"]),
             "after": _judged(after, objectives["after"]),
             "smooth_objective": found.value,
-            "smooth_less_exact": found.value - objectives["after"],
+            "smooth_less_exact": bias,
             "smoothing_bias_at_most": smoothing_bias_of(search, space, found.point),
             "smoothing_um": scene["mesh.smoothing_um"],
             "method": search.name,

@@ -184,6 +184,33 @@ def smoothing_bias_of(search: Search, space: DesignSpace, point: np.ndarray) -> 
     return 2.0 * abs(whole - half)
 
 
+# Of what a search gains, what smoothing may take before it is worth a word.
+_WORTH_A_WORD = 0.05
+
+
+def smoothing_notes(width: float, bias: float, before: float, after: float) -> list[str]:
+    """What a user must hear of the width of smooth contact after a search.
+
+    **Arguments:**
+
+    - `width`: of smooth contact [um].
+    - `bias`: smooth less exact objective where the search ended, in its unit.
+    - `before`: exact objective where it began.
+    - `after`: exact objective where it ended.
+
+    **Returns:**
+
+    A sentence, or none.
+    """
+    if abs(bias) <= _WORTH_A_WORD * abs(before - after):
+        return []
+    return [
+        f"With smooth contact, {width:g} um wide, the objective at the optimum is {bias:+.3g} off "
+        f"the exact one, and the search gained {before - after:.3g}. A narrower mesh.smoothing_um "
+        "brings it closer."
+    ]
+
+
 def _penalised(
     responses: Callable[[Reals], Reals], limits: Sequence[optimise.Limit]
 ) -> Callable[[Reals], Scalar]:

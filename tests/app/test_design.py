@@ -11,6 +11,7 @@ import pytest
 from jaxgear._app._design import design_space, objective_function, objective_of, twin
 from jaxgear._app._model import grid_of
 from jaxgear._app._scene import ready_scene
+from jaxgear._app._search import smoothing_notes
 from jaxgear._checks import InputError
 from jaxgear._interface._laws import ExactContact
 
@@ -115,6 +116,14 @@ def test_contact_too_smooth_for_a_depth_is_refused():
     _space([key], bounds, "mesh.smoothing_um=2.0")
     with pytest.raises(InputError, match=r"too wide for .*crowning_um, which moves over 4 um"):
         _space([key], bounds, "mesh.smoothing_um=2.1")
+
+
+def test_a_bias_is_worth_a_word_if_it_is_a_part_of_the_gain():
+    assert not smoothing_notes(0.5, 0.04, before=5.0, after=4.0)
+    (words,) = smoothing_notes(0.5, -0.06, before=5.0, after=4.0)
+    assert "0.5 um wide" in words
+    assert "-0.06 off the exact one, and the search gained 1." in words
+    assert smoothing_notes(0.5, 1e-9, before=4.0, after=4.0)
 
 
 def test_face_load_factor_follows_bearings_and_sections():
