@@ -102,6 +102,8 @@ def members_of(
 # sample grows by 6 % with it. Half of it follows single members of 256, and what it gains on them
 # is not there on fresh ones; twice as much is no longer the quantile that was asked for.
 _WIDTH = 0.2
+# Of its mean, the width where a response with a limit hardly scatters.
+_NARROWEST = 1e-6
 # A quantity that moves the objective by less than this, relatively, has no effect.
 _NOTHING = 1e-9
 
@@ -210,7 +212,7 @@ def hardened(
             f"[robust]: nothing that scatters changes the objective, not by its "
             f"{_NOTHING:g}th part: {names}. Let something else scatter, or remove [robust]."
         )
-    widths = _WIDTH * seen.std(axis=0)
+    widths = np.maximum(_WIDTH * seen.std(axis=0), _NARROWEST * abs(seen.mean(axis=0)))
     begin = time.perf_counter()
     both = jax.jit(optimise.measured(judge_of(scatter, grid, law), _measures(scene, widths)))
     objective = lambda point: both(point, members)
@@ -246,7 +248,7 @@ def _measures(scene: Scene, widths: np.ndarray) -> list[optimise.AbstractMeasure
     if scene["robust.measure"] == "mean":
         return [optimise.Mean() for _ in widths]
     share = scene["robust.share"]
-    return [optimise.Quantile(share, max(float(width), 1e-12)) for width in widths]
+    return [optimise.Quantile(share, float(width)) for width in widths]
 
 
 def _searched(

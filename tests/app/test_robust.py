@@ -206,3 +206,27 @@ def test_the_robust_optimum_is_better_on_fresh_gears(tmp_path, monkeypatch, caps
         for ending in ("png", "svg", "csv"):
             assert (folder / f"{name}.{ending}").stat().st_size > 0
     assert not list(folder.glob("robust-*.jsonl"))
+
+
+@pytest.mark.slow
+def test_limits_hold_for_the_share_of_gears(tmp_path, monkeypatch, capsys):
+    """The nominal optimum keeps a limit by itself; too many of its gears do not."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["init", "accessory"]) == 0
+    capsys.readouterr()
+    settings = [
+        "mesh.phases=16",
+        "mesh.slices=3",
+        "robust.samples=32",
+        "robust.fresh_samples=64",
+        "robust.share=0.9",
+        'robust.even."pair.torque_pinion_Nm"=10.0',
+        f'robust.scatter."{_DEPTH}"=2.0',
+        "optimise.limits.te_peak_to_peak_um=1.8",
+    ]
+    arguments = [word for each in settings for word in ("--set", each)]
+    assert main(["optimise", "accessory.toml", *arguments, "--json", "--quiet"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    found = summary["optimise"]["robust"]
+    assert found["method"] == "slsqp"
+    print(found["nominal"], found["robust"])
