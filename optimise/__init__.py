@@ -46,10 +46,16 @@ from optimise._record import with_jacobian as with_jacobian
 from optimise._robust import AbstractMeasure as AbstractMeasure
 from optimise._robust import Influence as Influence
 from optimise._robust import Mean as Mean
+from optimise._robust import Population as Population
 from optimise._robust import Quantile as Quantile
 from optimise._robust import Quantity as Quantity
 from optimise._robust import influences as influences
+from optimise._robust import measured as measured
+from optimise._robust import moved_alone as moved_alone
 from optimise._robust import over_samples as over_samples
+from optimise._robust import population as population
+from optimise._robust import ranked as ranked
+from optimise._robust import responses_of as responses_of
 from optimise._robust import scattered as scattered
 from optimise._search import Limit as Limit
 from optimise._search import adam as adam

@@ -6,7 +6,7 @@ differentiable number of the same sample.
 
 import abc
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -163,6 +163,130 @@ def over_samples(
     return value
 
 
+Prepare = Callable[[Float[Array, " quantity"]], Any]
+Judge = Callable[
+    [Float[Array, " variable"], Float[Array, " quantity"], Any], Float[Array, " response"]
+]
+
+
+class Population(eqx.Module):
+    """Gears that differ from each other, and what was prepared for each of them.
+
+    A search changes none of this: what its variables leave alone is computed once, and kept once
+    where it is the same for all.
+
+    **Fields:**
+
+    - `deviations`: of each member, in the units of the quantities [-].
+    - `shared`: leaves of the prepared data that all members have in common, in their units [-].
+    - `own`: the other leaves, stacked; the first axis is the member [-].
+    """
+
+    deviations: Float[Array, "member quantity"]
+    shared: Any
+    own: Any
+
+
+def population(prepare: Prepare, samples: np.ndarray) -> Population:
+    """Prepare the members of a sample, one after the other.
+
+    **Arguments:**
+
+    - `prepare`: from the deviations of one member to any arrays, such as its prepared mesh;
+        traceable by JAX.
+    - `samples`: from `scattered`, `[sample, quantity]`.
+
+    **Returns:**
+
+    The members.
+    """
+    drawn = np.asarray(samples, dtype=float)
+    compiled = jax.jit(prepare)
+    first, structure = jax.tree.flatten(compiled(jnp.asarray(drawn[0])))
+    common = [np.asarray(leaf) for leaf in first]
+    others: dict[int, dict[int, np.ndarray]] = {}
+    for member in range(1, len(drawn)):
+        for place, leaf in enumerate(jax.tree.leaves(compiled(jnp.asarray(drawn[member])))):
+            if not np.array_equal(leaf, common[place]):
+                others.setdefault(place, {})[member] = np.asarray(leaf)
+    stacks = {
+        place: np.stack([given.get(member, common[place]) for member in range(len(drawn))])
+        for place, given in others.items()
+    }
+    tree = lambda leaves: jax.tree.unflatten(structure, leaves)
+    count = range(len(common))
+    return Population(
+        deviations=jnp.asarray(drawn),
+        shared=tree([None if i in stacks else jnp.asarray(common[i]) for i in count]),
+        own=tree([jnp.asarray(stacks[i]) if i in stacks else None for i in count]),
+    )
+
+
+def responses_of(
+    judge: Judge, variables: Float[Array, " variable"], members: Population
+) -> Float[Array, "member response"]:
+    """What a design is like in each gear of a population; traceable by JAX.
+
+    **Arguments:**
+
+    - `judge`: of the variables, the deviations and the prepared data of one member.
+    - `variables`: the design.
+    - `members`: the gears.
+
+    **Returns:**
+
+    The responses, in their own units.
+    """
+    one = lambda drawn, own: judge(variables, drawn, eqx.combine(members.shared, own))
+    return jax.lax.map(lambda both: one(*both), (members.deviations, members.own))
+
+
+def measured(
+    judge: Judge, measures: Sequence[AbstractMeasure]
+) -> Callable[
+    [Float[Array, " variable"], Population],
+    tuple[Float[Array, " response"], Float[Array, "response variable"]],
+]:
+    """Measures of responses over a population, with their slopes.
+
+    Each member is differentiated by itself, so that the memory does not grow with their number.
+
+    **Arguments:**
+
+    - `judge`: of the variables, the deviations and the prepared data of one member.
+    - `measures`: one for each response.
+
+    **Returns:**
+
+    A function of the design and the population, for `jax.jit`: values, and their slopes.
+    """
+
+    def both(variables: Array, members: Population) -> tuple[Array, Array]:
+        def one(drawn: Array, own: Any) -> tuple[Array, Array]:
+            prepared = eqx.combine(members.shared, own)
+            return _sloped(lambda x: judge(x, drawn, prepared), variables, len(measures))
+
+        values, slopes = jax.lax.map(lambda member: one(*member), (members.deviations, members.own))
+        found = [
+            jax.value_and_grad(measure)(values[:, place]) for place, measure in enumerate(measures)
+        ]
+        weights = jnp.stack([weight for _, weight in found], axis=1)
+        return jnp.stack([value for value, _ in found]), jnp.einsum("nr,nrv->rv", weights, slopes)
+
+    return both
+
+
+def _sloped(
+    function: Callable[[Array], Array], variables: Array, count: int
+) -> tuple[Array, Array]:
+    """Responses and their slopes: backward if there is one, forward if there are several."""
+    if count == 1:
+        value, slope = jax.value_and_grad(lambda x: function(x)[0])(variables)
+        return value[None], slope[None]
+    slopes, values = jax.jacfwd(lambda x: (function(x),) * 2, has_aux=True)(variables)
+    return values, slopes
+
+
 class Influence(eqx.Module):
     """What each scattered quantity changes by itself: the bars of a tornado chart.
 
@@ -201,13 +325,42 @@ def influences(
 
     The values, sorted by how much they span.
     """
+    samples = moved_alone(quantities, deviations=deviations)
+    at = jnp.asarray(variables, dtype=float)
+    run = jax.jit(lambda x, s: jax.lax.map(lambda sample: objective(x, sample), s))
+    return ranked(quantities, np.asarray(run(at, jnp.asarray(samples))))
+
+
+def moved_alone(quantities: Sequence[Quantity], *, deviations: float = 2.0) -> np.ndarray:
+    """The sample of `influences`: all at their means, then each alone down, then each alone up.
+
+    **Arguments:**
+
+    - `quantities`: that scatter.
+    - `deviations`: as of `influences` [-].
+
+    **Returns:**
+
+    Shape `[1 + 2 quantities, quantity]`, in the units of the quantities.
+    """
     means = np.asarray([each.mean for each in quantities], dtype=float)
     reach = [min(deviations, np.sqrt(3.0)) if each.even else deviations for each in quantities]
     moved = np.diag([r * each.deviation for r, each in zip(reach, quantities, strict=True)])
-    samples = np.concatenate([means[None], means - moved, means + moved])
-    at = jnp.asarray(variables, dtype=float)
-    run = jax.jit(lambda x, s: jax.lax.map(lambda sample: objective(x, sample), s))
-    values = np.asarray(run(at, jnp.asarray(samples)))
+    return np.concatenate([means[None], means - moved, means + moved])
+
+
+def ranked(quantities: Sequence[Quantity], values: np.ndarray) -> Influence:
+    """Sort the values at the sample of `moved_alone` by how much each quantity spans.
+
+    **Arguments:**
+
+    - `quantities`: that scatter.
+    - `values`: of the objective, one for each member [-].
+
+    **Returns:**
+
+    The influences.
+    """
     low, high = np.split(values[1:], 2)
     span = np.ptp(np.stack([low, np.full_like(low, values[0]), high]), axis=0)
     order = np.argsort(-span)

@@ -18,6 +18,7 @@ _LONG = {
     "06_master_curve_rigid_to_flexible",
     "07_crowning_at_speed",
     "08_designs_times_speeds",
+    "09_robust_relief",
 }
 
 
@@ -120,6 +121,19 @@ def _is_promised_by_the_speeds(text: str) -> None:
     assert all(float(depth) < 0.0 < float(torque) for depth, torque in rows)
 
 
+def _is_promised_by_the_robust_relief(text: str) -> None:
+    """Deeper and shorter, worse on paper, better where 95 % of the gears are."""
+    pattern = r"depth (\S+) um, extent (\S+): RMS (\S+) um"
+    (depth, extent, rms), (deeper, shorter, worse) = (
+        map(float, row) for row in re.findall(pattern, text)
+    )
+    assert deeper > depth + 2.0
+    assert shorter < extent - 0.02
+    assert worse > 1.2 * rms
+    spread = dict(re.findall(r"(nominal|robust): mean \S+ um, 95 % below (\S+) um", text))
+    assert float(spread["robust"]) < 0.9 * float(spread["nominal"])
+
+
 _PROMISES = {
     "01_scene_to_optimum": _is_promised_by_the_optimum,
     "02_shafts_and_bodies": _is_promised_by_the_shafts,
@@ -129,6 +143,7 @@ _PROMISES = {
     "06_master_curve_rigid_to_flexible": _is_promised_by_the_curves,
     "07_crowning_at_speed": _is_promised_by_the_crowning,
     "08_designs_times_speeds": _is_promised_by_the_speeds,
+    "09_robust_relief": _is_promised_by_the_robust_relief,
 }
 
 

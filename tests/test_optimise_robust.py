@@ -94,3 +94,55 @@ def test_influences_are_sorted_and_within_bounds():
     reach = np.array([6.0 * math.sqrt(3.0), 8.0])
     assert_close(found.high - 80.0, reach, rtol=1e-12, atol=0.0)
     assert_close(found.low - 80.0, -reach, rtol=1e-12, atol=0.0)
+
+
+def test_a_population_keeps_once_what_all_have_in_common():
+    drawn = np.array([[1.0, 5.0], [2.0, 6.0], [1.0, 7.0]])
+    prepare = lambda d: {"same": jnp.arange(3.0), "own": d[0] * jnp.ones(2)}
+    members = optimise.population(prepare, drawn)
+    assert members.own["same"] is None
+    assert members.shared["own"] is None
+    own = np.array([[1.0, 1.0], [2.0, 2.0], [1.0, 1.0]])
+    assert_close(members.own["own"], own, rtol=0.0, atol=0.0)
+    judge = lambda x, d, kept: jnp.stack(
+        [x[0] * jnp.sum(kept["own"]) + d[1], jnp.sum(kept["same"])]
+    )
+    found = optimise.responses_of(judge, jnp.array([10.0]), members)
+    assert_close(found, np.array([[25.0, 3.0], [46.0, 3.0], [27.0, 3.0]]), rtol=1e-14, atol=0.0)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_measured_slopes_are_those_of_the_measures(count):
+    """Of each member by itself, and then weighted, or of all at once."""
+    samples = optimise.scattered(_QUANTITIES, 8)
+    members = optimise.Population(jnp.asarray(samples), None, None)
+
+    def judge(x, drawn, kept):
+        del kept
+        each = [jnp.sin(x[0]) * drawn[0] + x[1] ** 2 * drawn[1], x[0] * x[1] * drawn[1] ** 2]
+        return jnp.stack(each[:count])
+
+    measures = [optimise.Quantile(0.9, 0.5), optimise.Mean()][:count]
+    at = jnp.array([0.4, 1.3])
+    values, slopes = jax.jit(optimise.measured(judge, measures))(at, members)
+    whole = lambda x: jnp.stack(
+        [
+            measure(optimise.responses_of(judge, x, members)[:, place])
+            for place, measure in enumerate(measures)
+        ]
+    )
+    assert_close(values, whole(at), rtol=1e-13, atol=0.0)
+    assert_close(slopes, jax.jit(jax.jacrev(whole))(at), rtol=1e-11, atol=0.0)
+
+
+def test_a_sample_for_a_tornado_and_its_order():
+    moved = optimise.moved_alone(_QUANTITIES, deviations=1.0)
+    assert_close(
+        moved,
+        np.array([[80.0, 0.0], [76.0, 0.0], [80.0, -2.0], [84.0, 0.0], [80.0, 2.0]]),
+        rtol=1e-14,
+        atol=0.0,
+    )
+    found = optimise.ranked(_QUANTITIES, moved[:, 0] + 10.0 * moved[:, 1])
+    assert found.names == ("pitch error", "torque")
+    assert_close(found.high - found.nominal, np.array([20.0, 4.0]), rtol=1e-12, atol=0.0)

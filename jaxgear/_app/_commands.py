@@ -22,6 +22,7 @@ from jaxgear._app import _campbell_pictures
 from jaxgear._app import _curve_pictures as curve_pictures
 from jaxgear._app import _dynamic_pictures as dynamic_pictures
 from jaxgear._app import _pictures as pictures
+from jaxgear._app import _robust_pictures as robust_pictures
 from jaxgear._app._design import (
     DesignSpace,
     design_space,
@@ -64,6 +65,15 @@ from jaxgear._app._model import model_of, smooth_law_of
 from jaxgear._app._notes import left_out_notes, notes, steady_notes, sweep_notes
 from jaxgear._app._pareto import draw_front, front_of, front_remarks, is_asked_for
 from jaxgear._app._results import static_dataset, write_csv, write_dataset, write_json
+from jaxgear._app._robust import (
+    hardened,
+    reach_of,
+    response_of,
+    robust_notes,
+    robust_summary,
+    shown,
+)
+from jaxgear._app._scatter import Scatter, scatter_of
 from jaxgear._app._scene import Scene, rewrite_scene, write_scene
 from jaxgear._app._schema import GEARS, KEYS, general
 from jaxgear._app._search import (
@@ -98,7 +108,7 @@ from jaxgear._app._statics import (
 from jaxgear._app._turning import require_retained, turning_dataset
 from jaxgear._app._with_bodies import with_bodies
 from jaxgear._checks import InputError
-from jaxgear._geometry._lines import mesh_grid
+from jaxgear._geometry._lines import MeshGrid, mesh_grid
 from jaxgear._interface._laws import ExactContact, SmoothContact
 from jaxgear._response._transmission import cycle_rms, transmission_error
 from jaxgear._solve._cycle import PreparedMesh, corrected_cycle
@@ -858,9 +868,14 @@ def _optimisation(
     destination = folder / f"{scene['name']}.optimised.toml"
     # Before the search, so that a file that cannot be rewritten does not cost its result.
     _rewrite(scene, {}, destination)
+    scatter = None
+    if scene.has_table("robust"):
+        teeth = np.asarray(before.cycle.cells.lines.tooth)
+        scatter = scatter_of(space, before.model.pair, teeth)
     grid = before.grid
-    if not space.flanks_only and not scene.bodies:
-        # The contact ratio may grow with the variables; condensed bodies hold for one grid.
+    moving = not space.flanks_only or (scatter is not None and not scatter.same_lines)
+    if moving and not scene.bodies:
+        # The contact ratio may grow with what changes; condensed bodies hold for one grid.
         grid = mesh_grid(
             before.model.pair,
             phases=grid.phases,
@@ -929,6 +944,12 @@ def _optimisation(
             front = front_of(space, grid, prepared, space.start, done)
         pareto = {"pareto": draw_front(space, front, _title(scene), folder)}
         remarks += front_remarks(front)
+    robust: Summary = {}
+    if scatter is not None:
+        told, robust["robust"] = _robust(
+            scatter, found.point, after, grid, prepared, folder, quiet, watch, torques
+        )
+        remarks += told
     for remark in remarks:
         _warn(remark)
     return pareto | {
@@ -962,8 +983,52 @@ def _optimisation(
             },
             "scene": str(destination),
         }
-        | left_out(judged_before, judged_after),
+        | left_out(judged_before, judged_after)
+        | robust,
     }
+
+
+def _robust(
+    scatter: Scatter,
+    nominal: np.ndarray,
+    nominal_statics: Statics,
+    grid: MeshGrid,
+    prepared: PreparedMesh | None,
+    folder: Path,
+    quiet: bool,
+    watch: Stopwatch,
+    torques: np.ndarray | None,
+) -> tuple[list[str], Summary]:
+    """Go on from a nominal optimum to the robust one, and show both on fresh gears."""
+    space, scene = scatter.space, scatter.space.scene
+    file = record_file(space, folder, importlib.metadata.version("jaxgear"), "robust")
+    with _progress(scene["optimise.max_evaluations"], "robust search", quiet) as done:
+        told = lambda point, value: done(1)
+        law = smooth_law_of(scene)
+        made = hardened(scatter, nominal, grid, law, prepared, told, file)
+    file.unlink(missing_ok=True)
+    summary = robust_summary(made)
+    destination = folder / f"{scene['name']}.robust.toml"
+    _rewrite(scene, summary["variables"], destination)
+    statics = solve_statics(scene.replace(summary["variables"]), watch, torques)
+    response, unit = response_of(scene), response_of(scene)[1]
+    values = {
+        name: shown(scene, each.fresh)
+        for name, each in (("nominal", made.nominal), ("robust", made.robust))
+    }
+    datasets = {
+        name: static_dataset(each.model, each.cycle, each.law)
+        for name, each in (("nominal", nominal_statics), ("robust", statics))
+    }
+    title = f"{_title(scene)}, {scene['robust.fresh_samples']} gears"
+    figure = robust_pictures.robust(values, datasets, scene["robust.share"], response, title)
+    columns = robust_pictures.robust_columns(values, datasets, unit)
+    pictures.save(figure, columns, folder, "robust")
+    names, reach, ends = reach_of(made)
+    figure = robust_pictures.tornado(names, reach, ends, response, _title(scene))
+    columns = robust_pictures.tornado_columns(names, reach, ends, unit)
+    pictures.save(figure, columns, folder, "tornado")
+    return robust_notes(made), summary | {"scene": str(destination)}
 
 
 # With responses at many speeds an evaluation takes a second, not a millisecond.

@@ -23,6 +23,7 @@ import tree_sitter_toml
 
 from jaxgear._app import _schema
 from jaxgear._app._body_checks import body_mistakes
+from jaxgear._app._scatter_checks import robust_mistakes, scattered_key
 from jaxgear._app._schema import (
     ALWAYS,
     BY_PATH,
@@ -617,6 +618,14 @@ class _Reading:
             if not self._has_mistake("optimise.minimise"):
                 self.mistake("optimise.minimise", "must have at least one weight > 0")
         self._check_vary(values)
+        if "robust" in self.seen:
+            faulty = self._has_mistake("robust")
+            for path, message in robust_mistakes(values, self.seen, faulty=faulty):
+                self.mistake(path, message)
+            for path in values:
+                key = scattered_key(path)
+                if key and (missing := self._missing(key, values)):
+                    self.mistake(path, missing)
 
     def _has_mistake(self, path: str) -> bool:
         return any(mistake.path.startswith(path) for mistake in self.mistakes)

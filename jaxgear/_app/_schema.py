@@ -33,9 +33,25 @@ Kind = Literal["float", "int", "text", "bool", "floats", "texts"]
 GEARS = ("pinion", "wheel")
 # Tables that every scene has, and tables that ask for work, which are written out only if given.
 ALWAYS = ("", "pair", *GEARS)
-ON_REQUEST = ("model", "damping", "sweep", "modes", "map", "optimise", "sizing", "compare")
+ON_REQUEST = (
+    "model",
+    "damping",
+    "sweep",
+    "modes",
+    "map",
+    "optimise",
+    "robust",
+    "sizing",
+    "compare",
+)
 # Tables whose keys are paths of other keys, quoted or as nested tables.
-BY_PATH = ("optimise.bounds", "optimise.ties", "sizing.amounts")
+BY_PATH = (
+    "optimise.bounds",
+    "optimise.ties",
+    "sizing.amounts",
+    "robust.scatter",
+    "robust.even",
+)
 
 _NOUNS: Mapping[Kind, tuple[str, str]] = {
     "float": ("a number", ""),
@@ -960,6 +976,18 @@ _MAP = (
     ),
 )
 
+# What can be made small, or traded.
+_MINIMISED = (
+    "te_rms",
+    "te_peak_to_peak",
+    "te_harmonics",
+    "max_pressure",
+    "face_load_factor",
+    "pressure_offset",
+    "dynamic_ratio",
+    "bearing_force",
+)
+
 _OPTIMISE = (
     Key("optimise.vary", "texts", "the keys that the optimiser may change", REQUIRED),
     Key("optimise.symmetric", "bool", "pinion and wheel get the same relief", False),
@@ -967,16 +995,7 @@ _OPTIMISE = (
         "optimise.minimise",
         "what to minimise; a table of weights is allowed too",
         "te_rms",
-        choices=(
-            "te_rms",
-            "te_peak_to_peak",
-            "te_harmonics",
-            "max_pressure",
-            "face_load_factor",
-            "pressure_offset",
-            "dynamic_ratio",
-            "bearing_force",
-        ),
+        choices=_MINIMISED,
     ),
     _number("optimise.minimise.te_rms", "weight of static.te_rms_um", **_WEIGHT),
     _number("optimise.minimise.te_peak_to_peak", "weight of static.te_peak_to_peak_um", **_WEIGHT),
@@ -1056,20 +1075,58 @@ _OPTIMISE = (
     _text(
         "optimise.pareto.against",
         "what optimise.minimise is traded against, design by design; left out: nothing",
-        choices=(
-            "te_rms",
-            "te_peak_to_peak",
-            "te_harmonics",
-            "max_pressure",
-            "face_load_factor",
-            "pressure_offset",
-            "dynamic_ratio",
-            "bearing_force",
-        ),
+        choices=_MINIMISED,
     ),
     _count("optimise.pareto.points", "designs to look for", 7, at_least=2, at_most=200),
 )
 
+
+_ROBUST = (
+    _text(
+        "robust.measure",
+        "what of the objective over the sample is minimised",
+        "quantile",
+        choices=("mean", "quantile"),
+    ),
+    _number(
+        "robust.share",
+        "share of the gears that stays below the quantile",
+        0.95,
+        above=0.0,
+        below=1.0,
+        remedy="It is a share, not a percentage: 0.95 for 95 %",
+    ),
+    _count(
+        "robust.samples",
+        "gears in the sample that is searched with; a power of two",
+        256,
+        at_least=8,
+        at_most=65_536,
+    ),
+    _count(
+        "robust.fresh_samples",
+        "gears in the sample that judges the result; a power of two",
+        1024,
+        at_least=8,
+        at_most=65_536,
+    ),
+    _count("robust.seed", "of the samples; the fresh ones have the next one", 0, at_least=0),
+    _number(
+        "robust.accuracy_grade",
+        "ISO 1328-1 class whose profile, helix and pitch deviations both gears have at random; "
+        "left out: none",
+        at_least=1.0,
+        at_most=11.0,
+        remedy="Classes of ISO 1328-1:2013 lie between 1 and 11",
+    ),
+    _number(
+        "robust.tolerance_deviations",
+        "standard deviations of these that fit into their tolerance",
+        3.0,
+        above=0.0,
+        at_most=10.0,
+    ),
+)
 
 _SIZING = (
     Key("sizing.torques_Nm", "floats", "pinion torques; default: that of the pair", **_TORQUES),
@@ -1139,6 +1196,18 @@ def _amounts(key: Key) -> Key:
     )
 
 
+def _scatter(key: Key, table: str, doc: str) -> Key:
+    """Return the key of a table of [robust] that says how much a number, or an entry, scatters."""
+    path = f"{key.path}[]" if key.kind == "floats" else key.path
+    return Key(
+        f"{table}.{path}",
+        "float",
+        f"{doc} of {path}",
+        above=0.0,
+        remedy="Leave the key out where nothing scatters",
+    )
+
+
 _PLAIN = (
     *_GENERAL,
     *_PAIR,
@@ -1150,6 +1219,7 @@ _PLAIN = (
     *_PROBES,
     *_MAP,
     *_OPTIMISE,
+    *_ROBUST,
     *_SIZING,
     *_COMPARE,
 )
@@ -1164,7 +1234,14 @@ REAL_KEYS: tuple[str, ...] = tuple(
 
 KEYS: Mapping[str, Key] = {
     key.path: key
-    for key in (*_PLAIN, *map(_bounds, _REAL), *map(_tie, _REAL), *map(_amounts, _SIZED))
+    for key in (
+        *_PLAIN,
+        *map(_bounds, _REAL),
+        *map(_tie, _REAL),
+        *map(_amounts, _SIZED),
+        *(_scatter(key, "robust.scatter", "standard deviation") for key in _REAL),
+        *(_scatter(key, "robust.even", "half width of the even scatter") for key in _REAL),
+    )
 }
 
 

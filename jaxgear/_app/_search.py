@@ -249,7 +249,7 @@ def best_of_starts(
     return optimise.joined(best, *(each for each in found if each is not best))
 
 
-def record_file(space: DesignSpace, folder: Path, version: str) -> Path:
+def record_file(space: DesignSpace, folder: Path, version: str, name: str = "search") -> Path:
     """Where the evaluations of a search are kept while it runs: another scene has another file.
 
     So has another model, whose deviations are from a file that has changed since.
@@ -258,7 +258,7 @@ def record_file(space: DesignSpace, folder: Path, version: str) -> Path:
     content = hashlib.sha256(f"{version} {told}".encode())
     for leaf in jax.tree.leaves(space.base):
         content.update(np.asarray(leaf).tobytes())
-    return folder / f"search-{content.hexdigest()[:12]}.jsonl"
+    return folder / f"{name}-{content.hexdigest()[:12]}.jsonl"
 
 
 def limits_summary(
