@@ -143,7 +143,7 @@ def pareto_front(
 _SAME = 1e-6
 
 
-class _Found(NamedTuple):
+class _Ended(NamedTuple):
     """Where one search ended; as of `ParetoFront`."""
 
     point: np.ndarray
@@ -167,7 +167,7 @@ class _Searches:
         self._most, self._tolerance = most_evaluations, tolerance
         self.evaluations = 0
 
-    def alone(self, responses: Sloped, start: np.ndarray) -> _Found:
+    def alone(self, responses: Sloped, start: np.ndarray) -> _Ended:
         """Make a number least."""
         if self._limits:
             return self._search(responses, self._limits, start)
@@ -185,11 +185,11 @@ class _Searches:
         )
         return self._told(search, lambda point: True, start)
 
-    def within(self, responses: Sloped, limit: Limit, start: np.ndarray) -> _Found:
+    def within(self, responses: Sloped, limit: Limit, start: np.ndarray) -> _Ended:
         """Make the first number least while the second stays below a limit."""
         return self._search(responses, [limit, *self._limits], start)
 
-    def _search(self, responses: Sloped, limits: Sequence[Limit], start: np.ndarray) -> _Found:
+    def _search(self, responses: Sloped, limits: Sequence[Limit], start: np.ndarray) -> _Ended:
         search = lambda: constrained(
             responses,
             limits,
@@ -210,16 +210,16 @@ class _Searches:
         search: Callable[[], SearchResult],
         keeps: Callable[[np.ndarray], bool],
         start: np.ndarray,
-    ) -> _Found:
+    ) -> _Ended:
         try:
             found = search()
         except FloatingPointError as error:
             self._done(1)
             inside = self._box.from_unit(self._box.to_unit(start))
-            return _Found(inside, False, False, str(error))
+            return _Ended(inside, False, False, str(error))
         self._done(1)
         self.evaluations += found.gradient_evaluations
-        return _Found(found.point, keeps(found.point), found.converged, found.reason)
+        return _Ended(found.point, keeps(found.point), found.converged, found.reason)
 
 
 def _sizes(values: np.ndarray) -> np.ndarray:
