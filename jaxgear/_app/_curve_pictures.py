@@ -69,9 +69,9 @@ def family(chart: Any, curves: Sequence[Mapping[str, Any]], title: str) -> Figur
     The figure.
     """
     figure, (left, right) = _panels((10.6, 4.8), title, columns=2, ratios=(1.35, 1.0))
-    surface = left.contourf(
-        chart.extent, chart.depth / um, chart.value, levels=12, cmap="Greys", alpha=0.7
-    )
+    # Light, so that the curves stand out.
+    pale = {"cmap": "Greys", "vmin": 0.0, "vmax": 1.6 * float(np.max(chart.value))}
+    surface = left.contourf(chart.extent, chart.depth / um, chart.value, levels=12, **pale)
     surface.set_edgecolor("face")
     left.grid(False)
     figure.colorbar(surface, ax=left, label="RMS of the transmission error [µm]", format="%.3g")
@@ -89,6 +89,7 @@ def family(chart: Any, curves: Sequence[Mapping[str, Any]], title: str) -> Figur
     for axes in (left, right):
         axes.set(xlabel="extent over the path of contact [-]")
         axes.set_xlim(float(chart.extent[0]), float(chart.extent[-1]))
+        axes.locator_params(axis="x", nbins=5)
     handles, labels = left.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=5, frameon=False)
     return figure
