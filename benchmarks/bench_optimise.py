@@ -180,7 +180,10 @@ def crowning(*, quick: bool) -> dict[str, Any]:
 def baselines(*, quick: bool) -> dict[str, Any]:
     """Evaluations until searches without gradient have the value of the one with it."""
     most = 4000 if quick else 40_000
-    return _beaten("2 parameters", _two(QUICK), 4000) | _beaten("10 parameters", _ten(QUICK), most)
+    # What is made small is a sum of squares: so is it searched.
+    settings = ("optimise.method=least_squares", *QUICK)
+    few = _beaten("2 parameters", _two(settings), 4000)
+    return few | _beaten("10 parameters", _ten(settings), most)
 
 
 def _beaten(name: str, made: Task, most: int) -> dict[str, Any]:
