@@ -109,7 +109,7 @@ class Sensitivities:
 
     def lost(self) -> list[str]:
         """A sentence on keys by which no response has a derivative, if there are any."""
-        none = np.isnan(self.numbers).all(axis=0)
+        none = np.all(np.isnan(self.numbers), axis=0).tolist()
         keys = ", ".join(key for key, gone in zip(self.keys, none, strict=True) if gone)
         if not keys:
             return []
