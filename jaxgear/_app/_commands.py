@@ -626,6 +626,7 @@ def sensitivity(scene: Scene, folder: Path, quiet: bool) -> Summary:
             done(1)
     if scene.condensed:
         remarks.append(_sensitivities.OF_BODIES)
+    remarks += [words for each in found.values() for words in each.lost()]
     for remark in remarks:
         _warn(remark)
     summary = _names(scene) | {"notes": remarks}

@@ -107,6 +107,18 @@ class Sensitivities:
             }
         return table
 
+    def lost(self) -> list[str]:
+        """A sentence on keys by which no response has a derivative, if there are any."""
+        none = np.all(np.isnan(self.numbers), axis=0).tolist()
+        keys = ", ".join(key for key, gone in zip(self.keys, none, strict=True) if gone)
+        if not keys:
+            return []
+        return [
+            f"No response has a derivative by {keys}. In motion that is so where natural modes "
+            'that the mesh loads coincide: modal damping has none there, damping.kind = "rayleigh" '
+            "has one."
+        ]
+
     def columns(self) -> Columns:
         """One row for each response and key, under names with units."""
         count, each = len(self.responses), len(self.keys)

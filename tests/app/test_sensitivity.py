@@ -1,5 +1,6 @@
 """What responses react to: shares, order, picture; and webs that are varied."""
 
+import dataclasses
 import json
 
 import jax
@@ -51,6 +52,9 @@ def test_shares_are_in_per_cent_of_what_the_key_is():
     np.testing.assert_allclose(found.numbers[0], [0.75, 150.0, 2.5, 0.0])
     # A response that is 0 has no share.
     assert np.isnan(found.numbers[1, :3]).all()
+    assert not found.lost()
+    alone = dataclasses.replace(found, numbers=np.full((2, 4), np.nan))
+    assert alone.lost()[0].startswith(f"No response has a derivative by {', '.join(_KEYS)}.")
     acting = found.sorted()
     assert acting.keys == _KEYS[:3]
     assert acting.columns()["sensitivity"].shape == (6,)
