@@ -529,17 +529,9 @@ class _Reading:
             self.mistake(path, "is given twice, in two spellings. Keep one")
             return
         try:
-            # What is not modelled at all is said before any quarrel about its value.
-            refusal = key.refusal(value) if key.modelled == () else None
-            read = value if refusal else key.read(value)
-            refusal = refusal or key.refusal(read)
+            self.values[path] = key.read(value)
         except ValueError as error:
             self.mistake(path, str(error))
-            return
-        if refusal:
-            self.mistake(path, refusal)
-        else:
-            self.values[path] = read
 
     def unknown(self, path: str, known: str, value: object) -> None:
         """Report a name that the schema does not have in this place."""

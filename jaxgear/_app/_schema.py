@@ -99,7 +99,6 @@ class Key:
     - `length`: number of entries of a list, where it is fixed.
     - `choices`: the texts allowed; empty for any.
     - `pattern`: regular expression that a text must match in full.
-    - `modelled`: the values that this version models; `None` for all, empty for none.
     - `applies_if`: another key and the value of it that makes this one count.
     - `default_if`: another key and the value of it with which the default is filled in.
     - `differentiable`: whether the static model has a derivative with respect to it; of a list,
@@ -118,7 +117,6 @@ class Key:
     length: int | None = None
     choices: tuple[str, ...] = ()
     pattern: str = ""
-    modelled: tuple[object, ...] | None = None
     applies_if: tuple[str, str] | None = None
     default_if: tuple[str, str] | None = None
     differentiable: bool = False
@@ -171,17 +169,6 @@ class Key:
             raise self._wrong(value)
         return [self._read_one(entry, value) for entry in value]
 
-    def refusal(self, value: object) -> str | None:
-        """Say why this version does not model the value, or `None` where it does."""
-        if self.modelled is None:
-            return None
-        if not self.modelled:
-            return f"got {show(value)}: {NOT_MODELLED}. Remove it"
-        if value in self.modelled:
-            return None
-        others = one_of(self.modelled)
-        return f"got {show(value)}: {NOT_MODELLED} with this value. Remove it or write {others}"
-
     def _read_one(self, entry: object, value: object) -> object:
         """Read one number or text; `value` is the whole of what was given, for the message."""
         if self.kind == "bool" and isinstance(entry, bool):
@@ -227,9 +214,6 @@ class Key:
             except ValueError:
                 return ""
         return ""
-
-
-NOT_MODELLED = "the key belongs to the scene format, but this version does not model it"
 
 
 def show(value: object) -> str:

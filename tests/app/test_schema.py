@@ -1,4 +1,3 @@
-import dataclasses
 import math
 import re
 
@@ -15,11 +14,10 @@ _LIST = Key("pair.loads_N", "floats", "loads", above=0.0)
 @pytest.mark.parametrize(
     "path", [p for p, k in KEYS.items() if not isinstance(k.default, Presence)]
 )
-def test_every_default_is_allowed_and_modelled(path):
+def test_every_default_is_allowed(path):
     key = KEYS[path]
     assert key.read(key.default) == key.default
     assert type(key.read(key.default)) is type(key.default)
-    assert key.refusal(key.default) is None
 
 
 def test_every_key_is_documented_in_one_line():
@@ -131,21 +129,6 @@ def test_a_bad_value_says_what_is_allowed(key, value, message):
 @pytest.mark.parametrize(("path", "value"), [("name", "a b.2"), ("name", "...")])
 def test_any_name_of_a_folder_will_do(path, value):
     assert KEYS[path].read(value) == value
-
-
-@pytest.mark.parametrize(
-    ("modelled", "value", "remedy"),
-    [
-        ((), "auto", "Remove it"),
-        (("as given",), "auto", 'Remove it or write "as given"'),
-    ],
-)
-def test_what_is_not_modelled_is_refused_with_a_remedy(modelled, value, remedy):
-    key = dataclasses.replace(KEYS["model.fidelity"], modelled=modelled)
-    refusal = key.refusal(value)
-    assert refusal is not None
-    assert _schema.NOT_MODELLED in refusal
-    assert refusal.endswith(remedy)
 
 
 @pytest.mark.parametrize(
