@@ -131,24 +131,6 @@ def test_any_name_of_a_folder_will_do(path, value):
     assert KEYS[path].read(value) == value
 
 
-@pytest.mark.parametrize(
-    ("path", "value"),
-    [
-        ("pinion.body.kind", "beam"),
-        ("wheel.body.kind", "condensed"),
-        ("wheel.body.interface", "RIM"),
-        ("wheel.body.young_GPa", 4e5),
-        ("mesh.foundation", "sainsot"),
-        ("mesh.periods", 45),
-        ("flank.wheel.pitch_error_um", [0.0, 1.0]),
-        ("optimise.minimise", "face_load_factor"),
-        ("pair.module_mm", 3.0),
-    ],
-)
-def test_what_is_modelled_is_not_refused(path, value):
-    assert KEYS[path].refusal(value) is None
-
-
 def test_only_real_numbers_that_matter_to_statics_are_differentiable():
     real = set(_schema.REAL_KEYS)
     entries = {path for path in real if path.endswith("[]")}
