@@ -38,12 +38,12 @@ class ParetoFront(eqx.Module):
     @property
     def dominated(self) -> np.ndarray:
         """Whether another design that keeps its limits is as good in both numbers, to a millionth,
-        and better in one; so counts what keeps none.
+        and better in one; so counts what keeps none, or could not be evaluated.
         """
-        beaten = ~self.kept
+        beaten = ~self.kept | np.isnan(self.value).any(axis=1)
         for i, own in enumerate(self.value):
             for other in self.value[self.kept]:
-                over = (own - other) / np.abs(own)
+                over = (own - other) / (np.maximum(np.abs(own), np.abs(other)) + _NONE)
                 beaten[i] |= bool(np.all(over >= -_SAME) and np.any(over > _SAME))
         return beaten
 
@@ -76,8 +76,8 @@ def pareto_front(
     **Arguments:**
 
     - `responses`: the two numbers, and that of each limit; traceable by JAX.
-    - `start`: first point; moved into the box. At it both numbers must be positive: they are scaled
-        by it.
+    - `start`: first point; moved into the box. At it neither number may be negative: they are
+        scaled by it, but for one that is zero there.
     - `box`: bounds.
     - `points`: designs to look for, with both ends.
     - `limits`: that all designs keep, beside the two numbers.
@@ -92,46 +92,44 @@ def pareto_front(
 
     **Raises:**
 
-    - `ValueError` if fewer than two points are asked for, or a number is not positive at the start.
+    - `ValueError` if fewer than two points are asked for, or a number is negative at the start.
     - `FloatingPointError` if a number cannot be evaluated at the start.
     """
     if points < 2:
         raise ValueError(f"A front has two ends: `points` must be at least 2, got {points}.")
     slopes = with_jacobian(responses)
     numbers = lambda point: np.asarray(slopes(jnp.asarray(point, dtype=float))[0])[:2]
-    sizes = _sizes(numbers(start))
-    units = jnp.asarray([*sizes, *(1.0 for _ in limits)])
+    sizes = _sizes(numbers(box.from_unit(box.to_unit(np.asarray(start, float)))))
 
     def scaled(*order: int) -> Sloped:
-        """Both numbers in units of their own at the start, in an order; then the limited ones."""
+        """Numbers in an order, the first over what it is at the start; then the limited ones."""
         rows = np.asarray([*order, *range(2, 2 + len(limits))])
+        units = jnp.ones(len(rows)).at[0].set(sizes[order[0]])
 
         def both(point: Array) -> tuple[Array, Array]:
             value, slope = slopes(point)
-            return (value / units)[rows], (slope / units[:, None])[rows]
+            return value[rows] / units, slope[rows] / units[:, None]
 
         return Sloped(both)
 
     searches = _Searches(box, limits, most_evaluations, tolerance, done)
     first = searches.alone(scaled(0), np.asarray(start, float))
     second = searches.alone(scaled(1), np.asarray(start, float))
-    ends = [numbers(found.point) / sizes for found in (first, second)]
-    span = ends[0][1] - ends[1][1]
+    most, least = (float(numbers(found.point)[1]) for found in (first, second))
     between, allowed = [], []
-    if span > _SAME * abs(ends[1][1]):
+    if most - least > _SAME * abs(least) + _NONE:
         near = first.point
-        for most in np.linspace(ends[0][1], ends[1][1], points)[1:-1]:
-            limit = Limit("the second number", float(most), float(span))
-            near = searches.within(scaled(0, 1), limit, near)
-            between.append(near)
-            allowed.append(float(most) * sizes[1])
-            near = near.point
+        for one in np.linspace(most, least, points)[1:-1].tolist():
+            limit = Limit("the second number", one, most - least)
+            between.append(searches.within(scaled(0, 1), limit, near))
+            allowed.append(one)
+            near = between[-1].point
     every = [first, *between, second]
     check = exact or numbers
     return ParetoFront(
         point=np.stack([found.point for found in every]),
         value=np.stack([_checked(check, found.point) for found in every]),
-        allowed=np.asarray([np.inf, *allowed, ends[1][1] * sizes[1]]),
+        allowed=np.asarray([np.inf, *allowed, least]),
         kept=np.asarray([found.kept for found in every]),
         settled=np.asarray([found.settled for found in every]),
         reason=tuple(found.reason for found in every),
@@ -139,8 +137,8 @@ def pareto_front(
     )
 
 
-# Numbers that differ by less, over their size, are the same.
-_SAME = 1e-6
+# Numbers that differ by less, over their size, are the same; and those that are less, nothing.
+_SAME, _NONE = 1e-6, 1e-12
 
 
 class _Ended(NamedTuple):
@@ -223,18 +221,18 @@ class _Searches:
 
 
 def _sizes(values: np.ndarray) -> np.ndarray:
-    """What both numbers are at the start, as their units."""
-    if not np.all(np.isfinite(values[:2])):
+    """What both numbers are at the start, as their units; one for a number that is nothing."""
+    if not np.all(np.isfinite(values)):
         raise FloatingPointError(
-            f"The two numbers of a front are {values[:2].tolist()} at the start. Begin with a "
+            f"The two numbers of a front are {values.tolist()} at the start. Begin with a "
             "design that can be evaluated."
         )
-    if not np.all(values[:2] > 0.0):
+    if np.any(values < -_NONE):
         raise ValueError(
-            f"Both numbers of a front must be positive at the start, got {values[:2].tolist()}: "
-            "begin with a design that is not perfect already."
+            f"No number of a front may be negative at the start, got {values.tolist()}: it is the "
+            "unit in which its changes are measured."
         )
-    return values[:2]
+    return np.where(values > _NONE, values, 1.0)
 
 
 def _checked(exact: Callable, point: np.ndarray) -> np.ndarray:

@@ -35,16 +35,18 @@ def _cycle(x, deviation=0.0):
 
 @jax.jit
 def _numbers(x, deviation, widths):
-    """Squared offset, its root with its sign, load at one and at two slices of the ends, K_Hb."""
+    """Squared offset, its root with its sign, load at 1 and 2 slices of the ends, K_Hb; at more."""
     model, cycle = _cycle(x, deviation)
     parts = (
         optimise.PressureOffset(widths[0]),
         optimise.EdgeLoad(widths[1]),
         optimise.EdgeLoad(widths[1], slices=2),
+        optimise.EdgeLoad(widths[1], slices=4),
+        optimise.EdgeLoad(widths[1], slices=9),
     )
-    square, one, two = (part(model, cycle, LAW) for part in parts)
+    square, one, two, all_of, more = (part(model, cycle, LAW) for part in parts)
     offset = optimise.pressure_offset(model.pair, cycle, LAW, widths[0])
-    return jnp.stack([square, offset, one, two, jg.face_load_factor(cycle)])
+    return jnp.stack([square, offset, one, two, jg.face_load_factor(cycle), all_of, more])
 
 
 def _judged(slope=0.0, crowning=0.0, deviation=0.0, *, pressure=5.0 * MPa, load=1.0 / jg.mm):
@@ -97,7 +99,7 @@ def test_the_opposite_slope_centres_a_misaligned_pair():
     assert found.converged
     by_hand = 6.0 * math.cos(ACCESSORY.working_angle) / SHARE
     assert abs(found.point[0]) == pytest.approx(by_hand, rel=1e-6)
-    square, *_, factor = _judged(found.point[0], deviation=6.0)
+    square, _, _, _, factor, *_ = _judged(found.point[0], deviation=6.0)
     assert square < 1e-12
     assert factor == pytest.approx(1.0, abs=1e-6)
     assert _judged(-found.point[0], deviation=6.0)[0] > 1e-4
@@ -111,13 +113,15 @@ def _offset_by_slope(x):
 
 def test_load_at_the_ends_by_hand():
     """The fuller end carries deflection plus 7/16 of the slope."""
-    *_, one, two, _ = _judged(4.0, load=1e-3 / jg.mm)
+    one, two = _judged(4.0, load=1e-3 / jg.mm)[2:4]
     by_hand = 23e9 * (DEFLECTION + SHARE * 4.0 * um * 7.0 / 16.0) * jg.mm
     assert one == pytest.approx(by_hand, rel=1e-4)
     # Two slices at either end have the same largest.
     assert two == pytest.approx(one, rel=1e-6)
-    wide = _judged(4.0)[2]
+    wide, *_, every, more = _judged(4.0)[2:]
     assert one < wide < one + math.log(8 * 2 * 2) + 1e-9
+    # There are eight: nine at either end are the same as four, and none counts twice.
+    assert more == every > wide
 
 
 def test_ends_that_do_not_touch_carry_nothing():
@@ -187,7 +191,7 @@ def test_a_front_of_one_design_and_bad_starts():
     assert front.point.shape == (2, 2)
     with pytest.raises(ValueError, match="two ends"):
         optimise.pareto_front(same, np.asarray([0.5, 0.9]), BOX, points=1)
-    with pytest.raises(ValueError, match="must be positive"):
+    with pytest.raises(ValueError, match="may be negative at the start, got"):
         optimise.pareto_front(lambda x: x - 0.6, np.asarray([0.5, 0.9]), BOX)
     with pytest.raises(FloatingPointError, match="at the start"):
         optimise.pareto_front(lambda x: x / 0.0, np.asarray([0.5, 0.9]), BOX)
@@ -206,3 +210,29 @@ def test_what_dominates():
     )
     assert front.dominated.tolist() == [False, False, True, True, True]
     assert front.front.tolist() == [[1.0, 3.0], [2.0, 2.0]]
+
+
+def test_front_from_a_design_that_is_perfect_in_one_number():
+    """The second number is zero where the search begins, and not elsewhere."""
+    feet = jnp.asarray([[0.2, 0.3], [0.8, 0.3]])
+    squares = lambda x: jnp.sum((x[None, :] - feet) ** 2, axis=1)
+    front = optimise.pareto_front(squares, np.asarray([0.8, 0.3]), BOX, points=3)
+    assert front.kept.all()
+    assert front.value[:, 1] == pytest.approx([0.36, 0.18, 0.0], abs=1e-5)
+    assert front.value[-1, 0] == pytest.approx(0.36, abs=1e-9)
+    # What is nothing everywhere cannot be traded.
+    flat = lambda x: jnp.stack([squares(x)[0], 0.0 * x[0]])
+    front = optimise.pareto_front(flat, np.asarray([0.5, 0.9]), BOX, points=5)
+    assert front.front.shape == (1, 2)
+
+
+def test_a_design_that_was_not_solved_exactly_does_not_count():
+    front = optimise.pareto_front(
+        _parabolas,
+        np.asarray([0.5, 0.9]),
+        BOX,
+        points=2,
+        exact=lambda x: np.asarray(_parabolas(x)) if x[0] < 0.5 else np.full(2, np.nan),
+    )
+    assert front.kept.all()
+    assert front.dominated.tolist() == [False, True]

@@ -21,7 +21,7 @@ from jaxgear._checks import InputError
 from jaxgear._dynamics._damping import ModalDamping, RayleighDamping
 from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._geometry._lines import MeshGrid
-from jaxgear._interface._laws import AbstractContactLaw
+from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._solve._cycle import PreparedMesh
 from jaxgear._system._model import PairModel
 from jaxgear._system._shaft import BeamBody, Shaft, drawn_heights
@@ -70,7 +70,8 @@ class DesignSpace(eqx.Module):
     def at_bounds(self, point: np.ndarray) -> list[str]:
         """The variables that ended on a bound: it, not the objective, decided their values."""
         unit = self.box.to_unit(point)
-        return [key for key, place in zip(self.keys, unit, strict=True) if place in (0.0, 1.0)]
+        near = np.minimum(unit, 1.0 - unit) <= _AT_BOUND
+        return [key for key, at in zip(self.keys, near, strict=True) if at]
 
     def require_tied_start(self) -> None:
         """Refuse a search from tied values that differ: it would start from neither."""
@@ -83,10 +84,16 @@ class DesignSpace(eqx.Module):
                     f"and {twin(key)} is {theirs}. Make them equal, or set symmetric = false."
                 )
         for key, owner in self.ties:
-            if self.scene[key] != self.scene[owner]:
+            mine, other = self.scene.get(key), self.scene[owner]
+            if mine is None:
                 raise InputError(
-                    f"optimise.ties makes {key} follow {owner}, but they start at "
-                    f"{self.scene[key]:g} and {self.scene[owner]:g}. Make them equal."
+                    f"With optimise.symmetric {key} follows {owner} too, but it is left out. Give "
+                    f"it the value {other:g}, or set symmetric = false."
+                )
+            if mine != other:
+                raise InputError(
+                    f"optimise.ties makes {key} follow {owner}, but they start at {mine:g} and "
+                    f"{other:g}. Make them equal."
                 )
 
     @property
@@ -94,6 +101,9 @@ class DesignSpace(eqx.Module):
         """Whether every variable is a flank correction."""
         return all(key.startswith("flank.") for key in (*self.keys, *dict(self.ties)))
 
+
+# Of the range of a variable, how close to a bound counts as on it: least squares stay off it.
+_AT_BOUND = 1e-4
 
 _NOT_VARIABLE = ("pair.torque_pinion_Nm", "mesh.smoothing_um")
 
@@ -158,16 +168,18 @@ def design_space(
         are the same, or if points of a shaft could pass each other.
     """
     _refuse_shaping(scene, keys)
-    if dead := [key for key in keys if key in _NOT_VARIABLE or key not in scene.real_keys()]:
-        raise InputError(
-            f"optimise.vary names {', '.join(dead)}, which no objective depends on: torques are "
-            "optimise.torques_Nm, the smoothing width belongs to the method, and a stiffness "
-            "counts only if mesh.stiffness uses it. Remove it."
-        )
     ties = _ties(scene, keys)
+    for table, named in (("vary", keys), ("ties", tuple(ties))):
+        if dead := [k for k in named if k in _NOT_VARIABLE or k not in scene.real_keys()]:
+            raise InputError(
+                f"optimise.{table} names {', '.join(dead)}, which no objective depends on: torques "
+                "are optimise.torques_Nm, the smoothing width belongs to the method, and a "
+                "stiffness counts only if mesh.stiffness uses it. Remove it."
+            )
     _refuse_shaping(scene, tuple(ties))
     if symmetric:
         refuse_twins("optimise", (*keys, *ties))
+        ties |= {twin(key): owner for key, owner in ties.items()}
     refuse_unbounded(scene, keys)
     base = model_of(scene)
     for key, owner in shared_places(scene, base).items():
@@ -481,9 +493,16 @@ def looks_at_speeds(scene: Scene) -> bool:
     return is_dynamic(scene) or scene.get(_AGAINST) in _RESPONSES
 
 
-def limits_objectives(scene: Scene) -> list[optimise.AbstractObjective]:
-    """The responses of `limits_of`, in its order."""
-    return [_LIMITED[limit.name]() for limit in limits_of(scene)]
+def limits_objectives(scene: Scene, law: AbstractContactLaw) -> list[optimise.AbstractObjective]:
+    """The responses of `limits_of`, in its order.
+
+    **Arguments:**
+
+    - `scene`: to look at.
+    - `law`: contact law; with exact contact, which is for a re-check, nothing else is smoothed.
+    """
+    found = [_LIMITED[limit.name]() for limit in limits_of(scene)]
+    return [smallest_width(each) for each in found] if isinstance(law, ExactContact) else found
 
 
 def _over_speeds(scene: Scene, name: str, grid: MeshGrid | None) -> optimise.OverSpeeds:
@@ -531,12 +550,14 @@ def judged_speeds(
     **Returns:**
 
     A function of the variables, in the units of their keys: for each torque [N m] the numbers, and
-    which of them count, for the user must hear of those that do not.
+    which of them count, for the user must hear of those that do not. So it is for what the
+    objective is traded against.
     """
-    if not is_dynamic(space.scene):
+    if not looks_at_speeds(space.scene):
         return lambda values: []
     # Which speeds count does not depend on what is read from their responses.
-    name = next(name for name in _minimised(space.scene) if name in _RESPONSES)
+    names = (*_minimised(space.scene), space.scene.get(_AGAINST))
+    name = next(name for name in names if name in _RESPONSES)
     over_speeds = _over_speeds(space.scene, name, grid)
 
     @jax.jit
@@ -579,8 +600,9 @@ def require_swept(scene: Scene) -> None:
         return
     found = motion_mistakes(scene, harmonic=True)
     bearings = [f"{gear}.shaft.bearings" for gear in GEARS]
-    if "bearing_force" in _minimised(scene) and not any(map(scene.rows, bearings)):
-        key = "optimise.minimise"
+    asked = {**dict.fromkeys(_minimised(scene), "optimise.minimise"), scene.get(_AGAINST): _AGAINST}
+    if "bearing_force" in asked and not any(map(scene.rows, bearings)):
+        key = asked["bearing_force"]
         found.append(
             Mistake(
                 scene.where(key),
@@ -667,7 +689,7 @@ def responses_function(
     return optimise.responses_over_torques(
         space.model,
         objective,
-        limits_objectives(space.scene),
+        limits_objectives(space.scene, law),
         jnp.asarray(torques_of(space.scene, "optimise.torques_Nm")),
         grid=grid,
         law=law,
@@ -728,6 +750,10 @@ def require_search(scene: Scene) -> None:
     wrong[f'got "{against}", which optimise.minimise names too: name another response'] = (
         "pareto.against",
         against is not None and _minimised(scene) == {against: None},
+    )
+    wrong["does nothing without optimise.pareto.against, the other number of a front. Add it"] = (
+        "pareto",
+        against is None and scene.has_table("optimise.pareto"),
     )
     found = [(f"optimise.{key}", words) for words, (key, is_wrong) in wrong.items() if is_wrong]
     if found:

@@ -357,13 +357,13 @@ def left_out_notes(
     *,
     limited: int,
 ) -> list[str]:
-    """What the dynamic ratio of a search does not cover.
+    """What a search over speeds does not cover.
 
     **Arguments:**
 
     - `before`, `after`: what each speed contributes, for each torque [N m], where the search began
         and ended; empty if it did not look at speeds.
-    - `limited`: evaluations of the search without gradients.
+    - `limited`: evaluations of the search without gradients, if each was a sweep; 0 if not.
 
     **Returns:**
 
@@ -378,12 +378,13 @@ def left_out_notes(
                 named = ", ".join(f"{speed:.5g}" for speed in speeds[:8])
                 more = ", ..." if len(speeds) > 8 else ""
                 found.append(
-                    f"{len(speeds)} of {each.speed.size} speeds were left out of the dynamic ratio "
-                    f"{when} the search, at {torque:g} N m: responses there have not settled, or "
-                    f"are close to a fold ({named}{more} rad/s)."
+                    f"{len(speeds)} of {each.speed.size} speeds were left out of what is taken "
+                    f"over speeds {when} the search, at {torque:g} N m: responses there have not "
+                    f"settled, or are close to a fold ({named}{more} rad/s)."
                 )
-    found.append(
-        f"Differential evolution was kept to {limited} evaluations, each of which is a sweep: it "
-        "is no proof that nothing better exists."
-    )
+    if limited:
+        found.append(
+            f"Differential evolution was kept to {limited} evaluations, each of which is a sweep: "
+            "it is no proof that nothing better exists."
+        )
     return found

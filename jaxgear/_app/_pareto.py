@@ -54,7 +54,8 @@ def front_of(
     def responses(law: AbstractContactLaw, *judges: optimise.AbstractObjective):
         return _over_torques(space, grid, prepared, law, judges)
 
-    smooth = responses(smooth_law_of(scene), *both, *limits_objectives(scene))
+    law = smooth_law_of(scene)
+    smooth = responses(law, *both, *limits_objectives(scene, law))
     exact = jax.jit(responses(ExactContact(), *map(smallest_width, both)))
     return optimise.pareto_front(
         smooth,
@@ -106,7 +107,9 @@ def draw_front(
     Part of the summary.
     """
     names = [(name, unit) for _, name, unit in front_objectives(space.scene)]
-    labelled = [name if unit == "-" else f"{name}_{unit}" for name, unit in names]
+    # The offset is made small as its square, and told as such.
+    told = [("pressure_offset_squared" if n == "pressure_offset" else n, u) for n, u in names]
+    labelled = [name if unit == "-" else f"{name}_{unit}" for name, unit in told]
     columns = {name: front.value[:, i] for i, name in enumerate(labelled)}
     columns |= {
         "allowed": front.allowed,
@@ -153,6 +156,12 @@ def front_remarks(front: optimise.ParetoFront) -> list[str]:
         found.append(
             f"optimise.pareto: the searches of {early.size} of {len(front.point)} designs did not "
             "settle; there may be better ones. Raise optimise.max_evaluations."
+        )
+    unknown = np.flatnonzero(front.kept & np.isnan(front.value).any(axis=1))
+    if unknown.size:
+        found.append(
+            f"optimise.pareto: the contact of {unknown.size} of {len(front.point)} designs was not "
+            "solved exactly; they do not count."
         )
     if len(front.front) == 1:
         found.append(

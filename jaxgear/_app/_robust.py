@@ -45,10 +45,7 @@ def judge_of(
     """
     scene = scatter.space.scene
     torques = jnp.asarray(torques_of(scene, "optimise.torques_Nm"))
-    parts = (
-        objective_of(scene, grid)[0],
-        *limits_objectives(scene),
-    )
+    parts = objective_of(scene, grid)[0], *limits_objectives(scene, law)
     worst = scene["optimise.over"] == "worst"
 
     def judge(values: Reals, drawn: Reals, prepared: PreparedMesh | None) -> Reals:
@@ -102,8 +99,9 @@ def members_of(
 # sample grows by 6 % with it. Half of it follows single members of 256, and what it gains on them
 # is not there on fresh ones; twice as much is no longer the quantile that was asked for.
 _WIDTH = 0.2
-# Of its mean, the width where a response with a limit hardly scatters.
-_NARROWEST = 1e-6
+# Of its mean, the width where a response hardly scatters; and of a limit, that of its response:
+# the load at the ends of the face may be nothing in all gears.
+_NARROWEST, _NARROWEST_OF_LIMIT = 1e-6, 1e-3
 # A quantity that moves the objective by less than this, relatively, has no effect.
 _NOTHING = 1e-9
 
@@ -212,7 +210,7 @@ def hardened(
             f"[robust]: nothing that scatters changes the objective, not by its "
             f"{_NOTHING:g}th part: {names}. Let something else scatter, or remove [robust]."
         )
-    widths = np.maximum(_WIDTH * seen.std(axis=0), _NARROWEST * abs(seen.mean(axis=0)))
+    widths = _widths(scene, seen)
     begin = time.perf_counter()
     both = jax.jit(optimise.measured(judge_of(scatter, grid, law), _measures(scene, widths)))
     objective = lambda point: both(point, members)
@@ -242,6 +240,13 @@ def acts(influence: optimise.Influence) -> np.ndarray:
         abs(influence.low - influence.nominal), abs(influence.high - influence.nominal)
     )
     return span > _NOTHING * max(abs(influence.nominal), 1e-300)
+
+
+def _widths(scene: Scene, seen: np.ndarray) -> np.ndarray:
+    """Widths of the smooth quantiles, from the responses of a sample, `[gear, response]`."""
+    least = np.asarray([0.0, *(_NARROWEST_OF_LIMIT * limit.most for limit in limits_of(scene))])
+    least = np.maximum(least, _NARROWEST * abs(seen.mean(axis=0)))
+    return np.maximum(_WIDTH * seen.std(axis=0), least)
 
 
 def _measures(scene: Scene, widths: np.ndarray) -> list[optimise.AbstractMeasure]:

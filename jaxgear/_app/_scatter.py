@@ -231,7 +231,7 @@ def _tolerated(
 def _require_range(scatter: Scatter, paths: dict[str, str]) -> None:
     """Refuse a scatter that leaves the range of its key, as a torque below zero."""
     scene, space = scatter.space.scene, scatter.space
-    every = np.concatenate(samples_of(scatter))
+    every = np.concatenate([*samples_of(scatter), optimise.moved_alone(scatter.quantities)])
     ends = [space.updates(jnp.asarray(end)) for end in (space.box.lower, space.box.upper)]
     for column, (key, path) in enumerate(paths.items()):
         rule = KEYS[general(split_entry(key)[0])]

@@ -1,5 +1,6 @@
 """What can be wrong with [robust] that is seen from the scene alone."""
 
+import math
 from collections.abc import Iterator, Mapping, Set
 
 from jaxgear._app._schema import GEARS, shapes_body, show
@@ -88,7 +89,7 @@ def _counts(values: Mapping[str, object]) -> Iterator[tuple[str, str]]:
         if values.get("robust.measure") == "quantile" and isinstance(share, float):
             rarer = min(share, 1.0 - share)
             if rarer * count < 1.0:
-                needed = 2 ** (int(1.0 / rarer) - 1).bit_length()
+                needed = 2 ** (math.ceil(1.0 / rarer) - 1).bit_length()
                 yield (
                     path,
                     f"got {count}, of which not one gear is expected beyond a share of "

@@ -726,7 +726,7 @@ class _Reading:
             if key == path or not isinstance(limits, list):
                 continue
             if limits[0] >= limits[1]:
-                self.mistake(path, f"got {show(limits)}, must be [low, high]")
+                self.mistake(path, f"got {show(limits)}, must be [low, high], low below high")
             elif key in vary and not self._missing(key, values):
                 start = _find(values, key)
                 if isinstance(start, float) and not limits[0] <= start <= limits[1]:

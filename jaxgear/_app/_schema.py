@@ -72,6 +72,8 @@ _UNITS = {
     "_R_1_s": "1/s",
     "_R_s": "s",
     "_GPa": "GPa",
+    "_MPa": "MPa",
+    "_N_mm": "N/mm",
     "_deg": "degrees",
     "_N_m": "N/m",
     "_Nm": "N m",
@@ -1058,7 +1060,8 @@ _OPTIMISE = (
     _count("optimise.max_evaluations", "most evaluations", 50, at_least=1, at_most=1_000_000),
     _text(
         "optimise.pareto.against",
-        "what optimise.minimise is traded against, design by design; left out: nothing",
+        "what optimise.minimise is traded against, design by design: the largest over the "
+        "torques; left out: nothing",
         choices=_MINIMISED,
     ),
     _count("optimise.pareto.points", "designs to look for", 7, at_least=2, at_most=200),

@@ -110,6 +110,36 @@ def test_tied_keys_follow_their_variable():
         unlike.require_tied_start()
 
 
+def test_ties_are_symmetric_too():
+    """With `symmetric` the other gear's key follows as well, and must start alike."""
+    variable, tied = "flank.pinion.tip_relief.depth_um", "flank.pinion.crowning_um"
+    tie = f'optimise.ties."{tied}"="{variable}"'
+    space = _space([variable], f'optimise.vary=["{variable}"]', tie, symmetric=True)
+    updates = {key: float(value) for key, value in space.updates(jnp.array([7.0])).items()}
+    assert updates == dict.fromkeys((variable, twin(variable), tied, twin(tied)), 7.0)
+    space.require_tied_start()
+    other = f"{twin(tied)}=1.0"
+    unlike = _space([variable], f'optimise.vary=["{variable}"]', tie, other, symmetric=True)
+    with pytest.raises(
+        InputError, match=r"makes flank.wheel.crowning_um follow .* start at 1 and 0"
+    ):
+        unlike.require_tied_start()
+
+
+def test_a_tie_of_what_nothing_depends_on_is_refused():
+    variable = "flank.pinion.crowning_um"
+    tie = f'optimise.ties."mesh.smoothing_um"="{variable}"'
+    with pytest.raises(InputError, match=r"optimise.ties names mesh.smoothing_um"):
+        _space([variable], f'optimise.vary=["{variable}"]', tie)
+
+
+def test_a_variable_next_to_its_bound_is_on_it():
+    """A search through the inside of the box does not touch its faces."""
+    space = _space(["flank.pinion.crowning_um", "flank.wheel.crowning_um"])
+    most = space.box.upper
+    assert space.at_bounds(most * np.array([1.0 - 1e-6, 0.99])) == [space.keys[0]]
+
+
 def test_contact_too_smooth_for_a_depth_is_refused():
     key = "flank.pinion.crowning_um"
     bounds = f"optimise.bounds.{key}=[0.0, 4.0]"

@@ -141,6 +141,11 @@ def test_searches_without_speeds_are_refused_with_all_mistakes_at_once(write):
     with pytest.raises(SceneError, match=r"optimise\.minimise\.dynamic_ratio: names"):
         require_swept(weighted)
     require_swept(ready_scene("accessory"))
+    # So does what is traded; bearings that are not there shake nothing.
+    asked = "optimise.minimise=te_rms", "optimise.pareto.against=bearing_force"
+    path = write(_TURNING + _SWEEP)
+    with pytest.raises(SceneError, match=r"pareto\.against: names bearing_force, but neither"):
+        require_swept(read_scene(path, asked))
 
 
 def test_speeds_that_are_left_out_are_told():
@@ -149,13 +154,15 @@ def test_speeds_that_are_left_out_are_told():
     judged = optimise.Judged(speed, number, kept, jnp.array([1.0, 500.0, 2.0]), kept)
     whole = optimise.Judged(speed, number, kept, jnp.ones(3), jnp.ones(3, dtype=bool))
     notes = left_out_notes([(80.0, judged)], [(80.0, whole)], limited=55)
-    assert "1 of 3 speeds were left out of the dynamic ratio before the search, at 80" in notes[0]
+    assert "1 of 3 speeds were left out of what is taken over speeds before" in notes[0]
+    assert "at 80 N m" in notes[0]
     assert "(1100 rad/s)" in notes[0]
     assert "kept to 55 evaluations" in notes[1]
     assert len(notes) == 2
     summary = left_out([(80.0, judged)], [(80.0, whole)])
     assert summary["speeds_left_out_before"][0]["count"] == 1
     assert summary["speeds_left_out_after"][0]["speeds_rad_s"].size == 0
+    assert len(left_out_notes([(80.0, judged)], [(80.0, whole)], limited=0)) == 1
     assert not left_out_notes([], [], limited=0)
     assert left_out([], []) == {}
 

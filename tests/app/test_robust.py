@@ -36,6 +36,7 @@ def _scene(*overrides: str) -> Scene:
         (["robust.samples=100"], "robust.samples", "power of two.* Write 64 or 128"),
         (["robust.share=95.0"], "robust.share", "not a percentage"),
         (["robust.share=0.999"], "robust.samples", "Write 1024 or more"),
+        (["robust.share=0.94", "robust.samples=16"], "robust.samples", "Write 32 or more"),
         ([f"robust.scatter.{_MISALIGNED}=-1.0"], "robust.scatter", "must be a number > 0"),
         (
             ["robust.scatter.pair.misalignment_um=1.0"],
@@ -134,6 +135,16 @@ def test_a_class_scatters_both_gears_by_its_tolerances():
 def test_a_scatter_out_of_range_is_refused(setting, words):
     with pytest.raises(InputError, match=words):
         _scatter(setting)
+
+
+def test_a_quantile_has_a_width_where_a_limited_response_is_nothing_in_all_gears():
+    scene = _scene("optimise.limits.edge_line_load_N_mm=50.0", "robust.accuracy_grade=6")
+    seen = np.array([[1.0, 0.0], [3.0, 0.0]])
+    widths = robust._widths(scene, seen)
+    assert_close(widths, np.array([0.2, 0.05]), rtol=1e-12, atol=0.0)
+    _, limited = robust._measures(scene, widths)
+    slopes = jax.grad(limited)(jnp.zeros(4))
+    assert_close(slopes, jnp.full(4, 0.25), rtol=1e-9, atol=0.0)
 
 
 @pytest.mark.slow
