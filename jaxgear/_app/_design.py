@@ -147,7 +147,12 @@ def refuse_twins(table: str, keys: tuple[str, ...]) -> None:
 
 
 def design_space(
-    scene: Scene, keys: tuple[str, ...], *, symmetric: bool, deflection: float
+    scene: Scene,
+    keys: tuple[str, ...],
+    *,
+    symmetric: bool,
+    deflection: float,
+    tied: bool = True,
 ) -> DesignSpace:
     """The space that some keys of a scene span.
 
@@ -157,6 +162,7 @@ def design_space(
     - `keys`: the variables.
     - `symmetric`: whether the other gear's flank follows.
     - `deflection`: of a single tooth pair, the scale of depths [um].
+    - `tied`: whether keys follow as [optimise.ties] says.
 
     **Returns:**
 
@@ -168,7 +174,7 @@ def design_space(
         are the same, or if points of a shaft could pass each other.
     """
     _refuse_shaping(scene, keys)
-    ties = _ties(scene, keys)
+    ties = _ties(scene, keys) if tied else {}
     for table, named in (("vary", keys), ("ties", tuple(ties))):
         if dead := [k for k in named if k in _NOT_VARIABLE or k not in scene.real_keys()]:
             raise InputError(

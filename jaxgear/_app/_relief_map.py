@@ -52,7 +52,9 @@ def map_relief(scene: Scene, folder: Path, quiet: bool) -> Summary:
     statics = solve_statics(scene, watch)
     summary = head(scene, statics)
     deflection = summary["static"]["single_pair_deflection_um"] * um
-    space = design_space(scene, _RELIEF_KEYS, symmetric=True, deflection=deflection / um)
+    space = design_space(
+        scene, _RELIEF_KEYS, symmetric=True, deflection=deflection / um, tied=False
+    )
     depth, extent = _map_axes(scene, deflection)
     torque = statics.model.torque[None]
     meshes = watch(

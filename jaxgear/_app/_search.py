@@ -245,6 +245,21 @@ def best_of_starts(
         found += optimise.multi_start(
             search.objective, space.box, search=descend, candidates=_CANDIDATES, starts=more
         )
+    return best_of(search, *found)
+
+
+def best_of(search: Search, *found: optimise.SearchResult) -> optimise.SearchResult:
+    """The best of some searches, one within the limits before all others.
+
+    **Arguments:**
+
+    - `search`: of the scene.
+    - `found`: what it found from different starts.
+
+    **Returns:**
+
+    The best, with the counts and the record of all.
+    """
     best = min(found, key=lambda each: (bool(search.limits) and not each.converged, each.value))
     return optimise.joined(best, *(each for each in found if each is not best))
 

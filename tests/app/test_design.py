@@ -2,19 +2,23 @@
 
 import re
 import tomllib
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import optimise
 from jaxgear._app._design import design_space, objective_function, objective_of, twin
 from jaxgear._app._model import grid_of
+from jaxgear._app._optimising import unless_beaten
 from jaxgear._app._scene import ready_scene
-from jaxgear._app._search import smoothing_notes
+from jaxgear._app._search import Search, smoothing_notes
 from jaxgear._checks import InputError
 from jaxgear._interface._laws import ExactContact
 
+_RELIEF = "flank.pinion.tip_relief.depth_um"
 _COARSE = ("mesh.phases=8", "mesh.slices=4", "mesh.stiffness=iso6336")
 
 
@@ -124,6 +128,37 @@ def test_ties_are_symmetric_too():
         InputError, match=r"makes flank.wheel.crowning_um follow .* start at 1 and 0"
     ):
         unlike.require_tied_start()
+
+
+def test_a_map_of_two_reliefs_knows_no_ties():
+    tie = f'optimise.ties."{twin(_RELIEF)}"="{_RELIEF}"'
+    scene = ready_scene("accessory", (*_COARSE, tie, "optimise.symmetric=false"))
+    options: Any = dict(symmetric=True, deflection=10.0)
+    assert design_space(scene, (_RELIEF,), **options, tied=False).ties == ()
+    with pytest.raises(InputError, match="names both of"):
+        design_space(scene, (_RELIEF,), **options)
+
+
+def test_a_search_that_keeps_no_limit_goes_on_from_a_rival_that_does():
+    """x above 6 is asked for, as a limit of -x; the rival is there, the search has stopped at 1."""
+    space = _space([_RELIEF])
+    limit = optimise.Limit("depth", -6.0, 1.0)
+    value = lambda x: jnp.stack([x[0] ** 2, -x[0]])
+    penalised = lambda x: value(x)[0] + 1e2 * jnp.maximum(6.0 - x[0], 0.0) ** 2
+    descend = lambda start, watch: optimise.constrained(value, [limit], start, space.box)
+    slopes = optimise.with_jacobian(lambda x, width: value(x))
+    search = Search("slsqp", penalised, slopes, lambda each: float(each[0]), descend, (limit,))
+    stuck = optimise.constrained(
+        value, [limit], np.array([1.0]), optimise.Box(np.zeros(1), np.full(1, 1.5))
+    )
+    assert not stuck.converged
+    assert stuck.value < 36.0
+    found, again = unless_beaten(stuck, np.array([7.0]), 49.0, search, space, True)
+    assert again
+    assert found.point[0] == pytest.approx(6.0, abs=1e-3)
+    kept, again = unless_beaten(found, np.array([7.0]), 49.0, search, space, True)
+    assert not again
+    assert kept is found
 
 
 def test_a_tie_of_what_nothing_depends_on_is_refused():
