@@ -483,6 +483,11 @@ def robust_notes(made: Hardened) -> list[str]:
     scatter, found = made.scatter, _comparison(made)
     if idle := without_effect(made):
         found.append(f"[robust]: {', '.join(idle)} scattered without any effect on the objective.")
+    if scatter.tolerated and scatter.space.scene["mesh.periods"] == 1:
+        found.append(
+            "[robust]: one mesh period leaves out the pitch errors of robust.accuracy_grade. Make "
+            "mesh.periods 2 or more to let them scatter."
+        )
     # Which variable each key follows.
     owners = scatter.space.updates(jnp.arange(float(len(scatter.space.keys))))
     for key in scatter.keys:
