@@ -171,7 +171,7 @@ def test_a_front_of_two_numbers_with_little_load_at_the_ends(accessory, tmp_path
     common = ("optimise", accessory, *_COARSE, "--set", vary, "--set", "optimise.symmetric=false")
     common += ("--set", "flank.pinion.crowning_um=5.0", "--set", "optimise.max_evaluations=20")
     front = ("--set", "optimise.pareto={ against = 'te_rms', points = 3 }")
-    limit = ("--set", "optimise.limits.edge_line_load_N_mm=100.0")
+    limit = ("--set", "optimise.limits.edge_line_load_N_mm=180.0")
     code, summary = _run(capsys, *common, *front, *limit, "--set", "optimise.minimise=max_pressure")
     assert code == 0
     (row,) = summary["optimise"]["limits"]
