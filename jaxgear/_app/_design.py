@@ -757,10 +757,6 @@ def require_search(scene: Scene) -> None:
         "pareto.against",
         against is not None and _minimised(scene) == {against: None},
     )
-    wrong["does nothing without optimise.pareto.against, the other number of a front. Add it"] = (
-        "pareto",
-        against is None and scene.has_table("optimise.pareto"),
-    )
     found = [(f"optimise.{key}", words) for words, (key, is_wrong) in wrong.items() if is_wrong]
     if found:
         raise SceneError([Mistake(scene.where(key), key, words) for key, words in found])

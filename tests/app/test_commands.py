@@ -222,7 +222,6 @@ def test_searches_that_cannot_do_what_is_asked_are_refused(accessory, capsys):
         (("--set", "optimise.harmonics=[1.5]"), "must be whole numbers"),
         (("--set", "optimise.minimise=bearing_force"), "names bearing_force, which is taken over"),
         (("--set", "optimise.pareto.against=te_rms"), "which optimise.minimise names too"),
-        (("--set", "optimise.pareto.points=3"), "nothing without optimise.pareto.against"),
         (("--set", "optimise.limits.edge_line_load_N_mm=0"), r"> 0 [N/mm]"),
         (("--set", "optimise.pareto.against=dynamic_ratio"), "dynamic_ratio, which is taken over"),
         (("--set", f"{tie}='flank.pinion.crowning_um'"), "must be one of optimise.vary"),
