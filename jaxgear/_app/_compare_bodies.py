@@ -69,6 +69,7 @@ def compare_bodies(
     speeds: int = _SPEEDS,
     modes: int | None = None,
     statics: Summary | None = None,
+    watch: Stopwatch | None = None,
 ) -> Summary:
     """Compare the models of a scene with condensed bodies; see `chart`.
 
@@ -79,12 +80,13 @@ def compare_bodies(
     - `quiet`: whether to show no progress.
     - `rungs`, `speeds`, `modes`: as for `chart`.
     - `statics`: what was found of the quasi-static cycle.
+    - `watch`: that has kept the time so far; a new one by default.
 
     **Returns:**
 
     The summary that is also in `summary.json`.
     """
-    watch = Stopwatch()
+    watch = watch or Stopwatch()
     found, _ = chart(scene, watch, quiet, rungs=rungs, speeds=speeds, modes=modes)
     title = f"{scene['name']}, {scene['pair.torque_pinion_Nm']:g} N m, "
     title += f"{len(found['reference']['speeds_rad_s'])} speeds"
@@ -331,9 +333,9 @@ def combined(
     The rung, or `None` if less than two families have such a one.
     """
     own, chosen = rungs[0], []
-    families = {rung.family for rung in rungs} & {_BODIES, _KEPT, _TOLD_APART, _ACROSS, _BALANCE}
-    for family in (name for name in (_BODIES, _KEPT, _TOLD_APART, _ACROSS, _BALANCE)):
-        if family not in families:
+    left_over: set[str] = set()
+    for family in (_BODIES, _KEPT, _TOLD_APART, _ACROSS, _BALANCE):
+        if family in left_over:
             continue
         pairs = [
             (rung, row) for rung, row in zip(rungs, rows, strict=True) if rung.family == family
@@ -344,7 +346,7 @@ def combined(
         chosen.append(next(rung for rung, row in pairs if row is best))
         if family == _BODIES and best["modes"] == 0:
             # Rigid bodies have neither modes nor anything of them to tell apart.
-            families -= {_KEPT, _TOLD_APART}
+            left_over = {_KEPT, _TOLD_APART}
     if len(chosen) < 2:
         return None
     changes = {key: value for rung in chosen for key, value in rung.changes.items()}
