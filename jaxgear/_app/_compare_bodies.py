@@ -237,8 +237,7 @@ def model_rungs(scene: Scene, most: int) -> list[Rung]:
         if count < slices
     ]
     rungs += [model(name, _BODIES, changes) for name, changes in rigid_changes(scene).items()]
-    some = {(h, n) for n in (64, 128) for h in (5, 10, 20, 40) if 2 * h < n}
-    some &= {(h, n) for h, n in some if n == 64 or h in (10, 40)}
+    some = {(5, 64), (10, 64), (20, 64), (10, 128), (40, 128)}
     rungs += [
         Rung(f"H{h} N{n}", _BALANCE, HarmonicBalance(harmonics=h), n, slices)
         for h, n in sorted(some - {(harmonics, steps)}, key=lambda pair: (pair[1], pair[0]))

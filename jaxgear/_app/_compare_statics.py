@@ -246,13 +246,16 @@ def _on_stiffness(scene: Scene, few: bool) -> list[StaticRung]:
 
 
 def _named(scene: Scene) -> list[str]:
-    """Keys that a search varies, ties or lets scatter."""
+    """Keys that a search varies, ties, lets scatter or looks at."""
     if not scene.has_table("optimise"):
         return []
+    small = scene.get("optimise.minimise"), scene.get("optimise.pareto.against")
+    forces = "bearing_force" in small or scene.get("optimise.minimise.bearing_force") is not None
+    bearings = [f"{gear}.shaft.bearings" for gear in GEARS] if forces else []
     tables = ("optimise.ties.", "robust.scatter.", "robust.even.")
     others = [key.removeprefix(table) for table in tables for key in scene.values
               if key.startswith(table)]  # fmt: skip
-    return [*scene["optimise.vary"], *others]
+    return [*scene["optimise.vary"], *others, *bearings]
 
 
 def takes_away(scene: Scene, changes: Mapping[str, Any], more: Sequence[str] = ()) -> bool:

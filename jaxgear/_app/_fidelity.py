@@ -24,7 +24,7 @@ from jaxgear._app._compare_statics import (
     static_rungs,
     takes_away,
 )
-from jaxgear._app._design import is_dynamic, refuse_unbounded, require_search, require_swept
+from jaxgear._app._design import looks_at_speeds, refuse_unbounded, require_search, require_swept
 from jaxgear._app._ladder import Summary
 from jaxgear._app._model import model_of
 from jaxgear._app._results import write_json
@@ -107,7 +107,7 @@ def in_motion(scene: Scene, command: str) -> bool:
     """Whether a command asks for responses in motion: then these decide, and not statics."""
     swept = scene.has_table("sweep")
     if command == "optimise":
-        return swept and is_dynamic(scene)
+        return swept and looks_at_speeds(scene)
     return command == "sweep" or (command == "run" and swept)
 
 

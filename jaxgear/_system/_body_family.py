@@ -84,14 +84,27 @@ def family_parameters(
     **Arguments:**
 
     - `low`, `high`: ends of the family, in any unit.
-    - `count`: of its bodies.
+    - `count`: of its bodies, three or more.
     - `reciprocal`: whether the coordinate is the reciprocal of the measure.
 
     **Returns:**
 
     Chebyshev's points from end to end, rising; and the points between that are furthest from them,
     one on either side of the middle, where the polynomial is worst.
+
+    **Raises:**
+
+    - `ValueError` if the ends do not rise, or not from above 0 for their reciprocals, or if there
+        are too few bodies.
     """
+    require(
+        count >= 3 and low < high and (low > 0.0 or not reciprocal),
+        "A body family must have three or more bodies and ends that rise, above 0 for reciprocals, "
+        "got {count} from {low:.6g} to {high:.6g}.",
+        count=count,
+        low=low,
+        high=high,
+    )
     ends = (1.0 / low, 1.0 / high) if reciprocal else (low, high)
     middle, half = 0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] - ends[0])
     points = -np.cos(np.pi * np.arange(count) / (count - 1))

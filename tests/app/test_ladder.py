@@ -15,6 +15,7 @@ from jaxgear._app import _fidelity as fidelity
 from jaxgear._app import _ladder as ladder
 from jaxgear._app._cli import main
 from jaxgear._app._compare import model_rungs_of
+from jaxgear._app._model import model_of
 from jaxgear._app._rungs import Rung, other_speeds, thinned
 from jaxgear._app._scene import SceneError, read_scene, ready_scene, write_scene
 from jaxgear._app._schema import STATIC_RESPONSES
@@ -145,6 +146,8 @@ def _names(rungs) -> set[str]:
         "optimise.vary=['wheel.shaft.bearings[0].radial_N_m']",
         "robust.scatter.'wheel.shaft.bearings[0].radial_N_m'=1e6",
         "robust.even.'pinion.shaft.gear_at_mm'=0.1",
+        "optimise.minimise='bearing_force'",
+        "optimise.pareto.against='bearing_force'",
     ],
 )
 def test_a_rung_does_not_take_away_what_a_search_names(named):
@@ -192,6 +195,24 @@ def test_a_torsional_pair_has_no_shafts(tmp_path):
     assert not any(".shaft." in key for key in again.values)
     # The scene itself is left alone.
     assert scene.rows("wheel.shaft.bearings")
+
+
+def test_both_gears_are_cut_back_whichever_is_varied():
+    own = ["optimise.vary=['flank.wheel.tip_relief.depth_um']"]
+    both = {f"flank.{gear}.tip_relief.depth_um" for gear in ("pinion", "wheel")}
+    assert set(statics._visited(ready_scene("accessory", own), "optimise")) == both
+    alone = ready_scene("accessory", [*own, "optimise.symmetric=false"])
+    assert statics._visited(alone, "optimise") == ["flank.wheel.tip_relief.depth_um"]
+
+
+def test_points_are_shares_of_what_the_mesh_carries():
+    """Of 80 N m a couple takes 60 away: at half of the rest the shaft gets 70."""
+    load = "pinion.shaft.loads=[{at_mm=10.0, force_N=[0.0,0.0,0.0], moment_Nm=[0.0,0.0,-60.0]}]"
+    scene = ready_scene("accessory", [load])
+    points = statics.points_of(scene)
+    solver = statics._Solver(scene, points, lambda step: None, Stopwatch(), quick=True)
+    torque = np.asarray(solver._loaded(scene, model_of(scene)).torque)
+    assert torque == pytest.approx([60.0 + 20.0 * point.torque for point in points])
 
 
 def test_a_search_is_chosen_for_on_other_flanks_too():
@@ -327,6 +348,11 @@ def test_mistakes_are_told(given, words):
             ["sweep.pinion_speed_rad_s=[100.0]", 'optimise.minimise="dynamic_ratio"'],
             True,
         ),
+        (
+            "optimise",
+            ["sweep.pinion_speed_rad_s=[100.0]", 'optimise.pareto.against="dynamic_ratio"'],
+            True,
+        ),
         ("run", ["sweep.pinion_speed_rad_s=[100.0]"], True),
         ("sweep", ["sweep.pinion_speed_rad_s=[100.0]"], True),
     ],
@@ -361,6 +387,29 @@ def test_a_choice_is_kept_for_the_next_command(tmp_path, monkeypatch):
     # What is spoilt is no use, and no harm.
     (tmp_path / fidelity.FILE).write_text("{")
     assert not fidelity.chosen(scene, "map", tmp_path, True)[1]["from_cache"]
+
+
+def test_another_file_is_another_scene(tmp_path):
+    """Of matrices condensed elsewhere each file counts."""
+    names = {"superelement": "k.mtx", "superelement_mass": "m.mtx", "superelement_nodes": "n.csv"}
+    for name in names.values():
+        (tmp_path / name).write_text("1")
+    scene = ready_scene("accessory").replace(
+        {f"wheel.body.{key}": name for key, name in names.items()}
+    )
+    scene = dataclasses.replace(scene, path=tmp_path / "scene.toml")
+    seen = {fidelity.digest(scene, "run"), fidelity.digest(scene, "sweep")}
+    for name in names.values():
+        (tmp_path / name).write_text("2")
+        seen.add(fidelity.digest(scene, "run"))
+    assert len(seen) == 2 + len(names)
+
+
+def test_a_search_that_is_refused_anyway_costs_no_wait(tmp_path, monkeypatch):
+    monkeypatch.setattr(fidelity, "_at_rest", lambda *_: pytest.fail("compared"))
+    given = ['model.fidelity="auto"', "optimise.minimise='te_harmonics'", "optimise.harmonics=[99]"]
+    with pytest.raises(SceneError, match=r"less than half of mesh\.phases"):
+        fidelity.chosen(ready_scene("accessory", given), "optimise", tmp_path, True)
 
 
 def test_a_scene_without_a_reference_is_taken_as_it_is(tmp_path, monkeypatch):
