@@ -352,12 +352,13 @@ def _compute(command: str, scene: Scene, folder: Path, quiet: bool) -> Mapping[s
 
     jax.config.update("jax_enable_x64", True)
     from jaxgear._app import _commands
+    from jaxgear._app._statics import SolverFailure
 
     try:
         # The environment is too late for a library that is loaded already; this is not.
         with threadpoolctl.threadpool_limits(1):
             return _commands.COMMANDS[command](scene, folder, quiet)
-    except _commands.SolverFailure as error:
+    except SolverFailure as error:
         raise _Stop(1, f"{scene.path}: {error}") from error
     except InputError as error:
         raise _Stop(2, f"{scene.path}: {error}") from error

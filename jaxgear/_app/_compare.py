@@ -11,7 +11,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxgear._app._commands import _finish, _names, _progress
 from jaxgear._app._compare_statics import (
     changed,
     compared_statics,
@@ -23,6 +22,8 @@ from jaxgear._app._compare_statics import (
 from jaxgear._app._dynamics import speeds_of
 from jaxgear._app._ladder import MARGIN, cheapest
 from jaxgear._app._model import model_of
+from jaxgear._app._progress import progress
+from jaxgear._app._report import finish, names_of
 from jaxgear._app._rungs import (
     HELD_OUT_TORQUE,
     TORQUE,
@@ -157,7 +158,7 @@ def compare(scene: Scene, folder: Path, quiet: bool) -> Summary:
     if not scene.has_table("sweep"):
         require_at_rest(scene)
         found = _statics(scene, folder, "compare", watch, quiet)
-        return _finish(scene, folder, _names(scene) | {"compare": found}, watch)
+        return finish(scene, folder, names_of(scene) | {"compare": found}, watch)
     statics = _statics(scene, folder, "compare_statics", watch, quiet)
     if scene.condensed:
         # Finite elements are imported for scenes that have some only.
@@ -173,7 +174,7 @@ def _statics(scene: Scene, folder: Path, name: str, watch: Stopwatch, quiet: boo
     work = "optimise" if scene.has_table("optimise") else "run"
     rungs = static_rungs(scene)
     # The reference, and two put together.
-    with _progress(len(rungs) + 3, "compare statics", quiet) as done:
+    with progress(len(rungs) + 3, "compare statics", quiet) as done:
         tell = lambda step: done(1)
         chart = compared_statics(scene, work=work, rungs=rungs, tell=tell, watch=watch)
     draw_statics(chart, f"{scene['name']}, {scene['pair.torque_pinion_Nm']:g} N m", folder, name)
@@ -217,8 +218,8 @@ def compared(
     chosen = found["recommended"], found["recommended_for"]
     draw(found["rungs"], title, folder, found["tolerance"], *chosen)
     beside = {} if statics is None else {"statics": statics}
-    summary = _names(scene) | {"compare": found | beside}
-    return _finish(scene, folder, summary, watch)
+    summary = names_of(scene) | {"compare": found | beside}
+    return finish(scene, folder, summary, watch)
 
 
 def chart(
@@ -267,7 +268,7 @@ def chart(
     finest = sorted({own} | ({most} if whole else set()))
     # Slices are compared on equal steps: half as many as the other reference has suffice.
     steps = {slices: phases if slices == own else phases // 2 for slices in finest}
-    with _progress(len(rungs) + len(finest), "compare", quiet) as done:
+    with progress(len(rungs) + len(finest), "compare", quiet) as done:
         references: dict[int, Reference] = {}
         for slices in finest:
             references[slices] = _reference(tables(steps[slices], slices), at, watch)

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from jaxgear._app import _condense
-from jaxgear._app._commands import _finish, _names, _progress
 from jaxgear._app._dynamics import speeds_of
 from jaxgear._app._ladder import MARGIN, cheapest
 from jaxgear._app._mesh_bodies import MeshBody, with_bodies
 from jaxgear._app._model import model_of
+from jaxgear._app._progress import narration, progress
+from jaxgear._app._report import finish, names_of
 from jaxgear._app._rungs import (
     HELD_OUT_TORQUE,
     TORQUE,
@@ -93,8 +93,8 @@ def compare_bodies(
     chosen = found["recommended"], found["recommended_for"]
     draw(found["rungs"], title, folder, found["tolerance"], *chosen)
     beside = {} if statics is None else {"statics": statics}
-    summary = _names(scene) | {"compare": found | beside}
-    return _finish(scene, folder, summary, watch)
+    summary = names_of(scene) | {"compare": found | beside}
+    return finish(scene, folder, summary, watch)
 
 
 def chart(
@@ -135,7 +135,7 @@ def chart(
     own = scene.get("model.coordinates", _MODES)
     most = modes or _REFERENCE_MODES // len(scene.condensed)
     most = 0 if own == 0 else max(own, most)
-    with _condense.steps("bodies of the reference", quiet) as tell:
+    with narration("bodies of the reference", quiet) as tell:
         models = _Models(scene, most, tell)
     tables = Tables(models, watch)
     rungs = model_rungs(scene, most) if rungs is None else list(rungs)
@@ -154,7 +154,7 @@ def chart(
         find = lambda: _settled(watch(each, method, dynamics.system, speeds))
         return timed_reference(find, dynamics)
 
-    with _progress(len(rungs) + 2, "compare", quiet) as done:
+    with progress(len(rungs) + 2, "compare", quiet) as done:
         reference = referred(at, {})
         done(1)
         if np.mean(reference.good) < 0.5:

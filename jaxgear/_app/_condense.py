@@ -1,13 +1,10 @@
 """The command `condense`: builds the condensed bodies of a scene and says how good they are."""
 
-import sys
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tqdm
 import xarray as xr
 
 from fem_prep._body_file import content_hash, write_body
@@ -23,8 +20,9 @@ from jaxgear._app._bodies import (
     even_sectors,
 )
 from jaxgear._app._body_build import BuiltBody, built_body
-from jaxgear._app._commands import Summary, _finish, _names, _warn
 from jaxgear._app._pictures import save
+from jaxgear._app._progress import narration, warn
+from jaxgear._app._report import Summary, finish, names_of
 from jaxgear._app._results import Entry, write_dataset
 from jaxgear._app._scene import Scene
 from jaxgear._app._statics import Stopwatch
@@ -66,7 +64,7 @@ def condense(scene: Scene, folder: Path, quiet: bool) -> Summary:
     plans = [body_plan(scene, gear) for gear in scene.condensed]
     bodies, remarks, groups = [], [], {}
     for plan in plans:
-        with steps(plan.gear, quiet) as tell:
+        with narration(plan.gear, quiet) as tell:
             found = built_body(plan, tell)
             bodies.append(_body_summary(scene, found))
             tell("writing the body")
@@ -78,26 +76,10 @@ def condense(scene: Scene, folder: Path, quiet: bool) -> Summary:
         remarks += [*found.warnings, *_remarks(scene, found)]
         groups[f"{plan.gear}_body"] = _dataset(found)
     for remark in remarks:
-        _warn(remark)
+        warn(remark)
     write_dataset(xr.Dataset(), folder / "result.nc", groups)
-    summary = _names(scene) | {"bodies": bodies, "notes": remarks}
-    return _finish(scene, folder, summary, watch)
-
-
-@contextmanager
-def steps(what: str, quiet: bool) -> Iterator[Callable[[str], None]]:
-    """A line on a terminal's standard error that says what is being done, and since when."""
-    with tqdm.tqdm(
-        disable=quiet or None,
-        file=sys.stderr,
-        leave=False,
-        bar_format=what + ": {desc} [{elapsed}]",
-    ) as line:
-
-        def tell(step: str) -> None:
-            line.set_description_str(step)
-
-        yield tell
+    summary = names_of(scene) | {"bodies": bodies, "notes": remarks}
+    return finish(scene, folder, summary, watch)
 
 
 # --- The summary

@@ -14,7 +14,6 @@ from types import MappingProxyType
 from typing import Any
 
 from jaxgear._app import _compare
-from jaxgear._app._commands import _progress, _with_bodies
 from jaxgear._app._compare_statics import (
     Work,
     changed,
@@ -27,6 +26,7 @@ from jaxgear._app._compare_statics import (
 from jaxgear._app._design import looks_at_speeds, refuse_unbounded, require_search, require_swept
 from jaxgear._app._ladder import Summary
 from jaxgear._app._model import model_of
+from jaxgear._app._progress import built_scene, progress
 from jaxgear._app._results import write_json
 from jaxgear._app._rungs import Rung
 from jaxgear._app._scene import Scene
@@ -162,7 +162,7 @@ def _read(file: Path) -> dict[str, Summary]:
 def _at_rest(scene: Scene, work: Work, quiet: bool) -> Summary:
     """The choice by the quasi-static cycle."""
     rungs = static_rungs(scene, few=True)
-    with _progress(len(rungs) + 3, "fidelity", quiet) as done:
+    with progress(len(rungs) + 3, "fidelity", quiet) as done:
         found = compared_statics(
             scene, work=work, rungs=rungs, quick=True, tell=lambda step: done(1)
         )
@@ -174,7 +174,7 @@ def _at_rest(scene: Scene, work: Work, quiet: bool) -> Summary:
 def _in_motion(scene: Scene, quiet: bool) -> Summary:
     """The choice by responses in motion, at a few speeds."""
     watch = Stopwatch()
-    scene = _with_bodies(scene, quiet, moving=True)
+    scene = built_scene(scene, quiet, moving=True)
     if scene.condensed:
         from jaxgear._app import _compare_bodies
 

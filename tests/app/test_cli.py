@@ -15,6 +15,7 @@ from jaxgear import _app
 from jaxgear._app import _cli
 from jaxgear._app._cli import main, print_summary
 from jaxgear._app._scene import read_scene
+from jaxgear._app._statics import SolverFailure
 from jaxgear._checks import InputError
 
 _SUMMARY = {
@@ -23,10 +24,6 @@ _SUMMARY = {
     "geometry": {"centre_distance_mm": 99.450283},
     "static": {"te_rms_um": 2.36, "speeds": list(range(300)), "bearings": [{"index": 0}]},
 }
-
-
-class _SolverFailure(RuntimeError):
-    pass
 
 
 @pytest.fixture
@@ -43,7 +40,6 @@ def commands(monkeypatch):
         return command
 
     stub.COMMANDS = {name: noted(name) for name in ("run", "map", "optimise", "check-grad")}
-    stub.SolverFailure = _SolverFailure
     stub.calls = calls
     monkeypatch.setitem(sys.modules, stub.__name__, stub)
     monkeypatch.setattr(_app, "_commands", stub, raising=False)
@@ -178,7 +174,7 @@ def test_an_impossible_gear_is_exit_code_2(scene, commands, capsys):
 
 
 def test_a_solver_failure_is_exit_code_1(scene, commands, capsys):
-    commands.COMMANDS["run"] = _raise(_SolverFailure("No contact at phase 3."))
+    commands.COMMANDS["run"] = _raise(SolverFailure("No contact at phase 3."))
     assert main(["run", str(scene)]) == 1
     assert capsys.readouterr().err == "jaxgear: accessory.toml: No contact at phase 3.\n"
 

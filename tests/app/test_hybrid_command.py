@@ -18,10 +18,10 @@ from jaxgear._app import _hybrid_dataset as hybrid_dataset
 from jaxgear._app import _hybrid_pictures as pictures
 from jaxgear._app._body_build import Steps, full_of
 from jaxgear._app._cli import main
-from jaxgear._app._commands import _foundation
 from jaxgear._app._mesh_bodies import with_bodies
 from jaxgear._app._model import grid_of, law_of, model_of
 from jaxgear._app._notes import _on_condensed
+from jaxgear._app._report import foundation_of
 from jaxgear._app._results import static_dataset
 from jaxgear._app._scene import read_scene
 from jaxgear._app._statics import Statics, Stopwatch, solve_statics
@@ -252,7 +252,7 @@ def test_answers_are_of_all_phases(solved, tmp_path):
         if shown.what == "mesh":
             # The wheel's rim gives most where the teeth press.
             assert abs(columns["angle_deg"][at]) < 60.0
-    assert _foundation(scene) == "pinion weber, wheel its condensed body"
+    assert foundation_of(scene) == "pinion weber, wheel its condensed body"
 
 
 # --- Teeth and holes, by hand

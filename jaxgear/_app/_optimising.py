@@ -1,0 +1,345 @@
+"""The command `optimise`: a search by gradient, judged exactly, and what became better."""
+
+import importlib.metadata
+import time
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import optimise
+from jaxgear._app import _pictures as pictures
+from jaxgear._app import _robust_pictures as robust_pictures
+from jaxgear._app._design import (
+    DesignSpace,
+    design_space,
+    is_dynamic,
+    judged_speeds,
+    left_out,
+    objective_function,
+    objective_of,
+    prepared_mesh,
+    refuse_unbounded,
+    require_search,
+    require_swept,
+    responses_function,
+)
+from jaxgear._app._model import smooth_law_of
+from jaxgear._app._notes import left_out_notes
+from jaxgear._app._pareto import draw_front, front_of, front_remarks, is_asked_for
+from jaxgear._app._progress import built_scene, progress, warn
+from jaxgear._app._report import Summary, finish, head, title_of
+from jaxgear._app._results import static_dataset
+from jaxgear._app._robust import (
+    hardened,
+    reach_of,
+    response_of,
+    robust_notes,
+    robust_summary,
+    shown,
+)
+from jaxgear._app._scatter import Scatter, scatter_of
+from jaxgear._app._scene import Scene, rewrite_scene
+from jaxgear._app._search import (
+    Search,
+    best_of_starts,
+    limits_summary,
+    record_file,
+    require_acting,
+    search_of,
+    smoothing_bias_of,
+    smoothing_notes,
+)
+from jaxgear._app._statics import (
+    SolverFailure,
+    Statics,
+    Stopwatch,
+    solve_statics,
+    torques_of,
+)
+from jaxgear._checks import InputError
+from jaxgear._geometry._lines import MeshGrid, mesh_grid
+from jaxgear._interface._laws import ExactContact
+from jaxgear._solve._cycle import PreparedMesh
+
+
+def optimise_flanks(scene: Scene, folder: Path, quiet: bool) -> Summary:
+    """Gradient optimisation of [optimise].vary; writes NAME.optimised.toml.
+
+    Arguments, results and errors as for `_commands.run`.
+    """
+    refuse_unbounded(scene, tuple(scene["optimise.vary"]))
+    require_swept(scene)
+    require_search(scene)
+    watch = Stopwatch()
+    scene = built_scene(scene, quiet)
+    statics = solve_statics(scene, watch)
+    summary = head(scene, statics)
+    found = optimisation(scene, statics, folder, quiet, watch)
+    summary["notes"] += found.pop("notes")
+    return finish(scene, folder, summary | found, watch)
+
+
+# A better point by this much of the objective found elsewhere is worth a second search.
+_CLEARLY_BETTER = 0.02
+
+
+def descent(search: Search, space: DesignSpace, quiet: bool, start: np.ndarray | None = None):
+    """One search from a start, or from as many as the scene asks for, with a progress bar."""
+    most = space.scene["optimise.max_evaluations"]
+    most *= space.scene["optimise.starts"] if start is None else 1
+    most *= 1 + len(space.scene.get("optimise.anneal_um", ()))
+    with progress(most, search.name, quiet) as done:
+        watch = lambda point, value: done(1)
+        if start is None:
+            return best_of_starts(search, space, watch)
+        return search.descend(start, watch)
+
+
+def unless_beaten(
+    found: optimise.SearchResult,
+    rival: np.ndarray,
+    value: float,
+    search: Search,
+    space: DesignSpace,
+    quiet: bool,
+) -> tuple[optimise.SearchResult, bool]:
+    """Search once more from a rival's point if its value is clearly better; says whether it was."""
+    if value >= (1.0 - _CLEARLY_BETTER) * found.value:
+        return found, False
+    return optimise.joined(descent(search, space, quiet, rival), found), True
+
+
+def optimisation(
+    scene: Scene,
+    before: Statics,
+    folder: Path,
+    quiet: bool,
+    watch: Stopwatch,
+    torques: np.ndarray | None = None,
+) -> Summary:
+    """Search with smooth contact, judge with exact contact, and show what became better."""
+    space = design_space(
+        scene,
+        tuple(scene["optimise.vary"]),
+        symmetric=scene["optimise.symmetric"],
+        deflection=float(before.numbers["single_pair_deflection_um"]),
+    )
+    space.require_tied_start()
+    destination = folder / f"{scene['name']}.optimised.toml"
+    # Before the search, so that a file that cannot be rewritten does not cost its result.
+    _rewrite(scene, {}, destination)
+    scatter = None
+    if scene.has_table("robust"):
+        teeth = np.asarray(before.cycle.cells.lines.tooth)
+        scatter = scatter_of(space, before.model.pair, teeth)
+    grid = before.grid
+    moving = not space.flanks_only or (scatter is not None and not scatter.same_lines)
+    if moving and not scene.bodies:
+        # The contact ratio may grow with what changes; condensed bodies hold for one grid.
+        grid = mesh_grid(
+            before.model.pair,
+            phases=grid.phases,
+            slices=grid.slices,
+            periods=grid.periods,
+            beyond=grid.beyond,
+            margin=1.0,
+        )
+    prepared = prepared_mesh(space, grid, watch)
+    file = record_file(space, folder, importlib.metadata.version("jaxgear"))
+    search = search_of(space, grid, prepared, file)
+    exact = jax.jit(objective_function(space, grid, ExactContact(), prepared))
+    judged = judged_speeds(space, grid, ExactContact())
+    judged_before = judged(space.start)
+    _require_half(judged_before)
+    require_acting(search, space)
+    start = time.perf_counter()
+    try:
+        found = descent(search, space, quiet)
+    except FloatingPointError as error:
+        if not is_dynamic(scene):
+            raise
+        raise SolverFailure(f"{error} {_TOO_FEW}") from error
+    seconds = time.perf_counter() - start
+    limits = _FEW_MEMBERS if is_dynamic(scene) else {}
+    with progress(1, "differential evolution", quiet) as done:
+        baseline = optimise.differential_evolution(search.objective, space.box, **limits)
+        done(1)
+    rival = baseline.point, baseline.value
+    found, restarted = unless_beaten(found, *rival, search, space, quiet)
+    for each in folder.glob(f"{file.stem}*{file.suffix}"):
+        each.unlink()
+    if not found.converged:
+        more = "" if search.limits else " Raise optimise.max_evaluations."
+        warn(f"the search did not converge: {found.reason}.{more}")
+    keys = {key: float(value) for key, value in space.updates(jnp.asarray(found.point)).items()}
+    try:
+        after = solve_statics(scene.replace(keys), watch, torques)
+    except InputError as error:
+        raise SolverFailure(
+            f"the search ended at impossible gears, {keys}: {error} Narrow [optimise.bounds]."
+        ) from error
+    _rewrite(scene, keys, destination)
+    _draw_search(scene, folder, before, after, search.name, found, baseline)
+    objectives = {
+        name: float(exact(jnp.asarray(point)))
+        for name, point in (
+            ("before", space.start),
+            ("after", found.point),
+            ("baseline", baseline.point),
+        )
+    }
+    if not np.isfinite(list(objectives.values())).all():
+        more = f", or {_TOO_FEW}" if is_dynamic(scene) else ""
+        raise SolverFailure(f"the contact was not solved where the search began or ended{more}")
+    responses = jax.jit(responses_function(space, grid, ExactContact(), prepared))
+    kept = lambda point: np.asarray(responses(jnp.asarray(point)))
+    judged_after = judged(np.asarray(found.point))
+    remarks = left_out_notes(judged_before, judged_after, limited=baseline.evaluations)
+    bias = found.value - objectives["after"]
+    own = objectives["before"], objectives["after"]
+    remarks += smoothing_notes(scene["mesh.smoothing_um"], bias, *own)
+    pareto = {}
+    if is_asked_for(space):
+        with progress(scene["optimise.pareto.points"], "front", quiet) as done:
+            front = front_of(space, grid, prepared, space.start, done)
+        pareto = {"pareto": draw_front(space, front, title_of(scene), folder)}
+        remarks += front_remarks(front)
+    robust: Summary = {}
+    if scatter is not None:
+        told, robust["robust"] = _robust(
+            scatter, found.point, after, grid, prepared, folder, quiet, watch, torques
+        )
+        remarks += told
+    for remark in remarks:
+        warn(remark)
+    return pareto | {
+        "notes": remarks,
+        "optimise": {
+            "minimise": scene.get("optimise.minimise", "weighted table"),
+            "torques_Nm": torques_of(scene, "optimise.torques_Nm"),
+            "objective_unit": objective_of(scene)[1],
+            "variables": keys,
+            "before": _judged(before, objectives["before"]),
+            "after": _judged(after, objectives["after"]),
+            "smooth_objective": found.value,
+            "smooth_less_exact": bias,
+            "smoothing_bias_at_most": smoothing_bias_of(search, space, found.point),
+            "smoothing_um": scene["mesh.smoothing_um"],
+            "method": search.name,
+            "starts": scene["optimise.starts"],
+            "limits": limits_summary(search, kept, found.point),
+            "evaluations": found.evaluations,
+            "gradient_evaluations": found.gradient_evaluations,
+            "converged": found.converged,
+            "reason": found.reason,
+            "restarted_from_baseline": restarted,
+            "at_bounds": space.at_bounds(found.point),
+            "seconds_with_compiling": seconds,
+            "differential_evolution": {
+                "objective": objectives["baseline"],
+                "variables": dict(zip(space.keys, baseline.point, strict=True)),
+                "evaluations": baseline.evaluations,
+                "converged": baseline.converged,
+            },
+            "scene": str(destination),
+        }
+        | left_out(judged_before, judged_after)
+        | robust,
+    }
+
+
+def _robust(
+    scatter: Scatter,
+    nominal: np.ndarray,
+    nominal_statics: Statics,
+    grid: MeshGrid,
+    prepared: PreparedMesh | None,
+    folder: Path,
+    quiet: bool,
+    watch: Stopwatch,
+    torques: np.ndarray | None,
+) -> tuple[list[str], Summary]:
+    """Go on from a nominal optimum to the robust one, and show both on fresh gears."""
+    space, scene = scatter.space, scatter.space.scene
+    file = record_file(space, folder, importlib.metadata.version("jaxgear"), "robust")
+    with progress(scene["optimise.max_evaluations"], "robust search", quiet) as done:
+        told = lambda point, value: done(1)
+        law = smooth_law_of(scene)
+        made = hardened(scatter, nominal, grid, law, prepared, told, file)
+    file.unlink(missing_ok=True)
+    summary = robust_summary(made)
+    destination = folder / f"{scene['name']}.robust.toml"
+    _rewrite(scene, summary["variables"], destination)
+    statics = solve_statics(scene.replace(summary["variables"]), watch, torques)
+    response, unit = response_of(scene), response_of(scene)[1]
+    values = {
+        name: shown(scene, each.fresh)
+        for name, each in (("nominal", made.nominal), ("robust", made.robust))
+    }
+    datasets = {
+        name: static_dataset(each.model, each.cycle, each.law)
+        for name, each in (("nominal", nominal_statics), ("robust", statics))
+    }
+    title = f"{title_of(scene)}, {scene['robust.fresh_samples']} gears"
+    figure = robust_pictures.robust(values, datasets, scene["robust.share"], response, title)
+    columns = robust_pictures.robust_columns(values, datasets, unit)
+    pictures.save(figure, columns, folder, "robust")
+    names, reach, ends = reach_of(made)
+    figure = robust_pictures.tornado(names, reach, ends, response, title_of(scene))
+    columns = robust_pictures.tornado_columns(names, reach, ends, unit)
+    pictures.save(figure, columns, folder, "tornado")
+    return robust_notes(made), summary | {"scene": str(destination)}
+
+
+# With responses at many speeds an evaluation takes a second, not a millisecond.
+_FEW_MEMBERS = {"population": 5, "most_generations": 10}
+
+
+_TOO_FEW = (
+    "fewer than half of the speeds of [sweep] have a response that has settled and is not close to "
+    "a fold. Raise the damping, or sweep other speeds."
+)
+
+
+def _require_half(judged: list[tuple[float, optimise.Judged]]) -> None:
+    """Refuse a search that begins where most speeds do not count."""
+    for _, each in judged:
+        if 2 * int(np.sum(each.kept)) < each.speed.size:
+            raise SolverFailure(_TOO_FEW)
+
+
+def _rewrite(scene: Scene, keys: dict[str, float], destination: Path) -> None:
+    """Write the user's scene with what the command line and the search changed."""
+    try:
+        rewrite_scene(scene.path, scene.overridden() | keys, destination)
+    except ValueError as error:
+        raise InputError(str(error)) from error
+
+
+def _draw_search(
+    scene: Scene,
+    folder: Path,
+    before: Statics,
+    after: Statics,
+    name: str,
+    found: optimise.SearchResult,
+    baseline: optimise.SearchResult,
+) -> None:
+    """What became better, and how fast."""
+    old, new = (static_dataset(each.model, each.cycle, each.law) for each in (before, after))
+    figure = pictures.before_after(old, new, title_of(scene))
+    pictures.save(figure, pictures.before_after_columns(old, new), folder, "before_after")
+    traces = {name: found.values, "differential evolution": baseline.values}
+    unit = objective_of(scene)[1]
+    figure = pictures.search_trace(traces, unit, title_of(scene))
+    pictures.save(figure, pictures.search_trace_columns(traces, unit), folder, "search")
+
+
+def _judged(statics: Statics, objective: float) -> dict[str, float]:
+    """Objective with exact contact over all torques, and what changed at the scene's torque."""
+    names = ("te_mean_um", "te_rms_um", "te_peak_to_peak_um", "max_line_load_N_mm")
+    names += "max_pressure_MPa", "face_load_factor"
+    numbers = {name: float(statics.numbers[name]) for name in names}
+    return {"objective": objective} | numbers

@@ -1,0 +1,51 @@
+"""What a command says on standard error while it works: bars, steps, warnings."""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import tqdm
+
+from jaxgear._app._scene import Scene
+from jaxgear._app._with_bodies import with_bodies
+
+
+@contextmanager
+def progress(total: int, what: str, quiet: bool) -> Iterator[Callable[[int], None]]:
+    """A progress bar on a terminal's standard error; the value is told how many more are done."""
+    with tqdm.tqdm(
+        total=total, desc=what, disable=quiet or None, file=sys.stderr, leave=False
+    ) as bar:
+
+        def done(count: int) -> None:
+            bar.update(count)
+
+        yield done
+
+
+@contextmanager
+def narration(what: str, quiet: bool) -> Iterator[Callable[[str], None]]:
+    """A line on a terminal's standard error that says what is being done, and since when."""
+    with tqdm.tqdm(
+        disable=quiet or None,
+        file=sys.stderr,
+        leave=False,
+        bar_format=what + ": {desc} [{elapsed}]",
+    ) as line:
+
+        def tell(step: str) -> None:
+            line.set_description_str(step)
+
+        yield tell
+
+
+def warn(text: str) -> None:
+    print(f"jaxgear: warning: {text}", file=sys.stderr)
+
+
+def built_scene(scene: Scene, quiet: bool, *, moving: bool = False) -> Scene:
+    """The scene with its condensed bodies; where it has none, nothing is imported for them."""
+    if not scene.condensed:
+        return scene
+    with narration("bodies", quiet) as tell:
+        return with_bodies(scene, tell, moving=moving or scene.has_table("sweep"))

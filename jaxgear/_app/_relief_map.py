@@ -1,0 +1,240 @@
+"""The command `map`: the Master Curve on a map of depth and extent of tip relief."""
+
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import optimise
+from jaxgear._app import _curve_pictures as curve_pictures
+from jaxgear._app import _pictures as pictures
+from jaxgear._app._design import (
+    DesignSpace,
+    design_space,
+    round_up,
+)
+from jaxgear._app._optimising import descent, unless_beaten
+from jaxgear._app._progress import built_scene, progress
+from jaxgear._app._report import Summary, finish, head, title_of
+from jaxgear._app._scene import Scene
+from jaxgear._app._schema import GEARS
+from jaxgear._app._search import (
+    by_gradient,
+)
+from jaxgear._app._statics import (
+    SolverFailure,
+    Statics,
+    Stopwatch,
+    geometry_summary,
+    smoothing_bias,
+    solve_statics,
+    torques_of,
+)
+from jaxgear._checks import InputError
+from jaxgear._interface._laws import ExactContact, SmoothContact
+from jaxgear._response._transmission import cycle_rms, transmission_error
+from jaxgear._solve._cycle import PreparedMesh, corrected_cycle
+from jaxgear._system._model import PairModel
+from jaxgear._types import Scalar
+from jaxgear._units import um
+
+
+def map_relief(scene: Scene, folder: Path, quiet: bool) -> Summary:
+    """Master Curve map of symmetric tip relief, with closed form and the optimiser's path.
+
+    Arguments, results and errors as for `_commands.run`.
+    """
+    watch = Stopwatch()
+    # The closed form, and so the map, is for linear relief.
+    linear = {f"flank.{gear}.tip_relief.shape": "linear" for gear in GEARS}
+    scene = built_scene(scene.replace(linear), quiet)
+    statics = solve_statics(scene, watch)
+    summary = head(scene, statics)
+    deflection = summary["static"]["single_pair_deflection_um"] * um
+    space = design_space(scene, _RELIEF_KEYS, symmetric=True, deflection=deflection / um)
+    depth, extent = _map_axes(scene, deflection)
+    torque = statics.model.torque[None]
+    meshes = watch(
+        lambda model, t: optimise.prepare_torques(model, t, statics.grid), statics.model, torque
+    )
+    prepared = jax.tree.map(lambda x: jnp.asarray(np.asarray(x)[0]), meshes)
+
+    def te_rms(depth: Scalar, extent: Scalar) -> Scalar:
+        model = space.model(jnp.stack([depth / um, extent]))
+        cycle = corrected_cycle(prepared, model)
+        rms = cycle_rms(cycle, transmission_error(model.pair, cycle)) / um
+        return jnp.where(jnp.all(cycle.converged), rms, jnp.nan)
+
+    with progress(depth.size * extent.size, "map", quiet) as done:
+        chart, valley = optimise.relief_map(te_rms, depth, extent, done=done)
+    if not (np.isfinite(chart.value).all() and np.isfinite(valley.value).all()):
+        raise SolverFailure("the contact was not solved at some point of the map")
+    variance = lambda variables, width: optimise.over_torques(
+        space.model,
+        optimise.TransmissionErrorVariance(),
+        torque,
+        grid=statics.grid,
+        law=SmoothContact(width),
+        prepared=meshes,
+    )(variables)
+    search = by_gradient(space, variance)
+    found = descent(search, space, quiet, space.start)
+    lowest = int(np.argmin(valley.value))
+    rival = np.asarray([valley.depth[lowest] / um, valley.extent[lowest]])
+    best_on_grid = float(valley.value[lowest] ** 2)
+    found, restarted = unless_beaten(found, rival, best_on_grid, search, space, quiet)
+    curve = _traced(
+        space, statics, meshes, extent[::-1], float(valley.depth[-1]), float(depth[-1]), quiet
+    )
+    best = jax.jit(te_rms)(jnp.asarray(found.point[0] * um), jnp.asarray(found.point[1]))
+    ratio = jnp.asarray(summary["geometry"]["profile_contact_ratio"])
+    closed = _closed_form(np.append(extent, found.point[1]), ratio, deflection)
+    summary["master_curve"] = {
+        "depth_um": found.point[0],
+        "extent": found.point[1],
+        "te_rms_um": float(best),
+        "closed_form_depth_um": closed[-1],
+        "single_pair_deflection_um": deflection / um,
+        "evaluations": found.evaluations,
+        "gradient_evaluations": found.gradient_evaluations,
+        "converged": found.converged,
+        "restarted_from_grid": restarted,
+        **_valley_summary(valley, closed[:-1]),
+        "traced": _traced_summary(curve, ratio, deflection, float(depth[-1])),
+    }
+    # Relief of one and a half deflections parts the teeth at the ends of the path.
+    relieved = jax.jit(lambda x: space.model(x))(jnp.asarray([1.5 * deflection / um, 0.3]))
+    summary["smoothing_bias"] = _draw_bias(scene, folder, relieved, prepared, watch)
+    figure = pictures.master_curve(chart, valley, closed[:-1], found.path, title_of(scene))
+    columns = pictures.master_curve_columns(chart, valley, closed[:-1])
+    pictures.save(figure, columns, folder, "master_curve")
+    traced = summary["master_curve"]["traced"]
+    figure = curve_pictures.traced_curve(traced, title_of(scene))
+    pictures.save(figure, traced, folder, "master_curve_traced")
+    if scene.get("map.torques_Nm") is not None:
+        start, deepest = float(valley.depth[-1]), float(depth[-1])
+        family = _family(space, extent[::-1], start, deepest, watch, quiet)
+        summary["master_curve"]["torques"] = family
+        figure = curve_pictures.family(chart, family, title_of(scene))
+        pictures.save(figure, curve_pictures.family_columns(family), folder, "master_curve_torques")
+    return finish(scene, folder, summary, watch)
+
+
+_RELIEF_KEYS = ("flank.pinion.tip_relief.depth_um", "flank.pinion.tip_relief.extent")
+
+
+def _map_axes(scene: Scene, deflection: float) -> tuple[np.ndarray, np.ndarray]:
+    """Depths [m] and extents of the map."""
+    first, last = scene["map.depth_um.from"], scene.get("map.depth_um.to")
+    if last is None:
+        last = round_up(max(3.0 * deflection / um, 2.0 * first))
+    extents = scene["map.extent.from"], scene["map.extent.to"]
+    for name, low, high in (("depth_um", first, last), ("extent", *extents)):
+        if not low < high:
+            raise InputError(f"map.{name} must rise, got from = {low:g}, to = {high:g}.")
+    depth = um * np.linspace(first, last, scene["map.depth_um.points"])
+    return depth, np.linspace(*extents, scene["map.extent.points"])
+
+
+def _family(
+    space: DesignSpace,
+    extent: np.ndarray,
+    start: float,
+    deepest: float,
+    watch: Stopwatch,
+    quiet: bool,
+) -> list[Summary]:
+    """The curve traced at each of `map.torques_Nm`, beside the closed form at that torque."""
+    own, found = space.scene["pair.torque_pinion_Nm"], []
+    for torque in torques_of(space.scene, "map.torques_Nm"):
+        scene = space.scene.replace({"pair.torque_pinion_Nm": float(torque)})
+        statics = solve_statics(scene, watch)
+        prepare = lambda model, t, grid=statics.grid: optimise.prepare_torques(model, t, grid)
+        meshes = watch(prepare, statics.model, statics.model.torque[None])
+        # Deflections are nearly in proportion to the torque; and deeper is asked for by no one.
+        near = min(start * float(torque) / own, deepest)
+        curve = _traced(space, statics, meshes, extent, near, deepest, quiet)
+        deflection = float(statics.numbers["single_pair_deflection_um"]) * um
+        ratio = jnp.asarray(geometry_summary(statics.model)["profile_contact_ratio"])
+        found.append(
+            {"torque_Nm": float(torque), "single_pair_deflection_um": deflection / um}
+            | _traced_summary(curve, ratio, deflection, deepest)
+        )
+    return found
+
+
+def _traced(
+    space: DesignSpace,
+    statics: Statics,
+    meshes: PreparedMesh,
+    extent: np.ndarray,
+    start: float,
+    deepest: float,
+    quiet: bool,
+) -> optimise.TracedCurve:
+    """The best depth followed from the longest of extents to the shortest, exactly."""
+    residuals = optimise.residuals_over_torques(
+        space.model,
+        statics.model.torque[None],
+        grid=statics.grid,
+        law=ExactContact(),
+        prepared=meshes,
+    )
+    deviations = lambda depth, extent: um * residuals(jnp.stack([depth / um, extent]))
+    with progress(extent.size, "Master Curve", quiet) as done:
+        return optimise.traced_curve(deviations, extent, start, deepest=deepest, done=done)
+
+
+def _traced_summary(
+    curve: optimise.TracedCurve, ratio: Scalar, deflection: float, deepest: float
+) -> dict[str, np.ndarray]:
+    """The traced curve where it is one: found, and with less error than without relief."""
+    kept = curve.settled & (curve.depth > 0.0) & (curve.depth <= deepest)
+    return {
+        "extent": curve.extent[kept],
+        "depth_um": curve.depth[kept] / um,
+        "te_rms_um": curve.rms[kept] / um,
+        # RMS over error of depth, where the curve itself has none.
+        "te_rms_per_depth": np.sqrt(0.5 * curve.bend[kept]),
+        "closed_form_depth_um": _closed_form(curve.extent[kept], ratio, deflection),
+    }
+
+
+def _valley_summary(valley: optimise.Valley, closed: np.ndarray) -> Summary:
+    """The best depth of each extent, and the best of all."""
+    lowest = int(np.argmin(valley.value))
+    return {
+        "grid_best": {
+            "depth_um": valley.depth[lowest] / um,
+            "extent": valley.extent[lowest],
+            "te_rms_um": valley.value[lowest],
+        },
+        "valley": {
+            "extent": valley.extent,
+            "depth_um": valley.depth / um,
+            "te_rms_um": valley.value,
+            "closed_form_depth_um": closed,
+        },
+    }
+
+
+def _draw_bias(
+    scene: Scene, folder: Path, model: PairModel, prepared: PreparedMesh, watch: Stopwatch
+) -> Summary:
+    """Smooth against exact contact on a flank whose ends are out of contact."""
+    widths = um * np.geomspace(0.02, 5.0, 17)
+    mean, rms, exact = map(np.asarray, watch(smoothing_bias, model, prepared, jnp.asarray(widths)))
+    relative = rms / max(float(exact), 1e-12 * um)
+    data = widths / um, mean / um, relative
+    title = f"{title_of(scene)}, tip relief that parts the teeth"
+    figure = pictures.smoothing_bias(*data, float(exact) / um, title)
+    pictures.save(figure, pictures.smoothing_bias_columns(*data), folder, "smoothing_bias")
+    return {"width_um": widths / um, "te_mean_bias_um": mean / um, "te_rms_bias_relative": relative}
+
+
+def _closed_form(extent: np.ndarray, ratio: Scalar, deflection: float) -> np.ndarray:
+    """Depth of the closed-form Master Curve [um]."""
+    closed_form = jax.jit(optimise.master_curve_depth)
+    depth = closed_form(jnp.asarray(extent), ratio, jnp.asarray(deflection))
+    return np.asarray(depth) / um

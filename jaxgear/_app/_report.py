@@ -1,0 +1,101 @@
+"""What every summary begins and ends with."""
+
+import importlib.metadata
+import json
+import resource
+import sys
+from pathlib import Path
+from typing import Any
+
+from jaxgear._app._notes import notes
+from jaxgear._app._results import write_json
+from jaxgear._app._scene import Scene, write_scene
+from jaxgear._app._schema import GEARS
+from jaxgear._app._statics import (
+    Statics,
+    Stopwatch,
+    geometry_summary,
+    iso_summary,
+    mounts_summary,
+)
+
+Summary = dict[str, Any]
+
+
+def title_of(scene: Scene) -> str:
+    return f"{scene['name']}, {scene['pair.torque_pinion_Nm']:g} N m"
+
+
+def names_of(scene: Scene) -> Summary:
+    """What every summary begins with."""
+    packages = ("jaxgear", "jax", "jaxlib", "equinox", "optax", "numpy", "scipy")
+    versions = {name: importlib.metadata.version(name) for name in packages}
+    return {"name": scene["name"], "cite": scene["cite"], "versions": versions}
+
+
+def head(scene: Scene, statics: Statics) -> Summary:
+    """Names, model, geometry and statics."""
+    known = notes(scene, statics)
+    return (
+        names_of(scene)
+        | {
+            "model": {
+                "pinion": scene["pinion.body.kind"],
+                "wheel": scene["wheel.body.kind"],
+                "stiffness": scene["mesh.stiffness"],
+                "foundation": foundation_of(scene),
+                "contact": scene["mesh.contact"],
+                "slices": scene["mesh.slices"],
+                # Time steps, where statics are those that the dynamics begin with.
+                "phases": statics.grid.phases,
+                # Both gears' rotations are one coordinate: the drive.
+                "dofs": len(statics.cycle.system.structure.map.free) - 1 + _modes_kept(scene),
+            },
+            "geometry": geometry_summary(statics.model),
+            "iso6336": iso_summary(statics.model),
+            "static": {key: float(value) for key, value in statics.numbers.items()}
+            | mounts_summary(statics),
+            "notes": known,
+        }
+        | _told_bodies(scene, known)
+    )
+
+
+def _modes_kept(scene: Scene) -> int:
+    """Modes with which condensed bodies vibrate; none in statics."""
+    bases = [body.basis for body in scene.bodies.values()]
+    return sum(len(basis.square) for basis in bases if basis is not None)
+
+
+def foundation_of(scene: Scene) -> str:
+    """What gives under the teeth of either gear; once, if it is the same."""
+    given = [scene.get(f"{gear}.foundation", scene["mesh.foundation"]) for gear in GEARS]
+    own = ["its condensed body" if gear in scene.bodies else None for gear in GEARS]
+    if not any(own) and not any(f"{gear}.foundation" in scene.values for gear in GEARS):
+        return scene["mesh.foundation"]
+    named = zip(GEARS, own, given, strict=True)
+    return ", ".join(f"{gear} {body or foundation}" for gear, body, foundation in named)
+
+
+def _told_bodies(scene: Scene, known: list[str]) -> Summary:
+    """What the condensed bodies are, as `condense` says it, and all notes; empty without them."""
+    if not scene.bodies:
+        return {}
+    from jaxgear._app._condense import _body_summary, _remarks
+
+    built = [each.built for each in scene.bodies.values()]
+    said = [words for each in built for words in (*each.warnings, *_remarks(scene, each))]
+    return {"bodies": [_body_summary(scene, each) for each in built], "notes": known + said}
+
+
+def finish(scene: Scene, folder: Path, summary: Summary, watch: Stopwatch) -> Summary:
+    """Add the cost, and write what every results folder has."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    summary["cost"] = {
+        "compile_s": watch.compile_s,
+        "run_s": watch.run_s,
+        "peak_memory_MB": peak / (1024.0**2 if sys.platform == "darwin" else 1024.0),
+    }
+    write_scene(scene, folder / "scene.toml")
+    write_json(summary, folder / "summary.json")
+    return json.loads((folder / "summary.json").read_text(encoding="utf-8"))
