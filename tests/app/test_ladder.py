@@ -15,7 +15,6 @@ from jaxgear._app import _fidelity as fidelity
 from jaxgear._app import _ladder as ladder
 from jaxgear._app._cli import main
 from jaxgear._app._compare import model_rungs_of
-from jaxgear._app._model import model_of
 from jaxgear._app._rungs import Rung, other_speeds, thinned
 from jaxgear._app._scene import SceneError, read_scene, ready_scene, write_scene
 from jaxgear._app._schema import STATIC_RESPONSES
@@ -203,16 +202,6 @@ def test_both_gears_are_cut_back_whichever_is_varied():
     assert set(statics._visited(ready_scene("accessory", own), "optimise")) == both
     alone = ready_scene("accessory", [*own, "optimise.symmetric=false"])
     assert statics._visited(alone, "optimise") == ["flank.wheel.tip_relief.depth_um"]
-
-
-def test_points_are_shares_of_what_the_mesh_carries():
-    """Of 80 N m a couple takes 60 away: at half of the rest the shaft gets 70."""
-    load = "pinion.shaft.loads=[{at_mm=10.0, force_N=[0.0,0.0,0.0], moment_Nm=[0.0,0.0,-60.0]}]"
-    scene = ready_scene("accessory", [load])
-    points = statics.points_of(scene)
-    solver = statics._Solver(scene, points, lambda step: None, Stopwatch(), quick=True)
-    torque = np.asarray(solver._loaded(scene, model_of(scene)).torque)
-    assert torque == pytest.approx([60.0 + 20.0 * point.torque for point in points])
 
 
 def test_a_search_is_chosen_for_on_other_flanks_too():
