@@ -345,6 +345,14 @@ _FOUNDATIONS = {
 
 
 def _foundation(scene: Scene, name: str) -> AbstractFoundation:
+    """What gives under the teeth of a gear.
+
+    Under those of a condensed body it counts in the figures of a single pair only. Unless said
+    otherwise it is what is near a root: that a body winds up is common to all teeth in mesh.
+    """
+    unsaid = not {f"{name}.foundation", "mesh.foundation"} & set(scene.given)
+    if unsaid and name in scene.condensed:
+        return WeberFoundation()
     return _FOUNDATIONS[scene.get(f"{name}.foundation", scene["mesh.foundation"])]()
 
 

@@ -40,6 +40,7 @@ def narration(what: str, quiet: bool) -> Iterator[Callable[[str], None]]:
 
 
 def warn(text: str) -> None:
+    """Say what a user should know, even where progress is not shown."""
     print(f"jaxgear: warning: {text}", file=sys.stderr)
 
 

@@ -23,6 +23,7 @@ Summary = dict[str, Any]
 
 
 def title_of(scene: Scene) -> str:
+    """Return what pictures of a scene are headed by."""
     return f"{scene['name']}, {scene['pair.torque_pinion_Nm']:g} N m"
 
 
