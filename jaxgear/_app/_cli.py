@@ -31,7 +31,7 @@ _COMMANDS = {
     "modes": "natural frequencies, where their energy is, critical speeds",
     "check-grad": "compare the optimiser's derivatives with central differences",
     "sensitivity": "what the responses react to: per cent per per cent of each key, as bars",
-    "compare": "the dynamics of one scene by all methods: error against time",
+    "compare": "one scene by many models and methods: error against time, and which suffices",
     "condense": "build the condensed bodies of the scene: files, pictures, health report",
 }
 
@@ -278,6 +278,10 @@ def _refuse_unfit(command: str, scene: Scene) -> None:
         )
     if command == "sweep" or (command == "run" and scene.has_table("sweep")):
         mistakes = _sweep_mistakes(scene)
+        if mistakes:
+            raise SceneError(mistakes)
+    if command in ("compare", "sensitivity") and scene.has_table("sweep"):
+        mistakes = motion_mistakes(scene, harmonic=True)
         if mistakes:
             raise SceneError(mistakes)
     if command == "optimise" and not scene.has_table("optimise"):

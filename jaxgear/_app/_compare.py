@@ -15,6 +15,7 @@ from jaxgear._app._compare_statics import (
     changed,
     compared_statics,
     draw_statics,
+    require_at_rest,
     simpler_bodies,
     static_rungs,
 )
@@ -153,26 +154,29 @@ def compare(scene: Scene, folder: Path, quiet: bool) -> Summary:
         most=PERIODS,
         got=scene["mesh.periods"],
     )
+    watch = Stopwatch()
     if not scene.has_table("sweep"):
-        found = _statics(scene, folder, "compare", quiet)
-        return finish(scene, folder, names_of(scene) | {"compare": found}, Stopwatch())
-    statics = _statics(scene, folder, "compare_statics", quiet)
+        require_at_rest(scene)
+        found = _statics(scene, folder, "compare", watch, quiet)
+        return finish(scene, folder, names_of(scene) | {"compare": found}, watch)
+    statics = _statics(scene, folder, "compare_statics", watch, quiet)
     if scene.condensed:
         # Finite elements are imported for scenes that have some only.
         from jaxgear._app import _compare_bodies
 
-        return _compare_bodies.compare_bodies(scene, folder, quiet, statics=statics)
+        return _compare_bodies.compare_bodies(scene, folder, quiet, statics=statics, watch=watch)
     rungs = [*rungs_of(scene), *model_rungs_of(scene)]
-    return compared(scene, model_of(scene), rungs, folder, quiet, statics=statics)
+    return compared(scene, model_of(scene), rungs, folder, quiet, statics=statics, watch=watch)
 
 
-def _statics(scene: Scene, folder: Path, name: str, quiet: bool) -> Summary:
+def _statics(scene: Scene, folder: Path, name: str, watch: Stopwatch, quiet: bool) -> Summary:
     """The quasi-static part of the summary, drawn."""
     work = "optimise" if scene.has_table("optimise") else "run"
     rungs = static_rungs(scene)
     # The reference, and two put together.
     with progress(len(rungs) + 3, "compare statics", quiet) as done:
-        chart = compared_statics(scene, work=work, rungs=rungs, tell=lambda step: done(1))
+        tell = lambda step: done(1)
+        chart = compared_statics(scene, work=work, rungs=rungs, tell=tell, watch=watch)
     draw_statics(chart, f"{scene['name']}, {scene['pair.torque_pinion_Nm']:g} N m", folder, name)
     return chart.summary
 
@@ -187,6 +191,7 @@ def compared(
     speeds: int = _SPEEDS,
     phases: int = _REFERENCE_PHASES,
     statics: Summary | None = None,
+    watch: Stopwatch | None = None,
 ) -> Summary:
     """Compare given rungs of a scene in motion; see `chart`.
 
@@ -200,12 +205,13 @@ def compared(
     - `speeds`: number of them.
     - `phases`: time steps of the reference in a mesh period.
     - `statics`: what was found of the quasi-static cycle.
+    - `watch`: that has kept the time so far; a new one by default.
 
     **Returns:**
 
     The summary.
     """
-    watch = Stopwatch()
+    watch = watch or Stopwatch()
     found, _ = chart(scene, model, rungs, watch, quiet, speeds=speeds, phases=phases)
     title = f"{scene['name']}, {scene['pair.torque_pinion_Nm']:g} N m, "
     title += f"{len(found['reference']['speeds_rad_s'])} speeds"
@@ -232,9 +238,10 @@ def chart(
     balance; slices and bodies are compared with a reference of many more slices. Speeds where the
     reference has not settled or is unstable are left out. At the others a rung is on the same
     branch if its numbers are within a few per cent of the reference's, and its errors are those of
-    these speeds; if they are fewer than half, its errors are those of all. Times are for all
-    speeds, once compiled and with the mesh tabulated, best of a few runs. What is recommended was
-    tried at speeds between these, and at another torque.
+    these speeds; if they are fewer than half, its errors are those of all. Simpler bodies have no
+    branch of the reference: their errors are always those of all. Times are for all speeds, once
+    compiled and with the mesh tabulated, best of a few runs. What is recommended was tried at
+    speeds between these, and at another torque.
 
     **Arguments:**
 
@@ -250,7 +257,7 @@ def chart(
     - `SolverFailure` if the reference was not solved at most speeds.
     """
     tolerance = float(scene["compare.tolerance"])
-    branch = max(_SAME_BRANCH, 2.0 * tolerance)
+    branch_of = lambda rung: None if rung.changes else max(_SAME_BRANCH, 2.0 * tolerance)
     tables = Tables(_made(scene, model), watch)
     own = int(scene["mesh.slices"])
     at = some_speeds(speeds_of(scene), speeds)
@@ -276,7 +283,7 @@ def chart(
             by = references[own if rung.family not in (SLICES, MODELS, _WHOLE) else finest[-1]]
             found = tables(rung.phases, rung.slices, rung.changes)
             program = _adaptive if isinstance(rung.method, Adaptive) else each
-            line = row_of(rung, found, at, by, watch, program=program, branch=branch)
+            line = row_of(rung, found, at, by, watch, program=program, branch=branch_of(rung))
             done(1)
             return line
 
@@ -296,6 +303,7 @@ def chart(
                 points.extend(_elsewhere(scene, pair, at, watch))
             rung = tried[line["name"]]
             program = _adaptive if isinstance(rung.method, Adaptive) else each
+            branch = branch_of(rung)
             return errors_elsewhere(rung, points, tables, watch, program=program, branch=branch)
 
         said = recommendation(scene, rows, itself, names, held_out)

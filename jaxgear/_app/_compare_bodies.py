@@ -69,6 +69,7 @@ def compare_bodies(
     speeds: int = _SPEEDS,
     modes: int | None = None,
     statics: Summary | None = None,
+    watch: Stopwatch | None = None,
 ) -> Summary:
     """Compare the models of a scene with condensed bodies; see `chart`.
 
@@ -79,12 +80,13 @@ def compare_bodies(
     - `quiet`: whether to show no progress.
     - `rungs`, `speeds`, `modes`: as for `chart`.
     - `statics`: what was found of the quasi-static cycle.
+    - `watch`: that has kept the time so far; a new one by default.
 
     **Returns:**
 
     The summary that is also in `summary.json`.
     """
-    watch = Stopwatch()
+    watch = watch or Stopwatch()
     found, _ = chart(scene, watch, quiet, rungs=rungs, speeds=speeds, modes=modes)
     title = f"{scene['name']}, {scene['pair.torque_pinion_Nm']:g} N m, "
     title += f"{len(found['reference']['speeds_rad_s'])} speeds"
@@ -235,8 +237,7 @@ def model_rungs(scene: Scene, most: int) -> list[Rung]:
         if count < slices
     ]
     rungs += [model(name, _BODIES, changes) for name, changes in rigid_changes(scene).items()]
-    some = {(h, n) for n in (64, 128) for h in (5, 10, 20, 40) if 2 * h < n}
-    some &= {(h, n) for h, n in some if n == 64 or h in (10, 40)}
+    some = {(5, 64), (10, 64), (20, 64), (10, 128), (40, 128)}
     rungs += [
         Rung(f"H{h} N{n}", _BALANCE, HarmonicBalance(harmonics=h), n, slices)
         for h, n in sorted(some - {(harmonics, steps)}, key=lambda pair: (pair[1], pair[0]))
@@ -331,9 +332,9 @@ def combined(
     The rung, or `None` if less than two families have such a one.
     """
     own, chosen = rungs[0], []
-    families = {rung.family for rung in rungs} & {_BODIES, _KEPT, _TOLD_APART, _ACROSS, _BALANCE}
-    for family in (name for name in (_BODIES, _KEPT, _TOLD_APART, _ACROSS, _BALANCE)):
-        if family not in families:
+    left_over: set[str] = set()
+    for family in (_BODIES, _KEPT, _TOLD_APART, _ACROSS, _BALANCE):
+        if family in left_over:
             continue
         pairs = [
             (rung, row) for rung, row in zip(rungs, rows, strict=True) if rung.family == family
@@ -344,7 +345,7 @@ def combined(
         chosen.append(next(rung for rung, row in pairs if row is best))
         if family == _BODIES and best["modes"] == 0:
             # Rigid bodies have neither modes nor anything of them to tell apart.
-            families -= {_KEPT, _TOLD_APART}
+            left_over = {_KEPT, _TOLD_APART}
     if len(chosen) < 2:
         return None
     changes = {key: value for rung in chosen for key, value in rung.changes.items()}

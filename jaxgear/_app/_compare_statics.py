@@ -20,6 +20,7 @@ import numpy as np
 from jaxgear._app import _dynamic_pictures as dynamic_pictures
 from jaxgear._app import _pictures as pictures
 from jaxgear._app._compare_pictures import overview
+from jaxgear._app._design import twin
 from jaxgear._app._ladder import (
     MARGIN,
     QUANTITIES,
@@ -37,6 +38,7 @@ from jaxgear._app._scene import Scene
 from jaxgear._app._schema import GEARS, STATIC_RESPONSES
 from jaxgear._app._statics import SolverFailure, Stopwatch, headline
 from jaxgear._app._with_bodies import with_bodies
+from jaxgear._checks import InputError
 from jaxgear._flank._deviations import Flanks
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw
@@ -77,6 +79,7 @@ _ENOUGH = 1.0
 # Of rungs, and of the reference.
 _SLICES, _PHASES = (1, 5, 10, 20, 40), (16, 32, 64, 128)
 _FINEST = (40, 128)
+_IN_HARMONIC = 8
 
 Work = Literal["run", "map", "optimise"]
 
@@ -160,7 +163,11 @@ def static_rungs(scene: Scene, *, few: bool = False) -> list[StaticRung]:
     rungs += [
         StaticRung(name, "bodies", changes) for name, changes in simpler_bodies(scene).items()
     ]
-    counts = (5,) if few else _SLICES
+    counts = _SLICES
+    if few:
+        counts = () if needs_its_slices(scene) else (5,)
+    # Of the highest harmonic that a search looks at, so many positions in its period at least.
+    least = _IN_HARMONIC * max(scene.get("optimise.harmonics", (1.0,)))
     rungs += [
         StaticRung(f"{n} slice{'s' if n > 1 else ''}", "slices", {"mesh.slices": n})
         for n in counts
@@ -170,14 +177,14 @@ def static_rungs(scene: Scene, *, few: bool = False) -> list[StaticRung]:
         StaticRung(f"{n} phases", "phases", {"mesh.phases": n})
         for n in ((16, 32) if few else _PHASES)
         if n != phases and (n < phases or not (few or scene.condensed))
+        if n >= least or not few
     ]
     if scene["mesh.stiffness"] == "weber-banaschek":
         rungs += _on_stiffness(scene, few)
     if not few:
         other = "smooth" if scene["mesh.contact"] == "exact" else "exact"
         rungs.append(StaticRung(f"{other} contact", "contact", {"mesh.contact": other}))
-    varied = tuple(scene["optimise.vary"]) if scene.has_table("optimise") else ()
-    return [rung for rung in rungs if not _drops(rung, varied)]
+    return [rung for rung in rungs if not takes_away(scene, rung.changes)]
 
 
 def simpler_bodies(scene: Scene) -> dict[str, dict[str, Any]]:
@@ -238,11 +245,38 @@ def _on_stiffness(scene: Scene, few: bool) -> list[StaticRung]:
     return found
 
 
-def _drops(rung: StaticRung, varied: Sequence[str]) -> bool:
-    """Whether a rung takes away what a search varies."""
-    tables = [key for key, value in rung.changes.items() if value is None]
-    tables += [key.removesuffix(".kind") for key in rung.changes if key.endswith(".body.kind")]
-    return any(key.startswith(f"{table}.") for key in varied for table in tables)
+def _named(scene: Scene) -> list[str]:
+    """Keys that a search varies, ties, lets scatter or looks at."""
+    if not scene.has_table("optimise"):
+        return []
+    small = scene.get("optimise.minimise"), scene.get("optimise.pareto.against")
+    forces = "bearing_force" in small or scene.get("optimise.minimise.bearing_force") is not None
+    bearings = [f"{gear}.shaft.bearings" for gear in GEARS] if forces else []
+    tables = ("optimise.ties.", "robust.scatter.", "robust.even.")
+    others = [key.removeprefix(table) for table in tables for key in scene.values
+              if key.startswith(table)]  # fmt: skip
+    return [*scene["optimise.vary"], *others, *bearings]
+
+
+def takes_away(scene: Scene, changes: Mapping[str, Any], more: Sequence[str] = ()) -> bool:
+    """Whether changes of a scene take away what its search names.
+
+    **Arguments:**
+
+    - `scene`: checked against the schema.
+    - `changes`: as for `changed`.
+    - `more`: keys that have to stay too.
+    """
+    tables = [key for key, value in changes.items() if value is None]
+    tables += [key.removesuffix(".kind") for key in changes if key.endswith(".body.kind")]
+    named = [*_named(scene), *more]
+    return any(key.startswith(f"{table}.") for key in named for table in tables)
+
+
+def needs_its_slices(scene: Scene) -> bool:
+    """Whether a search limits the load of the last slices, which other slices have not."""
+    limited = scene.get("optimise.limits.edge_line_load_N_mm") is not None
+    return limited and scene.has_table("optimise")
 
 
 def points_of(scene: Scene, work: Work = "run") -> list[Point]:
@@ -279,8 +313,7 @@ def _visited(scene: Scene, work: Work) -> list[str]:
     keys = [key for key in scene["optimise.vary"] if key.startswith("flank.")]
     keys = [key for key in keys if key.endswith("_um") and isinstance(scene.get(key), float)]
     both = scene["optimise.symmetric"]
-    twins = [key.replace(".pinion.", ".wheel.") for key in keys] if both else []
-    return list(dict.fromkeys([*keys, *twins]))
+    return list(dict.fromkeys([*keys, *(twin(key) for key in keys if both)]))
 
 
 def _cut_back(scene: Scene, keys: Sequence[str], share: float) -> dict[str, float]:
@@ -327,9 +360,15 @@ class _Solver:
     """Answers of rungs: bodies are put in mesh, and programs compiled, once."""
 
     def __init__(
-        self, scene: Scene, points: Sequence[Point], tell: Callable[[str], None], *, quick: bool
+        self,
+        scene: Scene,
+        points: Sequence[Point],
+        tell: Callable[[str], None],
+        watch: Stopwatch,
+        *,
+        quick: bool,
     ):
-        self.points, self.tell = points, tell
+        self.points, self.tell, self.watch = points, tell, watch
         # Bodies that vibrate are no use in statics, and are one for each number of slices.
         self.plain = dataclasses.replace(scene, bodies=MappingProxyType({}))
         self.scenes: dict[int, Scene] = {}
@@ -351,6 +390,8 @@ class _Solver:
             seconds.append(watch.run_s - before)
             if sum(seconds) > _ENOUGH:
                 break
+        self.watch.compile_s += watch.compile_s
+        self.watch.run_s += watch.run_s
         values = {key: np.asarray(value) for key, value in found.items()}
         gc.collect()
         dofs = _dofs(model)
@@ -371,7 +412,8 @@ class _Solver:
     def _loaded(self, scene: Scene, model: PairModel) -> _Loaded:
         each = [
             _Loaded(
-                point.torque * model.torque,
+                # Couples on the pinion's shaft stay: the mesh has the share.
+                model.torque + (point.torque - 1.0) * model.mesh_torque,
                 flanks_of(scene.replace(point.flank), model.pair) if point.flank else model.flanks,
             )
             for point in self.points
@@ -459,6 +501,26 @@ def static_responses(scene: Scene) -> tuple[str, ...]:
     return tuple(name for name in every if name in named) or every
 
 
+def require_at_rest(scene: Scene) -> None:
+    """Refuse responses none of which the quasi-static cycle of a scene has.
+
+    **Arguments:**
+
+    - `scene`: without a sweep.
+
+    **Raises:**
+
+    - `InputError` naming them.
+    """
+    named = scene.get("compare.responses")
+    if named and not set(named) & set(static_responses(scene)):
+        raise InputError(
+            f"compare.responses names {', '.join(named)}: in motion only, or of teeth alone where "
+            "bodies are condensed. Add a table [sweep], or name some of "
+            f"{', '.join(static_responses(scene))}."
+        )
+
+
 @dataclass(frozen=True)
 class StaticChart:
     """Rungs of the quasi-static cycle, their lines, and what was chosen."""
@@ -488,6 +550,7 @@ def compared_statics(
     rungs: Sequence[StaticRung] | None = None,
     quick: bool = False,
     tell: Callable[[str], None] = lambda step: None,
+    watch: Stopwatch | None = None,
 ) -> StaticChart:
     """The quasi-static cycle by many models of one scene: error against time.
 
@@ -499,6 +562,7 @@ def compared_statics(
     - `quick`: whether to compile for a short wait, not for short runs: times are about twice those
         of a run then.
     - `tell`: told what begins.
+    - `watch`: keeps the time of all together.
 
     **Returns:**
 
@@ -512,7 +576,7 @@ def compared_statics(
     responses = static_responses(scene)
     # Who asks for some responses only does not ask for others.
     extras = () if scene.get("compare.responses") else EXTRAS
-    solver = _Solver(scene, points, tell, quick=quick)
+    solver = _Solver(scene, points, tell, watch or Stopwatch(), quick=quick)
     tell("reference")
     finest = finest_of(scene)
     best = solver(finest)

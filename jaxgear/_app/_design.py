@@ -315,9 +315,14 @@ def _bounds(scene: Scene, key: str, deflection: float) -> tuple[float, float] | 
 
 
 def _refuse_shaping(scene: Scene, keys: tuple[str, ...]) -> None:
-    """Refuse to vary what a condensed body is made from."""
-    shaping = [key for key in keys if any(scene.remakes(key, gear) for gear in scene.condensed)]
-    if shaping and scene.bodies and any(".body.web." in key for key in shaping):
+    """Refuse to vary what a condensed body is made from, and does not follow or will not."""
+    follows = lambda key: not scene.bodies and _will_follow(scene, key)
+    shaping = [
+        key
+        for key in keys
+        if any(scene.remakes(key, gear) for gear in scene.condensed) and not follows(key)
+    ]
+    if any(".body.web." in key for key in shaping):
         raise InputError(
             f"optimise.vary names {', '.join(shaping)}: one measure of a condensed body's web can "
             "be varied, in statics, by interpolating between bodies. In motion modes do not "
@@ -329,6 +334,16 @@ def _refuse_shaping(scene: Scene, keys: tuple[str, ...]) -> None:
             "finite elements do not follow. Vary flanks, bearing stiffnesses or misalignment, or "
             "make the body rigid."
         )
+
+
+def _will_follow(scene: Scene, key: str) -> bool:
+    """Whether bodies, once they are built, will be interpolated over a key: one measure of a web.
+
+    Those that are to vibrate are not.
+    """
+    table = f"{split_entry(key)[0].rpartition('.')[0]}."
+    measures = [each for each in scene["optimise.vary"] if each.startswith(table)]
+    return ".body.web." in table and measures == [key] and not scene.has_table("sweep")
 
 
 def refuse_unbounded(scene: Scene, keys: tuple[str, ...]) -> None:

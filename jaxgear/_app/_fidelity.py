@@ -8,7 +8,7 @@ import hashlib
 import importlib.metadata
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -18,10 +18,12 @@ from jaxgear._app._compare_statics import (
     Work,
     changed,
     compared_statics,
+    needs_its_slices,
     simpler_bodies,
     static_rungs,
+    takes_away,
 )
-from jaxgear._app._design import is_dynamic
+from jaxgear._app._design import looks_at_speeds, refuse_unbounded, require_search, require_swept
 from jaxgear._app._ladder import Summary
 from jaxgear._app._model import model_of
 from jaxgear._app._progress import built_scene, progress
@@ -34,10 +36,10 @@ from jaxgear._dynamics._harmonic import HarmonicBalance
 KEY = "model.fidelity"
 FILE = "fidelity.json"
 # Raised whenever the same scene would be given another rung than before.
-_VERSION = 1
+_VERSION = 2
 # Speeds, and steps of the reference of rigid bodies: a choice must cost less than what it saves.
 _SPEEDS, _PHASES = 8, 512
-# Values that name a file whose content counts.
+# What keys have in them that name a file, whose content counts.
 _FILES = ("_csv", ".grid", ".superelement")
 
 
@@ -57,7 +59,12 @@ def chosen(scene: Scene, command: str, folder: Path, quiet: bool) -> tuple[Scene
     """
     moving = in_motion(scene, command)
     # What [optimise] asks for is part of `run` too.
-    searched = command != "map" and command != "sweep" and scene.has_table("optimise")
+    searched = command in ("run", "optimise") and scene.has_table("optimise")
+    if searched:
+        # What is refused anyway costs no wait.
+        refuse_unbounded(scene, tuple(scene["optimise.vary"]))
+        require_swept(scene)
+        require_search(scene)
     work: Work = "map" if command == "map" else "optimise" if searched else "run"
     key = digest(scene, "sweep" if moving else work)
     kept = _read(folder / FILE)
@@ -69,7 +76,8 @@ def chosen(scene: Scene, command: str, folder: Path, quiet: bool) -> tuple[Scene
         try:
             about = _in_motion(short, quiet) if moving else _at_rest(short, work, quiet)
         except SolverFailure as error:
-            about = _as_given(scene, f"There was nothing to compare with: {error}.")
+            why = f"There was nothing to compare with: {str(error).rstrip('.')}."
+            about = _as_given(scene, why)
         about["seconds"] = time.perf_counter() - start
         write_json(kept | {key: about}, folder / FILE)
     changes = about["changes"]
@@ -99,7 +107,7 @@ def in_motion(scene: Scene, command: str) -> bool:
     """Whether a command asks for responses in motion: then these decide, and not statics."""
     swept = scene.has_table("sweep")
     if command == "optimise":
-        return swept and is_dynamic(scene)
+        return swept and looks_at_speeds(scene)
     return command == "sweep" or (command == "run" and swept)
 
 
@@ -128,7 +136,7 @@ def digest(scene: Scene, work: str) -> str:
     files = {
         key: hashlib.sha256((scene.path.parent / value).read_bytes()).hexdigest()
         for key, value in values.items()
-        if key.endswith(_FILES) and isinstance(value, str) and value
+        if any(part in key for part in _FILES) and isinstance(value, str) and value
         if (scene.path.parent / value).is_file()
     }
     whole = {
@@ -170,10 +178,10 @@ def _in_motion(scene: Scene, quiet: bool) -> Summary:
     if scene.condensed:
         from jaxgear._app import _compare_bodies
 
-        rungs = _compare_bodies.few_rungs(scene)
+        rungs = _asked_for(scene, _compare_bodies.few_rungs(scene))
         found, tried = _compare_bodies.chart(scene, watch, quiet, rungs=rungs, speeds=_SPEEDS)
     else:
-        rungs, model = moving_rungs(scene), model_of(scene)
+        rungs, model = _asked_for(scene, moving_rungs(scene)), model_of(scene)
         found, tried = _compare.chart(
             scene, model, rungs, watch, quiet, speeds=_SPEEDS, phases=_PHASES
         )
@@ -182,6 +190,22 @@ def _in_motion(scene: Scene, quiet: bool) -> Summary:
     row = None if name is None else rows[name]
     changes = {} if row is None else changes_in_motion(scene, tried[row["name"]])
     return _about(found, row, changes, "in motion")
+
+
+def _asked_for(scene: Scene, rungs: Sequence[Rung]) -> list[Rung]:
+    """Of rungs in motion, the scene's own first, those that still do what the scene asks for."""
+    watched = [f"{scene[f'{row}.gear']}.body.probes" for row in scene.rows("probes")]
+    own = rungs[0]
+
+    def is_able(rung: Rung) -> bool:
+        if needs_its_slices(scene) and rung.slices != own.slices:
+            return False
+        # Another method of the user's is not overruled: only slices and bodies are chosen then.
+        if not _by_balance(scene) and (rung.method, rung.phases) != (own.method, own.phases):
+            return False
+        return not takes_away(scene, rung.changes, watched)
+
+    return [rung for rung in rungs if is_able(rung)]
 
 
 def moving_rungs(scene: Scene) -> list[Rung]:
@@ -194,11 +218,9 @@ def moving_rungs(scene: Scene) -> list[Rung]:
     own, steps, harmonics = scene["mesh.slices"], scene["sweep.steps"], scene["sweep.harmonics"]
     balance = HarmonicBalance(harmonics=harmonics)
     rungs = [Rung(f"H{harmonics} N{steps}", "harmonic balance", balance, steps, own)]
-    # Another method of the user's is not overruled: only slices and bodies are chosen then.
-    settings = ((5, 64), (10, 64)) if _by_balance(scene) else ()
     rungs += [
         Rung(f"H{h} N{n}", "harmonic balance", HarmonicBalance(harmonics=h), n, own)
-        for h, n in settings
+        for h, n in ((5, 64), (10, 64))
         if n <= steps and h < harmonics
     ]
     rungs += [

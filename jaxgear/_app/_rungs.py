@@ -175,6 +175,11 @@ def other_speeds(speeds: Speeds) -> Speeds:
     return jnp.sort(jnp.append(between, 0.25 * speeds[-2] + 0.75 * speeds[-1]))
 
 
+def thinned(count: int, every: int) -> np.ndarray:
+    """Places of every so many of some speeds, in their middle; of few speeds one at least."""
+    return np.arange(min(every, count) // 2, count, every)
+
+
 def answers_of(system: DynamicSystem, orbits: Orbit) -> Answers:
     """What is compared, of responses with the speed leading."""
 
@@ -225,7 +230,7 @@ def row_of(
 
     The line.
     """
-    chosen = np.arange(rung.thinned // 2, speeds.size, rung.thinned)
+    chosen = thinned(speeds.size, rung.thinned)
     arguments = rung.method, dynamics.system, speeds[chosen]
     found, best, compiling = _timed(watch, together if rung.together else program, arguments)
     return {
@@ -330,7 +335,7 @@ def errors_elsewhere(
     """
     found: dict[str, float | None] = dict.fromkeys(quantities, 0.0)
     for point in points:
-        chosen = np.arange(rung.thinned // 2, point.speeds.size, rung.thinned)
+        chosen = thinned(point.speeds.size, rung.thinned)
         pair = tables(rung.phases, rung.slices, rung.changes, point.loads)
         run = together if rung.together else program
         answers = watch(run, rung.method, pair.system, point.speeds[chosen])
@@ -389,7 +394,7 @@ def draw(
         title,
         tolerance=tolerance,
         recommended=recommended,
-        words="error that 95 % of the speeds by which rungs are chosen stay below",
+        words="error that 95 % of the speeds on the branch of the reference stay below",
     )
     pictures.save(figure, columns, folder, "compare_overview")
     for name in rows[0]["error"]:

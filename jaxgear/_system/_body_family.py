@@ -19,8 +19,9 @@ from jaxgear._checks import require
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._types import Reals, Scalar
 
-# Of the span of the measures: how far outside rounding may take a point.
-_ROUNDING = 1e-9
+# Of the span of the measures: how far beyond its ends a point may be, so that differences can be
+# taken at an end. The polynomial is as good there as between.
+_BEYOND = 0.02
 
 
 class BodyFamily(eqx.Module):
@@ -41,7 +42,7 @@ class BodyFamily(eqx.Module):
     reciprocal: bool = eqx.field(static=True)
 
     def __call__(self, parameter: Scalar | float) -> FlexibleBody:
-        """The body of a measure between those of the family.
+        """The body of a measure between those of the family, or beyond by 2 % of their span.
 
         **Arguments:**
 
@@ -49,16 +50,16 @@ class BodyFamily(eqx.Module):
 
         **Returns:**
 
-        Its tables, without modes; differentiable. What is traced beyond the family is not a
-        number.
+        Its tables, without modes; differentiable. What is traced further beyond the family is not
+        a number.
 
         **Raises:**
 
-        - `ValueError` if the measure is beyond the family: nothing is extrapolated.
+        - `ValueError` if the measure is further beyond the family: nothing is extrapolated.
         """
         at = jnp.asarray(parameter, dtype=float)
         low, high = self.parameters[0], self.parameters[-1]
-        slack = _ROUNDING * (high - low)
+        slack = _BEYOND * (high - low)
         inside = (low - slack <= at) & (at <= high + slack)
         require(
             inside,
@@ -84,14 +85,27 @@ def family_parameters(
     **Arguments:**
 
     - `low`, `high`: ends of the family, in any unit.
-    - `count`: of its bodies.
+    - `count`: of its bodies, three or more.
     - `reciprocal`: whether the coordinate is the reciprocal of the measure.
 
     **Returns:**
 
     Chebyshev's points from end to end, rising; and the points between that are furthest from them,
     one on either side of the middle, where the polynomial is worst.
+
+    **Raises:**
+
+    - `ValueError` if the ends do not rise, or not from above 0 for their reciprocals, or if there
+        are too few bodies.
     """
+    require(
+        count >= 3 and low < high and (low > 0.0 or not reciprocal),
+        "A body family must have three or more bodies and ends that rise, above 0 for reciprocals, "
+        "got {count} from {low:.6g} to {high:.6g}.",
+        count=count,
+        low=low,
+        high=high,
+    )
     ends = (1.0 / low, 1.0 / high) if reciprocal else (low, high)
     middle, half = 0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] - ends[0])
     points = -np.cos(np.pi * np.arange(count) / (count - 1))

@@ -15,10 +15,12 @@ from jaxgear._app import _fidelity as fidelity
 from jaxgear._app import _ladder as ladder
 from jaxgear._app._cli import main
 from jaxgear._app._compare import model_rungs_of
-from jaxgear._app._rungs import other_speeds
+from jaxgear._app._rungs import Rung, other_speeds, thinned
 from jaxgear._app._scene import SceneError, read_scene, ready_scene, write_scene
 from jaxgear._app._schema import STATIC_RESPONSES
-from jaxgear._app._statics import SolverFailure
+from jaxgear._app._statics import SolverFailure, Stopwatch
+from jaxgear._checks import InputError
+from jaxgear._dynamics._harmonic import HarmonicBalance
 
 _TWO = ("te_mean", "te_rms")
 
@@ -133,10 +135,51 @@ def test_rungs_follow_from_the_scene():
     assert {rung.name for rung in model_rungs_of(scene)} == {"torsional pair"}
 
 
-def test_a_rung_does_not_take_away_what_a_search_varies():
-    vary = "optimise.vary=['wheel.shaft.bearings[0].radial_N_m']"
-    rungs = statics.static_rungs(ready_scene("accessory", [vary]))
-    assert not any("torsional" in rung.name for rung in rungs)
+def _names(rungs) -> set[str]:
+    return {rung.name for rung in rungs}
+
+
+@pytest.mark.parametrize(
+    "named",
+    [
+        "optimise.vary=['wheel.shaft.bearings[0].radial_N_m']",
+        "robust.scatter.'wheel.shaft.bearings[0].radial_N_m'=1e6",
+        "robust.even.'pinion.shaft.gear_at_mm'=0.1",
+        "optimise.minimise='bearing_force'",
+        "optimise.pareto.against='bearing_force'",
+    ],
+)
+def test_a_rung_does_not_take_away_what_a_search_names(named):
+    scene = ready_scene("accessory", [named, "sweep.pinion_speed_rad_s=[100.0]"])
+    assert "torsional pair" not in _names(statics.static_rungs(scene))
+    moving = fidelity.moving_rungs(scene)
+    assert "torsional pair" in _names(moving)
+    assert "torsional pair" not in _names(fidelity._asked_for(scene, moving))
+
+
+def test_a_rung_still_shows_what_a_search_looks_at():
+    """Eight positions in the period of a harmonic; the last slices where their load is limited."""
+    orders = ["optimise.minimise='te_harmonics'", "optimise.harmonics=[1, 4]"]
+    few = _names(statics.static_rungs(ready_scene("accessory", orders), few=True))
+    assert "32 phases" in few
+    assert "16 phases" not in few
+    edge = ["optimise.limits.edge_line_load_N_mm=100", "sweep.pinion_speed_rad_s=[100.0]"]
+    scene = ready_scene("accessory", edge)
+    assert "5 slices" not in _names(statics.static_rungs(scene, few=True))
+    assert "5 slices" in _names(statics.static_rungs(scene))
+    assert not any(
+        "slice" in x for x in _names(fidelity._asked_for(scene, fidelity.moving_rungs(scene)))
+    )
+
+
+def test_a_probe_keeps_its_body():
+    probe = "probes=[{gear='wheel'}]"
+    scene = ready_scene("accessory-h1", [probe, "sweep.pinion_speed_rad_s=[100.0]"])
+    rungs = [
+        Rung(name, "bodies", HarmonicBalance(), 128, scene["mesh.slices"], changes=changes)
+        for name, changes in (("own", {}), ("rigid", {"wheel.body.kind": "rigid"}))
+    ]
+    assert _names(fidelity._asked_for(scene, rungs)) == {"own"}
 
 
 def test_a_torsional_pair_has_no_shafts(tmp_path):
@@ -151,6 +194,14 @@ def test_a_torsional_pair_has_no_shafts(tmp_path):
     assert not any(".shaft." in key for key in again.values)
     # The scene itself is left alone.
     assert scene.rows("wheel.shaft.bearings")
+
+
+def test_both_gears_are_cut_back_whichever_is_varied():
+    own = ["optimise.vary=['flank.wheel.tip_relief.depth_um']"]
+    both = {f"flank.{gear}.tip_relief.depth_um" for gear in ("pinion", "wheel")}
+    assert set(statics._visited(ready_scene("accessory", own), "optimise")) == both
+    alone = ready_scene("accessory", [*own, "optimise.symmetric=false"])
+    assert statics._visited(alone, "optimise") == ["flank.wheel.tip_relief.depth_um"]
 
 
 def test_a_search_is_chosen_for_on_other_flanks_too():
@@ -234,6 +285,28 @@ def test_other_speeds_are_none_of_those_given():
     assert np.asarray(other_speeds(speeds[:1])).size == 1
 
 
+@pytest.mark.parametrize("count", [1, 2, 3, 5, 9, 30])
+def test_of_few_speeds_one_at_least_is_computed(count):
+    for every in (1, 4, 10):
+        places = thinned(count, every)
+        assert places.size >= 1
+        assert np.all((places >= 0) & (places < count))
+    assert list(thinned(30, 10)) == [5, 15, 25]
+
+
+def test_responses_that_a_scene_has_not_are_named():
+    """Of some that it has and some that it has not, the former count."""
+    with pytest.raises(InputError, match=r"compare\.responses names dynamic_ratio: in motion only"):
+        statics.require_at_rest(ready_scene("accessory", ["compare.responses=['dynamic_ratio']"]))
+    both = ready_scene("accessory", ["compare.responses=['dynamic_ratio', 'te_rms']"])
+    statics.require_at_rest(both)
+    assert statics.static_responses(both) == ("te_rms",)
+    teeth = "compare.responses=['mesh_stiffness_mean']"
+    statics.require_at_rest(ready_scene("accessory", [teeth]))
+    with pytest.raises(InputError, match="of teeth alone"):
+        statics.require_at_rest(ready_scene("accessory-h1", [teeth]))
+
+
 @pytest.mark.parametrize(
     ("given", "words"),
     [
@@ -262,6 +335,11 @@ def test_mistakes_are_told(given, words):
         (
             "optimise",
             ["sweep.pinion_speed_rad_s=[100.0]", 'optimise.minimise="dynamic_ratio"'],
+            True,
+        ),
+        (
+            "optimise",
+            ["sweep.pinion_speed_rad_s=[100.0]", 'optimise.pareto.against="dynamic_ratio"'],
             True,
         ),
         ("run", ["sweep.pinion_speed_rad_s=[100.0]"], True),
@@ -300,6 +378,29 @@ def test_a_choice_is_kept_for_the_next_command(tmp_path, monkeypatch):
     assert not fidelity.chosen(scene, "map", tmp_path, True)[1]["from_cache"]
 
 
+def test_another_file_is_another_scene(tmp_path):
+    """Of matrices condensed elsewhere each file counts."""
+    names = {"superelement": "k.mtx", "superelement_mass": "m.mtx", "superelement_nodes": "n.csv"}
+    for name in names.values():
+        (tmp_path / name).write_text("1")
+    scene = ready_scene("accessory").replace(
+        {f"wheel.body.{key}": name for key, name in names.items()}
+    )
+    scene = dataclasses.replace(scene, path=tmp_path / "scene.toml")
+    seen = {fidelity.digest(scene, "run"), fidelity.digest(scene, "sweep")}
+    for name in names.values():
+        (tmp_path / name).write_text("2")
+        seen.add(fidelity.digest(scene, "run"))
+    assert len(seen) == 2 + len(names)
+
+
+def test_a_search_that_is_refused_anyway_costs_no_wait(tmp_path, monkeypatch):
+    monkeypatch.setattr(fidelity, "_at_rest", lambda *_: pytest.fail("compared"))
+    given = ['model.fidelity="auto"', "optimise.minimise='te_harmonics'", "optimise.harmonics=[99]"]
+    with pytest.raises(SceneError, match=r"less than half of mesh\.phases"):
+        fidelity.chosen(ready_scene("accessory", given), "optimise", tmp_path, True)
+
+
 def test_a_scene_without_a_reference_is_taken_as_it_is(tmp_path, monkeypatch):
     def at_rest(scene, work, quiet):
         assert scene["mesh.periods"] == 1
@@ -326,7 +427,7 @@ def test_a_rung_in_motion_is_keys_of_the_scene():
     }
     # A method of the user's own stays.
     own = scene.replace({"sweep.method": "newmark"})
-    assert "H5 N64" not in {rung.name for rung in fidelity.moving_rungs(own)}
+    assert "H5 N64" not in _names(fidelity._asked_for(own, fidelity.moving_rungs(own)))
     assert fidelity.changes_in_motion(own, coarse) == {"mesh.slices": 5}
 
 
@@ -353,7 +454,7 @@ def _recommended(name: str) -> str:
     found = chart.summary["recommended"]
     assert chart.choice.row is not None, chart.summary["words"]
     points = [statics.Point("", 0.85, {}, True), statics.Point("", 1.15, {}, False)]
-    solver = statics._Solver(scene, points, lambda step: None, quick=True)
+    solver = statics._Solver(scene, points, lambda step: None, Stopwatch(), quick=True)
     best, rung = solver(statics.finest_of(scene)), solver(chart.rungs[found].changes)
     row = statics.static_row(chart.rungs[found], rung, best.values, points)
     for errors in (row["error"], row["held_out"]):

@@ -12,7 +12,7 @@ from tiny_cases import tiny_scene
 
 from jaxgear._app import _sensitivities
 from jaxgear._app._cli import main
-from jaxgear._app._design import design_space
+from jaxgear._app._design import design_space, refuse_unbounded
 from jaxgear._app._mesh_bodies import with_bodies
 from jaxgear._app._model import grid_of, model_of
 from jaxgear._app._scene import read_scene
@@ -107,6 +107,19 @@ def test_condensed_bodies_get_a_modulus_of_their_own(write):
 def test_a_web_without_bounds_is_refused(write):
     with pytest.raises(InputError, match=r"condensed from one bound to the other"):
         with_bodies(read_scene(write(f'[optimise]\nvary = ["{_WEB}"]\n')))
+
+
+def test_a_web_may_be_varied_before_its_bodies_are_built(write):
+    """One measure of it, at rest: `optimise` looks at its variables before it builds anything."""
+    refuse_unbounded(read_scene(write(_VARY)), (_WEB,))
+    with pytest.raises(InputError, match="no bounds can be guessed"):
+        refuse_unbounded(read_scene(write(f'[optimise]\nvary = ["{_WEB}"]\n')), (_WEB,))
+    two = _VARY.replace(f'["{_WEB}"]', f'["{_WEB}", "wheel.body.web.hub_outer_mm"]')
+    swept = _VARY + "[sweep]\npinion_speed_rad_s = [900]\n"
+    for more in (two, swept):
+        scene = read_scene(write(more))
+        with pytest.raises(InputError, match="vary one measure of each gear"):
+            refuse_unbounded(scene, tuple(scene["optimise.vary"]))
 
 
 @pytest.mark.slow

@@ -138,6 +138,8 @@ def test_a_family_refuses_what_it_does_not_know():
     good = [(1.5, _of_thickness(1.5))]
     make = functools.partial(jg.body_family, at, bodies, reciprocal=True, most=0.5)
     family = make(checks=good)
+    # A difference at an end goes a little beyond it.
+    assert_close(_compliance(family(0.999)), _compliance(_of_thickness(0.999)), rtol=0.05, atol=0.0)
     for beyond in (0.9, 3.1):
         with pytest.raises(ValueError, match="nothing is extrapolated"):
             family(beyond)
@@ -148,6 +150,9 @@ def test_a_family_refuses_what_it_does_not_know():
         make(checks=[])
     with pytest.raises(ValueError, match="three or more bodies"):
         jg.body_family(at[:2], bodies[:2], checks=good)
+    for low, high, count in ((3.0, 1.0, 5), (0.0, 1.0, 5), (1.0, 3.0, 2)):
+        with pytest.raises(ValueError, match="three or more bodies and ends that rise"):
+            jg.family_parameters(low, high, count, reciprocal=True)
     other = eqx.tree_at(lambda b: b.growth, bodies[0], bodies[0].growth[:, :, :1])
     with pytest.raises(ValueError, match="same seats, slices, lines"):
         jg.body_family(at, [other, *bodies[1:]], checks=good)
