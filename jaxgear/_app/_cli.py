@@ -280,7 +280,7 @@ def _refuse_unfit(command: str, scene: Scene) -> None:
         mistakes = _sweep_mistakes(scene)
         if mistakes:
             raise SceneError(mistakes)
-    if command in ("compare", "sensitivity") and scene.has_table("sweep"):
+    if command in ("compare", "sensitivity", "check-grad") and scene.has_table("sweep"):
         mistakes = motion_mistakes(scene, harmonic=True)
         if mistakes:
             raise SceneError(mistakes)
