@@ -45,6 +45,7 @@ from jaxgear._app._search import (
     Search,
     best_of,
     best_of_starts,
+    limits_notes,
     limits_summary,
     record_file,
     require_acting,
@@ -167,9 +168,9 @@ def optimisation(
             raise
         raise SolverFailure(f"{error} {_TOO_FEW}") from error
     seconds = time.perf_counter() - start
-    limits = _FEW_MEMBERS if is_dynamic(scene) else {}
+    few = _FEW_MEMBERS if is_dynamic(scene) else {}
     with progress(1, "differential evolution", quiet) as done:
-        baseline = optimise.differential_evolution(search.objective, space.box, **limits)
+        baseline = optimise.differential_evolution(search.objective, space.box, **few)
         done(1)
     rival = baseline.point, baseline.value
     found, restarted = unless_beaten(found, *rival, search, space, quiet)
@@ -206,6 +207,10 @@ def optimisation(
     bias = found.value - objectives["after"]
     own = objectives["before"], objectives["after"]
     remarks += smoothing_notes(scene["mesh.smoothing_um"], bias, *own)
+    smoothly = search.slopes.at(smooth_law_of(scene).width)
+    searched = lambda point: np.asarray(smoothly(jnp.asarray(point))[0])
+    limits = limits_summary(search, kept, searched, found.point)
+    remarks += limits_notes(limits)
     pareto = {}
     if is_asked_for(space):
         with progress(scene["optimise.pareto.points"], "front", quiet) as done:
@@ -235,7 +240,7 @@ def optimisation(
             "smoothing_um": scene["mesh.smoothing_um"],
             "method": search.name,
             "starts": scene["optimise.starts"],
-            "limits": limits_summary(search, kept, found.point),
+            "limits": limits,
             "evaluations": found.evaluations,
             "gradient_evaluations": found.gradient_evaluations,
             "converged": found.converged,

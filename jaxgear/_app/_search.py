@@ -276,15 +276,23 @@ def record_file(space: DesignSpace, folder: Path, version: str, name: str = "sea
     return folder / f"{name}-{content.hexdigest()[:12]}.jsonl"
 
 
+# A limit is kept to a thousandth.
+_ABOUT = 1.0 + 1e-3
+
+
 def limits_summary(
-    search: Search, responses: Callable[[np.ndarray], np.ndarray], point: np.ndarray
-) -> list[dict[str, object]]:
+    search: Search,
+    responses: Callable[[np.ndarray], np.ndarray],
+    smoothly: Callable[[np.ndarray], np.ndarray],
+    point: np.ndarray,
+) -> list[dict[str, Any]]:
     """Part of the summary: each limit, and the response with exact contact where a search ended.
 
     **Arguments:**
 
     - `search`: with its limits.
     - `responses`: with exact contact; the objective first.
+    - `smoothly`: the same with the smooth contact of the search.
     - `point`: where the search ended.
 
     **Returns:**
@@ -293,13 +301,34 @@ def limits_summary(
     """
     if not search.limits:
         return []
-    found = np.asarray(responses(point))[1:]
+    found, smooth = np.asarray(responses(point))[1:], np.asarray(smoothly(point))[1:]
     return [
         {
             "name": limit.name,
             "most": limit.most,
             "found": float(value),
-            "kept": bool(value <= limit.most * (1.0 + 1e-3)),
+            "found_smooth": float(searched),
+            "kept": bool(value <= limit.most * _ABOUT),
         }
-        for limit, value in zip(search.limits, found, strict=True)
+        for limit, value, searched in zip(search.limits, found, smooth, strict=True)
+    ]
+
+
+def limits_notes(rows: list[dict[str, Any]]) -> list[str]:
+    """Where smooth and exact contact disagree on whether a limit is kept.
+
+    **Arguments:**
+
+    - `rows`: of `limits_summary`.
+
+    **Returns:**
+
+    Sentences; none where both agree.
+    """
+    odd = [row for row in rows if row["kept"] != (row["found_smooth"] <= row["most"] * _ABOUT)]
+    return [
+        f"optimise.limits: {row['name']} is {row['found']:.5g} where the search ended, and "
+        f"{row['found_smooth']:.5g} with smooth contact, which is what the search keeps below "
+        f"{row['most']:g}. Lower mesh.smoothing_um to bring them together."
+        for row in odd
     ]
