@@ -350,7 +350,7 @@ def test_notes_on_condensed_bodies(solved, tmp_path):
     assert "wheel.foundation does nothing to the wheel" in _on_condensed(given)[1]
     facts = {"sectors": 4}
     known = dataclasses.replace(scene.bodies["wheel"].built.body, facts=facts)
-    body: Any = types.SimpleNamespace(built=types.SimpleNamespace(body=known))
+    body: Any = types.SimpleNamespace(built=types.SimpleNamespace(body=known), family=None)
     short = dataclasses.replace(scene, bodies={"wheel": body})
     (_, said) = _on_condensed(short)
     assert "repeats after 6 teeth" in said
