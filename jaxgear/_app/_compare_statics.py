@@ -383,7 +383,7 @@ class _Solver:
         watch = Stopwatch()
         arguments = model, grid_of(scene, model), law_of(scene), points
         seconds = []
-        # The shortest of many: other work on the machine only makes runs longer, and not all of them.
+        # The shortest of many: other work on the machine makes most runs longer, hardly all.
         for _ in range(400):
             before = watch.run_s
             found = watch(_answers, *arguments, options=self.options)
