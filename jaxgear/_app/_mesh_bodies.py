@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
+from itertools import groupby
 from types import MappingProxyType
 
 import jax.numpy as jnp
@@ -14,7 +15,7 @@ from jaxgear._app._root_correction import root_correction
 from jaxgear._app._scene import Scene
 from jaxgear._app._schema import GEARS
 from jaxgear._app._statics import couples_on_pinion
-from jaxgear._checks import require
+from jaxgear._checks import InputError, require
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
 from jaxgear._system._body_family import BodyFamily, body_family, family_parameters
@@ -113,7 +114,7 @@ def _with_family(
     low, high = scene[f"optimise.bounds.{key}"]
     reciprocal = low > 0.0
     at, checks = family_parameters(low, high, _MEMBERS, reciprocal=reciprocal)
-    bodies = {}
+    bodies, nodes = {}, {}
     for number, value in enumerate((*at, *checks), start=1):
         where = f"{key} = {value:.6g}, {number} of {_MEMBERS + len(checks)}"
         plan = body_plan(scene.replace({key: float(value)}), gear)
@@ -122,16 +123,34 @@ def _with_family(
             plan, method="guyan", modes=0, rotating=False, compares_seats=False
         )
         along = lambda step, where=where: tell(f"{step}: {where}")
-        bodies[float(value)] = _in_mesh(scene, plan, pair, grid, along, False).flexible
+        made = _in_mesh(scene, plan, pair, grid, along, False)
+        bodies[float(value)] = made.flexible
+        nodes[float(value)] = int(made.built.health["nodes"])
     probes = [(float(value), bodies[float(value)]) for value in checks]
-    with in_keys(gear):
+    try:
         family = body_family(
             at,
             [bodies[float(value)] for value in at],
             checks=[*probes, (scene[key], own.flexible)],
             reciprocal=reciprocal,
         )
+    except ValueError as error:
+        raise InputError(f"{key}: {error}{_grids_that_differ(nodes)}") from error
     return dataclasses.replace(own, follows=key, family=family)
+
+
+def _grids_that_differ(nodes: dict[float, int]) -> str:
+    """What to say of a family whose bodies have not the same elements; nothing if they have."""
+    if len(set(nodes.values())) == 1:
+        return ""
+    ranges = [list(each) for _, each in groupby(sorted(nodes), key=nodes.__getitem__)]
+    told = ", ".join(
+        f"{nodes[each[0]]} nodes from {each[0]:.4g} to {each[-1]:.4g}" for each in ranges
+    )
+    return (
+        f" Here the number of elements changes on the way: {told}. Choose bounds between which it "
+        "stays, or set body.fineness so that it does."
+    )
 
 
 def _in_mesh(
