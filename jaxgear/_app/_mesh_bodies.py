@@ -149,7 +149,7 @@ def _grids_that_differ(nodes: dict[float, int]) -> str:
     )
     return (
         f" Here the number of elements changes on the way: {told}. Choose bounds between which it "
-        "stays, or set body.fineness so that it does."
+        "stays, or set body.fineness, first of all web_layers, so that it does."
     )
 
 
