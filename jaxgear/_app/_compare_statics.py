@@ -423,19 +423,8 @@ class _Solver:
 
 def _dofs(model: PairModel) -> int:
     """Coordinates of the structure that are free, the drive counted once."""
-    from jaxgear._system._pair_system import pair_system
-
-    build = lambda model: pair_system(
-        model.pair,
-        model.torque,
-        model.pinion_support,
-        model.wheel_support,
-        pinion_body=model.pinion_body,
-        wheel_body=model.wheel_body,
-        housing=model.housing,
-        speed=model.speed,
-    )
-    return len(eqx.filter_eval_shape(build, model).structure.map.free) - 1
+    found = eqx.filter_eval_shape(PairModel.system, model)
+    return len(found.structure.map.free) - 1
 
 
 def scales_of(reference: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

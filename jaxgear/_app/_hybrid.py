@@ -34,7 +34,6 @@ from jaxgear._interface._roots import Axial, Feet, RimSurface, feet
 from jaxgear._solve._cycle import MeshCycle
 from jaxgear._system._flexible import foot_weights, root_patches, teeth_on_lines
 from jaxgear._system._model import PairModel
-from jaxgear._system._pair_system import pair_system
 from jaxgear._types import Reals
 from jaxgear._units import um
 
@@ -211,16 +210,7 @@ def _displacement(cycle: MeshCycle) -> Array:
 @eqx.filter_jit
 def _rotation_offset(model: PairModel, cycle: MeshCycle) -> Array:
     """Motion of the structure by rotation alone: it is linear in its loads."""
-    still = pair_system(
-        model.pair,
-        model.torque,
-        model.pinion_support,
-        model.wheel_support,
-        pinion_body=model.pinion_body,
-        wheel_body=model.wheel_body,
-        housing=model.housing,
-    )
-    return cycle.system.statics.offset - still.statics.offset
+    return cycle.system.statics.offset - model.system(speed=0.0).statics.offset
 
 
 def _own_nodes(cycle: MeshCycle, index: int, seats: int) -> np.ndarray:

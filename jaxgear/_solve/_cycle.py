@@ -27,7 +27,7 @@ from jaxgear._solve._contact import (
 from jaxgear._solve._coordinates import on_coordinates
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._model import PairModel
-from jaxgear._system._pair_system import PairSystem, on_condensed_bodies, pair_system
+from jaxgear._system._pair_system import PairSystem, on_condensed_bodies
 from jaxgear._types import (
     CellArms,
     CellGrid,
@@ -195,16 +195,7 @@ def prepare_mesh(model: PairModel, grid: MeshGrid) -> PreparedMesh:
     load = nominal_line_load(pair, model.mesh_torque)
     cells = mesh_cells(pair, grid, model.tooth_compliance, load)
     return PreparedMesh(
-        system=pair_system(
-            pair,
-            model.torque,
-            model.pinion_support,
-            model.wheel_support,
-            pinion_body=model.pinion_body,
-            wheel_body=model.wheel_body,
-            housing=model.housing,
-            speed=model.speed,
-        ),
+        system=model.system(),
         cells=on_condensed_bodies(pair, cells, model.bodies, model.speed),
     )
 

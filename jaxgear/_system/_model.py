@@ -7,7 +7,7 @@ from jaxgear._contact._compliance import AbstractCompliance, WeberBanaschek
 from jaxgear._flank._deviations import Flanks
 from jaxgear._geometry._pair import GearPair
 from jaxgear._system._flexible import FlexibleBody
-from jaxgear._system._pair_system import check_bodies
+from jaxgear._system._pair_system import PairSystem, check_bodies, pair_system
 from jaxgear._system._shaft import BeamBody, Shaft
 from jaxgear._system._structure import (
     BODIES,
@@ -85,3 +85,25 @@ class PairModel(eqx.Module):
         """Compliance of one tooth pair without what condensed bodies bring themselves."""
         condensed = (i for i, body in enumerate(self.bodies) if isinstance(body, FlexibleBody))
         return self.compliance.without(tuple(condensed))
+
+    def system(self, *, speed: Scalar | float | None = None) -> PairSystem:
+        """Assemble what carries the gears.
+
+        **Arguments:**
+
+        - `speed`: of the pinion, in place of the model's own [rad/s].
+
+        **Returns:**
+
+        The system.
+        """
+        return pair_system(
+            self.pair,
+            self.torque,
+            self.pinion_support,
+            self.wheel_support,
+            pinion_body=self.pinion_body,
+            wheel_body=self.wheel_body,
+            housing=self.housing,
+            speed=self.speed if speed is None else speed,
+        )
