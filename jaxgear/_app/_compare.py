@@ -25,7 +25,6 @@ from jaxgear._app._model import model_of
 from jaxgear._app._progress import progress
 from jaxgear._app._report import finish, names_of
 from jaxgear._app._rungs import (
-    HELD_OUT_TORQUE,
     TORQUE,
     Answers,
     Elsewhere,
@@ -35,11 +34,11 @@ from jaxgear._app._rungs import (
     Tables,
     answers_of,
     counted,
-    draw,
     each,
+    elsewhere,
     errors_elsewhere,
-    other_speeds,
     recommendation,
+    reported,
     row_of,
     some_speeds,
     timed_reference,
@@ -213,13 +212,7 @@ def compared(
     """
     watch = watch or Stopwatch()
     found, _ = chart(scene, model, rungs, watch, quiet, speeds=speeds, phases=phases)
-    title = f"{scene['name']}, {scene['pair.torque_pinion_Nm']:g} N m, "
-    title += f"{len(found['reference']['speeds_rad_s'])} speeds"
-    chosen = found["recommended"], found["recommended_for"]
-    draw(found["rungs"], title, folder, found["tolerance"], *chosen)
-    beside = {} if statics is None else {"statics": statics}
-    summary = names_of(scene) | {"compare": found | beside}
-    return finish(scene, folder, summary, watch)
+    return reported(scene, found, folder, watch, statics)
 
 
 def chart(
@@ -268,6 +261,11 @@ def chart(
     finest = sorted({own} | ({most} if whole else set()))
     # Slices are compared on equal steps: half as many as the other reference has suffice.
     steps = {slices: phases if slices == own else phases // 2 for slices in finest}
+
+    def referred(speeds: Speeds, loads: Mapping[str, float]) -> Reference:
+        pair = tables(steps[finest[-1]], finest[-1], loads=loads)
+        return _reference(pair, speeds, watch)
+
     with progress(len(rungs) + len(finest), "compare", quiet) as done:
         references: dict[int, Reference] = {}
         for slices in finest:
@@ -299,8 +297,7 @@ def chart(
 
         def held_out(line: Summary) -> Mapping[str, float | None]:
             if not points:
-                pair = lambda loads: tables(steps[finest[-1]], finest[-1], loads=loads)
-                points.extend(_elsewhere(scene, pair, at, watch))
+                points.extend(elsewhere(scene, at, referred))
             rung = tried[line["name"]]
             program = _adaptive if isinstance(rung.method, Adaptive) else each
             branch = branch_of(rung)
@@ -339,24 +336,6 @@ def _made(
         return found, eqx.tree_at(lambda m: m.torque, model, torque)
 
     return made
-
-
-def _elsewhere(
-    scene: Scene,
-    pair: Callable[[Mapping[str, float]], PairDynamics],
-    at: Speeds,
-    watch: Stopwatch,
-) -> list[Elsewhere]:
-    """Speeds between those by which rungs are chosen, and a lower torque, with their reference."""
-    loads = {TORQUE: HELD_OUT_TORQUE * float(scene[TORQUE])}
-    others = other_speeds(at)
-    return [
-        Elsewhere(words, speeds, load, _reference(pair(load), speeds, watch))
-        for words, speeds, load in (
-            ("speeds between these", others, {}),
-            (f"these speeds at {HELD_OUT_TORQUE:g} x the torque", at, loads),
-        )
-    ]
 
 
 SLICES = "its slices, H20 N128"

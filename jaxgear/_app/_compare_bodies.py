@@ -18,21 +18,18 @@ from jaxgear._app._ladder import MARGIN, cheapest
 from jaxgear._app._mesh_bodies import MeshBody, with_bodies
 from jaxgear._app._model import model_of
 from jaxgear._app._progress import narration, progress
-from jaxgear._app._report import finish, names_of
 from jaxgear._app._rungs import (
-    HELD_OUT_TORQUE,
-    TORQUE,
     Elsewhere,
     Reference,
     Rung,
     Summary,
     Tables,
     counted,
-    draw,
     each,
+    elsewhere,
     errors_elsewhere,
-    other_speeds,
     recommendation,
+    reported,
     row_of,
     some_speeds,
     timed_reference,
@@ -88,13 +85,7 @@ def compare_bodies(
     """
     watch = watch or Stopwatch()
     found, _ = chart(scene, watch, quiet, rungs=rungs, speeds=speeds, modes=modes)
-    title = f"{scene['name']}, {scene['pair.torque_pinion_Nm']:g} N m, "
-    title += f"{len(found['reference']['speeds_rad_s'])} speeds"
-    chosen = found["recommended"], found["recommended_for"]
-    draw(found["rungs"], title, folder, found["tolerance"], *chosen)
-    beside = {} if statics is None else {"statics": statics}
-    summary = names_of(scene) | {"compare": found | beside}
-    return finish(scene, folder, summary, watch)
+    return reported(scene, found, folder, watch, statics)
 
 
 def chart(
@@ -183,11 +174,7 @@ def chart(
 
         def held_out(line: Summary) -> Mapping[str, float | None]:
             if not points:
-                loads = {TORQUE: HELD_OUT_TORQUE * float(scene[TORQUE])}
-                words = f"these speeds at {HELD_OUT_TORQUE:g} x the torque"
-                others = other_speeds(at)
-                points.append(Elsewhere("speeds between these", others, {}, referred(others, {})))
-                points.append(Elsewhere(words, at, loads, referred(at, loads)))
+                points.extend(elsewhere(scene, at, referred))
             rung = tried[line["name"]]
             return errors_elsewhere(rung, points, tables, watch, quantities=DYNAMIC_RESPONSES)
 

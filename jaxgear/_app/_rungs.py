@@ -27,6 +27,7 @@ from jaxgear._app._ladder import (
     worst,
 )
 from jaxgear._app._model import grid_of
+from jaxgear._app._report import finish, names_of, title_of
 from jaxgear._app._scene import Scene
 from jaxgear._app._statics import Stopwatch, require_solved
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit
@@ -173,6 +174,27 @@ def other_speeds(speeds: Speeds) -> Speeds:
         return 0.9 * speeds
     # One more, so that programs need not be compiled again.
     return jnp.sort(jnp.append(between, 0.25 * speeds[-2] + 0.75 * speeds[-1]))
+
+
+def elsewhere(
+    scene: Scene, at: Speeds, referred: Callable[[Speeds, Mapping[str, float]], Reference]
+) -> list[Elsewhere]:
+    """Speeds between those by which rungs are chosen, and a lower torque, with their reference.
+
+    **Arguments:**
+
+    - `scene`: that is compared.
+    - `at`: the speeds by which rungs are chosen.
+    - `referred`: the reference at speeds, with changes of the scene's loads.
+    """
+    loads = {TORQUE: HELD_OUT_TORQUE * float(scene[TORQUE])}
+    return [
+        Elsewhere(words, speeds, load, referred(speeds, load))
+        for words, speeds, load in (
+            ("speeds between these", other_speeds(at), {}),
+            (f"these speeds at {HELD_OUT_TORQUE:g} x the torque", at, loads),
+        )
+    ]
 
 
 def thinned(count: int, every: int) -> np.ndarray:
@@ -368,32 +390,39 @@ def _timed(
             return found, seconds[0], watch.compile_s - compiled
 
 
-def draw(
-    rows: Sequence[Summary],
-    title: str,
-    folder: Path,
-    tolerance: float,
-    recommended: str | None,
-    recommended_for: Mapping[str, str | None],
-) -> None:
-    """The chart of error over time for each quantity, and the rungs as a table.
+def reported(
+    scene: Scene, found: Summary, folder: Path, watch: Stopwatch, statics: Summary | None
+) -> Summary:
+    """Draw a chart, and write the summary.
 
     **Arguments:**
 
-    - `rows`: lines of the summary.
-    - `title`: the case.
-    - `folder`: for the files; exists.
-    - `tolerance`: of the errors, relative [-].
-    - `recommended`: name of the rung to be marked in the overview.
-    - `recommended_for`: and in the chart of each response.
+    - `scene`: that was compared.
+    - `found`: its chart.
+    - `folder`: for the results; exists.
+    - `watch`: that has kept the time.
+    - `statics`: what was found of the quasi-static cycle.
+
+    **Returns:**
+
+    The summary that is also in `summary.json`.
     """
+    title = f"{title_of(scene)}, {len(found['reference']['speeds_rad_s'])} speeds"
+    _draw(found, title, folder)
+    beside = {} if statics is None else {"statics": statics}
+    return finish(scene, folder, names_of(scene) | {"compare": found | beside}, watch)
+
+
+def _draw(found: Summary, title: str, folder: Path) -> None:
+    """The chart of error over time for each quantity, and the rungs as a table."""
+    rows, tolerance = found["rungs"], found["tolerance"]
     columns = columns_of(rows)
     figure = overview(
         rows,
         tuple(rows[0]["error"]),
         title,
         tolerance=tolerance,
-        recommended=recommended,
+        recommended=found["recommended"],
         words="error that 95 % of the speeds on the branch of the reference stay below",
     )
     pictures.save(figure, columns, folder, "compare_overview")
@@ -402,7 +431,7 @@ def draw(
             [row | {"error": worst(row["error_95"], (name,))} for row in rows],
             title,
             tolerance=tolerance,
-            recommended=recommended_for.get(name),
+            recommended=found["recommended_for"].get(name),
             quantity=f"95 % error of the {QUANTITIES[name]}, relative",
         )
         ending = "" if name == "dynamic_ratio" else f"_{name}"
