@@ -17,7 +17,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from timing import line, peak, timed
+from timing import line, one_thread, peak, timed
 
 
 def main() -> None:
@@ -28,8 +28,7 @@ def main() -> None:
     parser.add_argument("--only", choices=("statics", "dynamics"), help="one part")
     options = parser.parse_args()
     # Before NumPy and JAX are imported.
-    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
+    one_thread()
     if hasattr(os, "sched_setaffinity"):
         allowed = sorted(os.sched_getaffinity(0))
         os.sched_setaffinity(0, allowed[: options.threads])

@@ -23,7 +23,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from timing import peak
+from timing import one_thread, peak
 
 
 def main() -> None:
@@ -35,8 +35,7 @@ def main() -> None:
     parser.add_argument("--alone", choices=CASES, help=argparse.SUPPRESS)
     options = parser.parse_args()
     # Before NumPy is imported; processes begun from here inherit it.
-    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
+    one_thread()
     if options.alone:
         print(json.dumps(CASES[options.alone][1]() | {"peak_MB": peak()}))
         return

@@ -11,13 +11,12 @@ differ and are noisy: compare ratios within one table. Writes `hybrid.json`.
 
 import argparse
 import json
-import os
 import statistics
 import time
 from pathlib import Path
 from typing import Any
 
-from timing import line, peak, timed
+from timing import begin, line, peak, timed
 
 MM, UM = 1e-3, 1e-6
 
@@ -28,12 +27,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("results/bench"))
     parser.add_argument("--all", action="store_true", help="convergence too: several bodies")
     options = parser.parse_args()
-    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
-    import jax
-
-    jax.config.update("jax_enable_x64", True)
-    options.out.mkdir(parents=True, exist_ok=True)
+    begin(options.out)
     report: dict[str, Any] = {"thesis": thesis_way(), "cycle": cycle_and_gradient()}
     if options.all:
         report["convergence"] = convergence()

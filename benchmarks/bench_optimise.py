@@ -11,16 +11,12 @@ within one table, and processor time where others use the machine. `--quick` tak
 Adds to `optimise.json`.
 """
 
-import argparse
-import json
 import math
-import os
 import time
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
-from timing import peak
+from timing import in_parts
 
 TWO = ("flank.pinion.tip_relief.depth_um", "flank.pinion.tip_relief.extent")
 TEN = tuple(
@@ -41,24 +37,7 @@ QUICK = ("mesh.phases=24", "mesh.slices=4")
 def main() -> None:
     """Run the parts asked for and print their tables."""
     parts = {"two": two, "ten": ten, "crowning": crowning, "baselines": baselines}
-    parser = argparse.ArgumentParser(description="What searches by gradient cost.")
-    parser.add_argument("parts", nargs="*", help=f"of {', '.join(parts)}; all without")
-    parser.add_argument("--out", type=Path, default=Path("results/bench"))
-    parser.add_argument("--quick", action="store_true", help="coarse meshes")
-    options = parser.parse_args()
-    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
-    import jax
-
-    jax.config.update("jax_enable_x64", True)
-    options.out.mkdir(parents=True, exist_ok=True)
-    file = options.out / "optimise.json"
-    report: dict[str, Any] = json.loads(file.read_text("utf-8")) if file.exists() else {}
-    for name in options.parts or parts:
-        print(f"\n{name}", flush=True)
-        report[name] = parts[name](quick=options.quick) | {"peak_memory_MB": peak()}
-        file.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
-    print(f"\nwritten to {options.out}")
+    in_parts("What searches by gradient cost.", "coarse meshes", "optimise.json", parts)
 
 
 class Task(NamedTuple):

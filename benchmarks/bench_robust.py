@@ -10,12 +10,11 @@ compare ratios within one table. Writes `robust.json`.
 
 import argparse
 import json
-import os
 import time
 from pathlib import Path
 from typing import Any
 
-from timing import line, peak, timed
+from timing import begin, line, peak, timed
 
 _DEPTHS = [f"flank.{gear}.tip_relief.depth_um" for gear in ("pinion", "wheel")]
 _SCATTER = [
@@ -34,12 +33,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("results/bench"))
     parser.add_argument("--quick", action="store_true", help="the coarsest mesh, few gears")
     options = parser.parse_args()
-    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
-    import jax
-
-    jax.config.update("jax_enable_x64", True)
-    options.out.mkdir(parents=True, exist_ok=True)
+    begin(options.out)
     report = robust(quick=options.quick) | {"peak_memory_MB": peak()}
     print(f"{'peak memory':<58} {report['peak_memory_MB']:8.0f} MB")
     (options.out / "robust.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")

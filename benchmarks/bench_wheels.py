@@ -11,17 +11,13 @@ coordinates factorised at every step; the gradient of 30 speeds in 6 parameters 
 table, of processor time where others use the machine. Adds to `wheels.json`.
 """
 
-import argparse
 import functools
 import itertools
-import json
-import os
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, NamedTuple
 
-from timing import peak
+from timing import in_parts
 
 # Speeds of the pinion from slow to 14 kHz in mesh [rad/s]; wheel and pinion teeth.
 SLOWEST, FASTEST, PERIODS = 100.0, 2000.0, 86
@@ -31,25 +27,9 @@ UM = 1e-6
 def main() -> None:
     """Run the parts asked for and print their tables."""
     parts = {"sweep": sweeps, "march": marches, "step": steps, "gradient": gradient}
-    parser = argparse.ArgumentParser(description="What flexible wheels in rotation cost.")
-    parser.add_argument("parts", nargs="*", help=f"of {', '.join(parts)}; all without")
-    parser.add_argument("--out", type=Path, default=Path("results/bench"))
-    parser.add_argument("--quick", action="store_true", help="fewer speeds and settings")
-    options = parser.parse_args()
-    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
-    import jax
-
-    jax.config.update("jax_enable_x64", True)
-    options.out.mkdir(parents=True, exist_ok=True)
-    file = options.out / "wheels.json"
-    report: dict[str, Any] = json.loads(file.read_text("utf-8")) if file.exists() else {}
-    for name in options.parts or parts:
-        print(f"\n{name}", flush=True)
-        report[name] = parts[name](quick=options.quick) | {"peak_memory_MB": peak()}
-        print(f"{'peak memory so far':<52} {peak():10.0f} MB", flush=True)
-        file.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
-    print(f"\nwritten to {options.out}")
+    in_parts(
+        "What flexible wheels in rotation cost.", "fewer speeds and settings", "wheels.json", parts
+    )
 
 
 class Cost(NamedTuple):

@@ -1,11 +1,58 @@
 """What the benchmarks share: times, memory, and a row to print."""
 
+import argparse
+import json
+import os
 import resource
 import statistics
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
+
+
+def one_thread() -> None:
+    """Keep BLAS to one thread: several wait for each other. Call it before NumPy is imported."""
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+
+
+def begin(out: Path) -> None:
+    """Make the folder of the results, and set JAX up."""
+    one_thread()
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    out.mkdir(parents=True, exist_ok=True)
+
+
+def in_parts(
+    about: str, quickly: str, file: str, parts: Mapping[str, Callable[..., dict[str, Any]]]
+) -> None:
+    """Run those of some parts that the command line asks for, and keep what they report.
+
+    **Arguments:**
+
+    - `about`: what the benchmark is for.
+    - `quickly`: what `--quick` leaves out.
+    - `file`: of the reports, in the folder of the results.
+    - `parts`: by name; each takes `quick`.
+    """
+    parser = argparse.ArgumentParser(description=about)
+    parser.add_argument("parts", nargs="*", help=f"of {', '.join(parts)}; all without")
+    parser.add_argument("--out", type=Path, default=Path("results/bench"))
+    parser.add_argument("--quick", action="store_true", help=quickly)
+    options = parser.parse_args()
+    begin(options.out)
+    path = options.out / file
+    report: dict[str, Any] = json.loads(path.read_text("utf-8")) if path.exists() else {}
+    for name in options.parts or parts:
+        print(f"\n{name}", flush=True)
+        report[name] = parts[name](quick=options.quick) | {"peak_memory_MB": peak()}
+        print(f"{'peak memory so far':<52} {peak():10.0f} MB", flush=True)
+        path.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+    print(f"\nwritten to {options.out}")
 
 
 def timed(function: Callable, *arguments, repeats: int = 15) -> tuple[float, float, Any]:

@@ -181,11 +181,18 @@ def test_the_quantile_of_real_gears_has_true_slopes():
     assert float(found[0]) > 0.0
 
 
+def _optimised(capsys, settings):
+    """Summary of a search on the ready scene, in the current folder."""
+    assert main(["init", "accessory"]) == 0
+    capsys.readouterr()
+    arguments = [word for each in settings for word in ("--set", each)]
+    assert main(["optimise", "accessory.toml", *arguments, "--json", "--quiet"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
 @pytest.mark.slow
 def test_the_robust_optimum_is_better_on_fresh_gears(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    assert main(["init", "accessory"]) == 0
-    capsys.readouterr()
     settings = [
         "mesh.phases=32",
         "mesh.slices=5",
@@ -196,9 +203,7 @@ def test_the_robust_optimum_is_better_on_fresh_gears(tmp_path, monkeypatch, caps
         # Without a face that is loaded unevenly this one does nothing to a spur pair's RMS.
         'robust.scatter."wheel.shaft.bearings[0].axial_N_m"=1e6',
     ]
-    arguments = [word for each in settings for word in ("--set", each)]
-    assert main(["optimise", "accessory.toml", *arguments, "--json", "--quiet"]) == 0
-    summary = json.loads(capsys.readouterr().out)
+    summary = _optimised(capsys, settings)
     found = summary["optimise"]["robust"]
     assert found["better"]
     assert found["converged"]
@@ -223,8 +228,6 @@ def test_the_robust_optimum_is_better_on_fresh_gears(tmp_path, monkeypatch, caps
 def test_limits_hold_for_the_share_of_gears(tmp_path, monkeypatch, capsys):
     """Not for the gear without deviations alone; a search that knows limits is taken."""
     monkeypatch.chdir(tmp_path)
-    assert main(["init", "accessory"]) == 0
-    capsys.readouterr()
     settings = [
         "mesh.phases=16",
         "mesh.slices=3",
@@ -235,9 +238,7 @@ def test_limits_hold_for_the_share_of_gears(tmp_path, monkeypatch, capsys):
         f'robust.scatter."{_DEPTH}"=2.0',
         "optimise.limits.te_peak_to_peak_um=1.8",
     ]
-    arguments = [word for each in settings for word in ("--set", each)]
-    assert main(["optimise", "accessory.toml", *arguments, "--json", "--quiet"]) == 0
-    summary = json.loads(capsys.readouterr().out)
+    summary = _optimised(capsys, settings)
     found = summary["optimise"]["robust"]
     assert found["method"] == "slsqp"
     nominal, made = found["nominal"], found["robust"]
