@@ -101,7 +101,11 @@ def solid_disc(
     polar_inertia: Scalar | float | None = None,
     transverse_inertia: Scalar | float | None = None,
 ) -> RigidBody:
-    """A disc with a bore, apart from what is known better.
+    r"""A disc with a bore, apart from what is known better.
+
+    Without one of its own the transverse inertia follows from what is known of the others: of a
+    body that is even along its width $b$ it is $I_p / 2 + m b^2 / 12$, whatever its shape in the
+    plane.
 
     **Arguments:**
 
@@ -128,16 +132,12 @@ def solid_disc(
         inner=inner,
     )
     whole = as_scalar(density) * 0.25 * jnp.pi * (outer**2 - inner**2) * width
-    square = outer**2 + inner**2
-    return RigidBody(
-        mass=whole if mass is None else mass,
-        polar_inertia=whole * square / 8.0 if polar_inertia is None else polar_inertia,
-        transverse_inertia=(
-            whole * (square / 16.0 + width**2 / 12.0)
-            if transverse_inertia is None
-            else transverse_inertia
-        ),
-    )
+    if polar_inertia is None:
+        polar_inertia = whole * (outer**2 + inner**2) / 8.0
+    mass = whole if mass is None else mass
+    if transverse_inertia is None:
+        transverse_inertia = 0.5 * polar_inertia + mass * width**2 / 12.0
+    return RigidBody(mass, polar_inertia, transverse_inertia)
 
 
 GearBody = RigidBody | BeamBody | FlexibleBody
