@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from fem_prep._cache import cache_folder
-from jaxgear._app._results import whole_file
+from jaxgear._app._whole_file import whole_file
 
 _SET = "set:"
 
