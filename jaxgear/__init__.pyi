@@ -1,5 +1,5 @@
-"""The public names, in the order in which data flows: units, geometry, flanks, contact, interface,
-system, solve, dynamics, response, and the door to scene files.
+"""The public names, in the order in which data flows: units, what sets a process up, geometry,
+flanks, contact, interface, system, solve, dynamics, response, and the door to scene files.
 """
 
 from ._units import GPa as GPa
@@ -9,6 +9,8 @@ from ._units import deg as deg
 from ._units import mm as mm
 from ._units import rpm as rpm
 from ._units import um as um
+
+from ._compilations import cache_compilations as cache_compilations
 
 from ._smooth import smooth_maximum as smooth_maximum
 from ._smooth import smooth_ramp as smooth_ramp

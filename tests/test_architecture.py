@@ -28,6 +28,7 @@ STAGES = (
     "_units",
     "_types",
     "_checks",
+    "_compilations",
     "_smooth",
     "_geometry",
     "_flank",
@@ -77,8 +78,9 @@ BODY_STAGES = (
 )
 SCENE_FILES = ("_scene", "_model", "_with_bodies")
 
-# The one place that sets the process up, so the only one that may touch JAX's configuration.
-CONFIGURES = PurePosixPath("jaxgear/_app/_cli.py")
+# The places that set a process up, of the command line and where a user asks for it: only these
+# may touch JAX's configuration.
+CONFIGURE = (PurePosixPath("jaxgear/_app/_cli.py"), PurePosixPath("jaxgear/_compilations.py"))
 
 _SI = {"m", "s", "kg", "N", "Pa", "J", "W", "Hz", "rad", "K"}
 # At the door to the user a number may still be in the unit of the file.
@@ -417,8 +419,9 @@ def faults_of_docstrings(sources: Iterable[Source]) -> Iterator[str]:
 
 def faults_of_globals(sources: Iterable[Source]) -> Iterator[str]:
     """The library leaves JAX's configuration to whoever runs the process."""
+    named = " and ".join(map(str, CONFIGURE))
     for source in sources:
-        if source.path == CONFIGURES:
+        if source.path in CONFIGURE:
             continue
         for node in ast.walk(source.tree):
             match node:
@@ -429,7 +432,7 @@ def faults_of_globals(sources: Iterable[Source]) -> Iterator[str]:
                 case _:
                     continue
             if touched:
-                yield f"{source.at(node)}: only {CONFIGURES} may change the configuration"
+                yield f"{source.at(node)}: only {named} may change the configuration"
 
 
 def faults_of_annotations(sources: Iterable[Source]) -> Iterator[str]:
@@ -513,7 +516,7 @@ def test_import_makes_no_array():
     names = [
         ".".join(source.path.with_suffix("").parts)
         for source in read_sources(ROOT, "jaxgear", "optimise")
-        if source.path.stem not in ("__init__", "__main__", CONFIGURES.stem)
+        if source.path.stem not in ("__init__", "__main__")
     ]
     assert _arrays_made_by(f"import jaxgear, optimise, {', '.join(names)}") == 0
 
@@ -816,7 +819,8 @@ def test_array_made_at_import_is_found():
 )
 def test_changed_configuration_is_found(text):
     assert len(_faults(faults_of_globals, "jaxgear/_solve.py", text)) == 1
-    assert not _faults(faults_of_globals, str(CONFIGURES), text)
+    assert len(_faults(faults_of_globals, "jaxgear/_app/_compilations.py", text)) == 1
+    assert not any(_faults(faults_of_globals, str(path), text) for path in CONFIGURE)
 
 
 def test_annotations_put_off_are_found():
