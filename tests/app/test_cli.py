@@ -291,6 +291,18 @@ print(codes, [name for name in heavy if name in sys.modules], file=sys.stderr)
     assert done.stderr.splitlines()[-1] == "[0, 0, 0, 2, 0] []"
 
 
+def test_commands_import_no_library_before_they_use_it():
+    code = """
+import sys
+import jaxgear._app._commands
+late = ("diffrax", "optax", "skfem", "meshio", "scipy.linalg", "scipy.optimize", "scipy.signal")
+late += ("scipy.sparse", "scipy.spatial", "scipy.special", "scipy.stats")
+print([name for name in late if name in sys.modules])
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stdout == "[]\n", done.stderr
+
+
 @pytest.mark.parametrize(
     "arguments",
     [[], ["fly"], ["run"], ["run", "a.toml", "--se", "x=1"], ["run", "a.toml", "b.toml"]],
