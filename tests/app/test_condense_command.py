@@ -414,6 +414,15 @@ def test_a_grid_of_one_s_own_is_the_body_it_was_written_from(written, tmp_path):
         _built(written(_PAIR + metres))
 
 
+def test_equal_inputs_give_equal_bodies(written, monkeypatch):
+    path = written(_PAIR + _BODY)
+    monkeypatch.setenv("JAXGEAR_CACHE", "off")
+    first, second = (_built(path) for _ in range(2))
+    assert not first.from_cache
+    assert not second.from_cache
+    assert content_hash(first.body) == content_hash(second.body)
+
+
 @pytest.mark.parametrize(
     ("top", "line"), [("ring.inp", "*INCLUDE, INPUT={}"), ("ring.bdf", "INCLUDE '{}'")]
 )
