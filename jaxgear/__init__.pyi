@@ -10,7 +10,7 @@ from ._units import mm as mm
 from ._units import rpm as rpm
 from ._units import um as um
 
-from ._compilations import cache_compilations as cache_compilations
+from ._program_cache import cache_compilations as cache_compilations
 
 from ._smooth import smooth_maximum as smooth_maximum
 from ._smooth import smooth_ramp as smooth_ramp

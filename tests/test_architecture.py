@@ -28,7 +28,8 @@ STAGES = (
     "_units",
     "_types",
     "_checks",
-    "_compilations",
+    "_program_cache",
+    "_compiled",
     "_smooth",
     "_geometry",
     "_flank",
@@ -80,7 +81,7 @@ SCENE_FILES = ("_scene", "_model", "_with_bodies")
 
 # The places that set a process up, of the command line and where a user asks for it: only these
 # may touch JAX's configuration.
-CONFIGURE = (PurePosixPath("jaxgear/_app/_cli.py"), PurePosixPath("jaxgear/_compilations.py"))
+CONFIGURE = (PurePosixPath("jaxgear/_app/_cli.py"), PurePosixPath("jaxgear/_program_cache.py"))
 
 _SI = {"m", "s", "kg", "N", "Pa", "J", "W", "Hz", "rad", "K"}
 # At the door to the user a number may still be in the unit of the file.
@@ -819,7 +820,7 @@ def test_array_made_at_import_is_found():
 )
 def test_changed_configuration_is_found(text):
     assert len(_faults(faults_of_globals, "jaxgear/_solve.py", text)) == 1
-    assert len(_faults(faults_of_globals, "jaxgear/_app/_compilations.py", text)) == 1
+    assert len(_faults(faults_of_globals, "jaxgear/_app/_program_cache.py", text)) == 1
     assert not any(_faults(faults_of_globals, str(path), text) for path in CONFIGURE)
 
 

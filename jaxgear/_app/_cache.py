@@ -6,7 +6,7 @@ from typing import Any
 
 from fem_prep._cache import cache_folder, clear, entries
 from jaxgear._app._body_view import clear_views
-from jaxgear._compilations import clear_programs, kept_programs, programs_folder
+from jaxgear._program_cache import clear_programs, kept_programs, programs_folder
 
 
 def cache_summary() -> dict[str, Any]:

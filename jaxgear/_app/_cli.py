@@ -23,7 +23,7 @@ from jaxgear._app._progress import warn
 from jaxgear._app._scene import READY, Mistake, Scene, SceneError, read_scene, rewrite_scene
 from jaxgear._app._schema import GEARS
 from jaxgear._checks import InputError
-from jaxgear._compilations import cache_compilations
+from jaxgear._program_cache import cache_compilations
 
 _COMMANDS = {
     "run": "compute everything that the scene asks for",

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxgear._checks import require
+from jaxgear._compiled import compiled
 from jaxgear._contact._cells import MeshCells
 from jaxgear._contact._coupling import between_all_cells
 from jaxgear._geometry._pair import GearPair
@@ -169,15 +170,26 @@ def pair_system(
     """
     torque = as_scalar(torque)
     check_torque(pinion_support, torque)
+    mounts, bodies = (pinion_support, wheel_support), (pinion_body, wheel_body)
+    return _assembled(pair, torque, mounts, bodies, housing, as_scalar(speed))
+
+
+@compiled
+def _assembled(
+    pair: GearPair,
+    torque: Scalar,
+    mounts: tuple[Support | Shaft, Support | Shaft],
+    given: tuple[GearBody | None, GearBody | None],
+    housing: Housing | None,
+    speed: Scalar,
+) -> PairSystem:
+    """See `pair_system`."""
     bodies = [
         gear_disc(pair, index, mount) if body is None else body
-        for index, (mount, body) in enumerate(
-            zip((pinion_support, wheel_support), (pinion_body, wheel_body), strict=True)
-        )
+        for index, (mount, body) in enumerate(zip(mounts, given, strict=True))
     ]
     structure = assemble_structure(
-        pinion_support,
-        wheel_support,
+        *mounts,
         *bodies,
         torque=torque,
         ratio=pair.teeth[1] / pair.teeth[0],
@@ -185,7 +197,6 @@ def pair_system(
         speed=speed,
     )
     bends = any(isinstance(body, BeamBody) for body in bodies)
-    mounts = (pinion_support, wheel_support)
     vectors = beam_vectors(pair, mounts, bodies) if bends else _rigid_vectors(pair, bodies)
     vectors = _with_seats(vectors, bodies)
     statics = static_flexibility(structure, vectors)
@@ -202,7 +213,7 @@ def pair_system(
         structure=structure,
         statics=statics,
         direction=jnp.eye(vectors.shape[1])[0],
-        force=driving_torque(pinion_support, torque)
+        force=driving_torque(mounts[0], torque)
         / (pair.base_radius[0] * jnp.cos(pair.base_helix_angle)),
         bends=bends,
     )

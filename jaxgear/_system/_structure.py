@@ -18,6 +18,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from jaxgear._checks import InputError, require
+from jaxgear._compiled import compiled
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._shaft import BeamBody, Bearing, Shaft, ShaftMatrices, shaft_matrices
 from jaxgear._system._support import Support
@@ -433,6 +434,7 @@ def static_flexibility(structure: Structure, vectors: DofCoordinates) -> StaticF
     )
 
 
+@compiled
 def bearing_motion(structure: Structure, motion: Load) -> BearingMotion:
     """Displacement of the shafts at their bearings, and what they put on them.
 

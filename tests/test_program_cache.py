@@ -12,8 +12,8 @@ import jax
 import platformdirs
 import pytest
 
-from jaxgear import _compilations
-from jaxgear._compilations import (
+from jaxgear import _program_cache
+from jaxgear._program_cache import (
     CompilationCacheWarning,
     cache_compilations,
     clear_programs,
@@ -66,7 +66,7 @@ def settings(user, monkeypatch) -> dict[str, object]:
     )
     monkeypatch.setattr(jax, "config", config())
     monkeypatch.setattr(jax.monitoring, "register_event_listener", lambda listener: None)
-    monkeypatch.setattr(_compilations.atexit, "register", lambda *given: None)
+    monkeypatch.setattr(_program_cache.atexit, "register", lambda *given: None)
     return told
 
 
@@ -133,7 +133,7 @@ def test_the_folder(monkeypatch):
 
 def test_jax_is_told_to_keep_all_programs(user, settings):
     cache_compilations()
-    folder = user / _compilations._fingerprint()
+    folder = user / _program_cache._fingerprint()
     assert settings == {
         "jax_compilation_cache_dir": str(folder),
         "jax_persistent_cache_min_compile_time_secs": 0.0,
@@ -206,8 +206,8 @@ def test_others_are_shut_out_of_a_folder_that_was_open(user, settings):
 def test_another_version_or_processor_has_a_folder_of_its_own(monkeypatch, what):
     import jaxlib.version
 
-    before = _compilations._fingerprint()
-    assert before == _compilations._fingerprint()
+    before = _program_cache._fingerprint()
+    assert before == _program_cache._fingerprint()
     match what:
         case "jax":
             monkeypatch.setattr(jax, "__version__", "99")
@@ -216,9 +216,9 @@ def test_another_version_or_processor_has_a_folder_of_its_own(monkeypatch, what)
         case "python":
             monkeypatch.setattr(sys.implementation, "cache_tag", "cpython-399")
         case _:
-            flags = _compilations._processor()
-            monkeypatch.setattr(_compilations, "_processor", lambda: flags + " avx9")
-    assert _compilations._fingerprint() != before
+            flags = _program_cache._processor()
+            monkeypatch.setattr(_program_cache, "_processor", lambda: flags + " avx9")
+    assert _program_cache._fingerprint() != before
 
 
 def _kept(folder: Path, name: str, size: int, age: float) -> Path:
@@ -232,10 +232,10 @@ def _kept(folder: Path, name: str, size: int, age: float) -> Path:
 def test_what_was_not_used_for_longest_goes_where_the_cache_is_full(user, settings, monkeypatch):
     old = _kept(user / "other", "a", 40, 3.0)
     new, mid = _kept(user / "this", "b", 40, 1.0), _kept(user / "this", "c", 40, 2.0)
-    monkeypatch.setattr(_compilations, "LIMIT", 120)
+    monkeypatch.setattr(_program_cache, "LIMIT", 120)
     cache_compilations()
     assert old.exists()
-    monkeypatch.setattr(_compilations, "LIMIT", 80)
+    monkeypatch.setattr(_program_cache, "LIMIT", 80)
     cache_compilations()
     assert [path.exists() for path in (old, mid, new)] == [False, True, True]
 
@@ -260,7 +260,7 @@ def test_programs_are_listed_and_cleared(user):
 def watch(tmp_path):
     """What stands in the place of warnings, what it said, and what it passed on."""
     said, passed = [], []
-    shown = _compilations._Watch(lambda *given: passed.append(given[0]), tmp_path, said.append)
+    shown = _program_cache._Watch(lambda *given: passed.append(given[0]), tmp_path, said.append)
     return shown, said, passed
 
 
