@@ -35,7 +35,7 @@ _SAME = 1e-6
 def steady_state(
     system: DynamicSystem,
     speed: Scalar,
-    method: AbstractMethod = HarmonicBalance(),
+    method: AbstractMethod | None = None,
     start: Start | None = None,
 ) -> Orbit:
     """Find the steady response at one speed.
@@ -48,7 +48,9 @@ def steady_state(
 
     - `system`: what moves.
     - `speed`: of the pinion, positive [rad/s].
-    - `method`: how.
+    - `method`: how; by default harmonic balance with exact contact averaged over each step, whose
+        derivatives are those of continuous time also where contact is lost. It is not for mesh
+        damping that acts in contact only: that is not averaged.
     - `start`: motion and velocity to start from, for methods that march; `None`: the quasi-static
         state [m, rad, m/s, rad/s].
 
@@ -68,11 +70,11 @@ def steady_state(
         "response.",
         got=given,
     )
-    return _orbit(method, system, speed, start)
+    return _orbit(method or _differentiable(system), system, speed, start)
 
 
 def steady_states(
-    system: DynamicSystem, speeds: Speeds, method: AbstractMethod = HarmonicBalance()
+    system: DynamicSystem, speeds: Speeds, method: AbstractMethod | None = None
 ) -> Orbit:
     """Find the steady response at each speed from the quasi-static state: a cold sweep.
 
@@ -82,7 +84,7 @@ def steady_states(
 
     - `system`: what moves.
     - `speeds`: of the pinion, positive [rad/s].
-    - `method`: how.
+    - `method`: how; by default as of `steady_state`.
 
     **Returns:**
 
@@ -101,7 +103,16 @@ def steady_states(
             least=given.min(),
             largest=given.max(),
         )
-    return _orbits(method, system, speeds)
+    return _orbits(method or _differentiable(system), system, speeds)
+
+
+def _differentiable(system: DynamicSystem) -> HarmonicBalance:
+    """Harmonic balance whose derivatives are true where contact is lost, if the system has one.
+
+    A cell that opens or closes does so within a step: by the force in mid-step alone, derivatives
+    are 3 to 6 % off at 128 steps, averaged over the step 0.1 to 0.4 % at 64.
+    """
+    return HarmonicBalance(averaged=system.cell_damping is None)
 
 
 @compiled
