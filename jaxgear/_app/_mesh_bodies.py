@@ -24,6 +24,10 @@ from jaxgear._system._body_modes import BodyBasis, body_basis
 from jaxgear._system._flexible import FlexibleBody, flexible_body
 
 
+class OpenCycle(InputError):
+    """A cycle after which bodies in motion are not themselves again."""
+
+
 @dataclasses.dataclass(frozen=True)
 class MeshBody:
     """A condensed body, and what of it the mesh sees.
@@ -195,16 +199,15 @@ def _over_whole_cycles(scene: Scene, made: Sequence[_Made]) -> Scene:
             teeth, sectors = scene[f"{each.plan.gear}.teeth"], each.built.body.facts["sectors"]
             assert isinstance(sectors, int)
             needed = math.lcm(needed, each.basis.under_teeth(teeth, sectors)[1])
-    if scene["mesh.periods"] % needed == 0:
+    periods = scene["mesh.periods"]
+    if periods % needed == 0:
         return scene
-    require(
-        "mesh.periods" not in scene.given,
-        "mesh.periods = {got}: in motion the condensed bodies of this scene repeat under their "
-        "teeth after {needed} mesh periods, so that a response over {got} would not close. Write "
-        "mesh.periods = {needed}, or leave it out.",
-        got=scene["mesh.periods"],
-        needed=needed,
-    )
+    if "mesh.periods" in scene.given:
+        raise OpenCycle(
+            f"mesh.periods = {periods}: in motion the condensed bodies of this scene repeat under "
+            f"their teeth after {needed} mesh periods, so that a response over {periods} would not "
+            f"close. Write mesh.periods = {needed}, or leave it out."
+        )
     return scene.replace({"mesh.periods": needed})
 
 
