@@ -5,6 +5,7 @@ made without pyplot, so nothing is kept, shown or configured behind the caller's
 """
 
 import contextlib
+import gc
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,8 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, Colormap, Normalize
 from matplotlib.figure import Figure
@@ -25,7 +28,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Annotation
 from matplotlib.ticker import FuncFormatter, NullFormatter
-from matplotlib.transforms import offset_copy
+from matplotlib.transforms import blended_transform_factory, offset_copy
 
 import jaxgear as jg
 from jaxgear._app._results import BODIES, cycle_statistics, flank_grid, whole_file, write_csv
@@ -69,6 +72,18 @@ def _house_look() -> Iterator[None]:
         yield
 
 
+@contextlib.contextmanager
+def _uncollected() -> Iterator[None]:
+    """Collect no garbage for a while: each collection walks through all that JAX has traced."""
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collecting:
+            gc.enable()
+
+
 def save(
     figure: Figure, columns: Mapping[str, np.ndarray], folder: Path, name: str
 ) -> tuple[Path, Path, Path]:
@@ -86,13 +101,36 @@ def save(
     Paths of NAME.png, NAME.svg and NAME.csv.
     """
     png, svg, table = (folder / f"{name}.{ending}" for ending in ("png", "svg", "csv"))
-    with _house_look():
+    with _house_look(), _uncollected():
+        # Laying out takes as long as drawing, and both files can have the same layout.
+        figure.set_dpi(_DPI)
+        canvas = FigureCanvasAgg(figure)
+        if engine := figure.get_layout_engine():
+            engine.execute(figure)
+        figure.set_layout_engine("none")
         with whole_file(png) as draft:
-            figure.savefig(draft, dpi=150)
+            canvas.print_png(draft, pil_kwargs={"compress_level": _COMPRESSION})
+        _keep_labels(figure)
         with whole_file(svg) as draft:
-            figure.savefig(draft, metadata={"Date": None})
+            FigureCanvasSVG(figure).print_svg(draft, metadata={"Date": None})
     write_csv(columns, table)
     return png, svg, table
+
+
+# A tenth more bytes than the default, for half the time.
+_DPI, _COMPRESSION = 150, 1
+
+
+def _keep_labels(figure: Figure) -> None:
+    """Leave labels of axes where they were drawn: to place them anew all ticks are measured."""
+    inches = figure.dpi_scale_trans
+    for axes in figure.axes:
+        x, y = axes.xaxis.label.get_position()
+        along = blended_transform_factory(axes.transAxes, inches)
+        axes.xaxis.set_label_coords(x, y / figure.dpi, transform=along)
+        x, y = axes.yaxis.label.get_position()
+        along = blended_transform_factory(inches, axes.transAxes)
+        axes.yaxis.set_label_coords(x / figure.dpi, y, transform=along)
 
 
 def _panels(
