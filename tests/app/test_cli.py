@@ -107,7 +107,7 @@ def test_a_command_gets_the_scene_the_folder_and_64_bits(scene, commands, comman
     assert name == command
     assert given["mesh.slices"] == 3
     assert folder == Folder(Path("results/accessory"))
-    assert folder.is_dir()
+    assert folder.path.is_dir()
     assert quiet is False
     assert precision == "float64"
     output = capsys.readouterr()
@@ -119,13 +119,13 @@ def test_a_command_gets_the_scene_the_folder_and_64_bits(scene, commands, comman
 def test_out_names_the_folder(scene, commands):
     assert main(["run", str(scene), "--out", "a/b"]) == 0
     assert commands.calls[0][2] == Folder(Path("a/b"))
+    assert Path("a/b").is_dir()
+    assert not Path("results").exists()
 
 
 def test_pictures_can_be_left_out(scene, commands):
     assert main(["run", str(scene), "--no-pictures"]) == 0
     assert commands.calls[0][2] == Folder(Path("results/accessory"), pictures=False)
-    assert Path("a/b").is_dir()
-    assert not Path("results").exists()
 
 
 def test_json_is_all_there_is_on_standard_output(scene, commands, capsys):
