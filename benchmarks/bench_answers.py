@@ -15,8 +15,9 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -197,9 +198,8 @@ def _print(row: Mapping[str, Any]) -> None:
     )
 
 
-def _quick_answers(rig: Rig, everything: bool) -> list[dict[str, Any]]:
+def _at_once(rig: Rig) -> list[dict[str, Any]]:
     """What should come at once."""
-    del everything
     (rig.root / "import.py").write_text("import jaxgear\n", "utf-8")
     (rig.root / "bad.toml").write_text("name = 3\nteeth = true\n", "utf-8")
     cases = {
@@ -215,9 +215,8 @@ def _quick_answers(rig: Rig, everything: bool) -> list[dict[str, Any]]:
     ]
 
 
-def _snippets(rig: Rig, everything: bool) -> list[dict[str, Any]]:
+def _snippets(rig: Rig) -> list[dict[str, Any]]:
     """The README's Python."""
-    del everything
     rows = []
     for case, code in zip(("snippet at rest", "snippet in motion"), snippets(), strict=True):
         runs = {}
@@ -229,22 +228,17 @@ def _snippets(rig: Rig, everything: bool) -> list[dict[str, Any]]:
     return rows
 
 
-def _commands(rig: Rig, everything: bool) -> list[dict[str, Any]]:
-    """Commands on ready scenes; those with condensed bodies have them in the cache."""
-    chosen = {"accessory": _ANSWERED, "accessory-h1": _BODIES}
-    if everything:
-        ready = (_HERE.parent / "jaxgear" / "_app" / "scenes").glob("*.toml")
-        chosen = {path.stem: (*_ANSWERED, "sensitivity", "compare") for path in sorted(ready)}
+def _on_scene(rig: Rig, scene: str, commands: Sequence[str]) -> list[dict[str, Any]]:
+    """Commands on one ready scene; its condensed bodies are in the cache."""
+    path = rig.root / f"{scene}.toml"
+    _prepare(rig, scene)
     rows = []
-    for scene, commands in chosen.items():
-        path = rig.root / f"{scene}.toml"
-        _prepare(rig, scene)
-        for command in commands:
-            swept = _SWEPT if command == "sweep" else []
-            first = ["jaxgear", command, str(path), "--quiet", "--out", "results", *swept]
-            torque = _TORQUE[scene.split("-")[0]]
-            second = [*first, "--set", f"pair.torque_pinion_Nm={torque}"]
-            rows += rig.measured(f"{command} {scene}", {"first": first, "second": second})
+    for command in commands:
+        swept = _SWEPT if command == "sweep" else []
+        first = ["jaxgear", command, str(path), "--quiet", "--out", "results", *swept]
+        torque = _TORQUE[scene.split("-")[0]]
+        second = [*first, "--set", f"pair.torque_pinion_Nm={torque}"]
+        rows += rig.measured(f"{command} {scene}", {"first": first, "second": second})
     return rows
 
 
@@ -260,7 +254,18 @@ def _prepare(rig: Rig, scene: str) -> None:
         answered(python, condense, folder, variables)
 
 
-_PARTS = {"at-once": _quick_answers, "snippets": _snippets, "commands": _commands}
+def _ready() -> list[str]:
+    """Names of the ready scenes."""
+    return sorted(path.stem for path in (_HERE.parent / "jaxgear/_app/scenes").glob("*.toml"))
+
+
+def _parts(everything: bool) -> dict[str, Callable[[Rig], list[dict[str, Any]]]]:
+    """What can be measured, by name."""
+    chosen = {"accessory": _ANSWERED, "accessory-h1": _BODIES}
+    if everything:
+        chosen = dict.fromkeys(_ready(), (*_ANSWERED, "sensitivity", "compare"))
+    scenes = {name: partial(_on_scene, scene=name, commands=chosen[name]) for name in chosen}
+    return {"at-once": _at_once, "snippets": _snippets} | scenes
 
 
 def _python_of(path: Path) -> Path:
@@ -273,13 +278,16 @@ def _python_of(path: Path) -> Path:
 def main() -> None:
     """Measure, print, and keep what was measured."""
     parser = argparse.ArgumentParser(description="Seconds to an answer.")
-    parser.add_argument("parts", nargs="*", help=f"of {', '.join(_PARTS)}; all without")
+    parser.add_argument("parts", nargs="*", help="at-once, snippets, or ready scenes")
     parser.add_argument("--all", action="store_true", help="every command on every ready scene")
     parser.add_argument(
         "--against", type=Path, metavar="PYTHON", help="python or jaxgear of another environment"
     )
     parser.add_argument("--out", type=Path, default=Path("results/bench"))
     options = parser.parse_args()
+    parts = _parts(options.all)
+    if unknown := set(options.parts) - set(parts):
+        parser.error(f"no part {', '.join(sorted(unknown))}; there are {', '.join(parts)}")
     one_thread()
     options.out.mkdir(parents=True, exist_ok=True)
     pythons = {"this": Path(sys.executable)}
@@ -288,9 +296,9 @@ def main() -> None:
     path = options.out / "answers.json"
     report: dict[str, Any] = json.loads(path.read_text("utf-8")) if path.exists() else {}
     with tempfile.TemporaryDirectory() as root:
-        for name in options.parts or _PARTS:
+        for name in options.parts or parts:
             print(f"\n{name}", flush=True)
-            report[name] = _PARTS[name](Rig(pythons, Path(root)), options.all)
+            report[name] = parts[name](Rig(pythons, Path(root)))
             path.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     print(f"\nwritten to {path}")
 
