@@ -57,6 +57,7 @@ bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/bench.py
 	$(BIN)/python benchmarks/bench_bodies.py
 	$(BIN)/python benchmarks/bench_hybrid.py
+	$(BIN)/python benchmarks/bench_answers.py
 
 clean:
 	rm -rf $(VENV) $(DEMO) results/bench build dist .pytest_cache .ruff_cache
