@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from jaxgear._app import _scene
+from jaxgear._app import _scene, _schema
 from jaxgear._app._scene import SceneError, read_scene, rewrite_scene, write_scene
 
 _ROOT = Path(_scene.__file__).parents[2]
