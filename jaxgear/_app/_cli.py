@@ -19,6 +19,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from jaxgear._app._folder import Folder
 from jaxgear._app._motion import motion_mistakes
 from jaxgear._app._progress import warn
 from jaxgear._app._scene import READY, Mistake, Scene, SceneError, read_scene, rewrite_scene
@@ -187,6 +188,12 @@ def _parser() -> argparse.ArgumentParser:
             command.add_argument("--force", action="store_true", help="overwrite NAME.toml")
         else:
             command.add_argument("scene", metavar="SCENE", type=Path, help="scene file (TOML)")
+            command.add_argument(
+                "--no-pictures",
+                action="store_false",
+                dest="pictures",
+                help="draw none, and write only their data; removes those of an earlier run",
+            )
     cache = commands.add_parser(
         "cache",
         help="list the condensed bodies and compiled programs that are kept, or remove them",
@@ -220,7 +227,7 @@ def _command(argv: Sequence[str] | None) -> int:
     _refuse_unfit(args.command, scene)
     folder = args.out or Path("results") / str(scene["name"])
     _prepare(folder)
-    summary = _compute(args.command, scene, folder, args.quiet)
+    summary = _compute(args.command, scene, Folder(folder, args.pictures), args.quiet)
     wrong = summary["check_grad"]["verdicts"]["WRONG"] if "check_grad" in summary else 0
     if args.json:
         _print_json(summary)
@@ -377,7 +384,7 @@ def _prepare(folder: Path) -> None:
         ) from None
 
 
-def _compute(command: str, scene: Scene, folder: Path, quiet: bool) -> Mapping[str, Any]:
+def _compute(command: str, scene: Scene, folder: Folder, quiet: bool) -> Mapping[str, Any]:
     """Run the numerical part with 64-bit numbers and one BLAS thread."""
     import jax
     import threadpoolctl
@@ -400,7 +407,7 @@ def _compute(command: str, scene: Scene, folder: Path, quiet: bool) -> Mapping[s
     except BrokenPipeError:
         raise
     except OSError as error:
-        raise _Stop(1, f"cannot write results into {folder}: {error}") from error
+        raise _Stop(1, f"cannot write results into {folder.path}: {error}") from error
 
 
 def _cache(args: argparse.Namespace) -> int:

@@ -19,6 +19,7 @@ from jaxgear import _app
 from jaxgear.__main__ import main as door
 from jaxgear._app import _cli
 from jaxgear._app._cli import main, print_summary
+from jaxgear._app._folder import Folder
 from jaxgear._app._scene import read_scene
 from jaxgear._app._statics import SolverFailure
 from jaxgear._checks import InputError
@@ -110,8 +111,8 @@ def test_a_command_gets_the_scene_the_folder_and_64_bits(scene, commands, comman
     ((name, given, folder, quiet, precision),) = commands.calls
     assert name == command
     assert given["mesh.slices"] == 3
-    assert folder == Path("results/accessory")
-    assert folder.is_dir()
+    assert folder == Folder(Path("results/accessory"))
+    assert folder.path.is_dir()
     assert quiet is False
     assert precision == "float64"
     output = capsys.readouterr()
@@ -122,9 +123,14 @@ def test_a_command_gets_the_scene_the_folder_and_64_bits(scene, commands, comman
 
 def test_out_names_the_folder(scene, commands):
     assert main(["run", str(scene), "--out", "a/b"]) == 0
-    assert commands.calls[0][2] == Path("a/b")
+    assert commands.calls[0][2] == Folder(Path("a/b"))
     assert Path("a/b").is_dir()
     assert not Path("results").exists()
+
+
+def test_pictures_can_be_left_out(scene, commands):
+    assert main(["run", str(scene), "--no-pictures"]) == 0
+    assert commands.calls[0][2] == Folder(Path("results/accessory"), pictures=False)
 
 
 def test_json_is_all_there_is_on_standard_output(scene, commands, capsys):

@@ -19,7 +19,7 @@ from fem_prep._modes import largest_rotation
 from fem_prep._symmetry import full_turn
 from fem_prep._web import body_grid
 from jaxgear._app import _body_build, _condense
-from jaxgear._app import _body_pictures as pictures
+from jaxgear._app import _body_tables as tables
 from jaxgear._app._bodies import Drawn, body_plan
 from jaxgear._app._body_build import Steps, _inputs, built_body, full_of
 from jaxgear._app._body_render import frame, render
@@ -28,7 +28,7 @@ from jaxgear._app._body_view import view_folder
 from jaxgear._app._cli import main
 from jaxgear._app._model import model_of, pair_of
 from jaxgear._app._notes import _on_bodies
-from jaxgear._app._pictures import _BLUE
+from jaxgear._app._palette import _BLUE
 from jaxgear._app._scene import read_scene
 from jaxgear._app._teeth import facts_of_teeth, tooth_outline
 from jaxgear._checks import InputError
@@ -527,8 +527,8 @@ def test_what_is_nearer_is_seen(order):
 def test_the_section_is_that_of_the_drawing(written):
     plan = _plan(written(_PAIR + _BODY))
     grid = _grid(plan)
-    body = pictures.DrawnBody(grid, {"bore": np.zeros(3)})
-    columns = pictures.grid_columns(body)
+    body = tables.DrawnBody(grid, {"bore": np.zeros(3)})
+    columns = tables.grid_columns(body)
     element, r, z = (columns[name] for name in ("element", "r_mm", "z_mm"))
     area = sum(_area(r[element == each], z[element == each]) for each in np.unique(element))
     expected = 5 * 10 + 11 * 4 + (1e3 * _ROOT - 26) * 10
@@ -541,7 +541,7 @@ def _area(x, y):
 
 
 def test_pairs_are_one_and_families_follow_the_nodal_diameter():
-    modes = pictures.DrawnModes(
+    modes = tables.DrawnModes(
         frequency_Hz=np.array([100, 100.01, 150, 180, 190, 300, 300.001, 400.0]),
         diameter=np.array([2, 2, 0, 3, 3, 2, 2, 0]),
         circle=np.array([0, 0, 1, 0, 0, 1, 1, 2]),
@@ -549,6 +549,6 @@ def test_pairs_are_one_and_families_follow_the_nodal_diameter():
         kind=("axial",) * 8,
     )
     # Holes part the pair of three nodal diameters: both are drawn, in one family.
-    assert pictures.chosen_modes(modes) == [0, 2, 3, 4, 5, 7]
-    assert pictures.families_columns(modes)["family"].tolist() == [1, 1, 1, 1, 1, 2, 2, 2]
+    assert tables.chosen_modes(modes) == [0, 2, 3, 4, 5, 7]
+    assert tables.families_columns(modes)["family"].tolist() == [1, 1, 1, 1, 1, 2, 2, 2]
     assert modes.label(2) == "150 Hz, axial\n0 nodal diameters, 1 circle"
