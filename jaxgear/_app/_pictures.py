@@ -30,7 +30,7 @@ from matplotlib.transforms import blended_transform_factory, offset_copy
 
 import jaxgear as jg
 from jaxgear._app._palette import _BLUE, _GREEN, _GREY, _ORANGE, _PINK, _RED, _SKY
-from jaxgear._app._results import BODIES, cycle_statistics, flank_grid, whole_file
+from jaxgear._app._results import BODIES, cycle_statistics, flank_grid
 from jaxgear._app._tables import (
     _FLANK_MAPS,
     _centre,
@@ -50,6 +50,7 @@ from jaxgear._app._tables import (
     te_spectrum_columns,
     transmission_error_columns,
 )
+from jaxgear._app._whole_file import whole_file
 from jaxgear._system._flexible import FlexibleBody
 
 _SURFACE = "viridis"

@@ -25,8 +25,8 @@ from jaxgear._app._body_waves import (
 )
 from jaxgear._app._palette import _BLUE, _GREEN, _GREY, _ORANGE, _PINK, _RED, _SKY
 from jaxgear._app._pictures import _SURFACE, _digits, _house_look, _panels, _round_down
-from jaxgear._app._results import whole_file
 from jaxgear._app._wave_tables import _grid, _wave_level, wave_map_columns
+from jaxgear._app._whole_file import whole_file
 from jaxgear._response._waves import DIRECTIONS
 from jaxgear._units import mm, um
 

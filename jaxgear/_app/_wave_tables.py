@@ -26,9 +26,9 @@ from jaxgear._app._flank_tables import (
 from jaxgear._app._folder import Folder
 from jaxgear._app._hybrid_dataset import hole_places
 from jaxgear._app._plots import flank_pictures, wave_pictures
-from jaxgear._app._results import whole_file
 from jaxgear._app._saving import save
 from jaxgear._app._tables import Columns
+from jaxgear._app._whole_file import whole_file
 from jaxgear._response._waves import DIRECTIONS
 
 # Files for ParaView in one period.
