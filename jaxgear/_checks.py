@@ -1,6 +1,7 @@
 """The two kinds of check: of what a user builds, and of the precision they build it in."""
 
 import jax.numpy as jnp
+import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Bool
 
@@ -28,6 +29,20 @@ def require(ok: bool | Bool[Array, ""], message: str, **values: object) -> None:
     if isinstance(ok, Tracer) or ok:
         return
     raise InputError(message.format(**values))
+
+
+def known(value: Array) -> Array | np.ndarray:
+    """A number for a check: in NumPy, for which nothing is compiled, unless JAX traces it.
+
+    **Arguments:**
+
+    - `value`: to be checked.
+
+    **Returns:**
+
+    The same value.
+    """
+    return value if isinstance(value, Tracer) else np.asarray(value)
 
 
 def require_float64() -> None:

@@ -36,6 +36,7 @@ from optimise._objectives import residuals_over_torques as residuals_over_torque
 from optimise._objectives import responses_over_torques as responses_over_torques
 from optimise._pareto import ParetoFront as ParetoFront
 from optimise._pareto import pareto_front as pareto_front
+from optimise._record import Batched as Batched
 from optimise._record import Box as Box
 from optimise._record import Record as Record
 from optimise._record import SearchResult as SearchResult

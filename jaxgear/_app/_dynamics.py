@@ -224,7 +224,7 @@ def solve_dynamics(scene: Scene, watch: Stopwatch) -> Dynamics:
     pair, modes = watch(solve, model)
     require_solved(pair.cycle.converged)
     if scene["mesh.contact"] == "exact" and not scene.get("mesh.pinion_speed_rad_s"):
-        statics = settled_statics(model, grid, ExactContact(), pair.cycle)
+        statics = settled_statics(model, grid, ExactContact(), pair.cycle, watch)
     else:
         # The dynamics are built on the exact cycle at vanishing speed; what is reported is the one
         # asked for.

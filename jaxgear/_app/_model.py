@@ -186,7 +186,12 @@ def law_of(scene: Scene) -> AbstractContactLaw:
 
 
 def _real(scene: Scene, key: str) -> Scalar:
-    return jnp.asarray(scene[key], dtype=float)
+    return _plain(scene[key])
+
+
+def _plain(value: Any) -> Any:
+    """A number of a scene; in NumPy, whose arithmetic is not compiled, unless JAX traces it."""
+    return value if isinstance(value, Tracer) else np.asarray(value, dtype=float)
 
 
 def pair_of(scene: Scene) -> GearPair:
@@ -239,7 +244,7 @@ def _material(scene: Scene, name: str, read: Callable[[str], Any] | None = None)
     def own(key: str) -> Scalar:
         path = f"{name}.material.{key}"
         path = path if path in scene.values else f"material.{key}"
-        return jnp.asarray((read or scene.__getitem__)(path), dtype=float)
+        return _plain((read or scene.__getitem__)(path))
 
     return Material(
         young=own("young_GPa") * GPa, poisson=own("poisson"), density=own("density_kg_m3")
@@ -374,8 +379,8 @@ def _shaft(
 
     def number(key: str, unit: float, default: float | None = None) -> Scalar | None:
         if scene.get(key) is None:
-            return None if default is None else jnp.asarray(default)
-        return jnp.asarray(read(key), dtype=float) * unit
+            return default
+        return _plain(read(key)) * unit
 
     def vector(key: str) -> Array:
         return jnp.stack([jnp.asarray(x, dtype=float) for x in read(key)])

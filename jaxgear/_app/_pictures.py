@@ -124,15 +124,16 @@ def gear_pair(model: jg.PairModel, title: str = "") -> Figure:
     """
     pair = model.pair
     if not title:
-        ratio = float(jg.profile_contact_ratio(pair))
+        ratio = float(jg.pair_facts(pair)["profile_contact_ratio"])
         title = (
             f"Gear pair {pair.pinion.teeth}/{pair.wheel.teeth} in the transverse plane, "
             rf"$\varepsilon_\alpha$ = {ratio:.3f}"
         )
     figure, (axes,) = _panels((7.4, 7.6), title)
     axes.grid(False)
-    pitch_radius = float(pair.working_pitch_radius[0]) / jg.mm
-    window = 2.1 * float(pair.transverse_base_pitch) / jg.mm
+    facts = _facts(pair)
+    pitch_radius = float(facts["working_pitch_radius"][0]) / jg.mm
+    window = 2.1 * float(facts["transverse_base_pitch"]) / jg.mm
     for body, colour in enumerate((_BLUE, _ORANGE)):
         _draw_gear(axes, pair, body, colour)
     _draw_path(axes, pair)
@@ -175,7 +176,9 @@ def _draw_gear(axes: Axes, pair: jg.GearPair, body: int, colour: str) -> None:
     outline = _outline(pair, body) / jg.mm
     axes.fill(*np.concatenate([outline, centre[:, None]], axis=1), color=colour, alpha=0.22, lw=0)
     axes.plot(*outline, color=colour, lw=1.5, gid=BODIES[body])
-    radii = (pair.tip_radius, pair.working_pitch_radius, pair.base_radius, pair.root_radius)
+    facts = _facts(pair)
+    names = ("tip_radius", "working_pitch_radius", "base_radius", "root_radius")
+    radii = [facts[name] for name in names]
     towards = np.pi * body + np.linspace(-1.3, 1.3, 601)
     for radius, style in zip(radii, _CIRCLES.values(), strict=True):
         arc = float(radius[body]) / jg.mm * np.stack([np.cos(towards), np.sin(towards)])
@@ -197,17 +200,18 @@ _BOX = {"boxstyle": "round,pad=0.2", "fc": "white", "ec": "none", "alpha": 0.85}
 
 def _draw_path(axes: Axes, pair: jg.GearPair) -> None:
     """Line of action, path of contact, and A to E."""
-    angle = float(pair.working_pressure_angle)
+    facts = _facts(pair)
+    angle = float(facts["working_pressure_angle"])
     along = np.asarray([np.sin(angle), np.cos(angle)])
     aside = np.asarray([along[1], -along[0]])
-    foot = float(pair.base_radius[0]) / jg.mm * aside
-    start, end = float(pair.path_start) / jg.mm, float(pair.path_end) / jg.mm
-    whole = foot + np.outer([0.0, float(pair.tangent_length) / jg.mm], along)
+    foot = float(facts["base_radius"][0]) / jg.mm * aside
+    start, end = float(facts["path_start"]) / jg.mm, float(facts["path_end"]) / jg.mm
+    whole = foot + np.outer([0.0, float(facts["tangent_length"]) / jg.mm], along)
     axes.plot(*whole.T, color=_GREEN, lw=1.0, ls=(0, (6, 2)))
     active = foot + np.outer([start, end], along)
     axes.plot(*active.T, color=_GREEN, lw=3.0, solid_capstyle="butt", gid="path of contact")
-    pitch = float(pair.transverse_base_pitch) / jg.mm
-    points = {"A": start, "C": float(pair.pitch_point) / jg.mm, "E": end}
+    pitch = float(facts["transverse_base_pitch"]) / jg.mm
+    points = {"A": start, "C": float(facts["pitch_point"]) / jg.mm, "E": end}
     if 1.0 < (end - start) / pitch < 2.0:
         points |= {"B": end - pitch, "D": start + pitch}
     for name, roll in points.items():
@@ -228,18 +232,29 @@ def _draw_path(axes: Axes, pair: jg.GearPair) -> None:
 
 def _centre(pair: jg.GearPair, body: int) -> np.ndarray:
     """Place of a gear's axis in S and T [m]."""
-    return np.asarray([float(pair.working_centre_distance) * body, 0.0])
+    return np.asarray([float(_facts(pair)["working_centre_distance"]) * body, 0.0])
+
+
+def _facts(pair: jg.GearPair) -> dict[str, np.ndarray]:
+    """What is closed-form about a pair, in NumPy."""
+    return {name: np.asarray(fact) for name, fact in jg.pair_facts(pair).items()}
+
+
+def _teeth(pair: jg.GearPair, body: int) -> int:
+    return (pair.pinion, pair.wheel)[body].teeth
 
 
 def _outline(pair: jg.GearPair, body: int) -> np.ndarray:
     """Outline of several teeth around the mesh, S and T [m]."""
     radius, half = _tooth(pair, body)
-    step = 2.0 * np.pi / float(pair.teeth[body])
+    facts = _facts(pair)
+    step = 2.0 * np.pi / _teeth(pair, body)
     # The loaded flank, which leads anticlockwise on either gear, passes through the pitch point.
-    roll = np.asarray([pair.pitch_point, pair.tangent_length - pair.pitch_point])[body]
-    turned = roll / float(pair.base_radius[body]) - float(pair.half_thickness_at_base[body])
-    centreline = np.pi * body - float(pair.working_pressure_angle) + turned
-    shown = min(_TEETH_SHOWN, int(pair.teeth[body]))
+    pitch_point = facts["pitch_point"]
+    roll = (pitch_point, facts["tangent_length"] - pitch_point)[body]
+    turned = roll / facts["base_radius"][body] - facts["half_thickness_at_base"][body]
+    centreline = np.pi * body - facts["working_pressure_angle"] + turned
+    shown = min(_TEETH_SHOWN, _teeth(pair, body))
     teeth = centreline + step * (np.arange(shown) - shown // 2)
     around = np.concatenate([-half, half[::-1]])
     angle = (teeth[:, None] + around).ravel()
@@ -251,7 +266,7 @@ def _tooth(pair: jg.GearPair, body: int) -> tuple[np.ndarray, np.ndarray]:
     """Radius [m] and half angle [rad] of a tooth, from mid-space over the flank to mid-tip."""
     x, y = tooth_outline(pair, body)
     radius, half = np.hypot(x, y), np.arctan2(x, y)
-    space = np.linspace(np.pi / float(pair.teeth[body]), half[0], 7)[:-1]
+    space = np.linspace(np.pi / _teeth(pair, body), half[0], 7)[:-1]
     land = np.linspace(half[-1], 0.0, 7)[1:]
     radius = np.concatenate([np.full(6, radius[0]), radius, np.full(6, radius[-1])])
     return radius, np.concatenate([space, half, land])
@@ -288,7 +303,7 @@ def shafts(
     axes.grid(False)
     axes.set_aspect("equal")
     lines = _deflected_lines(model, cycle)
-    distance = float(model.pair.working_centre_distance) / jg.mm
+    distance = float(_facts(model.pair)["working_centre_distance"]) / jg.mm
     largest = max(float(np.max(np.abs(line[1:]))) for line in lines.values()) / jg.mm
     scale = _round_down(_SHOWN_DEFLECTION * distance / max(largest, 1e-12))
     for body, name in enumerate(BODIES):
@@ -338,8 +353,9 @@ def shafts(
 def _side_view_size(model: jg.PairModel) -> tuple[float, float]:
     """Size of a figure that both shafts fill, one above the other [inches]."""
     shafts = [mount for mount in _mounts(model) if isinstance(mount, jg.Shaft)]
-    length = max(float(shaft.length) for shaft in shafts)
-    height = float(model.pair.working_centre_distance + jnp.sum(model.pair.tip_radius))
+    length = max(sum(float(each.length) for each in shaft.segments) for shaft in shafts)
+    facts = _facts(model.pair)
+    height = float(facts["working_centre_distance"] + facts["tip_radius"].sum())
     width = float(np.clip(7.0 * length / height + 2.4, 6.0, 12.0))
     return width, float(np.clip((width - 2.4) * height / length + 1.6, 5.0, 8.6))
 
@@ -453,7 +469,8 @@ def _draw_gear_side(axes: Axes, pair: jg.GearPair, body: int, level: float) -> N
     """A gear from the side: body to the root circle, teeth to the tip circle."""
     gear, colour = (pair.pinion, pair.wheel)[body], (_BLUE, _ORANGE)[body]
     width = float(gear.face_width) / jg.mm
-    root, tip = (float(x[body]) / jg.mm for x in (pair.root_radius, pair.tip_radius))
+    facts = _facts(pair)
+    root, tip = (float(facts[name][body]) / jg.mm for name in ("root_radius", "tip_radius"))
     for radius, shade in ((tip, 0.12), (root, 0.18)):
         axes.add_patch(
             Rectangle(

@@ -2,7 +2,7 @@
 
 import equinox as eqx
 
-from jaxgear._checks import require
+from jaxgear._checks import known, require
 from jaxgear._types import Scalar, as_optional_scalar, as_scalar
 
 
@@ -26,10 +26,12 @@ class Material(eqx.Module):
 
     def __check_init__(self):
         require(
-            self.young > 0.0, "`Material.young` must be positive, got {got:.6g} Pa.", got=self.young
+            known(self.young) > 0.0,
+            "`Material.young` must be positive, got {got:.6g} Pa.",
+            got=self.young,
         )
         require(
-            (self.poisson > -1.0) & (self.poisson < 0.5),
+            (known(self.poisson) > -1.0) & (known(self.poisson) < 0.5),
             "`Material.poisson` must lie between -1 and 0.5, got {got:.6g}.",
             got=self.poisson,
         )
@@ -78,12 +80,12 @@ class Gear(eqx.Module):
             got=self.teeth,
         )
         require(
-            self.face_width > 0.0,
+            known(self.face_width) > 0.0,
             "`Gear.face_width` must be positive, got {got:.6g} m.",
             got=self.face_width,
         )
         require(
-            (self.fillet_radius >= 0.0) & (self.fillet_radius < self.dedendum),
+            (known(self.fillet_radius) >= 0.0) & (known(self.fillet_radius) < known(self.dedendum)),
             "`Gear.fillet_radius` must lie between 0 and the dedendum coefficient {dedendum:.6g}, "
             "got {got:.6g}.",
             dedendum=self.dedendum,
@@ -91,7 +93,7 @@ class Gear(eqx.Module):
         )
         if self.thickness_allowance is not None:
             require(
-                self.thickness_allowance >= 0.0,
+                known(self.thickness_allowance) >= 0.0,
                 "`Gear.thickness_allowance` is what is taken off the tooth, so it must not be "
                 "negative, got {got:.6g} m. Change its sign.",
                 got=self.thickness_allowance,
