@@ -15,6 +15,7 @@ from jaxgear._app._dynamics import damping_of, dynamic_grid_of, speeds_of
 from jaxgear._app._evaluations import Task, Variation, variation_of
 from jaxgear._app._model import model_of, shared_places
 from jaxgear._app._motion import motion_mistakes
+from jaxgear._app._programs import QUICKLY
 from jaxgear._app._scene import Mistake, Scene, SceneError
 from jaxgear._app._schema import GEARS, split_entry, unit_of
 from jaxgear._app._statics import Statics, Stopwatch, torques_of
@@ -679,10 +680,14 @@ def prepared_mesh(
     if not space.flanks_only:
         return None
     torques = torques_of(space.scene, "optimise.torques_Nm")
-    own = statics is not None and statics.grid == grid and list(torques) == [statics.model.torque]
+    own = (
+        statics is not None
+        and statics.grid == grid
+        and list(torques) == [float(statics.model.torque)]
+    )
     if own and statics.prepared is not None:
         return jax.tree.map(lambda x: np.asarray(x)[None], statics.prepared)
-    return watch(optimise.prepare_torques, space.base, torques, grid)
+    return watch(optimise.prepare_torques, space.base, torques, grid, options=QUICKLY)
 
 
 def task_of(

@@ -27,6 +27,7 @@ from jaxgear._app._evaluations import objective_at, responses_at
 from jaxgear._app._model import smooth_law_of
 from jaxgear._app._notes import left_out_notes
 from jaxgear._app._pareto import draw_front, front_of, front_remarks, is_asked_for
+from jaxgear._app._programs import QUICKLY
 from jaxgear._app._progress import built_scene, progress, warn
 from jaxgear._app._report import Summary, finish, head, title_of
 from jaxgear._app._results import static_dataset
@@ -156,7 +157,7 @@ def optimisation(
     search = search_of(space, grid, prepared, watch, file)
     law = ExactContact()
     task = task_of(space, grid, law, prepared)
-    exact = lambda point: float(watch(objective_at, task, np.asarray(point), law))
+    exact = lambda point: float(watch(objective_at, task, np.asarray(point), law, options=QUICKLY))
     judged = judged_speeds(space, grid, ExactContact())
     judged_before = judged(space.start)
     _require_half(judged_before)
@@ -200,7 +201,9 @@ def optimisation(
     if not np.isfinite(list(objectives.values())).all():
         more = f", or {_TOO_FEW}" if is_dynamic(scene) else ""
         raise SolverFailure(f"the contact was not solved where the search began or ended{more}")
-    kept = lambda point: np.asarray(watch(responses_at, task, np.asarray(point), law))
+    kept = lambda point: np.asarray(
+        watch(responses_at, task, np.asarray(point), law, options=QUICKLY)
+    )
     judged_after = judged(np.asarray(found.point))
     swept = baseline.evaluations if is_dynamic(scene) else 0
     remarks = left_out_notes(judged_before, judged_after, limited=swept)

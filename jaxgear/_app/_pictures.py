@@ -28,6 +28,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from matplotlib.transforms import offset_copy
 
 import jaxgear as jg
+from jaxgear._app._programs import called
 from jaxgear._app._results import BODIES, cycle_statistics, flank_grid, whole_file, write_csv
 from jaxgear._app._teeth import tooth_outline
 from jaxgear._system._beam import beam_shapes
@@ -410,10 +411,9 @@ def _round_down(value: float) -> float:
 
 def _deflected_lines(model: jg.PairModel, cycle: jg.MeshCycle) -> dict[str, np.ndarray]:
     """Place along Z and mean deflection along S and T of each shaft's axis [m], by name."""
-    return {name: np.asarray(line) for name, line in _lines_of_shafts(model, cycle).items()}
+    return {name: np.asarray(line) for name, line in called(_lines_of_shafts, model, cycle).items()}
 
 
-@eqx.filter_jit
 def _lines_of_shafts(model: jg.PairModel, cycle: jg.MeshCycle) -> dict[str, Array]:
     mean = cycle.cells.lines.weight @ cycle.load
     motion = cycle.system.displacement(mean[None])[0]

@@ -3,9 +3,10 @@
 JAX's own cache of compiled programs is asked only once a function has been traced and lowered,
 which takes longer than all that a command computes. Here a program is found by what it is made
 from: the function's name, the source of our packages, the versions of theirs, the structure of the
-arguments with all that is no array in it, and the shapes. Numbers are arguments, so that they are in
-no key; a function that closes over some has no name to be found by, and is not kept. What is kept
-is `jax.export`'s portable form: to compile it stays with JAX and its cache, in whose folder it is.
+arguments with all that is no array in it, and the shapes. Numbers are arguments, so that they are
+in no key; a function that closes over some has no name to be found by, and is not kept. What is
+kept is `jax.export`'s portable form: to compile it stays with JAX and its cache, in whose folder
+it is.
 """
 
 import contextlib
@@ -23,8 +24,6 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-
-Options = dict[str, Any] | None
 
 _OURS = ("jaxgear", "optimise", "fem_prep")
 _THEIRS = ("jax", "jaxlib", "equinox", "diffrax", "lineax", "optimistix", "optax", "numpy", "scipy")
@@ -47,6 +46,42 @@ class Program(NamedTuple):
         return jax.tree.unflatten(self.result, self.compiled(*leaves))
 
 
+class Kind(NamedTuple):
+    """What a program knows of an array that it is given.
+
+    **Fields:**
+
+    - `shape`: of the array.
+    - `dtype`: of its elements.
+    """
+
+    shape: tuple[int, ...]
+    dtype: str
+
+
+# For programs that run a few times: a third less to compile, half as much again to run.
+QUICKLY = (("xla_backend_optimization_level", 0), ("xla_llvm_disable_expensive_passes", True))
+
+Options = tuple[tuple[str, Any], ...]
+
+
+def called(function: Callable[..., Any], *arguments: Any, options: Options = QUICKLY) -> Any:
+    """Call a function of a module, compiled, with numbers and arrays.
+
+    **Arguments:**
+
+    - `function`: to be called; all that it uses is in its arguments.
+    - `arguments`: pytrees of numbers and arrays.
+    - `options`: for the compiler.
+
+    **Returns:**
+
+    What the function returns.
+    """
+    leaves, structure = leaves_of(*arguments)
+    return program_of(function, structure, kinds_of(leaves), options)(*leaves)
+
+
 def leaves_of(*arguments: Any) -> tuple[list[Any], Any]:
     """Arrays and structure of arguments; plain numbers become arrays.
 
@@ -62,64 +97,93 @@ def leaves_of(*arguments: Any) -> tuple[list[Any], Any]:
     return [x if isinstance(x, jax.Array) else np.asarray(x) for x in leaves], structure
 
 
+def kinds_of(leaves: Sequence[Any]) -> tuple[Kind, ...]:
+    """What programs know of arrays."""
+    return tuple(Kind(x.shape, x.dtype.name) for x in leaves)
+
+
 def program_of(
-    function: Callable[..., Any], leaves: Sequence[Any], structure: Any, options: Options = None
+    function: Callable[..., Any], structure: Any, kinds: tuple[Kind, ...], options: Options = ()
 ) -> Program:
     """A compiled function, lowered anew only where it has not been kept.
 
     **Arguments:**
 
     - `function`: to be compiled; one that is kept stands by a name in its module.
-    - `leaves`, `structure`: of its arguments, from `leaves_of`.
+    - `structure`, `kinds`: of the leaves of its arguments.
     - `options`: for the compiler.
 
     **Returns:**
 
     The function of such leaves.
     """
-    path = _path(function, leaves, structure)
+    if is_named(function):
+        return _named_program(function, structure, kinds, options)
+    flat, results = _flat(function, structure)
+    lowered = jax.jit(flat).lower(*_arrays(kinds))
+    return Program(lowered.compile(compiler_options=dict(options)), results[-1])
+
+
+def is_named(function: Callable[..., Any]) -> bool:
+    """Whether a function stands by a name in its module, and so closes over nothing."""
+    return "<" not in function.__qualname__
+
+
+# More than the programs of any one command.
+@functools.lru_cache(maxsize=64)
+def _named_program(
+    function: Callable[..., Any], structure: Any, kinds: tuple[Kind, ...], options: Options
+) -> Program:
+    path = _path(function, structure, kinds)
     kept = None if path is None else _read(path)
     if kept is None:
-        kept = _lowered(function, leaves, structure)
+        flat, results = _flat(function, structure)
+        kept = jax.export.export(jax.jit(flat))(*_arrays(kinds)), results[-1]
         if path is not None:
             _write(path, *kept)
-    exported, result = kept
+    return _compiled(*kept, kinds, options, function.__name__)
 
+
+def _compiled(
+    exported: jax.export.Exported, result: Any, kinds: tuple[Kind, ...], options: Options, name: str
+) -> Program:
     def flat(*leaves: Any) -> list[Any]:
         return exported.call(*leaves)
 
-    # The name under which compilers and profilers report it.
-    flat.__name__ = flat.__qualname__ = function.__name__
-    return Program(jax.jit(flat).lower(*leaves).compile(compiler_options=options), result)
+    flat.__name__ = flat.__qualname__ = name
+    lowered = jax.jit(flat).lower(*_arrays(kinds))
+    return Program(lowered.compile(compiler_options=dict(options)), result)
 
 
-def _lowered(function: Callable[..., Any], leaves: Sequence[Any], structure: Any):
-    """Trace and lower a function; also returns the structure of its result."""
-    results = []
+def _arrays(kinds: tuple[Kind, ...]) -> list[jax.ShapeDtypeStruct]:
+    return [jax.ShapeDtypeStruct(*kind) for kind in kinds]
+
+
+def _flat(function: Callable[..., Any], structure: Any) -> tuple[Callable[..., Any], list[Any]]:
+    """A function from leaves to leaves, and where it leaves the structure of its result."""
+    results: list[Any] = []
 
     def flat(*leaves: Any) -> list[Any]:
         found, result = jax.tree.flatten(function(*jax.tree.unflatten(structure, leaves)))
         results.append(result)
         return found
 
+    # The name under which compilers and profilers report it.
     flat.__name__ = flat.__qualname__ = function.__name__
-    return jax.export.export(jax.jit(flat))(*leaves), results[-1]
+    return flat, results
 
 
-def _path(function: Callable[..., Any], leaves: Sequence[Any], structure: Any) -> Path | None:
+def _path(function: Callable[..., Any], structure: Any, kinds: tuple[Kind, ...]) -> Path | None:
     """Where a program is kept; None where none is, or where it cannot be told from others."""
     folder = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
     if not folder or not jax.config.jax_enable_compilation_cache:  # pyright: ignore[reportAttributeAccessIssue]
         return None
-    kinds = [
-        (np.shape(x), str(jax.numpy.result_type(x)), getattr(x, "weak_type", False)) for x in leaves
-    ]
     content = io.BytesIO()
     pickler = pickle.Pickler(content, protocol=5)
     # Without its memory of objects what is equal is written alike, be it one object or two.
     pickler.fast = True
     try:
-        pickler.dump((function, jax.tree.unflatten(structure, range(len(leaves))), kinds))
+        pickler.dump((function, jax.tree.unflatten(structure, range(len(kinds))), kinds))
     except (pickle.PicklingError, AttributeError, TypeError):
         return None
     key = hashlib.sha256(content.getvalue() + _surroundings().encode()).hexdigest()

@@ -24,6 +24,7 @@ from jaxgear._app._evaluations import (
 )
 from jaxgear._app._model import smooth_law_of
 from jaxgear._app._optimising import descent, unless_beaten
+from jaxgear._app._programs import QUICKLY
 from jaxgear._app._progress import built_scene, progress
 from jaxgear._app._report import Summary, finish, head, title_of
 from jaxgear._app._scene import Scene
@@ -232,7 +233,9 @@ def _draw_bias(
 ) -> Summary:
     """Smooth against exact contact on a flank whose ends are out of contact."""
     widths = um * np.geomspace(0.02, 5.0, 17)
-    mean, rms, exact = map(np.asarray, watch(smoothing_bias, model, prepared, widths))
+    mean, rms, exact = map(
+        np.asarray, watch(smoothing_bias, model, prepared, widths, options=QUICKLY)
+    )
     relative = rms / max(float(exact), 1e-12 * um)
     data = widths / um, mean / um, relative
     title = f"{title_of(scene)}, tip relief that parts the teeth"

@@ -11,7 +11,15 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxgear._app._model import grid_of, law_of, model_of
-from jaxgear._app._programs import Program, leaves_of, program_of
+from jaxgear._app._programs import (
+    QUICKLY,
+    Options,
+    Program,
+    is_named,
+    kinds_of,
+    leaves_of,
+    program_of,
+)
 from jaxgear._app._results import harmonic_count
 from jaxgear._app._scene import Scene
 from jaxgear._app._schema import GEARS
@@ -55,17 +63,17 @@ class Stopwatch:
         self.run_s = 0.0
         self._programs: dict[Any, Program] = {}
 
-    def __call__(
-        self, function: Callable[..., Any], *arguments: Any, options: dict[str, Any] | None = None
-    ) -> Any:
+    def __call__(self, function: Callable[..., Any], *arguments: Any, options: Options = ()) -> Any:
         """Compile `function` for these arguments, run it, and wait for the result."""
         start = time.perf_counter()
         leaves, structure = leaves_of(*arguments)
-        kinds = tuple((jnp.shape(leaf), jnp.result_type(leaf)) for leaf in leaves)
-        key = function, structure, kinds, str(options)
-        if key not in self._programs:
-            self._programs[key] = program_of(function, leaves, structure, options)
-        program = self._programs[key]
+        key = function, structure, kinds_of(leaves), options
+        if is_named(function):
+            program = program_of(*key)
+        elif key in self._programs:
+            program = self._programs[key]
+        else:
+            program = self._programs[key] = program_of(*key)
         middle = time.perf_counter()
         result = jax.block_until_ready(program(*leaves))
         self.compile_s += middle - start
@@ -143,7 +151,7 @@ def solve_statics(scene: Scene, watch: Stopwatch, torques: np.ndarray | None = N
 
     # The scene's own torque and the others in one program: it is compiled once.
     all_torques = np.concatenate([[float(model.torque)], more])
-    found = watch(_solve, model, grid, law, all_torques)
+    found = watch(_solve, model, grid, law, all_torques, options=QUICKLY)
     require_solved(found.converged)
     _require_bearable(model, found.told["numbers"])
     return Statics(
@@ -183,7 +191,7 @@ def settled_statics(
 
     - `ValueError` if no tooth bears the torque.
     """
-    told = watch(_told, model, cycle, law)
+    told = watch(_told, model, cycle, law, options=QUICKLY)
     _require_bearable(model, told["numbers"])
     return Statics(
         model=model,
