@@ -31,7 +31,7 @@ def require(ok: bool | Bool[Array, ""], message: str, **values: object) -> None:
     raise InputError(message.format(**values))
 
 
-def known(value: Array) -> Array | np.ndarray:
+def in_numpy(value: Array) -> Array | np.ndarray:
     """A number for a check: in NumPy, for which nothing is compiled, unless JAX traces it.
 
     **Arguments:**

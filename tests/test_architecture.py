@@ -28,6 +28,7 @@ STAGES = (
     "_units",
     "_types",
     "_checks",
+    "_compiled",
     "_smooth",
     "_geometry",
     "_flank",

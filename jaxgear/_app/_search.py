@@ -179,10 +179,16 @@ def require_acting(search: Search, space: DesignSpace) -> None:
         )
 
 
-def smoothing_bias_of(search: Search, space: DesignSpace, point: np.ndarray) -> float:
-    """How far smooth contact may have moved the objective, from half its width.
+# Widths, each half the one before, through which the bias of smooth contact is followed.
+_HALVINGS = 5
 
-    A bias that grows with the width or faster is at most twice what half the width takes away.
+
+def smoothing_bias_of(search: Search, space: DesignSpace, point: np.ndarray) -> float:
+    """How far smooth contact may have moved the objective, from what narrower ones make of it.
+
+    The bias is the sum of what every halving of the width takes away, all counted as of one sign:
+    a part that raises the objective and one that lowers it may cancel at one width. Where it grows
+    with the width or faster, all halvings beyond the last one take at most as much as that one.
 
     **Arguments:**
 
@@ -195,9 +201,10 @@ def smoothing_bias_of(search: Search, space: DesignSpace, point: np.ndarray) -> 
     The bound, in the unit of the objective.
     """
     width, at = smooth_law_of(space.scene).width, jnp.asarray(point)
-    widths = width, as_scalar(0.5 * float(width))
-    whole, half = (search.number(np.asarray(search.slopes(at, w)[0])) for w in widths)
-    return 2.0 * abs(whole - half)
+    value = lambda w: search.number(np.asarray(search.slopes(at, as_scalar(w))[0]))
+    values = [value(float(width) * 0.5**k) for k in range(_HALVINGS + 1)]
+    taken = np.abs(np.diff(values))
+    return float(np.sum(taken) + taken[-1])
 
 
 # Of what a search gains, what smoothing may take before it is worth a word.

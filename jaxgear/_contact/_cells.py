@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxgear._checks import require
+from jaxgear._compiled import compiled
 from jaxgear._contact._compliance import AbstractCompliance, SharedBody
 from jaxgear._flank._deviations import Flanks
 from jaxgear._geometry._lines import ContactLines, MeshGrid, contact_lines, repeated_lines
@@ -75,6 +76,7 @@ class MeshCells(eqx.Module):
     growth: CellGrid | None = None
 
 
+@compiled
 def nominal_line_load(pair: GearPair, torque: Scalar) -> Scalar:
     r"""Mean load per length of one contact line, $F_n\cos\beta_b/b$ [N/m].
 
@@ -90,6 +92,7 @@ def nominal_line_load(pair: GearPair, torque: Scalar) -> Scalar:
     return torque / pair.base_radius[0] / pair.face_width
 
 
+@compiled
 def mesh_cells(
     pair: GearPair, grid: MeshGrid, compliance: AbstractCompliance, line_load: Scalar
 ) -> MeshCells:
@@ -219,6 +222,7 @@ def at_line_loads(
 _LEAST_LOAD = 0.01  # of the nominal line load
 
 
+@compiled
 def mesh_gap(
     pair: GearPair, lines: ContactLines, flanks: Flanks, misalignment: Misalignment
 ) -> CellGrid:

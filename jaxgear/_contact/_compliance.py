@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxgear._checks import require
+from jaxgear._compiled import compiled
 from jaxgear._contact._foundation import (
     AbstractFoundation,
     NoFoundation,
@@ -327,6 +328,7 @@ _ISO_YOUNG = 206e9  # steel, for which the series was fitted [Pa]
 _ISO_LOAD = 100e3  # below this line load the stiffness falls off [N/m]
 
 
+@compiled
 def iso_stiffness(pair: GearPair, line_load: Scalar) -> IsoStiffness:
     r"""ISO 6336-1 method B for solid discs, with the basic rack's factor $C_B$.
 
@@ -361,6 +363,7 @@ def iso_stiffness(pair: GearPair, line_load: Scalar) -> IsoStiffness:
     return IsoStiffness(theoretical=theoretical, single=single, mesh=mesh, face=0.85 * mesh)
 
 
+@compiled
 def single_pair_stiffness(
     pair: GearPair, compliance: AbstractCompliance, line_load: Scalar
 ) -> Scalar:
@@ -381,6 +384,7 @@ def single_pair_stiffness(
     return 1.0 / jnp.min(compliance(pair, roll, line_load))
 
 
+@compiled
 def hertz_contact(pair: GearPair, roll: Reals) -> HertzContact:
     """The cylinders that touch at given positions, in the normal plane.
 

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from jaxgear._compiled import compiled
 from jaxgear._geometry._gear import Material
 from jaxgear._geometry._profile import ToothSection
 from jaxgear._types import Reals, Scalar
@@ -113,6 +114,7 @@ def _cantilever(
     return bending + more[0], shear + more[1]
 
 
+@compiled
 def beam_compliance(section: ToothSection, material: Material, roll_angle: Reals) -> Reals:
     r"""Weber-Banaschek bending, shear and compression of the tooth as a cantilever.
 
@@ -172,6 +174,7 @@ def contact_modulus(first: Material, second: Material) -> Scalar:
     return 1.0 / (soft + hard)
 
 
+@compiled
 def penetration_compliance(material: Material, depth: Reals, half_width: Reals) -> Reals:
     r"""One body's share of the contact deflection, over the line load (Weber's logarithm).
 

@@ -23,12 +23,12 @@ from jaxgear._geometry._backlash import back_lines, normal_backlash
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._system._model import PairModel
 from jaxgear._system._pair_system import PairSystem
-from jaxgear._types import DofCoordinates, Reals
+from jaxgear._types import DofCoordinates, Flag, Reals
 
 
 def back_flank_table(
     system: PairSystem, model: PairModel, grid: MeshGrid, table: MeshTable
-) -> MeshTable:
+) -> tuple[MeshTable, Flag]:
     """Tabulate the cells of the back flanks, in their own coordinates.
 
     Their gap is the normal backlash and what a misalignment adds to it: back flanks are taken to be
@@ -44,11 +44,8 @@ def back_flank_table(
 
     **Returns:**
 
-    The table of the back flanks alone.
-
-    **Raises:**
-
-    - `InputError` if steps are so long that lines are missing from the grid.
+    The table of the back flanks alone, and whether the grid holds all of their lines: where
+    steps are too long it does not.
     """
     pair = model.pair
     steps = len(table.kinds) // table.periods
@@ -56,12 +53,6 @@ def back_flank_table(
     # Nominal flanks repeat after one mesh period.
     at_places = back_lines(pair, dataclasses.replace(grid, periods=1), edges)
     middle = at_places[1]
-    require(
-        middle.complete,
-        "Steps of up to {got:.3g} mesh periods are too long for the contact lines kept for the "
-        "back flanks. Use more phases.",
-        got=jnp.max(middle.weight),
-    )
     line_load = nominal_line_load(pair, model.mesh_torque)
     cells = [cells_on_lines(pair, lines, model.compliance, line_load) for lines in at_places]
     turned = turned_misalignment(model.misalignment)
@@ -75,7 +66,7 @@ def back_flank_table(
         periods=1,
         kinds=table.kinds[:steps],
     )
-    return dataclasses.replace(repeated(one, table.periods), edges=table.edges)
+    return dataclasses.replace(repeated(one, table.periods), edges=table.edges), middle.complete
 
 
 def turned_misalignment(misalignment: Misalignment) -> Misalignment:

@@ -14,6 +14,7 @@ import jax.scipy.linalg
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxgear._compiled import compiled
 from jaxgear._dynamics._march import March, Rule, march_of
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._steppers import AbstractStepper, Exponential
@@ -37,6 +38,7 @@ STABLE = 1.0 + 1e-6
 Monodromy = Float[Array, "state state"]
 
 
+@compiled
 def monodromy(
     system: DynamicSystem,
     modes: ModalBasis,

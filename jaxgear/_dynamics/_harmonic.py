@@ -19,6 +19,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxgear._checks import InputError, require
+from jaxgear._compiled import compiled
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit, mesh_scales
 from jaxgear._dynamics._system import DynamicSystem, ModalBasis, modal_basis
 from jaxgear._dynamics._table import (
@@ -100,6 +101,7 @@ class HarmonicBalance(AbstractMethod):
             )
         return self.solve(balance_of(self, system), speed)[0]
 
+    @compiled
     def solve(
         self, balance: "Balance", speed: Scalar, near: Terms | None = None
     ) -> tuple[Orbit, Terms]:
@@ -285,6 +287,7 @@ class Problem(eqx.Module):
     base: Scalar
 
 
+@compiled
 def balance_of(method: HarmonicBalance, system: DynamicSystem) -> Balance:
     """Prepare what all speeds share.
 
@@ -340,6 +343,7 @@ def balance_of(method: HarmonicBalance, system: DynamicSystem) -> Balance:
     )
 
 
+@compiled
 def terms_of(balance: Balance, places: StepPlaces) -> Terms:
     """Harmonics of a response that was found by any method on the same time steps.
 

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxgear._checks import require
+from jaxgear._compiled import compiled
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit, bears_load
 from jaxgear._dynamics._steppers import AbstractStepper, Midpoint, Newmark
 from jaxgear._dynamics._system import DynamicSystem, ModalBasis, modal_basis
@@ -155,6 +156,7 @@ def at_rest(system: DynamicSystem) -> Start:
     return jnp.zeros((2, system.load.size))
 
 
+@compiled
 def quasi_static_start(system: DynamicSystem) -> Start:
     """The state at vanishing speed where the cycle begins.
 
@@ -758,6 +760,33 @@ def march(
         cycles=cycles,
     )
     modes = modal_basis(system) if modes is None else modes
+    return _marched(
+        system,
+        jnp.asarray(speed, dtype=float),
+        start,
+        modes,
+        law,
+        cycles=cycles,
+        keep=keep,
+        stepper=stepper,
+        averaged=averaged,
+    )
+
+
+@compiled
+def _marched(
+    system: DynamicSystem,
+    speed: Scalar,
+    start: Start,
+    modes: ModalBasis,
+    law: AbstractContactLaw,
+    *,
+    cycles: int,
+    keep: int,
+    stepper: AbstractStepper,
+    averaged: bool,
+) -> History:
+    """See `march`."""
     ready = march_of(stepper, law, system, modes, speed, averaged=averaged)
 
     def size(state: Reals) -> Scalar:

@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxgear._checks import require
+from jaxgear._compiled import compiled
 from jaxgear._dynamics._bodies import with_modes
 from jaxgear._dynamics._damping import per_mass, without_hold
 from jaxgear._dynamics._system import PairDynamics
@@ -125,12 +126,32 @@ def modes(
 
     - `ValueError` if `meet` is not between 0 and 0.1.
     """
+    return _modes(mass, stiffness, mesh, free, tuple(parts), damping, meet=_checked(meet))
+
+
+def _checked(meet: float) -> float:
+    """A distance of two frequencies that can be one."""
     require(
         0.0 <= meet < 0.1,
         "`meet` must be at least 0 and below 0.1, got {got:.6g}. It is the distance of two "
         "frequencies that count as one, relative to them.",
         got=meet,
     )
+    return meet
+
+
+@compiled
+def _modes(
+    mass: Matrix,
+    stiffness: Matrix,
+    mesh: Matrix,
+    free: FreeMotions,
+    parts: tuple[tuple[str, Matrix], ...],
+    damping: Matrix | None,
+    *,
+    meet: float,
+) -> Modes:
+    """See `modes`."""
     names = tuple(name for name, _ in parts)
     root = jnp.linalg.cholesky(mass)
     held = per_mass(root, without_hold(stiffness, free))
@@ -168,9 +189,19 @@ def pair_modes(dynamics: PairDynamics, *, meet: float = _MEET) -> Modes:
     **Returns:**
 
     The modes; their parts are those of `stiffness_parts`.
+
+    **Raises:**
+
+    - `ValueError` if `meet` is not between 0 and 0.1.
     """
+    return _pair_modes(dynamics, meet=_checked(meet))
+
+
+@compiled
+def _pair_modes(dynamics: PairDynamics, *, meet: float) -> Modes:
+    """See `pair_modes`."""
     system, parts = dynamics.system, gear_parts(dynamics)
-    return modes(
+    return _modes(
         system.mass,
         system.whole_stiffness,
         system.mesh_stiffness,
@@ -309,8 +340,9 @@ def rotating_frequencies(
 
     - `ValueError` if the gyroscopic matrix is not antisymmetric.
     """
-    uneven = jnp.max(jnp.abs(gyroscopic + gyroscopic.T))
-    largest = jnp.max(jnp.abs(gyroscopic))
+    whirling = np.asarray(gyroscopic)
+    uneven = np.abs(whirling + whirling.T).max()
+    largest = np.abs(whirling).max()
     require(
         uneven <= _ROUNDING * largest,
         "A gyroscopic matrix must be antisymmetric, got entries up to {largest:.3g} that miss "
@@ -329,7 +361,7 @@ def rotating_frequencies(
         if not np.isfinite(angular).all():
             continue
         shape = np.asarray(at_rest.shape)
-        whirl = shape.T @ np.asarray(gyroscopic) @ shape
+        whirl = shape.T @ whirling @ shape
         flow = np.zeros((2 * count, 2 * count))
         flow[:count, count:] = np.diag(angular)
         flow[count:, :count] = -np.diag(angular)

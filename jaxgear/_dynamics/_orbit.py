@@ -5,6 +5,7 @@ import abc
 import equinox as eqx
 import jax.numpy as jnp
 
+from jaxgear._compiled import compiled
 from jaxgear._dynamics._system import DynamicSystem
 from jaxgear._dynamics._types import Motion, Series, Start, StepPlaces
 from jaxgear._types import Coordinates, Flag, Scalar
@@ -64,6 +65,7 @@ class AbstractMethod(eqx.Module):
         """
 
 
+@compiled
 def contact_force(system: DynamicSystem, orbit: Orbit) -> Series:
     """Total elastic force of all cells, along the normal.
 

@@ -11,22 +11,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jaxgear._checks import require
+from jaxgear._compiled import compiled, known
 from jaxgear._dynamics._floquet import STABLE, monodromy, multipliers
 from jaxgear._dynamics._harmonic import Balance, HarmonicBalance, balance_of, terms_of
 from jaxgear._dynamics._march import History, Marching, march, quasi_static_start
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steppers import Exponential
-from jaxgear._dynamics._system import DynamicSystem, ModalBasis, modal_basis
-from jaxgear._dynamics._types import Speeds, Start, Terms
-from jaxgear._interface._laws import AbstractContactLaw
-from jaxgear._types import Reals, Scalar
+from jaxgear._dynamics._system import DynamicSystem, modal_basis
+from jaxgear._dynamics._types import Speeds, Start
+from jaxgear._types import Scalar
 
 # Halves of a response over two cycles that differ by less than this, relative to its swing, are
 # one response over one.
@@ -41,9 +40,9 @@ def steady_state(
 ) -> Orbit:
     """Find the steady response at one speed.
 
-    It can be traced, and batched over speeds by `jax.vmap`; `steady_states` is faster at that on a
-    CPU. With `HarmonicBalance` it is differentiable in everything the system is made of, and in
-    the speed.
+    It is compiled as a whole, once for all speeds and real numbers of the system. It can be traced,
+    and batched over speeds by `jax.vmap`; `steady_states` is faster at that on a CPU. With
+    `HarmonicBalance` it is differentiable in everything the system is made of, and in the speed.
 
     **Arguments:**
 
@@ -62,13 +61,14 @@ def steady_state(
     - `ValueError` unless the speed is positive.
     """
     speed = jnp.asarray(speed, dtype=float)
+    given = known(speed)
     require(
-        jnp.all(speed > 0.0),
+        given is None or bool(np.all(given > 0.0)),
         "The speed must be positive, got {got:.6g} rad/s: at rest, the quasi-static cycle is the "
         "response.",
-        got=speed,
+        got=given,
     )
-    return method.orbit(system, speed, start)
+    return _orbit(method, system, speed, start)
 
 
 def steady_states(
@@ -94,12 +94,19 @@ def steady_states(
     """
     speeds = jnp.asarray(speeds, dtype=float)
     require(speeds.size > 0, "A sweep needs at least one speed.")
-    require(
-        jnp.all((speeds > 0.0) & jnp.isfinite(speeds)),
-        "All speeds must be positive and finite, got {least:.6g} to {largest:.6g} rad/s.",
-        least=jnp.min(speeds),
-        largest=jnp.max(speeds),
-    )
+    if (given := known(speeds)) is not None:
+        require(
+            bool(np.all((given > 0.0) & np.isfinite(given))),
+            "All speeds must be positive and finite, got {least:.6g} to {largest:.6g} rad/s.",
+            least=given.min(),
+            largest=given.max(),
+        )
+    return _orbits(method, system, speeds)
+
+
+@compiled
+def _orbits(method: AbstractMethod, system: DynamicSystem, speeds: Speeds) -> Orbit:
+    """See `steady_states`."""
     if not isinstance(method, HarmonicBalance):
         # So many march abreast: more fall out of the processor's cache.
         return jax.lax.map(
@@ -249,8 +256,8 @@ class Finder:
 
     def __init__(self, system: DynamicSystem, settings: SweepSettings):
         self.system, self.settings = system, settings
-        self.modes = jax.jit(modal_basis)(system)
-        self.rest = jax.jit(quasi_static_start)(system)
+        self.modes = modal_basis(system)
+        self.rest = quasi_static_start(system)
         method = settings.method
         self.harmonic = method if isinstance(method, HarmonicBalance) else HarmonicBalance()
         # Whatever is looked for obeys the law of the sweep.
@@ -300,10 +307,10 @@ class Finder:
         """The response by harmonic balance, from one close by or from the quasi-static states."""
         method = _over_cycles(self.harmonic, multiple)
         if multiple not in self.balances:
-            self.balances[multiple] = eqx.filter_jit(balance_of)(method, self.system)
+            self.balances[multiple] = balance_of(method, self.system)
         balance = self.balances[multiple]
         first = balance.rest if near is None else terms_of(balance, near.place)
-        return self._judged(_balanced(method, balance, speed, first))
+        return self._judged(method.solve(balance, speed, first)[0])
 
     def _searched(self, method: Shooting, speed: Scalar, start: Start) -> SweepPoint:
         """The response that a march from a motion ends in: soon, or after a longer while."""
@@ -320,10 +327,19 @@ class Finder:
 
     def _on(self, speed: Scalar, start: Start, cycles: int) -> History:
         """March on by at least so many cycles. One program serves for all marches."""
-        kept, law = self.settings.kept, self.settings.method.law
-        history = _march(self.system, self.modes, speed, start, law, kept)
-        for _ in range(-(-cycles // kept) - 1):
-            history = _march(self.system, self.modes, speed, _state(history), law, kept)
+        kept = self.settings.kept
+        for _ in range(-(-cycles // kept)):
+            history = march(
+                self.system,
+                speed,
+                start,
+                cycles=kept,
+                keep=kept,
+                stepper=Exponential(),
+                law=self.settings.method.law,
+                modes=self.modes,
+            )
+            start = _state(history)
         return history
 
     def _shot(
@@ -342,13 +358,13 @@ class Finder:
         point = self._alone(orbit)
         if not point.settled:
             return point
-        matrix = _monodromy(self.system, self.modes, point.orbit, self.settings.method.law)
+        matrix = monodromy(self.system, self.modes, point.orbit, law=self.settings.method.law)
         return dataclasses.replace(point, multipliers=multipliers(matrix, self.modes))
 
     def _disturbed(self, point: SweepPoint) -> Start:
         """A start beside an unstable response, where it is left fastest."""
         law = self.settings.method.law
-        matrix = np.asarray(_monodromy(self.system, self.modes, point.orbit, law))
+        matrix = np.asarray(monodromy(self.system, self.modes, point.orbit, law=law))
         weights = np.asarray(self.modes.swing).reshape(-1)
         values, vectors = np.linalg.eig(matrix * weights[:, None] / weights[None, :])
         away = np.real(vectors[:, np.argmax(np.abs(values))])
@@ -362,9 +378,10 @@ class Finder:
         steps = len(self.system.table.kinds)
         multiple = orbit.place.shape[0] // steps
         none = np.zeros(0, dtype=complex)
-        first, second = orbit.place[:steps], orbit.place[-steps:]
-        apart = float(jnp.max(jnp.abs(first - second)[:, 0]))
-        if multiple == 2 and bool(orbit.settled) and apart <= _SAME * float(jnp.ptp(first[:, 0])):
+        approach = np.asarray(orbit.place)[:, 0]
+        first, second = approach[:steps], approach[-steps:]
+        apart = np.abs(first - second).max()
+        if multiple == 2 and bool(orbit.settled) and apart <= _SAME * np.ptp(first):
             halved = {name: getattr(orbit, name)[:steps] for name in ("place", "load", "motion")}
             return SweepPoint(dataclasses.replace(orbit, **halved), 1, none)
         return SweepPoint(orbit, multiple, none)
@@ -404,33 +421,8 @@ def _state(history: History) -> Start:
     return jnp.stack([history.motion[-1], history.velocity[-1]])
 
 
-@eqx.filter_jit
-def _balanced(method: HarmonicBalance, balance: Balance, speed: Scalar, near: Terms) -> Orbit:
-    return method.solve(balance, speed, near)[0]
-
-
-@eqx.filter_jit
-def _orbit(method: AbstractMethod, system: DynamicSystem, speed: Scalar, start: Start) -> Orbit:
+@compiled
+def _orbit(
+    method: AbstractMethod, system: DynamicSystem, speed: Scalar, start: Start | None
+) -> Orbit:
     return method.orbit(system, speed, start)
-
-
-@eqx.filter_jit
-def _monodromy(
-    system: DynamicSystem, modes: ModalBasis, orbit: Orbit, law: AbstractContactLaw
-) -> Reals:
-    return monodromy(system, modes, orbit, law=law)
-
-
-@eqx.filter_jit
-def _march(
-    system: DynamicSystem,
-    modes: ModalBasis,
-    speed: Scalar,
-    start: Start,
-    law: AbstractContactLaw,
-    cycles: int,
-) -> History:
-    stepper = Exponential()
-    return march(
-        system, speed, start, cycles=cycles, keep=cycles, stepper=stepper, law=law, modes=modes
-    )

@@ -15,6 +15,7 @@ import jax.scipy.linalg
 import numpy as np
 
 from jaxgear._checks import InputError, require, require_float64
+from jaxgear._compiled import compiled
 from jaxgear._dynamics._back_flank import back_flank_table, back_vectors, with_back_flanks
 from jaxgear._dynamics._bodies import (
     BodyPlace,
@@ -59,7 +60,8 @@ from jaxgear._solve._cycle import MeshCycle, corrected_cycle, prepare_mesh
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._model import PairModel
 from jaxgear._system._pair_system import PairSystem
-from jaxgear._types import CoordinateMatrix, DofCoordinates, Scalar, as_scalar
+from jaxgear._system._structure import check_torque
+from jaxgear._types import CoordinateMatrix, DofCoordinates, Flag, Scalar, as_scalar
 
 
 class DynamicSystem(eqx.Module):
@@ -184,6 +186,19 @@ def modal_basis(system: DynamicSystem) -> ModalBasis:
 
     - `ValueError` if modes exchange damping; while JAX traces, the damping is NaN instead.
     """
+    modes, exchanged = _modal_basis(system)
+    require(
+        exchanged <= _LEAST_MIXED,
+        "The damping matrix exchanges energy between modes: up to {got:.3g} of their own. Build it "
+        "with `RayleighDamping` or `ModalDamping`.",
+        got=exchanged,
+    )
+    return modes
+
+
+@compiled
+def _modal_basis(system: DynamicSystem) -> tuple[ModalBasis, Scalar]:
+    """The modes, and the largest energy that damping exchanges between two, over their own [-]."""
     lower = jnp.linalg.cholesky(system.mass)
     stiffness = per_mass(lower, system.whole_stiffness)
     damping = per_mass(lower, system.damping)
@@ -197,21 +212,15 @@ def modal_basis(system: DynamicSystem) -> ModalBasis:
     modal = vectors.T @ damping @ vectors
     diagonal = jnp.diagonal(modal)
     exchanged = jnp.maximum(_mixed(modal), _mixed(vectors.T @ stiffness @ vectors))
-    apart = exchanged <= _LEAST_MIXED
-    require(
-        apart,
-        "The damping matrix exchanges energy between modes: up to {got:.3g} of their own. Build it "
-        "with `RayleighDamping` or `ModalDamping`.",
-        got=exchanged,
-    )
-    return ModalBasis(
+    modes = ModalBasis(
         square=square,
         shape=shape,
         # While JAX traces, nobody is told: no number is then better than a wrong one.
-        damping=jnp.where(apart, diagonal, jnp.nan),
+        damping=jnp.where(exchanged <= _LEAST_MIXED, diagonal, jnp.nan),
         mesh=shape.T @ system.vectors,
         load=shape.T @ system.load,
     )
+    return modes, exchanged
 
 
 # So much between modes, relative to their own, does no harm. And so much of the largest is
@@ -287,6 +296,8 @@ def pair_dynamics(
         beside a beam body, active mesh damping or back flanks.
     """
     require_float64()
+    check_torque(model.pinion_support, model.torque)
+    damping = ModalDamping() if damping is None else damping
     if any(isinstance(body, FlexibleBody) for body in model.bodies):
         return _with_condensed_bodies(
             model,
@@ -297,6 +308,29 @@ def pair_dynamics(
             centrifugal=centrifugal,
             coordinates=mesh_coordinates,
         )
+    check_backlash(model.pair)
+    dynamics, complete = _with_rigid_bodies(
+        model, grid, damping, gyroscopic=gyroscopic, active_mesh_damping=active_mesh_damping
+    )
+    require(
+        complete,
+        "Steps of {phases} to a mesh period are too long for the contact lines kept for the "
+        "back flanks. Use more phases.",
+        phases=grid.phases,
+    )
+    return dynamics
+
+
+@compiled
+def _with_rigid_bodies(
+    model: PairModel,
+    grid: MeshGrid,
+    damping: AbstractDamping,
+    *,
+    gyroscopic: bool,
+    active_mesh_damping: bool,
+) -> tuple[PairDynamics, Flag]:
+    """A pair of rigid bodies and beams, and whether the grid holds all lines of back flanks."""
     prepared = prepare_mesh(model, grid)
     cycle = corrected_cycle(prepared, model)
     mounted = prepared.system
@@ -315,22 +349,23 @@ def pair_dynamics(
     vectors, mean = onto(mounted.vectors), _mean_stiffness(cycle, table)
     bow, rest = _bow(mounted), _rest(mounted, cycle)
     mass = among(structure.mass)
-    damping, active = _split(ModalDamping() if damping is None else damping, active_mesh_damping)
+    damping, active = _split(damping, active_mesh_damping)
     meshed, rotation = vectors @ mean @ vectors.T, _rigid_rotation(mounted)[dofs]
     held = _held(mass, among(structure.stiffness), meshed, rotation, damping)
     whirl = None
     if gyroscopic:
         ratio = model.pair.teeth[0] / model.pair.teeth[1]
         whirl = among(structure.pinion_gyroscopic - ratio * structure.wheel_gyroscopic)
+    complete = jnp.asarray(True)
     if back:
-        check_backlash(model.pair)
         nodes = tuple(len(gear) for gear in mapped.gears)
         turned = back_vectors(mounted.vectors, (nodes[0], nodes[1]))
         both = jax.scipy.linalg.block_diag
         vectors = jnp.concatenate([vectors, onto(turned)], axis=1)
         mean, bow = both(mean, jnp.zeros_like(mean)), None if bow is None else both(bow, bow)
         rest = jnp.concatenate([rest, _back_rest(mounted, cycle, turned)], axis=1)
-        table = with_back_flanks(table, back_flank_table(mounted, model, grid, table))
+        others, complete = back_flank_table(mounted, model, grid, table)
+        table = with_back_flanks(table, others)
     system = DynamicSystem(
         mass=mass,
         damping=held.damping,
@@ -351,13 +386,14 @@ def pair_dynamics(
     )
     if active is not None:
         system = dataclasses.replace(system, cell_damping=active(system))
-    return PairDynamics(system=system, cycle=cycle, dofs=mapped.free)
+    return PairDynamics(system=system, cycle=cycle, dofs=mapped.free), complete
 
 
+@compiled
 def _with_condensed_bodies(
     model: PairModel,
     grid: MeshGrid,
-    damping: AbstractDamping | None,
+    damping: AbstractDamping,
     *,
     gyroscopic: bool,
     active: bool,
@@ -397,7 +433,6 @@ def _with_condensed_bodies(
     own = among(with_modes(structure.stiffness, size))
     own = own + jnp.diag(mode_stiffness(bodies, size)[dofs])
     rest_of = lambda vector: jnp.concatenate([vector, jnp.zeros(size - mapped.size)])[dofs]
-    damping = ModalDamping() if damping is None else damping
     meshed, rotation = vectors @ mean @ vectors.T, rest_of(_rigid_rotation(mounted))
     held = _held(mass, own, meshed, rotation, damping)
     turning = turning_terms(bodies, size, damping, whole=gyroscopic)

@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxgear._compiled import compiled
 from jaxgear._contact._cells import MeshCells, Misalignment, mesh_gap
 from jaxgear._contact._coupling import body_yield, share_with_body
 from jaxgear._dynamics._types import (
@@ -108,6 +109,7 @@ class Mesh(eqx.Module):
 START, MIDDLE, END = _PLACES = 0.0, 0.5, 1.0
 
 
+@compiled
 def mesh_table(
     system: PairSystem,
     cells: MeshCells,

@@ -2,7 +2,7 @@
 
 import equinox as eqx
 
-from jaxgear._checks import known, require
+from jaxgear._checks import in_numpy, require
 from jaxgear._types import Scalar, as_optional_scalar, as_scalar
 
 
@@ -26,12 +26,12 @@ class Material(eqx.Module):
 
     def __check_init__(self):
         require(
-            known(self.young) > 0.0,
+            in_numpy(self.young) > 0.0,
             "`Material.young` must be positive, got {got:.6g} Pa.",
             got=self.young,
         )
         require(
-            (known(self.poisson) > -1.0) & (known(self.poisson) < 0.5),
+            (in_numpy(self.poisson) > -1.0) & (in_numpy(self.poisson) < 0.5),
             "`Material.poisson` must lie between -1 and 0.5, got {got:.6g}.",
             got=self.poisson,
         )
@@ -80,12 +80,13 @@ class Gear(eqx.Module):
             got=self.teeth,
         )
         require(
-            known(self.face_width) > 0.0,
+            in_numpy(self.face_width) > 0.0,
             "`Gear.face_width` must be positive, got {got:.6g} m.",
             got=self.face_width,
         )
         require(
-            (known(self.fillet_radius) >= 0.0) & (known(self.fillet_radius) < known(self.dedendum)),
+            (in_numpy(self.fillet_radius) >= 0.0)
+            & (in_numpy(self.fillet_radius) < in_numpy(self.dedendum)),
             "`Gear.fillet_radius` must lie between 0 and the dedendum coefficient {dedendum:.6g}, "
             "got {got:.6g}.",
             dedendum=self.dedendum,
@@ -93,7 +94,7 @@ class Gear(eqx.Module):
         )
         if self.thickness_allowance is not None:
             require(
-                known(self.thickness_allowance) >= 0.0,
+                in_numpy(self.thickness_allowance) >= 0.0,
                 "`Gear.thickness_allowance` is what is taken off the tooth, so it must not be "
                 "negative, got {got:.6g} m. Change its sign.",
                 got=self.thickness_allowance,

@@ -25,6 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxgear._checks import require
+from jaxgear._compiled import compiled
 from jaxgear._geometry._pair import (
     GearPair,
     overlap_ratio,
@@ -164,6 +165,7 @@ class ContactLines(eqx.Module):
     beyond: float = eqx.field(static=True, default=0.0)
 
 
+@compiled
 def contact_lines(pair: GearPair, grid: MeshGrid) -> ContactLines:
     """Place the slices of all contact lines over one cycle.
 
@@ -265,6 +267,7 @@ def repeated_lines(lines: ContactLines, periods: int) -> ContactLines:
     )
 
 
+@compiled
 def mean_line_length(pair: GearPair) -> Scalar:
     r"""Mean total length of the contact lines, $\varepsilon_\alpha b / \cos\beta_b$ [m]."""
     return profile_contact_ratio(pair) * pair.face_width / jnp.cos(pair.base_helix_angle)

@@ -17,7 +17,8 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array
 
-from jaxgear._checks import known, require
+from jaxgear._checks import require
+from jaxgear._compiled import compiled
 from jaxgear._geometry._gear import Gear
 from jaxgear._geometry._involute import inverse_involute, involute
 from jaxgear._types import Bodies, Scalar, as_optional_scalar, as_scalar
@@ -229,22 +230,26 @@ class GearPair(eqx.Module):
         return pitch - 2.0 * jnp.sum(self.working_pitch_radius * half)
 
 
+@compiled
 def profile_contact_ratio(pair: GearPair) -> Scalar:
     r"""$\varepsilon_\alpha$ [-]: the path of contact over the transverse base pitch."""
     return pair.path_of_contact / pair.transverse_base_pitch
 
 
+@compiled
 def overlap_ratio(pair: GearPair) -> Scalar:
     r"""$\varepsilon_\beta$ [-]: $b \tan|\beta_b| / p_{bt}$."""
     tangent = jnp.tan(jnp.abs(pair.base_helix_angle))
     return pair.face_width * tangent / pair.transverse_base_pitch
 
 
+@compiled
 def total_contact_ratio(pair: GearPair) -> Scalar:
     r"""$\varepsilon_\gamma = \varepsilon_\alpha + \varepsilon_\beta$ [-]."""
     return profile_contact_ratio(pair) + overlap_ratio(pair)
 
 
+@compiled
 def full_tip_shortening(pair: GearPair) -> Scalar:
     r"""$k = x_1 + x_2 - y$ [-], the shortening that restores the rack's root clearance."""
     centre = pair.working_centre_distance - jnp.sum(pair.reference_radius)
@@ -317,31 +322,32 @@ _ROUNDED_SHIFT = 5e-3
 
 
 def _check_pair(pair: GearPair) -> None:
-    """Refuse what cannot run, in the order in which a designer would find out."""
+    """Refuse what cannot run, in the order in which a designer would find out.
+
+    Traced numbers are let through.
+    """
+    if any(isinstance(number, Tracer) for number in jax.tree.leaves(pair)):
+        return
+    module, angle = float(pair.normal_module), float(pair.pressure_angle)
+    require(module > 0.0, "The normal module must be positive, got {got:.6g} mm.", got=module / mm)
     require(
-        known(pair.normal_module) > 0.0,
-        "The normal module must be positive, got {got:.6g} mm.",
-        got=known(pair.normal_module) / mm,
-    )
-    require(
-        (known(pair.pressure_angle) > 0.0) & (known(pair.pressure_angle) < 45.0 * deg),
+        0.0 < angle < 45.0 * deg,
         "`GearPair.pressure_angle` must lie between 0 and 45 degrees, got {got:.4g} degrees. "
         "Angles are in radians: write `20.0 * jaxgear.deg`.",
-        got=known(pair.pressure_angle) / deg,
+        got=angle / deg,
     )
+    helix = float(pair.helix_angle)
     require(
-        abs(known(pair.helix_angle)) < 60.0 * deg,
+        abs(helix) < 60.0 * deg,
         "`GearPair.helix_angle` must lie within 60 degrees, got {got:.4g} degrees. Angles are in "
         "radians: write `15.0 * jaxgear.deg`.",
-        got=known(pair.helix_angle) / deg,
+        got=helix / deg,
     )
-    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(pair)):
-        return
     facts = pair_facts(pair)
+    # Plain numbers within somebody else's program.
     if any(isinstance(fact, Tracer) for fact in facts.values()):
         return
     facts = {name: np.asarray(fact) for name, fact in facts.items()}
-    module = float(pair.normal_module)
     base_sum = facts["base_radius"].sum()
     # The inverse involute has no answer below zero.
     angle = facts["zero_backlash_pressure_angle"]

@@ -8,6 +8,7 @@ teeth and module $m_n$ (ISO 6336-3). Coordinates have their origin at the gear's
 import equinox as eqx
 import jax.numpy as jnp
 
+from jaxgear._compiled import compiled
 from jaxgear._geometry._gear import Gear
 from jaxgear._geometry._pair import GearPair
 from jaxgear._types import Reals, Scalar
@@ -123,6 +124,7 @@ class ToothSection(eqx.Module):
         return jnp.sqrt(jnp.maximum(radius_squared / self.base_radius**2 - 1.0, 0.0))
 
 
+@compiled
 def tooth_section(pair: GearPair, gear: Gear) -> ToothSection:
     """The virtual spur tooth of one gear of a pair.
 

@@ -18,10 +18,12 @@ other one it turns round at the start of active profile and moves up the flank a
 
 import jax.numpy as jnp
 
+from jaxgear._compiled import compiled
 from jaxgear._geometry._pair import GearPair
 from jaxgear._types import Reals
 
 
+@compiled
 def tip_separation(pair: GearPair, roll: Reals) -> Reals:
     r"""Gap between a tip corner and the flank it faces, beyond the ends of the path of contact.
 
@@ -45,6 +47,7 @@ def tip_separation(pair: GearPair, roll: Reals) -> Reals:
     return (early + late) * jnp.cos(pair.base_helix_angle)
 
 
+@compiled
 def tip_contact_rolls(pair: GearPair, roll: Reals) -> tuple[Reals, Reals]:
     r"""Where the flanks touch, on each gear's own flank.
 

@@ -10,11 +10,13 @@ that bend take seven.
 
 import jax.numpy as jnp
 
+from jaxgear._compiled import compiled
 from jaxgear._geometry._lines import ContactLines
 from jaxgear._geometry._pair import GearPair
 from jaxgear._types import CellArmGrid, CellGrid, DofCoordinates, Reals
 
 
+@compiled
 def structure_vectors(pair: GearPair) -> DofCoordinates:
     """Approach and tilt that unit motions of the two bodies produce (thesis eq. 2.9).
 

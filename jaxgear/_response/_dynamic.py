@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxgear._compiled import compiled
 from jaxgear._dynamics._orbit import Orbit, contact_force
 from jaxgear._dynamics._system import DynamicSystem, PairDynamics
 from jaxgear._dynamics._table import MIDDLE, cell_forces, mesh_at, repeated
@@ -59,6 +60,7 @@ class DynamicResponse(eqx.Module):
     bearing_range: BearingLoads
 
 
+@compiled
 def dynamic_response(
     dynamics: PairDynamics,
     orbit: Orbit,
@@ -101,11 +103,13 @@ def dynamic_response(
     )
 
 
+@compiled
 def dynamic_ratio(system: DynamicSystem, orbit: Orbit) -> Scalar:
     """Largest total contact force over the static mesh force [-]."""
     return jnp.max(contact_force(system, orbit)) / system.force
 
 
+@compiled
 def smooth_dynamic_ratio(system: DynamicSystem, orbit: Orbit, width: Scalar) -> Scalar:
     """Differentiable `dynamic_ratio`; too large by `width log(steps)` at the most.
 
@@ -122,11 +126,13 @@ def smooth_dynamic_ratio(system: DynamicSystem, orbit: Orbit, width: Scalar) -> 
     return smooth_maximum(contact_force(system, orbit) / system.force, width)
 
 
+@compiled
 def dynamic_transmission_error(system: DynamicSystem, orbit: Orbit) -> Series:
     r"""Transmission error $r_{b1}\theta_1 + r_{b2}\theta_2$ at each step [m]."""
     return orbit.motion @ system.transmission
 
 
+@compiled
 def bearing_loads(dynamics: PairDynamics, orbit: Orbit) -> BearingSeries:
     """Loads that the shafts put on their bearings at each step, the pinion's first [N, N m]."""
     structure = dynamics.cycle.system.structure
@@ -136,6 +142,7 @@ def bearing_loads(dynamics: PairDynamics, orbit: Orbit) -> BearingSeries:
     return jax.vmap(lambda x: bearing_motion(structure, x).load)(motion)
 
 
+@compiled
 def pair_forces(
     dynamics: PairDynamics, orbit: Orbit, law: AbstractContactLaw = ExactContact()
 ) -> PairSeries:
@@ -146,11 +153,13 @@ def pair_forces(
     return jnp.sum(force.reshape(-1, lines, slices), axis=2)
 
 
+@compiled
 def orbit_mean(system: DynamicSystem, values: Reals) -> Reals:
     """Mean over a response of values at its steps, in their unit."""
     return jnp.tensordot(_weights(system, values.shape[0]), values, axes=1)
 
 
+@compiled
 def orbit_variance(system: DynamicSystem, values: Series) -> Scalar:
     """Mean square of the fluctuation of values about their mean, in their unit squared.
 
@@ -159,11 +168,13 @@ def orbit_variance(system: DynamicSystem, values: Series) -> Scalar:
     return orbit_mean(system, (values - orbit_mean(system, values)) ** 2)
 
 
+@compiled
 def orbit_rms(system: DynamicSystem, values: Series) -> Scalar:
     """RMS of the fluctuation of values about their mean, in their unit."""
     return jnp.sqrt(orbit_variance(system, values))
 
 
+@compiled
 def order_amplitudes(
     system: DynamicSystem, values: Reals, count: int, *, first: float = 1.0
 ) -> Reals:

@@ -5,6 +5,7 @@ As for the quasi-static cycle, they belong to slices that are at least half in c
 
 import jax.numpy as jnp
 
+from jaxgear._compiled import compiled
 from jaxgear._contact._compliance import hertz_contact
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._system import PairDynamics
@@ -13,6 +14,7 @@ from jaxgear._response._dynamic import _cells, _line_loads
 from jaxgear._types import LineGrid
 
 
+@compiled
 def dynamic_line_load(
     dynamics: PairDynamics, orbit: Orbit, law: AbstractContactLaw = ExactContact()
 ) -> LineGrid:
@@ -32,6 +34,7 @@ def dynamic_line_load(
     return by_cycle.reshape(-1, *by_cycle.shape[-2:])
 
 
+@compiled
 def dynamic_pressure(
     dynamics: PairDynamics, orbit: Orbit, law: AbstractContactLaw = ExactContact()
 ) -> LineGrid:

@@ -20,6 +20,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxgear._checks import require
+from jaxgear._compiled import compiled
 from jaxgear._contact._coupling import body_yield
 from jaxgear._dynamics._march import History
 from jaxgear._dynamics._system import DynamicSystem
@@ -54,6 +55,7 @@ class Energies(eqx.Module):
         return self.kinetic + self.structure + self.contact + self.load + self.dissipated
 
 
+@compiled
 def energies(
     system: DynamicSystem, history: History, law: AbstractContactLaw = ExactContact()
 ) -> Energies:
@@ -131,6 +133,7 @@ class Work(eqx.Module):
         return self.mesh + self.load - self.gyroscopic - self.taken - self.stored
 
 
+@compiled
 def work_done(system: DynamicSystem, history: History) -> Work:
     r"""Work out what does work on a march by the midpoint rule.
 

@@ -6,12 +6,14 @@ an optimiser is better served by the smooth ones, since a maximum has kinks.
 
 import jax.numpy as jnp
 
+from jaxgear._compiled import compiled
 from jaxgear._geometry._pair import GearPair
 from jaxgear._smooth import smooth_maximum
 from jaxgear._solve._cycle import MeshCycle
 from jaxgear._types import Bodies, LinePhases, Scalar, Slices
 
 
+@compiled
 def face_load(pair: GearPair, cycle: MeshCycle) -> Slices:
     """Load per face width at each slice: its mean over the cycle, all contact lines together.
 
@@ -28,6 +30,7 @@ def face_load(pair: GearPair, cycle: MeshCycle) -> Slices:
     return force * force.size / pair.face_width
 
 
+@compiled
 def face_load_factor(cycle: MeshCycle) -> Scalar:
     r"""$K_{H\beta}$ of ISO 6336-1: largest over mean load per face width, of `face_load`.
 
@@ -44,6 +47,7 @@ def face_load_factor(cycle: MeshCycle) -> Scalar:
     return jnp.max(_face_ratio(cycle))
 
 
+@compiled
 def smooth_face_load_factor(cycle: MeshCycle, width: Scalar) -> Scalar:
     """Differentiable `face_load_factor`; too large by `width log(slices)` at the most.
 
@@ -59,6 +63,7 @@ def smooth_face_load_factor(cycle: MeshCycle, width: Scalar) -> Scalar:
     return smooth_maximum(_face_ratio(cycle), width)
 
 
+@compiled
 def transverse_load_factor(pair: GearPair, cycle: MeshCycle) -> Scalar:
     r"""$K_{H\alpha}$: how unevenly the tooth pairs in contact share the load.
 
@@ -83,6 +88,7 @@ def transverse_load_factor(pair: GearPair, cycle: MeshCycle) -> Scalar:
     return jnp.max(_sharing_ratio(pair, cycle))
 
 
+@compiled
 def smooth_transverse_load_factor(pair: GearPair, cycle: MeshCycle, width: Scalar) -> Scalar:
     """Differentiable `transverse_load_factor`; too large by `width log(phases lines)` at the most.
 
@@ -99,6 +105,7 @@ def smooth_transverse_load_factor(pair: GearPair, cycle: MeshCycle, width: Scala
     return smooth_maximum(_sharing_ratio(pair, cycle), width)
 
 
+@compiled
 def pressure_angle_change(pair: GearPair, base_radius_change: Bodies) -> Bodies:
     r"""Change of the pressure angle at each gear's reference circle, which keeps its radius.
 
@@ -118,6 +125,7 @@ def pressure_angle_change(pair: GearPair, base_radius_change: Bodies) -> Bodies:
     return jnp.arccos(cosine) - pair.transverse_pressure_angle
 
 
+@compiled
 def working_pressure_angle_change(pair: GearPair, base_radius_change: Bodies) -> Scalar:
     r"""Change of the working pressure angle at a fixed centre distance.
 

@@ -8,6 +8,7 @@ tip corners may touch, the pressure is that of the cylinders at its end, not of 
 import jax
 import jax.numpy as jnp
 
+from jaxgear._compiled import compiled
 from jaxgear._contact._compliance import hertz_contact
 from jaxgear._contact._coupling import share_with_body
 from jaxgear._geometry._pair import GearPair
@@ -16,6 +17,7 @@ from jaxgear._solve._cycle import MeshCycle
 from jaxgear._types import LineGrid, LinePhases, Phases
 
 
+@compiled
 def mesh_stiffness(cycle: MeshCycle) -> Phases:
     """Force per approach of the cells in contact at each phase [N/m], along the normal.
 
@@ -29,6 +31,7 @@ def mesh_stiffness(cycle: MeshCycle) -> Phases:
     return jnp.sum(shared, axis=(1, 2))
 
 
+@compiled
 def line_load(cycle: MeshCycle, law: AbstractContactLaw) -> LineGrid:
     """Load per length of contact line at each slice.
 
@@ -46,6 +49,7 @@ def line_load(cycle: MeshCycle, law: AbstractContactLaw) -> LineGrid:
     return jnp.where(lines.fraction >= 0.5, cycle.cells.line_stiffness * compression, 0.0)
 
 
+@compiled
 def hertz_pressure(pair: GearPair, cycle: MeshCycle, law: AbstractContactLaw) -> LineGrid:
     """Largest Hertzian pressure across the contact band at each slice.
 
@@ -64,6 +68,7 @@ def hertz_pressure(pair: GearPair, cycle: MeshCycle, law: AbstractContactLaw) ->
     return hertz_contact(pair, on_path).pressure(line_load(cycle, law))
 
 
+@compiled
 def load_sharing(cycle: MeshCycle) -> LinePhases:
     """Share of the mesh force on each contact line at each phase [-]; sums to 1."""
     force = cycle.force.reshape(cycle.cells.lines.roll.shape)

@@ -6,22 +6,26 @@ unequal shares of the period, so every mean is weighted.
 
 import jax.numpy as jnp
 
+from jaxgear._compiled import compiled
 from jaxgear._geometry._pair import GearPair
 from jaxgear._smooth import smooth_maximum
 from jaxgear._solve._cycle import MeshCycle
 from jaxgear._types import Harmonics, Phases, Scalar
 
 
+@compiled
 def transmission_error(pair: GearPair, cycle: MeshCycle) -> Phases:
     """Transmission error at each phase [m], positive where the pinion runs ahead."""
     return cycle.approach / jnp.cos(pair.base_helix_angle)
 
 
+@compiled
 def cycle_mean(cycle: MeshCycle, values: Phases) -> Scalar:
     """Mean of `values` over the cycle, in their unit."""
     return jnp.sum(cycle.cells.lines.weight * values)
 
 
+@compiled
 def cycle_variance(cycle: MeshCycle, values: Phases) -> Scalar:
     """Mean square of the fluctuation of `values` about their mean, in their unit squared.
 
@@ -30,16 +34,19 @@ def cycle_variance(cycle: MeshCycle, values: Phases) -> Scalar:
     return cycle_mean(cycle, (values - cycle_mean(cycle, values)) ** 2)
 
 
+@compiled
 def cycle_rms(cycle: MeshCycle, values: Phases) -> Scalar:
     """RMS of the fluctuation of `values` about their mean, in their unit."""
     return jnp.sqrt(cycle_variance(cycle, values))
 
 
+@compiled
 def peak_to_peak(values: Phases) -> Scalar:
     """Largest less smallest of `values`, in their unit."""
     return jnp.max(values) - jnp.min(values)
 
 
+@compiled
 def smooth_peak_to_peak(values: Phases, width: Scalar) -> Scalar:
     """Differentiable `peak_to_peak`; too large by `2 width log(phases)` at the most.
 
@@ -55,6 +62,7 @@ def smooth_peak_to_peak(values: Phases, width: Scalar) -> Scalar:
     return smooth_maximum(values, width) + smooth_maximum(-values, width)
 
 
+@compiled
 def harmonic_amplitudes(cycle: MeshCycle, values: Phases, count: int) -> Harmonics:
     """Amplitudes of the first mesh harmonics.
 

@@ -21,6 +21,7 @@ import jax.scipy.linalg
 import numpy as np
 from jaxtyping import Array
 
+from jaxgear._compiled import compiled
 from jaxgear._contact._coupling import body_yield, sharing_with_body
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._solve._coordinates import (
@@ -130,6 +131,7 @@ class SolverSettings(eqx.Module):
 Unknown = tuple[Scalar, Loads]
 
 
+@compiled
 def contact_state(
     problem: ContactProblem, law: AbstractContactLaw, settings: SolverSettings
 ) -> ContactState:

@@ -5,8 +5,10 @@ import dataclasses
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from jaxgear._checks import require_float64
+from jaxgear._compiled import compiled, known_to_fail
 from jaxgear._contact._cells import (
     MeshCells,
     at_line_loads,
@@ -28,6 +30,7 @@ from jaxgear._solve._coordinates import on_coordinates
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._model import PairModel
 from jaxgear._system._pair_system import PairSystem, on_condensed_bodies
+from jaxgear._system._structure import check_torque
 from jaxgear._types import (
     CellArms,
     CellGrid,
@@ -65,6 +68,7 @@ class MeshCycle(eqx.Module):
     steps: Counts
 
 
+@compiled
 def quasi_static(
     system: PairSystem,
     cells: MeshCells,
@@ -135,8 +139,11 @@ def mesh_cycle(
     law: AbstractContactLaw = ExactContact(),
     settings: SolverSettings = SolverSettings(),
     throw: bool = True,
+    throw_in_jit: bool = False,
 ) -> MeshCycle:
     """Run a pair quasi-statically through one cycle.
+
+    It is compiled as a whole, once for all real numbers of the model.
 
     **Arguments:**
 
@@ -144,7 +151,10 @@ def mesh_cycle(
     - `grid`: phases, lines and slices, from `mesh_grid`.
     - `law`: exact or smooth contact.
     - `settings`: when to stop.
-    - `throw`: whether an unsolved phase raises; if not, look at `converged`.
+    - `throw`: whether an unsolved phase raises. Inside another program, under `jax.jit` or
+        `jax.vmap`, its values are not known, and nothing is raised: look at `converged`.
+    - `throw_in_jit`: whether it raises there too, by a call back to the host. JAX keeps no program
+        with such a call in its cache.
 
     **Returns:**
 
@@ -155,8 +165,13 @@ def mesh_cycle(
     - `ValueError` in single precision, or if the torque is not positive.
     - `RuntimeError` if a phase was not solved and `throw` is true.
     """
+    require_float64()
     cycle = corrected_cycle(prepare_mesh(model, grid), model, law=law, settings=settings)
-    return eqx.error_if(cycle, ~cycle.converged, _UNSOLVED) if throw else cycle
+    if throw and known_to_fail(cycle.converged):
+        raise RuntimeError(_unsolved(np.asarray(cycle.converged)))
+    if throw_in_jit:
+        return eqx.error_if(cycle, ~cycle.converged, _UNSOLVED)
+    return cycle
 
 
 class PreparedMesh(eqx.Module):
@@ -188,6 +203,13 @@ def prepare_mesh(model: PairModel, grid: MeshGrid) -> PreparedMesh:
 
     - `ValueError` if the torque is not positive, or if a condensed body was made for another grid.
     """
+    check_torque(model.pinion_support, model.torque)
+    return _prepared(model, grid)
+
+
+@compiled
+def _prepared(model: PairModel, grid: MeshGrid) -> PreparedMesh:
+    """See `prepare_mesh`."""
     pair = model.pair
     for body in model.bodies:
         if isinstance(body, FlexibleBody):
@@ -200,6 +222,7 @@ def prepare_mesh(model: PairModel, grid: MeshGrid) -> PreparedMesh:
     )
 
 
+@compiled
 def corrected_cycle(
     prepared: PreparedMesh,
     model: PairModel,
@@ -246,3 +269,9 @@ _UNSOLVED = (
     "gaps are far larger than deflections, check the units of the flank corrections; with "
     "tip contact, look for it further `beyond` the path."
 )
+
+
+def _unsolved(converged: np.ndarray) -> str:
+    """What went wrong, and at how many phases."""
+    where = np.flatnonzero(~converged)
+    return f"{_UNSOLVED} Not solved: {where.size} of {converged.size} phases, first {where[0]}."

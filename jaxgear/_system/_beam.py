@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxgear._compiled import compiled
 from jaxgear._geometry._gear import Material
 from jaxgear._types import Reals, Scalar, as_scalar
 
@@ -67,6 +68,7 @@ _ROTATION = (
 )
 
 
+@compiled
 def cowper_coefficient(outer: Reals, inner: Reals, poisson: Reals) -> Reals:
     r"""Shear coefficient of a circular tube.
 
@@ -131,6 +133,7 @@ class Beam(eqx.Module):
         return bending / (shear * self.length**2)
 
 
+@compiled
 def beam_stiffness(beam: Beam) -> BeamMatrix:
     """Loads at the ends per motion of the ends.
 
@@ -150,6 +153,7 @@ def beam_stiffness(beam: Beam) -> BeamMatrix:
     return _both_planes(plane) + _placed(_ALONG, axial, _ALONG) + _placed(_ABOUT, twist, _ABOUT)
 
 
+@compiled
 def beam_mass(beam: Beam) -> BeamMatrix:
     """Consistent mass: translation, rotary inertia of the sections, stretch and twist.
 
@@ -170,6 +174,7 @@ def beam_mass(beam: Beam) -> BeamMatrix:
     return _both_planes(plane) + _placed(_ALONG, axial, _ALONG) + _placed(_ABOUT, twist, _ABOUT)
 
 
+@compiled
 def beam_gyroscopic(beam: Beam) -> BeamMatrix:
     r"""What the spin couples, in $M\ddot q + \Omega G\dot q + Kq$, in axes that do not spin.
 

@@ -14,7 +14,8 @@ import jax.scipy.linalg
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxgear._checks import known, require
+from jaxgear._checks import in_numpy, require
+from jaxgear._compiled import compiled
 from jaxgear._contact._cells import MeshCells
 from jaxgear._contact._coupling import between_all_cells
 from jaxgear._geometry._pair import GearPair, root_radii
@@ -169,15 +170,26 @@ def pair_system(
     """
     torque = as_scalar(torque)
     check_torque(pinion_support, torque)
+    mounts, bodies = (pinion_support, wheel_support), (pinion_body, wheel_body)
+    return _assembled(pair, torque, mounts, bodies, housing, as_scalar(speed))
+
+
+@compiled
+def _assembled(
+    pair: GearPair,
+    torque: Scalar,
+    mounts: tuple[Support | Shaft, Support | Shaft],
+    given: tuple[GearBody | None, GearBody | None],
+    housing: Housing | None,
+    speed: Scalar,
+) -> PairSystem:
+    """See `pair_system`."""
     bodies = [
         gear_disc(pair, index, mount) if body is None else body
-        for index, (mount, body) in enumerate(
-            zip((pinion_support, wheel_support), (pinion_body, wheel_body), strict=True)
-        )
+        for index, (mount, body) in enumerate(zip(mounts, given, strict=True))
     ]
     structure = assemble_structure(
-        pinion_support,
-        wheel_support,
+        *mounts,
         *bodies,
         torque=torque,
         ratio=pair.teeth[1] / pair.teeth[0],
@@ -185,7 +197,6 @@ def pair_system(
         speed=speed,
     )
     bends = any(isinstance(body, BeamBody) for body in bodies)
-    mounts = (pinion_support, wheel_support)
     vectors = beam_vectors(pair, mounts, bodies) if bends else _rigid_vectors(pair, bodies)
     vectors = _with_seats(vectors, bodies)
     statics = static_flexibility(structure, vectors)
@@ -202,7 +213,7 @@ def pair_system(
         structure=structure,
         statics=statics,
         direction=jnp.eye(vectors.shape[1])[0],
-        force=driving_torque(pinion_support, torque)
+        force=driving_torque(mounts[0], torque)
         / (pair.base_radius[0] * jnp.cos(pair.base_helix_angle)),
         bends=bends,
     )
@@ -291,7 +302,7 @@ def gear_disc(pair: GearPair, index: int, mount: Support | Shaft, **given: Scala
     inner = gear.bore
     if inner is None:
         inner = mount.diameter_at_gear if isinstance(mount, Shaft) else jnp.zeros(())
-    outer = 2.0 * known(root_radii(pair))[index]
+    outer = 2.0 * in_numpy(root_radii(pair))[index]
     return solid_disc(outer, inner, gear.face_width, gear.material.density, **given)
 
 
@@ -317,7 +328,7 @@ def check_bodies(
         width = (pair.pinion, pair.wheel)[index].face_width
         if isinstance(body, BeamBody):
             require(
-                known(body.width) >= (1.0 - 1e-9) * known(width),
+                in_numpy(body.width) >= (1.0 - 1e-9) * in_numpy(width),
                 "The {name}'s beam body must be at least as wide as its face, {width:.6g} m, got "
                 "{got:.6g} m.",
                 name=name,
@@ -327,15 +338,15 @@ def check_bodies(
         elif isinstance(body, FlexibleBody):
             _check_seats(name, mount, body)
         elif isinstance(mount, Shaft):
-            root = 2.0 * known(root_radii(pair))[index]
+            root = 2.0 * in_numpy(root_radii(pair))[index]
             require(
-                known(mount.diameter_at_gear) < root,
+                in_numpy(mount.diameter_at_gear) < root,
                 "The {name}'s shaft must be thinner than the gear on it, whose root circle has "
                 "{root:.6g} mm, got {got:.6g} mm. Give the shaft's diameters in millimetres, or "
                 "make the body a beam.",
                 name=name,
                 root=root / mm,
-                got=known(mount.diameter_at_gear) / mm,
+                got=in_numpy(mount.diameter_at_gear) / mm,
             )
 
 

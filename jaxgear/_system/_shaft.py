@@ -16,7 +16,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from jaxgear._checks import InputError, known, require
+from jaxgear._checks import InputError, in_numpy, require
 from jaxgear._geometry._gear import Material
 from jaxgear._system._beam import (
     Beam,
@@ -64,18 +64,18 @@ class Segment(eqx.Module):
 
     def __check_init__(self):
         require(
-            known(self.length) > 0.0,
+            in_numpy(self.length) > 0.0,
             "`Segment.length` must be positive, got {got:.6g} m. Leave the segment out if the "
             "shaft has none there.",
             got=self.length,
         )
         require(
-            known(self.inner) >= 0.0,
+            in_numpy(self.inner) >= 0.0,
             "`Segment.inner` must not be negative, got {got:.6g} m. Zero is a solid shaft.",
             got=self.inner,
         )
         require(
-            known(self.outer) > known(self.inner),
+            in_numpy(self.outer) > in_numpy(self.inner),
             "`Segment.outer` must exceed `Segment.inner`, got {outer:.6g} m outside and "
             "{inner:.6g} m inside. Both are diameters in metres.",
             outer=self.outer,
@@ -111,7 +111,7 @@ class Bearing(eqx.Module):
         for name in ("radial_s", "radial_t", "axial", "tilt_s", "tilt_t"):
             stiffness = getattr(self, name)
             require(
-                known(stiffness) >= 0.0,
+                in_numpy(stiffness) >= 0.0,
                 "`Bearing." + name + "` must not be negative, got {got:.6g}. Zero leaves that "
                 "direction free.",
                 got=stiffness,
@@ -325,7 +325,7 @@ class BeamBody(eqx.Module):
     def __check_init__(self):
         for name in ("width", "outer"):
             require(
-                known(getattr(self, name)) > 0.0,
+                in_numpy(getattr(self, name)) > 0.0,
                 "`BeamBody." + name + "` must be positive, got {got:.6g} m.",
                 got=getattr(self, name),
             )
@@ -516,7 +516,7 @@ def _check_shaft(shaft: Shaft) -> None:
     )
     shear = shaft.shear_coefficient
     require(
-        shear is None or (known(shear) > 0.0) & (known(shear) <= 1.0),
+        shear is None or (in_numpy(shear) > 0.0) & (in_numpy(shear) <= 1.0),
         "`Shaft.shear_coefficient` must lie between 0 and 1, got {got}. Leave it out for Cowper's "
         "of each section.",
         got=shear,

@@ -2,7 +2,7 @@
 
 import equinox as eqx
 
-from jaxgear._checks import known, require
+from jaxgear._checks import in_numpy, require
 from jaxgear._types import Scalar, as_optional_scalar
 
 
@@ -30,7 +30,7 @@ class Support(eqx.Module):
         for name in ("radial_s", "radial_t", "axial", "tilt"):
             stiffness = getattr(self, name)
             require(
-                stiffness is None or known(stiffness) > 0.0,
+                stiffness is None or in_numpy(stiffness) > 0.0,
                 "`Support." + name + "` must be positive, got {got}. Use `None` for a rigid one.",
                 got=stiffness,
             )

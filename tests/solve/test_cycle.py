@@ -527,7 +527,7 @@ def _hasty():
 def test_an_unsolved_phase_raises():
     model, grid, settings = _hasty()
     with pytest.raises(RuntimeError, match=r"not solved at some phase(.|\n)*Raise `most_steps`"):
-        _run(model, grid, settings=settings)
+        jg.mesh_cycle(model, grid, settings=settings)
 
 
 def test_an_unsolved_phase_is_reported_where_it_must_not_raise():

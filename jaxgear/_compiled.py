@@ -1,0 +1,69 @@
+"""Verbs that are compiled as a whole, and what can be known of values outside of a program.
+
+A verb that is called as it is costs one program, not one for each of its operations. Inside
+somebody else's program it is a part of that. What depends on values, such as a refusal, stands
+outside of what is compiled: inside, values are not known.
+"""
+
+import functools
+import inspect
+from collections.abc import Callable
+from typing import Any, ParamSpec, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+
+_Given = ParamSpec("_Given")
+_Found = TypeVar("_Found")
+
+
+def compiled(verb: Callable[_Given, _Found]) -> Callable[_Given, _Found]:
+    """Compile a verb as a whole, once for all values of its arrays and real numbers.
+
+    Integers, flags, texts, what is static in a module, and keyword-only arguments that are no
+    arrays are settings: they are part of the program, and another value is another program.
+
+    **Arguments:**
+
+    - `verb`: a pure function.
+
+    **Returns:**
+
+    The same function, compiled where it is called.
+    """
+    program = eqx.filter_jit(verb)
+    names = inspect.signature(verb).parameters
+    settings = {name for name, known in names.items() if known.kind is known.KEYWORD_ONLY}
+
+    @functools.wraps(verb)
+    def call(*args: _Given.args, **kwargs: _Given.kwargs) -> _Found:
+        named = {
+            name: value if name in settings else _traceable(value) for name, value in kwargs.items()
+        }
+        return program(*map(_traceable, args), **named)  # type: ignore[call-arg]
+
+    return call
+
+
+def _traceable(value: Any) -> Any:
+    """A Python float as an array: `filter_jit` would take it for a part of the program."""
+    return jnp.asarray(value, dtype=float) if isinstance(value, float) else value
+
+
+def known(value: Any) -> np.ndarray | None:
+    """The numbers of an array, or `None` while it is being traced.
+
+    Checks on them cost no program.
+    """
+    return None if isinstance(value, Tracer) else np.asarray(value)
+
+
+def known_to_fail(ok: Any) -> bool:
+    """Whether flags that must all hold are known not to: also under `jax.grad` without `jit`."""
+    try:
+        return not bool(jnp.all(ok))
+    except jax.errors.TracerBoolConversionError:
+        return False

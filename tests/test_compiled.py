@@ -1,0 +1,177 @@
+"""Public verbs are compiled as a whole: few programs, and none anew for another real number."""
+
+import contextlib
+import dataclasses
+import functools
+from collections.abc import Iterator
+from typing import Any
+
+import jax
+import jax.monitoring
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxgear as jg
+from jaxgear import deg, mm, um
+
+_EVENT = "/jax/core/compile/backend_compile_duration"
+_COMPILED: list[str] = []
+
+
+def _note(event: str, duration_secs: float, **facts: str | int) -> None:
+    del duration_secs
+    if event == _EVENT:
+        _COMPILED.append(str(facts.get("fun_name")))
+
+
+jax.monitoring.register_event_duration_secs_listener(_note)
+
+
+@contextlib.contextmanager
+def _programs() -> Iterator[list[str]]:
+    """Names of the programs that are made in the block, from the cache or anew."""
+    before, found = len(_COMPILED), []
+    yield found
+    found.extend(_COMPILED[before:])
+
+
+def _pair() -> jg.GearPair:
+    common: dict[str, Any] = dict(addendum=0.9447, dedendum=1.1933, fillet_radius=0.25)
+    return jg.GearPair(
+        pinion=jg.Gear(45, 11.5 * mm, profile_shift=0.341, **common),
+        wheel=jg.Gear(86, 9.5 * mm, profile_shift=0.481, **common),
+        normal_module=1.5 * mm,
+        pressure_angle=25.0 * deg,
+    )
+
+
+def _model(torque: float | jax.Array = 80.0, depth: float = 12.0) -> jg.PairModel:
+    relief = jg.Superposed((jg.TipRelief(depth * um, 0.25),))
+    return jg.PairModel(_pair(), torque=torque, flanks=jg.Flanks(relief, relief))
+
+
+def _grid(phases: int = 16) -> jg.MeshGrid:
+    return jg.mesh_grid(_pair(), phases=phases, slices=2)
+
+
+def _statics(model: jg.PairModel, grid: jg.MeshGrid) -> float:
+    cycle = jg.mesh_cycle(model, grid)
+    te = jg.transmission_error(model.pair, cycle)
+    return float(jg.cycle_variance(cycle, te))
+
+
+def test_a_mesh_cycle_from_gears_to_a_number_is_a_handful_of_programs():
+    jax.clear_caches()
+    with _programs() as whole:
+        first = _statics(_model(), _grid())
+    assert 3 <= len(whole) <= 20, whole
+    with _programs() as again:
+        second = _statics(_model(torque=95.0, depth=3.0), _grid())
+    assert again == []
+    assert second != first
+    with _programs() as finer:
+        _statics(_model(), _grid(phases=24))
+    assert finer != [], "another number of phases is another program"
+
+
+def test_a_steady_response_at_another_speed_or_load_compiles_nothing():
+    grid = _grid(phases=32)
+    method = jg.HarmonicBalance(harmonics=4)
+
+    def ratio(torque: float, speed: float) -> float:
+        system = jg.pair_dynamics(_model(torque), grid).system
+        orbit = jg.steady_state(system, jnp.asarray(speed), method)
+        return float(jg.dynamic_ratio(system, orbit))
+
+    jax.clear_caches()
+    with _programs() as whole:
+        first = ratio(80.0, 800.0)
+    assert len(whole) <= 25, whole
+    with _programs() as again:
+        second = ratio(90.0, 650.0)
+    assert again == []
+    assert second != first
+
+
+def test_a_second_sweep_compiles_nothing():
+    settings = jg.SweepSettings(method=jg.HarmonicBalance(harmonics=4))
+    sweep = lambda torque, speeds: jg.sweep(
+        jg.pair_dynamics(_model(torque), _grid(32)).system, speeds, settings=settings
+    )
+    first = sweep(80.0, [500.0, 520.0])
+    with _programs() as again:
+        second = sweep(85.0, [505.0, 530.0])
+    assert again == []
+    assert all(point.settled for point in (*first, *second))
+
+
+def test_modes_and_marches_are_compiled_as_a_whole():
+    dynamics = jg.pair_dynamics(_model(), _grid(32))
+    rest = jg.at_rest(dynamics.system)
+    jax.clear_caches()
+    with _programs() as whole:
+        jg.pair_modes(dynamics)
+        jg.march(dynamics.system, jnp.asarray(700.0), rest, cycles=2)
+    assert len(whole) <= 6, whole
+    with _programs() as again:
+        jg.march(dynamics.system, jnp.asarray(750.0), rest, cycles=2)
+    assert again == []
+
+
+# --- Contact that is not solved
+
+
+_HASTY = jg.SolverSettings(most_steps=1)
+
+
+@functools.cache
+def _coarse() -> jg.MeshGrid:
+    return _grid()
+
+
+def _unsolvable(torque: float | jax.Array = 80.0) -> jg.MeshCycle:
+    return jg.mesh_cycle(_model(torque), _coarse(), settings=_HASTY)
+
+
+def test_unsolved_contact_raises_with_the_phases_where_values_are_known():
+    with pytest.raises(RuntimeError, match=r"Not solved: \d+ of 16 phases, first \d+"):
+        _unsolvable()
+    # Under a derivative without `jit` the values are known too.
+    with pytest.raises(RuntimeError, match="not solved at some phase"):
+        jax.grad(lambda torque: jnp.sum(_unsolvable(torque).approach))(80.0)
+
+
+def test_unsolved_contact_is_told_by_values_inside_another_program():
+    _coarse()
+    for cycle in (jax.jit(_unsolvable)(80.0), jax.vmap(_unsolvable)(jnp.asarray([80.0]))):
+        assert not np.all(cycle.converged)
+
+
+def test_unsolved_contact_raises_inside_another_program_if_asked_to():
+    grid = _coarse()
+    checked = jax.jit(
+        lambda torque: jg.mesh_cycle(_model(torque), grid, settings=_HASTY, throw_in_jit=True)
+    )
+    with pytest.raises(RuntimeError, match="not solved at some phase"):
+        jax.block_until_ready(checked(80.0))
+
+
+@pytest.mark.parametrize(("throw_in_jit", "calls_back"), [(False, False), (True, True)])
+def test_only_a_program_that_is_asked_to_raise_calls_back(throw_in_jit: bool, calls_back: bool):
+    grid = _coarse()
+    program = jax.jit(
+        lambda torque: jg.mesh_cycle(_model(torque), grid, throw_in_jit=throw_in_jit).approach
+    )
+    assert ("callback" in program.lower(80.0).as_text()) == calls_back
+
+
+def test_refusals_by_values_stand_outside_of_what_is_compiled():
+    system = jg.pair_dynamics(_model(), _grid(32)).system
+    for speed in (0.0, -3.0):
+        with pytest.raises(ValueError, match="speed must be positive"):
+            jg.steady_state(system, jnp.asarray(speed))
+    crossed = jnp.asarray(np.random.default_rng(1).normal(size=system.damping.shape))
+    mixed = dataclasses.replace(system, damping=system.damping + 1e3 * crossed @ crossed.T)
+    with pytest.raises(ValueError, match="exchanges energy between modes"):
+        jg.modal_basis(mixed)
