@@ -19,9 +19,11 @@ from pathlib import Path
 from typing import Any
 
 from jaxgear._app._motion import motion_mistakes
+from jaxgear._app._progress import warn
 from jaxgear._app._scene import READY, Mistake, Scene, SceneError, read_scene, rewrite_scene
 from jaxgear._app._schema import GEARS
 from jaxgear._checks import InputError
+from jaxgear._program_cache import cache_compilations
 
 _COMMANDS = {
     "run": "compute everything that the scene asks for",
@@ -170,7 +172,9 @@ def _parser() -> argparse.ArgumentParser:
         else:
             command.add_argument("scene", metavar="SCENE", type=Path, help="scene file (TOML)")
     cache = commands.add_parser(
-        "cache", help="list the condensed bodies that are kept, or remove them", allow_abbrev=False
+        "cache",
+        help="list the condensed bodies and compiled programs that are kept, or remove them",
+        allow_abbrev=False,
     )
     cache.add_argument("--clear", action="store_true", help="remove all of them")
     cache.add_argument("--json", action="store_true", help="print the list as JSON")
@@ -351,6 +355,7 @@ def _compute(command: str, scene: Scene, folder: Path, quiet: bool) -> Mapping[s
     import threadpoolctl
 
     jax.config.update("jax_enable_x64", True)
+    cache_compilations(warn)
     from jaxgear._app import _commands
     from jaxgear._app._statics import SolverFailure
 
@@ -371,8 +376,8 @@ def _compute(command: str, scene: Scene, folder: Path, quiet: bool) -> Mapping[s
 
 
 def _cache(args: argparse.Namespace) -> int:
-    """List the condensed bodies in the cache, or remove them."""
-    from jaxgear._app._body_cache import cache_summary, cleared, print_cache
+    """List what the cache holds, or remove it."""
+    from jaxgear._app._cache import cache_summary, cleared, print_cache
 
     found = cleared() if args.clear else cache_summary()
     if args.json:

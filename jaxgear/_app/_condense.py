@@ -87,7 +87,7 @@ def condense(scene: Scene, folder: Path, quiet: bool) -> Summary:
 
 def _body_summary(scene: Scene, found: BuiltBody) -> Summary:
     """What is known of a body: its health, and how it came about."""
-    plan, facts = found.plan, found.body.facts
+    plan = found.plan
     health: dict[str, Any] = dict(found.health)
     speed = _highest_speed(scene, plan.gear)
     for key in [key for key in health if key.endswith("_um_at_rad_s")]:
@@ -106,8 +106,8 @@ def _body_summary(scene: Scene, found: BuiltBody) -> Summary:
     cost = {
         "from_cache": found.from_cache,
         "seconds": found.seconds,
-        "build_seconds": facts.get("build_seconds"),
-        "peak_memory_MB": facts.get("build_peak_memory_MB"),
+        "build_seconds": found.build_seconds,
+        "peak_memory_MB": found.peak_memory,
         "cache_key": found.key,
     }
     return made | health | cost

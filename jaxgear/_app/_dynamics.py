@@ -15,7 +15,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy.signal
+import scipy
 import xarray as xr
 from jaxtyping import Array
 

@@ -12,7 +12,8 @@ import jax.numpy as jnp
 import jax.scipy.linalg
 from jaxtyping import Array
 
-from jaxgear._checks import in_numpy, require
+from jaxgear._checks import require
+from jaxgear._compiled import in_numpy
 from jaxgear._dynamics._types import FreeMotions, Matrix
 from jaxgear._types import Scalar, as_scalar
 

@@ -17,7 +17,8 @@ import abc
 import equinox as eqx
 import jax.numpy as jnp
 
-from jaxgear._checks import in_numpy, require
+from jaxgear._checks import require
+from jaxgear._compiled import in_numpy
 from jaxgear._flank._indexing import Indexing
 from jaxgear._types import Reals, Scalar, as_scalar
 

@@ -14,8 +14,8 @@ import jax.scipy.linalg
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxgear._checks import in_numpy, require
-from jaxgear._compiled import compiled
+from jaxgear._checks import require
+from jaxgear._compiled import compiled, in_numpy
 from jaxgear._contact._cells import MeshCells
 from jaxgear._contact._coupling import between_all_cells
 from jaxgear._geometry._pair import GearPair, root_radii

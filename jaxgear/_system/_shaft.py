@@ -16,7 +16,8 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from jaxgear._checks import InputError, in_numpy, require
+from jaxgear._checks import InputError, require
+from jaxgear._compiled import in_numpy
 from jaxgear._geometry._gear import Material
 from jaxgear._system._beam import (
     Beam,

@@ -17,8 +17,8 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from jaxgear._checks import InputError, in_numpy, require
-from jaxgear._compiled import compiled
+from jaxgear._checks import InputError, require
+from jaxgear._compiled import compiled, in_numpy
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._shaft import BeamBody, Bearing, Shaft, ShaftMatrices, shaft_matrices
 from jaxgear._system._support import Support

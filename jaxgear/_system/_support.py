@@ -2,7 +2,8 @@
 
 import equinox as eqx
 
-from jaxgear._checks import in_numpy, require
+from jaxgear._checks import require
+from jaxgear._compiled import in_numpy
 from jaxgear._types import Scalar, as_optional_scalar
 
 

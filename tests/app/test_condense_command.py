@@ -178,13 +178,15 @@ def _check_cache_command(key, capsys):
     assert (entry["name"], entry["key"]) == ("tiny-wheel", key)
     assert main(["cache"]) == 0
     assert "tiny-wheel" in capsys.readouterr().out
-    (view,) = view_folder().glob("*.npz")
+    folder = view_folder()
+    assert folder is not None
+    (view,) = folder.glob("*.npz")
     size = entry["size_MB"] * 1e6 + view.stat().st_size
     assert main(["cache", "--clear", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["freed_bytes"] == pytest.approx(size)
     assert main(["cache"]) == 0
     assert "none" in capsys.readouterr().out
-    assert not list(view_folder().glob("*"))
+    assert not list(folder.glob("*"))
 
 
 @pytest.mark.parametrize(
@@ -378,7 +380,9 @@ def test_a_lost_view_is_made_again(written):
     path = written(_PAIR + _BODY)
     first = _built(path)
     assert first.view is not None
-    (file,) = view_folder().glob("*.npz")
+    folder = view_folder()
+    assert folder is not None
+    (file,) = folder.glob("*.npz")
     file.write_bytes(b"spoilt")
     second = _built(path)
     assert second.from_cache
@@ -408,6 +412,15 @@ def test_a_grid_of_one_s_own_is_the_body_it_was_written_from(written, tmp_path):
     metres = text.replace("modes", own.replace("1000", "1") + "modes", 1)
     with pytest.raises(InputError, match=r"`wheel\.body\.grid_unit_mm`.* 1000 for one in metres"):
         _built(written(_PAIR + metres))
+
+
+def test_equal_inputs_give_equal_bodies(written, monkeypatch):
+    path = written(_PAIR + _BODY)
+    monkeypatch.setenv("JAXGEAR_CACHE", "off")
+    first, second = (_built(path) for _ in range(2))
+    assert not first.from_cache
+    assert not second.from_cache
+    assert content_hash(first.body) == content_hash(second.body)
 
 
 @pytest.mark.parametrize(
