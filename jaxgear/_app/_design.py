@@ -53,14 +53,14 @@ class DesignSpace(eqx.Module):
     start: np.ndarray
     box: optimise.Box
 
-    def updates(self, values: Reals) -> dict[str, Scalar]:
+    def updates(self, values: Reals | np.ndarray) -> dict[str, Any]:
         """Scene keys and their values at a point of the space, in the units of the keys."""
         pairs = dict(zip(self.keys, values, strict=True))
         if self.symmetric:
             pairs |= {twin(key): value for key, value in pairs.items()}
         return pairs | {key: pairs[owner] for key, owner in self.ties}
 
-    def model(self, values: Reals) -> PairModel:
+    def model(self, values: Reals | np.ndarray) -> PairModel:
         """The model at a point of the space; traceable by JAX."""
         return self.variation.model(self.updates(values))
 

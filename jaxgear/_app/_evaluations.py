@@ -3,6 +3,7 @@
 So a program is compiled once, whatever torque, relief or smoothing width it is then called with.
 """
 
+import dataclasses
 import hashlib
 import json
 import uuid
@@ -66,12 +67,15 @@ class Variation(eqx.Module):
     """
 
     wording: Wording = eqx.field(static=True)
-    numbers: dict[str, Scalar]
+    numbers: dict[str, Any]
     base: PairModel | None
 
-    def model(self, updates: dict[str, Scalar]) -> PairModel:
+    def model(self, updates: dict[str, Any]) -> PairModel:
         """The model with other values of some keys, in the units of the keys."""
-        scene = self.wording.scene.replace(self.numbers | updates)
+        scene = self.wording.scene
+        # To be told a number again is not to have been given it: some are left out if nobody was.
+        given = scene.replace(updates).given
+        scene = dataclasses.replace(scene.replace(self.numbers | updates), given=given)
         if self.base is None:
             return model_of(scene)
         flanks = flanks_of(scene, self.base.pair)
@@ -134,7 +138,7 @@ class Task(eqx.Module):
     keys: tuple[tuple[str, ...], ...] = eqx.field(static=True)
     objective: optimise.AbstractObjective
     limited: tuple[optimise.AbstractObjective, ...]
-    torques: Reals
+    torques: Reals | np.ndarray
     grid: MeshGrid
     prepared: PreparedMesh | None
     worst: bool = eqx.field(static=True)

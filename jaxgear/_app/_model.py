@@ -69,6 +69,9 @@ from jaxgear._system._support import Support
 from jaxgear._types import Scalar
 from jaxgear._units import GPa, N_per_mm_um, deg, mm, um
 
+# A number of a scene in SI: in NumPy, or traced.
+Number = Scalar | np.ndarray | np.floating | float
+
 
 def model_of(scene: Scene) -> PairModel:
     """Build the model that a scene describes.
@@ -185,11 +188,11 @@ def law_of(scene: Scene) -> AbstractContactLaw:
     return ExactContact() if scene["mesh.contact"] == "exact" else smooth_law_of(scene)
 
 
-def _real(scene: Scene, key: str) -> Scalar:
+def _real(scene: Scene, key: str) -> Number:
     return _plain(scene[key])
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: Any) -> Number:
     """A number of a scene; in NumPy, whose arithmetic is not compiled, unless JAX traces it."""
     return value if isinstance(value, Tracer) else np.asarray(value, dtype=float)
 
@@ -241,7 +244,7 @@ def _gear(scene: Scene, name: str) -> Gear:
 
 
 def _material(scene: Scene, name: str, read: Callable[[str], Any] | None = None) -> Material:
-    def own(key: str) -> Scalar:
+    def own(key: str) -> Number:
         path = f"{name}.material.{key}"
         path = path if path in scene.values else f"material.{key}"
         return _plain((read or scene.__getitem__)(path))
@@ -321,7 +324,7 @@ def _indexing(scene: Scene, pair: GearPair, name: str) -> Indexing | None:
     )
 
 
-def _relief(scene: Scene, root: str) -> tuple[Scalar, Scalar, int]:
+def _relief(scene: Scene, root: str) -> tuple[Number, Number, int]:
     """Depth, extent and exponent of a relief."""
     exponent = {"linear": 1, "parabolic": 2}[scene[f"{root}.shape"]]
     return _real(scene, f"{root}.depth_um") * um, _real(scene, f"{root}.extent"), exponent
@@ -377,7 +380,7 @@ def _shaft(
     """The shaft of a scene, its numbers read by `read`."""
     root = f"{name}.shaft"
 
-    def number(key: str, unit: float, default: float | None = None) -> Scalar | None:
+    def number(key: str, unit: float, default: float | None = None) -> Number | None:
         if scene.get(key) is None:
             return default
         return _plain(read(key)) * unit

@@ -129,6 +129,11 @@ def is_named(function: Callable[..., Any]) -> bool:
     return "<" not in function.__qualname__
 
 
+def forget() -> None:
+    """Let go of the programs of this process."""
+    _named_program.cache_clear()
+
+
 # More than the programs of any one command.
 @functools.lru_cache(maxsize=64)
 def _named_program(
@@ -175,8 +180,8 @@ def _flat(function: Callable[..., Any], structure: Any) -> tuple[Callable[..., A
 
 def _path(function: Callable[..., Any], structure: Any, kinds: tuple[Kind, ...]) -> Path | None:
     """Where a program is kept; None where none is, or where it cannot be told from others."""
-    folder = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
-    if not folder or not jax.config.jax_enable_compilation_cache:  # pyright: ignore[reportAttributeAccessIssue]
+    folder = _folder()
+    if folder is None:
         return None
     content = io.BytesIO()
     pickler = pickle.Pickler(content, protocol=5)
@@ -188,7 +193,14 @@ def _path(function: Callable[..., Any], structure: Any, kinds: tuple[Kind, ...])
         return None
     key = hashlib.sha256(content.getvalue() + _surroundings().encode()).hexdigest()
     # Ends as the files of JAX's cache do, with which it is counted and removed.
-    return Path(folder) / f"lowered_{function.__name__}-{key}-cache"
+    return folder / f"lowered_{function.__name__}-{key}-cache"
+
+
+def _folder() -> Path | None:
+    """The folder of JAX's cache, if it is to be used."""
+    used = jax.config.jax_enable_compilation_cache  # pyright: ignore[reportAttributeAccessIssue]
+    folder = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
+    return Path(folder) if used and folder else None
 
 
 @functools.cache

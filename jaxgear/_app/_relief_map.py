@@ -1,6 +1,5 @@
 """The command `map`: the Master Curve on a map of depth and extent of tip relief."""
 
-import dataclasses
 from pathlib import Path
 
 import jax
@@ -66,9 +65,9 @@ def map_relief(scene: Scene, folder: Path, quiet: bool) -> Summary:
     )
     depth, extent = _map_axes(scene, deflection)
     task = _task(space, statics)
-    rms = dataclasses.replace(task, objective=optimise.TransmissionErrorRms())
+    exact = ExactContact()
     te_rms = optimise.Batched(
-        lambda points: watch(side_by_side, rms, points / _UNITS, ExactContact())
+        lambda points: np.sqrt(watch(side_by_side, task, points / _UNITS, exact))
     )
     with progress(depth.size * extent.size, "map", quiet) as done:
         chart, valley = optimise.relief_map(te_rms, depth, extent, done=done)
