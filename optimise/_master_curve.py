@@ -112,8 +112,10 @@ def relief_map(
     """
     count = len(depth)
     # One shape for every call: it is compiled once.
-    many = jax.jit(jax.vmap(lambda point: response(point[0], point[1])))
-    batch = response if isinstance(response, Batched) else Batched(many)
+    if isinstance(response, Batched):
+        batch = response
+    else:
+        batch = Batched(jax.jit(jax.vmap(lambda point: response(point[0], point[1]))))
 
     def evaluate(depths: np.ndarray, extents: np.ndarray) -> np.ndarray:
         padding = (0, -len(depths) % count)
@@ -215,8 +217,9 @@ def traced_curve(
 
     - `FloatingPointError` where the deviations are not finite.
     """
-    sloped = deviations
-    if not isinstance(deviations, Sloped):
+    if isinstance(deviations, Sloped):
+        sloped = deviations
+    else:
         sloped = with_jacobian(lambda point: deviations(point[0], point[1]))
 
     def at(depth: float, gamma: float) -> np.ndarray:

@@ -685,7 +685,7 @@ def prepared_mesh(
         and statics.grid == grid
         and list(torques) == [float(statics.model.torque)]
     )
-    if own and statics.prepared is not None:
+    if own and statics is not None and statics.prepared is not None:
         return jax.tree.map(lambda x: np.asarray(x)[None], statics.prepared)
     return watch(optimise.prepare_torques, space.base, torques, grid, options=QUICKLY)
 

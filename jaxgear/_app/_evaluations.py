@@ -25,7 +25,7 @@ from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact, SmoothContact
 from jaxgear._solve._cycle import PreparedMesh
 from jaxgear._system._model import PairModel
-from jaxgear._types import Reals, Scalar
+from jaxgear._types import Reals, Scalar, as_reals
 
 
 class Wording:
@@ -138,7 +138,7 @@ class Task(eqx.Module):
     keys: tuple[tuple[str, ...], ...] = eqx.field(static=True)
     objective: optimise.AbstractObjective
     limited: tuple[optimise.AbstractObjective, ...]
-    torques: Reals | np.ndarray
+    torques: Reals = eqx.field(converter=as_reals)
     grid: MeshGrid
     prepared: PreparedMesh | None
     worst: bool = eqx.field(static=True)

@@ -194,7 +194,7 @@ def _real(scene: Scene, key: str) -> Number:
 
 def _plain(value: Any) -> Number:
     """A number of a scene; in NumPy, whose arithmetic is not compiled, unless JAX traces it."""
-    return value if isinstance(value, Tracer) else np.asarray(value, dtype=float)
+    return value if isinstance(value, Tracer | jax.Array) else np.float64(value)
 
 
 def pair_of(scene: Scene) -> GearPair:

@@ -152,7 +152,7 @@ def _named_program(
 def _compiled(
     exported: jax.export.Exported, result: Any, kinds: tuple[Kind, ...], options: Options, name: str
 ) -> Program:
-    def flat(*leaves: Any) -> list[Any]:
+    def flat(*leaves: Any) -> Any:
         return exported.call(*leaves)
 
     flat.__name__ = flat.__qualname__ = name

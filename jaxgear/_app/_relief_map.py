@@ -1,6 +1,7 @@
 """The command `map`: the Master Curve on a map of depth and extent of tip relief."""
 
 from pathlib import Path
+from typing import Any
 
 import jax
 import numpy as np
@@ -185,7 +186,7 @@ def _traced(
 ) -> optimise.TracedCurve:
     """The best depth followed from the longest of extents to the shortest, exactly."""
 
-    def deviations(point: Array) -> tuple[np.ndarray, np.ndarray]:
+    def deviations(point: Array) -> tuple[Any, Any]:
         found, slopes = watch(sloped_deviations, task, np.asarray(point) / _UNITS)
         return um * np.asarray(found), um * np.asarray(slopes) / _UNITS
 
@@ -228,9 +229,10 @@ def _valley_summary(valley: optimise.Valley, closed: np.ndarray) -> Summary:
 
 
 def _draw_bias(
-    scene: Scene, folder: Path, model: PairModel, prepared: PreparedMesh, watch: Stopwatch
+    scene: Scene, folder: Path, model: PairModel, prepared: PreparedMesh | None, watch: Stopwatch
 ) -> Summary:
     """Smooth against exact contact on a flank whose ends are out of contact."""
+    assert prepared is not None
     widths = um * np.geomspace(0.02, 5.0, 17)
     mean, rms, exact = map(
         np.asarray, watch(smoothing_bias, model, prepared, widths, options=QUICKLY)

@@ -282,7 +282,9 @@ def _middle(mount: Shaft | Support, body: GearBody) -> Float[Array, "6 node_dof"
     return jnp.zeros((6, body.seat_load.size)).at[:, first : first + 6].set(moved)
 
 
-def gear_disc(pair: GearPair, index: int, mount: Support | Shaft, **given: Scalar) -> RigidBody:
+def gear_disc(
+    pair: GearPair, index: int, mount: Support | Shaft, **given: Scalar | float
+) -> RigidBody:
     """A gear's body where nothing else is said of it: a disc out to the root circle.
 
     It begins at the bore or, without one, at its shaft, which has a mass of its own.

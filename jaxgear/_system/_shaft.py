@@ -7,7 +7,7 @@ shaft is built.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax
@@ -474,7 +474,7 @@ def _element(
     return jnp.stack([beam_stiffness(beam), beam_mass(beam), beam_gyroscopic(beam)], axis=-1)
 
 
-def _places(shaft: Shaft, body_width: Scalar | None) -> Mapping[str, Scalar]:
+def _places(shaft: Shaft, body_width: Any) -> Mapping[str, Any]:
     """Height of every named point, those that own a station first."""
     places = {f"bearing {i}": bearing.at for i, bearing in enumerate(shaft.bearings)}
     if body_width is None:
