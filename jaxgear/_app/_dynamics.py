@@ -112,31 +112,31 @@ def dynamics_of(scene: Scene, model: PairModel, grid: MeshGrid | None = None) ->
     The pair, in SI; look at `cycle.converged`.
     """
     grid = dynamic_grid_of(scene, model) if grid is None else grid
-    damping, terms = _terms_of(scene)
-    return pair_dynamics(model, grid, damping, **dict(terms.named))
+    damping, wanted = _wanted_of(scene)
+    return pair_dynamics(model, grid, damping, **dict(wanted.named))
 
 
-class _Terms(eqx.Module):
+class _Wanted(eqx.Module):
     """What of a pair's motion is looked at, by the names that `pair_dynamics` has for it."""
 
     named: tuple[tuple[str, Any], ...] = eqx.field(static=True)
 
 
-def _terms_of(scene: Scene) -> tuple[AbstractDamping, _Terms]:
+def _wanted_of(scene: Scene) -> tuple[AbstractDamping, _Wanted]:
     named = (
         ("gyroscopic", scene["model.gyroscopic"]),
         ("active_mesh_damping", scene["damping.active_mesh"]),
         ("centrifugal", scene["sweep.centrifugal"]),
         ("mesh_coordinates", scene.get("model.mesh_coordinates", 12)),
     )
-    return damping_of(scene), _Terms(named)
+    return damping_of(scene), _Wanted(named)
 
 
 def _with_modes(
-    model: PairModel, grid: MeshGrid, damping: AbstractDamping, terms: _Terms
+    model: PairModel, grid: MeshGrid, damping: AbstractDamping, wanted: _Wanted
 ) -> tuple[PairDynamics, Modes]:
     """A pair in motion, and its natural modes."""
-    pair = pair_dynamics(model, grid, damping, **dict(terms.named))
+    pair = pair_dynamics(model, grid, damping, **dict(wanted.named))
     return pair, pair_modes(pair)
 
 
@@ -235,7 +235,7 @@ def solve_dynamics(scene: Scene, watch: Stopwatch) -> Dynamics:
     """
     model = model_of(scene)
     grid = dynamic_grid_of(scene, model)
-    pair, modes = watch(_with_modes, model, grid, *_terms_of(scene), options=QUICKLY)
+    pair, modes = watch(_with_modes, model, grid, *_wanted_of(scene), options=QUICKLY)
     require_solved(pair.cycle.converged)
     if scene["mesh.contact"] == "exact" and not scene.get("mesh.pinion_speed_rad_s"):
         statics = settled_statics(model, grid, ExactContact(), pair.cycle, watch)

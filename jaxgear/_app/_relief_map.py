@@ -188,7 +188,7 @@ def _traced(
 
     def deviations(point: Array) -> tuple[Any, Any]:
         found, slopes = watch(sloped_deviations, task, np.asarray(point) / _UNITS)
-        return um * np.asarray(found), um * np.asarray(slopes) / _UNITS
+        return as_reals(um * np.asarray(found)), as_reals(um * np.asarray(slopes) / _UNITS)
 
     with progress(extent.size, "Master Curve", quiet) as done:
         sloped = optimise.Sloped(deviations)
