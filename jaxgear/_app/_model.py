@@ -70,7 +70,7 @@ from jaxgear._types import Scalar
 from jaxgear._units import GPa, N_per_mm_um, deg, mm, um
 
 # A number of a scene in SI: in NumPy, or traced.
-Number = Scalar | np.ndarray | np.floating | float
+Number = Scalar | float
 
 
 def model_of(scene: Scene) -> PairModel:
