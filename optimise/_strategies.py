@@ -10,14 +10,14 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
-from optimise._record import Box, Objective, SearchResult, Sloped, batched, with_gradient
+from optimise._record import Batched, Box, Objective, SearchResult, Sloped, batched, with_gradient
 from optimise._search import lbfgs
 
 Search = Callable[..., SearchResult]
 
 
 def multi_start(
-    objective: Objective,
+    objective: Objective | Batched,
     box: Box,
     *,
     search: Search = lbfgs,

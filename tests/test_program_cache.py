@@ -204,7 +204,7 @@ def test_others_are_shut_out_of_a_folder_that_was_open(user, settings):
 
 @pytest.mark.parametrize("what", ["jax", "jaxlib", "python", "processor"])
 def test_another_version_or_processor_has_a_folder_of_its_own(monkeypatch, what):
-    import jaxlib.version
+    import jax.lib
 
     before = _program_cache._fingerprint()
     assert before == _program_cache._fingerprint()
@@ -212,7 +212,7 @@ def test_another_version_or_processor_has_a_folder_of_its_own(monkeypatch, what)
         case "jax":
             monkeypatch.setattr(jax, "__version__", "99")
         case "jaxlib":
-            monkeypatch.setattr(jaxlib.version, "__version__", "99")
+            monkeypatch.setattr(jax.lib, "__version__", "99")
         case "python":
             monkeypatch.setattr(sys.implementation, "cache_tag", "cpython-399")
         case _:

@@ -21,7 +21,7 @@ from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
 from jaxgear._system._body_family import BodyFamily, body_family, family_parameters
 from jaxgear._system._body_modes import BodyBasis, body_basis
-from jaxgear._system._flexible import FlexibleBody, flexible_body
+from jaxgear._system._flexible import FlexibleBody, flexible_body, require_short_elements
 
 
 class OpenCycle(InputError):
@@ -71,6 +71,11 @@ def with_bodies(
     torque = jnp.asarray(scene["pair.torque_pinion_Nm"] + couples_on_pinion(scene))
     # All plans before any long work: a mistake in the second costs no wait.
     plans = [body_plan(scene, gear) for gear in scene.condensed]
+    for plan in plans:
+        if isinstance(plan.source, Drawn):
+            with in_keys(plan.gear):
+                pitches = scene[f"{plan.gear}.teeth"] / plan.source.fineness.sectors
+                require_short_elements(plan.gear, pitches)
     # Modes do not follow: what is to vibrate stays as it is.
     measures = {} if moving else {plan.gear: _varied_measure(scene, plan) for plan in plans}
     made = [_made(scene, plan, tell, moving) for plan in plans]

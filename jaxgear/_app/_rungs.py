@@ -155,7 +155,7 @@ class Tables:
                 grid = grid_of(scene.replace({"mesh.phases": phases}), model)
                 self.builders[program] = lambda model: dynamics_of(scene, model, grid)
             # It runs once: compiled in half the time it runs twice as long.
-            options = {"xla_backend_optimization_level": 0}
+            options = (("xla_backend_optimization_level", 0),)
             found = self.watch(self.builders[program], model, options=options)
             require_solved(found.cycle.converged)
             self.built[key] = found

@@ -85,8 +85,8 @@ def _pair(
 
 
 @eqx.filter_jit
-def _terms(model: PairModel, dynamics: PairDynamics, damping: RayleighDamping):
-    bodies = vibrating_bodies(model, dynamics.cycle.system)
+def _terms(model: PairModel, grid: jg.MeshGrid, dynamics: PairDynamics, damping: RayleighDamping):
+    bodies = vibrating_bodies(model, dynamics.cycle.system, grid)
     size = max(dynamics.dofs) + 1
     return turning_terms(bodies, size, damping, whole=False)
 
@@ -94,7 +94,8 @@ def _terms(model: PairModel, dynamics: PairDynamics, damping: RayleighDamping):
 def _by_default(rate: float = 1500.0) -> DynamicSystem:
     """The same pair without terms of rotation of the body: waves alone turn with it."""
     dynamics, grid = _pair(rate), _grid()
-    terms, dofs = _terms(_model(grid), dynamics, _mass_damped(rate)), np.asarray(dynamics.dofs)
+    terms = _terms(_model(grid), grid, dynamics, _mass_damped(rate))
+    dofs = np.asarray(dynamics.dofs)
     among = lambda x: x[dofs[:, None], dofs] if x.ndim == 2 else x[dofs]
     terms = jax.tree.map(among, terms)
     return dataclasses.replace(dynamics.system, gyroscopic=terms.gyroscopic, turning=terms)
