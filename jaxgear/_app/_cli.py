@@ -8,6 +8,7 @@ commands are imported only once the scene is known to be good.
 import _thread
 import argparse
 import difflib
+import gc
 import importlib.metadata
 import io
 import json
@@ -391,6 +392,8 @@ def _compute(command: str, scene: Scene, folder: Folder, quiet: bool) -> Mapping
 
     jax.config.update("jax_enable_x64", True)
     cache_compilations(warn)
+    # Python would look for garbage over and over through all that JAX has traced.
+    gc.set_threshold(200_000, 50, 100)
     from jaxgear._app import _commands
     from jaxgear._app._statics import SolverFailure
 
