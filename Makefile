@@ -19,14 +19,15 @@ DEMO_OUT := $(DEMO)/results/accessory
 
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: help demo test types suite test-slow bench clean
+.PHONY: help demo test types suite test-slow test-faults bench clean
 
 help:
-	@echo 'make demo       a gear pair from scene to pictures, in $(DEMO)/'
-	@echo 'make test       format, lint, types, tests'
-	@echo 'make test-slow  the tests that take minutes'
-	@echo 'make bench      timings'
-	@echo 'make clean      remove all that the others made'
+	@echo 'make demo         a gear pair from scene to pictures, in $(DEMO)/'
+	@echo 'make test         format, lint, types, tests'
+	@echo 'make test-slow    the tests that take minutes'
+	@echo 'make test-faults  plants faults in the sources, and sees whether the tests catch them'
+	@echo 'make bench        timings'
+	@echo 'make clean        remove all that the others made'
 
 demo: $(VENV)/.installed
 	rm -rf $(DEMO)
@@ -55,10 +56,15 @@ suite: $(VENV)/.installed-dev
 test-slow: $(VENV)/.installed-dev
 	$(BIN)/pytest -m slow
 
+# Slow: every fault is a run of its own. One by one: `python tests/planted_faults.py --help`.
+test-faults: $(VENV)/.installed-dev
+	$(BIN)/python tests/planted_faults.py --jobs 2
+
 bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/bench.py
 	$(BIN)/python benchmarks/bench_bodies.py
 	$(BIN)/python benchmarks/bench_hybrid.py
+	$(BIN)/python benchmarks/bench_answers.py
 
 clean:
 	rm -rf $(VENV) $(DEMO) results/bench build dist .pytest_cache .ruff_cache

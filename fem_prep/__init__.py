@@ -2,64 +2,9 @@
 
 From a grid of 20-node bricks, made here or brought along, to a small set of matrices on the rim
 and the seats of the bearings, in one file. NumPy, SciPy and scikit-fem; everything is SI and
-radians. Names stand in the order in which data flows.
+radians. The names stand in `__init__.pyi`; each is imported when it is first asked for.
 """
 
-from ._checks import BodyError as BodyError
+import lazy_loader
 
-from ._grid import Grid as Grid
-
-from ._web import Fineness as Fineness
-from ._web import GearBody as GearBody
-from ._web import Holes as Holes
-from ._web import SeatPlace as SeatPlace
-from ._web import Segment as Segment
-from ._web import Web as Web
-from ._web import body_grid as body_grid
-from ._web import exact_properties as exact_properties
-from ._web import symmetry as symmetry
-
-from ._quality import check_grid as check_grid
-from ._quality import quality as quality
-
-from ._files import read_grid as read_grid
-from ._files import write_vtu as write_vtu
-
-from ._assembly import Material as Material
-from ._assembly import assemble as assemble
-from ._assembly import stress_stiffening as stress_stiffening
-
-from ._symmetry import Rotation as Rotation
-
-from ._artefact import ReducedBody as ReducedBody
-from ._artefact import balanced as balanced
-from ._artefact import floating as floating
-
-from ._body_file import read_body as read_body
-from ._body_file import write_body as write_body
-
-from ._boundary import FullBody as FullBody
-from ._boundary import Seat as Seat
-from ._boundary import Teeth as Teeth
-from ._boundary import full_body as full_body
-
-from ._modes import free_modes as free_modes
-from ._modes import reduced_modes as reduced_modes
-
-from ._condense import condense as condense
-from ._condense import hold as hold
-from ._condense import recovered as recovered
-
-from ._fourier import expected_split as expected_split
-from ._fourier import families as families
-from ._fourier import identify as identify
-from ._fourier import symmetry_splitting as symmetry_splitting
-
-from ._answers import Solid as Solid
-from ._answers import Springs as Springs
-from ._answers import described_modes as described_modes
-from ._answers import solid_of as solid_of
-
-from ._health import health_report as health_report
-
-from ._imports import import_superelement as import_superelement
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -546,7 +546,8 @@ def conditioning(reduced: ReducedBody) -> dict[str, Any]:
     return {
         "mass_definite": True,
         "largest_frequency_Hz": float(math.sqrt(square[0]) / (2 * math.pi)),
-        "mass_condition": float(1 / max(reciprocal, 1e-300)),
+        # Its last digits depend on where in memory the matrix lies, and this is hashed.
+        "mass_condition": float(f"{1 / max(reciprocal, 1e-300):.12g}"),
     }
 
 

@@ -6,12 +6,14 @@ middle of the toothed face, x towards the middle of tooth 0.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.linalg
-from scipy.sparse import csr_array
 
 from ._checks import require
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 FORMAT = 1
 UNITS = "SI: m, kg, s, N, rad"
@@ -130,7 +132,7 @@ def rigid_motions(points: np.ndarray) -> np.ndarray:
     return motions.reshape(-1, 6)
 
 
-def balanced(load: np.ndarray, mass: np.ndarray | csr_array, rigid: np.ndarray) -> np.ndarray:
+def balanced(load: np.ndarray, mass: "np.ndarray | csr_array", rigid: np.ndarray) -> np.ndarray:
     """A load less what the rigid acceleration it causes takes of it.
 
     **Arguments:**
@@ -165,6 +167,9 @@ def floating(body: ReducedBody, load: np.ndarray) -> np.ndarray:
 
     - `BodyError` if the loads do not balance: a free body has no static answer to them.
     """
+    # Not needed to list what the cache holds, which is to be done in no time.
+    import scipy.linalg
+
     rigid = body.rigid_motions
     momenta = body.mass @ rigid
     out_of_balance = np.linalg.norm(rigid.T @ load)

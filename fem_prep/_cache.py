@@ -4,24 +4,35 @@ The cache only saves time: where it cannot be read or written, work goes on with
 `CacheWarning` says so.
 """
 
+import contextlib
 import dataclasses
 import hashlib
 import importlib.metadata
 import json
 import os
-import sys
+import time
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
+import platformdirs
 
 from ._artefact import FORMAT, ReducedBody
 from ._body_file import read_about, read_body, write_body
-from ._checks import BodyError
+from ._checks import BodyError, require
 
 # Raised whenever the same inputs would give another body than before.
 METHOD = 1
+
+# Of all bodies together [byte]; those that were not used for longest go first.
+LIMIT = 5_000_000_000
+
+# A body says by this fact what it was made from: the name of its file may be wrong.
+MADE_FROM = "made_from"
+
+# Nobody writes to a draft that is as old as this any more [s].
+_STALE = 3600.0
 
 # Files are read in pieces of this size [byte].
 _PIECE = 1 << 20
@@ -49,17 +60,17 @@ class Entry:
     used: float
 
 
-def cache_folder() -> Path:
-    """Where bodies are kept: `$JAXGEAR_CACHE`, or the user's cache folder of the system."""
-    if own := os.environ.get("JAXGEAR_CACHE"):
-        return Path(own).expanduser() / "bodies"
-    if sys.platform == "win32":
-        general = os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local"
-    elif sys.platform == "darwin":
-        general = Path.home() / "Library" / "Caches"
-    else:
-        general = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(general) / "jaxgear" / "bodies"
+def cache_folder() -> Path | None:
+    """Where bodies are kept, None if they are not: below `$JAXGEAR_CACHE`, unless that is `off`.
+
+    Without it, below the user's cache folder of the system.
+    """
+    own = os.environ.get("JAXGEAR_CACHE")
+    if own == "off":
+        return None
+    # No author and no more words than the name: the same folder as that of compiled programs.
+    user = platformdirs.user_cache_path("jaxgear", appauthor=False, opinion=False)
+    return (Path(own).expanduser() if own else user) / "bodies"
 
 
 def key_of(inputs: Mapping[str, object]) -> str:
@@ -121,26 +132,60 @@ def cached(key: str, build: Callable[[], ReducedBody]) -> tuple[ReducedBody, boo
 
     The body, and whether it came from the cache.
     """
-    path = _path(key)
+    folder = cache_folder()
+    if folder is None:
+        return _made(key, build), False
+    path = folder / f"{key}.npz"
     if path.is_file():
         try:
             body = read_body(path)
+            require(
+                body.facts.get(MADE_FROM) == key,
+                "The file {path} holds a body that was made from something else.",
+                path=path,
+            )
         except (BodyError, OSError) as error:
             _warn(f"A condensed body in the cache cannot be used and is made anew. {error}")
         else:
             _mark_used(path)
             return body, True
-    body = build()
+    body = _made(key, build)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
         write_body(path, body)
     except OSError as error:
         _warn(
-            f"The condensed body cannot be kept in {path.parent} ({error.strerror or error}) and "
+            f"The condensed body cannot be kept in {folder} ({error.strerror or error}) and "
             "will be made anew each time. Free space there, or set JAXGEAR_CACHE to a folder that "
             "can be written to."
         )
+    _tidy(path)
     return body, False
+
+
+def _made(key: str, build: Callable[[], ReducedBody]) -> ReducedBody:
+    """A new body that says what it was made from."""
+    body = build()
+    return dataclasses.replace(body, facts={**body.facts, MADE_FROM: key})
+
+
+def _tidy(newest: Path) -> None:
+    """Remove what killed processes have left, and old bodies until the rest is within the limit."""
+    for path in _files(".*.tmp"):
+        with contextlib.suppress(OSError):
+            if path.stat().st_mtime < time.time() - _STALE:
+                path.unlink()
+    found = []
+    for path in _files("*.npz"):
+        with contextlib.suppress(OSError):
+            about = path.stat()
+            found.append((about.st_mtime, about.st_size, path))
+    excess = sum(size for _, size, _ in found) - LIMIT
+    for _, size, path in sorted(found):
+        if excess > 0 and path != newest:
+            with contextlib.suppress(OSError):
+                path.unlink()
+                excess -= size
 
 
 def entries() -> list[Entry]:
@@ -170,7 +215,12 @@ def clear(keys: Iterable[str] | None = None) -> int:
 
     What was freed [byte].
     """
-    paths = [*_files("*.npz"), *_files(".*.tmp")] if keys is None else [_path(key) for key in keys]
+    paths = _files("*.npz")
+    if keys is None:
+        paths += _files(".*.tmp")
+    else:
+        wanted = set(keys)
+        paths = [path for path in paths if path.stem in wanted]
     freed = 0
     for path in paths:
         try:
@@ -182,23 +232,18 @@ def clear(keys: Iterable[str] | None = None) -> int:
     return freed
 
 
-def _path(key: str) -> Path:
-    return cache_folder() / f"{key}.npz"
-
-
 def _files(pattern: str) -> list[Path]:
+    folder = cache_folder()
     try:
-        return sorted(cache_folder().glob(pattern))
+        return sorted(folder.glob(pattern)) if folder else []
     except OSError:
         return []
 
 
 def _mark_used(path: Path) -> None:
-    try:
+    # Only its place in the list suffers: a folder that is read only is of use all the same.
+    with contextlib.suppress(OSError):
         os.utime(path)
-    except OSError:
-        # Only its place in the list suffers: a folder that is read only is of use all the same.
-        return
 
 
 def _warn(message: str) -> None:

@@ -1,15 +1,24 @@
 """The two kinds of check: of what a user builds, and of the precision they build it in."""
 
-import jax.numpy as jnp
-from jax.core import Tracer
-from jaxtyping import Array, Bool
+import sys
 
 
 class InputError(ValueError):
     """What a user gave cannot be; the message says why and what to do."""
 
 
-def require(ok: bool | Bool[Array, ""], message: str, **values: object) -> None:
+def is_traced(value: object) -> bool:
+    """Say whether JAX is tracing a value. Where nobody has imported JAX, it traces nothing.
+
+    **Arguments:**
+
+    - `value`: anything.
+    """
+    jax = sys.modules.get("jax")
+    return jax is not None and isinstance(value, jax.core.Tracer)
+
+
+def require(ok: object, message: str, **values: object) -> None:
     """Raise `InputError`, a `ValueError`, unless `ok`. Says nothing while `ok` is being traced.
 
     The message is a format string, filled from `values` only when it is needed: an
@@ -25,7 +34,7 @@ def require(ok: bool | Bool[Array, ""], message: str, **values: object) -> None:
 
     - `InputError` if `ok` is false.
     """
-    if isinstance(ok, Tracer) or ok:
+    if is_traced(ok) or ok:
         return
     raise InputError(message.format(**values))
 
@@ -39,6 +48,8 @@ def require_float64() -> None:
 
     - `ValueError` if `jax_enable_x64` is off.
     """
+    import jax.numpy as jnp
+
     require(
         jnp.zeros(()).dtype == jnp.float64,
         "jaxgear needs double precision, and JAX is in single precision. Put "

@@ -1,7 +1,7 @@
 """Searches that use no gradient, to compare with: on the same objective, in the same box."""
 
 import numpy as np
-import scipy.optimize
+import scipy
 
 from optimise._record import Box, Objective, SearchResult, batched
 

@@ -12,7 +12,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy.stats
+import scipy
 from jaxtyping import Array, Float
 
 from optimise._objectives import as_scalar
@@ -59,7 +59,7 @@ def scattered(quantities: Sequence[Quantity], count: int, seed: int = 0) -> np.n
     unit = sobol(len(quantities), count, seed)
     columns = []
     for place, each in zip(unit.T, quantities, strict=True):
-        normal = scipy.stats.norm.ppf(np.clip(place, 1e-12, 1.0 - 1e-12))
+        normal = scipy.special.ndtri(np.clip(place, 1e-12, 1.0 - 1e-12))
         even = np.sqrt(3.0) * (2.0 * place - 1.0)
         columns.append(each.mean + each.deviation * (even if each.even else normal))
     return np.stack(columns, axis=1)

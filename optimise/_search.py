@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optax
-import scipy.optimize
+import scipy
 
 from optimise._record import (
     Box,
@@ -112,6 +111,9 @@ def adam(
     - `FloatingPointError` if the objective or its gradient is not finite.
     - `ValueError` if the file is of a search in another box.
     """
+    # The other searches do without it.
+    import optax
+
     record = Record(with_gradient(objective), box, watch, file)
     optimiser = optax.adam(optax.cosine_decay_schedule(learning_rate, most_evaluations))
     unit = jnp.asarray(box.to_unit(np.asarray(start, float)))

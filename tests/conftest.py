@@ -21,7 +21,8 @@ os.environ.setdefault(
     + " --xla_cpu_use_fusion_emitters=false"
     * version("jaxlib").startswith("0.10."),
 )
-# What one run has compiled the next one reads, as do commands that tests start.
+# What one run has compiled the next one reads, as do commands that tests start, of which none then
+# turns on a cache of its own.
 os.environ.setdefault(
     "JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / ".pytest_cache" / "compiled")
 )

@@ -5,6 +5,7 @@ nothing, and on planted faults, where it must find each.
 """
 
 import ast
+import functools
 import importlib
 import inspect
 import re
@@ -28,6 +29,7 @@ STAGES = (
     "_units",
     "_types",
     "_checks",
+    "_program_cache",
     "_compiled",
     "_smooth",
     "_geometry",
@@ -78,8 +80,9 @@ BODY_STAGES = (
 )
 SCENE_FILES = ("_scene", "_model", "_with_bodies")
 
-# The one place that sets the process up, so the only one that may touch JAX's configuration.
-CONFIGURES = PurePosixPath("jaxgear/_app/_cli.py")
+# The places that set a process up, of the command line and where a user asks for it: only these
+# may touch JAX's configuration.
+CONFIGURE = (PurePosixPath("jaxgear/_app/_cli.py"), PurePosixPath("jaxgear/_program_cache.py"))
 
 _SI = {"m", "s", "kg", "N", "Pa", "J", "W", "Hz", "rad", "K"}
 # At the door to the user a number may still be in the unit of the file.
@@ -98,7 +101,7 @@ class Source(NamedTuple):
     @property
     def stage(self) -> str:
         """First name below the package, without the ending."""
-        return self.path.parts[1].removesuffix(".py")
+        return PurePosixPath(self.path.parts[1]).stem
 
 
 class Import(NamedTuple):
@@ -126,12 +129,19 @@ class Class(NamedTuple):
 
 
 def read_sources(root: Path, *folders: str) -> list[Source]:
-    """Parse every Python file below the folders; one that does not exist has none."""
+    """Parse every Python file and stub below the folders; one that does not exist has none."""
     return [
-        Source(PurePosixPath(path.relative_to(root).as_posix()), ast.parse(path.read_bytes()))
+        Source(PurePosixPath(path.relative_to(root).as_posix()), _parsed(path))
         for folder in folders
-        for path in sorted((root / folder).rglob("*.py"))
+        for ending in ("*.py", "*.pyi")
+        for path in sorted((root / folder).rglob(ending))
     ]
+
+
+@functools.cache
+def _parsed(path: Path) -> ast.Module:
+    """A file's tree, for all rules: none of them changes it."""
+    return ast.parse(path.read_bytes())
 
 
 def _last_name(node: ast.AST) -> str:
@@ -222,7 +232,7 @@ def faults_of_body_flow(sources: Iterable[Source]) -> Iterator[str]:
 
 
 def _faults_of_door(source: Source) -> Iterator[str]:
-    """`__init__` re-exports in the order of the flow, `__main__` opens `_app`.
+    """The stub of `__init__` names all in the order of the flow, `__main__` opens `_app`.
 
     Of `_app`, `__init__` shows only how a scene file is read and becomes a model.
     """
@@ -240,6 +250,15 @@ def _faults_of_door(source: Source) -> Iterator[str]:
             yield f"{source.at(found.node)}: {found.name} stands below a later stage"
         else:
             latest = STAGES.index(names[0])
+
+
+def faults_of_doors(sources: Iterable[Source]) -> Iterator[str]:
+    """Public names stand in the stub: whoever asks for one waits for no other."""
+    for source in sources:
+        if source.path.parts[1:] == ("__init__.py",):
+            for found in _imports(source):
+                if found.parts[0] in PACKAGES:
+                    yield f"{source.at(found.node)}: name {found.name} in `__init__.pyi`"
 
 
 def faults_of_sides(sources: Iterable[Source]) -> Iterator[str]:
@@ -408,8 +427,9 @@ def faults_of_docstrings(sources: Iterable[Source]) -> Iterator[str]:
 
 def faults_of_globals(sources: Iterable[Source]) -> Iterator[str]:
     """The library leaves JAX's configuration to whoever runs the process."""
+    named = " and ".join(map(str, CONFIGURE))
     for source in sources:
-        if source.path == CONFIGURES:
+        if source.path in CONFIGURE:
             continue
         for node in ast.walk(source.tree):
             match node:
@@ -420,7 +440,7 @@ def faults_of_globals(sources: Iterable[Source]) -> Iterator[str]:
                 case _:
                     continue
             if touched:
-                yield f"{source.at(node)}: only {CONFIGURES} may change the configuration"
+                yield f"{source.at(node)}: only {named} may change the configuration"
 
 
 def faults_of_annotations(sources: Iterable[Source]) -> Iterator[str]:
@@ -436,6 +456,7 @@ def faults_of_annotations(sources: Iterable[Source]) -> Iterator[str]:
 RULES = (
     faults_of_flow,
     faults_of_body_flow,
+    faults_of_doors,
     faults_of_sides,
     faults_of_classes,
     faults_of_fields,
@@ -472,25 +493,42 @@ def test_names_of_classes_are_unique():
         assert len(_classes(sources)) == count
 
 
-def test_every_module_carries_the_shape_checks():
+@pytest.fixture(scope="module")
+def modules():
     # The packages themselves are found by the editable install, past the hook: they hold no code.
+    return [
+        importlib.import_module(".".join(source.path.with_suffix("").parts))
+        for source in read_sources(ROOT, "jaxgear", "optimise")
+        if source.path.stem not in ("__init__", "__main__")
+    ]
+
+
+def test_every_module_carries_the_shape_checks(modules):
+    assert modules
+    for module in modules:
+        loader = type(module.__loader__)
+        assert loader.__module__.partition(".")[0] == jaxtyping.__name__, f"{module}: {loader}"
+
+
+@pytest.mark.parametrize("name", PACKAGES)
+def test_every_public_name_is_there_when_asked_for(name):
+    package = importlib.import_module(name)
+    (stub,) = (x for x in read_sources(ROOT, name) if x.path.name == "__init__.pyi")
+    listed = [found.parts[-1] for found in _imports(stub)]
+    assert len(set(listed)) == len(listed)
+    assert sorted(listed) == package.__all__ == dir(package)
+    assert all(getattr(package, each) is not None for each in listed)
+    with pytest.raises(AttributeError, match="no_such_name"):
+        _ = package.no_such_name
+
+
+def test_import_makes_no_array():
+    # One made before the user's script turns double precision on would be in single precision,
+    # and one made in a file first asked for while JAX traces would be of that trace alone.
     names = [
         ".".join(source.path.with_suffix("").parts)
         for source in read_sources(ROOT, "jaxgear", "optimise")
         if source.path.stem not in ("__init__", "__main__")
-    ]
-    assert names
-    for name in names:
-        loader = type(importlib.import_module(name).__loader__)
-        assert loader.__module__.partition(".")[0] == jaxtyping.__name__, f"{name}: {loader}"
-
-
-def test_import_makes_no_array():
-    # One made before the user's script turns double precision on would be in single precision.
-    names = [
-        ".".join(source.path.with_suffix("").parts)
-        for source in read_sources(ROOT, "jaxgear", "optimise")
-        if source.path.stem not in ("__init__", "__main__", CONFIGURES.stem)
     ]
     assert _arrays_made_by(f"import jaxgear, optimise, {', '.join(names)}") == 0
 
@@ -550,10 +588,10 @@ def test_sources_are_read_from_disc(tmp_path):
         ("jaxgear/_geometry/_pair.py", "from optimise import minimise"),
         ("jaxgear/_geometry/_pair.py", "import fem_prep"),
         ("jaxgear/_geomtry.py", "x = 1"),
-        ("jaxgear/__init__.py", "from ._app._cli import main"),
-        ("jaxgear/__init__.py", "from optimise import minimise"),
+        ("jaxgear/__init__.pyi", "from ._app._cli import main"),
+        ("jaxgear/__init__.pyi", "from optimise import minimise"),
         (
-            "jaxgear/__init__.py",
+            "jaxgear/__init__.pyi",
             "from ._solve import solve as solve\nfrom ._geometry import Gear as Gear",
         ),
         ("jaxgear/__main__.py", "from jaxgear._geometry import GearPair"),
@@ -569,7 +607,7 @@ def test_upstream_import_is_found(path, text):
         ("jaxgear/_geometry/_pair.py", "from .._types import Scalar\nfrom ._gear import Gear"),
         ("jaxgear/_geometry/_pair.py", "import jax\nfrom jaxgear._geometry import _gear"),
         ("jaxgear/_app/_run.py", "import jaxgear as jg, optimise\nfrom .._solve import solve"),
-        ("jaxgear/__init__.py", "from ._geometry import Gear as Gear\nfrom ._solve import s as s"),
+        ("jaxgear/__init__.pyi", "from ._geometry import Gear as Gear\nfrom ._solve import s as s"),
         ("jaxgear/__main__.py", "import sys\nfrom jaxgear._app._cli import main"),
     ],
 )
@@ -613,6 +651,14 @@ def test_downstream_flow_is_allowed_in_bodies():
 )
 def test_private_import_is_found(path, text):
     assert len(_faults(faults_of_sides, path, text)) == 1
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_import_of_all_names_at_once_is_found(package):
+    text = "import lazy_loader\nfrom ._grid import Grid as Grid"
+    assert len(_faults(faults_of_doors, f"{package}/__init__.py", text)) == 1
+    assert not _faults(faults_of_doors, f"{package}/__init__.pyi", text)
+    assert not _faults(faults_of_doors, f"{package}/_app/__init__.py", text)
 
 
 def test_public_import_is_allowed():
@@ -785,7 +831,8 @@ def test_array_made_at_import_is_found():
 )
 def test_changed_configuration_is_found(text):
     assert len(_faults(faults_of_globals, "jaxgear/_solve.py", text)) == 1
-    assert not _faults(faults_of_globals, str(CONFIGURES), text)
+    assert len(_faults(faults_of_globals, "jaxgear/_app/_program_cache.py", text)) == 1
+    assert not any(_faults(faults_of_globals, str(path), text) for path in CONFIGURE)
 
 
 def test_annotations_put_off_are_found():

@@ -3,11 +3,14 @@
 import dataclasses
 import json
 import os
+import shutil
+import time
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
+import platformdirs
 import pytest
 
 from fem_prep import _body_file, _cache
@@ -256,17 +259,24 @@ def test_a_key_depends_on_everything_and_on_nothing_else(tmp_path, monkeypatch):
 def test_the_folder_of_the_cache(monkeypatch):
     monkeypatch.setenv("JAXGEAR_CACHE", "/a")
     assert cache_folder() == Path("/a/bodies")
+    monkeypatch.setenv("JAXGEAR_CACHE", "off")
+    assert cache_folder() is None
     monkeypatch.delenv("JAXGEAR_CACHE")
-    monkeypatch.setenv("XDG_CACHE_HOME", "/b")
-    monkeypatch.setattr(_cache.sys, "platform", "linux")
+    monkeypatch.setattr(platformdirs, "user_cache_path", _user_folder)
     assert cache_folder() == Path("/b/jaxgear/bodies")
-    monkeypatch.delenv("XDG_CACHE_HOME")
-    assert cache_folder() == Path.home() / ".cache/jaxgear/bodies"
-    monkeypatch.setattr(_cache.sys, "platform", "darwin")
-    assert cache_folder() == Path.home() / "Library/Caches/jaxgear/bodies"
-    monkeypatch.setattr(_cache.sys, "platform", "win32")
-    monkeypatch.setenv("LOCALAPPDATA", "/c")
-    assert cache_folder() == Path("/c/jaxgear/bodies")
+
+
+def _user_folder(name, *, appauthor, opinion):
+    assert (appauthor, opinion) == (False, False)
+    return Path("/b") / name
+
+
+def test_nothing_is_kept_where_the_cache_is_off(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("JAXGEAR_CACHE", "off")
+    assert [cached("a" * 64, _body)[1] for _ in range(2)] == [False, False]
+    assert (entries(), clear()) == ([], 0)
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_second_time_a_body_comes_from_the_cache(folder):
@@ -309,6 +319,42 @@ def test_a_damaged_file_in_the_cache_is_made_anew(folder):
         _, hit = cached("a" * 64, _body)
     assert not hit
     assert cached("a" * 64, _body)[1]
+
+
+def test_a_body_in_the_place_of_another_is_made_anew(folder):
+    first, _ = cached("a" * 64, _body)
+    cached("b" * 64, lambda: _body(name="pinion"))
+    shutil.copy(folder / f"{'b' * 64}.npz", folder / f"{'a' * 64}.npz")
+    with pytest.warns(CacheWarning, match="made anew.*made from something else"):
+        body, hit = cached("a" * 64, _body)
+    assert not hit
+    assert body.facts[_cache.MADE_FROM] == "a" * 64
+    assert content_hash(body) == content_hash(first)
+    assert cached("a" * 64, _body)[1]
+
+
+def test_the_oldest_bodies_go_where_the_cache_is_full(folder, monkeypatch):
+    for age, key in enumerate("abc"):
+        cached(key * 64, _body)
+        os.utime(folder / f"{key * 64}.npz", (1e9 - age, 1e9 - age))
+    size = entries()[0].size
+    monkeypatch.setattr(_cache, "LIMIT", int(3.5 * size))
+    cached("d" * 64, _body)
+    assert [entry.key[0] for entry in entries()] == ["d", "a", "b"]
+    # One that is larger than the limit by itself stays: it was asked for.
+    monkeypatch.setattr(_cache, "LIMIT", size // 2)
+    cached("e" * 64, _body)
+    assert [entry.key[0] for entry in entries()] == ["e"]
+
+
+def test_drafts_of_killed_processes_go_and_those_of_others_at_work_stay(folder):
+    folder.mkdir(parents=True)
+    for name in ("old", "new"):
+        (folder / f".{name}.tmp").write_bytes(b"half")
+    old = time.time() - 4000.0
+    os.utime(folder / ".old.tmp", (old, old))
+    cached("a" * 64, _body)
+    assert [path.name for path in sorted(folder.iterdir())] == [".new.tmp", f"{'a' * 64}.npz"]
 
 
 def test_a_cache_that_cannot_be_written_does_not_stop_the_work(tmp_path, monkeypatch):

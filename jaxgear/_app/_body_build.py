@@ -61,6 +61,8 @@ class BuiltBody:
     - `key`: its name in the cache.
     - `from_cache`: whether it was there.
     - `seconds`: that it took to build or to read [s].
+    - `build_seconds`, `peak_memory`: by step [s], and the most memory that the process has had
+        [MB]; None of a body from the cache: what depends on the day is not part of a body.
     - `warnings`: what the cache could not do.
     """
 
@@ -70,6 +72,8 @@ class BuiltBody:
     key: str
     from_cache: bool
     seconds: float
+    build_seconds: Mapping[str, float] | None
+    peak_memory: float | None
     warnings: tuple[str, ...] = ()
 
     @property
@@ -123,14 +127,16 @@ def built_body(plan: BodyPlan, tell: Callable[[str], None]) -> BuiltBody:
         key = key_of(_inputs(plan))
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always", CacheWarning)
-            body, found = cached(key, lambda: _build(plan, key, Steps(tell)))
+            steps = Steps(tell)
+            body, found = cached(key, lambda: _build(plan, key, steps))
         body = dataclasses.replace(body, name=plan.name)
         view = read_view(key, len(body.nodes)) if len(body.nodes) else None
         if view is None and len(body.nodes):
             view = _view(body, full_of(plan, Steps(tell)), Steps(tell))
             keep_view(key, view)
     warned = tuple(str(each.message) for each in said)
-    return BuiltBody(plan, body, view, key, found, time.perf_counter() - start, warned)
+    cost = (None, None) if found else (steps.seconds, _peak_memory())
+    return BuiltBody(plan, body, view, key, found, time.perf_counter() - start, *cost, warned)
 
 
 def _inputs(plan: BodyPlan) -> dict[str, object]:
@@ -201,17 +207,20 @@ def _build(plan: BodyPlan, key: str, steps: Steps) -> ReducedBody:
     )
     if full is not None:
         keep_view(key, BodyView(full.grid.sets, modes.shapes.astype(np.float32)))
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     facts = {
         "gear": plan.gear,
         "source": type(plan.source).__name__,
         "teeth_count": plan.teeth_count,
         "torque_seat": plan.torque_seat,
         "health": health,
-        "build_seconds": dict(steps.seconds),
-        "build_peak_memory_MB": peak / (1024.0**2 if sys.platform == "darwin" else 1024.0),
     }
     return dataclasses.replace(body, facts={**body.facts, **facts})
+
+
+def _peak_memory() -> float:
+    """The most memory that this process has had [MB]."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / (1024.0**2 if sys.platform == "darwin" else 1024.0)
 
 
 def _check_memory(full: FullBody, rotation: Rotation) -> None:

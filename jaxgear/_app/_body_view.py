@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from fem_prep._cache import cache_folder
-from jaxgear._app._results import whole_file
+from jaxgear._app._whole_file import whole_file
 
 _SET = "set:"
 
@@ -31,24 +31,33 @@ class BodyView:
     shapes: np.ndarray
 
 
-def view_folder() -> Path:
-    """Where views are kept: beside the bodies, so that neither takes the other for its own."""
-    return cache_folder().with_name("views")
+def view_folder() -> Path | None:
+    """Where views are kept, if they are: beside the bodies, as neither is the other's kind."""
+    bodies = cache_folder()
+    return bodies and bodies.with_name("views")
 
 
 def keep_view(key: str, view: BodyView) -> None:
     """Keep a view in the cache; where that cannot be, it will be made again.
+
+    Views of bodies that are no longer in the cache go.
 
     **Arguments:**
 
     - `key`: that of the body.
     - `view`: what to keep.
     """
+    bodies, folder = cache_folder(), view_folder()
+    if bodies is None or folder is None:
+        return
     arrays = {f"{_SET}{name}": nodes for name, nodes in view.sets.items()}
     arrays["shapes"] = view.shapes
     with contextlib.suppress(OSError):
-        view_folder().mkdir(parents=True, exist_ok=True)
-        with whole_file(view_folder() / f"{key}.npz") as draft, draft.open("wb") as file:
+        folder.mkdir(parents=True, exist_ok=True)
+        for path in folder.glob("*.npz"):
+            if not (bodies / path.name).exists():
+                path.unlink()
+        with whole_file(folder / f"{key}.npz") as draft, draft.open("wb") as file:
             np.savez(file, **arrays)  # pyright: ignore[reportArgumentType]
 
 
@@ -64,8 +73,11 @@ def read_view(key: str, nodes: int) -> BodyView | None:
 
     The view, or None if there is no good one.
     """
+    folder = view_folder()
+    if folder is None:
+        return None
     try:
-        with np.load(view_folder() / f"{key}.npz", allow_pickle=False) as file:
+        with np.load(folder / f"{key}.npz", allow_pickle=False) as file:
             shapes = file["shapes"]
             sets = {name.removeprefix(_SET): file[name] for name in file.files if name != "shapes"}
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
@@ -77,8 +89,8 @@ def read_view(key: str, nodes: int) -> BodyView | None:
 
 def clear_views() -> int:
     """Remove all views; returns what was freed [byte]."""
-    freed = 0
-    for path in view_folder().glob("*.npz") if view_folder().is_dir() else ():
+    freed, folder = 0, view_folder()
+    for path in folder.glob("*.npz") if folder and folder.is_dir() else ():
         with contextlib.suppress(OSError):
             size = path.stat().st_size
             path.unlink()

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy.spatial import KDTree
 
 from fem_prep._artefact import rigid_motions
 from fem_prep._checks import Progress
@@ -114,7 +114,7 @@ class MovingBody:
         """Which rim node each node is, or -1."""
         # Of each rim node its place in the grid, whatever order either is in.
         places = self.built.body.rim_nodes
-        _, where = KDTree(self.nodes).query(places)
+        _, where = scipy.spatial.KDTree(self.nodes).query(places)
         found = np.full(len(self.nodes), -1)
         found[where] = np.arange(len(places))
         return found

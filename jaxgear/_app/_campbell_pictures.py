@@ -1,11 +1,10 @@
 """Pictures of the modes of condensed bodies: Campbell diagrams, and gears alone and in mesh.
 
-Each has beside it the function that gives its data as columns, for `save`. Colours tell numbers of
-nodal diameters, at each speed those of the wave that leads there.
+Their data are in `_campbell_tables`. Colours tell numbers of nodal diameters, at each speed those
+of the wave that leads there.
 """
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,9 +14,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from jaxgear._app._campbell_tables import (
+    _on_body,
+)
 from jaxgear._app._dynamic_pictures import (
     _PURPLE,
-    _finite_columns,
     _frequency_unit,
     _Label,
     _runs,
@@ -25,20 +26,9 @@ from jaxgear._app._dynamic_pictures import (
     _write_labels,
     _write_rays,
 )
-from jaxgear._app._pictures import (
-    _BLUE,
-    _GREEN,
-    _GREY,
-    _ORANGE,
-    _RED,
-    _SKY,
-    Columns,
-    _house_look,
-    _panels,
-    save,
-)
+from jaxgear._app._palette import _BLUE, _GREEN, _GREY, _ORANGE, _RED, _SKY
+from jaxgear._app._pictures import _house_look, _panels
 from jaxgear._app._schema import GEARS
-from jaxgear._app._turning import DIRECTIONS, BodyWaves, alone_rows
 from jaxgear._dynamics._campbell import CriticalSpeed
 
 # Of waves of two and more nodal diameters; fewer are in grey and black.
@@ -48,28 +38,6 @@ _STYLES: dict[int, Any] = {1: "-", -1: (0, (5, 2)), 0: "-", 2: (0, (1, 1.2))}
 _LETTERS = {1: "F", -1: "B", 0: "", 2: ""}
 # Labels beyond these make a picture a table; the table is the CSV.
 _LABELS = 24
-
-
-def draw(folder: Path, title: str, dataset: xr.Dataset, waves: BodyWaves) -> None:
-    """Draw all pictures of condensed bodies' modes.
-
-    **Arguments:**
-
-    - `folder`: where to.
-    - `title`: the case.
-    - `dataset`: from `turning_dataset`.
-    - `waves`: that it was made of.
-    """
-    critical = waves.critical
-    figure = campbell(dataset, critical, title)
-    save(figure, campbell_columns(dataset, critical), folder, "campbell")
-    for gear in waves.alone:
-        words = f"{title}, seen from the {gear}"
-        figure = campbell_on_body(dataset, critical, words, gear)
-        columns = campbell_on_body_columns(dataset, critical, gear)
-        save(figure, columns, folder, f"campbell_{gear}")
-        rows = alone_rows(waves, gear)
-        save(alone(rows, gear, title), _finite_columns(rows), folder, f"modes_{gear}_alone")
 
 
 # --- Seen from space
@@ -112,34 +80,6 @@ def campbell(dataset: xr.Dataset, critical: Sequence[CriticalSpeed], title: str)
     _label_critical(axes, shown, places, [*rays, *curves])
     _legend(figure, np.unique(dataset["nodal_diameter"].values), shown, harmonics=True)
     return figure
-
-
-def campbell_columns(dataset: xr.Dataset, critical: Sequence[CriticalSpeed]) -> Columns:
-    """The data of `campbell`: one row per speed, then one row for each crossing."""
-    columns: Columns = {"pinion_speed_rad_s": dataset["speed"].values}
-    for mode in range(dataset.sizes["mode"]):
-        own = dataset.isel(mode=mode)
-        columns[f"frequency_mode_{mode + 1}_Hz"] = own["frequency_Hz"].values
-        columns[f"nodal_diameter_mode_{mode + 1}"] = own["nodal_diameter"].values
-        columns[f"direction_mode_{mode + 1}"] = own["direction"].values
-    return _finite_columns(columns | _critical_columns(dataset, critical))
-
-
-def _critical_columns(dataset: xr.Dataset, critical: Sequence[CriticalSpeed]) -> Columns:
-    ratio = dataset.attrs["teeth_pinion"] / dataset.attrs["teeth_wheel"]
-    speed = np.array([each.speed for each in critical])
-    return {
-        "critical_pinion_speed_rad_s": speed,
-        "critical_wheel_speed_rad_s": ratio * speed,
-        "critical_harmonic": np.array([each.harmonic for each in critical]),
-        "critical_mode": np.array([each.mode + 1 for each in critical]),
-        "critical_gear": np.array([GEARS[each.gear] for each in critical]),
-        "critical_nodal_diameter": np.array([each.diameters for each in critical]),
-        "critical_direction": np.array([DIRECTIONS[each.direction] for each in critical]),
-        "critical_frequency_space_Hz": np.array([each.space for each in critical]),
-        "critical_frequency_body_Hz": np.array([each.body for each in critical]),
-        "critical_mesh_energy": np.array([each.mesh for each in critical]),
-    }
 
 
 def _colour(diameters: int) -> str:
@@ -276,23 +216,6 @@ def campbell_on_body(
     orders = f"thin lines: orders h x {number} - n (F) and h x {number} + n (B) of the {gear}"
     axes.set_title(orders, loc="left", fontsize=9)
     return figure
-
-
-def campbell_on_body_columns(
-    dataset: xr.Dataset, critical: Sequence[CriticalSpeed], gear: str
-) -> Columns:
-    """The data of `campbell_on_body`: one row per speed, then one row for each crossing."""
-    columns: Columns = {"pinion_speed_rad_s": dataset["speed"].values}
-    for mode, own in enumerate(_on_body(dataset, gear).T, start=1):
-        if np.isfinite(own).any():
-            columns[f"frequency_body_mode_{mode}_Hz"] = own
-    rows = [each for each in critical if GEARS[each.gear] == gear and np.isfinite(each.body)]
-    return _finite_columns(columns | _critical_columns(dataset, rows))
-
-
-def _on_body(dataset: xr.Dataset, gear: str) -> np.ndarray:
-    own = dataset["gear"].values == GEARS.index(gear)
-    return np.where(own, dataset["frequency_body_Hz"].values, np.nan)
 
 
 # --- Alone and in mesh

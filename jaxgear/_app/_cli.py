@@ -18,10 +18,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from jaxgear._app._folder import Folder
 from jaxgear._app._motion import motion_mistakes
+from jaxgear._app._progress import warn
 from jaxgear._app._scene import READY, Mistake, Scene, SceneError, read_scene, rewrite_scene
 from jaxgear._app._schema import GEARS
 from jaxgear._checks import InputError
+from jaxgear._program_cache import cache_compilations
 
 _COMMANDS = {
     "run": "compute everything that the scene asks for",
@@ -169,8 +172,16 @@ def _parser() -> argparse.ArgumentParser:
             command.add_argument("--force", action="store_true", help="overwrite NAME.toml")
         else:
             command.add_argument("scene", metavar="SCENE", type=Path, help="scene file (TOML)")
+            command.add_argument(
+                "--no-pictures",
+                action="store_false",
+                dest="pictures",
+                help="draw none, and write only their data; removes those of an earlier run",
+            )
     cache = commands.add_parser(
-        "cache", help="list the condensed bodies that are kept, or remove them", allow_abbrev=False
+        "cache",
+        help="list the condensed bodies and compiled programs that are kept, or remove them",
+        allow_abbrev=False,
     )
     cache.add_argument("--clear", action="store_true", help="remove all of them")
     cache.add_argument("--json", action="store_true", help="print the list as JSON")
@@ -199,7 +210,7 @@ def _command(argv: Sequence[str] | None) -> int:
     _refuse_unfit(args.command, scene)
     folder = args.out or Path("results") / str(scene["name"])
     _prepare(folder)
-    summary = _compute(args.command, scene, folder, args.quiet)
+    summary = _compute(args.command, scene, Folder(folder, args.pictures), args.quiet)
     wrong = summary["check_grad"]["verdicts"]["WRONG"] if "check_grad" in summary else 0
     if args.json:
         _print_json(summary)
@@ -345,12 +356,13 @@ def _prepare(folder: Path) -> None:
         ) from None
 
 
-def _compute(command: str, scene: Scene, folder: Path, quiet: bool) -> Mapping[str, Any]:
+def _compute(command: str, scene: Scene, folder: Folder, quiet: bool) -> Mapping[str, Any]:
     """Run the numerical part with 64-bit numbers and one BLAS thread."""
     import jax
     import threadpoolctl
 
     jax.config.update("jax_enable_x64", True)
+    cache_compilations(warn)
     from jaxgear._app import _commands
     from jaxgear._app._statics import SolverFailure
 
@@ -367,12 +379,12 @@ def _compute(command: str, scene: Scene, folder: Path, quiet: bool) -> Mapping[s
     except BrokenPipeError:
         raise
     except OSError as error:
-        raise _Stop(1, f"cannot write results into {folder}: {error}") from error
+        raise _Stop(1, f"cannot write results into {folder.path}: {error}") from error
 
 
 def _cache(args: argparse.Namespace) -> int:
-    """List the condensed bodies in the cache, or remove them."""
-    from jaxgear._app._body_cache import cache_summary, cleared, print_cache
+    """List what the cache holds, or remove it."""
+    from jaxgear._app._cache import cache_summary, cleared, print_cache
 
     found = cleared() if args.clear else cache_summary()
     if args.json:

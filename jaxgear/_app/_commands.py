@@ -2,15 +2,15 @@
 
 import dataclasses
 from collections.abc import Callable
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from jaxgear._app import _campbell_pictures
-from jaxgear._app import _dynamic_pictures as dynamic_pictures
-from jaxgear._app import _pictures as pictures
+from jaxgear._app import _campbell_tables
+from jaxgear._app import _dynamic_tables as dynamic_tables
+from jaxgear._app import _tables as tables
 from jaxgear._app._design import (
     refuse_unbounded,
     require_search,
@@ -38,14 +38,17 @@ from jaxgear._app._dynamics import (
     waves_of,
     way_of,
 )
+from jaxgear._app._folder import Folder
 from jaxgear._app._gradients import dynamic_table, gradient_table
 from jaxgear._app._model import model_of, smooth_law_of
 from jaxgear._app._notes import steady_notes, sweep_notes
 from jaxgear._app._optimising import optimisation, optimise_flanks
+from jaxgear._app._plots import dynamic_pictures, pictures, sensitivity_pictures
 from jaxgear._app._progress import built_scene, narration, progress, warn
 from jaxgear._app._relief_map import map_relief
 from jaxgear._app._report import Summary, finish, head, names_of, title_of
 from jaxgear._app._results import static_dataset, write_csv, write_dataset
+from jaxgear._app._saving import save
 from jaxgear._app._scene import Scene
 from jaxgear._app._schema import KEYS, general
 from jaxgear._app._sizing import (
@@ -67,7 +70,7 @@ from jaxgear._interface._laws import ExactContact
 from jaxgear._units import um
 
 
-def run(scene: Scene, folder: Path, quiet: bool) -> Summary:
+def run(scene: Scene, folder: Folder, quiet: bool) -> Summary:
     """Geometry, a quasi-static mesh cycle and, where asked for, sizing table and optimisation.
 
     **Arguments:**
@@ -129,20 +132,20 @@ def run(scene: Scene, folder: Path, quiet: bool) -> Summary:
 
 
 def _on_bodies(
-    scene: Scene, statics: Statics, dataset: xr.Dataset, folder: Path, quiet: bool
+    scene: Scene, statics: Statics, dataset: xr.Dataset, folder: Folder, quiet: bool
 ) -> tuple[xr.Dataset, Summary]:
     """Draw what condensed bodies do, and add it to the dataset; what they do to the summary."""
-    from jaxgear._app import _hybrid, _hybrid_dataset, _hybrid_pictures
+    from jaxgear._app import _hybrid, _hybrid_dataset, _hybrid_tables
 
     with narration("bodies", quiet) as tell:
         answers = _hybrid.body_answers(scene, statics, tell)
         dataset = _hybrid_dataset.hybrid_variables(dataset, answers)
         tell("drawing")
-        _hybrid_pictures.draw(folder, title_of(scene), dataset, answers)
+        _hybrid_tables.draw(folder, title_of(scene), dataset, answers)
     return dataset, _hybrid_dataset.hybrid_summary(dataset, answers)
 
 
-def sweep_speeds(scene: Scene, folder: Path, quiet: bool) -> Summary:
+def sweep_speeds(scene: Scene, folder: Folder, quiet: bool) -> Summary:
     """Steady responses over the speeds of [sweep], in its directions, and round their folds.
 
     Arguments, results and errors as for `run`.
@@ -160,7 +163,7 @@ def sweep_speeds(scene: Scene, folder: Path, quiet: bool) -> Summary:
 
 
 def _sweep(
-    scene: Scene, dynamics: Dynamics, folder: Path, quiet: bool
+    scene: Scene, dynamics: Dynamics, folder: Folder, quiet: bool
 ) -> tuple[Summary, dict[str, xr.Dataset]]:
     """Sweep, draw what was found, and return its part of the summary, and datasets by name."""
     require_damped(scene, dynamics)
@@ -179,12 +182,12 @@ def _sweep(
     }
     groups = {"sweep": dataset}
     if watch is not None:
-        from jaxgear._app import _body_waves, _wave_pictures
+        from jaxgear._app import _body_waves, _wave_tables
 
         with narration("waves", quiet) as tell:
             groups["waves"] = _body_waves.waves_dataset(watch, found)
             summary["sweep"]["waves"] = _body_waves.waves_summary(watch, groups["waves"])
-            _wave_pictures.draw(folder, title_of(scene), watch, groups["waves"], tell)
+            _wave_tables.draw(folder, title_of(scene), watch, groups["waves"], tell)
     return summary, groups
 
 
@@ -201,29 +204,29 @@ def _wave_watch(scene: Scene, dynamics: Dynamics, quiet: bool):
 
 
 def _draw_sweep(
-    folder: Path, scene: Scene, dynamics: Dynamics, found: Sweep, dataset: xr.Dataset
+    folder: Folder, scene: Scene, dynamics: Dynamics, found: Sweep, dataset: xr.Dataset
 ) -> None:
     """The pictures of a sweep; those of one direction show the one with the highest peak."""
-    save, title, model = pictures.save, title_of(scene), dynamics.statics.model
+    title, model = title_of(scene), dynamics.statics.model
     critical, natural = marked(dynamics, model.pair.pinion.teeth)
     over = drawn_sweep(dataset)
-    figure = dynamic_pictures.sweep(over, title, critical)
-    save(figure, dynamic_pictures.sweep_columns(over, critical), folder, "sweep")
+    figure = partial(dynamic_pictures.sweep, over, title, critical)
+    save(figure, dynamic_tables.sweep_columns(over, critical), folder, "sweep")
     own, title_of_way = dataset.sel(direction=found.main), title + way_of(found)
-    figure = dynamic_pictures.waterfall(own, title_of_way, natural)
-    save(figure, dynamic_pictures.waterfall_columns(own), folder, "waterfall")
+    figure = partial(dynamic_pictures.waterfall, own, title_of_way, natural)
+    save(figure, dynamic_tables.waterfall_columns(own), folder, "waterfall")
     for name, draw, columns in (
-        ("orders", dynamic_pictures.orders, dynamic_pictures.orders_columns),
-        ("contact_loss", dynamic_pictures.contact_loss, dynamic_pictures.contact_loss_columns),
+        ("orders", dynamic_pictures.orders, dynamic_tables.orders_columns),
+        ("contact_loss", dynamic_pictures.contact_loss, dynamic_tables.contact_loss_columns),
     ):
-        save(draw(own, title_of_way), columns(own), folder, name)
+        save(partial(draw, own, title_of_way), columns(own), folder, name)
     orbit = orbit_dataset(dynamics.pair, model, found)
     speed = float(found.speeds[found.highest(found.main)[1]])
-    figure = dynamic_pictures.orbit(orbit, f"{title}, {speed:.5g} rad/s")
-    save(figure, dynamic_pictures.orbit_columns(orbit), folder, "orbit")
+    figure = partial(dynamic_pictures.orbit, orbit, f"{title}, {speed:.5g} rad/s")
+    save(figure, dynamic_tables.orbit_columns(orbit), folder, "orbit")
 
 
-def natural_modes(scene: Scene, folder: Path, quiet: bool) -> Summary:
+def natural_modes(scene: Scene, folder: Folder, quiet: bool) -> Summary:
     """Natural frequencies with the mean mesh stiffness, strain energy, critical speeds.
 
     Arguments, results and errors as for `run`.
@@ -238,16 +241,16 @@ def natural_modes(scene: Scene, folder: Path, quiet: bool) -> Summary:
     count = modes_shown(scene, np.asarray(dynamics.modes.frequency))
     waves = waves_of(scene, dynamics, teeth, count, harmonics)
     dataset = modes_dataset(dynamics, count, waves)
-    figure = dynamic_pictures.modes(dataset, title_of(scene))
-    pictures.save(figure, dynamic_pictures.modes_columns(dataset), folder, "modes")
+    figure = partial(dynamic_pictures.modes, dataset, title_of(scene))
+    save(figure, dynamic_tables.modes_columns(dataset), folder, "modes")
     if waves is None:
         turning = campbell_dataset(scene, dynamics, teeth, count, harmonics)
-        figure = dynamic_pictures.campbell(turning, title_of(scene), harmonics=harmonics)
-        columns = dynamic_pictures.campbell_columns(turning, harmonics=harmonics)
-        pictures.save(figure, columns, folder, "campbell")
+        figure = partial(dynamic_pictures.campbell, turning, title_of(scene), harmonics=harmonics)
+        columns = dynamic_tables.campbell_columns(turning, harmonics=harmonics)
+        save(figure, columns, folder, "campbell")
     else:
         turning = turning_dataset(waves, harmonics)
-        _campbell_pictures.draw(folder, title_of(scene), turning, waves)
+        _campbell_tables.draw(folder, title_of(scene), turning, waves)
     groups = {"modes": dataset, "campbell": turning}
     write_dataset(xr.Dataset(), folder / "result.nc", groups)
     summary = head(scene, dynamics.statics) | {
@@ -257,7 +260,7 @@ def natural_modes(scene: Scene, folder: Path, quiet: bool) -> Summary:
     return finish(scene, folder, summary, watch)
 
 
-def compare(scene: Scene, folder: Path, quiet: bool) -> Summary:
+def compare(scene: Scene, folder: Folder, quiet: bool) -> Summary:
     """One scene by many models and methods: error against time, and which suffices.
 
     Arguments, results and errors as for `run`.
@@ -269,7 +272,7 @@ def compare(scene: Scene, folder: Path, quiet: bool) -> Summary:
     return _compare.compare(scene, folder, quiet)
 
 
-def check_gradients(scene: Scene, folder: Path, quiet: bool) -> Summary:
+def check_gradients(scene: Scene, folder: Folder, quiet: bool) -> Summary:
     """Compare every derivative that an optimiser may use with central differences.
 
     Arguments and results as for `run`.
@@ -322,7 +325,7 @@ def check_gradients(scene: Scene, folder: Path, quiet: bool) -> Summary:
     return finish(scene, folder, summary, watch)
 
 
-def condense(scene: Scene, folder: Path, quiet: bool) -> Summary:
+def condense(scene: Scene, folder: Folder, quiet: bool) -> Summary:
     """Build the condensed bodies of a scene and say how good they are.
 
     Arguments, results and errors as for `run`.
@@ -332,13 +335,12 @@ def condense(scene: Scene, folder: Path, quiet: bool) -> Summary:
     return _condense.condense(scene, folder, quiet)
 
 
-def sensitivity(scene: Scene, folder: Path, quiet: bool) -> Summary:
+def sensitivity(scene: Scene, folder: Folder, quiet: bool) -> Summary:
     """Find what the responses of a scene react to, and how strongly.
 
     Arguments, results and errors as for `run`.
     """
     from jaxgear._app import _sensitivities
-    from jaxgear._app._sensitivity_pictures import sensitivity as bars
 
     watch = Stopwatch()
     scene = built_scene(_sensitivities.with_own_modulus(scene), quiet)
@@ -362,15 +364,17 @@ def sensitivity(scene: Scene, folder: Path, quiet: bool) -> Summary:
     for name, each in found.items():
         acting = each.sorted()
         title = f"{title_of(scene)}: what the responses react to"
-        pictures.save(bars(acting, title), acting.columns(), folder, name)
+        save(
+            partial(sensitivity_pictures.sensitivity, acting, title), acting.columns(), folder, name
+        )
         summary[name] = acting.told()
     return finish(scene, folder, summary, watch)
 
 
-def _at_fidelity(name: str, command: Callable[[Scene, Path, bool], Summary]):
+def _at_fidelity(name: str, command: Callable[[Scene, Folder, bool], Summary]):
     """A command that first chooses the model, where the scene leaves it to the program."""
 
-    def chosen(scene: Scene, folder: Path, quiet: bool) -> Summary:
+    def chosen(scene: Scene, folder: Folder, quiet: bool) -> Summary:
         if scene["model.fidelity"] != "auto":
             return command(scene, folder, quiet)
         from jaxgear._app import _fidelity
@@ -381,7 +385,7 @@ def _at_fidelity(name: str, command: Callable[[Scene, Path, bool], Summary]):
     return chosen
 
 
-COMMANDS: dict[str, Callable[[Scene, Path, bool], Summary]] = {
+COMMANDS: dict[str, Callable[[Scene, Folder, bool], Summary]] = {
     "run": _at_fidelity("run", run),
     "map": _at_fidelity("map", map_relief),
     "optimise": _at_fidelity("optimise", optimise_flanks),
@@ -405,39 +409,45 @@ def _harris_torques(scene: Scene) -> np.ndarray:
 
 
 def _draw_statics(
-    folder: Path,
+    folder: Folder,
     title: str,
     statics: Statics,
     dataset: xr.Dataset,
     bearings: list[dict[str, Any]],
 ) -> None:
     """The pictures of one mesh cycle."""
-    save = pictures.save
     model = statics.model
-    save(pictures.gear_pair(model, title), pictures.gear_pair_columns(model), folder, "gear_pair")
+    save(
+        partial(pictures.gear_pair, model, title),
+        tables.gear_pair_columns(model),
+        folder,
+        "gear_pair",
+    )
     for name, draw, columns in (
-        ("transmission_error", pictures.transmission_error, pictures.transmission_error_columns),
-        ("mesh_stiffness", pictures.stiffness_and_sharing, pictures.stiffness_and_sharing_columns),
-        ("flank_maps", pictures.flank_maps, pictures.flank_maps_columns),
-        ("face_load", pictures.face_load, pictures.face_load_columns),
+        ("transmission_error", pictures.transmission_error, tables.transmission_error_columns),
+        ("mesh_stiffness", pictures.stiffness_and_sharing, tables.stiffness_and_sharing_columns),
+        ("flank_maps", pictures.flank_maps, tables.flank_maps_columns),
+        ("face_load", pictures.face_load, tables.face_load_columns),
     ):
-        save(draw(dataset, title), columns(dataset), folder, name)
+        save(partial(draw, dataset, title), columns(dataset), folder, name)
     weight = dataset["weight"].values
     torques, phase, error = (
         dataset[name].values for name in ("torque_Nm", "phase", "harris_te_um")
     )
     for name, draw, columns in (
-        ("harris_map", pictures.harris_map, pictures.harris_map_columns),
-        ("te_spectrum", pictures.te_spectrum, pictures.te_spectrum_columns),
+        ("harris_map", pictures.harris_map, tables.harris_map_columns),
+        ("te_spectrum", pictures.te_spectrum, tables.te_spectrum_columns),
     ):
-        figure = draw(torques, phase, error, title, weight=weight)
+        figure = partial(draw, torques, phase, error, title, weight=weight)
         save(figure, columns(torques, phase, error, weight=weight), folder, name)
     if bearings:
-        figure = pictures.shafts(model, statics.cycle, bearings, title)
-        save(figure, pictures.shafts_columns(model, statics.cycle, bearings), folder, "shafts")
+        figure = partial(pictures.shafts, model, statics.cycle, bearings, title)
+        save(figure, tables.shafts_columns(model, statics.cycle, bearings), folder, "shafts")
 
 
-def _sizing(scene: Scene, statics: Statics, folder: Path, quiet: bool, watch: Stopwatch) -> Summary:
+def _sizing(
+    scene: Scene, statics: Statics, folder: Folder, quiet: bool, watch: Stopwatch
+) -> Summary:
     """Every combination of the listed amounts: table, picture and the best of it."""
     count = len(combinations_of(scene)[1])
     with progress(count, "sizing", quiet) as done:
@@ -446,8 +456,8 @@ def _sizing(scene: Scene, statics: Statics, folder: Path, quiet: bool, watch: St
     error, pressure = (table.responses[name] for name in ("te_peak_to_peak_um", "max_pressure_MPa"))
     several = f"{len(table.torques)} torques up to " if len(table.torques) > 1 else ""
     title = f"{scene['name']}, {several}{max(table.torques):g} N m"
-    figure = pictures.sizing(labels, table.amounts, table.torques, error, pressure, title)
-    pictures.save(figure, sizing_columns(table), folder, "sizing")
+    figure = partial(pictures.sizing, labels, table.amounts, table.torques, error, pressure, title)
+    save(figure, sizing_columns(table), folder, "sizing")
     return {"sizing": sizing_summary(scene, table)}
 
 

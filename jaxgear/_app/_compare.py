@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -20,6 +19,7 @@ from jaxgear._app._compare_statics import (
     static_rungs,
 )
 from jaxgear._app._dynamics import speeds_of
+from jaxgear._app._folder import Folder
 from jaxgear._app._ladder import MARGIN, cheapest
 from jaxgear._app._model import model_of
 from jaxgear._app._progress import progress
@@ -123,7 +123,7 @@ class Adaptive(AbstractMethod):
         )
 
 
-def compare(scene: Scene, folder: Path, quiet: bool) -> Summary:
+def compare(scene: Scene, folder: Folder, quiet: bool) -> Summary:
     """One scene by many models and methods: error against time, and which suffices.
 
     Of a scene without [sweep] the quasi-static cycle is compared: see `compared_statics`. With
@@ -168,7 +168,7 @@ def compare(scene: Scene, folder: Path, quiet: bool) -> Summary:
     return compared(scene, model_of(scene), rungs, folder, quiet, statics=statics, watch=watch)
 
 
-def _statics(scene: Scene, folder: Path, name: str, watch: Stopwatch, quiet: bool) -> Summary:
+def _statics(scene: Scene, folder: Folder, name: str, watch: Stopwatch, quiet: bool) -> Summary:
     """The quasi-static part of the summary, drawn."""
     work = "optimise" if scene.has_table("optimise") else "run"
     rungs = static_rungs(scene)
@@ -184,7 +184,7 @@ def compared(
     scene: Scene,
     model: PairModel,
     rungs: Sequence[Rung],
-    folder: Path,
+    folder: Folder,
     quiet: bool,
     *,
     speeds: int = _SPEEDS,

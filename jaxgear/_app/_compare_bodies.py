@@ -7,13 +7,13 @@ that was cheaper and good enough is put together.
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from jaxgear._app._dynamics import speeds_of
+from jaxgear._app._folder import Folder
 from jaxgear._app._ladder import MARGIN, cheapest
 from jaxgear._app._mesh_bodies import MeshBody, with_bodies
 from jaxgear._app._model import model_of
@@ -59,7 +59,7 @@ _ACROSS, _BALANCE = "slices", "harmonics and steps"
 
 def compare_bodies(
     scene: Scene,
-    folder: Path,
+    folder: Folder,
     quiet: bool,
     *,
     rungs: Sequence[Rung] | None = None,

@@ -8,7 +8,8 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
 from jaxgear._app._ladder import MARGIN, QUANTITIES, judged_by
-from jaxgear._app._pictures import _BLUE, _GREEN, _GREY, _house_look
+from jaxgear._app._palette import _BLUE, _GREEN, _GREY
+from jaxgear._app._pictures import _house_look
 
 # Of cells: well within the tolerance, within it, up to five times it, beyond.
 _STEPS = (MARGIN, 1.0, 5.0)

@@ -8,7 +8,7 @@ import dataclasses
 import gc
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from functools import partial
 from types import MappingProxyType
 from typing import Any, Literal
 
@@ -17,10 +17,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxgear._app import _dynamic_pictures as dynamic_pictures
-from jaxgear._app import _pictures as pictures
-from jaxgear._app._compare_pictures import overview
 from jaxgear._app._design import twin
+from jaxgear._app._folder import Folder
 from jaxgear._app._ladder import (
     MARGIN,
     QUANTITIES,
@@ -34,6 +32,8 @@ from jaxgear._app._ladder import (
     worst,
 )
 from jaxgear._app._model import flanks_of, grid_of, law_of, model_of
+from jaxgear._app._plots import compare_pictures, dynamic_pictures
+from jaxgear._app._saving import save
 from jaxgear._app._scene import Scene
 from jaxgear._app._schema import GEARS, STATIC_RESPONSES
 from jaxgear._app._statics import SolverFailure, Stopwatch, headline
@@ -654,7 +654,7 @@ def _beyond(rows: Sequence[Summary], responses: Sequence[str], tolerance: float)
     return found
 
 
-def draw_statics(chart: StaticChart, title: str, folder: Path, name: str = "compare") -> None:
+def draw_statics(chart: StaticChart, title: str, folder: Folder, name: str = "compare") -> None:
     """An overview of all rungs and responses, and a chart of error over time for each.
 
     **Arguments:**
@@ -665,7 +665,8 @@ def draw_statics(chart: StaticChart, title: str, folder: Path, name: str = "comp
     - `name`: what the files' names begin with.
     """
     found, rows = chart.summary, chart.rows
-    figure = overview(
+    figure = partial(
+        compare_pictures.overview,
         rows,
         found["responses"],
         f"{title}, quasi-static cycle",
@@ -674,13 +675,14 @@ def draw_statics(chart: StaticChart, title: str, folder: Path, name: str = "comp
         words="largest error at the torques by which rungs are chosen",
     )
     columns = columns_of(rows)
-    pictures.save(figure, columns, folder, name)
+    save(figure, columns, folder, name)
     for response in found["responses"]:
-        figure = dynamic_pictures.compare(
+        figure = partial(
+            dynamic_pictures.compare,
             [row | {"error": worst(row["error"], (response,))} for row in rows],
             f"{title}, quasi-static cycle",
             tolerance=found["tolerance"],
             recommended=found["recommended_for"][response],
             quantity=f"largest error of the {QUANTITIES[response]}, relative",
         )
-        pictures.save(figure, columns, folder, f"{name}_{response}")
+        save(figure, columns, folder, f"{name}_{response}")

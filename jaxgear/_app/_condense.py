@@ -1,7 +1,7 @@
 """The command `condense`: builds the condensed bodies of a scene and says how good they are."""
 
 from collections.abc import Mapping
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ import xarray as xr
 from fem_prep._body_file import content_hash, write_body
 from fem_prep._files import write_vtu
 from fem_prep._grid import Grid
-from jaxgear._app import _body_pictures as pictures
+from jaxgear._app import _body_tables as body_tables
 from jaxgear._app._bodies import (
     BodyPlan,
     Drawn,
@@ -20,10 +20,12 @@ from jaxgear._app._bodies import (
     even_sectors,
 )
 from jaxgear._app._body_build import BuiltBody, built_body
-from jaxgear._app._pictures import save
+from jaxgear._app._folder import Folder
+from jaxgear._app._plots import body_pictures
 from jaxgear._app._progress import narration, warn
 from jaxgear._app._report import Summary, finish, names_of
 from jaxgear._app._results import Entry, write_dataset
+from jaxgear._app._saving import save
 from jaxgear._app._scene import Scene
 from jaxgear._app._statics import Stopwatch
 from jaxgear._units import GPa
@@ -40,7 +42,7 @@ _NOT_OF_MATRICES = (
 )
 
 
-def condense(scene: Scene, folder: Path, quiet: bool) -> Summary:
+def condense(scene: Scene, folder: Folder, quiet: bool) -> Summary:
     """Build the condensed bodies of a scene, from the cache where they are known.
 
     Writes each body, its grid with mode shapes for ParaView, and its pictures.
@@ -87,7 +89,7 @@ def condense(scene: Scene, folder: Path, quiet: bool) -> Summary:
 
 def _body_summary(scene: Scene, found: BuiltBody) -> Summary:
     """What is known of a body: its health, and how it came about."""
-    plan, facts = found.plan, found.body.facts
+    plan = found.plan
     health: dict[str, Any] = dict(found.health)
     speed = _highest_speed(scene, plan.gear)
     for key in [key for key in health if key.endswith("_um_at_rad_s")]:
@@ -106,8 +108,8 @@ def _body_summary(scene: Scene, found: BuiltBody) -> Summary:
     cost = {
         "from_cache": found.from_cache,
         "seconds": found.seconds,
-        "build_seconds": facts.get("build_seconds"),
-        "peak_memory_MB": facts.get("build_peak_memory_MB"),
+        "build_seconds": found.build_seconds,
+        "peak_memory_MB": found.peak_memory,
         "cache_key": found.key,
     }
     return made | health | cost
@@ -199,26 +201,26 @@ def _dataset(found: BuiltBody) -> xr.Dataset:
 # --- Files and pictures
 
 
-def _draw(found: BuiltBody, folder: Path) -> None:
+def _draw(found: BuiltBody, folder: Folder) -> None:
     """Pictures of a body, and its grid with mode shapes for ParaView."""
     body, plan = found.body, found.plan
     modes = drawn_modes(found.health)
     title = f"{body.name}, free body"
-    figure = pictures.families(modes, title)
-    save(figure, pictures.families_columns(modes), folder, f"{plan.gear}_families")
+    figure = partial(body_pictures.families, modes, title)
+    save(figure, body_tables.families_columns(modes), folder, f"{plan.gear}_families")
     if found.view is None:
         return
     points = dict(zip(body.seats, body.seat_points, strict=True))
     labels = {seat.name: seat.label for seat in plan.seats}
     sets = {f"seat:{name}": found.view.sets[f"seat:{label}"] for name, label in labels.items()}
     grid = Grid(body.nodes, body.bricks, {"rim": found.view.sets["rim"], **sets})
-    drawn = pictures.DrawnBody(grid, points)
+    drawn = body_tables.DrawnBody(grid, points)
     size = f"{len(body.bricks):,} elements, {len(body.nodes):,} nodes"
-    figure = pictures.grid(drawn, f"{body.name}: {size}")
-    save(figure, pictures.grid_columns(drawn), folder, f"{plan.gear}_grid")
+    figure = partial(body_pictures.grid, drawn, f"{body.name}: {size}")
+    save(figure, body_tables.grid_columns(drawn), folder, f"{plan.gear}_grid")
     shapes = found.view.shapes
-    figure = pictures.mode_shapes(drawn, modes, shapes, title)
-    save(figure, pictures.mode_shapes_columns(modes, shapes), folder, f"{plan.gear}_modes")
+    figure = partial(body_pictures.mode_shapes, drawn, modes, shapes, title)
+    save(figure, body_tables.mode_shapes_columns(modes, shapes), folder, f"{plan.gear}_modes")
     fields = {
         f"mode {mode + 1:02d}: {modes.label(mode).replace(chr(10), ', ')}": shape
         for mode, shape in enumerate(shapes)
@@ -226,11 +228,11 @@ def _draw(found: BuiltBody, folder: Path) -> None:
     write_vtu(folder / f"{body.name}.vtu", grid, fields)
 
 
-def drawn_modes(health: Mapping[str, Any]) -> pictures.DrawnModes:
+def drawn_modes(health: Mapping[str, Any]) -> body_tables.DrawnModes:
     """Free modes as a health report has them; without a grid circles are not known."""
     frequency = np.asarray(health["free_frequency_Hz"])
     circle = health.get("nodal_circle")
-    return pictures.DrawnModes(
+    return body_tables.DrawnModes(
         frequency_Hz=frequency,
         diameter=np.asarray(health["nodal_diameter"]),
         circle=None if circle is None else np.asarray(circle),

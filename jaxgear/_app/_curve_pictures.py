@@ -8,17 +8,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from jaxgear._app._pictures import (
-    _BLUE,
-    _GREEN,
-    _GREY,
-    _ORANGE,
-    _PINK,
-    _RED,
-    _SKY,
-    _house_look,
-    _panels,
-)
+from jaxgear._app._palette import _BLUE, _GREEN, _GREY, _ORANGE, _PINK, _RED, _SKY
+from jaxgear._app._pictures import _house_look, _panels
 from jaxgear._units import um
 
 
@@ -139,14 +130,6 @@ def several_curves(
 def _shades(count: int) -> list[Any]:
     """Colours from the least to the most of something."""
     return [matplotlib.colormaps["viridis"](x) for x in np.linspace(0.0, 0.85, count)]
-
-
-def family_columns(curves: Sequence[Mapping[str, Any]]) -> dict[str, np.ndarray]:
-    """The data of `family`, one torque under the other."""
-    names = ("extent", "depth_um", "te_rms_um", "te_rms_per_depth", "closed_form_depth_um")
-    joined = {name: np.concatenate([np.asarray(each[name]) for each in curves]) for name in names}
-    torque = [np.full(len(each["extent"]), each["torque_Nm"]) for each in curves]
-    return {"torque_Nm": np.concatenate(torque)} | joined
 
 
 @_house_look()

@@ -15,12 +15,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy.signal
+import scipy
 import xarray as xr
 from jaxtyping import Array
 
 import jaxgear as jg
-from jaxgear._app._dynamic_pictures import _FEW, _leaps
+from jaxgear._app._dynamic_tables import _FEW, _leaps
 from jaxgear._app._model import grid_of, law_of, model_of
 from jaxgear._app._results import Entry
 from jaxgear._app._scene import Scene

@@ -24,6 +24,7 @@ from jaxgear._app._compare_statics import (
     takes_away,
 )
 from jaxgear._app._design import looks_at_speeds, refuse_unbounded, require_search, require_swept
+from jaxgear._app._folder import Folder
 from jaxgear._app._ladder import Summary
 from jaxgear._app._model import model_of
 from jaxgear._app._progress import built_scene, progress
@@ -43,7 +44,7 @@ _SPEEDS, _PHASES = 8, 512
 _FILES = ("_csv", ".grid", ".superelement")
 
 
-def chosen(scene: Scene, command: str, folder: Path, quiet: bool) -> tuple[Scene, Summary]:
+def chosen(scene: Scene, command: str, folder: Folder, quiet: bool) -> tuple[Scene, Summary]:
     """The scene at the cheapest fidelity that suffices for a command, and why.
 
     **Arguments:**
@@ -111,7 +112,7 @@ def in_motion(scene: Scene, command: str) -> bool:
     return command == "sweep" or (command == "run" and swept)
 
 
-def told(summary: Summary, about: Summary, folder: Path) -> Summary:
+def told(summary: Summary, about: Summary, folder: Folder) -> Summary:
     """A command's summary with what was chosen, rewritten.
 
     **Arguments:**

@@ -1,6 +1,6 @@
 """Pictures of flanks at speed: pressure on one tooth's way, and what each tooth carries.
 
-Each has beside it the function that gives its data as columns, for `save`.
+Their data are in `_flank_tables`.
 """
 
 from collections.abc import Sequence
@@ -11,20 +11,15 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from jaxgear._app._flank_loads import FlankLoads, tooth_places
+from jaxgear._app._flank_loads import FlankLoads
+from jaxgear._app._flank_tables import (
+    teeth_at_speed_columns,
+)
 from jaxgear._app._hybrid_dataset import HolePlaces
 from jaxgear._app._hybrid_pictures import _HOLE, _SERIES, _shade_holes
-from jaxgear._app._pictures import (
-    _BLUE,
-    _GREY,
-    _RED,
-    _SURFACE,
-    Columns,
-    _digits,
-    _house_look,
-    _panels,
-)
-from jaxgear._units import MPa, deg, mm
+from jaxgear._app._palette import _BLUE, _GREY, _RED
+from jaxgear._app._pictures import _SURFACE, _digits, _house_look, _panels
+from jaxgear._units import MPa, mm
 
 
 @_house_look()
@@ -58,24 +53,6 @@ def flank_pressure(chosen: Sequence[FlankLoads], title: str) -> Figure:
     panels[0].set_ylabel("position from mid-face [mm]")
     figure.colorbar(area, ax=panels, label="pressure [MPa]")
     return figure
-
-
-def flank_pressure_columns(chosen: Sequence[FlankLoads]) -> Columns:
-    """The data of `flank_pressure`, one row per place on the flank at each speed."""
-    rows = []
-    for each in chosen:
-        passage, load, pressure = each.way()
-        shape = load.shape
-        rows.append(
-            {
-                "pinion_speed_rad_s": np.full(load.size, each.speed),
-                "passage": np.broadcast_to(passage[:, None], shape).ravel(),
-                "face_position_mm": np.broadcast_to(each.face / mm, shape).ravel(),
-                "line_load_N_mm": load.ravel() * mm,
-                "pressure_MPa": pressure.ravel() / MPa,
-            }
-        )
-    return {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
 
 
 @_house_look()
@@ -116,18 +93,6 @@ def largest_loads(dataset: xr.Dataset, title: str) -> Figure:
     for axes in (left, right):
         axes.set_xlabel("speed of the pinion [rad/s]")
     return figure
-
-
-def largest_loads_columns(dataset: xr.Dataset) -> Columns:
-    """The data of `largest_loads`."""
-    names = (
-        "max_line_load_N_mm",
-        "max_pressure_MPa",
-        "max_line_load_passage",
-        "max_line_load_face_mm",
-    )
-    speed = {"speed_rad_s": dataset["speed"].values}
-    return speed | {name: dataset[name].values for name in names}
 
 
 @_house_look()
@@ -176,20 +141,3 @@ def teeth_at_speed(
         handles, labels = [*handles, Patch(color=_HOLE)], [*labels, "above a hole"]
     figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False)
     return figure
-
-
-def teeth_at_speed_columns(
-    chosen: Sequence[FlankLoads], gear: str, holes: HolePlaces | None
-) -> Columns:
-    """The data of `teeth_at_speed`, a row for each tooth at each speed."""
-    angle = tooth_places(chosen[0], gear)
-    order = np.argsort(angle, kind="stable")
-    above = np.zeros(len(angle), bool) if holes is None else holes.above(angle * deg)
-    many = len(chosen)
-    return {
-        "pinion_speed_rad_s": np.repeat([each.speed for each in chosen], len(angle)),
-        "tooth_pair": np.tile(order, many),
-        "tooth_angle_deg": np.tile(angle[order], many),
-        "line_load_max_N_mm": np.concatenate([each.by_pair[order] * mm for each in chosen]),
-        "above_a_hole": np.tile(above[order].astype(int), many),
-    }

@@ -1,10 +1,9 @@
 """Pictures of hybrid models: loads across the face, one tooth's way, bodies that give.
 
-Each has beside it the function that gives its data as columns, for `save`.
+Their data are in `_hybrid_tables`.
 """
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
@@ -16,37 +15,33 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from fem_prep._files import write_vtu
 from fem_prep._grid import surface
 from jaxgear._app._body_pictures import _show
 from jaxgear._app._body_render import VIEW, frame, render
-from jaxgear._app._hybrid import DIRECTIONS, BodyAnswer, BodyField, along_radius
-from jaxgear._app._hybrid_dataset import HolePlaces, hole_places
+from jaxgear._app._hybrid import DIRECTIONS, BodyAnswer, BodyField
+from jaxgear._app._hybrid_dataset import HolePlaces
+from jaxgear._app._hybrid_tables import (
+    _largest_across,
+    _loaded_lines,
+    _phases_shown,
+    deflected_body_columns,
+    tooth_loads_columns,
+)
+from jaxgear._app._palette import _BLUE, _GREEN, _GREY, _ORANGE, _RED, _SKY
 from jaxgear._app._pictures import (
-    _BLUE,
     _BOX,
-    _GREEN,
-    _GREY,
-    _ORANGE,
-    _RED,
-    _SKY,
     _SURFACE,
-    Columns,
-    _cycle_periods,
     _digits,
     _house_look,
     _panels,
     _phase_axis,
     _round_down,
-    _unrolled,
-    save,
 )
+from jaxgear._app._tables import _cycle_periods, _unrolled
 from jaxgear._units import deg, mm, um
 
 _SERIES = (_BLUE, _ORANGE, _GREEN, _RED, _SKY, _GREY)
 _STYLES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (1, 1)))
-# Phases shown side by side.
-_SHOWN = 6
 # Of the body's radius: how far its largest displacement is drawn.
 _DRAWN = 0.08
 _HOLE = "#e3e3e3"
@@ -110,37 +105,6 @@ def _entered(number: int) -> str:
     return f"pair that entered {since.get(number, f'{number} periods before')}"
 
 
-def contact_line_loads_columns(dataset: xr.Dataset) -> Columns:
-    """The data of `contact_line_loads`, one row per slice of every line that is drawn."""
-    chosen = _phases_shown(dataset)
-    lines, load = _loaded_lines(dataset, chosen), dataset["line_load_N_mm"].values
-    phase, line, slices = np.meshgrid(
-        chosen, lines, np.arange(dataset.sizes["slice"]), indexing="ij"
-    )
-    at = phase.ravel(), line.ravel(), slices.ravel()
-    return {
-        "phase": dataset["phase"].values[at[0]],
-        "line": dataset["line"].values[at[1]],
-        "face_position_mm": dataset["face_position_mm"].values[at[2]],
-        "line_load_N_mm": load[at],
-    }
-
-
-def _phases_shown(dataset: xr.Dataset) -> np.ndarray:
-    """Phases in equal steps through the mesh period of the largest load, which is among them."""
-    load = dataset["line_load_N_mm"].values.max(axis=(1, 2))
-    each = len(load) // _cycle_periods(dataset["phase"].values)
-    worst = int(np.argmax(load))
-    steps = np.rint(np.arange(_SHOWN) * each / _SHOWN).astype(int)
-    return np.sort(each * (worst // each) + (worst % each + steps) % each)
-
-
-def _loaded_lines(dataset: xr.Dataset, phases: np.ndarray) -> np.ndarray:
-    """Lines that carry load at some of the phases, the latest to enter first."""
-    load = dataset["line_load_N_mm"].values[phases].max(axis=(0, 2))
-    return np.flatnonzero(load > 0.0)
-
-
 @_house_look()
 def tooth_way(dataset: xr.Dataset, title: str) -> Figure:
     """Line load and pressure on the most loaded tooth pair, from its entry to its exit.
@@ -177,23 +141,6 @@ def tooth_way(dataset: xr.Dataset, title: str) -> Figure:
         axes.set_title(f"{words_of_pair}largest {_digits(values.max(), 4)} {unit}", loc="left")
         figure.colorbar(area, ax=axes, label=f"{words} [{unit}]")
     return figure
-
-
-def tooth_way_columns(dataset: xr.Dataset) -> Columns:
-    """The data of `tooth_way`, one row per place."""
-    shape = dataset["way_line_load_N_mm"].shape
-    passage, share = (
-        np.broadcast_to(dataset[name].values[:, None], shape).ravel()
-        for name in ("way_passage", "way_share")
-    )
-    face = np.broadcast_to(dataset["face_position_mm"].values, shape).ravel()
-    return {
-        "passage": passage,
-        "share_of_mesh_force": share,
-        "face_position_mm": face,
-        "line_load_N_mm": dataset["way_line_load_N_mm"].values.ravel(),
-        "pressure_MPa": dataset["way_pressure_MPa"].values.ravel(),
-    }
 
 
 @_house_look()
@@ -251,21 +198,6 @@ def _shade_holes(axes: Axes, holes: HolePlaces, low: float, high: float) -> None
             left, right = middle - half + turn, middle + half + turn
             if right > low and left < high:
                 axes.axvspan(left, right, color=_HOLE, lw=0, zorder=0)
-
-
-def tooth_loads_columns(dataset: xr.Dataset, gear: str, holes: HolePlaces | None) -> Columns:
-    """The data of `tooth_loads`, a row for each tooth in the order of its place."""
-    angle = dataset[f"{gear}_tooth_angle_deg"].values
-    order = np.argsort(angle, kind="stable")
-    above = np.zeros(len(angle), bool) if holes is None else holes.above(angle * deg)
-    return {
-        "tooth_pair": dataset["tooth_pair"].values[order],
-        "tooth_angle_deg": angle[order],
-        "line_load_max_N_mm": dataset["tooth_line_load_N_mm"].values[order],
-        "share_max": dataset["tooth_share"].values[order],
-        "load_over_mean": dataset["tooth_load_over_mean"].values[order],
-        "above_a_hole": above[order].astype(int),
-    }
 
 
 # --- Bodies
@@ -372,21 +304,6 @@ def _draw_deflected(figure: FigureBase, axes: Axes, answer: BodyAnswer, shown: B
     )
 
 
-def deflected_body_columns(answer: BodyAnswer, shown: BodyField) -> Columns:
-    """The data of `deflected_body`: a row for every node of the rim; the whole is in the VTU."""
-    places = answer.built.body.rim_nodes
-    towards = (0.0 if answer.gear == "pinion" else np.pi) - shown.turn
-    angle = np.arctan2(places[:, 1], places[:, 0]) - towards
-    parts = along_radius(places, shown.rim) / um
-    # From just below half a turn back: the cut must not run through a line of nodes.
-    around = np.mod(angle + np.pi + 1e-9, 2.0 * np.pi) - np.pi - 1e-9
-    return {
-        "angle_deg": around / deg,
-        "Z_mm": places[:, 2] / mm,
-        **{f"{name}_um": parts[:, i] for i, name in enumerate(DIRECTIONS)},
-    }
-
-
 # --- Several models of one pair
 
 
@@ -430,52 +347,4 @@ def models_compared(datasets: Mapping[str, xr.Dataset], title: str) -> Figure:
     return figure
 
 
-def models_compared_columns(datasets: Mapping[str, xr.Dataset]) -> Columns:
-    """The data of `models_compared`."""
-    columns: Columns = {}
-    for name, dataset in datasets.items():
-        phase, error = _unrolled(dataset["phase"].values, dataset["transmission_error_um"].values)
-        columns |= {
-            f"{name}_face_position_mm": dataset["face_position_mm"].values,
-            f"{name}_line_load_max_N_mm": _largest_across(dataset),
-            f"{name}_phase": phase,
-            f"{name}_transmission_error_um": error,
-        }
-    return columns
-
-
-def _largest_across(dataset: xr.Dataset) -> np.ndarray:
-    """Largest line load on each slice, of all lines and phases [N/mm]."""
-    return dataset["line_load_N_mm"].values.max(axis=(0, 1))
-
-
 # --- All that a run draws
-
-
-def draw(folder: Path, title: str, dataset: xr.Dataset, answers: Sequence[BodyAnswer]) -> None:
-    """The pictures that a run with condensed bodies adds, and the deflected grids for ParaView.
-
-    **Arguments:**
-
-    - `folder`: where to.
-    - `title`: the case.
-    - `dataset`: from `hybrid_variables`.
-    - `answers`: from `body_answers`.
-    """
-    figure = contact_line_loads(dataset, title)
-    save(figure, contact_line_loads_columns(dataset), folder, "contact_lines")
-    save(tooth_way(dataset, title), tooth_way_columns(dataset), folder, "tooth_way")
-    for answer in answers:
-        gear, fields = answer.gear, {}
-        if "tooth_line_load_N_mm" in dataset:
-            holes = hole_places(answer.built)
-            figure = tooth_loads(dataset, gear, holes, title)
-            columns = tooth_loads_columns(dataset, gear, holes)
-            save(figure, columns, folder, f"{gear}_tooth_loads")
-        for shown in answer.fields:
-            figure = deflected_body(answer, shown, title)
-            columns = deflected_body_columns(answer, shown)
-            save(figure, columns, folder, f"{gear}_under_{shown.what}")
-            fields[f"displacement under {shown.words} [m]"] = shown.field
-        if fields:
-            write_vtu(folder / f"{gear}_deflected.vtu", answer.grid, fields)

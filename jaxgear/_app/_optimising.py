@@ -2,6 +2,7 @@
 
 import importlib.metadata
 import time
+from functools import partial
 from pathlib import Path
 
 import jax
@@ -9,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 
 import optimise
-from jaxgear._app import _pictures as pictures
-from jaxgear._app import _robust_pictures as robust_pictures
+from jaxgear._app import _robust_tables as robust_tables
+from jaxgear._app import _tables as tables
 from jaxgear._app._design import (
     DesignSpace,
     design_space,
@@ -25,9 +26,11 @@ from jaxgear._app._design import (
     require_swept,
     responses_function,
 )
+from jaxgear._app._folder import Folder
 from jaxgear._app._model import smooth_law_of
 from jaxgear._app._notes import left_out_notes
 from jaxgear._app._pareto import draw_front, front_of, front_remarks, is_asked_for
+from jaxgear._app._plots import pictures, robust_pictures
 from jaxgear._app._progress import built_scene, progress, warn
 from jaxgear._app._report import Summary, finish, head, title_of
 from jaxgear._app._results import static_dataset
@@ -39,6 +42,7 @@ from jaxgear._app._robust import (
     robust_summary,
     shown,
 )
+from jaxgear._app._saving import save
 from jaxgear._app._scatter import Scatter, scatter_of
 from jaxgear._app._scene import Scene, rewrite_scene
 from jaxgear._app._search import (
@@ -66,7 +70,7 @@ from jaxgear._interface._laws import ExactContact
 from jaxgear._solve._cycle import PreparedMesh
 
 
-def optimise_flanks(scene: Scene, folder: Path, quiet: bool) -> Summary:
+def optimise_flanks(scene: Scene, folder: Folder, quiet: bool) -> Summary:
     """Gradient optimisation of [optimise].vary; writes NAME.optimised.toml.
 
     Arguments, results and errors as for `_commands.run`.
@@ -120,7 +124,7 @@ def unless_beaten(
 def optimisation(
     scene: Scene,
     before: Statics,
-    folder: Path,
+    folder: Folder,
     quiet: bool,
     watch: Stopwatch,
     torques: np.ndarray | None = None,
@@ -174,7 +178,7 @@ def optimisation(
         done(1)
     rival = baseline.point, baseline.value
     found, restarted = unless_beaten(found, *rival, search, space, quiet)
-    for each in folder.glob(f"{file.stem}*{file.suffix}"):
+    for each in folder.path.glob(f"{file.stem}*{file.suffix}"):
         each.unlink()
     if not found.converged:
         more = "" if search.limits else " Raise optimise.max_evaluations."
@@ -267,7 +271,7 @@ def _robust(
     nominal_statics: Statics,
     grid: MeshGrid,
     prepared: PreparedMesh | None,
-    folder: Path,
+    folder: Folder,
     quiet: bool,
     watch: Stopwatch,
     torques: np.ndarray | None,
@@ -294,13 +298,15 @@ def _robust(
         for name, each in (("nominal", nominal_statics), ("robust", statics))
     }
     title = f"{title_of(scene)}, {scene['robust.fresh_samples']} gears"
-    figure = robust_pictures.robust(values, datasets, scene["robust.share"], response, title)
-    columns = robust_pictures.robust_columns(values, datasets, unit)
-    pictures.save(figure, columns, folder, "robust")
+    figure = partial(
+        robust_pictures.robust, values, datasets, scene["robust.share"], response, title
+    )
+    columns = robust_tables.robust_columns(values, datasets, unit)
+    save(figure, columns, folder, "robust")
     names, reach, ends = reach_of(made)
-    figure = robust_pictures.tornado(names, reach, ends, response, title_of(scene))
-    columns = robust_pictures.tornado_columns(names, reach, ends, unit)
-    pictures.save(figure, columns, folder, "tornado")
+    figure = partial(robust_pictures.tornado, names, reach, ends, response, title_of(scene))
+    columns = robust_tables.tornado_columns(names, reach, ends, unit)
+    save(figure, columns, folder, "tornado")
     return robust_notes(made), summary | {"scene": str(destination)}
 
 
@@ -331,7 +337,7 @@ def _rewrite(scene: Scene, keys: dict[str, float], destination: Path) -> None:
 
 def _draw_search(
     scene: Scene,
-    folder: Path,
+    folder: Folder,
     before: Statics,
     after: Statics,
     name: str,
@@ -340,12 +346,12 @@ def _draw_search(
 ) -> None:
     """What became better, and how fast."""
     old, new = (static_dataset(each.model, each.cycle, each.law) for each in (before, after))
-    figure = pictures.before_after(old, new, title_of(scene))
-    pictures.save(figure, pictures.before_after_columns(old, new), folder, "before_after")
+    figure = partial(pictures.before_after, old, new, title_of(scene))
+    save(figure, tables.before_after_columns(old, new), folder, "before_after")
     traces = {name: found.values, "differential evolution": baseline.values}
     unit = objective_of(scene)[1]
-    figure = pictures.search_trace(traces, unit, title_of(scene))
-    pictures.save(figure, pictures.search_trace_columns(traces, unit), folder, "search")
+    figure = partial(pictures.search_trace, traces, unit, title_of(scene))
+    save(figure, tables.search_trace_columns(traces, unit), folder, "search")
 
 
 def _judged(statics: Statics, objective: float) -> dict[str, float]:

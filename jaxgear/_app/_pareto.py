@@ -1,7 +1,7 @@
 """What [optimise.pareto] asks for: one number of a design against another."""
 
 from collections.abc import Callable
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 import jax
@@ -9,8 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 
 import optimise
-from jaxgear._app import _curve_pictures as curve_pictures
-from jaxgear._app import _pictures as pictures
 from jaxgear._app._design import (
     DesignSpace,
     front_objectives,
@@ -19,7 +17,10 @@ from jaxgear._app._design import (
     looks_at_speeds,
     smallest_width,
 )
+from jaxgear._app._folder import Folder
 from jaxgear._app._model import smooth_law_of
+from jaxgear._app._plots import curve_pictures
+from jaxgear._app._saving import save
 from jaxgear._app._statics import torques_of
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
@@ -91,7 +92,7 @@ def _over_torques(
 
 
 def draw_front(
-    space: DesignSpace, front: optimise.ParetoFront, title: str, folder: Path
+    space: DesignSpace, front: optimise.ParetoFront, title: str, folder: Folder
 ) -> dict[str, Any]:
     """Draw a front, and describe it for the summary.
 
@@ -118,8 +119,8 @@ def draw_front(
         "dominated": front.dominated,
     }
     columns |= {key: front.point[:, i] for i, key in enumerate(space.keys)}
-    figure = curve_pictures.pareto(front, names, title)
-    pictures.save(figure, columns, folder, "pareto")
+    figure = partial(curve_pictures.pareto, front, names, title)
+    save(figure, columns, folder, "pareto")
     rows = [
         {name: column[i] for name, column in columns.items()} | {"reason": front.reason[i]}
         for i in range(len(front.point))

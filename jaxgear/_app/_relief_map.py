@@ -1,22 +1,25 @@
 """The command `map`: the Master Curve on a map of depth and extent of tip relief."""
 
-from pathlib import Path
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 import optimise
-from jaxgear._app import _curve_pictures as curve_pictures
-from jaxgear._app import _pictures as pictures
+from jaxgear._app import _curve_tables as curve_tables
+from jaxgear._app import _tables as tables
 from jaxgear._app._design import (
     DesignSpace,
     design_space,
     round_up,
 )
+from jaxgear._app._folder import Folder
 from jaxgear._app._optimising import descent, unless_beaten
+from jaxgear._app._plots import curve_pictures, pictures
 from jaxgear._app._progress import built_scene, progress
 from jaxgear._app._report import Summary, finish, head, title_of
+from jaxgear._app._saving import save
 from jaxgear._app._scene import Scene
 from jaxgear._app._schema import GEARS
 from jaxgear._app._search import (
@@ -40,7 +43,7 @@ from jaxgear._types import Scalar
 from jaxgear._units import um
 
 
-def map_relief(scene: Scene, folder: Path, quiet: bool) -> Summary:
+def map_relief(scene: Scene, folder: Folder, quiet: bool) -> Summary:
     """Master Curve map of symmetric tip relief, with closed form and the optimiser's path.
 
     Arguments, results and errors as for `_commands.run`.
@@ -108,18 +111,18 @@ def map_relief(scene: Scene, folder: Path, quiet: bool) -> Summary:
     # Relief of one and a half deflections parts the teeth at the ends of the path.
     relieved = jax.jit(lambda x: space.model(x))(jnp.asarray([1.5 * deflection / um, 0.3]))
     summary["smoothing_bias"] = _draw_bias(scene, folder, relieved, prepared, watch)
-    figure = pictures.master_curve(chart, valley, closed[:-1], found.path, title_of(scene))
-    columns = pictures.master_curve_columns(chart, valley, closed[:-1])
-    pictures.save(figure, columns, folder, "master_curve")
+    figure = partial(pictures.master_curve, chart, valley, closed[:-1], found.path, title_of(scene))
+    columns = tables.master_curve_columns(chart, valley, closed[:-1])
+    save(figure, columns, folder, "master_curve")
     traced = summary["master_curve"]["traced"]
-    figure = curve_pictures.traced_curve(traced, title_of(scene))
-    pictures.save(figure, traced, folder, "master_curve_traced")
+    figure = partial(curve_pictures.traced_curve, traced, title_of(scene))
+    save(figure, traced, folder, "master_curve_traced")
     if scene.get("map.torques_Nm") is not None:
         start, deepest = float(valley.depth[-1]), float(depth[-1])
         family = _family(space, extent[::-1], start, deepest, watch, quiet)
         summary["master_curve"]["torques"] = family
-        figure = curve_pictures.family(chart, family, title_of(scene))
-        pictures.save(figure, curve_pictures.family_columns(family), folder, "master_curve_torques")
+        figure = partial(curve_pictures.family, chart, family, title_of(scene))
+        save(figure, curve_tables.family_columns(family), folder, "master_curve_torques")
     return finish(scene, folder, summary, watch)
 
 
@@ -222,7 +225,7 @@ def _valley_summary(valley: optimise.Valley, closed: np.ndarray) -> Summary:
 
 
 def _draw_bias(
-    scene: Scene, folder: Path, model: PairModel, prepared: PreparedMesh, watch: Stopwatch
+    scene: Scene, folder: Folder, model: PairModel, prepared: PreparedMesh, watch: Stopwatch
 ) -> Summary:
     """Smooth against exact contact on a flank whose ends are out of contact."""
     widths = um * np.geomspace(0.02, 5.0, 17)
@@ -230,8 +233,8 @@ def _draw_bias(
     relative = rms / max(float(exact), 1e-12 * um)
     data = widths / um, mean / um, relative
     title = f"{title_of(scene)}, tip relief that parts the teeth"
-    figure = pictures.smoothing_bias(*data, float(exact) / um, title)
-    pictures.save(figure, pictures.smoothing_bias_columns(*data), folder, "smoothing_bias")
+    figure = partial(pictures.smoothing_bias, *data, float(exact) / um, title)
+    save(figure, tables.smoothing_bias_columns(*data), folder, "smoothing_bias")
     return {"width_um": widths / um, "te_mean_bias_um": mean / um, "te_rms_bias_relative": relative}
 
 

@@ -4,9 +4,9 @@ import importlib.metadata
 import json
 import resource
 import sys
-from pathlib import Path
 from typing import Any
 
+from jaxgear._app._folder import Folder
 from jaxgear._app._notes import notes
 from jaxgear._app._results import write_json
 from jaxgear._app._scene import Scene, write_scene
@@ -89,7 +89,7 @@ def _told_bodies(scene: Scene, known: list[str]) -> Summary:
     return {"bodies": [_body_summary(scene, each) for each in built], "notes": known + said}
 
 
-def finish(scene: Scene, folder: Path, summary: Summary, watch: Stopwatch) -> Summary:
+def finish(scene: Scene, folder: Folder, summary: Summary, watch: Stopwatch) -> Summary:
     """Add the cost, and write what every results folder has."""
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     summary["cost"] = {

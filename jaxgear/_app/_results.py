@@ -4,13 +4,11 @@ The library's SI values leave here in the units of files, which stand in every n
 variable's `units`. A file appears whole or not at all.
 """
 
-import contextlib
 import csv
 import itertools
 import json
 import math
-import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,6 +21,7 @@ from jaxtyping import Array
 from numpy.typing import ArrayLike
 
 import jaxgear as jg
+from jaxgear._app._whole_file import whole_file
 
 BODIES = ("pinion", "wheel")
 _AXES = ("S", "T", "Z")
@@ -352,23 +351,6 @@ def flank_grid(dataset: xr.Dataset, variable: str, body: str, *, points: int = 8
 
 def _values_and_attributes(array: xr.DataArray) -> tuple[np.ndarray, dict]:
     return array.values, array.attrs
-
-
-@contextlib.contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
-    """Give a draft's path in the same folder, which replaces `path` if nothing goes wrong.
-
-    **Arguments:**
-
-    - `path`: of the file to be.
-    """
-    # The ending stays last: writers choose a format by it.
-    draft = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
-    try:
-        yield draft
-        os.replace(draft, path)
-    finally:
-        draft.unlink(missing_ok=True)
 
 
 def write_dataset(

@@ -6,21 +6,12 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from jaxgear._app._pictures import (
-    _BLUE,
-    _GREY,
-    _ORANGE,
-    Columns,
-    _digits,
-    _house_look,
-    _panels,
-    _phase_axis,
-    _thin,
-    _unrolled,
-)
+from jaxgear._app._palette import _GREY
+from jaxgear._app._pictures import _digits, _house_look, _panels, _phase_axis, _thin
 from jaxgear._app._results import cycle_statistics
+from jaxgear._app._robust_tables import _DESIGNS
+from jaxgear._app._tables import _unrolled
 
-_DESIGNS = (("nominal", _ORANGE, "--"), ("robust", _BLUE, "-"))
 # Bars of a tornado chart; what is below them is too short to see.
 _BARS = 12
 
@@ -82,21 +73,6 @@ def robust(
     error.set_title("the gear without deviations", loc="left")
     error.legend(loc="upper center")
     return figure
-
-
-def robust_columns(
-    values: Mapping[str, np.ndarray], datasets: Mapping[str, xr.Dataset], unit: str
-) -> Columns:
-    """The data of `robust`: values in rising order, and transmission errors over phase."""
-    ending = "" if unit == "-" else f"_{unit}"
-    columns: Columns = {}
-    for name, _, _ in _DESIGNS:
-        columns[f"{name}{ending}"] = np.sort(values[name])
-    for name, _, _ in _DESIGNS:
-        own = datasets[name]["phase"].values
-        phase, error = _unrolled(own, datasets[name]["transmission_error_um"].values)
-        columns |= {f"phase_{name}": phase, f"transmission_error_{name}_um": error}
-    return columns
 
 
 @_house_look()
@@ -161,22 +137,3 @@ def tornado(
             fontsize=8.0,
         )
     return figure
-
-
-def tornado_columns(
-    names: Sequence[str],
-    reach: Sequence[str],
-    ends: Mapping[str, tuple[float, np.ndarray, np.ndarray]],
-    unit: str,
-) -> Columns:
-    """The data of `tornado`."""
-    ending = "" if unit == "-" else f"_{unit}"
-    columns: Columns = {"quantity": np.asarray(names), "moved": np.asarray(reach)}
-    for name, _, _ in _DESIGNS:
-        middle, low, high = ends[name]
-        columns |= {
-            f"{name}_less{ending}": low,
-            f"{name}_without_deviations{ending}": np.full(len(low), middle),
-            f"{name}_more{ending}": high,
-        }
-    return columns

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -13,10 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool
 
-from jaxgear._app import _dynamic_pictures as dynamic_pictures
-from jaxgear._app import _pictures as pictures
-from jaxgear._app._compare_pictures import overview
 from jaxgear._app._dynamics import dynamics_of
+from jaxgear._app._folder import Folder
 from jaxgear._app._ladder import (
     MOST,
     QUANTITIES,
@@ -27,7 +25,9 @@ from jaxgear._app._ladder import (
     worst,
 )
 from jaxgear._app._model import grid_of
+from jaxgear._app._plots import compare_pictures, dynamic_pictures
 from jaxgear._app._report import finish, names_of, title_of
+from jaxgear._app._saving import save
 from jaxgear._app._scene import Scene
 from jaxgear._app._statics import Stopwatch, require_solved
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit
@@ -391,7 +391,7 @@ def _timed(
 
 
 def reported(
-    scene: Scene, found: Summary, folder: Path, watch: Stopwatch, statics: Summary | None
+    scene: Scene, found: Summary, folder: Folder, watch: Stopwatch, statics: Summary | None
 ) -> Summary:
     """Draw a chart, and write the summary.
 
@@ -413,11 +413,12 @@ def reported(
     return finish(scene, folder, names_of(scene) | {"compare": found | beside}, watch)
 
 
-def _draw(found: Summary, title: str, folder: Path) -> None:
+def _draw(found: Summary, title: str, folder: Folder) -> None:
     """The chart of error over time for each quantity, and the rungs as a table."""
     rows, tolerance = found["rungs"], found["tolerance"]
     columns = columns_of(rows)
-    figure = overview(
+    figure = partial(
+        compare_pictures.overview,
         rows,
         tuple(rows[0]["error"]),
         title,
@@ -425,9 +426,10 @@ def _draw(found: Summary, title: str, folder: Path) -> None:
         recommended=found["recommended"],
         words="error that 95 % of the speeds on the branch of the reference stay below",
     )
-    pictures.save(figure, columns, folder, "compare_overview")
+    save(figure, columns, folder, "compare_overview")
     for name in rows[0]["error"]:
-        figure = dynamic_pictures.compare(
+        figure = partial(
+            dynamic_pictures.compare,
             [row | {"error": worst(row["error_95"], (name,))} for row in rows],
             title,
             tolerance=tolerance,
@@ -435,7 +437,7 @@ def _draw(found: Summary, title: str, folder: Path) -> None:
             quantity=f"95 % error of the {QUANTITIES[name]}, relative",
         )
         ending = "" if name == "dynamic_ratio" else f"_{name}"
-        pictures.save(figure, columns, folder, f"compare{ending}")
+        save(figure, columns, folder, f"compare{ending}")
 
 
 def timed_reference(

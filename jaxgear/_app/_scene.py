@@ -10,7 +10,6 @@ import json
 import math
 import os
 import re
-import sys
 import tomllib
 from collections import ChainMap
 from collections.abc import Iterator, Mapping, Sequence
@@ -39,6 +38,7 @@ from jaxgear._app._schema import (
     split_entry,
     unit_of,
 )
+from jaxgear._checks import is_traced
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 # Quoted text, or an index outside of it.
@@ -951,10 +951,7 @@ def _around(path: str) -> Iterator[str]:
 
 def _is_traced(value: object) -> bool:
     """Say whether a value is traced by JAX, or is a list with a traced entry."""
-    # Not imported here, so that a scene is read in no time: without JAX nothing is traced.
-    jax = sys.modules.get("jax")
-    entries = value if isinstance(value, list) else [value]
-    return jax is not None and any(isinstance(entry, jax.core.Tracer) for entry in entries)
+    return any(map(is_traced, value if isinstance(value, list) else [value]))
 
 
 def _untraced(value: object, before: object) -> object:

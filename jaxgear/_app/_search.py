@@ -18,6 +18,7 @@ from jaxgear._app._design import (
     residuals_function,
     responses_function,
 )
+from jaxgear._app._folder import Folder
 from jaxgear._app._model import smooth_law_of
 from jaxgear._app._results import as_json
 from jaxgear._app._statics import SolverFailure
@@ -272,7 +273,7 @@ def best_of(search: Search, *found: optimise.SearchResult) -> optimise.SearchRes
     return optimise.joined(best, *(each for each in found if each is not best))
 
 
-def record_file(space: DesignSpace, folder: Path, version: str, name: str = "search") -> Path:
+def record_file(space: DesignSpace, folder: Folder, version: str, name: str = "search") -> Path:
     """Where the evaluations of a search are kept while it runs: another scene has another file.
 
     So has another model, whose deviations are from a file that has changed since.

@@ -33,10 +33,10 @@ from jaxgear._app._gradients import (
     _steady_point,
 )
 from jaxgear._app._model import grid_of, law_of, model_of
-from jaxgear._app._pictures import Columns
 from jaxgear._app._scene import Scene
 from jaxgear._app._schema import split_entry
 from jaxgear._app._statics import Stopwatch, headline, require_solved
+from jaxgear._app._tables import Columns
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._interface._laws import ExactContact
 from jaxgear._response._loads import mesh_stiffness

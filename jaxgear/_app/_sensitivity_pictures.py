@@ -4,7 +4,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jaxgear._app._pictures import _BLUE, _GREEN, _ORANGE, _house_look
+from jaxgear._app._palette import _BLUE, _GREEN, _ORANGE
+from jaxgear._app._pictures import _house_look
 from jaxgear._app._sensitivities import LEAST, Sensitivities
 
 # Keys in each part of the picture; the table has all of them.

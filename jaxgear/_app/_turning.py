@@ -7,7 +7,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-import scipy.linalg
+import scipy
 import xarray as xr
 
 from jaxgear._app._results import Entry

@@ -1,12 +1,9 @@
 """Pictures of waves in turning bodies: spectra, waves by order, levels over speed, a moving shape.
 
-Each picture has beside it the function that gives its data as columns, for `save`.
+Their data are in `_wave_tables`.
 """
 
-import json
-from collections.abc import Callable
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -17,48 +14,24 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 
-from fem_prep._files import write_vtu
-from fem_prep._grid import Grid, surface
+from fem_prep._grid import surface
 from jaxgear._app._body_pictures import _show
 from jaxgear._app._body_render import frame, render
 from jaxgear._app._body_waves import (
     BENT,
-    Looked,
     MainWave,
     MovingBody,
-    WaveWatch,
-    main_wave,
     wave_words,
 )
-from jaxgear._app._flank_loads import FlankLoads
-from jaxgear._app._flank_pictures import (
-    flank_pressure,
-    flank_pressure_columns,
-    largest_loads,
-    largest_loads_columns,
-    teeth_at_speed,
-    teeth_at_speed_columns,
-)
-from jaxgear._app._hybrid_dataset import hole_places
-from jaxgear._app._pictures import (
-    _BLUE,
-    _GREEN,
-    _GREY,
-    _ORANGE,
-    _PINK,
-    _RED,
-    _SKY,
-    _SURFACE,
-    Columns,
-    _digits,
-    _house_look,
-    _panels,
-    _round_down,
-    save,
-)
-from jaxgear._app._results import whole_file
+from jaxgear._app._palette import _BLUE, _GREEN, _GREY, _ORANGE, _PINK, _RED, _SKY
+from jaxgear._app._pictures import _SURFACE, _digits, _house_look, _panels, _round_down
+from jaxgear._app._wave_tables import _grid, _wave_level, wave_map_columns
+from jaxgear._app._whole_file import whole_file
 from jaxgear._response._waves import DIRECTIONS
 from jaxgear._units import mm, um
+
+# Pictures in one period of an animation.
+_FRAMES = 16
 
 _SERIES = (_BLUE, _ORANGE, _GREEN, _RED, _SKY, _PINK)
 _MARKS = "osD^v<"
@@ -68,8 +41,6 @@ _HARMONICS = 3.5
 _DECADES = 4
 # Waves that get a line of their own over speed.
 _LINES = 6
-# Pictures in one period, in the animation and in the files for ParaView.
-_FRAMES, _STATES = 16, 12
 _PER_SECOND = 12
 # Of the body's radius: how far its largest displacement is drawn.
 _DRAWN = 0.07
@@ -153,16 +124,6 @@ def _tooth_axis(axes: Axes, teeth: int) -> None:
     axes.set_xticks(teeth * np.arange(int(_HARMONICS) + 1))
 
 
-def wave_spectra_columns(dataset: xr.Dataset, gear: str) -> Columns:
-    """The data of `wave_spectra`, all orders; the columns are the probes."""
-    amplitude = dataset[f"{gear}_probe_amplitude_um"].values
-    names = dataset[f"{gear}_probe"].values
-    return {
-        "order": dataset[f"{gear}_order"].values,
-        **{f"{name}_um": row for name, row in zip(names, amplitude, strict=True)},
-    }
-
-
 # --- Waves by nodal diameter and order
 
 
@@ -224,17 +185,6 @@ def wave_map(dataset: xr.Dataset, gear: str, title: str) -> Figure:
     return figure
 
 
-def wave_map_columns(dataset: xr.Dataset, gear: str) -> Columns:
-    """The data of `wave_map`: a row for each wave."""
-    amplitude = dataset[f"{gear}_wave_amplitude_um"].values
-    return {
-        "order": dataset[f"{gear}_wave_order"].values,
-        "nodal_diameters": dataset[f"{gear}_wave_diameters"].values,
-        "travel_rad_s": dataset[f"{gear}_wave_travel_rad_s"].values,
-        **{f"{name}_um": amplitude[:, i] for i, name in enumerate(DIRECTIONS)},
-    }
-
-
 # --- Levels over speed
 
 
@@ -283,24 +233,6 @@ def wave_levels(dataset: xr.Dataset, gear: str, title: str) -> Figure:
         axes.set_ylim(bottom=0.0)
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, frameon=False)
     return figure
-
-
-def _wave_level(own: xr.Dataset, gear: str) -> np.ndarray:
-    """RMS of each wave, all directions together, `[speed, wave]` [um]."""
-    return np.sqrt(np.sum(own[f"{gear}_wave_rms_um"].values ** 2, axis=-1))
-
-
-def wave_levels_columns(dataset: xr.Dataset, gear: str) -> Columns:
-    """The data of `wave_levels`, of all waves."""
-    own = dataset.sel(direction=dataset.attrs["peak_direction"])
-    level, number = _wave_level(own, gear), own[f"{gear}_diameters"].values
-    probes = own[f"{gear}_probe_rms_um"].values
-    names = own[f"{gear}_probe"].values
-    return {
-        "speed_rad_s": own["speed"].values,
-        **{f"wave_{n:+d}_um": level[:, i] for i, n in enumerate(number)},
-        **{f"{name}_um": probes[:, i] for i, name in enumerate(names)},
-    }
 
 
 # --- The body in motion
@@ -361,10 +293,6 @@ def _faces(body: MovingBody) -> np.ndarray:
     return surface(_grid(body))
 
 
-def _grid(body: MovingBody) -> Grid:
-    return Grid(body.built.body.nodes, body.built.body.bricks, MappingProxyType({}))
-
-
 def _along(nodes: np.ndarray, shape: np.ndarray, component: int) -> np.ndarray:
     """Radial, tangential or axial part of a displacement."""
     if component == 2:
@@ -375,92 +303,4 @@ def _along(nodes: np.ndarray, shape: np.ndarray, component: int) -> np.ndarray:
     return parts[component]
 
 
-def write_shapes(folder: Path, body: MovingBody, shape: np.ndarray, name: str) -> Path | None:
-    """One order of a body over one of its periods, as a series of files for ParaView.
-
-    **Arguments:**
-
-    - `folder`: where to; the files get a folder of their own.
-    - `body`: that moves.
-    - `shape`: complex displacement of its nodes, shape `[node, 3]` [m].
-    - `name`: of the series.
-
-    **Returns:**
-
-    The file that ParaView opens, or None: of a body without a grid there are none.
-    """
-    if not body.has_grid:
-        return None
-    own = folder / name
-    own.mkdir(parents=True, exist_ok=True)
-    files = []
-    for step in range(_STATES):
-        moved = np.real(shape * np.exp(2j * np.pi * step / _STATES))
-        path = own / f"{name}_{step:02d}.vtu"
-        write_vtu(path, _grid(body), {"displacement [m]": moved})
-        files.append({"name": path.name, "time": step / _STATES})
-    series = own / f"{name}.vtu.series"
-    with whole_file(series) as draft:
-        draft.write_text(
-            json.dumps({"file-series-version": "1.0", "files": files}, indent=2) + "\n"
-        )
-    return series
-
-
 # --- All that a sweep draws of waves
-
-
-def draw(
-    folder: Path,
-    title: str,
-    watch: WaveWatch,
-    dataset: xr.Dataset,
-    tell: Callable[[str], None] = lambda step: None,
-) -> None:
-    """The pictures of waves in condensed bodies, and their motion at the highest peak.
-
-    **Arguments:**
-
-    - `folder`: where to.
-    - `title`: the case.
-    - `watch`: that looked at the sweep.
-    - `dataset`: from `waves_dataset`.
-    - `tell`: told what begins.
-    """
-    _, _, speed, motions = watch.best[dataset.attrs["peak_direction"]]
-    at_peak = f"{title}, pinion at {speed:.5g} rad/s"
-    for gear, each in watch.looked.items():
-        tell(f"{gear}: drawing")
-        for name, picture, columns, words in (
-            ("spectra", wave_spectra, wave_spectra_columns, at_peak),
-            ("waves", wave_map, wave_map_columns, at_peak),
-            ("levels", wave_levels, wave_levels_columns, title),
-        ):
-            figure = picture(dataset, gear, f"{words}: {gear}")
-            save(figure, columns(dataset, gear), folder, f"{gear}_{name}")
-        _draw_motion(folder, at_peak, each, motions[gear], tell)
-    if flanks := watch.flanks(dataset.attrs["peak_direction"]):
-        tell("loads on the flanks: drawing")
-        _draw_flanks(folder, title, watch, dataset, flanks)
-
-
-def _draw_flanks(
-    folder: Path, title: str, watch: WaveWatch, dataset: xr.Dataset, flanks: list[FlankLoads]
-) -> None:
-    figure = flank_pressure(flanks, f"{title}: the most loaded tooth pair")
-    save(figure, flank_pressure_columns(flanks), folder, "flank_pressure")
-    own = dataset.sel(direction=dataset.attrs["peak_direction"])
-    save(largest_loads(own, title), largest_loads_columns(own), folder, "flank_loads")
-    for gear, each in watch.looked.items() if flanks[0].pairs > 1 else ():
-        holes = hole_places(each.body.built)
-        figure = teeth_at_speed(flanks, gear, holes, title)
-        columns = teeth_at_speed_columns(flanks, gear, holes)
-        save(figure, columns, folder, f"{gear}_teeth_at_speed")
-
-
-def _draw_motion(folder: Path, title: str, each: Looked, motion, tell) -> None:
-    main, body = main_wave(each, motion), each.body
-    tell(f"{body.gear}: its shape at order {main.order:g}")
-    shape = body.shape(motion, main.order)
-    animate_shape(folder / f"{body.gear}_shape.gif", body, shape, main, f"{title}: {body.gear}")
-    write_shapes(folder, body, shape, f"{body.gear}_shape")

@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import equinox as eqx
 import numpy as np
-import scipy.linalg
-import scipy.optimize
+import scipy
 from jaxtyping import Array, Float, Int
 
 from jaxgear._checks import require

@@ -20,7 +20,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy.optimize
+import scipy
 from jaxtyping import Bool, Complex, Float, PyTree
 
 from jaxgear._checks import InputError, require

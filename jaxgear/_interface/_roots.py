@@ -21,9 +21,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import scipy.sparse
-from scipy.sparse import csr_array
-from scipy.spatial import KDTree
+import scipy
 
 from jaxgear._checks import InputError
 from jaxgear._units import mm
@@ -95,7 +93,7 @@ class Feet:
     - `centres`: place of every foot in the same frame, shape `[foot, 3]` [m].
     """
 
-    rows: csr_array
+    rows: "scipy.sparse.csr_array"
     centres: np.ndarray
 
 
@@ -139,7 +137,7 @@ def feet(rim: RimSurface, patches: RootPatches) -> Feet:
     column = np.broadcast_to(column, entry.shape)
     shape = (6 * len(middle), 3 * len(rim.nodes))
     matrix = scipy.sparse.coo_array((entry.ravel(), (row.ravel(), column.ravel())), shape)
-    return Feet(csr_array(matrix), centres)
+    return Feet(scipy.sparse.csr_array(matrix), centres)
 
 
 def _across(patches: RootPatches) -> tuple[np.ndarray, np.ndarray]:
@@ -196,7 +194,7 @@ def _nearest_motion(
     points: np.ndarray, weights: np.ndarray, foot: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Rows of the nearest rigid motion for each point, `[point, 6, 3]`, and the centres."""
-    gather = csr_array((weights, (foot, np.arange(len(points)))), (count, len(points)))
+    gather = scipy.sparse.csr_array((weights, (foot, np.arange(len(points)))), (count, len(points)))
     centres = gather @ points
     arm = points - centres[foot]
     square = np.einsum("pi,pi->p", arm, arm)[:, None, None] * np.eye(3)
@@ -253,7 +251,7 @@ def _places(
     own = within(np.arctan2(corners[..., 1], corners[..., 0]) - middle[:, None])
     unrolled = np.stack([radius * own, corners[..., 2]], axis=-1)
     on_cylinder = lambda angle, z: np.stack([radius * np.cos(angle), radius * np.sin(angle), z], -1)
-    tree = KDTree(on_cylinder(middle, corners[:, :4, 2].mean(axis=1)))
+    tree = scipy.spatial.KDTree(on_cylinder(middle, corners[:, :4, 2].mean(axis=1)))
     few = min(candidates, len(rim.faces))
     near = tree.query(on_cylinder(angles, heights), k=few)[1].reshape(len(angles), few)
     away = radius * within(angles[:, None] - middle[near])

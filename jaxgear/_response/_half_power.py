@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.optimize
+import scipy
 
 from jaxgear._checks import InputError, require
 from jaxgear._dynamics._damping import RayleighDamping

@@ -15,11 +15,8 @@ from typing import TYPE_CHECKING, Any
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-import scipy.linalg
-import scipy.sparse
-import scipy.sparse.linalg
+import scipy
 from jaxtyping import Array, Float
-from scipy.spatial import KDTree
 
 from jaxgear._checks import InputError, require
 from jaxgear._system._condensed import Condensed
@@ -325,7 +322,8 @@ def _moved(motion: np.ndarray, turn: np.ndarray, image: np.ndarray) -> np.ndarra
 
 def _image(nodes: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, float]:
     """Where each node comes to lie, and how far from there at most, over the radius."""
-    distance, image = (np.asarray(each) for each in KDTree(nodes).query(nodes @ turn.T))
+    tree = scipy.spatial.KDTree(nodes)
+    distance, image = (np.asarray(each) for each in tree.query(nodes @ turn.T))
     apart = float(distance.max()) / float(np.hypot(nodes[:, 0], nodes[:, 1]).max())
     return image, apart if len(np.unique(image)) == len(nodes) else math.inf
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from jaxgear._app import _campbell_pictures as pictures
+from jaxgear._app import _campbell_tables as tables
 from jaxgear._app._dynamics import modes_shown
 from jaxgear._app._scene import read_scene
 from jaxgear._app._turning import (
@@ -88,14 +89,14 @@ def test_pictures_of_waves_and_their_data():
     waves = _waves()
     dataset = turning_dataset(waves, 2)
     both = waves.critical
-    space = pictures.campbell_columns(dataset, both)
+    space = tables.campbell_columns(dataset, both)
     assert len(space["pinion_speed_rad_s"]) == 31
     assert len(space["critical_pinion_speed_rad_s"]) == len(both) == 6
-    body = pictures.campbell_on_body_columns(dataset, both, "wheel")
+    body = tables.campbell_on_body_columns(dataset, both, "wheel")
     np.testing.assert_allclose(body["frequency_body_mode_2_Hz"], 2000.0)
     assert not any(
         name.startswith("frequency")
-        for name in pictures.campbell_on_body_columns(dataset, both, "pinion")
+        for name in tables.campbell_on_body_columns(dataset, both, "pinion")
     )
     figures = [
         pictures.campbell(dataset, both, "waves"),

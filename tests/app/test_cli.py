@@ -7,6 +7,7 @@ import types
 from pathlib import Path
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ import pytest
 from jaxgear import _app
 from jaxgear._app import _cli
 from jaxgear._app._cli import main, print_summary
+from jaxgear._app._folder import Folder
 from jaxgear._app._scene import read_scene
 from jaxgear._app._statics import SolverFailure
 from jaxgear._checks import InputError
@@ -105,8 +107,8 @@ def test_a_command_gets_the_scene_the_folder_and_64_bits(scene, commands, comman
     ((name, given, folder, quiet, precision),) = commands.calls
     assert name == command
     assert given["mesh.slices"] == 3
-    assert folder == Path("results/accessory")
-    assert folder.is_dir()
+    assert folder == Folder(Path("results/accessory"))
+    assert folder.path.is_dir()
     assert quiet is False
     assert precision == "float64"
     output = capsys.readouterr()
@@ -117,9 +119,14 @@ def test_a_command_gets_the_scene_the_folder_and_64_bits(scene, commands, comman
 
 def test_out_names_the_folder(scene, commands):
     assert main(["run", str(scene), "--out", "a/b"]) == 0
-    assert commands.calls[0][2] == Path("a/b")
+    assert commands.calls[0][2] == Folder(Path("a/b"))
     assert Path("a/b").is_dir()
     assert not Path("results").exists()
+
+
+def test_pictures_can_be_left_out(scene, commands):
+    assert main(["run", str(scene), "--no-pictures"]) == 0
+    assert commands.calls[0][2] == Folder(Path("results/accessory"), pictures=False)
 
 
 def test_json_is_all_there_is_on_standard_output(scene, commands, capsys):
@@ -251,6 +258,55 @@ def test_optimise_needs_to_know_what_to_vary(scene, commands, capsys):
     assert main(["optimise", str(scene)]) == 2
     assert "Add a table [optimise]" in capsys.readouterr().err
     assert main(["run", str(scene)]) == 0
+
+
+@pytest.fixture
+def _no_cache_yet():
+    """JAX as a user has it: it keeps no programs, and was not told not to."""
+    names = ("jax_enable_compilation_cache", "jax_compilation_cache_dir")
+    before = {name: getattr(jax.config, name) for name in names}
+    for name, value in zip(names, (True, None), strict=True):
+        jax.config.update(name, value)
+    yield
+    for name, value in before.items():
+        jax.config.update(name, value)
+
+
+@pytest.mark.usefixtures("_no_cache_yet")
+def test_a_cache_that_is_of_no_use_is_one_note(scene, commands, monkeypatch, capsys):
+    Path("cache").write_text("")
+    monkeypatch.setenv("JAXGEAR_CACHE", "cache")
+    assert main(["run", str(scene)]) == 0
+    errors = capsys.readouterr().err
+    assert errors.count("jaxgear: warning: ") == 1
+    assert "Compiled programs cannot be kept in cache/compiled" in errors
+    assert len(commands.calls) == 1
+
+
+def test_what_is_answered_at_once_imports_nothing_that_computes(scene):
+    Path("broken.toml").write_text(scene.read_text().replace("teeth = 45", "tooth = 45"))
+    code = """
+import sys
+from jaxgear._app._cli import main
+lines = (["--help"], ["--version"], ["init", "power"], ["run", "broken.toml"], ["cache"])
+codes = [main(line) for line in lines]
+heavy = ("jax", "equinox", "diffrax", "scipy", "skfem", "meshio", "xarray", "pandas", "matplotlib")
+print(codes, [name for name in heavy if name in sys.modules], file=sys.stderr)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stderr.splitlines()[-1] == "[0, 0, 0, 2, 0] []"
+
+
+def test_commands_import_no_library_before_they_use_it():
+    code = """
+import sys
+import jaxgear._app._commands
+late = ("diffrax", "optax", "skfem", "meshio", "scipy.linalg", "scipy.optimize", "scipy.signal")
+late += ("scipy.sparse", "scipy.spatial", "scipy.special", "scipy.stats")
+print([name for name in late if name in sys.modules])
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stdout == "[]\n", done.stderr
 
 
 @pytest.mark.parametrize(

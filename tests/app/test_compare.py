@@ -27,6 +27,7 @@ from jaxgear._app._compare import (
     put_together,
     rungs_of,
 )
+from jaxgear._app._folder import Folder
 from jaxgear._app._ladder import Choice, words_of
 from jaxgear._app._rungs import Answers, Reference, Rung, errors_of, some_speeds
 from jaxgear._app._scene import read_scene, ready_scene
@@ -173,7 +174,7 @@ def test_long_cycles_are_refused(tmp_path):
     """A hunting cycle asks for systems that most methods would take hours for."""
     scene = ready_scene("accessory", ["sweep.pinion_speed_rad_s=[900.0]", "mesh.periods=45"])
     with pytest.raises(ValueError, match=r"up to 4 mesh periods, got mesh\.periods = 45"):
-        compare(scene, tmp_path, quiet=True)
+        compare(scene, Folder(tmp_path), quiet=True)
 
 
 def test_adaptive_integration_settles_on_the_response_of_harmonic_balance():

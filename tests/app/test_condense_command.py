@@ -19,7 +19,7 @@ from fem_prep._modes import largest_rotation
 from fem_prep._symmetry import full_turn
 from fem_prep._web import body_grid
 from jaxgear._app import _body_build, _condense
-from jaxgear._app import _body_pictures as pictures
+from jaxgear._app import _body_tables as tables
 from jaxgear._app._bodies import Drawn, body_plan
 from jaxgear._app._body_build import Steps, _inputs, built_body, full_of
 from jaxgear._app._body_render import frame, render
@@ -28,7 +28,7 @@ from jaxgear._app._body_view import view_folder
 from jaxgear._app._cli import main
 from jaxgear._app._model import model_of, pair_of
 from jaxgear._app._notes import _on_bodies
-from jaxgear._app._pictures import _BLUE
+from jaxgear._app._palette import _BLUE
 from jaxgear._app._scene import read_scene
 from jaxgear._app._teeth import facts_of_teeth, tooth_outline
 from jaxgear._checks import InputError
@@ -102,6 +102,7 @@ def _grid(plan):
 # --- The commands
 
 
+@pytest.mark.end_to_end
 def test_condense_end_to_end_and_then_from_the_cache(written, tmp_path, capsys, monkeypatch):
     path, out = written(_PAIR + _BODY), tmp_path / "out"
     assert main(["condense", str(path), "--out", str(out)]) == 0
@@ -178,13 +179,15 @@ def _check_cache_command(key, capsys):
     assert (entry["name"], entry["key"]) == ("tiny-wheel", key)
     assert main(["cache"]) == 0
     assert "tiny-wheel" in capsys.readouterr().out
-    (view,) = view_folder().glob("*.npz")
+    folder = view_folder()
+    assert folder is not None
+    (view,) = folder.glob("*.npz")
     size = entry["size_MB"] * 1e6 + view.stat().st_size
     assert main(["cache", "--clear", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["freed_bytes"] == pytest.approx(size)
     assert main(["cache"]) == 0
     assert "none" in capsys.readouterr().out
-    assert not list(view_folder().glob("*"))
+    assert not list(folder.glob("*"))
 
 
 @pytest.mark.parametrize(
@@ -378,7 +381,9 @@ def test_a_lost_view_is_made_again(written):
     path = written(_PAIR + _BODY)
     first = _built(path)
     assert first.view is not None
-    (file,) = view_folder().glob("*.npz")
+    folder = view_folder()
+    assert folder is not None
+    (file,) = folder.glob("*.npz")
     file.write_bytes(b"spoilt")
     second = _built(path)
     assert second.from_cache
@@ -408,6 +413,15 @@ def test_a_grid_of_one_s_own_is_the_body_it_was_written_from(written, tmp_path):
     metres = text.replace("modes", own.replace("1000", "1") + "modes", 1)
     with pytest.raises(InputError, match=r"`wheel\.body\.grid_unit_mm`.* 1000 for one in metres"):
         _built(written(_PAIR + metres))
+
+
+def test_equal_inputs_give_equal_bodies(written, monkeypatch):
+    path = written(_PAIR + _BODY)
+    monkeypatch.setenv("JAXGEAR_CACHE", "off")
+    first, second = (_built(path) for _ in range(2))
+    assert not first.from_cache
+    assert not second.from_cache
+    assert content_hash(first.body) == content_hash(second.body)
 
 
 @pytest.mark.parametrize(
@@ -514,8 +528,8 @@ def test_what_is_nearer_is_seen(order):
 def test_the_section_is_that_of_the_drawing(written):
     plan = _plan(written(_PAIR + _BODY))
     grid = _grid(plan)
-    body = pictures.DrawnBody(grid, {"bore": np.zeros(3)})
-    columns = pictures.grid_columns(body)
+    body = tables.DrawnBody(grid, {"bore": np.zeros(3)})
+    columns = tables.grid_columns(body)
     element, r, z = (columns[name] for name in ("element", "r_mm", "z_mm"))
     area = sum(_area(r[element == each], z[element == each]) for each in np.unique(element))
     expected = 5 * 10 + 11 * 4 + (1e3 * _ROOT - 26) * 10
@@ -528,7 +542,7 @@ def _area(x, y):
 
 
 def test_pairs_are_one_and_families_follow_the_nodal_diameter():
-    modes = pictures.DrawnModes(
+    modes = tables.DrawnModes(
         frequency_Hz=np.array([100, 100.01, 150, 180, 190, 300, 300.001, 400.0]),
         diameter=np.array([2, 2, 0, 3, 3, 2, 2, 0]),
         circle=np.array([0, 0, 1, 0, 0, 1, 1, 2]),
@@ -536,6 +550,6 @@ def test_pairs_are_one_and_families_follow_the_nodal_diameter():
         kind=("axial",) * 8,
     )
     # Holes part the pair of three nodal diameters: both are drawn, in one family.
-    assert pictures.chosen_modes(modes) == [0, 2, 3, 4, 5, 7]
-    assert pictures.families_columns(modes)["family"].tolist() == [1, 1, 1, 1, 1, 2, 2, 2]
+    assert tables.chosen_modes(modes) == [0, 2, 3, 4, 5, 7]
+    assert tables.families_columns(modes)["family"].tolist() == [1, 1, 1, 1, 1, 2, 2, 2]
     assert modes.label(2) == "150 Hz, axial\n0 nodal diameters, 1 circle"

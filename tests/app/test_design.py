@@ -4,6 +4,7 @@ import re
 import tomllib
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -14,7 +15,7 @@ from jaxgear._app._design import design_space, objective_function, objective_of,
 from jaxgear._app._model import grid_of
 from jaxgear._app._optimising import unless_beaten
 from jaxgear._app._scene import ready_scene
-from jaxgear._app._search import Search, smoothing_notes
+from jaxgear._app._search import Search, record_file, smoothing_notes
 from jaxgear._checks import InputError
 from jaxgear._interface._laws import ExactContact
 
@@ -189,6 +190,20 @@ def test_a_bias_is_worth_a_word_if_it_is_a_part_of_the_gain():
     assert "0.5 um wide" in words
     assert "-0.06 off the exact one, and the search gained 1." in words
     assert smoothing_notes(0.5, 1e-9, before=4.0, after=4.0)
+
+
+def test_the_record_of_a_search_is_that_of_its_model(tmp_path):
+    """A file of measured flanks may change, and the scene's text with it does not."""
+    space = _space([_RELIEF])
+    file = record_file(space, tmp_path, "1")
+    assert file == record_file(_space([_RELIEF]), tmp_path, "1")
+    changed = eqx.tree_at(lambda x: x.base.flanks.pinion.parts[3].depth, space, jnp.asarray(1e-6))
+    others = [
+        record_file(changed, tmp_path, "1"),
+        record_file(space, tmp_path, "2"),
+        record_file(_space([_RELIEF], "pair.torque_pinion_Nm=81.0"), tmp_path, "1"),
+    ]
+    assert len({file, *others}) == 4
 
 
 def test_face_load_factor_follows_bearings_and_sections():

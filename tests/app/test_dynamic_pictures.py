@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 import jaxgear as jg
 from jaxgear._app import _dynamic_pictures as pictures
+from jaxgear._app import _dynamic_tables as tables
 from jaxgear._app._results import write_csv
 
 _UNIT = re.compile(r".+ ?\n?.*\[[^\]]+\]$", re.DOTALL)
@@ -294,7 +295,7 @@ _ONLY_IN_FIGURES = ("natural", "tolerance", "recommended")
 
 def _columns(kind, data, extra):
     known = {name: value for name, value in extra.items() if name not in _ONLY_IN_FIGURES}
-    return getattr(pictures, f"{kind}_columns")(data, **known)
+    return getattr(tables, f"{kind}_columns")(data, **known)
 
 
 @pytest.fixture(scope="module")
@@ -509,7 +510,7 @@ def test_folds_and_leaps_are_where_the_branches_part(everything):
 def test_pieces_of_a_continuation_curve_stay_apart():
     dataset = _sweep(3)
     dataset["curve_speed"][400] = np.nan
-    columns = pictures.sweep_columns(dataset)
+    columns = tables.sweep_columns(dataset)
     piece = columns["curve_piece"]
     assert len(piece) == dataset.sizes["point"] - 1
     assert np.count_nonzero(piece == 0) == 400
@@ -537,7 +538,7 @@ def test_lines_at_critical_speeds(everything):
 @pytest.mark.parametrize("directions", [("up", "down"), ("cold",)])
 def test_columns_of_a_sweep_are_its_data(directions):
     dataset = _sweep(50, directions)
-    columns = pictures.sweep_columns(dataset)
+    columns = tables.sweep_columns(dataset)
     for direction in directions:
         for name in ("dynamic_ratio", "te_rms_um", "contact_loss", "settled", "stable", "periods"):
             own = dataset[name].sel(direction=direction).values
@@ -547,7 +548,7 @@ def test_columns_of_a_sweep_are_its_data(directions):
 
 def test_columns_of_orders_are_their_data():
     dataset = _orders(30)
-    columns = pictures.waterfall_columns(dataset)
+    columns = tables.waterfall_columns(dataset)
     assert len(columns["order"]) == 30 * dataset.sizes["order"]
     row = 7 * dataset.sizes["order"] + 1
     speed = dataset["speed"].values[7]
@@ -555,7 +556,7 @@ def test_columns_of_orders_are_their_data():
     assert columns["order"][row] == 2.0
     assert np.isclose(columns["frequency_Hz"][row], 2 * 20 * speed / (2 * np.pi))
     assert columns["te_order_um"][row] == dataset["te_order_um"].values[7, 1]
-    columns = pictures.orders_columns(dataset)
+    columns = tables.orders_columns(dataset)
     own = dataset["bearing_force_order_N"].sel(bearing="pinion 1", order=2.0)
     np.testing.assert_array_equal(columns["bearing_force_order_2_pinion_1_N"], own.values)
     force = dataset["mesh_force_order_N"].sel(order=3.0)
@@ -567,7 +568,7 @@ def test_the_mean_is_no_order():
     with_mean = dataset.pad(order=(1, 0), constant_values=99.0).assign_coords(
         order=np.concatenate([[0.0], dataset["order"].values])
     )
-    for columns in (pictures.waterfall_columns, pictures.orders_columns):
+    for columns in (tables.waterfall_columns, tables.orders_columns):
         for name, values in columns(dataset).items():
             np.testing.assert_array_equal(columns(with_mean)[name], values)
 
@@ -582,7 +583,7 @@ def test_share_of_the_time_without_contact():
         {"speed": [100.0, 200.0], "phase": phase},
         {"teeth_pinion": _TEETH},
     )
-    columns = pictures.contact_loss_columns(dataset)
+    columns = tables.contact_loss_columns(dataset)
     np.testing.assert_allclose(columns["contact_loss"], [0.25, 0.0], atol=0.01)
     np.testing.assert_array_equal(columns["mesh_force_ratio"], force.ravel())
     assert list(columns["share_pinion_speed_rad_s"]) == [100.0, 200.0]
@@ -616,7 +617,7 @@ def test_crossings_of_straight_lines_are_exact():
         {"speed": speed},
         {"teeth_pinion": _TEETH},
     )
-    columns = pictures.campbell_columns(dataset, harmonics=3)
+    columns = tables.campbell_columns(dataset, harmonics=3)
     mode = columns["mode"].astype(int)
     exact = 1000.0 / (columns["harmonic"] * _TEETH / (2 * np.pi) - slopes[mode - 1])
     assert len(mode) == 9
@@ -630,7 +631,7 @@ def test_crossings_of_straight_lines_are_exact():
 def test_free_rotation_crosses_nothing():
     dataset = _campbell(5, 2, energy=False)
     dataset["frequency_Hz"][:, 0] = 0.0
-    assert 1.0 not in pictures.campbell_columns(dataset)["mode"]
+    assert 1.0 not in tables.campbell_columns(dataset)["mode"]
 
 
 def test_chart_of_methods(everything):
@@ -715,7 +716,7 @@ def test_flags_may_come_from_a_file_or_not_at_all():
     assert "not settled (1 of 30)" in legends[0]
     bare = dataset[["dynamic_ratio", "te_rms_um"]]
     assert _legend(pictures.sweep(bare, "bare")) == ["speed rising"]
-    assert set(pictures.sweep_columns(bare)) == {
+    assert set(tables.sweep_columns(bare)) == {
         "pinion_speed_rad_s",
         "dynamic_ratio_up",
         "te_rms_um_up",

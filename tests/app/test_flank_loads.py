@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 
 from jaxgear._app import _flank_pictures as pictures
+from jaxgear._app import _flank_tables as tables
 from jaxgear._app._flank_loads import FlankLoads, loads_over_speeds, loads_summary, tooth_places
 from jaxgear._app._hybrid_dataset import HolePlaces
 from jaxgear._units import MPa, deg, mm
@@ -81,13 +82,13 @@ def test_pictures_have_their_data(dataset, tmp_path):
         (
             "pressure",
             pictures.flank_pressure(chosen, "by hand"),
-            pictures.flank_pressure_columns(chosen),
+            tables.flank_pressure_columns(chosen),
         ),
-        ("loads", pictures.largest_loads(own, "by hand"), pictures.largest_loads_columns(own)),
+        ("loads", pictures.largest_loads(own, "by hand"), tables.largest_loads_columns(own)),
         (
             "teeth",
             pictures.teeth_at_speed(chosen, "wheel", holes, "by hand"),
-            pictures.teeth_at_speed_columns(chosen, "wheel", holes),
+            tables.teeth_at_speed_columns(chosen, "wheel", holes),
         ),
     ):
         (length,) = {len(values) for values in columns.values()}

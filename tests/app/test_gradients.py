@@ -114,6 +114,21 @@ def test_rounding_and_kinks_in_the_difference():
     assert not same[1, 0]
 
 
+@pytest.mark.parametrize(
+    ("forward", "reverse", "same", "verdict"),
+    [
+        (2.0, 2.0, True, "ok"),
+        (2.002, 2.002, True, "WRONG"),
+        (2.0, 2.002, True, "WRONG"),
+        (2.002, 2.002, False, "set changes"),
+        (np.nan, 2.0, False, "WRONG"),
+    ],
+)
+def test_a_derivative_is_judged_by_its_difference(forward, reverse, same, verdict):
+    found = _gradients._row("te_mean_um", "key", forward, reverse, 2.0, scale=1.0, same=same)
+    assert found.verdict == verdict
+
+
 @pytest.mark.slow
 def test_the_command_prints_a_table(table, tmp_path, monkeypatch, capsys):
     """With the derivatives of the pair above, for both contact laws."""

@@ -16,6 +16,7 @@ from fem_prep._condense import boundary_of, hold
 from jaxgear._app import _hybrid as hybrid
 from jaxgear._app import _hybrid_dataset as hybrid_dataset
 from jaxgear._app import _hybrid_pictures as pictures
+from jaxgear._app import _hybrid_tables as tables
 from jaxgear._app._body_build import Steps, full_of
 from jaxgear._app._cli import main
 from jaxgear._app._mesh_bodies import with_bodies
@@ -246,7 +247,7 @@ def test_answers_are_of_all_phases(solved, tmp_path):
     expected = growth * (numbers["speed_rad_s"] / speed) ** 2
     assert numbers["growth_mean_radial_um"] == pytest.approx(expected, rel=1e-6)
     for shown in answer.fields:
-        columns = pictures.deflected_body_columns(answer, shown)
+        columns = tables.deflected_body_columns(answer, shown)
         assert {len(column) for column in columns.values()} == {len(under.body.rim_nodes)}
         at = np.argmax(np.abs(columns["tangential_um"]))
         if shown.what == "mesh":
@@ -308,7 +309,7 @@ def test_teeth_above_holes_are_told_from_others():
     assert numbers["line_load_above_holes_mean_N_mm"] == pytest.approx(105.0)
     assert numbers["line_load_above_holes_largest_N_mm"] == pytest.approx(110.0)
     assert numbers["line_load_between_holes_mean_N_mm"] == pytest.approx(135.0)
-    columns = pictures.tooth_loads_columns(found, "wheel", holes)
+    columns = tables.tooth_loads_columns(found, "wheel", holes)
     assert columns["above_a_hole"].tolist() == [1, 1, 0, 0, 0, 0]
     figure = pictures.tooth_loads(found, "wheel", holes, "tiny")
     assert figure.axes[0].get_ylabel() == "largest line load [N/mm]"
@@ -316,12 +317,12 @@ def test_teeth_above_holes_are_told_from_others():
 
 def test_loads_across_the_face_are_shown_where_they_are_largest():
     dataset = hybrid_dataset.hybrid_variables(_dataset(), [])
-    columns = pictures.contact_line_loads_columns(dataset)
+    columns = tables.contact_line_loads_columns(dataset)
     assert columns["line_load_N_mm"].max() == pytest.approx(150.0)
     assert len(np.unique(columns["phase"])) == 6
     assert np.ptp(columns["phase"]) < 1.0
     assert len(pictures.contact_line_loads(dataset, "tiny").axes) == 6
-    way = pictures.tooth_way_columns(dataset)
+    way = tables.tooth_way_columns(dataset)
     assert len(way["passage"]) == 48
     assert (
         pictures.tooth_way(dataset, "tiny").axes[0].get_title(loc="left").startswith("tooth pair 5")
@@ -335,7 +336,7 @@ def test_models_are_compared_by_name():
     assert legend is not None
     texts = [text.get_text() for text in legend.get_texts()]
     assert texts == ["rigid: at most 100.0 N/mm", "flexible: at most 150.0 N/mm"]
-    columns = pictures.models_compared_columns({"rigid": rigid, "flexible": soft})
+    columns = tables.models_compared_columns({"rigid": rigid, "flexible": soft})
     np.testing.assert_allclose(columns["flexible_line_load_max_N_mm"], [150.0, 120.0, 75.0])
 
 

@@ -15,6 +15,7 @@ from jaxgear._app import _fidelity as fidelity
 from jaxgear._app import _ladder as ladder
 from jaxgear._app._cli import main
 from jaxgear._app._compare import model_rungs_of
+from jaxgear._app._folder import Folder
 from jaxgear._app._rungs import Rung, other_speeds, thinned
 from jaxgear._app._scene import SceneError, read_scene, ready_scene, write_scene
 from jaxgear._app._schema import STATIC_RESPONSES
@@ -265,7 +266,7 @@ def test_the_pictures_of_a_comparison_and_their_data(tmp_path):
         "recommended_for": {"te_rms": "5 slices"},
     }
     chart = statics.StaticChart(rungs, ladder.Choice(rows[1], (), rows[0]), summary)
-    statics.draw_statics(chart, "tiny", tmp_path)
+    statics.draw_statics(chart, "tiny", Folder(tmp_path))
     for name in ("compare", "compare_te_rms"):
         for ending in ("png", "svg", "csv"):
             assert (tmp_path / f"{name}.{ending}").stat().st_size > 0
@@ -360,22 +361,22 @@ def test_a_choice_is_kept_for_the_next_command(tmp_path, monkeypatch):
 
     monkeypatch.setattr(fidelity, "_at_rest", at_rest)
     scene = ready_scene("accessory", ['model.fidelity="auto"'])
-    first, about = fidelity.chosen(scene, "map", tmp_path, True)
+    first, about = fidelity.chosen(scene, "map", Folder(tmp_path), True)
     assert first["mesh.slices"] == 5
     assert first["model.fidelity"] == "as given"
     assert not first.rows("wheel.shaft.bearings")
     assert not about["from_cache"]
     assert about["changes"] == {"mesh.slices": 5, "wheel.shaft": "left out"}
-    again, about = fidelity.chosen(scene, "map", tmp_path, True)
+    again, about = fidelity.chosen(scene, "map", Folder(tmp_path), True)
     assert about["from_cache"]
     assert again.values == first.values
     assert asked == ["map"]
-    fidelity.chosen(scene.replace({"pair.torque_pinion_Nm": 81.0}), "map", tmp_path, True)
-    fidelity.chosen(scene, "optimise", tmp_path, True)
+    fidelity.chosen(scene.replace({"pair.torque_pinion_Nm": 81.0}), "map", Folder(tmp_path), True)
+    fidelity.chosen(scene, "optimise", Folder(tmp_path), True)
     assert asked == ["map", "map", "optimise"]
     # What is spoilt is no use, and no harm.
     (tmp_path / fidelity.FILE).write_text("{")
-    assert not fidelity.chosen(scene, "map", tmp_path, True)[1]["from_cache"]
+    assert not fidelity.chosen(scene, "map", Folder(tmp_path), True)[1]["from_cache"]
 
 
 def test_another_file_is_another_scene(tmp_path):
@@ -398,7 +399,7 @@ def test_a_search_that_is_refused_anyway_costs_no_wait(tmp_path, monkeypatch):
     monkeypatch.setattr(fidelity, "_at_rest", lambda *_: pytest.fail("compared"))
     given = ['model.fidelity="auto"', "optimise.minimise='te_harmonics'", "optimise.harmonics=[99]"]
     with pytest.raises(SceneError, match=r"less than half of mesh\.phases"):
-        fidelity.chosen(ready_scene("accessory", given), "optimise", tmp_path, True)
+        fidelity.chosen(ready_scene("accessory", given), "optimise", Folder(tmp_path), True)
 
 
 def test_a_scene_without_a_reference_is_taken_as_it_is(tmp_path, monkeypatch):
@@ -408,7 +409,7 @@ def test_a_scene_without_a_reference_is_taken_as_it_is(tmp_path, monkeypatch):
 
     monkeypatch.setattr(fidelity, "_at_rest", at_rest)
     scene = ready_scene("accessory", ['model.fidelity="auto"', "mesh.periods=45"])
-    found, about = fidelity.chosen(scene, "run", tmp_path, True)
+    found, about = fidelity.chosen(scene, "run", Folder(tmp_path), True)
     assert about["rung"] == "as given"
     assert "no luck. So the scene was taken as it is given" in about["why"]
     assert found["mesh.periods"] == 45
@@ -433,7 +434,7 @@ def test_a_rung_in_motion_is_keys_of_the_scene():
 
 def test_the_results_say_which_rung_was_taken(tmp_path):
     about = {"rung": "5 slices", "why": "Because."}
-    summary = fidelity.told({"notes": ["one"]}, about, tmp_path)
+    summary = fidelity.told({"notes": ["one"]}, about, Folder(tmp_path))
     assert summary == json.loads((tmp_path / "summary.json").read_text())
     assert summary["fidelity"]["rung"] == "5 slices"
     assert summary["notes"][-1].endswith('took the rung "5 slices". Because.')

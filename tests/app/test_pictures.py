@@ -16,7 +16,10 @@ from matplotlib.text import Annotation
 
 import jaxgear as jg
 from jaxgear._app import _pictures as pictures
+from jaxgear._app import _tables as tables
+from jaxgear._app._folder import Folder
 from jaxgear._app._results import cycle_statistics, static_dataset
+from jaxgear._app._saving import save
 from jaxgear._system._mesh_vectors import section_motion
 from jaxgear._system._shaft import node_heights
 
@@ -135,7 +138,7 @@ def _all_pictures(datasets, cycles):
     path = np.asarray([[3.0, 0.2], [15.0, 0.3], [8.0, 0.25]])
     gradient = {"gradient_bias_relative": -2.0 * _BIAS}
     for name, make in _MODELS.items():
-        yield f"gear_pair {name}", pictures.gear_pair(make()), pictures.gear_pair_columns(make())
+        yield f"gear_pair {name}", pictures.gear_pair(make()), tables.gear_pair_columns(make())
     for name, dataset in datasets.items():
         for make in (
             pictures.transmission_error,
@@ -143,22 +146,22 @@ def _all_pictures(datasets, cycles):
             pictures.flank_maps,
             pictures.face_load,
         ):
-            columns = getattr(pictures, f"{make.__name__}_columns")(dataset)
+            columns = getattr(tables, f"{make.__name__}_columns")(dataset)
             yield f"{make.__name__} {name}", make(dataset, f"{name}, 60 N m"), columns
     yield (
         "harris_map",
         pictures.harris_map(_TORQUES, _PHASES, _WAVES, "waves"),
-        pictures.harris_map_columns(_TORQUES, _PHASES, _WAVES),
+        tables.harris_map_columns(_TORQUES, _PHASES, _WAVES),
     )
     for torques, phases, waves in ((_TORQUES, _PHASES, _WAVES), _LONG):
         figure = pictures.te_spectrum(torques, phases, waves, "waves")
-        columns = pictures.te_spectrum_columns(torques, phases, waves)
+        columns = tables.te_spectrum_columns(torques, phases, waves)
         yield f"te_spectrum of {len(phases)}", figure, columns
     on_shafts, cycle = cycles["mounted"]
     yield (
         "shafts",
         pictures.shafts(on_shafts, cycle, _bearings(mounted), "mounted, 300 N m"),
-        pictures.shafts_columns(on_shafts, cycle, _bearings(mounted)),
+        tables.shafts_columns(on_shafts, cycle, _bearings(mounted)),
     )
     for name, (labels, amounts) in _SIZINGS.items():
         size = np.linspace(1.0, 3.0, 3 * len(amounts)).reshape(-1, 3)
@@ -166,22 +169,22 @@ def _all_pictures(datasets, cycles):
     yield (
         "smoothing_bias",
         pictures.smoothing_bias(_WIDTH, _BIAS, -_BIAS, 0.8, "bias", **gradient),
-        pictures.smoothing_bias_columns(_WIDTH, _BIAS, -_BIAS, **gradient),
+        tables.smoothing_bias_columns(_WIDTH, _BIAS, -_BIAS, **gradient),
     )
     yield (
         "master_curve",
         pictures.master_curve(chart, valley, closed, path, "map"),
-        pictures.master_curve_columns(chart, valley, closed),
+        tables.master_curve_columns(chart, valley, closed),
     )
     yield (
         "search_trace",
         pictures.search_trace(_SEARCHES, "µm²", "searches"),
-        pictures.search_trace_columns(_SEARCHES, "um2"),
+        tables.search_trace_columns(_SEARCHES, "um2"),
     )
     yield (
         "before_after",
         pictures.before_after(spur, relieved, "relief"),
-        pictures.before_after_columns(spur, relieved),
+        tables.before_after_columns(spur, relieved),
     )
     assert mounted.sizes["slice"] == 6
 
@@ -202,11 +205,16 @@ def test_axes_say_quantity_and_unit(everything):
                 assert _UNIT.match(label), f"{name}: {label!r}"
 
 
+def _saved(figure, columns, folder):
+    """Paths of PNG, SVG and CSV."""
+    save(lambda: figure, columns, Folder(folder), "picture")
+    return [folder / f"picture.{ending}" for ending in ("png", "svg", "csv")]
+
+
 def test_pictures_show_something_in_every_axes(everything, tmp_path):
     for name, figure, columns in everything:
-        paths = pictures.save(figure, columns, tmp_path, "picture")
-        assert [path.suffix for path in paths] == [".png", ".svg", ".csv"]
-        assert {path.name for path in tmp_path.iterdir()} == {path.name for path in paths}
+        paths = _saved(figure, columns, tmp_path)
+        assert set(tmp_path.iterdir()) == set(paths)
         image = matplotlib.image.imread(paths[0])[..., :3]
         height, width = image.shape[:2]
         assert (width, height) == tuple((figure.get_size_inches() * 150).astype(int))
@@ -221,7 +229,7 @@ def test_pictures_show_something_in_every_axes(everything, tmp_path):
 
 def test_columns_are_written_beside(everything, tmp_path):
     for _, figure, columns in everything[:4]:
-        *_, table = pictures.save(figure, columns, tmp_path, "picture")
+        *_, table = _saved(figure, columns, tmp_path)
         with table.open(newline="", encoding="utf-8") as file:
             rows = list(csv.reader(file))
         assert rows[0] == list(columns)
@@ -234,7 +242,7 @@ def test_the_same_picture_is_the_same_file(datasets, tmp_path):
     written = []
     for _ in range(2):
         figure = pictures.transmission_error(datasets["spur"], "spur, 60 N m")
-        written.append([x.read_bytes() for x in pictures.save(figure, {}, tmp_path, "picture")])
+        written.append([path.read_bytes() for path in _saved(figure, {}, tmp_path)])
     assert written[0] == written[1]
 
 
@@ -309,7 +317,7 @@ def test_transmission_error_repeats_and_names_its_statistics(datasets):
 
 
 def test_sharing_of_a_spur_pair_goes_from_nothing_to_all_and_back(datasets):
-    columns = pictures.stiffness_and_sharing_columns(datasets["spur"])
+    columns = tables.stiffness_and_sharing_columns(datasets["spur"])
     roll, share = columns["roll_mm"], columns["load_sharing"]
     points = datasets["spur"]["path_point_roll_mm"].values
     assert np.all(np.diff(roll) > 0.0)
@@ -321,10 +329,10 @@ def test_sharing_of_a_spur_pair_goes_from_nothing_to_all_and_back(datasets):
 
 
 def test_harris_statistics_by_hand():
-    columns = pictures.harris_map_columns(_TORQUES, _PHASES, _WAVES)
+    columns = tables.harris_map_columns(_TORQUES, _PHASES, _WAVES)
     np.testing.assert_allclose(columns["te_mean_um"], [4.0, 8.0, 12.0])
     np.testing.assert_allclose(columns["te_rms_um"], np.asarray([1.0, 2.0, 3.0]) / np.sqrt(2.0))
-    uneven = pictures.harris_map_columns(
+    uneven = tables.harris_map_columns(
         _TORQUES[:1],
         np.asarray([0.0, 0.5]),
         np.asarray([[0.0, 1.0]]),
@@ -336,7 +344,7 @@ def test_harris_statistics_by_hand():
 
 def test_spectrum_by_hand():
     """Orders of sines come out with their amplitudes, between the mesh harmonics too."""
-    order, *amplitudes = pictures.te_spectrum_columns(*_LONG).values()
+    order, *amplitudes = tables.te_spectrum_columns(*_LONG).values()
     expected = np.where(np.isclose(order, 1.0), 1.0, np.where(np.isclose(order, 0.2), 0.5, 0.0))
     assert order[0] == 0.2
     for torque, amplitude in enumerate(amplitudes):
@@ -346,13 +354,13 @@ def test_spectrum_by_hand():
 def test_a_long_cycle_is_drawn_once(cycles, datasets):
     """From 0 to its end; each of its tooth pairs by itself; its harmonics are the library's."""
     model, cycle = cycles["mounted"]
-    columns = pictures.transmission_error_columns(datasets["mounted"])
+    columns = tables.transmission_error_columns(datasets["mounted"])
     assert len(columns["phase"]) == cycle.approach.size
     assert np.all(np.diff(columns["phase"]) > 0.0)
     assert 2.9 < columns["phase"][-1] < 3.0
     amplitudes = jg.harmonic_amplitudes(cycle, jg.transmission_error(model.pair, cycle), 5)
     np.testing.assert_allclose(columns["te_harmonic_um"], amplitudes / jg.um, rtol=1e-9)
-    sharing = pictures.stiffness_and_sharing_columns(datasets["mounted"])
+    sharing = tables.stiffness_and_sharing_columns(datasets["mounted"])
     assert np.unique(sharing["tooth_pair"]).tolist() == [0, 1, 2]
     for pair in range(3):
         own = sharing["tooth_pair"] == pair
@@ -362,7 +370,7 @@ def test_a_long_cycle_is_drawn_once(cycles, datasets):
 
 def test_face_load_adds_up_to_the_mesh_force(datasets):
     for dataset in datasets.values():
-        columns = pictures.face_load_columns(dataset)
+        columns = tables.face_load_columns(dataset)
         np.testing.assert_allclose(
             columns["face_load_mean_N_mm"], dataset["face_load_N_mm"], rtol=1e-9
         )
@@ -378,7 +386,7 @@ def test_deflected_lines_carry_the_loads_of_the_bearings(cycles, datasets):
     """Deflection at a bearing times its stiffness is its load; all loads balance."""
     model, cycle = cycles["mounted"]
     bearings = _bearings(datasets["mounted"])
-    columns = pictures.shafts_columns(model, cycle, bearings)
+    columns = tables.shafts_columns(model, cycle, bearings)
     shafts = {"pinion": model.pinion_support, "wheel": model.wheel_support}
     for index, each in enumerate(bearings):
         spring = shafts[each["gear"]].bearings[each["index"]]
@@ -450,9 +458,9 @@ def test_deflected_line_of_a_beam_body_is_the_motion_of_its_sections(cycles):
     body = jg.BeamBody(30 * jg.mm, 68 * jg.mm, jg.Material(poisson=0.45))
     heights = node_heights(shaft, body)
     motion = np.random.default_rng(3).normal(size=6 * len(heights)) * jg.um
-    z, *moved = np.asarray(jax.jit(pictures._line_of_shaft)(shaft, body, motion))
+    z, *moved = np.asarray(jax.jit(tables._line_of_shaft)(shaft, body, motion))
     first = shaft.layout.gear_nodes[0]
-    count = pictures._POINTS_OF_BEAM
+    count = tables._POINTS_OF_BEAM
     inside = slice(first * count, (first + 1) * count)
     sections = jax.vmap(lambda at: section_motion(shaft, body, at))
     expected = jax.jit(sections)(z[inside]) @ motion[6 * first : 6 * first + 12]
@@ -512,3 +520,53 @@ def test_configuration_is_left_alone(datasets):
 def test_pyplot_stays_away():
     code = "import sys, jaxgear._app._pictures; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_both_files_have_the_layout_that_each_would_have_alone(datasets, tmp_path):
+    _saved(pictures.flank_maps(datasets["spur"], "spur"), {}, tmp_path)
+    for ending, options in (("png", {"dpi": 150}), ("svg", {})):
+        alone = pictures.flank_maps(datasets["spur"], "spur")
+        with pictures._house_look():
+            alone.savefig(tmp_path / f"alone.{ending}", **options)
+    shown, expected = (
+        matplotlib.image.imread(tmp_path / f"{name}.png") for name in ("picture", "alone")
+    )
+    np.testing.assert_array_equal(shown, expected)
+    (words, places), (own, reference) = (
+        _words(tmp_path / f"{name}.svg") for name in ("picture", "alone")
+    )
+    assert words == own
+    # Letters are a little narrower in print than on a screen: a point at most.
+    np.testing.assert_allclose(places, reference, atol=1.0)
+
+
+def _words(svg):
+    """Text of an SVG, and its places [points]."""
+    found = re.findall(r"<text ([^>]*)>([^<]*)<", svg.read_text(encoding="utf-8"))
+    places = [re.findall(r"-?[0-9.]+", re.sub(r'style="[^"]*"', "", about)) for about, _ in found]
+    return [word for _, word in found], [[float(x) for x in place[:2]] for place in places]
+
+
+def test_without_pictures_data_is_written_and_no_stale_picture_stays(tmp_path):
+    draw = lambda: pictures.search_trace(_SEARCHES, "-", "searches")
+    columns = tables.search_trace_columns(_SEARCHES, "-")
+    save(draw, columns, Folder(tmp_path), "search")
+    before = (tmp_path / "search.csv").read_bytes()
+    save(draw, columns, Folder(tmp_path, pictures=False), "search")
+    assert [path.name for path in tmp_path.iterdir()] == ["search.csv"]
+    assert (tmp_path / "search.csv").read_bytes() == before
+
+
+def test_commands_come_without_matplotlib(tmp_path):
+    """Also those of condensed bodies, searches and comparisons."""
+    code = (
+        "import pathlib, sys\n"
+        "import jaxgear._app._commands, jaxgear._app._compare, jaxgear._app._condense\n"
+        "import jaxgear._app._hybrid_tables, jaxgear._app._sensitivities\n"
+        "import jaxgear._app._wave_tables\n"
+        "from jaxgear._app._folder import Folder\n"
+        "from jaxgear._app._saving import save\n"
+        "save(None, {'a': [1.0]}, Folder(pathlib.Path(sys.argv[1]), pictures=False), 'a')\n"
+        "sys.exit('matplotlib' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code, tmp_path], check=False).returncode == 0

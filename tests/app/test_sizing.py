@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from jaxgear._app._commands import _sizing
+from jaxgear._app._folder import Folder
 from jaxgear._app._scene import ready_scene
 from jaxgear._app._sizing import RESPONSES, _ranked, combinations_of
 from jaxgear._app._statics import Stopwatch, solve_statics
@@ -25,7 +26,7 @@ def solved(tmp_path_factory):
     """The table of three depths, one of them given twice, and two biases, as a run writes it."""
     folder = tmp_path_factory.mktemp("sizing")
     scene, watch = ready_scene("accessory", _SCENE), Stopwatch()
-    summary = _sizing(scene, solve_statics(scene, watch), folder, True, watch)["sizing"]
+    summary = _sizing(scene, solve_statics(scene, watch), Folder(folder), True, watch)["sizing"]
     with (folder / "sizing.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert (folder / "sizing.png").stat().st_size > 0

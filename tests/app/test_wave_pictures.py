@@ -11,9 +11,11 @@ from tiny_cases import tiny_scene
 
 from jaxgear._app import _body_waves as body_waves
 from jaxgear._app import _wave_pictures as pictures
+from jaxgear._app import _wave_tables as tables
 from jaxgear._app._bodies import body_plan
 from jaxgear._app._body_build import built_body
 from jaxgear._app._dynamics import Response, Sweep
+from jaxgear._app._folder import Folder
 from jaxgear._app._scene import read_scene
 from jaxgear._checks import InputError
 from jaxgear._dynamics._system import PairDynamics
@@ -153,15 +155,15 @@ def test_a_gauge_on_the_web_moves_as_the_grid_does(watch, motion):
 def test_pictures_and_shapes_are_written(seen, tmp_path, monkeypatch):
     watch, dataset = seen
     monkeypatch.setattr(pictures, "_FRAMES", 3)
-    monkeypatch.setattr(pictures, "_STATES", 2)
+    monkeypatch.setattr(tables, "_STATES", 2)
     drawn = {}
 
-    def save(figure, columns, folder, name):
-        figure.savefig(folder / f"{name}.png", dpi=40)
+    def save(draw, columns, folder, name):
+        draw().savefig(folder / f"{name}.png", dpi=40)
         drawn[name] = columns
 
-    monkeypatch.setattr(pictures, "save", save)
-    pictures.draw(tmp_path, "tiny", watch, dataset)
+    monkeypatch.setattr(tables, "save", save)
+    tables.draw(Folder(tmp_path), "tiny", watch, dataset)
     assert set(drawn) == {"wheel_spectra", "wheel_waves", "wheel_levels"}
     for columns in drawn.values():
         (length,) = {len(values) for values in columns.values()}

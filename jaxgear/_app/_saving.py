@@ -1,0 +1,33 @@
+"""Pictures and their data on their way into the results folder."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from jaxgear._app._folder import Folder
+from jaxgear._app._plots import pictures
+from jaxgear._app._results import write_csv
+
+
+def save(
+    draw: Callable[[], Any], columns: Mapping[str, np.ndarray], folder: Folder, name: str
+) -> None:
+    """Write a picture's data, and the picture where pictures are wanted.
+
+    Where they are not, an earlier picture of this name is removed: it shows other data.
+
+    **Arguments:**
+
+    - `draw`: returns the figure; called only for a picture.
+    - `columns`: its data, under names with units.
+    - `folder`: where to.
+    - `name`: of the files, without ending: NAME.csv, NAME.png and NAME.svg.
+    """
+    write_csv(columns, folder / f"{name}.csv")
+    png, svg = folder / f"{name}.png", folder / f"{name}.svg"
+    if folder.pictures:
+        pictures.write_picture(draw, png, svg)
+    else:
+        png.unlink(missing_ok=True)
+        svg.unlink(missing_ok=True)
