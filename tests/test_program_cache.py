@@ -90,6 +90,7 @@ def _answer(process: subprocess.Popen) -> tuple[list[str], int, list[str]]:
     return values, int(last.split()[0]), said
 
 
+@pytest.mark.end_to_end
 def test_programs_are_compiled_once_and_whatever_befalls_them_is_one_note(user):
     # Two at once into an empty folder.
     (first, _, said), (second, _, too) = map(_answer, [_started(), _started()])
