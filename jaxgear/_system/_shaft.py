@@ -476,7 +476,9 @@ def _element(
 
 def _places(shaft: Shaft, body_width: Any) -> Mapping[str, Any]:
     """Height of every named point, those that own a station first."""
-    places = {f"bearing {i}": bearing.at for i, bearing in enumerate(shaft.bearings)}
+    places: dict[str, Any] = {
+        f"bearing {i}": bearing.at for i, bearing in enumerate(shaft.bearings)
+    }
     if body_width is None:
         places["gear"] = shaft.gear_at
     else:
