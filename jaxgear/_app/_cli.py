@@ -23,6 +23,7 @@ from jaxgear._app._motion import motion_mistakes
 from jaxgear._app._progress import warn
 from jaxgear._app._scene import READY, Mistake, Scene, SceneError, read_scene, rewrite_scene
 from jaxgear._app._schema import GEARS
+from jaxgear._app._slips import odd
 from jaxgear._checks import InputError
 from jaxgear._program_cache import cache_compilations
 
@@ -208,6 +209,8 @@ def _command(argv: Sequence[str] | None) -> int:
         return _cache(args)
     scene = read_scene(args.scene, args.overrides)
     _refuse_unfit(args.command, scene)
+    for remark in odd(scene.values):
+        warn(remark)
     folder = args.out or Path("results") / str(scene["name"])
     _prepare(folder)
     summary = _compute(args.command, scene, Folder(folder, args.pictures), args.quiet)

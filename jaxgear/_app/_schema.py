@@ -285,11 +285,18 @@ def _material(table: str, young: object, poisson: object, density: object) -> tu
             "Young's modulus",
             young,
             at_least=0.1,
-            at_most=1e6,
+            at_most=2000.0,
             remedy=gpa,
         ),
         _variable(f"{table}.poisson", "Poisson's ratio", poisson, at_least=0.0, below=0.5),
-        _variable(f"{table}.density_kg_m3", "density", density, at_least=100.0, remedy=dense),
+        _variable(
+            f"{table}.density_kg_m3",
+            "density",
+            density,
+            at_least=100.0,
+            at_most=30_000.0,
+            remedy=dense,
+        ),
     )
 
 
@@ -373,7 +380,8 @@ def _gear(gear: str) -> tuple[Key, ...]:
         _variable(f"{gear}.dedendum_coeff", "dedendum over module", 1.25, above=0.0, at_most=5.0),
         _variable(
             f"{gear}.fillet_radius_coeff",
-            "tip radius of the rack that cuts the fillet, over module",
+            "tip radius of the rack that cuts the fillet, over module; where 0.38 does not fit the "
+            "rack at this pressure angle, the largest that does",
             0.38,
             at_least=0.0,
             at_most=1.0,
