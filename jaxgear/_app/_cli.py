@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxgear._app._folder import Folder
+from jaxgear._app._keys import add_keys_parser, print_keys
 from jaxgear._app._motion import motion_mistakes
 from jaxgear._app._progress import warn
 from jaxgear._app._scene import READY, Mistake, Scene, SceneError, read_scene, rewrite_scene
@@ -179,6 +180,7 @@ def _parser() -> argparse.ArgumentParser:
                 dest="pictures",
                 help="draw none, and write only their data; removes those of an earlier run",
             )
+    add_keys_parser(commands)
     cache = commands.add_parser(
         "cache",
         help="list the condensed bodies and compiled programs that are kept, or remove them",
@@ -207,6 +209,8 @@ def _command(argv: Sequence[str] | None) -> int:
         return _init(args)
     if args.command == "cache":
         return _cache(args)
+    if args.command == "keys":
+        return print_keys(args)
     scene = read_scene(args.scene, args.overrides)
     _refuse_unfit(args.command, scene)
     for remark in odd(scene.values):
