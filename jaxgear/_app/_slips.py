@@ -153,7 +153,7 @@ def _centres(values: Values, module: float) -> Iterator[Slip]:
     tight = _involute(angle) + 2.0 * shifts * math.tan(alpha) / teeth
     base = reference * math.cos(angle)
     # What lies beyond is refused with the gears.
-    if not base < centres < 2.0 * reference or tight <= 0.0:
+    if not base < centres < 2.0 * reference or not 0.0 < tight < _involute(1.0):
         return
     backlash = 2.0 * centres * (_involute(math.acos(base / centres)) - tight)
     if backlash > _BACKLASH * module:
