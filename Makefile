@@ -19,7 +19,7 @@ DEMO_OUT := $(DEMO)/results/accessory
 
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: help demo test test-slow test-faults bench clean
+.PHONY: help demo test types suite test-slow test-faults bench clean
 
 help:
 	@echo 'make demo         a gear pair from scene to pictures, in $(DEMO)/'
@@ -39,11 +39,18 @@ demo: $(VENV)/.installed
 	if [ -z "$$pictures" ]; then echo 'No picture in $(DEMO_OUT).' >&2; exit 1; fi; \
 	printf '\nThe pictures:\n%s\n' "$$pictures"
 
-# The cheapest check first. Tests of one file stay in one process: they share what JAX compiles.
+# The cheapest check first.
 test: $(VENV)/.installed-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
+	$(MAKE) -j 2 types suite
+
+# Types take one core: the tests begin beside them, and go on with what is left.
+types: $(VENV)/.installed-dev
 	$(BIN)/pyright --pythonpath $(BIN)/python
+
+# Tests of one file stay in one process: they share what JAX compiles.
+suite: $(VENV)/.installed-dev
 	$(BIN)/pytest -n 2 --dist loadfile
 
 test-slow: $(VENV)/.installed-dev

@@ -68,7 +68,7 @@ def task(name: str, settings: Sequence[str]) -> Task:
         deflection=float(statics.numbers["single_pair_deflection_um"]),
     )
     prepared = prepared_mesh(space, statics.grid, watch)
-    search = search_of(space, statics.grid, prepared)
+    search = search_of(space, statics.grid, prepared, watch)
     start = time.perf_counter()
     require_acting(search, space)
     return Task(search, space, time.perf_counter() - start)

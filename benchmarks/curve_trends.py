@@ -22,10 +22,11 @@ import numpy as np
 
 import jaxgear as jg
 import optimise
-from jaxgear._app import _pictures as pictures
 from jaxgear._app._curve_pictures import several_curves
+from jaxgear._app._folder import Folder
 from jaxgear._app._mesh_bodies import with_bodies
 from jaxgear._app._model import grid_of, model_of
+from jaxgear._app._saving import save
 from jaxgear._app._scene import Scene, ready_scene
 from jaxgear._contact._cells import nominal_line_load
 
@@ -203,4 +204,4 @@ if __name__ == "__main__":
     if out is not None and curve_of.cache_info().currsize:
         drawn = {label: curve_of(label)._asdict() for label in CASES}
         figure, columns = several_curves(drawn, "accessory pair, 80 N m")
-        pictures.save(figure, columns, out, "master_curves")
+        save(lambda: figure, columns, Folder(out), "master_curves")

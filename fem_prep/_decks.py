@@ -105,7 +105,14 @@ def _files(
 
 def _text(path: Path, above: tuple[Path, ...]) -> str:
     """Content of a file that is included by those above it."""
-    require(path not in above, "'{path}' includes itself.", path=path)
+    # One file may have many names: `ring.inp` and `../grids/ring.inp`.
+    real = path.resolve()
+    require(all(real != other.resolve() for other in above), "'{path}' includes itself.", path=path)
+    require(
+        not real.exists() or real.is_file(),
+        "'{path}' is no file, but a folder or a device. Name the deck.",
+        path=path,
+    )
     try:
         # Comments may be in any encoding; what matters is ASCII.
         return path.read_text(encoding="utf-8", errors="replace")

@@ -1,8 +1,18 @@
-"""`python -m jaxgear`, the same as the command `jaxgear`."""
+"""The command `jaxgear`, and `python -m jaxgear`."""
 
 import sys
 
-from jaxgear._app._cli import main
+
+def main() -> int:
+    """Run the command line; an interruption is one line, even while it is being imported."""
+    try:
+        from jaxgear._app import _cli
+
+        return _cli.main()
+    except KeyboardInterrupt:
+        print("jaxgear: interrupted", file=sys.stderr)
+        return 130
+
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -61,6 +61,14 @@ def known(value: Any) -> np.ndarray | None:
     return None if isinstance(value, Tracer) else np.asarray(value)
 
 
+def in_numpy(value: Any) -> Any:
+    """The numbers of an array, or the array itself while it is being traced: for arithmetic.
+
+    A check on them costs no program.
+    """
+    return value if isinstance(value, Tracer) else np.asarray(value)
+
+
 def known_to_fail(ok: Any) -> bool:
     """Whether flags that must all hold are known not to: also under `jax.grad` without `jit`."""
     try:

@@ -162,11 +162,11 @@ def _fingerprint() -> str:
     """Name of the folder for programs of this processor, JAX and Python."""
     # As imported: after an update in the place of another version its files would say otherwise.
     import jax
-    import jaxlib.version
+    import jax.lib
 
     words = [
         f"jax-{jax.__version__}",
-        jaxlib.version.__version__,
+        jax.lib.__version__,  # pyright: ignore[reportPrivateImportUsage]
         sys.implementation.cache_tag or "",
     ]
     return "-".join([*words, hashlib.sha256(_processor().encode()).hexdigest()[:12]])

@@ -22,6 +22,7 @@ Under a type checker an alias is a plain array; at run time (in the tests) it ca
 from typing import TYPE_CHECKING
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 if TYPE_CHECKING:
@@ -100,12 +101,14 @@ def as_scalar(value: object) -> Array:
 
     A scalar array of the default real type.
     """
-    return jnp.asarray(value, dtype=float)
+    return as_reals(value)
 
 
 def as_reals(value: object) -> Array:
     """Real numbers of any shape as a differentiable leaf; as `as_scalar`."""
-    return jnp.asarray(value, dtype=float)
+    # Numbers of Python would be converted by a compiled program, those of NumPy are only copied.
+    plain = isinstance(value, float | int | np.number)
+    return jnp.asarray(np.float64(value) if plain else value, dtype=float)
 
 
 def as_optional_scalar(value: object) -> Array | None:

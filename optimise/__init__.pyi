@@ -33,6 +33,7 @@ from ._objectives import residuals_over_torques as residuals_over_torques
 from ._objectives import responses_over_torques as responses_over_torques
 from ._pareto import ParetoFront as ParetoFront
 from ._pareto import pareto_front as pareto_front
+from ._record import Batched as Batched
 from ._record import Box as Box
 from ._record import Record as Record
 from ._record import SearchResult as SearchResult

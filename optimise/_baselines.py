@@ -3,11 +3,11 @@
 import numpy as np
 import scipy
 
-from optimise._record import Box, Objective, SearchResult, batched
+from optimise._record import Batched, Box, Objective, SearchResult, batched
 
 
 def differential_evolution(
-    objective: Objective,
+    objective: Objective | Batched,
     box: Box,
     *,
     seed: int = 0,
@@ -66,7 +66,7 @@ def differential_evolution(
 
 
 def cma_es(
-    objective: Objective,
+    objective: Objective | Batched,
     box: Box,
     *,
     start: np.ndarray | None = None,

@@ -16,13 +16,16 @@ class AbstractResponse(eqx.Module):
     """A differentiable number of one steady response."""
 
     @abc.abstractmethod
-    def __call__(self, dynamics: jg.PairDynamics, orbit: jg.Orbit) -> Float[Array, ""]:
+    def __call__(
+        self, dynamics: jg.PairDynamics, orbit: jg.Orbit, law: jg.AbstractContactLaw
+    ) -> Float[Array, ""]:
         """Judge a response.
 
         **Arguments:**
 
         - `dynamics`: the pair.
         - `orbit`: its response at one speed.
+        - `law`: with which it was found.
 
         **Returns:**
 
@@ -40,16 +43,21 @@ class DynamicRatio(AbstractResponse):
 
     width: Float[Array, ""] = eqx.field(converter=as_scalar, default=0.02)
 
-    def __call__(self, dynamics: jg.PairDynamics, orbit: jg.Orbit) -> Float[Array, ""]:
+    def __call__(
+        self, dynamics: jg.PairDynamics, orbit: jg.Orbit, law: jg.AbstractContactLaw
+    ) -> Float[Array, ""]:
         """Return the ratio [-]."""
-        return jg.smooth_dynamic_ratio(dynamics.system, orbit, self.width)
+        return jg.smooth_dynamic_ratio(dynamics.system, orbit, self.width, law)
 
 
 class DynamicErrorVariance(AbstractResponse):
     """Square of the RMS of the dynamic transmission error, in um2."""
 
-    def __call__(self, dynamics: jg.PairDynamics, orbit: jg.Orbit) -> Float[Array, ""]:
+    def __call__(
+        self, dynamics: jg.PairDynamics, orbit: jg.Orbit, law: jg.AbstractContactLaw
+    ) -> Float[Array, ""]:
         """Return the variance [um2]."""
+        del law
         error = jg.dynamic_transmission_error(dynamics.system, orbit)
         return jg.orbit_variance(dynamics.system, error) / jg.um**2
 
@@ -66,8 +74,11 @@ class BearingForce(AbstractResponse):
 
     width: Float[Array, ""] = eqx.field(converter=as_scalar, default=1.0)
 
-    def __call__(self, dynamics: jg.PairDynamics, orbit: jg.Orbit) -> Float[Array, ""]:
+    def __call__(
+        self, dynamics: jg.PairDynamics, orbit: jg.Orbit, law: jg.AbstractContactLaw
+    ) -> Float[Array, ""]:
         """Return the rounded RMS [N]."""
+        del law
         force = jg.bearing_loads(dynamics, orbit)[:, :, :3]
         swing = force - jg.orbit_mean(dynamics.system, force)[None]
         square = jnp.sum(swing**2, axis=(1, 2))
@@ -192,7 +203,8 @@ class OverSpeeds(AbstractObjective):
             stretched = lambda x: still.solve(fixed, speed * jnp.exp(x), near)[1]
             _, change = jax.jvp(stretched, (jnp.zeros(()),), (jnp.ones(()),))
             moved = fixed.middle @ change.T / fixed.scales[None, :]
-            return self.response(dynamics, orbit), orbit.settled, jnp.max(jnp.abs(moved))
+            number = self.response(dynamics, orbit, method.law)
+            return number, orbit.settled, jnp.max(jnp.abs(moved))
 
         # Lanes of a batch all wait for the slowest: on a CPU one after the other is faster.
         number, settled, sensitivity = jax.lax.map(at_speed, self.speeds)

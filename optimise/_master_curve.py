@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 import jaxgear as jg
+from optimise._record import Batched, Sloped, with_jacobian
 
 
 def master_curve_depth(
@@ -86,7 +87,7 @@ Response = Callable[[Array, Array], Array]
 
 
 def relief_map(
-    response: Response,
+    response: Response | Batched,
     depth: np.ndarray,
     extent: np.ndarray,
     *,
@@ -99,7 +100,8 @@ def relief_map(
 
     **Arguments:**
 
-    - `response`: of a depth [m] and an extent [-], traceable by JAX.
+    - `response`: of a depth [m] and an extent [-], traceable by JAX; or of many such points, always
+        as many as there are depths.
     - `depth`: rows of the map [m].
     - `extent`: columns of the map [-].
     - `done`: told how many more points of the map are finished, for a progress bar.
@@ -110,12 +112,15 @@ def relief_map(
     """
     count = len(depth)
     # One shape for every call: it is compiled once.
-    batch = jax.jit(jax.vmap(response))
+    if isinstance(response, Batched):
+        batch = response
+    else:
+        batch = Batched(jax.jit(jax.vmap(lambda point: response(point[0], point[1]))))
 
     def evaluate(depths: np.ndarray, extents: np.ndarray) -> np.ndarray:
         padding = (0, -len(depths) % count)
         pairs = [np.pad(x, padding, mode="edge").reshape(-1, count) for x in (depths, extents)]
-        values = [np.asarray(batch(*map(jnp.asarray, pair))) for pair in zip(*pairs, strict=True)]
+        values = [batch(np.stack(pair, axis=1)) for pair in zip(*pairs, strict=True)]
         return np.concatenate(values)[: len(depths)]
 
     columns, best = [], []
@@ -177,7 +182,7 @@ class TracedCurve(eqx.Module):
 
 
 def traced_curve(
-    deviations: Callable[[Array, Array], Array],
+    deviations: Callable[[Array, Array], Array] | Sloped,
     extent: np.ndarray,
     start: float,
     *,
@@ -195,7 +200,8 @@ def traced_curve(
     **Arguments:**
 
     - `deviations`: $r$ of a depth [m] and an extent [-], whose squares sum to the mean square of
-        the transmission error about its mean [m]; traceable by JAX.
+        the transmission error about its mean [m]; traceable by JAX. Or what has their derivatives
+        too, of a point of both.
     - `extent`: in the order in which to go; begin where the curve is flat, at the longest.
     - `start`: depth to begin with at the first extent [m].
     - `deepest`: where the curve ends; so it does where depth has no effect [m].
@@ -211,15 +217,15 @@ def traced_curve(
 
     - `FloatingPointError` where the deviations are not finite.
     """
-
-    @jax.jit
-    def products(depth: Array, extent: Array) -> Array:
-        twice = lambda e, g: (deviations(e, g),) * 2
-        (by_depth, by_extent), r = jax.jacfwd(twice, (0, 1), has_aux=True)(depth, extent)
-        return jnp.stack([r @ r, r @ by_depth, by_depth @ by_depth, by_depth @ by_extent])
+    if isinstance(deviations, Sloped):
+        sloped = deviations
+    else:
+        sloped = with_jacobian(lambda point: deviations(point[0], point[1]))
 
     def at(depth: float, gamma: float) -> np.ndarray:
-        found = np.asarray(products(jnp.asarray(depth), jnp.asarray(gamma)))
+        r, slopes = map(np.asarray, sloped(jnp.asarray(np.asarray([depth, gamma]), dtype=float)))
+        by_depth, by_extent = slopes.T
+        found = np.stack([r @ r, r @ by_depth, by_depth @ by_depth, by_depth @ by_extent])
         if not np.all(np.isfinite(found)):
             raise FloatingPointError(
                 f"The deviations or their slopes are not finite at a relief of {depth / jg.um:.6g} "

@@ -133,17 +133,36 @@ class SearchResult(eqx.Module):
     values: np.ndarray
 
 
-def batched(objective: Objective) -> Callable[[np.ndarray], np.ndarray]:
+class Batched:
+    """An objective at many points, compiled: searches by populations take one for an objective."""
+
+    def __init__(self, many: Callable[[np.ndarray], Array]):
+        """Mark a function as one that takes many points.
+
+        **Arguments:**
+
+        - `many`: of points, shape `[point, variable]`.
+        """
+        self._many = many
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        """Values at points, shape `[point, variable]`."""
+        return np.asarray(self._many(points))
+
+
+def batched(objective: Objective | Batched) -> Callable[[np.ndarray], np.ndarray]:
     """An objective at many points in one compiled call, one after the other.
 
     **Arguments:**
 
-    - `objective`: traceable by JAX.
+    - `objective`: traceable by JAX; one of many points already stays as it is.
 
     **Returns:**
 
     A function of points, shape `[point, variable]`.
     """
+    if isinstance(objective, Batched):
+        return objective
     compiled = jax.jit(lambda points: jax.lax.map(objective, points))
     return lambda points: np.asarray(compiled(jnp.asarray(points)))
 

@@ -1,7 +1,7 @@
 """Several searches in a row: from many starts, and with a width that falls."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,14 +10,14 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
-from optimise._record import Box, Objective, SearchResult, Sloped, batched, with_gradient
+from optimise._record import Batched, Box, Objective, SearchResult, Sloped, batched, with_gradient
 from optimise._search import lbfgs
 
 Search = Callable[..., SearchResult]
 
 
 def multi_start(
-    objective: Objective,
+    objective: Objective | Batched,
     box: Box,
     *,
     search: Search = lbfgs,
@@ -190,8 +190,13 @@ def inactive(
         return by_variable, float(np.max(abs(value), initial=0.0))
 
     idle = np.ones(span.size, bool)
-    points = [np.asarray(start, float), *box.from_unit(sobol(span.size, places, seed))]
-    for number, point in enumerate(points):
+
+    def points() -> Iterator[np.ndarray]:
+        yield np.asarray(start, float)
+        # Only then, for SciPy's statistics take half a second to import.
+        yield from box.from_unit(sobol(span.size, places, seed))
+
+    for number, point in enumerate(points()):
         change, size = changes(point)
         if number == 0 and not (np.isfinite(change).all() and np.isfinite(size)):
             raise FloatingPointError(

@@ -1,26 +1,41 @@
 """The conditions that every test runs under. Imports no package of ours."""
 
 import os
+import shutil
 import sys
+from importlib.metadata import version
+from pathlib import Path
 
 # Before anything imports NumPy: with its default threads a small solve takes ten times as long.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("MKL_NUM_THREADS", "1")
 os.environ.setdefault("MPLBACKEND", "Agg")
-# Tests compile far more than they compute: without the optimiser's passes that takes half the time.
-# `XLA_FLAGS= pytest` tests the programs as users have them.
+# Tests compile far more than they compute: without the optimiser's passes, and with the old
+# emitters of loops, that takes a quarter of the time. Releases after 0.10 have only the new
+# emitters and refuse the flag. `XLA_FLAGS= pytest` tests the programs as users have them.
 os.environ.setdefault(
-    "XLA_FLAGS", "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true"
+    "XLA_FLAGS",
+    "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true"
+    " --xla_cpu_parallel_codegen_split_count=1"
+    + " --xla_cpu_use_fusion_emitters=false"
+    * version("jaxlib").startswith("0.10."),
 )
-
-# A command would turn the cache of compiled programs on for all tests that follow it.
-if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
-    os.environ.setdefault("JAX_ENABLE_COMPILATION_CACHE", "false")
+# What one run has compiled the next one reads, as do commands that tests start, of which none then
+# turns on a cache of its own.
+os.environ.setdefault(
+    "JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / ".pytest_cache" / "compiled")
+)
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
 
 import jax
+import psutil
 import pytest
+from budget import pytest_addoption, pytest_runtest_call
 from jaxtyping import install_import_hook
+
+__all__ = ["pytest_addoption", "pytest_configure", "pytest_runtest_call"]
 
 _CHECKED = ("jaxgear", "optimise")
 
@@ -33,9 +48,21 @@ jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
+# Of compiled programs on the disk, of all versions of the code; of one process in memory [B].
+_DISK, _MEMORY = 1e9, 3e9
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Begin a cache anew that has grown too large; workers begin after this."""
+    compiled = Path(os.environ["JAX_COMPILATION_CACHE_DIR"])
+    ours = compiled.is_relative_to(config.rootpath) and not hasattr(config, "workerinput")
+    if ours and sum(file.stat().st_size for file in compiled.glob("*")) > _DISK:
+        shutil.rmtree(compiled)
+
 
 @pytest.fixture(autouse=True, scope="module")
 def _let_programs_go():
-    """Forget what was compiled after each file: thousands of programs exhaust a process."""
+    """Forget what was compiled where it has come to fill the memory; else other files use it."""
     yield
-    jax.clear_caches()
+    if psutil.Process().memory_info().rss > _MEMORY:
+        jax.clear_caches()

@@ -5,6 +5,7 @@ nothing, and on planted faults, where it must find each.
 """
 
 import ast
+import functools
 import importlib
 import inspect
 import re
@@ -130,11 +131,17 @@ class Class(NamedTuple):
 def read_sources(root: Path, *folders: str) -> list[Source]:
     """Parse every Python file and stub below the folders; one that does not exist has none."""
     return [
-        Source(PurePosixPath(path.relative_to(root).as_posix()), ast.parse(path.read_bytes()))
+        Source(PurePosixPath(path.relative_to(root).as_posix()), _parsed(path))
         for folder in folders
         for ending in ("*.py", "*.pyi")
         for path in sorted((root / folder).rglob(ending))
     ]
+
+
+@functools.cache
+def _parsed(path: Path) -> ast.Module:
+    """A file's tree, for all rules: none of them changes it."""
+    return ast.parse(path.read_bytes())
 
 
 def _last_name(node: ast.AST) -> str:
@@ -486,17 +493,21 @@ def test_names_of_classes_are_unique():
         assert len(_classes(sources)) == count
 
 
-def test_every_module_carries_the_shape_checks():
+@pytest.fixture(scope="module")
+def modules():
     # The packages themselves are found by the editable install, past the hook: they hold no code.
-    names = [
-        ".".join(source.path.with_suffix("").parts)
+    return [
+        importlib.import_module(".".join(source.path.with_suffix("").parts))
         for source in read_sources(ROOT, "jaxgear", "optimise")
         if source.path.stem not in ("__init__", "__main__")
     ]
-    assert names
-    for name in names:
-        loader = type(importlib.import_module(name).__loader__)
-        assert loader.__module__.partition(".")[0] == jaxtyping.__name__, f"{name}: {loader}"
+
+
+def test_every_module_carries_the_shape_checks(modules):
+    assert modules
+    for module in modules:
+        loader = type(module.__loader__)
+        assert loader.__module__.partition(".")[0] == jaxtyping.__name__, f"{module}: {loader}"
 
 
 @pytest.mark.parametrize("name", PACKAGES)

@@ -147,6 +147,7 @@ _PROMISES = {
 }
 
 
+@pytest.mark.end_to_end
 @pytest.mark.parametrize(
     "path",
     [

@@ -381,6 +381,15 @@ def test_abaqus_that_cannot_be_read(old, new, word, body, write):
     refused(write("ring.inp", text.replace(old, new, 1)), word)
 
 
+def test_a_deck_that_includes_itself_by_another_name_is_refused(body, write):
+    path = write("ring.inp", inp(body))
+    again = f"../{path.parent.name}/ring.inp"
+    path.write_text(inp(body).replace("*ELEMENT", f"*INCLUDE, INPUT={again}\n*ELEMENT", 1))
+    refused(path, "includes itself")
+    path.write_text(inp(body).replace("*ELEMENT", "*INCLUDE, INPUT=/dev/zero\n*ELEMENT", 1))
+    refused(path, "'/dev/zero' is no file")
+
+
 def test_nastran_lists(body, write):
     """Lists of the case control (NX Nastran QRG, SET), and the bulk data's; sets by their name."""
     head = (

@@ -14,7 +14,8 @@ from dynamics import cases
 import jaxgear as jg
 import optimise
 from jaxgear import um
-from jaxgear._app._design import design_space, judged_speeds, objective_function, objective_of
+from jaxgear._app._design import design_space, judged_speeds, objective_of, task_of
+from jaxgear._app._evaluations import objective_at
 from jaxgear._app._model import grid_of, model_of
 from jaxgear._app._scene import ready_scene
 from jaxgear._checks import InputError
@@ -147,7 +148,7 @@ def test_bearing_force_sums_the_orders_of_all_bearings():
         dynamics = jg.pair_dynamics(own, grid)
         orbit = method.orbit(dynamics.system, jnp.asarray(900.0))
         orders = jg.dynamic_response(dynamics, orbit, 8).bearing_orders[:, :, :3]
-        return optimise.BearingForce(1e-3)(dynamics, orbit), orders
+        return optimise.BearingForce(1e-3)(dynamics, orbit, method.law), orders
 
     value, orders = found(5.0)
     assert orders.shape[1] == 4
@@ -203,7 +204,8 @@ def test_a_scene_over_its_speeds():
     space = design_space(scene, tuple(scene["optimise.vary"]), symmetric=True, deflection=10.0)
     grid = grid_of(scene, space.base)
     assert objective_of(scene)[1] == "-"
-    value = jax.jit(objective_function(space, grid, ExactContact(), None))
+    task = task_of(space, grid, ExactContact(), None)
+    value = jax.jit(lambda x: objective_at(task, x, ExactContact()))
     point = np.array([10.0, 0.25])
     ((torque, found),) = judged_speeds(space, grid, ExactContact())(point)
     assert torque == 80.0

@@ -8,7 +8,9 @@ commands are imported only once the scene is known to be good.
 import _thread
 import argparse
 import difflib
+import gc
 import importlib.metadata
+import io
 import json
 import os
 import sys
@@ -43,6 +45,9 @@ _COMMANDS = {
 # Many threads make the many small matrices of a gear pair several times slower.
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
+# Results need at least as much space [byte].
+_ROOM = 1 << 20
+
 
 class _Stop(Exception):
     """A reason to stop that the user can act on.
@@ -70,6 +75,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     for name in _THREADS:
         os.environ.setdefault(name, "1")
+    # What a terminal cannot show, such as the µ of µm, is no reason to lose results.
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
         with _kept_interrupts():
             code = _command(argv)
@@ -82,9 +90,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         print("jaxgear: interrupted", file=sys.stderr)
         return 130
     except BrokenPipeError:
-        # The reader, such as `head`, has seen enough. Python flushes once more at its exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        # The reader, such as `head`, has seen enough.
+        _discard_output()
         return 0
+    except OSError as error:
+        _discard_output()
+        print(f"jaxgear: cannot write to standard output: {error.strerror}", file=sys.stderr)
+        return 1
+
+
+def _discard_output() -> None:
+    """Let what is left go nowhere: Python flushes once more at its exit."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 @contextmanager
@@ -205,6 +222,7 @@ def _command(argv: Sequence[str] | None) -> int:
         args = _parser().parse_args(argv)
     except SystemExit as stop:
         return int(stop.code or 0)
+    _refuse_unspeakable(args)
     if args.command == "init":
         return _init(args)
     if args.command == "cache":
@@ -238,6 +256,16 @@ def _command(argv: Sequence[str] | None) -> int:
             f"marked WRONG in {folder / 'gradients.csv'}.",
         )
     return 0
+
+
+def _refuse_unspeakable(args: argparse.Namespace) -> None:
+    """Refuse bytes that are no text: they would come to light where results are written."""
+    for value in (getattr(args, "scene", ""), args.out, *args.overrides) if "out" in args else ():
+        try:
+            str(value).encode()
+        except UnicodeEncodeError:
+            told = str(value).encode(errors="backslashreplace").decode()
+            raise _Stop(2, f"arguments must be text in UTF-8, got {told}") from None
 
 
 def _print_gradients(found: Mapping[str, Any]) -> None:
@@ -353,13 +381,14 @@ def _prepare(folder: Path) -> None:
     """Make sure, before any long work, that results can be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(bytes(_ROOM))
+    except (OSError, ValueError) as error:
+        # A name that the file system cannot spell is a ValueError.
+        why = error.strerror if isinstance(error, OSError) else error
         raise _Stop(
             2,
-            f"cannot write results into {folder}: {error.strerror}. "
-            "Name another folder with --out DIR.",
+            f"cannot write results into {folder}: {why}. Name another folder with --out DIR.",
         ) from None
 
 
@@ -370,6 +399,8 @@ def _compute(command: str, scene: Scene, folder: Folder, quiet: bool) -> Mapping
 
     jax.config.update("jax_enable_x64", True)
     cache_compilations(warn)
+    # Python would look for garbage over and over through all that JAX has traced.
+    gc.set_threshold(200_000, 50, 100)
     from jaxgear._app import _commands
     from jaxgear._app._statics import SolverFailure
 

@@ -490,9 +490,10 @@ def _judged(method: Shooting, system: DynamicSystem, speeds: Speeds):
     modes = modal_basis(system)
     orbits = steady_states(system, speeds, method)
     change = jax.lax.map(lambda orbit: monodromy(system, modes, orbit), orbits)
-    return answers_of(system, orbits), change, modes
+    return answers_of(system, orbits, method.law), change, modes
 
 
 def _adaptive(method: AbstractMethod, system: DynamicSystem, speeds: Speeds) -> Answers:
     """Answers one speed after the other: steps of their own length do not batch."""
-    return answers_of(system, jax.lax.map(lambda speed: method.orbit(system, speed, None), speeds))
+    orbits = jax.lax.map(lambda speed: method.orbit(system, speed, None), speeds)
+    return answers_of(system, orbits, method.law)

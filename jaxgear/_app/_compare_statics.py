@@ -373,7 +373,7 @@ class _Solver:
         self.plain = dataclasses.replace(scene, bodies=MappingProxyType({}))
         self.scenes: dict[int, Scene] = {}
         # What is compiled in half the time runs twice as long: good enough to choose by.
-        self.options = {"xla_backend_optimization_level": 0} if quick else None
+        self.options = (("xla_backend_optimization_level", 0),) if quick else ()
 
     def __call__(self, changes: Mapping[str, Any]) -> _Found:
         scene = self._with_bodies(changes)

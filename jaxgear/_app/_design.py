@@ -12,11 +12,13 @@ import numpy as np
 
 import optimise
 from jaxgear._app._dynamics import damping_of, dynamic_grid_of, speeds_of
-from jaxgear._app._model import flanks_of, model_of, shared_places
+from jaxgear._app._evaluations import Task, Variation, variation_of
+from jaxgear._app._model import model_of, shared_places
 from jaxgear._app._motion import motion_mistakes
+from jaxgear._app._programs import QUICKLY
 from jaxgear._app._scene import Mistake, Scene, SceneError
 from jaxgear._app._schema import GEARS, split_entry, unit_of
-from jaxgear._app._statics import Stopwatch, torques_of
+from jaxgear._app._statics import Statics, Stopwatch, torques_of
 from jaxgear._checks import InputError
 from jaxgear._dynamics._damping import ModalDamping, RayleighDamping
 from jaxgear._dynamics._harmonic import HarmonicBalance
@@ -51,21 +53,31 @@ class DesignSpace(eqx.Module):
     start: np.ndarray
     box: optimise.Box
 
-    def updates(self, values: Reals) -> dict[str, Scalar]:
+    def updates(self, values: Reals | np.ndarray) -> dict[str, Any]:
         """Scene keys and their values at a point of the space, in the units of the keys."""
         pairs = dict(zip(self.keys, values, strict=True))
         if self.symmetric:
             pairs |= {twin(key): value for key, value in pairs.items()}
         return pairs | {key: pairs[owner] for key, owner in self.ties}
 
-    def model(self, values: Reals) -> PairModel:
+    def model(self, values: Reals | np.ndarray) -> PairModel:
         """The model at a point of the space; traceable by JAX."""
-        scene = self.scene.replace(self.updates(values))
-        if self.flanks_only:
-            return eqx.tree_at(
-                lambda model: model.flanks, self.base, flanks_of(scene, self.base.pair)
-            )
-        return model_of(scene)
+        return self.variation.model(self.updates(values))
+
+    @property
+    def variation(self) -> Variation:
+        """How the variables change the model."""
+        return variation_of(self.scene, self.base, flanks_only=self.flanks_only)
+
+    @property
+    def moved(self) -> tuple[tuple[str, ...], ...]:
+        """Each variable's key, and those of all that follows it."""
+        followers = {key: [key] for key in self.keys}
+        for key in self.keys if self.symmetric else ():
+            followers[key] += {twin(key)} - {key}
+        for key, owner in self.ties:
+            followers[owner].append(key)
+        return tuple(map(tuple, followers.values()))
 
     def at_bounds(self, point: np.ndarray) -> list[str]:
         """The variables that ended on a bound: it, not the objective, decided their values."""
@@ -649,27 +661,60 @@ _NO_SPEEDS = (
 )
 
 
-def prepared_mesh(space: DesignSpace, grid: MeshGrid, watch: Stopwatch) -> PreparedMesh | None:
-    """The meshes at the scene's torques, if the variables leave them as they are."""
+def prepared_mesh(
+    space: DesignSpace, grid: MeshGrid, watch: Stopwatch, statics: Statics | None = None
+) -> PreparedMesh | None:
+    """The meshes at the scene's torques, if the variables leave them as they are.
+
+    **Arguments:**
+
+    - `space`: variables of the scene.
+    - `grid`: of the quasi-static cycles.
+    - `watch`: keeps the time.
+    - `statics`: of the scene itself, whose mesh may be the one that is wanted.
+
+    **Returns:**
+
+    The prepared meshes, stacked.
+    """
     if not space.flanks_only:
         return None
-    torques = jnp.asarray(torques_of(space.scene, "optimise.torques_Nm"))
-    return watch(lambda model, t: optimise.prepare_torques(model, t, grid), space.base, torques)
+    torques = torques_of(space.scene, "optimise.torques_Nm")
+    own = (
+        statics is not None
+        and statics.grid == grid
+        and list(torques) == [float(statics.model.torque)]
+    )
+    if own and statics is not None and statics.prepared is not None:
+        return jax.tree.map(lambda x: np.asarray(x)[None], statics.prepared)
+    return watch(optimise.prepare_torques, space.base, torques, grid, options=QUICKLY)
 
 
-def objective_function(
+def task_of(
     space: DesignSpace, grid: MeshGrid, law: AbstractContactLaw, prepared: PreparedMesh | None
-) -> Callable[[Reals], Scalar]:
-    """The objective as a function of the variables, over all torques of the scene."""
-    objective, _ = objective_of(space.scene, grid)
-    return optimise.over_torques(
-        space.model,
-        objective,
-        jnp.asarray(torques_of(space.scene, "optimise.torques_Nm")),
+) -> Task:
+    """What a scene asks to be made small, over all its torques.
+
+    **Arguments:**
+
+    - `space`: variables of the scene.
+    - `grid`: of the quasi-static cycles.
+    - `law`: contact law; with exact contact, which is for a re-check, limits are not smoothed.
+    - `prepared`: the meshes, where the variables leave them as they are.
+
+    **Returns:**
+
+    The task.
+    """
+    return Task(
+        variation=space.variation,
+        keys=space.moved,
+        objective=objective_of(space.scene, grid)[0],
+        limited=tuple(limits_objectives(space.scene, law)),
+        torques=torques_of(space.scene, "optimise.torques_Nm"),
         grid=grid,
-        law=law,
-        worst=space.scene["optimise.over"] == "worst",
         prepared=prepared,
+        worst=space.scene["optimise.over"] == "worst",
         batched=not is_dynamic(space.scene),
     )
 
@@ -699,34 +744,6 @@ def limits_of(scene: Scene) -> tuple[optimise.Limit, ...]:
         optimise.Limit(name, float(most), 0.1 * float(most))
         for name, most in given.items()
         if most is not None
-    )
-
-
-def responses_function(
-    space: DesignSpace, grid: MeshGrid, law: AbstractContactLaw, prepared: PreparedMesh | None
-) -> Callable[[Reals], Reals]:
-    """The objective and the responses that have limits, over all torques of the scene."""
-    objective, _ = objective_of(space.scene, grid)
-    return optimise.responses_over_torques(
-        space.model,
-        objective,
-        limits_objectives(space.scene, law),
-        jnp.asarray(torques_of(space.scene, "optimise.torques_Nm")),
-        grid=grid,
-        law=law,
-        worst=space.scene["optimise.over"] == "worst",
-        prepared=prepared,
-        batched=not is_dynamic(space.scene),
-    )
-
-
-def residuals_function(
-    space: DesignSpace, grid: MeshGrid, law: AbstractContactLaw, prepared: PreparedMesh | None
-) -> Callable[[Reals], Reals]:
-    """Deviations of the transmission error, whose squares sum to the objective."""
-    torques = jnp.asarray(torques_of(space.scene, "optimise.torques_Nm"))
-    return optimise.residuals_over_torques(
-        space.model, torques, grid=grid, law=law, prepared=prepared
     )
 
 

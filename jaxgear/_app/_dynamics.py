@@ -22,6 +22,7 @@ from jaxtyping import Array
 import jaxgear as jg
 from jaxgear._app._dynamic_tables import _FEW, _leaps
 from jaxgear._app._model import grid_of, law_of, model_of
+from jaxgear._app._programs import QUICKLY
 from jaxgear._app._results import Entry
 from jaxgear._app._scene import Scene
 from jaxgear._app._schema import GEARS
@@ -86,7 +87,7 @@ def directions_of(scene: Scene) -> tuple[Direction, ...]:
 
 def damping_of(scene: Scene) -> AbstractDamping:
     """The damping of a scene; its values may be traced."""
-    real = lambda key: jnp.asarray(scene[f"damping.{key}"], dtype=float)
+    real = lambda key: scene[f"damping.{key}"]
     if scene["damping.kind"] == "rayleigh":
         return RayleighDamping(mass_factor=real("a_R_1_s"), stiffness_factor=real("b_R_s"))
     return ModalDamping(mesh=real("mesh"), structure=real("structure"))
@@ -110,15 +111,33 @@ def dynamics_of(scene: Scene, model: PairModel, grid: MeshGrid | None = None) ->
 
     The pair, in SI; look at `cycle.converged`.
     """
-    return pair_dynamics(
-        model,
-        dynamic_grid_of(scene, model) if grid is None else grid,
-        damping_of(scene),
-        gyroscopic=scene["model.gyroscopic"],
-        active_mesh_damping=scene["damping.active_mesh"],
-        centrifugal=scene["sweep.centrifugal"],
-        mesh_coordinates=scene.get("model.mesh_coordinates", 12),
+    grid = dynamic_grid_of(scene, model) if grid is None else grid
+    damping, wanted = _wanted_of(scene)
+    return pair_dynamics(model, grid, damping, **dict(wanted.named))
+
+
+class _Wanted(eqx.Module):
+    """What of a pair's motion is looked at, by the names that `pair_dynamics` has for it."""
+
+    named: tuple[tuple[str, Any], ...] = eqx.field(static=True)
+
+
+def _wanted_of(scene: Scene) -> tuple[AbstractDamping, _Wanted]:
+    named = (
+        ("gyroscopic", scene["model.gyroscopic"]),
+        ("active_mesh_damping", scene["damping.active_mesh"]),
+        ("centrifugal", scene["sweep.centrifugal"]),
+        ("mesh_coordinates", scene.get("model.mesh_coordinates", 12)),
     )
+    return damping_of(scene), _Wanted(named)
+
+
+def _with_modes(
+    model: PairModel, grid: MeshGrid, damping: AbstractDamping, wanted: _Wanted
+) -> tuple[PairDynamics, Modes]:
+    """A pair in motion, and its natural modes."""
+    pair = pair_dynamics(model, grid, damping, **dict(wanted.named))
+    return pair, pair_modes(pair)
 
 
 class Size(NamedTuple):
@@ -216,15 +235,10 @@ def solve_dynamics(scene: Scene, watch: Stopwatch) -> Dynamics:
     """
     model = model_of(scene)
     grid = dynamic_grid_of(scene, model)
-
-    def solve(model: PairModel):
-        pair = dynamics_of(scene, model, grid)
-        return pair, pair_modes(pair)
-
-    pair, modes = watch(solve, model)
+    pair, modes = watch(_with_modes, model, grid, *_wanted_of(scene), options=QUICKLY)
     require_solved(pair.cycle.converged)
     if scene["mesh.contact"] == "exact" and not scene.get("mesh.pinion_speed_rad_s"):
-        statics = settled_statics(model, grid, ExactContact(), pair.cycle)
+        statics = settled_statics(model, grid, ExactContact(), pair.cycle, watch)
     else:
         # The dynamics are built on the exact cycle at vanishing speed; what is reported is the one
         # asked for.

@@ -26,6 +26,7 @@ from jaxgear._app._compare_statics import (
 from jaxgear._app._design import looks_at_speeds, refuse_unbounded, require_search, require_swept
 from jaxgear._app._folder import Folder
 from jaxgear._app._ladder import Summary
+from jaxgear._app._mesh_bodies import OpenCycle
 from jaxgear._app._model import model_of
 from jaxgear._app._progress import built_scene, progress
 from jaxgear._app._results import write_json
@@ -78,6 +79,9 @@ def chosen(scene: Scene, command: str, folder: Folder, quiet: bool) -> tuple[Sce
             about = _in_motion(short, quiet) if moving else _at_rest(short, work, quiet)
         except SolverFailure as error:
             why = f"There was nothing to compare with: {str(error).rstrip('.')}."
+            about = _as_given(scene, why)
+        except OpenCycle:
+            why = "Models are compared over few mesh periods, and its holes need many."
             about = _as_given(scene, why)
         about["seconds"] = time.perf_counter() - start
         write_json(kept | {key: about}, folder / FILE)

@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
-from jaxgear._checks import InputError
+from jaxgear._checks import InputError, require
 from jaxgear._flank._deviations import AbstractFlankDeviation
 from jaxgear._flank._measured import (
     MeasuredProfile,
@@ -68,6 +68,9 @@ _PAST_TIP = 1.2
 
 # Mistakes of single lines that one message lists; the rest are counted.
 _LISTED = 5
+
+# No measured flank takes as much as this [byte]; devices have no end.
+_LONGEST = 100_000_000
 
 
 @dataclasses.dataclass(frozen=True)
@@ -338,7 +341,16 @@ def _read_table(path: Path, needed: Sequence[str]) -> tuple[list[str], list[int]
 
 def _text_of(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8-sig")
+        with path.open("rb") as file:
+            content = file.read(_LONGEST + 1)
+        require(
+            len(content) <= _LONGEST,
+            "{path}: the file is longer than {longest:,} bytes, so it is no table of a flank. Name "
+            "the CSV file, or leave out points.",
+            path=path,
+            longest=_LONGEST,
+        )
+        return content.decode("utf-8-sig")
     except FileNotFoundError:
         raise InputError(
             f"{path}: there is no such file. A relative path is relative to the folder of the "
@@ -377,12 +389,15 @@ def _header(path: Path, number: int, line: str, needed: Sequence[str]) -> list[s
             f"{where}: the header is missing. The first line must name the columns, such as "
             f"{','.join(['roll_length_mm', *needed])}."
         )
-    for name in names:
+    for place, name in enumerate(names, 1):
         if name not in known:
             near = difflib.get_close_matches(name, known, 1)
-            hint = f" Did you mean {near[0]}?" if near else ""
+            # Otherwise it is not quoted: the file may be of another kind, and not for all eyes.
+            told, hint = (
+                (repr(name), f" Did you mean {near[0]}?") if near else (f"number {place}", "")
+            )
             raise InputError(
-                f"{where}: unknown column {name!r}; columns are {', '.join(known)}, with the unit "
+                f"{where}: unknown column {told}; columns are {', '.join(known)}, with the unit "
                 f"in the name.{hint}"
             )
         if names.count(name) > 1:

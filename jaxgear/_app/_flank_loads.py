@@ -4,6 +4,7 @@ import dataclasses
 from typing import Any
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jaxtyping import Array
@@ -13,6 +14,7 @@ from jaxgear._app._results import Entry
 from jaxgear._app._schema import GEARS
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._system import PairDynamics
+from jaxgear._dynamics._table import PLACES
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._response._dynamic_loads import dynamic_line_load, dynamic_pressure
 from jaxgear._units import MPa, deg, mm
@@ -95,7 +97,12 @@ class FlankLoads:
 
 @eqx.filter_jit
 def _on_flanks(pair: PairDynamics, orbit: Orbit, law: AbstractContactLaw) -> tuple[Array, Array]:
-    return dynamic_line_load(pair, orbit, law), dynamic_pressure(pair, orbit, law)
+    """Largest line load and pressure of each slice within each step."""
+    load, pressure = (
+        jnp.max(jnp.stack([read(pair, orbit, law, place=place) for place in PLACES]), axis=0)
+        for read in (dynamic_line_load, dynamic_pressure)
+    )
+    return load, pressure
 
 
 def flank_loads(pair: PairDynamics, orbit: Orbit, law: AbstractContactLaw) -> FlankLoads:

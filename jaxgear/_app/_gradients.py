@@ -103,7 +103,7 @@ _SETTLED = 1e-12
 
 # The backward pass through all of the geometry is thousands of scalar operations. Fusing them
 # takes XLA ten times longer than all the rest, for a program that runs once.
-_UNFUSED = {"xla_disable_hlo_passes": "fusion"}
+_UNFUSED = (("xla_disable_hlo_passes", "fusion"),)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -295,7 +295,7 @@ def dynamic_table(
         numbers, pieces = [], [_pieces(model, dynamics.cycle, ExactContact())]
         for name in good:
             orbit, terms, balance = _solved(methods[name], dynamics, values[-1])
-            numbers += _dynamic_responses(dynamics, orbit)
+            numbers += _dynamic_responses(dynamics, orbit, methods[name].law)
             pieces.append(_closed(balance, orbit, terms))
         return jnp.stack(numbers), (jnp.concatenate(pieces), dynamics.cycle.converged)
 
@@ -379,13 +379,15 @@ def _has_bearings(dynamics: PairDynamics) -> bool:
     return bool(dynamics.cycle.system.structure.map.bearings)
 
 
-def _dynamic_responses(dynamics: PairDynamics, orbit: Orbit) -> list[Scalar]:
+def _dynamic_responses(
+    dynamics: PairDynamics, orbit: Orbit, law: AbstractContactLaw
+) -> list[Scalar]:
     """The responses of a steady response, in the units of their names."""
     system = dynamics.system
     error = dynamic_transmission_error(system, orbit)
     found = [
         orbit_rms(system, error) / um,
-        smooth_dynamic_ratio(system, orbit, jnp.asarray(_RATIO_WIDTH)),
+        smooth_dynamic_ratio(system, orbit, jnp.asarray(_RATIO_WIDTH), law),
     ]
     if _has_bearings(dynamics):
         order = order_amplitudes(system, bearing_loads(dynamics, orbit), 1)[0]
@@ -407,7 +409,7 @@ def _steady_derivatives(method: HarmonicBalance) -> Callable:
         def respond(flat: Reals, speed: Scalar) -> tuple[Reals, tuple[Orbit, Terms]]:
             moved = eqx.tree_at(_moving, dynamics, eqx.combine(unravel(flat), other))
             orbit, terms, _ = _solved(method, moved, speed)
-            return jnp.stack(_dynamic_responses(moved, orbit)), (orbit, terms)
+            return jnp.stack(_dynamic_responses(moved, orbit, method.law)), (orbit, terms)
 
         value, push, (orbit, terms) = jax.linearize(respond, flat, speed, has_aux=True)
         pull = jax.linear_transpose(push, flat, speed)

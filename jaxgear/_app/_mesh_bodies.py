@@ -1,7 +1,8 @@
 """The condensed bodies of a scene, built and put in mesh."""
 
 import dataclasses
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from itertools import groupby
 from types import MappingProxyType
 
@@ -20,7 +21,11 @@ from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
 from jaxgear._system._body_family import BodyFamily, body_family, family_parameters
 from jaxgear._system._body_modes import BodyBasis, body_basis
-from jaxgear._system._flexible import FlexibleBody, flexible_body
+from jaxgear._system._flexible import FlexibleBody, flexible_body, require_short_elements
+
+
+class OpenCycle(InputError):
+    """A cycle after which bodies in motion are not themselves again."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,12 +69,19 @@ def with_bodies(
     """
     pair = pair_of(scene)
     torque = jnp.asarray(scene["pair.torque_pinion_Nm"] + couples_on_pinion(scene))
-    grid = pair_grid(scene, pair, torque)
     # All plans before any long work: a mistake in the second costs no wait.
     plans = [body_plan(scene, gear) for gear in scene.condensed]
+    for plan in plans:
+        if isinstance(plan.source, Drawn):
+            with in_keys(plan.gear):
+                pitches = scene[f"{plan.gear}.teeth"] / plan.source.fineness.sectors
+                require_short_elements(plan.gear, pitches)
     # Modes do not follow: what is to vibrate stays as it is.
     measures = {} if moving else {plan.gear: _varied_measure(scene, plan) for plan in plans}
-    bodies = {plan.gear: _in_mesh(scene, plan, pair, grid, tell, moving) for plan in plans}
+    made = [_made(scene, plan, tell, moving) for plan in plans]
+    scene = _over_whole_cycles(scene, made)
+    grid = pair_grid(scene, pair, torque)
+    bodies = {each.plan.gear: _in_mesh(scene, each, pair, grid, tell) for each in made}
     for gear, key in measures.items():
         if key is not None:
             bodies[gear] = _with_family(scene, gear, key, bodies[gear], pair, grid, tell)
@@ -123,9 +135,9 @@ def _with_family(
             plan, method="guyan", modes=0, rotating=False, compares_seats=False
         )
         along = lambda step, where=where: tell(f"{step}: {where}")
-        made = _in_mesh(scene, plan, pair, grid, along, False)
-        bodies[float(value)] = made.flexible
-        nodes[float(value)] = int(made.built.health["nodes"])
+        found = _in_mesh(scene, _made(scene, plan, along, False), pair, grid, along)
+        bodies[float(value)] = found.flexible
+        nodes[float(value)] = int(found.built.health["nodes"])
     probes = [(float(value), bodies[float(value)]) for value in checks]
     try:
         family = body_family(
@@ -153,20 +165,61 @@ def _grids_that_differ(nodes: dict[float, int]) -> str:
     )
 
 
-def _in_mesh(
-    scene: Scene,
-    plan: BodyPlan,
-    pair: GearPair,
-    grid: MeshGrid,
-    tell: Callable[[str], None],
-    moving: bool,
-) -> MeshBody:
+@dataclasses.dataclass(frozen=True)
+class _Made:
+    """A condensed body that is not in mesh yet.
+
+    **Fields:**
+
+    - `plan`: what was to be built.
+    - `built`: the body.
+    - `basis`: motions on which it vibrates, or `None`: it is for statics.
+    """
+
+    plan: BodyPlan
+    built: BuiltBody
+    basis: BodyBasis | None
+
+
+def _made(scene: Scene, plan: BodyPlan, tell: Callable[[str], None], moving: bool) -> _Made:
+    """A body from the cache or built anew, with its modes if it is to vibrate."""
     built = built_body(plan, lambda step: tell(f"{plan.gear}: {step}"))
     basis = None
     if moving:
         tell(f"{plan.gear}: modes with its seats held")
         with in_keys(plan.gear):
             basis = body_basis(built.body, scene.get("model.coordinates", 100))
+    return _Made(plan, built, basis)
+
+
+def _over_whole_cycles(scene: Scene, made: Sequence[_Made]) -> Scene:
+    """The scene over as many mesh periods as all that vibrates needs until it is itself again.
+
+    A cycle that the scene names must be a multiple of them: in a shorter one holes would pass
+    the mesh in another order than they do, and modes jump where it closes.
+    """
+    needed = 1
+    for each in made:
+        if each.basis is not None:
+            teeth, sectors = scene[f"{each.plan.gear}.teeth"], each.built.body.facts["sectors"]
+            assert isinstance(sectors, int)
+            needed = math.lcm(needed, each.basis.under_teeth(teeth, sectors)[1])
+    periods = scene["mesh.periods"]
+    if periods % needed == 0:
+        return scene
+    if "mesh.periods" in scene.given:
+        raise OpenCycle(
+            f"mesh.periods = {periods}: in motion the condensed bodies of this scene repeat under "
+            f"their teeth after {needed} mesh periods, so that a response over {periods} would not "
+            f"close. Write mesh.periods = {needed}, or leave it out."
+        )
+    return scene.replace({"mesh.periods": needed})
+
+
+def _in_mesh(
+    scene: Scene, made: _Made, pair: GearPair, grid: MeshGrid, tell: Callable[[str], None]
+) -> MeshBody:
+    plan, built, basis = made.plan, made.built, made.basis
     tell(f"{plan.gear}: teeth on the rim")
     index = GEARS.index(plan.gear)
     points, axial = scene["mesh.root_points"], scene["mesh.connection"]

@@ -69,6 +69,9 @@ from jaxgear._system._support import Support
 from jaxgear._types import Scalar
 from jaxgear._units import GPa, N_per_mm_um, deg, mm, um
 
+# A number of a scene in SI: in NumPy, or traced.
+Number = Scalar | float
+
 
 def model_of(scene: Scene) -> PairModel:
     """Build the model that a scene describes.
@@ -185,8 +188,13 @@ def law_of(scene: Scene) -> AbstractContactLaw:
     return ExactContact() if scene["mesh.contact"] == "exact" else smooth_law_of(scene)
 
 
-def _real(scene: Scene, key: str) -> Scalar:
-    return jnp.asarray(scene[key], dtype=float)
+def _real(scene: Scene, key: str) -> Number:
+    return _plain(scene[key])
+
+
+def _plain(value: Any) -> Number:
+    """A number of a scene; in NumPy, whose arithmetic is not compiled, unless JAX traces it."""
+    return value if isinstance(value, Tracer | jax.Array) else np.float64(value)
 
 
 def pair_of(scene: Scene) -> GearPair:
@@ -236,10 +244,10 @@ def _gear(scene: Scene, name: str) -> Gear:
 
 
 def _material(scene: Scene, name: str, read: Callable[[str], Any] | None = None) -> Material:
-    def own(key: str) -> Scalar:
+    def own(key: str) -> Number:
         path = f"{name}.material.{key}"
         path = path if path in scene.values else f"material.{key}"
-        return jnp.asarray((read or scene.__getitem__)(path), dtype=float)
+        return _plain((read or scene.__getitem__)(path))
 
     return Material(
         young=own("young_GPa") * GPa, poisson=own("poisson"), density=own("density_kg_m3")
@@ -316,7 +324,7 @@ def _indexing(scene: Scene, pair: GearPair, name: str) -> Indexing | None:
     )
 
 
-def _relief(scene: Scene, root: str) -> tuple[Scalar, Scalar, int]:
+def _relief(scene: Scene, root: str) -> tuple[Number, Number, int]:
     """Depth, extent and exponent of a relief."""
     exponent = {"linear": 1, "parabolic": 2}[scene[f"{root}.shape"]]
     return _real(scene, f"{root}.depth_um") * um, _real(scene, f"{root}.extent"), exponent
@@ -372,10 +380,10 @@ def _shaft(
     """The shaft of a scene, its numbers read by `read`."""
     root = f"{name}.shaft"
 
-    def number(key: str, unit: float, default: float | None = None) -> Scalar | None:
+    def number(key: str, unit: float, default: float | None = None) -> Number | None:
         if scene.get(key) is None:
-            return None if default is None else jnp.asarray(default)
-        return jnp.asarray(read(key), dtype=float) * unit
+            return default
+        return _plain(read(key)) * unit
 
     def vector(key: str) -> Array:
         return jnp.stack([jnp.asarray(x, dtype=float) for x in read(key)])

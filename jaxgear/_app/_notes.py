@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 
-import jax
 import numpy as np
 
 import optimise
@@ -13,6 +12,7 @@ from jaxgear._app._scene import Scene
 from jaxgear._app._schema import GEARS
 from jaxgear._app._statics import Statics
 from jaxgear._contact._ring import SAINSOT_RADIUS_RATIO
+from jaxgear._geometry._pair import pair_facts
 from jaxgear._system._body_modes import BodyBasis
 from jaxgear._system._model import PairModel
 from jaxgear._system._shaft import BeamBody, Shaft
@@ -70,7 +70,7 @@ def _on_foundations(scene: Scene, model: PairModel) -> list[str]:
 
 def _radius_ratios(model: PairModel) -> list[float]:
     """Root circle over bore of both gears; infinite without a bore [-]."""
-    radii = np.asarray(jax.jit(lambda pair: pair.root_radius)(model.pair))
+    radii = np.asarray(pair_facts(model.pair)["root_radius"])
     bores = [model.pair.pinion.bore, model.pair.wheel.bore]
     return [
         np.inf if bore is None else 2.0 * float(radius) / float(bore)

@@ -4,7 +4,6 @@ import importlib.metadata
 import time
 from functools import partial
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -17,19 +16,20 @@ from jaxgear._app._design import (
     is_dynamic,
     judged_speeds,
     left_out,
-    objective_function,
     objective_of,
     prepared_mesh,
     refuse_unbounded,
     require_search,
     require_swept,
-    responses_function,
+    task_of,
 )
+from jaxgear._app._evaluations import objective_at, responses_at
 from jaxgear._app._folder import Folder
 from jaxgear._app._model import smooth_law_of
 from jaxgear._app._notes import left_out_notes
 from jaxgear._app._pareto import draw_front, front_of, front_remarks, is_asked_for
 from jaxgear._app._plots import pictures, robust_pictures
+from jaxgear._app._programs import QUICKLY
 from jaxgear._app._progress import built_scene, progress, warn
 from jaxgear._app._report import Summary, finish, head, title_of
 from jaxgear._app._results import static_dataset
@@ -115,7 +115,7 @@ def unless_beaten(
     own = found.value
     if search.limits:
         # What is beyond a limit counts, as it does in the rival's value.
-        own = float(jax.jit(search.objective)(jnp.asarray(found.point)))
+        own = float(search.objective(found.point[None])[0])
     if value >= (1.0 - _CLEARLY_BETTER) * own:
         return found, False
     return best_of(search, descent(search, space, quiet, rival), found), True
@@ -156,10 +156,12 @@ def optimisation(
             beyond=grid.beyond,
             margin=1.0,
         )
-    prepared = prepared_mesh(space, grid, watch)
+    prepared = prepared_mesh(space, grid, watch, before)
     file = record_file(space, folder, importlib.metadata.version("jaxgear"))
-    search = search_of(space, grid, prepared, file)
-    exact = jax.jit(objective_function(space, grid, ExactContact(), prepared))
+    search = search_of(space, grid, prepared, watch, file)
+    law = ExactContact()
+    task = task_of(space, grid, law, prepared)
+    exact = lambda point: float(watch(objective_at, task, np.asarray(point), law, options=QUICKLY))
     judged = judged_speeds(space, grid, ExactContact())
     judged_before = judged(space.start)
     _require_half(judged_before)
@@ -192,7 +194,7 @@ def optimisation(
         ) from error
     _draw_search(scene, folder, before, after, search.name, found, baseline)
     objectives = {
-        name: float(exact(jnp.asarray(point)))
+        name: exact(point)
         for name, point in (
             ("before", space.start),
             ("after", found.point),
@@ -203,8 +205,9 @@ def optimisation(
         more = f", or {_TOO_FEW}" if is_dynamic(scene) else ""
         raise SolverFailure(f"the contact was not solved where the search began or ended{more}")
     write_text(_rewritten(scene, keys), destination)
-    responses = jax.jit(responses_function(space, grid, ExactContact(), prepared))
-    kept = lambda point: np.asarray(responses(jnp.asarray(point)))
+    kept = lambda point: np.asarray(
+        watch(responses_at, task, np.asarray(point), law, options=QUICKLY)
+    )
     judged_after = judged(np.asarray(found.point))
     swept = baseline.evaluations if is_dynamic(scene) else 0
     remarks = left_out_notes(judged_before, judged_after, limited=swept)
@@ -329,7 +332,7 @@ def _require_half(judged: list[tuple[float, optimise.Judged]]) -> None:
 
 def _numbers(space: DesignSpace, point: np.ndarray) -> dict[str, float]:
     """The keys of the scene that a point of the space sets."""
-    return {key: float(value) for key, value in space.updates(jnp.asarray(point)).items()}
+    return {key: float(value) for key, value in space.updates(np.asarray(point)).items()}
 
 
 def _rewritten(scene: Scene, keys: dict[str, float]) -> str:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import equinox as eqx
-import jax.numpy as jnp
 import matplotlib
 import numpy as np
 import xarray as xr
@@ -36,6 +35,7 @@ from jaxgear._app._tables import (
     _centre,
     _cycle_periods,
     _deflected_lines,
+    _facts,
     _height,
     _largest_pressure,
     _loads_across,
@@ -163,15 +163,16 @@ def gear_pair(model: jg.PairModel, title: str = "") -> Figure:
     """
     pair = model.pair
     if not title:
-        ratio = float(jg.profile_contact_ratio(pair))
+        ratio = float(jg.pair_facts(pair)["profile_contact_ratio"])
         title = (
             f"Gear pair {pair.pinion.teeth}/{pair.wheel.teeth} in the transverse plane, "
             rf"$\varepsilon_\alpha$ = {ratio:.3f}"
         )
     figure, (axes,) = _panels((7.4, 7.6), title)
     axes.grid(False)
-    pitch_radius = float(pair.working_pitch_radius[0]) / jg.mm
-    window = 2.1 * float(pair.transverse_base_pitch) / jg.mm
+    facts = _facts(pair)
+    pitch_radius = float(facts["working_pitch_radius"][0]) / jg.mm
+    window = 2.1 * float(facts["transverse_base_pitch"]) / jg.mm
     for body, colour in enumerate((_BLUE, _ORANGE)):
         _draw_gear(axes, pair, body, colour)
     _draw_path(axes, pair)
@@ -204,7 +205,9 @@ def _draw_gear(axes: Axes, pair: jg.GearPair, body: int, colour: str) -> None:
     outline = _outline(pair, body) / jg.mm
     axes.fill(*np.concatenate([outline, centre[:, None]], axis=1), color=colour, alpha=0.22, lw=0)
     axes.plot(*outline, color=colour, lw=1.5, gid=BODIES[body])
-    radii = (pair.tip_radius, pair.working_pitch_radius, pair.base_radius, pair.root_radius)
+    facts = _facts(pair)
+    names = ("tip_radius", "working_pitch_radius", "base_radius", "root_radius")
+    radii = [facts[name] for name in names]
     towards = np.pi * body + np.linspace(-1.3, 1.3, 601)
     for radius, style in zip(radii, _CIRCLES.values(), strict=True):
         arc = float(radius[body]) / jg.mm * np.stack([np.cos(towards), np.sin(towards)])
@@ -226,17 +229,18 @@ _BOX = {"boxstyle": "round,pad=0.2", "fc": "white", "ec": "none", "alpha": 0.85}
 
 def _draw_path(axes: Axes, pair: jg.GearPair) -> None:
     """Line of action, path of contact, and A to E."""
-    angle = float(pair.working_pressure_angle)
+    facts = _facts(pair)
+    angle = float(facts["working_pressure_angle"])
     along = np.asarray([np.sin(angle), np.cos(angle)])
     aside = np.asarray([along[1], -along[0]])
-    foot = float(pair.base_radius[0]) / jg.mm * aside
-    start, end = float(pair.path_start) / jg.mm, float(pair.path_end) / jg.mm
-    whole = foot + np.outer([0.0, float(pair.tangent_length) / jg.mm], along)
+    foot = float(facts["base_radius"][0]) / jg.mm * aside
+    start, end = float(facts["path_start"]) / jg.mm, float(facts["path_end"]) / jg.mm
+    whole = foot + np.outer([0.0, float(facts["tangent_length"]) / jg.mm], along)
     axes.plot(*whole.T, color=_GREEN, lw=1.0, ls=(0, (6, 2)))
     active = foot + np.outer([start, end], along)
     axes.plot(*active.T, color=_GREEN, lw=3.0, solid_capstyle="butt", gid="path of contact")
-    pitch = float(pair.transverse_base_pitch) / jg.mm
-    points = {"A": start, "C": float(pair.pitch_point) / jg.mm, "E": end}
+    pitch = float(facts["transverse_base_pitch"]) / jg.mm
+    points = {"A": start, "C": float(facts["pitch_point"]) / jg.mm, "E": end}
     if 1.0 < (end - start) / pitch < 2.0:
         points |= {"B": end - pitch, "D": start + pitch}
     for name, roll in points.items():
@@ -286,7 +290,7 @@ def shafts(
     axes.grid(False)
     axes.set_aspect("equal")
     lines = _deflected_lines(model, cycle)
-    distance = float(model.pair.working_centre_distance) / jg.mm
+    distance = float(_facts(model.pair)["working_centre_distance"]) / jg.mm
     largest = max(float(np.max(np.abs(line[1:]))) for line in lines.values()) / jg.mm
     scale = _round_down(_SHOWN_DEFLECTION * distance / max(largest, 1e-12))
     for body, name in enumerate(BODIES):
@@ -336,8 +340,9 @@ def shafts(
 def _side_view_size(model: jg.PairModel) -> tuple[float, float]:
     """Size of a figure that both shafts fill, one above the other [inches]."""
     shafts = [mount for mount in _mounts(model) if isinstance(mount, jg.Shaft)]
-    length = max(float(shaft.length) for shaft in shafts)
-    height = float(model.pair.working_centre_distance + jnp.sum(model.pair.tip_radius))
+    length = max(sum(float(each.length) for each in shaft.segments) for shaft in shafts)
+    facts = _facts(model.pair)
+    height = float(facts["working_centre_distance"] + facts["tip_radius"].sum())
     width = float(np.clip(7.0 * length / height + 2.4, 6.0, 12.0))
     return width, float(np.clip((width - 2.4) * height / length + 1.6, 5.0, 8.6))
 
@@ -359,7 +364,8 @@ def _draw_gear_side(axes: Axes, pair: jg.GearPair, body: int, level: float) -> N
     """A gear from the side: body to the root circle, teeth to the tip circle."""
     gear, colour = (pair.pinion, pair.wheel)[body], (_BLUE, _ORANGE)[body]
     width = float(gear.face_width) / jg.mm
-    root, tip = (float(x[body]) / jg.mm for x in (pair.root_radius, pair.tip_radius))
+    facts = _facts(pair)
+    root, tip = (float(facts[name][body]) / jg.mm for name in ("root_radius", "tip_radius"))
     for radius, shade in ((tip, 0.12), (root, 0.18)):
         axes.add_patch(
             Rectangle(
@@ -503,7 +509,7 @@ def _bearing_labels(
         if not own:
             continue
         own.sort(key=lambda pair: pair[0])
-        level = body * float(model.pair.working_centre_distance) / jg.mm
+        level = body * float(_facts(model.pair)["working_centre_distance"]) / jg.mm
         edges = [
             level + outwards * (_radius_at(shaft, z) + _bearing_size(shaft, z)) for z, _ in own
         ]

@@ -1,10 +1,11 @@
 """The command `map`: the Master Curve on a map of depth and extent of tip relief."""
 
 from functools import partial
+from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 import optimise
 from jaxgear._app import _curve_tables as curve_tables
@@ -14,9 +15,18 @@ from jaxgear._app._design import (
     design_space,
     round_up,
 )
+from jaxgear._app._evaluations import (
+    Task,
+    objectives_at,
+    side_by_side,
+    sloped_deviations,
+    sloped_objective,
+)
 from jaxgear._app._folder import Folder
+from jaxgear._app._model import smooth_law_of
 from jaxgear._app._optimising import descent, unless_beaten
 from jaxgear._app._plots import curve_pictures, pictures
+from jaxgear._app._programs import QUICKLY
 from jaxgear._app._progress import built_scene, progress
 from jaxgear._app._report import Summary, finish, head, title_of
 from jaxgear._app._saving import save
@@ -35,11 +45,10 @@ from jaxgear._app._statics import (
     torques_of,
 )
 from jaxgear._checks import InputError
-from jaxgear._interface._laws import ExactContact, SmoothContact
-from jaxgear._response._transmission import cycle_rms, transmission_error
-from jaxgear._solve._cycle import PreparedMesh, corrected_cycle
+from jaxgear._interface._laws import ExactContact
+from jaxgear._solve._cycle import PreparedMesh
 from jaxgear._system._model import PairModel
-from jaxgear._types import Scalar
+from jaxgear._types import as_reals
 from jaxgear._units import um
 
 
@@ -59,41 +68,30 @@ def map_relief(scene: Scene, folder: Folder, quiet: bool) -> Summary:
         scene, _RELIEF_KEYS, symmetric=True, deflection=deflection / um, tied=False
     )
     depth, extent = _map_axes(scene, deflection)
-    torque = statics.model.torque[None]
-    meshes = watch(
-        lambda model, t: optimise.prepare_torques(model, t, statics.grid), statics.model, torque
+    task = _task(space, statics)
+    exact = ExactContact()
+    te_rms = optimise.Batched(
+        lambda points: np.sqrt(watch(side_by_side, task, points / _UNITS, exact))
     )
-    prepared = jax.tree.map(lambda x: jnp.asarray(np.asarray(x)[0]), meshes)
-
-    def te_rms(depth: Scalar, extent: Scalar) -> Scalar:
-        model = space.model(jnp.stack([depth / um, extent]))
-        cycle = corrected_cycle(prepared, model)
-        rms = cycle_rms(cycle, transmission_error(model.pair, cycle)) / um
-        return jnp.where(jnp.all(cycle.converged), rms, jnp.nan)
-
     with progress(depth.size * extent.size, "map", quiet) as done:
         chart, valley = optimise.relief_map(te_rms, depth, extent, done=done)
     if not (np.isfinite(chart.value).all() and np.isfinite(valley.value).all()):
         raise SolverFailure("the contact was not solved at some point of the map")
-    variance = lambda variables, width: optimise.over_torques(
-        space.model,
-        optimise.TransmissionErrorVariance(),
-        torque,
-        grid=statics.grid,
-        law=SmoothContact(width),
-        prepared=meshes,
-    )(variables)
-    search = by_gradient(space, variance)
+    law = smooth_law_of(scene)
+    search = by_gradient(
+        space,
+        optimise.Sloped(lambda x, width: watch(sloped_objective, task, x, width)),
+        optimise.Batched(lambda points: watch(objectives_at, task, points, law)),
+    )
     found = descent(search, space, quiet, space.start)
     lowest = int(np.argmin(valley.value))
     rival = np.asarray([valley.depth[lowest] / um, valley.extent[lowest]])
     best_on_grid = float(valley.value[lowest] ** 2)
     found, restarted = unless_beaten(found, rival, best_on_grid, search, space, quiet)
-    curve = _traced(
-        space, statics, meshes, extent[::-1], float(valley.depth[-1]), float(depth[-1]), quiet
-    )
-    best = jax.jit(te_rms)(jnp.asarray(found.point[0] * um), jnp.asarray(found.point[1]))
-    ratio = jnp.asarray(summary["geometry"]["profile_contact_ratio"])
+    curve = _traced(task, extent[::-1], float(valley.depth[-1]), float(depth[-1]), watch, quiet)
+    # As many points as in a column of the map, which is compiled.
+    best = te_rms(np.tile(found.point * _UNITS, (depth.size, 1)))[0]
+    ratio = summary["geometry"]["profile_contact_ratio"]
     closed = _closed_form(np.append(extent, found.point[1]), ratio, deflection)
     summary["master_curve"] = {
         "depth_um": found.point[0],
@@ -109,8 +107,8 @@ def map_relief(scene: Scene, folder: Folder, quiet: bool) -> Summary:
         "traced": _traced_summary(curve, ratio, deflection, float(depth[-1])),
     }
     # Relief of one and a half deflections parts the teeth at the ends of the path.
-    relieved = jax.jit(lambda x: space.model(x))(jnp.asarray([1.5 * deflection / um, 0.3]))
-    summary["smoothing_bias"] = _draw_bias(scene, folder, relieved, prepared, watch)
+    relieved = space.model(np.asarray([1.5 * deflection / um, 0.3]))
+    summary["smoothing_bias"] = _draw_bias(scene, folder, relieved, statics.prepared, watch)
     figure = partial(pictures.master_curve, chart, valley, closed[:-1], found.path, title_of(scene))
     columns = tables.master_curve_columns(chart, valley, closed[:-1])
     save(figure, columns, folder, "master_curve")
@@ -124,6 +122,25 @@ def map_relief(scene: Scene, folder: Folder, quiet: bool) -> Summary:
         figure = partial(curve_pictures.family, chart, family, title_of(scene))
         save(figure, curve_tables.family_columns(family), folder, "master_curve_torques")
     return finish(scene, folder, summary, watch)
+
+
+# Depths are in metres in the library, and in um in the keys.
+_UNITS = np.asarray([um, 1.0])
+
+
+def _task(space: DesignSpace, statics: Statics) -> Task:
+    """The variance of the transmission error at the torque of the statics."""
+    return Task(
+        variation=space.variation,
+        keys=space.moved,
+        objective=optimise.TransmissionErrorVariance(),
+        limited=(),
+        torques=np.asarray([statics.model.torque]),
+        grid=statics.grid,
+        prepared=jax.tree.map(lambda x: np.asarray(x)[None], statics.prepared),
+        worst=False,
+        batched=True,
+    )
 
 
 _RELIEF_KEYS = ("flank.pinion.tip_relief.depth_um", "flank.pinion.tip_relief.extent")
@@ -155,13 +172,11 @@ def _family(
     for torque in torques_of(space.scene, "map.torques_Nm"):
         scene = space.scene.replace({"pair.torque_pinion_Nm": float(torque)})
         statics = solve_statics(scene, watch)
-        prepare = lambda model, t, grid=statics.grid: optimise.prepare_torques(model, t, grid)
-        meshes = watch(prepare, statics.model, statics.model.torque[None])
         # Deflections are nearly in proportion to the torque; and deeper is asked for by no one.
         near = min(start * float(torque) / own, deepest)
-        curve = _traced(space, statics, meshes, extent, near, deepest, quiet)
+        curve = _traced(_task(space, statics), extent, near, deepest, watch, quiet)
         deflection = float(statics.numbers["single_pair_deflection_um"]) * um
-        ratio = jnp.asarray(geometry_summary(statics.model)["profile_contact_ratio"])
+        ratio = geometry_summary(statics)["profile_contact_ratio"]
         found.append(
             {"torque_Nm": float(torque), "single_pair_deflection_um": deflection / um}
             | _traced_summary(curve, ratio, deflection, deepest)
@@ -170,29 +185,21 @@ def _family(
 
 
 def _traced(
-    space: DesignSpace,
-    statics: Statics,
-    meshes: PreparedMesh,
-    extent: np.ndarray,
-    start: float,
-    deepest: float,
-    quiet: bool,
+    task: Task, extent: np.ndarray, start: float, deepest: float, watch: Stopwatch, quiet: bool
 ) -> optimise.TracedCurve:
     """The best depth followed from the longest of extents to the shortest, exactly."""
-    residuals = optimise.residuals_over_torques(
-        space.model,
-        statics.model.torque[None],
-        grid=statics.grid,
-        law=ExactContact(),
-        prepared=meshes,
-    )
-    deviations = lambda depth, extent: um * residuals(jnp.stack([depth / um, extent]))
+
+    def deviations(point: Array) -> tuple[Any, Any]:
+        found, slopes = watch(sloped_deviations, task, np.asarray(point) / _UNITS)
+        return as_reals(um * np.asarray(found)), as_reals(um * np.asarray(slopes) / _UNITS)
+
     with progress(extent.size, "Master Curve", quiet) as done:
-        return optimise.traced_curve(deviations, extent, start, deepest=deepest, done=done)
+        sloped = optimise.Sloped(deviations)
+        return optimise.traced_curve(sloped, extent, start, deepest=deepest, done=done)
 
 
 def _traced_summary(
-    curve: optimise.TracedCurve, ratio: Scalar, deflection: float, deepest: float
+    curve: optimise.TracedCurve, ratio: float, deflection: float, deepest: float
 ) -> dict[str, np.ndarray]:
     """The traced curve where it is one: found, and with less error than without relief."""
     kept = curve.settled & (curve.depth > 0.0) & (curve.depth <= deepest)
@@ -225,11 +232,14 @@ def _valley_summary(valley: optimise.Valley, closed: np.ndarray) -> Summary:
 
 
 def _draw_bias(
-    scene: Scene, folder: Folder, model: PairModel, prepared: PreparedMesh, watch: Stopwatch
+    scene: Scene, folder: Folder, model: PairModel, prepared: PreparedMesh | None, watch: Stopwatch
 ) -> Summary:
     """Smooth against exact contact on a flank whose ends are out of contact."""
+    assert prepared is not None
     widths = um * np.geomspace(0.02, 5.0, 17)
-    mean, rms, exact = map(np.asarray, watch(smoothing_bias, model, prepared, jnp.asarray(widths)))
+    mean, rms, exact = map(
+        np.asarray, watch(smoothing_bias, model, prepared, widths, options=QUICKLY)
+    )
     relative = rms / max(float(exact), 1e-12 * um)
     data = widths / um, mean / um, relative
     title = f"{title_of(scene)}, tip relief that parts the teeth"
@@ -238,8 +248,10 @@ def _draw_bias(
     return {"width_um": widths / um, "te_mean_bias_um": mean / um, "te_rms_bias_relative": relative}
 
 
-def _closed_form(extent: np.ndarray, ratio: Scalar, deflection: float) -> np.ndarray:
+def _closed_form(extent: np.ndarray, ratio: float, deflection: float) -> np.ndarray:
     """Depth of the closed-form Master Curve [um]."""
-    closed_form = jax.jit(optimise.master_curve_depth)
-    depth = closed_form(jnp.asarray(extent), ratio, jnp.asarray(deflection))
-    return np.asarray(depth) / um
+    numbers = map(as_reals, (extent, ratio, deflection))
+    return np.asarray(_closed_form_depth(*numbers)) / um
+
+
+_closed_form_depth = jax.jit(optimise.master_curve_depth)

@@ -17,7 +17,6 @@ from jaxgear._app._statics import (
     Statics,
     Stopwatch,
     geometry_summary,
-    iso_summary,
     mounts_summary,
 )
 
@@ -54,8 +53,8 @@ def head(scene: Scene, statics: Statics) -> Summary:
                 # Both gears' rotations are one coordinate: the drive.
                 "dofs": len(statics.cycle.system.structure.map.free) - 1 + _modes_kept(scene),
             },
-            "geometry": geometry_summary(statics.model),
-            "iso6336": iso_summary(statics.model),
+            "geometry": geometry_summary(statics),
+            "iso6336": {key: float(value) for key, value in statics.standard.items()},
             "static": {key: float(value) for key, value in statics.numbers.items()}
             | mounts_summary(statics),
             "notes": known,

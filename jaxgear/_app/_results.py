@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -21,6 +20,7 @@ from jaxtyping import Array
 from numpy.typing import ArrayLike
 
 import jaxgear as jg
+from jaxgear._app._programs import called
 from jaxgear._app._whole_file import whole_file, write_text
 
 BODIES = ("pinion", "wheel")
@@ -60,7 +60,7 @@ def static_dataset(
 
     A dataset over phase, line, slice, harmonic, body and axis, in the units of files.
     """
-    found = {name: np.asarray(x) for name, x in _responses(model, cycle, law).items()}
+    found = {name: np.asarray(x) for name, x in called(_responses, model, cycle, law).items()}
     facts = {name: np.asarray(x) for name, x in jg.pair_facts(model.pair).items()}
     variables = _over_phases(cycle, found) | _over_cells(cycle, found)
     variables |= _over_bodies(found) | _on_path(facts) | _over_bearings(found)
@@ -79,7 +79,6 @@ def static_dataset(
     )
 
 
-@eqx.filter_jit
 def _responses(
     model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw
 ) -> dict[str, Array]:

@@ -34,6 +34,7 @@ from jaxgear._dynamics._orbit import AbstractMethod, Orbit
 from jaxgear._dynamics._sweep import steady_states
 from jaxgear._dynamics._system import DynamicSystem, PairDynamics
 from jaxgear._dynamics._types import Speeds
+from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._response._dynamic import (
     dynamic_ratio,
     dynamic_transmission_error,
@@ -154,7 +155,7 @@ class Tables:
                 grid = grid_of(scene.replace({"mesh.phases": phases}), model)
                 self.builders[program] = lambda model: dynamics_of(scene, model, grid)
             # It runs once: compiled in half the time it runs twice as long.
-            options = {"xla_backend_optimization_level": 0}
+            options = (("xla_backend_optimization_level", 0),)
             found = self.watch(self.builders[program], model, options=options)
             require_solved(found.cycle.converged)
             self.built[key] = found
@@ -202,12 +203,16 @@ def thinned(count: int, every: int) -> np.ndarray:
     return np.arange(min(every, count) // 2, count, every)
 
 
-def answers_of(system: DynamicSystem, orbits: Orbit) -> Answers:
+def answers_of(system: DynamicSystem, orbits: Orbit, law: AbstractContactLaw) -> Answers:
     """What is compared, of responses with the speed leading."""
 
     def one(orbit: Orbit):
         error = dynamic_transmission_error(system, orbit)
-        return dynamic_ratio(system, orbit), orbit_rms(system, error), orbit_mean(system, error)
+        return (
+            dynamic_ratio(system, orbit, law),
+            orbit_rms(system, error),
+            orbit_mean(system, error),
+        )
 
     ratio, rms, mean = jax.vmap(one)(orbits)
     return Answers(ratio, rms, mean, orbits.settled)
@@ -215,12 +220,13 @@ def answers_of(system: DynamicSystem, orbits: Orbit) -> Answers:
 
 def each(method: AbstractMethod, system: DynamicSystem, speeds: Speeds) -> Answers:
     """Answers as the library finds them: batched where that is faster."""
-    return answers_of(system, steady_states(system, speeds, method))
+    return answers_of(system, steady_states(system, speeds, method), method.law)
 
 
 def together(method: AbstractMethod, system: DynamicSystem, speeds: Speeds) -> Answers:
     """Answers at all speeds in one batch."""
-    return answers_of(system, jax.vmap(lambda speed: method.orbit(system, speed, None))(speeds))
+    orbits = jax.vmap(lambda speed: method.orbit(system, speed, None))(speeds)
+    return answers_of(system, orbits, method.law)
 
 
 def row_of(

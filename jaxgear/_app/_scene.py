@@ -49,6 +49,10 @@ _INDEX = re.compile(r"""("(?:[^"\\]|\\.)*"|'[^']*')|\[\s*(\d+)\s*\]""")
 # The names and indices of a path.
 _STEPS = re.compile(r"\[(\d+)\]|([^.\[\]]+)")
 _BOUNDS, _TIES = "optimise.bounds", "optimise.ties"
+# Mistakes that a message lists; names that are looked for among the known ones take their time.
+_LISTED = 100
+# No scene is as long as this [byte]; devices have no end.
+_LONGEST = 10_000_000
 _SET = "--set "
 
 
@@ -82,7 +86,9 @@ class SceneError(Exception):
         self.mistakes = tuple(mistakes)
         count = len(self.mistakes)
         total = f"{count} mistake{'s' if count > 1 else ''}; nothing was computed."
-        super().__init__("\n".join([*map(str, self.mistakes), total]))
+        listed = list(map(str, self.mistakes[:_LISTED]))
+        more = [f"... and {count - _LISTED} more"] if count > _LISTED else []
+        super().__init__("\n".join([*listed, *more, total]))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -555,7 +561,9 @@ class _Reading:
 
     def unknown(self, path: str, known: str, value: object) -> None:
         """Report a name that the schema does not have in this place."""
-        if known in TABLES or f"{known}[]" in TABLES:
+        if len(self.mistakes) >= _LISTED:
+            self.mistake(path, f"unknown, got {show(value)}")
+        elif known in TABLES or f"{known}[]" in TABLES:
             what = "a table" if known in TABLES else "a list of tables"
             self.mistake(path, f"got {show(value)}, must be {what} with {_inside(known)}")
         elif isinstance(value, dict):
@@ -826,7 +834,11 @@ def _inside(path: str) -> str:
 
 def _read_text(path: Path) -> str:
     try:
-        return path.read_bytes().decode("utf-8-sig")
+        with path.open("rb") as file:
+            content = file.read(_LONGEST + 1)
+        if len(content) <= _LONGEST:
+            return content.decode("utf-8-sig")
+        message = f"the file is longer than {_LONGEST:,} bytes: it is no scene"
     except FileNotFoundError:
         message = "there is no such file. `jaxgear init accessory` writes a ready scene"
     except IsADirectoryError:

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,25 +14,27 @@ import optimise
 from jaxgear._app._design import (
     DesignSpace,
     limits_of,
-    objective_function,
-    residuals_function,
-    responses_function,
+    task_of,
+)
+from jaxgear._app._evaluations import (
+    objectives_at,
+    penalised_at,
+    sloped_objective,
+    sloped_residuals,
+    sloped_responses,
 )
 from jaxgear._app._folder import Folder
 from jaxgear._app._model import smooth_law_of
 from jaxgear._app._results import as_json
-from jaxgear._app._statics import SolverFailure
+from jaxgear._app._statics import SolverFailure, Stopwatch
 from jaxgear._checks import InputError
 from jaxgear._geometry._lines import MeshGrid
-from jaxgear._interface._laws import SmoothContact
 from jaxgear._solve._cycle import PreparedMesh
-from jaxgear._types import Reals, Scalar
+from jaxgear._types import as_scalar
 from jaxgear._units import um
 
 # Points over the whole box of which the best are starts.
 _CANDIDATES = 64
-# What a tenth of a limit too much counts, against objectives of order one.
-_PENALTY = 1e2
 
 
 class Search(NamedTuple):
@@ -41,8 +43,8 @@ class Search(NamedTuple):
     **Fields:**
 
     - `name`: of the method.
-    - `objective`: one number to make small for searches that know no limits: what is beyond a limit
-        is added to it.
+    - `objective`: one number to make small at many points, for searches that know no limits: what
+        is beyond a limit is added to it.
     - `slopes`: what the method evaluates, with derivatives, at a point with a width of smooth
         contact [m].
     - `number`: the objective among its values.
@@ -51,7 +53,7 @@ class Search(NamedTuple):
     """
 
     name: str
-    objective: Callable[[Reals], Scalar]
+    objective: optimise.Batched
     slopes: optimise.Sloped
     number: Callable[[np.ndarray], float]
     descend: Callable[[np.ndarray, optimise.Watcher], optimise.SearchResult]
@@ -59,7 +61,11 @@ class Search(NamedTuple):
 
 
 def search_of(
-    space: DesignSpace, grid: MeshGrid, prepared: PreparedMesh | None, file: Path | None = None
+    space: DesignSpace,
+    grid: MeshGrid,
+    prepared: PreparedMesh | None,
+    watch: Stopwatch,
+    file: Path | None = None,
 ) -> Search:
     """The search that a scene asks for.
 
@@ -68,6 +74,7 @@ def search_of(
     - `space`: variables of the scene.
     - `grid`: of the quasi-static cycles.
     - `prepared`: the meshes, where the variables leave them as they are.
+    - `watch`: keeps the time.
     - `file`: keeps the evaluations.
 
     **Returns:**
@@ -75,17 +82,20 @@ def search_of(
     The search.
     """
     scene, limits = space.scene, limits_of(space.scene)
-    at_width = lambda made: lambda x, width: made(space, grid, SmoothContact(width), prepared)(x)
-    if not limits and scene["optimise.method"] != "least_squares":
-        return by_gradient(space, at_width(objective_function), file)
-    settings: Any = dict(most_evaluations=scene["optimise.max_evaluations"], file=file)
     law = smooth_law_of(scene)
+    task = task_of(space, grid, law, prepared)
+    sloped = lambda evaluate: optimise.Sloped(lambda x, width: watch(evaluate, task, x, width))
+    many = optimise.Batched(lambda points: watch(objectives_at, task, points, law))
+    if not limits and scene["optimise.method"] != "least_squares":
+        return by_gradient(space, sloped(sloped_objective), many, file)
+    settings: Any = dict(most_evaluations=scene["optimise.max_evaluations"], file=file)
     if limits:
-        slopes = optimise.with_jacobian(at_width(responses_function))
+        slopes = sloped(sloped_responses)
         own = slopes.at(law.width)
+        most, scale = (np.asarray([getattr(each, k) for each in limits]) for k in ("most", "scale"))
         return Search(
             "slsqp",
-            _penalised(responses_function(space, grid, law, prepared), limits),
+            optimise.Batched(lambda points: watch(penalised_at, task, points, law, most, scale)),
             slopes,
             lambda values: float(values[0]),
             lambda start, watch: optimise.constrained(
@@ -93,11 +103,11 @@ def search_of(
             ),
             limits,
         )
-    slopes = optimise.with_jacobian(at_width(residuals_function))
+    slopes = sloped(sloped_residuals)
     own = slopes.at(law.width)
     return Search(
         "least_squares",
-        objective_function(space, grid, law, prepared),
+        many,
         slopes,
         lambda values: float(np.sum(values**2)),
         lambda start, watch: optimise.least_squares(own, start, space.box, watch=watch, **settings),
@@ -106,14 +116,19 @@ def search_of(
 
 
 def by_gradient(
-    space: DesignSpace, objective: Callable[[Reals, Scalar], Scalar], file: Path | None = None
+    space: DesignSpace,
+    slopes: optimise.Sloped,
+    objective: optimise.Batched,
+    file: Path | None = None,
 ) -> Search:
     """A search without limits by the scene's method, L-BFGS or Adam, and through its widths.
 
     **Arguments:**
 
     - `space`: variables of the scene.
-    - `objective`: to make small, of the variables and a width of smooth contact [m].
+    - `slopes`: what is made small, with its gradient, of the variables and a width of smooth
+        contact [m].
+    - `objective`: the same at many points, with the scene's width.
     - `file`: keeps the evaluations.
 
     **Returns:**
@@ -124,7 +139,7 @@ def by_gradient(
     name = "adam" if scene["optimise.method"] == "adam" else "lbfgs"
     method = {"lbfgs": optimise.lbfgs, "adam": optimise.adam}[name]
     settings: Any = dict(most_evaluations=scene["optimise.max_evaluations"], file=file)
-    slopes, width = optimise.with_gradient(objective), smooth_law_of(scene).width
+    width = smooth_law_of(scene).width
     widths = [um * each for each in scene.get("optimise.anneal_um", ())]
 
     def descend(start: np.ndarray, watch: optimise.Watcher) -> optimise.SearchResult:
@@ -135,7 +150,7 @@ def by_gradient(
             )
         return method(slopes.at(width), start, space.box, watch=watch, **settings)
 
-    return Search(name, lambda x: objective(x, width), slopes, float, descend, ())
+    return Search(name, objective, slopes, float, descend, ())
 
 
 def require_acting(search: Search, space: DesignSpace) -> None:
@@ -187,8 +202,8 @@ def smoothing_bias_of(search: Search, space: DesignSpace, point: np.ndarray) -> 
     The bound, in the unit of the objective.
     """
     width, at = smooth_law_of(space.scene).width, jnp.asarray(point)
-    value = lambda w: search.number(np.asarray(search.slopes(at, w)[0]))
-    values = [value(width * 0.5**k) for k in range(_HALVINGS + 1)]
+    value = lambda w: search.number(np.asarray(search.slopes(at, as_scalar(w))[0]))
+    values = [value(float(width) * 0.5**k) for k in range(_HALVINGS + 1)]
     taken = np.abs(np.diff(values))
     return float(np.sum(taken) + taken[-1])
 
@@ -218,19 +233,6 @@ def smoothing_notes(width: float, bias: float, before: float, after: float) -> l
         f"the exact one, and the search gained {before - after:.3g}. A narrower mesh.smoothing_um "
         "brings it closer."
     ]
-
-
-def _penalised(
-    responses: Callable[[Reals], Reals], limits: Sequence[optimise.Limit]
-) -> Callable[[Reals], Scalar]:
-    most, scale = (jnp.asarray([getattr(each, k) for each in limits]) for k in ("most", "scale"))
-
-    def value(variables: Reals) -> Scalar:
-        found = responses(variables)
-        over = jnp.maximum((found[1:] - most) / scale, 0.0)
-        return found[0] + _PENALTY * jnp.sum(over**2)
-
-    return value
 
 
 def best_of_starts(

@@ -2,14 +2,24 @@
 
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from jaxgear._app._model import grid_of, law_of, model_of
+from jaxgear._app._programs import (
+    QUICKLY,
+    Options,
+    Program,
+    is_named,
+    kinds_of,
+    leaves_of,
+    program_of,
+)
 from jaxgear._app._results import harmonic_count
 from jaxgear._app._scene import Scene
 from jaxgear._app._schema import GEARS
@@ -32,7 +42,7 @@ from jaxgear._response._transmission import (
     peak_to_peak,
     transmission_error,
 )
-from jaxgear._solve._cycle import MeshCycle, PreparedMesh, corrected_cycle, mesh_cycle
+from jaxgear._solve._cycle import MeshCycle, PreparedMesh, corrected_cycle, prepare_mesh
 from jaxgear._system._model import PairModel
 from jaxgear._system._shaft import Shaft
 from jaxgear._system._structure import bearing_motion
@@ -51,25 +61,39 @@ class Stopwatch:
     def __init__(self):
         self.compile_s = 0.0
         self.run_s = 0.0
-        self._programs: dict[Any, Callable[..., Any]] = {}
+        self._programs: dict[Any, Program] = {}
 
-    def __call__(
-        self, function: Callable[..., Any], *arguments: Any, options: dict[str, Any] | None = None
-    ) -> Any:
+    def __call__(self, function: Callable[..., Any], *arguments: Any, options: Options = ()) -> Any:
         """Compile `function` for these arguments, run it, and wait for the result."""
         start = time.perf_counter()
-        leaves, structure = jax.tree.flatten(arguments)
-        shapes = tuple((jnp.shape(leaf), jnp.result_type(leaf)) for leaf in leaves)
-        key = function, structure, shapes, str(options)
-        if key not in self._programs:
-            lowered = jax.jit(function).lower(*arguments)
-            self._programs[key] = lowered.compile(compiler_options=options)
-        compiled = self._programs[key]
+        leaves, structure = leaves_of(*arguments)
+        key = function, structure, kinds_of(leaves), options
+        if is_named(function):
+            program = program_of(*key)
+        elif key in self._programs:
+            program = self._programs[key]
+        else:
+            program = self._programs[key] = program_of(*key)
         middle = time.perf_counter()
-        result = jax.block_until_ready(compiled(*arguments))
+        result = jax.block_until_ready(program(*leaves))
         self.compile_s += middle - start
         self.run_s += time.perf_counter() - middle
         return result
+
+
+class Mounts(NamedTuple):
+    """Means over a cycle of what the mesh does to the gears and their bearings.
+
+    **Fields:**
+
+    - `motion`: of each gear [m, rad].
+    - `wrench`: of the mesh on each gear [N, N m].
+    - `bearings`: displacement and load of each bearing [m, N, N m].
+    """
+
+    motion: Reals
+    wrench: Reals
+    bearings: Reals
 
 
 class Statics(eqx.Module):
@@ -81,7 +105,11 @@ class Statics(eqx.Module):
     - `grid`: phases, lines and slices.
     - `law`: contact law.
     - `cycle`: the settled states.
+    - `prepared`: the mesh before its flanks are corrected, or `None` where it was not kept.
     - `numbers`: the `static` part of the summary, the unit in each key [-].
+    - `standard`: the `iso6336` part of the summary, likewise [-].
+    - `mounts`: mean motions and loads.
+    - `angle_change`: of the pressure angle where the base radii grow by a thousandth [rad].
     - `harris`: transmission error over phase, one row per further torque [m].
     - `harris_harmonics`: amplitudes of its first mesh harmonics, one row per further torque [m].
     """
@@ -90,7 +118,11 @@ class Statics(eqx.Module):
     grid: MeshGrid
     law: AbstractContactLaw
     cycle: MeshCycle
+    prepared: PreparedMesh | None
     numbers: dict[str, Scalar]
+    standard: dict[str, Scalar]
+    mounts: Mounts
+    angle_change: Scalar
     harris: np.ndarray
     harris_harmonics: np.ndarray
 
@@ -118,24 +150,28 @@ def solve_statics(scene: Scene, watch: Stopwatch, torques: np.ndarray | None = N
     more = np.zeros(0) if torques is None else torques
 
     # The scene's own torque and the others in one program: it is compiled once.
-    all_torques = jnp.concatenate([model.torque[None], jnp.asarray(more)])
-    cycles, error, harmonics, numbers = watch(_solve, model, grid, law, all_torques)
-    require_solved(cycles.converged)
-    first = jax.tree.map(lambda x: jnp.asarray(np.asarray(x)[0]), (cycles, numbers))
-    _require_bearable(model, first[1])
+    all_torques = np.concatenate([[float(model.torque)], more])
+    found = watch(_solve, model, grid, law, all_torques, options=QUICKLY)
+    require_solved(found.converged)
+    _require_bearable(model, found.told["numbers"])
     return Statics(
         model=model,
         grid=grid,
         law=law,
-        cycle=first[0],
-        numbers=first[1],
-        harris=np.asarray(error)[1:],
-        harris_harmonics=np.asarray(harmonics)[1:],
+        cycle=found.cycle,
+        prepared=found.prepared,
+        **found.told,
+        harris=np.asarray(found.error)[1:],
+        harris_harmonics=np.asarray(found.harmonics)[1:],
     )
 
 
 def settled_statics(
-    model: PairModel, grid: MeshGrid, law: AbstractContactLaw, cycle: MeshCycle
+    model: PairModel,
+    grid: MeshGrid,
+    law: AbstractContactLaw,
+    cycle: MeshCycle,
+    watch: Stopwatch,
 ) -> Statics:
     """The statics of a cycle that was solved for another purpose.
 
@@ -145,6 +181,7 @@ def settled_statics(
     - `grid`: on which.
     - `law`: with which.
     - `cycle`: its settled states.
+    - `watch`: keeps the time.
 
     **Returns:**
 
@@ -154,10 +191,18 @@ def settled_statics(
 
     - `ValueError` if no tooth bears the torque.
     """
-    numbers = jax.jit(_static_numbers)(model, cycle, law)
-    _require_bearable(model, numbers)
-    none = np.zeros((0, grid.phases * grid.periods)), np.zeros((0, harmonic_count(cycle)))
-    return Statics(model, grid, law, cycle, numbers, *none)
+    told = watch(_told, model, cycle, law, options=QUICKLY)
+    _require_bearable(model, told["numbers"])
+    return Statics(
+        model=model,
+        grid=grid,
+        law=law,
+        cycle=cycle,
+        prepared=None,
+        **told,
+        harris=np.zeros((0, grid.phases * grid.periods)),
+        harris_harmonics=np.zeros((0, harmonic_count(cycle))),
+    )
 
 
 def _require_bearable(model: PairModel, numbers: dict[str, Scalar]) -> None:
@@ -173,17 +218,41 @@ def _require_bearable(model: PairModel, numbers: dict[str, Scalar]) -> None:
     )
 
 
-def _solve(model: PairModel, grid: MeshGrid, law: AbstractContactLaw, torques: Reals):
-    """Cycle, transmission error and numbers for the summary, at each torque."""
+class _Solved(NamedTuple):
+    """Mesh and cycle at the first torque and what is told of it, and a few rows at all torques."""
+
+    prepared: PreparedMesh
+    cycle: MeshCycle
+    told: dict[str, Any]
+    error: Array
+    harmonics: Array
+    converged: Array
+
+
+def _solve(model: PairModel, grid: MeshGrid, law: AbstractContactLaw, torques: Reals) -> _Solved:
+    """Cycles at all torques, and everything that a summary says of the first."""
 
     def at_torque(torque: Scalar):
         loaded = eqx.tree_at(lambda m: m.torque, model, torque)
-        cycle = mesh_cycle(loaded, grid, law=law, throw=False)
+        prepared = prepare_mesh(loaded, grid)
+        cycle = corrected_cycle(prepared, loaded, law=law)
         error = transmission_error(loaded.pair, cycle)
         amplitudes = harmonic_amplitudes(cycle, error, harmonic_count(cycle))
-        return cycle, error, amplitudes, _static_numbers(loaded, cycle, law)
+        return (prepared, cycle), error, amplitudes, cycle.converged
 
-    return jax.vmap(at_torque)(torques)
+    whole, *rows = jax.vmap(at_torque)(torques)
+    prepared, cycle = jax.tree.map(lambda x: x[0], whole)
+    return _Solved(prepared, cycle, _told(model, cycle, law), *rows)
+
+
+def _told(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> dict[str, Any]:
+    """All that a summary says of one cycle: some fields of `Statics`."""
+    return {
+        "numbers": _static_numbers(model, cycle, law),
+        "standard": _iso_numbers(model),
+        "mounts": _mean_loads(cycle),
+        "angle_change": _pressure_angle_change(model.pair),
+    }
 
 
 def require_solved(converged: Any) -> None:
@@ -246,9 +315,9 @@ def torques_of(scene: Scene, key: str) -> np.ndarray:
     return torques
 
 
-def geometry_summary(model: PairModel) -> dict[str, float]:
+def geometry_summary(statics: Statics) -> dict[str, float]:
     """The `geometry` part of the summary."""
-    facts = {name: np.asarray(value) for name, value in pair_facts(model.pair).items()}
+    facts = {name: np.asarray(value) for name, value in pair_facts(statics.model.pair).items()}
     pitch, path = facts["transverse_base_pitch"], facts["path_of_contact"]
     lengths = {
         "centre_distance_mm": facts["working_centre_distance"],
@@ -285,11 +354,7 @@ def geometry_summary(model: PairModel) -> dict[str, float]:
         | {name: float(facts[name]) for name in ratios}
         | {"full_tip_shortening_coeff": float(facts["full_tip_shortening"])}
         # Thesis eq. 3.3: what a growth of both base radii, by centrifugal load say, does.
-        | {
-            "pressure_angle_change_deg_per_permille_base_radius": float(
-                jax.jit(_pressure_angle_change)(model.pair) / deg
-            )
-        }
+        | {"pressure_angle_change_deg_per_permille_base_radius": float(statics.angle_change) / deg}
     )
 
 
@@ -298,12 +363,8 @@ def _pressure_angle_change(pair: GearPair) -> Scalar:
     return pressure_angle_change(pair, 1e-3 * pair.base_radius)[0]
 
 
-def iso_summary(model: PairModel) -> dict[str, float]:
-    """Stiffnesses of ISO 6336-1 method B, whatever stiffness the scene uses."""
-    return {key: float(value) for key, value in jax.jit(_iso_numbers)(model).items()}
-
-
 def _iso_numbers(model: PairModel) -> dict[str, Scalar]:
+    """Stiffnesses of ISO 6336-1 method B, whatever stiffness the scene uses."""
     pair = model.pair
     tangential = model.mesh_torque / pair.reference_radius[0]
     stiffness = iso_stiffness(pair, tangential / pair.face_width)
@@ -373,7 +434,7 @@ def mounts_summary(statics: Statics) -> dict[str, list[dict[str, Any]]]:
     centre. A load is what shaft or gear puts on it.
     """
     model, structure = statics.model, statics.cycle.system.structure
-    motion, wrench, bearings = map(np.asarray, jax.jit(_mean_loads)(statics.cycle))
+    motion, wrench, bearings = map(np.asarray, statics.mounts)
     mounts = (model.pinion_support, model.wheel_support)
     supports = [
         {"gear": gear, **_mount_row(motion[body], wrench[body, :3])}
@@ -407,7 +468,7 @@ def _mount_row(motion: np.ndarray, force: np.ndarray) -> dict[str, Any]:
     }
 
 
-def _mean_loads(cycle: MeshCycle) -> tuple[Reals, Reals, Reals]:
+def _mean_loads(cycle: MeshCycle) -> Mounts:
     """Motion of the gears, load of the mesh on them; motion and load of the bearings."""
     system = cycle.system
     mean = (cycle.cells.lines.weight @ cycle.load)[None, :]
@@ -418,7 +479,7 @@ def _mean_loads(cycle: MeshCycle) -> tuple[Reals, Reals, Reals]:
     first = np.asarray([nodes[0] for nodes in system.structure.map.gears])
     wrench = on_nodes[first[:, None] + np.arange(6)]
     bearings = bearing_motion(system.structure, system.displacement(mean)[0])
-    return motion, wrench, jnp.stack([bearings.displacement, bearings.load])
+    return Mounts(motion, wrench, jnp.stack([bearings.displacement, bearings.load]))
 
 
 def smoothing_bias(

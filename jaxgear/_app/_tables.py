@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +10,7 @@ import xarray as xr
 from jaxtyping import Array
 
 import jaxgear as jg
+from jaxgear._app._programs import called
 from jaxgear._app._results import BODIES, flank_grid
 from jaxgear._app._teeth import tooth_outline
 from jaxgear._system._beam import beam_shapes
@@ -35,18 +35,25 @@ _TEETH_SHOWN = 7
 
 def _centre(pair: jg.GearPair, body: int) -> np.ndarray:
     """Place of a gear's axis in S and T [m]."""
-    return np.asarray([float(pair.working_centre_distance) * body, 0.0])
+    return np.asarray([float(_facts(pair)["working_centre_distance"]) * body, 0.0])
+
+
+def _facts(pair: jg.GearPair) -> dict[str, np.ndarray]:
+    """What is closed-form about a pair, in NumPy."""
+    return {name: np.asarray(fact) for name, fact in jg.pair_facts(pair).items()}
 
 
 def _outline(pair: jg.GearPair, body: int) -> np.ndarray:
     """Outline of several teeth around the mesh, S and T [m]."""
     radius, half = _tooth(pair, body)
-    step = 2.0 * np.pi / float(pair.teeth[body])
+    facts, count = _facts(pair), (pair.pinion, pair.wheel)[body].teeth
+    step = 2.0 * np.pi / count
     # The loaded flank, which leads anticlockwise on either gear, passes through the pitch point.
-    roll = np.asarray([pair.pitch_point, pair.tangent_length - pair.pitch_point])[body]
-    turned = roll / float(pair.base_radius[body]) - float(pair.half_thickness_at_base[body])
-    centreline = np.pi * body - float(pair.working_pressure_angle) + turned
-    shown = min(_TEETH_SHOWN, int(pair.teeth[body]))
+    pitch_point = facts["pitch_point"]
+    roll = (pitch_point, facts["tangent_length"] - pitch_point)[body]
+    turned = roll / facts["base_radius"][body] - facts["half_thickness_at_base"][body]
+    centreline = np.pi * body - facts["working_pressure_angle"] + turned
+    shown = min(_TEETH_SHOWN, count)
     teeth = centreline + step * (np.arange(shown) - shown // 2)
     around = np.concatenate([-half, half[::-1]])
     angle = (teeth[:, None] + around).ravel()
@@ -58,7 +65,7 @@ def _tooth(pair: jg.GearPair, body: int) -> tuple[np.ndarray, np.ndarray]:
     """Radius [m] and half angle [rad] of a tooth, from mid-space over the flank to mid-tip."""
     x, y = tooth_outline(pair, body)
     radius, half = np.hypot(x, y), np.arctan2(x, y)
-    space = np.linspace(np.pi / float(pair.teeth[body]), half[0], 7)[:-1]
+    space = np.linspace(np.pi / (pair.pinion, pair.wheel)[body].teeth, half[0], 7)[:-1]
     land = np.linspace(half[-1], 0.0, 7)[1:]
     radius = np.concatenate([np.full(6, radius[0]), radius, np.full(6, radius[-1])])
     return radius, np.concatenate([space, half, land])
@@ -101,10 +108,9 @@ def _height(shaft: jg.Shaft, at: Any) -> float:
 
 def _deflected_lines(model: jg.PairModel, cycle: jg.MeshCycle) -> dict[str, np.ndarray]:
     """Place along Z and mean deflection along S and T of each shaft's axis [m], by name."""
-    return {name: np.asarray(line) for name, line in _lines_of_shafts(model, cycle).items()}
+    return {name: np.asarray(line) for name, line in called(_lines_of_shafts, model, cycle).items()}
 
 
-@eqx.filter_jit
 def _lines_of_shafts(model: jg.PairModel, cycle: jg.MeshCycle) -> dict[str, Array]:
     mean = cycle.cells.lines.weight @ cycle.load
     motion = cycle.system.displacement(mean[None])[0]

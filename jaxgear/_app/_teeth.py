@@ -2,12 +2,12 @@
 
 import dataclasses
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 import jaxgear as jg
+from jaxgear._app._programs import called
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,13 +38,16 @@ def tooth_outline(pair: jg.GearPair, body: int) -> tuple[np.ndarray, np.ndarray]
 
     Half thickness and height above the gear's centre, along the tooth's centreline [m].
     """
-    x, y = map(np.asarray, _half_tooth(pair, body))
+    x, y = map(np.asarray, called(_half_teeth, pair)[body])
     return x, y
 
 
-@eqx.filter_jit
+def _half_teeth(pair: jg.GearPair) -> list[tuple[Array, Array]]:
+    """Half thickness and height of a tooth of each gear, from root circle to tip [m]."""
+    return [_half_tooth(pair, body) for body in (0, 1)]
+
+
 def _half_tooth(pair: jg.GearPair, body: int) -> tuple[Array, Array]:
-    """Half thickness and height of a tooth from root circle to tip [m]."""
     section = _transverse_section(pair, body)
     x, y = section.fillet(jnp.linspace(0.5 * jnp.pi, section.pressure_angle, 25))
     tip = pair.tip_roll[body] / section.base_radius

@@ -130,13 +130,14 @@ class TurningTerms(eqx.Module):
         return speed * self.circulatory + speed**2 * self.softening
 
 
-def vibrating_bodies(model: PairModel, mounted: PairSystem) -> list[VibratingBody]:
+def vibrating_bodies(model: PairModel, mounted: PairSystem, grid: MeshGrid) -> list[VibratingBody]:
     """The condensed bodies of a pair, with their places among the degrees of freedom.
 
     **Arguments:**
 
     - `model`: the pair.
     - `mounted`: its structure.
+    - `grid`: of the cycle.
 
     **Returns:**
 
@@ -144,7 +145,7 @@ def vibrating_bodies(model: PairModel, mounted: PairSystem) -> list[VibratingBod
 
     **Raises:**
 
-    - `ValueError` if a body was made for statics only.
+    - `ValueError` if a body was made for statics only, or is not itself again where the cycle ends.
     """
     first, found = mounted.structure.map.size, []
     ratio = model.pair.pinion.teeth / model.pair.wheel.teeth
@@ -157,6 +158,15 @@ def vibrating_bodies(model: PairModel, mounted: PairSystem) -> list[VibratingBod
             name=("pinion", "wheel")[index],
         )
         assert body.modes is not None
+        require(
+            grid.periods % body.repeats == 0,
+            "The {name}'s condensed body repeats under its teeth after {repeats} mesh periods, and "
+            "was set in motion over {periods}: where the cycle closes it would jump. Make the grid "
+            "with `periods={repeats}`, or a multiple.",
+            name=("pinion", "wheel")[index],
+            repeats=body.repeats,
+            periods=grid.periods,
+        )
         loaded = mounted.structure.map.loaded[index]
         seats = np.concatenate([np.arange(6) + start for start in loaded])
         found.append(VibratingBody(index, body, body.modes, seats, first, speed))

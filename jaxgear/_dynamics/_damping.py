@@ -13,6 +13,7 @@ import jax.scipy.linalg
 from jaxtyping import Array
 
 from jaxgear._checks import require
+from jaxgear._compiled import in_numpy
 from jaxgear._dynamics._types import FreeMotions, Matrix
 from jaxgear._types import Scalar, as_scalar
 
@@ -65,7 +66,7 @@ class RayleighDamping(AbstractDamping):
     def __check_init__(self):
         for name, unit in (("mass_factor", "1/s"), ("stiffness_factor", "s")):
             require(
-                getattr(self, name) >= 0.0,
+                in_numpy(getattr(self, name)) >= 0.0,
                 "`RayleighDamping." + name + "` must not be negative, got {got:.6g} " + unit + ". "
                 "A negative one feeds vibration.",
                 got=getattr(self, name),
@@ -105,7 +106,7 @@ class ModalDamping(AbstractDamping):
         for name in ("mesh", "structure"):
             ratio = getattr(self, name)
             require(
-                (ratio >= 0.0) & (ratio < 1.0),
+                (in_numpy(ratio) >= 0.0) & (in_numpy(ratio) < 1.0),
                 "`ModalDamping." + name + "` must be at least 0 and below 1, got {got:.6g}. It is "
                 "a ratio to critical damping: write 0.02 for 2 %.",
                 got=ratio,

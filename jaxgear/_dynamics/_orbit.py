@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxgear._compiled import compiled
 from jaxgear._dynamics._system import DynamicSystem
 from jaxgear._dynamics._types import Motion, Series, Start, StepPlaces
+from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._types import Coordinates, Flag, Scalar
 
 
@@ -43,9 +44,11 @@ class AbstractMethod(eqx.Module):
 
     **Fields:**
 
+    - `law`: exact or smooth contact.
     - `multiple`: cycles after which the response repeats [-].
     """
 
+    law: eqx.AbstractVar[AbstractContactLaw]
     multiple: eqx.AbstractVar[int]
 
     @abc.abstractmethod

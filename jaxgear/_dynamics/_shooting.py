@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from jaxgear._checks import require
+from jaxgear._checks import InputError, require
 from jaxgear._dynamics._floquet import product_of_steps, tangents_of
 from jaxgear._dynamics._march import CONTACT_TOLERANCE, cycle, march_of, quasi_static_start
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit, bears_load
@@ -50,6 +50,10 @@ class Shooting(AbstractMethod):
         """Find the response at one speed; see `AbstractMethod`.
 
         There are no derivatives: those of the same response are to be had from `HarmonicBalance`.
+
+        **Raises:**
+
+        - `InputError` if it is differentiated.
         """
         start = quasi_static_start(system) if start is None else start
         system = system.over(self.multiple)
@@ -91,15 +95,35 @@ class Shooting(AbstractMethod):
         reached, error, (place, load, ended) = over(state)
         begun = jnp.concatenate([state[None], ended[:-1]])
         middle = 0.5 * (begun[:, 0] + ended[:, 0])
-        return Orbit(
-            speed=speed,
-            place=place,
-            load=load,
-            motion=middle @ modes.shape.T,
-            start=state @ modes.shape.T,
-            residual=error,
-            settled=(error <= self.tolerance)
-            & (reached.error <= CONTACT_TOLERANCE)
-            & bears_load(system, load),
-            steps=steps,
+        return _as_found(
+            Orbit(
+                speed=speed,
+                place=place,
+                load=load,
+                motion=middle @ modes.shape.T,
+                start=state @ modes.shape.T,
+                residual=error,
+                settled=(error <= self.tolerance)
+                & (reached.error <= CONTACT_TOLERANCE)
+                & bears_load(system, load),
+                steps=steps,
+            )
         )
+
+
+@jax.custom_jvp
+def _as_found(orbit: Orbit) -> Orbit:
+    """The same response, which cannot be differentiated.
+
+    Through its corrections a derivative would be that of a start that is not corrected any more.
+    """
+    return orbit
+
+
+@_as_found.defjvp
+def _refuse_to_differentiate(primals: tuple[Orbit], tangents: tuple[Orbit]):
+    del primals, tangents
+    raise InputError(
+        "Responses by shooting have no derivatives. Differentiate the same response by "
+        "`HarmonicBalance`, or give `steady_state` no method: that is its default."
+    )

@@ -35,7 +35,7 @@ _SAME = 1e-6
 def steady_state(
     system: DynamicSystem,
     speed: Scalar,
-    method: AbstractMethod = HarmonicBalance(),
+    method: AbstractMethod | None = None,
     start: Start | None = None,
 ) -> Orbit:
     """Find the steady response at one speed.
@@ -48,7 +48,9 @@ def steady_state(
 
     - `system`: what moves.
     - `speed`: of the pinion, positive [rad/s].
-    - `method`: how.
+    - `method`: how; by default harmonic balance with exact contact averaged over each step, whose
+        derivatives are those of continuous time also where contact is lost. It is not for mesh
+        damping that acts in contact only: that is not averaged.
     - `start`: motion and velocity to start from, for methods that march; `None`: the quasi-static
         state [m, rad, m/s, rad/s].
 
@@ -68,11 +70,11 @@ def steady_state(
         "response.",
         got=given,
     )
-    return _orbit(method, system, speed, start)
+    return _orbit(method or _differentiable(system), system, speed, start)
 
 
 def steady_states(
-    system: DynamicSystem, speeds: Speeds, method: AbstractMethod = HarmonicBalance()
+    system: DynamicSystem, speeds: Speeds, method: AbstractMethod | None = None
 ) -> Orbit:
     """Find the steady response at each speed from the quasi-static state: a cold sweep.
 
@@ -82,7 +84,7 @@ def steady_states(
 
     - `system`: what moves.
     - `speeds`: of the pinion, positive [rad/s].
-    - `method`: how.
+    - `method`: how; by default as of `steady_state`.
 
     **Returns:**
 
@@ -101,7 +103,16 @@ def steady_states(
             least=given.min(),
             largest=given.max(),
         )
-    return _orbits(method, system, speeds)
+    return _orbits(method or _differentiable(system), system, speeds)
+
+
+def _differentiable(system: DynamicSystem) -> HarmonicBalance:
+    """Harmonic balance whose derivatives are true where contact is lost, if the system has one.
+
+    A cell that opens or closes does so within a step: by the force in mid-step alone, derivatives
+    are 3 to 6 % off at 128 steps, averaged over the step 0.1 to 0.4 % at 64.
+    """
+    return HarmonicBalance(averaged=system.cell_damping is None)
 
 
 @compiled
@@ -126,9 +137,11 @@ _PATIENCE, _DISTURBANCE = 5, 0.1
 # the march than by this part of their swing.
 _APART = 0.3
 
-# From one speed to the next a response may move so far, in its swing, before it is asked whether
-# the machine would go there.
-_LEAP = 1.0
+# From one speed to the next a response may move so far, in its swing. Where it would move further,
+# or is lost, the way there is halved, at most so often; and where that does not help either, it is
+# asked whether the machine would go there. Steps along one branch move by less than 0.25 on the
+# coarsest grids of speeds that were tried, a false one by 0.7.
+_STEP, _HALVINGS = 0.3, 3
 
 # It also counts if a march of several times the length has come closer to it by this factor.
 _APPROACH = 0.8
@@ -284,15 +297,27 @@ class Finder:
             twice = last is not None and last.multiple == 2
             found = self._shot(method, speed, start, (2, 1) if twice else (1, 2))
             return found or self._searched(method, speed, start)
-        if last is not None and not last.settled:
-            # What does not repeat is not left for a response that does, unless it ends there.
-            return self._searched(self.shooting, speed, start)
         if last is None:
             found = self._balanced(speed, 1, None)
-        else:
-            found = self._balanced(speed, last.multiple, last.orbit)
-        if found.stable and (last is None or _apart(found, last.orbit) <= _LEAP):
+            return found if found.stable else self._left(found, speed, start)
+        return self._followed(speed, last, _HALVINGS)
+
+    def _followed(self, speed: Scalar, last: SweepPoint, halvings: int) -> SweepPoint:
+        """The response at a speed that follows one close by, in smaller steps where it is lost."""
+        if not last.settled:
+            # What does not repeat is not left for a response that does, unless it ends there.
+            return self._searched(self.shooting, speed, last.orbit.start)
+        found = self._balanced(speed, last.multiple, last.orbit)
+        near = found.settled and _moved(found, last.orbit) <= _STEP
+        if near and found.stable:
             return found
+        if not near and halvings > 0:
+            middle = self._followed(0.5 * (speed + last.orbit.speed), last, halvings - 1)
+            return self._followed(speed, middle, halvings - 1)
+        return self._left(found, speed, last.orbit.start)
+
+    def _left(self, found: SweepPoint, speed: Scalar, start: Start) -> SweepPoint:
+        """Where the machine goes from a response that is not stable, or far from the last one."""
         # Newton's method may leave a branch that goes on: whether it ends, a march tells.
         if found.settled and not found.stable:
             start = self._disturbed(found)
@@ -403,8 +428,11 @@ class Finder:
 
 def _apart(point: SweepPoint | None, other: Orbit | History) -> float:
     """How far a stable response lies from the last cycles of a motion, over its swing [-]."""
-    if point is None or not point.stable:
-        return np.inf
+    return np.inf if point is None or not point.stable else _moved(point, other)
+
+
+def _moved(point: SweepPoint, other: Orbit | History) -> float:
+    """How far a response lies from the last cycles of a motion, over its swing [-]."""
     own = point.orbit.place
     steps = max(own.shape[0], min(other.place.shape[0], 2 * own.shape[0]))
     last = lambda place: np.resize(np.asarray(place[-steps:, 0]), steps)

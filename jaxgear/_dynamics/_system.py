@@ -292,8 +292,9 @@ def pair_dynamics(
     **Raises:**
 
     - `ValueError` in single precision, if thinner teeth still have no backlash, or if a condensed
-        body was made without modes or, with `gyroscopic`, without the terms of rotation, or stands
-        beside a beam body, active mesh damping or back flanks.
+        body was made without modes or, with `gyroscopic`, without the terms of rotation, is not
+        itself again where the cycle ends, or stands beside a beam body, active mesh damping or back
+        flanks.
     """
     require_float64()
     check_torque(model.pinion_support, model.torque)
@@ -421,7 +422,7 @@ def _with_condensed_bodies(
         "Back flanks are for rigid bodies and beams in motion: leave `thickness_allowance` out, or "
         "make condensed bodies rigid.",
     )
-    bodies = vibrating_bodies(model, mounted)
+    bodies = vibrating_bodies(model, mounted, grid)
     size = size_with(mounted, bodies)
     dofs = np.r_[np.asarray(mapped.free), mapped.size : size]
     among = lambda matrix: matrix[dofs[:, None], dofs[None, :]]

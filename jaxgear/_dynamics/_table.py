@@ -106,7 +106,7 @@ class Mesh(eqx.Module):
         return dataclasses.replace(self, gap=self.gap - speed**2 * self.growth, growth=None)
 
 
-START, MIDDLE, END = _PLACES = 0.0, 0.5, 1.0
+START, MIDDLE, END = PLACES = 0.0, 0.5, 1.0
 
 
 @compiled
@@ -184,7 +184,7 @@ def at_places(pair: GearPair, cells: MeshCells) -> tuple[MeshCells, MeshCells, M
     Cells; what they take from condensed bodies is that of the middle.
     """
     lengths = cells.lines.weight * cells.lines.periods
-    start, middle, end = (_moved(pair, cells, lengths * (part - 0.5)) for part in _PLACES)
+    start, middle, end = (_moved(pair, cells, lengths * (part - 0.5)) for part in PLACES)
     return start, middle, end
 
 

@@ -18,6 +18,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from jaxgear._checks import require
+from jaxgear._compiled import in_numpy
 from jaxgear._flank._indexing import Indexing
 from jaxgear._types import Reals, Scalar, as_scalar
 
@@ -47,7 +48,7 @@ def _relief(distance: Reals, depth: Scalar, extent: Scalar, exponent: int) -> Re
 
 def _check_extent(extent: Scalar, owner: str, whole: str) -> None:
     require(
-        (extent > 0.0) & (extent <= 1.0),
+        (in_numpy(extent) > 0.0) & (in_numpy(extent) <= 1.0),
         "`"
         + owner
         + ".extent` must lie in (0, 1], got {got:.6g}: it is a fraction of "

@@ -8,6 +8,7 @@ with them. Where they are at a phase follows from when a tooth and a gap lie on 
 
 import dataclasses
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
@@ -79,11 +80,10 @@ def check_backlash(pair: GearPair) -> None:
 
     - `InputError` if the normal backlash is negative, or an allowance takes away a tooth's tip.
     """
-    allowances = [gear.thickness_allowance for gear in (pair.pinion, pair.wheel)]
-    facts = pair_facts(pair) if has_back_contact(pair) else {}
-    known = [*facts.values(), *(x for x in allowances if x is not None)]
-    if not facts or any(isinstance(x, Tracer) for x in known):
+    is_traced = lambda tree: any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
+    if not has_back_contact(pair) or is_traced(pair) or is_traced(facts := pair_facts(pair)):
         return
+    allowances = [gear.thickness_allowance for gear in (pair.pinion, pair.wheel)]
     taken = [0.0 if x is None else float(x) for x in allowances]
     cosine = float(np.cos(pair.pressure_angle))
     along_path = np.cos(facts["working_pressure_angle"]) * np.cos(facts["base_helix_angle"])

@@ -3,6 +3,7 @@
 import equinox as eqx
 
 from jaxgear._checks import require
+from jaxgear._compiled import in_numpy
 from jaxgear._types import Scalar, as_optional_scalar, as_scalar
 
 
@@ -26,10 +27,12 @@ class Material(eqx.Module):
 
     def __check_init__(self):
         require(
-            self.young > 0.0, "`Material.young` must be positive, got {got:.6g} Pa.", got=self.young
+            in_numpy(self.young) > 0.0,
+            "`Material.young` must be positive, got {got:.6g} Pa.",
+            got=self.young,
         )
         require(
-            (self.poisson > -1.0) & (self.poisson < 0.5),
+            (in_numpy(self.poisson) > -1.0) & (in_numpy(self.poisson) < 0.5),
             "`Material.poisson` must lie between -1 and 0.5, got {got:.6g}.",
             got=self.poisson,
         )
@@ -78,12 +81,13 @@ class Gear(eqx.Module):
             got=self.teeth,
         )
         require(
-            self.face_width > 0.0,
+            in_numpy(self.face_width) > 0.0,
             "`Gear.face_width` must be positive, got {got:.6g} m.",
             got=self.face_width,
         )
         require(
-            (self.fillet_radius >= 0.0) & (self.fillet_radius < self.dedendum),
+            (in_numpy(self.fillet_radius) >= 0.0)
+            & (in_numpy(self.fillet_radius) < in_numpy(self.dedendum)),
             "`Gear.fillet_radius` must lie between 0 and the dedendum coefficient {dedendum:.6g}, "
             "got {got:.6g}.",
             dedendum=self.dedendum,
@@ -91,7 +95,7 @@ class Gear(eqx.Module):
         )
         if self.thickness_allowance is not None:
             require(
-                self.thickness_allowance >= 0.0,
+                in_numpy(self.thickness_allowance) >= 0.0,
                 "`Gear.thickness_allowance` is what is taken off the tooth, so it must not be "
                 "negative, got {got:.6g} m. Change its sign.",
                 got=self.thickness_allowance,

@@ -7,6 +7,9 @@ pinion driving, contact runs from `path_start` (the wheel's tip) to `path_end`
 (the pinion's tip). Formulas: ISO 21771-1, unless said.
 """
 
+from collections.abc import Callable
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -20,6 +23,14 @@ from jaxgear._geometry._gear import Gear
 from jaxgear._geometry._involute import inverse_involute, involute
 from jaxgear._types import Bodies, Scalar, as_optional_scalar, as_scalar
 from jaxgear._units import deg, mm
+
+
+def _derived(function: Callable[[Any], Array]) -> property:
+    """A property that is traced once for each kind of pair: a program asks for lengths often.
+
+    Outside of programs it is one program, and not one for each of its operations.
+    """
+    return property(jax.jit(function))
 
 
 class GearPair(eqx.Module):
@@ -65,27 +76,27 @@ class GearPair(eqx.Module):
         """$m_t$ [m]."""
         return self.normal_module / jnp.cos(self.helix_angle)
 
-    @property
+    @_derived
     def transverse_pressure_angle(self) -> Scalar:
         r"""$\alpha_t$ at the reference cylinder [rad]."""
         return jnp.arctan(jnp.tan(self.pressure_angle) / jnp.cos(self.helix_angle))
 
-    @property
+    @_derived
     def base_helix_angle(self) -> Scalar:
         r"""$\beta_b$ [rad], signed as $\beta$."""
         return jnp.arcsin(jnp.sin(self.helix_angle) * jnp.cos(self.pressure_angle))
 
-    @property
+    @_derived
     def reference_radius(self) -> Bodies:
         """$r$ [m]."""
         return 0.5 * self.transverse_module * self.teeth
 
-    @property
+    @_derived
     def base_radius(self) -> Bodies:
         """$r_b$ [m]."""
         return self.reference_radius * jnp.cos(self.transverse_pressure_angle)
 
-    @property
+    @_derived
     def tip_radius(self) -> Bodies:
         """$r_a$ [m]."""
         height = (
@@ -95,13 +106,13 @@ class GearPair(eqx.Module):
         )
         return self.reference_radius + self.normal_module * height
 
-    @property
+    @_derived
     def root_radius(self) -> Bodies:
         """$r_f$ [m]."""
         depth = self.of_bodies("dedendum") - self.of_bodies("profile_shift")
         return self.reference_radius - self.normal_module * depth
 
-    @property
+    @_derived
     def zero_backlash_pressure_angle(self) -> Scalar:
         r"""$\alpha_{wt}$ that the profile shifts give without backlash [rad]."""
         shift = jnp.sum(self.of_bodies("profile_shift"))
@@ -109,31 +120,31 @@ class GearPair(eqx.Module):
         value += 2.0 * shift * jnp.tan(self.pressure_angle) / jnp.sum(self.teeth)
         return inverse_involute(value)
 
-    @property
+    @_derived
     def zero_backlash_centre_distance(self) -> Scalar:
         """Centre distance that the profile shifts give without backlash [m]."""
         return jnp.sum(self.base_radius) / jnp.cos(self.zero_backlash_pressure_angle)
 
-    @property
+    @_derived
     def working_centre_distance(self) -> Scalar:
         """$a_w$ [m]: the given one, else the zero-backlash one."""
         if self.centre_distance is None:
             return self.zero_backlash_centre_distance
         return self.centre_distance
 
-    @property
+    @_derived
     def working_pressure_angle(self) -> Scalar:
         r"""$\alpha_{wt}$ [rad]."""
         if self.centre_distance is None:
             return self.zero_backlash_pressure_angle
         return jnp.arccos(jnp.sum(self.base_radius) / self.centre_distance)
 
-    @property
+    @_derived
     def working_pitch_radius(self) -> Bodies:
         """$r_w$ [m]."""
         return self.working_centre_distance * self.teeth / jnp.sum(self.teeth)
 
-    @property
+    @_derived
     def transverse_base_pitch(self) -> Scalar:
         """$p_{bt}$ [m]."""
         return jnp.pi * self.transverse_module * jnp.cos(self.transverse_pressure_angle)
@@ -143,18 +154,18 @@ class GearPair(eqx.Module):
         """Common face width [m]: mid-faces are aligned, so the smaller of the two."""
         return jnp.minimum(self.pinion.face_width, self.wheel.face_width)
 
-    @property
+    @_derived
     def tangent_length(self) -> Scalar:
         """$T_1T_2$ between the base tangent points [m]."""
         return self.working_centre_distance * jnp.sin(self.working_pressure_angle)
 
-    @property
+    @_derived
     def tip_roll(self) -> Bodies:
         """Roll length from each gear's own base tangent point to its tip [m]."""
         # A floor of zero keeps an impossible gear finite until it is refused.
         return jnp.sqrt(jnp.maximum(self.tip_radius**2 - self.base_radius**2, 0.0))
 
-    @property
+    @_derived
     def form_roll(self) -> Bodies:
         r"""Roll length from each gear's own base tangent point to its form circle [m].
 
@@ -166,51 +177,51 @@ class GearPair(eqx.Module):
         angle = self.transverse_pressure_angle
         return self.base_radius * jnp.tan(angle) - self.normal_module * straight / jnp.sin(angle)
 
-    @property
+    @_derived
     def form_radius(self) -> Bodies:
         """$r_F$, the form circle at the fillet [m]."""
         return jnp.hypot(self.base_radius, self.form_roll)
 
-    @property
+    @_derived
     def path_start(self) -> Scalar:
         """$T_1A$, start of contact at the wheel's tip [m]."""
         return self.tangent_length - self.tip_roll[1]
 
-    @property
+    @_derived
     def path_end(self) -> Scalar:
         """$T_1E$, end of contact at the pinion's tip [m]."""
         return self.tip_roll[0]
 
-    @property
+    @_derived
     def pitch_point(self) -> Scalar:
         """$T_1C$ [m]."""
         return self.working_pitch_radius[0] * jnp.sin(self.working_pressure_angle)
 
-    @property
+    @_derived
     def path_of_contact(self) -> Scalar:
         r"""$g_\alpha = \varepsilon_\alpha p_{bt}$ [m]."""
         return self.path_end - self.path_start
 
-    @property
+    @_derived
     def root_clearance(self) -> Bodies:
         """Distance from each gear's root to the other's tip [m]."""
         return self.working_centre_distance - self.root_radius - self.tip_radius[::-1]
 
-    @property
+    @_derived
     def tip_thickness(self) -> Bodies:
         """Transverse tooth thickness at the tip circle [m]."""
         at_tip = jnp.arctan2(self.tip_roll, self.base_radius)
         half = self.half_thickness_at_base - involute(at_tip)
         return 2.0 * self.tip_radius * half
 
-    @property
+    @_derived
     def half_thickness_at_base(self) -> Bodies:
         """Half the angle of a tooth at the base circle [rad], transverse, without backlash."""
         shift = self.of_bodies("profile_shift")
         arc = 0.5 * jnp.pi + 2.0 * shift * jnp.tan(self.pressure_angle)
         return arc / self.teeth + involute(self.transverse_pressure_angle)
 
-    @property
+    @_derived
     def backlash(self) -> Scalar:
         """Transverse circumferential backlash at the working pitch circle [m]."""
         angle = self.working_pressure_angle
@@ -255,6 +266,7 @@ _BODY_FACTS = (
     "tip_roll",
     "working_pitch_radius",
     "tip_thickness",
+    "half_thickness_at_base",
     "root_clearance",
 )
 _PAIR_FACTS = (
@@ -294,6 +306,12 @@ def pair_facts(pair: GearPair) -> dict[str, Array]:
     }
 
 
+@eqx.filter_jit
+def root_radii(pair: GearPair) -> Bodies:
+    """The root radii of a pair by themselves, compiled: what a body needs to be built [m]."""
+    return pair.root_radius
+
+
 # Undercut that leaves the active flank whole is custom, not a mistake: 17 standard teeth at 20
 # degrees lack 0.006 of profile shift. The tooth's shape is off by less than 1e-6 rad within it.
 _HARMLESS_UNDERCUT = 0.02
@@ -325,7 +343,11 @@ def _check_pair(pair: GearPair) -> None:
         "radians: write `15.0 * jaxgear.deg`.",
         got=helix / deg,
     )
-    facts = {name: np.asarray(fact) for name, fact in pair_facts(pair).items()}
+    facts = pair_facts(pair)
+    # Plain numbers within somebody else's program.
+    if any(isinstance(fact, Tracer) for fact in facts.values()):
+        return
+    facts = {name: np.asarray(fact) for name, fact in facts.items()}
     base_sum = facts["base_radius"].sum()
     # The inverse involute has no answer below zero.
     angle = facts["zero_backlash_pressure_angle"]
@@ -333,7 +355,7 @@ def _check_pair(pair: GearPair) -> None:
         bool(np.isfinite(angle) and angle > 0.0),
         "The profile shifts sum to {got:.4g}, too negative for {teeth} teeth to have a working "
         "pressure angle without backlash. Raise them.",
-        got=float(pair.pinion.profile_shift + pair.wheel.profile_shift),
+        got=float(pair.pinion.profile_shift) + float(pair.wheel.profile_shift),
         teeth=pair.pinion.teeth + pair.wheel.teeth,
     )
     require(

@@ -1,8 +1,12 @@
 r"""What a steady response means for gears: dynamic ratio, transmission error, forces, orders.
 
 Means are weighted by the lengths of the time steps. Forces are elastic: damping forces do not
-stress a tooth. All functions can be traced, batched over responses and differentiated.
+stress a tooth. Largest forces are looked for at the start, in the middle and at the end of each
+step: where a tooth enters, the force jumps from the end of one step to the start of the next. All
+functions can be traced, batched over responses and differentiated.
 """
+
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -10,9 +14,18 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxgear._compiled import compiled
+from jaxgear._dynamics._march import load_at_nodes
 from jaxgear._dynamics._orbit import Orbit, contact_force
 from jaxgear._dynamics._system import DynamicSystem, PairDynamics
-from jaxgear._dynamics._table import MIDDLE, cell_forces, mesh_at, repeated
+from jaxgear._dynamics._table import (
+    MIDDLE,
+    PLACES,
+    START,
+    cell_forces,
+    mesh_at,
+    mesh_within,
+    repeated,
+)
 from jaxgear._dynamics._types import (
     BearingLoads,
     BearingOrders,
@@ -21,11 +34,12 @@ from jaxgear._dynamics._types import (
     PairSeries,
     Series,
     StepCells,
+    StepPlaces,
 )
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._smooth import smooth_maximum
 from jaxgear._system._structure import bearing_motion
-from jaxgear._types import Reals, Scalar
+from jaxgear._types import Flag, Reals, Scalar
 
 
 class DynamicResponse(eqx.Module):
@@ -33,7 +47,8 @@ class DynamicResponse(eqx.Module):
 
     **Fields:**
 
-    - `dynamic_ratio`: largest total contact force over the static one [-].
+    - `dynamic_ratio`: largest total contact force over the static one, at the limits of the steps
+        too, as the next two [-].
     - `pair_ratio`: largest force on one tooth pair over the static mesh force [-].
     - `line_load_ratio`: largest line load over the largest at vanishing speed [-].
     - `te_mean`, `te_rms`, `te_peak_to_peak`: transmission error, its RMS about its mean, its range
@@ -84,13 +99,14 @@ def dynamic_response(
     error = dynamic_transmission_error(system, orbit)
     force = contact_force(system, orbit)
     loads = bearing_loads(dynamics, orbit)
-    static = jnp.max(_line_loads(dynamics, dynamics.cycle.force))
-    cells, overlap = _cells(system, orbit, law)
-    apart = jnp.max(overlap, axis=1) <= 0.0
+    static = jnp.max(line_loads(dynamics, dynamics.cycle.force))
+    pressed = [pressed_cells(system, orbit, law, place) for place in PLACES]
+    apart = jnp.max(pressed[PLACES.index(MIDDLE)].overlap, axis=1) <= 0.0
+    largest = lambda read: jnp.max(jnp.stack([jnp.max(read(each.force)) for each in pressed]))
     return DynamicResponse(
-        dynamic_ratio=dynamic_ratio(system, orbit),
-        pair_ratio=jnp.max(pair_forces(dynamics, orbit, law)) / system.force,
-        line_load_ratio=jnp.max(_line_loads(dynamics, cells)) / static,
+        dynamic_ratio=jnp.max(jnp.stack([each.total for each in pressed])) / system.force,
+        pair_ratio=largest(lambda force: _on_pairs(dynamics, force)) / system.force,
+        line_load_ratio=largest(lambda force: line_loads(dynamics, force)) / static,
         te_mean=orbit_mean(system, error),
         te_rms=orbit_rms(system, error),
         te_peak_to_peak=jnp.max(error) - jnp.min(error),
@@ -104,26 +120,64 @@ def dynamic_response(
 
 
 @compiled
-def dynamic_ratio(system: DynamicSystem, orbit: Orbit) -> Scalar:
-    """Largest total contact force over the static mesh force [-]."""
-    return jnp.max(contact_force(system, orbit)) / system.force
+def dynamic_ratio(
+    system: DynamicSystem, orbit: Orbit, law: AbstractContactLaw = ExactContact()
+) -> Scalar:
+    """Largest total contact force over the static mesh force.
+
+    **Arguments:**
+
+    - `system`: what moves.
+    - `orbit`: its response.
+    - `law`: with which it was found.
+
+    **Returns:**
+
+    The ratio [-].
+    """
+    return jnp.max(force_in_steps(system, orbit, law)) / system.force
 
 
 @compiled
-def smooth_dynamic_ratio(system: DynamicSystem, orbit: Orbit, width: Scalar) -> Scalar:
-    """Differentiable `dynamic_ratio`; too large by `width log(steps)` at the most.
+def smooth_dynamic_ratio(
+    system: DynamicSystem,
+    orbit: Orbit,
+    width: Scalar,
+    law: AbstractContactLaw = ExactContact(),
+) -> Scalar:
+    """Differentiable `dynamic_ratio`; too large by `width log(3 steps)` at the most.
 
     **Arguments:**
 
     - `system`: what moves.
     - `orbit`: its response.
     - `width`: of the smoothing, in static mesh forces [-].
+    - `law`: with which the response was found.
 
     **Returns:**
 
     The ratio [-].
     """
-    return smooth_maximum(contact_force(system, orbit) / system.force, width)
+    return smooth_maximum(force_in_steps(system, orbit, law).ravel() / system.force, width)
+
+
+@compiled
+def force_in_steps(
+    system: DynamicSystem, orbit: Orbit, law: AbstractContactLaw = ExactContact()
+) -> Reals:
+    """Total elastic force of all cells at the start, in the middle and at the end of each step.
+
+    **Arguments:**
+
+    - `system`: what moves.
+    - `orbit`: its response.
+    - `law`: with which it was found.
+
+    **Returns:**
+
+    The force, drive and back flanks together, `[3, step]` [N].
+    """
+    return jnp.stack([pressed_cells(system, orbit, law, place).total for place in PLACES])
 
 
 @compiled
@@ -147,10 +201,13 @@ def pair_forces(
     dynamics: PairDynamics, orbit: Orbit, law: AbstractContactLaw = ExactContact()
 ) -> PairSeries:
     """Force on each tooth pair's contact line at each step, drive flanks [N]."""
-    lines = dynamics.cycle.cells.lines.roll.shape[1]
-    slices = dynamics.cycle.cells.lines.roll.shape[2]
-    force = _cells(dynamics.system, orbit, law)[0][:, : lines * slices]
-    return jnp.sum(force.reshape(-1, lines, slices), axis=2)
+    return _on_pairs(dynamics, pressed_cells(dynamics.system, orbit, law, MIDDLE).force)
+
+
+def _on_pairs(dynamics: PairDynamics, force: StepCells) -> PairSeries:
+    """Forces of cells summed over each tooth pair's contact line, drive flanks [N]."""
+    lines, slices = dynamics.cycle.cells.lines.roll.shape[1:]
+    return jnp.sum(force[:, : lines * slices].reshape(-1, lines, slices), axis=2)
 
 
 @compiled
@@ -212,16 +269,78 @@ def _weights(system: DynamicSystem, steps: int) -> Series:
     return jnp.tile(lengths, times) / times
 
 
-def _cells(
-    system: DynamicSystem, orbit: Orbit, law: AbstractContactLaw
-) -> tuple[StepCells, StepCells]:
-    """Elastic force [N] and overlap [m] of each cell at each step."""
+class PressedCells(NamedTuple):
+    """The cells of all steps at one place within each.
+
+    **Fields:**
+
+    - `force`: elastic force of each cell [N].
+    - `overlap`: of each cell, negative where it is open [m].
+    - `total`: force of all cells along the normal, drive and back flanks together [N].
+    """
+
+    force: StepCells
+    overlap: StepCells
+    total: Series
+
+
+def pressed_cells(
+    system: DynamicSystem, orbit: Orbit, law: AbstractContactLaw, place: float
+) -> PressedCells:
+    """Forces and overlaps of the cells at a place within each step.
+
+    In the middle they are the method's own. At the limits the nodes are interpolated by cubics
+    through four mid-steps, which are exact to third order where the acceleration jumps too, and
+    the stiffness of each cell is that of the instant.
+
+    **Arguments:**
+
+    - `system`: what moves.
+    - `orbit`: its response.
+    - `law`: with which it was found.
+    - `place`: one of `PLACES`.
+
+    **Returns:**
+
+    The cells, `step` leading.
+    """
     times = orbit.place.shape[0] // len(system.table.kinds)
-    meshes = mesh_at(repeated(system.table, times), MIDDLE).at(orbit.speed)
-    return jax.vmap(lambda mesh, place: cell_forces(mesh, place, law))(meshes, orbit.place)
+    table = repeated(system.table, times)
+    if place == MIDDLE:
+        meshes, places, load = mesh_at(table, MIDDLE).at(orbit.speed), orbit.place, orbit.load
+    else:
+        meshes = mesh_within(table, place).at(orbit.speed)
+        edges = _at_starts(table.lengths, orbit.motion @ system.vectors, orbit.settled)
+        nodes = edges if place == START else jnp.roll(edges, -1, axis=0)
+        load, places, _ = jax.vmap(
+            lambda mesh, own, near: load_at_nodes(system, law, mesh, own, near)
+        )(meshes, nodes, orbit.load)
+    force, overlap = jax.vmap(lambda mesh, own: cell_forces(mesh, own, law))(meshes, places)
+    total = load[:, 0] + load[:, load.shape[1] // 2] if system.back else load[:, 0]
+    return PressedCells(force, overlap, total)
 
 
-def _line_loads(dynamics: PairDynamics, force: StepCells) -> Reals:
+def _at_starts(lengths: Reals, middles: StepPlaces, settled: Flag) -> StepPlaces:
+    """Values at the start of each step from those in mid-steps, of what has no jumps.
+
+    What has not settled does not close: at its seam the value of the nearest mid-step stands.
+    """
+    around = lambda x, by: jnp.roll(x, -by, axis=0)
+    near = [around(lengths, by) for by in (-2, -1, 0, 1)]
+    # From the start of a step to the two mid-steps before and the two behind it.
+    away = jnp.stack(
+        [-near[1] - 0.5 * near[0], -0.5 * near[1], 0.5 * near[2], near[2] + 0.5 * near[3]]
+    )
+    own = jnp.eye(4, dtype=bool)[:, :, None]
+    apart = jnp.where(own, 1.0, away[:, None] - away[None, :])
+    shares = jnp.prod(jnp.where(own, 1.0, -away[None, :] / apart), axis=1)
+    found = sum(shares[i][:, None] * around(middles, i - 2) for i in range(4))
+    step = jnp.arange(lengths.size)
+    seam = (step < 2) | (step == lengths.size - 1)
+    return jnp.where((seam & ~settled)[:, None], middles, found)
+
+
+def line_loads(dynamics: PairDynamics, force: StepCells) -> Reals:
     """Line load of the drive flanks' cells at each step, as `line_load` has it [N/m]."""
     lines = dynamics.cycle.cells.lines
     shape = lines.roll.shape[1:]

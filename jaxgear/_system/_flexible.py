@@ -474,13 +474,18 @@ def _check_rim(body: Condensed, pair: GearPair, index: int) -> None:
     )
 
 
-def _check_elements(body: Condensed, pair: GearPair, index: int, grid: MeshGrid) -> None:
-    """Refuse a rim whose elements cannot follow the loads of teeth."""
-    name, gear = ("pinion", "wheel")[index], (pair.pinion, pair.wheel)[index]
-    corners = body.rim_nodes[body.rim_faces[:, :4]]
-    angle = np.arctan2(corners[..., 1], corners[..., 0])
-    turned = (angle - angle[:, :1] + np.pi) % (2.0 * np.pi)
-    around = float(np.ptp(turned, axis=1).max()) * gear.teeth / (2.0 * np.pi)
+def require_short_elements(name: str, around: float) -> None:
+    """Refuse elements of a rim that cover too many teeth.
+
+    **Arguments:**
+
+    - `name`: of the gear.
+    - `around`: pitches that one element covers [-].
+
+    **Raises:**
+
+    - `InputError` if they are too many.
+    """
     require(
         around <= _LONGEST,
         "The elements of the rim of the {name}'s condensed body are too coarse for its teeth: one "
@@ -490,6 +495,15 @@ def _check_elements(body: Condensed, pair: GearPair, index: int, grid: MeshGrid)
         around=around,
         most=_LONGEST,
     )
+
+
+def _check_elements(body: Condensed, pair: GearPair, index: int, grid: MeshGrid) -> None:
+    """Refuse a rim whose elements cannot follow the loads of teeth."""
+    name, gear = ("pinion", "wheel")[index], (pair.pinion, pair.wheel)[index]
+    corners = body.rim_nodes[body.rim_faces[:, :4]]
+    angle = np.arctan2(corners[..., 1], corners[..., 0])
+    turned = (angle - angle[:, :1] + np.pi) % (2.0 * np.pi)
+    require_short_elements(name, float(np.ptp(turned, axis=1).max()) * gear.teeth / (2.0 * np.pi))
     across, face = float(np.ptp(corners[..., 2], axis=1).max()), float(pair.face_width)
     require(
         across <= _WIDEST * face or grid.slices <= _FEW_SLICES,

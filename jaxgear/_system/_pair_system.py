@@ -15,10 +15,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxgear._checks import require
-from jaxgear._compiled import compiled
+from jaxgear._compiled import compiled, in_numpy
 from jaxgear._contact._cells import MeshCells
 from jaxgear._contact._coupling import between_all_cells
-from jaxgear._geometry._pair import GearPair
+from jaxgear._geometry._pair import GearPair, root_radii
 from jaxgear._interface._wrench import beam_arms, cell_arms, structure_vectors
 from jaxgear._system._flexible import FlexibleBody, foot_tables
 from jaxgear._system._mesh_vectors import (
@@ -282,7 +282,9 @@ def _middle(mount: Shaft | Support, body: GearBody) -> Float[Array, "6 node_dof"
     return jnp.zeros((6, body.seat_load.size)).at[:, first : first + 6].set(moved)
 
 
-def gear_disc(pair: GearPair, index: int, mount: Support | Shaft, **given: Scalar) -> RigidBody:
+def gear_disc(
+    pair: GearPair, index: int, mount: Support | Shaft, **given: Scalar | float
+) -> RigidBody:
     """A gear's body where nothing else is said of it: a disc out to the root circle.
 
     It begins at the bore or, without one, at its shaft, which has a mass of its own.
@@ -302,7 +304,7 @@ def gear_disc(pair: GearPair, index: int, mount: Support | Shaft, **given: Scala
     inner = gear.bore
     if inner is None:
         inner = mount.diameter_at_gear if isinstance(mount, Shaft) else jnp.zeros(())
-    outer = 2.0 * pair.root_radius[index]
+    outer = 2.0 * in_numpy(root_radii(pair))[index]
     return solid_disc(outer, inner, gear.face_width, gear.material.density, **given)
 
 
@@ -328,7 +330,7 @@ def check_bodies(
         width = (pair.pinion, pair.wheel)[index].face_width
         if isinstance(body, BeamBody):
             require(
-                body.width >= (1.0 - 1e-9) * width,
+                in_numpy(body.width) >= (1.0 - 1e-9) * in_numpy(width),
                 "The {name}'s beam body must be at least as wide as its face, {width:.6g} m, got "
                 "{got:.6g} m.",
                 name=name,
@@ -338,15 +340,15 @@ def check_bodies(
         elif isinstance(body, FlexibleBody):
             _check_seats(name, mount, body)
         elif isinstance(mount, Shaft):
-            root = 2.0 * pair.root_radius[index]
+            root = 2.0 * in_numpy(root_radii(pair))[index]
             require(
-                mount.diameter_at_gear < root,
+                in_numpy(mount.diameter_at_gear) < root,
                 "The {name}'s shaft must be thinner than the gear on it, whose root circle has "
                 "{root:.6g} mm, got {got:.6g} mm. Give the shaft's diameters in millimetres, or "
                 "make the body a beam.",
                 name=name,
                 root=root / mm,
-                got=mount.diameter_at_gear / mm,
+                got=in_numpy(mount.diameter_at_gear) / mm,
             )
 
 

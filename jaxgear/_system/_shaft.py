@@ -7,7 +7,7 @@ shaft is built.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax
@@ -17,6 +17,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from jaxgear._checks import InputError, require
+from jaxgear._compiled import in_numpy
 from jaxgear._geometry._gear import Material
 from jaxgear._system._beam import (
     Beam,
@@ -64,18 +65,18 @@ class Segment(eqx.Module):
 
     def __check_init__(self):
         require(
-            self.length > 0.0,
+            in_numpy(self.length) > 0.0,
             "`Segment.length` must be positive, got {got:.6g} m. Leave the segment out if the "
             "shaft has none there.",
             got=self.length,
         )
         require(
-            self.inner >= 0.0,
+            in_numpy(self.inner) >= 0.0,
             "`Segment.inner` must not be negative, got {got:.6g} m. Zero is a solid shaft.",
             got=self.inner,
         )
         require(
-            self.outer > self.inner,
+            in_numpy(self.outer) > in_numpy(self.inner),
             "`Segment.outer` must exceed `Segment.inner`, got {outer:.6g} m outside and "
             "{inner:.6g} m inside. Both are diameters in metres.",
             outer=self.outer,
@@ -111,7 +112,7 @@ class Bearing(eqx.Module):
         for name in ("radial_s", "radial_t", "axial", "tilt_s", "tilt_t"):
             stiffness = getattr(self, name)
             require(
-                stiffness >= 0.0,
+                in_numpy(stiffness) >= 0.0,
                 "`Bearing." + name + "` must not be negative, got {got:.6g}. Zero leaves that "
                 "direction free.",
                 got=stiffness,
@@ -325,7 +326,7 @@ class BeamBody(eqx.Module):
     def __check_init__(self):
         for name in ("width", "outer"):
             require(
-                getattr(self, name) > 0.0,
+                in_numpy(getattr(self, name)) > 0.0,
                 "`BeamBody." + name + "` must be positive, got {got:.6g} m.",
                 got=getattr(self, name),
             )
@@ -473,9 +474,11 @@ def _element(
     return jnp.stack([beam_stiffness(beam), beam_mass(beam), beam_gyroscopic(beam)], axis=-1)
 
 
-def _places(shaft: Shaft, body_width: Scalar | None) -> Mapping[str, Scalar]:
+def _places(shaft: Shaft, body_width: Any) -> Mapping[str, Any]:
     """Height of every named point, those that own a station first."""
-    places = {f"bearing {i}": bearing.at for i, bearing in enumerate(shaft.bearings)}
+    places: dict[str, Any] = {
+        f"bearing {i}": bearing.at for i, bearing in enumerate(shaft.bearings)
+    }
     if body_width is None:
         places["gear"] = shaft.gear_at
     else:
@@ -484,7 +487,7 @@ def _places(shaft: Shaft, body_width: Scalar | None) -> Mapping[str, Scalar]:
     if shaft.torque_at is not None:
         places["torque"] = shaft.torque_at
     places |= {f"load {i}": load.at for i, load in enumerate(shaft.loads)}
-    end = jnp.zeros(())
+    end = np.zeros(())
     places["left end"] = end
     for i, segment in enumerate(shaft.segments[:-1]):
         end = end + segment.length
@@ -495,8 +498,8 @@ def _places(shaft: Shaft, body_width: Scalar | None) -> Mapping[str, Scalar]:
 
 def _plain_places(shaft: Shaft, body_width: Scalar | None) -> dict[str, float]:
     """Heights as plain numbers, also while JAX traces something else around them."""
-    with jax.ensure_compile_time_eval():
-        return {name: float(height) for name, height in _places(shaft, body_width).items()}
+    plain, width = jax.tree.map(np.asarray, (shaft, body_width))
+    return {name: float(height) for name, height in _places(plain, width).items()}
 
 
 def _is_traced(*trees: object) -> bool:
@@ -516,7 +519,7 @@ def _check_shaft(shaft: Shaft) -> None:
     )
     shear = shaft.shear_coefficient
     require(
-        shear is None or (shear > 0.0) & (shear <= 1.0),
+        shear is None or (in_numpy(shear) > 0.0) & (in_numpy(shear) <= 1.0),
         "`Shaft.shear_coefficient` must lie between 0 and 1, got {got}. Leave it out for Cowper's "
         "of each section.",
         got=shear,

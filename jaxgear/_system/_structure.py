@@ -18,7 +18,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from jaxgear._checks import InputError, require
-from jaxgear._compiled import compiled
+from jaxgear._compiled import compiled, in_numpy
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._shaft import BeamBody, Bearing, Shaft, ShaftMatrices, shaft_matrices
 from jaxgear._system._support import Support
@@ -77,13 +77,13 @@ class RigidBody(eqx.Module):
     def __check_init__(self):
         for name in ("mass", "polar_inertia", "transverse_inertia"):
             require(
-                getattr(self, name) > 0.0,
+                in_numpy(getattr(self, name)) > 0.0,
                 "`RigidBody." + name + "` must be positive, got {got:.6g}.",
                 got=getattr(self, name),
             )
         # Equality is a flat disc, and must survive rounding.
         require(
-            2.0 * self.transverse_inertia >= (1.0 - 1e-9) * self.polar_inertia,
+            2.0 * in_numpy(self.transverse_inertia) >= (1.0 - 1e-9) * in_numpy(self.polar_inertia),
             "`RigidBody.transverse_inertia` must be at least half the polar inertia, as of every "
             "body, got {transverse:.6g} against {polar:.6g} kg m2. Are the two exchanged?",
             transverse=self.transverse_inertia,
@@ -101,7 +101,11 @@ def solid_disc(
     polar_inertia: Scalar | float | None = None,
     transverse_inertia: Scalar | float | None = None,
 ) -> RigidBody:
-    """A disc with a bore, apart from what is known better.
+    r"""A disc with a bore, apart from what is known better.
+
+    Without one of its own the transverse inertia follows from what is known of the others: of a
+    body that is even along its width $b$ it is $I_p / 2 + m b^2 / 12$, whatever its shape in the
+    plane.
 
     **Arguments:**
 
@@ -119,7 +123,7 @@ def solid_disc(
 
     - `ValueError` unless the outer diameter exceeds the inner.
     """
-    outer, inner, width = as_scalar(outer), as_scalar(inner), as_scalar(width)
+    outer, inner, width, density = (in_numpy(as_scalar(x)) for x in (outer, inner, width, density))
     require(
         (outer > inner) & (inner >= 0.0),
         "A gear body must be larger than its bore, got {outer:.6g} m outside and {inner:.6g} m "
@@ -127,17 +131,13 @@ def solid_disc(
         outer=outer,
         inner=inner,
     )
-    whole = as_scalar(density) * 0.25 * jnp.pi * (outer**2 - inner**2) * width
-    square = outer**2 + inner**2
-    return RigidBody(
-        mass=whole if mass is None else mass,
-        polar_inertia=whole * square / 8.0 if polar_inertia is None else polar_inertia,
-        transverse_inertia=(
-            whole * (square / 16.0 + width**2 / 12.0)
-            if transverse_inertia is None
-            else transverse_inertia
-        ),
-    )
+    whole = density * 0.25 * np.pi * (outer**2 - inner**2) * width
+    if polar_inertia is None:
+        polar_inertia = whole * (outer**2 + inner**2) / 8.0
+    mass = whole if mass is None else mass
+    if transverse_inertia is None:
+        transverse_inertia = 0.5 * polar_inertia + mass * width**2 / 12.0
+    return RigidBody(mass, polar_inertia, transverse_inertia)
 
 
 GearBody = RigidBody | BeamBody | FlexibleBody

@@ -3,6 +3,7 @@
 import equinox as eqx
 
 from jaxgear._checks import require
+from jaxgear._compiled import in_numpy
 from jaxgear._types import Scalar, as_optional_scalar
 
 
@@ -30,7 +31,7 @@ class Support(eqx.Module):
         for name in ("radial_s", "radial_t", "axial", "tilt"):
             stiffness = getattr(self, name)
             require(
-                stiffness is None or stiffness > 0.0,
+                stiffness is None or in_numpy(stiffness) > 0.0,
                 "`Support." + name + "` must be positive, got {got}. Use `None` for a rigid one.",
                 got=stiffness,
             )

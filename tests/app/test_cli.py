@@ -1,6 +1,9 @@
+import builtins
+import io
 import json
 import math
 import os
+import resource
 import subprocess
 import sys
 import types
@@ -13,6 +16,7 @@ import numpy as np
 import pytest
 
 from jaxgear import _app
+from jaxgear.__main__ import main as door
 from jaxgear._app import _cli
 from jaxgear._app._cli import main, print_summary
 from jaxgear._app._folder import Folder
@@ -240,6 +244,59 @@ def test_a_folder_that_cannot_be_written_is_refused_first(scene, commands, capsy
     assert f"cannot write results into {out}" in error
     assert "--out DIR" in error
     assert not commands.calls
+
+
+def test_a_full_disk_is_found_before_the_work(scene, commands, capsys):
+    usual = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, usual[1]))
+    try:
+        assert main(["run", str(scene)]) == 2
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, usual)
+    error = capsys.readouterr().err
+    assert "cannot write results into results/accessory: File too large" in error
+    assert not commands.calls
+
+
+@pytest.mark.parametrize("option", ["--set", "--out"])
+def test_bytes_that_are_no_text_are_refused_first(scene, commands, capsys, option):
+    assert main(["run", str(scene), option, "name=\udcff"]) == 2
+    assert "must be text in UTF-8, got name=\\udcff" in capsys.readouterr().err
+    assert not commands.calls
+
+
+def test_what_a_terminal_cannot_show_is_spelled_out(scene, commands, monkeypatch):
+    commands.COMMANDS["run"] = lambda *_: {"largest": "3 µm"}
+    shown = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(shown, encoding="ascii"))
+    assert main(["run", str(scene)]) == 0
+    assert shown.getvalue() == b"largest  3 \\xb5m\n"
+
+
+def test_standard_output_without_space_is_one_line_and_1(tmp_path):
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "jaxgear", "init", "accessory"],
+            cwd=tmp_path,
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 1
+    assert done.stderr == ("jaxgear: cannot write to standard output: No space left on device\n")
+
+
+def test_an_interruption_of_the_imports_is_one_line_and_130(monkeypatch, capsys):
+    def interrupted(name, *given):
+        if name.startswith("jaxgear._app"):
+            raise KeyboardInterrupt
+        return usual(name, *given)
+
+    usual = builtins.__import__
+    monkeypatch.setattr(builtins, "__import__", interrupted)
+    assert door() == 130
+    assert capsys.readouterr().err == "jaxgear: interrupted\n"
 
 
 def test_run_checks_its_sweep_and_the_others_leave_it_aside(scene, commands, capsys):

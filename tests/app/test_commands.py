@@ -31,6 +31,7 @@ def accessory(tmp_path, monkeypatch, capsys):
     return "accessory.toml"
 
 
+@pytest.mark.end_to_end
 def test_run_writes_everything_and_finds_the_optimum(accessory, tmp_path, capsys):
     """The real thing: 64 phases, 20 slices, as the user gets it."""
     code, summary = _run(capsys, "run", accessory, "--json", "--quiet")

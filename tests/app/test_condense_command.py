@@ -102,6 +102,7 @@ def _grid(plan):
 # --- The commands
 
 
+@pytest.mark.end_to_end
 def test_condense_end_to_end_and_then_from_the_cache(written, tmp_path, capsys, monkeypatch):
     path, out = written(_PAIR + _BODY), tmp_path / "out"
     assert main(["condense", str(path), "--out", str(out)]) == 0

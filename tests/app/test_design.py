@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import optimise
-from jaxgear._app._design import design_space, objective_function, objective_of, twin
+from jaxgear._app._design import design_space, objective_of, task_of, twin
+from jaxgear._app._evaluations import objective_at
 from jaxgear._app._model import grid_of
 from jaxgear._app._optimising import unless_beaten
 from jaxgear._app._scene import ready_scene
@@ -145,7 +146,9 @@ def test_a_search_that_keeps_no_limit_goes_on_from_a_rival_that_does():
     space = _space([_RELIEF])
     limit = optimise.Limit("depth", -6.0, 1.0)
     value = lambda x: jnp.stack([x[0] ** 2, -x[0]])
-    penalised = lambda x: value(x)[0] + 1e2 * jnp.maximum(6.0 - x[0], 0.0) ** 2
+    penalised = optimise.Batched(
+        jax.vmap(lambda x: value(x)[0] + 1e2 * jnp.maximum(6.0 - x[0], 0.0) ** 2)
+    )
     descend = lambda start, watch: optimise.constrained(value, [limit], start, space.box)
     slopes = optimise.with_jacobian(lambda x, width: value(x))
     search = Search("slsqp", penalised, slopes, lambda each: float(each[0]), descend, (limit,))
@@ -223,7 +226,8 @@ def test_face_load_factor_follows_bearings_and_sections():
     )
     assert objective_of(space.scene)[1] == "-"
     grid = grid_of(space.scene, space.base)
-    function = jax.jit(objective_function(space, grid, ExactContact(), None))
+    task = task_of(space, grid, ExactContact(), None)
+    function = jax.jit(lambda x: objective_at(task, x, ExactContact()))
     gradient = np.asarray(jax.jit(jax.grad(function))(jnp.asarray(space.start)))
     step = 1e-5 * (space.box.upper - space.box.lower)
     for index in range(len(keys)):

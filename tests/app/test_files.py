@@ -91,6 +91,11 @@ def test_topography_in_any_order(tmp_path, order):
 # --- what is wrong with a file
 
 
+def test_a_file_without_an_end_is_refused():
+    with pytest.raises(InputError, match="/dev/zero: the file is longer than 100,000,000 bytes"):
+        read_profile(Path("/dev/zero"))
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -110,7 +115,8 @@ def test_topography_in_any_order(tmp_path, order):
             "roll_length_mm?",
         ),
         ("diameter_mm,deviation_mm\n", "column 'deviation_mm'; .* Did you mean deviation_um[?]"),
-        ("diameter_mm,deviation_um,zzz\n", "unknown column 'zzz'; .* the unit in the name.$"),
+        ("diameter_mm,deviation_um,zzz\n", "unknown column number 3; .* the unit in the name.$"),
+        ("root:secret:1\n", "^[^\n]*:1: unknown column number 1; columns are [^:]*$"),
         ("diameter_mm,diameter_mm,deviation_um\n", ":1: the column diameter_mm is there 2 times."),
         ("diameter_mm\n1\n", ":1: the column deviation_um is missing; got diameter_mm."),
         ("deviation_um\n1\n", "exactly one of the columns roll_length_mm, .* must say .* got none"),

@@ -25,7 +25,7 @@ from jaxgear._app._notes import _on_condensed
 from jaxgear._app._report import foundation_of
 from jaxgear._app._results import static_dataset
 from jaxgear._app._scene import read_scene
-from jaxgear._app._statics import Statics, Stopwatch, solve_statics
+from jaxgear._app._statics import Mounts, Statics, Stopwatch, solve_statics
 from jaxgear._solve._cycle import MeshCycle, prepare_mesh
 from jaxgear._system._structure import bearing_motion
 from jaxgear._units import deg, um
@@ -104,8 +104,19 @@ def solved(tmp_path_factory):
         converged=jnp.ones(len(force), bool),
         steps=jnp.ones(len(force), int),
     )
-    none = np.zeros((0, len(force))), np.zeros((0, 3))
-    statics = Statics(model, grid, law_of(scene), cycle, {}, *none)
+    statics = Statics(
+        model=model,
+        grid=grid,
+        law=law_of(scene),
+        cycle=cycle,
+        prepared=prepared,
+        numbers={},
+        standard={},
+        mounts=Mounts(*(jnp.zeros(0) for _ in Mounts._fields)),
+        angle_change=jnp.zeros(()),
+        harris=np.zeros((0, len(force))),
+        harris_harmonics=np.zeros((0, 3)),
+    )
     return scene, statics, hybrid.body_under_teeth(scene, "wheel", statics)
 
 

@@ -75,3 +75,10 @@ def test_there_is_no_derivative_by_what_a_body_is_made_from(scene):
 def test_scenes_of_rigid_bodies_need_none():
     rigid = ready_scene("accessory")
     assert with_bodies(rigid) is rigid
+
+
+def test_elements_that_cover_too_many_teeth_are_refused_before_any_work(monkeypatch):
+    monkeypatch.setattr("jaxgear._app._mesh_bodies.built_body", lambda *_: pytest.fail("built"))
+    scene = ready_scene("accessory-h1", ("wheel.body.fineness.sectors=50",))
+    with pytest.raises(InputError, match=r"one covers 1\.72 pitches"):
+        with_bodies(scene)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from jaxgear._app import _scene
+from jaxgear._app import _scene, _schema
 from jaxgear._app._scene import SceneError, read_scene, rewrite_scene, write_scene
 
 _ROOT = Path(_scene.__file__).parents[2]
@@ -762,6 +762,25 @@ def test_all_mistakes_come_at_once_and_in_the_order_of_the_file(write):
     ]
     assert block[2] == f'{path}:1: naem: unknown key, got "x", did you mean name?'
     assert block[-1] == "9 mistakes; nothing was computed."
+
+
+def test_of_very_many_mistakes_the_first_are_listed(write, monkeypatch):
+    compared = []
+    usual = _schema.nearest
+    monkeypatch.setattr(_schema, "nearest", lambda *given: compared.append(1) or usual(*given))
+    unknown = "".join(f"naem{number} = 1\n" for number in range(150))
+    with pytest.raises(SceneError) as caught:
+        read_scene(write(unknown + _LEAST))
+    block = str(caught.value).splitlines()
+    assert len(block) == 102
+    assert block[0].endswith("naem0: unknown key, got 1, did you mean name?")
+    assert block[-2:] == ["... and 50 more", "150 mistakes; nothing was computed."]
+    assert len(compared) == 100
+
+
+def test_a_file_without_an_end_is_no_scene():
+    with pytest.raises(SceneError, match="/dev/zero: the file is longer than 10,000,000 bytes"):
+        read_scene("/dev/zero")
 
 
 def test_one_mistake_is_counted_in_the_singular(write):

@@ -65,13 +65,13 @@ def _matrices() -> _Matrices:
     pair, grid = spur(), jg.mesh_grid(spur(), phases=8, slices=2)
     wheel = vibrating("spur", 1, grid, _COUNT, **_WHEEL)
     model = PairModel(pair, 20.0, pinion_support=ROUND, wheel_support=ROUND, wheel_body=wheel)
-    return _assembled(model)
+    return _assembled(model, grid)
 
 
 @eqx.filter_jit
-def _assembled(model: PairModel) -> _Matrices:
+def _assembled(model: PairModel, grid: jg.MeshGrid) -> _Matrices:
     mounted = pair_system(model.pair, model.torque, ROUND, ROUND, wheel_body=model.wheel_body)
-    bodies = vibrating_bodies(model, mounted)
+    bodies = vibrating_bodies(model, mounted, grid)
     size = size_with(mounted, bodies)
     structure = mounted.structure
     stiffness = with_modes(structure.stiffness, size)

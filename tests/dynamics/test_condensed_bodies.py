@@ -85,8 +85,8 @@ def _pair(
 
 
 @eqx.filter_jit
-def _terms(model: PairModel, dynamics: PairDynamics, damping: RayleighDamping):
-    bodies = vibrating_bodies(model, dynamics.cycle.system)
+def _terms(model: PairModel, grid: jg.MeshGrid, dynamics: PairDynamics, damping: RayleighDamping):
+    bodies = vibrating_bodies(model, dynamics.cycle.system, grid)
     size = max(dynamics.dofs) + 1
     return turning_terms(bodies, size, damping, whole=False)
 
@@ -94,7 +94,8 @@ def _terms(model: PairModel, dynamics: PairDynamics, damping: RayleighDamping):
 def _by_default(rate: float = 1500.0) -> DynamicSystem:
     """The same pair without terms of rotation of the body: waves alone turn with it."""
     dynamics, grid = _pair(rate), _grid()
-    terms, dofs = _terms(_model(grid), dynamics, _mass_damped(rate)), np.asarray(dynamics.dofs)
+    terms = _terms(_model(grid), grid, dynamics, _mass_damped(rate))
+    dofs = np.asarray(dynamics.dofs)
     among = lambda x: x[dofs[:, None], dofs] if x.ndim == 2 else x[dofs]
     terms = jax.tree.map(among, terms)
     return dataclasses.replace(dynamics.system, gyroscopic=terms.gyroscopic, turning=terms)
@@ -579,6 +580,38 @@ def test_holes_are_seen_again_after_their_teeth():
     assert bool(history.converged)
     marched = np.asarray(history.load)[:, 0]
     assert np.abs(marched - balanced).max() < 0.05 * np.ptp(balanced)
+
+
+def _holed(holes: int, periods: int, modes: int = 12):
+    """A pair in motion whose wheel has so many holes, over so many mesh periods."""
+    grid = _grid(15, periods=periods)
+    body = hybrid_cases.body("spur", 1, holes=holes, modes=8)
+    flexible = flexible_body(body, PAIRS["spur"](), 1, grid, basis=body_basis(body, modes))
+    return _made(_model(grid, wheel_body=flexible), grid, _mass_damped(), False, FEW), flexible
+
+
+def test_a_cycle_that_ends_where_holes_are_not_the_same_is_refused():
+    """Six holes under 24 teeth come again after four mesh periods, but with modes turned over."""
+    assert _holed(6, 8)[1].repeats == 8
+    with pytest.raises(ValueError, match=r"repeats under its teeth after 8 mesh periods.*over 4"):
+        _holed(6, 4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("holes", "periods"), [(3, 8), (4, 12), (6, 8)])
+def test_a_response_over_holes_is_the_same_over_two_of_its_cycles(holes: int, periods: int):
+    loads = []
+    for cycles in (1, 2):
+        dynamics, flexible = _holed(holes, cycles * periods)
+        assert flexible.repeats == periods
+        method = HarmonicBalance(harmonics=7)
+        orbit = _steady(dynamics.system, jnp.asarray([2200.0]), method)
+        assert np.asarray(orbit.settled).all()
+        loads.append(np.asarray(orbit.load)[0, :, 0])
+    once, twice = loads
+    assert_near(twice, np.tile(once, 2), 1e-8)
+    # Holes are seen: periods differ.
+    assert np.ptp(once.reshape(periods, 15), axis=0).max() > 1e-3 * np.ptp(once)
 
 
 # --- All coordinates of the body

@@ -17,6 +17,7 @@ from jaxgear._dynamics._steppers import Exponential, Midpoint, Newmark
 from jaxgear._dynamics._sweep import steady_state
 from jaxgear._dynamics._system import modal_basis
 from jaxgear._interface._laws import ExactContact, SmoothContact
+from jaxgear._response._dynamic import dynamic_ratio
 
 
 @pytest.mark.parametrize(
@@ -138,3 +139,11 @@ def test_smooth_contact_shoots_as_well():
     orbit = jax.jit(lambda: steady_state(system, jnp.asarray(0.9), method))()
     assert bool(orbit.settled)
     assert float(orbit.residual) < 1e-9
+
+
+@pytest.mark.parametrize("derivative", [jax.jacfwd, jax.grad])
+def test_derivatives_by_shooting_are_refused_with_what_to_use(derivative):
+    system = cases.sdof_rectangular(damping_ratio=0.08, steps=32)
+    ratio = lambda speed: dynamic_ratio(system, steady_state(system, speed, Shooting()))
+    with pytest.raises(ValueError, match=r"shooting have no derivatives.*`HarmonicBalance`"):
+        derivative(ratio)(jnp.asarray(0.8))

@@ -11,6 +11,7 @@ from jaxgear._dynamics._march import Marching
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steppers import Exponential
 from jaxgear._dynamics._sweep import Direction, SweepSettings, sweep
+from jaxgear._response._dynamic import dynamic_ratio
 
 SPEEDS = [0.5, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.5, 1.8, 1.9, 2.0, 2.1, 2.3]
 
@@ -80,3 +81,43 @@ def test_what_cannot_be_swept_is_refused():
         sweep(system, [])
     with pytest.raises(ValueError, match="must be positive, got -1"):
         sweep(system, [1.0, -1.0])
+
+
+# --- Steps of speed
+
+
+def _ratios(system, speeds, direction) -> list[float]:
+    points = sweep(system, speeds, direction)
+    assert all(point.stable for point in points)
+    return [float(dynamic_ratio(system, point.orbit)) for point in points]
+
+
+def test_a_falling_sweep_in_large_steps_stays_on_its_branch():
+    """Newton's method falls off to another stable response, 0.7 of the swing away."""
+    system = cases.sdof_rectangular(damping_ratio=0.05, contact_ratio=1.4, steps=128)
+    coarse = _ratios(system, [0.85, 0.775, 0.7, 0.625, 0.55], "down")
+    fine = _ratios(system, np.linspace(0.85, 0.55, 13), "down")
+    np.testing.assert_allclose(coarse, fine[::3], rtol=1e-6)
+    assert coarse[-1] > 6.5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(20))
+def test_a_sweep_in_large_steps_goes_where_one_in_small_steps_goes(seed: int):
+    """Random oscillators between folds: contact ratio, damping, direction and range by chance."""
+    random = np.random.default_rng(seed)
+    system = cases.sdof_rectangular(
+        damping_ratio=random.uniform(0.03, 0.12),
+        contact_ratio=random.uniform(1.25, 1.75),
+        steps=96,
+    )
+    first, last = np.sort(random.uniform(0.4, 1.4, 2))
+    speeds = np.linspace(first, max(last, first + 0.2), 5)
+    direction = ("up", "down")[seed % 2]
+    many = np.linspace(speeds[0], speeds[-1], 65)
+    large, small = (sweep(system, own, direction) for own in (speeds, many))
+    for coarse, fine in zip(large, small[::16], strict=True):
+        assert coarse.settled == fine.settled
+        if coarse.settled:
+            ratios = [float(dynamic_ratio(system, each.orbit)) for each in (coarse, fine)]
+            assert ratios[0] == pytest.approx(ratios[1], rel=1e-5)

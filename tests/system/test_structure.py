@@ -341,7 +341,11 @@ def test_solid_disc_by_hand():
     known = solid_disc(0.1, 0.04, 0.03, DENSITY, mass=1.2, polar_inertia=1e-3)
     assert_close(known.mass, 1.2, rtol=1e-15, atol=0.0)
     assert_close(known.polar_inertia, 1e-3, rtol=1e-15, atol=0.0)
+    # As of any body that is even along its width.
+    across = 0.5e-3 + 1.2 * 0.03**2 / 12
     assert_close(known.transverse_inertia, across, rtol=1e-13, atol=0.0)
+    # Lighter than the drawn disc, and its mass near the rim: no number is refused.
+    solid_disc(0.064, 0.025, 0.015, DENSITY, mass=0.3, polar_inertia=1.5e-4)
 
 
 def test_bodies_add_their_inertia_at_the_gear():

@@ -1,0 +1,246 @@
+"""Programs of commands that are kept as JAX has lowered them: found again, they are not traced.
+
+JAX's own cache of compiled programs is asked only once a function has been traced and lowered,
+which takes longer than all that a command computes. Here a program is found by what it is made
+from: the function's name, the source of our packages, the versions of theirs, the structure of the
+arguments with all that is no array in it, and the shapes. Numbers are arguments, so that they are
+in no key; a function that closes over some has no name to be found by, and is not kept. What is
+kept is `jax.export`'s portable form: to compile it stays with JAX and its cache, in whose folder
+it is.
+"""
+
+import contextlib
+import functools
+import hashlib
+import importlib.metadata
+import importlib.util
+import io
+import os
+import pickle
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+_OURS = ("jaxgear", "optimise", "fem_prep")
+_THEIRS = ("jax", "jaxlib", "equinox", "diffrax", "lineax", "optimistix", "optax", "numpy", "scipy")
+
+
+class Program(NamedTuple):
+    """A compiled function of the leaves of its arguments.
+
+    **Fields:**
+
+    - `compiled`: from leaves to leaves.
+    - `result`: the structure of what it returns.
+    """
+
+    compiled: Callable[..., Any]
+    result: Any
+
+    def __call__(self, *leaves: Any) -> Any:
+        """What the function returns."""
+        return jax.tree.unflatten(self.result, self.compiled(*leaves))
+
+
+class Kind(NamedTuple):
+    """What a program knows of an array that it is given.
+
+    **Fields:**
+
+    - `shape`: of the array.
+    - `dtype`: of its elements.
+    """
+
+    shape: tuple[int, ...]
+    dtype: str
+
+
+# For programs that run a few times: a third less to compile, half as much again to run.
+QUICKLY = (("xla_backend_optimization_level", 0), ("xla_llvm_disable_expensive_passes", True))
+
+Options = tuple[tuple[str, Any], ...]
+
+
+def called(function: Callable[..., Any], *arguments: Any, options: Options = QUICKLY) -> Any:
+    """Call a function of a module, compiled, with numbers and arrays.
+
+    **Arguments:**
+
+    - `function`: to be called; all that it uses is in its arguments.
+    - `arguments`: pytrees of numbers and arrays.
+    - `options`: for the compiler.
+
+    **Returns:**
+
+    What the function returns.
+    """
+    leaves, structure = leaves_of(*arguments)
+    return program_of(function, structure, kinds_of(leaves), options)(*leaves)
+
+
+def leaves_of(*arguments: Any) -> tuple[list[Any], Any]:
+    """Arrays and structure of arguments; plain numbers become arrays.
+
+    **Arguments:**
+
+    - `arguments`: pytrees of numbers and arrays.
+
+    **Returns:**
+
+    Leaves and structure.
+    """
+    leaves, structure = jax.tree.flatten(arguments)
+    return [x if isinstance(x, jax.Array) else np.asarray(x) for x in leaves], structure
+
+
+def kinds_of(leaves: Sequence[Any]) -> tuple[Kind, ...]:
+    """What programs know of arrays."""
+    return tuple(Kind(x.shape, x.dtype.name) for x in leaves)
+
+
+def program_of(
+    function: Callable[..., Any], structure: Any, kinds: tuple[Kind, ...], options: Options = ()
+) -> Program:
+    """A compiled function, lowered anew only where it has not been kept.
+
+    **Arguments:**
+
+    - `function`: to be compiled; one that is kept stands by a name in its module.
+    - `structure`, `kinds`: of the leaves of its arguments.
+    - `options`: for the compiler.
+
+    **Returns:**
+
+    The function of such leaves.
+    """
+    if is_named(function):
+        return _named_program(function, structure, kinds, options)
+    flat, results = _flat(function, structure)
+    lowered = jax.jit(flat).lower(*_arrays(kinds))
+    return Program(lowered.compile(compiler_options=dict(options)), results[-1])
+
+
+def is_named(function: Callable[..., Any]) -> bool:
+    """Whether a function stands by a name in its module, and so closes over nothing."""
+    return "<" not in function.__qualname__
+
+
+def forget() -> None:
+    """Let go of the programs of this process."""
+    _named_program.cache_clear()
+
+
+# More than the programs of any one command.
+@functools.lru_cache(maxsize=64)
+def _named_program(
+    function: Callable[..., Any], structure: Any, kinds: tuple[Kind, ...], options: Options
+) -> Program:
+    path = _path(function, structure, kinds)
+    kept = None if path is None else _read(path)
+    if kept is None:
+        flat, results = _flat(function, structure)
+        kept = jax.export.export(jax.jit(flat))(*_arrays(kinds)), results[-1]
+        if path is not None:
+            _write(path, *kept)
+    return _compiled(*kept, kinds, options, function.__name__)
+
+
+def _compiled(
+    exported: jax.export.Exported, result: Any, kinds: tuple[Kind, ...], options: Options, name: str
+) -> Program:
+    def flat(*leaves: Any) -> Any:
+        return exported.call(*leaves)
+
+    flat.__name__ = flat.__qualname__ = name
+    lowered = jax.jit(flat).lower(*_arrays(kinds))
+    return Program(lowered.compile(compiler_options=dict(options)), result)
+
+
+def _arrays(kinds: tuple[Kind, ...]) -> list[jax.ShapeDtypeStruct]:
+    return [jax.ShapeDtypeStruct(*kind) for kind in kinds]
+
+
+def _flat(function: Callable[..., Any], structure: Any) -> tuple[Callable[..., Any], list[Any]]:
+    """A function from leaves to leaves, and where it leaves the structure of its result."""
+    results: list[Any] = []
+
+    def flat(*leaves: Any) -> list[Any]:
+        found, result = jax.tree.flatten(function(*jax.tree.unflatten(structure, leaves)))
+        results.append(result)
+        return found
+
+    # The name under which compilers and profilers report it.
+    flat.__name__ = flat.__qualname__ = function.__name__
+    return flat, results
+
+
+def _path(function: Callable[..., Any], structure: Any, kinds: tuple[Kind, ...]) -> Path | None:
+    """Where a program is kept; None where none is, or where it cannot be told from others."""
+    folder = _folder()
+    if folder is None:
+        return None
+    content = io.BytesIO()
+    pickler = pickle.Pickler(content, protocol=5)
+    # Without its memory of objects what is equal is written alike, be it one object or two.
+    pickler.fast = True
+    try:
+        pickler.dump((function, jax.tree.unflatten(structure, range(len(kinds))), kinds))
+    except (pickle.PicklingError, AttributeError, TypeError):
+        return None
+    key = hashlib.sha256(content.getvalue() + _surroundings().encode()).hexdigest()
+    # Ends as the files of JAX's cache do, with which it is counted and removed.
+    return folder / f"lowered_{function.__name__}-{key}-cache"
+
+
+def _folder() -> Path | None:
+    """The folder of JAX's cache, if it is to be used."""
+    used = jax.config.jax_enable_compilation_cache  # pyright: ignore[reportAttributeAccessIssue]
+    folder = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
+    return Path(folder) if used and folder else None
+
+
+@functools.cache
+def _surroundings() -> str:
+    """All that a lowered program depends on besides its function and arguments."""
+    source = hashlib.sha256()
+    for name in _OURS:
+        found = importlib.util.find_spec(name)
+        for root in () if found is None else found.submodule_search_locations or ():
+            for file in sorted(Path(root).rglob("*.py")):
+                source.update(f"{name}/{file.relative_to(root)}\n".encode() + file.read_bytes())
+    versions = [importlib.metadata.version(name) for name in _THEIRS]
+    settings = [f"{key}={os.environ[key]}" for key in sorted(os.environ) if key[:4] == "JAX_"]
+    backend = jax.default_backend()
+    x64 = jax.config.jax_enable_x64  # pyright: ignore[reportAttributeAccessIssue]
+    settings = [each for each in settings if "CACHE" not in each]
+    return "\n".join([source.hexdigest(), *versions, *settings, backend, str(x64)])
+
+
+def _read(path: Path) -> tuple[jax.export.Exported, Any] | None:
+    """A kept program and the structure of its result; None if it is not there, or is damaged."""
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return None
+    whole = hashlib.sha256(content[32:]).digest() == content[:32]
+    if not whole:
+        with contextlib.suppress(OSError):
+            path.unlink()
+        return None
+    exported, example = pickle.loads(content[32:])
+    return jax.export.deserialize(bytearray(exported)), jax.tree.structure(example)
+
+
+def _write(path: Path, exported: jax.export.Exported, result: Any) -> None:
+    """Keep a program; where that cannot be, nothing is lost but time."""
+    # Structures cannot be written, but what is built like it can.
+    example = jax.tree.unflatten(result, range(result.num_leaves))
+    with contextlib.suppress(OSError, pickle.PicklingError, AttributeError, TypeError):
+        body = pickle.dumps((bytes(exported.serialize()), example), protocol=5)
+        with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
+            file.write(hashlib.sha256(body).digest() + body)
+        os.replace(file.name, path)

@@ -1,0 +1,161 @@
+"""Programs of commands: how many there are, that numbers are no part of them, that they last."""
+
+import contextlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import jax.monitoring
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jaxtyping import Array
+
+from jaxgear._app import _programs as programs
+from jaxgear._app._commands import COMMANDS
+from jaxgear._app._scene import ready_scene
+from jaxgear._app._statics import Stopwatch
+
+_EVENT = "/jax/core/compile/backend_compile_duration"
+_COMPILED: list[str] = []
+
+
+def _note(event: str, duration_secs: float, **facts: str | int) -> None:
+    del duration_secs
+    if event == _EVENT:
+        _COMPILED.append(str(facts.get("fun_name")))
+
+
+jax.monitoring.register_event_duration_secs_listener(_note)
+
+
+@contextlib.contextmanager
+def _made() -> Iterator[list[str]]:
+    """Names of the programs that are compiled in the block."""
+    before, found = len(_COMPILED), []
+    yield found
+    found.extend(_COMPILED[before:])
+
+
+# --- Commands
+
+
+# Few phases and slices, for they change no number of programs.
+_COARSE = ("mesh.phases=8", "mesh.slices=1", "map.depth_um.points=5", "map.extent.points=3")
+_OTHER = (
+    "pair.torque_pinion_Nm=100",
+    "mesh.smoothing_um=0.2",
+    "flank.pinion.tip_relief.depth_um=3",
+    "flank.wheel.tip_relief.depth_um=3",
+    "material.young_GPa=210",
+    "wheel.shaft.gear_at_mm=41",
+)
+
+
+# Most of them are single operations, but for about one of each picture and each stage.
+@pytest.mark.parametrize(("command", "most"), [("run", 22), ("map", 22), ("modes", 18)])
+def test_a_command_is_a_few_programs_and_with_other_numbers_none(
+    command, most, tmp_path, monkeypatch
+):
+    monkeypatch.setattr("jaxgear._app._pictures.save", lambda *args: None)
+    run = lambda *changes: COMMANDS[command](
+        ready_scene("accessory", (*_COARSE, *changes)), tmp_path, True
+    )
+    jax.clear_caches()
+    programs.forget()
+    with _made() as whole:
+        first = run()
+    with _made() as again:
+        second = run(*_OTHER)
+    assert 3 <= len(whole) <= most, whole
+    assert again == []
+    assert second["static"]["te_rms_um"] != first["static"]["te_rms_um"]
+
+
+# --- Programs that are kept
+
+
+class _Line(eqx.Module):
+    """A straight line, of slope so many times its own number."""
+
+    slope: Array
+    times: int = eqx.field(static=True)
+
+
+_TRACED: list[int] = []
+
+
+def _on_line(line: _Line, x: Array) -> dict[str, tuple[Array, _Line]]:
+    _TRACED.append(line.times)
+    return {"y": (line.times * line.slope * x, line)}
+
+
+@pytest.fixture
+def kept_in(tmp_path, monkeypatch) -> Path:
+    monkeypatch.setattr(programs, "_folder", lambda: tmp_path)
+    programs.forget()
+    _TRACED.clear()
+    return tmp_path
+
+
+def _asked(slope: float = 2.0, times: int = 3, x: tuple[float, ...] = (1.0, 4.0)) -> list[float]:
+    """Call it as a later process would: nothing is known but what is in the folder."""
+    programs.forget()
+    line = _Line(jnp.asarray(slope), times)
+    y, same = programs.called(_on_line, line, np.asarray(x))["y"]
+    assert isinstance(same, _Line)
+    assert same.times == times
+    return y.tolist()
+
+
+def test_a_program_that_was_kept_is_not_traced_and_gives_the_same(kept_in):
+    assert _asked() == [6.0, 24.0]
+    assert _asked() == [6.0, 24.0]
+    assert _TRACED == [3]
+    (file,) = kept_in.iterdir()
+    assert file.stat().st_mode & 0o077 == 0, "nobody else's to write to"
+
+
+def test_another_number_is_the_same_program_another_setting_or_shape_is_another(kept_in):
+    _asked()
+    assert _asked(slope=-5.0) == [-15.0, -60.0]
+    assert _TRACED == [3]
+    assert _asked(times=2) == [4.0, 16.0]
+    assert _asked(x=(1.0, 2.0, 3.0)) == [6.0, 12.0, 18.0]
+    assert _TRACED == [3, 2, 3]
+    assert len(list(kept_in.iterdir())) == 3
+
+
+def test_another_version_of_the_source_is_another_program(kept_in, monkeypatch):
+    _asked()
+    monkeypatch.setattr(programs, "_surroundings", lambda: "another version")
+    assert _asked() == [6.0, 24.0]
+    assert _TRACED == [3, 3]
+
+
+@pytest.mark.parametrize("damage", [lambda x: b"", lambda x: x[:-7], lambda x: x[:40] + b"?" * 99])
+def test_a_damaged_file_is_replaced(kept_in, damage):
+    _asked()
+    (file,) = kept_in.iterdir()
+    whole = file.read_bytes()
+    file.write_bytes(damage(whole))
+    assert _asked() == [6.0, 24.0]
+    assert _TRACED == [3, 3]
+    assert _asked() == [6.0, 24.0]
+    assert _TRACED == [3, 3], "kept whole the second time"
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="POSIX only")
+def test_a_folder_that_is_not_there_costs_time_only(kept_in, monkeypatch):
+    monkeypatch.setattr(programs, "_folder", lambda: kept_in / "nowhere")
+    assert _asked() == [6.0, 24.0]
+    assert not list(kept_in.iterdir())
+
+
+def test_a_function_that_closes_over_numbers_is_never_kept_nor_taken_for_another(kept_in):
+    watch = Stopwatch()
+    found = [float(watch(lambda x, by=by: by * x, np.asarray(2.0))) for by in (3.0, 5.0)]
+    assert found == [6.0, 10.0]
+    assert not list(kept_in.iterdir())
