@@ -219,7 +219,7 @@ def _sane_pair(draw: random.Random) -> list[str]:
             f"{gear}.body.inertia_kg_m2": mass * (0.5e-3 * diameter) ** 2 * 0.6,
             f"flank.{gear}.tip_relief.depth_um": draw.choice([0.0, 20.0 * module]),
             f"flank.{gear}.crowning_um": draw.uniform(0.001, 0.01) * 1e3 * module,
-            f"flank.{gear}.pitch_error_um": [draw.gauss(0.0, 5.0 * module) for _ in range(count)],
+            f"flank.{gear}.pitch_error_um": [draw.gauss(0.0, 5.0 * module)],
             f"flank.{gear}.eccentricity_um": draw.uniform(0.0, 20.0) * module,
             f"{gear}.shaft": f"{{ gear_at_mm = {0.4 * length}, segments = [ {{ length_mm = "
             f"{length}, outer_mm = {bore} }} ], bearings = [ {{ at_mm = 0.0, radial_N_m = {stiff}"
@@ -228,11 +228,12 @@ def _sane_pair(draw: random.Random) -> list[str]:
     return [f"{key}={value}" for key, value in settings.items()]
 
 
-def test_no_sane_pair_is_refused_or_remarked_upon(tmp_path):
+@pytest.mark.parametrize("seed", range(4))
+def test_no_sane_pair_is_refused_or_remarked_upon(tmp_path, seed):
     path = tmp_path / "sane.toml"
     path.write_text("schema = 1\n")
-    draw = random.Random(17)
-    for _ in range(300):
+    draw = random.Random(seed)
+    for _ in range(75):
         settings = _sane_pair(draw)
         scene = read_scene(path, settings)
         assert odd(scene.values) == [], settings
