@@ -48,7 +48,7 @@ def assumed(scene: "Scene") -> list[str]:
         f"{path} was assumed to be {value:g}, not {_usual(path):g}: with "
         f"pair.pressure_angle_deg = {scene['pair.pressure_angle_deg']:g} and a dedendum of "
         f"{scene[path.replace('fillet_radius', 'dedendum')]:g} no larger one fits between the "
-        "straight flanks of the rack that cuts the teeth. Give your own if you know it"
+        "straight flanks of the rack that cuts the teeth. Give your own if you know it."
         for path, value in fillets.items()
     ]
 

@@ -82,7 +82,7 @@ def odd(values: Values) -> list[str]:
 
     A sentence or two each.
     """
-    return [slip.message for slip in slips(values) if not slip.impossible]
+    return [f"{slip.message}." for slip in slips(values) if not slip.impossible]
 
 
 def _faces(values: Values, module: float) -> Iterator[Slip]:
