@@ -104,7 +104,7 @@ def _drawn(gear: str, values: Values, given: Set[str]) -> Said:
     web = f"{gear}.body.web"
     if web not in given:
         return
-    root = _root_diameter(gear, values)
+    root = root_diameter(gear, values)
     hub, rim = _number(values, f"{web}.hub_outer_mm"), _number(values, f"{web}.rim_inner_mm")
     inside = None if f"{gear}.shaft" in given else _number(values, f"{gear}.bore_mm")
     for key, least, most, name in (
@@ -168,8 +168,14 @@ def _holes(
             )
 
 
-def _root_diameter(gear: str, values: Values) -> float | None:
-    """Diameter of the root circle [mm], if all that it takes is right."""
+def root_diameter(gear: str, values: Values) -> float | None:
+    """Diameter of the root circle [mm], if all that it takes is right.
+
+    **Arguments:**
+
+    - `gear`: `pinion` or `wheel`.
+    - `values`: of the scene, without those that are wrong.
+    """
     names = ("pair.module_mm", "pair.helix_angle_deg", f"{gear}.dedendum_coeff")
     numbers = [_number(values, path) for path in (*names, f"{gear}.profile_shift")]
     teeth = values.get(f"{gear}.teeth")

@@ -21,10 +21,12 @@ from pathlib import Path
 from typing import Any
 
 from jaxgear._app._folder import Folder
+from jaxgear._app._keys import add_keys_parser, print_keys
 from jaxgear._app._motion import motion_mistakes
 from jaxgear._app._progress import warn
 from jaxgear._app._scene import READY, Mistake, Scene, SceneError, read_scene, rewrite_scene
 from jaxgear._app._schema import GEARS
+from jaxgear._app._slips import odd
 from jaxgear._checks import InputError
 from jaxgear._program_cache import cache_compilations
 
@@ -195,6 +197,7 @@ def _parser() -> argparse.ArgumentParser:
                 dest="pictures",
                 help="draw none, and write only their data; removes those of an earlier run",
             )
+    add_keys_parser(commands)
     cache = commands.add_parser(
         "cache",
         help="list the condensed bodies and compiled programs that are kept, or remove them",
@@ -224,8 +227,12 @@ def _command(argv: Sequence[str] | None) -> int:
         return _init(args)
     if args.command == "cache":
         return _cache(args)
+    if args.command == "keys":
+        return print_keys(args)
     scene = read_scene(args.scene, args.overrides)
     _refuse_unfit(args.command, scene)
+    for remark in odd(scene.values):
+        warn(remark)
     folder = args.out or Path("results") / str(scene["name"])
     _prepare(folder)
     summary = _compute(args.command, scene, Folder(folder, args.pictures), args.quiet)

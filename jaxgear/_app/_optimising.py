@@ -3,7 +3,6 @@
 import importlib.metadata
 import time
 from functools import partial
-from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
@@ -44,7 +43,7 @@ from jaxgear._app._robust import (
 )
 from jaxgear._app._saving import save
 from jaxgear._app._scatter import Scatter, scatter_of
-from jaxgear._app._scene import Scene, rewrite_scene
+from jaxgear._app._scene import Scene, rewritten
 from jaxgear._app._search import (
     Search,
     best_of,
@@ -64,6 +63,7 @@ from jaxgear._app._statics import (
     solve_statics,
     torques_of,
 )
+from jaxgear._app._whole_file import write_text
 from jaxgear._checks import InputError
 from jaxgear._geometry._lines import MeshGrid, mesh_grid
 from jaxgear._interface._laws import ExactContact
@@ -139,7 +139,7 @@ def optimisation(
     space.require_tied_start()
     destination = folder / f"{scene['name']}.optimised.toml"
     # Before the search, so that a file that cannot be rewritten does not cost its result.
-    _rewrite(scene, {}, destination)
+    _rewritten(scene, _numbers(space, space.start))
     scatter = None
     if scene.has_table("robust"):
         teeth = np.asarray(before.cycle.cells.lines.tooth)
@@ -185,14 +185,13 @@ def optimisation(
     if not found.converged:
         more = "" if search.limits else " Raise optimise.max_evaluations."
         warn(f"the search did not converge: {found.reason}.{more}")
-    keys = {key: float(value) for key, value in space.updates(np.asarray(found.point)).items()}
+    keys = _numbers(space, found.point)
     try:
         after = solve_statics(scene.replace(keys), watch, torques)
     except InputError as error:
         raise SolverFailure(
             f"the search ended at impossible gears, {keys}: {error} Narrow [optimise.bounds]."
         ) from error
-    _rewrite(scene, keys, destination)
     _draw_search(scene, folder, before, after, search.name, found, baseline)
     objectives = {
         name: exact(point)
@@ -205,6 +204,7 @@ def optimisation(
     if not np.isfinite(list(objectives.values())).all():
         more = f", or {_TOO_FEW}" if is_dynamic(scene) else ""
         raise SolverFailure(f"the contact was not solved where the search began or ended{more}")
+    write_text(_rewritten(scene, keys), destination)
     kept = lambda point: np.asarray(
         watch(responses_at, task, np.asarray(point), law, options=QUICKLY)
     )
@@ -289,7 +289,7 @@ def _robust(
     file.unlink(missing_ok=True)
     summary = robust_summary(made)
     destination = folder / f"{scene['name']}.robust.toml"
-    _rewrite(scene, summary["variables"], destination)
+    write_text(_rewritten(scene, summary["variables"]), destination)
     statics = solve_statics(scene.replace(summary["variables"]), watch, torques)
     response, unit = response_of(scene), response_of(scene)[1]
     values = {
@@ -330,10 +330,15 @@ def _require_half(judged: list[tuple[float, optimise.Judged]]) -> None:
             raise SolverFailure(_TOO_FEW)
 
 
-def _rewrite(scene: Scene, keys: dict[str, float], destination: Path) -> None:
-    """Write the user's scene with what the command line and the search changed."""
+def _numbers(space: DesignSpace, point: np.ndarray) -> dict[str, float]:
+    """The keys of the scene that a point of the space sets."""
+    return {key: float(value) for key, value in space.updates(np.asarray(point)).items()}
+
+
+def _rewritten(scene: Scene, keys: dict[str, float]) -> str:
+    """The user's scene with what the command line and the search changed."""
     try:
-        rewrite_scene(scene.path, scene.overridden() | keys, destination)
+        return rewritten(scene.path, scene.overridden() | keys)
     except ValueError as error:
         raise InputError(str(error)) from error
 

@@ -6,11 +6,13 @@ import resource
 import sys
 from typing import Any
 
+from jaxgear._app._assumed import assumed
 from jaxgear._app._folder import Folder
 from jaxgear._app._notes import notes
 from jaxgear._app._results import write_json
 from jaxgear._app._scene import Scene, write_scene
 from jaxgear._app._schema import GEARS
+from jaxgear._app._slips import odd
 from jaxgear._app._statics import (
     Statics,
     Stopwatch,
@@ -89,13 +91,16 @@ def _told_bodies(scene: Scene, known: list[str]) -> Summary:
 
 
 def finish(scene: Scene, folder: Folder, summary: Summary, watch: Stopwatch) -> Summary:
-    """Add the cost, and write what every results folder has."""
+    """Add remarks on the scene and the cost, and write what every results folder has."""
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     summary["cost"] = {
         "compile_s": watch.compile_s,
         "run_s": watch.run_s,
         "peak_memory_MB": peak / (1024.0**2 if sys.platform == "darwin" else 1024.0),
     }
+    # What may make all else wrong comes first.
+    if said := [*odd(scene.values), *assumed(scene)]:
+        summary["notes"] = [*said, *summary.get("notes", ())]
     write_scene(scene, folder / "scene.toml")
     write_json(summary, folder / "summary.json")
     return json.loads((folder / "summary.json").read_text(encoding="utf-8"))

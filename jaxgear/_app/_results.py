@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 import jaxgear as jg
 from jaxgear._app._programs import called
-from jaxgear._app._whole_file import whole_file
+from jaxgear._app._whole_file import whole_file, write_text
 
 BODIES = ("pinion", "wheel")
 _AXES = ("S", "T", "Z")
@@ -372,8 +372,7 @@ def write_dataset(
 def write_json(summary: Mapping[str, object], path: Path) -> None:
     """Write a summary as JSON: arrays as lists, and what is not a finite number as null."""
     text = json.dumps(as_json(summary), indent=2, allow_nan=False, ensure_ascii=False)
-    with whole_file(path) as draft:
-        draft.write_text(text + "\n", encoding="utf-8")
+    write_text(text + "\n", path)
 
 
 def as_json(value: object) -> object:

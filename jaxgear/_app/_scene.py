@@ -21,6 +21,7 @@ import tree_sitter
 import tree_sitter_toml
 
 from jaxgear._app import _schema
+from jaxgear._app._assumed import assumed_fillets
 from jaxgear._app._body_checks import body_mistakes
 from jaxgear._app._scatter_checks import robust_mistakes, scattered_key
 from jaxgear._app._schema import (
@@ -38,6 +39,8 @@ from jaxgear._app._schema import (
     split_entry,
     unit_of,
 )
+from jaxgear._app._slips import slips
+from jaxgear._app._whole_file import write_text
 from jaxgear._checks import is_traced
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
@@ -321,7 +324,7 @@ def write_scene(scene: Scene, path: str | os.PathLike[str]) -> None:
         for key, value in scene.values.items()
         if (top := key.partition(".")[0]) not in _schema.ON_REQUEST or top in scene.given
     }
-    _write_atomically(Path(path), tomlkit.dumps(_nested(wanted)))
+    write_text(tomlkit.dumps(_nested(wanted)), Path(path))
 
 
 def rewrite_scene(
@@ -333,10 +336,28 @@ def rewrite_scene(
 
     **Arguments:**
 
+    - `source`, `updates`: as of `rewritten`.
+    - `destination`: the file to write; may be `source`.
+
+    **Raises:**
+
+    - `ValueError` as of `rewritten`.
+    """
+    write_text(rewritten(source, updates), Path(destination))
+
+
+def rewritten(source: str | os.PathLike[str], updates: Mapping[str, object]) -> str:
+    """Return the user's own file with some keys changed or added, comments and order kept.
+
+    **Arguments:**
+
     - `source`: the scene file to start from.
     - `updates`: dotted path to new value, in the units of the file: that of a key, of an entry
         of a list of numbers, of a row (a dict) or of a whole list of tables (a list of dicts).
-    - `destination`: the file to write; may be `source`.
+
+    **Returns:**
+
+    The text of the new file.
 
     **Raises:**
 
@@ -364,8 +385,7 @@ def rewrite_scene(
         except (ValueError, LookupError, TypeError, tomlkit.exceptions.TOMLKitError):
             continue
         if good:
-            _write_atomically(Path(destination), edited)
-            return
+            return edited
     values = ", ".join(f"{key} = {show(value)}" for key, value in plain.items())
     raise ValueError(
         f"{source} could not be changed, because its tables are spread over the file. Gather each "
@@ -574,6 +594,7 @@ class _Reading:
             has_ring = values.get(f"{gear}.bore_mm") and values.get(f"{gear}.body.kind") != "beam"
             if not has_ring and f"{gear}.foundation" not in self.seen:
                 values[f"{gear}.foundation"] = "weber"
+        values |= assumed_fillets(values, self.seen)
         for path, key in places.items():
             table = path.rpartition(".")[0]
             needed = table in ALWAYS or table in self.tables
@@ -626,6 +647,9 @@ class _Reading:
                 key = scattered_key(path)
                 if key and (missing := self._missing(key, values)):
                     self.mistake(path, missing)
+        for slip in slips(values):
+            if slip.impossible and not self._has_mistake(slip.path):
+                self.mistake(slip.path, slip.message)
 
     def _has_mistake(self, path: str) -> bool:
         return any(mistake.path.startswith(path) for mistake in self.mistakes)
@@ -826,16 +850,6 @@ def _read_text(path: Path) -> str:
     except OSError as error:
         message = f"the file could not be read: {error.strerror}"
     raise SceneError([Mistake(str(path), "", message)])
-
-
-def _write_atomically(path: Path, text: str) -> None:
-    """Write a file so that nobody ever sees half of it."""
-    draft = path.with_name(f".{path.name}.{os.getpid()}.draft")
-    try:
-        draft.write_bytes(text.encode())
-        os.replace(draft, path)
-    finally:
-        draft.unlink(missing_ok=True)
 
 
 def _plain(key: str, value: object) -> object:

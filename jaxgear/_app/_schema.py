@@ -285,11 +285,18 @@ def _material(table: str, young: object, poisson: object, density: object) -> tu
             "Young's modulus",
             young,
             at_least=0.1,
-            at_most=1e6,
+            at_most=2000.0,
             remedy=gpa,
         ),
         _variable(f"{table}.poisson", "Poisson's ratio", poisson, at_least=0.0, below=0.5),
-        _variable(f"{table}.density_kg_m3", "density", density, at_least=100.0, remedy=dense),
+        _variable(
+            f"{table}.density_kg_m3",
+            "mass density",
+            density,
+            at_least=100.0,
+            at_most=30_000.0,
+            remedy=dense,
+        ),
     )
 
 
@@ -373,7 +380,8 @@ def _gear(gear: str) -> tuple[Key, ...]:
         _variable(f"{gear}.dedendum_coeff", "dedendum over module", 1.25, above=0.0, at_most=5.0),
         _variable(
             f"{gear}.fillet_radius_coeff",
-            "tip radius of the rack that cuts the fillet, over module",
+            "tip radius of the rack that cuts the fillet, over module; where 0.38 does not fit the "
+            "rack at this pressure angle, the largest that does",
             0.38,
             at_least=0.0,
             at_most=1.0,
@@ -404,8 +412,8 @@ def _gear(gear: str) -> tuple[Key, ...]:
         _text(f"{gear}.foundation", "foundation of this gear's teeth", **_FOUNDATIONS),
         *_material(f"{gear}.material", OPTIONAL, OPTIONAL, OPTIONAL),
         _variable(f"{gear}.support.radial_N_m", "radial stiffness of the support", **stiffness),
-        _variable(f"{gear}.support.radial_S_N_m", "the same, along S only", **stiffness),
-        _variable(f"{gear}.support.radial_T_N_m", "the same, along T only", **stiffness),
+        _variable(f"{gear}.support.radial_S_N_m", "radial stiffness, along S only", **stiffness),
+        _variable(f"{gear}.support.radial_T_N_m", "radial stiffness, along T only", **stiffness),
         _variable(f"{gear}.support.axial_N_m", "axial stiffness of the support", **stiffness),
         _variable(f"{gear}.support.tilt_Nm_rad", "tilt stiffness of the support", **stiffness),
         *_body(f"{gear}.body"),
@@ -418,12 +426,20 @@ def _body(table: str) -> tuple[Key, ...]:
     return (
         _text(
             f"{table}.kind",
-            "model of the gear body",
+            "gear body: rigid; beam: in one piece with its shaft; condensed: finite elements",
             "rigid",
             choices=("rigid", "beam", "condensed"),
         ),
-        _number(f"{table}.mass_kg", "mass", above=0.0),
-        _number(f"{table}.inertia_kg_m2", "polar moment of inertia", above=0.0),
+        _number(
+            f"{table}.mass_kg",
+            "mass of the body; default: of a disc from bore to root circle",
+            above=0.0,
+        ),
+        _number(
+            f"{table}.inertia_kg_m2",
+            "polar moment of inertia of the body; default: of that disc",
+            above=0.0,
+        ),
         _number(
             f"{table}.transverse_inertia_kg_m2",
             "transverse moment of inertia, about a diameter at mid-face",
@@ -463,14 +479,18 @@ def _web(table: str) -> tuple[Key, ...]:
         ),
         _count(f"{table}.second_holes", "number of holes of a second ring", **many),
         _variable(
-            f"{table}.second_hole_diameter_mm", "their diameter; default: that of the first", **size
+            f"{table}.second_hole_diameter_mm",
+            "diameter of a hole of the second ring; default: as in the first",
+            **size,
         ),
         _variable(
-            f"{table}.second_hole_circle_mm", "their circle; default: that of the first", **size
+            f"{table}.second_hole_circle_mm",
+            "circle of the second ring; default: that of the first",
+            **size,
         ),
         _variable(
             f"{table}.second_hole_angle_deg",
-            "direction of the first of them; default: half way between two of the first ring",
+            "direction of the second ring's first hole; default: half way between two of the first",
         ),
     )
 
@@ -480,16 +500,16 @@ def _condensed(table: str) -> tuple[Key, ...]:
     only: dict[str, Any] = {"default_if": (f"{table}.kind", "condensed")}
     return (
         _text(f"{table}.grid", "a finite element grid of the user's own, instead of web"),
-        _text(f"{table}.rim_set", "its node set of the rim, the cylinder under the teeth"),
+        _text(f"{table}.rim_set", "node set of body.grid on the rim, the cylinder under the teeth"),
         Key(
             f"{table}.seats",
             "texts",
-            "its node sets of the bearings' seats, in their order; without shaft, of the bore",
+            "node sets of body.grid for bearing seats, in their order; without shaft, of the bore",
         ),
-        _text(f"{table}.torque_set", "its node set where the torque enters or leaves"),
+        _text(f"{table}.torque_set", "node set of body.grid where the torque enters or leaves"),
         _number(
             f"{table}.grid_unit_mm",
-            "length of its unit; default: 1",
+            "length of the unit of body.grid; default: 1",
             above=0.0,
             remedy="A grid in metres has 1000, one in inches 25.4",
         ),
@@ -557,15 +577,18 @@ def _superelement(key: str) -> tuple[Key, ...]:
     """Keys of matrices condensed by another program."""
     return (
         _text(key, "matrices condensed elsewhere (.mtx, .sti, .op4, .npz), instead of web"),
-        _text(f"{key}_mass", "file of the mass matrix, where it is one of its own"),
-        _text(f"{key}_nodes", "table of its nodes: columns node, x, y, z, role"),
-        _text(f"{key}_faces", "elements of the rim: eight node numbers on a line"),
+        _text(f"{key}_mass", "file of the superelement's mass matrix, where it has one of its own"),
+        _text(f"{key}_nodes", "table of the superelement's nodes: columns node, x, y, z, role"),
+        _text(f"{key}_faces", "faces of the superelement's rim: eight node numbers on a line"),
         _text(
             f"{key}_units",
-            "units of all of these files",
+            "units of all files of the superelement",
             choices=("m-kg-s", "mm-t-s", "mm-kg-ms", "in-lbf-s"),
         ),
-        _number(f"{key}_mid_face_mm", "its z of the middle of the toothed face; default: 0"),
+        _number(
+            f"{key}_mid_face_mm",
+            "middle of the toothed face along the superelement's z; default: 0",
+        ),
     )
 
 
@@ -611,12 +634,12 @@ def _shaft(table: str) -> tuple[Key, ...]:
         _variable(f"{segment}.inner_mm", "inner diameter; 0: solid", 0.0, at_least=0.0),
         _variable(f"{bearing}.at_mm", "position of the bearing", REQUIRED, **place),
         _variable(f"{bearing}.radial_N_m", "radial stiffness of the bearing", **stiffness),
-        _variable(f"{bearing}.radial_S_N_m", "the same, along S only", **stiffness),
-        _variable(f"{bearing}.radial_T_N_m", "the same, along T only", **stiffness),
+        _variable(f"{bearing}.radial_S_N_m", "radial stiffness, along S only", **stiffness),
+        _variable(f"{bearing}.radial_T_N_m", "radial stiffness, along T only", **stiffness),
         _variable(f"{bearing}.axial_N_m", "axial stiffness of the bearing", **stiffness),
         _variable(f"{bearing}.tilt_Nm_rad", "tilt stiffness of the bearing", **stiffness),
-        _variable(f"{bearing}.tilt_S_Nm_rad", "the same, about S only", **stiffness),
-        _variable(f"{bearing}.tilt_T_Nm_rad", "the same, about T only", **stiffness),
+        _variable(f"{bearing}.tilt_S_Nm_rad", "tilt stiffness, about S only", **stiffness),
+        _variable(f"{bearing}.tilt_T_Nm_rad", "tilt stiffness, about T only", **stiffness),
         _variable(
             f"{table}.torque_at_mm",
             "where the torque enters or leaves the shaft; default: at the gear",
@@ -642,10 +665,23 @@ def _shaft(table: str) -> tuple[Key, ...]:
 
 
 def _relief(table: str, where: str, extent: float, fraction: str) -> tuple[Key, ...]:
+    whole = "face width" if fraction == _FACE_EXTENT else "path of contact"
     return (
         _variable(f"{table}.depth_um", f"depth removed {where}", 0.0, at_least=0.0, remedy=_DEPTH),
-        _variable(f"{table}.extent", "its length", extent, above=0.0, at_most=1.0, remedy=fraction),
-        _text(f"{table}.shape", "its shape", "linear", choices=("linear", "parabolic")),
+        _variable(
+            f"{table}.extent",
+            f"length of the relief, as a fraction of the {whole}",
+            extent,
+            above=0.0,
+            at_most=1.0,
+            remedy=fraction,
+        ),
+        _text(
+            f"{table}.shape",
+            "how its depth grows from where it begins: in proportion, or with the square",
+            "linear",
+            choices=("linear", "parabolic"),
+        ),
     )
 
 
@@ -656,11 +692,14 @@ def _flank(flank: str) -> tuple[Key, ...]:
         *_relief(f"{flank}.tip_relief", "at the tip", 0.25, _EXTENT),
         *_relief(f"{flank}.root_relief", "at the start of active profile", 0.2, _EXTENT),
         _variable(
-            f"{flank}.crowning_um", "parabolic, removed at both ends of the face", 0.0, **depth
+            f"{flank}.crowning_um",
+            "parabolic crowning: depth removed at both ends of the face",
+            0.0,
+            **depth,
         ),
         _text(
             f"{flank}.end_relief.side",
-            "which end of the face; left is the -Z end",
+            "end of the face that is relieved; left is the -Z end",
             "both",
             choices=("left", "right", "both"),
         ),
@@ -677,13 +716,13 @@ def _flank(flank: str) -> tuple[Key, ...]:
         ),
         _variable(
             f"{flank}.profile_crowning_um",
-            "parabolic, removed at both ends of the profile",
+            "parabolic profile crowning: depth removed at both ends of the profile",
             0.0,
             **depth,
         ),
         _variable(
             f"{flank}.elliptical_crowning_um",
-            "elliptical, removed at both ends of the face",
+            "elliptical crowning: depth removed at both ends of the face",
             0.0,
             **depth,
         ),
@@ -706,7 +745,12 @@ def _flank(flank: str) -> tuple[Key, ...]:
             at_most=11.0,
             remedy="ISO 1328-1 has the grades 1, the finest, to 11",
         ),
-        _count(f"{flank}.accuracy_waves", "waves of that form over the profile", 3, at_least=1),
+        _count(
+            f"{flank}.accuracy_waves",
+            "waves of the grade's waveform over the profile",
+            3,
+            at_least=1,
+        ),
         Key(
             f"{flank}.accuracy_slopes",
             "bool",
@@ -832,8 +876,8 @@ _DYNAMICS = (
     ),
     _text(
         "model.fidelity",
-        "auto: run, map, optimise and sweep first compare models, and take the cheapest that is "
-        "within compare.tolerance",
+        "choice of the model; auto: run, map, optimise and sweep first compare models, and take "
+        "the cheapest within compare.tolerance",
         "as given",
         choices=("as given", "auto"),
     ),
@@ -847,10 +891,18 @@ _DYNAMICS = (
     _number("damping.mesh", "damping ratio of the mesh", 0.07, at_least=0.0, below=1.0),
     _number("damping.structure", "damping ratio of the rest", 0.02, at_least=0.0, below=1.0),
     _number(
-        "damping.a_R_1_s", "factor of the mass matrix", REQUIRED, at_least=0.0, applies_if=_RAYLEIGH
+        "damping.a_R_1_s",
+        "Rayleigh damping: factor of the mass matrix",
+        REQUIRED,
+        at_least=0.0,
+        applies_if=_RAYLEIGH,
     ),
     _number(
-        "damping.b_R_s", "factor of the stiffness", REQUIRED, at_least=0.0, applies_if=_RAYLEIGH
+        "damping.b_R_s",
+        "Rayleigh damping: factor of the stiffness matrix",
+        REQUIRED,
+        at_least=0.0,
+        applies_if=_RAYLEIGH,
     ),
     Key(
         "damping.active_mesh",
@@ -861,7 +913,7 @@ _DYNAMICS = (
     Key(
         "sweep.pinion_speed_rad_s",
         "floats",
-        "a table from, to, points or a list",
+        "speeds of the pinion: a list, or a table with from, to and points",
         REQUIRED,
         above=0.0,
         remedy=_SPEED,
@@ -879,11 +931,11 @@ _DYNAMICS = (
     ),
     _text(
         "sweep.method",
-        "method; auto: harmonic balance, but for cycles of many mesh periods newmark",
+        "method of the sweep; auto: harmonic balance, but for cycles of many mesh periods newmark",
         "auto",
         choices=("auto", "newmark", "shooting", "harmonic"),
     ),
-    Key("sweep.centrifugal", "bool", "centrifugal effects", True),
+    Key("sweep.centrifugal", "bool", "whether condensed bodies grow with the speed", True),
     _count("sweep.steps", "time steps in one mesh period", 128, at_least=8, at_most=4096),
     _count(
         "sweep.harmonics",
@@ -1027,7 +1079,7 @@ _OPTIMISE = (
     _text("optimise.over", "how torques are combined", "mean", choices=("mean", "worst")),
     _text(
         "optimise.method",
-        "optimiser; with [optimise.limits] SLSQP takes its place",
+        "method of the search; with [optimise.limits] SLSQP takes its place",
         "lbfgs",
         choices=("lbfgs", "adam", "least_squares"),
     ),
@@ -1097,7 +1149,7 @@ _ROBUST = (
         at_least=8,
         at_most=65_536,
     ),
-    _count("robust.seed", "of the samples; the fresh ones have the next one", 0, at_least=0),
+    _count("robust.seed", "seed of the samples; the fresh ones have the next one", 0, at_least=0),
     _number(
         "robust.accuracy_grade",
         "ISO 1328-1 class whose profile, helix and pitch deviations both gears have at random; "

@@ -21,3 +21,15 @@ def whole_file(path: Path) -> Iterator[Path]:
         os.replace(draft, path)
     finally:
         draft.unlink(missing_ok=True)
+
+
+def write_text(text: str, path: Path) -> None:
+    """Write a text as UTF-8, whole.
+
+    **Arguments:**
+
+    - `text`: all of it, with the end of its last line.
+    - `path`: of the file.
+    """
+    with whole_file(path) as draft:
+        draft.write_bytes(text.encode())

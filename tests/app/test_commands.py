@@ -317,7 +317,7 @@ def _without_shafts(folder: Path) -> Path:
             (_FREE, "pair.misalignment_deviation_um=40", "wheel.support={tilt_Nm_rad=1e3}"),
             marks=pytest.mark.slow,
         ),
-        (_FREE, "pinion.support={radial_N_m=1e4}"),
+        (_FREE, "pinion.support={radial_N_m=1e6}"),
         pytest.param(("mesh.foundation=ring",), marks=pytest.mark.slow),
         pytest.param(
             ("mesh.foundation=ring", "pair.helix_angle_deg=25", "mesh.line_load_updates=2"),

@@ -452,9 +452,10 @@ def test_one_mistake_of_a_shaft_is_reported_alone(write, added, line, path, mess
 
 
 def test_the_end_of_a_shaft_is_still_on_it(write):
-    segments = ", ".join(["{ length_mm = 0.1, outer_mm = 9 }"] * 3)
-    shaft = f"[wheel.shaft]\ngear_at_mm = {0.1 + 0.2}\nsegments = [{segments}]\n"
-    read_scene(write(f"{_LEAST}{shaft}bearings = [{{ at_mm = 0.3 }}]\n"))
+    segments = ", ".join(["{ length_mm = 6.4, outer_mm = 9 }"] * 3)
+    shaft = f"[wheel.shaft]\ngear_at_mm = {6.4 + 12.8}\nsegments = [{segments}]\n"
+    assert 6.4 + 12.8 > 19.2
+    read_scene(write(f"{_LEAST}{shaft}bearings = [{{ at_mm = 19.2 }}]\n"))
 
 
 def test_all_mistakes_of_shafts_are_reported_at_once(write):
