@@ -117,7 +117,12 @@ def dynamics_of(scene: Scene, model: PairModel, grid: MeshGrid | None = None) ->
 
 
 class _Wanted(eqx.Module):
-    """What of a pair's motion is looked at, by the names that `pair_dynamics` has for it."""
+    """What of a pair's motion is looked at.
+
+    **Fields:**
+
+    - `named`: each choice under the name that `pair_dynamics` has for it.
+    """
 
     named: tuple[tuple[str, Any], ...] = eqx.field(static=True)
 

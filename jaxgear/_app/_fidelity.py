@@ -26,7 +26,6 @@ from jaxgear._app._compare_statics import (
 from jaxgear._app._design import looks_at_speeds, refuse_unbounded, require_search, require_swept
 from jaxgear._app._folder import Folder
 from jaxgear._app._ladder import Summary
-from jaxgear._app._mesh_bodies import OpenCycle
 from jaxgear._app._model import model_of
 from jaxgear._app._progress import built_scene, progress
 from jaxgear._app._results import write_json
@@ -74,14 +73,13 @@ def chosen(scene: Scene, command: str, folder: Folder, quiet: bool) -> tuple[Sce
     known = kept.get(key)
     about: Summary = known or {}
     if known is None:
-        short = _short(scene)
         try:
-            about = _in_motion(short, quiet) if moving else _at_rest(short, work, quiet)
+            if moving:
+                about = _in_motion(scene, quiet)
+            else:
+                about = _at_rest(_short(scene), work, quiet)
         except SolverFailure as error:
             why = f"There was nothing to compare with: {str(error).rstrip('.')}."
-            about = _as_given(scene, why)
-        except OpenCycle:
-            why = "Models are compared over few mesh periods, and its holes need many."
             about = _as_given(scene, why)
         about["seconds"] = time.perf_counter() - start
         write_json(kept | {key: about}, folder / FILE)
@@ -179,7 +177,12 @@ def _at_rest(scene: Scene, work: Work, quiet: bool) -> Summary:
 def _in_motion(scene: Scene, quiet: bool) -> Summary:
     """The choice by responses in motion, at a few speeds."""
     watch = Stopwatch()
+    if not scene.condensed:
+        scene = _short(scene)
     scene = built_scene(scene, quiet, moving=True)
+    if scene["mesh.periods"] > _compare.PERIODS:
+        # A shorter cycle would be another body's: holes come again after many periods.
+        return _as_given(scene, "Models with condensed bodies are compared over few mesh periods.")
     if scene.condensed:
         from jaxgear._app import _compare_bodies
 

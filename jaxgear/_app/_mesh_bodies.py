@@ -24,10 +24,6 @@ from jaxgear._system._body_modes import BodyBasis, body_basis
 from jaxgear._system._flexible import FlexibleBody, flexible_body, require_short_elements
 
 
-class OpenCycle(InputError):
-    """A cycle after which bodies in motion are not themselves again."""
-
-
 @dataclasses.dataclass(frozen=True)
 class MeshBody:
     """A condensed body, and what of it the mesh sees.
@@ -208,7 +204,7 @@ def _over_whole_cycles(scene: Scene, made: Sequence[_Made]) -> Scene:
     if periods % needed == 0:
         return scene
     if "mesh.periods" in scene.given:
-        raise OpenCycle(
+        raise InputError(
             f"mesh.periods = {periods}: in motion the condensed bodies of this scene repeat under "
             f"their teeth after {needed} mesh periods, so that a response over {periods} would not "
             f"close. Write mesh.periods = {needed}, or leave it out."

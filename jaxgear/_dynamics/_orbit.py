@@ -44,7 +44,7 @@ class AbstractMethod(eqx.Module):
 
     **Fields:**
 
-    - `law`: exact or smooth contact.
+    - `law`: exact or smooth contact [-].
     - `multiple`: cycles after which the response repeats [-].
     """
 
