@@ -522,6 +522,7 @@ def test_every_public_name_is_there_when_asked_for(name):
         _ = package.no_such_name
 
 
+@pytest.mark.end_to_end
 def test_import_makes_no_array():
     # One made before the user's script turns double precision on would be in single precision,
     # and one made in a file first asked for while JAX traces would be of that trace alone.

@@ -1,39 +1,18 @@
 """Public verbs are compiled as a whole: few programs, and none anew for another real number."""
 
-import contextlib
 import dataclasses
 import functools
-from collections.abc import Iterator
 from typing import Any
 
 import jax
-import jax.monitoring
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from made_programs import made_programs
 
 import jaxgear as jg
 from jaxgear import deg, mm, um
-
-_EVENT = "/jax/core/compile/backend_compile_duration"
-_COMPILED: list[str] = []
-
-
-def _note(event: str, duration_secs: float, **facts: str | int) -> None:
-    del duration_secs
-    if event == _EVENT:
-        _COMPILED.append(str(facts.get("fun_name")))
-
-
-jax.monitoring.register_event_duration_secs_listener(_note)
-
-
-@contextlib.contextmanager
-def _programs() -> Iterator[list[str]]:
-    """Names of the programs that are made in the block, from the cache or anew."""
-    before, found = len(_COMPILED), []
-    yield found
-    found.extend(_COMPILED[before:])
+from jaxgear._compiled import compiled
 
 
 def _pair() -> jg.GearPair:
@@ -63,14 +42,14 @@ def _statics(model: jg.PairModel, grid: jg.MeshGrid) -> float:
 
 def test_a_mesh_cycle_from_gears_to_a_number_is_a_handful_of_programs():
     jax.clear_caches()
-    with _programs() as whole:
+    with made_programs() as whole:
         first = _statics(_model(), _grid())
     assert 3 <= len(whole) <= 20, whole
-    with _programs() as again:
+    with made_programs() as again:
         second = _statics(_model(torque=95.0, depth=3.0), _grid())
     assert again == []
     assert second != first
-    with _programs() as finer:
+    with made_programs() as finer:
         _statics(_model(), _grid(phases=24))
     assert finer != [], "another number of phases is another program"
 
@@ -85,13 +64,21 @@ def test_a_steady_response_at_another_speed_or_load_compiles_nothing():
         return float(jg.dynamic_ratio(system, orbit))
 
     jax.clear_caches()
-    with _programs() as whole:
+    with made_programs() as whole:
         first = ratio(80.0, 800.0)
     assert len(whole) <= 25, whole
-    with _programs() as again:
+    with made_programs() as again:
         second = ratio(90.0, 650.0)
     assert again == []
     assert second != first
+
+
+def test_a_real_number_of_python_is_no_part_of_a_program():
+    twice = compiled(lambda x: 2.0 * jnp.sin(x))
+    assert float(twice(0.5)) == 2.0 * np.sin(0.5)
+    with made_programs() as again:
+        assert float(twice(0.75)) == pytest.approx(2.0 * np.sin(0.75), rel=1e-15)
+    assert again == []
 
 
 def test_a_second_sweep_compiles_nothing():
@@ -100,7 +87,7 @@ def test_a_second_sweep_compiles_nothing():
         jg.pair_dynamics(_model(torque), _grid(32)).system, speeds, settings=settings
     )
     first = sweep(80.0, [500.0, 520.0])
-    with _programs() as again:
+    with made_programs() as again:
         second = sweep(85.0, [505.0, 530.0])
     assert again == []
     assert all(point.settled for point in (*first, *second))
@@ -110,11 +97,11 @@ def test_modes_and_marches_are_compiled_as_a_whole():
     dynamics = jg.pair_dynamics(_model(), _grid(32))
     rest = jg.at_rest(dynamics.system)
     jax.clear_caches()
-    with _programs() as whole:
+    with made_programs() as whole:
         jg.pair_modes(dynamics)
         jg.march(dynamics.system, jnp.asarray(700.0), rest, cycles=2)
     assert len(whole) <= 6, whole
-    with _programs() as again:
+    with made_programs() as again:
         jg.march(dynamics.system, jnp.asarray(750.0), rest, cycles=2)
     assert again == []
 

@@ -13,6 +13,7 @@ import pytest
 import optimise
 from jaxgear._app._design import design_space, objective_of, task_of, twin
 from jaxgear._app._evaluations import objective_at
+from jaxgear._app._folder import Folder
 from jaxgear._app._model import grid_of
 from jaxgear._app._optimising import unless_beaten
 from jaxgear._app._scene import ready_scene
@@ -198,13 +199,13 @@ def test_a_bias_is_worth_a_word_if_it_is_a_part_of_the_gain():
 def test_the_record_of_a_search_is_that_of_its_model(tmp_path):
     """A file of measured flanks may change, and the scene's text with it does not."""
     space = _space([_RELIEF])
-    file = record_file(space, tmp_path, "1")
-    assert file == record_file(_space([_RELIEF]), tmp_path, "1")
+    file = record_file(space, Folder(tmp_path), "1")
+    assert file == record_file(_space([_RELIEF]), Folder(tmp_path), "1")
     changed = eqx.tree_at(lambda x: x.base.flanks.pinion.parts[3].depth, space, jnp.asarray(1e-6))
     others = [
-        record_file(changed, tmp_path, "1"),
-        record_file(space, tmp_path, "2"),
-        record_file(_space([_RELIEF], "pair.torque_pinion_Nm=81.0"), tmp_path, "1"),
+        record_file(changed, Folder(tmp_path), "1"),
+        record_file(space, Folder(tmp_path), "2"),
+        record_file(_space([_RELIEF], "pair.torque_pinion_Nm=81.0"), Folder(tmp_path), "1"),
     ]
     assert len({file, *others}) == 4
 

@@ -350,6 +350,7 @@ def _texts(figure: Figure):
     assert page.width > 0.0
 
 
+@pytest.mark.end_to_end
 def test_no_text_lies_on_another_or_leaves_the_page(everything):
     for name, (figure, _) in everything.items():
         boxes = []

@@ -211,6 +211,7 @@ def _saved(figure, columns, folder):
     return [folder / f"picture.{ending}" for ending in ("png", "svg", "csv")]
 
 
+@pytest.mark.end_to_end
 def test_pictures_show_something_in_every_axes(everything, tmp_path):
     for name, figure, columns in everything:
         paths = _saved(figure, columns, tmp_path)

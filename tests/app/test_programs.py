@@ -1,43 +1,21 @@
 """Programs of commands: how many there are, that numbers are no part of them, that they last."""
 
-import contextlib
 import os
-from collections.abc import Iterator
 from pathlib import Path
 
 import equinox as eqx
 import jax
-import jax.monitoring
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from jaxtyping import Array
+from made_programs import made_programs
 
 from jaxgear._app import _programs as programs
 from jaxgear._app._commands import COMMANDS
+from jaxgear._app._folder import Folder
 from jaxgear._app._scene import ready_scene
 from jaxgear._app._statics import Stopwatch
-
-_EVENT = "/jax/core/compile/backend_compile_duration"
-_COMPILED: list[str] = []
-
-
-def _note(event: str, duration_secs: float, **facts: str | int) -> None:
-    del duration_secs
-    if event == _EVENT:
-        _COMPILED.append(str(facts.get("fun_name")))
-
-
-jax.monitoring.register_event_duration_secs_listener(_note)
-
-
-@contextlib.contextmanager
-def _made() -> Iterator[list[str]]:
-    """Names of the programs that are compiled in the block."""
-    before, found = len(_COMPILED), []
-    yield found
-    found.extend(_COMPILED[before:])
-
 
 # --- Commands
 
@@ -56,18 +34,16 @@ _OTHER = (
 
 # Most of them are single operations, but for about one of each picture and each stage.
 @pytest.mark.parametrize(("command", "most"), [("run", 22), ("map", 22), ("modes", 18)])
-def test_a_command_is_a_few_programs_and_with_other_numbers_none(
-    command, most, tmp_path, monkeypatch
-):
-    monkeypatch.setattr("jaxgear._app._pictures.save", lambda *args: None)
+def test_a_command_is_a_few_programs_and_with_other_numbers_none(command, most, tmp_path):
+    folder = Folder(tmp_path, pictures=False)
     run = lambda *changes: COMMANDS[command](
-        ready_scene("accessory", (*_COARSE, *changes)), tmp_path, True
+        ready_scene("accessory", (*_COARSE, *changes)), folder, True
     )
     jax.clear_caches()
     programs.forget()
-    with _made() as whole:
+    with made_programs() as whole:
         first = run()
-    with _made() as again:
+    with made_programs() as again:
         second = run(*_OTHER)
     assert 3 <= len(whole) <= most, whole
     assert again == []

@@ -92,9 +92,10 @@ def test_a_sweep_writes_everything_that_it_found(both):
         assert all(np.isfinite(v).all() for v in dataset.variables.values() if v.dtype.kind == "f")
         ratio = dataset["dynamic_ratio"]
         assert ratio.sel(direction="up").values == pytest.approx(found["dynamic_ratio_up"])
-        # The map of the mesh force holds the same largest force.
+        # The map of the mesh force holds it in mid-steps; the largest may be at the limit of one.
         largest = dataset["mesh_force_ratio"].max("phase")
-        np.testing.assert_allclose(largest, ratio, rtol=1e-12)
+        assert (largest <= ratio + 1e-12).all()
+        np.testing.assert_allclose(largest, ratio, rtol=0.02)
         # One pair at a time, so a pair has the force of the mesh.
         assert float((dataset["pair_ratio"] - ratio).max()) < 1e-12
         assert (dataset["multiplier"] < 1.0).all()
