@@ -119,6 +119,13 @@ def program_of(
     """
     if is_named(function):
         return _named_program(function, structure, kinds, options)
+    return _program(function, structure, kinds, options)
+
+
+def _program(
+    function: Callable[..., Any], structure: Any, kinds: tuple[Kind, ...], options: Options
+) -> Program:
+    """A program that is not kept as it was lowered."""
     flat, results = _flat(function, structure)
     lowered = jax.jit(flat).lower(*_arrays(kinds))
     return Program(lowered.compile(compiler_options=dict(options)), results[-1])
@@ -143,7 +150,11 @@ def _named_program(
     kept = None if path is None else _read(path)
     if kept is None:
         flat, results = _flat(function, structure)
-        kept = jax.export.export(jax.jit(flat))(*_arrays(kinds)), results[-1]
+        try:
+            kept = jax.export.export(jax.jit(flat))(*_arrays(kinds)), results[-1]
+        except ValueError:
+            # On some devices an operation has no portable form. A user's mistake is told again.
+            return _program(function, structure, kinds, options)
         if path is not None:
             _write(path, *kept)
     return _compiled(*kept, kinds, options, function.__name__)

@@ -135,3 +135,12 @@ def test_a_function_that_closes_over_numbers_is_never_kept_nor_taken_for_another
     found = [float(watch(lambda x, by=by: by * x, np.asarray(2.0))) for by in (3.0, 5.0)]
     assert found == [6.0, 10.0]
     assert not list(kept_in.iterdir())
+
+
+def test_what_has_no_portable_form_is_compiled_as_it_is(kept_in, monkeypatch):
+    def refused(*arguments, **options):
+        raise ValueError("custom calls without compatibility guarantees")
+
+    monkeypatch.setattr(jax.export, "export", refused)
+    assert _asked() == [6.0, 24.0]
+    assert not list(kept_in.iterdir())
