@@ -33,6 +33,7 @@ _OTHER = (
 
 
 # Most of them are single operations, but for about one of each picture and each stage.
+@pytest.mark.end_to_end
 @pytest.mark.parametrize(("command", "most"), [("run", 22), ("map", 22), ("modes", 18)])
 def test_a_command_is_a_few_programs_and_with_other_numbers_none(command, most, tmp_path):
     folder = Folder(tmp_path, pictures=False)
