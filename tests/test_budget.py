@@ -30,8 +30,9 @@ def test_shares(shared): pass
 
 
 @pytest.fixture
-def run(pytester: pytest.Pytester):
-    def run(limit: float) -> pytest.RunResult:
+def run(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch):
+    def run(limit: float, slowness: float = 1.0) -> pytest.RunResult:
+        monkeypatch.setattr(budget, "_slowness", lambda: slowness)
         marks = "-o", "markers=slow\nend_to_end"
         options = "-o", f"fast_test_processor_s={limit}", "-p", "no:cacheprovider"
         return pytester.runpytest_inprocess(*options, *marks, plugins=[budget])
@@ -49,3 +50,7 @@ def test_a_fast_test_over_its_processor_seconds_fails_by_name(run):
 
 def test_one_below_them_passes(run):
     run(30.0).assert_outcomes(passed=6, failed=1)
+
+
+def test_the_limit_is_stretched_where_the_machine_is_slow(run):
+    run(0.2, slowness=20.0).assert_outcomes(passed=6, failed=1)
