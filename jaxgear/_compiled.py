@@ -14,7 +14,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.core import Tracer
+
+from jaxgear._checks import is_traced
 
 _Given = ParamSpec("_Given")
 _Found = TypeVar("_Found")
@@ -36,7 +37,7 @@ def compiled(verb: Callable[_Given, _Found]) -> Callable[_Given, _Found]:
     """
     program = eqx.filter_jit(verb)
     names = inspect.signature(verb).parameters
-    settings = {name for name, known in names.items() if known.kind is known.KEYWORD_ONLY}
+    settings = {name for name, each in names.items() if each.kind is each.KEYWORD_ONLY}
 
     @functools.wraps(verb)
     def call(*args: _Given.args, **kwargs: _Given.kwargs) -> _Found:
@@ -53,20 +54,12 @@ def _traceable(value: Any) -> Any:
     return jnp.asarray(value, dtype=float) if isinstance(value, float) else value
 
 
-def known(value: Any) -> np.ndarray | None:
-    """The numbers of an array, or `None` while it is being traced.
-
-    Checks on them cost no program.
-    """
-    return None if isinstance(value, Tracer) else np.asarray(value)
-
-
 def in_numpy(value: Any) -> Any:
     """The numbers of an array, or the array itself while it is being traced: for arithmetic.
 
     A check on them costs no program.
     """
-    return value if isinstance(value, Tracer) else np.asarray(value)
+    return value if is_traced(value) else np.asarray(value)
 
 
 def known_to_fail(ok: Any) -> bool:

@@ -39,6 +39,7 @@ from ._record import Record as Record
 from ._record import SearchResult as SearchResult
 from ._record import Sloped as Sloped
 from ._record import Watcher as Watcher
+from ._record import value_and_jacobian as value_and_jacobian
 from ._record import with_gradient as with_gradient
 from ._record import with_jacobian as with_jacobian
 from ._robust import AbstractMeasure as AbstractMeasure

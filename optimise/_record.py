@@ -72,8 +72,22 @@ def with_jacobian(function: Callable[..., Array] | Sloped) -> Sloped:
     """
     if isinstance(function, Sloped):
         return function
-    both = jax.jit(jax.jacfwd(lambda *x: (function(*x),) * 2, has_aux=True))
-    return Sloped(lambda *x: both(*x)[::-1])
+    return Sloped(jax.jit(value_and_jacobian(function)))
+
+
+def value_and_jacobian(function: Callable[..., Array]) -> Callable[..., tuple[Array, Array]]:
+    """Several values and the derivatives of each by the first argument, forward in one pass.
+
+    **Arguments:**
+
+    - `function`: traceable by JAX.
+
+    **Returns:**
+
+    A function of the same arguments: values, and derivatives `[value, variable]`.
+    """
+    both = jax.jacfwd(lambda *x: (function(*x),) * 2, has_aux=True)
+    return lambda *x: both(*x)[::-1]
 
 
 class Box(eqx.Module):

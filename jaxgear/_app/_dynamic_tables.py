@@ -1,8 +1,7 @@
 """The data of the pictures of dynamics, as columns with units."""
 
 import itertools
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 import xarray as xr
@@ -209,15 +208,6 @@ def _crossings(speed: np.ndarray, apart: np.ndarray) -> list[float]:
         share = apart[left] / (apart[left] - apart[left + 1])
         found.append(float(speed[left] + share * (speed[left + 1] - speed[left])))
     return found
-
-
-def compare_columns(rungs: Sequence[Mapping[str, Any]]) -> Columns:
-    """The data of `compare`, one row per rung."""
-    texts = {name: np.asarray([str(rung[name]) for rung in rungs]) for name in ("name", "family")}
-    numbers = {
-        name: np.asarray([float(rung[name]) for rung in rungs]) for name in ("time_s", "error")
-    }
-    return _finite_columns(texts | numbers)
 
 
 def orbit_columns(dataset: xr.Dataset) -> Columns:

@@ -7,7 +7,6 @@ import dataclasses
 import hashlib
 import json
 import uuid
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -152,31 +151,22 @@ class Task(eqx.Module):
 
 def objective_at(task: Task, values: Reals, law: AbstractContactLaw) -> Scalar:
     """The objective over all torques; NaN where a cycle was not solved."""
-    return optimise.over_torques(
-        task.model,
-        task.objective,
-        task.torques,
-        grid=task.grid,
-        law=law,
-        worst=task.worst,
-        prepared=task.prepared,
-        batched=task.batched,
-    )(values)
+    return optimise.over_torques(task.model, task.objective, task.torques, **_how(task, law))(
+        values
+    )
 
 
 def responses_at(task: Task, values: Reals, law: AbstractContactLaw) -> Reals:
     """The objective and the responses that have limits, over all torques."""
     return optimise.responses_over_torques(
-        task.model,
-        task.objective,
-        task.limited,
-        task.torques,
-        grid=task.grid,
-        law=law,
-        worst=task.worst,
-        prepared=task.prepared,
-        batched=task.batched,
+        task.model, task.objective, task.limited, task.torques, **_how(task, law)
     )(values)
+
+
+def _how(task: Task, law: AbstractContactLaw) -> dict[str, Any]:
+    """What both kinds of evaluation take by name."""
+    names = ("grid", "worst", "prepared", "batched")
+    return {name: getattr(task, name) for name in names} | {"law": law}
 
 
 def residuals_at(task: Task, values: Reals, law: AbstractContactLaw) -> Reals:
@@ -193,17 +183,16 @@ def sloped_objective(task: Task, values: Reals, width: Scalar) -> tuple[Scalar, 
 
 def sloped_responses(task: Task, values: Reals, width: Scalar) -> tuple[Reals, Reals]:
     """The responses with smooth contact so wide [m], and their derivatives, forward."""
-    return _forward(lambda x: responses_at(task, x, SmoothContact(width)), values)
+    return optimise.value_and_jacobian(lambda x: responses_at(task, x, SmoothContact(width)))(
+        values
+    )
 
 
 def sloped_residuals(task: Task, values: Reals, width: Scalar) -> tuple[Reals, Reals]:
     """The residuals with smooth contact so wide [m], and their derivatives, forward."""
-    return _forward(lambda x: residuals_at(task, x, SmoothContact(width)), values)
-
-
-def _forward(function: Callable[[Reals], Reals], values: Reals) -> tuple[Reals, Reals]:
-    slopes, found = jax.jacfwd(lambda x: (function(x),) * 2, has_aux=True)(values)
-    return found, slopes
+    return optimise.value_and_jacobian(lambda x: residuals_at(task, x, SmoothContact(width)))(
+        values
+    )
 
 
 def side_by_side(task: Task, points: Reals, law: AbstractContactLaw) -> Reals:
@@ -213,7 +202,7 @@ def side_by_side(task: Task, points: Reals, law: AbstractContactLaw) -> Reals:
 
 def sloped_deviations(task: Task, values: Reals) -> tuple[Reals, Reals]:
     """The residuals with exact contact, and their derivatives."""
-    return _forward(lambda x: residuals_at(task, x, ExactContact()), values)
+    return optimise.value_and_jacobian(lambda x: residuals_at(task, x, ExactContact()))(values)
 
 
 def objectives_at(task: Task, points: Reals, law: AbstractContactLaw) -> Reals:

@@ -81,8 +81,23 @@ def contact_force(system: DynamicSystem, orbit: Orbit) -> Series:
 
     The force at each step, drive and back flanks together [N].
     """
-    drive = orbit.load[:, 0]
-    return drive + orbit.load[:, orbit.load.shape[1] // 2] if system.back else drive
+    return total_force(system, orbit.load)
+
+
+def total_force(system: DynamicSystem, load: StepPlaces) -> Series:
+    """Force of all cells along the normal, drive and back flanks together.
+
+    **Arguments:**
+
+    - `system`: what moves.
+    - `load`: elastic load of the mesh on its coordinates, at each step [N, N m].
+
+    **Returns:**
+
+    The force at each step [N].
+    """
+    drive = load[:, 0]
+    return drive + load[:, load.shape[1] // 2] if system.back else drive
 
 
 # A response whose mean mesh force is below this part of the static one has lost the teeth.

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxgear._checks import require
-from jaxgear._compiled import compiled, known
+from jaxgear._compiled import compiled, in_numpy
 from jaxgear._dynamics._floquet import STABLE, monodromy, multipliers
 from jaxgear._dynamics._harmonic import Balance, HarmonicBalance, balance_of, terms_of
 from jaxgear._dynamics._march import History, Marching, march, quasi_static_start
@@ -63,9 +63,9 @@ def steady_state(
     - `ValueError` unless the speed is positive.
     """
     speed = jnp.asarray(speed, dtype=float)
-    given = known(speed)
+    given = in_numpy(speed)
     require(
-        given is None or bool(np.all(given > 0.0)),
+        (given > 0.0).all(),
         "The speed must be positive, got {got:.6g} rad/s: at rest, the quasi-static cycle is the "
         "response.",
         got=given,
@@ -96,13 +96,13 @@ def steady_states(
     """
     speeds = jnp.asarray(speeds, dtype=float)
     require(speeds.size > 0, "A sweep needs at least one speed.")
-    if (given := known(speeds)) is not None:
-        require(
-            bool(np.all((given > 0.0) & np.isfinite(given))),
-            "All speeds must be positive and finite, got {least:.6g} to {largest:.6g} rad/s.",
-            least=given.min(),
-            largest=given.max(),
-        )
+    given = in_numpy(speeds)
+    require(
+        ((given > 0.0) & (given < np.inf)).all(),
+        "All speeds must be positive and finite, got {least:.6g} to {largest:.6g} rad/s.",
+        least=given.min(),
+        largest=given.max(),
+    )
     return _orbits(method or _differentiable(system), system, speeds)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from jaxgear._compiled import compiled
 from jaxgear._dynamics._march import load_at_nodes
-from jaxgear._dynamics._orbit import Orbit, contact_force
+from jaxgear._dynamics._orbit import Orbit, contact_force, total_force
 from jaxgear._dynamics._system import DynamicSystem, PairDynamics
 from jaxgear._dynamics._table import (
     MIDDLE,
@@ -316,8 +316,7 @@ def pressed_cells(
             lambda mesh, own, near: load_at_nodes(system, law, mesh, own, near)
         )(meshes, nodes, orbit.load)
     force, overlap = jax.vmap(lambda mesh, own: cell_forces(mesh, own, law))(meshes, places)
-    total = load[:, 0] + load[:, load.shape[1] // 2] if system.back else load[:, 0]
-    return PressedCells(force, overlap, total)
+    return PressedCells(force, overlap, total_force(system, load))
 
 
 def _at_starts(lengths: Reals, middles: StepPlaces, settled: Flag) -> StepPlaces:
