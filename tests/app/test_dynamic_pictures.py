@@ -294,6 +294,8 @@ _ONLY_IN_FIGURES = ("natural", "tolerance", "recommended")
 
 
 def _columns(kind, data, extra):
+    if kind == "compare":  # `compare` writes its own table beside the chart.
+        return {}
     known = {name: value for name, value in extra.items() if name not in _ONLY_IN_FIGURES}
     return getattr(tables, f"{kind}_columns")(data, **known)
 
@@ -636,7 +638,7 @@ def test_free_rotation_crosses_nothing():
 
 
 def test_chart_of_methods(everything):
-    figure, columns = everything["compare"]
+    figure, _ = everything["compare"]
     (axes,) = figure.axes
     rungs = _rungs()
     ring = [line for line in axes.lines if line.get_markersize() == 14]
@@ -650,10 +652,6 @@ def test_chart_of_methods(everything):
     ]
     assert failed.get_xydata()[0, 1] > max(x["error"] for x in rungs[:-1])
     assert sorted(text.get_text() for text in axes.texts) == sorted(x["name"] for x in rungs)
-    assert columns["error"][-1] == ""
-    assert [float(x) for x in columns["error"][:-1]] == pytest.approx(
-        [x["error"] for x in rungs[:-1]]
-    )
 
 
 def test_an_error_of_zero_stands_at_the_foot():
