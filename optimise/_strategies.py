@@ -171,8 +171,8 @@ def inactive(
     - `function`: values and derivatives.
     - `start`: first point.
     - `box`: bounds.
-    - `places`: of Sobol's sequence to look at too, a power of two.
-    - `seed`: of the scrambling.
+    - `places`: how many other points of the box to look at, at random.
+    - `seed`: of the random points.
 
     **Returns:**
 
@@ -193,8 +193,8 @@ def inactive(
 
     def points() -> Iterator[np.ndarray]:
         yield np.asarray(start, float)
-        # Only then, for SciPy's statistics take half a second to import.
-        yield from box.from_unit(sobol(span.size, places, seed))
+        # Anywhere will do; Sobol's sequence would cost the import of SciPy's statistics.
+        yield from box.from_unit(np.random.default_rng(seed).random((places, span.size)))
 
     for number, point in enumerate(points()):
         change, size = changes(point)

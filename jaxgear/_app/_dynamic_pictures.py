@@ -37,7 +37,7 @@ from jaxgear._app._dynamic_tables import (
     contact_loss_columns,
 )
 from jaxgear._app._palette import _BLUE, _GREEN, _GREY, _ORANGE, _RED, _SKY
-from jaxgear._app._pictures import _BOX, _SURFACE, _digits, _house_look, _panels
+from jaxgear._app._pictures import _BOX, _SURFACE, _digits, _house_look, _panels, lay_out
 from jaxgear._app._tables import _cycle_periods, _shares
 
 # The seventh of Okabe and Ito's palette; on white their yellow is hard to see.
@@ -191,7 +191,7 @@ def _write_labels(
     """
     figure = axes.get_figure(root=True)
     assert figure is not None
-    figure.draw_without_rendering()
+    lay_out(figure)
     scale = 72.0 / figure.dpi
     to_points = lambda xy: scale * axes.transData.transform(np.reshape(xy, (-1, 2)))
     own = to_points([label.at for label in labels])
@@ -500,7 +500,7 @@ def _write_critical(axes: Axes, shown: Sequence[tuple[float, str]]) -> None:
     sizes = np.asarray([_text_size(axes, label, look) for _, label in shown])
     figure = axes.get_figure(root=True)
     assert figure is not None
-    figure.draw_without_rendering()
+    lay_out(figure)
     box = axes.get_window_extent()
     width, height = (72.0 / figure.dpi * x for x in (box.width, box.height))
     # Lines lead from their speeds to their labels over this height [points].
@@ -614,7 +614,7 @@ def _write_orders(axes: Axes, order: np.ndarray, slope: float) -> None:
     (_, right), (_, top) = axes.get_xlim(), axes.get_ylim()
     figure = axes.get_figure(root=True)
     assert figure is not None
-    figure.draw_without_rendering()
+    lay_out(figure)
     scale = 72.0 / figure.dpi
     last = np.full(2, np.inf)
     for value in order:
@@ -1072,7 +1072,7 @@ def _write_modes(axes: Axes, curves: Sequence[np.ndarray]) -> None:
         return
     figure = axes.get_figure(root=True)
     assert figure is not None
-    figure.draw_without_rendering()
+    lay_out(figure)
     height = 72.0 / figure.dpi * axes.get_window_extent().height
     places = _apart(np.asarray([end for end, _ in ends]), top * 10.0 / height, 0.0, top)
     right = axes.get_xlim()[1]

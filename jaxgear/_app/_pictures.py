@@ -15,6 +15,7 @@ import matplotlib
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.backend_bases import RendererBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.cm import ScalarMappable
@@ -25,7 +26,11 @@ from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Annotation
 from matplotlib.ticker import FuncFormatter, NullFormatter
-from matplotlib.transforms import blended_transform_factory, offset_copy
+from matplotlib.transforms import (
+    Bbox,
+    ScaledTranslation,
+    offset_copy,
+)
 
 import jaxgear as jg
 from jaxgear._app._palette import _BLUE, _GREEN, _GREY, _ORANGE, _PINK, _RED, _SKY
@@ -108,12 +113,12 @@ def write_picture(draw: Callable[[], Figure], png: Path, svg: Path) -> None:
         # Laying out takes as long as drawing, and both files can have the same layout.
         figure.set_dpi(_DPI)
         canvas = FigureCanvasAgg(figure)
-        if engine := figure.get_layout_engine():
-            engine.execute(figure)
+        for axes in figure.axes:
+            _measure_once(axes)
+        lay_out(figure)
         figure.set_layout_engine("none")
         with whole_file(png) as draft:
             canvas.print_png(draft, pil_kwargs={"compress_level": _COMPRESSION})
-        _keep_labels(figure)
         with whole_file(svg) as draft:
             FigureCanvasSVG(figure).print_svg(draft, metadata={"Date": None})
 
@@ -122,16 +127,52 @@ def write_picture(draw: Callable[[], Figure], png: Path, svg: Path) -> None:
 _DPI, _COMPRESSION = 150, 1
 
 
-def _keep_labels(figure: Figure) -> None:
-    """Leave labels of axes where they were drawn: to place them anew all ticks are measured."""
-    inches = figure.dpi_scale_trans
-    for axes in figure.axes:
-        x, y = axes.xaxis.label.get_position()
-        along = blended_transform_factory(axes.transAxes, inches)
-        axes.xaxis.set_label_coords(x, y / figure.dpi, transform=along)
-        x, y = axes.yaxis.label.get_position()
-        along = blended_transform_factory(inches, axes.transAxes)
-        axes.yaxis.set_label_coords(x / figure.dpi, y, transform=along)
+def lay_out(figure: Figure) -> None:
+    """Put the axes where they will be drawn; drawing to find out would cost as much again.
+
+    **Arguments:**
+
+    - `figure`: with all that needs room.
+    """
+    if engine := figure.get_layout_engine():
+        engine.execute(figure)
+
+
+def _measure_once(axes: Axes) -> None:
+    """Let axes keep what stands round them: a layout measures all text in both its passes."""
+    measure = axes.get_tightbbox
+    margins: list[np.ndarray] = []
+
+    def kept(renderer: RendererBase | None = None, **options: Any) -> Bbox | None:
+        locator = axes.get_axes_locator()
+        axes.apply_aspect(locator(axes, renderer) if locator else None)
+        if not margins:
+            found = measure(renderer, **options)
+            if found is None:
+                return None
+            margins.append(found.extents - axes.bbox.extents)
+            _keep_labels(axes)
+        return Bbox.from_extents(*(axes.bbox.extents + margins[0]))
+
+    vars(axes)["get_tightbbox"] = kept
+
+
+def _keep_labels(axes: Axes) -> None:
+    """Leave labels as far from the axes as they are: to place them anew all ticks are measured."""
+    figure = axes.get_figure(root=True)
+    (left, bottom), (right, top) = axes.bbox.get_points()
+    x, y = axes.xaxis.label.get_position()
+    above = axes.xaxis.get_label_position() == "top"
+    gap = ScaledTranslation(
+        0.0, (y - (top if above else bottom)) / figure.dpi, figure.dpi_scale_trans
+    )
+    axes.xaxis.set_label_coords(x, float(above), transform=axes.transAxes + gap)
+    x, y = axes.yaxis.label.get_position()
+    beyond = axes.yaxis.get_label_position() == "right"
+    gap = ScaledTranslation(
+        (x - (right if beyond else left)) / figure.dpi, 0.0, figure.dpi_scale_trans
+    )
+    axes.yaxis.set_label_coords(float(beyond), y, transform=axes.transAxes + gap)
 
 
 def _panels(
@@ -473,7 +514,7 @@ def _write_bearing_loads(
     drawn: list[Annotation] = []
     before = 0.0
     for _ in range(_ROUNDS):
-        figure.draw_without_rendering()
+        lay_out(figure)
         # How many millimetres of the picture a point of its letters takes.
         scale = figure.dpi / 72.0 / float(axes.transData.get_matrix()[0, 0])
         if abs(scale - before) < 1e-3 * scale:
