@@ -25,7 +25,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Annotation
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogFormatterSciNotation, NullFormatter
 from matplotlib.transforms import (
     Bbox,
     ScaledTranslation,
@@ -114,6 +114,7 @@ def write_picture(draw: Callable[[], Figure], png: Path, svg: Path) -> None:
         figure.set_dpi(_DPI)
         canvas = FigureCanvasAgg(figure)
         for axes in figure.axes:
+            _plain_decades(axes)
             _measure_once(axes)
         lay_out(figure)
         figure.set_layout_engine("none")
@@ -125,6 +126,13 @@ def write_picture(draw: Callable[[], Figure], png: Path, svg: Path) -> None:
 
 # A tenth more bytes than the default, for half the time.
 _DPI, _COMPRESSION = 150, 1
+
+
+def _plain_decades(axes: Axes) -> None:
+    """Decades as 0.1, 1, 10: letters that read as formulas take longest of all to draw."""
+    for axis in (axes.xaxis, axes.yaxis):
+        if isinstance(axis.get_major_formatter(), LogFormatterSciNotation):
+            axis.set_major_formatter("{x:g}")
 
 
 def lay_out(figure: Figure) -> None:

@@ -56,7 +56,7 @@ class Kind(NamedTuple):
     """
 
     shape: tuple[int, ...]
-    dtype: str
+    dtype: np.dtype
 
 
 # For programs that run a few times: a third less to compile, half as much again to run.
@@ -99,7 +99,7 @@ def leaves_of(*arguments: Any) -> tuple[list[Any], Any]:
 
 def kinds_of(leaves: Sequence[Any]) -> tuple[Kind, ...]:
     """What programs know of arrays."""
-    return tuple(Kind(x.shape, x.dtype.name) for x in leaves)
+    return tuple(Kind(x.shape, x.dtype) for x in leaves)
 
 
 def program_of(

@@ -9,6 +9,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy
 import xarray as xr
 from tiny_cases import tiny_scene
 
@@ -346,3 +347,15 @@ def test_what_a_condensed_body_cannot_show_is_said(folder):
     assert "sweep.steps must be at least 29 at 1000 rad/s, 472 at 60 rad/s" in reach
     fine = scene.replace({"sweep.harmonics": 48, "model.coordinates": 2})
     assert sweep_notes(fine, 0, 2, []) == []
+
+
+def test_prominent_maxima_are_those_of_scipy():
+    draw = np.random.default_rng(0)
+    for count in range(1, 60):
+        values, least = draw.random(count), 0.5 * draw.random()
+        expected = scipy.signal.find_peaks(values, prominence=least)[0]
+        assert _dynamics.prominent(values, least) == list(expected)
+
+
+def test_of_a_flat_top_the_first_place_is_the_maximum():
+    assert _dynamics.prominent(np.asarray([0.0, 1.0, 1.0, 0.5, 1.0, 1.0, 2.0]), 0.4) == [1]
