@@ -1,5 +1,6 @@
 """The conditions that every test runs under. Imports no package of ours."""
 
+import gc
 import os
 import shutil
 import sys
@@ -47,6 +48,9 @@ install_import_hook(_CHECKED, "beartype.beartype")
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
+
+# As commands do: each look for garbage walks through all that JAX has traced.
+gc.set_threshold(200_000, 50, 100)
 
 # Of compiled programs on the disk, of all versions of the code; of one process in memory [B].
 _DISK, _MEMORY = 1e9, 3e9
