@@ -144,6 +144,14 @@ def lay_out(figure: Figure) -> None:
     """
     if engine := figure.get_layout_engine():
         engine.execute(figure)
+    for axes in figure.axes:
+        _set_aspect(axes)
+
+
+def _set_aspect(axes: Axes, renderer: Any = None) -> None:
+    """Shape axes as drawing would."""
+    locator = axes.get_axes_locator()
+    axes.apply_aspect(locator(axes, renderer) if locator else None)
 
 
 def _measure_once(axes: Axes) -> None:
@@ -151,16 +159,15 @@ def _measure_once(axes: Axes) -> None:
     measure = axes.get_tightbbox
     margins: list[np.ndarray] = []
 
-    def kept(renderer: RendererBase | None = None, **options: Any) -> Bbox | None:
-        locator = axes.get_axes_locator()
-        axes.apply_aspect(locator(axes, renderer) if locator else None)
+    def kept(renderer: RendererBase, **options: Any) -> Bbox | None:
+        _set_aspect(axes, renderer)
         if not margins:
             found = measure(renderer, **options)
             if found is None:
                 return None
-            margins.append(found.extents - axes.bbox.extents)
+            margins.append(np.subtract(found.extents, axes.bbox.extents))
             _keep_labels(axes)
-        return Bbox.from_extents(*(axes.bbox.extents + margins[0]))
+        return Bbox.from_extents(*np.add(axes.bbox.extents, margins[0]))
 
     vars(axes)["get_tightbbox"] = kept
 
@@ -168,6 +175,7 @@ def _measure_once(axes: Axes) -> None:
 def _keep_labels(axes: Axes) -> None:
     """Leave labels as far from the axes as they are: to place them anew all ticks are measured."""
     figure = axes.get_figure(root=True)
+    assert figure is not None
     (left, bottom), (right, top) = axes.bbox.get_points()
     x, y = axes.xaxis.label.get_position()
     above = axes.xaxis.get_label_position() == "top"
