@@ -3,7 +3,6 @@
 import dataclasses
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -41,9 +40,15 @@ from jaxgear._app._dynamics import (
 from jaxgear._app._folder import Folder
 from jaxgear._app._gradients import dynamic_table, gradient_table
 from jaxgear._app._model import model_of, smooth_law_of
+from jaxgear._app._modification_tables import draw_modification
 from jaxgear._app._notes import steady_notes, sweep_notes
 from jaxgear._app._optimising import optimisation, optimise_flanks
-from jaxgear._app._plots import dynamic_pictures, pictures, sensitivity_pictures
+from jaxgear._app._plots import (
+    dynamic_pictures,
+    pictures,
+    sensitivity_pictures,
+    sliding_pictures,
+)
 from jaxgear._app._progress import built_scene, narration, progress, warn
 from jaxgear._app._relief_map import map_relief
 from jaxgear._app._report import Summary, finish, head, names_of, title_of
@@ -57,6 +62,7 @@ from jaxgear._app._sizing import (
     sizing_summary,
     sizing_table,
 )
+from jaxgear._app._sliding_tables import sliding_columns
 from jaxgear._app._statics import (
     Statics,
     Stopwatch,
@@ -113,8 +119,7 @@ def run(scene: Scene, folder: Folder, quiet: bool) -> Summary:
             dataset, found = _on_bodies(scene, statics, dataset, folder, quiet)
             summary["static"] |= found
         write_dataset(dataset, folder / "result.nc")
-        bearings = summary["static"]["bearings"]
-        _draw_statics(folder, title_of(scene), statics, dataset, bearings)
+        _draw_statics(folder, scene, statics, dataset, summary["static"])
         done(1)
     if scene.has_table("sweep"):
         dynamics = solve_dynamics(scene, watch)
@@ -410,19 +415,24 @@ def _harris_torques(scene: Scene) -> np.ndarray:
 
 def _draw_statics(
     folder: Folder,
-    title: str,
+    scene: Scene,
     statics: Statics,
     dataset: xr.Dataset,
-    bearings: list[dict[str, Any]],
+    static: Summary,
 ) -> None:
     """The pictures of one mesh cycle."""
-    model = statics.model
+    model, title, bearings = statics.model, title_of(scene), static["bearings"]
     save(
         partial(pictures.gear_pair, model, title),
         tables.gear_pair_columns(model),
         folder,
         "gear_pair",
     )
+    if not scene.has_table("optimise"):
+        # A search draws them beside those that it finds.
+        draw_modification({"given": model}, title, folder)
+    data = sliding_columns(model.pair)
+    save(partial(sliding_pictures.sliding, data, dataset, static, title), data, folder, "sliding")
     for name, draw, columns in (
         ("transmission_error", pictures.transmission_error, tables.transmission_error_columns),
         ("mesh_stiffness", pictures.stiffness_and_sharing, tables.stiffness_and_sharing_columns),

@@ -26,6 +26,7 @@ from jaxgear._app._design import (
 from jaxgear._app._evaluations import objective_at, responses_at
 from jaxgear._app._folder import Folder
 from jaxgear._app._model import smooth_law_of
+from jaxgear._app._modification_tables import draw_modification
 from jaxgear._app._notes import left_out_notes
 from jaxgear._app._pareto import draw_front, front_of, front_remarks, is_asked_for
 from jaxgear._app._plots import pictures, robust_pictures
@@ -356,6 +357,7 @@ def _draw_search(
     old, new = (static_dataset(each.model, each.cycle, each.law) for each in (before, after))
     figure = partial(pictures.before_after, old, new, title_of(scene))
     save(figure, tables.before_after_columns(old, new), folder, "before_after")
+    draw_modification({"start": before.model, "optimised": after.model}, title_of(scene), folder)
     traces = {name: found.values, "differential evolution": baseline.values}
     unit = objective_of(scene)[1]
     figure = partial(pictures.search_trace, traces, unit, title_of(scene))

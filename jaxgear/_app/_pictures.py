@@ -24,7 +24,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Annotation
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 from matplotlib.transforms import blended_transform_factory, offset_copy
 
 import jaxgear as jg
@@ -32,6 +32,7 @@ from jaxgear._app._palette import _BLUE, _GREEN, _GREY, _ORANGE, _PINK, _RED, _S
 from jaxgear._app._results import BODIES, cycle_statistics, flank_grid
 from jaxgear._app._tables import (
     _FLANK_MAPS,
+    _along_flank,
     _centre,
     _cycle_periods,
     _deflected_lines,
@@ -734,7 +735,7 @@ def stiffness_and_sharing(dataset: xr.Dataset, title: str) -> Figure:
 
 @_house_look()
 def flank_maps(dataset: xr.Dataset, title: str) -> Figure:
-    """Line load and pressure over the pinion's flank.
+    """Line load and pressure over the pinion's flank, along its roll angle and diameter.
 
     **Arguments:**
 
@@ -748,7 +749,7 @@ def flank_maps(dataset: xr.Dataset, title: str) -> Figure:
     figure, panels = _panels((9.6, 4.2), title, 2)
     for axes, (variable, (quantity, unit)) in zip(panels, _FLANK_MAPS.items(), strict=True):
         grid = flank_grid(dataset, variable, "pinion")
-        place = grid["profile_position"].values
+        place, diameter = _along_flank(dataset, grid["profile_position"].values)
         half = 0.5 * (place[1] - place[0])
         face = np.linspace(-0.5, 0.5, grid.sizes["slice"] + 1) * dataset.attrs["face_width_mm"]
         surface = axes.pcolormesh(
@@ -761,12 +762,12 @@ def flank_maps(dataset: xr.Dataset, title: str) -> Figure:
         )
         axes.grid(False)
         axes.set(
-            xlabel="place on the pinion's flank, root 0, tip 1 [-]",
             ylabel="position from mid-face [mm]",
-            xlim=(0, 1),
         )
+        _roll_axis(axes, place, diameter)
         axes.set_title(f"largest {_digits(float(dataset[variable].max()), 4)} {unit}", loc="left")
-        _mark_points(axes, dataset["path_point_position"], on_surface=True)
+        angle, _ = _along_flank(dataset, dataset["path_point_position"].values)
+        _mark_points(axes, dataset["path_point_position"].copy(data=angle), on_surface=True)
         figure.colorbar(surface, ax=axes, label=f"{quantity} [{unit}]")
     return figure
 
@@ -827,6 +828,19 @@ def _phase_axis(axes: Axes, label: str, phase: np.ndarray) -> None:
     """Name the axes of a curve over the cycle with these phases, unrolled or not."""
     last = max(2, _cycle_periods(phase))
     axes.set(xlabel="mesh phase [mesh periods]", ylabel=label, xlim=(0, last))
+
+
+def _roll_axis(axes: Axes, angle: np.ndarray, diameter: np.ndarray) -> None:
+    """Roll angle along a flank, and under each of its ticks the diameter there.
+
+    An axis of its own for diameters would take as long to draw as all the rest.
+    """
+    low, high = float(angle[0]), float(angle[-1])
+    ticks = np.asarray(MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(low, high))
+    ticks = ticks[(ticks >= low) & (ticks <= high)]
+    labels = [f"{tick:g}\n{np.interp(tick, angle, diameter):.2f}" for tick in ticks]
+    axes.set_xticks(ticks, labels)
+    axes.set(xlabel="roll angle [°], and under it diameter [mm]", xlim=(low, high))
 
 
 def _mark_points(axes: Axes, places: xr.DataArray, *, on_surface: bool = False) -> None:

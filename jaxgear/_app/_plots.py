@@ -12,9 +12,11 @@ if TYPE_CHECKING:
     from jaxgear._app import _dynamic_pictures as dynamic_pictures
     from jaxgear._app import _flank_pictures as flank_pictures
     from jaxgear._app import _hybrid_pictures as hybrid_pictures
+    from jaxgear._app import _modification_pictures as modification_pictures
     from jaxgear._app import _pictures as pictures
     from jaxgear._app import _robust_pictures as robust_pictures
     from jaxgear._app import _sensitivity_pictures as sensitivity_pictures
+    from jaxgear._app import _sliding_pictures as sliding_pictures
     from jaxgear._app import _wave_pictures as wave_pictures
 else:
 
@@ -38,7 +40,9 @@ else:
     dynamic_pictures = _Later("_dynamic_pictures")
     flank_pictures = _Later("_flank_pictures")
     hybrid_pictures = _Later("_hybrid_pictures")
+    modification_pictures = _Later("_modification_pictures")
     pictures = _Later("_pictures")
     robust_pictures = _Later("_robust_pictures")
     sensitivity_pictures = _Later("_sensitivity_pictures")
+    sliding_pictures = _Later("_sliding_pictures")
     wave_pictures = _Later("_wave_pictures")

@@ -56,11 +56,19 @@ def head(scene: Scene, statics: Statics) -> Summary:
             "geometry": geometry_summary(statics),
             "iso6336": {key: float(value) for key, value in statics.standard.items()},
             "static": {key: float(value) for key, value in statics.numbers.items()}
+            | _efficiency(scene, statics)
             | mounts_summary(statics),
             "notes": known,
         }
         | _told_bodies(scene, known)
     )
+
+
+def _efficiency(scene: Scene, statics: Statics) -> Summary:
+    """What sliding leaves of the power, as `mesh_efficiency` has it, and what was assumed."""
+    friction = scene["mesh.friction_coefficient"]
+    efficiency = 1.0 - friction * float(statics.numbers["mesh_loss_factor"])
+    return {"friction_coefficient": friction, "mesh_efficiency": efficiency}
 
 
 def _modes_kept(scene: Scene) -> int:

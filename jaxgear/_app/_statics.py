@@ -35,6 +35,7 @@ from jaxgear._response._factors import (
     transverse_load_factor,
 )
 from jaxgear._response._loads import hertz_pressure, line_load, mesh_stiffness
+from jaxgear._response._losses import mesh_loss_factor
 from jaxgear._response._transmission import (
     cycle_mean,
     cycle_rms,
@@ -407,6 +408,7 @@ def _static_numbers(
         "single_pair_stiffness_max_N_mm_um": largest / N_per_mm_um,
         "single_pair_stiffness_pitch_N_mm_um": at_pitch / N_per_mm_um,
         "single_pair_deflection_um": load / largest / um,
+        "mesh_loss_factor": mesh_loss_factor(pair, cycle),
         "mesh_stiffness_mean_N_um": cycle_mean(cycle, mesh_stiffness(cycle)) * um,
         "nominal_line_load_N_mm": load * mm,
         "least_share_in_contact": jnp.min(_share_in_contact(cycle)),
