@@ -10,6 +10,8 @@ import xarray as xr
 from jaxgear._app import _campbell_tables
 from jaxgear._app import _dynamic_tables as dynamic_tables
 from jaxgear._app import _tables as tables
+from jaxgear._app._axes_tables import axes_columns
+from jaxgear._app._body_sections import body_sections
 from jaxgear._app._design import (
     refuse_unbounded,
     require_search,
@@ -44,6 +46,7 @@ from jaxgear._app._modification_tables import draw_modification
 from jaxgear._app._notes import steady_notes, sweep_notes
 from jaxgear._app._optimising import optimisation, optimise_flanks
 from jaxgear._app._plots import (
+    axes_pictures,
     dynamic_pictures,
     pictures,
     sensitivity_pictures,
@@ -428,6 +431,8 @@ def _draw_statics(
         folder,
         "gear_pair",
     )
+    figure = partial(axes_pictures.axes, model.pair, title)
+    save(figure, axes_columns(model.pair), folder, "axes")
     if not scene.has_table("optimise"):
         # A search draws them beside those that it finds.
         draw_modification({"given": model}, title, folder)
@@ -451,7 +456,8 @@ def _draw_statics(
         figure = partial(draw, torques, phase, error, title, weight=weight)
         save(figure, columns(torques, phase, error, weight=weight), folder, name)
     if bearings:
-        figure = partial(pictures.shafts, model, statics.cycle, bearings, title)
+        sections = body_sections(scene)
+        figure = partial(pictures.shafts, model, statics.cycle, bearings, title, sections)
         save(figure, tables.shafts_columns(model, statics.cycle, bearings), folder, "shafts")
 
 

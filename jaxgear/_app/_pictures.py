@@ -8,6 +8,7 @@ import contextlib
 import gc
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import equinox as eqx
@@ -18,6 +19,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.cm import ScalarMappable
+from matplotlib.collections import PolyCollection
 from matplotlib.colors import BoundaryNorm, Colormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -169,6 +171,8 @@ def gear_pair(model: jg.PairModel, title: str = "") -> Figure:
             f"Gear pair {pair.pinion.teeth}/{pair.wheel.teeth} in the transverse plane, "
             rf"$\varepsilon_\alpha$ = {ratio:.3f}"
         )
+    else:
+        title = f"Gears in mesh: {title}"
     figure, (axes,) = _panels((7.4, 7.6), title)
     axes.grid(False)
     facts = _facts(pair)
@@ -269,12 +273,14 @@ def shafts(
     cycle: jg.MeshCycle,
     bearings: Sequence[Mapping[str, Any]],
     title: str,
+    sections: Mapping[str, np.ndarray] = MappingProxyType({}),
 ) -> Figure:
     """Both shafts from the side, to scale, with their deflection and what the bearings carry.
 
-    Of a shaft in a condensed body the displacements of its seats are shown, as marks. Gears are
-    drawn from the axis to the tip circle, bearings as crossed boxes, filled where they hold the
-    shaft along Z. Torques are arrows with two heads along the axis of rotation.
+    Of a shaft in a condensed body the displacements of its seats are shown, as marks. Condensed
+    bodies are cut along the axis, other gears drawn from it to the tip circle, bearings as crossed
+    boxes, filled where they hold the shaft along Z. Torques are arrows with two heads along the
+    axis of rotation.
 
     **Arguments:**
 
@@ -282,12 +288,14 @@ def shafts(
     - `cycle`: its settled states, of which the mean is drawn.
     - `bearings`: `static.bearings` of the summary: `gear`, `index` and `load_N` of each.
     - `title`: the case or the finding.
+    - `sections`: of condensed bodies, by gear: radius and Z around each element in the cut, shape
+        `[element, point, 2]` [m].
 
     **Returns:**
 
     The figure, in the plane of the two axes: Z from mid-face, S from the pinion's axis.
     """
-    figure, (axes,) = _panels(_side_view_size(model), title)
+    figure, (axes,) = _panels(_side_view_size(model), f"Shafts and bearings: {title}")
     axes.grid(False)
     axes.set_aspect("equal")
     lines = _deflected_lines(model, cycle)
@@ -296,7 +304,7 @@ def shafts(
     scale = _round_down(_SHOWN_DEFLECTION * distance / max(largest, 1e-12))
     for body, name in enumerate(BODIES):
         level = distance * body
-        _draw_gear_side(axes, model.pair, body, level)
+        _draw_gear_side(axes, model.pair, body, level, sections.get(name))
         mount = _mounts(model)[body]
         if not isinstance(mount, jg.Shaft):
             continue
@@ -348,6 +356,7 @@ def _side_view_size(model: jg.PairModel) -> tuple[float, float]:
     return width, float(np.clip((width - 2.4) * height / length + 1.6, 5.0, 8.6))
 
 
+_PALE = ("#c4dcec", "#f9e6bf")  # of pinion and wheel
 _AXIAL = "#c9d6e2"  # a bearing that holds its shaft along Z
 _DEFLECTION = {"S": (_GREEN, "-"), "T": (_RED, "--")}
 _SEAT_MARKS = ({"ls": "", "marker": "s", "ms": 5}, {"ls": "", "marker": "D", "ms": 5})
@@ -361,23 +370,27 @@ def _round_down(value: float) -> float:
     return float(max(r * power for r in (1.0, 2.0, 5.0) if r * power <= value))
 
 
-def _draw_gear_side(axes: Axes, pair: jg.GearPair, body: int, level: float) -> None:
-    """A gear from the side: body to the root circle, teeth to the tip circle."""
+def _draw_gear_side(
+    axes: Axes, pair: jg.GearPair, body: int, level: float, section: np.ndarray | None
+) -> None:
+    """A gear from the side: body to the root circle or in section, teeth to the tip circle."""
     gear, colour = (pair.pinion, pair.wheel)[body], (_BLUE, _ORANGE)[body]
     width = float(gear.face_width) / jg.mm
     facts = _facts(pair)
     root, tip = (float(facts[name][body]) / jg.mm for name in ("root_radius", "tip_radius"))
-    for radius, shade in ((tip, 0.12), (root, 0.18)):
-        axes.add_patch(
-            Rectangle(
-                (-0.5 * width, level - radius),
-                width,
-                2.0 * radius,
-                fc=colour,
-                ec=colour,
-                alpha=shade,
-            )
-        )
+    look: dict[str, Any] = {"fc": colour, "ec": colour}
+    if section is None:
+        for radius, shade in ((tip, 0.12), (root, 0.18)):
+            place = -0.5 * width, level - radius
+            axes.add_patch(Rectangle(place, width, 2.0 * radius, alpha=shade, **look))
+    else:
+        for side in (-1.0, 1.0):
+            corner = -0.5 * width, level + min(side * root, side * tip)
+            axes.add_patch(Rectangle(corner, width, tip - root, alpha=0.12, **look))
+            cut = section[..., ::-1] / jg.mm * [1.0, side] + [0.0, level]
+            # Above the shaft, which is a part of it.
+            pale = {"fc": _PALE[body], "ec": _PALE[body], "lw": 0.4, "zorder": 2.5}
+            axes.add_collection(PolyCollection(list(cut), **pale))
     axes.annotate(
         BODIES[body],
         (0.0, level + (tip if body else -tip)),
@@ -670,7 +683,7 @@ def transmission_error(dataset: xr.Dataset, title: str) -> Figure:
 
     The figure.
     """
-    figure, (time, order) = _panels((9.6, 4.0), title, 2, (1.7, 1.0))
+    figure, (time, order) = _panels((9.6, 4.0), f"Transmission error: {title}", 2, (1.7, 1.0))
     data = transmission_error_columns(dataset)
     mean, rms, span = cycle_statistics(dataset["transmission_error_um"])
     width = _thin(dataset["phase"].values)
@@ -710,7 +723,7 @@ def stiffness_and_sharing(dataset: xr.Dataset, title: str) -> Figure:
 
     The figure.
     """
-    figure, (stiffness, share) = _panels((9.6, 4.0), title, 2)
+    figure, (stiffness, share) = _panels((9.6, 4.0), f"Mesh stiffness and load sharing: {title}", 2)
     data = stiffness_and_sharing_columns(dataset)
     mean, _, span = cycle_statistics(dataset["mesh_stiffness_N_um"])
     width = _thin(dataset["phase"].values)
@@ -746,7 +759,7 @@ def flank_maps(dataset: xr.Dataset, title: str) -> Figure:
 
     The figure.
     """
-    figure, panels = _panels((9.6, 4.2), title, 2)
+    figure, panels = _panels((9.6, 4.2), f"Loads on the pinion's flank: {title}", 2)
     for axes, (variable, (quantity, unit)) in zip(panels, _FLANK_MAPS.items(), strict=True):
         grid = flank_grid(dataset, variable, "pinion")
         place, diameter = _along_flank(dataset, grid["profile_position"].values)
@@ -785,7 +798,7 @@ def face_load(dataset: xr.Dataset, title: str) -> Figure:
 
     The figure.
     """
-    figure, (axes,) = _panels((7.2, 4.4), title)
+    figure, (axes,) = _panels((7.2, 4.4), f"Load across the face: {title}")
     data = face_load_columns(dataset)
     face, load = data["face_position_mm"], data["face_load_mean_N_mm"]
     mean = float(np.mean(load))
@@ -897,7 +910,7 @@ def harris_map(
 
     The figure.
     """
-    figure, (curves, size) = _panels((9.6, 4.2), title, 2, (1.5, 1.0))
+    figure, (curves, size) = _panels((9.6, 4.2), f"Harris map: {title}", 2, (1.5, 1.0))
     colours, norm = _torque_colours(torques_Nm)
     width = min(_thin(phases), 1.3)
     data = harris_map_columns(torques_Nm, phases, te_um, weight=weight)
@@ -957,7 +970,9 @@ def te_spectrum(
 
     The figure.
     """
-    figure, (spectrum, size) = _panels((9.6, 4.2), title, 2, (1.5, 1.0))
+    figure, (spectrum, size) = _panels(
+        (9.6, 4.2), f"Spectrum of the TE over torque: {title}", 2, (1.5, 1.0)
+    )
     data = te_spectrum_columns(torques_Nm, phases, te_um, weight=weight)
     order, *amplitudes = data.values()
     colours, norm = _torque_colours(torques_Nm)
@@ -1021,7 +1036,7 @@ def smoothing_bias(
 
     The figure.
     """
-    figure, (mean, relative) = _panels((9.6, 4.0), title, 2)
+    figure, (mean, relative) = _panels((9.6, 4.0), f"Bias of smooth contact: {title}", 2)
     _draw_bias(mean, width_um, mean_bias_um, _BLUE, "mean TE")
     _draw_bias(relative, width_um, rms_bias_relative, _BLUE, "RMS of the TE")
     if gradient_bias_relative is not None:
@@ -1080,7 +1095,7 @@ def master_curve(
 
     The figure.
     """
-    figure, (axes,) = _panels((7.6, 5.8), title)
+    figure, (axes,) = _panels((7.6, 5.8), f"Master Curve map: {title}")
     depth = chart.depth / jg.um
     levels = _levels(chart.value)
     surface = axes.contourf(
@@ -1158,7 +1173,7 @@ def search_trace(values_by_method: Mapping[str, np.ndarray], unit: str, title: s
 
     The figure.
     """
-    figure, (axes,) = _panels((7.2, 4.4), title)
+    figure, (axes,) = _panels((7.2, 4.4), f"Searches: {title}")
     colours = (_BLUE, _ORANGE, _GREEN, _RED, _SKY)
     best_values = [np.minimum.accumulate(values) for values in values_by_method.values()]
     for index, (name, best) in enumerate(zip(values_by_method, best_values, strict=True)):
@@ -1198,7 +1213,7 @@ def before_after(dataset_before: xr.Dataset, dataset_after: xr.Dataset, title: s
 
     The figure.
     """
-    figure, (error, pressure) = _panels((9.6, 4.2), title, 2)
+    figure, (error, pressure) = _panels((9.6, 4.2), f"Before and after: {title}", 2)
     cases = (("before", dataset_before, _ORANGE, "--"), ("after", dataset_after, _BLUE, "-"))
     for name, dataset, colour, style in cases:
         own = dataset["phase"].values
@@ -1268,7 +1283,7 @@ def _sizing_map(
     label: str, amounts: np.ndarray, torques_Nm: np.ndarray, te_um: np.ndarray, title: str
 ) -> Figure:
     """Peak to peak over amount and torque; a star marks what is best at its worst torque."""
-    figure, (axes,) = _panels((7.6, 5.2), title)
+    figure, (axes,) = _panels((7.6, 5.2), f"Sizing: {title}")
     rising, upwards = np.argsort(amounts), np.argsort(torques_Nm)
     surface = axes.pcolormesh(
         _cell_edges(amounts[rising]),
@@ -1331,7 +1346,7 @@ def _sizing_ranks(
     count = min(_RANKS_SHOWN, len(amounts))
     size = (max(9.6, 7.6 + 0.9 * len(labels)), 2.9 + 0.26 * count)
     ratios = (0.25 + 0.3 * len(labels), 1.0, 1.0)
-    figure, (table, error, pressure) = _panels(size, title, 3, ratios)
+    figure, (table, error, pressure) = _panels(size, f"Sizing: {title}", 3, ratios)
     rank = np.arange(1, count + 1)
     low, high = np.min(amounts, axis=0), np.max(amounts, axis=0)
     shade = (amounts[:count] - low) / np.where(high > low, high - low, 1.0)

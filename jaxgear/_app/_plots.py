@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from jaxgear._app import _axes_pictures as axes_pictures
     from jaxgear._app import _body_pictures as body_pictures
     from jaxgear._app import _campbell_pictures as campbell_pictures
     from jaxgear._app import _compare_pictures as compare_pictures
@@ -33,6 +34,7 @@ else:
 
             return called
 
+    axes_pictures = _Later("_axes_pictures")
     body_pictures = _Later("_body_pictures")
     campbell_pictures = _Later("_campbell_pictures")
     compare_pictures = _Later("_compare_pictures")
