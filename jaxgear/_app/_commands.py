@@ -52,7 +52,7 @@ from jaxgear._app._plots import (
     sensitivity_pictures,
     sliding_pictures,
 )
-from jaxgear._app._progress import built_scene, narration, progress, warn
+from jaxgear._app._progress import built_scene, narration, progress
 from jaxgear._app._relief_map import map_relief
 from jaxgear._app._report import Summary, finish, head, names_of, title_of
 from jaxgear._app._results import static_dataset, write_csv, write_dataset
@@ -105,10 +105,9 @@ def run(scene: Scene, folder: Folder, quiet: bool) -> Summary:
         refuse_unbounded(scene, tuple(scene["optimise.vary"]))
         require_swept(scene)
         require_search(scene)
-    with progress(2, "mesh cycle", quiet) as done:
+    with narration("mesh cycle", quiet):
         torques = _harris_torques(scene)
         statics = solve_statics(scene, watch, torques)
-        done(1)
         dataset = static_dataset(statics.model, statics.cycle, statics.law)
         about = {"units": "N m", "long_name": "torque on the pinion"}
         dataset = dataset.assign_coords(torque_Nm=("torque", torques, about))
@@ -123,7 +122,6 @@ def run(scene: Scene, folder: Folder, quiet: bool) -> Summary:
             summary["static"] |= found
         write_dataset(dataset, folder / "result.nc")
         _draw_statics(folder, scene, statics, dataset, summary["static"])
-        done(1)
     if scene.has_table("sweep"):
         dynamics = solve_dynamics(scene, watch)
         found, swept = _sweep(scene, dynamics, folder, quiet)
@@ -160,9 +158,8 @@ def sweep_speeds(scene: Scene, folder: Folder, quiet: bool) -> Summary:
     """
     watch = Stopwatch()
     scene = built_scene(scene, quiet, moving=True)
-    with progress(1, "mesh cycle", quiet) as done:
+    with narration("mesh cycle", quiet):
         dynamics = solve_dynamics(scene, watch)
-        done(1)
     summary = head(scene, dynamics.statics)
     found, groups = _sweep(scene, dynamics, folder, quiet)
     write_dataset(xr.Dataset(), folder / "result.nc", groups)
@@ -181,7 +178,8 @@ def _sweep(
         found = sweep_of(scene, dynamics.pair, done, watch)
     model = dynamics.statics.model
     dataset = sweep_dataset(dynamics.pair, model, found)
-    _draw_sweep(folder, scene, dynamics, found, dataset)
+    with narration("sweep", quiet):
+        _draw_sweep(folder, scene, dynamics, found, dataset)
     remarks = sweep_notes(scene, found.unsettled, count, list(pieces_lost(found)))
     summary = {
         "damping": damping_summary(scene, dynamics),
@@ -241,24 +239,26 @@ def natural_modes(scene: Scene, folder: Folder, quiet: bool) -> Summary:
     """
     watch = Stopwatch()
     scene = built_scene(scene, quiet, moving=True)
-    with progress(1, "modes", quiet) as done:
+    with narration("modes", quiet):
         dynamics = solve_dynamics(scene, watch)
-        done(1)
     teeth, harmonics = dynamics.statics.model.pair.pinion.teeth, scene["modes.harmonics"]
     require_retained(scene, dynamics.pair)
     count = modes_shown(scene, np.asarray(dynamics.modes.frequency))
     waves = waves_of(scene, dynamics, teeth, count, harmonics)
     dataset = modes_dataset(dynamics, count, waves)
-    figure = partial(dynamic_pictures.modes, dataset, title_of(scene))
-    save(figure, dynamic_tables.modes_columns(dataset), folder, "modes")
-    if waves is None:
-        turning = campbell_dataset(scene, dynamics, teeth, count, harmonics)
-        figure = partial(dynamic_pictures.campbell, turning, title_of(scene), harmonics=harmonics)
-        columns = dynamic_tables.campbell_columns(turning, harmonics=harmonics)
-        save(figure, columns, folder, "campbell")
-    else:
-        turning = turning_dataset(waves, harmonics)
-        _campbell_tables.draw(folder, title_of(scene), turning, waves)
+    with narration("modes", quiet):
+        figure = partial(dynamic_pictures.modes, dataset, title_of(scene))
+        save(figure, dynamic_tables.modes_columns(dataset), folder, "modes")
+        if waves is None:
+            turning = campbell_dataset(scene, dynamics, teeth, count, harmonics)
+            figure = partial(
+                dynamic_pictures.campbell, turning, title_of(scene), harmonics=harmonics
+            )
+            columns = dynamic_tables.campbell_columns(turning, harmonics=harmonics)
+            save(figure, columns, folder, "campbell")
+        else:
+            turning = turning_dataset(waves, harmonics)
+            _campbell_tables.draw(folder, title_of(scene), turning, waves)
     groups = {"modes": dataset, "campbell": turning}
     write_dataset(xr.Dataset(), folder / "result.nc", groups)
     summary = head(scene, dynamics.statics) | {
@@ -301,8 +301,6 @@ def check_gradients(scene: Scene, folder: Folder, quiet: bool) -> Summary:
             table += rows
             done(1)
     remarks = steady_notes(steady)
-    for remark in remarks:
-        warn(remark)
     columns = {
         name: np.asarray([getattr(row, name) for _, row in table])
         for name in ("response", "key", "forward", "reverse", "difference", "error", "verdict")
@@ -366,8 +364,6 @@ def sensitivity(scene: Scene, folder: Folder, quiet: bool) -> Summary:
     if scene.condensed:
         remarks.append(_sensitivities.OF_BODIES)
     remarks += [words for each in found.values() for words in each.lost()]
-    for remark in remarks:
-        warn(remark)
     summary = names_of(scene) | {"notes": remarks}
     for name, each in found.items():
         acting = each.sorted()

@@ -9,6 +9,7 @@ from typing import Any
 from jaxgear._app._assumed import assumed
 from jaxgear._app._folder import Folder
 from jaxgear._app._notes import notes
+from jaxgear._app._ranks import Doubtful, worst_first
 from jaxgear._app._results import write_json
 from jaxgear._app._scene import Scene, write_scene
 from jaxgear._app._schema import GEARS
@@ -106,9 +107,9 @@ def finish(scene: Scene, folder: Folder, summary: Summary, watch: Stopwatch) -> 
         "run_s": watch.run_s,
         "peak_memory_MB": peak / (1024.0**2 if sys.platform == "darwin" else 1024.0),
     }
-    # What may make all else wrong comes first.
-    if said := [*odd(scene.values), *assumed(scene)]:
-        summary["notes"] = [*said, *summary.get("notes", ())]
+    said = [*map(Doubtful, odd(scene.values)), *assumed(scene)]
+    if said or "notes" in summary:
+        summary["notes"] = worst_first([*said, *summary.get("notes", ())])
     write_scene(scene, folder / "scene.toml")
     write_json(summary, folder / "summary.json")
     return json.loads((folder / "summary.json").read_text(encoding="utf-8"))

@@ -34,13 +34,13 @@ def sliding(
         values = data[f"specific_sliding_{gear}"]
         least = _digits(float(np.min(values)), 3)
         specific.plot(data["roll_mm"], values, color=colour, label=f"{gear}: lowest {least}")
-    specific.set(ylabel=r"specific sliding $\zeta$ [-]")
+    specific.set(ylabel="specific sliding ζ [-]")
     specific.set_title("sliding over rolling speed of each flank", loc="left")
     specific.legend(loc="lower center")
     speed.plot(data["roll_mm"], data["sliding_over_pitch_line_speed"], color=_GREEN)
-    speed.set(ylabel=r"sliding over pitch line speed $K_g$ [-]")
+    speed.set(ylabel="sliding over pitch line speed K_g [-]")
     share, friction = 100.0 * (1.0 - static["mesh_efficiency"]), static["friction_coefficient"]
-    words = rf"{_digits(share, 3)} % of the power is lost with $\mu$ = {friction:g}"
+    words = f"{_digits(share, 3)} % of the power is lost with a friction of {friction:g}"
     speed.set_title(words, loc="left")
     for axes in (specific, speed):
         low, high = axes.get_ylim()

@@ -321,7 +321,8 @@ def _axes_and_seconds(figure: Figure):
 def test_axes_say_quantity_and_unit(everything):
     for name, (figure, _) in everything.items():
         what, _, case = figure.get_suptitle().partition(": ")
-        assert what and case == name
+        assert what
+        assert case == name
         for axes in figure.axes:
             lowest = axes.get_subplotspec() is None or axes.get_subplotspec().is_last_row()
             labels = [axes.get_ylabel()]
