@@ -134,7 +134,9 @@ def _highest_speed(scene: Scene, gear: str) -> float | None:
 def _remarks(scene: Scene, found: BuiltBody) -> list[str]:
     """What a reader of the results should not miss."""
     plan, gear = found.plan, found.plan.gear
-    remarks = [Doubtful(f"The {gear}'s body: {warning}") for warning in found.health["warnings"]]
+    remarks: list[str] = [
+        Doubtful(f"The {gear}'s body: {warning}") for warning in found.health["warnings"]
+    ]
     if isinstance(plan.source, Drawn) and plan.source.fineness.sectors % plan.teeth_count:
         even = even_sectors(plan.source.body, plan.teeth_count)
         remarks.append(
