@@ -432,8 +432,9 @@ def _draw_statics(
     if not scene.has_table("optimise"):
         # A search draws them beside those that it finds.
         draw_modification({"given": model}, title, folder)
-    data = sliding_columns(model.pair)
-    save(partial(sliding_pictures.sliding, data, dataset, static, title), data, folder, "sliding")
+    data, speed = sliding_columns(model.pair), _told_speed(scene)
+    figure = partial(sliding_pictures.sliding, data, dataset, static, title, pinion_speed=speed)
+    save(figure, data, folder, "sliding")
     for name, draw, columns in (
         ("transmission_error", pictures.transmission_error, tables.transmission_error_columns),
         ("mesh_stiffness", pictures.stiffness_and_sharing, tables.stiffness_and_sharing_columns),
@@ -455,6 +456,13 @@ def _draw_statics(
         sections = body_sections(scene)
         figure = partial(pictures.shafts, model, statics.cycle, bearings, title, sections)
         save(figure, tables.shafts_columns(model, statics.cycle, bearings), folder, "shafts")
+
+
+def _told_speed(scene: Scene) -> float | None:
+    """The highest speed of the sweep, or that at which condensed bodies grow [rad/s]."""
+    if scene.has_table("sweep"):
+        return float(np.max(speeds_of(scene)))
+    return scene.get("mesh.pinion_speed_rad_s") if scene.condensed else None
 
 
 def _sizing(

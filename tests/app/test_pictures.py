@@ -171,7 +171,7 @@ def _all_pictures(datasets, cycles):
     yield "modification", modification(flanks, "relief"), flanks
     slides = sliding_columns(_spur().pair)
     lost = {"mesh_efficiency": 0.99, "friction_coefficient": 0.05}
-    yield "sliding", sliding(slides, spur, lost, "spur"), slides
+    yield "sliding", sliding(slides, spur, lost, "spur", pinion_speed=900.0), slides
     for name, (labels, amounts) in _SIZINGS.items():
         size = np.linspace(1.0, 3.0, 3 * len(amounts)).reshape(-1, 3)
         yield f"sizing {name}", pictures.sizing(labels, amounts, _TORQUES, size, size, name), {}
