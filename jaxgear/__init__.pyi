@@ -30,6 +30,9 @@ from ._geometry._pair import overlap_ratio as overlap_ratio
 from ._geometry._pair import pair_facts as pair_facts
 from ._geometry._pair import profile_contact_ratio as profile_contact_ratio
 from ._geometry._pair import total_contact_ratio as total_contact_ratio
+from ._geometry._sliding import sliding_speed as sliding_speed
+from ._geometry._sliding import specific_sliding as specific_sliding
+from ._geometry._sliding import tooth_loss_factor as tooth_loss_factor
 from ._geometry._tip_contact import tip_contact_rolls as tip_contact_rolls
 from ._geometry._tip_contact import tip_separation as tip_separation
 from ._geometry._profile import ToothSection as ToothSection
@@ -216,6 +219,8 @@ from ._response._loads import hertz_pressure as hertz_pressure
 from ._response._loads import line_load as line_load
 from ._response._loads import load_sharing as load_sharing
 from ._response._loads import mesh_stiffness as mesh_stiffness
+from ._response._losses import mesh_efficiency as mesh_efficiency
+from ._response._losses import mesh_loss_factor as mesh_loss_factor
 from ._response._transmission import cycle_mean as cycle_mean
 from ._response._transmission import cycle_rms as cycle_rms
 from ._response._transmission import cycle_variance as cycle_variance

@@ -57,7 +57,7 @@ def campbell(dataset: xr.Dataset, critical: Sequence[CriticalSpeed], title: str)
 
     The figure.
     """
-    figure, (axes,) = _panels((9.6, 7.0), title)
+    figure, (axes,) = _panels((9.6, 7.0), f"Campbell diagram: {title}")
     speed, teeth = dataset["speed"].values, int(dataset.attrs["teeth_pinion"])
     frequency = np.abs(dataset["frequency_Hz"].values)
     unit, name = _frequency_unit(float(np.nanmax(frequency[0])))
@@ -182,7 +182,7 @@ def campbell_on_body(
 
     The figure.
     """
-    figure, (axes,) = _panels((9.6, 7.0), title)
+    figure, (axes,) = _panels((9.6, 7.0), f"Campbell diagram on the body: {title}")
     speed, teeth = dataset["speed"].values, int(dataset.attrs["teeth_pinion"])
     own = _on_body(dataset, gear)
     rest = np.abs(dataset["frequency_Hz"].values[0])
@@ -237,7 +237,9 @@ def alone(rows: Mapping[str, np.ndarray], gear: str, title: str) -> Figure:
 
     The figure.
     """
-    figure, (axes, change) = _panels((10.0, 5.6), title, columns=2, ratios=(1.4, 1.0))
+    figure, (axes, change) = _panels(
+        (10.0, 5.6), f"Modes alone and in mesh: {title}", columns=2, ratios=(1.4, 1.0)
+    )
     number, before = rows["nodal_diameter"], rows["frequency_alone_Hz"]
     after = rows["frequency_in_mesh_Hz"]
     unit, name = _frequency_unit(float(np.max(before, initial=1.0)))

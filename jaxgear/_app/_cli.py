@@ -27,6 +27,7 @@ from jaxgear._app._progress import warn
 from jaxgear._app._scene import READY, Mistake, Scene, SceneError, read_scene, rewrite_scene
 from jaxgear._app._schema import GEARS
 from jaxgear._app._slips import odd
+from jaxgear._app._symbols import with_symbol
 from jaxgear._checks import InputError
 from jaxgear._program_cache import cache_compilations
 
@@ -125,12 +126,14 @@ def _kept_interrupts() -> Iterator[None]:
 def print_summary(summary: Mapping[str, object], indent: str = "") -> None:
     """Print a summary for a reader: nested keys indented, six digits, long lists by their length.
 
+    Beside the names of results stand the symbols of the ISO standards.
+
     **Arguments:**
 
     - `summary`: nested dictionary; units are part of its keys.
     - `indent`: what each line begins with.
     """
-    width = max((len(key) for key in summary), default=0)
+    width = max((len(with_symbol(key)) for key in summary), default=0)
     for key, value in summary.items():
         if isinstance(value, Mapping):
             print(f"{indent}{key}")
@@ -144,7 +147,15 @@ def print_summary(summary: Mapping[str, object], indent: str = "") -> None:
                 print(f"{indent}{key}[{index}]")
                 print_summary(row, indent + "  ")
         else:
-            print(f"{indent}{key:<{width}}  {_short(value)}")
+            print(f"{indent}{with_symbol(key):<{width}}  {_short(value)}")
+
+
+def _print_notes(notes: Sequence[str]) -> None:
+    """Print all notes, the worst first, each on a line of its own."""
+    if notes:
+        print("notes")
+    for note in notes:
+        print(f"  - {note}")
 
 
 def _short(value: object) -> str:
@@ -246,7 +257,10 @@ def _command(argv: Sequence[str] | None) -> int:
     elif args.command == "condense" and not args.quiet:
         _print_bodies(summary["bodies"])
     elif not args.quiet:
-        print_summary({key: value for key, value in summary.items() if key != "versions"})
+        apart = ("versions", "notes")
+        print_summary({key: value for key, value in summary.items() if key not in apart})
+    if not (args.json or args.quiet):
+        _print_notes(summary.get("notes", ()))
     if not args.quiet:
         print(f"results in {folder}", file=sys.stderr)
     if wrong:

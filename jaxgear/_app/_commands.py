@@ -3,7 +3,6 @@
 import dataclasses
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -11,6 +10,8 @@ import xarray as xr
 from jaxgear._app import _campbell_tables
 from jaxgear._app import _dynamic_tables as dynamic_tables
 from jaxgear._app import _tables as tables
+from jaxgear._app._axes_tables import axes_columns
+from jaxgear._app._body_sections import body_sections
 from jaxgear._app._design import (
     refuse_unbounded,
     require_search,
@@ -41,10 +42,17 @@ from jaxgear._app._dynamics import (
 from jaxgear._app._folder import Folder
 from jaxgear._app._gradients import dynamic_table, gradient_table
 from jaxgear._app._model import model_of, smooth_law_of
+from jaxgear._app._modification_tables import draw_modification
 from jaxgear._app._notes import steady_notes, sweep_notes
 from jaxgear._app._optimising import optimisation, optimise_flanks
-from jaxgear._app._plots import dynamic_pictures, pictures, sensitivity_pictures
-from jaxgear._app._progress import built_scene, narration, progress, warn
+from jaxgear._app._plots import (
+    axes_pictures,
+    dynamic_pictures,
+    pictures,
+    sensitivity_pictures,
+    sliding_pictures,
+)
+from jaxgear._app._progress import built_scene, narration, progress
 from jaxgear._app._relief_map import map_relief
 from jaxgear._app._report import Summary, finish, head, names_of, title_of
 from jaxgear._app._results import static_dataset, write_csv, write_dataset
@@ -57,6 +65,7 @@ from jaxgear._app._sizing import (
     sizing_summary,
     sizing_table,
 )
+from jaxgear._app._sliding_tables import sliding_columns
 from jaxgear._app._statics import (
     Statics,
     Stopwatch,
@@ -96,10 +105,9 @@ def run(scene: Scene, folder: Folder, quiet: bool) -> Summary:
         refuse_unbounded(scene, tuple(scene["optimise.vary"]))
         require_swept(scene)
         require_search(scene)
-    with progress(2, "mesh cycle", quiet) as done:
+    with narration("mesh cycle", quiet):
         torques = _harris_torques(scene)
         statics = solve_statics(scene, watch, torques)
-        done(1)
         dataset = static_dataset(statics.model, statics.cycle, statics.law)
         about = {"units": "N m", "long_name": "torque on the pinion"}
         dataset = dataset.assign_coords(torque_Nm=("torque", torques, about))
@@ -113,9 +121,7 @@ def run(scene: Scene, folder: Folder, quiet: bool) -> Summary:
             dataset, found = _on_bodies(scene, statics, dataset, folder, quiet)
             summary["static"] |= found
         write_dataset(dataset, folder / "result.nc")
-        bearings = summary["static"]["bearings"]
-        _draw_statics(folder, title_of(scene), statics, dataset, bearings)
-        done(1)
+        _draw_statics(folder, scene, statics, dataset, summary["static"])
     if scene.has_table("sweep"):
         dynamics = solve_dynamics(scene, watch)
         found, swept = _sweep(scene, dynamics, folder, quiet)
@@ -152,9 +158,8 @@ def sweep_speeds(scene: Scene, folder: Folder, quiet: bool) -> Summary:
     """
     watch = Stopwatch()
     scene = built_scene(scene, quiet, moving=True)
-    with progress(1, "mesh cycle", quiet) as done:
+    with narration("mesh cycle", quiet):
         dynamics = solve_dynamics(scene, watch)
-        done(1)
     summary = head(scene, dynamics.statics)
     found, groups = _sweep(scene, dynamics, folder, quiet)
     write_dataset(xr.Dataset(), folder / "result.nc", groups)
@@ -173,7 +178,8 @@ def _sweep(
         found = sweep_of(scene, dynamics.pair, done, watch)
     model = dynamics.statics.model
     dataset = sweep_dataset(dynamics.pair, model, found)
-    _draw_sweep(folder, scene, dynamics, found, dataset)
+    with narration("sweep", quiet):
+        _draw_sweep(folder, scene, dynamics, found, dataset)
     remarks = sweep_notes(scene, found.unsettled, count, list(pieces_lost(found)))
     summary = {
         "damping": damping_summary(scene, dynamics),
@@ -233,24 +239,26 @@ def natural_modes(scene: Scene, folder: Folder, quiet: bool) -> Summary:
     """
     watch = Stopwatch()
     scene = built_scene(scene, quiet, moving=True)
-    with progress(1, "modes", quiet) as done:
+    with narration("modes", quiet):
         dynamics = solve_dynamics(scene, watch)
-        done(1)
     teeth, harmonics = dynamics.statics.model.pair.pinion.teeth, scene["modes.harmonics"]
     require_retained(scene, dynamics.pair)
     count = modes_shown(scene, np.asarray(dynamics.modes.frequency))
     waves = waves_of(scene, dynamics, teeth, count, harmonics)
     dataset = modes_dataset(dynamics, count, waves)
-    figure = partial(dynamic_pictures.modes, dataset, title_of(scene))
-    save(figure, dynamic_tables.modes_columns(dataset), folder, "modes")
-    if waves is None:
-        turning = campbell_dataset(scene, dynamics, teeth, count, harmonics)
-        figure = partial(dynamic_pictures.campbell, turning, title_of(scene), harmonics=harmonics)
-        columns = dynamic_tables.campbell_columns(turning, harmonics=harmonics)
-        save(figure, columns, folder, "campbell")
-    else:
-        turning = turning_dataset(waves, harmonics)
-        _campbell_tables.draw(folder, title_of(scene), turning, waves)
+    with narration("modes", quiet):
+        figure = partial(dynamic_pictures.modes, dataset, title_of(scene))
+        save(figure, dynamic_tables.modes_columns(dataset), folder, "modes")
+        if waves is None:
+            turning = campbell_dataset(scene, dynamics, teeth, count, harmonics)
+            figure = partial(
+                dynamic_pictures.campbell, turning, title_of(scene), harmonics=harmonics
+            )
+            columns = dynamic_tables.campbell_columns(turning, harmonics=harmonics)
+            save(figure, columns, folder, "campbell")
+        else:
+            turning = turning_dataset(waves, harmonics)
+            _campbell_tables.draw(folder, title_of(scene), turning, waves)
     groups = {"modes": dataset, "campbell": turning}
     write_dataset(xr.Dataset(), folder / "result.nc", groups)
     summary = head(scene, dynamics.statics) | {
@@ -293,8 +301,6 @@ def check_gradients(scene: Scene, folder: Folder, quiet: bool) -> Summary:
             table += rows
             done(1)
     remarks = steady_notes(steady)
-    for remark in remarks:
-        warn(remark)
     columns = {
         name: np.asarray([getattr(row, name) for _, row in table])
         for name in ("response", "key", "forward", "reverse", "difference", "error", "verdict")
@@ -358,8 +364,6 @@ def sensitivity(scene: Scene, folder: Folder, quiet: bool) -> Summary:
     if scene.condensed:
         remarks.append(_sensitivities.OF_BODIES)
     remarks += [words for each in found.values() for words in each.lost()]
-    for remark in remarks:
-        warn(remark)
     summary = names_of(scene) | {"notes": remarks}
     for name, each in found.items():
         acting = each.sorted()
@@ -410,19 +414,27 @@ def _harris_torques(scene: Scene) -> np.ndarray:
 
 def _draw_statics(
     folder: Folder,
-    title: str,
+    scene: Scene,
     statics: Statics,
     dataset: xr.Dataset,
-    bearings: list[dict[str, Any]],
+    static: Summary,
 ) -> None:
     """The pictures of one mesh cycle."""
-    model = statics.model
+    model, title, bearings = statics.model, title_of(scene), static["bearings"]
     save(
         partial(pictures.gear_pair, model, title),
         tables.gear_pair_columns(model),
         folder,
         "gear_pair",
     )
+    figure = partial(axes_pictures.axes, model.pair, title)
+    save(figure, axes_columns(model.pair), folder, "axes")
+    if not scene.has_table("optimise"):
+        # A search draws them beside those that it finds.
+        draw_modification({"given": model}, title, folder)
+    data, speed = sliding_columns(model.pair), _told_speed(scene)
+    figure = partial(sliding_pictures.sliding, data, dataset, static, title, pinion_speed=speed)
+    save(figure, data, folder, "sliding")
     for name, draw, columns in (
         ("transmission_error", pictures.transmission_error, tables.transmission_error_columns),
         ("mesh_stiffness", pictures.stiffness_and_sharing, tables.stiffness_and_sharing_columns),
@@ -441,8 +453,16 @@ def _draw_statics(
         figure = partial(draw, torques, phase, error, title, weight=weight)
         save(figure, columns(torques, phase, error, weight=weight), folder, name)
     if bearings:
-        figure = partial(pictures.shafts, model, statics.cycle, bearings, title)
+        sections = body_sections(scene)
+        figure = partial(pictures.shafts, model, statics.cycle, bearings, title, sections)
         save(figure, tables.shafts_columns(model, statics.cycle, bearings), folder, "shafts")
+
+
+def _told_speed(scene: Scene) -> float | None:
+    """The highest speed of the sweep, or that at which condensed bodies grow [rad/s]."""
+    if scene.has_table("sweep"):
+        return float(np.max(speeds_of(scene)))
+    return scene.get("mesh.pinion_speed_rad_s") if scene.condensed else None
 
 
 def _sizing(

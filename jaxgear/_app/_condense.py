@@ -22,7 +22,8 @@ from jaxgear._app._bodies import (
 from jaxgear._app._body_build import BuiltBody, built_body
 from jaxgear._app._folder import Folder
 from jaxgear._app._plots import body_pictures
-from jaxgear._app._progress import narration, warn
+from jaxgear._app._progress import narration
+from jaxgear._app._ranks import Doubtful, Idle
 from jaxgear._app._report import Summary, finish, names_of
 from jaxgear._app._results import Entry, write_dataset
 from jaxgear._app._saving import save
@@ -77,8 +78,6 @@ def condense(scene: Scene, folder: Folder, quiet: bool) -> Summary:
             _draw(found, folder)
         remarks += [*found.warnings, *_remarks(scene, found)]
         groups[f"{plan.gear}_body"] = _dataset(found)
-    for remark in remarks:
-        warn(remark)
     write_dataset(xr.Dataset(), folder / "result.nc", groups)
     summary = names_of(scene) | {"bodies": bodies, "notes": remarks}
     return finish(scene, folder, summary, watch)
@@ -135,7 +134,9 @@ def _highest_speed(scene: Scene, gear: str) -> float | None:
 def _remarks(scene: Scene, found: BuiltBody) -> list[str]:
     """What a reader of the results should not miss."""
     plan, gear = found.plan, found.plan.gear
-    remarks = [f"The {gear}'s body: {warning}" for warning in found.health["warnings"]]
+    remarks: list[str] = [
+        Doubtful(f"The {gear}'s body: {warning}") for warning in found.health["warnings"]
+    ]
     if isinstance(plan.source, Drawn) and plan.source.fineness.sectors % plan.teeth_count:
         even = even_sectors(plan.source.body, plan.teeth_count)
         remarks.append(
@@ -149,7 +150,8 @@ def _remarks(scene: Scene, found: BuiltBody) -> list[str]:
     unused += [] if isinstance(plan.source, Matrices) else ["mass_kg"]
     for key in unused:
         if f"{gear}.body.{key}" in scene.given:
-            remarks.append(f"{gear}.body.{key} does nothing: a condensed body has its own.")
+            words = f"{gear}.body.{key} does nothing: a condensed body has its own."
+            remarks.append(Idle(words))
     return remarks
 
 

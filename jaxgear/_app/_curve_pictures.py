@@ -12,6 +12,9 @@ from jaxgear._app._palette import _BLUE, _GREEN, _GREY, _ORANGE, _PINK, _RED, _S
 from jaxgear._app._pictures import _house_look, _panels
 from jaxgear._units import um
 
+# An error of depth whose cost is shown.
+_MISSED_UM = 2.0
+
 
 @_house_look()
 def traced_curve(traced: Mapping[str, np.ndarray], title: str) -> Figure:
@@ -26,20 +29,28 @@ def traced_curve(traced: Mapping[str, np.ndarray], title: str) -> Figure:
 
     The figure.
     """
-    figure, (left, middle, right) = _panels((11.0, 4.0), title, columns=3)
+    words = f"Master Curve of tip relief: {title}"
+    figure, (left, middle, right) = _panels((11.4, 4.2), words, columns=3)
     extent, depth = traced["extent"], traced["depth_um"]
     left.plot(extent, depth, color=_BLUE, label="computed")
     left.plot(extent, traced["closed_form_depth_um"], "--", color=_ORANGE, label="closed form")
     if depth.size:
         left.set_ylim(0.0, 1.4 * float(np.max(depth)))
     left.set(ylabel="best depth of the tip relief [µm]")
+    left.set_title("the depth of least TE", loc="left")
     left.legend(loc="best")
     middle.plot(extent, traced["te_rms_um"], color=_BLUE)
-    middle.set(ylabel="RMS of the transmission error there [µm]")
+    middle.set(ylabel="RMS of the transmission error [µm]")
     middle.set_ylim(bottom=0.0)
-    right.plot(extent, traced["te_rms_per_depth"], color=_GREEN)
-    right.set(ylabel="RMS over error of depth [µm/µm]")
+    middle.set_title("what is left at that depth", loc="left")
+    right.plot(extent, traced["te_rms_um"], color=_BLUE, label="best depth")
+    # The mean square has its least value at the best depth, and is a parabola about it.
+    off = np.hypot(traced["te_rms_um"], _MISSED_UM * np.asarray(traced["te_rms_per_depth"]))
+    right.plot(extent, off, "--", color=_GREEN, label=f"{_MISSED_UM:g} µm more or less")
+    right.set(ylabel="RMS of the transmission error [µm]")
     right.set_ylim(bottom=0.0)
+    right.set_title("what an error of depth costs", loc="left")
+    right.legend(loc="best")
     for axes in (left, middle, right):
         axes.set(xlabel="extent over the path of contact [-]")
     return figure
@@ -59,7 +70,8 @@ def family(chart: Any, curves: Sequence[Mapping[str, Any]], title: str) -> Figur
 
     The figure.
     """
-    figure, (left, right) = _panels((10.6, 4.8), title, columns=2, ratios=(1.35, 1.0))
+    words = f"Master Curves of tip relief at several torques: {title}"
+    figure, (left, right) = _panels((10.6, 4.8), words, columns=2, ratios=(1.35, 1.0))
     # Light, so that the curves stand out.
     pale = {"cmap": "Greys", "vmin": 0.0, "vmax": 1.6 * float(np.max(chart.value))}
     surface = left.contourf(chart.extent, chart.depth / um, chart.value, levels=12, **pale)
@@ -75,7 +87,7 @@ def family(chart: Any, curves: Sequence[Mapping[str, Any]], title: str) -> Figur
     left.plot([], [], "--", color=_GREY, lw=1.2, label="closed form")
     deepest = float(chart.depth[-1]) / um
     left.set(ylabel="depth of the tip relief [µm]", ylim=(float(chart.depth[0]) / um, deepest))
-    right.set(ylabel="RMS over error of depth [µm/µm]")
+    right.set(ylabel="RMS that an error of depth adds, over it [µm/µm]")
     right.set_ylim(bottom=0.0)
     for axes in (left, right):
         axes.set(xlabel="extent over the path of contact [-]")
@@ -146,7 +158,7 @@ def pareto(front: Any, names: Sequence[tuple[str, str]], title: str) -> Figure:
 
     The figure.
     """
-    figure, (axes,) = _panels((6.4, 4.8), title)
+    figure, (axes,) = _panels((6.4, 4.8), f"Designs that trade one number for another: {title}")
     curve, beaten = front.front, front.dominated
     axes.plot(curve[:, 1], curve[:, 0], "o-", color=_BLUE, label="front")
     style: dict[str, Any]

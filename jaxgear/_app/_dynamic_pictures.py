@@ -294,7 +294,7 @@ def sweep(dataset: xr.Dataset, title: str, critical: Sequence[tuple[float, str]]
     loss = dataset.get("contact_loss")
     loses = loss is not None and bool(np.any(loss.values > 0.0))
     ratios = (3.0, 1.8, 1.0) if loses else (3.0, 1.7)
-    figure, panels = _stack((9.6, 7.0 if loses else 5.8), title, ratios)
+    figure, panels = _stack((9.6, 7.0 if loses else 5.8), f"Speed sweep: {title}", ratios)
     for axes, name in zip(panels, _QUANTITIES, strict=False):
         _draw_directions(axes, dataset, name)
     panels[0].set_ylabel("largest mesh force / static [-]")
@@ -540,7 +540,7 @@ def waterfall(dataset: xr.Dataset, title: str, natural: Sequence[tuple[float, st
 
     The figure.
     """
-    figure, (axes,) = _panels((9.6, 6.2), title)
+    figure, (axes,) = _panels((9.6, 6.2), f"Spectrum of the TE over speed: {title}")
     speed, order, amplitude = _orders_of(dataset, "te_order_um")
     mesh = float(dataset.attrs["teeth_pinion"]) * speed / (2.0 * np.pi)
     most = max(float(np.max(amplitude, initial=0.0)), 1e-12)
@@ -706,7 +706,9 @@ def orders(dataset: xr.Dataset, title: str) -> Figure:
         for name in _ORDER_PANELS
         if name in dataset and (has_bearings or name != "bearing_force_order_N")
     ]
-    figure, panels = _stack((9.6, 1.8 + 2.1 * len(names)), title, [1.0] * len(names))
+    figure, panels = _stack(
+        (9.6, 1.8 + 2.1 * len(names)), f"Orders over speed: {title}", [1.0] * len(names)
+    )
     for axes, name in zip(panels, names, strict=True):
         if name == "bearing_force_order_N":
             most = _draw_bearing_orders(axes, dataset)
@@ -806,7 +808,9 @@ def contact_loss(dataset: xr.Dataset, title: str) -> Figure:
     """
     has_pairs = "tooth_pairs" in dataset
     ratios = (3.0, 1.8, 1.0) if has_pairs else (3.0, 1.0)
-    figure, panels = _stack((9.6, 7.6 if has_pairs else 5.8), title, ratios)
+    figure, panels = _stack(
+        (9.6, 7.6 if has_pairs else 5.8), f"Contact over speed and phase: {title}", ratios
+    )
     speed, phase = dataset["speed"].values, dataset["phase"].values
     force = dataset["mesh_force_ratio"].transpose("speed", "phase").values
     periods = _cycle_periods(phase) if len(phase) > 1 else 1
@@ -904,7 +908,9 @@ def modes(dataset: xr.Dataset, title: str) -> Figure:
     """
     every = dataset.sizes["mode"]
     count = min(_MODES_SHOWN, every)
-    figure, (axes,) = _panels((8.4, max(3.4, 2.0 + 0.27 * count)), title)
+    figure, (axes,) = _panels(
+        (8.4, max(3.4, 2.0 + 0.27 * count)), f"Natural modes and their energy: {title}"
+    )
     frequency = dataset["frequency_Hz"].values[:count]
     energy = np.nan_to_num(dataset["energy"].transpose("mode", "part").values[:count])
     place, left = np.arange(1, count + 1), np.zeros(count)
@@ -974,7 +980,7 @@ def campbell(dataset: xr.Dataset, title: str, *, harmonics: int = 4) -> Figure:
 
     The figure.
     """
-    figure, (axes,) = _panels((9.6, 6.4), title)
+    figure, (axes,) = _panels((9.6, 6.4), f"Campbell diagram: {title}")
     speed, teeth = dataset["speed"].values, int(dataset.attrs["teeth_pinion"])
     frequency = dataset["frequency_Hz"].transpose("speed", "mode").values
     highest = float(harmonics * teeth * speed[-1] / (2.0 * np.pi))
@@ -1061,40 +1067,52 @@ def _write_rays(axes: Axes, rays: Sequence[np.ndarray], points: np.ndarray) -> N
 
 
 def _write_modes(axes: Axes, curves: Sequence[np.ndarray]) -> None:
-    """The number of each mode at the right end of its curve, side by side."""
+    """The number of each mode at the right end of its curve, and a line that leads there.
+
+    Modes that coincide have one label.
+    """
     top = axes.get_ylim()[1]
-    ends = sorted(
+    ends: dict[float, list[int]] = {}
+    for end, mode in sorted(
         (float(curve[-1, 1]), mode)
         for mode, curve in enumerate(curves, start=1)
         if 0.0 <= curve[-1, 1] <= top
-    )
+    ):
+        last = max(ends, default=-top)
+        ends.setdefault(last if end - last < _ONE_LINE * top else end, []).append(mode)
     if not ends:
         return
     figure = axes.get_figure(root=True)
     assert figure is not None
     lay_out(figure)
     height = 72.0 / figure.dpi * axes.get_window_extent().height
-    places = _apart(np.asarray([end for end, _ in ends]), top * 10.0 / height, 0.0, top)
-    right = axes.get_xlim()[1]
-    for (_, mode), place in zip(ends, places, strict=True):
+    places = _apart(np.asarray(list(ends)), top * 10.0 / height, 0.0, top)
+    x = float(curves[0][-1, 0])
+    for (end, modes), place in zip(ends.items(), places, strict=True):
         axes.annotate(
-            f"{mode}",
-            (right, place),
-            xytext=(3, 0),
+            ", ".join(map(str, modes)),
+            (x, end),
+            xytext=(24.0, (place - end) / top * height),
             textcoords="offset points",
             va="center",
             fontsize=8.5,
             color=_BLUE,
+            annotation_clip=False,
+            arrowprops={"arrowstyle": "-", "color": _BLUE, "lw": 0.5, "shrinkA": 1, "shrinkB": 1},
         )
     axes.annotate(
         "mode",
         (1.0, 1.0),
         xycoords="axes fraction",
-        xytext=(3, 6),
+        xytext=(12, 6),
         textcoords="offset points",
         fontsize=8.5,
         color=_BLUE,
     )
+
+
+# Of the axes' height: modes that are closer are drawn as one line.
+_ONE_LINE = 0.003
 
 
 # --- The chart of methods
@@ -1127,7 +1145,7 @@ def compare(
 
     The figure.
     """
-    figure, (axes,) = _panels((9.6, 6.2), title)
+    figure, (axes,) = _panels((9.6, 6.2), f"Error over time: {title}")
     families = list(dict.fromkeys(str(rung["family"]) for rung in rungs))
     looks = dict(
         zip(
@@ -1248,7 +1266,7 @@ def orbit(dataset: xr.Dataset, title: str) -> Figure:
     branches = [str(x) for x in dataset["branch"].values]
     count = len(branches)
     if count == 1:
-        figure, row = _panels((12.6, 4.4), title, 3, (1.35, 1.35, 1.0))
+        figure, row = _panels((12.6, 4.4), f"Steady response: {title}", 3, (1.35, 1.35, 1.0))
         columns = [row]
     else:
         figure = Figure(figsize=(max(9.6, 4.6 * count), 9.6))
@@ -1256,7 +1274,7 @@ def orbit(dataset: xr.Dataset, title: str) -> Figure:
         grid = figure.subplots(
             3, count, squeeze=False, sharex="row", sharey="row", height_ratios=(1, 1, 1.5)
         )
-        figure.suptitle(title)
+        figure.suptitle(f"Steady response: {title}")
         columns = [list(grid[:, column]) for column in range(count)]
     longest = max(2, *(_cycle_periods(_branch(dataset, branch)[0]) for branch in range(count)), 2)
     for branch, axes in enumerate(columns):

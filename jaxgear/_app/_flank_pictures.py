@@ -35,7 +35,8 @@ def flank_pressure(chosen: Sequence[FlankLoads], title: str) -> Figure:
 
     The figure; all panels are of one scale.
     """
-    figure, panels = _panels((3.6 * len(chosen) + 1.6, 4.4), title, len(chosen))
+    words = f"Pressure on the flank: {title}"
+    figure, panels = _panels((3.6 * len(chosen) + 1.6, 4.4), words, len(chosen))
     most = max(float(each.pressure.max()) for each in chosen) / MPa
     half = 0.5 * chosen[0].width / mm
     for axes, each in zip(panels, chosen, strict=True):
@@ -68,7 +69,7 @@ def largest_loads(dataset: xr.Dataset, title: str) -> Figure:
 
     The figure.
     """
-    figure, (left, right) = _panels((10.6, 4.6), title, 2)
+    figure, (left, right) = _panels((10.6, 4.6), f"Largest loads on the flank: {title}", 2)
     speed = dataset["speed"].values
     mark = "o" if speed.size < 40 else ""
     left.plot(speed, dataset["max_line_load_N_mm"].values, marker=mark, ms=3, color=_BLUE)
@@ -77,8 +78,8 @@ def largest_loads(dataset: xr.Dataset, title: str) -> Figure:
     beside.plot(speed, dataset["max_pressure_MPa"].values, marker=mark, ms=3, color=_RED, ls="--")
     beside.set_ylabel("largest pressure [MPa]", color=_RED)
     beside.grid(False)
-    left.set_ylim(bottom=0.0)
-    beside.set_ylim(bottom=0.0)
+    for axes, name in ((left, "max_line_load_N_mm"), (beside, "max_pressure_MPa")):
+        axes.set_ylim(0.0, 1.1 * float(np.nanmax(dataset[name].values)))
     right.plot(speed, dataset["max_line_load_passage"].values, "o", ms=3, color=_BLUE)
     right.set_ylabel("mesh periods since entry at mid-face", color=_BLUE)
     across = right.twinx()
@@ -112,7 +113,7 @@ def teeth_at_speed(
 
     The figure; loads are over their mean at each speed.
     """
-    figure, (axes,) = _panels((9.6, 4.4), title, 1)
+    figure, (axes,) = _panels((9.6, 4.4), f"What each tooth carries: {title}", 1)
     data = teeth_at_speed_columns(chosen, gear, holes)
     step = 360.0 / chosen[0].teeth[0 if gear == "pinion" else 1]
     angle = data["tooth_angle_deg"]

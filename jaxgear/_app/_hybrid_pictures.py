@@ -66,7 +66,7 @@ def contact_line_loads(dataset: xr.Dataset, title: str) -> Figure:
     figure = Figure(figsize=(10.0, 6.0))
     figure.set_layout_engine("constrained")
     panels = figure.subplots(2, 3, sharex=True, sharey=True).ravel()
-    figure.suptitle(title)
+    figure.suptitle(f"Loads on the contact lines: {title}")
     load, chosen = dataset["line_load_N_mm"].values, _phases_shown(dataset)
     lines, most = _loaded_lines(dataset, chosen), float(load[chosen].max())
     face, half = dataset["face_position_mm"].values, 0.5 * dataset.attrs["face_width_mm"]
@@ -118,7 +118,7 @@ def tooth_way(dataset: xr.Dataset, title: str) -> Figure:
 
     The figure.
     """
-    figure, panels = _panels((9.6, 4.2), title, 2)
+    figure, panels = _panels((9.6, 4.2), f"One tooth pair from entry to exit: {title}", 2)
     passage = dataset["way_passage"].values
     middle = 0.5 * (passage[1:] + passage[:-1])
     steps = np.concatenate([[1.5 * passage[0] - 0.5 * passage[1]], middle, passage[-1:]])
@@ -161,7 +161,7 @@ def tooth_loads(dataset: xr.Dataset, gear: str, holes: HolePlaces | None, title:
     figure = Figure(figsize=(9.6, 5.6))
     figure.set_layout_engine("constrained")
     panels = figure.subplots(2, 1, sharex=True)
-    figure.suptitle(title)
+    figure.suptitle(f"What each tooth carries: {title}")
     data = tooth_loads_columns(dataset, gear, holes)
     angle = data["tooth_angle_deg"]
     step = 360.0 / dataset.attrs[f"teeth_{gear}"]

@@ -22,6 +22,10 @@ MARGIN = 0.75
 # Of the speeds that count, so many must be settled, for a rung to be recommended [-].
 MOST = 0.9
 
+# Times of which the longer is so many times the shorter, or less, count as equal: so much may other
+# work on the machine change the shortest of several runs [-].
+NEAR = 1.25
+
 # What can be compared, in words.
 QUANTITIES = {
     "dynamic_ratio": "largest mesh force",
@@ -80,7 +84,25 @@ def cheapest(
 ) -> Summary | None:
     """The fastest rung that is good enough, if there is one; arguments as for `is_good`."""
     good = [row for row in rows if is_good(row, tolerance, responses)]
-    return min(good, key=lambda row: row["time_s"]) if good else None
+    return next(iter(by_time(good, responses)), None)
+
+
+def by_time(rows: Sequence[Summary], responses: Sequence[str] | None = None) -> list[Summary]:
+    """Rungs from the fastest to the slowest; of those as fast as each other the best is first.
+
+    **Arguments:**
+
+    - `rows`: lines of the rungs.
+    - `responses`: whose errors count; all by default.
+    """
+    found: list[list[Summary]] = []
+    for row in sorted(rows, key=lambda row: row["time_s"]):
+        if found and row["time_s"] <= NEAR * found[-1][0]["time_s"]:
+            found[-1].append(row)
+        else:
+            found.append([row])
+    size = lambda row: worst(judged_by(row), responses or tuple(judged_by(row)))
+    return [row for group in found for row in sorted(group, key=size)]
 
 
 def choose(
@@ -108,7 +130,7 @@ def choose(
     good = [row for row in able if is_good(row, MARGIN * tolerance, responses)]
     failed: list[str] = []
     found = None
-    for row in sorted(good, key=lambda row: row["time_s"]):
+    for row in by_time(good, responses):
         errors = held_out(row)
         # What is measured there besides, such as load factors, counts if all responses do.
         if worst(errors, (*responses, *extras)) <= tolerance:
@@ -140,7 +162,7 @@ def cheapest_of_families(
     own, found = rows[0], []
     for family in dict.fromkeys(row["family"] for row in rows[1:] if not row.get("beyond")):
         best = cheapest([row for row in rows if row["family"] == family], allowed, responses)
-        if best is not None and best is not own and best["time_s"] < own["time_s"]:
+        if best is not None and best is not own and NEAR * best["time_s"] < own["time_s"]:
             found.append(best)
     return found
 

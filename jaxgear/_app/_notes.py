@@ -8,6 +8,7 @@ import numpy as np
 import optimise
 from jaxgear._app._dynamics import Size, method_name, speeds_of
 from jaxgear._app._gradients import SteadyPoint
+from jaxgear._app._ranks import Doubtful, Idle
 from jaxgear._app._scene import Scene
 from jaxgear._app._schema import GEARS
 from jaxgear._app._statics import Statics
@@ -44,14 +45,18 @@ def notes(scene: Scene, statics: Statics) -> list[str]:
 def _on_foundations(scene: Scene, model: PairModel) -> list[str]:
     if scene["mesh.stiffness"] != "weber-banaschek":
         updates = scene["mesh.line_load_updates"]
-        return ["mesh.line_load_updates does nothing to this mesh.stiffness."] if updates else []
+        return (
+            [Idle("mesh.line_load_updates does nothing to this mesh.stiffness.")] if updates else []
+        )
     chosen = [scene.get(f"{gear}.foundation", scene["mesh.foundation"]) for gear in GEARS]
     found = []
     if "sainsot" in chosen:
         found.append(
-            "Sainsot's foundation is for single-pair stiffness only: it counts the wind-up of a "
-            "body once per tooth pair, and the transmission error fluctuates far too much. Use "
-            'mesh.foundation = "ring", which couples the teeth.'
+            Doubtful(
+                "Sainsot's foundation is for single-pair stiffness only: it counts the wind-up of "
+                "a body once per tooth pair, and the transmission error fluctuates far too much. "
+                'Use mesh.foundation = "ring", which couples the teeth.'
+            )
         )
     least, most = SAINSOT_RADIUS_RATIO
     for gear, foundation, ratio in zip(GEARS, chosen, _radius_ratios(model), strict=True):
@@ -62,8 +67,10 @@ def _on_foundations(scene: Scene, model: PairModel) -> list[str]:
             )
         if foundation == "ring" and scene[f"{gear}.body.kind"] == "beam":
             found.append(
-                f"The {gear}'s body winds up twice, as a beam and as a ring. Write "
-                f'{gear}.foundation = "weber".'
+                Doubtful(
+                    f"The {gear}'s body winds up twice, as a beam and as a ring. Write "
+                    f'{gear}.foundation = "weber".'
+                )
             )
     return found
 
@@ -120,7 +127,7 @@ def _on_bodies(scene: Scene) -> list[str]:
         whole = [key for key in ("web", "grid", "superelement") if f"{body}.{key}" in scene.given]
         if whole and scene[f"{body}.kind"] != "condensed":
             kind = scene[f"{body}.kind"]
-            found.append(f'{body}.{whole[0]} does nothing: {body}.kind is "{kind}".')
+            found.append(Idle(f'{body}.{whole[0]} does nothing: {body}.kind is "{kind}".'))
     return found
 
 
@@ -133,7 +140,7 @@ def _on_condensed(scene: Scene) -> list[str]:
     given = [f"mesh.{key}" for key in _OF_CONDENSED if f"mesh.{key}" in scene.given]
     if not scene.bodies:
         words = ", ".join(given)
-        return [f"{words}: no body is condensed, so it does nothing."] if given else []
+        return [Idle(f"{words}: no body is condensed, so it does nothing.")] if given else []
     found, periods = [], scene["mesh.periods"]
     if scene["mesh.stiffness"] == "constant":
         found.append(
@@ -147,9 +154,11 @@ def _on_condensed(scene: Scene) -> list[str]:
         dropped = [key for key in named if key != "mesh.foundation" or every]
         if dropped:
             found.append(
-                f"{dropped[0]} does nothing to the {gear} in mesh: what gives under its teeth is "
-                "its condensed body. It counts in the stiffness of a single pair and in the "
-                "closed form of the Master Curve, which are those of rigid gears."
+                Idle(
+                    f"{dropped[0]} does nothing to the {gear} in mesh: what gives under its teeth "
+                    "is its condensed body. It counts in the stiffness of a single pair and in "
+                    "the closed form of the Master Curve, which are those of rigid gears."
+                )
             )
         if each.family is not None:
             low, high = (float(each.family.parameters[end]) for end in (0, -1))
@@ -209,18 +218,23 @@ def _on_results(scene: Scene, statics: Statics) -> list[str]:
     approach = float(statics.numbers["te_mean_um"]) * um
     if approach > 0.1 * module:
         found.append(
-            f"Teeth, shafts and bearings give way by {approach / mm:.3g} mm in all, more than a "
-            "tenth of the module: contact no longer lies where the nominal gears have it. Check "
-            "the stiffness of the bearings, in N/m."
+            Doubtful(
+                f"Teeth, shafts and bearings give way by {approach / mm:.3g} mm in all, more than "
+                "a tenth of the module: contact no longer lies where the nominal gears have it. "
+                "Check the stiffness of the bearings, in N/m."
+            )
         )
     slices, factor = scene["mesh.slices"], float(statics.numbers["face_load_factor"])
     mounts = (statics.model.pinion_support, statics.model.wheel_support)
     if slices == 1 and any(isinstance(mount, Shaft) for mount in mounts):
-        found.append("One slice sees nothing of an uneven load across the face: use 20.")
+        words = "One slice sees nothing of an uneven load across the face: use 20."
+        found.append(Doubtful(words))
     elif slices > 1 and factor > 0.5 * slices:
         found.append(
-            f"The load stands on {slices / factor:.2g} of {slices} slices: the face load factor "
-            "and the pressures are as large as the slices let them be."
+            Doubtful(
+                f"The load stands on {slices / factor:.2g} of {slices} slices: the face load "
+                "factor and the pressures are as large as the slices let them be."
+            )
         )
     return found
 
@@ -242,16 +256,18 @@ def sweep_notes(scene: Scene, unsettled: int, responses: int, lost: list[str]) -
     found = []
     if scene["sweep.centrifugal"] and not scene.condensed:
         found.append(
-            "Rigid and beam bodies do not grow with speed: sweep.centrifugal does nothing to them."
+            Idle("Rigid and beam bodies do not grow: sweep.centrifugal does nothing to them.")
         )
     if scene.get("model.coordinates") and not scene.condensed:
-        found.append("model.coordinates does nothing: all modes of these bodies are kept.")
+        found.append(Idle("model.coordinates does nothing: all modes of these bodies are kept."))
     found += [*_beyond_bodies(scene), *_beyond_reach(scene)]
     if unsettled:
         found.append(
-            f"{unsettled} of {responses} responses did not settle: their numbers are those of the "
-            "end of a march. Raise sweep.cycles; but where the amplitude beats, or motion is "
-            "chaotic, there is nothing to settle on."
+            Doubtful(
+                f"{unsettled} of {responses} responses did not settle: their numbers are those of "
+                "the end of a march. Raise sweep.cycles; but where the amplitude beats, or motion "
+                "is chaotic, there is nothing to settle on."
+            )
         )
     found += [
         f"The branch was followed no further: {why}. What lies beyond is shown by the sweep alone."
@@ -378,9 +394,11 @@ def left_out_notes(
                 named = ", ".join(f"{speed:.5g}" for speed in speeds[:8])
                 more = ", ..." if len(speeds) > 8 else ""
                 found.append(
-                    f"{len(speeds)} of {each.speed.size} speeds were left out of what is taken "
-                    f"over speeds {when} the search, at {torque:g} N m: responses there have not "
-                    f"settled, or are close to a fold ({named}{more} rad/s)."
+                    Doubtful(
+                        f"{len(speeds)} of {each.speed.size} speeds were left out of what is taken "
+                        f"over speeds {when} the search, at {torque:g} N m: responses there have "
+                        f"not settled, or are close to a fold ({named}{more} rad/s)."
+                    )
                 )
     if limited:
         found.append(

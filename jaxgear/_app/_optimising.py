@@ -26,11 +26,13 @@ from jaxgear._app._design import (
 from jaxgear._app._evaluations import objective_at, responses_at
 from jaxgear._app._folder import Folder
 from jaxgear._app._model import smooth_law_of
+from jaxgear._app._modification_tables import draw_modification
 from jaxgear._app._notes import left_out_notes
 from jaxgear._app._pareto import draw_front, front_of, front_remarks, is_asked_for
 from jaxgear._app._plots import pictures, robust_pictures
 from jaxgear._app._programs import QUICKLY
-from jaxgear._app._progress import built_scene, progress, warn
+from jaxgear._app._progress import built_scene, narration, progress
+from jaxgear._app._ranks import Doubtful
 from jaxgear._app._report import Summary, finish, head, title_of
 from jaxgear._app._results import static_dataset
 from jaxgear._app._robust import (
@@ -96,7 +98,7 @@ def descent(search: Search, space: DesignSpace, quiet: bool, start: np.ndarray |
     most = space.scene["optimise.max_evaluations"]
     most *= space.scene["optimise.starts"] if start is None else 1
     most *= 1 + len(space.scene.get("optimise.anneal_um", ()))
-    with progress(most, search.name, quiet) as done:
+    with progress(most, f"searching by {search.name}", quiet) as done:
         watch = lambda point, value: done(1)
         if start is None:
             return best_of_starts(search, space, watch)
@@ -175,16 +177,12 @@ def optimisation(
         raise SolverFailure(f"{error} {_TOO_FEW}") from error
     seconds = time.perf_counter() - start
     few = _FEW_MEMBERS if is_dynamic(scene) else {}
-    with progress(1, "differential evolution", quiet) as done:
+    with narration("searching by differential evolution", quiet):
         baseline = optimise.differential_evolution(search.objective, space.box, **few)
-        done(1)
     rival = baseline.point, baseline.value
     found, restarted = unless_beaten(found, *rival, search, space, quiet)
     for each in folder.path.glob(f"{file.stem}*{file.suffix}"):
         each.unlink()
-    if not found.converged:
-        more = "" if search.limits else " Raise optimise.max_evaluations."
-        warn(f"the search did not converge: {found.reason}.{more}")
     keys = _numbers(space, found.point)
     try:
         after = solve_statics(scene.replace(keys), watch, torques)
@@ -192,7 +190,8 @@ def optimisation(
         raise SolverFailure(
             f"the search ended at impossible gears, {keys}: {error} Narrow [optimise.bounds]."
         ) from error
-    _draw_search(scene, folder, before, after, search.name, found, baseline)
+    with narration("search", quiet):
+        _draw_search(scene, folder, before, after, search.name, found, baseline)
     objectives = {
         name: exact(point)
         for name, point in (
@@ -211,6 +210,9 @@ def optimisation(
     judged_after = judged(np.asarray(found.point))
     swept = baseline.evaluations if is_dynamic(scene) else 0
     remarks = left_out_notes(judged_before, judged_after, limited=swept)
+    if not found.converged:
+        more = "" if search.limits else " Raise optimise.max_evaluations."
+        remarks.append(Doubtful(f"The search did not converge: {found.reason}.{more}"))
     bias = found.value - objectives["after"]
     own = objectives["before"], objectives["after"]
     remarks += smoothing_notes(scene["mesh.smoothing_um"], bias, *own)
@@ -230,8 +232,6 @@ def optimisation(
             scatter, found.point, after, grid, prepared, folder, quiet, watch, torques
         )
         remarks += told
-    for remark in remarks:
-        warn(remark)
     return pareto | {
         "notes": remarks,
         "optimise": {
@@ -356,6 +356,7 @@ def _draw_search(
     old, new = (static_dataset(each.model, each.cycle, each.law) for each in (before, after))
     figure = partial(pictures.before_after, old, new, title_of(scene))
     save(figure, tables.before_after_columns(old, new), folder, "before_after")
+    draw_modification({"start": before.model, "optimised": after.model}, title_of(scene), folder)
     traces = {name: found.values, "differential evolution": baseline.values}
     unit = objective_of(scene)[1]
     figure = partial(pictures.search_trace, traces, unit, title_of(scene))

@@ -8,6 +8,7 @@ import contextlib
 import gc
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import equinox as eqx
@@ -19,24 +20,22 @@ from matplotlib.backend_bases import RendererBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.cm import ScalarMappable
+from matplotlib.collections import PolyCollection
 from matplotlib.colors import BoundaryNorm, Colormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Annotation
-from matplotlib.ticker import FuncFormatter, LogFormatterSciNotation, NullFormatter
-from matplotlib.transforms import (
-    Bbox,
-    ScaledTranslation,
-    offset_copy,
-)
+from matplotlib.ticker import FuncFormatter, LogFormatterSciNotation, MaxNLocator, NullFormatter
+from matplotlib.transforms import Bbox, ScaledTranslation, offset_copy
 
 import jaxgear as jg
 from jaxgear._app._palette import _BLUE, _GREEN, _GREY, _ORANGE, _PINK, _RED, _SKY
 from jaxgear._app._results import BODIES, cycle_statistics, flank_grid
 from jaxgear._app._tables import (
     _FLANK_MAPS,
+    _along_flank,
     _centre,
     _cycle_periods,
     _deflected_lines,
@@ -225,6 +224,8 @@ def gear_pair(model: jg.PairModel, title: str = "") -> Figure:
             f"Gear pair {pair.pinion.teeth}/{pair.wheel.teeth} in the transverse plane, "
             rf"$\varepsilon_\alpha$ = {ratio:.3f}"
         )
+    else:
+        title = f"Gears in mesh: {title}"
     figure, (axes,) = _panels((7.4, 7.6), title)
     axes.grid(False)
     facts = _facts(pair)
@@ -325,12 +326,14 @@ def shafts(
     cycle: jg.MeshCycle,
     bearings: Sequence[Mapping[str, Any]],
     title: str,
+    sections: Mapping[str, np.ndarray] = MappingProxyType({}),
 ) -> Figure:
     """Both shafts from the side, to scale, with their deflection and what the bearings carry.
 
-    Of a shaft in a condensed body the displacements of its seats are shown, as marks. Gears are
-    drawn from the axis to the tip circle, bearings as crossed boxes, filled where they hold the
-    shaft along Z. Torques are arrows with two heads along the axis of rotation.
+    Of a shaft in a condensed body the displacements of its seats are shown, as marks. Condensed
+    bodies are cut along the axis, other gears drawn from it to the tip circle, bearings as crossed
+    boxes, filled where they hold the shaft along Z. Torques are arrows with two heads along the
+    axis of rotation.
 
     **Arguments:**
 
@@ -338,12 +341,14 @@ def shafts(
     - `cycle`: its settled states, of which the mean is drawn.
     - `bearings`: `static.bearings` of the summary: `gear`, `index` and `load_N` of each.
     - `title`: the case or the finding.
+    - `sections`: of condensed bodies, by gear: radius and Z around each element in the cut, shape
+        `[element, point, 2]` [m].
 
     **Returns:**
 
     The figure, in the plane of the two axes: Z from mid-face, S from the pinion's axis.
     """
-    figure, (axes,) = _panels(_side_view_size(model), title)
+    figure, (axes,) = _panels(_side_view_size(model), f"Shafts and bearings: {title}")
     axes.grid(False)
     axes.set_aspect("equal")
     lines = _deflected_lines(model, cycle)
@@ -352,7 +357,7 @@ def shafts(
     scale = _round_down(_SHOWN_DEFLECTION * distance / max(largest, 1e-12))
     for body, name in enumerate(BODIES):
         level = distance * body
-        _draw_gear_side(axes, model.pair, body, level)
+        _draw_gear_side(axes, model.pair, body, level, sections.get(name))
         mount = _mounts(model)[body]
         if not isinstance(mount, jg.Shaft):
             continue
@@ -404,6 +409,7 @@ def _side_view_size(model: jg.PairModel) -> tuple[float, float]:
     return width, float(np.clip((width - 2.4) * height / length + 1.6, 5.0, 8.6))
 
 
+_PALE = ("#c4dcec", "#f9e6bf")  # of pinion and wheel
 _AXIAL = "#c9d6e2"  # a bearing that holds its shaft along Z
 _DEFLECTION = {"S": (_GREEN, "-"), "T": (_RED, "--")}
 _SEAT_MARKS = ({"ls": "", "marker": "s", "ms": 5}, {"ls": "", "marker": "D", "ms": 5})
@@ -417,23 +423,27 @@ def _round_down(value: float) -> float:
     return float(max(r * power for r in (1.0, 2.0, 5.0) if r * power <= value))
 
 
-def _draw_gear_side(axes: Axes, pair: jg.GearPair, body: int, level: float) -> None:
-    """A gear from the side: body to the root circle, teeth to the tip circle."""
+def _draw_gear_side(
+    axes: Axes, pair: jg.GearPair, body: int, level: float, section: np.ndarray | None
+) -> None:
+    """A gear from the side: body to the root circle or in section, teeth to the tip circle."""
     gear, colour = (pair.pinion, pair.wheel)[body], (_BLUE, _ORANGE)[body]
     width = float(gear.face_width) / jg.mm
     facts = _facts(pair)
     root, tip = (float(facts[name][body]) / jg.mm for name in ("root_radius", "tip_radius"))
-    for radius, shade in ((tip, 0.12), (root, 0.18)):
-        axes.add_patch(
-            Rectangle(
-                (-0.5 * width, level - radius),
-                width,
-                2.0 * radius,
-                fc=colour,
-                ec=colour,
-                alpha=shade,
-            )
-        )
+    look: dict[str, Any] = {"fc": colour, "ec": colour}
+    if section is None:
+        for radius, shade in ((tip, 0.12), (root, 0.18)):
+            place = -0.5 * width, level - radius
+            axes.add_patch(Rectangle(place, width, 2.0 * radius, alpha=shade, **look))
+    else:
+        for side in (-1.0, 1.0):
+            corner = -0.5 * width, level + min(side * root, side * tip)
+            axes.add_patch(Rectangle(corner, width, tip - root, alpha=0.12, **look))
+            cut = section[..., ::-1] / jg.mm * [1.0, side] + [0.0, level]
+            # Above the shaft, which is a part of it.
+            pale = {"fc": _PALE[body], "ec": _PALE[body], "lw": 0.4, "zorder": 2.5}
+            axes.add_collection(PolyCollection(list(cut), **pale))
     axes.annotate(
         BODIES[body],
         (0.0, level + (tip if body else -tip)),
@@ -726,7 +736,7 @@ def transmission_error(dataset: xr.Dataset, title: str) -> Figure:
 
     The figure.
     """
-    figure, (time, order) = _panels((9.6, 4.0), title, 2, (1.7, 1.0))
+    figure, (time, order) = _panels((9.6, 4.0), f"Transmission error: {title}", 2, (1.7, 1.0))
     data = transmission_error_columns(dataset)
     mean, rms, span = cycle_statistics(dataset["transmission_error_um"])
     width = _thin(dataset["phase"].values)
@@ -766,7 +776,7 @@ def stiffness_and_sharing(dataset: xr.Dataset, title: str) -> Figure:
 
     The figure.
     """
-    figure, (stiffness, share) = _panels((9.6, 4.0), title, 2)
+    figure, (stiffness, share) = _panels((9.6, 4.0), f"Mesh stiffness and load sharing: {title}", 2)
     data = stiffness_and_sharing_columns(dataset)
     mean, _, span = cycle_statistics(dataset["mesh_stiffness_N_um"])
     width = _thin(dataset["phase"].values)
@@ -791,7 +801,7 @@ def stiffness_and_sharing(dataset: xr.Dataset, title: str) -> Figure:
 
 @_house_look()
 def flank_maps(dataset: xr.Dataset, title: str) -> Figure:
-    """Line load and pressure over the pinion's flank.
+    """Line load and pressure over the pinion's flank, along its roll angle and diameter.
 
     **Arguments:**
 
@@ -802,10 +812,10 @@ def flank_maps(dataset: xr.Dataset, title: str) -> Figure:
 
     The figure.
     """
-    figure, panels = _panels((9.6, 4.2), title, 2)
+    figure, panels = _panels((9.6, 4.2), f"Loads on the pinion's flank: {title}", 2)
     for axes, (variable, (quantity, unit)) in zip(panels, _FLANK_MAPS.items(), strict=True):
         grid = flank_grid(dataset, variable, "pinion")
-        place = grid["profile_position"].values
+        place, diameter = _along_flank(dataset, grid["profile_position"].values)
         half = 0.5 * (place[1] - place[0])
         face = np.linspace(-0.5, 0.5, grid.sizes["slice"] + 1) * dataset.attrs["face_width_mm"]
         surface = axes.pcolormesh(
@@ -818,12 +828,12 @@ def flank_maps(dataset: xr.Dataset, title: str) -> Figure:
         )
         axes.grid(False)
         axes.set(
-            xlabel="place on the pinion's flank, root 0, tip 1 [-]",
             ylabel="position from mid-face [mm]",
-            xlim=(0, 1),
         )
+        _roll_axis(axes, place, diameter)
         axes.set_title(f"largest {_digits(float(dataset[variable].max()), 4)} {unit}", loc="left")
-        _mark_points(axes, dataset["path_point_position"], on_surface=True)
+        angle, _ = _along_flank(dataset, dataset["path_point_position"].values)
+        _mark_points(axes, dataset["path_point_position"].copy(data=angle), on_surface=True)
         figure.colorbar(surface, ax=axes, label=f"{quantity} [{unit}]")
     return figure
 
@@ -841,7 +851,7 @@ def face_load(dataset: xr.Dataset, title: str) -> Figure:
 
     The figure.
     """
-    figure, (axes,) = _panels((7.2, 4.4), title)
+    figure, (axes,) = _panels((7.2, 4.4), f"Load across the face: {title}")
     data = face_load_columns(dataset)
     face, load = data["face_position_mm"], data["face_load_mean_N_mm"]
     mean = float(np.mean(load))
@@ -884,6 +894,19 @@ def _phase_axis(axes: Axes, label: str, phase: np.ndarray) -> None:
     """Name the axes of a curve over the cycle with these phases, unrolled or not."""
     last = max(2, _cycle_periods(phase))
     axes.set(xlabel="mesh phase [mesh periods]", ylabel=label, xlim=(0, last))
+
+
+def _roll_axis(axes: Axes, angle: np.ndarray, diameter: np.ndarray) -> None:
+    """Roll angle along a flank, and under each of its ticks the diameter there.
+
+    An axis of its own for diameters would take as long to draw as all the rest.
+    """
+    low, high = float(angle[0]), float(angle[-1])
+    ticks = np.asarray(MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(low, high))
+    ticks = ticks[(ticks >= low) & (ticks <= high)]
+    labels = [f"{tick:g}\n{np.interp(tick, angle, diameter):.2f}" for tick in ticks]
+    axes.set_xticks(ticks, labels)
+    axes.set(xlabel="roll angle [°], and under it diameter [mm]", xlim=(low, high))
 
 
 def _mark_points(axes: Axes, places: xr.DataArray, *, on_surface: bool = False) -> None:
@@ -940,7 +963,7 @@ def harris_map(
 
     The figure.
     """
-    figure, (curves, size) = _panels((9.6, 4.2), title, 2, (1.5, 1.0))
+    figure, (curves, size) = _panels((9.6, 4.2), f"Harris map: {title}", 2, (1.5, 1.0))
     colours, norm = _torque_colours(torques_Nm)
     width = min(_thin(phases), 1.3)
     data = harris_map_columns(torques_Nm, phases, te_um, weight=weight)
@@ -1000,7 +1023,9 @@ def te_spectrum(
 
     The figure.
     """
-    figure, (spectrum, size) = _panels((9.6, 4.2), title, 2, (1.5, 1.0))
+    figure, (spectrum, size) = _panels(
+        (9.6, 4.2), f"Spectrum of the TE over torque: {title}", 2, (1.5, 1.0)
+    )
     data = te_spectrum_columns(torques_Nm, phases, te_um, weight=weight)
     order, *amplitudes = data.values()
     colours, norm = _torque_colours(torques_Nm)
@@ -1064,7 +1089,7 @@ def smoothing_bias(
 
     The figure.
     """
-    figure, (mean, relative) = _panels((9.6, 4.0), title, 2)
+    figure, (mean, relative) = _panels((9.6, 4.0), f"Bias of smooth contact: {title}", 2)
     _draw_bias(mean, width_um, mean_bias_um, _BLUE, "mean TE")
     _draw_bias(relative, width_um, rms_bias_relative, _BLUE, "RMS of the TE")
     if gradient_bias_relative is not None:
@@ -1123,7 +1148,7 @@ def master_curve(
 
     The figure.
     """
-    figure, (axes,) = _panels((7.6, 5.8), title)
+    figure, (axes,) = _panels((7.6, 5.8), f"Master Curve map: {title}")
     depth = chart.depth / jg.um
     levels = _levels(chart.value)
     surface = axes.contourf(
@@ -1201,7 +1226,7 @@ def search_trace(values_by_method: Mapping[str, np.ndarray], unit: str, title: s
 
     The figure.
     """
-    figure, (axes,) = _panels((7.2, 4.4), title)
+    figure, (axes,) = _panels((7.2, 4.4), f"Searches: {title}")
     colours = (_BLUE, _ORANGE, _GREEN, _RED, _SKY)
     best_values = [np.minimum.accumulate(values) for values in values_by_method.values()]
     for index, (name, best) in enumerate(zip(values_by_method, best_values, strict=True)):
@@ -1241,7 +1266,7 @@ def before_after(dataset_before: xr.Dataset, dataset_after: xr.Dataset, title: s
 
     The figure.
     """
-    figure, (error, pressure) = _panels((9.6, 4.2), title, 2)
+    figure, (error, pressure) = _panels((9.6, 4.2), f"Before and after: {title}", 2)
     cases = (("before", dataset_before, _ORANGE, "--"), ("after", dataset_after, _BLUE, "-"))
     for name, dataset, colour, style in cases:
         own = dataset["phase"].values
@@ -1311,7 +1336,7 @@ def _sizing_map(
     label: str, amounts: np.ndarray, torques_Nm: np.ndarray, te_um: np.ndarray, title: str
 ) -> Figure:
     """Peak to peak over amount and torque; a star marks what is best at its worst torque."""
-    figure, (axes,) = _panels((7.6, 5.2), title)
+    figure, (axes,) = _panels((7.6, 5.2), f"Sizing: {title}")
     rising, upwards = np.argsort(amounts), np.argsort(torques_Nm)
     surface = axes.pcolormesh(
         _cell_edges(amounts[rising]),
@@ -1374,7 +1399,7 @@ def _sizing_ranks(
     count = min(_RANKS_SHOWN, len(amounts))
     size = (max(9.6, 7.6 + 0.9 * len(labels)), 2.9 + 0.26 * count)
     ratios = (0.25 + 0.3 * len(labels), 1.0, 1.0)
-    figure, (table, error, pressure) = _panels(size, title, 3, ratios)
+    figure, (table, error, pressure) = _panels(size, f"Sizing: {title}", 3, ratios)
     rank = np.arange(1, count + 1)
     low, high = np.min(amounts, axis=0), np.max(amounts, axis=0)
     shade = (amounts[:count] - low) / np.where(high > low, high - low, 1.0)

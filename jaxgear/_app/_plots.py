@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from jaxgear._app import _axes_pictures as axes_pictures
     from jaxgear._app import _body_pictures as body_pictures
     from jaxgear._app import _campbell_pictures as campbell_pictures
     from jaxgear._app import _compare_pictures as compare_pictures
@@ -12,9 +13,11 @@ if TYPE_CHECKING:
     from jaxgear._app import _dynamic_pictures as dynamic_pictures
     from jaxgear._app import _flank_pictures as flank_pictures
     from jaxgear._app import _hybrid_pictures as hybrid_pictures
+    from jaxgear._app import _modification_pictures as modification_pictures
     from jaxgear._app import _pictures as pictures
     from jaxgear._app import _robust_pictures as robust_pictures
     from jaxgear._app import _sensitivity_pictures as sensitivity_pictures
+    from jaxgear._app import _sliding_pictures as sliding_pictures
     from jaxgear._app import _wave_pictures as wave_pictures
 else:
 
@@ -31,6 +34,7 @@ else:
 
             return called
 
+    axes_pictures = _Later("_axes_pictures")
     body_pictures = _Later("_body_pictures")
     campbell_pictures = _Later("_campbell_pictures")
     compare_pictures = _Later("_compare_pictures")
@@ -38,7 +42,9 @@ else:
     dynamic_pictures = _Later("_dynamic_pictures")
     flank_pictures = _Later("_flank_pictures")
     hybrid_pictures = _Later("_hybrid_pictures")
+    modification_pictures = _Later("_modification_pictures")
     pictures = _Later("_pictures")
     robust_pictures = _Later("_robust_pictures")
     sensitivity_pictures = _Later("_sensitivity_pictures")
+    sliding_pictures = _Later("_sliding_pictures")
     wave_pictures = _Later("_wave_pictures")

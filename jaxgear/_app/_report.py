@@ -9,6 +9,7 @@ from typing import Any
 from jaxgear._app._assumed import assumed
 from jaxgear._app._folder import Folder
 from jaxgear._app._notes import notes
+from jaxgear._app._ranks import Doubtful, worst_first
 from jaxgear._app._results import write_json
 from jaxgear._app._scene import Scene, write_scene
 from jaxgear._app._schema import GEARS
@@ -56,11 +57,19 @@ def head(scene: Scene, statics: Statics) -> Summary:
             "geometry": geometry_summary(statics),
             "iso6336": {key: float(value) for key, value in statics.standard.items()},
             "static": {key: float(value) for key, value in statics.numbers.items()}
+            | _efficiency(scene, statics)
             | mounts_summary(statics),
             "notes": known,
         }
         | _told_bodies(scene, known)
     )
+
+
+def _efficiency(scene: Scene, statics: Statics) -> Summary:
+    """What sliding leaves of the power, as `mesh_efficiency` has it, and what was assumed."""
+    friction = scene["mesh.friction_coefficient"]
+    efficiency = 1.0 - friction * float(statics.numbers["mesh_loss_factor"])
+    return {"friction_coefficient": friction, "mesh_efficiency": efficiency}
 
 
 def _modes_kept(scene: Scene) -> int:
@@ -98,9 +107,9 @@ def finish(scene: Scene, folder: Folder, summary: Summary, watch: Stopwatch) -> 
         "run_s": watch.run_s,
         "peak_memory_MB": peak / (1024.0**2 if sys.platform == "darwin" else 1024.0),
     }
-    # What may make all else wrong comes first.
-    if said := [*odd(scene.values), *assumed(scene)]:
-        summary["notes"] = [*said, *summary.get("notes", ())]
+    said = [*map(Doubtful, odd(scene.values)), *assumed(scene)]
+    if said or "notes" in summary:
+        summary["notes"] = worst_first([*said, *summary.get("notes", ())])
     write_scene(scene, folder / "scene.toml")
     write_json(summary, folder / "summary.json")
     return json.loads((folder / "summary.json").read_text(encoding="utf-8"))

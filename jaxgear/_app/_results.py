@@ -73,6 +73,7 @@ def static_dataset(
         attrs={
             "torque_pinion_Nm": float(model.torque),
             "face_width_mm": float(facts["face_width"]) / jg.mm,
+            "base_radius_pinion_mm": float(facts["base_radius"][0]) / jg.mm,
             "teeth_pinion": model.pair.pinion.teeth,
             "teeth_wheel": model.pair.wheel.teeth,
         },

@@ -16,6 +16,7 @@ from jaxtyping import Array
 
 import optimise
 from jaxgear._app._design import DesignSpace, limits_objectives, limits_of, objective_of
+from jaxgear._app._ranks import Doubtful
 from jaxgear._app._scatter import Scatter, samples_of
 from jaxgear._app._scene import Scene
 from jaxgear._app._schema import unit_of
@@ -498,7 +499,8 @@ def robust_notes(made: Hardened) -> list[str]:
                 "aimed at, not the errors of two gears. Name both to let both scatter."
             )
     if made.found.converged is False:
-        found.append(f"The robust search did not converge: {made.found.reason}.")
+        words = f"The robust search did not converge: {made.found.reason}."
+        found.append(Doubtful(words))
     return found
 
 

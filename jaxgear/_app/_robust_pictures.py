@@ -38,7 +38,7 @@ def robust(
 
     The figure.
     """
-    figure, (spread, error) = _panels((10.4, 4.4), title, 2)
+    figure, (spread, error) = _panels((10.4, 4.4), f"Gears as they are made: {title}", 2)
     what, unit = response[0], response[1].replace("um", "µm")
     for name, colour, style in _DESIGNS:
         own = np.sort(values[name])
@@ -99,7 +99,9 @@ def tornado(
     The figure.
     """
     shown = min(len(names), _BARS)
-    figure, panels = _panels((11.0, 1.9 + 0.42 * shown), title, 2)
+    figure, panels = _panels(
+        (11.0, 1.9 + 0.42 * shown), f"What scatters, and what it does: {title}", 2
+    )
     place = np.arange(shown)
     for axes, (name, colour, _) in zip(panels, _DESIGNS, strict=True):
         middle, low, high = ends[name]

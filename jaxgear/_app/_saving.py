@@ -7,6 +7,7 @@ import numpy as np
 
 from jaxgear._app._folder import Folder
 from jaxgear._app._plots import pictures
+from jaxgear._app._progress import say
 from jaxgear._app._results import write_csv
 
 
@@ -27,6 +28,7 @@ def save(
     write_csv(columns, folder / f"{name}.csv")
     png, svg = folder / f"{name}.png", folder / f"{name}.svg"
     if folder.pictures:
+        say(f"drawing {name}")
         pictures.write_picture(draw, png, svg)
     else:
         png.unlink(missing_ok=True)

@@ -828,6 +828,15 @@ _MESH = (
         "contact of tip corners beyond the ends of the path",
         False,
     ),
+    _number(
+        "mesh.friction_coefficient",
+        "coefficient of friction of the flanks, its mean over the path of contact; it says what "
+        "sliding costs, and does not act back on the loads",
+        0.05,
+        at_least=0.0,
+        below=1.0,
+        remedy="Of oiled steel it is 0.02 to 0.08",
+    ),
     _variable(
         "mesh.pinion_speed_rad_s",
         "speed of the pinion, whose rotation loads condensed bodies in the quasi-static cycle; "

@@ -20,6 +20,7 @@ from jaxgear._app._programs import (
     leaves_of,
     program_of,
 )
+from jaxgear._app._progress import say
 from jaxgear._app._results import harmonic_count
 from jaxgear._app._scene import Scene
 from jaxgear._app._schema import GEARS
@@ -28,6 +29,7 @@ from jaxgear._contact._cells import nominal_line_load
 from jaxgear._contact._compliance import iso_stiffness
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair, pair_facts
+from jaxgear._geometry._sliding import sliding_speed, specific_sliding
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact, SmoothContact
 from jaxgear._response._factors import (
     face_load_factor,
@@ -35,6 +37,7 @@ from jaxgear._response._factors import (
     transverse_load_factor,
 )
 from jaxgear._response._loads import hertz_pressure, line_load, mesh_stiffness
+from jaxgear._response._losses import mesh_loss_factor
 from jaxgear._response._transmission import (
     cycle_mean,
     cycle_rms,
@@ -47,7 +50,7 @@ from jaxgear._system._model import PairModel
 from jaxgear._system._shaft import Shaft
 from jaxgear._system._structure import bearing_motion
 from jaxgear._system._support import Support
-from jaxgear._types import Phases, Reals, Scalar
+from jaxgear._types import Phases, Reals, Scalar, as_scalar
 from jaxgear._units import MPa, N_per_mm_um, deg, mm, um
 
 
@@ -62,12 +65,16 @@ class Stopwatch:
         self.compile_s = 0.0
         self.run_s = 0.0
         self._programs: dict[Any, Program] = {}
+        self._seen: set[Any] = set()
 
     def __call__(self, function: Callable[..., Any], *arguments: Any, options: Options = ()) -> Any:
         """Compile `function` for these arguments, run it, and wait for the result."""
         start = time.perf_counter()
         leaves, structure = leaves_of(*arguments)
         key = function, structure, kinds_of(leaves), options
+        if is_new := key not in self._seen:
+            self._seen.add(key)
+            say("tracing and compiling")
         if is_named(function):
             program = program_of(*key)
         elif key in self._programs:
@@ -75,6 +82,8 @@ class Stopwatch:
         else:
             program = self._programs[key] = program_of(*key)
         middle = time.perf_counter()
+        if is_new:
+            say("computing")
         result = jax.block_until_ready(program(*leaves))
         self.compile_s += middle - start
         self.run_s += time.perf_counter() - middle
@@ -407,11 +416,22 @@ def _static_numbers(
         "single_pair_stiffness_max_N_mm_um": largest / N_per_mm_um,
         "single_pair_stiffness_pitch_N_mm_um": at_pitch / N_per_mm_um,
         "single_pair_deflection_um": load / largest / um,
+        "mesh_loss_factor": mesh_loss_factor(pair, cycle),
+        "specific_sliding_lowest_pinion": specific_sliding(pair, pair.path_start)[0],
+        "specific_sliding_lowest_wheel": specific_sliding(pair, pair.path_end)[1],
+        "sliding_factor_largest": _largest_sliding(pair),
         "mesh_stiffness_mean_N_um": cycle_mean(cycle, mesh_stiffness(cycle)) * um,
         "nominal_line_load_N_mm": load * mm,
         "least_share_in_contact": jnp.min(_share_in_contact(cycle)),
         "most_solver_steps": jnp.max(cycle.steps),
     }
+
+
+def _largest_sliding(pair: GearPair) -> Scalar:
+    """Largest speed of sliding over that of the pitch line; it is at an end of the path [-]."""
+    ends = jnp.stack([pair.path_start, pair.path_end])
+    slides = sliding_speed(pair, ends, as_scalar(1.0))
+    return jnp.max(jnp.abs(slides)) / pair.working_pitch_radius[0]
 
 
 def _share_in_contact(cycle: MeshCycle) -> Phases:

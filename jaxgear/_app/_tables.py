@@ -216,8 +216,21 @@ def flank_maps_columns(dataset: xr.Dataset) -> Columns:
     place, face = np.meshgrid(
         first["profile_position"].values, first["face_position_mm"].values, indexing="ij"
     )
-    columns = {"profile_position": place.ravel(), "face_position_mm": face.ravel()}
+    angle, diameter = _along_flank(dataset, place.ravel())
+    columns = {
+        "profile_position": place.ravel(),
+        "roll_angle_deg": angle,
+        "diameter_mm": diameter,
+        "face_position_mm": face.ravel(),
+    }
     return columns | {name: grid.values.ravel() for name, grid in grids.items()}
+
+
+def _along_flank(dataset: xr.Dataset, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Roll angle [degrees] and diameter [mm] at places on the pinion's flank, root 0 to tip 1."""
+    start, end = dataset["path_point_roll_mm"].sel(path_point=["A", "E"]).values
+    roll, base = start + place * (end - start), dataset.attrs["base_radius_pinion_mm"]
+    return roll / base / jg.deg, 2.0 * np.hypot(base, roll)
 
 
 def face_load_columns(dataset: xr.Dataset) -> Columns:

@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from fem_prep._grid import surface
 from jaxgear._app._body_pictures import _show
@@ -24,7 +25,7 @@ from jaxgear._app._body_waves import (
     wave_words,
 )
 from jaxgear._app._palette import _BLUE, _GREEN, _GREY, _ORANGE, _PINK, _RED, _SKY
-from jaxgear._app._pictures import _SURFACE, _digits, _house_look, _panels, _round_down
+from jaxgear._app._pictures import _BOX, _SURFACE, _digits, _house_look, _panels, _round_down
 from jaxgear._app._wave_tables import _grid, _wave_level, wave_map_columns
 from jaxgear._app._whole_file import whole_file
 from jaxgear._response._waves import DIRECTIONS
@@ -37,6 +38,8 @@ _SERIES = (_BLUE, _ORANGE, _GREEN, _RED, _SKY, _PINK)
 _MARKS = "osD^v<"
 # Mesh harmonics shown in spectra and in the map of waves.
 _HARMONICS = 3.5
+# Orders closer than this, over the number of teeth, have no room for a label each in the middle.
+_NEAR = 0.2
 # Amplitudes are shown over so many powers of ten.
 _DECADES = 4
 # Waves that get a line of their own over speed.
@@ -64,7 +67,7 @@ def wave_spectra(dataset: xr.Dataset, gear: str, title: str) -> Figure:
 
     The figure.
     """
-    figure, panels = _panels((11.0, 4.8), title, 2)
+    figure, panels = _panels((11.0, 5.0), f"Spectra of the probes: {title}", 2)
     teeth = dataset.attrs[f"teeth_{gear}"]
     order = dataset[f"{gear}_order"].values
     amplitude = dataset[f"{gear}_probe_amplitude_um"].values
@@ -85,7 +88,6 @@ def wave_spectra(dataset: xr.Dataset, gear: str, title: str) -> Figure:
             name = str(dataset[f"{gear}_probe"].values[probe])
             axes.plot(place, amplitude[probe][seen], _MARKS[number % 6], ms=3.5, label=name, **look)
         axes.set(
-            title="",
             xlabel=f"order of the {gear}'s rotation",
             ylabel="amplitude [µm]",
             yscale="log",
@@ -93,9 +95,9 @@ def wave_spectra(dataset: xr.Dataset, gear: str, title: str) -> Figure:
             xlim=(0.0, _HARMONICS * teeth),
         )
         axes.set_title(where, loc="left")
-        _name_strongest(axes, order, amplitude[own], shown & (order > 0.5 * teeth))
+        _name_strongest(axes, order, amplitude[own], shown, teeth)
         if own.any():
-            axes.legend(loc="upper right")
+            axes.legend(loc="upper right", title="with the orders of its largest amplitudes")
         else:
             axes.text(0.5, 0.5, "no probe", transform=axes.transAxes, ha="center", color=_GREY)
         _tooth_axis(axes, teeth)
@@ -103,20 +105,32 @@ def wave_spectra(dataset: xr.Dataset, gear: str, title: str) -> Figure:
 
 
 def _name_strongest(
-    axes: Axes, order: np.ndarray, amplitude: np.ndarray, shown: np.ndarray
+    axes: Axes, order: np.ndarray, amplitude: np.ndarray, shown: np.ndarray, teeth: int
 ) -> None:
-    """Write the order of the largest amplitude of each probe beside it."""
-    for row in amplitude if shown.any() else ():
-        best = np.flatnonzero(shown)[np.argmax(row[shown])]
-        if row[best] > 0.0:
-            axes.annotate(
-                f"{order[best]:.6g}",
-                (order[best], row[best]),
-                xytext=(0, 6),
-                textcoords="offset points",
-                ha="center",
-                fontsize=8.0,
-            )
+    """Write the orders of each probe's largest amplitude of all, and of those by the mesh."""
+    found: dict[float, float] = {}
+    for chosen in (shown, shown & (order > 0.5 * teeth)):
+        for row in amplitude if chosen.any() else ():
+            best = np.flatnonzero(chosen)[np.argmax(row[chosen])]
+            if row[best] > 0.0:
+                at = float(order[best])
+                found[at] = max(found.get(at, 0.0), float(row[best]))
+    places = sorted(found)
+    for number, at in enumerate(places):
+        near = [other - at for other in places[max(number - 1, 0) : number + 2] if other != at]
+        # Those of neighbours lie away from each other, and none on the axis.
+        aside = next((-np.sign(gap) for gap in near if abs(gap) < _NEAR * teeth), 0.0)
+        aside = 1.0 if at < _NEAR * teeth else aside
+        axes.annotate(
+            f"{at:.6g}",
+            (at, found[at]),
+            xytext=(3.0 * aside, 6),
+            textcoords="offset points",
+            ha={-1.0: "right", 0.0: "center", 1.0: "left"}[float(aside)],
+            fontsize=8.0,
+            bbox=_BOX,
+            zorder=5,
+        )
 
 
 def _tooth_axis(axes: Axes, teeth: int) -> None:
@@ -141,7 +155,7 @@ def wave_map(dataset: xr.Dataset, gear: str, title: str) -> Figure:
 
     The figure; waves that stand in space are on the lines of their mesh harmonic.
     """
-    figure, panels = _panels((10.6, 5.6), title, 2)
+    figure, panels = _panels((10.6, 6.0), f"Waves around the rim: {title}", 2)
     teeth = dataset.attrs[f"teeth_{gear}"]
     data = wave_map_columns(dataset, gear)
     seen = (data["order"] <= _HARMONICS * teeth) & (data["order"] > 0.5 * teeth)
@@ -156,12 +170,11 @@ def wave_map(dataset: xr.Dataset, gear: str, title: str) -> Figure:
             axes.plot(span, harmonic * teeth - span, color=_GREY, lw=0.7, ls=":", zorder=0)
         shown = np.flatnonzero(seen & (values > low))
         shown = shown[np.argsort(values[shown])]
-        weight = np.log(values[shown] / low) / np.log(high / low)
         points = axes.scatter(
             data["nodal_diameters"][shown],
             data["order"][shown],
             c=values[shown],
-            s=8.0 + 90.0 * weight**2,
+            s=_dot_size(values[shown], low, high),
             cmap=_SURFACE,
             norm=scale,
             edgecolors="black",
@@ -182,7 +195,20 @@ def wave_map(dataset: xr.Dataset, gear: str, title: str) -> Figure:
             yticks=teeth * np.arange(1, int(_HARMONICS) + 1),
         )
     figure.colorbar(points, ax=panels, label="amplitude of the wave around the rim [µm]")
+    handles = [Line2D([], [], color=_GREY, lw=0.9, ls=":", label="stands still in space")]
+    for share in (1.0, 0.1, 0.01):
+        look: dict[str, Any] = {"marker": "o", "ls": "", "mec": "black", "mew": 0.3}
+        look["color"] = points.to_rgba(np.asarray([share * high]))[0]
+        size = np.sqrt(_dot_size(share * high, low, high))
+        label = f"{_digits(share * high, 2)} µm"
+        handles.append(Line2D([], [], ms=size, label=label, **look))
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
     return figure
+
+
+def _dot_size(amplitude: Any, low: float, high: float) -> Any:
+    """Area of the mark of an amplitude [square points]."""
+    return 8.0 + 90.0 * (np.log(amplitude / low) / np.log(high / low)) ** 2
 
 
 # --- Levels over speed
@@ -202,7 +228,7 @@ def wave_levels(dataset: xr.Dataset, gear: str, title: str) -> Figure:
 
     The figure, of the direction of the sweep with the highest peak.
     """
-    figure, (left, right) = _panels((11.0, 5.4), title, 2)
+    figure, (left, right) = _panels((11.0, 5.4), f"Waves and probes over speed: {title}", 2)
     own = dataset.sel(direction=dataset.attrs["peak_direction"])
     speed, number = own["speed"].values, own[f"{gear}_diameters"].values
     level = _wave_level(own, gear)

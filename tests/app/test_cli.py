@@ -116,7 +116,7 @@ def test_a_command_gets_the_scene_the_folder_and_64_bits(scene, commands, comman
     assert quiet is False
     assert precision == "float64"
     output = capsys.readouterr()
-    assert "centre_distance_mm  99.4503" in output.out
+    assert "centre_distance_mm (a_w)  99.4503" in output.out
     assert "results/accessory" in output.err
     assert "results" not in output.out
 
@@ -404,7 +404,7 @@ def test_summary_is_indented_and_short(capsys):
         "versions",
         "  jax  1.2.3",
         "geometry",
-        "  centre_distance_mm  99.4503",
+        "  centre_distance_mm (a_w)  99.4503",
         "static",
         "  te_rms_um  2.36",
         "  speeds     [300 values]",

@@ -120,9 +120,9 @@ def test_condense_end_to_end_and_then_from_the_cache(written, tmp_path, capsys, 
     assert growth["1000"] == pytest.approx(4.0 * growth["500"])
     assert f"{body['free_frequency_Hz'][0]:.6g}" in printed.out
     # Eight elements around for 24 teeth, each three teeth long: the report and the reader know.
-    assert "is a whole number" not in printed.err
-    assert "An element of the rim" in printed.err
-    assert "wheel.body.fineness.sectors = 24 every tooth would" in printed.err
+    assert "is a whole number" not in printed.out
+    assert "An element of the rim" in printed.out
+    assert "wheel.body.fineness.sectors = 24 every tooth would" in printed.out
     assert f"({body['teeth_mass_kg']:.4g} in truth; it keeps their inertia)" in printed.out
     kept = read_body(out / "tiny-wheel.body.npz")
     health: Any = kept.facts["health"]

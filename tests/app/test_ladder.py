@@ -51,6 +51,18 @@ def test_the_cheapest_within_the_margin_is_chosen():
     assert ladder.choose(rows, 0.03, _TWO, _held_out).row is rows[1]
 
 
+def test_noise_of_times_does_not_choose():
+    """Of rungs within a quarter of the fastest's time the most exact one is as good as fastest."""
+    for first, second in ((1.0, 1.2), (1.2, 1.0)):
+        rows = [_row("own", 9.0, 1e-3), _row("a", first, 0.012), _row("b", second, 0.010)]
+        assert ladder.choose(rows, 0.02, _TWO, _held_out).row is rows[2]
+    rows = [_row("own", 9.0, 1e-3), _row("a", 1.0, 0.012), _row("b", 1.3, 0.010)]
+    assert ladder.choose(rows, 0.02, _TWO, _held_out).row is rows[1]
+    # Nor is what is a little faster than the scene worth another model.
+    near = [_row("own", 1.2, 1e-3), _row("a", 1.0, 0.012)]
+    assert ladder.cheapest_of_families(near, 0.015, _TWO) == []
+
+
 def test_what_does_not_hold_elsewhere_is_passed_over():
     """The margin is for points not tried; those held out count in full."""
     rows = [_row("own", 9.0, 1e-3), _row("local", 1.0, 1e-3, 0.021), _row("wide", 2.0, 1e-3, 0.019)]

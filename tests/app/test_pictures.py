@@ -18,8 +18,12 @@ import jaxgear as jg
 from jaxgear._app import _pictures as pictures
 from jaxgear._app import _tables as tables
 from jaxgear._app._folder import Folder
+from jaxgear._app._modification_pictures import modification
+from jaxgear._app._modification_tables import modification_columns
 from jaxgear._app._results import cycle_statistics, static_dataset
 from jaxgear._app._saving import save
+from jaxgear._app._sliding_pictures import sliding
+from jaxgear._app._sliding_tables import sliding_columns
 from jaxgear._system._mesh_vectors import section_motion
 from jaxgear._system._shaft import node_heights
 
@@ -163,6 +167,11 @@ def _all_pictures(datasets, cycles):
         pictures.shafts(on_shafts, cycle, _bearings(mounted), "mounted, 300 N m"),
         tables.shafts_columns(on_shafts, cycle, _bearings(mounted)),
     )
+    flanks = modification_columns({"start": _spur(), "optimised": _relieved()})
+    yield "modification", modification(flanks, "relief"), flanks
+    slides = sliding_columns(_spur().pair)
+    lost = {"mesh_efficiency": 0.99, "friction_coefficient": 0.05}
+    yield "sliding", sliding(slides, spur, lost, "spur", pinion_speed=900.0), slides
     for name, (labels, amounts) in _SIZINGS.items():
         size = np.linspace(1.0, 3.0, 3 * len(amounts)).reshape(-1, 3)
         yield f"sizing {name}", pictures.sizing(labels, amounts, _TORQUES, size, size, name), {}
