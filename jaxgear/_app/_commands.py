@@ -112,16 +112,16 @@ def run(scene: Scene, folder: Folder, quiet: bool) -> Summary:
         if scene.bodies:
             dataset, found = _on_bodies(scene, statics, dataset, folder, quiet)
             summary["static"] |= found
-        write_dataset(dataset, folder / "result.nc")
         bearings = summary["static"]["bearings"]
         _draw_statics(folder, title_of(scene), statics, dataset, bearings)
         done(1)
+    groups = {}
     if scene.has_table("sweep"):
         dynamics = solve_dynamics(scene, watch)
-        found, swept = _sweep(scene, dynamics, folder, quiet)
-        write_dataset(dataset, folder / "result.nc", swept)
+        found, groups = _sweep(scene, dynamics, folder, quiet)
         summary["notes"] += found.pop("notes")
         summary |= found
+    write_dataset(dataset, folder / "result.nc", groups)
     if scene.has_table("sizing"):
         summary |= _sizing(scene, statics, folder, quiet, watch)
     if scene.has_table("optimise"):

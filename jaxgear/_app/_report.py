@@ -11,6 +11,7 @@ from jaxgear._app._folder import Folder
 from jaxgear._app._notes import notes
 from jaxgear._app._results import write_json
 from jaxgear._app._scene import Scene, write_scene
+from jaxgear._app._scene_files import files_seen_from
 from jaxgear._app._schema import GEARS
 from jaxgear._app._slips import odd
 from jaxgear._app._statics import (
@@ -101,6 +102,6 @@ def finish(scene: Scene, folder: Folder, summary: Summary, watch: Stopwatch) -> 
     # What may make all else wrong comes first.
     if said := [*odd(scene.values), *assumed(scene)]:
         summary["notes"] = [*said, *summary.get("notes", ())]
-    write_scene(scene, folder / "scene.toml")
+    write_scene(scene.replace(files_seen_from(scene, folder.path)), folder / "scene.toml")
     write_json(summary, folder / "summary.json")
     return json.loads((folder / "summary.json").read_text(encoding="utf-8"))

@@ -15,8 +15,6 @@ def save(
 ) -> None:
     """Write a picture's data, and the picture where pictures are wanted.
 
-    Where they are not, an earlier picture of this name is removed: it shows other data.
-
     **Arguments:**
 
     - `draw`: returns the figure; called only for a picture.
@@ -25,9 +23,5 @@ def save(
     - `name`: of the files, without ending: NAME.csv, NAME.png and NAME.svg.
     """
     write_csv(columns, folder / f"{name}.csv")
-    png, svg = folder / f"{name}.png", folder / f"{name}.svg"
     if folder.pictures:
-        pictures.write_picture(draw, png, svg)
-    else:
-        png.unlink(missing_ok=True)
-        svg.unlink(missing_ok=True)
+        pictures.write_picture(draw, folder / f"{name}.png", folder / f"{name}.svg")

@@ -167,9 +167,7 @@ def _draw_motion(folder: Folder, title: str, each: Looked, motion, tell) -> None
     main, body = main_wave(each, motion), each.body
     tell(f"{body.gear}: its shape at order {main.order:g}")
     shape = body.shape(motion, main.order)
-    moving = folder / f"{body.gear}_shape.gif"
     if folder.pictures:
+        moving = folder / f"{body.gear}_shape.gif"
         wave_pictures.animate_shape(moving, body, shape, main, f"{title}: {body.gear}")
-    else:
-        moving.unlink(missing_ok=True)
     write_shapes(folder, body, shape, f"{body.gear}_shape")
