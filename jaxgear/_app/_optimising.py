@@ -305,8 +305,9 @@ def _robust(
     figure = partial(
         robust_pictures.robust, values, datasets, scene["robust.share"], response, title
     )
-    columns = robust_tables.robust_columns(values, datasets, unit)
-    save(figure, columns, folder, "robust")
+    columns = robust_tables.robust_columns(values, unit)
+    errors = robust_tables.robust_errors_columns(datasets)
+    save(figure, columns, folder, "robust", transmission_error=errors)
     names, reach, ends = reach_of(made)
     figure = partial(robust_pictures.tornado, names, reach, ends, response, title_of(scene))
     columns = robust_tables.tornado_columns(names, reach, ends, unit)

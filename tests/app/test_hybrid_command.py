@@ -347,8 +347,6 @@ def test_models_are_compared_by_name():
     assert legend is not None
     texts = [text.get_text() for text in legend.get_texts()]
     assert texts == ["rigid: at most 100.0 N/mm", "flexible: at most 150.0 N/mm"]
-    columns = tables.models_compared_columns({"rigid": rigid, "flexible": soft})
-    np.testing.assert_allclose(columns["flexible_line_load_max_N_mm"], [150.0, 120.0, 75.0])
 
 
 # --- Notes
