@@ -396,12 +396,12 @@ def _results(args: argparse.Namespace, scene: Scene) -> Iterator[Folder]:
     common = args.out or Path("results") / str(scene["name"])
     path = common if args.command == "run" else common / args.command
     own = path / "scene.toml"
-    if own.resolve() == scene.path.resolve() and own.name not in written(path):
-        raise _Stop(
-            2, f"{own}: the results would replace the scene. Name another folder: --out DIR"
-        )
     with ExitStack() as stack:
         try:
+            if own.exists() and own.samefile(scene.path) and own.name not in written(path):
+                raise _Stop(
+                    2, f"{own}: the results would replace the scene. Name another folder: --out DIR"
+                )
             folder = stack.enter_context(begun(Folder(path, args.pictures, common=common)))
         except (OSError, ValueError) as error:
             # A name that the file system cannot spell is a ValueError.

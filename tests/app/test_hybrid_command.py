@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
+from table_checks import assert_tables
 
 from fem_prep._artefact import balanced, floating
 from fem_prep._condense import boundary_of, hold
@@ -411,6 +412,7 @@ def test_a_run_shows_teeth_above_holes_and_between(tmp_path, monkeypatch):
         for ending in ("png", "svg", "csv"):
             assert (out / f"{name}.{ending}").stat().st_size > 0
     assert (out / "wheel_deflected.vtu").exists()
+    assert_tables(out)
     # Holes one tooth further on: the same loads, one tooth further on.
     moved = _teeth_of(path, "wheel.body.web.hole_angle_deg=15")
     assert np.ptp(loads) > 1e-4 * loads.max()
