@@ -13,7 +13,6 @@ import json
 import os
 import shutil
 import tempfile
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,13 +21,11 @@ from jaxgear._app._whole_file import write_text
 
 # The list that a command keeps of its files: the SHA-256 of each under its name.
 _LIST = ".jaxgear.json"
-_DRAFT = ".jaxgear-draft-"
+# A draft has the first name until it is locked: what has the second and no lock is of the dead.
+_NEW, _DRAFT = ".jaxgear-new-", ".jaxgear-draft-"
 
 # Results need at least as much space [byte].
 _ROOM = 1 << 20
-
-# A draft that is younger may not be locked yet [s].
-_YOUNG = 10.0
 
 
 @dataclass(frozen=True)
@@ -71,14 +68,13 @@ def begun(folder: Folder) -> Iterator[Folder]:
     folder.path.mkdir(parents=True, exist_ok=True)
     for path in {folder.path, folder.common or folder.path}:
         _clear_drafts(path)
-    draft = Path(tempfile.mkdtemp(prefix=_DRAFT, dir=folder.path))
-    try:
-        with tempfile.TemporaryFile(dir=draft) as file:
-            file.write(bytes(_ROOM))
-        with _locked(draft):
+    with _locked(Path(tempfile.mkdtemp(prefix=_NEW, dir=folder.path))) as draft:
+        try:
+            with tempfile.TemporaryFile(dir=draft) as file:
+                file.write(bytes(_ROOM))
             yield Folder(folder.path, folder.pictures, draft, folder.common)
-    finally:
-        shutil.rmtree(draft, ignore_errors=True)
+        finally:
+            shutil.rmtree(draft, ignore_errors=True)
 
 
 def publish(folder: Folder) -> None:
@@ -139,14 +135,14 @@ def _remove(path: Path, name: str, digest: str) -> None:
 
 
 @contextlib.contextmanager
-def _locked(draft: Path) -> Iterator[None]:
-    """Lock a draft while its command is at work: the lock goes with the process."""
-    handle = os.open(draft, os.O_RDONLY)
+def _locked(new: Path) -> Iterator[Path]:
+    """Lock a draft while its command is at work, and name it so: the lock goes with the process."""
+    handle = os.open(new, os.O_RDONLY)
     try:
         # Some file systems know no locks: drafts that a kill leaves there stay.
         with contextlib.suppress(OSError):
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        yield
+        yield new.rename(new.with_name(_DRAFT + new.name.removeprefix(_NEW)))
     finally:
         os.close(handle)
 
@@ -155,8 +151,6 @@ def _clear_drafts(path: Path) -> None:
     """Remove the drafts of commands that were killed."""
     for draft in path.glob(f"{_DRAFT}*"):
         with contextlib.suppress(OSError):
-            if time.time() - draft.stat().st_mtime < _YOUNG:
-                continue
             handle = os.open(draft, os.O_RDONLY | os.O_DIRECTORY)
             try:
                 # Fails while its command is at work.

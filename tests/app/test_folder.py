@@ -136,13 +136,11 @@ def test_a_scene_is_not_replaced_by_its_results(accessory, commands, capsys):
 def test_drafts_that_a_kill_left_are_cleared_and_those_at_work_are_not(tmp_path):
     left, working, young, mine = (
         tmp_path / name
-        for name in (".jaxgear-draft-a", ".jaxgear-draft-b", ".jaxgear-draft-c", ".jaxgear-mine")
+        for name in (".jaxgear-draft-a", ".jaxgear-draft-b", ".jaxgear-new-c", ".jaxgear-mine")
     )
     for draft in (left, working, young, mine):
         draft.mkdir()
         (draft / "half.png").write_text("half")
-        if draft != young:
-            os.utime(draft, (0, 0))
     handle = os.open(working, os.O_RDONLY)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX)
@@ -152,7 +150,6 @@ def test_drafts_that_a_kill_left_are_cleared_and_those_at_work_are_not(tmp_path)
             assert young.exists()
             assert mine.exists()
             assert folder.draft is not None
-            os.utime(folder.draft, (0, 0))
             with begun(folder) as other:
                 assert folder.draft.exists()
                 assert other.draft != folder.draft
