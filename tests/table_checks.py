@@ -55,8 +55,9 @@ def assert_table(path: Path) -> pd.DataFrame:
         head, *rows = csv.reader(file)
     assert len(set(head)) == len(head), (path, head)
     assert {len(row) for row in rows} <= {len(head)}, path
-    cells = [cell for row in rows for cell in row]
-    assert not {"nan", "inf", "-inf", "none"} & {cell.lower() for cell in cells}, path
+    cells = {cell for row in rows for cell in row}
+    assert not {"nan", "inf", "-inf"} & {cell.lower() for cell in cells}, path
+    assert "None" not in cells, path
     table = pd.read_csv(path)
     assert table.shape == (len(rows), len(head)), path
     assert not table.isna().all(axis=1).any(), path

@@ -21,7 +21,7 @@ from jaxgear._app._whole_file import write_text
 
 # The list that a command keeps of its files: the SHA-256 of each under its name.
 _LIST = ".jaxgear.json"
-# A draft has the first name until it is locked: what has the second and no lock is of the dead.
+# A draft has the first name until it is locked: with the second and no lock a kill has left it.
 _NEW, _DRAFT = ".jaxgear-new-", ".jaxgear-draft-"
 
 # Results need at least as much space [byte].

@@ -115,7 +115,7 @@ def _turning() -> xr.Dataset:
     names = ("frequency_Hz", "frequency_body_Hz", "mesh_energy")
     data = _data({"mode": 2}, dict.fromkeys(names, pairs), speed=_SPEEDS)
     data["frequency_Hz"] *= 500.0
-    whole = {"gear": [[0, 1]] * 3, "direction": [[1, 2]] * 3, "nodal_diameter": [[2, 3]] * 3}
+    whole = {"gear": [[0, 1]] * 3, "direction": [[0, 2]] * 3, "nodal_diameter": [[2, 3]] * 3}
     return data.assign({name: (pairs, np.asarray(each)) for name, each in whole.items()})
 
 
