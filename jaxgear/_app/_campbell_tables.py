@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import xarray as xr
 
-from jaxgear._app._dynamic_tables import _finite_columns
+from jaxgear._app._dynamic_tables import over_modes
 from jaxgear._app._folder import Folder
 from jaxgear._app._plots import campbell_pictures
 from jaxgear._app._saving import save
@@ -28,55 +28,53 @@ def draw(folder: Folder, title: str, dataset: xr.Dataset, waves: BodyWaves) -> N
     """
     critical = waves.critical
     figure = partial(campbell_pictures.campbell, dataset, critical, title)
-    save(figure, campbell_columns(dataset, critical), folder, "campbell")
+    rows = critical_columns(dataset, critical)
+    save(figure, campbell_columns(dataset), folder, "campbell", critical=rows)
     for gear in waves.alone:
         words = f"{title}, seen from the {gear}"
         figure = partial(campbell_pictures.campbell_on_body, dataset, critical, words, gear)
-        columns = campbell_on_body_columns(dataset, critical, gear)
-        save(figure, columns, folder, f"campbell_{gear}")
+        columns = campbell_on_body_columns(dataset, gear)
+        own = [each for each in critical if GEARS[each.gear] == gear and np.isfinite(each.body)]
+        rows = critical_columns(dataset, own)
+        save(figure, columns, folder, f"campbell_{gear}", critical=rows)
         rows = alone_rows(waves, gear)
         figure = partial(campbell_pictures.alone, rows, gear, title)
-        save(figure, _finite_columns(rows), folder, f"modes_{gear}_alone")
+        save(figure, rows, folder, f"modes_{gear}_alone")
 
 
-def campbell_columns(dataset: xr.Dataset, critical: Sequence[CriticalSpeed]) -> Columns:
-    """The data of `campbell`: one row per speed, then one row for each crossing."""
-    columns: Columns = {"pinion_speed_rad_s": dataset["speed"].values}
-    for mode in range(dataset.sizes["mode"]):
-        own = dataset.isel(mode=mode)
-        columns[f"frequency_mode_{mode + 1}_Hz"] = own["frequency_Hz"].values
-        columns[f"nodal_diameter_mode_{mode + 1}"] = own["nodal_diameter"].values
-        columns[f"direction_mode_{mode + 1}"] = own["direction"].values
-    return _finite_columns(columns | _critical_columns(dataset, critical))
+def campbell_columns(dataset: xr.Dataset) -> Columns:
+    """The data of `campbell`, one row per speed, of one mode after the other."""
+    named = {
+        "gear": np.asarray(GEARS)[dataset["gear"].values],
+        "direction": np.vectorize(DIRECTIONS.__getitem__)(dataset["direction"].values),
+    }
+    names = ("frequency_Hz", "nodal_diameter")
+    return over_modes(dataset, {name: dataset[name].values for name in names} | named)
 
 
-def _critical_columns(dataset: xr.Dataset, critical: Sequence[CriticalSpeed]) -> Columns:
+def critical_columns(dataset: xr.Dataset, critical: Sequence[CriticalSpeed]) -> Columns:
+    """The data of `campbell` and `campbell_on_body`, a row for each critical speed."""
     ratio = dataset.attrs["teeth_pinion"] / dataset.attrs["teeth_wheel"]
     speed = np.array([each.speed for each in critical])
     return {
-        "critical_pinion_speed_rad_s": speed,
-        "critical_wheel_speed_rad_s": ratio * speed,
-        "critical_harmonic": np.array([each.harmonic for each in critical]),
-        "critical_mode": np.array([each.mode + 1 for each in critical]),
-        "critical_gear": np.array([GEARS[each.gear] for each in critical]),
-        "critical_nodal_diameter": np.array([each.diameters for each in critical]),
-        "critical_direction": np.array([DIRECTIONS[each.direction] for each in critical]),
-        "critical_frequency_space_Hz": np.array([each.space for each in critical]),
-        "critical_frequency_body_Hz": np.array([each.body for each in critical]),
-        "critical_mesh_energy": np.array([each.mesh for each in critical]),
+        "pinion_speed_rad_s": speed,
+        "wheel_speed_rad_s": ratio * speed,
+        "harmonic": np.array([each.harmonic for each in critical]),
+        "mode": np.array([each.mode + 1 for each in critical]),
+        "gear": np.array([GEARS[each.gear] for each in critical]),
+        "nodal_diameter": np.array([each.diameters for each in critical]),
+        "direction": np.array([DIRECTIONS[each.direction] for each in critical]),
+        "frequency_space_Hz": np.array([each.space for each in critical]),
+        "frequency_body_Hz": np.array([each.body for each in critical]),
+        "mesh_energy": np.array([each.mesh for each in critical]),
     }
 
 
-def campbell_on_body_columns(
-    dataset: xr.Dataset, critical: Sequence[CriticalSpeed], gear: str
-) -> Columns:
-    """The data of `campbell_on_body`: one row per speed, then one row for each crossing."""
-    columns: Columns = {"pinion_speed_rad_s": dataset["speed"].values}
-    for mode, own in enumerate(_on_body(dataset, gear).T, start=1):
-        if np.isfinite(own).any():
-            columns[f"frequency_body_mode_{mode}_Hz"] = own
-    rows = [each for each in critical if GEARS[each.gear] == gear and np.isfinite(each.body)]
-    return _finite_columns(columns | _critical_columns(dataset, rows))
+def campbell_on_body_columns(dataset: xr.Dataset, gear: str) -> Columns:
+    """The data of `campbell_on_body`: where a mode is one of the gear's, its frequency there."""
+    columns = over_modes(dataset, {"frequency_body_Hz": _on_body(dataset, gear)})
+    known = np.isfinite(columns["frequency_body_Hz"])
+    return {name: values[known] for name, values in columns.items()}
 
 
 def _on_body(dataset: xr.Dataset, gear: str) -> np.ndarray:

@@ -14,13 +14,12 @@ import io
 import json
 import os
 import sys
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
-from jaxgear._app._folder import Folder
+from jaxgear._app._folder import Folder, begun, publish, written
 from jaxgear._app._keys import add_keys_parser, print_keys
 from jaxgear._app._motion import motion_mistakes
 from jaxgear._app._progress import warn
@@ -45,9 +44,6 @@ _COMMANDS = {
 
 # Many threads make the many small matrices of a gear pair several times slower.
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-
-# Results need at least as much space [byte].
-_ROOM = 1 << 20
 
 
 class _Stop(Exception):
@@ -76,6 +72,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     for name in _THREADS:
         os.environ.setdefault(name, "1")
+    if sys.stdout is None:
+        # Closed, as some services start their commands.
+        sys.stdout = open(os.devnull, "w")
     # What a terminal cannot show, such as the µ of µm, is no reason to lose results.
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
@@ -170,8 +169,18 @@ def _short(value: object) -> str:
         return str(value)
 
 
+class _Parser(argparse.ArgumentParser):
+    """A parser whose help fails where it cannot be written; the library's own says nothing."""
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        if file is sys.stdout:
+            file.write(message)
+        else:
+            super()._print_message(message, file)
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="jaxgear",
         description="Differentiable gear dynamics: from a scene file to transmission error, "
         "contact, and better flanks.",
@@ -179,8 +188,13 @@ def _parser() -> argparse.ArgumentParser:
         allow_abbrev=False,
     )
     parser.add_argument("--version", action="version", version=f"jaxgear {_version()}")
-    options = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
-    options.add_argument("--out", type=Path, metavar="DIR", help="folder for the results")
+    options = _Parser(add_help=False, allow_abbrev=False)
+    options.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="folder for the results; in it each command but run has one of its own",
+    )
     options.add_argument(
         "--set",
         action="append",
@@ -206,7 +220,7 @@ def _parser() -> argparse.ArgumentParser:
                 "--no-pictures",
                 action="store_false",
                 dest="pictures",
-                help="draw none, and write only their data; removes those of an earlier run",
+                help="draw none, and write only their data",
             )
     add_keys_parser(commands)
     cache = commands.add_parser(
@@ -244,9 +258,8 @@ def _command(argv: Sequence[str] | None) -> int:
     _refuse_unfit(args.command, scene)
     for remark in odd(scene.values):
         warn(remark)
-    folder = args.out or Path("results") / str(scene["name"])
-    _prepare(folder)
-    summary = _compute(args.command, scene, Folder(folder, args.pictures), args.quiet)
+    with _results(args, scene) as folder:
+        summary = _compute(args.command, scene, folder, args.quiet)
     wrong = summary["check_grad"]["verdicts"]["WRONG"] if "check_grad" in summary else 0
     if args.json:
         _print_json(summary)
@@ -262,12 +275,12 @@ def _command(argv: Sequence[str] | None) -> int:
     if not (args.json or args.quiet):
         _print_notes(summary.get("notes", ()))
     if not args.quiet:
-        print(f"results in {folder}", file=sys.stderr)
+        print(f"results in {folder.path}", file=sys.stderr)
     if wrong:
         raise _Stop(
             1,
             f"{wrong} derivatives disagree with central differences; they are "
-            f"marked WRONG in {folder / 'gradients.csv'}.",
+            f"marked WRONG in {folder.path / 'gradients.csv'}.",
         )
     return 0
 
@@ -391,19 +404,26 @@ def _sweep_mistakes(scene: Scene) -> list[Mistake]:
     return found
 
 
-def _prepare(folder: Path) -> None:
-    """Make sure, before any long work, that results can be written."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder) as file:
-            file.write(bytes(_ROOM))
-    except (OSError, ValueError) as error:
-        # A name that the file system cannot spell is a ValueError.
-        why = error.strerror if isinstance(error, OSError) else error
-        raise _Stop(
-            2,
-            f"cannot write results into {folder}: {why}. Name another folder with --out DIR.",
-        ) from None
+@contextmanager
+def _results(args: argparse.Namespace, scene: Scene) -> Iterator[Folder]:
+    """The folder of a command; refused, before any long work, if it cannot be written to."""
+    common = args.out or Path("results") / str(scene["name"])
+    path = common if args.command == "run" else common / args.command
+    own = path / "scene.toml"
+    with ExitStack() as stack:
+        try:
+            if own.exists() and own.samefile(scene.path) and own.name not in written(path):
+                raise _Stop(
+                    2, f"{own}: the results would replace the scene. Name another folder: --out DIR"
+                )
+            folder = stack.enter_context(begun(Folder(path, args.pictures, common=common)))
+        except (OSError, ValueError) as error:
+            # A name that the file system cannot spell is a ValueError.
+            why = error.strerror if isinstance(error, OSError) else error
+            raise _Stop(
+                2, f"cannot write results into {path}: {why}. Name another folder with --out DIR."
+            ) from None
+        yield folder
 
 
 def _compute(command: str, scene: Scene, folder: Folder, quiet: bool) -> Mapping[str, Any]:
@@ -425,7 +445,9 @@ def _compute(command: str, scene: Scene, folder: Folder, quiet: bool) -> Mapping
     try:
         # The environment is too late for a library that is loaded already; this is not.
         with threadpoolctl.threadpool_limits(1):
-            return _commands.COMMANDS[command](scene, folder, quiet)
+            summary = _commands.COMMANDS[command](scene, folder, quiet)
+        publish(folder)
+        return summary
     except SolverFailure as error:
         raise _Stop(1, f"{scene.path}: {error}") from error
     except InputError as error:

@@ -120,14 +120,14 @@ def run(scene: Scene, folder: Folder, quiet: bool) -> Summary:
         if scene.bodies:
             dataset, found = _on_bodies(scene, statics, dataset, folder, quiet)
             summary["static"] |= found
-        write_dataset(dataset, folder / "result.nc")
         _draw_statics(folder, scene, statics, dataset, summary["static"])
+    groups = {}
     if scene.has_table("sweep"):
         dynamics = solve_dynamics(scene, watch)
-        found, swept = _sweep(scene, dynamics, folder, quiet)
-        write_dataset(dataset, folder / "result.nc", swept)
+        found, groups = _sweep(scene, dynamics, folder, quiet)
         summary["notes"] += found.pop("notes")
         summary |= found
+    write_dataset(dataset, folder / "result.nc", groups)
     if scene.has_table("sizing"):
         summary |= _sizing(scene, statics, folder, quiet, watch)
     if scene.has_table("optimise"):
@@ -217,15 +217,23 @@ def _draw_sweep(
     critical, natural = marked(dynamics, model.pair.pinion.teeth)
     over = drawn_sweep(dataset)
     figure = partial(dynamic_pictures.sweep, over, title, critical)
-    save(figure, dynamic_tables.sweep_columns(over, critical), folder, "sweep")
+    beside = {"critical": dynamic_tables.critical_columns(critical)}
+    if "curve_speed" in over:
+        beside["curve"] = dynamic_tables.curve_columns(over)
+        beside["folds"] = dynamic_tables.fold_columns(over)
+    save(figure, dynamic_tables.sweep_columns(over), folder, "sweep", **beside)
     own, title_of_way = dataset.sel(direction=found.main), title + way_of(found)
     figure = partial(dynamic_pictures.waterfall, own, title_of_way, natural)
     save(figure, dynamic_tables.waterfall_columns(own), folder, "waterfall")
-    for name, draw, columns in (
-        ("orders", dynamic_pictures.orders, dynamic_tables.orders_columns),
-        ("contact_loss", dynamic_pictures.contact_loss, dynamic_tables.contact_loss_columns),
-    ):
-        save(partial(draw, own, title_of_way), columns(own), folder, name)
+    figure = partial(dynamic_pictures.orders, own, title_of_way)
+    columns, beside = dynamic_tables.orders_columns(own), {}
+    if "bearing_force_order_N" in own:
+        beside["bearings"] = dynamic_tables.bearing_orders_columns(own)
+    save(figure, columns, folder, "orders", **beside)
+    figure = partial(dynamic_pictures.contact_loss, own, title_of_way)
+    columns = dynamic_tables.contact_loss_columns(own)
+    shares = dynamic_tables.contact_shares_columns(own)
+    save(figure, columns, folder, "contact_loss", shares=shares)
     orbit = orbit_dataset(dynamics.pair, model, found)
     speed = float(found.speeds[found.highest(found.main)[1]])
     figure = partial(dynamic_pictures.orbit, orbit, f"{title}, {speed:.5g} rad/s")
@@ -254,8 +262,9 @@ def natural_modes(scene: Scene, folder: Folder, quiet: bool) -> Summary:
             figure = partial(
                 dynamic_pictures.campbell, turning, title_of(scene), harmonics=harmonics
             )
-            columns = dynamic_tables.campbell_columns(turning, harmonics=harmonics)
-            save(figure, columns, folder, "campbell")
+            columns = dynamic_tables.campbell_columns(turning)
+            rows = dynamic_tables.crossing_columns(turning, harmonics=harmonics)
+            save(figure, columns, folder, "campbell", critical=rows)
         else:
             turning = turning_dataset(waves, harmonics)
             _campbell_tables.draw(folder, title_of(scene), turning, waves)
@@ -435,9 +444,14 @@ def _draw_statics(
     data, speed = sliding_columns(model.pair), _told_speed(scene)
     figure = partial(sliding_pictures.sliding, data, dataset, static, title, pinion_speed=speed)
     save(figure, data, folder, "sliding")
+    figure = partial(pictures.transmission_error, dataset, title)
+    columns = tables.transmission_error_columns(dataset)
+    harmonics = tables.te_harmonics_columns(dataset)
+    save(figure, columns, folder, "transmission_error", harmonics=harmonics)
+    figure = partial(pictures.stiffness_and_sharing, dataset, title)
+    columns, pairs = tables.mesh_stiffness_columns(dataset), tables.load_sharing_columns(dataset)
+    save(figure, columns, folder, "mesh_stiffness", tooth_pairs=pairs)
     for name, draw, columns in (
-        ("transmission_error", pictures.transmission_error, tables.transmission_error_columns),
-        ("mesh_stiffness", pictures.stiffness_and_sharing, tables.stiffness_and_sharing_columns),
         ("flank_maps", pictures.flank_maps, tables.flank_maps_columns),
         ("face_load", pictures.face_load, tables.face_load_columns),
     ):
@@ -446,16 +460,19 @@ def _draw_statics(
     torques, phase, error = (
         dataset[name].values for name in ("torque_Nm", "phase", "harris_te_um")
     )
-    for name, draw, columns in (
-        ("harris_map", pictures.harris_map, tables.harris_map_columns),
-        ("te_spectrum", pictures.te_spectrum, tables.te_spectrum_columns),
-    ):
-        figure = partial(draw, torques, phase, error, title, weight=weight)
-        save(figure, columns(torques, phase, error, weight=weight), folder, name)
+    figure = partial(pictures.harris_map, torques, phase, error, title, weight=weight)
+    columns = tables.harris_map_columns(torques, phase, error, weight=weight)
+    curves = tables.harris_curves_columns(torques, phase, error)
+    save(figure, columns, folder, "harris_map", curves=curves)
+    figure = partial(pictures.te_spectrum, torques, phase, error, title, weight=weight)
+    columns = tables.te_spectrum_columns(torques, phase, error, weight=weight)
+    save(figure, columns, folder, "te_spectrum")
     if bearings:
         sections = body_sections(scene)
         figure = partial(pictures.shafts, model, statics.cycle, bearings, title, sections)
-        save(figure, tables.shafts_columns(model, statics.cycle, bearings), folder, "shafts")
+        columns = tables.shafts_columns(model, statics.cycle)
+        rows = tables.bearing_columns(model, bearings)
+        save(figure, columns, folder, "shafts", bearings=rows)
 
 
 def _told_speed(scene: Scene) -> float | None:

@@ -71,9 +71,10 @@ def condense(scene: Scene, folder: Folder, quiet: bool) -> Summary:
             found = built_body(plan, tell)
             bodies.append(_body_summary(scene, found))
             tell("writing the body")
-            path = folder / f"{plan.name}.body.npz"
-            write_body(path, found.body)
-            bodies[-1] |= {"file": str(path), "content_hash": content_hash(found.body)}
+            file = f"{plan.name}.body.npz"
+            write_body(folder / file, found.body)
+            whole = {"file": str(folder.path / file), "content_hash": content_hash(found.body)}
+            bodies[-1] |= whole
             tell("drawing")
             _draw(found, folder)
         remarks += [*found.warnings, *_remarks(scene, found)]

@@ -33,8 +33,8 @@ from jaxgear._app._dynamic_tables import (
     _folds,
     _leaps,
     _orders_of,
-    campbell_columns,
-    contact_loss_columns,
+    contact_shares_columns,
+    crossing_columns,
 )
 from jaxgear._app._palette import _BLUE, _GREEN, _GREY, _ORANGE, _RED, _SKY
 from jaxgear._app._pictures import _BOX, _SURFACE, _digits, _house_look, _panels, lay_out
@@ -830,7 +830,7 @@ def contact_loss(dataset: xr.Dataset, title: str) -> Figure:
     panels[0].set_ylabel("mesh phase [mesh periods]")
     if has_pairs:
         _draw_pairs(panels[1], dataset, edges)
-    share = contact_loss_columns(dataset)["contact_loss"]
+    share = contact_shares_columns(dataset)["contact_loss"]
     panels[-1].fill_between(speed, 0.0, 100.0 * share, color=_RED, alpha=0.3, lw=0)
     panels[-1].plot(speed, 100.0 * share, color=_RED, lw=1.2, marker=_dots(speed), ms=3)
     most = 100.0 * float(np.max(share, initial=0.0))
@@ -1000,11 +1000,11 @@ def campbell(dataset: xr.Dataset, title: str, *, harmonics: int = 4) -> Figure:
     axes.set_ylabel(f"natural frequency [{name}]")
     _speed_axes([axes], speed, teeth)
     axes.set_ylim(0.0, top / unit)
-    crossings = campbell_columns(dataset, harmonics=harmonics)
+    crossings = crossing_columns(dataset, harmonics=harmonics)
     has_energy = "mesh_energy" in dataset
     energy = crossings["mesh_energy"] if has_energy else np.ones(len(crossings["mode"]))
     places = np.stack(
-        [crossings["critical_pinion_speed_rad_s"], crossings["critical_frequency_Hz"] / unit],
+        [crossings["pinion_speed_rad_s"], crossings["frequency_Hz"] / unit],
         axis=1,
     )
     size = 12.0 + 110.0 * energy if has_energy else np.full(len(energy), 30.0)

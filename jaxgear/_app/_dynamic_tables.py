@@ -1,26 +1,15 @@
 """The data of the pictures of dynamics, as columns with units."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import xarray as xr
 
-from jaxgear._app._tables import Columns, _shares
+from jaxgear._app._tables import Columns, _shares, joined
 
 # What is smaller than this share of the static force is rounding: the teeth are apart.
 _NO_FORCE = 1e-9
-
-
-def _finite_columns(columns: Columns) -> Columns:
-    """The columns with empty cells where a number is not finite."""
-    found = {}
-    for name, values in columns.items():
-        values = np.asarray(values)
-        if values.dtype.kind == "f" and not np.all(np.isfinite(values)):
-            values = np.asarray([f"{x:.10g}" if np.isfinite(x) else "" for x in values], object)
-        found[name] = values
-    return found
 
 
 _QUANTITIES = ("dynamic_ratio", "te_rms_um", "contact_loss")
@@ -32,28 +21,45 @@ _FLAGS = ("settled", "stable", "periods")
 _FEW = 60
 
 
-def sweep_columns(dataset: xr.Dataset, critical: Sequence[tuple[float, str]] = ()) -> Columns:
-    """The data of `sweep`: one row per speed, then points of the curve, folds, critical speeds."""
-    columns: Columns = {"pinion_speed_rad_s": dataset["speed"].values}
-    for direction in dataset["direction"].values:
-        own = dataset.sel(direction=direction)
-        for name in (*_QUANTITIES, *_FLAGS):
-            if name in own:
-                columns[f"{name}_{direction}"] = own[name].values
-    if "curve_speed" in dataset:
-        piece, curve = _curve_points(dataset)
-        columns |= {"curve_piece": piece, "curve_pinion_speed_rad_s": curve["curve_speed"]}
-        columns |= {name: values for name, values in curve.items() if name != "curve_speed"}
-        folds = _folds(dataset)
-        columns["fold_pinion_speed_rad_s"] = dataset["curve_speed"].values[folds]
-        columns["fold_dynamic_ratio"] = dataset["curve_dynamic_ratio"].values[folds]
-    if critical:
-        columns["critical_pinion_speed_rad_s"] = np.asarray([speed for speed, _ in critical])
-        columns["critical_label"] = np.asarray([label for _, label in critical])
-    return _finite_columns(columns)
+def sweep_columns(dataset: xr.Dataset) -> Columns:
+    """The data of `sweep`, one row per speed, of one direction after the other."""
+    names = [name for name in (*_QUANTITIES, *_FLAGS) if name in dataset]
+    speed, directions = dataset["speed"].values, dataset["direction"].values
+    own = dataset[names].transpose("direction", "speed")
+    return {
+        "direction": np.repeat(directions, len(speed)),
+        "pinion_speed_rad_s": np.tile(speed, len(directions)),
+        **{name: own[name].values.ravel() for name in names},
+    }
 
 
-_CURVE = ("curve_speed", "curve_dynamic_ratio", "curve_te_rms_um", "curve_stable")
+def curve_columns(dataset: xr.Dataset) -> Columns:
+    """The data of `sweep`, a row for each point of the continuation curve, piece by piece."""
+    piece, curve = _curve_points(dataset)
+    return {"piece": piece} | {_CURVE[name]: values for name, values in curve.items()}
+
+
+def fold_columns(dataset: xr.Dataset) -> Columns:
+    """The data of `sweep`, a row for each fold of the continuation curve."""
+    folds = _folds(dataset)
+    return {_CURVE[name]: dataset[name].values[folds] for name in list(_CURVE)[:2]}
+
+
+def critical_columns(critical: Sequence[tuple[float, str]]) -> Columns:
+    """The data of `sweep`, a row for each critical speed."""
+    return {
+        "pinion_speed_rad_s": np.asarray([speed for speed, _ in critical]),
+        "label": np.asarray([label for _, label in critical]),
+    }
+
+
+# What is known of points of the continuation curve, and what it is called in their table.
+_CURVE = {
+    "curve_speed": "pinion_speed_rad_s",
+    "curve_dynamic_ratio": "dynamic_ratio",
+    "curve_te_rms_um": "te_rms_um",
+    "curve_stable": "stable",
+}
 
 
 def _curve_points(dataset: xr.Dataset) -> tuple[np.ndarray, Columns]:
@@ -95,14 +101,12 @@ def waterfall_columns(dataset: xr.Dataset) -> Columns:
     speed, order, amplitude = _orders_of(dataset, "te_order_um")
     each_speed, each_order = (x.ravel() for x in np.meshgrid(speed, order, indexing="ij"))
     frequency = each_order * float(dataset.attrs["teeth_pinion"]) * each_speed / (2.0 * np.pi)
-    return _finite_columns(
-        {
-            "pinion_speed_rad_s": each_speed,
-            "order": each_order,
-            "frequency_Hz": frequency,
-            "te_order_um": amplitude.ravel(),
-        }
-    )
+    return {
+        "pinion_speed_rad_s": each_speed,
+        "order": each_order,
+        "frequency_Hz": frequency,
+        "te_order_um": amplitude.ravel(),
+    }
 
 
 def _orders_of(dataset: xr.Dataset, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -121,23 +125,29 @@ _ORDER_PANELS = {
 
 
 def orders_columns(dataset: xr.Dataset) -> Columns:
-    """The data of `orders`, one row per speed."""
-    columns: Columns = {"pinion_speed_rad_s": dataset["speed"].values}
-    for name in _ORDER_PANELS:
-        if name not in dataset:
-            continue
-        quantity, unit = name.rsplit("_", 1)
-        each = [("", dataset)]
-        if name == "bearing_force_order_N":
-            each = [
-                (f"_{str(bearing).replace(' ', '_')}", dataset.isel(bearing=row))
-                for row, bearing in enumerate(_bearing_names(dataset))
-            ]
-        for ending, own in each:
-            _, order, amplitude = _orders_of(own, name)
-            for value, column in zip(order, amplitude.T, strict=True):
-                columns[f"{quantity}_{value:g}{ending}_{unit}"] = column
-    return _finite_columns(columns)
+    """The data of `orders`, one row per speed and order."""
+    names = [
+        name for name in _ORDER_PANELS if name in dataset and "bearing" not in dataset[name].dims
+    ]
+    return _over_orders(dataset, names)
+
+
+def bearing_orders_columns(dataset: xr.Dataset) -> Columns:
+    """The data of `orders`, one row per speed and order, of one bearing after the other."""
+    parts = []
+    for row, bearing in enumerate(_bearing_names(dataset)):
+        own = _over_orders(dataset.isel(bearing=row), ["bearing_force_order_N"])
+        parts.append({"bearing": np.full(len(own["order"]), bearing)} | own)
+    return joined(parts)
+
+
+def _over_orders(dataset: xr.Dataset, names: Sequence[str]) -> Columns:
+    speed, order, _ = _orders_of(dataset, names[0])
+    return {
+        "pinion_speed_rad_s": np.repeat(speed, len(order)),
+        "order": np.tile(order, len(speed)),
+        **{name: _orders_of(dataset, name)[2].ravel() for name in names},
+    }
 
 
 def _bearing_names(dataset: xr.Dataset) -> list[str]:
@@ -148,17 +158,22 @@ def _bearing_names(dataset: xr.Dataset) -> list[str]:
 
 
 def contact_loss_columns(dataset: xr.Dataset) -> Columns:
-    """The data of `contact_loss`: one row per speed and phase, then the share of each speed."""
+    """The data of `contact_loss`, one row per speed and phase."""
     speed, phase = dataset["speed"].values, dataset["phase"].values
-    each_speed, each_phase = (x.ravel() for x in np.meshgrid(speed, phase, indexing="ij"))
-    columns: Columns = {"pinion_speed_rad_s": each_speed, "phase": each_phase}
-    for name in ("mesh_force_ratio", "tooth_pairs"):
-        if name in dataset:
-            columns[name] = dataset[name].transpose("speed", "phase").values.ravel()
+    names = [name for name in ("mesh_force_ratio", "tooth_pairs") if name in dataset]
+    return {
+        "pinion_speed_rad_s": np.repeat(speed, len(phase)),
+        "phase": np.tile(phase, len(speed)),
+        **{name: dataset[name].transpose("speed", "phase").values.ravel() for name in names},
+    }
+
+
+def contact_shares_columns(dataset: xr.Dataset) -> Columns:
+    """The data of `contact_loss`, one row per speed: the share of time without contact."""
+    phase = dataset["phase"].values
     force = dataset["mesh_force_ratio"].transpose("speed", "phase").values
     share = (force <= _NO_FORCE) @ _shares(phase) if len(phase) > 1 else force[:, 0] <= _NO_FORCE
-    columns |= {"share_pinion_speed_rad_s": speed, "contact_loss": share}
-    return _finite_columns(columns)
+    return {"pinion_speed_rad_s": dataset["speed"].values, "contact_loss": share}
 
 
 def modes_columns(dataset: xr.Dataset) -> Columns:
@@ -174,31 +189,45 @@ def modes_columns(dataset: xr.Dataset) -> Columns:
         columns[f"energy_{part}"] = dataset["energy"].sel(part=part).values
     if "damping_ratio" in dataset:
         columns["damping_ratio"] = dataset["damping_ratio"].values
-    return _finite_columns(columns)
+    return columns
 
 
-def campbell_columns(dataset: xr.Dataset, *, harmonics: int = 4) -> Columns:
-    """The data of `campbell`: frequencies, one row per speed, then one row for each crossing."""
+def campbell_columns(dataset: xr.Dataset) -> Columns:
+    """The data of `campbell`, one row per speed, of one mode after the other."""
+    return over_modes(dataset, {"frequency_Hz": dataset["frequency_Hz"].values})
+
+
+def over_modes(dataset: xr.Dataset, values: Mapping[str, np.ndarray]) -> Columns:
+    """A table over speed, of one mode after the other.
+
+    **Arguments:**
+
+    - `dataset`: over speed and mode.
+    - `values`: rows speeds, columns modes, under the names of their columns.
+    """
+    speeds, modes = dataset.sizes["speed"], dataset.sizes["mode"]
+    return {
+        "mode": np.repeat(np.arange(1, modes + 1), speeds),
+        "pinion_speed_rad_s": np.tile(dataset["speed"].values, modes),
+        **{name: each.T.ravel() for name, each in values.items()},
+    }
+
+
+def crossing_columns(dataset: xr.Dataset, *, harmonics: int = 4) -> Columns:
+    """The data of `campbell`, a row for each crossing of a mode with a harmonic of the mesh."""
     speed, teeth = dataset["speed"].values, int(dataset.attrs["teeth_pinion"])
     frequency = dataset["frequency_Hz"].transpose("speed", "mode").values
-    columns: Columns = {"pinion_speed_rad_s": speed}
-    for mode, column in enumerate(frequency.T, start=1):
-        columns[f"frequency_mode_{mode}_Hz"] = column
-    has_energy = "mesh_energy" in dataset
+    known = {"frequency_Hz": frequency}
+    if "mesh_energy" in dataset:
+        known["mesh_energy"] = dataset["mesh_energy"].transpose("speed", "mode").values
     found: list[tuple[float, ...]] = []
     for mode, harmonic in itertools.product(range(frequency.shape[1]), range(1, harmonics + 1)):
-        own = frequency[:, mode]
-        for at in _crossings(speed, own - harmonic * teeth * speed / (2.0 * np.pi)):
-            row = (float(mode + 1), float(harmonic), at, float(np.interp(at, speed, own)))
-            if has_energy:
-                share = dataset["mesh_energy"].isel(mode=mode).values
-                row += (float(np.interp(at, speed, share)),)
-            found.append(row)
-    names = ["mode", "harmonic", "critical_pinion_speed_rad_s", "critical_frequency_Hz"]
-    names += ["mesh_energy"] if has_energy else []
-    table = np.asarray(found).reshape(-1, len(names))
-    columns |= dict(zip(names, table.T, strict=True))
-    return _finite_columns(columns)
+        mesh = harmonic * teeth * speed / (2.0 * np.pi)
+        for at in _crossings(speed, frequency[:, mode] - mesh):
+            own = (float(np.interp(at, speed, values[:, mode])) for values in known.values())
+            found.append((mode + 1, harmonic, at, *own))
+    names = ("mode", "harmonic", "pinion_speed_rad_s", *known)
+    return dict(zip(names, np.reshape(np.asarray(found), (-1, len(names))).T, strict=True))
 
 
 def _crossings(speed: np.ndarray, apart: np.ndarray) -> list[float]:
@@ -211,20 +240,21 @@ def _crossings(speed: np.ndarray, apart: np.ndarray) -> list[float]:
 
 
 def orbit_columns(dataset: xr.Dataset) -> Columns:
-    """The data of `orbit`, one row per step; branches side by side."""
-    columns: Columns = {}
+    """The data of `orbit`, one row per step, of one branch after the other."""
+    parts = []
     for row, branch in enumerate(dataset["branch"].values):
-        branch = str(branch).replace(" ", "_")
         phase, force, error, rate = _branch(dataset, row)
-        columns |= {
-            f"phase_{branch}": phase,
-            f"mesh_force_ratio_{branch}": force,
-            f"te_{branch}_um": error,
-            f"te_rate_{branch}_mm_s": rate,
+        part = {
+            "branch": np.full(len(phase), str(branch)),
+            "phase": phase,
+            "mesh_force_ratio": force,
+            "te_um": error,
+            "te_rate_mm_s": rate,
         }
-    if "te_static_um" in dataset:
-        columns["te_static_um"] = dataset["te_static_um"].values
-    return _finite_columns(columns)
+        if "te_static_um" in dataset:
+            part["te_static_um"] = dataset["te_static_um"].sel(phase=phase).values
+        parts.append(part)
+    return joined(parts)
 
 
 def _branch(dataset: xr.Dataset, row: int) -> tuple[np.ndarray, ...]:

@@ -1,7 +1,7 @@
 """`model.fidelity = "auto"`: a short comparison chooses the model that a command then runs with.
 
-What was chosen is kept in the results folder, under a hash of the scene: the next command on the
-same scene does not pay for it again.
+What was chosen is kept in the folder of all commands' results, under a hash of the scene: the next
+command on the same scene does not pay for it again.
 """
 
 import hashlib
@@ -31,6 +31,7 @@ from jaxgear._app._progress import built_scene, progress
 from jaxgear._app._results import write_json
 from jaxgear._app._rungs import Rung
 from jaxgear._app._scene import Scene
+from jaxgear._app._scene_files import files_of
 from jaxgear._app._statics import SolverFailure, Stopwatch
 from jaxgear._dynamics._harmonic import HarmonicBalance
 
@@ -40,8 +41,6 @@ FILE = "fidelity.json"
 _VERSION = 2
 # Speeds, and steps of the reference of rigid bodies: a choice must cost less than what it saves.
 _SPEEDS, _PHASES = 8, 512
-# What keys have in them that name a file, whose content counts.
-_FILES = ("_csv", ".grid", ".superelement")
 
 
 def chosen(scene: Scene, command: str, folder: Folder, quiet: bool) -> tuple[Scene, Summary]:
@@ -68,7 +67,7 @@ def chosen(scene: Scene, command: str, folder: Folder, quiet: bool) -> tuple[Sce
         require_search(scene)
     work: Work = "map" if command == "map" else "optimise" if searched else "run"
     key = digest(scene, "sweep" if moving else work)
-    kept = _read(folder / FILE)
+    kept = _read(folder.kept(FILE))
     start = time.perf_counter()
     known = kept.get(key)
     about: Summary = known or {}
@@ -82,7 +81,7 @@ def chosen(scene: Scene, command: str, folder: Folder, quiet: bool) -> tuple[Sce
             why = f"There was nothing to compare with: {str(error).rstrip('.')}."
             about = _as_given(scene, why)
         about["seconds"] = time.perf_counter() - start
-        write_json(kept | {key: about}, folder / FILE)
+        write_json(kept | {key: about}, folder.kept(FILE))
     changes = about["changes"]
     said = {name: "left out" if value is None else value for name, value in changes.items()}
     about = about | {"changes": said, "from_cache": known is not None}
@@ -137,10 +136,9 @@ def digest(scene: Scene, work: str) -> str:
     """Hash of what a choice depends on: the scene, the files it names, the work, the version."""
     values = {key: value for key, value in scene.values.items() if key not in (KEY, "cite", "name")}
     files = {
-        key: hashlib.sha256((scene.path.parent / value).read_bytes()).hexdigest()
-        for key, value in values.items()
-        if any(part in key for part in _FILES) and isinstance(value, str) and value
-        if (scene.path.parent / value).is_file()
+        key: hashlib.sha256(path.read_bytes()).hexdigest()
+        for key, path in files_of(scene).items()
+        if path.is_file()
     }
     whole = {
         "values": values,

@@ -37,7 +37,7 @@ def largest_loads_columns(dataset: xr.Dataset) -> Columns:
         "max_line_load_passage",
         "max_line_load_face_mm",
     )
-    speed = {"speed_rad_s": dataset["speed"].values}
+    speed = {"pinion_speed_rad_s": dataset["speed"].values}
     return speed | {name: dataset[name].values for name in names}
 
 

@@ -1,6 +1,6 @@
 """What is written of condensed bodies in mesh: data of their pictures, and grids for ParaView."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -12,7 +12,7 @@ from jaxgear._app._hybrid import DIRECTIONS, BodyAnswer, BodyField, along_radius
 from jaxgear._app._hybrid_dataset import HolePlaces, hole_places
 from jaxgear._app._plots import hybrid_pictures
 from jaxgear._app._saving import save
-from jaxgear._app._tables import Columns, _cycle_periods, _unrolled
+from jaxgear._app._tables import Columns, _cycle_periods
 from jaxgear._units import deg, mm, um
 
 # Phases shown side by side.
@@ -95,20 +95,6 @@ def deflected_body_columns(answer: BodyAnswer, shown: BodyField) -> Columns:
         "Z_mm": places[:, 2] / mm,
         **{f"{name}_um": parts[:, i] for i, name in enumerate(DIRECTIONS)},
     }
-
-
-def models_compared_columns(datasets: Mapping[str, xr.Dataset]) -> Columns:
-    """The data of `models_compared`."""
-    columns: Columns = {}
-    for name, dataset in datasets.items():
-        phase, error = _unrolled(dataset["phase"].values, dataset["transmission_error_um"].values)
-        columns |= {
-            f"{name}_face_position_mm": dataset["face_position_mm"].values,
-            f"{name}_line_load_max_N_mm": _largest_across(dataset),
-            f"{name}_phase": phase,
-            f"{name}_transmission_error_um": error,
-        }
-    return columns
 
 
 def _largest_across(dataset: xr.Dataset) -> np.ndarray:

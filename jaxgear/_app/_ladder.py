@@ -217,15 +217,15 @@ def words_of(
 
 
 def columns_of(rows: Sequence[Summary]) -> dict[str, np.ndarray]:
-    """The rungs as a table, a column for each number; what is not known is not a number."""
+    """The rungs as a table, a column for each number; what is not known is None."""
     flat = [
         {key: value for key, value in row.items() if not isinstance(value, Mapping)}
         | {
-            f"{kind}_{name}": np.nan if value is None else value
+            f"{kind}_{name}": value
             for kind in ("error", "error_95", "held_out")
             for name, value in row.get(kind, {}).items()
         }
         for row in rows
     ]
     names = dict.fromkeys(key for row in flat for key in row)
-    return {key: np.asarray([row.get(key, np.nan) for row in flat]) for key in names}
+    return {key: np.asarray([row.get(key) for row in flat], dtype=object) for key in names}

@@ -46,6 +46,7 @@ from jaxgear._app._robust import (
 from jaxgear._app._saving import save
 from jaxgear._app._scatter import Scatter, scatter_of
 from jaxgear._app._scene import Scene, rewritten
+from jaxgear._app._scene_files import files_seen_from
 from jaxgear._app._search import (
     Search,
     best_of,
@@ -139,9 +140,9 @@ def optimisation(
         deflection=float(before.numbers["single_pair_deflection_um"]),
     )
     space.require_tied_start()
-    destination = folder / f"{scene['name']}.optimised.toml"
+    improved = f"{scene['name']}.optimised.toml"
     # Before the search, so that a file that cannot be rewritten does not cost its result.
-    _rewritten(scene, _numbers(space, space.start))
+    _rewritten(scene, folder, _numbers(space, space.start))
     scatter = None
     if scene.has_table("robust"):
         teeth = np.asarray(before.cycle.cells.lines.tooth)
@@ -181,8 +182,6 @@ def optimisation(
         baseline = optimise.differential_evolution(search.objective, space.box, **few)
     rival = baseline.point, baseline.value
     found, restarted = unless_beaten(found, *rival, search, space, quiet)
-    for each in folder.path.glob(f"{file.stem}*{file.suffix}"):
-        each.unlink()
     keys = _numbers(space, found.point)
     try:
         after = solve_statics(scene.replace(keys), watch, torques)
@@ -203,7 +202,7 @@ def optimisation(
     if not np.isfinite(list(objectives.values())).all():
         more = f", or {_TOO_FEW}" if is_dynamic(scene) else ""
         raise SolverFailure(f"the contact was not solved where the search began or ended{more}")
-    write_text(_rewritten(scene, keys), destination)
+    write_text(_rewritten(scene, folder, keys), folder / improved)
     kept = lambda point: np.asarray(
         watch(responses_at, task, np.asarray(point), law, options=QUICKLY)
     )
@@ -232,6 +231,9 @@ def optimisation(
             scatter, found.point, after, grid, prepared, folder, quiet, watch, torques
         )
         remarks += told
+    # Only now: what is stopped before begins with all that the search has found.
+    for each in file.parent.glob(f"{file.stem}*{file.suffix}"):
+        each.unlink()
     return pareto | {
         "notes": remarks,
         "optimise": {
@@ -261,7 +263,7 @@ def optimisation(
                 "evaluations": baseline.evaluations,
                 "converged": baseline.converged,
             },
-            "scene": str(destination),
+            "scene": str(folder.path / improved),
         }
         | left_out(judged_before, judged_after)
         | robust,
@@ -286,10 +288,9 @@ def _robust(
         told = lambda point, value: done(1)
         law = smooth_law_of(scene)
         made = hardened(scatter, nominal, grid, law, prepared, told, file)
-    file.unlink(missing_ok=True)
     summary = robust_summary(made)
-    destination = folder / f"{scene['name']}.robust.toml"
-    write_text(_rewritten(scene, summary["variables"]), destination)
+    improved = f"{scene['name']}.robust.toml"
+    write_text(_rewritten(scene, folder, summary["variables"]), folder / improved)
     statics = solve_statics(scene.replace(summary["variables"]), watch, torques)
     response, unit = response_of(scene), response_of(scene)[1]
     values = {
@@ -304,13 +305,15 @@ def _robust(
     figure = partial(
         robust_pictures.robust, values, datasets, scene["robust.share"], response, title
     )
-    columns = robust_tables.robust_columns(values, datasets, unit)
-    save(figure, columns, folder, "robust")
+    columns = robust_tables.robust_columns(values, unit)
+    errors = robust_tables.robust_errors_columns(datasets)
+    save(figure, columns, folder, "robust", transmission_error=errors)
     names, reach, ends = reach_of(made)
     figure = partial(robust_pictures.tornado, names, reach, ends, response, title_of(scene))
     columns = robust_tables.tornado_columns(names, reach, ends, unit)
     save(figure, columns, folder, "tornado")
-    return robust_notes(made), summary | {"scene": str(destination)}
+    file.unlink(missing_ok=True)
+    return robust_notes(made), summary | {"scene": str(folder.path / improved)}
 
 
 # With responses at many speeds an evaluation takes a second, not a millisecond.
@@ -335,10 +338,11 @@ def _numbers(space: DesignSpace, point: np.ndarray) -> dict[str, float]:
     return {key: float(value) for key, value in space.updates(np.asarray(point)).items()}
 
 
-def _rewritten(scene: Scene, keys: dict[str, float]) -> str:
-    """The user's scene with what the command line and the search changed."""
+def _rewritten(scene: Scene, folder: Folder, keys: dict[str, float]) -> str:
+    """The user's scene, from its new folder, with what command line and search changed."""
+    files = files_seen_from(scene, folder.path)
     try:
-        return rewritten(scene.path, scene.overridden() | keys)
+        return rewritten(scene.path, scene.overridden() | files | keys)
     except ValueError as error:
         raise InputError(str(error)) from error
 

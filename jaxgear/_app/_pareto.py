@@ -22,6 +22,7 @@ from jaxgear._app._model import smooth_law_of
 from jaxgear._app._plots import curve_pictures
 from jaxgear._app._saving import save
 from jaxgear._app._statics import torques_of
+from jaxgear._app._tables import with_unit
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._solve._cycle import PreparedMesh
@@ -110,7 +111,7 @@ def draw_front(
     names = [(name, unit) for _, name, unit in front_objectives(space.scene)]
     # The offset is made small as its square, and told as such.
     told = [("pressure_offset_squared" if n == "pressure_offset" else n, u) for n, u in names]
-    labelled = [name if unit == "-" else f"{name}_{unit}" for name, unit in told]
+    labelled = [with_unit(name, unit) for name, unit in told]
     columns = {name: front.value[:, i] for i, name in enumerate(labelled)}
     columns |= {
         "allowed": front.allowed,

@@ -47,11 +47,13 @@ from jaxgear._app._tables import (
     _mounts,
     _outline,
     _phase_of_largest,
+    _spectra,
     _unrolled,
     face_load_columns,
     harris_map_columns,
-    stiffness_and_sharing_columns,
-    te_spectrum_columns,
+    load_sharing_columns,
+    mesh_stiffness_columns,
+    te_harmonics_columns,
     transmission_error_columns,
 )
 from jaxgear._app._whole_file import whole_file
@@ -737,7 +739,7 @@ def transmission_error(dataset: xr.Dataset, title: str) -> Figure:
     The figure.
     """
     figure, (time, order) = _panels((9.6, 4.0), f"Transmission error: {title}", 2, (1.7, 1.0))
-    data = transmission_error_columns(dataset)
+    data = transmission_error_columns(dataset) | te_harmonics_columns(dataset)
     mean, rms, span = cycle_statistics(dataset["transmission_error_um"])
     width = _thin(dataset["phase"].values)
     time.plot(data["phase"], data["transmission_error_um"], color=_BLUE, lw=width)
@@ -777,7 +779,7 @@ def stiffness_and_sharing(dataset: xr.Dataset, title: str) -> Figure:
     The figure.
     """
     figure, (stiffness, share) = _panels((9.6, 4.0), f"Mesh stiffness and load sharing: {title}", 2)
-    data = stiffness_and_sharing_columns(dataset)
+    data = mesh_stiffness_columns(dataset) | load_sharing_columns(dataset)
     mean, _, span = cycle_statistics(dataset["mesh_stiffness_N_um"])
     width = _thin(dataset["phase"].values)
     stiffness.plot(data["phase"], data["mesh_stiffness_N_um"], color=_BLUE, lw=width)
@@ -1026,8 +1028,7 @@ def te_spectrum(
     figure, (spectrum, size) = _panels(
         (9.6, 4.2), f"Spectrum of the TE over torque: {title}", 2, (1.5, 1.0)
     )
-    data = te_spectrum_columns(torques_Nm, phases, te_um, weight=weight)
-    order, *amplitudes = data.values()
+    order, amplitudes = _spectra(phases, te_um, weight)
     colours, norm = _torque_colours(torques_Nm)
     fine = _cycle_periods(phases) > 1
     style: dict[str, Any] = {"lw": 0.7} if fine else {"lw": 1.3, "marker": "o", "ms": 3.5}
@@ -1051,7 +1052,7 @@ def te_spectrum(
     for harmonic, colour, marker in zip(
         whole, (_BLUE, _ORANGE, _GREEN, _RED), "os^v", strict=False
     ):
-        over_torque = np.stack(amplitudes)[:, np.isclose(order, harmonic)][:, 0]
+        over_torque = amplitudes[:, np.isclose(order, harmonic)][:, 0]
         label = f"order {harmonic}"
         size.plot(torques_Nm, over_torque, color=colour, marker=marker, ms=3.5, label=label)
     size.set(xlabel="torque on the pinion [N m]", ylabel="amplitude of the TE [µm]")

@@ -110,8 +110,8 @@ def map_relief(scene: Scene, folder: Folder, quiet: bool) -> Summary:
     relieved = space.model(np.asarray([1.5 * deflection / um, 0.3]))
     summary["smoothing_bias"] = _draw_bias(scene, folder, relieved, statics.prepared, watch)
     figure = partial(pictures.master_curve, chart, valley, closed[:-1], found.path, title_of(scene))
-    columns = tables.master_curve_columns(chart, valley, closed[:-1])
-    save(figure, columns, folder, "master_curve")
+    beside = tables.valley_columns(chart, valley, closed[:-1])
+    save(figure, tables.master_curve_columns(chart), folder, "master_curve", valley=beside)
     traced = summary["master_curve"]["traced"]
     figure = partial(curve_pictures.traced_curve, traced, title_of(scene))
     save(figure, traced, folder, "master_curve_traced")

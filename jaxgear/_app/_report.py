@@ -12,6 +12,7 @@ from jaxgear._app._notes import notes
 from jaxgear._app._ranks import Doubtful, worst_first
 from jaxgear._app._results import write_json
 from jaxgear._app._scene import Scene, write_scene
+from jaxgear._app._scene_files import files_seen_from
 from jaxgear._app._schema import GEARS
 from jaxgear._app._slips import odd
 from jaxgear._app._statics import (
@@ -110,6 +111,6 @@ def finish(scene: Scene, folder: Folder, summary: Summary, watch: Stopwatch) -> 
     said = [*map(Doubtful, odd(scene.values)), *assumed(scene)]
     if said or "notes" in summary:
         summary["notes"] = worst_first([*said, *summary.get("notes", ())])
-    write_scene(scene, folder / "scene.toml")
+    write_scene(scene.replace(files_seen_from(scene, folder.path)), folder / "scene.toml")
     write_json(summary, folder / "summary.json")
     return json.loads((folder / "summary.json").read_text(encoding="utf-8"))

@@ -5,12 +5,11 @@ variable's `units`. A file appears whole or not at all.
 """
 
 import csv
-import itertools
 import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
@@ -398,26 +397,35 @@ def as_json(value: object) -> object:
 
 
 def write_csv(columns: Mapping[str, np.ndarray], path: Path) -> None:
-    """Write columns as CSV with ten digits.
+    """Write one table as CSV, a row for each record, with ten digits.
 
     **Arguments:**
 
-    - `columns`: one-dimensional numbers or texts under their names, units included. Cells below
-        the end of a shorter column stay empty.
+    - `columns`: numbers or texts under their names, units included, all of one length. The cell of
+        what is not a finite number, or None, is empty.
     - `path`: of the file.
 
     **Raises:**
 
-    - `ValueError` if a column is not one-dimensional.
+    - `ValueError` if a column is not one-dimensional, or not as long as the others.
     """
     texts = []
     for name, values in columns.items():
         array = np.asarray(values)
         if array.ndim != 1:
             raise ValueError(f"Column `{name}` must be one-dimensional, got shape {array.shape}.")
-        is_text = array.dtype.kind in "OSU"
-        texts.append([str(x) if is_text else f"{x:.10g}" for x in array.tolist()])
+        texts.append([_cell(x) for x in array.tolist()])
+    lengths = {name: len(each) for name, each in zip(columns, texts, strict=True)}
+    if len(set(lengths.values())) > 1:
+        raise ValueError(f"The columns of a table must have one length, got {lengths}.")
     with whole_file(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)
-        writer.writerows(itertools.zip_longest(*texts, fillvalue=""))
+        writer.writerows(zip(*texts, strict=True))
+
+
+def _cell(value: object) -> str:
+    if value is None or isinstance(value, str):
+        return value or ""
+    number = cast(float, value)
+    return f"{number:.10g}" if math.isfinite(number) else ""

@@ -6,24 +6,33 @@ import numpy as np
 import xarray as xr
 
 from jaxgear._app._palette import _BLUE, _ORANGE
-from jaxgear._app._tables import Columns, _unrolled
+from jaxgear._app._tables import Columns, _unrolled, joined, with_unit
 
 _DESIGNS = (("nominal", _ORANGE, "--"), ("robust", _BLUE, "-"))
 
 
-def robust_columns(
-    values: Mapping[str, np.ndarray], datasets: Mapping[str, xr.Dataset], unit: str
-) -> Columns:
-    """The data of `robust`: values in rising order, and transmission errors over phase."""
-    ending = "" if unit == "-" else f"_{unit}"
-    columns: Columns = {}
-    for name, _, _ in _DESIGNS:
-        columns[f"{name}{ending}"] = np.sort(values[name])
+def robust_columns(values: Mapping[str, np.ndarray], unit: str) -> Columns:
+    """The data of `robust`: the values in rising order, of one design after the other."""
+    return joined(
+        [
+            {
+                "design": np.full(len(values[name]), name),
+                with_unit("response", unit): np.sort(values[name]),
+            }
+            for name, _, _ in _DESIGNS
+        ]
+    )
+
+
+def robust_errors_columns(datasets: Mapping[str, xr.Dataset]) -> Columns:
+    """The data of `robust`: transmission errors over phase, of one design after the other."""
+    parts = []
     for name, _, _ in _DESIGNS:
         own = datasets[name]["phase"].values
         phase, error = _unrolled(own, datasets[name]["transmission_error_um"].values)
-        columns |= {f"phase_{name}": phase, f"transmission_error_{name}_um": error}
-    return columns
+        design = np.full(len(phase), name)
+        parts.append({"design": design, "phase": phase, "transmission_error_um": error})
+    return joined(parts)
 
 
 def tornado_columns(
@@ -33,13 +42,12 @@ def tornado_columns(
     unit: str,
 ) -> Columns:
     """The data of `tornado`."""
-    ending = "" if unit == "-" else f"_{unit}"
     columns: Columns = {"quantity": np.asarray(names), "moved": np.asarray(reach)}
     for name, _, _ in _DESIGNS:
         middle, low, high = ends[name]
         columns |= {
-            f"{name}_less{ending}": low,
-            f"{name}_without_deviations{ending}": np.full(len(low), middle),
-            f"{name}_more{ending}": high,
+            with_unit(f"{name}_less", unit): low,
+            with_unit(f"{name}_without_deviations", unit): np.full(len(low), middle),
+            with_unit(f"{name}_more", unit): high,
         }
     return columns

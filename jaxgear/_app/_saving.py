@@ -12,24 +12,25 @@ from jaxgear._app._results import write_csv
 
 
 def save(
-    draw: Callable[[], Any], columns: Mapping[str, np.ndarray], folder: Folder, name: str
+    draw: Callable[[], Any],
+    columns: Mapping[str, np.ndarray],
+    folder: Folder,
+    name: str,
+    **beside: Mapping[str, np.ndarray],
 ) -> None:
     """Write a picture's data, and the picture where pictures are wanted.
-
-    Where they are not, an earlier picture of this name is removed: it shows other data.
 
     **Arguments:**
 
     - `draw`: returns the figure; called only for a picture.
-    - `columns`: its data, under names with units.
+    - `columns`: its data, under names with units: one table.
     - `folder`: where to.
     - `name`: of the files, without ending: NAME.csv, NAME.png and NAME.svg.
+    - `beside`: more of its data, whose rows are other records: NAME_KEY.csv for each KEY.
     """
     write_csv(columns, folder / f"{name}.csv")
-    png, svg = folder / f"{name}.png", folder / f"{name}.svg"
+    for key, others in beside.items():
+        write_csv(others, folder / f"{name}_{key}.csv")
     if folder.pictures:
         say(f"drawing {name}")
-        pictures.write_picture(draw, png, svg)
-    else:
-        png.unlink(missing_ok=True)
-        svg.unlink(missing_ok=True)
+        pictures.write_picture(draw, folder / f"{name}.png", folder / f"{name}.svg")

@@ -284,7 +284,7 @@ def record_file(space: DesignSpace, folder: Folder, version: str, name: str = "s
     content = hashlib.sha256(f"{version} {told}".encode())
     for leaf in jax.tree.leaves(space.base):
         content.update(np.asarray(leaf).tobytes())
-    return folder / f"{name}-{content.hexdigest()[:12]}.jsonl"
+    return folder.kept(f"{name}-{content.hexdigest()[:12]}.jsonl")
 
 
 # A limit is kept to a thousandth.

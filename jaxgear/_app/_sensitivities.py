@@ -122,9 +122,10 @@ class Sensitivities:
     def columns(self) -> Columns:
         """One row for each response and key, under names with units."""
         count, each = len(self.responses), len(self.keys)
+        speed = {"pinion_speed_rad_s": np.repeat(self.speeds, each)}
         return {
             "response": np.repeat(self.responses, each),
-            "pinion_speed_rad_s": np.repeat(self.speeds, each),
+            **(speed if np.isfinite(self.speeds).any() else {}),
             "value": np.repeat(self.values, each),
             "key": np.tile(self.keys, count),
             "measure": np.tile(self.measures, count),

@@ -22,12 +22,24 @@ Columns = dict[str, np.ndarray]
 
 
 def gear_pair_columns(model: jg.PairModel) -> Columns:
-    """The tooth outlines of `gear_pair` [mm]."""
-    columns = {}
-    for body, name in enumerate(BODIES):
-        outline = _outline(model.pair, body) / jg.mm
-        columns |= {f"{name}_S_mm": outline[0], f"{name}_T_mm": outline[1]}
-    return columns
+    """The data of `gear_pair`: the points of the tooth outlines, of one gear after the other."""
+    return joined(
+        [
+            {"gear": np.full(outline.shape[1], name), "S_mm": outline[0], "T_mm": outline[1]}
+            for body, name in enumerate(BODIES)
+            for outline in [_outline(model.pair, body) / jg.mm]
+        ]
+    )
+
+
+def joined(tables: Sequence[Mapping[str, np.ndarray]]) -> Columns:
+    """Tables with the same columns, one under the other.
+
+    **Arguments:**
+
+    - `tables`: at least one; those of the first are the columns.
+    """
+    return {name: np.concatenate([each[name] for each in tables]) for name in tables[0]}
 
 
 _TEETH_SHOWN = 7
@@ -71,30 +83,34 @@ def _tooth(pair: jg.GearPair, body: int) -> tuple[np.ndarray, np.ndarray]:
     return radius, np.concatenate([space, half, land])
 
 
-def shafts_columns(
-    model: jg.PairModel, cycle: jg.MeshCycle, bearings: Sequence[Mapping[str, Any]]
-) -> Columns:
-    """The data of `shafts`: the deflected lines, then a row for each bearing."""
-    columns: Columns = {}
-    for name, (z, along_s, along_t) in _deflected_lines(model, cycle).items():
-        columns |= {
-            f"{name}_Z_mm": z / jg.mm,
-            f"{name}_deflection_S_um": along_s / jg.um,
-            f"{name}_deflection_T_um": along_t / jg.um,
-        }
+def shafts_columns(model: jg.PairModel, cycle: jg.MeshCycle) -> Columns:
+    """The data of `shafts`: the points of the deflected lines, of one shaft after the other."""
+    return joined(
+        [
+            {
+                "gear": np.full(len(z), name),
+                "Z_mm": z / jg.mm,
+                "deflection_S_um": along_s / jg.um,
+                "deflection_T_um": along_t / jg.um,
+            }
+            for name, (z, along_s, along_t) in _deflected_lines(model, cycle).items()
+        ]
+    )
+
+
+def bearing_columns(model: jg.PairModel, bearings: Sequence[Mapping[str, Any]]) -> Columns:
+    """The data of `shafts`, a row for each bearing."""
     mounts = dict(zip(BODIES, _mounts(model), strict=True))
     at = [
         _height(mounts[each["gear"]], mounts[each["gear"]].bearings[each["index"]].at)
         for each in bearings
     ]
-    columns |= {
-        "bearing": np.asarray([f"{each['gear']} {each['index']}" for each in bearings]),
-        "bearing_Z_mm": np.asarray(at),
-    }
-    return columns | {
-        f"bearing_load_{axis}_N": np.asarray([each["load_N"][axis] for each in bearings])
-        for axis in "STZ"
-    }
+    columns = {name: np.asarray([each[name] for each in bearings]) for name in ("gear", "index")}
+    return (
+        columns
+        | {"Z_mm": np.asarray(at)}
+        | {f"load_{x}_N": np.asarray([each["load_N"][x] for each in bearings]) for x in "STZ"}
+    )
 
 
 def _mounts(model: jg.PairModel) -> tuple[Any, Any]:
@@ -163,24 +179,29 @@ def _beam_of_segment(shaft: jg.Shaft, segment: jg.Segment, length: Array) -> jg.
 
 
 def transmission_error_columns(dataset: xr.Dataset) -> Columns:
-    """The data of `transmission_error`."""
+    """The data of `transmission_error`, over phase."""
+    names = ("phase", "transmission_error_um")
+    return dict(zip(names, _unrolled(*(dataset[name].values for name in names)), strict=True))
+
+
+def te_harmonics_columns(dataset: xr.Dataset) -> Columns:
+    """The data of `transmission_error`, a row for each mesh harmonic."""
     phase, weight, error = (
         dataset[name].values for name in ("phase", "weight", "transmission_error_um")
     )
-    unrolled, repeated = _unrolled(phase, error)
     orders = _mesh_orders(phase)
-    return {
-        "phase": unrolled,
-        "transmission_error_um": repeated,
-        "harmonic": orders,
-        "te_harmonic_um": _amplitudes(phase, weight, error, orders),
-    }
+    return {"harmonic": orders, "te_harmonic_um": _amplitudes(phase, weight, error, orders)}
 
 
-def stiffness_and_sharing_columns(dataset: xr.Dataset) -> Columns:
-    """The data of `stiffness_and_sharing`."""
+def mesh_stiffness_columns(dataset: xr.Dataset) -> Columns:
+    """The data of `stiffness_and_sharing`, over phase."""
+    names = ("phase", "mesh_stiffness_N_um")
+    return dict(zip(names, _unrolled(*(dataset[name].values for name in names)), strict=True))
+
+
+def load_sharing_columns(dataset: xr.Dataset) -> Columns:
+    """The data of `stiffness_and_sharing`, of one tooth pair after the other."""
     phase = dataset["phase"].values
-    unrolled, stiffness = _unrolled(phase, dataset["mesh_stiffness_N_um"].values)
     roll = dataset["roll_mm"].mean("slice").values
     touching = (dataset["fraction"] > 1e-6).any("slice").values
     sharing = dataset["load_sharing"].values
@@ -195,12 +216,7 @@ def stiffness_and_sharing_columns(dataset: xr.Dataset) -> Columns:
         shown = tuple(x[max(first - 1, 0) : last + 2] for x in places)
         parts.append((np.full(len(shown[0]), one), roll[shown], sharing[shown]))
     names = ("tooth_pair", "roll_mm", "load_sharing")
-    columns = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return {
-        "phase": unrolled,
-        "mesh_stiffness_N_um": stiffness,
-        **dict(zip(names, columns, strict=True)),
-    }
+    return joined([dict(zip(names, part, strict=True)) for part in parts])
 
 
 _FLANK_MAPS = {
@@ -293,17 +309,24 @@ def harris_map_columns(
     *,
     weight: np.ndarray | None = None,
 ) -> Columns:
-    """The data of `harris_map`, one row per torque; one column per phase follows the statistics."""
+    """The data of `harris_map`, one row per torque."""
     weight = _shares(phases) if weight is None else weight
     mean = te_um @ weight
-    columns = {
+    return {
         "torque_pinion_Nm": np.asarray(torques_Nm),
         "te_mean_um": mean,
         "te_rms_um": np.sqrt((te_um - mean[:, None]) ** 2 @ weight),
         "te_peak_to_peak_um": np.ptp(te_um, axis=1),
     }
-    at_phase = zip(phases, te_um.T, strict=True)
-    return columns | {f"te_um_at_phase_{phase:.6f}": error for phase, error in at_phase}
+
+
+def harris_curves_columns(torques_Nm: np.ndarray, phases: np.ndarray, te_um: np.ndarray) -> Columns:
+    """The data of `harris_map`, one row per torque and phase."""
+    return {
+        "torque_pinion_Nm": np.repeat(torques_Nm, len(phases)),
+        "phase": np.tile(phases, len(torques_Nm)),
+        "transmission_error_um": te_um.ravel(),
+    }
 
 
 def _shares(phases: np.ndarray) -> np.ndarray:
@@ -320,13 +343,23 @@ def te_spectrum_columns(
     *,
     weight: np.ndarray | None = None,
 ) -> Columns:
-    """The data of `te_spectrum`: one row per order, one column per torque."""
+    """The data of `te_spectrum`, one row per torque and order."""
+    order, amplitudes = _spectra(phases, te_um, weight)
+    return {
+        "torque_pinion_Nm": np.repeat(torques_Nm, len(order)),
+        "order": np.tile(order, len(torques_Nm)),
+        "te_order_um": amplitudes.ravel(),
+    }
+
+
+def _spectra(
+    phases: np.ndarray, te_um: np.ndarray, weight: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Orders of the mesh frequency, and their amplitudes, rows torques [um]."""
     weight = _shares(phases) if weight is None else weight
     periods, last = _cycle_periods(phases), _mesh_orders(phases)[-1]
     order = np.arange(1, last * periods + 1) / periods
-    amplitudes = _amplitudes(phases, weight, te_um, order)
-    each = zip(torques_Nm, amplitudes, strict=True)
-    return {"order": order} | {f"te_amplitude_um_at_{torque:.6g}_Nm": row for torque, row in each}
+    return order, _amplitudes(phases, weight, te_um, order)
 
 
 def smoothing_bias_columns(
@@ -347,40 +380,66 @@ def smoothing_bias_columns(
     return columns
 
 
-def master_curve_columns(chart: Any, valley: Any, closed_form_um: np.ndarray) -> Columns:
-    """The data of `master_curve`: the map's rows, then the two curves beside them."""
+def master_curve_columns(chart: Any) -> Columns:
+    """The data of `master_curve`, one row per place on the map."""
     depth, extent = np.meshgrid(chart.depth / jg.um, chart.extent, indexing="ij")
     return {
         "depth_um": depth.ravel(),
         "extent": extent.ravel(),
         "te_rms_um": chart.value.ravel(),
-        "curve_extent": chart.extent,
-        "valley_depth_um": valley.depth / jg.um,
-        "valley_te_rms_um": valley.value,
+    }
+
+
+def valley_columns(chart: Any, valley: Any, closed_form_um: np.ndarray) -> Columns:
+    """The data of `master_curve`, one row per extent: the best depth, and the closed form's."""
+    return {
+        "extent": chart.extent,
+        "depth_um": valley.depth / jg.um,
+        "te_rms_um": valley.value,
         "closed_form_depth_um": closed_form_um,
     }
 
 
 def search_trace_columns(values_by_method: Mapping[str, np.ndarray], unit: str) -> Columns:
-    """The data of `search_trace`: the objective at each evaluation, unsorted."""
-    most = max(len(values) for values in values_by_method.values())
-    columns = {"evaluation": np.arange(1, most + 1)}
-    ending = "" if unit == "-" else f"_{unit}"
-    return columns | {f"{name}{ending}": values for name, values in values_by_method.items()}
+    """The data of `search_trace`: each evaluation, of one method after the other."""
+    return joined(
+        [
+            {
+                "method": np.full(len(values), name),
+                "evaluation": np.arange(1, len(values) + 1),
+                with_unit("objective", unit): values,
+            }
+            for name, values in values_by_method.items()
+        ]
+    )
+
+
+def with_unit(name: str, unit: str) -> str:
+    """The name of a column, with its unit.
+
+    **Arguments:**
+
+    - `name`: of the quantity.
+    - `unit`: as it stands in names; `-` where there is none.
+    """
+    return name if unit == "-" else f"{name}_{unit}"
 
 
 def before_after_columns(dataset_before: xr.Dataset, dataset_after: xr.Dataset) -> Columns:
-    """The data of `before_after`."""
-    columns = {}
+    """The data of `before_after`, of one design after the other."""
+    parts = []
     for name, dataset in (("before", dataset_before), ("after", dataset_after)):
         own = dataset["phase"].values
         phase, error = _unrolled(own, dataset["transmission_error_um"].values)
-        columns |= {
-            f"phase_{name}": phase,
-            f"transmission_error_{name}_um": error,
-            f"pressure_{name}_MPa": _unrolled(own, _largest_pressure(dataset))[1],
-        }
-    return columns
+        parts.append(
+            {
+                "design": np.full(len(phase), name),
+                "phase": phase,
+                "transmission_error_um": error,
+                "max_pressure_MPa": _unrolled(own, _largest_pressure(dataset))[1],
+            }
+        )
+    return joined(parts)
 
 
 def _largest_pressure(dataset: xr.Dataset) -> np.ndarray:

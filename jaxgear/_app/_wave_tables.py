@@ -36,12 +36,12 @@ _STATES = 12
 
 
 def wave_spectra_columns(dataset: xr.Dataset, gear: str) -> Columns:
-    """The data of `wave_spectra`, all orders; the columns are the probes."""
-    amplitude = dataset[f"{gear}_probe_amplitude_um"].values
-    names = dataset[f"{gear}_probe"].values
+    """The data of `wave_spectra`, all orders, of one probe after the other."""
+    order, names = dataset[f"{gear}_order"].values, dataset[f"{gear}_probe"].values
     return {
-        "order": dataset[f"{gear}_order"].values,
-        **{f"{name}_um": row for name, row in zip(names, amplitude, strict=True)},
+        "probe": np.repeat(names, len(order)),
+        "order": np.tile(order, len(names)),
+        "amplitude_um": dataset[f"{gear}_probe_amplitude_um"].values.ravel(),
     }
 
 
@@ -62,15 +62,23 @@ def _wave_level(own: xr.Dataset, gear: str) -> np.ndarray:
 
 
 def wave_levels_columns(dataset: xr.Dataset, gear: str) -> Columns:
-    """The data of `wave_levels`, of all waves."""
+    """The data of `wave_levels`, one row per speed, of one wave after the other."""
     own = dataset.sel(direction=dataset.attrs["peak_direction"])
-    level, number = _wave_level(own, gear), own[f"{gear}_diameters"].values
-    probes = own[f"{gear}_probe_rms_um"].values
-    names = own[f"{gear}_probe"].values
+    return _levels(own, "nodal_diameters", f"{gear}_diameters", _wave_level(own, gear))
+
+
+def probe_levels_columns(dataset: xr.Dataset, gear: str) -> Columns:
+    """The data of `wave_levels`, one row per speed, of one probe after the other."""
+    own = dataset.sel(direction=dataset.attrs["peak_direction"])
+    return _levels(own, "probe", f"{gear}_probe", own[f"{gear}_probe_rms_um"].values)
+
+
+def _levels(own: xr.Dataset, name: str, of: str, level: np.ndarray) -> Columns:
+    speed, each = own["speed"].values, own[of].values
     return {
-        "speed_rad_s": own["speed"].values,
-        **{f"wave_{n:+d}_um": level[:, i] for i, n in enumerate(number)},
-        **{f"{name}_um": probes[:, i] for i, name in enumerate(names)},
+        name: np.repeat(each, len(speed)),
+        "pinion_speed_rad_s": np.tile(speed, len(each)),
+        "rms_um": level.T.ravel(),
     }
 
 
@@ -131,13 +139,15 @@ def draw(
     at_peak = f"{title}, pinion at {speed:.5g} rad/s"
     for gear, each in watch.looked.items():
         tell(f"{gear}: drawing")
-        for name, picture, columns, words in (
-            ("spectra", wave_pictures.wave_spectra, wave_spectra_columns, at_peak),
-            ("waves", wave_pictures.wave_map, wave_map_columns, at_peak),
-            ("levels", wave_pictures.wave_levels, wave_levels_columns, title),
+        for name, picture, columns in (
+            ("spectra", wave_pictures.wave_spectra, wave_spectra_columns),
+            ("waves", wave_pictures.wave_map, wave_map_columns),
         ):
-            figure = partial(picture, dataset, gear, f"{words}: {gear}")
+            figure = partial(picture, dataset, gear, f"{at_peak}: {gear}")
             save(figure, columns(dataset, gear), folder, f"{gear}_{name}")
+        figure = partial(wave_pictures.wave_levels, dataset, gear, f"{title}: {gear}")
+        probes, name = probe_levels_columns(dataset, gear), f"{gear}_levels"
+        save(figure, wave_levels_columns(dataset, gear), folder, name, probes=probes)
         _draw_motion(folder, at_peak, each, motions[gear], tell)
     if flanks := watch.flanks(dataset.attrs["peak_direction"]):
         tell("loads on the flanks: drawing")
@@ -167,9 +177,7 @@ def _draw_motion(folder: Folder, title: str, each: Looked, motion, tell) -> None
     main, body = main_wave(each, motion), each.body
     tell(f"{body.gear}: its shape at order {main.order:g}")
     shape = body.shape(motion, main.order)
-    moving = folder / f"{body.gear}_shape.gif"
     if folder.pictures:
+        moving = folder / f"{body.gear}_shape.gif"
         wave_pictures.animate_shape(moving, body, shape, main, f"{title}: {body.gear}")
-    else:
-        moving.unlink(missing_ok=True)
     write_shapes(folder, body, shape, f"{body.gear}_shape")

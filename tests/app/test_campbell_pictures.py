@@ -89,15 +89,13 @@ def test_pictures_of_waves_and_their_data():
     waves = _waves()
     dataset = turning_dataset(waves, 2)
     both = waves.critical
-    space = tables.campbell_columns(dataset, both)
-    assert len(space["pinion_speed_rad_s"]) == 31
-    assert len(space["critical_pinion_speed_rad_s"]) == len(both) == 6
-    body = tables.campbell_on_body_columns(dataset, both, "wheel")
-    np.testing.assert_allclose(body["frequency_body_mode_2_Hz"], 2000.0)
-    assert not any(
-        name.startswith("frequency")
-        for name in tables.campbell_on_body_columns(dataset, both, "pinion")
-    )
+    space = tables.campbell_columns(dataset)
+    assert len(space["pinion_speed_rad_s"]) == 3 * 31
+    assert set(space["direction"][space["mode"] == 2]) == {"backward"}
+    assert len(tables.critical_columns(dataset, both)["mode"]) == len(both) == 6
+    body = tables.campbell_on_body_columns(dataset, "wheel")
+    np.testing.assert_allclose(body["frequency_body_Hz"][body["mode"] == 2], 2000.0)
+    assert not tables.campbell_on_body_columns(dataset, "pinion")["mode"].size
     figures = [
         pictures.campbell(dataset, both, "waves"),
         pictures.campbell_on_body(dataset, both, "waves", "wheel"),

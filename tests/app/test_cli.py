@@ -19,7 +19,6 @@ from jaxgear import _app
 from jaxgear.__main__ import main as door
 from jaxgear._app import _cli
 from jaxgear._app._cli import main, print_summary
-from jaxgear._app._folder import Folder
 from jaxgear._app._scene import read_scene
 from jaxgear._app._statics import SolverFailure
 from jaxgear._checks import InputError
@@ -111,26 +110,29 @@ def test_a_command_gets_the_scene_the_folder_and_64_bits(scene, commands, comman
     ((name, given, folder, quiet, precision),) = commands.calls
     assert name == command
     assert given["mesh.slices"] == 3
-    assert folder == Folder(Path("results/accessory"))
-    assert folder.path.is_dir()
+    own = Path("results/accessory") / ("" if command == "run" else command)
+    assert folder.path == own
+    assert own.is_dir()
+    assert folder.kept("memo") == Path("results/accessory/memo")
+    assert folder.pictures
     assert quiet is False
     assert precision == "float64"
     output = capsys.readouterr()
     assert "centre_distance_mm (a_w)  99.4503" in output.out
-    assert "results/accessory" in output.err
+    assert output.err == f"results in {own}\n"
     assert "results" not in output.out
 
 
 def test_out_names_the_folder(scene, commands):
     assert main(["run", str(scene), "--out", "a/b"]) == 0
-    assert commands.calls[0][2] == Folder(Path("a/b"))
-    assert Path("a/b").is_dir()
+    assert main(["map", str(scene), "--out", "a/b"]) == 0
+    assert [folder.path for _, _, folder, *_ in commands.calls] == [Path("a/b"), Path("a/b/map")]
     assert not Path("results").exists()
 
 
 def test_pictures_can_be_left_out(scene, commands):
     assert main(["run", str(scene), "--no-pictures"]) == 0
-    assert commands.calls[0][2] == Folder(Path("results/accessory"), pictures=False)
+    assert not commands.calls[0][2].pictures
 
 
 def test_json_is_all_there_is_on_standard_output(scene, commands, capsys):
@@ -273,11 +275,15 @@ def test_what_a_terminal_cannot_show_is_spelled_out(scene, commands, monkeypatch
     assert shown.getvalue() == b"largest  3 \\xb5m\n"
 
 
-def test_standard_output_without_space_is_one_line_and_1(tmp_path):
+# A stream with a buffer fails when it is flushed, one without at the first word.
+@pytest.mark.parametrize("buffer", ["", "1"])
+@pytest.mark.parametrize("arguments", [["init", "accessory"], ["--help"], ["keys"], ["--version"]])
+def test_standard_output_without_space_is_one_line_and_1(tmp_path, arguments, buffer):
     with open("/dev/full", "w") as full:
         done = subprocess.run(
-            [sys.executable, "-m", "jaxgear", "init", "accessory"],
+            [sys.executable, "-m", "jaxgear", *arguments],
             cwd=tmp_path,
+            env=os.environ | {"PYTHONUNBUFFERED": buffer},
             stdout=full,
             stderr=subprocess.PIPE,
             text=True,
@@ -285,6 +291,13 @@ def test_standard_output_without_space_is_one_line_and_1(tmp_path):
         )
     assert done.returncode == 1
     assert done.stderr == ("jaxgear: cannot write to standard output: No space left on device\n")
+
+
+def test_without_standard_output_nothing_is_lost(scene, commands, monkeypatch):
+    monkeypatch.setattr(sys, "stdout", None)
+    assert main(["run", str(scene)]) == 0
+    sys.stdout.close()
+    assert len(commands.calls) == 1
 
 
 def test_an_interruption_of_the_imports_is_one_line_and_130(monkeypatch, capsys):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import tomlkit
 import xarray as xr
+from table_checks import assert_tables
 
 from jaxgear._app._cli import main
 from jaxgear._app._scene import read_scene, ready_scene
@@ -61,7 +62,24 @@ def test_run_writes_everything_and_finds_the_optimum(accessory, tmp_path, capsys
     improved = tomllib.loads((folder / "accessory.optimised.toml").read_text())
     depth = improved["flank"]["wheel"]["tip_relief"]["depth_um"]
     assert depth == found["variables"]["flank.wheel.tip_relief.depth_um"]
+    assert {"shafts.csv", "shafts_bearings.csv"} < set(assert_tables(folder))
+    _assert_modes_leave_the_run_alone(accessory, folder)
     assert main(["run", str(folder / "scene.toml"), *_COARSE, "--out", "again"]) == 0
+
+
+def _assert_modes_leave_the_run_alone(accessory: str, folder: Path) -> None:
+    """The next command of the README, on another scene: each folder opens with what it is of."""
+    before = {path: path.read_bytes() for path in folder.iterdir()}
+    changed = "--set", "pair.torque_pinion_Nm=60"
+    assert main(["modes", accessory, *_COARSE, *changed, "--no-pictures"]) == 0
+    assert {path: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before
+    own = folder / "modes"
+    torque = [read_scene(path / "scene.toml")["pair.torque_pinion_Nm"] for path in (folder, own)]
+    assert torque == [80.0, 60.0]
+    with xr.open_dataset(own / "result.nc", group="modes") as dataset:
+        found = json.loads((own / "summary.json").read_text())["modes"]["frequency_Hz"]
+        assert dataset["frequency_Hz"].values == pytest.approx(found, rel=1e-12)
+    assert assert_tables(own) == ["campbell.csv", "campbell_critical.csv", "modes.csv"]
 
 
 def _assert_bearings_of_the_thesis(bearings: list[dict]) -> None:
@@ -105,7 +123,7 @@ def test_map_finds_the_valley_and_the_closed_form(accessory, tmp_path, capsys):
     # Tends to zero with the width.
     assert bias[0] < 1e-3 * bias[-1]
     for name in ("master_curve", "smoothing_bias"):
-        assert (tmp_path / "results" / "accessory" / f"{name}.png").exists()
+        assert (tmp_path / "results" / "accessory" / "map" / f"{name}.png").exists()
 
 
 @pytest.mark.slow
@@ -188,7 +206,7 @@ def test_a_front_of_two_numbers_with_little_load_at_the_ends(accessory, tmp_path
     assert kept[-1]["te_rms_um"] <= kept[0]["te_rms_um"] * (1.0 + 1e-4)
     assert all(each["flank.pinion.crowning_um"] > 5.0 for each in kept)
     for ending in ("png", "svg", "csv"):
-        assert (tmp_path / "results" / "accessory" / f"pareto.{ending}").exists()
+        assert (tmp_path / "results" / "accessory" / "optimise" / f"pareto.{ending}").exists()
 
 
 @pytest.mark.slow
@@ -208,7 +226,9 @@ def test_map_traces_a_curve_for_each_torque(accessory, tmp_path, capsys):
     assert np.all((0.5 < share) & (share < 0.56))
     own = summary["master_curve"]["traced"]["depth_um"]
     assert whole["depth_um"] == pytest.approx(own, rel=1e-6)
-    assert (tmp_path / "results" / "accessory" / "master_curve_torques.png").exists()
+    folder = tmp_path / "results" / "accessory" / "map"
+    assert (folder / "master_curve_torques.png").exists()
+    assert {"master_curve.csv", "master_curve_valley.csv"} < set(assert_tables(folder))
 
 
 def test_searches_that_cannot_do_what_is_asked_are_refused(accessory, capsys):

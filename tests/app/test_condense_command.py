@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from matplotlib.colors import to_rgb
+from table_checks import assert_tables
 
 from fem_prep._artefact import ReducedBody
 from fem_prep._body_file import content_hash, read_body
@@ -107,7 +108,10 @@ def test_condense_end_to_end_and_then_from_the_cache(written, tmp_path, capsys, 
     path, out = written(_PAIR + _BODY), tmp_path / "out"
     assert main(["condense", str(path), "--out", str(out)]) == 0
     printed = capsys.readouterr()
+    out = out / "condense"
     (body,) = json.loads((out / "summary.json").read_text())["bodies"]
+    assert body["file"] == str(out / "tiny-wheel.body.npz")
+    assert len(assert_tables(out)) == 3
     assert not body["from_cache"]
     assert (body["name"], body["gear"]) == ("tiny-wheel", "wheel")
     _check_counts(body)
@@ -137,7 +141,7 @@ def test_condense_end_to_end_and_then_from_the_cache(written, tmp_path, capsys, 
     np.testing.assert_allclose(modes["frequency_Hz"], body["free_frequency_Hz"])
     modes.close()
     monkeypatch.setattr(_condense, "_draw", lambda found, folder: None)
-    assert main(["condense", str(path), "--out", str(out), "--json", "--quiet"]) == 0
+    assert main(["condense", str(path), "--out", str(out.parent), "--json", "--quiet"]) == 0
     (second,) = json.loads(capsys.readouterr().out)["bodies"]
     assert second["from_cache"]
     assert second["seconds"] < 1.0
@@ -488,8 +492,8 @@ def test_matrices_from_elsewhere_are_the_body_they_came_from(written, tmp_path):
     )
     out = tmp_path / "out"
     assert main(["condense", str(tmp_path / "scene.toml"), "--out", str(out)]) == 0
-    assert (out / "wheel_families.png").exists()
-    assert not (out / "wheel_grid.png").exists()
+    assert (out / "condense" / "wheel_families.png").exists()
+    assert not (out / "condense" / "wheel_grid.png").exists()
 
 
 # --- Pictures

@@ -290,14 +290,12 @@ _CASES = {
     "compare": ("compare", _rungs, {"tolerance": 3e-4, "recommended": "H = 20"}),
     "compare one": ("compare", lambda: _rungs()[:1], {}),
 }
-_ONLY_IN_FIGURES = ("natural", "tolerance", "recommended")
 
 
-def _columns(kind, data, extra):
+def _columns(kind, data):
     if kind == "compare":  # `compare` writes its own table beside the chart.
         return {}
-    known = {name: value for name, value in extra.items() if name not in _ONLY_IN_FIGURES}
-    return getattr(tables, f"{kind}_columns")(data, **known)
+    return getattr(tables, f"{kind}_columns")(data)
 
 
 @pytest.fixture(scope="module")
@@ -307,7 +305,7 @@ def everything():
     for name, (kind, make, extra) in _CASES.items():
         data = make()
         figure = getattr(pictures, kind)(data, name, **extra)
-        found[name] = figure, _columns(kind, data, extra)
+        found[name] = figure, _columns(kind, data)
     return found
 
 
@@ -418,9 +416,9 @@ def _legend(figure: Figure):
 
 
 def test_unstable_parts_are_dashed_and_stable_ones_solid(everything):
-    figure, columns = everything["sweep"]
-    curve = np.stack([columns["curve_pinion_speed_rad_s"], columns["curve_dynamic_ratio"]], axis=1)
-    stable = columns["curve_stable"]
+    figure, columns = everything["sweep"][0], tables.curve_columns(_sweep())
+    curve = np.stack([columns["pinion_speed_rad_s"], columns["dynamic_ratio"]], axis=1)
+    stable = columns["stable"]
     (solid,) = _lines(figure.axes[0], color="black", linestyle="-")
     (dashed,) = _lines(figure.axes[0], color="black", linestyle="--")
     solid, dashed = solid.get_xydata(), dashed.get_xydata()
@@ -442,13 +440,13 @@ def test_unstable_responses_are_dashed_and_counted(everything):
 
 def test_unsettled_responses_are_marked_and_counted(everything):
     figure, columns = everything["sweep"]
-    lost = ~np.stack([columns["settled_up"], columns["settled_down"]])
+    lost = ~columns["settled"].reshape(2, -1)
     assert f"not settled ({np.count_nonzero(lost)} of 600)" in _legend(figure)
     for axes in figure.axes:
         marked = [line for line in axes.lines if line.get_markeredgecolor() == pictures._RED]
         assert sum(np.size(line.get_xdata()) for line in marked) == np.count_nonzero(lost)
         joined = [line for line in axes.lines if line.get_linestyle() == "-"]
-        speeds = columns["pinion_speed_rad_s"][lost[0]]
+        speeds = columns["pinion_speed_rad_s"][: lost.shape[1]][lost[0]]
         for line in joined:
             if line.get_color() != "black":
                 assert not np.isin(speeds, line.get_xdata()).any()
@@ -463,8 +461,8 @@ def test_a_response_without_a_number_is_seen_and_leaves_an_empty_cell(everything
     write_csv(columns, table)
     with table.open(newline="", encoding="utf-8") as file:
         rows = list(csv.reader(file))
-    cells = [row[rows[0].index("dynamic_ratio_cold")] for row in rows[1:]]
-    assert [index for index, cell in enumerate(cells[:40]) if not cell] == [3]
+    cells = [row[rows[0].index("dynamic_ratio")] for row in rows[1:]]
+    assert [index for index, cell in enumerate(cells) if not cell] == [3]
     assert "nan" not in table.read_text(encoding="utf-8").lower()
 
 
@@ -499,7 +497,7 @@ def test_periods_have_their_own_markers():
 def test_folds_and_leaps_are_where_the_branches_part(everything):
     """Upwards the response leaps at the higher fold, downwards at the lower one."""
     figure, columns = everything["sweep"]
-    folds = columns["fold_pinion_speed_rad_s"]
+    folds = tables.fold_columns(_sweep())["pinion_speed_rad_s"]
     assert len(folds) == 2
     assert "fold (2)" in _legend(figure)
     arrows = [text for text in figure.axes[0].texts if getattr(text, "arrow_patch", None)]
@@ -515,24 +513,24 @@ def test_folds_and_leaps_are_where_the_branches_part(everything):
 def test_pieces_of_a_continuation_curve_stay_apart():
     dataset = _sweep(3)
     dataset["curve_speed"][400] = np.nan
-    columns = tables.sweep_columns(dataset)
-    piece = columns["curve_piece"]
+    piece = tables.curve_columns(dataset)["piece"]
     assert len(piece) == dataset.sizes["point"] - 1
     assert np.count_nonzero(piece == 0) == 400
     assert set(piece) == {0, 1}
-    assert len(columns["fold_pinion_speed_rad_s"]) == 2
+    assert len(tables.fold_columns(dataset)["pinion_speed_rad_s"]) == 2
     axes = pictures.sweep(dataset, "two pieces").axes[0]
     whole = [line.get_xdata() for line in _lines(axes, color="black")]
     assert not any(np.isclose(x, dataset["curve_speed"].values[400]).any() for x in whole)
 
 
 def test_lines_at_critical_speeds(everything):
-    figure, columns = everything["sweep"]
+    figure, _ = everything["sweep"]
     shown = [speed for speed, _ in _CRITICAL if speed < 2200.0]
     for axes in figure.axes:
         upright = [line.get_xdata()[0] for line in _lines(axes, linestyle=":")]
         np.testing.assert_array_equal(upright, shown)
-    assert list(columns["critical_label"]) == [label for _, label in _CRITICAL]
+    columns = tables.critical_columns(_CRITICAL)
+    assert list(columns["label"]) == [label for _, label in _CRITICAL]
     written = [text.get_text() for text in figure.axes[0].texts if text.get_text()]
     assert written == [label for _, label in _CRITICAL[:-1]]
 
@@ -543,12 +541,14 @@ def test_lines_at_critical_speeds(everything):
 @pytest.mark.parametrize("directions", [("up", "down"), ("cold",)])
 def test_columns_of_a_sweep_are_its_data(directions):
     dataset = _sweep(50, directions)
-    columns = tables.sweep_columns(dataset)
+    columns, curve = tables.sweep_columns(dataset), tables.curve_columns(dataset)
     for direction in directions:
+        row = columns["direction"] == direction
+        np.testing.assert_array_equal(columns["pinion_speed_rad_s"][row], dataset["speed"])
         for name in ("dynamic_ratio", "te_rms_um", "contact_loss", "settled", "stable", "periods"):
             own = dataset[name].sel(direction=direction).values
-            np.testing.assert_array_equal(columns[f"{name}_{direction}"], own)
-    np.testing.assert_array_equal(columns["curve_te_rms_um"], dataset["curve_te_rms_um"].values)
+            np.testing.assert_array_equal(columns[name][row], own)
+    np.testing.assert_array_equal(curve["te_rms_um"], dataset["curve_te_rms_um"].values)
 
 
 def test_columns_of_orders_are_their_data():
@@ -561,11 +561,14 @@ def test_columns_of_orders_are_their_data():
     assert columns["order"][row] == 2.0
     assert np.isclose(columns["frequency_Hz"][row], 2 * 20 * speed / (2 * np.pi))
     assert columns["te_order_um"][row] == dataset["te_order_um"].values[7, 1]
-    columns = tables.orders_columns(dataset)
+    columns = tables.bearing_orders_columns(dataset)
     own = dataset["bearing_force_order_N"].sel(bearing="pinion 1", order=2.0)
-    np.testing.assert_array_equal(columns["bearing_force_order_2_pinion_1_N"], own.values)
-    force = dataset["mesh_force_order_N"].sel(order=3.0)
-    np.testing.assert_array_equal(columns["mesh_force_order_3_N"], force.values)
+    row = (columns["bearing"] == "pinion 1") & (columns["order"] == 2.0)
+    np.testing.assert_array_equal(columns["bearing_force_order_N"][row], own.values)
+    columns = tables.orders_columns(dataset)
+    row, force = columns["order"] == 3.0, dataset["mesh_force_order_N"].sel(order=3.0)
+    np.testing.assert_array_equal(columns["mesh_force_order_N"][row], force.values)
+    np.testing.assert_array_equal(columns["pinion_speed_rad_s"][row], dataset["speed"].values)
 
 
 def test_the_mean_is_no_order():
@@ -573,7 +576,11 @@ def test_the_mean_is_no_order():
     with_mean = dataset.pad(order=(1, 0), constant_values=99.0).assign_coords(
         order=np.concatenate([[0.0], dataset["order"].values])
     )
-    for columns in (tables.waterfall_columns, tables.orders_columns):
+    for columns in (
+        tables.waterfall_columns,
+        tables.orders_columns,
+        tables.bearing_orders_columns,
+    ):
         for name, values in columns(dataset).items():
             np.testing.assert_array_equal(columns(with_mean)[name], values)
 
@@ -588,10 +595,14 @@ def test_share_of_the_time_without_contact():
         {"speed": [100.0, 200.0], "phase": phase},
         {"teeth_pinion": _TEETH},
     )
-    columns = tables.contact_loss_columns(dataset)
-    np.testing.assert_allclose(columns["contact_loss"], [0.25, 0.0], atol=0.01)
+    shares, columns = (
+        tables.contact_shares_columns(dataset),
+        tables.contact_loss_columns(dataset),
+    )
+    np.testing.assert_allclose(shares["contact_loss"], [0.25, 0.0], atol=0.01)
+    assert list(shares["pinion_speed_rad_s"]) == [100.0, 200.0]
     np.testing.assert_array_equal(columns["mesh_force_ratio"], force.ravel())
-    assert list(columns["share_pinion_speed_rad_s"]) == [100.0, 200.0]
+    assert list(columns["pinion_speed_rad_s"][:: len(phase)]) == [100.0, 200.0]
 
 
 def test_map_of_contact_loss_spans_its_speeds_and_the_period(everything):
@@ -622,21 +633,24 @@ def test_crossings_of_straight_lines_are_exact():
         {"speed": speed},
         {"teeth_pinion": _TEETH},
     )
-    columns = tables.campbell_columns(dataset, harmonics=3)
+    columns = tables.crossing_columns(dataset, harmonics=3)
     mode = columns["mode"].astype(int)
     exact = 1000.0 / (columns["harmonic"] * _TEETH / (2 * np.pi) - slopes[mode - 1])
     assert len(mode) == 9
-    np.testing.assert_allclose(columns["critical_pinion_speed_rad_s"], exact, rtol=1e-12)
+    np.testing.assert_allclose(columns["pinion_speed_rad_s"], exact, rtol=1e-12)
     expected = 1000.0 + slopes[mode - 1] * exact
-    np.testing.assert_allclose(columns["critical_frequency_Hz"], expected, rtol=1e-12)
+    np.testing.assert_allclose(columns["frequency_Hz"], expected, rtol=1e-12)
     np.testing.assert_allclose(columns["mesh_energy"], exact / 700.0, rtol=1e-12)
-    np.testing.assert_array_equal(columns["frequency_mode_2_Hz"], frequency[:, 1])
+    columns = tables.campbell_columns(dataset)
+    second = columns["mode"] == 2
+    np.testing.assert_array_equal(columns["frequency_Hz"][second], frequency[:, 1])
+    np.testing.assert_array_equal(columns["pinion_speed_rad_s"][second], speed)
 
 
 def test_free_rotation_crosses_nothing():
     dataset = _campbell(5, 2, energy=False)
     dataset["frequency_Hz"][:, 0] = 0.0
-    assert 1.0 not in tables.campbell_columns(dataset)["mode"]
+    assert 1.0 not in tables.crossing_columns(dataset)["mode"]
 
 
 def test_chart_of_methods(everything):
@@ -665,12 +679,13 @@ def test_an_error_of_zero_stands_at_the_foot():
 
 def test_an_orbit_lasts_as_long_as_its_numbers(everything):
     figure, columns = everything["two branches"]
-    assert len(columns["phase_speed_rising"]) == 64
-    assert len(columns["phase_speed_falling"]) == 128
+    rising = columns["branch"] == "speed rising"
+    assert np.count_nonzero(rising) == 64
+    assert np.count_nonzero(~rising) == 128
     titles = [axes.get_title(loc="left") for axes in figure.axes]
     assert titles[2] == "repeats every mesh period, stable"
     assert titles[3] == "repeats every 2 mesh periods, stable"
-    force = columns["mesh_force_ratio_speed_rising"]
+    force = columns["mesh_force_ratio"][rising]
     assert f"largest {np.max(force):.2f}, no contact" in titles[0]
     share = 100.0 * np.mean(force == 0.0)
     assert titles[0].endswith(f"no contact {share:.3g} % of time")
@@ -717,8 +732,5 @@ def test_flags_may_come_from_a_file_or_not_at_all():
     assert "not settled (1 of 30)" in legends[0]
     bare = dataset[["dynamic_ratio", "te_rms_um"]]
     assert _legend(pictures.sweep(bare, "bare")) == ["speed rising"]
-    assert set(tables.sweep_columns(bare)) == {
-        "pinion_speed_rad_s",
-        "dynamic_ratio_up",
-        "te_rms_um_up",
-    }
+    names = {"direction", "pinion_speed_rad_s", "dynamic_ratio", "te_rms_um"}
+    assert set(tables.sweep_columns(bare)) == names

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from table_checks import assert_tables
 
 from jaxgear._app import _commands, _gradients
 from jaxgear._app._cli import _print_gradients, main
@@ -148,4 +149,4 @@ def test_the_command_prints_a_table(table, tmp_path, monkeypatch, capsys):
     zero = summary["check_grad"]["verdicts"]["no effect"]
     assert len(table) == len(summary["check_grad"]["rows"]) - zero + 2
     assert any("flank.pinion.tip_relief.depth_um" in line for line in table)
-    assert (tmp_path / "results" / "accessory" / "gradients.csv").exists()
+    assert assert_tables(tmp_path / "results") == ["accessory/check-grad/gradients.csv"]

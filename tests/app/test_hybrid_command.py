@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
+from table_checks import assert_tables
 
 from fem_prep._artefact import balanced, floating
 from fem_prep._condense import boundary_of, hold
@@ -347,8 +348,6 @@ def test_models_are_compared_by_name():
     assert legend is not None
     texts = [text.get_text() for text in legend.get_texts()]
     assert texts == ["rigid: at most 100.0 N/mm", "flexible: at most 150.0 N/mm"]
-    columns = tables.models_compared_columns({"rigid": rigid, "flexible": soft})
-    np.testing.assert_allclose(columns["flexible_line_load_max_N_mm"], [150.0, 120.0, 75.0])
 
 
 # --- Notes
@@ -413,6 +412,7 @@ def test_a_run_shows_teeth_above_holes_and_between(tmp_path, monkeypatch):
         for ending in ("png", "svg", "csv"):
             assert (out / f"{name}.{ending}").stat().st_size > 0
     assert (out / "wheel_deflected.vtu").exists()
+    assert_tables(out)
     # Holes one tooth further on: the same loads, one tooth further on.
     moved = _teeth_of(path, "wheel.body.web.hole_angle_deg=15")
     assert np.ptp(loads) > 1e-4 * loads.max()

@@ -52,7 +52,7 @@ def _modes(tmp_path, text, *changes) -> dict:
     path.write_text(text)
     arguments = [part for change in changes for part in ("--set", change)]
     assert main(["modes", str(path), "--out", str(out), *arguments]) == 0
-    return json.loads((out / "summary.json").read_text())
+    return json.loads((out / "modes" / "summary.json").read_text())
 
 
 def test_two_discs_swing_at_the_frequency_of_their_mesh(tmp_path, capsys):
@@ -90,7 +90,7 @@ def test_shafts_and_bearings_share_the_energy_and_whirl(tmp_path):
     np.testing.assert_allclose(parts[1], 0.0, atol=1e-9)
     # Eq. 2.36: the mesh's share of its own ratio, and the rest of the other.
     np.testing.assert_allclose(found["damping_ratio"], 0.1 * parts[0] + 0.02 * (1.0 - parts[0]))
-    out = tmp_path / "out"
+    out = tmp_path / "out" / "modes"
     for name in ("modes", "campbell"):
         for ending in ("png", "svg", "csv"):
             assert (out / f"{name}.{ending}").stat().st_size > 0

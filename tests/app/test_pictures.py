@@ -135,6 +135,14 @@ _SIZINGS = {
 _SEARCHES = {"lbfgs": np.asarray([4.0, 5.0, 0.1]), "adam": np.asarray([4.0, 3.0, 2.0, 1.0])}
 
 
+_COLUMNS = {
+    pictures.transmission_error: tables.transmission_error_columns,
+    pictures.stiffness_and_sharing: tables.load_sharing_columns,
+    pictures.flank_maps: tables.flank_maps_columns,
+    pictures.face_load: tables.face_load_columns,
+}
+
+
 def _all_pictures(datasets, cycles):
     """Every picture with its columns."""
     spur, relieved, mounted = (datasets[name] for name in _GRIDS)
@@ -144,14 +152,8 @@ def _all_pictures(datasets, cycles):
     for name, make in _MODELS.items():
         yield f"gear_pair {name}", pictures.gear_pair(make()), tables.gear_pair_columns(make())
     for name, dataset in datasets.items():
-        for make in (
-            pictures.transmission_error,
-            pictures.stiffness_and_sharing,
-            pictures.flank_maps,
-            pictures.face_load,
-        ):
-            columns = getattr(tables, f"{make.__name__}_columns")(dataset)
-            yield f"{make.__name__} {name}", make(dataset, f"{name}, 60 N m"), columns
+        for make, columns in _COLUMNS.items():
+            yield f"{make.__name__} {name}", make(dataset, f"{name}, 60 N m"), columns(dataset)
     yield (
         "harris_map",
         pictures.harris_map(_TORQUES, _PHASES, _WAVES, "waves"),
@@ -165,7 +167,7 @@ def _all_pictures(datasets, cycles):
     yield (
         "shafts",
         pictures.shafts(on_shafts, cycle, _bearings(mounted), "mounted, 300 N m"),
-        tables.shafts_columns(on_shafts, cycle, _bearings(mounted)),
+        tables.shafts_columns(on_shafts, cycle),
     )
     flanks = modification_columns({"start": _spur(), "optimised": _relieved()})
     yield "modification", modification(flanks, "relief"), flanks
@@ -183,7 +185,7 @@ def _all_pictures(datasets, cycles):
     yield (
         "master_curve",
         pictures.master_curve(chart, valley, closed, path, "map"),
-        tables.master_curve_columns(chart, valley, closed),
+        tables.master_curve_columns(chart),
     )
     yield (
         "search_trace",
@@ -238,7 +240,7 @@ def test_pictures_show_something_in_every_axes(everything, tmp_path):
 
 
 def test_columns_are_written_beside(everything, tmp_path):
-    for _, figure, columns in everything[:4]:
+    for _, figure, columns in everything[4:8]:
         *_, table = _saved(figure, columns, tmp_path)
         with table.open(newline="", encoding="utf-8") as file:
             rows = list(csv.reader(file))
@@ -327,7 +329,7 @@ def test_transmission_error_repeats_and_names_its_statistics(datasets):
 
 
 def test_sharing_of_a_spur_pair_goes_from_nothing_to_all_and_back(datasets):
-    columns = tables.stiffness_and_sharing_columns(datasets["spur"])
+    columns = tables.load_sharing_columns(datasets["spur"])
     roll, share = columns["roll_mm"], columns["load_sharing"]
     points = datasets["spur"]["path_point_roll_mm"].values
     assert np.all(np.diff(roll) > 0.0)
@@ -354,7 +356,12 @@ def test_harris_statistics_by_hand():
 
 def test_spectrum_by_hand():
     """Orders of sines come out with their amplitudes, between the mesh harmonics too."""
-    order, *amplitudes = tables.te_spectrum_columns(*_LONG).values()
+    columns = tables.te_spectrum_columns(*_LONG)
+    order, amplitudes = (
+        columns[name].reshape(len(_TORQUES), -1) for name in ("order", "te_order_um")
+    )
+    assert np.array_equal(np.unique(columns["torque_pinion_Nm"]), _TORQUES)
+    order = order[0]
     expected = np.where(np.isclose(order, 1.0), 1.0, np.where(np.isclose(order, 0.2), 0.5, 0.0))
     assert order[0] == 0.2
     for torque, amplitude in enumerate(amplitudes):
@@ -369,8 +376,9 @@ def test_a_long_cycle_is_drawn_once(cycles, datasets):
     assert np.all(np.diff(columns["phase"]) > 0.0)
     assert 2.9 < columns["phase"][-1] < 3.0
     amplitudes = jg.harmonic_amplitudes(cycle, jg.transmission_error(model.pair, cycle), 5)
-    np.testing.assert_allclose(columns["te_harmonic_um"], amplitudes / jg.um, rtol=1e-9)
-    sharing = tables.stiffness_and_sharing_columns(datasets["mounted"])
+    harmonics = tables.te_harmonics_columns(datasets["mounted"])["te_harmonic_um"]
+    np.testing.assert_allclose(harmonics, amplitudes / jg.um, rtol=1e-9)
+    sharing = tables.load_sharing_columns(datasets["mounted"])
     assert np.unique(sharing["tooth_pair"]).tolist() == [0, 1, 2]
     for pair in range(3):
         own = sharing["tooth_pair"] == pair
@@ -396,20 +404,20 @@ def test_deflected_lines_carry_the_loads_of_the_bearings(cycles, datasets):
     """Deflection at a bearing times its stiffness is its load; all loads balance."""
     model, cycle = cycles["mounted"]
     bearings = _bearings(datasets["mounted"])
-    columns = tables.shafts_columns(model, cycle, bearings)
+    lines, rows = tables.shafts_columns(model, cycle), tables.bearing_columns(model, bearings)
     shafts = {"pinion": model.pinion_support, "wheel": model.wheel_support}
     for index, each in enumerate(bearings):
         spring = shafts[each["gear"]].bearings[each["index"]]
-        place = columns["bearing_Z_mm"][index]
+        place, own = rows["Z_mm"][index], lines["gear"] == each["gear"]
         for axis, stiffness in (("S", spring.radial_s), ("T", spring.radial_t)):
-            line = columns[f"{each['gear']}_deflection_{axis}_um"]
-            moved = np.interp(place, columns[f"{each['gear']}_Z_mm"], line) * jg.um
+            line = lines[f"deflection_{axis}_um"][own]
+            moved = np.interp(place, lines["Z_mm"][own], line) * jg.um
             load = each["load_N"][axis]
             assert float(stiffness) * moved == pytest.approx(load, rel=1e-6)
-            assert columns[f"bearing_load_{axis}_N"][index] == load
+            assert rows[f"load_{axis}_N"][index] == load
     for axis, outside in zip("STZ", _FORCE, strict=True):
         # What the mesh puts on one gear it takes from the other.
-        assert np.sum(columns[f"bearing_load_{axis}_N"]) == pytest.approx(outside, abs=1e-3)
+        assert np.sum(rows[f"load_{axis}_N"]) == pytest.approx(outside, abs=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -557,14 +565,17 @@ def _words(svg):
     return [word for _, word in found], [[float(x) for x in place[:2]] for place in places]
 
 
-def test_without_pictures_data_is_written_and_no_stale_picture_stays(tmp_path):
+def test_without_pictures_data_is_written_all_the_same(tmp_path):
     draw = lambda: pictures.search_trace(_SEARCHES, "-", "searches")
     columns = tables.search_trace_columns(_SEARCHES, "-")
-    save(draw, columns, Folder(tmp_path), "search")
-    before = (tmp_path / "search.csv").read_bytes()
-    save(draw, columns, Folder(tmp_path, pictures=False), "search")
-    assert [path.name for path in tmp_path.iterdir()] == ["search.csv"]
-    assert (tmp_path / "search.csv").read_bytes() == before
+    bare, beside = tmp_path / "bare", {"x_um": np.asarray([1.0])}
+    bare.mkdir()
+    save(draw, columns, Folder(tmp_path), "search", more=beside)
+    save(draw, columns, Folder(bare, pictures=False), "search", more=beside)
+    names = ["search.csv", "search.png", "search.svg", "search_more.csv"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bare", *names]
+    assert sorted(path.name for path in bare.iterdir()) == [names[0], names[3]]
+    assert (bare / names[0]).read_bytes() == (tmp_path / names[0]).read_bytes()
 
 
 def test_commands_come_without_matplotlib(tmp_path):

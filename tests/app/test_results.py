@@ -244,19 +244,25 @@ def test_csv_reads_back(tmp_path):
     path = tmp_path / "picture.csv"
     phase = np.linspace(0.0, 1.0, 7)
     error = 1e-3 * np.pi * phase
-    method = np.asarray(["lbfgs", "a, b"])
+    error[3:5] = np.nan, np.inf
+    method = np.asarray(["lbfgs", "a, b", None, "", "µ", '"', "z"], dtype=object)
     write_csv({"phase": phase, "error_um": error, "method": method}, path)
     with path.open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert list(rows[0]) == ["phase", "error_um", "method"]
     np.testing.assert_allclose([float(row["phase"]) for row in rows], phase, rtol=1e-9)
-    np.testing.assert_allclose([float(row["error_um"]) for row in rows], error, rtol=1e-9)
-    assert [row["method"] for row in rows] == ["lbfgs", "a, b", *[""] * 5]
+    read = [float(row["error_um"] or "nan") for row in rows]
+    np.testing.assert_allclose(read, np.where(np.isfinite(error), error, np.nan), rtol=1e-9)
+    assert [row["error_um"] for row in rows[3:5]] == ["", ""]
+    assert [row["method"] for row in rows] == ["lbfgs", "a, b", "", "", "µ", '"', "z"]
 
 
 def test_csv_wants_columns(tmp_path):
     with pytest.raises(ValueError, match=r"`x_um` must be one-dimensional, got shape \(2, 2\)"):
         write_csv({"x_um": np.zeros((2, 2))}, tmp_path / "x.csv")
+    with pytest.raises(ValueError, match=r"one length, got \{'x_um': 2, 'y_um': 3\}"):
+        write_csv({"x_um": np.zeros(2), "y_um": np.zeros(3)}, tmp_path / "x.csv")
+    assert not list(tmp_path.iterdir())
 
 
 def test_written_files_can_be_read_by_others(tmp_path):

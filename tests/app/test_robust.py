@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import assert_close
+from table_checks import assert_tables
 
 import jaxgear as jg
 import optimise
@@ -213,7 +214,7 @@ def test_the_robust_optimum_is_better_on_fresh_gears(tmp_path, monkeypatch, caps
     assert made["without_deviations"] > nominal["without_deviations"]
     assert found["without_effect"] == ["wheel.shaft.bearings[0].axial_N_m"]
     assert any("without any effect" in note for note in summary["notes"])
-    folder = tmp_path / "results" / "accessory"
+    folder = tmp_path / "results" / "accessory" / "optimise"
     kept = tomllib.loads((folder / "accessory.robust.toml").read_text(encoding="utf-8"))
     depth = kept["flank"]["wheel"]["tip_relief"]["depth_um"]
     assert depth == pytest.approx(found["variables"][_OTHER], rel=1e-12)
@@ -221,7 +222,8 @@ def test_the_robust_optimum_is_better_on_fresh_gears(tmp_path, monkeypatch, caps
     for name in ("robust", "tornado"):
         for ending in ("png", "svg", "csv"):
             assert (folder / f"{name}.{ending}").stat().st_size > 0
-    assert not list(folder.glob("robust-*.jsonl"))
+    assert not list((tmp_path / "results").rglob("*.jsonl"))
+    assert {"robust.csv", "tornado.csv"} < set(assert_tables(folder))
 
 
 @pytest.mark.slow

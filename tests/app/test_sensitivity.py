@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from matplotlib.patches import Rectangle
+from table_checks import assert_tables
 from tiny_cases import tiny_scene
 
 from jaxgear._app import _sensitivities
@@ -153,7 +154,8 @@ def test_responses_balance_all_that_is_stiff_against_all_that_loads(write, tmp_p
             assert own["sweep.pinion_speed_rad_s"] == pytest.approx(twice, rel=1e-6)
     assert found["mesh_stiffness_mean_N_um"]["wheel.body.young_GPa [%/%]"] > 0.1
     for name in ("sensitivity", "sensitivity_in_motion"):
-        assert (out / f"{name}.png").exists()
+        assert (out / "sensitivity" / f"{name}.png").exists()
+    assert len(assert_tables(out)) == 2
 
 
 @pytest.mark.slow

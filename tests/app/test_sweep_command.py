@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import scipy
 import xarray as xr
+from table_checks import assert_tables
 from tiny_cases import tiny_scene
 
 import jaxgear as jg
@@ -74,7 +75,8 @@ def both(folder):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(_commands, "solve_dynamics", noted)
         assert main(["sweep", str(_scene(folder)), "--out", str(out), "--quiet"]) == 0
-    return out, json.loads((out / "summary.json").read_text()), pairs[0]
+    own = out / "sweep"
+    return own, json.loads((own / "summary.json").read_text()), pairs[0]
 
 
 def test_a_sweep_writes_everything_that_it_found(both):
@@ -87,6 +89,7 @@ def test_a_sweep_writes_everything_that_it_found(both):
     for name in ("sweep", "waterfall", "orders", "contact_loss", "orbit"):
         for ending in ("png", "svg", "csv"):
             assert (out / f"{name}.{ending}").stat().st_size > 0
+    assert {"sweep_folds.csv", "sweep_curve.csv"} < set(assert_tables(out))
     with xr.open_dataset(out / "result.nc", group="sweep") as dataset:
         shape = [dataset.sizes[name] for name in ("direction", "speed", "order", "phase")]
         assert shape == [2, 5, 3, 48]
@@ -241,7 +244,7 @@ def test_what_cannot_be_swept_is_refused(folder, capsys, changes, words):
     assert main(["sweep", str(path), "--out", str(out), *arguments]) == 2
     error = capsys.readouterr().err
     assert words in error
-    assert not (out / "summary.json").exists()
+    assert not [path for path in out.rglob("*") if path.is_file()]
 
 
 def test_mistakes_of_a_sweep_come_together_with_file_and_line(folder, capsys):
@@ -297,7 +300,7 @@ count = 10
 def test_a_condensed_wheel_from_its_drawing_to_its_waves(folder, capsys, monkeypatch):
     monkeypatch.setenv("JAXGEAR_CACHE", str(folder / "cache"))
     scene, out = _scene(folder, _THIN, "tiny.toml"), folder / "thin"
-    assert main(["modes", str(scene), "--out", str(out / "modes")]) == 0
+    assert main(["modes", str(scene), "--out", str(out)]) == 0
     found = json.loads((out / "modes" / "summary.json").read_text())["modes"]
     assert len(found["frequency_Hz"]) == 10
     assert set(found["gear"]) <= {"pinion", "wheel"}
@@ -305,9 +308,9 @@ def test_a_condensed_wheel_from_its_drawing_to_its_waves(folder, capsys, monkeyp
     for name in ("modes", "campbell"):
         assert (out / "modes" / f"{name}.png").stat().st_size > 0
     # Beyond what sixteen modes of the body can tell.
-    assert main(["modes", str(scene), "--set", "modes.count=60", "--out", str(out / "no")]) == 2
+    assert main(["modes", str(scene), "--set", "modes.count=60", "--out", str(out)]) == 2
     assert "modes.count is 60" in capsys.readouterr().err
-    assert main(["sweep", str(scene), "--out", str(out / "sweep"), "--quiet"]) == 0
+    assert main(["sweep", str(scene), "--out", str(out), "--quiet"]) == 0
     summary = json.loads((out / "sweep" / "summary.json").read_text())
     assert summary["sweep"]["unsettled_count"] == 0
     (waves,) = summary["sweep"]["waves"]
@@ -325,6 +328,7 @@ def test_a_condensed_wheel_from_its_drawing_to_its_waves(folder, capsys, monkeyp
     assert waves["flank"]["max_line_load_N_mm"] == pytest.approx(load.max())
     for name in ("flank_pressure", "flank_loads", "wheel_waves", "wheel_spectra", "sweep"):
         assert (out / "sweep" / f"{name}.png").stat().st_size > 0
+    assert "modes/campbell_critical.csv" in assert_tables(out)
 
 
 def test_what_a_condensed_body_cannot_show_is_said(folder):

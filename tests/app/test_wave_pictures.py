@@ -158,13 +158,15 @@ def test_pictures_and_shapes_are_written(seen, tmp_path, monkeypatch):
     monkeypatch.setattr(tables, "_STATES", 2)
     drawn = {}
 
-    def save(draw, columns, folder, name):
+    def save(draw, columns, folder, name, **beside):
         draw().savefig(folder / f"{name}.png", dpi=40)
         drawn[name] = columns
+        drawn.update({f"{name}_{key}": others for key, others in beside.items()})
 
     monkeypatch.setattr(tables, "save", save)
     tables.draw(Folder(tmp_path), "tiny", watch, dataset)
-    assert set(drawn) == {"wheel_spectra", "wheel_waves", "wheel_levels"}
+    names = {"wheel_spectra", "wheel_waves", "wheel_levels", "wheel_levels_probes"}
+    assert set(drawn) == names
     for columns in drawn.values():
         (length,) = {len(values) for values in columns.values()}
         assert length > 0
