@@ -14,7 +14,13 @@ from jaxtyping import Array, Float
 
 from jaxgear._checks import require
 from jaxgear._compiled import compiled
-from jaxgear._dynamics._orbit import AbstractMethod, Orbit, bears_load
+from jaxgear._dynamics._orbit import (
+    AbstractMethod,
+    Orbit,
+    bears_load,
+    derivative_if,
+    without_derivatives,
+)
 from jaxgear._dynamics._steppers import AbstractStepper, Midpoint, Newmark
 from jaxgear._dynamics._system import DynamicSystem, ModalBasis, modal_basis
 from jaxgear._dynamics._table import (
@@ -102,7 +108,12 @@ class Marching(AbstractMethod):
     def orbit(self, system: DynamicSystem, speed: Scalar, start: Start | None = None) -> Orbit:
         """Find the response at one speed; see `AbstractMethod`.
 
-        What is given back is the last of the march, settled or not.
+        What is given back is the last of the march, settled or not. It has no derivatives: those of
+        the same response are to be had from `HarmonicBalance`.
+
+        **Raises:**
+
+        - `InputError` if it is differentiated.
         """
         start = quasi_static_start(system) if start is None else start
         system = system.over(self.multiple)
@@ -128,17 +139,22 @@ class Marching(AbstractMethod):
         approach = nodes[:, 0] - jnp.mean(nodes[:, 0])
         swing = jnp.sqrt(jnp.mean(approach**2) / jnp.mean(nodes[:, 0] ** 2))
         residual = last / (left * jnp.maximum(swing, 1e-9))
-        return Orbit(
-            speed=speed,
-            place=place,
-            load=load,
-            motion=middle,
-            start=history.start,
-            residual=residual,
-            settled=(residual <= self.tolerance)
-            & history.converged
-            & bears_load(system, history.load),
-            steps=jnp.asarray(float(history.drift.size * self.multiple)),
+        # A derivative would be that of so many steps from the start: the response may have settled
+        # where it has not, or was there from the beginning.
+        return without_derivatives(
+            "marching",
+            Orbit(
+                speed=speed,
+                place=place,
+                load=load,
+                motion=middle,
+                start=history.start,
+                residual=residual,
+                settled=(residual <= self.tolerance)
+                & history.converged
+                & bears_load(system, history.load),
+                steps=jnp.asarray(float(history.drift.size * self.multiple)),
+            ),
         )
 
 
@@ -386,7 +402,8 @@ CONTACT_TOLERANCE, _MOST_STEPS, _FREE_STEPS = 1e-11, 40, 6
 def pressed(problem: Pressing, first: Coordinates) -> tuple[Coordinates, Scalar]:
     """Solve the contact of one step, from a load close by.
 
-    Derivatives are those of the solution, by the implicit function theorem.
+    Derivatives are those of the solution, by the implicit function theorem; if it was not found,
+    NaN.
 
     **Arguments:**
 
@@ -440,6 +457,7 @@ def _pressed_tangent(primals, tangents):
     _, slope = _pushed(problem, load)
     _, change = jax.jvp(lambda p: _pushed(p, load)[0], (problem,), (tangents[0],))
     moved = small_solver(jnp.eye(load.size) + slope)(change)
+    moved = derivative_if(error <= CONTACT_TOLERANCE, moved)
     return (load, error), (moved, jnp.zeros_like(error))
 
 
