@@ -370,8 +370,8 @@ def terms_of(balance: Balance, places: StepPlaces) -> Terms:
         steps=steps,
     )
     place = jnp.tile(places, (steps // found, 1))
-    share = jnp.sqrt(balance.system.table.lengths)[:, None]
-    return jnp.linalg.lstsq(share * balance.middle, share * place)[0].T
+    weighted = balance.middle.T * balance.system.table.lengths[None, :]
+    return jnp.linalg.solve(weighted @ balance.middle, weighted @ place).T
 
 
 def _values(share: Reals, count: int) -> Basis:
