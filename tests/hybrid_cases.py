@@ -57,6 +57,7 @@ def body(
     *,
     seats: str = "bore",
     holes: int = 0,
+    further: int = 0,
     modes: int = 0,
     layers: int = 2,
     rotating: bool = False,
@@ -69,13 +70,14 @@ def body(
     - `index`: 0 for the pinion, 1 for the wheel.
     - `seats`: "bore" is one ring, "mean" one that averages, "shaft" three bearings and the torque.
     - `holes`: in the web, equal and equally far apart.
+    - `further`: the same of a second ring, further out, each between two of the first.
     - `modes`: interior shapes beside the static ones; none: static condensation.
     - `layers`: elements across the rim.
     - `rotating`: with the terms of rotation.
     """
     teeth = TEETH[index]
     root = float(PAIRS[kind]().root_radius[index])
-    hub, rim = 0.42 * root, 0.88 * root
+    hub, middle, rim = 0.42 * root, 0.65 * root, 0.88 * root
     half = 6e-3
     web = (-1e-3, 2e-3)
     inner = np.union1d(np.linspace(-half, half, layers + 1), web)
@@ -86,13 +88,17 @@ def body(
         r, angle, z = at.T
         in_face, in_web = abs(z) < half, (z > web[0]) & (z < web[1])
         solid = (r < hub) | (in_face & ((r > rim) | in_web))
-        if not holes:
-            return solid
         number = np.round(angle * teeth / (2.0 * np.pi)).astype(int)
-        opened = number % (teeth // holes) == 0
-        return solid & ~(opened & (r > hub) & (r < rim))
+        for count, first, low, high in (
+            (holes, 0, hub, middle if further else rim),
+            (further, teeth // (2 * max(further, 1)), middle, rim),
+        ):
+            if count:
+                opened = (number - first) % (teeth // count) == 0
+                solid &= ~(opened & (r > low) & (r < high))
+        return solid
 
-    grid = ring([0.25 * root, hub, 0.65 * root, rim, root], teeth, heights, keep=keep)
+    grid = ring([0.25 * root, hub, middle, rim, root], teeth, heights, keep=keep)
     full = full_body(f"{kind} {index}", grid, STEEL, _seats(grid, seats))
     method = "craig-bampton" if modes else "guyan"
     return condense(full, method=method, modes=modes, rotating=rotating)

@@ -20,7 +20,7 @@ import jax.numpy as jnp
 
 from jaxgear._checks import InputError, require
 from jaxgear._compiled import compiled
-from jaxgear._dynamics._orbit import AbstractMethod, Orbit, mesh_scales
+from jaxgear._dynamics._orbit import AbstractMethod, Orbit, derivative_if, mesh_scales
 from jaxgear._dynamics._system import DynamicSystem, ModalBasis, modal_basis
 from jaxgear._dynamics._table import (
     END,
@@ -370,8 +370,8 @@ def terms_of(balance: Balance, places: StepPlaces) -> Terms:
         steps=steps,
     )
     place = jnp.tile(places, (steps // found, 1))
-    share = jnp.sqrt(balance.system.table.lengths)[:, None]
-    return jnp.linalg.lstsq(share * balance.middle, share * place)[0].T
+    weighted = balance.middle.T * balance.system.table.lengths[None, :]
+    return jnp.linalg.solve(weighted @ balance.middle, weighted @ place).T
 
 
 def _values(share: Reals, count: int) -> Basis:
@@ -604,7 +604,9 @@ def _root_tangent(settings, primals, tangents):
     terms, error, steps = _root(settings, problem, first)
     matrix = linearised(problem, terms)[1]
     _, change = jax.jvp(lambda p: imbalance(p, terms), (problem,), (tangents[0],))
-    # What is not a response has no derivative.
-    change = jnp.where(error <= settings[0], change, jnp.nan)
+    # What is not a response has no derivative, and its matrix may be singular.
+    found = error <= settings[0]
+    matrix = jnp.where(found, matrix, jnp.eye(matrix.shape[0]))
     moved = -jnp.linalg.solve(matrix, change.reshape(-1)).reshape(change.shape)
+    moved = derivative_if(found, moved)
     return (terms, error, steps), (moved, jnp.zeros_like(error), jnp.zeros_like(steps))

@@ -10,11 +10,17 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from jaxgear._checks import require
 from jaxgear._compiled import compiled
-from jaxgear._dynamics._orbit import AbstractMethod, Orbit, bears_load
+from jaxgear._dynamics._orbit import (
+    AbstractMethod,
+    Orbit,
+    bears_load,
+    derivative_if,
+    without_derivatives,
+)
 from jaxgear._dynamics._steppers import AbstractStepper, Midpoint, Newmark
 from jaxgear._dynamics._system import DynamicSystem, ModalBasis, modal_basis
 from jaxgear._dynamics._table import (
@@ -102,7 +108,12 @@ class Marching(AbstractMethod):
     def orbit(self, system: DynamicSystem, speed: Scalar, start: Start | None = None) -> Orbit:
         """Find the response at one speed; see `AbstractMethod`.
 
-        What is given back is the last of the march, settled or not.
+        What is given back is the last of the march, settled or not. It has no derivatives: those of
+        the same response are to be had from `HarmonicBalance`.
+
+        **Raises:**
+
+        - `InputError` if it is differentiated.
         """
         start = quasi_static_start(system) if start is None else start
         system = system.over(self.multiple)
@@ -128,17 +139,22 @@ class Marching(AbstractMethod):
         approach = nodes[:, 0] - jnp.mean(nodes[:, 0])
         swing = jnp.sqrt(jnp.mean(approach**2) / jnp.mean(nodes[:, 0] ** 2))
         residual = last / (left * jnp.maximum(swing, 1e-9))
-        return Orbit(
-            speed=speed,
-            place=place,
-            load=load,
-            motion=middle,
-            start=history.start,
-            residual=residual,
-            settled=(residual <= self.tolerance)
-            & history.converged
-            & bears_load(system, history.load),
-            steps=jnp.asarray(float(history.drift.size * self.multiple)),
+        # A derivative would be that of so many steps from the start: the response may have settled
+        # where it has not, or was there from the beginning.
+        return without_derivatives(
+            "marching",
+            Orbit(
+                speed=speed,
+                place=place,
+                load=load,
+                motion=middle,
+                start=history.start,
+                residual=residual,
+                settled=(residual <= self.tolerance)
+                & history.converged
+                & bears_load(system, history.load),
+                steps=jnp.asarray(float(history.drift.size * self.multiple)),
+            ),
         )
 
 
@@ -386,7 +402,8 @@ CONTACT_TOLERANCE, _MOST_STEPS, _FREE_STEPS = 1e-11, 40, 6
 def pressed(problem: Pressing, first: Coordinates) -> tuple[Coordinates, Scalar]:
     """Solve the contact of one step, from a load close by.
 
-    Derivatives are those of the solution, by the implicit function theorem.
+    Derivatives are those of the solution, by the implicit function theorem; if it was not found,
+    NaN.
 
     **Arguments:**
 
@@ -440,6 +457,7 @@ def _pressed_tangent(primals, tangents):
     _, slope = _pushed(problem, load)
     _, change = jax.jvp(lambda p: _pushed(p, load)[0], (problem,), (tangents[0],))
     moved = small_solver(jnp.eye(load.size) + slope)(change)
+    moved = derivative_if(error <= CONTACT_TOLERANCE, moved)
     return (load, error), (moved, jnp.zeros_like(error))
 
 
@@ -789,33 +807,82 @@ def _marched(
     """See `march`."""
     ready = march_of(stepper, law, system, modes, speed, averaged=averaged)
 
-    def size(state: Reals) -> Scalar:
-        # The square root of the energy in the modes.
-        return jnp.sqrt(jnp.sum((modes.swing * state[:2]) ** 2))
-
-    def whole_cycle(carried: Carried, _):
-        ahead, kept = cycle(ready, carried, system.table)
-        drift = size(ahead.state - carried.state) / size(ahead.state)
-        return ahead, (drift, kept)
-
-    first = ready.begin(start)
-    silent = cycles - keep
-
     def unseen(carried: Carried, _):
-        ahead, (drift, _) = whole_cycle(carried, None)
+        ahead, (drift, _) = _seen_cycle(ready, carried)
         return ahead, drift
 
-    begun, early = jax.lax.scan(unseen, first, length=silent)
-    last, (late, (place, load, ended)) = jax.lax.scan(whole_cycle, begun, length=keep)
-    in_steps = lambda x: x.reshape(-1, *x.shape[2:])
-    states = in_steps(ended)
+    begun, early = jax.lax.scan(unseen, ready.begin(start), length=cycles - keep)
+    last, late, kept = _seen_cycles(ready, begun, keep)
+    return _history(ready, begun, last, jnp.concatenate([early, late]), kept)
+
+
+@compiled
+def march_on(
+    system: DynamicSystem,
+    speed: Scalar,
+    start: Start,
+    modes: ModalBasis,
+    law: AbstractContactLaw,
+    times: Int[Array, ""],
+    *,
+    keep: int,
+    stepper: AbstractStepper,
+) -> History:
+    """March over `times` as many cycles as are kept: one program for marches of all lengths.
+
+    It has no derivatives in reverse mode.
+
+    **Arguments:**
+
+    - `system`, `speed`, `start`, `modes`, `law`, `stepper`: as of `march`.
+    - `times`: how often so many cycles are marched, at least once [-].
+    - `keep`: how many cycles those are.
+
+    **Returns:**
+
+    The last of them, and their drift alone.
+    """
+    ready = march_of(stepper, law, system, modes, speed)
+    first = ready.begin(start)
+    shapes = jax.eval_shape(lambda: _seen_cycles(ready, first, keep)[1:])
+    nothing = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
+
+    def on(_, state):
+        begun = state[1]
+        last, drift, kept = _seen_cycles(ready, begun, keep)
+        return begun, last, (drift, kept)
+
+    begun, last, (drift, kept) = jax.lax.fori_loop(0, times, on, (first, first, nothing))
+    return _history(ready, begun, last, drift, kept)
+
+
+def _seen_cycle(march: March, carried: Carried):
+    """A cycle, and by how much its end differs from its start, relative."""
+    ahead, kept = cycle(march, carried, march.system.table)
+    # The square root of the energy in the modes.
+    size = lambda state: jnp.sqrt(jnp.sum((march.modes.swing * state[:2]) ** 2))
+    return ahead, (size(ahead.state - carried.state) / size(ahead.state), kept)
+
+
+def _seen_cycles(march: March, begun: Carried, count: int):
+    """Some cycles: what the next one needs, their drift, and what is kept of each step."""
+    last, (drift, kept) = jax.lax.scan(
+        lambda carried, _: _seen_cycle(march, carried), begun, length=count
+    )
+    return last, drift, kept
+
+
+def _history(march: March, begun: Carried, last: Carried, drift: Reals, kept) -> History:
+    """What a march leaves of the cycles that it keeps."""
+    place, load, states = (x.reshape(-1, *x.shape[2:]) for x in kept)
+    shape = march.modes.shape
     return History(
-        speed=speed,
-        place=in_steps(place),
-        load=in_steps(load),
-        motion=states[:, 0] @ modes.shape.T,
-        velocity=states[:, 1] @ modes.shape.T,
-        start=begun.state[:2] @ modes.shape.T,
-        drift=jnp.concatenate([early, late]),
+        speed=march.speed,
+        place=place,
+        load=load,
+        motion=states[:, 0] @ shape.T,
+        velocity=states[:, 1] @ shape.T,
+        start=begun.state[:2] @ shape.T,
+        drift=drift,
         converged=last.error <= CONTACT_TOLERANCE,
     )

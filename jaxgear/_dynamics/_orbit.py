@@ -1,15 +1,18 @@
 """Steady responses: what every method finds, and how far it can be trusted."""
 
 import abc
+import functools
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 
+from jaxgear._checks import InputError
 from jaxgear._compiled import compiled
 from jaxgear._dynamics._system import DynamicSystem
 from jaxgear._dynamics._types import Motion, Series, Start, StepPlaces
 from jaxgear._interface._laws import AbstractContactLaw
-from jaxgear._types import Coordinates, Flag, Scalar
+from jaxgear._types import Coordinates, Flag, Reals, Scalar
 
 
 class Orbit(eqx.Module):
@@ -66,6 +69,57 @@ class AbstractMethod(eqx.Module):
 
         The response, settled or not.
         """
+
+
+def derivative_if(solved: Flag, tangent: Reals) -> Reals:
+    """The derivative of a solution, NaN in both directions where it was not found.
+
+    A choice between it and NaN would hand on zeros in reverse mode. What does not count for a
+    result, and has no part in its derivative, still has none.
+
+    **Arguments:**
+
+    - `solved`: whether the solution was found.
+    - `tangent`: of the solution, if it was, in the solution's unit [-].
+
+    **Returns:**
+
+    The tangent [-].
+    """
+    huge = jnp.where(solved, 0.0, jnp.finfo(float).max)
+    # Zero where the tangent is, infinite elsewhere; apart, so that they meet in both directions.
+    up, down = (sign * tangent * huge * huge for sign in (1.0, -1.0))
+    return tangent + (up + down)
+
+
+@functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
+def without_derivatives(method: str, orbit: Orbit) -> Orbit:
+    """The same response, which refuses to be differentiated.
+
+    **Arguments:**
+
+    - `method`: by which it was found, in words.
+    - `orbit`: the response.
+
+    **Returns:**
+
+    The response.
+
+    **Raises:**
+
+    - `InputError` if it is differentiated.
+    """
+    del method
+    return orbit
+
+
+@without_derivatives.defjvp
+def _refuse_to_differentiate(method: str, primals: tuple[Orbit], tangents: tuple[Orbit]):
+    del primals, tangents
+    raise InputError(
+        f"Responses by {method} have no derivatives. Differentiate the same response by "
+        "`HarmonicBalance`, or give `steady_state` no method: that is its default."
+    )
 
 
 @compiled

@@ -8,10 +8,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from jaxgear._checks import InputError, require
+from jaxgear._checks import require
 from jaxgear._dynamics._floquet import product_of_steps, tangents_of
 from jaxgear._dynamics._march import CONTACT_TOLERANCE, cycle, march_of, quasi_static_start
-from jaxgear._dynamics._orbit import AbstractMethod, Orbit, bears_load
+from jaxgear._dynamics._orbit import AbstractMethod, Orbit, bears_load, without_derivatives
 from jaxgear._dynamics._steppers import AbstractStepper, Exponential
 from jaxgear._dynamics._system import DynamicSystem, modal_basis
 from jaxgear._dynamics._types import Start
@@ -95,7 +95,9 @@ class Shooting(AbstractMethod):
         reached, error, (place, load, ended) = over(state)
         begun = jnp.concatenate([state[None], ended[:-1]])
         middle = 0.5 * (begun[:, 0] + ended[:, 0])
-        return _as_found(
+        # Through its corrections a derivative would be that of a start that no longer is corrected.
+        return without_derivatives(
+            "shooting",
             Orbit(
                 speed=speed,
                 place=place,
@@ -107,23 +109,5 @@ class Shooting(AbstractMethod):
                 & (reached.error <= CONTACT_TOLERANCE)
                 & bears_load(system, load),
                 steps=steps,
-            )
+            ),
         )
-
-
-@jax.custom_jvp
-def _as_found(orbit: Orbit) -> Orbit:
-    """The same response, which cannot be differentiated.
-
-    Through its corrections a derivative would be that of a start that is not corrected any more.
-    """
-    return orbit
-
-
-@_as_found.defjvp
-def _refuse_to_differentiate(primals: tuple[Orbit], tangents: tuple[Orbit]):
-    del primals, tangents
-    raise InputError(
-        "Responses by shooting have no derivatives. Differentiate the same response by "
-        "`HarmonicBalance`, or give `steady_state` no method: that is its default."
-    )

@@ -19,7 +19,7 @@ from jaxgear._checks import require
 from jaxgear._compiled import compiled, in_numpy
 from jaxgear._dynamics._floquet import STABLE, monodromy, multipliers
 from jaxgear._dynamics._harmonic import Balance, HarmonicBalance, balance_of, terms_of
-from jaxgear._dynamics._march import History, Marching, march, quasi_static_start
+from jaxgear._dynamics._march import History, Marching, march_on, quasi_static_start
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steppers import Exponential
@@ -353,19 +353,9 @@ class Finder:
     def _on(self, speed: Scalar, start: Start, cycles: int) -> History:
         """March on by at least so many cycles. One program serves for all marches."""
         kept = self.settings.kept
-        for _ in range(-(-cycles // kept)):
-            history = march(
-                self.system,
-                speed,
-                start,
-                cycles=kept,
-                keep=kept,
-                stepper=Exponential(),
-                law=self.settings.method.law,
-                modes=self.modes,
-            )
-            start = _state(history)
-        return history
+        times = jnp.asarray(-(-cycles // kept))
+        law, rule = self.settings.method.law, Exponential()
+        return march_on(self.system, speed, start, self.modes, law, times, keep=kept, stepper=rule)
 
     def _shot(
         self, method: Shooting, speed: Scalar, start: Start, multiples: tuple[int, ...] = (1, 2)

@@ -15,6 +15,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Bool
 
 from jaxgear._compiled import compiled
 from jaxgear._contact._cells import MeshCells, Misalignment, mesh_gap
@@ -30,7 +31,6 @@ from jaxgear._flank._deviations import Flanks
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
-from jaxgear._solve._coordinates import at_cells, on_coordinates, on_coordinates_all
 from jaxgear._system._pair_system import PairSystem
 from jaxgear._types import (
     CellArms,
@@ -42,6 +42,8 @@ from jaxgear._types import (
     Reals,
     Scalar,
 )
+
+_Where = Bool[Array, "..."]
 
 
 class MeshTable(eqx.Module):
@@ -304,7 +306,7 @@ def cell_forces(mesh: Mesh, place: Coordinates, law: AbstractContactLaw) -> tupl
 
     Forces [N] and overlaps, what the bodies yield subtracted [m].
     """
-    free = at_cells(mesh.arms, place) - mesh.gap
+    free = mesh.arms @ place - mesh.gap
     return _shared_forces(mesh.stiffness, mesh.coupling, free, law)
 
 
@@ -407,7 +409,7 @@ def mesh_load(
     force, overlap = cell_forces(mesh, place, law)
     _, slope = _pressed(law, overlap)
     pushed = tangent_columns(mesh.stiffness * slope, mesh.coupling, mesh.arms)
-    return on_coordinates(mesh.arms, force), on_coordinates_all(mesh.arms, pushed)
+    return mesh.arms.T @ force, mesh.arms.T @ pushed
 
 
 def tangent_columns(stiffness: Cells, coupling: Coupling | None, arms: CellArms) -> CellColumns:
@@ -439,14 +441,11 @@ def mean_load(
     law = ExactContact()
     _, begun = cell_forces(start, first, law)
     _, ended = cell_forces(end, last, law)
-    ones = jnp.ones_like(begun)
-    compression, by_begun = jax.jvp(lambda x: mean_ramp(x, ended), (begun,), (ones,))
-    _, by_ended = jax.jvp(lambda x: mean_ramp(begun, x), (ended,), (ones,))
-    load = on_coordinates(middle.arms, middle.stiffness * compression)
+    compression = mean_ramp(begun, ended)
+    by_begun, by_ended = _ramp_slopes(begun, ended, compression)
+    load = middle.arms.T @ (middle.stiffness * compression)
     tangents = [
-        on_coordinates_all(
-            middle.arms, (middle.stiffness * slope)[:, None] * _overlap_slopes(mesh, at, law)
-        )
+        middle.arms.T @ ((middle.stiffness * slope)[:, None] * _overlap_slopes(mesh, at, law))
         for mesh, at, slope in ((start, begun, by_begun), (end, ended, by_ended))
     ]
     return load, tangents[0], tangents[1]
@@ -475,7 +474,7 @@ def mean_tangent(
     closing = (law.compression(ended) - law.compression(begun)) / jnp.where(moves, change, 1.0)
     closed = jnp.where(moves, closing, jnp.where(begun > 0.0, 1.0, 0.0))
     columns = tangent_columns(middle.stiffness * closed, middle.coupling, middle.arms)
-    return on_coordinates_all(middle.arms, columns)
+    return middle.arms.T @ columns
 
 
 def _overlap_slopes(mesh: Mesh, overlap: Cells, law: AbstractContactLaw) -> CellColumns:
@@ -501,9 +500,26 @@ def mean_ramp(first: Reals, last: Reals) -> Reals:
 
     An array like them.
     """
+    closed, crossing, span = _closed_and_crossing(first, last)
+    squares = jnp.maximum(first, 0.0) ** 2 + jnp.maximum(last, 0.0) ** 2
+    part = jnp.where(crossing, 0.5 * squares / span, 0.0)
+    return jnp.where(closed, 0.5 * (first + last), part)
+
+
+def _ramp_slopes(first: Reals, last: Reals, mean: Reals) -> tuple[Reals, Reals]:
+    """Derivatives of `mean_ramp` by `first` and by `last`, where it is `mean`."""
+    closed, crossing, span = _closed_and_crossing(first, last)
+
+    def by(end: Reals) -> Reals:
+        part = (jnp.maximum(end, 0.0) - jnp.sign(end) * mean) / span
+        return jnp.where(closed, 0.5, jnp.where(crossing, part, 0.0))
+
+    return by(first), by(last)
+
+
+def _closed_and_crossing(first: Reals, last: Reals) -> tuple[_Where, _Where, Reals]:
+    """Where both ends are closed, where one or both are open, and the sum of their sizes there."""
     closed = (first >= 0.0) & (last >= 0.0)
     span = jnp.abs(first) + jnp.abs(last)
     crossing = ~closed & (span > 0.0)
-    squares = jnp.maximum(first, 0.0) ** 2 + jnp.maximum(last, 0.0) ** 2
-    part = jnp.where(crossing, squares / (2.0 * jnp.where(crossing, span, 1.0)), 0.0)
-    return jnp.where(closed, 0.5 * (first + last), part)
+    return closed, crossing, jnp.where(crossing, span, 1.0)

@@ -22,9 +22,10 @@ import jax.scipy.linalg
 import numpy as np
 import scipy.linalg
 from jax.core import Tracer
-from jaxtyping import Array, Float, Int, PyTree
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxgear._checks import InputError, require, require_float64
+from jaxgear._dynamics._orbit import derivative_if
 from jaxgear._dynamics._system import DynamicSystem
 from jaxgear._dynamics._table import Mesh, MeshTable, cell_forces, mesh_load, place_shares
 from jaxgear._dynamics._types import FreeMotions, Matrix, Start, Vector, Vectors
@@ -803,10 +804,31 @@ def _at_times(given: Transient, dense: _Dense, times: Times) -> Transient:
     since = times - dense.begin
     states = jax.vmap(dense.path.evaluate)(since)
     known = (times >= dense.begin) & (times <= given.reached)
-    states = jnp.where(known[:, None, None], states, jnp.nan)
+    states = reached_only(states, known, dense)
     return dataclasses.replace(
         given, times=times, **_observed(dense.motion, dense.transmission, since, states)
     )
+
+
+def reached_only(
+    states: Float[Array, "time 2 axis"], known: Bool[Array, " time"], given: PyTree
+) -> Float[Array, "time 2 axis"]:
+    """States at the times that were reached, NaN at others, and so are their derivatives.
+
+    **Arguments:**
+
+    - `states`: scaled, at each time [-].
+    - `known`: whether a time was reached.
+    - `given`: whatever they depend on: an integrator does not look at what it has not reached.
+
+    **Returns:**
+
+    The states [-].
+    """
+    numbers = jax.tree.leaves(eqx.filter(given, eqx.is_inexact_array))
+    everything = jnp.full(known.shape, sum(jnp.sum(x) for x in numbers))
+    lost = jnp.nan + derivative_if(jnp.asarray(False), everything)
+    return jnp.where(known[:, None, None], states, lost[:, None, None])
 
 
 def _observed(
@@ -857,8 +879,9 @@ def transient(
     is `torque_ratio` times that of the system: torques and their reaction scale together, and so
     do outside loads on shafts, which the system does not tell apart.
 
-    Gradients go through every step. In a long transient of a motion that jumps or is chaotic they
-    grow without bounds, as they should; those of a settled response come from its periodic orbit.
+    Gradients go through every step, and are NaN beyond what was reached. In a long transient
+    of a motion that jumps or is chaotic they grow without bounds, as they should; those of a
+    settled response come from its periodic orbit.
 
     **Arguments:**
 
@@ -970,7 +993,7 @@ def _integrate(
         throw=False,
     )
     (_, ended), (states, last) = cast(Any, solution.ts), cast(Any, solution.ys)
-    states = jnp.where((since <= ended[0])[:, None, None], states, jnp.nan)
+    states = reached_only(states, since <= ended[0], (motion, first))
     stats = solution.stats
     found = Transient(
         times=times,

@@ -7,6 +7,7 @@ diameters. It turns backwards about Z.
 import dataclasses
 import functools
 import math
+from typing import Any
 
 import equinox as eqx
 import hybrid_cases
@@ -19,6 +20,7 @@ from helpers import observed_order
 from hybrid_cases import PAIRS, ROUND, TEETH, Turning, relieved, shaft, vibrating
 
 import jaxgear as jg
+from fem_prep import ReducedBody
 from jaxgear import um
 from jaxgear._dynamics._bodies import turning_terms, vibrating_bodies
 from jaxgear._dynamics._damping import ModalDamping, RayleighDamping
@@ -582,36 +584,108 @@ def test_holes_are_seen_again_after_their_teeth():
     assert np.abs(marched - balanced).max() < 0.05 * np.ptp(balanced)
 
 
-def _holed(holes: int, periods: int, modes: int = 12):
-    """A pair in motion whose wheel has so many holes, over so many mesh periods."""
+@dataclasses.dataclass(frozen=True)
+class _Holes:
+    """Holes in both gears, and the mesh periods after which both are themselves again."""
+
+    wheel: int
+    periods: int
+    further: int = 0
+    pinion: int = 0
+
+
+# An odd number of holes, even ones, two rings of holes, and holes in both gears.
+_HOLES = {
+    "3": _Holes(3, 8),
+    "4": _Holes(4, 12),
+    "6": _Holes(6, 8),
+    "6 and 6": _Holes(6, 8, further=6),
+    "6 and 10 in the pinion": _Holes(6, 8, pinion=10),
+}
+
+
+def _bodies(holes: _Holes, grid: jg.MeshGrid) -> dict[str, FlexibleBody]:
+    """Condensed bodies of the gears that have holes, in mesh."""
+    shapes = {"wheel": {"holes": holes.wheel, "further": holes.further}}
+    if holes.pinion:
+        shapes["pinion"] = {"holes": holes.pinion}
+    found = {}
+    for gear, shape in shapes.items():
+        index = ("pinion", "wheel").index(gear)
+        body = hybrid_cases.body("spur", index, modes=8, **shape)
+        basis = body_basis(body, MODES)
+        # In some modes sectors move against their neighbours, if their number is even.
+        assert (2 * basis.waves == shape["holes"]).any() == (shape["holes"] % 2 == 0)
+        found[gear] = flexible_body(body, PAIRS["spur"](), index, grid, basis=basis)
+    return found
+
+
+def _system_over(holes: _Holes, periods: int) -> DynamicSystem:
+    """A pair in motion whose gears have holes, over so many mesh periods."""
     grid = _grid(15, periods=periods)
-    body = hybrid_cases.body("spur", 1, holes=holes, modes=8)
-    flexible = flexible_body(body, PAIRS["spur"](), 1, grid, basis=body_basis(body, modes))
-    return _made(_model(grid, wheel_body=flexible), grid, _mass_damped(), False, FEW), flexible
+    bodies: dict[str, Any] = {f"{gear}_body": body for gear, body in _bodies(holes, grid).items()}
+    return _made(_model(grid, **bodies), grid, _mass_damped(), False, FEW).system
+
+
+def _of_sectors(body: ReducedBody, sectors: int) -> ReducedBody:
+    """The same body, which claims so many sectors."""
+    return dataclasses.replace(body, facts={**body.facts, "sectors": sectors})
 
 
 def test_a_cycle_that_ends_where_holes_are_not_the_same_is_refused():
     """Six holes under 24 teeth come again after four mesh periods, but with modes turned over."""
-    assert _holed(6, 8)[1].repeats == 8
     with pytest.raises(ValueError, match=r"repeats under its teeth after 8 mesh periods.*over 4"):
-        _holed(6, 4)
+        _system_over(_HOLES["6"], 4)
+
+
+def test_two_holes_are_refused_in_motion():
+    """Seen from its bearings the wheel would change as it turns."""
+    body = hybrid_cases.body("spur", 1, holes=6, modes=8)
+    with pytest.raises(ValueError, match=r"three or more equal sectors, got 2 of 'spur 1'"):
+        body_basis(_of_sectors(body, 2), MODES)
+
+
+def test_a_wheel_with_holes_is_itself_again_after_its_mesh_periods():
+    """In coordinates that stand still, against all 24 teeth one by one; not after half of them."""
+    grid, holes = _grid(8, periods=24), _HOLES["6"]
+    ours = _bodies(holes, grid)["wheel"]
+    body = hybrid_cases.body("spur", 1, holes=6, modes=8)
+    basis = body_basis(body, MODES)
+    alone = 2 * basis.waves == 6
+    every = flexible_body(_of_sectors(body, 1), PAIRS["spur"](), 1, grid, basis=basis)
+    assert (ours.repeats, ours.periods, every.periods) == (8, 8, 24)
+    lines = jg.contact_lines(PAIRS["spur"](), grid)
+    found, wanted = (
+        np.asarray(_arms_of(each, lines)).reshape(24, 8, -1, alone.size) for each in (ours, every)
+    )
+    assert_near(found, wanted, 1e-9)
+    assert_near(wanted[:16], wanted[8:], 1e-9)
+    assert_near(wanted[:20, ..., ~alone], wanted[4:, ..., ~alone], 1e-9)
+    assert_near(wanted[:20, ..., alone], -wanted[4:, ..., alone], 1e-9)
+
+
+@jax.jit
+def _arms_of(body: FlexibleBody, lines):
+    return mode_arms(PAIRS["spur"](), 1, body, lines)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("holes", "periods"), [(3, 8), (4, 12), (6, 8)])
-def test_a_response_over_holes_is_the_same_over_two_of_its_cycles(holes: int, periods: int):
-    loads = []
+@pytest.mark.parametrize("name", _HOLES)
+def test_a_response_over_holes_is_the_same_over_two_of_its_cycles(name: str):
+    holes, loads = _HOLES[name], []
     for cycles in (1, 2):
-        dynamics, flexible = _holed(holes, cycles * periods)
-        assert flexible.repeats == periods
-        method = HarmonicBalance(harmonics=7)
-        orbit = _steady(dynamics.system, jnp.asarray([2200.0]), method)
+        system = _system_over(holes, cycles * holes.periods)
+        orbit = _steady(system, jnp.asarray([2200.0]), HarmonicBalance(harmonics=7))
         assert np.asarray(orbit.settled).all()
         loads.append(np.asarray(orbit.load)[0, :, 0])
     once, twice = loads
     assert_near(twice, np.tile(once, 2), 1e-8)
     # Holes are seen: periods differ.
-    assert np.ptp(once.reshape(periods, 15), axis=0).max() > 1e-3 * np.ptp(once)
+    assert np.ptp(once.reshape(-1, 15), axis=0).max() > 1e-3 * np.ptp(once)
+    # Where modes are turned over after half a cycle, the flanks feel the same.
+    if holes.wheel % 2 == 0:
+        first, second = once.reshape(2, -1)
+        assert_near(first, second, 1e-8)
 
 
 # --- All coordinates of the body

@@ -15,7 +15,7 @@ from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steppers import Midpoint
 from jaxgear._dynamics._sweep import steady_state, steady_states
 from jaxgear._dynamics._system import DynamicSystem
-from jaxgear._response._dynamic import contact_force, order_amplitudes
+from jaxgear._response._dynamic import contact_force, dynamic_ratio, order_amplitudes
 
 SPEEDS = jnp.asarray([0.3, 0.5, 0.9, 1.3, 2.4])
 
@@ -162,3 +162,21 @@ def test_speeds_must_be_positive(speed):
         steady_state(cases.two_dof(steps=48), jnp.asarray(speed))
     with pytest.raises(ValueError, match="must be positive"):
         steady_states(cases.two_dof(steps=48), jnp.asarray([1.0, speed]))
+
+
+@pytest.mark.parametrize("derivative", [jax.jacfwd, jax.jacrev])
+def test_what_has_not_settled_has_no_derivative(derivative):
+    """In neither direction; but what is left out of a result leaves its derivative as it is."""
+    system = cases.sdof_rectangular(damping_ratio=0.08, steps=32)
+    method = HarmonicBalance(harmonics=8, most_steps=4)
+
+    def ratios(speeds):
+        orbits = steady_states(system, speeds, method)
+        each = jax.vmap(lambda orbit: dynamic_ratio(system, orbit))(orbits)
+        return (each, jnp.sum(jnp.where(orbits.settled, each, 0.0))), orbits.settled
+
+    (slopes, of_sum), settled = jax.jit(derivative(ratios, has_aux=True))(jnp.asarray([2.3, 0.8]))
+    np.testing.assert_array_equal(settled, [True, False])
+    np.testing.assert_array_equal(np.isnan(slopes), [[False, False], [False, True]])
+    np.testing.assert_array_equal(of_sum, [slopes[0, 0], 0.0])
+    assert abs(of_sum[0]) > 1e-3

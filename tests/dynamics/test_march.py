@@ -10,6 +10,7 @@ import pytest
 from dynamics import cases
 
 import jaxgear as jg
+from jaxgear._dynamics import _march
 from jaxgear._dynamics._march import (
     Marching,
     Pressing,
@@ -297,6 +298,27 @@ def test_contact_of_cells_that_are_all_coupled():
         np.testing.assert_allclose(load, found[0][0], rtol=1e-10, atol=1e-12)
         np.testing.assert_allclose(slope, found[0][1], rtol=1e-9, atol=1e-11)
     assert 0 < min(closed) < max(closed)
+
+
+@pytest.mark.parametrize("derivative", [jax.jacfwd, jax.jacrev])
+def test_contact_that_was_not_solved_has_no_derivative(derivative, monkeypatch):
+    """Two springs of 1 N/m, pushed 5 m onto a node that gives 1 m/N: g = (5 - g) + (4 - g)."""
+    one = jnp.ones((1, 1))
+    mesh = Mesh(jnp.ones(2), jnp.asarray([0.0, 1.0]), jnp.ones((2, 1)), None)
+
+    def load(place):
+        problem = Pressing(
+            *(jg.ExactContact(), (mesh,), None, place, one, jnp.zeros(1), 0.0 * one, None),
+            scale=jnp.asarray(1.0),
+        )
+        return pressed(problem, jnp.zeros(1))[0][0]
+
+    place = jnp.asarray([5.0])
+    assert load(place) == pytest.approx(3.0, rel=1e-12)
+    assert derivative(load)(place)[0] == pytest.approx(2.0 / 3.0, rel=1e-12)
+    # One step does not know yet that it was the last.
+    monkeypatch.setattr(_march, "_MOST_STEPS", 1)
+    assert np.isnan(derivative(load)(place)[0])
 
 
 def test_smooth_contact_without_slices_near_separation_is_exact_contact():

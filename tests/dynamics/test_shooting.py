@@ -11,7 +11,7 @@ from dynamics import cases
 
 from jaxgear._dynamics._floquet import monodromy, multipliers, product_of_steps, tangents_of
 from jaxgear._dynamics._harmonic import HarmonicBalance
-from jaxgear._dynamics._march import cycle, march_of, quasi_static_start
+from jaxgear._dynamics._march import Marching, cycle, march_of, quasi_static_start
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steppers import Exponential, Midpoint, Newmark
 from jaxgear._dynamics._sweep import steady_state
@@ -142,8 +142,11 @@ def test_smooth_contact_shoots_as_well():
 
 
 @pytest.mark.parametrize("derivative", [jax.jacfwd, jax.grad])
-def test_derivatives_by_shooting_are_refused_with_what_to_use(derivative):
+@pytest.mark.parametrize(
+    ("name", "method"), [("shooting", Shooting()), ("marching", Marching(cycles=2))]
+)
+def test_derivatives_by_methods_that_march_are_refused_with_what_to_use(derivative, name, method):
     system = cases.sdof_rectangular(damping_ratio=0.08, steps=32)
-    ratio = lambda speed: dynamic_ratio(system, steady_state(system, speed, Shooting()))
-    with pytest.raises(ValueError, match=r"shooting have no derivatives.*`HarmonicBalance`"):
+    ratio = lambda speed: dynamic_ratio(system, steady_state(system, speed, method))
+    with pytest.raises(ValueError, match=rf"{name} have no derivatives.*`HarmonicBalance`"):
         derivative(ratio)(jnp.asarray(0.8))

@@ -25,6 +25,7 @@ from jaxgear._dynamics._transient import (
     Profile,
     Transient,
     TransientError,
+    reached_only,
     run_up,
     start_stop,
     torque_step,
@@ -415,6 +416,17 @@ def test_too_few_steps_say_where_and_what_to_do(capsys):
     known = np.isfinite(np.asarray(found.place[:, 0]))
     assert (known == (np.asarray(found.times) <= float(found.reached))).all()
     capsys.readouterr()
+
+
+@pytest.mark.parametrize("derivative", [jax.jacfwd, jax.jacrev])
+def test_what_was_not_reached_has_no_derivative(derivative):
+    """Though it is a constant to the integrator; what was reached keeps its own."""
+    known, ends = jnp.asarray([True, False]), jnp.asarray([[[2.0], [3.0]], [[0.0], [0.0]]])
+    of = lambda factor: reached_only(factor * ends, known, {"depth": factor, "kept": 3})
+    one = jnp.asarray(1.0)
+    for found in (of(one), derivative(of)(one)):
+        np.testing.assert_array_equal(found[0, :, 0], [2.0, 3.0])
+        assert np.isnan(found[1]).all()
 
 
 def test_forces_that_are_no_numbers_are_told():

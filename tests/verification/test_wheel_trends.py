@@ -52,8 +52,7 @@ _OTHERWISE: dict[str, set[str]] = {
         "n >= 2: the other one too",
         "n = 0 or 1 moves more than all others",
     },
-    # They are 1.2 and 0.7 % of the static force beside a line of 1.1 % that is none of theirs.
-    "holes": {"sidebands at 1 - 6/68 and 1 + 6/68"},
+    "holes": set(),
 }
 
 
