@@ -15,6 +15,10 @@ from ._program_cache import cache_compilations as cache_compilations
 from ._smooth import smooth_maximum as smooth_maximum
 from ._smooth import smooth_ramp as smooth_ramp
 
+from ._geometry._drawn import addendum_of_tip as addendum_of_tip
+from ._geometry._drawn import dedendum_of_root as dedendum_of_root
+from ._geometry._drawn import profile_shift_of_balls as profile_shift_of_balls
+from ._geometry._drawn import profile_shift_of_span as profile_shift_of_span
 from ._geometry._gear import Gear as Gear
 from ._geometry._gear import Material as Material
 from ._geometry._involute import inverse_involute as inverse_involute
@@ -30,6 +34,12 @@ from ._geometry._pair import overlap_ratio as overlap_ratio
 from ._geometry._pair import pair_facts as pair_facts
 from ._geometry._pair import profile_contact_ratio as profile_contact_ratio
 from ._geometry._pair import total_contact_ratio as total_contact_ratio
+from ._geometry._measures import ball_measure as ball_measure
+from ._geometry._measures import ball_radius as ball_radius
+from ._geometry._measures import span_measure as span_measure
+from ._geometry._measures import span_radius as span_radius
+from ._geometry._measures import usual_ball as usual_ball
+from ._geometry._measures import usual_span as usual_span
 from ._geometry._tip_contact import tip_contact_rolls as tip_contact_rolls
 from ._geometry._tip_contact import tip_separation as tip_separation
 from ._geometry._profile import ToothSection as ToothSection

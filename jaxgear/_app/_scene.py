@@ -21,7 +21,7 @@ import tree_sitter
 import tree_sitter_toml
 
 from jaxgear._app import _schema
-from jaxgear._app._assumed import assumed_fillets
+from jaxgear._app._assumed import assumed_bores, assumed_fillets, assumed_foundations
 from jaxgear._app._body_checks import body_mistakes
 from jaxgear._app._scatter_checks import robust_mistakes, scattered_key
 from jaxgear._app._schema import (
@@ -590,11 +590,8 @@ class _Reading:
                 values[path] = list(key.default) if isinstance(key.default, list) else key.default
         # Not defaults of the schema, since only the reader knows the file.
         values.setdefault("name", self.path.stem)
-        for gear in GEARS if "mesh.foundation" not in self.seen else ():
-            has_ring = values.get(f"{gear}.bore_mm") and values.get(f"{gear}.body.kind") != "beam"
-            if not has_ring and f"{gear}.foundation" not in self.seen:
-                values[f"{gear}.foundation"] = "weber"
-        values |= assumed_fillets(values, self.seen)
+        for assume in (assumed_bores, assumed_foundations, assumed_fillets):
+            values |= assume(values, self.seen)
         for path, key in places.items():
             table = path.rpartition(".")[0]
             needed = table in ALWAYS or table in self.tables

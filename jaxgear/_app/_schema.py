@@ -401,7 +401,12 @@ def _gear(gear: str) -> tuple[Key, ...]:
             at_most=2000.0,
             remedy="The key is in millimetres",
         ),
-        _variable(f"{gear}.bore_mm", "diameter of the bore; 0: none", at_least=0.0),
+        _variable(
+            f"{gear}.bore_mm",
+            "diameter of the bore, where the body is held; 0: none; default, where the foundation "
+            "is the ring: that of the shaft, or 0.4 of the root diameter",
+            at_least=0.0,
+        ),
         _number(
             f"{gear}.thickness_allowance_um",
             "how much thinner the tooth is made at the reference cylinder, in the normal section; "
@@ -800,8 +805,7 @@ _MESH = (
     _text(
         "mesh.foundation",
         "elasticity of the body under a tooth; ring: an elastic ring, clamped at bore_mm, that "
-        "couples the teeth in mesh; a gear without bore_mm (or bore 0) or with a beam body takes "
-        "weber",
+        "couples the teeth in mesh; a gear with bore_mm = 0 or with a beam body takes weber",
         "ring",
         **_FOUNDATIONS,
     ),
