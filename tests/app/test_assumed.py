@@ -75,7 +75,10 @@ _SHAFT = """
 [wheel.shaft]
 gear_at_mm = 45.0
 segments = [ {{ length_mm = 30.0, outer_mm = 25.0 }}, {{ length_mm = 60.0, outer_mm = {outer} }} ]
-bearings = [ {{ at_mm = 0.0, radial_N_m = 1e8, axial_N_m = 1e8 }}, {{ at_mm = 90.0, radial_N_m = 1e8 }} ]
+bearings = [
+    {{ at_mm = 0.0, radial_N_m = 1e8, axial_N_m = 1e8 }},
+    {{ at_mm = 90.0, radial_N_m = 1e8 }},
+]
 """
 
 
