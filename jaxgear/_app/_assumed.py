@@ -97,7 +97,7 @@ def assumed(scene: "Scene") -> list[str]:
 
     A sentence or two each.
     """
-    bores = assumed_bores(scene.values, scene.given)
+    bores = assumed_bores(scene.whole, scene.given)
     return [
         *(_told_bore(scene, path, bore) for path, bore in bores.items()),
         *_told_solid(scene),
@@ -107,7 +107,7 @@ def assumed(scene: "Scene") -> list[str]:
 
 def _told_bore(scene: "Scene", path: str, bore: float) -> str:
     gear = path.partition(".")[0]
-    shaft = _shaft_diameter(gear, scene.values)
+    shaft = _shaft_diameter(gear, scene.whole)
     if shaft is None:
         why = f"{_BORE:g} of the root diameter"
     elif bore < 0.999 * shaft:
@@ -127,12 +127,12 @@ def _told_solid(scene: "Scene") -> list[str]:
         "is weber, with which the mean TE of a bored pair was 40 % less than with finite elements. "
         f"Give {gear}.bore_mm, the diameter at which the body is held, for the default ring."
         for gear in GEARS
-        if scene.get(f"{gear}.bore_mm") == 0.0 and _lies_on_ring(gear, scene.values, scene.given)
+        if scene.get(f"{gear}.bore_mm") == 0.0 and _lies_on_ring(gear, scene.whole, scene.given)
     ]
 
 
 def _told_fillets(scene: "Scene") -> list[str]:
-    fillets = assumed_fillets(scene.values, scene.given)
+    fillets = assumed_fillets(scene.whole, scene.given)
     return [
         f"{path} was assumed to be {value:g}, not {_usual(path):g}: with "
         f"pair.pressure_angle_deg = {scene['pair.pressure_angle_deg']:g} and a dedendum of "

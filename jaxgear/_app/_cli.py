@@ -231,7 +231,7 @@ def _command(argv: Sequence[str] | None) -> int:
         return print_keys(args)
     scene = read_scene(args.scene, args.overrides)
     _refuse_unfit(args.command, scene)
-    for remark in odd(scene.values):
+    for remark in odd(scene.whole):
         warn(remark)
     folder = args.out or Path("results") / str(scene["name"])
     _prepare(folder)

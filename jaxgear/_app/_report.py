@@ -99,7 +99,7 @@ def finish(scene: Scene, folder: Folder, summary: Summary, watch: Stopwatch) -> 
         "peak_memory_MB": peak / (1024.0**2 if sys.platform == "darwin" else 1024.0),
     }
     # What may make all else wrong comes first.
-    if said := [*odd(scene.values), *assumed(scene)]:
+    if said := [*odd(scene.whole), *assumed(scene)]:
         summary["notes"] = [*said, *summary.get("notes", ())]
     write_scene(scene, folder / "scene.toml")
     write_json(summary, folder / "summary.json")
