@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 # Of the root diameter: the bore of a gear whose shaft is not known, and the largest that a shaft
 # asks for, beyond which a body is no ring but a rim [-].
 _BORE, _LARGEST_BORE = 0.4, 0.7
+# The stiffness of a tooth pair that asks for a foundation.
+_TEETH = "weber-banaschek"
 
 
 def assumed_fillets(values: Mapping[str, Any], given: Set[str]) -> dict[str, float]:
@@ -39,7 +41,7 @@ def assumed_fillets(values: Mapping[str, Any], given: Set[str]) -> dict[str, flo
 
 
 def assumed_bores(values: Mapping[str, Any], given: Set[str]) -> dict[str, float]:
-    """Bores that are not given, of gears whose default foundation must be clamped at one.
+    """Bores that are not given, of gears on a ring, which must be clamped at one.
 
     As wide as the shaft at the gear, but at most 0.7 of the root diameter; without a shaft 0.4 of
     it, about what keyed gears have.
@@ -56,7 +58,7 @@ def assumed_bores(values: Mapping[str, Any], given: Set[str]) -> dict[str, float
     found = {}
     for gear in GEARS:
         path, root = f"{gear}.bore_mm", root_diameter(gear, values)
-        if path in given or root is None or root <= 0.0 or not _lies_on_ring(gear, values, given):
+        if path in given or not root or root <= 0.0 or not _lies_on_ring(gear, values):
             continue
         shaft = _shaft_diameter(gear, values)
         wide = _BORE * root if shaft is None else min(shaft, _LARGEST_BORE * root)
@@ -127,7 +129,9 @@ def _told_solid(scene: "Scene") -> list[str]:
         "is weber, with which the mean TE of a bored pair was 40 % less than with finite elements. "
         f"Give {gear}.bore_mm, the diameter at which the body is held, for the default ring."
         for gear in GEARS
-        if scene.get(f"{gear}.bore_mm") == 0.0 and _lies_on_ring(gear, scene.whole, scene.given)
+        if scene.get(f"{gear}.bore_mm") == 0.0
+        if f"{gear}.foundation" in assumed_foundations(scene.values, scene.given)
+        if scene["mesh.stiffness"] == _TEETH and scene[f"{gear}.body.kind"] == "rigid"
     ]
 
 
@@ -142,11 +146,11 @@ def _told_fillets(scene: "Scene") -> list[str]:
     ]
 
 
-def _lies_on_ring(gear: str, values: Mapping[str, Any], given: Set[str]) -> bool:
-    """Say whether a gear's foundation, left to its default, is a ring if there is a bore."""
+def _lies_on_ring(gear: str, values: Mapping[str, Any]) -> bool:
+    """Say whether the teeth of a rigid gear stand on a ring."""
     return (
-        not {"mesh.foundation", f"{gear}.foundation"} & given
-        and values.get("mesh.stiffness") == "weber-banaschek"
+        values.get(f"{gear}.foundation", values.get("mesh.foundation")) == "ring"
+        and values.get("mesh.stiffness") == _TEETH
         and values.get(f"{gear}.body.kind") == "rigid"
     )
 

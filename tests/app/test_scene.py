@@ -313,7 +313,8 @@ def test_a_gear_that_is_to_have_no_bore_falls_back_on_weber(write, added, pinion
 
 
 def test_a_foundation_asked_for_needs_a_bore(write):
-    text = _LEAST.replace("[wheel]", 'foundation = "none"\n[wheel]') + '[mesh]\nfoundation = "ring"'
+    text = _LEAST.replace("[wheel]", 'foundation = "none"\n[wheel]')
+    text += '[mesh]\nfoundation = "sainsot"'
     ((line, path, message),) = _mistakes(write(text))
     assert (line - _END, path) == (3, "mesh.foundation")
     assert "give wheel.bore_mm a value > 0" in message
