@@ -7,6 +7,7 @@ import sys
 from typing import Any
 
 from jaxgear._app._assumed import assumed
+from jaxgear._app._drawing import drawing_summary
 from jaxgear._app._folder import Folder
 from jaxgear._app._notes import notes
 from jaxgear._app._results import write_json
@@ -53,7 +54,7 @@ def head(scene: Scene, statics: Statics) -> Summary:
                 # Both gears' rotations are one coordinate: the drive.
                 "dofs": len(statics.cycle.system.structure.map.free) - 1 + _modes_kept(scene),
             },
-            "geometry": geometry_summary(statics),
+            "geometry": geometry_summary(statics) | drawing_summary(scene, statics.model.pair),
             "iso6336": {key: float(value) for key, value in statics.standard.items()},
             "static": {key: float(value) for key, value in statics.numbers.items()}
             | mounts_summary(statics),
