@@ -29,7 +29,7 @@ def drawing_summary(scene: Scene, pair: GearPair) -> dict[str, float]:
 
     Spans are over `span_teeth` teeth and measures over balls of `ball_mm` where the scene names
     them, else over what is measured midway up the teeth. NaN where that would not touch an
-    involute between its form and its tip circle.
+    involute between its form and its tip circle, or a ball not stand out beyond the tips.
 
     **Arguments:**
 
@@ -67,6 +67,8 @@ def _measured(pair: GearPair, spanned: Bodies, ball: Bodies) -> dict[str, Array]
         inside = (pair.form_radius <= radius) & (radius <= pair.tip_radius)
         return jnp.where(inside, measure, jnp.nan)
 
+    over_balls = touching(ball_measure(pair, ball), ball_radius(pair, ball))
+    proud = over_balls > 2.0 * pair.tip_radius
     circles: dict[str, Any] = {
         f"{name}_diameter": 2.0 * getattr(pair, f"{name}_radius") for name in _CIRCLES
     }
@@ -74,5 +76,5 @@ def _measured(pair: GearPair, spanned: Bodies, ball: Bodies) -> dict[str, Array]
         "span_teeth": spanned,
         "span": touching(span_measure(pair, spanned), span_radius(pair, spanned)),
         "ball": ball,
-        "over_balls": touching(ball_measure(pair, ball), ball_radius(pair, ball)),
+        "over_balls": jnp.where(proud, over_balls, jnp.nan),
     }

@@ -178,7 +178,7 @@ def test_a_name_a_file_and_changes(capsys):
         ([*_OWN, "--power", "30"], "--power goes with --rpm"),
         ([*_OWN, "--power", "3", "--rpm", "9", "--torque", "5"], "--torque says it by itself"),
         ([*_OWN, "--face", "9000"], "--face: got 9000.0, must be a number >= 0.1 and <= 2000"),
-        ([*_OWN[:-1], "0.5", "--face", "1999"], "pinion.face_width_mm: "),
+        ([*_OWN[:-1], "0.5", "--face", "1999"], "pair.module_mm: got 0.5, must be at least"),
         ([*_OWN, "--set", "pinion.teeth=2"], "pinion.teeth: got 2, must be an integer >= 5"),
         (["init", "mine"], "For a pair of your own add --pair"),
     ],
