@@ -81,6 +81,7 @@ from ._contact._compliance import hertz_contact as hertz_contact
 from ._contact._compliance import iso_stiffness as iso_stiffness
 from ._contact._compliance import single_pair_stiffness as single_pair_stiffness
 from ._contact._compliance import SharedBody as SharedBody
+from ._contact._shared import shared_compliance as shared_compliance
 from ._contact._foundation import AbstractFoundation as AbstractFoundation
 from ._contact._foundation import NoFoundation as NoFoundation
 from ._contact._foundation import RingFoundation as RingFoundation
