@@ -160,7 +160,8 @@ def _completed(teeth: list[int] | None, given: dict[str, float | None]) -> dict[
     else:
         found = {"teeth": _teeth(teeth)}
     for option, (_, question) in _ASKED.items():
-        value, needed = given[option], option == "module"
+        value = given[option]
+        needed = option == "module" or (option == "rpm" and bool(ask and found["power"]))
         # The power is asked for only where it would count.
         if value is None and ask and not (option == "power" and found["torque"] is not None):
             read = lambda text, option=option: _checked(option, float(text))

@@ -199,7 +199,7 @@ def test_a_folder_that_cannot_be_written_is_named(capsys):
 
 def test_what_lacks_is_asked_for_on_a_terminal(monkeypatch, capsys):
     """Again until it can be read; what has a default may be left empty."""
-    _answered(monkeypatch, "23", "23 64", "many", "2", "", "15", "", "", "30", "3000")
+    _answered(monkeypatch, "23", "23 64", "many", "2", "", "15", "", "", "30", "", "3000")
     assert main(["init"]) == 0
     scene = read_scene("pair-23-64.toml")
     assert (scene["pair.module_mm"], scene["pair.helix_angle_deg"]) == (2.0, 15.0)
