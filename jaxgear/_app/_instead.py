@@ -23,9 +23,10 @@ Read = Callable[[str], Any]
 _DEG, _RPM = math.pi / 180.0, math.pi / 30.0
 
 # Keys that may be given in place of each.
+_STANDING = [key for key in KEYS.values() if key.instead_of]
 INSTEAD: Mapping[str, tuple[str, ...]] = {
-    target: tuple(path for path, key in KEYS.items() if key.instead_of == target)
-    for target in dict.fromkeys(key.instead_of for key in KEYS.values() if key.instead_of)
+    target: tuple(key.path for key in _STANDING if key.instead_of == target)
+    for target in dict.fromkeys(key.instead_of for key in _STANDING)
 }
 # What some of them cannot do without.
 _WITH = {"pair.power_kW": "pair.speed_rpm"} | {
@@ -86,10 +87,11 @@ def replaced_by(path: str) -> frozenset[str]:
 
 def _rivals() -> Iterator[tuple[str, frozenset[str]]]:
     """Of keys that say the same: each, and the others, with what is in them as tables."""
+    all_of = {path for target, paths in INSTEAD.items() for path in (target, *paths)}
     for target, paths in INSTEAD.items():
         for path in (target, *paths):
             others = {target, *paths} - {path}
-            yield path, frozenset(key for key in KEYS if {key, *parents(key)} & others)
+            yield path, frozenset(key for key in all_of if {key, *parents(key)} & others)
 
 
 _RIVALS: Mapping[str, frozenset[str]] = dict(_rivals())
