@@ -8,7 +8,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from jaxgear._app._own_pair import Wanted, scene_text
+from jaxgear._app._own_pair import Wanted
+from jaxgear._app._own_scene import scene_text
 from jaxgear._app._scene import READY, SceneError, read_scene, rewrite_scene, rewritten
 from jaxgear._app._schema import KEYS
 from jaxgear._checks import InputError

@@ -1,4 +1,4 @@
-"""A scene of one's own pair: what is not given is sized by rules of thumb, each with its source.
+"""Sizes of one's own pair: what is not given follows rules of thumb, each with its source.
 
 The rules give a pair that runs, not one that lasts: strength is not checked. Lengths are in
 millimetres, forces in newtons, angles in degrees.
@@ -8,21 +8,20 @@ import dataclasses
 import math
 
 from jaxgear._app._assumed import assumed_fillets
-from jaxgear._app._schema import GEARS
 from jaxgear._app._slips import angle_of_involute
 
 # Profile A of ISO 53, over module.
-_ADDENDUM, _DEDENDUM, _FILLET = 1.0, 1.25, 0.38
+ADDENDUM, DEDENDUM, FILLET = 1.0, 1.25, 0.38
 # Teeth at their tips over module (DIN 3960: not less than 0.2).
 _TIP = 0.25
 # Shigley, Mechanical Engineering Design: faces of 3 to 5 circular pitches; ten modules are 3.2.
 _FACE = 10.0
 # The K factor F_t (u + 1)/(b d u) of Lloyd's, moderate for hardened steel (Dudley, Handbook of
 # Practical Gear Design) [N/mm2].
-_K_FACTOR = 2.0
+K_FACTOR = 2.0
 # Half of the 41 N/mm2 of the ASME code for transmission shafting with keyways (1927), for bending
 # comes on top [N/mm2].
-_TORSION = 20.0
+TORSION = 20.0
 # Rim under the teeth over their height, from which on it is as good as solid (ISO 6336-3).
 _RIM = 1.2
 # Of the root diameter: no shaft is thinner, and where teeth leave no rim none is thicker.
@@ -32,7 +31,7 @@ _BALLS, _BALL = 9, 0.28
 # Kraemer, Dynamics of Rotors and Foundations (1993): radial stiffness of ball bearings,
 # k_b n^(2/3) d^(1/3) F^(1/3), in newtons and metres [N^(2/3) m^(-4/3)].
 _BEARING = 13e6
-_AXIAL = 0.2
+AXIAL = 0.2
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,21 +63,19 @@ class Wanted:
 
 
 @dataclasses.dataclass(frozen=True)
-class _Gear:
-    """One gear and its shaft.
+class Sizes:
+    """Sizes of one gear and its shaft.
 
     **Fields:**
 
     - `teeth`: number of teeth.
     - `shift`: profile shift [-].
-    - `root`: root diameter [mm].
     - `shaft`: diameter of its shaft [mm].
     - `bearing`: radial stiffness of each of its bearings [N/m].
     """
 
     teeth: int
     shift: float
-    root: float
     shaft: float
     bearing: float
 
@@ -120,17 +117,17 @@ def profile_shifts(
 def fillet_radius(pressure_angle: float) -> float:
     """Tip radius over module of a rack of dedendum 1.25: the usual one, or what fits [-].
 
-    The straight flank above it must be as long as the mating addendum, which below 20 degrees takes
-    a smaller one.
+    The straight flank above it must be as long as the mating addendum, to a ten-thousandth: 0.38 at
+    20 degrees, less below.
 
     **Arguments:**
 
     - `pressure_angle`: normal pressure angle [deg].
     """
-    values = {"pair.pressure_angle_deg": pressure_angle, "pinion.dedendum_coeff": _DEDENDUM}
-    fits = assumed_fillets(values, set()).get("pinion.fillet_radius_coeff", _FILLET)
-    longest = (_DEDENDUM - _ADDENDUM) / (1.0 - math.sin(math.radians(pressure_angle)))
-    return min(fits, math.floor(1e3 * longest + 1e-6) / 1e3)
+    values = {"pair.pressure_angle_deg": pressure_angle, "pinion.dedendum_coeff": DEDENDUM}
+    fits = assumed_fillets(values, set()).get("pinion.fillet_radius_coeff", FILLET)
+    longest = (DEDENDUM - ADDENDUM) / (1.0 - math.sin(math.radians(pressure_angle)))
+    return min(fits, math.floor(1e3 * longest + 0.1) / 1e3)
 
 
 def tip_shortening(wanted: Wanted) -> float:
@@ -158,7 +155,7 @@ def face_width(wanted: Wanted) -> float:
     """
     if wanted.face is not None:
         return wanted.face
-    return _rounded(min(_FACE * wanted.module, min(_diameters(wanted))))
+    return rounded(min(_FACE * wanted.module, min(_diameters(wanted))))
 
 
 def pinion_torque(wanted: Wanted) -> float:
@@ -173,39 +170,14 @@ def pinion_torque(wanted: Wanted) -> float:
     if wanted.power is not None and wanted.rpm is not None:
         return wanted.power / (wanted.rpm * math.pi / 30.0)
     pinion, wheel = _diameters(wanted)
-    force = _K_FACTOR * face_width(wanted) * pinion * wheel / (pinion + wheel)
-    return _rounded(0.5e-3 * force * pinion)
-
-
-def scene_text(wanted: Wanted) -> str:
-    """Write the scene of a pair, with a comment where a number was not given.
-
-    **Arguments:**
-
-    - `wanted`: what is known.
-
-    **Returns:**
-
-    TOML, in the scene format.
-    """
-    pinion, wheel = _gears(wanted)
-    length = _rounded(face_width(wanted) + 2.0 * max(pinion.shaft, wheel.shaft))
-    sections = [
-        _head(wanted),
-        _pair(wanted),
-        *(_gear(n, g, wanted, length) for n, g in zip(GEARS, (pinion, wheel), strict=True)),
-        _flanks(wanted),
-        _MESH,
-        _search(wanted),
-        _sweep(wanted),
-    ]
-    return "\n".join(sections)
+    force = K_FACTOR * face_width(wanted) * pinion * wheel / (pinion + wheel)
+    return rounded(0.5e-3 * force * pinion)
 
 
 def _least_shift(teeth: int, pressure_angle: float, helix: float) -> float:
     """Profile shift from which on the rack's straight flank cuts the whole involute [-]."""
     normal, beta = math.radians(pressure_angle), math.radians(helix)
-    straight = _DEDENDUM - fillet_radius(pressure_angle) * (1.0 - math.sin(normal))
+    straight = DEDENDUM - fillet_radius(pressure_angle) * (1.0 - math.sin(normal))
     least = (
         straight - 0.5 * teeth / math.cos(beta) * math.sin(_transverse(pressure_angle, helix)) ** 2
     )
@@ -224,7 +196,7 @@ def _tip_thickness(shift: float, teeth: int, pressure_angle: float, helix: float
     angle, cosine = _transverse(pressure_angle, helix), math.cos(math.radians(helix))
     thickness = 0.5 * math.pi + 2.0 * shift * math.tan(math.radians(pressure_angle))
     diameter = teeth / cosine
-    tip = diameter + 2.0 * (_ADDENDUM + shift)
+    tip = diameter + 2.0 * (ADDENDUM + shift)
     half = (
         thickness / teeth
         + _involute(angle)
@@ -248,166 +220,40 @@ def _diameters(wanted: Wanted) -> tuple[float, float]:
     return wanted.teeth[0] * scale, wanted.teeth[1] * scale
 
 
-def _gears(wanted: Wanted) -> tuple[_Gear, _Gear]:
+def sizes(wanted: Wanted) -> tuple[Sizes, Sizes]:
+    """Profile shifts, shafts and bearings of both gears.
+
+    **Arguments:**
+
+    - `wanted`: what is known.
+    """
     shifts = profile_shifts(wanted.teeth, wanted.pressure_angle, wanted.helix)
     diameters, torque = _diameters(wanted), 1e3 * pinion_torque(wanted)
     angle = _transverse(wanted.pressure_angle, wanted.helix)
     force = 2.0 * torque / diameters[0] / math.cos(angle)
     found = []
     for teeth, shift, diameter in zip(wanted.teeth, shifts, diameters, strict=True):
-        root = diameter - 2.0 * wanted.module * (_DEDENDUM - shift)
+        root = diameter - 2.0 * wanted.module * (DEDENDUM - shift)
         shaft = _shaft_diameter(torque * teeth / wanted.teeth[0], root, wanted.module)
         ball = 1e-3 * _BALL * shaft
         stiffness = _BEARING * (_BALLS**2 * ball * 0.5 * force) ** (1.0 / 3.0)
-        found.append(_Gear(teeth, shift, root, shaft, stiffness))
+        found.append(Sizes(teeth, shift, shaft, stiffness))
     return found[0], found[1]
 
 
 def _shaft_diameter(torque: float, root: float, module: float) -> float:
     """Diameter by torsion alone, within what the gear leaves [mm]."""
-    by_torsion = (16.0 * torque / (math.pi * _TORSION)) ** (1.0 / 3.0)
-    rimmed = root - 2.0 * _RIM * (_ADDENDUM + _DEDENDUM) * module
-    return _rounded(min(max(by_torsion, _THINNEST * root), max(rimmed, _WITHOUT_RIM * root)))
+    by_torsion = (16.0 * torque / (math.pi * TORSION)) ** (1.0 / 3.0)
+    rimmed = root - 2.0 * _RIM * (ADDENDUM + DEDENDUM) * module
+    return rounded(min(max(by_torsion, _THINNEST * root), max(rimmed, _WITHOUT_RIM * root)))
 
 
-def _rounded(value: float) -> float:
-    """To two digits, downwards: the next size that a drawing would have."""
+def rounded(value: float) -> float:
+    """Round to two digits, downwards: the next size that a drawing would have.
+
+    **Arguments:**
+
+    - `value`: positive.
+    """
     scale = 10.0 ** (math.floor(math.log10(value)) - 1)
     return float(f"{math.floor(value / scale + 1e-9) * scale:.2g}")
-
-
-def _toml(value: float) -> str:
-    return repr(float(value))
-
-
-def _power_of_ten(value: float) -> str:
-    mantissa, exponent = f"{value:.1e}".split("e")
-    return f"{mantissa}e{int(exponent)}"
-
-
-def _head(wanted: Wanted) -> str:
-    file = f"{wanted.name}.toml"
-    return f"""\
-# A pair of {wanted.teeth[0]} and {wanted.teeth[1]} teeth.
-#
-#   jaxgear run {file}    transmission error, contact, and the best tip relief
-#   jaxgear keys PATTERN    what a key means, its unit, default and bounds
-#
-# Every length, angle and torque carries its unit in its key. What was not given is marked
-# "assumed", with the rule of thumb; change it to what you know. Strength is not checked.
-
-schema = 1
-name = "{wanted.name}"
-cite = "own pair; what is marked as assumed follows rules of thumb"
-
-[material]                            # assumed: steel
-young_GPa = 206.0
-poisson = 0.3
-density_kg_m3 = 7850.0
-"""
-
-
-def _pair(wanted: Wanted) -> str:
-    lines = [
-        "[pair]",
-        f"module_mm = {_toml(wanted.module)}",
-        f"pressure_angle_deg = {_toml(wanted.pressure_angle)}",
-        f"helix_angle_deg = {_toml(wanted.helix)}".ljust(38)
-        + ("# positive: a right-hand pinion" if wanted.helix else "# spur"),
-    ]
-    if wanted.power is not None and wanted.rpm is not None:
-        lines += [
-            f"power_kW = {_toml(1e-3 * wanted.power)}",
-            f"speed_rpm = {_toml(wanted.rpm)}".ljust(38) + "# of the pinion, which drives",
-        ]
-    else:
-        torque = f"torque_pinion_Nm = {_toml(pinion_torque(wanted))}".ljust(38)
-        rule = f"assumed: a K factor of {_K_FACTOR:g} N/mm2, moderate (Dudley)"
-        lines += [torque + ("# the pinion drives" if wanted.torque else f"# {rule}")]
-        lines += [f"speed_rpm = {_toml(wanted.rpm)}"] if wanted.rpm is not None else []
-    lines += ["# centre_distance_mm is left out: the one without backlash", ""]
-    return "\n".join(lines)
-
-
-def _gear(name: str, gear: _Gear, wanted: Wanted, length: float) -> str:
-    face, bearing = face_width(wanted), _power_of_ten(gear.bearing)
-    width = "" if wanted.face else "# assumed: ten modules, at most the pinion's diameter"
-    fillet = fillet_radius(wanted.pressure_angle)
-    room = "ISO 53, profile A" if fillet == _FILLET else "the largest that fits this rack"
-    short = tip_shortening(wanted)
-    rows = [
-        (f"[{name}]", ""),
-        (f"teeth = {gear.teeth}", ""),
-        (f"profile_shift = {_toml(gear.shift)}", "assumed: balanced, no undercut (BS PD 6457)"),
-        (f"addendum_coeff = {_ADDENDUM}", "assumed: ISO 53, profile A"),
-        (f"dedendum_coeff = {_DEDENDUM}", "assumed, as above"),
-        (f"fillet_radius_coeff = {_toml(fillet)}", f"assumed: {room}"),
-        (f"tip_shortening_coeff = {_toml(short)}", "keeps the clearance" if short else ""),
-        (f"face_width_mm = {_toml(face)}", width.removeprefix("# ")),
-        (f"bore_mm = {_toml(gear.shaft)}", "assumed: the seat on its shaft"),
-        ("", ""),
-        (f"[{name}.shaft]", f"assumed: {_TORSION:g} N/mm2 of torsion, half of what the ASME code"),
-        (
-            "# allows, within what the gear leaves; bearings at its ends, a diameter off the face",
-            "",
-        ),
-        (f"gear_at_mm = {_toml(0.5 * length)}", "mid-face, from the left (-Z) end"),
-    ]
-    lines = [f"{text:<38}# {said}" if said else text for text, said in rows]
-    axial = _power_of_ten(_AXIAL * gear.bearing)
-    return "\n".join([
-        *lines,
-        f"segments = [ {{ length_mm = {_toml(length)}, outer_mm = {_toml(gear.shaft)} }} ]",
-        "bearings = [".ljust(38) + "# assumed: ball bearings (Kraemer 1993), axially a fifth",
-        f"    {{ at_mm = 0.0, radial_N_m = {bearing}, axial_N_m = {axial} }},",
-        f"    {{ at_mm = {_toml(length)}, radial_N_m = {bearing} }},",
-        "]",
-        "",
-    ])  # fmt: skip
-
-
-def _flanks(wanted: Wanted) -> str:
-    crowned = "\ncrowning_um = 0.0" if wanted.helix else ""
-    relief = 'tip_relief = { depth_um = 0.0, extent = 0.25, shape = "linear" }'
-    return f"""\
-# Plain flanks. A depth is material removed; an extent is a fraction of the path of contact.
-[flank.pinion]
-{relief}{crowned}
-
-[flank.wheel]
-{relief}{crowned}
-"""
-
-
-_MESH = """\
-[mesh]
-stiffness = "weber-banaschek"
-foundation = "ring"                   # bodies wind up between bore and teeth
-slices = 20                           # across the face
-phases = 64                           # positions in one mesh period
-contact = "exact"
-"""
-
-
-def _search(wanted: Wanted) -> str:
-    vary = ["tip_relief.depth_um", "tip_relief.extent", *(["crowning_um"] if wanted.helix else [])]
-    named = "".join(f'    "flank.pinion.{key}",\n' for key in vary)
-    return f"""\
-[optimise]
-vary = [
-{named}]
-symmetric = true                      # the wheel gets the pinion's correction
-minimise = "te_rms"                   # te_rms | te_peak_to_peak | max_pressure | a table of weights
-"""
-
-
-def _sweep(wanted: Wanted) -> str:
-    rpm = wanted.rpm or 3000.0
-    low, high = _rounded(0.1 * rpm), _rounded(1.5 * rpm)
-    speeds = f"{{ from = {_toml(low)}, to = {_toml(high)}, points = 200 }}"
-    return f"""\
-# Without the # these lines make `jaxgear sweep` work, and `jaxgear run` sweep too.
-# [sweep]
-# pinion_speed_rpm = {speeds}
-# direction = "both"                    # up | down | both | cold
-"""
