@@ -41,7 +41,9 @@ def hybrid(*overrides: str):
     """Model and grid of `accessory-h1`."""
     import jaxgear as jg
 
-    scene = jg.with_bodies(jg.ready_scene("accessory-h1", list(overrides)))
+    # As the thesis has its rigid pinion.
+    settings = ["mesh.foundation=weber", *overrides]
+    scene = jg.with_bodies(jg.ready_scene("accessory-h1", settings))
     model = jg.model_of(scene)
     return scene, model, jg.grid_of(scene, model)
 

@@ -70,7 +70,12 @@ def scene_of(coordinates: int):
     """The scene with its bodies."""
     import jaxgear as jg
 
-    settings = [f"model.coordinates={coordinates}", "sweep.pinion_speed_rad_s=[100.0, 2000.0]"]
+    settings = [
+        # As the thesis has its rigid pinion.
+        "mesh.foundation=weber",
+        f"model.coordinates={coordinates}",
+        "sweep.pinion_speed_rad_s=[100.0, 2000.0]",
+    ]
     return jg.with_bodies(jg.ready_scene("accessory-h1", settings), moving=True)
 
 

@@ -12,7 +12,7 @@ import functools
 from typing import NamedTuple
 
 # First: it holds the threads before NumPy is imported.
-from hybrid_trends import Finding, helical, only_pair, scene_of, tell
+from hybrid_trends import THESIS, Finding, helical, only_pair, scene_of, tell
 
 # isort: split
 import equinox as eqx
@@ -117,14 +117,14 @@ def curve_of(label: str) -> Traced:
     name, helix = CASES[label]
     settings = [*COARSE, *(helical(float(helix[0])) if helix else [])]
     if name == "accessory":
-        return traced(ready_scene(name, only_pair(settings)))
+        return traced(ready_scene(name, [THESIS, *only_pair(settings)]))
     # Statics of rim and seats is exact whatever the body's modes are.
     return traced(scene_of(name, *settings) if helix else flexible(name))
 
 
 def flexible(name: str) -> Scene:
     """A ready scene with its bodies as they are."""
-    return with_bodies(ready_scene(name, list(COARSE)))
+    return with_bodies(ready_scene(name, [THESIS, *COARSE]))
 
 
 def _rows(found: Finding, label: str, curve: Traced) -> None:

@@ -17,7 +17,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 # First: it holds the threads before NumPy is imported.
-from hybrid_trends import Finding, tell, web
+from hybrid_trends import THESIS, Finding, tell, web
 
 # isort: split
 import equinox as eqx
@@ -71,7 +71,7 @@ def pair_with(label: str) -> Pair:
     if label in LEFT_HANDED:
         settings.append("pair.helix_angle_deg=-12.0")
     thickness = (WEBS | LEFT_HANDED)[label]
-    scene = ready_scene("power-h1", [*settings, *web(web_thickness_mm=thickness)])
+    scene = ready_scene("power-h1", [THESIS, *settings, *web(web_thickness_mm=thickness)])
     scene = with_bodies(scene, moving=True)
     model = model_of(scene)
     grid = dynamic_grid_of(scene, model)

@@ -45,6 +45,8 @@ from jaxgear._system._structure import bearing_motion
 um, mm, MPa, deg = 1e-6, 1e-3, 1e6, math.pi / 180.0
 # Of a rigid body, and of a rigid shaft of beams: times steel's.
 STIFF_GPA = 4e5
+# What gives under the teeth of the thesis's rigid gears; by itself a ready scene takes the ring.
+THESIS = "mesh.foundation=weber"
 LAW = jg.ExactContact()
 
 
@@ -149,7 +151,7 @@ def scene_of(name: str, *settings: str) -> Scene:
     Statics of rim and seats, rotation too, is exact without any modes of the inside, and bodies
     without them are made in a fraction of the time.
     """
-    scene = ready_scene(name, settings)
+    scene = ready_scene(name, [THESIS, *settings])
     less = ("interface=guyan", "modes=0", "compare_seats=false")
     quick = [
         f"{gear}.body.{each}"
@@ -157,7 +159,7 @@ def scene_of(name: str, *settings: str) -> Scene:
         for each in less
         if scene[f"{gear}.body.kind"] == "condensed"
     ]
-    return with_bodies(ready_scene(name, [*settings, *quick]))
+    return with_bodies(ready_scene(name, [THESIS, *settings, *quick]))
 
 
 @functools.cache
@@ -358,7 +360,7 @@ def rigidified() -> Finding:
     for name, kind, gears, young in cases:
         stiff = [f"{gear}.body.young_GPa={young:g}" for gear in gears]
         hybrid = solved(f"{name}-{kind}", *stiff)
-        scene = ready_scene(name, [f"{gear}.foundation=none" for gear in gears])
+        scene = ready_scene(name, [THESIS, *(f"{gear}.foundation=none" for gear in gears)])
         model = with_rigid_shaft(model_of(scene), *gears)
         rigid = solved_model(model, grid_of(scene, model))
         off = [
@@ -398,7 +400,7 @@ def master_curve() -> Finding:
     ratios: dict[str, list[float]] = {}
     for label, (name, settings) in (spur | others).items():
         scene = scene_of(name, *settings)
-        rigid = ready_scene("accessory", only_pair(settings))
+        rigid = ready_scene("accessory", [THESIS, *only_pair(settings)])
         for extent in (0.2, 0.25, 0.29):
             own = best_depth(rigid, extent, 60.0)
             depth, least, plain = best_depth(scene, extent, 60.0)

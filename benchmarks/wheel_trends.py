@@ -16,7 +16,15 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 # First: it holds the threads before NumPy is imported.
-from hybrid_trends import POWER_WEBS, Finding, rigid_body, tell, web, with_rigid_shaft
+from hybrid_trends import (
+    POWER_WEBS,
+    THESIS,
+    Finding,
+    rigid_body,
+    tell,
+    web,
+    with_rigid_shaft,
+)
 
 # isort: split
 import equinox as eqx
@@ -108,7 +116,7 @@ class Moving(NamedTuple):
 def moving(name: str, *settings: str) -> Moving:
     """A ready scene with changes, set in motion."""
     condensed = bool(ready_scene(name).condensed)
-    scene = ready_scene(name, [*COARSE, *([MODES] if condensed else []), *settings])
+    scene = ready_scene(name, [THESIS, *COARSE, *([MODES] if condensed else []), *settings])
     if condensed:
         scene = with_bodies(scene, moving=True)
     return set_going(scene, model_of(scene))
@@ -624,7 +632,7 @@ def carried(scene: Scene, model: PairModel, dynamics: PairDynamics, index: int) 
 def as_rigid(name: str, masses: dict[str, np.ndarray]) -> DynamicSystem:
     """The pair of a ready scene on stiff shafts, some gears without foundation and as heavy as
     bodies whose masses are given."""
-    scene = ready_scene(name, [*COARSE, *(f"{gear}.foundation=none" for gear in masses)])
+    scene = ready_scene(name, [THESIS, *COARSE, *(f"{gear}.foundation=none" for gear in masses)])
     model = with_rigid_shaft(model_of(scene), *masses)
     grid = dynamic_grid_of(scene, model)
     make = eqx.filter_jit(lambda model: dynamics_of(scene, model, grid))

@@ -15,6 +15,10 @@ from ._program_cache import cache_compilations as cache_compilations
 from ._smooth import smooth_maximum as smooth_maximum
 from ._smooth import smooth_ramp as smooth_ramp
 
+from ._geometry._drawn import addendum_of_tip as addendum_of_tip
+from ._geometry._drawn import dedendum_of_root as dedendum_of_root
+from ._geometry._drawn import profile_shift_of_balls as profile_shift_of_balls
+from ._geometry._drawn import profile_shift_of_span as profile_shift_of_span
 from ._geometry._gear import Gear as Gear
 from ._geometry._gear import Material as Material
 from ._geometry._involute import inverse_involute as inverse_involute
@@ -30,6 +34,12 @@ from ._geometry._pair import overlap_ratio as overlap_ratio
 from ._geometry._pair import pair_facts as pair_facts
 from ._geometry._pair import profile_contact_ratio as profile_contact_ratio
 from ._geometry._pair import total_contact_ratio as total_contact_ratio
+from ._geometry._measures import ball_measure as ball_measure
+from ._geometry._measures import ball_radius as ball_radius
+from ._geometry._measures import span_measure as span_measure
+from ._geometry._measures import span_radius as span_radius
+from ._geometry._measures import usual_ball as usual_ball
+from ._geometry._measures import usual_span as usual_span
 from ._geometry._sliding import sliding_speed as sliding_speed
 from ._geometry._sliding import specific_sliding as specific_sliding
 from ._geometry._sliding import tooth_loss_factor as tooth_loss_factor
@@ -74,6 +84,7 @@ from ._contact._compliance import hertz_contact as hertz_contact
 from ._contact._compliance import iso_stiffness as iso_stiffness
 from ._contact._compliance import single_pair_stiffness as single_pair_stiffness
 from ._contact._compliance import SharedBody as SharedBody
+from ._contact._shared import shared_compliance as shared_compliance
 from ._contact._foundation import AbstractFoundation as AbstractFoundation
 from ._contact._foundation import NoFoundation as NoFoundation
 from ._contact._foundation import RingFoundation as RingFoundation

@@ -30,7 +30,7 @@ def _is_promised_by_the_optimum(text: str) -> None:
     found = re.search(r"exact contact: (\d+\.\d+) um, plain (\d+\.\d+) um", text)
     assert found is not None
     assert float(found[1]) < 0.3
-    assert 2.3 < float(found[2]) < 2.5
+    assert 2.0 < float(found[2]) < 2.1
 
 
 def _is_promised_by_the_shafts(text: str) -> None:

@@ -7,7 +7,6 @@ commands are imported only once the scene is known to be good.
 
 import _thread
 import argparse
-import difflib
 import gc
 import importlib.metadata
 import io
@@ -20,10 +19,11 @@ from pathlib import Path
 from typing import Any
 
 from jaxgear._app._folder import Folder, begun, publish, written
+from jaxgear._app._init import add_init_parser, write_first_scene
 from jaxgear._app._keys import add_keys_parser, print_keys
 from jaxgear._app._motion import motion_mistakes
 from jaxgear._app._progress import warn
-from jaxgear._app._scene import READY, Mistake, Scene, SceneError, read_scene, rewrite_scene
+from jaxgear._app._scene import Mistake, Scene, SceneError, read_scene
 from jaxgear._app._schema import GEARS
 from jaxgear._app._slips import odd
 from jaxgear._app._symbols import with_symbol
@@ -208,20 +208,16 @@ def _parser() -> argparse.ArgumentParser:
         "--quiet", action="store_true", help="print nothing but errors, and the JSON if asked for"
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    texts = {"init": "write a ready scene, NAME.toml", **_COMMANDS}
-    for name, text in texts.items():
+    add_init_parser(commands, [options])
+    for name, text in _COMMANDS.items():
         command = commands.add_parser(name, parents=[options], help=text, allow_abbrev=False)
-        if name == "init":
-            command.add_argument("name", metavar="NAME", help=" | ".join(_ready_names()))
-            command.add_argument("--force", action="store_true", help="overwrite NAME.toml")
-        else:
-            command.add_argument("scene", metavar="SCENE", type=Path, help="scene file (TOML)")
-            command.add_argument(
-                "--no-pictures",
-                action="store_false",
-                dest="pictures",
-                help="draw none, and write only their data",
-            )
+        command.add_argument("scene", metavar="SCENE", type=Path, help="scene file (TOML)")
+        command.add_argument(
+            "--no-pictures",
+            action="store_false",
+            dest="pictures",
+            help="draw none, and write only their data",
+        )
     add_keys_parser(commands)
     cache = commands.add_parser(
         "cache",
@@ -256,7 +252,7 @@ def _command(argv: Sequence[str] | None) -> int:
         return print_keys(args)
     scene = read_scene(args.scene, args.overrides)
     _refuse_unfit(args.command, scene)
-    for remark in odd(scene.values):
+    for remark in odd(scene.whole):
         warn(remark)
     with _results(args, scene) as folder:
         summary = _compute(args.command, scene, folder, args.quiet)
@@ -480,29 +476,14 @@ def _print_json(summary: Mapping[str, object]) -> None:
     print(text)
 
 
-def _ready_names() -> list[str]:
-    return sorted(path.stem for path in READY.glob("*.toml"))
-
-
 def _init(args: argparse.Namespace) -> int:
-    """Write a ready scene, with the changes of `--set`, into the current folder or `--out`."""
-    names = _ready_names()
-    if args.name not in names:
-        near = difflib.get_close_matches(args.name, names, 1)
-        hint = f" Did you mean {near[0]}?" if near else ""
-        raise _Stop(2, f"no ready scene {args.name!r}; there are: {', '.join(names)}.{hint}")
-    ready = READY / f"{args.name}.toml"
-    scene = read_scene(ready, args.overrides)
-    target = (args.out or Path()) / ready.name
-    if target.exists() and not args.force:
-        raise _Stop(2, f"{target} exists already. Use --force to overwrite it.")
+    """Write a ready scene, or that of one's own pair."""
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        rewrite_scene(ready, scene.overridden(), target)
-    except OSError as error:
-        raise _Stop(2, f"cannot write {target}: {error.strerror}") from None
+        target, cite = write_first_scene(args)
+    except InputError as error:
+        raise _Stop(2, str(error)) from None
     if args.json:
-        _print_json({"scene": str(target), "cite": scene["cite"]})
+        _print_json({"scene": str(target), "cite": cite})
     elif not args.quiet:
-        print(f"{target}: {scene['cite']}")
+        print(f"{target}: {cite}")
     return 0

@@ -117,7 +117,12 @@ class DesignSpace(eqx.Module):
 # Of the range of a variable, how close to a bound counts as on it: least squares stay off it.
 _AT_BOUND = 1e-4
 
-_NOT_VARIABLE = ("pair.torque_pinion_Nm", "mesh.smoothing_um")
+_NOT_VARIABLE = (
+    "pair.torque_pinion_Nm",
+    "pair.power_kW",
+    "pair.speed_rpm",
+    "mesh.smoothing_um",
+)
 
 
 def twin(key: str) -> str:

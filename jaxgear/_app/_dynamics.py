@@ -72,7 +72,7 @@ MOST_UNKNOWNS = 600
 def speeds_of(scene: Scene) -> np.ndarray:
     """Speeds of the pinion that a scene sweeps over, rising, each once [rad/s]."""
     key = "sweep.pinion_speed_rad_s"
-    if f"{key}.points" in scene.values:
+    if scene.get(f"{key}.points") is not None:
         ends = scene[f"{key}.from"], scene[f"{key}.to"]
         return np.linspace(*ends, scene[f"{key}.points"])
     return np.unique(np.asarray(scene[key], dtype=float))

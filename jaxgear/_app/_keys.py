@@ -123,6 +123,7 @@ def told(key: Key) -> dict[str, Any]:
         "choices": list(key.choices),
         "counts_if": _equation(key.applies_if),
         "default_if": _equation(key.default_if),
+        "instead_of": key.instead_of,
         "differentiable": key.differentiable,
         "meaning": key.doc,
         "remedy": key.remedy,
@@ -162,7 +163,10 @@ def _default(key: Key) -> str:
         text = f"default {show(key.default)}"
     if condition := key.applies_if or key.default_if:
         text += f" where {_equation(condition)}"
-    return text
+    if key.instead_of:
+        return f"{text}, instead of {key.instead_of}"
+    others = [each.path for each in KEYS.values() if each.instead_of == key.path]
+    return f"{text}; or {', '.join(others)}" if others else text
 
 
 def _equation(condition: tuple[str, str] | None) -> str:

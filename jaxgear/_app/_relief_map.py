@@ -91,8 +91,8 @@ def map_relief(scene: Scene, folder: Folder, quiet: bool) -> Summary:
     curve = _traced(task, extent[::-1], float(valley.depth[-1]), float(depth[-1]), watch, quiet)
     # As many points as in a column of the map, which is compiled.
     best = te_rms(np.tile(found.point * _UNITS, (depth.size, 1)))[0]
-    ratio = summary["geometry"]["profile_contact_ratio"]
-    closed = _closed_form(np.append(extent, found.point[1]), ratio, deflection)
+    ratio, own = summary["geometry"]["profile_contact_ratio"], _unshared(statics)
+    closed = _closed_form(np.append(extent, found.point[1]), ratio, own)
     summary["master_curve"] = {
         "depth_um": found.point[0],
         "extent": found.point[1],
@@ -104,7 +104,7 @@ def map_relief(scene: Scene, folder: Folder, quiet: bool) -> Summary:
         "converged": found.converged,
         "restarted_from_grid": restarted,
         **_valley_summary(valley, closed[:-1]),
-        "traced": _traced_summary(curve, ratio, deflection, float(depth[-1])),
+        "traced": _traced_summary(curve, ratio, own, float(depth[-1])),
     }
     # Relief of one and a half deflections parts the teeth at the ends of the path.
     relieved = space.model(np.asarray([1.5 * deflection / um, 0.3]))
@@ -175,11 +175,11 @@ def _family(
         # Deflections are nearly in proportion to the torque; and deeper is asked for by no one.
         near = min(start * float(torque) / own, deepest)
         curve = _traced(_task(space, statics), extent, near, deepest, watch, quiet)
-        deflection = float(statics.numbers["single_pair_deflection_um"]) * um
+        deflection = float(statics.numbers["single_pair_deflection_um"])
         ratio = geometry_summary(statics)["profile_contact_ratio"]
         found.append(
-            {"torque_Nm": float(torque), "single_pair_deflection_um": deflection / um}
-            | _traced_summary(curve, ratio, deflection, deepest)
+            {"torque_Nm": float(torque), "single_pair_deflection_um": deflection}
+            | _traced_summary(curve, ratio, _unshared(statics), deepest)
         )
     return found
 
@@ -246,6 +246,11 @@ def _draw_bias(
     figure = partial(pictures.smoothing_bias, *data, float(exact) / um, title)
     save(figure, tables.smoothing_bias_columns(*data), folder, "smoothing_bias")
     return {"width_um": widths / um, "te_mean_bias_um": mean / um, "te_rms_bias_relative": relative}
+
+
+def _unshared(statics: Statics) -> float:
+    """Deflection of a tooth pair less what the next one feels of it [m]."""
+    return um * float(statics.numbers["unshared_deflection_um"])
 
 
 def _closed_form(extent: np.ndarray, ratio: float, deflection: float) -> np.ndarray:

@@ -7,6 +7,7 @@ import sys
 from typing import Any
 
 from jaxgear._app._assumed import assumed
+from jaxgear._app._drawing import drawing_summary
 from jaxgear._app._folder import Folder
 from jaxgear._app._notes import notes
 from jaxgear._app._ranks import Doubtful, worst_first
@@ -55,7 +56,7 @@ def head(scene: Scene, statics: Statics) -> Summary:
                 # Both gears' rotations are one coordinate: the drive.
                 "dofs": len(statics.cycle.system.structure.map.free) - 1 + _modes_kept(scene),
             },
-            "geometry": geometry_summary(statics),
+            "geometry": geometry_summary(statics) | drawing_summary(scene, statics.model.pair),
             "iso6336": {key: float(value) for key, value in statics.standard.items()},
             "static": {key: float(value) for key, value in statics.numbers.items()}
             | _efficiency(scene, statics)
@@ -108,7 +109,7 @@ def finish(scene: Scene, folder: Folder, summary: Summary, watch: Stopwatch) -> 
         "run_s": watch.run_s,
         "peak_memory_MB": peak / (1024.0**2 if sys.platform == "darwin" else 1024.0),
     }
-    said = [*map(Doubtful, odd(scene.values)), *assumed(scene)]
+    said = [*map(Doubtful, odd(scene.whole)), *assumed(scene)]
     if said or "notes" in summary:
         summary["notes"] = worst_first([*said, *summary.get("notes", ())])
     write_scene(scene.replace(files_seen_from(scene, folder.path)), folder / "scene.toml")

@@ -21,8 +21,18 @@ import tree_sitter
 import tree_sitter_toml
 
 from jaxgear._app import _schema
-from jaxgear._app._assumed import assumed_fillets
+from jaxgear._app._assumed import assumed_bores, assumed_fillets, assumed_foundations
 from jaxgear._app._body_checks import body_mistakes
+from jaxgear._app._instead import (
+    INSTEAD,
+    alternatives,
+    instead_mistakes,
+    is_idle,
+    place_of,
+    replaced_by,
+    value_instead,
+    values_instead,
+)
 from jaxgear._app._scatter_checks import robust_mistakes, scattered_key
 from jaxgear._app._schema import (
     ALWAYS,
@@ -49,6 +59,7 @@ _INDEX = re.compile(r"""("(?:[^"\\]|\\.)*"|'[^']*')|\[\s*(\d+)\s*\]""")
 # The names and indices of a path.
 _STEPS = re.compile(r"\[(\d+)\]|([^.\[\]]+)")
 _BOUNDS, _TIES = "optimise.bounds", "optimise.ties"
+_TORQUE = "pair.torque_pinion_Nm"
 # Mistakes that a message lists; names that are looked for among the known ones take their time.
 _LISTED = 100
 # No scene is as long as this [byte]; devices have no end.
@@ -115,7 +126,10 @@ class Scene:
     bodies: Mapping[str, Any] = dataclasses.field(default_factory=lambda: MappingProxyType({}))
 
     def __getitem__(self, key: str) -> Any:
-        return _look_up(self.values, key)
+        try:
+            return _look_up(self.values, key)
+        except KeyError:
+            return value_instead(key, self.__getitem__)
 
     def get(self, key: str, default: object = None) -> Any:
         """Return the value of a key, or `default` where it is absent."""
@@ -123,6 +137,11 @@ class Scene:
             return self[key]
         except KeyError:
             return default
+
+    @property
+    def whole(self) -> Mapping[str, Any]:
+        """All values, of keys in whose place others are given too."""
+        return {**self.values, **values_instead(self.values)}
 
     @property
     def condensed(self) -> tuple[str, ...]:
@@ -187,6 +206,9 @@ class Scene:
             else:
                 known.pop(key, None)
             values[key] = value
+            for other in replaced_by(key) - set(updates):
+                values.pop(other, None)
+                known.pop(other, None)
             written |= {key, *_schema.parents(key)}
         return dataclasses.replace(
             self,
@@ -212,7 +234,10 @@ class Scene:
 
         - `KeyError` if the key is absent, or never had a value that was not traced.
         """
-        value = _look_up(ChainMap(cast(dict, self.known), cast(dict, self.values)), key)
+        try:
+            value = _look_up(ChainMap(cast(dict, self.known), cast(dict, self.values)), key)
+        except KeyError:
+            value = value_instead(key, self.concrete)
         if _is_traced(value):
             raise KeyError(f"{key} never had a value that was not traced")
         return value
@@ -248,6 +273,7 @@ class Scene:
             for key in present.get(path, ())
             if not any(self.remakes(key, gear) for gear in self.condensed)
             if all(gear in self.condensed or not of_condensed(key, gear) for gear in GEARS)
+            if not is_idle(key, self.values)
         )
 
     def _whole(self, path: str) -> object:
@@ -583,25 +609,25 @@ class _Reading:
         """Return the values in the order of the schema, defaults filled in; report what misses."""
         values: dict[str, object] = {}
         places = self._instances()
+        # What others stand for is neither missing nor filled in.
+        told = self.seen | {target for target in INSTEAD if place_of(target, self.seen) != target}
         for path, key in places.items():
             if path in self.values:
                 values[path] = self.values[path]
-            elif path not in self.seen and _has_default(key, values):
+            elif path not in told and _has_default(key, values):
                 values[path] = list(key.default) if isinstance(key.default, list) else key.default
         # Not defaults of the schema, since only the reader knows the file.
         values.setdefault("name", self.path.stem)
-        for gear in GEARS if "mesh.foundation" not in self.seen else ():
-            has_ring = values.get(f"{gear}.bore_mm") and values.get(f"{gear}.body.kind") != "beam"
-            if not has_ring and f"{gear}.foundation" not in self.seen:
-                values[f"{gear}.foundation"] = "weber"
-        values |= assumed_fillets(values, self.seen)
+        for assume in (assumed_bores, assumed_foundations, assumed_fillets):
+            values |= assume({**values, **values_instead(values)}, self.seen)
         for path, key in places.items():
             table = path.rpartition(".")[0]
             needed = table in ALWAYS or table in self.tables
             if key.applies_if:
                 needed = _applies(path, values)
-            if key.default is _schema.REQUIRED and needed and path not in self.seen:
-                self.mistake(path, f"is missing: {key.doc}. It must be {key.allowed}")
+            if key.default is _schema.REQUIRED and needed and path not in told:
+                words = f"is missing: {key.doc}. It must be {key.allowed}{alternatives(path)}"
+                self.mistake(path, words)
         return {path: values[path] for path in places if path in values}
 
     def _instances(self) -> dict[str, _schema.Key]:
@@ -627,6 +653,9 @@ class _Reading:
             if path.endswith(".from") and isinstance(low, float) and isinstance(high, float):
                 if low >= high:
                     self.mistake(path, f"got {show(low)}, must be less than `to`, {show(high)}")
+        for path, message in instead_mistakes(values, self.seen, self.where):
+            self.mistake(path, message)
+        values = {**values, **values_instead(values)}
         for gear in GEARS:
             self._check_springs(f"{gear}.support", values)
             self._check_foundation(gear, values)
@@ -645,11 +674,15 @@ class _Reading:
                 self.mistake(path, message)
             for path in values:
                 key = scattered_key(path)
-                if key and (missing := self._missing(key, values)):
+                if key in ("pair.power_kW", "pair.speed_rpm"):
+                    self.mistake(path, f"gears feel its torque: let {_TORQUE} scatter")
+                # Objectives are asked at torques, wherever these come from.
+                elif key and key != _TORQUE and (missing := self._missing(key, values)):
                     self.mistake(path, missing)
         for slip in slips(values):
-            if slip.impossible and not self._has_mistake(slip.path):
-                self.mistake(slip.path, slip.message)
+            path = place_of(slip.path, self.seen)
+            if slip.impossible and not self._has_mistake(path):
+                self.mistake(path, slip.message)
 
     def _has_mistake(self, path: str) -> bool:
         return any(mistake.path.startswith(path) for mistake in self.mistakes)
@@ -797,6 +830,8 @@ class _Reading:
             if index >= count:
                 return f"names number {index} of {above}, which has {count}, counted from 0"
         key, _ = split_entry(path)
+        if (other := place_of(key, self.seen)) != key:
+            return f"is given by {other} ({self.where(other)}). Name that one"
         return (
             "" if key in values or key in self.seen else "has no value to start from. Give it one"
         )

@@ -75,11 +75,13 @@ _UNITS = {
     "_MPa": "MPa",
     "_N_mm": "N/mm",
     "_deg": "degrees",
+    "_rpm": "rpm",
     "_N_m": "N/m",
     "_Nm": "N m",
     "_mm": "mm",
     "_um": "um",
     "_kg": "kg",
+    "_kW": "kW",
     "_Hz": "Hz",
     "_N": "N",
 }
@@ -103,6 +105,7 @@ class Key:
     - `pattern`: regular expression that a text must match in full.
     - `applies_if`: another key and the value of it that makes this one count.
     - `default_if`: another key and the value of it with which the default is filled in.
+    - `instead_of`: the key that this one may be given in place of, and that follows from it.
     - `differentiable`: whether the static model has a derivative with respect to it; of a list,
         with respect to each entry.
     - `remedy`: what to do when a value is out of bounds.
@@ -121,6 +124,7 @@ class Key:
     pattern: str = ""
     applies_if: tuple[str, str] | None = None
     default_if: tuple[str, str] | None = None
+    instead_of: str = ""
     differentiable: bool = False
     remedy: str = ""
 
@@ -348,6 +352,20 @@ _PAIR = (
         "pair.torque_pinion_Nm", "driving torque on the pinion", REQUIRED, above=0.0, remedy=_TORQUE
     ),
     _variable(
+        "pair.power_kW",
+        "power on the pinion, which with speed_rpm gives its torque",
+        above=0.0,
+        remedy=_TORQUE,
+        instead_of="pair.torque_pinion_Nm",
+    ),
+    _variable(
+        "pair.speed_rpm",
+        "speed of the pinion, at which power_kW is transmitted; sweeps have their own",
+        above=0.0,
+        at_most=1e6,
+        remedy="The key is in revolutions per minute",
+    ),
+    _variable(
         "pair.centre_distance_mm",
         "working centre distance; default: the zero-backlash one from the profile shifts",
         above=0.0,
@@ -376,8 +394,23 @@ def _gear(gear: str) -> tuple[Key, ...]:
         _variable(
             f"{gear}.profile_shift", "profile shift coefficient x", 0.0, at_least=-5.0, at_most=5.0
         ),
+        *_thickness(gear),
         _variable(f"{gear}.addendum_coeff", "addendum over module", 1.0, above=0.0, at_most=5.0),
+        _variable(
+            f"{gear}.tip_diameter_mm",
+            "tip diameter as on the drawing, any tip shortening in it",
+            above=0.0,
+            remedy="The key is in millimetres",
+            instead_of=f"{gear}.addendum_coeff",
+        ),
         _variable(f"{gear}.dedendum_coeff", "dedendum over module", 1.25, above=0.0, at_most=5.0),
+        _variable(
+            f"{gear}.root_diameter_mm",
+            "root diameter",
+            above=0.0,
+            remedy="The key is in millimetres",
+            instead_of=f"{gear}.dedendum_coeff",
+        ),
         _variable(
             f"{gear}.fillet_radius_coeff",
             "tip radius of the rack that cuts the fillet, over module; where 0.38 does not fit the "
@@ -401,7 +434,12 @@ def _gear(gear: str) -> tuple[Key, ...]:
             at_most=2000.0,
             remedy="The key is in millimetres",
         ),
-        _variable(f"{gear}.bore_mm", "diameter of the bore; 0: none", at_least=0.0),
+        _variable(
+            f"{gear}.bore_mm",
+            "diameter of the bore, where the body is held; 0: none; default, where the foundation "
+            "is the ring: that of the shaft, or 0.4 of the root diameter",
+            at_least=0.0,
+        ),
         _number(
             f"{gear}.thickness_allowance_um",
             "how much thinner the tooth is made at the reference cylinder, in the normal section; "
@@ -418,6 +456,38 @@ def _gear(gear: str) -> tuple[Key, ...]:
         _variable(f"{gear}.support.tilt_Nm_rad", "tilt stiffness of the support", **stiffness),
         *_body(f"{gear}.body"),
         *_shaft(f"{gear}.shaft"),
+    )
+
+
+def _thickness(gear: str) -> tuple[Key, ...]:
+    """Keys of what a gear checker measures of one gear, in place of its profile shift."""
+    size: dict[str, Any] = {"above": 0.0, "remedy": "The key is in millimetres"}
+    shift = f"{gear}.profile_shift"
+    return (
+        _variable(
+            f"{gear}.span_mm",
+            "span W_k over span_teeth teeth as they are made, thickness_allowance_um in it",
+            instead_of=shift,
+            **size,
+        ),
+        _count(
+            f"{gear}.span_teeth",
+            "number of teeth k that a span is measured over; alone: that of the summary",
+            at_least=1,
+            at_most=10_000,
+        ),
+        _variable(
+            f"{gear}.over_balls_mm",
+            "measure M_dK over two balls of ball_mm in opposite spaces, both in one transverse "
+            "plane, thickness_allowance_um in it",
+            instead_of=shift,
+            **size,
+        ),
+        _number(
+            f"{gear}.ball_mm",
+            "diameter of a ball of over_balls_mm; alone: that of the summary",
+            **size,
+        ),
     )
 
 
@@ -800,8 +870,7 @@ _MESH = (
     _text(
         "mesh.foundation",
         "elasticity of the body under a tooth; ring: an elastic ring, clamped at bore_mm, that "
-        "couples the teeth in mesh; a gear without bore_mm (or bore 0) or with a beam body takes "
-        "weber",
+        "couples the teeth in mesh; a gear with bore_mm = 0 or with a beam body takes weber",
         "ring",
         **_FOUNDATIONS,
     ),
@@ -870,6 +939,43 @@ _MESH = (
 _RAYLEIGH = ("damping.kind", "rayleigh")
 _SPEED = "At rest, the quasi-static cycle of `jaxgear run` is the response"
 
+
+def _speeds(path: str, other: str = "") -> tuple[Key, ...]:
+    """Keys of the speeds of a sweep in one unit, which may stand for those in another."""
+    instead = lambda end: f"{other}{end}" if other else ""
+    ends = [
+        _number(
+            f"{path}.{end}",
+            f"{which} speed",
+            REQUIRED,
+            above=0.0,
+            remedy=_SPEED,
+            instead_of=instead(f".{end}"),
+        )
+        for end, which in (("from", "lowest"), ("to", "highest"))
+    ]
+    return (
+        Key(
+            path,
+            "floats",
+            "speeds of the pinion: a list, or a table with from, to and points",
+            OPTIONAL if other else REQUIRED,
+            above=0.0,
+            instead_of=instead(""),
+            remedy=_SPEED,
+        ),
+        *ends,
+        _count(
+            f"{path}.points",
+            "number of speeds",
+            REQUIRED,
+            at_least=2,
+            at_most=100_000,
+            instead_of=instead(".points"),
+        ),
+    )
+
+
 _DYNAMICS = (
     _count(
         "model.coordinates",
@@ -919,19 +1025,8 @@ _DYNAMICS = (
         "whether the mesh damps only while its teeth touch; for modal damping",
         False,
     ),
-    Key(
-        "sweep.pinion_speed_rad_s",
-        "floats",
-        "speeds of the pinion: a list, or a table with from, to and points",
-        REQUIRED,
-        above=0.0,
-        remedy=_SPEED,
-    ),
-    _number("sweep.pinion_speed_rad_s.from", "lowest speed", REQUIRED, above=0.0, remedy=_SPEED),
-    _number("sweep.pinion_speed_rad_s.to", "highest speed", REQUIRED, above=0.0, remedy=_SPEED),
-    _count(
-        "sweep.pinion_speed_rad_s.points", "number of speeds", REQUIRED, at_least=2, at_most=100_000
-    ),
+    *_speeds("sweep.pinion_speed_rad_s"),
+    *_speeds("sweep.pinion_speed_rpm", "sweep.pinion_speed_rad_s"),
     _text(
         "sweep.direction",
         "speeds rising, falling, one after the other; cold: each by itself",
@@ -1222,6 +1317,7 @@ def _bounds(key: Key) -> Key:
         default=OPTIONAL,
         length=2,
         applies_if=None,
+        instead_of="",
         differentiable=False,
     )
 
@@ -1324,7 +1420,13 @@ _SHAPING_KEYS = (
             # The teeth's mass is on the rim.
             "addendum_coeff",
             "tip_shortening_coeff",
+            "tip_diameter_mm",
             "dedendum_coeff",
+            "root_diameter_mm",
+            "span_mm",
+            "span_teeth",
+            "over_balls_mm",
+            "ball_mm",
             "fillet_radius_coeff",
             "bore_mm",
             "shaft.gear_at_mm",
@@ -1422,7 +1524,8 @@ def nearest(path: str, known: Iterable[str]) -> str | None:
         whole = difflib.SequenceMatcher(None, path, candidate).ratio()
         alike = _likeness(tail, name)
         if home == table and alike >= 0.6:
-            score = 2.0 + alike
+            # Slips of the pen come after the first letter.
+            score = 2.0 + alike + 0.1 * (tail[:1] == name[:1])
         elif alike >= 0.8:
             score = 1.0 + alike
         elif whole >= 0.85:

@@ -162,8 +162,8 @@ def _centres(values: Values, module: float) -> Iterator[Slip]:
             False,
             f"{path} = {centres:.6g} mm leaves a backlash of {backlash:.3g} mm, which is odd: "
             f"{backlash / module:.2g} times {_of_module(module)}, where {_BACKLASH:g} or less is "
-            f"usual. The profile shifts ask for {base / math.cos(_angle_of(tight)):.6g} mm; leave "
-            "the key out for that",
+            "usual. The profile shifts ask for "
+            f"{base / math.cos(angle_of_involute(tight)):.6g} mm; leave the key out for that",
         )
 
 
@@ -334,8 +334,17 @@ def _involute(angle: float) -> float:
     return math.tan(angle) - angle
 
 
-def _angle_of(involute: float) -> float:
-    """The angle of an involute, by Newton's method [rad]."""
+def angle_of_involute(involute: float) -> float:
+    """The angle of an involute, by Newton's method, in plain numbers.
+
+    **Arguments:**
+
+    - `involute`: of the angle [rad].
+
+    **Returns:**
+
+    The angle [rad].
+    """
     # Convex, and begun above the root: every step stays there.
     angle = min((3.0 * involute) ** (1.0 / 3.0), 1.5)
     for _ in range(50):

@@ -27,6 +27,7 @@ from jaxgear._app._schema import GEARS
 from jaxgear._checks import require
 from jaxgear._contact._cells import nominal_line_load
 from jaxgear._contact._compliance import iso_stiffness
+from jaxgear._contact._shared import shared_compliance
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair, pair_facts
 from jaxgear._geometry._sliding import sliding_speed, specific_sliding
@@ -416,6 +417,10 @@ def _static_numbers(
         "single_pair_stiffness_max_N_mm_um": largest / N_per_mm_um,
         "single_pair_stiffness_pitch_N_mm_um": at_pitch / N_per_mm_um,
         "single_pair_deflection_um": load / largest / um,
+        # Without what the bodies let the next pair feel: of the closed form of the Master Curve.
+        "unshared_deflection_um": load
+        * (1.0 / largest - shared_compliance(pair, model.compliance))
+        / um,
         "mesh_loss_factor": mesh_loss_factor(pair, cycle),
         "specific_sliding_lowest_pinion": specific_sliding(pair, pair.path_start)[0],
         "specific_sliding_lowest_wheel": specific_sliding(pair, pair.path_end)[1],

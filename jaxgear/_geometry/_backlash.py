@@ -24,7 +24,7 @@ from jaxgear._geometry._lines import (
     profile_contact_ratio,
 )
 from jaxgear._geometry._pair import GearPair, pair_facts
-from jaxgear._types import Bodies, Phases, Scalar
+from jaxgear._types import Phases, Scalar
 from jaxgear._units import mm, um
 
 _GEARS = ("pinion", "wheel")
@@ -51,14 +51,8 @@ def normal_backlash(pair: GearPair) -> Scalar:
 
     $j_n$ [m]. Negative where the teeth jam, which `check_backlash` refuses.
     """
-    thinner = jnp.sum(_allowances(pair)) * jnp.cos(pair.pressure_angle)
+    thinner = jnp.sum(pair.thickness_allowances) * jnp.cos(pair.pressure_angle)
     return _centre_backlash(pair) * jnp.cos(pair.base_helix_angle) + thinner
-
-
-def _allowances(pair: GearPair) -> Bodies:
-    """Tooth thickness allowances, zero where there is none [m]."""
-    given = [gear.thickness_allowance for gear in (pair.pinion, pair.wheel)]
-    return jnp.stack([jnp.zeros(()) if one is None else one for one in given])
 
 
 def _centre_backlash(pair: GearPair) -> Scalar:
@@ -139,7 +133,7 @@ def mirror_point(pair: GearPair) -> Scalar:
     """
     nominal = pair.base_radius[0] * (pair.working_pressure_angle + pair.half_thickness_at_base[0])
     along_path = jnp.cos(pair.pressure_angle) / jnp.cos(pair.base_helix_angle)
-    pinion, wheel = _allowances(pair) * along_path
+    pinion, wheel = pair.thickness_allowances * along_path
     return nominal + 0.25 * (_centre_backlash(pair) + wheel - pinion)
 
 

@@ -72,6 +72,12 @@ class GearPair(eqx.Module):
         return jnp.asarray([self.pinion.teeth, self.wheel.teeth], dtype=float)
 
     @property
+    def thickness_allowances(self) -> Bodies:
+        """Tooth thickness allowances, zero where there is none [m]."""
+        given = [gear.thickness_allowance for gear in (self.pinion, self.wheel)]
+        return jnp.stack([jnp.zeros(()) if one is None else one for one in given])
+
+    @property
     def transverse_module(self) -> Scalar:
         """$m_t$ [m]."""
         return self.normal_module / jnp.cos(self.helix_angle)

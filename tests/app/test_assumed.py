@@ -14,11 +14,12 @@ _KEYS = ("pinion.fillet_radius_coeff", "wheel.fillet_radius_coeff")
 
 @pytest.fixture
 def path(tmp_path):
-    """Two plain gears without a word on their rack."""
+    """Two plain gears on bores without a word on their rack."""
     found = tmp_path / "plain.toml"
     found.write_text(
         "schema = 1\n[pair]\nmodule_mm = 2.0\ntorque_pinion_Nm = 100.0\n"
-        "[pinion]\nteeth = 25\nface_width_mm = 20.0\n[wheel]\nteeth = 51\nface_width_mm = 20.0\n"
+        "[pinion]\nteeth = 25\nface_width_mm = 20.0\nbore_mm = 20.0\n"
+        "[wheel]\nteeth = 51\nface_width_mm = 20.0\nbore_mm = 30.0\n"
     )
     return found
 
@@ -65,4 +66,77 @@ def test_what_was_assumed_is_told_and_written(path, tmp_path):
     write_scene(scene, tmp_path / "again.toml")
     again = read_scene(tmp_path / "again.toml")
     assert [again[key] for key in _KEYS] == [0.317, 0.25]
+    assert assumed(again) == []
+
+
+# --- bores, and what the ring foundation stands on
+
+_SHAFT = """
+[wheel.shaft]
+gear_at_mm = 45.0
+segments = [ {{ length_mm = 30.0, outer_mm = 25.0 }}, {{ length_mm = 60.0, outer_mm = {outer} }} ]
+bearings = [
+    {{ at_mm = 0.0, radial_N_m = 1e8, axial_N_m = 1e8 }},
+    {{ at_mm = 90.0, radial_N_m = 1e8 }},
+]
+"""
+
+
+@pytest.fixture
+def unbored(path):
+    path.write_text("\n".join(x for x in path.read_text().splitlines() if "bore_mm" not in x))
+    return path
+
+
+def test_a_missing_bore_is_assumed_and_told(unbored):
+    """0.4 of the root diameters, 2 (25 - 2.5) = 45 and 2 (51 - 2.5) = 97 mm."""
+    scene = read_scene(unbored)
+    assert (scene["pinion.bore_mm"], scene["wheel.bore_mm"]) == (18.0, 38.8)
+    assert "pinion.foundation" not in scene.values
+    assert scene["mesh.foundation"] == "ring"
+    first, second = assumed(scene)
+    assert first.startswith("pinion.bore_mm was assumed to be 18 mm, 0.4 of the root diameter")
+    assert second.startswith("wheel.bore_mm was assumed to be 38.8 mm")
+    assert float(pair_of(scene).pinion.bore) == pytest.approx(0.018)
+
+
+@pytest.mark.parametrize(
+    ("outer", "bore", "why"),
+    [(40.0, 40.0, "the diameter of the shaft"), (90.0, 67.9, "0.7 of the root diameter, as the")],
+)
+def test_a_missing_bore_is_that_of_the_shaft(unbored, outer, bore, why):
+    unbored.write_text(unbored.read_text() + _SHAFT.format(outer=outer))
+    scene = read_scene(unbored, ["pinion.bore_mm=20"])
+    assert scene["wheel.bore_mm"] == bore
+    (words,) = assumed(scene)
+    assert words.startswith(f"wheel.bore_mm was assumed to be {bore:g} mm, {why}")
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        ["mesh.foundation=weber"],
+        ["pinion.foundation=none", "wheel.foundation=weber"],
+        ["mesh.stiffness=iso6336"],
+    ],
+)
+def test_no_bore_is_assumed_where_nothing_asks_for_one(unbored, settings):
+    scene = read_scene(unbored, settings)
+    assert not {"pinion.bore_mm", "wheel.bore_mm"} & set(scene.values)
+    assert assumed(scene) == []
+
+
+def test_a_gear_without_a_bore_is_told_what_it_stands_on(path):
+    scene = read_scene(path, ["wheel.bore_mm=0"])
+    assert (scene.get("pinion.foundation"), scene["wheel.foundation"]) == (None, "weber")
+    (words,) = assumed(scene)
+    assert words.startswith("The wheel has no bore")
+    assert "foundation is weber" in words
+
+
+def test_an_assumed_bore_is_written(unbored, tmp_path):
+    scene = read_scene(unbored)
+    write_scene(scene, tmp_path / "again.toml")
+    again = read_scene(tmp_path / "again.toml")
+    assert again["wheel.bore_mm"] == 38.8
     assert assumed(again) == []

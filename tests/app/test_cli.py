@@ -359,12 +359,13 @@ def test_what_is_answered_at_once_imports_nothing_that_computes(scene):
 import sys
 from jaxgear._app._cli import main
 lines = (["--help"], ["--version"], ["init", "power"], ["run", "broken.toml"], ["cache"])
+lines += (["init", "--pair", "23", "64", "--module", "2"],)
 codes = [main(line) for line in lines]
 heavy = ("jax", "equinox", "diffrax", "scipy", "skfem", "meshio", "xarray", "pandas", "matplotlib")
 print(codes, [name for name in heavy if name in sys.modules], file=sys.stderr)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.stderr.splitlines()[-1] == "[0, 0, 0, 2, 0] []"
+    assert done.stderr.splitlines()[-1] == "[0, 0, 0, 2, 0, 0] []"
 
 
 def test_commands_import_no_library_before_they_use_it():

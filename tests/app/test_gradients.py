@@ -35,6 +35,8 @@ def table():
         "power",
         (
             *_COARSE,
+            # Rings that couple the teeth over two mesh periods are another, much larger program.
+            "mesh.foundation=weber",
             "mesh.periods=2",
             "mesh.tip_contact=true",
             "mesh.line_load_updates=1",

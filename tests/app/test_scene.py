@@ -226,7 +226,7 @@ def test_the_smallest_scene_gets_every_default(write):
 def test_optional_keys_stay_absent(write):
     scene = read_scene(write(_LEAST))
     for key in (
-        "pinion.bore_mm",
+        "pinion.thickness_allowance_um",
         "pair.centre_distance_mm",
         "pinion.support.axial_N_m",
         "pinion.material.young_GPa",
@@ -236,9 +236,9 @@ def test_optional_keys_stay_absent(write):
         "map.depth_um.to",
     ):
         assert key not in scene.values
-    assert scene.get("pinion.bore_mm", 12.0) == 12.0
+    assert scene.get("pair.centre_distance_mm", 12.0) == 12.0
     with pytest.raises(KeyError):
-        scene["pinion.bore_mm"]
+        scene["pair.centre_distance_mm"]
 
 
 def test_the_contract_is_read_as_written(write):
@@ -290,13 +290,14 @@ def test_rows_and_entries_have_paths(write):
 @pytest.mark.parametrize(
     ("added", "pinion", "wheel"),
     [
-        ("", "weber", "weber"),
+        ("", None, None),
         ("[pinion]\nbore_mm = 30\n[wheel]\nbore_mm = 0\n", None, "weber"),
+        ('[mesh]\nstiffness = "iso6336"\n', "weber", "weber"),
         ('[pinion]\nfoundation = "none"\n[wheel]\nbore_mm = 9\n', "none", None),
         ('[pinion]\nbore_mm = 9\n[mesh]\nfoundation = "weber"\n', None, None),
     ],
 )
-def test_a_gear_without_a_bore_falls_back_on_weber(write, added, pinion, wheel):
+def test_a_gear_that_is_to_have_no_bore_falls_back_on_weber(write, added, pinion, wheel):
     text = _LEAST
     for table in ("[pinion]\n", "[wheel]\n"):
         # The rows of the added table go into the one that is there.
@@ -305,14 +306,15 @@ def test_a_gear_without_a_bore_falls_back_on_weber(write, added, pinion, wheel):
         text = text.replace(table, f"{table}{line}\n") if found else text
         added = added.replace(f"{table}{line}\n", "") if found else added
     scene = read_scene(write(text + added))
-    assert scene["mesh.foundation"] == ("weber" if "[mesh]" in added else "ring")
+    assert scene["mesh.foundation"] == ("weber" if 'foundation = "weber' in added else "ring")
     assert scene.get("pinion.foundation") == pinion
     assert scene.get("wheel.foundation") == wheel
     assert "(default)" in scene.where("wheel.foundation")
 
 
 def test_a_foundation_asked_for_needs_a_bore(write):
-    text = _LEAST.replace("[wheel]", 'foundation = "none"\n[wheel]') + '[mesh]\nfoundation = "ring"'
+    text = _LEAST.replace("[wheel]", 'foundation = "none"\n[wheel]')
+    text += '[mesh]\nfoundation = "sainsot"'
     ((line, path, message),) = _mistakes(write(text))
     assert (line - _END, path) == (3, "mesh.foundation")
     assert "give wheel.bore_mm a value > 0" in message
@@ -1236,14 +1238,16 @@ def test_rewriting_adds_keys_to_any_layout(write, tmp_path, text):
     before = read_scene(write(text))
     rewrite_scene(write(text), updates, tmp_path / "new.toml")
     after = read_scene(tmp_path / "new.toml")
-    wanted = {**before.values, **updates, "name": "new"}
+    # Bores that were left out are a share of the root circles, which the helix widens.
+    bores = {key: after[key] for key in ("pinion.bore_mm", "wheel.bore_mm")}
+    wanted = {**before.values, **updates, **bores, "name": "new"}
     del wanted["optimise.minimise"]
     assert dict(after.values) == wanted
     assert text.count("# c") == (tmp_path / "new.toml").read_text().count("# c")
 
 
 def test_rewriting_changes_rows_and_entries(write, tmp_path):
-    text = _LEAST + _SHAFTS
+    text = _LEAST.replace("[wheel]", "[wheel]\nbore_mm = 40") + _SHAFTS
     updates = {
         "pinion.shaft.bearings[0].radial_N_m": 2e9,
         "pinion.shaft.bearings[1].axial_N_m": 1e7,

@@ -22,7 +22,7 @@ _SPEEDS = np.linspace(20.0, 2000.0, 200)
 
 @functools.cache
 def _base():
-    model = jg.model_of(jg.ready_scene("accessory"))
+    model = jg.model_of(jg.ready_scene("accessory", ["mesh.foundation=weber"]))
     return model, jg.mesh_grid(model.pair, phases=100, slices=10)
 
 
