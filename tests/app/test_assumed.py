@@ -97,7 +97,7 @@ def test_a_missing_bore_is_assumed_and_told(unbored):
     first, second = assumed(scene)
     assert first.startswith("pinion.bore_mm was assumed to be 18 mm, 0.4 of the root diameter")
     assert second.startswith("wheel.bore_mm was assumed to be 38.8 mm")
-    assert float(pair_of(scene).pinion.bore) == pytest.approx(0.018)
+    assert pair_of(scene).pinion.bore == pytest.approx(0.018)
 
 
 @pytest.mark.parametrize(

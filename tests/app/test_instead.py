@@ -3,6 +3,7 @@
 import math
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -55,8 +56,8 @@ def write(tmp_path):
 def drawn(write):
     """The pair by tip and root diameters, the pinion's span, the wheel's measure over balls."""
     pair = pair_of(read_scene(write(_PAIR)))
-    balls = np.asarray([5.5, 5.25]) * mm
-    spans, over = jg.span_measure(pair, 1.0 * np.asarray([4, 5])), jg.ball_measure(pair, balls)
+    balls = jnp.asarray([5.5, 5.25]) * mm
+    spans, over = jg.span_measure(pair, jnp.asarray([4.0, 5.0])), jg.ball_measure(pair, balls)
     text, tips, roots = _PAIR, 2e3 * pair.tip_radius, 2e3 * pair.root_radius
     for table, measure in (
         ("pinion", f"span_mm = {float(spans[0]) / mm!r}\nspan_teeth = 4"),

@@ -15,7 +15,8 @@ def _bored(pair, *bores):
 
 
 def test_half_planes_share_nothing():
-    teeth = jg.WeberBanaschek(jg.WeberFoundation(), jg.WeberFoundation())
+    weber = jg.WeberFoundation()
+    teeth = jg.WeberBanaschek(pinion_foundation=weber, wheel_foundation=weber)
     assert jg.shared_compliance(accessory(), teeth) == 0.0
 
 

@@ -21,7 +21,7 @@ def _pair(pinion, wheel, module=3.0 * mm, angle=20.0 * deg, helix=0.0):
         jg.Gear(z, 20.0 * mm, profile_shift=x, thickness_allowance=thinner)
         for z, x, thinner in (pinion, wheel)
     ]
-    return jg.GearPair(*gears, module, angle, helix)
+    return jg.GearPair(gears[0], gears[1], module, angle, helix)
 
 
 def _both(*values):
