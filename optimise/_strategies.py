@@ -171,8 +171,9 @@ def inactive(
     - `function`: values and derivatives.
     - `start`: first point.
     - `box`: bounds.
-    - `places`: how many other points of the box to look at, at random.
-    - `seed`: of the random points.
+    - `places`: how many other points to look at, each variable once in each of as many parts of its
+        span.
+    - `seed`: of these points.
 
     **Returns:**
 
@@ -193,8 +194,10 @@ def inactive(
 
     def points() -> Iterator[np.ndarray]:
         yield np.asarray(start, float)
-        # Anywhere will do; Sobol's sequence would cost the import of SciPy's statistics.
-        yield from box.from_unit(np.random.default_rng(seed).random((places, span.size)))
+        # A Latin hypercube: Sobol's sequence would cost the import of SciPy's statistics.
+        draw = np.random.default_rng(seed)
+        layers = draw.permuted(np.tile(np.arange(places), (span.size, 1)), axis=1).T
+        yield from box.from_unit((layers + draw.random(layers.shape)) / places)
 
     for number, point in enumerate(points()):
         change, size = changes(point)

@@ -168,6 +168,7 @@ def test_notebook_runs_and_its_assertions_hold(path):
     _PROMISES[path.stem](text)
 
 
+@pytest.mark.end_to_end
 def test_the_readme_prints_what_it_says(capsys):
     """Its Python blocks, line by line."""
     text = (_ROOT / "README.md").read_text(encoding="utf-8")
