@@ -428,10 +428,6 @@ def _compute(command: str, scene: Scene, folder: Folder, quiet: bool) -> Mapping
     import threadpoolctl
 
     jax.config.update("jax_enable_x64", True)
-    # XLA's older emitters of loops compile in half the time, and what they make runs as fast here.
-    # Later releases have only the newer ones, and refuse the flag.
-    if jax.__version__.startswith("0.10."):
-        os.environ.setdefault("XLA_FLAGS", "--xla_cpu_use_fusion_emitters=false")
     cache_compilations(warn)
     # Python would look for garbage over and over through all that JAX has traced.
     gc.set_threshold(200_000, 50, 100)
