@@ -15,8 +15,8 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 # Tests compile far more than they compute: without the optimiser's passes, and with the old
 # emitters of loops, that takes a quarter of the time. Releases after 0.10 have only the new
 # emitters and refuse the flag. The older ones are for tests only: the derivatives of a wheel with a
-# web by all its keys, a slow test, do not converge with them. `XLA_FLAGS= pytest` tests the programs
-# as users have them, as `make test-slow` does.
+# web by all its keys, a slow test, do not converge with them. `XLA_FLAGS= pytest` tests the
+# programs as users have them, as `make test-slow` does.
 os.environ.setdefault(
     "XLA_FLAGS",
     "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true"
