@@ -7,7 +7,7 @@ import xarray as xr
 
 from jaxgear._app._flank_loads import FlankLoads, tooth_places
 from jaxgear._app._hybrid_dataset import HolePlaces
-from jaxgear._app._tables import Columns
+from jaxgear._app._tables import Columns, joined
 from jaxgear._units import MPa, deg, mm
 
 
@@ -26,7 +26,7 @@ def flank_pressure_columns(chosen: Sequence[FlankLoads]) -> Columns:
                 "pressure_MPa": pressure.ravel() / MPa,
             }
         )
-    return {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
+    return joined(rows)
 
 
 def largest_loads_columns(dataset: xr.Dataset) -> Columns:

@@ -17,7 +17,7 @@ from jaxgear._app._plots import modification_pictures
 from jaxgear._app._programs import called
 from jaxgear._app._results import BODIES
 from jaxgear._app._saving import save
-from jaxgear._app._tables import Columns
+from jaxgear._app._tables import Columns, joined
 from jaxgear._flank._deviations import AbstractFlankDeviation, Flanks, ProfileWaviness, Superposed
 from jaxgear._flank._measured import (
     MeasuredProfile,
@@ -54,7 +54,7 @@ def modification_columns(models: Mapping[str, PairModel]) -> Columns:
                 own = {name: values[body, number] for name, values in found.items()}
                 names = {"state": state, "gear": gear, "trace": trace}
                 rows.append({key: np.full(_POINTS, name) for key, name in names.items()} | own)
-    return {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
+    return joined(rows)
 
 
 def draw_modification(models: Mapping[str, PairModel], title: str, folder: Folder) -> None:

@@ -9,6 +9,7 @@ import math
 
 from jaxgear._app._assumed import assumed_fillets
 from jaxgear._app._slips import angle_of_involute
+from jaxgear._geometry._drawn import involute, transverse_angle
 
 # Profile A of ISO 53, over module.
 ADDENDUM, DEDENDUM, FILLET = 1.0, 1.25, 0.38
@@ -141,7 +142,7 @@ def tip_shortening(wanted: Wanted) -> float:
     beta, teeth = math.radians(wanted.helix), sum(wanted.teeth)
     angle = _transverse(wanted.pressure_angle, wanted.helix)
     normal = math.tan(math.radians(wanted.pressure_angle))
-    working = angle_of_involute(_involute(angle) + 2.0 * shifts * normal / teeth)
+    working = angle_of_involute(involute(angle) + 2.0 * shifts * normal / teeth)
     centres = 0.5 * teeth / math.cos(beta) * (math.cos(angle) / math.cos(working) - 1.0)
     return max(math.ceil(1e3 * (shifts - centres)) / 1e3, 0.0)
 
@@ -198,20 +199,14 @@ def _tip_thickness(shift: float, teeth: int, pressure_angle: float, helix: float
     diameter = teeth / cosine
     tip = diameter + 2.0 * (ADDENDUM + shift)
     half = (
-        thickness / teeth
-        + _involute(angle)
-        - _involute(math.acos(diameter * math.cos(angle) / tip))
+        thickness / teeth + involute(angle) - involute(math.acos(diameter * math.cos(angle) / tip))
     )
     return tip * half * cosine
 
 
 def _transverse(pressure_angle: float, helix: float) -> float:
     """Transverse pressure angle [rad]."""
-    return math.atan(math.tan(math.radians(pressure_angle)) / math.cos(math.radians(helix)))
-
-
-def _involute(angle: float) -> float:
-    return math.tan(angle) - angle
+    return transverse_angle(math.radians(pressure_angle), math.radians(helix))
 
 
 def _diameters(wanted: Wanted) -> tuple[float, float]:

@@ -11,6 +11,7 @@ from typing import Any
 from jaxgear._app._body_checks import root_diameter
 from jaxgear._app._schema import BY_PATH, GEARS, unit_of
 from jaxgear._app._weighing import Slip, Span, advice, weigh
+from jaxgear._geometry._drawn import involute, transverse_angle
 
 Values = Mapping[str, Any]
 
@@ -147,15 +148,15 @@ def _centres(values: Values, module: float) -> Iterator[Slip]:
     of = f"half the sum of the reference diameters, {reference:.4g}"
     yield from weigh(path, centres, reference, _CENTRES, of)
     helix = math.radians(values.get("pair.helix_angle_deg") or 0.0)
-    angle = math.atan(math.tan(alpha) / math.cos(helix))
+    angle = transverse_angle(alpha, helix)
     shifts = sum(values.get(f"{gear}.profile_shift", 0.0) for gear in GEARS)
     teeth = sum(values[f"{gear}.teeth"] for gear in GEARS)
-    tight = _involute(angle) + 2.0 * shifts * math.tan(alpha) / teeth
+    tight = involute(angle) + 2.0 * shifts * math.tan(alpha) / teeth
     base = reference * math.cos(angle)
     # What lies beyond is refused with the gears.
-    if not base < centres < 2.0 * reference or not 0.0 < tight < _involute(1.0):
+    if not base < centres < 2.0 * reference or not 0.0 < tight < involute(1.0):
         return
-    backlash = 2.0 * centres * (_involute(math.acos(base / centres)) - tight)
+    backlash = 2.0 * centres * (involute(math.acos(base / centres)) - tight)
     if backlash > _BACKLASH * module:
         yield Slip(
             path,
@@ -330,23 +331,19 @@ def _rows(values: Values, table: str, key: str) -> list[str]:
     return found
 
 
-def _involute(angle: float) -> float:
-    return math.tan(angle) - angle
-
-
-def angle_of_involute(involute: float) -> float:
+def angle_of_involute(value: float) -> float:
     """The angle of an involute, by Newton's method, in plain numbers.
 
     **Arguments:**
 
-    - `involute`: of the angle [rad].
+    - `value`: involute of the angle [rad].
 
     **Returns:**
 
     The angle [rad].
     """
     # Convex, and begun above the root: every step stays there.
-    angle = min((3.0 * involute) ** (1.0 / 3.0), 1.5)
+    angle = min((3.0 * value) ** (1.0 / 3.0), 1.5)
     for _ in range(50):
-        angle -= (_involute(angle) - involute) / math.tan(angle) ** 2
+        angle -= (involute(angle) - value) / math.tan(angle) ** 2
     return angle

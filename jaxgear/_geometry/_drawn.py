@@ -96,8 +96,8 @@ def profile_shift_of_span(
     """
     xp = _of(span, module, pressure_angle, helix_angle, thickness_allowance)
     sine, cosine = xp.sin(pressure_angle), xp.cos(pressure_angle)
-    involute = _involute(xp, _transverse(xp, pressure_angle, helix_angle))
-    without_shift = module * cosine * ((spanned - 0.5) * math.pi + teeth * involute)
+    at_reference = involute(transverse_angle(pressure_angle, helix_angle))
+    without_shift = module * cosine * ((spanned - 0.5) * math.pi + teeth * at_reference)
     return (span - without_shift + thickness_allowance * cosine) / (2.0 * module * sine)
 
 
@@ -134,11 +134,11 @@ def profile_shift_of_balls(
     - `ValueError`, of plain numbers, if the centres of the balls would lie within the base circle.
     """
     xp = _of(over_balls, ball, module, pressure_angle, helix_angle, thickness_allowance)
-    angle = _transverse(xp, pressure_angle, helix_angle)
+    angle = transverse_angle(pressure_angle, helix_angle)
     base = teeth * module / xp.cos(helix_angle) * xp.cos(angle)
     centres = (over_balls - ball) / opposite(teeth)
-    at_centre = _involute(xp, xp.acos(base / centres))
-    angular = at_centre - _involute(xp, angle) - ball / (teeth * module * xp.cos(pressure_angle))
+    at_centre = involute(xp.acos(base / centres))
+    angular = at_centre - involute(angle) - ball / (teeth * module * xp.cos(pressure_angle))
     thickness = teeth * angular + math.pi + thickness_allowance / module
     return 0.5 * (thickness - 0.5 * math.pi) / xp.tan(pressure_angle)
 
@@ -157,6 +157,36 @@ def opposite(teeth: int) -> float:
     return math.cos(0.5 * math.pi / teeth) if teeth % 2 else 1.0
 
 
+def transverse_angle(pressure_angle: Real, helix_angle: Real) -> Real:
+    r"""The transverse pressure angle, $\tan\alpha_t = \tan\alpha_n/\cos\beta$.
+
+    **Arguments:**
+
+    - `pressure_angle`: $\alpha_n$ [rad].
+    - `helix_angle`: $\beta$ [rad].
+
+    **Returns:**
+
+    $\alpha_t$ [rad].
+    """
+    xp = _of(pressure_angle, helix_angle)
+    return xp.atan(xp.tan(pressure_angle) / xp.cos(helix_angle))
+
+
+def involute(angle: Real) -> Real:
+    r"""The involute function, $\mathrm{inv}\,\alpha = \tan\alpha - \alpha$.
+
+    **Arguments:**
+
+    - `angle`: $\alpha$ [rad].
+
+    **Returns:**
+
+    Its involute [rad].
+    """
+    return _of(angle).tan(angle) - angle
+
+
 def _of(*numbers: Real) -> Any:
     """Functions for these numbers: those of JAX where one is an array."""
     if all(isinstance(number, int | float) for number in numbers):
@@ -164,11 +194,3 @@ def _of(*numbers: Real) -> Any:
     import jax.numpy as jnp
 
     return jnp
-
-
-def _transverse(xp: Any, pressure_angle: Real, helix_angle: Real) -> Real:
-    return xp.atan(xp.tan(pressure_angle) / xp.cos(helix_angle))
-
-
-def _involute(xp: Any, angle: Real) -> Real:
-    return xp.tan(angle) - angle
