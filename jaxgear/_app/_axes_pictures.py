@@ -133,17 +133,17 @@ def _draw_action(panel: Axes, arrows: Mapping[str, Any], size: float) -> None:
     place, along = (each[:2] for each in arrows["path of contact"])
     line = np.stack([place - 0.75 * size * along, place + 0.75 * size * along])
     panel.plot(*line.T, color=_GREEN, lw=1.0, ls=(0, (6, 2)), zorder=3)
-    for name, colour, aside in zip(BODIES, _COLOURS, (-1, 1), strict=True):
+    # Both at the right of their arrows, where there is room however small the pinion is.
+    for name, colour, height in zip(BODIES, _COLOURS, ("top", "center"), strict=True):
         towards = arrows[f"force on the {name}"][1][:2]
         end = _arrow(panel, place, 0.55 * size * towards / np.hypot(*towards), colour, lw=2.2)
         panel.annotate(
             f"force on the {name}",
             tuple(end),
-            xytext=(6 * aside, 0),
+            xytext=(6, 0),
             textcoords="offset points",
             color=colour,
-            ha="left" if aside > 0 else "right",
-            va="center",
+            va=height,
             bbox=_BOX,
             zorder=6,
         )
