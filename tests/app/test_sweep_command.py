@@ -275,8 +275,10 @@ def test_without_speeds_the_lines_to_add_are_given(folder, capsys):
 _THIN = (
     tiny_scene(modes=4, gear_at=20.0)
     + """[flank.pinion]
-tip_relief = { depth_um = 10.0, extent = 0.25 }
+tip_relief = { depth_um = 35.0, extent = 0.25 }
 crowning_um = 5.0
+[flank.wheel]
+tip_relief = { depth_um = 35.0, extent = 0.25 }
 [mesh]
 stiffness = "constant"
 stiffness_N_mm_um = 14.0
@@ -321,10 +323,12 @@ def test_a_condensed_wheel_from_its_drawing_to_its_waves(folder, capsys, monkeyp
     with xr.open_dataset(out / "sweep" / "result.nc", group="waves") as dataset:
         load = dataset["max_line_load_N_mm"].values[0]
         pressure = dataset["max_pressure_MPa"].values[0]
-    # Slowly it is the quasi-static cycle, as far as five harmonics show it.
+    # Slowly it is the quasi-static cycle where relief lets each tooth take its load by degrees.
+    # Without relief it is not at any speed: the motion goes on through the instant of entry, and
+    # the tooth that enters meets it whole.
     static = summary["static"]
-    assert load[0] == pytest.approx(static["max_line_load_N_mm"], rel=0.08)
-    assert pressure[0] == pytest.approx(static["max_pressure_MPa"], rel=0.08)
+    assert load[0] == pytest.approx(static["max_line_load_N_mm"], rel=0.01)
+    assert pressure[0] == pytest.approx(static["max_pressure_MPa"], rel=0.01)
     assert waves["flank"]["max_line_load_N_mm"] == pytest.approx(load.max())
     for name in ("flank_pressure", "flank_loads", "wheel_waves", "wheel_spectra", "sweep"):
         assert (out / "sweep" / f"{name}.png").stat().st_size > 0
