@@ -19,13 +19,14 @@ DEMO_OUT := $(DEMO)/results/accessory
 
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: help demo test types suite test-slow test-faults bench clean
+.PHONY: help demo test types suite test-slow test-faults golden-check golden-record bench clean
 
 help:
 	@echo 'make demo         a gear pair from scene to pictures, in $(DEMO)/'
 	@echo 'make test         format, lint, types, tests'
 	@echo 'make test-slow    the tests that take minutes'
 	@echo 'make test-faults  plants faults in the sources, and sees whether the tests catch them'
+	@echo 'make golden-check compares what commands write with what was recorded (golden-record)'
 	@echo 'make bench        timings'
 	@echo 'make clean        remove all that the others made'
 
@@ -60,6 +61,10 @@ test-slow: $(VENV)/.installed-dev
 # Slow: every fault is a run of its own. One by one: `python tests/planted_faults.py --help`.
 test-faults: $(VENV)/.installed-dev
 	$(BIN)/python tests/planted_faults.py --jobs 2
+
+# Numbers to 1e-12, texts and pictures to the character: for changes that should change nothing.
+golden-check golden-record: $(VENV)/.installed-dev
+	$(BIN)/python tests/golden $(@:golden-%=%)
 
 bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/bench.py
