@@ -59,7 +59,7 @@ def _watch(module):
     name = module.__name__
     if name == "jax._src.monitoring":
         module.register_event_duration_secs_listener(_event)
-    if not name.startswith("jaxgear._app."):
+    if not name.startswith(("jaxgear.study.", "jaxgear.plot.", "jaxgear._cli.")):
         return
     for key, value in list(vars(module).items()):
         if getattr(value, "__module__", None) != name or not hasattr(value, "__code__"):
@@ -102,7 +102,7 @@ def _main():
         if kind == "python":
             runpy.run_path(arguments[0], run_name="__main__")
         else:
-            from jaxgear._app._cli import main
+            from jaxgear._cli._main import main
 
             code = main(arguments)
     except SystemExit as stop:

@@ -256,7 +256,7 @@ def _prepare(rig: Rig, scene: str) -> None:
 
 def _ready() -> list[str]:
     """Names of the ready scenes."""
-    return sorted(path.stem for path in (_HERE.parent / "jaxgear/_app/scenes").glob("*.toml"))
+    return sorted(path.stem for path in (_HERE.parent / "jaxgear/scene/scenes").glob("*.toml"))
 
 
 def _parts(everything: bool) -> dict[str, Callable[[Rig], list[dict[str, Any]]]]:

@@ -50,26 +50,25 @@ class Task(NamedTuple):
 
 def task(name: str, settings: Sequence[str]) -> Task:
     """The search of a ready scene with some settings, compiled."""
-    from jaxgear._app._design import design_space, prepared_mesh
-    from jaxgear._app._scene import ready_scene
-    from jaxgear._app._search import require_acting, search_of
-    from jaxgear._app._statics import Stopwatch, solve_statics
-    from jaxgear._app._with_bodies import with_bodies
+    from jaxgear.scene._scene import ready_scene
+    from jaxgear.scene._with_bodies import with_bodies
+    from jaxgear.study._design import design_space, prepared_mesh
+    from jaxgear.study._search import require_acting, search_of
+    from jaxgear.study._statics import solve_statics
 
-    watch = Stopwatch()
     # The thesis's foundation, on which searches have been measured from the first.
     scene = ready_scene(name, ("mesh.foundation=weber", *settings))
     if scene.condensed:
         scene = with_bodies(scene)
-    statics = solve_statics(scene, watch)
+    statics = solve_statics(scene)
     space = design_space(
         scene,
         tuple(scene["optimise.vary"]),
         symmetric=scene["optimise.symmetric"],
         deflection=float(statics.numbers["single_pair_deflection_um"]),
     )
-    prepared = prepared_mesh(space, statics.grid, watch)
-    search = search_of(space, statics.grid, prepared, watch)
+    prepared = prepared_mesh(space, statics.grid)
+    search = search_of(space, statics.grid, prepared)
     start = time.perf_counter()
     require_acting(search, space)
     return Task(search, space, time.perf_counter() - start)

@@ -71,11 +71,10 @@ def _case(phases: int, slices: int, count: int, settings: list[str]):
 
     import jaxgear as jg
     import optimise
-    from jaxgear._app._design import design_space, prepared_mesh
-    from jaxgear._app._model import smooth_law_of
-    from jaxgear._app._robust import members_of
-    from jaxgear._app._scatter import scatter_of
-    from jaxgear._app._statics import Stopwatch
+    from jaxgear.scene._build import smooth_law_of
+    from jaxgear.study._design import design_space, prepared_mesh
+    from jaxgear.study._robust import members_of
+    from jaxgear.study._scatter import scatter_of
 
     scene = jg.ready_scene(
         "accessory", [f"mesh.phases={phases}", f"mesh.slices={slices}", *settings]
@@ -84,7 +83,7 @@ def _case(phases: int, slices: int, count: int, settings: list[str]):
     space = design_space(scene, vary, symmetric=True, deflection=10.0)
     scatter = scatter_of(space, space.base.pair, np.arange(1))
     grid = jg.grid_of(scene, space.base)
-    prepared = prepared_mesh(space, grid, Stopwatch())
+    prepared = prepared_mesh(space, grid)
     start = time.perf_counter()
     members = members_of(scatter, optimise.scattered(scatter.quantities, count), grid, prepared)
     return scatter, grid, smooth_law_of(scene), members, time.perf_counter() - start
@@ -94,7 +93,7 @@ def _one(phases: int, slices: int, count: int, settings: list[str]) -> dict[str,
     import jax.numpy as jnp
 
     import optimise
-    from jaxgear._app._robust import judge_of
+    from jaxgear.study._robust import judge_of
 
     scatter, grid, law, members, preparing = _case(phases, slices, count, settings)
     judge = judge_of(scatter, grid, law)
@@ -129,7 +128,7 @@ def _batched(size: int) -> float:
     import numpy as np
 
     import optimise
-    from jaxgear._app._robust import judge_of
+    from jaxgear.study._robust import judge_of
 
     scatter, grid, law, members, _ = _case(64, 20, 256, _SCATTER)
     judge = judge_of(scatter, grid, law)

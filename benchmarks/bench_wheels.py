@@ -86,7 +86,7 @@ def maker_of(coordinates: int, steps: int, mesh: int):
     from bench_hybrid import with_relief
 
     import jaxgear as jg
-    from jaxgear._app._dynamics import dynamic_grid_of, dynamics_of
+    from jaxgear.study._dynamics import dynamic_grid_of, dynamics_of
 
     scene = scene_of(coordinates)
     scene = scene.replace({"sweep.steps": steps, "model.mesh_coordinates": mesh})
@@ -355,8 +355,8 @@ def gradient(*, quick: bool) -> dict[str, Any]:
     from bench_hybrid import with_relief
 
     import jaxgear as jg
-    from jaxgear._app._dynamics import dynamic_grid_of, dynamics_of
     from jaxgear._dynamics._sweep import steady_states
+    from jaxgear.study._dynamics import dynamic_grid_of, dynamics_of
 
     scene = scene_of(100)
     model = jg.model_of(scene)

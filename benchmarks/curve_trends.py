@@ -22,13 +22,13 @@ import numpy as np
 
 import jaxgear as jg
 import optimise
-from jaxgear._app._curve_pictures import several_curves
-from jaxgear._app._folder import Folder
-from jaxgear._app._mesh_bodies import with_bodies
-from jaxgear._app._model import grid_of, model_of
-from jaxgear._app._saving import save
-from jaxgear._app._scene import Scene, ready_scene
+from jaxgear._cli._folder import Folder
+from jaxgear._cli._saving import save
 from jaxgear._contact._cells import nominal_line_load
+from jaxgear.plot._curve_pictures import several_curves
+from jaxgear.scene._build import grid_of, model_of
+from jaxgear.scene._mesh_bodies import with_bodies
+from jaxgear.scene._scene import Scene, ready_scene
 
 um = 1e-6
 COARSE = ("mesh.slices=10", "mesh.phases=32")

@@ -27,10 +27,10 @@ import numpy as np
 
 import jaxgear as jg
 import optimise
-from jaxgear._app._dynamics import damping_of, dynamic_grid_of
-from jaxgear._app._mesh_bodies import with_bodies
-from jaxgear._app._model import model_of
-from jaxgear._app._scene import ready_scene
+from jaxgear.scene._build import model_of
+from jaxgear.scene._mesh_bodies import with_bodies
+from jaxgear.scene._scene import ready_scene
+from jaxgear.study._dynamics import damping_of, dynamic_grid_of
 
 um, mm, MPa = 1e-6, 1e-3, 1e6
 SPEED = 3000.0

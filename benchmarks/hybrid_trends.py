@@ -30,10 +30,6 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxgear as jg
-from jaxgear._app._mesh_bodies import with_bodies
-from jaxgear._app._model import grid_of, model_of
-from jaxgear._app._scene import Scene, ready_scene
-from jaxgear._app._statics import headline
 from jaxgear._response._factors import face_load
 from jaxgear._response._loads import hertz_pressure, line_load
 from jaxgear._response._transmission import cycle_rms, transmission_error
@@ -41,6 +37,10 @@ from jaxgear._solve._cycle import MeshCycle, corrected_cycle, mesh_cycle, prepar
 from jaxgear._system._flexible import teeth_on_lines
 from jaxgear._system._model import PairModel
 from jaxgear._system._structure import bearing_motion
+from jaxgear.scene._build import grid_of, model_of
+from jaxgear.scene._mesh_bodies import with_bodies
+from jaxgear.scene._scene import Scene, ready_scene
+from jaxgear.study._statics import headline
 
 um, mm, MPa, deg = 1e-6, 1e-3, 1e6, math.pi / 180.0
 # Of a rigid body, and of a rigid shaft of beams: times steel's.

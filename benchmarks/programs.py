@@ -187,7 +187,7 @@ def main() -> None:
         others += ["--out", tempfile.mkdtemp()]
     command = [options.command, options.scene, "--quiet", *others]
     start = time.process_time()
-    from jaxgear._app._cli import main as jaxgear
+    from jaxgear._cli._main import main as jaxgear
 
     print(f"importing {time.process_time() - start:.2f} s of processors")
     runs = [command] + ([[*command, "--set", options.again]] if options.again else [])

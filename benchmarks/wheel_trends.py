@@ -33,12 +33,6 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxgear as jg
-from jaxgear._app._body_waves import MovingBody, probe_at
-from jaxgear._app._dynamics import dynamic_grid_of, dynamics_of
-from jaxgear._app._mesh_bodies import with_bodies
-from jaxgear._app._model import model_of
-from jaxgear._app._scene import Scene, ready_scene
-from jaxgear._app._schema import GEARS
 from jaxgear._dynamics._campbell import (
     CriticalSpeed,
     critical_crossings,
@@ -64,6 +58,12 @@ from jaxgear._response._waves import (
 from jaxgear._system._model import PairModel
 from jaxgear._system._shaft import Shaft, node_heights
 from jaxgear._system._structure import RigidBody
+from jaxgear.scene._build import model_of
+from jaxgear.scene._mesh_bodies import with_bodies
+from jaxgear.scene._scene import Scene, ready_scene
+from jaxgear.scene._schema import GEARS
+from jaxgear.study._body_waves import MovingBody, probe_at
+from jaxgear.study._dynamics import dynamic_grid_of, dynamics_of
 
 # Slices, time steps and modes that tell trends.
 COARSE = ("mesh.slices=10", "sweep.steps=64", "sweep.pinion_speed_rad_s=[1000.0]")

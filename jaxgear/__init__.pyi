@@ -240,11 +240,11 @@ from ._response._transmission import peak_to_peak as peak_to_peak
 from ._response._transmission import smooth_peak_to_peak as smooth_peak_to_peak
 from ._response._transmission import transmission_error as transmission_error
 
-from ._app._model import grid_of as grid_of
-from ._app._model import law_of as law_of
-from ._app._model import model_of as model_of
-from ._app._scene import Scene as Scene
-from ._app._scene import SceneError as SceneError
-from ._app._scene import read_scene as read_scene
-from ._app._scene import ready_scene as ready_scene
-from ._app._with_bodies import with_bodies as with_bodies
+from .scene._build import grid_of as grid_of
+from .scene._build import law_of as law_of
+from .scene._build import model_of as model_of
+from .scene._scene import Scene as Scene
+from .scene._scene import SceneError as SceneError
+from .scene._scene import read_scene as read_scene
+from .scene._scene import ready_scene as ready_scene
+from .scene._with_bodies import with_bodies as with_bodies

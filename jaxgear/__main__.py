@@ -6,7 +6,7 @@ import sys
 def main() -> int:
     """Run the command line; an interruption is one line, even while it is being imported."""
     try:
-        from jaxgear._app import _cli
+        from jaxgear._cli import _main as _cli
 
         return _cli.main()
     except KeyboardInterrupt:

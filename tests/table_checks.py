@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from jaxgear._app._schema import KEYS, general
+from jaxgear.scene._schema import KEYS, general
 
 # Units as they stand at the end of names.
 _UNITS = (

@@ -30,6 +30,8 @@ STAGES = (
     "_types",
     "_checks",
     "_program_cache",
+    "_whole_file",
+    "_kept_programs",
     "_compiled",
     "_smooth",
     "_geometry",
@@ -40,9 +42,13 @@ STAGES = (
     "_solve",
     "_dynamics",
     "_response",
-    "_app",
+    "scene",
+    "study",
+    "plot",
+    "_cli",
 )
-APP = STAGES[-1]
+# What stands on the stages: scenes, studies of them, pictures, the command line.
+LAYERS = ("scene", "study", "plot", "_cli")
 
 # The same for the files of `fem_prep`, which knows neither JAX nor `jaxgear`.
 BODY_STAGES = (
@@ -78,11 +84,11 @@ BODY_STAGES = (
     "_op4",
     "_imports",
 )
-SCENE_FILES = ("_scene", "_model", "_with_bodies")
+SCENE_FILES = ("_scene", "_build", "_with_bodies")
 
 # The places that set a process up, of the command line and where a user asks for it: only these
 # may touch JAX's configuration.
-CONFIGURE = (PurePosixPath("jaxgear/_app/_cli.py"), PurePosixPath("jaxgear/_program_cache.py"))
+CONFIGURE = (PurePosixPath("jaxgear/_cli/_main.py"), PurePosixPath("jaxgear/_program_cache.py"))
 
 _SI = {"m", "s", "kg", "N", "Pa", "J", "W", "Hz", "rad", "K"}
 # At the door to the user a number may still be in the unit of the file.
@@ -190,7 +196,7 @@ def _methods(node: ast.ClassDef) -> dict[str, ast.FunctionDef]:
 
 
 def faults_of_flow(sources: Iterable[Source]) -> Iterator[str]:
-    """A stage imports only from itself and from stages above; only `_app` sees everything."""
+    """A stage imports only from itself and from stages above; only layers see other packages."""
     for source in sources:
         if source.path.parts[0] != "jaxgear":
             continue
@@ -202,10 +208,13 @@ def faults_of_flow(sources: Iterable[Source]) -> Iterator[str]:
             continue
         for found in _imports(source):
             package, *names = found.parts
-            if source.stage == APP or package not in PACKAGES:
+            if package not in PACKAGES:
                 continue
             if package != "jaxgear":
-                yield f"{source.at(found.node)}: only `{APP}` may import {found.name}"
+                if source.stage not in LAYERS:
+                    yield f"{source.at(found.node)}: only layers may import {found.name}"
+            elif not names and source.stage in LAYERS:
+                continue
             elif not names or names[0] not in STAGES:
                 yield f"{source.at(found.node)}: a stage imports from stages, not {found.name}"
             elif STAGES.index(names[0]) > STAGES.index(source.stage):
@@ -232,9 +241,9 @@ def faults_of_body_flow(sources: Iterable[Source]) -> Iterator[str]:
 
 
 def _faults_of_door(source: Source) -> Iterator[str]:
-    """The stub of `__init__` names all in the order of the flow, `__main__` opens `_app`.
+    """The stub of `__init__` names all in the order of the flow, `__main__` opens `_cli`.
 
-    Of `_app`, `__init__` shows only how a scene file is read and becomes a model.
+    Of the layers, `__init__` shows only how a scene file is read and becomes a model.
     """
     latest = 0
     for found in _imports(source):
@@ -242,9 +251,10 @@ def _faults_of_door(source: Source) -> Iterator[str]:
         if package not in PACKAGES:
             continue
         is_stage = package == "jaxgear" and bool(names) and names[0] in STAGES
-        is_scene = names[:1] == [APP] and names[1:2] and names[1] in SCENE_FILES
-        in_app = names[:1] == [APP] and not (is_scene and source.stage == "__init__")
-        if not is_stage or in_app != (source.stage == "__main__"):
+        in_layer = bool(names) and names[0] in LAYERS
+        is_scene = names[:1] == ["scene"] and names[1:2] and names[1] in SCENE_FILES
+        is_door = names[:1] == ["_cli"] if source.stage == "__main__" else not in_layer or is_scene
+        if not is_stage or not is_door:
             yield f"{source.at(found.node)}: `{source.stage}` may not import {found.name}"
         elif STAGES.index(names[0]) < latest:
             yield f"{source.at(found.node)}: {found.name} stands below a later stage"
@@ -361,7 +371,7 @@ def _documented_fields(docstring: str) -> dict[str, str]:
 
 
 def _names_unit(description: str, source: Source) -> bool:
-    allowed = _DOOR if source.path.parts[:2] == ("jaxgear", APP) else _SI
+    allowed = _DOOR if source.stage in LAYERS else _SI
     for text in re.findall(r"\[([^\[\]]+)\]", description):
         symbols = re.findall(r"[^\W\d_]+", text)
         if text == "-" or (symbols and allowed.issuperset(symbols)):
@@ -510,10 +520,11 @@ def test_every_module_carries_the_shape_checks(modules):
         assert loader.__module__.partition(".")[0] == jaxtyping.__name__, f"{module}: {loader}"
 
 
-@pytest.mark.parametrize("name", PACKAGES)
+@pytest.mark.parametrize("name", [*PACKAGES, "jaxgear.scene", "jaxgear.study", "jaxgear.plot"])
 def test_every_public_name_is_there_when_asked_for(name):
     package = importlib.import_module(name)
-    (stub,) = (x for x in read_sources(ROOT, name) if x.path.name == "__init__.pyi")
+    stub_path = name.replace(".", "/") + "/__init__.pyi"
+    (stub,) = (x for x in read_sources(ROOT, name.split(".")[0]) if str(x.path) == stub_path)
     listed = [found.parts[-1] for found in _imports(stub)]
     assert len(set(listed)) == len(listed)
     assert sorted(listed) == package.__all__ == dir(package)
@@ -583,13 +594,17 @@ def test_sources_are_read_from_disc(tmp_path):
         ("jaxgear/_geometry/_pair.py", "def f():\n    from .._solve import solve"),
         ("jaxgear/_geometry/_pair.py", "if TYPE_CHECKING:\n    from .._solve import Solution"),
         ("jaxgear/_checks.py", "from ._geometry import GearPair"),
-        ("jaxgear/_response/_te.py", "from jaxgear._app._scene import Scene"),
+        ("jaxgear/_response/_te.py", "from jaxgear.scene._scene import Scene"),
         ("jaxgear/_geometry/_pair.py", "import jaxgear"),
         ("jaxgear/_geometry/_pair.py", "from jaxgear import GearPair"),
         ("jaxgear/_geometry/_pair.py", "from optimise import minimise"),
         ("jaxgear/_geometry/_pair.py", "import fem_prep"),
         ("jaxgear/_geomtry.py", "x = 1"),
-        ("jaxgear/__init__.pyi", "from ._app._cli import main"),
+        ("jaxgear/study/_run.py", "from jaxgear.plot._pictures import sweep"),
+        ("jaxgear/study/_run.py", "from jaxgear import plot"),
+        ("jaxgear/scene/_build.py", "from jaxgear.study import statics"),
+        ("jaxgear/plot/_pictures.py", "from jaxgear._cli._folder import Folder"),
+        ("jaxgear/__init__.pyi", "from ._cli._main import main"),
         ("jaxgear/__init__.pyi", "from optimise import minimise"),
         (
             "jaxgear/__init__.pyi",
@@ -607,9 +622,10 @@ def test_upstream_import_is_found(path, text):
     [
         ("jaxgear/_geometry/_pair.py", "from .._types import Scalar\nfrom ._gear import Gear"),
         ("jaxgear/_geometry/_pair.py", "import jax\nfrom jaxgear._geometry import _gear"),
-        ("jaxgear/_app/_run.py", "import jaxgear as jg, optimise\nfrom .._solve import solve"),
+        ("jaxgear/study/_run.py", "import jaxgear as jg, optimise\nfrom .._solve import solve"),
+        ("jaxgear/_cli/_run.py", "from jaxgear import plot\nfrom jaxgear.study._run import run"),
         ("jaxgear/__init__.pyi", "from ._geometry import Gear as Gear\nfrom ._solve import s as s"),
-        ("jaxgear/__main__.py", "import sys\nfrom jaxgear._app._cli import main"),
+        ("jaxgear/__main__.py", "import sys\nfrom jaxgear._cli._main import main"),
     ],
 )
 def test_downstream_flow_is_allowed(path, text):
@@ -659,7 +675,7 @@ def test_import_of_all_names_at_once_is_found(package):
     text = "import lazy_loader\nfrom ._grid import Grid as Grid"
     assert len(_faults(faults_of_doors, f"{package}/__init__.py", text)) == 1
     assert not _faults(faults_of_doors, f"{package}/__init__.pyi", text)
-    assert not _faults(faults_of_doors, f"{package}/_app/__init__.py", text)
+    assert not _faults(faults_of_doors, f"{package}/_cli/__init__.py", text)
 
 
 def test_public_import_is_allowed():
@@ -738,7 +754,7 @@ def test_missing_or_foreign_unit_is_found(unit):
 
 
 def test_unit_of_the_file_is_allowed_at_the_door_only():
-    assert not _faults(faults_of_fields, "jaxgear/_app/_scene.py", _CROWN.format(unit="[mm]"))
+    assert not _faults(faults_of_fields, "jaxgear/scene/_scene.py", _CROWN.format(unit="[mm]"))
 
 
 def test_undocumented_field_is_found():
@@ -832,7 +848,7 @@ def test_array_made_at_import_is_found():
 )
 def test_changed_configuration_is_found(text):
     assert len(_faults(faults_of_globals, "jaxgear/_solve.py", text)) == 1
-    assert len(_faults(faults_of_globals, "jaxgear/_app/_program_cache.py", text)) == 1
+    assert len(_faults(faults_of_globals, "jaxgear/_cli/_program_cache.py", text)) == 1
     assert not any(_faults(faults_of_globals, str(path), text) for path in CONFIGURE)
 
 

@@ -14,12 +14,12 @@ from dynamics import cases
 import jaxgear as jg
 import optimise
 from jaxgear import um
-from jaxgear._app._design import design_space, judged_speeds, objective_of, task_of
-from jaxgear._app._evaluations import objective_at
-from jaxgear._app._model import grid_of, model_of
-from jaxgear._app._scene import ready_scene
 from jaxgear._checks import InputError
 from jaxgear._interface._laws import ExactContact
+from jaxgear.scene._build import grid_of, model_of
+from jaxgear.scene._scene import ready_scene
+from jaxgear.study._design import design_space, judged_speeds, objective_of, task_of
+from jaxgear.study._evaluations import objective_at
 
 # The mesh mode of the torsional pair is near 1200 rad/s.
 _SPEEDS = np.array([500.0, 800.0, 1500.0, 2000.0])

@@ -55,8 +55,8 @@ def test_wheel_holds_the_packages_and_nothing_else(wheel):
 
 
 def test_wheel_holds_the_scenes(wheel):
-    scenes = {name for name in wheel if name.startswith("jaxgear/_app/scenes/")}
-    assert "jaxgear/_app/scenes/accessory.toml" in scenes
+    scenes = {name for name in wheel if name.startswith("jaxgear/scene/scenes/")}
+    assert "jaxgear/scene/scenes/accessory.toml" in scenes
     for scene in scenes:
         tomllib.loads(wheel[scene].decode())
 

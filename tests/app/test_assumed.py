@@ -4,10 +4,10 @@ import math
 
 import pytest
 
-from jaxgear._app._assumed import assumed
-from jaxgear._app._model import pair_of
-from jaxgear._app._scene import read_scene, write_scene
 from jaxgear._checks import InputError
+from jaxgear.scene._assumed import assumed
+from jaxgear.scene._build import pair_of
+from jaxgear.scene._scene import read_scene, write_scene
 
 _KEYS = ("pinion.fillet_radius_coeff", "wheel.fillet_radius_coeff")
 

@@ -7,8 +7,8 @@ from helpers import assert_close
 
 import jaxgear as jg
 from jaxgear import mm
-from jaxgear._app._axes_pictures import axes
-from jaxgear._app._axes_tables import axes_columns
+from jaxgear.plot._axes_pictures import axes
+from jaxgear.plot._axes_tables import axes_columns
 
 
 def _arrows(pair):

@@ -5,18 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from jaxgear._app import _campbell_pictures as pictures
-from jaxgear._app import _campbell_tables as tables
-from jaxgear._app._dynamics import modes_shown
-from jaxgear._app._scene import read_scene
-from jaxgear._app._turning import (
-    BodyWaves,
-    alone_rows,
-    require_retained,
-    turning_dataset,
-    wave_variables,
-    waves_summary,
-)
 from jaxgear._checks import InputError
 from jaxgear._dynamics._bodies import BodyPlace
 from jaxgear._dynamics._campbell import (
@@ -26,6 +14,18 @@ from jaxgear._dynamics._campbell import (
     critical_crossings,
 )
 from jaxgear._dynamics._system import PairDynamics
+from jaxgear.plot import _campbell_pictures as pictures
+from jaxgear.plot import _campbell_tables as tables
+from jaxgear.scene._scene import read_scene
+from jaxgear.study._dynamics import modes_shown
+from jaxgear.study._turning import (
+    BodyWaves,
+    alone_rows,
+    require_retained,
+    turning_dataset,
+    wave_variables,
+    waves_summary,
+)
 
 _TEETH = 20, 40
 # On the wheel: an umbrella, and both waves of two nodal diameters.

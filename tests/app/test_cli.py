@@ -15,13 +15,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxgear import _app
+import jaxgear._cli as cli_package
 from jaxgear.__main__ import main as door
-from jaxgear._app import _cli
-from jaxgear._app._cli import main, print_summary
-from jaxgear._app._scene import read_scene
-from jaxgear._app._statics import SolverFailure
 from jaxgear._checks import InputError
+from jaxgear._cli._main import main, print_summary
+from jaxgear.scene._scene import READY, read_scene
+from jaxgear.study._statics import SolverFailure
 
 _SUMMARY = {
     "name": "accessory",
@@ -34,12 +33,12 @@ _SUMMARY = {
 @pytest.fixture
 def commands(monkeypatch):
     """Commands that compute nothing; a test may replace one. Notes every call."""
-    stub: Any = types.ModuleType("jaxgear._app._commands")
+    stub: Any = types.ModuleType("jaxgear._cli._commands")
     calls = []
 
     def noted(name):
-        def command(scene, folder, quiet):
-            calls.append((name, scene, folder, quiet, jnp.asarray(0.5).dtype))
+        def command(scene, folder):
+            calls.append((name, scene, folder, jnp.asarray(0.5).dtype))
             return _SUMMARY
 
         return command
@@ -47,7 +46,7 @@ def commands(monkeypatch):
     stub.COMMANDS = {name: noted(name) for name in ("run", "map", "optimise", "check-grad")}
     stub.calls = calls
     monkeypatch.setitem(sys.modules, stub.__name__, stub)
-    monkeypatch.setattr(_app, "_commands", stub, raising=False)
+    monkeypatch.setattr(cli_package, "_commands", stub, raising=False)
     return stub
 
 
@@ -60,7 +59,7 @@ def scene(tmp_path, monkeypatch):
 
 
 def _raise(error):
-    def command(scene, folder, quiet):
+    def command(scene, folder):
         raise error
 
     return command
@@ -70,7 +69,7 @@ def _raise(error):
 def test_init_writes_a_scene_that_reads(tmp_path, monkeypatch, capsys, name):
     monkeypatch.chdir(tmp_path)
     assert main(["init", name]) == 0
-    ready = Path(_cli.__file__).parent / "scenes" / f"{name}.toml"
+    ready = READY / f"{name}.toml"
     assert Path(f"{name}.toml").read_text() == ready.read_text()
     cite = str(read_scene(f"{name}.toml")["cite"])
     assert cite.startswith("Guilbert 2017, Tab. III-")
@@ -107,7 +106,7 @@ def test_init_takes_changes_and_a_folder(tmp_path, capsys):
 @pytest.mark.parametrize("command", ["run", "map", "optimise", "check-grad"])
 def test_a_command_gets_the_scene_the_folder_and_64_bits(scene, commands, command, capsys):
     assert main([command, str(scene), "--set", "mesh.slices=3"]) == 0
-    ((name, given, folder, quiet, precision),) = commands.calls
+    ((name, given, folder, precision),) = commands.calls
     assert name == command
     assert given["mesh.slices"] == 3
     own = Path("results/accessory") / ("" if command == "run" else command)
@@ -115,7 +114,6 @@ def test_a_command_gets_the_scene_the_folder_and_64_bits(scene, commands, comman
     assert own.is_dir()
     assert folder.kept("memo") == Path("results/accessory/memo")
     assert folder.pictures
-    assert quiet is False
     assert precision == "float64"
     output = capsys.readouterr()
     assert "centre_distance_mm (a_w)  99.4503" in output.out
@@ -154,7 +152,6 @@ def test_quiet_prints_nothing_but_the_json_asked_for(scene, commands, capsys):
     assert main(["run", str(scene), "--quiet"]) == 0
     output = capsys.readouterr()
     assert (output.out, output.err) == ("", "")
-    assert commands.calls[0][3] is True
     assert main(["run", str(scene), "--quiet", "--json"]) == 0
     output = capsys.readouterr()
     assert json.loads(output.out) == _SUMMARY
@@ -302,7 +299,7 @@ def test_without_standard_output_nothing_is_lost(scene, commands, monkeypatch):
 
 def test_an_interruption_of_the_imports_is_one_line_and_130(monkeypatch, capsys):
     def interrupted(name, *given):
-        if name.startswith("jaxgear._app"):
+        if name.startswith("jaxgear._cli"):
             raise KeyboardInterrupt
         return usual(name, *given)
 
@@ -357,7 +354,7 @@ def test_what_is_answered_at_once_imports_nothing_that_computes(scene):
     Path("broken.toml").write_text(scene.read_text().replace("teeth = 45", "tooth = 45"))
     code = """
 import sys
-from jaxgear._app._cli import main
+from jaxgear._cli._main import main
 lines = (["--help"], ["--version"], ["init", "power"], ["run", "broken.toml"], ["cache"])
 lines += (["init", "--pair", "23", "64", "--module", "2"],)
 codes = [main(line) for line in lines]
@@ -371,7 +368,7 @@ print(codes, [name for name in heavy if name in sys.modules], file=sys.stderr)
 def test_commands_import_no_library_before_they_use_it():
     code = """
 import sys
-import jaxgear._app._commands
+import jaxgear._cli._commands
 late = ("diffrax", "optax", "skfem", "meshio", "scipy.linalg", "scipy.optimize", "scipy.signal")
 late += ("scipy.sparse", "scipy.spatial", "scipy.special", "scipy.stats")
 print([name for name in late if name in sys.modules])
@@ -428,7 +425,7 @@ def test_summary_is_indented_and_short(capsys):
 
 @pytest.mark.parametrize("arguments", [["init", "accessory"], ["--help"]])
 def test_a_reader_that_leaves_early_is_no_failure(tmp_path, arguments):
-    environment = {**os.environ, "PYTHONPATH": str(Path(_cli.__file__).parents[2])}
+    environment = {**os.environ, "PYTHONPATH": str(Path(cli_package.__file__).parents[2])}
     # Without a buffer there would be nothing left for Python to flush at its exit.
     environment.pop("PYTHONUNBUFFERED", None)
     command = [sys.executable, "-m", "jaxgear", *arguments]

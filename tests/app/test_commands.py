@@ -10,10 +10,10 @@ import tomlkit
 import xarray as xr
 from table_checks import assert_tables
 
-from jaxgear._app._cli import main
-from jaxgear._app._scene import read_scene, ready_scene
-from jaxgear._app._schema import GEARS
-from jaxgear._app._statics import Stopwatch, mounts_summary, solve_statics
+from jaxgear._cli._main import main
+from jaxgear.scene._scene import read_scene, ready_scene
+from jaxgear.scene._schema import GEARS
+from jaxgear.study._statics import mounts_summary, solve_statics
 
 _COARSE = ("--set", "mesh.phases=24", "--set", "mesh.slices=4", "--quiet", "--json")
 
@@ -94,7 +94,7 @@ def _assert_bearings_of_the_thesis(bearings: list[dict]) -> None:
 def test_bearing_loads_of_the_power_pair():
     """Tab. III-6 and III-7: totals within 0.1 %; the split follows from the shafts chosen."""
     thesis = ("mesh.phases=16", "mesh.foundation=weber")
-    statics = solve_statics(ready_scene("power", thesis), Stopwatch())
+    statics = solve_statics(ready_scene("power", thesis))
     rows = mounts_summary(statics)["bearings"]
     load = np.asarray([[row["load_N"][axis] for axis in "STZ"] for row in rows])
     assert load[:2].sum(axis=0)[:2] == pytest.approx([-3444.5, -6829.5], rel=1e-3)
@@ -375,7 +375,7 @@ def test_hard_scenes_are_solved(settings, tmp_path):
         scene = read_scene(path, (*coarse, *(s for s in settings if s != _FREE)))
     else:
         scene = ready_scene("accessory", (*coarse, *settings))
-    statics = solve_statics(scene, Stopwatch())
+    statics = solve_statics(scene)
     pair = statics.model.pair
     expected = statics.model.torque / (pair.base_radius[0] * np.cos(pair.base_helix_angle))
     numbers = {name: float(value) for name, value in statics.numbers.items()}

@@ -17,8 +17,17 @@ from tiny_cases import tiny_scene
 
 import jaxgear as jg
 from fem_prep._artefact import rigid_motions
-from jaxgear._app import _compare_bodies as bodies
-from jaxgear._app._compare import (
+from jaxgear._cli._folder import Folder
+from jaxgear._dynamics._harmonic import HarmonicBalance
+from jaxgear._dynamics._march import Marching
+from jaxgear._dynamics._shooting import Shooting
+from jaxgear._dynamics._steppers import Midpoint
+from jaxgear._system._body_modes import BodyModes
+from jaxgear._system._flexible import FlexibleBody
+from jaxgear.scene._scene import read_scene, ready_scene
+from jaxgear.scene._with_bodies import with_bodies
+from jaxgear.study import _compare_bodies as bodies
+from jaxgear.study._compare import (
     MODELS,
     SLICES,
     Adaptive,
@@ -27,17 +36,8 @@ from jaxgear._app._compare import (
     put_together,
     rungs_of,
 )
-from jaxgear._app._folder import Folder
-from jaxgear._app._ladder import Choice, words_of
-from jaxgear._app._rungs import Answers, Reference, Rung, errors_of, some_speeds
-from jaxgear._app._scene import read_scene, ready_scene
-from jaxgear._app._with_bodies import with_bodies
-from jaxgear._dynamics._harmonic import HarmonicBalance
-from jaxgear._dynamics._march import Marching
-from jaxgear._dynamics._shooting import Shooting
-from jaxgear._dynamics._steppers import Midpoint
-from jaxgear._system._body_modes import BodyModes
-from jaxgear._system._flexible import FlexibleBody
+from jaxgear.study._ladder import Choice, words_of
+from jaxgear.study._rungs import Answers, Reference, Rung, errors_of, some_speeds
 
 
 def _answers(ratio, rms=None) -> Answers:
@@ -69,7 +69,7 @@ def test_methods_of_all_families_agree_on_a_pair_that_only_turns(tmp_path):
         Rung("shot", "shooting", Shooting(stepper=midpoint, warm_up=2), 64, 1, thinned=2),
         Rung("marched", "march", Marching(stepper=midpoint, cycles=60), 64, 1, thinned=2),
     ]
-    summary = compared(scene, model, rungs, tmp_path, quiet=True, speeds=3, phases=160)
+    summary = compared(scene, model, rungs, tmp_path, speeds=3, phases=160)
     assert summary == json.loads((tmp_path / "summary.json").read_text())
     found = summary["compare"]
     assert found["reference"]["speeds_rad_s"] == [1500.0, 1900.0, 2300.0]
@@ -174,7 +174,7 @@ def test_long_cycles_are_refused(tmp_path):
     """A hunting cycle asks for systems that most methods would take hours for."""
     scene = ready_scene("accessory", ["sweep.pinion_speed_rad_s=[900.0]", "mesh.periods=45"])
     with pytest.raises(ValueError, match=r"up to 4 mesh periods, got mesh\.periods = 45"):
-        compare(scene, Folder(tmp_path), quiet=True)
+        compare(scene, Folder(tmp_path))
 
 
 def test_adaptive_integration_settles_on_the_response_of_harmonic_balance():
@@ -367,7 +367,7 @@ def test_models_of_a_scene_with_a_condensed_body_are_compared(tmp_path, monkeypa
     scene = scene.replace({"model.coordinates": 16, "sweep.steps": 32})
     some = ("16 modes", "100 modes", "rigid", "H5 N64")
     rungs = [rung for rung in bodies.model_rungs(scene, 210) if rung.name in some]
-    summary = bodies.compare_bodies(scene, tmp_path, quiet=True, rungs=rungs, modes=210)
+    summary = bodies.compare_bodies(scene, tmp_path, rungs=rungs, modes=210)
     assert summary == json.loads((tmp_path / "summary.json").read_text())
     found = summary["compare"]
     assert found["tolerance"] == 0.02

@@ -19,20 +19,21 @@ from fem_prep._files import read_grid, write_vtu
 from fem_prep._modes import largest_rotation
 from fem_prep._symmetry import full_turn
 from fem_prep._web import body_grid
-from jaxgear._app import _body_build, _condense
-from jaxgear._app import _body_tables as tables
-from jaxgear._app._bodies import Drawn, body_plan
-from jaxgear._app._body_build import Steps, _inputs, built_body, full_of
-from jaxgear._app._body_render import frame, render
-from jaxgear._app._body_report import report_lines
-from jaxgear._app._body_view import view_folder
-from jaxgear._app._cli import main
-from jaxgear._app._model import model_of, pair_of
-from jaxgear._app._notes import _on_bodies
-from jaxgear._app._palette import _BLUE
-from jaxgear._app._scene import read_scene
-from jaxgear._app._teeth import facts_of_teeth, tooth_outline
 from jaxgear._checks import InputError
+from jaxgear._cli._main import main
+from jaxgear.plot import _body_tables as tables
+from jaxgear.plot._body_render import frame, render
+from jaxgear.plot._palette import _BLUE
+from jaxgear.scene import _body_build
+from jaxgear.scene._bodies import Drawn, body_plan
+from jaxgear.scene._body_build import Steps, _inputs, built_body, full_of
+from jaxgear.scene._body_view import view_folder
+from jaxgear.scene._build import model_of, pair_of
+from jaxgear.scene._scene import read_scene
+from jaxgear.scene._teeth import facts_of_teeth, tooth_outline
+from jaxgear.study import _condense
+from jaxgear.study._body_report import report_lines
+from jaxgear.study._notes import _on_bodies
 
 _PAIR = """schema = 1
 name = "tiny"

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 
 import optimise
-from jaxgear._app._design import design_space, objective_of, task_of, twin
-from jaxgear._app._evaluations import objective_at
-from jaxgear._app._folder import Folder
-from jaxgear._app._model import grid_of
-from jaxgear._app._optimising import unless_beaten
-from jaxgear._app._scene import ready_scene
-from jaxgear._app._search import Search, record_file, smoothing_notes
 from jaxgear._checks import InputError
+from jaxgear._cli._folder import Folder
 from jaxgear._interface._laws import ExactContact
+from jaxgear.scene._build import grid_of
+from jaxgear.scene._scene import ready_scene
+from jaxgear.study._design import design_space, objective_of, task_of, twin
+from jaxgear.study._evaluations import objective_at
+from jaxgear.study._optimising import unless_beaten
+from jaxgear.study._search import Search, record_file, smoothing_notes
 
 _RELIEF = "flank.pinion.tip_relief.depth_um"
 _COARSE = ("mesh.phases=8", "mesh.slices=4", "mesh.stiffness=iso6336")
@@ -158,10 +158,10 @@ def test_a_search_that_keeps_no_limit_goes_on_from_a_rival_that_does():
     )
     assert not stuck.converged
     assert stuck.value < 36.0
-    found, again = unless_beaten(stuck, np.array([7.0]), 49.0, search, space, True)
+    found, again = unless_beaten(stuck, np.array([7.0]), 49.0, search, space)
     assert again
     assert found.point[0] == pytest.approx(6.0, abs=1e-3)
-    kept, again = unless_beaten(found, np.array([7.0]), 49.0, search, space, True)
+    kept, again = unless_beaten(found, np.array([7.0]), 49.0, search, space)
     assert not again
     assert kept is found
 

@@ -3,9 +3,9 @@
 import pytest
 
 from jaxgear import mm
-from jaxgear._app._drawing import drawing_summary
-from jaxgear._app._model import pair_of
-from jaxgear._app._scene import read_scene
+from jaxgear.scene._build import pair_of
+from jaxgear.scene._scene import read_scene
+from jaxgear.study._drawing import drawing_summary
 
 _PAIR = """\
 schema = 1

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 import optimise
-from jaxgear._app import _commands, _gradients
-from jaxgear._app._cli import main
-from jaxgear._app._design import left_out, require_swept
-from jaxgear._app._gradients import GradientRow, SteadyPoint, dynamic_table
-from jaxgear._app._notes import left_out_notes, steady_notes
-from jaxgear._app._scene import SceneError, read_scene, ready_scene
-from jaxgear._app._statics import Stopwatch
+from jaxgear._cli import _commands
+from jaxgear._cli._main import main
 from jaxgear._interface._laws import ExactContact
+from jaxgear.scene._scene import SceneError, read_scene, ready_scene
+from jaxgear.study import _gradients
+from jaxgear.study._design import left_out, require_swept
+from jaxgear.study._gradients import GradientRow, SteadyPoint, dynamic_table
+from jaxgear.study._notes import left_out_notes, steady_notes
 
 # A spur pair that only turns, on teeth that compile fast.
 _TURNING = """\
@@ -65,7 +65,7 @@ def test_a_steady_response_by_flank_torque_damping_and_speed(write):
     """At the middle speed, in both directions, to 1e-5 of differences of converged responses."""
     scene = read_scene(write(_TURNING + _SWEEP))
     keys = ("pair.torque_pinion_Nm", "flank.pinion.tip_relief.depth_um", "damping.mesh")
-    rows, points = dynamic_table(scene, {"exact": ExactContact()}, Stopwatch(), keys)
+    rows, points = dynamic_table(scene, {"exact": ExactContact()}, keys)
     (point,) = points
     assert (point.speed_rad_s, point.verdict) == (800.0, "ok")
     assert point.residual is not None
@@ -172,7 +172,7 @@ def test_speeds_that_are_left_out_are_told():
 def test_a_response_that_is_not_found_is_not_differentiated(write):
     """At 900 rad/s, where the branch from the quasi-static states has ended."""
     scene = read_scene(write(_TURNING + _SWEEP), ("sweep.pinion_speed_rad_s=[900.0]",))
-    rows, points = dynamic_table(scene, {"exact": ExactContact()}, Stopwatch(), ("damping.mesh",))
+    rows, points = dynamic_table(scene, {"exact": ExactContact()}, ("damping.mesh",))
     assert not rows
     assert points[0].verdict == "not settled"
     assert points[0].residual is not None

@@ -10,7 +10,9 @@ from cases import accessory, helical_25_31
 from helpers import assert_close
 
 from jaxgear import deg, mm, um
-from jaxgear._app._files import (
+from jaxgear._checks import InputError
+from jaxgear._flank._measured import MeasuredProfile, MeasuredTopography
+from jaxgear.scene._files import (
     ProfileTable,
     TopographyTable,
     check_covers,
@@ -18,8 +20,6 @@ from jaxgear._app._files import (
     read_profile,
     read_topography,
 )
-from jaxgear._checks import InputError
-from jaxgear._flank._measured import MeasuredProfile, MeasuredTopography
 
 # The accessory pinion: base circle, start of active profile, tip and 1.2 times the tip [mm].
 _BASE, _START, _TIP, _MOST = 61.175776, 65.93331, 71.3571, 85.62852

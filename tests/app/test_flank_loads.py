@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from jaxgear._app import _flank_pictures as pictures
-from jaxgear._app import _flank_tables as tables
-from jaxgear._app._flank_loads import FlankLoads, loads_over_speeds, loads_summary, tooth_places
-from jaxgear._app._hybrid_dataset import HolePlaces
 from jaxgear._units import MPa, deg, mm
+from jaxgear.plot import _flank_pictures as pictures
+from jaxgear.plot import _flank_tables as tables
+from jaxgear.study._flank_loads import FlankLoads, loads_over_speeds, loads_summary, tooth_places
+from jaxgear.study._hybrid_dataset import HolePlaces
 
 PERIODS, PHASES, SLICES, RATIO = 4, 10, 3, 1.6
 

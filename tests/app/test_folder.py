@@ -11,19 +11,19 @@ from typing import Any
 
 import pytest
 
-from jaxgear import _app
-from jaxgear._app._cli import main
-from jaxgear._app._folder import Folder, begun, publish, written
-from jaxgear._app._optimising import _rewritten
-from jaxgear._app._report import finish
-from jaxgear._app._scene import read_scene
-from jaxgear._app._statics import SolverFailure, Stopwatch
+from jaxgear import _cli
+from jaxgear._cli._folder import Folder, begun, publish, written
+from jaxgear._cli._main import main
+from jaxgear._cli._writing import finish
+from jaxgear.scene._scene import read_scene
+from jaxgear.study._optimising import _rewritten
+from jaxgear.study._statics import SolverFailure
 
 
 def _writes(**files):
     """A command that writes texts under names."""
 
-    def command(scene, folder, quiet):
+    def command(scene, folder):
         for name, text in files.items():
             path = folder / name.replace("__", "/")
             path.parent.mkdir(exist_ok=True)
@@ -36,10 +36,10 @@ def _writes(**files):
 @pytest.fixture
 def commands(monkeypatch):
     """Commands by name, for a test to fill in."""
-    stub: Any = types.ModuleType("jaxgear._app._commands")
+    stub: Any = types.ModuleType("jaxgear._cli._commands")
     stub.COMMANDS = {}
     monkeypatch.setitem(sys.modules, stub.__name__, stub)
-    monkeypatch.setattr(_app, "_commands", stub, raising=False)
+    monkeypatch.setattr(_cli, "_commands", stub, raising=False)
     return stub.COMMANDS
 
 
@@ -104,8 +104,8 @@ def test_a_command_that_fails_leaves_the_folder_as_it_was(accessory, commands, e
     assert main(["map", accessory, "--quiet"]) == 0
     before = {path: path.read_bytes() for path in Path("results").rglob("*") if path.is_file()}
 
-    def fails(scene, folder, quiet):
-        _writes(map="new", other="new")(scene, folder, quiet)
+    def fails(scene, folder):
+        _writes(map="new", other="new")(scene, folder)
         raise error
 
     commands["map"] = fails
@@ -193,7 +193,7 @@ def test_scenes_in_a_results_folder_find_their_files(accessory, tmp_path):
         Path(accessory).write_text(text.replace("[flank.pinion]", named))
         scene, folder = read_scene(accessory), Folder(Path("results/accessory/optimise"))
         folder.path.mkdir(parents=True, exist_ok=True)
-        finish(scene, folder, {}, Stopwatch())
+        finish(scene, folder, {})
         (folder / "improved.toml").write_text(_rewritten(scene, folder, {}))
         for name in ("scene.toml", "improved.toml"):
             there = read_scene(folder / name)

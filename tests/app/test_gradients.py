@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from table_checks import assert_tables
 
-from jaxgear._app import _commands, _gradients
-from jaxgear._app._cli import _print_gradients, main
-from jaxgear._app._gradients import gradient_table
-from jaxgear._app._model import smooth_law_of
-from jaxgear._app._scene import ready_scene
-from jaxgear._app._statics import Stopwatch
+from jaxgear._cli import _commands
+from jaxgear._cli._main import _print_gradients, main
 from jaxgear._interface._laws import ExactContact
+from jaxgear.scene._build import smooth_law_of
+from jaxgear.scene._scene import ready_scene
+from jaxgear.study import _gradients
+from jaxgear.study._gradients import gradient_table
 
 _COARSE = ("mesh.phases=16", "mesh.slices=4")
 # Teeth of a given stiffness, which compile in a fraction of the time.
@@ -49,7 +49,7 @@ def table():
             "pair.misalignment_deviation_um=5.0",
         ),
     )
-    return scene, gradient_table(scene, ExactContact(), Stopwatch())
+    return scene, gradient_table(scene, ExactContact())
 
 
 @pytest.mark.slow
@@ -94,7 +94,7 @@ def test_a_false_derivative_is_found(monkeypatch):
     honest = _gradients.cycle_mean
     monkeypatch.setattr(_gradients, "cycle_mean", lambda *args: lying(honest(*args)))
     scene = ready_scene("accessory", _PLAIN)
-    rows = gradient_table(scene, smooth_law_of(scene), Stopwatch())
+    rows = gradient_table(scene, smooth_law_of(scene))
     wrong = {row.response for row in rows if row.verdict == "WRONG"}
     assert wrong == {"te_mean_um"}
 
@@ -109,9 +109,7 @@ def test_rounding_and_kinks_in_the_difference():
         return jnp.stack([jnp.sin(x) + kink]), (pieces, jnp.ones(1, dtype=bool))
 
     centre = np.asarray([0.7, 1.0])
-    estimate, same = _gradients._differences(
-        evaluate, centre, np.ones(2), jnp.zeros(1), Stopwatch()
-    )
+    estimate, same = _gradients._differences(evaluate, centre, np.ones(2), jnp.zeros(1))
     assert estimate[0, 0] == pytest.approx(np.cos(0.7), rel=1e-9)
     assert same[0, 0]
     assert not same[1, 0]

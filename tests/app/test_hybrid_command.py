@@ -14,22 +14,22 @@ from table_checks import assert_tables
 
 from fem_prep._artefact import balanced, floating
 from fem_prep._condense import boundary_of, hold
-from jaxgear._app import _hybrid as hybrid
-from jaxgear._app import _hybrid_dataset as hybrid_dataset
-from jaxgear._app import _hybrid_pictures as pictures
-from jaxgear._app import _hybrid_tables as tables
-from jaxgear._app._body_build import Steps, full_of
-from jaxgear._app._cli import main
-from jaxgear._app._mesh_bodies import with_bodies
-from jaxgear._app._model import grid_of, law_of, model_of
-from jaxgear._app._notes import _on_condensed
-from jaxgear._app._report import foundation_of
-from jaxgear._app._results import static_dataset
-from jaxgear._app._scene import read_scene
-from jaxgear._app._statics import Mounts, Statics, Stopwatch, solve_statics
+from jaxgear._cli._main import main
 from jaxgear._solve._cycle import MeshCycle, prepare_mesh
 from jaxgear._system._structure import bearing_motion
 from jaxgear._units import deg, um
+from jaxgear.plot import _hybrid_pictures as pictures
+from jaxgear.plot import _hybrid_tables as tables
+from jaxgear.scene._body_build import Steps, full_of
+from jaxgear.scene._build import grid_of, law_of, model_of
+from jaxgear.scene._mesh_bodies import with_bodies
+from jaxgear.scene._scene import read_scene
+from jaxgear.study import _hybrid as hybrid
+from jaxgear.study import _hybrid_dataset as hybrid_dataset
+from jaxgear.study._head import foundation_of
+from jaxgear.study._notes import _on_condensed
+from jaxgear.study._results import static_dataset
+from jaxgear.study._statics import Mounts, Statics, solve_statics
 
 # The web is off the middle and three bearings hold its shaft: nothing cancels by accident.
 _SCENE = """schema = 1
@@ -378,7 +378,7 @@ def test_notes_on_condensed_bodies(solved, tmp_path):
 def _teeth_of(path, *changes):
     """Largest line load of each tooth."""
     scene = with_bodies(read_scene(path, changes))
-    statics = solve_statics(scene, Stopwatch())
+    statics = solve_statics(scene)
     dataset = static_dataset(statics.model, statics.cycle, statics.law)
     return hybrid_dataset.hybrid_variables(dataset, [])["tooth_line_load_N_mm"].values
 

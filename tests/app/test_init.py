@@ -11,20 +11,20 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from jaxgear._app import _init
-from jaxgear._app._assumed import assumed
-from jaxgear._app._cli import main
-from jaxgear._app._model import pair_of
-from jaxgear._app._own_pair import (
+from jaxgear._cli import _init
+from jaxgear._cli._main import main
+from jaxgear.scene._assumed import assumed
+from jaxgear.scene._build import pair_of
+from jaxgear.scene._own_pair import (
     Wanted,
     fillet_radius,
     pinion_torque,
     profile_shifts,
     tip_shortening,
 )
-from jaxgear._app._own_scene import scene_text
-from jaxgear._app._scene import read_scene
-from jaxgear._app._slips import odd
+from jaxgear.scene._own_scene import scene_text
+from jaxgear.scene._scene import read_scene
+from jaxgear.scene._slips import odd
 
 _OWN = ["init", "--pair", "23", "64", "--module", "2"]
 

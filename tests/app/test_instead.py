@@ -9,10 +9,10 @@ import pytest
 
 import jaxgear as jg
 from jaxgear import mm
-from jaxgear._app._dynamics import speeds_of
-from jaxgear._app._model import model_of, pair_of
-from jaxgear._app._scene import SceneError, read_scene, write_scene
-from jaxgear._app._schema import GEARS, KEYS, REAL_KEYS
+from jaxgear.scene._build import model_of, pair_of
+from jaxgear.scene._scene import SceneError, read_scene, write_scene
+from jaxgear.scene._schema import GEARS, KEYS, REAL_KEYS
+from jaxgear.study._dynamics import speeds_of
 
 # A helical pair, its wheel with an odd number of teeth; by coefficients, and by its drawing.
 _PAIR = """\

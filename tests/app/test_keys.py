@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from jaxgear._app._cli import main
-from jaxgear._app._keys import matching, page
-from jaxgear._app._schema import BY_PATH, KEYS
+from jaxgear._cli._keys import matching, page
+from jaxgear._cli._main import main
+from jaxgear.scene._schema import BY_PATH, KEYS
 
 _PAGE = Path(__file__).parents[2] / "docs" / "keys.md"
 
@@ -101,7 +101,7 @@ def test_every_meaning_stands_alone():
 def test_looking_up_imports_nothing_heavy():
     program = (
         "import sys\n"
-        "from jaxgear._app._cli import main\n"
+        "from jaxgear._cli._main import main\n"
         "assert main(['keys', 'module']) == 0\n"
         "print(sorted({'jax', 'numpy', 'tomlkit', 'matplotlib'} & set(sys.modules)))\n"
     )

@@ -11,18 +11,18 @@ import numpy as np
 import pytest
 from table_checks import assert_tables
 
-from jaxgear._app import _compare_statics as statics
-from jaxgear._app import _fidelity as fidelity
-from jaxgear._app import _ladder as ladder
-from jaxgear._app._cli import main
-from jaxgear._app._compare import model_rungs_of
-from jaxgear._app._folder import Folder
-from jaxgear._app._rungs import Rung, other_speeds, thinned
-from jaxgear._app._scene import SceneError, read_scene, ready_scene, write_scene
-from jaxgear._app._schema import STATIC_RESPONSES
-from jaxgear._app._statics import SolverFailure, Stopwatch
 from jaxgear._checks import InputError
+from jaxgear._cli._folder import Folder
+from jaxgear._cli._main import main
 from jaxgear._dynamics._harmonic import HarmonicBalance
+from jaxgear.scene._scene import SceneError, read_scene, ready_scene, write_scene
+from jaxgear.scene._schema import STATIC_RESPONSES
+from jaxgear.study import _compare_statics as statics
+from jaxgear.study import _fidelity as fidelity
+from jaxgear.study import _ladder as ladder
+from jaxgear.study._compare import model_rungs_of
+from jaxgear.study._rungs import Rung, other_speeds, thinned
+from jaxgear.study._statics import SolverFailure
 
 _TWO = ("te_mean", "te_rms")
 
@@ -369,28 +369,28 @@ def test_a_choice_is_kept_for_the_next_command(tmp_path, monkeypatch):
     """And made again when the scene or the work is another one."""
     asked = []
 
-    def at_rest(scene, work, quiet):
+    def at_rest(scene, work):
         asked.append(work)
         return {"rung": "5 slices", "changes": {"mesh.slices": 5, "wheel.shaft": None}, "why": "?"}
 
     monkeypatch.setattr(fidelity, "_at_rest", at_rest)
     scene = ready_scene("accessory", ['model.fidelity="auto"'])
-    first, about = fidelity.chosen(scene, "map", Folder(tmp_path), True)
+    first, about = fidelity.chosen(scene, "map", Folder(tmp_path))
     assert first["mesh.slices"] == 5
     assert first["model.fidelity"] == "as given"
     assert not first.rows("wheel.shaft.bearings")
     assert not about["from_cache"]
     assert about["changes"] == {"mesh.slices": 5, "wheel.shaft": "left out"}
-    again, about = fidelity.chosen(scene, "map", Folder(tmp_path), True)
+    again, about = fidelity.chosen(scene, "map", Folder(tmp_path))
     assert about["from_cache"]
     assert again.values == first.values
     assert asked == ["map"]
-    fidelity.chosen(scene.replace({"pair.torque_pinion_Nm": 81.0}), "map", Folder(tmp_path), True)
-    fidelity.chosen(scene, "optimise", Folder(tmp_path), True)
+    fidelity.chosen(scene.replace({"pair.torque_pinion_Nm": 81.0}), "map", Folder(tmp_path))
+    fidelity.chosen(scene, "optimise", Folder(tmp_path))
     assert asked == ["map", "map", "optimise"]
     # What is spoilt is no use, and no harm.
     (tmp_path / fidelity.FILE).write_text("{")
-    assert not fidelity.chosen(scene, "map", Folder(tmp_path), True)[1]["from_cache"]
+    assert not fidelity.chosen(scene, "map", Folder(tmp_path))[1]["from_cache"]
 
 
 def test_another_file_is_another_scene(tmp_path):
@@ -413,17 +413,17 @@ def test_a_search_that_is_refused_anyway_costs_no_wait(tmp_path, monkeypatch):
     monkeypatch.setattr(fidelity, "_at_rest", lambda *_: pytest.fail("compared"))
     given = ['model.fidelity="auto"', "optimise.minimise='te_harmonics'", "optimise.harmonics=[99]"]
     with pytest.raises(SceneError, match=r"less than half of mesh\.phases"):
-        fidelity.chosen(ready_scene("accessory", given), "optimise", Folder(tmp_path), True)
+        fidelity.chosen(ready_scene("accessory", given), "optimise", Folder(tmp_path))
 
 
 def test_a_scene_without_a_reference_is_taken_as_it_is(tmp_path, monkeypatch):
-    def at_rest(scene, work, quiet):
+    def at_rest(scene, work):
         assert scene["mesh.periods"] == 1
         raise SolverFailure("no luck")
 
     monkeypatch.setattr(fidelity, "_at_rest", at_rest)
     scene = ready_scene("accessory", ['model.fidelity="auto"', "mesh.periods=45"])
-    found, about = fidelity.chosen(scene, "run", Folder(tmp_path), True)
+    found, about = fidelity.chosen(scene, "run", Folder(tmp_path))
     assert about["rung"] == "as given"
     assert "no luck. So the scene was taken as it is given" in about["why"]
     assert found["mesh.periods"] == 45
@@ -469,7 +469,7 @@ def _recommended(name: str) -> str:
     found = chart.summary["recommended"]
     assert chart.choice.row is not None, chart.summary["words"]
     points = [statics.Point("", 0.85, {}, True), statics.Point("", 1.15, {}, False)]
-    solver = statics._Solver(scene, points, lambda step: None, Stopwatch(), quick=True)
+    solver = statics._Solver(scene, points, lambda step: None, quick=True)
     best, rung = solver(statics.finest_of(scene)), solver(chart.rungs[found].changes)
     row = statics.static_row(chart.rungs[found], rung, best.values, points)
     for errors in (row["error"], row["held_out"]):

@@ -6,11 +6,11 @@ from types import MappingProxyType
 import jax
 import pytest
 
-from jaxgear._app._mesh_bodies import MeshBody
-from jaxgear._app._model import model_of
-from jaxgear._app._scene import ready_scene
-from jaxgear._app._with_bodies import with_bodies
 from jaxgear._checks import InputError
+from jaxgear.scene._build import model_of
+from jaxgear.scene._mesh_bodies import MeshBody
+from jaxgear.scene._scene import ready_scene
+from jaxgear.scene._with_bodies import with_bodies
 
 
 @pytest.fixture
@@ -78,7 +78,7 @@ def test_scenes_of_rigid_bodies_need_none():
 
 
 def test_elements_that_cover_too_many_teeth_are_refused_before_any_work(monkeypatch):
-    monkeypatch.setattr("jaxgear._app._mesh_bodies.built_body", lambda *_: pytest.fail("built"))
+    monkeypatch.setattr("jaxgear.scene._mesh_bodies.built_body", lambda *_: pytest.fail("built"))
     scene = ready_scene("accessory-h1", ("wheel.body.fineness.sectors=50",))
     with pytest.raises(InputError, match=r"one covers 1\.72 pitches"):
         with_bodies(scene)

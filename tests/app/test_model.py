@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from jaxgear._app._model import model_of
-from jaxgear._app._scene import ready_scene
 from jaxgear._system._shaft import Shaft
+from jaxgear.scene._build import model_of
+from jaxgear.scene._scene import ready_scene
 
 # Beside what the ready scene says.
 _GIVEN = (

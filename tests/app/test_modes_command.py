@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from jaxgear._app._cli import main
-from jaxgear._app._dynamics import modes_shown
-from jaxgear._app._scene import read_scene
-from jaxgear._app._turning import require_retained
 from jaxgear._checks import InputError
+from jaxgear._cli._main import main
 from jaxgear._dynamics._bodies import BodyPlace
 from jaxgear._dynamics._system import PairDynamics
+from jaxgear.scene._scene import read_scene
+from jaxgear.study._dynamics import modes_shown
+from jaxgear.study._turning import require_retained
 
 _SPUR = """schema = 1
 name = "spur"

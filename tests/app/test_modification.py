@@ -6,9 +6,9 @@ from helpers import assert_close
 
 import jaxgear as jg
 from jaxgear import deg, mm, um
-from jaxgear._app._modification_pictures import modification
-from jaxgear._app._modification_tables import modification_columns
-from jaxgear._app._sliding_tables import sliding_columns
+from jaxgear.plot._modification_pictures import modification
+from jaxgear.plot._modification_tables import modification_columns
+from jaxgear.plot._sliding_tables import sliding_columns
 
 
 @pytest.fixture(scope="module")

@@ -2,8 +2,8 @@
 
 import pytest
 
-from jaxgear._app import _notes
-from jaxgear._app._scene import ready_scene
+from jaxgear.scene._scene import ready_scene
+from jaxgear.study import _notes
 
 
 @pytest.mark.parametrize(("periods", "told"), [(44, True), (45, False), (90, False)])

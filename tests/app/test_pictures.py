@@ -15,17 +15,17 @@ from matplotlib.path import Path as Polygon
 from matplotlib.text import Annotation
 
 import jaxgear as jg
-from jaxgear._app import _pictures as pictures
-from jaxgear._app import _tables as tables
-from jaxgear._app._folder import Folder
-from jaxgear._app._modification_pictures import modification
-from jaxgear._app._modification_tables import modification_columns
-from jaxgear._app._results import cycle_statistics, static_dataset
-from jaxgear._app._saving import save
-from jaxgear._app._sliding_pictures import sliding
-from jaxgear._app._sliding_tables import sliding_columns
+from jaxgear._cli._folder import Folder
+from jaxgear._cli._saving import save
 from jaxgear._system._mesh_vectors import section_motion
 from jaxgear._system._shaft import node_heights
+from jaxgear.plot import _pictures as pictures
+from jaxgear.plot import _tables as tables
+from jaxgear.plot._modification_pictures import modification
+from jaxgear.plot._modification_tables import modification_columns
+from jaxgear.plot._sliding_pictures import sliding
+from jaxgear.plot._sliding_tables import sliding_columns
+from jaxgear.study._results import cycle_statistics, static_dataset
 
 _UNIT = re.compile(r".+ \[[^\]]+\]$")
 
@@ -536,7 +536,7 @@ def test_configuration_is_left_alone(datasets):
 
 
 def test_pyplot_stays_away():
-    code = "import sys, jaxgear._app._pictures; sys.exit('matplotlib.pyplot' in sys.modules)"
+    code = "import sys, jaxgear.plot._pictures; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
@@ -582,11 +582,11 @@ def test_commands_come_without_matplotlib(tmp_path):
     """Also those of condensed bodies, searches and comparisons."""
     code = (
         "import pathlib, sys\n"
-        "import jaxgear._app._commands, jaxgear._app._compare, jaxgear._app._condense\n"
-        "import jaxgear._app._hybrid_tables, jaxgear._app._sensitivities\n"
-        "import jaxgear._app._wave_tables\n"
-        "from jaxgear._app._folder import Folder\n"
-        "from jaxgear._app._saving import save\n"
+        "import jaxgear._cli._commands, jaxgear.study._compare, jaxgear.study._condense\n"
+        "import jaxgear.plot._hybrid_tables, jaxgear.study._sensitivities\n"
+        "import jaxgear.plot._wave_tables\n"
+        "from jaxgear._cli._folder import Folder\n"
+        "from jaxgear._cli._saving import save\n"
         "save(None, {'a': [1.0]}, Folder(pathlib.Path(sys.argv[1]), pictures=False), 'a')\n"
         "sys.exit('matplotlib' in sys.modules)"
     )

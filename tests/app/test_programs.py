@@ -11,14 +11,13 @@ import pytest
 from jaxtyping import Array
 from made_programs import made_programs
 
-from jaxgear._app import _programs as programs
-from jaxgear._app._commands import COMMANDS
-from jaxgear._app._folder import Folder
-from jaxgear._app._scene import ready_scene
-from jaxgear._app._statics import Stopwatch
+from jaxgear import _kept_programs as programs
+from jaxgear._cli._commands import COMMANDS
+from jaxgear._cli._folder import Folder
+from jaxgear.scene._scene import ready_scene
 
 # --- Commands
-
+from jaxgear.study._running import timed
 
 # Few phases and slices, for they change no number of programs.
 _COARSE = ("mesh.phases=8", "mesh.slices=1", "map.depth_um.points=5", "map.extent.points=3")
@@ -37,9 +36,7 @@ _OTHER = (
 @pytest.mark.parametrize(("command", "most"), [("run", 22), ("map", 22), ("modes", 18)])
 def test_a_command_is_a_few_programs_and_with_other_numbers_none(command, most, tmp_path):
     folder = Folder(tmp_path, pictures=False)
-    run = lambda *changes: COMMANDS[command](
-        ready_scene("accessory", (*_COARSE, *changes)), folder, True
-    )
+    run = lambda *changes: COMMANDS[command](ready_scene("accessory", (*_COARSE, *changes)), folder)
     jax.clear_caches()
     programs.forget()
     with made_programs() as whole:
@@ -132,8 +129,7 @@ def test_a_folder_that_is_not_there_costs_time_only(kept_in, monkeypatch):
 
 
 def test_a_function_that_closes_over_numbers_is_never_kept_nor_taken_for_another(kept_in):
-    watch = Stopwatch()
-    found = [float(watch(lambda x, by=by: by * x, np.asarray(2.0))) for by in (3.0, 5.0)]
+    found = [float(timed(lambda x, by=by: by * x, np.asarray(2.0))) for by in (3.0, 5.0)]
     assert found == [6.0, 10.0]
     assert not list(kept_in.iterdir())
 

@@ -7,8 +7,8 @@ import pytest
 import xarray as xr
 
 import jaxgear as jg
-from jaxgear._app import _results
-from jaxgear._app._results import (
+from jaxgear.study import _results
+from jaxgear.study._results import (
     cycle_statistics,
     flank_grid,
     static_dataset,

@@ -13,14 +13,13 @@ from table_checks import assert_tables
 
 import jaxgear as jg
 import optimise
-from jaxgear._app import _robust as robust
-from jaxgear._app._cli import main
-from jaxgear._app._design import design_space, prepared_mesh
-from jaxgear._app._model import grid_of, smooth_law_of
-from jaxgear._app._scatter import Scatter, scatter_of
-from jaxgear._app._scene import Scene, SceneError, ready_scene
-from jaxgear._app._statics import Stopwatch
 from jaxgear._checks import InputError
+from jaxgear._cli._main import main
+from jaxgear.scene._build import grid_of, smooth_law_of
+from jaxgear.scene._scene import Scene, SceneError, ready_scene
+from jaxgear.study import _robust as robust
+from jaxgear.study._design import design_space, prepared_mesh
+from jaxgear.study._scatter import Scatter, scatter_of
 
 _DEPTH = "flank.pinion.tip_relief.depth_um"
 _OTHER = "flank.wheel.tip_relief.depth_um"
@@ -159,7 +158,7 @@ def test_the_quantile_of_real_gears_has_true_slopes():
     space = scatter.space
     grid = grid_of(space.scene, space.base)
     samples = optimise.scattered(scatter.quantities, 32)
-    members = robust.members_of(scatter, samples, grid, prepared_mesh(space, grid, Stopwatch()))
+    members = robust.members_of(scatter, samples, grid, prepared_mesh(space, grid))
     # Only what depends on the torque is kept for each gear.
     assert len(jax.tree.leaves(members.own)) == 4
     law = smooth_law_of(space.scene)

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from jaxgear._app import _scene, _schema
-from jaxgear._app._scene import SceneError, read_scene, rewrite_scene, write_scene
+from jaxgear.scene import _scene, _schema
+from jaxgear.scene._scene import SceneError, read_scene, rewrite_scene, write_scene
 
 _ROOT = Path(_scene.__file__).parents[2]
 _READY = Path(_scene.__file__).parent / "scenes"
@@ -1289,11 +1289,11 @@ def test_rewritten_numbers_may_be_arrays(write, tmp_path):
 def test_reading_a_scene_imports_nothing_heavy():
     program = (
         "import sys, types\n"
-        "for name in ('jaxgear', 'jaxgear._app'):\n"
+        "for name in ('jaxgear', 'jaxgear.scene'):\n"
         "    package = types.ModuleType(name)\n"
         "    package.__path__ = [sys.argv[1] + '/' + name.replace('.', '/')]\n"
         "    sys.modules[name] = package\n"
-        "from jaxgear._app import _scene\n"
+        "from jaxgear.scene import _scene\n"
         "_scene.read_scene(sys.argv[2])\n"
         "print(sorted({'jax', 'numpy', 'tomlkit'} & set(sys.modules)))\n"
     )

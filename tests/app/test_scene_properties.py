@@ -9,8 +9,8 @@ import tomlkit
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from jaxgear._app._scene import READY, SceneError, read_scene, ready_scene, write_scene
-from jaxgear._app._schema import KEYS, Key, show
+from jaxgear.scene._scene import READY, SceneError, read_scene, ready_scene, write_scene
+from jaxgear.scene._schema import KEYS, Key, show
 
 _ANY = st.recursive(
     st.booleans()

@@ -3,8 +3,8 @@ import re
 
 import pytest
 
-from jaxgear._app import _schema
-from jaxgear._app._schema import KEYS, Key, Presence
+from jaxgear.scene import _schema
+from jaxgear.scene._schema import KEYS, Key, Presence
 
 _NUMBER = Key("pair.gap_um", "float", "a gap", above=0.0, at_most=2.0, remedy="Mind the gap")
 _CHOICE = Key("pair.law", "text", "a law", choices=("exact", "smooth"))

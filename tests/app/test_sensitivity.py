@@ -11,19 +11,19 @@ from matplotlib.patches import Rectangle
 from table_checks import assert_tables
 from tiny_cases import tiny_scene
 
-from jaxgear._app import _sensitivities
-from jaxgear._app._cli import main
-from jaxgear._app._design import design_space, refuse_unbounded
-from jaxgear._app._mesh_bodies import with_bodies
-from jaxgear._app._model import grid_of, model_of
-from jaxgear._app._scene import read_scene
-from jaxgear._app._schema import of_condensed, scales_body
-from jaxgear._app._sensitivities import Sensitivities, with_own_modulus
-from jaxgear._app._sensitivity_pictures import sensitivity
 from jaxgear._checks import InputError
+from jaxgear._cli._main import main
 from jaxgear._interface._laws import ExactContact
 from jaxgear._response._transmission import cycle_mean, transmission_error
 from jaxgear._solve._cycle import mesh_cycle
+from jaxgear.plot._sensitivity_pictures import sensitivity
+from jaxgear.scene._build import grid_of, model_of
+from jaxgear.scene._mesh_bodies import with_bodies
+from jaxgear.scene._scene import read_scene
+from jaxgear.scene._schema import of_condensed, scales_body
+from jaxgear.study import _sensitivities
+from jaxgear.study._design import design_space, refuse_unbounded
+from jaxgear.study._sensitivities import Sensitivities, with_own_modulus
 
 _KEYS = ("pair.torque_pinion_Nm", "flank.pinion.crowning_um", "wheel.profile_shift", "mesh.dead")
 _WEB = "wheel.body.web.web_thickness_mm"

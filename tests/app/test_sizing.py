@@ -5,12 +5,12 @@ import csv
 import numpy as np
 import pytest
 
-from jaxgear._app._commands import _sizing
-from jaxgear._app._folder import Folder
-from jaxgear._app._scene import ready_scene
-from jaxgear._app._sizing import RESPONSES, _ranked, combinations_of
-from jaxgear._app._statics import Stopwatch, solve_statics
 from jaxgear._checks import InputError
+from jaxgear._cli._commands import _sizing
+from jaxgear._cli._folder import Folder
+from jaxgear.scene._scene import ready_scene
+from jaxgear.study._sizing import RESPONSES, _ranked, combinations_of
+from jaxgear.study._statics import solve_statics
 
 _COARSE = ("mesh.phases=8", "mesh.slices=3", "mesh.stiffness=iso6336")
 _SCENE = (
@@ -25,8 +25,8 @@ _SCENE = (
 def solved(tmp_path_factory):
     """The table of three depths, one of them given twice, and two biases, as a run writes it."""
     folder = tmp_path_factory.mktemp("sizing")
-    scene, watch = ready_scene("accessory", _SCENE), Stopwatch()
-    summary = _sizing(scene, solve_statics(scene, watch), Folder(folder), True, watch)["sizing"]
+    scene = ready_scene("accessory", _SCENE)
+    summary = _sizing(scene, solve_statics(scene), Folder(folder))["sizing"]
     with (folder / "sizing.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert (folder / "sizing.png").stat().st_size > 0
@@ -49,7 +49,7 @@ def test_numbers_are_those_of_a_run(solved):
         for key, value in (("tip_relief.depth_um", depth), ("bias_um", bias))
     }
     scene = ready_scene("accessory", _COARSE).replace(amounts | {"pair.torque_pinion_Nm": torque})
-    numbers = solve_statics(scene, Stopwatch()).numbers
+    numbers = solve_statics(scene).numbers
     for name in RESPONSES:
         assert float(row[name]) == pytest.approx(float(numbers[name]), rel=1e-8), name
 

@@ -6,12 +6,11 @@ import re
 
 import pytest
 
-from jaxgear._app import _slips
-from jaxgear._app._folder import Folder
-from jaxgear._app._report import finish
-from jaxgear._app._scene import READY, SceneError, read_scene
-from jaxgear._app._slips import odd
-from jaxgear._app._statics import Stopwatch
+from jaxgear._cli._folder import Folder
+from jaxgear._cli._writing import finish
+from jaxgear.scene import _slips
+from jaxgear.scene._scene import READY, SceneError, read_scene
+from jaxgear.scene._slips import odd
 
 _PAIR = """\
 schema = 1
@@ -157,11 +156,11 @@ def test_the_centre_distance_without_backlash_follows_the_profile_shifts(path):
 
 def test_remarks_are_the_first_notes_of_a_summary(path, tmp_path):
     scene = read_scene(path, ["pair.centre_distance_mm=98.8", "pair.pressure_angle_deg=25"])
-    summary = finish(scene, Folder(tmp_path), {"notes": ["what else there is"]}, Stopwatch())
+    summary = finish(scene, Folder(tmp_path), {"notes": ["what else there is"]})
     first, *others = summary["notes"]
     assert first.startswith("pair.centre_distance_mm = 98.8 mm leaves a backlash")
     assert others[-1] == "what else there is"
-    plain = finish(read_scene(path), Folder(tmp_path), {}, Stopwatch())
+    plain = finish(read_scene(path), Folder(tmp_path), {})
     assert "notes" not in plain
 
 

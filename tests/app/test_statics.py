@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxgear._app._statics import SolverFailure, require_solved
+from jaxgear.study._statics import SolverFailure, require_solved
 
 
 def test_an_unsolved_phase_is_named():

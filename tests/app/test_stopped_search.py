@@ -3,11 +3,11 @@
 import jax.numpy as jnp
 import pytest
 
-from jaxgear._app import _optimising
-from jaxgear._app._folder import Folder
-from jaxgear._app._scene import ready_scene, rewritten
-from jaxgear._app._statics import Statics, Stopwatch
 from jaxgear._checks import InputError
+from jaxgear._cli._folder import Folder
+from jaxgear.scene._scene import ready_scene, rewritten
+from jaxgear.study import _optimising
+from jaxgear.study._statics import Statics
 
 _DEPTH = "flank.pinion.tip_relief.depth_um"
 
@@ -18,7 +18,7 @@ def _search(folder):
     object.__setattr__(before, "numbers", {"single_pair_deflection_um": jnp.asarray(10.0)})
     object.__setattr__(before, "grid", None)
     scene = ready_scene("accessory")
-    _optimising.optimisation(scene, before, Folder(folder), True, Stopwatch())
+    _optimising.optimisation(scene, before, Folder(folder))
 
 
 def _stop(*_):

@@ -15,17 +15,19 @@ from table_checks import assert_tables
 from tiny_cases import tiny_scene
 
 import jaxgear as jg
-from jaxgear._app import _cli, _commands, _dynamics
-from jaxgear._app._cli import main
-from jaxgear._app._model import model_of
-from jaxgear._app._notes import sweep_notes
-from jaxgear._app._scene import read_scene
 from jaxgear._checks import InputError
+from jaxgear._cli import _commands
+from jaxgear._cli import _main as _cli
+from jaxgear._cli._main import main
 from jaxgear._dynamics._damping import ModalDamping, RayleighDamping
 from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._march import Marching
 from jaxgear._system._body_modes import BodyBasis
 from jaxgear._system._shaft import Shaft
+from jaxgear.scene._build import model_of
+from jaxgear.scene._scene import read_scene
+from jaxgear.study import _dynamics
+from jaxgear.study._notes import sweep_notes
 
 _SPUR = """schema = 1
 name = "spur"
@@ -68,8 +70,8 @@ def both(folder):
     """The folder of a sweep in both directions, its summary, and the pair that was swept."""
     out, pairs = folder / "both", []
 
-    def noted(scene, watch):
-        pairs.append(_dynamics.solve_dynamics(scene, watch))
+    def noted(scene):
+        pairs.append(_dynamics.solve_dynamics(scene))
         return pairs[0]
 
     with pytest.MonkeyPatch.context() as patch:
@@ -156,8 +158,7 @@ def test_a_slow_pair_has_its_quasi_static_transmission_error(folder):
     text = _SPUR.replace("teeth = 20", f"teeth = 20\nshaft = {joined}") + _SWEEP
     scene = read_scene(_scene(folder, text, "slow.toml"), ("sweep.direction=up",))
     scene = scene.replace({"sweep.steps": 24, "sweep.harmonics": 5, "sweep.orders": 1})
-    watch = _dynamics.Stopwatch()
-    dynamics = _dynamics.solve_dynamics(scene, watch)
+    dynamics = _dynamics.solve_dynamics(scene)
     # Very slowly, many steps of a resonance lie within one of the mesh: its mean is left.
     (response,) = _dynamics.swept(scene, dynamics.pair, np.asarray([1.0]), "up", lambda _: None)
     mean = float(dynamics.statics.numbers["te_mean_um"]) * jg.um

@@ -15,16 +15,17 @@ from fem_cases import ring
 from table_checks import assert_table, is_told
 
 import jaxgear as jg
-from jaxgear import _app
-from jaxgear._app import _hybrid_dataset, _ladder, _sizing, _tables
-from jaxgear._app._body_tables import DrawnBody, DrawnModes
-from jaxgear._app._flank_loads import FlankLoads
-from jaxgear._app._hybrid import BodyAnswer, BodyField
-from jaxgear._app._model import model_of
-from jaxgear._app._results import write_csv
-from jaxgear._app._scene import ready_scene
-from jaxgear._app._sensitivities import Sensitivities
+from jaxgear import plot
 from jaxgear._dynamics._campbell import CriticalSpeed
+from jaxgear.plot import _tables
+from jaxgear.plot._body_tables import DrawnBody, DrawnModes
+from jaxgear.scene._build import model_of
+from jaxgear.scene._scene import ready_scene
+from jaxgear.study import _hybrid_dataset, _ladder, _sizing
+from jaxgear.study._flank_loads import FlankLoads
+from jaxgear.study._hybrid import BodyAnswer, BodyField
+from jaxgear.study._results import write_csv
+from jaxgear.study._sensitivities import Sensitivities
 
 _SPEEDS = np.asarray([100.0, 200.0, 300.0])
 _PHASES = (np.arange(48) + 0.5) / 16
@@ -332,8 +333,8 @@ def _loss() -> xr.Dataset:
 def _functions() -> dict[str, Any]:
     """Every public function that ends in `_columns`, in every module whose name ends in tables."""
     found = {}
-    for path in Path(_app.__file__).parent.glob("*_tables.py"):
-        module = importlib.import_module(f"{_app.__name__}.{path.stem}")
+    for path in Path(plot.__file__).parent.glob("*_tables.py"):
+        module = importlib.import_module(f"{plot.__name__}.{path.stem}")
         for name, each in vars(module).items():
             own = getattr(each, "__module__", None) == module.__name__
             if own and name.endswith("_columns") and not name.startswith("_"):

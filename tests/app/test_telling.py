@@ -6,10 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from jaxgear._app._cli import _print_notes
-from jaxgear._app._progress import narration, progress, say
-from jaxgear._app._ranks import Doubtful, Idle, worst_first
-from jaxgear._app._symbols import SYMBOLS, with_symbol
+from jaxgear._cli._main import _print_notes
+from jaxgear._cli._terminal import Terminal
+from jaxgear.study._progress import listened_by, narration, progress, say
+from jaxgear.study._ranks import Doubtful, Idle, worst_first
+from jaxgear.study._symbols import SYMBOLS, with_symbol
 
 
 def test_notes_that_put_results_in_doubt_come_first():
@@ -50,19 +51,19 @@ def test_symbols_are_told_apart_and_explained():
     assert set(SYMBOLS.values()) <= explained
 
 
-class _Terminal(io.StringIO):
+class _Stream(io.StringIO):
     def isatty(self):
         return True
 
 
 def test_the_step_under_way_is_shown(monkeypatch):
     """In the innermost line or bar; without one it goes nowhere."""
-    shown = _Terminal()
+    shown = _Stream()
     monkeypatch.setattr(sys, "stderr", shown)
     say("nobody listens")
-    with narration("mesh cycle", False):
+    with listened_by(Terminal()), narration("mesh cycle"):
         say("compiling")
-        with progress(3, "search", False) as done:
+        with progress(3, "search") as done:
             say("tracing")
             done(1)
         say("drawing")
@@ -74,9 +75,11 @@ def test_the_step_under_way_is_shown(monkeypatch):
     assert text.index(", tracing]") < text.index("mesh cycle: drawing [")
 
 
-def test_quiet_says_nothing(monkeypatch):
-    shown = _Terminal()
+def test_where_nobody_listens_nothing_is_said(monkeypatch):
+    shown = _Stream()
     monkeypatch.setattr(sys, "stderr", shown)
-    with narration("mesh cycle", True):
+    with narration("mesh cycle") as tell, progress(3, "search") as done:
+        tell("drawing")
         say("compiling")
+        done(1)
     assert shown.getvalue() == ""

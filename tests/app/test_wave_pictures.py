@@ -9,19 +9,19 @@ import pytest
 from PIL import Image
 from tiny_cases import tiny_scene
 
-from jaxgear._app import _body_waves as body_waves
-from jaxgear._app import _wave_pictures as pictures
-from jaxgear._app import _wave_tables as tables
-from jaxgear._app._bodies import body_plan
-from jaxgear._app._body_build import built_body
-from jaxgear._app._dynamics import Response, Sweep
-from jaxgear._app._folder import Folder
-from jaxgear._app._scene import read_scene
 from jaxgear._checks import InputError
+from jaxgear._cli._folder import Folder
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._response._waves import BodyMotion, along_directions, rotating_spectrum
 from jaxgear._system._body_modes import body_basis
 from jaxgear._units import mm, um
+from jaxgear.plot import _wave_pictures as pictures
+from jaxgear.plot import _wave_tables as tables
+from jaxgear.scene._bodies import body_plan
+from jaxgear.scene._body_build import built_body
+from jaxgear.scene._scene import read_scene
+from jaxgear.study import _body_waves as body_waves
+from jaxgear.study._dynamics import Response, Sweep
 
 TEETH = 24
 _SCENE = (

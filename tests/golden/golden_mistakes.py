@@ -3,8 +3,8 @@
 import tempfile
 from pathlib import Path
 
-from jaxgear._app._scene import READY, SceneError, read_scene
-from jaxgear._app._schema import KEYS
+from jaxgear.scene._scene import READY, SceneError, read_scene
+from jaxgear.scene._schema import KEYS
 
 MISTAKES = "mistakes"
 

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from fem_prep import body_grid, exact_properties
-from jaxgear._app._bodies import Drawn, body_plan
-from jaxgear._app._scene import ready_scene
+from jaxgear.scene._bodies import Drawn, body_plan
+from jaxgear.scene._scene import ready_scene
 
 _SCRIPT = Path(__file__).parents[2] / "benchmarks" / "hybrid_trends.py"
 _HYBRIDS = (

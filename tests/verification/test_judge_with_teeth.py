@@ -16,7 +16,7 @@ from verification import tooth_model as tm
 
 from fem_prep import check_grid, exact_properties, quality
 from fem_prep._assembly import volume
-from jaxgear._app._teeth import facts_of_teeth
+from jaxgear.scene._teeth import facts_of_teeth
 
 # Equal parts of the face, and those that are looked at: middle, quarter, edge.
 PIECES = 9

@@ -43,12 +43,12 @@ from fem_prep._grid import merged
 from fem_prep._solvers import Factor, factorise
 from fem_prep._web import _extruded
 from jaxgear import mm
-from jaxgear._app._root_correction import RootCorrection, root_correction
 from jaxgear._contact._tooth import beam_compliance, tooth_load
 from jaxgear._geometry._lines import contact_lines, mesh_grid
 from jaxgear._geometry._profile import tooth_section
 from jaxgear._interface._roots import ROOT_POINTS, Axial
 from jaxgear._system._flexible import flexible_body, foot_tables
+from jaxgear.scene._root_correction import RootCorrection, root_correction
 
 # How far the lowest row of a tooth dips in its middle, of half its width: with less it meets the
 # fillet at a sharper angle, with more the elements of the rim do.

@@ -1,1 +1,0 @@
-"""The room that sees everything: scene file, commands, pictures and the results folder."""

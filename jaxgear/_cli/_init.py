@@ -1,0 +1,223 @@
+"""The command `init`: writes a ready scene, or that of one's own pair, asking for what lacks."""
+
+import argparse
+import difflib
+import sys
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from jaxgear._checks import InputError
+from jaxgear.scene._own_pair import Wanted
+from jaxgear.scene._own_scene import scene_text
+from jaxgear.scene._scene import READY, SceneError, read_scene, rewrite_scene, rewritten
+from jaxgear.scene._schema import KEYS
+
+# Options of one's own pair: the key that each is, and its question.
+_ASKED: Mapping[str, tuple[str, str]] = {
+    "module": ("pair.module_mm", "normal module [mm]"),
+    "pressure_angle": ("pair.pressure_angle_deg", "normal pressure angle [degrees; 20]"),
+    "helix": ("pair.helix_angle_deg", "helix angle, + for a right-hand pinion [degrees; 0]"),
+    "face": ("pinion.face_width_mm", "face width [mm; ten modules]"),
+    "torque": ("pair.torque_pinion_Nm", "torque on the pinion [N m; moderate, or by power]"),
+    "power": ("pair.power_kW", "power [kW; none]"),
+    "rpm": ("pair.speed_rpm", "speed of the pinion [rpm; none]"),
+}
+# What the rules of thumb hold for.
+_TEETH, _PRESSURE_ANGLES = (10, 1000), (14.5, 30.0)
+
+
+def add_init_parser(commands: Any, parents: list[argparse.ArgumentParser]) -> None:
+    """Add the command to those of a parser.
+
+    **Arguments:**
+
+    - `commands`: what `add_subparsers` returned.
+    - `parents`: parsers of options that it shares with others.
+    """
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "init",
+        parents=parents,
+        help="write a ready scene, or one of your own pair",
+        description="Writes a ready scene, NAME.toml. With --pair it writes a scene of your own, "
+        "whose shafts, bearings and profile shifts are sized by rules of thumb; on a terminal it "
+        "asks for what it needs. --out is a folder, or a file that ends in .toml.",
+        allow_abbrev=False,
+    )
+    parser.add_argument("name", metavar="NAME", nargs="?", help=" | ".join(ready_names()))
+    parser.add_argument("--force", action="store_true", help="overwrite a ready scene's NAME.toml")
+    own = parser.add_argument_group("a pair of your own")
+    own.add_argument(
+        "--pair", nargs=2, type=int, metavar=("PINION", "WHEEL"), help="numbers of teeth"
+    )
+    for option, (_, question) in _ASKED.items():
+        own.add_argument(f"--{option.replace('_', '-')}", type=float, metavar="X", help=question)
+
+
+def ready_names() -> list[str]:
+    """Names of the ready scenes."""
+    return sorted(path.stem for path in READY.glob("*.toml"))
+
+
+def write_first_scene(args: argparse.Namespace) -> tuple[Path, str]:
+    """Write the scene that a command line asks for.
+
+    **Arguments:**
+
+    - `args`: as parsed.
+
+    **Returns:**
+
+    The file, and where its numbers come from.
+
+    **Raises:**
+
+    - `InputError` if there is no such scene, something lacks, or the file cannot be written.
+    """
+    given = {option: getattr(args, option) for option in _ASKED}
+    own = args.pair is not None or any(value is not None for value in given.values())
+    if args.name is not None and not own:
+        return _write_ready(args)
+    if args.force:
+        raise InputError("--force is for ready scenes: your own may hold changes of yours.")
+    if not own and not sys.stdin.isatty():
+        raise InputError(
+            f"name a ready scene ({', '.join(ready_names())}), or give your own pair, such as "
+            "--pair 23 64 --module 2."
+        )
+    return _write_own(args, _completed(args.pair, given))
+
+
+def _write_ready(args: argparse.Namespace) -> tuple[Path, str]:
+    """Write a ready scene, with the changes of `--set`."""
+    names = ready_names()
+    if args.name not in names:
+        near = difflib.get_close_matches(args.name, names, 1)
+        hint = f" Did you mean {near[0]}?" if near else " For a pair of your own add --pair."
+        raise InputError(f"no ready scene {args.name!r}; there are: {', '.join(names)}.{hint}")
+    ready = READY / f"{args.name}.toml"
+    scene = read_scene(ready, args.overrides)
+    target = _target(args, args.name)
+    if target.exists() and not args.force:
+        raise InputError(f"{target} exists already. Use --force to overwrite it.")
+    _write(target, lambda: rewrite_scene(ready, scene.overridden(), target))
+    return target, str(scene["cite"])
+
+
+def _write_own(args: argparse.Namespace, found: dict[str, Any]) -> tuple[Path, str]:
+    """Write the scene of a pair, once it has been read without a mistake."""
+    teeth = found.pop("teeth")
+    name = args.name or (args.out.stem if _is_file(args.out) else f"pair-{teeth[0]}-{teeth[1]}")
+    power = found.pop("power")
+    defaults = {option: value for option, value in found.items() if value is not None}
+    wanted = Wanted(name, teeth, power=None if power is None else 1e3 * power, **defaults)
+    target = _target(args, name)
+    with tempfile.TemporaryDirectory() as folder:
+        draft = Path(folder) / "draft.toml"
+        draft.write_text(scene_text(wanted), encoding="utf-8")
+        try:
+            scene = read_scene(draft, args.overrides)
+        except SceneError as error:
+            words = [f"{mistake.path}: {mistake.message}." for mistake in error.mistakes]
+            raise InputError("\n".join(words)) from None
+        text = rewritten(draft, scene.overridden()) if args.overrides else scene_text(wanted)
+
+    def write() -> None:
+        with target.open("x", encoding="utf-8") as file:
+            file.write(text)
+
+    _write(target, write)
+    return target, str(scene["cite"])
+
+
+def _write(target: Path, write: Callable[[], None]) -> None:
+    """Write a file into a folder that need not be there yet."""
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write()
+    except OSError as error:
+        if isinstance(error, FileExistsError) and target.parent.is_dir():
+            raise InputError(f"{target} exists already. Name another file with --out.") from None
+        raise InputError(f"cannot write {target}: {error.strerror}") from None
+
+
+def _is_file(out: Path | None) -> bool:
+    return out is not None and out.suffix == ".toml"
+
+
+def _target(args: argparse.Namespace, name: str) -> Path:
+    return args.out if _is_file(args.out) else (args.out or Path()) / f"{name}.toml"
+
+
+def _completed(teeth: list[int] | None, given: dict[str, float | None]) -> dict[str, Any]:
+    """Return checked options, asked for on a terminal where a pair or a module lacks."""
+    ask = _ask if (teeth is None or given["module"] is None) and sys.stdin.isatty() else None
+    if teeth is None:
+        if ask is None:
+            raise InputError("--pair lacks: the numbers of teeth, such as --pair 23 64.")
+        read_teeth = lambda text: _teeth([int(each) for each in text.split()])
+        found: dict[str, Any] = {"teeth": ask("teeth of pinion and wheel", read_teeth)}
+    else:
+        found = {"teeth": _teeth(teeth)}
+    for option, (_, question) in _ASKED.items():
+        value = given[option]
+        needed = option == "module" or (option == "rpm" and bool(ask and found["power"]))
+        # The power is asked for only where it would count.
+        if value is None and ask and not (option == "power" and found["torque"] is not None):
+            read = lambda text, option=option: _checked(option, float(text))
+            value = ask(question, read, needed=needed)
+        elif value is not None:
+            value = _checked(option, value)
+        elif needed:
+            raise InputError("--module lacks: the normal module in mm, such as --module 2.")
+        found[option] = value
+    if found["power"] is not None and (found["torque"] is None) == (found["rpm"] is None):
+        raise InputError(
+            "--power goes with --rpm, which give the torque; --torque says it by itself. Give "
+            "--torque, or --power and --rpm."
+        )
+    return found
+
+
+def _ask(question: str, read: Callable[[str], Any], *, needed: bool = True) -> Any:
+    """Ask on the terminal until the answer can be read; `None` for none where none is needed."""
+    while True:
+        print(f"{question}: ", end="", file=sys.stderr, flush=True)
+        line = sys.stdin.readline()
+        if not line:
+            raise InputError("no answer, so nothing was written.")
+        if not line.strip() and not needed:
+            return None
+        try:
+            return read(line.strip())
+        except InputError as error:
+            print(error, file=sys.stderr)
+        except ValueError:
+            print(f"a number was expected, got {line.strip()!r}", file=sys.stderr)
+
+
+def _teeth(teeth: list[int]) -> tuple[int, int]:
+    least, most = _TEETH
+    if len(teeth) != 2 or not all(least <= each <= most for each in teeth):
+        raise InputError(
+            f"--pair: got {' '.join(map(str, teeth))}, must be two numbers of teeth from {least} "
+            f"to {most}, which the rules of thumb are for."
+        )
+    return teeth[0], teeth[1]
+
+
+def _checked(option: str, value: float) -> float:
+    """Check an option by the key that it is."""
+    name, (key, _) = f"--{option.replace('_', '-')}", _ASKED[option]
+    try:
+        value = KEYS[key].read(value)  # pyright: ignore[reportAssignmentType]
+    except ValueError as error:
+        raise InputError(f"{name}: {error}.") from None
+    least, most = _PRESSURE_ANGLES
+    if option == "pressure_angle" and not least <= value <= most:
+        raise InputError(
+            f"{name}: got {value:g}, must be from {least:g} to {most:g} degrees, which the rules "
+            "of thumb are for."
+        )
+    return value

@@ -1,0 +1,5 @@
+"""Public names of `jaxgear.plot`."""
+
+from ._atlas import pictures as pictures
+from ._picture import Picture as Picture
+from ._picture import columns as columns

@@ -1,0 +1,239 @@
+"""One drawing of all conventions: axes, hand, senses of rotation, and signs on the flank.
+
+Its data are in `_axes_tables`.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, FancyArrowPatch, Rectangle
+
+from jaxgear._geometry._pair import GearPair
+from jaxgear._units import deg, mm
+from jaxgear.plot._axes_tables import axes_columns
+from jaxgear.plot._palette import _BLUE, _GREEN, _GREY, _ORANGE, _RED
+from jaxgear.plot._pictures import _BOX, _house_look
+from jaxgear.plot._tables import _facts
+from jaxgear.scene._teeth import tooth_outline
+from jaxgear.study._results import BODIES
+
+_COLOURS = (_BLUE, _ORANGE)
+_SIGNS = """\
+depth > 0: material removed, along the normal
+deviation > 0: material added
+profile slope > 0: material added at the tip
+helix slope > 0: material added at the right end
+misalignment > 0: the wheel's right end is off
+   towards +S (inclination) or +T (deviation)
+transmission error > 0: the wheel lags
+rotations are about +Z
+left is the end at -Z, right that at +Z"""
+# Left, bottom, width and height of the panels, over those of the figure.
+_PLACES = ((0.01, 0.02, 0.39, 0.86), (0.42, 0.02, 0.28, 0.86), (0.72, 0.02, 0.27, 0.86))
+# Tooth traces that are drawn on a gear, and points of each.
+_TRACES, _POINTS = 14, 9
+
+
+@_house_look()
+def axes(pair: GearPair, title: str) -> Figure:
+    """The pair from +Z and from +T, and a tooth with what is removed from its flank.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `title`: the case.
+
+    **Returns:**
+
+    The figure; gears are to scale, arrows and reliefs are not.
+    """
+    figure = Figure(figsize=(13.0, 5.4))
+    figure.suptitle(f"Axes, hand and signs: {title}")
+    # Without ticks and labels there is nothing to be laid out.
+    front, side, tooth = (figure.add_axes(place) for place in _PLACES)
+    arrows = _arrows(pair)
+    for panel in (front, side, tooth):
+        panel.set_aspect("equal")
+        panel.set_anchor("N")
+        panel.set_axis_off()
+    _draw_front(front, pair, arrows)
+    _draw_side(side, pair, arrows)
+    _draw_tooth(tooth, pair)
+    return figure
+
+
+def _arrows(pair: GearPair) -> Mapping[str, tuple[np.ndarray, np.ndarray]]:
+    """Place [mm] and direction of each arrow, by name."""
+    data = axes_columns(pair)
+    places, directions = (
+        np.stack([data[name.format(axis)] for axis in "STZ"], axis=1)
+        for name in ("{}_mm", "along_{}")
+    )
+    return dict(zip(data["arrow"].tolist(), zip(places, directions, strict=True), strict=True))
+
+
+def _arrow(
+    panel: Axes, start: Any, by: Any, colour: str, words: str = "", **look: Any
+) -> np.ndarray:
+    """An arrow from a place by some way, with a text beyond its head; the place of its head."""
+    end = np.asarray(start) + by
+    style: dict[str, Any] = {"arrowstyle": "-|>", "mutation_scale": 13, "lw": 1.6, "zorder": 4}
+    style |= {"color": colour, "shrinkA": 0.0, "shrinkB": 0.0} | look
+    panel.add_patch(FancyArrowPatch(tuple(start), tuple(end), **style))
+    if words:
+        x, y = end + 0.22 * np.asarray(by)
+        panel.text(x, y, words, color=colour, ha="center", va="center", zorder=5)
+    return end
+
+
+def _triad(panel: Axes, corner: Any, length: float, across: str, up: str) -> None:
+    """Two axes in the plane of the picture."""
+    _arrow(panel, corner, (length, 0.0), "black", across)
+    _arrow(panel, corner, (0.0, length), "black", up)
+
+
+def _draw_front(panel: Axes, pair: GearPair, arrows: Mapping[str, Any]) -> None:
+    """In the plane of S and T, Z towards the viewer."""
+    facts = _facts(pair)
+    tips, pitches = (facts[name] / mm for name in ("tip_radius", "working_pitch_radius"))
+    distance, size = float(facts["working_centre_distance"]) / mm, float(tips.max())
+    for body, (name, colour) in enumerate(zip(BODIES, _COLOURS, strict=True)):
+        centre = distance * body, 0.0
+        panel.add_patch(Circle(centre, tips[body], fc=colour, ec=colour, alpha=0.16))
+        panel.add_patch(Circle(centre, pitches[body], fill=False, ec=colour, lw=0.9, ls="-."))
+        panel.plot(*centre, "+", color=colour, ms=8)
+        turns = arrows[f"rotation of the {name}"][1][2]
+        bow, away = 0.72 * tips[body], np.pi * body
+        first, last = (
+            np.asarray(centre) + bow * np.array([np.cos(x), np.sin(x)])
+            for x in (away + 2.5 - 0.6 * turns, away + 2.5 + 0.6 * turns)
+        )
+        _arrow(panel, first, last - first, colour, connectionstyle=f"arc3,rad={0.32 * turns}")
+        role = "drives" if body == 0 else "is driven"
+        panel.text(
+            centre[0], -0.45 * tips[body], f"{name}\n{role}", color=colour, ha="center", va="center"
+        )
+    _draw_action(panel, arrows, size)
+    corner, long = np.array([-tips[0], -size]), 0.3 * size
+    _triad(panel, corner, long, "S", "T")
+    panel.plot(*corner, "o", ms=9, color="white", mec="black", zorder=5)
+    panel.plot(*corner, "o", ms=3, color="black", zorder=6)
+    x, y = corner - 0.1 * size
+    panel.text(x, y, "Z", ha="center", va="center")
+    panel.set_title(f"seen from +Z, centre distance {distance:.4g} mm", loc="left", y=1.0)
+    panel.autoscale_view()
+
+
+def _draw_action(panel: Axes, arrows: Mapping[str, Any], size: float) -> None:
+    """The line of action through the pitch point, and the forces along it."""
+    place, along = (each[:2] for each in arrows["path of contact"])
+    line = np.stack([place - 0.75 * size * along, place + 0.75 * size * along])
+    panel.plot(*line.T, color=_GREEN, lw=1.0, ls=(0, (6, 2)), zorder=3)
+    # Both at the right of their arrows, where there is room however small the pinion is.
+    for name, colour, height in zip(BODIES, _COLOURS, ("top", "center"), strict=True):
+        towards = arrows[f"force on the {name}"][1][:2]
+        end = _arrow(panel, place, 0.55 * size * towards / np.hypot(*towards), colour, lw=2.2)
+        panel.annotate(
+            f"force on the {name}",
+            tuple(end),
+            xytext=(6, 0),
+            textcoords="offset points",
+            color=colour,
+            va=height,
+            bbox=_BOX,
+            zorder=6,
+        )
+    panel.plot(*place, "o", ms=5, color="white", mec=_GREEN, mew=1.4, zorder=5)
+
+
+def _draw_side(panel: Axes, pair: GearPair, arrows: Mapping[str, Any]) -> None:
+    """In the plane of Z and S, T towards the viewer: tooth traces, torques and axial forces."""
+    facts = _facts(pair)
+    radii = facts["reference_radius"] / mm
+    distance = float(facts["working_centre_distance"]) / mm
+    # A narrow face is drawn wide enough to show its teeth.
+    half = max(0.5 * float(facts["face_width"]) / mm, 0.35 * float(radii.max()))
+    for body, (name, colour) in enumerate(zip(BODIES, _COLOURS, strict=True)):
+        level, radius = distance * body, radii[body]
+        panel.add_patch(
+            Rectangle(
+                (-half, level - radius), 2 * half, 2 * radius, fc=colour, ec=colour, alpha=0.16
+            )
+        )
+        _, trace = arrows[f"tooth trace of the {name}"]
+        z = np.linspace(-half, half, _POINTS)
+        # Turns from S: half-way, at a quarter turn, a tooth is nearest to the viewer.
+        turns = np.linspace(0.0, np.pi, _TRACES + 2)[1:-1, None]
+        heights = level + radius * np.cos(turns - z * trace[0] / trace[2] / radius)
+        lines = [np.stack([z, height], axis=1) for height in heights]
+        panel.add_collection(LineCollection(lines, colors=colour, lw=1.0))
+        panel.plot([-1.7 * half, 1.7 * half], [level, level], color="black", lw=0.7, ls="-.")
+        start = 1.25 * half
+        for head in (0.55, 0.4):
+            along = arrows[f"torque on the {name}"][1][2]
+            _arrow(panel, (start, level), (along * head * half, 0.0), colour)
+        text = f"torque on\nthe {name}"
+        panel.text(start + 0.65 * half, level, text, color=colour, va="center")
+        _draw_thrust(panel, (0.0, level), arrows[f"force on the {name}"][1][2], half)
+    low = -radii[0] - 0.12 * distance
+    for words, z in (("left", -half), ("right", half)):
+        panel.text(z, low, words, ha="center", va="top", color=_GREY)
+    corner, long = np.array([-2.4 * half, -radii[0]]), 0.3 * float(radii.max())
+    _triad(panel, corner, long, "Z", "S")
+    panel.plot(0.0, low - 0.08 * distance, alpha=0.0)
+    panel.set_title(f"seen from +T: {_hand(pair)}", loc="left", y=1.0)
+    panel.autoscale_view()
+
+
+def _draw_thrust(panel: Axes, place: tuple[float, float], axial: float, half: float) -> None:
+    """The axial part of the force on a helical gear."""
+    if abs(axial) < 1e-9:
+        return
+    _arrow(panel, place, (np.sign(axial) * 0.8 * half, 0.0), _RED, lw=2.4)
+    panel.annotate(
+        "axial force",
+        place,
+        xytext=(0, 7),
+        textcoords="offset points",
+        color=_RED,
+        ha="center",
+        va="bottom",
+        bbox=_BOX,
+        zorder=6,
+    )
+
+
+def _hand(pair: GearPair) -> str:
+    """The hand of the pinion in words; the wheel has the other one."""
+    helix = float(pair.helix_angle) / deg
+    if abs(helix) < 1e-9:
+        return "spur"
+    return f"{'right' if helix > 0.0 else 'left'}-hand pinion, {helix:+.4g}°"
+
+
+def _draw_tooth(panel: Axes, pair: GearPair) -> None:
+    """A tooth of the pinion in the transverse plane with a relieved tip, and all signs."""
+    x, y = (each / mm for each in tooth_outline(pair, 0))
+    panel.fill(np.concatenate([-x, x[::-1]]), np.concatenate([y, y[::-1]]), color=_BLUE, alpha=0.16)
+    panel.plot(-x, y, color=_BLUE, lw=1.6)
+    panel.plot(x, y, color=_GREY, lw=1.0)
+    height = float(np.ptp(y))
+    share = np.clip((y - y[-1] + 0.35 * height) / (0.35 * height), 0.0, None)
+    removed = 0.09 * height * share
+    panel.fill_betweenx(y, -x, -x + removed, where=share > 0.0, color=_RED, alpha=0.35, lw=0)
+    panel.plot((-x + removed)[share > 0.0], y[share > 0.0], color=_RED, lw=1.6, ls="--")
+    near = int(np.argmin(np.abs(y - (y[-1] - 0.55 * height))))
+    out = np.array([-(y[near + 1] - y[near - 1]), -(x[near + 1] - x[near - 1])])
+    out *= 0.35 * height / np.hypot(*out)
+    start = np.array([-x[near], y[near]])
+    _arrow(panel, start, out, _BLUE, "+")
+    place = -x[-1] - 0.12 * height, y[-1] - 0.02 * height
+    panel.text(*place, "removed", color=_RED, va="center", ha="right")
+    panel.text(-1.3 * height, y[0] - 0.12 * height, _SIGNS, va="top", fontsize=9.0)
+    panel.set_xlim(-1.3 * height, 1.3 * height)
+    panel.set_ylim(y[0] - 1.7 * height, y[-1] + 0.1 * height)
+    panel.set_title("a pinion's tooth, and signs", loc="left", y=1.0)

@@ -1,0 +1,53 @@
+"""A picture of results: what draws it, and the tables that it shows."""
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Columns = Mapping[str, np.ndarray]
+# Datasets by group, as a result has them and as `result.nc` holds them.
+Datasets = Mapping[str, xr.Dataset]
+
+
+class Picture(NamedTuple):
+    """One picture and its data.
+
+    **Fields:**
+
+    - `name`: of its files, without ending.
+    - `draw`: returns the figure. Matplotlib is imported when it is called, and not before.
+    - `table`: its data, under names with units, a row for each record.
+    - `beside`: more of its data, whose rows are other records, by what tells them apart.
+    """
+
+    name: str
+    draw: "Callable[[], Figure]"
+    table: Columns
+    beside: Mapping[str, Columns] = MappingProxyType({})
+
+
+def columns(dataset: xr.Dataset, *names: str) -> dict[str, np.ndarray]:
+    """Variables of a dataset as a table: one row for each place along their dimensions.
+
+    **Arguments:**
+
+    - `dataset`: whose names have units.
+    - `names`: of coordinates and variables, in the order of the columns. All are spread over the
+        dimensions of all of them, in the order in which these come up.
+
+    **Returns:**
+
+    The columns.
+    """
+    together = xr.broadcast(*(dataset[name] for name in names))
+    order = together[0].dims
+    return {
+        name: each.transpose(*order).values.ravel()
+        for name, each in zip(names, together, strict=True)
+    }

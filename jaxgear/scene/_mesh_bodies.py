@@ -1,0 +1,238 @@
+"""The condensed bodies of a scene, built and put in mesh."""
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from itertools import groupby
+from types import MappingProxyType
+
+import jax.numpy as jnp
+
+from jaxgear._checks import InputError, require
+from jaxgear._geometry._lines import MeshGrid
+from jaxgear._geometry._pair import GearPair
+from jaxgear._system._body_family import BodyFamily, body_family, family_parameters
+from jaxgear._system._body_modes import BodyBasis, body_basis
+from jaxgear._system._flexible import FlexibleBody, flexible_body, require_short_elements
+from jaxgear.scene._bodies import BodyPlan, Drawn, body_plan
+from jaxgear.scene._body_build import BuiltBody, built_body
+from jaxgear.scene._body_words import in_keys
+from jaxgear.scene._build import couples_on_pinion, pair_grid, pair_of
+from jaxgear.scene._root_correction import root_correction
+from jaxgear.scene._scene import Scene
+from jaxgear.scene._schema import GEARS
+
+
+@dataclasses.dataclass(frozen=True)
+class MeshBody:
+    """A condensed body, and what of it the mesh sees.
+
+    **Fields:**
+
+    - `built`: the body and how it came about.
+    - `flexible`: its tables, for the slices and contact lines of the scene.
+    - `basis`: motions on which it vibrates, or `None`: it is for statics.
+    - `follows`: key of a measure of its web that is to be varied, or `None`.
+    - `family`: bodies over that measure, in the unit of its key; their statics is the body's.
+    """
+
+    built: BuiltBody
+    flexible: FlexibleBody
+    basis: BodyBasis | None
+    follows: str | None = None
+    family: BodyFamily | None = None
+
+
+def with_bodies(
+    scene: Scene, tell: Callable[[str], None] = lambda step: None, *, moving: bool = False
+) -> Scene:
+    """A scene with the condensed bodies that it names, from the cache where they are known.
+
+    **Arguments:**
+
+    - `scene`: checked against the schema.
+    - `tell`: told what begins.
+    - `moving`: whether they are to vibrate.
+
+    **Returns:**
+
+    The scene, of which a model can be made.
+
+    **Raises:**
+
+    - `ValueError` if a body cannot be, or not carry its teeth.
+    """
+    pair = pair_of(scene)
+    torque = jnp.asarray(scene["pair.torque_pinion_Nm"] + couples_on_pinion(scene))
+    # All plans before any long work: a mistake in the second costs no wait.
+    plans = [body_plan(scene, gear) for gear in scene.condensed]
+    for plan in plans:
+        if isinstance(plan.source, Drawn):
+            with in_keys(plan.gear):
+                pitches = scene[f"{plan.gear}.teeth"] / plan.source.fineness.sectors
+                require_short_elements(plan.gear, pitches)
+    # Modes do not follow: what is to vibrate stays as it is.
+    measures = {} if moving else {plan.gear: _varied_measure(scene, plan) for plan in plans}
+    made = [_made(scene, plan, tell, moving) for plan in plans]
+    scene = _over_whole_cycles(scene, made)
+    grid = pair_grid(scene, pair, torque)
+    bodies = {each.plan.gear: _in_mesh(scene, each, pair, grid, tell) for each in made}
+    for gear, key in measures.items():
+        if key is not None:
+            bodies[gear] = _with_family(scene, gear, key, bodies[gear], pair, grid, tell)
+    return dataclasses.replace(scene, bodies=MappingProxyType(bodies))
+
+
+def _varied_measure(scene: Scene, plan: BodyPlan) -> str | None:
+    """The measure of a gear's web that the scene varies, if it is one and has bounds."""
+    table = f"{plan.gear}.body.web."
+    keys = [key for key in scene.get("optimise.vary", ()) if key.startswith(table)]
+    keys = [key for key in keys if key in scene.values]
+    if len(keys) != 1 or not isinstance(plan.source, Drawn):
+        return None
+    key = keys[0]
+    bounds = scene.get(f"optimise.bounds.{key}")
+    require(
+        bounds is not None and bounds[0] < bounds[1],
+        "optimise.vary names {key}: bodies are condensed from one bound to the other, and "
+        "interpolated. Give both, rising, in the table [optimise.bounds], such as\n"
+        '"{key}" = [{low:.6g}, {high:.6g}]',
+        key=key,
+        low=0.8 * scene[key],
+        high=1.2 * scene[key],
+    )
+    return key
+
+
+# Bodies of a family: of a web between half and twice its thickness, off by less than 0.1 %.
+_MEMBERS = 5
+
+
+def _with_family(
+    scene: Scene,
+    gear: str,
+    key: str,
+    own: MeshBody,
+    pair: GearPair,
+    grid: MeshGrid,
+    tell: Callable[[str], None],
+) -> MeshBody:
+    """A body with others of its shape, from one bound of a measure to the other."""
+    low, high = scene[f"optimise.bounds.{key}"]
+    reciprocal = low > 0.0
+    at, checks = family_parameters(low, high, _MEMBERS, reciprocal=reciprocal)
+    bodies, nodes = {}, {}
+    for number, value in enumerate((*at, *checks), start=1):
+        where = f"{key} = {value:.6g}, {number} of {_MEMBERS + len(checks)}"
+        plan = body_plan(scene.replace({key: float(value)}), gear)
+        # Of rim and seats, and of rotation, statics is exact without any shapes of the inside.
+        plan = dataclasses.replace(
+            plan, method="guyan", modes=0, rotating=False, compares_seats=False
+        )
+        along = lambda step, where=where: tell(f"{step}: {where}")
+        found = _in_mesh(scene, _made(scene, plan, along, False), pair, grid, along)
+        bodies[float(value)] = found.flexible
+        nodes[float(value)] = int(found.built.health["nodes"])
+    probes = [(float(value), bodies[float(value)]) for value in checks]
+    try:
+        family = body_family(
+            at,
+            [bodies[float(value)] for value in at],
+            checks=[*probes, (scene[key], own.flexible)],
+            reciprocal=reciprocal,
+        )
+    except ValueError as error:
+        raise InputError(f"{key}: {error}{_grids_that_differ(nodes)}") from error
+    return dataclasses.replace(own, follows=key, family=family)
+
+
+def _grids_that_differ(nodes: dict[float, int]) -> str:
+    """What to say of a family whose bodies have not the same elements; nothing if they have."""
+    if len(set(nodes.values())) == 1:
+        return ""
+    ranges = [list(each) for _, each in groupby(sorted(nodes), key=nodes.__getitem__)]
+    told = ", ".join(
+        f"{nodes[each[0]]} nodes from {each[0]:.4g} to {each[-1]:.4g}" for each in ranges
+    )
+    return (
+        f" Here the number of elements changes on the way: {told}. Choose bounds between which it "
+        "stays, or set body.fineness, first of all web_layers, so that it does."
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class _Made:
+    """A condensed body that is not in mesh yet.
+
+    **Fields:**
+
+    - `plan`: what was to be built.
+    - `built`: the body.
+    - `basis`: motions on which it vibrates, or `None`: it is for statics.
+    """
+
+    plan: BodyPlan
+    built: BuiltBody
+    basis: BodyBasis | None
+
+
+def _made(scene: Scene, plan: BodyPlan, tell: Callable[[str], None], moving: bool) -> _Made:
+    """A body from the cache or built anew, with its modes if it is to vibrate."""
+    built = built_body(plan, lambda step: tell(f"{plan.gear}: {step}"))
+    basis = None
+    if moving:
+        tell(f"{plan.gear}: modes with its seats held")
+        with in_keys(plan.gear):
+            basis = body_basis(built.body, scene.get("model.coordinates", 100))
+    return _Made(plan, built, basis)
+
+
+def _over_whole_cycles(scene: Scene, made: Sequence[_Made]) -> Scene:
+    """The scene over as many mesh periods as all that vibrates needs until it is itself again.
+
+    A cycle that the scene names must be a multiple of them: in a shorter one holes would pass
+    the mesh in another order than they do, and modes jump where it closes.
+    """
+    needed = 1
+    for each in made:
+        if each.basis is not None:
+            teeth, sectors = scene[f"{each.plan.gear}.teeth"], each.built.body.facts["sectors"]
+            assert isinstance(sectors, int)
+            needed = math.lcm(needed, each.basis.under_teeth(teeth, sectors)[1])
+    periods = scene["mesh.periods"]
+    if periods % needed == 0:
+        return scene
+    if "mesh.periods" in scene.given:
+        raise InputError(
+            f"mesh.periods = {periods}: in motion the condensed bodies of this scene repeat under "
+            f"their teeth after {needed} mesh periods, so that a response over {periods} would not "
+            f"close. Write mesh.periods = {needed}, or leave it out."
+        )
+    return scene.replace({"mesh.periods": needed})
+
+
+def _in_mesh(
+    scene: Scene, made: _Made, pair: GearPair, grid: MeshGrid, tell: Callable[[str], None]
+) -> MeshBody:
+    plan, built, basis = made.plan, made.built, made.basis
+    tell(f"{plan.gear}: teeth on the rim")
+    index = GEARS.index(plan.gear)
+    points, axial = scene["mesh.root_points"], scene["mesh.connection"]
+    with in_keys(plan.gear):
+        local = None
+        if scene["mesh.root_correction"]:
+            local = root_correction(
+                built.body, plan.material, pair, index, grid, points=points, axial=axial
+            )
+        flexible = flexible_body(
+            built.body,
+            pair,
+            index,
+            grid,
+            gear_seat=plan.torque_seat or None,
+            points=points,
+            axial=axial,
+            local=local,
+            basis=basis,
+        )
+    return MeshBody(built, flexible, basis)

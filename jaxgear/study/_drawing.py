@@ -1,0 +1,80 @@
+"""What the drawing of each gear says: diameters, and measures of tooth thickness."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxgear._geometry._measures import (
+    ball_measure,
+    ball_radius,
+    span_measure,
+    span_radius,
+    usual_ball,
+    usual_span,
+)
+from jaxgear._geometry._pair import GearPair
+from jaxgear._types import Bodies
+from jaxgear._units import mm
+from jaxgear.scene._scene import Scene
+from jaxgear.scene._schema import GEARS
+
+_CIRCLES = ("tip", "root", "form", "base", "reference", "working_pitch")
+
+
+def drawing_summary(scene: Scene, pair: GearPair) -> dict[str, float]:
+    """Diameters, spans and measures over balls of both gears.
+
+    Spans are over `span_teeth` teeth and measures over balls of `ball_mm` where the scene names
+    them, else over what is measured midway up the teeth. NaN where that would not touch an
+    involute between its form and its tip circle, or a ball not stand out beyond the tips.
+
+    **Arguments:**
+
+    - `scene`: that says what it is measured with.
+    - `pair`: its gears.
+
+    **Returns:**
+
+    Numbers by the end of their keys in the summary, with units.
+    """
+    given = {
+        name: jnp.asarray([float(scene.get(f"{gear}.{name}", np.nan)) for gear in GEARS])
+        for name in ("span_teeth", "ball_mm")
+    }
+    found = {
+        name: np.asarray(value)
+        for name, value in _measured(pair, given["span_teeth"], given["ball_mm"] * mm).items()
+    }
+    return {
+        f"{name}_{gear}{'' if name == 'span_teeth' else '_mm'}": float(value[body])
+        / (1.0 if name == "span_teeth" else mm)
+        for body, gear in enumerate(GEARS)
+        for name, value in found.items()
+    }
+
+
+@jax.jit
+def _measured(pair: GearPair, spanned: Bodies, ball: Bodies) -> dict[str, Array]:
+    """All of it at once [m, -]; NaN asks for the usual span or ball."""
+    usual = jnp.round(usual_ball(pair) / (0.05 * pair.normal_module)) * 0.05 * pair.normal_module
+    spanned = jnp.where(jnp.isnan(spanned), usual_span(pair), spanned)
+    ball = jnp.where(jnp.isnan(ball), usual, ball)
+
+    def touching(measure: Bodies, radius: Bodies) -> Bodies:
+        inside = (pair.form_radius <= radius) & (radius <= pair.tip_radius)
+        return jnp.where(inside, measure, jnp.nan)
+
+    over_balls = touching(ball_measure(pair, ball), ball_radius(pair, ball))
+    proud = over_balls > 2.0 * pair.tip_radius
+    circles: dict[str, Any] = {
+        f"{name}_diameter": 2.0 * getattr(pair, f"{name}_radius") for name in _CIRCLES
+    }
+    return circles | {
+        "span_teeth": spanned,
+        "span": touching(span_measure(pair, spanned), span_radius(pair, spanned)),
+        "ball": ball,
+        "over_balls": jnp.where(proud, over_balls, jnp.nan),
+    }

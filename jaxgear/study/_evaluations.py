@@ -1,0 +1,227 @@
+"""What searches evaluate: named functions, and all numbers that they need as their arguments.
+
+So a program is compiled once, whatever torque, relief or smoothing width it is then called with.
+"""
+
+import dataclasses
+import hashlib
+import json
+import uuid
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import optimise
+from jaxgear._geometry._lines import MeshGrid
+from jaxgear._interface._laws import AbstractContactLaw, ExactContact, SmoothContact
+from jaxgear._solve._cycle import PreparedMesh
+from jaxgear._system._model import PairModel
+from jaxgear._types import Reals, Scalar, as_reals
+from jaxgear.scene._build import flanks_of, model_of
+from jaxgear.scene._scene import Scene
+from jaxgear.scene._schema import split_entry
+from jaxgear.study._results import as_json
+
+
+class Wording:
+    """What a scene says apart from some of its numbers: all that a program is made from.
+
+    Two are equal, and share programs, if what they say is.
+    """
+
+    def __init__(self, scene: Scene, words: str):
+        """Keep a scene under words that stand for it.
+
+        **Arguments:**
+
+        - `scene`: the numbers in it count for nothing where they are given by others.
+        - `words`: equal where the scene says the same.
+        """
+        self.scene = scene
+        self._words = words
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Wording) and self._words == other._words
+
+    def __hash__(self) -> int:
+        return hash(self._words)
+
+    def __reduce__(self) -> tuple[type, tuple[None, str]]:
+        return Wording, (None, self._words)
+
+
+class Variation(eqx.Module):
+    """How variables change a model.
+
+    **Fields:**
+
+    - `wording`: of the scene.
+    - `numbers`: of the scene under the keys that may change without another program, in the units
+        of their keys [-].
+    - `base`: model of the scene itself, or `None` where more than flanks varies.
+    """
+
+    wording: Wording = eqx.field(static=True)
+    numbers: dict[str, Any]
+    base: PairModel | None
+
+    def model(self, updates: dict[str, Any]) -> PairModel:
+        """The model with other values of some keys, in the units of the keys."""
+        scene = self.wording.scene
+        # To be told a number again is not to have been given it: some are left out if nobody was.
+        given = scene.replace(updates).given
+        scene = dataclasses.replace(scene.replace(self.numbers | updates), given=given)
+        if self.base is None:
+            return model_of(scene)
+        flanks = flanks_of(scene, self.base.pair)
+        return eqx.tree_at(lambda model: model.flanks, self.base, flanks)
+
+
+def variation_of(scene: Scene, base: PairModel, *, flanks_only: bool) -> Variation:
+    """How a scene's model changes with its keys.
+
+    **Arguments:**
+
+    - `scene`: checked against the schema.
+    - `base`: its model.
+    - `flanks_only`: whether nothing but keys of flanks will change.
+
+    **Returns:**
+
+    The variation.
+    """
+    if not flanks_only:
+        # Which points of shafts share nodes, and which bodies are interpolated, are decided with
+        # numbers: another scene may be another program.
+        return Variation(Wording(scene, uuid.uuid4().hex), {}, None)
+    numbers = [key for key in scene.real_keys() if key.startswith("flank.")]
+    lists = {split_entry(key)[0] for key in numbers}
+    said = {
+        key: len(value) if isinstance(value, list) and key in lists else value
+        for key, value in scene.values.items()
+        if key.startswith(("flank.", "mesh.periods")) and key not in numbers
+    }
+    given = sorted(key for key in scene.given if key.startswith("flank."))
+    files = [_digest(scene, value) for key, value in said.items() if key.endswith("_csv")]
+    words = json.dumps(as_json({"said": said, "given": given, "files": files}), sort_keys=True)
+    plain = {key: np.asarray(scene[key], dtype=float) for key in numbers}
+    return Variation(Wording(scene, words), plain, base)
+
+
+def _digest(scene: Scene, file: Any) -> str:
+    content = (scene.path.parent / Path(str(file))).read_bytes()
+    return hashlib.sha256(content).hexdigest()
+
+
+class Task(eqx.Module):
+    """What a search makes small, and what it keeps below limits.
+
+    **Fields:**
+
+    - `variation`: of the model.
+    - `keys`: of the variables and of what follows each of them.
+    - `objective`: of one cycle.
+    - `limited`: responses that have limits.
+    - `torques`: on the pinion [N m].
+    - `grid`: phases, lines and slices.
+    - `prepared`: the meshes, where the variables leave them as they are.
+    - `worst`: whether the largest over the torques counts instead of the mean.
+    - `batched`: whether all torques are solved at once.
+    """
+
+    variation: Variation
+    keys: tuple[tuple[str, ...], ...] = eqx.field(static=True)
+    objective: optimise.AbstractObjective
+    limited: tuple[optimise.AbstractObjective, ...]
+    torques: Reals = eqx.field(converter=as_reals)
+    grid: MeshGrid
+    prepared: PreparedMesh | None
+    worst: bool = eqx.field(static=True)
+    batched: bool = eqx.field(static=True)
+
+    def model(self, values: Reals) -> PairModel:
+        """The model at values of the variables; traceable by JAX."""
+        pairs = zip(self.keys, values, strict=True)
+        return self.variation.model({key: value for keys, value in pairs for key in keys})
+
+
+def objective_at(task: Task, values: Reals, law: AbstractContactLaw) -> Scalar:
+    """The objective over all torques; NaN where a cycle was not solved."""
+    return optimise.over_torques(task.model, task.objective, task.torques, **_how(task, law))(
+        values
+    )
+
+
+def responses_at(task: Task, values: Reals, law: AbstractContactLaw) -> Reals:
+    """The objective and the responses that have limits, over all torques."""
+    return optimise.responses_over_torques(
+        task.model, task.objective, task.limited, task.torques, **_how(task, law)
+    )(values)
+
+
+def _how(task: Task, law: AbstractContactLaw) -> dict[str, Any]:
+    """What both kinds of evaluation take by name."""
+    names = ("grid", "worst", "prepared", "batched")
+    return {name: getattr(task, name) for name in names} | {"law": law}
+
+
+def residuals_at(task: Task, values: Reals, law: AbstractContactLaw) -> Reals:
+    """Deviations of the transmission error, whose squares sum to the objective."""
+    return optimise.residuals_over_torques(
+        task.model, task.torques, grid=task.grid, law=law, prepared=task.prepared
+    )(values)
+
+
+def sloped_objective(task: Task, values: Reals, width: Scalar) -> tuple[Scalar, Reals]:
+    """The objective with smooth contact so wide [m], and its gradient, in reverse."""
+    return jax.value_and_grad(lambda x: objective_at(task, x, SmoothContact(width)))(values)
+
+
+def sloped_responses(task: Task, values: Reals, width: Scalar) -> tuple[Reals, Reals]:
+    """The responses with smooth contact so wide [m], and their derivatives, forward."""
+    return optimise.value_and_jacobian(lambda x: responses_at(task, x, SmoothContact(width)))(
+        values
+    )
+
+
+def sloped_residuals(task: Task, values: Reals, width: Scalar) -> tuple[Reals, Reals]:
+    """The residuals with smooth contact so wide [m], and their derivatives, forward."""
+    return optimise.value_and_jacobian(lambda x: residuals_at(task, x, SmoothContact(width)))(
+        values
+    )
+
+
+def side_by_side(task: Task, points: Reals, law: AbstractContactLaw) -> Reals:
+    """The objective at many points that take equally long, all at once."""
+    return jax.vmap(lambda values: objective_at(task, values, law))(points)
+
+
+def sloped_deviations(task: Task, values: Reals) -> tuple[Reals, Reals]:
+    """The residuals with exact contact, and their derivatives."""
+    return optimise.value_and_jacobian(lambda x: residuals_at(task, x, ExactContact()))(values)
+
+
+def objectives_at(task: Task, points: Reals, law: AbstractContactLaw) -> Reals:
+    """The objective at many points, one after the other."""
+    return jax.lax.map(lambda values: objective_at(task, values, law), points)
+
+
+# What a tenth of a limit too much counts, against objectives of order one.
+_PENALTY = 1e2
+
+
+def penalised_at(
+    task: Task, points: Reals, law: AbstractContactLaw, most: Reals, scale: Reals
+) -> Reals:
+    """The objective at many points, with what is beyond limits added to it."""
+
+    def value(values: Reals) -> Scalar:
+        found = responses_at(task, values, law)
+        over = jnp.maximum((found[1:] - most) / scale, 0.0)
+        return found[0] + _PENALTY * jnp.sum(over**2)
+
+    return jax.lax.map(value, points)

@@ -1,0 +1,120 @@
+"""What every summary begins and ends with, and what all studies have in common."""
+
+import dataclasses
+import functools
+import importlib.metadata
+import resource
+import sys
+from collections.abc import Callable
+
+from jaxgear.scene._assumed import assumed
+from jaxgear.scene._scene import Scene
+from jaxgear.scene._schema import GEARS
+from jaxgear.scene._slips import odd
+from jaxgear.study._drawing import drawing_summary
+from jaxgear.study._notes import notes
+from jaxgear.study._ranks import Doubtful, worst_first
+from jaxgear.study._result import Result, Summary
+from jaxgear.study._running import seconds, stopwatch
+from jaxgear.study._statics import (
+    Statics,
+    geometry_summary,
+    mounts_summary,
+)
+
+
+def names_of(scene: Scene) -> Summary:
+    """What every summary begins with."""
+    packages = ("jaxgear", "jax", "jaxlib", "equinox", "optax", "numpy", "scipy")
+    versions = {name: importlib.metadata.version(name) for name in packages}
+    return {"name": scene["name"], "cite": scene["cite"], "versions": versions}
+
+
+def head(scene: Scene, statics: Statics) -> Summary:
+    """Names, model, geometry and statics."""
+    known = notes(scene, statics)
+    return (
+        names_of(scene)
+        | {
+            "model": {
+                "pinion": scene["pinion.body.kind"],
+                "wheel": scene["wheel.body.kind"],
+                "stiffness": scene["mesh.stiffness"],
+                "foundation": foundation_of(scene),
+                "contact": scene["mesh.contact"],
+                "slices": scene["mesh.slices"],
+                # Time steps, where statics are those that the dynamics begin with.
+                "phases": statics.grid.phases,
+                # Both gears' rotations are one coordinate: the drive.
+                "dofs": len(statics.cycle.system.structure.map.free) - 1 + _modes_kept(scene),
+            },
+            "geometry": geometry_summary(statics) | drawing_summary(scene, statics.model.pair),
+            "iso6336": {key: float(value) for key, value in statics.standard.items()},
+            "static": {key: float(value) for key, value in statics.numbers.items()}
+            | _efficiency(scene, statics)
+            | mounts_summary(statics),
+            "notes": known,
+        }
+        | _told_bodies(scene, known)
+    )
+
+
+def _efficiency(scene: Scene, statics: Statics) -> Summary:
+    """What sliding leaves of the power, as `mesh_efficiency` has it, and what was assumed."""
+    friction = scene["mesh.friction_coefficient"]
+    efficiency = 1.0 - friction * float(statics.numbers["mesh_loss_factor"])
+    return {"friction_coefficient": friction, "mesh_efficiency": efficiency}
+
+
+def _modes_kept(scene: Scene) -> int:
+    """Modes with which condensed bodies vibrate; none in statics."""
+    bases = [body.basis for body in scene.bodies.values()]
+    return sum(len(basis.square) for basis in bases if basis is not None)
+
+
+def foundation_of(scene: Scene) -> str:
+    """What gives under the teeth of either gear; once, if it is the same."""
+    given = [scene.get(f"{gear}.foundation", scene["mesh.foundation"]) for gear in GEARS]
+    own = ["its condensed body" if gear in scene.bodies else None for gear in GEARS]
+    if not any(own) and not any(f"{gear}.foundation" in scene.values for gear in GEARS):
+        return scene["mesh.foundation"]
+    named = zip(GEARS, own, given, strict=True)
+    return ", ".join(f"{gear} {body or foundation}" for gear, body, foundation in named)
+
+
+def _told_bodies(scene: Scene, known: list[str]) -> Summary:
+    """What the condensed bodies are, as `condense` says it, and all notes; empty without them."""
+    if not scene.bodies:
+        return {}
+    from jaxgear.study._condense import _body_summary, _remarks
+
+    built = [each.built for each in scene.bodies.values()]
+    said = [words for each in built for words in (*each.warnings, *_remarks(scene, each))]
+    return {"bodies": [_body_summary(scene, each) for each in built], "notes": known + said}
+
+
+def finished(scene: Scene, summary: Summary) -> Summary:
+    """A summary with its remarks, the worst first, and what it cost."""
+    compiling, running = seconds()
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    summary["cost"] = {
+        "compile_s": compiling,
+        "run_s": running,
+        "peak_memory_MB": peak / (1024.0**2 if sys.platform == "darwin" else 1024.0),
+    }
+    said = [*map(Doubtful, odd(scene.whole)), *assumed(scene)]
+    if said or "notes" in summary:
+        summary["notes"] = worst_first([*said, *summary.get("notes", ())])
+    return summary
+
+
+def study(found: Callable[[Scene], Result]) -> Callable[[Scene], Result]:
+    """A study as users call it: timed, its remarks in order, its cost in the summary."""
+
+    @functools.wraps(found)
+    def studied(scene: Scene) -> Result:
+        with stopwatch():
+            result = found(scene)
+            return dataclasses.replace(result, summary=finished(scene, result.summary))
+
+    return studied

@@ -1,0 +1,253 @@
+"""What a run with condensed bodies adds to the dataset of its cycle, and to its summary."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from jaxgear._units import deg, um
+from jaxgear.scene._bodies import Drawn
+from jaxgear.scene._body_build import BuiltBody
+from jaxgear.scene._schema import GEARS
+from jaxgear.study._hybrid import DIRECTIONS, BodyAnswer
+from jaxgear.study._results import Entry
+
+# A slice less than this in contact says nothing of the load on its tooth.
+_TOUCHES = 1e-6
+
+
+def hybrid_variables(dataset: xr.Dataset, answers: list[BodyAnswer]) -> xr.Dataset:
+    """What a run with condensed bodies adds to the dataset of its cycle.
+
+    **Arguments:**
+
+    - `dataset`: from `static_dataset`.
+    - `answers`: from `body_answers`.
+
+    **Returns:**
+
+    The dataset with what bodies do, one tooth's way through the mesh and, over several mesh
+    periods, what each tooth carries.
+    """
+    entries: dict[str, Entry] = {}
+    for answer in answers:
+        entries |= _of_body(answer)
+    entries |= _way_of_tooth(dataset)
+    if _periods(dataset) > 1:
+        entries |= _of_teeth(dataset)
+    coordinates = {
+        "direction": Entry(
+            ("direction",), list(DIRECTIONS), "1", "direction in the frame of the body"
+        )
+    }
+    added = dataset.assign({name: entry.variable() for name, entry in entries.items()})
+    return added.assign_coords({name: entry.variable() for name, entry in coordinates.items()})
+
+
+def _of_body(answer: BodyAnswer) -> dict[str, Entry]:
+    gear, web = answer.gear, answer.web
+    radius = float(np.median(np.hypot(*answer.built.body.rim_nodes.T[:2])))
+    against = f"of the {gear}'s rim under the mesh load, against the gear's seat"
+    each = {
+        "web_shift_um": (np.hypot(web[:, 0], web[:, 1]) / um, "um", "mean shift across the axis"),
+        "web_axial_um": (web[:, 2] / um, "um", "mean shift along the axis"),
+        "web_tilt_urad": (1e6 * np.hypot(web[:, 3], web[:, 4]), "urad", "tilt"),
+        "web_wind_up_um": (radius * web[:, 5] / um, "um", "wind-up, at the root circle,"),
+    }
+    dims = ("phase", "line", "slice", "direction")
+    return {
+        f"{gear}_root_deflection_um": Entry(
+            dims, answer.roots / um, "um", f"displacement {against}, at the roots of its teeth"
+        ),
+        f"{gear}_rim_deflection_um": Entry(
+            ("phase", "direction"), answer.rim / um, "um", f"largest displacement {against}"
+        ),
+        **{
+            f"{gear}_{name}": Entry(("phase",), values, unit, f"{words} {against}")
+            for name, (values, unit, words) in each.items()
+        },
+    }
+
+
+def _periods(dataset: xr.Dataset) -> int:
+    phase = dataset["phase"].values
+    return int(np.ceil(np.max(phase) - np.min(phase)))
+
+
+def tooth_pairs(dataset: xr.Dataset) -> np.ndarray:
+    """Number of the tooth pair on each line at each phase, in the order of entry.
+
+    **Arguments:**
+
+    - `dataset`: from `static_dataset`.
+
+    **Returns:**
+
+    Shape `[phase, line]`; the cycle begins again with the same pairs [-].
+    """
+    phase, passage = dataset["phase"].values, dataset["passage"].values
+    return np.rint(phase[:, None] - passage).astype(int) % _periods(dataset)
+
+
+def _way_of_tooth(dataset: xr.Dataset) -> dict[str, Entry]:
+    """Line load and pressure of the most loaded tooth pair, from entry to exit."""
+    pair, load = tooth_pairs(dataset), dataset["line_load_N_mm"].values
+    most = pair[np.unravel_index(np.argmax(load.max(axis=2)), pair.shape)]
+    touching = (dataset["fraction"].values > _TOUCHES).any(axis=2)
+    places = np.nonzero((pair == most) & touching)
+    order = np.argsort(dataset["passage"].values[places])
+    places = tuple(each[order] for each in places)
+    return {
+        "way_tooth_pair": Entry((), int(most), "1", "tooth pair of the largest line load"),
+        "way_passage": Entry(
+            ("step",),
+            dataset["passage"].values[places],
+            "1",
+            "mesh periods since that pair's entry at mid-face",
+        ),
+        "way_share": Entry(
+            ("step",), dataset["load_sharing"].values[places], "1", "its share of the mesh force"
+        ),
+        "way_line_load_N_mm": Entry(
+            ("step", "slice"), load[places], "N/mm", "its load per length of contact line"
+        ),
+        "way_pressure_MPa": Entry(
+            ("step", "slice"),
+            dataset["pressure_MPa"].values[places],
+            "MPa",
+            "its largest Hertzian pressure",
+        ),
+    }
+
+
+def _of_teeth(dataset: xr.Dataset) -> dict[str, Entry]:
+    """What each tooth pair carries in its turn, and where its teeth stand on their bodies."""
+    pair, periods = tooth_pairs(dataset), _periods(dataset)
+    load = dataset["line_load_N_mm"].max("slice").values
+    share = dataset["load_sharing"].values
+    weight = dataset["weight"].values[:, None] * np.ones_like(share)
+    most, largest, mean = np.zeros(periods), np.zeros(periods), np.zeros(periods)
+    np.maximum.at(most, pair.ravel(), load.ravel())
+    np.maximum.at(largest, pair.ravel(), share.ravel())
+    np.add.at(mean, pair.ravel(), (periods * weight * share).ravel())
+    found = {
+        "tooth_pair": Entry(("tooth_pair",), np.arange(periods), "1", "pair, in order of entry"),
+        "tooth_line_load_N_mm": Entry(("tooth_pair",), most, "N/mm", "largest line load of a pair"),
+        "tooth_share": Entry(
+            ("tooth_pair",), largest, "1", "largest share of the mesh force that a pair has"
+        ),
+        "tooth_load_over_mean": Entry(
+            ("tooth_pair",), mean, "1", "load of a pair over its way, over that of the mean pair"
+        ),
+    }
+    for index, gear in enumerate(GEARS):
+        found[f"{gear}_tooth_angle_deg"] = Entry(
+            ("tooth_pair",),
+            tooth_angles(index, dataset.attrs[f"teeth_{gear}"], periods) / deg,
+            "deg",
+            f"place of the tooth on the {gear}, from tooth 0",
+        )
+    return found
+
+
+def tooth_angles(index: int, teeth: int, periods: int) -> np.ndarray:
+    """Where the teeth of pairs stand on their body, in the order of entry.
+
+    **Arguments:**
+
+    - `index`: 0 for the pinion, 1 for the wheel.
+    - `teeth`: number of teeth.
+    - `periods`: number of pairs.
+
+    **Returns:**
+
+    Angles about the body's axis, from 0 to a full turn [rad].
+    """
+    number = np.arange(periods) * (1 if index else -1)
+    return 2.0 * np.pi / teeth * (number % teeth)
+
+
+@dataclasses.dataclass(frozen=True)
+class HolePlaces:
+    """Holes of a web, as seen from its axis.
+
+    **Fields:**
+
+    - `middles`: of the holes, shape `[hole]` [rad].
+    - `half`: angle that half of each takes, shape `[hole]` [rad].
+    """
+
+    middles: np.ndarray
+    half: np.ndarray
+
+    def above(self, angles: np.ndarray) -> np.ndarray:
+        """Which of some angles lie above a hole."""
+        apart = np.mod(angles[:, None] - self.middles + np.pi, 2.0 * np.pi) - np.pi
+        return np.any(np.abs(apart) <= self.half, axis=1)
+
+
+def hole_places(built: BuiltBody) -> HolePlaces | None:
+    """Where the holes of a drawn body are, or None if it has none.
+
+    **Arguments:**
+
+    - `built`: the body.
+    """
+    source = built.plan.source
+    if not isinstance(source, Drawn) or source.body.web is None or not source.body.web.holes:
+        return None
+    middles, half = [], []
+    for ring in source.body.web.holes:
+        middles.append(ring.angle + 2.0 * np.pi / ring.count * np.arange(ring.count))
+        half.append(np.full(ring.count, np.arcsin(min(1.0, ring.diameter / ring.circle))))
+    return HolePlaces(np.concatenate(middles), np.concatenate(half))
+
+
+def hole_numbers(dataset: xr.Dataset, gear: str, holes: HolePlaces | None) -> dict[str, float]:
+    """Largest line loads of teeth above a hole and of those between holes, for the summary.
+
+    **Arguments:**
+
+    - `dataset`: with what each tooth carries.
+    - `gear`: `pinion` or `wheel`: whose teeth.
+    - `holes`: of its web.
+
+    **Returns:**
+
+    Means over the teeth of either kind, and the largest of each; empty without holes, or if the
+    cycle shows one kind only.
+    """
+    if holes is None or "tooth_line_load_N_mm" not in dataset:
+        return {}
+    above = holes.above(dataset[f"{gear}_tooth_angle_deg"].values * deg)
+    if above.all() or not above.any():
+        return {}
+    load, share = dataset["tooth_line_load_N_mm"].values, dataset["tooth_load_over_mean"].values
+    found: dict[str, float] = {}
+    for words, chosen in (("above_holes", above), ("between_holes", ~above)):
+        found |= {
+            f"line_load_{words}_mean_N_mm": float(load[chosen].mean()),
+            f"line_load_{words}_largest_N_mm": float(load[chosen].max()),
+            f"load_{words}_over_mean": float(share[chosen].mean()),
+        }
+    return found
+
+
+def hybrid_summary(dataset: xr.Dataset, answers: list[BodyAnswer]) -> dict[str, Any]:
+    """What a run with condensed bodies adds to the `static` part of the summary.
+
+    **Arguments:**
+
+    - `dataset`: from `hybrid_variables`.
+    - `answers`: from `body_answers`.
+
+    **Returns:**
+
+    A table for each condensed body, the unit in each key.
+    """
+    return {
+        f"{answer.gear}_body": answer.numbers
+        | hole_numbers(dataset, answer.gear, hole_places(answer.built))
+        for answer in answers
+    }

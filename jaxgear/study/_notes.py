@@ -1,0 +1,408 @@
+"""Remarks that a reader of results should not miss: where a model is outgrown, or sees nothing."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+import optimise
+from jaxgear._contact._ring import SAINSOT_RADIUS_RATIO
+from jaxgear._geometry._pair import pair_facts
+from jaxgear._system._body_modes import BodyBasis
+from jaxgear._system._model import PairModel
+from jaxgear._system._shaft import BeamBody, Shaft
+from jaxgear._units import mm, um
+from jaxgear.scene._scene import Scene
+from jaxgear.scene._schema import GEARS
+from jaxgear.study._dynamics import Size, method_name, speeds_of
+from jaxgear.study._gradients import SteadyPoint
+from jaxgear.study._ranks import Doubtful, Idle
+from jaxgear.study._statics import Statics
+
+
+def notes(scene: Scene, statics: Statics) -> list[str]:
+    """Remarks on a solved scene.
+
+    **Arguments:**
+
+    - `scene`: that was run.
+    - `statics`: its settled cycle.
+
+    **Returns:**
+
+    A sentence or two each; none where there is nothing to say.
+    """
+    return [
+        *_on_foundations(scene, statics.model),
+        *_on_shafts(statics.model),
+        *_on_bodies(scene),
+        *_on_condensed(scene),
+        *_on_cycle(scene),
+        *_on_results(scene, statics),
+    ]
+
+
+def _on_foundations(scene: Scene, model: PairModel) -> list[str]:
+    if scene["mesh.stiffness"] != "weber-banaschek":
+        updates = scene["mesh.line_load_updates"]
+        return (
+            [Idle("mesh.line_load_updates does nothing to this mesh.stiffness.")] if updates else []
+        )
+    chosen = [scene.get(f"{gear}.foundation", scene["mesh.foundation"]) for gear in GEARS]
+    found = []
+    if "sainsot" in chosen:
+        found.append(
+            Doubtful(
+                "Sainsot's foundation is for single-pair stiffness only: it counts the wind-up of "
+                "a body once per tooth pair, and the transmission error fluctuates far too much. "
+                'Use mesh.foundation = "ring", which couples the teeth.'
+            )
+        )
+    least, most = SAINSOT_RADIUS_RATIO
+    for gear, foundation, ratio in zip(GEARS, chosen, _radius_ratios(model), strict=True):
+        if foundation == "sainsot" and not least <= ratio <= most:
+            found.append(
+                f"Sainsot's fit holds for root circle over bore of {least:g} to {most:g}; the "
+                f"{gear} has {ratio:.3g}."
+            )
+        if foundation == "ring" and scene[f"{gear}.body.kind"] == "beam":
+            found.append(
+                Doubtful(
+                    f"The {gear}'s body winds up twice, as a beam and as a ring. Write "
+                    f'{gear}.foundation = "weber".'
+                )
+            )
+    return found
+
+
+def _radius_ratios(model: PairModel) -> list[float]:
+    """Root circle over bore of both gears; infinite without a bore [-]."""
+    radii = np.asarray(pair_facts(model.pair)["root_radius"])
+    bores = [model.pair.pinion.bore, model.pair.wheel.bore]
+    return [
+        np.inf if bore is None else 2.0 * float(radius) / float(bore)
+        for radius, bore in zip(radii, bores, strict=True)
+    ]
+
+
+def _on_shafts(model: PairModel) -> list[str]:
+    found = []
+    for name, gear, mount, body in zip(
+        GEARS,
+        (model.pair.pinion, model.pair.wheel),
+        (model.pinion_support, model.wheel_support),
+        (model.pinion_body, model.wheel_body),
+        strict=True,
+    ):
+        if not isinstance(mount, Shaft):
+            continue
+        if isinstance(body, BeamBody):
+            slender = float(body.width / body.outer)
+            if slender < 0.5:
+                found.append(
+                    f"The {name}'s body is {slender:.2g} as long as thick: a disc, not a beam."
+                )
+            continue
+        thick = float(mount.diameter_at_gear)
+        if gear.bore is not None and thick > float(gear.bore):
+            found.append(
+                f"{name}.bore_mm, where the body is held, lies within its shaft of {thick / mm:g} "
+                "mm."
+            )
+        ends = float(mount.gear_at) + 0.5 * float(gear.face_width) * np.array([-1.0, 1.0])
+        length = sum(float(segment.length) for segment in mount.segments)
+        if ends[0] < -1e-9 or ends[1] > length + 1e-9:
+            found.append(
+                f"The {name}'s face reaches from {ends[0] / mm:.4g} to {ends[1] / mm:.4g} mm, off "
+                f"its shaft of {length / mm:.4g} mm."
+            )
+    return found
+
+
+def _on_bodies(scene: Scene) -> list[str]:
+    """Keys of condensed bodies at gears that have none."""
+    found = []
+    for gear in GEARS:
+        body = f"{gear}.body"
+        whole = [key for key in ("web", "grid", "superelement") if f"{body}.{key}" in scene.given]
+        if whole and scene[f"{body}.kind"] != "condensed":
+            kind = scene[f"{body}.kind"]
+            found.append(Idle(f'{body}.{whole[0]} does nothing: {body}.kind is "{kind}".'))
+    return found
+
+
+# Keys of the mesh that speak to condensed bodies alone.
+_OF_CONDENSED = ("pinion_speed_rad_s", "connection", "root_points", "root_correction")
+
+
+def _on_condensed(scene: Scene) -> list[str]:
+    """What condensed bodies bring themselves, and how far the cycle shows them."""
+    given = [f"mesh.{key}" for key in _OF_CONDENSED if f"mesh.{key}" in scene.given]
+    if not scene.bodies:
+        words = ", ".join(given)
+        return [Idle(f"{words}: no body is condensed, so it does nothing.")] if given else []
+    found, periods = [], scene["mesh.periods"]
+    if scene["mesh.stiffness"] == "constant":
+        found.append(
+            "mesh.stiffness_N_mm_um is taken as that of teeth alone: condensed bodies bring their "
+            "own give."
+        )
+    for gear, each in scene.bodies.items():
+        named = [key for key in (f"{gear}.foundation", "mesh.foundation") if key in scene.given]
+        every = len(scene.bodies) == len(GEARS)
+        # One foundation for both gears still serves the other one.
+        dropped = [key for key in named if key != "mesh.foundation" or every]
+        if dropped:
+            found.append(
+                Idle(
+                    f"{dropped[0]} does nothing to the {gear} in mesh: what gives under its teeth "
+                    "is its condensed body. It counts in the stiffness of a single pair and in "
+                    "the closed form of the Master Curve, which are those of rigid gears."
+                )
+            )
+        if each.family is not None:
+            low, high = (float(each.family.parameters[end]) for end in (0, -1))
+            found.append(
+                f"{each.follows} is varied: from {low:g} to {high:g} the {gear}'s body is "
+                "interpolated between condensed ones, its tables off by at most "
+                f"{100.0 * each.family.interpolation_error:.2g} % of those condensed to compare. "
+                "Run the scene that is written to see the optimum's own body."
+            )
+        body = each.built.body
+        if scene["mesh.root_correction"] and not len(body.bricks):
+            found.append(
+                f"The {gear}'s matrices come without a grid: what the elements of its rim are too "
+                "large to show of a root's give is not known, and not added."
+            )
+        if scene.get("mesh.pinion_speed_rad_s") and not body.centrifugal_load.any():
+            found.append(f"The {gear}'s matrices know no load of rotation: it does not grow.")
+        teeth, sectors = scene[f"{gear}.teeth"], each.built.body.facts.get("sectors", 1)
+        repeats = teeth // math.gcd(teeth, sectors)
+        if periods % repeats:
+            found.append(
+                f"The {gear}'s body repeats after {repeats} teeth, of which {periods} are in the "
+                f"cycle: make mesh.periods a multiple of {repeats} to see all of them; a response "
+                f"is then over {repeats} mesh periods, and takes at least so many times as long as "
+                "one over a single period."
+            )
+    return found
+
+
+def _on_cycle(scene: Scene) -> list[str]:
+    found, periods = [], scene["mesh.periods"]
+    for gear in GEARS:
+        keys = (f"flank.{gear}.{key}_um" for key in ("pitch_error", "eccentricity"))
+        uneven = [key for key in keys if key in scene.given]
+        teeth = scene[f"{gear}.teeth"]
+        if uneven and periods % teeth:
+            found.append(
+                f"{' and '.join(uneven)}: {periods} mesh periods are no whole revolution of the "
+                f"{gear}, so statistics and orders are those of a part of it. Make mesh.periods a "
+                f"multiple of {teeth}."
+            )
+        if periods == 1 and scene.get(f"flank.{gear}.accuracy_grade") is not None:
+            found.append(
+                f"One mesh period leaves out the pitch errors of flank.{gear}.accuracy_grade."
+            )
+    if scene["mesh.tip_contact"]:
+        found.append(
+            "Beyond the ends of the path tip corners press on the flank: the pressures there are "
+            "those of the cylinders at the end of the path, not of a corner."
+        )
+    return found
+
+
+def _on_results(scene: Scene, statics: Statics) -> list[str]:
+    found = []
+    module = float(statics.model.pair.normal_module)
+    approach = float(statics.numbers["te_mean_um"]) * um
+    if approach > 0.1 * module:
+        found.append(
+            Doubtful(
+                f"Teeth, shafts and bearings give way by {approach / mm:.3g} mm in all, more than "
+                "a tenth of the module: contact no longer lies where the nominal gears have it. "
+                "Check the stiffness of the bearings, in N/m."
+            )
+        )
+    slices, factor = scene["mesh.slices"], float(statics.numbers["face_load_factor"])
+    mounts = (statics.model.pinion_support, statics.model.wheel_support)
+    if slices == 1 and any(isinstance(mount, Shaft) for mount in mounts):
+        words = "One slice sees nothing of an uneven load across the face: use 20."
+        found.append(Doubtful(words))
+    elif slices > 1 and factor > 0.5 * slices:
+        found.append(
+            Doubtful(
+                f"The load stands on {slices / factor:.2g} of {slices} slices: the face load "
+                "factor and the pressures are as large as the slices let them be."
+            )
+        )
+    return found
+
+
+def sweep_notes(scene: Scene, unsettled: int, responses: int, lost: list[str]) -> list[str]:
+    """Remarks on a sweep.
+
+    **Arguments:**
+
+    - `scene`: that was swept.
+    - `unsettled`: number of responses that did not settle.
+    - `responses`: number of all responses.
+    - `lost`: where and why a branch could not be followed further.
+
+    **Returns:**
+
+    A sentence or two each.
+    """
+    found = []
+    if scene["sweep.centrifugal"] and not scene.condensed:
+        found.append(
+            Idle("Rigid and beam bodies do not grow: sweep.centrifugal does nothing to them.")
+        )
+    if scene.get("model.coordinates") and not scene.condensed:
+        found.append(Idle("model.coordinates does nothing: all modes of these bodies are kept."))
+    found += [*_beyond_bodies(scene), *_beyond_reach(scene)]
+    if unsettled:
+        found.append(
+            Doubtful(
+                f"{unsettled} of {responses} responses did not settle: their numbers are those of "
+                "the end of a march. Raise sweep.cycles; but where the amplitude beats, or motion "
+                "is chaotic, there is nothing to settle on."
+            )
+        )
+    found += [
+        f"The branch was followed no further: {why}. What lies beyond is shown by the sweep alone."
+        for why in lost
+    ]
+    return found
+
+
+def _beyond_bodies(scene: Scene) -> list[str]:
+    """More modes asked for than bodies have."""
+    asked, found = scene.get("model.coordinates", 0), []
+    for gear, basis in _bases(scene):
+        has = len(basis.square)
+        # The last pair is never parted.
+        if asked > has + 1:
+            found.append(
+                f"model.coordinates asks for {asked} modes, but the {gear}'s condensed body has "
+                f"{has}: all of them are kept. Raise {gear}.body.modes, or make its rim's elements "
+                "smaller, for more."
+            )
+    return found
+
+
+def _beyond_reach(scene: Scene) -> list[str]:
+    """The highest mode of a condensed body, where steps or harmonics are too few to follow it."""
+    each = [(float(basis.square.max()), gear, basis) for gear, basis in _bases(scene)]
+    if not each or not scene.has_table("sweep"):
+        return []
+    square, gear, basis = max(each, key=lambda row: row[0])
+    frequency, mode = math.sqrt(square) / (2.0 * math.pi), int(np.argmax(basis.square))
+    speeds, teeth = speeds_of(scene), scene["pinion.teeth"]
+    # Approach and tilt stand beside the mesh coordinates.
+    size = Size(2 + scene.get("model.mesh_coordinates", 12), scene["mesh.periods"])
+    harmonic = method_name(scene, size) == "harmonic"
+    key = "sweep.harmonics" if harmonic else "sweep.steps"
+    # Up to which multiple of the mesh frequency a response is followed, and what that takes.
+    per = 1.0 if harmonic else 1.0 / STEPS_IN_PERIOD
+    order = lambda speed: 2.0 * math.pi * frequency / (teeth * speed)
+    limit = order(1.0) / (per * scene[key])
+    if limit <= speeds[0]:
+        return []
+    need = lambda speed: math.ceil(order(speed) / per)
+    where = (
+        f"at all speeds up to {speeds[-1]:.5g} rad/s"
+        if limit > speeds[-1]
+        else f"below {limit:.5g} rad/s"
+    )
+    wants = f"{need(speeds[-1])} at {speeds[-1]:.5g} rad/s, {need(speeds[0])} at {speeds[0]:.5g}"
+    beside = ", and more than twice as many sweep.steps" if harmonic else ""
+    return [
+        f"{key} = {scene[key]} reaches less far than mode {mode + 1} of the {gear}'s body, "
+        f"{frequency:.5g} Hz with {int(basis.diameters[mode])} nodal diameters, its seats held, "
+        f"{where}: there it follows its load, but does not vibrate. To see it vibrate, {key} must "
+        f"be at least {wants} rad/s{beside}."
+    ]
+
+
+# Fewer time steps in the period of a mode do not show it: its frequency is then off by 3 %.
+STEPS_IN_PERIOD = 10
+
+
+def _bases(scene: Scene) -> list[tuple[str, BodyBasis]]:
+    """Modes of the condensed bodies that vibrate, their seats held."""
+    found = [(gear, each.basis) for gear, each in scene.bodies.items()]
+    return [(gear, basis) for gear, basis in found if basis is not None]
+
+
+def steady_notes(points: Sequence[SteadyPoint]) -> list[str]:
+    """Why steady responses were not differentiated.
+
+    **Arguments:**
+
+    - `points`: those that were looked at.
+
+    **Returns:**
+
+    A sentence or two for each that has no derivative.
+    """
+    found = []
+    for point in points:
+        at = f"With {point.contact} contact the response at {point.speed_rad_s:.6g} rad/s "
+        match point.verdict:
+            case "not settled":
+                size = "not finite" if point.residual is None else f"{point.residual:.3g}"
+                why = f"has not settled, imbalance {size}"
+            case "near a fold":
+                size = "not finite" if point.condition is None else f"{point.condition:.3g}"
+                why = f"is at a fold, or close to one, condition {size}"
+            case "too many unknowns":
+                why = "is over too many mesh periods for harmonic balance"
+            case _:
+                continue
+        found.append(
+            f"{at}{why}: it has no derivatives here. The speed is the middle one of "
+            "sweep.pinion_speed_rad_s; choose others."
+        )
+    return found
+
+
+def left_out_notes(
+    before: Sequence[tuple[float, optimise.Judged]],
+    after: Sequence[tuple[float, optimise.Judged]],
+    *,
+    limited: int,
+) -> list[str]:
+    """What a search over speeds does not cover.
+
+    **Arguments:**
+
+    - `before`, `after`: what each speed contributes, for each torque [N m], where the search began
+        and ended; empty if it did not look at speeds.
+    - `limited`: evaluations of the search without gradients, if each was a sweep; 0 if not.
+
+    **Returns:**
+
+    A sentence or two each.
+    """
+    if not before:
+        return []
+    found = []
+    for when, judged in (("before", before), ("after", after)):
+        for torque, each in judged:
+            if speeds := [float(speed) for speed in each.left_out]:
+                named = ", ".join(f"{speed:.5g}" for speed in speeds[:8])
+                more = ", ..." if len(speeds) > 8 else ""
+                found.append(
+                    Doubtful(
+                        f"{len(speeds)} of {each.speed.size} speeds were left out of what is taken "
+                        f"over speeds {when} the search, at {torque:g} N m: responses there have "
+                        f"not settled, or are close to a fold ({named}{more} rad/s)."
+                    )
+                )
+    if limited:
+        found.append(
+            f"Differential evolution was kept to {limited} evaluations, each of which is a sweep: "
+            "it is no proof that nothing better exists."
+        )
+    return found

@@ -1,0 +1,284 @@
+"""What [robust] lets scatter about a design, and the model of one gear of the sample."""
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+import optimise
+from jaxgear._checks import InputError
+from jaxgear._contact._cells import Misalignment
+from jaxgear._flank._deviations import (
+    Flanks,
+    HelixSlope,
+    ProfileSlope,
+    ProfileWaviness,
+    Superposed,
+)
+from jaxgear._flank._indexing import Indexing
+from jaxgear._flank._tolerances import flank_tolerances
+from jaxgear._geometry._pair import GearPair
+from jaxgear._system._model import PairModel
+from jaxgear._types import Reals, Scalar
+from jaxgear._units import um
+from jaxgear.scene._build import flanks_of, model_of
+from jaxgear.scene._scatter_checks import scattered_key
+from jaxgear.scene._scene import Scene
+from jaxgear.scene._schema import GEARS, KEYS, general, show, split_entry
+from jaxgear.study._design import DesignSpace
+from jaxgear.study._statics import torques_of
+
+_TORQUE = "pair.torque_pinion_Nm"
+_INCLINATION = "pair.misalignment_inclination_um"
+_DEVIATION = "pair.misalignment_deviation_um"
+# They change no prepared mesh; flanks do not either.
+_ALIGNMENT = (_INCLINATION, _DEVIATION)
+
+# Amounts of material: a scatter may leave some standing where none was to be removed.
+_AMOUNTS = ("depth_um", "crowning_um", "profile_crowning_um", "elliptical_crowning_um")
+
+
+class Tolerated(NamedTuple):
+    """One random deviation of a tolerance class.
+
+    **Fields:**
+
+    - `gear`: 0 is the pinion, 1 the wheel.
+    - `kind`: `profile slope`, `profile form`, `helix slope` or `pitch`.
+    - `tooth`: the tooth whose pitch it is, or -1.
+    """
+
+    gear: int
+    kind: str
+    tooth: int = -1
+
+
+class Scatter(eqx.Module):
+    """What scatters about a design, in file units.
+
+    **Fields:**
+
+    - `space`: the variables.
+    - `keys`: of the scene, that scatter; the first of the quantities.
+    - `tolerated`: deviations of a tolerance class; the rest of them.
+    - `quantities`: how much each scatters, about zero, in the unit of its key or in um.
+    """
+
+    space: DesignSpace
+    keys: tuple[str, ...] = eqx.field(static=True)
+    tolerated: tuple[Tolerated, ...] = eqx.field(static=True)
+    quantities: tuple[optimise.Quantity, ...] = eqx.field(static=True)
+
+    @property
+    def _light(self) -> bool:
+        """Whether gears of the sample differ in flanks, alignment and torque alone."""
+        own = (*_ALIGNMENT, _TORQUE)
+        only = all(key.startswith("flank.") or key in own for key in self.keys)
+        return self.space.flanks_only and only
+
+    @property
+    def same_mesh(self) -> bool:
+        """Whether all gears of the sample share one prepared mesh for each torque."""
+        return self._light and _TORQUE not in self.keys
+
+    @property
+    def same_lines(self) -> bool:
+        """Whether what scatters leaves the contact lines where they are."""
+        mounts = (".shaft.", ".support.", ".material.")
+        own = (*_ALIGNMENT, _TORQUE)
+        return all(
+            key.startswith(("flank.", "material.", "mesh."))
+            or key in own
+            or any(mount in key for mount in mounts)
+            for key in self.keys
+        )
+
+    def model(self, values: Reals, drawn: Reals, torque: Scalar) -> PairModel:
+        """The model of one gear of the sample; traceable by JAX.
+
+        **Arguments:**
+
+        - `values`: of the variables, in the units of their keys.
+        - `drawn`: the deviations of one gear of the sample.
+        - `torque`: on the pinion, about which it may scatter [N m].
+        """
+        scene, base = self.space.scene, self.space.base
+        by = dict(zip(self.keys, drawn, strict=False))
+        torque = torque + by.pop(_TORQUE, 0.0)
+        updates = self.space.updates(values)
+        updates |= {key: updates.get(key, scene[key]) + more for key, more in by.items()}
+        scene = scene.replace(updates)
+        if self._light:
+            alignment = Misalignment(*(scene[key] * um for key in _ALIGNMENT))
+            model = eqx.tree_at(
+                lambda m: (m.flanks, m.misalignment), base, (flanks_of(scene, base.pair), alignment)
+            )
+        else:
+            model = model_of(scene)
+        flanks = _deviated(scene, model, self.tolerated, drawn[len(self.keys) :])
+        return eqx.tree_at(lambda m: (m.flanks, m.torque), model, (flanks, torque))
+
+
+def _deviated(
+    scene: Scene, model: PairModel, tolerated: Sequence[Tolerated], drawn: Reals
+) -> Flanks:
+    """The flanks of a model with deviations of a tolerance class added, in um."""
+    flanks = [model.flanks.pinion, model.flanks.wheel]
+    indexing = [model.flanks.pinion_indexing, model.flanks.wheel_indexing]
+    for (gear, kind, tooth), amount in zip(tolerated, drawn, strict=True):
+        if kind == "pitch":
+            indexing[gear] = _out_of_place(model.pair, gear, indexing[gear], tooth, amount * um)
+            continue
+        match kind:
+            case "profile slope":
+                more = ProfileSlope(amount * um)
+            case "helix slope":
+                more = HelixSlope(amount * um)
+            case _:
+                waves = float(scene[f"flank.{GEARS[gear]}.accuracy_waves"])
+                # A cosine of whole waves has no slope, and no mean.
+                more = ProfileWaviness(amount * um, waves, 0.5 * np.pi)
+        flanks[gear] = Superposed((flanks[gear], more))
+    return Flanks(flanks[0], flanks[1], indexing[0], indexing[1])
+
+
+def _out_of_place(
+    pair: GearPair, gear: int, indexing: Indexing | None, tooth: int, amount: Scalar
+) -> Indexing:
+    teeth = (pair.pinion, pair.wheel)[gear].teeth
+    indexing = Indexing() if indexing is None else indexing
+    error = jnp.broadcast_to(indexing.pitch_error, (teeth,)).at[tooth].add(amount)
+    return eqx.tree_at(lambda i: i.pitch_error, indexing, error)
+
+
+def scatter_of(space: DesignSpace, pair: GearPair, teeth: np.ndarray) -> Scatter:
+    """What a scene's [robust] lets scatter.
+
+    **Arguments:**
+
+    - `space`: the variables of its [optimise].
+    - `pair`: the gears, for their tolerances.
+    - `teeth`: numbers of the tooth pairs that are in mesh in a cycle.
+
+    **Returns:**
+
+    The scatter.
+
+    **Raises:**
+
+    - `InputError` if a key has no effect, or its values would leave their range.
+    """
+    scene, paths = space.scene, {}
+    for path, value in scene.values.items():
+        if key := scattered_key(path):
+            paths[key] = path, float(value), path.startswith("robust.even.")
+    dead = [key for key in paths if key not in scene.real_keys() or key == "mesh.smoothing_um"]
+    if dead:
+        raise InputError(
+            f"[robust] lets {', '.join(dead)} scatter, on which no objective depends: the "
+            "smoothing width belongs to the method, and a stiffness counts only if mesh.stiffness "
+            "uses it. Remove it."
+        )
+    named = [
+        optimise.Quantity(key, 0.0, value / math.sqrt(3.0) if even else value, even)
+        for key, (_, value, even) in paths.items()
+    ]
+    tolerated = _tolerated(scene, pair, teeth)
+    found = Scatter(
+        space=space,
+        keys=tuple(paths),
+        tolerated=tuple(each for each, _ in tolerated),
+        quantities=(*named, *(quantity for _, quantity in tolerated)),
+    )
+    _require_range(found, {key: path for key, (path, *_) in paths.items()})
+    return found
+
+
+def _tolerated(
+    scene: Scene, pair: GearPair, teeth: np.ndarray
+) -> list[tuple[Tolerated, optimise.Quantity]]:
+    """The deviations of a tolerance class along the flank normal, as many as act."""
+    grade = scene.get("robust.accuracy_grade")
+    if grade is None:
+        return []
+    found = []
+    # Tolerances hold in the transverse plane, and along an arc; see `deviation_of_grade`.
+    normal = float(jnp.cos(pair.base_helix_angle))
+    along_arc = float(jnp.cos(pair.pressure_angle) * jnp.cos(pair.helix_angle))
+    for gear, name in enumerate(GEARS):
+        allowed = flank_tolerances(pair, gear, grade)
+        amounts = [
+            (Tolerated(gear, "profile slope"), normal * allowed.profile_slope),
+            # A wave's amplitude is half of what it spans.
+            (Tolerated(gear, "profile form"), 0.5 * normal * allowed.profile_form),
+            (Tolerated(gear, "helix slope"), normal * allowed.helix_slope),
+        ]
+        if scene["mesh.periods"] > 1:
+            # A single pitch is the difference of two teeth that are out of place independently.
+            place = along_arc * allowed.single_pitch / np.sqrt(2.0)
+            count = (pair.pinion, pair.wheel)[gear].teeth
+            amounts += [(Tolerated(gear, "pitch", int(t)), place) for t in np.unique(teeth % count)]
+        for each, most in amounts:
+            label = f"{name} {each.kind}" + (f" of tooth {each.tooth}" if each.tooth >= 0 else "")
+            share = float(most) / um / scene["robust.tolerance_deviations"]
+            found.append((each, optimise.Quantity(label, 0.0, share)))
+    return found
+
+
+def _require_range(scatter: Scatter, paths: dict[str, str]) -> None:
+    """Refuse a scatter that leaves the range of its key, as a torque below zero."""
+    scene, space = scatter.space.scene, scatter.space
+    every = np.concatenate([*samples_of(scatter), optimise.moved_alone(scatter.quantities)])
+    ends = [space.updates(jnp.asarray(end)) for end in (space.box.lower, space.box.upper)]
+    for column, (key, path) in enumerate(paths.items()):
+        rule = KEYS[general(split_entry(key)[0])]
+        least, most = float(every[:, column].min()), float(every[:, column].max())
+        if key.startswith("flank.") and key.rpartition(".")[2] in _AMOUNTS:
+            continue
+        if key in ends[0]:
+            low, high = (float(end[key]) for end in ends)
+            what, remedy = f"between its bounds {low:g} and {high:g}", "narrow [optimise.bounds]"
+        elif key == _TORQUE:
+            torques = torques_of(scene, "optimise.torques_Nm")
+            low, high = float(min(torques)), float(max(torques))
+            what, remedy = f"{low:g} at the least", "raise the torque"
+        else:
+            low = high = float(scene[key])
+            what, remedy = f"{low:g}", "change it"
+        if not _allowed(rule, low + least) or not _allowed(rule, high + most):
+            worst = low + least if not _allowed(rule, low + least) else high + most
+            raise InputError(
+                f"{path} ({scene.where(path)}) is {show(scene[path])}: with {key} {what}, a gear "
+                f"of the sample has {worst:.4g}, but it must be {rule.allowed}. Take a smaller "
+                f"deviation, {remedy}, or use [robust.even], whose band has ends."
+            )
+
+
+def _allowed(rule: Any, value: float) -> bool:
+    return (
+        (rule.above is None or value > rule.above)
+        and (rule.at_least is None or value >= rule.at_least)
+        and (rule.below is None or value < rule.below)
+        and (rule.at_most is None or value <= rule.at_most)
+    )
+
+
+def samples_of(scatter: Scatter) -> tuple[np.ndarray, np.ndarray]:
+    """The sample to search with, and the fresh one.
+
+    **Arguments:**
+
+    - `scatter`: about the design.
+
+    **Returns:**
+
+    Deviations, `[gear, quantity]`, in the units of the quantities.
+    """
+    scene, seed = scatter.space.scene, scatter.space.scene["robust.seed"]
+    return (
+        optimise.scattered(scatter.quantities, scene["robust.samples"], seed),
+        optimise.scattered(scatter.quantities, scene["robust.fresh_samples"], seed + 1),
+    )

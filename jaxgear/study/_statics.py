@@ -1,0 +1,484 @@
+"""The quasi-static part of a run: what is solved, and what of it goes into the summary."""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxgear._checks import require
+from jaxgear._contact._cells import nominal_line_load
+from jaxgear._contact._compliance import iso_stiffness
+from jaxgear._contact._shared import shared_compliance
+from jaxgear._geometry._lines import MeshGrid
+from jaxgear._geometry._pair import GearPair, pair_facts
+from jaxgear._geometry._sliding import sliding_speed, specific_sliding
+from jaxgear._interface._laws import AbstractContactLaw, ExactContact, SmoothContact
+from jaxgear._kept_programs import (
+    QUICKLY,
+)
+from jaxgear._response._factors import (
+    face_load_factor,
+    pressure_angle_change,
+    transverse_load_factor,
+)
+from jaxgear._response._loads import hertz_pressure, line_load, mesh_stiffness
+from jaxgear._response._losses import mesh_loss_factor
+from jaxgear._response._transmission import (
+    cycle_mean,
+    cycle_rms,
+    harmonic_amplitudes,
+    peak_to_peak,
+    transmission_error,
+)
+from jaxgear._solve._cycle import MeshCycle, PreparedMesh, corrected_cycle, prepare_mesh
+from jaxgear._system._model import PairModel
+from jaxgear._system._shaft import Shaft
+from jaxgear._system._structure import bearing_motion
+from jaxgear._system._support import Support
+from jaxgear._types import Phases, Reals, Scalar, as_scalar
+from jaxgear._units import MPa, N_per_mm_um, deg, mm, um
+from jaxgear.scene._build import couples_on_pinion, grid_of, law_of, model_of
+from jaxgear.scene._scene import Scene
+from jaxgear.scene._schema import GEARS
+from jaxgear.study._results import harmonic_count
+from jaxgear.study._running import timed
+
+
+class SolverFailure(RuntimeError):
+    """A computation on a good scene that found no answer."""
+
+
+class Mounts(NamedTuple):
+    """Means over a cycle of what the mesh does to the gears and their bearings.
+
+    **Fields:**
+
+    - `motion`: of each gear [m, rad].
+    - `wrench`: of the mesh on each gear [N, N m].
+    - `bearings`: displacement and load of each bearing [m, N, N m].
+    """
+
+    motion: Reals
+    wrench: Reals
+    bearings: Reals
+
+
+class Statics(eqx.Module):
+    """A scene's model and its settled mesh cycle.
+
+    **Fields:**
+
+    - `model`: that was solved.
+    - `grid`: phases, lines and slices.
+    - `law`: contact law.
+    - `cycle`: the settled states.
+    - `prepared`: the mesh before its flanks are corrected, or `None` where it was not kept.
+    - `numbers`: the `static` part of the summary, the unit in each key [-].
+    - `standard`: the `iso6336` part of the summary, likewise [-].
+    - `mounts`: mean motions and loads.
+    - `angle_change`: of the pressure angle where the base radii grow by a thousandth [rad].
+    - `harris`: transmission error over phase, one row per further torque [m].
+    - `harris_harmonics`: amplitudes of its first mesh harmonics, one row per further torque [m].
+    """
+
+    model: PairModel
+    grid: MeshGrid
+    law: AbstractContactLaw
+    cycle: MeshCycle
+    prepared: PreparedMesh | None
+    numbers: dict[str, Scalar]
+    standard: dict[str, Scalar]
+    mounts: Mounts
+    angle_change: Scalar
+    harris: np.ndarray
+    harris_harmonics: np.ndarray
+
+
+def solve_statics(scene: Scene, torques: np.ndarray | None = None) -> Statics:
+    """Solve the mesh cycle of a scene at its own torque, and at others.
+
+    **Arguments:**
+
+    - `scene`: checked against the schema.
+    - `torques`: further torques on the pinion, for the Harris map [N m].
+
+    **Returns:**
+
+    The solved cycle.
+
+    **Raises:**
+
+    - `ValueError` if the gears are impossible.
+    - `SolverFailure` if a phase was not solved.
+    """
+    model = model_of(scene)
+    grid, law = grid_of(scene, model), law_of(scene)
+    more = np.zeros(0) if torques is None else torques
+
+    # The scene's own torque and the others in one program: it is compiled once.
+    all_torques = np.concatenate([[float(model.torque)], more])
+    found = timed(_solve, model, grid, law, all_torques, options=QUICKLY)
+    require_solved(found.converged)
+    _require_bearable(model, found.told["numbers"])
+    return Statics(
+        model=model,
+        grid=grid,
+        law=law,
+        cycle=found.cycle,
+        prepared=found.prepared,
+        **found.told,
+        harris=np.asarray(found.error)[1:],
+        harris_harmonics=np.asarray(found.harmonics)[1:],
+    )
+
+
+def settled_statics(
+    model: PairModel,
+    grid: MeshGrid,
+    law: AbstractContactLaw,
+    cycle: MeshCycle,
+) -> Statics:
+    """The statics of a cycle that was solved for another purpose.
+
+    **Arguments:**
+
+    - `model`: that was solved.
+    - `grid`: on which.
+    - `law`: with which.
+    - `cycle`: its settled states.
+
+    **Returns:**
+
+    Statics without further torques.
+
+    **Raises:**
+
+    - `ValueError` if no tooth bears the torque.
+    """
+    told = timed(_told, model, cycle, law, options=QUICKLY)
+    _require_bearable(model, told["numbers"])
+    return Statics(
+        model=model,
+        grid=grid,
+        law=law,
+        cycle=cycle,
+        prepared=None,
+        **told,
+        harris=np.zeros((0, grid.phases * grid.periods)),
+        harris_harmonics=np.zeros((0, harmonic_count(cycle))),
+    )
+
+
+def _require_bearable(model: PairModel, numbers: dict[str, Scalar]) -> None:
+    # Weber's contact term holds while the contact is small against the tooth.
+    deflection = float(numbers["single_pair_deflection_um"]) * um
+    require(
+        deflection < 0.1 * float(model.pair.normal_module),
+        "A single tooth pair would give way by {got:.3g} mm under {torque:.6g} N m, more than a "
+        "tenth of the module: no tooth bears that. pair.torque_pinion_Nm is in N m; with a ring "
+        "foundation the body winds up about bore_mm, where it must be held.",
+        got=deflection / mm,
+        torque=float(model.torque),
+    )
+
+
+class _Solved(NamedTuple):
+    """Mesh and cycle at the first torque and what is told of it, and a few rows at all torques."""
+
+    prepared: PreparedMesh
+    cycle: MeshCycle
+    told: dict[str, Any]
+    error: Array
+    harmonics: Array
+    converged: Array
+
+
+def _solve(model: PairModel, grid: MeshGrid, law: AbstractContactLaw, torques: Reals) -> _Solved:
+    """Cycles at all torques, and everything that a summary says of the first."""
+
+    def at_torque(torque: Scalar):
+        loaded = eqx.tree_at(lambda m: m.torque, model, torque)
+        prepared = prepare_mesh(loaded, grid)
+        cycle = corrected_cycle(prepared, loaded, law=law)
+        error = transmission_error(loaded.pair, cycle)
+        amplitudes = harmonic_amplitudes(cycle, error, harmonic_count(cycle))
+        return (prepared, cycle), error, amplitudes, cycle.converged
+
+    whole, *rows = jax.vmap(at_torque)(torques)
+    prepared, cycle = jax.tree.map(lambda x: x[0], whole)
+    return _Solved(prepared, cycle, _told(model, cycle, law), *rows)
+
+
+def _told(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> dict[str, Any]:
+    """All that a summary says of one cycle: some fields of `Statics`."""
+    return {
+        "numbers": _static_numbers(model, cycle, law),
+        "standard": _iso_numbers(model),
+        "mounts": _mean_loads(cycle),
+        "angle_change": _pressure_angle_change(model.pair),
+    }
+
+
+def require_solved(converged: Any) -> None:
+    """Raise unless every contact problem was solved.
+
+    **Arguments:**
+
+    - `converged`: flags; the last axis is the phase.
+
+    **Raises:**
+
+    - `SolverFailure` naming the phases.
+    """
+    flags = np.atleast_1d(np.asarray(converged))
+    if not flags.all():
+        bad = np.unique(np.nonzero(~flags)[-1]).tolist()
+        raise SolverFailure(
+            f"the contact was not solved at {np.count_nonzero(~flags)} of {flags.size} positions "
+            f"(phases {bad[:8]}{' and more' if len(bad) > 8 else ''}): the forces stayed out of "
+            "balance. Check that gaps and deflections are of one size (flank corrections in um), "
+            "and that supports are not softer than the mesh by more than a factor of 1e6. With "
+            "mesh.tip_contact, so are teeth that bend further than nominal flanks part within a "
+            "quarter of a base pitch beyond the path: lower the torque."
+        )
+
+
+def torques_of(scene: Scene, key: str) -> np.ndarray:
+    """Pinion torques that a scene lists under a key, or its own one.
+
+    **Arguments:**
+
+    - `scene`: checked against the schema.
+    - `key`: of the list.
+
+    **Returns:**
+
+    The torques [N m].
+
+    **Raises:**
+
+    - `InputError` if couples on the pinion's shaft leave the mesh nothing of one of them.
+    """
+    torques = np.asarray(scene.get(key, [scene["pair.torque_pinion_Nm"]]), dtype=float)
+    couples = couples_on_pinion(scene)
+    require(
+        bool(np.all(torques + couples > 0.0)),
+        "{key} lists {got:g} N m, of which the couples about Z on pinion.shaft.loads, {couples:g} "
+        "N m, leave the mesh nothing. List torques above {limit:g} N m.",
+        key=key,
+        got=float(np.min(torques)),
+        couples=couples,
+        limit=-couples,
+    )
+    return torques
+
+
+def geometry_summary(statics: Statics) -> dict[str, float]:
+    """The `geometry` part of the summary."""
+    facts = {name: np.asarray(value) for name, value in pair_facts(statics.model.pair).items()}
+    pitch, path = facts["transverse_base_pitch"], facts["path_of_contact"]
+    lengths = {
+        "centre_distance_mm": facts["working_centre_distance"],
+        "base_pitch_mm": pitch,
+        "path_of_contact_mm": path,
+        # From the wheel's tip A to the inner single contact point B, the pitch point C, the outer
+        # single contact point D and the pinion's tip E.
+        "path_AB_mm": path - pitch if pitch < path < 2.0 * pitch else np.nan,
+        "path_AC_mm": facts["pitch_point"] - facts["path_start"],
+        "path_AD_mm": pitch if pitch < path < 2.0 * pitch else np.nan,
+        "path_AE_mm": path,
+        "common_face_width_mm": facts["face_width"],
+        "backlash_mm": facts["backlash"],
+    }
+    for index, name in enumerate(("pinion", "wheel")):
+        lengths |= {
+            f"{quantity}_{name}_mm": facts[quantity][index]
+            for quantity in (
+                "reference_radius",
+                "base_radius",
+                "tip_radius",
+                "root_radius",
+                "form_radius",
+                "working_pitch_radius",
+                "tip_thickness",
+                "root_clearance",
+            )
+        }
+    angles = ("working_pressure_angle", "transverse_pressure_angle", "base_helix_angle")
+    ratios = ("profile_contact_ratio", "overlap_ratio", "total_contact_ratio")
+    return (
+        {key: float(value / mm) for key, value in lengths.items()}
+        | {f"{name}_deg": float(facts[name] / deg) for name in angles}
+        | {name: float(facts[name]) for name in ratios}
+        | {"full_tip_shortening_coeff": float(facts["full_tip_shortening"])}
+        # Thesis eq. 3.3: what a growth of both base radii, by centrifugal load say, does.
+        | {"pressure_angle_change_deg_per_permille_base_radius": float(statics.angle_change) / deg}
+    )
+
+
+def _pressure_angle_change(pair: GearPair) -> Scalar:
+    """Change of the pressure angle where the base radii grow by a thousandth."""
+    return pressure_angle_change(pair, 1e-3 * pair.base_radius)[0]
+
+
+def _iso_numbers(model: PairModel) -> dict[str, Scalar]:
+    """Stiffnesses of ISO 6336-1 method B, whatever stiffness the scene uses."""
+    pair = model.pair
+    tangential = model.mesh_torque / pair.reference_radius[0]
+    stiffness = iso_stiffness(pair, tangential / pair.face_width)
+    return {
+        "tangential_force_N": tangential,
+        "c_th_N_mm_um": stiffness.theoretical / N_per_mm_um,
+        "c_prime_N_mm_um": stiffness.single / N_per_mm_um,
+        "c_gamma_alpha_N_mm_um": stiffness.mesh / N_per_mm_um,
+        "c_gamma_beta_N_mm_um": stiffness.face / N_per_mm_um,
+    }
+
+
+def headline(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> dict[str, Scalar]:
+    """The few numbers by which two flanks are compared; traceable by JAX."""
+    error = transmission_error(model.pair, cycle)
+    return {
+        "te_mean_um": cycle_mean(cycle, error) / um,
+        "te_rms_um": cycle_rms(cycle, error) / um,
+        "te_peak_to_peak_um": peak_to_peak(error) / um,
+        "max_line_load_N_mm": jnp.max(line_load(cycle, law)) / (1.0 / mm),
+        "max_pressure_MPa": jnp.max(hertz_pressure(model.pair, cycle, law)) / MPa,
+        "face_load_factor": face_load_factor(cycle),
+        "transverse_load_factor": transverse_load_factor(model.pair, cycle),
+    }
+
+
+def _static_numbers(
+    model: PairModel, cycle: MeshCycle, law: AbstractContactLaw
+) -> dict[str, Scalar]:
+    """The `static` part of the summary; traceable by JAX."""
+    pair = model.pair
+    load = nominal_line_load(pair, model.mesh_torque)
+    # One call for both: the compliance takes longest to compile.
+    path = pair.path_start + jnp.linspace(0.0, 1.0, 129) * pair.path_of_contact
+    stiffness = 1.0 / model.compliance(pair, jnp.append(path, pair.pitch_point), load)
+    largest, at_pitch = jnp.max(stiffness), stiffness[-1]
+    return {
+        "mesh_force_N": cycle.load[0, 0],
+        **headline(model, cycle, law),
+        "single_pair_stiffness_max_N_mm_um": largest / N_per_mm_um,
+        "single_pair_stiffness_pitch_N_mm_um": at_pitch / N_per_mm_um,
+        "single_pair_deflection_um": load / largest / um,
+        # Without what the bodies let the next pair feel: of the closed form of the Master Curve.
+        "unshared_deflection_um": load
+        * (1.0 / largest - shared_compliance(pair, model.compliance))
+        / um,
+        "mesh_loss_factor": mesh_loss_factor(pair, cycle),
+        "specific_sliding_lowest_pinion": specific_sliding(pair, pair.path_start)[0],
+        "specific_sliding_lowest_wheel": specific_sliding(pair, pair.path_end)[1],
+        "sliding_factor_largest": _largest_sliding(pair),
+        "mesh_stiffness_mean_N_um": cycle_mean(cycle, mesh_stiffness(cycle)) * um,
+        "nominal_line_load_N_mm": load * mm,
+        "least_share_in_contact": jnp.min(_share_in_contact(cycle)),
+        "most_solver_steps": jnp.max(cycle.steps),
+    }
+
+
+def _largest_sliding(pair: GearPair) -> Scalar:
+    """Largest speed of sliding over that of the pitch line; it is at an end of the path [-]."""
+    ends = jnp.stack([pair.path_start, pair.path_end])
+    slides = sliding_speed(pair, ends, as_scalar(1.0))
+    return jnp.max(jnp.abs(slides)) / pair.working_pitch_radius[0]
+
+
+def _share_in_contact(cycle: MeshCycle) -> Phases:
+    """Stiffness of the closed cells over that of all that could close."""
+    stiffness = cycle.cells.stiffness
+    closed = jnp.where(cycle.overlap > 0.0, stiffness, 0.0)
+    return jnp.sum(closed, axis=1) / jnp.sum(stiffness, axis=1)
+
+
+def mounts_summary(statics: Statics) -> dict[str, list[dict[str, Any]]]:
+    """Mean displacement and load of bearings, and of the gears that have none.
+
+    **Arguments:**
+
+    - `statics`: the solved cycle.
+
+    **Returns:**
+
+    `bearings`, the pinion's first, in the order of the scene; `supports`, the springs at a gear's
+    centre. A load is what shaft or gear puts on it.
+    """
+    model, structure = statics.model, statics.cycle.system.structure
+    motion, wrench, bearings = map(np.asarray, statics.mounts)
+    mounts = (model.pinion_support, model.wheel_support)
+    supports = [
+        {"gear": gear, **_mount_row(motion[body], wrench[body, :3])}
+        for body, (gear, mount) in enumerate(zip(GEARS, mounts, strict=True))
+        if isinstance(mount, Support)
+    ]
+    owners = [
+        (gear, index)
+        for gear, mount in zip(GEARS, mounts, strict=True)
+        if isinstance(mount, Shaft)
+        for index in range(len(mount.bearings))
+    ]
+    assert len(owners) == len(structure.map.bearings)
+    rows = [
+        {
+            "gear": gear,
+            "index": index,
+            **_mount_row(displacement, load[:3]),
+            "moment_Nm": dict(zip("ST", load[3:].tolist(), strict=True)),
+        }
+        for (gear, index), displacement, load in zip(owners, *bearings, strict=True)
+    ]
+    return {"bearings": rows, "supports": supports}
+
+
+def _mount_row(motion: np.ndarray, force: np.ndarray) -> dict[str, Any]:
+    return {
+        "displacement_um": dict(zip("STZ", (motion[:3] / um).tolist(), strict=True)),
+        "tilt_urad": dict(zip("ST", (1e6 * motion[3:5]).tolist(), strict=True)),
+        "load_N": dict(zip("STZ", force.tolist(), strict=True)),
+    }
+
+
+def _mean_loads(cycle: MeshCycle) -> Mounts:
+    """Motion of the gears, load of the mesh on them; motion and load of the bearings."""
+    system = cycle.system
+    mean = (cycle.cells.lines.weight @ cycle.load)[None, :]
+    motion = system.gear_motion(mean)[0].reshape(2, 6)
+    # At its one node a gear on springs gives them the mesh's load.
+    at_nodes = jnp.zeros(system.structure.map.size).at[np.asarray(system.structure.map.gear_dofs)]
+    on_nodes = at_nodes.set(-system.vectors @ mean[0])
+    first = np.asarray([nodes[0] for nodes in system.structure.map.gears])
+    wrench = on_nodes[first[:, None] + np.arange(6)]
+    bearings = bearing_motion(system.structure, system.displacement(mean)[0])
+    return Mounts(motion, wrench, jnp.stack([bearings.displacement, bearings.load]))
+
+
+def smoothing_bias(
+    model: PairModel, prepared: PreparedMesh, widths: Phases
+) -> tuple[Phases, Phases, Scalar]:
+    """What smooth contact changes, as a function of its width; traceable by JAX.
+
+    **Arguments:**
+
+    - `model`: gives the flanks.
+    - `prepared`: its mesh.
+    - `widths`: of the smooth law [m].
+
+    **Returns:**
+
+    Bias of the mean TE and of its RMS for each width, and the exact RMS [m].
+    """
+
+    def of_law(law: AbstractContactLaw) -> tuple[Scalar, Scalar]:
+        cycle = corrected_cycle(prepared, model, law=law)
+        error = transmission_error(model.pair, cycle)
+        return cycle_mean(cycle, error), cycle_rms(cycle, error)
+
+    mean, rms = of_law(ExactContact())
+    means, all_rms = jax.vmap(lambda width: of_law(SmoothContact(width)))(widths)
+    return means - mean, all_rms - rms, rms
