@@ -4,13 +4,14 @@ A comparison that cannot fail is a `ValueError`: the test is wrong. One that doe
 `AssertionError`: the code under test is wrong.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from jaxtyping import Array, PyTree
 from numpy.typing import ArrayLike
 
@@ -182,3 +183,13 @@ def _direction(argument: PyTree, sizes: PyTree) -> PyTree:
 
 def _scaled(tree: PyTree, factor: float) -> PyTree:
     return jax.tree.map(lambda x: factor * x, tree)
+
+
+def quick(count: int, variants: Iterable[Any]) -> list[Any]:
+    """Variants of a test, of which the first few run always and the others among the slow tests."""
+    marked = lambda each: pytest.param(*_tuple(each), marks=pytest.mark.slow)
+    return [each if i < count else marked(each) for i, each in enumerate(variants)]
+
+
+def _tuple(variant: Any) -> tuple[Any, ...]:
+    return variant if isinstance(variant, tuple) else (variant,)
