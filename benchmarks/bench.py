@@ -384,8 +384,8 @@ def _balance_and_march(system, model, speeds) -> tuple[float, dict]:
     from jaxgear._dynamics._harmonic import HarmonicBalance
     from jaxgear._dynamics._march import Marching
     from jaxgear._dynamics._shooting import Shooting
+    from jaxgear._dynamics._steady_state import steady_states
     from jaxgear._dynamics._steppers import Exponential, Newmark
-    from jaxgear._dynamics._sweep import steady_states
     from jaxgear._dynamics._system import pair_dynamics
 
     def build(steps):
@@ -447,7 +447,7 @@ def _floquet(system, modes, speeds) -> dict:
     import numpy as np
 
     from jaxgear._dynamics._floquet import monodromy, multipliers
-    from jaxgear._dynamics._sweep import steady_states
+    from jaxgear._dynamics._steady_state import steady_states
 
     def matrices(system, modes, speeds):
         orbits = steady_states(system, speeds)
@@ -545,7 +545,7 @@ def _dynamic_gradient(model, grid, speeds) -> dict:
     import jax.numpy as jnp
 
     import jaxgear as jg
-    from jaxgear._dynamics._sweep import steady_states
+    from jaxgear._dynamics._steady_state import steady_states
     from jaxgear._dynamics._system import pair_dynamics
     from jaxgear._response._dynamic import contact_force, orbit_variance
 

@@ -22,9 +22,9 @@ from jaxgear._contact._foundation import (
     RingFoundation,
     WeberFoundation,
 )
+from jaxgear._contact._hertz import hertz_contact
 from jaxgear._contact._ring import give_alone, root_resultants
 from jaxgear._contact._tooth import (
-    HertzContact,
     beam_compliance,
     contact_modulus,
     penetration_compliance,
@@ -323,8 +323,14 @@ class IsoStiffness(eqx.Module):
 
 # ISO 6336-1 table 9: C1..C9 [mm um/N], with x2 squared in the last.
 _ISO = (0.04723, 0.15551, 0.25791, -0.00635, -0.11654, -0.00193, -0.24188, 0.00529, 0.00182)
+
+
 _ISO_MEASURED = 0.8  # C_M, ratio of measured to theoretical stiffness
+
+
 _ISO_YOUNG = 206e9  # steel, for which the series was fitted [Pa]
+
+
 _ISO_LOAD = 100e3  # below this line load the stiffness falls off [N/m]
 
 
@@ -382,23 +388,3 @@ def single_pair_stiffness(
     place = jnp.linspace(0.0, 1.0, 129)
     roll = pair.path_start + place * pair.path_of_contact
     return 1.0 / jnp.min(compliance(pair, roll, line_load))
-
-
-@compiled
-def hertz_contact(pair: GearPair, roll: Reals) -> HertzContact:
-    """The cylinders that touch at given positions, in the normal plane.
-
-    **Arguments:**
-
-    - `pair`: the gears.
-    - `roll`: positions on the path of contact [m].
-
-    **Returns:**
-
-    Their equivalent radius at each position, and their contact modulus.
-    """
-    radius = roll * (pair.tangent_length - roll) / pair.tangent_length
-    return HertzContact(
-        radius=radius / jnp.cos(pair.base_helix_angle),
-        modulus=contact_modulus(pair.pinion.material, pair.wheel.material),
-    )

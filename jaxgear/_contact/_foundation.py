@@ -12,12 +12,8 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from jaxgear._checks import require
-from jaxgear._contact._ring import (
-    give_alone,
-    ring_influence,
-    root_resultants,
-    sainsot_compliance,
-)
+from jaxgear._contact._ring import give_alone, ring_influence, root_resultants
+from jaxgear._contact._sainsot import sainsot_compliance
 from jaxgear._contact._tooth import tooth_load
 from jaxgear._geometry._gear import Material
 from jaxgear._geometry._profile import ToothSection

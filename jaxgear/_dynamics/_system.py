@@ -28,20 +28,9 @@ from jaxgear._dynamics._bodies import (
     vibrating_bodies,
     with_modes,
 )
-from jaxgear._dynamics._damping import (
-    AbstractDamping,
-    ModalDamping,
-    damping_matrix,
-    per_mass,
-)
-from jaxgear._dynamics._table import (
-    MIDDLE,
-    MeshTable,
-    mesh_at,
-    mesh_table,
-    repeated,
-    tangent_columns,
-)
+from jaxgear._dynamics._cell_forces import tangent_columns
+from jaxgear._dynamics._damping import AbstractDamping, ModalDamping, damping_matrix, per_mass
+from jaxgear._dynamics._table import MIDDLE, MeshTable, mesh_at, mesh_table, repeated
 from jaxgear._dynamics._types import (
     FreeMotions,
     Matrix,

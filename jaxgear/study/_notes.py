@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 import optimise
-from jaxgear._contact._ring import SAINSOT_RADIUS_RATIO
+from jaxgear._contact._sainsot import SAINSOT_RADIUS_RATIO
 from jaxgear._geometry._pair import pair_facts
 from jaxgear._system._body_modes import BodyBasis
 from jaxgear._system._model import PairModel

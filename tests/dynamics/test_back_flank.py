@@ -21,7 +21,8 @@ from jaxgear._dynamics._back_flank import (
     turned_misalignment,
     with_back_flanks,
 )
-from jaxgear._dynamics._table import MeshTable, mesh_at, mesh_load, mesh_table, repeated
+from jaxgear._dynamics._cell_forces import mesh_load
+from jaxgear._dynamics._table import MeshTable, mesh_at, mesh_table, repeated
 from jaxgear._geometry._backlash import mirror_point, normal_backlash
 from jaxgear._geometry._profile import tooth_section
 from jaxgear._interface._wrench import beam_basis, structure_vectors

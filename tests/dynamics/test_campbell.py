@@ -22,16 +22,11 @@ from jaxgear._dynamics._bodies import (
     vibrating_bodies,
     with_modes,
 )
-from jaxgear._dynamics._campbell import (
-    TurningModes,
-    critical_crossings,
-    modes_alone,
-    turning_modes,
-    wave_content,
-)
+from jaxgear._dynamics._campbell import TurningModes, critical_crossings, modes_alone, turning_modes
 from jaxgear._dynamics._damping import ModalDamping
 from jaxgear._dynamics._modes import pair_modes, rotating_frequencies
 from jaxgear._dynamics._system import DynamicSystem, PairDynamics
+from jaxgear._dynamics._wave_content import wave_content
 from jaxgear._solve._cycle import MeshCycle
 from jaxgear._system._model import PairModel
 from jaxgear._system._pair_system import PairSystem, pair_system
