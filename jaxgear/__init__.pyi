@@ -102,9 +102,9 @@ from ._interface._roots import RootPatches as RootPatches
 from ._interface._roots import feet as feet
 from ._interface._wrench import structure_vectors as structure_vectors
 
-from ._system._flexible import Condensed as Condensed
+from ._system._condensed import Condensed as Condensed
 from ._system._flexible import FlexibleBody as FlexibleBody
-from ._system._flexible import flexible_body as flexible_body
+from ._system._body_tables import flexible_body as flexible_body
 from ._system._body_family import BodyFamily as BodyFamily
 from ._system._body_family import body_family as body_family
 from ._system._body_family import family_parameters as family_parameters
@@ -118,16 +118,18 @@ from ._system._beam import beam_gyroscopic as beam_gyroscopic
 from ._system._beam import beam_mass as beam_mass
 from ._system._beam import beam_stiffness as beam_stiffness
 from ._system._beam import cowper_coefficient as cowper_coefficient
-from ._system._shaft import BeamBody as BeamBody
-from ._system._shaft import Bearing as Bearing
-from ._system._shaft import Segment as Segment
+from ._system._mount import AbstractMount as AbstractMount
+from ._system._gear_body import AbstractGearBody as AbstractGearBody
+from ._system._gear_body import BeamBody as BeamBody
+from ._system._shaft_parts import Bearing as Bearing
+from ._system._shaft_parts import Segment as Segment
 from ._system._shaft import Shaft as Shaft
-from ._system._shaft import ShaftLoad as ShaftLoad
-from ._system._structure import Housing as Housing
-from ._system._structure import RigidBody as RigidBody
+from ._system._shaft_parts import ShaftLoad as ShaftLoad
+from ._system._housing import Housing as Housing
+from ._system._gear_body import RigidBody as RigidBody
 from ._system._structure import Structure as Structure
 from ._system._structure import bearing_motion as bearing_motion
-from ._system._structure import solid_disc as solid_disc
+from ._system._gear_body import solid_disc as solid_disc
 from ._system._support import Support as Support
 
 from ._solve._contact import ContactProblem as ContactProblem
@@ -150,7 +152,7 @@ from ._dynamics._system import DynamicSystem as DynamicSystem
 from ._dynamics._system import ModalBasis as ModalBasis
 from ._dynamics._system import PairDynamics as PairDynamics
 from ._dynamics._system import modal_basis as modal_basis
-from ._dynamics._system import pair_dynamics as pair_dynamics
+from ._dynamics._pair_dynamics import pair_dynamics as pair_dynamics
 from ._dynamics._modes import Modes as Modes
 from ._dynamics._modes import critical_speeds as critical_speeds
 from ._dynamics._modes import modes as modes

@@ -332,10 +332,11 @@ def _is_abstract(node: ast.ClassDef) -> bool:
 
 
 def _is_abstract_field(node: ast.stmt) -> bool:
-    return isinstance(node, ast.AnnAssign) and _last_name(node.annotation) in (
-        "AbstractVar",
-        "AbstractClassVar",
-    )
+    return isinstance(node, ast.AnnAssign) and _is_abstract_annotation(node.annotation)
+
+
+def _is_abstract_annotation(node: ast.expr) -> bool:
+    return _last_name(node) in ("AbstractVar", "AbstractClassVar")
 
 
 def faults_of_fields(sources: Iterable[Source]) -> Iterator[str]:
@@ -406,6 +407,8 @@ def _alternatives(annotation: ast.expr) -> Iterator[ast.expr]:
         case ast.BinOp(left=left, op=ast.BitOr(), right=right):
             yield from _alternatives(left)
             yield from _alternatives(right)
+        case ast.Subscript(slice=inner) if _is_abstract_annotation(annotation):
+            yield from _alternatives(inner)
         case ast.Constant(value=str() as text):
             yield from _alternatives(ast.parse(text, mode="eval").body)
         case ast.Constant(value=None):
@@ -797,6 +800,8 @@ def test_field_of_a_descendant_and_of_a_private_class_is_found():
         ("crown: Crown", False),
         ("crown: 'Crown | None' = None", False),
         ("flag: bool", False),
+        ("parts: eqx.AbstractVar[tuple[Crown, ...]]", False),
+        ("bore: eqx.AbstractVar[Scalar]", True),
         ("settled: Flags", False),
         ("teeth: int = eqx.field(static=True)", False),
         ("teeth: int", True),

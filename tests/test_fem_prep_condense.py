@@ -28,10 +28,10 @@ from fem_prep._artefact import floating, rigid_motions
 from fem_prep._assembly import across, coriolis, order, stress_stiffening
 from fem_prep._boundary import Teeth, full_body
 from fem_prep._checks import BodyError
-from fem_prep._condense import condense, largest_rotation
+from fem_prep._condense import condense
 from fem_prep._grid import Grid, merged
 from fem_prep._hold import hold, recovered
-from fem_prep._modes import free_modes, lowest_modes, reduced_modes
+from fem_prep._modes import free_modes, largest_rotation, lowest_modes, reduced_modes
 from fem_prep._seats import Seat
 from fem_prep._solvers import available_solvers, factorise
 from fem_prep._symmetry import Rotation

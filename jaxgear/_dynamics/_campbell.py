@@ -23,7 +23,7 @@ from jaxgear._checks import require
 from jaxgear._dynamics._modes import Modes, gear_parts
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._dynamics._wave_content import content_of, gear_of, wave_content, waves_of
-from jaxgear._system._structure import BODIES
+from jaxgear._system._gear_body import BODIES
 
 if TYPE_CHECKING:
     PinionSpeeds = np.ndarray

@@ -22,7 +22,8 @@ from jaxgear._dynamics._damping import per_mass, without_hold
 from jaxgear._dynamics._spectrum import meeting, spectrum_of
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._dynamics._types import FreeMotions, Matrix, ModeMatrix, Speeds
-from jaxgear._system._structure import BODIES, Structure
+from jaxgear._system._gear_body import BODIES
+from jaxgear._system._structure import Structure
 
 if TYPE_CHECKING:
     ModeNumbers = Array

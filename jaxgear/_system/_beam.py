@@ -193,6 +193,30 @@ def beam_gyroscopic(beam: Beam) -> BeamMatrix:
     return coupling - coupling.T
 
 
+def element_matrices(
+    length: Scalar,
+    outer: Scalar,
+    inner: Scalar,
+    shear: Scalar,
+    young: Scalar,
+    poisson: Scalar,
+    density: Scalar,
+) -> Float[Array, "12 12 3"]:
+    """Stiffness, mass and gyroscopic matrix of one element.
+
+    **Arguments:**
+
+    - `length`, `outer`, `inner`, `shear`, `young`, `poisson`, `density`: as of `Beam` and its
+        `Material`.
+
+    **Returns:**
+
+    The three, as `[dof, dof, matrix]`.
+    """
+    beam = Beam(length, outer, inner, shear, Material(young, poisson, density))
+    return jnp.stack([beam_stiffness(beam), beam_mass(beam), beam_gyroscopic(beam)], axis=-1)
+
+
 def beam_shapes(beam: Beam, fraction: Scalar) -> BeamShapes:
     """Motion of the section at a fraction of the length, per motion of the ends.
 

@@ -1,13 +1,16 @@
 """Springs that hold a gear at its centre: the simplest of mounts."""
 
 import equinox as eqx
+import jax.numpy as jnp
 
-from jaxgear._checks import require
+from jaxgear._checks import InputError, require
 from jaxgear._compiled import in_numpy
+from jaxgear._system._beam import Beam
+from jaxgear._system._mount import AbstractMount, BodyPiece, MountedNodes, MountMatrices, NodeDofs
 from jaxgear._types import Scalar, as_optional_scalar
 
 
-class Support(eqx.Module):
+class Support(AbstractMount):
     """Linear springs at a gear's centre; `None` is a rigid direction.
 
     **Fields:**
@@ -35,3 +38,51 @@ class Support(eqx.Module):
                 "`Support." + name + "` must be positive, got {got}. Use `None` for a rigid one.",
                 got=stiffness,
             )
+
+    @property
+    def bearings(self) -> tuple:
+        """None: only a shaft has bearings."""
+        return ()
+
+    @property
+    def loads(self) -> tuple:
+        """None: only a shaft has loads."""
+        return ()
+
+    @property
+    def _directions(self) -> tuple[Scalar | None, ...]:
+        return self.radial_s, self.radial_t, self.axial, self.tilt, self.tilt
+
+    @property
+    def nodes(self) -> MountedNodes:
+        rigid = tuple(k for k, spring in enumerate(self._directions) if spring is None)
+        node = (0,)
+        return MountedNodes((("gear", 0), ("torque", 0)), 1, node, node, node, rigid=rigid)
+
+    @property
+    def length(self) -> Scalar:
+        return jnp.zeros(())
+
+    @property
+    def bearing_heights(self) -> tuple:
+        return ()
+
+    @property
+    def diameter_at_gear(self) -> Scalar:
+        return jnp.zeros(())
+
+    @property
+    def springs(self) -> NodeDofs:
+        # A rigid direction has no spring: it is not among the free degrees of freedom.
+        springs = (jnp.zeros(()) if each is None else each for each in (*self._directions, None))
+        return jnp.stack(list(springs))
+
+    def matrices(self, piece: BodyPiece | None = None) -> MountMatrices:
+        none = jnp.zeros((6, 6))
+        return MountMatrices(jnp.diag(self.springs), none, none)
+
+    def body_beam(self, piece: BodyPiece) -> Beam:
+        raise InputError("A body that is a beam must be part of a shaft, not held by springs.")
+
+    def check_held(self, name: str) -> None:
+        pass

@@ -15,12 +15,10 @@ import jaxgear as jg
 from jaxgear._dynamics._bodies import (
     BodyPlace,
     TurningTerms,
-    body_masses,
-    mode_stiffness,
+    matrices_with,
     size_with,
     turning_terms,
     vibrating_bodies,
-    with_modes,
 )
 from jaxgear._dynamics._campbell import TurningModes, critical_crossings, modes_alone, turning_modes
 from jaxgear._dynamics._damping import ModalDamping
@@ -68,13 +66,10 @@ def _assembled(model: PairModel, grid: jg.MeshGrid) -> _Matrices:
     mounted = pair_system(model.pair, model.torque, ROUND, ROUND, wheel_body=model.wheel_body)
     bodies = vibrating_bodies(model, mounted, grid)
     size = size_with(mounted, bodies)
-    structure = mounted.structure
-    stiffness = with_modes(structure.stiffness, size)
     return _Matrices(
         mounted,
         tuple(each.place for each in bodies),
-        with_modes(structure.mass, size) + body_masses(bodies, size),
-        stiffness + jnp.diag(mode_stiffness(bodies, size)),
+        *matrices_with(mounted, bodies, size),
         (
             turning_terms(bodies, size, ModalDamping(), whole=False),
             turning_terms(bodies, size, ModalDamping(), whole=True),
