@@ -1,8 +1,8 @@
 r"""Condensation of a body on its rim and its seats.
 
-The body follows its boundary $u_b$ statically, by constraint modes $T$, and adds to that shapes
-$Y$ that leave the boundary where it is: $u = T u_b + Y q$. The stiffness has then no blocks
-between both, whatever the shapes, $T^T K Y = 0$ (physics.md A6.2), and static answers at the
+The body follows its boundary $u_b$ statically, by constraint modes $T$, and adds to that shapes $Y$
+that leave the boundary where it is: $u = T u_b + Y q$. The stiffness has then no blocks between
+both, whatever the shapes, $T^T K Y = 0$, as $T$ is in equilibrium inside, and static answers at the
 boundary are exact for loads anywhere. What methods differ in is $Y$ alone.
 
 A seat that averages its nodes is a constraint $B u = u_s$, met by forces $B^T \lambda$.
@@ -26,10 +26,7 @@ from ._seats import dofs_of
 from ._symmetry import Rotation
 
 METHODS = ("herting", "craig-bampton", "guyan")
-
-
 MOST_MODES = 200
-
 
 # Shapes that others make up to this, in energy, are left out: they say nothing new.
 _NEW = 1e-12
@@ -108,10 +105,11 @@ def condense(
 ) -> ReducedBody:
     r"""Condense a body on its rim and its seats.
 
-    Interior shapes are, by method (physics.md A6):
+    Interior shapes are, by method:
 
-    - "herting": modes of the free body less their static part, and the answers to rigid
-      accelerations (inertia relief). Free frequencies of the modes kept are exact.
+    - "herting" (D. N. Herting, Finite Elem. Anal. Des. 1, 1985; thesis eq. 2.4): modes of the free
+      body less their static part, and the answers to rigid accelerations (inertia relief). Free
+      frequencies of the modes kept are exact.
     - "craig-bampton": modes of the body held at its boundary.
     - "guyan": none; static condensation.
 
@@ -232,7 +230,7 @@ def _of_rings(full: FullBody, strained: np.ndarray) -> csr_array:
 def _stiffness(held: Held, basis: Basis) -> np.ndarray:
     """Condensed stiffness: forces on the boundary, and the energies of the interior shapes.
 
-    Between both there is nothing (physics.md A6.2).
+    Between both there is nothing: constraint modes leave no force inside.
     """
     rim, seats = basis.rim, 6 * len(held.full.seats)
     result = np.zeros((rim + basis.others.shape[1],) * 2)

@@ -61,7 +61,6 @@ def _files(
 # The part of an Abaqus file in which a node or a set is; none for the assembly's own nodes.
 _Scope = str | None
 
-
 # Of a set: the label of a node, several of them, or the name of another set.
 _Member = int | range | str
 

@@ -10,8 +10,6 @@ from ._deck import Deck, deck_lines, deck_of, numbers_of, take_node, whole_numbe
 
 # Nastran numbers the mid nodes of the uprights before those of the top.
 _NASTRAN_TO_VTK = [*range(12), *range(16, 20), *range(12, 16)]
-
-
 _NASTRAN_SOLIDS = ("CTETRA", "CPENTA", "CPYRAM", "CPYRA")
 
 

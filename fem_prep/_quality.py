@@ -17,15 +17,11 @@ from ._rim_quality import check_rim, place_of, require_sets
 
 # A gear body outside of these sizes [m] is more likely one in the wrong unit.
 _SMALLEST = 3e-3
-
-
 _LARGEST = 5.0
-
 
 # How far a mid node may lie from the middle of its edge's chord, over the chord. An arc of 120
 # degrees, coarser than anyone meshes, has 0.29.
 _OFF_EDGE = 0.4
-
 
 # Jacobian over the brick's largest one, below which a brick counts as collapsed.
 _COLLAPSED = 1e-6

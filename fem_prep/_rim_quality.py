@@ -14,10 +14,8 @@ from ._grid import Grid, surface, surface_of
 # number is good to 1e-6; straight edges of 86 sectors are off by 7e-4.
 _OFF_CYLINDER = 5e-5
 
-
 # How far the rim's radius may be from the expected one, over that.
 _OFF_RADIUS = 1e-3
-
 
 # How far the middle of the rim may be from z = 0, over its width.
 _OFF_MIDDLE = 1e-3

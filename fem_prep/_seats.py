@@ -12,7 +12,6 @@ from ._grid import Grid
 
 RIM = "rim"
 
-
 # How far along z a seat's point may be from its nodes, over the size of the body, if they lie in a
 # plane; and how far the middle of the nodes from the axis through it, over their mean distance.
 _POINT_OFF, _AROUND = 0.02, 0.2

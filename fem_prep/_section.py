@@ -13,8 +13,6 @@ from ._checks import require
 from ._plate import Web
 
 SAME = 1e-6
-
-
 """Lengths that differ by less than this share of the root diameter are taken for the same."""
 
 

@@ -157,7 +157,7 @@ class AbstractCompliance(eqx.Module):
 class WeberBanaschek(AbstractCompliance):
     """Teeth as cantilevers on their foundations, with Weber's logarithmic contact term.
 
-    A helical pair is evaluated with its virtual spur gears (physics A2.7).
+    A helical pair is evaluated with its virtual spur gears (ISO 6336-1).
 
     **Fields:**
 
@@ -165,7 +165,7 @@ class WeberBanaschek(AbstractCompliance):
         bore, else `WeberFoundation`.
     - `wheel_foundation`: of the wheel's body, likewise.
     - `load_updates`: how often the contact term is taken anew at the line loads found, instead
-        of at the nominal one (physics A2.6) [-].
+        of at the nominal one [-].
     """
 
     pinion_foundation: AbstractFoundation | None = None
@@ -323,14 +323,8 @@ class IsoStiffness(eqx.Module):
 
 # ISO 6336-1 table 9: C1..C9 [mm um/N], with x2 squared in the last.
 _ISO = (0.04723, 0.15551, 0.25791, -0.00635, -0.11654, -0.00193, -0.24188, 0.00529, 0.00182)
-
-
 _ISO_MEASURED = 0.8  # C_M, ratio of measured to theoretical stiffness
-
-
 _ISO_YOUNG = 206e9  # steel, for which the series was fitted [Pa]
-
-
 _ISO_LOAD = 100e3  # below this line load the stiffness falls off [N/m]
 
 

@@ -31,8 +31,6 @@ else:
     Tractions = Float[Array, "node resultant component"]
 
 Traction = Literal["parallel", "radial"]
-
-
 Measure = Literal["mean", "point"]
 
 

@@ -16,19 +16,11 @@ if TYPE_CHECKING:
 else:
     Sainsot = Float[Array, "coefficient"]
 
-# --- Sainsot's polynomial
-
 SAINSOT_RADIUS_RATIO = (1.4, 7.0)
-
-
-"""Range of $h$ for which Sainsot's polynomial was fitted [-]; poor below 2 (physics A2.4)."""
-
+"""Range of $h$ for which Sainsot's polynomial was fitted [-]; poor below 2, against the ring."""
 
 SAINSOT_ROOT_HALF_ANGLE = (0.01, 0.12)
-
-
 r"""Range of $\theta_f$ for which Sainsot's polynomial was fitted [rad]."""
-
 
 # Columns A to F of Sainsot et al. 2004, J. Mech. Des. 126(4); rows L*, M*, P*, Q*.
 _SAINSOT = np.array(

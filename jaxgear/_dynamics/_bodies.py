@@ -4,7 +4,8 @@ Seats and modes are in coordinates that stand still in space while the body turn
 with condensed bodies is a system like any other, periodic with the mesh, whose turning bodies bring
 terms of their own. With $B = \mp J\,\Omega_i/\Omega_1$ the velocity on the body is
 $\dot x + \Omega_1 Bx$, hence its inertia is $M\ddot x + \Omega_1 G\dot x + \Omega_1^2 Sx$, where
-$G = MB - B^TM$ and $S = -B^TMB$. With the terms of rotation of the body (physics A7) all is exact.
+$G = MB - B^TM$ and $S = -B^TMB$. With Coriolis forces, spin softening and stress stiffening of
+the body all is exact.
 Without them only waves of two and more nodal diameters turn with the body: rigid motions, and the
 bending of shafts, would otherwise be given a false inertia.
 """

@@ -2,8 +2,8 @@ r"""Modes of a turning pair with condensed bodies over speed, and where the mesh
 
 They are found in coordinates that stand still in space. A wave of $n$ nodal diameters of a body
 that turns with $\Omega$ has from there the frequency $\omega + n\Omega$ if it runs forward, with
-the body, and $\omega - n\Omega$ if it runs backward, $\omega$ being that on the body (physics A9).
-The mesh stands still as well, so that its harmonic $h$ meets the wave at
+the body, and $\omega - n\Omega$ if it runs backward, $\omega$ being that on the body (thesis eq.
+3.8, corrected). The mesh stands still as well, so that its harmonic $h$ meets the wave at
 $hz_1\Omega_1 = \omega \pm n\Omega$, which is the order $hz \mp n$ on the body.
 
 All of this runs on the host and has no derivatives.

@@ -109,13 +109,8 @@ class Curve(eqx.Module):
 # Steps halve below the first and grow above the second of these cosines of the turn they make, and
 # a corrected point is not further aside than this part of its step.
 _SHARP, _STRAIGHT, _ASIDE = 0.8, 0.98, 0.5
-
-
 _FEW_NEWTON, _MANY_NEWTON = 4, 6
-
-
 _SMALLEST_STEP = 1e-7
-
 
 # Steps above this are halved if two folds seem to hide in them.
 _LOOKED_AT = 3e-3

@@ -296,7 +296,6 @@ class Guide:
 # little as cells close: so far may a pair of them be off the circle where they pass it.
 _FOLD_ACCURACY, _PASSAGE_ACCURACY, _ON_CIRCLE = 1e-9, 1e-7, 1e-2
 
-
 # Distance between responses that are one, and tangents that do not lean to either side.
 _SAME, _UPRIGHT = 1e-4, 1e-9
 

@@ -2,8 +2,8 @@ r"""Marching in time: modes by a linear rule, contact by a few equations on the 
 
 In a step all modes obey their rule under the load $u = \Phi^T(F - V(g - \bar kn))$. At the instant
 of the load the nodes are then at $n = c - S(g - \bar kn)$ with $S$ from the rule: the mesh load $g$
-is the minimum of a convex energy, unilateral contact of few unknowns (physics A8.2), whatever the
-number of modes. It is found by Newton's method from the load before.
+is the minimum of a convex energy, unilateral contact of few unknowns, whatever the number of
+modes. It is found by Newton's method from the load before.
 """
 
 import equinox as eqx

@@ -41,7 +41,6 @@ else:
 # Relative distance of two frequencies below which they count as one.
 _MEET = 1e-6
 
-
 # Share of the largest entry below which a matrix counts as antisymmetric.
 _ROUNDING = 1e-9
 

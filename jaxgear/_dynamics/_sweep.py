@@ -30,16 +30,13 @@ from jaxgear._types import Scalar
 # one response over one.
 _SAME = 1e-6
 
-
 # Where no periodic response is found after a march, the march goes on for so many times as long. An
 # unstable response is left from a state that differs by so much, relative to the static one.
 _PATIENCE, _DISTURBANCE = 5, 0.1
 
-
 # A response counts as that in which a march ends if it is nowhere further from the last cycles of
 # the march than by this part of their swing.
 _APART = 0.3
-
 
 # From one speed to the next a response may move so far, in its swing. Where it would move further,
 # or is lost, the way there is halved, at most so often; and where that does not help either, it is
@@ -47,11 +44,8 @@ _APART = 0.3
 # coarsest grids of speeds that were tried, a false one by 0.7.
 _STEP, _HALVINGS = 0.3, 3
 
-
 # It also counts if a march of several times the length has come closer to it by this factor.
 _APPROACH = 0.8
-
-
 Direction = Literal["up", "down", "cold"]
 
 

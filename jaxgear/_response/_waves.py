@@ -4,9 +4,9 @@ Seats and modes of a body are known in coordinates that stand still in space, pe
 mesh: $x(\psi) = \Re\sum_m a_m e^{imZ\psi/P}$, where $\psi$ is the angle by which the gear has
 turned since the cycle began, $Z$ its teeth and $P$ the mesh periods after which the response
 repeats. On the body this is $z = D(-\theta)x$, $\theta = \theta_0 \pm \psi$: a wave of $k$ nodal
-diameters appears at the orders $hZ \mp k$ of the gear's rotation, upper sign forward (physics A9).
-A probe that stands still in space looks at other nodes all the time, and turns this back: it shows
-the orders $hZ$ only, if the body is the same under each tooth.
+diameters appears at the orders $hZ \mp k$ of the gear's rotation, upper sign forward (thesis eq.
+3.9, its signs corrected). A probe that stands still in space looks at other nodes all the time, and
+turns this back: it shows the orders $hZ$ only, if the body is the same under each tooth.
 
 Nothing is sampled in time: all spectra are exact sums over the harmonics of the mesh. Everything
 here is plain NumPy, for what has been solved.
@@ -23,7 +23,6 @@ from jaxgear._checks import require
 from jaxgear._response._body_motion import RESOLVED, SAME_ORDER, BodyMotion, Spectrum
 
 DIRECTIONS = ("radial", "tangential", "axial")
-
 
 # What a row of a body says of waves that it cannot have, by rounding, relative to its largest.
 _NOISE = 1e-9
@@ -224,8 +223,8 @@ class Waves:
     r"""Waves on a circle of a body, by orders: $\Re\sum a_{on} e^{i(o\psi - n\vartheta)}$.
 
     The angle $\vartheta$ counts from the body's x in the sense of rotation. So a wave of positive
-    $n$ travels forward, one of negative $n$ backward, as seen from the body (physics A9); of order
-    0 none travels, and $n$ is not negative.
+    $n$ travels forward, one of negative $n$ backward, as seen from the body (thesis eq. 3.6); of
+    order 0 none travels, and $n$ is not negative.
 
     **Fields:**
 

@@ -5,7 +5,7 @@ $u = T s + X z$. A body of equal sectors has its modes in pairs that a turn of t
 alone: turned by $\theta$, a pattern $z$ looks from outside like $D(\theta)z$, $D = e^{\theta J}$,
 where $J$ has the wave number of each pair. In coordinates $x = D(\theta) z$, which stand still
 while the body turns, mesh, seats and bearings are the same in every mesh period: this is the
-rotated periodicity of the body, and its Doppler shift, at once (physics A9).
+rotated periodicity of the body, and its Doppler shift, at once (thesis eq. 3.5 to 3.9).
 """
 
 import math

@@ -21,7 +21,6 @@ from jaxgear._system._rim_checks import check_elements, check_rim
 # Components of a foot's motion that spur teeth load: along radius and tangent, and about the axis.
 _IN_PLANE, _ALL = (0, 1, 5), (0, 1, 2, 3, 4, 5)
 
-
 # How far the stiffness between seats may depend on the direction, of its largest entry.
 _UNEVEN = 1e-3
 
@@ -135,13 +134,11 @@ def flexible_body(
     each, where = np.unique(teeth % gear.teeth if repeats > 1 else teeth, return_inverse=True)
     patches = root_patches(pair, index, grid, each, points=points, axial=axial)
     found = feet(RimSurface(body.rim_nodes, body.rim_faces), patches)
-    helical = float(pair.helix_angle) != 0.0
-    components = _ALL if helical else _IN_PLANE
+    components = _ALL if float(pair.helix_angle) != 0.0 else _IN_PLANE
     held = _held(body, found, patches.angles.ravel(), components)
     count, slices, size = len(each), grid.slices, len(components)
-
-    pairs = _between_cells(held, where.reshape(teeth.shape), each, repeats, local, components)
     lines, cells = where.reshape(teeth.shape), grid.lines * slices
+    pairs = _between_cells(held, lines, each, repeats, local, components)
 
     def on_cells(rows: np.ndarray) -> np.ndarray:
         """Rows of all feet as `[period, component, cell, ...]`."""

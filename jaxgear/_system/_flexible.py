@@ -3,8 +3,8 @@ r"""Gear bodies that are condensed finite elements, as teeth in mesh see them.
 Statics of a body whose loads act on the feet of slices of teeth and on its seats is exact in two
 parts: what the feet give with all seats held, $A$, and how the feet follow the seats, $G$. A cell
 on a slice feels the motion of its foot by six numbers $b$, the normal and its moment about the foot
-(physics C 9 to 20), so that bodies add $b^T A b$ to the compliance between cells, and the seats'
-motions to the mesh coordinates with arms $b^T G$.
+(thesis eq. 2.10 to 2.20), so that bodies add $b^T A b$ to the compliance between cells, and the
+seats' motions to the mesh coordinates with arms $b^T G$.
 
 Everything is kept in the frame of each slice's own foot, along the radius, the tangent and the axis
 in the middle of the tooth: there a body that repeats from tooth to tooth has one table for all

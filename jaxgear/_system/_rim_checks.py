@@ -11,7 +11,6 @@ from jaxgear._units import mm
 # Longest element of a rim [pitches], widest [faces], and slices that even one element can follow.
 _LONGEST, _WIDEST, _FEW_SLICES = 1.5, 0.5 + 1e-6, 3
 
-
 # How far rim and root circle may be apart, of the radius.
 _RIM_OFF = 5e-3
 

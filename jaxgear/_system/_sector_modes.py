@@ -13,7 +13,6 @@ from jaxgear._system._condensed import Condensed
 # that of an uneven body.
 PAIR = 1e-5
 
-
 # What rounding may leave of a symmetry.
 _EVEN = 1e-4
 

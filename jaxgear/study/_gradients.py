@@ -102,7 +102,6 @@ _DYNAMIC_FLOOR = 1e-2
 _LEAST_CONDITION = 1e-2
 _SETTLED = 1e-12
 
-
 # The backward pass through all of the geometry is thousands of scalar operations. Fusing them
 # takes XLA ten times longer than all the rest, for a program that runs once.
 _UNFUSED = (("xla_disable_hlo_passes", "fusion"),)
