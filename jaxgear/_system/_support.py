@@ -7,6 +7,7 @@ from jaxgear._checks import InputError, require
 from jaxgear._compiled import in_numpy
 from jaxgear._system._beam import Beam
 from jaxgear._system._mount import AbstractMount, BodyPiece, MountedNodes, MountMatrices, NodeDofs
+from jaxgear._system._shaft_parts import Bearing, ShaftLoad
 from jaxgear._types import Scalar, as_optional_scalar
 
 
@@ -19,6 +20,7 @@ class Support(AbstractMount):
     - `radial_t`: stiffness along T [N/m].
     - `axial`: stiffness along the axis [N/m].
     - `tilt`: stiffness about S and about T [N m/rad].
+    - `bearings`, `loads`: none, which only a shaft has.
 
     **Raises:**
 
@@ -29,6 +31,8 @@ class Support(AbstractMount):
     radial_t: Scalar | None = eqx.field(converter=as_optional_scalar, default=None)
     axial: Scalar | None = eqx.field(converter=as_optional_scalar, default=None)
     tilt: Scalar | None = eqx.field(converter=as_optional_scalar, default=None)
+    bearings: tuple[Bearing, ...] = eqx.field(init=False, default=())
+    loads: tuple[ShaftLoad, ...] = eqx.field(init=False, default=())
 
     def __check_init__(self):
         for name in ("radial_s", "radial_t", "axial", "tilt"):
@@ -38,16 +42,6 @@ class Support(AbstractMount):
                 "`Support." + name + "` must be positive, got {got}. Use `None` for a rigid one.",
                 got=stiffness,
             )
-
-    @property
-    def bearings(self) -> tuple:
-        """None: only a shaft has bearings."""
-        return ()
-
-    @property
-    def loads(self) -> tuple:
-        """None: only a shaft has loads."""
-        return ()
 
     @property
     def _directions(self) -> tuple[Scalar | None, ...]:
