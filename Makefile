@@ -19,7 +19,7 @@ DEMO_OUT := $(DEMO)/results/accessory
 
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: help demo test types suite test-slow test-faults golden-check golden-record bench clean
+.PHONY: help demo test types suite test-slow test-faults golden-check golden-record bench measure clean
 
 help:
 	@echo 'make demo         a gear pair from scene to pictures, in $(DEMO)/'
@@ -28,6 +28,7 @@ help:
 	@echo 'make test-faults  plants faults in the sources, and sees whether the tests catch them'
 	@echo 'make golden-check compares what commands write with what was recorded (golden-record)'
 	@echo 'make bench        timings'
+	@echo 'make measure      counts of the sources, beside those of version 0.8'
 	@echo 'make clean        remove all that the others made'
 
 demo: $(VENV)/.installed
@@ -71,6 +72,9 @@ bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/bench_bodies.py
 	$(BIN)/python benchmarks/bench_hybrid.py
 	$(BIN)/python benchmarks/bench_answers.py
+
+measure: $(VENV)/.installed
+	$(BIN)/python benchmarks/measure.py
 
 clean:
 	rm -rf $(VENV) $(DEMO) results/bench build dist .pytest_cache .ruff_cache

@@ -345,7 +345,8 @@ def dynamics(count: int = 300, steps: int = 100) -> dict:
     import jax.numpy as jnp
 
     import jaxgear as jg
-    from jaxgear._dynamics._system import modal_basis, pair_dynamics
+    from jaxgear._dynamics._pair_dynamics import pair_dynamics
+    from jaxgear._dynamics._system import modal_basis
 
     model, _ = model_of("accessory")
     grid = jg.mesh_grid(model.pair, phases=steps, slices=20)
@@ -383,10 +384,10 @@ def _balance_and_march(system, model, speeds) -> tuple[float, dict]:
     import jaxgear as jg
     from jaxgear._dynamics._harmonic import HarmonicBalance
     from jaxgear._dynamics._march import Marching
+    from jaxgear._dynamics._pair_dynamics import pair_dynamics
     from jaxgear._dynamics._shooting import Shooting
+    from jaxgear._dynamics._steady_state import steady_states
     from jaxgear._dynamics._steppers import Exponential, Newmark
-    from jaxgear._dynamics._sweep import steady_states
-    from jaxgear._dynamics._system import pair_dynamics
 
     def build(steps):
         grid = jg.mesh_grid(model.pair, phases=steps, slices=20)
@@ -447,7 +448,7 @@ def _floquet(system, modes, speeds) -> dict:
     import numpy as np
 
     from jaxgear._dynamics._floquet import monodromy, multipliers
-    from jaxgear._dynamics._sweep import steady_states
+    from jaxgear._dynamics._steady_state import steady_states
 
     def matrices(system, modes, speeds):
         orbits = steady_states(system, speeds)
@@ -545,8 +546,8 @@ def _dynamic_gradient(model, grid, speeds) -> dict:
     import jax.numpy as jnp
 
     import jaxgear as jg
-    from jaxgear._dynamics._sweep import steady_states
-    from jaxgear._dynamics._system import pair_dynamics
+    from jaxgear._dynamics._pair_dynamics import pair_dynamics
+    from jaxgear._dynamics._steady_state import steady_states
     from jaxgear._response._dynamic import contact_force, orbit_variance
 
     def objective(x):

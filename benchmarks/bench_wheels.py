@@ -142,7 +142,8 @@ def sweeps(*, quick: bool) -> dict[str, Any]:
     """Many speeds, with and without multipliers, and the error of less and less."""
     import numpy as np
 
-    from jaxgear._dynamics._sweep import steady_states, sweep
+    from jaxgear._dynamics._steady_state import steady_states
+    from jaxgear._dynamics._sweep import sweep
 
     count = 60 if quick else 300
     speeds = np.linspace(SLOWEST, FASTEST, count)
@@ -171,7 +172,7 @@ def needs(*, quick: bool) -> list[dict[str, Any]]:
     import numpy as np
 
     from jaxgear._dynamics._harmonic import HarmonicBalance
-    from jaxgear._dynamics._sweep import steady_states
+    from jaxgear._dynamics._steady_state import steady_states
 
     chosen = np.linspace(SLOWEST, FASTEST, 20) + 13.0
     exact, rows = {}, []
@@ -243,8 +244,8 @@ def marches(*, quick: bool) -> dict[str, Any]:
 
     from jaxgear._dynamics._harmonic import HarmonicBalance
     from jaxgear._dynamics._march import march, quasi_static_start
+    from jaxgear._dynamics._steady_state import steady_state
     from jaxgear._dynamics._steppers import Newmark
-    from jaxgear._dynamics._sweep import steady_state
     from jaxgear._dynamics._system import modal_basis
 
     system, most = pair_of()[0].system, 2 if quick else 4
@@ -355,7 +356,7 @@ def gradient(*, quick: bool) -> dict[str, Any]:
     from bench_hybrid import with_relief
 
     import jaxgear as jg
-    from jaxgear._dynamics._sweep import steady_states
+    from jaxgear._dynamics._steady_state import steady_states
     from jaxgear.study._dynamics import dynamic_grid_of, dynamics_of
 
     scene = scene_of(100)

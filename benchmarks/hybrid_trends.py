@@ -34,7 +34,7 @@ from jaxgear._response._factors import face_load
 from jaxgear._response._loads import hertz_pressure, line_load
 from jaxgear._response._transmission import cycle_rms, transmission_error
 from jaxgear._solve._cycle import MeshCycle, corrected_cycle, mesh_cycle, prepare_mesh
-from jaxgear._system._flexible import teeth_on_lines
+from jaxgear._system._body_tables import teeth_on_lines
 from jaxgear._system._model import PairModel
 from jaxgear._system._structure import bearing_motion
 from jaxgear.scene._build import grid_of, model_of

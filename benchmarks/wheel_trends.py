@@ -43,21 +43,15 @@ from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._march import Marching
 from jaxgear._dynamics._modes import Modes, modes
 from jaxgear._dynamics._orbit import Orbit
+from jaxgear._dynamics._steady_state import steady_states
 from jaxgear._dynamics._steppers import Exponential
-from jaxgear._dynamics._sweep import steady_states
 from jaxgear._dynamics._system import DynamicSystem, PairDynamics
+from jaxgear._response._body_motion import body_motion, start_angle
 from jaxgear._response._dynamic import dynamic_response
-from jaxgear._response._waves import (
-    Circle,
-    body_motion,
-    joined_circles,
-    joined_waves,
-    start_angle,
-    waves_on_body,
-)
+from jaxgear._response._waves import Circle, joined_circles, joined_waves, waves_on_body
+from jaxgear._system._gear_body import RigidBody
 from jaxgear._system._model import PairModel
 from jaxgear._system._shaft import Shaft, node_heights
-from jaxgear._system._structure import RigidBody
 from jaxgear.scene._build import model_of
 from jaxgear.scene._mesh_bodies import with_bodies
 from jaxgear.scene._scene import Scene, ready_scene

@@ -34,7 +34,7 @@ from ._body_file import read_body as read_body
 from ._body_file import write_body as write_body
 
 from ._boundary import FullBody as FullBody
-from ._boundary import Seat as Seat
+from ._seats import Seat as Seat
 from ._boundary import Teeth as Teeth
 from ._boundary import full_body as full_body
 
@@ -42,8 +42,8 @@ from ._modes import free_modes as free_modes
 from ._modes import reduced_modes as reduced_modes
 
 from ._condense import condense as condense
-from ._condense import hold as hold
-from ._condense import recovered as recovered
+from ._hold import hold as hold
+from ._hold import recovered as recovered
 
 from ._fourier import expected_split as expected_split
 from ._fourier import families as families
@@ -51,7 +51,7 @@ from ._fourier import identify as identify
 from ._fourier import symmetry_splitting as symmetry_splitting
 
 from ._answers import Solid as Solid
-from ._answers import Springs as Springs
+from ._static_answers import Springs as Springs
 from ._answers import described_modes as described_modes
 from ._answers import solid_of as solid_of
 

@@ -206,7 +206,7 @@ def stress_stiffening(grid: Grid, material: Material, displacement: np.ndarray) 
     r"""Stiffness by stresses that are there already (geometric stiffness).
 
     $K_\sigma = \int \nabla N_a \cdot \sigma \nabla N_b$ along every axis, with the stress of a
-    given displacement (physics.md A7).
+    given displacement: the work of that stress on the second-order part of Green's strain.
 
     **Arguments:**
 
@@ -304,7 +304,8 @@ def across(mass: csr_array) -> csr_array:
 def coriolis(mass: csr_array) -> csr_array:
     r"""Coriolis matrix of unit speed about z, $2 \int \rho N^T \hat{z} \times N$ [kg].
 
-    The mass must be that of an isotropic density, the same along each axis. Source: physics.md A7.
+    The mass must be that of an isotropic density, the same along each axis. It is that of the
+    acceleration $2\Omega\hat z\times\dot u$ in axes that turn with the body.
     """
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     along = csr_array(mass[::3, ::3])

@@ -9,38 +9,23 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import block_array, coo_array, csr_array
+from scipy.sparse import csr_array
 
 from ._artefact import rigid_motions
 from ._assembly import Material, assemble, centrifugal_load, order, surface_mass
 from ._checks import Progress, require, silent
 from ._grid import Grid, surface_of
+from ._seats import (
+    RIM,
+    Seat,
+    averages_of,
+    check_seats,
+    dofs_of,
+    free_nodes,
+    ring_rows,
+    spread_of,
+)
 from ._symmetry import Rotation, rotation_of
-
-RIM = "rim"
-
-# How far along z a seat's point may be from its nodes, over the size of the body, if they lie in a
-# plane; and how far the middle of the nodes from the axis through it, over their mean distance.
-_POINT_OFF, _AROUND = 0.02, 0.2
-
-
-@dataclass(frozen=True)
-class Seat:
-    """Nodes that a bearing, or whatever holds the body, grips, and the one node that stands for it.
-
-    **Fields:**
-
-    - `name`: of the seat.
-    - `nodes`: the nodes it grips.
-    - `point`: place of its own node, shape `[3]` [m].
-    - `averaging`: False: the nodes move as one rigid ring (RBE2), which stiffens the body; True:
-        the seat's node moves as their weighted mean (RBE3), which does not.
-    """
-
-    name: str
-    nodes: np.ndarray
-    point: np.ndarray
-    averaging: bool = False
 
 
 @dataclass(frozen=True)
@@ -119,7 +104,7 @@ class FullBody:
         row = 3 * used
         for seat in self.seats:
             if not seat.averaging:
-                motions[row : row + 6] = _ring_rows(seat)
+                motions[row : row + 6] = ring_rows(seat)
                 row += 6
         return motions
 
@@ -160,20 +145,6 @@ class FullBody:
 def _as_sets(bricks: np.ndarray) -> np.ndarray:
     """Elements in an order of their own, their nodes too."""
     return np.unique(np.sort(bricks, axis=1), axis=0)
-
-
-def dofs_of(points: np.ndarray) -> np.ndarray:
-    """Unknowns of points: three each."""
-    return (3 * np.asarray(points)[:, None] + np.arange(3)).ravel()
-
-
-def free_nodes(grid: Grid, seats: Sequence[Seat]) -> np.ndarray:
-    """Nodes that move on their own: all but those of rigid rings."""
-    free = np.ones(len(grid.nodes), dtype=bool)
-    for seat in seats:
-        if not seat.averaging:
-            free[seat.nodes] = False
-    return np.flatnonzero(free)
 
 
 def full_body(
@@ -228,25 +199,15 @@ def full_body(
         "face. Select the nodes of the whole toothed surface, middles of edges too.",
         count=len(rim),
     )
-    _check_seats(grid, seats)
+    check_seats(grid, seats)
     with progress("assembling"):
         stiffness, mass = assemble(grid, material)
         if teeth is not None:
             mass = csr_array(mass + _skin(grid, faces, teeth))
-        spread = _spread(grid, seats)
-    free = free_nodes(grid, seats)
-    place = np.full(len(grid.nodes), -1)
-    place[free] = np.arange(len(free))
-    probe_points = place[np.array(list(probes.values()), dtype=int)]
-    for probe, point in zip(probes, probe_points, strict=True):
-        require(
-            point >= 0 and probes[probe] not in rim,
-            "The probe {name!r} must be a node of its own, neither on the rim nor on a seat that "
-            "is a rigid ring: these have coordinates already.",
-            name=probe,
-        )
-    number = np.full(len(grid.nodes), -1)
-    number[rim] = np.arange(len(rim))
+        spread = spread_of(grid, seats)
+    place = _numbering(len(grid.nodes), free_nodes(grid, seats))
+    probe_points = _probe_points(probes, rim, place)
+    number = _numbering(len(grid.nodes), rim)
     return FullBody(
         name=name,
         grid=grid,
@@ -262,8 +223,28 @@ def full_body(
         seats=tuple(seats),
         probes=dict(probes),
         probe_points=probe_points,
-        averages=_averages(grid, seats, mass, spread),
+        averages=averages_of(grid, seats, mass, spread),
     )
+
+
+def _numbering(count: int, chosen: np.ndarray) -> np.ndarray:
+    """Place of each node among the chosen, -1 for all others."""
+    place = np.full(count, -1)
+    place[chosen] = np.arange(len(chosen))
+    return place
+
+
+def _probe_points(probes: Mapping[str, int], rim: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Where the probes are among the free nodes."""
+    points = place[np.array(list(probes.values()), dtype=int)]
+    for probe, point in zip(probes, points, strict=True):
+        require(
+            point >= 0 and probes[probe] not in rim,
+            "The probe {name!r} must be a node of its own, neither on the rim nor on a seat that "
+            "is a rigid ring: these have coordinates already.",
+            name=probe,
+        )
+    return points
 
 
 def rim_order(grid: Grid) -> np.ndarray:
@@ -276,124 +257,8 @@ def rim_order(grid: Grid) -> np.ndarray:
     return rim[np.lexsort((np.round(z / size, 9), np.round(angle, 6)))]
 
 
-def _check_seats(grid: Grid, seats: Sequence[Seat]) -> None:
-    taken = {int(node): RIM for node in grid.sets[RIM]}
-    require(
-        len({seat.name for seat in seats}) == len(seats),
-        "Seats must have names of their own, got {names}.",
-        names=", ".join(seat.name for seat in seats),
-    )
-    for seat in seats:
-        spans = np.ptp(grid.nodes[seat.nodes], axis=0) if len(seat.nodes) else np.zeros(3)
-        flat = (
-            np.linalg.svd(grid.nodes[seat.nodes] - grid.nodes[seat.nodes].mean(axis=0))[1]
-            if (len(seat.nodes) > 2)
-            else np.zeros(2)
-        )
-        require(
-            len(seat.nodes) > 2 and flat[1] > 1e-6 * max(spans.max(), 1e-12),
-            "The seat {name!r} must have at least three nodes that are not on one line, got "
-            "{count}. Is it where the body has a surface, and wide enough to hold nodes?",
-            name=seat.name,
-            count=len(seat.nodes),
-        )
-        for node in seat.nodes:
-            other = taken.setdefault(int(node), seat.name)
-            require(
-                other == seat.name,
-                "A node can belong to one set only: one at {place} mm belongs to {first!r} and to "
-                "{second!r}. Make one of them narrower.",
-                place=", ".join(f"{1e3 * each:.3f}" for each in grid.nodes[node]),
-                first=other,
-                second=seat.name,
-            )
-    for seat in seats:
-        _check_point(grid, seat)
-
-
-def _check_point(grid: Grid, seat: Seat) -> None:
-    """Refuse a seat's point far from its nodes: a lever arm would join them without a word."""
-    nodes = grid.nodes[seat.nodes]
-    low, high = nodes[:, 2].min(), nodes[:, 2].max()
-    margin = max((high - low) / 2, _POINT_OFF * np.ptp(grid.nodes, axis=0).max())
-    require(
-        low - margin <= seat.point[2] <= high + margin,
-        "The point of the seat {name!r} must lie near its nodes, got z = {at:.6g} mm and nodes "
-        "from {low:.6g} to {high:.6g} mm. Is the shaft drawn the other way round, or the order of "
-        "the seats another?",
-        name=seat.name,
-        at=1e3 * seat.point[2],
-        low=1e3 * low,
-        high=1e3 * high,
-    )
-    # Of a sector alone all is on one side, the rim too.
-    sector = _beside(grid.nodes[grid.sets[RIM]], np.zeros(3)) > _AROUND
-    require(
-        sector or _beside(nodes, seat.point) <= _AROUND,
-        "The nodes of the seat {name!r} must lie around its point, got the point at ({point}) mm "
-        "and the middle of the nodes at ({middle}) mm. Take the nodes of the whole seat, all the "
-        "way around.",
-        name=seat.name,
-        point=", ".join(f"{1e3 * each:.3f}" for each in seat.point),
-        middle=", ".join(f"{1e3 * each:.3f}" for each in nodes.mean(axis=0)),
-    )
-
-
-def _beside(nodes: np.ndarray, point: np.ndarray) -> float:
-    """How far the middle of nodes is from the axis through a point, over their mean distance."""
-    off = nodes[:, :2] - point[:2]
-    return float(np.hypot(*off.mean(axis=0)) / np.hypot(*off.T).mean())
-
-
 def _skin(grid: Grid, faces: np.ndarray, teeth: Teeth) -> csr_array:
     """Mass of the teeth, spread over the rim so that their polar inertia is kept."""
     area = surface_mass(grid.nodes, faces)
     turn = rigid_motions(grid.nodes)[:, 5]
     return csr_array(area * (teeth.polar_inertia / (turn @ (area @ turn))))
-
-
-def _ring_rows(seat: Seat) -> np.ndarray:
-    """Translation and rotation of a seat's own node in rigid motions of the body, `[6, 6]`."""
-    rows = np.zeros((6, 6))
-    rows[:3] = rigid_motions(seat.point[None])
-    rows[3:, 3:] = np.eye(3)
-    return rows
-
-
-def _spread(grid: Grid, seats: Sequence[Seat]) -> csr_array:
-    """Displacements of all nodes from the unknowns: rigid rings follow their own node."""
-    rigid = [seat for seat in seats if not seat.averaging]
-    free = free_nodes(grid, seats)
-    count = 3 * len(grid.nodes)
-    rows = dofs_of(free)
-    parts = [coo_array((np.ones(len(rows)), (rows, np.arange(len(rows)))), (count, len(rows)))]
-    for seat in rigid:
-        motion = rigid_motions(grid.nodes[seat.nodes] - seat.point)
-        rows = np.repeat(dofs_of(seat.nodes), 6)
-        columns = np.tile(np.arange(6), len(motion))
-        parts.append(coo_array((motion.ravel(), (rows, columns)), (count, 6)))
-    spread = csr_array(block_array([parts]))
-    spread.eliminate_zeros()
-    return spread
-
-
-def _averages(grid: Grid, seats: Sequence[Seat], mass: csr_array, spread: csr_array) -> csr_array:
-    r"""Rows that give the weighted mean translation and rotation of the nodes of a seat.
-
-    The rigid motion nearest to that of the nodes, by least squares: $B = (R^T w R)^{-1} R^T w$.
-    Weights are what a unit acceleration of the body puts on each node, always positive here as
-    rows of a consistent mass need not be: the diagonal.
-    """
-    blocks = []
-    for seat in seats:
-        if not seat.averaging:
-            continue
-        dofs = dofs_of(seat.nodes)
-        weights = mass.diagonal()[dofs]
-        motion = rigid_motions(grid.nodes[seat.nodes] - seat.point)
-        rows = np.linalg.solve(motion.T @ (weights[:, None] * motion), motion.T * weights)
-        places = (np.repeat(np.arange(6), len(dofs)), np.tile(dofs, 6))
-        blocks.append(coo_array((rows.ravel(), places), (6, 3 * len(grid.nodes))))
-    if not blocks:
-        return csr_array((0, int(spread.indices.max()) + 1))
-    return csr_array(csr_array(block_array([[each] for each in blocks])) @ spread)

@@ -15,10 +15,16 @@ import numpy as np
 from scipy.sparse import coo_array, csc_array, csr_array, diags_array, vstack
 from scipy.sparse.linalg import eigsh
 
-from ._answers import (
-    FreeModes,
+from ._answers import FreeModes, modes_told
+from ._artefact import ReducedBody, balanced
+from ._assembly import order
+from ._boundary import FullBody, full_body
+from ._checks import Progress, silent
+from ._modes import free_modes, operator_of, reduced_modes
+from ._seats import dofs_of
+from ._solvers import Factor, factorise
+from ._static_answers import (
     Springs,
-    modes_told,
     off_mean,
     rim_rows,
     seat_rows,
@@ -27,12 +33,6 @@ from ._answers import (
     tooth_load,
     tooth_row,
 )
-from ._artefact import ReducedBody, balanced
-from ._assembly import order
-from ._boundary import FullBody, dofs_of, full_body
-from ._checks import Progress, silent
-from ._modes import free_modes, operator_of, reduced_modes
-from ._solvers import Factor, factorise
 
 
 @dataclass(frozen=True)

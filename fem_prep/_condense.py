@@ -1,346 +1,35 @@
 r"""Condensation of a body on its rim and its seats.
 
-The body follows its boundary $u_b$ statically, by constraint modes $T$, and adds to that shapes
-$Y$ that leave the boundary where it is: $u = T u_b + Y q$. The stiffness has then no blocks
-between both, whatever the shapes, $T^T K Y = 0$ (physics.md A6.2), and static answers at the
+The body follows its boundary $u_b$ statically, by constraint modes $T$, and adds to that shapes $Y$
+that leave the boundary where it is: $u = T u_b + Y q$. The stiffness has then no blocks between
+both, whatever the shapes, $T^T K Y = 0$, as $T$ is in equilibrium inside, and static answers at the
 boundary are exact for loads anywhere. What methods differ in is $Y$ alone.
 
 A seat that averages its nodes is a constraint $B u = u_s$, met by forces $B^T \lambda$.
 """
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy.linalg
-from scipy.sparse import bsr_array, csr_array, lil_array
+from scipy.sparse import csr_array, lil_array
 
 from ._artefact import ReducedBody, balanced, floating, rigid_motions
-from ._assembly import (
-    across,
-    centrifugal_load,
-    coriolis,
-    internal_forces,
-    order,
-    stress_stiffening,
-)
-from ._boundary import FullBody, dofs_of
+from ._assembly import across, centrifugal_load, coriolis, internal_forces, stress_stiffening
+from ._basis import Basis, basis_of
+from ._boundary import FullBody
 from ._checks import Progress, require, silent
-from ._modes import free_modes, largest_rotation, lowest_modes, scale_of
-from ._solvers import Factor, factorise
-from ._symmetry import Rotation, Waves, waves_of
+from ._hold import Held, boundary_of, hold
+from ._modes import free_modes, lowest_modes, scale_of
+from ._seats import dofs_of
+from ._symmetry import Rotation
 
 METHODS = ("herting", "craig-bampton", "guyan")
 MOST_MODES = 200
 
 # Shapes that others make up to this, in energy, are left out: they say nothing new.
 _NEW = 1e-12
-
-# Columns treated at a time; three axes each.
-_COLUMNS = 510
-
-
-@dataclass(frozen=True)
-class Held:
-    """A body whose boundary is held, ready to be loaded.
-
-    **Fields:**
-
-    - `full`: the body.
-    - `rotation`: that leaves the body as it is, of which the factor makes use.
-    - `inside`: unknowns that no coordinate of the boundary is.
-    - `factor`: of their stiffness.
-    - `forces`: answers to the forces of the averaging seats, `[inside, constraint]`.
-    - `meeting`: flexibility of those seats, $B K_{ii}^{-1} B^T$, `[constraint, constraint]`.
-    """
-
-    full: FullBody
-    rotation: Rotation
-    inside: np.ndarray
-    factor: Factor
-    forces: np.ndarray
-    meeting: np.ndarray
-
-    @property
-    def averages(self) -> csr_array:
-        """Rows of the averaging seats on the inside."""
-        return self.full.averages[:, self.inside]
-
-    def loaded(self, load: np.ndarray, seats: np.ndarray | float = 0.0) -> np.ndarray:
-        """Motion under loads, the rim and rigid seats held and the averaging seats prescribed.
-
-        **Arguments:**
-
-        - `load`: loads on all unknowns, shape `[3 point, column]`.
-        - `seats`: motion of the averaging seats, `[constraint, column]`.
-
-        **Returns:**
-
-        Motion of all unknowns, shape `[3 point, column]`.
-        """
-        motion = np.zeros(load.shape)
-        motion[self.inside] = self._answer(load[self.inside], seats)
-        return motion
-
-    def _answer(self, load: np.ndarray, seats: np.ndarray | float) -> np.ndarray:
-        """The same for the unknowns inside, `[inside, column]`."""
-        answer = self.factor.solve(load)
-        if len(self.meeting):
-            answer += self.forces @ np.linalg.solve(self.meeting, seats - self.averages @ answer)
-        return answer
-
-    def reaction(self, motion: np.ndarray) -> np.ndarray:
-        """Forces on the boundary that hold a motion with no other load, `[boundary, column]`."""
-        full, rows = self.full, self.averages
-        rim, rings, averaging = _places(full)
-        result = np.empty((len(rim) + len(rings) + len(averaging), motion.shape[1]))
-        result[np.concatenate([rim, rings])] = _product(full.stiffness[full.held], motion)
-        if len(averaging):
-            # What is left inside are the forces of these seats, spread by their rows.
-            left = _product(csr_array(rows @ full.stiffness[self.inside]), motion)
-            result[averaging] = np.linalg.solve((rows @ rows.T).toarray(), left)
-        return result
-
-    def followed(self, boundary: np.ndarray) -> np.ndarray:
-        """Static motion of all unknowns with the boundary.
-
-        **Arguments:**
-
-        - `boundary`: motion of the boundary, `[boundary, column]`: rim, then seats.
-
-        **Returns:**
-
-        Motion of all unknowns, shape `[3 point, column]`.
-        """
-        full = self.full
-        rim, rings, averaging = _places(full)
-        outer = boundary[np.concatenate([rim, rings])]
-        pull = full.stiffness[full.held][:, self.inside].T
-        motion = np.zeros((3 * full.points, boundary.shape[1]), order="F")
-        motion[full.held] = outer
-        for some in _blocks(boundary.shape[1]):
-            seats = boundary[averaging, some]
-            motion[self.inside, some] = self._answer(-(pull @ outer[:, some]), seats)
-        return motion
-
-
-def hold(full: FullBody, *, rotation: Rotation | None = None, progress: Progress = silent) -> Held:
-    """Hold a body at its rim and its seats.
-
-    **Arguments:**
-
-    - `full`: the body.
-    - `rotation`: a rotation that leaves the body as it is; the smallest one is sought without it.
-    - `progress`: told what begins.
-
-    **Returns:**
-
-    The body with its boundary held.
-
-    **Raises:**
-
-    - `BodyError` if a part of it is still loose.
-    """
-    rotation = largest_rotation(full) if rotation is None else rotation
-    points = np.setdiff1d(np.arange(full.points), full.held // 3)
-    inside = dofs_of(points)
-    with progress(f"factorising {len(inside)} unknowns"):
-        stiffness = full.stiffness[inside][:, inside]
-        factor = _factor(stiffness, waves_of(rotation.among(points)))
-    rows = full.averages[:, inside]
-    forces = factor.solve(rows.T.toarray()) if rows.shape[0] else np.zeros((len(inside), 0))
-    return Held(full, rotation, inside, factor, forces, rows @ forces)
-
-
-def _factor(matrix: csr_array, waves: Waves) -> Factor:
-    """Factor of a matrix that does not change when the body turns: one of each number of waves."""
-    factors = [factorise(each) for each in waves.matrices(matrix)]
-
-    def solve(right: np.ndarray) -> np.ndarray:
-        parts = waves.parts(right if right.ndim == 2 else right[:, None])
-        answers = [factor.solve(part) for factor, part in zip(factors, parts, strict=True)]
-        return waves.whole(answers).reshape(right.shape)
-
-    return Factor(factors[0].solver, solve)
-
-
-def _blocks(columns: int) -> Iterator[slice]:
-    """Columns, some at a time: what is made of them on the way stays small."""
-    for start in range(0, columns, _COLUMNS):
-        yield slice(start, min(start + _COLUMNS, columns))
-
-
-def _product(matrix: csr_array, motion: np.ndarray) -> np.ndarray:
-    """A sparse matrix times many columns."""
-    result = np.empty((order(matrix), motion.shape[1]))
-    for some in _blocks(motion.shape[1]):
-        result[:, some] = matrix @ motion[:, some]
-    return result
-
-
-def boundary_of(full: FullBody, motion: np.ndarray) -> np.ndarray:
-    """Motion of the boundary in a motion of all unknowns, `[3 point, c]` to `[boundary, c]`."""
-    rim, rings, averaging = _places(full)
-    values = np.empty((len(rim) + len(rings) + len(averaging), motion.shape[1]))
-    values[np.concatenate([rim, rings])] = motion[full.held]
-    values[averaging] = full.averages @ motion
-    return values
-
-
-def _places(full: FullBody) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Coordinates of the rim, of rigid seats and of averaging seats."""
-    rim = np.arange(3 * len(full.rim))
-    starts = len(rim) + 6 * np.arange(len(full.seats))
-    averaging = np.array([seat.averaging for seat in full.seats], dtype=bool)
-    rings, means = (
-        (starts[chosen][:, None] + np.arange(6)).ravel() for chosen in (~averaging, averaging)
-    )
-    return rim, rings, means
-
-
-@dataclass(frozen=True)
-class _Basis:
-    """Shapes of the condensed coordinates, those of the rim for one sector only.
-
-    What coordinates of the rim say to each other depends on how many sectors they are apart, if
-    each is seen in the frame of its own sector.
-
-    **Fields:**
-
-    - `waves`: motions of the body by the number of their waves around.
-    - `nodes`: rim nodes of every sector, each the image of the same before, `[sector, each]`.
-    - `sector`: constraint modes of the rim nodes of the first sector, `[3 point, 3 each]`.
-    - `others`: of seats, then interior shapes, `[3 point, other]`.
-    """
-
-    waves: Waves
-    nodes: np.ndarray
-    sector: np.ndarray
-    others: np.ndarray
-
-    @property
-    def rim(self) -> int:
-        """Number of coordinates of the rim."""
-        return 3 * self.nodes.size
-
-    @property
-    def frames(self) -> csr_array:
-        """Coordinates of the rim from the same, sector by sector, each in its own frame."""
-        place = np.argsort(self.nodes.ravel())
-        turns = self.waves.rotation.matrices[place // self.nodes.shape[1]]
-        return bsr_array((turns, place, np.arange(len(place) + 1))).tocsr()
-
-    def among_rim(self, apart: np.ndarray) -> np.ndarray:
-        """The rim's block of a matrix.
-
-        **Arguments:**
-
-        - `apart`: of coordinates of a sector and of one that is so many ahead,
-            `[sector, 3 each, 3 each]`.
-
-        **Returns:**
-
-        Shape `[rim, rim]`.
-        """
-        number, frames = np.arange(len(apart)), self.frames
-        blocks = apart[(number - number[:, None]) % len(apart)]
-        local = np.swapaxes(blocks, 1, 2).reshape(self.rim, self.rim)
-        return frames @ (frames @ local.T).T
-
-    def with_rim(self, apart: np.ndarray) -> np.ndarray:
-        """Rows of the matrix from those of each sector, `[sector, row, 3 each]` to `[row, rim]`."""
-        return (self.frames @ np.swapaxes(apart, 1, 2).reshape(self.rim, -1)).T
-
-    def projected(self, matrix: csr_array, sign: float = 1.0) -> np.ndarray:
-        """A matrix that does not change when the body turns, on the condensed coordinates.
-
-        **Arguments:**
-
-        - `matrix`: shape `[3 point, 3 point]`.
-        - `sign`: 1: the matrix is symmetric; -1: skew.
-
-        **Returns:**
-
-        Shape `[dof, dof]`.
-        """
-        rim = self.rim
-        result = np.zeros((rim + self.others.shape[1],) * 2)
-        among, between = [], []
-        shapes = (self.waves.parts(each) for each in (self.sector, self.others))
-        numbers = zip(self.waves.weights, self.waves.matrices(matrix), *shapes, strict=True)
-        for weight, each, sector, others in numbers:
-            result[rim:, rim:] += weight * (others.conj().T @ (each @ others)).real
-            for products, found in zip(
-                (among, between), _products(each, sector, others, sign), strict=True
-            ):
-                products.append(found)
-        result[:rim, :rim] = self.among_rim(self._apart(among))
-        result[rim:, :rim] = self.with_rim(self._apart(between))
-        result[:rim, rim:] = sign * result[rim:, :rim].T
-        return (result + sign * result.T) / 2
-
-    def _apart(self, products: Sequence[np.ndarray]) -> np.ndarray:
-        """Products with the sector's shapes after turns by none, one, two sectors and so on.
-
-        **Arguments:**
-
-        - `products`: of amplitudes, one for every number of waves, `[row, column]`.
-
-        **Returns:**
-
-        Shape `[sector, row, column]`.
-        """
-        # Turning by one sector takes a wave back by its phase.
-        sectors = self.waves.rotation.sectors
-        return np.fft.irfft(np.conj(products), sectors, axis=0, norm="forward")
-
-    def rows(self, points: np.ndarray) -> np.ndarray:
-        """Motion of some points in every coordinate, `[3 point, dof]`."""
-        rotation = self.waves.rotation
-        source, before, apart = np.argsort(rotation.image), points, []
-        for turn in rotation.matrices:
-            apart.append(np.kron(np.eye(len(points)), turn) @ self.sector[dofs_of(before)])
-            before = source[before]
-        return np.concatenate(
-            [self.with_rim(np.array(apart)), self.others[dofs_of(points)]], axis=1
-        )
-
-    def loaded(self, load: np.ndarray) -> np.ndarray:
-        """A load that does not change when the body turns, on the condensed coordinates."""
-        rim = self.frames @ np.tile(self.sector.T @ load, len(self.nodes))
-        return np.concatenate([rim, self.others.T @ load])
-
-
-def _products(
-    matrix: csr_array, sector: np.ndarray, others: np.ndarray, sign: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Products of a sector's shapes with themselves, and of the others with them."""
-    columns = sector.shape[1]
-    among = np.zeros((columns, columns), dtype=sector.dtype)
-    between = np.zeros((others.shape[1], columns), dtype=sector.dtype)
-    # Without symmetry of rotation these are most of the work: half of the first will do.
-    for some in _blocks(columns):
-        moved = matrix @ sector[:, some]
-        among[some.start :, some] = sector[:, some.start :].conj().T @ moved
-        between[:, some] = others.conj().T @ moved
-    return np.tril(among) + sign * np.tril(among, -1).conj().T, between
-
-
-def _basis(full: FullBody, held: Held, rotation: Rotation, interior: np.ndarray) -> _Basis:
-    """Constraint modes and interior shapes."""
-    nodes = rotation.among(full.rim_points).orbits()
-    boundary = 3 * len(full.rim) + 6 * len(full.seats)
-    first = dofs_of(nodes[0])
-    unit = np.zeros((boundary, len(first)))
-    unit[first, np.arange(len(first))] = 1.0
-    seats = np.eye(boundary)[:, 3 * len(full.rim) :]
-    return _Basis(
-        waves=waves_of(rotation),
-        nodes=nodes,
-        sector=held.followed(unit),
-        others=np.concatenate([held.followed(seats), interior], axis=1),
-    )
 
 
 def _interior(
@@ -416,10 +105,11 @@ def condense(
 ) -> ReducedBody:
     r"""Condense a body on its rim and its seats.
 
-    Interior shapes are, by method (physics.md A6):
+    Interior shapes are, by method:
 
-    - "herting": modes of the free body less their static part, and the answers to rigid
-      accelerations (inertia relief). Free frequencies of the modes kept are exact.
+    - "herting" (D. N. Herting, Finite Elem. Anal. Des. 1, 1985; thesis eq. 2.4): modes of the free
+      body less their static part, and the answers to rigid accelerations (inertia relief). Free
+      frequencies of the modes kept are exact.
     - "craig-bampton": modes of the body held at its boundary.
     - "guyan": none; static condensation.
 
@@ -446,24 +136,13 @@ def condense(
     - `BodyError` if the method is unknown, if there are too many modes, or if the body has other
         than six rigid motions.
     """
-    require(
-        method in METHODS,
-        "The method of condensation must be one of {known}, got {method!r}.",
-        known=", ".join(METHODS),
-        method=method,
-    )
-    require(
-        0 <= modes <= MOST_MODES,
-        "The number of modes must lie between 0 and {most}, got {modes}.",
-        most=MOST_MODES,
-        modes=modes,
-    )
+    _check_method(method, modes)
     held = hold(full, rotation=rotation, progress=progress) if held is None else held
     rotation = held.rotation if rotation is None else rotation
     interior, square = _interior(full, held, method, modes, progress)
     columns = 3 * len(full.rim) // rotation.sectors
     with progress(f"{columns} of {3 * len(full.rim)} columns of the rim"):
-        basis = _basis(full, held, rotation, interior)
+        basis = basis_of(full, held, rotation, interior)
     with progress("stiffness and mass"):
         stiffness, mass = _stiffness(held, basis), basis.projected(full.mass)
     reduced = ReducedBody(
@@ -490,7 +169,22 @@ def condense(
         return replace(reduced, **_rotating(held, basis, reduced))
 
 
-def _rotating(held: Held, basis: _Basis, reduced: ReducedBody) -> dict[str, np.ndarray]:
+def _check_method(method: str, modes: int) -> None:
+    require(
+        method in METHODS,
+        "The method of condensation must be one of {known}, got {method!r}.",
+        known=", ".join(METHODS),
+        method=method,
+    )
+    require(
+        0 <= modes <= MOST_MODES,
+        "The number of modes must lie between 0 and {most}, got {modes}.",
+        most=MOST_MODES,
+        modes=modes,
+    )
+
+
+def _rotating(held: Held, basis: Basis, reduced: ReducedBody) -> dict[str, np.ndarray]:
     """Coriolis forces, spin softening, and stiffening by the stresses of the centrifugal load."""
     full = held.full
     # Of a body that is out of balance, what of the load accelerates it strains it too.
@@ -533,28 +227,10 @@ def _of_rings(full: FullBody, strained: np.ndarray) -> csr_array:
     return csr_array(result)
 
 
-def recovered(held: Held, reduced: ReducedBody, motion: np.ndarray) -> np.ndarray:
-    """Motion of all nodes of the grid in motions of the condensed body.
-
-    **Arguments:**
-
-    - `held`: the full body with its boundary held.
-    - `reduced`: the condensed body.
-    - `motion`: coordinates, shape `[dof, column]` [SI].
-
-    **Returns:**
-
-    Shape `[column, node, 3]` [m].
-    """
-    outer = reduced.boundary_dofs
-    shapes = np.tensordot(motion[outer:].T, reduced.interior_shapes, axes=1)
-    return held.full.on_nodes(held.followed(motion[:outer])) + shapes
-
-
-def _stiffness(held: Held, basis: _Basis) -> np.ndarray:
+def _stiffness(held: Held, basis: Basis) -> np.ndarray:
     """Condensed stiffness: forces on the boundary, and the energies of the interior shapes.
 
-    Between both there is nothing (physics.md A6.2).
+    Between both there is nothing: constraint modes leave no force inside.
     """
     rim, seats = basis.rim, 6 * len(held.full.seats)
     result = np.zeros((rim + basis.others.shape[1],) * 2)

@@ -8,69 +8,24 @@ shell, a missing BEGIN BULK).
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from ._checks import BodyError, require
-
-
-@dataclass(frozen=True)
-class Deck:
-    """What a file holds, in its own unit of length.
-
-    **Fields:**
-
-    - `nodes`: coordinates, shape `[node, 3]`, in the file's unit.
-    - `bricks`: nodes of every 20-node brick in VTK's order, shape `[brick, 20]`.
-    - `sets`: named sets: indices of nodes.
-    - `others`: how many solid elements there are that are no 20-node bricks, by the file's name.
-    """
-
-    nodes: np.ndarray
-    bricks: np.ndarray
-    sets: Mapping[str, np.ndarray]
-    others: Mapping[str, int]
-
-
-def _deck(
-    nodes: Mapping[int, Sequence[float]],
-    bricks: Sequence[Sequence[int]],
-    sets: Mapping[str, Sequence[int]],
-    others: Mapping[str, int],
-) -> Deck:
-    """Labels of nodes to indices. Sets may name nodes that are not there, as ranges often do."""
-    labels = {label: index for index, label in enumerate(nodes)}
-    lost = next((label for brick in bricks for label in brick if label not in labels), None)
-    require(
-        lost is None,
-        "A brick uses node {lost}, which the file does not define. The file is cut short, or "
-        "the nodes are in another file: write all into one.",
-        lost=lost,
-    )
-    return Deck(
-        np.array(list(nodes.values()), dtype=float).reshape(-1, 3),
-        np.array([[labels[label] for label in brick] for brick in bricks], int).reshape(-1, 20),
-        {
-            name: np.array([labels[label] for label in members if label in labels], dtype=int)
-            for name, members in sets.items()
-        },
-        dict(others),
-    )
-
-
-def _lines(
-    path: Path, included: Callable[[str], str | None], above: tuple[Path, ...] = ()
-) -> Iterator[tuple[str, str]]:
-    """Lines of a file and of those that it includes, each with where it is."""
-    for number, line in enumerate(_text(path, above).splitlines(), start=1):
-        other = included(line)
-        if other is None:
-            yield f"{path.name}, line {number}", line.rstrip()
-        else:
-            yield from _lines(path.parent / other, included, (*above, path))
+from ._checks import require
+from ._deck import (
+    Deck,
+    deck_lines,
+    deck_of,
+    deck_text,
+    numbers_of,
+    real_number,
+    take_node,
+    whole_number,
+)
+from ._nastran_deck import nastran_include
 
 
 def files_of(path: Path) -> list[Path]:
@@ -97,71 +52,10 @@ def _files(
 ) -> Iterator[Path]:
     """A file and those that it includes."""
     yield path
-    for line in _text(path, above).splitlines():
+    for line in deck_text(path, above).splitlines():
         other = included(line)
         if other is not None:
             yield from _files(path.parent / other, included, (*above, path))
-
-
-def _text(path: Path, above: tuple[Path, ...]) -> str:
-    """Content of a file that is included by those above it."""
-    # One file may have many names: `ring.inp` and `../grids/ring.inp`.
-    real = path.resolve()
-    require(all(real != other.resolve() for other in above), "'{path}' includes itself.", path=path)
-    require(
-        not real.exists() or real.is_file(),
-        "'{path}' is no file, but a folder or a device. Name the deck.",
-        path=path,
-    )
-    try:
-        # Comments may be in any encoding; what matters is ASCII.
-        return path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise BodyError(f"'{path}' cannot be read: {error.strerror}.") from error
-
-
-def _numbers(place: str, words: Sequence[str], kind: Callable) -> list:
-    """Words as numbers, or an error that says where they are."""
-    try:
-        return [kind(word) for word in words]
-    except ValueError as error:
-        raise BodyError(f"{place}: a number is expected, got {error.args[0]!r}.") from error
-
-
-def _real(word: str) -> float:
-    """A real number as FORTRAN writes it: `1.5`, `1.5D-3`, `1.5-3`; blank is zero."""
-    if not word:
-        return 0.0
-    try:
-        return float(word)
-    except ValueError:
-        plain = re.sub(r"(?<=[\d.])([+-])", r"e\1", re.sub("[dDeE]", "", word))
-        try:
-            return float(plain)
-        except ValueError:
-            raise ValueError(word) from None
-
-
-def _whole(word: str) -> int:
-    try:
-        return int(word)
-    except ValueError:
-        raise ValueError(word) from None
-
-
-def _take_node(nodes: dict[int, list[float]], place: str, first: str, rest: Sequence[str]) -> int:
-    """Note a node's place; its label is returned."""
-    label = _numbers(place, [first], _whole)[0]
-    point = _numbers(place, [*rest, "", "", ""][:3], _real)
-    require(
-        nodes.get(label, point) == point,
-        "{place}: node {label} is defined twice, at different places. Write one body into one "
-        "file.",
-        place=place,
-        label=label,
-    )
-    nodes[label] = point
-    return label
 
 
 # The part of an Abaqus file in which a node or a set is; none for the assembly's own nodes.
@@ -227,7 +121,7 @@ def read_abaqus(path: Path) -> Deck:
                     place=keyword.place,
                 )
     scope = _meshed(read)
-    return _deck(
+    return deck_of(
         read.nodes.get(scope, {}),
         read.bricks.get(scope, []),
         {
@@ -249,7 +143,7 @@ def _abaqus_include(line: str) -> str | None:
 def _keywords(path: Path) -> Iterator[_Keyword]:
     current: _Keyword | None = None
     head = ""
-    for place, line in _lines(path, _abaqus_include):
+    for place, line in deck_lines(path, _abaqus_include):
         if line.startswith("**") or not line.strip():
             continue
         # A line of parameters that ends with a comma goes on in the next one.
@@ -288,7 +182,7 @@ def _opened(read: _Abaqus, keyword: _Keyword) -> _Scope:
         return name
     part = keyword.parameters.get("PART", name).upper()
     require(
-        not any(_numbers(keyword.place, keyword.words, _real)),
+        not any(numbers_of(keyword.place, keyword.words, real_number)),
         "{place}: the instance '{name}' is moved or turned in the assembly. Write a file without "
         "parts and assemblies (Abaqus/CAE: Model, Edit Attributes, Do not use parts and "
         "assemblies in input files).",
@@ -316,7 +210,7 @@ def _take_nodes(read: _Abaqus, scope: _Scope, keyword: _Keyword) -> None:
     labels = []
     for row in keyword.rows:
         first, *rest = [word.strip() for word in row.split(",")]
-        labels.append(_take_node(nodes, keyword.place, first, rest))
+        labels.append(take_node(nodes, keyword.place, first, rest))
     if "NSET" in keyword.parameters:
         _members_of(read, scope, keyword.parameters["NSET"]).extend(labels)
 
@@ -330,7 +224,7 @@ def _take_elements(read: _Abaqus, scope: _Scope, keyword: _Keyword) -> None:
     if count not in (20, 27):
         read.others[kind] += len(keyword.words) // (1 + count)
         return
-    words = _numbers(keyword.place, keyword.words, _whole)
+    words = numbers_of(keyword.place, keyword.words, whole_number)
     require(
         len(words) % (1 + count) == 0,
         "{place}: an element of type {kind} has a number and {count} nodes; {words} numbers "
@@ -360,7 +254,7 @@ def _take_set(read: _Abaqus, scope: _Scope, keyword: _Keyword) -> None:
         return
     for row in keyword.rows:
         words = [word.strip() for word in row.split(",") if word.strip()]
-        numbers = _numbers(keyword.place, words, _whole)
+        numbers = numbers_of(keyword.place, words, whole_number)
         require(
             len(numbers) in (2, 3),
             "{place}: GENERATE takes the first node, the last and the step, got '{row}'.",
@@ -403,194 +297,8 @@ def _meshed(read: _Abaqus) -> _Scope:
     return scopes[0] if scopes else ""
 
 
-# Nastran numbers the mid nodes of the uprights before those of the top.
-_NASTRAN_TO_VTK = [*range(12), *range(16, 20), *range(12, 16)]
-
-_NASTRAN_SOLIDS = ("CTETRA", "CPENTA", "CPYRAM", "CPYRA")
-
-
-def read_nastran(path: Path) -> Deck:
-    """Nodes, bricks and sets of a Nastran bulk data file.
-
-    Bricks are CHEXA with 20 nodes. Sets are `SET n = ...` of the case control or anywhere else,
-    SET1, SET3 of grid points, and OptiStruct's SET of grid points. Their names are their
-    numbers, and the names that HyperMesh writes into comments ($HMSET).
-    """
-    lines = [(place, line.expandtabs(8)) for place, line in _lines(path, _nastran_include)]
-    begin = next(
-        (i for i, (_, line) in enumerate(lines) if re.match(r"\s*BEGIN\b", line, re.I)), -1
-    )
-    lists: dict[str, list[list[str]]] = {}
-    bulk = _without_sets(lines, begin, lists)
-    nodes: dict[int, list[float]] = {}
-    bricks: list[list[int]] = []
-    others: Counter = Counter()
-    for place, name, fields in _cards(bulk):
-        match name:
-            case "GRID":
-                _require_basic(place, name, fields[1])
-                _take_node(nodes, place, fields[0], fields[2:5])
-            case "GRDSET":
-                _require_basic(place, name, fields[1])
-            case "CHEXA" if any(fields[10:22]):
-                bricks.append(_chexa(place, fields))
-            case "CHEXA":
-                others["CHEXA with 8 nodes"] += 1
-            case "SET1" | "SET3" | "SET":
-                _take_card(lists, name, fields)
-            case _ if name in _NASTRAN_SOLIDS:
-                others[name] += 1
-    highest = max(nodes, default=0)
-    sets = {
-        name: [label for words in several for label in _listed(words, highest)]
-        for name, several in lists.items()
-    }
-    _rename(sets, lines)
-    return _deck(nodes, bricks, sets, others)
-
-
-def _nastran_include(line: str) -> str | None:
-    if line.lstrip()[:7].upper() != "INCLUDE":
-        return None
-    found = re.match(r"\s*INCLUDE\s+['\"]?([^'\"]+)['\"]?\s*$", line, re.IGNORECASE)
-    return found[1].strip() if found else None
-
-
 # What a line includes, by the ending of a deck.
 _INCLUDED: Mapping[str, Callable[[str], str | None]] = {
     ".inp": _abaqus_include,
-    **dict.fromkeys((".bdf", ".nas", ".dat"), _nastran_include),
+    **dict.fromkeys((".bdf", ".nas", ".dat"), nastran_include),
 }
-
-
-def _without_sets(
-    lines: list[tuple[str, str]], begin: int, lists: dict[str, list[list[str]]]
-) -> list[tuple[str, str]]:
-    """Take every `SET n = ...` out; what is left of the bulk data is returned."""
-    bulk = []
-    label, text = "", ""
-    for number, (place, line) in enumerate(lines):
-        plain = line.split("$")[0].rstrip()
-        start = plain.lstrip()[:7].upper()
-        if start == "ENDDATA":
-            break
-        found = start.startswith("SET") and re.match(r"\s*SET\s+(\d+)\s*=\s*(.*)", plain, re.I)
-        if found:
-            label, text = found[1], found[2]
-        elif text.endswith(","):
-            text += " " + plain
-        elif plain and number > begin:
-            bulk.append((place, plain))
-        if text and not text.endswith(","):
-            lists.setdefault(label, []).append(re.split(r"[\s,]+", text.strip()))
-            text = ""
-    return bulk
-
-
-def _cards(lines: list[tuple[str, str]]) -> Iterator[tuple[str, str, list[str]]]:
-    """Cards with their name and fields; lines that continue one are added to it.
-
-    A line continues the one before it if its first field is blank or begins with + or *.
-    """
-    card: tuple[str, str, list[str]] | None = None
-    for place, line in lines:
-        name, fields = _fields(line)
-        if name and name[0] not in "+*":
-            if card:
-                yield card
-            card = (place, name.rstrip("*").upper(), fields)
-        elif card:
-            card[2].extend(fields)
-    if card:
-        yield card
-
-
-def _fields(line: str) -> tuple[str, list[str]]:
-    """First field of a line, and the fields of data: eight, or four in wide format."""
-    if "," in line:
-        name, *fields = [word.strip() for word in line.split(",")]
-        count = 4 if "*" in name else 8
-        # Behind the fields may stand the mark of a continuation; a longer list has none.
-        fields = fields[:count] if len(fields) <= count + 1 else fields
-    else:
-        name = line[:8].strip()
-        count, width = (4, 16) if "*" in name else (8, 8)
-        fields = [line[8 + k * width : 8 + (k + 1) * width].strip() for k in range(count)]
-    return name, fields + [""] * (count - len(fields))
-
-
-def _require_basic(place: str, name: str, system: str) -> None:
-    require(
-        system in ("", "0"),
-        "{place}: {name} is given in the coordinate system {system}. Write all grid points in "
-        "the basic system (field CP blank or 0).",
-        place=place,
-        name=name,
-        system=system,
-    )
-
-
-def _chexa(place: str, fields: list[str]) -> list[int]:
-    """Labels of the nodes of a brick in VTK's order."""
-    words = [word for word in fields[2:22] if word]
-    require(
-        len(words) == 20,
-        "{place}: CHEXA {label} has {count} nodes; it must have all 20. Mesh with complete "
-        "second-order elements.",
-        place=place,
-        label=fields[0],
-        count=len(words),
-    )
-    labels = _numbers(place, words, _whole)
-    return [labels[index] for index in _NASTRAN_TO_VTK]
-
-
-def _take_card(lists: dict[str, list[list[str]]], name: str, fields: list[str]) -> None:
-    """A set of the bulk data, unless it is one of elements or properties."""
-    if name == "SET1":
-        members = fields[1:]
-    elif fields[1].upper() == "GRID":
-        members = fields[2:] if name == "SET3" else fields[8:]
-    else:
-        return
-    lists.setdefault(fields[0], []).append(members)
-
-
-def _listed(words: Sequence[str], highest: int) -> list[int]:
-    """Numbers of a list such as `1, 5 THRU 9 EXCEPT 7, 20 THRU 30 BY 2`; others give none.
-
-    Ranges end at the highest number that there is: they may go to any to mean all.
-    """
-    labels: list[int] = []
-    # The range that ends the list so far: its first and last number, and what is left of it.
-    first, last, inside = 0, 0, []
-    mode = ""
-    for word in (word.upper() for word in words if word):
-        if word in ("THRU", "BY", "EXCEPT", "ENDTHRU"):
-            mode = word
-            continue
-        if not word.isdecimal():
-            return []
-        number = int(word)
-        if mode == "THRU" and labels:
-            first, last = labels.pop(), min(number, highest)
-            inside = list(range(first, last + 1))
-        elif mode == "BY":
-            inside = list(range(first, last + 1, max(number, 1)))
-        # Exceptions lie within the range; the first number beyond it ends them.
-        elif mode == "EXCEPT" and number <= last:
-            inside = [label for label in inside if label != number]
-            continue
-        else:
-            labels += [*inside, number]
-            inside = []
-        mode = ""
-    return labels + inside
-
-
-def _rename(sets: dict[str, list[int]], lines: list[tuple[str, str]]) -> None:
-    """Give sets the names that HyperMesh keeps in comments; type 1 is a set of nodes."""
-    for _, line in lines:
-        found = line.startswith("$") and re.match(r"\$HMSET\s+(\d+)\s+(\d+)\s+\"([^\"]+)\"", line)
-        if found and found[2] == "1" and found[1] in sets:
-            sets[found[3]] = sets[found[1]]

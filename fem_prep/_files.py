@@ -19,8 +19,10 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from ._checks import BodyError, require
-from ._decks import Deck, read_abaqus, read_nastran
+from ._deck import Deck
+from ._decks import read_abaqus
 from ._grid import Grid
+from ._nastran_deck import read_nastran
 from ._symmetry import Rotation
 
 # What lies on the surface of a solid or beside it, and says nothing about it.

@@ -123,20 +123,7 @@ def identify(
         nodes carry no harmonic.
     """
     weights = np.ones(len(points)) if weights is None else np.asarray(weights)
-    require(
-        shapes.ndim == 3 and shapes.shape[1:] == points.shape and weights.shape == points.shape[:1],
-        "Shapes must be [mode, {nodes}, 3] and weights [{nodes}] on {nodes} nodes, got {shapes} "
-        "and {weights}.",
-        nodes=len(points),
-        shapes=list(shapes.shape),
-        weights=list(weights.shape),
-    )
-    require(
-        weights.min() >= 0,
-        "Weights must not be negative, got {got:.3g}. Give the diagonal of the mass matrix, not "
-        "its row sums.",
-        got=weights.min(),
-    )
+    _check_weights(points, shapes, weights)
     angle = np.arctan2(points[:, 1], points[:, 0])
     motion = _cylindrical(angle, shapes)
     direction = np.einsum("i,icm->mc", weights, motion**2)
@@ -168,6 +155,23 @@ def identify(
         direction=direction,
         spectrum=spectrum,
         covered=float(_weight(groups, weights).sum() / weights.sum()),
+    )
+
+
+def _check_weights(points: np.ndarray, shapes: np.ndarray, weights: np.ndarray) -> None:
+    require(
+        shapes.ndim == 3 and shapes.shape[1:] == points.shape and weights.shape == points.shape[:1],
+        "Shapes must be [mode, {nodes}, 3] and weights [{nodes}] on {nodes} nodes, got {shapes} "
+        "and {weights}.",
+        nodes=len(points),
+        shapes=list(shapes.shape),
+        weights=list(weights.shape),
+    )
+    require(
+        weights.min() >= 0,
+        "Weights must not be negative, got {got:.3g}. Give the diagonal of the mass matrix, not "
+        "its row sums.",
+        got=weights.min(),
     )
 
 

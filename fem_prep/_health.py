@@ -8,27 +8,29 @@ import numpy as np
 from ._answers import (
     FreeModes,
     Solid,
-    Springs,
     brick_report,
     conditioning,
     counts,
     described_modes,
-    growth,
-    growth_report,
     mass_properties,
     modes_report,
     modes_told,
     rigid_energies,
     rim_report,
-    tooth_deflection,
-    tooth_report,
-    tooth_row,
 )
 from ._artefact import ReducedBody
 from ._boundary import FullBody
 from ._checks import Progress, require, silent
 from ._compared import compared, free_error
-from ._condense import Held, hold
+from ._hold import Held, hold
+from ._static_answers import (
+    Springs,
+    growth,
+    growth_report,
+    tooth_deflection,
+    tooth_report,
+    tooth_row,
+)
 from ._verdicts import verdicts
 
 

@@ -13,20 +13,12 @@ from math import ceil, pi
 import numpy as np
 
 from ._checks import BodyError, require
+from ._extrude import extruded_grid
 from ._grid import Grid, merged
 from ._planar import annulus, core, core_reach, perforated
 from ._plate import Holes, Web
-from ._section import (
-    GearBody,
-    Properties,
-    SeatPlace,
-    Segment,
-    Stretch,
-    exact_properties,
-    seat_band,
-    stretches,
-    under_hub,
-)
+from ._section import GearBody, SeatPlace, Segment, Stretch, seat_band, stretches, under_hub
+from ._section_properties import Properties, exact_properties
 
 __all__ = [
     "Fineness",
@@ -291,7 +283,7 @@ def _shaft(
             quads = annulus(list(column.ends), sectors)
         for floor in floors:
             if _inside(body, column.middle, floor.middle):
-                bricks += [_extruded(quads, *ends) for ends in pairwise(floor.ends)]
+                bricks += [extruded_grid(quads, *ends) for ends in pairwise(floor.ends)]
     return bricks
 
 
@@ -310,7 +302,7 @@ def _disc(body: GearBody, web: Web, fineness: Fineness, shares: np.ndarray) -> l
         raise _too_few(body, web, fineness)
     low = web.low(np.hypot(quads[..., 0], quads[..., 1]))
     levels = [low + share * web.axial_thickness for share in shares]
-    return [_extruded(quads, *ends) for ends in pairwise(levels)]
+    return [extruded_grid(quads, *ends) for ends in pairwise(levels)]
 
 
 def _plane(body: GearBody, web: Web, fineness: Fineness) -> np.ndarray | None:
@@ -347,28 +339,7 @@ def _rim(body: GearBody, web: Web, sizes: _Sizes, shares: np.ndarray) -> list[np
     ]
     parts.append(low + shares * web.axial_thickness)
     quads = annulus(list(_Interval(inner, outer, sizes.rim).ends), sizes.sectors)
-    return [_extruded(quads, *ends) for part in parts for ends in pairwise(part)]
-
-
-def _extruded(quads: np.ndarray, low, high) -> np.ndarray:
-    """Bricks between two heights over quadrilaterals.
-
-    **Arguments:**
-
-    - `quads`: places seen along the axis, shape `[quad, 8, 2]` [m].
-    - `low`, `high`: heights of all nodes or of each, shape `[quad, 8]` [m].
-
-    **Returns:**
-
-    Places of the nodes of the bricks, shape `[quad, 20, 3]` [m].
-    """
-    bottom, top = (
-        np.concatenate([quads, np.broadcast_to(z, quads.shape[:2])[..., None]], axis=-1)
-        for z in (low, high)
-    )
-    upright = (bottom[:, :4] + top[:, :4]) / 2
-    parts = [bottom[:, :4], top[:, :4], bottom[:, 4:], top[:, 4:], upright]
-    return np.concatenate(parts, axis=1)
+    return [extruded_grid(quads, *ends) for part in parts for ends in pairwise(part)]
 
 
 def _sets(

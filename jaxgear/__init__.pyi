@@ -80,7 +80,7 @@ from ._contact._compliance import ConstantStiffness as ConstantStiffness
 from ._contact._compliance import Iso6336 as Iso6336
 from ._contact._compliance import IsoStiffness as IsoStiffness
 from ._contact._compliance import WeberBanaschek as WeberBanaschek
-from ._contact._compliance import hertz_contact as hertz_contact
+from ._contact._hertz import hertz_contact as hertz_contact
 from ._contact._compliance import iso_stiffness as iso_stiffness
 from ._contact._compliance import single_pair_stiffness as single_pair_stiffness
 from ._contact._compliance import SharedBody as SharedBody
@@ -102,9 +102,9 @@ from ._interface._roots import RootPatches as RootPatches
 from ._interface._roots import feet as feet
 from ._interface._wrench import structure_vectors as structure_vectors
 
-from ._system._flexible import Condensed as Condensed
+from ._system._condensed import Condensed as Condensed
 from ._system._flexible import FlexibleBody as FlexibleBody
-from ._system._flexible import flexible_body as flexible_body
+from ._system._body_tables import flexible_body as flexible_body
 from ._system._body_family import BodyFamily as BodyFamily
 from ._system._body_family import body_family as body_family
 from ._system._body_family import family_parameters as family_parameters
@@ -118,16 +118,18 @@ from ._system._beam import beam_gyroscopic as beam_gyroscopic
 from ._system._beam import beam_mass as beam_mass
 from ._system._beam import beam_stiffness as beam_stiffness
 from ._system._beam import cowper_coefficient as cowper_coefficient
-from ._system._shaft import BeamBody as BeamBody
-from ._system._shaft import Bearing as Bearing
-from ._system._shaft import Segment as Segment
+from ._system._mount import AbstractMount as AbstractMount
+from ._system._gear_body import AbstractGearBody as AbstractGearBody
+from ._system._gear_body import BeamBody as BeamBody
+from ._system._shaft_parts import Bearing as Bearing
+from ._system._shaft_parts import Segment as Segment
 from ._system._shaft import Shaft as Shaft
-from ._system._shaft import ShaftLoad as ShaftLoad
-from ._system._structure import Housing as Housing
-from ._system._structure import RigidBody as RigidBody
+from ._system._shaft_parts import ShaftLoad as ShaftLoad
+from ._system._housing import Housing as Housing
+from ._system._gear_body import RigidBody as RigidBody
 from ._system._structure import Structure as Structure
 from ._system._structure import bearing_motion as bearing_motion
-from ._system._structure import solid_disc as solid_disc
+from ._system._gear_body import solid_disc as solid_disc
 from ._system._support import Support as Support
 
 from ._solve._contact import ContactProblem as ContactProblem
@@ -150,7 +152,7 @@ from ._dynamics._system import DynamicSystem as DynamicSystem
 from ._dynamics._system import ModalBasis as ModalBasis
 from ._dynamics._system import PairDynamics as PairDynamics
 from ._dynamics._system import modal_basis as modal_basis
-from ._dynamics._system import pair_dynamics as pair_dynamics
+from ._dynamics._pair_dynamics import pair_dynamics as pair_dynamics
 from ._dynamics._modes import Modes as Modes
 from ._dynamics._modes import critical_speeds as critical_speeds
 from ._dynamics._modes import modes as modes
@@ -170,11 +172,11 @@ from ._dynamics._march import Marching as Marching
 from ._dynamics._march import at_rest as at_rest
 from ._dynamics._march import march as march
 from ._dynamics._march import quasi_static_start as quasi_static_start
-from ._dynamics._transient import Profile as Profile
-from ._dynamics._transient import Transient as Transient
-from ._dynamics._transient import run_up as run_up
-from ._dynamics._transient import start_stop as start_stop
-from ._dynamics._transient import torque_step as torque_step
+from ._dynamics._schedule import Profile as Profile
+from ._dynamics._transient_result import Transient as Transient
+from ._dynamics._schedule import run_up as run_up
+from ._dynamics._schedule import start_stop as start_stop
+from ._dynamics._schedule import torque_step as torque_step
 from ._dynamics._transient import transient as transient
 from ._dynamics._harmonic import HarmonicBalance as HarmonicBalance
 from ._dynamics._harmonic import balance_of as balance_of
@@ -184,16 +186,16 @@ from ._dynamics._floquet import monodromy as monodromy
 from ._dynamics._floquet import multipliers as multipliers
 from ._dynamics._sweep import SweepPoint as SweepPoint
 from ._dynamics._sweep import SweepSettings as SweepSettings
-from ._dynamics._sweep import steady_state as steady_state
-from ._dynamics._sweep import steady_states as steady_states
+from ._dynamics._steady_state import steady_state as steady_state
+from ._dynamics._steady_state import steady_states as steady_states
 from ._dynamics._sweep import sweep as sweep
 from ._dynamics._continuation import Curve as Curve
 from ._dynamics._continuation import CurvePoint as CurvePoint
-from ._dynamics._continuation import condition as condition
+from ._dynamics._folds import condition as condition
 from ._dynamics._continuation import continuation as continuation
-from ._dynamics._continuation import doubled as doubled
-from ._dynamics._continuation import fold_gradient as fold_gradient
-from ._dynamics._continuation import fold_near as fold_near
+from ._dynamics._folds import doubled as doubled
+from ._dynamics._folds import fold_gradient as fold_gradient
+from ._dynamics._folds import fold_near as fold_near
 
 from ._response._dynamic import DynamicResponse as DynamicResponse
 from ._response._dynamic import bearing_loads as bearing_loads

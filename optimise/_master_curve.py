@@ -1,8 +1,8 @@
 r"""The Master Curve: depth and extent of symmetric linear tip relief that keep the TE constant.
 
 Closed form for thin slices of constant stiffness and a profile contact ratio between 1 and 2,
-derived in physics A3.2 and A3.3 (not the printed equation of Bruyere & Velex 2013), and the map
-that it is laid on, computed with whatever stiffness the model has.
+derived here (not the printed equation of Bruyere & Velex 2013: see `master_curve_depth`), and the
+map that it is laid on, computed with whatever stiffness the model has.
 """
 
 from collections.abc import Callable
@@ -29,6 +29,10 @@ def master_curve_depth(
     \sin\pi(\varepsilon_\alpha-\lambda)\sin\pi\lambda /
     (\pi\lambda\sin\pi\varepsilon_\alpha)]$ with $\lambda = \Gamma\varepsilon_\alpha$, $\delta_m =
     \delta/\varepsilon_\alpha$. The same for spur and narrow-faced helical gears.
+
+    Derived here: a pair with the TE $\delta$ begins to carry at $s^* = \lambda(1 - \delta/E)$, and
+    two pairs carry $\delta$ together if the ramp of the one mirrors that of the next, so that their
+    overlap $\varepsilon_\alpha - 1 - 2s^*$ is as long as the ramp, $\lambda - s^*$.
 
     **Arguments:**
 

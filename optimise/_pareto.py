@@ -125,10 +125,9 @@ def pareto_front(
             allowed.append(one)
             near = between[-1].point
     every = [first, *between, second]
-    check = exact or numbers
     return ParetoFront(
         point=np.stack([found.point for found in every]),
-        value=np.stack([_checked(check, found.point) for found in every]),
+        value=np.stack([_checked(exact or numbers, found.point) for found in every]),
         allowed=np.asarray([np.inf, *allowed, least]),
         kept=np.asarray([found.kept for found in every]),
         settled=np.asarray([found.settled for found in every]),

@@ -297,12 +297,16 @@ def constrained(
     found = record.result(converged=settled and bool(kept.any()), reason=reason, numbers=numbers)
     best = int(np.argmin(numbers))
     if not kept.any():
-        limit = limits[int(np.argmax(excess[best]))]
-        over = excess[best].max() * limit.scale
-        reason = (
-            f"no point keeps all limits: {limit.name} is above {limit.most:g} by {over:.3g} at the "
-            "best. Allow more, or widen the bounds"
-        )
+        reason = _none_keeps(limits, excess[best])
     return dataclasses.replace(
         found, value=float(values[best, 0]), values=values[:, 0], reason=reason
+    )
+
+
+def _none_keeps(limits: Sequence[Limit], excess: np.ndarray) -> str:
+    """The limit that the best of all points exceeds most."""
+    limit = limits[int(np.argmax(excess))]
+    return (
+        f"no point keeps all limits: {limit.name} is above {limit.most:g} by "
+        f"{excess.max() * limit.scale:.3g} at the best. Allow more, or widen the bounds"
     )

@@ -13,9 +13,10 @@ from scipy.sparse import csc_array, csr_array, eye_array, vstack
 
 from fem_prep._artefact import ReducedBody
 from fem_prep._assembly import Material, assemble, order
-from fem_prep._boundary import FullBody, Seat, full_body
+from fem_prep._boundary import FullBody, full_body
 from fem_prep._grid import EDGES, Grid
 from fem_prep._modes import lowest_modes
+from fem_prep._seats import Seat
 from fem_prep._solvers import factorise
 from fem_prep._web import Fineness, GearBody, Holes, Web, body_grid
 

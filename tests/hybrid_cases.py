@@ -21,7 +21,8 @@ from jaxgear._dynamics._march import quasi_static_start
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._interface._roots import ROOT_POINTS, Axial, RimSurface, feet
 from jaxgear._system._body_modes import BodyBasis, body_basis
-from jaxgear._system._flexible import FlexibleBody, flexible_body, root_patches
+from jaxgear._system._body_tables import flexible_body, root_patches
+from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._model import PairModel
 
 TEETH = (20, 24)

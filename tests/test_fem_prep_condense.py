@@ -26,11 +26,13 @@ from scipy.sparse import csc_array, diags_array
 
 from fem_prep._artefact import floating, rigid_motions
 from fem_prep._assembly import across, coriolis, order, stress_stiffening
-from fem_prep._boundary import Seat, Teeth, full_body
+from fem_prep._boundary import Teeth, full_body
 from fem_prep._checks import BodyError
-from fem_prep._condense import condense, hold, largest_rotation, recovered
+from fem_prep._condense import condense
 from fem_prep._grid import Grid, merged
-from fem_prep._modes import free_modes, lowest_modes, reduced_modes
+from fem_prep._hold import hold, recovered
+from fem_prep._modes import free_modes, largest_rotation, lowest_modes, reduced_modes
+from fem_prep._seats import Seat
 from fem_prep._solvers import available_solvers, factorise
 from fem_prep._symmetry import Rotation
 
@@ -553,7 +555,7 @@ def test_parts_that_move_freely_are_seen_where_rounding_hides_them(far, motions,
     def rounded(matrix):
         return factorise(csc_array(matrix + 1e-15 * diags_array(matrix.diagonal())))
 
-    monkeypatch.setattr("fem_prep._condense.factorise", rounded)
+    monkeypatch.setattr("fem_prep._hold.factorise", rounded)
     assert condense(wheel("ring"), method="guyan", modes=0).interior == 0
     with pytest.raises(BodyError, match="loose parts"):
         condense(with_block(far), method="guyan", modes=0)

@@ -11,28 +11,32 @@ from scipy.sparse.linalg import spsolve
 
 from fem_prep._answers import (
     Solid,
-    Springs,
     conditioning,
     counts,
     described_modes,
-    growth,
-    growth_report,
     mass_properties,
     rigid_energies,
     rim_report,
     solid_of,
+)
+from fem_prep._artefact import ReducedBody, rigid_motions
+from fem_prep._assembly import Material, surface_mass, volume
+from fem_prep._boundary import Teeth, full_body
+from fem_prep._checks import BodyError
+from fem_prep._compared import free_error, seat_coupling_difference
+from fem_prep._condense import condense
+from fem_prep._health import health_report
+from fem_prep._hold import hold
+from fem_prep._modes import free_modes, lowest_modes, scale_of
+from fem_prep._seats import Seat, dofs_of
+from fem_prep._static_answers import (
+    Springs,
+    growth,
+    growth_report,
     tooth_deflection,
     tooth_report,
     tooth_row,
 )
-from fem_prep._artefact import ReducedBody, rigid_motions
-from fem_prep._assembly import Material, surface_mass, volume
-from fem_prep._boundary import Seat, Teeth, dofs_of, full_body
-from fem_prep._checks import BodyError
-from fem_prep._compared import free_error, seat_coupling_difference
-from fem_prep._condense import condense, hold
-from fem_prep._health import health_report
-from fem_prep._modes import free_modes, lowest_modes, scale_of
 from fem_prep._verdicts import verdicts
 from fem_prep._web import Fineness, GearBody, Web, body_grid, exact_properties
 

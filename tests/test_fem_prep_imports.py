@@ -16,7 +16,7 @@ from fem_prep._abaqus import read_mtx, read_storage
 from fem_prep._artefact import ReducedBody, rigid_motions
 from fem_prep._assembly import Material
 from fem_prep._body_file import read_body, write_body
-from fem_prep._boundary import FullBody, Seat, full_body
+from fem_prep._boundary import FullBody, full_body
 from fem_prep._checks import BodyError
 from fem_prep._companion import read_table
 from fem_prep._condense import condense
@@ -24,6 +24,7 @@ from fem_prep._grid import FACES, Grid
 from fem_prep._imports import SYSTEMS, import_superelement
 from fem_prep._modes import free_modes, reduced_modes
 from fem_prep._op4 import read_op4
+from fem_prep._seats import Seat
 
 DATA = Path(__file__).parent / "data" / "calculix"
 TABLE = DATA / "sector.csv"

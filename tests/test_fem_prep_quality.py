@@ -9,7 +9,8 @@ import pytest
 from fem_prep._brick import REFERENCE_NODES, gauss_points, jacobians, shape_functions
 from fem_prep._checks import BodyError
 from fem_prep._grid import EDGES, Grid, merged
-from fem_prep._quality import check_grid, check_rim, quality
+from fem_prep._quality import check_grid, quality
+from fem_prep._rim_quality import check_rim
 
 INNER, OUTER, WIDTH = 0.02, 0.04, 0.01
 

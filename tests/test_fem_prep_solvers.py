@@ -7,9 +7,9 @@ from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import splu
 
 from fem_prep import _solvers
-from fem_prep._boundary import dofs_of
 from fem_prep._checks import BodyError
 from fem_prep._modes import scale_of
+from fem_prep._seats import dofs_of
 from fem_prep._solvers import available_solvers, factorise
 from fem_prep._web import Fineness
 

@@ -38,9 +38,11 @@ from scipy.special import iv, jv
 
 from fem_prep._artefact import floating
 from fem_prep._assembly import assemble
-from fem_prep._boundary import Seat, full_body
-from fem_prep._condense import condense, hold, recovered
+from fem_prep._boundary import full_body
+from fem_prep._condense import condense
+from fem_prep._hold import hold, recovered
 from fem_prep._modes import free_modes, lowest_modes, reduced_modes
+from fem_prep._seats import Seat
 from fem_prep._web import Fineness, GearBody, Holes, body_grid
 
 # omega a^2 sqrt(rho h / D), Poisson's ratio 0.3, outer edge free, by n: the first two.

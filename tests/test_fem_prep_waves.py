@@ -8,9 +8,11 @@ import pytest
 from fem_cases import STEEL, assert_near, small_wheel, web_probe, wheel_body
 from scipy.sparse import csr_array
 
-from fem_prep._boundary import Seat, full_body
-from fem_prep._condense import condense, hold
+from fem_prep._boundary import full_body
+from fem_prep._condense import condense
+from fem_prep._hold import hold
 from fem_prep._modes import free_modes, largest_rotation, lowest_modes, reduced_modes
+from fem_prep._seats import Seat
 from fem_prep._symmetry import Rotation, full_turn, waves_of
 from fem_prep._web import Fineness, GearBody, body_grid
 

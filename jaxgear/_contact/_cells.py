@@ -191,7 +191,7 @@ def _repeated(cells: MeshCells, grid: MeshGrid) -> MeshCells:
 def at_line_loads(
     cells: MeshCells, force: CellGrid, nominal: Scalar, log_slope: Scalar
 ) -> MeshCells:
-    r"""Cells whose contact compliance is taken at the line loads they carry (physics A2.6).
+    r"""Cells whose contact compliance is taken at the line loads they carry.
 
     Weber's contact term falls with the logarithm of the line load, $c(F') = c(F'_0) -
     \frac{1}{\pi E^*}\ln(F'/F'_0)$. Cells below a hundredth of the nominal line load are taken

@@ -22,9 +22,9 @@ from jaxgear._contact._foundation import (
     RingFoundation,
     WeberFoundation,
 )
+from jaxgear._contact._hertz import hertz_contact
 from jaxgear._contact._ring import give_alone, root_resultants
 from jaxgear._contact._tooth import (
-    HertzContact,
     beam_compliance,
     contact_modulus,
     penetration_compliance,
@@ -157,7 +157,7 @@ class AbstractCompliance(eqx.Module):
 class WeberBanaschek(AbstractCompliance):
     """Teeth as cantilevers on their foundations, with Weber's logarithmic contact term.
 
-    A helical pair is evaluated with its virtual spur gears (physics A2.7).
+    A helical pair is evaluated with its virtual spur gears (ISO 6336-1).
 
     **Fields:**
 
@@ -165,7 +165,7 @@ class WeberBanaschek(AbstractCompliance):
         bore, else `WeberFoundation`.
     - `wheel_foundation`: of the wheel's body, likewise.
     - `load_updates`: how often the contact term is taken anew at the line loads found, instead
-        of at the nominal one (physics A2.6) [-].
+        of at the nominal one [-].
     """
 
     pinion_foundation: AbstractFoundation | None = None
@@ -382,23 +382,3 @@ def single_pair_stiffness(
     place = jnp.linspace(0.0, 1.0, 129)
     roll = pair.path_start + place * pair.path_of_contact
     return 1.0 / jnp.min(compliance(pair, roll, line_load))
-
-
-@compiled
-def hertz_contact(pair: GearPair, roll: Reals) -> HertzContact:
-    """The cylinders that touch at given positions, in the normal plane.
-
-    **Arguments:**
-
-    - `pair`: the gears.
-    - `roll`: positions on the path of contact [m].
-
-    **Returns:**
-
-    Their equivalent radius at each position, and their contact modulus.
-    """
-    radius = roll * (pair.tangent_length - roll) / pair.tangent_length
-    return HertzContact(
-        radius=radius / jnp.cos(pair.base_helix_angle),
-        modulus=contact_modulus(pair.pinion.material, pair.wheel.material),
-    )

@@ -2,7 +2,7 @@ r"""What a gear body lets the roots of its teeth move, per length of contact lin
 
 Where a body couples its teeth, a load on one moves the others too: a ring that is held at its bore
 winds up under all teeth in mesh at once. Counted once per pair, as if each tooth had a body of
-its own, that wind-up would double the fluctuation of the transmission error (physics A2.4).
+its own, that wind-up would double the fluctuation of the transmission error.
 """
 
 import abc
@@ -12,12 +12,8 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from jaxgear._checks import require
-from jaxgear._contact._ring import (
-    give_alone,
-    ring_influence,
-    root_resultants,
-    sainsot_compliance,
-)
+from jaxgear._contact._ring import give_alone, ring_influence, root_resultants
+from jaxgear._contact._sainsot import sainsot_compliance
 from jaxgear._contact._tooth import tooth_load
 from jaxgear._geometry._gear import Material
 from jaxgear._geometry._profile import ToothSection

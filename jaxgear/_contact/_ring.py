@@ -7,7 +7,6 @@ the solid disc's share is summed in closed form and only the difference that the
 left to the series. Sainsot, Velex & Duverger 2004 fitted a polynomial to the same ring.
 """
 
-import functools
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import jax.numpy as jnp
@@ -15,8 +14,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxgear._checks import require
+from jaxgear._contact._ring_disc import ROOT_NODES, disc_mean, disc_point, gauss_legendre
 from jaxgear._contact._tooth import tooth_load
-from jaxgear._geometry._gear import Material
 from jaxgear._geometry._profile import ToothSection
 from jaxgear._types import Reals, Scalar
 
@@ -25,23 +24,14 @@ if TYPE_CHECKING:
     Influences = Array
     Receptances = Array
     Tractions = Array
-    Kernels = Array
-    Sainsot = Array
 else:
     Resultants = Float[Array, "*point resultant"]
     Influences = Float[Array, "neighbour displacement resultant"]
     Receptances = Float[Array, "component traction order"]
     Tractions = Float[Array, "node resultant component"]
-    Kernels = Float[Array, "neighbour place node"]
-    Sainsot = Float[Array, "coefficient"]
 
 Traction = Literal["parallel", "radial"]
 Measure = Literal["mean", "point"]
-
-# Gauss points on a tooth's root, an even number. They integrate cos(n theta) to rounding up to
-# n theta_f = 15, and leave 4e-6 of a tooth's own influence in its neighbour's where two roots
-# touch, 1e-12 where the gap is a twentieth of a pitch.
-_POINTS = 24
 
 
 # --- one harmonic of the ring
@@ -148,90 +138,13 @@ def _without_disc(receptances: Receptances, kolosov: Scalar) -> Receptances:
     return receptances - jnp.stack([direct, cross, cross, direct]).reshape(receptances.shape)
 
 
-# --- integrals over a root
-
-
-class _Rule(NamedTuple):
-    """Weights that integrate over a root what its node values say, places in rows.
-
-    A place is where the displacement is looked at. `plain`, `log`, `sign` go with the kernels 1,
-    ln|x - y| and sign(x - y), x the place and y the node, both from -1 to 1, and are exact for
-    node values of a polynomial. With as many places as nodes they also integrate over x.
-    """
-
-    places: np.ndarray
-    plain: np.ndarray
-    log: np.ndarray
-    sign: np.ndarray
-
-
-class _Legendre(NamedTuple):
-    """Gauss nodes, their weights, and the map from node values to Legendre coefficients."""
-
-    nodes: np.ndarray
-    weights: np.ndarray
-    coefficients: np.ndarray
-
-
-@functools.cache
-def _legendre() -> _Legendre:
-    nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
-    values = np.polynomial.legendre.legvander(nodes, _POINTS - 1).T
-    degree = np.arange(_POINTS)[:, None]
-    return _Legendre(nodes, weights, (degree + 0.5) * values * weights)
-
-
-def _mean_rule() -> _Rule:
-    """Over both roots: Legendre's polynomials against each other."""
-    basis = _legendre()
-    m, n = np.meshgrid(*2 * [np.arange(float(_POINTS))], indexing="ij")
-    apart, both = m - n, m + n
-    even = both % 2 == 0
-    both[0, 0] = 1.0
-    log = np.where(even, 8.0 / (np.where(even, apart**2 - 1.0, 1.0) * both * (both + 2.0)), 0.0)
-    log[0, 0] = 4.0 * np.log(2.0) - 6.0
-    sign = np.where(np.abs(apart) == 1.0, 4.0 * apart / ((2.0 * m + 1.0) * (2.0 * n + 1.0)), 0.0)
-    transform = basis.coefficients
-    return _Rule(
-        places=basis.nodes,
-        plain=np.outer(basis.weights, basis.weights),
-        log=transform.T @ log @ transform,
-        sign=transform.T @ sign @ transform,
-    )
-
-
-def _values_at_zero() -> np.ndarray:
-    """Legendre's polynomials at zero, one degree more than a root's values fill."""
-    return np.polynomial.legendre.legvander(np.zeros(1), _POINTS)[0]
-
-
-def _point_rule() -> _Rule:
-    """Seen from the middle of the root."""
-    basis = _legendre()
-    second = np.zeros(_POINTS + 1)  # Legendre's functions of the second kind at zero.
-    second[1] = -1.0
-    for degree in range(2, _POINTS, 2):
-        second[degree + 1] = -degree / (degree + 1.0) * second[degree - 1]
-    values = _values_at_zero()
-    rise = 2.0 / (2.0 * np.arange(1.0, _POINTS) + 1.0)
-    log = np.concatenate([[-2.0], rise * (second[2:] - second[:-2])])
-    log[1::2] = 0.0
-    sign = np.concatenate([[0.0], rise * (values[2:] - values[:-2])])
-    return _Rule(
-        places=np.zeros(1),
-        plain=basis.weights[None],
-        log=(log @ basis.coefficients)[None],
-        sign=(sign @ basis.coefficients)[None],
-    )
-
-
 # --- what a tooth does to its root
 
 
 def _tractions(kind: Traction, root_half_angle: Scalar) -> Tractions:
     r"""Tractions at the Gauss nodes, times $r_f\theta_f$, under unit $N$, $Q$ and $M/r_f$."""
     half = root_half_angle
-    node = jnp.asarray(_legendre().nodes)
+    node = jnp.asarray(gauss_legendre().nodes)
     angle = half * node
     sine, cosine = jnp.sin(angle), jnp.cos(angle)
     level, none = 0.5 * jnp.ones_like(angle), jnp.zeros_like(angle)
@@ -240,7 +153,7 @@ def _tractions(kind: Traction, root_half_angle: Scalar) -> Tractions:
         columns = [(level, none), (none, level), (tilt, none)]
         return jnp.stack([jnp.stack(pair, axis=-1) for pair in columns], axis=1)
     # Along the centreline, linear in the chord coordinate, of unit moment about the root point.
-    weights = jnp.asarray(_legendre().weights)
+    weights = jnp.asarray(gauss_legendre().weights)
     tilt = -sine / (weights @ sine**2)
     moment = jnp.stack([tilt * cosine, -tilt * sine], axis=-1)
     normal = jnp.stack([level * cosine, -level * sine], axis=-1)
@@ -257,8 +170,8 @@ def _amplitudes(tractions: Tractions, root_half_angle: Scalar, harmonics: int) -
     $N$ is symmetric about the centreline and takes cos, sin; $Q$ and $M$ take sin, -cos.
     """
     # Their integrands are even: half the nodes will do.
-    right = slice(_POINTS // 2, None)
-    basis, tractions = _legendre(), tractions[right]
+    right = slice(ROOT_NODES // 2, None)
+    basis, tractions = gauss_legendre(), tractions[right]
     orders = jnp.asarray(np.arange(harmonics + 1.0))
     turn = (root_half_angle * jnp.asarray(basis.nodes[right]))[:, None] * orders[None]
     weights = 2.0 * jnp.asarray(basis.weights[right])[:, None]
@@ -290,102 +203,6 @@ def _series(measured: Array, loaded: Array, receptances: Receptances, shifts: Re
     same = 0.5 * (1.0 + np.outer(parity, parity))
     cross = 0.5 * (parity[:, None] - parity[None])
     return jnp.asarray(same)[None] * cosine + jnp.asarray(cross)[None] * sine
-
-
-# --- the solid disc in closed form
-
-
-class _Disc(NamedTuple):
-    """Angles from node to place, and the weighted kernels 1, ln|2 sin| and sawtooth there."""
-
-    angle: Kernels
-    plain: Kernels
-    log: Kernels
-    saw: Kernels
-
-
-def _disc(rule: _Rule, root_half_angle: Scalar, shifts: Reals) -> _Disc:
-    """Kernels between a loaded root and one `shifts` away; the first shift is zero."""
-    apart = np.asarray(rule.places)[:, None] - _legendre().nodes[None]
-    angle = shifts[:, None, None] + root_half_angle * jnp.asarray(apart)[None]
-    plain = jnp.asarray(rule.plain)[None]
-    own, far = angle[:1], angle[1:]
-    smooth = jnp.log(root_half_angle) + jnp.log(jnp.sinc(own / (2.0 * jnp.pi)))
-    own_log = jnp.asarray(rule.log)[None] + plain * smooth
-    own_saw = 0.5 * (jnp.pi * jnp.asarray(rule.sign)[None] - plain * own)
-    far_log = plain * jnp.log(jnp.abs(2.0 * jnp.sin(0.5 * far)))
-    far_saw = plain * 0.5 * (jnp.pi - jnp.mod(far, 2.0 * jnp.pi))
-    return _Disc(
-        angle=angle,
-        plain=jnp.broadcast_to(plain, angle.shape),
-        log=jnp.concatenate([own_log, far_log]),
-        saw=jnp.concatenate([own_saw, far_saw]),
-    )
-
-
-def _disc_kernel(disc: _Disc, kolosov: Scalar) -> tuple[Kernels, Kernels]:
-    r"""Displacements $(u_r, u_\theta)$ under a unit radial force, orders above one, times $2G$.
-
-    Per order the disc obeys $u_m = \kappa p_m/(m+1)$, $u_{-m} = p_{-m}/(m-1)$ in $u_r + iu_\theta$,
-    and $\sum z^m/m = -\ln(1 - z)$. A tangential force turns both by a right angle.
-    """
-    sine, cosine = jnp.sin(disc.angle), jnp.cos(disc.angle)
-    strong, weak = kolosov + 1.0, kolosov - 1.0
-    rest = kolosov * disc.plain
-    along = -strong * disc.log * cosine + weak * disc.saw * sine - rest * (1.0 + 0.5 * cosine)
-    across = strong * disc.log * sine + weak * disc.saw * cosine - rest * 0.5 * sine
-    scale = 0.5 / jnp.pi
-    return scale * along, scale * across
-
-
-def _disc_slopes(disc: _Disc, kolosov: Scalar, impulse: Kernels) -> tuple[Kernels, Kernels]:
-    """Derivatives of `_disc_kernel` by the place; `impulse` is the sign's, halved.
-
-    The pole of the cotangent at the middle of the root is a principal value, which Gauss nodes
-    that lie symmetrically about it take exactly.
-    """
-    sine, cosine = jnp.sin(disc.angle), jnp.cos(disc.angle)
-    strong, weak = kolosov + 1.0, kolosov - 1.0
-    pole = 0.5 * disc.plain / jnp.tan(0.5 * disc.angle)
-    rest = 0.5 * kolosov * disc.plain
-    along = strong * (disc.log * sine - pole * cosine) + rest * sine
-    along += weak * (disc.saw * cosine - 0.5 * disc.plain * sine)
-    across = strong * (disc.log * cosine + pole * sine) - rest * cosine
-    across += weak * (jnp.pi * impulse - 0.5 * disc.plain * cosine - disc.saw * sine)
-    scale = 0.5 / jnp.pi
-    return scale * along, scale * across
-
-
-def _disc_mean(
-    tractions: Tractions, root_half_angle: Scalar, kolosov: Scalar, shifts: Reals
-) -> Influences:
-    """The disc's share in the displacements weighted as the tractions are."""
-    along, across = _disc_kernel(_disc(_mean_rule(), root_half_angle, shifts), kolosov)
-    radial, tangential = tractions[..., 0], tractions[..., 1]
-    straight = jnp.einsum("kab,bj->kaj", along, radial)
-    straight -= jnp.einsum("kab,bj->kaj", across, tangential)
-    sideways = jnp.einsum("kab,bj->kaj", across, radial)
-    sideways += jnp.einsum("kab,bj->kaj", along, tangential)
-    return jnp.einsum("ai,kaj->kij", radial, straight) + jnp.einsum(
-        "ai,kaj->kij", tangential, sideways
-    )
-
-
-def _disc_point(
-    tractions: Tractions, root_half_angle: Scalar, kolosov: Scalar, shifts: Reals
-) -> Influences:
-    """The disc's share in the displacements of the root point."""
-    disc = _disc(_point_rule(), root_half_angle, shifts)
-    at_zero = _values_at_zero()[:-1] @ _legendre().coefficients
-    own = np.asarray(np.arange(shifts.shape[0]) == 0, dtype=float)
-    impulse = jnp.asarray(own[:, None, None] * at_zero) / root_half_angle
-    along, across = _disc_kernel(disc, kolosov)
-    slope, side_slope = _disc_slopes(disc, kolosov, impulse)
-    under_radial = jnp.concatenate([along, across, across - slope], axis=1)
-    under_tangential = jnp.concatenate([-across, along, along + side_slope], axis=1)
-    return jnp.einsum("kib,bj->kij", under_radial, tractions[..., 0]) + jnp.einsum(
-        "kib,bj->kij", under_tangential, tractions[..., 1]
-    )
 
 
 # --- teeth on the ring
@@ -461,9 +278,9 @@ def ring_influence(
     tractions = _tractions(traction, root_half_angle)
     loaded = _amplitudes(tractions, root_half_angle, harmonics)
     if measure == "mean":
-        measured, disc = loaded, _disc_mean
+        measured, disc = loaded, disc_mean
     else:
-        measured, disc = jnp.asarray(_point_amplitudes(harmonics)), _disc_point
+        measured, disc = jnp.asarray(_point_amplitudes(harmonics)), disc_point
     bore = _series(measured, loaded, _without_disc(receptances, kolosov), shifts)
     solid = disc(tractions, root_half_angle, kolosov, shifts)
     return (1.0 + poisson) * (solid + bore)
@@ -504,71 +321,3 @@ def give_alone(influence: Float[Array, "displacement resultant"], resultants: Re
     The motion at each point.
     """
     return jnp.sum((resultants @ influence) * resultants, axis=-1)
-
-
-# --- Sainsot's polynomial
-
-SAINSOT_RADIUS_RATIO = (1.4, 7.0)
-"""Range of $h$ for which Sainsot's polynomial was fitted [-]; poor below 2 (physics A2.4)."""
-
-SAINSOT_ROOT_HALF_ANGLE = (0.01, 0.12)
-r"""Range of $\theta_f$ for which Sainsot's polynomial was fitted [rad]."""
-
-# Columns A to F of Sainsot et al. 2004, J. Mech. Des. 126(4); rows L*, M*, P*, Q*.
-_SAINSOT = np.array(
-    [
-        [-5.574e-5, -1.9986e-3, -2.3015e-4, 4.7702e-3, 0.0271, 6.8045],
-        [60.111e-5, 28.100e-3, -83.431e-4, -9.9256e-3, 0.1624, 0.9086],
-        [-50.952e-5, 185.50e-3, 0.0538e-4, 53.300e-3, 0.2895, 0.9236],
-        [-6.2042e-5, 9.0889e-3, -4.0964e-4, 7.8297e-3, -0.1472, 0.6904],
-    ]
-)
-
-
-def sainsot_coefficients(radius_ratio: Scalar, root_half_angle: Scalar) -> Sainsot:
-    r"""$L^*, M^*, P^*, Q^*$ of Sainsot, Velex & Duverger 2004, for $\nu = 0.3$ only.
-
-    $A/\theta_f^2 + Bh^2 + Ch/\theta_f + D/\theta_f + Eh + F$, valid within
-    `SAINSOT_RADIUS_RATIO` and `SAINSOT_ROOT_HALF_ANGLE`; not checked.
-
-    **Arguments:**
-
-    - `radius_ratio`: $h$, root radius over bore radius [-].
-    - `root_half_angle`: $\theta_f$ [rad].
-
-    **Returns:**
-
-    The four coefficients [-].
-    """
-    h, slender = radius_ratio, 1.0 / root_half_angle
-    terms = jnp.stack([slender**2, h**2, h * slender, slender, h, jnp.ones_like(h)])
-    return jnp.asarray(_SAINSOT) @ terms
-
-
-def sainsot_compliance(
-    section: ToothSection, material: Material, radius_ratio: Scalar, roll_angle: Reals
-) -> Reals:
-    r"""Compliance of the body under one tooth by Sainsot's polynomial.
-
-    $\frac{\cos^2\alpha_p}{E}[L^*(u/S_f)^2 + M^* u/S_f + P^*(1 + Q^*\tan^2\alpha_p)]$ with
-    $u = Y_c - r_f$ and $S_f = 2r_f\theta_f$. Only for $\nu = 0.3$: the material's own ratio is not
-    used. The wind-up of the body, which all teeth share, is in it: one tooth pair at a time.
-
-    **Arguments:**
-
-    - `section`: the tooth.
-    - `material`: of the body.
-    - `radius_ratio`: $h$, root radius over bore radius [-].
-    - `roll_angle`: of the loaded points [rad].
-
-    **Returns:**
-
-    Compliance at each point [m2/N].
-    """
-    load = tooth_load(section, roll_angle)
-    bend, mixed, press, side = sainsot_coefficients(radius_ratio, section.root_half_angle)
-    root_chord = 2.0 * section.root_radius * section.root_half_angle
-    slender = (load.height - section.root_radius) / root_chord
-    inner = bend * slender**2 + mixed * slender
-    inner += press * (1.0 + side * jnp.tan(load.angle) ** 2)
-    return jnp.cos(load.angle) ** 2 / material.young * inner

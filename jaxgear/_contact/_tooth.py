@@ -2,7 +2,7 @@ r"""Compliance of one tooth and of a Hertzian contact, per length of contact lin
 
 A line load $F'$ acts along the common normal. Every compliance here is secant, deflection
 over line load [m2/N], in plane strain. Sources: Weber & Banaschek 1953 as in Guilbert 2017
-eq. 1.1-1.3, corrected and for any Poisson's ratio (physics A2.1, A2.2, A2.6).
+eq. 1.1-1.3, corrected and for any Poisson's ratio.
 """
 
 from collections.abc import Callable
@@ -35,7 +35,7 @@ class ToothLoad(eqx.Module):
 
 
 def tooth_load(section: ToothSection, roll_angle: Reals) -> ToothLoad:
-    r"""Line of action of a normal load on an involute tooth (physics A2).
+    r"""Line of action of a normal load on an involute tooth.
 
     **Arguments:**
 

@@ -15,18 +15,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxgear._compiled import compiled
-from jaxgear._dynamics._march import March, Rule, march_of
+from jaxgear._dynamics._cell_forces import mean_tangent, mesh_load
+from jaxgear._dynamics._march_step import March, Rule, march_of
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._steppers import AbstractStepper, Exponential
 from jaxgear._dynamics._system import DynamicSystem, ModalBasis
-from jaxgear._dynamics._table import (
-    END,
-    MIDDLE,
-    START,
-    mean_tangent,
-    mesh_at,
-    mesh_load,
-)
+from jaxgear._dynamics._table import END, MIDDLE, START, mesh_at
 from jaxgear._dynamics._types import StepMatrices, StepPlaces
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._types import CoordinateMatrix, Reals

@@ -11,123 +11,24 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jaxgear._checks import require
-from jaxgear._compiled import compiled, in_numpy
 from jaxgear._dynamics._floquet import STABLE, monodromy, multipliers
 from jaxgear._dynamics._harmonic import Balance, HarmonicBalance, balance_of, terms_of
 from jaxgear._dynamics._march import History, Marching, march_on, quasi_static_start
-from jaxgear._dynamics._orbit import AbstractMethod, Orbit
+from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._shooting import Shooting
+from jaxgear._dynamics._steady_state import orbit_of
 from jaxgear._dynamics._steppers import Exponential
 from jaxgear._dynamics._system import DynamicSystem, modal_basis
-from jaxgear._dynamics._types import Speeds, Start
+from jaxgear._dynamics._types import Start
 from jaxgear._types import Scalar
 
 # Halves of a response over two cycles that differ by less than this, relative to its swing, are
 # one response over one.
 _SAME = 1e-6
-
-
-def steady_state(
-    system: DynamicSystem,
-    speed: Scalar,
-    method: AbstractMethod | None = None,
-    start: Start | None = None,
-) -> Orbit:
-    """Find the steady response at one speed.
-
-    It is compiled as a whole, once for all speeds and real numbers of the system. It can be traced,
-    and batched over speeds by `jax.vmap`; `steady_states` is faster at that on a CPU. With
-    `HarmonicBalance` it is differentiable in everything the system is made of, and in the speed.
-
-    **Arguments:**
-
-    - `system`: what moves.
-    - `speed`: of the pinion, positive [rad/s].
-    - `method`: how; by default harmonic balance with exact contact averaged over each step, whose
-        derivatives are those of continuous time also where contact is lost. It is not for mesh
-        damping that acts in contact only: that is not averaged.
-    - `start`: motion and velocity to start from, for methods that march; `None`: the quasi-static
-        state [m, rad, m/s, rad/s].
-
-    **Returns:**
-
-    The response, settled or not. Whether it is stable `monodromy` tells.
-
-    **Raises:**
-
-    - `ValueError` unless the speed is positive.
-    """
-    speed = jnp.asarray(speed, dtype=float)
-    given = in_numpy(speed)
-    require(
-        (given > 0.0).all(),
-        "The speed must be positive, got {got:.6g} rad/s: at rest, the quasi-static cycle is the "
-        "response.",
-        got=given,
-    )
-    return _orbit(method or _differentiable(system), system, speed, start)
-
-
-def steady_states(
-    system: DynamicSystem, speeds: Speeds, method: AbstractMethod | None = None
-) -> Orbit:
-    """Find the steady response at each speed from the quasi-static state: a cold sweep.
-
-    Where several responses exist, which one is found is an accident of the start. It can be traced.
-
-    **Arguments:**
-
-    - `system`: what moves.
-    - `speeds`: of the pinion, positive [rad/s].
-    - `method`: how; by default as of `steady_state`.
-
-    **Returns:**
-
-    The responses, `speed` leading.
-
-    **Raises:**
-
-    - `ValueError` unless all speeds are positive.
-    """
-    speeds = jnp.asarray(speeds, dtype=float)
-    require(speeds.size > 0, "A sweep needs at least one speed.")
-    given = in_numpy(speeds)
-    require(
-        ((given > 0.0) & (given < np.inf)).all(),
-        "All speeds must be positive and finite, got {least:.6g} to {largest:.6g} rad/s.",
-        least=given.min(),
-        largest=given.max(),
-    )
-    return _orbits(method or _differentiable(system), system, speeds)
-
-
-def _differentiable(system: DynamicSystem) -> HarmonicBalance:
-    """Harmonic balance whose derivatives are true where contact is lost, if the system has one.
-
-    A cell that opens or closes does so within a step: by the force in mid-step alone, derivatives
-    are 3 to 6 % off at 128 steps, averaged over the step 0.1 to 0.4 % at 64.
-    """
-    return HarmonicBalance(averaged=system.cell_damping is None)
-
-
-@compiled
-def _orbits(method: AbstractMethod, system: DynamicSystem, speeds: Speeds) -> Orbit:
-    """See `steady_states`."""
-    if not isinstance(method, HarmonicBalance):
-        # So many march abreast: more fall out of the processor's cache.
-        return jax.lax.map(
-            lambda speed: method.orbit(system, speed, None), speeds, batch_size=_ABREAST
-        )
-    balance = balance_of(method, system)
-    one = lambda speed: method.solve(balance, speed)[0]
-    # Lanes of a batch all wait for the slowest: on a CPU one after the other is faster.
-    return jax.lax.map(one, speeds) if jax.default_backend() == "cpu" else jax.vmap(one)(speeds)
-
 
 # Where no periodic response is found after a march, the march goes on for so many times as long. An
 # unstable response is left from a state that differs by so much, relative to the static one.
@@ -145,10 +46,6 @@ _STEP, _HALVINGS = 0.3, 3
 
 # It also counts if a march of several times the length has come closer to it by this factor.
 _APPROACH = 0.8
-
-# Speeds that march side by side.
-_ABREAST = 32
-
 Direction = Literal["up", "down", "cold"]
 
 
@@ -292,7 +189,7 @@ class Finder:
         method = self.settings.method
         start = self.rest if last is None else last.orbit.start
         if isinstance(method, Marching):
-            return self._alone(_orbit(_over_cycles(method, 2), self.system, speed, start))
+            return self._alone(orbit_of(_over_cycles(method, 2), self.system, speed, start))
         if isinstance(method, Shooting):
             twice = last is not None and last.multiple == 2
             found = self._shot(method, speed, start, (2, 1) if twice else (1, 2))
@@ -362,7 +259,7 @@ class Finder:
     ) -> SweepPoint | None:
         """A stable response over one cycle or two by shooting, from a motion close by."""
         for multiple in multiples:
-            orbit = _orbit(_over_cycles(method, multiple), self.system, speed, start)
+            orbit = orbit_of(_over_cycles(method, multiple), self.system, speed, start)
             found = self._judged(orbit)
             if found.stable:
                 return found
@@ -437,10 +334,3 @@ def _over_cycles(method, multiple: int):
 def _state(history: History) -> Start:
     """Motion and velocity where a march ended [m, rad, m/s, rad/s]."""
     return jnp.stack([history.motion[-1], history.velocity[-1]])
-
-
-@compiled
-def _orbit(
-    method: AbstractMethod, system: DynamicSystem, speed: Scalar, start: Start | None
-) -> Orbit:
-    return method.orbit(system, speed, start)

@@ -8,8 +8,8 @@ dimensionless coordinates of the gear that carries it, so extents are fractions:
   in roll length; one unit is the path of contact $\varepsilon_\alpha p_{bt}$.
 - `face`: -1 at the left (-Z) end of this gear's face, 0 at mid-face, 1 at the right end.
 
-Beyond 0..1 and -1..1 the laws go on smoothly, unless said. Reliefs, crowning: physics A1.7b,
-thesis figs. III-5, IV-9. Slopes, barrelling and twist are named as in ISO 21771-1.
+Beyond 0..1 and -1..1 the laws go on smoothly, unless said. Reliefs, crowning: thesis figs. III-5,
+IV-9. Slopes, barrelling and twist are named as in ISO 21771-1.
 """
 
 import abc

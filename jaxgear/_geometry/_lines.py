@@ -2,7 +2,7 @@ r"""Contact lines on the plane of action, at every phase of one cycle of mesh pe
 
 A phase $\tau$ counts mesh periods, from 0 or, where contact is looked for beyond the path, from
 that much earlier; at $\tau = 0$ a tooth pair enters contact at
-mid-face. Line $i$ runs through $x = T_1A + (\tau + i)\,p_{bt} + z\tan\beta_b$ (physics A1.7), with
+mid-face. Line $i$ runs through $x = T_1A + (\tau + i)\,p_{bt} + z\tan\beta_b$ (ISO 21771-1), with
 $x$ along the path of contact from the pinion's base tangent point, $z$ along the axes from
 mid-face.
 

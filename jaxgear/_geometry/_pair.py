@@ -21,6 +21,7 @@ from jaxgear._checks import require
 from jaxgear._compiled import compiled
 from jaxgear._geometry._gear import Gear
 from jaxgear._geometry._involute import inverse_involute, involute
+from jaxgear._geometry._tooth_checks import check_tooth
 from jaxgear._types import Bodies, Scalar, as_optional_scalar, as_scalar
 from jaxgear._units import deg, mm
 
@@ -318,10 +319,6 @@ def root_radii(pair: GearPair) -> Bodies:
     return pair.root_radius
 
 
-# Undercut that leaves the active flank whole is custom, not a mistake: 17 standard teeth at 20
-# degrees lack 0.006 of profile shift. The tooth's shape is off by less than 1e-6 rad within it.
-_HARMLESS_UNDERCUT = 0.02
-
 # How far inside the zero-backlash centre distance a pair may sit, as backlash over module:
 # profile shifts on drawings are rounded to 1e-3 of the module.
 _ROUNDED_SHIFT = 5e-3
@@ -334,13 +331,13 @@ def _check_pair(pair: GearPair) -> None:
     """
     if any(isinstance(number, Tracer) for number in jax.tree.leaves(pair)):
         return
-    module, angle = float(pair.normal_module), float(pair.pressure_angle)
+    module, pressure = float(pair.normal_module), float(pair.pressure_angle)
     require(module > 0.0, "The normal module must be positive, got {got:.6g} mm.", got=module / mm)
     require(
-        0.0 < angle < 45.0 * deg,
+        0.0 < pressure < 45.0 * deg,
         "`GearPair.pressure_angle` must lie between 0 and 45 degrees, got {got:.4g} degrees. "
         "Angles are in radians: write `20.0 * jaxgear.deg`.",
-        got=angle / deg,
+        got=pressure / deg,
     )
     helix = float(pair.helix_angle)
     require(
@@ -390,73 +387,4 @@ def _check_pair(pair: GearPair) -> None:
         overlap=facts["overlap_ratio"],
     )
     for body in (0, 1):
-        _check_tooth(pair, facts, body)
-
-
-def _check_tooth(pair: GearPair, facts: dict[str, np.ndarray], body: int) -> None:
-    """Refuse teeth of one gear that cannot be cut, or that the other gear's teeth would hit."""
-    gear = (pair.pinion, pair.wheel)[body]
-    name, other = ("pinion", "wheel")[:: 1 - 2 * body]
-    thickness, tip = facts["tip_thickness"][body], facts["tip_radius"][body]
-    require(
-        bool(thickness > 0.0),
-        "The {name}'s teeth are pointed: thickness {got:.4g} mm at the tip diameter {tip:.6g} mm. "
-        "Reduce its addendum or profile shift, or raise its tip shortening.",
-        name=name,
-        got=thickness / mm,
-        tip=2.0 * tip / mm,
-    )
-    angle = float(pair.pressure_angle)
-    dedendum, fillet = float(gear.dedendum), float(gear.fillet_radius)
-    # The fillet is cut by the rack's tip: its two rounded corners must leave a land between them.
-    land = 0.25 * np.pi - (dedendum - fillet) * np.tan(angle) - fillet / np.cos(angle)
-    corner = (1.0 - np.sin(angle)) / np.cos(angle)
-    require(
-        bool(land >= -1e-9),
-        "The {name}'s rack has a pointed tip: a fillet radius coefficient of {got:.4g} does not "
-        "fit below its straight flanks. Use at most {limit:.4g}, or lower the dedendum.",
-        name=name,
-        got=fillet,
-        limit=max(fillet + land / corner, 0.0),
-    )
-    form_roll, form_radius = facts["form_roll"][body], facts["form_radius"][body]
-    missing_shift = -form_roll * np.sin(facts["transverse_pressure_angle"])
-    missing_shift /= float(pair.normal_module)
-    require(
-        bool(missing_shift <= _HARMLESS_UNDERCUT),
-        "The {name} is undercut: with {teeth} teeth the profile shift must be at least "
-        "{limit:.4g}, got {got:.4g}. Raise the profile shift, the number of teeth or the "
-        "pressure angle, or lower the dedendum.",
-        name=name,
-        teeth=gear.teeth,
-        limit=float(gear.profile_shift) + missing_shift,
-        got=float(gear.profile_shift),
-    )
-    start_roll = facts["tangent_length"] - facts["tip_roll"][1 - body]
-    require(
-        bool(start_roll >= max(form_roll, 0.0)),
-        "Interference: the {other}'s tip reaches the {name} at diameter {got:.6g} mm, below its "
-        "form diameter {limit:.6g} mm where the involute ends. Lower the {other}'s addendum or "
-        "raise its tip shortening, or raise the {name}'s dedendum or profile shift.",
-        name=name,
-        other=other,
-        got=2.0 * np.hypot(facts["base_radius"][body], max(start_roll, 0.0)) / mm,
-        limit=2.0 * form_radius / mm,
-    )
-    bore, root = 0.0 if gear.bore is None else float(gear.bore), facts["root_radius"][body]
-    require(
-        bool(bore < 2.0 * root),
-        "The {name}'s bore of {got:.6g} mm must be smaller than its root diameter, {limit:.6g} mm.",
-        name=name,
-        got=bore / mm,
-        limit=2.0 * root / mm,
-    )
-    clearance = facts["root_clearance"][body]
-    require(
-        bool(clearance > 0.0),
-        "The {other}'s tip touches the {name}'s root: clearance {got:.4g} mm. Raise the {name}'s "
-        "dedendum or lower the {other}'s addendum.",
-        name=name,
-        other=other,
-        got=clearance / mm,
-    )
+        check_tooth((pair.pinion, pair.wheel), facts, body, module=module, pressure_angle=pressure)

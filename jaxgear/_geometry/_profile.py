@@ -90,7 +90,7 @@ class ToothSection(eqx.Module):
         return radius * jnp.sin(half), radius * jnp.cos(half)
 
     def fillet(self, rack_angle: Reals) -> tuple[Reals, Reals]:
-        r"""A point of the trochoid that the rack's rounded tip cuts (physics A1.6).
+        r"""A point of the trochoid that the rack's rounded tip cuts as its line rolls off.
 
         **Arguments:**
 

@@ -9,11 +9,11 @@ J = \sum w_q (|d_q|^2 I - d_q d_q^T)$.
 
 What loads the foot then loads the patch by a linear stress, and no rigid motion of the body is lost
 or made up. Two points across the root are the thesis's two-point connection (eq. 2.10 to 2.20) in
-the form that keeps rigid motions (physics C 11): they are the two Gauss points of that linear
-stress if they are $S_f/\sqrt 3$ apart. Along the axis the points are those of Simpson's rule on
-every piece of a slice between two edges of elements: with displacements of the second degree this
-is the mortar condition, weights [1 4 1]/6 (eq. 2.21 to 2.27). The rim's displacement at a point is
-that of its 8-node element (eq. 2.28).
+the form that keeps rigid motions (with eq. 2.16 exact): they are the two Gauss points of that
+linear stress if they are $S_f/\sqrt 3$ apart. Along the axis the points are those of Simpson's rule
+on every piece of a slice between two edges of elements: with displacements of the second degree
+this is the mortar condition, weights [1 4 1]/6 (eq. 2.21 to 2.27). The rim's displacement at a
+point is that of its 8-node element (eq. 2.28).
 """
 
 import itertools

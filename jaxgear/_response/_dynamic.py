@@ -14,18 +14,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxgear._compiled import compiled
-from jaxgear._dynamics._march import load_at_nodes
+from jaxgear._dynamics._cell_forces import cell_forces
 from jaxgear._dynamics._orbit import Orbit, contact_force, total_force
+from jaxgear._dynamics._pressing import load_at_nodes
 from jaxgear._dynamics._system import DynamicSystem, PairDynamics
-from jaxgear._dynamics._table import (
-    MIDDLE,
-    PLACES,
-    START,
-    cell_forces,
-    mesh_at,
-    mesh_within,
-    repeated,
-)
+from jaxgear._dynamics._table import MIDDLE, PLACES, START, mesh_at, mesh_within, repeated
 from jaxgear._dynamics._types import (
     BearingLoads,
     BearingOrders,

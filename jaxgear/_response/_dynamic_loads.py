@@ -6,7 +6,7 @@ As for the quasi-static cycle, they belong to slices that are at least half in c
 import jax.numpy as jnp
 
 from jaxgear._compiled import compiled
-from jaxgear._contact._compliance import hertz_contact
+from jaxgear._contact._hertz import hertz_contact
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._dynamics._table import MIDDLE

@@ -22,9 +22,10 @@ import jax.numpy as jnp
 from jaxgear._checks import require
 from jaxgear._compiled import compiled
 from jaxgear._contact._coupling import body_yield
+from jaxgear._dynamics._cell_forces import cell_forces
 from jaxgear._dynamics._march import History
 from jaxgear._dynamics._system import DynamicSystem
-from jaxgear._dynamics._table import END, Mesh, cell_forces, mesh_at, repeated
+from jaxgear._dynamics._table import END, Mesh, mesh_at, repeated
 from jaxgear._dynamics._types import Matrix, Motion, Series
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._types import Coordinates, Scalar

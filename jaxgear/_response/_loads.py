@@ -9,8 +9,8 @@ import jax
 import jax.numpy as jnp
 
 from jaxgear._compiled import compiled
-from jaxgear._contact._compliance import hertz_contact
 from jaxgear._contact._coupling import share_with_body
+from jaxgear._contact._hertz import hertz_contact
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._solve._cycle import MeshCycle

@@ -6,7 +6,7 @@ $q = e\,t - H W^T f$: driven along $e$, less what the structure of flexibility $
 $c$ overlaps by $\Delta = W q - C f - \delta$, where $C$ couples the lines of a slice through the
 bodies under the teeth, and presses with $f_c = k_c\,\sigma(\Delta_c)$. With $e^T W^T f = F$ the
 state is the minimum of the convex energy
-$\tfrac12 f^T(C + W H W^T) f - F t + \sum_c k_c \int\sigma$ (physics A8.2), so it is unique. $H$ and
+$\tfrac12 f^T(C + W H W^T) f - F t + \sum_c k_c \int\sigma$, so it is unique. $H$ and
 $C$ may be singular (bodies that only turn: $H = 0$) and are never inverted.
 
 Rigid gears have two mesh coordinates. Cells that are all coupled are the same problem with as many

@@ -27,7 +27,7 @@ from jaxgear._solve._contact import (
     contact_state,
 )
 from jaxgear._solve._coordinates import on_coordinates
-from jaxgear._system._flexible import FlexibleBody
+from jaxgear._system._flexible import condensed
 from jaxgear._system._model import PairModel
 from jaxgear._system._pair_system import PairSystem, on_condensed_bodies
 from jaxgear._system._structure import check_torque
@@ -211,9 +211,8 @@ def prepare_mesh(model: PairModel, grid: MeshGrid) -> PreparedMesh:
 def _prepared(model: PairModel, grid: MeshGrid) -> PreparedMesh:
     """See `prepare_mesh`."""
     pair = model.pair
-    for body in model.bodies:
-        if isinstance(body, FlexibleBody):
-            body.check(grid)
+    for _, body in condensed(model.bodies):
+        body.check_grid(grid)
     load = nominal_line_load(pair, model.mesh_torque)
     cells = mesh_cells(pair, grid, model.tooth_compliance, load)
     return PreparedMesh(

@@ -3,8 +3,9 @@ r"""One uniform Timoshenko beam: a circular tube along Z between two nodes.
 Degrees of freedom of a node, here and in everything built on it: translations along S, T, Z, then
 rotations about S, T, Z. A small turn moves a point at height z by $\omega\times z Z$, so that a
 section square to the axis has $dv/dz = +\psi$ and $dw/dz = -\varphi$: the plane (S, about T) and
-the plane (T, about S with the other sign) share one matrix (physics A5). Each plane deforms
-in the exact static shapes of a beam loaded at its ends only, bending and shear together.
+the plane (T, about S with the other sign) share one matrix. Each plane deforms in the exact static
+shapes of a beam loaded at its ends only, bending and shear together: J. S. Przemieniecki, Theory of
+Matrix Structural Analysis, 1968; thesis annex 1 without its misprints.
 """
 
 from typing import TYPE_CHECKING
@@ -51,7 +52,7 @@ def _mirrored(a: float, b: float, c: float, d: float, e: float, f: float) -> np.
     return np.array([[a, b, c, d], [b, e, -d, f], [c, -d, a, -b], [d, f, -b, e]])
 
 
-# Powers of the shear ratio, constant first, for slopes times the length (physics A5).
+# Powers of the shear ratio, constant first, for slopes times the length: integrals of the shapes.
 _BENDING = (
     _mirrored(12.0, 6.0, -12.0, 6.0, 4.0, 2.0),
     _mirrored(0.0, 0.0, 0.0, 0.0, 1.0, -1.0),
@@ -191,6 +192,30 @@ def beam_gyroscopic(beam: Beam) -> BeamMatrix:
     """
     coupling = _placed(_IN_S, 2.0 * _rotary_plane(beam), _IN_T)
     return coupling - coupling.T
+
+
+def element_matrices(
+    length: Scalar,
+    outer: Scalar,
+    inner: Scalar,
+    shear: Scalar,
+    young: Scalar,
+    poisson: Scalar,
+    density: Scalar,
+) -> Float[Array, "12 12 3"]:
+    """Stiffness, mass and gyroscopic matrix of one element.
+
+    **Arguments:**
+
+    - `length`, `outer`, `inner`, `shear`, `young`, `poisson`, `density`: as of `Beam` and its
+        `Material`.
+
+    **Returns:**
+
+    The three, as `[dof, dof, matrix]`.
+    """
+    beam = Beam(length, outer, inner, shear, Material(young, poisson, density))
+    return jnp.stack([beam_stiffness(beam), beam_mass(beam), beam_gyroscopic(beam)], axis=-1)
 
 
 def beam_shapes(beam: Beam, fraction: Scalar) -> BeamShapes:

@@ -11,15 +11,12 @@ from collections.abc import Sequence
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._wrench import beam_basis
-from jaxgear._system._beam import Beam, beam_shapes, cowper_coefficient
-from jaxgear._system._flexible import FlexibleBody
-from jaxgear._system._shaft import BeamBody, Shaft
-from jaxgear._system._structure import GearBody, RigidBody
-from jaxgear._system._support import Support
+from jaxgear._system._gear_body import AbstractGearBody
+from jaxgear._system._mount import AbstractMount
 from jaxgear._types import CoordinateMatrix, DofCoordinates, Scalar
 
 # Points of the base plane that determine the seven coefficients: x over half the face, s in base
@@ -31,8 +28,8 @@ _POINTS = np.array(
 
 def beam_vectors(
     pair: GearPair,
-    mounts: tuple[Shaft | Support, Shaft | Support],
-    bodies: Sequence[GearBody],
+    mounts: tuple[AbstractMount, AbstractMount],
+    bodies: Sequence[AbstractGearBody],
 ) -> DofCoordinates:
     """Coefficients of `beam_basis` that unit motions of the gears' nodes produce.
 
@@ -51,7 +48,7 @@ def beam_vectors(
     values = jax.vmap(
         lambda z, x: jnp.concatenate(
             [
-                section_motion(mount, body, z).T @ normal
+                body.section_motion(mount, z).T @ normal
                 for mount, body, normal in zip(
                     mounts, bodies, _section_normals(pair, x), strict=True
                 )
@@ -77,46 +74,10 @@ def _section_normals(pair: GearPair, roll: Scalar) -> tuple[Array, Array]:
     )
 
 
-def carried(away: Scalar) -> Float[Array, "6 6"]:
-    """Motion of a rigid body somewhere along the axis per its motion at a node.
-
-    **Arguments:**
-
-    - `away`: from the node along the axis [m].
-
-    **Returns:**
-
-    Translations along S, T, Z and rotations about them [-, m].
-    """
-    return jnp.eye(6).at[0, 4].set(away).at[1, 3].set(-away)
-
-
-def section_motion(mount: Shaft | Support, body: GearBody, z: Scalar) -> Float[Array, "6 node_dof"]:
-    """Motion of a section of a gear per motion of the nodes that its teeth load.
-
-    What the teeth on a condensed body move with is no section: it does not count here.
-
-    **Arguments:**
-
-    - `mount`: its shaft, or the springs at its centre.
-    - `body`: of the gear.
-    - `z`: height of the section from mid-face [m].
-
-    **Returns:**
-
-    Translations along S, T, Z and rotations about them [-, m, 1/m].
-    """
-    if isinstance(body, FlexibleBody):
-        return jnp.zeros((6, body.seat_load.size))
-    if isinstance(body, RigidBody) or isinstance(mount, Support):
-        return carried(z)
-    return beam_shapes(body_beam(mount, body), 0.5 + z / body.width)
-
-
 def within_bodies(
     pair: GearPair,
-    mounts: tuple[Shaft | Support, Shaft | Support],
-    bodies: Sequence[GearBody],
+    mounts: tuple[AbstractMount, AbstractMount],
+    bodies: Sequence[AbstractGearBody],
 ) -> CoordinateMatrix:
     r"""Flexibility of beam bodies between their nodes, where teeth load them along the face.
 
@@ -140,34 +101,13 @@ def within_bodies(
     total = jnp.zeros((7, 7))
     normals = _section_normals(pair, pair.pitch_point)
     for mount, body, normal in zip(mounts, bodies, normals, strict=True):
-        if isinstance(body, BeamBody) and isinstance(mount, Shaft):
-            beam = body_beam(mount, body)
-            curved = (pair.face_width / body.width) ** 2
+        if body.piece is not None:
+            beam, width = mount.body_beam(body.piece), body.piece.width
+            curved = (pair.face_width / width) ** 2
             bow = jnp.zeros(7).at[0].set(1.0).at[2].set(-curved)
             twist = 2.0 * beam.shear_modulus * beam.second_moment
             shear = beam.shear_coefficient * beam.shear_modulus * beam.area
             # Twist moves the flank by its moment arm, shear by the normal's two parts.
             give = normal[5] ** 2 / twist + (normal[0] ** 2 + normal[1] ** 2) / shear
-            total += 3.0 * body.width / 16.0 * give * bow[:, None] * bow[None, :]
+            total += 3.0 * width / 16.0 * give * bow[:, None] * bow[None, :]
     return total
-
-
-def body_beam(mount: Shaft, body: BeamBody) -> Beam:
-    """The piece of shaft that a beam body is.
-
-    **Arguments:**
-
-    - `mount`: the shaft, laid out for such a body.
-    - `body`: of its gear.
-
-    **Returns:**
-
-    The beam between the two nodes of the gear: as long as the face is wide [m], of the body's
-    material, with the shaft's hole and, if it has one, its shear coefficient.
-    """
-    assert mount.layout.body is not None
-    inner = mount.segments[mount.layout.segments[mount.layout.body]].inner
-    shear = mount.shear_coefficient
-    if shear is None:
-        shear = cowper_coefficient(body.outer, inner, body.material.poisson)
-    return Beam(body.width, body.outer, inner, shear, body.material)

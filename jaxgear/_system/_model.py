@@ -6,18 +6,12 @@ from jaxgear._contact._cells import Misalignment
 from jaxgear._contact._compliance import AbstractCompliance, WeberBanaschek
 from jaxgear._flank._deviations import Flanks
 from jaxgear._geometry._pair import GearPair
-from jaxgear._system._flexible import FlexibleBody
-from jaxgear._system._pair_system import PairSystem, check_bodies, pair_system
-from jaxgear._system._shaft import BeamBody, Shaft
-from jaxgear._system._structure import (
-    BODIES,
-    GearBody,
-    Housing,
-    RigidBody,
-    check_supported,
-    check_torque,
-    driving_torque,
-)
+from jaxgear._system._flexible import condensed
+from jaxgear._system._gear_body import BODIES, AbstractGearBody, check_shaft_within
+from jaxgear._system._housing import Housing
+from jaxgear._system._mount import AbstractMount
+from jaxgear._system._pair_system import PairSystem, pair_system
+from jaxgear._system._structure import check_torque, driving_torque
 from jaxgear._system._support import Support
 from jaxgear._types import Scalar, as_scalar
 
@@ -50,25 +44,26 @@ class PairModel(eqx.Module):
     torque: Scalar = eqx.field(converter=as_scalar)
     flanks: Flanks = eqx.field(default_factory=Flanks)
     compliance: AbstractCompliance = eqx.field(default_factory=WeberBanaschek)
-    pinion_support: Support | Shaft = eqx.field(default_factory=Support)
-    wheel_support: Support | Shaft = eqx.field(default_factory=Support)
+    pinion_support: AbstractMount = eqx.field(default_factory=Support)
+    wheel_support: AbstractMount = eqx.field(default_factory=Support)
     misalignment: Misalignment = eqx.field(default_factory=Misalignment)
-    pinion_body: RigidBody | BeamBody | FlexibleBody | None = None
-    wheel_body: RigidBody | BeamBody | FlexibleBody | None = None
+    pinion_body: AbstractGearBody | None = None
+    wheel_body: AbstractGearBody | None = None
     housing: Housing | None = None
     speed: Scalar = eqx.field(converter=as_scalar, default=0.0)
 
     def __check_init__(self):
         # Here, and not only where the structure is assembled: that is often traced, and silent.
         check_torque(self.pinion_support, self.torque)
-        for name, mount in zip(BODIES, (self.pinion_support, self.wheel_support), strict=True):
-            if isinstance(mount, Shaft):
-                check_supported(mount, name)
-        check_bodies(
-            self.pair,
-            (self.pinion_support, self.wheel_support),
-            (self.pinion_body, self.wheel_body),
-        )
+        mounts = (self.pinion_support, self.wheel_support)
+        for name, mount in zip(BODIES, mounts, strict=True):
+            mount.check_held(name)
+        for index, (name, mount) in enumerate(zip(BODIES, mounts, strict=True)):
+            body = self.bodies[index]
+            if body is None:
+                check_shaft_within(name, mount, self.pair, index)
+            else:
+                body.check(name, mount, self.pair, index)
 
     @property
     def mesh_torque(self) -> Scalar:
@@ -76,15 +71,14 @@ class PairModel(eqx.Module):
         return driving_torque(self.pinion_support, self.torque)
 
     @property
-    def bodies(self) -> tuple[GearBody | None, GearBody | None]:
+    def bodies(self) -> tuple[AbstractGearBody | None, AbstractGearBody | None]:
         """Bodies of pinion and wheel."""
         return self.pinion_body, self.wheel_body
 
     @property
     def tooth_compliance(self) -> AbstractCompliance:
         """Compliance of one tooth pair without what condensed bodies bring themselves."""
-        condensed = (i for i, body in enumerate(self.bodies) if isinstance(body, FlexibleBody))
-        return self.compliance.without(tuple(condensed))
+        return self.compliance.without(tuple(index for index, _ in condensed(self.bodies)))
 
     def system(self, *, speed: Scalar | float | None = None) -> PairSystem:
         """Assemble what carries the gears.

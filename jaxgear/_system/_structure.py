@@ -14,20 +14,19 @@ import jax
 import jax.numpy as jnp
 import jax.scipy.linalg
 import numpy as np
-from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from jaxgear._checks import InputError, require
-from jaxgear._compiled import compiled, in_numpy
-from jaxgear._system._flexible import FlexibleBody
-from jaxgear._system._shaft import BeamBody, Bearing, Shaft, ShaftMatrices, shaft_matrices
-from jaxgear._system._support import Support
+from jaxgear._checks import require
+from jaxgear._compiled import compiled
+from jaxgear._system._flexible import condensed
+from jaxgear._system._gear_body import BODIES, AbstractGearBody
+from jaxgear._system._housing import Housing, bearing_stiffness_on
+from jaxgear._system._mount import AbstractMount
 from jaxgear._types import (
     CoordinateMatrix,
     Coordinates,
     DofCoordinates,
     Scalar,
-    as_reals,
     as_scalar,
 )
 
@@ -49,141 +48,6 @@ else:
     BearingMatrix = Float[Array, "bearing_direction bearing_direction"]
     BearingTilts = Float[Array, "bearing 2"]
     BearingLoads = Float[Array, "bearing 5"]
-
-BODIES = ("pinion", "wheel")
-
-# A rigid motion counts as free when it is held by less than this, relative to the best held one.
-_FREE = 1e-9
-
-
-class RigidBody(eqx.Module):
-    """A gear body that does not deform, lumped at its mid-face.
-
-    **Fields:**
-
-    - `mass`: [kg].
-    - `polar_inertia`: about the axis [kg m2].
-    - `transverse_inertia`: about a diameter at mid-face [kg m2].
-
-    **Raises:**
-
-    - `ValueError` if no body can have these numbers.
-    """
-
-    mass: Scalar = eqx.field(converter=as_scalar)
-    polar_inertia: Scalar = eqx.field(converter=as_scalar)
-    transverse_inertia: Scalar = eqx.field(converter=as_scalar)
-
-    def __check_init__(self):
-        for name in ("mass", "polar_inertia", "transverse_inertia"):
-            require(
-                in_numpy(getattr(self, name)) > 0.0,
-                "`RigidBody." + name + "` must be positive, got {got:.6g}.",
-                got=getattr(self, name),
-            )
-        # Equality is a flat disc, and must survive rounding.
-        require(
-            2.0 * in_numpy(self.transverse_inertia) >= (1.0 - 1e-9) * in_numpy(self.polar_inertia),
-            "`RigidBody.transverse_inertia` must be at least half the polar inertia, as of every "
-            "body, got {transverse:.6g} against {polar:.6g} kg m2. Are the two exchanged?",
-            transverse=self.transverse_inertia,
-            polar=self.polar_inertia,
-        )
-
-
-def solid_disc(
-    outer: Scalar | float,
-    inner: Scalar | float,
-    width: Scalar | float,
-    density: Scalar | float,
-    *,
-    mass: Scalar | float | None = None,
-    polar_inertia: Scalar | float | None = None,
-    transverse_inertia: Scalar | float | None = None,
-) -> RigidBody:
-    r"""A disc with a bore, apart from what is known better.
-
-    Without one of its own the transverse inertia follows from what is known of the others: of a
-    body that is even along its width $b$ it is $I_p / 2 + m b^2 / 12$, whatever its shape in the
-    plane.
-
-    **Arguments:**
-
-    - `outer`: diameter, that of a gear's root circle [m].
-    - `inner`: bore diameter, zero for none [m]. A shaft within brings its own mass.
-    - `width`: face width [m].
-    - `density`: [kg/m3].
-    - `mass`, `polar_inertia`, `transverse_inertia`: in place of the disc's [kg, kg m2].
-
-    **Returns:**
-
-    The body.
-
-    **Raises:**
-
-    - `ValueError` unless the outer diameter exceeds the inner.
-    """
-    outer, inner, width, density = (in_numpy(as_scalar(x)) for x in (outer, inner, width, density))
-    require(
-        (outer > inner) & (inner >= 0.0),
-        "A gear body must be larger than its bore, got {outer:.6g} m outside and {inner:.6g} m "
-        "inside. Both are diameters in metres.",
-        outer=outer,
-        inner=inner,
-    )
-    whole = density * 0.25 * np.pi * (outer**2 - inner**2) * width
-    if polar_inertia is None:
-        polar_inertia = whole * (outer**2 + inner**2) / 8.0
-    mass = whole if mass is None else mass
-    if transverse_inertia is None:
-        transverse_inertia = 0.5 * polar_inertia + mass * width**2 / 12.0
-    return RigidBody(mass, polar_inertia, transverse_inertia)
-
-
-GearBody = RigidBody | BeamBody | FlexibleBody
-
-
-class Housing(eqx.Module):
-    """An elastic housing, as the bearings see it. It has no mass.
-
-    **Fields:**
-
-    - `stiffness`: loads on its bearing seats per motion of the seats along S, T, Z; the
-        pinion's bearings first, in their order, then the wheel's [N/m].
-
-    **Raises:**
-
-    - `ValueError` unless the matrix is square, three rows for each bearing, symmetric and positive
-        definite.
-    """
-
-    stiffness: BearingMatrix = eqx.field(converter=as_reals)
-
-    def __check_init__(self):
-        shape = self.stiffness.shape
-        require(
-            len(shape) == 2 and shape[0] == shape[1] and shape[0] > 0 and shape[0] % 3 == 0,
-            "`Housing.stiffness` must be a square matrix with the rows S, T, Z of each bearing, "
-            "got the shape {got}.",
-            got=shape,
-        )
-        if isinstance(self.stiffness, Tracer):
-            return
-        matrix = np.asarray(self.stiffness)
-        uneven = float(np.abs(matrix - matrix.T).max() / np.abs(matrix).max())
-        require(
-            uneven < 1e-6,
-            "`Housing.stiffness` must be symmetric, got entries that differ from their mirror "
-            "image by {got:.3g} of the largest. Mind the order of rows and columns.",
-            got=uneven,
-        )
-        lowest = float(np.linalg.eigvalsh(matrix)[0])
-        require(
-            lowest > 0.0,
-            "`Housing.stiffness` must be positive definite, got a lowest eigenvalue of {got:.3g} "
-            "N/m. A housing that is not held itself cannot hold a bearing.",
-            got=lowest,
-        )
 
 
 @dataclass(frozen=True)
@@ -278,10 +142,10 @@ class BearingMotion(eqx.Module):
 
 
 def assemble_structure(
-    pinion: Shaft | Support,
-    wheel: Shaft | Support,
-    pinion_body: GearBody,
-    wheel_body: GearBody,
+    pinion: AbstractMount,
+    wheel: AbstractMount,
+    pinion_body: AbstractGearBody,
+    wheel_body: AbstractGearBody,
     torque: Scalar,
     ratio: Scalar,
     housing: Housing | None = None,
@@ -315,12 +179,13 @@ def assemble_structure(
     """
     mounts, bodies = (pinion, wheel), (pinion_body, wheel_body)
     for name, mount in zip(BODIES, mounts, strict=True):
-        if isinstance(mount, Shaft):
-            check_supported(mount, name)
-    mapped = _structure_map(mounts, (pinion_body, wheel_body))
-    bearings = [b for mount in mounts if isinstance(mount, Shaft) for b in mount.bearings]
-    seats = _seat_stiffness(bearings, housing)
-    parts = [_mounted_body(*each) for each in zip(BODIES, mounts, bodies, strict=True)]
+        mount.check_held(name)
+    mapped = _structure_map(mounts, bodies)
+    bearings = [bearing for mount in mounts for bearing in mount.bearings]
+    seats = bearing_stiffness_on(bearings, housing)
+    parts = [
+        body.matrices(name, mount) for name, mount, body in zip(BODIES, mounts, bodies, strict=True)
+    ]
     tilts = jnp.stack([b.tilt for b in bearings]) if bearings else jnp.zeros((0, 2))
     stiffness = _on_diagonal(parts[0].stiffness, parts[1].stiffness)
     if bearings:
@@ -343,7 +208,7 @@ def assemble_structure(
     )
 
 
-def driving_torque(pinion: Shaft | Support, torque: Scalar) -> Scalar:
+def driving_torque(pinion: AbstractMount, torque: Scalar) -> Scalar:
     """Torque that the mesh must balance.
 
     Couples about Z on the pinion's shaft help the drive; on the wheel's they change its reaction.
@@ -357,10 +222,10 @@ def driving_torque(pinion: Shaft | Support, torque: Scalar) -> Scalar:
 
     Torque about +Z [N m].
     """
-    return torque + _couple(pinion)
+    return torque + pinion.couple
 
 
-def check_torque(pinion: Shaft | Support, torque: Scalar) -> None:
+def check_torque(pinion: AbstractMount, torque: Scalar) -> None:
     """Refuse a drive that does not load the mesh. Traced numbers are let through.
 
     **Arguments:**
@@ -383,7 +248,7 @@ def check_torque(pinion: Shaft | Support, torque: Scalar) -> None:
         "Couples about Z on the pinion's shaft of {couple:.6g} N m leave the mesh nothing of its "
         "torque of {torque:.6g} N m: the pinion must drive. Change the sign of a couple, or the "
         "torque.",
-        couple=_couple(pinion),
+        couple=pinion.couple,
         torque=torque,
     )
 
@@ -457,146 +322,20 @@ def bearing_motion(structure: Structure, motion: Load) -> BearingMotion:
     return BearingMotion(displacement=displacement, load=load)
 
 
-def check_supported(shaft: Shaft, name: str) -> None:
-    """Refuse a shaft that its bearings leave free to move, apart from its spin.
-
-    A shaft of numbers that JAX traces is let through.
-
-    **Arguments:**
-
-    - `shaft`: the shaft.
-    - `name`: whose it is, "pinion" or "wheel", for the message.
-
-    **Raises:**
-
-    - `InputError` if it can move as a rigid body.
-    """
-    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(shaft)):
-        return
-    values = [
-        [float(x) for x in (b.at, b.radial_s, b.radial_t, b.axial, b.tilt_s, b.tilt_t)]
-        for b in shaft.bearings
-    ]
-    at, radial_s, radial_t, axial, tilt_s, tilt_t = np.asarray(values).T
-    length = sum(float(segment.length) for segment in shaft.segments)
-    # Heights from mid-shaft over its length, so that moving and tilting are of one size.
-    arm = at / length - 0.5
-    planes = [
-        _plane_on_bearings(radial_s, arm, tilt_t / length**2),
-        _plane_on_bearings(radial_t, -arm, tilt_s / length**2),
-    ]
-    limit = _FREE * max(axial.sum(), *(np.linalg.eigvalsh(plane)[-1] for plane in planes))
-    whose = f"The {name}'s shaft is free to "
-    require(
-        bool(axial.sum() > limit),
-        whose + "slide along Z. Give one of its bearings an axial stiffness, `axial_N_m`.",
-    )
-    for plane, along, about in zip(planes, "ST", "TS", strict=True):
-        values, modes = np.linalg.eigh(plane)
-        free = modes[:, values <= limit]
-        require(
-            not _moves(free),
-            whose + f"move along {along}. Give its bearings a radial stiffness along {along}, "
-            f"`radial_{along}_N_m`.",
-        )
-        require(
-            free.size == 0,
-            whose + f"tilt about {about}: only one place holds it along {along}. Add a second "
-            "bearing elsewhere, or give one a tilt stiffness, `tilt_Nm_rad`.",
-        )
-
-
-def _plane_on_bearings(radial: np.ndarray, arm: np.ndarray, tilt: np.ndarray) -> np.ndarray:
-    """Stiffness against moving along an axis and tilting in its plane."""
-    mixed = (radial * arm).sum()
-    return np.array([[radial.sum(), mixed], [mixed, (radial * arm**2 + tilt).sum()]])
-
-
-def _moves(free: np.ndarray) -> bool:
-    """Whether the free motions of a plane include one without tilt."""
-    return free.shape[1] == 2 or bool(np.any(np.abs(free[1]) < 1e-6))
-
-
-def _mounted_body(name: str, mount: Shaft | Support, body: GearBody) -> ShaftMatrices:
-    """Matrices of one body on its shaft, or at the one node of its support."""
-    if isinstance(body, FlexibleBody):
-        none = jnp.zeros_like(body.seat_stiffness)
-        held = none
-        if isinstance(mount, Support):
-            held = jnp.diag(_springs(mount))
-        return ShaftMatrices(body.seat_stiffness + held, none, none)
-    if isinstance(mount, Shaft):
-        if isinstance(body, BeamBody):
-            return shaft_matrices(mount, body)
-        matrices, first = shaft_matrices(mount), 6 * mount.layout.gear_nodes[0]
-        rows = first + np.arange(6)
-        inertia, spin = _lumped(body)
-        return ShaftMatrices(
-            stiffness=matrices.stiffness,
-            mass=matrices.mass.at[rows, rows].add(inertia),
-            gyroscopic=matrices.gyroscopic.at[rows[:, None], rows[None, :]].add(spin),
-        )
-    if isinstance(body, BeamBody):
-        raise InputError(
-            f"The {name}'s body is a beam, which must be part of a shaft. Give its shaft and "
-            "bearings, or make the body rigid."
-        )
-    inertia, spin = _lumped(body)
-    return ShaftMatrices(jnp.diag(_springs(mount)), jnp.diag(inertia), spin)
-
-
-def _springs(mount: Support) -> NodeDofs:
-    """Stiffness of a support along and about S, T, Z."""
-    springs = [mount.radial_s, mount.radial_t, mount.axial, mount.tilt, mount.tilt, None]
-    # A rigid direction has no spring: it is not among the free degrees of freedom.
-    return jnp.stack([jnp.zeros(()) if spring is None else spring for spring in springs])
-
-
-def _lumped(body: RigidBody) -> tuple[NodeDofs, NodeMatrix]:
-    """Inertia along and about S, T, Z, and the gyroscopic matrix, of a rigid body at its node."""
-    across, polar = body.transverse_inertia, body.polar_inertia
-    inertia = jnp.stack([body.mass, body.mass, body.mass, across, across, polar])
-    turn = np.zeros((6, 6))
-    turn[3, 4], turn[4, 3] = 1.0, -1.0
-    return inertia, polar * turn
-
-
 def _structure_map(
-    mounts: tuple[Shaft | Support, Shaft | Support], bodies: tuple[GearBody, GearBody]
+    mounts: tuple[AbstractMount, AbstractMount], bodies: tuple[AbstractGearBody, AbstractGearBody]
 ) -> StructureMap:
     starts: list[tuple[str, int]] = []
     sizes, gears, loaded, torques, bearings, free = [], [], [], [], [], []
     for name, mount, body in zip(BODIES, mounts, bodies, strict=True):
-        begin = sum(sizes)
-        if isinstance(body, FlexibleBody) and isinstance(mount, Shaft):
-            nodes = seat_nodes(body)
-            starts += [(f"{name} {place}", begin + 6 * node) for place, node in nodes.items()]
-            gears.append((begin + 6 * body.gear_seat,))
-            torques.append(gears[-1])
-            loaded.append(tuple(begin + 6 * node for node in range(len(body.seats))))
-            bearings += [begin + 6 * nodes[f"bearing {i}"] for i in range(len(mount.bearings))]
-            sizes.append(6 * len(body.seats))
-            free += range(begin, begin + sizes[-1])
-        elif isinstance(mount, Shaft):
-            layout = mount.layout
-            starts += [(f"{name} {place}", begin + 6 * node) for place, node in layout.places]
-            gears.append(tuple(begin + 6 * node for node in layout.gear_nodes))
-            loaded.append(gears[-1])
-            torques.append(tuple(begin + 6 * node for node in layout.torque_nodes))
-            nodes = layout.nodes
-            count = len(mount.bearings)
-            bearings += [begin + 6 * nodes[f"bearing {i}"] for i in range(count)]
-            sizes.append(6 * layout.count)
-            free += range(begin, begin + sizes[-1])
-        else:
-            starts += [(f"{name} {place}", begin) for place in ("gear", "torque")]
-            gears.append((begin,))
-            loaded.append(gears[-1])
-            torques.append(gears[-1])
-            sizes.append(6)
-            springs = (mount.radial_s, mount.radial_t, mount.axial, mount.tilt, mount.tilt)
-            free += [begin + k for k, spring in enumerate(springs) if spring is not None]
-            free.append(begin + 5)
+        begin, nodes = sum(sizes), body.nodes(mount)
+        starts += [(f"{name} {place}", begin + 6 * node) for place, node in nodes.places]
+        kinds = (nodes.gear, nodes.loaded, nodes.torque)
+        for dofs, chosen in zip((gears, loaded, torques), kinds, strict=True):
+            dofs.append(tuple(begin + 6 * node for node in chosen))
+        bearings += [begin + 6 * node for node in nodes.bearings]
+        sizes.append(6 * nodes.count)
+        free += [begin + k for k in range(sizes[-1]) if k not in nodes.rigid]
     return StructureMap(
         tuple(starts),
         (sizes[0], sizes[1]),
@@ -608,81 +347,37 @@ def _structure_map(
     )
 
 
-def seat_nodes(body: FlexibleBody) -> dict[str, int]:
-    """Numbers of the seats of a condensed body, named as the nodes of a shaft.
-
-    **Arguments:**
-
-    - `body`: its seats are `bearing[0]` and so on, and `torque` where that is a place of its own.
-
-    **Returns:**
-
-    The numbers, with "gear" and "torque" for the seat whose rotation is the gear's.
-    """
-    named = {seat.replace("[", " ").rstrip("]"): i for i, seat in enumerate(body.seats)}
-    return named | {"gear": body.gear_seat, "torque": body.gear_seat}
-
-
-def _seat_stiffness(bearings: list[Bearing], housing: Housing | None) -> BearingMatrix:
-    """Stiffness along S, T, Z of all bearings, in series with that of the housing."""
-    if not bearings:
-        require(
-            housing is None,
-            "A housing must have bearings to hold. Give a shaft with bearings to the pinion or the "
-            "wheel, or leave the housing out.",
-        )
-        return jnp.zeros((0, 0))
-    springs = jnp.diag(jnp.concatenate([bearing.translation for bearing in bearings]))
-    if housing is None:
-        return springs
-    require(
-        housing.stiffness.shape == springs.shape,
-        "`Housing.stiffness` must have three rows for each of the {count} bearings, the pinion's "
-        "first, got the shape {got}.",
-        count=len(bearings),
-        got=housing.stiffness.shape,
-    )
-    behind = 0.5 * (housing.stiffness + housing.stiffness.T)
-    series = springs @ jax.scipy.linalg.solve(springs + behind, behind, assume_a="pos")
-    return 0.5 * (series + series.T)
-
-
-def _couple(mount: Shaft | Support) -> Scalar:
-    """Sum of the couples about Z that come from outside."""
-    if isinstance(mount, Support) or not mount.loads:
-        return jnp.zeros(())
-    return jnp.sum(jnp.stack([load.moment[2] for load in mount.loads]))
-
-
 def _outside_load(
-    mounts: tuple[Shaft | Support, Shaft | Support],
+    mounts: tuple[AbstractMount, AbstractMount],
     mapped: StructureMap,
     torque: Scalar,
     ratio: Scalar,
 ) -> Load:
     """Loads of the shafts, the driving torque and the reaction that balances the mesh."""
-    reaction = ratio * driving_torque(mounts[0], torque) - _couple(mounts[1])
+    reaction = ratio * driving_torque(mounts[0], torque) - mounts[1].couple
     load = jnp.zeros(mapped.size)
     for name, mount, couple, nodes in zip(
         BODIES, mounts, (torque, reaction), mapped.torques, strict=True
     ):
         load = load.at[np.asarray(nodes) + 5].add(couple / len(nodes))
-        if isinstance(mount, Shaft):
-            for i, extra in enumerate(mount.loads):
-                first = mapped.dofs[f"{name} load {i}"]
-                whole = jnp.concatenate([extra.force, extra.moment])
-                load = load.at[first + np.arange(6)].add(whole)
+        for i, extra in enumerate(mount.loads):
+            first = mapped.dofs[f"{name} load {i}"]
+            whole = jnp.concatenate([extra.force, extra.moment])
+            load = load.at[first + np.arange(6)].add(whole)
     return load
 
 
 def _rotation_load(
-    bodies: tuple[GearBody, GearBody], mapped: StructureMap, speed: Scalar, ratio: Scalar
+    bodies: tuple[AbstractGearBody, AbstractGearBody],
+    mapped: StructureMap,
+    speed: Scalar,
+    ratio: Scalar,
 ) -> Load:
     """Loads of rotation on the seats of condensed bodies."""
     load = jnp.zeros(mapped.size)
-    for body, nodes, own in zip(bodies, mapped.loaded, (speed, speed / ratio), strict=True):
-        if isinstance(body, FlexibleBody):
-            load = load.at[nodes[0] : nodes[0] + body.seat_load.size].add(own**2 * body.seat_load)
+    for index, body in condensed(bodies):
+        first, own = mapped.loaded[index][0], (speed, speed / ratio)[index]
+        load = load.at[first : first + body.seat_load.size].add(own**2 * body.seat_load)
     return load
 
 

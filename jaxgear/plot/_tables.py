@@ -13,7 +13,6 @@ import jaxgear as jg
 from jaxgear._kept_programs import called
 from jaxgear._system._beam import beam_shapes
 from jaxgear._system._flexible import FlexibleBody
-from jaxgear._system._mesh_vectors import body_beam
 from jaxgear._system._shaft import node_heights
 from jaxgear.scene._teeth import tooth_outline
 from jaxgear.study._results import BODIES, flank_grid
@@ -160,7 +159,7 @@ def _line_of_shaft(shaft: jg.Shaft, body: jg.BeamBody | None, motion: Array) -> 
     for element, index in enumerate(segment):
         length = heights[element + 1] - heights[element]
         if body is not None and element == shaft.layout.gear_nodes[0]:
-            beam = body_beam(shaft, body)
+            beam = shaft.body_beam(body.piece)
         else:
             beam = _beam_of_segment(shaft, shaft.segments[index], length)
         ends = motion[6 * element : 6 * element + 12]

@@ -17,15 +17,17 @@ import numpy as np
 
 from fem_prep._answers import described_modes, modes_told, solid_of
 from fem_prep._artefact import ReducedBody
-from fem_prep._boundary import FullBody, Seat, full_body
+from fem_prep._boundary import FullBody, full_body
 from fem_prep._cache import CacheWarning, cached, file_digest, key_of
 from fem_prep._checks import BodyError, require
-from fem_prep._condense import condense, hold
+from fem_prep._condense import condense
 from fem_prep._decks import files_of
 from fem_prep._grid import Grid
 from fem_prep._health import health_report
+from fem_prep._hold import hold
 from fem_prep._modes import largest_rotation
 from fem_prep._quality import check_grid
+from fem_prep._seats import Seat
 from fem_prep._symmetry import Rotation
 from fem_prep._web import body_grid, exact_properties
 from jaxgear._units import mm

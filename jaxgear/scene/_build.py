@@ -51,11 +51,13 @@ from jaxgear._geometry._pair import GearPair
 from jaxgear._geometry._tip_contact import tip_separation
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact, SmoothContact
 from jaxgear._system._flexible import FlexibleBody
+from jaxgear._system._gear_body import AbstractGearBody, BeamBody, gear_disc
+from jaxgear._system._housing import Housing
 from jaxgear._system._model import PairModel
-from jaxgear._system._pair_system import gear_disc
 from jaxgear._system._scaled_body import scaled_body
-from jaxgear._system._shaft import BeamBody, Bearing, Segment, Shaft, ShaftLayout, ShaftLoad
-from jaxgear._system._structure import GearBody, Housing
+from jaxgear._system._shaft import Shaft
+from jaxgear._system._shaft_layout import ShaftLayout
+from jaxgear._system._shaft_parts import Bearing, Segment, ShaftLoad
 from jaxgear._system._support import Support
 from jaxgear._types import Scalar
 from jaxgear._units import GPa, N_per_mm_um, deg, mm, um
@@ -468,7 +470,7 @@ def _support(scene: Scene, name: str) -> Support:
     )
 
 
-def _body(scene: Scene, pair: GearPair, name: str, mount: Support | Shaft) -> GearBody:
+def _body(scene: Scene, pair: GearPair, name: str, mount: Support | Shaft) -> AbstractGearBody:
     """A gear's body; a rigid one is a disc from bore to root circle, but for what is given."""
     index = GEARS.index(name)
     if scene[f"{name}.body.kind"] == "condensed":

@@ -13,7 +13,9 @@ from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
 from jaxgear._system._body_family import BodyFamily, body_family, family_parameters
 from jaxgear._system._body_modes import BodyBasis, body_basis
-from jaxgear._system._flexible import FlexibleBody, flexible_body, require_short_elements
+from jaxgear._system._body_tables import flexible_body
+from jaxgear._system._flexible import FlexibleBody
+from jaxgear._system._rim_checks import require_short_elements
 from jaxgear.scene._bodies import BodyPlan, Drawn, body_plan
 from jaxgear.scene._body_build import BuiltBody, built_body
 from jaxgear.scene._body_words import in_keys

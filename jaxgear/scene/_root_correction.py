@@ -17,7 +17,7 @@ from fem_prep._patch import CUT, RIM, give, piece_of, refined
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._roots import ROOT_POINTS, Axial, RimSurface, RootPatches, feet
-from jaxgear._system._flexible import root_patches
+from jaxgear._system._body_tables import root_patches
 
 # How far the piece reaches to either side [pitches], and under the rim [root widths].
 _REACH, _DEPTH = 1.6, 1.5

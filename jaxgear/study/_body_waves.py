@@ -11,27 +11,29 @@ import xarray as xr
 
 from fem_prep._artefact import rigid_motions
 from fem_prep._checks import Progress
-from fem_prep._condense import Held, hold, recovered
+from fem_prep._hold import Held, hold, recovered
 from jaxgear._checks import require
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._sweep import Direction, SweepPoint
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
+from jaxgear._response._body_motion import (
+    BodyMotion,
+    Spectrum,
+    body_motion,
+    rotating_spectrum,
+    start_angle,
+)
 from jaxgear._response._waves import (
     DIRECTIONS,
-    BodyMotion,
     Circle,
-    Spectrum,
     Waves,
     along_directions,
-    body_motion,
     circle_of,
     fixed_spectrum,
     joined_circles,
     joined_waves,
     order_sums,
-    rotating_spectrum,
-    start_angle,
     waves_on_body,
 )
 from jaxgear._system._body_modes import BodyBasis

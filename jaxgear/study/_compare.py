@@ -18,6 +18,7 @@ from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._march import Marching, quasi_static_start
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit
 from jaxgear._dynamics._shooting import Shooting
+from jaxgear._dynamics._steady_state import steady_states
 from jaxgear._dynamics._steppers import (
     AbstractStepper,
     Exponential,
@@ -26,7 +27,6 @@ from jaxgear._dynamics._steppers import (
     Midpoint,
     Newmark,
 )
-from jaxgear._dynamics._sweep import steady_states
 from jaxgear._dynamics._system import DynamicSystem, PairDynamics, modal_basis
 from jaxgear._dynamics._transient import transient
 from jaxgear._dynamics._types import Speeds, Start

@@ -18,8 +18,9 @@ from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._kept_programs import QUICKLY
 from jaxgear._solve._cycle import PreparedMesh
+from jaxgear._system._gear_body import BeamBody
 from jaxgear._system._model import PairModel
-from jaxgear._system._shaft import BeamBody, Shaft, drawn_heights
+from jaxgear._system._shaft import Shaft, drawn_heights
 from jaxgear._types import Reals, Scalar
 from jaxgear._units import mm
 from jaxgear.scene._build import model_of, shared_places

@@ -26,10 +26,11 @@ from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._march import Marching
 from jaxgear._dynamics._modes import Modes, critical_speeds, pair_modes, rotating_frequencies
 from jaxgear._dynamics._orbit import Orbit
+from jaxgear._dynamics._pair_dynamics import pair_dynamics
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steppers import Newmark
 from jaxgear._dynamics._sweep import Direction, Finder, SweepPoint, SweepSettings
-from jaxgear._dynamics._system import PairDynamics, pair_dynamics
+from jaxgear._dynamics._system import PairDynamics
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._kept_programs import QUICKLY

@@ -10,11 +10,12 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from jaxgear._contact._cells import at_line_loads, flank_coordinates, nominal_line_load
-from jaxgear._dynamics._continuation import condition
+from jaxgear._dynamics._cell_forces import cell_forces
+from jaxgear._dynamics._folds import condition
 from jaxgear._dynamics._harmonic import Balance, HarmonicBalance, balance_of
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._system import PairDynamics
-from jaxgear._dynamics._table import END, MIDDLE, START, cell_forces, mesh_at
+from jaxgear._dynamics._table import END, MIDDLE, START, mesh_at
 from jaxgear._dynamics._types import Terms
 from jaxgear._flank._deviations import (
     AbstractFlankDeviation,
@@ -100,7 +101,6 @@ _DYNAMIC_TOLERANCE = 1e-5
 _DYNAMIC_FLOOR = 1e-2
 _LEAST_CONDITION = 1e-2
 _SETTLED = 1e-12
-
 
 # The backward pass through all of the geometry is thousands of scalar operations. Fusing them
 # takes XLA ten times longer than all the rest, for a program that runs once.

@@ -17,16 +17,17 @@ import numpy as np
 import scipy
 from jaxtyping import Array
 
-from fem_prep._answers import rim_rows
 from fem_prep._artefact import ReducedBody, rigid_motions
 from fem_prep._assembly import surface_mass
-from fem_prep._condense import hold
 from fem_prep._grid import Grid
+from fem_prep._hold import hold
+from fem_prep._static_answers import rim_rows
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._roots import Axial, Feet, RimSurface, feet
 from jaxgear._solve._cycle import MeshCycle
-from jaxgear._system._flexible import foot_weights, root_patches, teeth_on_lines
+from jaxgear._system._body_tables import root_patches, teeth_on_lines
+from jaxgear._system._flexible import foot_weights
 from jaxgear._system._model import PairModel
 from jaxgear._types import Reals
 from jaxgear._units import um

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 import numpy as np
 
 import optimise
-from jaxgear._contact._ring import SAINSOT_RADIUS_RATIO
+from jaxgear._contact._sainsot import SAINSOT_RADIUS_RATIO
 from jaxgear._geometry._pair import pair_facts
 from jaxgear._system._body_modes import BodyBasis
+from jaxgear._system._gear_body import BeamBody
 from jaxgear._system._model import PairModel
-from jaxgear._system._shaft import BeamBody, Shaft
+from jaxgear._system._shaft import Shaft
 from jaxgear._units import mm, um
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS

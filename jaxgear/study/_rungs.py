@@ -17,7 +17,7 @@ from jaxgear._cli._folder import Folder
 from jaxgear._cli._saving import save
 from jaxgear._cli._writing import finish
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit
-from jaxgear._dynamics._sweep import steady_states
+from jaxgear._dynamics._steady_state import steady_states
 from jaxgear._dynamics._system import DynamicSystem, PairDynamics
 from jaxgear._dynamics._types import Speeds
 from jaxgear._interface._laws import AbstractContactLaw
@@ -35,15 +35,7 @@ from jaxgear.scene._build import grid_of
 from jaxgear.scene._scene import Scene
 from jaxgear.study._dynamics import dynamics_of
 from jaxgear.study._head import names_of
-from jaxgear.study._ladder import (
-    MOST,
-    QUANTITIES,
-    choose,
-    columns_of,
-    for_each,
-    words_of,
-    worst,
-)
+from jaxgear.study._ladder import MOST, QUANTITIES, choose, columns_of, for_each, words_of, worst
 from jaxgear.study._result import title_of
 from jaxgear.study._running import seconds, timed
 from jaxgear.study._statics import require_solved

@@ -15,14 +15,13 @@ from jaxgear._dynamics._campbell import (
     AloneModes,
     CriticalSpeed,
     TurningModes,
-    WaveContent,
     critical_crossings,
     modes_alone,
     turning_modes,
-    wave_content,
 )
 from jaxgear._dynamics._modes import Modes
 from jaxgear._dynamics._system import PairDynamics
+from jaxgear._dynamics._wave_content import WaveContent, wave_content
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
 from jaxgear.study._results import Entry

@@ -7,13 +7,9 @@ import pytest
 
 from jaxgear._checks import InputError
 from jaxgear._dynamics._bodies import BodyPlace
-from jaxgear._dynamics._campbell import (
-    AloneModes,
-    TurningModes,
-    WaveContent,
-    critical_crossings,
-)
+from jaxgear._dynamics._campbell import AloneModes, TurningModes, critical_crossings
 from jaxgear._dynamics._system import PairDynamics
+from jaxgear._dynamics._wave_content import WaveContent
 from jaxgear.plot import _campbell_pictures as pictures
 from jaxgear.plot import _campbell_tables as tables
 from jaxgear.scene._scene import read_scene

@@ -13,7 +13,7 @@ import xarray as xr
 from table_checks import assert_tables
 
 from fem_prep._artefact import balanced, floating
-from fem_prep._condense import boundary_of, hold
+from fem_prep._hold import boundary_of, hold
 from jaxgear._cli._main import main
 from jaxgear._solve._cycle import MeshCycle, prepare_mesh
 from jaxgear._system._structure import bearing_motion

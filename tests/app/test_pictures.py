@@ -17,7 +17,6 @@ from matplotlib.text import Annotation
 import jaxgear as jg
 from jaxgear._cli._folder import Folder
 from jaxgear._cli._saving import save
-from jaxgear._system._mesh_vectors import section_motion
 from jaxgear._system._shaft import node_heights
 from jaxgear.plot import _pictures as pictures
 from jaxgear.plot import _tables as tables
@@ -480,7 +479,7 @@ def test_deflected_line_of_a_beam_body_is_the_motion_of_its_sections(cycles):
     first = shaft.layout.gear_nodes[0]
     count = tables._POINTS_OF_BEAM
     inside = slice(first * count, (first + 1) * count)
-    sections = jax.vmap(lambda at: section_motion(shaft, body, at))
+    sections = jax.vmap(lambda at: body.section_motion(shaft, at))
     expected = jax.jit(sections)(z[inside]) @ motion[6 * first : 6 * first + 12]
     np.testing.assert_allclose(np.transpose(moved)[inside], expected[:, :2], rtol=1e-9, atol=1e-18)
 

@@ -12,7 +12,8 @@ from tiny_cases import tiny_scene
 from jaxgear._checks import InputError
 from jaxgear._cli._folder import Folder
 from jaxgear._dynamics._system import PairDynamics
-from jaxgear._response._waves import BodyMotion, along_directions, rotating_spectrum
+from jaxgear._response._body_motion import BodyMotion, rotating_spectrum
+from jaxgear._response._waves import along_directions
 from jaxgear._system._body_modes import body_basis
 from jaxgear._units import mm, um
 from jaxgear.plot import _wave_pictures as pictures

@@ -11,12 +11,10 @@ from cases import fzg_c14, helical_25_31, over, standard_30_30
 from helpers import assert_close, assert_gradient
 
 import jaxgear as jg
-from jaxgear._contact._ring import (
+from jaxgear._contact._ring import ring_influence, ring_receptances, root_resultants
+from jaxgear._contact._sainsot import (
     SAINSOT_RADIUS_RATIO,
     SAINSOT_ROOT_HALF_ANGLE,
-    ring_influence,
-    ring_receptances,
-    root_resultants,
     sainsot_coefficients,
     sainsot_compliance,
 )

@@ -13,7 +13,8 @@ import numpy as np
 from dynamics import reference
 
 import jaxgear as jg
-from jaxgear._dynamics._system import DynamicSystem, PairDynamics, pair_dynamics
+from jaxgear._dynamics._pair_dynamics import pair_dynamics
+from jaxgear._dynamics._system import DynamicSystem, PairDynamics
 from jaxgear._dynamics._table import MeshTable
 
 # Hidden behind the contact, it carries the periodic force of `sdof_backlash`, and K takes it away.

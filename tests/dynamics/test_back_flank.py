@@ -21,11 +21,12 @@ from jaxgear._dynamics._back_flank import (
     turned_misalignment,
     with_back_flanks,
 )
-from jaxgear._dynamics._table import MeshTable, mesh_at, mesh_load, mesh_table, repeated
+from jaxgear._dynamics._cell_forces import mesh_load
+from jaxgear._dynamics._table import MeshTable, mesh_at, mesh_table, repeated
 from jaxgear._geometry._backlash import mirror_point, normal_backlash
 from jaxgear._geometry._profile import tooth_section
 from jaxgear._interface._wrench import beam_basis, structure_vectors
-from jaxgear._system._mesh_vectors import beam_vectors, section_motion
+from jaxgear._system._mesh_vectors import beam_vectors
 
 _TORQUE = jnp.asarray(60.0)
 _TURNED = np.array([1.0, -1.0, -1.0])
@@ -169,7 +170,7 @@ def _approach(pair, mounts, bodies, motions, roll, across) -> float:
     for mount, body, motion, from_axis, sign in zip(
         mounts, bodies, motions, (arm, arm - centres), (1.0, -1.0), strict=True
     ):
-        section = np.asarray(section_motion(mount, body, jnp.asarray(-across))) @ motion
+        section = np.asarray(body.section_motion(mount, jnp.asarray(-across))) @ motion
         total += sign * normal @ (section[:3] + np.cross(section[3:], from_axis))
     return total
 

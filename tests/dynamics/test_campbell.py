@@ -15,23 +15,16 @@ import jaxgear as jg
 from jaxgear._dynamics._bodies import (
     BodyPlace,
     TurningTerms,
-    body_masses,
-    mode_stiffness,
+    matrices_with,
     size_with,
     turning_terms,
     vibrating_bodies,
-    with_modes,
 )
-from jaxgear._dynamics._campbell import (
-    TurningModes,
-    critical_crossings,
-    modes_alone,
-    turning_modes,
-    wave_content,
-)
+from jaxgear._dynamics._campbell import TurningModes, critical_crossings, modes_alone, turning_modes
 from jaxgear._dynamics._damping import ModalDamping
 from jaxgear._dynamics._modes import pair_modes, rotating_frequencies
 from jaxgear._dynamics._system import DynamicSystem, PairDynamics
+from jaxgear._dynamics._wave_content import wave_content
 from jaxgear._solve._cycle import MeshCycle
 from jaxgear._system._model import PairModel
 from jaxgear._system._pair_system import PairSystem, pair_system
@@ -73,13 +66,10 @@ def _assembled(model: PairModel, grid: jg.MeshGrid) -> _Matrices:
     mounted = pair_system(model.pair, model.torque, ROUND, ROUND, wheel_body=model.wheel_body)
     bodies = vibrating_bodies(model, mounted, grid)
     size = size_with(mounted, bodies)
-    structure = mounted.structure
-    stiffness = with_modes(structure.stiffness, size)
     return _Matrices(
         mounted,
         tuple(each.place for each in bodies),
-        with_modes(structure.mass, size) + body_masses(bodies, size),
-        stiffness + jnp.diag(mode_stiffness(bodies, size)),
+        *matrices_with(mounted, bodies, size),
         (
             turning_terms(bodies, size, ModalDamping(), whole=False),
             turning_terms(bodies, size, ModalDamping(), whole=True),

@@ -23,19 +23,22 @@ import jaxgear as jg
 from fem_prep import ReducedBody
 from jaxgear import um
 from jaxgear._dynamics._bodies import turning_terms, vibrating_bodies
+from jaxgear._dynamics._cell_forces import cell_forces
 from jaxgear._dynamics._damping import ModalDamping, RayleighDamping
 from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._march import Marching, march, quasi_static_start
+from jaxgear._dynamics._pair_dynamics import pair_dynamics
 from jaxgear._dynamics._shooting import Shooting
+from jaxgear._dynamics._steady_state import steady_state, steady_states
 from jaxgear._dynamics._steppers import Exponential, Midpoint, Newmark
-from jaxgear._dynamics._sweep import steady_state, steady_states
-from jaxgear._dynamics._system import DynamicSystem, PairDynamics, pair_dynamics
-from jaxgear._dynamics._table import MIDDLE, cell_forces, mesh_at
+from jaxgear._dynamics._system import DynamicSystem, PairDynamics
+from jaxgear._dynamics._table import MIDDLE, mesh_at
 from jaxgear._response._dynamic import dynamic_transmission_error, orbit_variance
 from jaxgear._system._body_modes import body_basis
-from jaxgear._system._flexible import FlexibleBody, flexible_body, foot_tables, mode_arms
+from jaxgear._system._body_tables import flexible_body
+from jaxgear._system._flexible import FlexibleBody, foot_tables, mode_arms
+from jaxgear._system._gear_body import RigidBody
 from jaxgear._system._model import PairModel
-from jaxgear._system._structure import RigidBody
 
 # Interior shapes and terms of rotation; all modes up to 60 kHz.
 WHEEL = {"modes": 8, "rotating": True}

@@ -10,13 +10,8 @@ import pytest
 from dynamics.cases import sdof_driven, sdof_parametric
 from helpers import assert_close
 
-from jaxgear._dynamics._continuation import (
-    condition,
-    continuation,
-    doubled,
-    fold_gradient,
-    fold_near,
-)
+from jaxgear._dynamics._continuation import continuation
+from jaxgear._dynamics._folds import condition, doubled, fold_gradient, fold_near
 from jaxgear._dynamics._harmonic import HarmonicBalance, balance_of, terms_of
 from jaxgear._dynamics._march import march
 from jaxgear._dynamics._steppers import Exponential

@@ -14,7 +14,7 @@ import jaxgear as jg
 from jaxgear import um
 from jaxgear._dynamics._damping import ModalDamping
 from jaxgear._dynamics._harmonic import HarmonicBalance
-from jaxgear._dynamics._system import pair_dynamics
+from jaxgear._dynamics._pair_dynamics import pair_dynamics
 from jaxgear._response._dynamic import (
     bearing_loads,
     contact_force,

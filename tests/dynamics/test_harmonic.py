@@ -11,10 +11,11 @@ from dynamics import cases
 from helpers import quick
 
 import jaxgear as jg
-from jaxgear._dynamics._harmonic import HarmonicBalance, balance_of, imbalance, linearised
+from jaxgear._dynamics._harmonic import HarmonicBalance, balance_of
+from jaxgear._dynamics._harmonic_problem import imbalance, linearised
 from jaxgear._dynamics._shooting import Shooting
+from jaxgear._dynamics._steady_state import steady_state, steady_states
 from jaxgear._dynamics._steppers import Midpoint
-from jaxgear._dynamics._sweep import steady_state, steady_states
 from jaxgear._dynamics._system import DynamicSystem
 from jaxgear._response._dynamic import contact_force, dynamic_ratio, order_amplitudes
 

@@ -11,16 +11,11 @@ from dynamics import cases
 from helpers import quick
 
 import jaxgear as jg
-from jaxgear._dynamics import _march
-from jaxgear._dynamics._march import (
-    Marching,
-    Pressing,
-    at_rest,
-    march,
-    pressed,
-    quasi_static_start,
-    rule_of,
-)
+from jaxgear._dynamics import _pressing
+from jaxgear._dynamics._march import Marching, at_rest, march, quasi_static_start
+from jaxgear._dynamics._march_step import rule_of
+from jaxgear._dynamics._pressing import Pressing, pressed
+from jaxgear._dynamics._steady_state import steady_state
 from jaxgear._dynamics._steppers import (
     Exponential,
     GeneralizedAlpha,
@@ -28,7 +23,6 @@ from jaxgear._dynamics._steppers import (
     Midpoint,
     Newmark,
 )
-from jaxgear._dynamics._sweep import steady_state
 from jaxgear._dynamics._system import modal_basis
 from jaxgear._dynamics._table import Mesh
 from jaxgear._response._energy import energies
@@ -318,7 +312,7 @@ def test_contact_that_was_not_solved_has_no_derivative(derivative, monkeypatch):
     assert load(place) == pytest.approx(3.0, rel=1e-12)
     assert derivative(load)(place)[0] == pytest.approx(2.0 / 3.0, rel=1e-12)
     # One step does not know yet that it was the last.
-    monkeypatch.setattr(_march, "_MOST_STEPS", 1)
+    monkeypatch.setattr(_pressing, "_MOST_STEPS", 1)
     assert np.isnan(derivative(load)(place)[0])
 
 

@@ -20,8 +20,11 @@ from jaxgear._dynamics._modes import (
     rotating_frequencies,
     stiffness_parts,
 )
-from jaxgear._system._shaft import Bearing, Segment, Shaft, shaft_matrices
-from jaxgear._system._structure import Housing, RigidBody, assemble_structure
+from jaxgear._system._gear_body import RigidBody
+from jaxgear._system._housing import Housing
+from jaxgear._system._shaft import Shaft
+from jaxgear._system._shaft_parts import Bearing, Segment
+from jaxgear._system._structure import assemble_structure
 
 TURN = 2.0 * math.pi
 DISC = RigidBody(2.0, 3e-3, 2e-3)
@@ -288,7 +291,7 @@ def _support(stiffness=5e7):
 @eqx.filter_jit
 def _frequencies_of_tube(shaft):
     """Of torsion, free, and of bending, its ends pinned."""
-    matrices = shaft_matrices(shaft)
+    matrices = shaft.matrices()
     size = 6 * shaft.layout.count
     turns = np.arange(5, size, 6)
     mass, stiffness = (x[np.ix_(turns, turns)] for x in (matrices.mass, matrices.stiffness))

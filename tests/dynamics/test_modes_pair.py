@@ -13,10 +13,12 @@ import jaxgear as jg
 from jaxgear import mm
 from jaxgear._dynamics._damping import ModalDamping, damping_matrix
 from jaxgear._dynamics._modes import modes, pair_modes, stiffness_parts
-from jaxgear._dynamics._system import pair_dynamics
+from jaxgear._dynamics._pair_dynamics import pair_dynamics
 from jaxgear._interface._wrench import structure_vectors
-from jaxgear._system._shaft import Bearing, Segment, Shaft
-from jaxgear._system._structure import RigidBody, assemble_structure
+from jaxgear._system._gear_body import RigidBody
+from jaxgear._system._shaft import Shaft
+from jaxgear._system._shaft_parts import Bearing, Segment
+from jaxgear._system._structure import assemble_structure
 
 DISC = RigidBody(2.0, 3e-3, 2e-3)
 

@@ -12,10 +12,11 @@ from helpers import quick
 
 from jaxgear._dynamics._floquet import monodromy, multipliers, product_of_steps, tangents_of
 from jaxgear._dynamics._harmonic import HarmonicBalance
-from jaxgear._dynamics._march import Marching, cycle, march_of, quasi_static_start
+from jaxgear._dynamics._march import Marching, cycle, quasi_static_start
+from jaxgear._dynamics._march_step import march_of
 from jaxgear._dynamics._shooting import Shooting
+from jaxgear._dynamics._steady_state import steady_state
 from jaxgear._dynamics._steppers import Exponential, Midpoint, Newmark
-from jaxgear._dynamics._sweep import steady_state
 from jaxgear._dynamics._system import modal_basis
 from jaxgear._interface._laws import ExactContact, SmoothContact
 from jaxgear._response._dynamic import dynamic_ratio

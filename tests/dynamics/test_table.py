@@ -11,18 +11,8 @@ from dynamics import cases
 from helpers import quick
 
 import jaxgear as jg
-from jaxgear._dynamics._table import (
-    END,
-    MIDDLE,
-    START,
-    Mesh,
-    cell_forces,
-    mean_load,
-    mean_ramp,
-    mesh_at,
-    mesh_load,
-    repeated,
-)
+from jaxgear._dynamics._cell_forces import cell_forces, mean_load, mean_ramp, mesh_load
+from jaxgear._dynamics._table import END, MIDDLE, START, Mesh, mesh_at, repeated
 
 EXACT = jg.ExactContact()
 

@@ -19,18 +19,11 @@ from scipy.integrate import cumulative_trapezoid, solve_ivp
 
 import jaxgear as jg
 from jaxgear._dynamics._march import quasi_static_start
+from jaxgear._dynamics._schedule import Profile, run_up, start_stop, torque_step
 from jaxgear._dynamics._system import DynamicSystem
 from jaxgear._dynamics._table import MeshTable
-from jaxgear._dynamics._transient import (
-    Profile,
-    Transient,
-    TransientError,
-    reached_only,
-    run_up,
-    start_stop,
-    torque_step,
-    transient,
-)
+from jaxgear._dynamics._transient import TransientError, transient
+from jaxgear._dynamics._transient_result import Transient, reached_only
 
 STEPS, WIDTH = 16, 0.05
 LAW = jg.SmoothContact(WIDTH)

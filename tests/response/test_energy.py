@@ -11,8 +11,8 @@ from dynamics.test_condensed_bodies import _by_default, _pair
 
 from jaxgear._dynamics._march import march, quasi_static_start
 from jaxgear._dynamics._shooting import Shooting
+from jaxgear._dynamics._steady_state import steady_state
 from jaxgear._dynamics._steppers import Midpoint
-from jaxgear._dynamics._sweep import steady_state
 from jaxgear._response._energy import energies, work_done
 
 

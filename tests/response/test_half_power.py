@@ -11,7 +11,7 @@ from dynamics.cases import sdof_driven
 
 import jaxgear as jg
 from jaxgear._dynamics._harmonic import HarmonicBalance
-from jaxgear._dynamics._sweep import steady_states
+from jaxgear._dynamics._steady_state import steady_states
 from jaxgear._response._half_power import Resonance, rayleigh_damping, resonances
 
 

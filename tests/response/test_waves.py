@@ -8,9 +8,8 @@ import pytest
 import scipy.linalg
 from helpers import assert_close
 
+from jaxgear._response._body_motion import BodyMotion, _harmonics, rotating_spectrum
 from jaxgear._response._waves import (
-    BodyMotion,
-    _harmonics,
     band_stop,
     circle_of,
     fixed_spectrum,
@@ -18,7 +17,6 @@ from jaxgear._response._waves import (
     joined_waves,
     order_sums,
     revolution,
-    rotating_spectrum,
     waves_on_body,
 )
 

@@ -18,7 +18,8 @@ import jaxgear as jg
 from fem_prep import ReducedBody
 from jaxgear import um
 from jaxgear._contact._cells import Misalignment, mesh_gap
-from jaxgear._system._flexible import FlexibleBody, flexible_body
+from jaxgear._system._body_tables import flexible_body
+from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._model import PairModel
 
 SPEED = 2000.0

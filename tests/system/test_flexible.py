@@ -20,7 +20,8 @@ from fem_prep import ReducedBody
 from jaxgear._contact._coupling import between_all_cells
 from jaxgear._interface._wrench import structure_vectors
 from jaxgear._solve._cycle import prepare_mesh
-from jaxgear._system._flexible import FlexibleBody, FootTables, flexible_body, foot_tables
+from jaxgear._system._body_tables import flexible_body
+from jaxgear._system._flexible import FlexibleBody, FootTables, foot_tables
 from jaxgear._system._model import PairModel
 from jaxgear._system._pair_system import pair_system
 

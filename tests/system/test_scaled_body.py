@@ -14,7 +14,7 @@ from hybrid_cases import PAIRS
 
 import jaxgear as jg
 from jaxgear._system._body_modes import body_basis
-from jaxgear._system._flexible import flexible_body
+from jaxgear._system._body_tables import flexible_body
 
 STIFFER, DENSER = 0.5, 1.3
 

@@ -14,19 +14,15 @@ from helpers import assert_close, assert_gradient, observed_order
 
 import jaxgear as jg
 from jaxgear._checks import InputError
-from jaxgear._system._shaft import (
-    BeamBody,
-    Bearing,
-    Segment,
-    Shaft,
-    ShaftLoad,
-    node_heights,
-    shaft_matrices,
-)
+from jaxgear._system._gear_body import BeamBody
+from jaxgear._system._shaft import Shaft, node_heights
+from jaxgear._system._shaft_parts import Bearing, Segment, ShaftLoad
 
 YOUNG, SHEAR, DENSITY = 206e9, 206e9 / 2.6, 7850.0
 
-_matrices = eqx.filter_jit(shaft_matrices)
+_matrices = eqx.filter_jit(
+    lambda shaft, body=None: shaft.matrices(None if body is None else body.piece)
+)
 
 
 def _area(outer, inner=0.0):
@@ -316,7 +312,7 @@ def test_every_number_of_a_shaft_has_a_derivative():
     weights = jnp.asarray(np.random.default_rng(5).normal(size=(3, 54, 54)))
 
     def weighted(shaft):
-        matrices = shaft_matrices(shaft)
+        matrices = shaft.matrices()
         return (
             1e-9 * jnp.sum(weights[0] * matrices.stiffness)
             + jnp.sum(weights[1] * matrices.mass)
@@ -395,9 +391,8 @@ ROD = (Segment(0.1, 0.03),)
             r"but the bearing 2 is at 0\.05 m",
         ),
         (
-            lambda: shaft_matrices(
-                Shaft([Segment(0.1, 0.03, 0.02)], _ends(0.1), 0.05, body_width=0.02),
-                BeamBody(0.02, 0.02),
+            lambda: Shaft([Segment(0.1, 0.03, 0.02)], _ends(0.1), 0.05, body_width=0.02).matrices(
+                BeamBody(0.02, 0.02).piece
             ),
             r"`BeamBody\.outer` must exceed the shaft's inner diameter there, 0\.02 m, got 0\.02 m",
         ),

@@ -13,15 +13,14 @@ from solve_cases import ACCESSORY, POWER
 
 import jaxgear as jg
 from jaxgear._checks import InputError
-from jaxgear._system._shaft import BeamBody, Bearing, Segment, Shaft, ShaftLoad
+from jaxgear._system._gear_body import BeamBody, RigidBody, solid_disc
+from jaxgear._system._housing import Housing
+from jaxgear._system._shaft import Shaft
+from jaxgear._system._shaft_parts import Bearing, Segment, ShaftLoad
 from jaxgear._system._structure import (
-    Housing,
-    RigidBody,
     assemble_structure,
     bearing_motion,
-    check_supported,
     driving_torque,
-    solid_disc,
     static_flexibility,
 )
 
@@ -469,7 +468,7 @@ ENDS = (0.0, 0.1)
 )
 def test_a_mechanism_is_refused(bearings, message):
     with pytest.raises(InputError, match=message):
-        check_supported(_rod(0.1, bearings, 0.05), "pinion")
+        _rod(0.1, bearings, 0.05).check_held("pinion")
 
 
 @pytest.mark.parametrize(
@@ -481,7 +480,7 @@ def test_a_mechanism_is_refused(bearings, message):
     ],
 )
 def test_a_held_shaft_is_let_through(bearings):
-    check_supported(_rod(0.1, bearings, 0.05), "wheel")
+    _rod(0.1, bearings, 0.05).check_held("wheel")
 
 
 def test_assembling_names_the_body_that_is_free():

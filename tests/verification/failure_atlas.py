@@ -35,15 +35,9 @@ from numpy.typing import ArrayLike
 
 from jaxgear._dynamics._floquet import monodromy, multipliers
 from jaxgear._dynamics._harmonic import HarmonicBalance, balance_of
-from jaxgear._dynamics._march import (
-    Marching,
-    Pressing,
-    at_rest,
-    march,
-    pressed,
-    quasi_static_start,
-)
+from jaxgear._dynamics._march import Marching, at_rest, march, quasi_static_start
 from jaxgear._dynamics._orbit import AbstractMethod
+from jaxgear._dynamics._pressing import Pressing, pressed
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steppers import (
     AbstractStepper,

@@ -21,10 +21,11 @@ from hybrid_cases import PAIRS, ROUND, TEETH, Turning, _pressed, relieved, vibra
 import jaxgear as jg
 from jaxgear._contact._cells import mesh_gap
 from jaxgear._dynamics._damping import RayleighDamping
+from jaxgear._dynamics._pair_dynamics import pair_dynamics
 from jaxgear._dynamics._shooting import Shooting
+from jaxgear._dynamics._steady_state import steady_state
 from jaxgear._dynamics._steppers import Midpoint
-from jaxgear._dynamics._sweep import steady_state
-from jaxgear._dynamics._system import PairDynamics, pair_dynamics
+from jaxgear._dynamics._system import PairDynamics
 from jaxgear._system._model import PairModel
 
 # All terms of rotation, and modes that are slow enough for the time steps; damped well, to settle

@@ -39,15 +39,16 @@ from fem_prep import (
     full_body,
 )
 from fem_prep._assembly import _face_functions
+from fem_prep._extrude import extruded_grid
 from fem_prep._grid import merged
 from fem_prep._solvers import Factor, factorise
-from fem_prep._web import _extruded
 from jaxgear import mm
 from jaxgear._contact._tooth import beam_compliance, tooth_load
 from jaxgear._geometry._lines import contact_lines, mesh_grid
 from jaxgear._geometry._profile import tooth_section
 from jaxgear._interface._roots import ROOT_POINTS, Axial
-from jaxgear._system._flexible import flexible_body, foot_tables
+from jaxgear._system._body_tables import flexible_body
+from jaxgear._system._flexible import foot_tables
 from jaxgear.scene._root_correction import RootCorrection, root_correction
 
 # How far the lowest row of a tooth dips in its middle, of half its width: with less it meets the
@@ -281,7 +282,7 @@ def toothed_gear(
     for tooth in range(1 if alone else shape.teeth):
         near = min(tooth, shape.teeth - tooth) <= fineness.beside
         quads = _turned(fine if near else coarse, 2.0 * math.pi * tooth / shape.teeth)
-        every += [_extruded(quads, *ends) for ends in pairwise(levels)]
+        every += [extruded_grid(quads, *ends) for ends in pairwise(levels)]
     bricks = np.concatenate([places, *every])
     numbers = np.arange(20 * len(bricks)).reshape(-1, 20)
     nodes, bricks = merged(bricks.reshape(-1, 3), numbers, 1e-7)

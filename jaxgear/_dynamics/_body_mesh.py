@@ -1,0 +1,204 @@
+r"""The mesh of condensed bodies in motion, by few coordinates.
+
+All cells move by seats and modes, but on a short arc of the rim few combinations of them can be
+told apart. These are the mesh coordinates; what they leave out is added to the compliance between
+cells, so that statics is as it was.
+"""
+
+import dataclasses
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import jax.scipy.linalg
+import numpy as np
+from jaxtyping import Array
+
+from jaxgear._contact._cells import MeshCells, mesh_gap
+from jaxgear._dynamics._bodies import VibratingBody
+from jaxgear._dynamics._moving_mesh import MovingMesh, mean_stiffness
+from jaxgear._dynamics._table import at_places, tabulated
+from jaxgear._geometry._lines import MeshGrid
+from jaxgear._geometry._pair import GearPair
+from jaxgear._interface._wrench import cell_arms, structure_vectors
+from jaxgear._solve._cycle import MeshCycle
+from jaxgear._system._flexible import FlexibleBody, foot_tables, mode_arms
+from jaxgear._system._gear_body import carried
+from jaxgear._system._model import PairModel
+from jaxgear._system._pair_system import PairSystem
+from jaxgear._types import CellArmGrid, CellGrid
+
+
+def body_mesh(
+    model: PairModel,
+    mounted: PairSystem,
+    cycle: MeshCycle,
+    grid: MeshGrid,
+    bodies: list[VibratingBody],
+    coordinates: int,
+) -> MovingMesh:
+    r"""The mesh of a pair with condensed bodies over one cycle.
+
+    With $A$ the arms of cells and $F$ the flexibility of the structure, the gears' rotation held,
+    the combinations kept are the first eigenvectors of $D A^TA D$, $D^2$ the diagonal of $F$: those
+    by which static loads move the cells the most. Which ones they are is a choice and has no
+    derivative.
+
+    **Arguments:**
+
+    - `model`: the pair.
+    - `mounted`: its structure.
+    - `cycle`: its quasi-static states.
+    - `grid`: of the cycle.
+    - `bodies`: those that vibrate.
+    - `coordinates`: of the mesh, beside approach and tilt.
+
+    **Returns:**
+
+    The mesh.
+    """
+    cells, pair = cycle.cells, model.pair
+    at = at_places(pair, cells)
+    gap = jnp.stack([mesh_gap(pair, c.lines, model.flanks, model.misalignment) for c in at])
+    arms, growth = (
+        jnp.stack(parts) for parts in zip(*(_arms(pair, bodies, c) for c in at), strict=True)
+    )
+    held = _held(mounted, bodies)
+    few = _combinations(arms, cells.stiffness > 0.0, held.give, coordinates)
+    met, give = arms @ few.into, few.out_of.T @ held.give @ few.out_of
+    # What cells give in all, less what of it is in the motion of the mesh coordinates.
+    whole, kept = arms[_MIDDLE_PLACE][:, :, : held.count], met[_MIDDLE_PLACE]
+    assert cells.coupling is not None
+    coupling = cells.coupling + _between(whole, held.give[: held.count, : held.count])
+    coupling = coupling - _between(kept, give)
+    grown = growth + arms[..., : held.count] @ held.spun[: held.count]
+    grown = grown - met @ (few.out_of.T @ held.spun)
+    pressed = jnp.sum(kept * cycle.force[:, :, None], axis=1)
+    rest = (few.out_of.T @ held.outside)[None, :] - pressed @ give
+    table = tabulated(grid, dataclasses.replace(cells, coupling=coupling), gap, met, grown)
+    mean = mean_stiffness(cycle, table)
+    return MovingMesh(
+        table=table,
+        mean=0.5 * (mean + mean.T),
+        vectors=held.vectors @ few.out_of,
+        rest=rest.at[:, 0].add(cycle.approach),
+        left_out=few.left_out,
+    )
+
+
+# The middle of a step, among its three places.
+_MIDDLE_PLACE = 1
+
+
+def _between(arms: Array, flexibility: Array) -> Array:
+    """Compliance between all cells by motions of a flexibility, at each phase."""
+    return (arms @ flexibility) @ jnp.swapaxes(arms, 1, 2)
+
+
+def _others(body: FlexibleBody) -> np.ndarray:
+    """Seats other than that which turns with the gear."""
+    return np.array([i for i in range(len(body.seats)) if i != body.gear_seat], dtype=int)
+
+
+def _arms(
+    pair: GearPair, bodies: list[VibratingBody], cells: MeshCells
+) -> tuple[CellArmGrid, CellGrid]:
+    """Approach of cells by approach and tilt, other seats against the gear's, modes; and growth."""
+    seats, modes, growth = [], [], jnp.zeros_like(cells.stiffness)
+    for each in bodies:
+        table = foot_tables(pair, each.index, each.body, cells.lines)
+        others = (6 * _others(each.body)[:, None] + np.arange(6)).ravel()
+        seats.append(table.arms[:, :, others])
+        modes.append(mode_arms(pair, each.index, each.body, cells.lines))
+        growth += each.speed**2 * table.growth
+    return jnp.concatenate([cell_arms(cells.arm), *seats, *modes], axis=2), growth
+
+
+class _HeldStructure(NamedTuple):
+    """What moves the cells, with the rotation of both gears held.
+
+    **Fields:**
+
+    - `vectors`: motions that move the cells per degree of freedom, as `_arms` has them.
+    - `give`: of these motions per load on them, $F$.
+    - `spun`: of these motions by rotation, per square of the pinion's speed.
+    - `outside`: of these motions under the loads from outside.
+    - `count`: of them that are not modes.
+    """
+
+    vectors: Array
+    give: Array
+    spun: Array
+    outside: Array
+    count: int
+
+
+def _held(mounted: PairSystem, bodies: list[VibratingBody]) -> _HeldStructure:
+    structure, mapped = mounted.structure, mounted.structure.map
+    vectors = jnp.zeros((mapped.size, 2))
+    rigid = mounted.middles.T @ structure_vectors(mounted.pair)
+    vectors = vectors.at[np.asarray(mapped.gear_dofs)].set(rigid)
+    load = jnp.zeros(mapped.size)
+    for each in bodies:
+        vectors = jnp.concatenate([vectors, _against_gear(each, mapped.size)], axis=1)
+        load = load.at[each.seats].add(each.speed**2 * each.body.seat_load)
+    spins = [first + 5 for gear in mapped.gears for first in gear]
+    kept = np.setdiff1d(np.asarray(mapped.free), spins)
+    columns = jnp.concatenate([vectors, load[:, None], structure.load[:, None]], axis=1)[kept]
+    moved = jnp.linalg.solve(structure.stiffness[kept[:, None], kept[None, :]], columns)
+    moved = vectors[kept].T @ moved
+    count = vectors.shape[1]
+    square = jnp.concatenate([each.modes.square for each in bodies])
+    grown = jnp.concatenate([each.speed**2 * each.modes.load for each in bodies]) / square
+    both = jax.scipy.linalg.block_diag
+    give = both(0.5 * (moved[:, :count] + moved[:, :count].T), jnp.diag(1.0 / square))
+    return _HeldStructure(
+        vectors=both(vectors, jnp.eye(square.size)),
+        give=give,
+        spun=jnp.concatenate([moved[:, count], grown]),
+        outside=jnp.concatenate([moved[:, count + 1], jnp.zeros(square.size)]),
+        count=count,
+    )
+
+
+def _against_gear(each: VibratingBody, size: int) -> Array:
+    """Motions of a body's other seats against its gear's, by degrees of freedom of a structure."""
+    body, columns = each.body, []
+    gear = each.seats[6 * body.gear_seat : 6 * body.gear_seat + 6]
+    for other in _others(body):
+        away = body.seat_heights[other] - body.seat_heights[body.gear_seat]
+        own = jnp.zeros((size, 6)).at[each.seats[6 * other : 6 * other + 6]].set(jnp.eye(6))
+        columns.append(own.at[gear].set(-carried(away).T))
+    return jnp.concatenate(columns, axis=1) if columns else jnp.zeros((size, 0))
+
+
+class _Combinations(NamedTuple):
+    """Mesh coordinates as combinations of the motions that move the cells.
+
+    **Fields:**
+
+    - `into`: arms of the coordinates per arm of the motions, `[motion, coordinate]`.
+    - `out_of`: coordinates per motion, `[motion, coordinate]`.
+    - `left_out`: as of `MovingMesh`.
+    """
+
+    into: Array
+    out_of: Array
+    left_out: Array
+
+
+def _combinations(arms: Array, in_mesh: Array, give: Array, count: int) -> _Combinations:
+    """Those by which static loads move the cells most; which they are has no derivative."""
+    # The sizes have one: modes are of unit mass, and what they are of a body has to follow that.
+    size = jnp.sqrt(jnp.diagonal(give)[2:])
+    seen = jnp.where(in_mesh[None, :, :, None], arms[..., 2:], 0.0)
+    seen = jax.lax.stop_gradient(seen.reshape(-1, seen.shape[-1]) * size[None, :])
+    energies, patterns = jnp.linalg.eigh(seen.T @ seen)
+    patterns = patterns[:, ::-1][:, :count]
+    both = jax.scipy.linalg.block_diag
+    lost = jnp.sum(energies[: max(size.size - count, 0)]) / jnp.sum(energies)
+    return _Combinations(
+        into=both(jnp.eye(2), size[:, None] * patterns),
+        out_of=both(jnp.eye(2), patterns / size[:, None]),
+        left_out=jnp.sqrt(jnp.maximum(lost, 0.0)),
+    )

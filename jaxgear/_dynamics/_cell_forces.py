@@ -1,0 +1,252 @@
+"""Forces of the cells of a table: those in contact press, alone or through their common bodies."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool
+
+from jaxgear._contact._coupling import body_yield, share_with_body
+from jaxgear._dynamics._table import Mesh
+from jaxgear._interface._laws import AbstractContactLaw, ExactContact
+from jaxgear._types import (
+    CellArms,
+    CellColumns,
+    Cells,
+    CoordinateMatrix,
+    Coordinates,
+    Coupling,
+    Reals,
+)
+
+_Where = Bool[Array, "..."]
+
+
+def cell_forces(mesh: Mesh, place: Coordinates, law: AbstractContactLaw) -> tuple[Cells, Cells]:
+    r"""Force of each cell at given mesh coordinates, $f = k\,\sigma(W m - \delta - C f)$.
+
+    **Arguments:**
+
+    - `mesh`: cells at one instant.
+    - `place`: mesh coordinates $m$ [m, rad].
+    - `law`: exact or smooth contact.
+
+    **Returns:**
+
+    Forces [N] and overlaps, what the bodies yield subtracted [m].
+    """
+    free = mesh.arms @ place - mesh.gap
+    return _shared_forces(mesh.stiffness, mesh.coupling, free, law)
+
+
+def _shared_forces(
+    stiffness: Cells, coupling: Coupling | None, free: Cells, law: AbstractContactLaw
+) -> tuple[Cells, Cells]:
+    """Forces and overlaps of cells whose overlaps on rigid bodies would be `free`."""
+    if coupling is None:
+        return stiffness * law.compression(free), free
+    if coupling.ndim == 2:
+        force = forces_between_all(law, stiffness, coupling, free)
+        return force, free - body_yield(coupling, force)
+    share = lambda tangent, force: share_with_body(coupling, tangent, force[:, None])[:, 0]
+    force = share(stiffness, stiffness * free)
+    # A slice has few lines: from all of them closed, Newton's steps open one or more each.
+    for _ in range(coupling.shape[0] + 2):
+        overlap = free - body_yield(coupling, force)
+        compression, slope = _pressed(law, overlap)
+        missing = stiffness * compression - force
+        force = force + share(stiffness * slope, missing)
+    return force, free - body_yield(coupling, force)
+
+
+# Newton's steps between all cells, and the forces still missing then, over those there are.
+_MOST_STEPS, _MISSING = 30, 1e-13
+
+
+@jax.custom_jvp
+def forces_between_all(
+    law: AbstractContactLaw, stiffness: Cells, coupling: Coupling, free: Cells
+) -> Cells:
+    r"""Forces of cells that are all coupled, $f = k\,\sigma(\Delta_0 - C f)$.
+
+    Newton's method from all of them closed; derivatives are those of the solution.
+
+    **Arguments:**
+
+    - `law`: exact or smooth contact.
+    - `stiffness`: of each cell [N/m].
+    - `coupling`: $C$ between all cells [m/N].
+    - `free`: $\Delta_0$, overlap of each on rigid bodies [m].
+
+    **Returns:**
+
+    Forces [N].
+    """
+
+    def missing_at(force: Cells) -> tuple[Cells, Cells]:
+        compression, slope = _pressed(law, free - body_yield(coupling, force))
+        return stiffness * compression - force, stiffness * slope
+
+    def body(state):
+        force, missing, tangent, _, steps = state
+        force = force + share_with_body(coupling, tangent, missing[:, None])[:, 0]
+        missing, tangent = missing_at(force)
+        done = jnp.max(jnp.abs(missing)) <= _MISSING * jnp.max(stiffness * jnp.abs(free))
+        return force, missing, tangent, done, steps + 1
+
+    def unfinished(state):
+        return ~state[3] & (state[4] < _MOST_STEPS)
+
+    none = jnp.zeros_like(free)
+    first = none, stiffness * free, stiffness, jnp.asarray(False), 0
+    return jax.lax.while_loop(unfinished, body, first)[0]
+
+
+@forces_between_all.defjvp
+def _forces_tangent(primals, tangents):
+    law, stiffness, coupling, free = primals
+    force = forces_between_all(law, stiffness, coupling, free)
+
+    def pressed(law, stiffness, coupling, free):
+        return stiffness * law.compression(free - body_yield(coupling, force))
+
+    _, change = jax.jvp(pressed, primals, tangents)
+    _, slope = _pressed(law, free - body_yield(coupling, force))
+    return force, share_with_body(coupling, stiffness * slope, change[:, None])[:, 0]
+
+
+def _pressed(law: AbstractContactLaw, overlap: Cells) -> tuple[Cells, Cells]:
+    """Compression of each cell [m] and its slope by the overlap [-]."""
+    return jax.jvp(law.compression, (overlap,), (jnp.ones_like(overlap),))
+
+
+def mesh_load(
+    mesh: Mesh, place: Coordinates, law: AbstractContactLaw
+) -> tuple[Coordinates, CoordinateMatrix]:
+    """Load of the mesh on its coordinates, and its tangent stiffness.
+
+    **Arguments:**
+
+    - `mesh`: cells at one instant.
+    - `place`: mesh coordinates [m, rad].
+    - `law`: exact or smooth contact.
+
+    **Returns:**
+
+    Resultants of the cell forces [N, N m], and their derivative by `place` [N/m, N, N m].
+    """
+    force, overlap = cell_forces(mesh, place, law)
+    _, slope = _pressed(law, overlap)
+    pushed = tangent_columns(mesh.stiffness * slope, mesh.coupling, mesh.arms)
+    return mesh.arms.T @ force, mesh.arms.T @ pushed
+
+
+def tangent_columns(stiffness: Cells, coupling: Coupling | None, arms: CellArms) -> CellColumns:
+    """Forces of the cells per mesh coordinate."""
+    columns = stiffness[:, None] * arms
+    return columns if coupling is None else share_with_body(coupling, stiffness, columns)
+
+
+def mean_load(
+    start: Mesh, middle: Mesh, end: Mesh, first: Coordinates, last: Coordinates
+) -> tuple[Coordinates, CoordinateMatrix, CoordinateMatrix]:
+    r"""Load of the mesh in the mean over a step, with exact contact.
+
+    Overlaps are taken to change evenly over the step, so that a cell's mean compression is
+    $[\Phi(\Delta_1) - \Phi(\Delta_0)]/(\Delta_1 - \Delta_0)$ with $\Phi$ the integral of the
+    positive part: it knows when within the step the cell closed. As a time step at constant
+    stiffness this is Gonzalez's discrete gradient, which conserves energy.
+
+    **Arguments:**
+
+    - `start`, `middle`, `end`: the cells at these places of the step.
+    - `first`: mesh coordinates at its start [m, rad].
+    - `last`: mesh coordinates at its end [m, rad].
+
+    **Returns:**
+
+    Resultants of the mean cell forces [N, N m]; their derivatives by `first` and by `last`.
+    """
+    law = ExactContact()
+    _, begun = cell_forces(start, first, law)
+    _, ended = cell_forces(end, last, law)
+    compression = mean_ramp(begun, ended)
+    by_begun, by_ended = _ramp_slopes(begun, ended, compression)
+    load = middle.arms.T @ (middle.stiffness * compression)
+    tangents = [
+        middle.arms.T @ ((middle.stiffness * slope)[:, None] * _overlap_slopes(mesh, at, law))
+        for mesh, at, slope in ((start, begun, by_begun), (end, ended, by_ended))
+    ]
+    return load, tangents[0], tangents[1]
+
+
+def mean_tangent(
+    start: Mesh, middle: Mesh, end: Mesh, first: Coordinates, last: Coordinates
+) -> CoordinateMatrix:
+    """Mean tangent stiffness of exact contact over a step: each cell while it is closed.
+
+    **Arguments:**
+
+    - `start`, `middle`, `end`: the cells at these places of the step.
+    - `first`: mesh coordinates at its start [m, rad].
+    - `last`: mesh coordinates at its end [m, rad].
+
+    **Returns:**
+
+    The mean stiffness on the mesh coordinates [N/m, N, N m].
+    """
+    law = ExactContact()
+    _, begun = cell_forces(start, first, law)
+    _, ended = cell_forces(end, last, law)
+    change = ended - begun
+    moves = jnp.abs(change) > 0.0
+    closing = (law.compression(ended) - law.compression(begun)) / jnp.where(moves, change, 1.0)
+    closed = jnp.where(moves, closing, jnp.where(begun > 0.0, 1.0, 0.0))
+    columns = tangent_columns(middle.stiffness * closed, middle.coupling, middle.arms)
+    return middle.arms.T @ columns
+
+
+def _overlap_slopes(mesh: Mesh, overlap: Cells, law: AbstractContactLaw) -> CellColumns:
+    """Overlap of each cell per mesh coordinate, what the bodies yield subtracted."""
+    if mesh.coupling is None:
+        return mesh.arms
+    _, slope = _pressed(law, overlap)
+    pushed = tangent_columns(mesh.stiffness * slope, mesh.coupling, mesh.arms)
+    columns = [body_yield(mesh.coupling, pushed[:, i]) for i in range(pushed.shape[1])]
+    return mesh.arms - jnp.stack(columns, axis=1)
+
+
+def mean_ramp(first: Reals, last: Reals) -> Reals:
+    """Mean of the positive part of what changes evenly from `first` to `last`, in their unit.
+
+    Written without the difference of like numbers, so that its slopes are right to rounding.
+
+    **Arguments:**
+
+    - `first`, `last`: any real arrays of one shape.
+
+    **Returns:**
+
+    An array like them.
+    """
+    closed, crossing, span = _closed_and_crossing(first, last)
+    squares = jnp.maximum(first, 0.0) ** 2 + jnp.maximum(last, 0.0) ** 2
+    part = jnp.where(crossing, 0.5 * squares / span, 0.0)
+    return jnp.where(closed, 0.5 * (first + last), part)
+
+
+def _ramp_slopes(first: Reals, last: Reals, mean: Reals) -> tuple[Reals, Reals]:
+    """Derivatives of `mean_ramp` by `first` and by `last`, where it is `mean`."""
+    closed, crossing, span = _closed_and_crossing(first, last)
+
+    def by(end: Reals) -> Reals:
+        part = (jnp.maximum(end, 0.0) - jnp.sign(end) * mean) / span
+        return jnp.where(closed, 0.5, jnp.where(crossing, part, 0.0))
+
+    return by(first), by(last)
+
+
+def _closed_and_crossing(first: Reals, last: Reals) -> tuple[_Where, _Where, Reals]:
+    """Where both ends are closed, where one or both are open, and the sum of their sizes there."""
+    closed = (first >= 0.0) & (last >= 0.0)
+    span = jnp.abs(first) + jnp.abs(last)
+    crossing = ~closed & (span > 0.0)
+    return closed, crossing, jnp.where(crossing, span, 1.0)

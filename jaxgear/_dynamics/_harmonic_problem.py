@@ -1,0 +1,278 @@
+"""The equations of a harmonic balance, and Newton's search for their root."""
+
+import functools
+import operator
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from jaxgear._dynamics._cell_forces import mean_load, mesh_load
+from jaxgear._dynamics._orbit import derivative_if
+from jaxgear._dynamics._system import DynamicSystem, ModalBasis
+from jaxgear._dynamics._table import Mesh
+from jaxgear._dynamics._types import (
+    Analysis,
+    Basis,
+    HarmonicMatrices,
+    Responses,
+    StepMatrices,
+    StepPlaces,
+    Terms,
+    Vector,
+)
+from jaxgear._interface._laws import AbstractContactLaw
+from jaxgear._types import CoordinateMatrix, Coordinates, Flag, Reals, Scalar
+
+
+class Problem(eqx.Module):
+    """The balance at one speed.
+
+    **Fields:**
+
+    - `law`, `samples`: as of `Balance`.
+    - `times`, `analysis`: as of `Balance` [-].
+    - `scales`: of the mesh coordinates [m, rad].
+    - `rates`: time derivatives of the harmonics at mid-steps [1/s].
+    - `real`, `imaginary`: parts of the receptance at each harmonic [m/N, 1/N, 1/(N m)].
+    - `resting`: motion of all degrees of freedom under the constant load alone [m, rad].
+    - `still`: mesh coordinates of it [m, rad].
+    - `mean`: mean mesh stiffness [N/m, N, N m].
+    - `bow`: of the system, or `None` [m/N, 1/N, 1/(N m)].
+    - `cell_damping`: of the system, or `None` [s].
+    - `speed`: of the pinion [rad/s].
+    - `base`: frequency of the response [rad/s].
+    """
+
+    law: AbstractContactLaw
+    samples: tuple[Mesh, ...]
+    times: tuple[Basis, ...]
+    rates: Basis
+    analysis: Analysis
+    real: HarmonicMatrices
+    imaginary: HarmonicMatrices
+    resting: Vector
+    still: Coordinates
+    mean: CoordinateMatrix
+    bow: CoordinateMatrix | None
+    cell_damping: Scalar | None
+    scales: Coordinates
+    speed: Scalar
+    base: Scalar
+
+
+def rates_of(values: Basis) -> Basis:
+    """Derivative of each term by the angle of the first harmonic."""
+    count = (values.shape[1] - 1) // 2
+    order = jnp.arange(1, count + 1, dtype=float)[None, :]
+    cosines, sines = values[:, 1 : count + 1], values[:, count + 1 :]
+    return jnp.concatenate([jnp.zeros_like(values[:, :1]), -order * sines, order * cosines], axis=1)
+
+
+def responses_of(
+    system: DynamicSystem, modes: ModalBasis, frequency: Reals, speed: Scalar
+) -> Responses:
+    """Motion of all degrees of freedom per unit mesh load at each frequency."""
+    mass, whole = system.mass.astype(complex), system.stiffness_at(speed).astype(complex)
+    damping = system.rates_at(speed).astype(complex)
+    shape = modes.shape.astype(complex)
+    columns = system.vectors.astype(complex)
+
+    def at(frequency: Scalar):
+        s = jax.lax.complex(jnp.zeros(()), frequency)
+
+        def apply(x):
+            return s * s * (mass @ x) + s * (damping @ x) + whole @ x
+
+        def by_modes(_, right):
+            divisor = jax.lax.complex(modes.square - frequency**2, frequency * modes.damping)
+            return shape @ ((shape.T @ right) / divisor[:, None])
+
+        if system.gyroscopic is None:
+            # The modes are how the system is solved; derivatives are those of its solution.
+            return jax.lax.custom_linear_solve(apply, columns, by_modes, symmetric=True)
+        return jnp.linalg.solve(s * s * mass + s * damping + whole, columns)
+
+    # Large systems one by one: see `between_all_cells`.
+    return jax.vmap(at)(frequency) if system.turning is None else jax.lax.map(at, frequency)
+
+
+def loads_of(
+    problem: Problem, terms: Terms
+) -> tuple[StepPlaces, StepPlaces, list[tuple[StepMatrices, Basis]]]:
+    """Elastic and total load at mid-steps, and the slopes of the latter.
+
+    A slope is a matrix for each step, and the values of the harmonics that it multiplies.
+    """
+    mesh, *others = problem.samples
+    if others:
+        first, last = (values @ terms.T for values in problem.times)
+        load, *slopes = jax.vmap(mean_load)(mesh, others[0], others[1], first, last)
+        return load, load, list(zip(slopes, problem.times, strict=True))
+    values = problem.times[0]
+    place = values @ terms.T
+    press = lambda mesh, place: mesh_load(mesh, place, problem.law)
+    elastic, tangent = jax.vmap(press)(mesh, place)
+    loss = problem.cell_damping
+    if loss is None:
+        return elastic, elastic, [(tangent, values)]
+
+    def damping(mesh: Mesh, place: Coordinates, rate: Coordinates) -> Coordinates:
+        return loss * jnp.sum(press(mesh, place)[1] * rate[None, :], axis=1)
+
+    rate = problem.rates @ terms.T
+    total = elastic + jax.vmap(damping)(mesh, place, rate)
+    tangent = tangent + jax.vmap(jax.jacfwd(damping, argnums=1))(mesh, place, rate)
+    by_rate = loss * jax.vmap(press)(mesh, place)[1]
+    return elastic, total, [(tangent, values), (by_rate, problem.rates)]
+
+
+# Up to so many mesh coordinates a sum of products of arrays is faster than many small matrices.
+_FEW = 4
+
+
+def _by_harmonic(matrices: Reals, columns: Reals) -> Reals:
+    """A matrix for each harmonic, or one for all, times the columns of the harmonic."""
+    if matrices.shape[2] > _FEW:
+        return jnp.matmul(matrices, columns)
+    return jnp.sum(matrices[:, :, :, None] * columns[:, None, :, :], axis=2)
+
+
+def motion_of_nodes(problem: Problem, place: Reals, load: Reals) -> Reals:
+    """Harmonics of the nodes' mesh coordinates, n = m + B g; terms leading, columns trailing."""
+    if problem.bow is None:
+        return place
+    return place + _by_harmonic(problem.bow[None], load)
+
+
+def excess_stiffness(problem: Problem, nodes: Reals, load: Reals) -> Reals:
+    """Harmonics of the load beyond that of the mean stiffness, g - k n."""
+    return load - _by_harmonic(problem.mean[None], nodes)
+
+
+def _missing(problem: Problem, place: Reals, load: Reals) -> Reals:
+    """n + R (g - k n) of each harmonic: what must equal the answer to the constant load."""
+    nodes = motion_of_nodes(problem, place, load)
+    excess = excess_stiffness(problem, nodes, load)
+    count = problem.real.shape[0] - 1
+    cosines, sines = excess[: count + 1], excess[count + 1 :]
+    real, imaginary = problem.real, problem.imaginary
+    in_phase = _by_harmonic(real, cosines).at[1:].add(_by_harmonic(imaginary[1:], sines))
+    square = _by_harmonic(real[1:], sines) - _by_harmonic(imaginary[1:], cosines[1:])
+    return nodes + jnp.concatenate([in_phase, square])
+
+
+def imbalance(problem: Problem, terms: Terms) -> Terms:
+    """What the harmonics of each mesh coordinate lack, over the coordinate's scale.
+
+    **Arguments:**
+
+    - `problem`: the balance at one speed.
+    - `terms`: harmonics of the mesh coordinates [m, rad].
+
+    **Returns:**
+
+    The imbalance, like `terms` [-].
+    """
+    return _imbalance(problem, terms, problem.analysis @ loads_of(problem, terms)[1])
+
+
+def _imbalance(problem: Problem, terms: Terms, load: Reals) -> Terms:
+    missing = _missing(problem, terms.T[:, :, None], load[:, :, None])[:, :, 0]
+    return missing.at[0].add(-problem.still).T / problem.scales[:, None]
+
+
+def linearised(problem: Problem, terms: Terms) -> tuple[Terms, Reals]:
+    """The imbalance, and its derivative by the harmonics.
+
+    **Arguments:**
+
+    - `problem`: the balance at one speed.
+    - `terms`: harmonics of the mesh coordinates [m, rad].
+
+    **Returns:**
+
+    The imbalance [-], and a square matrix on the flattened harmonics [1/m, 1/rad].
+    """
+    _, total, slopes = loads_of(problem, terms)
+    width, count = terms.shape
+    spread = [tangent[:, :, :, None] * values[:, None, None, :] for tangent, values in slopes]
+    spread = functools.reduce(operator.add, spread)
+    load = problem.analysis @ spread.reshape(spread.shape[0], -1)
+    place = jnp.eye(width)[None, :, :, None] * jnp.eye(count)[:, None, None, :]
+    columns = count, width, width * count
+    matrix = _missing(problem, place.reshape(columns), load.reshape(columns))
+    # Rows in the order of the imbalance: coordinates leading.
+    matrix = jnp.moveaxis(matrix, 0, 1) / problem.scales[:, None, None]
+    return _imbalance(problem, terms, problem.analysis @ total), matrix.reshape(
+        width * count, width * count
+    )
+
+
+class _Search(eqx.Module):
+    """Where Newton's method stands.
+
+    **Fields:**
+
+    - `best`: harmonics of the least imbalance so far [m, rad].
+    - `error`: its imbalance [-].
+    - `trial`: harmonics to examine next [m, rad].
+    - `steps`: taken [-].
+    """
+
+    best: Terms
+    error: Scalar
+    trial: Terms
+    steps: Scalar
+
+
+# Contact opens and closes in Newton's first steps, and imbalance may rise on the way; later steps
+# are halved until it falls.
+_FREE_STEPS = 12
+
+
+@functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
+def root_of(
+    settings: tuple[float, int], problem: Problem, first: Terms
+) -> tuple[Terms, Scalar, Scalar]:
+    """Harmonics in balance, the imbalance one Newton step before them, and the number of steps."""
+    tolerance, most_steps = settings
+
+    def body(state: _Search) -> _Search:
+        missing, matrix = linearised(problem, state.trial)
+        error = jnp.max(jnp.abs(missing))
+        step = jnp.linalg.solve(matrix, missing.reshape(-1)).reshape(missing.shape)
+        finite = jnp.isfinite(error) & jnp.all(jnp.isfinite(step))
+        better = finite & (error < state.error)
+        best = jnp.where(better, state.trial, state.best)
+        on = better | (finite & (state.steps < _FREE_STEPS))
+        return _Search(
+            best=best,
+            error=jnp.where(better, error, state.error),
+            trial=jnp.where(on, state.trial - step, 0.5 * (best + state.trial)),
+            steps=state.steps + 1.0,
+        )
+
+    def unfinished(state: _Search) -> Flag:
+        # A NaN is not finished either: it is met by the number of steps.
+        return ~(state.error <= tolerance) & (state.steps < most_steps)
+
+    start = _Search(first, jnp.asarray(jnp.inf), first, jnp.zeros(()))
+    last = jax.lax.while_loop(unfinished, body, start)
+    # `trial` is one Newton step beyond the point that met the tolerance.
+    terms = jnp.where(last.error <= tolerance, last.trial, last.best)
+    return terms, last.error, last.steps
+
+
+@root_of.defjvp
+def _root_tangent(settings, primals, tangents):
+    problem, first = primals
+    terms, error, steps = root_of(settings, problem, first)
+    matrix = linearised(problem, terms)[1]
+    _, change = jax.jvp(lambda p: imbalance(p, terms), (problem,), (tangents[0],))
+    # What is not a response has no derivative, and its matrix may be singular.
+    found = error <= settings[0]
+    matrix = jnp.where(found, matrix, jnp.eye(matrix.shape[0]))
+    moved = -jnp.linalg.solve(matrix, change.reshape(-1)).reshape(change.shape)
+    moved = derivative_if(found, moved)
+    return (terms, error, steps), (moved, jnp.zeros_like(error), jnp.zeros_like(steps))

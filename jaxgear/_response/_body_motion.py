@@ -1,0 +1,313 @@
+"""Motion of a condensed body by its waves, as seen from the body and from the ground."""
+
+import functools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from jaxgear._checks import require
+from jaxgear._dynamics._orbit import Orbit
+from jaxgear._dynamics._system import PairDynamics
+from jaxgear._geometry._pair import GearPair
+
+# Harmonics are fitted up to where the longest step is this part of their period: two are the least
+# that tell a harmonic at all.
+RESOLVED = 0.4
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    r"""Something real by orders of a gear's rotation: $\Re\sum_o a_o e^{io\psi}$.
+
+    **Fields:**
+
+    - `order`: $o$, not negative, rising, shape `[order]` [-].
+    - `amplitude`: $a_o$, complex, peak, shape `[order, ...]` [unit of what it is].
+    """
+
+    order: np.ndarray
+    amplitude: np.ndarray
+
+    @property
+    def size(self) -> np.ndarray:
+        """Peak amplitudes; of order 0 the mean without its sign."""
+        return np.abs(self.amplitude)
+
+    @property
+    def mean_square(self) -> np.ndarray:
+        """Mean square about the mean, by Parseval [square of the unit]."""
+        square = np.where(self._over(0.0), self.size, 0.0) ** 2
+        return np.asarray(0.5 * np.sum(square, axis=0))
+
+    def at(self, angle: np.ndarray) -> np.ndarray:
+        """Values where the gear has turned by so much since the cycle began.
+
+        **Arguments:**
+
+        - `angle`: $\\psi$, positive, shape `[step]` [rad].
+
+        **Returns:**
+
+        Shape `[step, ...]`.
+        """
+        moved = np.flatnonzero(np.abs(self.amplitude).reshape(len(self.order), -1).any(axis=1))
+        turned = np.exp(1j * np.multiply.outer(np.asarray(angle), self.order[moved]))
+        return np.real(np.tensordot(turned, self.amplitude[moved], axes=1))
+
+    def near(self, order: float | int) -> np.ndarray:
+        """Amplitude at one order, zero where there is none; as `amplitude`, without its first axis.
+
+        **Arguments:**
+
+        - `order`: wanted [-].
+        """
+        found = np.flatnonzero(np.abs(self.order - order) < SAME_ORDER)
+        return np.asarray(self.amplitude[found].sum(axis=0))
+
+    def strongest(self, low: float = 0.0, high: float = math.inf) -> float:
+        """The order of the largest amplitude, of the largest entry if there are several [-].
+
+        **Arguments:**
+
+        - `low`, `high`: orders above the first and up to the second are considered [-].
+        """
+        size = self.size.reshape(len(self.order), -1).max(axis=1)
+        considered = (self.order > low + SAME_ORDER) & (self.order <= high + SAME_ORDER)
+        require(bool(considered.any()), "There is no order between {a:g} and {b:g}.", a=low, b=high)
+        return float(self.order[np.argmax(np.where(considered, size, -1.0))])
+
+    def _over(self, low: float) -> np.ndarray:
+        return (self.order > low + SAME_ORDER).reshape(-1, *[1] * (self.amplitude.ndim - 1))
+
+
+# Orders are multiples of one over the mesh periods of a cycle, of which there are some hundreds.
+SAME_ORDER = 1e-6
+
+
+@dataclass(frozen=True)
+class BodyMotion:
+    r"""Seats and modes of a turning condensed body in a steady response.
+
+    **Fields:**
+
+    - `amplitudes`: $a_m$, in coordinates that stand still in space, complex, shape
+        `[harmonic, seat dof and mode]` [m, rad, m kg^1/2].
+    - `turning`: $J$ of the coordinates: how they change per turn of the body, shape
+        `[seat dof and mode, seat dof and mode]` [-].
+    - `teeth`: $Z$ of the gear.
+    - `periods`: $P$, mesh periods after which the response repeats.
+    - `speed`: of the gear about +Z [rad/s].
+    - `angle`: $\theta_0$, of the body's x from S where the cycle begins [rad].
+    """
+
+    amplitudes: np.ndarray
+    turning: np.ndarray
+    teeth: int
+    periods: int
+    speed: float
+    angle: float
+
+    @property
+    def sense(self) -> int:
+        """1 if the gear turns about +Z, -1 if it turns about -Z."""
+        return 1 if self.speed > 0.0 else -1
+
+    @property
+    def standing(self) -> Spectrum:
+        """Seats and modes in coordinates that stand still in space."""
+        order = np.arange(len(self.amplitudes)) * self.teeth / self.periods
+        return Spectrum(order, self.amplitudes)
+
+    @functools.cached_property
+    def of_body(self) -> Spectrum:
+        """Seats and modes as the body has them, $z = D(-\\theta)x$."""
+        waves, vectors, own = self.turned
+        number, values = [], []
+        for wave in np.unique(waves):
+            chosen = waves == wave
+            number.append(self.numbers(int(wave)))
+            values.append(own[:, chosen] @ vectors[:, chosen].T)
+        return self.collected(np.concatenate(number), np.concatenate(values))
+
+    @functools.cached_property
+    def turned(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        r"""Motions that turn by a phase, $\lambda$ and $v$ of `waves_of_turning`, as they are.
+
+        The last are their amplitudes on the body where the cycle begins, `[harmonic, vector]`.
+        """
+        waves, vectors = waves_of_turning(self.turning)
+        own = (self.amplitudes @ vectors.conj()) * np.exp(-1j * waves * self.angle)
+        return waves, vectors, own
+
+    def numbers(self, wave: int | np.ndarray) -> np.ndarray:
+        r"""$P$ times the order of each harmonic of what turns by $-\lambda\theta$."""
+        harmonic = np.arange(len(self.amplitudes))
+        return harmonic * self.teeth - self.sense * wave * self.periods
+
+    def collected(self, number: np.ndarray, values: np.ndarray) -> Spectrum:
+        """A spectrum of terms at so many parts of an order, which may be negative."""
+        back = number < 0
+        values = np.where(back.reshape(-1, *[1] * (values.ndim - 1)), values.conj(), values)
+        order, place = np.unique(np.abs(number), return_inverse=True)
+        total = np.zeros((len(order), *values.shape[1:]), dtype=complex)
+        np.add.at(total, place, values)
+        # Of what does not move only the real part is there.
+        if order[0] == 0:
+            total[0] = np.real(total[0])
+        return Spectrum(order / self.periods, total)
+
+
+def waves_of_turning(turning: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    r"""Motions that a turn changes by a phase only: $e^{\theta J}v = e^{i\lambda\theta}v$.
+
+    **Arguments:**
+
+    - `turning`: $J$, blocks of two that turn into each other, shape `[coordinate, coordinate]` [-].
+
+    **Returns:**
+
+    Whole numbers $\lambda$, shape `[vector]` [-], and the vectors, unitary together, shape
+    `[coordinate, vector]` [-].
+    """
+    size = len(turning)
+    waves = np.zeros(size, dtype=int)
+    vectors = np.eye(size, dtype=complex)
+    for first, second in np.argwhere(np.triu(np.abs(turning) > 0.5)):
+        number = round(float(turning[second, first]))
+        waves[first], waves[second] = number, -number
+        vectors[[first, second], first] = np.array([1.0, -1j]) / math.sqrt(2.0)
+        vectors[[first, second], second] = np.array([1.0, 1j]) / math.sqrt(2.0)
+    return waves, vectors
+
+
+def start_angle(pair: GearPair, index: int) -> float:
+    """Angle of a body's x from S, about Z, where the cycle begins: tooth 0 enters at mid-face.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `index`: 0 for the pinion, 1 for the wheel.
+
+    **Returns:**
+
+    The angle [rad].
+    """
+    roll = float(pair.path_start)
+    own = roll if index == 0 else float(pair.tangent_length) - roll
+    middle = own / float(pair.base_radius[index]) - float(pair.half_thickness_at_base[index])
+    return middle - float(pair.working_pressure_angle) + (0.0 if index == 0 else math.pi)
+
+
+def body_motion(
+    dynamics: PairDynamics,
+    orbit: Orbit,
+    index: int,
+    harmonics: int | None = None,
+    *,
+    angle: float | None = None,
+) -> BodyMotion:
+    """Seats and modes of a condensed body in a steady response, by harmonics of the mesh.
+
+    The steps of a cycle are not all of one length; the harmonics are those that fit the motion in
+    the middles of the steps best, in the mean over time. A response by harmonic balance they meet.
+
+    **Arguments:**
+
+    - `dynamics`: the pair.
+    - `orbit`: its response at one speed.
+    - `index`: 0 for the pinion, 1 for the wheel.
+    - `harmonics`: of the mesh frequency; by default as many as the steps resolve well.
+    - `angle`: `start_angle` of that gear, where it is known already [rad].
+
+    **Returns:**
+
+    The motion.
+
+    **Raises:**
+
+    - `ValueError` if that gear is not condensed, or the steps do not resolve the harmonics.
+    """
+    name = ("pinion", "wheel")[index]
+    place = next((each for each in dynamics.bodies if each.index == index), None)
+    require(
+        place is not None, "The {name} has no condensed body: there are no waves in it.", name=name
+    )
+    assert place is not None
+    system = dynamics.system
+    motion = np.asarray(orbit.motion)
+    whole = np.zeros((len(motion), max(dynamics.dofs) + 1))
+    whole[:, list(dynamics.dofs)] = motion
+    modes = place.first + np.arange(np.asarray(place.square).size)
+    table = system.table
+    periods = len(motion) // len(table.kinds) * table.periods
+    lengths = np.asarray(table.lengths)[: len(table.kinds) // table.periods]
+    pair = dynamics.cycle.system.pair
+    return BodyMotion(
+        amplitudes=_harmonics(whole[:, np.r_[list(place.seats), modes]], lengths, harmonics),
+        turning=np.asarray(place.turning),
+        teeth=(pair.pinion, pair.wheel)[index].teeth,
+        periods=periods,
+        speed=place.speed * float(orbit.speed),
+        angle=start_angle(pair, index) if angle is None else angle,
+    )
+
+
+def _harmonics(values: np.ndarray, lengths: np.ndarray, most: int | None) -> np.ndarray:
+    """Complex amplitudes that fit values in the middles of steps, `[step, c]` to `[harmonic, c]`.
+
+    Steps repeat their lengths in each of the mesh periods. From one period to the next a harmonic
+    turns by a phase of its own: those of one phase are fitted together, by the same matrix.
+    """
+    middles = np.cumsum(lengths) - 0.5 * lengths
+    limit = 0.5 / float(lengths.max())
+    count = max(1, int(RESOLVED / float(lengths.max()))) if most is None else most
+    require(
+        1 <= count < limit,
+        "The time steps resolve fewer than {limit:.4g} harmonics of the mesh frequency, got "
+        "{got}: raise the number of steps, or ask for fewer.",
+        limit=limit,
+        got=count,
+    )
+    periods = len(values) // len(lengths)
+    series = values.reshape(periods, len(lengths), -1)
+    phases = np.fft.fft(series, axis=0, norm="forward")
+    weight = np.sqrt(lengths)[:, None]
+    numbers = np.arange(-count, count + 1)
+    fit = np.linalg.pinv(weight * np.exp(2j * np.pi * np.multiply.outer(middles, numbers)))
+    short = fit
+    if periods % 2 == 0:
+        own = weight * np.exp(2j * np.pi * np.multiply.outer(middles, numbers[:-1]))
+        short = np.linalg.pinv(own)
+    found = np.zeros((count * periods + (periods + 1) // 2, series.shape[2]), dtype=complex)
+    for residue in range(periods):
+        phase = residue if 2 * residue <= periods else residue - periods
+        back = np.exp(-2j * np.pi * phase * middles / periods)[:, None]
+        half = 2 * phase == periods
+        own = (short if half else fit) @ (weight * back * phases[residue])
+        harmonic = phase + periods * (numbers[:-1] if half else numbers)
+        kept = (harmonic >= 0) & (harmonic < len(found))
+        found[harmonic[kept]] = own[kept]
+    found[1:] *= 2.0
+    found[0] = np.real(found[0])
+    return found
+
+
+# --- Gauges that turn with the body
+
+
+def rotating_spectrum(motion: BodyMotion, rows: np.ndarray) -> Spectrum:
+    r"""What gauges that turn with a body show.
+
+    **Arguments:**
+
+    - `motion`: of the body.
+    - `rows`: of each gauge per seat and mode, as of `BodyBasis.motions`, shape
+        `[..., seat dof and mode]` [-, m, kg^-1/2].
+
+    **Returns:**
+
+    Spectrum by orders of the gear's rotation, amplitude shape `[order, ...]` [m].
+    """
+    own = motion.of_body
+    return Spectrum(own.order, np.tensordot(own.amplitude, rows, axes=([1], [rows.ndim - 1])))

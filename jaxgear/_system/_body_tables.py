@@ -1,0 +1,322 @@
+"""Condensed finite elements put in mesh: the tables of a body, made once."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+import scipy
+
+from jaxgear._checks import require
+from jaxgear._geometry._lines import MeshGrid, face_positions
+from jaxgear._geometry._pair import GearPair
+from jaxgear._geometry._profile import tooth_section
+from jaxgear._interface._roots import ROOT_POINTS, Axial, Feet, RimSurface, RootPatches, feet
+from jaxgear._system._body_modes import BodyBasis, BodyModes
+from jaxgear._system._condensed import Condensed
+from jaxgear._system._flexible import FlexibleBody
+from jaxgear._system._rim_checks import check_elements, check_rim
+
+# Components of a foot's motion that spur teeth load: along radius and tangent, and about the axis.
+_IN_PLANE, _ALL = (0, 1, 5), (0, 1, 2, 3, 4, 5)
+
+# How far the stiffness between seats may depend on the direction, of its largest entry.
+_UNEVEN = 1e-3
+
+
+# --- Making the tables, once
+
+
+def root_patches(
+    pair: GearPair, index: int, grid: MeshGrid, teeth: np.ndarray, *, points: int, axial: Axial
+) -> RootPatches:
+    """Where the slices of some teeth stand on their rim, in the body's frame.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `index`: 0 for the pinion, 1 for the wheel.
+    - `grid`: gives the slices.
+    - `teeth`: numbers of the teeth, counted along the angle, of any shape.
+    - `points`: across a root.
+    - `axial`: how a slice follows the rim along the axis.
+
+    **Returns:**
+
+    The patches; the last axis of their angles counts slices.
+    """
+    gear = (pair.pinion, pair.wheel)[index]
+    heights = np.asarray(face_positions(pair, grid))
+    # Slices of a helical tooth follow the helix; the wheel has the other hand.
+    twist = (1.0, -1.0)[index] * math.tan(float(pair.base_helix_angle))
+    twist /= float(pair.base_radius[index])
+    section = tooth_section(pair, gear)
+    # The virtual gear's thickness is normal to the helix.
+    thickness = 2.0 * float(section.root_half_angle * section.root_radius)
+    half = 0.5 * float(pair.face_width)
+    return RootPatches(
+        angles=(2.0 * math.pi / gear.teeth) * np.asarray(teeth)[..., None] + twist * heights,
+        edges=np.linspace(-half, half, grid.slices + 1),
+        width=thickness / math.cos(float(pair.helix_angle)),
+        points=points,
+        axial=axial,
+    )
+
+
+def teeth_on_lines(index: int, grid: MeshGrid, periods: int) -> np.ndarray:
+    """Teeth on the contact lines of each mesh period, counted along the angle.
+
+    **Arguments:**
+
+    - `index`: 0 for the pinion, 1 for the wheel.
+    - `grid`: gives the lines.
+    - `periods`: mesh periods.
+
+    **Returns:**
+
+    Shape `[period, line]`. A tooth further along the path is ahead on the pinion, behind on the
+    wheel; tooth 0 enters at phase 0.
+    """
+    line = np.arange(grid.lines) + grid.first_line
+    ahead = line - np.arange(periods)[:, None]
+    return ahead if index == 0 else -ahead
+
+
+def flexible_body(
+    body: Condensed,
+    pair: GearPair,
+    index: int,
+    grid: MeshGrid,
+    *,
+    gear_seat: str | None = None,
+    points: int = ROOT_POINTS,
+    axial: Axial = "mortar",
+    local: Callable[[int], np.ndarray] | None = None,
+    basis: BodyBasis | None = None,
+) -> FlexibleBody:
+    """Put a condensed body in mesh. Call it outside of `jit`, on concrete gears.
+
+    **Arguments:**
+
+    - `body`: the condensed body.
+    - `pair`: the gears.
+    - `index`: 0 if it is the pinion's, 1 if it is the wheel's.
+    - `grid`: slices, lines and periods of the cycle.
+    - `gear_seat`: seat at which the torque acts and the gear's rotation is measured; by default
+        `torque`, or the only one.
+    - `points`: across the root of a tooth; 2 is the thesis's connection.
+    - `axial`: how a slice follows the rim along the axis, "mortar" or "collocation".
+    - `local`: what the feet of a tooth give beyond what the elements of the rim can show, by the
+        tooth's number: `[6 slice, 6 slice]` in the frames of the feet [m/N, 1/N, 1/(N m)].
+    - `basis`: on which the body vibrates, from `body_basis`; statics need none.
+
+    **Returns:**
+
+    The body's tables.
+
+    **Raises:**
+
+    - `ValueError` if the body is not this gear's, if slices are off its rim, if it has no faces on
+        the rim, if its seats are not named as they must be, or if its stiffness between seats
+        depends on the direction.
+    """
+    check_rim(body, pair, index)
+    check_elements(body, pair, index, grid)
+    gear = (pair.pinion, pair.wheel)[index]
+    sectors = body.facts.get("sectors", 1)
+    assert isinstance(sectors, int)
+    repeats = gear.teeth // math.gcd(gear.teeth, sectors)
+    if basis is not None:
+        basis, repeats = basis.under_teeth(gear.teeth, sectors)
+    periods = min(repeats, grid.periods)
+    teeth = teeth_on_lines(index, grid, periods)
+    each, where = np.unique(teeth % gear.teeth if repeats > 1 else teeth, return_inverse=True)
+    patches = root_patches(pair, index, grid, each, points=points, axial=axial)
+    found = feet(RimSurface(body.rim_nodes, body.rim_faces), patches)
+    components = _ALL if float(pair.helix_angle) != 0.0 else _IN_PLANE
+    held = _held(body, found, patches.angles.ravel(), components)
+    count, slices, size = len(each), grid.slices, len(components)
+    lines, cells = where.reshape(teeth.shape), grid.lines * slices
+    pairs = _between_cells(held, lines, each, repeats, local, components)
+
+    def on_cells(rows: np.ndarray) -> np.ndarray:
+        """Rows of all feet as `[period, component, cell, ...]`."""
+        chosen = rows.reshape(count, slices, size, *rows.shape[1:])[lines]
+        return np.moveaxis(chosen, 3, 1).reshape(periods, size, cells, *rows.shape[1:])
+
+    centres = found.centres.reshape(count, slices, 3)[lines].reshape(periods, cells, 3)
+    return FlexibleBody(
+        flexibility=jnp.asarray(0.5 * (pairs + pairs.transpose(0, 2, 1, 4, 3))),
+        from_seats=jnp.asarray(on_cells(held.from_seats)),
+        growth=jnp.asarray(on_cells(held.growth)),
+        centres=jnp.asarray(centres),
+        seat_stiffness=jnp.asarray(held.seat_stiffness),
+        seat_load=jnp.asarray(held.seat_load),
+        seat_heights=jnp.asarray(body.seat_points[:, 2]),
+        seats=tuple(body.seats),
+        gear_seat=_gear_seat(body, gear_seat),
+        components=components,
+        first_line=grid.first_line,
+        slices=slices,
+        repeats=repeats,
+        modes=None if basis is None else _modes_on(basis, body, held, on_cells),
+    )
+
+
+@dataclass(frozen=True)
+class _HeldBody:
+    """A body with its seats held, and what the seats feel of it.
+
+    **Fields:**
+
+    - `feet`: their components by the translations of the rim nodes, `[row, 3 rim]`.
+    - `flexibility`: of the feet's components, `[row, row]`.
+    - `from_seats`: `[row, 6 seat]`, both in the frame of each foot.
+    - `growth`: of the feet by rotation `[row]`.
+    - `seat_stiffness`, `seat_load`: of the seats, the same in every direction.
+    """
+
+    feet: np.ndarray
+    flexibility: np.ndarray
+    from_seats: np.ndarray
+    growth: np.ndarray
+    seat_stiffness: np.ndarray
+    seat_load: np.ndarray
+
+
+def _modes_on(basis: BodyBasis, body: Condensed, held: _HeldBody, on_cells: Callable) -> BodyModes:
+    """The modes of a body, as the cells see them."""
+    rows = held.feet @ basis.shapes[: held.feet.shape[1]]
+    return BodyModes(
+        square=jnp.asarray(basis.square),
+        rows=jnp.asarray(on_cells(rows)),
+        load=jnp.asarray(basis.shapes.T @ body.centrifugal_load),
+        **basis.matrices(body),
+        waves=tuple(int(wave) for wave in basis.waves),
+        diameters=tuple(int(number) for number in basis.diameters),
+    )
+
+
+def _between_cells(
+    held: _HeldBody,
+    lines: np.ndarray,
+    teeth: np.ndarray,
+    repeats: int,
+    local: Callable[[int], np.ndarray] | None,
+    components: tuple[int, ...],
+) -> np.ndarray:
+    """What cells give by each other's loads, `[period, component, component, cell, cell]`."""
+    count, size = len(teeth), len(components)
+    slices = len(held.flexibility) // (count * size)
+    whole = held.flexibility.reshape(count, slices, size, count, slices, size)
+    if local is not None:
+        # Teeth that the body repeats under have the same.
+        own = {int(tooth): local(int(tooth)) for tooth in (teeth if repeats > 1 else teeth[:1])}
+        for place, tooth in enumerate(teeth):
+            more = own[int(tooth if repeats > 1 else teeth[0])]
+            whole[place, :, :, place] += _of_one_tooth(more, slices, components)
+    pairs = whole[lines[:, :, None], :, :, lines[:, None, :]]
+    # Period, line, line, slice, component, slice, component.
+    cells = lines.shape[1] * slices
+    return pairs.transpose(0, 4, 6, 1, 3, 2, 5).reshape(-1, size, size, cells, cells)
+
+
+def _of_one_tooth(local: np.ndarray, slices: int, components: tuple[int, ...]) -> np.ndarray:
+    """What the feet of one tooth give, as `[slice, component, slice, component]`."""
+    chosen = local.reshape(slices, 6, slices, 6)[:, list(components)]
+    return chosen[:, :, :, list(components)]
+
+
+def _held(
+    body: Condensed, found: Feet, angles: np.ndarray, components: tuple[int, ...]
+) -> _HeldBody:
+    """Hold the seats of a body, and move them and load its feet one by one."""
+    rim, count = 3 * len(body.rim_nodes), len(body.seats)
+    seat = np.arange(rim, rim + 6 * count)
+    inner = np.setdiff1d(np.arange(len(body.stiffness)), seat)
+    joined = body.stiffness[np.ix_(inner, seat)]
+    kept = (6 * np.arange(len(angles))[:, None] + np.array(components)).ravel()
+    rows = found.rows[kept].toarray()
+    # Unit motions of the seats, loads on the feet, rotation: all in one solution.
+    right = np.zeros((len(inner), joined.shape[1] + len(rows) + 1), order="F")
+    right[:, : joined.shape[1]] = joined
+    right[:rim, joined.shape[1] : -1] = rows.T
+    right[:, -1] = body.centrifugal_load[inner]
+    inside = body.stiffness[np.ix_(inner, inner)]
+    factor = scipy.linalg.cho_factor(inside, lower=True, overwrite_a=True, check_finite=False)
+    solved = scipy.linalg.cho_solve(factor, right, overwrite_b=True, check_finite=False)
+    given = rows @ solved[:rim]
+    by_seats = solved[:, : joined.shape[1]]
+    stiffness = body.stiffness[np.ix_(seat, seat)]
+    return _HeldBody(
+        feet=rows,
+        flexibility=given[:, joined.shape[1] : -1],
+        from_seats=-_turned(given[:, : joined.shape[1]], angles),
+        growth=given[:, -1],
+        seat_stiffness=_same_all_round(stiffness - joined.T @ by_seats, stiffness, body),
+        seat_load=_along_axis(body.centrifugal_load[seat] - joined.T @ solved[:, -1]),
+    )
+
+
+def _turned(rows: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Rows of each foot per motion of the seats in the body's frame: now in the foot's."""
+    apart = rows.reshape(len(angles), len(rows) // len(angles), -1, 3)
+    cosine, sine = np.cos(angles)[:, None, None], np.sin(angles)[:, None, None]
+    x, y, z = np.moveaxis(apart, 3, 0)
+    return np.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=3).reshape(rows.shape)
+
+
+def _same_all_round(matrix: np.ndarray, before: np.ndarray, body: Condensed) -> np.ndarray:
+    """The stiffness between seats, the mean over all directions, and free in rigid motions."""
+    turned = []
+    for quarter in range(4):
+        cosine, sine = (
+            round(math.cos(quarter * math.pi / 2)),
+            round(math.sin(quarter * math.pi / 2)),
+        )
+        turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+        whole = np.kron(np.eye(len(matrix) // 3), turn)
+        turned.append(whole @ matrix @ whole.T)
+    mean = np.mean(turned, axis=0)
+    # Translations and rotations are of different units: a diagonal of one makes them alike.
+    scale = 1.0 / np.sqrt(np.diagonal(before))
+    uneven = float(np.abs(scale[:, None] * (matrix - mean) * scale).max())
+    require(
+        uneven <= _UNEVEN,
+        "The stiffness of a condensed body between its seats must be the same in every direction "
+        "across the axis, as of three or more equal sectors; that of {name!r} differs by {got:.3g} "
+        "of its own. Such a body would shake its bearings once a turn.",
+        name=body.name,
+        got=uneven,
+    )
+    rigid = np.zeros((len(matrix), 6))
+    for number, point in enumerate(body.seat_points):
+        x, y, z = point
+        rows = slice(6 * number, 6 * number + 6)
+        rigid[rows] = np.eye(6)
+        rigid[6 * number : 6 * number + 3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
+    onto = np.linalg.qr(rigid / scale[:, None])[0]
+    free = np.eye(len(matrix)) - onto @ onto.T
+    scaled = free @ (scale[:, None] * mean * scale) @ free
+    result = scaled / scale[:, None] / scale
+    return 0.5 * (result + result.T)
+
+
+def _along_axis(load: np.ndarray) -> np.ndarray:
+    """What of a load on seats stands still while the body turns: along and about the axis."""
+    kept = np.zeros_like(load)
+    kept[2::3] = load[2::3]
+    return kept
+
+
+def _gear_seat(body: Condensed, name: str | None) -> int:
+    if name is None:
+        name = "torque" if "torque" in body.seats else body.seats[0] if len(body.seats) == 1 else ""
+    require(
+        name in body.seats,
+        "The seat where the torque acts must be one of the body's, {seats}, got {name!r}.",
+        seats=", ".join(body.seats),
+        name=name,
+    )
+    return body.seats.index(name)
