@@ -254,4 +254,6 @@ def _write(path: Path, exported: jax.export.Exported, result: Any) -> None:
     with contextlib.suppress(OSError, pickle.PicklingError, AttributeError, TypeError):
         body = pickle.dumps((bytes(exported.serialize()), example), protocol=5)
         with whole_file(path) as draft:
+            # It is unpickled: nobody else may write to it.
+            draft.touch(mode=0o600)
             draft.write_bytes(hashlib.sha256(body).digest() + body)
