@@ -13,6 +13,7 @@ from jaxgear._cli._saving import save
 from jaxgear._cli._writing import finish, written
 from jaxgear._interface._laws import ExactContact
 from jaxgear._units import um
+from jaxgear._whole_file import write_csv, write_dataset
 from jaxgear.plot import _dynamic_tables as dynamic_tables
 from jaxgear.plot import _tables as tables
 from jaxgear.plot._axes_tables import axes_columns
@@ -59,7 +60,7 @@ from jaxgear.study._optimising import optimisation, optimise_flanks
 from jaxgear.study._progress import built_scene, narration, progress
 from jaxgear.study._relief_map import map_relief
 from jaxgear.study._result import Result, Summary, title_of
-from jaxgear.study._results import static_dataset, write_csv, write_dataset
+from jaxgear.study._results import static_dataset
 from jaxgear.study._sizing import (
     combinations_of,
     sizing_columns,

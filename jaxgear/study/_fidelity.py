@@ -15,6 +15,7 @@ from typing import Any
 
 from jaxgear._cli._folder import Folder
 from jaxgear._dynamics._harmonic import HarmonicBalance
+from jaxgear._whole_file import write_json
 from jaxgear.scene._build import model_of
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._scene_files import files_of
@@ -31,7 +32,6 @@ from jaxgear.study._compare_statics import (
 from jaxgear.study._design import looks_at_speeds, refuse_unbounded, require_search, require_swept
 from jaxgear.study._ladder import Summary
 from jaxgear.study._progress import built_scene, progress
-from jaxgear.study._results import write_json
 from jaxgear.study._rungs import Rung
 from jaxgear.study._statics import SolverFailure
 

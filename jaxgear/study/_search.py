@@ -18,6 +18,7 @@ from jaxgear._geometry._lines import MeshGrid
 from jaxgear._solve._cycle import PreparedMesh
 from jaxgear._types import as_scalar
 from jaxgear._units import um
+from jaxgear._whole_file import as_json
 from jaxgear.scene._build import smooth_law_of
 from jaxgear.study._design import DesignSpace
 from jaxgear.study._evaluations import (
@@ -29,7 +30,6 @@ from jaxgear.study._evaluations import (
 )
 from jaxgear.study._objectives import is_dynamic, limits_of, task_of
 from jaxgear.study._progress import narration, progress
-from jaxgear.study._results import as_json
 from jaxgear.study._running import timed
 from jaxgear.study._statics import SolverFailure
 
