@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from jaxgear.plot._modes_atlas import modes_pictures
 from jaxgear.plot._picture import Datasets, Picture
+from jaxgear.plot._search_atlas import relief_map_pictures, searches_pictures
 
 
 def pictures(datasets: Datasets) -> Iterator[Picture]:
@@ -18,3 +19,5 @@ def pictures(datasets: Datasets) -> Iterator[Picture]:
     Pictures and their tables, one after the other: nothing is drawn unless asked for.
     """
     yield from modes_pictures(datasets)
+    yield from searches_pictures(datasets)
+    yield from relief_map_pictures(datasets)

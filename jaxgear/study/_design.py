@@ -48,6 +48,10 @@ class DesignSpace(eqx.Module):
             pairs |= {twin(key): value for key, value in pairs.items()}
         return pairs | {key: pairs[owner] for key, owner in self.ties}
 
+    def numbers(self, point: np.ndarray) -> dict[str, float]:
+        """The same as plain numbers."""
+        return {key: float(value) for key, value in self.updates(np.asarray(point)).items()}
+
     def model(self, values: Reals | np.ndarray) -> PairModel:
         """The model at a point of the space; traceable by JAX."""
         return self.variation.model(self.updates(values))
@@ -384,5 +388,3 @@ def round_up(value: float) -> float:
     return float(
         next(r * power for r in (1.0, 2.0, 2.5, 4.0, 5.0, 8.0, 10.0) if r * power >= value)
     )
-
-
