@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from jaxgear.plot import _modification_pictures as modification_pictures
     from jaxgear.plot import _pictures as pictures
     from jaxgear.plot import _robust_pictures as robust_pictures
+    from jaxgear.plot import _search_pictures as search_pictures
     from jaxgear.plot import _sensitivity_pictures as sensitivity_pictures
     from jaxgear.plot import _sliding_pictures as sliding_pictures
     from jaxgear.plot import _style as style
@@ -46,6 +47,7 @@ else:
     modification_pictures = _Later("_modification_pictures")
     pictures = _Later("_pictures")
     robust_pictures = _Later("_robust_pictures")
+    search_pictures = _Later("_search_pictures")
     sensitivity_pictures = _Later("_sensitivity_pictures")
     sliding_pictures = _Later("_sliding_pictures")
     style = _Later("_style")

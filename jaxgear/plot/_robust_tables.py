@@ -6,7 +6,8 @@ import numpy as np
 import xarray as xr
 
 from jaxgear.plot._palette import _BLUE, _ORANGE
-from jaxgear.plot._tables import Columns, _unrolled, joined, with_unit
+from jaxgear.plot._search_tables import with_unit
+from jaxgear.plot._tables import Columns, _unrolled, joined
 
 _DESIGNS = (("nominal", _ORANGE, "--"), ("robust", _BLUE, "-"))
 

@@ -18,9 +18,9 @@ from jaxgear._kept_programs import QUICKLY
 from jaxgear._solve._cycle import PreparedMesh
 from jaxgear._whole_file import write_text
 from jaxgear.plot import _robust_tables as robust_tables
-from jaxgear.plot import _tables as tables
+from jaxgear.plot import _search_tables as search_tables
 from jaxgear.plot._modification_tables import draw_modification
-from jaxgear.plot._plots import pictures, robust_pictures
+from jaxgear.plot._plots import robust_pictures, search_pictures
 from jaxgear.scene._build import smooth_law_of
 from jaxgear.scene._scene import Scene, rewritten
 from jaxgear.scene._scene_files import files_seen_from
@@ -354,13 +354,13 @@ def _draw_search(
 ) -> None:
     """What became better, and how fast."""
     old, new = (static_dataset(each.model, each.cycle, each.law) for each in (before, after))
-    figure = partial(pictures.before_after, old, new, title_of(scene))
-    save(figure, tables.before_after_columns(old, new), folder, "before_after")
+    figure = partial(search_pictures.before_after, old, new, title_of(scene))
+    save(figure, search_tables.before_after_columns(old, new), folder, "before_after")
     draw_modification({"start": before.model, "optimised": after.model}, title_of(scene), folder)
     traces = {name: found.values, "differential evolution": baseline.values}
     unit = objective_of(scene)[1]
-    figure = partial(pictures.search_trace, traces, unit, title_of(scene))
-    save(figure, tables.search_trace_columns(traces, unit), folder, "search")
+    figure = partial(search_pictures.search_trace, traces, unit, title_of(scene))
+    save(figure, search_tables.search_trace_columns(traces, unit), folder, "search")
 
 
 def _judged(statics: Statics, objective: float) -> dict[str, float]:

@@ -16,7 +16,7 @@ from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._solve._cycle import PreparedMesh
 from jaxgear._types import Reals
 from jaxgear.plot._plots import curve_pictures
-from jaxgear.plot._tables import with_unit
+from jaxgear.plot._search_tables import with_unit
 from jaxgear.scene._build import smooth_law_of
 from jaxgear.study._design import (
     DesignSpace,

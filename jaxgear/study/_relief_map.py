@@ -19,8 +19,8 @@ from jaxgear._system._model import PairModel
 from jaxgear._types import as_reals
 from jaxgear._units import um
 from jaxgear.plot import _curve_tables as curve_tables
-from jaxgear.plot import _tables as tables
-from jaxgear.plot._plots import curve_pictures, pictures
+from jaxgear.plot import _search_tables as search_tables
+from jaxgear.plot._plots import curve_pictures, search_pictures
 from jaxgear.scene._build import smooth_law_of
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
@@ -110,9 +110,11 @@ def map_relief(scene: Scene, folder: Folder) -> Summary:
     # Relief of one and a half deflections parts the teeth at the ends of the path.
     relieved = space.model(np.asarray([1.5 * deflection / um, 0.3]))
     summary["smoothing_bias"] = _draw_bias(scene, folder, relieved, statics.prepared)
-    figure = partial(pictures.master_curve, chart, valley, closed[:-1], found.path, title_of(scene))
-    beside = tables.valley_columns(chart, valley, closed[:-1])
-    save(figure, tables.master_curve_columns(chart), folder, "master_curve", valley=beside)
+    figure = partial(
+        search_pictures.master_curve, chart, valley, closed[:-1], found.path, title_of(scene)
+    )
+    beside = search_tables.valley_columns(chart, valley, closed[:-1])
+    save(figure, search_tables.master_curve_columns(chart), folder, "master_curve", valley=beside)
     traced = summary["master_curve"]["traced"]
     figure = partial(curve_pictures.traced_curve, traced, title_of(scene))
     save(figure, traced, folder, "master_curve_traced")
@@ -240,8 +242,8 @@ def _draw_bias(
     relative = rms / max(float(exact), 1e-12 * um)
     data = widths / um, mean / um, relative
     title = f"{title_of(scene)}, tip relief that parts the teeth"
-    figure = partial(pictures.smoothing_bias, *data, float(exact) / um, title)
-    save(figure, tables.smoothing_bias_columns(*data), folder, "smoothing_bias")
+    figure = partial(search_pictures.smoothing_bias, *data, float(exact) / um, title)
+    save(figure, search_tables.smoothing_bias_columns(*data), folder, "smoothing_bias")
     return {"width_um": widths / um, "te_mean_bias_um": mean / um, "te_rms_bias_relative": relative}
 
 
