@@ -5,6 +5,7 @@ variable's `units`. A file appears whole or not at all.
 """
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import jax
@@ -36,6 +37,20 @@ class Entry(NamedTuple):
         return xr.Variable(self.dims, np.asarray(self.values), attributes)
 
 
+def dataset_of(variables: Mapping[str, Entry], **coordinates: Entry) -> xr.Dataset:
+    """A dataset of entries.
+
+    **Arguments:**
+
+    - `variables`: by name.
+    - `coordinates`: likewise.
+    """
+    return xr.Dataset(
+        {name: entry.variable() for name, entry in variables.items()},
+        coords={name: entry.variable() for name, entry in coordinates.items()},
+    )
+
+
 def static_dataset(
     model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw
 ) -> xr.Dataset:
@@ -58,16 +73,14 @@ def static_dataset(
     variables["face_load_N_mm"] = Entry(
         ("slice",), found["face_load"] * jg.mm, "N/mm", "mean load per face width"
     )
-    return xr.Dataset(
-        {name: entry.variable() for name, entry in variables.items()},
-        coords={name: entry.variable() for name, entry in _coordinates(cycle, facts).items()},
-        attrs={
+    return dataset_of(variables, **_coordinates(cycle, facts)).assign_attrs(
+        {
             "torque_pinion_Nm": float(model.torque),
             "face_width_mm": float(facts["face_width"]) / jg.mm,
             "base_radius_pinion_mm": float(facts["base_radius"][0]) / jg.mm,
             "teeth_pinion": model.pair.pinion.teeth,
             "teeth_wheel": model.pair.wheel.teeth,
-        },
+        }
     )
 
 
