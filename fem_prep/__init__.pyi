@@ -3,6 +3,7 @@
 from ._checks import BodyError as BodyError
 
 from ._grid import Grid as Grid
+from ._grid import surface as surface
 
 from ._web import Fineness as Fineness
 from ._web import GearBody as GearBody

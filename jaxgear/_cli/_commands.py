@@ -10,14 +10,13 @@ import xarray as xr
 from jaxgear._checks import InputError
 from jaxgear._cli._folder import Folder
 from jaxgear._cli._saving import save
-from jaxgear._cli._writing import finish, written
+from jaxgear._cli._writing import finish, told, written
 from jaxgear._interface._laws import ExactContact
 from jaxgear._units import um
 from jaxgear._whole_file import write_csv, write_dataset
 from jaxgear.plot import _dynamic_tables as dynamic_tables
 from jaxgear.plot import _tables as tables
 from jaxgear.plot._axes_tables import axes_columns
-from jaxgear.plot._body_sections import body_sections
 from jaxgear.plot._modification_tables import draw_modification
 from jaxgear.plot._plots import (
     axes_pictures,
@@ -30,11 +29,7 @@ from jaxgear.plot._sliding_tables import sliding_columns
 from jaxgear.scene._build import couples_on_pinion, model_of, smooth_law_of
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import KEYS, general
-from jaxgear.study._design import (
-    refuse_unbounded,
-    require_search,
-    require_swept,
-)
+from jaxgear.study._body_surfaces import body_sections
 from jaxgear.study._dynamics import (
     Dynamics,
     Sweep,
@@ -56,11 +51,12 @@ from jaxgear.study._gradients import dynamic_table, gradient_table
 from jaxgear.study._head import head, names_of
 from jaxgear.study._modes import modes
 from jaxgear.study._notes import steady_notes, sweep_notes
-from jaxgear.study._optimising import optimisation, optimise_flanks
+from jaxgear.study._optimising import optimisation, optimise
 from jaxgear.study._progress import built_scene, narration, progress
-from jaxgear.study._relief_map import map_relief
+from jaxgear.study._relief_map import relief_map
 from jaxgear.study._result import Result, Summary, title_of
 from jaxgear.study._results import static_dataset
+from jaxgear.study._search_checks import require_searchable
 from jaxgear.study._sizing import (
     combinations_of,
     sizing_columns,
@@ -97,9 +93,7 @@ def run(scene: Scene, folder: Folder) -> Summary:
     # Impossible gears and endless searches are refused before any bar is drawn.
     model_of(scene)
     if scene.has_table("optimise"):
-        refuse_unbounded(scene, tuple(scene["optimise.vary"]))
-        require_swept(scene)
-        require_search(scene)
+        require_searchable(scene)
     with narration("mesh cycle"):
         torques = _harris_torques(scene)
         statics = solve_statics(scene, torques)
@@ -122,13 +116,15 @@ def run(scene: Scene, folder: Folder) -> Summary:
         found, groups = _sweep(scene, dynamics, folder)
         summary["notes"] += found.pop("notes")
         summary |= found
-    write_dataset(dataset, folder / "result.nc", groups)
     if scene.has_table("sizing"):
         summary |= _sizing(scene, statics, folder)
     if scene.has_table("optimise"):
-        found = optimisation(scene, statics, folder, torques)
+        searched = optimisation(scene, statics, torques, folder.kept("."))
+        found = told(searched, folder)
         summary["notes"] += found.pop("notes")
         summary |= found
+        groups |= searched.datasets
+    write_dataset(dataset, folder / "result.nc", groups)
     return finish(scene, folder, summary)
 
 
@@ -360,10 +356,15 @@ def _study(found: Callable[[Scene], Result]) -> Command:
     return lambda scene, folder: written(found(scene), folder)
 
 
+def _optimise(scene: Scene, folder: Folder) -> Summary:
+    """The command `optimise`: what a search has found is kept in the folder of all commands."""
+    return written(optimise(scene, folder.kept(".")), folder)
+
+
 COMMANDS: dict[str, Command] = {
     "run": _at_fidelity("run", run),
-    "map": _at_fidelity("map", map_relief),
-    "optimise": _at_fidelity("optimise", optimise_flanks),
+    "map": _at_fidelity("map", _study(relief_map)),
+    "optimise": _at_fidelity("optimise", _optimise),
     "sweep": _at_fidelity("sweep", sweep_speeds),
     "modes": _study(modes),
     "check-grad": check_gradients,

@@ -109,10 +109,10 @@ def traced_curve(dataset: xr.Dataset) -> Figure:
     """
     title = f"Master Curve of tip relief: {dataset.attrs['title']}"
     figure, (left, middle, right) = panels((11.4, 4.2), title, columns=3)
-    extent, depth, rms, closed = (
-        dataset[name].values for name in ("extent", "depth_um", "te_rms_um", "closed_form_depth_um")
-    )
+    found = dataset.isel(extent=np.flatnonzero(np.isfinite(dataset["depth_um"].values)))
+    extent, depth, rms = (found[name].values for name in ("extent", "depth_um", "te_rms_um"))
     left.plot(extent, depth, color=BLUE, label="computed")
+    closed = found["closed_form_depth_um"].values
     left.plot(extent, closed, "--", color=ORANGE, label="closed form")
     if depth.size:
         left.set_ylim(0.0, 1.4 * float(np.max(depth)))
@@ -123,7 +123,7 @@ def traced_curve(dataset: xr.Dataset) -> Figure:
     middle.set_title("what is left at that depth", loc="left")
     right.plot(extent, rms, color=BLUE, label="best depth")
     # The mean square has its least value at the best depth, and is a parabola about it.
-    off = np.hypot(rms, _MISSED_UM * dataset["te_rms_per_depth"].values)
+    off = np.hypot(rms, _MISSED_UM * found["te_rms_per_depth"].values)
     right.plot(extent, off, "--", color=GREEN, label=f"{_MISSED_UM:g} µm more or less")
     right.set_title("what an error of depth costs", loc="left")
     for axes in (middle, right):
@@ -157,11 +157,12 @@ def family(chart: xr.Dataset, curves: xr.Dataset) -> Figure:
     surface.set_edgecolor("face")
     left.grid(False)
     figure.colorbar(surface, ax=left, label=_RMS, format="%.3g")
-    torques = dict.fromkeys(curves["torque_Nm"].values)
-    for torque, shade in zip(torques, np.linspace(0.0, 0.85, len(torques)), strict=True):
-        own = curves.isel(place=np.flatnonzero(curves["torque_Nm"].values == torque))
+    torques = curves["torque_Nm"].values
+    for place, shade in enumerate(np.linspace(0.0, 0.85, len(torques))):
+        own = curves.isel(torque=place)
+        own = own.isel(extent=np.flatnonzero(np.isfinite(own["depth_um"].values)))
         look: dict[str, Any] = {"color": matplotlib.colormaps["viridis"](shade)}
-        along, label = own["extent"].values, f"{torque:g} N m"
+        along, label = own["extent"].values, f"{torques[place]:g} N m"
         left.plot(along, own["depth_um"].values, lw=2.2, label=label, **look)
         left.plot(along, own["closed_form_depth_um"].values, "--", lw=1.2, **look)
         right.plot(along, own["te_rms_per_depth"].values, label=label, **look)

@@ -8,7 +8,7 @@ import xarray as xr
 
 from jaxgear.plot._cycle import largest_pressure, unrolled
 from jaxgear.plot._picture import Columns, Datasets, Picture, columns
-from jaxgear.plot._plots import relief_pictures, search_pictures
+from jaxgear.plot._plots import modification_pictures, relief_pictures, search_pictures
 
 
 def searches_pictures(datasets: Datasets) -> Iterator[Picture]:
@@ -18,6 +18,10 @@ def searches_pictures(datasets: Datasets) -> Iterator[Picture]:
         draw = partial(search_pictures.before_after, before, after)
         table = _curves({"before": before, "after": after}, pressure=True)
         yield Picture("before_after", draw, table)
+    if (flanks := datasets.get("modification")) is not None:
+        table = columns(flanks, "state", "gear", "trace", *sorted(flanks.data_vars))
+        draw = partial(modification_pictures.modification, table, flanks.attrs["title"])
+        yield Picture("modification", draw, table)
     for name, group, draw in (
         ("search", "search_trace", search_pictures.search_trace),
         ("pareto", "pareto", search_pictures.pareto),
@@ -66,15 +70,26 @@ def relief_map_pictures(datasets: Datasets) -> Iterator[Picture]:
         search = datasets.get("relief_search")
         draw = partial(relief_pictures.master_curve, chart, valley, search)
         table = columns(chart, "depth_um", "extent", "te_rms_um")
-        yield Picture("master_curve", draw, table, {"valley": columns(valley, *valley.data_vars)})
+        yield Picture(
+            "master_curve", draw, table, {"valley": columns(valley, "extent", *valley.data_vars)}
+        )
     if (curve := datasets.get("relief_curve")) is not None:
         draw = partial(relief_pictures.traced_curve, curve)
-        yield Picture("master_curve_traced", draw, columns(curve, *curve.data_vars))
+        yield Picture(
+            "master_curve_traced", draw, _known(columns(curve, "extent", *curve.data_vars))
+        )
     curves = datasets.get("relief_torques")
     if chart is not None and curves is not None:
         draw = partial(relief_pictures.family, chart, curves)
-        yield Picture("master_curve_torques", draw, columns(curves, *curves.data_vars))
+        table = columns(curves, "torque_Nm", "extent", *curves.data_vars)
+        yield Picture("master_curve_torques", draw, _known(table))
     if (bias := datasets.get("smoothing_bias")) is not None:
         draw = partial(relief_pictures.smoothing_bias, bias)
         names = ("width_um", "te_mean_bias_um", "te_rms_bias_relative")
         yield Picture("smoothing_bias", draw, columns(bias, *names))
+
+
+def _known(table: Columns) -> Columns:
+    """The rows of a table of curves where there is a curve."""
+    known = np.isfinite(table["depth_um"])
+    return {name: values[known] for name, values in table.items()}

@@ -21,20 +21,21 @@ from jaxgear.study._head import head, study
 from jaxgear.study._notes import left_out_notes
 from jaxgear.study._objectives import (
     JudgedSpeeds,
+    entry,
     is_dynamic,
     judged_speeds,
     limits_of,
     objective_unit,
     prepared_mesh,
     task_of,
+    with_unit,
 )
 from jaxgear.study._pair_dataset import modification_dataset
 from jaxgear.study._pareto import front_dataset, front_notes, front_of, front_summary
 from jaxgear.study._progress import built_scene
 from jaxgear.study._ranks import Doubtful
-from jaxgear.study._records import records, with_unit
 from jaxgear.study._result import Result, Summary, titled
-from jaxgear.study._results import static_dataset
+from jaxgear.study._results import Entry, dataset_of, static_dataset
 from jaxgear.study._robust import hardened
 from jaxgear.study._robust_report import robust_datasets, robust_notes, robust_summary
 from jaxgear.study._running import timed
@@ -310,8 +311,8 @@ def _design_dataset(scene: Scene, statics: Statics) -> xr.Dataset:
     """The mesh cycle of a design, with mean and RMS of its transmission error."""
     dataset = static_dataset(statics.model, statics.cycle, statics.law)
     for name, words in (("mean", "mean"), ("rms", "RMS about its mean")):
-        about = {"units": "um", "long_name": f"{words} of the transmission error"}
-        dataset[f"te_{name}_um"] = ((), float(statics.numbers[f"te_{name}_um"]), about)
+        key, words = f"te_{name}_um", f"{words} of the transmission error"
+        dataset[key] = Entry((), float(statics.numbers[key]), "um", words).variable()
     return titled(dataset, scene)
 
 
@@ -321,9 +322,12 @@ def _trace(scene: Scene, name: str, made: Searched) -> xr.Dataset:
     unit = objective_unit(scene)
     counts = [np.arange(1, len(each) + 1) for each in values.values()]
     methods = [each for each, own in values.items() for _ in own]
-    told = {
-        "method": (methods, "-", "method of the search"),
-        "evaluation": (np.concatenate(counts), "-", "number of the evaluation"),
-        with_unit("objective", unit): (np.concatenate([*values.values()]), unit, "objective"),
+    along = ("record",)
+    found = {
+        "method": Entry(along, methods, "1", "method of the search"),
+        "evaluation": Entry(along, np.concatenate(counts), "1", "number of the evaluation"),
+        with_unit("objective", unit): entry(
+            along, np.concatenate([*values.values()]), unit, "objective"
+        ),
     }
-    return titled(records("record", told), scene)
+    return titled(dataset_of(found), scene)

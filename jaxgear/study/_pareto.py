@@ -10,12 +10,13 @@ from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import ExactContact
 from jaxgear._solve._cycle import PreparedMesh
 from jaxgear.scene._build import smooth_law_of
+from jaxgear.scene._schema import unit_of
 from jaxgear.study._design import DesignSpace
 from jaxgear.study._evaluations import responses_at, sloped_responses
-from jaxgear.study._objectives import limits_of, task_of, traded
+from jaxgear.study._objectives import entry, limits_of, task_of, traded, with_unit
 from jaxgear.study._progress import progress
-from jaxgear.study._records import Told, records, with_unit
 from jaxgear.study._result import Summary, titled
+from jaxgear.study._results import Entry, dataset_of
 from jaxgear.study._running import timed
 
 
@@ -59,21 +60,22 @@ def front_dataset(space: DesignSpace, front: optimise.ParetoFront) -> xr.Dataset
     - `space`: variables of the scene.
     - `front`: of `front_of`.
     """
-    told: dict[str, Told] = {}
+    along, found = ("design",), dict[str, Entry]()
     for (name, each), values in zip(traded(space.scene).items(), front.value.T, strict=True):
         # The offset is made small as its square, and told as such.
         label = "pressure_offset_squared" if name == "pressure_offset" else name
-        told[with_unit(label, each.unit)] = values, each.unit, each.words
-    told |= {
-        "allowed": (front.allowed, "1", "largest second number that was allowed, in its unit"),
-        "kept": (front.kept, "1", "whether the design is within what it was allowed"),
-        "settled": (front.settled, "1", "whether its search stopped by itself"),
-        "dominated": (front.dominated, "1", "whether another is as good, and better in one"),
+        found[with_unit(label, each.unit)] = entry(along, values, each.unit, each.words)
+    about = {
+        "allowed": "largest second number that was allowed, in its unit",
+        "kept": "whether the design is within what it was allowed",
+        "settled": "whether its search stopped by itself",
+        "dominated": "whether another design is as good in both numbers, and better in one",
     }
+    found |= {name: Entry(along, getattr(front, name), "1", words) for name, words in about.items()}
     for key, values in zip(space.keys, front.point.T, strict=True):
-        told[key] = values, "1", "variable, in the unit of its key"
-    told["reason"] = list(front.reason), "1", "why its search stopped"
-    return titled(records("design", told), space.scene)
+        found[key] = Entry(along, values, unit_of(key), "variable of the search")
+    found["reason"] = Entry(along, list(front.reason), "1", "why its search stopped")
+    return titled(dataset_of(found), space.scene)
 
 
 def front_summary(front: optimise.ParetoFront, dataset: xr.Dataset) -> Summary:

@@ -29,8 +29,8 @@ from jaxgear.study._evaluations import (
 )
 from jaxgear.study._head import head, study
 from jaxgear.study._progress import built_scene, progress
-from jaxgear.study._records import records
 from jaxgear.study._result import Result, Summary, titled
+from jaxgear.study._results import Entry, dataset_of
 from jaxgear.study._running import timed
 from jaxgear.study._search import by_gradient, descent, unless_beaten
 from jaxgear.study._statics import (
@@ -77,9 +77,9 @@ def relief_map(scene: Scene) -> Result:
     curve = _traced(task, extent[::-1], float(valley.depth[-1]), deepest)
     datasets = {
         "relief_map": _chart_dataset(chart),
-        "relief_valley": records("place", _valley_columns(valley, closed)),
-        "relief_search": records("evaluation", _path_columns(found.path)),
-        "relief_curve": records("place", _curve_columns(curve, closed, deepest)),
+        "relief_valley": _valley_dataset(valley, closed),
+        "relief_search": _path_dataset(found.path),
+        "relief_curve": _curve_dataset(curve, closed, deepest),
     }
     if scene.get("map.torques_Nm") is not None:
         datasets["relief_torques"] = _family(space, extent[::-1], float(valley.depth[-1]), deepest)
@@ -200,74 +200,74 @@ def _traced(task: Task, extent: np.ndarray, start: float, deepest: float) -> opt
         return optimise.traced_curve(sloped, extent, start, deepest=deepest, done=done)
 
 
-_EXTENT = "extent of the tip relief over the path of contact"
-_DEPTH = "depth of the tip relief"
+_DEPTH, _CLOSED = "depth of the tip relief", "depth of the closed form"
+_BEST = f"{_DEPTH} that makes the error least"
 _RMS = "RMS of the transmission error"
-_CLOSED = "depth of the closed form"
+
+
+def _extent(values: np.ndarray, dimension: str = "extent") -> Entry:
+    words = "extent of the tip relief over the path of contact"
+    return Entry((dimension,), values, "1", words)
 
 
 def _chart_dataset(chart: optimise.ReliefMap) -> xr.Dataset:
-    both = ("depth", "extent")
-    return xr.Dataset(
-        {"te_rms_um": (both, chart.value, {"units": "um", "long_name": _RMS})},
-        coords={
-            "depth_um": ("depth", chart.depth, {"units": "um", "long_name": _DEPTH}),
-            "extent": ("extent", chart.extent, {"units": "1", "long_name": _EXTENT}),
-        },
+    return dataset_of(
+        {"te_rms_um": Entry(("depth", "extent"), chart.value, "um", _RMS)},
+        depth_um=Entry(("depth",), chart.depth, "um", _DEPTH),
+        extent=_extent(chart.extent),
     )
 
 
-def _valley_columns(valley: optimise.Valley, closed: _ClosedForm) -> dict[str, Any]:
-    return {
-        "extent": (valley.extent, "1", _EXTENT),
-        "depth_um": (valley.depth, "um", f"{_DEPTH} that makes the error least"),
-        "te_rms_um": (valley.value, "um", _RMS),
-        "closed_form_depth_um": (closed.depth(valley.extent), "um", _CLOSED),
+def _valley_dataset(valley: optimise.Valley, closed: _ClosedForm) -> xr.Dataset:
+    along = ("extent",)
+    found = {
+        "depth_um": Entry(along, valley.depth, "um", _BEST),
+        "te_rms_um": Entry(along, valley.value, "um", _RMS),
+        "closed_form_depth_um": Entry(along, closed.depth(valley.extent), "um", _CLOSED),
     }
+    return dataset_of(found, extent=_extent(valley.extent))
 
 
-def _path_columns(path: np.ndarray) -> dict[str, Any]:
-    return {"depth_um": (path[:, 0], "um", _DEPTH), "extent": (path[:, 1], "1", _EXTENT)}
+def _path_dataset(path: np.ndarray) -> xr.Dataset:
+    depth, extent = path.T
+    along = "evaluation"
+    found = {"depth_um": Entry((along,), depth, "um", _DEPTH), "extent": _extent(extent, along)}
+    return dataset_of(found)
 
 
-def _curve_columns(
-    curve: optimise.TracedCurve, closed: _ClosedForm, deepest: float
-) -> dict[str, Any]:
-    """The traced curve where it is one: found, and with less error than without relief."""
+def _curve_dataset(curve: optimise.TracedCurve, closed: _ClosedForm, deepest: float) -> xr.Dataset:
+    """The traced curve where it is one, else NaN: found, and with less error than no relief."""
     kept = curve.settled & (curve.depth > 0.0) & (curve.depth <= deepest)
-    extent = curve.extent[kept]
-    steep = np.sqrt(0.5 * curve.bend[kept])
-    return {
-        "extent": (extent, "1", _EXTENT),
-        "depth_um": (curve.depth[kept], "um", f"{_DEPTH} that makes the error least"),
-        "te_rms_um": (curve.rms[kept], "um", _RMS),
-        "te_rms_per_depth": (steep, "um/um", "RMS over error of depth, where there is no other"),
-        "closed_form_depth_um": (closed.depth(extent), "um", _CLOSED),
+    along, steep = ("extent",), "RMS over error of depth, where the curve itself has none"
+    values = {
+        "depth_um": (curve.depth, "um", _BEST),
+        "te_rms_um": (curve.rms, "um", _RMS),
+        "te_rms_per_depth": (np.sqrt(0.5 * curve.bend), "um/um", steep),
+        "closed_form_depth_um": (closed.depth(curve.extent), "um", _CLOSED),
     }
+    found = {
+        name: Entry(along, np.where(kept, each, np.nan), *about)
+        for name, (each, *about) in values.items()
+    }
+    return dataset_of(found, extent=_extent(curve.extent))
 
 
 def _family(space: DesignSpace, extent: np.ndarray, start: float, deepest: float) -> xr.Dataset:
-    """The curve traced at each of `map.torques_Nm`, one under the other."""
-    own, parts = space.scene["pair.torque_pinion_Nm"], []
-    for torque in torques_of(space.scene, "map.torques_Nm"):
-        statics = solve_statics(space.scene.replace({"pair.torque_pinion_Nm": float(torque)}))
+    """The curve traced at each of `map.torques_Nm`."""
+    own, curves, deflections = space.scene["pair.torque_pinion_Nm"], [], []
+    torques = torques_of(space.scene, "map.torques_Nm")
+    for torque in map(float, torques):
+        statics = solve_statics(space.scene.replace({"pair.torque_pinion_Nm": torque}))
         # Deflections are nearly in proportion to the torque; and deeper is asked for by no one.
-        near = min(start * float(torque) / own, deepest)
+        near = min(start * torque / own, deepest)
         curve = _traced(_task(space, statics), extent, near, deepest)
-        found = _curve_columns(curve, _ClosedForm(statics), deepest)
-        deflection = float(statics.numbers["single_pair_deflection_um"])
-        count = len(found["extent"][0])
-        told = {
-            "torque_Nm": (np.full(count, torque), "N m", "torque on the pinion"),
-            **found,
-            "single_pair_deflection_um": (
-                np.full(count, deflection),
-                "um",
-                "deflection of a single tooth pair",
-            ),
-        }
-        parts.append(records("place", told))
-    return xr.concat(parts, "place")
+        curves.append(_curve_dataset(curve, _ClosedForm(statics), deepest))
+        deflections.append(float(statics.numbers["single_pair_deflection_um"]))
+    of_pair = Entry(("torque",), deflections, "um", "deflection of a single tooth pair")
+    return xr.concat(curves, "torque").assign_coords(
+        torque_Nm=Entry(("torque",), torques, "N m", "torque on the pinion").variable(),
+        single_pair_deflection_um=of_pair.variable(),
+    )
 
 
 def _bias(space: DesignSpace, statics: Statics, point: np.ndarray) -> xr.Dataset:
@@ -279,32 +279,37 @@ def _bias(space: DesignSpace, statics: Statics, point: np.ndarray) -> xr.Dataset
         for x in timed(smoothing_bias, model, statics.prepared, um * widths, options=QUICKLY)
     )
     relative = rms / max(float(exact), 1e-12)
-    return records(
-        "width",
-        {
-            "width_um": (widths, "um", "width of the smooth contact"),
-            "te_mean_bias_um": (mean, "um", "bias of the mean transmission error"),
-            "te_rms_bias_relative": (relative, "1", f"bias of the {_RMS}, over the exact one"),
-            "te_rms_um": (float(exact), "um", f"{_RMS} with exact contact"),
-        },
-    )
+    along = ("width",)
+    found = {
+        "te_mean_bias_um": Entry(along, mean, "um", "bias of the mean transmission error"),
+        "te_rms_bias_relative": Entry(along, relative, "1", f"bias of the {_RMS}, over itself"),
+        "te_rms_um": Entry((), float(exact), "um", f"{_RMS} with exact contact"),
+    }
+    about = "width of the smooth contact"
+    return dataset_of(found, width_um=Entry(along, widths, "um", about))
 
 
 def _curves_summary(datasets: dict[str, xr.Dataset]) -> Summary:
     """Valley, curves and the best of the map, as the summary has them."""
-    plain = lambda each: {str(name): column.values for name, column in each.data_vars.items()}
     valley = datasets["relief_valley"]
-    best = valley.isel(place=int(np.argmin(valley["te_rms_um"].values)))
+    best = valley.isel(extent=int(np.argmin(valley["te_rms_um"].values)))
     names = ("depth_um", "extent", "te_rms_um")
     found: Summary = {
         "grid_best": {name: float(best[name]) for name in names},
-        "valley": plain(valley),
-        "traced": plain(datasets["relief_curve"]),
+        "valley": _columns_of(valley),
+        "traced": _columns_of(datasets["relief_curve"]),
     }
-    if "relief_torques" in datasets:
+    if (curves := datasets.get("relief_torques")) is not None:
         once = ("torque_Nm", "single_pair_deflection_um")
+        each = [curves.isel(torque=place) for place in range(curves.sizes["torque"])]
         found["torques"] = [
-            {name: float(own[name][0]) for name in once} | plain(own.drop_vars(once))
-            for _, own in datasets["relief_torques"].groupby("torque_Nm", restore_coord_dims=True)
+            {name: float(own[name]) for name in once} | _columns_of(own) for own in each
         ]
     return found
+
+
+def _columns_of(curve: xr.Dataset) -> dict[str, np.ndarray]:
+    """Extents of a curve, and what is known there."""
+    known = np.isfinite(curve["depth_um"].values)
+    names = ("extent", *map(str, curve.data_vars))
+    return {name: curve[name].values[known] for name in names}

@@ -1,19 +1,16 @@
 """What is said of a robust optimum: its numbers on fresh gears, what spreads them, and remarks."""
 
-from typing import Any
-
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
 import optimise
-
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import unit_of
-from jaxgear.study._objectives import limits_of
+from jaxgear.study._objectives import entry, limits_of, with_unit
 from jaxgear.study._ranks import Doubtful
-from jaxgear.study._records import with_unit
 from jaxgear.study._result import Summary, titled
+from jaxgear.study._results import Entry, dataset_of
 from jaxgear.study._robust import Hardened, JudgedDesign, acts
 from jaxgear.study._scatter import Scatter
 
@@ -132,45 +129,40 @@ def robust_datasets(made: Hardened) -> dict[str, xr.Dataset]:
     """
     scene, both = made.scatter.space.scene, (made.nominal, made.robust)
     response, unit = _response_of(scene)
-    about = {"units": "1" if unit == "-" else unit, "long_name": response}
+    told = lambda dims, values: entry(dims, values, unit, response)
+    designs = Entry(("design",), list(_DESIGNS), "1", "design")
     values = np.stack([_shown(scene, each.fresh) for each in both])
-    gears = xr.Dataset(
-        {with_unit("response", unit): (("design", "gear"), values, about)},
-        coords={"design": list(_DESIGNS)},
-        attrs={"share": scene["robust.share"]},
-    )
+    gears = dataset_of(
+        {with_unit("response", unit): told(("design", "gear"), values)}, design=designs
+    ).assign_attrs(share=scene["robust.share"])
     given = {each.name: each for each in made.scatter.quantities}
     middle = np.stack([_shown(scene, each.influence.nominal) for each in both])
-    influences = [each.influence for each in both]
-    # In the order in which they were given, until it is known which does most to either design.
-    places = [[own.names.index(name) for name in given] for own in influences]
-    low, high = (
-        np.stack(
-            [
-                _shown(scene, getattr(own, end)[at])
-                for own, at in zip(influences, places, strict=True)
-            ]
-        )
-        for end in ("low", "high")
-    )
-    span = np.max(np.abs(np.stack([low, high]) - middle[:, None]), axis=(0, 1))
-    order = np.argsort(-span, kind="stable")
+    ends = np.stack([_ends(scene, each.influence, list(given)) for each in both])
+    order = np.argsort(-np.max(np.abs(ends - middle[:, None, None]), axis=(0, 1)), kind="stable")
     names = [list(given)[place] for place in order]
-    dims = "design", "quantity"
-    bars = xr.Dataset(
+    along, dims = ("quantity",), ("design", "quantity")
+    moved = [_moved(made.scatter, given[name]) for name in names]
+    bars = dataset_of(
         {
-            "moved": ("quantity", [_moved(made.scatter, given[name]) for name in names]),
-            with_unit("less", unit): (dims, low[:, order], about),
-            with_unit("without_deviations", unit): ("design", middle, about),
-            with_unit("more", unit): (dims, high[:, order], about),
+            "moved": Entry(along, moved, "1", "how far a quantity is moved either way"),
+            with_unit("less", unit): told(dims, ends[:, 0, order]),
+            with_unit("without_deviations", unit): told(("design",), middle),
+            with_unit("more", unit): told(dims, ends[:, 1, order]),
         },
-        coords={"design": list(_DESIGNS), "quantity": names},
+        design=designs,
+        quantity=Entry(along, names, "1", "what scatters"),
     )
     count = f", {scene['robust.fresh_samples']} gears"
     return {
         "robust_gears": titled(gears, scene, count),
         "robust_influences": titled(bars, scene),
     }
+
+
+def _ends(scene: Scene, influence: optimise.Influence, names: list[str]) -> np.ndarray:
+    """The response with each quantity down, and up, in the order of the names."""
+    at = [influence.names.index(name) for name in names]
+    return np.stack([_shown(scene, end)[at] for end in (influence.low, influence.high)])
 
 
 def _moved(scatter: Scatter, quantity: optimise.Quantity) -> str:
