@@ -145,18 +145,18 @@ def optimisation(
     datasets["search_trace"] = _trace(scene, search.name, made)
     models = {"start": before.model, "optimised": after.model}
     datasets["modification"] = titled(modification_dataset(models), scene)
-    own: Summary = judged.summary | _left_out(at_start, at_end)
-    summary: Summary = {"notes": notes, "optimise": own}
+    own: Summary = judged.summary | left_out(at_start, at_end)
     scenes = {f"{scene['name']}.optimised.toml": space.numbers(made.found.point)}
     own["scene"] = next(iter(scenes))
+    summary: Summary = {}
     if scene.get("optimise.pareto.against") is not None:
         front = front_of(space, grid, prepared)
         datasets["pareto"] = front_dataset(space, front)
         summary["pareto"] = front_summary(front, datasets["pareto"])
         notes += front_notes(front)
     if scatter is not None:
-        record = record_file(space, memory, "robust")
         law, point = smooth_law_of(scene), made.found.point
+        record = record_file(space, memory, "robust")
         robust = hardened(scatter, point, grid, law, prepared, record)
         name = f"{scene['name']}.robust.toml"
         scenes[name] = space.numbers(robust.found.point)
@@ -167,7 +167,7 @@ def optimisation(
         forget(record)
     # Only now: what is stopped before begins with all that the search has found.
     forget(file)
-    return Result(scene, summary, datasets, scenes=scenes)
+    return Result(scene, summary | {"notes": notes, "optimise": own}, datasets, scenes=scenes)
 
 
 def _problem(scene: Scene, before: Statics) -> Problem:
@@ -290,7 +290,7 @@ def _numbers_of(statics: Statics, objective: float) -> dict[str, float]:
     return {"objective": objective} | {name: float(statics.numbers[name]) for name in names}
 
 
-def _left_out(before: JudgedSpeeds, after: JudgedSpeeds) -> Summary:
+def left_out(before: JudgedSpeeds, after: JudgedSpeeds) -> Summary:
     """Part of the summary: speeds that do not count where a search began and ended."""
     return {
         f"speeds_left_out_{name}": [
