@@ -12,24 +12,14 @@ from jaxgear._cli._folder import Folder
 from jaxgear._cli._saving import save
 from jaxgear._cli._writing import finish, written
 from jaxgear._interface._laws import ExactContact
-from jaxgear._units import um
 from jaxgear._whole_file import write_csv, write_dataset
 from jaxgear.plot import _dynamic_tables as dynamic_tables
-from jaxgear.plot import _tables as tables
-from jaxgear.plot._axes_tables import axes_columns
-from jaxgear.plot._body_sections import body_sections
-from jaxgear.plot._modification_tables import draw_modification
 from jaxgear.plot._plots import (
-    axes_pictures,
     dynamic_pictures,
-    pictures,
     sensitivity_pictures,
-    sliding_pictures,
 )
-from jaxgear.plot._sliding_tables import sliding_columns
-from jaxgear.scene._build import couples_on_pinion, model_of, smooth_law_of
+from jaxgear.scene._build import model_of, smooth_law_of
 from jaxgear.scene._scene import Scene
-from jaxgear.scene._schema import KEYS, general
 from jaxgear.study._design import (
     refuse_unbounded,
     require_search,
@@ -53,31 +43,23 @@ from jaxgear.study._dynamics import (
     way_of,
 )
 from jaxgear.study._gradients import dynamic_table, gradient_table
-from jaxgear.study._head import head, names_of
+from jaxgear.study._head import finished, head, names_of
 from jaxgear.study._modes import modes
 from jaxgear.study._notes import steady_notes, sweep_notes
 from jaxgear.study._optimising import optimisation, optimise_flanks
 from jaxgear.study._progress import built_scene, narration, progress
 from jaxgear.study._relief_map import map_relief
 from jaxgear.study._result import Result, Summary, title_of
-from jaxgear.study._results import static_dataset
-from jaxgear.study._sizing import (
-    combinations_of,
-    sizing_columns,
-    sizing_summary,
-    sizing_table,
-)
+from jaxgear.study._run import run_of, sizing_result
 from jaxgear.study._statics import (
     Statics,
-    solve_statics,
-    torques_of,
 )
 
 Command = Callable[[Scene, Folder], Summary]
 
 
 def run(scene: Scene, folder: Folder) -> Summary:
-    """Geometry, a quasi-static mesh cycle and, where asked for, sizing table and optimisation.
+    """Geometry, a quasi-static mesh cycle and, where asked for, sweep, sizing and optimisation.
 
     **Arguments:**
 
@@ -94,57 +76,24 @@ def run(scene: Scene, folder: Folder) -> Summary:
     - `SolverFailure` if a contact problem was not solved.
     """
     scene = built_scene(scene)
-    # Impossible gears and endless searches are refused before any bar is drawn.
     model_of(scene)
     if scene.has_table("optimise"):
+        # Endless searches are refused before any bar is drawn.
         refuse_unbounded(scene, tuple(scene["optimise.vary"]))
         require_swept(scene)
         require_search(scene)
-    with narration("mesh cycle"):
-        torques = _harris_torques(scene)
-        statics = solve_statics(scene, torques)
-        dataset = static_dataset(statics.model, statics.cycle, statics.law)
-        about = {"units": "N m", "long_name": "torque on the pinion"}
-        dataset = dataset.assign_coords(torque_Nm=("torque", torques, about))
-        about = {"units": "um", "long_name": "transmission error over torque and phase"}
-        dataset["harris_te_um"] = (("torque", "phase"), statics.harris / um, about)
-        about = {"units": "um", "long_name": "amplitudes of its mesh harmonics"}
-        harmonics = statics.harris_harmonics / um
-        dataset["harris_te_harmonic_um"] = (("torque", "harmonic"), harmonics, about)
-        summary = head(scene, statics)
-        if scene.bodies:
-            dataset, found = _on_bodies(scene, statics, dataset, folder)
-            summary["static"] |= found
-        _draw_statics(folder, scene, statics, dataset, summary["static"])
-    groups = {}
-    if scene.has_table("sweep"):
-        dynamics = solve_dynamics(scene)
-        found, groups = _sweep(scene, dynamics, folder)
-        summary["notes"] += found.pop("notes")
-        summary |= found
-    write_dataset(dataset, folder / "result.nc", groups)
-    if scene.has_table("sizing"):
-        summary |= _sizing(scene, statics, folder)
-    if scene.has_table("optimise"):
-        found = optimisation(scene, statics, folder, torques)
-        summary["notes"] += found.pop("notes")
-        summary |= found
-    return finish(scene, folder, summary)
 
+    def swept(scene: Scene, statics: Statics, torques: np.ndarray) -> Result:
+        return Result(scene, *_sweep(scene, solve_dynamics(scene), folder))
 
-def _on_bodies(
-    scene: Scene, statics: Statics, dataset: xr.Dataset, folder: Folder
-) -> tuple[xr.Dataset, Summary]:
-    """Draw what condensed bodies do, and add it to the dataset; what they do to the summary."""
-    from jaxgear.plot import _hybrid_tables
-    from jaxgear.study import _hybrid, _hybrid_dataset
+    def sized(scene: Scene, statics: Statics, torques: np.ndarray) -> Result:
+        return sizing_result(scene, statics.grid)
 
-    with narration("bodies") as tell:
-        answers = _hybrid.body_answers(scene, statics, tell)
-        dataset = _hybrid_dataset.hybrid_variables(dataset, answers)
-        tell("drawing")
-        _hybrid_tables.draw(folder, title_of(scene), dataset, answers)
-    return dataset, _hybrid_dataset.hybrid_summary(dataset, answers)
+    def searched(scene: Scene, statics: Statics, torques: np.ndarray) -> Result:
+        return Result(scene, optimisation(scene, statics, folder, torques))
+
+    result = run_of(scene, (("sweep", swept), ("sizing", sized), ("optimise", searched)))
+    return written(dataclasses.replace(result, summary=finished(scene, result.summary)), folder)
 
 
 def sweep_speeds(scene: Scene, folder: Folder) -> Summary:
@@ -371,95 +320,3 @@ COMMANDS: dict[str, Command] = {
     "compare": compare,
     "condense": condense,
 }
-
-
-def _harris_torques(scene: Scene) -> np.ndarray:
-    """Torques of the Harris map: given, or from a quarter of the mesh's to half as much again."""
-    if scene.get("map.torques_Nm") is not None:
-        return torques_of(scene, "map.torques_Nm")
-    torque, couples = scene["pair.torque_pinion_Nm"], couples_on_pinion(scene)
-    on_mesh = torque + couples
-    least = max(0.25 * on_mesh - couples, 0.05 * torque)
-    return np.linspace(least, 1.5 * on_mesh - couples, 6)
-
-
-def _draw_statics(
-    folder: Folder,
-    scene: Scene,
-    statics: Statics,
-    dataset: xr.Dataset,
-    static: Summary,
-) -> None:
-    """The pictures of one mesh cycle."""
-    model, title, bearings = statics.model, title_of(scene), static["bearings"]
-    save(
-        partial(pictures.gear_pair, model, title),
-        tables.gear_pair_columns(model),
-        folder,
-        "gear_pair",
-    )
-    figure = partial(axes_pictures.axes, model.pair, title)
-    save(figure, axes_columns(model.pair), folder, "axes")
-    if not scene.has_table("optimise"):
-        # A search draws them beside those that it finds.
-        draw_modification({"given": model}, title, folder)
-    data, speed = sliding_columns(model.pair), _told_speed(scene)
-    figure = partial(sliding_pictures.sliding, data, dataset, static, title, pinion_speed=speed)
-    save(figure, data, folder, "sliding")
-    figure = partial(pictures.transmission_error, dataset, title)
-    columns = tables.transmission_error_columns(dataset)
-    harmonics = tables.te_harmonics_columns(dataset)
-    save(figure, columns, folder, "transmission_error", harmonics=harmonics)
-    figure = partial(pictures.stiffness_and_sharing, dataset, title)
-    columns, pairs = tables.mesh_stiffness_columns(dataset), tables.load_sharing_columns(dataset)
-    save(figure, columns, folder, "mesh_stiffness", tooth_pairs=pairs)
-    for name, draw, columns in (
-        ("flank_maps", pictures.flank_maps, tables.flank_maps_columns),
-        ("face_load", pictures.face_load, tables.face_load_columns),
-    ):
-        save(partial(draw, dataset, title), columns(dataset), folder, name)
-    weight = dataset["weight"].values
-    torques, phase, error = (
-        dataset[name].values for name in ("torque_Nm", "phase", "harris_te_um")
-    )
-    figure = partial(pictures.harris_map, torques, phase, error, title, weight=weight)
-    columns = tables.harris_map_columns(torques, phase, error, weight=weight)
-    curves = tables.harris_curves_columns(torques, phase, error)
-    save(figure, columns, folder, "harris_map", curves=curves)
-    figure = partial(pictures.te_spectrum, torques, phase, error, title, weight=weight)
-    columns = tables.te_spectrum_columns(torques, phase, error, weight=weight)
-    save(figure, columns, folder, "te_spectrum")
-    if bearings:
-        sections = body_sections(scene)
-        figure = partial(pictures.shafts, model, statics.cycle, bearings, title, sections)
-        columns = tables.shafts_columns(model, statics.cycle)
-        rows = tables.bearing_columns(model, bearings)
-        save(figure, columns, folder, "shafts", bearings=rows)
-
-
-def _told_speed(scene: Scene) -> float | None:
-    """The highest speed of the sweep, or that at which condensed bodies grow [rad/s]."""
-    if scene.has_table("sweep"):
-        return float(np.max(speeds_of(scene)))
-    return scene.get("mesh.pinion_speed_rad_s") if scene.condensed else None
-
-
-def _sizing(scene: Scene, statics: Statics, folder: Folder) -> Summary:
-    """Every combination of the listed amounts: table, picture and the best of it."""
-    count = len(combinations_of(scene)[1])
-    with progress(count, "sizing") as done:
-        table = sizing_table(scene, statics.grid, done)
-    labels = [_amount_label(scene, key) for key in table.keys]
-    error, pressure = (table.responses[name] for name in ("te_peak_to_peak_um", "max_pressure_MPa"))
-    several = f"{len(table.torques)} torques up to " if len(table.torques) > 1 else ""
-    title = f"{scene['name']}, {several}{max(table.torques):g} N m"
-    figure = partial(pictures.sizing, labels, table.amounts, table.torques, error, pressure, title)
-    save(figure, sizing_columns(table), folder, "sizing")
-    return {"sizing": sizing_summary(scene, table)}
-
-
-def _amount_label(scene: Scene, key: str) -> str:
-    """A key of a flank as an axis names it."""
-    _, gear, name = key.split(".", 2)
-    unit = KEYS[general(key)].unit.replace("um", "µm") or "-"
-    return f"{'both' if scene['sizing.symmetric'] else gear}: {name} [{unit}]"

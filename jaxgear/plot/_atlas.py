@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from jaxgear.plot._modes_atlas import modes_pictures
 from jaxgear.plot._picture import Datasets, Picture
+from jaxgear.plot._run_atlas import run_pictures
 
 
 def pictures(datasets: Datasets) -> Iterator[Picture]:
@@ -17,4 +18,5 @@ def pictures(datasets: Datasets) -> Iterator[Picture]:
 
     Pictures and their tables, one after the other: nothing is drawn unless asked for.
     """
+    yield from run_pictures(datasets)
     yield from modes_pictures(datasets)

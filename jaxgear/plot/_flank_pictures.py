@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from jaxgear._units import MPa, mm
+from jaxgear._units import MPa, deg, mm
 from jaxgear.plot._flank_tables import (
     teeth_at_speed_columns,
 )
-from jaxgear.plot._hybrid_pictures import _HOLE, _SERIES, _shade_holes
+from jaxgear.plot._hybrid_pictures import HOLE, SERIES, shade_holes
 from jaxgear.plot._palette import _BLUE, _GREY, _RED
 from jaxgear.plot._pictures import _SURFACE, _digits, _house_look, _panels
 from jaxgear.study._flank_loads import FlankLoads
@@ -119,7 +119,7 @@ def teeth_at_speed(
     angle = data["tooth_angle_deg"]
     low, high = angle.min() - 0.5 * step, angle.max() + 0.5 * step
     if holes is not None:
-        _shade_holes(axes, holes, low, high)
+        shade_holes(axes, holes.middles / deg, holes.half / deg, low, high)
     for number, each in enumerate(chosen):
         own = data["pinion_speed_rad_s"] == each.speed
         mean = float(np.mean(data["line_load_max_N_mm"][own]))
@@ -128,7 +128,7 @@ def teeth_at_speed(
             data["line_load_max_N_mm"][own] / mean,
             "o-",
             ms=4,
-            color=_SERIES[number % len(_SERIES)],
+            color=SERIES[number % len(SERIES)],
             label=f"{each.speed:.5g} rad/s, mean {_digits(mean, 4)} N/mm",
         )
     axes.set(
@@ -139,6 +139,6 @@ def teeth_at_speed(
     axes.xaxis.set_major_locator(MaxNLocator(steps=[1, 1.5, 3, 6, 10]))
     handles, labels = axes.get_legend_handles_labels()
     if holes is not None:
-        handles, labels = [*handles, Patch(color=_HOLE)], [*labels, "above a hole"]
+        handles, labels = [*handles, Patch(color=HOLE)], [*labels, "above a hole"]
     figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False)
     return figure

@@ -10,14 +10,18 @@ if TYPE_CHECKING:
     from jaxgear.plot import _campbell_pictures as campbell_pictures
     from jaxgear.plot import _compare_pictures as compare_pictures
     from jaxgear.plot import _curve_pictures as curve_pictures
+    from jaxgear.plot import _cycle_pictures as cycle_pictures
     from jaxgear.plot import _dynamic_pictures as dynamic_pictures
     from jaxgear.plot import _flank_pictures as flank_pictures
     from jaxgear.plot import _hybrid_pictures as hybrid_pictures
     from jaxgear.plot import _modification_pictures as modification_pictures
+    from jaxgear.plot import _pair_pictures as pair_pictures
     from jaxgear.plot import _pictures as pictures
     from jaxgear.plot import _robust_pictures as robust_pictures
     from jaxgear.plot import _search_pictures as search_pictures
     from jaxgear.plot import _sensitivity_pictures as sensitivity_pictures
+    from jaxgear.plot import _shafts_pictures as shafts_pictures
+    from jaxgear.plot import _sizing_pictures as sizing_pictures
     from jaxgear.plot import _sliding_pictures as sliding_pictures
     from jaxgear.plot import _style as style
     from jaxgear.plot import _wave_pictures as wave_pictures
@@ -40,6 +44,10 @@ else:
     body_pictures = _Later("_body_pictures")
     campbell_pictures = _Later("_campbell_pictures")
     compare_pictures = _Later("_compare_pictures")
+    cycle_pictures = _Later("_cycle_pictures")
+    pair_pictures = _Later("_pair_pictures")
+    shafts_pictures = _Later("_shafts_pictures")
+    sizing_pictures = _Later("_sizing_pictures")
     curve_pictures = _Later("_curve_pictures")
     dynamic_pictures = _Later("_dynamic_pictures")
     flank_pictures = _Later("_flank_pictures")

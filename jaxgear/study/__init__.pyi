@@ -4,4 +4,6 @@ from ._modes import modes as modes
 from ._progress import Listener as Listener
 from ._progress import listened_by as listened_by
 from ._result import Result as Result
+from ._run import sizing as sizing
+from ._run import statics as statics
 from ._running import stopwatch as stopwatch

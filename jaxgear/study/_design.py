@@ -384,5 +384,3 @@ def round_up(value: float) -> float:
     return float(
         next(r * power for r in (1.0, 2.0, 2.5, 4.0, 5.0, 8.0, 10.0) if r * power >= value)
     )
-
-

@@ -64,9 +64,7 @@ CRITERIA = {
     "max_pressure": Criterion(
         lambda scene: optimise.LargestPressure(), "MPa", "largest flank pressure"
     ),
-    "face_load_factor": Criterion(
-        lambda scene: optimise.FaceLoadFactor(), "-", "face load factor"
-    ),
+    "face_load_factor": Criterion(lambda scene: optimise.FaceLoadFactor(), "-", "face load factor"),
     "pressure_offset": Criterion(
         lambda scene: optimise.PressureOffset(), "-", "squared offset of the pressure"
     ),

@@ -10,7 +10,7 @@ import numpy as np
 import optimise
 from jaxgear._checks import InputError
 from jaxgear._cli._folder import Folder
-from jaxgear._cli._saving import save
+from jaxgear._cli._saving import draw_modification, save
 from jaxgear._cli._writing import finish
 from jaxgear._geometry._lines import MeshGrid, mesh_grid
 from jaxgear._interface._laws import ExactContact
@@ -19,7 +19,6 @@ from jaxgear._solve._cycle import PreparedMesh
 from jaxgear._whole_file import write_text
 from jaxgear.plot import _robust_tables as robust_tables
 from jaxgear.plot import _search_tables as search_tables
-from jaxgear.plot._modification_tables import draw_modification
 from jaxgear.plot._plots import robust_pictures, search_pictures
 from jaxgear.scene._build import smooth_law_of
 from jaxgear.scene._scene import Scene, rewritten
