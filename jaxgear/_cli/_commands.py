@@ -10,7 +10,7 @@ import xarray as xr
 from jaxgear._checks import InputError
 from jaxgear._cli._folder import Folder
 from jaxgear._cli._saving import save
-from jaxgear._cli._writing import finish, written
+from jaxgear._cli._writing import finish, told, written
 from jaxgear._interface._laws import ExactContact
 from jaxgear._whole_file import write_csv, write_dataset
 from jaxgear.plot import _dynamic_tables as dynamic_tables
@@ -20,11 +20,6 @@ from jaxgear.plot._plots import (
 )
 from jaxgear.scene._build import model_of, smooth_law_of
 from jaxgear.scene._scene import Scene
-from jaxgear.study._design import (
-    refuse_unbounded,
-    require_search,
-    require_swept,
-)
 from jaxgear.study._dynamics import (
     Dynamics,
     Sweep,
@@ -46,9 +41,9 @@ from jaxgear.study._gradients import dynamic_table, gradient_table
 from jaxgear.study._head import finished, head, names_of
 from jaxgear.study._modes import modes
 from jaxgear.study._notes import steady_notes, sweep_notes
-from jaxgear.study._optimising import optimisation, optimise_flanks
+from jaxgear.study._optimising import optimisation, optimise
 from jaxgear.study._progress import built_scene, narration, progress
-from jaxgear.study._relief_map import map_relief
+from jaxgear.study._relief_map import relief_map
 from jaxgear.study._result import Result, Summary, title_of
 from jaxgear.study._run import run_of, sizing_result
 from jaxgear.study._statics import (
@@ -309,10 +304,15 @@ def _study(found: Callable[[Scene], Result]) -> Command:
     return lambda scene, folder: written(found(scene), folder)
 
 
+def _optimise(scene: Scene, folder: Folder) -> Summary:
+    """The command `optimise`: what a search has found is kept in the folder of all commands."""
+    return written(optimise(scene, folder.kept(".")), folder)
+
+
 COMMANDS: dict[str, Command] = {
     "run": _at_fidelity("run", run),
-    "map": _at_fidelity("map", map_relief),
-    "optimise": _at_fidelity("optimise", optimise_flanks),
+    "map": _at_fidelity("map", _study(relief_map)),
+    "optimise": _at_fidelity("optimise", _optimise),
     "sweep": _at_fidelity("sweep", sweep_speeds),
     "modes": _study(modes),
     "check-grad": check_gradients,

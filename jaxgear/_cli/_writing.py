@@ -1,14 +1,15 @@
 """Results on their way into their folder."""
 
 import json
+from collections.abc import Mapping
 
 import xarray as xr
 
 from jaxgear import plot
 from jaxgear._cli._folder import Folder
 from jaxgear._cli._saving import save
-from jaxgear._whole_file import write_dataset, write_json
-from jaxgear.scene._scene import Scene, write_scene
+from jaxgear._whole_file import write_dataset, write_json, write_text
+from jaxgear.scene._scene import Scene, rewritten, write_scene
 from jaxgear.scene._scene_files import files_seen_from
 from jaxgear.study._head import finished
 from jaxgear.study._progress import narration
@@ -30,12 +31,43 @@ def written(result: Result, folder: Folder) -> Summary:
     groups = dict(result.datasets)
     if groups:
         write_dataset(groups.pop("", xr.Dataset()), folder / "result.nc", groups)
+    return _closed(result.scene, folder, told(result, folder))
+
+
+def told(result: Result, folder: Folder) -> Summary:
+    """Write all but datasets, summary and scene.
+
+    **Arguments:**
+
+    - `result`: of the study.
+    - `folder`: where to.
+
+    **Returns:**
+
+    The summary, in which improved scenes have the paths where they will be.
+    """
     with narration("pictures"):
         for each in plot.pictures(result.datasets):
             save(each.draw, each.table, folder, each.name, **each.beside)
     for name, write in result.files.items():
         write(folder / name)
-    return _closed(result.scene, folder, result.summary)
+    own = result.scene
+    known = own.overridden() | files_seen_from(own, folder.path)
+    for name, keys in result.scenes.items():
+        write_text(rewritten(own.path, known | keys), folder / name)
+    return _placed(result.summary, {name: str(folder.path / name) for name in result.scenes})
+
+
+def _placed(summary: Summary, places: Mapping[str, str]) -> Summary:
+    """A summary whose scenes have their paths for their names."""
+    return {
+        key: _placed(value, places)
+        if isinstance(value, dict)
+        else places.get(value, value)
+        if key == "scene"
+        else value
+        for key, value in summary.items()
+    }
 
 
 def finish(scene: Scene, folder: Folder, summary: Summary) -> Summary:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from jaxgear.plot._modes_atlas import modes_pictures
 from jaxgear.plot._picture import Datasets, Picture
 from jaxgear.plot._run_atlas import run_pictures
+from jaxgear.plot._search_atlas import relief_map_pictures, searches_pictures
 
 
 def pictures(datasets: Datasets) -> Iterator[Picture]:
@@ -20,3 +21,5 @@ def pictures(datasets: Datasets) -> Iterator[Picture]:
     """
     yield from run_pictures(datasets)
     yield from modes_pictures(datasets)
+    yield from searches_pictures(datasets)
+    yield from relief_map_pictures(datasets)

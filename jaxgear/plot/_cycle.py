@@ -48,6 +48,11 @@ def mesh_orders(phase: np.ndarray) -> np.ndarray:
     return np.arange(1, min(_HARMONICS, (each - 1) // 2) + 1)
 
 
+def largest_pressure(dataset: xr.Dataset) -> np.ndarray:
+    """Largest pressure on any line at each phase [MPa]."""
+    return dataset["pressure_MPa"].max(("line", "slice")).values
+
+
 def cycle_statistics(values: xr.DataArray) -> tuple[float, float, float]:
     """Weighted statistics of a variable over the cycle.
 

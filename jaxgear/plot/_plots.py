@@ -9,7 +9,6 @@ if TYPE_CHECKING:
     from jaxgear.plot import _body_pictures as body_pictures
     from jaxgear.plot import _campbell_pictures as campbell_pictures
     from jaxgear.plot import _compare_pictures as compare_pictures
-    from jaxgear.plot import _curve_pictures as curve_pictures
     from jaxgear.plot import _cycle_pictures as cycle_pictures
     from jaxgear.plot import _dynamic_pictures as dynamic_pictures
     from jaxgear.plot import _flank_pictures as flank_pictures
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
     from jaxgear.plot import _modification_pictures as modification_pictures
     from jaxgear.plot import _pair_pictures as pair_pictures
     from jaxgear.plot import _pictures as pictures
-    from jaxgear.plot import _robust_pictures as robust_pictures
+    from jaxgear.plot import _relief_pictures as relief_pictures
     from jaxgear.plot import _search_pictures as search_pictures
     from jaxgear.plot import _sensitivity_pictures as sensitivity_pictures
     from jaxgear.plot import _shafts_pictures as shafts_pictures
@@ -48,13 +47,12 @@ else:
     pair_pictures = _Later("_pair_pictures")
     shafts_pictures = _Later("_shafts_pictures")
     sizing_pictures = _Later("_sizing_pictures")
-    curve_pictures = _Later("_curve_pictures")
     dynamic_pictures = _Later("_dynamic_pictures")
     flank_pictures = _Later("_flank_pictures")
     hybrid_pictures = _Later("_hybrid_pictures")
     modification_pictures = _Later("_modification_pictures")
     pictures = _Later("_pictures")
-    robust_pictures = _Later("_robust_pictures")
+    relief_pictures = _Later("_relief_pictures")
     search_pictures = _Later("_search_pictures")
     sensitivity_pictures = _Later("_sensitivity_pictures")
     sliding_pictures = _Later("_sliding_pictures")

@@ -48,6 +48,10 @@ class DesignSpace(eqx.Module):
             pairs |= {twin(key): value for key, value in pairs.items()}
         return pairs | {key: pairs[owner] for key, owner in self.ties}
 
+    def numbers(self, point: np.ndarray) -> dict[str, float]:
+        """The same as plain numbers."""
+        return {key: float(value) for key, value in self.updates(np.asarray(point)).items()}
+
     def model(self, values: Reals | np.ndarray) -> PairModel:
         """The model at a point of the space; traceable by JAX."""
         return self.variation.model(self.updates(values))

@@ -8,6 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import ArrayLike
 
 import optimise
 from jaxgear._dynamics._damping import ModalDamping, RayleighDamping
@@ -21,6 +22,7 @@ from jaxgear.scene._scene import Scene
 from jaxgear.study._design import DesignSpace
 from jaxgear.study._dynamics import damping_of, speeds_of
 from jaxgear.study._evaluations import Task
+from jaxgear.study._results import Entry
 from jaxgear.study._running import timed
 from jaxgear.study._statics import Statics, torques_of
 
@@ -138,6 +140,16 @@ def _named(scene: Scene, name: str, grid: MeshGrid) -> optimise.AbstractObjectiv
     """An objective by its name."""
     criterion = CRITERIA[name]
     return _at_speeds(scene, name, grid) if criterion.over_speeds else criterion.make(scene)
+
+
+def with_unit(name: str, unit: str) -> str:
+    """The name of a variable, with its unit; `-` stands for none."""
+    return name if unit == "-" else f"{name}_{unit}"
+
+
+def entry(dims: tuple[str, ...], values: ArrayLike, unit: str, words: str) -> Entry:
+    """A variable of a dataset; `-` stands for no unit."""
+    return Entry(dims, values, "1" if unit == "-" else unit, words)
 
 
 def traded_objectives(scene: Scene, grid: MeshGrid) -> tuple[optimise.AbstractObjective, ...]:

@@ -27,14 +27,15 @@ class Result:
     - `summary`: numbers and words by name, units included; `notes` among them.
     - `datasets`: what was computed, by group; the empty name is the first. Each variable has its
         `units` and its `long_name`; pictures and their tables are made of nothing else.
-    - `files`: what no dataset can hold, such as an improved scene: functions that write one to a
-        path, by name.
+    - `files`: what no dataset can hold: functions that write one to a path, by name.
+    - `scenes`: that were improved: by name of their files, the keys that are others, and these.
     """
 
     scene: Scene
     summary: Summary
     datasets: Datasets = dataclasses.field(default_factory=dict)
     files: Mapping[str, Callable[[Path], None]] = dataclasses.field(default_factory=dict)
+    scenes: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)
 
     @property
     def dataset(self) -> xr.Dataset:
