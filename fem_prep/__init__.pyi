@@ -3,6 +3,7 @@
 from ._checks import BodyError as BodyError
 
 from ._grid import Grid as Grid
+from ._grid import surface as surface
 
 from ._web import Fineness as Fineness
 from ._web import GearBody as GearBody
@@ -29,6 +30,7 @@ from ._symmetry import Rotation as Rotation
 from ._artefact import ReducedBody as ReducedBody
 from ._artefact import balanced as balanced
 from ._artefact import floating as floating
+from ._artefact import rigid_motions as rigid_motions
 
 from ._body_file import read_body as read_body
 from ._body_file import write_body as write_body
@@ -41,6 +43,7 @@ from ._boundary import full_body as full_body
 from ._modes import free_modes as free_modes
 from ._modes import reduced_modes as reduced_modes
 
+from ._condense import Held as Held
 from ._condense import condense as condense
 from ._condense import hold as hold
 from ._condense import recovered as recovered

@@ -30,12 +30,22 @@ def written(result: Result, folder: Folder) -> Summary:
     groups = dict(result.datasets)
     if groups:
         write_dataset(groups.pop("", xr.Dataset()), folder / "result.nc", groups)
+    write_pictures(result, folder)
+    return _closed(result.scene, folder, result.summary)
+
+
+def write_pictures(result: Result, folder: Folder) -> None:
+    """Write the pictures of a result, their tables, and what no dataset can hold.
+
+    Arguments as for `written`.
+    """
     with narration("pictures"):
         for each in plot.pictures(result.datasets):
             save(each.draw, each.table, folder, each.name, **each.beside)
+        for each in plot.animations(result.datasets) if folder.pictures else ():
+            each.write(folder / f"{each.name}.gif")
     for name, write in result.files.items():
         write(folder / name)
-    return _closed(result.scene, folder, result.summary)
 
 
 def finish(scene: Scene, folder: Folder, summary: Summary) -> Summary:

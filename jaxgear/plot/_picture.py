@@ -1,6 +1,7 @@
 """A picture of results: what draws it, and the tables that it shows."""
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -51,3 +52,16 @@ def columns(dataset: xr.Dataset, *names: str) -> dict[str, np.ndarray]:
         name: each.transpose(*order).values.ravel()
         for name, each in zip(names, together, strict=True)
     }
+
+
+class Animation(NamedTuple):
+    """A picture that moves: a file, without a table.
+
+    **Fields:**
+
+    - `name`: of the file, without the ending .gif.
+    - `write`: writes it to a path. Matplotlib is imported when it is called, and not before.
+    """
+
+    name: str
+    write: Callable[[Path], None]

@@ -5,3 +5,4 @@ from ._progress import Listener as Listener
 from ._progress import listened_by as listened_by
 from ._result import Result as Result
 from ._running import stopwatch as stopwatch
+from ._sweep import sweep as sweep
