@@ -44,6 +44,7 @@ from ._boundary import full_body as full_body
 from ._modes import free_modes as free_modes
 from ._modes import reduced_modes as reduced_modes
 
+from ._condense import Held as Held
 from ._condense import condense as condense
 from ._condense import hold as hold
 from ._condense import recovered as recovered

@@ -3,181 +3,32 @@
 import dataclasses
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 
 import numpy as np
-import xarray as xr
 
-from jaxgear._checks import InputError
 from jaxgear._cli._folder import Folder
 from jaxgear._cli._saving import save
-from jaxgear._cli._writing import finish, told, written
+from jaxgear._cli._writing import finish, written
 from jaxgear._interface._laws import ExactContact
-from jaxgear._whole_file import write_csv, write_dataset
-from jaxgear.plot import _dynamic_tables as dynamic_tables
+from jaxgear._whole_file import write_csv
 from jaxgear.plot._plots import (
-    dynamic_pictures,
     sensitivity_pictures,
 )
-from jaxgear.scene._build import model_of, smooth_law_of
+from jaxgear.scene._build import smooth_law_of
 from jaxgear.scene._scene import Scene
-from jaxgear.study._dynamics import (
-    Dynamics,
-    Sweep,
-    damping_summary,
-    directions_of,
-    drawn_sweep,
-    marked,
-    orbit_dataset,
-    pieces_lost,
-    require_damped,
-    solve_dynamics,
-    speeds_of,
-    sweep_dataset,
-    sweep_of,
-    sweep_summary,
-    way_of,
-)
 from jaxgear.study._gradients import dynamic_table, gradient_table
-from jaxgear.study._head import finished, head, names_of
+from jaxgear.study._head import names_of
 from jaxgear.study._modes import modes
-from jaxgear.study._notes import steady_notes, sweep_notes
-from jaxgear.study._optimising import optimisation, optimise
-from jaxgear.study._progress import built_scene, narration, progress
+from jaxgear.study._notes import steady_notes
+from jaxgear.study._optimising import optimise
+from jaxgear.study._progress import built_scene, progress
 from jaxgear.study._relief_map import relief_map
 from jaxgear.study._result import Result, Summary, title_of
-from jaxgear.study._run import run_of, sizing_result
-from jaxgear.study._statics import (
-    Statics,
-)
+from jaxgear.study._run import run
+from jaxgear.study._sweep import sweep
 
 Command = Callable[[Scene, Folder], Summary]
-
-
-def run(scene: Scene, folder: Folder) -> Summary:
-    """Geometry, a quasi-static mesh cycle and, where asked for, sweep, sizing and optimisation.
-
-    **Arguments:**
-
-    - `scene`: checked against the schema.
-    - `folder`: for the results; exists.
-
-    **Returns:**
-
-    The summary that is also in `summary.json`.
-
-    **Raises:**
-
-    - `ValueError` if the gears are impossible.
-    - `SolverFailure` if a contact problem was not solved.
-    """
-    scene = built_scene(scene)
-    model_of(scene)
-    if scene.has_table("optimise"):
-        # Endless searches are refused before any bar is drawn.
-        refuse_unbounded(scene, tuple(scene["optimise.vary"]))
-        require_swept(scene)
-        require_search(scene)
-
-    def swept(scene: Scene, statics: Statics, torques: np.ndarray) -> Result:
-        return Result(scene, *_sweep(scene, solve_dynamics(scene), folder))
-
-    def sized(scene: Scene, statics: Statics, torques: np.ndarray) -> Result:
-        return sizing_result(scene, statics.grid)
-
-    def searched(scene: Scene, statics: Statics, torques: np.ndarray) -> Result:
-        return Result(scene, optimisation(scene, statics, folder, torques))
-
-    result = run_of(scene, (("sweep", swept), ("sizing", sized), ("optimise", searched)))
-    return written(dataclasses.replace(result, summary=finished(scene, result.summary)), folder)
-
-
-def sweep_speeds(scene: Scene, folder: Folder) -> Summary:
-    """Steady responses over the speeds of [sweep], in its directions, and round their folds.
-
-    Arguments, results and errors as for `run`.
-    """
-    scene = built_scene(scene, moving=True)
-    with narration("mesh cycle"):
-        dynamics = solve_dynamics(scene)
-    summary = head(scene, dynamics.statics)
-    found, groups = _sweep(scene, dynamics, folder)
-    write_dataset(xr.Dataset(), folder / "result.nc", groups)
-    summary["notes"] += found.pop("notes")
-    return finish(scene, folder, summary | found)
-
-
-def _sweep(
-    scene: Scene, dynamics: Dynamics, folder: Folder
-) -> tuple[Summary, dict[str, xr.Dataset]]:
-    """Sweep, draw what was found, and return its part of the summary, and datasets by name."""
-    require_damped(scene, dynamics)
-    watch = _wave_watch(scene, dynamics)
-    count = len(speeds_of(scene)) * len(directions_of(scene))
-    with progress(count, "sweep") as done:
-        found = sweep_of(scene, dynamics.pair, done)
-    model = dynamics.statics.model
-    dataset = sweep_dataset(dynamics.pair, model, found)
-    with narration("sweep"):
-        _draw_sweep(folder, scene, dynamics, found, dataset)
-    remarks = sweep_notes(scene, found.unsettled, count, list(pieces_lost(found)))
-    summary = {
-        "damping": damping_summary(scene, dynamics),
-        "sweep": sweep_summary(scene, dynamics, found, dataset),
-        "notes": remarks,
-    }
-    groups = {"sweep": dataset}
-    if watch is not None:
-        from jaxgear.plot import _wave_tables
-        from jaxgear.study import _body_waves
-
-        with narration("waves") as tell:
-            groups["waves"] = _body_waves.waves_dataset(watch, found)
-            summary["sweep"]["waves"] = _body_waves.waves_summary(watch, groups["waves"])
-            _wave_tables.draw(folder, title_of(scene), watch, groups["waves"], tell)
-    return summary, groups
-
-
-def _wave_watch(scene: Scene, dynamics: Dynamics):
-    """What looks at the waves of condensed bodies in a sweep; None where there are none."""
-    if not dynamics.pair.bodies:
-        if scene.rows("probes"):
-            raise InputError("probes: they look at condensed bodies, of which this scene has none.")
-        return None
-    from jaxgear.study import _body_waves
-
-    with narration("probes") as tell:
-        return _body_waves.wave_watch(scene, dynamics.pair, tell)
-
-
-def _draw_sweep(
-    folder: Folder, scene: Scene, dynamics: Dynamics, found: Sweep, dataset: xr.Dataset
-) -> None:
-    """The pictures of a sweep; those of one direction show the one with the highest peak."""
-    title, model = title_of(scene), dynamics.statics.model
-    critical, natural = marked(dynamics, model.pair.pinion.teeth)
-    over = drawn_sweep(dataset)
-    figure = partial(dynamic_pictures.sweep, over, title, critical)
-    beside = {"critical": dynamic_tables.critical_columns(critical)}
-    if "curve_speed" in over:
-        beside["curve"] = dynamic_tables.curve_columns(over)
-        beside["folds"] = dynamic_tables.fold_columns(over)
-    save(figure, dynamic_tables.sweep_columns(over), folder, "sweep", **beside)
-    own, title_of_way = dataset.sel(direction=found.main), title + way_of(found)
-    figure = partial(dynamic_pictures.waterfall, own, title_of_way, natural)
-    save(figure, dynamic_tables.waterfall_columns(own), folder, "waterfall")
-    figure = partial(dynamic_pictures.orders, own, title_of_way)
-    columns, beside = dynamic_tables.orders_columns(own), {}
-    if "bearing_force_order_N" in own:
-        beside["bearings"] = dynamic_tables.bearing_orders_columns(own)
-    save(figure, columns, folder, "orders", **beside)
-    figure = partial(dynamic_pictures.contact_loss, own, title_of_way)
-    columns = dynamic_tables.contact_loss_columns(own)
-    shares = dynamic_tables.contact_shares_columns(own)
-    save(figure, columns, folder, "contact_loss", shares=shares)
-    orbit = orbit_dataset(dynamics.pair, model, found)
-    speed = float(found.speeds[found.highest(found.main)[1]])
-    figure = partial(dynamic_pictures.orbit, orbit, f"{title}, {speed:.5g} rad/s")
-    save(figure, dynamic_tables.orbit_columns(orbit), folder, "orbit")
 
 
 def compare(scene: Scene, folder: Folder) -> Summary:
@@ -304,16 +155,16 @@ def _study(found: Callable[[Scene], Result]) -> Command:
     return lambda scene, folder: written(found(scene), folder)
 
 
-def _optimise(scene: Scene, folder: Folder) -> Summary:
-    """The command `optimise`: what a search has found is kept in the folder of all commands."""
-    return written(optimise(scene, folder.kept(".")), folder)
+def _remembering(found: Callable[[Scene, Path], Result]) -> Command:
+    """A command whose searches, if they are killed, are gone on with in the common folder."""
+    return lambda scene, folder: written(found(scene, folder.kept(".")), folder)
 
 
 COMMANDS: dict[str, Command] = {
-    "run": _at_fidelity("run", run),
+    "run": _at_fidelity("run", _remembering(run)),
     "map": _at_fidelity("map", _study(relief_map)),
-    "optimise": _at_fidelity("optimise", _optimise),
-    "sweep": _at_fidelity("sweep", sweep_speeds),
+    "optimise": _at_fidelity("optimise", _remembering(optimise)),
+    "sweep": _at_fidelity("sweep", _study(sweep)),
     "modes": _study(modes),
     "check-grad": check_gradients,
     "sensitivity": sensitivity,

@@ -5,12 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from jaxgear import plot
 from jaxgear._cli._folder import Folder
-from jaxgear._system._model import PairModel
 from jaxgear._whole_file import write_csv
 from jaxgear.plot._plots import style
-from jaxgear.study._pair_dataset import modification_dataset
 from jaxgear.study._progress import say
 
 
@@ -37,10 +34,3 @@ def save(
     if folder.pictures:
         say(f"drawing {name}")
         style.write_picture(draw, folder / f"{name}.png", folder / f"{name}.svg")
-
-
-def draw_modification(models: Mapping[str, PairModel], title: str, folder: Folder) -> None:
-    """Draw the traces of the flanks of several models, until a search returns them as a dataset."""
-    traces = modification_dataset(models).assign_attrs(title=title)
-    for each in plot.pictures({"modification": traces}):
-        save(each.draw, each.table, folder, each.name)

@@ -1,6 +1,7 @@
 """A picture of results: what draws it, and the tables that it shows."""
 
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -65,3 +66,16 @@ def joined(tables: Sequence[Columns]) -> dict[str, np.ndarray]:
     - `tables`: at least one; those of the first are the columns.
     """
     return {name: np.concatenate([each[name] for each in tables]) for name in tables[0]}
+
+
+class Animation(NamedTuple):
+    """A picture that moves: a file, without a table.
+
+    **Fields:**
+
+    - `name`: of the file, without the ending .gif.
+    - `write`: writes it to a path. Matplotlib is imported when it is called, and not before.
+    """
+
+    name: str
+    write: Callable[[Path], None]

@@ -1,6 +1,6 @@
 """What a run of a scene is: its mesh cycle, and whatever else the scene asks for."""
 
-from collections.abc import Callable, Iterable
+from pathlib import Path
 
 import numpy as np
 
@@ -9,8 +9,9 @@ from jaxgear._units import um
 from jaxgear.scene._build import couples_on_pinion, grid_of, model_of
 from jaxgear.scene._scene import Scene
 from jaxgear.study._body_surfaces import body_sections
-from jaxgear.study._dynamics import speeds_of
+from jaxgear.study._dynamics import solve_dynamics, speeds_of
 from jaxgear.study._head import head, names_of, study
+from jaxgear.study._optimising import optimisation
 from jaxgear.study._pair_dataset import (
     axes_dataset,
     modification_dataset,
@@ -20,12 +21,11 @@ from jaxgear.study._pair_dataset import (
 from jaxgear.study._progress import built_scene, narration, progress
 from jaxgear.study._result import Result, titled
 from jaxgear.study._results import Entry, static_dataset
+from jaxgear.study._search_checks import require_searchable
 from jaxgear.study._shafts import shafts_dataset
 from jaxgear.study._sizing import combinations_of, sizing_summary, sizing_table
 from jaxgear.study._statics import Statics, solve_statics, torques_of
-
-# What a scene may ask for beside its mesh cycle: of its statics and the torques of the Harris map.
-Part = Callable[[Scene, Statics, np.ndarray], Result]
+from jaxgear.study._sweep import sweep_result
 
 
 @study
@@ -65,23 +65,37 @@ def sizing(scene: Scene) -> Result:
     return Result(scene, names_of(scene) | found.summary, found.datasets)
 
 
-def run_of(scene: Scene, parts: Iterable[tuple[str, Part]]) -> Result:
-    """The mesh cycle of a scene, and each part whose table the scene has.
+@study
+def run(scene: Scene, memory: Path | None = None) -> Result:
+    """All that a scene asks for: statics, and where it has their tables sweep, sizing and search.
 
     **Arguments:**
 
-    - `scene`: with its bodies.
-    - `parts`: what belongs to a table of the scene, in the order of the summary.
+    - `scene`: checked against the schema.
+    - `memory`: a folder for what a search that is killed has found: the next one goes on from it.
 
     **Returns:**
 
-    All datasets as groups of one result, and one summary.
+    The datasets and the summaries of `statics`, `sweep`, `sizing` and `optimise`; one model is
+    solved for all of them.
+
+    **Raises:**
+
+    As these.
     """
+    scene = built_scene(scene)
+    # Impossible gears and endless searches are refused before anything is compiled.
+    model_of(scene)
+    if scene.has_table("optimise"):
+        require_searchable(scene)
     found, torques = solved(scene)
     result = statics_result(scene, found, torques)
-    for table, part in parts:
-        if scene.has_table(table):
-            result = _together(result, part(scene, found, torques))
+    if scene.has_table("sweep"):
+        result = _together(result, sweep_result(scene, solve_dynamics(scene)))
+    if scene.has_table("sizing"):
+        result = _together(result, sizing_result(scene, found.grid))
+    if scene.has_table("optimise"):
+        result = _together(result, optimisation(scene, found, torques, memory))
     return result
 
 
@@ -89,14 +103,15 @@ def _together(first: Result, second: Result) -> Result:
     """Two results of one scene as one."""
     summary = first.summary | second.summary
     summary["notes"] = [*first.notes, *second.notes]
-    datasets = {**first.datasets, **second.datasets}
-    return Result(first.scene, summary, datasets, {**first.files, **second.files})
+    joined = [
+        {**getattr(first, name), **getattr(second, name)}
+        for name in ("datasets", "files", "scenes")
+    ]
+    return Result(first.scene, summary, *joined)
 
 
 def solved(scene: Scene) -> tuple[Statics, np.ndarray]:
     """The mesh cycle of a scene with its bodies, and the torques of the Harris map [N m]."""
-    # Impossible gears are refused before anything is compiled.
-    model_of(scene)
     with narration("mesh cycle"):
         torques = _harris_torques(scene)
         return solve_statics(scene, torques), torques
