@@ -31,31 +31,19 @@ def written(result: Result, folder: Folder) -> Summary:
     groups = dict(result.datasets)
     if groups:
         write_dataset(groups.pop("", xr.Dataset()), folder / "result.nc", groups)
-    return _closed(result.scene, folder, told(result, folder))
-
-
-def told(result: Result, folder: Folder) -> Summary:
-    """Write all but datasets, summary and scene.
-
-    **Arguments:**
-
-    - `result`: of the study.
-    - `folder`: where to.
-
-    **Returns:**
-
-    The summary, in which improved scenes have the paths where they will be.
-    """
     with narration("pictures"):
         for each in plot.pictures(result.datasets):
             save(each.draw, each.table, folder, each.name, **each.beside)
+        for each in plot.animations(result.datasets) if folder.pictures else ():
+            each.write(folder / f"{each.name}.gif")
     for name, write in result.files.items():
         write(folder / name)
     own = result.scene
     known = own.overridden() | files_seen_from(own, folder.path)
     for name, keys in result.scenes.items():
         write_text(rewritten(own.path, known | keys), folder / name)
-    return _placed(result.summary, {name: str(folder.path / name) for name in result.scenes})
+    places = {name: str(folder.path / name) for name in result.scenes}
+    return _closed(own, folder, _placed(result.summary, places))
 
 
 def _placed(summary: Summary, places: Mapping[str, str]) -> Summary:

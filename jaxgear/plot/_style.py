@@ -172,6 +172,17 @@ def panels(
     return figure, list(axes[0])
 
 
+def titled(
+    dataset: xr.Dataset,
+    what: str,
+    size: tuple[float, float],
+    columns: int = 1,
+    ratios: tuple[float, ...] | None = None,
+) -> tuple[Figure, list[Axes]]:
+    """A figure with a row of axes, headed by what it shows and by its dataset's title."""
+    return panels(size, f"{what}: {dataset.attrs['title']}", columns, ratios)
+
+
 def digits(value: float, count: int) -> str:
     """The value to so many significant digits, zeros included."""
     return f"{value:#.{count}g}".rstrip(".")
