@@ -1,6 +1,5 @@
 """The study `optimise`: a search by gradient, judged exactly, and what became better."""
 
-import dataclasses
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -31,10 +30,10 @@ from jaxgear.study._objectives import (
     with_unit,
 )
 from jaxgear.study._pair_dataset import modification_dataset
-from jaxgear.study._pareto import front_dataset, front_notes, front_of, front_summary
+from jaxgear.study._pareto import front_result
 from jaxgear.study._progress import built_scene
 from jaxgear.study._ranks import Doubtful
-from jaxgear.study._result import Result, Summary, titled
+from jaxgear.study._result import Result, Summary, titled, together
 from jaxgear.study._results import Entry, dataset_of, static_dataset
 from jaxgear.study._robust import hardened
 from jaxgear.study._robust_report import robust_datasets, robust_notes, robust_summary
@@ -80,10 +79,8 @@ def optimise(scene: Scene, memory: Path | None = None) -> Result:
     require_searchable(scene)
     scene = built_scene(scene)
     statics = solve_statics(scene)
-    found = optimisation(scene, statics, memory=memory)
-    summary = head(scene, statics)
-    notes = [*summary["notes"], *found.notes]
-    return dataclasses.replace(found, summary=summary | found.summary | {"notes": notes})
+    first = Result(scene, head(scene, statics))
+    return together(first, optimisation(scene, statics, memory=memory))
 
 
 class Problem(NamedTuple):
@@ -140,34 +137,44 @@ def optimisation(
     at_end = speeds(np.asarray(made.found.point))
     swept = made.baseline.evaluations if is_dynamic(scene) else 0
     notes = left_out_notes(at_start, at_end, limited=swept) + judged.notes
-    designs = {"before": before, "after": after}
-    datasets = {f"search_{name}": _design_dataset(scene, each) for name, each in designs.items()}
-    datasets["search_trace"] = _trace(scene, search.name, made)
-    models = {"start": before.model, "optimised": after.model}
-    datasets["modification"] = titled(modification_dataset(models), scene)
-    own: Summary = judged.summary | left_out(at_start, at_end)
-    scenes = {f"{scene['name']}.optimised.toml": space.numbers(made.found.point)}
-    own["scene"] = next(iter(scenes))
-    summary: Summary = {}
+    name = f"{scene['name']}.optimised.toml"
+    own: Summary = judged.summary | left_out(at_start, at_end) | {"scene": name}
+    result = Result(
+        scene,
+        {"optimise": own, "notes": notes},
+        {
+            "search_before": _design_dataset(scene, before),
+            "search_after": _design_dataset(scene, after),
+            "search_trace": _trace(scene, search.name, made),
+            "modification": _modification(scene, before, after),
+        },
+        scenes={name: space.numbers(made.found.point)},
+    )
     if scene.get("optimise.pareto.against") is not None:
-        front = front_of(space, grid, prepared)
-        datasets["pareto"] = front_dataset(space, front)
-        summary["pareto"] = front_summary(front, datasets["pareto"])
-        notes += front_notes(front)
+        result = together(front_result(space, grid, prepared), result)
     if scatter is not None:
-        law, point = smooth_law_of(scene), made.found.point
-        record = record_file(space, memory, "robust")
-        robust = hardened(scatter, point, grid, law, prepared, record)
-        name = f"{scene['name']}.robust.toml"
-        scenes[name] = space.numbers(robust.found.point)
-        own["robust"] = robust_summary(robust) | {"scene": name}
-        statics = _solved(space, robust.found.point, torques)
-        datasets |= robust_datasets(robust) | {"search_robust": _design_dataset(scene, statics)}
-        notes += robust_notes(robust)
-        forget(record)
+        more = _robust(problem, made.found.point, torques, memory)
+        own["robust"] = more.summary.pop("robust")
+        result = together(result, more)
     # Only now: what is stopped before begins with all that the search has found.
     forget(file)
-    return Result(scene, summary | {"notes": notes, "optimise": own}, datasets, scenes=scenes)
+    return result
+
+
+def _robust(
+    problem: Problem, nominal: np.ndarray, torques: np.ndarray | None, memory: Path | None
+) -> Result:
+    """Go on from a nominal optimum to the robust one, and judge both on fresh gears."""
+    space, grid, prepared, scatter = problem
+    assert scatter is not None
+    scene, file = space.scene, record_file(space, memory, "robust")
+    made = hardened(scatter, nominal, grid, smooth_law_of(scene), prepared, file)
+    keys, name = space.numbers(made.found.point), f"{scene['name']}.robust.toml"
+    statics = _solved(space, made.found.point, torques)
+    datasets = robust_datasets(made) | {"search_robust": _design_dataset(scene, statics)}
+    summary = {"robust": robust_summary(made) | {"scene": name}, "notes": robust_notes(made)}
+    forget(file)
+    return Result(scene, summary, datasets, scenes={name: keys})
 
 
 def _problem(scene: Scene, before: Statics) -> Problem:
@@ -314,6 +321,11 @@ def _design_dataset(scene: Scene, statics: Statics) -> xr.Dataset:
         key, words = f"te_{name}_um", f"{words} of the transmission error"
         dataset[key] = Entry((), float(statics.numbers[key]), "um", words).variable()
     return titled(dataset, scene)
+
+
+def _modification(scene: Scene, before: Statics, after: Statics) -> xr.Dataset:
+    models = {"start": before.model, "optimised": after.model}
+    return titled(modification_dataset(models), scene)
 
 
 def _trace(scene: Scene, name: str, made: Searched) -> xr.Dataset:

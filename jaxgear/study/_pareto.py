@@ -15,26 +15,30 @@ from jaxgear.study._design import DesignSpace
 from jaxgear.study._evaluations import responses_at, sloped_responses
 from jaxgear.study._objectives import entry, limits_of, task_of, traded, with_unit
 from jaxgear.study._progress import progress
-from jaxgear.study._result import Summary, titled
+from jaxgear.study._result import Result, Summary, titled
 from jaxgear.study._results import Entry, dataset_of
 from jaxgear.study._running import timed
 
 
-def front_of(
-    space: DesignSpace, grid: MeshGrid, prepared: PreparedMesh | None
-) -> optimise.ParetoFront:
-    """The front that a scene asks for, found with smooth contact and re-checked exactly.
+def front_result(space: DesignSpace, grid: MeshGrid, prepared: PreparedMesh | None) -> Result:
+    """The front that a scene asks for: group `pareto`, and its part of the summary.
 
     **Arguments:**
 
     - `space`: variables of the scene, from whose values the searches begin.
     - `grid`: of the quasi-static cycles.
     - `prepared`: the meshes, where the variables leave them as they are.
-
-    **Returns:**
-
-    The designs.
     """
+    front = _front(space, grid, prepared)
+    dataset = _dataset(space, front)
+    summary = {"pareto": _summary(front, dataset), "notes": _notes(front)}
+    return Result(space.scene, summary, {"pareto": dataset})
+
+
+def _front(
+    space: DesignSpace, grid: MeshGrid, prepared: PreparedMesh | None
+) -> optimise.ParetoFront:
+    """The designs, found with smooth contact and re-checked exactly."""
     scene, smooth, exact = space.scene, smooth_law_of(space.scene), ExactContact()
     searched, judged = (
         task_of(space, grid, law, prepared, trading=True) for law in (smooth, exact)
@@ -52,14 +56,8 @@ def front_of(
         )
 
 
-def front_dataset(space: DesignSpace, front: optimise.ParetoFront) -> xr.Dataset:
-    """The designs of a front: both numbers, what became of each search, and the variables.
-
-    **Arguments:**
-
-    - `space`: variables of the scene.
-    - `front`: of `front_of`.
-    """
+def _dataset(space: DesignSpace, front: optimise.ParetoFront) -> xr.Dataset:
+    """Both numbers of each design, what became of its search, and the variables."""
     along, found = ("design",), dict[str, Entry]()
     for (name, each), values in zip(traded(space.scene).items(), front.value.T, strict=True):
         # The offset is made small as its square, and told as such.
@@ -78,14 +76,8 @@ def front_dataset(space: DesignSpace, front: optimise.ParetoFront) -> xr.Dataset
     return titled(dataset_of(found), space.scene)
 
 
-def front_summary(front: optimise.ParetoFront, dataset: xr.Dataset) -> Summary:
-    """Part of the summary: the designs, a row each.
-
-    **Arguments:**
-
-    - `front`: of `front_of`.
-    - `dataset`: its `front_dataset`.
-    """
+def _summary(front: optimise.ParetoFront, dataset: xr.Dataset) -> Summary:
+    """Part of the summary: the designs, a row each."""
     both = list(dataset.data_vars)[:2]
     rows: list[dict[str, Any]] = [
         {str(name): each.values[i] for name, each in dataset.data_vars.items()}
@@ -95,13 +87,8 @@ def front_summary(front: optimise.ParetoFront, dataset: xr.Dataset) -> Summary:
     return named | {"evaluations": front.evaluations, "designs": rows}
 
 
-def front_notes(front: optimise.ParetoFront) -> list[str]:
-    """What a user must hear of designs that were not found.
-
-    **Arguments:**
-
-    - `front`: of `front_of`.
-    """
+def _notes(front: optimise.ParetoFront) -> list[str]:
+    """What a user must hear of designs that were not found."""
     found, count = [], len(front.point)
     lost = np.flatnonzero(~front.kept)
     if lost.size:

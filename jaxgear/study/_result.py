@@ -62,3 +62,19 @@ def title_of(scene: Scene) -> str:
 def titled(dataset: xr.Dataset, scene: Scene, more: str = "") -> xr.Dataset:
     """The dataset with the title that its pictures are headed by, in its attributes."""
     return dataset.assign_attrs(title=title_of(scene) + more)
+
+
+def together(first: Result, second: Result) -> Result:
+    """Two results of one scene as one; remarks stay in their order.
+
+    **Arguments:**
+
+    - `first`: whose scene it is.
+    - `second`: with other groups and other parts of the summary.
+    """
+    summary = {**first.summary, **second.summary, "notes": [*first.notes, *second.notes]}
+    joined = [
+        {**getattr(first, name), **getattr(second, name)}
+        for name in ("datasets", "files", "scenes")
+    ]
+    return Result(first.scene, summary, *joined)

@@ -19,7 +19,7 @@ from jaxgear.study._pair_dataset import (
     sliding_dataset,
 )
 from jaxgear.study._progress import built_scene, narration, progress
-from jaxgear.study._result import Result, titled
+from jaxgear.study._result import Result, titled, together
 from jaxgear.study._results import Entry, static_dataset
 from jaxgear.study._search_checks import require_searchable
 from jaxgear.study._shafts import shafts_dataset
@@ -91,23 +91,12 @@ def run(scene: Scene, memory: Path | None = None) -> Result:
     found, torques = solved(scene)
     result = statics_result(scene, found, torques)
     if scene.has_table("sweep"):
-        result = _together(result, sweep_result(scene, solve_dynamics(scene)))
+        result = together(result, sweep_result(scene, solve_dynamics(scene)))
     if scene.has_table("sizing"):
-        result = _together(result, sizing_result(scene, found.grid))
+        result = together(result, sizing_result(scene, found.grid))
     if scene.has_table("optimise"):
-        result = _together(result, optimisation(scene, found, torques, memory))
+        result = together(result, optimisation(scene, found, torques, memory))
     return result
-
-
-def _together(first: Result, second: Result) -> Result:
-    """Two results of one scene as one."""
-    summary = first.summary | second.summary
-    summary["notes"] = [*first.notes, *second.notes]
-    joined = [
-        {**getattr(first, name), **getattr(second, name)}
-        for name in ("datasets", "files", "scenes")
-    ]
-    return Result(first.scene, summary, *joined)
 
 
 def solved(scene: Scene) -> tuple[Statics, np.ndarray]:
