@@ -8,7 +8,7 @@ import xarray as xr
 
 from jaxgear.plot._cycle import largest_pressure, unrolled
 from jaxgear.plot._picture import Columns, Datasets, Picture, columns
-from jaxgear.plot._plots import modification_pictures, relief_pictures, search_pictures
+from jaxgear.plot._plots import relief_pictures, search_pictures
 
 
 def searches_pictures(datasets: Datasets) -> Iterator[Picture]:
@@ -18,10 +18,6 @@ def searches_pictures(datasets: Datasets) -> Iterator[Picture]:
         draw = partial(search_pictures.before_after, before, after)
         table = _curves({"before": before, "after": after}, pressure=True)
         yield Picture("before_after", draw, table)
-    if (flanks := datasets.get("modification")) is not None:
-        table = columns(flanks, "state", "gear", "trace", *sorted(flanks.data_vars))
-        draw = partial(modification_pictures.modification, table, flanks.attrs["title"])
-        yield Picture("modification", draw, table)
     for name, group, draw in (
         ("search", "search_trace", search_pictures.search_trace),
         ("pareto", "pareto", search_pictures.pareto),
