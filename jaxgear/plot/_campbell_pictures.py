@@ -14,12 +14,12 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from jaxgear.plot._labels import Label, write_labels, write_rays
-from jaxgear.plot._palette import _BLUE, _GREEN, _GREY, _ORANGE, _RED, _SKY
-from jaxgear.plot._pictures import _house_look, _panels
+from jaxgear.plot._palette import BLUE, GREEN, GREY, ORANGE, RED, SKY
 from jaxgear.plot._speed_axes import PURPLE, frequency_unit, runs, speed_axes
+from jaxgear.plot._style import house_look, panels
 
 # Of waves of two and more nodal diameters; fewer are in grey and black.
-_WAVES = (_BLUE, _ORANGE, _GREEN, _RED, PURPLE, _SKY, "#8c6d31", "#5254a3")
+_WAVES = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, "#8c6d31", "#5254a3")
 # With the gear, against it, neither.
 _STYLES: dict[int, Any] = {1: "-", -1: (0, (5, 2)), 0: "-", 2: (0, (1, 1.2))}
 _LETTERS = {"forward": "F", "backward": "B", "none": "", "both": ""}
@@ -31,7 +31,7 @@ _LABELS = 24
 # --- Seen from space
 
 
-@_house_look()
+@house_look()
 def campbell(dataset: xr.Dataset, critical: xr.Dataset) -> Figure:
     """Natural frequencies seen from space over pinion speed, and where mesh harmonics meet them.
 
@@ -44,7 +44,7 @@ def campbell(dataset: xr.Dataset, critical: xr.Dataset) -> Figure:
 
     The figure.
     """
-    figure, (axes,) = _panels((9.6, 7.0), f"Campbell diagram: {dataset.attrs['title']}")
+    figure, (axes,) = panels((9.6, 7.0), f"Campbell diagram: {dataset.attrs['title']}")
     speed, teeth = dataset["speed"].values, int(dataset.attrs["teeth_pinion"])
     frequency = np.abs(dataset["frequency_Hz"].values)
     unit, name = frequency_unit(float(np.nanmax(frequency[0])))
@@ -134,10 +134,10 @@ def _label_critical(
 def _legend(figure: Figure, numbers: np.ndarray, shown: xr.Dataset, *, harmonics: bool) -> None:
     handles = [Line2D([], [], color=_colour(int(n)), lw=1.6, label=f"n = {n}") for n in numbers]
     for way, words in ((1, "forward, F"), (-1, "backward, B")):
-        handles.append(Line2D([], [], color=_GREY, lw=1.4, ls=_STYLES[way], label=words))
+        handles.append(Line2D([], [], color=GREY, lw=1.4, ls=_STYLES[way], label=words))
     if harmonics:
         handles.append(Line2D([], [], label="mesh harmonics", **_RAYS))
-    dot: dict[str, Any] = {"marker": "o", "ls": "", "color": _GREY}
+    dot: dict[str, Any] = {"marker": "o", "ls": "", "color": GREY}
     if shown.sizes["crossing"]:
         handles.append(Line2D([], [], ms=5.5, label="critical [rad/s]", **dot))
     if (shown["harmonic"] > 1).any():
@@ -154,7 +154,7 @@ def _legend(figure: Figure, numbers: np.ndarray, shown: xr.Dataset, *, harmonics
 # --- Seen from a gear
 
 
-@_house_look()
+@house_look()
 def campbell_on_body(dataset: xr.Dataset, critical: xr.Dataset, gear: str) -> Figure:
     """Natural frequencies on a gear over pinion speed, with the orders by which the mesh comes.
 
@@ -172,7 +172,7 @@ def campbell_on_body(dataset: xr.Dataset, critical: xr.Dataset, gear: str) -> Fi
     The figure.
     """
     title = f"Campbell diagram on the body: {dataset.attrs['title']}, seen from the {gear}"
-    figure, (axes,) = _panels((9.6, 7.0), title)
+    figure, (axes,) = panels((9.6, 7.0), title)
     speed, teeth = dataset["speed"].values, int(dataset.attrs["teeth_pinion"])
     own = dataset["frequency_body_Hz"].values
     rest = np.abs(dataset["frequency_Hz"].values[0])
@@ -206,7 +206,7 @@ def campbell_on_body(dataset: xr.Dataset, critical: xr.Dataset, gear: str) -> Fi
 # --- Alone and in mesh
 
 
-@_house_look()
+@house_look()
 def alone(dataset: xr.Dataset, gear: str) -> Figure:
     """Natural frequencies over nodal diameters of a gear alone on its bearings, and in mesh.
 
@@ -222,26 +222,26 @@ def alone(dataset: xr.Dataset, gear: str) -> Figure:
     The figure.
     """
     title = f"Modes alone and in mesh: {dataset.attrs['title']}"
-    figure, (axes, change) = _panels((10.0, 5.6), title, columns=2, ratios=(1.4, 1.0))
+    figure, (axes, change) = panels((10.0, 5.6), title, columns=2, ratios=(1.4, 1.0))
     names = ("nodal_diameter", "frequency_alone_Hz", "frequency_in_mesh_Hz", "likeness")
     number, before, after, likeness = (dataset[name].values for name in names)
     unit, name = frequency_unit(float(np.max(before, initial=1.0)))
     for n, low, high in zip(number, before / unit, after / unit, strict=True):
-        axes.plot([n - 0.12, n + 0.12], [low, high], color=_GREY, lw=0.8, zorder=2.0)
-    look: dict[str, Any] = {"s": 34, "fc": "white", "ec": _BLUE, "lw": 1.3, "zorder": 3}
+        axes.plot([n - 0.12, n + 0.12], [low, high], color=GREY, lw=0.8, zorder=2.0)
+    look: dict[str, Any] = {"s": 34, "fc": "white", "ec": BLUE, "lw": 1.3, "zorder": 3}
     axes.scatter(number - 0.12, before / unit, label="alone", **look)
     percent = 100.0 * (after / before - 1.0)
     sure = likeness >= 0.5
     looks: tuple[dict[str, Any], ...] = (
-        {"s": 30, "color": _ORANGE, "label": "in mesh"},
-        {"s": 40, "color": _RED, "marker": "X", "ec": "white", "lw": 0.5},
+        {"s": 30, "color": ORANGE, "label": "in mesh"},
+        {"s": 40, "color": RED, "marker": "X", "ec": "white", "lw": 0.5},
     )
     for fits, style in zip((sure, ~sure), looks, strict=True):
         if fits.any():
             style = {"label": "in mesh, much changed", "zorder": 3} | style
             axes.scatter(number[fits] + 0.12, after[fits] / unit, **style)
             change.scatter(number[fits], percent[fits], **style)
-    change.axhline(0.0, color=_GREY, lw=0.8)
+    change.axhline(0.0, color=GREY, lw=0.8)
     for each in (axes, change):
         each.xaxis.set_major_locator(MaxNLocator(integer=True))
         each.set_xlabel("nodal diameters [-]")

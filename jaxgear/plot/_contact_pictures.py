@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from jaxgear.plot._palette import _BLUE, _GREY, _RED
-from jaxgear.plot._pictures import _SURFACE, _digits, _house_look, _panels
+from jaxgear.plot._cycle import cycle_periods, phase_shares
+from jaxgear.plot._palette import BLUE, GREY, RED
 from jaxgear.plot._speed_axes import (
     NO_FORCE,
     dots,
@@ -23,10 +23,10 @@ from jaxgear.plot._speed_axes import (
     speed_edges,
     stack,
 )
-from jaxgear.plot._tables import _cycle_periods, _shares
+from jaxgear.plot._style import SURFACE, digits, house_look, panels
 
 
-@_house_look()
+@house_look()
 def contact_loss(dataset: xr.Dataset, share: np.ndarray) -> Figure:
     """Mesh force over pinion speed and mesh phase, where the teeth part, and for how long.
 
@@ -42,14 +42,14 @@ def contact_loss(dataset: xr.Dataset, share: np.ndarray) -> Figure:
     title = f"Contact over speed and phase: {dataset.attrs['title']}"
     figure, panels = stack((9.6, 7.6), title, (3.0, 1.8, 1.0))
     speed, phase = dataset["speed"].values, dataset["phase"].values
-    force, periods = dataset["mesh_force_ratio"].values, _cycle_periods(phase)
+    force, periods = dataset["mesh_force_ratio"].values, cycle_periods(phase)
     cells = speed_edges(speed), edges(phase, 0.0, float(periods))
     apart = force <= NO_FORCE
     norm = Normalize(0.0, max(1.0, float(np.max(force))))
     surface = panels[0].pcolormesh(
         *cells,
         np.ma.masked_where(apart, force).T,
-        cmap=matplotlib.colormaps[_SURFACE].with_extremes(bad="white"),
+        cmap=matplotlib.colormaps[SURFACE].with_extremes(bad="white"),
         norm=norm,
         rasterized=True,
     )
@@ -57,8 +57,8 @@ def contact_loss(dataset: xr.Dataset, share: np.ndarray) -> Figure:
     _outline_loss(panels[0], speed, phase, apart)
     panels[0].set_ylabel("mesh phase [mesh periods]")
     _draw_pairs(panels[1], dataset["tooth_pairs"].values, cells)
-    panels[-1].fill_between(speed, 0.0, 100.0 * share, color=_RED, alpha=0.3, lw=0)
-    panels[-1].plot(speed, 100.0 * share, color=_RED, lw=1.2, marker=dots(speed), ms=3)
+    panels[-1].fill_between(speed, 0.0, 100.0 * share, color=RED, alpha=0.3, lw=0)
+    panels[-1].plot(speed, 100.0 * share, color=RED, lw=1.2, marker=dots(speed), ms=3)
     most = 100.0 * float(np.max(share, initial=0.0))
     panels[-1].set(ylabel="no contact\n[% of time]", ylim=(0.0, max(1.1 * most, 1.0)))
     for axes in panels[:-1]:
@@ -69,7 +69,7 @@ def contact_loss(dataset: xr.Dataset, share: np.ndarray) -> Figure:
     figure.align_ylabels(panels)
     handles: list[Any] = mark_unsettled(panels[0], dataset, upright=False)
     if np.any(apart):
-        handles.append(Patch(fc="white", ec=_RED, lw=1.4, label="teeth apart: no mesh force"))
+        handles.append(Patch(fc="white", ec=RED, lw=1.4, label="teeth apart: no mesh force"))
     if handles:
         figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
     return figure
@@ -79,7 +79,7 @@ def _outline_loss(axes: Axes, speed: np.ndarray, phase: np.ndarray, apart: np.nd
     """The line around the places where the teeth are apart."""
     if min(apart.shape) > 1 and np.any(apart) and not np.all(apart):
         axes.contour(
-            speed, phase, apart.T.astype(float), levels=[0.5], colors=[_RED], linewidths=1.1
+            speed, phase, apart.T.astype(float), levels=[0.5], colors=[RED], linewidths=1.1
         )
 
 
@@ -104,7 +104,7 @@ def _draw_pairs(axes: Axes, pairs: np.ndarray, cells: tuple[np.ndarray, np.ndarr
     axes.set_ylabel("mesh phase\n[mesh periods]")
 
 
-@_house_look()
+@house_look()
 def orbit(dataset: xr.Dataset) -> Figure:
     """A settled response: mesh force and dynamic TE over time, and the phase portrait.
 
@@ -120,7 +120,7 @@ def orbit(dataset: xr.Dataset) -> Figure:
     """
     count, title = dataset.sizes["branch"], f"Steady response: {dataset.attrs['title']}"
     if count == 1:
-        figure, row = _panels((12.6, 4.4), title, 3, (1.35, 1.35, 1.0))
+        figure, row = panels((12.6, 4.4), title, 3, (1.35, 1.35, 1.0))
         columns = [row]
     else:
         figure = Figure(figsize=(max(9.6, 4.6 * count), 9.6))
@@ -131,16 +131,16 @@ def orbit(dataset: xr.Dataset) -> Figure:
         figure.suptitle(title)
         columns = [list(grid[:, column]) for column in range(count)]
     branches = [dataset.isel(branch=row).dropna("phase", subset=["te_um"]) for row in range(count)]
-    longest = max(2, *(_cycle_periods(own["phase"].values) for own in branches), 2)
+    longest = max(2, *(cycle_periods(own["phase"].values) for own in branches), 2)
     static = dataset["te_static_um"].dropna("phase")
     for own, axes in zip(branches, columns, strict=True):
         _draw_orbit(axes, own, static, longest, alone=count == 1)
     handles = [
-        Line2D([], [], color=_BLUE, label="response"),
-        Line2D([], [], color=_RED, lw=3.0, label="teeth apart"),
+        Line2D([], [], color=BLUE, label="response"),
+        Line2D([], [], color=RED, lw=3.0, label="teeth apart"),
         Line2D([], [], color="black", marker="o", ls="", ms=5, label="once per mesh period"),
     ]
-    handles.insert(1, Line2D([], [], color=_GREY, ls="--", lw=1.1, label="quasi-static"))
+    handles.insert(1, Line2D([], [], color=GREY, ls="--", lw=1.1, label="quasi-static"))
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
     return figure
 
@@ -151,25 +151,25 @@ def _draw_orbit(
     """Force, TE and phase portrait of one branch."""
     names = ("phase", "mesh_force_ratio", "te_um", "te_rate_mm_s")
     phase, force, error, rate = (own[name].values for name in names)
-    periods, apart = _cycle_periods(phase), force <= NO_FORCE
-    share = 100.0 * float(apart @ _shares(phase))
+    periods, apart = cycle_periods(phase), force <= NO_FORCE
+    share = 100.0 * float(apart @ phase_shares(phase))
     times = max(longest // periods, 1)
     along = np.concatenate([phase + periods * time for time in range(times)])
     over, portrait = axes[:2], axes[2]
     for panel, values in zip(over, (force, error), strict=True):
         repeated, lost = np.tile(values, times), np.tile(apart, times)
-        panel.plot(along, repeated, color=_BLUE, lw=1.4)
-        panel.plot(along, np.where(lost, repeated, np.nan), color=_RED, lw=3.0, zorder=3)
+        panel.plot(along, repeated, color=BLUE, lw=1.4)
+        panel.plot(along, np.where(lost, repeated, np.nan), color=RED, lw=3.0, zorder=3)
         panel.set(xlim=(0, longest), xlabel="mesh phase [mesh periods]")
-    cycle = _cycle_periods(static["phase"].values)
+    cycle = cycle_periods(static["phase"].values)
     for time in range(max(longest // cycle, 1)):
         place = static["phase"].values + cycle * time
-        over[1].plot(place, static.values, color=_GREY, lw=1.1, ls="--")
-    over[0].axhline(1.0, color=_GREY, lw=0.8, ls="--", zorder=1)
+        over[1].plot(place, static.values, color=GREY, lw=1.1, ls="--")
+    over[0].axhline(1.0, color=GREY, lw=0.8, ls="--", zorder=1)
     closed = lambda x: np.append(x, x[:1])
-    portrait.plot(closed(error), closed(rate), color=_BLUE, lw=1.4)
+    portrait.plot(closed(error), closed(rate), color=BLUE, lw=1.4)
     lost = (closed(np.where(apart, x, np.nan)) for x in (error, rate))
-    portrait.plot(*lost, color=_RED, lw=3.0)
+    portrait.plot(*lost, color=RED, lw=3.0)
     once = np.searchsorted(phase, phase[0] + np.arange(periods))
     portrait.plot(error[once], rate[once], "o", color="black", ms=5, zorder=4)
     portrait.set_xlabel("dynamic TE [µm]")
@@ -177,7 +177,7 @@ def _draw_orbit(
     for panel, label in zip(axes, labels, strict=True):
         panel.set_ylabel(label)
         panel.tick_params(labelleft=True)
-    texts = [f"largest {_digits(float(np.max(force)), 3)}", f"no contact {share:.3g} % of time"]
+    texts = [f"largest {digits(float(np.max(force)), 3)}", f"no contact {share:.3g} % of time"]
     name = "" if alone else f"{own['branch'].item()}: "
     over[0].set_title(name + ", ".join(texts), loc="left")
     over[1].set_title(_orbit_state(own, periods), loc="left")

@@ -10,12 +10,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from jaxgear.plot._labels import Label, write_labels
-from jaxgear.plot._palette import _GREEN, _GREY
-from jaxgear.plot._pictures import _house_look, _panels
+from jaxgear.plot._palette import GREEN, GREY
 from jaxgear.plot._speed_axes import SERIES
+from jaxgear.plot._style import house_look, panels
 
 
-@_house_look()
+@house_look()
 def compare(
     rungs: Sequence[Mapping[str, Any]],
     title: str,
@@ -42,7 +42,7 @@ def compare(
 
     The figure.
     """
-    figure, (axes,) = _panels((9.6, 6.2), f"Error over time: {title}")
+    figure, (axes,) = panels((9.6, 6.2), f"Error over time: {title}")
     families = list(dict.fromkeys(str(rung["family"]) for rung in rungs))
     looks = dict(
         zip(
@@ -67,9 +67,9 @@ def compare(
     asked = [] if tolerance is None else [[place[0, 0], tolerance]]
     _room_around(axes, np.concatenate([place, np.reshape(asked, (-1, 2))]))
     if tolerance is not None:
-        axes.axhline(tolerance, color=_GREEN, lw=1.2, ls="--", zorder=1.5)
+        axes.axhline(tolerance, color=GREEN, lw=1.2, ls="--", zorder=1.5)
         label = f"tolerance {tolerance:.2g}"
-        handles.append(Line2D([], [], color=_GREEN, lw=1.2, ls="--", label=label))
+        handles.append(Line2D([], [], color=GREEN, lw=1.2, ls="--", label=label))
     for row, rung in enumerate(rungs):
         if rung["name"] == recommended:
             ring: dict[str, Any] = {"marker": "o", "ls": "", "mfc": "none", "mec": "black"}
@@ -79,7 +79,7 @@ def compare(
             handles.append(Line2D([], [], label=f"recommended: {recommended}", **ring))
     failed = not all(np.isfinite(rung["error"]) for rung in rungs)
     exact = any(rung["error"] == 0.0 for rung in rungs)
-    hollow: dict[str, Any] = {"marker": "o", "ls": "", "mfc": "none", "color": _GREY, "ms": 6.5}
+    hollow: dict[str, Any] = {"marker": "o", "ls": "", "mfc": "none", "color": GREY, "ms": 6.5}
     words = {"no result (at the top)": failed, "no difference (at the foot)": exact}
     handles += [Line2D([], [], label=text, **hollow) for text, any_of in words.items() if any_of]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)

@@ -7,14 +7,14 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from jaxgear.plot._palette import _BLUE, _GREEN, _GREY, _ORANGE, _RED, _SKY
-from jaxgear.plot._pictures import _SURFACE, _digits, _house_look, _panels
+from jaxgear.plot._palette import BLUE, GREEN, GREY, ORANGE, RED, SKY
+from jaxgear.plot._style import SURFACE, digits, house_look, panels
 
-_SERIES = (_BLUE, _ORANGE, _GREEN, _RED, _SKY, _GREY)
+_SERIES = (BLUE, ORANGE, GREEN, RED, SKY, GREY)
 _HOLE = "#e3e3e3"
 
 
-@_house_look()
+@house_look()
 def flank_pressure(dataset: xr.Dataset) -> Figure:
     """Pressure on the most loaded tooth pair from its entry to its exit, at some speeds.
 
@@ -24,31 +24,31 @@ def flank_pressure(dataset: xr.Dataset) -> Figure:
 
     **Returns:**
 
-    The figure; all panels are of one scale.
+    The figure; all row are of one scale.
     """
     words = f"Pressure on the flank: {dataset.attrs['title']}: the most loaded tooth pair"
     count = dataset.sizes["shown"]
-    figure, panels = _panels((3.6 * count + 1.6, 4.4), words, count)
+    figure, axes_row = panels((3.6 * count + 1.6, 4.4), words, count)
     most, half = float(dataset["pressure_MPa"].max()), 0.5 * dataset.attrs["face_width_mm"]
     face = np.linspace(-half, half, dataset.sizes["slice"] + 1)
-    for row, axes in enumerate(panels):
+    for row, axes in enumerate(axes_row):
         own = dataset.isel(shown=row).dropna("step", subset=["passage"])
         passage, pressure = own["passage"].values, own["pressure_MPa"].values
         middle = 0.5 * (passage[1:] + passage[:-1])
         steps = np.concatenate([[1.5 * passage[0] - 0.5 * passage[1]], middle, passage[-1:]])
         area = axes.pcolormesh(
-            steps, face, pressure.T, cmap=_SURFACE, vmin=0.0, vmax=most, rasterized=True
+            steps, face, pressure.T, cmap=SURFACE, vmin=0.0, vmax=most, rasterized=True
         )
         axes.grid(False)
-        speed, largest = own["pinion_speed_rad_s"].item(), _digits(float(pressure.max()), 4)
+        speed, largest = own["pinion_speed_rad_s"].item(), digits(float(pressure.max()), 4)
         axes.set_title(f"{speed:.5g} rad/s: largest {largest} MPa", loc="left")
         axes.set(xlabel="since entry at mid-face [mesh periods]")
-    panels[0].set_ylabel("position from mid-face [mm]")
-    figure.colorbar(area, ax=panels, label="pressure [MPa]")
+    axes_row[0].set_ylabel("position from mid-face [mm]")
+    figure.colorbar(area, ax=axes_row, label="pressure [MPa]")
     return figure
 
 
-@_house_look()
+@house_look()
 def largest_loads(dataset: xr.Dataset) -> Figure:
     """Largest line load and pressure over speed, and where on the flank it is.
 
@@ -61,22 +61,22 @@ def largest_loads(dataset: xr.Dataset) -> Figure:
     The figure.
     """
     title = f"Largest loads on the flank: {dataset.attrs['title']}"
-    figure, (left, right) = _panels((10.6, 4.6), title, 2)
+    figure, (left, right) = panels((10.6, 4.6), title, 2)
     speed = dataset["speed"].values
     mark = "o" if speed.size < 40 else ""
-    left.plot(speed, dataset["max_line_load_N_mm"].values, marker=mark, ms=3, color=_BLUE)
-    left.set_ylabel("largest line load [N/mm]", color=_BLUE)
+    left.plot(speed, dataset["max_line_load_N_mm"].values, marker=mark, ms=3, color=BLUE)
+    left.set_ylabel("largest line load [N/mm]", color=BLUE)
     beside = left.twinx()
-    beside.plot(speed, dataset["max_pressure_MPa"].values, marker=mark, ms=3, color=_RED, ls="--")
-    beside.set_ylabel("largest pressure [MPa]", color=_RED)
+    beside.plot(speed, dataset["max_pressure_MPa"].values, marker=mark, ms=3, color=RED, ls="--")
+    beside.set_ylabel("largest pressure [MPa]", color=RED)
     beside.grid(False)
     for axes, name in ((left, "max_line_load_N_mm"), (beside, "max_pressure_MPa")):
         axes.set_ylim(0.0, 1.1 * float(np.nanmax(dataset[name].values)))
-    right.plot(speed, dataset["max_line_load_passage"].values, "o", ms=3, color=_BLUE)
-    right.set_ylabel("mesh periods since entry at mid-face", color=_BLUE)
+    right.plot(speed, dataset["max_line_load_passage"].values, "o", ms=3, color=BLUE)
+    right.set_ylabel("mesh periods since entry at mid-face", color=BLUE)
     across = right.twinx()
-    across.plot(speed, dataset["max_line_load_face_mm"].values, "x", ms=4, color=_GREY)
-    across.set_ylabel("position from mid-face [mm]", color=_GREY)
+    across.plot(speed, dataset["max_line_load_face_mm"].values, "x", ms=4, color=GREY)
+    across.set_ylabel("position from mid-face [mm]", color=GREY)
     reach = 1.2 * max(float(np.abs(dataset["max_line_load_face_mm"].values).max()), 0.1)
     across.set_ylim(-reach, reach)
     right.set_ylim(0.0, 1.2 * float(dataset["max_line_load_passage"].values.max()))
@@ -88,7 +88,7 @@ def largest_loads(dataset: xr.Dataset) -> Figure:
     return figure
 
 
-@_house_look()
+@house_look()
 def teeth_at_speed(dataset: xr.Dataset, gear: str) -> Figure:
     """Largest line load of each tooth at some speeds, with the places of holes in the web.
 
@@ -102,7 +102,7 @@ def teeth_at_speed(dataset: xr.Dataset, gear: str) -> Figure:
     The figure; loads are over their mean at each speed.
     """
     title = f"What each tooth carries: {dataset.attrs['title']}"
-    figure, (axes,) = _panels((9.6, 4.4), title, 1)
+    figure, (axes,) = panels((9.6, 4.4), title, 1)
     own = dataset.sortby(f"{gear}_tooth_angle_deg")
     step, angle = 360.0 / dataset.attrs[f"teeth_{gear}"], own[f"{gear}_tooth_angle_deg"].values
     low, high = angle.min() - 0.5 * step, angle.max() + 0.5 * step
@@ -117,7 +117,7 @@ def teeth_at_speed(dataset: xr.Dataset, gear: str) -> Figure:
             "o-",
             ms=4,
             color=_SERIES[number % len(_SERIES)],
-            label=f"{speed:.5g} rad/s, mean {_digits(mean, 4)} N/mm",
+            label=f"{speed:.5g} rad/s, mean {digits(mean, 4)} N/mm",
         )
     axes.set(
         xlim=(low, high),

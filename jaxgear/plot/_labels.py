@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 
-from jaxgear.plot._palette import _GREY
-from jaxgear.plot._pictures import _BOX, lay_out
+from jaxgear.plot._palette import GREY
+from jaxgear.plot._style import BOX, lay_out
 
 
 def apart(places: np.ndarray, distance: float, low: float, high: float) -> np.ndarray:
@@ -113,7 +113,7 @@ def write_labels(
         box = trials[best]
         boxes.append(box)
         middle = 0.5 * (box[0] + box[1])
-        leader = {"arrowstyle": "-", "color": _GREY, "lw": 0.7, "shrinkA": 0.0, "shrinkB": 3.0}
+        leader = {"arrowstyle": "-", "color": GREY, "lw": 0.7, "shrinkA": 0.0, "shrinkB": 3.0}
         axes.annotate(
             label.text,
             label.at,
@@ -182,6 +182,6 @@ def write_rays(axes: Axes, rays: Sequence[np.ndarray], points: np.ndarray) -> No
             va="center",
             fontsize=8.5,
             color="#a06c00",
-            bbox={**_BOX, "alpha": 1.0},
+            bbox={**BOX, "alpha": 1.0},
             zorder=2.5,
         )

@@ -11,22 +11,22 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from jaxgear.plot._labels import Label, apart, write_labels, write_rays
-from jaxgear.plot._palette import _BLUE, _GREEN, _GREY, _ORANGE, _RED, _SKY
+from jaxgear.plot._palette import BLUE, GREEN, GREY, ORANGE, RED, SKY
 from jaxgear.plot._picture import Columns
-from jaxgear.plot._pictures import _house_look, _panels, lay_out
 from jaxgear.plot._speed_axes import PURPLE, dots, frequency_unit, speed_axes
+from jaxgear.plot._style import house_look, lay_out, panels
 
 _PARTS = {
-    "mesh": (_BLUE, ""),
-    "pinion": (_ORANGE, "///"),
-    "wheel": (_GREEN, "\\\\\\"),
-    "shafts": (_SKY, "..."),
+    "mesh": (BLUE, ""),
+    "pinion": (ORANGE, "///"),
+    "wheel": (GREEN, "\\\\\\"),
+    "shafts": (SKY, "..."),
     "bearings": (PURPLE, "xxx"),
 }
 _MODES_SHOWN = 40
 
 
-@_house_look()
+@house_look()
 def modes(dataset: xr.Dataset) -> Figure:
     """Where each mode stores its strain energy, one bar per mode with its natural frequency.
 
@@ -41,7 +41,7 @@ def modes(dataset: xr.Dataset) -> Figure:
     every = dataset.sizes["mode"]
     count = min(_MODES_SHOWN, every)
     title = f"Natural modes and their energy: {dataset.attrs['title']}"
-    figure, (axes,) = _panels((8.4, max(3.4, 2.0 + 0.27 * count)), title)
+    figure, (axes,) = panels((8.4, max(3.4, 2.0 + 0.27 * count)), title)
     frequency = dataset["frequency_Hz"].values[:count]
     energy = np.nan_to_num(dataset["energy"].values[:count])
     place, left = np.arange(1, count + 1), np.zeros(count)
@@ -55,7 +55,7 @@ def modes(dataset: xr.Dataset) -> Figure:
         left = left + share
     free = frequency <= 1e-6 * np.max(frequency, initial=0.0)
     for row in np.nonzero(free)[0]:
-        axes.text(0.01, place[row], "turns freely", va="center", color=_GREY, fontsize=8.5)
+        axes.text(0.01, place[row], "turns freely", va="center", color=GREY, fontsize=8.5)
     names = [f"{n}:  {_frequency_text(f)}" for n, f in zip(place, frequency, strict=True)]
     waves = "nodal_diameter" in dataset
     if waves:
@@ -89,11 +89,11 @@ def _write_damping(axes: Axes, damping: np.ndarray, shown: np.ndarray) -> None:
         text = f"{100.0 * damping[row]:.2f}"
         axes.text(1.015, row + 1.0, text, transform=right, va="center", fontsize=8.5)
     axes.text(
-        1.015, 0.35, "damping ratio [%]", transform=right, va="bottom", fontsize=8.5, color=_GREY
+        1.015, 0.35, "damping ratio [%]", transform=right, va="bottom", fontsize=8.5, color=GREY
     )
 
 
-@_house_look()
+@house_look()
 def campbell(dataset: xr.Dataset, crossings: Columns) -> Figure:
     """Natural frequencies over pinion speed, the mesh harmonics, and where they cross.
 
@@ -106,7 +106,7 @@ def campbell(dataset: xr.Dataset, crossings: Columns) -> Figure:
 
     The figure.
     """
-    figure, (axes,) = _panels((9.6, 6.4), f"Campbell diagram: {dataset.attrs['title']}")
+    figure, (axes,) = panels((9.6, 6.4), f"Campbell diagram: {dataset.attrs['title']}")
     speed, frequency = dataset["speed"].values, dataset["frequency_Hz"].values
     teeth, harmonics = (int(dataset.attrs[name]) for name in ("teeth_pinion", "harmonics"))
     highest = float(harmonics * teeth * speed[-1] / (2.0 * np.pi))
@@ -119,10 +119,10 @@ def campbell(dataset: xr.Dataset, crossings: Columns) -> Figure:
         for h in range(1, harmonics + 1)
     ]
     for ray in rays:
-        axes.plot(*ray.T, color=_ORANGE, lw=1.1, ls=(0, (6, 2)), zorder=2.0)
+        axes.plot(*ray.T, color=ORANGE, lw=1.1, ls=(0, (6, 2)), zorder=2.0)
     curves = [np.stack([speed, column / unit], axis=1) for column in frequency.T]
     for curve in curves:
-        axes.plot(*curve.T, color=_BLUE, lw=1.3, marker=dots(speed), ms=3, zorder=2.1)
+        axes.plot(*curve.T, color=BLUE, lw=1.3, marker=dots(speed), ms=3, zorder=2.1)
     axes.set_ylabel(f"natural frequency [{name}]")
     speed_axes([axes], speed, teeth)
     axes.set_ylim(0.0, top / unit)
@@ -133,20 +133,20 @@ def campbell(dataset: xr.Dataset, crossings: Columns) -> Figure:
         axis=1,
     )
     size = 12.0 + 110.0 * energy if has_energy else np.full(len(energy), 30.0)
-    axes.scatter(*places.T, s=size, color=_RED, ec="white", lw=0.7, zorder=3.0, clip_on=True)
+    axes.scatter(*places.T, s=size, color=RED, ec="white", lw=0.7, zorder=3.0, clip_on=True)
     write_rays(axes, rays, places)
     _write_modes(axes, curves)
     important = np.argsort(-energy, kind="stable")
     chosen = [x for x in important if energy[x] >= 0.1 and places[x, 1] < 0.98 * top / unit]
     labels = [
-        Label(f"{places[x, 0]:.0f} rad/s", (float(places[x, 0]), float(places[x, 1])), _RED)
+        Label(f"{places[x, 0]:.0f} rad/s", (float(places[x, 0]), float(places[x, 1])), RED)
         for x in chosen[:_LABELS]
     ]
     if labels:
         write_labels(axes, labels, [*rays, *curves], points=places, drop=True)
     handles = [
-        Line2D([], [], color=_BLUE, lw=1.3, label="natural frequency"),
-        Line2D([], [], color=_ORANGE, lw=1.1, ls=(0, (6, 2)), label="mesh frequency and harmonics"),
+        Line2D([], [], color=BLUE, lw=1.3, label="natural frequency"),
+        Line2D([], [], color=ORANGE, lw=1.1, ls=(0, (6, 2)), label="mesh frequency and harmonics"),
     ]
     for share in (0.1, 0.5, 1.0) if has_energy else (0.0,):
         diameter = np.sqrt(12.0 + 110.0 * share if has_energy else 30.0)
@@ -155,7 +155,7 @@ def campbell(dataset: xr.Dataset, crossings: Columns) -> Figure:
             label = f"crossing, energy in the mesh {label}"
         label = label if has_energy else "crossing"
         style: dict[str, Any] = {"marker": "o", "ls": "", "ms": diameter, "mec": "white"}
-        handles.append(Line2D([], [], color=_RED, label=label, **style))
+        handles.append(Line2D([], [], color=RED, label=label, **style))
     figure.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False)
     return figure
 
@@ -194,9 +194,9 @@ def _write_modes(axes: Axes, curves: Sequence[np.ndarray]) -> None:
             textcoords="offset points",
             va="center",
             fontsize=8.5,
-            color=_BLUE,
+            color=BLUE,
             annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "color": _BLUE, "lw": 0.5, "shrinkA": 1, "shrinkB": 1},
+            arrowprops={"arrowstyle": "-", "color": BLUE, "lw": 0.5, "shrinkA": 1, "shrinkB": 1},
         )
     axes.annotate(
         "mode",
@@ -205,7 +205,7 @@ def _write_modes(axes: Axes, curves: Sequence[np.ndarray]) -> None:
         xytext=(12, 6),
         textcoords="offset points",
         fontsize=8.5,
-        color=_BLUE,
+        color=BLUE,
     )
 
 

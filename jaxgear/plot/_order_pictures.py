@@ -13,8 +13,7 @@ from matplotlib.colors import Colormap, ListedColormap, LogNorm
 from matplotlib.figure import Figure
 
 from jaxgear import _units
-from jaxgear.plot._palette import _BLUE, _GREY
-from jaxgear.plot._pictures import _BOX, _house_look, _panels, lay_out
+from jaxgear.plot._palette import BLUE, GREY
 from jaxgear.plot._speed_axes import (
     SERIES,
     dots,
@@ -25,6 +24,7 @@ from jaxgear.plot._speed_axes import (
     speed_edges,
     stack,
 )
+from jaxgear.plot._style import BOX, house_look, lay_out, panels
 
 # Amplitudes below this share of the largest are left out.
 _FLOOR = 1e-3
@@ -35,7 +35,7 @@ _PANELS = {
 }
 
 
-@_house_look()
+@house_look()
 def waterfall(dataset: xr.Dataset) -> Figure:
     """Amplitude of the dynamic TE over frequency and pinion speed: one ray for each order.
 
@@ -47,9 +47,7 @@ def waterfall(dataset: xr.Dataset) -> Figure:
 
     The figure.
     """
-    figure, (axes,) = _panels(
-        (9.6, 6.2), f"Spectrum of the TE over speed: {dataset.attrs['title']}"
-    )
+    figure, (axes,) = panels((9.6, 6.2), f"Spectrum of the TE over speed: {dataset.attrs['title']}")
     speed, order = dataset["speed"].values, dataset["order"].values
     amplitude = dataset["te_order_um"].values
     mesh = float(dataset.attrs["teeth_pinion"]) * speed / (2.0 * np.pi)
@@ -138,11 +136,11 @@ def _write_orders(axes: Axes, order: np.ndarray, slope: float) -> None:
             ha="center" if above else "right",
             va="bottom" if above else "center",
             fontsize=8.5,
-            color=_GREY,
-            bbox=None if above else {**_BOX, "alpha": 1.0},
+            color=GREY,
+            bbox=None if above else {**BOX, "alpha": 1.0},
             zorder=4,
         )
-    axes.set_title("orders of the mesh frequency", loc="left", fontsize=9, color=_GREY, pad=14)
+    axes.set_title("orders of the mesh frequency", loc="left", fontsize=9, color=GREY, pad=14)
 
 
 def _mark_natural(axes: Axes, dataset: xr.Dataset, unit: float) -> None:
@@ -152,7 +150,7 @@ def _mark_natural(axes: Axes, dataset: xr.Dataset, unit: float) -> None:
     for frequency, number in modes:
         if not 0.0 < frequency / unit < right:
             continue
-        axes.axvline(frequency / unit, color=_BLUE, lw=0.9, ls=(0, (4, 2)), zorder=3.0)
+        axes.axvline(frequency / unit, color=BLUE, lw=0.9, ls=(0, (4, 2)), zorder=3.0)
         axes.annotate(
             f"mode {number}",
             (frequency / unit, 1.0),
@@ -163,8 +161,8 @@ def _mark_natural(axes: Axes, dataset: xr.Dataset, unit: float) -> None:
             ha="center",
             va="top",
             fontsize=8.5,
-            color=_BLUE,
-            bbox={**_BOX, "alpha": 1.0},
+            color=BLUE,
+            bbox={**BOX, "alpha": 1.0},
             zorder=5,
         )
 
@@ -174,7 +172,7 @@ _ORDERS_SHOWN = 5
 _BETWEEN = (":", (0, (5, 1, 1, 1)), (0, (5, 1, 1, 1, 1, 1)))
 
 
-@_house_look()
+@house_look()
 def orders(dataset: xr.Dataset) -> Figure:
     """Amplitudes of the first orders over pinion speed: TE, mesh force and bearing forces.
 
@@ -225,7 +223,7 @@ def _draw_orders(axes: Axes, dataset: xr.Dataset, name: str) -> float:
         heard = row in strongest and np.max(column) > 0.01 * most
         if not (whole and value <= _ORDERS_SHOWN) and not heard:
             continue
-        colour = next(colours) if whole else _GREY
+        colour = next(colours) if whole else GREY
         style: dict[str, Any] = {"lw": 1.4 if whole else 1.1, "marker": dots(speed), "ms": 3}
         style["ls"] = "-" if whole else next(dashes)
         label = f"order {value:.3g}"
@@ -255,7 +253,7 @@ def _draw_bearing_orders(axes: Axes, dataset: xr.Dataset) -> float:
                     ms=3,
                 )
     for value, style in ((1, "-"), (2, (0, (4, 2)))):
-        axes.plot([], [], color=_GREY, ls=style, label=f"order {value}")
+        axes.plot([], [], color=GREY, ls=style, label=f"order {value}")
     return most
 
 

@@ -7,7 +7,3 @@ GREY, PINK = "#6b6b6b", "#ff6f91"
 
 # Of pinion and wheel.
 GEAR_COLOURS = (BLUE, ORANGE)
-
-# Names of files that are still to be converted.
-_BLUE, _ORANGE, _GREEN, _RED, _SKY = BLUE, ORANGE, GREEN, RED, SKY
-_GREY, _PINK = GREY, PINK

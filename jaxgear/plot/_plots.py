@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from jaxgear.plot import _modification_pictures as modification_pictures
     from jaxgear.plot import _order_pictures as order_pictures
     from jaxgear.plot import _pair_pictures as pair_pictures
-    from jaxgear.plot import _pictures as pictures
     from jaxgear.plot import _relief_pictures as relief_pictures
     from jaxgear.plot import _search_pictures as search_pictures
     from jaxgear.plot import _sensitivity_pictures as sensitivity_pictures
@@ -59,7 +58,6 @@ else:
     mode_pictures = _Later("_mode_pictures")
     modification_pictures = _Later("_modification_pictures")
     order_pictures = _Later("_order_pictures")
-    pictures = _Later("_pictures")
     relief_pictures = _Later("_relief_pictures")
     search_pictures = _Later("_search_pictures")
     sensitivity_pictures = _Later("_sensitivity_pictures")

@@ -13,7 +13,7 @@ from jaxgear._units import mm, um
 from jaxgear._whole_file import whole_file
 from jaxgear.plot._body_pictures import _show
 from jaxgear.plot._body_render import frame, render
-from jaxgear.plot._pictures import _house_look, _round_down
+from jaxgear.plot._style import house_look, round_down
 
 # Pictures in one period, and in one second.
 _FRAMES, _PER_SECOND = 16, 12
@@ -35,11 +35,11 @@ def animate_shape(dataset: xr.Dataset, path: Path) -> None:
     component, radius = dataset.attrs["component"], dataset.attrs["radius_mm"] * mm
     along = _along(nodes, shape, component)
     most = float(np.abs(along).max()) or 1.0
-    scale = _round_down(_DRAWN * radius / max(float(np.abs(shape).max()), 1e-15))
+    scale = round_down(_DRAWN * radius / max(float(np.abs(shape).max()), 1e-15))
     colours = ScalarMappable(Normalize(-most / um, most / um), _MOTION)
     order, wave = dataset.attrs["order"], dataset.attrs["wave"]
     words = f"order {order:g}: {wave}; drawn {scale:g} times as large"
-    with _house_look(), whole_file(path) as draft:
+    with house_look(), whole_file(path) as draft:
         figure = Figure(figsize=(5.6, 4.4))
         figure.suptitle(dataset.attrs["title"])
         axes = figure.add_axes((0.02, 0.02, 0.76, 0.84))

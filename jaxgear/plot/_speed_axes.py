@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike
 
 from jaxgear._response._sweep_features import FEW
 from jaxgear._units import rpm
-from jaxgear.plot._palette import _BLUE, _GREEN, _ORANGE, _RED, _SKY
+from jaxgear.plot._palette import BLUE, GREEN, ORANGE, RED, SKY
 
 # The seventh of Okabe and Ito's palette; on white their yellow is hard to see.
 PURPLE = "#CC79A7"
-SERIES = (_BLUE, _ORANGE, _GREEN, _RED, PURPLE, _SKY, "black")
+SERIES = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, "black")
 # What is smaller than this share of the static force is rounding: the teeth are apart.
 NO_FORCE = 1e-9
 
@@ -106,7 +106,7 @@ def mark_unsettled(axes: Axes, dataset: xr.Dataset, *, upright: bool) -> list[Li
     if not np.any(lost):
         return []
     speed = dataset["speed"].values[lost]
-    style: dict[str, Any] = {"ls": "", "color": _RED, "ms": 8, "mew": 1.6, "clip_on": False}
+    style: dict[str, Any] = {"ls": "", "color": RED, "ms": 8, "mew": 1.6, "clip_on": False}
     style["label"] = f"not settled ({len(speed)} of {len(lost)})"
     if upright:
         place, transform = (np.full(len(speed), 0.008), speed), axes.get_yaxis_transform()

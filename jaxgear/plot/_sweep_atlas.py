@@ -7,9 +7,9 @@ import numpy as np
 import xarray as xr
 
 from jaxgear._response._sweep_features import WAYS, fold_places
+from jaxgear.plot._cycle import phase_shares
 from jaxgear.plot._picture import Columns, Datasets, Picture, columns
 from jaxgear.plot._plots import contact_pictures, order_pictures, sweep_pictures
-from jaxgear.plot._tables import _shares
 
 # What is smaller than this share of the static force is rounding: the teeth are apart.
 _NO_FORCE = 1e-9
@@ -92,7 +92,7 @@ def _fold_columns(dataset: xr.Dataset) -> Columns:
 
 def _share_without_contact(dataset: xr.Dataset) -> np.ndarray:
     """Share of the time in which the teeth are apart, over speed."""
-    return (dataset["mesh_force_ratio"].values <= _NO_FORCE) @ _shares(dataset["phase"].values)
+    return (dataset["mesh_force_ratio"].values <= _NO_FORCE) @ phase_shares(dataset["phase"].values)
 
 
 def _orbit_columns(dataset: xr.Dataset) -> Columns:

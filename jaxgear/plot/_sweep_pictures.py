@@ -11,20 +11,20 @@ from matplotlib.lines import Line2D
 
 from jaxgear._response._sweep_features import FEW, WAYS, fold_places, leaps
 from jaxgear.plot._labels import apart, text_size
-from jaxgear.plot._palette import _BLUE, _GREEN, _GREY, _ORANGE, _RED
-from jaxgear.plot._pictures import _house_look, lay_out
+from jaxgear.plot._palette import BLUE, GREEN, GREY, ORANGE, RED
 from jaxgear.plot._speed_axes import flag, runs, speed_axes, stack
+from jaxgear.plot._style import house_look, lay_out
 
-_COLOURS = {"up": _BLUE, "down": _ORANGE, "cold": _GREEN}
+_COLOURS = {"up": BLUE, "down": ORANGE, "cold": GREEN}
 _HOLLOW: dict[str, Any] = {"ls": "", "mfc": "white"}
-_UNSETTLED: dict[str, Any] = {"marker": "o", "ls": "", "ms": 5, "mfc": "none", "mec": _RED}
+_UNSETTLED: dict[str, Any] = {"marker": "o", "ls": "", "ms": 5, "mfc": "none", "mec": RED}
 _UNSETTLED |= {"mew": 1.2, "zorder": 3.0}
 _FOLD: dict[str, Any] = {"marker": "D", "ls": "", "ms": 4.5, "color": "black", "zorder": 3.2}
-_CRITICAL: dict[str, Any] = {"color": _GREY, "lw": 0.8, "ls": ":", "zorder": 0.5}
+_CRITICAL: dict[str, Any] = {"color": GREY, "lw": 0.8, "ls": ":", "zorder": 0.5}
 _DASHED: dict[str, Any] = {"ls": (0, (4, 2)), "lw": 1.1}
 
 
-@_house_look()
+@house_look()
 def sweep(dataset: xr.Dataset, critical: Sequence[tuple[float, str]]) -> Figure:
     """Dynamic ratio, RMS of the TE and contact loss over pinion speed, for each direction.
 
@@ -49,7 +49,7 @@ def sweep(dataset: xr.Dataset, critical: Sequence[tuple[float, str]]) -> Figure:
     for axes, name, label in zip(panels, names, labels, strict=False):
         _draw_directions(axes, dataset, name)
         axes.set_ylabel(label)
-    panels[0].axhline(1.0, color=_GREY, lw=0.8, ls="--", zorder=1)
+    panels[0].axhline(1.0, color=GREY, lw=0.8, ls="--", zorder=1)
     speed_axes(panels, dataset["speed"].values, int(dataset.attrs["teeth_pinion"]))
     handles = list(_legend(dataset))
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
@@ -176,7 +176,7 @@ def _legend(dataset: xr.Dataset) -> Iterator[Line2D]:
     unstable = settled & ~flag(dataset, "stable")
     if np.any(unstable):
         words = f"unstable ({np.count_nonzero(unstable)} of {unstable.size})"
-        yield line(words, color=_GREY, **_DASHED)
+        yield line(words, color=GREY, **_DASHED)
     if "curve_speed" in dataset:
         yield line("continuation, stable", color="black", lw=0.8)
         if not np.all(flag(dataset, "curve_stable")):
@@ -187,7 +187,7 @@ def _legend(dataset: xr.Dataset) -> Iterator[Line2D]:
     for marker, words, several in _several_periods(dataset):
         if count := np.count_nonzero(several & settled):
             style: dict[str, Any] = {"marker": marker, "ls": "", "ms": 4.5, "mfc": "white"}
-            yield line(f"{words} ({count})", mec=_GREY, **style)
+            yield line(f"{words} ({count})", mec=GREY, **style)
     if not np.all(settled):
         yield line(f"not settled ({np.count_nonzero(~settled)} of {settled.size})", **_UNSETTLED)
 
@@ -222,7 +222,7 @@ def _draw_leaps(axes: Axes, dataset: xr.Dataset, name: str) -> None:
 def _write_critical(axes: Axes, shown: Sequence[tuple[float, str]]) -> None:
     """Lines at critical speeds, their labels upright in a strip above the curves, side by side."""
     low, high = axes.get_xlim()
-    look: dict[str, Any] = {"fontsize": 8.5, "rotation": 90.0, "color": _GREY, "zorder": 4}
+    look: dict[str, Any] = {"fontsize": 8.5, "rotation": 90.0, "color": GREY, "zorder": 4}
     sizes = np.asarray([text_size(axes, label, look) for _, label in shown])
     figure = axes.get_figure(root=True)
     assert figure is not None
@@ -244,5 +244,5 @@ def _write_critical(axes: Axes, shown: Sequence[tuple[float, str]]) -> None:
     for (speed, label), place in zip(shown, places, strict=True):
         ends = [base - slope / height, base - 2.0 / height]
         axes.axvline(speed, 0.0, ends[0], **_CRITICAL)
-        axes.plot([speed, place], ends, color=_GREY, lw=0.8, transform=transform, zorder=3.9)
+        axes.plot([speed, place], ends, color=GREY, lw=0.8, transform=transform, zorder=3.9)
         axes.text(place, base, label, ha="center", va="bottom", transform=transform, **look)

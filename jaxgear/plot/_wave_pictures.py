@@ -10,11 +10,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from jaxgear._response._wave_words import BENT, wave_words
-from jaxgear.plot._palette import _BLUE, _GREEN, _GREY, _ORANGE, _PINK, _RED, _SKY
-from jaxgear.plot._pictures import _BOX, _SURFACE, _digits, _house_look, _panels
+from jaxgear.plot._palette import BLUE, GREEN, GREY, ORANGE, PINK, RED, SKY
+from jaxgear.plot._style import BOX, SURFACE, digits, house_look, panels
 from jaxgear.plot._wave_atlas import wave_level
 
-_SERIES = (_BLUE, _ORANGE, _GREEN, _RED, _SKY, _PINK)
+_SERIES = (BLUE, ORANGE, GREEN, RED, SKY, PINK)
 _MARKS = "osD^v<"
 # Mesh harmonics shown in spectra and in the map of waves.
 _HARMONICS = 3.5
@@ -35,7 +35,7 @@ def _at_peak(dataset: xr.Dataset, gear: str) -> str:
 # --- Spectra
 
 
-@_house_look()
+@house_look()
 def wave_spectra(dataset: xr.Dataset, gear: str) -> Figure:
     """What turns with the body and what stands still beside it show at the highest peak.
 
@@ -48,7 +48,7 @@ def wave_spectra(dataset: xr.Dataset, gear: str) -> Figure:
 
     The figure.
     """
-    figure, panels = _panels((11.0, 5.0), f"Spectra of the probes: {_at_peak(dataset, gear)}", 2)
+    figure, both = panels((11.0, 5.0), f"Spectra of the probes: {_at_peak(dataset, gear)}", 2)
     teeth = dataset.attrs[f"teeth_{gear}"]
     order = dataset[f"{gear}_order"].values
     amplitude = dataset[f"{gear}_probe_amplitude_um"].values
@@ -57,9 +57,9 @@ def wave_spectra(dataset: xr.Dataset, gear: str) -> Figure:
     most = float(amplitude[:, shown].max(initial=1e-9))
     floor = most / 10.0**_DECADES
     words = ("turning with the body", "fixed in space")
-    for axes, own, where in zip(panels, (turns, ~turns), words, strict=True):
+    for axes, own, where in zip(both, (turns, ~turns), words, strict=True):
         for harmonic in range(1, int(_HARMONICS) + 1):
-            axes.axvline(harmonic * teeth, color=_GREY, lw=0.8, ls=":", zorder=0)
+            axes.axvline(harmonic * teeth, color=GREY, lw=0.8, ls=":", zorder=0)
         for number, probe in enumerate(np.flatnonzero(own)):
             seen = shown & (amplitude[probe] > floor)
             look: dict[str, Any] = {"color": _SERIES[number % 6]}
@@ -80,7 +80,7 @@ def wave_spectra(dataset: xr.Dataset, gear: str) -> Figure:
         if own.any():
             axes.legend(loc="upper right", title="with the orders of its largest amplitudes")
         else:
-            axes.text(0.5, 0.5, "no probe", transform=axes.transAxes, ha="center", color=_GREY)
+            axes.text(0.5, 0.5, "no probe", transform=axes.transAxes, ha="center", color=GREY)
         _tooth_axis(axes, teeth)
     return figure
 
@@ -109,7 +109,7 @@ def _name_strongest(
             textcoords="offset points",
             ha={-1.0: "right", 0.0: "center", 1.0: "left"}[float(aside)],
             fontsize=8.0,
-            bbox=_BOX,
+            bbox=BOX,
             zorder=5,
         )
 
@@ -122,7 +122,7 @@ def _tooth_axis(axes: Axes, teeth: int) -> None:
 # --- Waves by nodal diameter and order
 
 
-@_house_look()
+@house_look()
 def wave_map(dataset: xr.Dataset, gear: str) -> Figure:
     """Amplitude of the waves around the rim by nodal diameter and order, at the highest peak.
 
@@ -135,7 +135,7 @@ def wave_map(dataset: xr.Dataset, gear: str) -> Figure:
 
     The figure; waves that stand in space are on the lines of their mesh harmonic.
     """
-    figure, panels = _panels((10.6, 6.0), f"Waves around the rim: {_at_peak(dataset, gear)}", 2)
+    figure, both = panels((10.6, 6.0), f"Waves around the rim: {_at_peak(dataset, gear)}", 2)
     teeth = dataset.attrs[f"teeth_{gear}"]
     each, orders = (dataset[f"{gear}_wave_{name}"].values for name in ("diameters", "order"))
     seen = (orders <= _HARMONICS * teeth) & (orders > 0.5 * teeth)
@@ -146,9 +146,9 @@ def wave_map(dataset: xr.Dataset, gear: str) -> Figure:
     low = high / 10.0**_DECADES
     scale = LogNorm(low, high)
     span = np.array([-most - 0.5, most + 0.5])
-    for axes, (name, values) in zip(panels, sizes.items(), strict=True):
+    for axes, (name, values) in zip(both, sizes.items(), strict=True):
         for harmonic in range(1, int(_HARMONICS) + 2):
-            axes.plot(span, harmonic * teeth - span, color=_GREY, lw=0.7, ls=":", zorder=0)
+            axes.plot(span, harmonic * teeth - span, color=GREY, lw=0.7, ls=":", zorder=0)
         shown = np.flatnonzero(seen & (values > low))
         shown = shown[np.argsort(values[shown])]
         points = axes.scatter(
@@ -156,7 +156,7 @@ def wave_map(dataset: xr.Dataset, gear: str) -> Figure:
             orders[shown],
             c=values[shown],
             s=_dot_size(values[shown], low, high),
-            cmap=_SURFACE,
+            cmap=SURFACE,
             norm=scale,
             edgecolors="black",
             linewidths=0.3,
@@ -164,7 +164,7 @@ def wave_map(dataset: xr.Dataset, gear: str) -> Figure:
         if shown.size:
             best = shown[-1]
             number, order = int(each[best]), float(orders[best])
-            size = _digits(float(values[best]), 3)
+            size = digits(float(values[best]), 3)
             words = f"{name}: order {order:g}, {wave_words(number)}: {size} µm"
             axes.set_title(words, loc="left")
         axes.axvline(0.0, color="black", lw=0.6, zorder=0)
@@ -175,13 +175,13 @@ def wave_map(dataset: xr.Dataset, gear: str) -> Figure:
             ylim=(0.5 * teeth, _HARMONICS * teeth),
             yticks=teeth * np.arange(1, int(_HARMONICS) + 1),
         )
-    figure.colorbar(points, ax=panels, label="amplitude of the wave around the rim [µm]")
-    handles = [Line2D([], [], color=_GREY, lw=0.9, ls=":", label="stands still in space")]
+    figure.colorbar(points, ax=both, label="amplitude of the wave around the rim [µm]")
+    handles = [Line2D([], [], color=GREY, lw=0.9, ls=":", label="stands still in space")]
     for share in (1.0, 0.1, 0.01):
         look: dict[str, Any] = {"marker": "o", "ls": "", "mec": "black", "mew": 0.3}
         look["color"] = points.to_rgba(np.asarray([share * high]))[0]
         size = np.sqrt(_dot_size(share * high, low, high))
-        label = f"{_digits(share * high, 2)} µm"
+        label = f"{digits(share * high, 2)} µm"
         handles.append(Line2D([], [], ms=size, label=label, **look))
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
     return figure
@@ -195,7 +195,7 @@ def _dot_size(amplitude: Any, low: float, high: float) -> Any:
 # --- Levels over speed
 
 
-@_house_look()
+@house_look()
 def wave_levels(dataset: xr.Dataset, gear: str) -> Figure:
     """RMS over all orders of the mesh, over speed: of the strongest waves, and of the probes.
 
@@ -209,7 +209,7 @@ def wave_levels(dataset: xr.Dataset, gear: str) -> Figure:
     The figure, of the direction of the sweep with the highest peak.
     """
     title = f"Waves and probes over speed: {dataset.attrs['title']}: {gear}"
-    figure, (left, right) = _panels((11.0, 5.4), title, 2)
+    figure, (left, right) = panels((11.0, 5.4), title, 2)
     own = dataset.sel(direction=dataset.attrs["peak_direction"])
     speed, number = own["speed"].values, own[f"{gear}_diameters"].values
     level = wave_level(own, gear).values
@@ -235,7 +235,7 @@ def wave_levels(dataset: xr.Dataset, gear: str) -> Figure:
         right.plot(speed, values, marker=mark, ms=3, label=name, **look)
     right.set_title("probes", loc="left")
     for axes in (left, right):
-        axes.axvline(dataset.attrs["peak_speed_rad_s"], color=_GREY, lw=0.8, ls=":", zorder=0)
+        axes.axvline(dataset.attrs["peak_speed_rad_s"], color=GREY, lw=0.8, ls=":", zorder=0)
         axes.set(xlabel="speed of the pinion [rad/s]", ylabel="RMS of all mesh orders [µm]")
         axes.set_ylim(bottom=0.0)
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, frameon=False)
