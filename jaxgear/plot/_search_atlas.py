@@ -30,12 +30,12 @@ def searches_pictures(datasets: Datasets) -> Iterator[Picture]:
         ((name, values),) = gears.data_vars.items()
         rising = gears.assign({name: (values.dims, np.sort(values.values, axis=1))})
         errors = _curves({"nominal": after, "robust": hardened})
-        table = columns(rising, "design", name)
+        table = columns(rising, "design", str(name))
         yield Picture("robust", draw, table, {"transmission_error": errors})
     if (found := datasets.get("robust_influences")) is not None:
         table = columns(found, "quantity", "moved")
         for design in found["design"].values:
-            own = columns(found.sel(design=design), "quantity", *list(found.data_vars)[1:])
+            own = columns(found.sel(design=design), "quantity", *_numbers(found)[1:])
             own.pop("quantity")
             table |= {f"{design}_{name}": values for name, values in own.items()}
         yield Picture("tornado", partial(search_pictures.tornado, found), table)
@@ -67,17 +67,17 @@ def relief_map_pictures(datasets: Datasets) -> Iterator[Picture]:
         draw = partial(relief_pictures.master_curve, chart, valley, search)
         table = columns(chart, "depth_um", "extent", "te_rms_um")
         yield Picture(
-            "master_curve", draw, table, {"valley": columns(valley, "extent", *valley.data_vars)}
+            "master_curve", draw, table, {"valley": columns(valley, "extent", *_numbers(valley))}
         )
     if (curve := datasets.get("relief_curve")) is not None:
         draw = partial(relief_pictures.traced_curve, curve)
         yield Picture(
-            "master_curve_traced", draw, _known(columns(curve, "extent", *curve.data_vars))
+            "master_curve_traced", draw, _known(columns(curve, "extent", *_numbers(curve)))
         )
     curves = datasets.get("relief_torques")
     if chart is not None and curves is not None:
         draw = partial(relief_pictures.family, chart, curves)
-        table = columns(curves, "torque_Nm", "extent", *curves.data_vars)
+        table = columns(curves, "torque_Nm", "extent", *_numbers(curves))
         yield Picture("master_curve_torques", draw, _known(table))
     if (bias := datasets.get("smoothing_bias")) is not None:
         draw = partial(relief_pictures.smoothing_bias, bias)

@@ -137,8 +137,8 @@ def pareto(dataset: xr.Dataset) -> Figure:
     beaten, kept = (dataset[name].values.astype(bool) for name in ("dominated", "kept"))
     order = np.flatnonzero(~beaten)[np.argsort(own[~beaten])]
     axes.plot(other[order], own[order], "o-", color=BLUE, label="front")
-    square = {"marker": "s", "ls": "", "mfc": "none", "color": GREY}
-    cross = {"marker": "x", "ls": "", "color": RED}
+    square: dict[str, Any] = {"marker": "s", "ls": "", "mfc": "none", "color": GREY}
+    cross: dict[str, Any] = {"marker": "x", "ls": "", "color": RED}
     for lost, label, look in (
         (beaten & kept, "dominated", square),
         (~kept, "beyond a limit", cross),

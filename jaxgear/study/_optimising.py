@@ -83,7 +83,7 @@ def optimise(scene: Scene, memory: Path | None = None) -> Result:
     return together(first, optimisation(scene, statics, memory=memory))
 
 
-class Problem(NamedTuple):
+class _Posed(NamedTuple):
     """What is searched.
 
     **Fields:**
@@ -162,7 +162,7 @@ def optimisation(
 
 
 def _robust(
-    problem: Problem, nominal: np.ndarray, torques: np.ndarray | None, memory: Path | None
+    problem: _Posed, nominal: np.ndarray, torques: np.ndarray | None, memory: Path | None
 ) -> Result:
     """Go on from a nominal optimum to the robust one, and judge both on fresh gears."""
     space, grid, prepared, scatter = problem
@@ -177,7 +177,7 @@ def _robust(
     return Result(scene, summary, datasets, scenes={name: keys})
 
 
-def _problem(scene: Scene, before: Statics) -> Problem:
+def _problem(scene: Scene, before: Statics) -> _Posed:
     """Variables, grid and meshes of a search; refuses what cannot be begun or written down."""
     space = design_space(
         scene,
@@ -206,7 +206,7 @@ def _problem(scene: Scene, before: Statics) -> Problem:
             beyond=grid.beyond,
             margin=1.0,
         )
-    return Problem(space, grid, prepared_mesh(space, grid, before), scatter)
+    return _Posed(space, grid, prepared_mesh(space, grid, before), scatter)
 
 
 def _require_half(judged: JudgedSpeeds) -> None:
@@ -235,7 +235,7 @@ class _Judged(NamedTuple):
 
 
 def _judged(
-    problem: Problem, search: Search, made: Searched, statics: tuple[Statics, Statics]
+    problem: _Posed, search: Search, made: Searched, statics: tuple[Statics, Statics]
 ) -> _Judged:
     """Judge with exact contact where a search began and ended, and say how it went."""
     space, (found, baseline, restarted, seconds) = problem.space, made

@@ -87,7 +87,7 @@ def relief_map(scene: Scene) -> Result:
     relieved = np.asarray([1.5 * deflection, 0.3])
     datasets["smoothing_bias"] = _bias(space, statics, relieved)
     # As many points as in a column of the map, which is compiled.
-    best = _te_rms(task, np.tile(found.point, (depth.size, 1)))[0]
+    best = _te_rms(task)(np.tile(found.point, (depth.size, 1)))[0]
     summary = head(scene, statics)
     summary["master_curve"] = {
         "depth_um": found.point[0],
@@ -156,18 +156,18 @@ def _task(space: DesignSpace, statics: Statics) -> Task:
     )
 
 
-def _te_rms(task: Task, points: np.ndarray) -> np.ndarray:
+def _te_rms(task: Task) -> optimise.Batched:
     """RMS of the transmission error at many depths and extents, exactly [um]."""
-    return np.sqrt(timed(side_by_side, task, points, ExactContact()))
+    law = ExactContact()
+    return optimise.Batched(lambda points: np.sqrt(timed(side_by_side, task, points, law)))
 
 
 def _mapped(
     task: Task, depth: np.ndarray, extent: np.ndarray
 ) -> tuple[optimise.ReliefMap, optimise.Valley]:
     """The map and its valley, with exact contact."""
-    te_rms = optimise.Batched(lambda points: _te_rms(task, points))
     with progress(depth.size * extent.size, "map") as done:
-        chart, valley = optimise.relief_map(te_rms, depth, extent, done=done)
+        chart, valley = optimise.relief_map(_te_rms(task), depth, extent, done=done)
     if not (np.isfinite(chart.value).all() and np.isfinite(valley.value).all()):
         raise SolverFailure("the contact was not solved at some point of the map")
     return chart, valley

@@ -230,10 +230,6 @@ def descent(
     - `search`: of the scene.
     - `space`: its variables.
     - `start`: from where, in the units of the keys.
-
-    **Returns:**
-
-    The best, with the counts and the record of all.
     """
     scene, more = space.scene, 0 if start is not None else space.scene["optimise.starts"] - 1
     most = scene["optimise.max_evaluations"] * (1 + more)

@@ -10,6 +10,8 @@ import matplotlib
 import matplotlib.image
 import numpy as np
 import pytest
+from jaxgear.plot._modification_tables import modification_columns
+from jaxgear.plot._sliding_tables import sliding_columns
 from matplotlib.figure import Figure
 from matplotlib.path import Path as Polygon
 from matplotlib.text import Annotation
@@ -25,9 +27,7 @@ from jaxgear.plot import _search_tables as search_tables
 from jaxgear.plot import _tables as tables
 from jaxgear.plot._cycle import cycle_statistics
 from jaxgear.plot._modification_pictures import modification
-from jaxgear.plot._modification_tables import modification_columns
 from jaxgear.plot._sliding_pictures import sliding
-from jaxgear.plot._sliding_tables import sliding_columns
 from jaxgear.study._results import static_dataset
 
 _UNIT = re.compile(r".+ \[[^\]]+\]$")
