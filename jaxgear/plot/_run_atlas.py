@@ -37,11 +37,11 @@ def run_pictures(datasets: Datasets) -> Iterator[Picture]:
         table = columns(axes, *axes.coords, *axes.data_vars)
         yield Picture("axes", partial(axes_pictures.axes, pair, axes), table)
     if (traces := datasets.get("modification")) is not None:
-        table = columns(traces, "state", "gear", "trace", *traces.data_vars)
+        table = columns(traces, "state", "gear", "trace", *sorted(traces.data_vars))
         yield Picture("modification", partial(modification_pictures.modification, traces), table)
     if cycle is not None and "transmission_error_um" in cycle:
         if (slid := datasets.get("sliding")) is not None:
-            table = columns(slid, *(name for name, each in slid.items() if each.dims))
+            table = columns(slid, *sorted(name for name, each in slid.items() if each.dims))
             yield Picture("sliding", partial(sliding_pictures.sliding, slid, cycle), table)
         yield from _of_cycle(cycle)
     if pair is not None and (shafts := datasets.get("shafts")) is not None:
