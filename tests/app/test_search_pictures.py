@@ -16,7 +16,9 @@ _WIDTH = np.asarray([0.01, 0.1, 1.0, 10.0])
 
 
 def _data(variables: dict[str, tuple], **coordinates: tuple) -> xr.Dataset:
-    entries = lambda told: {name: Entry(*about, name) for name, about in told.items()}
+    entries = lambda told: {
+        name: Entry(dims, values, units, name) for name, (dims, values, units) in told.items()
+    }
     return dataset_of(entries(variables), **entries(coordinates)).assign_attrs(title="a pair")
 
 
