@@ -52,7 +52,8 @@ def task(name: str, settings: Sequence[str]) -> Task:
     """The search of a ready scene with some settings, compiled."""
     from jaxgear.scene._scene import ready_scene
     from jaxgear.scene._with_bodies import with_bodies
-    from jaxgear.study._design import design_space, prepared_mesh
+    from jaxgear.study._design import design_space
+    from jaxgear.study._objectives import prepared_mesh
     from jaxgear.study._search import require_acting, search_of
     from jaxgear.study._statics import solve_statics
 
@@ -63,6 +64,7 @@ def task(name: str, settings: Sequence[str]) -> Task:
     statics = solve_statics(scene)
     space = design_space(
         scene,
+        statics.model,
         tuple(scene["optimise.vary"]),
         symmetric=scene["optimise.symmetric"],
         deflection=float(statics.numbers["single_pair_deflection_um"]),

@@ -19,13 +19,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from matplotlib.figure import Figure
 
 import jaxgear as jg
 import optimise
 from jaxgear._cli._folder import Folder
 from jaxgear._cli._saving import save
 from jaxgear._contact._cells import nominal_line_load
-from jaxgear.plot._curve_pictures import several_curves
 from jaxgear.scene._build import grid_of, model_of
 from jaxgear.scene._mesh_bodies import with_bodies
 from jaxgear.scene._scene import Scene, ready_scene
@@ -199,9 +199,40 @@ def torques() -> Finding:
     return found
 
 
+def drawn_curves(curves: dict[str, Traced]) -> Figure:
+    """Depths over extents, over the closed form's, and what an error of depth costs."""
+    figure = Figure(figsize=(12.0, 4.6), layout="constrained")
+    panels = figure.subplots(1, 3)
+    for i, (label, curve) in enumerate(curves.items()):
+        rows = curve.depth, curve.depth / curve.closed, curve.steep
+        for axes, values in zip(panels, rows, strict=True):
+            axes.plot(curve.extent, values, marker=".", ls=("-", "--")[i % 2], label=label)
+    labels = (
+        "best depth of the tip relief [µm]",
+        "depth over the closed form's [-]",
+        "RMS over error of depth [µm/µm]",
+    )
+    for axes, label in zip(panels, labels, strict=True):
+        axes.set(xlabel="extent over the path of contact [-]", ylabel=label)
+    panels[0].set_ylim(bottom=0.0)
+    handles, names = panels[0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside lower center", ncols=4, frameon=False)
+    figure.suptitle("accessory pair, 80 N m")
+    return figure
+
+
+def columns_of(curves: dict[str, Traced]) -> dict[str, np.ndarray]:
+    """The curves as a table, one under the other."""
+    labels = [label for label, curve in curves.items() for _ in curve.extent]
+    names = Traced._fields
+    values = {
+        name: np.concatenate([getattr(each, name) for each in curves.values()]) for name in names
+    }
+    return {"pair": np.asarray(labels)} | values
+
+
 if __name__ == "__main__":
     out = tell({"bodies": bodies, "torques": torques}, "Master Curves.", "curve_trends")
     if out is not None and curve_of.cache_info().currsize:
-        drawn = {label: curve_of(label)._asdict() for label in CASES}
-        figure, columns = several_curves(drawn, "accessory pair, 80 N m")
-        save(lambda: figure, columns, Folder(out), "master_curves")
+        drawn = {label: curve_of(label) for label in CASES}
+        save(lambda: drawn_curves(drawn), columns_of(drawn), Folder(out), "master_curves")

@@ -3,6 +3,7 @@
 from ._checks import BodyError as BodyError
 
 from ._grid import Grid as Grid
+from ._grid import surface as surface
 
 from ._web import Fineness as Fineness
 from ._web import GearBody as GearBody
@@ -23,12 +24,14 @@ from ._files import write_vtu as write_vtu
 from ._assembly import Material as Material
 from ._assembly import assemble as assemble
 from ._assembly import stress_stiffening as stress_stiffening
+from ._assembly import surface_mass as surface_mass
 
 from ._symmetry import Rotation as Rotation
 
 from ._artefact import ReducedBody as ReducedBody
 from ._artefact import balanced as balanced
 from ._artefact import floating as floating
+from ._artefact import rigid_motions as rigid_motions
 
 from ._body_file import read_body as read_body
 from ._body_file import write_body as write_body
@@ -41,6 +44,7 @@ from ._boundary import full_body as full_body
 from ._modes import free_modes as free_modes
 from ._modes import reduced_modes as reduced_modes
 
+from ._condense import Held as Held
 from ._condense import condense as condense
 from ._hold import hold as hold
 from ._hold import recovered as recovered
@@ -53,6 +57,7 @@ from ._fourier import symmetry_splitting as symmetry_splitting
 from ._answers import Solid as Solid
 from ._static_answers import Springs as Springs
 from ._answers import described_modes as described_modes
+from ._answers import rim_rows as rim_rows
 from ._answers import solid_of as solid_of
 
 from ._health import health_report as health_report

@@ -1,8 +1,9 @@
 r"""The Master Curve: depth and extent of symmetric linear tip relief that keep the TE constant.
 
 Closed form for thin slices of constant stiffness and a profile contact ratio between 1 and 2,
-derived here (not the printed equation of Bruyere & Velex 2013: see `master_curve_depth`), and the
-map that it is laid on, computed with whatever stiffness the model has.
+derived here (not the printed equation of Bruyere & Velex 2013), and the map
+that it is laid on, computed with whatever stiffness the model has.
+Depths may be in any unit of length that all arguments of a function share; [m] stands for it.
 """
 
 from collections.abc import Callable
@@ -13,7 +14,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-import jaxgear as jg
 from optimise._record import Batched, Sloped, with_jacobian
 
 
@@ -232,8 +232,8 @@ def traced_curve(
         found = np.stack([r @ r, r @ by_depth, by_depth @ by_depth, by_depth @ by_extent])
         if not np.all(np.isfinite(found)):
             raise FloatingPointError(
-                f"The deviations or their slopes are not finite at a relief of {depth / jg.um:.6g} "
-                f"um over {gamma:.6g} of the path."
+                f"The deviations or their slopes are not finite at a relief of {depth:.6g}, in the "
+                f"unit given, over {gamma:.6g} of the path."
             )
         return found
 

@@ -14,12 +14,13 @@ from dynamics import cases
 import jaxgear as jg
 import optimise
 from jaxgear import um
-from jaxgear._checks import InputError
 from jaxgear._interface._laws import ExactContact
 from jaxgear.scene._build import grid_of, model_of
-from jaxgear.scene._scene import ready_scene
-from jaxgear.study._design import design_space, judged_speeds, objective_of, task_of
+from jaxgear.scene._scene import SceneError, ready_scene
+from jaxgear.study._design import design_space
 from jaxgear.study._evaluations import objective_at
+from jaxgear.study._objectives import judged_speeds, objective_unit, task_of
+from jaxgear.study._search_checks import require_swept
 
 # The mesh mode of the torsional pair is near 1200 rad/s.
 _SPEEDS = np.array([500.0, 800.0, 1500.0, 2000.0])
@@ -193,8 +194,8 @@ _WANTED = {"optimise.minimise": "dynamic_ratio"}
 
 
 def test_a_scene_without_speeds_is_told_so():
-    with pytest.raises(InputError, match=r"no such table. Add one, such as:\n\[sweep\]"):
-        objective_of(ready_scene("accessory", _SCENE).replace(_WANTED))
+    with pytest.raises(SceneError, match=r"no such table. Add one, such as:\n\[sweep\]"):
+        require_swept(ready_scene("accessory", _SCENE).replace(_WANTED))
 
 
 @pytest.mark.slow
@@ -202,9 +203,10 @@ def test_a_scene_over_its_speeds():
     """The value is the mean of what each speed is judged to contribute."""
     sweep = ("sweep.pinion_speed_rad_s=[600.0, 900.0]", "sweep.steps=32", "sweep.harmonics=8")
     scene = ready_scene("accessory", (*_SCENE, *sweep)).replace(_WANTED)
-    space = design_space(scene, tuple(scene["optimise.vary"]), symmetric=True, deflection=10.0)
+    keys, base = tuple(scene["optimise.vary"]), model_of(scene)
+    space = design_space(scene, base, keys, symmetric=True, deflection=10.0)
     grid = grid_of(scene, space.base)
-    assert objective_of(scene)[1] == "-"
+    assert objective_unit(scene) == "-"
     task = task_of(space, grid, ExactContact(), None)
     value = jax.jit(lambda x: objective_at(task, x, ExactContact()))
     point = np.array([10.0, 0.25])

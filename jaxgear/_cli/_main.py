@@ -22,6 +22,7 @@ from jaxgear._checks import InputError
 from jaxgear._cli._folder import Folder, begun, publish, written
 from jaxgear._cli._init import add_init_parser, write_first_scene
 from jaxgear._cli._keys import add_keys_parser, print_keys
+from jaxgear._cli._plot import add_plot_parser, draw_again
 from jaxgear._cli._terminal import Terminal, warn
 from jaxgear._program_cache import cache_compilations
 from jaxgear.scene._motion import motion_mistakes
@@ -219,6 +220,7 @@ def _parser() -> argparse.ArgumentParser:
             help="draw none, and write only their data",
         )
     add_keys_parser(commands)
+    add_plot_parser(commands)
     cache = commands.add_parser(
         "cache",
         help="list the condensed bodies and compiled programs that are kept, or remove them",
@@ -250,6 +252,8 @@ def _command(argv: Sequence[str] | None) -> int:
         return _cache(args)
     if args.command == "keys":
         return print_keys(args)
+    if args.command == "plot":
+        return _plot(args)
     scene = read_scene(args.scene, args.overrides)
     _refuse_unfit(args.command, scene)
     for remark in odd(scene.whole):
@@ -283,7 +287,8 @@ def _command(argv: Sequence[str] | None) -> int:
 
 def _refuse_unspeakable(args: argparse.Namespace) -> None:
     """Refuse bytes that are no text: they would come to light where results are written."""
-    for value in (getattr(args, "scene", ""), args.out, *args.overrides) if "out" in args else ():
+    texts = [getattr(args, name, "") for name in ("scene", "result", "out")]
+    for value in (*texts, *getattr(args, "overrides", ())):
         try:
             str(value).encode()
         except UnicodeEncodeError:
@@ -478,6 +483,20 @@ def _print_json(summary: Mapping[str, object]) -> None:
     except ValueError as error:
         raise _Stop(1, f"a result is not a finite number, so there is no JSON: {error}") from None
     print(text)
+
+
+def _plot(args: argparse.Namespace) -> int:
+    """Draw the pictures of a result again."""
+    folder = args.out or args.result.parent
+    try:
+        names = draw_again(args.result, folder, pictures=args.pictures)
+    except InputError as error:
+        raise _Stop(2, str(error)) from None
+    except OSError as error:
+        raise _Stop(2, f"cannot write pictures into {folder}: {error.strerror}.") from None
+    if not args.quiet:
+        print(f"{len(names)} pictures in {folder}: {', '.join(names)}")
+    return 0
 
 
 def _init(args: argparse.Namespace) -> int:

@@ -2,8 +2,12 @@
 
 from collections.abc import Iterator
 
-from jaxgear.plot._modes_atlas import modes_pictures
-from jaxgear.plot._picture import Datasets, Picture
+from jaxgear.plot._modes_atlas import pictures_of_modes
+from jaxgear.plot._picture import Animation, Datasets, Picture
+from jaxgear.plot._run_atlas import run_pictures
+from jaxgear.plot._search_atlas import relief_map_pictures, searches_pictures
+from jaxgear.plot._sweep_atlas import pictures_of_sweep
+from jaxgear.plot._wave_atlas import animations_of_shapes, pictures_of_waves
 
 
 def pictures(datasets: Datasets) -> Iterator[Picture]:
@@ -17,4 +21,23 @@ def pictures(datasets: Datasets) -> Iterator[Picture]:
 
     Pictures and their tables, one after the other: nothing is drawn unless asked for.
     """
-    yield from modes_pictures(datasets)
+    yield from run_pictures(datasets)
+    yield from pictures_of_modes(datasets)
+    yield from pictures_of_sweep(datasets)
+    yield from pictures_of_waves(datasets)
+    yield from searches_pictures(datasets)
+    yield from relief_map_pictures(datasets)
+
+
+def animations(datasets: Datasets) -> Iterator[Animation]:
+    """The pictures that move.
+
+    **Arguments:**
+
+    - `datasets`: as of `pictures`.
+
+    **Returns:**
+
+    One after the other: nothing is drawn unless asked for.
+    """
+    yield from animations_of_shapes(datasets)

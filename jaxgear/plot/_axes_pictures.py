@@ -1,27 +1,19 @@
-"""One drawing of all conventions: axes, hand, senses of rotation, and signs on the flank.
-
-Its data are in `_axes_tables`.
-"""
+"""One drawing of all conventions: axes, hand, senses of rotation, and signs on the flank."""
 
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyArrowPatch, Rectangle
 
-from jaxgear._geometry._pair import GearPair
-from jaxgear._units import deg, mm
-from jaxgear.plot._axes_tables import axes_columns
-from jaxgear.plot._palette import _BLUE, _GREEN, _GREY, _ORANGE, _RED
-from jaxgear.plot._pictures import _BOX, _house_look
-from jaxgear.plot._tables import _facts
-from jaxgear.scene._teeth import tooth_outline
-from jaxgear.study._results import BODIES
+from jaxgear.plot._palette import BLUE, GEAR_COLOURS, GREEN, GREY, RED
+from jaxgear.plot._picture import GEARS
+from jaxgear.plot._style import BOX, house_look
 
-_COLOURS = (_BLUE, _ORANGE)
 _SIGNS = """\
 depth > 0: material removed, along the normal
 deviation > 0: material added
@@ -38,24 +30,24 @@ _PLACES = ((0.01, 0.02, 0.39, 0.86), (0.42, 0.02, 0.28, 0.86), (0.72, 0.02, 0.27
 _TRACES, _POINTS = 14, 9
 
 
-@_house_look()
-def axes(pair: GearPair, title: str) -> Figure:
+@house_look()
+def axes(pair: xr.Dataset, axes: xr.Dataset) -> Figure:
     """The pair from +Z and from +T, and a tooth with what is removed from its flank.
 
     **Arguments:**
 
-    - `pair`: the gears.
-    - `title`: the case.
+    - `pair`: the group `pair`.
+    - `axes`: the group `axes`.
 
     **Returns:**
 
     The figure; gears are to scale, arrows and reliefs are not.
     """
     figure = Figure(figsize=(13.0, 5.4))
-    figure.suptitle(f"Axes, hand and signs: {title}")
+    figure.suptitle(f"Axes, hand and signs: {axes.attrs['title']}")
     # Without ticks and labels there is nothing to be laid out.
     front, side, tooth = (figure.add_axes(place) for place in _PLACES)
-    arrows = _arrows(pair)
+    arrows = _arrows(axes)
     for panel in (front, side, tooth):
         panel.set_aspect("equal")
         panel.set_anchor("N")
@@ -66,14 +58,14 @@ def axes(pair: GearPair, title: str) -> Figure:
     return figure
 
 
-def _arrows(pair: GearPair) -> Mapping[str, tuple[np.ndarray, np.ndarray]]:
+def _arrows(axes: xr.Dataset) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Place [mm] and direction of each arrow, by name."""
-    data = axes_columns(pair)
     places, directions = (
-        np.stack([data[name.format(axis)] for axis in "STZ"], axis=1)
+        np.stack([axes[name.format(axis)].values for axis in "STZ"], axis=1)
         for name in ("{}_mm", "along_{}")
     )
-    return dict(zip(data["arrow"].tolist(), zip(places, directions, strict=True), strict=True))
+    names = axes["arrow"].values.tolist()
+    return dict(zip(names, zip(places, directions, strict=True), strict=True))
 
 
 def _arrow(
@@ -96,12 +88,11 @@ def _triad(panel: Axes, corner: Any, length: float, across: str, up: str) -> Non
     _arrow(panel, corner, (0.0, length), "black", up)
 
 
-def _draw_front(panel: Axes, pair: GearPair, arrows: Mapping[str, Any]) -> None:
+def _draw_front(panel: Axes, pair: xr.Dataset, arrows: Mapping[str, Any]) -> None:
     """In the plane of S and T, Z towards the viewer."""
-    facts = _facts(pair)
-    tips, pitches = (facts[name] / mm for name in ("tip_radius", "working_pitch_radius"))
-    distance, size = float(facts["working_centre_distance"]) / mm, float(tips.max())
-    for body, (name, colour) in enumerate(zip(BODIES, _COLOURS, strict=True)):
+    tips, pitches = (pair[f"{name}_radius_mm"].values.tolist() for name in ("tip", "working_pitch"))
+    distance, size = float(pair["working_centre_distance_mm"]), max(tips)
+    for body, (name, colour) in enumerate(zip(pair["gear"].values, GEAR_COLOURS, strict=True)):
         centre = distance * body, 0.0
         panel.add_patch(Circle(centre, tips[body], fc=colour, ec=colour, alpha=0.16))
         panel.add_patch(Circle(centre, pitches[body], fill=False, ec=colour, lw=0.9, ls="-."))
@@ -132,9 +123,9 @@ def _draw_action(panel: Axes, arrows: Mapping[str, Any], size: float) -> None:
     """The line of action through the pitch point, and the forces along it."""
     place, along = (each[:2] for each in arrows["path of contact"])
     line = np.stack([place - 0.75 * size * along, place + 0.75 * size * along])
-    panel.plot(*line.T, color=_GREEN, lw=1.0, ls=(0, (6, 2)), zorder=3)
+    panel.plot(*line.T, color=GREEN, lw=1.0, ls=(0, (6, 2)), zorder=3)
     # Both at the right of their arrows, where there is room however small the pinion is.
-    for name, colour, height in zip(BODIES, _COLOURS, ("top", "center"), strict=True):
+    for name, colour, height in zip(GEARS, GEAR_COLOURS, ("top", "center"), strict=True):
         towards = arrows[f"force on the {name}"][1][:2]
         end = _arrow(panel, place, 0.55 * size * towards / np.hypot(*towards), colour, lw=2.2)
         panel.annotate(
@@ -144,20 +135,19 @@ def _draw_action(panel: Axes, arrows: Mapping[str, Any], size: float) -> None:
             textcoords="offset points",
             color=colour,
             va=height,
-            bbox=_BOX,
+            bbox=BOX,
             zorder=6,
         )
-    panel.plot(*place, "o", ms=5, color="white", mec=_GREEN, mew=1.4, zorder=5)
+    panel.plot(*place, "o", ms=5, color="white", mec=GREEN, mew=1.4, zorder=5)
 
 
-def _draw_side(panel: Axes, pair: GearPair, arrows: Mapping[str, Any]) -> None:
+def _draw_side(panel: Axes, pair: xr.Dataset, arrows: Mapping[str, Any]) -> None:
     """In the plane of Z and S, T towards the viewer: tooth traces, torques and axial forces."""
-    facts = _facts(pair)
-    radii = facts["reference_radius"] / mm
-    distance = float(facts["working_centre_distance"]) / mm
+    radii = pair["reference_radius_mm"].values
+    distance = float(pair["working_centre_distance_mm"])
     # A narrow face is drawn wide enough to show its teeth.
-    half = max(0.5 * float(facts["face_width"]) / mm, 0.35 * float(radii.max()))
-    for body, (name, colour) in enumerate(zip(BODIES, _COLOURS, strict=True)):
+    half = max(0.5 * float(pair["face_width_mm"]), 0.35 * float(radii.max()))
+    for body, (name, colour) in enumerate(zip(pair["gear"].values, GEAR_COLOURS, strict=True)):
         level, radius = distance * body, radii[body]
         panel.add_patch(
             Rectangle(
@@ -181,7 +171,7 @@ def _draw_side(panel: Axes, pair: GearPair, arrows: Mapping[str, Any]) -> None:
         _draw_thrust(panel, (0.0, level), arrows[f"force on the {name}"][1][2], half)
     low = -radii[0] - 0.12 * distance
     for words, z in (("left", -half), ("right", half)):
-        panel.text(z, low, words, ha="center", va="top", color=_GREY)
+        panel.text(z, low, words, ha="center", va="top", color=GREY)
     corner, long = np.array([-2.4 * half, -radii[0]]), 0.3 * float(radii.max())
     _triad(panel, corner, long, "Z", "S")
     panel.plot(0.0, low - 0.08 * distance, alpha=0.0)
@@ -193,46 +183,46 @@ def _draw_thrust(panel: Axes, place: tuple[float, float], axial: float, half: fl
     """The axial part of the force on a helical gear."""
     if abs(axial) < 1e-9:
         return
-    _arrow(panel, place, (np.sign(axial) * 0.8 * half, 0.0), _RED, lw=2.4)
+    _arrow(panel, place, (np.sign(axial) * 0.8 * half, 0.0), RED, lw=2.4)
     panel.annotate(
         "axial force",
         place,
         xytext=(0, 7),
         textcoords="offset points",
-        color=_RED,
+        color=RED,
         ha="center",
         va="bottom",
-        bbox=_BOX,
+        bbox=BOX,
         zorder=6,
     )
 
 
-def _hand(pair: GearPair) -> str:
+def _hand(pair: xr.Dataset) -> str:
     """The hand of the pinion in words; the wheel has the other one."""
-    helix = float(pair.helix_angle) / deg
+    helix = float(pair["helix_angle_deg"])
     if abs(helix) < 1e-9:
         return "spur"
     return f"{'right' if helix > 0.0 else 'left'}-hand pinion, {helix:+.4g}°"
 
 
-def _draw_tooth(panel: Axes, pair: GearPair) -> None:
+def _draw_tooth(panel: Axes, pair: xr.Dataset) -> None:
     """A tooth of the pinion in the transverse plane with a relieved tip, and all signs."""
-    x, y = (each / mm for each in tooth_outline(pair, 0))
-    panel.fill(np.concatenate([-x, x[::-1]]), np.concatenate([y, y[::-1]]), color=_BLUE, alpha=0.16)
-    panel.plot(-x, y, color=_BLUE, lw=1.6)
-    panel.plot(x, y, color=_GREY, lw=1.0)
+    x, y = pair["tooth_x_mm"].values, pair["tooth_y_mm"].values
+    panel.fill(np.concatenate([-x, x[::-1]]), np.concatenate([y, y[::-1]]), color=BLUE, alpha=0.16)
+    panel.plot(-x, y, color=BLUE, lw=1.6)
+    panel.plot(x, y, color=GREY, lw=1.0)
     height = float(np.ptp(y))
     share = np.clip((y - y[-1] + 0.35 * height) / (0.35 * height), 0.0, None)
     removed = 0.09 * height * share
-    panel.fill_betweenx(y, -x, -x + removed, where=share > 0.0, color=_RED, alpha=0.35, lw=0)
-    panel.plot((-x + removed)[share > 0.0], y[share > 0.0], color=_RED, lw=1.6, ls="--")
+    panel.fill_betweenx(y, -x, -x + removed, where=share > 0.0, color=RED, alpha=0.35, lw=0)
+    panel.plot((-x + removed)[share > 0.0], y[share > 0.0], color=RED, lw=1.6, ls="--")
     near = int(np.argmin(np.abs(y - (y[-1] - 0.55 * height))))
     out = np.array([-(y[near + 1] - y[near - 1]), -(x[near + 1] - x[near - 1])])
     out *= 0.35 * height / np.hypot(*out)
     start = np.array([-x[near], y[near]])
-    _arrow(panel, start, out, _BLUE, "+")
+    _arrow(panel, start, out, BLUE, "+")
     place = -x[-1] - 0.12 * height, y[-1] - 0.02 * height
-    panel.text(*place, "removed", color=_RED, va="center", ha="right")
+    panel.text(*place, "removed", color=RED, va="center", ha="right")
     panel.text(-1.3 * height, y[0] - 0.12 * height, _SIGNS, va="top", fontsize=9.0)
     panel.set_xlim(-1.3 * height, 1.3 * height)
     panel.set_ylim(y[0] - 1.7 * height, y[-1] + 0.1 * height)

@@ -24,8 +24,8 @@ from jaxgear.plot._body_tables import (
     _section,
     chosen_modes,
 )
-from jaxgear.plot._palette import _BLUE, _GREEN, _GREY, _ORANGE
-from jaxgear.plot._pictures import _house_look
+from jaxgear.plot._palette import BLUE, GREEN, GREY, ORANGE
+from jaxgear.plot._style import house_look
 
 _STEEL, _CUT = "#c3ccd6", "#efe3c2"
 _MOTION = "RdBu_r"
@@ -36,7 +36,7 @@ _SHOWN = 0.12
 # --- The grid
 
 
-@_house_look()
+@house_look()
 def grid(body: DrawnBody, title: str) -> Figure:
     """The finite elements: a view with a wedge cut out, and the section in the cut.
 
@@ -63,7 +63,7 @@ def grid(body: DrawnBody, title: str) -> Figure:
     names = [name.removeprefix("seat:") for name in colours]
     names = [name if name == "rim" else f"seat {name}" for name in names]
     figure.legend(
-        [*marks, Patch(fc=_CUT, ec=_GREY)],
+        [*marks, Patch(fc=_CUT, ec=GREY)],
         [*names, "section"],
         loc="outside lower center",
         ncols=min(len(names) + 1, 6),
@@ -98,18 +98,18 @@ def _draw_triad(axes: Axes) -> None:
     start = left + 0.9 * size, bottom - 0.2 * size
     axes.set_xlim(left=left - 0.3 * size)
     axes.set_ylim(bottom=bottom - 1.3 * size)
-    look = {"arrowstyle": "-|>", "color": _GREY, "shrinkA": 0.0, "shrinkB": 0.0}
+    look = {"arrowstyle": "-|>", "color": GREY, "shrinkA": 0.0, "shrinkB": 0.0}
     for name, (right, up) in zip("XYZ", size * frame()[:, :2], strict=True):
         axes.annotate("", (start[0] + right, start[1] + up), start, arrowprops=look)
         where = start[0] + 1.35 * right, start[1] + 1.35 * up
-        axes.text(*where, name, color=_GREY, ha="center", va="center")
+        axes.text(*where, name, color=GREY, ha="center", va="center")
 
 
 def _draw_section(axes: Axes, body: DrawnBody, section: np.ndarray) -> None:
     """Elements in the cut, over Z and radius; rim and seats as lines."""
     axes.grid(False)
     outline = 1e3 * section[..., ::-1]
-    axes.add_collection(PolyCollection(list(outline), fc=_CUT, ec=_GREY, lw=0.5))
+    axes.add_collection(PolyCollection(list(outline), fc=_CUT, ec=GREY, lw=0.5))
     for name, colour in body.colours.items():
         nodes = body.grid.nodes[body.grid.sets[name]]
         z, r = 1e3 * nodes[:, 2], 1e3 * np.hypot(nodes[:, 0], nodes[:, 1])
@@ -119,9 +119,9 @@ def _draw_section(axes: Axes, body: DrawnBody, section: np.ndarray) -> None:
             # On several cylinders, as in a solid shaft or over a step.
             axes.plot(*np.unique(np.round([z, r], 3), axis=1), ".", color=colour, ms=5)
     for name, point in body.seats.items():
-        colour = body.colours.get(f"seat:{name}", _GREY)
+        colour = body.colours.get(f"seat:{name}", GREY)
         axes.plot(1e3 * point[2], 0.0, "o", ms=6, color="white", mec=colour, mew=1.8, zorder=4)
-    axes.axhline(0.0, color=_GREY, lw=0.8, ls="-.")
+    axes.axhline(0.0, color=GREY, lw=0.8, ls="-.")
     axes.autoscale_view()
     axes.set_ylim(bottom=-0.04e3 * section[..., 0].max())
     axes.set_aspect("equal")
@@ -131,13 +131,13 @@ def _draw_section(axes: Axes, body: DrawnBody, section: np.ndarray) -> None:
 # --- Modes
 
 
-_COLOURS = {"axial": _BLUE, "radial": _ORANGE, "tangential": _GREEN}
+_COLOURS = {"axial": BLUE, "radial": ORANGE, "tangential": GREEN}
 _MARKS = {"axial": "o", "radial": "s", "tangential": "^"}
 # A mode whose nodal diameter has less of its energy has no clear number.
 _CLEAR = 0.6
 
 
-@_house_look()
+@house_look()
 def families(modes: DrawnModes, title: str) -> Figure:
     """Free natural frequencies over nodal diameters, families joined.
 
@@ -172,7 +172,7 @@ def families(modes: DrawnModes, title: str) -> Figure:
         place = kind, modes.diameter[mode], rank[mode]
         if modes.circle is not None and place not in told:
             told.add(place)
-            look = {"textcoords": "offset points", "fontsize": 8.5, "color": _GREY}
+            look = {"textcoords": "offset points", "fontsize": 8.5, "color": GREY}
             axes.annotate(f"{modes.circle[mode]}", where, (7, -10), **look)
     axes.set(xlabel="nodal diameters", ylabel="free natural frequency [kHz]")
     axes.set_ylim(bottom=0.0)
@@ -185,7 +185,7 @@ def families(modes: DrawnModes, title: str) -> Figure:
     ]
     names = [f"mostly {kind}" for kind in _MARKS if kind in kinds]
     if np.any(modes.share < _CLEAR):
-        handles.append(Line2D([], [], mec=_GREY, marker="o", mfc="white", **look))
+        handles.append(Line2D([], [], mec=GREY, marker="o", mfc="white", **look))
         names.append("no clear nodal diameter")
     figure.legend(
         handles,
@@ -198,7 +198,7 @@ def families(modes: DrawnModes, title: str) -> Figure:
     return figure
 
 
-@_house_look()
+@house_look()
 def mode_shapes(body: DrawnBody, modes: DrawnModes, shapes: np.ndarray, title: str) -> Figure:
     """The lowest different mode shapes, deformed, coloured by motion along their main direction.
 

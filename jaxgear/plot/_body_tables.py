@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fem_prep._grid import Grid, surface
-from jaxgear.plot._palette import _BLUE, _GREEN, _ORANGE, _RED, _SKY
-from jaxgear.plot._tables import Columns
+from jaxgear.plot._palette import BLUE, GREEN, ORANGE, RED, SKY
+from jaxgear.plot._picture import Columns
 
 # The wedge left out of the grid's picture, on the viewer's side [rad].
 _WEDGE = (-0.06 * np.pi, 0.44 * np.pi)
@@ -34,9 +34,9 @@ class DrawnBody:
     @property
     def colours(self) -> dict[str, str]:
         """Colour of the rim and of every seat, by name of its set."""
-        several = (_ORANGE, _GREEN, _RED, _SKY)
+        several = (ORANGE, GREEN, RED, SKY)
         seats = {f"seat:{name}": several[i % len(several)] for i, name in enumerate(self.seats)}
-        return {"rim": _BLUE} | {
+        return {"rim": BLUE} | {
             name: colour for name, colour in seats.items() if name in self.grid.sets
         }
 

@@ -1,10 +1,9 @@
 """Pictures of the modes of condensed bodies: Campbell diagrams, and gears alone and in mesh.
 
-Their data are in `_campbell_tables`. Colours tell numbers of nodal diameters, at each speed those
-of the wave that leads there.
+Colours tell numbers of nodal diameters, at each speed those of the wave that leads there.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,28 +13,17 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from jaxgear._dynamics._campbell import CriticalSpeed
-from jaxgear.plot._campbell_tables import (
-    _on_body,
-)
-from jaxgear.plot._dynamic_pictures import (
-    _PURPLE,
-    _frequency_unit,
-    _Label,
-    _runs,
-    _speed_axes,
-    _write_labels,
-    _write_rays,
-)
-from jaxgear.plot._palette import _BLUE, _GREEN, _GREY, _ORANGE, _RED, _SKY
-from jaxgear.plot._pictures import _house_look, _panels
-from jaxgear.scene._schema import GEARS
+from jaxgear.plot._labels import Label, write_labels, write_rays
+from jaxgear.plot._palette import BLUE, GREEN, GREY, ORANGE, RED, SKY
+from jaxgear.plot._speed_axes import PURPLE, frequency_unit, runs, speed_axes
+from jaxgear.plot._style import house_look, panels
 
 # Of waves of two and more nodal diameters; fewer are in grey and black.
-_WAVES = (_BLUE, _ORANGE, _GREEN, _RED, _PURPLE, _SKY, "#8c6d31", "#5254a3")
+_WAVES = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, "#8c6d31", "#5254a3")
 # With the gear, against it, neither.
 _STYLES: dict[int, Any] = {1: "-", -1: (0, (5, 2)), 0: "-", 2: (0, (1, 1.2))}
-_LETTERS = {1: "F", -1: "B", 0: "", 2: ""}
+_LETTERS = {"forward": "F", "backward": "B", "none": "", "both": ""}
+_RAYS: dict[str, Any] = {"color": "#b08000", "lw": 1.0, "ls": (0, (8, 2, 1, 2))}
 # Labels beyond these make a picture a table; the table is the CSV.
 _LABELS = 24
 
@@ -43,24 +31,23 @@ _LABELS = 24
 # --- Seen from space
 
 
-@_house_look()
-def campbell(dataset: xr.Dataset, critical: Sequence[CriticalSpeed], title: str) -> Figure:
+@house_look()
+def campbell(dataset: xr.Dataset, critical: xr.Dataset) -> Figure:
     """Natural frequencies seen from space over pinion speed, and where mesh harmonics meet them.
 
     **Arguments:**
 
-    - `dataset`: from `turning_dataset`.
-    - `critical`: crossings.
-    - `title`: the case or the finding.
+    - `dataset`: the group `campbell`.
+    - `critical`: the group `critical`.
 
     **Returns:**
 
     The figure.
     """
-    figure, (axes,) = _panels((9.6, 7.0), f"Campbell diagram: {title}")
+    figure, (axes,) = panels((9.6, 7.0), f"Campbell diagram: {dataset.attrs['title']}")
     speed, teeth = dataset["speed"].values, int(dataset.attrs["teeth_pinion"])
     frequency = np.abs(dataset["frequency_Hz"].values)
-    unit, name = _frequency_unit(float(np.nanmax(frequency[0])))
+    unit, name = frequency_unit(float(np.nanmax(frequency[0])))
     top = 1.06 * float(np.nanmax(frequency[0])) / unit
     count = int(dataset.attrs["harmonics"])
     rays = [
@@ -68,18 +55,25 @@ def campbell(dataset: xr.Dataset, critical: Sequence[CriticalSpeed], title: str)
         for h in range(1, count + 1)
     ]
     for ray in rays:
-        axes.plot(*ray.T, color="#b08000", lw=1.0, ls=(0, (8, 2, 1, 2)), zorder=1.9)
+        axes.plot(*ray.T, zorder=1.9, **_RAYS)
     curves = _draw_waves(axes, dataset, frequency / unit)
     axes.set_ylabel(f"natural frequency seen from space [{name}]")
-    _speed_axes([axes], speed, teeth)
+    speed_axes([axes], speed, teeth)
     axes.set_ylim(0.0, top)
-    shown = [each for each in critical if each.space / unit < 0.99 * top]
-    places = np.array([[each.speed, each.space / unit] for each in shown]).reshape(-1, 2)
+    shown, places = _inside(critical, "frequency_space_Hz", unit, top)
     _mark_critical(axes, shown, places)
-    _write_rays(axes, rays, places)
+    write_rays(axes, rays, places)
     _label_critical(axes, shown, places, [*rays, *curves])
     _legend(figure, np.unique(dataset["nodal_diameter"].values), shown, harmonics=True)
     return figure
+
+
+def _inside(
+    critical: xr.Dataset, name: str, unit: float, top: float
+) -> tuple[xr.Dataset, np.ndarray]:
+    """Critical speeds inside the axes, and their places."""
+    shown = critical.isel(crossing=critical[name].values / unit < 0.99 * top)
+    return shown, np.stack([shown["pinion_speed_rad_s"], shown[name] / unit], axis=1)
 
 
 def _colour(diameters: int) -> str:
@@ -97,7 +91,7 @@ def _draw_waves(
     diameters, direction = dataset["nodal_diameter"].values, dataset["direction"].values
     for mode, own in enumerate(frequency.T):
         kinds = 10 * diameters[:, mode] + direction[:, mode]
-        for _, first, last in _runs(kinds):
+        for _, first, last in runs(kinds):
             n, way = int(diameters[first, mode]), int(direction[first, mode])
             # Up to where the next piece begins.
             on = joined or bool(diameters[min(last + 1, len(own) - 1), mode] == n)
@@ -109,46 +103,44 @@ def _draw_waves(
     return curves
 
 
-def _mark_critical(axes: Axes, shown: Sequence[CriticalSpeed], places: np.ndarray) -> None:
+def _mark_critical(axes: Axes, shown: xr.Dataset, places: np.ndarray) -> None:
     """A dot where the mesh frequency itself meets a mode, rings for its harmonics."""
-    for each, (x, y) in zip(shown, places, strict=True):
-        colour = _colour(each.diameters)
+    kinds = zip(shown["nodal_diameter"].values, shown["harmonic"].values, places, strict=True)
+    for diameters, harmonic, (x, y) in kinds:
+        colour = _colour(int(diameters))
         style: dict[str, Any] = {"s": 30.0, "color": colour, "ec": "white", "lw": 0.6}
-        if each.harmonic > 1:
+        if harmonic > 1:
             style = {"s": 14.0, "facecolors": "white", "edgecolors": colour, "lw": 0.9}
-        axes.scatter([x], [y], zorder=3.2 if each.harmonic == 1 else 3.0, **style)
+        axes.scatter([x], [y], zorder=3.2 if harmonic == 1 else 3.0, **style)
 
 
 def _label_critical(
-    axes: Axes, shown: Sequence[CriticalSpeed], places: np.ndarray, lines: Sequence[np.ndarray]
+    axes: Axes, shown: xr.Dataset, places: np.ndarray, lines: Sequence[np.ndarray]
 ) -> None:
     """Nodal diameters, direction and speed at what the mesh frequency meets."""
-    first = [i for i, each in enumerate(shown) if each.harmonic == 1]
+    number, energy = shown["nodal_diameter"].values, shown["mesh_energy"].values
+    first = np.flatnonzero(shown["harmonic"].values == 1).tolist()
     # Waves first, then what moves the mesh most.
-    first.sort(key=lambda i: (shown[i].diameters < 2, -shown[i].mesh))
+    first.sort(key=lambda i: (number[i] < 2, -energy[i]))
     labels = []
     for i in first[:_LABELS]:
-        each = shown[i]
-        words = f"{each.diameters}{_LETTERS[each.direction]} {each.speed:.0f}"
-        at = float(places[i, 0]), float(places[i, 1])
-        labels.append(_Label(words, at, _colour(max(each.diameters, 1))))
+        x, y = map(float, places[i])
+        words = f"{number[i]}{_LETTERS[shown['direction'].values[i]]} {x:.0f}"
+        labels.append(Label(words, (x, y), _colour(max(int(number[i]), 1))))
     if labels:
-        _write_labels(axes, labels, lines, points=places, drop=True)
+        write_labels(axes, labels, lines, points=places, drop=True)
 
 
-def _legend(
-    figure: Figure, numbers: np.ndarray, shown: Sequence[CriticalSpeed], *, harmonics: bool
-) -> None:
+def _legend(figure: Figure, numbers: np.ndarray, shown: xr.Dataset, *, harmonics: bool) -> None:
     handles = [Line2D([], [], color=_colour(int(n)), lw=1.6, label=f"n = {n}") for n in numbers]
     for way, words in ((1, "forward, F"), (-1, "backward, B")):
-        handles.append(Line2D([], [], color=_GREY, lw=1.4, ls=_STYLES[way], label=words))
+        handles.append(Line2D([], [], color=GREY, lw=1.4, ls=_STYLES[way], label=words))
     if harmonics:
-        line: dict[str, Any] = {"color": "#b08000", "lw": 1.0, "ls": (0, (8, 2, 1, 2))}
-        handles.append(Line2D([], [], label="mesh harmonics", **line))
-    dot: dict[str, Any] = {"marker": "o", "ls": "", "color": _GREY}
-    if shown:
+        handles.append(Line2D([], [], label="mesh harmonics", **_RAYS))
+    dot: dict[str, Any] = {"marker": "o", "ls": "", "color": GREY}
+    if shown.sizes["crossing"]:
         handles.append(Line2D([], [], ms=5.5, label="critical [rad/s]", **dot))
-    if any(each.harmonic > 1 for each in shown):
+    if (shown["harmonic"] > 1).any():
         handles.append(Line2D([], [], ms=4.0, mfc="white", label="by harmonics", **dot))
     figure.legend(
         handles=handles,
@@ -162,10 +154,8 @@ def _legend(
 # --- Seen from a gear
 
 
-@_house_look()
-def campbell_on_body(
-    dataset: xr.Dataset, critical: Sequence[CriticalSpeed], title: str, gear: str
-) -> Figure:
+@house_look()
+def campbell_on_body(dataset: xr.Dataset, critical: xr.Dataset, gear: str) -> Figure:
     """Natural frequencies on a gear over pinion speed, with the orders by which the mesh comes.
 
     Harmonic h comes to a wave of n nodal diameters as order h Z - n if it runs forward, h Z + n if
@@ -173,20 +163,20 @@ def campbell_on_body(
 
     **Arguments:**
 
-    - `dataset`: from `turning_dataset`.
-    - `critical`: crossings.
-    - `title`: the case or the finding.
+    - `dataset`: the group `campbell`, with frequencies on that gear only.
+    - `critical`: the group `critical`, as far as it is of that gear.
     - `gear`: pinion or wheel.
 
     **Returns:**
 
     The figure.
     """
-    figure, (axes,) = _panels((9.6, 7.0), f"Campbell diagram on the body: {title}")
+    title = f"Campbell diagram on the body: {dataset.attrs['title']}, seen from the {gear}"
+    figure, (axes,) = panels((9.6, 7.0), title)
     speed, teeth = dataset["speed"].values, int(dataset.attrs["teeth_pinion"])
-    own = _on_body(dataset, gear)
+    own = dataset["frequency_body_Hz"].values
     rest = np.abs(dataset["frequency_Hz"].values[0])
-    unit, name = _frequency_unit(float(np.max(rest)))
+    unit, name = frequency_unit(float(np.max(rest)))
     top = 1.06 * float(np.max(rest)) / unit
     curves = _draw_waves(axes, dataset, own / unit, joined=False)
     turned = teeth / dataset.attrs[f"teeth_{gear}"] * speed / (2.0 * np.pi * unit)
@@ -201,16 +191,11 @@ def campbell_on_body(
                 look: dict[str, Any] = {"color": _colour(n), "ls": _STYLES[way], "lw": 0.6}
                 axes.plot(speed, ray, zorder=1.8, alpha=0.8 if harmonic == 1 else 0.35, **look)
     axes.set_ylabel(f"natural frequency on the {gear} [{name}]")
-    _speed_axes([axes], speed, teeth)
+    speed_axes([axes], speed, teeth)
     axes.set_ylim(0.0, top)
-    shown = [
-        each
-        for each in critical
-        if GEARS[each.gear] == gear and np.isfinite(each.body) and each.body / unit < 0.99 * top
-    ]
-    places = np.array([[each.speed, each.body / unit] for each in shown]).reshape(-1, 2)
+    shown, places = _inside(critical, "frequency_body_Hz", unit, top)
     _mark_critical(axes, shown, places)
-    _write_rays(axes, rays, places)
+    write_rays(axes, rays, places)
     _label_critical(axes, shown, places, curves)
     _legend(figure, waves, shown, harmonics=False)
     orders = f"thin lines: orders h x {number} - n (F) and h x {number} + n (B) of the {gear}"
@@ -221,44 +206,42 @@ def campbell_on_body(
 # --- Alone and in mesh
 
 
-@_house_look()
-def alone(rows: Mapping[str, np.ndarray], gear: str, title: str) -> Figure:
+@house_look()
+def alone(dataset: xr.Dataset, gear: str) -> Figure:
     """Natural frequencies over nodal diameters of a gear alone on its bearings, and in mesh.
 
     After Guilbert 2017, Fig. III-19.
 
     **Arguments:**
 
-    - `rows`: from `alone_rows`.
+    - `dataset`: the group `alone_GEAR`.
     - `gear`: pinion or wheel.
-    - `title`: the case or the finding.
 
     **Returns:**
 
     The figure.
     """
-    figure, (axes, change) = _panels(
-        (10.0, 5.6), f"Modes alone and in mesh: {title}", columns=2, ratios=(1.4, 1.0)
-    )
-    number, before = rows["nodal_diameter"], rows["frequency_alone_Hz"]
-    after = rows["frequency_in_mesh_Hz"]
-    unit, name = _frequency_unit(float(np.max(before, initial=1.0)))
+    title = f"Modes alone and in mesh: {dataset.attrs['title']}"
+    figure, (axes, change) = panels((10.0, 5.6), title, columns=2, ratios=(1.4, 1.0))
+    names = ("nodal_diameter", "frequency_alone_Hz", "frequency_in_mesh_Hz", "likeness")
+    number, before, after, likeness = (dataset[name].values for name in names)
+    unit, name = frequency_unit(float(np.max(before, initial=1.0)))
     for n, low, high in zip(number, before / unit, after / unit, strict=True):
-        axes.plot([n - 0.12, n + 0.12], [low, high], color=_GREY, lw=0.8, zorder=2.0)
-    look: dict[str, Any] = {"s": 34, "fc": "white", "ec": _BLUE, "lw": 1.3, "zorder": 3}
+        axes.plot([n - 0.12, n + 0.12], [low, high], color=GREY, lw=0.8, zorder=2.0)
+    look: dict[str, Any] = {"s": 34, "fc": "white", "ec": BLUE, "lw": 1.3, "zorder": 3}
     axes.scatter(number - 0.12, before / unit, label="alone", **look)
     percent = 100.0 * (after / before - 1.0)
-    sure = rows["likeness"] >= 0.5
+    sure = likeness >= 0.5
     looks: tuple[dict[str, Any], ...] = (
-        {"s": 30, "color": _ORANGE, "label": "in mesh"},
-        {"s": 40, "color": _RED, "marker": "X", "ec": "white", "lw": 0.5},
+        {"s": 30, "color": ORANGE, "label": "in mesh"},
+        {"s": 40, "color": RED, "marker": "X", "ec": "white", "lw": 0.5},
     )
     for fits, style in zip((sure, ~sure), looks, strict=True):
         if fits.any():
             style = {"label": "in mesh, much changed", "zorder": 3} | style
             axes.scatter(number[fits] + 0.12, after[fits] / unit, **style)
             change.scatter(number[fits], percent[fits], **style)
-    change.axhline(0.0, color=_GREY, lw=0.8)
+    change.axhline(0.0, color=GREY, lw=0.8)
     for each in (axes, change):
         each.xaxis.set_major_locator(MaxNLocator(integer=True))
         each.set_xlabel("nodal diameters [-]")

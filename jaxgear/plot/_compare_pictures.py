@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
-from jaxgear.plot._palette import _BLUE, _GREEN, _GREY
-from jaxgear.plot._pictures import _house_look
+from jaxgear.plot._palette import BLUE, GREEN, GREY
+from jaxgear.plot._style import house_look
 from jaxgear.study._ladder import MARGIN, QUANTITIES, judged_by
 
 # Of cells: well within the tolerance, within it, up to five times it, beyond.
@@ -19,7 +19,7 @@ _SHADES = ("#b7e3d3", "#e3f1d4", "#fbe6bd", "#f3bfa6")
 _BARS = 2.3
 
 
-@_house_look()
+@house_look()
 def overview(
     rungs: Sequence[Mapping[str, Any]],
     responses: Sequence[str],
@@ -112,5 +112,5 @@ def _percent(error: float) -> str:
 
 def _colour(rung: Mapping[str, Any], recommended: str | None) -> str:
     if rung["name"] == recommended:
-        return _GREEN
-    return _GREY if rung.get("beyond") else _BLUE
+        return GREEN
+    return GREY if rung.get("beyond") else BLUE

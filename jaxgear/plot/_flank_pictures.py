@@ -1,90 +1,82 @@
-"""Pictures of flanks at speed: pressure on one tooth's way, and what each tooth carries.
-
-Their data are in `_flank_tables`.
-"""
-
-from collections.abc import Sequence
+"""Pictures of flanks at speed: pressure on one tooth's way, and what each tooth carries."""
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from jaxgear._units import MPa, mm
-from jaxgear.plot._flank_tables import (
-    teeth_at_speed_columns,
-)
-from jaxgear.plot._hybrid_pictures import _HOLE, _SERIES, _shade_holes
-from jaxgear.plot._palette import _BLUE, _GREY, _RED
-from jaxgear.plot._pictures import _SURFACE, _digits, _house_look, _panels
-from jaxgear.study._flank_loads import FlankLoads
-from jaxgear.study._hybrid_dataset import HolePlaces
+from jaxgear.plot._palette import BLUE, GREEN, GREY, ORANGE, RED, SKY
+from jaxgear.plot._style import SURFACE, digits, house_look, panels
+
+_SERIES = (BLUE, ORANGE, GREEN, RED, SKY, GREY)
+_HOLE = "#e3e3e3"
 
 
-@_house_look()
-def flank_pressure(chosen: Sequence[FlankLoads], title: str) -> Figure:
+@house_look()
+def flank_pressure(dataset: xr.Dataset) -> Figure:
     """Pressure on the most loaded tooth pair from its entry to its exit, at some speeds.
 
     **Arguments:**
 
-    - `chosen`: one for each speed.
-    - `title`: the case or the finding.
+    - `dataset`: the group `flanks`.
 
     **Returns:**
 
-    The figure; all panels are of one scale.
+    The figure; all row are of one scale.
     """
-    words = f"Pressure on the flank: {title}"
-    figure, panels = _panels((3.6 * len(chosen) + 1.6, 4.4), words, len(chosen))
-    most = max(float(each.pressure.max()) for each in chosen) / MPa
-    half = 0.5 * chosen[0].width / mm
-    for axes, each in zip(panels, chosen, strict=True):
-        passage, _, pressure = each.way()
+    words = f"Pressure on the flank: {dataset.attrs['title']}: the most loaded tooth pair"
+    count = dataset.sizes["shown"]
+    figure, axes_row = panels((3.6 * count + 1.6, 4.4), words, count)
+    most, half = float(dataset["pressure_MPa"].max()), 0.5 * dataset.attrs["face_width_mm"]
+    face = np.linspace(-half, half, dataset.sizes["slice"] + 1)
+    for row, axes in enumerate(axes_row):
+        own = dataset.isel(shown=row).dropna("step", subset=["passage"])
+        passage, pressure = own["passage"].values, own["pressure_MPa"].values
         middle = 0.5 * (passage[1:] + passage[:-1])
         steps = np.concatenate([[1.5 * passage[0] - 0.5 * passage[1]], middle, passage[-1:]])
-        face = np.linspace(-half, half, len(each.face) + 1)
         area = axes.pcolormesh(
-            steps, face, pressure.T / MPa, cmap=_SURFACE, vmin=0.0, vmax=most, rasterized=True
+            steps, face, pressure.T, cmap=SURFACE, vmin=0.0, vmax=most, rasterized=True
         )
         axes.grid(False)
-        largest = _digits(float(pressure.max()) / MPa, 4)
-        axes.set_title(f"{each.speed:.5g} rad/s: largest {largest} MPa", loc="left")
+        speed, largest = own["pinion_speed_rad_s"].item(), digits(float(pressure.max()), 4)
+        axes.set_title(f"{speed:.5g} rad/s: largest {largest} MPa", loc="left")
         axes.set(xlabel="since entry at mid-face [mesh periods]")
-    panels[0].set_ylabel("position from mid-face [mm]")
-    figure.colorbar(area, ax=panels, label="pressure [MPa]")
+    axes_row[0].set_ylabel("position from mid-face [mm]")
+    figure.colorbar(area, ax=axes_row, label="pressure [MPa]")
     return figure
 
 
-@_house_look()
-def largest_loads(dataset: xr.Dataset, title: str) -> Figure:
+@house_look()
+def largest_loads(dataset: xr.Dataset) -> Figure:
     """Largest line load and pressure over speed, and where on the flank it is.
 
     **Arguments:**
 
-    - `dataset`: of one direction of a sweep, with the entries of `loads_over_speeds`.
-    - `title`: the case or the finding.
+    - `dataset`: one direction of the group `waves`.
 
     **Returns:**
 
     The figure.
     """
-    figure, (left, right) = _panels((10.6, 4.6), f"Largest loads on the flank: {title}", 2)
+    title = f"Largest loads on the flank: {dataset.attrs['title']}"
+    figure, (left, right) = panels((10.6, 4.6), title, 2)
     speed = dataset["speed"].values
     mark = "o" if speed.size < 40 else ""
-    left.plot(speed, dataset["max_line_load_N_mm"].values, marker=mark, ms=3, color=_BLUE)
-    left.set_ylabel("largest line load [N/mm]", color=_BLUE)
+    left.plot(speed, dataset["max_line_load_N_mm"].values, marker=mark, ms=3, color=BLUE)
+    left.set_ylabel("largest line load [N/mm]", color=BLUE)
     beside = left.twinx()
-    beside.plot(speed, dataset["max_pressure_MPa"].values, marker=mark, ms=3, color=_RED, ls="--")
-    beside.set_ylabel("largest pressure [MPa]", color=_RED)
+    beside.plot(speed, dataset["max_pressure_MPa"].values, marker=mark, ms=3, color=RED, ls="--")
+    beside.set_ylabel("largest pressure [MPa]", color=RED)
     beside.grid(False)
     for axes, name in ((left, "max_line_load_N_mm"), (beside, "max_pressure_MPa")):
         axes.set_ylim(0.0, 1.1 * float(np.nanmax(dataset[name].values)))
-    right.plot(speed, dataset["max_line_load_passage"].values, "o", ms=3, color=_BLUE)
-    right.set_ylabel("mesh periods since entry at mid-face", color=_BLUE)
+    right.plot(speed, dataset["max_line_load_passage"].values, "o", ms=3, color=BLUE)
+    right.set_ylabel("mesh periods since entry at mid-face", color=BLUE)
     across = right.twinx()
-    across.plot(speed, dataset["max_line_load_face_mm"].values, "x", ms=4, color=_GREY)
-    across.set_ylabel("position from mid-face [mm]", color=_GREY)
+    across.plot(speed, dataset["max_line_load_face_mm"].values, "x", ms=4, color=GREY)
+    across.set_ylabel("position from mid-face [mm]", color=GREY)
     reach = 1.2 * max(float(np.abs(dataset["max_line_load_face_mm"].values).max()), 0.1)
     across.set_ylim(-reach, reach)
     right.set_ylim(0.0, 1.2 * float(dataset["max_line_load_passage"].values.max()))
@@ -96,40 +88,36 @@ def largest_loads(dataset: xr.Dataset, title: str) -> Figure:
     return figure
 
 
-@_house_look()
-def teeth_at_speed(
-    chosen: Sequence[FlankLoads], gear: str, holes: HolePlaces | None, title: str
-) -> Figure:
+@house_look()
+def teeth_at_speed(dataset: xr.Dataset, gear: str) -> Figure:
     """Largest line load of each tooth at some speeds, with the places of holes in the web.
 
     **Arguments:**
 
-    - `chosen`: one for each speed, over several mesh periods.
+    - `dataset`: the group `flanks`, of several mesh periods.
     - `gear`: `pinion` or `wheel`: whose teeth.
-    - `holes`: of its web.
-    - `title`: the case or the finding.
 
     **Returns:**
 
     The figure; loads are over their mean at each speed.
     """
-    figure, (axes,) = _panels((9.6, 4.4), f"What each tooth carries: {title}", 1)
-    data = teeth_at_speed_columns(chosen, gear, holes)
-    step = 360.0 / chosen[0].teeth[0 if gear == "pinion" else 1]
-    angle = data["tooth_angle_deg"]
+    title = f"What each tooth carries: {dataset.attrs['title']}"
+    figure, (axes,) = panels((9.6, 4.4), title, 1)
+    own = dataset.sortby(f"{gear}_tooth_angle_deg")
+    step, angle = 360.0 / dataset.attrs[f"teeth_{gear}"], own[f"{gear}_tooth_angle_deg"].values
     low, high = angle.min() - 0.5 * step, angle.max() + 0.5 * step
-    if holes is not None:
-        _shade_holes(axes, holes, low, high)
-    for number, each in enumerate(chosen):
-        own = data["pinion_speed_rad_s"] == each.speed
-        mean = float(np.mean(data["line_load_max_N_mm"][own]))
+    has_holes = dataset.sizes[f"{gear}_hole"] > 0
+    _shade_holes(axes, dataset, gear, (low, high))
+    speeds, loads = own["pinion_speed_rad_s"].values, own["line_load_max_N_mm"].values
+    for number, (speed, load) in enumerate(zip(speeds, loads, strict=True)):
+        mean = float(np.mean(load))
         axes.plot(
-            angle[own],
-            data["line_load_max_N_mm"][own] / mean,
+            angle,
+            load / mean,
             "o-",
             ms=4,
             color=_SERIES[number % len(_SERIES)],
-            label=f"{each.speed:.5g} rad/s, mean {_digits(mean, 4)} N/mm",
+            label=f"{speed:.5g} rad/s, mean {digits(mean, 4)} N/mm",
         )
     axes.set(
         xlim=(low, high),
@@ -138,7 +126,17 @@ def teeth_at_speed(
     )
     axes.xaxis.set_major_locator(MaxNLocator(steps=[1, 1.5, 3, 6, 10]))
     handles, labels = axes.get_legend_handles_labels()
-    if holes is not None:
+    if has_holes:
         handles, labels = [*handles, Patch(color=_HOLE)], [*labels, "above a hole"]
     figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False)
     return figure
+
+
+def _shade_holes(axes: Axes, dataset: xr.Dataset, gear: str, ends: tuple[float, float]) -> None:
+    """Shade where holes of the web are under the teeth."""
+    names = (f"{gear}_hole_angle_deg", f"{gear}_hole_half_deg")
+    for middle, half in zip(*(dataset[name].values for name in names), strict=True):
+        for turn in (-360.0, 0.0, 360.0):
+            left, right = middle - half + turn, middle + half + turn
+            if right > ends[0] and left < ends[1]:
+                axes.axvspan(left, right, color=_HOLE, lw=0, zorder=0)

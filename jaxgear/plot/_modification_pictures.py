@@ -1,43 +1,37 @@
-"""The picture of what is taken off both flanks, as a gear checker prints it.
-
-Its data are in `_modification_tables`.
-"""
+"""The picture of what is taken off both flanks, as a gear checker prints it."""
 
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from jaxgear.plot._modification_tables import TRACES
-from jaxgear.plot._palette import _BLUE, _ORANGE
-from jaxgear.plot._pictures import _house_look, _roll_axis
-from jaxgear.study._results import BODIES
+from jaxgear.plot._palette import BLUE, ORANGE
+from jaxgear.plot._style import house_look, roll_axis
 
 # The first state, and what became of it.
 _LOOKS: tuple[dict[str, Any], ...] = (
     # Dashes on top: where nothing changed both are seen.
-    {"color": _ORANGE, "ls": "--", "zorder": 3.0},
-    {"color": _BLUE, "ls": "-"},
+    {"color": ORANGE, "ls": "--", "zorder": 3.0},
+    {"color": BLUE, "ls": "-"},
 )
 _ENDS = {"profile left": "left end", "profile right": "right end"}
 # Deviations within this of each other are one line [um].
 _SAME = 1e-3
 # A flank without corrections must look like one: least height of the axes [um].
 _LEAST = 4.0
-_PLOTTED = ("roll_angle_deg", "diameter_mm", "face_position_mm", "designed_um", "made_um")
 
 
-@_house_look()
-def modification(data: Mapping[str, np.ndarray], title: str) -> Figure:
+@house_look()
+def modification(dataset: xr.Dataset) -> Figure:
     """Profile and lead traces of both flanks: as designed, as made, and before and after a search.
 
     **Arguments:**
 
-    - `data`: from `modification_columns`, of one or two models.
-    - `title`: the case.
+    - `dataset`: the group `modification`, of one or two states.
 
     **Returns:**
 
@@ -46,26 +40,26 @@ def modification(data: Mapping[str, np.ndarray], title: str) -> Figure:
     figure = Figure(figsize=(10.0, 6.6))
     figure.set_layout_engine("constrained")
     panels = figure.subplots(2, 2, sharey=True)
-    figure.suptitle(f"Flank modifications: {title}")
-    states = list(dict.fromkeys(data["state"]))
+    figure.suptitle(f"Flank modifications: {dataset.attrs['title']}")
+    states = [str(state) for state in dataset["state"].values]
     looks = dict(zip(states, _LOOKS[-len(states) :], strict=True))
     marks: dict[str, Line2D] = {}
-    for gear, (profile, lead) in zip(BODIES, panels, strict=True):
+    for gear, (profile, lead) in zip(dataset["gear"].values, panels, strict=True):
+        own = dataset.sel(gear=gear)
         for state, look in looks.items():
-            own = (data["gear"] == gear) & (data["state"] == state)
-            traces = {
-                name: {key: data[key][own & (data["trace"] == name)] for key in _PLOTTED}
-                for name in TRACES
-            }
+            traces = own.sel(state=state)
             name = f"{state}, " if len(states) > 1 else ""
-            _draw_trace(profile, traces["profile"], "roll_angle_deg", look, name, marks)
-            _draw_trace(lead, traces["lead"], "face_position_mm", look, name, marks)
+            middle = traces.sel(trace="profile")
+            _draw_trace(profile, middle, "roll_angle_deg", look, name, marks)
+            _draw_trace(lead, traces.sel(trace="lead"), "face_position_mm", look, name, marks)
         _draw_ends(profile, traces, look, name, marks)
-        _roll_axis(profile, *(traces["profile"][key] for key in ("roll_angle_deg", "diameter_mm")))
+        roll_axis(profile, middle["roll_angle_deg"].values, middle["diameter_mm"].values)
         profile.set_title(f"{gear}: profile at mid-face", loc="left")
-        place = traces["lead"]["diameter_mm"][0]
+        along = own.isel(state=-1).sel(trace="lead")
+        place = float(along["diameter_mm"][0])
         lead.set_title(f"{gear}: lead at diameter {place:.2f} mm", loc="left")
-        half = float(np.max(traces["lead"]["face_position_mm"]))
+
+        half = float(along["face_position_mm"].max())
         lead.set(xlabel="position from mid-face, left (-Z) to right [mm]", xlim=(-half, half))
         for axes in (profile, lead):
             axes.set_ylabel("material added [µm]")
@@ -80,14 +74,14 @@ def modification(data: Mapping[str, np.ndarray], title: str) -> Figure:
 
 def _draw_trace(
     axes: Axes,
-    trace: Mapping[str, np.ndarray],
+    trace: xr.Dataset,
     across: str,
     look: Mapping[str, Any],
     name: str,
     marks: dict[str, Line2D],
 ) -> None:
     """One trace as designed and, where it differs, as made."""
-    x, designed, made = (trace[key] for key in (across, "designed_um", "made_um"))
+    x, designed, made = (trace[key].values for key in (across, "designed_um", "made_um"))
     (marks[f"{name}as designed"],) = axes.plot(x, designed, **look)
     if np.max(np.abs(made - designed)) > _SAME:
         (marks[f"{name}as made"],) = axes.plot(x, made, **{**look, "lw": 0.9})
@@ -95,15 +89,15 @@ def _draw_trace(
 
 def _draw_ends(
     axes: Axes,
-    traces: Mapping[str, Mapping[str, np.ndarray]],
+    traces: xr.Dataset,
     look: Mapping[str, Any],
     prefix: str,
     marks: dict[str, Line2D],
 ) -> None:
     """The profiles at both ends of a flank that is twisted, as made."""
-    middle = traces["profile"]["made_um"]
+    middle = traces["made_um"].sel(trace="profile").values
     for (name, words), style in zip(_ENDS.items(), (":", "-."), strict=True):
-        x, values = (traces[name][key] for key in ("roll_angle_deg", "made_um"))
+        x, values = (traces[key].sel(trace=name).values for key in ("roll_angle_deg", "made_um"))
         if np.ptp(values - middle) > _SAME:
             (line,) = axes.plot(x, values, color=look["color"], lw=1.0, ls=style)
             marks[f"{prefix}{words}"] = line

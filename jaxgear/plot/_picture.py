@@ -1,6 +1,7 @@
 """A picture of results: what draws it, and the tables that it shows."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -9,6 +10,9 @@ import xarray as xr
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+# Order in which datasets have the gears.
+GEARS = ("pinion", "wheel")
 
 Columns = Mapping[str, np.ndarray]
 # Datasets by group, as a result has them and as `result.nc` holds them.
@@ -32,7 +36,7 @@ class Picture(NamedTuple):
     beside: Mapping[str, Columns] = MappingProxyType({})
 
 
-def columns(dataset: xr.Dataset, *names: str) -> dict[str, np.ndarray]:
+def columns(dataset: xr.Dataset, *names: str, **renamed: str) -> dict[str, np.ndarray]:
     """Variables of a dataset as a table: one row for each place along their dimensions.
 
     **Arguments:**
@@ -40,14 +44,38 @@ def columns(dataset: xr.Dataset, *names: str) -> dict[str, np.ndarray]:
     - `dataset`: whose names have units.
     - `names`: of coordinates and variables, in the order of the columns. All are spread over the
         dimensions of all of them, in the order in which these come up.
+    - `renamed`: further ones, under the names of their columns.
 
     **Returns:**
 
     The columns.
     """
-    together = xr.broadcast(*(dataset[name] for name in names))
+    of = dict(zip(names, names, strict=True)) | renamed
+    together = xr.broadcast(*(dataset[name] for name in of.values()))
     order = together[0].dims
     return {
-        name: each.transpose(*order).values.ravel()
-        for name, each in zip(names, together, strict=True)
+        name: each.transpose(*order).values.ravel() for name, each in zip(of, together, strict=True)
     }
+
+
+def joined(tables: Sequence[Columns]) -> dict[str, np.ndarray]:
+    """Tables with the same columns, one under the other.
+
+    **Arguments:**
+
+    - `tables`: at least one; those of the first are the columns.
+    """
+    return {name: np.concatenate([each[name] for each in tables]) for name in tables[0]}
+
+
+class Animation(NamedTuple):
+    """A picture that moves: a file, without a table.
+
+    **Fields:**
+
+    - `name`: of the file, without the ending .gif.
+    - `write`: writes it to a path. Matplotlib is imported when it is called, and not before.
+    """
+
+    name: str
+    write: Callable[[Path], None]

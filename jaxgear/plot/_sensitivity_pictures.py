@@ -4,13 +4,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jaxgear.plot._palette import _BLUE, _GREEN, _ORANGE
-from jaxgear.plot._pictures import _house_look
+from jaxgear.plot._palette import BLUE, GREEN, ORANGE
+from jaxgear.plot._style import house_look
 from jaxgear.study._sensitivities import LEAST, Sensitivities
 
 # Keys in each part of the picture; the table has all of them.
 _SHOWN = 12
-_COLOURS = (_BLUE, _ORANGE, _GREEN)
+_COLOURS = (BLUE, ORANGE, GREEN)
 _WORDS: dict[str, str] = {
     "%/%": "% per % of the key",
     "%/um": "% per µm",
@@ -18,7 +18,7 @@ _WORDS: dict[str, str] = {
 }
 
 
-@_house_look()
+@house_look()
 def sensitivity(found: Sensitivities, title: str) -> Figure:
     """Bars of the keys that responses react to most.
 

@@ -1,7 +1,13 @@
 """Public names of `jaxgear.study`."""
 
 from ._modes import modes as modes
+from ._optimising import optimise as optimise
 from ._progress import Listener as Listener
 from ._progress import listened_by as listened_by
+from ._relief_map import relief_map as relief_map
 from ._result import Result as Result
+from ._run import run as run
+from ._run import sizing as sizing
+from ._run import statics as statics
 from ._running import stopwatch as stopwatch
+from ._sweep import sweep as sweep

@@ -15,6 +15,7 @@ from typing import Any
 
 from jaxgear._cli._folder import Folder
 from jaxgear._dynamics._harmonic import HarmonicBalance
+from jaxgear._whole_file import write_json
 from jaxgear.scene._build import model_of
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._scene_files import files_of
@@ -28,11 +29,11 @@ from jaxgear.study._compare_statics import (
     static_rungs,
     takes_away,
 )
-from jaxgear.study._design import looks_at_speeds, refuse_unbounded, require_search, require_swept
 from jaxgear.study._ladder import Summary
+from jaxgear.study._objectives import looks_at_speeds
 from jaxgear.study._progress import built_scene, progress
-from jaxgear.study._results import write_json
 from jaxgear.study._rungs import Rung
+from jaxgear.study._search_checks import require_searchable
 from jaxgear.study._statics import SolverFailure
 
 KEY = "model.fidelity"
@@ -61,9 +62,7 @@ def chosen(scene: Scene, command: str, folder: Folder) -> tuple[Scene, Summary]:
     searched = command in ("run", "optimise") and scene.has_table("optimise")
     if searched:
         # What is refused anyway costs no wait.
-        refuse_unbounded(scene, tuple(scene["optimise.vary"]))
-        require_swept(scene)
-        require_search(scene)
+        require_searchable(scene)
     work: Work = "map" if command == "map" else "optimise" if searched else "run"
     key = digest(scene, "sweep" if moving else work)
     kept = _read(folder.kept(FILE))

@@ -6,6 +6,7 @@ import importlib.metadata
 import resource
 import sys
 from collections.abc import Callable
+from typing import Concatenate, ParamSpec
 
 from jaxgear.scene._assumed import assumed
 from jaxgear.scene._scene import Scene
@@ -108,13 +109,18 @@ def finished(scene: Scene, summary: Summary) -> Summary:
     return summary
 
 
-def study(found: Callable[[Scene], Result]) -> Callable[[Scene], Result]:
+_More = ParamSpec("_More")
+
+
+def study(
+    found: Callable[Concatenate[Scene, _More], Result],
+) -> Callable[Concatenate[Scene, _More], Result]:
     """A study as users call it: timed, its remarks in order, its cost in the summary."""
 
     @functools.wraps(found)
-    def studied(scene: Scene) -> Result:
+    def studied(scene: Scene, *more: _More.args, **named: _More.kwargs) -> Result:
         with stopwatch():
-            result = found(scene)
+            result = found(scene, *more, **named)
             return dataclasses.replace(result, summary=finished(scene, result.summary))
 
     return studied

@@ -32,7 +32,7 @@ def hybrid_variables(dataset: xr.Dataset, answers: list[BodyAnswer]) -> xr.Datas
     """
     entries: dict[str, Entry] = {}
     for answer in answers:
-        entries |= _of_body(answer)
+        entries |= _of_body(answer) | _of_holes(dataset, answer)
     entries |= _way_of_tooth(dataset)
     if _periods(dataset) > 1:
         entries |= _of_teeth(dataset)
@@ -68,6 +68,28 @@ def _of_body(answer: BodyAnswer) -> dict[str, Entry]:
             for name, (values, unit, words) in each.items()
         },
     }
+
+
+def _of_holes(dataset: xr.Dataset, answer: BodyAnswer) -> dict[str, Entry]:
+    """Where the holes of a web are, and over several mesh periods which teeth stand above one."""
+    gear, holes = answer.gear, hole_places(answer.built)
+    entries: dict[str, Entry] = {}
+    if holes is not None:
+        for name, values, words in (
+            ("hole", holes.middles, "middle of a hole in the {}'s web, about its axis"),
+            ("hole_half", holes.half, "half the angle that a hole in the {}'s web takes"),
+        ):
+            at = (f"{gear}_hole",)
+            entries[f"{gear}_{name}_deg"] = Entry(at, values / deg, "deg", words.format(gear))
+    if (periods := _periods(dataset)) > 1:
+        angles = tooth_angles(GEARS.index(gear), dataset.attrs[f"teeth_{gear}"], periods)
+        # In degrees and back, as the dataset has them.
+        above = np.zeros(periods, bool) if holes is None else holes.above(angles / deg * deg)
+        words = f"1 where the tooth of the {gear} is above a hole, else 0"
+        entries[f"{gear}_tooth_above_a_hole"] = Entry(
+            ("tooth_pair",), above.astype(np.int8), "1", words
+        )
+    return entries
 
 
 def _periods(dataset: xr.Dataset) -> int:

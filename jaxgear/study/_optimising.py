@@ -1,371 +1,345 @@
-"""The command `optimise`: a search by gradient, judged exactly, and what became better."""
+"""The study `optimise`: a search by gradient, judged exactly, and what became better."""
 
-import importlib.metadata
-import time
-from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+import xarray as xr
 
-import optimise
 from jaxgear._checks import InputError
-from jaxgear._cli._folder import Folder
-from jaxgear._cli._saving import save
-from jaxgear._cli._writing import finish
 from jaxgear._geometry._lines import MeshGrid, mesh_grid
 from jaxgear._interface._laws import ExactContact
 from jaxgear._kept_programs import QUICKLY
 from jaxgear._solve._cycle import PreparedMesh
-from jaxgear._whole_file import write_text
-from jaxgear.plot import _robust_tables as robust_tables
-from jaxgear.plot import _tables as tables
-from jaxgear.plot._modification_tables import draw_modification
-from jaxgear.plot._plots import pictures, robust_pictures
 from jaxgear.scene._build import smooth_law_of
 from jaxgear.scene._scene import Scene, rewritten
-from jaxgear.scene._scene_files import files_seen_from
-from jaxgear.study._design import (
-    DesignSpace,
-    design_space,
+from jaxgear.study._design import DesignSpace, design_space
+from jaxgear.study._evaluations import objective_at, responses_at
+from jaxgear.study._head import head, study
+from jaxgear.study._notes import left_out_notes
+from jaxgear.study._objectives import (
+    JudgedSpeeds,
+    entry,
     is_dynamic,
     judged_speeds,
-    left_out,
-    objective_of,
+    limits_of,
+    objective_unit,
     prepared_mesh,
-    refuse_unbounded,
-    require_search,
-    require_swept,
     task_of,
+    with_unit,
 )
-from jaxgear.study._evaluations import objective_at, responses_at
-from jaxgear.study._head import head
-from jaxgear.study._notes import left_out_notes
-from jaxgear.study._pareto import draw_front, front_of, front_remarks, is_asked_for
-from jaxgear.study._progress import built_scene, narration, progress
+from jaxgear.study._pair_dataset import modification_dataset
+from jaxgear.study._pareto import front_result
+from jaxgear.study._progress import built_scene
 from jaxgear.study._ranks import Doubtful
-from jaxgear.study._result import Summary, title_of
-from jaxgear.study._results import static_dataset
-from jaxgear.study._robust import (
-    hardened,
-    reach_of,
-    response_of,
-    robust_notes,
-    robust_summary,
-    shown,
-)
+from jaxgear.study._result import Result, Summary, titled, together
+from jaxgear.study._results import Entry, dataset_of, static_dataset
+from jaxgear.study._robust import hardened
+from jaxgear.study._robust_report import robust_datasets, robust_notes, robust_summary
 from jaxgear.study._running import timed
 from jaxgear.study._scatter import Scatter, scatter_of
 from jaxgear.study._search import (
+    TOO_FEW_SPEEDS,
     Search,
-    best_of,
-    best_of_starts,
+    Searched,
+    forget,
     limits_notes,
     limits_summary,
     record_file,
     require_acting,
     search_of,
+    searched,
     smoothing_bias_of,
     smoothing_notes,
 )
-from jaxgear.study._statics import (
-    SolverFailure,
-    Statics,
-    solve_statics,
-    torques_of,
-)
+from jaxgear.study._search_checks import require_searchable
+from jaxgear.study._statics import SolverFailure, Statics, solve_statics, torques_of
 
 
-def optimise_flanks(scene: Scene, folder: Folder) -> Summary:
-    """Gradient optimisation of [optimise].vary; writes NAME.optimised.toml.
+@study
+def optimise(scene: Scene, memory: Path | None = None) -> Result:
+    """Gradient optimisation of [optimise].vary, with what [optimise.pareto] and [robust] ask for.
 
-    Arguments, results and errors as for `_commands.run`.
+    **Arguments:**
+
+    - `scene`: checked against the schema.
+    - `memory`: a folder for what a search that is killed has found: the next one goes on from it.
+
+    **Returns:**
+
+    Groups `search_...`, `modification`, `pareto` and `robust_...`, the summary, and the improved
+    scenes.
+
+    **Raises:**
+
+    - `ValueError` if the gears are impossible, or the scene asks for what cannot be searched.
+    - `SolverFailure` if a contact problem was not solved.
     """
-    refuse_unbounded(scene, tuple(scene["optimise.vary"]))
-    require_swept(scene)
-    require_search(scene)
+    require_searchable(scene)
     scene = built_scene(scene)
     statics = solve_statics(scene)
-    summary = head(scene, statics)
-    found = optimisation(scene, statics, folder)
-    summary["notes"] += found.pop("notes")
-    return finish(scene, folder, summary | found)
+    first = Result(scene, head(scene, statics))
+    return together(first, optimisation(scene, statics, memory=memory))
 
 
-# A better point by this much of the objective found elsewhere is worth a second search.
-_CLEARLY_BETTER = 0.02
+class _Posed(NamedTuple):
+    """What is searched.
 
+    **Fields:**
 
-def descent(search: Search, space: DesignSpace, start: np.ndarray | None = None):
-    """One search from a start, or from as many as the scene asks for, with a progress bar."""
-    most = space.scene["optimise.max_evaluations"]
-    most *= space.scene["optimise.starts"] if start is None else 1
-    most *= 1 + len(space.scene.get("optimise.anneal_um", ()))
-    with progress(most, f"searching by {search.name}") as done:
-        watch = lambda point, value: done(1)
-        if start is None:
-            return best_of_starts(search, space, watch)
-        return search.descend(start, watch)
+    - `space`: variables of the scene.
+    - `grid`: of the quasi-static cycles.
+    - `prepared`: the meshes, where the variables leave them as they are.
+    - `scatter`: what [robust] lets scatter, if it is there.
+    """
 
-
-def unless_beaten(
-    found: optimise.SearchResult,
-    rival: np.ndarray,
-    value: float,
-    search: Search,
-    space: DesignSpace,
-) -> tuple[optimise.SearchResult, bool]:
-    """Search once more from a rival's point if its value is clearly better; says whether it was."""
-    own = found.value
-    if search.limits:
-        # What is beyond a limit counts, as it does in the rival's value.
-        own = float(search.objective(found.point[None])[0])
-    if value >= (1.0 - _CLEARLY_BETTER) * own:
-        return found, False
-    return best_of(search, descent(search, space, rival), found), True
+    space: DesignSpace
+    grid: MeshGrid
+    prepared: PreparedMesh | None
+    scatter: Scatter | None
 
 
 def optimisation(
     scene: Scene,
     before: Statics,
-    folder: Folder,
     torques: np.ndarray | None = None,
-) -> Summary:
-    """Search with smooth contact, judge with exact contact, and show what became better."""
+    memory: Path | None = None,
+) -> Result:
+    """Search with smooth contact, judge with exact contact, and say what became better.
+
+    **Arguments:**
+
+    - `scene`: with its bodies.
+    - `before`: its statics.
+    - `torques`: further ones at which `before` was solved, as is what is found: one program [N m].
+    - `memory`: as of `optimise`.
+
+    **Returns:**
+
+    A result to be joined to that of the statics: its summary has `notes`, `optimise` and `pareto`.
+
+    **Raises:**
+
+    As `optimise`.
+    """
+    problem = _problem(scene, before)
+    space, grid, prepared, scatter = problem
+    file = record_file(space, memory)
+    search = search_of(space, grid, prepared, file)
+    speeds = judged_speeds(space, grid, ExactContact())
+    at_start = speeds(space.start)
+    _require_half(at_start)
+    require_acting(search, space)
+    made = searched(search, space)
+    after = _solved(space, made.found.point, torques)
+    judged = _judged(problem, search, made, (before, after))
+    at_end = speeds(np.asarray(made.found.point))
+    swept = made.baseline.evaluations if is_dynamic(scene) else 0
+    notes = left_out_notes(at_start, at_end, limited=swept) + judged.notes
+    name = f"{scene['name']}.optimised.toml"
+    own: Summary = judged.summary | left_out(at_start, at_end) | {"scene": name}
+    result = Result(
+        scene,
+        {"optimise": own, "notes": notes},
+        {
+            "search_before": _design_dataset(scene, before),
+            "search_after": _design_dataset(scene, after),
+            "search_trace": _trace(scene, search.name, made),
+            "modification": _modification(scene, before, after),
+        },
+        scenes={name: space.numbers(made.found.point)},
+    )
+    if scene.get("optimise.pareto.against") is not None:
+        result = together(front_result(space, grid, prepared), result)
+    if scatter is not None:
+        more = _robust(problem, made.found.point, torques, memory)
+        own["robust"] = more.summary.pop("robust")
+        result = together(result, more)
+    # Only now: what is stopped before begins with all that the search has found.
+    forget(file)
+    return result
+
+
+def _robust(
+    problem: _Posed, nominal: np.ndarray, torques: np.ndarray | None, memory: Path | None
+) -> Result:
+    """Go on from a nominal optimum to the robust one, and judge both on fresh gears."""
+    space, grid, prepared, scatter = problem
+    assert scatter is not None
+    scene, file = space.scene, record_file(space, memory, "robust")
+    made = hardened(scatter, nominal, grid, smooth_law_of(scene), prepared, file)
+    keys, name = space.numbers(made.found.point), f"{scene['name']}.robust.toml"
+    statics = _solved(space, made.found.point, torques)
+    datasets = robust_datasets(made) | {"search_robust": _design_dataset(scene, statics)}
+    summary = {"robust": robust_summary(made) | {"scene": name}, "notes": robust_notes(made)}
+    forget(file)
+    return Result(scene, summary, datasets, scenes={name: keys})
+
+
+def _problem(scene: Scene, before: Statics) -> _Posed:
+    """Variables, grid and meshes of a search; refuses what cannot be begun or written down."""
     space = design_space(
         scene,
+        before.model,
         tuple(scene["optimise.vary"]),
         symmetric=scene["optimise.symmetric"],
         deflection=float(before.numbers["single_pair_deflection_um"]),
     )
     space.require_tied_start()
-    improved = f"{scene['name']}.optimised.toml"
-    # Before the search, so that a file that cannot be rewritten does not cost its result.
-    _rewritten(scene, folder, _numbers(space, space.start))
-    scatter = None
+    try:
+        # Before the search, so that a file that cannot be rewritten does not cost its result.
+        rewritten(scene.path, scene.overridden() | space.numbers(space.start))
+    except ValueError as error:
+        raise InputError(str(error)) from error
+    pair, grid, scatter = before.model.pair, before.grid, None
     if scene.has_table("robust"):
-        teeth = np.asarray(before.cycle.cells.lines.tooth)
-        scatter = scatter_of(space, before.model.pair, teeth)
-    grid = before.grid
+        scatter = scatter_of(space, pair, np.asarray(before.cycle.cells.lines.tooth))
     moving = not space.flanks_only or (scatter is not None and not scatter.same_lines)
     if moving and not scene.bodies:
         # The contact ratio may grow with what changes; condensed bodies hold for one grid.
         grid = mesh_grid(
-            before.model.pair,
+            pair,
             phases=grid.phases,
             slices=grid.slices,
             periods=grid.periods,
             beyond=grid.beyond,
             margin=1.0,
         )
-    prepared = prepared_mesh(space, grid, before)
-    file = record_file(space, folder, importlib.metadata.version("jaxgear"))
-    search = search_of(space, grid, prepared, file)
-    law = ExactContact()
-    task = task_of(space, grid, law, prepared)
-    exact = lambda point: float(timed(objective_at, task, np.asarray(point), law, options=QUICKLY))
-    judged = judged_speeds(space, grid, ExactContact())
-    judged_before = judged(space.start)
-    _require_half(judged_before)
-    require_acting(search, space)
-    start = time.perf_counter()
+    return _Posed(space, grid, prepared_mesh(space, grid, before), scatter)
+
+
+def _require_half(judged: JudgedSpeeds) -> None:
+    """Refuse a search that begins where most speeds do not count."""
+    for _, each in judged:
+        if 2 * int(np.sum(each.kept)) < each.speed.size:
+            raise SolverFailure(TOO_FEW_SPEEDS)
+
+
+def _solved(space: DesignSpace, point: np.ndarray, torques: np.ndarray | None) -> Statics:
+    """The statics of a design, as its own scene would have them."""
+    keys = space.numbers(point)
     try:
-        found = descent(search, space)
-    except FloatingPointError as error:
-        if not is_dynamic(scene):
-            raise
-        raise SolverFailure(f"{error} {_TOO_FEW}") from error
-    seconds = time.perf_counter() - start
-    few = _FEW_MEMBERS if is_dynamic(scene) else {}
-    with narration("searching by differential evolution"):
-        baseline = optimise.differential_evolution(search.objective, space.box, **few)
-    rival = baseline.point, baseline.value
-    found, restarted = unless_beaten(found, *rival, search, space)
-    keys = _numbers(space, found.point)
-    try:
-        after = solve_statics(scene.replace(keys), torques)
+        return solve_statics(space.scene.replace(keys), torques)
     except InputError as error:
         raise SolverFailure(
             f"the search ended at impossible gears, {keys}: {error} Narrow [optimise.bounds]."
         ) from error
-    with narration("search"):
-        _draw_search(scene, folder, before, after, search.name, found, baseline)
-    objectives = {
-        name: exact(point)
-        for name, point in (
-            ("before", space.start),
-            ("after", found.point),
-            ("baseline", baseline.point),
-        )
-    }
-    if not np.isfinite(list(objectives.values())).all():
-        more = f", or {_TOO_FEW}" if is_dynamic(scene) else ""
+
+
+class _Judged(NamedTuple):
+    """What is said of a search: part of the summary, and remarks."""
+
+    summary: Summary
+    notes: list[str]
+
+
+def _judged(
+    problem: _Posed, search: Search, made: Searched, statics: tuple[Statics, Statics]
+) -> _Judged:
+    """Judge with exact contact where a search began and ended, and say how it went."""
+    space, (found, baseline, restarted, seconds) = problem.space, made
+    scene, law = space.scene, ExactContact()
+    task = task_of(space, problem.grid, law, problem.prepared)
+    exact = lambda point: float(timed(objective_at, task, np.asarray(point), law, options=QUICKLY))
+    points = space.start, found.point, baseline.point
+    before, after, other = (exact(point) for point in points)
+    if not np.isfinite([before, after, other]).all():
+        more = f", or {TOO_FEW_SPEEDS}" if is_dynamic(scene) else ""
         raise SolverFailure(f"the contact was not solved where the search began or ended{more}")
-    write_text(_rewritten(scene, folder, keys), folder / improved)
-    kept = lambda point: np.asarray(
-        timed(responses_at, task, np.asarray(point), law, options=QUICKLY)
-    )
-    judged_after = judged(np.asarray(found.point))
-    swept = baseline.evaluations if is_dynamic(scene) else 0
-    remarks = left_out_notes(judged_before, judged_after, limited=swept)
+    bias, notes = found.value - after, []
     if not found.converged:
         more = "" if search.limits else " Raise optimise.max_evaluations."
-        remarks.append(Doubtful(f"The search did not converge: {found.reason}.{more}"))
-    bias = found.value - objectives["after"]
-    own = objectives["before"], objectives["after"]
-    remarks += smoothing_notes(scene["mesh.smoothing_um"], bias, *own)
-    smoothly = search.slopes.at(smooth_law_of(scene).width)
-    searched = lambda point: np.asarray(smoothly(jnp.asarray(point))[0])
-    limits = limits_summary(search, kept, searched, found.point)
-    remarks += limits_notes(limits)
-    pareto = {}
-    if is_asked_for(space):
-        with progress(scene["optimise.pareto.points"], "front") as done:
-            front = front_of(space, grid, prepared, space.start, done)
-        pareto = {"pareto": draw_front(space, front, title_of(scene), folder)}
-        remarks += front_remarks(front)
-    robust: Summary = {}
-    if scatter is not None:
-        told, robust["robust"] = _robust(
-            scatter, found.point, after, grid, prepared, folder, torques
-        )
-        remarks += told
-    # Only now: what is stopped before begins with all that the search has found.
-    for each in file.parent.glob(f"{file.stem}*{file.suffix}"):
-        each.unlink()
-    return pareto | {
-        "notes": remarks,
-        "optimise": {
-            "minimise": scene.get("optimise.minimise", "weighted table"),
-            "torques_Nm": torques_of(scene, "optimise.torques_Nm"),
-            "objective_unit": objective_of(scene)[1],
-            "variables": keys,
-            "before": _judged(before, objectives["before"]),
-            "after": _judged(after, objectives["after"]),
-            "smooth_objective": found.value,
-            "smooth_less_exact": bias,
-            "smoothing_bias_at_most": smoothing_bias_of(search, space, found.point),
-            "smoothing_um": scene["mesh.smoothing_um"],
-            "method": search.name,
-            "starts": scene["optimise.starts"],
-            "limits": limits,
-            "evaluations": found.evaluations,
-            "gradient_evaluations": found.gradient_evaluations,
-            "converged": found.converged,
-            "reason": found.reason,
-            "restarted_from_baseline": restarted,
-            "at_bounds": space.at_bounds(found.point),
-            "seconds_with_compiling": seconds,
-            "differential_evolution": {
-                "objective": objectives["baseline"],
-                "variables": dict(zip(space.keys, baseline.point, strict=True)),
-                "evaluations": baseline.evaluations,
-                "converged": baseline.converged,
-            },
-            "scene": str(folder.path / improved),
-        }
-        | left_out(judged_before, judged_after)
-        | robust,
+        notes.append(Doubtful(f"The search did not converge: {found.reason}.{more}"))
+    notes += smoothing_notes(scene["mesh.smoothing_um"], bias, before, after)
+    limits: list[dict[str, Any]] = []
+    if search.limits:
+        end = np.asarray(found.point)
+        exactly = np.asarray(timed(responses_at, task, end, law, options=QUICKLY))
+        smoothly = np.asarray(search.slopes.at(smooth_law_of(scene).width)(jnp.asarray(end))[0])
+        limits = limits_summary(limits_of(scene), exactly[1:], smoothly[1:])
+        notes += limits_notes(limits)
+    summary = {
+        "minimise": scene.get("optimise.minimise", "weighted table"),
+        "torques_Nm": torques_of(scene, "optimise.torques_Nm"),
+        "objective_unit": objective_unit(scene),
+        "variables": space.numbers(found.point),
+        "before": _numbers_of(statics[0], before),
+        "after": _numbers_of(statics[1], after),
+        "smooth_objective": found.value,
+        "smooth_less_exact": bias,
+        "smoothing_bias_at_most": smoothing_bias_of(search, space, found.point),
+        "smoothing_um": scene["mesh.smoothing_um"],
+        "method": search.name,
+        "starts": scene["optimise.starts"],
+        "limits": limits,
+        "evaluations": found.evaluations,
+        "gradient_evaluations": found.gradient_evaluations,
+        "converged": found.converged,
+        "reason": found.reason,
+        "restarted_from_baseline": restarted,
+        "at_bounds": space.at_bounds(found.point),
+        "seconds_with_compiling": seconds,
+        "differential_evolution": {
+            "objective": other,
+            "variables": dict(zip(space.keys, baseline.point, strict=True)),
+            "evaluations": baseline.evaluations,
+            "converged": baseline.converged,
+        },
     }
+    return _Judged(summary, notes)
 
 
-def _robust(
-    scatter: Scatter,
-    nominal: np.ndarray,
-    nominal_statics: Statics,
-    grid: MeshGrid,
-    prepared: PreparedMesh | None,
-    folder: Folder,
-    torques: np.ndarray | None,
-) -> tuple[list[str], Summary]:
-    """Go on from a nominal optimum to the robust one, and show both on fresh gears."""
-    space, scene = scatter.space, scatter.space.scene
-    file = record_file(space, folder, importlib.metadata.version("jaxgear"), "robust")
-    with progress(scene["optimise.max_evaluations"], "robust search") as done:
-        told = lambda point, value: done(1)
-        law = smooth_law_of(scene)
-        made = hardened(scatter, nominal, grid, law, prepared, told, file)
-    summary = robust_summary(made)
-    improved = f"{scene['name']}.robust.toml"
-    write_text(_rewritten(scene, folder, summary["variables"]), folder / improved)
-    statics = solve_statics(scene.replace(summary["variables"]), torques)
-    response, unit = response_of(scene), response_of(scene)[1]
-    values = {
-        name: shown(scene, each.fresh)
-        for name, each in (("nominal", made.nominal), ("robust", made.robust))
-    }
-    datasets = {
-        name: static_dataset(each.model, each.cycle, each.law)
-        for name, each in (("nominal", nominal_statics), ("robust", statics))
-    }
-    title = f"{title_of(scene)}, {scene['robust.fresh_samples']} gears"
-    figure = partial(
-        robust_pictures.robust, values, datasets, scene["robust.share"], response, title
-    )
-    columns = robust_tables.robust_columns(values, unit)
-    errors = robust_tables.robust_errors_columns(datasets)
-    save(figure, columns, folder, "robust", transmission_error=errors)
-    names, reach, ends = reach_of(made)
-    figure = partial(robust_pictures.tornado, names, reach, ends, response, title_of(scene))
-    columns = robust_tables.tornado_columns(names, reach, ends, unit)
-    save(figure, columns, folder, "tornado")
-    file.unlink(missing_ok=True)
-    return robust_notes(made), summary | {"scene": str(folder.path / improved)}
-
-
-# With responses at many speeds an evaluation takes a second, not a millisecond.
-_FEW_MEMBERS = {"population": 5, "most_generations": 10}
-
-
-_TOO_FEW = (
-    "fewer than half of the speeds of [sweep] have a response that has settled and is not close to "
-    "a fold. Raise the damping, or sweep other speeds."
-)
-
-
-def _require_half(judged: list[tuple[float, optimise.Judged]]) -> None:
-    """Refuse a search that begins where most speeds do not count."""
-    for _, each in judged:
-        if 2 * int(np.sum(each.kept)) < each.speed.size:
-            raise SolverFailure(_TOO_FEW)
-
-
-def _numbers(space: DesignSpace, point: np.ndarray) -> dict[str, float]:
-    """The keys of the scene that a point of the space sets."""
-    return {key: float(value) for key, value in space.updates(np.asarray(point)).items()}
-
-
-def _rewritten(scene: Scene, folder: Folder, keys: dict[str, float]) -> str:
-    """The user's scene, from its new folder, with what command line and search changed."""
-    files = files_seen_from(scene, folder.path)
-    try:
-        return rewritten(scene.path, scene.overridden() | files | keys)
-    except ValueError as error:
-        raise InputError(str(error)) from error
-
-
-def _draw_search(
-    scene: Scene,
-    folder: Folder,
-    before: Statics,
-    after: Statics,
-    name: str,
-    found: optimise.SearchResult,
-    baseline: optimise.SearchResult,
-) -> None:
-    """What became better, and how fast."""
-    old, new = (static_dataset(each.model, each.cycle, each.law) for each in (before, after))
-    figure = partial(pictures.before_after, old, new, title_of(scene))
-    save(figure, tables.before_after_columns(old, new), folder, "before_after")
-    draw_modification({"start": before.model, "optimised": after.model}, title_of(scene), folder)
-    traces = {name: found.values, "differential evolution": baseline.values}
-    unit = objective_of(scene)[1]
-    figure = partial(pictures.search_trace, traces, unit, title_of(scene))
-    save(figure, tables.search_trace_columns(traces, unit), folder, "search")
-
-
-def _judged(statics: Statics, objective: float) -> dict[str, float]:
+def _numbers_of(statics: Statics, objective: float) -> dict[str, float]:
     """Objective with exact contact over all torques, and what changed at the scene's torque."""
     names = ("te_mean_um", "te_rms_um", "te_peak_to_peak_um", "max_line_load_N_mm")
     names += "max_pressure_MPa", "face_load_factor"
-    numbers = {name: float(statics.numbers[name]) for name in names}
-    return {"objective": objective} | numbers
+    return {"objective": objective} | {name: float(statics.numbers[name]) for name in names}
+
+
+def left_out(before: JudgedSpeeds, after: JudgedSpeeds) -> Summary:
+    """Part of the summary: speeds that do not count where a search began and ended."""
+    return {
+        f"speeds_left_out_{name}": [
+            {
+                "torque_Nm": torque,
+                "count": int(each.left_out.size),
+                "of": int(each.speed.size),
+                "speeds_rad_s": np.asarray(each.left_out),
+            }
+            for torque, each in judged
+        ]
+        for name, judged in (("before", before), ("after", after))
+        if judged
+    }
+
+
+def _design_dataset(scene: Scene, statics: Statics) -> xr.Dataset:
+    """The mesh cycle of a design, with mean and RMS of its transmission error."""
+    dataset = static_dataset(statics.model, statics.cycle, statics.law)
+    for name, words in (("mean", "mean"), ("rms", "RMS about its mean")):
+        key, words = f"te_{name}_um", f"{words} of the transmission error"
+        dataset[key] = Entry((), float(statics.numbers[key]), "um", words).variable()
+    return titled(dataset, scene)
+
+
+def _modification(scene: Scene, before: Statics, after: Statics) -> xr.Dataset:
+    models = {"start": before.model, "optimised": after.model}
+    return titled(modification_dataset(models), scene)
+
+
+def _trace(scene: Scene, name: str, made: Searched) -> xr.Dataset:
+    """The objective at each evaluation, of one method after the other."""
+    values = {name: made.found.values, "differential evolution": made.baseline.values}
+    unit = objective_unit(scene)
+    counts = [np.arange(1, len(each) + 1) for each in values.values()]
+    methods = [each for each, own in values.items() for _ in own]
+    along = ("record",)
+    found = {
+        "method": Entry(along, methods, "1", "method of the search"),
+        "evaluation": Entry(along, np.concatenate(counts), "1", "number of the evaluation"),
+        with_unit("objective", unit): entry(
+            along, np.concatenate([*values.values()]), unit, "objective"
+        ),
+    }
+    return titled(dataset_of(found), scene)

@@ -1,34 +1,25 @@
-"""The command `map`: the Master Curve on a map of depth and extent of tip relief."""
+"""The study `relief_map`: the Master Curve on a map of depth and extent of tip relief.
 
-from functools import partial
+Depths are in um, the unit of their keys, from the file to the summary: only the model has metres.
+"""
+
 from typing import Any
 
 import jax
 import numpy as np
+import xarray as xr
 from jaxtyping import Array
 
 import optimise
 from jaxgear._checks import InputError
-from jaxgear._cli._folder import Folder
-from jaxgear._cli._saving import save
-from jaxgear._cli._writing import finish
 from jaxgear._interface._laws import ExactContact
 from jaxgear._kept_programs import QUICKLY
-from jaxgear._solve._cycle import PreparedMesh
-from jaxgear._system._model import PairModel
 from jaxgear._types import as_reals
 from jaxgear._units import um
-from jaxgear.plot import _curve_tables as curve_tables
-from jaxgear.plot import _tables as tables
-from jaxgear.plot._plots import curve_pictures, pictures
 from jaxgear.scene._build import smooth_law_of
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
-from jaxgear.study._design import (
-    DesignSpace,
-    design_space,
-    round_up,
-)
+from jaxgear.study._design import DesignSpace, design_space, round_up
 from jaxgear.study._evaluations import (
     Task,
     objectives_at,
@@ -36,14 +27,12 @@ from jaxgear.study._evaluations import (
     sloped_deviations,
     sloped_objective,
 )
-from jaxgear.study._head import head
-from jaxgear.study._optimising import descent, unless_beaten
+from jaxgear.study._head import head, study
 from jaxgear.study._progress import built_scene, progress
-from jaxgear.study._result import Summary, title_of
+from jaxgear.study._result import Result, Summary, titled
+from jaxgear.study._results import Entry, dataset_of
 from jaxgear.study._running import timed
-from jaxgear.study._search import (
-    by_gradient,
-)
+from jaxgear.study._search import by_gradient, descent, unless_beaten
 from jaxgear.study._statics import (
     SolverFailure,
     Statics,
@@ -53,84 +42,107 @@ from jaxgear.study._statics import (
     torques_of,
 )
 
+_RELIEF_KEYS = ("flank.pinion.tip_relief.depth_um", "flank.pinion.tip_relief.extent")
 
-def map_relief(scene: Scene, folder: Folder) -> Summary:
+
+@study
+def relief_map(scene: Scene) -> Result:
     """Master Curve map of symmetric tip relief, with closed form and the optimiser's path.
 
-    Arguments, results and errors as for `_commands.run`.
+    **Arguments:**
+
+    - `scene`: checked against the schema. Its tip reliefs count as linear: so is the closed form.
+
+    **Returns:**
+
+    Groups `relief_...` and `smoothing_bias`, and the summary.
+
+    **Raises:**
+
+    - `ValueError` if the gears are impossible.
+    - `SolverFailure` if a contact problem was not solved.
     """
-    # The closed form, and so the map, is for linear relief.
     linear = {f"flank.{gear}.tip_relief.shape": "linear" for gear in GEARS}
     scene = built_scene(scene.replace(linear))
     statics = solve_statics(scene)
-    summary = head(scene, statics)
-    deflection = summary["static"]["single_pair_deflection_um"] * um
+    deflection = float(statics.numbers["single_pair_deflection_um"])
     space = design_space(
-        scene, _RELIEF_KEYS, symmetric=True, deflection=deflection / um, tied=False
+        scene, statics.model, _RELIEF_KEYS, symmetric=True, deflection=deflection, tied=False
     )
-    depth, extent = _map_axes(scene, deflection)
-    task = _task(space, statics)
-    exact = ExactContact()
-    te_rms = optimise.Batched(
-        lambda points: np.sqrt(timed(side_by_side, task, points / _UNITS, exact))
-    )
-    with progress(depth.size * extent.size, "map") as done:
-        chart, valley = optimise.relief_map(te_rms, depth, extent, done=done)
-    if not (np.isfinite(chart.value).all() and np.isfinite(valley.value).all()):
-        raise SolverFailure("the contact was not solved at some point of the map")
-    law = smooth_law_of(scene)
-    search = by_gradient(
-        space,
-        optimise.Sloped(lambda x, width: timed(sloped_objective, task, x, width)),
-        optimise.Batched(lambda points: timed(objectives_at, task, points, law)),
-    )
-    found = descent(search, space, space.start)
-    lowest = int(np.argmin(valley.value))
-    rival = np.asarray([valley.depth[lowest] / um, valley.extent[lowest]])
-    best_on_grid = float(valley.value[lowest] ** 2)
-    found, restarted = unless_beaten(found, rival, best_on_grid, search, space)
-    curve = _traced(task, extent[::-1], float(valley.depth[-1]), float(depth[-1]))
+    depth, extent = _axes(scene, deflection)
+    task, closed = _task(space, statics), _ClosedForm(statics)
+    chart, valley = _mapped(task, depth, extent)
+    found, restarted = _descended(task, space, valley)
+    deepest = float(depth[-1])
+    curve = _traced(task, extent[::-1], float(valley.depth[-1]), deepest)
+    datasets = {
+        "relief_map": _chart_dataset(chart),
+        "relief_valley": _valley_dataset(valley, closed),
+        "relief_search": _path_dataset(found.path),
+        "relief_curve": _curve_dataset(curve, closed, deepest),
+    }
+    if scene.get("map.torques_Nm") is not None:
+        datasets["relief_torques"] = _family(space, extent[::-1], float(valley.depth[-1]), deepest)
+    # Relief of one and a half deflections parts the teeth at the ends of the path.
+    relieved = np.asarray([1.5 * deflection, 0.3])
+    datasets["smoothing_bias"] = _bias(space, statics, relieved)
     # As many points as in a column of the map, which is compiled.
-    best = te_rms(np.tile(found.point * _UNITS, (depth.size, 1)))[0]
-    ratio, own = summary["geometry"]["profile_contact_ratio"], _unshared(statics)
-    closed = _closed_form(np.append(extent, found.point[1]), ratio, own)
+    best = _te_rms(task)(np.tile(found.point, (depth.size, 1)))[0]
+    summary = head(scene, statics)
     summary["master_curve"] = {
         "depth_um": found.point[0],
         "extent": found.point[1],
         "te_rms_um": float(best),
-        "closed_form_depth_um": closed[-1],
-        "single_pair_deflection_um": deflection / um,
+        "closed_form_depth_um": closed.depth(found.point[1]),
+        "single_pair_deflection_um": deflection,
         "evaluations": found.evaluations,
         "gradient_evaluations": found.gradient_evaluations,
         "converged": found.converged,
         "restarted_from_grid": restarted,
-        **_valley_summary(valley, closed[:-1]),
-        "traced": _traced_summary(curve, ratio, own, float(depth[-1])),
+    } | _curves_summary(datasets)
+    bias = datasets["smoothing_bias"]
+    names = ("width_um", "te_mean_bias_um", "te_rms_bias_relative")
+    summary["smoothing_bias"] = {name: bias[name].values for name in names}
+    apart = ", tip relief that parts the teeth"
+    every = {
+        name: titled(each, scene, apart if name == "smoothing_bias" else "")
+        for name, each in datasets.items()
     }
-    # Relief of one and a half deflections parts the teeth at the ends of the path.
-    relieved = space.model(np.asarray([1.5 * deflection / um, 0.3]))
-    summary["smoothing_bias"] = _draw_bias(scene, folder, relieved, statics.prepared)
-    figure = partial(pictures.master_curve, chart, valley, closed[:-1], found.path, title_of(scene))
-    beside = tables.valley_columns(chart, valley, closed[:-1])
-    save(figure, tables.master_curve_columns(chart), folder, "master_curve", valley=beside)
-    traced = summary["master_curve"]["traced"]
-    figure = partial(curve_pictures.traced_curve, traced, title_of(scene))
-    save(figure, traced, folder, "master_curve_traced")
-    if scene.get("map.torques_Nm") is not None:
-        start, deepest = float(valley.depth[-1]), float(depth[-1])
-        family = _family(space, extent[::-1], start, deepest)
-        summary["master_curve"]["torques"] = family
-        figure = partial(curve_pictures.family, chart, family, title_of(scene))
-        save(figure, curve_tables.family_columns(family), folder, "master_curve_torques")
-    return finish(scene, folder, summary)
+    return Result(scene, summary, every)
 
 
-# Depths are in metres in the library, and in um in the keys.
-_UNITS = np.asarray([um, 1.0])
+class _ClosedForm:
+    """The closed form of the Master Curve with the statics of one torque, in um."""
+
+    def __init__(self, statics: Statics):
+        ratio = geometry_summary(statics)["profile_contact_ratio"]
+        # Of a tooth pair, less what the next one feels of it.
+        own = float(statics.numbers["unshared_deflection_um"])
+        self._numbers = as_reals(ratio), as_reals(own)
+
+    def depth(self, extent: Any) -> np.ndarray:
+        """Depth at some extents [um]."""
+        return np.asarray(_closed_form_depth(as_reals(extent), *self._numbers))
+
+
+_closed_form_depth = jax.jit(optimise.master_curve_depth)
+
+
+def _axes(scene: Scene, deflection: float) -> tuple[np.ndarray, np.ndarray]:
+    """Depths [um] and extents of the map."""
+    first, last = scene["map.depth_um.from"], scene.get("map.depth_um.to")
+    if last is None:
+        last = round_up(max(3.0 * deflection, 2.0 * first))
+    extents = scene["map.extent.from"], scene["map.extent.to"]
+    for name, low, high in (("depth_um", first, last), ("extent", *extents)):
+        if not low < high:
+            raise InputError(f"map.{name} must rise, got from = {low:g}, to = {high:g}.")
+    depth = np.linspace(first, last, scene["map.depth_um.points"])
+    return depth, np.linspace(*extents, scene["map.extent.points"])
 
 
 def _task(space: DesignSpace, statics: Statics) -> Task:
-    """The variance of the transmission error at the torque of the statics."""
+    """The variance of the transmission error at the torque of the statics [um2]."""
     return Task(
         variation=space.variation,
         keys=space.moved,
@@ -144,116 +156,160 @@ def _task(space: DesignSpace, statics: Statics) -> Task:
     )
 
 
-_RELIEF_KEYS = ("flank.pinion.tip_relief.depth_um", "flank.pinion.tip_relief.extent")
+def _te_rms(task: Task) -> optimise.Batched:
+    """RMS of the transmission error at many depths and extents, exactly [um]."""
+    law = ExactContact()
+    return optimise.Batched(lambda points: np.sqrt(timed(side_by_side, task, points, law)))
 
 
-def _map_axes(scene: Scene, deflection: float) -> tuple[np.ndarray, np.ndarray]:
-    """Depths [m] and extents of the map."""
-    first, last = scene["map.depth_um.from"], scene.get("map.depth_um.to")
-    if last is None:
-        last = round_up(max(3.0 * deflection / um, 2.0 * first))
-    extents = scene["map.extent.from"], scene["map.extent.to"]
-    for name, low, high in (("depth_um", first, last), ("extent", *extents)):
-        if not low < high:
-            raise InputError(f"map.{name} must rise, got from = {low:g}, to = {high:g}.")
-    depth = um * np.linspace(first, last, scene["map.depth_um.points"])
-    return depth, np.linspace(*extents, scene["map.extent.points"])
+def _mapped(
+    task: Task, depth: np.ndarray, extent: np.ndarray
+) -> tuple[optimise.ReliefMap, optimise.Valley]:
+    """The map and its valley, with exact contact."""
+    with progress(depth.size * extent.size, "map") as done:
+        chart, valley = optimise.relief_map(_te_rms(task), depth, extent, done=done)
+    if not (np.isfinite(chart.value).all() and np.isfinite(valley.value).all()):
+        raise SolverFailure("the contact was not solved at some point of the map")
+    return chart, valley
 
 
-def _family(
-    space: DesignSpace,
-    extent: np.ndarray,
-    start: float,
-    deepest: float,
-) -> list[Summary]:
-    """The curve traced at each of `map.torques_Nm`, beside the closed form at that torque."""
-    own, found = space.scene["pair.torque_pinion_Nm"], []
-    for torque in torques_of(space.scene, "map.torques_Nm"):
-        scene = space.scene.replace({"pair.torque_pinion_Nm": float(torque)})
-        statics = solve_statics(scene)
-        # Deflections are nearly in proportion to the torque; and deeper is asked for by no one.
-        near = min(start * float(torque) / own, deepest)
-        curve = _traced(_task(space, statics), extent, near, deepest)
-        deflection = float(statics.numbers["single_pair_deflection_um"])
-        ratio = geometry_summary(statics)["profile_contact_ratio"]
-        found.append(
-            {"torque_Nm": float(torque), "single_pair_deflection_um": deflection}
-            | _traced_summary(curve, ratio, _unshared(statics), deepest)
-        )
-    return found
+def _descended(
+    task: Task, space: DesignSpace, valley: optimise.Valley
+) -> tuple[optimise.SearchResult, bool]:
+    """The best by gradient; says whether it was found from the best place of the map."""
+    law = smooth_law_of(space.scene)
+    search = by_gradient(
+        space,
+        optimise.Sloped(lambda x, width: timed(sloped_objective, task, x, width)),
+        optimise.Batched(lambda points: timed(objectives_at, task, points, law)),
+    )
+    found = descent(search, space, space.start)
+    lowest = int(np.argmin(valley.value))
+    rival = np.asarray([valley.depth[lowest], valley.extent[lowest]])
+    return unless_beaten(found, rival, float(valley.value[lowest] ** 2), search, space)
 
 
 def _traced(task: Task, extent: np.ndarray, start: float, deepest: float) -> optimise.TracedCurve:
     """The best depth followed from the longest of extents to the shortest, exactly."""
 
-    def deviations(point: Array) -> tuple[Any, Any]:
-        found, slopes = timed(sloped_deviations, task, np.asarray(point) / _UNITS)
-        return as_reals(um * np.asarray(found)), as_reals(um * np.asarray(slopes) / _UNITS)
+    def deviations(point: Array) -> tuple[Array, Array]:
+        return timed(sloped_deviations, task, np.asarray(point))
 
     with progress(extent.size, "Master Curve") as done:
         sloped = optimise.Sloped(deviations)
         return optimise.traced_curve(sloped, extent, start, deepest=deepest, done=done)
 
 
-def _traced_summary(
-    curve: optimise.TracedCurve, ratio: float, deflection: float, deepest: float
-) -> dict[str, np.ndarray]:
-    """The traced curve where it is one: found, and with less error than without relief."""
-    kept = curve.settled & (curve.depth > 0.0) & (curve.depth <= deepest)
-    return {
-        "extent": curve.extent[kept],
-        "depth_um": curve.depth[kept] / um,
-        "te_rms_um": curve.rms[kept] / um,
-        # RMS over error of depth, where the curve itself has none.
-        "te_rms_per_depth": np.sqrt(0.5 * curve.bend[kept]),
-        "closed_form_depth_um": _closed_form(curve.extent[kept], ratio, deflection),
-    }
+_DEPTH, _CLOSED = "depth of the tip relief", "depth of the closed form"
+_BEST = f"{_DEPTH} that makes the error least"
+_RMS = "RMS of the transmission error"
 
 
-def _valley_summary(valley: optimise.Valley, closed: np.ndarray) -> Summary:
-    """The best depth of each extent, and the best of all."""
-    lowest = int(np.argmin(valley.value))
-    return {
-        "grid_best": {
-            "depth_um": valley.depth[lowest] / um,
-            "extent": valley.extent[lowest],
-            "te_rms_um": valley.value[lowest],
-        },
-        "valley": {
-            "extent": valley.extent,
-            "depth_um": valley.depth / um,
-            "te_rms_um": valley.value,
-            "closed_form_depth_um": closed,
-        },
-    }
+def _extent(values: np.ndarray, dimension: str = "extent") -> Entry:
+    words = "extent of the tip relief over the path of contact"
+    return Entry((dimension,), values, "1", words)
 
 
-def _draw_bias(
-    scene: Scene, folder: Folder, model: PairModel, prepared: PreparedMesh | None
-) -> Summary:
-    """Smooth against exact contact on a flank whose ends are out of contact."""
-    assert prepared is not None
-    widths = um * np.geomspace(0.02, 5.0, 17)
-    mean, rms, exact = map(
-        np.asarray, timed(smoothing_bias, model, prepared, widths, options=QUICKLY)
+def _chart_dataset(chart: optimise.ReliefMap) -> xr.Dataset:
+    return dataset_of(
+        {"te_rms_um": Entry(("depth", "extent"), chart.value, "um", _RMS)},
+        depth_um=Entry(("depth",), chart.depth, "um", _DEPTH),
+        extent=_extent(chart.extent),
     )
-    relative = rms / max(float(exact), 1e-12 * um)
-    data = widths / um, mean / um, relative
-    title = f"{title_of(scene)}, tip relief that parts the teeth"
-    figure = partial(pictures.smoothing_bias, *data, float(exact) / um, title)
-    save(figure, tables.smoothing_bias_columns(*data), folder, "smoothing_bias")
-    return {"width_um": widths / um, "te_mean_bias_um": mean / um, "te_rms_bias_relative": relative}
 
 
-def _unshared(statics: Statics) -> float:
-    """Deflection of a tooth pair less what the next one feels of it [m]."""
-    return um * float(statics.numbers["unshared_deflection_um"])
+def _valley_dataset(valley: optimise.Valley, closed: _ClosedForm) -> xr.Dataset:
+    along = ("extent",)
+    found = {
+        "depth_um": Entry(along, valley.depth, "um", _BEST),
+        "te_rms_um": Entry(along, valley.value, "um", _RMS),
+        "closed_form_depth_um": Entry(along, closed.depth(valley.extent), "um", _CLOSED),
+    }
+    return dataset_of(found, extent=_extent(valley.extent))
 
 
-def _closed_form(extent: np.ndarray, ratio: float, deflection: float) -> np.ndarray:
-    """Depth of the closed-form Master Curve [um]."""
-    numbers = map(as_reals, (extent, ratio, deflection))
-    return np.asarray(_closed_form_depth(*numbers)) / um
+def _path_dataset(path: np.ndarray) -> xr.Dataset:
+    depth, extent = path.T
+    along = "evaluation"
+    found = {"depth_um": Entry((along,), depth, "um", _DEPTH), "extent": _extent(extent, along)}
+    return dataset_of(found)
 
 
-_closed_form_depth = jax.jit(optimise.master_curve_depth)
+def _curve_dataset(curve: optimise.TracedCurve, closed: _ClosedForm, deepest: float) -> xr.Dataset:
+    """The traced curve where it is one, else NaN: found, and with less error than no relief."""
+    kept = curve.settled & (curve.depth > 0.0) & (curve.depth <= deepest)
+    along, steep = ("extent",), "RMS over error of depth, where the curve itself has none"
+    values = {
+        "depth_um": (curve.depth, "um", _BEST),
+        "te_rms_um": (curve.rms, "um", _RMS),
+        "te_rms_per_depth": (np.sqrt(0.5 * curve.bend), "um/um", steep),
+        "closed_form_depth_um": (closed.depth(curve.extent), "um", _CLOSED),
+    }
+    found = {
+        name: Entry(along, np.where(kept, each, np.nan), *about)
+        for name, (each, *about) in values.items()
+    }
+    return dataset_of(found, extent=_extent(curve.extent))
+
+
+def _family(space: DesignSpace, extent: np.ndarray, start: float, deepest: float) -> xr.Dataset:
+    """The curve traced at each of `map.torques_Nm`."""
+    own, curves, deflections = space.scene["pair.torque_pinion_Nm"], [], []
+    torques = torques_of(space.scene, "map.torques_Nm")
+    for torque in map(float, torques):
+        statics = solve_statics(space.scene.replace({"pair.torque_pinion_Nm": torque}))
+        # Deflections are nearly in proportion to the torque; and deeper is asked for by no one.
+        near = min(start * torque / own, deepest)
+        curve = _traced(_task(space, statics), extent, near, deepest)
+        curves.append(_curve_dataset(curve, _ClosedForm(statics), deepest))
+        deflections.append(float(statics.numbers["single_pair_deflection_um"]))
+    of_pair = Entry(("torque",), deflections, "um", "deflection of a single tooth pair")
+    return xr.concat(curves, "torque").assign_coords(
+        torque_Nm=Entry(("torque",), torques, "N m", "torque on the pinion").variable(),
+        single_pair_deflection_um=of_pair.variable(),
+    )
+
+
+def _bias(space: DesignSpace, statics: Statics, point: np.ndarray) -> xr.Dataset:
+    """Smooth against exact contact on a flank whose ends are out of contact."""
+    widths = np.geomspace(0.02, 5.0, 17)
+    model = space.model(point)
+    mean, rms, exact = (
+        np.asarray(x) / um
+        for x in timed(smoothing_bias, model, statics.prepared, um * widths, options=QUICKLY)
+    )
+    relative = rms / max(float(exact), 1e-12)
+    along = ("width",)
+    found = {
+        "te_mean_bias_um": Entry(along, mean, "um", "bias of the mean transmission error"),
+        "te_rms_bias_relative": Entry(along, relative, "1", f"bias of the {_RMS}, over itself"),
+        "te_rms_um": Entry((), float(exact), "um", f"{_RMS} with exact contact"),
+    }
+    about = "width of the smooth contact"
+    return dataset_of(found, width_um=Entry(along, widths, "um", about))
+
+
+def _curves_summary(datasets: dict[str, xr.Dataset]) -> Summary:
+    """Valley, curves and the best of the map, as the summary has them."""
+    valley = datasets["relief_valley"]
+    best = valley.isel(extent=int(np.argmin(valley["te_rms_um"].values)))
+    names = ("depth_um", "extent", "te_rms_um")
+    found: Summary = {
+        "grid_best": {name: float(best[name]) for name in names},
+        "valley": _columns_of(valley),
+        "traced": _columns_of(datasets["relief_curve"]),
+    }
+    if (curves := datasets.get("relief_torques")) is not None:
+        once = ("torque_Nm", "single_pair_deflection_um")
+        each = [curves.isel(torque=place) for place in range(curves.sizes["torque"])]
+        found["torques"] = [
+            {name: float(own[name]) for name in once} | _columns_of(own) for own in each
+        ]
+    return found
+
+
+def _columns_of(curve: xr.Dataset) -> dict[str, np.ndarray]:
+    """Extents of a curve, and what is known there."""
+    known = np.isfinite(curve["depth_um"].values)
+    names = ("extent", *map(str, curve.data_vars))
+    return {name: curve[name].values[known] for name in names}

@@ -27,14 +27,15 @@ class Result:
     - `summary`: numbers and words by name, units included; `notes` among them.
     - `datasets`: what was computed, by group; the empty name is the first. Each variable has its
         `units` and its `long_name`; pictures and their tables are made of nothing else.
-    - `files`: what no dataset can hold, such as an improved scene: functions that write one to a
-        path, by name.
+    - `files`: what no dataset can hold: functions that write one to a path, by name.
+    - `scenes`: that were improved: by name of their files, the keys that are others, and these.
     """
 
     scene: Scene
     summary: Summary
     datasets: Datasets = dataclasses.field(default_factory=dict)
     files: Mapping[str, Callable[[Path], None]] = dataclasses.field(default_factory=dict)
+    scenes: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)
 
     @property
     def dataset(self) -> xr.Dataset:
@@ -61,3 +62,19 @@ def title_of(scene: Scene) -> str:
 def titled(dataset: xr.Dataset, scene: Scene, more: str = "") -> xr.Dataset:
     """The dataset with the title that its pictures are headed by, in its attributes."""
     return dataset.assign_attrs(title=title_of(scene) + more)
+
+
+def together(first: Result, second: Result) -> Result:
+    """Two results of one scene as one; remarks stay in their order.
+
+    **Arguments:**
+
+    - `first`: whose scene it is.
+    - `second`: with other groups and other parts of the summary.
+    """
+    summary = {**first.summary, **second.summary, "notes": [*first.notes, *second.notes]}
+    joined = [
+        {**getattr(first, name), **getattr(second, name)}
+        for name in ("datasets", "files", "scenes")
+    ]
+    return Result(first.scene, summary, *joined)

@@ -21,9 +21,9 @@ from jaxgear._interface._laws import AbstractContactLaw, ExactContact, SmoothCon
 from jaxgear._solve._cycle import PreparedMesh, corrected_cycle, prepare_mesh
 from jaxgear._types import Reals, Scalar
 from jaxgear.scene._scene import Scene
-from jaxgear.scene._schema import unit_of
-from jaxgear.study._design import DesignSpace, limits_objectives, limits_of, objective_of
-from jaxgear.study._ranks import Doubtful
+from jaxgear.study._design import DesignSpace
+from jaxgear.study._objectives import limits_objectives, limits_of, objective_of
+from jaxgear.study._progress import progress
 from jaxgear.study._scatter import Scatter, samples_of
 from jaxgear.study._statics import SolverFailure, torques_of
 
@@ -46,7 +46,7 @@ def judge_of(
     """
     scene = scatter.space.scene
     torques = jnp.asarray(torques_of(scene, "optimise.torques_Nm"))
-    parts = objective_of(scene, grid)[0], *limits_objectives(scene, law)
+    parts = objective_of(scene, grid), *limits_objectives(scene, law)
     worst = scene["optimise.over"] == "worst"
 
     def judge(values: Reals, drawn: Reals, prepared: PreparedMesh | None) -> Reals:
@@ -158,7 +158,6 @@ def hardened(
     grid: MeshGrid,
     law: SmoothContact,
     prepared: PreparedMesh | None,
-    watch: optimise.Watcher,
     file: Path | None = None,
 ) -> Hardened:
     """Make an optimum robust, and judge both on samples that the search has not seen.
@@ -170,7 +169,6 @@ def hardened(
     - `grid`: phases, lines and slices.
     - `law`: contact law of the search; designs are judged with exact contact.
     - `prepared`: the meshes, where the variables leave them as they are.
-    - `watch`: called after each evaluation.
     - `file`: keeps the evaluations.
 
     **Returns:**
@@ -216,7 +214,7 @@ def hardened(
     both = jax.jit(optimise.measured(judge_of(scatter, grid, law), _measures(scene, widths)))
     objective = lambda point: both(point, members)
     began = float(objective(jnp.asarray(before.point))[0][0])
-    method, found = _searched(space, objective, before.point, watch, file)
+    method, found = _searched(space, objective, before.point, file)
     seconds = time.perf_counter() - begin
     after = judged(np.asarray(found.point))[1]
     return Hardened(scatter, before, after, found, method, widths, began, seconds, prepare_s)
@@ -261,271 +259,22 @@ def _searched(
     space: DesignSpace,
     objective: Callable[[Array], tuple[Array, Array]],
     start: np.ndarray,
-    watch: optimise.Watcher,
     file: Path | None,
 ) -> tuple[str, optimise.SearchResult]:
     """Search by the scene's method; a measure of squares is no sum of squares."""
     scene, limits = space.scene, limits_of(space.scene)
-    settings: Any = dict(most_evaluations=scene["optimise.max_evaluations"], watch=watch, file=file)
-    if limits:
-        all_of = optimise.Sloped(objective)
-        return "slsqp", optimise.constrained(all_of, limits, start, space.box, **settings)
+    most = scene["optimise.max_evaluations"]
     first = optimise.Sloped(lambda point: _first_of(*objective(point)))
-    if scene["optimise.method"] == "adam":
-        return "adam", optimise.adam(first, start, space.box, **settings)
-    return "lbfgs", optimise.lbfgs(first, start, space.box, **settings)
+    with progress(most, "robust search") as done:
+        watch = lambda point, value: done(1)
+        settings: Any = dict(most_evaluations=most, watch=watch, file=file)
+        if limits:
+            all_of = optimise.Sloped(objective)
+            return "slsqp", optimise.constrained(all_of, limits, start, space.box, **settings)
+        if scene["optimise.method"] == "adam":
+            return "adam", optimise.adam(first, start, space.box, **settings)
+        return "lbfgs", optimise.lbfgs(first, start, space.box, **settings)
 
 
 def _first_of(values: Array, slopes: Array) -> tuple[Array, Array]:
     return values[0], slopes[0]
-
-
-# Names and units of objectives for a reader, who sees an RMS where the objective is its square.
-_SQUARED = ("te_rms", "te_harmonics", "pressure_offset")
-_SHOWN = {
-    "te_rms": ("RMS of the transmission error", "um"),
-    "te_harmonics": ("RMS of the chosen mesh harmonics", "um"),
-    "te_peak_to_peak": ("peak to peak of the transmission error", "um"),
-    "max_pressure": ("largest pressure", "MPa"),
-    "face_load_factor": ("face load factor", "-"),
-    "pressure_offset": ("offset of the pressure from mid-face, over half the face", "-"),
-}
-
-
-def response_of(scene: Scene) -> tuple[str, str]:
-    """Name and unit of the response that a reader sees.
-
-    **Arguments:**
-
-    - `scene`: with [optimise].
-    """
-    return _SHOWN.get(scene.get("optimise.minimise", ""), ("weighted sum", "-"))
-
-
-def shown(scene: Scene, values: np.ndarray) -> np.ndarray:
-    """Values of the objective as a reader sees them: the RMS for a variance.
-
-    **Arguments:**
-
-    - `scene`: with [optimise].
-    - `values`: of its objective, in its own unit.
-    """
-    squared = scene.get("optimise.minimise") in _SQUARED
-    return np.asarray(np.sqrt(values) if squared else values)
-
-
-def measure_of(scene: Scene, values: np.ndarray) -> float:
-    """The measure of [robust] of a sample of the objective, not smoothed.
-
-    **Arguments:**
-
-    - `scene`: with [robust].
-    - `values`: of its objective.
-    """
-    if scene["robust.measure"] == "mean":
-        return float(np.mean(values))
-    return float(np.quantile(values, scene["robust.share"]))
-
-
-def robust_summary(made: Hardened) -> dict[str, Any]:
-    """Part of the summary: what scattered, both designs on fresh gears, and the search.
-
-    **Arguments:**
-
-    - `made`: from `hardened`.
-
-    **Returns:**
-
-    The part.
-    """
-    scatter, found = made.scatter, made.found
-    space, scene = scatter.space, scatter.space.scene
-    fewer = [measure_of(scene, each.fresh) for each in (made.nominal, made.robust)]
-    return {
-        "measure": scene["robust.measure"],
-        "share": scene["robust.share"],
-        "samples": scene["robust.samples"],
-        "fresh_samples": scene["robust.fresh_samples"],
-        "seed": scene["robust.seed"],
-        "response": response_of(scene)[0],
-        "unit": response_of(scene)[1],
-        "scatter": [
-            {
-                "name": each.name,
-                "unit": _unit(scatter, each.name),
-                "standard_deviation": each.deviation,
-                "half_width": np.sqrt(3.0) * each.deviation if each.even else None,
-            }
-            for each in scatter.quantities
-        ],
-        "variables": {
-            key: float(value) for key, value in space.updates(jnp.asarray(found.point)).items()
-        },
-        "nominal": _on_fresh(scene, made.nominal),
-        "robust": _on_fresh(scene, made.robust),
-        "better": bool(fewer[1] < fewer[0]),
-        "share_of_gears_better": float(np.mean(made.robust.fresh < made.nominal.fresh)),
-        "without_effect": without_effect(made),
-        "method": made.method,
-        "smooth_measure": {"before": made.began, "after": found.value},
-        "quantile_widths": made.widths,
-        "evaluations": found.evaluations,
-        "gradient_evaluations": found.gradient_evaluations,
-        "converged": found.converged,
-        "reason": found.reason,
-        "at_bounds": space.at_bounds(found.point),
-        "prepare_s": made.prepare_s,
-        "seconds_with_compiling": made.seconds,
-    }
-
-
-def _on_fresh(scene: Scene, judged: JudgedDesign) -> dict[str, Any]:
-    """One design on fresh gears, in the unit that a reader sees."""
-    values, influence = shown(scene, judged.fresh), judged.influence
-    limited = {
-        limit.name: {
-            "most": limit.most,
-            "measure": measure_of(scene, column),
-            "share_above": float(np.mean(column > limit.most)),
-        }
-        for limit, column in zip(limits_of(scene), judged.limited.T, strict=True)
-    }
-    return {
-        "mean": float(values.mean()),
-        "quantile": float(np.quantile(values, scene["robust.share"])),
-        "largest": float(values.max()),
-        "without_deviations": float(shown(scene, np.asarray(judged.at_means))),
-        "influences": [
-            {"name": name, "low": float(low), "high": float(high)}
-            for name, low, high in zip(
-                influence.names,
-                shown(scene, influence.low),
-                shown(scene, influence.high),
-                strict=True,
-            )
-        ],
-    } | ({"limits": limited} if limited else {})
-
-
-# How far a tornado chart moves each quantity, as `optimise.moved_alone` does unless told.
-_REACH = 2.0
-
-
-def reach_of(
-    made: Hardened,
-) -> tuple[list[str], list[str], dict[str, tuple[float, np.ndarray, np.ndarray]]]:
-    """What a tornado chart draws: names, how far each is moved, and both designs' responses.
-
-    **Arguments:**
-
-    - `made`: from `hardened`.
-
-    **Returns:**
-
-    Names and reaches, the most influential first, and under `nominal` and `robust` the response
-    without deviations, and with each moved down and up.
-    """
-    scene = made.scatter.space.scene
-    given = {each.name: each for each in made.scatter.quantities}
-    ends, span = {}, dict.fromkeys(given, 0.0)
-    for design, judged in (("nominal", made.nominal), ("robust", made.robust)):
-        own = judged.influence
-        middle = float(shown(scene, np.asarray(own.nominal)))
-        low, high = shown(scene, own.low), shown(scene, own.high)
-        ends[design] = middle, dict(zip(own.names, zip(low, high, strict=True), strict=True))
-        for name, (less, more) in ends[design][1].items():
-            span[name] = max(span[name], abs(less - middle), abs(more - middle))
-    names = sorted(given, key=lambda name: -span[name])
-    reach = []
-    for name in names:
-        each = given[name]
-        far = min(_REACH, np.sqrt(3.0)) if each.even else _REACH
-        unit = _unit(made.scatter, name).replace("um", "µm")
-        reach.append(f"± {far * each.deviation:.3g} {unit}".rstrip())
-    drawn = {
-        design: (middle, *np.asarray([found[name] for name in names]).T)
-        for design, (middle, found) in ends.items()
-    }
-    return names, reach, drawn
-
-
-def _unit(scatter: Scatter, name: str) -> str:
-    """Unit of what scatters: that of its key, or um of a deviation of a tolerance class."""
-    return unit_of(name) if name in scatter.keys else "um"
-
-
-def without_effect(made: Hardened) -> list[str]:
-    """What scatters and changes the objective of neither design.
-
-    **Arguments:**
-
-    - `made`: from `hardened`.
-    """
-    acting = {
-        name
-        for each in (made.nominal.influence, made.robust.influence)
-        for name, does in zip(each.names, acts(each), strict=True)
-        if does
-    }
-    return [each.name for each in made.scatter.quantities if each.name not in acting]
-
-
-def robust_notes(made: Hardened) -> list[str]:
-    """What a user must hear of a robust optimum.
-
-    **Arguments:**
-
-    - `made`: from `hardened`.
-
-    **Returns:**
-
-    A sentence or two each.
-    """
-    scatter, found = made.scatter, _comparison(made)
-    if idle := without_effect(made):
-        found.append(f"[robust]: {', '.join(idle)} scattered without any effect on the objective.")
-    if scatter.tolerated and scatter.space.scene["mesh.periods"] == 1:
-        found.append(
-            "[robust]: one mesh period leaves out the pitch errors of robust.accuracy_grade. Make "
-            "mesh.periods 2 or more to let them scatter."
-        )
-    # Which variable each key follows.
-    owners = scatter.space.updates(jnp.arange(float(len(scatter.space.keys))))
-    for key in scatter.keys:
-        same = [k for k in owners if key in owners and owners[k] == owners[key]]
-        if still := [k for k in same if k not in scatter.keys]:
-            found.append(
-                f"[robust]: {key} scatters, {', '.join(still)} does not: what is tied is what is "
-                "aimed at, not the errors of two gears. Name both to let both scatter."
-            )
-    if made.found.converged is False:
-        words = f"The robust search did not converge: {made.found.reason}."
-        found.append(Doubtful(words))
-    return found
-
-
-def _comparison(made: Hardened) -> list[str]:
-    """That a robust optimum is not better than the nominal one on fresh gears, where it is not."""
-    scene = made.scatter.space.scene
-    before, after = (measure_of(scene, each.fresh) for each in (made.nominal, made.robust))
-    if after < before:
-        return []
-    what, unit = response_of(scene)
-    old, new = (float(shown(scene, np.asarray(value))) for value in (before, after))
-    mean_square = scene["robust.measure"] == "mean" and scene.get("optimise.minimise") in _SQUARED
-    over = "root mean square" if mean_square else scene["robust.measure"]
-    numbers = (
-        f"on {scene['robust.fresh_samples']} fresh gears the {over} of the {what} is {new:.4g} "
-        f"{unit}, that of the nominal optimum {old:.4g} {unit}"
-    )
-    broken = [
-        limit.name
-        for limit, column in zip(limits_of(scene), made.nominal.limited.T, strict=True)
-        if measure_of(scene, column) > limit.most
-    ]
-    if broken:
-        return [f"The robust optimum pays for its limits: {numbers}, beyond {', '.join(broken)}."]
-    return [
-        f"THE ROBUST OPTIMUM IS NOT BETTER: {numbers}. Keep the nominal one, or raise "
-        "robust.samples."
-    ]

@@ -28,7 +28,7 @@ from jaxgear.scene._build import flanks_of, model_of
 from jaxgear.scene._scatter_checks import scattered_key
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS, KEYS, general, show, split_entry
-from jaxgear.study._design import DesignSpace
+from jaxgear.study._design import AMOUNTS, DesignSpace
 from jaxgear.study._statics import torques_of
 
 _TORQUE = "pair.torque_pinion_Nm"
@@ -36,9 +36,6 @@ _INCLINATION = "pair.misalignment_inclination_um"
 _DEVIATION = "pair.misalignment_deviation_um"
 # They change no prepared mesh; flanks do not either.
 _ALIGNMENT = (_INCLINATION, _DEVIATION)
-
-# Amounts of material: a scatter may leave some standing where none was to be removed.
-_AMOUNTS = ("depth_um", "crowning_um", "profile_crowning_um", "elliptical_crowning_um")
 
 
 class Tolerated(NamedTuple):
@@ -236,7 +233,8 @@ def _require_range(scatter: Scatter, paths: dict[str, str]) -> None:
     for column, (key, path) in enumerate(paths.items()):
         rule = KEYS[general(split_entry(key)[0])]
         least, most = float(every[:, column].min()), float(every[:, column].max())
-        if key.startswith("flank.") and key.rpartition(".")[2] in _AMOUNTS:
+        if key.startswith("flank.") and key.rpartition(".")[2] in AMOUNTS:
+            # A scatter may leave some standing where none was to be removed.
             continue
         if key in ends[0]:
             low, high = (float(end[key]) for end in ends)

@@ -1,7 +1,9 @@
 """The search that [optimise] asks for: from one start or several, kept in a file against a kill."""
 
 import hashlib
+import importlib.metadata
 import json
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,17 +14,13 @@ import numpy as np
 
 import optimise
 from jaxgear._checks import InputError
-from jaxgear._cli._folder import Folder
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._solve._cycle import PreparedMesh
 from jaxgear._types import as_scalar
 from jaxgear._units import um
+from jaxgear._whole_file import as_json
 from jaxgear.scene._build import smooth_law_of
-from jaxgear.study._design import (
-    DesignSpace,
-    limits_of,
-    task_of,
-)
+from jaxgear.study._design import DesignSpace
 from jaxgear.study._evaluations import (
     objectives_at,
     penalised_at,
@@ -30,12 +28,22 @@ from jaxgear.study._evaluations import (
     sloped_residuals,
     sloped_responses,
 )
-from jaxgear.study._results import as_json
+from jaxgear.study._objectives import is_dynamic, limits_of, task_of
+from jaxgear.study._progress import narration, progress
 from jaxgear.study._running import timed
 from jaxgear.study._statics import SolverFailure
 
 # Points over the whole box of which the best are starts.
 _CANDIDATES = 64
+# A better point by this much of the objective found elsewhere is worth a second search.
+_CLEARLY_BETTER = 0.02
+# With responses at many speeds an evaluation takes a second, not a millisecond.
+_FEW_MEMBERS = {"population": 5, "most_generations": 10}
+
+TOO_FEW_SPEEDS = (
+    "fewer than half of the speeds of [sweep] have a response that has settled and is not close to "
+    "a fold. Raise the damping, or sweep other speeds."
+)
 
 
 class Search(NamedTuple):
@@ -58,14 +66,11 @@ class Search(NamedTuple):
     slopes: optimise.Sloped
     number: Callable[[np.ndarray], float]
     descend: Callable[[np.ndarray, optimise.Watcher], optimise.SearchResult]
-    limits: tuple[optimise.Limit, ...]
+    limits: tuple[optimise.Limit, ...] = ()
 
 
 def search_of(
-    space: DesignSpace,
-    grid: MeshGrid,
-    prepared: PreparedMesh | None,
-    file: Path | None = None,
+    space: DesignSpace, grid: MeshGrid, prepared: PreparedMesh | None, file: Path | None = None
 ) -> Search:
     """The search that a scene asks for.
 
@@ -85,33 +90,25 @@ def search_of(
     task = task_of(space, grid, law, prepared)
     sloped = lambda evaluate: optimise.Sloped(lambda x, width: timed(evaluate, task, x, width))
     many = optimise.Batched(lambda points: timed(objectives_at, task, points, law))
-    if not limits and scene["optimise.method"] != "least_squares":
+    squares = scene["optimise.method"] == "least_squares"
+    if not limits and not squares:
         return by_gradient(space, sloped(sloped_objective), many, file)
+    slopes = sloped(sloped_responses if limits else sloped_residuals)
     settings: Any = dict(most_evaluations=scene["optimise.max_evaluations"], file=file)
-    if limits:
-        slopes = sloped(sloped_responses)
+
+    def descend(start: np.ndarray, watch: optimise.Watcher) -> optimise.SearchResult:
         own = slopes.at(law.width)
-        most, scale = (np.asarray([getattr(each, k) for each in limits]) for k in ("most", "scale"))
-        return Search(
-            "slsqp",
-            optimise.Batched(lambda points: timed(penalised_at, task, points, law, most, scale)),
-            slopes,
-            lambda values: float(values[0]),
-            lambda start, watch: optimise.constrained(
-                own, limits, start, space.box, watch=watch, **settings
-            ),
-            limits,
-        )
-    slopes = sloped(sloped_residuals)
-    own = slopes.at(law.width)
-    return Search(
-        "least_squares",
-        many,
-        slopes,
-        lambda values: float(np.sum(values**2)),
-        lambda start, watch: optimise.least_squares(own, start, space.box, watch=watch, **settings),
-        (),
-    )
+        if limits:
+            return optimise.constrained(own, limits, start, space.box, watch=watch, **settings)
+        return optimise.least_squares(own, start, space.box, watch=watch, **settings)
+
+    if not limits:
+        number = lambda values: float(np.sum(values**2))
+        return Search("least_squares", many, slopes, number, descend)
+    most, scale = (np.asarray([getattr(each, k) for each in limits]) for k in ("most", "scale"))
+    penalised = lambda points: timed(penalised_at, task, points, law, most, scale)
+    first = lambda values: float(values[0])
+    return Search("slsqp", optimise.Batched(penalised), slopes, first, descend, limits)
 
 
 def by_gradient(
@@ -149,7 +146,7 @@ def by_gradient(
             )
         return method(slopes.at(width), start, space.box, watch=watch, **settings)
 
-    return Search(name, objective, slopes, float, descend, ())
+    return Search(name, objective, slopes, float, descend)
 
 
 def require_acting(search: Search, space: DesignSpace) -> None:
@@ -179,6 +176,138 @@ def require_acting(search: Search, space: DesignSpace) -> None:
         )
 
 
+class Searched(NamedTuple):
+    """What a search found.
+
+    **Fields:**
+
+    - `found`: the best by gradient.
+    - `baseline`: the best by differential evolution.
+    - `restarted`: whether the search went on from there.
+    - `seconds`: of the search by gradient, with compiling [s].
+    """
+
+    found: optimise.SearchResult
+    baseline: optimise.SearchResult
+    restarted: bool
+    seconds: float
+
+
+def searched(search: Search, space: DesignSpace) -> Searched:
+    """Search by gradient, then by differential evolution, and go on from there if it found more.
+
+    **Arguments:**
+
+    - `search`: of the scene.
+    - `space`: its variables.
+
+    **Raises:**
+
+    - `SolverFailure` if too few speeds have a response somewhere on the way.
+    """
+    dynamic, start = is_dynamic(space.scene), time.perf_counter()
+    try:
+        found = descent(search, space)
+    except FloatingPointError as error:
+        if not dynamic:
+            raise
+        raise SolverFailure(f"{error} {TOO_FEW_SPEEDS}") from error
+    seconds = time.perf_counter() - start
+    with narration("searching by differential evolution"):
+        few = _FEW_MEMBERS if dynamic else {}
+        baseline = optimise.differential_evolution(search.objective, space.box, **few)
+    found, restarted = unless_beaten(found, baseline.point, baseline.value, search, space)
+    return Searched(found, baseline, restarted, seconds)
+
+
+def descent(
+    search: Search, space: DesignSpace, start: np.ndarray | None = None
+) -> optimise.SearchResult:
+    """One search from a start, or from the scene's own values and as many more as it asks for.
+
+    **Arguments:**
+
+    - `search`: of the scene.
+    - `space`: its variables.
+    - `start`: from where, in the units of the keys.
+    """
+    scene, more = space.scene, 0 if start is not None else space.scene["optimise.starts"] - 1
+    most = scene["optimise.max_evaluations"] * (1 + more)
+    most *= 1 + len(scene.get("optimise.anneal_um", ()))
+    with progress(most, f"searching by {search.name}") as done:
+        watch = lambda point, value: done(1)
+        found = [search.descend(space.start if start is None else start, watch)]
+        if more > 0:
+            descend = lambda objective, start, box: search.descend(start, watch)
+            found += optimise.multi_start(
+                search.objective, space.box, search=descend, candidates=_CANDIDATES, starts=more
+            )
+    return _best_of(search, *found)
+
+
+def _best_of(search: Search, *found: optimise.SearchResult) -> optimise.SearchResult:
+    """The best of some searches, one within the limits before all others."""
+    best = min(found, key=lambda each: (bool(search.limits) and not each.converged, each.value))
+    return optimise.joined(best, *(each for each in found if each is not best))
+
+
+def unless_beaten(
+    found: optimise.SearchResult,
+    rival: np.ndarray,
+    value: float,
+    search: Search,
+    space: DesignSpace,
+) -> tuple[optimise.SearchResult, bool]:
+    """Search once more from a rival's point if its value is clearly better; says whether it was.
+
+    **Arguments:**
+
+    - `found`: so far.
+    - `rival`: point found otherwise, in the units of the keys.
+    - `value`: of the objective there, with what is beyond limits added.
+    - `search`: of the scene.
+    - `space`: its variables.
+    """
+    own = found.value
+    if search.limits:
+        # What is beyond a limit counts, as it does in the rival's value.
+        own = float(search.objective(found.point[None])[0])
+    if value >= (1.0 - _CLEARLY_BETTER) * own:
+        return found, False
+    return _best_of(search, descent(search, space, rival), found), True
+
+
+def record_file(
+    space: DesignSpace, memory: Path | None, name: str = "search", version: str | None = None
+) -> Path | None:
+    """Where the evaluations of a search are kept while it runs: another scene has another file.
+
+    So has another model, whose deviations are from a file that has changed since.
+
+    **Arguments:**
+
+    - `space`: variables of the scene, and its model.
+    - `memory`: the folder, or `None`: nothing is kept.
+    - `name`: what the file begins with.
+    - `version`: of the program; `None`: its own.
+    """
+    if memory is None:
+        return None
+    version = version or importlib.metadata.version("jaxgear")
+    text = json.dumps(as_json(dict(space.scene.values)), sort_keys=True)
+    content = hashlib.sha256(f"{version} {text}".encode())
+    for leaf in jax.tree.leaves(space.base):
+        content.update(np.asarray(leaf).tobytes())
+    return memory / f"{name}-{content.hexdigest()[:12]}.jsonl"
+
+
+def forget(file: Path | None) -> None:
+    """Remove the record of a search that has ended, and those of its widths."""
+    if file is not None:
+        for each in file.parent.glob(f"{file.stem}*{file.suffix}"):
+            each.unlink()
+
+
 # Widths, each half the one before, through which the bias of smooth contact is followed.
 _HALVINGS = 5
 
@@ -202,8 +331,7 @@ def smoothing_bias_of(search: Search, space: DesignSpace, point: np.ndarray) -> 
     """
     width, at = smooth_law_of(space.scene).width, jnp.asarray(point)
     value = lambda w: search.number(np.asarray(search.slopes(at, as_scalar(w))[0]))
-    values = [value(float(width) * 0.5**k) for k in range(_HALVINGS + 1)]
-    taken = np.abs(np.diff(values))
+    taken = np.abs(np.diff([value(float(width) * 0.5**k) for k in range(_HALVINGS + 1)]))
     return float(np.sum(taken) + taken[-1])
 
 
@@ -212,7 +340,7 @@ _WORTH_A_WORD = 0.05
 
 
 def smoothing_notes(width: float, bias: float, before: float, after: float) -> list[str]:
-    """What a user must hear of the width of smooth contact after a search.
+    """What a user must hear of the width of smooth contact after a search: a sentence, or none.
 
     **Arguments:**
 
@@ -220,10 +348,6 @@ def smoothing_notes(width: float, bias: float, before: float, after: float) -> l
     - `bias`: smooth less exact objective where the search ended, in its unit.
     - `before`: exact objective where it began.
     - `after`: exact objective where it ended.
-
-    **Returns:**
-
-    A sentence, or none.
     """
     if abs(bias) <= _WORTH_A_WORD * abs(before - after):
         return []
@@ -234,84 +358,20 @@ def smoothing_notes(width: float, bias: float, before: float, after: float) -> l
     ]
 
 
-def best_of_starts(
-    search: Search, space: DesignSpace, watch: optimise.Watcher
-) -> optimise.SearchResult:
-    """Search from the scene's own values, and from as many other starts as it asks for.
-
-    **Arguments:**
-
-    - `search`: of the scene.
-    - `space`: its variables.
-    - `watch`: called after each evaluation.
-
-    **Returns:**
-
-    The best, with the counts and the record of all.
-    """
-    found = [search.descend(space.start, watch)]
-    if (more := space.scene["optimise.starts"] - 1) > 0:
-        descend = lambda objective, start, box: search.descend(start, watch)
-        found += optimise.multi_start(
-            search.objective, space.box, search=descend, candidates=_CANDIDATES, starts=more
-        )
-    return best_of(search, *found)
-
-
-def best_of(search: Search, *found: optimise.SearchResult) -> optimise.SearchResult:
-    """The best of some searches, one within the limits before all others.
-
-    **Arguments:**
-
-    - `search`: of the scene.
-    - `found`: what it found from different starts.
-
-    **Returns:**
-
-    The best, with the counts and the record of all.
-    """
-    best = min(found, key=lambda each: (bool(search.limits) and not each.converged, each.value))
-    return optimise.joined(best, *(each for each in found if each is not best))
-
-
-def record_file(space: DesignSpace, folder: Folder, version: str, name: str = "search") -> Path:
-    """Where the evaluations of a search are kept while it runs: another scene has another file.
-
-    So has another model, whose deviations are from a file that has changed since.
-    """
-    told = json.dumps(as_json(dict(space.scene.values)), sort_keys=True)
-    content = hashlib.sha256(f"{version} {told}".encode())
-    for leaf in jax.tree.leaves(space.base):
-        content.update(np.asarray(leaf).tobytes())
-    return folder.kept(f"{name}-{content.hexdigest()[:12]}.jsonl")
-
-
 # A limit is kept to a thousandth.
 _ABOUT = 1.0 + 1e-3
 
 
 def limits_summary(
-    search: Search,
-    responses: Callable[[np.ndarray], np.ndarray],
-    smoothly: Callable[[np.ndarray], np.ndarray],
-    point: np.ndarray,
+    limits: tuple[optimise.Limit, ...], exact: np.ndarray, smooth: np.ndarray
 ) -> list[dict[str, Any]]:
-    """Part of the summary: each limit, and the response with exact contact where a search ended.
+    """Part of the summary: each limit, and the response where a search ended, a row for each.
 
     **Arguments:**
 
-    - `search`: with its limits.
-    - `responses`: with exact contact; the objective first.
-    - `smoothly`: the same with the smooth contact of the search.
-    - `point`: where the search ended.
-
-    **Returns:**
-
-    One row for each limit.
+    - `limits`: of the search.
+    - `exact`, `smooth`: responses with exact contact and with that of the search.
     """
-    if not search.limits:
-        return []
-    found, smooth = np.asarray(responses(point))[1:], np.asarray(smoothly(point))[1:]
     return [
         {
             "name": limit.name,
@@ -320,20 +380,16 @@ def limits_summary(
             "found_smooth": float(searched),
             "kept": bool(value <= limit.most * _ABOUT),
         }
-        for limit, value, searched in zip(search.limits, found, smooth, strict=True)
+        for limit, value, searched in zip(limits, exact, smooth, strict=True)
     ]
 
 
 def limits_notes(rows: list[dict[str, Any]]) -> list[str]:
-    """Where smooth and exact contact disagree on whether a limit is kept.
+    """Where smooth and exact contact disagree on whether a limit is kept; none where both agree.
 
     **Arguments:**
 
     - `rows`: of `limits_summary`.
-
-    **Returns:**
-
-    Sentences; none where both agree.
     """
     odd = [row for row in rows if row["kept"] != (row["found_smooth"] <= row["most"] * _ABOUT)]
     return [

@@ -20,7 +20,7 @@ from jaxgear._response._transmission import cycle_mean
 from jaxgear._solve._cycle import mesh_cycle
 from jaxgear._types import Flags, Reals
 from jaxgear._units import um
-from jaxgear.plot._tables import Columns
+from jaxgear.plot._picture import Columns
 from jaxgear.scene._build import grid_of, law_of, model_of
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import split_entry

@@ -4,16 +4,16 @@ Contact is exact. What the amounts leave alone, stiffness and structure, is comp
 torque.
 """
 
-import dataclasses
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import xarray as xr
 
 import optimise
 from jaxgear._checks import InputError
@@ -33,17 +33,20 @@ from jaxgear._types import Reals
 from jaxgear._units import MPa, um
 from jaxgear.scene._build import flanks_of, model_of
 from jaxgear.scene._scene import Scene
+from jaxgear.scene._schema import KEYS, general
 from jaxgear.study._design import refuse_twins, twin
+from jaxgear.study._results import Entry, dataset_of
 from jaxgear.study._running import timed
 from jaxgear.study._statics import SolverFailure, torques_of
 
-RESPONSES = (
-    "te_peak_to_peak_um",
-    "te_rms_um",
-    "te_mean_um",
-    "max_pressure_MPa",
-    "face_load_factor",
-)
+# What each combination is judged by, at every torque.
+RESPONSES = {
+    "te_peak_to_peak_um": ("um", "peak to peak of the transmission error"),
+    "te_rms_um": ("um", "RMS of the transmission error about its mean"),
+    "te_mean_um": ("um", "mean transmission error"),
+    "max_pressure_MPa": ("MPa", "Hertzian pressure"),
+    "face_load_factor": ("1", "face load factor"),
+}
 
 _AMOUNTS = "sizing.amounts."
 _MOST = 100_000
@@ -52,40 +55,6 @@ _TOP = 10
 _CHUNK, _BATCH = 64, 8
 # Ranges of the transmission error closer than this are equal, and the pressure decides [um].
 _EQUAL = 1e-3
-
-
-@dataclasses.dataclass(frozen=True)
-class SizingTable:
-    """Every combination of amounts, from the best to the worst.
-
-    The first is the one whose largest peak-to-peak of the transmission error over the torques is
-    least; where two are the same to the nanometre the largest pressure decides. Combinations that
-    were not solved are last, with NaN.
-
-    **Fields:**
-
-    - `keys`: dotted path of each amount, with its unit.
-    - `torques`: on the pinion [N m].
-    - `amounts`: rows combinations, columns keys, in the units of the keys.
-    - `responses`: under the names of `RESPONSES`, rows combinations, columns torques, in the unit
-        of the name.
-    - `pressure_rank`: of each combination, by its largest pressure over the torques; from 1.
-    """
-
-    keys: tuple[str, ...]
-    torques: np.ndarray
-    amounts: np.ndarray
-    responses: dict[str, np.ndarray]
-    pressure_rank: np.ndarray
-
-    def worst(self, response: str) -> np.ndarray:
-        """Largest value over the torques, for each combination.
-
-        **Arguments:**
-
-        - `response`: one of `RESPONSES`.
-        """
-        return np.max(self.responses[response], axis=1)
 
 
 def combinations_of(scene: Scene) -> tuple[tuple[str, ...], np.ndarray]:
@@ -124,8 +93,12 @@ def combinations_of(scene: Scene) -> tuple[tuple[str, ...], np.ndarray]:
     return keys, np.asarray(list(itertools.product(*lists)))
 
 
-def sizing_table(scene: Scene, grid: MeshGrid, done: Callable[[int], None]) -> SizingTable:
-    """Evaluate every combination at every torque.
+def sizing_table(scene: Scene, grid: MeshGrid, done: Callable[[int], None]) -> xr.Dataset:
+    """Evaluate every combination at every torque, and rank them.
+
+    The first is the one whose largest peak-to-peak of the transmission error over the torques is
+    least; where two are the same to the nanometre the largest pressure decides. Combinations that
+    were not solved are last, with NaN.
 
     **Arguments:**
 
@@ -135,7 +108,7 @@ def sizing_table(scene: Scene, grid: MeshGrid, done: Callable[[int], None]) -> S
 
     **Returns:**
 
-    The table.
+    A dataset over combination, from the best to the worst, and torque.
 
     **Raises:**
 
@@ -172,7 +145,8 @@ def sizing_table(scene: Scene, grid: MeshGrid, done: Callable[[int], None]) -> S
     values = np.concatenate(found)[: len(amounts)]
     if not np.isfinite(values).all(axis=(1, 2)).any():
         raise SolverFailure("the contact was solved for no combination of [sizing.amounts]")
-    return _ranked(keys, torques, amounts, values)
+    columns = zip(keys, amounts.T, strict=True)
+    return ranked({key: _amount(scene, key, each) for key, each in columns}, torques, values)
 
 
 def _judge(model: PairModel, flanks: Any, mesh: PreparedMesh, torque: Reals) -> Reals:
@@ -193,62 +167,81 @@ def _judge(model: PairModel, flanks: Any, mesh: PreparedMesh, torque: Reals) -> 
     return jnp.where(jnp.all(cycle.converged), found, jnp.nan)
 
 
-def _ranked(
-    keys: tuple[str, ...], torques: np.ndarray, amounts: np.ndarray, values: np.ndarray
-) -> SizingTable:
-    """Sort the combinations; `values` has the axes combination, torque, response."""
+def _amount(scene: Scene, key: str, values: np.ndarray) -> Entry:
+    """The values of a key of a flank."""
+    _, gear, name = key.split(".", 2)
+    unit = KEYS[general(key)].unit
+    whose = "both" if scene["sizing.symmetric"] else gear
+    return Entry(("combination",), values, "1" if unit == "-" else unit, f"{whose}: {name}")
+
+
+def ranked(amounts: Mapping[str, Entry], torques: np.ndarray, values: np.ndarray) -> xr.Dataset:
+    """Sort combinations, the best first.
+
+    **Arguments:**
+
+    - `amounts`: values of each key over the combinations.
+    - `torques`: on the pinion [N m].
+    - `values`: under the names of `RESPONSES`, shape `[combination, torque, response]`; NaN of
+        those that were not solved.
+
+    **Returns:**
+
+    A dataset over combination and torque.
+    """
     columns = dict(zip(RESPONSES, np.moveaxis(values, 2, 0), strict=True))
     unsolved = ~np.isfinite(values).all(axis=(1, 2))
-    error, pressure = (
-        np.where(unsolved, np.inf, np.max(columns[name], axis=1))
+    worst = {
+        name: np.where(unsolved, np.inf, np.max(columns[name], axis=1))
         for name in ("te_peak_to_peak_um", "max_pressure_MPa")
-    )
+    }
+    error, pressure = worst.values()
     rounded = np.where(unsolved, np.inf, np.round(error / _EQUAL))
     order = np.lexsort((error, pressure, rounded))
     pressure_rank = np.empty(len(order), dtype=int)
     pressure_rank[np.argsort(pressure, kind="stable")] = np.arange(1, len(order) + 1)
-    return SizingTable(
-        keys=keys,
-        torques=torques,
-        amounts=amounts[order],
-        responses={name: column[order] for name, column in columns.items()},
-        pressure_rank=pressure_rank[order],
-    )
-
-
-def sizing_columns(table: SizingTable) -> dict[str, np.ndarray]:
-    """The whole table as columns: one row for each combination and torque, the best first."""
-    count, torques = table.responses["te_mean_um"].shape
-    each = lambda values: np.repeat(values, torques)
-    return (
-        {"rank": each(np.arange(1, count + 1)), "rank_by_pressure": each(table.pressure_rank)}
-        | {key: each(table.amounts[:, index]) for index, key in enumerate(table.keys)}
-        | {"torque_pinion_Nm": np.tile(table.torques, count)}
-        | {name: values.ravel() for name, values in table.responses.items()}
-        | {
-            f"worst_{name}": each(table.worst(name))
-            for name in ("te_peak_to_peak_um", "max_pressure_MPa")
+    of_both, of_one = ("combination", "torque"), ("combination",)
+    return dataset_of(
+        {
+            "rank": Entry(of_one, np.arange(1, len(order) + 1), "1", "rank by the error"),
+            "rank_by_pressure": Entry(of_one, pressure_rank[order], "1", "rank by the pressure"),
         }
+        | {
+            key: entry._replace(values=np.asarray(entry.values)[order])
+            for key, entry in amounts.items()
+        }
+        | {name: Entry(of_both, columns[name][order], *rest) for name, rest in RESPONSES.items()}
+        | {
+            f"worst_{name}": Entry(
+                of_one,
+                np.max(columns[name], axis=1)[order],
+                unit,
+                f"largest {words} of all torques",
+            )
+            for name, (unit, words) in RESPONSES.items()
+        },
+        amount=Entry(("amount",), list(amounts), "1", "key that is varied"),
+        torque_pinion_Nm=Entry(("torque",), torques, "N m", "torque on the pinion"),
     )
 
 
-def sizing_summary(scene: Scene, table: SizingTable) -> dict[str, Any]:
+def sizing_summary(scene: Scene, table: xr.Dataset) -> dict[str, Any]:
     """The `sizing` part of the summary: what was tried, and the best of it."""
-    worst = {name: table.worst(name) for name in RESPONSES}
+    number = lambda name, row: float(table[name].values[row])
     top = [
         {
             "rank": row + 1,
-            "rank_by_pressure": int(table.pressure_rank[row]),
-            "amounts": dict(zip(table.keys, table.amounts[row].tolist(), strict=True)),
-            **{f"worst_{name}": float(values[row]) for name, values in worst.items()},
+            "rank_by_pressure": int(table["rank_by_pressure"].values[row]),
+            "amounts": {key: number(key, row) for key in table["amount"].values.tolist()},
+            **{f"worst_{name}": number(f"worst_{name}", row) for name in RESPONSES},
         }
-        for row in range(min(_TOP, len(table.amounts)))
+        for row in range(min(_TOP, table.sizes["combination"]))
     ]
     return {
-        "combinations": len(table.amounts),
-        "torques_Nm": table.torques,
+        "combinations": table.sizes["combination"],
+        "torques_Nm": table["torque_pinion_Nm"].values,
         "symmetric": scene["sizing.symmetric"],
-        "unsolved": int(np.isnan(worst["te_mean_um"]).sum()),
+        "unsolved": int(np.isnan(table["worst_te_mean_um"].values).sum()),
         "best": top[0],
         "top": top,
     }

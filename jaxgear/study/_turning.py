@@ -1,10 +1,10 @@
-"""Modes of pairs with condensed bodies, for files and pictures: waves, speeds, critical speeds.
+"""Modes of pairs with condensed bodies: waves, modes over speed, critical speeds, gears alone.
 
-From the library's arrays in SI to datasets and tables in the units of files.
+From the library's arrays in SI to datasets in the units of files.
 """
 
-import math
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -24,13 +24,12 @@ from jaxgear._dynamics._system import PairDynamics
 from jaxgear._dynamics._wave_content import WaveContent, wave_content
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
+from jaxgear.study._result import Summary
 from jaxgear.study._results import Entry
-
-Summary = dict[str, Any]
 
 # Speeds at which the modes are found; between them they are followed.
 _SPEEDS = 61
-DIRECTIONS = {1: "forward", -1: "backward", 0: "none", 2: "both"}
+_DIRECTIONS = {1: "forward", -1: "backward", 0: "none", 2: "both"}
 
 
 class BodyWaves(NamedTuple):
@@ -53,7 +52,7 @@ class BodyWaves(NamedTuple):
 
 
 def body_waves(
-    scene: Scene, pair: PairDynamics, modes: Modes, highest: float, count: int, harmonics: int
+    scene: Scene, pair: PairDynamics, modes: Modes, highest: float, count: int
 ) -> BodyWaves:
     """Find the waves of a scene's modes, and follow them over speed.
 
@@ -64,7 +63,6 @@ def body_waves(
     - `modes`: at rest.
     - `highest`: speed of the pinion [rad/s].
     - `count`: number of modes.
-    - `harmonics`: of the mesh.
 
     **Returns:**
 
@@ -80,7 +78,7 @@ def body_waves(
     return BodyWaves(
         content=wave_content(pair, np.asarray(modes.shape)[:, :count], both),
         turning=turning,
-        critical=critical_crossings(turning, tuple(range(1, harmonics + 1))),
+        critical=critical_crossings(turning, tuple(range(1, scene["modes.harmonics"] + 1))),
         alone={GEARS[body.index]: modes_alone(pair, modes, body.index) for body in pair.bodies},
         frequency=np.asarray(modes.frequency),
     )
@@ -138,19 +136,16 @@ def _natural(pair: PairDynamics) -> np.ndarray:
 # --- Datasets
 
 
-def wave_variables(waves: BodyWaves) -> dict[str, xr.Variable]:
-    """Nodal diameters of the modes at rest, over mode."""
+def wave_entries(waves: BodyWaves) -> Mapping[str, xr.Variable]:
+    """Leading waves of the modes at rest, over mode."""
     content = waves.content
-    entries = {
-        "gear": Entry(
-            ("mode",), [GEARS[i] for i in content.gear], "", "gear with the leading wave"
-        ),
-        "nodal_diameter": Entry(("mode",), content.diameters, "1", "of the leading wave"),
-        "wave_share": Entry(
-            ("mode",), content.share, "1", "share of the leading wave in the kinetic energy"
-        ),
+    gears = [GEARS[i] for i in content.gear]
+    rows = {
+        "gear": (gears, "", "gear with the leading wave"),
+        "nodal_diameter": (content.diameters, "1", "of the leading wave"),
+        "wave_share": (content.share, "1", "share of the leading wave in the kinetic energy"),
     }
-    return {name: entry.variable() for name, entry in entries.items()}
+    return {name: Entry(("mode",), *row).variable() for name, row in rows.items()}
 
 
 def turning_dataset(waves: BodyWaves, harmonics: int) -> xr.Dataset:
@@ -159,14 +154,14 @@ def turning_dataset(waves: BodyWaves, harmonics: int) -> xr.Dataset:
     **Arguments:**
 
     - `waves`: of the modes.
-    - `harmonics`: of the mesh.
+    - `harmonics`: of the mesh, that pictures show.
 
     **Returns:**
 
     A dataset over speed and mode.
     """
     turning = waves.turning
-    entries = {
+    rows = {
         "frequency_Hz": (turning.space, "Hz", "natural frequency seen from space"),
         "frequency_body_Hz": (turning.body, "Hz", "natural frequency on the leading gear"),
         "gear": (turning.gear, "", "gear with the leading wave: 0 pinion, 1 wheel"),
@@ -180,68 +175,106 @@ def turning_dataset(waves: BodyWaves, harmonics: int) -> xr.Dataset:
         "mesh_energy": (turning.mesh, "1", "share of the mesh in the strain energy"),
         "likeness": (turning.likeness, "1", "squared overlap with the mode at the speed before"),
     }
+    entries = {name: Entry(("speed", "mode"), *row) for name, row in rows.items()}
+    entries["speed"] = Entry(("speed",), turning.speeds, "rad/s", "pinion speed")
+    number = np.arange(1, turning.space.shape[1] + 1)
+    entries["mode"] = Entry(("mode",), number, "1", "number of the mode")
+    teeth = dict(zip(("teeth_pinion", "teeth_wheel"), turning.teeth, strict=True))
     return xr.Dataset(
-        {
-            name: Entry(("speed", "mode"), values, unit, words).variable()
-            for name, (values, unit, words) in entries.items()
-        },
-        {"speed": ("speed", turning.speeds, {"units": "rad/s", "long_name": "pinion speed"})},
-        {
-            "teeth_pinion": turning.teeth[0],
-            "teeth_wheel": turning.teeth[1],
-            "harmonics": harmonics,
-        },
+        {name: entry.variable() for name, entry in entries.items()},
+        attrs={**teeth, "harmonics": harmonics},
     )
+
+
+def critical_dataset(waves: BodyWaves) -> xr.Dataset:
+    """Speeds at which a harmonic of the mesh meets a mode.
+
+    **Arguments:**
+
+    - `waves`: of the modes.
+
+    **Returns:**
+
+    A dataset over crossings. On a gear whose leading wave the mode is not, it has no frequency.
+    """
+    rows, turning = waves.critical, waves.turning
+    of = lambda name: np.array([getattr(each, name) for each in rows])
+    speed, gear, body = of("speed"), np.array([each.gear for each in rows], int), of("body")
+    own = np.asarray(turning.ratio)[gear] * speed
+    columns = {
+        "pinion_speed_rad_s": (speed, "rad/s", "critical speed of the pinion"),
+        "wheel_speed_rad_s": (float(turning.ratio[1]) * speed, "rad/s", "that of the wheel"),
+        "harmonic": (of("harmonic"), "1", "of the mesh frequency"),
+        "mode": (np.array([each.mode + 1 for each in rows], int), "1", "number of the mode"),
+        "gear": ([GEARS[i] for i in gear], "", "gear with the leading wave"),
+        "nodal_diameter": (of("diameters"), "1", "of the leading wave"),
+        "direction": (
+            [_DIRECTIONS[each.direction] for each in rows],
+            "",
+            "in which that wave runs on the gear",
+        ),
+        "frequency_space_Hz": (of("space"), "Hz", "natural frequency seen from space"),
+        "frequency_body_Hz": (body, "Hz", "natural frequency on that gear"),
+        "order_on_body": (2.0 * np.pi * body / own, "1", "order of that gear's rotation"),
+        "mesh_energy": (of("mesh"), "1", "share of the mesh in the strain energy"),
+    }
+    return xr.Dataset(
+        {name: Entry(("crossing",), *row).variable() for name, row in columns.items()}
+    )
+
+
+def alone_dataset(waves: BodyWaves, gear: str) -> xr.Dataset:
+    """Modes of one gear alone and in mesh, as far as the modes in mesh are shown.
+
+    **Arguments:**
+
+    - `waves`: of the modes.
+    - `gear`: `pinion` or `wheel`.
+
+    **Returns:**
+
+    A dataset over the modes of the gear alone.
+    """
+    alone = waves.alone[gear]
+    shown = alone.frequency <= float(waves.frequency[waves.content.gear.size - 1])
+    mesh = alone.in_mesh[shown]
+    columns = {
+        "nodal_diameter": (alone.diameters[shown], "1", "of the mode"),
+        "frequency_alone_Hz": (alone.frequency[shown], "Hz", f"of the {gear} on its bearings"),
+        "frequency_in_mesh_Hz": (waves.frequency[mesh], "Hz", "of the mode in mesh most like it"),
+        "mode_in_mesh": (mesh + 1, "1", "number of that mode"),
+        "likeness": (alone.likeness[shown], "1", "squared overlap of both"),
+    }
+    return xr.Dataset({name: Entry(("alone",), *row).variable() for name, row in columns.items()})
 
 
 # --- Summary
 
 
-def waves_summary(waves: BodyWaves) -> Summary:
-    """What the `modes` part of the summary has of condensed bodies."""
-    content, most = waves.content, float(waves.frequency[waves.content.gear.size - 1])
+def waves_summary(
+    waves: BodyWaves, critical: xr.Dataset, alone: Mapping[str, xr.Dataset]
+) -> Summary:
+    """What the `modes` part of the summary has of condensed bodies.
+
+    **Arguments:**
+
+    - `waves`: of the modes.
+    - `critical`: from `critical_dataset`.
+    - `alone`: from `alone_dataset`, by gear.
+    """
+    rows = []
+    for place in range(critical.sizes["crossing"]):
+        row = {str(name): each.values[place].item() for name, each in critical.items()}
+        nowhere = {name: None for name in ("frequency_body_Hz", "order_on_body")}
+        rows.append(row | ({} if np.isfinite(row["frequency_body_Hz"]) else nowhere))
+    content = waves.content
     return {
         "gear": [GEARS[i] for i in content.gear],
         "nodal_diameter": content.diameters,
         "wave_share": content.share,
-        "critical": [_critical_row(waves.turning, each) for each in waves.critical],
+        "critical": rows,
         "alone": [
-            {"gear": gear} | _alone_columns(waves, alone, most)
-            for gear, alone in waves.alone.items()
+            {"gear": gear} | {str(name): values.values for name, values in each.items()}
+            for gear, each in alone.items()
         ],
-    }
-
-
-def _critical_row(turning: TurningModes, each: CriticalSpeed) -> Summary:
-    on_gear = math.isfinite(each.body)
-    speed = float(turning.ratio[each.gear]) * each.speed
-    return {
-        "pinion_speed_rad_s": each.speed,
-        "wheel_speed_rad_s": float(turning.ratio[1]) * each.speed,
-        "harmonic": each.harmonic,
-        "mode": each.mode + 1,
-        "gear": GEARS[each.gear],
-        "nodal_diameter": each.diameters,
-        "direction": DIRECTIONS[each.direction],
-        "frequency_space_Hz": each.space,
-        "frequency_body_Hz": each.body if on_gear else None,
-        "order_on_body": 2.0 * math.pi * each.body / speed if on_gear else None,
-        "mesh_energy": each.mesh,
-    }
-
-
-def alone_rows(waves: BodyWaves, gear: str) -> dict[str, np.ndarray]:
-    """Modes of one gear alone and in mesh, as far as the modes in mesh are shown."""
-    most = float(waves.frequency[waves.content.gear.size - 1])
-    return _alone_columns(waves, waves.alone[gear], most)
-
-
-def _alone_columns(waves: BodyWaves, alone: AloneModes, most: float) -> dict[str, np.ndarray]:
-    shown = alone.frequency <= most
-    return {
-        "nodal_diameter": alone.diameters[shown],
-        "frequency_alone_Hz": alone.frequency[shown],
-        "frequency_in_mesh_Hz": waves.frequency[alone.in_mesh[shown]],
-        "mode_in_mesh": alone.in_mesh[shown] + 1,
-        "likeness": alone.likeness[shown],
     }

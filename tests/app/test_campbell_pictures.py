@@ -13,7 +13,7 @@ from jaxgear._dynamics._wave_content import WaveContent
 from jaxgear.plot import _campbell_pictures as pictures
 from jaxgear.plot import _campbell_tables as tables
 from jaxgear.scene._scene import read_scene
-from jaxgear.study._dynamics import modes_shown
+from jaxgear.study._modes import modes_shown
 from jaxgear.study._turning import (
     BodyWaves,
     alone_rows,

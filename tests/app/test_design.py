@@ -12,14 +12,13 @@ import pytest
 
 import optimise
 from jaxgear._checks import InputError
-from jaxgear._cli._folder import Folder
 from jaxgear._interface._laws import ExactContact
-from jaxgear.scene._build import grid_of
+from jaxgear.scene._build import grid_of, model_of
 from jaxgear.scene._scene import ready_scene
-from jaxgear.study._design import design_space, objective_of, task_of, twin
+from jaxgear.study._design import design_space, twin
 from jaxgear.study._evaluations import objective_at
-from jaxgear.study._optimising import unless_beaten
-from jaxgear.study._search import Search, record_file, smoothing_notes
+from jaxgear.study._objectives import objective_unit, task_of
+from jaxgear.study._search import Search, record_file, smoothing_notes, unless_beaten
 
 _RELIEF = "flank.pinion.tip_relief.depth_um"
 _COARSE = ("mesh.phases=8", "mesh.slices=4", "mesh.stiffness=iso6336")
@@ -27,7 +26,8 @@ _COARSE = ("mesh.phases=8", "mesh.slices=4", "mesh.stiffness=iso6336")
 
 def _space(keys, *settings, symmetric=False):
     scene = ready_scene("accessory", (*_COARSE, *settings))
-    return design_space(scene, tuple(keys), symmetric=symmetric, deflection=10.0)
+    base = model_of(scene)
+    return design_space(scene, base, tuple(keys), symmetric=symmetric, deflection=10.0)
 
 
 @pytest.mark.parametrize(
@@ -137,9 +137,10 @@ def test_a_map_of_two_reliefs_knows_no_ties():
     tie = f'optimise.ties."{twin(_RELIEF)}"="{_RELIEF}"'
     scene = ready_scene("accessory", (*_COARSE, tie, "optimise.symmetric=false"))
     options: Any = dict(symmetric=True, deflection=10.0)
-    assert design_space(scene, (_RELIEF,), **options, tied=False).ties == ()
+    base = model_of(scene)
+    assert design_space(scene, base, (_RELIEF,), **options, tied=False).ties == ()
     with pytest.raises(InputError, match="names both of"):
-        design_space(scene, (_RELIEF,), **options)
+        design_space(scene, base, (_RELIEF,), **options)
 
 
 def test_a_search_that_keeps_no_limit_goes_on_from_a_rival_that_does():
@@ -199,13 +200,14 @@ def test_a_bias_is_worth_a_word_if_it_is_a_part_of_the_gain():
 def test_the_record_of_a_search_is_that_of_its_model(tmp_path):
     """A file of measured flanks may change, and the scene's text with it does not."""
     space = _space([_RELIEF])
-    file = record_file(space, Folder(tmp_path), "1")
-    assert file == record_file(_space([_RELIEF]), Folder(tmp_path), "1")
+    file = record_file(space, tmp_path, version="1")
+    assert file == record_file(_space([_RELIEF]), tmp_path, version="1")
+    assert record_file(space, None) is None
     changed = eqx.tree_at(lambda x: x.base.flanks.pinion.parts[3].depth, space, jnp.asarray(1e-6))
     others = [
-        record_file(changed, Folder(tmp_path), "1"),
-        record_file(space, Folder(tmp_path), "2"),
-        record_file(_space([_RELIEF], "pair.torque_pinion_Nm=81.0"), Folder(tmp_path), "1"),
+        record_file(changed, tmp_path, version="1"),
+        record_file(space, tmp_path, version="2"),
+        record_file(_space([_RELIEF], "pair.torque_pinion_Nm=81.0"), tmp_path, version="1"),
     ]
     assert len({file, *others}) == 4
 
@@ -225,7 +227,7 @@ def test_face_load_factor_follows_bearings_and_sections():
         'optimise.bounds."pinion.shaft.segments[0].outer_mm"=[20.0, 40.0]',
         'optimise.bounds."wheel.shaft.bearings[0].radial_N_m"=[1e8, 2e9]',
     )
-    assert objective_of(space.scene)[1] == "-"
+    assert objective_unit(space.scene) == "-"
     grid = grid_of(space.scene, space.base)
     task = task_of(space, grid, ExactContact(), None)
     function = jax.jit(lambda x: objective_at(task, x, ExactContact()))

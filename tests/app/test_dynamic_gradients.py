@@ -12,9 +12,10 @@ from jaxgear._cli._main import main
 from jaxgear._interface._laws import ExactContact
 from jaxgear.scene._scene import SceneError, read_scene, ready_scene
 from jaxgear.study import _gradients
-from jaxgear.study._design import left_out, require_swept
 from jaxgear.study._gradients import GradientRow, SteadyPoint, dynamic_table
 from jaxgear.study._notes import left_out_notes, steady_notes
+from jaxgear.study._optimising import left_out
+from jaxgear.study._search_checks import require_swept
 
 # A spur pair that only turns, on teeth that compile fast.
 _TURNING = """\

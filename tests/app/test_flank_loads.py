@@ -5,11 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 import xarray as xr
+from jaxgear.study._flank_loads import loads_over_speeds, tooth_places
 
+from jaxgear._response._flank_loads import FlankLoads
 from jaxgear._units import MPa, deg, mm
 from jaxgear.plot import _flank_pictures as pictures
 from jaxgear.plot import _flank_tables as tables
-from jaxgear.study._flank_loads import FlankLoads, loads_over_speeds, loads_summary, tooth_places
+from jaxgear.study._flank_dataset import loads_summary
 from jaxgear.study._hybrid_dataset import HolePlaces
 
 PERIODS, PHASES, SLICES, RATIO = 4, 10, 3, 1.6

@@ -14,9 +14,9 @@ import pytest
 from jaxgear import _cli
 from jaxgear._cli._folder import Folder, begun, publish, written
 from jaxgear._cli._main import main
-from jaxgear._cli._writing import finish
+from jaxgear._cli._writing import written as write_result
 from jaxgear.scene._scene import read_scene
-from jaxgear.study._optimising import _rewritten
+from jaxgear.study._result import Result, Summary
 from jaxgear.study._statics import SolverFailure
 
 
@@ -193,10 +193,13 @@ def test_scenes_in_a_results_folder_find_their_files(accessory, tmp_path):
         Path(accessory).write_text(text.replace("[flank.pinion]", named))
         scene, folder = read_scene(accessory), Folder(Path("results/accessory/optimise"))
         folder.path.mkdir(parents=True, exist_ok=True)
-        finish(scene, folder, {})
-        (folder / "improved.toml").write_text(_rewritten(scene, folder, {}))
-        for name in ("scene.toml", "improved.toml"):
+        depth = "flank.pinion.tip_relief.depth_um"
+        found: Summary = {"found": {"scene": "better.toml"}}
+        summary = write_result(Result(scene, found, scenes={"better.toml": {depth: 9.0}}), folder)
+        assert summary["found"]["scene"] == str(folder.path / "better.toml")
+        assert read_scene(folder / "better.toml")[depth] == 9.0
+        for name in ("scene.toml", "better.toml"):
             there = read_scene(folder / name)
             assert there["flank.pinion.profile_deviation_csv"] == seen
             assert (there.path.parent / seen).samefile(table)
-        assert json.loads((folder / "summary.json").read_text())["cost"]
+        assert json.loads((folder / "summary.json").read_text()) == summary

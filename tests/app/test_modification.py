@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from helpers import assert_close
+from jaxgear.plot._modification_tables import modification_columns
+from jaxgear.plot._sliding_tables import sliding_columns
 
 import jaxgear as jg
 from jaxgear import deg, mm, um
 from jaxgear.plot._modification_pictures import modification
-from jaxgear.plot._modification_tables import modification_columns
-from jaxgear.plot._sliding_tables import sliding_columns
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,8 @@ import matplotlib
 import matplotlib.image
 import numpy as np
 import pytest
+from jaxgear.plot._modification_tables import modification_columns
+from jaxgear.plot._sliding_tables import sliding_columns
 from matplotlib.figure import Figure
 from matplotlib.path import Path as Polygon
 from matplotlib.text import Annotation
@@ -19,12 +21,13 @@ from jaxgear._cli._folder import Folder
 from jaxgear._cli._saving import save
 from jaxgear._system._shaft import node_heights
 from jaxgear.plot import _pictures as pictures
+from jaxgear.plot import _search_pictures as search_pictures
+from jaxgear.plot import _search_tables as search_tables
 from jaxgear.plot import _tables as tables
+from jaxgear.plot._cycle import cycle_statistics
 from jaxgear.plot._modification_pictures import modification
-from jaxgear.plot._modification_tables import modification_columns
 from jaxgear.plot._sliding_pictures import sliding
-from jaxgear.plot._sliding_tables import sliding_columns
-from jaxgear.study._results import cycle_statistics, static_dataset
+from jaxgear.study._results import static_dataset
 
 _UNIT = re.compile(r".+ \[[^\]]+\]$")
 
@@ -178,23 +181,23 @@ def _all_pictures(datasets, cycles):
         yield f"sizing {name}", pictures.sizing(labels, amounts, _TORQUES, size, size, name), {}
     yield (
         "smoothing_bias",
-        pictures.smoothing_bias(_WIDTH, _BIAS, -_BIAS, 0.8, "bias", **gradient),
-        tables.smoothing_bias_columns(_WIDTH, _BIAS, -_BIAS, **gradient),
+        search_pictures.smoothing_bias(_WIDTH, _BIAS, -_BIAS, 0.8, "bias", **gradient),
+        search_tables.smoothing_bias_columns(_WIDTH, _BIAS, -_BIAS, **gradient),
     )
     yield (
         "master_curve",
-        pictures.master_curve(chart, valley, closed, path, "map"),
-        tables.master_curve_columns(chart),
+        search_pictures.master_curve(chart, valley, closed, path, "map"),
+        search_tables.master_curve_columns(chart),
     )
     yield (
         "search_trace",
-        pictures.search_trace(_SEARCHES, "µm²", "searches"),
-        tables.search_trace_columns(_SEARCHES, "um2"),
+        search_pictures.search_trace(_SEARCHES, "µm²", "searches"),
+        search_tables.search_trace_columns(_SEARCHES, "um2"),
     )
     yield (
         "before_after",
-        pictures.before_after(spur, relieved, "relief"),
-        tables.before_after_columns(spur, relieved),
+        search_pictures.before_after(spur, relieved, "relief"),
+        search_tables.before_after_columns(spur, relieved),
     )
     assert mounted.sizes["slice"] == 6
 
@@ -492,7 +495,7 @@ def test_torques_of_the_side_view_balance(cycles):
 
 
 def test_bias_that_is_zero_is_not_on_the_logarithmic_line():
-    figure = pictures.smoothing_bias(_WIDTH, _BIAS, _BIAS, 0.8, "bias")
+    figure = search_pictures.smoothing_bias(_WIDTH, _BIAS, _BIAS, 0.8, "bias")
     line, zeros = figure.axes[0].lines
     np.testing.assert_array_equal(line.get_xdata(), _WIDTH[1:])
     np.testing.assert_array_equal(zeros.get_xdata(), _WIDTH[:1])
@@ -500,7 +503,7 @@ def test_bias_that_is_zero_is_not_on_the_logarithmic_line():
 
 def test_valley_ends_where_it_leaves_the_map():
     chart, valley, closed = _chart()
-    figure = pictures.master_curve(chart, valley, closed, np.zeros((0, 2)), "map")
+    figure = search_pictures.master_curve(chart, valley, closed, np.zeros((0, 2)), "map")
     drawn = {line.get_label(): line for line in figure.axes[0].lines}
     assert set(drawn) == {"valley, computed", "closed form"}
     points = np.asarray(drawn["valley, computed"].get_xydata())
@@ -516,14 +519,14 @@ def test_a_valley_that_jumps_is_broken_and_no_closed_form_is_no_line():
     depth[-1] = 0.9 * chart.depth[-1]
     jumping = SimpleNamespace(extent=valley.extent, depth=depth, value=valley.value)
     nothing = np.full_like(closed, np.nan)
-    figure = pictures.master_curve(chart, jumping, nothing, np.zeros((0, 2)), "map")
+    figure = search_pictures.master_curve(chart, jumping, nothing, np.zeros((0, 2)), "map")
     (line,) = figure.axes[0].lines
     assert line.get_label() == "valley, computed"
     assert np.isnan(np.asarray(line.get_ydata())[-1])
 
 
 def test_trace_is_the_best_so_far():
-    figure = pictures.search_trace(_SEARCHES, "µm²", "searches")
+    figure = search_pictures.search_trace(_SEARCHES, "µm²", "searches")
     assert np.asarray(figure.axes[0].lines[0].get_ydata()).tolist() == [4.0, 4.0, 0.1]
     assert figure.axes[0].get_xscale() == "log"
 
@@ -565,8 +568,8 @@ def _words(svg):
 
 
 def test_without_pictures_data_is_written_all_the_same(tmp_path):
-    draw = lambda: pictures.search_trace(_SEARCHES, "-", "searches")
-    columns = tables.search_trace_columns(_SEARCHES, "-")
+    draw = lambda: search_pictures.search_trace(_SEARCHES, "-", "searches")
+    columns = search_tables.search_trace_columns(_SEARCHES, "-")
     bare, beside = tmp_path / "bare", {"x_um": np.asarray([1.0])}
     bare.mkdir()
     save(draw, columns, Folder(tmp_path), "search", more=beside)

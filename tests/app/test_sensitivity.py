@@ -165,7 +165,7 @@ def test_a_web_that_is_varied_is_as_if_condensed(write):
     family = scene.bodies["wheel"].family
     assert 1e-6 < family.interpolation_error < 2e-3
     assert _WEB in scene.real_keys()
-    space = design_space(scene, (_WEB,), symmetric=False, deflection=10.0)
+    space = design_space(scene, model_of(scene), (_WEB,), symmetric=False, deflection=10.0)
     grid = grid_of(scene, model_of(scene))
 
     @jax.jit
@@ -193,4 +193,4 @@ def test_a_web_that_is_varied_is_as_if_condensed(write):
     moving = read_scene(write(_VARY + "[sweep]\npinion_speed_rad_s = [900]\n"))
     still = with_bodies(moving, moving=True)
     with pytest.raises(InputError, match=r"In motion modes do not follow"):
-        design_space(still, (_WEB,), symmetric=False, deflection=10.0)
+        design_space(still, model_of(still), (_WEB,), symmetric=False, deflection=10.0)

@@ -17,14 +17,14 @@ from table_checks import assert_table, is_told
 import jaxgear as jg
 from jaxgear import plot
 from jaxgear._dynamics._campbell import CriticalSpeed
+from jaxgear._response._flank_loads import FlankLoads
+from jaxgear._whole_file import write_csv
 from jaxgear.plot import _tables
 from jaxgear.plot._body_tables import DrawnBody, DrawnModes
 from jaxgear.scene._build import model_of
 from jaxgear.scene._scene import ready_scene
 from jaxgear.study import _hybrid_dataset, _ladder, _sizing
-from jaxgear.study._flank_loads import FlankLoads
 from jaxgear.study._hybrid import BodyAnswer, BodyField
-from jaxgear.study._results import write_csv
 from jaxgear.study._sensitivities import Sensitivities
 
 _SPEEDS = np.asarray([100.0, 200.0, 300.0])
@@ -307,11 +307,11 @@ _CASES = {
     "_tables.harris_map": lambda: (_TORQUES, _PHASES, np.ones((2, 48))),
     "_tables.harris_curves": lambda: (_TORQUES, _PHASES, np.ones((2, 48))),
     "_tables.te_spectrum": lambda: (_TORQUES, _PHASES, np.ones((2, 48))),
-    "_tables.smoothing_bias": lambda: (_SPEEDS, _SPEEDS, _SPEEDS),
-    "_tables.master_curve": lambda: _chart()[:1],
-    "_tables.valley": lambda: (*_chart(), np.asarray([np.nan, 1.0, 1.0, 1.0])),
-    "_tables.search_trace": lambda: ({"lbfgs": _SPEEDS, "adam": _TORQUES}, "um2"),
-    "_tables.before_after": lambda: (_cycle(), _cycle()),
+    "_search_tables.smoothing_bias": lambda: (_SPEEDS, _SPEEDS, _SPEEDS),
+    "_search_tables.master_curve": lambda: _chart()[:1],
+    "_search_tables.valley": lambda: (*_chart(), np.asarray([np.nan, 1.0, 1.0, 1.0])),
+    "_search_tables.search_trace": lambda: ({"lbfgs": _SPEEDS, "adam": _TORQUES}, "um2"),
+    "_search_tables.before_after": lambda: (_cycle(), _cycle()),
     "_wave_tables.wave_spectra": lambda: (_waves(), "wheel"),
     "_wave_tables.wave_map": lambda: (_waves(), "wheel"),
     "_wave_tables.wave_levels": lambda: (_waves(), "wheel"),
@@ -364,7 +364,7 @@ def test_rows_of_several_series_stay_together(tmp_path):
     functions = _functions()
     for name, of, count in (
         ("_dynamic_tables.orbit", "branch", [16, 48]),
-        ("_tables.search_trace", "method", [3, 2]),
+        ("_search_tables.search_trace", "method", [3, 2]),
         ("_robust_tables.robust", "design", [2, 3]),
     ):
         columns = functions[name](*_CASES[name]())

@@ -22,7 +22,7 @@ from jaxgear.scene._bodies import body_plan
 from jaxgear.scene._body_build import built_body
 from jaxgear.scene._scene import read_scene
 from jaxgear.study import _body_waves as body_waves
-from jaxgear.study._dynamics import Response, Sweep
+from jaxgear.study._sweeping import Response, Sweep
 
 TEETH = 24
 _SCENE = (

@@ -1,0 +1,191 @@
+"""Condensed bodies that vibrate, with all of their grid: what their nodes do."""
+
+import functools
+from collections.abc import Callable
+
+import numpy as np
+import scipy
+
+import fem_prep
+from jaxgear._response._waves import BodyMotion, Circle, circle_of
+from jaxgear._system._body_modes import BodyBasis
+from jaxgear.scene._body_build import BuiltBody, Steps, full_of
+from jaxgear.scene._body_words import in_keys
+from jaxgear.scene._scene import Scene
+from jaxgear.scene._schema import GEARS
+
+# Nodes on one circle, over the radius.
+SAME_CIRCLE = 1e-4
+# Motions of the whole grid that are there at one time.
+_AT_ONCE = 32
+
+
+class MovingBody:
+    """A condensed body that vibrates, and all of its grid.
+
+    **Fields:**
+
+    - `gear`: `pinion` or `wheel`.
+    - `built`: the body.
+    - `basis`: its motions, as the pair in motion has them.
+    - `teeth`: of the gear.
+    - `gear_seat`: number of the seat against which waves are told.
+    """
+
+    def __init__(
+        self,
+        gear: str,
+        built: BuiltBody,
+        basis: BodyBasis,
+        teeth: int,
+        gear_seat: int = 0,
+        tell: Callable[[str], None] = lambda step: None,
+    ):
+        self.gear, self.built, self.basis, self.teeth = gear, built, basis, teeth
+        self.gear_seat = gear_seat
+        self._tell = tell
+
+    @property
+    def index(self) -> int:
+        """0 for the pinion, 1 for the wheel."""
+        return GEARS.index(self.gear)
+
+    @property
+    def radius(self) -> float:
+        """Of the rim [m]."""
+        return float(np.median(np.hypot(*self.built.body.rim_nodes.T[:2])))
+
+    @property
+    def has_grid(self) -> bool:
+        """Whether more is known of it than its rim and its seats."""
+        return len(self.built.body.nodes) > 0
+
+    @property
+    def nodes(self) -> np.ndarray:
+        """Places of all nodes that can be looked at, shape `[node, 3]` [m]."""
+        return self.built.body.nodes if self.has_grid else self.built.body.rim_nodes
+
+    @functools.cached_property
+    def _rim(self) -> np.ndarray:
+        """Which rim node each node is, or -1."""
+        # Of each rim node its place in the grid, whatever order either is in.
+        places = self.built.body.rim_nodes
+        _, where = scipy.spatial.KDTree(self.nodes).query(places)
+        found = np.full(len(self.nodes), -1)
+        found[where] = np.arange(len(places))
+        return found
+
+    @functools.cached_property
+    def _held(self) -> fem_prep.Held:
+        steps = Steps(lambda step: self._tell(f"{self.gear}: {step}"))
+        with in_keys(self.gear):
+            return fem_prep.hold(full_of(self.built.plan, Steps(self._tell)), progress=steps)
+
+    def rows(self, chosen: np.ndarray) -> np.ndarray:
+        """Displacements of nodes per seat and mode.
+
+        Those of the rim are coordinates of the condensed body; all others follow by its grid,
+        which is then factorised again.
+
+        **Arguments:**
+
+        - `chosen`: numbers of the nodes, shape `[node]`.
+
+        **Returns:**
+
+        Along x, y, z of the body, shape `[node, 3, seat dof and mode]` [-, m, kg^-1/2].
+        """
+        motions = self.basis.motions
+        rim = self._rim[chosen]
+        count = 3 * len(self.built.body.rim_nodes)
+        result = motions[:count].reshape(-1, 3, motions.shape[1])[rim]
+        inside = np.flatnonzero(rim < 0)
+        for start in range(0, motions.shape[1], _AT_ONCE) if inside.size else ():
+            some = slice(start, start + _AT_ONCE)
+            result[inside, :, some] = np.moveaxis(
+                self.field(motions[:, some])[:, chosen[inside]], 0, 2
+            )
+        return result
+
+    def field(self, motions: np.ndarray) -> np.ndarray:
+        """Displacements of all nodes in motions of the condensed body, `[column, node, 3]` [m]."""
+        if not self.has_grid:
+            count = 3 * len(self.nodes)
+            return motions[:count].T.reshape(-1, len(self.nodes), 3)
+        return fem_prep.recovered(self._held, self.built.body, motions)
+
+    def shape(self, motion: BodyMotion, order: float | int) -> np.ndarray:
+        """Operating deflection shape of one order, on the body and against the gear's seat.
+
+        **Arguments:**
+
+        - `motion`: of the body.
+        - `order`: of the gear's rotation [-].
+
+        **Returns:**
+
+        Complex amplitude of all nodes along x, y, z of the body, shape `[node, 3]` [m].
+        """
+        own = motion.of_body.near(order)
+        whole = self.basis.motions @ own
+        real, imaginary = self.field(np.stack([np.real(whole), np.imag(whole)], axis=1))
+        return real + 1j * imaginary - self.with_seat(self.nodes) @ own
+
+    def with_seat(self, places: np.ndarray) -> np.ndarray:
+        """Displacements of places that move as one with the gear's seat, as of `rows`."""
+        seat = 6 * self.gear_seat
+        rigid = fem_prep.rigid_motions(places - self.built.body.seat_points[self.gear_seat])
+        result = np.zeros((len(places), 3, self.basis.motions.shape[1]))
+        result[:, :, seat : seat + 6] = rigid.reshape(-1, 3, 6)
+        return result
+
+    def circle(self, chosen: np.ndarray, *, against_seat: bool = False) -> Circle:
+        """The circle of some nodes; their motion may be told against the gear's seat."""
+        rows = self.rows(chosen)
+        if against_seat:
+            rows = rows - self.with_seat(self.nodes[chosen])
+        return circle_of(angle_of(self.nodes[chosen]), rows)
+
+    def rim_circles(self) -> list[Circle]:
+        """Circles of the rim: at both ends and in the middle, of those with the most nodes.
+
+        Against the gear's seat: what the gear does as a whole is no wave in it.
+        """
+        heights = np.round(self.built.body.rim_nodes[:, 2] / (SAME_CIRCLE * self.radius))
+        each, count = np.unique(heights, return_counts=True)
+        full = each[count == count.max()]
+        rim = np.flatnonzero(self._rim >= 0)
+        own = np.round(self.nodes[rim, 2] / (SAME_CIRCLE * self.radius))
+        places = sorted({0, len(full) // 2, len(full) - 1})
+        return [self.circle(rim[own == full[place]], against_seat=True) for place in places]
+
+
+def angle_of(places: np.ndarray) -> np.ndarray:
+    """Angles of places about Z, from x [rad]."""
+    return np.arctan2(places[:, 1], places[:, 0])
+
+
+def moving_bodies(
+    scene: Scene, tell: Callable[[str], None] = lambda step: None
+) -> dict[str, MovingBody]:
+    """The condensed bodies of a scene that vibrate.
+
+    **Arguments:**
+
+    - `scene`: with its bodies, made to move.
+    - `tell`: told what begins.
+
+    **Returns:**
+
+    The bodies, by gear.
+    """
+    found = {}
+    for gear in GEARS:
+        if gear not in scene.bodies:
+            continue
+        mesh_body, teeth = scene.bodies[gear], scene[f"{gear}.teeth"]
+        sectors = mesh_body.built.body.facts.get("sectors", 1)
+        basis, _ = mesh_body.basis.under_teeth(teeth, sectors)
+        seat = mesh_body.flexible.gear_seat
+        found[gear] = MovingBody(gear, mesh_body.built, basis, teeth, seat, tell)
+    return found

@@ -1,0 +1,302 @@
+"""A pair of gears as datasets: outlines, circles, axes and forces, sliding, modifications.
+
+Axes: S from the pinion's centre to the wheel's, Z along the axes, T = Z x S. The pinion turns
+about +Z and drives. A right-hand tooth turns with the fingers of a right hand whose thumb runs
+along Z.
+"""
+
+from collections.abc import Mapping
+
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from jaxtyping import Array
+
+from jaxgear._flank._deviations import AbstractFlankDeviation, Flanks, ProfileWaviness, Superposed
+from jaxgear._flank._measured import (
+    MeasuredProfile,
+    MeasuredTopography,
+    diameter_of_profile_place,
+    roll_angle_of_profile_place,
+)
+from jaxgear._geometry._pair import GearPair, pair_facts
+from jaxgear._geometry._sliding import sliding_speed, specific_sliding
+from jaxgear._kept_programs import called
+from jaxgear._system._model import PairModel
+from jaxgear._types import Reals, as_scalar
+from jaxgear._units import deg, mm, um
+from jaxgear.scene._schema import GEARS
+from jaxgear.scene._teeth import tooth_outline
+from jaxgear.study._results import Entry, dataset_of
+
+_TEETH_SHOWN = 7
+# Of the pair, of both gears.
+_LENGTHS = (
+    "working_centre_distance",
+    "transverse_base_pitch",
+    "pitch_point",
+    "path_start",
+    "path_end",
+    "tangent_length",
+    "face_width",
+)
+_RADII = ("tip_radius", "root_radius", "base_radius", "reference_radius", "working_pitch_radius")
+_GEAR = Entry(("gear",), list(GEARS), "1", "gear")
+
+
+def facts_of(pair: GearPair) -> dict[str, np.ndarray]:
+    """What is closed-form about a pair, in NumPy."""
+    return {name: np.asarray(fact) for name, fact in pair_facts(pair).items()}
+
+
+def pair_dataset(pair: GearPair) -> xr.Dataset:
+    """Circles and lengths of a pair, and the outline of several teeth of each gear.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+
+    **Returns:**
+
+    A dataset over gear and outline point.
+    """
+    facts = facts_of(pair)
+    outlines = [_outline(pair, body, facts) / mm for body in (0, 1)]
+    # A gear of few teeth has a shorter outline.
+    points = max(each.shape[1] for each in outlines)
+    drawn = np.full((2, 2, points), np.nan)
+    for body, each in enumerate(outlines):
+        drawn[body, :, : each.shape[1]] = each
+    tooth = np.stack(tooth_outline(pair, 0)) / mm
+    words = lambda name: name.replace("_", " ")
+    widths = [float(gear.face_width) / mm for gear in (pair.pinion, pair.wheel)]
+    variables = {
+        f"{name}_mm": Entry((), float(facts[name]) / mm, "mm", words(name)) for name in _LENGTHS
+    }
+    variables |= {
+        f"{name}_mm": Entry(("gear",), facts[name] / mm, "mm", words(name)) for name in _RADII
+    }
+    return dataset_of(
+        variables
+        | {
+            "teeth": Entry(("gear",), [pair.pinion.teeth, pair.wheel.teeth], "1", "teeth"),
+            "gear_width_mm": Entry(("gear",), widths, "mm", "face width of the gear"),
+            "working_pressure_angle_deg": Entry(
+                (), float(facts["working_pressure_angle"]) / deg, "deg", "working pressure angle"
+            ),
+            "helix_angle_deg": Entry(
+                (), float(pair.helix_angle) / deg, "deg", "helix angle, right hand positive"
+            ),
+            "profile_contact_ratio": Entry(
+                (), float(facts["profile_contact_ratio"]), "1", "profile contact ratio"
+            ),
+            "S_mm": Entry(("gear", "point"), drawn[:, 0], "mm", "outline of teeth along S"),
+            "T_mm": Entry(("gear", "point"), drawn[:, 1], "mm", "outline of teeth along T"),
+            "tooth_x_mm": Entry(("place",), tooth[0], "mm", "half thickness of a pinion's tooth"),
+            "tooth_y_mm": Entry(("place",), tooth[1], "mm", "height above the pinion's centre"),
+        },
+        gear=_GEAR,
+    )
+
+
+def _outline(pair: GearPair, body: int, facts: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Outline of several teeth around the mesh, S and T [m]."""
+    count = (pair.pinion, pair.wheel)[body].teeth
+    x, y = tooth_outline(pair, body)
+    radius, half = np.hypot(x, y), np.arctan2(x, y)
+    space = np.linspace(np.pi / count, half[0], 7)[:-1]
+    land = np.linspace(half[-1], 0.0, 7)[1:]
+    radius = np.concatenate([np.full(6, radius[0]), radius, np.full(6, radius[-1])])
+    half = np.concatenate([space, half, land])
+    # The loaded flank, which leads anticlockwise on either gear, passes through the pitch point.
+    pitch_point = facts["pitch_point"]
+    roll = (pitch_point, facts["tangent_length"] - pitch_point)[body]
+    turned = roll / facts["base_radius"][body] - facts["half_thickness_at_base"][body]
+    centreline = np.pi * body - facts["working_pressure_angle"] + turned
+    shown = min(_TEETH_SHOWN, count)
+    teeth = centreline + 2.0 * np.pi / count * (np.arange(shown) - shown // 2)
+    angle = (teeth[:, None] + np.concatenate([-half, half[::-1]])).ravel()
+    distance = np.tile(np.concatenate([radius, radius[::-1]]), len(teeth))
+    centre = np.asarray([float(facts["working_centre_distance"]) * body, 0.0])
+    return centre[:, None] + distance * np.stack([np.cos(angle), np.sin(angle)])
+
+
+def axes_dataset(pair: GearPair) -> xr.Dataset:
+    """Axes, hand of the helix, senses of rotation and forces, as places and unit vectors.
+
+    Tooth traces are those on the side of +T, torques what drive and load put on the gears, forces
+    what the mesh puts on them.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+
+    **Returns:**
+
+    A dataset over arrow.
+    """
+    facts = facts_of(pair)
+    angle, base_helix = (float(facts[x]) for x in ("working_pressure_angle", "base_helix_angle"))
+    helix, distance = float(pair.helix_angle), float(facts["working_centre_distance"])
+    radii = facts["reference_radius"]
+    along = np.array([np.sin(angle), np.cos(angle), 0.0])
+    normal = np.cos(base_helix) * along - [0.0, 0.0, np.sin(base_helix)]
+    pitch_point = np.array([float(facts["working_pitch_radius"][0]), 0.0, 0.0])
+    middle, other, up = np.zeros(3), np.array([distance, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
+    side = np.array([0.0, 1.0, 0.0])
+    # On the pinion's side of +T a tooth that turns about +Z with Z moves towards -S.
+    trace = np.array([-np.sin(helix), 0.0, np.cos(helix)])
+    rows = {
+        "rotation of the pinion": (middle, up),
+        "rotation of the wheel": (other, -up),
+        "torque on the pinion": (middle, up),
+        "torque on the wheel": (other, up),
+        "tooth trace of the pinion": (middle + radii[0] * side, trace),
+        "tooth trace of the wheel": (other + radii[1] * side, trace * [-1.0, 1.0, 1.0]),
+        "path of contact": (pitch_point, along),
+        "force on the pinion": (pitch_point, -normal),
+        "force on the wheel": (pitch_point, normal),
+    }
+    places, directions = (np.stack(each) for each in zip(*rows.values(), strict=True))
+    dims = ("arrow",)
+    return dataset_of(
+        {
+            f"{axis}_mm": Entry(dims, places[:, i] / mm, "mm", f"place of the arrow along {axis}")
+            for i, axis in enumerate("STZ")
+        }
+        | {
+            f"along_{axis}": Entry(dims, directions[:, i], "1", f"part of its direction on {axis}")
+            for i, axis in enumerate("STZ")
+        },
+        arrow=Entry(dims, list(rows), "1", "what the arrow shows"),
+    )
+
+
+# --- Sliding
+
+_PLACES = 101
+
+
+def sliding_dataset(
+    pair: GearPair, efficiency: float, friction: float, pinion_speed: float | None = None
+) -> xr.Dataset:
+    """How the flanks slide along the path of contact.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `efficiency`: of the mesh [-].
+    - `friction`: coefficient that was assumed for it [-].
+    - `pinion_speed`: at which the speed of sliding is told [rad/s].
+
+    **Returns:**
+
+    A dataset over the place on the path.
+    """
+    found = {name: np.asarray(values) for name, values in called(_slid, pair).items()}
+    about = {
+        "roll_mm": ("mm", "roll length from the pinion's base tangent point"),
+        "diameter_pinion_mm": ("mm", "diameter at which the pinion touches"),
+        "diameter_wheel_mm": ("mm", "diameter at which the wheel touches"),
+        "specific_sliding_pinion": ("1", "sliding over rolling speed of the pinion's flank"),
+        "specific_sliding_wheel": ("1", "sliding over rolling speed of the wheel's flank"),
+        "sliding_over_pitch_line_speed": ("1", "sliding over pitch line speed"),
+        "sliding_speed_per_pinion_speed_mm": ("mm", "sliding speed over that of the pinion"),
+    }
+    speed = np.nan if pinion_speed is None else pinion_speed
+    return dataset_of(
+        {name: Entry(("place",), found[name], *rest) for name, rest in about.items()}
+        | {
+            "mesh_efficiency": Entry((), efficiency, "1", "efficiency of the mesh"),
+            "friction_coefficient": Entry((), friction, "1", "coefficient of friction"),
+            "pinion_speed_rad_s": Entry((), speed, "rad/s", "highest speed of the pinion"),
+        }
+    )
+
+
+def _slid(pair: GearPair) -> dict[str, Array]:
+    roll = jnp.linspace(pair.path_start, pair.path_end, _PLACES)
+    slides, specific = sliding_speed(pair, roll, as_scalar(1.0)), specific_sliding(pair, roll)
+    rolls = jnp.stack([roll, pair.tangent_length - roll])
+    diameter = 2.0 * jnp.hypot(pair.base_radius[:, None], rolls)
+    return {
+        "roll_mm": roll / mm,
+        "diameter_pinion_mm": diameter[0] / mm,
+        "diameter_wheel_mm": diameter[1] / mm,
+        "specific_sliding_pinion": specific[0],
+        "specific_sliding_wheel": specific[1],
+        "sliding_over_pitch_line_speed": slides / pair.working_pitch_radius[0],
+        "sliding_speed_per_pinion_speed_mm": slides / mm,
+    }
+
+
+# --- Modifications
+
+_TRACES = ("profile left", "profile", "profile right", "lead")
+# Points of a trace: corners of reliefs lie within a two-hundredth of it.
+_POINTS = 201
+# Parts of a flank that no drawing asks for. Those of a tolerance grade come superposed.
+_MADE = (MeasuredProfile, MeasuredTopography, ProfileWaviness, Superposed)
+
+
+def modification_dataset(models: Mapping[str, PairModel]) -> xr.Dataset:
+    """Traces of both flanks as a gear checker takes them: profile at three places, lead at one.
+
+    **Arguments:**
+
+    - `models`: with the flanks, under what they are: `start` and `optimised`, say.
+
+    **Returns:**
+
+    A dataset over state, gear, trace and point. `designed_um` is the drawing's: reliefs, crownings
+    and slopes; `made_um` adds what was measured and what a tolerance grade stands for.
+    """
+    found = [called(_traced, model.pair, model.flanks) for model in models.values()]
+    about = {
+        "roll_angle_deg": ("deg", "roll angle"),
+        "diameter_mm": ("mm", "diameter"),
+        "face_position_mm": ("mm", "position from mid-face, left (-Z) to right"),
+        "designed_um": ("um", "material added as designed"),
+        "made_um": ("um", "material added as made"),
+    }
+    dims = ("state", "gear", "trace", "point")
+    return dataset_of(
+        {
+            name: Entry(dims, np.stack([np.asarray(each[name]) for each in found]), *rest)
+            for name, rest in about.items()
+        },
+        state=Entry(("state",), list(models), "1", "which flanks"),
+        gear=_GEAR,
+        trace=Entry(("trace",), list(_TRACES), "1", "where the flank is traced"),
+    )
+
+
+def _traced(pair: GearPair, flanks: Flanks) -> dict[str, Array]:
+    """Places and deviations of all traces, shape `[body, trace, point]`, in units of files."""
+    along, ends = jnp.linspace(0.0, 1.0, _POINTS), jnp.linspace(-1.0, 1.0, _POINTS)
+    profile = jnp.stack([along, along, along, jnp.full(_POINTS, 0.5)])
+    face = jnp.stack([*(jnp.full(_POINTS, end) for end in (-1.0, 0.0, 1.0)), ends])
+    found = [
+        _traces_of(pair, body, flank, profile, face)
+        for body, flank in enumerate((flanks.pinion, flanks.wheel))
+    ]
+    return {name: jnp.stack([each[name] for each in found]) for name in found[0]}
+
+
+def _traces_of(
+    pair: GearPair, body: int, flank: AbstractFlankDeviation, profile: Reals, face: Reals
+) -> dict[str, Array]:
+    return {
+        "roll_angle_deg": roll_angle_of_profile_place(pair, body, profile) / deg,
+        "diameter_mm": diameter_of_profile_place(pair, body, profile) / mm,
+        "face_position_mm": 0.5 * face * pair.of_bodies("face_width")[body] / mm,
+        "designed_um": _designed(flank)(profile, face) / um,
+        "made_um": flank(profile, face) / um,
+    }
+
+
+def _designed(flank: AbstractFlankDeviation) -> AbstractFlankDeviation:
+    """What the drawing asks for; of a flank that is no sum, all of it."""
+    if not isinstance(flank, Superposed):
+        return flank
+    return Superposed(tuple(part for part in flank.parts if not isinstance(part, _MADE)))

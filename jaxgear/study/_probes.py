@@ -1,0 +1,211 @@
+"""Gauges on condensed bodies, and probes beside them: where they are, and what they show."""
+
+import dataclasses
+
+import numpy as np
+
+from jaxgear._checks import require
+from jaxgear._response._body_motion import rotating_spectrum
+from jaxgear._response._waves import (
+    DIRECTIONS,
+    BodyMotion,
+    Circle,
+    Spectrum,
+    along_directions,
+    fixed_spectrum,
+)
+from jaxgear._units import deg, mm
+from jaxgear.scene._scene import Scene
+from jaxgear.study._moving_body import SAME_CIRCLE, MovingBody, angle_of
+
+# A probe may be so far from where it was asked for, over the radius.
+_OFF = 0.05
+
+
+@dataclasses.dataclass(frozen=True)
+class Probe:
+    """A gauge on a body, or a probe beside it that sees it pass.
+
+    **Fields:**
+
+    - `name`: in results.
+    - `gear`: `pinion` or `wheel`.
+    - `direction`: that is read: 0 radial, 1 tangential, 2 axial.
+    - `rows`: of a gauge, per seat and mode, shape `[seat dof and mode]`, or None
+        [-, m, kg^-1/2].
+    - `circle`: that a fixed probe looks at, or None.
+    - `angle`: of a fixed probe about Z, from S [rad].
+    - `place`: radius, angle and height of the node or the circle [m, rad, m].
+    """
+
+    name: str
+    gear: str
+    direction: int
+    rows: np.ndarray | None
+    circle: Circle | None
+    angle: float
+    place: tuple[float, float, float]
+
+    @property
+    def turns(self) -> bool:
+        """Whether it turns with the body."""
+        return self.circle is None
+
+    def spectrum(self, motion: BodyMotion) -> Spectrum:
+        """What it shows, by orders of the gear's rotation, shape `[order]` [m]."""
+        if self.circle is None:
+            assert self.rows is not None
+            return rotating_spectrum(motion, self.rows)
+        found = fixed_spectrum(motion, self.circle, self.angle)
+        return Spectrum(found.order, found.amplitude[:, self.direction])
+
+
+def probes_of(scene: Scene, body: MovingBody) -> tuple[Probe, ...]:
+    """The probes that look at a body: those that the scene asks for, or else the usual four.
+
+    **Arguments:**
+
+    - `scene`: with its tables [[probes]].
+    - `body`: that is looked at.
+
+    **Returns:**
+
+    The probes.
+
+    **Raises:**
+
+    - `ValueError` if a probe is where there is no node, or its gear is not condensed.
+    """
+    return tuple(_asked(scene, body) or _usual(body))
+
+
+def _asked(scene: Scene, body: MovingBody) -> list[Probe]:
+    """The probes that a scene has on a gear."""
+    found = []
+    for row in scene.rows("probes"):
+        require(
+            scene[f"{row}.gear"] in scene.condensed,
+            "{row}.gear: the body of the {gear} is not condensed, so there are no waves in it.",
+            row=row,
+            gear=scene[f"{row}.gear"],
+        )
+        if scene[f"{row}.gear"] == body.gear:
+            found.append(_probe(scene, row, body))
+    return found
+
+
+def _probe(scene: Scene, row: str, body: MovingBody) -> Probe:
+    direction = DIRECTIONS.index(scene[f"{row}.direction"])
+    turns = scene[f"{row}.frame"] == "rotating"
+    name = scene.get(f"{row}.name")
+    if (node := scene.get(f"{row}.node")) is not None:
+        return _condensed_probe(row, body, node, direction, turns, name or node)
+    given = scene.get(f"{row}.radius_mm")
+    radius = body.radius if given is None else given * mm
+    place = radius, scene[f"{row}.angle_deg"] * deg, scene[f"{row}.height_mm"] * mm
+    if not name:
+        name = f"{body.gear} r {radius / mm:.4g} mm {DIRECTIONS[direction]}"
+        name += " rotating" if turns else " fixed"
+    return probe_at(body, place, direction, turns=turns, name=name, key=row)
+
+
+def _condensed_probe(
+    row: str, body: MovingBody, node: str, direction: int, turns: bool, name: str
+) -> Probe:
+    known = body.built.body.probes
+    require(
+        node in known,
+        "{row}.node: no node {node!r} was condensed with the body of the {gear}, which has "
+        "{known}. Give the place of the probe instead: radius_mm, angle_deg, height_mm.",
+        row=row,
+        node=node,
+        gear=body.gear,
+        known=", ".join(map(repr, known)) or "none",
+    )
+    require(
+        turns,
+        '{row}.frame: a condensed node turns with the body, got "fixed". Give the place of the '
+        "probe instead, so that it can see what passes.",
+        row=row,
+    )
+    number = known.index(node)
+    place = body.built.body.probe_points[number]
+    rows = body.built.body.probe_rows[number] @ body.basis.motions
+    rows = along_directions(angle_of(place[None]), rows[None])[0, direction]
+    where = float(np.hypot(*place[:2])), float(angle_of(place[None])[0]), float(place[2])
+    return Probe(name, body.gear, direction, rows, None, 0.0, where)
+
+
+def probe_at(
+    body: MovingBody,
+    place: tuple[float, float, float],
+    direction: int,
+    *,
+    turns: bool,
+    name: str,
+    key: str = "probe",
+) -> Probe:
+    """A probe at the node, or the circle of nodes, that is nearest to a place.
+
+    **Arguments:**
+
+    - `body`: that is looked at.
+    - `place`: radius, angle and height; the angle of one that turns is from the body's x, of one
+        that stands still from S [m, rad, m].
+    - `direction`: 0 radial, 1 tangential, 2 axial.
+    - `turns`: whether it turns with the body.
+    - `name`: in results.
+    - `key`: for messages.
+
+    **Returns:**
+
+    The probe.
+
+    **Raises:**
+
+    - `ValueError` if no node is near, or the nodes there are no circle.
+    """
+    radius, angle, height = place
+    nodes = body.nodes
+    off = np.hypot(np.hypot(nodes[:, 0], nodes[:, 1]) - radius, nodes[:, 2] - height)
+    around = np.abs(np.mod(angle_of(nodes) - angle + np.pi, 2.0 * np.pi) - np.pi) if turns else 0.0
+    apart = np.hypot(off, radius * around)
+    nearest = int(np.argmin(apart))
+    found = nodes[nearest]
+    where = float(np.hypot(found[0], found[1])), float(angle_of(found[None])[0]), float(found[2])
+    only = "" if body.has_grid else " Of a body without a grid only the rim is known."
+    require(
+        float(apart[nearest]) <= _OFF * body.radius,
+        "{key}: no node of the {gear}'s body is near radius {radius:.4g} mm, height {height:.4g} "
+        "mm{angle}: the nearest is at radius {r:.4g} mm, height {h:.4g} mm, {a:.4g} degrees.{only}",
+        key=key,
+        gear=body.gear,
+        radius=radius / mm,
+        height=height / mm,
+        angle=f", {angle / deg:.4g} degrees" if turns else "",
+        r=where[0] / mm,
+        h=where[2] / mm,
+        a=where[1] / deg,
+        only=only,
+    )
+    if turns:
+        rows = along_directions(np.array([where[1]]), body.rows(np.array([nearest])))
+        return Probe(name, body.gear, direction, rows[0, direction], None, 0.0, where)
+    same = np.hypot(np.hypot(nodes[:, 0], nodes[:, 1]) - where[0], nodes[:, 2] - where[2])
+    chosen = np.flatnonzero(same <= SAME_CIRCLE * body.radius)
+    try:
+        circle = body.circle(chosen)
+    except ValueError as error:
+        raise type(error)(f"{key}: a fixed probe sees a circle of nodes pass. {error}") from None
+    return Probe(name, body.gear, direction, None, circle, angle, (where[0], angle, where[2]))
+
+
+def _usual(body: MovingBody) -> list[Probe]:
+    """Where a scene asks for nothing: at the end of the rim, a quarter of a turn from the mesh."""
+    end = float(body.built.body.rim_nodes[:, 2].min())
+    found = []
+    for turns, direction in ((True, 2), (True, 0), (False, 2), (False, 0)):
+        name = f"rim {DIRECTIONS[direction]} {'rotating' if turns else 'fixed'}"
+        place = (body.radius, 0.0 if turns else 0.5 * np.pi, end)
+        found.append(probe_at(body, place, direction, turns=turns, name=name))
+    return found

@@ -1,0 +1,188 @@
+"""What a run of a scene is: its mesh cycle, and whatever else the scene asks for."""
+
+from pathlib import Path
+
+import numpy as np
+
+from jaxgear._geometry._lines import MeshGrid
+from jaxgear._units import um
+from jaxgear.scene._build import couples_on_pinion, grid_of, model_of
+from jaxgear.scene._scene import Scene
+from jaxgear.study._body_surfaces import body_sections
+from jaxgear.study._dynamics import solve_dynamics, speeds_of
+from jaxgear.study._head import head, names_of, study
+from jaxgear.study._optimising import optimisation
+from jaxgear.study._pair_dataset import (
+    axes_dataset,
+    modification_dataset,
+    pair_dataset,
+    sliding_dataset,
+)
+from jaxgear.study._progress import built_scene, narration, progress
+from jaxgear.study._result import Result, titled, together
+from jaxgear.study._results import Entry, static_dataset
+from jaxgear.study._search_checks import require_searchable
+from jaxgear.study._shafts import shafts_dataset
+from jaxgear.study._sizing import combinations_of, sizing_summary, sizing_table
+from jaxgear.study._statics import Statics, solve_statics, torques_of
+from jaxgear.study._sweep import sweep_result
+
+
+@study
+def statics(scene: Scene) -> Result:
+    """A quasi-static mesh cycle: transmission error, stiffness, loads, sliding, shafts, bodies.
+
+    **Arguments:**
+
+    - `scene`: checked against the schema.
+
+    **Returns:**
+
+    The dataset of the cycle, groups `pair`, `axes`, `sliding`, `modification`, with bearings
+    `shafts`, and `pinion_deflected` and `wheel_deflected` of condensed bodies; the summary.
+
+    **Raises:**
+
+    - `ValueError` if the gears are impossible.
+    - `SolverFailure` if a contact problem was not solved.
+    """
+    scene = built_scene(scene)
+    return statics_result(scene, *solved(scene))
+
+
+@study
+def sizing(scene: Scene) -> Result:
+    """Every combination of the amounts in [sizing], at every torque, the best first.
+
+    Arguments and errors as for `statics`.
+
+    **Returns:**
+
+    The dataset `sizing`, and the summary.
+    """
+    scene = built_scene(scene)
+    found = sizing_result(scene, grid_of(scene, model_of(scene)))
+    return Result(scene, names_of(scene) | found.summary, found.datasets)
+
+
+@study
+def run(scene: Scene, memory: Path | None = None) -> Result:
+    """All that a scene asks for: statics, and where it has their tables sweep, sizing and search.
+
+    **Arguments:**
+
+    - `scene`: checked against the schema.
+    - `memory`: a folder for what a search that is killed has found: the next one goes on from it.
+
+    **Returns:**
+
+    The datasets and the summaries of `statics`, `sweep`, `sizing` and `optimise`; one model is
+    solved for all of them.
+
+    **Raises:**
+
+    As these.
+    """
+    scene = built_scene(scene)
+    # Impossible gears and endless searches are refused before anything is compiled.
+    model_of(scene)
+    if scene.has_table("optimise"):
+        require_searchable(scene)
+    found, torques = solved(scene)
+    result = statics_result(scene, found, torques)
+    if scene.has_table("sweep"):
+        result = together(result, sweep_result(scene, solve_dynamics(scene)))
+    if scene.has_table("sizing"):
+        result = together(result, sizing_result(scene, found.grid))
+    if scene.has_table("optimise"):
+        result = together(result, optimisation(scene, found, torques, memory))
+    return result
+
+
+def solved(scene: Scene) -> tuple[Statics, np.ndarray]:
+    """The mesh cycle of a scene with its bodies, and the torques of the Harris map [N m]."""
+    with narration("mesh cycle"):
+        torques = _harris_torques(scene)
+        return solve_statics(scene, torques), torques
+
+
+def statics_result(scene: Scene, statics: Statics, torques: np.ndarray) -> Result:
+    """The datasets and the summary of a solved mesh cycle.
+
+    **Arguments:**
+
+    - `scene`: that was solved, with its bodies.
+    - `statics`: its mesh cycle.
+    - `torques`: of the rows of the Harris map [N m].
+
+    **Returns:**
+
+    As `statics`.
+    """
+    model, summary, files = statics.model, head(scene, statics), {}
+    static = summary["static"]
+    groups = {
+        "pair": pair_dataset(model.pair),
+        "axes": axes_dataset(model.pair),
+        "sliding": sliding_dataset(
+            model.pair,
+            static["mesh_efficiency"],
+            static["friction_coefficient"],
+            _told_speed(scene),
+        ),
+    }
+    if not scene.has_table("optimise"):
+        # A search shows them beside those that it finds.
+        groups["modification"] = modification_dataset({"given": model})
+    if static["bearings"]:
+        groups["shafts"] = shafts_dataset(statics, static["bearings"], body_sections(scene))
+    cycle = static_dataset(model, statics.cycle, statics.law)
+    over = ("torque", "phase")
+    error = Entry(over, statics.harris / um, "um", "transmission error over torque and phase")
+    amplitudes = statics.harris_harmonics / um
+    harmonics = Entry(("torque", "harmonic"), amplitudes, "um", "amplitudes of its mesh harmonics")
+    torque = Entry(("torque",), torques, "N m", "torque on the pinion")
+    cycle = cycle.assign_coords(torque_Nm=torque.variable()).assign(
+        harris_te_um=error.variable(), harris_te_harmonic_um=harmonics.variable()
+    )
+    if scene.bodies:
+        from jaxgear.study import _body_fields, _hybrid, _hybrid_dataset
+
+        with narration("bodies") as tell:
+            answers = _hybrid.body_answers(scene, statics, tell)
+            cycle = _hybrid_dataset.hybrid_variables(cycle, answers)
+            static |= _hybrid_dataset.hybrid_summary(cycle, answers)
+            for answer in answers:
+                if answer.fields:
+                    name = f"{answer.gear}_deflected"
+                    groups[name] = _body_fields.fields_dataset(answer)
+                    files[f"{name}.vtu"] = _body_fields.grid_writer(answer)
+    named = {name: titled(each, scene) for name, each in ({"": cycle} | groups).items()}
+    return Result(scene, summary, named, files)
+
+
+def _told_speed(scene: Scene) -> float | None:
+    """The highest speed of the sweep, or that at which condensed bodies grow [rad/s]."""
+    if scene.has_table("sweep"):
+        return float(np.max(speeds_of(scene)))
+    return scene.get("mesh.pinion_speed_rad_s") if scene.condensed else None
+
+
+def _harris_torques(scene: Scene) -> np.ndarray:
+    """Torques of the Harris map: given, or from a quarter of the mesh's to half as much again."""
+    if scene.get("map.torques_Nm") is not None:
+        return torques_of(scene, "map.torques_Nm")
+    torque, couples = scene["pair.torque_pinion_Nm"], couples_on_pinion(scene)
+    on_mesh = torque + couples
+    least = max(0.25 * on_mesh - couples, 0.05 * torque)
+    return np.linspace(least, 1.5 * on_mesh - couples, 6)
+
+
+def sizing_result(scene: Scene, grid: MeshGrid) -> Result:
+    """The table of a scene's [sizing], on phases, lines and slices of a solved cycle."""
+    with progress(len(combinations_of(scene)[1]), "sizing") as done:
+        table = sizing_table(scene, grid, done)
+    torques = table["torque_pinion_Nm"].values
+    several = f"{len(torques)} torques up to " if len(torques) > 1 else ""
+    table = table.assign_attrs(title=f"{scene['name']}, {several}{max(torques):g} N m")
+    return Result(scene, {"sizing": sizing_summary(scene, table)}, {"sizing": table})

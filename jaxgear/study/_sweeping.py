@@ -1,0 +1,329 @@
+"""Sweeping a scene: the response at each speed, and the branch followed round its folds."""
+
+import concurrent.futures
+import dataclasses
+import functools
+import time
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxgear._dynamics._continuation import Curve, continuation
+from jaxgear._dynamics._harmonic import HarmonicBalance
+from jaxgear._dynamics._orbit import Orbit
+from jaxgear._dynamics._sweep import Direction, Finder, SweepPoint
+from jaxgear._dynamics._system import PairDynamics
+from jaxgear._interface._laws import AbstractContactLaw
+from jaxgear._response._dynamic import (
+    bearing_loads,
+    contact_force,
+    dynamic_response,
+    dynamic_transmission_error,
+    order_amplitudes,
+    pair_forces,
+)
+from jaxgear._types import Reals
+from jaxgear.scene._build import law_of
+from jaxgear.scene._scene import Scene
+from jaxgear.study._dynamics import directions_of, method_name, settings_of, size_of, speeds_of
+from jaxgear.study._statics import SolverFailure
+
+# A tooth pair carries from this share of the static force on: a pair that only just enters has
+# cells of hardly any length.
+_CARRIES = 1e-6
+# Settled responses whose dynamic ratios differ by more than this, relative to them, are two.
+_SAME = 1e-3
+
+
+class Measured(NamedTuple):
+    """The numbers of a response, in SI.
+
+    **Fields:**
+
+    - `dynamic_ratio`, `pair_ratio`, `line_load_ratio`, `te_mean`, `te_rms`, `te_peak_to_peak`,
+        `contact_loss`: as of `dynamic_response` [-, -, -, m, m, m, -].
+    - `force`: mesh force over the static one, shape `[step]` [-].
+    - `error`: dynamic transmission error, shape `[step]` [m].
+    - `pairs`: number of tooth pairs that carry, shape `[step]`.
+    - `te_order`, `force_order`, `bearing_order`: amplitudes at half orders of the mesh frequency,
+        shape `[order]` [m], `[order]` [N], `[order, bearing, 6]` [N, N m].
+    """
+
+    dynamic_ratio: Any
+    pair_ratio: Any
+    line_load_ratio: Any
+    te_mean: Any
+    te_rms: Any
+    te_peak_to_peak: Any
+    contact_loss: Any
+    force: Any
+    error: Any
+    pairs: Any
+    te_order: Any
+    force_order: Any
+    bearing_order: Any
+
+
+@functools.partial(jax.jit, static_argnums=3)
+def _measured(
+    dynamics: PairDynamics, orbit: Orbit, law: AbstractContactLaw, orders: int
+) -> Measured:
+    system = dynamics.system
+    found = dynamic_response(dynamics, orbit, 1, law)
+    force, error = contact_force(system, orbit), dynamic_transmission_error(system, orbit)
+    carrying = pair_forces(dynamics, orbit, law) > _CARRIES * system.force
+    return Measured(
+        dynamic_ratio=found.dynamic_ratio,
+        pair_ratio=found.pair_ratio,
+        line_load_ratio=found.line_load_ratio,
+        te_mean=found.te_mean,
+        te_rms=found.te_rms,
+        te_peak_to_peak=found.te_peak_to_peak,
+        contact_loss=found.contact_loss,
+        force=force / system.force,
+        error=error,
+        pairs=jnp.sum(carrying, axis=1, dtype=int),
+        te_order=_half_orders(dynamics, error, orders),
+        force_order=_half_orders(dynamics, force, orders),
+        bearing_order=_half_orders(dynamics, bearing_loads(dynamics, orbit), orders),
+    )
+
+
+def _half_orders(dynamics: PairDynamics, values: Reals, count: int) -> Reals:
+    """Amplitudes at half orders of the mesh frequency; zero where the response has none."""
+    system = dynamics.system
+    periods = values.shape[0] // len(system.table.kinds) * system.table.periods
+    if periods % 2 == 0:
+        return order_amplitudes(system, values, 2 * count, first=0.5)
+    whole = order_amplitudes(system, values, count)
+    return jnp.zeros((2 * count, *whole.shape[1:])).at[1::2].set(whole)
+
+
+class Response(NamedTuple):
+    """A response at one speed.
+
+    **Fields:**
+
+    - `speed`: of the pinion [rad/s].
+    - `settled`, `stable`: whether it repeats, and whether a machine stays on it.
+    - `periods`: length of the series in mesh periods; if it has settled, it repeats after them.
+    - `residual`: relative imbalance, or change over a cycle [-].
+    - `multiplier`: size of the largest of Floquet's, or `None` where none is known [-].
+    - `numbers`: of it, in SI.
+    """
+
+    speed: float
+    settled: bool
+    stable: bool
+    periods: int
+    residual: float
+    multiplier: float | None
+    numbers: Measured
+
+    @property
+    def dynamic_ratio(self) -> float:
+        """Largest total contact force over the static one [-]."""
+        return float(self.numbers.dynamic_ratio)
+
+    def differs(self, other: "Response") -> bool:
+        """Whether both have settled, on two branches."""
+        apart = not alike(self.dynamic_ratio, other.dynamic_ratio)
+        return self.settled and other.settled and apart
+
+
+def alike(first: Any, second: Any) -> Any:
+    """Whether dynamic ratios are those of one branch."""
+    return np.abs(first - second) <= _SAME * np.maximum(first, second)
+
+
+# Sees each response whole.
+Watch = Callable[[Direction, SweepPoint, float], None]
+
+
+def swept(
+    scene: Scene,
+    dynamics: PairDynamics,
+    speeds: np.ndarray,
+    direction: Direction,
+    done: Callable[[int], None],
+    watch: Watch | None = None,
+) -> tuple[Response, ...]:
+    """Sweep in one direction, and keep of each response what is shown of it.
+
+    **Arguments:**
+
+    - `scene`: that is swept.
+    - `dynamics`: its pair.
+    - `speeds`: of the pinion, rising [rad/s].
+    - `direction`: which way.
+    - `done`: told how many more speeds are finished.
+    - `watch`: sees each response whole, as it is found.
+
+    **Returns:**
+
+    A response for each of `speeds`.
+
+    **Raises:**
+
+    - `SolverFailure` if one is not a finite number.
+    """
+    # Responses of many mesh periods are too long to keep them all until the end.
+    finder = Finder(dynamics.system, settings_of(scene, size_of(dynamics)))
+    found: list[Response] = []
+    last = None
+    for speed in speeds[::-1] if direction == "down" else speeds:
+        point = finder.next(jnp.asarray(float(speed)), last)
+        found.append(_response(scene, dynamics, float(speed), point))
+        if watch is not None:
+            watch(direction, point, found[-1].dynamic_ratio)
+        last = None if direction == "cold" else point
+        done(1)
+    return tuple(found[::-1] if direction == "down" else found)
+
+
+def _response(scene: Scene, dynamics: PairDynamics, speed: float, point: SweepPoint) -> Response:
+    numbers = jax.device_get(_measured(dynamics, point.orbit, law_of(scene), scene["sweep.orders"]))
+    residual = float(point.orbit.residual)
+    if not all(np.isfinite(x).all() for x in (residual, *numbers)):
+        other = "shooting" if scene["sweep.method"] == "newmark" else "newmark"
+        raise SolverFailure(
+            f"the response at {speed:.6g} rad/s is not a finite number. Raise sweep.steps, write "
+            f'sweep.method = "{other}", or leave this speed out.'
+        )
+    sizes = np.abs(point.multipliers)
+    return Response(
+        speed=speed,
+        settled=point.settled,
+        stable=point.stable,
+        periods=point.multiple * dynamics.system.table.periods,
+        residual=residual,
+        multiplier=float(sizes.max()) if sizes.size else None,
+        numbers=numbers,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Sweep:
+    """All that a sweep found.
+
+    **Fields:**
+
+    - `speeds`: of the pinion, rising [rad/s].
+    - `responses`: of each direction, one for each speed.
+    - `curves`: pieces of the branch that was followed round its folds.
+    - `seconds`: that each part took, compilation included [s].
+    """
+
+    speeds: np.ndarray
+    responses: dict[Direction, tuple[Response, ...]]
+    curves: tuple[Curve, ...]
+    seconds: dict[str, float]
+
+    @property
+    def main(self) -> Direction:
+        """The direction with the highest peak, of settled responses if there are any."""
+        # Rounding must not choose between directions that found the same.
+        rank = lambda way: (self.highest(way)[0][0], round(self.highest(way)[0][1], 3))
+        return max(self.responses, key=rank)
+
+    def highest(self, way: Direction) -> tuple[tuple[bool, float], int]:
+        """Whether it settled, dynamic ratio, and place of the highest response of a direction."""
+        each = [(r.settled, r.dynamic_ratio) for r in self.responses[way]]
+        best = max(range(len(each)), key=each.__getitem__)
+        return each[best], best
+
+    @property
+    def unsettled(self) -> int:
+        """Number of responses that did not settle."""
+        return sum(not r.settled for own in self.responses.values() for r in own)
+
+    def pieces_lost(self) -> Iterator[str]:
+        """Why a branch could not be followed to its end, if it could not."""
+        for piece in self.curves:
+            if piece.ends[1] in ("lost", "most points"):
+                yield f"{piece.ends[1]} at {piece.speed[-1]:.5g} rad/s"
+
+
+def branches(
+    scene: Scene, dynamics: PairDynamics, speeds: np.ndarray, done: Callable[[int], None]
+) -> tuple[Curve, ...]:
+    """Follow the branch of responses from the lowest speed to the highest, round its folds.
+
+    Where it is lost on the way, what can be reached from the other end is a second piece.
+
+    **Arguments:**
+
+    - `scene`: that is swept.
+    - `dynamics`: its pair.
+    - `speeds`: of the pinion [rad/s].
+    - `done`: told how many more points are found.
+
+    **Returns:**
+
+    The pieces; none where no response is found to begin with.
+    """
+    method = settings_of(scene, size_of(dynamics)).method
+    assert isinstance(method, HarmonicBalance)
+    follow = lambda start, stop: continuation(
+        dynamics.system, start, stop, method=method, done=done
+    )
+    low, high = float(speeds[0]), float(speeds[-1])
+    pieces = [follow(low, high)]
+    if not pieces[0].speed.size or pieces[0].ends[1] not in ("left", "most points"):
+        pieces.append(follow(high, low))
+    return tuple(piece for piece in pieces if piece.speed.size)
+
+
+def _continued(scene: Scene, dynamics: PairDynamics) -> bool:
+    """Whether the branch is followed round its folds."""
+    asked = scene.get("sweep.continuation", scene["sweep.direction"] == "both")
+    return (
+        asked and method_name(scene, size_of(dynamics)) == "harmonic" and len(speeds_of(scene)) > 1
+    )
+
+
+def sweep_of(
+    scene: Scene,
+    dynamics: PairDynamics,
+    done: Callable[[int], None],
+    watch: Watch | None = None,
+) -> Sweep:
+    """Sweep a scene in all its directions, and follow its branch.
+
+    Arguments and errors as of `swept`, which is called for each direction.
+
+    **Returns:**
+
+    What was found.
+    """
+    speeds, seconds = speeds_of(scene), {}
+    responses: dict[Direction, tuple[Response, ...]] = {}
+    stopped = False
+
+    def going_on(count: int) -> None:
+        del count
+        if stopped:
+            raise InterruptedError
+
+    def clocked(name: str, work: Callable[[], Any]) -> Any:
+        start = time.perf_counter()
+        found = work()
+        seconds[name] = time.perf_counter() - start
+        return found
+
+    # Most of the time goes into compiling, and both have programs of their own.
+    with concurrent.futures.ThreadPoolExecutor(1) as pool:
+        follow = lambda: branches(scene, dynamics, speeds, going_on)
+        asked = _continued(scene, dynamics)
+        curves = pool.submit(clocked, "continuation", follow) if asked else None
+        try:
+            for way in directions_of(scene):
+                one = functools.partial(swept, scene, dynamics, speeds, way, done, watch)
+                responses[way] = clocked(way, one)
+        except BaseException:
+            stopped = True
+            raise
+    return Sweep(speeds, responses, curves.result() if curves else (), seconds)

@@ -1,0 +1,205 @@
+"""What a sweep shows of condensed bodies: waves, flanks and shapes as datasets, and a summary."""
+
+import functools
+from collections.abc import Callable
+
+import numpy as np
+import xarray as xr
+
+from jaxgear._response._wave_words import wave_words
+from jaxgear._response._waves import DIRECTIONS, BodyMotion
+from jaxgear._units import deg, mm, um
+from jaxgear.scene._scene import Scene
+from jaxgear.study._body_shapes import shape_dataset, write_shapes
+from jaxgear.study._body_waves import Looked, MainWave, Seen, WaveWatch
+from jaxgear.study._flank_dataset import flanks_dataset, largest_loads, loads_summary
+from jaxgear.study._result import Result, Summary, titled
+from jaxgear.study._results import Entry
+from jaxgear.study._sweeping import Sweep
+
+# Waves below this part of the largest are not written down.
+_SMALL = 1e-4
+_PLACE = ("direction", "speed")
+
+
+def waves_result(
+    scene: Scene, watch: WaveWatch, sweep: Sweep, tell: Callable[[str], None] = lambda step: None
+) -> Result:
+    """Collect what was seen of condensed bodies over a sweep.
+
+    **Arguments:**
+
+    - `scene`: that was swept.
+    - `watch`: that looked.
+    - `sweep`: what was found.
+    - `tell`: told what begins.
+
+    **Returns:**
+
+    Datasets `waves`, `flanks` and, of each gear, `shape_GEAR`; `waves` of the summary; and of
+    bodies with a grid files for ParaView.
+    """
+    peak = watch.peak[sweep.main]
+    waves = waves_dataset(watch, sweep)
+    datasets = {
+        "waves": titled(waves, scene),
+        "flanks": titled(flanks_dataset(watch, watch.flanks(sweep.main)), scene),
+    }
+    files, summary = {}, []
+    for gear, each in watch.looked.items():
+        main = each.main_wave(peak.motions[gear])
+        tell(f"{gear}: its shape at order {main.order:g}")
+        shape = each.body.shape(peak.motions[gear], main.order)
+        at_peak = f", pinion at {peak.speed:.5g} rad/s: {gear}"
+        datasets[f"shape_{gear}"] = titled(shape_dataset(each.body, shape, main), scene, at_peak)
+        if each.body.has_grid:
+            write = functools.partial(write_shapes, body=each.body, shape=shape)
+            files[f"{gear}_shape/{gear}_shape.vtu.series"] = write
+        summary.append(_body_summary(each, peak.motions[gear], main, waves))
+    return Result(scene, {"waves": summary}, datasets, files)
+
+
+# --- Waves and probes
+
+
+def waves_dataset(watch: WaveWatch, sweep: Sweep) -> xr.Dataset:
+    """What was seen over a sweep, and all orders at its highest peak.
+
+    **Arguments:**
+
+    - `watch`: that looked.
+    - `sweep`: what was found.
+
+    **Returns:**
+
+    A dataset over direction of the sweep and speed, in the units of files; waves are signed:
+    forward positive, backward negative, as seen from the body.
+    """
+    peak = watch.peak[sweep.main]
+    seen = [[watch.seen[way][speed] for speed in sweep.speeds] for way in sweep.responses]
+    entries: dict[str, Entry] = {
+        "speed": Entry(("speed",), sweep.speeds, "rad/s", "speed of the pinion"),
+        "component": Entry(("component",), list(DIRECTIONS), "1", "direction on the body"),
+        "direction": Entry(("direction",), list(sweep.responses), "1", "of the sweep"),
+    }
+    for gear, each in watch.looked.items():
+        entries |= _over_speeds(gear, each, seen) | _at_peak(gear, each, peak.motions[gear])
+    return xr.Dataset(
+        {name: entry.variable() for name, entry in (entries | largest_loads(seen)).items()},
+        attrs={
+            "peak_speed_rad_s": peak.speed,
+            "peak_direction": sweep.main,
+            **{f"teeth_{gear}": each.body.teeth for gear, each in watch.looked.items()},
+        },
+    )
+
+
+def _over_speeds(gear: str, each: Looked, seen: list[list[Seen]]) -> dict[str, Entry]:
+    number, above = np.arange(-each.most, each.most + 1), "orders above half the number of teeth"
+    waves = np.asarray([[x.waves[gear] for x in own] for own in seen])
+    probes = np.asarray([[x.probes[gear] for x in own] for own in seen])
+    wave, probe = f"{gear}_diameters", f"{gear}_probe"
+    turns = [p.turns for p in each.probes]
+    return {
+        wave: Entry((wave,), number, "1", "nodal diameters; forward positive"),
+        f"{gear}_wave_rms_um": Entry(
+            (*_PLACE, wave, "component"),
+            waves / um,
+            "um",
+            f"RMS of waves around the rim of the {gear}, {above}",
+        ),
+        probe: Entry((probe,), [p.name for p in each.probes], "1", "probe"),
+        f"{probe}_turns": Entry((probe,), turns, "1", "whether the probe turns with the body"),
+        f"{probe}_rms_um": Entry((*_PLACE, probe), probes / um, "um", f"RMS of a probe, {above}"),
+    }
+
+
+def _at_peak(gear: str, each: Looked, motion: BodyMotion) -> dict[str, Entry]:
+    spectra = [probe.spectrum(motion) for probe in each.probes]
+    order = np.unique(np.concatenate([spectrum.order for spectrum in spectra]))
+    shown = np.zeros((len(spectra), len(order)))
+    for row, spectrum in zip(shown, spectra, strict=True):
+        row[np.searchsorted(order, spectrum.order)] = spectrum.size
+    waves = each.waves(motion)
+    large = waves.size.max(axis=1) > _SMALL * waves.size[waves.order > each.low].max()
+    travel = np.where(waves.diameters[large] == 0, 0.0, waves.travel[large])
+    dims = (f"{gear}_wave",)
+    return {
+        f"{gear}_order": Entry((f"{gear}_order",), order, "1", f"order of the {gear}'s rotation"),
+        f"{gear}_probe_amplitude_um": Entry(
+            (f"{gear}_probe", f"{gear}_order"),
+            shown / um,
+            "um",
+            "amplitude that a probe shows at the highest peak; order 0: the mean",
+        ),
+        f"{gear}_wave_order": Entry(
+            dims, waves.order[large], "1", f"order of a wave, by the {gear}'s rotation"
+        ),
+        f"{gear}_wave_diameters": Entry(
+            dims, waves.diameters[large], "1", "its nodal diameters; forward positive"
+        ),
+        f"{gear}_wave_travel_rad_s": Entry(
+            dims, travel, "rad/s", "speed around the body; forward positive; 0: none"
+        ),
+        f"{gear}_wave_amplitude_um": Entry(
+            (*dims, "component"),
+            waves.size[large] / um,
+            "um",
+            "its amplitude at the highest peak, RMS over the width of the rim",
+        ),
+    }
+
+
+def _body_summary(each: Looked, motion: BodyMotion, main: MainWave, dataset: xr.Dataset) -> Summary:
+    """What `sweep.waves` of the summary says of one body."""
+    gear, own = each.body.gear, abs(motion.speed)
+    order = dataset[f"{gear}_order"].values
+    high, tooth = order > each.low, np.abs(order - each.body.teeth) < 1e-6
+    probes = []
+    for probe in each.probes:
+        row = dataset[f"{gear}_probe_amplitude_um"].sel({f"{gear}_probe": probe.name}).values
+        probes.append(
+            {
+                "name": probe.name,
+                "frame": "rotating" if probe.turns else "fixed",
+                "radius_mm": probe.place[0] / mm,
+                "angle_deg": probe.place[1] / deg,
+                "height_mm": probe.place[2] / mm,
+                "strongest_order": float(order[high][np.argmax(row[high])]),
+                "amplitude_um": float(row[high].max()),
+                "amplitude_at_teeth_um": float(row[tooth].sum()),
+            }
+        )
+    return {
+        "gear": gear,
+        "pinion_speed_rad_s": dataset.attrs["peak_speed_rad_s"],
+        "speed_rad_s": own,
+        "order": main.order,
+        "frequency_Hz": main.order * own / (2.0 * np.pi),
+        "nodal_diameters": main.diameters,
+        "wave": wave_words(main.diameters),
+        "share": main.share,
+        "travel_rad_s": main.travel,
+        "amplitude_um": dict(zip(DIRECTIONS, map(float, main.amplitude / um), strict=True)),
+        "probes": probes,
+        "largest": _largest_waves(dataset, gear),
+        "flank": loads_summary(dataset),
+    }
+
+
+def _largest_waves(dataset: xr.Dataset, gear: str) -> list[Summary]:
+    """Where each wave is largest over all speeds."""
+    total = np.sqrt(np.sum(dataset[f"{gear}_wave_rms_um"].values ** 2, axis=-1))
+    found = []
+    for wave, number in enumerate(dataset[f"{gear}_diameters"].values):
+        own = total[:, :, wave]
+        way, place = np.unravel_index(int(np.argmax(own)), own.shape)
+        found.append(
+            {
+                "nodal_diameters": int(number),
+                "pinion_speed_rad_s": float(dataset["speed"].values[place]),
+                "direction": str(dataset["direction"].values[way]),
+                "rms_um": float(own[way, place]),
+            }
+        )
+    return found
