@@ -11,7 +11,8 @@ from typing import Any
 from jaxgear._checks import InputError
 from jaxgear.scene._own_pair import Wanted
 from jaxgear.scene._own_scene import scene_text
-from jaxgear.scene._scene import READY, SceneError, read_scene, rewrite_scene, rewritten
+from jaxgear.scene._rewriting import rewrite_scene, rewritten
+from jaxgear.scene._scene import READY, SceneError, read_scene
 from jaxgear.scene._schema import KEYS
 
 # Options of one's own pair: the key that each is, and its question.

@@ -7,7 +7,8 @@ import xarray as xr
 from jaxgear import plot
 from jaxgear._cli._folder import Folder
 from jaxgear._cli._saving import save
-from jaxgear.scene._scene import Scene, write_scene
+from jaxgear.scene._rewriting import write_scene
+from jaxgear.scene._scene import Scene
 from jaxgear.scene._scene_files import files_seen_from
 from jaxgear.study._head import finished
 from jaxgear.study._progress import narration

@@ -4,7 +4,8 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from jaxgear.scene._schema import show, unit_of
+from jaxgear.scene._key import show
+from jaxgear.scene._schema import unit_of
 
 # What a number may have been given in instead of the key's unit, and how many of that it is.
 _MISTAKEN = {

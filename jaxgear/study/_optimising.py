@@ -22,7 +22,8 @@ from jaxgear.plot import _tables as tables
 from jaxgear.plot._modification_tables import draw_modification
 from jaxgear.plot._plots import pictures, robust_pictures
 from jaxgear.scene._build import smooth_law_of
-from jaxgear.scene._scene import Scene, rewritten
+from jaxgear.scene._rewriting import rewritten
+from jaxgear.scene._scene import Scene
 from jaxgear.scene._scene_files import files_seen_from
 from jaxgear.study._design import (
     DesignSpace,

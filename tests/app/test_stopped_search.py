@@ -5,7 +5,8 @@ import pytest
 
 from jaxgear._checks import InputError
 from jaxgear._cli._folder import Folder
-from jaxgear.scene._scene import ready_scene, rewritten
+from jaxgear.scene._rewriting import rewritten
+from jaxgear.scene._scene import ready_scene
 from jaxgear.study import _optimising
 from jaxgear.study._statics import Statics
 
