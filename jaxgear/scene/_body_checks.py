@@ -3,8 +3,8 @@
 import math
 from collections.abc import Iterator, Mapping, Set
 
-from jaxgear.scene._body_tables import Body, Web
-from jaxgear.scene._gear_tables import Gear
+from jaxgear.scene._body_tables import BodyKeys, WebKeys
+from jaxgear.scene._gear_tables import GearKeys
 from jaxgear.scene._key import one_of, show
 
 # How the inside of a body is kept. Any other `interface` names the rim's set of a user's grid.
@@ -17,7 +17,7 @@ _HOLES = ("holes", "hole_diameter_mm", "hole_circle_mm")
 Said = Iterator[tuple[str, str]]
 
 
-def body_mistakes(name: str, gear: Gear, root: float | None, given: Set[str]) -> Said:
+def body_mistakes(name: str, gear: GearKeys, root: float | None, given: Set[str]) -> Said:
     """What is wrong with a condensed body, each of whose keys is right by itself.
 
     **Arguments:**
@@ -62,7 +62,7 @@ def body_mistakes(name: str, gear: Gear, root: float | None, given: Set[str]) ->
         yield from _drawn(name, gear, root, given)
 
 
-def _grid(name: str, body: Body, bearings: int, given: Set[str]) -> Said:
+def _grid(name: str, body: BodyKeys, bearings: int, given: Set[str]) -> Said:
     """Sets of a user's grid, which must be named where there is one, and only there."""
     at = f"{name}.body"
     grid, rim, seats = (f"{at}.{key}" for key in ("grid", "rim_set", "seats"))
@@ -91,7 +91,7 @@ def _grid(name: str, body: Body, bearings: int, given: Set[str]) -> Said:
         yield seats, f"got {len(body.seats)} names, must be {wanted}, {what}"
 
 
-def _drawn(name: str, gear: Gear, root: float | None, given: Set[str]) -> Said:
+def _drawn(name: str, gear: GearKeys, root: float | None, given: Set[str]) -> Said:
     """Diameters in their order, and holes within the web."""
     web, at, face = gear.body.web, f"{name}.body.web", gear.face_width_mm
     hub, rim, thick = web.hub_outer_mm, web.rim_inner_mm, web.web_thickness_mm
@@ -114,7 +114,7 @@ def _drawn(name: str, gear: Gear, root: float | None, given: Set[str]) -> Said:
         yield from _holes(at, ring, web, given)
 
 
-def _holes(at: str, ring: str, web: Web, given: Set[str]) -> Said:
+def _holes(at: str, ring: str, web: WebKeys, given: Set[str]) -> Said:
     """One ring of holes: complete, between hub and rim, and apart."""
     keys = [f"{ring}{key}" for key in _HOLES]
     said = [key for key in keys if f"{at}.{key}" in given]

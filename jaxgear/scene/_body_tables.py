@@ -2,7 +2,7 @@
 
 from typing import Any, Literal
 
-from jaxgear.scene._table import Table, key, real
+from jaxgear.scene._table import key, real, table
 
 LENGTH = "(0, inf). The key is in millimetres"
 SPRING = "(0, inf). Leave the key out where the support is rigid"
@@ -13,7 +13,8 @@ def condensed(doc: str, rule: str = "", default: object = ..., **more: Any) -> A
     return key(doc, rule, default, default_if=("kind", "condensed"), **more)
 
 
-class Support(Table):
+@table
+class SupportKeys:
     """Springs at a gear's centre, in place of a shaft: `[pinion.support]`."""
 
     radial_N_m: float | None = real("radial stiffness of the support", SPRING)
@@ -23,7 +24,8 @@ class Support(Table):
     tilt_Nm_rad: float | None = real("tilt stiffness of the support", SPRING)
 
 
-class Web(Table):
+@table
+class WebKeys:
     """A body drawn by hub, web and rim: `[pinion.body.web]`."""
 
     hub_outer_mm: float = real("outer diameter of the hub", LENGTH)
@@ -53,7 +55,8 @@ class Web(Table):
     )
 
 
-class Fineness(Table):
+@table
+class FinenessKeys:
     """Numbers of 20-node bricks of a drawn body: `[pinion.body.fineness]`."""
 
     elements_per_tooth: int | None = key(
@@ -70,7 +73,8 @@ class Fineness(Table):
     shaft_mm: float | None = key("largest element along the shaft", LENGTH)
 
 
-class Body(Table):
+@table
+class BodyKeys:
     """The body of a gear, and what is kept of a condensed one: `[pinion.body]`."""
 
     kind: Literal["rigid", "beam", "condensed"] = key(
@@ -86,7 +90,7 @@ class Body(Table):
     transverse_inertia_kg_m2: float | None = key(
         "transverse moment of inertia, about a diameter at mid-face", "(0, inf)"
     )
-    web: Web
+    web: WebKeys
     grid: str | None = key("a finite element grid of the user's own, instead of web")
     rim_set: str | None = key("node set of body.grid on the rim, the cylinder under the teeth")
     seats: list[str] | None = key(
@@ -145,4 +149,4 @@ class Body(Table):
         "whether Coriolis terms, spin softening and stress stiffening are condensed too",
         default=False,
     )
-    fineness: Fineness
+    fineness: FinenessKeys

@@ -42,10 +42,10 @@ from jaxgear._types import Scalar
 from jaxgear._units import GPa, N_per_mm_um, mm, um
 from jaxgear.scene._build_pair import flanks_of, material_of, pair_of, si
 from jaxgear.scene._files import read_matrix
-from jaxgear.scene._gear_tables import Bearing as BearingTable
+from jaxgear.scene._gear_tables import BearingKeys
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
-from jaxgear.scene._tables import Tables
+from jaxgear.scene._tables import AbstractTables
 
 
 def model_of(scene: Scene) -> PairModel:
@@ -190,7 +190,7 @@ def _mount(scene: Scene, name: str) -> Support | Shaft:
     return _shaft(scene, name, layout)
 
 
-def _shaft(tables: Tables, name: str, layout: ShaftLayout | None) -> Shaft:
+def _shaft(tables: AbstractTables, name: str, layout: ShaftLayout | None) -> Shaft:
     """The shaft of a gear, with nodes as laid out before, if it was."""
     gear = tables.gear(name)
     shaft = gear.shaft
@@ -215,7 +215,7 @@ def _shaft(tables: Tables, name: str, layout: ShaftLayout | None) -> Shaft:
     )
 
 
-def _bearing(row: BearingTable) -> Bearing:
+def _bearing(row: BearingKeys) -> Bearing:
     """One bearing; what is not said of one direction is what is said of both, or nothing."""
     first = lambda *values: next((si(value) for value in values if value is not None), 0.0)
     return Bearing(

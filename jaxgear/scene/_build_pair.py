@@ -29,10 +29,10 @@ from jaxgear._geometry._pair import GearPair
 from jaxgear._types import Scalar
 from jaxgear._units import GPa, deg, mm, um
 from jaxgear.scene._files import check_covers, deviation_of_table, read_profile, read_topography
-from jaxgear.scene._gear_tables import Flank
+from jaxgear.scene._gear_tables import FlankKeys
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
-from jaxgear.scene._tables import Tables
+from jaxgear.scene._tables import AbstractTables
 
 # A number of a scene in SI: in NumPy, or traced.
 Number = Scalar | float
@@ -100,7 +100,7 @@ def _gear(scene: Scene, name: str) -> Gear:
     )
 
 
-def material_of(tables: Tables, name: str) -> Material:
+def material_of(tables: AbstractTables, name: str) -> Material:
     """The material of a gear: its own, or that of both.
 
     **Arguments:**
@@ -173,7 +173,7 @@ def _measured(scene: Scene, pair: GearPair, name: str) -> list[AbstractFlankDevi
     return found
 
 
-def _graded(flank: Flank, pair: GearPair, name: str) -> list[AbstractFlankDeviation]:
+def _graded(flank: FlankKeys, pair: GearPair, name: str) -> list[AbstractFlankDeviation]:
     """Deviations that a scene gives as a tolerance grade."""
     if flank.accuracy_grade is None:
         return []
@@ -181,7 +181,7 @@ def _graded(flank: Flank, pair: GearPair, name: str) -> list[AbstractFlankDeviat
     return [deviation_of_grade(pair, GEARS.index(name), grade, _waveform(flank, name))]
 
 
-def _waveform(flank: Flank, name: str) -> GradeWaveform:
+def _waveform(flank: FlankKeys, name: str) -> GradeWaveform:
     slope = 1.0 if flank.accuracy_slopes else 0.0
     # Equal profile slopes cancel in mesh, for a pinion's tip meets the wheel's root; these add up.
     towards = 1.0 if name == "pinion" else -1.0

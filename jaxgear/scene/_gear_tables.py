@@ -7,8 +7,8 @@ that is not there are `None`.
 
 from typing import Literal
 
-from jaxgear.scene._body_tables import LENGTH, Body, Support
-from jaxgear.scene._table import Table, key, real
+from jaxgear.scene._body_tables import LENGTH, BodyKeys, SupportKeys
+from jaxgear.scene._table import key, real, table
 
 Foundation = Literal["weber", "sainsot", "ring", "none"]
 Shape = Literal["linear", "parabolic"]
@@ -33,7 +33,8 @@ BEARING = "[0, inf). Leave the key out where the bearing does not hold the shaft
 PLACE = "[0, inf). Positions are measured from the first end of the shaft"
 
 
-class Material(Table):
+@table
+class MaterialKeys:
     """Material of both gears: `[material]`."""
 
     young_GPa: float = real("Young's modulus", YOUNG, 206.0)
@@ -41,7 +42,8 @@ class Material(Table):
     density_kg_m3: float = real("mass density", DENSITY, 7850.0)
 
 
-class Pair(Table):
+@table
+class PairKeys:
     """What both gears share: `[pair]`."""
 
     module_mm: float = real("normal module", "[0.01, 200]. The key is in millimetres")
@@ -76,7 +78,8 @@ class Pair(Table):
     )
 
 
-class OwnMaterial(Table):
+@table
+class OwnMaterialKeys:
     """A gear's own material: `[pinion.material]`."""
 
     young_GPa: float | None = real("Young's modulus", YOUNG)
@@ -84,7 +87,8 @@ class OwnMaterial(Table):
     density_kg_m3: float | None = real("mass density", DENSITY)
 
 
-class Segment(Table):
+@table
+class SegmentKeys:
     """One section of a shaft."""
 
     length_mm: float = real("length of the segment", LENGTH)
@@ -92,7 +96,8 @@ class Segment(Table):
     inner_mm: float = real("inner diameter; 0: solid", "[0, inf)", 0.0)
 
 
-class Bearing(Table):
+@table
+class BearingKeys:
     """One bearing of a shaft."""
 
     at_mm: float = real("position of the bearing", PLACE)
@@ -105,7 +110,8 @@ class Bearing(Table):
     tilt_T_Nm_rad: float | None = real("tilt stiffness, about T only", BEARING)
 
 
-class Load(Table):
+@table
+class LoadKeys:
     """A load on a shaft."""
 
     at_mm: float = real("position of a load", PLACE)
@@ -113,12 +119,13 @@ class Load(Table):
     moment_Nm: list[float] = real("moment about S, T, Z", default=[0.0, 0.0, 0.0], length=3)
 
 
-class Shaft(Table):
+@table
+class ShaftKeys:
     """The shaft of a gear: `[pinion.shaft]`."""
 
     gear_at_mm: float = real("position of the gear's mid-face", PLACE)
-    segments: tuple[Segment, ...]
-    bearings: tuple[Bearing, ...]
+    segments: tuple[SegmentKeys, ...]
+    bearings: tuple[BearingKeys, ...]
     torque_at_mm: float | None = real(
         "where the torque enters or leaves the shaft; default: at the gear", PLACE
     )
@@ -126,13 +133,14 @@ class Shaft(Table):
         "shear coefficient of the sections; default: that of each ring section",
         "(0, 1]. It is the share of the section that carries shear; a solid shaft has about 0.9",
     )
-    loads: tuple[Load, ...]
+    loads: tuple[LoadKeys, ...]
     divisions: int | None = key(
         "finite elements from one station to the next; default: 1, exact in statics", "[1, 100]"
     )
 
 
-class Gear(Table):
+@table
+class GearKeys:
     """One gear: `[pinion]`, `[wheel]`."""
 
     teeth: int = key("number of teeth", "[5, 10000]")
@@ -183,13 +191,14 @@ class Gear(Table):
         "[0, inf). An allowance is what is taken off the tooth, so it is not negative",
     )
     foundation: Foundation | None = key("foundation of this gear's teeth")
-    material: OwnMaterial
-    support: Support
-    body: Body
-    shaft: Shaft
+    material: OwnMaterialKeys
+    support: SupportKeys
+    body: BodyKeys
+    shaft: ShaftKeys
 
 
-class TipRelief(Table):
+@table
+class TipReliefKeys:
     """Relief at the tip: `[flank.pinion.tip_relief]`."""
 
     depth_um: float = real("depth removed at the tip", DEPTH, 0.0)
@@ -200,7 +209,8 @@ class TipRelief(Table):
     )
 
 
-class RootRelief(Table):
+@table
+class RootReliefKeys:
     """Relief at the start of active profile: `[flank.pinion.root_relief]`."""
 
     depth_um: float = real("depth removed at the start of active profile", DEPTH, 0.0)
@@ -211,7 +221,8 @@ class RootRelief(Table):
     )
 
 
-class EndRelief(Table):
+@table
+class EndReliefKeys:
     """Relief at the ends of the face: `[flank.pinion.end_relief]`."""
 
     side: Literal["left", "right", "both"] = key(
@@ -225,15 +236,16 @@ class EndRelief(Table):
     )
 
 
-class Flank(Table):
+@table
+class FlankKeys:
     """The flanks of a gear: `[flank.pinion]`."""
 
-    tip_relief: TipRelief
-    root_relief: RootRelief
+    tip_relief: TipReliefKeys
+    root_relief: RootReliefKeys
     crowning_um: float = real(
         "parabolic crowning: depth removed at both ends of the face", DEPTH, 0.0
     )
-    end_relief: EndRelief
+    end_relief: EndReliefKeys
     helix_slope_um: float = real(
         "helix slope deviation over the face width; positive adds material", default=0.0
     )
@@ -277,12 +289,13 @@ class Flank(Table):
     )
 
 
-class FlankTables(Table):
+@table
+class FlanksKeys:
     """The flanks of both gears: `[flank]`."""
 
-    pinion: Flank
-    wheel: Flank
+    pinion: FlankKeys
+    wheel: FlankKeys
 
-    def gear(self, name: str) -> Flank:
+    def gear(self, name: str) -> FlankKeys:
         """The flanks of a gear, `pinion` or `wheel`."""
         return getattr(self, name)

@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping, Set
 
 from jaxgear.scene._key import show
 from jaxgear.scene._schema import GEARS, shapes_body
-from jaxgear.scene._study_tables import Robust
-from jaxgear.scene._tables import Tables
+from jaxgear.scene._study_tables import RobustKeys
+from jaxgear.scene._tables import PlainTables
 
 _TABLES = ("robust.scatter", "robust.even")
 _OVER_SPEEDS = ("dynamic_ratio", "bearing_force")
@@ -24,7 +24,7 @@ def scattered_key(path: str) -> str:
 
 
 def robust_mistakes(
-    tables: Tables, values: Mapping[str, object], given: Set[str], *, faulty: bool
+    tables: PlainTables, values: Mapping[str, object], given: Set[str], *, faulty: bool
 ) -> Iterator[tuple[str, str]]:
     """Yield the path and the message of every mistake.
 
@@ -73,7 +73,7 @@ def robust_mistakes(
             )
 
 
-def _counts(robust: Robust) -> Iterator[tuple[str, str]]:
+def _counts(robust: RobustKeys) -> Iterator[tuple[str, str]]:
     """Numbers of samples, which must be powers of two and reach beyond the quantile."""
     counts = {"samples": robust.samples, "fresh_samples": robust.fresh_samples}
     for key, count in counts.items():

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Literal
 
 from jaxgear.scene._gear_tables import DEPTH, EXTENT, TORQUE
-from jaxgear.scene._table import Table, key
+from jaxgear.scene._table import key, table
 
 Combined = Literal["mean", "worst"]
 # What can be made small, or traded.
@@ -30,7 +30,8 @@ StaticResponse = Literal[
 DynamicResponse = Literal["dynamic_ratio", "te_rms", "te_mean"]
 
 
-class DepthRange(Table):
+@table
+class DepthRangeKeys:
     """Depths of the map: `[map.depth_um]`."""
 
     from_: float = key("smallest depth", DEPTH, 0.0)
@@ -38,7 +39,8 @@ class DepthRange(Table):
     points: int = key("number of depths", "[2, 2000]", 50)
 
 
-class ExtentRange(Table):
+@table
+class ExtentRangeKeys:
     """Extents of the map: `[map.extent]`."""
 
     from_: float = key("smallest extent", EXTENT, 0.01)
@@ -46,17 +48,19 @@ class ExtentRange(Table):
     points: int = key("number of extents", "[2, 2000]", 50)
 
 
-class Map(Table):
+@table
+class MapKeys:
     """The Master Curve map: `[map]`."""
 
-    depth_um: DepthRange
-    extent: ExtentRange
+    depth_um: DepthRangeKeys
+    extent: ExtentRangeKeys
     torques_Nm: list[float] | None = key(
         "pinion torques of the Harris map, and of Master Curves", TORQUE
     )
 
 
-class Weights(Table):
+@table
+class WeightsKeys:
     """Weights of what is minimised: `[optimise.minimise]`."""
 
     te_rms: float | None = key("weight of static.te_rms_um", "[0, inf)")
@@ -75,7 +79,8 @@ class Weights(Table):
     )
 
 
-class Limits(Table):
+@table
+class LimitsKeys:
     """What a search may not exceed: `[optimise.limits]`."""
 
     max_pressure_MPa: float | None = key("largest pressure allowed", "(0, inf)")
@@ -88,7 +93,8 @@ class Limits(Table):
     )
 
 
-class Pareto(Table):
+@table
+class ParetoKeys:
     """A trade between two objectives: `[optimise.pareto]`."""
 
     against: Minimised | None = key(
@@ -98,12 +104,13 @@ class Pareto(Table):
     points: int = key("designs to look for", "[2, 200]", 7)
 
 
-class Optimise(Table):
+@table
+class OptimiseKeys:
     """A search: `[optimise]`."""
 
     vary: list[str] = key("the keys that the optimiser may change")
     symmetric: bool = key("pinion and wheel get the same relief", default=False)
-    minimise: Minimised | Weights = key(
+    minimise: Minimised | WeightsKeys = key(
         "what to minimise; a table of weights is allowed too", default="te_rms"
     )
     harmonics: list[float] | None = key(
@@ -121,17 +128,18 @@ class Optimise(Table):
     starts: int = key(
         "searches, from the scene itself and from the best of 64 points in the bounds", "[1, 64]", 1
     )
-    limits: Limits
+    limits: LimitsKeys
     anneal_um: list[float] | None = key(
         "widths of smooth contact to search with before mesh.smoothing_um, falling", "(0, 1000]"
     )
     max_evaluations: int = key("most evaluations", "[1, 1000000]", 50)
-    pareto: Pareto
+    pareto: ParetoKeys
     bounds: Mapping[str, list[float]]
     ties: Mapping[str, str]
 
 
-class Robust(Table):
+@table
+class RobustKeys:
     """Scatter that a search looks at: `[robust]`."""
 
     measure: Literal["mean", "quantile"] = key(
@@ -161,7 +169,8 @@ class Robust(Table):
     even: Mapping[str, float]
 
 
-class Sizing(Table):
+@table
+class SizingKeys:
     """Amounts of relief to try: `[sizing]`."""
 
     torques_Nm: list[float] | None = key("pinion torques; default: that of the pair", TORQUE)
@@ -169,7 +178,8 @@ class Sizing(Table):
     amounts: Mapping[str, list[float]]
 
 
-class Compare(Table):
+@table
+class CompareKeys:
     """Models against each other: `[compare]`."""
 
     tolerance: float = key(

@@ -1,23 +1,32 @@
 """Tables of a scene that say how its gears are computed and moved, and the whole file."""
 
+from abc import abstractmethod
 from typing import Literal
 
-from jaxgear.scene._gear_tables import FlankTables, Foundation, Gear, Material, Pair
-from jaxgear.scene._study_tables import Compare, Map, Optimise, Robust, Sizing
-from jaxgear.scene._table import Table, key, real
+from jaxgear.scene._gear_tables import FlanksKeys, Foundation, GearKeys, MaterialKeys, PairKeys
+from jaxgear.scene._study_tables import (
+    CompareKeys,
+    MapKeys,
+    OptimiseKeys,
+    RobustKeys,
+    SizingKeys,
+)
+from jaxgear.scene._table import key, real, table
 
 GearName = Literal["pinion", "wheel"]
 
 SPEED = "(0, inf). At rest, the quasi-static cycle of `jaxgear run` is the response"
 
 
-class Housing(Table):
+@table
+class HousingKeys:
     """What holds the bearings: `[housing]`."""
 
     stiffness_csv: str | None = key("file of the stiffness of the housing between the bearings")
 
 
-class Mesh(Table):
+@table
+class MeshKeys:
     """Contact, and how fine it is looked at: `[mesh]`."""
 
     periods: int = key("mesh periods in one cycle", "[1, 10000]", 1)
@@ -71,7 +80,8 @@ class Mesh(Table):
     )
 
 
-class Model(Table):
+@table
+class ModelKeys:
     """What is kept of bodies in motion: `[model]`."""
 
     coordinates: int | None = key(
@@ -92,7 +102,8 @@ class Model(Table):
     )
 
 
-class Damping(Table):
+@table
+class DampingKeys:
     """Damping: `[damping]`."""
 
     kind: Literal["modal", "rayleigh"] = key("kind of damping", default="modal")
@@ -111,7 +122,8 @@ class Damping(Table):
     )
 
 
-class Speeds(Table):
+@table
+class SpeedsKeys:
     """Speeds at even distances: `[sweep.pinion_speed_rad_s]`."""
 
     from_: float = key("lowest speed", SPEED)
@@ -119,13 +131,14 @@ class Speeds(Table):
     points: int = key("number of speeds", "[2, 100000]")
 
 
-class Sweep(Table):
+@table
+class SweepKeys:
     """A sweep over the speed: `[sweep]`."""
 
-    pinion_speed_rad_s: list[float] | Speeds = key(
+    pinion_speed_rad_s: list[float] | SpeedsKeys = key(
         "speeds of the pinion: a list, or a table with from, to and points", SPEED
     )
-    pinion_speed_rpm: list[float] | Speeds | None = key(
+    pinion_speed_rpm: list[float] | SpeedsKeys | None = key(
         "speeds of the pinion: a list, or a table with from, to and points",
         SPEED,
         instead_of="pinion_speed_rad_s",
@@ -155,7 +168,8 @@ class Sweep(Table):
     )
 
 
-class Modes(Table):
+@table
+class ModesKeys:
     """Natural modes: `[modes]`."""
 
     count: int | None = key(
@@ -167,7 +181,8 @@ class Modes(Table):
     harmonics: int = key("mesh harmonics with critical speeds", "[1, 100]", 4)
 
 
-class Probe(Table):
+@table
+class ProbeKeys:
     """A place on a body that is looked at: `[[probes]]`."""
 
     gear: GearName = key("gear, with a condensed body, that is looked at")
@@ -188,7 +203,7 @@ class Probe(Table):
     node: str | None = key("a node that was condensed with the body, by name, in place of a place")
 
 
-class Tables(Table):
+class AbstractTables:
     """The whole file. What is moved is not in here."""
 
     schema: int = key(
@@ -200,24 +215,42 @@ class Tables(Table):
         pattern=r"(?!\.{1,2}$)[^/\\\x00-\x1f\x7f]+",
     )
     cite: str = key("where the data come from; printed with every result", default="")
-    material: Material
-    pair: Pair
-    pinion: Gear
-    wheel: Gear
-    flank: FlankTables
-    housing: Housing
-    mesh: Mesh
-    model: Model
-    damping: Damping
-    sweep: Sweep
-    modes: Modes
-    probes: tuple[Probe, ...]
-    map: Map
-    optimise: Optimise
-    robust: Robust
-    sizing: Sizing
-    compare: Compare
+    material: MaterialKeys
+    pair: PairKeys
+    pinion: GearKeys
+    wheel: GearKeys
+    flank: FlanksKeys
+    housing: HousingKeys
+    mesh: MeshKeys
+    model: ModelKeys
+    damping: DampingKeys
+    sweep: SweepKeys
+    modes: ModesKeys
+    probes: tuple[ProbeKeys, ...]
+    map: MapKeys
+    optimise: OptimiseKeys
+    robust: RobustKeys
+    sizing: SizingKeys
+    compare: CompareKeys
 
-    def gear(self, name: str) -> Gear:
+    def gear(self, name: str) -> GearKeys:
         """The table of a gear, `pinion` or `wheel`."""
         return getattr(self, name)
+
+    @property
+    @abstractmethod
+    def plain(self) -> "PlainTables":
+        """The tables with plain numbers alone: what is moved is as it was before."""
+
+
+# Not as a decorator: a scene is made of more than its tables.
+table(AbstractTables)
+
+
+class PlainTables(AbstractTables):
+    """Tables by themselves."""
+
+    @property
+    def plain(self) -> "PlainTables":
+        """The tables themselves."""
+        return self

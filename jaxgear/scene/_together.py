@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from jaxgear.scene._body_checks import body_mistakes, root_diameter
-from jaxgear.scene._body_tables import Support
-from jaxgear.scene._gear_tables import Bearing, Gear, Shaft
+from jaxgear.scene._body_tables import SupportKeys
+from jaxgear.scene._gear_tables import BearingKeys, GearKeys, ShaftKeys
 from jaxgear.scene._instead import instead_mistakes, place_of, values_instead
 from jaxgear.scene._key import show
 from jaxgear.scene._paths import around, look_up
@@ -15,7 +15,7 @@ from jaxgear.scene._scatter_checks import robust_mistakes, scattered_key
 from jaxgear.scene._schema import GEARS, REAL_KEYS, general, nearest, split_entry, unit_of
 from jaxgear.scene._slips import slips
 from jaxgear.scene._table import table_of
-from jaxgear.scene._tables import Tables
+from jaxgear.scene._tables import PlainTables
 
 _BOUNDS, _TIES = "optimise.bounds.", "optimise.ties."
 _TORQUE = "pair.torque_pinion_Nm"
@@ -43,7 +43,7 @@ def mistakes_together(reading: Reading, values: Values) -> Said:
             yield path, f"got {show(low)}, must be less than `to`, {show(high)}"
     yield from instead_mistakes(values, reading.seen, reading.where)
     values = {**values, **values_instead(values)}
-    tables: Tables = table_of(Tables, values, reading.seen)
+    tables: PlainTables = table_of(PlainTables, values, reading.seen)
     for name in GEARS:
         gear = tables.gear(name)
         yield from _springs(f"{name}.support", gear.support)
@@ -74,7 +74,7 @@ def mistakes_together(reading: Reading, values: Values) -> Said:
             yield path, slip.message
 
 
-def _springs(table: str, springs: Support | Bearing) -> Said:
+def _springs(table: str, springs: SupportKeys | BearingKeys) -> Said:
     """Check that a stiffness is given in one way: for all directions, or for each."""
     for both, one in (("radial_N_m", "radial_{}_N_m"), ("tilt_Nm_rad", "tilt_{}_Nm_rad")):
         names = [name for name in map(one.format, "ST") if getattr(springs, name, None) is not None]
@@ -95,7 +95,7 @@ def _foundation(reading: Reading, gear: str, values: Values) -> Said:
         )
 
 
-def _shaft(reading: Reading, name: str, gear: Gear) -> Said:
+def _shaft(reading: Reading, name: str, gear: GearKeys) -> Said:
     """Check that a shaft is whole, that what is on it is on it, and that a beam has one."""
     table, shaft = f"{name}.shaft", gear.shaft
     if table not in reading.tables:
@@ -124,7 +124,7 @@ def _shaft(reading: Reading, name: str, gear: Gear) -> Said:
     yield from _beyond(table, shaft)
 
 
-def _beyond(table: str, shaft: Shaft) -> Said:
+def _beyond(table: str, shaft: ShaftKeys) -> Said:
     """Check that nothing lies beyond the end of a shaft."""
     lengths = [segment.length_mm for segment in shaft.segments]
     if not lengths or None in lengths:
