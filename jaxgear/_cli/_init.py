@@ -103,7 +103,7 @@ def _write_ready(args: argparse.Namespace) -> tuple[Path, str]:
     if target.exists() and not args.force:
         raise InputError(f"{target} exists already. Use --force to overwrite it.")
     _write(target, lambda: rewrite_scene(ready, scene.overridden(), target))
-    return target, str(scene["cite"])
+    return target, scene.cite
 
 
 def _write_own(args: argparse.Namespace, found: dict[str, Any]) -> tuple[Path, str]:
@@ -129,7 +129,7 @@ def _write_own(args: argparse.Namespace, found: dict[str, Any]) -> tuple[Path, s
             file.write(text)
 
     _write(target, write)
-    return target, str(scene["cite"])
+    return target, scene.cite
 
 
 def _write(target: Path, write: Callable[[], None]) -> None:

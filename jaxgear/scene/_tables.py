@@ -4,6 +4,7 @@ from abc import abstractmethod
 from typing import Literal
 
 from jaxgear.scene._gear_tables import FlanksKeys, Foundation, GearKeys, MaterialKeys, PairKeys
+from jaxgear.scene._key import OPTIONAL
 from jaxgear.scene._study_tables import (
     CompareKeys,
     MapKeys,
@@ -209,9 +210,10 @@ class AbstractTables:
     schema: int = key(
         "version of the scene format", "[1, 1]. This version of jaxgear reads scene format 1"
     )
-    name: str | None = key(
+    name: str = key(
         "name of the scene and of its results folder; default: the file's name",
         "It names a folder: no slashes, and not empty",
+        OPTIONAL,
         pattern=r"(?!\.{1,2}$)[^/\\\x00-\x1f\x7f]+",
     )
     cite: str = key("where the data come from; printed with every result", default="")
