@@ -207,7 +207,7 @@ def _command(argv: Sequence[str] | None) -> int:
         refuse_unfit(args.command, scene)
     except InputError as error:
         raise _Stop(2, str(error)) from None
-    for remark in odd(scene.whole):
+    for remark in odd(scene):
         warn(remark)
     with _results(args, scene) as folder:
         summary = _compute(args.command, scene, folder, args.quiet)

@@ -1,7 +1,7 @@
 """What the keys of a condensed body must be together, in the units of the file."""
 
 import math
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Iterator, Set
 
 from jaxgear.scene._body_tables import BodyKeys, WebKeys
 from jaxgear.scene._gear_tables import GearKeys
@@ -154,25 +154,3 @@ def _holes(at: str, ring: str, web: WebKeys, given: Set[str]) -> Said:
                 f"got {circle:g}, but holes that reach from {circle - diameter:g} to "
                 f"{circle + diameter:g} mm cut {what}, {limit:g}: they must lie in the web",
             )
-
-
-def root_diameter(gear: str, values: Mapping[str, object]) -> float | None:
-    """Diameter of the root circle [mm], if all that it takes is right.
-
-    **Arguments:**
-
-    - `gear`: `pinion` or `wheel`.
-    - `values`: of the scene, without those that are wrong.
-    """
-    names = ("pair.module_mm", "pair.helix_angle_deg", f"{gear}.dedendum_coeff")
-    numbers = [_number(values, path) for path in (*names, f"{gear}.profile_shift")]
-    teeth = values.get(f"{gear}.teeth")
-    if None in numbers or not isinstance(teeth, int):
-        return None
-    module, helix, dedendum, shift = (float(each or 0.0) for each in numbers)
-    return module * (teeth / math.cos(math.radians(helix)) - 2.0 * (dedendum - shift))
-
-
-def _number(values: Mapping[str, object], path: str) -> float | None:
-    value = values.get(path)
-    return value if isinstance(value, float) else None

@@ -41,7 +41,7 @@ from jaxgear._system._support import Support
 from jaxgear._types import Scalar
 from jaxgear._units import GPa, N_per_mm_um, mm, um
 from jaxgear.scene._build_pair import flanks_of, material_of, pair_of, si
-from jaxgear.scene._files import read_matrix
+from jaxgear.scene._csv import read_matrix
 from jaxgear.scene._gear_tables import BearingKeys
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS

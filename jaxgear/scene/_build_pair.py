@@ -32,6 +32,7 @@ from jaxgear.scene._files import check_covers, deviation_of_table, read_profile,
 from jaxgear.scene._gear_tables import FlankKeys
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
+from jaxgear.scene._sizes import of_material
 from jaxgear.scene._tables import AbstractTables
 
 # A number of a scene in SI: in NumPy, or traced.
@@ -108,11 +109,8 @@ def material_of(tables: AbstractTables, name: str) -> Material:
     - `tables`: of the scene.
     - `name`: `pinion` or `wheel`.
     """
-    own, shared = tables.gear(name).material, tables.material
-    young, poisson, density = (
-        si(getattr(shared if getattr(own, key) is None else own, key))
-        for key in ("young_GPa", "poisson", "density_kg_m3")
-    )
+    keys = ("young_GPa", "poisson", "density_kg_m3")
+    young, poisson, density = (si(of_material(tables, name, key)) for key in keys)
     return Material(young=young * GPa, poisson=poisson, density=density)
 
 

@@ -21,6 +21,8 @@ from jaxgear.scene._schema import (
     general,
     split_entry,
 )
+from jaxgear.scene._table import table_of
+from jaxgear.scene._tables import PlainTables
 
 
 class Reading:
@@ -182,7 +184,8 @@ class Reading:
         # Not defaults of the schema, since only the reader knows the file.
         values.setdefault("name", self.path.stem)
         for assume in (assumed_bores, assumed_foundations, assumed_fillets):
-            values |= assume({**values, **values_instead(values)}, self.seen)
+            whole = {**values, **values_instead(values)}
+            values |= assume(table_of(PlainTables, whole, self.seen), self.seen)
         for path, key in places.items():
             table = path.rpartition(".")[0]
             needed = table in ALWAYS or table in self.tables

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from jaxgear.scene._body_checks import body_mistakes, root_diameter
+from jaxgear.scene._body_checks import body_mistakes
 from jaxgear.scene._body_tables import SupportKeys
 from jaxgear.scene._gear_tables import BearingKeys, GearKeys, ShaftKeys
 from jaxgear.scene._instead import instead_mistakes, place_of, values_instead
@@ -13,6 +13,7 @@ from jaxgear.scene._paths import around, look_up
 from jaxgear.scene._reading import Reading
 from jaxgear.scene._scatter_checks import robust_mistakes, scattered_key
 from jaxgear.scene._schema import GEARS, REAL_KEYS, general, nearest, split_entry, unit_of
+from jaxgear.scene._sizes import root_diameter
 from jaxgear.scene._slips import slips
 from jaxgear.scene._table import table_of
 from jaxgear.scene._tables import PlainTables
@@ -53,7 +54,7 @@ def mistakes_together(reading: Reading, values: Values) -> Said:
             words = f"must be 1 or {gear.teeth}, one for each of {name}.teeth"
             yield f"flank.{name}.pitch_error_um", f"got {len(errors)} values, {words}"
         yield from _shaft(reading, name, gear)
-        yield from body_mistakes(name, gear, root_diameter(name, values), reading.seen)
+        yield from body_mistakes(name, gear, root_diameter(tables, name), reading.seen)
     weights = [values[path] for path in values if path.startswith("optimise.minimise.")]
     if "optimise.minimise" not in values and not any(weights):
         if not reading.refused("optimise.minimise"):
@@ -68,7 +69,7 @@ def mistakes_together(reading: Reading, values: Values) -> Said:
             # Objectives are asked at torques, wherever these come from.
             elif key and key != _TORQUE and (missing := _missing(reading, key, values)):
                 yield path, missing
-    for slip in slips(values):
+    for slip in slips(tables, values):
         path = place_of(slip.path, reading.seen)
         if slip.impossible and not reading.refused(path):
             yield path, slip.message
