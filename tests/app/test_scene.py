@@ -1155,6 +1155,22 @@ def test_what_is_traced_is_known_as_it_was_before(write):
     }
 
 
+def test_keys_are_attributes_of_tables_that_do_not_change(write):
+    scene = read_scene(write(_LEAST + _SHAFTS))
+    assert scene.pinion.shaft.bearings[0].at_mm == scene["pinion.shaft.bearings[0].at_mm"]
+    assert scene.map.extent.from_ == scene["map.extent.from"]
+    assert scene.gear("wheel").teeth == scene.wheel.teeth == scene["wheel.teeth"]
+    assert scene.pinion.support.axial_N_m is None
+    assert scene.probes == ()
+    with pytest.raises(AttributeError, match=r"scene\.replace makes another one"):
+        scene.mesh.slices = 3  # pyright: ignore[reportAttributeAccessIssue]
+    with pytest.raises(AttributeError, match="a scene has no mash"):
+        scene.mash  # noqa: B018  # pyright: ignore[reportAttributeAccessIssue]
+    changed = scene.replace({"mesh.slices": 3, "optimise.bounds.pair.module_mm": [1.0, 2.0]})
+    assert (changed.mesh.slices, scene.mesh.slices) == (3, 20)
+    assert changed.optimise.bounds["pair.module_mm"] == [1.0, 2.0]
+
+
 def test_real_keys_count_rows_and_entries(write):
     real = read_scene(write(_LEAST + _SHAFTS)).real_keys()
     assert len(real) == len(set(real))
