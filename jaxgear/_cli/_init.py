@@ -11,7 +11,8 @@ from typing import Any
 from jaxgear._checks import InputError
 from jaxgear.scene._own_pair import Wanted
 from jaxgear.scene._own_scene import scene_text
-from jaxgear.scene._scene import READY, SceneError, read_scene, rewrite_scene, rewritten
+from jaxgear.scene._rewriting import rewrite_scene, rewritten
+from jaxgear.scene._scene import READY, SceneError, read_scene
 from jaxgear.scene._schema import KEYS
 
 # Options of one's own pair: the key that each is, and its question.
@@ -102,7 +103,7 @@ def _write_ready(args: argparse.Namespace) -> tuple[Path, str]:
     if target.exists() and not args.force:
         raise InputError(f"{target} exists already. Use --force to overwrite it.")
     _write(target, lambda: rewrite_scene(ready, scene.overridden(), target))
-    return target, str(scene["cite"])
+    return target, scene.cite
 
 
 def _write_own(args: argparse.Namespace, found: dict[str, Any]) -> tuple[Path, str]:
@@ -128,7 +129,7 @@ def _write_own(args: argparse.Namespace, found: dict[str, Any]) -> tuple[Path, s
             file.write(text)
 
     _write(target, write)
-    return target, str(scene["cite"])
+    return target, scene.cite
 
 
 def _write(target: Path, write: Callable[[], None]) -> None:

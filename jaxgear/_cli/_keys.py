@@ -8,16 +8,8 @@ import sys
 from collections.abc import Iterable
 from typing import Any
 
-from jaxgear.scene._schema import (
-    BY_PATH,
-    KEYS,
-    OPTIONAL,
-    REQUIRED,
-    Key,
-    general,
-    nearest,
-    show,
-)
+from jaxgear.scene._key import OPTIONAL, REQUIRED, Key, show
+from jaxgear.scene._schema import BY_PATH, KEYS, general, nearest
 
 # Of these tables every real key has one of its own: they are told by one example each.
 _EXAMPLE = "pair.module_mm"

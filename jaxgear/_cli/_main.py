@@ -19,17 +19,16 @@ from pathlib import Path
 from typing import Any
 
 from jaxgear._checks import InputError
+from jaxgear._cli._fit import refuse_unfit
 from jaxgear._cli._folder import Folder, begun, publish, written
 from jaxgear._cli._init import add_init_parser, write_first_scene
 from jaxgear._cli._keys import add_keys_parser, print_keys
 from jaxgear._cli._plot import add_plot_parser, draw_again
+from jaxgear._cli._printing import print_notes, print_results
 from jaxgear._cli._terminal import Terminal, warn
 from jaxgear._program_cache import cache_compilations
-from jaxgear.scene._motion import motion_mistakes
-from jaxgear.scene._scene import Mistake, Scene, SceneError, read_scene
-from jaxgear.scene._schema import GEARS
+from jaxgear.scene._scene import Scene, SceneError, read_scene
 from jaxgear.scene._slips import odd
-from jaxgear.study._symbols import with_symbol
 
 _COMMANDS = {
     "run": "compute everything that the scene asks for",
@@ -123,53 +122,6 @@ def _kept_interrupts() -> Iterator[None]:
         sys.unraisablehook = usual
 
 
-def print_summary(summary: Mapping[str, object], indent: str = "") -> None:
-    """Print a summary for a reader: nested keys indented, six digits, long lists by their length.
-
-    Beside the names of results stand the symbols of the ISO standards.
-
-    **Arguments:**
-
-    - `summary`: nested dictionary; units are part of its keys.
-    - `indent`: what each line begins with.
-    """
-    width = max((len(with_symbol(key)) for key in summary), default=0)
-    for key, value in summary.items():
-        if isinstance(value, Mapping):
-            print(f"{indent}{key}")
-            print_summary(value, indent + "  ")
-        elif isinstance(value, list | tuple) and value and isinstance(value[0], Mapping):
-            for index, row in enumerate(value):
-                if not any(isinstance(each, Mapping) for each in row.values()):
-                    words = [f"{name} {_short(each)}" for name, each in row.items()]
-                    print(f"{indent}{key}[{index}]  {', '.join(words)}")
-                    continue
-                print(f"{indent}{key}[{index}]")
-                print_summary(row, indent + "  ")
-        else:
-            print(f"{indent}{with_symbol(key):<{width}}  {_short(value)}")
-
-
-def _print_notes(notes: Sequence[str]) -> None:
-    """Print all notes, the worst first, each on a line of its own."""
-    if notes:
-        print("notes")
-    for note in notes:
-        print(f"  - {note}")
-
-
-def _short(value: object) -> str:
-    if isinstance(value, str | int):
-        return str(value)
-    if isinstance(value, list | tuple):
-        few = len(value) <= 6
-        return "[" + ", ".join(map(_short, value)) + "]" if few else f"[{len(value)} values]"
-    try:
-        return f"{value:.6g}"
-    except (TypeError, ValueError):
-        return str(value)
-
-
 class _Parser(argparse.ArgumentParser):
     """A parser whose help fails where it cannot be written; the library's own says nothing."""
 
@@ -255,25 +207,21 @@ def _command(argv: Sequence[str] | None) -> int:
     if args.command == "plot":
         return _plot(args)
     scene = read_scene(args.scene, args.overrides)
-    _refuse_unfit(args.command, scene)
-    for remark in odd(scene.whole):
+    try:
+        refuse_unfit(args.command, scene)
+    except InputError as error:
+        raise _Stop(2, str(error)) from None
+    for remark in odd(scene):
         warn(remark)
     with _results(args, scene) as folder:
         summary = _compute(args.command, scene, folder, args.quiet)
     wrong = summary["check_grad"]["verdicts"]["WRONG"] if "check_grad" in summary else 0
     if args.json:
         _print_json(summary)
-    elif "check_grad" in summary:
-        _print_gradients(summary["check_grad"])
-    elif args.command == "modes" and not args.quiet:
-        _print_modes(summary["modes"])
-    elif args.command == "condense" and not args.quiet:
-        _print_bodies(summary["bodies"])
-    elif not args.quiet:
-        apart = ("versions", "notes")
-        print_summary({key: value for key, value in summary.items() if key not in apart})
+    elif not args.quiet or "check_grad" in summary:
+        print_results(args.command, summary)
     if not (args.json or args.quiet):
-        _print_notes(summary.get("notes", ()))
+        print_notes(summary.get("notes", ()))
     if not args.quiet:
         print(f"results in {folder.path}", file=sys.stderr)
     if wrong:
@@ -296,119 +244,10 @@ def _refuse_unspeakable(args: argparse.Namespace) -> None:
             raise _Stop(2, f"arguments must be text in UTF-8, got {told}") from None
 
 
-def _print_gradients(found: Mapping[str, Any]) -> None:
-    """Print the table of derivatives; rows without effect are only counted."""
-    form = "{:<8} {:<24} {:<40} {:>14} {:>14} {:>14} {:>10}  {}"
-    names = ("contact", "response", "key", "forward", "reverse", "central", "rel. error", "verdict")
-    print(form.format(*names))
-    for row in found["rows"]:
-        if row["verdict"] != "no effect":
-            numbers = [_short(row[name]) for name in ("forward", "reverse", "difference")]
-            words = row["contact"], row["response"], row["key"]
-            print(form.format(*words, *numbers, f"{row['error']:.1e}", row["verdict"]))
-    print(", ".join(f"{count} {verdict}" for verdict, count in found["verdicts"].items()))
-
-
-def _print_modes(found: Mapping[str, Any]) -> None:
-    """Print the table of natural modes."""
-    parts = [name for name in ("mesh", "pinion", "wheel", "bearings") if any(found["energy"][name])]
-    columns = [found["frequency_Hz"], [100.0 * ratio for ratio in found["damping_ratio"]]]
-    columns += [[100.0 * share for share in found["energy"][name]] for name in parts]
-    columns.append(found["critical_speed_rad_s"]["mesh_harmonic_1"])
-    heads = ["mode", "Hz", "damping %", *(f"{name} %" for name in parts), "critical rad/s"]
-    form = "{:>4}" + "  {:>11}" * (len(heads) - 2) + "  {:>14}"
-    # Of condensed bodies: the gear of the leading wave, and its nodal diameters.
-    names, numbers = found.get("gear", ()), found.get("nodal_diameter", ())
-    waves = [f"  {gear:>6}  {count:>9}" for gear, count in zip(names, numbers, strict=True)]
-    print(form.format(*heads) + (f"  {'gear':>6}  {'diameters':>9}" if waves else ""))
-    for number, row in enumerate(zip(*columns, strict=True), start=1):
-        cells = [f"{row[0]:.6g}", *(f"{value:.3f}" for value in row[1:-1]), f"{row[-1]:.6g}"]
-        print(form.format(number, *cells) + (waves[number - 1] if waves else ""))
-
-
-def _print_bodies(found: Sequence[Mapping[str, Any]]) -> None:
-    """Print the health reports of condensed bodies."""
-    from jaxgear.study._body_report import report_lines
-
-    for body in found:
-        print("\n".join(report_lines(body)))
-
-
-def _refuse_unfit(command: str, scene: Scene) -> None:
-    """Refuse a good scene that does not go with the command."""
-    condensed = scene.condensed
-    if command == "condense" and not condensed:
-        raise _Stop(2, _nothing_to_condense(scene))
-    if condensed and command != "condense":
-        if scene["mesh.stiffness"] == "iso6336":
-            raise SceneError([_counted_twice(scene)])
-    if command == "sweep" and not scene.has_table("sweep"):
-        raise _Stop(
-            2,
-            f"{scene.path}: the scene does not say which speeds to sweep. Add these lines:\n\n"
-            "[sweep]\n"
-            "pinion_speed_rad_s = { from = 50.0, to = 3000.0, points = 300 }    # or a list\n"
-            'direction = "both"                    # up | down | both | cold\n',
-        )
-    if command == "sweep" or (command == "run" and scene.has_table("sweep")):
-        mistakes = _sweep_mistakes(scene)
-        if mistakes:
-            raise SceneError(mistakes)
-    if command in ("compare", "sensitivity", "check-grad") and scene.has_table("sweep"):
-        mistakes = motion_mistakes(scene, harmonic=True)
-        if mistakes:
-            raise SceneError(mistakes)
-    if command == "optimise" and not scene.has_table("optimise"):
-        raise _Stop(
-            2,
-            f"{scene.path}: the scene does not say what to optimise. Add a table [optimise] with "
-            'vary = ["flank.pinion.tip_relief.depth_um"], or more keys.',
-        )
-
-
-def _nothing_to_condense(scene: Scene) -> str:
-    """Say what a condensed body would be, or which key keeps it from being one."""
-    for gear in GEARS:
-        for source in ("web", "grid", "superelement"):
-            if scene.has_table(f"{gear}.body.{source}"):
-                kind = scene[f"{gear}.body.kind"]
-                return (
-                    f"{scene.path}: no gear body of the scene is condensed: {gear}.body has "
-                    f'{source}, but its kind is "{kind}". Write kind = "condensed" in '
-                    f"[{gear}.body], or --set {gear}.body.kind=condensed."
-                )
-    return (
-        f"{scene.path}: no gear body of the scene is condensed. Write, for instance,\n\n"
-        '[wheel.body]\nkind = "condensed"\n'
-        "web = { hub_outer_mm = 50.0, web_thickness_mm = 4.0, rim_inner_mm = 118.0 }\n\n"
-        "or leave web out for a solid body."
-    )
-
-
-def _counted_twice(scene: Scene) -> Mistake:
-    """Say why a standard's stiffness and a condensed body exclude each other."""
-    words = (
-        'got "iso6336", whose stiffness includes the gear body, and a condensed body brings its '
-        'own. Write "weber-banaschek"'
-    )
-    return Mistake(scene.where("mesh.stiffness"), "mesh.stiffness", words)
-
-
-def _sweep_mistakes(scene: Scene) -> list[Mistake]:
-    """What is wrong with a scene, good as it is for all else, if it is to be swept."""
-    method = scene["sweep.method"]
-    found = motion_mistakes(scene, harmonic=method in ("auto", "harmonic"))
-    if scene.get("sweep.continuation") and method in ("newmark", "shooting"):
-        key = "sweep.continuation"
-        words = f'got true, which needs harmonic balance, but sweep.method is "{method}". Keep one'
-        found.append(Mistake(scene.where(key), key, words))
-    return found
-
-
 @contextmanager
 def _results(args: argparse.Namespace, scene: Scene) -> Iterator[Folder]:
     """The folder of a command; refused, before any long work, if it cannot be written to."""
-    common = args.out or Path("results") / str(scene["name"])
+    common = args.out or Path("results") / scene.name
     path = common if args.command == "run" else common / args.command
     own = path / "scene.toml"
     with ExitStack() as stack:

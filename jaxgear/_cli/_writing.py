@@ -9,7 +9,8 @@ from jaxgear import plot
 from jaxgear._cli._folder import Folder
 from jaxgear._cli._saving import save
 from jaxgear._whole_file import write_dataset, write_json, write_text
-from jaxgear.scene._scene import Scene, rewritten, write_scene
+from jaxgear.scene._rewriting import rewritten, write_scene
+from jaxgear.scene._scene import Scene
 from jaxgear.scene._scene_files import files_seen_from
 from jaxgear.study._head import finished
 from jaxgear.study._progress import narration

@@ -3,10 +3,10 @@
 from ._build import grid_of as grid_of
 from ._build import law_of as law_of
 from ._build import model_of as model_of
+from ._rewriting import rewrite_scene as rewrite_scene
+from ._rewriting import write_scene as write_scene
 from ._scene import Scene as Scene
 from ._scene import SceneError as SceneError
 from ._scene import read_scene as read_scene
 from ._scene import ready_scene as ready_scene
-from ._scene import rewrite_scene as rewrite_scene
-from ._scene import write_scene as write_scene
 from ._with_bodies import with_bodies as with_bodies

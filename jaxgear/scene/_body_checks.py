@@ -1,198 +1,156 @@
 """What the keys of a condensed body must be together, in the units of the file."""
 
 import math
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Iterator, Set
 
-from jaxgear.scene._schema import one_of, show
+from jaxgear.scene._body_tables import BodyKeys, WebKeys
+from jaxgear.scene._gear_tables import GearKeys
+from jaxgear.scene._key import one_of, show
 
 # How the inside of a body is kept. Any other `interface` names the rim's set of a user's grid.
 METHODS = ("herting", "craig-bampton", "guyan")
 
 _OF_GRID = ("rim_set", "seats", "torque_set", "grid_unit_mm")
+_OF_MATRICES = ("mass", "nodes", "faces", "units", "mid_face_mm")
+_HOLES = ("holes", "hole_diameter_mm", "hole_circle_mm")
 
-Values = Mapping[str, object]
 Said = Iterator[tuple[str, str]]
 
 
-def body_mistakes(gear: str, values: Values, given: Set[str]) -> Said:
+def body_mistakes(name: str, gear: GearKeys, root: float | None, given: Set[str]) -> Said:
     """What is wrong with a condensed body, each of whose keys is right by itself.
 
     **Arguments:**
 
-    - `gear`: `pinion` or `wheel`.
-    - `values`: of the scene, without those that are wrong.
+    - `name`: `pinion` or `wheel`.
+    - `gear`: its table, without what is wrong.
+    - `root`: diameter of its root circle, if that is known [mm].
     - `given`: keys and tables that the user wrote.
 
     **Returns:**
 
     Path and message of each mistake; none for bodies that are not condensed.
     """
-    body = f"{gear}.body"
-    if values.get(f"{body}.kind") != "condensed":
+    body, at = gear.body, f"{name}.body"
+    if body.kind != "condensed":
         return
-    sources = [key for key in ("web", "grid", "superelement") if f"{body}.{key}" in given]
+    sources = [key for key in ("web", "grid", "superelement") if f"{at}.{key}" in given]
     for other in sources[1:]:
         yield (
-            f"{body}.{other}",
-            f"excludes {body}.{sources[0]}: a body is drawn, or a grid of your own, or matrices "
+            f"{at}.{other}",
+            f"excludes {at}.{sources[0]}: a body is drawn, or a grid of your own, or matrices "
             "condensed elsewhere. Keep one",
         )
-    coupling = f"{body}.seat_coupling"
-    if (values.get(f"{body}.interface"), values.get(coupling)) == ("craig-bampton", "averaging"):
+    if (body.interface, body.seat_coupling) == ("craig-bampton", "averaging"):
         yield (
-            coupling,
+            f"{at}.seat_coupling",
             f"got {show('averaging')}, but the modes of craig-bampton are those of a body held at "
-            f"its seats, which such seats do not do. Write {show('rigid')}, or {body}.interface = "
+            f"its seats, which such seats do not do. Write {show('rigid')}, or {at}.interface = "
             f"{show('herting')}",
         )
-    yield from _grid(gear, values, given)
-    yield from _matrices(body, given)
-    per_tooth, around = (f"{body}.fineness.{key}" for key in ("elements_per_tooth", "sectors"))
-    if per_tooth in given and around in given:
+    yield from _grid(name, body, len(gear.shaft.bearings), given)
+    matrices = f"{at}.superelement"
+    if matrices in given and f"{matrices}_units" not in given:
+        yield matrices, f"needs {matrices}_units, such as {show('mm-t-s')} for N, mm and MPa"
+    for key in (f"{matrices}_{end}" for end in _OF_MATRICES):
+        if key in given and matrices not in given:
+            yield key, f"goes with {matrices}, and there is none. Add it, or remove this"
+    per_tooth, around = (f"{at}.fineness.{key}" for key in ("elements_per_tooth", "sectors"))
+    if {per_tooth, around} <= given:
         yield around, f"excludes {per_tooth}: both say how many elements go around. Keep one"
-    if "grid" not in sources and "superelement" not in sources:
-        yield from _drawn(gear, values, given)
+    if f"{at}.web" in given and not {"grid", "superelement"} & set(sources):
+        yield from _drawn(name, gear, root, given)
 
 
-def _grid(gear: str, values: Values, given: Set[str]) -> Said:
+def _grid(name: str, body: BodyKeys, bearings: int, given: Set[str]) -> Said:
     """Sets of a user's grid, which must be named where there is one, and only there."""
-    body = f"{gear}.body"
-    interface, rim = values.get(f"{body}.interface"), f"{body}.rim_set"
-    named = isinstance(interface, str) and interface not in METHODS
-    if named and (f"{body}.grid" not in given or rim in given):
+    at = f"{name}.body"
+    grid, rim, seats = (f"{at}.{key}" for key in ("grid", "rim_set", "seats"))
+    named = body.interface is not None and body.interface not in METHODS
+    if named and (grid not in given or rim in given):
         yield (
-            f"{body}.interface",
-            f"got {show(interface)}, must be {one_of(METHODS)}, or the rim's node set of a "
+            f"{at}.interface",
+            f"got {show(body.interface)}, must be {one_of(METHODS)}, or the rim's node set of a "
             "body.grid where rim_set does not name it",
         )
-    if f"{body}.grid" not in given:
-        for key in _OF_GRID:
-            if f"{body}.{key}" in given:
+    if grid not in given:
+        for key in (f"{at}.{key}" for key in _OF_GRID):
+            if key in given:
                 yield (
-                    f"{body}.{key}",
-                    f"is about a grid of your own, and there is none. Add {body}.grid, or remove "
-                    "it",
+                    key,
+                    f"is about a grid of your own, and there is none. Add {grid}, or remove it",
                 )
         return
     if not named and rim not in given:
-        yield (
-            f"{body}.grid",
-            f"needs {rim}, the name of its node set on the cylinder under the teeth",
-        )
-    bearings = _count(f"{gear}.shaft.bearings", given)
+        yield grid, f"needs {rim}, the name of its node set on the cylinder under the teeth"
     wanted = bearings or 1
-    what = f"one for each of {gear}.shaft.bearings" if bearings else "that of the bore"
-    seats = values.get(f"{body}.seats")
-    if f"{body}.seats" not in given:
-        yield f"{body}.grid", f"needs {body}.seats, the names of its node sets: {what}"
-    elif isinstance(seats, list) and len(seats) != wanted:
-        yield f"{body}.seats", f"got {len(seats)} names, must be {wanted}, {what}"
+    what = f"one for each of {name}.shaft.bearings" if bearings else "that of the bore"
+    if seats not in given:
+        yield grid, f"needs {seats}, the names of its node sets: {what}"
+    elif body.seats is not None and len(body.seats) != wanted:
+        yield seats, f"got {len(body.seats)} names, must be {wanted}, {what}"
 
 
-def _matrices(body: str, given: Set[str]) -> Said:
-    """Matrices need to have units, and what goes with them needs matrices."""
-    whole = f"{body}.superelement"
-    if whole in given and f"{whole}_units" not in given:
-        yield whole, f"needs {whole}_units, such as {show('mm-t-s')} for N, mm and MPa"
-    for end in ("mass", "nodes", "faces", "units", "mid_face_mm"):
-        if f"{whole}_{end}" in given and whole not in given:
-            yield f"{whole}_{end}", f"goes with {whole}, and there is none. Add it, or remove this"
-
-
-def _drawn(gear: str, values: Values, given: Set[str]) -> Said:
+def _drawn(name: str, gear: GearKeys, root: float | None, given: Set[str]) -> Said:
     """Diameters in their order, and holes within the web."""
-    web = f"{gear}.body.web"
-    if web not in given:
-        return
-    root = root_diameter(gear, values)
-    hub, rim = _number(values, f"{web}.hub_outer_mm"), _number(values, f"{web}.rim_inner_mm")
-    inside = None if f"{gear}.shaft" in given else _number(values, f"{gear}.bore_mm")
-    for key, least, most, name in (
-        ("hub_outer_mm", inside, hub, "greater than bore_mm, {:g}"),
-        ("rim_inner_mm", hub, rim, "greater than hub_outer_mm, {:g}"),
-        ("rim_inner_mm", rim, root, "less than the root circle, {:.6g}"),
+    web, at, face = gear.body.web, f"{name}.body.web", gear.face_width_mm
+    hub, rim, thick = web.hub_outer_mm, web.rim_inner_mm, web.web_thickness_mm
+    bore = None if f"{name}.shaft" in given else gear.bore_mm
+    for key, low, high, limit in (
+        ("hub_outer_mm", bore, hub, "greater than bore_mm, {low:g}"),
+        ("rim_inner_mm", hub, rim, "greater than hub_outer_mm, {low:g}"),
+        ("rim_inner_mm", rim, root, "less than the root circle, {high:.6g}"),
     ):
-        if least is not None and most is not None and least >= most:
-            path, limit = f"{web}.{key}", most if name.startswith("less") else least
-            said = name.format(limit)
-            yield path, f"got {show(values[path])}, must be {said}; both are diameters"
-    thick = _number(values, f"{web}.web_thickness_mm")
-    face = _number(values, f"{gear}.face_width_mm")
+        if low is not None and high is not None and low >= high:
+            value, limit = getattr(web, key), limit.format(low=low, high=high)
+            yield f"{at}.{key}", f"got {show(value)}, must be {limit}; both are diameters"
     if thick is not None and face is not None and thick > face:
         yield (
-            f"{web}.web_thickness_mm",
-            f"got {thick:g}, must not exceed {gear}.face_width_mm, {face:g}. Leave web out for a "
+            f"{at}.web_thickness_mm",
+            f"got {thick:g}, must not exceed {name}.face_width_mm, {face:g}. Leave web out for a "
             "solid body",
         )
     for ring in ("", "second_"):
-        yield from _holes(web, ring, values, given, hub, rim)
+        yield from _holes(at, ring, web, given)
 
 
-def _holes(
-    web: str, ring: str, values: Values, given: Set[str], hub: float | None, rim: float | None
-) -> Said:
+def _holes(at: str, ring: str, web: WebKeys, given: Set[str]) -> Said:
     """One ring of holes: complete, between hub and rim, and apart."""
-    keys = {key: f"{web}.{ring}{key}" for key in ("holes", "hole_diameter_mm", "hole_circle_mm")}
-    count = values.get(keys["holes"])
+    keys = [f"{ring}{key}" for key in _HOLES]
+    said = [key for key in keys if f"{at}.{key}" in given]
+    count = getattr(web, keys[0])
     if not count:
-        if keys["holes"] not in given and any(path in given for path in keys.values()):
-            yield keys["holes"], "is missing: number of holes. It must be an integer >= 1"
+        if said and keys[0] not in said:
+            yield (
+                f"{at}.{keys[0]}",
+                "is missing: number of holes. It must be an integer >= 1",
+            )
         return
-    sizes = [keys["hole_diameter_mm"], keys["hole_circle_mm"]]
-    if ring:
-        # What is not said of the second ring is as in the first.
-        sizes = [path if path in given else path.replace("second_", "") for path in sizes]
-    for path in sizes:
-        if path not in given:
-            yield path, f"is missing, and {show(count)} holes need it. It is a diameter, > 0 mm"
-    diameter, circle = (_number(values, path) for path in sizes)
-    if diameter is None or circle is None or not isinstance(count, int):
+    # What is not said of the second ring is as in the first.
+    sizes = [key if not ring or key in said else key.removeprefix(ring) for key in keys[1:]]
+    for key in sizes:
+        if f"{at}.{key}" not in given:
+            missing = f"is missing, and {show(count)} holes need it. It is a diameter, > 0 mm"
+            yield f"{at}.{key}", missing
+    diameter, circle = (getattr(web, key) for key in sizes)
+    if diameter is None or circle is None:
         return
-    if ring and not any(path in given for path in list(keys.values())[1:]):
-        rim = hub = None  # The first ring has said it.
     if count > 1 and circle * math.sin(math.pi / count) <= diameter:
         yield (
-            keys["holes"],
+            f"{at}.{keys[0]}",
             f"got {count}, but so many holes of {diameter:g} mm on a circle of {circle:g} mm run "
             "into each other. Make them fewer or smaller",
         )
+    if ring and not set(keys[1:]) & set(said):
+        return  # The first ring has said it.
+    hub, rim = web.hub_outer_mm, web.rim_inner_mm
     for limit, what, crossed in (
         (hub, "hub_outer_mm", hub is not None and circle - diameter <= hub),
         (rim, "rim_inner_mm", rim is not None and circle + diameter >= rim),
     ):
         if crossed:
             yield (
-                sizes[1],
+                f"{at}.{sizes[1]}",
                 f"got {circle:g}, but holes that reach from {circle - diameter:g} to "
                 f"{circle + diameter:g} mm cut {what}, {limit:g}: they must lie in the web",
             )
-
-
-def root_diameter(gear: str, values: Values) -> float | None:
-    """Diameter of the root circle [mm], if all that it takes is right.
-
-    **Arguments:**
-
-    - `gear`: `pinion` or `wheel`.
-    - `values`: of the scene, without those that are wrong.
-    """
-    names = ("pair.module_mm", "pair.helix_angle_deg", f"{gear}.dedendum_coeff")
-    numbers = [_number(values, path) for path in (*names, f"{gear}.profile_shift")]
-    teeth = values.get(f"{gear}.teeth")
-    if None in numbers or not isinstance(teeth, int):
-        return None
-    module, helix, dedendum, shift = (float(each or 0.0) for each in numbers)
-    return module * (teeth / math.cos(math.radians(helix)) - 2.0 * (dedendum - shift))
-
-
-def _number(values: Values, path: str) -> float | None:
-    value = values.get(path)
-    return value if isinstance(value, float) else None
-
-
-def _count(table: str, given: Set[str]) -> int:
-    """Number of rows of a list of tables."""
-    count = 0
-    while f"{table}[{count}]" in given:
-        count += 1
-    return count

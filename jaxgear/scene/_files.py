@@ -8,10 +8,7 @@ as large along the normal). Lines that begin with `#` are comments. Whatever is 
 is an `InputError` that names the file and, where there is one, the line.
 """
 
-import csv
 import dataclasses
-import difflib
-import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
-from jaxgear._checks import InputError, require
+from jaxgear._checks import InputError
 from jaxgear._flank._deviations import AbstractFlankDeviation
 from jaxgear._flank._measured import (
     MeasuredProfile,
@@ -37,6 +34,7 @@ from jaxgear._flank._measured import (
 from jaxgear._geometry._pair import GearPair, pair_facts
 from jaxgear._types import Reals
 from jaxgear._units import deg, mm, um
+from jaxgear.scene._csv import Cells, read_cells
 
 _DEVIATION = "deviation_um"
 _FACE = "face_mm"
@@ -47,6 +45,8 @@ _COORDINATES = {
     "diameter_mm": (mm, profile_place_of_diameter, diameter_of_profile_place),
     "roll_angle_deg": (deg, profile_place_of_roll_angle, roll_angle_of_profile_place),
 }
+
+_COLUMNS = (*_COORDINATES, _FACE, _DEVIATION)
 
 # What a column may be in by mistake, and by how much it must be multiplied to be right.
 _SLIPS = {
@@ -66,52 +66,28 @@ _SHORT = 0.01
 # How far past the tip a table may go, as a diameter over the tip diameter.
 _PAST_TIP = 1.2
 
-# Mistakes of single lines that one message lists; the rest are counted.
-_LISTED = 5
-
-# No measured flank takes as much as this [byte]; devices have no end.
-_LONGEST = 100_000_000
-
 
 @dataclasses.dataclass(frozen=True)
-class ProfileTable:
-    """A measured profile as its file gives it.
-
-    **Fields:**
-
-    - `path`: the file.
-    - `coordinate`: name of its column of positions, unit included.
-    - `position`: of each point, increasing [in the unit of `coordinate`].
-    - `deviation`: at each point [um].
-    """
-
-    path: Path
-    coordinate: str
-    position: np.ndarray
-    deviation: np.ndarray
-
-
-@dataclasses.dataclass(frozen=True)
-class TopographyTable:
-    """A measured flank as its file gives it, on its rectangular grid.
+class FlankTable:
+    """A measured profile, or a topography on its rectangular grid, as its file gives it.
 
     **Fields:**
 
     - `path`: the file.
     - `coordinate`: name of its column of positions along the profile, unit included.
-    - `position`: of each row of the grid, increasing [in the unit of `coordinate`].
-    - `face`: of each column of the grid, from mid-face, increasing [mm].
-    - `deviation`: at each row and column [um].
+    - `position`: of each point, or of each row of the grid, increasing [in that unit].
+    - `deviation`: at each point, or at each row and column [um].
+    - `face`: of each column of the grid, from mid-face, increasing; `None` of a profile [mm].
     """
 
     path: Path
     coordinate: str
     position: np.ndarray
-    face: np.ndarray
     deviation: np.ndarray
+    face: np.ndarray | None = None
 
 
-def read_profile(path: str | os.PathLike[str], folder: str | os.PathLike[str] = "") -> ProfileTable:
+def read_profile(path: str | os.PathLike[str], folder: str | os.PathLike[str] = "") -> FlankTable:
     """Read a measured profile.
 
     **Arguments:**
@@ -128,28 +104,27 @@ def read_profile(path: str | os.PathLike[str], folder: str | os.PathLike[str] = 
     - `InputError` if the file cannot be read, or its table cannot be a profile.
     """
     path = Path(folder) / path
-    names, lines, cells = _read_table(path, (_DEVIATION,))
-    coordinate = _coordinate_of(path, names, lines[0])
-    if _FACE in names:
+    cells = read_cells(path, _COLUMNS, (_DEVIATION,))
+    coordinate = _coordinate_of(path, cells)
+    if _FACE in cells.names:
         raise InputError(
-            f"{path}:{lines[0]}: a profile has no column {_FACE}. Give the file as a topography, "
-            "or remove the column and keep the points of one section."
+            f"{path}:{cells.header}: a profile has no column {_FACE}. Give the file as a "
+            "topography, or remove the column and keep the points of one section."
         )
-    if len(cells) < 3:
+    if len(cells.lines) < 3:
         raise InputError(
             f"{path}: a profile needs at least 3 points between start of active profile and tip, "
-            f"got {len(cells)}."
+            f"got {len(cells.lines)}."
         )
-    position = cells[:, names.index(coordinate)]
-    _check_order(path, lines[1:], coordinate, position)
-    deviation = cells[:, names.index(_DEVIATION)]
+    position, deviation = cells.column(coordinate), cells.column(_DEVIATION)
+    _check_order(path, cells.lines, coordinate, position)
     _check_size(path, deviation)
-    return ProfileTable(path, coordinate, position, deviation)
+    return FlankTable(path, coordinate, position, deviation)
 
 
 def read_topography(
     path: str | os.PathLike[str], folder: str | os.PathLike[str] = ""
-) -> TopographyTable:
+) -> FlankTable:
     """Read a measured topography: a line for each point of a rectangular grid.
 
     Each line carries both positions of its point, so lines may stand in any order; but each point
@@ -169,9 +144,9 @@ def read_topography(
     - `InputError` if the file cannot be read, or its table cannot be a topography.
     """
     path = Path(folder) / path
-    names, lines, cells = _read_table(path, (_FACE, _DEVIATION))
-    coordinate = _coordinate_of(path, names, lines[0])
-    rows, face, values = (cells[:, names.index(name)] for name in (coordinate, _FACE, _DEVIATION))
+    cells = read_cells(path, _COLUMNS, (_FACE, _DEVIATION))
+    coordinate = _coordinate_of(path, cells)
+    rows, face, values = (cells.column(name) for name in (coordinate, _FACE, _DEVIATION))
     position, across = np.unique(rows), np.unique(face)
     for name, found in ((coordinate, position), (_FACE, across)):
         if len(found) < 2:
@@ -182,7 +157,7 @@ def read_topography(
             )
     grid = np.full((len(position), len(across)), np.nan)
     line_of = np.zeros(grid.shape, dtype=int)
-    for line, row, z, value in zip(lines[1:], rows, face, values, strict=True):
+    for line, row, z, value in zip(cells.lines, rows, face, values, strict=True):
         at = np.searchsorted(position, row), np.searchsorted(across, z)
         if line_of[at]:
             raise InputError(
@@ -200,50 +175,11 @@ def read_topography(
             "the missing points; where they are there, their coordinates must be written alike."
         )
     _check_size(path, values)
-    return TopographyTable(path, coordinate, position, across, grid)
-
-
-def read_matrix(path: str | os.PathLike[str], folder: str | os.PathLike[str] = "") -> np.ndarray:
-    """Read a square matrix: as many lines as there are numbers in each, separated by commas.
-
-    **Arguments:**
-
-    - `path`: the CSV file; lines that begin with # are left out.
-    - `folder`: what a relative path is relative to, such as the scene file's folder.
-
-    **Returns:**
-
-    The matrix, in the file's unit.
-
-    **Raises:**
-
-    - `InputError` if the file cannot be read, or is no square table of numbers.
-    """
-    path = Path(folder) / path
-    rows: list[list[float]] = []
-    for number, line in enumerate(_text_of(path).splitlines(), 1):
-        if not line.strip() or line.lstrip().startswith("#"):
-            continue
-        cells = _cells(path, number, line)
-        if bad := next((cell for cell in cells if not _is_number(cell)), None):
-            raise InputError(
-                f"{path}:{number}: got {bad!r}, must be a number. A matrix has no header; begin a "
-                "remark with #."
-            )
-        if rows and len(cells) != len(rows[0]):
-            raise InputError(
-                f"{path}:{number}: got {len(cells)} numbers, must be {len(rows[0])} as in the "
-                "lines above."
-            )
-        rows.append([float(cell) for cell in cells])
-    if not rows or len(rows) != len(rows[0]):
-        count = len(rows[0]) if rows else 0
-        raise InputError(f"{path}: a matrix must be square, got {len(rows)} lines of {count}.")
-    return np.asarray(rows)
+    return FlankTable(path, coordinate, position, grid, across)
 
 
 def deviation_of_table(
-    table: ProfileTable | TopographyTable, pair: GearPair, gear_index: int
+    table: FlankTable, pair: GearPair, gear_index: int
 ) -> AbstractFlankDeviation:
     """Turn a table into a deviation of one gear's flank. The pair may be traced by JAX.
 
@@ -260,13 +196,13 @@ def deviation_of_table(
     unit, place_of, _ = _COORDINATES[table.coordinate]
     place = place_of(pair, gear_index, jnp.asarray(table.position * unit))
     deviation = table.deviation * um
-    if isinstance(table, ProfileTable):
+    if table.face is None:
         return MeasuredProfile(place, deviation)
     face = face_place_of_position(pair, gear_index, jnp.asarray(table.face * mm))
     return MeasuredTopography(place, face, deviation)
 
 
-def check_covers(table: ProfileTable | TopographyTable, pair: GearPair, gear_index: int) -> None:
+def check_covers(table: FlankTable, pair: GearPair, gear_index: int) -> None:
     """Refuse a table that is not of this gear, or leaves out part of its active flank.
 
     Says nothing about a pair that JAX is tracing.
@@ -302,154 +238,20 @@ def check_covers(table: ProfileTable | TopographyTable, pair: GearPair, gear_ind
         bound[f"{table.coordinate}_active"],
         f"of the {name}'s active flank, from its start of active profile to its tip",
     )
-    if isinstance(table, TopographyTable):
+    if table.face is not None:
         where = "of the common face of the two gears, counted from mid-face"
         _check_reach(table.path, _FACE, table.face, bound[f"{_FACE}_active"], where)
 
 
-# --- reading
-
-
-def _read_table(path: Path, needed: Sequence[str]) -> tuple[list[str], list[int], np.ndarray]:
-    """Column names, line numbers (of the header, then of each row) and numbers of a file."""
-    rows = [
-        (number, line)
-        for number, line in enumerate(_text_of(path).splitlines(), 1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
-    if not rows:
-        raise InputError(
-            f"{path}: the file has no lines. It must begin with a header, such as "
-            f"{','.join(['roll_length_mm', *needed])}."
-        )
-    lines = [number for number, _ in rows]
-    names = _header(path, *rows[0], needed)
-    numbers, mistakes = [], []
-    for number, line in rows[1:]:
-        cells = _cells(path, number, line)
-        wrong = _wrong_with(cells, names)
-        if wrong:
-            mistakes.append(f"{path}:{number}: {wrong}")
-        else:
-            numbers.append([float(cell) for cell in cells])
-    if mistakes:
-        more = len(mistakes) - _LISTED
-        mistakes[_LISTED:] = [f"and {more} more lines like these."] if more > 0 else []
-        raise InputError("\n".join(mistakes))
-    return names, lines, np.reshape(np.asarray(numbers, dtype=float), (-1, len(names)))
-
-
-def _text_of(path: Path) -> str:
-    try:
-        with path.open("rb") as file:
-            content = file.read(_LONGEST + 1)
-        require(
-            len(content) <= _LONGEST,
-            "{path}: the file is longer than {longest:,} bytes, so it is no table of a flank. Name "
-            "the CSV file, or leave out points.",
-            path=path,
-            longest=_LONGEST,
-        )
-        return content.decode("utf-8-sig")
-    except FileNotFoundError:
-        raise InputError(
-            f"{path}: there is no such file. A relative path is relative to the folder of the "
-            "scene file."
-        ) from None
-    except IsADirectoryError:
-        raise InputError(f"{path}: this is a folder; name a CSV file in it.") from None
-    except UnicodeDecodeError:
-        raise InputError(
-            f"{path}: this is not a text file. Export the table as CSV in UTF-8."
-        ) from None
-    except OSError as error:
-        raise InputError(f"{path}: the file cannot be read: {error.strerror}.") from None
-
-
-def _cells(path: Path, number: int, line: str) -> list[str]:
-    try:
-        return [cell.strip() for cell in next(csv.reader([line]))]
-    except csv.Error as error:
-        raise InputError(f"{path}:{number}: this is not a line of a CSV file: {error}.") from None
-
-
-def _header(path: Path, number: int, line: str, needed: Sequence[str]) -> list[str]:
-    """The column names, every one of which is known, and there once."""
-    where = f"{path}:{number}"
-    names = _cells(path, number, line)
-    for separator, called in ((";", "semicolons"), ("\t", "tabs")):
-        if separator in line:
-            raise InputError(
-                f"{where}: the columns are separated by {called}. Separate them by commas and "
-                "write numbers with a decimal point, as in 12.5,-3.2."
-            )
-    known = [*_COORDINATES, _FACE, _DEVIATION]
-    if not set(names) & set(known) and all(map(_is_number, names)):
-        raise InputError(
-            f"{where}: the header is missing. The first line must name the columns, such as "
-            f"{','.join(['roll_length_mm', *needed])}."
-        )
-    for place, name in enumerate(names, 1):
-        if name not in known:
-            near = difflib.get_close_matches(name, known, 1)
-            # Otherwise it is not quoted: the file may be of another kind, and not for all eyes.
-            told, hint = (
-                (repr(name), f" Did you mean {near[0]}?") if near else (f"number {place}", "")
-            )
-            raise InputError(
-                f"{where}: unknown column {told}; columns are {', '.join(known)}, with the unit "
-                f"in the name.{hint}"
-            )
-        if names.count(name) > 1:
-            raise InputError(f"{where}: the column {name} is there {names.count(name)} times.")
-    for name in needed:
-        if name not in names:
-            raise InputError(f"{where}: the column {name} is missing; got {', '.join(names)}.")
-    return names
-
-
-def _coordinate_of(path: Path, names: Sequence[str], line: int) -> str:
+def _coordinate_of(path: Path, cells: Cells) -> str:
     """The one column that says where a point lies along the profile."""
-    found = [name for name in names if name in _COORDINATES]
+    found = [name for name in cells.names if name in _COORDINATES]
     if len(found) != 1:
-        wanted = ", ".join(_COORDINATES)
         raise InputError(
-            f"{path}:{line}: exactly one of the columns {wanted} must say where a point lies along "
-            f"the profile, got {' and '.join(found) or 'none'}."
+            f"{path}:{cells.header}: exactly one of the columns {', '.join(_COORDINATES)} must say "
+            f"where a point lies along the profile, got {' and '.join(found) or 'none'}."
         )
     return found[0]
-
-
-def _is_number(cell: str) -> bool:
-    # Python also reads 1_000, which is a slip of the pen in a table.
-    try:
-        return "_" not in cell and math.isfinite(float(cell))
-    except ValueError:
-        return False
-
-
-def _wrong_with(cells: Sequence[str], names: Sequence[str]) -> str | None:
-    """What is wrong with a line of numbers, if anything."""
-    decimal = "Write numbers with a decimal point, and separate them by commas, as in 12.5,-3.2."
-    if len(cells) != len(names):
-        hint = ""
-        if len(cells) > len(names):
-            hint = f" If these are decimal commas: {decimal[0].lower()}{decimal[1:]}"
-        elif len(cells) == 1 and ";" in cells[0]:
-            hint = f" {decimal}"
-        return f"{len(cells)} cells, where the header names {len(names)} columns.{hint}"
-    for name, cell in zip(names, cells, strict=True):
-        if _is_number(cell):
-            continue
-        if _is_number(cell.replace(",", ".", 1)):
-            return f"{name}: {cell!r} has a decimal comma. {decimal}"
-        if cell.lower().lstrip("+-") in ("nan", "inf", "infinity"):
-            return f"{name}: {cell!r} is not a finite number. Remove the point."
-        return f"{name}: {cell!r} is not a number." if cell else f"{name}: the cell is empty."
-    return None
-
-
-# --- checking
 
 
 def _check_order(path: Path, lines: Sequence[int], name: str, position: np.ndarray) -> None:
@@ -508,9 +310,7 @@ def _limits(pair: GearPair, gear_index: int) -> dict[str, Reals]:
     return found
 
 
-def _check_position(
-    table: ProfileTable | TopographyTable, bound: dict[str, np.ndarray], name: str
-) -> None:
+def _check_position(table: FlankTable, bound: dict[str, np.ndarray], name: str) -> None:
     """Refuse positions off the involute, and ones whose unit puts them off the active flank."""
     least, most = bound[table.coordinate]
     active = bound[f"{table.coordinate}_active"]

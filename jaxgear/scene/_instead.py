@@ -15,7 +15,8 @@ from jaxgear._geometry._drawn import (
     profile_shift_of_balls,
     profile_shift_of_span,
 )
-from jaxgear.scene._schema import GEARS, KEYS, parents, show
+from jaxgear.scene._key import show
+from jaxgear.scene._schema import GEARS, KEYS, parents
 
 # Reads a number of the scene by its key; `KeyError` where there is none.
 Read = Callable[[str], Any]

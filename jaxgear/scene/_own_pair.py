@@ -8,7 +8,7 @@ import dataclasses
 import math
 
 from jaxgear._geometry._drawn import involute, transverse_angle
-from jaxgear.scene._assumed import assumed_fillets
+from jaxgear.scene._assumed import largest_fillet
 from jaxgear.scene._slips import angle_of_involute
 
 # Profile A of ISO 53, over module.
@@ -125,8 +125,7 @@ def fillet_radius(pressure_angle: float) -> float:
 
     - `pressure_angle`: normal pressure angle [deg].
     """
-    values = {"pair.pressure_angle_deg": pressure_angle, "pinion.dedendum_coeff": DEDENDUM}
-    fits = assumed_fillets(values, set()).get("pinion.fillet_radius_coeff", FILLET)
+    fits = min(FILLET, largest_fillet(pressure_angle, DEDENDUM))
     longest = (DEDENDUM - ADDENDUM) / (1.0 - math.sin(math.radians(pressure_angle)))
     return min(fits, math.floor(1e3 * longest + 0.1) / 1e3)
 

@@ -3,7 +3,10 @@
 import math
 from collections.abc import Iterator, Mapping, Set
 
-from jaxgear.scene._schema import GEARS, shapes_body, show
+from jaxgear.scene._key import show
+from jaxgear.scene._schema import GEARS, shapes_body
+from jaxgear.scene._study_tables import RobustKeys
+from jaxgear.scene._tables import PlainTables
 
 _TABLES = ("robust.scatter", "robust.even")
 _OVER_SPEEDS = ("dynamic_ratio", "bearing_force")
@@ -16,51 +19,50 @@ def scattered_key(path: str) -> str:
 
     - `path`: dotted path.
     """
-    for table in _TABLES:
-        if path.startswith(f"{table}."):
-            return path.removeprefix(f"{table}.")
-    return ""
+    table = next((each for each in _TABLES if path.startswith(f"{each}.")), path)
+    return path.removeprefix(table).removeprefix(".")
 
 
 def robust_mistakes(
-    values: Mapping[str, object], seen: Set[str], *, faulty: bool
+    tables: PlainTables, values: Mapping[str, object], given: Set[str], *, faulty: bool
 ) -> Iterator[tuple[str, str]]:
     """Yield the path and the message of every mistake.
 
     **Arguments:**
 
-    - `values`: of the scene, by path.
-    - `seen`: tables and keys that were given.
+    - `tables`: of the scene, without what is wrong.
+    - `values`: the same by path.
+    - `given`: tables and keys that the user wrote.
     - `faulty`: whether a key of [robust] has been refused already.
     """
-    if "optimise" not in seen:
+    if "optimise" not in given:
         yield (
             "robust",
             "there is no table [optimise], whose optimum it could make robust. Add one, or remove "
             "[robust]",
         )
         return
+    minimised = tables.optimise.minimise
     for name in _OVER_SPEEDS:
-        weighted = f"optimise.minimise.{name}" in values
-        if weighted or values.get("optimise.minimise") == name:
+        if minimised == name or getattr(minimised, name, None) is not None:
             yield (
                 "robust",
                 f"is for responses of the mesh cycle, but optimise.minimise looks at {name}, whose "
                 "sweep would be repeated for every gear of the sample. Minimise te_rms, or remove "
                 "[robust]",
             )
-    yield from _counts(values)
+    yield from _counts(tables.robust)
     keys = [path for path in values if scattered_key(path)]
-    if not keys and not faulty and "robust.accuracy_grade" not in seen:
+    if not keys and not faulty and "robust.accuracy_grade" not in given:
         yield (
             "robust",
             "nothing scatters. Give robust.accuracy_grade, or standard deviations such as "
             '[robust.scatter] "pair.misalignment_inclination_um" = 5.0',
         )
-    condensed = [gear for gear in GEARS if values.get(f"{gear}.body.kind") == "condensed"]
+    condensed = [gear for gear in GEARS if tables.gear(gear).body.kind == "condensed"]
     for path in keys:
         key = scattered_key(path)
-        if path.startswith("robust.even.") and f"robust.scatter.{key}" in values:
+        if path.startswith("robust.even.") and key in tables.robust.scatter:
             yield path, f"is in [robust.scatter] too, as {key}. Keep one"
         if any(shapes_body(key, gear) for gear in condensed):
             yield (
@@ -71,27 +73,26 @@ def robust_mistakes(
             )
 
 
-def _counts(values: Mapping[str, object]) -> Iterator[tuple[str, str]]:
+def _counts(robust: RobustKeys) -> Iterator[tuple[str, str]]:
     """Numbers of samples, which must be powers of two and reach beyond the quantile."""
-    for path in ("robust.samples", "robust.fresh_samples"):
-        count = values.get(path)
-        if not isinstance(count, int):
+    counts = {"samples": robust.samples, "fresh_samples": robust.fresh_samples}
+    for key, count in counts.items():
+        if count is None:
             continue
         below = 2 ** (count.bit_length() - 1)
         if count != below:
             yield (
-                path,
+                f"robust.{key}",
                 f"got {count}, must be a power of two, with which Sobol's points are even. Write "
                 f"{below} or {2 * below}",
             )
             continue
-        share = values.get("robust.share")
-        if values.get("robust.measure") == "quantile" and isinstance(share, float):
-            rarer = min(share, 1.0 - share)
+        if robust.measure == "quantile" and robust.share is not None:
+            rarer = min(robust.share, 1.0 - robust.share)
             if rarer * count < 1.0:
                 needed = 2 ** (math.ceil(1.0 / rarer) - 1).bit_length()
                 yield (
-                    path,
+                    f"robust.{key}",
                     f"got {count}, of which not one gear is expected beyond a share of "
-                    f"{share:g}. Write {needed} or more, or take a share less extreme",
+                    f"{robust.share:g}. Write {needed} or more, or take a share less extreme",
                 )

@@ -20,7 +20,7 @@ def files_of(scene: Scene) -> dict[str, Path]:
 
     - `scene`: checked against the schema.
     """
-    named = {key: value for key, value in scene.values.items() if key.endswith(_ENDINGS)}
+    named = {key: value for key, value in scene.fixed.items() if key.endswith(_ENDINGS)}
     return {
         key: scene.path.parent / value
         for key, value in named.items()
@@ -37,6 +37,6 @@ def files_seen_from(scene: Scene, folder: Path) -> dict[str, str]:
     - `folder`: of the other scene.
     """
     return {
-        key: str(path) if Path(scene[key]).is_absolute() else os.path.relpath(path, folder)
+        key: str(path) if Path(scene.fixed[key]).is_absolute() else os.path.relpath(path, folder)
         for key, path in files_of(scene).items()
     }

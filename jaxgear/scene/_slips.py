@@ -4,14 +4,19 @@ Every number is weighed against others of its scene, such as a face width agains
 off is a mistake, merely odd a remark. Ranges are wide: what has ever been built lies within.
 """
 
+import itertools
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from jaxgear._geometry._drawn import involute, transverse_angle
-from jaxgear.scene._body_checks import root_diameter
 from jaxgear.scene._schema import BY_PATH, GEARS, unit_of
+from jaxgear.scene._sizes import of_material, reference_diameter, root_diameter
+from jaxgear.scene._tables import AbstractTables
 from jaxgear.scene._weighing import Slip, Span, advice, weigh
+
+if TYPE_CHECKING:
+    from jaxgear.scene._scene import Scene
 
 Values = Mapping[str, Any]
 
@@ -43,52 +48,49 @@ _SOUND_LOW, _SOUND_HIGH = 800.0, 14_000.0
 _BACKLASH = 0.2
 
 
-def slips(values: Values) -> list[Slip]:
+def slips(tables: AbstractTables, values: Values) -> list[Slip]:
     """Find what cannot belong together in a scene, or hardly.
 
     **Arguments:**
 
-    - `values`: of the scene by path, in the units of the file, without those that are wrong.
+    - `tables`: of the scene, without what is wrong.
+    - `values`: the same by path.
 
     **Returns:**
 
     Mistakes and remarks; none where numbers that it takes are missing.
     """
-    module = _number(values, "pair.module_mm")
+    module = tables.pair.module_mm
     if module is None:
         return []
-    found = list(_faces(values, module))
+    found = list(_faces(tables, module))
     if any(slip.impossible for slip in found):
         # With a wrong module all else would look wrong too.
         return found
-    for check in (_angles, _centres, _deviations):
-        found += check(values, module)
-    odd_materials = list(_materials(values))
+    found += [*_angles(tables), *_centres(tables, module), *_deviations(values, module)]
+    odd_materials = list(_materials(tables))
     # Loads are weighed against the material.
-    found += odd_materials or _loads(values, module)
+    found += odd_materials or _loads(tables, values, module)
     for gear in GEARS:
-        for check in (_bore, _shaft, _bearings, _body):
-            found += check(gear, values, module)
+        found += _bore(tables, gear)
+        for check in (_shaft, _bearings, _body):
+            found += check(tables, gear, module)
     return found
 
 
-def odd(values: Values) -> list[str]:
-    """Remarks on numbers that hardly belong together.
-
-    **Arguments:**
-
-    - `values`: of a scene without mistakes.
+def odd(scene: "Scene") -> list[str]:
+    """Remarks on numbers of a scene without mistakes that hardly belong together.
 
     **Returns:**
 
     A sentence or two each.
     """
-    return [f"{slip.message}." for slip in slips(values) if not slip.impossible]
+    return [f"{slip.message}." for slip in slips(scene, scene.whole) if not slip.impossible]
 
 
-def _faces(values: Values, module: float) -> Iterator[Slip]:
+def _faces(tables: AbstractTables, module: float) -> Iterator[Slip]:
     """Face widths against the module: where both are off, the module is."""
-    faces = {gear: _number(values, f"{gear}.face_width_mm") for gear in GEARS}
+    faces = {gear: tables.gear(gear).face_width_mm for gear in GEARS}
     known = {gear: face for gear, face in faces.items() if face is not None}
     off = {
         gear: list(weigh(f"{gear}.face_width_mm", face, module, _FACE, _of_module(module)))
@@ -101,31 +103,38 @@ def _faces(values: Values, module: float) -> Iterator[Slip]:
         return
     for gear, face in known.items():
         yield from off[gear]
-        diameter = _diameter(gear, values)
+        diameter = reference_diameter(tables, gear)
         if diameter and not any(slip.impossible for slip in off[gear]):
             of = f"the {gear}'s reference diameter, {diameter:.4g}"
             yield from weigh(f"{gear}.face_width_mm", face, diameter, _FACE_OVER_DIAMETER, of)
 
 
-def _angles(values: Values, module: float) -> Iterator[Slip]:
-    del module
-    key = "pair.pressure_angle_deg"
-    yield from weigh(key, values.get(key, 0.0), 20.0, _ANGLE, "")
-    for key in ("pair.helix_angle_deg", *(f"{gear}.body.web.web_angle_deg" for gear in GEARS)):
-        yield from weigh(key, values.get(key, 0.0), 1.0, _SMALL_ANGLE, "")
+def _angles(tables: AbstractTables) -> Iterator[Slip]:
+    pair = tables.pair
+    yield from weigh("pair.pressure_angle_deg", pair.pressure_angle_deg, 20.0, _ANGLE, "")
+    angles = {f"{gear}.body.web.web_angle_deg": tables.gear(gear).body.web for gear in GEARS}
+    yield from weigh("pair.helix_angle_deg", pair.helix_angle_deg, 1.0, _SMALL_ANGLE, "")
+    for path, web in angles.items():
+        yield from weigh(path, web.web_angle_deg, 1.0, _SMALL_ANGLE, "")
 
 
-def _materials(values: Values) -> Iterator[Slip]:
+def _materials(tables: AbstractTables) -> Iterator[Slip]:
     """Young's modulus against density, by the speed of sound."""
     for gear in ("", *GEARS):
-        table = f"{gear}.material" if gear else "material"
-        if gear and not {f"{table}.young_GPa", f"{table}.density_kg_m3"} & set(values):
+        own = tables.gear(gear).material if gear else tables.material
+        if gear and own.young_GPa is None and own.density_kg_m3 is None:
             continue
-        found = _material(gear, values)
-        if found is None or _SOUND_LOW <= _sound(*found) <= _SOUND_HIGH:
+        keys = ("young_GPa", "density_kg_m3")
+        young, density = (
+            of_material(tables, gear, key) if gear else getattr(own, key) for key in keys
+        )
+        if young is None or density is None:
             continue
-        young, density = found
-        path = f"{table}.young_GPa" if f"{table}.young_GPa" in values else f"{table}.density_kg_m3"
+        if _SOUND_LOW <= _sound(young, density) <= _SOUND_HIGH:
+            continue
+        path = (
+            f"{gear}.material".lstrip(".") + f".{keys[0] if own.young_GPa is not None else keys[1]}"
+        )
         low, high = (speed**2 * density * 1e-9 for speed in (_SOUND_LOW, _SOUND_HIGH))
         yield Slip(
             path,
@@ -136,21 +145,19 @@ def _materials(values: Values) -> Iterator[Slip]:
         )
 
 
-def _centres(values: Values, module: float) -> Iterator[Slip]:
+def _centres(tables: AbstractTables, module: float) -> Iterator[Slip]:
     """A centre distance against that of the reference circles, and the backlash that it leaves."""
-    path = "pair.centre_distance_mm"
-    centres = _number(values, path)
-    diameters = [_diameter(gear, values) for gear in GEARS]
-    alpha = math.radians(values.get("pair.pressure_angle_deg") or 0.0)
+    path, pair = "pair.centre_distance_mm", tables.pair
+    centres, diameters = pair.centre_distance_mm, [reference_diameter(tables, g) for g in GEARS]
+    alpha = math.radians(pair.pressure_angle_deg or 0.0)
     if centres is None or None in diameters or not alpha:
         return
     reference = 0.5 * sum(filter(None, diameters))
     of = f"half the sum of the reference diameters, {reference:.4g}"
     yield from weigh(path, centres, reference, _CENTRES, of)
-    helix = math.radians(values.get("pair.helix_angle_deg") or 0.0)
-    angle = transverse_angle(alpha, helix)
-    shifts = sum(values.get(f"{gear}.profile_shift", 0.0) for gear in GEARS)
-    teeth = sum(values[f"{gear}.teeth"] for gear in GEARS)
+    angle = transverse_angle(alpha, math.radians(pair.helix_angle_deg))
+    shifts = sum(tables.gear(gear).profile_shift or 0.0 for gear in GEARS)
+    teeth = tables.pinion.teeth + tables.wheel.teeth
     tight = involute(angle) + 2.0 * shifts * math.tan(alpha) / teeth
     base = reference * math.cos(angle)
     # What lies beyond is refused with the gears.
@@ -188,13 +195,13 @@ def _deviations(values: Values, module: float) -> Iterator[Slip]:
             yield from weigh(path, largest, 1e3 * module, span, _of_module(module))
 
 
-def _loads(values: Values, module: float) -> Iterator[Slip]:
+def _loads(tables: AbstractTables, values: Values, module: float) -> Iterator[Slip]:
     """Torques against what teeth stand, speeds against sound, a stiffness against the material."""
-    diameter, material = _diameter("pinion", values), _material("pinion", values)
-    faces = [face for gear in GEARS if (face := _number(values, f"{gear}.face_width_mm"))]
-    if diameter is None or material is None or not faces:
+    diameter = reference_diameter(tables, "pinion")
+    young, density = (of_material(tables, "pinion", k) for k in ("young_GPa", "density_kg_m3"))
+    faces = [face for gear in GEARS if (face := tables.gear(gear).face_width_mm)]
+    if diameter is None or young is None or density is None or not faces:
         return
-    young, density = material
     # N/mm^2 times mm^3 is N mm.
     torque = 0.5 * diameter * min(faces) * module * young
     of = f"the torque whose tooth force over face and module is Young's modulus, {torque:.4g}"
@@ -213,122 +220,91 @@ def _loads(values: Values, module: float) -> Iterator[Slip]:
         given = values.get(key, 0.0)
         largest = max(given) if isinstance(given, list) else given
         yield from weigh(key, largest, fastest, _SPEED, of)
-    key = "mesh.stiffness_N_mm_um"
-    if values.get("mesh.stiffness") == "constant":
-        of = f"Young's modulus, {young:g} N/(mm um)"
-        yield from weigh(key, values.get(key, 0.0), young, _TOOTH_STIFFNESS, of)
+    if tables.mesh.stiffness == "constant":
+        key, of = "mesh.stiffness_N_mm_um", f"Young's modulus, {young:g} N/(mm um)"
+        yield from weigh(key, tables.mesh.stiffness_N_mm_um, young, _TOOTH_STIFFNESS, of)
 
 
-def _bore(gear: str, values: Values, module: float) -> Iterator[Slip]:
-    del module
-    path, root = f"{gear}.bore_mm", root_diameter(gear, values)
-    bore = _number(values, path)
-    if not bore or root is None or root <= 0.0:
-        return
-    yield from weigh(path, bore, root, _BORE, f"the root diameter, {root:.4g}")
+def _bore(tables: AbstractTables, gear: str) -> Iterator[Slip]:
+    bore, root = tables.gear(gear).bore_mm, root_diameter(tables, gear)
+    if root is not None and root > 0.0:
+        yield from weigh(f"{gear}.bore_mm", bore, root, _BORE, f"the root diameter, {root:.4g}")
 
 
-def _shaft(gear: str, values: Values, module: float) -> Iterator[Slip]:
+def _shaft(tables: AbstractTables, gear: str, module: float) -> Iterator[Slip]:
     """Lengths of a shaft against the gear on it."""
     del module
-    diameter = _diameter(gear, values)
-    segments = _rows(values, f"{gear}.shaft.segments", "length_mm")
+    diameter, table = reference_diameter(tables, gear), f"{gear}.shaft.segments"
+    # What lies behind a wrong row has no place.
+    right = lambda row: row.length_mm is not None
+    segments = list(itertools.takewhile(right, tables.gear(gear).shaft.segments))
     if diameter is None or not segments:
         return
     of = f"the {gear}'s reference diameter, {diameter:.4g}"
-    lengths = {f"{row}.length_mm": values[f"{row}.length_mm"] for row in segments}
-    longest = max(lengths, key=lambda path: lengths[path])
+    lengths = [each.length_mm for each in segments]
+    longest = lengths.index(max(lengths))
     # The whole counts; one row of it is shown.
-    whole = sum(lengths.values()) / lengths[longest]
-    yield from weigh(longest, lengths[longest], diameter / whole, _SHAFT_LENGTH, of)
-    for path in (f"{row}.outer_mm" for row in segments):
-        yield from weigh(path, values.get(path, 0.0), diameter, _SHAFT_DIAMETER, of)
+    whole = sum(lengths) / lengths[longest]
+    path = f"{table}[{longest}].length_mm"
+    yield from weigh(path, lengths[longest], diameter / whole, _SHAFT_LENGTH, of)
+    for row, each in enumerate(segments):
+        yield from weigh(f"{table}[{row}].outer_mm", each.outer_mm, diameter, _SHAFT_DIAMETER, of)
 
 
-def _bearings(gear: str, values: Values, module: float) -> Iterator[Slip]:
+def _bearings(tables: AbstractTables, gear: str, module: float) -> Iterator[Slip]:
     """Radial stiffness against the tooth force, which must not move a gear out of mesh."""
-    pinion, torque = _diameter("pinion", values), _number(values, "pair.torque_pinion_Nm")
+    pinion, torque = reference_diameter(tables, "pinion"), tables.pair.torque_pinion_Nm
     if pinion is None or torque is None:
         return
-    force = 2e3 * torque / pinion
-    places = [f"{gear}.support", *_rows(values, f"{gear}.shaft.bearings", "at_mm")]
+    force, of = 2e3 * torque / pinion, tables.gear(gear)
+    rows = enumerate(itertools.takewhile(lambda row: row.at_mm is not None, of.shaft.bearings))
+    places = {f"{gear}.support": of.support} | {f"{gear}.shaft.bearings[{i}]": x for i, x in rows}
     for along in ("radial_S_N_m", "radial_T_N_m"):
-        names = ("radial_N_m", along)
-        each = [[f"{place}.{name}" for name in names] for place in places]
-        held = [[path for path in paths if values.get(path)] for paths in each]
-        known = {paths[0]: values[paths[0]] for paths in held if paths}
+        known = {}
+        for place, springs in places.items():
+            for name in (along, "radial_N_m"):
+                if getattr(springs, name):
+                    known[place] = (getattr(springs, name), f"{place}.{name}")
         if not known:
             continue
-        stiffest = max(known, key=lambda path: known[path])
+        stiffness, stiffest = max(known.values(), key=lambda each: each[0])
         needed = force / (1e-3 * module * len(known))
-        of = (
+        why = (
             f"the tooth force of {force:.4g} N over {_of_module(module)}, and over the number of "
             "bearings: the gears would move out of mesh"
         )
-        found = list(weigh(stiffest, known[stiffest], needed, _BEARING, of))
+        found = list(weigh(stiffest, stiffness, needed, _BEARING, why))
         yield from found
         if found:
             return
 
 
-def _body(gear: str, values: Values, module: float) -> Iterator[Slip]:
+def _body(tables: AbstractTables, gear: str, module: float) -> Iterator[Slip]:
     """Web, mass and inertia against the gear's teeth, and a solid disc of its size."""
-    web = f"{gear}.body.web.web_thickness_mm"
-    yield from weigh(web, values.get(web, 0.0), module, _WEB, _of_module(module))
-    diameter, face = _diameter(gear, values), _number(values, f"{gear}.face_width_mm")
-    material = _material(gear, values)
-    if diameter is None or face is None or material is None:
+    of = tables.gear(gear)
+    web, body = f"{gear}.body.web.web_thickness_mm", of.body
+    yield from weigh(web, body.web.web_thickness_mm, module, _WEB, _of_module(module))
+    diameter, density = reference_diameter(tables, gear), of_material(tables, gear, "density_kg_m3")
+    if diameter is None or of.face_width_mm is None or density is None:
         return
-    mass = 0.25e-9 * math.pi * diameter**2 * face * material[1]
+    mass = 0.25e-9 * math.pi * diameter**2 * of.face_width_mm * density
     inertia = mass * (1e-3 * diameter) ** 2 / 8.0
-    for key, reference, span in (
-        ("mass_kg", mass, _MASS),
-        ("inertia_kg_m2", inertia, _INERTIA),
-        ("transverse_inertia_kg_m2", 0.5 * inertia, _INERTIA),
+    for key, value, reference, span in (
+        ("mass_kg", body.mass_kg, mass, _MASS),
+        ("inertia_kg_m2", body.inertia_kg_m2, inertia, _INERTIA),
+        ("transverse_inertia_kg_m2", body.transverse_inertia_kg_m2, 0.5 * inertia, _INERTIA),
     ):
-        path = f"{gear}.body.{key}"
-        of = f"that of a solid disc, {reference:.3g}"
-        yield from weigh(path, values.get(path, 0.0), reference, span, of)
+        disc = f"that of a solid disc, {reference:.3g}"
+        yield from weigh(f"{gear}.body.{key}", value, reference, span, disc)
 
 
 def _of_module(module: float) -> str:
     return f"pair.module_mm, {module:g}"
 
 
-def _number(values: Values, path: str) -> float | None:
-    value = values.get(path)
-    return value if isinstance(value, float) else None
-
-
-def _diameter(gear: str, values: Values) -> float | None:
-    """Reference diameter [mm]."""
-    module, teeth = _number(values, "pair.module_mm"), values.get(f"{gear}.teeth")
-    helix = _number(values, "pair.helix_angle_deg")
-    if module is None or teeth is None or helix is None:
-        return None
-    return module * teeth / math.cos(math.radians(helix))
-
-
-def _material(gear: str, values: Values) -> tuple[float, float] | None:
-    """Young's modulus [GPa] and density [kg/m3] of a gear, or of the scene."""
-    found = []
-    for key in ("young_GPa", "density_kg_m3"):
-        own = _number(values, f"{gear}.material.{key}")
-        found.append(_number(values, f"material.{key}") if own is None else own)
-    return None if None in found else (found[0], found[1])
-
-
 def _sound(young: float, density: float) -> float:
     """Speed of sound along a rod [m/s]."""
     return math.sqrt(1e9 * young / density)
-
-
-def _rows(values: Values, table: str, key: str) -> list[str]:
-    """Paths of the rows of a list of tables that have a key."""
-    found: list[str] = []
-    while f"{table}[{len(found)}].{key}" in values:
-        found.append(f"{table}[{len(found)}]")
-    return found
 
 
 def angle_of_involute(value: float) -> float:

@@ -4,7 +4,8 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from jaxgear.scene._schema import show, unit_of
+from jaxgear.scene._key import show
+from jaxgear.scene._schema import unit_of
 
 # What a number may have been given in instead of the key's unit, and how many of that it is.
 _MISTAKEN = {
@@ -57,13 +58,13 @@ class Span(NamedTuple):
         return Span(*(1.0 / bound for bound in reversed(self)))
 
 
-def weigh(path: str, value: float, reference: float, span: Span, of: str) -> Iterator[Slip]:
+def weigh(path: str, value: float | None, reference: float, span: Span, of: str) -> Iterator[Slip]:
     """Weigh a number against another one.
 
     **Arguments:**
 
     - `path`: of its key.
-    - `value`: the number, in the key's unit; zero is let through.
+    - `value`: the number, in the key's unit; zero is let through, and none.
     - `reference`: what it is weighed against, in the same unit.
     - `span`: what their ratio may be.
     - `of`: the reference in words; empty where it says nothing.

@@ -103,7 +103,7 @@ def finished(scene: Scene, summary: Summary) -> Summary:
         "run_s": running,
         "peak_memory_MB": peak / (1024.0**2 if sys.platform == "darwin" else 1024.0),
     }
-    said = [*map(Doubtful, odd(scene.whole)), *assumed(scene)]
+    said = [*map(Doubtful, odd(scene)), *assumed(scene)]
     if said or "notes" in summary:
         summary["notes"] = worst_first([*said, *summary.get("notes", ())])
     return summary

@@ -13,7 +13,8 @@ from jaxgear._interface._laws import ExactContact
 from jaxgear._kept_programs import QUICKLY
 from jaxgear._solve._cycle import PreparedMesh
 from jaxgear.scene._build import smooth_law_of
-from jaxgear.scene._scene import Scene, rewritten
+from jaxgear.scene._rewriting import rewritten
+from jaxgear.scene._scene import Scene
 from jaxgear.study._design import DesignSpace, design_space
 from jaxgear.study._evaluations import objective_at, responses_at
 from jaxgear.study._head import head, study

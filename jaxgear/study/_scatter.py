@@ -25,9 +25,10 @@ from jaxgear._system._model import PairModel
 from jaxgear._types import Reals, Scalar
 from jaxgear._units import um
 from jaxgear.scene._build import flanks_of, model_of
+from jaxgear.scene._key import show
 from jaxgear.scene._scatter_checks import scattered_key
 from jaxgear.scene._scene import Scene
-from jaxgear.scene._schema import GEARS, KEYS, general, show, split_entry
+from jaxgear.scene._schema import GEARS, KEYS, general, split_entry
 from jaxgear.study._design import AMOUNTS, DesignSpace
 from jaxgear.study._statics import torques_of
 

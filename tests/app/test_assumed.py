@@ -7,7 +7,8 @@ import pytest
 from jaxgear._checks import InputError
 from jaxgear.scene._assumed import assumed
 from jaxgear.scene._build import pair_of
-from jaxgear.scene._scene import read_scene, write_scene
+from jaxgear.scene._rewriting import write_scene
+from jaxgear.scene._scene import read_scene
 
 _KEYS = ("pinion.fillet_radius_coeff", "wheel.fillet_radius_coeff")
 

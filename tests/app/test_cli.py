@@ -18,7 +18,8 @@ import pytest
 import jaxgear._cli as cli_package
 from jaxgear.__main__ import main as door
 from jaxgear._checks import InputError
-from jaxgear._cli._main import main, print_summary
+from jaxgear._cli._main import main
+from jaxgear._cli._printing import print_summary
 from jaxgear.scene._scene import READY, read_scene
 from jaxgear.study._statics import SolverFailure
 

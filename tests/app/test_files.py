@@ -13,8 +13,7 @@ from jaxgear import deg, mm, um
 from jaxgear._checks import InputError
 from jaxgear._flank._measured import MeasuredProfile, MeasuredTopography
 from jaxgear.scene._files import (
-    ProfileTable,
-    TopographyTable,
+    FlankTable,
     check_covers,
     deviation_of_table,
     read_profile,
@@ -39,8 +38,8 @@ def _refused(call, *args) -> str:
     return str(caught.value)
 
 
-def _profile(coordinate: str, *position: float) -> ProfileTable:
-    return ProfileTable(Path("p.csv"), coordinate, np.asarray(position), 0.0 * np.asarray(position))
+def _profile(coordinate: str, *position: float) -> FlankTable:
+    return FlankTable(Path("p.csv"), coordinate, np.asarray(position), 0.0 * np.asarray(position))
 
 
 # --- reading
@@ -303,10 +302,10 @@ def test_flanks_beside_the_active_one():
 def test_the_common_face_must_be_covered():
     """The pinion is 11.5 mm wide, the wheel 9.5: contact reaches 4.75 mm from mid-face."""
 
-    def table(*face: float) -> TopographyTable:
+    def table(*face: float) -> FlankTable:
         position = np.asarray([65.9, 71.4])
         z = np.asarray(face)
-        return TopographyTable(Path("t.csv"), "diameter_mm", position, z, np.zeros((2, z.size)))
+        return FlankTable(Path("t.csv"), "diameter_mm", position, np.zeros((2, z.size)), z)
 
     check_covers(table(-4.66, 4.75), accessory(), 0)
     found = _refused(check_covers, table(-4.0, 0.0, 5.0), accessory(), 0)
@@ -334,7 +333,7 @@ def test_the_same_flank_in_each_coordinate(gear):
     }
     deviation = np.asarray([-3.0, 1.0, 2.0, 0.5, -1.0, 4.0, -6.0])
     laws = [
-        deviation_of_table(ProfileTable(Path("p.csv"), name, position, deviation), pair, gear)
+        deviation_of_table(FlankTable(Path("p.csv"), name, position, deviation), pair, gear)
         for name, position in positions.items()
     ]
     for law in laws[1:]:
@@ -356,7 +355,7 @@ def test_topography_is_in_si(tmp_path):
 
 def test_tables_follow_a_pair_that_is_traced():
     """The derivative by the wheel's addendum: its tip moves the start of the pinion's path."""
-    table = ProfileTable(
+    table = FlankTable(
         Path("p.csv"), "diameter_mm", np.asarray([63.0, 67.0, 72.0]), np.asarray([0.0, 3.0, -4.0])
     )
 

@@ -9,7 +9,8 @@ import pytest
 from table_checks import assert_tables
 
 from jaxgear._cli import _commands
-from jaxgear._cli._main import _print_gradients, main
+from jaxgear._cli._main import main
+from jaxgear._cli._printing import print_gradients
 from jaxgear._interface._laws import ExactContact
 from jaxgear.scene._build import smooth_law_of
 from jaxgear.scene._scene import ready_scene
@@ -143,7 +144,7 @@ def test_the_command_prints_a_table(table, tmp_path, monkeypatch, capsys):
     assert summary["check_grad"]["verdicts"]["WRONG"] == 0
     assert summary["check_grad"]["verdicts"]["ok"] > 60
     assert "flank.pinion.tip_relief.depth_um" not in captured.err
-    _print_gradients(summary["check_grad"])
+    print_gradients(summary["check_grad"])
     table = capsys.readouterr().out.splitlines()
     # A header, a row for each derivative that is not zero, and the counts.
     zero = summary["check_grad"]["verdicts"]["no effect"]

@@ -110,7 +110,7 @@ def test_any_sane_pair_is_accepted(
     path = tmp_path_factory.mktemp("own") / "own.toml"
     path.write_text(scene_text(wanted), encoding="utf-8")
     scene = read_scene(path)
-    assert odd(scene.whole) == []
+    assert odd(scene) == []
     assert assumed(scene) == []
     assert scene["pinion.teeth"] == wanted.teeth[0]
 

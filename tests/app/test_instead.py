@@ -10,7 +10,8 @@ import pytest
 import jaxgear as jg
 from jaxgear import mm
 from jaxgear.scene._build import model_of, pair_of
-from jaxgear.scene._scene import SceneError, read_scene, write_scene
+from jaxgear.scene._rewriting import write_scene
+from jaxgear.scene._scene import SceneError, read_scene
 from jaxgear.scene._schema import GEARS, KEYS, REAL_KEYS
 from jaxgear.study._dynamics import speeds_of
 

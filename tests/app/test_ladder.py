@@ -15,7 +15,8 @@ from jaxgear._checks import InputError
 from jaxgear._cli._folder import Folder
 from jaxgear._cli._main import main
 from jaxgear._dynamics._harmonic import HarmonicBalance
-from jaxgear.scene._scene import SceneError, read_scene, ready_scene, write_scene
+from jaxgear.scene._rewriting import write_scene
+from jaxgear.scene._scene import SceneError, read_scene, ready_scene
 from jaxgear.scene._schema import STATIC_RESPONSES
 from jaxgear.study import _compare_statics as statics
 from jaxgear.study import _fidelity as fidelity

@@ -7,8 +7,10 @@ from typing import Any
 
 import pytest
 
-from jaxgear.scene import _scene, _schema
-from jaxgear.scene._scene import SceneError, read_scene, rewrite_scene, write_scene
+from jaxgear.scene import _rewriting, _scene, _schema
+from jaxgear.scene._positions import positions
+from jaxgear.scene._rewriting import rewrite_scene, write_scene
+from jaxgear.scene._scene import SceneError, read_scene
 
 _ROOT = Path(_scene.__file__).parents[2]
 _READY = Path(_scene.__file__).parent / "scenes"
@@ -878,7 +880,7 @@ vary = [
 
 def test_positions_in_arrays_of_tables():
     text = "[[a.b]]\nx = 1\n[[a.b]]\nx = [\n1,\n{ y = 2 }] # c\n[a.b.c]\nz = 1\n"
-    assert _scene._positions(text) == {
+    assert positions(text) == {
         "a": 1,
         "a.b": 1,
         "a.b[0]": 1,
@@ -1130,26 +1132,43 @@ def test_what_is_traced_is_known_as_it_was_before(write):
             at=later.concrete(at),
             force=later.concrete(force),
             entry=later.concrete(f"{force}[2]"),
-            plain=later.concrete("pair.module_mm"),
+            plain=later.plain.pinion.shaft.bearings[1].at_mm,
             forgotten=dict(later.replace({at: 60.0, force: [1.0, 2.0, 3.0]}).known),
             same_keys={*later.real_keys()} - {*scene.real_keys()},
         )
-        with pytest.raises(KeyError, match="not traced"):
+        with pytest.raises(KeyError, match="centre_distance_mm"):
             later.concrete("pair.centre_distance_mm")
         whole = scene.replace({force: jnp.stack([value, value, value])})
         seen["whole"] = whole.concrete(f"{force}[0]")
-        return later[at] + later[f"{force}[1]"] + whole[f"{force}[2]"]
+        shaft = later.pinion.shaft
+        return shaft.bearings[1].at_mm + shaft.loads[0].force_N[1] + whole[f"{force}[2]"]
 
     assert jax.jit(jax.grad(inside))(1.5) == 4.0
     assert seen == {
         "at": 70.0,
         "force": [1.0, 0.0, 5.0],
         "entry": 5.0,
-        "plain": 1.5,
+        "plain": 70.0,
         "forgotten": {},
         "same_keys": {"pair.centre_distance_mm"},
         "whole": 1.0,
     }
+
+
+def test_keys_are_attributes_of_tables_that_do_not_change(write):
+    scene = read_scene(write(_LEAST + _SHAFTS))
+    assert scene.pinion.shaft.bearings[0].at_mm == scene["pinion.shaft.bearings[0].at_mm"]
+    assert scene.map.extent.from_ == scene["map.extent.from"]
+    assert scene.gear("wheel").teeth == scene.wheel.teeth == scene["wheel.teeth"]
+    assert scene.pinion.support.axial_N_m is None
+    assert scene.probes == ()
+    with pytest.raises(AttributeError, match=r"scene\.replace makes another one"):
+        scene.mesh.slices = 3  # pyright: ignore[reportAttributeAccessIssue]
+    with pytest.raises(AttributeError, match="a scene has no mash"):
+        scene.mash  # noqa: B018  # pyright: ignore[reportAttributeAccessIssue]
+    changed = scene.replace({"mesh.slices": 3, "optimise.bounds.pair.module_mm": [1.0, 2.0]})
+    assert (changed.mesh.slices, scene.mesh.slices) == (3, 20)
+    assert changed.optimise.bounds["pair.module_mm"] == [1.0, 2.0]
 
 
 def test_real_keys_count_rows_and_entries(write):
@@ -1273,7 +1292,7 @@ def test_rewriting_changes_rows_and_entries(write, tmp_path):
 
 
 def test_rewriting_refuses_rather_than_write_something_else(write, tmp_path, monkeypatch):
-    monkeypatch.setattr(_scene, "_edited", lambda text, updates, headers: text)
+    monkeypatch.setattr(_rewriting, "_edited", lambda text, updates, headers: text)
     with pytest.raises(ValueError, match=r"by hand: pair\.module_mm = 2\.0"):
         rewrite_scene(write(_LEAST), {"pair.module_mm": 2}, tmp_path / "new.toml")
     assert not (tmp_path / "new.toml").exists()

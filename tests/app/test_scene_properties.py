@@ -9,8 +9,10 @@ import tomlkit
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from jaxgear.scene._scene import READY, SceneError, read_scene, ready_scene, write_scene
-from jaxgear.scene._schema import KEYS, Key, show
+from jaxgear.scene._key import Key, show
+from jaxgear.scene._rewriting import write_scene
+from jaxgear.scene._scene import READY, SceneError, read_scene, ready_scene
+from jaxgear.scene._schema import KEYS
 
 _ANY = st.recursive(
     st.booleans()

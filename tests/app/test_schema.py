@@ -4,7 +4,8 @@ import re
 import pytest
 
 from jaxgear.scene import _schema
-from jaxgear.scene._schema import KEYS, Key, Presence
+from jaxgear.scene._key import Key, Presence, show
+from jaxgear.scene._schema import KEYS
 
 _NUMBER = Key("pair.gap_um", "float", "a gap", above=0.0, at_most=2.0, remedy="Mind the gap")
 _CHOICE = Key("pair.law", "text", "a law", choices=("exact", "smooth"))
@@ -184,6 +185,6 @@ def test_nearest_key(path, meant):
 
 
 def test_long_values_are_cut():
-    shown = _schema.show(list(range(1000)))
+    shown = show(list(range(1000)))
     assert len(shown) == 80
     assert shown.endswith("...")

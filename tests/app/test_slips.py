@@ -108,7 +108,7 @@ def test_a_constant_stiffness_in_pascals_is_refused(path):
     settings = ["mesh.stiffness=constant", "mesh.stiffness_N_mm_um=14e9"]
     with pytest.raises(SceneError, match=re.escape("If 1.4e+10 is in N/m^2, write 14")):
         read_scene(path, settings)
-    assert not odd(read_scene(path, [settings[0], "mesh.stiffness_N_mm_um=14"]).values)
+    assert not odd(read_scene(path, [settings[0], "mesh.stiffness_N_mm_um=14"]))
 
 
 @pytest.mark.parametrize(
@@ -131,7 +131,7 @@ def test_a_constant_stiffness_in_pascals_is_refused(path):
     ],
 )
 def test_what_is_odd_is_told(path, setting, message):
-    said = odd(read_scene(path, [setting]).values)
+    said = odd(read_scene(path, [setting]))
     assert any(message in words for words in said)
     assert any(setting.partition("=")[0] in words for words in said)
 
@@ -141,16 +141,16 @@ def test_backlash_of_a_centre_distance_is_told_with_the_one_that_leaves_none(pat
     base, centres, alpha = 98.25 * math.cos(math.radians(20)), 98.82, math.radians(20)
     working = math.acos(base / centres)
     backlash = 2 * centres * (math.tan(working) - working - math.tan(alpha) + alpha)
-    (words,) = odd(read_scene(path, ["pair.centre_distance_mm=98.82"]).values)
+    (words,) = odd(read_scene(path, ["pair.centre_distance_mm=98.82"]))
     assert f"a backlash of {backlash:.3g} mm, which is odd: 0.28 times pair.module_mm" in words
     assert "The profile shifts ask for 98.25 mm" in words
-    assert not odd(read_scene(path, ["pair.centre_distance_mm=98.4"]).values)
+    assert not odd(read_scene(path, ["pair.centre_distance_mm=98.4"]))
 
 
 def test_the_centre_distance_without_backlash_follows_the_profile_shifts(path):
     shifts = ["pinion.profile_shift=0.341", "wheel.profile_shift=0.481"]
     shifts += ["pair.pressure_angle_deg=25", "pair.centre_distance_mm=100.5"]
-    (words,) = odd(read_scene(path, shifts).values)
+    (words,) = odd(read_scene(path, shifts))
     assert "The profile shifts ask for 99.4503 mm" in words
 
 
@@ -166,7 +166,7 @@ def test_remarks_are_the_first_notes_of_a_summary(path, tmp_path):
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in READY.glob("*.toml")))
 def test_ready_scenes_are_not_odd(name):
-    assert odd(read_scene(READY / f"{name}.toml").values) == []
+    assert odd(read_scene(READY / f"{name}.toml")) == []
 
 
 # Young's modulus [GPa], density [kg/m3].
@@ -235,7 +235,7 @@ def test_no_sane_pair_is_refused_or_remarked_upon(tmp_path, seed):
     for _ in range(75):
         settings = _sane_pair(draw)
         scene = read_scene(path, settings)
-        assert odd(scene.values) == [], settings
+        assert odd(scene) == [], settings
 
 
 def test_spans_are_in_order():

@@ -7,7 +7,8 @@ import pytest
 import optimise
 from jaxgear._checks import InputError
 from jaxgear.scene._build import model_of
-from jaxgear.scene._scene import ready_scene, rewritten
+from jaxgear.scene._rewriting import rewritten
+from jaxgear.scene._scene import ready_scene
 from jaxgear.study import _optimising
 from jaxgear.study._design import design_space
 from jaxgear.study._search import by_gradient, forget, record_file

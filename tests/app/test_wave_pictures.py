@@ -183,7 +183,7 @@ def test_pictures_and_shapes_are_written(seen, tmp_path, monkeypatch):
 
 def test_probes_say_what_they_cannot_see(scene, watch):
     body = watch.looked["wheel"].body
-    at = lambda **place: dataclasses.replace(scene, values={**scene.values, **place})
+    at = lambda **place: dataclasses.replace(scene, fixed={**scene.fixed, **place})
     with pytest.raises(InputError, match=r"probes\[0\]: no node of the wheel's body is near"):
         body_waves._asked(at(**{"probes[0].radius_mm": 100.0}), body)
     with pytest.raises(InputError, match=r"probes\[0\]\.node: no node 'ear' was condensed"):
