@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from fem_cases import ring
+from jaxgear.study._flank_loads import FlankLoads
 from table_checks import assert_table, is_told
 
 import jaxgear as jg
@@ -23,7 +24,6 @@ from jaxgear.plot._body_tables import DrawnBody, DrawnModes
 from jaxgear.scene._build import model_of
 from jaxgear.scene._scene import ready_scene
 from jaxgear.study import _hybrid_dataset, _ladder, _sizing
-from jaxgear.study._flank_loads import FlankLoads
 from jaxgear.study._hybrid import BodyAnswer, BodyField
 from jaxgear.study._sensitivities import Sensitivities
 
