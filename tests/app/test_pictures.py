@@ -584,7 +584,7 @@ def test_commands_come_without_matplotlib(tmp_path):
         "import pathlib, sys\n"
         "import jaxgear._cli._commands, jaxgear.study._compare, jaxgear.study._condense\n"
         "import jaxgear.plot._hybrid_tables, jaxgear.study._sensitivities\n"
-        "import jaxgear.plot._wave_tables\n"
+        "import jaxgear.study._waves_result, jaxgear.plot._atlas\n"
         "from jaxgear._cli._folder import Folder\n"
         "from jaxgear._cli._saving import save\n"
         "save(None, {'a': [1.0]}, Folder(pathlib.Path(sys.argv[1]), pictures=False), 'a')\n"

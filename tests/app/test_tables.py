@@ -16,13 +16,11 @@ from table_checks import assert_table, is_told
 
 import jaxgear as jg
 from jaxgear import plot
-from jaxgear._dynamics._campbell import CriticalSpeed
 from jaxgear.plot import _tables
 from jaxgear.plot._body_tables import DrawnBody, DrawnModes
 from jaxgear.scene._build import model_of
 from jaxgear.scene._scene import ready_scene
 from jaxgear.study import _hybrid_dataset, _ladder, _sizing
-from jaxgear.study._flank_loads import FlankLoads
 from jaxgear.study._hybrid import BodyAnswer, BodyField
 from jaxgear.study._results import write_csv
 from jaxgear.study._sensitivities import Sensitivities
@@ -79,112 +77,6 @@ def _cycle() -> xr.Dataset:
     return _hybrid_dataset.hybrid_variables(data, [])
 
 
-def _sweep() -> xr.Dataset:
-    """Two directions, one response without a number, and two pieces of a curve with a fold."""
-    names = ("dynamic_ratio", "te_rms_um", "contact_loss", "periods")
-    data = _data(
-        {},
-        dict.fromkeys(names, ("speed", "direction")),
-        speed=_SPEEDS,
-        direction=["up", "down"],
-    )
-    data["dynamic_ratio"][1, 1] = np.nan
-    flags = (("speed", "direction"), np.ones((3, 2), bool))
-    points = [1.0, 2.0, 3.0, 2.5, np.nan, 5.0, 6.0]
-    curve = dict.fromkeys(("curve_speed", "curve_dynamic_ratio", "curve_te_rms_um"))
-    return data.assign(
-        settled=flags, stable=flags, curve_stable=("point", np.ones(7, bool))
-    ).assign({name: ("point", points) for name in curve})
-
-
-def _orders() -> xr.Dataset:
-    pairs = ("speed", "order")
-    return _data(
-        {},
-        {
-            **dict.fromkeys(("te_order_um", "mesh_force_order_N"), pairs),
-            "bearing_force_order_N": ("speed", "bearing", "order"),
-        },
-        speed=_SPEEDS,
-        order=[0.0, 0.5, 1.0],
-        bearing=["pinion 0", "wheel 1"],
-    )
-
-
-def _turning() -> xr.Dataset:
-    pairs = ("speed", "mode")
-    names = ("frequency_Hz", "frequency_body_Hz", "mesh_energy")
-    data = _data({"mode": 2}, dict.fromkeys(names, pairs), speed=_SPEEDS)
-    data["frequency_Hz"] *= 500.0
-    whole = {"gear": [[0, 1]] * 3, "direction": [[0, 2]] * 3, "nodal_diameter": [[2, 3]] * 3}
-    return data.assign({name: (pairs, np.asarray(each)) for name, each in whole.items()})
-
-
-def _modes() -> xr.Dataset:
-    names = ("frequency_Hz", "damping_ratio", "nodal_diameter", "wave_share")
-    data = _data(
-        {"mode": 3},
-        dict.fromkeys(names, ("mode",)) | {"energy": ("mode", "part")},
-        part=["mesh", "pinion"],
-    )
-    data["energy"][0] = np.nan
-    return data.assign(gear=("mode", ["pinion", "wheel", "wheel"]))
-
-
-def _orbits() -> xr.Dataset:
-    names = ("mesh_force_ratio", "te_um", "te_rate_mm_s")
-    data = _data(
-        {},
-        dict.fromkeys(names, ("branch", "phase")) | {"te_static_um": ("phase",)},
-        branch=["speed rising", "speed falling"],
-        phase=_PHASES,
-    )
-    # One repeats every mesh period, the other after all three.
-    whole = (data["branch"] == "speed falling") | (data["phase"] < 1.0)
-    return data.assign({name: data[name].where(whole) for name in names})
-
-
-def _waves() -> xr.Dataset:
-    way = ("direction", "speed")
-    data = _data(
-        {"order": 4, "wave": 3, "number": 5, "along": 3},
-        {
-            "wheel_probe_amplitude_um": ("wheel_probe", "order"),
-            "wheel_order": ("order",),
-            "wheel_wave_amplitude_um": ("wave", "along"),
-            **dict.fromkeys(("wheel_wave_order", "wheel_wave_diameters"), ("wave",)),
-            "wheel_wave_travel_rad_s": ("wave",),
-            "wheel_wave_rms_um": (*way, "number", "along"),
-            "wheel_diameters": ("number",),
-            "wheel_probe_rms_um": (*way, "wheel_probe"),
-            **dict.fromkeys(("max_line_load_N_mm", "max_pressure_MPa"), way),
-            **dict.fromkeys(("max_line_load_passage", "max_line_load_face_mm"), way),
-        },
-        speed=_SPEEDS,
-        direction=["up"],
-        wheel_probe=["on the web", "beside the rim"],
-    )
-    data.attrs["peak_direction"] = "up"
-    return data
-
-
-def _loads() -> list[FlankLoads]:
-    passage = np.mod(_PHASES, 1.0)[:, None] + np.arange(2)
-    load = np.ones((48, 2, 3))
-    one = FlankLoads(
-        speed=500.0,
-        passage=passage,
-        pair=np.rint(_PHASES[:, None] - passage).astype(int) % 3,
-        touching=passage < 1.6,
-        face=1e-3 * np.arange(3.0),
-        load=load,
-        pressure=load,
-        teeth=(20, 24),
-        width=0.01,
-    )
-    return [one, one]
-
-
 def _chart() -> tuple[Any, Any]:
     extent, depth = np.linspace(0.1, 0.4, 4), np.linspace(0.0, 20e-6, 3)
     chart = SimpleNamespace(extent=extent, depth=depth, value=np.ones((3, 4)))
@@ -217,19 +109,6 @@ _BEARINGS = [
     for gear in ("pinion", "wheel")
     for index in (0, 1)
 ]
-_CRITICAL = [
-    CriticalSpeed(
-        speed=100.0,
-        harmonic=1,
-        mode=0,
-        gear=1,
-        diameters=2,
-        direction=1,
-        space=900.0,
-        body=np.nan,
-        mesh=0.2,
-    )
-]
 _HOLES = _hybrid_dataset.HolePlaces(np.asarray([0.5]), np.asarray([0.2]))
 _RUNGS = [
     {"name": "H5", "family": "a", "dofs": 1, "time_s": 0.1, "error": {"te_rms": None}},
@@ -261,26 +140,7 @@ _CASES = {
     "_body_tables.grid": lambda: (DrawnBody(ring([1.0, 2.0], 12, [0.0, 1.0]), {}),),
     "_body_tables.families": lambda: (_DRAWN,),
     "_body_tables.mode_shapes": lambda: (_DRAWN, np.zeros((2, 1, 3))),
-    "_campbell_tables.campbell": lambda: (_turning(),),
-    "_campbell_tables.campbell_on_body": lambda: (_turning(), "wheel"),
-    "_campbell_tables.critical": lambda: (_turning(), _CRITICAL),
     "_curve_tables.family": lambda: ([_CURVE, _CURVE],),
-    "_dynamic_tables.sweep": lambda: (_sweep(),),
-    "_dynamic_tables.curve": lambda: (_sweep(),),
-    "_dynamic_tables.fold": lambda: (_sweep(),),
-    "_dynamic_tables.critical": lambda: ([(100.0, "mode 1"), (200.0, "mode 1 / 2")],),
-    "_dynamic_tables.waterfall": lambda: (_orders(),),
-    "_dynamic_tables.orders": lambda: (_orders(),),
-    "_dynamic_tables.bearing_orders": lambda: (_orders(),),
-    "_dynamic_tables.contact_loss": lambda: (_loss(),),
-    "_dynamic_tables.contact_shares": lambda: (_loss(),),
-    "_dynamic_tables.modes": lambda: (_modes(),),
-    "_dynamic_tables.campbell": lambda: (_turning(),),
-    "_dynamic_tables.crossing": lambda: (_turning(),),
-    "_dynamic_tables.orbit": lambda: (_orbits(),),
-    "_flank_tables.flank_pressure": lambda: (_loads(),),
-    "_flank_tables.largest_loads": lambda: (_waves().sel(direction="up"),),
-    "_flank_tables.teeth_at_speed": lambda: (_loads(), "wheel", _HOLES),
     "_hybrid_tables.contact_line_loads": lambda: (_cycle(),),
     "_hybrid_tables.tooth_way": lambda: (_cycle(),),
     "_hybrid_tables.tooth_loads": lambda: (_cycle(), "wheel", _HOLES),
@@ -312,10 +172,6 @@ _CASES = {
     "_tables.valley": lambda: (*_chart(), np.asarray([np.nan, 1.0, 1.0, 1.0])),
     "_tables.search_trace": lambda: ({"lbfgs": _SPEEDS, "adam": _TORQUES}, "um2"),
     "_tables.before_after": lambda: (_cycle(), _cycle()),
-    "_wave_tables.wave_spectra": lambda: (_waves(), "wheel"),
-    "_wave_tables.wave_map": lambda: (_waves(), "wheel"),
-    "_wave_tables.wave_levels": lambda: (_waves(), "wheel"),
-    "_wave_tables.probe_levels": lambda: (_waves(), "wheel"),
 }
 # Tables that are made where they are written.
 _OTHERS = {
@@ -323,11 +179,6 @@ _OTHERS = {
     "compare": lambda: _ladder.columns_of(_RUNGS),
     "sensitivity": lambda: _sensitivities().columns(),
 }
-
-
-def _loss() -> xr.Dataset:
-    names = ("mesh_force_ratio", "tooth_pairs")
-    return _data({}, dict.fromkeys(names, ("phase", "speed")), speed=_SPEEDS, phase=_PHASES)
 
 
 def _functions() -> dict[str, Any]:
@@ -363,7 +214,6 @@ def test_rows_of_several_series_stay_together(tmp_path):
     """Series of two lengths, one under the other, each under its name."""
     functions = _functions()
     for name, of, count in (
-        ("_dynamic_tables.orbit", "branch", [16, 48]),
         ("_tables.search_trace", "method", [3, 2]),
         ("_robust_tables.robust", "design", [2, 3]),
     ):
