@@ -67,7 +67,7 @@ def _pictures_of_gear(waves: xr.Dataset, table: xr.Dataset, gear: str) -> Iterat
 
 def wave_level(own: xr.Dataset, gear: str) -> xr.DataArray:
     """RMS of each wave, all directions on the body together, over speed and wave [um]."""
-    return np.sqrt((own[f"{gear}_wave_rms_um"] ** 2).sum("component"))
+    return (own[f"{gear}_wave_rms_um"] ** 2).sum("component") ** 0.5
 
 
 def _teeth_columns(flanks: xr.Dataset, gear: str) -> Columns:

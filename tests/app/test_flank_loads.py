@@ -5,10 +5,14 @@ import dataclasses
 import numpy as np
 import pytest
 import xarray as xr
-from jaxgear.study._flank_loads import FlankLoads, loads_summary
 from table_checks import assert_table
 
+from jaxgear import plot
+from jaxgear._response._flank_loads import FlankLoads
 from jaxgear._units import MPa, deg, mm
+from jaxgear.study._body_waves import Seen
+from jaxgear.study._flank_dataset import Teeth, flanks_of, largest_loads, loads_summary
+from jaxgear.study._results import write_csv
 
 PERIODS, PHASES, SLICES, RATIO = 4, 10, 3, 1.6
 

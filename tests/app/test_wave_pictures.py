@@ -14,6 +14,7 @@ from jaxgear import plot
 from jaxgear._checks import InputError
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._response._flank_loads import FlankLoads
+from jaxgear._response._measured import Measured
 from jaxgear._response._waves import BodyMotion, along_directions, rotating_spectrum
 from jaxgear._system._body_modes import body_basis
 from jaxgear._units import mm, um
@@ -25,6 +26,7 @@ from jaxgear.study import _body_shapes, _probes
 from jaxgear.study._body_waves import Peak, wave_watch
 from jaxgear.study._moving_body import MovingBody
 from jaxgear.study._results import write_csv
+from jaxgear.study._sweeping import Response, Sweep
 from jaxgear.study._waves_result import waves_result
 
 TEETH = 24
@@ -111,7 +113,9 @@ def found(scene, watch, motion):
     )
     gears = SimpleNamespace(face_width=0.012)
     watch.pair = SimpleNamespace(cycle=SimpleNamespace(system=SimpleNamespace(pair=gears)))
-    sweep = SimpleNamespace(speeds=np.array([100.0, 200.0]), main="up", responses={"up": ()})
+    numbers = Measured(*[1.0] * len(Measured._fields))
+    responses = tuple(Response(x, True, True, 1, 0.0, None, numbers) for x in (100.0, 200.0))
+    sweep = Sweep(np.array([100.0, 200.0]), {"up": responses}, (), {})
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(_body_shapes, "_STATES", 2)
         yield waves_result(scene, watch, sweep)
