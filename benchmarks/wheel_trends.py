@@ -62,8 +62,9 @@ from jaxgear.scene._build import model_of
 from jaxgear.scene._mesh_bodies import with_bodies
 from jaxgear.scene._scene import Scene, ready_scene
 from jaxgear.scene._schema import GEARS
-from jaxgear.study._body_waves import MovingBody, probe_at
 from jaxgear.study._dynamics import dynamic_grid_of, dynamics_of
+from jaxgear.study._moving_body import MovingBody
+from jaxgear.study._probes import probe_at
 
 # Slices, time steps and modes that tell trends.
 COARSE = ("mesh.slices=10", "sweep.steps=64", "sweep.pinion_speed_rad_s=[1000.0]")

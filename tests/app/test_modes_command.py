@@ -12,7 +12,7 @@ from jaxgear._cli._main import main
 from jaxgear._dynamics._bodies import BodyPlace
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear.scene._scene import read_scene
-from jaxgear.study._dynamics import modes_shown
+from jaxgear.study._modes import modes_shown
 from jaxgear.study._turning import require_retained
 
 _SPUR = """schema = 1
