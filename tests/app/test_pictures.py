@@ -4,7 +4,6 @@ import csv
 import re
 import subprocess
 import sys
-from types import SimpleNamespace
 
 import equinox as eqx
 import jax
@@ -124,9 +123,7 @@ def _groups(model, cycle):
         "modification": pair_dataset.modification_dataset({"start": _spur(), "optimised": model}),
     }
     if "bearing_load_N" in found:
-        groups["shafts"] = _shafts.shafts_dataset(
-            SimpleNamespace(model=model, cycle=cycle), _bearings(found), {}
-        )
+        groups["shafts"] = _shafts.shafts_dataset(model, cycle, _bearings(found), {})
     return {name: each.assign_attrs(title="case") for name, each in groups.items()}
 
 
