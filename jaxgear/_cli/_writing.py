@@ -41,7 +41,7 @@ def written(result: Result, folder: Folder) -> Summary:
     own = result.scene
     known = own.overridden() | files_seen_from(own, folder.path)
     for name, keys in result.scenes.items():
-        write_text(rewritten(own.path, known | keys), folder / name)
+        write_text(rewritten(own.path, {**known, **keys}), folder / name)
     places = {name: str(folder.path / name) for name in result.scenes}
     return _closed(own, folder, _placed(result.summary, places))
 

@@ -47,7 +47,7 @@ def shafts_dataset(
     """
     mounts = dict(zip(GEARS, (model.pinion_support, model.wheel_support), strict=True))
     shafts = {gear: mount for gear, mount in mounts.items() if isinstance(mount, Shaft)}
-    bodies = dict(zip(GEARS, model.bodies, strict=True))
+    bodies: dict[str, Any] = dict(zip(GEARS, model.bodies, strict=True))
     return dataset_of(
         _lines(deflected_lines(model, cycle))
         | _segments(shafts)
