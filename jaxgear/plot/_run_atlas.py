@@ -53,9 +53,8 @@ def run_pictures(datasets: Datasets) -> Iterator[Picture]:
             yield from _of_body(gear, body)
     if (sized := datasets.get("sizing")) is not None:
         amounts, worst = sized["amount"].values, ("te_peak_to_peak_um", "max_pressure_MPa")
-        responses = [
-            str(name) for name, each in sized.items() if each.dims == ("combination", "torque")
-        ]
+        over = ("combination", "torque")
+        responses = [str(name) for name, each in sized.items() if each.dims == over]
         names = "rank", "rank_by_pressure", *amounts, "torque_pinion_Nm", *responses
         table = columns(sized, *names, *(f"worst_{name}" for name in worst))
         yield Picture("sizing", partial(sizing_pictures.sizing, sized), table)
