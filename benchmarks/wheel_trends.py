@@ -56,8 +56,8 @@ from jaxgear.scene._build import model_of
 from jaxgear.scene._mesh_bodies import with_bodies
 from jaxgear.scene._scene import Scene, ready_scene
 from jaxgear.scene._schema import GEARS
-from jaxgear.study._body_waves import MovingBody
 from jaxgear.study._dynamics import dynamic_grid_of, dynamics_of
+from jaxgear.study._moving_body import MovingBody
 from jaxgear.study._probes import probe_at
 
 # Slices, time steps and modes that tell trends.

@@ -39,10 +39,6 @@ def campbell(dataset: xr.Dataset, critical: xr.Dataset) -> Figure:
 
     - `dataset`: the group `campbell`.
     - `critical`: the group `critical`.
-
-    **Returns:**
-
-    The figure.
     """
     figure, (axes,) = panels((9.6, 7.0), f"Campbell diagram: {dataset.attrs['title']}")
     speed, teeth = dataset["speed"].values, int(dataset.attrs["teeth_pinion"])
@@ -166,10 +162,6 @@ def campbell_on_body(dataset: xr.Dataset, critical: xr.Dataset, gear: str) -> Fi
     - `dataset`: the group `campbell`, with frequencies on that gear only.
     - `critical`: the group `critical`, as far as it is of that gear.
     - `gear`: pinion or wheel.
-
-    **Returns:**
-
-    The figure.
     """
     title = f"Campbell diagram on the body: {dataset.attrs['title']}, seen from the {gear}"
     figure, (axes,) = panels((9.6, 7.0), title)
@@ -216,10 +208,6 @@ def alone(dataset: xr.Dataset, gear: str) -> Figure:
 
     - `dataset`: the group `alone_GEAR`.
     - `gear`: pinion or wheel.
-
-    **Returns:**
-
-    The figure.
     """
     title = f"Modes alone and in mesh: {dataset.attrs['title']}"
     figure, (axes, change) = panels((10.0, 5.6), title, columns=2, ratios=(1.4, 1.0))

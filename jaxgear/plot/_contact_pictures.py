@@ -34,10 +34,6 @@ def contact_loss(dataset: xr.Dataset, share: np.ndarray) -> Figure:
 
     - `dataset`: one direction of the group `sweep`.
     - `share`: of the time without contact, over speed [-].
-
-    **Returns:**
-
-    The figure.
     """
     title = f"Contact over speed and phase: {dataset.attrs['title']}"
     figure, panels = stack((9.6, 7.6), title, (3.0, 1.8, 1.0))
@@ -113,10 +109,6 @@ def orbit(dataset: xr.Dataset) -> Figure:
     **Arguments:**
 
     - `dataset`: the group `orbit`.
-
-    **Returns:**
-
-    The figure.
     """
     count, title = dataset.sizes["branch"], f"Steady response: {dataset.attrs['title']}"
     if count == 1:

@@ -55,10 +55,6 @@ def largest_loads(dataset: xr.Dataset) -> Figure:
     **Arguments:**
 
     - `dataset`: one direction of the group `waves`.
-
-    **Returns:**
-
-    The figure.
     """
     title = f"Largest loads on the flank: {dataset.attrs['title']}"
     figure, (left, right) = panels((10.6, 4.6), title, 2)

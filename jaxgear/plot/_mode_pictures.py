@@ -33,10 +33,6 @@ def modes(dataset: xr.Dataset) -> Figure:
     **Arguments:**
 
     - `dataset`: the group `modes`. Frequency zero is a motion that nothing holds.
-
-    **Returns:**
-
-    The figure.
     """
     every = dataset.sizes["mode"]
     count = min(_MODES_SHOWN, every)
@@ -101,10 +97,6 @@ def campbell(dataset: xr.Dataset, crossings: Columns) -> Figure:
 
     - `dataset`: the group `campbell`; each mode is followed through the speeds.
     - `crossings`: from `crossing_columns`; the more energy in the mesh, the larger the mark.
-
-    **Returns:**
-
-    The figure.
     """
     figure, (axes,) = panels((9.6, 6.4), f"Campbell diagram: {dataset.attrs['title']}")
     speed, frequency = dataset["speed"].values, dataset["frequency_Hz"].values

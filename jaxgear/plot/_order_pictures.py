@@ -42,10 +42,6 @@ def waterfall(dataset: xr.Dataset) -> Figure:
     **Arguments:**
 
     - `dataset`: one direction of the group `sweep`.
-
-    **Returns:**
-
-    The figure.
     """
     figure, (axes,) = panels((9.6, 6.2), f"Spectrum of the TE over speed: {dataset.attrs['title']}")
     speed, order = dataset["speed"].values, dataset["order"].values
@@ -181,10 +177,6 @@ def orders(dataset: xr.Dataset) -> Figure:
     **Arguments:**
 
     - `dataset`: one direction of the group `sweep`.
-
-    **Returns:**
-
-    The figure.
     """
     names = [name for name in _PANELS if name in dataset]
     title, size = f"Orders over speed: {dataset.attrs['title']}", (9.6, 1.8 + 2.1 * len(names))

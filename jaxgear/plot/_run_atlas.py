@@ -34,14 +34,14 @@ def run_pictures(datasets: Datasets) -> Iterator[Picture]:
         table = {name: values[drawn] for name, values in table.items()}
         yield Picture("gear_pair", partial(pair_pictures.gear_pair, pair), table)
         axes = datasets["axes"]
-        table = columns(axes, *axes.coords, *axes.data_vars)
+        table = columns(axes, *map(str, (*axes.coords, *axes.data_vars)))
         yield Picture("axes", partial(axes_pictures.axes, pair, axes), table)
     if (traces := datasets.get("modification")) is not None:
-        table = columns(traces, "state", "gear", "trace", *sorted(traces.data_vars))
+        table = columns(traces, "state", "gear", "trace", *sorted(map(str, traces.data_vars)))
         yield Picture("modification", partial(modification_pictures.modification, traces), table)
     if cycle is not None and "transmission_error_um" in cycle:
         if (slid := datasets.get("sliding")) is not None:
-            table = columns(slid, *sorted(name for name, each in slid.items() if each.dims))
+            table = columns(slid, *sorted(str(name) for name, each in slid.items() if each.dims))
             yield Picture("sliding", partial(sliding_pictures.sliding, slid, cycle), table)
         yield from _of_cycle(cycle)
     if pair is not None and (shafts := datasets.get("shafts")) is not None:
@@ -53,7 +53,8 @@ def run_pictures(datasets: Datasets) -> Iterator[Picture]:
             yield from _of_body(gear, body)
     if (sized := datasets.get("sizing")) is not None:
         amounts, worst = sized["amount"].values, ("te_peak_to_peak_um", "max_pressure_MPa")
-        responses = [name for name, each in sized.items() if each.dims == ("combination", "torque")]
+        over = ("combination", "torque")
+        responses = [str(name) for name, each in sized.items() if each.dims == over]
         names = "rank", "rank_by_pressure", *amounts, "torque_pinion_Nm", *responses
         table = columns(sized, *names, *(f"worst_{name}" for name in worst))
         yield Picture("sizing", partial(sizing_pictures.sizing, sized), table)

@@ -178,8 +178,8 @@ def _draw_shaft(axes: Axes, shaft: xr.Dataset, level: float) -> None:
     ends = [first - over, last + over]
     axes.plot(ends, [level, level], color="black", lw=0.8, ls="-.", zorder=3)
     places, stiffness = shaft["bearing_Z_mm"].values, shaft["bearing_axial_N_m"].values
-    for at, axial in zip(places, stiffness, strict=True):
-        _draw_bearing(axes, _radius_at(shaft, at), float(at), level, holds=axial > 0.0)
+    for at, axial in zip(places.tolist(), stiffness.tolist(), strict=True):
+        _draw_bearing(axes, _radius_at(shaft, at), at, level, holds=axial > 0.0)
 
 
 def _radius_at(shaft: xr.Dataset, at: float) -> float:

@@ -35,10 +35,6 @@ def sweep(dataset: xr.Dataset, critical: Sequence[tuple[float, str]]) -> Figure:
 
     - `dataset`: the group `sweep`.
     - `critical`: pinion speeds [rad/s] to be marked, with what is critical there.
-
-    **Returns:**
-
-    The figure.
     """
     names = ["dynamic_ratio", "te_rms_um"]
     if loses := bool(np.any(dataset["contact_loss"].values > 0.0)):

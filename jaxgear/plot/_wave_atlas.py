@@ -21,7 +21,7 @@ def pictures_of_waves(datasets: Datasets) -> Iterator[Picture]:
         return
     own = waves.sel(direction=waves.attrs["peak_direction"])
     table = own.rename(speed="pinion_speed_rad_s")
-    gears = [gear for gear in _GEARS if f"teeth_{gear}" in waves.attrs]
+    gears = [gear for gear in _GEARS if f"{gear}_wave_rms_um" in waves]
     for gear in gears:
         yield from _pictures_of_gear(waves, table, gear)
     flanks = datasets["flanks"]
@@ -36,7 +36,7 @@ def pictures_of_waves(datasets: Datasets) -> Iterator[Picture]:
     places = ("max_line_load_passage", "max_line_load_face_mm")
     largest = columns(table, "pinion_speed_rad_s", *names, *places)
     yield Picture("flank_loads", partial(flank_pictures.largest_loads, own), largest)
-    for gear in gears if "tooth_pair" in flanks else ():
+    for gear in [gear for gear in _GEARS if f"{gear}_tooth_angle_deg" in flanks]:
         draw = partial(flank_pictures.teeth_at_speed, flanks, gear)
         yield Picture(f"{gear}_teeth_at_speed", draw, _teeth_columns(flanks, gear))
 
@@ -67,7 +67,7 @@ def _pictures_of_gear(waves: xr.Dataset, table: xr.Dataset, gear: str) -> Iterat
 
 def wave_level(own: xr.Dataset, gear: str) -> xr.DataArray:
     """RMS of each wave, all directions on the body together, over speed and wave [um]."""
-    return np.sqrt((own[f"{gear}_wave_rms_um"] ** 2).sum("component"))
+    return (own[f"{gear}_wave_rms_um"] ** 2).sum("component") ** 0.5
 
 
 def _teeth_columns(flanks: xr.Dataset, gear: str) -> Columns:

@@ -43,10 +43,6 @@ def wave_spectra(dataset: xr.Dataset, gear: str) -> Figure:
 
     - `dataset`: the group `waves`.
     - `gear`: `pinion` or `wheel`.
-
-    **Returns:**
-
-    The figure.
     """
     figure, both = panels((11.0, 5.0), f"Spectra of the probes: {_at_peak(dataset, gear)}", 2)
     teeth = dataset.attrs[f"teeth_{gear}"]

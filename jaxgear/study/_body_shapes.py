@@ -45,9 +45,11 @@ def shape_dataset(body: MovingBody, shape: np.ndarray, main: MainWave) -> xr.Dat
             "nodes of each face: four corners, then the middles of the edges that follow them",
         ),
         "place_mm": Entry(at, body.nodes[nodes] / mm, "mm", "place of a node"),
-        "real_um": Entry(at, shape[nodes].real / um, "um", "displacement at the begin of a period"),
+        "real_um": Entry(
+            at, np.real(shape[nodes]) / um, "um", "displacement at the begin of a period"
+        ),
         "imaginary_um": Entry(
-            at, shape[nodes].imag / um, "um", "displacement three quarters of a period later"
+            at, np.imag(shape[nodes]) / um, "um", "displacement three quarters of a period later"
         ),
     }
     return xr.Dataset(

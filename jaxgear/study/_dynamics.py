@@ -79,10 +79,10 @@ def dynamics_of(scene: Scene, model: PairModel, grid: MeshGrid | None = None) ->
     The pair, in SI; look at `cycle.converged`.
     """
     grid = dynamic_grid_of(scene, model) if grid is None else grid
-    return _in_motion(model, grid, damping_of(scene), _choices_of(scene))
+    return _in_motion(model, grid, damping_of(scene), _wanted_of(scene))
 
 
-class _Choices(eqx.Module):
+class _Wanted(eqx.Module):
     """What of a pair's motion is looked at, under the names that `pair_dynamics` has for it.
 
     **Fields:**
@@ -97,8 +97,8 @@ class _Choices(eqx.Module):
     mesh_coordinates: int = eqx.field(static=True)
 
 
-def _choices_of(scene: Scene) -> _Choices:
-    return _Choices(
+def _wanted_of(scene: Scene) -> _Wanted:
+    return _Wanted(
         gyroscopic=scene["model.gyroscopic"],
         active_mesh_damping=scene["damping.active_mesh"],
         centrifugal=scene["sweep.centrifugal"],
@@ -107,13 +107,13 @@ def _choices_of(scene: Scene) -> _Choices:
 
 
 def _in_motion(
-    model: PairModel, grid: MeshGrid, damping: AbstractDamping, choices: _Choices
+    model: PairModel, grid: MeshGrid, damping: AbstractDamping, choices: _Wanted
 ) -> PairDynamics:
     return pair_dynamics(model, grid, damping, **vars(choices))
 
 
 def _with_modes(
-    model: PairModel, grid: MeshGrid, damping: AbstractDamping, choices: _Choices
+    model: PairModel, grid: MeshGrid, damping: AbstractDamping, choices: _Wanted
 ) -> tuple[PairDynamics, Modes]:
     """A pair in motion, and its natural modes."""
     pair = _in_motion(model, grid, damping, choices)
@@ -215,7 +215,7 @@ def solve_dynamics(scene: Scene) -> Dynamics:
     model = model_of(scene)
     grid = dynamic_grid_of(scene, model)
     pair, modes = timed(
-        _with_modes, model, grid, damping_of(scene), _choices_of(scene), options=QUICKLY
+        _with_modes, model, grid, damping_of(scene), _wanted_of(scene), options=QUICKLY
     )
     require_solved(pair.cycle.converged)
     if scene["mesh.contact"] == "exact" and not scene.get("mesh.pinion_speed_rad_s"):

@@ -1,5 +1,6 @@
 """Loads on the flanks at speed as datasets: the largest of all responses, whole flanks of some."""
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from jaxgear.study._results import Entry
 _PLACE = ("direction", "speed")
 
 
-def largest_loads(seen: list[list[Seen]]) -> dict[str, Entry]:
+def largest_loads(seen: list[list[Seen]]) -> Mapping[str, Entry]:
     """The largest loads of every response.
 
     **Arguments:**

@@ -140,7 +140,7 @@ def _modes_dataset(dynamics: Dynamics, count: int) -> xr.Dataset:
     return xr.Dataset({name: entry.variable() for name, entry in entries.items()})
 
 
-def _energies(modes: Modes) -> dict[str, np.ndarray]:
+def _energies(modes: Modes) -> Mapping[str, np.ndarray]:
     """Shares of the strain energy: mesh, each gear with its shaft, bearings; the last also apart.
 
     They are without rounding below zero.

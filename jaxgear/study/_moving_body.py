@@ -1,7 +1,7 @@
 """Condensed bodies that vibrate, with all of their grid: what their nodes do."""
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import scipy
@@ -167,7 +167,7 @@ def angle_of(places: np.ndarray) -> np.ndarray:
 
 def moving_bodies(
     scene: Scene, tell: Callable[[str], None] = lambda step: None
-) -> dict[str, MovingBody]:
+) -> Mapping[str, MovingBody]:
     """The condensed bodies of a scene that vibrate.
 
     **Arguments:**

@@ -20,14 +20,14 @@ from jaxgear._system._shaft import Segment, Shaft, node_heights
 from jaxgear._units import mm, um
 from jaxgear.scene._schema import GEARS
 from jaxgear.study._results import Entry, dataset_of
-from jaxgear.study._statics import Statics
 
 # Points on each element of a deflected line.
 POINTS_OF_BEAM = 9
 
 
 def shafts_dataset(
-    statics: Statics,
+    model: PairModel,
+    cycle: MeshCycle,
     bearings: list[dict[str, Any]],
     sections: Mapping[str, np.ndarray],
 ) -> xr.Dataset:
@@ -35,7 +35,8 @@ def shafts_dataset(
 
     **Arguments:**
 
-    - `statics`: of a model with at least one shaft.
+    - `model`: with at least one shaft.
+    - `cycle`: its settled states, of which the mean is shown.
     - `bearings`: `static.bearings` of the summary.
     - `sections`: of condensed bodies, by gear: radius and Z around each element in the cut, shape
         `[element, point, 2]` [m].
@@ -45,12 +46,11 @@ def shafts_dataset(
     A dataset over points of the deflected lines, segments, bearings, further loads and elements of
     sections, each with its gear.
     """
-    model = statics.model
     mounts = dict(zip(GEARS, (model.pinion_support, model.wheel_support), strict=True))
     shafts = {gear: mount for gear, mount in mounts.items() if isinstance(mount, Shaft)}
-    bodies = dict(zip(GEARS, model.bodies, strict=True))
+    bodies: dict[str, Any] = dict(zip(GEARS, model.bodies, strict=True))
     return dataset_of(
-        _lines(deflected_lines(model, statics.cycle))
+        _lines(deflected_lines(model, cycle))
         | _segments(shafts)
         | _bearings(shafts, bearings)
         | _loads(model, shafts)

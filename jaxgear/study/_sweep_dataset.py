@@ -1,6 +1,6 @@
 """What a sweep found as datasets, in the units of files."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import jax
@@ -79,47 +79,36 @@ def _each(sweep: Sweep, value: Callable[[Response], Any]) -> np.ndarray:
     return np.asarray([[value(r) for r in own] for own in sweep.responses.values()])
 
 
-def _over_speeds(sweep: Sweep) -> dict[str, Entry]:
-    of = lambda value, unit, words: Entry(_PLACE, _each(sweep, value), unit, words)
-    in_um = lambda value, words: Entry(_PLACE, _each(sweep, value) / um, "um", words)
-    return {
-        "dynamic_ratio": of(
-            lambda r: r.numbers.dynamic_ratio,
-            "1",
-            "largest total contact force over the static one",
+# Of a response: scale, unit and words.
+_NUMBERS = {
+    "dynamic_ratio": (1.0, "1", "largest total contact force over the static one"),
+    "pair_ratio": (1.0, "1", "largest force on a tooth pair over the static force"),
+    "line_load_ratio": (1.0, "1", "largest line load over the quasi-static one"),
+    "contact_loss": (1.0, "1", "share of the time in which no tooth touches"),
+    "te_mean_um": (um, "um", "mean of the dynamic transmission error"),
+    "te_rms_um": (um, "um", "RMS of the dynamic transmission error about its mean"),
+    "te_peak_to_peak_um": (um, "um", "range of the dynamic transmission error"),
+}
+
+
+def _over_speeds(sweep: Sweep) -> Mapping[str, Entry]:
+    found = {}
+    for name, (scale, unit, words) in _NUMBERS.items():
+        values = _each(sweep, lambda r, of=name.removesuffix("_um"): getattr(r.numbers, of))
+        found[name] = Entry(_PLACE, values / scale, unit, words)
+    periods = _each(sweep, lambda r: r.periods if r.settled else 0)
+    multiplier = _each(sweep, lambda r: _UNKNOWN if r.multiplier is None else r.multiplier)
+    rows = {
+        "settled": (_each(sweep, lambda r: r.settled), "whether it repeats"),
+        "stable": (_each(sweep, lambda r: r.stable), "whether a machine stays on it"),
+        "periods": (periods, "mesh periods after which it repeats; 0: it does not"),
+        "residual": (
+            _each(sweep, lambda r: r.residual),
+            "relative imbalance, or change over a cycle",
         ),
-        "pair_ratio": of(
-            lambda r: r.numbers.pair_ratio,
-            "1",
-            "largest force on a tooth pair over the static force",
-        ),
-        "line_load_ratio": of(
-            lambda r: r.numbers.line_load_ratio, "1", "largest line load over the quasi-static one"
-        ),
-        "contact_loss": of(
-            lambda r: r.numbers.contact_loss, "1", "share of the time in which no tooth touches"
-        ),
-        "te_mean_um": in_um(lambda r: r.numbers.te_mean, "mean of the dynamic transmission error"),
-        "te_rms_um": in_um(
-            lambda r: r.numbers.te_rms, "RMS of the dynamic transmission error about its mean"
-        ),
-        "te_peak_to_peak_um": in_um(
-            lambda r: r.numbers.te_peak_to_peak, "range of the dynamic transmission error"
-        ),
-        "settled": of(lambda r: r.settled, "1", "whether it repeats"),
-        "stable": of(lambda r: r.stable, "1", "whether a machine stays on it"),
-        "periods": of(
-            lambda r: r.periods if r.settled else 0,
-            "1",
-            "mesh periods after which it repeats; 0: it does not",
-        ),
-        "residual": of(lambda r: r.residual, "1", "relative imbalance, or change over a cycle"),
-        "multiplier": of(
-            lambda r: _UNKNOWN if r.multiplier is None else r.multiplier,
-            "1",
-            "size of Floquet's largest multiplier; -1: not known",
-        ),
+        "multiplier": (multiplier, "size of Floquet's largest multiplier; -1: not known"),
     }
+    return found | {name: Entry(_PLACE, each, "1", words) for name, (each, words) in rows.items()}
 
 
 def _orders(sweep: Sweep) -> np.ndarray:
@@ -130,7 +119,7 @@ def _orders(sweep: Sweep) -> np.ndarray:
     return order if has_halves else order[1::2]
 
 
-def _over_orders(sweep: Sweep, model: PairModel) -> dict[str, Entry]:
+def _over_orders(sweep: Sweep, model: PairModel) -> Mapping[str, Entry]:
     kept = np.rint(2.0 * _orders(sweep)).astype(int) - 1
     dims = (*_PLACE, "order")
     error = _each(sweep, lambda r: r.numbers.te_order[kept]) / um
@@ -179,7 +168,7 @@ def _middles(dynamics: PairDynamics, cycles: int) -> np.ndarray:
     return np.concatenate([middles + i * table.periods for i in range(cycles)])
 
 
-def _over_phase(dynamics: PairDynamics, sweep: Sweep) -> dict[str, Entry]:
+def _over_phase(dynamics: PairDynamics, sweep: Sweep) -> Mapping[str, Entry]:
     """The last cycle of each response, or the last two where some need them."""
     table = dynamics.system.table
     longer = _each(sweep, lambda r: r.settled and r.periods > table.periods).any()
@@ -201,7 +190,7 @@ def _over_phase(dynamics: PairDynamics, sweep: Sweep) -> dict[str, Entry]:
     }
 
 
-def _over_points(sweep: Sweep) -> dict[str, Entry]:
+def _over_points(sweep: Sweep) -> Mapping[str, Entry]:
     """The branch that was followed, piece after piece."""
     if not sweep.curves:
         return {}
@@ -222,7 +211,7 @@ def _over_points(sweep: Sweep) -> dict[str, Entry]:
     return {name: Entry(("point",), *row) for name, row in rows.items()}
 
 
-def _excited_modes(dynamics: Dynamics) -> dict[str, Entry]:
+def _excited_modes(dynamics: Dynamics) -> Mapping[str, Entry]:
     """The few modes that the mesh shakes most, for pictures to mark."""
     share, frequency = (np.asarray(x) for x in (dynamics.modes.mesh, dynamics.modes.frequency))
     most = np.argsort(-share, kind="stable")[:3]

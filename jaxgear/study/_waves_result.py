@@ -1,7 +1,7 @@
 """What a sweep shows of condensed bodies: waves, flanks and shapes as datasets, and a summary."""
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import xarray as xr
@@ -83,9 +83,11 @@ def waves_dataset(watch: WaveWatch, sweep: Sweep) -> xr.Dataset:
         "direction": Entry(("direction",), list(sweep.responses), "1", "of the sweep"),
     }
     for gear, each in watch.looked.items():
-        entries |= _over_speeds(gear, each, seen) | _at_peak(gear, each, peak.motions[gear])
+        entries |= _over_speeds(gear, each, seen)
+        entries |= _at_peak(gear, each, peak.motions[gear])
+    entries |= largest_loads(seen)
     return xr.Dataset(
-        {name: entry.variable() for name, entry in (entries | largest_loads(seen)).items()},
+        {name: entry.variable() for name, entry in entries.items()},
         attrs={
             "peak_speed_rad_s": peak.speed,
             "peak_direction": sweep.main,
@@ -94,7 +96,7 @@ def waves_dataset(watch: WaveWatch, sweep: Sweep) -> xr.Dataset:
     )
 
 
-def _over_speeds(gear: str, each: Looked, seen: list[list[Seen]]) -> dict[str, Entry]:
+def _over_speeds(gear: str, each: Looked, seen: list[list[Seen]]) -> Mapping[str, Entry]:
     number, above = np.arange(-each.most, each.most + 1), "orders above half the number of teeth"
     waves = np.asarray([[x.waves[gear] for x in own] for own in seen])
     probes = np.asarray([[x.probes[gear] for x in own] for own in seen])
@@ -114,7 +116,7 @@ def _over_speeds(gear: str, each: Looked, seen: list[list[Seen]]) -> dict[str, E
     }
 
 
-def _at_peak(gear: str, each: Looked, motion: BodyMotion) -> dict[str, Entry]:
+def _at_peak(gear: str, each: Looked, motion: BodyMotion) -> Mapping[str, Entry]:
     spectra = [probe.spectrum(motion) for probe in each.probes]
     order = np.unique(np.concatenate([spectrum.order for spectrum in spectra]))
     shown = np.zeros((len(spectra), len(order)))

@@ -9,15 +9,16 @@ from jaxgear.plot._axes_tables import axes_columns
 import jaxgear as jg
 from jaxgear import mm
 from jaxgear.plot._axes_pictures import axes
+from jaxgear.study._pair_dataset import axes_dataset, pair_dataset
 
 
 def _arrows(pair):
-    data = axes_columns(pair)
+    data = axes_dataset(pair)
     place, along = (
-        np.stack([data[name.format(axis)] for axis in "STZ"], axis=1)
+        np.stack([data[name.format(axis)].values for axis in "STZ"], axis=1)
         for name in ("{}_mm", "along_{}")
     )
-    return {name: (place[i], along[i]) for i, name in enumerate(data["arrow"])}
+    return {name: (place[i], along[i]) for i, name in enumerate(data["arrow"].values)}
 
 
 def test_forces_are_those_of_the_model():
@@ -55,7 +56,7 @@ def test_torques_and_turns():
 @pytest.mark.parametrize("make", [helical_25_31, standard_17_43])
 def test_drawing_says_hand_and_centre_distance(make):
     pair = make()
-    figure = axes(pair, "case")
+    figure = axes(pair_dataset(pair), axes_dataset(pair).assign_attrs(title="case"))
     words = [panel.get_title(loc="left") for panel in figure.axes]
     assert f"{float(pair.working_centre_distance) / mm:.4g} mm" in words[0]
     helical = bool(pair.helix_angle != 0.0)

@@ -5,21 +5,20 @@ import math
 import numpy as np
 import pytest
 
+from jaxgear import plot
 from jaxgear._checks import InputError
 from jaxgear._dynamics._bodies import BodyPlace
 from jaxgear._dynamics._campbell import AloneModes, TurningModes, critical_crossings
 from jaxgear._dynamics._system import PairDynamics
-from jaxgear._dynamics._wave_content import WaveContent
-from jaxgear.plot import _campbell_pictures as pictures
-from jaxgear.plot import _campbell_tables as tables
 from jaxgear.scene._scene import read_scene
 from jaxgear.study._modes import modes_shown
 from jaxgear.study._turning import (
     BodyWaves,
-    alone_rows,
+    alone_dataset,
+    critical_dataset,
     require_retained,
     turning_dataset,
-    wave_variables,
+    wave_entries,
     waves_summary,
 )
 
@@ -57,7 +56,9 @@ def _waves() -> BodyWaves:
 
 
 def test_summary_names_each_critical_speed():
-    found = waves_summary(_waves())
+    waves = _waves()
+    alone = {"wheel": alone_dataset(waves, "wheel")}
+    found = waves_summary(waves, critical_dataset(waves), alone)
     assert found["gear"] == ["wheel"] * 3
     rows = [row for row in found["critical"] if row["nodal_diameter"] == 2]
     assert [(row["harmonic"], row["direction"]) for row in rows] == [
@@ -75,28 +76,29 @@ def test_summary_names_each_critical_speed():
         assert row["frequency_body_Hz"] == pytest.approx(2000.0)
         mesh = row["harmonic"] * _TEETH[0] * row["pinion_speed_rad_s"] / (2.0 * math.pi)
         assert row["frequency_space_Hz"] == pytest.approx(mesh)
-    alone = found["alone"][0]
-    assert alone["gear"] == "wheel"
-    np.testing.assert_allclose(alone["frequency_in_mesh_Hz"] - alone["frequency_alone_Hz"], 10.0)
-    assert list(wave_variables(_waves())["nodal_diameter"].values) == [0, 2, 2]
+    (told,) = found["alone"]
+    assert told["gear"] == "wheel"
+    np.testing.assert_allclose(told["frequency_in_mesh_Hz"] - told["frequency_alone_Hz"], 10.0)
+    assert list(wave_entries(waves)["nodal_diameter"].values) == [0, 2, 2]
 
 
 def test_pictures_of_waves_and_their_data():
     waves = _waves()
-    dataset = turning_dataset(waves, 2)
-    both = waves.critical
-    space = tables.campbell_columns(dataset)
+    groups = {
+        "campbell": turning_dataset(waves, 2),
+        "critical": critical_dataset(waves),
+        "alone_wheel": alone_dataset(waves, "wheel"),
+    }
+    groups = {name: each.assign_attrs(title="waves") for name, each in groups.items()}
+    found = {each.name: each for each in plot.pictures(groups)}
+    assert list(found) == ["campbell", "campbell_wheel", "modes_wheel_alone"]
+    space = found["campbell"].table
     assert len(space["pinion_speed_rad_s"]) == 3 * 31
     assert set(space["direction"][space["mode"] == 2]) == {"backward"}
-    assert len(tables.critical_columns(dataset, both)["mode"]) == len(both) == 6
-    body = tables.campbell_on_body_columns(dataset, "wheel")
+    assert len(found["campbell"].beside["critical"]["mode"]) == len(waves.critical) == 6
+    body = found["campbell_wheel"].table
     np.testing.assert_allclose(body["frequency_body_Hz"][body["mode"] == 2], 2000.0)
-    assert not tables.campbell_on_body_columns(dataset, "pinion")["mode"].size
-    figures = [
-        pictures.campbell(dataset, both, "waves"),
-        pictures.campbell_on_body(dataset, both, "waves", "wheel"),
-        pictures.alone(alone_rows(waves, "wheel"), "wheel", "waves"),
-    ]
+    figures = [each.draw() for each in found.values()]
     for figure in figures:
         figure.draw_without_rendering()
     first, second = (figure.axes[0] for figure in figures[:2])

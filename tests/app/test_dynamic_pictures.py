@@ -1,18 +1,22 @@
-import csv
+"""Pictures of dynamics and their tables, all made of datasets alone."""
+
 import functools
 import itertools
 import re
-from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
 from matplotlib.figure import Figure
+from table_checks import assert_table
 
-import jaxgear as jg
+from jaxgear import _units, plot
+from jaxgear._response._sweep_features import WAYS
 from jaxgear._whole_file import write_csv
-from jaxgear.plot import _dynamic_pictures as pictures
-from jaxgear.plot import _dynamic_tables as tables
+from jaxgear.plot import _dynamic_pictures as chart
+from jaxgear.plot._labels import apart
+from jaxgear.plot._palette import _BLUE, _GREEN, _RED
+from jaxgear.plot._speed_axes import runs
 
 _UNIT = re.compile(r".+ ?\n?.*\[[^\]]+\]$", re.DOTALL)
 _TEETH = 20
@@ -62,49 +66,56 @@ def _branches(speed):
     return up, down
 
 
-def _sweep(count=300, directions=("up", "down"), *, curve=True, last=2200.0):
-    """A softening resonance with two folds, and a region of period two above twice its speed."""
+def _sweep(count=300, directions=("up", "down"), *, curve=True, last=2200.0, first=1.0):
+    """A softening resonance with two folds, and a region of period two above twice its speed.
+
+    Orders and phases are those of an oscillator at speeds of the same number.
+    """
     speed = np.linspace(100.0, last, count)
     up, down = _branches(speed)
-    chosen = {"up": up, "down": down, "cold": up}
-    ratio = np.stack([chosen[name] for name in directions])
+    ratio = np.stack([{"up": up, "down": down, "cold": up}[name] for name in directions])
     double = (speed > 1850.0) & (speed < 2050.0)
-    bulge = np.sqrt(np.maximum(1.0 - ((speed - 1950.0) / 100.0) ** 2, 0.0))
-    ratio = ratio + 1.2 * bulge
-    periods = np.where(double, 2, 1) * np.ones_like(ratio, int)
+    ratio = ratio + 1.2 * np.sqrt(np.maximum(1.0 - ((speed - 1950.0) / 100.0) ** 2, 0.0))
     settled = np.ones_like(ratio, bool)
     settled[:, (speed > 1000.0) & (speed < 1030.0)] = False
     wild = np.random.default_rng(0).uniform(0.6, 1.5, ratio.shape)
     ratio = np.where(settled, ratio, ratio * wild)
-    loss = np.clip(0.35 * (ratio - 2.0) / ratio, 0.0, 1.0)
     dims = ("direction", "speed")
+    _, phase, (force, x, _) = _marched(count)
+    half = len(phase) // 2
+    order, te = _amplitudes(8.0 * x, first)
+    _, mesh = _amplitudes(3000.0 * force, first)
+    bearing = np.linspace(0.2, 0.7, 4)[:, None, None] * mesh
+    two = np.where(phase[:half] < 0.6, 2, 1)
+    both = lambda values: np.stack([values] * len(directions))
     data = {
         "dynamic_ratio": (dims, ratio),
         "te_rms_um": (dims, 3.1 * (ratio - 1.0) + 0.2),
-        "contact_loss": (dims, loss),
+        "contact_loss": (dims, np.clip(0.35 * (ratio - 2.0) / ratio, 0.0, 1.0)),
         "settled": (dims, settled),
         "stable": (dims, np.ones_like(settled)),
-        "periods": (dims, periods),
+        "periods": (dims, np.where(double, 2, 1) * np.ones_like(ratio, int)),
+        "te_order_um": ((*dims, "order"), both(te)),
+        "mesh_force_order_N": ((*dims, "order"), both(mesh)),
+        "bearing_force_order_N": (("direction", "bearing", "speed", "order"), both(bearing)),
+        "mesh_force_ratio": ((*dims, "phase"), both(force[:, :half])),
+        "tooth_pairs": ((*dims, "phase"), both(np.where(force[:, :half] > 0.0, two, 0))),
+        "excited_frequency_Hz": ("excited_mode", _EXCITED),
     }
     if curve:
         at, value, stable = _curve()
-        data["curve_speed"] = ("point", at)
-        data["curve_dynamic_ratio"] = ("point", value)
-        data["curve_te_rms_um"] = ("point", 3.1 * (value - 1.0) + 0.2)
-        data["curve_stable"] = ("point", stable)
-    coords = {"direction": list(directions), "speed": speed}
-    return xr.Dataset(data, coords, {"teeth_pinion": _TEETH})
+        names = ("curve_speed", "curve_dynamic_ratio", "curve_te_rms_um", "curve_stable")
+        values = (at, value, 3.1 * (value - 1.0) + 0.2, stable)
+        data |= {name: ("point", each) for name, each in zip(names, values, strict=True)}
+        data["curve_piece"] = ("point", np.zeros(at.size, int))
+    coords = {"direction": list(directions), "speed": speed, "order": order, "phase": phase[:half]}
+    coords |= {"bearing": ["pinion 0", "pinion 1", "wheel 0", "wheel 1"], "excited_mode": [4, 7, 9]}
+    attributes = {"teeth_pinion": _TEETH, "mesh_periods": 1, "peak_direction": directions[0]}
+    return xr.Dataset(data, coords, {**attributes, "title": "by hand"})
 
 
-_CRITICAL = [
-    (330.0, "mode 7 / 3"),
-    (500.0, "mode 7 / 2"),
-    (505.0, "mode 4"),
-    (520.0, "mode 5"),
-    (1000.0, "mode 7"),
-    (1960.0, "mode 9"),
-    (5000.0, "mode 12"),
-]
+# Of the first three harmonics some are critical beyond the last speed.
+_EXCITED = np.asarray([1000.0, 1600.0, 6240.0]) * _TEETH / (2.0 * np.pi)
 
 
 @functools.cache
@@ -139,43 +150,6 @@ def _amplitudes(values, first=1.0):
     return order[whole], spectrum[:, whole]
 
 
-def _orders(count=300, bearings=4, first=1.0):
-    speed, _, (force, x, _) = _marched(count)
-    order, te = _amplitudes(8.0 * x, first)
-    _, mesh = _amplitudes(3000.0 * force, first)
-    data = {
-        "te_order_um": (("speed", "order"), te),
-        "mesh_force_order_N": (("speed", "order"), mesh),
-        "settled": ("speed", np.abs(speed - 1850.0) > 60.0),
-    }
-    coords = {"speed": speed, "order": order}
-    if bearings:
-        share = np.linspace(0.2, 0.7, bearings)
-        shift = np.linspace(0.0, 0.3, bearings)
-        peak = 1.0 / np.hypot(1.0 - (speed / 700.0) ** 2, 0.1)
-        scale = share * (1.0 + shift * peak[:, None])
-        data["bearing_force_order_N"] = (
-            ("speed", "bearing", "order"),
-            scale[:, :, None] * mesh[:, None],
-        )
-        names = [f"{gear} {index}" for gear in ("pinion", "wheel") for index in range(bearings)]
-        coords["bearing"] = names[:bearings]
-    return xr.Dataset(data, coords, {"teeth_pinion": _TEETH})
-
-
-def _loss(count=300, pairs=True):
-    speed, phase, (force, _, _) = _marched(count)
-    half = len(phase) // 2
-    data = {
-        "mesh_force_ratio": (("speed", "phase"), force[:, :half]),
-        "settled": ("speed", np.abs(speed - 1850.0) > 60.0),
-    }
-    if pairs:
-        two = np.where(phase[:half] < 0.6, 2, 1)
-        data["tooth_pairs"] = (("speed", "phase"), np.where(force[:, :half] > 0.0, two, 0))
-    return xr.Dataset(data, {"speed": speed, "phase": phase[:half]}, {"teeth_pinion": _TEETH})
-
-
 def _orbits(places=(130,), names=("settled",), periods=(2,)):
     _, phase, (force, x, v) = _marched(300)
     data = {name: [] for name in ("mesh_force_ratio", "te_um", "te_rate_mm_s")}
@@ -183,17 +157,15 @@ def _orbits(places=(130,), names=("settled",), periods=(2,)):
         scales = (1.0, 8.0, 8.0e-3 * _RESONANCE * _TEETH)
         for name, scale, values in zip(data, scales, (force, x, v), strict=True):
             data[name].append(np.where(phase < last, scale * values[place], np.nan))
-    variables: dict[str, Any] = {
-        name: (("branch", "phase"), np.stack(rows)) for name, rows in data.items()
-    }
+    variables = {name: (("branch", "phase"), np.stack(rows)) for name, rows in data.items()}
     static = 8.0 / (1.0 + 0.22 * np.tanh(6.0 * np.cos(2.0 * np.pi * phase)))
     variables["te_static_um"] = ("phase", static)
     variables["stable"] = ("branch", np.ones(len(places), bool))
     variables["settled"] = ("branch", np.ones(len(places), bool))
-    return xr.Dataset(variables, {"branch": list(names), "phase": phase})
+    return xr.Dataset(variables, {"branch": list(names), "phase": phase}, {"title": "by hand"})
 
 
-def _modes(count=20, parts=("mesh", "pinion", "wheel", "shafts", "bearings")):
+def _modes(count=20, parts=("mesh", "pinion", "wheel", "bearings")):
     chance = np.random.default_rng(3)
     energy = chance.dirichlet(np.full(len(parts), 0.5), count)
     frequency = np.sort(chance.uniform(200.0, 14000.0, count))
@@ -205,20 +177,27 @@ def _modes(count=20, parts=("mesh", "pinion", "wheel", "shafts", "bearings")):
             "energy": (("mode", "part"), energy),
             "damping_ratio": ("mode", 0.02 + 0.05 * np.nan_to_num(energy[:, 0])),
         },
-        {"part": list(parts)},
+        {"part": list(parts), "mode": np.arange(1, count + 1)},
+        {"title": "by hand"},
     )
+
+
+def _turning(speed, frequency, energy=None, harmonics=4):
+    data = {"frequency_Hz": (("speed", "mode"), frequency)}
+    if energy is not None:
+        data["mesh_energy"] = (("speed", "mode"), energy)
+    attributes = {"teeth_pinion": _TEETH, "harmonics": harmonics, "title": "by hand"}
+    number = np.arange(1, frequency.shape[1] + 1)
+    return xr.Dataset(data, {"speed": speed, "mode": number}, attributes)
 
 
 def _campbell(count=80, modes=8, *, energy=True):
     speed = np.linspace(0.0, 2000.0, count) if count > 2 else np.asarray([100.0, 2000.0])
-    base = np.linspace(500.0, 14000.0, modes) ** 1.0
+    base = np.linspace(500.0, 14000.0, modes)
     turn = np.asarray([(-1.0) ** n * 0.12 * n for n in range(modes)])
-    frequency = base + turn * speed[:, None]
-    data = {"frequency_Hz": (("speed", "mode"), frequency)}
-    if energy:
-        share = np.random.default_rng(5).dirichlet(np.full(modes, 0.7))
-        data["mesh_energy"] = (("speed", "mode"), np.tile(share / share.max(), (count, 1)))
-    return xr.Dataset(data, {"speed": speed}, {"teeth_pinion": _TEETH})
+    share = np.random.default_rng(5).dirichlet(np.full(modes, 0.7))
+    share = np.tile(share / share.max(), (count, 1)) if energy else None
+    return _turning(speed, base + turn * speed[:, None], share)
 
 
 def _rungs():
@@ -253,60 +232,68 @@ def _rungs():
 
 
 def _all_unsettled():
-    """Nothing settled, one response without a number, and one far beyond the others."""
+    """Nothing settled, one response far beyond the others."""
     dataset = _sweep(40, ("cold",), curve=False)
     dataset["settled"][:] = False
-    dataset["dynamic_ratio"][:, 3] = np.nan
+    dataset["dynamic_ratio"][:, 3] = 100.0
     return dataset
 
 
 def _unstable():
-    dataset = _sweep(300, ("cold",), curve=False).drop_vars("contact_loss")
+    dataset = _sweep(300, ("cold",), curve=False, first=0.5)
     dataset["stable"][:, 100:110] = False
-    return dataset
+    return dataset.drop_dims("bearing")
 
 
 _BRANCHES = (130, 236), ("speed rising", "speed falling"), (1, 2)
-# Every picture of a dataset: its name, its data, and what else it takes.
-_CASES = {
-    "sweep": ("sweep", _sweep, {"critical": _CRITICAL}),
-    "sweep of two speeds": ("sweep", lambda: _sweep(2, ("up",), curve=False), {}),
-    "sweep of thirty": ("sweep", lambda: _sweep(30), {}),
-    "sweep that never settles": ("sweep", _all_unsettled, {"critical": _CRITICAL[:1]}),
-    "sweep with unstable responses": ("sweep", _unstable, {}),
-    "waterfall": ("waterfall", _orders, {"natural": [(900.0, "mode 4"), (3183.0, "mode 7")]}),
-    "waterfall of half orders": ("waterfall", lambda: _orders(first=0.5), {}),
-    "waterfall of two speeds": ("waterfall", lambda: _orders(2), {}),
-    "orders": ("orders", _orders, {}),
-    "orders without bearings": ("orders", lambda: _orders(2, bearings=0, first=0.5), {}),
-    "contact loss": ("contact_loss", _loss, {}),
-    "contact loss of two speeds": ("contact_loss", lambda: _loss(2, pairs=False), {}),
-    "modes": ("modes", _modes, {}),
-    "one kind of energy": ("modes", lambda: _modes(2, ("mesh",)), {}),
-    "campbell": ("campbell", _campbell, {}),
-    "campbell of two speeds": ("campbell", lambda: _campbell(2, 2, energy=False), {}),
-    "orbit": ("orbit", _orbits, {}),
-    "two branches": ("orbit", lambda: _orbits(*_BRANCHES), {}),
-    "compare": ("compare", _rungs, {"tolerance": 3e-4, "recommended": "H = 20"}),
-    "compare one": ("compare", lambda: _rungs()[:1], {}),
+_DATA = {
+    "both ways": lambda: {"sweep": _sweep(), "orbit": _orbits()},
+    "two speeds": lambda: {"sweep": _sweep(2, ("up",), curve=False), "orbit": _orbits(*_BRANCHES)},
+    "thirty speeds": lambda: {"sweep": _sweep(30)},
+    "never settled": lambda: {"sweep": _all_unsettled()},
+    "unstable": lambda: {"sweep": _unstable()},
+    "modes": lambda: {"modes": _modes(), "campbell": _campbell()},
+    "few modes": lambda: {"modes": _modes(2, ("mesh",)), "campbell": _campbell(2, 2, energy=False)},
 }
 
 
-def _columns(kind, data):
-    if kind == "compare":  # `compare` writes its own table beside the chart.
-        return {}
-    return getattr(tables, f"{kind}_columns")(data)
+def _drawn(**datasets):
+    """Pictures by name, drawn, and their tables."""
+    found = {each.name: each for each in plot.pictures(datasets)}
+    return {name: (each.draw(), each) for name, each in found.items()}
 
 
 @pytest.fixture(scope="module")
 def everything():
-    """Figure and columns of each case; warnings are errors here as in every test."""
-    found = {}
-    for name, (kind, make, extra) in _CASES.items():
-        data = make()
-        figure = getattr(pictures, kind)(data, name, **extra)
-        found[name] = figure, _columns(kind, data)
+    """Figure and picture of each case; warnings are errors here as in every test."""
+    found = {
+        (case, name): drawn
+        for case, make in _DATA.items()
+        for name, drawn in _drawn(**make()).items()
+    }
+    names = {name for _, name in found}
+    assert names == {
+        *("sweep", "waterfall", "orders", "contact_loss", "orbit", "modes", "campbell")
+    }
     return found
+
+
+@pytest.fixture(scope="module")
+def figures(everything):
+    charts = {
+        "chart": chart.compare(_rungs(), "by hand", tolerance=3e-4, recommended="H = 20"),
+        "chart of one": chart.compare(_rungs()[:1], "by hand"),
+    }
+    return {name: figure for name, (figure, _) in everything.items()} | charts
+
+
+def test_every_table_reads_back(everything, tmp_path):
+    for case, (_, each) in everything.items():
+        for key, table in {"": each.table, **each.beside}.items():
+            path = tmp_path / f"{'_'.join(case)}{key}.csv"
+            write_csv(table, path)
+            if key != "folds":
+                assert len(assert_table(path)), path
 
 
 def _axes_and_seconds(figure: Figure):
@@ -316,15 +303,15 @@ def _axes_and_seconds(figure: Figure):
         yield from axes.child_axes
 
 
-def test_axes_say_quantity_and_unit(everything):
-    for name, (figure, _) in everything.items():
+def test_axes_say_quantity_and_unit(figures):
+    for name, figure in figures.items():
         what, _, case = figure.get_suptitle().partition(": ")
         assert what
-        assert case == name
+        assert case.startswith("by hand")
         for axes in figure.axes:
             lowest = axes.get_subplotspec() is None or axes.get_subplotspec().is_last_row()
             labels = [axes.get_ylabel()]
-            if axes.get_label() != "<colorbar>" and (lowest or name == "two branches"):
+            if axes.get_label() != "<colorbar>" and (lowest or name == ("two speeds", "orbit")):
                 labels.append(axes.get_xlabel())
             for second in axes.child_axes:
                 labels.append(second.get_xlabel() or second.get_ylabel())
@@ -353,8 +340,8 @@ def _texts(figure: Figure):
 
 
 @pytest.mark.end_to_end
-def test_no_text_lies_on_another_or_leaves_the_page(everything):
-    for name, (figure, _) in everything.items():
+def test_no_text_lies_on_another_or_leaves_the_page(figures):
+    for name, figure in figures.items():
         boxes = []
         for text in dict.fromkeys(_texts(figure)):
             if text.get_visible() and text.get_text().strip():
@@ -380,19 +367,18 @@ def test_no_text_lies_on_another_or_leaves_the_page(everything):
 
 def test_speed_stands_in_all_its_units(everything):
     """Below in rad/s, above in rpm and as the frequency with which teeth meet."""
-    for name in ("sweep", "campbell"):
+    for name in (("both ways", "sweep"), ("modes", "campbell")):
         axes = everything[name][0].axes[0]
         everything[name][0].draw_without_rendering()
         rpm, mesh = axes.child_axes
         low, high = axes.get_xlim()
-        np.testing.assert_allclose(rpm.get_xlim(), np.asarray([low, high]) / jg.rpm)
+        np.testing.assert_allclose(rpm.get_xlim(), np.asarray([low, high]) / _units.rpm)
         turns = np.asarray([low, high]) / (2.0 * np.pi)
         np.testing.assert_allclose(mesh.get_xlim(), _TEETH * turns / 1e3)
 
 
 def test_frequencies_are_read_in_hertz_or_kilohertz():
-    dataset = _sweep(3, last=500.0, curve=False)
-    figure = pictures.sweep(dataset, "slow")
+    figure = _of_sweep(_sweep(3, last=500.0, curve=False))[0]
     figure.draw_without_rendering()
     mesh = figure.axes[0].child_axes[1]
     assert mesh.get_xlabel() == "mesh frequency [Hz]"
@@ -400,6 +386,12 @@ def test_frequencies_are_read_in_hertz_or_kilohertz():
 
 
 # --- What is drawn
+
+
+def _of_sweep(dataset):
+    """The picture of a sweep alone, drawn."""
+    (found,) = (each for each in plot.pictures({"sweep": dataset}) if each.name == "sweep")
+    return found.draw(), found
 
 
 def _lines(axes, **wanted):
@@ -416,7 +408,8 @@ def _legend(figure: Figure):
 
 
 def test_unstable_parts_are_dashed_and_stable_ones_solid(everything):
-    figure, columns = everything["sweep"][0], tables.curve_columns(_sweep())
+    figure, picture = everything["both ways", "sweep"]
+    columns = picture.beside["curve"]
     curve = np.stack([columns["pinion_speed_rad_s"], columns["dynamic_ratio"]], axis=1)
     stable = columns["stable"]
     (solid,) = _lines(figure.axes[0], color="black", linestyle="-")
@@ -431,19 +424,20 @@ def test_unstable_parts_are_dashed_and_stable_ones_solid(everything):
 
 
 def test_unstable_responses_are_dashed_and_counted(everything):
-    figure, columns = everything["sweep with unstable responses"]
-    (dashed,) = _lines(figure.axes[0], color=pictures._GREEN, linestyle="--")
+    figure, picture = everything["unstable", "sweep"]
+    (dashed,) = _lines(figure.axes[0], color=_GREEN, linestyle="--")
     shown = dashed.get_xdata()[:-1]
-    np.testing.assert_array_equal(shown, columns["pinion_speed_rad_s"][99:111])
+    np.testing.assert_array_equal(shown, picture.table["pinion_speed_rad_s"][99:111])
     assert "unstable (10 of 300)" in _legend(figure)
 
 
 def test_unsettled_responses_are_marked_and_counted(everything):
-    figure, columns = everything["sweep"]
+    figure, picture = everything["both ways", "sweep"]
+    columns = picture.table
     lost = ~columns["settled"].reshape(2, -1)
     assert f"not settled ({np.count_nonzero(lost)} of 600)" in _legend(figure)
     for axes in figure.axes:
-        marked = [line for line in axes.lines if line.get_markeredgecolor() == pictures._RED]
+        marked = [line for line in axes.lines if line.get_markeredgecolor() == _RED]
         assert sum(np.size(line.get_xdata()) for line in marked) == np.count_nonzero(lost)
         joined = [line for line in axes.lines if line.get_linestyle() == "-"]
         speeds = columns["pinion_speed_rad_s"][: lost.shape[1]][lost[0]]
@@ -452,27 +446,13 @@ def test_unsettled_responses_are_marked_and_counted(everything):
                 assert not np.isin(speeds, line.get_xdata()).any()
 
 
-def test_a_response_without_a_number_is_seen_and_leaves_an_empty_cell(everything, tmp_path):
-    figure, columns = everything["sweep that never settles"]
-    assert _legend(figure)[1:] == ["not settled (40 of 40)", "no number (1 of 40)"]
-    (mark,) = _lines(figure.axes[0], marker="x")
-    np.testing.assert_array_equal(mark.get_xdata(), columns["pinion_speed_rad_s"][3:4])
-    table = tmp_path / "sweep.csv"
-    write_csv(columns, table)
-    with table.open(newline="", encoding="utf-8") as file:
-        rows = list(csv.reader(file))
-    cells = [row[rows[0].index("dynamic_ratio")] for row in rows[1:]]
-    assert [index for index, cell in enumerate(cells) if not cell] == [3]
-    assert "nan" not in table.read_text(encoding="utf-8").lower()
-
-
 def test_unsettled_responses_far_away_do_not_set_the_scale():
     dataset = _sweep(100, curve=False)
     dataset["settled"][0, 50] = False
     dataset["dynamic_ratio"][0, 50] = 1e6
-    axes = pictures.sweep(dataset, "far").axes[0]
+    axes = _of_sweep(dataset)[0].axes[0]
     settled = dataset["dynamic_ratio"].values[dataset["settled"].values]
-    assert axes.get_ylim()[1] < 1.2 * np.max(settled)
+    assert axes.get_ylim()[1] < 2.0 * np.max(settled)
     (marks,) = [
         line
         for line in axes.lines
@@ -487,7 +467,7 @@ def test_periods_have_their_own_markers():
     dataset["periods"][:] = 1
     dataset["periods"][0, 10:13] = 2
     dataset["periods"][0, 40] = 3
-    figure = pictures.sweep(dataset, "periods")
+    figure = _of_sweep(dataset)[0]
     assert {"two mesh periods (3)", "more periods (1)"} < set(_legend(figure))
     (two,), (more,) = (_lines(figure.axes[0], marker=marker) for marker in "s^")
     np.testing.assert_array_equal(two.get_xdata(), dataset["speed"].values[10:13])
@@ -496,8 +476,8 @@ def test_periods_have_their_own_markers():
 
 def test_folds_and_leaps_are_where_the_branches_part(everything):
     """Upwards the response leaps at the higher fold, downwards at the lower one."""
-    figure, columns = everything["sweep"]
-    folds = tables.fold_columns(_sweep())["pinion_speed_rad_s"]
+    figure, picture = everything["both ways", "sweep"]
+    columns, folds = picture.table, picture.beside["folds"]["pinion_speed_rad_s"]
     assert len(folds) == 2
     assert "fold (2)" in _legend(figure)
     arrows = [text for text in figure.axes[0].texts if getattr(text, "arrow_patch", None)]
@@ -512,128 +492,100 @@ def test_folds_and_leaps_are_where_the_branches_part(everything):
 
 def test_pieces_of_a_continuation_curve_stay_apart():
     dataset = _sweep(3)
-    dataset["curve_speed"][400] = np.nan
-    piece = tables.curve_columns(dataset)["piece"]
-    assert len(piece) == dataset.sizes["point"] - 1
-    assert np.count_nonzero(piece == 0) == 400
-    assert set(piece) == {0, 1}
-    assert len(tables.fold_columns(dataset)["pinion_speed_rad_s"]) == 2
-    axes = pictures.sweep(dataset, "two pieces").axes[0]
-    whole = [line.get_xdata() for line in _lines(axes, color="black")]
-    assert not any(np.isclose(x, dataset["curve_speed"].values[400]).any() for x in whole)
+    dataset["curve_piece"][400:] = 1
+    figure, picture = _of_sweep(dataset)
+    assert np.count_nonzero(picture.beside["curve"]["piece"] == 0) == 400
+    assert len(picture.beside["folds"]["pinion_speed_rad_s"]) == 2
+    ends = dataset["curve_speed"].values[399:401]
+    for line in _lines(figure.axes[0], color="black"):
+        x = np.asarray(line.get_xdata())
+        assert not np.any((x[:-1] == ends[0]) & (x[1:] == ends[1]))
 
 
 def test_lines_at_critical_speeds(everything):
-    figure, _ = everything["sweep"]
-    shown = [speed for speed, _ in _CRITICAL if speed < 2200.0]
+    figure, picture = everything["both ways", "sweep"]
+    columns = picture.beside["critical"]
+    assert list(columns["label"][:3]) == ["mode 4", "mode 4 / 2", "mode 4 / 3"]
+    np.testing.assert_allclose(columns["pinion_speed_rad_s"][:3], [1000.0, 500.0, 1000.0 / 3.0])
+    inside = columns["pinion_speed_rad_s"] < 2200.0
+    shown = np.sort(columns["pinion_speed_rad_s"][inside])
     for axes in figure.axes:
         upright = [line.get_xdata()[0] for line in _lines(axes, linestyle=":")]
         np.testing.assert_array_equal(upright, shown)
-    columns = tables.critical_columns(_CRITICAL)
-    assert list(columns["label"]) == [label for _, label in _CRITICAL]
-    written = [text.get_text() for text in figure.axes[0].texts if text.get_text()]
-    assert written == [label for _, label in _CRITICAL[:-1]]
+    written = {text.get_text() for text in figure.axes[0].texts if text.get_text()}
+    assert written == set(columns["label"][inside])
 
 
 # --- Numbers
 
 
-@pytest.mark.parametrize("directions", [("up", "down"), ("cold",)])
-def test_columns_of_a_sweep_are_its_data(directions):
-    dataset = _sweep(50, directions)
-    columns, curve = tables.sweep_columns(dataset), tables.curve_columns(dataset)
-    for direction in directions:
+def test_tables_of_a_sweep_are_its_data():
+    dataset = _sweep(30, ("down", "up"))
+    found = {each.name: each for each in plot.pictures({"sweep": dataset})}
+    columns = found["sweep"].table
+    for direction in ("up", "down"):
         row = columns["direction"] == direction
         np.testing.assert_array_equal(columns["pinion_speed_rad_s"][row], dataset["speed"])
         for name in ("dynamic_ratio", "te_rms_um", "contact_loss", "settled", "stable", "periods"):
             own = dataset[name].sel(direction=direction).values
             np.testing.assert_array_equal(columns[name][row], own)
+    curve = found["sweep"].beside["curve"]
     np.testing.assert_array_equal(curve["te_rms_um"], dataset["curve_te_rms_um"].values)
-
-
-def test_columns_of_orders_are_their_data():
-    dataset = _orders(30)
-    columns = tables.waterfall_columns(dataset)
+    columns, row = found["waterfall"].table, 7 * dataset.sizes["order"] + 1
     assert len(columns["order"]) == 30 * dataset.sizes["order"]
-    row = 7 * dataset.sizes["order"] + 1
-    speed = dataset["speed"].values[7]
-    assert columns["pinion_speed_rad_s"][row] == speed
-    assert columns["order"][row] == 2.0
+    speed, own = dataset["speed"].values[7], dataset.sel(direction="down")
+    assert (columns["pinion_speed_rad_s"][row], columns["order"][row]) == (speed, 2.0)
     assert np.isclose(columns["frequency_Hz"][row], 2 * 20 * speed / (2 * np.pi))
-    assert columns["te_order_um"][row] == dataset["te_order_um"].values[7, 1]
-    columns = tables.bearing_orders_columns(dataset)
-    own = dataset["bearing_force_order_N"].sel(bearing="pinion 1", order=2.0)
+    assert columns["te_order_um"][row] == own["te_order_um"].values[7, 1]
+    columns = found["orders"].beside["bearings"]
     row = (columns["bearing"] == "pinion 1") & (columns["order"] == 2.0)
-    np.testing.assert_array_equal(columns["bearing_force_order_N"][row], own.values)
-    columns = tables.orders_columns(dataset)
-    row, force = columns["order"] == 3.0, dataset["mesh_force_order_N"].sel(order=3.0)
+    force = own["bearing_force_order_N"].sel(bearing="pinion 1", order=2.0)
+    np.testing.assert_array_equal(columns["bearing_force_order_N"][row], force.values)
+    columns = found["orders"].table
+    row, force = columns["order"] == 3.0, own["mesh_force_order_N"].sel(order=3.0)
     np.testing.assert_array_equal(columns["mesh_force_order_N"][row], force.values)
-    np.testing.assert_array_equal(columns["pinion_speed_rad_s"][row], dataset["speed"].values)
-
-
-def test_the_mean_is_no_order():
-    dataset = _orders(10)
-    with_mean = dataset.pad(order=(1, 0), constant_values=99.0).assign_coords(
-        order=np.concatenate([[0.0], dataset["order"].values])
+    columns = found["contact_loss"].table
+    np.testing.assert_array_equal(
+        columns["mesh_force_ratio"], own["mesh_force_ratio"].values.ravel()
     )
-    for columns in (
-        tables.waterfall_columns,
-        tables.orders_columns,
-        tables.bearing_orders_columns,
-    ):
-        for name, values in columns(dataset).items():
-            np.testing.assert_array_equal(columns(with_mean)[name], values)
 
 
 def test_share_of_the_time_without_contact():
     """A quarter of the period at one speed, in steps of two sizes, and none at the other."""
     phase = np.concatenate([np.arange(0.0125, 0.5, 0.025), np.arange(0.525, 1.0, 0.05)])
-    force = np.ones((2, len(phase)))
-    force[0, phase < 0.25] = 0.0
-    dataset = xr.Dataset(
-        {"mesh_force_ratio": (("speed", "phase"), force)},
-        {"speed": [100.0, 200.0], "phase": phase},
-        {"teeth_pinion": _TEETH},
-    )
-    shares, columns = (
-        tables.contact_shares_columns(dataset),
-        tables.contact_loss_columns(dataset),
-    )
-    np.testing.assert_allclose(shares["contact_loss"], [0.25, 0.0], atol=0.01)
-    assert list(shares["pinion_speed_rad_s"]) == [100.0, 200.0]
-    np.testing.assert_array_equal(columns["mesh_force_ratio"], force.ravel())
-    assert list(columns["pinion_speed_rad_s"][:: len(phase)]) == [100.0, 200.0]
-
-
-def test_map_of_contact_loss_spans_its_speeds_and_the_period(everything):
-    for name in ("contact loss", "contact loss of two speeds"):
-        axes = everything[name][0].axes[0]
-        assert axes.get_ylim() == (0.0, 1.0)
-        np.testing.assert_allclose(axes.get_xlim(), (100.0, 2400.0))
+    dataset = _sweep(2, ("up",), curve=False).drop_dims("phase")
+    force = np.ones((1, 2, len(phase)))
+    force[0, 0, phase < 0.25] = 0.0
+    dims = ("direction", "speed", "phase")
+    dataset = dataset.assign(mesh_force_ratio=(dims, force), tooth_pairs=(dims, force.astype(int)))
+    pictures = plot.pictures({"sweep": dataset.assign_coords(phase=phase)})
+    (found,) = (each for each in pictures if each.name == "contact_loss")
+    np.testing.assert_allclose(found.beside["shares"]["contact_loss"], [0.25, 0.0], atol=0.01)
+    axes = found.draw().axes[0]
+    assert axes.get_ylim() == (0.0, 1.0)
+    np.testing.assert_allclose(axes.get_xlim(), (100.0, 2200.0))
 
 
 def test_bars_of_energy_fill_each_row(everything):
-    figure, columns = everything["modes"]
+    figure, picture = everything["modes", "modes"]
     bars = np.asarray([[bar.get_width() for bar in part] for part in figure.axes[0].containers])
     np.testing.assert_allclose(np.sum(bars, axis=0)[1:], 1.0)
     np.testing.assert_array_equal(np.sum(bars, axis=0)[0], 0.0)
-    np.testing.assert_allclose(bars[0, 1:], columns["energy_mesh"][1:].astype(float), rtol=1e-9)
-    assert list(columns["mode"]) == list(range(1, 21))
+    np.testing.assert_allclose(bars[0, 1:], picture.table["energy_mesh"][1:], rtol=1e-9)
+    assert list(picture.table["mode"]) == list(range(1, 21))
+
+
+def _tables_of_campbell(dataset):
+    (picture,) = plot.pictures({"campbell": dataset})
+    return picture.table, picture.beside["critical"]
 
 
 def test_crossings_of_straight_lines_are_exact():
     """f = 1000 Hz + a Omega meets h z Omega / 2 pi at 1000 Hz / (h z / 2 pi - a)."""
     speed, slopes = np.linspace(0.0, 700.0, 23), np.asarray([0.0, 0.3, -0.5])
     frequency = 1000.0 + slopes * speed[:, None]
-    dataset = xr.Dataset(
-        {
-            "frequency_Hz": (("speed", "mode"), frequency),
-            "mesh_energy": (("speed", "mode"), np.tile(speed[:, None] / 700.0, 3)),
-        },
-        {"speed": speed},
-        {"teeth_pinion": _TEETH},
-    )
-    columns = tables.crossing_columns(dataset, harmonics=3)
+    dataset = _turning(speed, frequency, np.tile(speed[:, None] / 700.0, 3), harmonics=3)
+    curves, columns = _tables_of_campbell(dataset)
     mode = columns["mode"].astype(int)
     exact = 1000.0 / (columns["harmonic"] * _TEETH / (2 * np.pi) - slopes[mode - 1])
     assert len(mode) == 9
@@ -641,25 +593,23 @@ def test_crossings_of_straight_lines_are_exact():
     expected = 1000.0 + slopes[mode - 1] * exact
     np.testing.assert_allclose(columns["frequency_Hz"], expected, rtol=1e-12)
     np.testing.assert_allclose(columns["mesh_energy"], exact / 700.0, rtol=1e-12)
-    columns = tables.campbell_columns(dataset)
-    second = columns["mode"] == 2
-    np.testing.assert_array_equal(columns["frequency_Hz"][second], frequency[:, 1])
-    np.testing.assert_array_equal(columns["pinion_speed_rad_s"][second], speed)
+    second = curves["mode"] == 2
+    np.testing.assert_array_equal(curves["frequency_Hz"][second], frequency[:, 1])
+    np.testing.assert_array_equal(curves["pinion_speed_rad_s"][second], speed)
 
 
 def test_free_rotation_crosses_nothing():
     dataset = _campbell(5, 2, energy=False)
     dataset["frequency_Hz"][:, 0] = 0.0
-    assert 1.0 not in tables.crossing_columns(dataset)["mode"]
+    assert 1.0 not in _tables_of_campbell(dataset)[1]["mode"]
 
 
-def test_chart_of_methods(everything):
-    figure, _ = everything["compare"]
-    (axes,) = figure.axes
+def test_chart_of_methods(figures):
+    (axes,) = figures["chart"].axes
     rungs = _rungs()
     ring = [line for line in axes.lines if line.get_markersize() == 14]
     assert [tuple(line.get_xydata()[0]) for line in ring] == [(rungs[2]["time_s"], 2.6e-4)]
-    joined = _lines(axes, color=pictures._BLUE, linestyle="-")[0].get_xydata()
+    joined = _lines(axes, color=_BLUE, linestyle="-")[0].get_xydata()
     np.testing.assert_array_equal(joined, [(x["time_s"], x["error"]) for x in rungs[:5]])
     (failed,) = [
         line
@@ -672,20 +622,20 @@ def test_chart_of_methods(everything):
 
 def test_an_error_of_zero_stands_at_the_foot():
     rungs = [{**rung, "error": 0.0} if rung["name"] == "H = 80" else rung for rung in _rungs()]
-    figure = pictures.compare(rungs, "zero")
+    figure = chart.compare(rungs, "zero")
     assert "no difference (at the foot)" in _legend(figure)
     assert figure.axes[0].get_ylim()[0] > 1e-8
 
 
 def test_an_orbit_lasts_as_long_as_its_numbers(everything):
-    figure, columns = everything["two branches"]
-    rising = columns["branch"] == "speed rising"
+    figure, picture = everything["two speeds", "orbit"]
+    rising = picture.table["branch"] == "speed rising"
     assert np.count_nonzero(rising) == 64
     assert np.count_nonzero(~rising) == 128
     titles = [axes.get_title(loc="left") for axes in figure.axes]
     assert titles[2] == "repeats every mesh period, stable"
     assert titles[3] == "repeats every 2 mesh periods, stable"
-    force = columns["mesh_force_ratio"][rising]
+    force = picture.table["mesh_force_ratio"][rising]
     assert f"largest {np.max(force):.2f}, no contact" in titles[0]
     share = 100.0 * np.mean(force == 0.0)
     assert titles[0].endswith(f"no contact {share:.3g} % of time")
@@ -701,36 +651,33 @@ def test_an_orbit_lasts_as_long_as_its_numbers(everything):
 
 def test_labels_are_pushed_apart_no_more_than_needed():
     places = np.asarray([0.0, 4.0, 5.0, 20.0])
-    moved = pictures._apart(places, 3.0, -10.0, 30.0)
-    np.testing.assert_allclose(moved, [0.0, 3.0, 6.0, 20.0])
-    squeezed = pictures._apart(places, 50.0, 0.0, 30.0)
-    np.testing.assert_allclose(squeezed, [0.0, 10.0, 20.0, 30.0])
-    np.testing.assert_allclose(pictures._apart(places, 3.0, 0.0, 18.0)[-1], 18.0)
+    np.testing.assert_allclose(apart(places, 3.0, -10.0, 30.0), [0.0, 3.0, 6.0, 20.0])
+    np.testing.assert_allclose(apart(places, 50.0, 0.0, 30.0), [0.0, 10.0, 20.0, 30.0])
+    np.testing.assert_allclose(apart(places, 3.0, 0.0, 18.0)[-1], 18.0)
 
 
 def test_runs_of_equal_values():
     kinds = np.asarray([1, 1, 2, 0, 0])
-    assert list(pictures._runs(kinds)) == [(1, 0, 1), (2, 2, 2), (0, 3, 4)]
-    assert list(pictures._runs(kinds[:0])) == []
+    assert list(runs(kinds)) == [(1, 0, 1), (2, 2, 2), (0, 3, 4)]
+    assert list(runs(kinds[:0])) == []
 
 
 def test_labels_do_not_depend_on_when_they_are_drawn():
-    places = []
-    for _ in range(2):
-        figure = pictures.campbell(_campbell(2, 3), "again")
-        places.append([(text.get_text(), text.get_position()) for text in figure.axes[0].texts])
-    assert places[0] == places[1]
+    (picture,) = plot.pictures({"campbell": _campbell(2, 3)})
+    figures = [picture.draw(), picture.draw()]
+    first, second = (
+        [(text.get_text(), text.get_position()) for text in figure.axes[0].texts]
+        for figure in figures
+    )
+    assert first == second
 
 
-def test_flags_may_come_from_a_file_or_not_at_all():
+def test_flags_may_come_from_a_file():
     """Files hold flags as whole numbers, of which `~` makes others."""
     dataset = _sweep(30, ("up",), curve=False)
     dataset["settled"][0, 4] = False
     numbers = dataset.assign({name: dataset[name].astype("int8") for name in ("settled", "stable")})
-    legends = [_legend(pictures.sweep(each, "flags")) for each in (dataset, numbers)]
+    legends = [_legend(_of_sweep(each)[0]) for each in (dataset, numbers)]
     assert legends[0] == legends[1]
+    assert legends[0][0] == WAYS["up"]
     assert "not settled (1 of 30)" in legends[0]
-    bare = dataset[["dynamic_ratio", "te_rms_um"]]
-    assert _legend(pictures.sweep(bare, "bare")) == ["speed rising"]
-    names = {"direction", "pinion_speed_rad_s", "dynamic_ratio", "te_rms_um"}
-    assert set(tables.sweep_columns(bare)) == names

@@ -5,14 +5,14 @@ import dataclasses
 import numpy as np
 import pytest
 import xarray as xr
-from jaxgear.study._flank_loads import loads_over_speeds, tooth_places
+from table_checks import assert_table
 
+from jaxgear import plot
 from jaxgear._response._flank_loads import FlankLoads
 from jaxgear._units import MPa, deg, mm
-from jaxgear.plot import _flank_pictures as pictures
-from jaxgear.plot import _flank_tables as tables
-from jaxgear.study._flank_dataset import loads_summary
-from jaxgear.study._hybrid_dataset import HolePlaces
+from jaxgear._whole_file import write_csv
+from jaxgear.study._body_waves import Seen
+from jaxgear.study._flank_dataset import Teeth, flanks_of, largest_loads, loads_summary
 
 PERIODS, PHASES, SLICES, RATIO = 4, 10, 3, 1.6
 
@@ -34,24 +34,22 @@ def _loads(speed: float = 1000.0, heavy: int = 2) -> FlankLoads:
         face=4.0 * mm * np.array([-1.0, 0.0, 1.0]),
         load=load,
         pressure=1e6 * np.sqrt(load),
-        teeth=(20, 24),
-        width=12.0 * mm,
     )
 
 
 def test_the_largest_is_found_where_it_is():
     loads = _loads()
-    found = loads.numbers()
-    assert found["flank_line_load"] == pytest.approx(3e5, rel=0.01)
-    assert found["flank_pressure"] == pytest.approx(1e6 * np.sqrt(3e5), rel=0.01)
-    assert found["flank_passage"] == pytest.approx(0.5 * RATIO, abs=0.06)
-    assert found["flank_face"] == pytest.approx(4.0 * mm)
-    assert found["flank_pair"] == 2
-    assert found["flank_by_pair"] == pytest.approx(1.5e5 * np.array([1, 1, 2, 1]), rel=0.01)
+    found = loads.largest
+    assert found.line_load == pytest.approx(3e5, rel=0.01)
+    assert found.pressure == pytest.approx(1e6 * np.sqrt(3e5), rel=0.01)
+    assert found.passage == pytest.approx(0.5 * RATIO, abs=0.06)
+    assert found.face == pytest.approx(4.0 * mm)
+    assert found.pair == 2
+    assert found.by_pair == pytest.approx(1.5e5 * np.array([1, 1, 2, 1]), rel=0.01)
     passage, load, pressure = loads.way()
     assert len(passage) == round(RATIO * PHASES)
     assert (np.diff(passage) > 0.0).all()
-    assert load[:, 2].max() == found["flank_line_load"]
+    assert load[:, 2].max() == found.line_load
     assert pressure == pytest.approx(1e6 * np.sqrt(load))
 
 
@@ -59,9 +57,10 @@ def test_the_largest_is_found_where_it_is():
 def dataset() -> xr.Dataset:
     each = [_loads(500.0, 1), _loads(900.0, 3)]
     louder = dataclasses.replace(each[1], load=1.5 * each[1].load)
-    entries = loads_over_speeds([[x.numbers() for x in (each[0], louder)]])
+    entries = largest_loads([[Seen(x.largest, {}, {}) for x in (each[0], louder)]])
     found = xr.Dataset({name: entry.variable() for name, entry in entries.items()})
-    return found.assign_coords(speed=[500.0, 900.0])
+    found = found.assign_coords(speed=[500.0, 900.0], direction=["up"])
+    return found.assign_attrs(peak_direction="up", title="by hand")
 
 
 def test_a_sweep_says_how_much_and_where(dataset):
@@ -76,26 +75,23 @@ def test_a_sweep_says_how_much_and_where(dataset):
 
 def test_pictures_have_their_data(dataset, tmp_path):
     chosen = [_loads(500.0, 1), _loads(900.0, 2)]
+    holes = np.array([[30.0, 8.0]]) * deg
+    flanks = flanks_of(chosen, 12.0 * mm, [Teeth("wheel", 24, holes)])
     # Pair 2 of the wheel stands at twice the angle between teeth.
-    assert tooth_places(chosen[0], "wheel") == pytest.approx([0.0, 15.0, 30.0, 45.0])
-    holes = HolePlaces(np.array([30.0]) * deg, np.array([8.0]) * deg)
-    own = dataset.isel(direction=0)
-    for name, figure, columns in (
-        (
-            "pressure",
-            pictures.flank_pressure(chosen, "by hand"),
-            tables.flank_pressure_columns(chosen),
-        ),
-        ("loads", pictures.largest_loads(own, "by hand"), tables.largest_loads_columns(own)),
-        (
-            "teeth",
-            pictures.teeth_at_speed(chosen, "wheel", holes, "by hand"),
-            tables.teeth_at_speed_columns(chosen, "wheel", holes),
-        ),
-    ):
-        (length,) = {len(values) for values in columns.values()}
-        assert length > 0
-        figure.savefig(tmp_path / f"{name}.png", dpi=60)
+    assert flanks["wheel_tooth_angle_deg"].values == pytest.approx([0.0, 15.0, 30.0, 45.0])
+    found = {
+        each.name: each
+        for each in plot.pictures(
+            {"waves": dataset, "flanks": flanks.assign_attrs(title="by hand")}
+        )
+    }
+    assert list(found) == ["flank_pressure", "flank_loads", "wheel_teeth_at_speed"]
+    for each in found.values():
+        write_csv(each.table, tmp_path / f"{each.name}.csv")
+        assert len(assert_table(tmp_path / f"{each.name}.csv"))
+        each.draw().savefig(tmp_path / f"{each.name}.png", dpi=60)
+    assert len(found["flank_pressure"].table["passage"]) == 2 * round(RATIO * PHASES) * SLICES
+    columns = found["wheel_teeth_at_speed"].table
     above = columns["above_a_hole"].astype(bool)
     assert columns["tooth_angle_deg"][above] == pytest.approx([30.0, 30.0])
     # At the second speed that tooth is the heavy one.

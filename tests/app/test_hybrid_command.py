@@ -13,7 +13,8 @@ import xarray as xr
 from table_checks import assert_tables
 
 from fem_prep._artefact import balanced, floating
-from fem_prep._hold import boundary_of, hold
+from fem_prep._condense import boundary_of, hold
+from jaxgear import plot
 from jaxgear._cli._main import main
 from jaxgear._solve._cycle import MeshCycle, prepare_mesh
 from jaxgear._system._structure import bearing_motion
@@ -24,6 +25,7 @@ from jaxgear.scene._body_build import Steps, full_of
 from jaxgear.scene._build import grid_of, law_of, model_of
 from jaxgear.scene._mesh_bodies import with_bodies
 from jaxgear.scene._scene import read_scene
+from jaxgear.study import _body_fields as body_fields
 from jaxgear.study import _hybrid as hybrid
 from jaxgear.study import _hybrid_dataset as hybrid_dataset
 from jaxgear.study._head import foundation_of
@@ -258,13 +260,18 @@ def test_answers_are_of_all_phases(solved, tmp_path):
     speed, growth = max((float(name), each) for name, each in known.items())
     expected = growth * (numbers["speed_rad_s"] / speed) ** 2
     assert numbers["growth_mean_radial_um"] == pytest.approx(expected, rel=1e-6)
-    for shown in answer.fields:
-        columns = tables.deflected_body_columns(answer, shown)
-        assert {len(column) for column in columns.values()} == {len(under.body.rim_nodes)}
-        at = np.argmax(np.abs(columns["tangential_um"]))
-        if shown.what == "mesh":
-            # The wheel's rim gives most where the teeth press.
-            assert abs(columns["angle_deg"][at]) < 60.0
+    shown = body_fields.fields_dataset(answer)
+    assert shown.sizes["rim"] == len(under.body.rim_nodes)
+    assert shown["cause"].values.tolist() == ["mesh", "rotation"]
+    # The wheel's rim gives most where the teeth press.
+    at = np.argmax(np.abs(shown["tangential_um"].sel(cause="mesh").values))
+    assert abs(float(shown["angle_deg"][at])) < 60.0
+    body_fields.grid_writer(answer)(tmp_path / "wheel.vtu")
+    assert (tmp_path / "wheel.vtu").stat().st_size > 0
+    drawn = plot.pictures({"wheel_deflected": shown.assign_attrs(title="tiny")})
+    names = [(each.name, len(each.draw().axes), set(each.table)) for each in drawn]
+    told = {"angle_deg", "Z_mm", "radial_um", "tangential_um", "axial_um"}
+    assert names == [("wheel_under_mesh", 3, told), ("wheel_under_rotation", 3, told)]
     assert foundation_of(scene) == "pinion weber, wheel its condensed body"
 
 
@@ -321,24 +328,29 @@ def test_teeth_above_holes_are_told_from_others():
     assert numbers["line_load_above_holes_mean_N_mm"] == pytest.approx(105.0)
     assert numbers["line_load_above_holes_largest_N_mm"] == pytest.approx(110.0)
     assert numbers["line_load_between_holes_mean_N_mm"] == pytest.approx(135.0)
-    columns = tables.tooth_loads_columns(found, "wheel", holes)
+    above = holes.above(found["wheel_tooth_angle_deg"].values * deg)
+    shown = found.assign(
+        wheel_tooth_above_a_hole=("tooth_pair", above.astype(int)),
+        wheel_hole_deg=("hole", [0.0]),
+        wheel_hole_half_deg=("hole", [20.0]),
+    ).assign_attrs(title="tiny")
+    columns = tables.tooth_loads_columns(shown, "wheel")
     assert columns["above_a_hole"].tolist() == [1, 1, 0, 0, 0, 0]
-    figure = pictures.tooth_loads(found, "wheel", holes, "tiny")
+    figure = pictures.tooth_loads(shown, "wheel")
+    assert figure.legends
     assert figure.axes[0].get_ylabel() == "largest line load [N/mm]"
 
 
 def test_loads_across_the_face_are_shown_where_they_are_largest():
-    dataset = hybrid_dataset.hybrid_variables(_dataset(), [])
-    columns = tables.contact_line_loads_columns(dataset)
-    assert columns["line_load_N_mm"].max() == pytest.approx(150.0)
-    assert len(np.unique(columns["phase"])) == 6
-    assert np.ptp(columns["phase"]) < 1.0
-    assert len(pictures.contact_line_loads(dataset, "tiny").axes) == 6
+    dataset = hybrid_dataset.hybrid_variables(_dataset(), []).assign_attrs(title="tiny")
+    shown = tables.contact_line_loads(dataset)
+    assert float(shown["line_load_N_mm"].max()) == pytest.approx(150.0)
+    assert shown.sizes["phase"] == 6
+    assert np.ptp(shown["phase"].values) < 1.0
+    assert len(pictures.contact_line_loads(dataset).axes) == 6
     way = tables.tooth_way_columns(dataset)
     assert len(way["passage"]) == 48
-    assert (
-        pictures.tooth_way(dataset, "tiny").axes[0].get_title(loc="left").startswith("tooth pair 5")
-    )
+    assert pictures.tooth_way(dataset).axes[0].get_title(loc="left").startswith("tooth pair 5")
 
 
 def test_models_are_compared_by_name():

@@ -9,6 +9,7 @@ from jaxgear.plot._sliding_tables import sliding_columns
 import jaxgear as jg
 from jaxgear import deg, mm, um
 from jaxgear.plot._modification_pictures import modification
+from jaxgear.study._pair_dataset import modification_dataset, sliding_dataset
 
 
 @pytest.fixture(scope="module")
@@ -22,12 +23,13 @@ def data(pair):
     design = (jg.TipRelief(12 * um, 0.25), jg.Crowning(3 * um), jg.Bias(8 * um))
     hump = jg.MeasuredProfile([0.0, 0.5, 1.0], [0.0, 2 * um, 0.0])
     flanks = jg.Flanks(jg.Superposed(design), jg.Superposed((jg.HelixSlope(4 * um), hump)))
-    return modification_columns({"given": jg.PairModel(pair, 60.0, flanks)})
+    traces = modification_dataset({"given": jg.PairModel(pair, 60.0, flanks)})
+    return traces.assign_attrs(title="case")
 
 
 def _trace(data, gear, trace):
-    own = (data["gear"] == gear) & (data["trace"] == trace)
-    return {name: values[own] for name, values in data.items()}
+    own = data.sel(state="given", gear=gear, trace=trace)
+    return {str(name): each.values for name, each in own.items()}
 
 
 def test_profile_of_a_relieved_tip_by_hand(pair, data):
@@ -65,12 +67,13 @@ def test_what_was_measured_is_no_design(data):
 
 def test_picture_names_what_differs(data):
     """Ends of a twisted flank only, and the measured line of a measured one only."""
-    words = [text.get_text() for text in modification(data, "case").legends[0].get_texts()]
+    words = [text.get_text() for text in modification(data).legends[0].get_texts()]
     assert words == ["as designed", "left end", "right end", "as made"]
 
 
 def test_sliding_table_ends_at_the_tips(pair):
-    found, facts = sliding_columns(pair), jg.pair_facts(pair)
+    data, facts = sliding_dataset(pair, 1.0, 0.0), jg.pair_facts(pair)
+    found = {str(name): each.values for name, each in data.items()}
     tips = 2.0 * np.asarray(facts["tip_radius"]) / mm
     ends = np.asarray([found["diameter_pinion_mm"][-1], found["diameter_wheel_mm"][0]])
     assert_close(ends, tips, rtol=1e-12, atol=0.0)

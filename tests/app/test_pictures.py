@@ -1,8 +1,9 @@
+"""Pictures of a run, drawn of its datasets: what they show, and how they are written."""
+
 import csv
 import re
 import subprocess
 import sys
-from types import SimpleNamespace
 
 import equinox as eqx
 import jax
@@ -10,23 +11,27 @@ import matplotlib
 import matplotlib.image
 import numpy as np
 import pytest
-from jaxgear.plot._modification_tables import modification_columns
-from jaxgear.plot._sliding_tables import sliding_columns
+import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.path import Path as Polygon
 from matplotlib.text import Annotation
+from table_checks import assert_table
 
 import jaxgear as jg
+from jaxgear import plot
 from jaxgear._cli._folder import Folder
+from jaxgear._cli._main import main
 from jaxgear._cli._saving import save
 from jaxgear._system._shaft import node_heights
-from jaxgear.plot import _pictures as pictures
-from jaxgear.plot import _search_pictures as search_pictures
-from jaxgear.plot import _search_tables as search_tables
-from jaxgear.plot import _tables as tables
+from jaxgear._whole_file import write_csv, write_dataset
+from jaxgear.plot import _bearing_labels as bearing_labels
+from jaxgear.plot import _cycle_pictures as pictures
+from jaxgear.plot import _cycle_tables as tables
 from jaxgear.plot._cycle import cycle_statistics
-from jaxgear.plot._modification_pictures import modification
-from jaxgear.plot._sliding_pictures import sliding
+from jaxgear.plot._pair_pictures import gear_pair
+from jaxgear.plot._style import house_look
+from jaxgear.study import _pair_dataset as pair_dataset
+from jaxgear.study import _shafts
 from jaxgear.study._results import static_dataset
 
 _UNIT = re.compile(r".+ \[[^\]]+\]$")
@@ -94,9 +99,34 @@ def cycles():
 
 
 @pytest.fixture(scope="module")
-def datasets(cycles):
-    law = jg.ExactContact()
-    return {name: static_dataset(model, cycle, law) for name, (model, cycle) in cycles.items()}
+def groups(cycles):
+    """The datasets of each case, as a run has them."""
+    return {name: _groups(model, cycle) for name, (model, cycle) in cycles.items()}
+
+
+@pytest.fixture(scope="module")
+def datasets(groups):
+    return {name: each[""] for name, each in groups.items()}
+
+
+def _groups(model, cycle):
+    found = static_dataset(model, cycle, jg.ExactContact())
+    found = found.assign_coords(torque_Nm=("torque", _TORQUES))
+    error = _TORQUES[:, None] / 60.0 * found["transmission_error_um"].values
+    found["harris_te_um"] = (("torque", "phase"), error)
+    groups = {
+        "": found,
+        "pair": pair_dataset.pair_dataset(model.pair),
+        "axes": pair_dataset.axes_dataset(model.pair),
+        "sliding": pair_dataset.sliding_dataset(model.pair, 0.99, 0.05, 900.0),
+        "modification": pair_dataset.modification_dataset({"start": _spur(), "optimised": model}),
+    }
+    if "bearing_load_N" in found:
+        groups["shafts"] = _shafts.shafts_dataset(model, cycle, _bearings(found), {})
+    return {name: each.assign_attrs(title="case") for name, each in groups.items()}
+
+
+_TORQUES = np.asarray([20.0, 40.0, 60.0])
 
 
 def _bearings(dataset):
@@ -109,108 +139,62 @@ def _bearings(dataset):
     ]
 
 
-def _chart():
-    """A map with a valley at depth 2/extent [um], and what goes with it."""
-    extent, depth = np.linspace(0.05, 0.5, 19), np.linspace(0.0, 20.0, 21)
-    value = 0.1 + np.abs(depth[:, None] - 2.0 / extent[None, :])
-    # Short reliefs, for which every depth is bad: their best depth lies beyond the map.
-    best = np.minimum(2.0 / extent, 20.0)
-    chart = SimpleNamespace(extent=extent, depth=depth * jg.um, value=value)
-    valley = SimpleNamespace(extent=extent, depth=best * jg.um, value=0.1 + np.abs(extent - 0.25))
-    closed = np.where(extent > 0.1, 2.2 / extent, np.nan)
-    return chart, valley, closed
+def _sized(keys):
+    """Three combinations of amounts at three torques."""
+    size = np.linspace(1.0, 3.0, 9).reshape(3, 3)
+    over = ("combination", "torque")
+    amounts = {key: ("combination", [10.0, 0.0, 5.0], about) for key, about in keys.items()}
+    return xr.Dataset(
+        {"te_peak_to_peak_um": (over, size), "max_pressure_MPa": (over, size), **amounts},
+        {"torque_pinion_Nm": ("torque", _TORQUES), "amount": list(keys)},
+        {"title": "sized"},
+    )
 
 
-_WIDTH = np.asarray([0.01, 0.1, 1.0, 10.0])
-_BIAS = np.asarray([0.0, 1e-5, 1e-3, 0.1])
-_TORQUES = np.asarray([20.0, 40.0, 60.0])
-_PHASES = (np.arange(16) + 0.5) / 16
-_WAVES = np.asarray([1.0, 2.0, 3.0])[:, None] * (4.0 + np.sin(2 * np.pi * _PHASES))
-# Five mesh periods, and an order of a fifth besides the first.
-_LONG_PHASES = np.concatenate([_PHASES + period for period in range(5)])
-_LONG_WAVES = np.sin(2 * np.pi * _LONG_PHASES) + 0.5 * np.sin(0.4 * np.pi * _LONG_PHASES)
-_LONG = _TORQUES, _LONG_PHASES, np.asarray([1.0, 2.0, 3.0])[:, None] * _LONG_WAVES
-_SIZINGS = {
-    "one": (["depth [µm]"], np.asarray([[10.0], [0.0], [5.0]])),
-    "two": (["depth [µm]", "extent [-]"], np.asarray([[10.0, 0.2], [0.0, 0.2], [10.0, 0.3]])),
+_AMOUNTS = {
+    "depth_um": {"units": "um", "long_name": "both: depth"},
+    "extent": {"units": "1", "long_name": "both: extent"},
 }
-_SEARCHES = {"lbfgs": np.asarray([4.0, 5.0, 0.1]), "adam": np.asarray([4.0, 3.0, 2.0, 1.0])}
-
-
-_COLUMNS = {
-    pictures.transmission_error: tables.transmission_error_columns,
-    pictures.stiffness_and_sharing: tables.load_sharing_columns,
-    pictures.flank_maps: tables.flank_maps_columns,
-    pictures.face_load: tables.face_load_columns,
-}
-
-
-def _all_pictures(datasets, cycles):
-    """Every picture with its columns."""
-    spur, relieved, mounted = (datasets[name] for name in _GRIDS)
-    chart, valley, closed = _chart()
-    path = np.asarray([[3.0, 0.2], [15.0, 0.3], [8.0, 0.25]])
-    gradient = {"gradient_bias_relative": -2.0 * _BIAS}
-    for name, make in _MODELS.items():
-        yield f"gear_pair {name}", pictures.gear_pair(make()), tables.gear_pair_columns(make())
-    for name, dataset in datasets.items():
-        for make, columns in _COLUMNS.items():
-            yield f"{make.__name__} {name}", make(dataset, f"{name}, 60 N m"), columns(dataset)
-    yield (
-        "harris_map",
-        pictures.harris_map(_TORQUES, _PHASES, _WAVES, "waves"),
-        tables.harris_map_columns(_TORQUES, _PHASES, _WAVES),
-    )
-    for torques, phases, waves in ((_TORQUES, _PHASES, _WAVES), _LONG):
-        figure = pictures.te_spectrum(torques, phases, waves, "waves")
-        columns = tables.te_spectrum_columns(torques, phases, waves)
-        yield f"te_spectrum of {len(phases)}", figure, columns
-    on_shafts, cycle = cycles["mounted"]
-    yield (
-        "shafts",
-        pictures.shafts(on_shafts, cycle, _bearings(mounted), "mounted, 300 N m"),
-        tables.shafts_columns(on_shafts, cycle),
-    )
-    flanks = modification_columns({"start": _spur(), "optimised": _relieved()})
-    yield "modification", modification(flanks, "relief"), flanks
-    slides = sliding_columns(_spur().pair)
-    lost = {"mesh_efficiency": 0.99, "friction_coefficient": 0.05}
-    yield "sliding", sliding(slides, spur, lost, "spur", pinion_speed=900.0), slides
-    for name, (labels, amounts) in _SIZINGS.items():
-        size = np.linspace(1.0, 3.0, 3 * len(amounts)).reshape(-1, 3)
-        yield f"sizing {name}", pictures.sizing(labels, amounts, _TORQUES, size, size, name), {}
-    yield (
-        "smoothing_bias",
-        search_pictures.smoothing_bias(_WIDTH, _BIAS, -_BIAS, 0.8, "bias", **gradient),
-        search_tables.smoothing_bias_columns(_WIDTH, _BIAS, -_BIAS, **gradient),
-    )
-    yield (
-        "master_curve",
-        search_pictures.master_curve(chart, valley, closed, path, "map"),
-        search_tables.master_curve_columns(chart),
-    )
-    yield (
-        "search_trace",
-        search_pictures.search_trace(_SEARCHES, "µm²", "searches"),
-        search_tables.search_trace_columns(_SEARCHES, "um2"),
-    )
-    yield (
-        "before_after",
-        search_pictures.before_after(spur, relieved, "relief"),
-        search_tables.before_after_columns(spur, relieved),
-    )
-    assert mounted.sizes["slice"] == 6
 
 
 @pytest.fixture(scope="module")
-def everything(datasets, cycles):
-    return list(_all_pictures(datasets, cycles))
+def everything(groups):
+    """Every picture by its case and name, its figure and its tables."""
+    return [
+        (f"{case} {each.name}", each.draw(), {"": each.table, **each.beside})
+        for case, datasets in groups.items()
+        for each in plot.pictures(datasets)
+    ]
+
+
+def test_sizing_is_a_map_of_one_amount_and_ranks_of_several():
+    from jaxgear.plot._sizing_pictures import sizing
+
+    one = sizing(_sized({"depth_um": _AMOUNTS["depth_um"]}))
+    assert one.axes[0].get_xlabel() == "both: depth [µm]"
+    several = sizing(_sized(_AMOUNTS))
+    words = [text.get_text() for text in several.axes[0].get_xticklabels()]
+    assert words == ["both: depth [µm]", "both: extent [-]"]
+    assert [each.get_xlabel() for each in several.axes[1:3]] == [
+        "peak to peak of the TE [µm]",
+        "largest flank pressure [MPa]",
+    ]
+
+
+def test_every_table_of_a_picture_is_one_table(everything, tmp_path):
+    names = {name.partition(" ")[2] for name, *_ in everything}
+    assert names >= {"gear_pair", "axes", "modification", "sliding", "harris_map", "te_spectrum"}
+    assert names >= {"transmission_error", "mesh_stiffness", "flank_maps", "face_load", "shafts"}
+    for name, _, held in everything:
+        for key, table in held.items():
+            write_csv(table, tmp_path / f"{name}_{key}.csv")
+            assert len(assert_table(tmp_path / f"{name}_{key}.csv"))
 
 
 def test_axes_say_quantity_and_unit(everything):
     for name, figure, _ in everything:
         assert figure.get_suptitle(), name
-        for axes in figure.axes:
+        for axes in (each for each in figure.axes if each.axison):
             labels = [axes.get_ylabel()]
             if axes.get_label() != "<colorbar>":
                 labels.append(axes.get_xlabel())
@@ -226,7 +210,8 @@ def _saved(figure, columns, folder):
 
 @pytest.mark.end_to_end
 def test_pictures_show_something_in_every_axes(everything, tmp_path):
-    for name, figure, columns in everything:
+    for name, figure, held in everything:
+        columns = held[""]
         paths = _saved(figure, columns, tmp_path)
         assert set(tmp_path.iterdir()) == set(paths)
         image = matplotlib.image.imread(paths[0])[..., :3]
@@ -242,7 +227,8 @@ def test_pictures_show_something_in_every_axes(everything, tmp_path):
 
 
 def test_columns_are_written_beside(everything, tmp_path):
-    for _, figure, columns in everything[4:8]:
+    for _, figure, held in everything[4:8]:
+        columns = held[""]
         *_, table = _saved(figure, columns, tmp_path)
         with table.open(newline="", encoding="utf-8") as file:
             rows = list(csv.reader(file))
@@ -255,9 +241,13 @@ def test_columns_are_written_beside(everything, tmp_path):
 def test_the_same_picture_is_the_same_file(datasets, tmp_path):
     written = []
     for _ in range(2):
-        figure = pictures.transmission_error(datasets["spur"], "spur, 60 N m")
+        figure = pictures.transmission_error(datasets["spur"])
         written.append([path.read_bytes() for path in _saved(figure, {}, tmp_path)])
     assert written[0] == written[1]
+
+
+def _drawn_pair(model: jg.PairModel) -> Figure:
+    return gear_pair(pair_dataset.pair_dataset(model.pair).assign_attrs(title="pair"))
 
 
 def _drawn(figure: Figure, name: str) -> np.ndarray:
@@ -277,7 +267,7 @@ def _distance(points: np.ndarray, line: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("make", [_spur, _helical])
 def test_drawn_flanks_touch_at_the_pitch_point(make):
     model = make()
-    figure = pictures.gear_pair(model)
+    figure = _drawn_pair(model)
     pitch_point = np.asarray([[float(model.pair.working_pitch_radius[0]) / jg.mm, 0.0]])
     for body in ("pinion", "wheel"):
         assert _distance(pitch_point, _drawn(figure, body))[0] * jg.mm < 1e-7
@@ -286,7 +276,7 @@ def test_drawn_flanks_touch_at_the_pitch_point(make):
 @pytest.mark.parametrize("make", [_spur, _helical])
 def test_drawn_teeth_do_not_overlap(make):
     model = make()
-    figure = pictures.gear_pair(model)
+    figure = _drawn_pair(model)
     pinion, wheel = _drawn(figure, "pinion"), _drawn(figure, "wheel")
     centre = [[float(model.pair.working_centre_distance) / jg.mm, 0.0]]
     body = Polygon(np.concatenate([wheel, centre, wheel[:1]]))
@@ -303,14 +293,14 @@ def test_drawn_teeth_do_not_overlap(make):
 def test_drawn_teeth_reach_from_root_to_tip():
     for make in (_spur, _helical):
         pair = make().pair
-        radius = np.hypot(*_drawn(pictures.gear_pair(make()), "pinion").T) * jg.mm
+        radius = np.hypot(*_drawn(_drawn_pair(make()), "pinion").T) * jg.mm
         assert np.min(radius) == pytest.approx(float(pair.root_radius[0]), rel=1e-9)
         assert np.max(radius) == pytest.approx(float(pair.tip_radius[0]), rel=1e-9)
 
 
 def test_path_of_contact_is_drawn_to_scale():
     model = _spur()
-    ends = _drawn(pictures.gear_pair(model), "path of contact") * jg.mm
+    ends = _drawn(_drawn_pair(model), "path of contact") * jg.mm
     length = float(np.linalg.norm(np.diff(ends, axis=0)))
     assert length == pytest.approx(float(model.pair.path_of_contact), rel=1e-12)
     # A is on the wheel's tip circle and E on the pinion's.
@@ -321,7 +311,7 @@ def test_path_of_contact_is_drawn_to_scale():
 
 def test_transmission_error_repeats_and_names_its_statistics(datasets):
     dataset = datasets["spur"]
-    figure = pictures.transmission_error(dataset, "spur")
+    figure = pictures.transmission_error(dataset)
     x, y = np.asarray(figure.axes[0].lines[0].get_xydata()).T
     np.testing.assert_allclose(y[:24], y[24:])
     np.testing.assert_allclose(x[24:] - x[:24], 1.0)
@@ -342,43 +332,50 @@ def test_sharing_of_a_spur_pair_goes_from_nothing_to_all_and_back(datasets):
     assert 0.2 < share[1] < 0.6
 
 
+_PHASES = (np.arange(16) + 0.5) / 16
+
+
+def _harris(torques, phases, error, weight=None):
+    weight = np.full(len(phases), 1.0 / len(phases)) if weight is None else weight
+    return xr.Dataset(
+        {"harris_te_um": (("torque", "phase"), error)},
+        {"torque_Nm": ("torque", torques), "phase": phases, "weight": ("phase", weight)},
+    )
+
+
 def test_harris_statistics_by_hand():
-    columns = tables.harris_map_columns(_TORQUES, _PHASES, _WAVES)
+    waves = np.asarray([1.0, 2.0, 3.0])[:, None] * (4.0 + np.sin(2 * np.pi * _PHASES))
+    columns = tables.harris_map_columns(_harris(_TORQUES, _PHASES, waves))
     np.testing.assert_allclose(columns["te_mean_um"], [4.0, 8.0, 12.0])
     np.testing.assert_allclose(columns["te_rms_um"], np.asarray([1.0, 2.0, 3.0]) / np.sqrt(2.0))
-    uneven = tables.harris_map_columns(
-        _TORQUES[:1],
-        np.asarray([0.0, 0.5]),
-        np.asarray([[0.0, 1.0]]),
-        weight=np.asarray([0.8, 0.2]),
-    )
+    uneven = tables.harris_map_columns(_harris(_TORQUES[:1], [0.0, 0.5], [[0.0, 1.0]], [0.8, 0.2]))
     np.testing.assert_allclose(uneven["te_mean_um"], 0.2)
     np.testing.assert_allclose(uneven["te_rms_um"], 0.4)
 
 
 def test_spectrum_by_hand():
     """Orders of sines come out with their amplitudes, between the mesh harmonics too."""
-    columns = tables.te_spectrum_columns(*_LONG)
-    order, amplitudes = (
-        columns[name].reshape(len(_TORQUES), -1) for name in ("order", "te_order_um")
-    )
-    assert np.array_equal(np.unique(columns["torque_pinion_Nm"]), _TORQUES)
-    order = order[0]
+    # Five mesh periods, and an order of a fifth besides the first.
+    phases = np.concatenate([_PHASES + period for period in range(5)])
+    waves = np.sin(2 * np.pi * phases) + 0.5 * np.sin(0.4 * np.pi * phases)
+    waves = np.asarray([1.0, 2.0, 3.0])[:, None] * waves
+    found = tables.spectra(_harris(_TORQUES, phases, waves))
+    order = found["order"].values
     expected = np.where(np.isclose(order, 1.0), 1.0, np.where(np.isclose(order, 0.2), 0.5, 0.0))
     assert order[0] == 0.2
-    for torque, amplitude in enumerate(amplitudes):
+    for torque, amplitude in enumerate(found["te_order_um"].values):
         np.testing.assert_allclose(amplitude, (torque + 1) * expected, atol=1e-12)
 
 
 def test_a_long_cycle_is_drawn_once(cycles, datasets):
     """From 0 to its end; each of its tooth pairs by itself; its harmonics are the library's."""
     model, cycle = cycles["mounted"]
-    columns = tables.transmission_error_columns(datasets["mounted"])
+    columns = tables.over_cycle(datasets["mounted"], "transmission_error_um")
     assert len(columns["phase"]) == cycle.approach.size
     assert np.all(np.diff(columns["phase"]) > 0.0)
     assert 2.9 < columns["phase"][-1] < 3.0
     amplitudes = jg.harmonic_amplitudes(cycle, jg.transmission_error(model.pair, cycle), 5)
-    harmonics = tables.te_harmonics_columns(datasets["mounted"])["te_harmonic_um"]
+    harmonics = datasets["mounted"]["te_harmonic_um"]
     np.testing.assert_allclose(harmonics, amplitudes / jg.um, rtol=1e-9)
     sharing = tables.load_sharing_columns(datasets["mounted"])
     assert np.unique(sharing["tooth_pair"]).tolist() == [0, 1, 2]
@@ -397,16 +394,17 @@ def test_face_load_adds_up_to_the_mesh_force(datasets):
         force = np.mean(columns["face_load_at_largest_N_mm"]) * dataset.attrs["face_width_mm"]
         assert force == pytest.approx(float(dataset["mesh_force_N"][0]), rel=1e-9)
     factor = np.max(columns["face_load_mean_N_mm"]) / np.mean(columns["face_load_mean_N_mm"])
-    legend = pictures.face_load(dataset, "mounted").axes[0].get_legend()
+    legend = pictures.face_load(dataset).axes[0].get_legend()
     assert legend is not None
     assert any(f"{factor:.3f}" in text.get_text() for text in legend.get_texts())
 
 
-def test_deflected_lines_carry_the_loads_of_the_bearings(cycles, datasets):
+def test_deflected_lines_carry_the_loads_of_the_bearings(cycles, datasets, groups):
     """Deflection at a bearing times its stiffness is its load; all loads balance."""
-    model, cycle = cycles["mounted"]
+    model, _ = cycles["mounted"]
     bearings = _bearings(datasets["mounted"])
-    lines, rows = tables.shafts_columns(model, cycle), tables.bearing_columns(model, bearings)
+    (drawn,) = [each for each in plot.pictures(groups["mounted"]) if each.name == "shafts"]
+    lines, rows = drawn.table, drawn.beside["bearings"]
     shafts = {"pinion": model.pinion_support, "wheel": model.wheel_support}
     for index, each in enumerate(bearings):
         spring = shafts[each["gear"]].bearings[each["index"]]
@@ -430,21 +428,16 @@ def test_deflected_lines_carry_the_loads_of_the_bearings(cycles, datasets):
         [0.0, 100.0],
     ],
 )
-def test_labels_of_bearings_hide_nothing(cycles, at):
+def test_labels_of_bearings_hide_nothing(at):
     """However close the bearings are; none is moved where there is room."""
-    model, _ = cycles["mounted"]
-    steps = [jg.Segment(120 * jg.mm, 40 * jg.mm)]
-    bearings = [jg.Bearing(z * jg.mm, 4e8, 4e8) for z in at]
-    shaft = jg.Shaft(steps, bearings, 50 * jg.mm)
-    crowded = eqx.tree_at(lambda m: m.wheel_support, model, shaft)
-    loads = [
-        {"gear": "wheel", "index": i, "load_N": dict.fromkeys("STZ", -1e5 - i)}
-        for i in range(len(at))
-    ]
-    figure = Figure(figsize=pictures._side_view_size(crowded), layout="constrained")
+    figure = Figure(figsize=(8.0, 7.0), layout="constrained")
     axes = figure.subplots()
     axes.set(aspect="equal", xlim=(-60.0, 80.0), ylim=(-50.0, 150.0))
-    pictures._write_bearing_loads(axes, crowded, loads)
+    loads = ["\n".join(f"{axis} {-1e5 - i:.0f} N" for axis in "STZ") for i in range(len(at))]
+    # On a shaft of 40 mm that carries its gear at 50 mm, above the other one.
+    edges = np.full(len(at), 126.0)
+    labels = bearing_labels.Labels(loads, np.asarray(at) - 50.0, edges, 1)
+    bearing_labels.write_labels(axes, [labels])
     figure.draw_without_rendering()
     notes = [x for x in axes.texts if isinstance(x, Annotation)]
     texts = [x for x in notes if x.get_text()]
@@ -463,11 +456,11 @@ def test_labels_of_bearings_hide_nothing(cycles, at):
 
 def test_places_of_labels_by_hand():
     """Flags fly away from the gear, the outermost lowest; far from others they stay."""
-    row, aside = pictures._label_places(np.asarray([-10.0, -12.0, -40.0, 1.0, 8.0, 14.0]), 9.0)
+    row, aside = bearing_labels.label_places(np.asarray([-10.0, -12.0, -40.0, 1.0, 8.0, 14.0]), 9.0)
     assert aside.tolist() == [-1, -1, 0, 1, 1, 1]
     assert row.tolist() == [1, 0, 0, 2, 1, 0]
     # Next to each other on either side of mid-face they need but one row.
-    row, aside = pictures._label_places(np.asarray([-1.0, 1.0]), 9.0)
+    row, aside = bearing_labels.label_places(np.asarray([-1.0, 1.0]), 9.0)
     assert (row.tolist(), aside.tolist()) == ([0, 0], [-1, 1])
 
 
@@ -478,9 +471,9 @@ def test_deflected_line_of_a_beam_body_is_the_motion_of_its_sections(cycles):
     body = jg.BeamBody(30 * jg.mm, 68 * jg.mm, jg.Material(poisson=0.45))
     heights = node_heights(shaft, body)
     motion = np.random.default_rng(3).normal(size=6 * len(heights)) * jg.um
-    z, *moved = np.asarray(jax.jit(tables._line_of_shaft)(shaft, body, motion))
+    z, *moved = np.asarray(jax.jit(_shafts.line_of_shaft)(shaft, body, motion))
     first = shaft.layout.gear_nodes[0]
-    count = tables._POINTS_OF_BEAM
+    count = _shafts.POINTS_OF_BEAM
     inside = slice(first * count, (first + 1) * count)
     sections = jax.vmap(lambda at: body.section_motion(shaft, at))
     expected = jax.jit(sections)(z[inside]) @ motion[6 * first : 6 * first + 12]
@@ -490,63 +483,26 @@ def test_deflected_line_of_a_beam_body_is_the_motion_of_its_sections(cycles):
 def test_torques_of_the_side_view_balance(cycles):
     """The wheel's is the pinion's times the ratio of teeth."""
     model, _ = cycles["mounted"]
-    assert pictures._torque_on(model, 0) == 300.0
-    assert pictures._torque_on(model, 1) == pytest.approx(300.0 * 31 / 25)
-
-
-def test_bias_that_is_zero_is_not_on_the_logarithmic_line():
-    figure = search_pictures.smoothing_bias(_WIDTH, _BIAS, _BIAS, 0.8, "bias")
-    line, zeros = figure.axes[0].lines
-    np.testing.assert_array_equal(line.get_xdata(), _WIDTH[1:])
-    np.testing.assert_array_equal(zeros.get_xdata(), _WIDTH[:1])
-
-
-def test_valley_ends_where_it_leaves_the_map():
-    chart, valley, closed = _chart()
-    figure = search_pictures.master_curve(chart, valley, closed, np.zeros((0, 2)), "map")
-    drawn = {line.get_label(): line for line in figure.axes[0].lines}
-    assert set(drawn) == {"valley, computed", "closed form"}
-    points = np.asarray(drawn["valley, computed"].get_xydata())
-    x, y = points[np.isfinite(points[:, 1])].T
-    np.testing.assert_allclose(y, 2.0 / x)
-    assert np.min(x) == pytest.approx(0.125)
-    assert np.nanmax(np.asarray(drawn["closed form"].get_ydata())) <= 20.0
-
-
-def test_a_valley_that_jumps_is_broken_and_no_closed_form_is_no_line():
-    chart, valley, closed = _chart()
-    depth = valley.depth.copy()
-    depth[-1] = 0.9 * chart.depth[-1]
-    jumping = SimpleNamespace(extent=valley.extent, depth=depth, value=valley.value)
-    nothing = np.full_like(closed, np.nan)
-    figure = search_pictures.master_curve(chart, jumping, nothing, np.zeros((0, 2)), "map")
-    (line,) = figure.axes[0].lines
-    assert line.get_label() == "valley, computed"
-    assert np.isnan(np.asarray(line.get_ydata())[-1])
-
-
-def test_trace_is_the_best_so_far():
-    figure = search_pictures.search_trace(_SEARCHES, "µm²", "searches")
-    assert np.asarray(figure.axes[0].lines[0].get_ydata()).tolist() == [4.0, 4.0, 0.1]
-    assert figure.axes[0].get_xscale() == "log"
+    assert _shafts.torque_on(model, "pinion") == 300.0
+    assert _shafts.torque_on(model, "wheel") == pytest.approx(300.0 * 31 / 25)
 
 
 def test_configuration_is_left_alone(datasets):
     before = dict(matplotlib.rcParams)
-    pictures.flank_maps(datasets["spur"], "spur")
+    pictures.flank_maps(datasets["spur"])
     assert dict(matplotlib.rcParams) == before
 
 
 def test_pyplot_stays_away():
-    code = "import sys, jaxgear.plot._pictures; sys.exit('matplotlib.pyplot' in sys.modules)"
+    code = "import sys, jaxgear.plot._cycle_pictures; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 def test_both_files_have_the_layout_that_each_would_have_alone(datasets, tmp_path):
-    _saved(pictures.flank_maps(datasets["spur"], "spur"), {}, tmp_path)
+    _saved(pictures.flank_maps(datasets["spur"]), {}, tmp_path)
     for ending, dots in (("png", 150), ("svg", "figure")):
-        alone = pictures.flank_maps(datasets["spur"], "spur")
-        with pictures._house_look():
+        alone = pictures.flank_maps(datasets["spur"])
+        with house_look():
             alone.savefig(tmp_path / f"alone.{ending}", dpi=dots)
     shown, expected = (
         matplotlib.image.imread(tmp_path / f"{name}.png") for name in ("picture", "alone")
@@ -568,8 +524,7 @@ def _words(svg):
 
 
 def test_without_pictures_data_is_written_all_the_same(tmp_path):
-    draw = lambda: search_pictures.search_trace(_SEARCHES, "-", "searches")
-    columns = search_tables.search_trace_columns(_SEARCHES, "-")
+    draw, columns = Figure, {"a_um": np.asarray([1.0, 2.0])}
     bare, beside = tmp_path / "bare", {"x_um": np.asarray([1.0])}
     bare.mkdir()
     save(draw, columns, Folder(tmp_path), "search", more=beside)
@@ -585,11 +540,50 @@ def test_commands_come_without_matplotlib(tmp_path):
     code = (
         "import pathlib, sys\n"
         "import jaxgear._cli._commands, jaxgear.study._compare, jaxgear.study._condense\n"
-        "import jaxgear.plot._hybrid_tables, jaxgear.study._sensitivities\n"
-        "import jaxgear.plot._wave_tables\n"
+        "import jaxgear.plot._atlas, jaxgear.study._sensitivities, jaxgear.study._body_fields\n"
         "from jaxgear._cli._folder import Folder\n"
         "from jaxgear._cli._saving import save\n"
         "save(None, {'a': [1.0]}, Folder(pathlib.Path(sys.argv[1]), pictures=False), 'a')\n"
         "sys.exit('matplotlib' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code, tmp_path], check=False).returncode == 0
+
+
+def test_a_result_is_drawn_again_without_jax(groups, tmp_path):
+    """The same files as of the datasets in memory."""
+    again = tmp_path / "again"
+    root, *others = groups["mounted"].items()
+    write_dataset(root[1], tmp_path / "result.nc", dict(others))
+    code = (
+        "import sys\nfrom jaxgear._cli._main import main\n"
+        "code = main(['plot', sys.argv[1], '--out', sys.argv[2], '--quiet'])\n"
+        "sys.exit(code or 'jax' in sys.modules)"
+    )
+    command = [sys.executable, "-c", code, str(tmp_path / "result.nc"), str(again)]
+    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    names = [each.name for each in plot.pictures(groups["mounted"])]
+    assert {path.stem for path in again.glob("*.png")} == set(names)
+    shafts = next(each for each in plot.pictures(groups["mounted"]) if each.name == "shafts")
+    save(shafts.draw, shafts.table, Folder(tmp_path), "shafts", **shafts.beside)
+    for name in ("shafts.svg", "shafts.csv", "shafts_bearings.csv"):
+        assert (tmp_path / name).read_bytes() == (again / name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [(None, "no such file"), ("schema = 1", "not a result of jaxgear: no netCDF file")],
+)
+def test_what_is_no_result_is_said(tmp_path, capsys, text, words):
+    path = tmp_path / "result.nc"
+    if text is not None:
+        path.write_text(text)
+    assert main(["plot", str(path)]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_a_result_without_pictures_is_said(tmp_path, capsys):
+    path = tmp_path / "result.nc"
+    write_dataset(xr.Dataset({"x": 1.0}), path)
+    assert main(["plot", str(path)]) == 2
+    assert "nothing in it to draw" in capsys.readouterr().err

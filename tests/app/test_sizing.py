@@ -1,15 +1,14 @@
 """The sizing table: its numbers are those of a run, its order is the promised one."""
 
-import csv
-
 import numpy as np
 import pytest
 
+from jaxgear import plot
 from jaxgear._checks import InputError
-from jaxgear._cli._commands import _sizing
-from jaxgear._cli._folder import Folder
 from jaxgear.scene._scene import ready_scene
-from jaxgear.study._sizing import RESPONSES, _ranked, combinations_of
+from jaxgear.study import sizing
+from jaxgear.study._results import Entry
+from jaxgear.study._sizing import RESPONSES, combinations_of, ranked
 from jaxgear.study._statics import solve_statics
 
 _COARSE = ("mesh.phases=8", "mesh.slices=3", "mesh.stiffness=iso6336")
@@ -22,15 +21,14 @@ _SCENE = (
 
 
 @pytest.fixture(scope="module")
-def solved(tmp_path_factory):
-    """The table of three depths, one of them given twice, and two biases, as a run writes it."""
-    folder = tmp_path_factory.mktemp("sizing")
-    scene = ready_scene("accessory", _SCENE)
-    summary = _sizing(scene, solve_statics(scene), Folder(folder))["sizing"]
-    with (folder / "sizing.csv").open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    assert (folder / "sizing.png").stat().st_size > 0
-    return summary, rows
+def solved():
+    """The table of three depths, one of them given twice, and two biases."""
+    result = sizing(ready_scene("accessory", _SCENE))
+    (picture,) = plot.pictures(result.datasets)
+    assert picture.draw().axes
+    names = list(picture.table)
+    rows = [dict(zip(names, row, strict=True)) for row in zip(*picture.table.values(), strict=True)]
+    return result.summary["sizing"], rows
 
 
 def test_numbers_are_those_of_a_run(solved):
@@ -74,11 +72,12 @@ def test_pressure_decides_between_equals_and_unsolved_are_last():
     error = np.asarray([[1.0, 2.0], [1.0, 0.5], [0.3, 1.0 + 1e-5], [0.1, np.nan]])
     pressure = np.asarray([[900.0, 700.0], [1000.0, 900.0], [800.0, 800.0], [1.0, np.nan]])
     values = np.stack([error, error, error, pressure, error], axis=2)
-    amounts = np.arange(4.0)[:, None]
-    table = _ranked(("a",), np.asarray([50.0, 90.0]), amounts, values)
-    assert table.amounts[:, 0].tolist() == [2.0, 1.0, 0.0, 3.0]
-    assert table.pressure_rank.tolist() == [1, 3, 2, 4]
-    assert table.worst("max_pressure_MPa")[:3].tolist() == [800.0, 1000.0, 900.0]
+    table = ranked(
+        {"a": Entry(("combination",), np.arange(4.0), "1", "a")}, np.asarray([50.0, 90.0]), values
+    )
+    assert table["a"].values.tolist() == [2.0, 1.0, 0.0, 3.0]
+    assert table["rank_by_pressure"].values.tolist() == [1, 3, 2, 4]
+    assert table["worst_max_pressure_MPa"].values[:3].tolist() == [800.0, 1000.0, 900.0]
 
 
 @pytest.mark.parametrize(

@@ -16,18 +16,20 @@ from tiny_cases import tiny_scene
 
 import jaxgear as jg
 from jaxgear._checks import InputError
-from jaxgear._cli import _commands
 from jaxgear._cli import _main as _cli
 from jaxgear._cli._main import main
 from jaxgear._dynamics._damping import ModalDamping, RayleighDamping
 from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._march import Marching
+from jaxgear._response._sweep_features import prominent
 from jaxgear._system._body_modes import BodyBasis
 from jaxgear._system._shaft import Shaft
 from jaxgear.scene._build import model_of
 from jaxgear.scene._scene import read_scene
-from jaxgear.study import _dynamics
+from jaxgear.study import _dynamics, _sweep
 from jaxgear.study._notes import sweep_notes
+from jaxgear.study._sweep_dataset import sweep_dataset
+from jaxgear.study._sweeping import Sweep, swept
 
 _SPUR = """schema = 1
 name = "spur"
@@ -75,7 +77,7 @@ def both(folder):
         return pairs[0]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_commands, "solve_dynamics", noted)
+        patch.setattr(_sweep, "solve_dynamics", noted)
         assert main(["sweep", str(_scene(folder)), "--out", str(out), "--quiet"]) == 0
     own = out / "sweep"
     return own, json.loads((own / "summary.json").read_text()), pairs[0]
@@ -134,10 +136,10 @@ def test_marching_agrees_with_harmonic_balance(both, folder):
     _, summary, dynamics = both
     scene = read_scene(folder / "spur.toml", ("sweep.method=newmark", "sweep.cycles=60"))
     speeds = np.asarray([1500.0, 2000.0])
-    found = _dynamics.swept(scene, dynamics.pair, speeds, "up", lambda _: None)
+    found = swept(scene, dynamics.pair, speeds, "up", lambda _: None)
     assert all(response.settled and response.stable for response in found)
     assert [response.periods for response in found] == [1, 1]
-    ratio = [float(response.numbers["dynamic_ratio"]) for response in found]
+    ratio = [float(response.numbers.dynamic_ratio) for response in found]
     assert ratio == pytest.approx(summary["sweep"]["dynamic_ratio_up"][:2], rel=0.02)
 
 
@@ -160,15 +162,11 @@ def test_a_slow_pair_has_its_quasi_static_transmission_error(folder):
     scene = scene.replace({"sweep.steps": 24, "sweep.harmonics": 5, "sweep.orders": 1})
     dynamics = _dynamics.solve_dynamics(scene)
     # Very slowly, many steps of a resonance lie within one of the mesh: its mean is left.
-    (response,) = _dynamics.swept(scene, dynamics.pair, np.asarray([1.0]), "up", lambda _: None)
+    (response,) = swept(scene, dynamics.pair, np.asarray([1.0]), "up", lambda _: None)
     mean = float(dynamics.statics.numbers["te_mean_um"]) * jg.um
     assert response.settled
-    assert response.numbers["te_mean"] == pytest.approx(mean, rel=5e-3)
-    dataset = _dynamics.sweep_dataset(
-        dynamics.pair,
-        dynamics.statics.model,
-        _dynamics.Sweep(np.asarray([1.0]), {"up": (response,)}, (), {}),
-    )
+    assert response.numbers.te_mean == pytest.approx(mean, rel=5e-3)
+    dataset = sweep_dataset(dynamics, Sweep(np.asarray([1.0]), {"up": (response,)}, (), {}))
     assert dataset["bearing"].values.tolist() == ["pinion 0", "pinion 1"]
     assert dataset["bearing_load_order_N"].shape == (1, 1, 2, 3, 1)
 
@@ -333,6 +331,7 @@ def test_a_condensed_wheel_from_its_drawing_to_its_waves(folder, capsys, monkeyp
     assert waves["flank"]["max_line_load_N_mm"] == pytest.approx(load.max())
     for name in ("flank_pressure", "flank_loads", "wheel_waves", "wheel_spectra", "sweep"):
         assert (out / "sweep" / f"{name}.png").stat().st_size > 0
+    assert (out / "sweep" / "wheel_shape.gif").stat().st_size > 0
     assert "modes/campbell_critical.csv" in assert_tables(out)
 
 
@@ -363,8 +362,8 @@ def test_prominent_maxima_are_those_of_scipy():
     for count in range(1, 60):
         values, least = draw.random(count), 0.5 * draw.random()
         expected = scipy.signal.find_peaks(values, prominence=least)[0]
-        assert _dynamics.prominent(values, least) == list(expected)
+        assert prominent(values, least) == list(expected)
 
 
 def test_of_a_flat_top_the_first_place_is_the_maximum():
-    assert _dynamics.prominent(np.asarray([0.0, 1.0, 1.0, 0.5, 1.0, 1.0, 2.0]), 0.4) == [1]
+    assert prominent(np.asarray([0.0, 1.0, 1.0, 0.5, 1.0, 1.0, 2.0]), 0.4) == [1]

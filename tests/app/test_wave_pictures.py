@@ -7,22 +7,27 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from PIL import Image
+from table_checks import assert_table
 from tiny_cases import tiny_scene
 
+from jaxgear import plot
 from jaxgear._checks import InputError
-from jaxgear._cli._folder import Folder
 from jaxgear._dynamics._system import PairDynamics
-from jaxgear._response._body_motion import BodyMotion, rotating_spectrum
-from jaxgear._response._waves import along_directions
+from jaxgear._response._flank_loads import FlankLoads
+from jaxgear._response._measured import Measured
+from jaxgear._response._waves import BodyMotion, along_directions, rotating_spectrum
 from jaxgear._system._body_modes import body_basis
 from jaxgear._units import mm, um
-from jaxgear.plot import _wave_pictures as pictures
-from jaxgear.plot import _wave_tables as tables
+from jaxgear._whole_file import write_csv
+from jaxgear.plot import _shape_pictures
 from jaxgear.scene._bodies import body_plan
 from jaxgear.scene._body_build import built_body
 from jaxgear.scene._scene import read_scene
-from jaxgear.study import _body_waves as body_waves
+from jaxgear.study import _body_shapes, _probes
+from jaxgear.study._body_waves import Peak, wave_watch
+from jaxgear.study._moving_body import MovingBody
 from jaxgear.study._sweeping import Response, Sweep
+from jaxgear.study._waves_result import waves_result
 
 TEETH = 24
 _SCENE = (
@@ -70,7 +75,7 @@ def scene(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def watch(scene):
-    return body_waves.wave_watch(scene, object.__new__(PairDynamics))
+    return wave_watch(scene, object.__new__(PairDynamics))
 
 
 @pytest.fixture(scope="module")
@@ -84,30 +89,40 @@ def motion(watch):
     return BodyMotion(amplitudes, basis.turning, TEETH, 1, -100.0, 0.3)
 
 
+def made_loads(speed):
+    """One tooth pair on a line of two slices, from its entry to its exit."""
+    passage = np.linspace(0.0, 1.5, 16)[:, None]
+    load = 1e5 * np.sin(np.pi * passage[:, :, None] / 1.5) * np.array([1.0, 2.0])
+    pair, touching = np.zeros(passage.shape, int), np.ones(passage.shape, bool)
+    face = np.array([-0.003, 0.003])
+    return FlankLoads(speed, passage, pair, touching, face, load, 1e6 * np.sqrt(np.abs(load)))
+
+
 @pytest.fixture(scope="module")
-def seen(watch, motion):
-    """The watch after a sweep of two speeds, of which the first was the higher, and its data."""
-    each = watch.looked["wheel"]
-    rms = each.waves(motion).by_diameter(each.most, each.low)
-    probes = np.array([np.sqrt(p.spectrum(motion).mean_square) for p in each.probes])
-    responses = tuple(
-        Response(speed, True, True, 1, 0.0, None, numbers)
-        for speed, part in ((100.0, 1.0), (200.0, 0.5))
-        for numbers in [{"wheel_wave_rms": part * rms, "wheel_probe_rms": part * probes}]
+def found(scene, watch, motion):
+    """What is said of a sweep of two speeds, of which the first was the higher."""
+    whole = {"wheel": motion}
+    loads = made_loads(100.0)
+    seen = watch.look(loads.largest, whole)
+    half = seen._replace(waves={name: 0.5 * each for name, each in seen.waves.items()})
+    watch = dataclasses.replace(
+        watch,
+        seen={"up": {100.0: seen, 200.0: half}},
+        peak={"up": Peak((True, 1.0), 100.0, whole)},
+        loads={"up": {"peak": loads}},
     )
-    numbers = [{**r.numbers, "dynamic_ratio": np.asarray(1.0)} for r in responses]
-    responses = tuple(
-        dataclasses.replace(r, numbers=n) for r, n in zip(responses, numbers, strict=True)
-    )
-    best = {"up": (True, 1.0, 100.0, {"wheel": motion})}
-    looked = dataclasses.replace(watch, best=best)
+    gears = SimpleNamespace(face_width=0.012)
+    watch.pair = SimpleNamespace(cycle=SimpleNamespace(system=SimpleNamespace(pair=gears)))
+    numbers = Measured(*[1.0] * len(Measured._fields))
+    responses = tuple(Response(x, True, True, 1, 0.0, None, numbers) for x in (100.0, 200.0))
     sweep = Sweep(np.array([100.0, 200.0]), {"up": responses}, (), {})
-    return looked, body_waves.waves_dataset(looked, sweep)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_body_shapes, "_STATES", 2)
+        yield waves_result(scene, watch, sweep)
 
 
-def test_the_wave_is_named(seen):
-    watch, dataset = seen
-    (found,) = body_waves.waves_summary(watch, dataset)
+def test_the_wave_is_named(found):
+    (found,) = found.summary["waves"]
     assert (found["order"], found["nodal_diameters"]) == (TEETH - 2, 2)
     assert found["wave"] == "2 nodal diameters, forward"
     assert found["share"] > 0.999
@@ -153,26 +168,24 @@ def test_a_gauge_on_the_web_moves_as_the_grid_does(watch, motion):
     )
 
 
-def test_pictures_and_shapes_are_written(seen, tmp_path, monkeypatch):
-    watch, dataset = seen
-    monkeypatch.setattr(pictures, "_FRAMES", 3)
-    monkeypatch.setattr(tables, "_STATES", 2)
+def test_pictures_and_shapes_are_written(found, tmp_path, monkeypatch):
+    monkeypatch.setattr(_shape_pictures, "_FRAMES", 3)
     drawn = {}
-
-    def save(draw, columns, folder, name, **beside):
-        draw().savefig(folder / f"{name}.png", dpi=40)
-        drawn[name] = columns
-        drawn.update({f"{name}_{key}": others for key, others in beside.items()})
-
-    monkeypatch.setattr(tables, "save", save)
-    tables.draw(Folder(tmp_path), "tiny", watch, dataset)
+    for each in plot.pictures(found.datasets):
+        each.draw().savefig(tmp_path / f"{each.name}.png", dpi=40)
+        drawn[each.name] = each.table
+        drawn.update({f"{each.name}_{key}": others for key, others in each.beside.items()})
     names = {"wheel_spectra", "wheel_waves", "wheel_levels", "wheel_levels_probes"}
-    assert set(drawn) == names
-    for columns in drawn.values():
-        (length,) = {len(values) for values in columns.values()}
-        assert length > 0
+    assert set(drawn) == names | {"flank_pressure", "flank_loads"}
+    for name, columns in drawn.items():
+        write_csv(columns, tmp_path / f"{name}.csv")
+        assert len(assert_table(tmp_path / f"{name}.csv"))
+    (moving,) = plot.animations(found.datasets)
+    moving.write(tmp_path / f"{moving.name}.gif")
     with Image.open(tmp_path / "wheel_shape.gif") as picture:
         assert getattr(picture, "n_frames", 1) == 3
+    ((name, write),) = found.files.items()
+    write(tmp_path / name)
     series = json.loads((tmp_path / "wheel_shape" / "wheel_shape.vtu.series").read_text())
     assert [each["time"] for each in series["files"]] == [0.0, 0.5]
     first = tmp_path / "wheel_shape" / series["files"][0]["name"]
@@ -185,22 +198,22 @@ def test_probes_say_what_they_cannot_see(scene, watch):
     body = watch.looked["wheel"].body
     at = lambda **place: dataclasses.replace(scene, fixed={**scene.fixed, **place})
     with pytest.raises(InputError, match=r"probes\[0\]: no node of the wheel's body is near"):
-        body_waves._asked(at(**{"probes[0].radius_mm": 100.0}), body)
+        _probes._asked(at(**{"probes[0].radius_mm": 100.0}), body)
     with pytest.raises(InputError, match=r"probes\[0\]\.node: no node 'ear' was condensed"):
-        body_waves._asked(at(**{"probes[0].node": "ear"}), body)
+        _probes._asked(at(**{"probes[0].node": "ear"}), body)
     with pytest.raises(InputError, match=r"probes\[1\]\.gear: the body of the pinion is not"):
-        body_waves._asked(at(**{"probes[1].gear": "pinion"}), body)
+        _probes._asked(at(**{"probes[1].gear": "pinion"}), body)
     bare = dataclasses.replace(body.built.body, nodes=np.zeros((0, 3)), bricks=np.zeros((0, 20)))
     built = dataclasses.replace(body.built, body=bare, view=None)
-    rim_only = body_waves.MovingBody("wheel", built, body.basis, TEETH)
+    rim_only = MovingBody("wheel", built, body.basis, TEETH)
     with pytest.raises(InputError, match="Of a body without a grid only the rim is known"):
-        body_waves._asked(scene, rim_only)
-    (usual, *_) = body_waves._usual(rim_only)
+        _probes._asked(scene, rim_only)
+    (usual, *_) = _probes._usual(rim_only)
     assert usual.turns
 
 
 def test_the_usual_probes_are_on_the_rim(watch, motion):
-    found = body_waves._usual(watch.looked["wheel"].body)
+    found = _probes._usual(watch.looked["wheel"].body)
     assert [probe.turns for probe in found] == [True, True, False, False]
     axial = [np.abs(probe.spectrum(motion).amplitude).max() / um for probe in found[::2]]
     # One wave passes both, but for what repeats with the sectors.
