@@ -1,7 +1,6 @@
 """Looking at condensed bodies while a scene is swept: their waves, probes and flanks."""
 
 import dataclasses
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -192,16 +191,13 @@ class WaveWatch:
         )
 
 
-def wave_watch(
-    scene: Scene, pair: PairDynamics, tell: Callable[[str], None] = lambda step: None
-) -> WaveWatch:
+def wave_watch(scene: Scene, pair: PairDynamics) -> WaveWatch:
     """Get ready to look at the waves of a scene's bodies while it is swept.
 
     **Arguments:**
 
     - `scene`: with its bodies, made to move.
     - `pair`: that is swept.
-    - `tell`: told what begins.
 
     **Returns:**
 
@@ -212,7 +208,7 @@ def wave_watch(
     - `ValueError` if a probe is where there is no node.
     """
     looked, gears = {}, pair_of(scene)
-    for gear, body in moving_bodies(scene, tell).items():
+    for gear, body in moving_bodies(scene).items():
         circles = body.rim_circles()
         most = min(_MOST, *(int(circle.number.max()) for circle in circles))
         rim, angle = joined_circles(circles, most), start_angle(gears, body.index)

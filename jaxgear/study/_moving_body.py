@@ -1,7 +1,8 @@
 """Condensed bodies that vibrate, with all of their grid: what their nodes do."""
 
+import dataclasses
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 import scipy
@@ -13,6 +14,7 @@ from jaxgear.scene._body_build import BuiltBody, Steps, full_of
 from jaxgear.scene._body_words import in_keys
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
+from jaxgear.study._progress import say
 
 # Nodes on one circle, over the radius.
 SAME_CIRCLE = 1e-4
@@ -20,6 +22,7 @@ SAME_CIRCLE = 1e-4
 _AT_ONCE = 32
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
 class MovingBody:
     """A condensed body that vibrates, and all of its grid.
 
@@ -32,18 +35,11 @@ class MovingBody:
     - `gear_seat`: number of the seat against which waves are told.
     """
 
-    def __init__(
-        self,
-        gear: str,
-        built: BuiltBody,
-        basis: BodyBasis,
-        teeth: int,
-        gear_seat: int = 0,
-        tell: Callable[[str], None] = lambda step: None,
-    ):
-        self.gear, self.built, self.basis, self.teeth = gear, built, basis, teeth
-        self.gear_seat = gear_seat
-        self._tell = tell
+    gear: str
+    built: BuiltBody
+    basis: BodyBasis
+    teeth: int
+    gear_seat: int = 0
 
     @property
     def index(self) -> int:
@@ -77,9 +73,9 @@ class MovingBody:
 
     @functools.cached_property
     def _held(self) -> fem_prep.Held:
-        steps = Steps(lambda step: self._tell(f"{self.gear}: {step}"))
+        steps = Steps(lambda step: say(f"{self.gear}: {step}"))
         with in_keys(self.gear):
-            return fem_prep.hold(full_of(self.built.plan, Steps(self._tell)), progress=steps)
+            return fem_prep.hold(full_of(self.built.plan, Steps(say)), progress=steps)
 
     def rows(self, chosen: np.ndarray) -> np.ndarray:
         """Displacements of nodes per seat and mode.
@@ -165,15 +161,12 @@ def angle_of(places: np.ndarray) -> np.ndarray:
     return np.arctan2(places[:, 1], places[:, 0])
 
 
-def moving_bodies(
-    scene: Scene, tell: Callable[[str], None] = lambda step: None
-) -> Mapping[str, MovingBody]:
+def moving_bodies(scene: Scene) -> Mapping[str, MovingBody]:
     """The condensed bodies of a scene that vibrate.
 
     **Arguments:**
 
     - `scene`: with its bodies, made to move.
-    - `tell`: told what begins.
 
     **Returns:**
 
@@ -187,5 +180,5 @@ def moving_bodies(
         sectors = mesh_body.built.body.facts.get("sectors", 1)
         basis, _ = mesh_body.basis.under_teeth(teeth, sectors)
         seat = mesh_body.flexible.gear_seat
-        found[gear] = MovingBody(gear, mesh_body.built, basis, teeth, seat, tell)
+        found[gear] = MovingBody(gear, mesh_body.built, basis, teeth, seat)
     return found

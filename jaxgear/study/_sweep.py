@@ -75,8 +75,8 @@ def sweep_result(scene: Scene, dynamics: Dynamics) -> Result:
         return Result(scene, summary, datasets)
     from jaxgear.study._waves_result import waves_result
 
-    with narration("waves") as tell:
-        waves = waves_result(scene, watch, found, tell)
+    with narration("waves"):
+        waves = waves_result(scene, watch, found)
     summary["sweep"] |= waves.summary
     return Result(scene, summary, datasets | dict(waves.datasets), waves.files)
 
@@ -89,5 +89,5 @@ def _wave_watch(scene: Scene, dynamics: Dynamics):
         return None
     from jaxgear.study._body_waves import wave_watch
 
-    with narration("probes") as tell:
-        return wave_watch(scene, dynamics.pair, tell)
+    with narration("probes"):
+        return wave_watch(scene, dynamics.pair)

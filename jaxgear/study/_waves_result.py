@@ -1,7 +1,7 @@
 """What a sweep shows of condensed bodies: waves, flanks and shapes as datasets, and a summary."""
 
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
@@ -13,6 +13,7 @@ from jaxgear.scene._scene import Scene
 from jaxgear.study._body_shapes import shape_dataset, write_shapes
 from jaxgear.study._body_waves import Looked, MainWave, Seen, WaveWatch
 from jaxgear.study._flank_dataset import flanks_dataset, largest_loads, loads_summary
+from jaxgear.study._progress import say
 from jaxgear.study._result import Result, Summary, titled
 from jaxgear.study._results import Entry
 from jaxgear.study._sweeping import Sweep
@@ -22,9 +23,7 @@ _SMALL = 1e-4
 _PLACE = ("direction", "speed")
 
 
-def waves_result(
-    scene: Scene, watch: WaveWatch, sweep: Sweep, tell: Callable[[str], None] = lambda step: None
-) -> Result:
+def waves_result(scene: Scene, watch: WaveWatch, sweep: Sweep) -> Result:
     """Collect what was seen of condensed bodies over a sweep.
 
     **Arguments:**
@@ -32,7 +31,6 @@ def waves_result(
     - `scene`: that was swept.
     - `watch`: that looked.
     - `sweep`: what was found.
-    - `tell`: told what begins.
 
     **Returns:**
 
@@ -48,7 +46,7 @@ def waves_result(
     files, summary = {}, []
     for gear, each in watch.looked.items():
         main = each.main_wave(peak.motions[gear])
-        tell(f"{gear}: its shape at order {main.order:g}")
+        say(f"{gear}: its shape at order {main.order:g}")
         shape = each.body.shape(peak.motions[gear], main.order)
         at_peak = f", pinion at {peak.speed:.5g} rad/s: {gear}"
         datasets[f"shape_{gear}"] = titled(shape_dataset(each.body, shape, main), scene, at_peak)

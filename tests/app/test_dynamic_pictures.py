@@ -3,6 +3,7 @@
 import functools
 import itertools
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -157,7 +158,9 @@ def _orbits(places=(130,), names=("settled",), periods=(2,)):
         scales = (1.0, 8.0, 8.0e-3 * _RESONANCE * _TEETH)
         for name, scale, values in zip(data, scales, (force, x, v), strict=True):
             data[name].append(np.where(phase < last, scale * values[place], np.nan))
-    variables = {name: (("branch", "phase"), np.stack(rows)) for name, rows in data.items()}
+    variables: dict[str, Any] = {
+        name: (("branch", "phase"), np.stack(rows)) for name, rows in data.items()
+    }
     static = 8.0 / (1.0 + 0.22 * np.tanh(6.0 * np.cos(2.0 * np.pi * phase)))
     variables["te_static_um"] = ("phase", static)
     variables["stable"] = ("branch", np.ones(len(places), bool))
