@@ -1,4 +1,4 @@
-"""The pictures of dynamics: sweeps, orders, contact loss, modes, orbits and the chart of methods.
+"""The pictures of dynamics: sweeps, orders, contact loss, modes and orbits.
 
 As in `_pictures`, each is a function from plain arrays or a dataset to a figure; `_dynamic_tables`
 gives its data. Speeds are those of the pinion.
@@ -8,7 +8,6 @@ import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-import equinox as eqx
 import matplotlib
 import numpy as np
 import xarray as xr
@@ -36,14 +35,10 @@ from jaxgear.plot._dynamic_tables import (
     contact_shares_columns,
     crossing_columns,
 )
-from jaxgear.plot._palette import _BLUE, _GREEN, _GREY, _ORANGE, _RED, _SKY
+from jaxgear.plot._labels import Label, text_size, write_labels
+from jaxgear.plot._palette import _BLUE, _GREEN, _GREY, _ORANGE, _RED, _SKY, PURPLE, SERIES
 from jaxgear.plot._pictures import _BOX, _SURFACE, _digits, _house_look, _panels, lay_out
 from jaxgear.plot._tables import _cycle_periods, _shares
-
-# The seventh of Okabe and Ito's palette; on white their yellow is hard to see.
-_PURPLE = "#CC79A7"
-_SERIES = (_BLUE, _ORANGE, _GREEN, _RED, _PURPLE, _SKY, "black")
-
 
 # --- What the pictures share
 
@@ -137,134 +132,6 @@ def _apart(places: np.ndarray, distance: float, low: float, high: float) -> np.n
     return np.clip(level, low, high - shift[-1]) + shift
 
 
-def _text_size(axes: Axes, text: str, look: Mapping[str, Any]) -> np.ndarray:
-    """Width and height of a text anywhere on the page [points]."""
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    # One that belongs to a place outside the axes has no size.
-    trial = figure.text(0.5, 0.5, text, **look)
-    size = np.asarray(trial.get_window_extent().size)
-    trial.remove()
-    return size * 72.0 / figure.dpi
-
-
-class _Label(eqx.Module):
-    """A text that belongs to a point.
-
-    **Fields:**
-
-    - `text`: what is written [-].
-    - `at`: the point, in data coordinates [-].
-    - `colour`: of the text.
-    - `bold`: whether it stands out.
-    """
-
-    text: str
-    at: tuple[float, float]
-    colour: str
-    bold: bool = False
-
-
-# Directions around a point in which a label may stand, the best first, and how far [points].
-_AROUND = np.deg2rad([30.0, -30.0, 150.0, 210.0, 90.0, -90.0, 60.0, 120.0, -60.0, 240.0, 0.0, 180])
-_FAR = 20.0
-_AWAY = (7.0, 14.0, 24.0, 36.0, 50.0, 66.0)
-
-
-def _write_labels(
-    axes: Axes,
-    labels: Sequence[_Label],
-    lines: Sequence[np.ndarray],
-    *,
-    points: np.ndarray | None = None,
-    drop: bool = False,
-) -> None:
-    """Labels next to their points, clear of each other, of all points and of lines if possible.
-
-    **Arguments:**
-
-    - `axes`: with its final limits and labels.
-    - `labels`: the important ones first.
-    - `lines`: that should stay clear: rows of x and y.
-    - `points`: that should stay clear besides those of the labels: rows of x and y.
-    - `drop`: leave out a label that would lie on another, on a point, outside the axes or far away.
-    """
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    lay_out(figure)
-    scale = 72.0 / figure.dpi
-    to_points = lambda xy: scale * axes.transData.transform(np.reshape(xy, (-1, 2)))
-    own = to_points([label.at for label in labels])
-    places = own if points is None else np.concatenate([own, to_points(points)])
-    dense = [np.empty((0, 2)), *(_filled(to_points(line)) for line in lines)]
-    taken = np.concatenate(dense)
-    frame = scale * axes.get_window_extent().get_points()
-    boxes: list[np.ndarray] = []
-    for label, point in zip(labels, own, strict=True):
-        look: dict[str, Any] = {"fontsize": 8.5, "zorder": 6}
-        look["weight"] = "bold" if label.bold else "normal"
-        size = _text_size(axes, label.text, look)
-        trials = [
-            _label_box(point, size, angle, away)
-            for away, angle in itertools.product(_AWAY, _AROUND)
-        ]
-        costs = np.asarray([_cost(box, frame, boxes, places, taken) for box in trials])
-        away = np.repeat(_AWAY, len(_AROUND))
-        # One that stands out has a ring around its point.
-        costs[:, 0] += 100.0 * (label.bold & (away < _AWAY[1]))
-        best = int(np.argmin(costs.sum(axis=1) + 0.02 * away))
-        if drop and (costs[best, 0] > 0.0 or away[best] > _FAR):
-            continue
-        box = trials[best]
-        boxes.append(box)
-        middle = 0.5 * (box[0] + box[1])
-        leader = {"arrowstyle": "-", "color": _GREY, "lw": 0.7, "shrinkA": 0.0, "shrinkB": 3.0}
-        axes.annotate(
-            label.text,
-            label.at,
-            xytext=tuple(middle - point),
-            textcoords="offset points",
-            ha="center",
-            va="center",
-            color=label.colour,
-            arrowprops=leader if away[best] > _AWAY[label.bold] else None,
-            **look,
-        )
-
-
-def _filled(line: np.ndarray) -> np.ndarray:
-    """Points along a polyline, a few points of the page apart."""
-    line = line[np.all(np.isfinite(line), axis=1)]
-    if len(line) < 2:
-        return line
-    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
-    along = np.linspace(0.0, length[-1], int(np.clip(length[-1] / 3.0, 2, 2000)))
-    return np.stack([np.interp(along, length, x) for x in line.T], axis=1)
-
-
-def _label_box(point: np.ndarray, size: np.ndarray, angle: float, away: float) -> np.ndarray:
-    """Corners of a label whose nearest edge or corner lies so far away from its point."""
-    towards = np.asarray([np.cos(angle), np.sin(angle)])
-    middle = point + away * towards + 0.5 * size * np.clip(1.42 * towards, -1.0, 1.0)
-    return np.stack([middle - 0.5 * size, middle + 0.5 * size])
-
-
-def _cost(
-    box: np.ndarray,
-    frame: np.ndarray,
-    boxes: Sequence[np.ndarray],
-    points: np.ndarray,
-    lines: np.ndarray,
-) -> tuple[float, float]:
-    """What speaks against a label there: what must not be under it, and what had better not."""
-    inside = lambda x, room: np.count_nonzero(
-        np.all((x > box[0] - room) & (x < box[1] + room), axis=1)
-    )
-    outside = np.any(box[0] < frame[0] + 1.0) or np.any(box[1] > frame[1] - 1.0)
-    others = sum(bool(np.all((box[0] < b[1] + 1) & (b[0] < box[1] + 1))) for b in boxes)
-    return 100.0 * (others + outside) + 20.0 * inside(points, 3.0), 1.0 * inside(lines, 1.0)
-
-
 # --- The sweep
 
 _DIRECTIONS = {"up": _BLUE, "down": _ORANGE, "cold": _GREEN}
@@ -327,7 +194,7 @@ def _draw_directions(axes: Axes, dataset: xr.Dataset, name: str) -> None:
     # The first direction lies on top; where both agree, the other is seen on either side of it.
     for row, direction in reversed(list(enumerate(directions))):
         own = dataset.sel(direction=direction)
-        values, colour = scale * own[name].values, _DIRECTIONS.get(direction, _SERIES[row])
+        values, colour = scale * own[name].values, _DIRECTIONS.get(direction, SERIES[row])
         shown = _flag(own, "settled") & np.isfinite(values)
         style: dict[str, Any] = {"color": colour, "lw": 2.0 + 2.4 * row, "zorder": 2.5 - 0.1 * row}
         style["alpha"] = 1.0 if row == 0 else 0.75
@@ -431,7 +298,7 @@ def _sweep_legend(dataset: xr.Dataset) -> list[Line2D]:
     directions = [str(x) for x in dataset["direction"].values]
     names = {"up": "speed rising", "down": "speed falling", "cold": "each speed by itself"}
     for row, direction in enumerate(directions):
-        colour = _DIRECTIONS.get(direction, _SERIES[row])
+        colour = _DIRECTIONS.get(direction, SERIES[row])
         label = names.get(direction, direction)
         handles.append(Line2D([], [], color=colour, lw=2.0 + 2.4 * row, label=label))
     settled = _flag(dataset, "settled")
@@ -497,7 +364,7 @@ def _write_critical(axes: Axes, shown: Sequence[tuple[float, str]]) -> None:
     """Lines at critical speeds, their labels upright in a strip above the curves, side by side."""
     low, high = axes.get_xlim()
     look: dict[str, Any] = {"fontsize": 8.5, "rotation": 90.0, "color": _GREY, "zorder": 4}
-    sizes = np.asarray([_text_size(axes, label, look) for _, label in shown])
+    sizes = np.asarray([text_size(axes, label, look) for _, label in shown])
     figure = axes.get_figure(root=True)
     assert figure is not None
     lay_out(figure)
@@ -736,7 +603,7 @@ def _draw_orders(axes: Axes, dataset: xr.Dataset, name: str) -> float:
     """The first orders of one quantity, and the largest amplitude."""
     speed, order, amplitude = _orders_of(dataset, name)
     most = float(np.max(amplitude, initial=0.0))
-    colours, dots = itertools.cycle(_SERIES), itertools.cycle(_BETWEEN)
+    colours, dots = itertools.cycle(SERIES), itertools.cycle(_BETWEEN)
     between = [x for x in range(len(order)) if not _is_whole(order[x])]
     strongest = sorted(between, key=lambda x: -float(np.max(amplitude[:, x])))[: len(_BETWEEN)]
     for row, (value, column) in enumerate(zip(order, amplitude.T, strict=True)):
@@ -758,7 +625,7 @@ def _draw_bearing_orders(axes: Axes, dataset: xr.Dataset) -> float:
     for row, name in enumerate(_bearing_names(dataset)):
         own = dataset.isel(bearing=row)
         speed, order, amplitude = _orders_of(own, "bearing_force_order_N")
-        colour = _SERIES[row % len(_SERIES)]
+        colour = SERIES[row % len(SERIES)]
         most = max(most, float(np.max(amplitude, initial=0.0)))
         for value, style in ((1.0, "-"), (2.0, (0, (4, 2)))):
             for column in amplitude.T[np.isclose(order, value)]:
@@ -886,7 +753,7 @@ _PARTS = {
     "pinion": (_ORANGE, "///"),
     "wheel": (_GREEN, "\\\\\\"),
     "shafts": (_SKY, "..."),
-    "bearings": (_PURPLE, "xxx"),
+    "bearings": (PURPLE, "xxx"),
 }
 _MODES_SHOWN = 40
 
@@ -1014,11 +881,11 @@ def campbell(dataset: xr.Dataset, title: str, *, harmonics: int = 4) -> Figure:
     important = np.argsort(-energy, kind="stable")
     chosen = [x for x in important if energy[x] >= 0.1 and places[x, 1] < 0.98 * top / unit]
     labels = [
-        _Label(f"{places[x, 0]:.0f} rad/s", (float(places[x, 0]), float(places[x, 1])), _RED)
+        Label(f"{places[x, 0]:.0f} rad/s", (float(places[x, 0]), float(places[x, 1])), _RED)
         for x in chosen[:_CROSSINGS_SHOWN]
     ]
     if labels:
-        _write_labels(axes, labels, [*rays, *curves], points=places, drop=True)
+        write_labels(axes, labels, [*rays, *curves], points=places, drop=True)
     handles = [
         Line2D([], [], color=_BLUE, lw=1.3, label="natural frequency"),
         Line2D([], [], color=_ORANGE, lw=1.1, ls=(0, (6, 2)), label="mesh frequency and harmonics"),
@@ -1113,133 +980,6 @@ def _write_modes(axes: Axes, curves: Sequence[np.ndarray]) -> None:
 
 # Of the axes' height: modes that are closer are drawn as one line.
 _ONE_LINE = 0.003
-
-
-# --- The chart of methods
-
-
-@_house_look()
-def compare(
-    rungs: Sequence[Mapping[str, Any]],
-    title: str,
-    *,
-    tolerance: float | None = None,
-    recommended: str | None = None,
-    quantity: str = "error of the largest mesh force, relative",
-    unit: str = "-",
-) -> Figure:
-    """Error over time for methods and their settings: what lies further down and left is better.
-
-    **Arguments:**
-
-    - `rungs`: each with `name`, `family`, `time_s` and `error`; those of one family are joined in
-        the order given. An error that is not finite failed, and stands at the
-        top; one of zero stands at the foot.
-    - `title`: the case or the finding.
-    - `tolerance`: the error that is asked for.
-    - `recommended`: name of the rung to be marked.
-    - `quantity`: what the error is of.
-    - `unit`: of the error.
-
-    **Returns:**
-
-    The figure.
-    """
-    figure, (axes,) = _panels((9.6, 6.2), f"Error over time: {title}")
-    families = list(dict.fromkeys(str(rung["family"]) for rung in rungs))
-    looks = dict(
-        zip(
-            families,
-            zip(itertools.cycle(_SERIES), itertools.cycle("os^vDP*X"), strict=False),
-            strict=False,
-        )
-    )
-    place = _rung_places(rungs, tolerance)
-    handles = []
-    for family in families:
-        colour, marker = looks[family]
-        rows = [row for row, rung in enumerate(rungs) if str(rung["family"]) == family]
-        good = [row for row in rows if _is_seen(rungs[row])]
-        axes.plot(*place[good].T, color=colour, lw=1.1, alpha=0.7, zorder=2.0)
-        axes.plot(*place[good].T, marker, ls="", color=colour, ms=6.5, zorder=3.0)
-        bad = [row for row in rows if row not in good]
-        axes.plot(*place[bad].T, marker, color=colour, mfc="none", ms=6.5, zorder=3.0)
-        handles.append(Line2D([], [], color=colour, marker=marker, ms=6.5, lw=1.1, label=family))
-    axes.set(xscale="log", yscale="log", xlabel="time, without compilation [s]")
-    axes.set_ylabel(f"{quantity} [{unit}]")
-    asked = [] if tolerance is None else [[place[0, 0], tolerance]]
-    _room_around(axes, np.concatenate([place, np.reshape(asked, (-1, 2))]))
-    if tolerance is not None:
-        axes.axhline(tolerance, color=_GREEN, lw=1.2, ls="--", zorder=1.5)
-        label = f"tolerance {tolerance:.2g}"
-        handles.append(Line2D([], [], color=_GREEN, lw=1.2, ls="--", label=label))
-    for row, rung in enumerate(rungs):
-        if rung["name"] == recommended:
-            ring: dict[str, Any] = {"marker": "o", "ls": "", "mfc": "none", "mec": "black"}
-            ring |= {"ms": 14, "mew": 1.6, "zorder": 3.5}
-            axes.plot(*place[row], **ring)
-            ring["ms"] = 9
-            handles.append(Line2D([], [], label=f"recommended: {recommended}", **ring))
-    failed = not all(np.isfinite(rung["error"]) for rung in rungs)
-    exact = any(rung["error"] == 0.0 for rung in rungs)
-    hollow: dict[str, Any] = {"marker": "o", "ls": "", "mfc": "none", "color": _GREY, "ms": 6.5}
-    words = {"no result (at the top)": failed, "no difference (at the foot)": exact}
-    handles += [Line2D([], [], label=text, **hollow) for text, any_of in words.items() if any_of]
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
-    _write_rungs(axes, rungs, place, looks, recommended, tolerance)
-    return figure
-
-
-def _is_seen(rung: Mapping[str, Any]) -> bool:
-    """Whether the error has a place on a logarithmic axis."""
-    return bool(np.isfinite(rung["error"])) and rung["error"] > 0.0
-
-
-def _rung_places(rungs: Sequence[Mapping[str, Any]], tolerance: float | None) -> np.ndarray:
-    """Rows time [s] and error of each rung: failures above all others, errors of zero below."""
-    error = np.asarray([float(rung["error"]) for rung in rungs])
-    seen = np.asarray([_is_seen(rung) for rung in rungs])
-    others = [float(tolerance or 1e-3), *error[seen]]
-    beyond = np.where(error == 0.0, min(others) / 3.0, 3.0 * max(others))
-    time = np.asarray([max(float(rung["time_s"]), 1e-9) for rung in rungs])
-    return np.stack([time, np.where(seen, error, beyond)], axis=1)
-
-
-def _room_around(axes: Axes, place: np.ndarray) -> None:
-    """Limits with room for labels, and a decade at least."""
-    for low, high, set_limits in zip(
-        np.min(place, axis=0), np.max(place, axis=0), (axes.set_xlim, axes.set_ylim), strict=True
-    ):
-        room = 4.0 if high < 10.0 * low else 1.35 * (high / low) ** 0.06
-        set_limits(low / room, high * room)
-
-
-def _write_rungs(
-    axes: Axes,
-    rungs: Sequence[Mapping[str, Any]],
-    place: np.ndarray,
-    looks: Mapping[str, tuple[str, str]],
-    recommended: str | None,
-    tolerance: float | None,
-) -> None:
-    """The name of every rung, the recommended one first and bold."""
-    order = sorted(range(len(rungs)), key=lambda row: rungs[row]["name"] != recommended)
-    labels = [
-        _Label(
-            str(rungs[row]["name"]),
-            (float(place[row, 0]), float(place[row, 1])),
-            looks[str(rungs[row]["family"])][0],
-            rungs[row]["name"] == recommended,
-        )
-        for row in order
-    ]
-    lines: list[np.ndarray] = []
-    for family in looks:
-        rows = [row for row, rung in enumerate(rungs) if str(rung["family"]) == family]
-        lines.append(place[[row for row in rows if _is_seen(rungs[row])]])
-    if tolerance is not None:
-        lines.append(np.stack([axes.get_xlim(), np.full(2, tolerance)], axis=1))
-    _write_labels(axes, labels, lines)
 
 
 # --- One operating point

@@ -33,7 +33,7 @@ from jaxgear._solve._cycle import mesh_cycle
 from jaxgear._system._model import PairModel
 from jaxgear._types import Reals, Scalar
 from jaxgear._units import um
-from jaxgear.plot._plots import compare_pictures, dynamic_pictures
+from jaxgear.plot._plots import compare_pictures
 from jaxgear.scene._build import flanks_of, grid_of, law_of, model_of
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS, STATIC_RESPONSES
@@ -674,7 +674,7 @@ def draw_statics(chart: StaticChart, title: str, folder: Folder, name: str = "co
     save(figure, columns, folder, name)
     for response in found["responses"]:
         figure = partial(
-            dynamic_pictures.compare,
+            compare_pictures.error_over_time,
             [row | {"error": worst(row["error"], (response,))} for row in rows],
             f"{title}, quasi-static cycle",
             tolerance=found["tolerance"],

@@ -30,7 +30,7 @@ from jaxgear._response._dynamic import (
 from jaxgear._response._loads import mesh_stiffness
 from jaxgear._response._transmission import cycle_mean
 from jaxgear._system._model import PairModel
-from jaxgear.plot._plots import compare_pictures, dynamic_pictures
+from jaxgear.plot._plots import compare_pictures
 from jaxgear.scene._build import grid_of
 from jaxgear.scene._scene import Scene
 from jaxgear.study._dynamics import dynamics_of
@@ -431,7 +431,7 @@ def _draw(found: Summary, title: str, folder: Folder) -> None:
     save(figure, columns, folder, "compare_overview")
     for name in rows[0]["error"]:
         figure = partial(
-            dynamic_pictures.compare,
+            compare_pictures.error_over_time,
             [row | {"error": worst(row["error_95"], (name,))} for row in rows],
             title,
             tolerance=tolerance,

@@ -221,34 +221,6 @@ def _campbell(count=80, modes=8, *, energy=True):
     return xr.Dataset(data, {"speed": speed}, {"teeth_pinion": _TEETH})
 
 
-def _rungs():
-    rungs = [
-        {"name": f"H = {h}", "family": "harmonic balance", "time_s": 0.004 * h**1.3, "error": e}
-        for h, e in ((5, 2e-2), (10, 2e-3), (20, 2.6e-4), (40, 4e-5), (80, 8e-6))
-    ]
-    for family, factor, constant in (
-        ("Newmark", 1.0, 6.0),
-        ("generalised-alpha", 1.1, 11.0),
-        ("exponential", 1.4, 0.5),
-    ):
-        rungs += [
-            {
-                "name": f"{n} steps",
-                "family": family,
-                "time_s": 0.015 * factor * n,
-                "error": constant / n**1.9,
-            }
-            for n in (32, 64, 128, 256, 512)
-        ]
-    rungs += [
-        {"name": f"shooting, {n}", "family": "shooting", "time_s": 0.004 * n, "error": 6.1 / n**1.9}
-        for n in (64, 128, 256)
-    ]
-    rungs.append({"name": "diffrax, Tsit5", "family": "diffrax", "time_s": 60.0, "error": 1e-6})
-    rungs.append({"name": "explicit", "family": "diffrax", "time_s": 12.0, "error": np.nan})
-    return rungs
-
-
 # --- The pictures
 
 
@@ -287,14 +259,10 @@ _CASES = {
     "campbell of two speeds": ("campbell", lambda: _campbell(2, 2, energy=False), {}),
     "orbit": ("orbit", _orbits, {}),
     "two branches": ("orbit", lambda: _orbits(*_BRANCHES), {}),
-    "compare": ("compare", _rungs, {"tolerance": 3e-4, "recommended": "H = 20"}),
-    "compare one": ("compare", lambda: _rungs()[:1], {}),
 }
 
 
 def _columns(kind, data):
-    if kind == "compare":  # `compare` writes its own table beside the chart.
-        return {}
     return getattr(tables, f"{kind}_columns")(data)
 
 
@@ -651,30 +619,6 @@ def test_free_rotation_crosses_nothing():
     dataset = _campbell(5, 2, energy=False)
     dataset["frequency_Hz"][:, 0] = 0.0
     assert 1.0 not in tables.crossing_columns(dataset)["mode"]
-
-
-def test_chart_of_methods(everything):
-    figure, _ = everything["compare"]
-    (axes,) = figure.axes
-    rungs = _rungs()
-    ring = [line for line in axes.lines if line.get_markersize() == 14]
-    assert [tuple(line.get_xydata()[0]) for line in ring] == [(rungs[2]["time_s"], 2.6e-4)]
-    joined = _lines(axes, color=pictures._BLUE, linestyle="-")[0].get_xydata()
-    np.testing.assert_array_equal(joined, [(x["time_s"], x["error"]) for x in rungs[:5]])
-    (failed,) = [
-        line
-        for line in axes.lines
-        if line.get_markerfacecolor() == "none" and line not in ring and np.size(line.get_xdata())
-    ]
-    assert failed.get_xydata()[0, 1] > max(x["error"] for x in rungs[:-1])
-    assert sorted(text.get_text() for text in axes.texts) == sorted(x["name"] for x in rungs)
-
-
-def test_an_error_of_zero_stands_at_the_foot():
-    rungs = [{**rung, "error": 0.0} if rung["name"] == "H = 80" else rung for rung in _rungs()]
-    figure = pictures.compare(rungs, "zero")
-    assert "no difference (at the foot)" in _legend(figure)
-    assert figure.axes[0].get_ylim()[0] > 1e-8
 
 
 def test_an_orbit_lasts_as_long_as_its_numbers(everything):
