@@ -17,13 +17,14 @@ import importlib.util
 import io
 import os
 import pickle
-import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
+
+from jaxgear._whole_file import whole_file
 
 _OURS = ("jaxgear", "optimise", "fem_prep")
 _THEIRS = ("jax", "jaxlib", "equinox", "diffrax", "lineax", "optimistix", "optax", "numpy", "scipy")
@@ -252,6 +253,7 @@ def _write(path: Path, exported: jax.export.Exported, result: Any) -> None:
     example = jax.tree.unflatten(result, range(result.num_leaves))
     with contextlib.suppress(OSError, pickle.PicklingError, AttributeError, TypeError):
         body = pickle.dumps((bytes(exported.serialize()), example), protocol=5)
-        with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
-            file.write(hashlib.sha256(body).digest() + body)
-        os.replace(file.name, path)
+        with whole_file(path) as draft:
+            # It is unpickled: nobody else may write to it.
+            draft.touch(mode=0o600)
+            draft.write_bytes(hashlib.sha256(body).digest() + body)

@@ -1,9 +1,18 @@
-"""A file that appears whole or not at all."""
+"""Files that appear whole or not at all: texts, JSON, tables and datasets."""
 
 import contextlib
+import csv
+import json
+import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 @contextlib.contextmanager
@@ -18,6 +27,9 @@ def whole_file(path: Path) -> Iterator[Path]:
     draft = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
         yield draft
+        # On the disc before the name is: a machine that fails leaves the old file or the new one.
+        with draft.open("rb") as file:
+            os.fsync(file.fileno())
         os.replace(draft, path)
     finally:
         draft.unlink(missing_ok=True)
@@ -33,3 +45,82 @@ def write_text(text: str, path: Path) -> None:
     """
     with whole_file(path) as draft:
         draft.write_bytes(text.encode())
+
+
+def write_dataset(
+    dataset: "xr.Dataset", path: Path, groups: "Mapping[str, xr.Dataset] | None" = None
+) -> None:
+    """Write a dataset as netCDF4.
+
+    **Arguments:**
+
+    - `dataset`: at the root of the file; it may be empty.
+    - `path`: of the file.
+    - `groups`: further datasets under their names, to be read with `group=`.
+    """
+    with whole_file(path) as draft:
+        dataset.to_netcdf(draft, engine="netcdf4", format="NETCDF4")
+        for name, group in (groups or {}).items():
+            group.to_netcdf(draft, mode="a", group=name, engine="netcdf4", format="NETCDF4")
+
+
+def write_json(summary: Mapping[str, object], path: Path) -> None:
+    """Write a summary as JSON: arrays as lists, and what is not a finite number as null."""
+    text = json.dumps(as_json(summary), indent=2, allow_nan=False, ensure_ascii=False)
+    write_text(text + "\n", path)
+
+
+def as_json(value: object) -> object:
+    """The value in the types that JSON knows; what is not a finite number is null.
+
+    **Arguments:**
+
+    - `value`: numbers, texts, arrays, lists and tables of them.
+    """
+    if isinstance(value, Mapping):
+        return {str(key): as_json(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [as_json(each) for each in value]
+    if isinstance(value, float):
+        # NumPy's own double is a float too.
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, str | int | None):
+        return value
+    if hasattr(value, "tolist"):
+        return as_json(np.asarray(value).tolist())
+    raise TypeError(f"A summary holds numbers, texts, lists and tables, got {type(value)}.")
+
+
+def write_csv(columns: Mapping[str, np.ndarray], path: Path) -> None:
+    """Write one table as CSV, a row for each record, with ten digits.
+
+    **Arguments:**
+
+    - `columns`: numbers or texts under their names, units included, all of one length. The cell of
+        what is not a finite number, or None, is empty.
+    - `path`: of the file.
+
+    **Raises:**
+
+    - `ValueError` if a column is not one-dimensional, or not as long as the others.
+    """
+    texts = []
+    for name, values in columns.items():
+        array = np.asarray(values)
+        if array.ndim != 1:
+            raise ValueError(f"Column `{name}` must be one-dimensional, got shape {array.shape}.")
+        texts.append([_cell(x) for x in array.tolist()])
+    lengths = {name: len(each) for name, each in zip(columns, texts, strict=True)}
+    if len(set(lengths.values())) > 1:
+        raise ValueError(f"The columns of a table must have one length, got {lengths}.")
+    with whole_file(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(zip(*texts, strict=True))
+
+
+def _cell(value: object) -> str:
+    if value is None or isinstance(value, str):
+        return value or ""
+    number = cast(float, value)
+    return f"{number:.10g}" if math.isfinite(number) else ""

@@ -7,12 +7,14 @@ from functools import partial
 import numpy as np
 import xarray as xr
 
+from jaxgear import study
 from jaxgear._checks import InputError
 from jaxgear._cli._folder import Folder
 from jaxgear._cli._saving import save
 from jaxgear._cli._writing import finish, written
 from jaxgear._interface._laws import ExactContact
 from jaxgear._units import um
+from jaxgear._whole_file import write_csv, write_dataset, write_json
 from jaxgear.plot import _dynamic_tables as dynamic_tables
 from jaxgear.plot import _tables as tables
 from jaxgear.plot._axes_tables import axes_columns
@@ -59,7 +61,7 @@ from jaxgear.study._optimising import optimisation, optimise_flanks
 from jaxgear.study._progress import built_scene, narration, progress
 from jaxgear.study._relief_map import map_relief
 from jaxgear.study._result import Result, Summary, title_of
-from jaxgear.study._results import static_dataset, write_csv, write_dataset
+from jaxgear.study._results import static_dataset
 from jaxgear.study._sizing import (
     combinations_of,
     sizing_columns,
@@ -235,18 +237,6 @@ def _draw_sweep(
     save(figure, dynamic_tables.orbit_columns(orbit), folder, "orbit")
 
 
-def compare(scene: Scene, folder: Folder) -> Summary:
-    """One scene by many models and methods: error against time, and which suffices.
-
-    Arguments, results and errors as for `run`.
-    """
-    from jaxgear.study import _compare
-
-    if scene.has_table("sweep"):
-        scene = built_scene(scene, moving=True)
-    return _compare.compare(scene, folder)
-
-
 def check_gradients(scene: Scene, folder: Folder) -> Summary:
     """Compare every derivative that an optimiser may use with central differences.
 
@@ -343,15 +333,17 @@ def sensitivity(scene: Scene, folder: Folder) -> Summary:
 def _at_fidelity(name: str, command: Command):
     """A command that first chooses the model, where the scene leaves it to the program."""
 
-    def chosen(scene: Scene, folder: Folder) -> Summary:
+    def at_fidelity(scene: Scene, folder: Folder) -> Summary:
         if scene["model.fidelity"] != "auto":
             return command(scene, folder)
-        from jaxgear.study import _fidelity
+        from jaxgear.study._fidelity import _auto
 
-        scene, about = _fidelity.chosen(scene, name, folder)
-        return _fidelity.told(command(scene, folder), about, folder)
+        scene, about = _auto.chosen(scene, name, folder.kept("fidelity.json"))
+        summary = _auto.told(command(scene, folder), about)
+        write_json(summary, folder / "summary.json")
+        return summary
 
-    return chosen
+    return at_fidelity
 
 
 def _study(found: Callable[[Scene], Result]) -> Command:
@@ -367,7 +359,7 @@ COMMANDS: dict[str, Command] = {
     "modes": _study(modes),
     "check-grad": check_gradients,
     "sensitivity": sensitivity,
-    "compare": compare,
+    "compare": _study(lambda scene: study.compare(scene)),
     "condense": condense,
 }
 

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from jaxgear._cli._folder import Folder
-from jaxgear.plot._plots import pictures
+from jaxgear._whole_file import write_csv
+from jaxgear.plot._plots import style
 from jaxgear.study._progress import say
-from jaxgear.study._results import write_csv
 
 
 def save(
@@ -33,4 +33,4 @@ def save(
         write_csv(others, folder / f"{name}_{key}.csv")
     if folder.pictures:
         say(f"drawing {name}")
-        pictures.write_picture(draw, folder / f"{name}.png", folder / f"{name}.svg")
+        style.write_picture(draw, folder / f"{name}.png", folder / f"{name}.svg")

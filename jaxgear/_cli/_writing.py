@@ -7,12 +7,12 @@ import xarray as xr
 from jaxgear import plot
 from jaxgear._cli._folder import Folder
 from jaxgear._cli._saving import save
+from jaxgear._whole_file import write_dataset, write_json
 from jaxgear.scene._scene import Scene, write_scene
 from jaxgear.scene._scene_files import files_seen_from
 from jaxgear.study._head import finished
 from jaxgear.study._progress import narration
 from jaxgear.study._result import Result, Summary
-from jaxgear.study._results import write_dataset, write_json
 
 
 def written(result: Result, folder: Folder) -> Summary:

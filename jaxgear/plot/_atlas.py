@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from jaxgear.plot._compare_atlas import comparison_pictures
 from jaxgear.plot._modes_atlas import modes_pictures
 from jaxgear.plot._picture import Datasets, Picture
 
@@ -18,3 +19,4 @@ def pictures(datasets: Datasets) -> Iterator[Picture]:
     Pictures and their tables, one after the other: nothing is drawn unless asked for.
     """
     yield from modes_pictures(datasets)
+    yield from comparison_pictures(datasets)

@@ -19,20 +19,18 @@ from jaxgear.plot._campbell_tables import (
     _on_body,
 )
 from jaxgear.plot._dynamic_pictures import (
-    _PURPLE,
     _frequency_unit,
-    _Label,
     _runs,
     _speed_axes,
-    _write_labels,
     _write_rays,
 )
-from jaxgear.plot._palette import _BLUE, _GREEN, _GREY, _ORANGE, _RED, _SKY
+from jaxgear.plot._labels import Label, write_labels
+from jaxgear.plot._palette import _BLUE, _GREEN, _GREY, _ORANGE, _RED, _SKY, PURPLE
 from jaxgear.plot._pictures import _house_look, _panels
 from jaxgear.scene._schema import GEARS
 
 # Of waves of two and more nodal diameters; fewer are in grey and black.
-_WAVES = (_BLUE, _ORANGE, _GREEN, _RED, _PURPLE, _SKY, "#8c6d31", "#5254a3")
+_WAVES = (_BLUE, _ORANGE, _GREEN, _RED, PURPLE, _SKY, "#8c6d31", "#5254a3")
 # With the gear, against it, neither.
 _STYLES: dict[int, Any] = {1: "-", -1: (0, (5, 2)), 0: "-", 2: (0, (1, 1.2))}
 _LETTERS = {1: "F", -1: "B", 0: "", 2: ""}
@@ -131,9 +129,9 @@ def _label_critical(
         each = shown[i]
         words = f"{each.diameters}{_LETTERS[each.direction]} {each.speed:.0f}"
         at = float(places[i, 0]), float(places[i, 1])
-        labels.append(_Label(words, at, _colour(max(each.diameters, 1))))
+        labels.append(Label(words, at, _colour(max(each.diameters, 1))))
     if labels:
-        _write_labels(axes, labels, lines, points=places, drop=True)
+        write_labels(axes, labels, lines, points=places, drop=True)
 
 
 def _legend(

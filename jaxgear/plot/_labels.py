@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 
-from jaxgear.plot._palette import _GREY
-from jaxgear.plot._pictures import lay_out
+from jaxgear.plot._palette import GREY
+from jaxgear.plot._style import lay_out
 
 
 def text_size(axes: Axes, text: str, look: Mapping[str, Any]) -> np.ndarray:
@@ -92,7 +92,7 @@ def write_labels(
         box = trials[best]
         boxes.append(box)
         middle = 0.5 * (box[0] + box[1])
-        leader = {"arrowstyle": "-", "color": _GREY, "lw": 0.7, "shrinkA": 0.0, "shrinkB": 3.0}
+        leader = {"arrowstyle": "-", "color": GREY, "lw": 0.7, "shrinkA": 0.0, "shrinkB": 3.0}
         axes.annotate(
             label.text,
             label.at,

@@ -1,9 +1,16 @@
 """Colours of the pictures."""
 
 # Okabe and Ito's palette, told apart by colour-blind readers too.
-_BLUE, _ORANGE, _GREEN, _RED, _SKY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9"
+BLUE, ORANGE, GREEN, RED, SKY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9"
 
-_GREY, _PINK = "#6b6b6b", "#ff6f91"
-# The seventh of them; on white their yellow is hard to see.
+GREY, PINK = "#6b6b6b", "#ff6f91"
+
+# Of pinion and wheel.
+GEAR_COLOURS = (BLUE, ORANGE)
+
+# Names of files that are still to be converted.
+_BLUE, _ORANGE, _GREEN, _RED, _SKY = BLUE, ORANGE, GREEN, RED, SKY
+_GREY, _PINK = GREY, PINK
+# The seventh of Okabe and Ito's; on white their yellow is hard to see.
 PURPLE = "#CC79A7"
-SERIES = (_BLUE, _ORANGE, _GREEN, _RED, PURPLE, _SKY, "black")
+SERIES = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, "black")

@@ -4,21 +4,17 @@ Their data are in `_tables`, which needs no matplotlib: `x_columns` gives those 
 made without pyplot, so nothing is kept, shown or configured behind the caller's back.
 """
 
-import contextlib
-import gc
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
 import equinox as eqx
+
+# Names of files that are still to be converted.
 import matplotlib
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.backend_bases import RendererBase
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import BoundaryNorm, Colormap, Normalize
@@ -27,13 +23,24 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Annotation
-from matplotlib.ticker import FuncFormatter, LogFormatterSciNotation, MaxNLocator, NullFormatter
-from matplotlib.transforms import Bbox, ScaledTranslation, offset_copy
+from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.transforms import offset_copy
 
 import jaxgear as jg
 from jaxgear._system._flexible import FlexibleBody
-from jaxgear._whole_file import whole_file
+from jaxgear.plot._cycle import cycle_statistics, flank_grid
 from jaxgear.plot._palette import _BLUE, _GREEN, _GREY, _ORANGE, _PINK, _RED, _SKY
+from jaxgear.plot._style import BOX as _BOX
+from jaxgear.plot._style import SURFACE as _SURFACE
+from jaxgear.plot._style import digits as _digits
+from jaxgear.plot._style import house_look as _house_look
+from jaxgear.plot._style import lay_out
+from jaxgear.plot._style import line_width as _thin
+from jaxgear.plot._style import mark_points as _mark_points
+from jaxgear.plot._style import panels as _panels
+from jaxgear.plot._style import phase_axis as _phase_axis
+from jaxgear.plot._style import roll_axis as _roll_axis
+from jaxgear.plot._style import round_down as _round_down
 from jaxgear.plot._tables import (
     _FLANK_MAPS,
     _along_flank,
@@ -57,150 +64,10 @@ from jaxgear.plot._tables import (
     te_harmonics_columns,
     transmission_error_columns,
 )
-from jaxgear.study._results import BODIES, cycle_statistics, flank_grid
-
-_SURFACE = "viridis"
-
-_LOOK: dict[Any, Any] = {
-    "font.size": 10.0,
-    "axes.titlesize": 10.0,
-    "figure.titlesize": 12.0,
-    "legend.fontsize": 9.0,
-    "legend.framealpha": 0.9,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.formatter.useoffset": False,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "grid.color": "#dddddd",
-    "grid.linewidth": 0.6,
-    "lines.linewidth": 1.6,
-    # Letters stay text in SVG, and two runs write the same file.
-    "svg.fonttype": "none",
-    "svg.hashsalt": "jaxgear",
-}
-
-
-@contextlib.contextmanager
-def _house_look() -> Iterator[None]:
-    """Sizes, grid and spines of every picture, for as long as it is drawn."""
-    with matplotlib.rc_context(_LOOK):
-        yield
-
-
-@contextlib.contextmanager
-def _uncollected() -> Iterator[None]:
-    """Collect no garbage for a while: each collection walks through all that JAX has traced."""
-    collecting = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if collecting:
-            gc.enable()
-
-
-def write_picture(draw: Callable[[], Figure], png: Path, svg: Path) -> None:
-    """Draw a picture and write it twice.
-
-    **Arguments:**
-
-    - `draw`: returns the figure.
-    - `png`: path of the one file.
-    - `svg`: path of the other.
-    """
-    with _house_look(), _uncollected():
-        figure = draw()
-        # Laying out takes as long as drawing, and both files can have the same layout.
-        figure.set_dpi(_DPI)
-        canvas = FigureCanvasAgg(figure)
-        for axes in figure.axes:
-            _plain_decades(axes)
-            _measure_once(axes)
-        lay_out(figure)
-        figure.set_layout_engine("none")
-        with whole_file(png) as draft:
-            canvas.print_png(draft, pil_kwargs={"compress_level": _COMPRESSION})
-        with whole_file(svg) as draft:
-            FigureCanvasSVG(figure).print_svg(draft, metadata={"Date": None})
-
+from jaxgear.study._results import BODIES
 
 # A tenth more bytes than the default, for half the time.
 _DPI, _COMPRESSION = 150, 1
-
-
-def _plain_decades(axes: Axes) -> None:
-    """Decades as 0.1, 1, 10: letters that read as formulas take longest of all to draw."""
-    for axis in (axes.xaxis, axes.yaxis):
-        if isinstance(axis.get_major_formatter(), LogFormatterSciNotation):
-            axis.set_major_formatter("{x:g}")
-
-
-def lay_out(figure: Figure) -> None:
-    """Put the axes where they will be drawn; drawing to find out would cost as much again.
-
-    **Arguments:**
-
-    - `figure`: with all that needs room.
-    """
-    if engine := figure.get_layout_engine():
-        engine.execute(figure)
-    for axes in figure.axes:
-        _set_aspect(axes)
-
-
-def _set_aspect(axes: Axes, renderer: Any = None) -> None:
-    """Shape axes as drawing would."""
-    locator = axes.get_axes_locator()
-    axes.apply_aspect(locator(axes, renderer) if locator else None)
-
-
-def _measure_once(axes: Axes) -> None:
-    """Let axes keep what stands round them: a layout measures all text in both its passes."""
-    measure = axes.get_tightbbox
-    margins: list[np.ndarray] = []
-
-    def kept(renderer: RendererBase, **options: Any) -> Bbox | None:
-        _set_aspect(axes, renderer)
-        if not margins:
-            found = measure(renderer, **options)
-            if found is None:
-                return None
-            margins.append(np.subtract(found.extents, axes.bbox.extents))
-            _keep_labels(axes)
-        return Bbox.from_extents(*np.add(axes.bbox.extents, margins[0]))
-
-    vars(axes)["get_tightbbox"] = kept
-
-
-def _keep_labels(axes: Axes) -> None:
-    """Leave labels as far from the axes as they are: to place them anew all ticks are measured."""
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    (left, bottom), (right, top) = axes.bbox.get_points()
-    x, y = axes.xaxis.label.get_position()
-    above = axes.xaxis.get_label_position() == "top"
-    gap = ScaledTranslation(
-        0.0, (y - (top if above else bottom)) / figure.dpi, figure.dpi_scale_trans
-    )
-    axes.xaxis.set_label_coords(x, float(above), transform=axes.transAxes + gap)
-    x, y = axes.yaxis.label.get_position()
-    beyond = axes.yaxis.get_label_position() == "right"
-    gap = ScaledTranslation(
-        (x - (right if beyond else left)) / figure.dpi, 0.0, figure.dpi_scale_trans
-    )
-    axes.yaxis.set_label_coords(float(beyond), y, transform=axes.transAxes + gap)
-
-
-def _panels(
-    size: tuple[float, float], title: str, columns: int = 1, ratios: tuple[float, ...] | None = None
-) -> tuple[Figure, list[Axes]]:
-    """A figure with a row of axes."""
-    figure = Figure(figsize=size)
-    figure.set_layout_engine("constrained", wspace=0.05)
-    axes = figure.subplots(1, columns, squeeze=False, width_ratios=ratios)
-    figure.suptitle(title)
-    return figure, list(axes[0])
 
 
 # --- The pair in mesh
@@ -282,9 +149,6 @@ def _draw_gear(axes: Axes, pair: jg.GearPair, body: int, colour: str) -> None:
         weight="bold",
         bbox=_BOX,
     )
-
-
-_BOX = {"boxstyle": "round,pad=0.2", "fc": "white", "ec": "none", "alpha": 0.85}
 
 
 def _draw_path(axes: Axes, pair: jg.GearPair) -> None:
@@ -417,12 +281,6 @@ _DEFLECTION = {"S": (_GREEN, "-"), "T": (_RED, "--")}
 _SEAT_MARKS = ({"ls": "", "marker": "s", "ms": 5}, {"ls": "", "marker": "D", "ms": 5})
 # Of the centre distance: how far the largest deflection is drawn.
 _SHOWN_DEFLECTION = 0.15
-
-
-def _round_down(value: float) -> float:
-    """The last round number: 1, 2 or 5 times a power of ten."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(max(r * power for r in (1.0, 2.0, 5.0) if r * power <= value))
 
 
 def _draw_gear_side(
@@ -760,11 +618,6 @@ def transmission_error(dataset: xr.Dataset, title: str) -> Figure:
     return figure
 
 
-def _thin(phase: np.ndarray) -> float:
-    """Width of a line over the cycle: the longer, the thinner."""
-    return 1.6 if _cycle_periods(phase) < 4 else 0.7
-
-
 @_house_look()
 def stiffness_and_sharing(dataset: xr.Dataset, title: str) -> Figure:
     """Mesh stiffness over two mesh periods or the longer cycle, and each pair's share of the load.
@@ -885,57 +738,6 @@ def face_load(dataset: xr.Dataset, title: str) -> Figure:
     )
     axes.legend(loc="upper center")
     return figure
-
-
-def _digits(value: float, count: int) -> str:
-    """The value to so many significant digits, zeros included."""
-    return f"{value:#.{count}g}".rstrip(".")
-
-
-def _phase_axis(axes: Axes, label: str, phase: np.ndarray) -> None:
-    """Name the axes of a curve over the cycle with these phases, unrolled or not."""
-    last = max(2, _cycle_periods(phase))
-    axes.set(xlabel="mesh phase [mesh periods]", ylabel=label, xlim=(0, last))
-
-
-def _roll_axis(axes: Axes, angle: np.ndarray, diameter: np.ndarray) -> None:
-    """Roll angle along a flank, and under each of its ticks the diameter there.
-
-    An axis of its own for diameters would take as long to draw as all the rest.
-    """
-    low, high = float(angle[0]), float(angle[-1])
-    ticks = np.asarray(MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(low, high))
-    ticks = ticks[(ticks >= low) & (ticks <= high)]
-    labels = [f"{tick:g}\n{np.interp(tick, angle, diameter):.2f}" for tick in ticks]
-    axes.set_xticks(ticks, labels)
-    axes.set(xlabel="roll angle [°], and under it diameter [mm]", xlim=(low, high))
-
-
-def _mark_points(axes: Axes, places: xr.DataArray, *, on_surface: bool = False) -> None:
-    """Thin upright lines at A to E, with their letters on top of the axes."""
-    halo = [withStroke(linewidth=2.2, foreground="white", alpha=0.6)] if on_surface else []
-    for name, place in zip(places["path_point"].values, places.values, strict=True):
-        if not np.isfinite(place):
-            continue
-        is_pitch = name == "C"
-        axes.axvline(
-            place,
-            color="black" if on_surface else _GREY,
-            path_effects=halo,
-            lw=1.2 if is_pitch else 0.8,
-            ls="-" if is_pitch else ":",
-        )
-        axes.annotate(
-            str(name),
-            (place, 1.0),
-            xycoords=("data", "axes fraction"),
-            xytext=(0, -3),
-            textcoords="offset points",
-            ha="center",
-            va="top",
-            fontsize=9,
-            bbox=_BOX,
-        )
 
 
 # --- Many torques, many widths

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from jaxgear.plot import _robust_pictures as robust_pictures
     from jaxgear.plot import _sensitivity_pictures as sensitivity_pictures
     from jaxgear.plot import _sliding_pictures as sliding_pictures
+    from jaxgear.plot import _style as style
     from jaxgear.plot import _wave_pictures as wave_pictures
 else:
 
@@ -47,4 +48,5 @@ else:
     robust_pictures = _Later("_robust_pictures")
     sensitivity_pictures = _Later("_sensitivity_pictures")
     sliding_pictures = _Later("_sliding_pictures")
+    style = _Later("_style")
     wave_pictures = _Later("_wave_pictures")

@@ -6,11 +6,11 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from jaxgear.plot._cycle import cycle_statistics
 from jaxgear.plot._palette import _GREY
 from jaxgear.plot._pictures import _digits, _house_look, _panels, _phase_axis, _thin
 from jaxgear.plot._robust_tables import _DESIGNS
 from jaxgear.plot._tables import _unrolled
-from jaxgear.study._results import cycle_statistics
 
 # Bars of a tornado chart; what is below them is too short to see.
 _BARS = 12

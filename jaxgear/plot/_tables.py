@@ -15,8 +15,14 @@ from jaxgear._system._beam import beam_shapes
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._mesh_vectors import body_beam
 from jaxgear._system._shaft import node_heights
+from jaxgear.plot._cycle import amplitudes_of as _amplitudes
+from jaxgear.plot._cycle import cycle_periods as _cycle_periods
+from jaxgear.plot._cycle import flank_grid
+from jaxgear.plot._cycle import mesh_orders as _mesh_orders
+from jaxgear.plot._cycle import phase_shares as _shares
+from jaxgear.plot._cycle import unrolled as _unrolled
 from jaxgear.scene._teeth import tooth_outline
-from jaxgear.study._results import BODIES, flank_grid
+from jaxgear.study._results import BODIES
 
 Columns = dict[str, np.ndarray]
 
@@ -269,39 +275,6 @@ def _phase_of_largest(load: np.ndarray) -> int:
     return int(np.argmax(np.max(load, axis=1)))
 
 
-def _cycle_periods(phase: np.ndarray) -> int:
-    """Number of mesh periods in the cycle: phases fill it but for half a step at the ends."""
-    return int(np.ceil(np.max(phase) - np.min(phase)))
-
-
-def _unrolled(phase: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Phase and values from 0 to the end of the cycle; one of a single period twice in a row."""
-    periods = _cycle_periods(phase)
-    place = phase % periods
-    order = np.argsort(place, kind="stable")
-    times = 2 if periods == 1 else 1
-    shifts = periods * np.arange(times)[:, None]
-    return (place[order] + shifts).ravel(), np.tile(values[order], times)
-
-
-def _amplitudes(
-    phase: np.ndarray, weight: np.ndarray, values: np.ndarray, orders: np.ndarray
-) -> np.ndarray:
-    """Amplitudes of the orders of the mesh frequency, zero to peak; rows as those of `values`."""
-    fluctuation = values - (values @ weight)[..., None]
-    turning = np.exp(-2.0j * np.pi * orders[:, None] * phase)
-    return 2.0 * np.abs((weight * fluctuation) @ turning.T)
-
-
-_HARMONICS = 10
-
-
-def _mesh_orders(phase: np.ndarray) -> np.ndarray:
-    """The mesh harmonics that the phases can tell apart, the first few."""
-    each = len(phase) // _cycle_periods(phase)
-    return np.arange(1, min(_HARMONICS, (each - 1) // 2) + 1)
-
-
 def harris_map_columns(
     torques_Nm: np.ndarray,
     phases: np.ndarray,
@@ -327,13 +300,6 @@ def harris_curves_columns(torques_Nm: np.ndarray, phases: np.ndarray, te_um: np.
         "phase": np.tile(phases, len(torques_Nm)),
         "transmission_error_um": te_um.ravel(),
     }
-
-
-def _shares(phases: np.ndarray) -> np.ndarray:
-    """Half the distances to both neighbours, around the cycle, over its length."""
-    periods = _cycle_periods(phases)
-    around = np.concatenate([[phases[-1] - periods], phases, [phases[0] + periods]])
-    return 0.5 * (around[2:] - around[:-2]) / periods
 
 
 def te_spectrum_columns(

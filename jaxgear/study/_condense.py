@@ -14,6 +14,7 @@ from jaxgear._cli._folder import Folder
 from jaxgear._cli._saving import save
 from jaxgear._cli._writing import finish
 from jaxgear._units import GPa
+from jaxgear._whole_file import write_dataset
 from jaxgear.plot import _body_tables as body_tables
 from jaxgear.plot._plots import body_pictures
 from jaxgear.scene._bodies import (
@@ -30,7 +31,7 @@ from jaxgear.study._head import names_of
 from jaxgear.study._progress import narration
 from jaxgear.study._ranks import Doubtful, Idle
 from jaxgear.study._result import Summary
-from jaxgear.study._results import Entry, write_dataset
+from jaxgear.study._results import Entry
 
 # Keys of a condensed body that change nothing about matrices from elsewhere.
 _NOT_OF_MATRICES = (

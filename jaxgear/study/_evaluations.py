@@ -21,10 +21,10 @@ from jaxgear._interface._laws import AbstractContactLaw, ExactContact, SmoothCon
 from jaxgear._solve._cycle import PreparedMesh
 from jaxgear._system._model import PairModel
 from jaxgear._types import Reals, Scalar, as_reals
+from jaxgear._whole_file import as_json
 from jaxgear.scene._build import flanks_of, model_of
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import split_entry
-from jaxgear.study._results import as_json
 
 
 class Wording:

@@ -4,12 +4,8 @@ The library's SI values leave here in the units of files, which stand in every n
 variable's `units`. A file appears whole or not at all.
 """
 
-import csv
-import json
 import math
-from collections.abc import Mapping
-from pathlib import Path
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -20,14 +16,10 @@ from numpy.typing import ArrayLike
 
 import jaxgear as jg
 from jaxgear._kept_programs import called
-from jaxgear._whole_file import whole_file, write_text
 
 BODIES = ("pinion", "wheel")
 _AXES = ("S", "T", "Z")
 _HARMONICS = 10
-
-# A slice has a place on the flank if its middle is on the path of contact.
-_ON_FLANK = 0.5
 
 
 class Entry(NamedTuple):
@@ -280,152 +272,3 @@ def _on_path(facts: dict[str, np.ndarray]) -> dict[str, Entry]:
             "roll length from the pinion's base tangent point",
         ),
     }
-
-
-def cycle_statistics(values: xr.DataArray) -> tuple[float, float, float]:
-    """Weighted statistics of a variable over the cycle.
-
-    **Arguments:**
-
-    - `values`: over phase, from a dataset with its `weight`.
-
-    **Returns:**
-
-    Mean, RMS of the fluctuation about it, and peak to peak, in the unit of the variable.
-    """
-    weight, y = values["weight"].values, values.values
-    mean = float(np.sum(weight * y))
-    return mean, math.sqrt(float(np.sum(weight * (y - mean) ** 2))), float(np.ptp(y))
-
-
-def flank_grid(dataset: xr.Dataset, variable: str, body: str, *, points: int = 81) -> xr.DataArray:
-    """Collect what all lines saw at all phases onto one flank.
-
-    **Arguments:**
-
-    - `dataset`: from `static_dataset`.
-    - `variable`: one over phase, line and slice.
-    - `body`: `pinion` or `wheel`: whose flank.
-    - `points`: of the regular profile axis.
-
-    **Returns:**
-
-    The variable over `profile_position`, 0 near the root of this flank to 1 at its tip, and
-    `face_position_mm`.
-
-    **Raises:**
-
-    - `ValueError` if there is no such body, or no such variable over the cells.
-    """
-    if body not in BODIES:
-        raise ValueError(f"`body` must be one of {', '.join(BODIES)}, got {body!r}.")
-    source = dataset[variable]
-    if source.dims != ("phase", "line", "slice"):
-        raise ValueError(f"`{variable}` must be over phase, line and slice, got {source.dims}.")
-    place = dataset["profile_position"].values
-    place = place if body == "pinion" else 1.0 - place
-    on_flank = dataset["fraction"].values >= _ON_FLANK
-    profile = np.linspace(0.0, 1.0, points)
-    columns = []
-    for each in range(source.sizes["slice"]):
-        seen = on_flank[:, :, each]
-        x, y = place[:, :, each][seen], source.values[:, :, each][seen]
-        order = np.argsort(x)
-        columns.append(np.interp(profile, x[order], y[order]))
-    return xr.DataArray(
-        np.stack(columns, axis=1),
-        dims=("profile_position", "slice"),
-        coords={
-            "profile_position": (
-                "profile_position",
-                profile,
-                {"units": "1", "long_name": f"place on the {body}'s flank, 0 root to 1 tip"},
-            ),
-            "face_position_mm": ("slice", *_values_and_attributes(dataset["face_position_mm"])),
-        },
-        attrs=source.attrs,
-        name=variable,
-    )
-
-
-def _values_and_attributes(array: xr.DataArray) -> tuple[np.ndarray, dict]:
-    return array.values, array.attrs
-
-
-def write_dataset(
-    dataset: xr.Dataset, path: Path, groups: Mapping[str, xr.Dataset] | None = None
-) -> None:
-    """Write a dataset as netCDF4.
-
-    **Arguments:**
-
-    - `dataset`: at the root of the file; it may be empty.
-    - `path`: of the file.
-    - `groups`: further datasets under their names, to be read with `group=`.
-    """
-    with whole_file(path) as draft:
-        dataset.to_netcdf(draft, engine="netcdf4", format="NETCDF4")
-        for name, group in (groups or {}).items():
-            group.to_netcdf(draft, mode="a", group=name, engine="netcdf4", format="NETCDF4")
-
-
-def write_json(summary: Mapping[str, object], path: Path) -> None:
-    """Write a summary as JSON: arrays as lists, and what is not a finite number as null."""
-    text = json.dumps(as_json(summary), indent=2, allow_nan=False, ensure_ascii=False)
-    write_text(text + "\n", path)
-
-
-def as_json(value: object) -> object:
-    """The value in the types that JSON knows; what is not a finite number is null.
-
-    **Arguments:**
-
-    - `value`: numbers, texts, arrays, lists and tables of them.
-    """
-    if isinstance(value, Mapping):
-        return {str(key): as_json(each) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [as_json(each) for each in value]
-    if isinstance(value, float):
-        # NumPy's own double is a float too.
-        return float(value) if math.isfinite(value) else None
-    if isinstance(value, str | int | None):
-        return value
-    if hasattr(value, "tolist"):
-        return as_json(np.asarray(value).tolist())
-    raise TypeError(f"A summary holds numbers, texts, lists and tables, got {type(value)}.")
-
-
-def write_csv(columns: Mapping[str, np.ndarray], path: Path) -> None:
-    """Write one table as CSV, a row for each record, with ten digits.
-
-    **Arguments:**
-
-    - `columns`: numbers or texts under their names, units included, all of one length. The cell of
-        what is not a finite number, or None, is empty.
-    - `path`: of the file.
-
-    **Raises:**
-
-    - `ValueError` if a column is not one-dimensional, or not as long as the others.
-    """
-    texts = []
-    for name, values in columns.items():
-        array = np.asarray(values)
-        if array.ndim != 1:
-            raise ValueError(f"Column `{name}` must be one-dimensional, got shape {array.shape}.")
-        texts.append([_cell(x) for x in array.tolist()])
-    lengths = {name: len(each) for name, each in zip(columns, texts, strict=True)}
-    if len(set(lengths.values())) > 1:
-        raise ValueError(f"The columns of a table must have one length, got {lengths}.")
-    with whole_file(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows(zip(*texts, strict=True))
-
-
-def _cell(value: object) -> str:
-    if value is None or isinstance(value, str):
-        return value or ""
-    number = cast(float, value)
-    return f"{number:.10g}" if math.isfinite(number) else ""

@@ -17,6 +17,7 @@ from jaxgear._geometry._lines import MeshGrid
 from jaxgear._solve._cycle import PreparedMesh
 from jaxgear._types import as_scalar
 from jaxgear._units import um
+from jaxgear._whole_file import as_json
 from jaxgear.scene._build import smooth_law_of
 from jaxgear.study._design import (
     DesignSpace,
@@ -30,7 +31,6 @@ from jaxgear.study._evaluations import (
     sloped_residuals,
     sloped_responses,
 )
-from jaxgear.study._results import as_json
 from jaxgear.study._running import timed
 from jaxgear.study._statics import SolverFailure
 

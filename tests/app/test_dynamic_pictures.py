@@ -10,9 +10,9 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 import jaxgear as jg
+from jaxgear._whole_file import write_csv
 from jaxgear.plot import _dynamic_pictures as pictures
 from jaxgear.plot import _dynamic_tables as tables
-from jaxgear.study._results import write_csv
 
 _UNIT = re.compile(r".+ ?\n?.*\[[^\]]+\]$", re.DOTALL)
 _TEETH = 20

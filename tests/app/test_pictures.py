@@ -21,11 +21,12 @@ from jaxgear._system._mesh_vectors import section_motion
 from jaxgear._system._shaft import node_heights
 from jaxgear.plot import _pictures as pictures
 from jaxgear.plot import _tables as tables
+from jaxgear.plot._cycle import cycle_statistics
 from jaxgear.plot._modification_pictures import modification
 from jaxgear.plot._modification_tables import modification_columns
 from jaxgear.plot._sliding_pictures import sliding
 from jaxgear.plot._sliding_tables import sliding_columns
-from jaxgear.study._results import cycle_statistics, static_dataset
+from jaxgear.study._results import static_dataset
 
 _UNIT = re.compile(r".+ \[[^\]]+\]$")
 

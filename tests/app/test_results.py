@@ -7,16 +7,10 @@ import pytest
 import xarray as xr
 
 import jaxgear as jg
+from jaxgear._whole_file import whole_file, write_csv, write_dataset, write_json
+from jaxgear.plot._cycle import cycle_statistics, flank_grid
 from jaxgear.study import _results
-from jaxgear.study._results import (
-    cycle_statistics,
-    flank_grid,
-    static_dataset,
-    whole_file,
-    write_csv,
-    write_dataset,
-    write_json,
-)
+from jaxgear.study._results import static_dataset
 
 _LAW = jg.ExactContact()
 _STIFFNESS_N_UM = 2000.0

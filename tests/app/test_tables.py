@@ -17,6 +17,7 @@ from table_checks import assert_table, is_told
 import jaxgear as jg
 from jaxgear import plot
 from jaxgear._dynamics._campbell import CriticalSpeed
+from jaxgear._whole_file import write_csv
 from jaxgear.plot import _tables
 from jaxgear.plot._body_tables import DrawnBody, DrawnModes
 from jaxgear.scene._build import model_of
@@ -24,7 +25,6 @@ from jaxgear.scene._scene import ready_scene
 from jaxgear.study import _hybrid_dataset, _ladder, _sizing
 from jaxgear.study._flank_loads import FlankLoads
 from jaxgear.study._hybrid import BodyAnswer, BodyField
-from jaxgear.study._results import write_csv
 from jaxgear.study._sensitivities import Sensitivities
 
 _SPEEDS = np.asarray([100.0, 200.0, 300.0])

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from jaxgear._whole_file import write_json
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._scene_files import files_of
 from jaxgear.study._design import looks_at_speeds, refuse_unbounded, require_search, require_swept
@@ -25,7 +26,6 @@ from jaxgear.study._fidelity._static_levels import needs_its_slices, static_leve
 from jaxgear.study._fidelity._statics import Work, compared_statics
 from jaxgear.study._progress import built_scene
 from jaxgear.study._result import Summary
-from jaxgear.study._results import write_json
 from jaxgear.study._statics import SolverFailure
 
 _KEY = "model.fidelity"

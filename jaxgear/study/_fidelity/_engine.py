@@ -232,6 +232,7 @@ def _dataset(problem: AbstractProblem, found: Summary) -> xr.Dataset:
         "recommended": found["recommended"] or "",
         "tolerance": found["tolerance"],
         "margin": MARGIN,
+        "responses": " ".join(problem.names),
         "words": problem.judged[1],
     }
     return xr.Dataset(variables, attrs=attributes)
