@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import NullFormatter
 
 from jaxgear.plot._labels import Label, write_labels
 from jaxgear.plot._palette import BLUE, GREEN, GREY, SERIES
@@ -91,6 +92,7 @@ def _draw_times(axes: Axes, seconds: np.ndarray, colours: np.ndarray, label: str
     axes.set(xscale="log", ylim=(count - 0.5, -0.5), xlabel=label)
     axes.set_xlim(0.5 * times.min(), 6.0 * times.max())
     axes.set_yticks([])
+    axes.xaxis.set_minor_formatter(NullFormatter())
     for row, time in enumerate(times):
         axes.text(1.15 * time, row, f"{time:.2g}", va="center", fontsize=8.5)
 

@@ -583,7 +583,7 @@ def test_commands_come_without_matplotlib(tmp_path):
     """Also those of condensed bodies, searches and comparisons."""
     code = (
         "import pathlib, sys\n"
-        "import jaxgear._cli._commands, jaxgear.study._compare, jaxgear.study._condense\n"
+        "import jaxgear._cli._commands, jaxgear.study._fidelity._compare, jaxgear.study._condense\n"
         "import jaxgear.plot._hybrid_tables, jaxgear.study._sensitivities\n"
         "import jaxgear.plot._wave_tables\n"
         "from jaxgear._cli._folder import Folder\n"

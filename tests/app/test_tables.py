@@ -22,7 +22,7 @@ from jaxgear.plot import _tables
 from jaxgear.plot._body_tables import DrawnBody, DrawnModes
 from jaxgear.scene._build import model_of
 from jaxgear.scene._scene import ready_scene
-from jaxgear.study import _hybrid_dataset, _ladder, _sizing
+from jaxgear.study import _hybrid_dataset, _sizing
 from jaxgear.study._flank_loads import FlankLoads
 from jaxgear.study._hybrid import BodyAnswer, BodyField
 from jaxgear.study._sensitivities import Sensitivities
@@ -231,10 +231,6 @@ _CRITICAL = [
     )
 ]
 _HOLES = _hybrid_dataset.HolePlaces(np.asarray([0.5]), np.asarray([0.2]))
-_RUNGS = [
-    {"name": "H5", "family": "a", "dofs": 1, "time_s": 0.1, "error": {"te_rms": None}},
-    {"name": "H9", "family": "b", "dofs": 1, "time_s": 0.2, "held_out": {"te_rms": 0.1}},
-]
 
 
 @functools.cache
@@ -320,7 +316,6 @@ _CASES = {
 # Tables that are made where they are written.
 _OTHERS = {
     "sizing": lambda: _sizing.sizing_columns(_sizings()),
-    "compare": lambda: _ladder.columns_of(_RUNGS),
     "sensitivity": lambda: _sensitivities().columns(),
 }
 

@@ -5,7 +5,6 @@ points by which it is chosen. Those in motion are judged by `error_95` instead: 
 leave out the resonances. A level `beyond` the scene is another physical model, never recommended.
 """
 
-import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -146,8 +145,8 @@ def combined(
         return None
     changes = {key: value for part in parts for key, value in part.changes.items()}
     name = ", ".join(part.name for part in parts)
-    return dataclasses.replace(
-        parts[-1], name=name, family="together", axis="", changes=MappingProxyType(changes)
+    return parts[-1]._replace(
+        name=name, family="together", axis="", changes=MappingProxyType(changes)
     )
 
 

@@ -1,6 +1,5 @@
 """Fidelity levels: what one changes of a scene, what it answers, and how far off that is."""
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -52,8 +51,7 @@ RESPONSES = {
 }
 
 
-@dataclasses.dataclass(frozen=True)
-class Level:
+class Level(NamedTuple):
     """A fidelity level: a model of a scene, and how it is solved.
 
     **Fields:**
