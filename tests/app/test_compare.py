@@ -14,20 +14,21 @@ from tiny_cases import tiny_scene
 
 from fem_prep._artefact import rigid_motions
 from jaxgear import study
+from jaxgear._dynamics._adaptive import Adaptive
 from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._march import Marching
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steppers import Midpoint
 from jaxgear._system._body_modes import BodyModes
+from jaxgear._system._fewer_modes import fewer_modes
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear.scene._scene import read_scene, ready_scene
 from jaxgear.scene._with_bodies import with_bodies
 from jaxgear.study._fidelity import _bodies as bodies
-from jaxgear.study._fidelity._adaptive import Adaptive
 from jaxgear.study._fidelity._engine import compared, own_of
 from jaxgear.study._fidelity._level import Answers, Level, Reference
 from jaxgear.study._fidelity._methods import MethodsProblem, method_levels
-from jaxgear.study._fidelity._models import changed, fewer_modes
+from jaxgear.study._fidelity._models import changed
 from jaxgear.study._fidelity._motion import other_speeds, over_speeds, some_speeds, thinned
 from jaxgear.study._fidelity._static_levels import simpler_bodies
 
@@ -39,7 +40,9 @@ def _answers(ratio, rms=None) -> Answers:
 
 
 def _reference(good) -> Reference:
-    return Reference(_answers([2.0] * len(good)), np.asarray(good), np.asarray(1.0), 1.0)
+    return Reference(
+        np.asarray(_answers([2.0] * len(good)).values), np.asarray(good), np.asarray(1.0), 1.0
+    )
 
 
 def _errors(found: Answers, good, branch: float = 0.03):

@@ -266,7 +266,7 @@ class _Numbers(AbstractProblem):
 
     def reference(self, level):
         values = jnp.asarray([[10.0, 10.0], [10.0, 0.0]])
-        return Reference(Answers(values, jnp.ones(2)), np.ones(2, bool), np.full(2, 20.0), 1.0)
+        return Reference(np.asarray(values), np.ones(2, bool), np.full(2, 20.0), 1.0)
 
     def run(self, level):
         return Run(_scaled, (jnp.asarray(level.changes["factor"]),))
@@ -327,7 +327,7 @@ def test_what_was_not_solved_has_no_error():
     count = len(problem.points)
     values = jnp.full((len(statics.MEASURED), count), 10.0)
     problem.__dict__["_reference"] = Reference(
-        Answers(values, jnp.ones(count)), np.ones(count, bool), np.full(count, 20.0), 1.0
+        np.asarray(values), np.ones(count, bool), np.full(count, 20.0), 1.0
     )
     solved = jnp.asarray([point.torque != 0.5 for point in problem.points])
     line = problem.line(Level("x", "y"), Answers(1.02 * values, solved), slice(None))

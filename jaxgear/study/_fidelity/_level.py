@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import numpy as np
 
@@ -22,7 +21,7 @@ AXES = (
 FLOOR = 0.01
 
 
-class Response(NamedTuple):
+class Compared(NamedTuple):
     """What can be compared.
 
     **Fields:**
@@ -38,16 +37,16 @@ class Response(NamedTuple):
 
 
 RESPONSES = {
-    "dynamic_ratio": Response("largest mesh force", "dynamic_ratio"),
-    "te_mean": Response("mean transmission error", "te_mean_um"),
-    "te_rms": Response("RMS of transmission error", "te_rms_um", True),
-    "te_peak_to_peak": Response("peak to peak of transmission error", "te_peak_to_peak_um", True),
-    "max_line_load": Response("largest line load", "max_line_load_N_mm"),
-    "max_pressure": Response("largest pressure", "max_pressure_MPa"),
-    "mesh_stiffness_mean": Response("mean mesh stiffness", "mesh_stiffness_mean_N_um"),
-    "face_load_factor": Response("face load factor", "face_load_factor"),
-    "transverse_load_factor": Response("transverse load factor", "transverse_load_factor"),
-    "te_harmonic_1": Response("mesh harmonic of transmission error", "te_harmonic_1_um", True),
+    "dynamic_ratio": Compared("largest mesh force", "dynamic_ratio"),
+    "te_mean": Compared("mean transmission error", "te_mean_um"),
+    "te_rms": Compared("RMS of transmission error", "te_rms_um", True),
+    "te_peak_to_peak": Compared("peak to peak of transmission error", "te_peak_to_peak_um", True),
+    "max_line_load": Compared("largest line load", "max_line_load_N_mm"),
+    "max_pressure": Compared("largest pressure", "max_pressure_MPa"),
+    "mesh_stiffness_mean": Compared("mean mesh stiffness", "mesh_stiffness_mean_N_um"),
+    "face_load_factor": Compared("face load factor", "face_load_factor"),
+    "transverse_load_factor": Compared("transverse load factor", "transverse_load_factor"),
+    "te_harmonic_1": Compared("mesh harmonic of transmission error", "te_harmonic_1_um", True),
 }
 
 
@@ -76,13 +75,13 @@ class Level(NamedTuple):
     thinned: int = 1
 
 
-class Answers(eqx.Module):
+class Answers(NamedTuple):
     """What a level says at some points.
 
     **Fields:**
 
-    - `values`: a row for each response, a column for each point, in the units of summaries.
-    - `solved`: of each point, whether its problem was.
+    - `values`: a row for each response, then others, a column for each point [um, MPa, N/mm, -].
+    - `solved`: of each point, whether its problem was [-].
     """
 
     values: jax.Array
@@ -94,13 +93,13 @@ class Reference(NamedTuple):
 
     **Fields:**
 
-    - `answers`: at each point.
+    - `values`: a row for each response, a column for each point, in the units of summaries.
     - `good`: of each point, whether it may be compared with.
     - `deflection`: of the mesh at each point, or at all of them [um].
     - `time_s`: that it took [s].
     """
 
-    answers: Answers
+    values: np.ndarray
     good: np.ndarray
     deflection: np.ndarray
     time_s: float
@@ -108,7 +107,7 @@ class Reference(NamedTuple):
 
 def scales_of(names: Sequence[str], reference: Reference) -> np.ndarray:
     """What errors are relative to: the reference, of fluctuations at least a part of deflection."""
-    values = np.abs(np.asarray(reference.answers.values))
+    values = np.abs(reference.values[: len(names)])
     floors = FLOOR * np.asarray([RESPONSES[name].fluctuates for name in names])
     return np.maximum(values, floors[:, None] * np.abs(reference.deflection))
 
@@ -129,5 +128,5 @@ def errors_of(
 
     A row for each response, a column for each point.
     """
-    off = np.asarray(answers.values) - np.asarray(reference.answers.values)[:, at]
+    off = np.asarray(answers.values)[: len(names)] - reference.values[: len(names), at]
     return np.abs(off) / scales_of(names, reference)[:, at]

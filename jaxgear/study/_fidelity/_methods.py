@@ -6,6 +6,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from jaxgear._dynamics._adaptive import Adaptive
 from jaxgear._dynamics._floquet import monodromy, multipliers
 from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._march import Marching
@@ -25,7 +26,6 @@ from jaxgear._dynamics._types import Speeds
 from jaxgear._interface._laws import SmoothContact
 from jaxgear._units import um
 from jaxgear.scene._scene import Scene
-from jaxgear.study._fidelity._adaptive import Adaptive
 from jaxgear.study._fidelity._choice import MARGIN
 from jaxgear.study._fidelity._level import FLOOR, Answers, Level
 from jaxgear.study._fidelity._models import Models, differing

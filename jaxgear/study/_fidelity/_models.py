@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from jaxgear._system._flexible import FlexibleBody
+from jaxgear._system._fewer_modes import fewer_modes
 from jaxgear._system._model import PairModel
 from jaxgear.scene._build import model_of
 from jaxgear.scene._scene import Scene
@@ -71,39 +71,3 @@ class Models:
             wanted = self.plain.replace({"mesh.slices": slices, **richest})
             self.built[slices] = with_bodies(wanted, say, moving=self.moving).bodies
         return self.built[slices]
-
-
-def fewer_modes(body: FlexibleBody, count: int) -> FlexibleBody:
-    """A body with its lowest modes only; what they leave deflects statically.
-
-    **Arguments:**
-
-    - `body`: that vibrates.
-    - `count`: number of modes, one less where a pair would be parted; 0 are all.
-
-    **Returns:**
-
-    The body.
-    """
-    modes = body.modes
-    assert modes is not None
-    if count == 0 or count >= modes.square.size:
-        return body
-    count -= modes.waves[count] < 0
-    size = modes.mass.shape[0] - modes.square.size + count
-    cut = lambda matrix: None if matrix is None else matrix[:size, :size]
-    return dataclasses.replace(
-        body,
-        modes=dataclasses.replace(
-            modes,
-            square=modes.square[:count],
-            rows=modes.rows[..., :count],
-            load=modes.load[:count],
-            mass=cut(modes.mass),
-            turning=cut(modes.turning),
-            coriolis=cut(modes.coriolis),
-            softening=cut(modes.softening),
-            waves=modes.waves[:count],
-            diameters=modes.diameters[:count],
-        ),
-    )

@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxgear._dynamics._adaptive import Adaptive
 from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit
 from jaxgear._dynamics._sweep import steady_states
@@ -34,7 +35,6 @@ from jaxgear._units import um
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import DYNAMIC_RESPONSES
 from jaxgear.study._dynamics import dynamic_grid_of, dynamics_of, speeds_of
-from jaxgear.study._fidelity._adaptive import Adaptive
 from jaxgear.study._fidelity._choice import MOST, worst
 from jaxgear.study._fidelity._engine import AbstractProblem, Run
 from jaxgear.study._fidelity._level import (
@@ -155,7 +155,7 @@ class AbstractMotion(AbstractProblem):
             answers, good = self.solved(pair, place.speeds)
             taken = time.perf_counter() - start
             deflection = np.asarray(timed(_deflection, pair.cycle))
-            self.references[key] = Reference(answers, good, deflection, taken)
+            self.references[key] = Reference(np.asarray(answers.values), good, deflection, taken)
         return self.references[key]
 
     def run(self, level: Level) -> Run:
@@ -204,13 +204,12 @@ class AbstractMotion(AbstractProblem):
     def told(self, reference: Reference) -> Summary:
         """What both kinds of reference tell: speeds, answers, seconds."""
         tried = [place.words for place in self.places[1:]]
-        values = np.asarray(reference.answers.values)
         return {
             "slices": self.scene["mesh.slices"],
             "speeds_rad_s": np.asarray(self.places[0].speeds),
             "held_out": [words for words in tried if any(words == x for x, _ in self.references)],
             "good": reference.good,
-            **{RESPONSES[name].key: values[row] for row, name in enumerate(self.names)},
+            **{RESPONSES[name].key: reference.values[row] for row, name in enumerate(self.names)},
             "time_s": reference.time_s,
         }
 
@@ -294,7 +293,7 @@ def over_speeds(
     Errors by name, `None` where there is no number.
     """
     good = reference.good[at]
-    errors = errors_of(DYNAMIC_RESPONSES, answers, reference, at)[: len(names)]
+    errors = errors_of(names, answers, reference, at)
     finite = good & np.all(np.isfinite(errors), axis=0)
     same = finite & np.all(errors <= branch, axis=0)
     counts = same if 2 * np.count_nonzero(same) >= np.count_nonzero(good) else finite

@@ -21,7 +21,7 @@ from jaxgear._response._loads import mesh_stiffness
 from jaxgear._response._transmission import cycle_mean, harmonic_amplitudes, transmission_error
 from jaxgear._solve._cycle import mesh_cycle
 from jaxgear._system._model import PairModel
-from jaxgear._types import Reals, Scalar
+from jaxgear._types import Flag, Reals
 from jaxgear._units import um
 from jaxgear.scene._build import flanks_of, grid_of, law_of, model_of
 from jaxgear.scene._scene import Scene
@@ -125,29 +125,10 @@ def _cut_back(scene: Scene, keys: Sequence[str], share: float) -> Mapping[str, f
     return found | dict.fromkeys(reliefs, 0.3)
 
 
-class _WithDeflection(eqx.Module):
-    """Answers, and what the mesh deflects by.
-
-    **Fields:**
-
-    - `answers`: at each point.
-    - `deflection`: at each point [um].
-    """
-
-    answers: Answers
-    deflection: Reals
-
-
 def _answers(model: PairModel, grid: MeshGrid, law: AbstractContactLaw, points: _Loaded) -> Answers:
-    return _with_deflection(model, grid, law, points).answers
+    """What is measured at each point, and what the mesh deflects by; times of points add up."""
 
-
-def _with_deflection(
-    model: PairModel, grid: MeshGrid, law: AbstractContactLaw, points: _Loaded
-) -> _WithDeflection:
-    """What is compared at each point; one after the other, so that times add up."""
-
-    def one(point: _Loaded) -> tuple[Reals, Scalar, Scalar]:
+    def one(point: _Loaded) -> tuple[Reals, Flag]:
         loaded = eqx.tree_at(lambda m: (m.torque, m.flanks), model, (point.torque, point.flanks))
         cycle = mesh_cycle(loaded, grid, law=law, throw=False)
         error = transmission_error(loaded.pair, cycle)
@@ -156,11 +137,12 @@ def _with_deflection(
             "mesh_stiffness_mean_N_um": stiffness * um,
             "te_harmonic_1_um": harmonic_amplitudes(cycle, error, 1)[0] / um,
         }
-        values = jnp.stack([found[RESPONSES[name].key] for name in MEASURED])
-        return values, cycle.load[0, 0] / stiffness / um, jnp.all(cycle.converged)
+        deflection = cycle.load[0, 0] / stiffness / um
+        values = [*(found[RESPONSES[name].key] for name in MEASURED), deflection]
+        return jnp.stack(values), jnp.all(cycle.converged)
 
-    values, deflection, solved = jax.lax.map(one, points)
-    return _WithDeflection(Answers(values.T, solved), deflection)
+    values, solved = jax.lax.map(one, points)
+    return Answers(values.T, solved)
 
 
 class StaticProblem(AbstractProblem):
@@ -200,12 +182,12 @@ class StaticProblem(AbstractProblem):
     @functools.cached_property
     def _reference(self) -> Reference:
         run, before = self._run(self.finest), seconds()[1]
-        found = timed(_with_deflection, *run.arguments, options=self.options)
-        answers, solved = found.answers, np.asarray(found.answers.solved)
+        answers = timed(run.program, *run.arguments, options=run.options)
+        values, solved = np.asarray(answers.values), np.asarray(answers.solved)
         if not solved.all():
             raise SolverFailure("the reference, on more slices and phases, was not solved")
         time_s = (seconds()[1] - before) * run.times
-        return Reference(answers, solved, np.asarray(found.deflection), time_s)
+        return Reference(values, solved, values[-1], time_s)
 
     def reference(self, level: Level) -> Reference:
         """The same for all levels."""
@@ -256,13 +238,13 @@ class StaticProblem(AbstractProblem):
         """The reference, its points and what errors are relative to."""
         reference = self._reference
         keys = [RESPONSES[name].key for name in MEASURED]
-        values, scales = reference.answers.values, scales_of(MEASURED, reference)
+        values, scales = reference.values[: len(keys)], scales_of(MEASURED, reference)
         slices, phases = self.finest["mesh.slices"], self.finest["mesh.phases"]
         return {
             "name": f"as given, {slices} slices, {phases} phases, exact contact",
             "time_s": reference.time_s,
             "points": [point._asdict() for point in self.points],
-            "values": dict(zip(keys, np.asarray(values), strict=True)),
+            "values": dict(zip(keys, values, strict=True)),
             "relative_to": dict(zip(keys, scales, strict=True)),
             "relative_to_words": "the reference's own value; of fluctuations (RMS, peak to peak, "
             f"harmonic) at least {100 * FLOOR:g} % of mesh force over mean mesh stiffness",
