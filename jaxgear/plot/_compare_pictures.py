@@ -146,7 +146,8 @@ def error_over_time(levels: xr.Dataset, response: str) -> Figure:
         ring |= {"ms": 14, "mew": 1.6, "zorder": 3.5}
         axes.plot(*place[names == recommended].T, **ring)
         label = f"recommended: {recommended}"
-        handles.append(Line2D([], [], label=label, **(ring | {"ms": 9})))
+        ring["ms"] = 9
+        handles.append(Line2D([], [], label=label, **ring))
     hollow: dict[str, Any] = {"marker": "o", "ls": "", "mfc": "none", "color": GREY, "ms": 6.5}
     failed, exact = not np.isfinite(error).all(), bool(np.any(error == 0.0))
     words = {"no result (at the top)": failed, "no difference (at the foot)": exact}

@@ -67,8 +67,12 @@ def test_methods_of_all_families_agree_on_a_pair_that_only_turns():
     levels = [
         Level("H3", "harmonic balance", "method", method=HarmonicBalance(harmonics=3)),
         Level("H20", "harmonic balance", "method", method=HarmonicBalance(harmonics=20)),
-        Level("shot", "shooting", "method", method=Shooting(midpoint, warm_up=2), thinned=2),
-        Level("marched", "march", "method", method=Marching(midpoint, cycles=60), thinned=2),
+        Level(
+            "shot", "shooting", "method", method=Shooting(stepper=midpoint, warm_up=2), thinned=2
+        ),
+        Level(
+            "marched", "march", "method", method=Marching(stepper=midpoint, cycles=60), thinned=2
+        ),
     ]
     found = compared(MethodsProblem(scene, levels, speeds=3, steps=160), "methods")
     assert list(found.summary["reference"]["speeds_rad_s"]) == [1500.0, 1900.0, 2300.0]

@@ -326,7 +326,7 @@ def test_what_was_not_solved_has_no_error():
     problem = statics.StaticProblem(ready_scene("accessory"), levels=())
     count = len(problem.points)
     values = jnp.full((len(statics.MEASURED), count), 10.0)
-    problem.__dict__["_reference"] = Reference(
+    vars(problem)["_reference"] = Reference(
         np.asarray(values), np.ones(count, bool), np.full(count, 20.0), 1.0
     )
     solved = jnp.asarray([point.torque != 0.5 for point in problem.points])

@@ -68,7 +68,7 @@ def chosen(scene: Scene, command: str, memory: Path | None = None) -> tuple[Scen
             about = _as_given(scene, why)
         about["seconds"] = time.perf_counter() - start
         if memory is not None:
-            write_json(kept | {key: about}, memory)
+            write_json({**kept, key: about}, memory)
     else:
         about = known
     changes = about["changes"]
