@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from jaxgear import study
 from jaxgear._cli._folder import Folder
 from jaxgear._cli._saving import save
 from jaxgear._cli._writing import finish, written
@@ -29,18 +30,6 @@ from jaxgear.study._run import run
 from jaxgear.study._sweep import sweep
 
 Command = Callable[[Scene, Folder], Summary]
-
-
-def compare(scene: Scene, folder: Folder) -> Summary:
-    """One scene by many models and methods: error against time, and which suffices.
-
-    Arguments, results and errors as for `run`.
-    """
-    from jaxgear.study import _compare
-
-    if scene.has_table("sweep"):
-        scene = built_scene(scene, moving=True)
-    return _compare.compare(scene, folder)
 
 
 def check_gradients(scene: Scene, folder: Folder) -> Summary:
@@ -139,15 +128,17 @@ def sensitivity(scene: Scene, folder: Folder) -> Summary:
 def _at_fidelity(name: str, command: Command):
     """A command that first chooses the model, where the scene leaves it to the program."""
 
-    def chosen(scene: Scene, folder: Folder) -> Summary:
+    def at_fidelity(scene: Scene, folder: Folder) -> Summary:
         if scene["model.fidelity"] != "auto":
             return command(scene, folder)
-        from jaxgear.study import _fidelity
+        from jaxgear.study._fidelity import _auto
 
-        scene, about = _fidelity.chosen(scene, name, folder)
-        return _fidelity.told(command(scene, folder), about, folder)
+        scene, about = _auto.chosen(scene, name, folder.kept("fidelity.json"))
+        summary = _auto.told(command(scene, folder), about)
+        write_json(summary, folder / "summary.json")
+        return summary
 
-    return chosen
+    return at_fidelity
 
 
 def _study(found: Callable[[Scene], Result]) -> Command:
@@ -168,6 +159,6 @@ COMMANDS: dict[str, Command] = {
     "modes": _study(modes),
     "check-grad": check_gradients,
     "sensitivity": sensitivity,
-    "compare": compare,
+    "compare": _study(lambda scene: study.compare(scene)),
     "condense": condense,
 }

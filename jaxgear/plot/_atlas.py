@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from jaxgear.plot._compare_atlas import comparison_pictures
 from jaxgear.plot._modes_atlas import pictures_of_modes
 from jaxgear.plot._picture import Animation, Datasets, Picture
 from jaxgear.plot._run_atlas import run_pictures
@@ -27,6 +28,7 @@ def pictures(datasets: Datasets) -> Iterator[Picture]:
     yield from pictures_of_waves(datasets)
     yield from searches_pictures(datasets)
     yield from relief_map_pictures(datasets)
+    yield from comparison_pictures(datasets)
 
 
 def animations(datasets: Datasets) -> Iterator[Animation]:

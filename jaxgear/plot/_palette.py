@@ -7,3 +7,6 @@ GREY, PINK = "#6b6b6b", "#ff6f91"
 
 # Of pinion and wheel.
 GEAR_COLOURS = (BLUE, ORANGE)
+# The seventh of Okabe and Ito's; on white their yellow is hard to see.
+PURPLE = "#CC79A7"
+SERIES = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, "black")

@@ -1,5 +1,6 @@
 """Public names of `jaxgear.study`."""
 
+from ._fidelity._compare import compare as compare
 from ._modes import modes as modes
 from ._optimising import optimise as optimise
 from ._progress import Listener as Listener

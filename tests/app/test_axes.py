@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from cases import helical_25_31, standard_17_43
 from helpers import assert_close
-from jaxgear.plot._axes_tables import axes_columns
 
 import jaxgear as jg
 from jaxgear import mm

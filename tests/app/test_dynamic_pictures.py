@@ -203,34 +203,6 @@ def _campbell(count=80, modes=8, *, energy=True):
     return _turning(speed, base + turn * speed[:, None], share)
 
 
-def _rungs():
-    rungs = [
-        {"name": f"H = {h}", "family": "harmonic balance", "time_s": 0.004 * h**1.3, "error": e}
-        for h, e in ((5, 2e-2), (10, 2e-3), (20, 2.6e-4), (40, 4e-5), (80, 8e-6))
-    ]
-    for family, factor, constant in (
-        ("Newmark", 1.0, 6.0),
-        ("generalised-alpha", 1.1, 11.0),
-        ("exponential", 1.4, 0.5),
-    ):
-        rungs += [
-            {
-                "name": f"{n} steps",
-                "family": family,
-                "time_s": 0.015 * factor * n,
-                "error": constant / n**1.9,
-            }
-            for n in (32, 64, 128, 256, 512)
-        ]
-    rungs += [
-        {"name": f"shooting, {n}", "family": "shooting", "time_s": 0.004 * n, "error": 6.1 / n**1.9}
-        for n in (64, 128, 256)
-    ]
-    rungs.append({"name": "diffrax, Tsit5", "family": "diffrax", "time_s": 60.0, "error": 1e-6})
-    rungs.append({"name": "explicit", "family": "diffrax", "time_s": 12.0, "error": np.nan})
-    return rungs
-
-
 # --- The pictures
 
 

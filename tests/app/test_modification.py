@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 from helpers import assert_close
-from jaxgear.plot._modification_tables import modification_columns
-from jaxgear.plot._sliding_tables import sliding_columns
 
 import jaxgear as jg
 from jaxgear import deg, mm, um

@@ -13,9 +13,10 @@ from tiny_cases import tiny_scene
 from jaxgear import plot
 from jaxgear._checks import InputError
 from jaxgear._dynamics._system import PairDynamics
+from jaxgear._response._body_motion import rotating_spectrum
 from jaxgear._response._flank_loads import FlankLoads
 from jaxgear._response._measured import Measured
-from jaxgear._response._waves import BodyMotion, along_directions, rotating_spectrum
+from jaxgear._response._waves import BodyMotion, along_directions
 from jaxgear._system._body_modes import body_basis
 from jaxgear._units import mm, um
 from jaxgear._whole_file import write_csv

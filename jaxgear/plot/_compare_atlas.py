@@ -1,0 +1,21 @@
+"""Pictures of comparisons of fidelity levels."""
+
+from collections.abc import Iterator
+from functools import partial
+
+from jaxgear.plot._picture import Datasets, Picture, columns
+from jaxgear.plot._plots import compare_pictures
+
+
+def comparison_pictures(datasets: Datasets) -> Iterator[Picture]:
+    """Pictures of the groups `compare` and `compare_statics`: an overview, and one a response."""
+    for group in ("compare", "compare_statics"):
+        if (found := datasets.get(group)) is None:
+            continue
+        table = columns(found, *map(str, found.data_vars))
+        moving = "error_95_dynamic_ratio" in found
+        draw = partial(compare_pictures.overview, found)
+        yield Picture(f"{group}_overview" if moving else group, draw, table)
+        for response in found.attrs["responses"].split():
+            name = group if response == "dynamic_ratio" else f"{group}_{response}"
+            yield Picture(name, partial(compare_pictures.error_over_time, found, response), table)

@@ -1,0 +1,227 @@
+"""`model.fidelity = "auto"`: a short comparison chooses the model that a command then runs with.
+
+What was chosen may be kept in a file, under a hash of the scene: the next command on the same scene
+does not pay for it again.
+"""
+
+import hashlib
+import importlib.metadata
+import json
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from jaxgear._whole_file import write_json
+from jaxgear.scene._scene import Scene
+from jaxgear.scene._scene_files import files_of
+from jaxgear.study._design import refuse_unbounded, require_search
+from jaxgear.study._fidelity._choice import judged_by
+from jaxgear.study._fidelity._compare import PERIODS
+from jaxgear.study._fidelity._engine import Comparison, compared
+from jaxgear.study._fidelity._level import Level
+from jaxgear.study._fidelity._methods import MethodsProblem, balance_level, model_levels
+from jaxgear.study._fidelity._models import changed
+from jaxgear.study._fidelity._static_levels import needs_its_slices, static_levels, takes_away
+from jaxgear.study._fidelity._statics import Work, compared_statics
+from jaxgear.study._objectives import looks_at_speeds
+from jaxgear.study._progress import built_scene
+from jaxgear.study._result import Summary
+from jaxgear.study._search_checks import require_swept
+from jaxgear.study._statics import SolverFailure
+
+_KEY = "model.fidelity"
+# Raised whenever the same scene would be given another level than before.
+_VERSION = 2
+# Speeds, and steps of the reference of rigid bodies: a choice must cost less than what it saves.
+_SPEEDS, _STEPS = 8, 512
+
+
+def chosen(scene: Scene, command: str, memory: Path | None = None) -> tuple[Scene, Summary]:
+    """The scene at the cheapest fidelity that suffices for a command, and why.
+
+    **Arguments:**
+
+    - `scene`: with `model.fidelity = "auto"`.
+    - `command`: `run`, `map`, `optimise` or `sweep`.
+    - `memory`: a file of what was chosen before; without it the comparison is always made.
+
+    **Returns:**
+
+    The scene with the level's keys, without bodies; and the `fidelity` part of the summary.
+    """
+    moving = in_motion(scene, command)
+    # What [optimise] asks for is part of `run` too.
+    searched = command in ("run", "optimise") and scene.has_table("optimise")
+    if searched:
+        # What is refused anyway costs no wait.
+        refuse_unbounded(scene, tuple(scene["optimise.vary"]))
+        require_swept(scene)
+        require_search(scene)
+    work: Work = "map" if command == "map" else "optimise" if searched else "run"
+    key, kept = digest(scene, "sweep" if moving else work), _read(memory)
+    known = kept.get(key)
+    if known is None:
+        start = time.perf_counter()
+        try:
+            about = _in_motion(scene) if moving else _at_rest(_short(scene), work)
+        except SolverFailure as error:
+            why = f"There was nothing to compare with: {str(error).rstrip('.')}."
+            about = _as_given(scene, why)
+        about["seconds"] = time.perf_counter() - start
+        if memory is not None:
+            write_json({**kept, key: about}, memory)
+    else:
+        about = known
+    changes = about["changes"]
+    said = {name: "left out" if value is None else value for name, value in changes.items()}
+    about = about | {"changes": said, "from_cache": known is not None}
+    return changed(scene, {**changes, _KEY: "as given"}), about
+
+
+def told(summary: Summary, about: Summary) -> Summary:
+    """A command's summary with what was chosen by `chosen`, and a note."""
+    note = f'model.fidelity = "auto" took the level "{about["rung"]}". {about["why"]}'
+    return summary | {"fidelity": about, "notes": [*summary.get("notes", []), note]}
+
+
+def in_motion(scene: Scene, command: str) -> bool:
+    """Whether a command asks for responses in motion: then these decide, and not statics."""
+    swept = scene.has_table("sweep")
+    if command == "optimise":
+        return swept and looks_at_speeds(scene)
+    return command == "sweep" or (command == "run" and swept)
+
+
+def digest(scene: Scene, work: str) -> str:
+    """Hash of what a choice depends on: the scene, the files it names, the work, the version."""
+    values = {key: x for key, x in scene.values.items() if key not in (_KEY, "cite", "name")}
+    files = {
+        key: hashlib.sha256(path.read_bytes()).hexdigest()
+        for key, path in files_of(scene).items()
+        if path.is_file()
+    }
+    whole = {
+        "values": values,
+        "tables": sorted(scene.given),
+        "files": files,
+        "work": work,
+        "version": [_VERSION, importlib.metadata.version("jaxgear")],
+    }
+    text = json.dumps(whole, sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _read(file: Path | None) -> Mapping[str, Summary]:
+    """What was chosen before; nothing where the file is missing or spoilt."""
+    try:
+        found = {} if file is None else json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _short(scene: Scene) -> Scene:
+    """The scene over one mesh period, where its cycle is long: levels do not differ by that."""
+    return scene.replace({"mesh.periods": 1}) if scene["mesh.periods"] > PERIODS else scene
+
+
+def _at_rest(scene: Scene, work: Work) -> Summary:
+    """The choice by the quasi-static cycle."""
+    levels = static_levels(scene, few=True)
+    found = compared_statics(scene, work=work, levels=levels, quick=True)
+    line = found.choice.line
+    changes = {} if line is None else found.levels[line["name"]].changes
+    return _about(found, changes, "of the quasi-static cycle")
+
+
+def _in_motion(scene: Scene) -> Summary:
+    """The choice by responses in motion, at a few speeds."""
+    if not scene.condensed:
+        scene = _short(scene)
+    scene = built_scene(scene, moving=True)
+    if scene["mesh.periods"] > PERIODS:
+        # A shorter cycle would be another body's: holes come again after many periods.
+        return _as_given(scene, "Models with condensed bodies are compared over few mesh periods.")
+    if scene.condensed:
+        # Finite elements are imported for scenes that have some only.
+        from jaxgear.study._fidelity._bodies import BodiesProblem, few_levels
+
+        problem = BodiesProblem(scene, asked_for(scene, few_levels(scene)), speeds=_SPEEDS)
+    else:
+        levels = asked_for(scene, moving_levels(scene))
+        problem = MethodsProblem(scene, levels, speeds=_SPEEDS, steps=_STEPS)
+    found = compared(problem, "fidelity")
+    line = found.choice.line
+    changes = {} if line is None else changes_in_motion(scene, found.levels[line["name"]])
+    return _about(found, changes, "in motion")
+
+
+def moving_levels(scene: Scene) -> list[Level]:
+    """The few levels of rigid bodies in motion from which one is chosen; the scene's own first."""
+    own, steps, harmonics = (scene[x] for x in ("mesh.slices", "sweep.steps", "sweep.harmonics"))
+    fewer = [(h, n) for h, n in ((5, 64), (10, 64)) if n <= steps and h < harmonics]
+    numbers = {"sweep.harmonics": harmonics, "sweep.steps": steps}
+    levels = [balance_level(scene, h, n) for h, n in ((harmonics, steps), *fewer)]
+    return levels + model_levels(scene, [n for n in (1, 5) if n < own], numbers)
+
+
+def asked_for(scene: Scene, levels: Sequence[Level]) -> list[Level]:
+    """Of levels in motion, the scene's own first, those that still do what the scene asks for."""
+    watched = [f"{scene[f'{row}.gear']}.body.probes" for row in scene.rows("probes")]
+
+    def is_able(level: Level) -> bool:
+        if needs_its_slices(scene) and "mesh.slices" in level.changes:
+            return False
+        # Another method of the user's is not overruled: only slices and bodies are chosen then.
+        by_other = level.method is not None or level.changes.keys() & _OF_BALANCE
+        if by_other and not _by_balance(scene):
+            return False
+        return not takes_away(scene, level.changes, watched)
+
+    return [level for level in levels if is_able(level)]
+
+
+_OF_BALANCE = {"sweep.steps", "sweep.harmonics"}
+
+
+def changes_in_motion(scene: Scene, level: Level) -> Mapping[str, Any]:
+    """Keys of the scene that make a level of it, by harmonic balance where it is that."""
+    balanced = _by_balance(scene) and level.method is None
+    gone = set() if balanced else _OF_BALANCE
+    return {key: value for key, value in level.changes.items() if key not in gone}
+
+
+def _by_balance(scene: Scene) -> bool:
+    return scene["sweep.method"] in ("auto", "harmonic")
+
+
+def _as_given(scene: Scene, why: str) -> Summary:
+    """The `fidelity` part of the summary where nothing could be chosen."""
+    return {
+        "rung": "as given",
+        "changes": {},
+        "why": f"{why} So the scene was taken as it is given.",
+        "errors": {},
+        "tolerance": scene["compare.tolerance"],
+        "within_tolerance": False,
+    }
+
+
+def _about(found: Comparison, changes: Mapping[str, Any], of: str) -> Summary:
+    """The `fidelity` part of the summary."""
+    line = found.choice.line
+    best = found.summary["rungs"][0] if line is None else line
+    why = f"By a comparison {of}: {found.summary['words']}"
+    if line is None:
+        why += " So the scene was taken as it is given."
+    return {
+        "rung": "as given" if line is None or not changes else line["name"],
+        "changes": dict(changes),
+        "why": why,
+        "errors": judged_by(best),
+        "errors_elsewhere": best.get("held_out"),
+        "tolerance": found.summary["tolerance"],
+        "within_tolerance": line is not None,
+        "time_s": best["time_s"],
+    }

@@ -1,0 +1,69 @@
+"""One scene by many models and methods: error against time, and which suffices."""
+
+from jaxgear._checks import require
+from jaxgear.scene._scene import Scene
+from jaxgear.study._fidelity._engine import Comparison, compared
+from jaxgear.study._fidelity._methods import MethodsProblem
+from jaxgear.study._fidelity._statics import compared_statics, require_at_rest
+from jaxgear.study._head import names_of, study
+from jaxgear.study._progress import built_scene
+from jaxgear.study._result import Result, titled
+
+# Mesh periods of a cycle, at the most: the methods of short cycles are compared.
+PERIODS = 4
+
+
+@study
+def compare(scene: Scene) -> Result:
+    """One scene by many models and methods: error against time, and which suffices.
+
+    Of a scene without [sweep] the quasi-static cycle is compared. With [sweep] it stands beside the
+    responses in motion.
+
+    **Arguments:**
+
+    - `scene`: checked against the schema.
+
+    **Returns:**
+
+    A dataset `compare` over the fidelity levels, of a sweep `compare_statics` besides, and the
+    summary.
+
+    **Raises:**
+
+    - `ValueError` if the gears are impossible.
+    - `SolverFailure` if the mesh cycle or the reference was not solved at most speeds.
+    """
+    moving = scene.has_table("sweep")
+    if moving:
+        scene = built_scene(scene, moving=True)
+    require(
+        scene["mesh.periods"] <= PERIODS,
+        "`compare` takes cycles of up to {most} mesh periods, got mesh.periods = {got}. "
+        "Compare the scene with fewer: what is found of models and methods holds for long cycles "
+        "too.",
+        most=PERIODS,
+        got=scene["mesh.periods"],
+    )
+    if not moving:
+        require_at_rest(scene)
+    work = "optimise" if scene.has_table("optimise") else "run"
+    at_rest = compared_statics(scene, work=work)
+    static = titled(at_rest.dataset, scene, ", quasi-static cycle")
+    if not moving:
+        return Result(scene, names_of(scene) | {"compare": at_rest.summary}, {"compare": static})
+    found = _in_motion(scene)
+    count = len(found.summary["reference"]["speeds_rad_s"])
+    datasets = {"compare": titled(found.dataset, scene, f", {count} speeds")}
+    summary = names_of(scene) | {"compare": found.summary | {"statics": at_rest.summary}}
+    return Result(scene, summary, datasets | {"compare_statics": static})
+
+
+def _in_motion(scene: Scene) -> Comparison:
+    """The responses in motion."""
+    if not scene.condensed:
+        return compared(MethodsProblem(scene), "compare")
+    # Finite elements are imported for scenes that have some only.
+    from jaxgear.study._fidelity._bodies import BodiesProblem
+
+    return compared(BodiesProblem(scene), "compare")

@@ -1,0 +1,73 @@
+"""Scenes and models of fidelity levels: what is changed, and bodies that are built once."""
+
+import dataclasses
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+from jaxgear._system._fewer_modes import fewer_modes
+from jaxgear._system._model import PairModel
+from jaxgear.scene._build import model_of
+from jaxgear.scene._scene import Scene
+from jaxgear.scene._with_bodies import with_bodies
+from jaxgear.study._fidelity._level import NOTHING
+from jaxgear.study._progress import say
+
+# Modes of each body where the scene is silent.
+MODES = 100
+
+
+def changed(scene: Scene, changes: Mapping[str, Any]) -> Scene:
+    """A scene with other values, and without the tables whose new value is `None`; unchecked."""
+    gone = tuple(key for key, value in changes.items() if value is None)
+    if gone:
+        left = lambda key: not any(key == table or key.startswith(f"{table}.") for table in gone)
+        kept = lambda mapping: MappingProxyType({k: v for k, v in mapping.items() if left(k)})
+        scene = dataclasses.replace(
+            scene,
+            values=kept(scene.values),
+            given=frozenset(filter(left, scene.given)),
+            lines=kept(scene.lines),
+            known=kept(scene.known),
+        )
+    return scene.replace({key: value for key, value in changes.items() if value is not None})
+
+
+def differing(scene: Scene, changes: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Of changes those that a scene has not already."""
+    return MappingProxyType({key: new for key, new in changes.items() if scene.get(key) != new})
+
+
+class Models:
+    """Scene and model of changes: condensed bodies are built once for each number of slices.
+
+    Bodies that vibrate are built with so many `coordinates` where the slices are the scene's own,
+    and cut to those of the changed scene.
+    """
+
+    def __init__(self, scene: Scene, *, moving: bool, coordinates: int | None = None):
+        self.plain = dataclasses.replace(scene, bodies=NOTHING)
+        self.moving = moving
+        self.richest = {} if coordinates is None else {"model.coordinates": coordinates}
+        self.built: dict[int, Mapping[str, Any]] = {}
+
+    def __call__(self, changes: Mapping[str, Any]) -> tuple[Scene, PairModel]:
+        scene = changed(self.plain, changes)
+        if scene.condensed:
+            bodies = self._bodies(scene["mesh.slices"])
+            count = scene.get("model.coordinates", MODES)
+            own = {gear: bodies[gear] for gear in scene.condensed}
+            if self.moving:
+                own = {
+                    gear: dataclasses.replace(body, flexible=fewer_modes(body.flexible, count))
+                    for gear, body in own.items()
+                }
+            scene = dataclasses.replace(scene, bodies=MappingProxyType(own))
+        return scene, model_of(scene)
+
+    def _bodies(self, slices: int) -> Mapping[str, Any]:
+        if slices not in self.built:
+            richest = self.richest if slices == self.plain["mesh.slices"] else {}
+            wanted = self.plain.replace({"mesh.slices": slices, **richest})
+            self.built[slices] = with_bodies(wanted, say, moving=self.moving).bodies
+        return self.built[slices]

@@ -1,0 +1,311 @@
+"""The quasi-static cycle by many models of one scene.
+
+A point is a torque with flanks; an answer is what a mesh cycle comes to. The reference is the
+scene's own model on more slices and phases, with exact contact.
+"""
+
+import functools
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxgear._checks import InputError
+from jaxgear._flank._deviations import Flanks
+from jaxgear._geometry._lines import MeshGrid
+from jaxgear._interface._laws import AbstractContactLaw
+from jaxgear._response._loads import mesh_stiffness
+from jaxgear._response._transmission import cycle_mean, harmonic_amplitudes, transmission_error
+from jaxgear._solve._cycle import mesh_cycle
+from jaxgear._system._model import PairModel
+from jaxgear._types import Flag, Reals
+from jaxgear._units import um
+from jaxgear.scene._build import flanks_of, grid_of, law_of, model_of
+from jaxgear.scene._scene import Scene
+from jaxgear.scene._schema import GEARS, STATIC_RESPONSES
+from jaxgear.study._design import twin
+from jaxgear.study._fidelity._choice import MARGIN, worst
+from jaxgear.study._fidelity._engine import AbstractProblem, Comparison, Run, compared, counted
+from jaxgear.study._fidelity._level import (
+    FLOOR,
+    RESPONSES,
+    Answers,
+    Level,
+    Reference,
+    errors_of,
+    scales_of,
+)
+from jaxgear.study._fidelity._models import Models, changed
+from jaxgear.study._fidelity._static_levels import static_levels
+from jaxgear.study._result import Summary
+from jaxgear.study._running import seconds, timed
+from jaxgear.study._statics import SolverFailure, headline
+
+# Measured, and only looked at where a level is tried.
+_EXTRAS = ("face_load_factor", "transverse_load_factor", "te_harmonic_1")
+MEASURED = (*STATIC_RESPONSES, *_EXTRAS)
+# Torques, over the scene's own, by which a level is chosen, and at which it is then tried.
+_CHOSEN, _HELD_OUT = (1.0, 0.5), (0.7, 1.3)
+# About what a tooth pair resists [N/(mm um)], for a relief of the size that a search looks at.
+_TOOTH_PAIR = 14.0
+# At least so many slices and phases has the reference of bodies that are not condensed.
+_FINEST = (80, 256)
+
+Work = Literal["run", "map", "optimise"]
+
+
+class Point(NamedTuple):
+    """An operating point.
+
+    **Fields:**
+
+    - `words`: what it is.
+    - `torque`: over the scene's own [-].
+    - `flank`: new values of keys.
+    - `chosen`: whether levels are chosen by it.
+    """
+
+    words: str
+    torque: float
+    flank: Mapping[str, float]
+    chosen: bool
+
+
+class _Loaded(eqx.Module):
+    """Torque and flanks of an operating point, or of several with the point leading.
+
+    **Fields:**
+
+    - `torque`: on the pinion [N m].
+    - `flanks`: deviations.
+    """
+
+    torque: Reals
+    flanks: Flanks
+
+
+def points_of(scene: Scene, work: Work = "run") -> list[Point]:
+    """Operating points: those by which a level is chosen, and others at which it is tried.
+
+    A map and a search visit other flanks: relieved ones stand for them.
+    """
+    found = [
+        Point(f"{share:g} x the torque", share, {}, share in _CHOSEN)
+        for share in (*_CHOSEN, *_HELD_OUT)
+    ]
+    if keys := visited(scene, work):
+        for torque, depth, chosen in ((1.0, 1.0, True), (0.7, 0.5, False)):
+            words = f"{torque:g} x the torque, flanks cut back by {depth:g} deflections"
+            found.append(Point(words, torque, _cut_back(scene, keys, depth), chosen))
+    return found
+
+
+def visited(scene: Scene, work: Work) -> list[str]:
+    """Keys of the flanks that a map or a search changes."""
+    if work == "map":
+        return [f"flank.{gear}.tip_relief.depth_um" for gear in GEARS]
+    if work != "optimise" or not scene.has_table("optimise"):
+        return []
+    keys = [key for key in scene["optimise.vary"] if key.startswith("flank.")]
+    keys = [key for key in keys if key.endswith("_um") and isinstance(scene.get(key), float)]
+    both = scene["optimise.symmetric"]
+    return list(dict.fromkeys([*keys, *(twin(key) for key in keys if both)]))
+
+
+def _cut_back(scene: Scene, keys: Sequence[str], share: float) -> Mapping[str, float]:
+    """Depths that are larger by a share of what a tooth pair deflects by; extents of 0.3."""
+    model = model_of(changed(scene, {f"{gear}.body.kind": "rigid" for gear in scene.condensed}))
+    force = float(model.torque) / float(model.pair.base_radius[0])
+    depth = share * 1e-3 * force / float(model.pair.face_width) / _TOOTH_PAIR
+    found = {key: float(scene[key]) + depth for key in keys}
+    reliefs = [key.removesuffix("depth_um") + "extent" for key in keys if key.endswith("depth_um")]
+    return found | dict.fromkeys(reliefs, 0.3)
+
+
+def _answers(model: PairModel, grid: MeshGrid, law: AbstractContactLaw, points: _Loaded) -> Answers:
+    """What is measured at each point, and what the mesh deflects by; times of points add up."""
+
+    def one(point: _Loaded) -> tuple[Reals, Flag]:
+        loaded = eqx.tree_at(lambda m: (m.torque, m.flanks), model, (point.torque, point.flanks))
+        cycle = mesh_cycle(loaded, grid, law=law, throw=False)
+        error = transmission_error(loaded.pair, cycle)
+        stiffness = cycle_mean(cycle, mesh_stiffness(cycle))
+        found = headline(loaded, cycle, law) | {
+            "mesh_stiffness_mean_N_um": stiffness * um,
+            "te_harmonic_1_um": harmonic_amplitudes(cycle, error, 1)[0] / um,
+        }
+        deflection = cycle.load[0, 0] / stiffness / um
+        values = [*(found[RESPONSES[name].key] for name in MEASURED), deflection]
+        return jnp.stack(values), jnp.all(cycle.converged)
+
+    values, solved = jax.lax.map(one, points)
+    return Answers(values.T, solved)
+
+
+class StaticProblem(AbstractProblem):
+    """The quasi-static cycle of a scene."""
+
+    shares = (MARGIN, 0.5 * MARGIN)
+    judged = ("largest errors", "largest error at the torques by which levels are chosen")
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        work: Work = "run",
+        levels: Sequence[Level] | None = None,
+        points: Sequence[Point] | None = None,
+        quick: bool = False,
+    ):
+        """See `compared_statics`."""
+        self.scene = scene
+        self.levels = static_levels(scene) if levels is None else levels
+        self.points = points_of(scene, work) if points is None else points
+        # The mesh stiffness of condensed bodies is that of teeth alone: it compares with no other.
+        apart = "mesh_stiffness_mean" if scene.condensed else ""
+        self.names = tuple(name for name in STATIC_RESPONSES if name != apart)
+        # Who asks for some responses only does not ask for others.
+        self.extras = () if scene.get("compare.responses") else _EXTRAS
+        self.models = Models(scene, moving=False)
+        # What is compiled in half the time runs twice as long: good enough to choose by.
+        self.options = (("xla_backend_optimization_level", 0),) if quick else ()
+        slices, phases = 2 * scene["mesh.slices"], 2 * scene["mesh.phases"]
+        if not scene.condensed:
+            slices, phases = max(slices, _FINEST[0]), max(phases, _FINEST[1])
+        self.finest = {"mesh.slices": slices, "mesh.phases": phases, "mesh.contact": "exact"}
+        self.chosen = np.asarray([point.chosen for point in self.points])
+        self.tried: dict[str, Mapping[str, float | None]] = {}
+
+    @functools.cached_property
+    def _reference(self) -> Reference:
+        run, before = self._run(self.finest), seconds()[1]
+        answers = timed(run.program, *run.arguments, options=run.options)
+        values, solved = np.asarray(answers.values), np.asarray(answers.solved)
+        if not solved.all():
+            raise SolverFailure("the reference, on more slices and phases, was not solved")
+        time_s = (seconds()[1] - before) * run.times
+        return Reference(values, solved, values[-1], time_s)
+
+    def reference(self, level: Level) -> Reference:
+        """The same for all levels."""
+        return self._reference
+
+    def run(self, level: Level) -> Run:
+        """All points, also those where levels are tried only."""
+        return self._run(level.changes)
+
+    def _run(self, changes: Mapping[str, Any]) -> Run:
+        scene, model = self.models(changes)
+        each = [
+            _Loaded(
+                # Couples on the pinion's shaft stay: the mesh has the share.
+                model.torque + (point.torque - 1.0) * model.mesh_torque,
+                flanks_of(scene.replace(point.flank), model.pair) if point.flank else model.flanks,
+            )
+            for point in self.points
+        ]
+        points = jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(x) for x in leaves]), *each)
+        arguments = model, grid_of(scene, model), law_of(scene), points
+        return Run(_answers, arguments, 1.0 / len(self.points), options=self.options)
+
+    def line(self, level: Level, answers: Answers, at: Any) -> Summary:
+        """The largest errors at the points by which levels are chosen, and at the others."""
+        errors, solved = errors_of(MEASURED, answers, self._reference), np.asarray(answers.solved)
+
+        def largest(name: str, at: np.ndarray) -> float | None:
+            value = float(np.max(errors[MEASURED.index(name)][at]))
+            return value if solved[at].all() and np.isfinite(value) else None
+
+        self.tried[level.name] = {name: largest(name, ~self.chosen) for name in MEASURED}
+        system = eqx.filter_eval_shape(PairModel.system, self.models(level.changes)[1])
+        return {
+            "beyond": level.beyond,
+            # The drive is counted once.
+            "dofs": len(system.structure.map.free) - 1,
+            "error": {name: largest(name, self.chosen) for name in STATIC_RESPONSES},
+            "held_out": self.tried[level.name],
+            "changes": {k: "left out" if x is None else x for k, x in level.changes.items()},
+        }
+
+    def held_out(self, level: Level) -> Mapping[str, float | None]:
+        """Of a level that was solved: all points are solved together."""
+        return self.tried[level.name]
+
+    def about(self) -> Summary:
+        """The reference, its points and what errors are relative to."""
+        reference = self._reference
+        keys = [RESPONSES[name].key for name in MEASURED]
+        values, scales = reference.values[: len(keys)], scales_of(MEASURED, reference)
+        slices, phases = self.finest["mesh.slices"], self.finest["mesh.phases"]
+        return {
+            "name": f"as given, {slices} slices, {phases} phases, exact contact",
+            "time_s": reference.time_s,
+            "points": [point._asdict() for point in self.points],
+            "values": dict(zip(keys, values, strict=True)),
+            "relative_to": dict(zip(keys, scales, strict=True)),
+            "relative_to_words": "the reference's own value; of fluctuations (RMS, peak to peak, "
+            f"harmonic) at least {100 * FLOOR:g} % of mesh force over mean mesh stiffness",
+        }
+
+
+def require_at_rest(scene: Scene) -> None:
+    """Refuse responses none of which the quasi-static cycle of a scene without a sweep has.
+
+    **Raises:**
+
+    - `InputError` naming them.
+    """
+    able = StaticProblem(scene, levels=(), points=()).names
+    named = scene.get("compare.responses")
+    if named and not set(named) & set(able):
+        raise InputError(
+            f"compare.responses names {', '.join(named)}: in motion only, or of teeth alone where "
+            f"bodies are condensed. Add a table [sweep], or name some of {', '.join(able)}."
+        )
+
+
+def compared_statics(
+    scene: Scene,
+    *,
+    work: Work = "run",
+    levels: Sequence[Level] | None = None,
+    quick: bool = False,
+) -> Comparison:
+    """The quasi-static cycle by many models of one scene: error against time.
+
+    **Arguments:**
+
+    - `scene`: checked against the schema.
+    - `work`: what the cycles are for.
+    - `levels`: that of the scene itself first; all by default.
+    - `quick`: whether to compile for a short wait, not for short runs: times are about twice those
+        of a run then.
+
+    **Returns:**
+
+    Lines of the levels and the recommendation.
+
+    **Raises:**
+
+    - `SolverFailure` if the reference was not solved.
+    """
+    problem = StaticProblem(scene, work=work, levels=levels, quick=quick)
+    found = compared(problem, "compare statics")
+    responses = counted(scene, problem.names)
+    found.summary["words"] += _beyond(found.summary["rungs"], responses, problem)
+    return found
+
+
+def _beyond(lines: Sequence[Summary], responses: Sequence[str], problem: StaticProblem) -> str:
+    """What another physical model would change by more than the tolerance."""
+    found, tolerance = "", float(problem.scene["compare.tolerance"])
+    for line in lines:
+        far = {name: worst(line["error"], (name,)) for name in responses}
+        far = {name: x for name, x in far.items() if tolerance < x < np.inf}
+        if line["beyond"] and far:
+            said = ", ".join(f"the {RESPONSES[x].words} by {100 * far[x]:.2g} %" for x in far)
+            found += f' Beyond the scene: "{line["name"]}" changes {said}.'
+    return found
