@@ -2,8 +2,10 @@
 
 from collections.abc import Iterator
 
+from jaxgear.plot._body_atlas import body_atlas
 from jaxgear.plot._modes_atlas import modes_pictures
 from jaxgear.plot._picture import Datasets, Picture
+from jaxgear.plot._sensitivity_atlas import sensitivity_atlas
 
 
 def pictures(datasets: Datasets) -> Iterator[Picture]:
@@ -18,3 +20,5 @@ def pictures(datasets: Datasets) -> Iterator[Picture]:
     Pictures and their tables, one after the other: nothing is drawn unless asked for.
     """
     yield from modes_pictures(datasets)
+    yield from sensitivity_atlas(datasets)
+    yield from body_atlas(datasets)

@@ -15,9 +15,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from fem_prep._grid import surface
+from fem_prep import surface
 from jaxgear._units import deg, mm, um
-from jaxgear.plot._body_pictures import _show
+from jaxgear.plot._body_pictures import show
 from jaxgear.plot._body_render import VIEW, frame, render
 from jaxgear.plot._hybrid_tables import (
     _largest_across,
@@ -275,7 +275,7 @@ def _draw_deflected(figure: FigureBase, axes: Axes, answer: BodyAnswer, shown: B
     faces = surface(grid)
     colours = ScalarMappable(Normalize(0.0, float(size.max()) / um), _SURFACE)
     fill = np.asarray(colours.to_rgba((size / um)[faces].ravel()))[:, :3].reshape(-1, 8, 3)
-    _show(axes, render(moved, faces, fill, edges=True, pixels=620))
+    show(axes, render(moved, faces, fill, edges=True, pixels=620))
     place = np.array([*VIEW[:2], 0.0])
     place *= float(grid.radius.max()) / np.hypot(*VIEW[:2])
     where = place @ frame()[:, :2] / mm

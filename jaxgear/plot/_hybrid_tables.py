@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import xarray as xr
 
-from fem_prep._files import write_vtu
+from fem_prep import write_vtu
 from jaxgear._cli._folder import Folder
 from jaxgear._cli._saving import save
 from jaxgear._units import deg, mm, um

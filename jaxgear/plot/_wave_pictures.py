@@ -15,11 +15,11 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from fem_prep._grid import surface
+from fem_prep import surface
 from jaxgear._response._waves import DIRECTIONS
 from jaxgear._units import mm, um
 from jaxgear._whole_file import whole_file
-from jaxgear.plot._body_pictures import _show
+from jaxgear.plot._body_pictures import show
 from jaxgear.plot._body_render import frame, render
 from jaxgear.plot._palette import _BLUE, _GREEN, _GREY, _ORANGE, _PINK, _RED, _SKY
 from jaxgear.plot._pictures import _BOX, _SURFACE, _digits, _house_look, _panels, _round_down
@@ -298,7 +298,7 @@ def animate_shape(
                 fill = np.asarray(colours.to_rgba(values[faces].ravel()))[:, :3]
                 moved = nodes + scale * np.real(shape * phase)
                 axes.clear()
-                _show(axes, render(moved, faces, fill.reshape(-1, 8, 3), edges=True, pixels=300))
+                show(axes, render(moved, faces, fill.reshape(-1, 8, 3), edges=True, pixels=300))
                 # The picture must not jump as the body moves.
                 axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
                 axes.set_title(words, fontsize=9.0)

@@ -9,8 +9,7 @@ from types import MappingProxyType
 import numpy as np
 import xarray as xr
 
-from fem_prep._files import write_vtu
-from fem_prep._grid import Grid
+from fem_prep import Grid, write_vtu
 from jaxgear._cli._folder import Folder
 from jaxgear._cli._saving import save
 from jaxgear._response._waves import DIRECTIONS

@@ -10,9 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fem_prep._assembly import Material
-from fem_prep._boundary import Teeth
-from fem_prep._web import Fineness, GearBody, Holes, SeatPlace, Segment, Web
+from fem_prep import Fineness, GearBody, Holes, Material, SeatPlace, Segment, Teeth, Web
 from jaxgear._units import GPa, deg, mm
 from jaxgear.scene._body_checks import METHODS
 from jaxgear.scene._body_words import in_keys

@@ -9,9 +9,7 @@ import numpy as np
 import scipy
 import xarray as xr
 
-from fem_prep._artefact import rigid_motions
-from fem_prep._checks import Progress
-from fem_prep._condense import Held, hold, recovered
+from fem_prep import Held, Progress, hold, recovered, rigid_motions
 from jaxgear._checks import require
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._sweep import Direction, SweepPoint

@@ -17,11 +17,7 @@ import numpy as np
 import scipy
 from jaxtyping import Array
 
-from fem_prep._answers import rim_rows
-from fem_prep._artefact import ReducedBody, rigid_motions
-from fem_prep._assembly import surface_mass
-from fem_prep._condense import hold
-from fem_prep._grid import Grid
+from fem_prep import Grid, ReducedBody, hold, rigid_motions, rim_rows, surface_mass
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._roots import Axial, Feet, RimSurface, feet

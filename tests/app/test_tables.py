@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 import xarray as xr
 from fem_cases import ring
+from jaxgear.plot._body_tables import DrawnBody, DrawnModes
 from table_checks import assert_table, is_told
 
 import jaxgear as jg
 from jaxgear import plot
 from jaxgear._dynamics._campbell import CriticalSpeed
 from jaxgear.plot import _tables
-from jaxgear.plot._body_tables import DrawnBody, DrawnModes
 from jaxgear.scene._build import model_of
 from jaxgear.scene._scene import ready_scene
 from jaxgear.study import _hybrid_dataset, _ladder, _sizing

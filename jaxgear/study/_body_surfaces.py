@@ -1,0 +1,62 @@
+"""What is seen of a condensed body: its outside, cut open, and the section in the cut."""
+
+from types import MappingProxyType
+
+import numpy as np
+
+from fem_prep import Grid, surface
+from jaxgear.scene._scene import Scene
+
+# The wedge left out of pictures, on the viewer's side [rad].
+_WEDGE = (-0.06 * np.pi, 0.44 * np.pi)
+# A face of eight nodes as a polygon: corners and middles in turn.
+_AROUND = [0, 4, 1, 5, 2, 6, 3, 7]
+
+
+def opened(grid: Grid) -> tuple[np.ndarray, np.ndarray]:
+    """Outer faces with a wedge left out, and which of them the cut has laid open.
+
+    **Arguments:**
+
+    - `grid`: of the body.
+
+    **Returns:**
+
+    Nodes of each face, shape `[face, 8]`, and a flag for each.
+    """
+    middle = grid.nodes[grid.bricks[:, :8]].mean(axis=1)
+    angle = np.arctan2(middle[:, 1], middle[:, 0])
+    left = grid.bricks[(angle < _WEDGE[0]) | (angle > _WEDGE[1])]
+    kept = surface(Grid(grid.nodes, left))
+    outside = {tuple(row) for row in np.sort(surface(grid)[:, :4], axis=1)}
+    cut = [tuple(row) not in outside for row in np.sort(kept[:, :4], axis=1)]
+    return kept, np.array(cut, dtype=bool)
+
+
+def section(grid: Grid) -> np.ndarray:
+    """Faces of one side of the cut: radius and Z around each, shape `[element, 8, 2]` [m]."""
+    kept, cut = opened(grid)
+    faces = grid.nodes[kept[cut]][:, _AROUND]
+    middle = faces.mean(axis=1)
+    angle = np.arctan2(middle[:, 1], middle[:, 0])
+    near = np.abs(angle - _WEDGE[1]) < np.abs(angle - _WEDGE[0])
+    return np.stack([np.hypot(faces[..., 0], faces[..., 1]), faces[..., 2]], axis=-1)[near]
+
+
+def body_sections(scene: Scene) -> dict[str, np.ndarray]:
+    """The elements of each condensed body in a cut along its axis.
+
+    **Arguments:**
+
+    - `scene`: with its bodies.
+
+    **Returns:**
+
+    As `section`, by gear; bodies without a grid have none.
+    """
+    bodies = {gear: each.built.body for gear, each in scene.bodies.items()}
+    return {
+        gear: section(Grid(body.nodes, body.bricks, MappingProxyType({})))
+        for gear, body in bodies.items()
+        if len(body.bricks)
+    }
