@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
-from fem_cases import ring
-from jaxgear.plot._body_tables import DrawnBody, DrawnModes
 from table_checks import assert_table, is_told
 
 import jaxgear as jg
@@ -25,7 +23,6 @@ from jaxgear.study import _hybrid_dataset, _ladder, _sizing
 from jaxgear.study._flank_loads import FlankLoads
 from jaxgear.study._hybrid import BodyAnswer, BodyField
 from jaxgear.study._results import write_csv
-from jaxgear.study._sensitivities import Sensitivities
 
 _SPEEDS = np.asarray([100.0, 200.0, 300.0])
 _PHASES = (np.arange(48) + 0.5) / 16
@@ -198,13 +195,6 @@ def _field() -> tuple[BodyAnswer, BodyField]:
     return _bare(BodyAnswer, gear="wheel", built=SimpleNamespace(body=body)), shown
 
 
-_DRAWN = DrawnModes(
-    np.asarray([100.0, 100.01, 150.0]),
-    np.asarray([2, 2, 0]),
-    np.asarray([0, 0, 1]),
-    np.ones(3),
-    ("axial",) * 3,
-)
 _CURVE = {
     "torque_Nm": 60.0,
     **{
@@ -249,18 +239,9 @@ def _sizings() -> _sizing.SizingTable:
     return _sizing._ranked(keys, _TORQUES, np.arange(6.0).reshape(3, 2), values)
 
 
-def _sensitivities() -> Sensitivities:
-    numbers = np.asarray([[1.0, np.nan], [2.0, 3.0]])
-    names, keys, measures = ("te_mean_um", "te_rms_um"), ("pair.module_mm", "x"), ("%/%", "%/um")
-    return Sensitivities(names, np.asarray([np.nan, 5.0]), np.ones(2), keys, measures, numbers)
-
-
 # What each function that ends in `_columns` is given, by its module and its name.
 _CASES = {
     "_axes_tables.axes": lambda: (_accessory().pair,),
-    "_body_tables.grid": lambda: (DrawnBody(ring([1.0, 2.0], 12, [0.0, 1.0]), {}),),
-    "_body_tables.families": lambda: (_DRAWN,),
-    "_body_tables.mode_shapes": lambda: (_DRAWN, np.zeros((2, 1, 3))),
     "_campbell_tables.campbell": lambda: (_turning(),),
     "_campbell_tables.campbell_on_body": lambda: (_turning(), "wheel"),
     "_campbell_tables.critical": lambda: (_turning(), _CRITICAL),
@@ -321,7 +302,6 @@ _CASES = {
 _OTHERS = {
     "sizing": lambda: _sizing.sizing_columns(_sizings()),
     "compare": lambda: _ladder.columns_of(_RUNGS),
-    "sensitivity": lambda: _sensitivities().columns(),
 }
 
 
