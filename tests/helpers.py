@@ -4,13 +4,14 @@ A comparison that cannot fail is a `ValueError`: the test is wrong. One that doe
 `AssertionError`: the code under test is wrong.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from jaxtyping import Array, PyTree
 from numpy.typing import ArrayLike
 
@@ -79,20 +80,20 @@ def assert_gradient(
     if not (0 < rtol < 1e-1 and 0 < step < 1e-1):
         raise ValueError(f"A tolerance and a step must mean something, got {rtol=}, {step=}.")
     direction = _direction(argument, argument if scale is None else scale)
-    function = eqx.filter_jit(function)
+    moved, fixed = eqx.partition(argument, eqx.is_inexact_array)
 
-    def along(distance: float) -> float:
-        return float(function(eqx.apply_updates(argument, _scaled(direction, distance))))
+    # Value and both derivatives in one program: it is traced and compiled once.
+    @jax.jit
+    def evaluated(distance: Array) -> tuple[Array, Array, Array]:
+        at = eqx.apply_updates(moved, _scaled(direction, distance))
+        value, push = jax.linearize(lambda x: function(eqx.combine(x, fixed)), at)
+        (gradient,) = jax.linear_transpose(push, at)(jnp.ones_like(value))
+        parts = zip(jax.tree.leaves(gradient), jax.tree.leaves(direction), strict=True)
+        return value, push(direction), sum(jnp.vdot(slope, part) for slope, part in parts)
 
-    ahead, behind = along(step), along(-step)
+    ahead, behind = (float(evaluated(jnp.asarray(by))[0]) for by in (step, -step))
     central = (ahead - behind) / (2 * step)
-    _, tangent = eqx.filter_jvp(function, (argument,), (direction,))
-    forward = 0.0 if tangent is None else float(tangent)
-    gradient = eqx.filter_grad(function)(argument)
-    reverse = sum(
-        float(jnp.vdot(slope, part))
-        for slope, part in zip(jax.tree.leaves(gradient), jax.tree.leaves(direction), strict=True)
-    )
+    forward, reverse = (float(x) for x in evaluated(jnp.asarray(0.0))[1:])
 
     found = f"\n  reverse {reverse:.12g}\n  forward {forward:.12g}\n  central {central:.12g}"
     assert np.isfinite([reverse, forward, central]).all(), found
@@ -182,3 +183,13 @@ def _direction(argument: PyTree, sizes: PyTree) -> PyTree:
 
 def _scaled(tree: PyTree, factor: float) -> PyTree:
     return jax.tree.map(lambda x: factor * x, tree)
+
+
+def quick(count: int, variants: Iterable[Any]) -> list[Any]:
+    """Variants of a test, of which the first few run always and the others among the slow tests."""
+    marked = lambda each: pytest.param(*_tuple(each), marks=pytest.mark.slow)
+    return [each if i < count else marked(each) for i, each in enumerate(variants)]
+
+
+def _tuple(variant: Any) -> tuple[Any, ...]:
+    return variant if isinstance(variant, tuple) else (variant,)

@@ -10,16 +10,6 @@ import pytest
 
 _ROOT = Path(__file__).parents[1]
 _NOTEBOOKS = sorted((_ROOT / "examples").glob("*.ipynb"))
-_LONG = {
-    "02_shafts_and_bodies",
-    "03_dynamics",
-    "04_gear_bodies",
-    "05_hybrid_models",
-    "06_master_curve_rigid_to_flexible",
-    "07_crowning_at_speed",
-    "08_designs_times_speeds",
-    "09_robust_relief",
-}
 
 
 def test_there_are_examples():
@@ -147,13 +137,10 @@ _PROMISES = {
 }
 
 
-@pytest.mark.end_to_end
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "path",
-    [
-        pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stem in _LONG else [])
-        for path in _NOTEBOOKS
-    ],
+    [pytest.param(path, id=path.stem) for path in _NOTEBOOKS],
 )
 def test_notebook_runs_and_its_assertions_hold(path):
     """Executed as a user would, in a kernel of its own."""

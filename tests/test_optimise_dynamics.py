@@ -115,6 +115,7 @@ def test_a_search_sees_true_derivatives():
     assert result.value < result.values[0] - 0.03
 
 
+@pytest.mark.slow
 def test_speeds_that_have_not_settled_or_are_too_sensitive_are_left_out():
     """Few Newton steps are enough away from the mesh mode only."""
     found = _judged(_over(method=_method(most_steps=4)), _DESIGN)

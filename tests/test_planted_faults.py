@@ -85,6 +85,7 @@ def tree(tmp_path):
         ("2 * x", "test_gone", (), "the tree has none of its tests"),
     ],
 )
+@pytest.mark.slow
 def test_verdicts(tree, tmp_path, plant, test, caught_by, trouble):
     source = (tree / "jaxgear" / "__init__.py").read_text()
     tests = (f"tests/test_twice.py::{test}",)

@@ -91,6 +91,7 @@ def _answer(process: subprocess.Popen) -> tuple[list[str], int, list[str]]:
 
 
 @pytest.mark.end_to_end
+@pytest.mark.slow
 def test_programs_are_compiled_once_and_whatever_befalls_them_is_one_note(user):
     # Two at once into an empty folder.
     (first, _, said), (second, _, too) = map(_answer, [_started(), _started()])

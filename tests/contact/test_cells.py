@@ -375,6 +375,7 @@ def test_gradient_at_nominal_flanks():
     assert_close(at_zero, later, rtol=1e-13, atol=0.0)
 
 
+@pytest.mark.slow
 def test_one_trace():
     pair = power()
     grid = _grid(pair)

@@ -22,7 +22,7 @@ from cases import (
     standard_30_30,
     standard_50_50,
 )
-from helpers import assert_close, assert_gradient
+from helpers import assert_close, assert_gradient, quick
 
 import jaxgear as jg
 from jaxgear import N_per_mm_um, mm, um
@@ -83,7 +83,7 @@ _TABLE = [
 
 
 @pytest.mark.parametrize(
-    ("make", "load", "beam", "foundation", "contact", "stiffness", "iso", "rack"), _TABLE
+    ("make", "load", "beam", "foundation", "contact", "stiffness", "iso", "rack"), quick(3, _TABLE)
 )
 def test_weber_and_banaschek_at_the_pitch_point(
     make, load, beam, foundation, contact, stiffness, iso, rack
@@ -415,6 +415,7 @@ def test_loads_low_on_the_tooth_are_what_they_say(make, wheel, place, below_chor
     assert float(height) < float(junction)
 
 
+@pytest.mark.slow
 def test_every_field_that_shapes_a_tooth_has_a_gradient():
     def compliance(pair: jg.GearPair) -> jax.Array:
         return _WEBER(pair, _along(pair, 0.4), _load(180.0))[0] * N_per_mm_um

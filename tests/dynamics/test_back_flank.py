@@ -217,6 +217,7 @@ def test_turning_twice_is_turning_not_at_all():
 # --- forces
 
 
+@pytest.mark.slow
 def test_the_mirrored_pair_driven_the_other_way_round():
     """In a mirror through both axes back flanks drive: same wrench on the gears at every phase.
 
@@ -340,6 +341,7 @@ def test_several_periods_repeat_nominal_back_flanks():
         with_back_flanks(drive, found)
 
 
+@pytest.mark.slow
 def test_steps_too_long_for_the_lines_kept_are_refused():
     few = dataclasses.replace(_grid(), lines=1)
     with pytest.raises(ValueError, match="Use more phases"):

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import quick
 
 import jaxgear as jg
 from jaxgear import um
@@ -145,7 +146,7 @@ def traced():
 
 
 @pytest.mark.usefixtures("traced")
-@pytest.mark.parametrize(("speed", "parts"), [(700.0, False), (1000.0, True)])
+@pytest.mark.parametrize(("speed", "parts"), quick(1, [(1000.0, True), (700.0, False)]))
 def test_steady_responses_have_derivatives_in_everything(speed, parts):
     """In both directions, to 1e-5 of central differences."""
     speed = jnp.asarray(speed)

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from dynamics import cases
+from helpers import quick
 
 import jaxgear as jg
 from jaxgear._dynamics._harmonic import HarmonicBalance, balance_of, imbalance, linearised
@@ -32,7 +33,7 @@ def _variant(name: str) -> tuple[DynamicSystem, HarmonicBalance]:
     )
 
 
-@pytest.mark.parametrize("name", ["exact", "averaged", "two", "bow", "cell damping"])
+@pytest.mark.parametrize("name", quick(2, ["exact", "averaged", "two", "bow", "cell damping"]))
 def test_matrix_is_the_derivative_of_the_residual(name):
     system, method = _variant(name)
 
@@ -51,7 +52,7 @@ def test_matrix_is_the_derivative_of_the_residual(name):
     np.testing.assert_allclose(ours, expected, rtol=1e-10, atol=1e-10)
 
 
-@pytest.mark.parametrize("gyroscopic", [None, 0.2])
+@pytest.mark.parametrize("gyroscopic", quick(1, [None, 0.2]))
 def test_bilinear_harmonics_are_the_midpoint_rule(gyroscopic):
     """Two codes, one number: all harmonics of an odd number of equal steps, contact lost."""
     system = cases.two_dof(steps=41, load=0.08)

@@ -19,7 +19,7 @@ from dynamics.cases import (
     torsional_pair,
     two_dof,
 )
-from helpers import assert_close, observed_order
+from helpers import assert_close, observed_order, quick
 
 from jaxgear._dynamics._floquet import monodromy, multipliers
 from jaxgear._dynamics._harmonic import HarmonicBalance, balance_of
@@ -144,7 +144,7 @@ def _near(rows: list[Row], multiple: int) -> jax.Array:
 
 @pytest.mark.parametrize(
     ("multiple", "averaged"),
-    [(1, False), (2, False), (2, True)],
+    quick(1, [(1, False), (2, False), (2, True)]),
     ids=["one cycle", "two cycles", "averaged"],
 )
 def test_harmonic_balance_holds_the_table_of_b5(multiple, averaged):
@@ -258,7 +258,7 @@ SAME = {
 }
 
 
-@pytest.mark.parametrize("case", SAME)
+@pytest.mark.parametrize("case", quick(2, SAME))
 def test_newmark_marches_as_the_judge_does(case):
     """Modes and few mesh coordinates here, all freedoms and the thesis's two loops there."""
     build, speed = SAME[case]
@@ -294,7 +294,7 @@ STEPPERS = {
 }
 
 
-@pytest.mark.parametrize("name", STEPPERS)
+@pytest.mark.parametrize("name", quick(2, STEPPERS))
 def test_steppers_are_of_second_order(name):
     """Four periods of the closed contact in 160, 320 and 640 steps."""
     stepper, speed, waves = STEPPERS[name], 1.2, (4, 2, 1)
@@ -381,7 +381,7 @@ def _shoot(multiple: int, name: str):
 
 
 @pytest.mark.parametrize(
-    ("multiple", "name"), [(1, "exponential"), (2, "exponential"), (2, "midpoint")]
+    ("multiple", "name"), quick(1, [(1, "exponential"), (2, "exponential"), (2, "midpoint")])
 )
 def test_shooting_holds_the_table_of_b5(multiple, name):
     rows = [row for row in _table() if multiple % row.multiple == 0]

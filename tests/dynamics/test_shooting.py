@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from dynamics import cases
+from helpers import quick
 
 from jaxgear._dynamics._floquet import monodromy, multipliers, product_of_steps, tangents_of
 from jaxgear._dynamics._harmonic import HarmonicBalance
@@ -22,12 +23,15 @@ from jaxgear._response._dynamic import dynamic_ratio
 
 @pytest.mark.parametrize(
     ("name", "stepper"),
-    [
-        ("exact", Midpoint()),
-        ("cell damping", Midpoint()),
-        ("bow", Exponential()),
-        ("gyroscopic", Exponential()),
-    ],
+    quick(
+        1,
+        [
+            ("exact", Midpoint()),
+            ("cell damping", Midpoint()),
+            ("bow", Exponential()),
+            ("gyroscopic", Exponential()),
+        ],
+    ),
 )
 def test_monodromy_is_the_derivative_of_a_cycle(name, stepper):
     system = cases.two_dof(steps=40, load=0.3)

@@ -5,6 +5,7 @@ import functools
 import numpy as np
 import pytest
 from dynamics import cases
+from helpers import quick
 
 from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._march import Marching
@@ -41,7 +42,7 @@ def _swept(name: str, direction: Direction):
 
 
 @pytest.mark.parametrize("name", METHODS)
-@pytest.mark.parametrize(("direction", "table"), [("up", UP), ("down", DOWN)])
+@pytest.mark.parametrize(("direction", "table"), quick(2, [("up", UP), ("down", DOWN)]))
 def test_both_branches_of_the_table(name, direction, table):
     points = dict(zip(SPEEDS, _swept(name, direction), strict=True))
     for speed, expected in table.items():

@@ -218,6 +218,7 @@ def _bodies_with_everything() -> DynamicSystem:
     )
 
 
+@pytest.mark.slow
 def test_coupled_coordinates_whirl_and_damping_cells_agree_with_scipy():
     system, speed = _bodies_with_everything(), 0.9
     start = np.array([[1.8, 0.1], [0.0, 0.2]])
@@ -283,6 +284,7 @@ def _sprung(system: DynamicSystem, light: float, spring: float) -> DynamicSystem
 _SLOW_ONES = {"below": 20.0, "end": 30.0}
 
 
+@pytest.mark.slow
 def test_bow_is_a_spring_in_series():
     system = _oscillator()
     table = dataclasses.replace(system.table, stiffness=2.0 * system.table.stiffness)
@@ -396,6 +398,7 @@ def _recorded(end: float, **options):
     return _run(_oscillator(), end=end, rtol=1e-8, **given, **options)
 
 
+@pytest.mark.slow
 def test_dense_output_and_progress_meter(capsys):
     found = _recorded(12.0)
     assert "100.00%" in capsys.readouterr().err

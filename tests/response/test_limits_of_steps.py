@@ -23,6 +23,7 @@ def _ratio(steps: int, *, limits: bool) -> float:
     return float(jnp.max(jg.contact_force(system, orbit)) / system.force)
 
 
+@pytest.mark.slow
 def test_a_peak_at_tooth_entry_converges_with_order_two():
     true = _ratio(2048, limits=True)
     errors = [abs(_ratio(steps, limits=True) - true) for steps in STEPS]

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import assert_close, assert_gradient
+from helpers import assert_close, assert_gradient, quick
 from scipy.optimize import nnls
 from solve_cases import zero
 
@@ -192,7 +192,7 @@ def test_bodies_far_softer_than_cells_need_patience(coordinates):
 
 
 @pytest.mark.parametrize("coordinates", [1, 2, 3])
-@pytest.mark.parametrize("structure", STRUCTURES)
+@pytest.mark.parametrize("structure", quick(6, STRUCTURES))
 def test_random_problems_agree_with_the_dual(coordinates, structure):
     rng = np.random.default_rng(10 + coordinates)
     problems = [
@@ -353,7 +353,7 @@ LAWS = {"exact": jg.ExactContact(), "smooth": jg.SmoothContact(2e-6)}
 
 
 @pytest.mark.parametrize("dense", [False, True], ids=["two coordinates", "dense"])
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", quick(2, LAWS))
 def test_derivatives_are_those_of_the_solution(law, dense):
     """Forward, reverse and central differences by each input on its own, cells open and closed."""
     problem = _smallish(51, MODERATE, dense)
@@ -395,7 +395,7 @@ def test_derivatives_exist_where_bodies_only_turn():
     assert_gradient(number, problem, rtol=1e-6, step=1e-7, scale=scale)
 
 
-@pytest.mark.parametrize("dense", [False, True], ids=["two coordinates", "dense"])
+@pytest.mark.parametrize("dense", quick(1, [False, True]), ids=["two coordinates", "dense"])
 def test_second_derivatives_with_smooth_contact(dense):
     """Along a direction, forward and reverse over reverse, against differences of the gradient."""
     problem = _smallish(51, MODERATE, dense)

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import assert_close, assert_gradient, observed_order
+from helpers import assert_close, assert_gradient, observed_order, quick
 from solve_cases import (
     ACCESSORY,
     FZG_C14,
@@ -67,7 +67,7 @@ EVERYTHING = {
 }
 
 
-@pytest.mark.parametrize("case", EVERYTHING)
+@pytest.mark.parametrize("case", quick(2, EVERYTHING))
 def test_cell_forces_balance_the_torque_at_every_phase(case):
     drawing, more = EVERYTHING[case]
     model = _model(drawing, 120.0, **more)
@@ -110,7 +110,7 @@ def test_tilt_of_supported_bodies_follows_their_moment():
 # --- closed forms at constant stiffness
 
 
-@pytest.mark.parametrize("ratio", [1.01, 1.3, 1.6, 1.9, 2.0, 2.3])
+@pytest.mark.parametrize("ratio", quick(2, [1.01, 1.3, 1.6, 1.9, 2.0, 2.3]))
 def test_unmodified_spur_pair_by_hand(ratio):
     """n or n + 1 pairs share the load: delta/n and delta/(n + 1), for 1 - p and p of the period."""
     drawing = with_contact_ratio(ratio)
@@ -192,14 +192,17 @@ def _sum_of_pairs(drawing: Drawing, torque: float, phase: float, depth: float, e
 
 @pytest.mark.parametrize(
     ("ratio", "extent", "depth"),
-    [
-        (1.6, 0.3, 3 * um),
-        (1.6, 0.3, 40 * um),
-        # Unrelieved flank shorter than a pitch, and deep: two barely touching pairs, large TE.
-        (1.6, 0.45, 60 * um),
-        (1.01, 0.2, 20 * um),
-        (2.3, 0.4, 15 * um),
-    ],
+    quick(
+        2,
+        [
+            (1.6, 0.3, 3 * um),
+            (1.6, 0.3, 40 * um),
+            # Unrelieved flank shorter than a pitch, and deep: two barely touching pairs, large TE.
+            (1.6, 0.45, 60 * um),
+            (1.01, 0.2, 20 * um),
+            (2.3, 0.4, 15 * um),
+        ],
+    ),
 )
 def test_relieved_spur_pair_against_bisection(ratio, extent, depth):
     drawing = with_contact_ratio(ratio)
@@ -382,7 +385,7 @@ def test_mirrored_pair_has_mirrored_forces():
 
 @pytest.mark.parametrize(
     ("helix", "width", "slices"),
-    [(0.0, 0.02, 1), (0.0, 0.6, 20), (5.0, 0.02, 1), (20.0, 0.3, 40), (35.0, 0.06, 30)],
+    quick(2, [(0.0, 0.02, 1), (0.0, 0.6, 20), (5.0, 0.02, 1), (20.0, 0.3, 40), (35.0, 0.06, 30)]),
 )
 def test_wide_narrow_and_steep_pairs_converge(helix, width, slices):
     drawing = with_contact_ratio(1.4, helix_angle=math.radians(helix), face_width=width)

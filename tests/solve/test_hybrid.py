@@ -130,6 +130,7 @@ def test_h1_is_the_thesis_s_way():
     _compare(_h1(), cycle, _dense("spur", cycle, bodies, False), (1, 6))
 
 
+@pytest.mark.slow
 def test_h2_is_the_thesis_s_way():
     cycle = _h2_cycle()
     bodies = (hybrid_cases.body("helical", 0), hybrid_cases.body("helical", 1, seats="shaft"))

@@ -415,6 +415,7 @@ def test_an_overhung_gear_gives_way_at_its_free_end(side):
 # --- bodies that bend and twist
 
 
+@pytest.mark.slow
 def test_a_stiff_beam_is_a_rigid_body():
     """Shaft and body 10 to 1000 times stiffer, bearings as they are."""
     rigid_shaft = _straddle(30 * mm, 45 * mm, young=1e19)

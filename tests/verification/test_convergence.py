@@ -125,6 +125,7 @@ def test_order_in_slices_of_a_crowned_spur_pair():
 # --- smooth contact
 
 
+@pytest.mark.slow
 def test_smooth_contact_tends_to_exact_contact():
     """Bias of order width squared: the spline's excess is confined to cells within the width."""
     model, slices = EVENTFUL["crowned helical"]

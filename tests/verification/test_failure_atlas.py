@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from verification import failure_atlas as atlas
 
+pytestmark = pytest.mark.slow
+
 DOCS = Path(__file__).parents[2] / "docs"
 
 
@@ -24,7 +26,6 @@ def test_steps_too_large():
     assert np.max(np.abs(found["exponential"][-1])) < 0.02
 
 
-@pytest.mark.slow
 def test_newmark_rings_after_impacts_and_feeds_bouncing():
     found = atlas.ringing().numbers
     alternation = found["alternation"]
@@ -87,7 +88,6 @@ def test_cold_starts_see_one_branch():
         np.testing.assert_allclose(known, swept, rtol=2e-3)
 
 
-@pytest.mark.slow
 def test_light_load_separates_everything():
     found = atlas.light_load().numbers
     shares = found["shares"]
@@ -109,7 +109,6 @@ def test_zero_damping():
     assert np.max(np.abs(found["multipliers"] - 1.0)) < 1e-10
 
 
-@pytest.mark.slow
 def test_whole_contact_ratios_do_no_harm():
     found = atlas.whole_contact_ratios().numbers
     assert found["finite"]
@@ -160,7 +159,6 @@ def test_light_modes_have_longer_periods_under_newmark():
     assert np.max(np.abs(found["exponential"][1])) < 0.01
 
 
-@pytest.mark.slow
 def test_extreme_bodies_do_no_harm():
     found = atlas.extreme_bodies().numbers
     assert np.all(found["settled"])
@@ -184,7 +182,6 @@ def test_contact_loops_fail_where_newton_does_not():
     assert found["apart"] < 1e-8
 
 
-@pytest.mark.slow
 def test_slow_modes_have_not_settled():
     found = atlas.slow_modes().numbers
     assert min(found["worst"]) > 0.2

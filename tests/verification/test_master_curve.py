@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import assert_close, observed_order
+from helpers import assert_close, observed_order, quick
 from solve_cases import (
     ACCESSORY,
     FZG_C14,
@@ -71,7 +71,7 @@ SPUR = {
 }
 
 
-@pytest.mark.parametrize("name", SPUR)
+@pytest.mark.parametrize("name", quick(2, SPUR))
 def test_spur_pair_is_still_on_the_curve(name):
     drawing = SPUR[name]
     ratio = drawing.contact_ratio
@@ -120,7 +120,7 @@ HELICAL = {
 }
 
 
-@pytest.mark.parametrize("name", HELICAL)
+@pytest.mark.parametrize("name", quick(1, HELICAL))
 def test_helical_pair_is_still_on_the_curve(name):
     """The same curve for any overlap: every slice alone carries a constant load.
 
@@ -196,7 +196,9 @@ def test_first_harmonic_column(ratio_16, extent, depth, rms):
 
 @pytest.mark.parametrize(
     ("load", "short", "long"),
-    [(0.5, 0.083, 0.111), (0.75, 0.046, 0.059), (1.25, 0.052, 0.061), (1.5, 0.105, 0.122)],
+    quick(
+        1, [(0.5, 0.083, 0.111), (0.75, 0.046, 0.059), (1.25, 0.052, 0.061), (1.5, 0.105, 0.122)]
+    ),
 )
 def test_off_design_loads(load, short, long):
     """RMS over the design deflection, at other loads (physics A3.4, last line)."""

@@ -183,6 +183,7 @@ def test_two_pairs_on_two_rings_by_hand():
     assert_close(carried, force * shares / shares.sum(), rtol=1e-4, atol=0.0)
 
 
+@pytest.mark.slow
 def test_the_other_way_round_would_show():
     """Neighbours exchanged move the coupling by more than the tolerance above."""
     cycle = _spur_cycle(RING)
@@ -416,6 +417,7 @@ def test_slopes_with_everything_switched_on():
 # --- stiffness at the line loads found
 
 
+@pytest.mark.slow
 def test_one_update_leaves_single_contact_as_it_is():
     """Uniform load: in single contact the line load is the nominal one. One or two updates do."""
     base = _spur_cycle(RING)
@@ -506,6 +508,7 @@ def test_tip_corners_take_load_off_the_others():
     assert jumps[1] < 0.25 * jumps[0]
 
 
+@pytest.mark.slow
 def test_corners_carry_only_where_teeth_bend_enough():
     """A cell beyond the path carries if, and only if, its separation is below the approach."""
     _, on = _tips_of_nominal_flanks()
