@@ -252,22 +252,17 @@ def acting(found: xr.Dataset) -> xr.Dataset:
 
 def told(found: xr.Dataset) -> Summary:
     """The table for the summary: for each response its value and its keys, strongest first."""
+    keys, measures = found["key"].values, found["measure"].values
+    words = [f"{key} [{unit}]" for key, unit in zip(keys, measures, strict=True)]
     table = {}
-    words = [f"{key} [{unit}]" for key, unit in zip(*_texts(found, "key", "measure"), strict=True)]
-    for name, speed, value, shares in zip(
-        *(found[each].values for each in ("response", "pinion_speed_rad_s", "value")),
-        found["sensitivity"].values,
-        strict=True,
-    ):
+    for case in range(found.sizes["case"]):
+        own = found.isel(case=case)
+        speed, shares = float(own["pinion_speed_rad_s"]), own["sensitivity"].values.tolist()
         at = "" if np.isnan(speed) else f"_at_{speed:g}_rad_s"
-        most = np.abs(np.nan_to_num(shares))
-        order = [j for j in np.argsort(-most, kind="stable") if most[j] > _LEAST]
-        table[name + at] = {"value": float(value)} | {words[j]: float(shares[j]) for j in order}
+        strong = [each for each in zip(words, shares, strict=True) if abs(each[1]) > _LEAST]
+        strongest = dict(sorted(strong, key=lambda each: -abs(each[1])))
+        table[str(own["response"].values) + at] = {"value": float(own["value"])} | strongest
     return table
-
-
-def _texts(found: xr.Dataset, *names: str) -> list[list[str]]:
-    return [found[name].values.tolist() for name in names]
 
 
 def lost(found: xr.Dataset) -> list[str]:

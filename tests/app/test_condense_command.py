@@ -35,7 +35,7 @@ from jaxgear.scene._build import model_of, pair_of
 from jaxgear.scene._scene import read_scene
 from jaxgear.scene._teeth import facts_of_teeth, tooth_outline
 from jaxgear.study import condense
-from jaxgear.study._body_report import report_lines
+from jaxgear._cli._body_report import report_lines
 from jaxgear.study._condense import body_dataset, body_remarks, body_summary
 from jaxgear.study._notes import _on_bodies
 
