@@ -71,7 +71,11 @@ def condense(scene: Scene) -> Result:
 
 def _files(found: BuiltBody, dataset: xr.Dataset) -> dict[str, Callable[[Path], None]]:
     """The body, and where it has a grid this with mode shapes for ParaView."""
-    files = {f"{found.plan.name}.body.npz": lambda path: write_body(path, found.body)}
+
+    def keep(path: Path) -> None:
+        write_body(path, found.body)
+
+    files: dict[str, Callable[[Path], None]] = {f"{found.plan.name}.body.npz": keep}
     if found.view is not None:
         labels = dataset["label"].values
         fields = {

@@ -97,7 +97,8 @@ def check_gradients(scene: Scene) -> Result:
     scene = built_scene(scene)
     laws = {"exact": ExactContact(), "smooth": smooth_law_of(scene)}
     moving = scene.has_table("sweep")
-    tables, points = [], []
+    tables: list[xr.Dataset] = []
+    points: list[SteadyPoint] = []
     with progress(len(laws) + moving, "derivatives") as done:
         for name, law in laws.items():
             tables.append(static_gradients(scene, name, law))
@@ -107,8 +108,8 @@ def check_gradients(scene: Scene) -> Result:
             tables += [] if rows is None else [rows]
             done(1)
     table = xr.concat(tables, "row")
-    found = _summary(table, moving) | {"dynamics": [dataclasses.asdict(each) for each in points]}
-    columns = {str(name): each.values for name, each in table.items()}
+    found = _summary(table, points, moving)
+    columns = {str(name): table[name].values for name in table}
     return Result(
         scene,
         names_of(scene) | {"check_grad": found, "notes": steady_notes(points)},
@@ -117,7 +118,7 @@ def check_gradients(scene: Scene) -> Result:
     )
 
 
-def _summary(table: xr.Dataset, moving: bool) -> Summary:
+def _summary(table: xr.Dataset, points: list[SteadyPoint], moving: bool) -> Summary:
     """Verdicts counted, and all rows."""
     verdict, error = table["verdict"].values, table["error"].values
     words = ["ok", "no effect", "shares a place", "set changes", "WRONG"]
@@ -130,6 +131,7 @@ def _summary(table: xr.Dataset, moving: bool) -> Summary:
         "verdicts": counts,
         "largest_error_ok": largest(AT_REST),
         "largest_error_ok_to_1e-5": largest(IN_MOTION),
+        "dynamics": [dataclasses.asdict(each) for each in points],
         "rows": table.to_dataframe().to_dict("records"),
     }
 
@@ -235,7 +237,7 @@ def steady_gradients(
         np.concatenate(forward, axis=1).T,
         reverse[: len(good) * len(names)],
     )
-    every = np.repeat(good, len(names)), names * len(good), (*keys.names, SPEED), centre
+    every = [name for name in good for _ in names], names * len(good), (*keys.names, SPEED), centre
     shared = shared_places(scene, model_of(scene))
     return judged(*every, responses, found, IN_MOTION, shared), points
 

@@ -182,7 +182,8 @@ def steady_sensitivities(scene: Scene) -> tuple[xr.Dataset | None, list[SteadyPo
     if is_too_large(scene, dynamics):
         return None, [SteadyPoint("exact", every[0], None, None, TOO_MANY)]
     program = linearised(responder(method_of(scene, dynamics, ExactContact())))
-    points, found = [], []
+    points: list[SteadyPoint] = []
+    found: list[xr.Dataset] = []
     for speed in every[places].tolist():
         at = numbers.at[-1].set(speed)
         value, seen, slopes, _ = timed(program, at, columns, None, dynamics)
@@ -243,7 +244,7 @@ def _measure(key: str, value: float) -> str:
 def acting(found: xr.Dataset) -> xr.Dataset:
     """The keys that act, the strongest first, those of one measure together; rounding is 0."""
     shares = found["sensitivity"]
-    most, measures = np.abs(shares).max("case").values, found["measure"].values
+    most, measures = abs(shares).max("case").values, found["measure"].values
     order = list(_MEASURES)
     places = [j for j in range(len(most)) if most[j] > _LEAST]
     places.sort(key=lambda j: (order.index(measures[j]), -most[j]))

@@ -25,6 +25,7 @@ from fem_prep import (
 from fem_prep._symmetry import full_turn
 from jaxgear import plot
 from jaxgear._checks import InputError
+from jaxgear._cli._body_report import report_lines
 from jaxgear._cli._main import main
 from jaxgear.plot._body_render import frame, render
 from jaxgear.scene import _body_build
@@ -35,7 +36,6 @@ from jaxgear.scene._build import model_of, pair_of
 from jaxgear.scene._scene import read_scene
 from jaxgear.scene._teeth import facts_of_teeth, tooth_outline
 from jaxgear.study import condense
-from jaxgear._cli._body_report import report_lines
 from jaxgear.study._condense import body_dataset, body_remarks, body_summary
 from jaxgear.study._notes import _on_bodies
 

@@ -79,10 +79,10 @@ def test_a_steady_response_by_flank_torque_damping_and_speed(write):
         ("te_rms_dynamic_um", "smooth_dynamic_ratio"),
     )
     assert set(found.index) == {(name, key) for name in names for key in every}
-    assert (found["verdict"] == "ok to 1e-5").all(), found
+    assert set(found["verdict"]) == {"ok to 1e-5"}, found
     np.testing.assert_allclose(found["forward"], found["reverse"], rtol=1e-9)
     # Below the mesh mode, near 1000 rad/s: the nearer to it, the more it shakes.
-    assert all(found["forward"][name, every[-1]] > 0.0 for name in names)
+    assert (rows["forward"][rows["key"] == every[-1]] > 0.0).all()
 
 
 def test_no_numbers_where_there_is_no_derivative():
