@@ -188,7 +188,7 @@ def _tidy(newest: Path) -> None:
                 excess -= size
 
 
-def entries() -> list[Entry]:
+def cache_entries() -> list[Entry]:
     """All bodies in the cache, the last used first."""
     found = []
     for path in _files("*.npz"):
@@ -204,7 +204,7 @@ def entries() -> list[Entry]:
     return sorted(found, key=lambda entry: -entry.used)
 
 
-def clear(keys: Iterable[str] | None = None) -> int:
+def clear_cache(keys: Iterable[str] | None = None) -> int:
     """Remove bodies from the cache.
 
     **Arguments:**

@@ -88,9 +88,8 @@ def read_grid(
     path = Path(path)
     require(
         np.isfinite(length_unit) and length_unit > 0,
-        "`length_unit` must be a length in metres, as 1e-3 for a file in millimetres, got "
-        "{length_unit}.",
-        length_unit=length_unit,
+        "{length_unit} must be a length in metres, as 1e-3 for a file in millimetres, got {value}.",
+        value=length_unit,
     )
     deck = _read(path)
     _require_bricks(path, deck)
@@ -232,8 +231,7 @@ def _require_bricks(path: Path, deck: Deck) -> None:
     require(
         not found,
         "'{path}' has elements that cannot be used, {found}, besides {count} quadratic bricks. "
-        "A gear body is made of 20-node bricks only (C3D20, CHEXA with 20 nodes, hexahedron20). "
-        "{remedy}",
+        "A gear body is made of 20-node bricks only (C3D20, CHEXA with 20 nodes, hexahedron20).",
         path=path.name,
         found=" and ".join(found),
         count=len(deck.bricks),

@@ -130,32 +130,32 @@ def check_size(body: ReducedBody, units: str, mid_face: float) -> None:
     mean = float(radii.mean())
     require(
         _RADII[0] <= mean <= _RADII[1],
-        "The radius of the rim must lie between 1 mm and 10 m, got {got:.4g} mm. The files are in "
-        "other units than {units}, or the axis of the body is not z.",
-        got=1e3 * mean,
+        "The radius of the rim must lie between 1 mm and 10 m, got {got:.4g/mm} mm. The files are "
+        "in other units than {units}, or the axis of the body is not z.",
+        got=mean,
         units=units,
     )
     worst = int(np.argmax(abs(radii - mean)))
     require(
         abs(radii[worst] - mean) <= _ROUND * mean,
-        "Rim nodes must lie on one cylinder about the z axis, of {mean:.6g} mm in the mean, got "
-        "{got:.6g} mm at ({place}) mm. Turn and move the body so that z is its axis, and check "
+        "Rim nodes must lie on one cylinder about the z axis, of {mean:.6g/mm} mm in the mean, got "
+        "{got:.6g/mm} mm at ({place}) mm. Turn and move the body so that z is its axis, and check "
         "which nodes have the role `rim`.",
-        mean=1e3 * mean,
-        got=1e3 * radii[worst],
+        mean=mean,
+        got=radii[worst],
         place=", ".join(f"{1e3 * each:.3f}" for each in body.rim_nodes[worst]),
     )
     low, high = body.rim_nodes[:, 2].min(), body.rim_nodes[:, 2].max()
     middle = (low + high) / 2
     require(
         abs(middle) <= _MIDDLE * (high - low) + 1e-9 * mean,
-        "The middle of the toothed face must be at z = 0, got the rim from {low:.6g} to {high:.6g} "
-        "mm. Move the body, or state that `mid_face` is {needed:.6g} mm in the files, not "
-        "{stated:.6g} mm.",
-        low=1e3 * low,
-        high=1e3 * high,
-        needed=1e3 * (mid_face + middle),
-        stated=1e3 * mid_face,
+        "The middle of the toothed face must be at z = 0, got the rim from {low:.6g/mm} to "
+        "{high:.6g/mm} mm. Move the body, or state that {mid_face} is {needed:.6g/mm} mm in the "
+        "files, not {stated:.6g/mm} mm.",
+        low=low,
+        high=high,
+        needed=mid_face + middle,
+        stated=mid_face,
     )
 
 
@@ -235,10 +235,10 @@ def _check_amount(body: ReducedBody, mass: float, stated: float | None, units: s
     if stated is None:
         require(
             _DENSITIES[0] <= mass / volume <= _DENSITIES[1],
-            "The mass must be that of a gear, got {mass:.4g} kg in {volume:.4g} cm3. The files "
+            "The mass must be that of a gear, got {mass:.4g} kg in {volume:.4g/cm3} cm3. The files "
             "are in other units than {units}: with mm, N and MPa masses are in tonnes.",
             mass=mass,
-            volume=1e6 * volume,
+            volume=volume,
             units=units,
         )
         return

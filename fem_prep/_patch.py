@@ -92,7 +92,7 @@ def refined(grid: Grid, around: int, deep: int, across: int) -> Grid:
     return Grid(kept, fine, sets)
 
 
-def give(grid: Grid, material: Material, loads: np.ndarray) -> np.ndarray:
+def piece_compliance(grid: Grid, material: Material, loads: np.ndarray) -> np.ndarray:
     """What a piece that is held at its cut gives under loads, in the places of these.
 
     **Arguments:**

@@ -31,13 +31,13 @@ class Holes:
     angle: float = 0.0
 
     def __post_init__(self) -> None:
-        require(self.count >= 1, "`Holes.count` must be at least 1, got {n}.", n=self.count)
+        require(self.count >= 1, "{Holes.count} must be at least 1, got {n}.", n=self.count)
         require(
             0 < self.diameter < self.circle,
-            "`Holes.diameter` must be positive and less than `Holes.circle`, got {d:.4g} mm and "
-            "{c:.4g} mm: the axis must not lie in a hole.",
-            d=self.diameter * 1e3,
-            c=self.circle * 1e3,
+            "{Holes.diameter} must be positive and less than {Holes.circle}, got {d:.4g/mm} mm and "
+            "{c:.4g/mm} mm: the axis must not lie in a hole.",
+            d=self.diameter,
+            c=self.circle,
         )
 
     @property
@@ -73,19 +73,19 @@ class Web:
     def __post_init__(self) -> None:
         require(
             0 < self.hub_outer < self.rim_inner,
-            "`Web.hub_outer` must be positive and less than `Web.rim_inner`, got {hub:.4g} mm "
-            "and {rim:.4g} mm. Leave the web out for a solid disc.",
-            hub=self.hub_outer * 1e3,
-            rim=self.rim_inner * 1e3,
+            "{Web.hub_outer} must be positive and less than {Web.rim_inner}, got {hub:.4g/mm} mm "
+            "and {rim:.4g/mm} mm. Leave the web out for a solid disc.",
+            hub=self.hub_outer,
+            rim=self.rim_inner,
         )
         require(
             self.thickness > 0,
-            "`Web.thickness` must be positive, got {t:.4g} mm.",
-            t=self.thickness * 1e3,
+            "{Web.thickness} must be positive, got {t:.4g/mm} mm.",
+            t=self.thickness,
         )
         require(
             abs(self.angle) <= pi / 3,
-            "`Web.angle` must lie between -60 and 60 degrees, got {a:.4g} rad. Is it in radians?",
+            "{Web.angle} must lie between -60 and 60 degrees, got {a:.4g} rad. Is it in radians?",
             a=self.angle,
         )
         for ring in self.holes:
@@ -98,16 +98,16 @@ class Web:
         outside = (self.rim_inner - ring.circle - ring.diameter) / 2
         require(
             inside > 0 and outside > 0,
-            "`Web.holes` must leave the {part} whole, but holes of {d:.4g} mm on a circle of "
-            "{c:.4g} mm cut it by {cut:.4g} mm. Between hub ({hub:.4g} mm) and rim ({rim:.4g} mm) "
-            "there is room for less than {room:.4g} mm on that circle.",
+            "{Web.holes} must leave the {part} whole, but holes of {d:.4g/mm} mm on a circle of "
+            "{c:.4g/mm} mm cut it by {cut:.4g/mm} mm. Between hub ({hub:.4g/mm} mm) and rim "
+            "({rim:.4g/mm} mm) there is room for less than {room:.4g/mm} mm on that circle.",
             part="hub" if inside <= 0 else "rim",
-            cut=-min(inside, outside) * 1e3,
-            d=ring.diameter * 1e3,
-            c=ring.circle * 1e3,
-            hub=self.hub_outer * 1e3,
-            rim=self.rim_inner * 1e3,
-            room=min(ring.circle - self.hub_outer, self.rim_inner - ring.circle) * 1e3,
+            cut=-min(inside, outside),
+            d=ring.diameter,
+            c=ring.circle,
+            hub=self.hub_outer,
+            rim=self.rim_inner,
+            room=min(ring.circle - self.hub_outer, self.rim_inner - ring.circle),
         )
 
     @property
@@ -133,12 +133,12 @@ def _check_apart(holes: tuple[Holes, ...]) -> None:
             gap = ring.circle * np.sin(pi / ring.count) - ring.diameter
         require(
             gap > 0,
-            "`Web.holes` must not overlap, but {n} holes of {d:.4g} mm on a circle of {c:.4g} mm "
-            "do, by {cut:.4g} mm. Make them fewer or smaller (ring {ring}).",
+            "{Web.holes} must not overlap, but {n} holes of {d:.4g/mm} mm on a circle of "
+            "{c:.4g/mm} mm do, by {cut:.4g/mm} mm. Make them fewer or smaller (ring {ring}).",
             n=ring.count,
-            d=ring.diameter * 1e3,
-            c=ring.circle * 1e3,
-            cut=-gap * 1e3,
+            d=ring.diameter,
+            c=ring.circle,
+            cut=-gap,
             ring=number + 1,
         )
     for one, other in combinations(holes, 2):
@@ -146,9 +146,9 @@ def _check_apart(holes: tuple[Holes, ...]) -> None:
         gap = apart - (one.diameter + other.diameter) / 2
         require(
             gap > 0,
-            "`Web.holes` must not overlap, but the rings on circles of {one:.4g} mm and "
-            "{other:.4g} mm do, by {cut:.4g} mm. Make the holes smaller or turn one ring.",
-            one=one.circle * 1e3,
-            other=other.circle * 1e3,
-            cut=-gap * 1e3,
+            "{Web.holes} must not overlap, but the rings on circles of {one:.4g/mm} mm and "
+            "{other:.4g/mm} mm do, by {cut:.4g/mm} mm. Make the holes smaller or turn one ring.",
+            one=one.circle,
+            other=other.circle,
+            cut=-gap,
         )

@@ -154,10 +154,10 @@ def _require_size(grid: Grid) -> None:
     size = float(np.ptp(grid.nodes, axis=0).max())
     require(
         _SMALLEST <= size <= _LARGEST,
-        "A gear body measures {smallest:g} mm to {largest:g} m; this one measures {size:.4g} m. "
-        "The `length_unit` of the file is wrong, 1e-3 m for one in millimetres, 1 m for "
-        "one in metres, 0.0254 m for one in inches.",
-        smallest=1e3 * _SMALLEST,
+        "A gear body measures {smallest:g/mm} mm to {largest:g} m; this one measures {size:.4g} m. "
+        "The {length_unit} of the file is wrong,",
+        remedy="1e-3 m for one in millimetres, 1 m for one in metres, 0.0254 m for one in inches.",
+        smallest=_SMALLEST,
         largest=_LARGEST,
         size=size,
     )
@@ -221,7 +221,7 @@ def _require_one_part(grid: Grid) -> None:
         f"{sizes[number]} bricks around {place_of(middles[part == number].mean(axis=0))}"
         for number in np.argsort(-sizes, kind="stable")[:4]
     ]
-    remedy = (
+    join = (
         f"{len(pairs)} pairs of nodes lie at the same place: make them one (merge or equivalence "
         "nodes in the mesher)"
         if len(pairs)
@@ -229,15 +229,15 @@ def _require_one_part(grid: Grid) -> None:
     )
     require(
         len(sizes) == 1,
-        "A gear body must be of one piece; this grid has {count} loose parts: {told}. {remedy}.",
+        "A gear body must be of one piece; this grid has {count} loose parts: {told}. {join}.",
         count=len(sizes),
         told="; ".join(told) + f"; and {len(sizes) - len(told)} more" * (len(sizes) > len(told)),
-        remedy=remedy,
+        join=join,
     )
     require(
         not len(pairs),
-        "{remedy}. The first is at {place}. The body has a slit there.",
-        remedy=remedy,
+        "{join}. The first is at {place}. The body has a slit there.",
+        join=join,
         place=place_of(grid.nodes[pairs[0, 0]]) if len(pairs) else "",
     )
 

@@ -119,11 +119,11 @@ def _require_cylinder(grid: Grid, faces: np.ndarray, radius: float) -> None:
     _refuse_other_axis(grid, faces)
     require(
         stray <= len(rim) / 2,
-        "The rim must be one cylinder about the z axis; the radii of its nodes are {low:.6g} to "
-        "{high:.6g} mm. Choose only the cylinder that carries the teeth, and turn and move the "
+        "The rim must be one cylinder about the z axis; the radii of its nodes are {low:.6g/mm} to "
+        "{high:.6g/mm} mm. Choose only the cylinder that carries the teeth, and turn and move the "
         "body in the mesher until its axis of rotation is z.",
-        low=1e3 * radii.min(),
-        high=1e3 * radii.max(),
+        low=radii.min(),
+        high=radii.max(),
     )
     _refuse_straight(grid, faces, radius)
     worst = off.argmax()
@@ -193,19 +193,19 @@ def _require_radius(found: float, expected: float) -> None:
     why = ""
     for factor, reason in (
         (2.0, "A diameter was taken for a radius."),
-        (1e3, "A factor of 1000 is a wrong `length_unit`."),
-        (25.4, "A factor of 25.4 is a wrong `length_unit`: inches."),
+        (1e3, "A factor of 1000 is a wrong {length_unit}."),
+        (25.4, "A factor of 25.4 is a wrong {length_unit}: inches."),
     ):
         if min(abs(ratio / factor - 1), abs(ratio * factor - 1)) < 0.1:
             why = reason + " "
     require(
         abs(ratio - 1) <= _OFF_RADIUS,
-        "The rim should have a radius of {expected:.6g} mm; the grid's has {found:.6g} mm. {why}"
-        "Mesh the body up to the cylinder that carries the teeth, without them, or take the "
+        "The rim should have a radius of {expected:.6g/mm} mm; the grid's has {found:.6g/mm} mm. "
+        + why
+        + "Mesh the body up to the cylinder that carries the teeth, without them, or take the "
         "other set.",
-        expected=1e3 * expected,
-        found=1e3 * found,
-        why=why,
+        expected=expected,
+        found=found,
     )
 
 
@@ -247,11 +247,11 @@ def _require_middle(grid: Grid) -> None:
     middle = (along.min() + along.max()) / 2
     require(
         abs(middle) <= _OFF_MIDDLE * np.ptp(along),
-        "The middle of the rim must be at z = 0; it is at z = {middle:.6g} mm, between {low:.6g} "
-        "and {high:.6g} mm. Move the body along z.",
-        middle=1e3 * middle,
-        low=1e3 * along.min(),
-        high=1e3 * along.max(),
+        "The middle of the rim must be at z = 0; it is at z = {middle:.6g/mm} mm, between "
+        "{low:.6g/mm} and {high:.6g/mm} mm. Move the body along z.",
+        middle=middle,
+        low=along.min(),
+        high=along.max(),
     )
 
 

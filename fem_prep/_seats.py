@@ -93,13 +93,13 @@ def _check_point(grid: Grid, seat: Seat) -> None:
     margin = max((high - low) / 2, _POINT_OFF * np.ptp(grid.nodes, axis=0).max())
     require(
         low - margin <= seat.point[2] <= high + margin,
-        "The point of the seat {name!r} must lie near its nodes, got z = {at:.6g} mm and nodes "
-        "from {low:.6g} to {high:.6g} mm. Is the shaft drawn the other way round, or the order of "
-        "the seats another?",
+        "The point of the seat {name!r} must lie near its nodes, got z = {at:.6g/mm} mm and nodes "
+        "from {low:.6g/mm} to {high:.6g/mm} mm. Is the shaft drawn the other way round, or the "
+        "order of the seats another?",
         name=seat.name,
-        at=1e3 * seat.point[2],
-        low=1e3 * low,
-        high=1e3 * high,
+        at=seat.point[2],
+        low=low,
+        high=high,
     )
     # Of a sector alone all is on one side, the rim too.
     sector = _beside(grid.nodes[grid.sets[RIM]], np.zeros(3)) > _AROUND

@@ -34,15 +34,15 @@ class Segment:
     def __post_init__(self) -> None:
         require(
             self.length > 0,
-            "`Segment.length` must be positive, got {length:.4g} mm.",
-            length=self.length * 1e3,
+            "{Segment.length} must be positive, got {length:.4g/mm} mm.",
+            length=self.length,
         )
         require(
             0 <= self.inner < self.outer,
-            "`Segment.inner` must not be negative and be less than `Segment.outer`, got "
-            "{inner:.4g} mm and {outer:.4g} mm.",
-            inner=self.inner * 1e3,
-            outer=self.outer * 1e3,
+            "{Segment.inner} must not be negative and be less than {Segment.outer}, got "
+            "{inner:.4g/mm} mm and {outer:.4g/mm} mm.",
+            inner=self.inner,
+            outer=self.outer,
         )
 
 
@@ -185,7 +185,7 @@ def _check_sizes(body: GearBody) -> None:
     """Refuse millimetres given as metres and sizes that are not positive."""
     require(
         body.rim_outer > 0 and body.rim_width > 0,
-        "`GearBody.rim_outer` and `GearBody.rim_width` must be positive, got {outer:.4g} m and "
+        "{GearBody.rim_outer} and {GearBody.rim_width} must be positive, got {outer:.4g} m and "
         "{width:.4g} m.",
         outer=body.rim_outer,
         width=body.rim_width,
@@ -193,17 +193,17 @@ def _check_sizes(body: GearBody) -> None:
     longest = max(body.rim_outer, body.rim_width, sum(s.length for s in body.segments))
     require(
         body.rim_outer >= 1e-3 and longest <= 10,
-        "`GearBody` must be between 1 mm and 10 m large, got a root diameter of {outer:.4g} m and "
+        "{GearBody} must be between 1 mm and 10 m large, got a root diameter of {outer:.4g} m and "
         "a largest size of {longest:.4g} m. Lengths are in metres: 118 mm is 0.118.",
         outer=body.rim_outer,
         longest=longest,
     )
     require(
         0 <= body.bore < body.hub_outer or body.segments,
-        "`GearBody.bore` must be less than the {part}, got {bore:.4g} mm and {hub:.4g} mm.",
+        "{GearBody.bore} must be less than the {part}, got {bore:.4g/mm} mm and {hub:.4g/mm} mm.",
         part="root diameter" if body.web is None else "hub's outer diameter",
-        bore=body.bore * 1e3,
-        hub=body.hub_outer * 1e3,
+        bore=body.bore,
+        hub=body.hub_outer,
     )
 
 
@@ -211,24 +211,25 @@ def _check_web(body: GearBody, web: Web) -> None:
     """Refuse a web that sticks out of hub or rim."""
     require(
         web.rim_inner < body.rim_outer,
-        "`Web.rim_inner` must be less than the root diameter `GearBody.rim_outer`, got "
-        "{inner:.4g} mm and {outer:.4g} mm.",
-        inner=web.rim_inner * 1e3,
-        outer=body.rim_outer * 1e3,
+        "{Web.rim_inner} must be less than the root diameter {GearBody.rim_outer}, got "
+        "{inner:.4g/mm} mm and {outer:.4g/mm} mm.",
+        inner=web.rim_inner,
+        outer=body.rim_outer,
     )
     ends = {"hub": (web.hub_outer, body.hub_width), "rim": (web.rim_inner, body.rim_width)}
     for part, (diameter, width) in ends.items():
         out = max(web.high(diameter / 2), -web.low(diameter / 2)) - width / 2
         require(
             out <= body.same,
-            "`Web` must end within the {part}, but with thickness {t:.4g} mm, offset {o:.4g} mm "
-            "and angle {a:.4g} degrees it sticks out of its width of {w:.4g} mm by {out:.4g} mm.",
+            "{Web} must end within the {part}, but with thickness {t:.4g/mm} mm, offset {o:.4g/mm} "
+            "mm and angle {a:.4g/deg} degrees it sticks out of its width of {w:.4g/mm} mm by "
+            "{out:.4g/mm} mm.",
             part=part,
-            t=web.thickness * 1e3,
-            o=web.offset * 1e3,
-            a=np.rad2deg(web.angle),
-            w=width * 1e3,
-            out=out * 1e3,
+            t=web.thickness,
+            o=web.offset,
+            a=web.angle,
+            w=width,
+            out=out,
         )
 
 
@@ -237,26 +238,27 @@ def _check_shaft(body: GearBody) -> None:
     for number, (one, other) in enumerate(pairwise(body.segments), start=1):
         require(
             max(one.inner, other.inner) < min(one.outer, other.outer),
-            "`GearBody.segments` must touch, but segments {n} and {next} share no material: "
-            "inner to outer diameters are {a:.4g} to {b:.4g} mm and {c:.4g} to {d:.4g} mm.",
+            "{GearBody.segments} must touch, but segments {n} and {next} share no material: "
+            "inner to outer diameters are {a:.4g/mm} to {b:.4g/mm} mm and {c:.4g/mm} to {d:.4g/mm} "
+            "mm.",
             n=number,
             next=number + 1,
-            a=one.inner * 1e3,
-            b=one.outer * 1e3,
-            c=other.inner * 1e3,
-            d=other.outer * 1e3,
+            a=one.inner,
+            b=one.outer,
+            c=other.inner,
+            d=other.outer,
         )
     length, half = sum(s.length for s in body.segments), body.hub_width / 2
     require(
         half - body.same <= body.gear_at <= length - half + body.same,
-        "`GearBody.gear_at` must put the whole hub on the shaft: with {width:.4g} mm of hub on "
-        "{length:.4g} mm of shaft it lies between {low:.4g} and {high:.4g} mm, got {at:.4g} mm. "
-        "Move the gear or lengthen the shaft.",
-        width=body.hub_width * 1e3,
-        length=length * 1e3,
-        low=half * 1e3,
-        high=(length - half) * 1e3,
-        at=body.gear_at * 1e3,
+        "{GearBody.gear_at} must put the whole hub on the shaft: with {width:.4g/mm} mm of hub on "
+        "{length:.4g/mm} mm of shaft it lies between {low:.4g/mm} and {high:.4g/mm} mm, got "
+        "{at:.4g/mm} mm. Move the gear or lengthen the shaft.",
+        width=body.hub_width,
+        length=length,
+        low=half,
+        high=length - half,
+        at=body.gear_at,
     )
     for number, stretch in enumerate(stretches(body), start=1):
         _check_clear(body, stretch, number)
@@ -269,12 +271,12 @@ def _check_clear(body: GearBody, stretch: Stretch, number: int) -> None:
     half = body.hub_width / 2
     require(
         stretch.overlap(-half, half) <= body.same,
-        "`GearBody.segments` must not be thicker than the {part} they carry ({hub:.4g} mm), but "
-        "segment {n} has an outer diameter of {outer:.4g} mm.",
+        "{GearBody.segments} must not be thicker than the {part} they carry ({hub:.4g/mm} mm), but "
+        "segment {n} has an outer diameter of {outer:.4g/mm} mm.",
         part="disc" if body.web is None else "hub",
-        hub=body.hub_outer * 1e3,
+        hub=body.hub_outer,
         n=number,
-        outer=stretch.outer * 2e3,
+        outer=2 * stretch.outer,
     )
     if body.web is None:
         return
@@ -284,10 +286,10 @@ def _check_clear(body: GearBody, stretch: Stretch, number: int) -> None:
         low, high = min(low, -body.rim_width / 2), max(high, body.rim_width / 2)
     require(
         stretch.overlap(low, high) < -body.same,
-        "`GearBody.segments` must stay clear of web and rim, but segment {n} (outer diameter "
-        "{outer:.4g} mm) touches them. Make it shorter, or as thin as the hub.",
+        "{GearBody.segments} must stay clear of web and rim, but segment {n} (outer diameter "
+        "{outer:.4g/mm} mm) touches them. Make it shorter, or as thin as the hub.",
         n=number,
-        outer=stretch.outer * 2e3,
+        outer=2 * stretch.outer,
     )
 
 
@@ -296,12 +298,12 @@ def _check_seats(body: GearBody) -> None:
     names = [seat.name for seat in body.seats]
     require(
         len({*names, "gear", "bore"}) == len(names) + 2,
-        "`GearBody.seats` must have different names, other than `gear` and `bore`, got {names}.",
+        "{GearBody.seats} must have different names, other than `gear` and `bore`, got {names}.",
         names=names,
     )
     require(
         body.segments or not names,
-        "`GearBody.seats` are places on a shaft, but the body has no `segments`; it is held at "
+        "{GearBody.seats} are places on a shaft, but the body has no `segments`; it is held at "
         "its bore by the set `seat:bore`. Leave out {names}.",
         names=names,
     )
@@ -309,24 +311,25 @@ def _check_seats(body: GearBody) -> None:
     for seat in body.seats:
         require(
             seat.width > 0 and 0 <= seat.at <= length,
-            "`SeatPlace.at` must lie on the shaft, 0 to {length:.4g} mm from its left end, and "
-            "`SeatPlace.width` be positive; seat {name} is at {at:.4g} mm and {width:.4g} mm wide.",
-            length=length * 1e3,
+            "{SeatPlace.at} must lie on the shaft, 0 to {length:.4g/mm} mm from its left end, and "
+            "{SeatPlace.width} be positive; seat {name} is at {at:.4g/mm} mm and {width:.4g/mm} mm "
+            "wide.",
+            length=length,
             name=seat.name,
-            at=seat.at * 1e3,
-            width=seat.width * 1e3,
+            at=seat.at,
+            width=seat.width,
         )
         start, end, radius = seat_band(body, seat)
         low, high = _covered(body, radius)
         require(
             end - start > body.same and (end <= low + body.same or start >= high - body.same),
-            "`SeatPlace` {name} at {at:.4g} mm lies under the hub or the web, which hides the "
-            "shaft from {low:.4g} to {high:.4g} mm. Move it, or hold the body by the set "
+            "{SeatPlace} {name} at {at:.4g/mm} mm lies under the hub or the web, which hides the "
+            "shaft from {low:.4g/mm} to {high:.4g/mm} mm. Move it, or hold the body by the set "
             "`seat:gear`, its inner surface under the hub.",
             name=seat.name,
-            at=seat.at * 1e3,
-            low=(low + body.gear_at) * 1e3,
-            high=(high + body.gear_at) * 1e3,
+            at=seat.at,
+            low=low + body.gear_at,
+            high=high + body.gear_at,
         )
     _check_seats_apart(body)
 
@@ -337,10 +340,10 @@ def _check_seats_apart(body: GearBody) -> None:
     for (_, end, one), (start, _, other) in pairwise(bands):
         require(
             start - end > body.same,
-            "`GearBody.seats` must leave a gap between them, but {one} ends at {end:.4g} mm and "
-            "{other} begins at {start:.4g} mm. Make them narrower.",
+            "{GearBody.seats} must leave a gap between them, but {one} ends at {end:.4g/mm} mm and "
+            "{other} begins at {start:.4g/mm} mm. Make them narrower.",
             one=one,
             other=other,
-            end=(end + body.gear_at) * 1e3,
-            start=(start + body.gear_at) * 1e3,
+            end=end + body.gear_at,
+            start=start + body.gear_at,
         )

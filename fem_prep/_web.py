@@ -70,14 +70,13 @@ class Fineness:
             value = getattr(self, name)
             require(
                 value is None or value >= low,
-                "`Fineness.{name}` must be at least {low}, got {value}.",
-                name=name,
+                f"{{Fineness.{name}}} must be at least {{low}}, got {{value}}.",
                 low=low,
                 value=value,
             )
         require(
             self.shaft is None or self.shaft > 0,
-            "`Fineness.shaft` must be positive, got {value} m.",
+            "{Fineness.shaft} must be positive, got {value} m.",
             value=self.shaft,
         )
 
@@ -148,7 +147,7 @@ def _check_sectors(body: GearBody, sectors: int) -> None:
     )
     require(
         sectors == below,
-        "`Fineness.sectors` must be a multiple of {step}, because {reason}; got {sectors}. "
+        "{Fineness.sectors} must be a multiple of {step}, because {reason}; got {sectors}. "
         "Take {nearest}.",
         step=step,
         reason=reason,
@@ -318,13 +317,15 @@ def _too_few(body: GearBody, web: Web, fineness: Fineness) -> BodyError:
     enough = next((finer for finer in more if _plane(body, web, finer) is not None), None)
     if enough is None:
         return BodyError(
-            "`Web.holes` must leave room for elements around every hole: between them, straight "
+            "{Web.holes} must leave room for elements around every hole: between them, straight "
             "along radii or circles, there is too little. Make them smaller, move their circles "
-            "apart, or mesh the body elsewhere and read that grid."
+            "apart, or mesh the body elsewhere and read that grid.",
+            {},
         )
     return BodyError(
-        f"`Fineness.sectors` must be large enough for elements to go around every hole, got "
-        f"{given}. Take {enough.sectors}, or leave more material between holes, hub and rim."
+        "{Fineness.sectors} must be large enough for elements to go around every hole, got "
+        "{given}. Take {enough}, or leave more material between holes, hub and rim.",
+        {"given": given, "enough": enough.sectors},
     )
 
 

@@ -18,10 +18,10 @@ from fem_prep._artefact import ReducedBody
 from fem_prep._body_file import content_hash, read_about, read_body, write_body
 from fem_prep._cache import (
     CacheWarning,
+    cache_entries,
     cache_folder,
     cached,
-    clear,
-    entries,
+    clear_cache,
     file_digest,
     key_of,
 )
@@ -275,7 +275,7 @@ def test_nothing_is_kept_where_the_cache_is_off(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("JAXGEAR_CACHE", "off")
     assert [cached("a" * 64, _body)[1] for _ in range(2)] == [False, False]
-    assert (entries(), clear()) == ([], 0)
+    assert (cache_entries(), clear_cache()) == ([], 0)
     assert not list(tmp_path.iterdir())
 
 
@@ -293,7 +293,7 @@ def test_the_second_time_a_body_comes_from_the_cache(folder):
 
 
 def test_the_list_of_the_cache_and_clearing_it(folder):
-    assert (entries(), clear()) == ([], 0)
+    assert (cache_entries(), clear_cache()) == ([], 0)
     cached("a" * 64, _body)
     cached("b" * 64, lambda: _body(name="pinion"))
     (folder / f"{'c' * 64}.npz").write_bytes(b"damaged")
@@ -301,13 +301,13 @@ def test_the_list_of_the_cache_and_clearing_it(folder):
     for age, key in enumerate("bac"):
         os.utime(folder / f"{key * 64}.npz", (1e9 - age, 1e9 - age))
     cached("a" * 64, _body)
-    found = entries()
+    found = cache_entries()
     assert [entry.key[0] for entry in found] == ["a", "b", "c"]
     assert [entry.name for entry in found] == ["wheel, 43 Zähne", "pinion", ""]
     assert found[0].size == (folder / f"{'a' * 64}.npz").stat().st_size
-    assert clear(["a" * 64]) == found[0].size
-    assert [entry.key[0] for entry in entries()] == ["b", "c"]
-    assert clear() == found[1].size + 7 + 34
+    assert clear_cache(["a" * 64]) == found[0].size
+    assert [entry.key[0] for entry in cache_entries()] == ["b", "c"]
+    assert clear_cache() == found[1].size + 7 + 34
     assert not list(folder.iterdir())
 
 
@@ -337,14 +337,14 @@ def test_the_oldest_bodies_go_where_the_cache_is_full(folder, monkeypatch):
     for age, key in enumerate("abc"):
         cached(key * 64, _body)
         os.utime(folder / f"{key * 64}.npz", (1e9 - age, 1e9 - age))
-    size = entries()[0].size
+    size = cache_entries()[0].size
     monkeypatch.setattr(_cache, "LIMIT", int(3.5 * size))
     cached("d" * 64, _body)
-    assert [entry.key[0] for entry in entries()] == ["d", "a", "b"]
+    assert [entry.key[0] for entry in cache_entries()] == ["d", "a", "b"]
     # One that is larger than the limit by itself stays: it was asked for.
     monkeypatch.setattr(_cache, "LIMIT", size // 2)
     cached("e" * 64, _body)
-    assert [entry.key[0] for entry in entries()] == ["e"]
+    assert [entry.key[0] for entry in cache_entries()] == ["e"]
 
 
 def test_drafts_of_killed_processes_go_and_those_of_others_at_work_stay(folder):
@@ -365,7 +365,7 @@ def test_a_cache_that_cannot_be_written_does_not_stop_the_work(tmp_path, monkeyp
         body, hit = cached("a" * 64, _body)
     assert body.name == "wheel, 43 Zähne"
     assert not hit
-    assert (entries(), clear()) == ([], 0)
+    assert (cache_entries(), clear_cache()) == ([], 0)
 
 
 def test_writers_at_once_leave_whole_files(tmp_path):

@@ -4,7 +4,7 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from fem_prep._cache import cache_folder, clear, entries
+from fem_prep import cache_entries, cache_folder, clear_cache
 from jaxgear._program_cache import clear_programs, kept_programs, programs_folder
 from jaxgear.scene._body_view import clear_views
 
@@ -20,7 +20,7 @@ def cache_summary() -> dict[str, Any]:
                 "last_used": _date(entry.used),
                 "key": entry.key,
             }
-            for entry in entries()
+            for entry in cache_entries()
         ],
         "programs_folder": _told(programs_folder()),
         "programs": [
@@ -38,7 +38,7 @@ def cache_summary() -> dict[str, Any]:
 
 def cleared() -> dict[str, Any]:
     """Remove all bodies and compiled programs, and say what that has freed."""
-    bodies, programs = clear() + clear_views(), clear_programs()
+    bodies, programs = clear_cache() + clear_views(), clear_programs()
     return {
         "folder": _told(cache_folder()),
         "programs_folder": _told(programs_folder()),

@@ -92,7 +92,7 @@ def _print_modes(found: Mapping[str, Any]) -> None:
 
 def _print_bodies(found: Sequence[Mapping[str, Any]]) -> None:
     """Print the health reports of condensed bodies."""
-    from jaxgear.study._body_report import report_lines
+    from jaxgear._cli._body_report import report_lines
 
     for body in found:
         print("\n".join(report_lines(body)))

@@ -2,11 +2,13 @@
 
 from collections.abc import Iterator
 
+from jaxgear.plot._body_atlas import body_atlas
 from jaxgear.plot._compare_atlas import comparison_pictures
 from jaxgear.plot._modes_atlas import pictures_of_modes
 from jaxgear.plot._picture import Animation, Datasets, Picture
 from jaxgear.plot._run_atlas import run_pictures
 from jaxgear.plot._search_atlas import relief_map_pictures, searches_pictures
+from jaxgear.plot._sensitivity_atlas import sensitivity_atlas
 from jaxgear.plot._sweep_atlas import pictures_of_sweep
 from jaxgear.plot._wave_atlas import animations_of_shapes, pictures_of_waves
 
@@ -29,6 +31,8 @@ def pictures(datasets: Datasets) -> Iterator[Picture]:
     yield from searches_pictures(datasets)
     yield from relief_map_pictures(datasets)
     yield from comparison_pictures(datasets)
+    yield from sensitivity_atlas(datasets)
+    yield from body_atlas(datasets)
 
 
 def animations(datasets: Datasets) -> Iterator[Animation]:

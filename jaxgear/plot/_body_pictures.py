@@ -4,6 +4,7 @@ Coordinates are those of the body: Z along the axis from mid-face, X towards the
 """
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
@@ -13,18 +14,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from fem_prep._grid import surface
 from jaxgear.plot._body_render import Rendered, frame, render
-from jaxgear.plot._body_tables import (
-    _DRAWN,
-    DrawnBody,
-    DrawnModes,
-    _opened,
-    _ranks,
-    _section,
-    chosen_modes,
-)
-from jaxgear.plot._palette import BLUE, GREEN, GREY, ORANGE
+from jaxgear.plot._palette import BLUE, GREEN, GREY, ORANGE, RED, SKY
 from jaxgear.plot._style import house_look
 
 _STEEL, _CUT = "#c3ccd6", "#efe3c2"
@@ -37,34 +28,31 @@ _SHOWN = 0.12
 
 
 @house_look()
-def grid(body: DrawnBody, title: str) -> Figure:
+def grid(body: xr.Dataset) -> Figure:
     """The finite elements: a view with a wedge cut out, and the section in the cut.
 
     **Arguments:**
 
     - `body`: with its grid.
-    - `title`: the body and its size.
 
     **Returns:**
 
     The figure; the section in millimetres, Z from mid-face.
     """
-    section = _section(body.grid)
-    width, height = np.ptp(section[..., 1]), np.max(section[..., 0])
-    share = float(np.clip(width / height, 0.35, 1.4))
+    r, z = body["section_mm"].values.T
+    share = float(np.clip(np.ptp(z) / np.max(r), 0.35, 1.4))
     figure = Figure(figsize=(6.2 + 4.6 * share + 1.0, 6.4), dpi=150)
     figure.set_layout_engine("constrained", wspace=0.05)
     view, side = figure.subplots(1, 2, width_ratios=(6.0, 4.6 * share + 1.0))
-    figure.suptitle(title)
-    _draw_cut_body(view, body)
-    _draw_section(side, body, section)
-    colours = body.colours
-    marks = [Patch(color=colour) for colour in colours.values()]
-    names = [name.removeprefix("seat:") for name in colours]
-    names = [name if name == "rim" else f"seat {name}" for name in names]
+    figure.suptitle(body.attrs["grid_title"])
+    names = body["part"].values.tolist()
+    seats = (ORANGE, GREEN, RED, SKY)
+    colours = [BLUE if name == "rim" else seats[(i - 1) % 4] for i, name in enumerate(names)]
+    _draw_cut_body(view, body, colours)
+    _draw_section(side, body, dict(zip(names, colours, strict=True)))
     figure.legend(
-        [*marks, Patch(fc=_CUT, ec=GREY)],
-        [*names, "section"],
+        [*(Patch(color=colour) for colour in colours), Patch(fc=_CUT, ec=GREY)],
+        [*(name if name == "rim" else f"seat {name}" for name in names), "section"],
         loc="outside lower center",
         ncols=min(len(names) + 1, 6),
         frameon=False,
@@ -72,20 +60,20 @@ def grid(body: DrawnBody, title: str) -> Figure:
     return figure
 
 
-def _draw_cut_body(axes: Axes, body: DrawnBody) -> None:
+def _draw_cut_body(axes: Axes, body: xr.Dataset, parts: list[str]) -> None:
     """The surface without a wedge, rim and seats coloured, the cut in a colour of its own."""
-    kept, opened = _opened(body.grid)
-    colours = np.tile(to_rgb(_STEEL), (len(kept), 8, 1))
-    for name, colour in body.colours.items():
-        inside = np.zeros(len(body.grid.nodes), dtype=bool)
-        inside[body.grid.sets[name]] = True
-        colours[inside[kept].all(axis=1)] = to_rgb(colour)
-    colours[opened] = to_rgb(_CUT)
-    _show(axes, render(body.grid.nodes, kept, colours, flat=opened, edges=True, pixels=700))
+    faces, cut = body["open_face"].values, body["is_cut"].values.astype(bool)
+    colours = np.tile(to_rgb(_STEEL), (len(faces), 8, 1))
+    for number, colour in enumerate(parts):
+        colours[(body["part_of_node"].values[faces] == number).all(axis=1)] = to_rgb(colour)
+    colours[cut] = to_rgb(_CUT)
+    nodes = 1e-3 * body["node_mm"].values
+    show(axes, render(nodes, faces, colours, flat=cut, edges=True, pixels=700))
     _draw_triad(axes)
 
 
-def _show(axes: Axes, picture: Rendered) -> None:
+def show(axes: Axes, picture: Rendered) -> None:
+    """Put a shaded picture on axes in millimetres, which are not drawn."""
     left, right, bottom, top = (1e3 * end for end in picture.extent)
     axes.imshow(picture.image, extent=(left, right, bottom, top), interpolation="antialiased")
     axes.set_axis_off()
@@ -105,25 +93,25 @@ def _draw_triad(axes: Axes) -> None:
         axes.text(*where, name, color=GREY, ha="center", va="center")
 
 
-def _draw_section(axes: Axes, body: DrawnBody, section: np.ndarray) -> None:
+def _draw_section(axes: Axes, body: xr.Dataset, colours: dict[str, str]) -> None:
     """Elements in the cut, over Z and radius; rim and seats as lines."""
     axes.grid(False)
-    outline = 1e3 * section[..., ::-1]
-    axes.add_collection(PolyCollection(list(outline), fc=_CUT, ec=GREY, lw=0.5))
-    for name, colour in body.colours.items():
-        nodes = body.grid.nodes[body.grid.sets[name]]
-        z, r = 1e3 * nodes[:, 2], 1e3 * np.hypot(nodes[:, 0], nodes[:, 1])
+    section, nodes = body["section_mm"].values, body["node_mm"].values
+    axes.add_collection(PolyCollection(list(section[..., ::-1]), fc=_CUT, ec=GREY, lw=0.5))
+    for number, colour in enumerate(colours.values()):
+        x, y, z = nodes[body["part_of_node"].values == number].T
+        r = np.hypot(x, y)
         if np.ptp(r) < 1e-3 * r.max():
             axes.plot([z.min(), z.max()], [r.mean()] * 2, color=colour, lw=4.0)
         else:
             # On several cylinders, as in a solid shaft or over a step.
             axes.plot(*np.unique(np.round([z, r], 3), axis=1), ".", color=colour, ms=5)
-    for name, point in body.seats.items():
-        colour = body.colours.get(f"seat:{name}", GREY)
-        axes.plot(1e3 * point[2], 0.0, "o", ms=6, color="white", mec=colour, mew=1.8, zorder=4)
+    for name, point in zip(body["seat"].values, body["seat_mm"].values, strict=True):
+        look = {"color": "white", "mec": colours.get(name, GREY), "mew": 1.8, "zorder": 4}
+        axes.plot(point[2], 0.0, "o", ms=6, **look)
     axes.axhline(0.0, color=GREY, lw=0.8, ls="-.")
     axes.autoscale_view()
-    axes.set_ylim(bottom=-0.04e3 * section[..., 0].max())
+    axes.set_ylim(bottom=-0.04 * section[..., 0].max())
     axes.set_aspect("equal")
     axes.set(xlabel="Z from mid-face [mm]", ylabel="radius [mm]")
 
@@ -138,7 +126,7 @@ _CLEAR = 0.6
 
 
 @house_look()
-def families(modes: DrawnModes, title: str) -> Figure:
+def families(modes: xr.Dataset) -> Figure:
     """Free natural frequencies over nodal diameters, families joined.
 
     The lowest modes of one kind are a family, the next ones another, and so on. A number at a
@@ -147,7 +135,6 @@ def families(modes: DrawnModes, title: str) -> Figure:
     **Arguments:**
 
     - `modes`: of the free body.
-    - `title`: the body.
 
     **Returns:**
 
@@ -156,35 +143,33 @@ def families(modes: DrawnModes, title: str) -> Figure:
     figure = Figure(figsize=(8.4, 6.4), dpi=150)
     figure.set_layout_engine("constrained")
     axes = figure.subplots()
-    figure.suptitle(title)
-    rank, kinds = _ranks(modes), np.asarray(modes.kind)
+    figure.suptitle(modes.attrs["title"])
+    diameter, kinds, rank = (modes[x].values for x in ("nodal_diameter", "kind", "family"))
+    frequency, clear = 1e-3 * modes["frequency_Hz"], modes["nodal_diameter_share"] >= _CLEAR
     for kind, colour in _COLOURS.items():
-        for each in range(1 + int(rank[kinds == kind].max(initial=-1))):
+        for each in range(1, 1 + int(rank[kinds == kind].max(initial=0))):
             line = np.flatnonzero((kinds == kind) & (rank == each))
-            line = line[np.argsort(modes.diameter[line])]
-            for part in np.split(line, np.flatnonzero(np.diff(modes.diameter[line]) > 1) + 1):
-                axes.plot(modes.diameter[part], 1e-3 * modes.frequency_Hz[part], color=colour)
+            line = line[np.argsort(diameter[line])]
+            for part in np.split(line, np.flatnonzero(np.diff(diameter[line]) > 1) + 1):
+                axes.plot(diameter[part], frequency[part], color=colour)
     told = set()
-    for mode, kind in enumerate(modes.kind):
-        where = modes.diameter[mode], 1e-3 * modes.frequency_Hz[mode]
-        fill = _COLOURS[kind] if modes.share[mode] >= _CLEAR else "white"
+    for mode, kind in enumerate(kinds):
+        where = diameter[mode], float(frequency[mode])
+        fill = _COLOURS[kind] if clear[mode] else "white"
         axes.plot(*where, _MARKS[kind], ms=7, mfc=fill, mec=_COLOURS[kind], mew=1.4)
-        place = kind, modes.diameter[mode], rank[mode]
-        if modes.circle is not None and place not in told:
+        place = kind, diameter[mode], rank[mode]
+        if "nodal_circle" in modes and place not in told:
             told.add(place)
             look = {"textcoords": "offset points", "fontsize": 8.5, "color": GREY}
-            axes.annotate(f"{modes.circle[mode]}", where, (7, -10), **look)
+            axes.annotate(f"{int(modes['nodal_circle'][mode])}", where, (7, -10), **look)
     axes.set(xlabel="nodal diameters", ylabel="free natural frequency [kHz]")
     axes.set_ylim(bottom=0.0)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    seen = [kind for kind in _MARKS if kind in kinds]
     look = {"ls": "", "ms": 7}
-    handles = [
-        Line2D([], [], color=_COLOURS[kind], marker=mark, **look)
-        for kind, mark in _MARKS.items()
-        if kind in kinds
-    ]
-    names = [f"mostly {kind}" for kind in _MARKS if kind in kinds]
-    if np.any(modes.share < _CLEAR):
+    handles = [Line2D([], [], color=_COLOURS[each], marker=_MARKS[each], **look) for each in seen]
+    names = [f"mostly {kind}" for kind in seen]
+    if not clear.all():
         handles.append(Line2D([], [], mec=GREY, marker="o", mfc="white", **look))
         names.append("no clear nodal diameter")
     figure.legend(
@@ -193,48 +178,46 @@ def families(modes: DrawnModes, title: str) -> Figure:
         loc="outside lower center",
         ncols=4,
         frameon=False,
-        title=None if modes.circle is None else "numbers: nodal circles",
+        title="numbers: nodal circles" if "nodal_circle" in modes else None,
     )
     return figure
 
 
 @house_look()
-def mode_shapes(body: DrawnBody, modes: DrawnModes, shapes: np.ndarray, title: str) -> Figure:
+def mode_shapes(body: xr.Dataset) -> Figure:
     """The lowest different mode shapes, deformed, coloured by motion along their main direction.
 
     **Arguments:**
 
-    - `body`: with its grid.
-    - `modes`: what they are.
-    - `shapes`: of the same modes or of the first of them, `[mode, node, 3]`, to any scale.
-    - `title`: the body.
+    - `body`: with its grid and mode shapes.
 
     **Returns:**
 
     The figure.
     """
-    chosen = [mode for mode in chosen_modes(modes) if mode < len(shapes)][:_DRAWN]
-    columns = min(3, len(chosen))
-    rows = -(-len(chosen) // columns)
+    count = body.sizes["shown"]
+    columns = min(3, count)
+    rows = -(-count // columns)
     figure = Figure(figsize=(3.4 * columns, 2.9 * rows + 1.1), dpi=150)
     figure.set_layout_engine("constrained", wspace=0.02, hspace=0.02)
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    figure.suptitle(title)
-    faces = surface(body.grid)
-    nodes = body.grid.nodes
+    figure.suptitle(body.attrs["title"])
+    faces, nodes = body["face"].values, 1e-3 * body["node_mm"].values
+    reach = _SHOWN * np.hypot(nodes[:, 0], nodes[:, 1]).max()
     colours = ScalarMappable(Normalize(-1.0, 1.0), _MOTION)
     for panel in panels:
         panel.set_axis_off()
-    for panel, mode in zip(panels, chosen, strict=False):
-        shape = shapes[mode] / np.abs(shapes[mode]).max()
-        along = _component(nodes, shape, modes.kind[mode])
+    for panel, mode, shape in zip(
+        panels, body["shown"].values - 1, body["shape"].values, strict=False
+    ):
+        shape = shape / np.abs(shape).max()
+        along = _component(nodes, shape, str(body["kind"].values[mode]))
         along = along / np.abs(along).max()
-        moved = nodes + _SHOWN * body.grid.radius.max() * shape
         fill = np.asarray(colours.to_rgba(along[faces].ravel()))[:, :3].reshape(-1, 8, 3)
-        _show(panel, render(moved, faces, fill, pixels=320))
+        show(panel, render(nodes + reach * shape, faces, fill, pixels=320))
         # A slender body is narrower than its panel, whose title is not.
         panel.set_aspect("equal", adjustable="datalim")
-        panel.set_title(modes.label(mode))
+        panel.set_title(body["label"].values[mode])
     bar = figure.colorbar(
         colours, ax=list(panels), location="bottom", shrink=0.6, aspect=40, pad=0.02
     )

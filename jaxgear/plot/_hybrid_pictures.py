@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from jaxgear._units import deg, mm, um
-from jaxgear.plot._body_pictures import _show
+from jaxgear.plot._body_pictures import show
 from jaxgear.plot._body_render import VIEW, frame, render
 from jaxgear.plot._cycle import cycle_periods, cycle_statistics, unrolled
 from jaxgear.plot._hybrid_tables import contact_line_loads as loads_shown
@@ -266,7 +266,7 @@ def _draw_deflected(figure: FigureBase, axes: Axes, shown: xr.Dataset, *, with_m
     moved = (nodes * mm + scale * field * um) @ turned
     colours = ScalarMappable(Normalize(0.0, most), SURFACE)
     fill = np.asarray(colours.to_rgba(size[faces].ravel()))[:, :3].reshape(-1, 8, 3)
-    _show(axes, render(moved, faces, fill, edges=True, pixels=620))
+    show(axes, render(moved, faces, fill, edges=True, pixels=620))
     place = np.array([*VIEW[:2], 0.0])
     place *= radius * mm / np.hypot(*VIEW[:2])
     where = place @ frame()[:, :2] / mm

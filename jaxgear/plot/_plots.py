@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from jaxgear.plot import _compare_pictures as compare_pictures
     from jaxgear.plot import _contact_pictures as contact_pictures
     from jaxgear.plot import _cycle_pictures as cycle_pictures
-    from jaxgear.plot import _dynamic_pictures as dynamic_pictures
     from jaxgear.plot import _flank_pictures as flank_pictures
     from jaxgear.plot import _hybrid_pictures as hybrid_pictures
     from jaxgear.plot import _mode_pictures as mode_pictures
@@ -52,7 +51,6 @@ else:
     shafts_pictures = _Later("_shafts_pictures")
     sizing_pictures = _Later("_sizing_pictures")
     contact_pictures = _Later("_contact_pictures")
-    dynamic_pictures = _Later("_dynamic_pictures")
     flank_pictures = _Later("_flank_pictures")
     hybrid_pictures = _Later("_hybrid_pictures")
     mode_pictures = _Later("_mode_pictures")

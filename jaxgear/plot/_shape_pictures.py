@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from jaxgear._units import mm, um
 from jaxgear._whole_file import whole_file
-from jaxgear.plot._body_pictures import _show
+from jaxgear.plot._body_pictures import show
 from jaxgear.plot._body_render import frame, render
 from jaxgear.plot._style import house_look, round_down
 
@@ -54,7 +54,7 @@ def animate_shape(dataset: xr.Dataset, path: Path) -> None:
                 fill = np.asarray(colours.to_rgba(values[faces].ravel()))[:, :3]
                 moved = nodes + scale * np.real(shape * phase)
                 axes.clear()
-                _show(axes, render(moved, faces, fill.reshape(-1, 8, 3), edges=True, pixels=300))
+                show(axes, render(moved, faces, fill.reshape(-1, 8, 3), edges=True, pixels=300))
                 # The picture must not jump as the body moves.
                 axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
                 axes.set_title(words, fontsize=9.0)

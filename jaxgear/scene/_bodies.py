@@ -10,9 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fem_prep._assembly import Material
-from fem_prep._boundary import Teeth
-from fem_prep._web import Fineness, GearBody, Holes, SeatPlace, Segment, Web
+from fem_prep import Fineness, GearBody, Holes, Material, SeatPlace, Segment, Teeth, Web
 from jaxgear._units import GPa, deg, mm
 from jaxgear.scene._body_checks import METHODS
 from jaxgear.scene._body_words import in_keys
@@ -228,30 +226,23 @@ def _web(scene: Scene, table: str) -> Web | None:
         offset=scene.get(f"{table}.web_offset_mm", 0.0) * mm,
         angle=scene.get(f"{table}.web_angle_deg", 0.0) * deg,
         hub_width=None if width is None else width * mm,
-        holes=tuple(_holes(scene, table)),
+        holes=tuple(
+            _ring(scene, table, prefix)
+            for prefix in ("", "second_")
+            if scene.get(f"{table}.{prefix}holes")
+        ),
     )
 
 
-def _holes(scene: Scene, table: str) -> list[Holes]:
-    """The rings of holes; what is not said of the second is as in the first, half a pitch on."""
-    rings: list[Holes] = []
-    for prefix in ("", "second_"):
-        count = scene.get(f"{table}.{prefix}holes", 0)
-        if not count:
-            continue
-        first = scene.get(f"{table}.hole_angle_deg", 0.0)
-        if prefix:
-            first += 180.0 / scene.get(f"{table}.holes", math.inf)
-
-        def size(key: str, default: float | None = None, prefix: str = prefix) -> float:
-            plain = scene.get(f"{table}.{key}", default)
-            return scene.get(f"{table}.{prefix}{key}", plain)
-
-        angle = scene.get(f"{table}.{prefix}hole_angle_deg", first)
-        rings.append(
-            Holes(count, size("hole_diameter_mm") * mm, size("hole_circle_mm") * mm, angle * deg)
-        )
-    return rings
+def _ring(scene: Scene, table: str, prefix: str) -> Holes:
+    """A ring of holes; what is not said of the second is as in the first, half a pitch on."""
+    size = lambda key: scene.get(f"{table}.{prefix}{key}", scene.get(f"{table}.{key}")) * mm
+    angle = scene.get(f"{table}.hole_angle_deg", 0.0)
+    if prefix:
+        between = angle + 180.0 / scene.get(f"{table}.holes", math.inf)
+        angle = scene.get(f"{table}.{prefix}hole_angle_deg", between)
+    count = scene[f"{table}.{prefix}holes"]
+    return Holes(count, size("hole_diameter_mm"), size("hole_circle_mm"), angle * deg)
 
 
 def _fineness(scene: Scene, gear: str, body: GearBody) -> Fineness:

@@ -15,21 +15,30 @@ from typing import Any, cast
 
 import numpy as np
 
-from fem_prep._answers import described_modes, modes_told, solid_of
-from fem_prep._artefact import ReducedBody
-from fem_prep._boundary import FullBody, full_body
-from fem_prep._cache import CacheWarning, cached, file_digest, key_of
-from fem_prep._checks import BodyError, require
-from fem_prep._condense import condense
-from fem_prep._decks import files_of
-from fem_prep._grid import Grid
-from fem_prep._health import health_report
-from fem_prep._hold import hold
-from fem_prep._modes import largest_rotation
-from fem_prep._quality import check_grid
-from fem_prep._seats import Seat
-from fem_prep._symmetry import Rotation
-from fem_prep._web import body_grid, exact_properties
+from fem_prep import (
+    BodyError,
+    CacheWarning,
+    FullBody,
+    Grid,
+    ReducedBody,
+    Rotation,
+    Seat,
+    body_grid,
+    cached,
+    check_grid,
+    condense,
+    described_modes,
+    exact_properties,
+    file_digest,
+    files_of,
+    full_body,
+    health_report,
+    hold,
+    key_of,
+    largest_rotation,
+    modes_told,
+    solid_of,
+)
 from jaxgear._units import mm
 from jaxgear.scene._bodies import BodyPlan, Drawn, Matrices, OwnGrid
 from jaxgear.scene._body_view import BodyView, keep_view, read_view
@@ -231,16 +240,19 @@ def _check_memory(full: FullBody, rotation: Rotation) -> None:
     coordinates = rim + 6 * len(full.seats)
     columns = (1 if sectors == 1 else _COPIES) * 3 * full.points * (rim // sectors)
     needed, there = 8 * (_MATRICES * coordinates**2 + columns), _memory()
-    require(
-        needed < there,
+    if needed < there:
+        return
+    raise BodyError(
         "The rim has {rim:,} nodes: condensing its {coordinates:,} coordinates, in a body of "
         "{sectors} equal sectors, takes some {needed:.3g} GB, and {there:.3g} are free. Use fewer "
         "elements around or across the rim (body.fineness), or a body that repeats more often.",
-        rim=len(full.rim),
-        coordinates=coordinates,
-        sectors=sectors,
-        needed=needed / 1e9,
-        there=there / 1e9,
+        {
+            "rim": len(full.rim),
+            "coordinates": coordinates,
+            "sectors": sectors,
+            "needed": needed / 1e9,
+            "there": there / 1e9,
+        },
     )
 
 
@@ -270,7 +282,7 @@ def _view(body: ReducedBody, full: FullBody, steps: Steps) -> BodyView:
 
 
 def _imported(plan: BodyPlan, source: Matrices, steps: Steps) -> ReducedBody:
-    from fem_prep._imports import import_superelement
+    from fem_prep import import_superelement
 
     body = import_superelement(
         source.paths,
@@ -285,13 +297,11 @@ def _imported(plan: BodyPlan, source: Matrices, steps: Steps) -> ReducedBody:
     )
     _check_rim(plan, body.rim_nodes)
     teeth = body.facts.get("teeth_count", plan.teeth_count)
-    require(
-        teeth == plan.teeth_count,
-        "The matrices are those of a gear of {teeth} teeth, and this one has {own}. Condense the "
-        "body of this gear.",
-        teeth=teeth,
-        own=plan.teeth_count,
-    )
+    if teeth != plan.teeth_count:
+        raise BodyError(
+            f"The matrices are those of a gear of {teeth} teeth, and this one has "
+            f"{plan.teeth_count}. Condense the body of this gear."
+        )
     return body
 
 
@@ -331,7 +341,7 @@ def _grid(plan: BodyPlan) -> Grid:
     if isinstance(source, Drawn):
         return body_grid(source.body, source.fineness)
     assert isinstance(source, OwnGrid)
-    from fem_prep._files import read_grid
+    from fem_prep import read_grid
 
     seats = {seat.label: seat.label for seat in plan.seats}
     return read_grid(source.path, rim=source.rim, seats=seats, length_unit=source.length_unit)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fem_prep._cache import cache_folder
+from fem_prep import cache_folder
 from jaxgear._whole_file import whole_file
 
 _SET = "set:"

@@ -3,7 +3,7 @@
 import contextlib
 from collections.abc import Iterator
 
-from fem_prep._checks import BodyError
+from fem_prep import BodyError
 from jaxgear._checks import InputError
 
 _KEYS = {
@@ -30,17 +30,24 @@ _KEYS = {
     "Holes.diameter": "body.web.hole_diameter_mm",
     "Holes.circle": "body.web.hole_circle_mm",
     "Fineness.sectors": "body.fineness.sectors",
+    "Fineness.rim_axial": "body.fineness.rim_across",
+    "Fineness.rim_radial": "body.fineness.rim_deep",
+    "Fineness.web_radial": "body.fineness.web_along",
+    "Fineness.web_layers": "body.fineness.web_layers",
+    "Fineness.hub_radial": "body.fineness.hub_deep",
+    "Fineness.shaft": "body.fineness.shaft_mm",
     "length_unit": "body.grid_unit_mm",
     "mid_face": "body.superelement_mid_face_mm",
 }
-
-_METRES = "1e-3 m for one in millimetres, 1 m for one in metres, 0.0254 m for one in inches"
-_MILLIMETRES = "1 for one in millimetres, 1000 for one in metres, 25.4 for one in inches"
+# What to do, where keys count in other units than arguments.
+_REMEDIES = {
+    "length_unit": "1 for one in millimetres, 1000 for one in metres, 25.4 for one in inches.",
+}
 
 
 @contextlib.contextmanager
 def in_keys(gear: str) -> Iterator[None]:
-    """Turn what is wrong with a body into what is wrong with the scene.
+    """Say what is wrong with a body as what is wrong with the scene.
 
     **Arguments:**
 
@@ -53,9 +60,7 @@ def in_keys(gear: str) -> Iterator[None]:
     try:
         yield
     except BodyError as error:
-        message = str(error)
-        for name, key in _KEYS.items():
-            message = message.replace(f"`{name}`", f"`{gear}.{key}`")
-        # The scene's key counts in millimetres.
-        message = message.replace(_METRES, _MILLIMETRES)
-        raise InputError(f"{gear}.body: {message}") from error
+        names = {name: f"{gear}.{key}" for name, key in _KEYS.items()}
+        known = [_REMEDIES[name] for name in error.fields if name in _REMEDIES and error.remedy]
+        words = error.worded(names, known[0] if known else None)
+        raise InputError(f"{gear}.body: {words}") from error

@@ -78,7 +78,7 @@ def with_bodies(
     made = [_made(scene, plan, tell, moving) for plan in plans]
     scene = _over_whole_cycles(scene, made)
     grid = pair_grid(scene, pair, torque)
-    bodies = {each.plan.gear: _in_mesh(scene, each, pair, grid, tell) for each in made}
+    bodies = {each[0].plan.gear: _in_mesh(scene, each, pair, grid, tell) for each in made}
     for gear, key in measures.items():
         if key is not None:
             bodies[gear] = _with_family(scene, gear, key, bodies[gear], pair, grid, tell)
@@ -124,18 +124,18 @@ def _with_family(
     reciprocal = low > 0.0
     at, checks = family_parameters(low, high, _MEMBERS, reciprocal=reciprocal)
     bodies, nodes = {}, {}
-    for number, value in enumerate((*at, *checks), start=1):
+    for number, value in enumerate(map(float, (*at, *checks)), start=1):
         where = f"{key} = {value:.6g}, {number} of {_MEMBERS + len(checks)}"
-        plan = body_plan(scene.replace({key: float(value)}), gear)
+        plan = body_plan(scene.replace({key: value}), gear)
         # Of rim and seats, and of rotation, statics is exact without any shapes of the inside.
         plan = dataclasses.replace(
             plan, method="guyan", modes=0, rotating=False, compares_seats=False
         )
         along = lambda step, where=where: tell(f"{step}: {where}")
         found = _in_mesh(scene, _made(scene, plan, along, False), pair, grid, along)
-        bodies[float(value)] = found.flexible
-        nodes[float(value)] = int(found.built.health["nodes"])
-    probes = [(float(value), bodies[float(value)]) for value in checks]
+        bodies[value] = found.flexible
+        nodes[value] = int(found.built.health["nodes"])
+    probes = [(value, bodies[value]) for value in map(float, checks)]
     try:
         family = body_family(
             at,
@@ -162,20 +162,8 @@ def _grids_that_differ(nodes: dict[float, int]) -> str:
     )
 
 
-@dataclasses.dataclass(frozen=True)
-class _Made:
-    """A condensed body that is not in mesh yet.
-
-    **Fields:**
-
-    - `plan`: what was to be built.
-    - `built`: the body.
-    - `basis`: motions on which it vibrates, or `None`: it is for statics.
-    """
-
-    plan: BodyPlan
-    built: BuiltBody
-    basis: BodyBasis | None
+# A condensed body that is not in mesh yet, and motions on which it vibrates; none for statics.
+_Made = tuple[BuiltBody, BodyBasis | None]
 
 
 def _made(scene: Scene, plan: BodyPlan, tell: Callable[[str], None], moving: bool) -> _Made:
@@ -186,7 +174,7 @@ def _made(scene: Scene, plan: BodyPlan, tell: Callable[[str], None], moving: boo
         tell(f"{plan.gear}: modes with its seats held")
         with in_keys(plan.gear):
             basis = body_basis(built.body, scene.get("model.coordinates", 100))
-    return _Made(plan, built, basis)
+    return built, basis
 
 
 def _over_whole_cycles(scene: Scene, made: Sequence[_Made]) -> Scene:
@@ -196,11 +184,11 @@ def _over_whole_cycles(scene: Scene, made: Sequence[_Made]) -> Scene:
     the mesh in another order than they do, and modes jump where it closes.
     """
     needed = 1
-    for each in made:
-        if each.basis is not None:
-            teeth, sectors = scene[f"{each.plan.gear}.teeth"], each.built.body.facts["sectors"]
+    for built, basis in made:
+        if basis is not None:
+            teeth, sectors = scene[f"{built.plan.gear}.teeth"], built.body.facts["sectors"]
             assert isinstance(sectors, int)
-            needed = math.lcm(needed, each.basis.under_teeth(teeth, sectors)[1])
+            needed = math.lcm(needed, basis.under_teeth(teeth, sectors)[1])
     periods = scene["mesh.periods"]
     if periods % needed == 0:
         return scene
@@ -216,7 +204,8 @@ def _over_whole_cycles(scene: Scene, made: Sequence[_Made]) -> Scene:
 def _in_mesh(
     scene: Scene, made: _Made, pair: GearPair, grid: MeshGrid, tell: Callable[[str], None]
 ) -> MeshBody:
-    plan, built, basis = made.plan, made.built, made.basis
+    built, basis = made
+    plan = built.plan
     tell(f"{plan.gear}: teeth on the rim")
     index = GEARS.index(plan.gear)
     points, axial = scene["mesh.root_points"], scene["mesh.connection"]

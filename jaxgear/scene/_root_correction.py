@@ -10,10 +10,17 @@ import math
 
 import numpy as np
 
-from fem_prep._artefact import ReducedBody
-from fem_prep._assembly import Material
-from fem_prep._grid import Grid, surface_of
-from fem_prep._patch import CUT, RIM, give, piece_of, refined
+from fem_prep import (
+    CUT,
+    RIM,
+    Grid,
+    Material,
+    ReducedBody,
+    piece_compliance,
+    piece_of,
+    refined,
+    surface_of,
+)
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._roots import ROOT_POINTS, Axial, RimSurface, RootPatches, feet
@@ -123,7 +130,7 @@ class RootCorrection:
         """Compliance between the feet on a piece."""
         faces = surface_of(grid, RIM)
         rows = feet(RimSurface(grid.nodes, faces), patches).rows
-        return give(grid, self._material, rows.T.toarray())
+        return piece_compliance(grid, self._material, rows.T.toarray())
 
 
 def _fingerprint(piece: Grid, angle: float) -> np.ndarray:

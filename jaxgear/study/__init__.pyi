@@ -1,6 +1,8 @@
 """Public names of `jaxgear.study`."""
 
+from ._condense import condense as condense
 from ._fidelity._compare import compare as compare
+from ._gradients import check_gradients as check_gradients
 from ._modes import modes as modes
 from ._optimising import optimise as optimise
 from ._progress import Listener as Listener
@@ -11,4 +13,5 @@ from ._run import run as run
 from ._run import sizing as sizing
 from ._run import statics as statics
 from ._running import stopwatch as stopwatch
+from ._sensitivities import sensitivity as sensitivity
 from ._sweep import sweep as sweep

@@ -1,36 +1,24 @@
-"""The command `condense`: builds the condensed bodies of a scene and says how good they are."""
+"""Condensed bodies of a scene, built, and how good they are."""
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from fem_prep._body_file import content_hash, write_body
-from fem_prep._files import write_vtu
-from fem_prep._grid import Grid
-from jaxgear._cli._folder import Folder
-from jaxgear._cli._saving import save
-from jaxgear._cli._writing import finish
-from jaxgear._units import GPa
-from jaxgear._whole_file import write_dataset
-from jaxgear.plot import _body_tables as body_tables
-from jaxgear.plot._plots import body_pictures
-from jaxgear.scene._bodies import (
-    BodyPlan,
-    Drawn,
-    Matrices,
-    OwnGrid,
-    body_plan,
-    even_sectors,
-)
+from fem_prep import Grid, content_hash, surface, write_body, write_vtu
+from jaxgear._units import GPa, mm
+from jaxgear.scene._bodies import BodyPlan, Drawn, Matrices, OwnGrid, body_plan, even_sectors
 from jaxgear.scene._body_build import BuiltBody, built_body
 from jaxgear.scene._scene import Scene
-from jaxgear.study._head import names_of
+from jaxgear.study._body_surfaces import opened, section
+from jaxgear.study._head import names_of, study
 from jaxgear.study._progress import narration
 from jaxgear.study._ranks import Doubtful, Idle
-from jaxgear.study._result import Summary
+from jaxgear.study._result import Result, Summary
 from jaxgear.study._results import Entry
 
 # Keys of a condensed body that change nothing about matrices from elsewhere.
@@ -43,21 +31,25 @@ _NOT_OF_MATRICES = (
     "rotating_terms",
     "fineness",
 )
+# Frequencies of a pair differ by less than that; holes may part them.
+_TWINS = 1e-3
+# How many mode shapes are drawn.
+_DRAWN = 9
 
 
-def condense(scene: Scene, folder: Folder) -> Summary:
+@study
+def condense(scene: Scene) -> Result:
     """Build the condensed bodies of a scene, from the cache where they are known.
-
-    Writes each body, its grid with mode shapes for ParaView, and its pictures.
 
     **Arguments:**
 
     - `scene`: checked against the schema, with a condensed body.
-    - `folder`: for the results; exists.
 
     **Returns:**
 
-    The summary that is also in `summary.json`.
+    A dataset for each gear, such as `wheel_body`: free modes and what of the grid is seen; the
+    summary, with a health report of each body; and as files each body, and its grid with mode
+    shapes for ParaView.
 
     **Raises:**
 
@@ -65,30 +57,46 @@ def condense(scene: Scene, folder: Folder) -> Summary:
     """
     # All plans before any long work: a mistake in the second costs no wait.
     plans = [body_plan(scene, gear) for gear in scene.condensed]
-    bodies, remarks, groups = [], [], {}
+    bodies, remarks, datasets, files = [], [], {}, {}
     for plan in plans:
         with narration(plan.gear) as tell:
             found = built_body(plan, tell)
-            bodies.append(_body_summary(scene, found))
-            tell("writing the body")
-            file = f"{plan.name}.body.npz"
-            write_body(folder / file, found.body)
-            whole = {"file": str(folder.path / file), "content_hash": content_hash(found.body)}
-            bodies[-1] |= whole
-            tell("drawing")
-            _draw(found, folder)
-        remarks += [*found.warnings, *_remarks(scene, found)]
-        groups[f"{plan.gear}_body"] = _dataset(found)
-    write_dataset(xr.Dataset(), folder / "result.nc", groups)
-    summary = names_of(scene) | {"bodies": bodies, "notes": remarks}
-    return finish(scene, folder, summary)
+            file = {"file": f"{plan.name}.body.npz", "content_hash": content_hash(found.body)}
+            bodies.append(body_summary(scene, found) | file)
+            remarks += [*found.warnings, *body_remarks(scene, found)]
+            datasets[f"{plan.gear}_body"] = body_dataset(found)
+            files |= _files(found, datasets[f"{plan.gear}_body"])
+    return Result(scene, names_of(scene) | {"bodies": bodies, "notes": remarks}, datasets, files)
+
+
+def _files(found: BuiltBody, dataset: xr.Dataset) -> dict[str, Callable[[Path], None]]:
+    """The body, and where it has a grid this with mode shapes for ParaView."""
+
+    def keep(path: Path) -> None:
+        write_body(path, found.body)
+
+    files: dict[str, Callable[[Path], None]] = {f"{found.plan.name}.body.npz": keep}
+    if found.view is not None:
+        labels = dataset["label"].values
+        fields = {
+            f"mode {mode + 1:02d}: {labels[mode].replace(chr(10), ', ')}": shape
+            for mode, shape in enumerate(found.view.shapes)
+        }
+        files[f"{found.body.name}.vtu"] = partial(write_vtu, grid=_grid(found), fields=fields)
+    return files
 
 
 # --- The summary
 
 
-def _body_summary(scene: Scene, found: BuiltBody) -> Summary:
-    """What is known of a body: its health, and how it came about."""
+def body_summary(scene: Scene, found: BuiltBody) -> Summary:
+    """What is known of a body: its health, and how it came about.
+
+    **Arguments:**
+
+    - `scene`: whose speeds its growth is told at too.
+    - `found`: the body.
+    """
     plan = found.plan
     health: dict[str, Any] = dict(found.health)
     speed = _highest_speed(scene, plan.gear)
@@ -132,8 +140,14 @@ def _highest_speed(scene: Scene, gear: str) -> float | None:
     return highest and highest * scene["pinion.teeth"] / scene[f"{gear}.teeth"]
 
 
-def _remarks(scene: Scene, found: BuiltBody) -> list[str]:
-    """What a reader of the results should not miss."""
+def body_remarks(scene: Scene, found: BuiltBody) -> list[str]:
+    """What a reader of the results should not miss.
+
+    **Arguments:**
+
+    - `scene`: of which the body is.
+    - `found`: the body.
+    """
     plan, gear = found.plan, found.plan.gear
     remarks: list[str] = [
         Doubtful(f"The {gear}'s body: {warning}") for warning in found.health["warnings"]
@@ -149,11 +163,11 @@ def _remarks(scene: Scene, found: BuiltBody) -> list[str]:
         remarks += _remarks_on_matrices(scene, found)
     unused = ["inertia_kg_m2", "transverse_inertia_kg_m2"]
     unused += [] if isinstance(plan.source, Matrices) else ["mass_kg"]
-    for key in unused:
-        if f"{gear}.body.{key}" in scene.given:
-            words = f"{gear}.body.{key} does nothing: a condensed body has its own."
-            remarks.append(Idle(words))
-    return remarks
+    return remarks + [
+        Idle(f"{gear}.body.{key} does nothing: a condensed body has its own.")
+        for key in unused
+        if f"{gear}.body.{key}" in scene.given
+    ]
 
 
 def _remarks_on_matrices(scene: Scene, found: BuiltBody) -> list[str]:
@@ -173,72 +187,116 @@ def _remarks_on_matrices(scene: Scene, found: BuiltBody) -> list[str]:
         )
     # Nodes of the inside that the matrices still have are condensed here, with so many modes.
     idle = plan.modes and not found.body.facts.get("modes_of_interior_nodes")
-    for key in (*_NOT_OF_MATRICES, *(["modes"] if idle else [])):
-        if f"{plan.gear}.body.{key}" in scene.given:
-            remarks.append(
-                f"{plan.gear}.body.{key} does nothing: the matrices were condensed elsewhere."
-            )
-    return remarks
+    return remarks + [
+        f"{plan.gear}.body.{key} does nothing: the matrices were condensed elsewhere."
+        for key in (*_NOT_OF_MATRICES, *(["modes"] if idle else []))
+        if f"{plan.gear}.body.{key}" in scene.given
+    ]
 
 
-def _dataset(found: BuiltBody) -> xr.Dataset:
-    """The free modes of a body."""
-    facts = found.health
+# --- The dataset
+
+
+def body_dataset(found: BuiltBody) -> xr.Dataset:
+    """The free modes of a body and, where it has a grid, what of that is seen.
+
+    **Arguments:**
+
+    - `found`: the body.
+
+    **Returns:**
+
+    A dataset over modes, nodes and faces, in the frame of the body: Z along the axis from mid-face,
+    X towards the middle of tooth 0.
+    """
+    facts, body = found.health, found.body
+    frequency, diameter, kind = (
+        np.asarray(facts[key]) for key in ("free_frequency_Hz", "nodal_diameter", "kind")
+    )
+    share, circle = facts["nodal_diameter_share"], facts.get("nodal_circle")
     entries = {
-        "frequency_Hz": ("free_frequency_Hz", "Hz", "natural frequency of the free body"),
-        "nodal_diameter": ("nodal_diameter", "1", "number of nodal diameters"),
-        "nodal_circle": ("nodal_circle", "1", "number of nodal circles"),
-        "nodal_diameter_share": ("nodal_diameter_share", "1", "its share of the energy"),
-        "kind": ("kind", "1", "direction of most motion"),
+        "mode": Entry(("mode",), np.arange(1, len(frequency) + 1), "1", "number of the mode"),
+        "frequency_Hz": Entry(("mode",), frequency, "Hz", "natural frequency of the free body"),
+        "nodal_diameter": Entry(("mode",), diameter, "1", "number of nodal diameters"),
+        "nodal_diameter_share": Entry(("mode",), share, "1", "its share of the energy"),
+        "kind": Entry(("mode",), kind, "1", "direction of most motion"),
+        "family": Entry(("mode",), _families(diameter, kind), "1", "family of the mode"),
     }
-    return xr.Dataset(
-        {
-            name: Entry(("mode",), np.asarray(facts[key]), unit, text).variable()
-            for name, (key, unit, text) in entries.items()
-            if key in facts
-        },
-        attrs={"gear": found.plan.gear, "body": found.body.name},
-    )
+    if circle is not None:
+        entries["nodal_circle"] = Entry(("mode",), circle, "1", "number of nodal circles")
+    counted = [(diameter, "nodal diameter"), *([] if circle is None else [(circle, "circle")])]
+    labels = [
+        f"{frequency[mode]:.5g} Hz, {kind[mode]}\n"
+        + ", ".join(f"{x[mode]} {what}{'' if x[mode] == 1 else 's'}" for x, what in counted)
+        for mode in range(len(frequency))
+    ]
+    entries["label"] = Entry(("mode",), labels, "1", "the mode in words")
+    attributes: dict[str, Any] = {"gear": found.plan.gear, "body": body.name}
+    attributes["title"] = f"{body.name}, free body"
+    if found.view is not None:
+        entries |= _seen(found) | _shapes(found, frequency, diameter, kind)
+        size = f"{len(body.bricks):,} elements, {len(body.nodes):,} nodes"
+        attributes["grid_title"] = f"{body.name}: {size}"
+    return xr.Dataset({name: entry.variable() for name, entry in entries.items()}, attrs=attributes)
 
 
-# --- Files and pictures
+def _families(diameter: np.ndarray, kind: np.ndarray) -> np.ndarray:
+    """Number of each mode among those of its kind and nodal diameter; two make one pair."""
+    seen: Counter[tuple[str, int]] = Counter()
+    numbers = []
+    for each in zip(kind.tolist(), diameter.tolist(), strict=True):
+        numbers.append(1 + seen[each] // (2 if each[1] else 1))
+        seen[each] += 1
+    return np.asarray(numbers, dtype=int)
 
 
-def _draw(found: BuiltBody, folder: Folder) -> None:
-    """Pictures of a body, and its grid with mode shapes for ParaView."""
-    body, plan = found.body, found.plan
-    modes = drawn_modes(found.health)
-    title = f"{body.name}, free body"
-    figure = partial(body_pictures.families, modes, title)
-    save(figure, body_tables.families_columns(modes), folder, f"{plan.gear}_families")
-    if found.view is None:
-        return
-    points = dict(zip(body.seats, body.seat_points, strict=True))
-    labels = {seat.name: seat.label for seat in plan.seats}
-    sets = {f"seat:{name}": found.view.sets[f"seat:{label}"] for name, label in labels.items()}
-    grid = Grid(body.nodes, body.bricks, {"rim": found.view.sets["rim"], **sets})
-    drawn = body_tables.DrawnBody(grid, points)
-    size = f"{len(body.bricks):,} elements, {len(body.nodes):,} nodes"
-    figure = partial(body_pictures.grid, drawn, f"{body.name}: {size}")
-    save(figure, body_tables.grid_columns(drawn), folder, f"{plan.gear}_grid")
-    shapes = found.view.shapes
-    figure = partial(body_pictures.mode_shapes, drawn, modes, shapes, title)
-    save(figure, body_tables.mode_shapes_columns(modes, shapes), folder, f"{plan.gear}_modes")
-    fields = {
-        f"mode {mode + 1:02d}: {modes.label(mode).replace(chr(10), ', ')}": shape
-        for mode, shape in enumerate(shapes)
+def _grid(found: BuiltBody) -> Grid:
+    """The grid of a body; sets of its seats under the names that the body has for them."""
+    assert found.view is not None
+    known, seats = found.view.sets, found.plan.seats
+    sets = {f"seat:{seat.name}": known[f"seat:{seat.label}"] for seat in seats}
+    return Grid(found.body.nodes, found.body.bricks, {"rim": known["rim"], **sets})
+
+
+def _seen(found: BuiltBody) -> dict[str, Entry]:
+    """Surface, section, rim and seats."""
+    grid, body = _grid(found), found.body
+    faces, is_cut = opened(grid)
+    part = np.full(len(grid.nodes), -1)
+    for number, nodes in enumerate(grid.sets.values()):
+        part[nodes] = number
+    names = [name.removeprefix("seat:") for name in grid.sets]
+    return {
+        "node_mm": Entry(("node", "axis"), grid.nodes / mm, "mm", "X, Y, Z of the nodes"),
+        "face": Entry(("face", "corner"), surface(grid), "1", "nodes of the outer faces"),
+        "open_face": Entry(("open_face", "corner"), faces, "1", "the same, a wedge cut out"),
+        "is_cut": Entry(("open_face",), is_cut, "1", "whether the cut has laid it open"),
+        "section_mm": Entry(("element", "corner", "r_z"), section(grid) / mm, "mm", "section"),
+        "part_of_node": Entry(("node",), part, "1", "number of the part, or -1"),
+        "part": Entry(("part",), names, "1", "rim and seats that are sets of nodes"),
+        "seat": Entry(("seat",), list(body.seats), "1", "seats"),
+        "seat_mm": Entry(("seat", "axis"), body.seat_points / mm, "mm", "X, Y, Z of their nodes"),
     }
-    write_vtu(folder / f"{body.name}.vtu", grid, fields)
 
 
-def drawn_modes(health: Mapping[str, Any]) -> body_tables.DrawnModes:
-    """Free modes as a health report has them; without a grid circles are not known."""
-    frequency = np.asarray(health["free_frequency_Hz"])
-    circle = health.get("nodal_circle")
-    return body_tables.DrawnModes(
-        frequency_Hz=frequency,
-        diameter=np.asarray(health["nodal_diameter"]),
-        circle=None if circle is None else np.asarray(circle),
-        share=np.asarray(health["nodal_diameter_share"]),
-        kind=health["kind"],
-    )
+def _shapes(
+    found: BuiltBody, frequency: np.ndarray, diameter: np.ndarray, kind: np.ndarray
+) -> dict[str, Entry]:
+    """The lowest modes; of the two of a pair, which differ by a turn, the first only."""
+    assert found.view is not None
+    chosen: list[int] = []
+    for mode in range(len(found.view.shapes)):
+        is_twin = any(
+            diameter[mode] == diameter[other] > 0
+            and kind[mode] == kind[other]
+            and frequency[mode] < (1.0 + _TWINS) * frequency[other]
+            for other in chosen
+        )
+        if not is_twin:
+            chosen.append(mode)
+    chosen = chosen[:_DRAWN]
+    numbers = np.asarray(chosen, dtype=int) + 1
+    return {
+        "shown": Entry(("shown",), numbers, "1", "numbers of the modes that are drawn"),
+        "shape": Entry(("shown", "node", "axis"), found.view.shapes[chosen], "1", "their shapes"),
+    }

@@ -87,11 +87,11 @@ def _told_bodies(scene: Scene, known: list[str]) -> Summary:
     """What the condensed bodies are, as `condense` says it, and all notes; empty without them."""
     if not scene.bodies:
         return {}
-    from jaxgear.study._condense import _body_summary, _remarks
+    from jaxgear.study._condense import body_remarks, body_summary
 
     built = [each.built for each in scene.bodies.values()]
-    said = [words for each in built for words in (*each.warnings, *_remarks(scene, each))]
-    return {"bodies": [_body_summary(scene, each) for each in built], "notes": known + said}
+    said = [words for each in built for words in (*each.warnings, *body_remarks(scene, each))]
+    return {"bodies": [body_summary(scene, each) for each in built], "notes": known + said}
 
 
 def finished(scene: Scene, summary: Summary) -> Summary:

@@ -16,9 +16,9 @@ from jaxgear._units import mm, um
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
 from jaxgear.study._dynamics import Size, method_name, speeds_of
-from jaxgear.study._gradients import SteadyPoint
 from jaxgear.study._ranks import Doubtful, Idle
 from jaxgear.study._statics import Statics
+from jaxgear.study._steady import SteadyPoint
 
 
 def notes(scene: Scene, statics: Statics) -> list[str]:

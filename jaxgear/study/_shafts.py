@@ -14,7 +14,6 @@ from jaxgear._solve._cycle import MeshCycle
 from jaxgear._system._beam import Beam, beam_shapes, cowper_coefficient
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._gear_body import BeamBody
-from jaxgear._system._mesh_vectors import body_beam
 from jaxgear._system._model import PairModel
 from jaxgear._system._shaft import Segment, Shaft, node_heights
 from jaxgear._units import mm, um
@@ -210,7 +209,7 @@ def line_of_shaft(shaft: Shaft, body: BeamBody | None, motion: Array) -> Array:
     for element, index in enumerate(segment):
         length = heights[element + 1] - heights[element]
         if body is not None and element == shaft.layout.gear_nodes[0]:
-            beam = body_beam(shaft, body)
+            beam = shaft.body_beam(body.piece)
         else:
             beam = _beam_of_segment(shaft, shaft.segments[index], length)
         ends = motion[6 * element : 6 * element + 12]

@@ -10,6 +10,7 @@ from jaxgear._checks import InputError
 from jaxgear._dynamics._bodies import BodyPlace
 from jaxgear._dynamics._campbell import AloneModes, TurningModes, critical_crossings
 from jaxgear._dynamics._system import PairDynamics
+from jaxgear._dynamics._wave_content import WaveContent
 from jaxgear.scene._scene import read_scene
 from jaxgear.study._modes import modes_shown
 from jaxgear.study._turning import (

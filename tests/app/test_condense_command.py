@@ -11,19 +11,23 @@ import xarray as xr
 from matplotlib.colors import to_rgb
 from table_checks import assert_tables
 
-from fem_prep._artefact import ReducedBody
-from fem_prep._body_file import content_hash, read_body
-from fem_prep._cache import key_of
-from fem_prep._checks import BodyError
-from fem_prep._files import read_grid, write_vtu
-from fem_prep._modes import largest_rotation
+from fem_prep import (
+    BodyError,
+    ReducedBody,
+    body_grid,
+    content_hash,
+    key_of,
+    largest_rotation,
+    read_body,
+    read_grid,
+    write_vtu,
+)
 from fem_prep._symmetry import full_turn
-from fem_prep._web import body_grid
+from jaxgear import plot
 from jaxgear._checks import InputError
+from jaxgear._cli._body_report import report_lines
 from jaxgear._cli._main import main
-from jaxgear.plot import _body_tables as tables
 from jaxgear.plot._body_render import frame, render
-from jaxgear.plot._palette import _BLUE
 from jaxgear.scene import _body_build
 from jaxgear.scene._bodies import Drawn, body_plan
 from jaxgear.scene._body_build import Steps, _inputs, built_body, full_of
@@ -31,8 +35,8 @@ from jaxgear.scene._body_view import view_folder
 from jaxgear.scene._build import model_of, pair_of
 from jaxgear.scene._scene import read_scene
 from jaxgear.scene._teeth import facts_of_teeth, tooth_outline
-from jaxgear.study import _condense
-from jaxgear.study._body_report import report_lines
+from jaxgear.study import condense
+from jaxgear.study._condense import body_dataset, body_remarks, body_summary
 from jaxgear.study._notes import _on_bodies
 
 _PAIR = """schema = 1
@@ -105,13 +109,13 @@ def _grid(plan):
 
 
 @pytest.mark.end_to_end
-def test_condense_end_to_end_and_then_from_the_cache(written, tmp_path, capsys, monkeypatch):
+def test_condense_end_to_end_and_then_from_the_cache(written, tmp_path, capsys):
     path, out = written(_PAIR + _BODY), tmp_path / "out"
     assert main(["condense", str(path), "--out", str(out)]) == 0
     printed = capsys.readouterr()
     out = out / "condense"
     (body,) = json.loads((out / "summary.json").read_text())["bodies"]
-    assert body["file"] == str(out / "tiny-wheel.body.npz")
+    assert body["file"] == "tiny-wheel.body.npz"
     assert len(assert_tables(out)) == 3
     assert not body["from_cache"]
     assert (body["name"], body["gear"]) == ("tiny-wheel", "wheel")
@@ -141,9 +145,7 @@ def test_condense_end_to_end_and_then_from_the_cache(written, tmp_path, capsys, 
     modes = xr.open_dataset(out / "result.nc", group="wheel_body")
     np.testing.assert_allclose(modes["frequency_Hz"], body["free_frequency_Hz"])
     modes.close()
-    monkeypatch.setattr(_condense, "_draw", lambda found, folder: None)
-    assert main(["condense", str(path), "--out", str(out.parent), "--json", "--quiet"]) == 0
-    (second,) = json.loads(capsys.readouterr().out)["bodies"]
+    (second,) = condense(read_scene(path)).summary["bodies"]
     assert second["from_cache"]
     assert second["seconds"] < 1.0
     assert second["content_hash"] == body["content_hash"]
@@ -361,7 +363,7 @@ def test_a_summary_is_of_its_own_scene_and_leaves_the_body_as_it_is(written):
     changes = ("name=other", "sweep.pinion_speed_rad_s=[720.0]")
     found = _built(path, *changes)
     before = content_hash(found.body)
-    summary = _condense._body_summary(read_scene(path, changes), found)
+    summary = body_summary(read_scene(path, changes), found)
     assert summary["from_cache"]
     assert summary["name"] == found.body.name == "other-wheel"
     growth = "centrifugal_growth_um_at_rad_s"
@@ -471,11 +473,11 @@ def test_matrices_from_elsewhere_are_the_body_they_came_from(written, tmp_path):
     )
     path = written(_PAIR + text)
     found, scene = _built(path), read_scene(path)
-    said = "\n".join(_condense._remarks(scene, found))
+    said = "\n".join(body_remarks(scene, found))
     for key in ("modes", "young_GPa", "rotating_terms"):
         assert f"wheel.body.{key} does nothing: the matrices" in said
     assert said.count("does nothing") == 3
-    summary = _condense._body_summary(scene, found)
+    summary = body_summary(scene, found)
     assert "young_GPa" not in summary
     assert not [line for line in report_lines(summary) if "Young" in line]
     assert found.view is None
@@ -491,10 +493,7 @@ def test_matrices_from_elsewhere_are_the_body_they_came_from(written, tmp_path):
     np.testing.assert_allclose(
         frequency[:count], drawn.health["free_frequency_Hz"][:count], rtol=1e-6
     )
-    out = tmp_path / "out"
-    assert main(["condense", str(tmp_path / "scene.toml"), "--out", str(out)]) == 0
-    assert (out / "condense" / "wheel_families.png").exists()
-    assert not (out / "condense" / "wheel_grid.png").exists()
+    assert [each.name for each in plot.pictures(condense(scene).datasets)] == ["wheel_families"]
 
 
 # --- Pictures
@@ -531,30 +530,32 @@ def test_what_is_nearer_is_seen(order):
 
 
 def test_the_section_is_that_of_the_drawing(written):
-    plan = _plan(written(_PAIR + _BODY))
-    grid = _grid(plan)
-    body = tables.DrawnBody(grid, {"bore": np.zeros(3)})
-    columns = tables.grid_columns(body)
+    pictures = plot.pictures({"wheel_body": body_dataset(_built(written(_PAIR + _BODY)))})
+    (columns,) = (each.table for each in pictures if each.name == "wheel_grid")
     element, r, z = (columns[name] for name in ("element", "r_mm", "z_mm"))
     area = sum(_area(r[element == each], z[element == each]) for each in np.unique(element))
     expected = 5 * 10 + 11 * 4 + (1e3 * _ROOT - 26) * 10
     assert area == pytest.approx(expected, rel=1e-9)
-    assert body.colours["rim"] == _BLUE
 
 
 def _area(x, y):
     return abs(np.sum(x * np.roll(y, 1) - y * np.roll(x, 1))) / 2
 
 
-def test_pairs_are_one_and_families_follow_the_nodal_diameter():
-    modes = tables.DrawnModes(
-        frequency_Hz=np.array([100, 100.01, 150, 180, 190, 300, 300.001, 400.0]),
-        diameter=np.array([2, 2, 0, 3, 3, 2, 2, 0]),
-        circle=np.array([0, 0, 1, 0, 0, 1, 1, 2]),
-        share=np.array([1, 1, 1, 1, 1, 1, 1, 0.4]),
-        kind=("axial",) * 8,
-    )
+def test_pairs_are_one_and_families_follow_the_nodal_diameter(written):
+    found = _built(written(_PAIR + _BODY))
+    assert found.view is not None
+    modes = {
+        "free_frequency_Hz": [100, 100.01, 150, 180, 190, 300, 300.001, 400.0],
+        "nodal_diameter": [2, 2, 0, 3, 3, 2, 2, 0],
+        "nodal_circle": [0, 0, 1, 0, 0, 1, 1, 2],
+        "nodal_diameter_share": [1, 1, 1, 1, 1, 1, 1, 0.4],
+        "kind": ("axial",) * 8,
+    }
+    body = dataclasses.replace(found.body, facts={**found.body.facts, "health": modes})
+    view = dataclasses.replace(found.view, shapes=found.view.shapes[:8])
+    dataset = body_dataset(dataclasses.replace(found, body=body, view=view))
     # Holes part the pair of three nodal diameters: both are drawn, in one family.
-    assert tables.chosen_modes(modes) == [0, 2, 3, 4, 5, 7]
-    assert tables.families_columns(modes)["family"].tolist() == [1, 1, 1, 1, 1, 2, 2, 2]
-    assert modes.label(2) == "150 Hz, axial\n0 nodal diameters, 1 circle"
+    assert dataset["shown"].values.tolist() == [1, 3, 4, 5, 6, 8]
+    assert dataset["family"].values.tolist() == [1, 1, 1, 1, 1, 2, 2, 2]
+    assert dataset["label"].values[2] == "150 Hz, axial\n0 nodal diameters, 1 circle"

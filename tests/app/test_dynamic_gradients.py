@@ -7,15 +7,14 @@ import numpy as np
 import pytest
 
 import optimise
-from jaxgear._cli import _commands
 from jaxgear._cli._main import main
 from jaxgear._interface._laws import ExactContact
 from jaxgear.scene._scene import SceneError, read_scene, ready_scene
-from jaxgear.study import _gradients
-from jaxgear.study._gradients import GradientRow, SteadyPoint, dynamic_table
+from jaxgear.study._gradients import steady_gradients
 from jaxgear.study._notes import left_out_notes, steady_notes
 from jaxgear.study._optimising import left_out
 from jaxgear.study._search_checks import require_swept
+from jaxgear.study._steady import SteadyPoint, steady_point
 
 # A spur pair that only turns, on teeth that compile fast.
 _TURNING = """\
@@ -66,7 +65,8 @@ def test_a_steady_response_by_flank_torque_damping_and_speed(write):
     """At the middle speed, in both directions, to 1e-5 of differences of converged responses."""
     scene = read_scene(write(_TURNING + _SWEEP))
     keys = ("pair.torque_pinion_Nm", "flank.pinion.tip_relief.depth_um", "damping.mesh")
-    rows, points = dynamic_table(scene, {"exact": ExactContact()}, keys)
+    rows, points = steady_gradients(scene, {"exact": ExactContact()}, keys)
+    assert rows is not None
     (point,) = points
     assert (point.speed_rad_s, point.verdict) == (800.0, "ok")
     assert point.residual is not None
@@ -74,21 +74,22 @@ def test_a_steady_response_by_flank_torque_damping_and_speed(write):
     assert point.residual <= 1e-12
     assert 0.01 < point.condition <= 1.5
     assert not steady_notes(points)
-    found = {(row.response, row.key): row for _, row in rows}
-    every = (*keys, "sweep.pinion_speed_rad_s")
-    assert set(found) == {(name, key) for name in _gradients.IN_MOTION for key in every}
-    for row in found.values():
-        assert row.verdict == "ok to 1e-5", row
-        assert abs(row.forward - row.reverse) <= 1e-9 * abs(row.forward)
+    found = rows.to_dataframe().set_index(["response", "key"])
+    every, names = (
+        (*keys, "sweep.pinion_speed_rad_s"),
+        ("te_rms_dynamic_um", "smooth_dynamic_ratio"),
+    )
+    assert set(found.index) == {(name, key) for name in names for key in every}
+    assert set(found["verdict"]) == {"ok to 1e-5"}, found
+    np.testing.assert_allclose(found["forward"], found["reverse"], rtol=1e-9)
     # Below the mesh mode, near 1000 rad/s: the nearer to it, the more it shakes.
-    assert found["te_rms_dynamic_um", "sweep.pinion_speed_rad_s"].forward > 0.0
-    assert found["smooth_dynamic_ratio", "sweep.pinion_speed_rad_s"].forward > 0.0
+    assert (rows["forward"][rows["key"] == every[-1]] > 0.0).all()
 
 
 def test_no_numbers_where_there_is_no_derivative():
     def judged(residual, settled, condition):
         seen = jnp.asarray(residual), jnp.asarray(settled), jnp.asarray(condition)
-        return _gradients._steady_point("exact", 900.0, seen)
+        return steady_point("exact", 900.0, seen)
 
     assert judged(1e-14, True, 0.5).verdict == "ok"
     points = [judged(1e-3, False, 0.5), judged(1e-14, True, 3e-3), judged(np.nan, False, np.nan)]
@@ -99,34 +100,6 @@ def test_no_numbers_where_there_is_no_derivative():
     assert "at a fold, or close to one, condition 0.003" in notes[1]
     assert "imbalance not finite" in notes[2]
     assert "too many mesh periods" in notes[3]
-
-
-def test_the_verdict_says_how_close_is_close_enough():
-    row = lambda wrong: _gradients._worded(
-        _gradients._row("te", "key", 1.0, 1.0, 1.0 + wrong, scale=1.0, same=True, tolerance=1e-5),
-        {},
-    )
-    assert row(5e-6).verdict == "ok to 1e-5"
-    assert row(2e-5).verdict == "WRONG at 1e-5"
-
-
-def test_the_command_counts_wrong_derivatives_of_both_kinds(write, monkeypatch, capsys, tmp_path):
-    names = "te", "key", 1.0, 1.0, 2.0, 0.5
-    table = [("exact", GradientRow(*names, word)) for word in ("ok to 1e-5", "WRONG at 1e-5")]
-    lost = [SteadyPoint("smooth", 900.0, 0.1, 0.5, "not settled")]
-    monkeypatch.setattr(_commands, "dynamic_table", lambda *_: (table, lost))
-    monkeypatch.setattr(_commands, "gradient_table", lambda *_: [GradientRow(*names, "WRONG")])
-    path = write(_TURNING + _SWEEP)
-    arguments = ("--json", "--out", str(tmp_path / "out"))
-    assert main(["check-grad", str(path), *arguments]) == 1
-    captured = capsys.readouterr()
-    summary = json.loads(captured.out)
-    # Once for each contact law, and once in motion.
-    assert summary["check_grad"]["verdicts"]["WRONG"] == 3
-    assert summary["check_grad"]["verdicts"]["ok to 1e-5"] == 1
-    assert summary["check_grad"]["dynamics"][0]["verdict"] == "not settled"
-    said = "With smooth contact the response at 900 rad/s has not settled"
-    assert any(said in note for note in summary["notes"])
 
 
 def test_searches_without_speeds_are_refused_with_all_mistakes_at_once(write):
@@ -173,8 +146,8 @@ def test_speeds_that_are_left_out_are_told():
 def test_a_response_that_is_not_found_is_not_differentiated(write):
     """At 900 rad/s, where the branch from the quasi-static states has ended."""
     scene = read_scene(write(_TURNING + _SWEEP), ("sweep.pinion_speed_rad_s=[900.0]",))
-    rows, points = dynamic_table(scene, {"exact": ExactContact()}, ("damping.mesh",))
-    assert not rows
+    rows, points = steady_gradients(scene, {"exact": ExactContact()}, ("damping.mesh",))
+    assert rows is None
     assert points[0].verdict == "not settled"
     assert points[0].residual is not None
     assert points[0].residual > 1e-3

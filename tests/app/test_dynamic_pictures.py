@@ -14,9 +14,8 @@ from table_checks import assert_table
 from jaxgear import _units, plot
 from jaxgear._response._sweep_features import WAYS
 from jaxgear._whole_file import write_csv
-from jaxgear.plot import _dynamic_pictures as chart
 from jaxgear.plot._labels import apart
-from jaxgear.plot._palette import _BLUE, _GREEN, _RED
+from jaxgear.plot._palette import GREEN, RED
 from jaxgear.plot._speed_axes import runs
 
 _UNIT = re.compile(r".+ ?\n?.*\[[^\]]+\]$", re.DOTALL)
@@ -255,11 +254,7 @@ def everything():
 
 @pytest.fixture(scope="module")
 def figures(everything):
-    charts = {
-        "chart": chart.compare(_rungs(), "by hand", tolerance=3e-4, recommended="H = 20"),
-        "chart of one": chart.compare(_rungs()[:1], "by hand"),
-    }
-    return {name: figure for name, (figure, _) in everything.items()} | charts
+    return {name: figure for name, (figure, _) in everything.items()}
 
 
 def test_every_table_reads_back(everything, tmp_path):
@@ -400,7 +395,7 @@ def test_unstable_parts_are_dashed_and_stable_ones_solid(everything):
 
 def test_unstable_responses_are_dashed_and_counted(everything):
     figure, picture = everything["unstable", "sweep"]
-    (dashed,) = _lines(figure.axes[0], color=_GREEN, linestyle="--")
+    (dashed,) = _lines(figure.axes[0], color=GREEN, linestyle="--")
     shown = dashed.get_xdata()[:-1]
     np.testing.assert_array_equal(shown, picture.table["pinion_speed_rad_s"][99:111])
     assert "unstable (10 of 300)" in _legend(figure)
@@ -412,7 +407,7 @@ def test_unsettled_responses_are_marked_and_counted(everything):
     lost = ~columns["settled"].reshape(2, -1)
     assert f"not settled ({np.count_nonzero(lost)} of 600)" in _legend(figure)
     for axes in figure.axes:
-        marked = [line for line in axes.lines if line.get_markeredgecolor() == _RED]
+        marked = [line for line in axes.lines if line.get_markeredgecolor() == RED]
         assert sum(np.size(line.get_xdata()) for line in marked) == np.count_nonzero(lost)
         joined = [line for line in axes.lines if line.get_linestyle() == "-"]
         speeds = columns["pinion_speed_rad_s"][: lost.shape[1]][lost[0]]
@@ -577,29 +572,6 @@ def test_free_rotation_crosses_nothing():
     dataset = _campbell(5, 2, energy=False)
     dataset["frequency_Hz"][:, 0] = 0.0
     assert 1.0 not in _tables_of_campbell(dataset)[1]["mode"]
-
-
-def test_chart_of_methods(figures):
-    (axes,) = figures["chart"].axes
-    rungs = _rungs()
-    ring = [line for line in axes.lines if line.get_markersize() == 14]
-    assert [tuple(line.get_xydata()[0]) for line in ring] == [(rungs[2]["time_s"], 2.6e-4)]
-    joined = _lines(axes, color=_BLUE, linestyle="-")[0].get_xydata()
-    np.testing.assert_array_equal(joined, [(x["time_s"], x["error"]) for x in rungs[:5]])
-    (failed,) = [
-        line
-        for line in axes.lines
-        if line.get_markerfacecolor() == "none" and line not in ring and np.size(line.get_xdata())
-    ]
-    assert failed.get_xydata()[0, 1] > max(x["error"] for x in rungs[:-1])
-    assert sorted(text.get_text() for text in axes.texts) == sorted(x["name"] for x in rungs)
-
-
-def test_an_error_of_zero_stands_at_the_foot():
-    rungs = [{**rung, "error": 0.0} if rung["name"] == "H = 80" else rung for rung in _rungs()]
-    figure = chart.compare(rungs, "zero")
-    assert "no difference (at the foot)" in _legend(figure)
-    assert figure.axes[0].get_ylim()[0] > 1e-8
 
 
 def test_an_orbit_lasts_as_long_as_its_numbers(everything):

@@ -1,21 +1,20 @@
 """The table of derivatives: true ones pass, false ones are found."""
 
-import json
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from table_checks import assert_tables
+import xarray as xr
+from table_checks import assert_table
 
-from jaxgear._cli import _commands
-from jaxgear._cli._main import main
 from jaxgear._cli._printing import print_gradients
 from jaxgear._interface._laws import ExactContact
 from jaxgear.scene._build import smooth_law_of
 from jaxgear.scene._scene import ready_scene
-from jaxgear.study import _gradients
-from jaxgear.study._gradients import gradient_table
+from jaxgear.study import _gradients, check_gradients
+from jaxgear.study._derivatives import AT_REST, IN_MOTION, central_differences, judged
+from jaxgear.study._gradients import static_gradients
+from jaxgear.study._steady import SteadyPoint
 
 _COARSE = ("mesh.phases=16", "mesh.slices=4")
 # Teeth of a given stiffness, which compile in a fraction of the time.
@@ -50,19 +49,19 @@ def table():
             "pair.misalignment_deviation_um=5.0",
         ),
     )
-    return scene, gradient_table(scene, ExactContact())
+    return scene, static_gradients(scene, "exact", ExactContact())
 
 
 @pytest.mark.slow
 def test_every_derivative_of_a_helical_pair_on_shafts_is_right(table):
-    scene, rows = table
-    assert {row.key for row in rows} == set(scene.real_keys())
-    assert {row.response for row in rows} == {*_gradients.RESPONSES, *_gradients.ON_BEARINGS}
-    wrong = [row for row in rows if row.verdict == "WRONG"]
-    assert not wrong
-    good = [row for row in rows if row.verdict == "ok"]
-    assert max(row.error for row in good) <= 1e-6
-    proven = {row.key for row in good}
+    scene, found = table
+    rows = found.to_dataframe()
+    assert set(rows["key"]) == set(scene.real_keys())
+    assert set(rows["response"]) == {*_gradients._NAMES, *_gradients._OF_BEARINGS}
+    assert not (rows["verdict"] == "WRONG").any()
+    good = rows[rows["verdict"] == "ok"]
+    assert good["error"].max() <= 1e-6
+    proven = set(good["key"])
     for key in (
         "pinion.shaft.bearings[0].at_mm",
         "wheel.shaft.segments[0].outer_mm",
@@ -73,10 +72,10 @@ def test_every_derivative_of_a_helical_pair_on_shafts_is_right(table):
     ):
         assert key in proven
     # The cycle of two periods does not see most teeth.
-    without = {row.key for row in rows if row.verdict == "no effect"}
+    without = set(rows["key"][rows["verdict"] == "no effect"])
     assert "flank.pinion.pitch_error_um[17]" in without
     # Equal face widths: the narrower gear changes within the difference.
-    marked = {row.key for row in rows if row.verdict == "set changes"}
+    marked = set(rows["key"][rows["verdict"] == "set changes"])
     assert "pinion.face_width_mm" in marked
 
 
@@ -95,9 +94,9 @@ def test_a_false_derivative_is_found(monkeypatch):
     honest = _gradients.cycle_mean
     monkeypatch.setattr(_gradients, "cycle_mean", lambda *args: lying(honest(*args)))
     scene = ready_scene("accessory", _PLAIN)
-    rows = gradient_table(scene, smooth_law_of(scene))
-    wrong = {row.response for row in rows if row.verdict == "WRONG"}
-    assert wrong == {"te_mean_um"}
+    found = static_gradients(scene, "smooth", smooth_law_of(scene))
+    wrong = found["response"][found["verdict"] == "WRONG"]
+    assert set(wrong.values) == {"te_mean_um"}
 
 
 def test_rounding_and_kinks_in_the_difference():
@@ -110,44 +109,57 @@ def test_rounding_and_kinks_in_the_difference():
         return jnp.stack([jnp.sin(x) + kink]), (pieces, jnp.ones(1, dtype=bool))
 
     centre = np.asarray([0.7, 1.0])
-    estimate, same = _gradients._differences(evaluate, centre, np.ones(2), jnp.zeros(1))
+    estimate, same = central_differences(evaluate, centre, np.ones(2), AT_REST.steps)
     assert estimate[0, 0] == pytest.approx(np.cos(0.7), rel=1e-9)
     assert same[0, 0]
-    assert not same[1, 0]
+    assert not same[0, 1]
 
 
-@pytest.mark.parametrize(
-    ("forward", "reverse", "same", "verdict"),
-    [
-        (2.0, 2.0, True, "ok"),
-        (2.002, 2.002, True, "WRONG"),
-        (2.0, 2.002, True, "WRONG"),
-        (2.002, 2.002, False, "set changes"),
-        (np.nan, 2.0, False, "WRONG"),
-    ],
-)
-def test_a_derivative_is_judged_by_its_difference(forward, reverse, same, verdict):
-    found = _gradients._row("te_mean_um", "key", forward, reverse, 2.0, scale=1.0, same=same)
-    assert found.verdict == verdict
+def test_a_derivative_is_judged_by_its_difference():
+    """Of four responses 2 x and of one that is always 0; a kink may excuse them."""
+
+    def responses(values):
+        (x,) = values
+        slopes = jnp.array([2.0, 2.0, 2.0, 2.0, 0.0])
+        return slopes * x, (jnp.zeros(1), jnp.ones(1, dtype=bool))
+
+    forward = np.array([2.0, 2.0 + 2e-5, 2.0, np.nan, 0.0])[:, None]
+    reverse = np.array([2.0, 2.0 + 2e-5, 2.0 + 2e-5, 2.0, 0.0])[:, None]
+    names, contact = list("abcde"), ["exact"] * 5
+    every = contact, names, ["x"], [1.0], responses, (np.ones(5), forward, reverse)
+    verdict = judged(*every, AT_REST)["verdict"].values
+    assert verdict.tolist() == ["ok", "WRONG", "WRONG", "WRONG", "no effect"]
+    # In motion less is asked for, and said.
+    verdict = judged(*every, IN_MOTION, shared=["x"])["verdict"].values
+    close, wrong = IN_MOTION.words
+    assert verdict.tolist() == [close, close, close, wrong, "shares a place"]
+    kinked = lambda x: (responses(x)[0], (jnp.sign(x - 1.0), jnp.ones(1, dtype=bool)))
+    verdict = judged(*every[:4], kinked, every[5], AT_REST)["verdict"].values
+    assert verdict.tolist() == ["ok", "set changes", "set changes", "WRONG", "no effect"]
 
 
-@pytest.mark.slow
-def test_the_command_prints_a_table(table, tmp_path, monkeypatch, capsys):
-    """With the derivatives of the pair above, for both contact laws."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(_commands, "gradient_table", lambda scene, law, watch: table[1])
-    assert main(["init", "accessory"]) == 0
-    capsys.readouterr()
-    assert main(["check-grad", "accessory.toml", "--json"]) == 0
-    captured = capsys.readouterr()
-    summary = json.loads(captured.out)
-    assert summary["check_grad"]["verdicts"]["WRONG"] == 0
-    assert summary["check_grad"]["verdicts"]["ok"] > 60
-    assert "flank.pinion.tip_relief.depth_um" not in captured.err
-    print_gradients(summary["check_grad"])
-    table = capsys.readouterr().out.splitlines()
+def _rows(*verdicts):
+    columns = {"contact": "exact", "response": "te_um", "key": "x"}
+    columns |= dict.fromkeys(("forward", "reverse", "difference", "error"), 0.5)
+    rows = {name: ("row", [each] * len(verdicts)) for name, each in columns.items()}
+    return xr.Dataset(rows | {"verdict": ("row", list(verdicts))})
+
+
+def test_the_study_counts_what_it_finds_of_both_kinds(monkeypatch, capsys, tmp_path):
+    found = _rows("ok", "no effect", "WRONG"), _rows("ok to 1e-5", "WRONG at 1e-5")
+    lost = [SteadyPoint("smooth", 900.0, 0.1, 0.5, "not settled")]
+    monkeypatch.setattr(_gradients, "static_gradients", lambda *_: found[0])
+    monkeypatch.setattr(_gradients, "steady_gradients", lambda *_: (found[1], lost))
+    result = check_gradients(ready_scene("accessory", ("sweep.pinion_speed_rad_s=[900.0]",)))
+    told = result.summary["check_grad"]
+    # Once for each contact law, and once in motion.
+    assert told["verdicts"]["WRONG"] == 3
+    assert told["verdicts"]["ok to 1e-5"] == 1
+    assert told["dynamics"][0]["verdict"] == "not settled"
+    said = "With smooth contact the response at 900 rad/s has not settled"
+    assert any(said in note for note in result.notes)
+    result.files["gradients.csv"](tmp_path / "gradients.csv")
+    assert len(assert_table(tmp_path / "gradients.csv")) == len(told["rows"]) == 8
+    print_gradients(told)
     # A header, a row for each derivative that is not zero, and the counts.
-    zero = summary["check_grad"]["verdicts"]["no effect"]
-    assert len(table) == len(summary["check_grad"]["rows"]) - zero + 2
-    assert any("flank.pinion.tip_relief.depth_um" in line for line in table)
-    assert assert_tables(tmp_path / "results") == ["accessory/check-grad/gradients.csv"]
+    assert len(capsys.readouterr().out.splitlines()) == 8 - 2 + 2

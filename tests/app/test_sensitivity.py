@@ -1,29 +1,28 @@
 """What responses react to: shares, order, picture; and webs that are varied."""
 
-import dataclasses
 import json
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import xarray as xr
 from matplotlib.patches import Rectangle
 from table_checks import assert_tables
 from tiny_cases import tiny_scene
 
+from jaxgear import plot
 from jaxgear._checks import InputError
 from jaxgear._cli._main import main
 from jaxgear._interface._laws import ExactContact
 from jaxgear._response._transmission import cycle_mean, transmission_error
 from jaxgear._solve._cycle import mesh_cycle
-from jaxgear.plot._sensitivity_pictures import sensitivity
 from jaxgear.scene._build import grid_of, model_of
 from jaxgear.scene._mesh_bodies import with_bodies
 from jaxgear.scene._scene import read_scene
 from jaxgear.scene._schema import of_condensed, scales_body
-from jaxgear.study import _sensitivities
 from jaxgear.study._design import design_space, refuse_unbounded
-from jaxgear.study._sensitivities import Sensitivities, with_own_modulus
+from jaxgear.study._sensitivities import acting, in_shares, lost, told, with_own_modulus
 
 _KEYS = ("pair.torque_pinion_Nm", "flank.pinion.crowning_um", "wheel.profile_shift", "mesh.dead")
 _WEB = "wheel.body.web.web_thickness_mm"
@@ -35,32 +34,24 @@ vary = ["{_WEB}"]
 """
 
 
-def _found(speeds=(np.nan, np.nan)) -> Sensitivities:
+def _found(speed=np.nan) -> xr.Dataset:
     """A response of 2 that moves by 3 per unit of a key, and one that is 0."""
-    return _sensitivities._in_shares(
-        ("te_mean_um", "te_rms_um"),
-        np.array(speeds),
-        np.array([2.0, 0.0]),
-        _KEYS,
-        np.array([50.0, 0.0, 0.0, 4.0]),
-        np.array([[0.03, 3.0, 5.0, 0.0], [1.0, 1.0, 1.0, 0.0]]),
-    )
+    values, centre = [2.0, 0.0], [50.0, 0.0, 0.0, 4.0]
+    slopes = [[0.03, 3.0, 5.0, 0.0], [1.0, 1.0, 1.0, 0.0]]
+    return in_shares(("te_mean_um", "te_rms_um"), values, _KEYS, centre, slopes, speed)
 
 
 def test_shares_are_in_per_cent_of_what_the_key_is():
     found = _found()
-    assert found.measures == ("%/%", "%/um", "%/0.01", "%/%")
-    np.testing.assert_allclose(found.numbers[0], [0.75, 150.0, 2.5, 0.0])
+    assert found["measure"].values.tolist() == ["%/%", "%/um", "%/0.01", "%/%"]
+    np.testing.assert_allclose(found["sensitivity"][0], [0.75, 150.0, 2.5, 0.0])
     # A response that is 0 has no share.
-    assert np.isnan(found.numbers[1, :3]).all()
-    assert not found.lost()
-    alone = dataclasses.replace(found, numbers=np.full((2, 4), np.nan))
-    assert alone.lost()[0].startswith(f"No response has a derivative by {', '.join(_KEYS)}.")
-    acting = found.sorted()
-    assert acting.keys == _KEYS[:3]
-    assert acting.columns()["sensitivity"].shape == (6,)
-    told = acting.told()["te_mean_um"]
-    assert list(told) == [
+    assert np.isnan(found["sensitivity"][1, :3]).all()
+    assert not lost(found)
+    alone = found.assign(sensitivity=np.nan * found["sensitivity"])
+    assert lost(alone)[0].startswith(f"No response has a derivative by {', '.join(_KEYS)}.")
+    assert acting(found)["key"].values.tolist() == [_KEYS[0], _KEYS[1], _KEYS[2]]
+    assert list(told(acting(found))["te_mean_um"]) == [
         "value",
         "flank.pinion.crowning_um [%/um]",
         "wheel.profile_shift [%/0.01]",
@@ -69,14 +60,19 @@ def test_shares_are_in_per_cent_of_what_the_key_is():
 
 
 def test_the_picture_has_a_panel_for_each_response_and_measure():
-    figure = sensitivity(_found().sorted(), "title")
+    found = acting(_found()).assign_attrs(title="title")
+    (picture,) = plot.pictures({"sensitivity": found})
+    assert picture.table["sensitivity"].shape == (6,)
+    figure = picture.draw()
     assert len(figure.axes) == 6
     (bar,) = figure.axes[0].patches
     assert isinstance(bar, Rectangle)
     assert bar.get_width() == pytest.approx(0.75)
     assert [text.get_text() for text in figure.axes[1].texts] == ["none"]
-    moving = _sensitivities._joined([_found((600.0, 600.0)), _found((900.0, 900.0))])
-    (legend,) = sensitivity(moving.sorted(), "title").legends
+    moving = xr.concat([_found(600.0), _found(900.0)], "case", data_vars="minimal")
+    moving = acting(moving).assign_attrs(title="title")
+    (picture,) = plot.pictures({"sensitivity_in_motion": moving})
+    (legend,) = picture.draw().legends
     assert [text.get_text() for text in legend.get_texts()] == ["600 rad/s", "900 rad/s"]
 
 

@@ -3,55 +3,10 @@
 import numpy as np
 import pytest
 import xarray as xr
-from fem_cases import ring
 from table_checks import assert_table, is_told
 
 from jaxgear import plot
-from jaxgear._whole_file import write_csv
-from jaxgear.plot._body_tables import (
-    DrawnBody,
-    DrawnModes,
-    families_columns,
-    grid_columns,
-    mode_shapes_columns,
-)
 from jaxgear.plot._picture import joined
-from jaxgear.study import _ladder
-from jaxgear.study._sensitivities import Sensitivities
-
-_DRAWN = DrawnModes(
-    np.asarray([100.0, 100.01, 150.0]),
-    np.asarray([2, 2, 0]),
-    np.asarray([0, 0, 1]),
-    np.ones(3),
-    ("axial",) * 3,
-)
-_RUNGS = [
-    {"name": "H5", "family": "a", "dofs": 1, "time_s": 0.1, "error": {"te_rms": None}},
-    {"name": "H9", "family": "b", "dofs": 1, "time_s": 0.2, "held_out": {"te_rms": 0.1}},
-]
-
-
-def _sensitivities() -> Sensitivities:
-    numbers = np.asarray([[1.0, np.nan], [2.0, 3.0]])
-    names, keys, measures = ("te_mean_um", "te_rms_um"), ("pair.module_mm", "x"), ("%/%", "%/um")
-    return Sensitivities(names, np.asarray([np.nan, 5.0]), np.ones(2), keys, measures, numbers)
-
-
-# Tables that are no columns of one dataset.
-_CASES = {
-    "grid": lambda: grid_columns(DrawnBody(ring([1.0, 2.0], 12, [0.0, 1.0]), {})),
-    "families": lambda: families_columns(_DRAWN),
-    "mode_shapes": lambda: mode_shapes_columns(_DRAWN, np.zeros((2, 1, 3))),
-    "compare": lambda: _ladder.columns_of(_RUNGS),
-    "sensitivity": lambda: _sensitivities().columns(),
-}
-
-
-@pytest.mark.parametrize("name", _CASES)
-def test_a_table_of_a_picture_is_one_table(name, tmp_path):
-    write_csv(_CASES[name](), tmp_path / f"{name}.csv")
-    assert len(assert_table(tmp_path / f"{name}.csv"))
 
 
 def test_columns_are_spread_over_all_dimensions():

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from jaxgear._cli._main import _print_notes
+from jaxgear._cli._printing import print_notes
 from jaxgear._cli._terminal import Terminal
 from jaxgear.study._progress import listened_by, narration, progress, say
 from jaxgear.study._ranks import Doubtful, Idle, worst_first
@@ -19,11 +19,11 @@ def test_notes_that_put_results_in_doubt_come_first():
 
 
 def test_every_note_has_a_line_of_its_own(capsys):
-    _print_notes([f"note {i}, which is long" for i in range(9)])
+    print_notes([f"note {i}, which is long" for i in range(9)])
     head, *lines = capsys.readouterr().out.splitlines()
     assert head == "notes"
     assert lines == [f"  - note {i}, which is long" for i in range(9)]
-    _print_notes([])
+    print_notes([])
     assert capsys.readouterr().out == ""
 
 

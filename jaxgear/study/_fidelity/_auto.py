@@ -15,7 +15,6 @@ from typing import Any
 from jaxgear._whole_file import write_json
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._scene_files import files_of
-from jaxgear.study._design import refuse_unbounded, require_search
 from jaxgear.study._fidelity._choice import judged_by
 from jaxgear.study._fidelity._compare import PERIODS
 from jaxgear.study._fidelity._engine import Comparison, compared
@@ -27,7 +26,7 @@ from jaxgear.study._fidelity._statics import Work, compared_statics
 from jaxgear.study._objectives import looks_at_speeds
 from jaxgear.study._progress import built_scene
 from jaxgear.study._result import Summary
-from jaxgear.study._search_checks import require_swept
+from jaxgear.study._search_checks import require_searchable
 from jaxgear.study._statics import SolverFailure
 
 _KEY = "model.fidelity"
@@ -55,9 +54,7 @@ def chosen(scene: Scene, command: str, memory: Path | None = None) -> tuple[Scen
     searched = command in ("run", "optimise") and scene.has_table("optimise")
     if searched:
         # What is refused anyway costs no wait.
-        refuse_unbounded(scene, tuple(scene["optimise.vary"]))
-        require_swept(scene)
-        require_search(scene)
+        require_searchable(scene)
     work: Work = "map" if command == "map" else "optimise" if searched else "run"
     key, kept = digest(scene, "sweep" if moving else work), _read(memory)
     known = kept.get(key)

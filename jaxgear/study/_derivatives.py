@@ -1,0 +1,227 @@
+"""Derivatives of responses by keys, three ways: forward, reverse and central differences."""
+
+import dataclasses
+from collections.abc import Callable, Collection, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+
+from jaxgear._types import Flag, Flags, Reals
+from jaxgear.scene._scene import Scene
+from jaxgear.scene._schema import split_entry
+from jaxgear.study._results import Entry
+from jaxgear.study._running import timed
+
+# Of keys: responses, which piece of each piecewise formula is in use, and what is solved.
+Responses = Callable[[Reals], tuple[Reals, tuple[Reals, Flags]]]
+
+# The backward pass through all of the geometry is thousands of scalar operations. Fusing them
+# takes XLA ten times longer than all the rest, for a program that runs once.
+UNFUSED = (("xla_disable_hlo_passes", "fusion"),)
+
+# Points in one call of a compiled program, between which it can be interrupted.
+_CHUNK = 120
+# Derivatives below this share of the response over the step's scale count as none.
+_NO_EFFECT = 1e-12
+
+
+class Limits(NamedTuple):
+    """How close derivatives have to be to central differences.
+
+    **Fields:**
+
+    - `tolerance`: relative error that a derivative may have.
+    - `floor`: below this share of the response over the step's scale a derivative drowns in the
+        rounding of the difference.
+    - `steps`: of the differences, over the size of the key. A long step has little rounding, a
+        short one is less likely to straddle the edge between two pieces of a formula.
+    - `words`: that are added to a verdict.
+    """
+
+    tolerance: float
+    floor: float
+    steps: tuple[float, ...]
+    words: tuple[str, str]
+
+
+# Rounding in the difference is about 1e-10 of the response over the step's scale.
+AT_REST = Limits(1e-6, 1e-3, (1e-4, 2e-5, 4e-6), ("ok", "WRONG"))
+# A steady response is as much more sensitive as it is close to a resonance. Modes of nearly the
+# same frequency, as of equal bearings along S and T, round to about 1e-8.
+IN_MOTION = Limits(1e-5, 1e-2, (4e-4, 1e-4, 2e-5), ("ok to 1e-5", "WRONG at 1e-5"))
+
+
+@dataclasses.dataclass(frozen=True)
+class Keys:
+    """Real keys of a scene, which are moved together.
+
+    **Fields:**
+
+    - `scene`: where derivatives are taken.
+    - `names`: dotted paths, with their units.
+    """
+
+    scene: Scene
+    names: tuple[str, ...]
+
+    @property
+    def centre(self) -> np.ndarray:
+        """Their values, in the units of their names."""
+        return np.asarray([self.scene[name] for name in self.names], dtype=float)
+
+    def moved(self, values: Reals) -> Scene:
+        """The scene with other values of the keys."""
+        return self.scene.replace(dict(zip(self.names, values, strict=True)))
+
+
+def linearised(function: Callable[..., tuple[Reals, Any]]) -> Callable:
+    """A program for derivatives in both directions, which share one linearisation.
+
+    **Arguments:**
+
+    - `function`: of numbers and whatever else: values, and whatever else it has found.
+
+    **Returns:**
+
+    A function of the numbers, of tangents `[row, number]`, of weights `[row, value]` or `None`, and
+    whatever else. It returns the values; whatever else was found; how the values move along each
+    tangent; and the derivatives of their weighted sums by the numbers.
+    """
+
+    def program(numbers: Reals, tangents: Reals, weights: Reals | None, *others: Any):
+        own = lambda numbers: function(numbers, *others)
+        value, push, seen = jax.linearize(own, numbers, has_aux=True)
+        # One column, or one row, after the other: batched they take far longer to compile.
+        columns = jax.lax.map(push, tangents)
+        if weights is None:
+            return value, seen, columns, None
+        pull = jax.linear_transpose(push, numbers)
+        return value, seen, columns, jax.lax.map(lambda row: pull(row)[0], weights)
+
+    return program
+
+
+# What counts as a change of order one of a key whose value is 0, by its unit; the longest ending
+# first, and 1 without any of these.
+_USUAL = {"_N_m": 1e6, "_Nm_rad": 1e3, "_um": 10.0, "_N": 100.0}
+
+
+def _size(key: str, value: float) -> float:
+    """What counts as a change of order one of a key: its value, or what is usual where it is 0."""
+    name = split_entry(key)[0]
+    usual = next((size for ending, size in _USUAL.items() if name.endswith(ending)), 1.0)
+    return abs(value) or usual
+
+
+def central_differences(
+    responses: Responses, centre: np.ndarray, sizes: np.ndarray, steps: Sequence[float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Extrapolated central differences, and whether both sides use the same pieces as the centre.
+
+    Of all steps the one counts whose two estimates, with h and with h/2, agree best.
+
+    **Arguments:**
+
+    - `responses`: of the keys.
+    - `centre`: of the differences.
+    - `sizes`: of the keys: what counts as a change of order one.
+    - `steps`: over these.
+
+    **Returns:**
+
+    Differences `[response, key]`, and whether formulas have the same pieces at both ends.
+    """
+    # Traced once, for the shape of its pieces and for the loop.
+    responses = jax.jit(responses)
+
+    def compared(known: Reals, point: tuple[Reals, Flag]) -> tuple[Reals, tuple[Reals, Flag]]:
+        values, is_first = point
+        found, (own, _) = responses(values)
+        known = jnp.where(is_first, own, known)
+        return known, (found, jnp.all(own == known))
+
+    def chunk(points: Reals) -> tuple[Reals, Flags]:
+        pieces = jax.eval_shape(responses, points[0])[1][0]
+        is_first = jnp.arange(len(points)) == 0
+        return jax.lax.scan(compared, jnp.zeros(pieces.shape), (points, is_first))[1]
+
+    shifts = np.outer(steps, [1.0, -1.0, 0.5, -0.5]).ravel()
+    points = (centre + shifts[:, None, None] * np.diag(sizes)).reshape(-1, len(centre))
+    size = min(_CHUNK, len(points))
+    padded = np.pad(points, ((0, -len(points) % size), (0, 0)), mode="edge")
+    parts = [
+        timed(chunk, jnp.asarray(np.concatenate([centre[None], part])))
+        for part in padded.reshape(-1, size, len(centre))
+    ]
+    around, same = (np.concatenate([x[1:] for x in xs]) for xs in zip(*parts, strict=True))
+    shape = (len(steps), 4, len(centre))
+    around = around[: len(points)].reshape(*shape, -1)
+    same = np.all(same[: len(points)].reshape(shape), axis=1)
+    step = np.asarray(steps)[:, None, None] * sizes[:, None]
+    coarse = (around[:, 0] - around[:, 1]) / (2.0 * step)
+    fine = (around[:, 2] - around[:, 3]) / step
+    best = np.argmin(np.abs(fine - coarse), axis=0)
+    chosen = lambda x: np.take_along_axis(x, best[None], axis=0)[0].T
+    return chosen((4.0 * fine - coarse) / 3.0), chosen(np.broadcast_to(same[..., None], fine.shape))
+
+
+def judged(
+    contact: Sequence[str],
+    names: Sequence[str],
+    keys: Sequence[str],
+    centre: ArrayLike,
+    responses: Responses,
+    found: tuple[ArrayLike, ArrayLike, ArrayLike],
+    limits: Limits,
+    shared: Collection[str] = (),
+) -> xr.Dataset:
+    """Compare derivatives with central differences.
+
+    **Arguments:**
+
+    - `contact`: law of each response.
+    - `names`: of the responses, with their units.
+    - `keys`: dotted paths, with their units.
+    - `centre`: their values.
+    - `responses`: of the keys, for the differences.
+    - `found`: responses, and their derivatives, forward and reverse, `[response, key]`.
+    - `limits`: how close they have to be.
+    - `shared`: keys of points on a shaft that move with another one.
+
+    **Returns:**
+
+    One row for each response and key. Verdicts are `ok`, `no effect`, `shares a place`, `set
+    changes` (contact or relief is not the same on both sides of the difference, which then proves
+    nothing) or `WRONG`; of a steady response `ok to 1e-5` and `WRONG at 1e-5`.
+    """
+    centre, values, forward, reverse = map(np.asarray, (centre, *found))
+    sizes = np.asarray(list(map(_size, keys, centre)))
+    difference, same = central_differences(responses, centre, sizes, limits.steps)
+    scale = np.abs(values)[:, None] / sizes
+    with np.errstate(divide="ignore", invalid="ignore"):
+        largest = np.abs([forward, reverse, difference]).max(axis=0)
+        off = np.maximum(np.abs(forward - difference), np.abs(reverse - difference))
+        error = off / np.maximum(largest, limits.floor * scale)
+    ok, wrong = limits.words
+    none = np.where([key in shared for key in keys], "shares a place", "no effect")
+    where = [~np.isfinite(largest), largest <= _NO_EFFECT * scale, error <= limits.tolerance, same]
+    columns = {
+        "contact": (np.asarray(contact)[:, None], "1", "contact law"),
+        "response": (np.asarray(names)[:, None], "1", "response, with its unit"),
+        "key": (np.asarray(keys), "1", "key, with its unit"),
+        "forward": (forward, "response/key", "derivative, forward"),
+        "reverse": (reverse, "response/key", "derivative, reverse"),
+        "difference": (difference, "response/key", "derivative, by central differences"),
+        "error": (error, "1", "larger relative error of the first two against the third"),
+        "verdict": (np.select(where, [wrong, none, ok, wrong], "set changes"), "1", "verdict"),
+    }
+    return xr.Dataset(
+        {
+            name: Entry(("row",), np.broadcast_to(x, same.shape).ravel(), *about).variable()
+            for name, (x, *about) in columns.items()
+        }
+    )

@@ -1,0 +1,190 @@
+"""Derivatives of steady responses: of what is built of keys, then of the response of that."""
+
+import dataclasses
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+
+from jaxgear._dynamics._folds import condition
+from jaxgear._dynamics._harmonic import Balance, HarmonicBalance, balance_of
+from jaxgear._dynamics._orbit import Orbit
+from jaxgear._dynamics._system import PairDynamics
+from jaxgear._dynamics._types import Terms
+from jaxgear._interface._laws import AbstractContactLaw, ExactContact
+from jaxgear._response._dynamic import (
+    bearing_loads,
+    dynamic_transmission_error,
+    orbit_rms,
+    order_amplitudes,
+    smooth_dynamic_ratio,
+)
+from jaxgear._system._model import PairModel
+from jaxgear._types import Flag, Reals, Scalar
+from jaxgear._units import um
+from jaxgear.scene._build import model_of
+from jaxgear.scene._scene import Scene
+from jaxgear.study._derivatives import Keys
+from jaxgear.study._dynamics import (
+    MOST_UNKNOWNS,
+    dynamic_grid_of,
+    dynamics_of,
+    size_of,
+    unknowns_of,
+)
+
+SPEED = "sweep.pinion_speed_rad_s"
+TOO_MANY = "too many unknowns"
+
+# Of a steady response: the force is the root of the sum of squares over bearings and directions
+# of the amplitudes at the mesh frequency, for a pair on shafts.
+_NAMES = ("te_rms_dynamic_um", "smooth_dynamic_ratio")
+_OF_BEARINGS = ("bearing_force_order_1_N",)
+
+# Width of the smooth maximum of the mesh force over the static one, as the optimiser's [-].
+_RATIO_WIDTH = 0.02
+# Below this condition a response is at a fold, or so close that it has no useful derivative.
+_LEAST_CONDITION = 1e-2
+_SETTLED = 1e-12
+
+
+@dataclasses.dataclass(frozen=True)
+class SteadyPoint:
+    """The steady response that is differentiated, or why none is.
+
+    **Fields:**
+
+    - `contact`: name of the contact law.
+    - `speed_rad_s`: of the pinion.
+    - `residual`: imbalance of the harmonics, in static deflections.
+    - `condition`: 1 for a linear system, 0 at a fold.
+    - `verdict`: `ok`, `not settled`, `near a fold`, or `too many unknowns` (a cycle of many mesh
+      periods is too long for harmonic balance).
+    """
+
+    contact: str
+    speed_rad_s: float
+    residual: float | None
+    condition: float | None
+    verdict: str
+
+
+def keys_in_motion(scene: Scene) -> Keys:
+    """All real keys of a scene, and the damping that it has."""
+    modal = scene["damping.kind"] == "modal"
+    damping = ("mesh", "structure") if modal else ("a_R_1_s", "b_R_s")
+    return Keys(scene, scene.real_keys() + tuple(f"damping.{key}" for key in damping))
+
+
+def builder(keys: Keys) -> Callable[[Reals], tuple[PairModel, PairDynamics]]:
+    """What builds a model and its dynamics of keys."""
+    grid = dynamic_grid_of(keys.scene, model_of(keys.scene))
+
+    def build(values: Reals) -> tuple[PairModel, PairDynamics]:
+        changed = keys.moved(values)
+        model = model_of(changed)
+        return model, dynamics_of(changed, model, grid)
+
+    return build
+
+
+def numbers_of(
+    build: Callable[[Reals], tuple[PairModel, PairDynamics]],
+) -> Callable[[Reals], tuple[Reals, PairDynamics]]:
+    """What finds, of keys and the speed, the numbers that steady responses are found from.
+
+    The speed is the last of both; beside them the pair.
+    """
+
+    def numbers(values: Reals) -> tuple[Reals, PairDynamics]:
+        dynamics = build(values[:-1])[1]
+        own = ravel_pytree(eqx.filter(_moving(dynamics), eqx.is_inexact_array))[0]
+        return jnp.append(own, values[-1]), dynamics
+
+    return numbers
+
+
+def responder(method: HarmonicBalance) -> Callable:
+    """What finds the steady response of numbers, of `numbers_of`, and of the pair they are from.
+
+    Beside the response it returns what `steady_point` judges it by.
+    """
+
+    def respond(numbers: Reals, dynamics: PairDynamics) -> tuple[Reals, tuple]:
+        real, other = eqx.partition(_moving(dynamics), eqx.is_inexact_array)
+        own = ravel_pytree(real)[1](numbers[:-1])
+        moved = eqx.tree_at(_moving, dynamics, eqx.combine(own, other))
+        found, orbit, terms, _ = steady(method, moved, numbers[-1])
+        still = jax.lax.stop_gradient((terms, numbers[-1]))
+        apart = condition(balance_of(method, dynamics.system), *still)
+        return found, (orbit.residual, orbit.settled, apart)
+
+    return respond
+
+
+def _moving(dynamics: PairDynamics) -> tuple:
+    """The parts of a pair that steady responses are found from."""
+    return dynamics.system, dynamics.cycle.system.structure
+
+
+def is_too_large(scene: Scene, dynamics: PairDynamics) -> bool:
+    """Whether a cycle has too many mesh periods for harmonic balance."""
+    return unknowns_of(scene, size_of(dynamics)) > MOST_UNKNOWNS
+
+
+def method_of(scene: Scene, dynamics: PairDynamics, law: AbstractContactLaw) -> HarmonicBalance:
+    """Harmonic balance of a scene; exact contact averaged over time steps, as when optimising."""
+    averaged = isinstance(law, ExactContact) and dynamics.system.cell_damping is None
+    return HarmonicBalance(
+        law=law, harmonics=scene["sweep.harmonics"], averaged=averaged, tolerance=_SETTLED
+    )
+
+
+def steady(
+    method: HarmonicBalance, dynamics: PairDynamics, speed: Scalar
+) -> tuple[Reals, Orbit, Terms, Balance]:
+    """A steady response.
+
+    **Arguments:**
+
+    - `method`: that finds it.
+    - `dynamics`: the pair in motion.
+    - `speed`: of the pinion [rad/s].
+
+    **Returns:**
+
+    Its numbers, in the units of `steady_names`; its states; its Fourier coefficients, and the
+    balance that they are in.
+    """
+    balance, system = balance_of(method, dynamics.system), dynamics.system
+    orbit, terms = method.solve(balance, speed)
+    found = [
+        orbit_rms(system, dynamic_transmission_error(system, orbit)) / um,
+        smooth_dynamic_ratio(system, orbit, jnp.asarray(_RATIO_WIDTH), method.law),
+    ]
+    if _has_bearings(dynamics):
+        order = order_amplitudes(system, bearing_loads(dynamics, orbit), 1)[0]
+        found.append(jnp.sqrt(jnp.sum(order[:, :3] ** 2)))
+    return jnp.stack(found), orbit, terms, balance
+
+
+def steady_names(dynamics: PairDynamics) -> tuple[str, ...]:
+    """The numbers of a steady response, with their units."""
+    return _NAMES + (_OF_BEARINGS if _has_bearings(dynamics) else ())
+
+
+def _has_bearings(dynamics: PairDynamics) -> bool:
+    return bool(dynamics.cycle.system.structure.map.bearings)
+
+
+def steady_point(contact: str, speed: float, seen: tuple[Scalar, Flag, Scalar]) -> SteadyPoint:
+    """Judge whether a response has useful derivatives."""
+    residual, settled, apart = (float(x) for x in seen)
+    verdict = "ok" if apart >= _LEAST_CONDITION else "near a fold"
+    finite = lambda x: x if np.isfinite(x) else None
+    return SteadyPoint(
+        contact, speed, finite(residual), finite(apart), verdict if settled else "not settled"
+    )
