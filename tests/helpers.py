@@ -89,7 +89,8 @@ def assert_gradient(
         value, push = jax.linearize(lambda x: function(eqx.combine(x, fixed)), at)
         (gradient,) = jax.linear_transpose(push, at)(jnp.ones_like(value))
         parts = zip(jax.tree.leaves(gradient), jax.tree.leaves(direction), strict=True)
-        return value, push(direction), sum(jnp.vdot(slope, part) for slope, part in parts)
+        found = sum((jnp.vdot(slope, part) for slope, part in parts), jnp.zeros(()))
+        return value, push(direction), found
 
     ahead, behind = (float(evaluated(jnp.asarray(by))[0]) for by in (step, -step))
     central = (ahead - behind) / (2 * step)
@@ -181,7 +182,7 @@ def _direction(argument: PyTree, sizes: PyTree) -> PyTree:
     return jax.tree.unflatten(structure, parts)
 
 
-def _scaled(tree: PyTree, factor: float) -> PyTree:
+def _scaled(tree: PyTree, factor: ArrayLike) -> PyTree:
     return jax.tree.map(lambda x: factor * x, tree)
 
 

@@ -1,5 +1,7 @@
 """What responses react to, as bars: the strongest keys first."""
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -83,7 +85,7 @@ def _draw(axes: Axes, found: xr.Dataset) -> None:
     height = 0.8 / count
     for number, speed in enumerate(found["pinion_speed_rad_s"].values):
         at = np.arange(places) + (number - 0.5 * (count - 1)) * height
-        look = {"color": _COLOURS[number], "label": f"{speed:.6g} rad/s"}
+        look: dict[str, Any] = {"color": _COLOURS[number], "label": f"{speed:.6g} rad/s"}
         axes.barh(at, shares[number], height=0.9 * height, **look)
     axes.axvline(0.0, color="black", lw=0.8)
     axes.set_ylim(places - 0.4, -0.6)

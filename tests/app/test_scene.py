@@ -1165,7 +1165,7 @@ def test_keys_are_attributes_of_tables_that_do_not_change(write):
     with pytest.raises(AttributeError, match=r"scene\.replace makes another one"):
         scene.mesh.slices = 3  # pyright: ignore[reportAttributeAccessIssue]
     with pytest.raises(AttributeError, match="a scene has no mash"):
-        scene.mash  # noqa: B018  # pyright: ignore[reportAttributeAccessIssue]
+        scene.mash  # noqa: B018
     changed = scene.replace({"mesh.slices": 3, "optimise.bounds.pair.module_mm": [1.0, 2.0]})
     assert (changed.mesh.slices, scene.mesh.slices) == (3, 20)
     assert changed.optimise.bounds["pair.module_mm"] == [1.0, 2.0]

@@ -16,7 +16,7 @@ from tiny_cases import tiny_scene
 
 import jaxgear as jg
 from jaxgear._checks import InputError
-from jaxgear._cli import _main as _cli
+from jaxgear._cli._fit import refuse_unfit
 from jaxgear._cli._main import main
 from jaxgear._dynamics._damping import ModalDamping, RayleighDamping
 from jaxgear._dynamics._harmonic import HarmonicBalance
@@ -266,7 +266,7 @@ def test_without_speeds_the_lines_to_add_are_given(folder, capsys):
     lines = error[error.index("[sweep]") :]
     path.write_text(_SPUR + lines)
     assert _dynamics.directions_of(read_scene(path)) == ("up", "down")
-    assert not _cli._sweep_mistakes(read_scene(path))
+    refuse_unfit("sweep", read_scene(path))
 
 
 # --- A condensed wheel

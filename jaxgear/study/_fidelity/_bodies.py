@@ -23,7 +23,7 @@ from jaxgear.scene._schema import GEARS
 from jaxgear.study._fidelity._engine import own_of
 from jaxgear.study._fidelity._level import Answers, Level
 from jaxgear.study._fidelity._models import MODES, Models, changed, differing
-from jaxgear.study._fidelity._motion import AbstractMotion, Place, each
+from jaxgear.study._fidelity._motion import AbstractMotion, OperatingPoints, each
 from jaxgear.study._progress import narration
 from jaxgear.study._result import Summary
 from jaxgear.study._running import timed
@@ -75,7 +75,7 @@ class BodiesProblem(AbstractMotion):
             "sweep.steps": 2 * scene["sweep.steps"],
         }
 
-    def finest(self, level: Level, place: Place) -> Mapping[str, Any]:
+    def finest(self, level: Level, place: OperatingPoints) -> Mapping[str, Any]:
         """The same for all levels and places."""
         return self.richest
 

@@ -29,7 +29,7 @@ from jaxgear.scene._scene import Scene
 from jaxgear.study._fidelity._choice import MARGIN
 from jaxgear.study._fidelity._level import FLOOR, Answers, Level
 from jaxgear.study._fidelity._models import Models, differing
-from jaxgear.study._fidelity._motion import AbstractMotion, Place, answers_of
+from jaxgear.study._fidelity._motion import AbstractMotion, OperatingPoints, answers_of
 from jaxgear.study._fidelity._static_levels import simpler_bodies
 from jaxgear.study._result import Summary
 from jaxgear.study._running import timed
@@ -77,7 +77,7 @@ class MethodsProblem(AbstractMotion):
         self.most = 2 * max(x.changes.get("mesh.slices", scene["mesh.slices"]) for x in levels)
         self.whole = any(level.axis in ("slices", "bodies") for level in levels)
 
-    def finest(self, level: Level, place: Place) -> Mapping[str, Any]:
+    def finest(self, level: Level, place: OperatingPoints) -> Mapping[str, Any]:
         """Many steps, and for other slices and bodies many slices: they are judged in full."""
         if self.whole and (place.words or level.axis != "method"):
             return {"mesh.slices": self.most, "sweep.steps": self.steps // 2}

@@ -57,7 +57,7 @@ _TORQUE = "pair.torque_pinion_Nm"
 _ONCE = (("xla_backend_optimization_level", 0),)
 
 
-class Place(NamedTuple):
+class OperatingPoints(NamedTuple):
     """Where steady responses are compared.
 
     **Fields:**
@@ -100,16 +100,16 @@ class AbstractMotion(AbstractProblem):
         at = some_speeds(speeds_of(scene), speeds)
         loads = {_TORQUE: _HELD_OUT * float(scene[_TORQUE])}
         self.places = (
-            Place("", at),
-            Place("speeds between these", other_speeds(at)),
-            Place(f"these speeds at {_HELD_OUT:g} x the torque", at, loads),
+            OperatingPoints("", at),
+            OperatingPoints("speeds between these", other_speeds(at)),
+            OperatingPoints(f"these speeds at {_HELD_OUT:g} x the torque", at, loads),
         )
         self.pairs: dict[Any, PairDynamics] = {}
         self.builders: dict[Any, Callable[[PairModel], PairDynamics]] = {}
         self.references: dict[Any, Reference] = {}
 
     @abc.abstractmethod
-    def finest(self, level: Level, place: Place) -> Mapping[str, Any]:
+    def finest(self, level: Level, place: OperatingPoints) -> Mapping[str, Any]:
         """Changes of the scene that make the reference of a level."""
 
     @abc.abstractmethod
@@ -147,7 +147,7 @@ class AbstractMotion(AbstractProblem):
             )
         return found
 
-    def _reference(self, level: Level, place: Place) -> Reference:
+    def _reference(self, level: Level, place: OperatingPoints) -> Reference:
         changes = self.finest(level, place)
         key = place.words, tuple(sorted(changes.items()))
         if key not in self.references:
@@ -162,7 +162,7 @@ class AbstractMotion(AbstractProblem):
         """A level at the speeds by which it is chosen."""
         return self._run(level, self.places[0])
 
-    def _run(self, level: Level, place: Place) -> Run:
+    def _run(self, level: Level, place: OperatingPoints) -> Run:
         pair = self.pair(level.changes, place.loads)
         harmonics = {**self.scene.values, **level.changes}["sweep.harmonics"]
         method = level.method or HarmonicBalance(harmonics=harmonics)
