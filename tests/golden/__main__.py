@@ -82,10 +82,13 @@ def main() -> int:
             lines = differences(was, json.loads(json.dumps(found)), tolerance)
             wrong += bool(lines)
             print(f"{name}: {'differs' if lines else 'the same'}", flush=True)
-            for line in lines[:_LISTED]:
+            changed = [line for line in lines if not line.endswith(": new")]
+            for line in changed[:_LISTED]:
                 print(f"    {line}")
-            if len(lines) > _LISTED:
-                print(f"    ... and {len(lines) - _LISTED} more")
+            if len(changed) > _LISTED:
+                print(f"    ... and {len(changed) - _LISTED} more")
+            if len(changed) < len(lines):
+                print(f"    {len(lines) - len(changed)} new")
     if given.out is None:
         shutil.rmtree(folder)
     return 1 if wrong else 0
