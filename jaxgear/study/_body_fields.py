@@ -8,7 +8,8 @@ import xarray as xr
 
 from fem_prep import surface, write_vtu
 from jaxgear._units import deg, mm, um
-from jaxgear.study._hybrid import DIRECTIONS, BodyAnswer, along_radius
+from jaxgear.study._body_answers import BodyAnswer
+from jaxgear.study._hybrid import DIRECTIONS, along_radius
 from jaxgear.study._results import Entry, dataset_of
 
 

@@ -37,7 +37,6 @@ from jaxgear.study._derivatives import (
 )
 from jaxgear.study._dynamics import speeds_of
 from jaxgear.study._head import names_of, study
-from jaxgear.study._notes import steady_notes
 from jaxgear.study._pieces import pieces_at_rest, pieces_in_motion
 from jaxgear.study._progress import built_scene, progress
 from jaxgear.study._result import Result, Summary
@@ -57,6 +56,7 @@ from jaxgear.study._steady import (
     steady_names,
     steady_point,
 )
+from jaxgear.study._sweep_notes import steady_notes
 
 # Of every pair; and of one on shafts the sum of squares over bearings and directions, at the mean
 # mesh load.

@@ -17,11 +17,8 @@ from jaxgear.study._notes import notes
 from jaxgear.study._ranks import Doubtful, worst_first
 from jaxgear.study._result import Result, Summary
 from jaxgear.study._running import seconds, stopwatch
-from jaxgear.study._statics import (
-    Statics,
-    geometry_summary,
-    mounts_summary,
-)
+from jaxgear.study._statics import Statics
+from jaxgear.study._statics_summary import geometry_summary, mounts_summary
 
 
 def names_of(scene: Scene) -> Summary:

@@ -10,7 +10,8 @@ from jaxgear._units import deg, um
 from jaxgear.scene._bodies import Drawn
 from jaxgear.scene._body_build import BuiltBody
 from jaxgear.scene._schema import GEARS
-from jaxgear.study._hybrid import DIRECTIONS, BodyAnswer
+from jaxgear.study._body_answers import BodyAnswer
+from jaxgear.study._hybrid import DIRECTIONS
 from jaxgear.study._results import Entry
 
 # A slice less than this in contact says nothing of the load on its tooth.

@@ -18,7 +18,6 @@ from jaxgear.scene._scene import Scene
 from jaxgear.study._design import DesignSpace, design_space
 from jaxgear.study._evaluations import objective_at, responses_at
 from jaxgear.study._head import head, study
-from jaxgear.study._notes import left_out_notes
 from jaxgear.study._objectives import (
     JudgedSpeeds,
     entry,
@@ -56,6 +55,7 @@ from jaxgear.study._search import (
 )
 from jaxgear.study._search_checks import require_searchable
 from jaxgear.study._statics import SolverFailure, Statics, solve_statics, torques_of
+from jaxgear.study._sweep_notes import left_out_notes
 
 
 @study

@@ -33,14 +33,8 @@ from jaxgear.study._result import Result, Summary, titled
 from jaxgear.study._results import Entry, dataset_of
 from jaxgear.study._running import timed
 from jaxgear.study._search import by_gradient, descent, unless_beaten
-from jaxgear.study._statics import (
-    SolverFailure,
-    Statics,
-    geometry_summary,
-    smoothing_bias,
-    solve_statics,
-    torques_of,
-)
+from jaxgear.study._statics import SolverFailure, Statics, smoothing_bias, solve_statics, torques_of
+from jaxgear.study._statics_summary import geometry_summary
 
 _RELIEF_KEYS = ("flank.pinion.tip_relief.depth_um", "flank.pinion.tip_relief.extent")
 

@@ -24,7 +24,6 @@ from jaxgear.scene._schema import split_entry
 from jaxgear.study._derivatives import UNFUSED, Keys, linearised
 from jaxgear.study._dynamics import speeds_of
 from jaxgear.study._head import names_of, study
-from jaxgear.study._notes import steady_notes
 from jaxgear.study._progress import built_scene, progress
 from jaxgear.study._result import Result, Summary, titled
 from jaxgear.study._results import Entry
@@ -43,6 +42,7 @@ from jaxgear.study._steady import (
     steady_names,
     steady_point,
 )
+from jaxgear.study._sweep_notes import steady_notes
 
 _AT_REST = ("te_mean_um", "te_rms_um", "max_pressure_MPa", "face_load_factor")
 _STIFFNESS = "mesh_stiffness_mean_N_um"

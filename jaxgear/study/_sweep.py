@@ -11,10 +11,10 @@ from jaxgear.study._dynamics import (
     speeds_of,
 )
 from jaxgear.study._head import head, study
-from jaxgear.study._notes import sweep_notes
 from jaxgear.study._progress import built_scene, narration, progress
 from jaxgear.study._result import Result, titled
 from jaxgear.study._sweep_dataset import orbit_dataset, sweep_dataset
+from jaxgear.study._sweep_notes import sweep_notes
 from jaxgear.study._sweep_summary import sweep_summary
 from jaxgear.study._sweeping import sweep_of
 

@@ -13,7 +13,8 @@ from table_checks import assert_tables
 from jaxgear._cli._main import main
 from jaxgear.scene._scene import read_scene, ready_scene
 from jaxgear.scene._schema import GEARS
-from jaxgear.study._statics import mounts_summary, solve_statics
+from jaxgear.study._statics import solve_statics
+from jaxgear.study._statics_summary import mounts_summary
 
 _COARSE = ("--set", "mesh.phases=24", "--set", "mesh.slices=4", "--quiet", "--json")
 

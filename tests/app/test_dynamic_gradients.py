@@ -11,10 +11,10 @@ from jaxgear._cli._main import main
 from jaxgear._interface._laws import ExactContact
 from jaxgear.scene._scene import SceneError, read_scene, ready_scene
 from jaxgear.study._gradients import steady_gradients
-from jaxgear.study._notes import left_out_notes, steady_notes
 from jaxgear.study._optimising import left_out
 from jaxgear.study._search_checks import require_swept
 from jaxgear.study._steady import SteadyPoint, steady_point
+from jaxgear.study._sweep_notes import left_out_notes, steady_notes
 
 # A spur pair that only turns, on teeth that compile fast.
 _TURNING = """\

@@ -27,8 +27,8 @@ from jaxgear._system._shaft import Shaft
 from jaxgear.scene._build import model_of
 from jaxgear.scene._scene import read_scene
 from jaxgear.study import _dynamics, _sweep
-from jaxgear.study._notes import sweep_notes
 from jaxgear.study._sweep_dataset import sweep_dataset
+from jaxgear.study._sweep_notes import sweep_notes
 from jaxgear.study._sweeping import Sweep, swept
 
 _SPUR = """schema = 1

@@ -1,0 +1,102 @@
+"""What a summary says of a pair's geometry, its bearings and supports."""
+
+from typing import Any
+
+import numpy as np
+
+from jaxgear._geometry._pair import pair_facts
+from jaxgear._system._shaft import Shaft
+from jaxgear._system._support import Support
+from jaxgear._units import deg, mm, um
+from jaxgear.scene._schema import GEARS
+from jaxgear.study._statics import Statics
+
+
+def geometry_summary(statics: Statics) -> dict[str, float]:
+    """The `geometry` part of the summary."""
+    facts = {name: np.asarray(value) for name, value in pair_facts(statics.model.pair).items()}
+    pitch, path = facts["transverse_base_pitch"], facts["path_of_contact"]
+    lengths = {
+        "centre_distance_mm": facts["working_centre_distance"],
+        "base_pitch_mm": pitch,
+        "path_of_contact_mm": path,
+        # From the wheel's tip A to the inner single contact point B, the pitch point C, the outer
+        # single contact point D and the pinion's tip E.
+        "path_AB_mm": path - pitch if pitch < path < 2.0 * pitch else np.nan,
+        "path_AC_mm": facts["pitch_point"] - facts["path_start"],
+        "path_AD_mm": pitch if pitch < path < 2.0 * pitch else np.nan,
+        "path_AE_mm": path,
+        "common_face_width_mm": facts["face_width"],
+        "backlash_mm": facts["backlash"],
+    }
+    for index, name in enumerate(("pinion", "wheel")):
+        lengths |= {
+            f"{quantity}_{name}_mm": facts[quantity][index]
+            for quantity in (
+                "reference_radius",
+                "base_radius",
+                "tip_radius",
+                "root_radius",
+                "form_radius",
+                "working_pitch_radius",
+                "tip_thickness",
+                "root_clearance",
+            )
+        }
+    angles = ("working_pressure_angle", "transverse_pressure_angle", "base_helix_angle")
+    ratios = ("profile_contact_ratio", "overlap_ratio", "total_contact_ratio")
+    return (
+        {key: float(value / mm) for key, value in lengths.items()}
+        | {f"{name}_deg": float(facts[name] / deg) for name in angles}
+        | {name: float(facts[name]) for name in ratios}
+        | {"full_tip_shortening_coeff": float(facts["full_tip_shortening"])}
+        # Thesis eq. 3.3: what a growth of both base radii, by centrifugal load say, does.
+        | {"pressure_angle_change_deg_per_permille_base_radius": float(statics.angle_change) / deg}
+    )
+
+
+def mounts_summary(statics: Statics) -> dict[str, list[dict[str, Any]]]:
+    """Mean displacement and load of bearings, and of the gears that have none.
+
+    **Arguments:**
+
+    - `statics`: the solved cycle.
+
+    **Returns:**
+
+    `bearings`, the pinion's first, in the order of the scene; `supports`, the springs at a gear's
+    centre. A load is what shaft or gear puts on it.
+    """
+    model, structure = statics.model, statics.cycle.system.structure
+    motion, wrench, bearings = map(np.asarray, statics.mounts)
+    mounts = (model.pinion_support, model.wheel_support)
+    supports = [
+        {"gear": gear, **_mount_row(motion[body], wrench[body, :3])}
+        for body, (gear, mount) in enumerate(zip(GEARS, mounts, strict=True))
+        if isinstance(mount, Support)
+    ]
+    owners = [
+        (gear, index)
+        for gear, mount in zip(GEARS, mounts, strict=True)
+        if isinstance(mount, Shaft)
+        for index in range(len(mount.bearings))
+    ]
+    assert len(owners) == len(structure.map.bearings)
+    rows = [
+        {
+            "gear": gear,
+            "index": index,
+            **_mount_row(displacement, load[:3]),
+            "moment_Nm": dict(zip("ST", load[3:].tolist(), strict=True)),
+        }
+        for (gear, index), displacement, load in zip(owners, *bearings, strict=True)
+    ]
+    return {"bearings": rows, "supports": supports}
+
+
+def _mount_row(motion: np.ndarray, force: np.ndarray) -> dict[str, Any]:
+    return {
+        "displacement_um": dict(zip("STZ", (motion[:3] / um).tolist(), strict=True)),
+        "tilt_urad": dict(zip("ST", (1e6 * motion[3:5]).tolist(), strict=True)),
+        "load_N": dict(zip("STZ", force.tolist(), strict=True)),
+    }

@@ -1,0 +1,181 @@
+"""Remarks on responses at speed: where a sweep is outgrown, or sees nothing."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+import optimise
+from jaxgear._system._body_modes import BodyBasis
+from jaxgear.scene._scene import Scene
+from jaxgear.study._dynamics import Size, method_name, speeds_of
+from jaxgear.study._ranks import Doubtful, Idle
+from jaxgear.study._steady import SteadyPoint
+
+# Fewer time steps in the period of a mode do not show it: its frequency is then off by 3 %.
+STEPS_IN_PERIOD = 10
+
+
+def sweep_notes(scene: Scene, unsettled: int, responses: int, lost: list[str]) -> list[str]:
+    """Remarks on a sweep.
+
+    **Arguments:**
+
+    - `scene`: that was swept.
+    - `unsettled`: number of responses that did not settle.
+    - `responses`: number of all responses.
+    - `lost`: where and why a branch could not be followed further.
+
+    **Returns:**
+
+    A sentence or two each.
+    """
+    found = []
+    if scene["sweep.centrifugal"] and not scene.condensed:
+        found.append(
+            Idle("Rigid and beam bodies do not grow: sweep.centrifugal does nothing to them.")
+        )
+    if scene.get("model.coordinates") and not scene.condensed:
+        found.append(Idle("model.coordinates does nothing: all modes of these bodies are kept."))
+    found += [*_beyond_bodies(scene), *_beyond_reach(scene)]
+    if unsettled:
+        found.append(
+            Doubtful(
+                f"{unsettled} of {responses} responses did not settle: their numbers are those of "
+                "the end of a march. Raise sweep.cycles; but where the amplitude beats, or motion "
+                "is chaotic, there is nothing to settle on."
+            )
+        )
+    found += [
+        f"The branch was followed no further: {why}. What lies beyond is shown by the sweep alone."
+        for why in lost
+    ]
+    return found
+
+
+def _beyond_bodies(scene: Scene) -> list[str]:
+    """More modes asked for than bodies have."""
+    asked, found = scene.get("model.coordinates", 0), []
+    for gear, basis in _bases(scene):
+        has = len(basis.square)
+        # The last pair is never parted.
+        if asked > has + 1:
+            found.append(
+                f"model.coordinates asks for {asked} modes, but the {gear}'s condensed body has "
+                f"{has}: all of them are kept. Raise {gear}.body.modes, or make its rim's elements "
+                "smaller, for more."
+            )
+    return found
+
+
+def _beyond_reach(scene: Scene) -> list[str]:
+    """The highest mode of a condensed body, where steps or harmonics are too few to follow it."""
+    each = [(float(basis.square.max()), gear, basis) for gear, basis in _bases(scene)]
+    if not each or not scene.has_table("sweep"):
+        return []
+    square, gear, basis = max(each, key=lambda row: row[0])
+    frequency, mode = math.sqrt(square) / (2.0 * math.pi), int(np.argmax(basis.square))
+    speeds, teeth = speeds_of(scene), scene["pinion.teeth"]
+    # Approach and tilt stand beside the mesh coordinates.
+    size = Size(2 + scene.get("model.mesh_coordinates", 12), scene["mesh.periods"])
+    harmonic = method_name(scene, size) == "harmonic"
+    key = "sweep.harmonics" if harmonic else "sweep.steps"
+    # Up to which multiple of the mesh frequency a response is followed, and what that takes.
+    per = 1.0 if harmonic else 1.0 / STEPS_IN_PERIOD
+    order = lambda speed: 2.0 * math.pi * frequency / (teeth * speed)
+    limit = order(1.0) / (per * scene[key])
+    if limit <= speeds[0]:
+        return []
+    need = lambda speed: math.ceil(order(speed) / per)
+    where = (
+        f"at all speeds up to {speeds[-1]:.5g} rad/s"
+        if limit > speeds[-1]
+        else f"below {limit:.5g} rad/s"
+    )
+    wants = f"{need(speeds[-1])} at {speeds[-1]:.5g} rad/s, {need(speeds[0])} at {speeds[0]:.5g}"
+    beside = ", and more than twice as many sweep.steps" if harmonic else ""
+    return [
+        f"{key} = {scene[key]} reaches less far than mode {mode + 1} of the {gear}'s body, "
+        f"{frequency:.5g} Hz with {int(basis.diameters[mode])} nodal diameters, its seats held, "
+        f"{where}: there it follows its load, but does not vibrate. To see it vibrate, {key} must "
+        f"be at least {wants} rad/s{beside}."
+    ]
+
+
+def _bases(scene: Scene) -> list[tuple[str, BodyBasis]]:
+    """Modes of the condensed bodies that vibrate, their seats held."""
+    found = [(gear, each.basis) for gear, each in scene.bodies.items()]
+    return [(gear, basis) for gear, basis in found if basis is not None]
+
+
+def steady_notes(points: Sequence[SteadyPoint]) -> list[str]:
+    """Why steady responses were not differentiated.
+
+    **Arguments:**
+
+    - `points`: those that were looked at.
+
+    **Returns:**
+
+    A sentence or two for each that has no derivative.
+    """
+    found = []
+    for point in points:
+        at = f"With {point.contact} contact the response at {point.speed_rad_s:.6g} rad/s "
+        match point.verdict:
+            case "not settled":
+                size = "not finite" if point.residual is None else f"{point.residual:.3g}"
+                why = f"has not settled, imbalance {size}"
+            case "near a fold":
+                size = "not finite" if point.condition is None else f"{point.condition:.3g}"
+                why = f"is at a fold, or close to one, condition {size}"
+            case "too many unknowns":
+                why = "is over too many mesh periods for harmonic balance"
+            case _:
+                continue
+        found.append(
+            f"{at}{why}: it has no derivatives here. The speed is the middle one of "
+            "sweep.pinion_speed_rad_s; choose others."
+        )
+    return found
+
+
+def left_out_notes(
+    before: Sequence[tuple[float, optimise.Judged]],
+    after: Sequence[tuple[float, optimise.Judged]],
+    *,
+    limited: int,
+) -> list[str]:
+    """What a search over speeds does not cover.
+
+    **Arguments:**
+
+    - `before`, `after`: what each speed contributes, for each torque [N m], where the search began
+        and ended; empty if it did not look at speeds.
+    - `limited`: evaluations of the search without gradients, if each was a sweep; 0 if not.
+
+    **Returns:**
+
+    A sentence or two each.
+    """
+    if not before:
+        return []
+    found = []
+    for when, judged in (("before", before), ("after", after)):
+        for torque, each in judged:
+            if speeds := [float(speed) for speed in each.left_out]:
+                named = ", ".join(f"{speed:.5g}" for speed in speeds[:8])
+                more = ", ..." if len(speeds) > 8 else ""
+                found.append(
+                    Doubtful(
+                        f"{len(speeds)} of {each.speed.size} speeds were left out of what is taken "
+                        f"over speeds {when} the search, at {torque:g} N m: responses there have "
+                        f"not settled, or are close to a fold ({named}{more} rad/s)."
+                    )
+                )
+    if limited:
+        found.append(
+            f"Differential evolution was kept to {limited} evaluations, each of which is a sweep: "
+            "it is no proof that nothing better exists."
+        )
+    return found
