@@ -15,10 +15,8 @@ from jaxgear.scene._body_words import in_keys
 from jaxgear.scene._mesh_bodies import MeshBody
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
-from jaxgear.study._hybrid import BodyUnderTeeth, radius_of
+from jaxgear.study._hybrid import DIRECTIONS, BodyUnderTeeth, along_radius, radius_of
 from jaxgear.study._statics import Statics
-
-DIRECTIONS = ("radial", "tangential", "axial")
 
 
 @dataclasses.dataclass(frozen=True)

@@ -147,10 +147,10 @@ def statics_result(scene: Scene, statics: Statics, torques: np.ndarray) -> Resul
         harris_te_um=error.variable(), harris_te_harmonic_um=harmonics.variable()
     )
     if scene.bodies:
-        from jaxgear.study import _body_fields, _hybrid, _hybrid_dataset
+        from jaxgear.study import _body_answers, _body_fields, _hybrid_dataset
 
         with narration("bodies") as tell:
-            answers = _hybrid.body_answers(scene, statics, tell)
+            answers = _body_answers.body_answers(scene, statics, tell)
             cycle = _hybrid_dataset.hybrid_variables(cycle, answers)
             static |= _hybrid_dataset.hybrid_summary(cycle, answers)
             for answer in answers:

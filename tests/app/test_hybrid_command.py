@@ -25,6 +25,7 @@ from jaxgear.scene._body_build import Steps, full_of
 from jaxgear.scene._build import grid_of, law_of, model_of
 from jaxgear.scene._mesh_bodies import with_bodies
 from jaxgear.scene._scene import read_scene
+from jaxgear.study import _body_answers as answered
 from jaxgear.study import _body_fields as body_fields
 from jaxgear.study import _hybrid as hybrid
 from jaxgear.study import _hybrid_dataset as hybrid_dataset
@@ -120,7 +121,7 @@ def solved(tmp_path_factory):
         harris=np.zeros((0, len(force))),
         harris_harmonics=np.zeros((0, 3)),
     )
-    return scene, statics, hybrid.body_under_teeth(scene, "wheel", statics)
+    return scene, statics, answered.body_under_teeth(scene, "wheel", statics)
 
 
 # --- The body under its teeth
@@ -156,7 +157,7 @@ def test_the_whole_grid_is_in_balance(solved):
     held = hold(full)
     motion = held.followed(found.motion[phase, :outer][:, None])
     np.testing.assert_allclose(
-        hybrid.whole_motion(built, found.motion[phase][None], np.zeros(1))[0],
+        answered.whole_motion(built, found.motion[phase][None], np.zeros(1))[0],
         full.on_nodes(motion)[0],
         rtol=0,
         atol=1e-12 * np.abs(motion).max(),
@@ -238,13 +239,13 @@ def test_a_rigid_motion_is_no_deflection(solved):
 
 def test_answers_are_of_all_phases(solved, tmp_path):
     scene, statics, under = solved
-    (answer,) = hybrid.body_answers(scene, statics)
+    (answer,) = answered.body_answers(scene, statics)
     assert answer.rim.shape == (8, 3)
     assert answer.roots.shape == (*statics.cycle.cells.lines.roll.shape, 3)
     # A foot follows its patch of the rim, which moves by no more than the rim's largest.
     assert np.abs(answer.roots).max() <= 1.2 * answer.rim.max()
     numbers = answer.numbers
-    worst = hybrid.worst_phase(statics.cycle)
+    worst = answered.worst_phase(statics.cycle)
     assert [field.what for field in answer.fields] == ["mesh", "rotation"]
     field = answer.fields[0]
     rim = answer.grid.sets["rim"]
