@@ -7,9 +7,7 @@ import math
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
-
-import numpy as np
+from typing import TYPE_CHECKING, Any, cast
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -87,11 +85,11 @@ def as_json(value: object) -> object:
     if isinstance(value, str | int | None):
         return value
     if hasattr(value, "tolist"):
-        return as_json(np.asarray(value).tolist())
+        return as_json(value.tolist())
     raise TypeError(f"A summary holds numbers, texts, lists and tables, got {type(value)}.")
 
 
-def write_csv(columns: Mapping[str, np.ndarray], path: Path) -> None:
+def write_csv(columns: Mapping[str, Any], path: Path) -> None:
     """Write one table as CSV, a row for each record, with ten digits.
 
     **Arguments:**
@@ -104,6 +102,9 @@ def write_csv(columns: Mapping[str, np.ndarray], path: Path) -> None:
 
     - `ValueError` if a column is not one-dimensional, or not as long as the others.
     """
+    # Files of text are written where no number is needed.
+    import numpy as np
+
     texts = []
     for name, values in columns.items():
         array = np.asarray(values)

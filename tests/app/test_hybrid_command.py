@@ -290,7 +290,6 @@ def _dataset(periods=6, phases=8):
     cells = ("phase", "line", "slice")
     return xr.Dataset(
         {
-            "weight": ("phase", np.full(count, 1.0 / count)),
             "load_sharing": (("phase", "line"), share),
             "line_load_N_mm": (cells, load),
             "pressure_MPa": (cells, 10.0 * load),
@@ -298,6 +297,7 @@ def _dataset(periods=6, phases=8):
             "transmission_error_um": ("phase", 20.0 + np.sin(2 * np.pi * phase)),
         },
         coords={
+            "weight": ("phase", np.full(count, 1.0 / count)),
             "phase": phase,
             "passage": (("phase", "line"), passage),
             "line": ("line", [0, 1]),

@@ -539,7 +539,7 @@ def test_commands_come_without_matplotlib(tmp_path):
     """Also those of condensed bodies, searches and comparisons."""
     code = (
         "import pathlib, sys\n"
-        "import jaxgear._cli._commands, jaxgear.study._compare, jaxgear.study._condense\n"
+        "import jaxgear._cli._commands, jaxgear.study._fidelity._compare, jaxgear.study._condense\n"
         "import jaxgear.plot._atlas, jaxgear.study._sensitivities, jaxgear.study._body_fields\n"
         "from jaxgear._cli._folder import Folder\n"
         "from jaxgear._cli._saving import save\n"

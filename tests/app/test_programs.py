@@ -34,7 +34,7 @@ _OTHER = (
 
 # Most of them are single operations, but for about one of each picture and each stage.
 @pytest.mark.end_to_end
-@pytest.mark.parametrize(("command", "most"), quick(1, [("modes", 18), ("run", 22), ("map", 22)]))
+@pytest.mark.parametrize(("command", "most"), quick(1, [("modes", 19), ("run", 22), ("map", 22)]))
 def test_a_command_is_a_few_programs_and_with_other_numbers_none(command, most, tmp_path):
     folder = Folder(tmp_path, pictures=False)
     run = lambda *changes: COMMANDS[command](ready_scene("accessory", (*_COARSE, *changes)), folder)

@@ -25,10 +25,10 @@ def changed(scene: Scene, changes: Mapping[str, Any]) -> Scene:
         kept = lambda mapping: MappingProxyType({k: v for k, v in mapping.items() if left(k)})
         scene = dataclasses.replace(
             scene,
-            values=kept(scene.values),
+            fixed=kept(scene.fixed),
             given=frozenset(filter(left, scene.given)),
             lines=kept(scene.lines),
-            known=kept(scene.known),
+            moved=kept(scene.moved),
         )
     return scene.replace({key: value for key, value in changes.items() if value is not None})
 
