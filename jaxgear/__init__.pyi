@@ -250,3 +250,7 @@ from .scene._scene import SceneError as SceneError
 from .scene._scene import read_scene as read_scene
 from .scene._scene import ready_scene as ready_scene
 from .scene._with_bodies import with_bodies as with_bodies
+
+from . import scene as scene
+from . import study as study
+from . import plot as plot

@@ -262,7 +262,7 @@ def faults_of_body_flow(sources: Iterable[Source]) -> Iterator[str]:
 def _faults_of_door(source: Source) -> Iterator[str]:
     """The stub of `__init__` names all in the order of the flow, `__main__` opens `_cli`.
 
-    Of the layers, `__init__` shows only how a scene file is read and becomes a model.
+    Of the layers, `__init__` shows the public ones, and how a scene is read and becomes a model.
     """
     latest = 0
     for found in _imports(source):
@@ -272,7 +272,8 @@ def _faults_of_door(source: Source) -> Iterator[str]:
         is_stage = package == "jaxgear" and bool(names) and names[0] in STAGES
         in_layer = bool(names) and names[0] in LAYERS
         is_scene = names[:1] == ["scene"] and names[1:2] and names[1] in SCENE_FILES
-        is_door = names[:1] == ["_cli"] if source.stage == "__main__" else not in_layer or is_scene
+        is_open = is_scene or (len(names) == 1 and not names[0].startswith("_"))
+        is_door = names[:1] == ["_cli"] if source.stage == "__main__" else not in_layer or is_open
         if not is_stage or not is_door:
             yield f"{source.at(found.node)}: `{source.stage}` may not import {found.name}"
         elif STAGES.index(names[0]) < latest:
@@ -665,6 +666,7 @@ def test_sources_are_read_from_disc(tmp_path):
         ("jaxgear/scene/_build.py", "from jaxgear.study import statics"),
         ("jaxgear/plot/_pictures.py", "from jaxgear._cli._folder import Folder"),
         ("jaxgear/__init__.pyi", "from ._cli._main import main"),
+        ("jaxgear/__init__.pyi", "from . import _cli as cli"),
         ("jaxgear/__init__.pyi", "from optimise import minimise"),
         (
             "jaxgear/__init__.pyi",
@@ -685,6 +687,7 @@ def test_upstream_import_is_found(path, text):
         ("jaxgear/study/_run.py", "import jaxgear as jg, optimise\nfrom .._solve import solve"),
         ("jaxgear/_cli/_run.py", "from jaxgear import plot\nfrom jaxgear.study._run import run"),
         ("jaxgear/__init__.pyi", "from ._geometry import Gear as Gear\nfrom ._solve import s as s"),
+        ("jaxgear/__init__.pyi", "from . import scene as scene\nfrom . import plot as plot"),
         ("jaxgear/__main__.py", "import sys\nfrom jaxgear._cli._main import main"),
     ],
 )
