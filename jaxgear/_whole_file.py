@@ -68,7 +68,7 @@ def write_json(summary: Mapping[str, object], path: Path) -> None:
     write_text(text + "\n", path)
 
 
-def as_json(value: object) -> object:
+def as_json(value: Any) -> object:
     """The value in the types that JSON knows; what is not a finite number is null.
 
     **Arguments:**

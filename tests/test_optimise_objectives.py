@@ -137,6 +137,7 @@ def test_torques_are_averaged_or_the_worst_taken(worst):
     assert_close(jax.jit(function)(jnp.asarray([7.0])), expected, rtol=1e-6, atol=0.0)
 
 
+@pytest.mark.slow
 def test_what_the_variables_leave_alone_may_be_prepared():
     """Stiffness and system computed once: the same values and slopes."""
     grid = jg.mesh_grid(CONSTANT.pair, phases=8, slices=2)
@@ -185,6 +186,7 @@ def test_gradients_of_all_objectives(law):
 
 
 @pytest.mark.parametrize("law", ["exact", pytest.param("smooth", marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_gradients_with_cells_open_and_closed(law):
     """Crowning and relief of a helical pair, some of whose cells never touch."""
 

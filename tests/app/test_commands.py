@@ -326,7 +326,9 @@ def _without_shafts(folder: Path) -> Path:
     "settings",
     [
         pytest.param(("pair.misalignment_deviation_um=40",), marks=pytest.mark.slow),
-        (_FREE, "pinion.support={radial_N_m=1e8, tilt_Nm_rad=1e5}"),
+        pytest.param(
+            (_FREE, "pinion.support={radial_N_m=1e8, tilt_Nm_rad=1e5}"), marks=pytest.mark.slow
+        ),
         pytest.param(("mesh.slices=1", "flank.pinion.crowning_um=20"), marks=pytest.mark.slow),
         ("mesh.slices=200",),
         pytest.param(
@@ -335,12 +337,14 @@ def _without_shafts(folder: Path) -> Path:
         ),
         pytest.param(("pair.helix_angle_deg=35", "mesh.contact=smooth"), marks=pytest.mark.slow),
         pytest.param(("mesh.stiffness=iso6336",), marks=pytest.mark.slow),
-        ("pair.torque_pinion_Nm=0.01", "flank.wheel.crowning_um=30"),
+        pytest.param(
+            ("pair.torque_pinion_Nm=0.01", "flank.wheel.crowning_um=30"), marks=pytest.mark.slow
+        ),
         pytest.param(
             (_FREE, "pair.misalignment_deviation_um=40", "wheel.support={tilt_Nm_rad=1e3}"),
             marks=pytest.mark.slow,
         ),
-        (_FREE, "pinion.support={radial_N_m=1e6}"),
+        pytest.param((_FREE, "pinion.support={radial_N_m=1e6}"), marks=pytest.mark.slow),
         pytest.param(("mesh.foundation=ring",), marks=pytest.mark.slow),
         pytest.param(
             ("mesh.foundation=ring", "pair.helix_angle_deg=25", "mesh.line_load_updates=2"),
@@ -350,10 +354,16 @@ def _without_shafts(folder: Path) -> Path:
             ("mesh.foundation=ring", "pinion.bore_mm=8", "wheel.bore_mm=126"),
             marks=pytest.mark.slow,
         ),
-        ("mesh.tip_contact=true", "mesh.foundation=ring"),
-        ("pinion.body.kind=beam", "pair.helix_angle_deg=15", "pinion.shaft.torque_at_mm=0"),
-        ("pinion.shaft.bearings[0].radial_N_m=1e5",),
-        ("pinion.shaft.bearings[0].radial_N_m=1e14", "wheel.shaft.bearings[1].radial_N_m=1e14"),
+        pytest.param(("mesh.tip_contact=true", "mesh.foundation=ring"), marks=pytest.mark.slow),
+        pytest.param(
+            ("pinion.body.kind=beam", "pair.helix_angle_deg=15", "pinion.shaft.torque_at_mm=0"),
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(("pinion.shaft.bearings[0].radial_N_m=1e5",), marks=pytest.mark.slow),
+        pytest.param(
+            ("pinion.shaft.bearings[0].radial_N_m=1e14", "wheel.shaft.bearings[1].radial_N_m=1e14"),
+            marks=pytest.mark.slow,
+        ),
         pytest.param(("wheel.shaft.segments[0].inner_mm=39.9",), marks=pytest.mark.slow),
         pytest.param(
             ("mesh.periods=5", "flank.pinion.eccentricity_um=20", "flank.pinion.accuracy_grade=7"),

@@ -164,6 +164,7 @@ def test_long_cycles_are_refused():
         study.compare(scene)
 
 
+@pytest.mark.slow
 def test_adaptive_integration_converges_on_the_response_of_harmonic_balance():
     """An oscillator on a spring that comes and goes, by integrators of other authors."""
     system, speed = dynamics.cases.sdof_parametric(steps=32), jnp.asarray(0.6)

@@ -257,6 +257,7 @@ def figures(everything):
     return {name: figure for name, (figure, _) in everything.items()}
 
 
+@pytest.mark.slow
 def test_every_table_reads_back(everything, tmp_path):
     for case, (_, each) in everything.items():
         for key, table in {"": each.table, **each.beside}.items():

@@ -131,6 +131,7 @@ def test_the_highest_peak_is_named_with_its_mode_and_order(both):
     assert 0.8 < peak["frequency_Hz"] / peak["nearest_mode_Hz"] < 1.0
 
 
+@pytest.mark.slow
 def test_marching_agrees_with_harmonic_balance(both, folder):
     """Another method: with 48 steps Newmark's error is of the order of a percent."""
     _, summary, dynamics = both

@@ -196,6 +196,7 @@ def test_damping_takes_what_energy_loses():
     np.testing.assert_allclose(found.total, 4.0, rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_marches_end_in_the_response_of_harmonic_balance():
     system = cases.two_dof(steps=100)
     speed = jnp.asarray(0.62)

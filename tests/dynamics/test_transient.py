@@ -191,6 +191,7 @@ def test_contact_loss_agrees_with_scipy():
     assert_close(found.motion[::20], expected, rtol=0.0, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_implicit_and_explicit_solver_agree():
     system, speed = _lossy(), 0.85
     explicit = _run(system, speed, end=50.0)

@@ -32,6 +32,7 @@ def computed(name: str, folder: Path) -> dict:
     scene, command, sets = CASES[name]
     jaxgear = Path(sys.executable).with_name("jaxgear")
     here = folder / name
+    shutil.rmtree(here, ignore_errors=True)
     here.mkdir(parents=True)
     subprocess.run([jaxgear, "init", scene], cwd=here, check=True, capture_output=True)
     arguments = [command, f"{scene}.toml", "--out", "out"]

@@ -197,6 +197,7 @@ def test_eccentricity_by_moving_the_gear(gear, teeth):
     assert 0.97 * size < spectrum[turns] < size
 
 
+@pytest.mark.slow
 def test_eccentricity_of_a_helical_gear_is_as_large_in_the_transverse_error():
     """It acts in the transverse plane: amplitude e, not e / cos(beta_b)."""
     size = 5 * um

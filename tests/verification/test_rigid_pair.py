@@ -198,6 +198,7 @@ def test_the_other_way_round_would_show():
     assert abs(one - other) / float(spur().pinion.material.young) > 1e-3 * right
 
 
+@pytest.mark.slow
 def test_a_pair_alone_gives_what_its_compliance_says():
     cycle = _spur_cycle(RING)
     fraction = np.asarray(cycle.cells.lines.fraction)[:, :, 0]
@@ -528,6 +529,7 @@ def test_corners_carry_only_where_teeth_bend_enough():
     assert 0.05 < _mean(on, share) < 0.15
 
 
+@pytest.mark.slow
 def test_heavy_tip_relief_keeps_the_corners_out():
     relief = jg.TipRelief(60 * um, 0.3)
     off, on = _with_tips(jg.Flanks(relief, relief))
