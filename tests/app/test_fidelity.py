@@ -16,6 +16,7 @@ from jaxgear.scene._scene import SceneError, read_scene, ready_scene
 from jaxgear.scene._schema import STATIC_RESPONSES
 from jaxgear.study._fidelity import _auto as auto
 from jaxgear.study._fidelity import _choice as choice
+from jaxgear.study._fidelity import _engine as engine
 from jaxgear.study._fidelity import _statics as statics
 from jaxgear.study._fidelity._engine import AbstractProblem, Run, compared, counted
 from jaxgear.study._fidelity._level import Answers, Level, Reference, errors_of
@@ -291,8 +292,10 @@ def _scaled(factor):
     return Answers(values.at[1, 1].add(0.2 * (factor - 1.0)), jnp.ones(2))
 
 
-def test_levels_are_solved_measured_chosen_and_drawn():
+def test_levels_are_solved_measured_chosen_and_drawn(monkeypatch):
     """2 nm of next to no RMS are one per cent of a hundredth of the mesh's 20 um."""
+    # How long a level takes is not asked here.
+    monkeypatch.setattr(engine, "_ENOUGH", 1e-3)
     problem = _Numbers(1.0, 1.01, 1.5)
     found = compared(problem, "numbers")
     rows = {row["name"]: row for row in found.summary["rungs"]}
