@@ -12,7 +12,6 @@ from jaxgear._whole_file import write_dataset, write_json, write_text
 from jaxgear.scene._rewriting import rewritten, write_scene
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._scene_files import files_seen_from
-from jaxgear.study._head import finished
 from jaxgear.study._progress import narration
 from jaxgear.study._result import Result, Summary
 
@@ -57,11 +56,6 @@ def _placed(summary: Summary, places: Mapping[str, str]) -> Summary:
         else value
         for key, value in summary.items()
     }
-
-
-def finish(scene: Scene, folder: Folder, summary: Summary) -> Summary:
-    """Add remarks on the scene and the cost, and write what every results folder has."""
-    return _closed(scene, folder, finished(scene, summary))
 
 
 def _closed(scene: Scene, folder: Folder, summary: Summary) -> Summary:

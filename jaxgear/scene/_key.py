@@ -26,29 +26,6 @@ OPTIONAL = Presence.OPTIONAL
 
 Kind = Literal["float", "int", "text", "bool", "floats", "texts"]
 
-GEARS = ("pinion", "wheel")
-# Tables that every scene has, and tables that ask for work, which are written out only if given.
-ALWAYS = ("", "pair", *GEARS)
-ON_REQUEST = (
-    "model",
-    "damping",
-    "sweep",
-    "modes",
-    "map",
-    "optimise",
-    "robust",
-    "sizing",
-    "compare",
-)
-# Tables whose keys are paths of other keys, quoted or as nested tables.
-BY_PATH = (
-    "optimise.bounds",
-    "optimise.ties",
-    "sizing.amounts",
-    "robust.scatter",
-    "robust.even",
-)
-
 _NOUNS: Mapping[Kind, tuple[str, str]] = {
     "float": ("a number", ""),
     "int": ("an integer", ""),

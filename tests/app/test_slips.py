@@ -7,11 +7,10 @@ import re
 import pytest
 from helpers import quick
 
-from jaxgear._cli._folder import Folder
-from jaxgear._cli._writing import finish
 from jaxgear.scene import _slips
 from jaxgear.scene._scene import READY, SceneError, read_scene
 from jaxgear.scene._slips import odd
+from jaxgear.study._head import finished
 
 _PAIR = """\
 schema = 1
@@ -155,13 +154,13 @@ def test_the_centre_distance_without_backlash_follows_the_profile_shifts(path):
     assert "The profile shifts ask for 99.4503 mm" in words
 
 
-def test_remarks_are_the_first_notes_of_a_summary(path, tmp_path):
+def test_remarks_are_the_first_notes_of_a_summary(path):
     scene = read_scene(path, ["pair.centre_distance_mm=98.8", "pair.pressure_angle_deg=25"])
-    summary = finish(scene, Folder(tmp_path), {"notes": ["what else there is"]})
+    summary = finished(scene, {"notes": ["what else there is"]})
     first, *others = summary["notes"]
     assert first.startswith("pair.centre_distance_mm = 98.8 mm leaves a backlash")
     assert others[-1] == "what else there is"
-    plain = finish(read_scene(path), Folder(tmp_path), {})
+    plain = finished(read_scene(path), {})
     assert "notes" not in plain
 
 
