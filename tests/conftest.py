@@ -58,6 +58,12 @@ gc.set_threshold(200_000, 50, 100)
 _DISK, _MEMORY = 1e9, 3e9
 
 
+@pytest.fixture(autouse=True, scope="session")
+def _fonts_are_known():
+    """Where fonts were never looked for, matplotlib does so once: that is no test's time."""
+    import matplotlib.font_manager  # noqa: F401
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Begin a cache anew that has grown too large; workers begin after this."""
     compiled = Path(os.environ["JAX_COMPILATION_CACHE_DIR"])

@@ -42,9 +42,9 @@ def run(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch):
 
 
 def test_a_fast_test_over_its_processor_seconds_fails_by_name(run):
-    result = run(0.2)
+    result = run(0.1)
     result.assert_outcomes(passed=5, failed=2)
-    result.stdout.fnmatch_lines(["*_ test_long _*", "A fast test must take at most 0.2 s *"])
+    result.stdout.fnmatch_lines(["*_ test_long _*", "A fast test must take at most 0.1 s *"])
     result.stdout.fnmatch_lines(["*_ test_wrong _*", "*assert False*"])
 
 

@@ -175,13 +175,13 @@ def body_plan(scene: Scene, gear: str) -> BodyPlan:
             density=float(own.density),
         )
     return BodyPlan(
-        name=f"{scene['name']}-{gear}",
+        name=f"{scene.name}-{gear}",
         gear=gear,
         source=source,
         root_radius=root,
-        face_width=scene[f"{gear}.face_width_mm"] * mm,
+        face_width=scene.gear(gear).face_width_mm * mm,
         root_thickness=teeth.root_thickness,
-        teeth_count=scene[f"{gear}.teeth"],
+        teeth_count=scene.gear(gear).teeth,
         material=material,
         seats=seats,
         torque_seat=torque,
@@ -198,11 +198,11 @@ def body_plan(scene: Scene, gear: str) -> BodyPlan:
 
 def _drawn(scene: Scene, gear: str, root: float) -> Drawn:
     """A body by hub, web, rim and shaft, and its fineness."""
-    table = f"{gear}.shaft"
+    table, bore = f"{gear}.shaft", scene.gear(gear).bore_mm
     body = GearBody(
         rim_outer=2.0 * root,
-        rim_width=scene[f"{gear}.face_width_mm"] * mm,
-        bore=scene.get(f"{gear}.bore_mm", 0.0) * mm,
+        rim_width=scene.gear(gear).face_width_mm * mm,
+        bore=0.0 if bore is None else bore * mm,
         web=_web(scene, f"{gear}.body.web"),
         segments=tuple(
             Segment(*(scene[f"{row}.{key}_mm"] * mm for key in ("length", "outer", "inner")))
@@ -258,7 +258,7 @@ def _fineness(scene: Scene, gear: str, body: GearBody) -> Fineness:
     }
     sectors = scene.get(f"{table}.sectors")
     if sectors is None:
-        wanted = scene[f"{gear}.teeth"] * scene.get(f"{table}.elements_per_tooth", 1)
+        wanted = scene.gear(gear).teeth * scene.get(f"{table}.elements_per_tooth", 1)
         sectors = _next_multiple(wanted, _repeats(body))
     return Fineness(sectors, **{key: each for key, each in given.items() if each is not None})
 
@@ -296,7 +296,7 @@ def _next_multiple(least: int, of: int) -> int:
 def _places(scene: Scene, gear: str, body: GearBody) -> tuple[SeatPlace, ...]:
     """Where bearings hold the shaft and, if it is a place of its own, where the torque acts."""
     table = f"{gear}.shaft"
-    given = scene.get(f"{gear}.body.seat_width_mm")
+    given = scene.gear(gear).body.seat_width_mm
     at = [scene[f"{row}.at_mm"] * mm for row in scene.rows(f"{table}.bearings")]
     torque = scene.get(f"{table}.torque_at_mm")
     bearings = [
@@ -325,7 +325,7 @@ def _drawn_seats(
     scene: Scene, gear: str, body: GearBody, soft: bool
 ) -> tuple[tuple[PlannedSeat, ...], str]:
     """Seats of a drawn body, and which of them the torque acts on."""
-    averaging = scene[f"{gear}.body.seat_coupling"] == "averaging"
+    averaging = scene.gear(gear).body.seat_coupling == "averaging"
     if not body.segments:
         if body.bore:
             return (PlannedSeat("gear", "bore", 0.0, averaging),), "gear"
@@ -340,7 +340,7 @@ def _drawn_seats(
         )
         for place in body.seats
     ]
-    torque = scene.get(f"{gear}.shaft.torque_at_mm")
+    torque = scene.gear(gear).shaft.torque_at_mm
     if seats[-1].name == "torque":
         return tuple(seats), "torque"
     at = 0.0 if torque is None else torque * mm - body.gear_at
@@ -393,5 +393,5 @@ def _matrices(scene: Scene, gear: str) -> Matrices:
         faces=_file(scene, f"{whole}_faces"),
         units=scene[f"{whole}_units"],
         mid_face=scene.get(f"{whole}_mid_face_mm", 0.0) * mm,
-        mass=scene.get(f"{gear}.body.mass_kg"),
+        mass=scene.gear(gear).body.mass_kg,
     )

@@ -65,13 +65,13 @@ def with_bodies(
     - `ValueError` if a body cannot be, or not carry its teeth.
     """
     pair = pair_of(scene)
-    torque = jnp.asarray(scene["pair.torque_pinion_Nm"] + couples_on_pinion(scene))
+    torque = jnp.asarray(scene.pair.torque_pinion_Nm + couples_on_pinion(scene))
     # All plans before any long work: a mistake in the second costs no wait.
     plans = [body_plan(scene, gear) for gear in scene.condensed]
     for plan in plans:
         if isinstance(plan.source, Drawn):
             with in_keys(plan.gear):
-                pitches = scene[f"{plan.gear}.teeth"] / plan.source.fineness.sectors
+                pitches = scene.gear(plan.gear).teeth / plan.source.fineness.sectors
                 require_short_elements(plan.gear, pitches)
     # Modes do not follow: what is to vibrate stays as it is.
     measures = {} if moving else {plan.gear: _varied_measure(scene, plan) for plan in plans}
@@ -88,7 +88,7 @@ def with_bodies(
 def _varied_measure(scene: Scene, plan: BodyPlan) -> str | None:
     """The measure of a gear's web that the scene varies, if it is one and has bounds."""
     table = f"{plan.gear}.body.web."
-    keys = [key for key in scene.get("optimise.vary", ()) if key.startswith(table)]
+    keys = [key for key in (scene.optimise.vary or ()) if key.startswith(table)]
     keys = [key for key in keys if key in scene.values]
     if len(keys) != 1 or not isinstance(plan.source, Drawn):
         return None
@@ -173,7 +173,7 @@ def _made(scene: Scene, plan: BodyPlan, tell: Callable[[str], None], moving: boo
     if moving:
         tell(f"{plan.gear}: modes with its seats held")
         with in_keys(plan.gear):
-            basis = body_basis(built.body, scene.get("model.coordinates", 100))
+            basis = body_basis(built.body, scene.model.modes)
     return built, basis
 
 
@@ -186,10 +186,10 @@ def _over_whole_cycles(scene: Scene, made: Sequence[_Made]) -> Scene:
     needed = 1
     for built, basis in made:
         if basis is not None:
-            teeth, sectors = scene[f"{built.plan.gear}.teeth"], built.body.facts["sectors"]
+            teeth, sectors = scene.gear(built.plan.gear).teeth, built.body.facts["sectors"]
             assert isinstance(sectors, int)
             needed = math.lcm(needed, basis.under_teeth(teeth, sectors)[1])
-    periods = scene["mesh.periods"]
+    periods = scene.mesh.periods
     if periods % needed == 0:
         return scene
     if "mesh.periods" in scene.given:
@@ -208,10 +208,10 @@ def _in_mesh(
     plan = built.plan
     tell(f"{plan.gear}: teeth on the rim")
     index = GEARS.index(plan.gear)
-    points, axial = scene["mesh.root_points"], scene["mesh.connection"]
+    points, axial = scene.mesh.root_points, scene.mesh.connection
     with in_keys(plan.gear):
         local = None
-        if scene["mesh.root_correction"]:
+        if scene.mesh.root_correction:
             local = root_correction(
                 built.body, plan.material, pair, index, grid, points=points, axial=axial
             )

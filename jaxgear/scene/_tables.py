@@ -93,6 +93,17 @@ class ModelKeys:
     mesh_coordinates: int | None = key(
         "combinations of these that the mesh tells apart; 12 unless said", "[4, 60]"
     )
+
+    @property
+    def modes(self) -> int:
+        """Modes of each condensed body in motion, 0: all."""
+        return 100 if self.coordinates is None else self.coordinates
+
+    @property
+    def at_mesh(self) -> int:
+        """Combinations of them that the mesh tells apart."""
+        return 12 if self.mesh_coordinates is None else self.mesh_coordinates
+
     fidelity: Literal["as given", "auto"] = key(
         "choice of the model; auto: run, map, optimise and sweep first compare models, and take "
         "the cheapest within compare.tolerance",

@@ -114,8 +114,8 @@ def body_under_teeth(scene: Scene, gear: str, statics: Statics) -> BodyUnderTeet
         statics.model,
         statics.grid,
         statics.cycle,
-        points=scene["mesh.root_points"],
-        axial=scene["mesh.connection"],
+        points=scene.mesh.root_points,
+        axial=scene.mesh.connection,
     )
 
 

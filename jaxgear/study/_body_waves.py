@@ -213,4 +213,4 @@ def wave_watch(scene: Scene, pair: PairDynamics) -> WaveWatch:
         most = min(_MOST, *(int(circle.number.max()) for circle in circles))
         rim, angle = joined_circles(circles, most), start_angle(gears, body.index)
         looked[gear] = Looked(body, rim, probes_of(scene, body), angle)
-    return WaveWatch(pair, looked, max(1, scene["sweep.orders"]), law_of(scene))
+    return WaveWatch(pair, looked, max(1, scene.sweep.orders), law_of(scene))

@@ -137,7 +137,7 @@ def _highest_speed(scene: Scene, gear: str) -> float | None:
     """Highest speed of a gear in a sweep [rad/s]."""
     listed = scene.get("sweep.pinion_speed_rad_s")
     highest = max(listed) if listed else scene.get("sweep.pinion_speed_rad_s.to")
-    return highest and highest * scene["pinion.teeth"] / scene[f"{gear}.teeth"]
+    return highest and highest * scene.pinion.teeth / scene.gear(gear).teeth
 
 
 def body_remarks(scene: Scene, found: BuiltBody) -> list[str]:

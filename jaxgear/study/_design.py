@@ -238,7 +238,7 @@ _WIDEST = 0.5
 
 def _require_narrow(space: DesignSpace) -> None:
     """Refuse smooth contact so wide that depths within their bounds make no difference to it."""
-    width, span = float(space.scene["mesh.smoothing_um"]), space.box.upper - space.box.lower
+    width, span = float(space.scene.mesh.smoothing_um), space.box.upper - space.box.lower
     for key, most in zip(space.keys, span, strict=True):
         if key.startswith("flank.") and unit_of(key) == "um" and width > _WIDEST * most:
             raise InputError(
@@ -351,7 +351,7 @@ def _will_follow(scene: Scene, key: str) -> bool:
     Those that are to vibrate are not.
     """
     table = f"{split_entry(key)[0].rpartition('.')[0]}."
-    measures = [each for each in scene["optimise.vary"] if each.startswith(table)]
+    measures = [each for each in scene.optimise.vary if each.startswith(table)]
     return ".body.web." in table and measures == [key] and not scene.has_table("sweep")
 
 

@@ -48,21 +48,21 @@ def speeds_of(scene: Scene) -> np.ndarray:
 
 def directions_of(scene: Scene) -> tuple[Direction, ...]:
     """Directions in which a scene is swept."""
-    chosen = scene["sweep.direction"]
+    chosen = scene.sweep.direction
     return ("up", "down") if chosen == "both" else (chosen,)
 
 
 def damping_of(scene: Scene) -> AbstractDamping:
     """The damping of a scene; its values may be traced."""
-    real = lambda key: scene[f"damping.{key}"]
-    if scene["damping.kind"] == "rayleigh":
+    real = lambda key: getattr(scene.damping, key)
+    if scene.damping.kind == "rayleigh":
         return RayleighDamping(mass_factor=real("a_R_1_s"), stiffness_factor=real("b_R_s"))
     return ModalDamping(mesh=real("mesh"), structure=real("structure"))
 
 
 def dynamic_grid_of(scene: Scene, model: PairModel) -> MeshGrid:
     """Choose the grid of a scene in time: as `grid_of`, with the time steps of [sweep]."""
-    return grid_of(scene.replace({"mesh.phases": scene["sweep.steps"]}), model)
+    return grid_of(scene.replace({"mesh.phases": scene.sweep.steps}), model)
 
 
 def dynamics_of(scene: Scene, model: PairModel, grid: MeshGrid | None = None) -> PairDynamics:
@@ -99,10 +99,10 @@ class _Wanted(eqx.Module):
 
 def _wanted_of(scene: Scene) -> _Wanted:
     return _Wanted(
-        gyroscopic=scene["model.gyroscopic"],
-        active_mesh_damping=scene["damping.active_mesh"],
-        centrifugal=scene["sweep.centrifugal"],
-        mesh_coordinates=scene.get("model.mesh_coordinates", 12),
+        gyroscopic=scene.model.gyroscopic,
+        active_mesh_damping=scene.damping.active_mesh,
+        centrifugal=scene.sweep.centrifugal,
+        mesh_coordinates=scene.model.at_mesh,
     )
 
 
@@ -134,12 +134,12 @@ def size_of(dynamics: PairDynamics) -> Size:
 
 def unknowns_of(scene: Scene, size: Size) -> int:
     """Number of unknowns of harmonic balance."""
-    return size.coordinates * (2 * scene["sweep.harmonics"] * size.periods + 1)
+    return size.coordinates * (2 * scene.sweep.harmonics * size.periods + 1)
 
 
 def method_name(scene: Scene, size: Size) -> str:
     """The method of a sweep: what the scene says, or what it leaves to the program."""
-    chosen = scene["sweep.method"]
+    chosen = scene.sweep.method
     if chosen != "auto":
         return chosen
     return "harmonic" if unknowns_of(scene, size) <= MOST_UNKNOWNS else "newmark"
@@ -158,7 +158,7 @@ def settings_of(scene: Scene, size: Size) -> SweepSettings:
     The method, by harmonic balance as long as a cycle is not too long for it.
     """
     law = law_of(scene)
-    cycles = max(4, -(-scene["sweep.cycles"] // size.periods))
+    cycles = max(4, -(-scene.sweep.cycles // size.periods))
     method: HarmonicBalance | Shooting | Marching
     match method_name(scene, size):
         case "newmark":
@@ -166,7 +166,7 @@ def settings_of(scene: Scene, size: Size) -> SweepSettings:
         case "shooting":
             method = Shooting(law=law)
         case _:
-            method = HarmonicBalance(law=law, harmonics=scene["sweep.harmonics"])
+            method = HarmonicBalance(law=law, harmonics=scene.sweep.harmonics)
     shooting = Shooting(law=law, warm_up=0, most_steps=10)
     return SweepSettings(method, shooting, cycles, kept=max(1, 10 // size.periods))
 
@@ -218,7 +218,7 @@ def solve_dynamics(scene: Scene) -> Dynamics:
         _with_modes, model, grid, damping_of(scene), _wanted_of(scene), options=QUICKLY
     )
     require_solved(pair.cycle.converged)
-    if scene["mesh.contact"] == "exact" and not scene.get("mesh.pinion_speed_rad_s"):
+    if scene.mesh.contact == "exact" and not scene.mesh.pinion_speed_rad_s:
         statics = settled_statics(model, grid, ExactContact(), pair.cycle)
     else:
         # The dynamics are built on the exact cycle at vanishing speed; what is reported is the one
@@ -249,7 +249,7 @@ def require_damped(scene: Scene, dynamics: Dynamics) -> None:
         mode=which + 1,
         frequency=float(dynamics.modes.frequency[which]),
         share=float(dynamics.modes.mesh[which]),
-        key="mesh" if scene["damping.kind"] == "modal" else "b_R_s",
+        key="mesh" if scene.damping.kind == "modal" else "b_R_s",
     )
 
 
@@ -257,8 +257,8 @@ def damping_summary(scene: Scene, dynamics: Dynamics) -> Summary:
     """Kind of damping, and what it makes of the first modes."""
     count = min(12, dynamics.damping_ratio.size)
     return {
-        "kind": scene["damping.kind"],
-        "active_mesh": scene["damping.active_mesh"],
+        "kind": scene.damping.kind,
+        "active_mesh": scene.damping.active_mesh,
         "frequency_Hz": np.asarray(dynamics.modes.frequency)[:count],
         "ratios": dynamics.damping_ratio[:count],
     }

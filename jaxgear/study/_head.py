@@ -25,7 +25,7 @@ def names_of(scene: Scene) -> Summary:
     """What every summary begins with."""
     packages = ("jaxgear", "jax", "jaxlib", "equinox", "optax", "numpy", "scipy")
     versions = {name: importlib.metadata.version(name) for name in packages}
-    return {"name": scene["name"], "cite": scene["cite"], "versions": versions}
+    return {"name": scene.name, "cite": scene.cite, "versions": versions}
 
 
 def head(scene: Scene, statics: Statics) -> Summary:
@@ -35,12 +35,12 @@ def head(scene: Scene, statics: Statics) -> Summary:
         names_of(scene)
         | {
             "model": {
-                "pinion": scene["pinion.body.kind"],
-                "wheel": scene["wheel.body.kind"],
-                "stiffness": scene["mesh.stiffness"],
+                "pinion": scene.pinion.body.kind,
+                "wheel": scene.wheel.body.kind,
+                "stiffness": scene.mesh.stiffness,
                 "foundation": foundation_of(scene),
-                "contact": scene["mesh.contact"],
-                "slices": scene["mesh.slices"],
+                "contact": scene.mesh.contact,
+                "slices": scene.mesh.slices,
                 # Time steps, where statics are those that the dynamics begin with.
                 "phases": statics.grid.phases,
                 # Both gears' rotations are one coordinate: the drive.
@@ -59,7 +59,7 @@ def head(scene: Scene, statics: Statics) -> Summary:
 
 def _efficiency(scene: Scene, statics: Statics) -> Summary:
     """What sliding leaves of the power, as `mesh_efficiency` has it, and what was assumed."""
-    friction = scene["mesh.friction_coefficient"]
+    friction = scene.mesh.friction_coefficient
     efficiency = 1.0 - friction * float(statics.numbers["mesh_loss_factor"])
     return {"friction_coefficient": friction, "mesh_efficiency": efficiency}
 
@@ -72,10 +72,10 @@ def _modes_kept(scene: Scene) -> int:
 
 def foundation_of(scene: Scene) -> str:
     """What gives under the teeth of either gear; once, if it is the same."""
-    given = [scene.get(f"{gear}.foundation", scene["mesh.foundation"]) for gear in GEARS]
+    given = [(scene.gear(gear).foundation or scene.mesh.foundation) for gear in GEARS]
     own = ["its condensed body" if gear in scene.bodies else None for gear in GEARS]
     if not any(own) and not any(f"{gear}.foundation" in scene.values for gear in GEARS):
-        return scene["mesh.foundation"]
+        return scene.mesh.foundation
     named = zip(GEARS, own, given, strict=True)
     return ", ".join(f"{gear} {body or foundation}" for gear, body, foundation in named)
 

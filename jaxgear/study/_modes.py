@@ -76,7 +76,7 @@ def _of_bodies(scene: Scene, waves: BodyWaves) -> tuple[Mapping[str, xr.Dataset]
     critical = critical_dataset(waves)
     alone = {gear: alone_dataset(waves, gear) for gear in waves.alone}
     found = {
-        "campbell": turning_dataset(waves, scene["modes.harmonics"]),
+        "campbell": turning_dataset(waves, scene.modes.harmonics),
         "critical": critical,
         **{f"alone_{gear}": each for gear, each in alone.items()},
     }
@@ -104,7 +104,7 @@ def modes_shown(scene: Scene, frequency: np.ndarray) -> int:
 
     - `InputError` if none is as low as wanted.
     """
-    highest, count = scene.get("modes.highest_Hz"), scene.get("modes.count")
+    highest, count = scene.modes.highest_Hz, scene.modes.count
     below = frequency.size
     if highest is not None:
         below = int(np.searchsorted(frequency, highest, side="right"))
@@ -183,7 +183,7 @@ def _campbell_dataset(scene: Scene, dynamics: Dynamics, count: int, highest: flo
         {name: entry.variable() for name, entry in entries.items()},
         attrs={
             "teeth_pinion": dynamics.statics.model.pair.pinion.teeth,
-            "harmonics": scene["modes.harmonics"],
+            "harmonics": scene.modes.harmonics,
         },
     )
 
@@ -191,7 +191,7 @@ def _campbell_dataset(scene: Scene, dynamics: Dynamics, count: int, highest: flo
 def _modes_summary(scene: Scene, dynamics: Dynamics, count: int) -> Summary:
     """The `modes` part of the summary."""
     frequency, teeth = dynamics.modes.frequency[:count], dynamics.statics.model.pair.pinion.teeth
-    harmonics = range(1, scene["modes.harmonics"] + 1)
+    harmonics = range(1, scene.modes.harmonics + 1)
     critical = np.asarray(critical_speeds(frequency, teeth, tuple(harmonics)))
     return {
         "frequency_Hz": np.asarray(frequency),

@@ -176,7 +176,7 @@ def moving_bodies(scene: Scene) -> Mapping[str, MovingBody]:
     for gear in GEARS:
         if gear not in scene.bodies:
             continue
-        mesh_body, teeth = scene.bodies[gear], scene[f"{gear}.teeth"]
+        mesh_body, teeth = scene.bodies[gear], scene.gear(gear).teeth
         sectors = mesh_body.built.body.facts.get("sectors", 1)
         basis, _ = mesh_body.basis.under_teeth(teeth, sectors)
         seat = mesh_body.flexible.gear_seat

@@ -39,12 +39,12 @@ def notes(scene: Scene, statics: Statics) -> list[str]:
 
 
 def _on_foundations(scene: Scene, model: PairModel) -> list[str]:
-    if scene["mesh.stiffness"] != "weber-banaschek":
-        updates = scene["mesh.line_load_updates"]
+    if scene.mesh.stiffness != "weber-banaschek":
+        updates = scene.mesh.line_load_updates
         return (
             [Idle("mesh.line_load_updates does nothing to this mesh.stiffness.")] if updates else []
         )
-    chosen = [scene.get(f"{gear}.foundation", scene["mesh.foundation"]) for gear in GEARS]
+    chosen = [(scene.gear(gear).foundation or scene.mesh.foundation) for gear in GEARS]
     found = []
     if "sainsot" in chosen:
         found.append(
@@ -61,7 +61,7 @@ def _on_foundations(scene: Scene, model: PairModel) -> list[str]:
                 f"Sainsot's fit holds for root circle over bore of {least:g} to {most:g}; the "
                 f"{gear} has {ratio:.3g}."
             )
-        if foundation == "ring" and scene[f"{gear}.body.kind"] == "beam":
+        if foundation == "ring" and scene.gear(gear).body.kind == "beam":
             found.append(
                 Doubtful(
                     f"The {gear}'s body winds up twice, as a beam and as a ring. Write "
@@ -137,8 +137,8 @@ def _on_condensed(scene: Scene) -> list[str]:
     if not scene.bodies:
         words = ", ".join(given)
         return [Idle(f"{words}: no body is condensed, so it does nothing.")] if given else []
-    found, periods = [], scene["mesh.periods"]
-    if scene["mesh.stiffness"] == "constant":
+    found, periods = [], scene.mesh.periods
+    if scene.mesh.stiffness == "constant":
         found.append(
             "mesh.stiffness_N_mm_um is taken as that of teeth alone: condensed bodies bring their "
             "own give."
@@ -165,14 +165,14 @@ def _on_condensed(scene: Scene) -> list[str]:
                 "Run the scene that is written to see the optimum's own body."
             )
         body = each.built.body
-        if scene["mesh.root_correction"] and not len(body.bricks):
+        if scene.mesh.root_correction and not len(body.bricks):
             found.append(
                 f"The {gear}'s matrices come without a grid: what the elements of its rim are too "
                 "large to show of a root's give is not known, and not added."
             )
-        if scene.get("mesh.pinion_speed_rad_s") and not body.centrifugal_load.any():
+        if scene.mesh.pinion_speed_rad_s and not body.centrifugal_load.any():
             found.append(f"The {gear}'s matrices know no load of rotation: it does not grow.")
-        teeth, sectors = scene[f"{gear}.teeth"], each.built.body.facts.get("sectors", 1)
+        teeth, sectors = scene.gear(gear).teeth, each.built.body.facts.get("sectors", 1)
         repeats = teeth // math.gcd(teeth, sectors)
         if periods % repeats:
             found.append(
@@ -185,22 +185,22 @@ def _on_condensed(scene: Scene) -> list[str]:
 
 
 def _on_cycle(scene: Scene) -> list[str]:
-    found, periods = [], scene["mesh.periods"]
+    found, periods = [], scene.mesh.periods
     for gear in GEARS:
         keys = (f"flank.{gear}.{key}_um" for key in ("pitch_error", "eccentricity"))
         uneven = [key for key in keys if key in scene.given]
-        teeth = scene[f"{gear}.teeth"]
+        teeth = scene.gear(gear).teeth
         if uneven and periods % teeth:
             found.append(
                 f"{' and '.join(uneven)}: {periods} mesh periods are no whole revolution of the "
                 f"{gear}, so statistics and orders are those of a part of it. Make mesh.periods a "
                 f"multiple of {teeth}."
             )
-        if periods == 1 and scene.get(f"flank.{gear}.accuracy_grade") is not None:
+        if periods == 1 and scene.flank.gear(gear).accuracy_grade is not None:
             found.append(
                 f"One mesh period leaves out the pitch errors of flank.{gear}.accuracy_grade."
             )
-    if scene["mesh.tip_contact"]:
+    if scene.mesh.tip_contact:
         found.append(
             "Beyond the ends of the path tip corners press on the flank: the pressures there are "
             "those of the cylinders at the end of the path, not of a corner."
@@ -220,7 +220,7 @@ def _on_results(scene: Scene, statics: Statics) -> list[str]:
                 "Check the stiffness of the bearings, in N/m."
             )
         )
-    slices, factor = scene["mesh.slices"], float(statics.numbers["face_load_factor"])
+    slices, factor = scene.mesh.slices, float(statics.numbers["face_load_factor"])
     mounts = (statics.model.pinion_support, statics.model.wheel_support)
     if slices == 1 and any(isinstance(mount, Shaft) for mount in mounts):
         words = "One slice sees nothing of an uneven load across the face: use 20."

@@ -58,7 +58,7 @@ CRITERIA = {
     ),
     "te_harmonics": Criterion(
         lambda scene: optimise.TransmissionErrorHarmonics(
-            tuple(int(order) for order in scene.get("optimise.harmonics", (1,)))
+            tuple(int(order) for order in (scene.optimise.harmonics or (1,)))
         ),
         "um2",
         "mesh harmonics of the transmission error",
@@ -71,7 +71,11 @@ CRITERIA = {
         lambda scene: optimise.PressureOffset(), "-", "squared offset of the pressure"
     ),
     "dynamic_ratio": Criterion(
-        lambda scene: optimise.DynamicRatio(scene.get("optimise.smoothing_ratio", _RATIO_WIDTH)),
+        lambda scene: optimise.DynamicRatio(
+            _RATIO_WIDTH
+            if scene.optimise.smoothing_ratio is None
+            else scene.optimise.smoothing_ratio
+        ),
         "-",
         "dynamic ratio",
         over_speeds=True,
@@ -93,7 +97,7 @@ def minimised(scene: Scene) -> dict[str, float | None]:
 
 def over_speeds(scene: Scene) -> list[str]:
     """What looks at the speeds: what is made small first, then what it is traded against."""
-    named = [*minimised(scene), scene.get(AGAINST)]
+    named = [*minimised(scene), scene.optimise.pareto.against]
     return [name for name in named if name in CRITERIA and CRITERIA[name].over_speeds]
 
 
@@ -159,13 +163,15 @@ def traded_objectives(scene: Scene, grid: MeshGrid) -> tuple[optimise.AbstractOb
     """
     (first, weight), *_ = minimised(scene).items()
     own = _named(scene, first, grid) if weight is None else objective_of(scene, grid)
-    return own, _named(scene, scene[AGAINST], grid)
+    against = scene.optimise.pareto.against
+    assert against is not None
+    return own, _named(scene, against, grid)
 
 
 def traded(scene: Scene) -> dict[str, Criterion]:
     """What `traded_objectives` are, under the names of columns."""
     (first, weight), *_ = minimised(scene).items()
-    names = [first if weight is None else "weighted", scene[AGAINST]]
+    names = [first if weight is None else "weighted", scene.optimise.pareto.against]
     return {name: _WEIGHTED if name == "weighted" else CRITERIA[name] for name in names}
 
 
@@ -199,7 +205,7 @@ _LIMITED = {
 
 def limits_of(scene: Scene) -> tuple[optimise.Limit, ...]:
     """What [optimise.limits] allows, scaled by a tenth of itself, in the order of the keys."""
-    given = {name: scene.get(f"optimise.limits.{name}") for name in _LIMITED}
+    given = {name: getattr(scene.optimise.limits, name) for name in _LIMITED}
     return tuple(
         optimise.Limit(name, float(most), 0.1 * float(most))
         for name, most in given.items()
@@ -215,13 +221,13 @@ def limits_objectives(scene: Scene, law: AbstractContactLaw) -> list[optimise.Ab
 
 def _at_speeds(scene: Scene, name: str, grid: MeshGrid) -> optimise.OverSpeeds:
     """A number of the responses over the speeds of [sweep]."""
-    steps = scene["sweep.steps"]
+    steps = scene.sweep.steps
     # With its margins, and the same share of the steps after a pair's entry.
     entry, fewest = round(grid.entry_phases * steps / grid.phases), steps // 8
     grid = dataclasses.replace(
         grid, phases=steps, entry_phases=min(max(entry, fewest), steps - fewest)
     )
-    worst = scene.get("optimise.over_speeds", "mean") == "worst"
+    worst = (scene.optimise.over_speeds or "mean") == "worst"
     damping = damping_of(scene)
     assert isinstance(damping, ModalDamping | RayleighDamping)
     return optimise.OverSpeeds(
@@ -229,10 +235,10 @@ def _at_speeds(scene: Scene, name: str, grid: MeshGrid) -> optimise.OverSpeeds:
         speeds=jnp.asarray(speeds_of(scene)),
         grid=grid,
         damping=damping,
-        method=HarmonicBalance(harmonics=scene["sweep.harmonics"], averaged=True),
+        method=HarmonicBalance(harmonics=scene.sweep.harmonics, averaged=True),
         power=np.inf if worst else 1.0,
-        gyroscopic=scene["model.gyroscopic"],
-        active_mesh_damping=scene["damping.active_mesh"],
+        gyroscopic=scene.model.gyroscopic,
+        active_mesh_damping=scene.damping.active_mesh,
     )
 
 
@@ -330,6 +336,6 @@ def task_of(
         torques=torques_of(scene, "optimise.torques_Nm"),
         grid=grid,
         prepared=prepared,
-        worst=scene["optimise.over"] == "worst",
+        worst=scene.optimise.over == "worst",
         batched=not (looks_at_speeds(scene) if trading else is_dynamic(scene)),
     )

@@ -138,7 +138,7 @@ def optimisation(
     at_end = speeds(np.asarray(made.found.point))
     swept = made.baseline.evaluations if is_dynamic(scene) else 0
     notes = left_out_notes(at_start, at_end, limited=swept) + judged.notes
-    name = f"{scene['name']}.optimised.toml"
+    name = f"{scene.name}.optimised.toml"
     own: Summary = judged.summary | left_out(at_start, at_end) | {"scene": name}
     result = Result(
         scene,
@@ -151,7 +151,7 @@ def optimisation(
         },
         scenes={name: space.numbers(made.found.point)},
     )
-    if scene.get("optimise.pareto.against") is not None:
+    if scene.optimise.pareto.against is not None:
         result = together(front_result(space, grid, prepared), result)
     if scatter is not None:
         more = _robust(problem, made.found.point, torques, memory)
@@ -170,7 +170,7 @@ def _robust(
     assert scatter is not None
     scene, file = space.scene, record_file(space, memory, "robust")
     made = hardened(scatter, nominal, grid, smooth_law_of(scene), prepared, file)
-    keys, name = space.numbers(made.found.point), f"{scene['name']}.robust.toml"
+    keys, name = space.numbers(made.found.point), f"{scene.name}.robust.toml"
     statics = _solved(space, made.found.point, torques)
     datasets = robust_datasets(made) | {"search_robust": _design_dataset(scene, statics)}
     summary = {"robust": robust_summary(made) | {"scene": name}, "notes": robust_notes(made)}
@@ -183,8 +183,8 @@ def _problem(scene: Scene, before: Statics) -> _Posed:
     space = design_space(
         scene,
         before.model,
-        tuple(scene["optimise.vary"]),
-        symmetric=scene["optimise.symmetric"],
+        tuple(scene.optimise.vary),
+        symmetric=scene.optimise.symmetric,
         deflection=float(before.numbers["single_pair_deflection_um"]),
     )
     space.require_tied_start()
@@ -252,7 +252,7 @@ def _judged(
     if not found.converged:
         more = "" if search.limits else " Raise optimise.max_evaluations."
         notes.append(Doubtful(f"The search did not converge: {found.reason}.{more}"))
-    notes += smoothing_notes(scene["mesh.smoothing_um"], bias, before, after)
+    notes += smoothing_notes(scene.mesh.smoothing_um, bias, before, after)
     limits: list[dict[str, Any]] = []
     if search.limits:
         end = np.asarray(found.point)
@@ -270,9 +270,9 @@ def _judged(
         "smooth_objective": found.value,
         "smooth_less_exact": bias,
         "smoothing_bias_at_most": smoothing_bias_of(search, space, found.point),
-        "smoothing_um": scene["mesh.smoothing_um"],
+        "smoothing_um": scene.mesh.smoothing_um,
         "method": search.name,
-        "starts": scene["optimise.starts"],
+        "starts": scene.optimise.starts,
         "limits": limits,
         "evaluations": found.evaluations,
         "gradient_evaluations": found.gradient_evaluations,

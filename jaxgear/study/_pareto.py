@@ -43,15 +43,15 @@ def _front(
     searched, judged = (
         task_of(space, grid, law, prepared, trading=True) for law in (smooth, exact)
     )
-    with progress(scene["optimise.pareto.points"], "front") as done:
+    with progress(scene.optimise.pareto.points, "front") as done:
         return optimise.pareto_front(
             optimise.Sloped(lambda x: timed(sloped_responses, searched, x, smooth.width)),
             space.start,
             space.box,
-            points=scene["optimise.pareto.points"],
+            points=scene.optimise.pareto.points,
             limits=limits_of(scene),
             exact=lambda x: np.asarray(timed(responses_at, judged, np.asarray(x), exact)),
-            most_evaluations=scene["optimise.max_evaluations"],
+            most_evaluations=scene.optimise.max_evaluations,
             done=done,
         )
 

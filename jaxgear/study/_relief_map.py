@@ -75,7 +75,7 @@ def relief_map(scene: Scene) -> Result:
         "relief_search": _path_dataset(found.path),
         "relief_curve": _curve_dataset(curve, closed, deepest),
     }
-    if scene.get("map.torques_Nm") is not None:
+    if scene.map.torques_Nm is not None:
         datasets["relief_torques"] = _family(space, extent[::-1], float(valley.depth[-1]), deepest)
     # Relief of one and a half deflections parts the teeth at the ends of the path.
     relieved = np.asarray([1.5 * deflection, 0.3])
@@ -124,15 +124,15 @@ _closed_form_depth = jax.jit(optimise.master_curve_depth)
 
 def _axes(scene: Scene, deflection: float) -> tuple[np.ndarray, np.ndarray]:
     """Depths [um] and extents of the map."""
-    first, last = scene["map.depth_um.from"], scene.get("map.depth_um.to")
+    first, last = scene.map.depth_um.from_, scene.map.depth_um.to
     if last is None:
         last = round_up(max(3.0 * deflection, 2.0 * first))
-    extents = scene["map.extent.from"], scene["map.extent.to"]
+    extents = scene.map.extent.from_, scene.map.extent.to
     for name, low, high in (("depth_um", first, last), ("extent", *extents)):
         if not low < high:
             raise InputError(f"map.{name} must rise, got from = {low:g}, to = {high:g}.")
-    depth = np.linspace(first, last, scene["map.depth_um.points"])
-    return depth, np.linspace(*extents, scene["map.extent.points"])
+    depth = np.linspace(first, last, scene.map.depth_um.points)
+    return depth, np.linspace(*extents, scene.map.extent.points)
 
 
 def _task(space: DesignSpace, statics: Statics) -> Task:
@@ -248,7 +248,7 @@ def _curve_dataset(curve: optimise.TracedCurve, closed: _ClosedForm, deepest: fl
 
 def _family(space: DesignSpace, extent: np.ndarray, start: float, deepest: float) -> xr.Dataset:
     """The curve traced at each of `map.torques_Nm`."""
-    own, curves, deflections = space.scene["pair.torque_pinion_Nm"], [], []
+    own, curves, deflections = space.scene.pair.torque_pinion_Nm, [], []
     torques = torques_of(space.scene, "map.torques_Nm")
     for torque in map(float, torques):
         statics = solve_statics(space.scene.replace({"pair.torque_pinion_Nm": torque}))

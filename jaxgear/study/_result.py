@@ -56,7 +56,7 @@ class Result:
 
 def title_of(scene: Scene) -> str:
     """Return what pictures of a scene are headed by."""
-    return f"{scene['name']}, {scene['pair.torque_pinion_Nm']:g} N m"
+    return f"{scene.name}, {scene.pair.torque_pinion_Nm:g} N m"
 
 
 def titled(dataset: xr.Dataset, scene: Scene, more: str = "") -> xr.Dataset:

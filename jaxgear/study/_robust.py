@@ -47,7 +47,7 @@ def judge_of(
     scene = scatter.space.scene
     torques = jnp.asarray(torques_of(scene, "optimise.torques_Nm"))
     parts = objective_of(scene, grid), *limits_objectives(scene, law)
-    worst = scene["optimise.over"] == "worst"
+    worst = scene.optimise.over == "worst"
 
     def judge(values: Reals, drawn: Reals, prepared: PreparedMesh | None) -> Reals:
         def at_torque(torque: Scalar, mesh: PreparedMesh | None) -> Reals:
@@ -249,9 +249,9 @@ def _widths(scene: Scene, seen: np.ndarray) -> np.ndarray:
 
 
 def _measures(scene: Scene, widths: np.ndarray) -> list[optimise.AbstractMeasure]:
-    if scene["robust.measure"] == "mean":
+    if scene.robust.measure == "mean":
         return [optimise.Mean() for _ in widths]
-    share = scene["robust.share"]
+    share = scene.robust.share
     return [optimise.Quantile(share, float(width)) for width in widths]
 
 
@@ -263,7 +263,7 @@ def _searched(
 ) -> tuple[str, optimise.SearchResult]:
     """Search by the scene's method; a measure of squares is no sum of squares."""
     scene, limits = space.scene, limits_of(space.scene)
-    most = scene["optimise.max_evaluations"]
+    most = scene.optimise.max_evaluations
     first = optimise.Sloped(lambda point: _first_of(*objective(point)))
     with progress(most, "robust search") as done:
         watch = lambda point, value: done(1)
@@ -271,7 +271,7 @@ def _searched(
         if limits:
             all_of = optimise.Sloped(objective)
             return "slsqp", optimise.constrained(all_of, limits, start, space.box, **settings)
-        if scene["optimise.method"] == "adam":
+        if scene.optimise.method == "adam":
             return "adam", optimise.adam(first, start, space.box, **settings)
         return "lbfgs", optimise.lbfgs(first, start, space.box, **settings)
 

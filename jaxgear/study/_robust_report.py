@@ -42,9 +42,9 @@ def _shown(scene: Scene, values: np.ndarray | float) -> np.ndarray:
 
 def _measure_of(scene: Scene, values: np.ndarray) -> float:
     """The measure of [robust] of a sample, not smoothed, in the unit of its values."""
-    if scene["robust.measure"] == "mean":
+    if scene.robust.measure == "mean":
         return float(np.mean(values))
-    return float(np.quantile(values, scene["robust.share"]))
+    return float(np.quantile(values, scene.robust.share))
 
 
 def robust_summary(made: Hardened) -> Summary:
@@ -59,11 +59,11 @@ def robust_summary(made: Hardened) -> Summary:
     before, after = (_measure_of(scene, each.fresh) for each in (made.nominal, made.robust))
     response, unit = _response_of(scene)
     return {
-        "measure": scene["robust.measure"],
-        "share": scene["robust.share"],
-        "samples": scene["robust.samples"],
-        "fresh_samples": scene["robust.fresh_samples"],
-        "seed": scene["robust.seed"],
+        "measure": scene.robust.measure,
+        "share": scene.robust.share,
+        "samples": scene.robust.samples,
+        "fresh_samples": scene.robust.fresh_samples,
+        "seed": scene.robust.seed,
         "response": response,
         "unit": unit,
         "scatter": [
@@ -100,7 +100,7 @@ def _on_fresh(scene: Scene, judged: JudgedDesign) -> Summary:
     ends = own.names, _shown(scene, own.low), _shown(scene, own.high)
     found: Summary = {
         "mean": float(values.mean()),
-        "quantile": float(np.quantile(values, scene["robust.share"])),
+        "quantile": float(np.quantile(values, scene.robust.share)),
         "largest": float(values.max()),
         "without_deviations": float(_shown(scene, judged.at_means)),
         "influences": [
@@ -134,7 +134,7 @@ def robust_datasets(made: Hardened) -> dict[str, xr.Dataset]:
     values = np.stack([_shown(scene, each.fresh) for each in both])
     gears = dataset_of(
         {with_unit("response", unit): told(("design", "gear"), values)}, design=designs
-    ).assign_attrs(share=scene["robust.share"])
+    ).assign_attrs(share=scene.robust.share)
     given = {each.name: each for each in made.scatter.quantities}
     middle = np.stack([_shown(scene, each.influence.nominal) for each in both])
     ends = np.stack([_ends(scene, each.influence, list(given)) for each in both])
@@ -152,7 +152,7 @@ def robust_datasets(made: Hardened) -> dict[str, xr.Dataset]:
         design=designs,
         quantity=Entry(along, names, "1", "what scatters"),
     )
-    count = f", {scene['robust.fresh_samples']} gears"
+    count = f", {scene.robust.fresh_samples} gears"
     return {
         "robust_gears": titled(gears, scene, count),
         "robust_influences": titled(bars, scene),
@@ -198,7 +198,7 @@ def robust_notes(made: Hardened) -> list[str]:
     scatter, found = made.scatter, _comparison(made)
     if idle := _without_effect(made):
         found.append(f"[robust]: {', '.join(idle)} scattered without any effect on the objective.")
-    if scatter.tolerated and scatter.space.scene["mesh.periods"] == 1:
+    if scatter.tolerated and scatter.space.scene.mesh.periods == 1:
         found.append(
             "[robust]: one mesh period leaves out the pitch errors of robust.accuracy_grade. Make "
             "mesh.periods 2 or more to let them scatter."
@@ -226,10 +226,10 @@ def _comparison(made: Hardened) -> list[str]:
         return []
     what, unit = _response_of(scene)
     old, new = (float(_shown(scene, np.asarray(value))) for value in (before, after))
-    mean_square = scene["robust.measure"] == "mean" and scene.get("optimise.minimise") in _SQUARED
-    over = "root mean square" if mean_square else scene["robust.measure"]
+    mean_square = scene.robust.measure == "mean" and scene.get("optimise.minimise") in _SQUARED
+    over = "root mean square" if mean_square else scene.robust.measure
     numbers = (
-        f"on {scene['robust.fresh_samples']} fresh gears the {over} of the {what} is {new:.4g} "
+        f"on {scene.robust.fresh_samples} fresh gears the {over} of the {what} is {new:.4g} "
         f"{unit}, that of the nominal optimum {old:.4g} {unit}"
     )
     broken = [

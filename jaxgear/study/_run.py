@@ -166,14 +166,14 @@ def _told_speed(scene: Scene) -> float | None:
     """The highest speed of the sweep, or that at which condensed bodies grow [rad/s]."""
     if scene.has_table("sweep"):
         return float(np.max(speeds_of(scene)))
-    return scene.get("mesh.pinion_speed_rad_s") if scene.condensed else None
+    return scene.mesh.pinion_speed_rad_s if scene.condensed else None
 
 
 def _harris_torques(scene: Scene) -> np.ndarray:
     """Torques of the Harris map: given, or from a quarter of the mesh's to half as much again."""
-    if scene.get("map.torques_Nm") is not None:
+    if scene.map.torques_Nm is not None:
         return torques_of(scene, "map.torques_Nm")
-    torque, couples = scene["pair.torque_pinion_Nm"], couples_on_pinion(scene)
+    torque, couples = scene.pair.torque_pinion_Nm, couples_on_pinion(scene)
     on_mesh = torque + couples
     least = max(0.25 * on_mesh - couples, 0.05 * torque)
     return np.linspace(least, 1.5 * on_mesh - couples, 6)
@@ -185,5 +185,5 @@ def sizing_result(scene: Scene, grid: MeshGrid) -> Result:
         table = sizing_table(scene, grid, done)
     torques = table["torque_pinion_Nm"].values
     several = f"{len(torques)} torques up to " if len(torques) > 1 else ""
-    table = table.assign_attrs(title=f"{scene['name']}, {several}{max(torques):g} N m")
+    table = table.assign_attrs(title=f"{scene.name}, {several}{max(torques):g} N m")
     return Result(scene, {"sizing": sizing_summary(scene, table)}, {"sizing": table})

@@ -136,7 +136,7 @@ def _deviated(
             case "helix slope":
                 more = HelixSlope(amount * um)
             case _:
-                waves = float(scene[f"flank.{GEARS[gear]}.accuracy_waves"])
+                waves = float(scene.flank.gear(GEARS[gear]).accuracy_waves)
                 # A cosine of whole waves has no slope, and no mean.
                 more = ProfileWaviness(amount * um, waves, 0.5 * np.pi)
         flanks[gear] = Superposed((flanks[gear], more))
@@ -199,7 +199,7 @@ def _tolerated(
     scene: Scene, pair: GearPair, teeth: np.ndarray
 ) -> list[tuple[Tolerated, optimise.Quantity]]:
     """The deviations of a tolerance class along the flank normal, as many as act."""
-    grade = scene.get("robust.accuracy_grade")
+    grade = scene.robust.accuracy_grade
     if grade is None:
         return []
     found = []
@@ -214,14 +214,14 @@ def _tolerated(
             (Tolerated(gear, "profile form"), 0.5 * normal * allowed.profile_form),
             (Tolerated(gear, "helix slope"), normal * allowed.helix_slope),
         ]
-        if scene["mesh.periods"] > 1:
+        if scene.mesh.periods > 1:
             # A single pitch is the difference of two teeth that are out of place independently.
             place = along_arc * allowed.single_pitch / np.sqrt(2.0)
             count = (pair.pinion, pair.wheel)[gear].teeth
             amounts += [(Tolerated(gear, "pitch", int(t)), place) for t in np.unique(teeth % count)]
         for each, most in amounts:
             label = f"{name} {each.kind}" + (f" of tooth {each.tooth}" if each.tooth >= 0 else "")
-            share = float(most) / um / scene["robust.tolerance_deviations"]
+            share = float(most) / um / scene.robust.tolerance_deviations
             found.append((each, optimise.Quantity(label, 0.0, share)))
     return found
 
@@ -276,8 +276,8 @@ def samples_of(scatter: Scatter) -> tuple[np.ndarray, np.ndarray]:
 
     Deviations, `[gear, quantity]`, in the units of the quantities.
     """
-    scene, seed = scatter.space.scene, scatter.space.scene["robust.seed"]
+    scene, seed = scatter.space.scene, scatter.space.scene.robust.seed
     return (
-        optimise.scattered(scatter.quantities, scene["robust.samples"], seed),
-        optimise.scattered(scatter.quantities, scene["robust.fresh_samples"], seed + 1),
+        optimise.scattered(scatter.quantities, scene.robust.samples, seed),
+        optimise.scattered(scatter.quantities, scene.robust.fresh_samples, seed + 1),
     )

@@ -90,11 +90,11 @@ def search_of(
     task = task_of(space, grid, law, prepared)
     sloped = lambda evaluate: optimise.Sloped(lambda x, width: timed(evaluate, task, x, width))
     many = optimise.Batched(lambda points: timed(objectives_at, task, points, law))
-    squares = scene["optimise.method"] == "least_squares"
+    squares = scene.optimise.method == "least_squares"
     if not limits and not squares:
         return by_gradient(space, sloped(sloped_objective), many, file)
     slopes = sloped(sloped_responses if limits else sloped_residuals)
-    settings: Any = dict(most_evaluations=scene["optimise.max_evaluations"], file=file)
+    settings: Any = dict(most_evaluations=scene.optimise.max_evaluations, file=file)
 
     def descend(start: np.ndarray, watch: optimise.Watcher) -> optimise.SearchResult:
         own = slopes.at(law.width)
@@ -132,11 +132,11 @@ def by_gradient(
     The search.
     """
     scene = space.scene
-    name = "adam" if scene["optimise.method"] == "adam" else "lbfgs"
+    name = "adam" if scene.optimise.method == "adam" else "lbfgs"
     method = {"lbfgs": optimise.lbfgs, "adam": optimise.adam}[name]
-    settings: Any = dict(most_evaluations=scene["optimise.max_evaluations"], file=file)
+    settings: Any = dict(most_evaluations=scene.optimise.max_evaluations, file=file)
     width = smooth_law_of(scene).width
-    widths = [um * each for each in scene.get("optimise.anneal_um", ())]
+    widths = [um * each for each in (scene.optimise.anneal_um or ())]
 
     def descend(start: np.ndarray, watch: optimise.Watcher) -> optimise.SearchResult:
         if widths:
@@ -231,9 +231,9 @@ def descent(
     - `space`: its variables.
     - `start`: from where, in the units of the keys.
     """
-    scene, more = space.scene, 0 if start is not None else space.scene["optimise.starts"] - 1
-    most = scene["optimise.max_evaluations"] * (1 + more)
-    most *= 1 + len(scene.get("optimise.anneal_um", ()))
+    scene, more = space.scene, 0 if start is not None else space.scene.optimise.starts - 1
+    most = scene.optimise.max_evaluations * (1 + more)
+    most *= 1 + len(scene.optimise.anneal_um or ())
     with progress(most, f"searching by {search.name}") as done:
         watch = lambda point, value: done(1)
         found = [search.descend(space.start if start is None else start, watch)]

@@ -20,7 +20,7 @@ def require_searchable(scene: Scene) -> None:
 
     - `InputError` naming variables without bounds, or `SceneError` with every mistake.
     """
-    refuse_unbounded(scene, tuple(scene["optimise.vary"]))
+    refuse_unbounded(scene, tuple(scene.optimise.vary))
     require_swept(scene)
     _require_method(scene)
 
@@ -62,10 +62,10 @@ def require_swept(scene: Scene) -> None:
 
 def _require_method(scene: Scene) -> None:
     """Refuse methods and widths that do not go with what is asked for."""
-    squares = scene.get("optimise.minimise") == "te_rms" and scene["optimise.over"] == "mean"
-    limited, method = bool(limits_of(scene)), scene["optimise.method"]
-    orders, against = scene.get("optimise.harmonics", ()), scene.get(AGAINST)
-    widths = [*scene.get("optimise.anneal_um", ()), scene["mesh.smoothing_um"]]
+    squares = scene.get("optimise.minimise") == "te_rms" and scene.optimise.over == "mean"
+    limited, method = bool(limits_of(scene)), scene.optimise.method
+    orders, against = (scene.optimise.harmonics or ()), scene.get(AGAINST)
+    widths = [*(scene.optimise.anneal_um or ()), scene.mesh.smoothing_um]
     wrong = [
         (
             "method",
@@ -89,7 +89,7 @@ def _require_method(scene: Scene) -> None:
         ),
         (
             "harmonics",
-            any(order % 1.0 or 2.0 * order >= scene["mesh.phases"] for order in orders),
+            any(order % 1.0 or 2.0 * order >= scene.mesh.phases for order in orders),
             "must be whole numbers, less than half of mesh.phases",
         ),
         (

@@ -116,8 +116,12 @@ def with_own_modulus(scene: Scene) -> Scene:
     for gear in scene.condensed:
         known = [f"{gear}.body.young_GPa", f"{gear}.body.superelement"]
         if all(scene.get(key) is None for key in known):
-            shared = scene["material.young_GPa"]
-            added[known[0]] = scene.get(f"{gear}.material.young_GPa", shared)
+            shared = scene.material.young_GPa
+            added[known[0]] = (
+                shared
+                if scene.gear(gear).material.young_GPa is None
+                else scene.gear(gear).material.young_GPa
+            )
     return scene.replace(added)
 
 

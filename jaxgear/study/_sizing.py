@@ -79,7 +79,7 @@ def combinations_of(scene: Scene) -> tuple[tuple[str, ...], np.ndarray]:
             "[sizing] names no amounts. Add, for example, "
             '"flank.pinion.tip_relief.depth_um" = [0.0, 5.0, 10.0] to a table [sizing.amounts].'
         )
-    if scene["sizing.symmetric"]:
+    if scene.sizing.symmetric:
         refuse_twins("sizing", keys)
     lists = [sorted(set(scene[f"{_AMOUNTS}{key}"])) for key in keys]
     count = math.prod(map(len, lists))
@@ -124,7 +124,7 @@ def sizing_table(scene: Scene, grid: MeshGrid, done: Callable[[int], None]) -> x
 
     def of_combination(values: Reals, model: PairModel, meshes: PreparedMesh) -> Reals:
         updates = dict(zip(keys, values, strict=True))
-        if scene["sizing.symmetric"]:
+        if scene.sizing.symmetric:
             updates |= {twin(key): value for key, value in updates.items()}
         flanks = flanks_of(scene.replace(updates), model.pair)
         return jax.vmap(lambda mesh, torque: _judge(model, flanks, mesh, torque))(
@@ -171,7 +171,7 @@ def _amount(scene: Scene, key: str, values: np.ndarray) -> Entry:
     """The values of a key of a flank."""
     _, gear, name = key.split(".", 2)
     unit = KEYS[general(key)].unit
-    whose = "both" if scene["sizing.symmetric"] else gear
+    whose = "both" if scene.sizing.symmetric else gear
     return Entry(("combination",), values, "1" if unit == "-" else unit, f"{whose}: {name}")
 
 
@@ -240,7 +240,7 @@ def sizing_summary(scene: Scene, table: xr.Dataset) -> dict[str, Any]:
     return {
         "combinations": table.sizes["combination"],
         "torques_Nm": table["torque_pinion_Nm"].values,
-        "symmetric": scene["sizing.symmetric"],
+        "symmetric": scene.sizing.symmetric,
         "unsolved": int(np.isnan(table["worst_te_mean_um"].values).sum()),
         "best": top[0],
         "top": top,

@@ -74,7 +74,7 @@ class SteadyPoint:
 
 def keys_in_motion(scene: Scene) -> Keys:
     """All real keys of a scene, and the damping that it has."""
-    modal = scene["damping.kind"] == "modal"
+    modal = scene.damping.kind == "modal"
     damping = ("mesh", "structure") if modal else ("a_R_1_s", "b_R_s")
     return Keys(scene, scene.real_keys() + tuple(f"damping.{key}" for key in damping))
 
@@ -139,7 +139,7 @@ def method_of(scene: Scene, dynamics: PairDynamics, law: AbstractContactLaw) -> 
     """Harmonic balance of a scene; exact contact averaged over time steps, as when optimising."""
     averaged = isinstance(law, ExactContact) and dynamics.system.cell_damping is None
     return HarmonicBalance(
-        law=law, harmonics=scene["sweep.harmonics"], averaged=averaged, tolerance=_SETTLED
+        law=law, harmonics=scene.sweep.harmonics, averaged=averaged, tolerance=_SETTLED
     )
 
 

@@ -31,11 +31,11 @@ def sweep_notes(scene: Scene, unsettled: int, responses: int, lost: list[str]) -
     A sentence or two each.
     """
     found = []
-    if scene["sweep.centrifugal"] and not scene.condensed:
+    if scene.sweep.centrifugal and not scene.condensed:
         found.append(
             Idle("Rigid and beam bodies do not grow: sweep.centrifugal does nothing to them.")
         )
-    if scene.get("model.coordinates") and not scene.condensed:
+    if scene.model.coordinates and not scene.condensed:
         found.append(Idle("model.coordinates does nothing: all modes of these bodies are kept."))
     found += [*_beyond_bodies(scene), *_beyond_reach(scene)]
     if unsettled:
@@ -55,7 +55,7 @@ def sweep_notes(scene: Scene, unsettled: int, responses: int, lost: list[str]) -
 
 def _beyond_bodies(scene: Scene) -> list[str]:
     """More modes asked for than bodies have."""
-    asked, found = scene.get("model.coordinates", 0), []
+    asked, found = scene.model.coordinates or 0, []
     for gear, basis in _bases(scene):
         has = len(basis.square)
         # The last pair is never parted.
@@ -75,9 +75,9 @@ def _beyond_reach(scene: Scene) -> list[str]:
         return []
     square, gear, basis = max(each, key=lambda row: row[0])
     frequency, mode = math.sqrt(square) / (2.0 * math.pi), int(np.argmax(basis.square))
-    speeds, teeth = speeds_of(scene), scene["pinion.teeth"]
+    speeds, teeth = speeds_of(scene), scene.pinion.teeth
     # Approach and tilt stand beside the mesh coordinates.
-    size = Size(2 + scene.get("model.mesh_coordinates", 12), scene["mesh.periods"])
+    size = Size(2 + scene.model.at_mesh, scene.mesh.periods)
     harmonic = method_name(scene, size) == "harmonic"
     key = "sweep.harmonics" if harmonic else "sweep.steps"
     # Up to which multiple of the mesh frequency a response is followed, and what that takes.

@@ -52,7 +52,7 @@ def sweep_summary(scene: Scene, dynamics: Dynamics, sweep: Sweep, dataset: xr.Da
         "tori_rad_s": special("tori"),
         "unsettled_count": sweep.unsettled,
         "method": method_name(scene, size),
-        "steps": scene["sweep.steps"],
+        "steps": scene.sweep.steps,
         "unknowns": unknowns_of(scene, size),
         "seconds_with_compiling": sweep.seconds,
     }

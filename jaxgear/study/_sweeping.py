@@ -108,10 +108,10 @@ def swept(
 
 
 def _response(scene: Scene, dynamics: PairDynamics, speed: float, point: SweepPoint) -> Response:
-    numbers = jax.device_get(measured(dynamics, point.orbit, law_of(scene), scene["sweep.orders"]))
+    numbers = jax.device_get(measured(dynamics, point.orbit, law_of(scene), scene.sweep.orders))
     residual = float(point.orbit.residual)
     if not all(np.isfinite(x).all() for x in (residual, *numbers)):
-        other = "shooting" if scene["sweep.method"] == "newmark" else "newmark"
+        other = "shooting" if scene.sweep.method == "newmark" else "newmark"
         raise SolverFailure(
             f"the response at {speed:.6g} rad/s is not a finite number. Raise sweep.steps, write "
             f'sweep.method = "{other}", or leave this speed out.'
@@ -202,7 +202,11 @@ def branches(
 
 def _continued(scene: Scene, dynamics: PairDynamics) -> bool:
     """Whether the branch is followed round its folds."""
-    asked = scene.get("sweep.continuation", scene["sweep.direction"] == "both")
+    asked = (
+        scene.sweep.direction == "both"
+        if scene.sweep.continuation is None
+        else scene.sweep.continuation
+    )
     return (
         asked and method_name(scene, size_of(dynamics)) == "harmonic" and len(speeds_of(scene)) > 1
     )

@@ -78,7 +78,7 @@ def body_waves(
     return BodyWaves(
         content=wave_content(pair, np.asarray(modes.shape)[:, :count], both),
         turning=turning,
-        critical=critical_crossings(turning, tuple(range(1, scene["modes.harmonics"] + 1))),
+        critical=critical_crossings(turning, tuple(range(1, scene.modes.harmonics + 1))),
         alone={GEARS[body.index]: modes_alone(pair, modes, body.index) for body in pair.bodies},
         frequency=np.asarray(modes.frequency),
     )
@@ -96,7 +96,7 @@ def require_retained(scene: Scene, pair: PairDynamics) -> None:
 
     - `InputError` naming the gear whose modes end below it.
     """
-    asked, count = scene.get("modes.highest_Hz"), scene.get("modes.count")
+    asked, count = scene.modes.highest_Hz, scene.modes.count
     if not pair.bodies or (asked is None and count is None):
         return
     ends = [float(np.sqrt(np.max(np.asarray(body.square)))) for body in pair.bodies]
@@ -105,7 +105,7 @@ def require_retained(scene: Scene, pair: PairDynamics) -> None:
         gear=GEARS[body.index],
         last=last,
         modes=body.square.size,
-        given=scene.get("model.coordinates", 100) or "all",
+        given=scene.model.modes or "all",
     )
     whose = (
         "but the {modes} modes that the {gear}'s condensed body has in motion, all seats held, end "
@@ -118,10 +118,10 @@ def require_retained(scene: Scene, pair: PairDynamics) -> None:
     if asked is not None:
         message = "modes.highest_Hz is {asked:g} Hz, " + whose + ": " + remedy
         require(asked <= last, message + "modes.highest_Hz.", asked=asked, **about)
-        return
-    below = int(np.searchsorted(_natural(pair), last, side="right"))
-    message = "modes.count is {count}, " + whose + ", and the pair has {below} below: " + remedy
-    require(count <= below, message + "modes.count.", count=count, below=below, **about)
+    elif count is not None:
+        below = int(np.searchsorted(_natural(pair), last, side="right"))
+        message = "modes.count is {count}, " + whose + ", and the pair has {below} below: " + remedy
+        require(count <= below, message + "modes.count.", count=count, below=below, **about)
 
 
 def _natural(pair: PairDynamics) -> np.ndarray:

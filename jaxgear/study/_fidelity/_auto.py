@@ -120,7 +120,7 @@ def _read(file: Path | None) -> Mapping[str, Summary]:
 
 def _short(scene: Scene) -> Scene:
     """The scene over one mesh period, where its cycle is long: levels do not differ by that."""
-    return scene.replace({"mesh.periods": 1}) if scene["mesh.periods"] > PERIODS else scene
+    return scene.replace({"mesh.periods": 1}) if scene.mesh.periods > PERIODS else scene
 
 
 def _at_rest(scene: Scene, work: Work) -> Summary:
@@ -137,7 +137,7 @@ def _in_motion(scene: Scene) -> Summary:
     if not scene.condensed:
         scene = _short(scene)
     scene = built_scene(scene, moving=True)
-    if scene["mesh.periods"] > PERIODS:
+    if scene.mesh.periods > PERIODS:
         # A shorter cycle would be another body's: holes come again after many periods.
         return _as_given(scene, "Models with condensed bodies are compared over few mesh periods.")
     if scene.condensed:
@@ -190,7 +190,7 @@ def changes_in_motion(scene: Scene, level: Level) -> Mapping[str, Any]:
 
 
 def _by_balance(scene: Scene) -> bool:
-    return scene["sweep.method"] in ("auto", "harmonic")
+    return scene.sweep.method in ("auto", "harmonic")
 
 
 def _as_given(scene: Scene, why: str) -> Summary:
@@ -200,7 +200,7 @@ def _as_given(scene: Scene, why: str) -> Summary:
         "changes": {},
         "why": f"{why} So the scene was taken as it is given.",
         "errors": {},
-        "tolerance": scene["compare.tolerance"],
+        "tolerance": scene.compare.tolerance,
         "within_tolerance": False,
     }
 

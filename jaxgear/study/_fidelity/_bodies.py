@@ -22,7 +22,7 @@ from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
 from jaxgear.study._fidelity._engine import own_of
 from jaxgear.study._fidelity._level import Answers, Level
-from jaxgear.study._fidelity._models import MODES, Models, changed, differing
+from jaxgear.study._fidelity._models import Models, changed, differing
 from jaxgear.study._fidelity._motion import AbstractMotion, OperatingPoints, each
 from jaxgear.study._progress import narration
 from jaxgear.study._result import Summary
@@ -61,7 +61,7 @@ class BodiesProblem(AbstractMotion):
         - `speeds`: number of speeds: one costs a tenth of a second to several.
         - `modes`: of each body of the reference; by default 400 of all bodies together.
         """
-        own = scene.get("model.coordinates", MODES)
+        own = scene.model.modes
         most = modes or _REFERENCE_MODES // len(scene.condensed)
         most = 0 if own == 0 else max(own, most)
         with narration("bodies of the reference"):
@@ -72,7 +72,7 @@ class BodiesProblem(AbstractMotion):
         self.richest = {
             "model.coordinates": most,
             "model.mesh_coordinates": max(_REFERENCE_COORDINATES, _coordinates(scene)),
-            "sweep.steps": 2 * scene["sweep.steps"],
+            "sweep.steps": 2 * scene.sweep.steps,
         }
 
     def finest(self, level: Level, place: OperatingPoints) -> Mapping[str, Any]:
@@ -81,7 +81,7 @@ class BodiesProblem(AbstractMotion):
 
     def solved(self, pair: PairDynamics, speeds: Speeds) -> tuple[Answers, np.ndarray]:
         """Harmonic balance; good where it has converged."""
-        method = HarmonicBalance(harmonics=self.scene["sweep.harmonics"])
+        method = HarmonicBalance(harmonics=self.scene.sweep.harmonics)
         answers = timed(each, method, pair.system, speeds)
         return answers, np.asarray(answers.solved)
 
@@ -101,7 +101,7 @@ class BodiesProblem(AbstractMotion):
         modes = sum(len(place.waves) for place in pair.bodies)
         told = pair.system.vectors.shape[1]
         return {
-            "name": f"harmonic balance, H{self.scene['sweep.harmonics']} N{steps}, {modes} modes, "
+            "name": f"harmonic balance, H{self.scene.sweep.harmonics} N{steps}, {modes} modes, "
             f"{told} mesh coordinates",
             "motion_left_out_by_mesh_coordinates": float(pair.left_out),
             **self.told(self._reference(self.levels[0], self.places[0])),
@@ -120,8 +120,8 @@ def body_levels(scene: Scene, most: int) -> list[Level]:
 
     The levels, family by family; those of modes from the fewest to the most.
     """
-    steps, harmonics = scene["sweep.steps"], scene["sweep.harmonics"]
-    slices, modes = scene["mesh.slices"], scene.get("model.coordinates", MODES)
+    steps, harmonics = scene.sweep.steps, scene.sweep.harmonics
+    slices, modes = scene.mesh.slices, scene.model.modes
     every = max(body.built.body.dofs for body in scene.bodies.values())
     retained = {x for x in {10, 50, 100, 200, most} - {0, modes} if x <= min(most or every, every)}
 
@@ -159,7 +159,7 @@ def body_levels(scene: Scene, most: int) -> list[Level]:
 
 def few_levels(scene: Scene) -> list[Level]:
     """The scene itself, and the few levels that are likely to be cheaper and to suffice."""
-    levels = body_levels(scene, scene.get("model.coordinates", MODES))
+    levels = body_levels(scene, scene.model.modes)
     own = own_of(levels)
     wanted = ("10 modes", "50 modes", "5 slices", "H10 N64", "rigid", "rigid pinion")
     return [own, *(level for level in levels if level.name in wanted and level is not own)]
@@ -213,4 +213,4 @@ def _shaft_inertia(shaft: Shaft) -> np.ndarray:
 
 
 def _coordinates(scene: Scene) -> int:
-    return scene.get("model.mesh_coordinates", _COORDINATES)
+    return scene.model.at_mesh

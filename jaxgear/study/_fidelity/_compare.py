@@ -38,12 +38,12 @@ def compare(scene: Scene) -> Result:
     if moving:
         scene = built_scene(scene, moving=True)
     require(
-        scene["mesh.periods"] <= PERIODS,
+        scene.mesh.periods <= PERIODS,
         "`compare` takes cycles of up to {most} mesh periods, got mesh.periods = {got}. "
         "Compare the scene with fewer: what is found of models and methods holds for long cycles "
         "too.",
         most=PERIODS,
-        got=scene["mesh.periods"],
+        got=scene.mesh.periods,
     )
     if not moving:
         require_at_rest(scene)

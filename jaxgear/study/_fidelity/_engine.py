@@ -109,7 +109,7 @@ def own_of(levels: Sequence[Level]) -> Level:
 
 def counted(scene: Scene, names: Sequence[str]) -> tuple[str, ...]:
     """Of responses those that count; all, where the scene names none of them."""
-    named = scene.get("compare.responses") or names
+    named = scene.compare.responses or names
     return tuple(name for name in names if name in named) or tuple(names)
 
 
@@ -129,7 +129,7 @@ def compared(problem: AbstractProblem, what: str) -> Comparison:
 
     - `SolverFailure` if the reference was not solved.
     """
-    tolerance = float(problem.scene["compare.tolerance"])
+    tolerance = float(problem.scene.compare.tolerance)
     responses, own = counted(problem.scene, problem.names), own_of(problem.levels)
     levels = {level.name: level for level in problem.levels}
     lines: dict[str, Summary] = {}

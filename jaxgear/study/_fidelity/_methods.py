@@ -74,7 +74,7 @@ class MethodsProblem(AbstractMotion):
         levels = method_levels(scene) if levels is None else levels
         super().__init__(scene, Models(scene, moving=True), levels, 2, speeds)
         self.steps = steps
-        self.most = 2 * max(x.changes.get("mesh.slices", scene["mesh.slices"]) for x in levels)
+        self.most = 2 * max(x.changes.get("mesh.slices", scene.mesh.slices) for x in levels)
         self.whole = any(level.axis in ("slices", "bodies") for level in levels)
 
     def finest(self, level: Level, place: OperatingPoints) -> Mapping[str, Any]:
@@ -96,7 +96,7 @@ class MethodsProblem(AbstractMotion):
         """A few per cent; of other bodies all are on it."""
         if set(level.changes) - _NUMERICAL:
             return np.inf
-        return max(_SAME_BRANCH, 2.0 * float(self.scene["compare.tolerance"]))
+        return max(_SAME_BRANCH, 2.0 * float(self.scene.compare.tolerance))
 
     def size(self, level: Level) -> Summary:
         """Nothing besides."""
@@ -150,9 +150,9 @@ def model_levels(scene: Scene, slices: Sequence[int], numbers: Mapping[str, int]
 
 def method_levels(scene: Scene) -> list[Level]:
     """All methods and settings that are compared on a scene, family by family."""
-    own, width = scene["mesh.slices"], float(scene["mesh.smoothing_um"])
+    own, width = scene.mesh.slices, float(scene.mesh.smoothing_um)
     settings = {(5, 64), (10, 64), (20, 64), (20, 128), (40, 128), (40, 256)}
-    settings.add((scene["sweep.harmonics"], scene["sweep.steps"]))
+    settings.add((scene.sweep.harmonics, scene.sweep.steps))
     levels = [balance_level(scene, h, n) for h, n in sorted(settings, key=lambda x: (x[1], x[0]))]
 
     def level(name: str, family: str, method: AbstractMethod, steps: int, **more: Any) -> Level:
@@ -165,7 +165,7 @@ def method_levels(scene: Scene) -> list[Level]:
         )
         for h, n in ((10, 64), (20, 128))
     ]
-    if not scene["damping.active_mesh"]:
+    if not scene.damping.active_mesh:
         levels += [
             level(f"H{h} N{n} mean", "its contact averaged", averaged, n)
             for h, n in ((10, 64), (20, 128), (40, 256))

@@ -54,8 +54,8 @@ class Models:
     def __call__(self, changes: Mapping[str, Any]) -> tuple[Scene, PairModel]:
         scene = changed(self.plain, changes)
         if scene.condensed:
-            bodies = self._bodies(scene["mesh.slices"])
-            count = scene.get("model.coordinates", MODES)
+            bodies = self._bodies(scene.mesh.slices)
+            count = scene.model.modes
             own = {gear: bodies[gear] for gear in scene.condensed}
             if self.moving:
                 own = {

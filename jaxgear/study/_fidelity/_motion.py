@@ -98,7 +98,7 @@ class AbstractMotion(AbstractProblem):
         self.scene, self.models, self.levels = scene, models, levels
         self.names = DYNAMIC_RESPONSES[:names]
         at = some_speeds(speeds_of(scene), speeds)
-        loads = {_TORQUE: _HELD_OUT * float(scene[_TORQUE])}
+        loads = {_TORQUE: _HELD_OUT * float(scene.pair.torque_pinion_Nm)}
         self.places = (
             OperatingPoints("", at),
             OperatingPoints("speeds between these", other_speeds(at)),
@@ -205,7 +205,7 @@ class AbstractMotion(AbstractProblem):
         """What both kinds of reference tell: speeds, answers, seconds."""
         tried = [place.words for place in self.places[1:]]
         return {
-            "slices": self.scene["mesh.slices"],
+            "slices": self.scene.mesh.slices,
             "speeds_rad_s": np.asarray(self.places[0].speeds),
             "held_out": [words for words in tried if any(words == x for x, _ in self.references)],
             "good": reference.good,

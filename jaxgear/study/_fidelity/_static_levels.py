@@ -20,11 +20,11 @@ def static_levels(scene: Scene, *, few: bool = False) -> list[Level]:
     - `scene`: checked against the schema.
     - `few`: whether only what can save time is wanted, and not more than is likely to.
     """
-    own, phases = scene["mesh.slices"], scene["mesh.phases"]
+    own, phases = scene.mesh.slices, scene.mesh.phases
     # What is finer than the scene itself can save nothing, and takes long with condensed bodies.
     coarser = few or bool(scene.condensed)
     counts = (() if needs_its_slices(scene) else (5,)) if few else _SLICES
-    least = _IN_HARMONIC * max(scene.get("optimise.harmonics", (1.0,))) if few else 0
+    least = _IN_HARMONIC * max(scene.optimise.harmonics or (1.0,)) if few else 0
     levels = [Level("as given", "as given")]
     levels += [Level(name, "bodies", "bodies", x) for name, x in simpler_bodies(scene).items()]
     levels += [
@@ -37,10 +37,10 @@ def static_levels(scene: Scene, *, few: bool = False) -> list[Level]:
         for n in ((16, 32) if few else _PHASES)
         if n >= least and (n < phases or (n > phases and not coarser))
     ]
-    if scene["mesh.stiffness"] == "weber-banaschek":
+    if scene.mesh.stiffness == "weber-banaschek":
         levels += _on_stiffness(scene, few)
     if not few:
-        other = "smooth" if scene["mesh.contact"] == "exact" else "exact"
+        other = "smooth" if scene.mesh.contact == "exact" else "exact"
         levels.append(Level(f"{other} contact", "contact", "contact", {"mesh.contact": other}))
     return [level for level in levels if not takes_away(scene, level.changes)]
 
@@ -52,7 +52,7 @@ def simpler_bodies(scene: Scene) -> Mapping[str, Mapping[str, Any]]:
     foundation; the pair without shafts and bearings only turns.
     """
     found: dict[str, Mapping[str, Any]] = {}
-    elastic = [gear for gear in GEARS if scene[f"{gear}.body.kind"] != "rigid"]
+    elastic = [gear for gear in GEARS if scene.gear(gear).body.kind != "rigid"]
     rigid = {f"{gear}.body.kind": "rigid" for gear in elastic}
     if len(elastic) == len(GEARS):
         found["rigid pinion"] = {"pinion.body.kind": "rigid"}
@@ -68,17 +68,17 @@ def simpler_bodies(scene: Scene) -> Mapping[str, Mapping[str, Any]]:
         if any(key.startswith(f"{gear}.{mount}.") for key in scene.values)
     ]
     loaded = any(scene.rows(f"{gear}.shaft.loads") for gear in GEARS)
-    if mounts and not loaded and scene.get("housing.stiffness_csv") is None:
+    if mounts and not loaded and scene.housing.stiffness_csv is None:
         found["torsional pair"] = rigid | dict.fromkeys(mounts)
     return found
 
 
 def _on_stiffness(scene: Scene, few: bool) -> list[Level]:
     """Foundations and line loads: less than the scene has, and what lies beyond it."""
-    key, updates = "mesh.line_load_updates", scene["mesh.line_load_updates"]
+    key, updates = "mesh.line_load_updates", scene.mesh.line_load_updates
     found = []
     chosen = {
-        gear: scene.get(f"{gear}.foundation", scene["mesh.foundation"])
+        gear: (scene.gear(gear).foundation or scene.mesh.foundation)
         for gear in GEARS
         if gear not in scene.condensed
     }
@@ -108,16 +108,16 @@ def _named(scene: Scene) -> list[str]:
     """Keys that a search varies, ties, lets scatter or looks at."""
     if not scene.has_table("optimise"):
         return []
-    small = scene.get("optimise.minimise"), scene.get("optimise.pareto.against")
+    small = scene.get("optimise.minimise"), scene.optimise.pareto.against
     forces = "bearing_force" in small or scene.get("optimise.minimise.bearing_force") is not None
     bearings = [f"{gear}.shaft.bearings" for gear in GEARS] if forces else []
     tables = ("optimise.ties.", "robust.scatter.", "robust.even.")
     others = [key.removeprefix(table) for table in tables for key in scene.values
               if key.startswith(table)]  # fmt: skip
-    return [*scene["optimise.vary"], *others, *bearings]
+    return [*scene.optimise.vary, *others, *bearings]
 
 
 def needs_its_slices(scene: Scene) -> bool:
     """Whether a search limits the load of the last slices, which other slices have not."""
-    limited = scene.get("optimise.limits.edge_line_load_N_mm") is not None
+    limited = scene.optimise.limits.edge_line_load_N_mm is not None
     return limited and scene.has_table("optimise")

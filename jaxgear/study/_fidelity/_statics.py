@@ -109,9 +109,9 @@ def visited(scene: Scene, work: Work) -> list[str]:
         return [f"flank.{gear}.tip_relief.depth_um" for gear in GEARS]
     if work != "optimise" or not scene.has_table("optimise"):
         return []
-    keys = [key for key in scene["optimise.vary"] if key.startswith("flank.")]
+    keys = [key for key in scene.optimise.vary if key.startswith("flank.")]
     keys = [key for key in keys if key.endswith("_um") and isinstance(scene.get(key), float)]
-    both = scene["optimise.symmetric"]
+    both = scene.optimise.symmetric
     return list(dict.fromkeys([*keys, *(twin(key) for key in keys if both)]))
 
 
@@ -168,11 +168,11 @@ class StaticProblem(AbstractProblem):
         apart = "mesh_stiffness_mean" if scene.condensed else ""
         self.names = tuple(name for name in STATIC_RESPONSES if name != apart)
         # Who asks for some responses only does not ask for others.
-        self.extras = () if scene.get("compare.responses") else _EXTRAS
+        self.extras = () if scene.compare.responses else _EXTRAS
         self.models = Models(scene, moving=False)
         # What is compiled in half the time runs twice as long: good enough to choose by.
         self.options = (("xla_backend_optimization_level", 0),) if quick else ()
-        slices, phases = 2 * scene["mesh.slices"], 2 * scene["mesh.phases"]
+        slices, phases = 2 * scene.mesh.slices, 2 * scene.mesh.phases
         if not scene.condensed:
             slices, phases = max(slices, _FINEST[0]), max(phases, _FINEST[1])
         self.finest = {"mesh.slices": slices, "mesh.phases": phases, "mesh.contact": "exact"}
@@ -259,7 +259,7 @@ def require_at_rest(scene: Scene) -> None:
     - `InputError` naming them.
     """
     able = StaticProblem(scene, levels=(), points=()).names
-    named = scene.get("compare.responses")
+    named = scene.compare.responses
     if named and not set(named) & set(able):
         raise InputError(
             f"compare.responses names {', '.join(named)}: in motion only, or of teeth alone where "
@@ -301,7 +301,7 @@ def compared_statics(
 
 def _beyond(lines: Sequence[Summary], responses: Sequence[str], problem: StaticProblem) -> str:
     """What another physical model would change by more than the tolerance."""
-    found, tolerance = "", float(problem.scene["compare.tolerance"])
+    found, tolerance = "", float(problem.scene.compare.tolerance)
     for line in lines:
         far = {name: worst(line["error"], (name,)) for name in responses}
         far = {name: x for name, x in far.items() if tolerance < x < np.inf}
