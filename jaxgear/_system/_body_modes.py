@@ -15,12 +15,11 @@ from typing import TYPE_CHECKING, Any
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-import scipy
 from jaxtyping import Array, Float
 
 from jaxgear._checks import require
 from jaxgear._system._condensed import Condensed
-from jaxgear._system._sector_modes import PAIR, in_pairs, nodal_diameters, sector_turn
+from jaxgear._system._sector_modes import Waves, nodal_diameters
 
 if TYPE_CHECKING:
     ModeRows = Array
@@ -30,6 +29,22 @@ else:
     ModeRows = Float[Array, "period component cell mode"]
     PerMode = Float[Array, "mode"]
     BodyMatrix = Float[Array, "seat_dof_and_mode seat_dof_and_mode"]
+
+
+class ModesBeyond(eqx.Module):
+    r"""Modes of a condensed body, seats held, that are no coordinates of it in motion.
+
+    **Fields:**
+
+    - `square`: $\omega^2$ of each mode [rad2/s2].
+    - `rows`: as of `BodyModes` [kg^-1/2, m^-1 kg^-1/2].
+    - `waves`, `diameters`: as of `BodyModes`.
+    """
+
+    square: PerMode
+    rows: ModeRows
+    waves: tuple[int, ...] = eqx.field(static=True)
+    diameters: tuple[int, ...] = eqx.field(static=True)
 
 
 class BodyModes(eqx.Module):
@@ -68,6 +83,25 @@ class BodyModes(eqx.Module):
 
 
 @dataclass(frozen=True)
+class Shapes:
+    """Modes of a condensed body with its seats held.
+
+    **Fields:** as of `BodyBasis`.
+    """
+
+    square: np.ndarray
+    shapes: np.ndarray
+    waves: np.ndarray
+    diameters: np.ndarray
+
+    def only(self, which: np.ndarray) -> "Shapes":
+        """Those of the modes that a mask or a list of numbers names."""
+        return Shapes(
+            self.square[which], self.shapes[:, which], self.waves[which], self.diameters[which]
+        )
+
+
+@dataclass(frozen=True)
 class BodyBasis:
     """Motions of a condensed body on which it vibrates.
 
@@ -78,6 +112,7 @@ class BodyBasis:
     - `following`: $T$, static motion with the seats, `[dof, 6 seat]`.
     - `waves`: wave number of each mode; the second of a pair has it negative.
     - `diameters`: nodal diameters of each mode.
+    - `beyond`: further modes, which follow the mesh and are no coordinates, or `None`.
     """
 
     square: np.ndarray
@@ -85,6 +120,7 @@ class BodyBasis:
     following: np.ndarray
     waves: np.ndarray
     diameters: np.ndarray
+    beyond: Shapes | None = None
 
     @property
     def motions(self) -> np.ndarray:
@@ -155,16 +191,20 @@ class BodyBasis:
             return self, teeth // common
         if common < teeth:
             return self, 2 * teeth // common
+        beyond = self.beyond
+        if beyond is not None:
+            beyond = beyond.only(2 * beyond.waves != sectors)
         kept = dict(
             square=self.square[~alone],
             shapes=self.shapes[:, ~alone],
             waves=self.waves[~alone],
             diameters=self.diameters[~alone],
+            beyond=beyond,
         )
         return replace(self, **kept), 1
 
 
-def body_basis(body: Condensed, count: int) -> BodyBasis:
+def body_basis(body: Condensed, count: int, beyond: int = 0) -> BodyBasis:
     """Find the modes of a condensed body with its seats held.
 
     Where the other half of a pair of interior shapes was cut off when the body was condensed, what
@@ -174,6 +214,7 @@ def body_basis(body: Condensed, count: int) -> BodyBasis:
 
     - `body`: the condensed body, of equal sectors.
     - `count`: number of modes; 0 are all. A pair is never parted.
+    - `beyond`: number of further modes, which are to be no coordinates.
 
     **Returns:**
 
@@ -193,84 +234,15 @@ def body_basis(body: Condensed, count: int) -> BodyBasis:
         got=sectors,
         name=body.name,
     )
-    rim, seats = 3 * len(body.rim_nodes), 6 * len(body.seats)
-    seat = np.arange(rim, rim + seats)
-    turn = sector_turn(body, sectors)
-    inner = np.setdiff1d(np.arange(len(body.stiffness)), seat)
-    onto = scipy.sparse.block_diag([scipy.sparse.eye_array(rim), turn.kept], format="csr")
-    stiffness, mass = (
-        onto.T @ (m[np.ix_(inner, inner)] @ onto) for m in (body.stiffness, body.mass)
-    )
-    following = np.zeros((len(body.stiffness), seats))
-    following[seat] = np.eye(seats)
-    factor = scipy.linalg.cho_factor(stiffness, lower=True, check_finite=False)
-    pulled = onto.T @ body.stiffness[np.ix_(inner, seat)]
-    following[inner] = -onto @ scipy.linalg.cho_solve(factor, pulled)
-    square, shapes = _lowest(stiffness, mass, factor, count)
-    whole = np.zeros((len(body.stiffness), len(square)))
-    whole[inner] = onto @ shapes
-    # In the modes, a turn by one sector.
-    on_modes = whole.T @ (body.mass @ turn.of(whole))
-    mixed, waves = in_pairs(square, on_modes, sectors, body.name)
-    shapes = whole @ mixed
-    square = square @ mixed**2
-    # Both of a pair have one frequency, up to rounding.
-    second = np.flatnonzero(waves < 0)
-    square[second] = square[second - 1] = 0.5 * (square[second] + square[second - 1])
+    waves = Waves(body, sectors)
+    square, shapes, numbers = waves.modes(count if count == 0 else count + beyond)
+    found = Shapes(square, shapes, numbers, nodal_diameters(body.rim_nodes, shapes[: waves.rim]))
+    kept = len(square) if count == 0 else min(count, len(square))
+    # A pair is not parted.
+    kept -= kept < len(square) and numbers[kept] < 0
+    lowest = np.arange(len(square)) < kept
     return BodyBasis(
-        square=square,
-        shapes=shapes,
-        following=following,
-        waves=waves,
-        diameters=nodal_diameters(body.rim_nodes, shapes[:rim]),
+        following=waves.following(body.stiffness, len(body.seats)),
+        beyond=None if lowest.all() else found.only(~lowest),
+        **vars(found.only(lowest)),
     )
-
-
-def _lowest(
-    stiffness: np.ndarray, mass: np.ndarray, factor: tuple[np.ndarray, bool], count: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest modes, of unit mass, none of them missed."""
-    size = len(stiffness)
-    if count == 0:
-        return scipy.linalg.eigh(stiffness, mass)
-    if count + _MORE <= size // 4:
-        square, shapes = _by_iteration(stiffness, mass, factor, count + _MORE)
-        # Iteration may miss one of a pair: inertia counts what is below the last gap.
-        last = int(np.flatnonzero(np.r_[True, np.diff(square) > PAIR * square[1:]])[-1])
-        between = 0.5 * (square[last - 1] + square[last])
-        if last >= count and _below(between, stiffness, mass) == last:
-            return square[:count], shapes[:, :count]
-    return scipy.linalg.eigh(stiffness, mass, subset_by_index=(0, min(count, size) - 1))
-
-
-# So many modes more than are wanted: enough that one of the gaps between them is wide.
-_MORE = 4
-
-
-def _below(square: float, stiffness: np.ndarray, mass: np.ndarray) -> int:
-    """Number of modes below a squared frequency, by Sylvester's law of inertia."""
-    blocks = scipy.linalg.ldl(stiffness - square * mass, check_finite=False)[1]
-    signs = scipy.linalg.eigvalsh_tridiagonal(np.diagonal(blocks), np.diagonal(blocks, 1))
-    return int(np.sum(np.asarray(signs) < 0.0))
-
-
-def _by_iteration(
-    stiffness: np.ndarray, mass: np.ndarray, factor: tuple[np.ndarray, bool], count: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest modes by Lanczos iteration."""
-    size = len(stiffness)
-    # SciPy's own annotations know neither this way to make an operator nor a tolerance of a float.
-    operator: Any = scipy.sparse.linalg.LinearOperator
-    tolerance: Any = 1e-12
-    solve = lambda right: scipy.linalg.cho_solve(factor, right, check_finite=False)
-    square, shapes = scipy.sparse.linalg.eigsh(
-        stiffness,
-        k=count,
-        M=mass,
-        sigma=0.0,
-        OPinv=operator((size, size), matvec=solve, dtype=float),
-        v0=np.random.default_rng(1).standard_normal(size),
-        tol=tolerance,
-    )
-    order = np.argsort(square)
-    return square[order], shapes[:, order]

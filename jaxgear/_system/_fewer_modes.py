@@ -2,11 +2,14 @@
 
 import dataclasses
 
+import jax.numpy as jnp
+
+from jaxgear._system._body_modes import ModesBeyond
 from jaxgear._system._flexible import FlexibleBody
 
 
 def fewer_modes(body: FlexibleBody, count: int) -> FlexibleBody:
-    """A body with its lowest modes only; what they leave deflects statically.
+    """A body with its lowest modes only; the rest are no coordinates any more.
 
     **Arguments:**
 
@@ -23,6 +26,19 @@ def fewer_modes(body: FlexibleBody, count: int) -> FlexibleBody:
         return body
     count -= modes.waves[count] < 0
     size = modes.mass.shape[0] - modes.square.size + count
+    rest = ModesBeyond(
+        square=modes.square[count:],
+        rows=modes.rows[..., count:],
+        waves=modes.waves[count:],
+        diameters=modes.diameters[count:],
+    )
+    if body.beyond is not None:
+        rest = ModesBeyond(
+            square=jnp.concatenate([rest.square, body.beyond.square]),
+            rows=jnp.concatenate([rest.rows, body.beyond.rows], axis=-1),
+            waves=rest.waves + body.beyond.waves,
+            diameters=rest.diameters + body.beyond.diameters,
+        )
     cut = lambda matrix: None if matrix is None else matrix[:size, :size]
     return dataclasses.replace(
         body,
@@ -38,4 +54,5 @@ def fewer_modes(body: FlexibleBody, count: int) -> FlexibleBody:
             waves=modes.waves[:count],
             diameters=modes.diameters[:count],
         ),
+        beyond=rest,
     )

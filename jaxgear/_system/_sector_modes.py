@@ -1,4 +1,10 @@
-"""Modes of a body of equal sectors: their pairs, waves and nodal diameters."""
+"""Modes of a body of equal sectors, wave by wave.
+
+A turn by one sector leaves such a body as it is. Motions that it only shifts in phase, by the angle
+of a sector times a wave number, do not mix with others: stiffness and mass fall apart into a small
+matrix for each wave number, of one sector's size (cyclic symmetry, Thomas 1979). Complex motions of
+a wave are pairs of real ones, a quarter of a wave apart.
+"""
 
 import math
 from dataclasses import dataclass, replace
@@ -6,12 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from jaxgear._checks import InputError, require
+from jaxgear._checks import require
 from jaxgear._system._condensed import Condensed
-
-# Squared frequencies closer than this, relatively, belong to one pair; a pair apart by more is
-# that of an uneven body.
-PAIR = 1e-5
 
 # What rounding may leave of a symmetry.
 _EVEN = 1e-4
@@ -25,28 +27,14 @@ class _SectorTurn:
 
     - `turn`: of a vector, `[3, 3]`.
     - `image`: where each rim node comes to lie, `[rim]`.
-    - `action`: on the interior shapes, `[interior, interior]`.
-    - `first`: first of their coordinates.
+    - `action`: on the kept combinations of interior shapes, `[kept, kept]`.
     - `kept`: combinations of interior shapes that turn among themselves, `[interior, kept]`.
     """
 
     turn: np.ndarray
     image: np.ndarray
     action: np.ndarray
-    first: int
     kept: np.ndarray
-
-    def of(self, shapes: np.ndarray) -> np.ndarray:
-        """Motions of the turned body, seats left out."""
-        result = np.zeros_like(shapes)
-        rim = 3 * len(self.image)
-        result[:rim] = self.on_rim(shapes[:rim])
-        result[self.first :] = self.action @ shapes[self.first :]
-        return result
-
-    def on_rim(self, motion: np.ndarray) -> np.ndarray:
-        """The same of the rim alone."""
-        return _moved(motion, self.turn, self.image)
 
 
 def _moved(motion: np.ndarray, turn: np.ndarray, image: np.ndarray) -> np.ndarray:
@@ -64,7 +52,7 @@ def _image(nodes: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, float]:
     return image, apart if len(np.unique(image)) == len(nodes) else math.inf
 
 
-def sector_turn(body: Condensed, sectors: int) -> _SectorTurn:
+def _sector_turn(body: Condensed, sectors: int) -> _SectorTurn:
     """What a turn by one sector makes of the coordinates of a body."""
     angle = 2.0 * math.pi / sectors
     c, s = math.cos(angle), math.sin(angle)
@@ -81,7 +69,7 @@ def sector_turn(body: Condensed, sectors: int) -> _SectorTurn:
     )
     first = 3 * len(nodes) + 6 * len(body.seats)
     none = np.zeros((0, 0))
-    alone = _SectorTurn(turn, image, none, first, none)
+    alone = _SectorTurn(turn, image, none, none)
     if first == len(body.stiffness):
         return alone
     # Interior shapes turn as the grid says or, without one, the mass between them and the rim.
@@ -100,50 +88,176 @@ def sector_turn(body: Condensed, sectors: int) -> _SectorTurn:
             break
         among = among @ stays[sizes > 1.0 - _EVEN].T
     kept = np.linalg.solve(triangle, among)
-    action = kept @ (among.T @ whole @ among) @ (among.T @ triangle)
-    if among.shape[1] == len(whole):
-        kept = np.eye(len(whole))
-    return replace(alone, action=action, kept=kept)
+    return replace(alone, action=among.T @ whole @ among, kept=kept)
 
 
-def in_pairs(
-    square: np.ndarray, turn: np.ndarray, sectors: int, name: str
-) -> tuple[np.ndarray, np.ndarray]:
-    """Mix modes of one frequency so that each pair turns into itself, and name its waves."""
-    size = len(square)
-    starts = np.flatnonzero(np.r_[True, np.diff(square) > PAIR * square[1:]])
-    angle = 2.0 * math.pi / sectors
-    columns, waves = [], []
-    for first, last in zip(starts, np.r_[starts[1:], size], strict=True):
-        some = slice(first, last)
-        own = turn[some, some]
-        uneven = float(np.abs(own.T @ own - np.eye(last - first)).max())
-        if uneven > _EVEN:
-            if last == size:
+class Waves:
+    r"""The inner motions of a body, all but those of its seats, by wave number.
+
+    Those of wave number $d$ are $e^{ids\alpha}R^s u$ on sector $s$, $\alpha$ the angle of a sector
+    and $R$ a turn by it, $u$ the motion of the first one's nodes; and such combinations of interior
+    shapes. A turn by one sector multiplies them by $e^{-id\alpha}$.
+
+    **Fields:**
+
+    - `orbits`: rim nodes, each with those that turns take it to, `[node, sector]`.
+    - `turns`: of a vector by so many sectors, `[sector, 3, 3]`.
+    - `shapes`: interior shapes of each wave number, `[interior, shape]`.
+    """
+
+    def __init__(self, body: Condensed, sectors: int):
+        turn = _sector_turn(body, sectors)
+        self.name, self.sectors, self.rim = body.name, sectors, 3 * len(turn.image)
+        places = [np.arange(len(turn.image))]
+        turns = [np.eye(3)]
+        for _ in range(sectors - 1):
+            places.append(turn.image[places[-1]])
+            turns.append(turn.turn @ turns[-1])
+        every = np.stack(places, axis=1)
+        self.orbits = every[every.min(axis=1) == every[:, 0]]
+        self.turns = np.stack(turns)
+        self.shapes = [turn.kept @ each for each in _of_waves(turn.action, sectors)]
+        self.start = self.rim + 6 * len(body.seats)
+        for matrix, what in ((body.stiffness, "stiffness"), (body.mass, "mass")):
+            self._require_even(matrix[: self.rim, : self.rim], turn, what)
+        self.stiffness, self.mass = self._blocks(body.stiffness), self._blocks(body.mass)
+
+    def _require_even(self, matrix: np.ndarray, turn: _SectorTurn, what: str) -> None:
+        turned = _moved(_moved(matrix, turn.turn, turn.image).T, turn.turn, turn.image)
+        uneven = float(np.abs(turned - matrix).max() / np.abs(matrix).max())
+        require(
+            uneven <= _EVEN,
+            "The condensed body {name!r} is not of {sectors} equal sectors: turned by one, its "
+            "{what} on the rim differs by {uneven:.3g} of its largest.",
+            name=self.name,
+            sectors=self.sectors,
+            what=what,
+            uneven=uneven,
+        )
+
+    def _blocks(self, matrix: np.ndarray) -> list[np.ndarray]:
+        """A symmetric matrix of the body, for each wave number."""
+        axes = np.arange(3)
+        first = (3 * self.orbits[:, :1] + axes).ravel()
+        columns = (3 * self.orbits.T[:, :, None] + axes).ravel()
+        rows = matrix[np.ix_(first, columns)].reshape(len(first), self.sectors, -1, 3)
+        rows = np.einsum("asok,skc->saoc", rows, self.turns).reshape(self.sectors, len(first), -1)
+        on_rim = np.fft.ifft(rows, axis=0) * self.sectors
+        blocks = []
+        for number, shapes in enumerate(self.shapes):
+            joined = math.sqrt(self.sectors) * (matrix[first, self.start :] @ shapes)
+            inside = shapes.conj().T @ (matrix[self.start :, self.start :] @ shapes)
+            block = np.block([[on_rim[number], joined], [joined.conj().T, inside]])
+            block = 0.5 * (block + block.conj().T)
+            blocks.append(np.real(block) if self.alone(number) else block)
+        return blocks
+
+    def alone(self, number: int) -> bool:
+        """Whether motions of a wave number are real, and have no second a quarter wave apart."""
+        return number == 0 or 2 * number == self.sectors
+
+    def of_load(self, load: np.ndarray, number: int) -> np.ndarray:
+        """A load on all coordinates that has one wave number alone, on its motions."""
+        on_rim = load[: self.rim].reshape(-1, 3)[self.orbits[:, 0]].ravel()
+        inside = self.shapes[number].conj().T @ load[self.start :]
+        return np.concatenate([math.sqrt(self.sectors) * on_rim, inside])
+
+    def whole(self, motions: np.ndarray, number: int) -> np.ndarray:
+        """Motions of a wave number on all coordinates, `[dof, motion]`; the seats stand still."""
+        count = motions.shape[1]
+        rim = 3 * len(self.orbits)
+        phase = np.exp(2j * math.pi * number / self.sectors * np.arange(self.sectors))
+        own = motions[:rim].reshape(-1, 3, count) / math.sqrt(self.sectors)
+        found = np.zeros((self.start + len(self.shapes[number]), count), dtype=complex)
+        nodes = found[: self.rim].reshape(-1, 3, count)
+        turned = phase[:, None, None] * self.turns
+        for sector in range(self.sectors):
+            nodes[self.orbits[:, sector]] = np.einsum("ck,okm->ocm", turned[sector], own)
+        found[self.start :] = self.shapes[number] @ motions[rim:]
+        return found
+
+    def modes(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Lowest modes with the seats held, of unit modal mass.
+
+        **Arguments:**
+
+        - `count`: number of modes; 0 are all. A pair is never parted.
+
+        **Returns:**
+
+        Squares of their angular frequencies, rising; shapes `[dof, mode]`; wave numbers, negative
+        for the second of a pair.
+        """
+        solved = [
+            scipy.linalg.eigh(stiffness, mass)
+            for stiffness, mass in zip(self.stiffness, self.mass, strict=True)
+        ]
+        every = sorted(
+            (float(square), number, place)
+            for number, (squares, _) in enumerate(solved)
+            for place, square in enumerate(squares)
+        )
+        chosen: list[tuple[float, int, int]] = []
+        size = 0
+        for square, number, place in every:
+            size += 1 if self.alone(number) else 2
+            if count and size > count:
                 break
-            raise InputError(
-                f"The condensed body {name!r} is not of {sectors} equal sectors: turned by one, "
-                f"its mode of {math.sqrt(square[first]) / (2.0 * math.pi):.5g} Hz differs by "
-                f"{uneven:.3g} of itself. Keep all interior shapes of a pair."
+            chosen.append((square, number, place))
+        squares, columns, waves = [], [], []
+        shapes = {
+            number: self.whole(
+                solved[number][1][:, [p for _, n, p in chosen if n == number]], number
             )
-        form, vectors = scipy.linalg.schur(own, output="real")[:2]
-        place = 0
-        while place < last - first:
-            alone = place + 1 == last - first or abs(form[place + 1, place]) < 1e-3
-            chosen = vectors[:, place : place + (1 if alone else 2)]
-            if alone:
-                waves.append(0 if form[place, place] > 0.0 else sectors // 2)
+            for number in {number for _, number, _ in chosen}
+        }
+        for square, number, place in chosen:
+            motion = shapes[number][:, place]
+            if self.alone(number):
+                squares.append(square)
+                columns.append(np.real(motion))
+                waves.append(number)
             else:
-                sine = form[place + 1, place]
-                if sine < 0.0:
-                    chosen = chosen * np.array([1.0, -1.0])
-                number = round(math.atan2(abs(sine), form[place, place]) / angle)
+                squares += [square, square]
+                columns += [math.sqrt(2.0) * np.real(motion), math.sqrt(2.0) * np.imag(motion)]
                 waves += [number, -number]
-            block = np.zeros((size, chosen.shape[1]))
-            block[some] = chosen
-            columns.append(block)
-            place += chosen.shape[1]
-    return np.concatenate(columns, axis=1), np.array(waves)
+        return np.array(squares), np.stack(columns, axis=1), np.array(waves)
+
+    def following(self, stiffness: np.ndarray, seats: int) -> np.ndarray:
+        """Static motion of all coordinates with each of the seats', `[dof, 6 seat]`."""
+        moved = np.zeros((len(stiffness), 6 * seats))
+        moved[self.rim : self.start] = np.eye(6 * seats)
+        for first in range(self.rim, self.start, 3):
+            # Across the axis: of wave number 1. Along it: of 0.
+            for number, motion in ((1, [1.0, 1.0j, 0.0]), (0, [0.0, 0.0, 1.0])):
+                load = stiffness[:, first : first + 3] @ np.array(motion)
+                held = np.linalg.solve(self.stiffness[number], -self.of_load(load, number))
+                whole = self.whole(held[:, None], number)[:, 0]
+                column = first - self.rim
+                if number == 1:
+                    moved[:, column] += np.real(whole)
+                    moved[:, column + 1] += np.imag(whole)
+                else:
+                    moved[:, column + 2] += np.real(whole)
+        return moved
+
+
+def _of_waves(action: np.ndarray, sectors: int) -> list[np.ndarray]:
+    """Combinations of each wave number, of what turns among itself by `action`."""
+    size, found = len(action), []
+    if not size:
+        return [np.zeros((0, 0))] * (sectors // 2 + 1)
+    powers = [np.eye(size)]
+    for _ in range(sectors - 1):
+        powers.append(action @ powers[-1])
+    for number in range(sectors // 2 + 1):
+        phase = np.exp(2j * math.pi * number / sectors * np.arange(sectors))
+        part = np.einsum("s,sij->ij", phase, np.stack(powers)) / sectors
+        if number == 0 or 2 * number == sectors:
+            part = np.real(part)
+        vectors, sizes, _ = np.linalg.svd(part)
+        found.append(vectors[:, sizes > 0.5])
+    return found
 
 
 def nodal_diameters(nodes: np.ndarray, shapes: np.ndarray) -> np.ndarray:

@@ -21,7 +21,6 @@ from scipy.spatial import KDTree
 
 import jaxgear as jg
 from fem_prep import ReducedBody
-from jaxgear._system import _body_modes
 from jaxgear._system._body_modes import BodyBasis, body_basis
 from jaxgear._system._body_tables import flexible_body
 from jaxgear._system._flexible import mode_arms
@@ -193,22 +192,6 @@ def test_a_pair_is_never_parted(count, kept):
     assert len(body_basis(body, count).square) == kept
 
 
-def test_a_mode_that_iteration_missed_is_found(monkeypatch):
-    """Half a pair, in whose place is the mode after the last."""
-    body, complete = _basis("bore", 20)
-    iterated = _body_modes._by_iteration
-
-    def missing(stiffness, mass, factor, count):
-        square, shapes = iterated(stiffness, mass, factor, count + 1)
-        lost = int(np.flatnonzero(np.diff(square) < 1e-5 * square[1:])[1])
-        return np.delete(square, lost), np.delete(shapes, lost, axis=1)
-
-    monkeypatch.setattr(_body_modes, "_by_iteration", missing)
-    found = body_basis(body, 20)
-    np.testing.assert_allclose(found.square, complete.square, rtol=1e-9)
-    np.testing.assert_array_equal(found.waves, complete.waves)
-
-
 def test_a_shape_whose_partner_was_cut_off_is_left_out():
     body = hybrid_cases.body("spur", 1, modes=20)
     whole = hybrid_cases.body("spur", 1, modes=8)
@@ -346,7 +329,7 @@ def _compare(kind: str, index: int, name: str, periods: int, phases: tuple[int, 
     flexible = flexible_body(body, pair, index, grid, basis=basis)
     lines = jg.contact_lines(pair, grid)
     assert flexible.modes is not None
-    found = np.asarray(_arms(pair, index, flexible, lines))
+    found = np.asarray(_arms(pair, index, flexible, flexible.modes, lines))
     basis = basis.under_teeth(TEETH[index], _sectors(body))[0]
     assert flexible.modes.waves == tuple(basis.waves)
     dense = _dense(kind, index, body, grid, lines)
