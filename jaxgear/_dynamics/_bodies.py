@@ -28,7 +28,7 @@ from jaxgear._system._pair_system import PairSystem
 from jaxgear._types import Scalar
 
 # Waves of at least so many nodal diameters turn with a body that has no terms of rotation.
-TURNING = 2
+_TURNING = 2
 
 
 class BodyPlace(eqx.Module):
@@ -221,9 +221,10 @@ def turning_terms(
     terms = TurningTerms(none, none, none, jnp.zeros(size))
     for each in bodies:
         modes, at = each.modes, (each.dofs[:, None], each.dofs[None, :])
-        seats = len(each.seats)
-        waves = jnp.asarray(np.r_[np.zeros(seats), np.asarray(modes.diameters) >= TURNING])
-        damped = waves * jnp.concatenate([jnp.zeros(seats), damping.rates(modes.square)])
+        seats, count = len(each.seats), modes.square.size
+        waves = jnp.asarray(np.r_[np.zeros(seats), np.asarray(modes.diameters) >= _TURNING])
+        rates = damping.matrix(jnp.eye(count), jnp.diag(modes.square), jnp.zeros((count, count)))
+        damped = waves * jnp.concatenate([jnp.zeros(seats), jnp.diagonal(rates)])
         turning = modes.turning if whole else modes.turning * waves[:, None]
         moved = -each.speed * turning
         gyroscopic = modes.mass @ moved - moved.T @ modes.mass

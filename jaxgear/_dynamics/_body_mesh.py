@@ -15,9 +15,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxgear._contact._cells import MeshCells, mesh_gap
-from jaxgear._dynamics._beyond import modes_beyond
 from jaxgear._dynamics._bodies import VibratingBody
-from jaxgear._dynamics._damping import AbstractDamping
 from jaxgear._dynamics._moving_mesh import MovingMesh, mean_stiffness
 from jaxgear._dynamics._table import at_places, tabulated
 from jaxgear._geometry._lines import MeshGrid
@@ -38,7 +36,6 @@ def body_mesh(
     grid: MeshGrid,
     bodies: list[VibratingBody],
     coordinates: int,
-    damping: AbstractDamping,
 ) -> MovingMesh:
     r"""The mesh of a pair with condensed bodies over one cycle.
 
@@ -55,7 +52,6 @@ def body_mesh(
     - `grid`: of the cycle.
     - `bodies`: those that vibrate.
     - `coordinates`: of the mesh, beside approach and tilt.
-    - `damping`: of the bodies.
 
     **Returns:**
 
@@ -86,7 +82,6 @@ def body_mesh(
         mean=0.5 * (mean + mean.T),
         vectors=held.vectors @ few.out_of,
         rest=rest.at[:, 0].add(cycle.approach),
-        beyond=modes_beyond(pair, bodies, cells.lines, kept, cells.stiffness, damping),
         left_out=few.left_out,
     )
 
@@ -114,7 +109,7 @@ def _arms(
         table = foot_tables(pair, each.index, each.body, cells.lines)
         others = (6 * _others(each.body)[:, None] + np.arange(6)).ravel()
         seats.append(table.arms[:, :, others])
-        modes.append(mode_arms(pair, each.index, each.body, each.modes, cells.lines))
+        modes.append(mode_arms(pair, each.index, each.body, cells.lines))
         growth += each.speed**2 * table.growth
     return jnp.concatenate([cell_arms(cells.arm), *seats, *modes], axis=2), growth
 

@@ -14,7 +14,7 @@ from jaxtyping import Array
 
 from jaxgear._checks import require
 from jaxgear._compiled import in_numpy
-from jaxgear._dynamics._types import FreeMotions, Matrix, ModeValues
+from jaxgear._dynamics._types import FreeMotions, Matrix
 from jaxgear._types import Scalar, as_scalar
 
 # What rounding leaves of a number that should be zero, in units of the last digit of the largest
@@ -42,19 +42,6 @@ class AbstractDamping(eqx.Module):
         **Returns:**
 
         $C$, symmetric [N s/m, N s, N m s].
-        """
-
-    @abc.abstractmethod
-    def rates(self, square: ModeValues) -> ModeValues:
-        r"""Damp modes that leave the mesh alone, each by itself.
-
-        **Arguments:**
-
-        - `square`: $\omega^2$ of each mode [rad2/s2].
-
-        **Returns:**
-
-        $2\xi\omega$ of each [1/s].
         """
 
 
@@ -88,9 +75,6 @@ class RayleighDamping(AbstractDamping):
     def matrix(self, mass: Matrix, stiffness: Matrix, mesh: Matrix) -> Matrix:
         del mesh
         return self.mass_factor * mass + self.stiffness_factor * stiffness
-
-    def rates(self, square: ModeValues) -> ModeValues:
-        return self.mass_factor + self.stiffness_factor * square
 
 
 class ModalDamping(AbstractDamping):
@@ -134,9 +118,6 @@ class ModalDamping(AbstractDamping):
             per_mass(root, stiffness), per_mass(root, mesh), self.mesh, self.structure
         )
         return root @ damped @ root.T
-
-    def rates(self, square: ModeValues) -> ModeValues:
-        return 2.0 * self.structure * jnp.sqrt(square)
 
 
 def damping_matrix(

@@ -12,7 +12,6 @@ Derivatives are those of the solution, by the implicit function theorem.
 """
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 
 from jaxgear._checks import InputError, require
@@ -29,16 +28,7 @@ from jaxgear._dynamics._harmonic_problem import (
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit, mesh_scales
 from jaxgear._dynamics._system import DynamicSystem, ModalBasis, modal_basis
 from jaxgear._dynamics._table import END, MIDDLE, START, Mesh, mesh_at
-from jaxgear._dynamics._types import (
-    Analysis,
-    Basis,
-    HarmonicMatrices,
-    Responses,
-    Start,
-    StepPlaces,
-    Terms,
-    Vector,
-)
+from jaxgear._dynamics._types import Analysis, Basis, Responses, Start, StepPlaces, Terms, Vector
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._types import Coordinates, Reals, Scalar
 
@@ -192,7 +182,6 @@ class Balance(eqx.Module):
             still=system.vectors.T @ resting,
             mean=system.mean,
             bow=system.bow,
-            beyond=_beyond(system, frequency, speed),
             cell_damping=system.cell_damping,
             scales=self.scales,
             speed=speed,
@@ -334,16 +323,6 @@ def terms_of(balance: Balance, places: StepPlaces) -> Terms:
     place = jnp.tile(places, (steps // found, 1))
     weighted = balance.middle.T * balance.system.table.lengths[None, :]
     return jnp.linalg.solve(weighted @ balance.middle, weighted @ place).T
-
-
-def _beyond(
-    system: DynamicSystem, frequency: Reals, speed: Scalar
-) -> tuple[HarmonicMatrices, HarmonicMatrices] | None:
-    """Give by modes that are no coordinates, at each harmonic."""
-    if system.beyond is None:
-        return None
-    give = jax.vmap(system.beyond.give, in_axes=(0, None))(frequency, speed)
-    return jnp.real(give), jnp.imag(give)
 
 
 def _values(share: Reals, count: int) -> Basis:

@@ -39,8 +39,6 @@ class Problem(eqx.Module):
     - `still`: mesh coordinates of it [m, rad].
     - `mean`: mean mesh stiffness [N/m, N, N m].
     - `bow`: of the system, or `None` [m/N, 1/N, 1/(N m)].
-    - `beyond`: give by modes that are no coordinates, at each harmonic, or `None`
-        [m/N, 1/N, 1/(N m)].
     - `cell_damping`: of the system, or `None` [s].
     - `speed`: of the pinion [rad/s].
     - `base`: frequency of the response [rad/s].
@@ -57,7 +55,6 @@ class Problem(eqx.Module):
     still: Coordinates
     mean: CoordinateMatrix
     bow: CoordinateMatrix | None
-    beyond: tuple[HarmonicMatrices, HarmonicMatrices] | None
     cell_damping: Scalar | None
     scales: Coordinates
     speed: Scalar
@@ -143,9 +140,9 @@ def _by_harmonic(matrices: Reals, columns: Reals) -> Reals:
 
 def motion_of_nodes(problem: Problem, place: Reals, load: Reals) -> Reals:
     """Harmonics of the nodes' mesh coordinates, n = m + B g; terms leading, columns trailing."""
-    if problem.bow is not None:
-        place = place + _by_harmonic(problem.bow[None], load)
-    return place if problem.beyond is None else place + _answer(problem.beyond, load)
+    if problem.bow is None:
+        return place
+    return place + _by_harmonic(problem.bow[None], load)
 
 
 def excess_stiffness(problem: Problem, nodes: Reals, load: Reals) -> Reals:
@@ -153,20 +150,16 @@ def excess_stiffness(problem: Problem, nodes: Reals, load: Reals) -> Reals:
     return load - _by_harmonic(problem.mean[None], nodes)
 
 
-def _answer(receptance: tuple[HarmonicMatrices, HarmonicMatrices], load: Reals) -> Reals:
-    """Harmonics of the motion by real and imaginary parts of a receptance at each harmonic."""
-    real, imaginary = receptance
-    cosines, sines = load[: len(real)], load[len(real) :]
-    in_phase = _by_harmonic(real, cosines).at[1:].add(_by_harmonic(imaginary[1:], sines))
-    square = _by_harmonic(real[1:], sines) - _by_harmonic(imaginary[1:], cosines[1:])
-    return jnp.concatenate([in_phase, square])
-
-
 def _missing(problem: Problem, place: Reals, load: Reals) -> Reals:
     """n + R (g - k n) of each harmonic: what must equal the answer to the constant load."""
     nodes = motion_of_nodes(problem, place, load)
     excess = excess_stiffness(problem, nodes, load)
-    return nodes + _answer((problem.real, problem.imaginary), excess)
+    count = problem.real.shape[0] - 1
+    cosines, sines = excess[: count + 1], excess[count + 1 :]
+    real, imaginary = problem.real, problem.imaginary
+    in_phase = _by_harmonic(real, cosines).at[1:].add(_by_harmonic(imaginary[1:], sines))
+    square = _by_harmonic(real[1:], sines) - _by_harmonic(imaginary[1:], cosines[1:])
+    return nodes + jnp.concatenate([in_phase, square])
 
 
 def imbalance(problem: Problem, terms: Terms) -> Terms:

@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxgear._dynamics._back_flank import back_flank_table, back_vectors, with_back_flanks
-from jaxgear._dynamics._beyond import ModesBeyondMesh
 from jaxgear._dynamics._cell_forces import tangent_columns
 from jaxgear._dynamics._table import MIDDLE, MeshTable, mesh_at, mesh_table
 from jaxgear._dynamics._types import (
@@ -33,7 +32,6 @@ class MovingMesh(NamedTuple):
     - `mean`: mean stiffness on the mesh coordinates.
     - `rest`: mesh coordinates of the quasi-static states, `[phase, coordinate]`.
     - `bow`: what bodies give between their nodes, or `None`: nothing.
-    - `beyond`: modes of condensed bodies that are no degrees of freedom, or `None`.
     - `left_out`: motion of cells that the mesh coordinates leave out, over that which they have, in
         the mean over static loads [-].
     """
@@ -43,7 +41,6 @@ class MovingMesh(NamedTuple):
     mean: CoordinateMatrix
     rest: StepPlaces
     bow: CoordinateMatrix | None = None
-    beyond: ModesBeyondMesh | None = None
     left_out: Scalar | float = 0.0
 
 

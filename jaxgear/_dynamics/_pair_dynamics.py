@@ -139,12 +139,12 @@ def _in_motion(
     dofs = np.r_[np.asarray(mapped.free), mapped.size : size]
     among = lambda matrix: matrix[dofs[:, None], dofs[None, :]]
     of = lambda vector: jnp.concatenate([vector, jnp.zeros(size - mapped.size)])[dofs]
-    damping, active = _split(damping, active_mesh_damping)
     met = (
-        body_mesh(model, mounted, cycle, grid, bodies, mesh_coordinates, damping)
+        body_mesh(model, mounted, cycle, grid, bodies, mesh_coordinates)
         if bodies
         else node_mesh(model, mounted, cycle, grid)
     )
+    damping, active = _split(damping, active_mesh_damping)
     mass, stiffness = (among(matrix) for matrix in matrices_with(mounted, bodies, size))
     meshed = met.vectors[dofs] @ met.mean @ met.vectors[dofs].T
     held = _held(mass, stiffness, meshed, of(_rigid_rotation(mounted)), damping)
@@ -169,7 +169,6 @@ def _in_motion(
         vectors=met.vectors[dofs],
         load=of(structure.load),
         bow=met.bow,
-        beyond=met.beyond,
         mean=met.mean,
         table=met.table,
         cell_damping=None,

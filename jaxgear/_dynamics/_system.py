@@ -12,8 +12,10 @@ import jax.scipy.linalg
 
 from jaxgear._checks import require
 from jaxgear._compiled import compiled
-from jaxgear._dynamics._beyond import ModesBeyondMesh
-from jaxgear._dynamics._bodies import BodyPlace, TurningTerms
+from jaxgear._dynamics._bodies import (
+    BodyPlace,
+    TurningTerms,
+)
 from jaxgear._dynamics._damping import per_mass
 from jaxgear._dynamics._table import MeshTable, repeated
 from jaxgear._dynamics._types import (
@@ -57,8 +59,6 @@ class DynamicSystem(eqx.Module):
     - `back`: whether the back flanks are in the mesh too; the second half of its coordinates is
         then theirs.
     - `turning`: what condensed bodies bring as they turn, or `None`: there are none.
-    - `beyond`: modes of condensed bodies that are no degrees of freedom, or `None`. Harmonic
-        balance has their inertia; methods that march have them follow statically.
     """
 
     mass: Matrix
@@ -78,7 +78,6 @@ class DynamicSystem(eqx.Module):
     teeth: int = eqx.field(static=True)
     back: bool = eqx.field(static=True, default=False)
     turning: TurningTerms | None = None
-    beyond: ModesBeyondMesh | None = None
 
     @property
     def mesh_stiffness(self) -> Matrix:

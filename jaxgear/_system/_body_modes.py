@@ -31,22 +31,6 @@ else:
     BodyMatrix = Float[Array, "seat_dof_and_mode seat_dof_and_mode"]
 
 
-class ModesBeyond(eqx.Module):
-    r"""Modes of a condensed body, seats held, that are no coordinates of it in motion.
-
-    **Fields:**
-
-    - `square`: $\omega^2$ of each mode [rad2/s2].
-    - `rows`: as of `BodyModes` [kg^-1/2, m^-1 kg^-1/2].
-    - `waves`, `diameters`: as of `BodyModes`.
-    """
-
-    square: PerMode
-    rows: ModeRows
-    waves: tuple[int, ...] = eqx.field(static=True)
-    diameters: tuple[int, ...] = eqx.field(static=True)
-
-
 class BodyModes(eqx.Module):
     r"""What of a condensed body vibrates: its mass on the seats, and its modes with these held.
 
@@ -83,25 +67,6 @@ class BodyModes(eqx.Module):
 
 
 @dataclass(frozen=True)
-class Shapes:
-    """Modes of a condensed body with its seats held.
-
-    **Fields:** as of `BodyBasis`.
-    """
-
-    square: np.ndarray
-    shapes: np.ndarray
-    waves: np.ndarray
-    diameters: np.ndarray
-
-    def only(self, which: np.ndarray) -> "Shapes":
-        """Those of the modes that a mask or a list of numbers names."""
-        return Shapes(
-            self.square[which], self.shapes[:, which], self.waves[which], self.diameters[which]
-        )
-
-
-@dataclass(frozen=True)
 class BodyBasis:
     """Motions of a condensed body on which it vibrates.
 
@@ -112,7 +77,6 @@ class BodyBasis:
     - `following`: $T$, static motion with the seats, `[dof, 6 seat]`.
     - `waves`: wave number of each mode; the second of a pair has it negative.
     - `diameters`: nodal diameters of each mode.
-    - `beyond`: further modes, which follow the mesh and are no coordinates, or `None`.
     """
 
     square: np.ndarray
@@ -120,7 +84,6 @@ class BodyBasis:
     following: np.ndarray
     waves: np.ndarray
     diameters: np.ndarray
-    beyond: Shapes | None = None
 
     @property
     def motions(self) -> np.ndarray:
@@ -191,20 +154,16 @@ class BodyBasis:
             return self, teeth // common
         if common < teeth:
             return self, 2 * teeth // common
-        beyond = self.beyond
-        if beyond is not None:
-            beyond = beyond.only(2 * beyond.waves != sectors)
         kept = dict(
             square=self.square[~alone],
             shapes=self.shapes[:, ~alone],
             waves=self.waves[~alone],
             diameters=self.diameters[~alone],
-            beyond=beyond,
         )
         return replace(self, **kept), 1
 
 
-def body_basis(body: Condensed, count: int, beyond: int = 0) -> BodyBasis:
+def body_basis(body: Condensed, count: int) -> BodyBasis:
     """Find the modes of a condensed body with its seats held.
 
     Where the other half of a pair of interior shapes was cut off when the body was condensed, what
@@ -214,7 +173,6 @@ def body_basis(body: Condensed, count: int, beyond: int = 0) -> BodyBasis:
 
     - `body`: the condensed body, of equal sectors.
     - `count`: number of modes; 0 are all. A pair is never parted.
-    - `beyond`: number of further modes, which are to be no coordinates.
 
     **Returns:**
 
@@ -235,14 +193,11 @@ def body_basis(body: Condensed, count: int, beyond: int = 0) -> BodyBasis:
         name=body.name,
     )
     waves = Waves(body, sectors)
-    square, shapes, numbers = waves.modes(count if count == 0 else count + beyond)
-    found = Shapes(square, shapes, numbers, nodal_diameters(body.rim_nodes, shapes[: waves.rim]))
-    kept = len(square) if count == 0 else min(count, len(square))
-    # A pair is not parted.
-    kept -= kept < len(square) and numbers[kept] < 0
-    lowest = np.arange(len(square)) < kept
+    square, shapes, numbers = waves.modes(count)
     return BodyBasis(
+        square=square,
+        shapes=shapes,
         following=waves.following(body.stiffness, len(body.seats)),
-        beyond=None if lowest.all() else found.only(~lowest),
-        **vars(found.only(lowest)),
+        waves=numbers,
+        diameters=nodal_diameters(body.rim_nodes, shapes[: waves.rim]),
     )

@@ -13,7 +13,7 @@ from jaxgear._geometry._lines import MeshGrid, face_positions
 from jaxgear._geometry._pair import GearPair
 from jaxgear._geometry._profile import tooth_section
 from jaxgear._interface._roots import ROOT_POINTS, Axial, Feet, RimSurface, RootPatches, feet
-from jaxgear._system._body_modes import BodyBasis, BodyModes, ModesBeyond
+from jaxgear._system._body_modes import BodyBasis, BodyModes
 from jaxgear._system._condensed import Condensed
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._rim_checks import check_elements, check_rim
@@ -161,7 +161,6 @@ def flexible_body(
         slices=slices,
         repeats=repeats,
         modes=None if basis is None else _modes_on(basis, body, held, on_cells),
-        beyond=_beyond_on(basis, held, on_cells),
     )
 
 
@@ -196,19 +195,6 @@ def _modes_on(basis: BodyBasis, body: Condensed, held: _HeldBody, on_cells: Call
         **basis.matrices(body),
         waves=tuple(int(wave) for wave in basis.waves),
         diameters=tuple(int(number) for number in basis.diameters),
-    )
-
-
-def _beyond_on(basis: BodyBasis | None, held: _HeldBody, on_cells: Callable) -> ModesBeyond | None:
-    """Modes that are no coordinates, as the cells see them."""
-    beyond = None if basis is None else basis.beyond
-    if beyond is None:
-        return None
-    return ModesBeyond(
-        square=jnp.asarray(beyond.square),
-        rows=jnp.asarray(on_cells(held.feet @ beyond.shapes[: held.feet.shape[1]])),
-        waves=tuple(int(wave) for wave in beyond.waves),
-        diameters=tuple(int(number) for number in beyond.diameters),
     )
 
 

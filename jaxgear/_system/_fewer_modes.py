@@ -2,14 +2,11 @@
 
 import dataclasses
 
-import jax.numpy as jnp
-
-from jaxgear._system._body_modes import ModesBeyond
 from jaxgear._system._flexible import FlexibleBody
 
 
 def fewer_modes(body: FlexibleBody, count: int) -> FlexibleBody:
-    """A body with its lowest modes only; the rest are no coordinates any more.
+    """A body with its lowest modes only; what they leave deflects statically.
 
     **Arguments:**
 
@@ -26,19 +23,6 @@ def fewer_modes(body: FlexibleBody, count: int) -> FlexibleBody:
         return body
     count -= modes.waves[count] < 0
     size = modes.mass.shape[0] - modes.square.size + count
-    rest = ModesBeyond(
-        square=modes.square[count:],
-        rows=modes.rows[..., count:],
-        waves=modes.waves[count:],
-        diameters=modes.diameters[count:],
-    )
-    if body.beyond is not None:
-        rest = ModesBeyond(
-            square=jnp.concatenate([rest.square, body.beyond.square]),
-            rows=jnp.concatenate([rest.rows, body.beyond.rows], axis=-1),
-            waves=rest.waves + body.beyond.waves,
-            diameters=rest.diameters + body.beyond.diameters,
-        )
     cut = lambda matrix: None if matrix is None else matrix[:size, :size]
     return dataclasses.replace(
         body,
@@ -54,5 +38,4 @@ def fewer_modes(body: FlexibleBody, count: int) -> FlexibleBody:
             waves=modes.waves[:count],
             diameters=modes.diameters[:count],
         ),
-        beyond=rest,
     )

@@ -23,7 +23,7 @@ from jaxtyping import Array, Float
 from jaxgear._checks import require
 from jaxgear._geometry._lines import ContactLines, MeshGrid
 from jaxgear._geometry._pair import GearPair
-from jaxgear._system._body_modes import BodyModes, ModesBeyond
+from jaxgear._system._body_modes import BodyModes
 from jaxgear._system._gear_body import AbstractGearBody, SectionMotion, carried
 from jaxgear._system._mount import AbstractMount, MountedNodes, MountMatrices
 from jaxgear._types import CellArmGrid, CellGrid, DenseCouplingGrid, Reals, Scalar
@@ -72,7 +72,6 @@ class FlexibleBody(AbstractGearBody):
     - `first_line`, `slices`: of the grid that it was made for.
     - `repeats`: mesh periods after which the body repeats under its teeth.
     - `modes`: on which it vibrates, or `None`: it is for statics.
-    - `beyond`: further modes, which are no coordinates, or `None`: there are none.
     """
 
     flexibility: FootMatrix
@@ -89,7 +88,6 @@ class FlexibleBody(AbstractGearBody):
     slices: int = eqx.field(static=True)
     repeats: int = eqx.field(static=True)
     modes: BodyModes | None = None
-    beyond: ModesBeyond | None = None
 
     @property
     def lines(self) -> int:
@@ -281,27 +279,22 @@ def foot_tables(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLi
     return FootTables(compliance, arms, growth)
 
 
-def mode_arms(
-    pair: GearPair,
-    index: int,
-    body: FlexibleBody,
-    modes: BodyModes | ModesBeyond,
-    lines: ContactLines,
-) -> CellArmGrid:
+def mode_arms(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLines) -> CellArmGrid:
     """Approach of each cell per motion of the modes, in coordinates that stand still in space.
 
     **Arguments:**
 
     - `pair`: the gears.
     - `index`: 0 for the pinion, 1 for the wheel.
-    - `body`: of that gear.
-    - `modes`: of the body.
+    - `body`: of that gear, with modes.
     - `lines`: where the cells are.
 
     **Returns:**
 
     Arms of all cells at each phase [kg^-1/2].
     """
+    modes = body.modes
+    assert modes is not None
     teeth = (pair.pinion, pair.wheel)[index].teeth
     # Of the first cell: its tooth in each period, and how far the helix has it turned.
     first = np.arange(body.periods)

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxgear._checks import require
-from jaxgear._system._body_modes import BodyModes, ModesBeyond
+from jaxgear._system._body_modes import BodyModes
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._types import Scalar
 
@@ -50,7 +50,7 @@ def scaled_body(
         )
     stiffer, denser = jnp.asarray(young, dtype=float), jnp.asarray(density, dtype=float)
     return eqx.tree_at(
-        lambda b: (b.flexibility, b.growth, b.seat_stiffness, b.seat_load, b.modes, b.beyond),
+        lambda b: (b.flexibility, b.growth, b.seat_stiffness, b.seat_load, b.modes),
         body,
         (
             body.flexibility / stiffer,
@@ -58,18 +58,8 @@ def scaled_body(
             body.seat_stiffness * stiffer,
             body.seat_load * denser,
             None if body.modes is None else _scaled_modes(body.modes, stiffer, denser),
-            None if body.beyond is None else _scaled_beyond(body.beyond, stiffer, denser),
         ),
         is_leaf=lambda x: x is None,
-    )
-
-
-def _scaled_beyond(modes: ModesBeyond, stiffer: Scalar, denser: Scalar) -> ModesBeyond:
-    """The modes that are no coordinates; as the others."""
-    return eqx.tree_at(
-        lambda m: (m.square, m.rows),
-        modes,
-        (modes.square * (stiffer / denser), modes.rows / jnp.sqrt(denser)),
     )
 
 

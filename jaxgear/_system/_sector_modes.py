@@ -7,6 +7,7 @@ a wave are pairs of real ones, a quarter of a wave apart.
 """
 
 import math
+from collections import Counter
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -188,39 +189,26 @@ class Waves:
         Squares of their angular frequencies, rising; shapes `[dof, mode]`; wave numbers, negative
         for the second of a pair.
         """
-        solved = [
-            scipy.linalg.eigh(stiffness, mass)
-            for stiffness, mass in zip(self.stiffness, self.mass, strict=True)
-        ]
+        solved = [scipy.linalg.eigh(*each) for each in zip(self.stiffness, self.mass, strict=True)]
         every = sorted(
             (float(square), number, place)
             for number, (squares, _) in enumerate(solved)
             for place, square in enumerate(squares)
         )
-        chosen: list[tuple[float, int, int]] = []
-        size = 0
-        for square, number, place in every:
-            size += 1 if self.alone(number) else 2
-            if count and size > count:
-                break
-            chosen.append((square, number, place))
-        squares, columns, waves = [], [], []
+        if count:
+            sizes = np.cumsum([1 if self.alone(number) else 2 for _, number, _ in every])
+            every = every[: int(np.searchsorted(sizes, count, side="right"))]
+        wanted = Counter(number for _, number, _ in every)
         shapes = {
-            number: self.whole(
-                solved[number][1][:, [p for _, n, p in chosen if n == number]], number
-            )
-            for number in {number for _, number, _ in chosen}
+            number: self.whole(solved[number][1][:, :few], number) for number, few in wanted.items()
         }
-        for square, number, place in chosen:
-            motion = shapes[number][:, place]
-            if self.alone(number):
-                squares.append(square)
-                columns.append(np.real(motion))
-                waves.append(number)
-            else:
-                squares += [square, square]
-                columns += [math.sqrt(2.0) * np.real(motion), math.sqrt(2.0) * np.imag(motion)]
-                waves += [number, -number]
+        squares, columns, waves = [], [], []
+        for square, number, place in every:
+            motion, pair = shapes[number][:, place], not self.alone(number)
+            parts = [np.real(motion), np.imag(motion)] if pair else [np.real(motion)]
+            columns += [math.sqrt(len(parts)) * part for part in parts]
+            squares += [square] * len(parts)
+            waves += [number, -number][: len(parts)]
         return np.array(squares), np.stack(columns, axis=1), np.array(waves)
 
     def following(self, stiffness: np.ndarray, seats: int) -> np.ndarray:

@@ -162,9 +162,6 @@ def _grids_that_differ(nodes: dict[float, int]) -> str:
     )
 
 
-# Modes of which the mesh feels the inertia, beside those that are coordinates.
-_BEYOND = 400
-
 # A condensed body that is not in mesh yet, and motions on which it vibrates; none for statics.
 _Made = tuple[BuiltBody, BodyBasis | None]
 
@@ -176,7 +173,7 @@ def _made(scene: Scene, plan: BodyPlan, tell: Callable[[str], None], moving: boo
     if moving:
         tell(f"{plan.gear}: modes with its seats held")
         with in_keys(plan.gear):
-            basis = body_basis(built.body, scene.model.modes, _BEYOND)
+            basis = body_basis(built.body, scene.model.modes)
     return built, basis
 
 

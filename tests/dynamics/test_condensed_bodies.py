@@ -440,7 +440,7 @@ def _rest_of(model: PairModel, dynamics: PairDynamics):
     assert isinstance(body, FlexibleBody)
     assert body.modes is not None
     tables = foot_tables(model.pair, 1, body, lines)
-    arms = mode_arms(model.pair, 1, body, body.modes, lines)
+    arms = mode_arms(model.pair, 1, body, lines)
     return tables.compliance - (arms / body.modes.square[None, None, :]) @ jnp.swapaxes(arms, 1, 2)
 
 
@@ -669,7 +669,7 @@ def test_a_wheel_with_holes_is_itself_again_after_its_mesh_periods():
 
 @jax.jit
 def _arms_of(body: FlexibleBody, lines):
-    return mode_arms(PAIRS["spur"](), 1, body, body.modes, lines)
+    return mode_arms(PAIRS["spur"](), 1, body, lines)
 
 
 @pytest.mark.slow

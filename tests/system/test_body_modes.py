@@ -329,7 +329,7 @@ def _compare(kind: str, index: int, name: str, periods: int, phases: tuple[int, 
     flexible = flexible_body(body, pair, index, grid, basis=basis)
     lines = jg.contact_lines(pair, grid)
     assert flexible.modes is not None
-    found = np.asarray(_arms(pair, index, flexible, flexible.modes, lines))
+    found = np.asarray(_arms(pair, index, flexible, lines))
     basis = basis.under_teeth(TEETH[index], _sectors(body))[0]
     assert flexible.modes.waves == tuple(basis.waves)
     dense = _dense(kind, index, body, grid, lines)
