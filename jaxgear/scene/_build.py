@@ -255,7 +255,7 @@ def shared_places(scene: Scene, model: PairModel) -> dict[str, str]:
             found |= {
                 f"{root}.{key}": guests[point] for point, key in keys.items() if point in guests
             }
-    return {key: owner for key, owner in found.items() if scene.get(key) is not None}
+    return {key: owner for key, owner in found.items() if scene.value(key) is not None}
 
 
 def _body(scene: Scene, pair: GearPair, name: str, mount: Support | Shaft) -> AbstractGearBody:
@@ -296,7 +296,7 @@ def _condensed_body(scene: Scene, name: str) -> FlexibleBody:
 
 def _of_its_material(scene: Scene, name: str, each: Any) -> FlexibleBody:
     """A body of the shape and the material that the scene now says, which may be traced."""
-    body = each.flexible if each.family is None else each.family(scene[each.follows])
+    body = each.flexible if each.family is None else each.family(scene.value(each.follows))
     own = scene.gear(name).body
     if own.superelement is not None:
         # Matrices made elsewhere are of a material that no key names.

@@ -93,15 +93,15 @@ def _varied_measure(scene: Scene, plan: BodyPlan) -> str | None:
     if len(keys) != 1 or not isinstance(plan.source, Drawn):
         return None
     key = keys[0]
-    bounds = scene.get(f"optimise.bounds.{key}")
+    bounds = scene.value(f"optimise.bounds.{key}")
     require(
         bounds is not None and bounds[0] < bounds[1],
         "optimise.vary names {key}: bodies are condensed from one bound to the other, and "
         "interpolated. Give both, rising, in the table [optimise.bounds], such as\n"
         '"{key}" = [{low:.6g}, {high:.6g}]',
         key=key,
-        low=0.8 * scene[key],
-        high=1.2 * scene[key],
+        low=0.8 * scene.value(key),
+        high=1.2 * scene.value(key),
     )
     return key
 
@@ -120,7 +120,7 @@ def _with_family(
     tell: Callable[[str], None],
 ) -> MeshBody:
     """A body with others of its shape, from one bound of a measure to the other."""
-    low, high = scene[f"optimise.bounds.{key}"]
+    low, high = scene.value(f"optimise.bounds.{key}")
     reciprocal = low > 0.0
     at, checks = family_parameters(low, high, _MEMBERS, reciprocal=reciprocal)
     bodies, nodes = {}, {}
@@ -140,7 +140,7 @@ def _with_family(
         family = body_family(
             at,
             [bodies[float(value)] for value in at],
-            checks=[*probes, (scene[key], own.flexible)],
+            checks=[*probes, (scene.value(key), own.flexible)],
             reciprocal=reciprocal,
         )
     except ValueError as error:
