@@ -19,17 +19,7 @@ _TEETH = "weber-banaschek"
 
 
 def assumed_fillets(tables: AbstractTables, given: Set[str]) -> Iterator[tuple[str, float]]:
-    """Fillet radius coefficients that are not given: the usual one, or the largest that fits.
-
-    **Arguments:**
-
-    - `tables`: of the scene, without what is wrong.
-    - `given`: keys that the user wrote.
-
-    **Returns:**
-
-    Path and value of the coefficients that differ from the schema's default [-].
-    """
+    """Fillet radius coefficients that are not given: the usual one, or the largest that fits."""
     for gear in GEARS:
         path = f"{gear}.fillet_radius_coeff"
         angle, dedendum = tables.pair.pressure_angle_deg, tables.gear(gear).dedendum_coeff
@@ -42,13 +32,9 @@ def assumed_fillets(tables: AbstractTables, given: Set[str]) -> Iterator[tuple[s
 def largest_fillet(pressure_angle: float, dedendum: float) -> float:
     """The largest tip radius of a rack over module, rounded down to a thousandth [-].
 
-    The rounded corners of the rack's tip must leave a land between its straight flanks, and with
-    a large pressure angle there is less room for them.
-
-    **Arguments:**
-
-    - `pressure_angle`: normal pressure angle [deg].
-    - `dedendum`: over module [-].
+    The pressure angle is in degrees, the dedendum over module. The rounded corners of the rack's
+    tip must leave a land between its straight flanks, and with a large pressure angle there is
+    less room for them.
     """
     alpha = math.radians(pressure_angle)
     room = 0.25 * math.pi - dedendum * math.tan(alpha)
@@ -62,15 +48,6 @@ def assumed_bores(tables: AbstractTables, given: Set[str]) -> Iterator[tuple[str
 
     As wide as the shaft at the gear, but at most 0.7 of the root diameter; without a shaft 0.4 of
     it, about what keyed gears have.
-
-    **Arguments:**
-
-    - `tables`: of the scene, without what is wrong.
-    - `given`: keys that the user wrote.
-
-    **Returns:**
-
-    Path and value of each [mm].
     """
     for gear in GEARS:
         path, root = f"{gear}.bore_mm", root_diameter(tables, gear)
@@ -85,15 +62,6 @@ def assumed_foundations(tables: AbstractTables, given: Set[str]) -> Iterator[tup
     """Foundations that are not given, of gears that cannot have the default ring.
 
     A beam winds up by itself, and a ring must be clamped at a bore.
-
-    **Arguments:**
-
-    - `tables`: of the scene, assumed bores in it.
-    - `given`: keys that the user wrote.
-
-    **Returns:**
-
-    Path and choice of each.
     """
     for gear in GEARS:
         of = tables.gear(gear)
@@ -103,16 +71,7 @@ def assumed_foundations(tables: AbstractTables, given: Set[str]) -> Iterator[tup
 
 
 def assumed(scene: "Scene") -> list[str]:
-    """Remarks on defaults that follow other numbers of the scene.
-
-    **Arguments:**
-
-    - `scene`: as it was read.
-
-    **Returns:**
-
-    A sentence or two each.
-    """
+    """Remarks on defaults that follow other numbers of the scene."""
     return [
         *(_told_bore(scene, *each) for each in assumed_bores(scene, scene.given)),
         *_told_solid(scene),

@@ -159,7 +159,7 @@ def body_plan(scene: Scene, name: str) -> BodyPlan:
         if body.superelement is not None:
             source, seats, torque = _matrices(body, folder), (), ""
         elif body.grid is not None:
-            rim = body.interface if body.rim_set is None else body.rim_set
+            rim = _or(body.rim_set, body.interface)
             source = OwnGrid(folder / body.grid, rim, _or(body.grid_unit_mm, 1.0) * mm)
             seats, torque = _named_seats(gear, soft)
         else:
@@ -183,9 +183,9 @@ def body_plan(scene: Scene, name: str) -> BodyPlan:
         torque_seat=torque,
         teeth=Teeth(teeth.mass, teeth.polar_inertia) if body.teeth_mass else None,
         method=method,
-        modes=body.modes,
-        rotating=body.rotating_terms,
-        compares_seats=body.compare_seats,
+        modes=body.modes or 0,
+        rotating=bool(body.rotating_terms),
+        compares_seats=bool(body.compare_seats),
     )
 
 
@@ -222,7 +222,7 @@ def _web(web: WebKeys) -> Web | None:
     size, circle = web.hole_diameter_mm, web.hole_circle_mm
     angle = _or(web.hole_angle_deg, 0.0)
     between = angle + 180.0 / _or(web.holes, math.inf)
-    rings = (
+    rings: Any = (
         (web.holes, size, circle, angle),
         (
             web.second_holes,

@@ -120,15 +120,6 @@ class Steps:
 def built_body(plan: BodyPlan, tell: Callable[[str], None]) -> BuiltBody:
     """The body of a plan, from the cache if it is there.
 
-    **Arguments:**
-
-    - `plan`: what it is made from.
-    - `tell`: told what begins.
-
-    **Returns:**
-
-    The body, its view, and what it cost.
-
     **Raises:**
 
     - `ValueError` if the body cannot be; the message says what to do.

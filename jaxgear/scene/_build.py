@@ -231,17 +231,7 @@ def _bearing(row: BearingKeys) -> Bearing:
 
 
 def shared_places(scene: Scene, model: PairModel) -> dict[str, str]:
-    """Keys of points on shafts that lie where another point does, and which one moves them.
-
-    **Arguments:**
-
-    - `scene`: with or without shafts.
-    - `model`: its model.
-
-    **Returns:**
-
-    The owner of the place, such as "bearing 0", under each key that has no effect by itself.
-    """
+    """Keys of points on shafts that lie where another point does, and which one moves them."""
     found = {}
     for name, mount in zip(GEARS, (model.pinion_support, model.wheel_support), strict=True):
         if isinstance(mount, Shaft):

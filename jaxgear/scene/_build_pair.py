@@ -45,11 +45,6 @@ def si(value: Any, unit: float | None = None) -> Any:
     """A number of a scene in SI; `None` stays what it is.
 
     In NumPy, whose arithmetic is not compiled, unless JAX traces it.
-
-    **Arguments:**
-
-    - `value`: in the unit of the file.
-    - `unit`: what that is in SI.
     """
     if value is None:
         return None
@@ -59,14 +54,6 @@ def si(value: Any, unit: float | None = None) -> Any:
 
 def pair_of(scene: Scene) -> GearPair:
     """The gears of a scene.
-
-    **Arguments:**
-
-    - `scene`: checked against the schema; its real values may be traced.
-
-    **Returns:**
-
-    The pair, in SI.
 
     **Raises:**
 
@@ -102,13 +89,7 @@ def _gear(scene: Scene, name: str) -> Gear:
 
 
 def material_of(tables: AbstractTables, name: str) -> Material:
-    """The material of a gear: its own, or that of both.
-
-    **Arguments:**
-
-    - `tables`: of the scene.
-    - `name`: `pinion` or `wheel`.
-    """
+    """The material of a gear: its own, or that of both."""
     keys = ("young_GPa", "poisson", "density_kg_m3")
     young, poisson, density = (si(of_material(tables, name, key)) for key in keys)
     return Material(young=young * GPa, poisson=poisson, density=density)
@@ -116,15 +97,6 @@ def material_of(tables: AbstractTables, name: str) -> Material:
 
 def flanks_of(scene: Scene, pair: GearPair) -> Flanks:
     """The flank deviations of a scene.
-
-    **Arguments:**
-
-    - `scene`: checked against the schema.
-    - `pair`: its gears, for what is given in millimetres on the flank or as a grade.
-
-    **Returns:**
-
-    The deviations, in SI.
 
     **Raises:**
 

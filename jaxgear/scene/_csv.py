@@ -44,12 +44,6 @@ class Cells(NamedTuple):
 def read_cells(path: Path, known: Sequence[str], needed: Sequence[str]) -> Cells:
     """Read a file whose header names its columns.
 
-    **Arguments:**
-
-    - `path`: the CSV file.
-    - `known`: names that columns may have.
-    - `needed`: those of them that must be there.
-
     **Raises:**
 
     - `InputError` that lists what is wrong.
@@ -79,15 +73,6 @@ def read_cells(path: Path, known: Sequence[str], needed: Sequence[str]) -> Cells
 
 def read_matrix(path: str, folder: Path) -> np.ndarray:
     """Read a square matrix: as many lines as there are numbers in each, separated by commas.
-
-    **Arguments:**
-
-    - `path`: the CSV file; lines that begin with # are left out.
-    - `folder`: what a relative path is relative to, such as the scene file's folder.
-
-    **Returns:**
-
-    The matrix, in the file's unit.
 
     **Raises:**
 

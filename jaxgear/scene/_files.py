@@ -90,15 +90,6 @@ class FlankTable:
 def read_profile(path: str | os.PathLike[str], folder: str | os.PathLike[str] = "") -> FlankTable:
     """Read a measured profile.
 
-    **Arguments:**
-
-    - `path`: the CSV file.
-    - `folder`: what a relative path is relative to, such as the scene file's folder.
-
-    **Returns:**
-
-    The table, in the file's units.
-
     **Raises:**
 
     - `InputError` if the file cannot be read, or its table cannot be a profile.
@@ -129,15 +120,6 @@ def read_topography(
 
     Each line carries both positions of its point, so lines may stand in any order; but each point
     of the grid must be there, and only once.
-
-    **Arguments:**
-
-    - `path`: the CSV file.
-    - `folder`: what a relative path is relative to, such as the scene file's folder.
-
-    **Returns:**
-
-    The table, in the file's units.
 
     **Raises:**
 
@@ -181,18 +163,7 @@ def read_topography(
 def deviation_of_table(
     table: FlankTable, pair: GearPair, gear_index: int
 ) -> AbstractFlankDeviation:
-    """Turn a table into a deviation of one gear's flank. The pair may be traced by JAX.
-
-    **Arguments:**
-
-    - `table`: as read.
-    - `pair`: the gears.
-    - `gear_index`: the gear that carries the table: 0 is the pinion, 1 the wheel.
-
-    **Returns:**
-
-    A `MeasuredProfile` or a `MeasuredTopography`, in SI.
-    """
+    """Turn a table into a deviation of one gear's flank. The pair may be traced by JAX."""
     unit, place_of, _ = _COORDINATES[table.coordinate]
     place = place_of(pair, gear_index, jnp.asarray(table.position * unit))
     deviation = table.deviation * um
@@ -206,12 +177,6 @@ def check_covers(table: FlankTable, pair: GearPair, gear_index: int) -> None:
     """Refuse a table that is not of this gear, or leaves out part of its active flank.
 
     Says nothing about a pair that JAX is tracing.
-
-    **Arguments:**
-
-    - `table`: as read.
-    - `pair`: the gears.
-    - `gear_index`: the gear that carries the table: 0 is the pinion, 1 the wheel.
 
     **Raises:**
 

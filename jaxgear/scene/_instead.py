@@ -60,12 +60,7 @@ def value_instead(target: str, read: Read) -> Any:
 
 
 def values_instead(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values of the keys in whose place others are given, as far as these are right.
-
-    **Arguments:**
-
-    - `values`: of the scene by path, without those that are wrong.
-    """
+    """Return the values of the keys in whose place others are given, as far as these are right."""
     found: dict[str, Any] = {}
     for target in INSTEAD:
         try:
@@ -77,12 +72,7 @@ def values_instead(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def replaced_by(path: str) -> frozenset[str]:
-    """Return the keys that no longer count once a key has a value of its own.
-
-    **Arguments:**
-
-    - `path`: of any key; of most nothing is replaced.
-    """
+    """Return the keys that no longer count once a key has a value of its own."""
     return _RIVALS.get(path, frozenset())
 
 
@@ -99,43 +89,21 @@ _RIVALS: Mapping[str, frozenset[str]] = dict(_rivals())
 
 
 def alternatives(target: str) -> str:
-    """Say what may be written in place of a key that is missing; empty where nothing may.
-
-    **Arguments:**
-
-    - `target`: path of the key.
-    """
+    """Say what may be written in place of a key that is missing; empty where nothing may."""
     paths = INSTEAD.get(target, ())
     ways = [f"{each} and {_WITH[each]}" if each in _WITH else each for each in paths]
     return f". Or write {', or '.join(ways)}" if ways else ""
 
 
 def place_of(path: str, given: Set[str]) -> str:
-    """Return the key that was written in place of another one, or that other one.
-
-    **Arguments:**
-
-    - `path`: of any key.
-    - `given`: keys and tables that the user wrote.
-    """
+    """Return the key that was written in place of another one, or that other one."""
     return next((each for each in INSTEAD.get(path, ()) if each in given), path)
 
 
 def instead_mistakes(
     values: Mapping[str, Any], given: Set[str], where: Callable[[str], str]
 ) -> Iterator[tuple[str, str]]:
-    """Yield what is wrong with keys that stand for others: two for one, or half of one.
-
-    **Arguments:**
-
-    - `values`: of the scene by path, without those that are wrong.
-    - `given`: keys and tables that the user wrote.
-    - `where`: tells the place of a key.
-
-    **Returns:**
-
-    Path and message of each mistake.
-    """
+    """Yield what is wrong with keys that stand for others: two for one, or half of one."""
     for target, paths in INSTEAD.items():
         said = [path for path in (target, *paths) if path in given]
         if any(parent in INSTEAD for parent in parents(target)):
@@ -155,13 +123,7 @@ def instead_mistakes(
 
 
 def is_idle(path: str, values: Mapping[str, Any]) -> bool:
-    """Say whether a key has no effect beside what else is given.
-
-    **Arguments:**
-
-    - `path`: of any key.
-    - `values`: of the scene by path.
-    """
+    """Say whether a key has no effect beside what else is given."""
     if path == "pair.speed_rpm":
         return "pair.power_kW" not in values
     table, _, name = path.rpartition(".")

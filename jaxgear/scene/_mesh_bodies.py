@@ -50,16 +50,6 @@ def with_bodies(
 ) -> Scene:
     """A scene with the condensed bodies that it names, from the cache where they are known.
 
-    **Arguments:**
-
-    - `scene`: checked against the schema.
-    - `tell`: told what begins.
-    - `moving`: whether they are to vibrate.
-
-    **Returns:**
-
-    The scene, of which a model can be made.
-
     **Raises:**
 
     - `ValueError` if a body cannot be, or not carry its teeth.

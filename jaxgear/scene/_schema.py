@@ -141,13 +141,7 @@ _SHAPING_KEYS = (
 
 
 def shapes_body(key: str, gear: str) -> bool:
-    """Say whether a condensed body would be another one if a key of the scene were.
-
-    **Arguments:**
-
-    - `key`: path of the key.
-    - `gear`: `pinion` or `wheel`, whose body is condensed.
-    """
+    """Say whether a condensed body would be another one if a key of the scene were."""
     whole = {each.format(gear=gear) for each in _SHAPING_KEYS}
     tables = tuple(f"{each.format(gear=gear)}." for each in _SHAPING_TABLES)
     along = key.startswith(f"{gear}.shaft.segments") or (
@@ -157,13 +151,7 @@ def shapes_body(key: str, gear: str) -> bool:
 
 
 def scales_body(key: str, gear: str) -> bool:
-    """Say whether a condensed body follows a key of the scene by its scale, without being remade.
-
-    **Arguments:**
-
-    - `key`: path of the key.
-    - `gear`: `pinion` or `wheel`, whose body is condensed.
-    """
+    """Say whether a condensed body follows a key of the scene by its scale, and is not remade."""
     table, _, name = key.rpartition(".")
     if name == "young_GPa" and table == f"{gear}.body":
         return True
@@ -171,13 +159,7 @@ def scales_body(key: str, gear: str) -> bool:
 
 
 def of_condensed(key: str, gear: str) -> bool:
-    """Say whether a key of a gear's body acts only on one that is condensed.
-
-    **Arguments:**
-
-    - `key`: path of the key.
-    - `gear`: `pinion` or `wheel`.
-    """
+    """Say whether a key of a gear's body acts only on one that is condensed."""
     return key == f"{gear}.body.young_GPa" or key.startswith(f"{gear}.body.web.")
 
 

@@ -49,17 +49,7 @@ _BACKLASH = 0.2
 
 
 def slips(tables: AbstractTables, values: Values) -> list[Slip]:
-    """Find what cannot belong together in a scene, or hardly.
-
-    **Arguments:**
-
-    - `tables`: of the scene, without what is wrong.
-    - `values`: the same by path.
-
-    **Returns:**
-
-    Mistakes and remarks; none where numbers that it takes are missing.
-    """
+    """Find what cannot belong together in a scene, or hardly."""
     module = tables.pair.module_mm
     if module is None:
         return []
@@ -79,12 +69,7 @@ def slips(tables: AbstractTables, values: Values) -> list[Slip]:
 
 
 def odd(scene: "Scene") -> list[str]:
-    """Remarks on numbers of a scene without mistakes that hardly belong together.
-
-    **Returns:**
-
-    A sentence or two each.
-    """
+    """Remarks on numbers of a scene without mistakes that hardly belong together."""
     return [f"{slip.message}." for slip in slips(scene, scene.whole) if not slip.impossible]
 
 
@@ -308,16 +293,7 @@ def _sound(young: float, density: float) -> float:
 
 
 def angle_of_involute(value: float) -> float:
-    """The angle of an involute, by Newton's method, in plain numbers.
-
-    **Arguments:**
-
-    - `value`: involute of the angle [rad].
-
-    **Returns:**
-
-    The angle [rad].
-    """
+    """The angle [rad] of which the involute is `value`, by Newton's method, in plain numbers."""
     # Convex, and begun above the root: every step stays there.
     angle = min((3.0 * value) ** (1.0 / 3.0), 1.5)
     for _ in range(50):

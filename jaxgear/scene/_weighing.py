@@ -98,14 +98,7 @@ def weigh(path: str, value: float | None, reference: float, span: Span, of: str)
 
 
 def advice(value: float, unit: str, low: float, high: float) -> str:
-    """Say which other unit would make a number usual.
-
-    **Arguments:**
-
-    - `value`: the number.
-    - `unit`: its unit.
-    - `low`, `high`: what is usual, in that unit.
-    """
+    """Say which other unit would make a number usual."""
     for name, factor in _MISTAKEN.get(unit, ()):
         if low <= abs(value) * factor <= high:
             return f"If {value:.6g} is in {name}, write {value * factor:.6g}"
