@@ -9,7 +9,6 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, cast
 
@@ -105,12 +104,9 @@ class Steps:
         self.seconds: dict[str, float] = {}
         self._tell = tell
 
-    def __call__(self, step: str) -> AbstractContextManager[None]:
-        """A context that lasts as long as the step."""
-        return self._timed(step)
-
     @contextlib.contextmanager
-    def _timed(self, step: str) -> Iterator[None]:
+    def __call__(self, step: str) -> Iterator[None]:
+        """A context that lasts as long as the step."""
         self._tell(step)
         start = time.perf_counter()
         yield

@@ -143,18 +143,6 @@ def key_names(text: str) -> list[str]:
 
 def key_steps(text: str) -> list[str | int]:
     """Split a TOML key that may have indices, `a."b.c"[0].d`; `ValueError` if it is not one."""
-    steps: list[str | int] = []
-    start = 0
-    indices = [found for found in _INDEX.finditer(text) if found[2]]
-    for found in (*indices, None):
-        names = text[start : found.start() if found else None].strip()
-        if steps and names:
-            if not names.startswith("."):
-                raise ValueError(f"{names} follows an index without a point")
-            names = names[1:]
-        if names or not steps:
-            steps += key_names(names)
-        if found:
-            steps.append(int(found[2]))
-            start = found.end()
-    return steps
+    # To TOML an index is a name too, marked as no key is.
+    marked = _INDEX.sub(lambda found: found[1] or f'."\\u0000{found[2]}"', text)
+    return [int(name[1:]) if name[:1] == "\0" else name for name in key_names(marked)]

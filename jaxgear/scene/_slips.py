@@ -97,29 +97,25 @@ def _faces(tables: AbstractTables, module: float) -> Iterator[Slip]:
 def _angles(tables: AbstractTables) -> Iterator[Slip]:
     pair = tables.pair
     yield from weigh("pair.pressure_angle_deg", pair.pressure_angle_deg, 20.0, _ANGLE, "")
-    angles = {f"{gear}.body.web.web_angle_deg": tables.gear(gear).body.web for gear in GEARS}
-    yield from weigh("pair.helix_angle_deg", pair.helix_angle_deg, 1.0, _SMALL_ANGLE, "")
-    for path, web in angles.items():
-        yield from weigh(path, web.web_angle_deg, 1.0, _SMALL_ANGLE, "")
+    angles = {"pair.helix_angle_deg": pair.helix_angle_deg} | {
+        f"{gear}.body.web.web_angle_deg": tables.gear(gear).body.web.web_angle_deg for gear in GEARS
+    }
+    for path, angle in angles.items():
+        yield from weigh(path, angle, 1.0, _SMALL_ANGLE, "")
 
 
 def _materials(tables: AbstractTables) -> Iterator[Slip]:
     """Young's modulus against density, by the speed of sound."""
-    for gear in ("", *GEARS):
-        own = tables.gear(gear).material if gear else tables.material
-        if gear and own.young_GPa is None and own.density_kg_m3 is None:
-            continue
-        keys = ("young_GPa", "density_kg_m3")
-        young, density = (
-            of_material(tables, gear, key) if gear else getattr(own, key) for key in keys
-        )
-        if young is None or density is None:
+    shared, keys = tables.material, ("young_GPa", "density_kg_m3")
+    for table in ("material", *(f"{gear}.material" for gear in GEARS)):
+        own = shared if table == "material" else tables.gear(table.partition(".")[0]).material
+        said = [key for key in keys if getattr(own, key) is not None]
+        young, density = (getattr(own if key in said else shared, key) for key in keys)
+        if not said or young is None or density is None:
             continue
         if _SOUND_LOW <= _sound(young, density) <= _SOUND_HIGH:
             continue
-        path = (
-            f"{gear}.material".lstrip(".") + f".{keys[0] if own.young_GPa is not None else keys[1]}"
-        )
+        path = f"{table}.{said[0]}"
         low, high = (speed**2 * density * 1e-9 for speed in (_SOUND_LOW, _SOUND_HIGH))
         yield Slip(
             path,
