@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 # Of the root diameter: the bore of a gear whose shaft is not known, and the largest that a shaft
 # asks for, beyond which a body is no ring but a rim [-].
 _BORE, _LARGEST_BORE = 0.4, 0.7
+# What is usual, in both gears alike [-].
+_FILLET: Any = KEYS["pinion.fillet_radius_coeff"].default
 # The stiffness of a tooth pair that asks for a foundation.
 _TEETH = "weber-banaschek"
 
@@ -25,7 +27,7 @@ def assumed_fillets(tables: AbstractTables, given: Set[str]) -> Iterator[tuple[s
         angle, dedendum = tables.pair.pressure_angle_deg, tables.gear(gear).dedendum_coeff
         if path not in given and angle is not None and dedendum is not None:
             largest = largest_fillet(angle, dedendum)
-            if largest < _usual(path):
+            if largest < _FILLET:
                 yield path, largest
 
 
@@ -51,7 +53,9 @@ def assumed_bores(tables: AbstractTables, given: Set[str]) -> Iterator[tuple[str
     """
     for gear in GEARS:
         path, root = f"{gear}.bore_mm", root_diameter(tables, gear)
-        if path in given or not root or root <= 0.0 or not _lies_on_ring(tables, gear):
+        of, mesh = tables.gear(gear), tables.mesh
+        stands = of.foundation or mesh.foundation, mesh.stiffness, of.body.kind
+        if path in given or not root or root <= 0.0 or stands != ("ring", _TEETH, "rigid"):
             continue
         shaft = _shaft_diameter(tables, gear)
         wide = _BORE * root if shaft is None else min(shaft, _LARGEST_BORE * root)
@@ -109,18 +113,11 @@ def _told_solid(scene: "Scene") -> list[str]:
 
 def _told_fillet(scene: "Scene", path: str, value: float) -> str:
     return (
-        f"{path} was assumed to be {value:g}, not {_usual(path):g}: with "
+        f"{path} was assumed to be {value:g}, not {_FILLET:g}: with "
         f"pair.pressure_angle_deg = {scene.pair.pressure_angle_deg:g} and a dedendum of "
         f"{scene.gear(path.partition('.')[0]).dedendum_coeff:g} no larger one fits between the "
         "straight flanks of the rack that cuts the teeth. Give your own if you know it."
     )
-
-
-def _lies_on_ring(tables: AbstractTables, gear: str) -> bool:
-    """Say whether the teeth of a rigid gear stand on a ring."""
-    of, mesh = tables.gear(gear), tables.mesh
-    foundation = of.foundation or mesh.foundation
-    return (foundation, mesh.stiffness, of.body.kind) == ("ring", _TEETH, "rigid")
 
 
 def _shaft_diameter(tables: AbstractTables, gear: str) -> float | None:
@@ -133,7 +130,3 @@ def _shaft_diameter(tables: AbstractTables, gear: str) -> float | None:
         if left <= 0.0:
             return segment.outer_mm
     return None
-
-
-def _usual(path: str) -> Any:
-    return KEYS[path].default

@@ -16,7 +16,7 @@ from jaxgear._units import GPa, deg, mm
 from jaxgear.scene._body_checks import METHODS
 from jaxgear.scene._body_tables import BodyKeys, WebKeys
 from jaxgear.scene._body_words import in_keys
-from jaxgear.scene._build_pair import pair_of
+from jaxgear.scene._build_pair import pair_of, si
 from jaxgear.scene._gear_tables import GearKeys
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
@@ -166,7 +166,7 @@ def body_plan(scene: Scene, name: str) -> BodyPlan:
             source = _drawn(gear, root)
             seats, torque = _drawn_seats(gear, source.body, soft)
         material = Material(
-            young=float(wheel.material.young) if body.young_GPa is None else body.young_GPa * GPa,
+            young=float(_or(si(body.young_GPa, GPa), wheel.material.young)),
             poisson=float(wheel.material.poisson),
             density=float(wheel.material.density),
         )
@@ -237,7 +237,7 @@ def _web(web: WebKeys) -> Web | None:
         rim_inner=web.rim_inner_mm * mm,
         offset=_or(web.web_offset_mm, 0.0) * mm,
         angle=_or(web.web_angle_deg, 0.0) * deg,
-        hub_width=None if web.hub_width_mm is None else web.hub_width_mm * mm,
+        hub_width=si(web.hub_width_mm, mm),
         holes=tuple(Holes(n, d * mm, at * mm, turn * deg) for n, d, at, turn in rings if n),
     )
 
@@ -250,7 +250,7 @@ def _fineness(gear: GearKeys, body: GearBody) -> Fineness:
         "web_radial": wanted.web_along,
         "web_layers": wanted.web_layers,
         "hub_radial": wanted.hub_deep,
-        "shaft": None if wanted.shaft_mm is None else wanted.shaft_mm * mm,
+        "shaft": si(wanted.shaft_mm, mm),
     }
     sectors = wanted.sectors
     if sectors is None:

@@ -80,7 +80,7 @@ class Scene(AbstractTables):
         What depends on the order of things, such as that of the stations along a shaft, is decided
         with them: it does not change while derivatives are taken.
         """
-        return table_of(PlainTables, self._plain, self.given)
+        return table_of(PlainTables, {**self.fixed, **values_instead(self.fixed)}, self.given)
 
     @cached_property
     def values(self) -> Mapping[str, Any]:
@@ -91,10 +91,6 @@ class Scene(AbstractTables):
     def whole(self) -> Mapping[str, Any]:
         """All values, of keys in whose place others are given too."""
         return {**self.values, **values_instead(self.values)}
-
-    @cached_property
-    def _plain(self) -> Mapping[str, Any]:
-        return {**self.fixed, **values_instead(self.fixed)}
 
     def value(self, path: str, default: Any = None) -> Any:
         """The value of a key, or of an entry, whose path is known at run time only.
@@ -109,10 +105,6 @@ class Scene(AbstractTables):
         - `KeyError` if a scene has no such key.
         """
         return look_up(self.whole, path, default)
-
-    def plain_value(self, path: str) -> Any:
-        """As `value`, but as it was before what is moved."""
-        return look_up(self._plain, path)
 
     @property
     def condensed(self) -> tuple[str, ...]:
@@ -163,14 +155,13 @@ class Scene(AbstractTables):
         for path, new in updates.items():
             key, index = split_entry(path)
             value: Any = new
-            before: Any = moved.get(key, fixed.get(key))
+            before: Any = moved.pop(key, fixed.get(key))
             if index is not None:
                 if index >= len(before or ()):
                     raise KeyError(path)
                 value = [*before[:index], new, *before[index + 1 :]]
             elif isinstance(before, list):
                 value = list(value)
-            moved.pop(key, None)
             if not _is_moved(value):
                 fixed[key] = value
             else:

@@ -1130,16 +1130,16 @@ def test_what_is_traced_is_known_as_it_was_before(write):
         traced = scene.replace({at: value}).replace({at: 2.0 * value, f"{force}[1]": value})
         later = traced.replace({f"{force}[2]": 5.0, "pair.centre_distance_mm": value})
         seen.update(
-            at=later.plain_value(at),
-            force=later.plain_value(force),
-            entry=later.plain_value(f"{force}[2]"),
+            at=later.fixed[at],
+            force=later.fixed[force],
+            entry=later.fixed[force][2],
             plain=later.plain.pinion.shaft.bearings[1].at_mm,
             forgotten={at, force} & {*later.replace({at: 60.0, force: [1.0, 2.0, 3.0]}).moved},
             same_keys={*later.real_keys()} - {*scene.real_keys()},
         )
-        assert later.plain_value("pair.centre_distance_mm") is None
+        assert later.plain.pair.centre_distance_mm is None
         whole = scene.replace({force: jnp.stack([value, value, value])})
-        seen["whole"] = whole.plain_value(f"{force}[0]")
+        seen["whole"] = whole.fixed[force][0]
         shaft = later.pinion.shaft
         return shaft.bearings[1].at_mm + shaft.loads[0].force_N[1] + whole.value(f"{force}[2]")
 
