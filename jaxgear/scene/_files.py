@@ -228,16 +228,14 @@ def _check_order(path: Path, lines: Sequence[int], name: str, position: np.ndarr
             "Reverse the lines."
         )
     for index in np.flatnonzero(steps <= 0.0)[:1]:
-        before, after = position[index], position[index + 1]
-        where = f"{path}:{lines[index + 1]}: {name} = {after:g}"
-        if before == after:
-            raise InputError(
-                f"{where} was given in line {lines[index]} already. Keep one of the two lines."
-            )
-        raise InputError(
-            f"{where} comes after {before:g} in line {lines[index]}. Positions must increase: "
-            "correct the number, or sort the lines."
+        before, after = position[index : index + 2]
+        remedy = (
+            f"was given in line {lines[index]} already. Keep one of the two lines."
+            if before == after
+            else f"comes after {before:g} in line {lines[index]}. Positions must increase: correct "
+            "the number, or sort the lines."
         )
+        raise InputError(f"{path}:{lines[index + 1]}: {name} = {after:g} {remedy}")
 
 
 def _check_size(path: Path, deviation: np.ndarray) -> None:
@@ -281,24 +279,15 @@ def _check_position(table: FlankTable, bound: dict[str, np.ndarray], name: str) 
     active = bound[f"{table.coordinate}_active"]
     middle = 0.5 * (active[0] + active[-1])
 
-    def lies_within(factor: float) -> bool:
-        return bool(
-            factor * table.position[0] >= least - 1e-9 * most
-            and factor * table.position[-1] <= most
-        )
+    def fits(factor: float) -> tuple[bool, bool]:
+        """Whether all lies on the involute, and whether the middle of the active flank is in it."""
+        first, last = factor * table.position[0], factor * table.position[-1]
+        return first >= least - 1e-9 * most and last <= most, first <= middle <= last
 
-    def has_middle(factor: float) -> bool:
-        return bool(factor * table.position[0] <= middle <= factor * table.position[-1])
-
-    if lies_within(1.0) and has_middle(1.0):
-        return
-    slips = [
-        what
-        for what, factor in _SLIPS[table.coordinate].items()
-        if lies_within(factor) and has_middle(factor)
-    ]
-    if lies_within(1.0) and not slips:
-        # On the involute but not on the active flank: what is missing says it better.
+    slips = [x for x, factor in _SLIPS[table.coordinate].items() if all(fits(factor))]
+    on_involute, has_middle = fits(1.0)
+    # On the involute but not on the active flank: what is missing says it better.
+    if on_involute and (has_middle or not slips):
         return
     hint = (
         f"they look like {slips[0]}. Convert them." if slips else "is this the file of this gear?"

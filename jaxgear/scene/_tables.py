@@ -1,6 +1,5 @@
 """Tables of a scene that say how its gears are computed and moved, and the whole file."""
 
-from abc import abstractmethod
 from typing import Literal
 
 from jaxgear.scene._gear_tables import FlanksKeys, Foundation, GearKeys, MaterialKeys, PairKeys
@@ -215,8 +214,8 @@ class ProbeKeys:
     node: str | None = key("a node that was condensed with the body, by name, in place of a place")
 
 
-class AbstractTables:
-    """The whole file. What is moved is not in here."""
+class Tables:
+    """The whole file."""
 
     schema: int = key(
         "version of the scene format", "[1, 1]. This version of jaxgear reads scene format 1"
@@ -250,20 +249,6 @@ class AbstractTables:
         """The table of a gear, `pinion` or `wheel`."""
         return getattr(self, name)
 
-    @property
-    @abstractmethod
-    def plain(self) -> "PlainTables":
-        """The tables with plain numbers alone: what is moved is as it was before."""
-
 
 # Not as a decorator: a scene is made of more than its tables.
-table(AbstractTables)
-
-
-class PlainTables(AbstractTables):
-    """Tables by themselves."""
-
-    @property
-    def plain(self) -> "PlainTables":
-        """The tables themselves."""
-        return self
+table(Tables)

@@ -80,10 +80,8 @@ def weigh(path: str, value: float | None, reference: float, span: Span, of: str)
         return
     impossible = not span.least <= ratio <= span.most
     too_small = ratio < span.low
-    if impossible:
-        bound = span.least if too_small else span.most
-    else:
-        bound = span.low if too_small else span.high
+    lowest, highest = (span.least, span.most) if impossible else (span.low, span.high)
+    bound = lowest if too_small else highest
     unit = unit_of(path)
     side = "at least" if too_small else "at most"
     that = of if bound == 1.0 or not of else f"{bound:.3g} times {of}"
