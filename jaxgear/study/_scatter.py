@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -247,22 +247,13 @@ def _require_range(scatter: Scatter, paths: dict[str, str]) -> None:
         else:
             low = high = float(scene.value(key))
             what, remedy = f"{low:g}", "change it"
-        if not _allowed(rule, low + least) or not _allowed(rule, high + most):
-            worst = low + least if not _allowed(rule, low + least) else high + most
+        if not rule.holds(low + least) or not rule.holds(high + most):
+            worst = low + least if not rule.holds(low + least) else high + most
             raise InputError(
                 f"{path} ({scene.where(path)}) is {show(scene.value(path))}: with {key} {what}, a "
                 f"gear of the sample has {worst:.4g}, but it must be {rule.allowed}. Take a "
                 f"smaller deviation, {remedy}, or use [robust.even], whose band has ends."
             )
-
-
-def _allowed(rule: Any, value: float) -> bool:
-    return (
-        (rule.above is None or value > rule.above)
-        and (rule.at_least is None or value >= rule.at_least)
-        and (rule.below is None or value < rule.below)
-        and (rule.at_most is None or value <= rule.at_most)
-    )
 
 
 def samples_of(scatter: Scatter) -> tuple[np.ndarray, np.ndarray]:
