@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from jaxgear.scene._schema import GEARS, KEYS
 from jaxgear.scene._sizes import root_diameter
-from jaxgear.scene._tables import Tables
+from jaxgear.scene._tables import AbstractTables
 
 if TYPE_CHECKING:
     from jaxgear.scene._scene import Scene
@@ -20,7 +20,7 @@ _FILLET: Any = KEYS["pinion.fillet_radius_coeff"].default
 _TEETH = "weber-banaschek"
 
 
-def assumed_fillets(tables: Tables, given: Set[str]) -> Iterator[tuple[str, float]]:
+def assumed_fillets(tables: AbstractTables, given: Set[str]) -> Iterator[tuple[str, float]]:
     """Fillet radius coefficients that are not given: the usual one, or the largest that fits."""
     for gear in GEARS:
         path = f"{gear}.fillet_radius_coeff"
@@ -45,7 +45,7 @@ def largest_fillet(pressure_angle: float, dedendum: float) -> float:
     return max(math.floor(1e3 * room / corner) / 1e3, 0.0)
 
 
-def assumed_bores(tables: Tables, given: Set[str]) -> Iterator[tuple[str, float]]:
+def assumed_bores(tables: AbstractTables, given: Set[str]) -> Iterator[tuple[str, float]]:
     """Bores that are not given, of gears on a ring, which must be clamped at one.
 
     As wide as the shaft at the gear, but at most 0.7 of the root diameter; without a shaft 0.4 of
@@ -62,7 +62,7 @@ def assumed_bores(tables: Tables, given: Set[str]) -> Iterator[tuple[str, float]
         yield path, float(f"{wide:.3g}")
 
 
-def assumed_foundations(tables: Tables, given: Set[str]) -> Iterator[tuple[str, str]]:
+def assumed_foundations(tables: AbstractTables, given: Set[str]) -> Iterator[tuple[str, str]]:
     """Foundations that are not given, of gears that cannot have the default ring.
 
     A beam winds up by itself, and a ring must be clamped at a bore.
@@ -120,7 +120,7 @@ def _told_fillet(scene: "Scene", path: str, value: float) -> str:
     )
 
 
-def _shaft_diameter(tables: Tables, gear: str) -> float | None:
+def _shaft_diameter(tables: AbstractTables, gear: str) -> float | None:
     """Outer diameter of the shaft at mid-face; `None` without a shaft [mm]."""
     left = tables.gear(gear).shaft.gear_at_mm
     for segment in tables.gear(gear).shaft.segments:

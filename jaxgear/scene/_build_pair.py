@@ -35,7 +35,7 @@ from jaxgear.scene._gear_tables import FlankKeys, GearKeys
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
 from jaxgear.scene._sizes import of_material
-from jaxgear.scene._tables import Tables
+from jaxgear.scene._tables import AbstractTables
 
 # A number of a scene in SI: in NumPy, or traced.
 Number = Scalar | float
@@ -91,7 +91,7 @@ def _gear(gear: GearKeys, plain: GearKeys, material: Material) -> Gear:
     )
 
 
-def material_of(tables: Tables, name: str) -> Material:
+def material_of(tables: AbstractTables, name: str) -> Material:
     """The material of a gear: its own, or that of both."""
     keys = ("young_GPa", "poisson", "density_kg_m3")
     young, poisson, density = (si(of_material(tables, name, key)) for key in keys)

@@ -282,7 +282,8 @@ def _check_position(table: FlankTable, bound: dict[str, np.ndarray], name: str) 
     def fits(factor: float) -> tuple[bool, bool]:
         """Whether all lies on the involute, and whether the middle of the active flank is in it."""
         first, last = factor * table.position[0], factor * table.position[-1]
-        return first >= least - 1e-9 * most and last <= most, first <= middle <= last
+        inside = first >= least - 1e-9 * most and last <= most
+        return bool(inside), bool(first <= middle <= last)
 
     slips = [x for x, factor in _SLIPS[table.coordinate].items() if all(fits(factor))]
     on_involute, has_middle = fits(1.0)

@@ -22,7 +22,7 @@ from jaxgear.scene._schema import (
     split_entry,
 )
 from jaxgear.scene._table import table_of
-from jaxgear.scene._tables import Tables
+from jaxgear.scene._tables import PlainTables
 
 
 class Reading:
@@ -185,7 +185,7 @@ class Reading:
         values.setdefault("name", self.path.stem)
         for assume in (assumed_bores, assumed_foundations, assumed_fillets):
             whole = {**values, **values_instead(values)}
-            values |= assume(table_of(Tables, whole, self.seen), self.seen)
+            values |= assume(table_of(PlainTables, whole, self.seen), self.seen)
         for path, key in places.items():
             table = path.rpartition(".")[0]
             needed = table in ALWAYS or table in self.tables

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Set
 from jaxgear.scene._key import show
 from jaxgear.scene._schema import GEARS, shapes_body
 from jaxgear.scene._study_tables import RobustKeys
-from jaxgear.scene._tables import Tables
+from jaxgear.scene._tables import PlainTables
 
 _TABLES = ("robust.scatter", "robust.even")
 _OVER_SPEEDS = ("dynamic_ratio", "bearing_force")
@@ -19,7 +19,7 @@ def scattered_key(path: str) -> str:
 
 
 def robust_mistakes(
-    tables: Tables, values: Mapping[str, object], given: Set[str], *, faulty: bool
+    tables: PlainTables, values: Mapping[str, object], given: Set[str], *, faulty: bool
 ) -> Iterator[tuple[str, str]]:
     """Yield the path and the message of every mistake."""
     if "optimise" not in given:

@@ -32,7 +32,7 @@ from jaxgear.scene._schema import (
     split_entry,
 )
 from jaxgear.scene._table import table_of
-from jaxgear.scene._tables import Tables
+from jaxgear.scene._tables import AbstractTables, PlainTables
 from jaxgear.scene._together import mistakes_together
 
 # The scenes that `jaxgear init` writes.
@@ -40,7 +40,7 @@ READY = Path(__file__).parent / "scenes"
 
 
 @dataclasses.dataclass(frozen=True)
-class Scene(Tables):
+class Scene(AbstractTables):
     """A valid scene: its tables as attributes, and as flat paths, in the units of the file.
 
     The tables have what is moved in them; `plain` has them without.
@@ -65,22 +65,22 @@ class Scene(Tables):
     bodies: Mapping[str, Any] = dataclasses.field(default_factory=lambda: MappingProxyType({}))
 
     def __getattr__(self, name: str) -> Any:
-        if name in Tables.__annotations__:
+        if name in AbstractTables.__annotations__:
             return getattr(self._tables, name)
         raise AttributeError(f"a scene has no {name}")
 
     @cached_property
-    def _tables(self) -> Tables:
-        return table_of(Tables, self.whole, self.given)
+    def _tables(self) -> PlainTables:
+        return table_of(PlainTables, self.whole, self.given)
 
     @cached_property
-    def plain(self) -> Tables:
+    def plain(self) -> PlainTables:
         """The tables with plain numbers alone: what is moved is as it was before.
 
         What depends on the order of things, such as that of the stations along a shaft, is decided
         with them: it does not change while derivatives are taken.
         """
-        return table_of(Tables, {**self.fixed, **values_instead(self.fixed)}, self.given)
+        return table_of(PlainTables, {**self.fixed, **values_instead(self.fixed)}, self.given)
 
     @cached_property
     def values(self) -> Mapping[str, Any]:

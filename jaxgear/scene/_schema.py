@@ -13,7 +13,7 @@ from typing import Any, get_args
 from jaxgear.scene._key import OPTIONAL, Key
 from jaxgear.scene._study_tables import DynamicResponse, StaticResponse
 from jaxgear.scene._table import keys_of
-from jaxgear.scene._tables import Tables
+from jaxgear.scene._tables import PlainTables
 
 GEARS = ("pinion", "wheel")
 # Tables that every scene has, and tables that ask for work, which are written out only if given.
@@ -43,7 +43,7 @@ STATIC_RESPONSES: tuple[str, ...] = get_args(StaticResponse)
 DYNAMIC_RESPONSES: tuple[str, ...] = get_args(DynamicResponse)
 
 
-_PLAIN = tuple(keys_of(Tables))
+_PLAIN = tuple(keys_of(PlainTables))
 _REAL = {
     f"{key.path}[]" if key.kind == "floats" else key.path: key
     for key in _PLAIN

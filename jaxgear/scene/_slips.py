@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from jaxgear._geometry._drawn import involute, transverse_angle
 from jaxgear.scene._schema import BY_PATH, GEARS, unit_of
 from jaxgear.scene._sizes import of_material, reference_diameter, root_diameter
-from jaxgear.scene._tables import Tables
+from jaxgear.scene._tables import AbstractTables
 from jaxgear.scene._weighing import Slip, Span, advice, weigh
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ _SOUND_LOW, _SOUND_HIGH = 800.0, 14_000.0
 _BACKLASH = 0.2
 
 
-def slips(tables: Tables, values: Values) -> list[Slip]:
+def slips(tables: AbstractTables, values: Values) -> list[Slip]:
     """Find what cannot belong together in a scene, or hardly."""
     module = tables.pair.module_mm
     if module is None:
@@ -72,7 +72,7 @@ def odd(scene: "Scene") -> list[str]:
     return [f"{slip.message}." for slip in slips(scene, scene.whole) if not slip.impossible]
 
 
-def _faces(tables: Tables, module: float) -> Iterator[Slip]:
+def _faces(tables: AbstractTables, module: float) -> Iterator[Slip]:
     """Face widths against the module: where both are off, the module is."""
     faces = {gear: tables.gear(gear).face_width_mm for gear in GEARS}
     known = {gear: face for gear, face in faces.items() if face is not None}
@@ -93,7 +93,7 @@ def _faces(tables: Tables, module: float) -> Iterator[Slip]:
             yield from weigh(f"{gear}.face_width_mm", face, diameter, _FACE_OVER_DIAMETER, of)
 
 
-def _angles(tables: Tables) -> Iterator[Slip]:
+def _angles(tables: AbstractTables) -> Iterator[Slip]:
     pair = tables.pair
     yield from weigh("pair.pressure_angle_deg", pair.pressure_angle_deg, 20.0, _ANGLE, "")
     angles = {"pair.helix_angle_deg": pair.helix_angle_deg} | {
@@ -103,7 +103,7 @@ def _angles(tables: Tables) -> Iterator[Slip]:
         yield from weigh(path, angle, 1.0, _SMALL_ANGLE, "")
 
 
-def _materials(tables: Tables) -> Iterator[Slip]:
+def _materials(tables: AbstractTables) -> Iterator[Slip]:
     """Young's modulus against density, by the speed of sound."""
     shared, keys = tables.material, ("young_GPa", "density_kg_m3")
     for table in ("material", *(f"{gear}.material" for gear in GEARS)):
@@ -125,7 +125,7 @@ def _materials(tables: Tables) -> Iterator[Slip]:
         )
 
 
-def _centres(tables: Tables, module: float) -> Iterator[Slip]:
+def _centres(tables: AbstractTables, module: float) -> Iterator[Slip]:
     """A centre distance against that of the reference circles, and the backlash that it leaves."""
     path, pair = "pair.centre_distance_mm", tables.pair
     centres, diameters = pair.centre_distance_mm, [reference_diameter(tables, g) for g in GEARS]
@@ -175,7 +175,7 @@ def _deviations(values: Values, module: float) -> Iterator[Slip]:
         yield from weigh(path, largest, 1e3 * module, span, _of_module(module))
 
 
-def _loads(tables: Tables, values: Values, module: float) -> Iterator[Slip]:
+def _loads(tables: AbstractTables, values: Values, module: float) -> Iterator[Slip]:
     """Torques against what teeth stand, speeds against sound, a stiffness against the material."""
     diameter = reference_diameter(tables, "pinion")
     young, density = (of_material(tables, "pinion", k) for k in ("young_GPa", "density_kg_m3"))
@@ -205,13 +205,13 @@ def _loads(tables: Tables, values: Values, module: float) -> Iterator[Slip]:
         yield from weigh(key, tables.mesh.stiffness_N_mm_um, young, _TOOTH_STIFFNESS, of)
 
 
-def _bore(tables: Tables, gear: str) -> Iterator[Slip]:
+def _bore(tables: AbstractTables, gear: str) -> Iterator[Slip]:
     bore, root = tables.gear(gear).bore_mm, root_diameter(tables, gear)
     if root is not None and root > 0.0:
         yield from weigh(f"{gear}.bore_mm", bore, root, _BORE, f"the root diameter, {root:.4g}")
 
 
-def _shaft(tables: Tables, gear: str) -> Iterator[Slip]:
+def _shaft(tables: AbstractTables, gear: str) -> Iterator[Slip]:
     """Lengths of a shaft against the gear on it."""
     diameter, table = reference_diameter(tables, gear), f"{gear}.shaft.segments"
     # What lies behind a wrong row has no place.
@@ -230,7 +230,7 @@ def _shaft(tables: Tables, gear: str) -> Iterator[Slip]:
         yield from weigh(f"{table}[{row}].outer_mm", each.outer_mm, diameter, _SHAFT_DIAMETER, of)
 
 
-def _bearings(tables: Tables, gear: str, module: float) -> Iterator[Slip]:
+def _bearings(tables: AbstractTables, gear: str, module: float) -> Iterator[Slip]:
     """Radial stiffness against the tooth force, which must not move a gear out of mesh."""
     pinion, torque = reference_diameter(tables, "pinion"), tables.pair.torque_pinion_Nm
     if pinion is None or torque is None:
@@ -258,7 +258,7 @@ def _bearings(tables: Tables, gear: str, module: float) -> Iterator[Slip]:
             return
 
 
-def _body(tables: Tables, gear: str, module: float) -> Iterator[Slip]:
+def _body(tables: AbstractTables, gear: str, module: float) -> Iterator[Slip]:
     """Web, mass and inertia against the gear's teeth, and a solid disc of its size."""
     of = tables.gear(gear)
     web, body = f"{gear}.body.web.web_thickness_mm", of.body

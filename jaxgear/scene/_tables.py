@@ -1,5 +1,6 @@
 """Tables of a scene that say how its gears are computed and moved, and the whole file."""
 
+from abc import abstractmethod
 from typing import Literal
 
 from jaxgear.scene._gear_tables import FlanksKeys, Foundation, GearKeys, MaterialKeys, PairKeys
@@ -214,7 +215,7 @@ class ProbeKeys:
     node: str | None = key("a node that was condensed with the body, by name, in place of a place")
 
 
-class Tables:
+class AbstractTables:
     """The whole file."""
 
     schema: int = key(
@@ -249,6 +250,20 @@ class Tables:
         """The table of a gear, `pinion` or `wheel`."""
         return getattr(self, name)
 
+    @property
+    @abstractmethod
+    def plain(self) -> "PlainTables":
+        """The tables with plain numbers alone: what is moved is as it was before."""
+
 
 # Not as a decorator: a scene is made of more than its tables.
-table(Tables)
+table(AbstractTables)
+
+
+class PlainTables(AbstractTables):
+    """Tables by themselves."""
+
+    @property
+    def plain(self) -> "PlainTables":
+        """The tables themselves."""
+        return self

@@ -16,7 +16,7 @@ from jaxgear.scene._schema import GEARS, REAL_KEYS, general, nearest, split_entr
 from jaxgear.scene._sizes import root_diameter
 from jaxgear.scene._slips import slips
 from jaxgear.scene._table import table_of
-from jaxgear.scene._tables import Tables
+from jaxgear.scene._tables import PlainTables
 
 _BOUNDS, _TIES = "optimise.bounds.", "optimise.ties."
 _TORQUE = "pair.torque_pinion_Nm"
@@ -33,7 +33,7 @@ def mistakes_together(reading: Reading, values: Values) -> Said:
             yield path, f"got {show(low)}, must be less than `to`, {show(high)}"
     yield from instead_mistakes(values, reading.seen, reading.where)
     values = {**values, **values_instead(values)}
-    tables = table_of(Tables, values, reading.seen)
+    tables = table_of(PlainTables, values, reading.seen)
     for name in GEARS:
         gear = tables.gear(name)
         yield from _springs(f"{name}.support", gear.support)
