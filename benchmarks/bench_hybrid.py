@@ -165,7 +165,7 @@ def full_statics(scene, model, grid, phase: int):
     pinion[:, gear] = arms[:, :6]
     # The wheel's rim, in the frame of the body, which may turn: its bearings are isotropic.
     teeth = teeth_on_lines(1, grid, 1)[0]
-    options = {"points": scene["mesh.root_points"], "axial": scene["mesh.connection"]}
+    options = {"points": scene.value("mesh.root_points"), "axial": scene.value("mesh.connection")}
     found = feet(
         RimSurface(body.rim_nodes, body.rim_faces),
         root_patches(pair, 1, grid, teeth, **options),

@@ -65,8 +65,8 @@ def task(name: str, settings: Sequence[str]) -> Task:
     space = design_space(
         scene,
         statics.model,
-        tuple(scene["optimise.vary"]),
-        symmetric=scene["optimise.symmetric"],
+        tuple(scene.value("optimise.vary")),
+        symmetric=scene.value("optimise.symmetric"),
         deflection=float(statics.numbers["single_pair_deflection_um"]),
     )
     prepared = prepared_mesh(space, statics.grid)

@@ -80,7 +80,7 @@ def _case(phases: int, slices: int, count: int, settings: list[str]):
     scene = jg.ready_scene(
         "accessory", [f"mesh.phases={phases}", f"mesh.slices={slices}", *settings]
     )
-    vary = tuple(scene["optimise.vary"])
+    vary = tuple(scene.value("optimise.vary"))
     space = design_space(scene, model_of(scene), vary, symmetric=True, deflection=10.0)
     scatter = scatter_of(space, space.base.pair, np.arange(1))
     grid = jg.grid_of(scene, space.base)

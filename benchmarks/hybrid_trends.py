@@ -157,7 +157,7 @@ def scene_of(name: str, *settings: str) -> Scene:
         f"{gear}.body.{each}"
         for gear in ("pinion", "wheel")
         for each in less
-        if scene[f"{gear}.body.kind"] == "condensed"
+        if scene.value(f"{gear}.body.kind") == "condensed"
     ]
     return with_bodies(ready_scene(name, [THESIS, *settings, *quick]))
 

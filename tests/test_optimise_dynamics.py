@@ -203,7 +203,7 @@ def test_a_scene_over_its_speeds():
     """The value is the mean of what each speed is judged to contribute."""
     sweep = ("sweep.pinion_speed_rad_s=[600.0, 900.0]", "sweep.steps=32", "sweep.harmonics=8")
     scene = ready_scene("accessory", (*_SCENE, *sweep)).replace(_WANTED)
-    keys, base = tuple(scene["optimise.vary"]), model_of(scene)
+    keys, base = tuple(scene.value("optimise.vary")), model_of(scene)
     space = design_space(scene, base, keys, symmetric=True, deflection=10.0)
     grid = grid_of(scene, space.base)
     assert objective_unit(scene) == "-"

@@ -14,41 +14,29 @@ if TYPE_CHECKING:
 # Of the root diameter: the bore of a gear whose shaft is not known, and the largest that a shaft
 # asks for, beyond which a body is no ring but a rim [-].
 _BORE, _LARGEST_BORE = 0.4, 0.7
+# What is usual, in both gears alike [-].
+_FILLET: Any = KEYS["pinion.fillet_radius_coeff"].default
 # The stiffness of a tooth pair that asks for a foundation.
 _TEETH = "weber-banaschek"
 
 
 def assumed_fillets(tables: AbstractTables, given: Set[str]) -> Iterator[tuple[str, float]]:
-    """Fillet radius coefficients that are not given: the usual one, or the largest that fits.
-
-    **Arguments:**
-
-    - `tables`: of the scene, without what is wrong.
-    - `given`: keys that the user wrote.
-
-    **Returns:**
-
-    Path and value of the coefficients that differ from the schema's default [-].
-    """
+    """Fillet radius coefficients that are not given: the usual one, or the largest that fits."""
     for gear in GEARS:
         path = f"{gear}.fillet_radius_coeff"
         angle, dedendum = tables.pair.pressure_angle_deg, tables.gear(gear).dedendum_coeff
         if path not in given and angle is not None and dedendum is not None:
             largest = largest_fillet(angle, dedendum)
-            if largest < _usual(path):
+            if largest < _FILLET:
                 yield path, largest
 
 
 def largest_fillet(pressure_angle: float, dedendum: float) -> float:
     """The largest tip radius of a rack over module, rounded down to a thousandth [-].
 
-    The rounded corners of the rack's tip must leave a land between its straight flanks, and with
-    a large pressure angle there is less room for them.
-
-    **Arguments:**
-
-    - `pressure_angle`: normal pressure angle [deg].
-    - `dedendum`: over module [-].
+    The pressure angle is in degrees, the dedendum over module. The rounded corners of the rack's
+    tip must leave a land between its straight flanks, and with a large pressure angle there is
+    less room for them.
     """
     alpha = math.radians(pressure_angle)
     room = 0.25 * math.pi - dedendum * math.tan(alpha)
@@ -62,19 +50,12 @@ def assumed_bores(tables: AbstractTables, given: Set[str]) -> Iterator[tuple[str
 
     As wide as the shaft at the gear, but at most 0.7 of the root diameter; without a shaft 0.4 of
     it, about what keyed gears have.
-
-    **Arguments:**
-
-    - `tables`: of the scene, without what is wrong.
-    - `given`: keys that the user wrote.
-
-    **Returns:**
-
-    Path and value of each [mm].
     """
     for gear in GEARS:
         path, root = f"{gear}.bore_mm", root_diameter(tables, gear)
-        if path in given or not root or root <= 0.0 or not _lies_on_ring(tables, gear):
+        of, mesh = tables.gear(gear), tables.mesh
+        stands = of.foundation or mesh.foundation, mesh.stiffness, of.body.kind
+        if path in given or not root or root <= 0.0 or stands != ("ring", _TEETH, "rigid"):
             continue
         shaft = _shaft_diameter(tables, gear)
         wide = _BORE * root if shaft is None else min(shaft, _LARGEST_BORE * root)
@@ -85,15 +66,6 @@ def assumed_foundations(tables: AbstractTables, given: Set[str]) -> Iterator[tup
     """Foundations that are not given, of gears that cannot have the default ring.
 
     A beam winds up by itself, and a ring must be clamped at a bore.
-
-    **Arguments:**
-
-    - `tables`: of the scene, assumed bores in it.
-    - `given`: keys that the user wrote.
-
-    **Returns:**
-
-    Path and choice of each.
     """
     for gear in GEARS:
         of = tables.gear(gear)
@@ -103,16 +75,7 @@ def assumed_foundations(tables: AbstractTables, given: Set[str]) -> Iterator[tup
 
 
 def assumed(scene: "Scene") -> list[str]:
-    """Remarks on defaults that follow other numbers of the scene.
-
-    **Arguments:**
-
-    - `scene`: as it was read.
-
-    **Returns:**
-
-    A sentence or two each.
-    """
+    """Remarks on defaults that follow other numbers of the scene."""
     return [
         *(_told_bore(scene, *each) for each in assumed_bores(scene, scene.given)),
         *_told_solid(scene),
@@ -150,18 +113,11 @@ def _told_solid(scene: "Scene") -> list[str]:
 
 def _told_fillet(scene: "Scene", path: str, value: float) -> str:
     return (
-        f"{path} was assumed to be {value:g}, not {_usual(path):g}: with "
+        f"{path} was assumed to be {value:g}, not {_FILLET:g}: with "
         f"pair.pressure_angle_deg = {scene.pair.pressure_angle_deg:g} and a dedendum of "
         f"{scene.gear(path.partition('.')[0]).dedendum_coeff:g} no larger one fits between the "
         "straight flanks of the rack that cuts the teeth. Give your own if you know it."
     )
-
-
-def _lies_on_ring(tables: AbstractTables, gear: str) -> bool:
-    """Say whether the teeth of a rigid gear stand on a ring."""
-    of, mesh = tables.gear(gear), tables.mesh
-    foundation = of.foundation or mesh.foundation
-    return (foundation, mesh.stiffness, of.body.kind) == ("ring", _TEETH, "rigid")
 
 
 def _shaft_diameter(tables: AbstractTables, gear: str) -> float | None:
@@ -174,7 +130,3 @@ def _shaft_diameter(tables: AbstractTables, gear: str) -> float | None:
         if left <= 0.0:
             return segment.outer_mm
     return None
-
-
-def _usual(path: str) -> Any:
-    return KEYS[path].default

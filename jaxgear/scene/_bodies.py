@@ -7,14 +7,17 @@ of tooth 0.
 import dataclasses
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from fem_prep import Fineness, GearBody, Holes, Material, SeatPlace, Segment, Teeth, Web
 from jaxgear._units import GPa, deg, mm
 from jaxgear.scene._body_checks import METHODS
+from jaxgear.scene._body_tables import BodyKeys, WebKeys
 from jaxgear.scene._body_words import in_keys
-from jaxgear.scene._build import pair_of
+from jaxgear.scene._build_pair import pair_of, si
+from jaxgear.scene._gear_tables import GearKeys
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
 from jaxgear.scene._teeth import facts_of_teeth
@@ -41,6 +44,9 @@ class PlannedSeat:
     label: str
     at: float
     averaging: bool
+
+
+_Seats = tuple[PlannedSeat, ...]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -135,131 +141,120 @@ class BodyPlan:
     compares_seats: bool
 
 
-def body_plan(scene: Scene, gear: str) -> BodyPlan:
-    """What the condensed body of a gear is made from.
-
-    **Arguments:**
-
-    - `scene`: checked against the schema.
-    - `gear`: `pinion` or `wheel`; its body is condensed.
-
-    **Returns:**
-
-    The plan, in SI.
+def body_plan(scene: Scene, name: str) -> BodyPlan:
+    """What the condensed body of a gear is made from, in SI.
 
     **Raises:**
 
     - `ValueError` if the gears are impossible, or the body's measures do not fit each other.
     """
-    pair, index, body = pair_of(scene), GEARS.index(gear), f"{gear}.body"
-    wheel = (pair.pinion, pair.wheel)[index]
+    pair, index, gear = pair_of(scene), GEARS.index(name), scene.gear(name)
+    wheel, body, folder = (pair.pinion, pair.wheel)[index], gear.body, scene.path.parent
     root, teeth = float(pair.root_radius[index]), facts_of_teeth(pair, index)
-    interface = scene[f"{body}.interface"]
-    method = interface if interface in METHODS else "herting"
+    method = body.interface if body.interface in METHODS else "herting"
     # Nothing rigid is where a torque acts, a spline or another gear; but the modes of Craig and
     # Bampton are those of a body that is held there.
     soft = method != "craig-bampton"
-    young, own = scene.get(f"{body}.young_GPa"), wheel.material
-    with in_keys(gear):
-        if scene.get(f"{body}.superelement") is not None:
-            source, seats, torque = _matrices(scene, gear), (), ""
-        elif scene.get(f"{body}.grid") is not None:
-            source = _own_grid(scene, gear, interface)
-            seats, torque = _named_seats(scene, gear, soft)
+    with in_keys(name):
+        if body.superelement is not None:
+            source, seats, torque = _matrices(body, folder), (), ""
+        elif body.grid is not None:
+            rim = _or(body.rim_set, body.interface)
+            source = OwnGrid(folder / body.grid, rim, _or(body.grid_unit_mm, 1.0) * mm)
+            seats, torque = _named_seats(gear, soft)
         else:
-            source = _drawn(scene, gear, root)
-            seats, torque = _drawn_seats(scene, gear, source.body, soft)
+            source = _drawn(gear, root)
+            seats, torque = _drawn_seats(gear, source.body, soft)
         material = Material(
-            young=float(own.young) if young is None else young * GPa,
-            poisson=float(own.poisson),
-            density=float(own.density),
+            young=float(_or(si(body.young_GPa, GPa), wheel.material.young)),
+            poisson=float(wheel.material.poisson),
+            density=float(wheel.material.density),
         )
     return BodyPlan(
-        name=f"{scene.name}-{gear}",
-        gear=gear,
+        name=f"{scene.name}-{name}",
+        gear=name,
         source=source,
         root_radius=root,
-        face_width=scene.gear(gear).face_width_mm * mm,
+        face_width=gear.face_width_mm * mm,
         root_thickness=teeth.root_thickness,
-        teeth_count=scene.gear(gear).teeth,
+        teeth_count=gear.teeth,
         material=material,
         seats=seats,
         torque_seat=torque,
-        teeth=Teeth(teeth.mass, teeth.polar_inertia) if scene[f"{body}.teeth_mass"] else None,
+        teeth=Teeth(teeth.mass, teeth.polar_inertia) if body.teeth_mass else None,
         method=method,
-        modes=scene[f"{body}.modes"],
-        rotating=scene[f"{body}.rotating_terms"],
-        compares_seats=scene[f"{body}.compare_seats"],
+        modes=body.modes or 0,
+        rotating=bool(body.rotating_terms),
+        compares_seats=bool(body.compare_seats),
     )
+
+
+def _or(value: Any, otherwise: Any) -> Any:
+    """What is given, or what is meant where nothing is."""
+    return otherwise if value is None else value
 
 
 # --- Drawn bodies
 
 
-def _drawn(scene: Scene, gear: str, root: float) -> Drawn:
+def _drawn(gear: GearKeys, root: float) -> Drawn:
     """A body by hub, web, rim and shaft, and its fineness."""
-    table, bore = f"{gear}.shaft", scene.gear(gear).bore_mm
     body = GearBody(
         rim_outer=2.0 * root,
-        rim_width=scene.gear(gear).face_width_mm * mm,
-        bore=0.0 if bore is None else bore * mm,
-        web=_web(scene, f"{gear}.body.web"),
+        rim_width=gear.face_width_mm * mm,
+        bore=_or(gear.bore_mm, 0.0) * mm,
+        web=_web(gear.body.web),
         segments=tuple(
-            Segment(*(scene[f"{row}.{key}_mm"] * mm for key in ("length", "outer", "inner")))
-            for row in scene.rows(f"{table}.segments")
+            Segment(each.length_mm * mm, each.outer_mm * mm, each.inner_mm * mm)
+            for each in gear.shaft.segments
         ),
-        gear_at=scene.get(f"{table}.gear_at_mm", 0.0) * mm,
+        gear_at=_or(gear.shaft.gear_at_mm, 0.0) * mm,
     )
     if body.segments:
-        body = dataclasses.replace(body, seats=_places(scene, gear, body))
-    return Drawn(body, _fineness(scene, gear, body))
+        body = dataclasses.replace(body, seats=_places(gear, body))
+    return Drawn(body, _fineness(gear, body))
 
 
-def _web(scene: Scene, table: str) -> Web | None:
-    if scene.get(f"{table}.hub_outer_mm") is None:
+def _web(web: WebKeys) -> Web | None:
+    if web.hub_outer_mm is None:
         return None
-    width = scene.get(f"{table}.hub_width_mm")
-    return Web(
-        hub_outer=scene[f"{table}.hub_outer_mm"] * mm,
-        thickness=scene[f"{table}.web_thickness_mm"] * mm,
-        rim_inner=scene[f"{table}.rim_inner_mm"] * mm,
-        offset=scene.get(f"{table}.web_offset_mm", 0.0) * mm,
-        angle=scene.get(f"{table}.web_angle_deg", 0.0) * deg,
-        hub_width=None if width is None else width * mm,
-        holes=tuple(
-            _ring(scene, table, prefix)
-            for prefix in ("", "second_")
-            if scene.get(f"{table}.{prefix}holes")
+    # What is not said of the second ring of holes is as in the first, half a pitch on.
+    size, circle = web.hole_diameter_mm, web.hole_circle_mm
+    angle = _or(web.hole_angle_deg, 0.0)
+    between = angle + 180.0 / _or(web.holes, math.inf)
+    rings: Any = (
+        (web.holes, size, circle, angle),
+        (
+            web.second_holes,
+            _or(web.second_hole_diameter_mm, size),
+            _or(web.second_hole_circle_mm, circle),
+            _or(web.second_hole_angle_deg, between),
         ),
+    )
+    return Web(
+        hub_outer=web.hub_outer_mm * mm,
+        thickness=web.web_thickness_mm * mm,
+        rim_inner=web.rim_inner_mm * mm,
+        offset=_or(web.web_offset_mm, 0.0) * mm,
+        angle=_or(web.web_angle_deg, 0.0) * deg,
+        hub_width=si(web.hub_width_mm, mm),
+        holes=tuple(Holes(n, d * mm, at * mm, turn * deg) for n, d, at, turn in rings if n),
     )
 
 
-def _ring(scene: Scene, table: str, prefix: str) -> Holes:
-    """A ring of holes; what is not said of the second is as in the first, half a pitch on."""
-    size = lambda key: scene.get(f"{table}.{prefix}{key}", scene.get(f"{table}.{key}")) * mm
-    angle = scene.get(f"{table}.hole_angle_deg", 0.0)
-    if prefix:
-        between = angle + 180.0 / scene.get(f"{table}.holes", math.inf)
-        angle = scene.get(f"{table}.{prefix}hole_angle_deg", between)
-    count = scene[f"{table}.{prefix}holes"]
-    return Holes(count, size("hole_diameter_mm"), size("hole_circle_mm"), angle * deg)
-
-
-def _fineness(scene: Scene, gear: str, body: GearBody) -> Fineness:
-    table = f"{gear}.body.fineness"
-    longest = scene.get(f"{table}.shaft_mm")
+def _fineness(gear: GearKeys, body: GearBody) -> Fineness:
+    wanted = gear.body.fineness
     given = {
-        "rim_axial": scene.get(f"{table}.rim_across"),
-        "rim_radial": scene.get(f"{table}.rim_deep"),
-        "web_radial": scene.get(f"{table}.web_along"),
-        "web_layers": scene.get(f"{table}.web_layers"),
-        "hub_radial": scene.get(f"{table}.hub_deep"),
-        "shaft": None if longest is None else longest * mm,
+        "rim_axial": wanted.rim_across,
+        "rim_radial": wanted.rim_deep,
+        "web_radial": wanted.web_along,
+        "web_layers": wanted.web_layers,
+        "hub_radial": wanted.hub_deep,
+        "shaft": si(wanted.shaft_mm, mm),
     }
-    sectors = scene.get(f"{table}.sectors")
+    sectors = wanted.sectors
     if sectors is None:
-        wanted = scene.gear(gear).teeth * scene.get(f"{table}.elements_per_tooth", 1)
-        sectors = _next_multiple(wanted, _repeats(body))
+        sectors = _next_multiple(gear.teeth * _or(wanted.elements_per_tooth, 1), _repeats(body))
     return Fineness(sectors, **{key: each for key, each in given.items() if each is not None})
 
 
@@ -271,17 +266,7 @@ def _repeats(body: GearBody) -> int:
 
 
 def even_sectors(body: GearBody, teeth: int) -> int:
-    """The fewest elements around that are a whole number for each tooth and fit holes and axis.
-
-    **Arguments:**
-
-    - `body`: as drawn.
-    - `teeth`: number of teeth.
-
-    **Returns:**
-
-    Their number.
-    """
+    """The fewest elements around that are a whole number for each tooth and fit holes and axis."""
     return _next_multiple(1, math.lcm(teeth, _repeats(body)))
 
 
@@ -293,12 +278,10 @@ def _next_multiple(least: int, of: int) -> int:
 # --- Seats
 
 
-def _places(scene: Scene, gear: str, body: GearBody) -> tuple[SeatPlace, ...]:
+def _places(gear: GearKeys, body: GearBody) -> tuple[SeatPlace, ...]:
     """Where bearings hold the shaft and, if it is a place of its own, where the torque acts."""
-    table = f"{gear}.shaft"
-    given = scene.gear(gear).body.seat_width_mm
-    at = [scene[f"{row}.at_mm"] * mm for row in scene.rows(f"{table}.bearings")]
-    torque = scene.get(f"{table}.torque_at_mm")
+    given, torque = gear.body.seat_width_mm, gear.shaft.torque_at_mm
+    at = [bearing.at_mm * mm for bearing in gear.shaft.bearings]
     bearings = [
         SeatPlace(f"bearing[{i}]", place, _width(body, at, place) if given is None else given * mm)
         for i, place in enumerate(at)
@@ -321,11 +304,9 @@ def _width(body: GearBody, others: list[float], at: float) -> float:
     return min([width, *(_NO_WIDER * each for each in apart)])
 
 
-def _drawn_seats(
-    scene: Scene, gear: str, body: GearBody, soft: bool
-) -> tuple[tuple[PlannedSeat, ...], str]:
+def _drawn_seats(gear: GearKeys, body: GearBody, soft: bool) -> tuple[_Seats, str]:
     """Seats of a drawn body, and which of them the torque acts on."""
-    averaging = scene.gear(gear).body.seat_coupling == "averaging"
+    averaging = gear.body.seat_coupling == "averaging"
     if not body.segments:
         if body.bore:
             return (PlannedSeat("gear", "bore", 0.0, averaging),), "gear"
@@ -340,58 +321,50 @@ def _drawn_seats(
         )
         for place in body.seats
     ]
-    torque = scene.gear(gear).shaft.torque_at_mm
     if seats[-1].name == "torque":
         return tuple(seats), "torque"
+    torque = gear.shaft.torque_at_mm
     at = 0.0 if torque is None else torque * mm - body.gear_at
-    if abs(at) <= 0.5 * body.hub_width:
-        return (*seats, PlannedSeat("torque", "gear", at, soft)), "torque"
-    return tuple(seats), min(seats, key=lambda seat: abs(seat.at - at)).name
+    on_gear = abs(at) <= 0.5 * body.hub_width
+    return _with_torque(seats, "gear" if on_gear else None, at, soft)
 
 
-def _named_seats(scene: Scene, gear: str, soft: bool) -> tuple[tuple[PlannedSeat, ...], str]:
+def _named_seats(gear: GearKeys, soft: bool) -> tuple[_Seats, str]:
     """Seats of a grid of the user's own, by the names of its sets."""
-    body, table = f"{gear}.body", f"{gear}.shaft"
-    averaging = scene[f"{body}.seat_coupling"] == "averaging"
-    sets, rows = scene[f"{body}.seats"], scene.rows(f"{table}.bearings")
-    if not rows:
+    body, shaft = gear.body, gear.shaft
+    averaging, sets = body.seat_coupling == "averaging", body.seats or []
+    if not shaft.bearings:
         return (PlannedSeat("gear", sets[0], 0.0, averaging),), "gear"
-    origin = scene[f"{table}.gear_at_mm"]
+    origin = shaft.gear_at_mm
     seats = [
-        PlannedSeat(f"bearing[{i}]", label, (scene[f"{row}.at_mm"] - origin) * mm, averaging)
-        for i, (row, label) in enumerate(zip(rows, sets, strict=True))
+        PlannedSeat(f"bearing[{i}]", label, (bearing.at_mm - origin) * mm, averaging)
+        for i, (bearing, label) in enumerate(zip(shaft.bearings, sets, strict=True))
     ]
-    at = (scene.get(f"{table}.torque_at_mm", origin) - origin) * mm
-    if label := scene.get(f"{body}.torque_set"):
+    at = (_or(shaft.torque_at_mm, origin) - origin) * mm
+    return _with_torque(seats, body.torque_set, at, soft)
+
+
+def _with_torque(
+    seats: list[PlannedSeat], label: str | None, at: float, soft: bool
+) -> tuple[_Seats, str]:
+    """Seats and that of the torque: of its own nodes, or else the nearest."""
+    if label:
         return (*seats, PlannedSeat("torque", label, at, soft)), "torque"
     return tuple(seats), min(seats, key=lambda seat: abs(seat.at - at)).name
 
 
-# --- Files
-
-
-def _file(scene: Scene, key: str) -> Path | None:
-    """A file of the scene, relative to the scene's own folder."""
-    name = scene.get(key)
-    return None if name is None else scene.path.parent / name
-
-
-def _own_grid(scene: Scene, gear: str, interface: str) -> OwnGrid:
-    body = f"{gear}.body"
-    path = _file(scene, f"{body}.grid")
-    assert path is not None
-    rim = scene.get(f"{body}.rim_set", interface)
-    return OwnGrid(path, rim, scene.get(f"{body}.grid_unit_mm", 1.0) * mm)
-
-
-def _matrices(scene: Scene, gear: str) -> Matrices:
-    whole = f"{gear}.body.superelement"
-    paths = (_file(scene, whole), _file(scene, f"{whole}_mass"))
+def _matrices(body: BodyKeys, folder: Path) -> Matrices:
+    paths = (body.superelement, body.superelement_mass)
+    nodes, faces = (
+        None if path is None else folder / path
+        for path in (body.superelement_nodes, body.superelement_faces)
+    )
+    assert body.superelement_units is not None
     return Matrices(
-        paths=tuple(path for path in paths if path is not None),
-        nodes=_file(scene, f"{whole}_nodes"),
-        faces=_file(scene, f"{whole}_faces"),
-        units=scene[f"{whole}_units"],
-        mid_face=scene.get(f"{whole}_mid_face_mm", 0.0) * mm,
-        mass=scene.gear(gear).body.mass_kg,
+        paths=tuple(folder / path for path in paths if path is not None),
+        nodes=nodes,
+        faces=faces,
+        units=body.superelement_units,
+        mid_face=_or(body.superelement_mid_face_mm, 0.0) * mm,
+        mass=body.mass_kg,
     )

@@ -9,7 +9,6 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, cast
 
@@ -105,12 +104,9 @@ class Steps:
         self.seconds: dict[str, float] = {}
         self._tell = tell
 
-    def __call__(self, step: str) -> AbstractContextManager[None]:
-        """A context that lasts as long as the step."""
-        return self._timed(step)
-
     @contextlib.contextmanager
-    def _timed(self, step: str) -> Iterator[None]:
+    def __call__(self, step: str) -> Iterator[None]:
+        """A context that lasts as long as the step."""
         self._tell(step)
         start = time.perf_counter()
         yield
@@ -119,15 +115,6 @@ class Steps:
 
 def built_body(plan: BodyPlan, tell: Callable[[str], None]) -> BuiltBody:
     """The body of a plan, from the cache if it is there.
-
-    **Arguments:**
-
-    - `plan`: what it is made from.
-    - `tell`: told what begins.
-
-    **Returns:**
-
-    The body, its view, and what it cost.
 
     **Raises:**
 

@@ -18,19 +18,7 @@ Said = Iterator[tuple[str, str]]
 
 
 def body_mistakes(name: str, gear: GearKeys, root: float | None, given: Set[str]) -> Said:
-    """What is wrong with a condensed body, each of whose keys is right by itself.
-
-    **Arguments:**
-
-    - `name`: `pinion` or `wheel`.
-    - `gear`: its table, without what is wrong.
-    - `root`: diameter of its root circle, if that is known [mm].
-    - `given`: keys and tables that the user wrote.
-
-    **Returns:**
-
-    Path and message of each mistake; none for bodies that are not condensed.
-    """
+    """What is wrong with a condensed body, each of whose keys is right by itself."""
     body, at = gear.body, f"{name}.body"
     if body.kind != "condensed":
         return

@@ -41,11 +41,6 @@ def keep_view(key: str, view: BodyView) -> None:
     """Keep a view in the cache; where that cannot be, it will be made again.
 
     Views of bodies that are no longer in the cache go.
-
-    **Arguments:**
-
-    - `key`: that of the body.
-    - `view`: what to keep.
     """
     bodies, folder = cache_folder(), view_folder()
     if bodies is None or folder is None:
@@ -62,17 +57,7 @@ def keep_view(key: str, view: BodyView) -> None:
 
 
 def read_view(key: str, nodes: int) -> BodyView | None:
-    """A view from the cache.
-
-    **Arguments:**
-
-    - `key`: that of the body.
-    - `nodes`: of its grid.
-
-    **Returns:**
-
-    The view, or None if there is no good one.
-    """
+    """A view from the cache."""
     folder = view_folder()
     if folder is None:
         return None

@@ -49,10 +49,6 @@ _REMEDIES = {
 def in_keys(gear: str) -> Iterator[None]:
     """Say what is wrong with a body as what is wrong with the scene.
 
-    **Arguments:**
-
-    - `gear`: `pinion` or `wheel`.
-
     **Raises:**
 
     - `InputError` in place of a `BodyError`.

@@ -4,7 +4,8 @@ Every function here can be traced by JAX: what is moved of the scene may be trac
 response can be differentiated by any real key of the file.
 """
 
-from typing import Any
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import jax
 import jax.numpy as jnp
@@ -27,6 +28,7 @@ from jaxgear._contact._foundation import (
     SainsotFoundation,
     WeberFoundation,
 )
+from jaxgear._geometry._gear import Material
 from jaxgear._geometry._lines import MeshGrid, mesh_grid
 from jaxgear._geometry._pair import GearPair
 from jaxgear._geometry._tip_contact import tip_separation
@@ -44,18 +46,19 @@ from jaxgear._types import Scalar
 from jaxgear._units import GPa, N_per_mm_um, mm, um
 from jaxgear.scene._build_pair import flanks_of, material_of, pair_of, si
 from jaxgear.scene._csv import read_matrix
-from jaxgear.scene._gear_tables import BearingKeys
+from jaxgear.scene._gear_tables import BearingKeys, GearKeys
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
-from jaxgear.scene._tables import AbstractTables
+from jaxgear.scene._tables import MeshKeys
 
 
-def model_of(scene: Scene) -> PairModel:
+def model_of(scene: Scene, changes: Mapping[str, object] = MappingProxyType({})) -> PairModel:
     """Build the model that a scene describes.
 
     **Arguments:**
 
-    - `scene`: checked against the schema; its real values may be traced.
+    - `scene`: checked against the schema.
+    - `changes`: path to value, in place of the scene's; real ones may be traced.
 
     **Returns:**
 
@@ -66,23 +69,25 @@ def model_of(scene: Scene) -> PairModel:
     - `ValueError` if the gears are impossible, or if a condensed body has not been built or cannot
         follow what is traced.
     """
-    pair, shared = pair_of(scene), scene.pair
+    scene = scene.replace(changes) if changes else scene
+    pair, shared, folder = pair_of(scene), scene.pair, scene.path.parent
     pinion, wheel = (_mount(scene, name) for name in GEARS)
+    housing, speed = scene.housing.stiffness_csv, scene.mesh.pinion_speed_rad_s
     return PairModel(
         pair=pair,
         torque=si(shared.torque_pinion_Nm),
         flanks=flanks_of(scene, pair),
-        compliance=_compliance(scene),
-        pinion_support=pinion,
-        wheel_support=wheel,
+        compliance=_compliance(scene.mesh, [_foundation(scene, name) for name in GEARS]),
         misalignment=Misalignment(
             inclination=si(shared.misalignment_inclination_um, um),
             deviation=si(shared.misalignment_deviation_um, um),
         ),
+        housing=None if housing is None else Housing(read_matrix(housing, folder)),
+        speed=0.0 if speed is None else si(speed),
+        pinion_support=pinion,
+        wheel_support=wheel,
         pinion_body=_body(scene, pair, "pinion", pinion),
         wheel_body=_body(scene, pair, "wheel", wheel),
-        housing=_housing(scene),
-        speed=0.0 if scene.mesh.pinion_speed_rad_s is None else si(scene.mesh.pinion_speed_rad_s),
     )
 
 
@@ -98,7 +103,7 @@ def pair_grid(scene: Scene, pair: GearPair, torque: Scalar) -> MeshGrid:
         phases=scene.mesh.phases,
         slices=scene.mesh.slices,
         periods=scene.mesh.periods,
-        beyond=_tip_window(scene, pair, torque) if scene.mesh.tip_contact else 0.0,
+        beyond=_tip_window(pair, torque, scene.map.torques_Nm) if scene.mesh.tip_contact else 0.0,
         # Condensed bodies do not follow the face anyway, and every line costs.
         fixed_face=bool(scene.condensed),
     )
@@ -109,13 +114,13 @@ def pair_grid(scene: Scene, pair: GearPair, torque: Scalar) -> MeshGrid:
 _SOFT, _OVERLOAD = 10.0 * N_per_mm_um, 1.5
 
 
-def _tip_window(scene: Scene, pair: GearPair, torque: Scalar) -> float:
+def _tip_window(pair: GearPair, torque: Scalar, others: list[float] | None) -> float:
     """How far beyond the path tip corners may touch, in base pitches: as far as teeth can bend.
 
     A window is no smoothing: one that is wide enough changes nothing, and one that is not
     is refused once it is solved.
     """
-    most = max(_OVERLOAD * float(torque), *(scene.map.torques_Nm or [0.0]))
+    most = max(_OVERLOAD * float(torque), *(others or [0.0]))
     bend = most / (float(pair.base_radius[0]) * float(pair.face_width) * _SOFT)
     places = np.arange(0.1, 0.46, 0.05)
     early, late = np.asarray(jax.jit(_tip_gaps)(pair, jnp.asarray(places)))
@@ -141,18 +146,14 @@ def law_of(scene: Scene) -> AbstractContactLaw:
     return ExactContact() if scene.mesh.contact == "exact" else smooth_law_of(scene)
 
 
-def _compliance(scene: Scene) -> AbstractCompliance:
-    match scene.mesh.stiffness:
+def _compliance(mesh: MeshKeys, foundations: Sequence[AbstractFoundation]) -> AbstractCompliance:
+    match mesh.stiffness:
         case "constant":
-            return ConstantStiffness(si(scene.mesh.stiffness_N_mm_um, N_per_mm_um))
+            return ConstantStiffness(si(mesh.stiffness_N_mm_um, N_per_mm_um))
         case "iso6336":
             return Iso6336()
         case _:
-            return WeberBanaschek(
-                pinion_foundation=_foundation(scene, "pinion"),
-                wheel_foundation=_foundation(scene, "wheel"),
-                load_updates=scene.mesh.line_load_updates,
-            )
+            return WeberBanaschek(*foundations, load_updates=mesh.line_load_updates)
 
 
 _FOUNDATIONS = {
@@ -188,13 +189,13 @@ def _mount(scene: Scene, name: str) -> Support | Shaft:
         )
     # Which points share a node follows from the last numbers that were not traced.
     with jax.ensure_compile_time_eval():
-        layout = _shaft(scene.plain, name, None).layout
-    return _shaft(scene, name, layout)
+        plain = scene.plain
+        layout = _shaft(plain.gear(name), material_of(plain, name), None).layout
+    return _shaft(scene.gear(name), material_of(scene, name), layout)
 
 
-def _shaft(tables: AbstractTables, name: str, layout: ShaftLayout | None) -> Shaft:
+def _shaft(gear: GearKeys, material: Material, layout: ShaftLayout | None) -> Shaft:
     """The shaft of a gear, with nodes as laid out before, if it was."""
-    gear = tables.gear(name)
     shaft = gear.shaft
     vector = lambda entries: jnp.stack([jnp.asarray(x, dtype=float) for x in entries])
     return Shaft(
@@ -210,7 +211,7 @@ def _shaft(tables: AbstractTables, name: str, layout: ShaftLayout | None) -> Sha
             for each in shaft.loads
         ],
         shear_coefficient=si(shaft.shear_coeff),
-        material=material_of(tables, name),
+        material=material,
         body_width=si(gear.face_width_mm, mm) if gear.body.kind == "beam" else None,
         divisions=shaft.divisions or 1,
         layout=layout,
@@ -231,17 +232,7 @@ def _bearing(row: BearingKeys) -> Bearing:
 
 
 def shared_places(scene: Scene, model: PairModel) -> dict[str, str]:
-    """Keys of points on shafts that lie where another point does, and which one moves them.
-
-    **Arguments:**
-
-    - `scene`: with or without shafts.
-    - `model`: its model.
-
-    **Returns:**
-
-    The owner of the place, such as "bearing 0", under each key that has no effect by itself.
-    """
+    """Keys of points on shafts that lie where another point does, and which one moves them."""
     found = {}
     for name, mount in zip(GEARS, (model.pinion_support, model.wheel_support), strict=True):
         if isinstance(mount, Shaft):
@@ -255,7 +246,7 @@ def shared_places(scene: Scene, model: PairModel) -> dict[str, str]:
             found |= {
                 f"{root}.{key}": guests[point] for point, key in keys.items() if point in guests
             }
-    return {key: owner for key, owner in found.items() if scene.get(key) is not None}
+    return {key: owner for key, owner in found.items() if scene.value(key) is not None}
 
 
 def _body(scene: Scene, pair: GearPair, name: str, mount: Support | Shaft) -> AbstractGearBody:
@@ -291,27 +282,19 @@ def _condensed_body(scene: Scene, name: str) -> FlexibleBody:
             f"The {name}'s condensed body has not been built for this scene: use "
             "`with_bodies(scene)` first, and again after other changes than of flanks and loads."
         )
-    return _of_its_material(scene, name, scene.bodies[name])
-
-
-def _of_its_material(scene: Scene, name: str, each: Any) -> FlexibleBody:
-    """A body of the shape and the material that the scene now says, which may be traced."""
-    body = each.flexible if each.family is None else each.family(scene[each.follows])
+    # Shape and material are those that the scene now says, which may be traced.
+    each = scene.bodies[name]
+    body = each.flexible if each.family is None else each.family(scene.value(each.follows))
     own = scene.gear(name).body
     if own.superelement is not None:
         # Matrices made elsewhere are of a material that no key names.
         return body
     now, made = material_of(scene, name), each.built.plan.material
-    young = now.young if own.young_GPa is None else jnp.asarray(own.young_GPa) * GPa
+    young = now.young if own.young_GPa is None else si(own.young_GPa, GPa)
     stiffer, denser = young / made.young, now.density / made.density
     if all(not isinstance(x, Tracer) and float(x) == 1.0 for x in (stiffer, denser)):
         return body
     return scaled_body(body, young=stiffer, density=denser)
-
-
-def _housing(scene: Scene) -> Housing | None:
-    file = scene.housing.stiffness_csv
-    return None if file is None else Housing(read_matrix(file, scene.path.parent))
 
 
 def couples_on_pinion(scene: Scene) -> float:

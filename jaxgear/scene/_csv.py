@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxgear._checks import InputError, require
+from jaxgear._checks import InputError
 
 # Mistakes of single lines that one message lists; the rest are counted.
 _LISTED = 5
@@ -44,12 +44,6 @@ class Cells(NamedTuple):
 def read_cells(path: Path, known: Sequence[str], needed: Sequence[str]) -> Cells:
     """Read a file whose header names its columns.
 
-    **Arguments:**
-
-    - `path`: the CSV file.
-    - `known`: names that columns may have.
-    - `needed`: those of them that must be there.
-
     **Raises:**
 
     - `InputError` that lists what is wrong.
@@ -79,15 +73,6 @@ def read_cells(path: Path, known: Sequence[str], needed: Sequence[str]) -> Cells
 
 def read_matrix(path: str, folder: Path) -> np.ndarray:
     """Read a square matrix: as many lines as there are numbers in each, separated by commas.
-
-    **Arguments:**
-
-    - `path`: the CSV file; lines that begin with # are left out.
-    - `folder`: what a relative path is relative to, such as the scene file's folder.
-
-    **Returns:**
-
-    The matrix, in the file's unit.
 
     **Raises:**
 
@@ -124,27 +109,21 @@ def _text_of(path: Path) -> str:
     try:
         with path.open("rb") as file:
             content = file.read(_LONGEST + 1)
-        require(
-            len(content) <= _LONGEST,
-            "{path}: the file is longer than {longest:,} bytes, so it is no table of a flank. Name "
-            "the CSV file, or leave out points.",
-            path=path,
-            longest=_LONGEST,
+        if len(content) <= _LONGEST:
+            return content.decode("utf-8-sig")
+        said = (
+            f"the file is longer than {_LONGEST:,} bytes, so it is no table of a flank. Name "
+            "the CSV file, or leave out points"
         )
-        return content.decode("utf-8-sig")
     except FileNotFoundError:
-        raise InputError(
-            f"{path}: there is no such file. A relative path is relative to the folder of the "
-            "scene file."
-        ) from None
+        said = "there is no such file. A relative path is relative to the folder of the scene file"
     except IsADirectoryError:
-        raise InputError(f"{path}: this is a folder; name a CSV file in it.") from None
+        said = "this is a folder; name a CSV file in it"
     except UnicodeDecodeError:
-        raise InputError(
-            f"{path}: this is not a text file. Export the table as CSV in UTF-8."
-        ) from None
+        said = "this is not a text file. Export the table as CSV in UTF-8"
     except OSError as error:
-        raise InputError(f"{path}: the file cannot be read: {error.strerror}.") from None
+        said = f"the file cannot be read: {error.strerror}"
+    raise InputError(f"{path}: {said}.")
 
 
 def _cells(path: Path, number: int, line: str) -> list[str]:

@@ -90,15 +90,6 @@ class FlankTable:
 def read_profile(path: str | os.PathLike[str], folder: str | os.PathLike[str] = "") -> FlankTable:
     """Read a measured profile.
 
-    **Arguments:**
-
-    - `path`: the CSV file.
-    - `folder`: what a relative path is relative to, such as the scene file's folder.
-
-    **Returns:**
-
-    The table, in the file's units.
-
     **Raises:**
 
     - `InputError` if the file cannot be read, or its table cannot be a profile.
@@ -129,15 +120,6 @@ def read_topography(
 
     Each line carries both positions of its point, so lines may stand in any order; but each point
     of the grid must be there, and only once.
-
-    **Arguments:**
-
-    - `path`: the CSV file.
-    - `folder`: what a relative path is relative to, such as the scene file's folder.
-
-    **Returns:**
-
-    The table, in the file's units.
 
     **Raises:**
 
@@ -181,18 +163,7 @@ def read_topography(
 def deviation_of_table(
     table: FlankTable, pair: GearPair, gear_index: int
 ) -> AbstractFlankDeviation:
-    """Turn a table into a deviation of one gear's flank. The pair may be traced by JAX.
-
-    **Arguments:**
-
-    - `table`: as read.
-    - `pair`: the gears.
-    - `gear_index`: the gear that carries the table: 0 is the pinion, 1 the wheel.
-
-    **Returns:**
-
-    A `MeasuredProfile` or a `MeasuredTopography`, in SI.
-    """
+    """Turn a table into a deviation of one gear's flank. The pair may be traced by JAX."""
     unit, place_of, _ = _COORDINATES[table.coordinate]
     place = place_of(pair, gear_index, jnp.asarray(table.position * unit))
     deviation = table.deviation * um
@@ -206,12 +177,6 @@ def check_covers(table: FlankTable, pair: GearPair, gear_index: int) -> None:
     """Refuse a table that is not of this gear, or leaves out part of its active flank.
 
     Says nothing about a pair that JAX is tracing.
-
-    **Arguments:**
-
-    - `table`: as read.
-    - `pair`: the gears.
-    - `gear_index`: the gear that carries the table: 0 is the pinion, 1 the wheel.
 
     **Raises:**
 
@@ -263,16 +228,14 @@ def _check_order(path: Path, lines: Sequence[int], name: str, position: np.ndarr
             "Reverse the lines."
         )
     for index in np.flatnonzero(steps <= 0.0)[:1]:
-        before, after = position[index], position[index + 1]
-        where = f"{path}:{lines[index + 1]}: {name} = {after:g}"
-        if before == after:
-            raise InputError(
-                f"{where} was given in line {lines[index]} already. Keep one of the two lines."
-            )
-        raise InputError(
-            f"{where} comes after {before:g} in line {lines[index]}. Positions must increase: "
-            "correct the number, or sort the lines."
+        before, after = position[index : index + 2]
+        remedy = (
+            f"was given in line {lines[index]} already. Keep one of the two lines."
+            if before == after
+            else f"comes after {before:g} in line {lines[index]}. Positions must increase: correct "
+            "the number, or sort the lines."
         )
+        raise InputError(f"{path}:{lines[index + 1]}: {name} = {after:g} {remedy}")
 
 
 def _check_size(path: Path, deviation: np.ndarray) -> None:
@@ -316,24 +279,16 @@ def _check_position(table: FlankTable, bound: dict[str, np.ndarray], name: str) 
     active = bound[f"{table.coordinate}_active"]
     middle = 0.5 * (active[0] + active[-1])
 
-    def lies_within(factor: float) -> bool:
-        return bool(
-            factor * table.position[0] >= least - 1e-9 * most
-            and factor * table.position[-1] <= most
-        )
+    def fits(factor: float) -> tuple[bool, bool]:
+        """Whether all lies on the involute, and whether the middle of the active flank is in it."""
+        first, last = factor * table.position[0], factor * table.position[-1]
+        inside = first >= least - 1e-9 * most and last <= most
+        return bool(inside), bool(first <= middle <= last)
 
-    def has_middle(factor: float) -> bool:
-        return bool(factor * table.position[0] <= middle <= factor * table.position[-1])
-
-    if lies_within(1.0) and has_middle(1.0):
-        return
-    slips = [
-        what
-        for what, factor in _SLIPS[table.coordinate].items()
-        if lies_within(factor) and has_middle(factor)
-    ]
-    if lies_within(1.0) and not slips:
-        # On the involute but not on the active flank: what is missing says it better.
+    slips = [x for x, factor in _SLIPS[table.coordinate].items() if all(fits(factor))]
+    on_involute, has_middle = fits(1.0)
+    # On the involute but not on the active flank: what is missing says it better.
+    if on_involute and (has_middle or not slips):
         return
     hint = (
         f"they look like {slips[0]}. Convert them." if slips else "is this the file of this gear?"

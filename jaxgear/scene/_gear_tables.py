@@ -30,6 +30,9 @@ FACE_EXTENT = (
     "millimetres were given: divide by face_width_mm"
 )
 BEARING = "[0, inf). Leave the key out where the bearing does not hold the shaft"
+SHAPE = key(
+    "how its depth grows from where it begins: in proportion, or with the square", default="linear"
+)
 PLACE = "[0, inf). Positions are measured from the first end of the shaft"
 
 
@@ -203,10 +206,7 @@ class TipReliefKeys:
 
     depth_um: float = real("depth removed at the tip", DEPTH, 0.0)
     extent: float = real("length of the relief, as a fraction of the path of contact", EXTENT, 0.25)
-    shape: Shape = key(
-        "how its depth grows from where it begins: in proportion, or with the square",
-        default="linear",
-    )
+    shape: Shape = SHAPE
 
 
 @table
@@ -215,10 +215,7 @@ class RootReliefKeys:
 
     depth_um: float = real("depth removed at the start of active profile", DEPTH, 0.0)
     extent: float = real("length of the relief, as a fraction of the path of contact", EXTENT, 0.2)
-    shape: Shape = key(
-        "how its depth grows from where it begins: in proportion, or with the square",
-        default="linear",
-    )
+    shape: Shape = SHAPE
 
 
 @table
@@ -230,10 +227,7 @@ class EndReliefKeys:
     )
     depth_um: float = real("depth removed at the end of the face", DEPTH, 0.0)
     extent: float = real("length of the relief, as a fraction of the face width", FACE_EXTENT, 0.2)
-    shape: Shape = key(
-        "how its depth grows from where it begins: in proportion, or with the square",
-        default="linear",
-    )
+    shape: Shape = SHAPE
 
 
 @table

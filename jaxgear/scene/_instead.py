@@ -5,6 +5,7 @@ plain numbers and for those that JAX traces, so that a derivative goes through t
 of the file.
 """
 
+import contextlib
 import math
 from collections.abc import Callable, Iterator, Mapping, Set
 from typing import Any
@@ -18,8 +19,9 @@ from jaxgear._geometry._drawn import (
 from jaxgear.scene._key import show
 from jaxgear.scene._schema import GEARS, KEYS, parents
 
-# Reads a number of the scene by its key; `KeyError` where there is none.
-Read = Callable[[str], Any]
+# Reads a number of the scene by its key, or a default; `KeyError` where there is neither.
+Read = Callable[..., Any]
+Formula = Callable[[Read], Any]
 
 _DEG, _RPM = math.pi / 180.0, math.pi / 30.0
 
@@ -37,52 +39,34 @@ _WITH = {"pair.power_kW": "pair.speed_rpm"} | {
 }
 
 
-def value_instead(target: str, read: Read) -> Any:
-    """Return the value of a key from what is given in its place.
+def _reader(values: Mapping[str, Any]) -> Read:
+    """Read keys of a mapping, others that stand for them too."""
 
-    **Arguments:**
+    def read(path: str, *default: Any) -> Any:
+        if path in values:
+            return values[path]
+        for other in INSTEAD.get(path, ()):
+            if other in values:
+                return _FORMULAS[other](read)
+        if not default:
+            raise KeyError(path)
+        return default[0]
 
-    - `target`: path of the key.
-    - `read`: reads another key of the scene.
-
-    **Raises:**
-
-    - `KeyError` if nothing is given in its place.
-    - `ValueError` if what is given, in plain numbers, belongs to no gear.
-    """
-    for path in INSTEAD.get(target, ()):
-        try:
-            given = read(path)
-        except KeyError:
-            continue
-        return _FORMULAS[path](given, read)
-    raise KeyError(target)
+    return read
 
 
 def values_instead(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values of the keys in whose place others are given, as far as these are right.
-
-    **Arguments:**
-
-    - `values`: of the scene by path, without those that are wrong.
-    """
-    found: dict[str, Any] = {}
+    """Return the values of the keys in whose place others are given, as far as these are right."""
+    found, read = {}, _reader(values)
     for target in INSTEAD:
-        try:
+        with contextlib.suppress(KeyError, ValueError):
             if target not in values:
-                found[target] = value_instead(target, _reader(values))
-        except (KeyError, ValueError):
-            continue
+                found[target] = read(target)
     return found
 
 
 def replaced_by(path: str) -> frozenset[str]:
-    """Return the keys that no longer count once a key has a value of its own.
-
-    **Arguments:**
-
-    - `path`: of any key; of most nothing is replaced.
-    """
+    """Return the keys that no longer count once a key has a value of its own."""
     return _RIVALS.get(path, frozenset())
 
 
@@ -99,43 +83,21 @@ _RIVALS: Mapping[str, frozenset[str]] = dict(_rivals())
 
 
 def alternatives(target: str) -> str:
-    """Say what may be written in place of a key that is missing; empty where nothing may.
-
-    **Arguments:**
-
-    - `target`: path of the key.
-    """
+    """Say what may be written in place of a key that is missing; empty where nothing may."""
     paths = INSTEAD.get(target, ())
     ways = [f"{each} and {_WITH[each]}" if each in _WITH else each for each in paths]
     return f". Or write {', or '.join(ways)}" if ways else ""
 
 
 def place_of(path: str, given: Set[str]) -> str:
-    """Return the key that was written in place of another one, or that other one.
-
-    **Arguments:**
-
-    - `path`: of any key.
-    - `given`: keys and tables that the user wrote.
-    """
+    """Return the key that was written in place of another one, or that other one."""
     return next((each for each in INSTEAD.get(path, ()) if each in given), path)
 
 
 def instead_mistakes(
     values: Mapping[str, Any], given: Set[str], where: Callable[[str], str]
 ) -> Iterator[tuple[str, str]]:
-    """Yield what is wrong with keys that stand for others: two for one, or half of one.
-
-    **Arguments:**
-
-    - `values`: of the scene by path, without those that are wrong.
-    - `given`: keys and tables that the user wrote.
-    - `where`: tells the place of a key.
-
-    **Returns:**
-
-    Path and message of each mistake.
-    """
+    """Yield what is wrong with keys that stand for others: two for one, or half of one."""
     for target, paths in INSTEAD.items():
         said = [path for path in (target, *paths) if path in given]
         if any(parent in INSTEAD for parent in parents(target)):
@@ -155,13 +117,7 @@ def instead_mistakes(
 
 
 def is_idle(path: str, values: Mapping[str, Any]) -> bool:
-    """Say whether a key has no effect beside what else is given.
-
-    **Arguments:**
-
-    - `path`: of any key.
-    - `values`: of the scene by path.
-    """
+    """Say whether a key has no effect beside what else is given."""
     if path == "pair.speed_rpm":
         return "pair.power_kW" not in values
     table, _, name = path.rpartition(".")
@@ -176,7 +132,7 @@ def _impossible(target: str, path: str, values: Mapping[str, Any]) -> Iterator[t
     """Refuse what makes another key impossible, and a span that counts too many teeth or few."""
     read = _reader(values)
     try:
-        value = value_instead(target, read)
+        value = read(target)
     except KeyError:
         # Something else is missing, or wrong by itself.
         return
@@ -200,30 +156,7 @@ def _impossible(target: str, path: str, values: Mapping[str, Any]) -> Iterator[t
             )
 
 
-def _reader(values: Mapping[str, Any]) -> Read:
-    """Read keys of a mapping, others that stand for them too."""
-
-    def read(path: str) -> Any:
-        return values[path] if path in values else value_instead(path, read)
-
-    return read
-
-
-def _torque(power: Any, read: Read) -> Any:
-    return 1e3 * power / (read("pair.speed_rpm") * _RPM)
-
-
-def _speeds(speed: Any, read: Read) -> Any:
-    del read
-    return [each * _RPM for each in speed] if isinstance(speed, list) else speed * _RPM
-
-
-def _points(points: Any, read: Read) -> Any:
-    del read
-    return points
-
-
-def _of_gear(gear: str) -> dict[str, Callable[[Any, Read], Any]]:
+def _of_gear(gear: str) -> dict[str, Formula]:
     """Formulas of one gear; lengths are all in millimetres."""
 
     def teeth(read: Read) -> dict[str, Any]:
@@ -233,35 +166,41 @@ def _of_gear(gear: str) -> dict[str, Callable[[Any, Read], Any]]:
             "helix_angle": read("pair.helix_angle_deg") * _DEG,
         }
 
-    def thickness(read: Read) -> dict[str, Any]:
-        try:
-            thinner = 1e-3 * read(f"{gear}.thickness_allowance_um")
-        except KeyError:
-            thinner = 0.0
-        angle = read("pair.pressure_angle_deg") * _DEG
-        return teeth(read) | {"pressure_angle": angle, "thickness_allowance": thinner}
-
     def height(read: Read) -> dict[str, Any]:
         return teeth(read) | {"profile_shift": read(f"{gear}.profile_shift")}
 
+    def thickness(read: Read) -> dict[str, Any]:
+        return teeth(read) | {
+            "pressure_angle": read("pair.pressure_angle_deg") * _DEG,
+            "thickness_allowance": 1e-3 * read(f"{gear}.thickness_allowance_um", 0.0),
+        }
+
+    tip, root, span, over = (
+        f"{gear}.{key}_mm" for key in ("tip_diameter", "root_diameter", "span", "over_balls")
+    )
     return {
-        f"{gear}.tip_diameter_mm": lambda tip, read: addendum_of_tip(tip, **height(read)),
-        f"{gear}.root_diameter_mm": lambda root, read: dedendum_of_root(root, **height(read)),
-        f"{gear}.span_mm": lambda span, read: profile_shift_of_span(
-            span, read(f"{gear}.span_teeth"), **thickness(read)
+        tip: lambda read: addendum_of_tip(read(tip), **height(read)),
+        root: lambda read: dedendum_of_root(read(root), **height(read)),
+        span: lambda read: profile_shift_of_span(
+            read(span), read(f"{gear}.span_teeth"), **thickness(read)
         ),
-        f"{gear}.over_balls_mm": lambda over, read: profile_shift_of_balls(
-            over, read(f"{gear}.ball_mm"), **thickness(read)
+        over: lambda read: profile_shift_of_balls(
+            read(over), read(f"{gear}.ball_mm"), **thickness(read)
         ),
     }
 
 
-_FORMULAS: Mapping[str, Callable[[Any, Read], Any]] = {
-    "pair.power_kW": _torque,
-    "sweep.pinion_speed_rpm": _speeds,
-    "sweep.pinion_speed_rpm.from": _speeds,
-    "sweep.pinion_speed_rpm.to": _speeds,
-    "sweep.pinion_speed_rpm.points": _points,
+def _in_rad_s(speed: Any) -> Any:
+    return [each * _RPM for each in speed] if isinstance(speed, list) else speed * _RPM
+
+
+_RPMS = "sweep.pinion_speed_rpm"
+_FORMULAS: Mapping[str, Formula] = {
+    "pair.power_kW": lambda read: 1e3 * read("pair.power_kW") / (read("pair.speed_rpm") * _RPM),
+    _RPMS: lambda read: _in_rad_s(read(_RPMS)),
+    f"{_RPMS}.from": lambda read: _in_rad_s(read(f"{_RPMS}.from")),
+    f"{_RPMS}.to": lambda read: _in_rad_s(read(f"{_RPMS}.to")),
+    f"{_RPMS}.points": lambda read: read(f"{_RPMS}.points"),
     **_of_gear("pinion"),
     **_of_gear("wheel"),
 }

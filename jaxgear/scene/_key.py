@@ -5,6 +5,7 @@ import difflib
 import enum
 import json
 import math
+import operator
 import re
 from collections.abc import Iterable, Mapping
 from typing import Any, Literal
@@ -34,6 +35,8 @@ _NOUNS: Mapping[Kind, tuple[str, str]] = {
     "floats": ("a list of numbers", ", each"),
     "texts": ("a list of texts in quotes", ", each"),
 }
+
+_SIGNS = {">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operator.le}
 
 # Longest suffix first: `_N_mm_um` also ends in `_um`.
 _UNITS = {
@@ -116,6 +119,15 @@ class Key:
         return ""
 
     @property
+    def _bounds(self) -> dict[str, float]:
+        signs = {">": self.above, ">=": self.at_least, "<": self.below, "<=": self.at_most}
+        return {sign: bound for sign, bound in signs.items() if bound is not None}
+
+    def holds(self, number: float) -> bool:
+        """Whether a number lies within the bounds."""
+        return all(_SIGNS[sign](number, bound) for sign, bound in self._bounds.items())
+
+    @property
     def allowed(self) -> str:
         """What a value must be, in words."""
         noun, each = _NOUNS[self.kind]
@@ -123,8 +135,7 @@ class Key:
             return ("" if self.kind == "text" else noun + each + " ") + one_of(self.choices)
         if self.length is not None:
             noun = f"a list of {self.length} numbers"
-        signs = {">": self.above, ">=": self.at_least, "<": self.below, "<=": self.at_most}
-        bounds = [f"{sign} {bound:g}" for sign, bound in signs.items() if bound is not None]
+        bounds = [f"{sign} {bound:g}" for sign, bound in self._bounds.items()]
         if self.at_least is not None and self.at_least == self.at_most:
             bounds = [f"equal to {self.at_least:g}"]
         text = noun + (each + " " if bounds and each else " " if bounds else "")
@@ -161,12 +172,7 @@ class Key:
             number = math.inf
         if not math.isfinite(number):
             raise self._wrong(value, ". It must be finite")
-        if (
-            (self.above is not None and number <= self.above)
-            or (self.at_least is not None and number < self.at_least)
-            or (self.below is not None and number >= self.below)
-            or (self.at_most is not None and number > self.at_most)
-        ):
+        if not self.holds(number):
             raise self._wrong(value, f". {self.remedy}" if self.remedy else "")
         return entry if self.kind == "int" else number
 

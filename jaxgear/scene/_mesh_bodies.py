@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable, Sequence
 from itertools import groupby
 from types import MappingProxyType
+from typing import Any
 
 import jax.numpy as jnp
 
@@ -23,6 +24,7 @@ from jaxgear.scene._build import couples_on_pinion, pair_grid, pair_of
 from jaxgear.scene._root_correction import root_correction
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
+from jaxgear.scene._tables import MeshKeys
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,16 +52,6 @@ def with_bodies(
 ) -> Scene:
     """A scene with the condensed bodies that it names, from the cache where they are known.
 
-    **Arguments:**
-
-    - `scene`: checked against the schema.
-    - `tell`: told what begins.
-    - `moving`: whether they are to vibrate.
-
-    **Returns:**
-
-    The scene, of which a model can be made.
-
     **Raises:**
 
     - `ValueError` if a body cannot be, or not carry its teeth.
@@ -75,10 +67,11 @@ def with_bodies(
                 require_short_elements(plan.gear, pitches)
     # Modes do not follow: what is to vibrate stays as it is.
     measures = {} if moving else {plan.gear: _varied_measure(scene, plan) for plan in plans}
-    made = [_made(scene, plan, tell, moving) for plan in plans]
+    modes = scene.model.modes if moving else None
+    made = [_made(plan, tell, modes) for plan in plans]
     scene = _over_whole_cycles(scene, made)
     grid = pair_grid(scene, pair, torque)
-    bodies = {each[0].plan.gear: _in_mesh(scene, each, pair, grid, tell) for each in made}
+    bodies = {each[0].plan.gear: _in_mesh(scene.mesh, each, pair, grid, tell) for each in made}
     for gear, key in measures.items():
         if key is not None:
             bodies[gear] = _with_family(scene, gear, key, bodies[gear], pair, grid, tell)
@@ -93,15 +86,15 @@ def _varied_measure(scene: Scene, plan: BodyPlan) -> str | None:
     if len(keys) != 1 or not isinstance(plan.source, Drawn):
         return None
     key = keys[0]
-    bounds = scene.get(f"optimise.bounds.{key}")
+    bounds = scene.optimise.bounds.get(key)
     require(
         bounds is not None and bounds[0] < bounds[1],
         "optimise.vary names {key}: bodies are condensed from one bound to the other, and "
         "interpolated. Give both, rising, in the table [optimise.bounds], such as\n"
         '"{key}" = [{low:.6g}, {high:.6g}]',
         key=key,
-        low=0.8 * scene[key],
-        high=1.2 * scene[key],
+        low=0.8 * scene.value(key),
+        high=1.2 * scene.value(key),
     )
     return key
 
@@ -120,7 +113,7 @@ def _with_family(
     tell: Callable[[str], None],
 ) -> MeshBody:
     """A body with others of its shape, from one bound of a measure to the other."""
-    low, high = scene[f"optimise.bounds.{key}"]
+    low, high = scene.optimise.bounds[key]
     reciprocal = low > 0.0
     at, checks = family_parameters(low, high, _MEMBERS, reciprocal=reciprocal)
     bodies, nodes = {}, {}
@@ -132,7 +125,7 @@ def _with_family(
             plan, method="guyan", modes=0, rotating=False, compares_seats=False
         )
         along = lambda step, where=where: tell(f"{step}: {where}")
-        found = _in_mesh(scene, _made(scene, plan, along, False), pair, grid, along)
+        found = _in_mesh(scene.mesh, _made(plan, along, None), pair, grid, along)
         bodies[value] = found.flexible
         nodes[value] = int(found.built.health["nodes"])
     probes = [(value, bodies[value]) for value in map(float, checks)]
@@ -140,7 +133,7 @@ def _with_family(
         family = body_family(
             at,
             [bodies[float(value)] for value in at],
-            checks=[*probes, (scene[key], own.flexible)],
+            checks=[*probes, (scene.value(key), own.flexible)],
             reciprocal=reciprocal,
         )
     except ValueError as error:
@@ -166,15 +159,14 @@ def _grids_that_differ(nodes: dict[float, int]) -> str:
 _Made = tuple[BuiltBody, BodyBasis | None]
 
 
-def _made(scene: Scene, plan: BodyPlan, tell: Callable[[str], None], moving: bool) -> _Made:
-    """A body from the cache or built anew, with its modes if it is to vibrate."""
+def _made(plan: BodyPlan, tell: Callable[[str], None], modes: int | None) -> _Made:
+    """A body from the cache or built anew, with so many modes if it is to vibrate."""
     built = built_body(plan, lambda step: tell(f"{plan.gear}: {step}"))
-    basis = None
-    if moving:
-        tell(f"{plan.gear}: modes with its seats held")
-        with in_keys(plan.gear):
-            basis = body_basis(built.body, scene.model.modes)
-    return built, basis
+    if modes is None:
+        return built, None
+    tell(f"{plan.gear}: modes with its seats held")
+    with in_keys(plan.gear):
+        return built, body_basis(built.body, modes)
 
 
 def _over_whole_cycles(scene: Scene, made: Sequence[_Made]) -> Scene:
@@ -202,28 +194,18 @@ def _over_whole_cycles(scene: Scene, made: Sequence[_Made]) -> Scene:
 
 
 def _in_mesh(
-    scene: Scene, made: _Made, pair: GearPair, grid: MeshGrid, tell: Callable[[str], None]
+    mesh: MeshKeys, made: _Made, pair: GearPair, grid: MeshGrid, tell: Callable[[str], None]
 ) -> MeshBody:
     built, basis = made
-    plan = built.plan
+    plan, body = built.plan, built.body
     tell(f"{plan.gear}: teeth on the rim")
-    index = GEARS.index(plan.gear)
-    points, axial = scene.mesh.root_points, scene.mesh.connection
+    index, local = GEARS.index(plan.gear), None
+    on_rim: Any = {"points": mesh.root_points, "axial": mesh.connection}
     with in_keys(plan.gear):
-        local = None
-        if scene.mesh.root_correction:
-            local = root_correction(
-                built.body, plan.material, pair, index, grid, points=points, axial=axial
-            )
+        if mesh.root_correction:
+            local = root_correction(body, plan.material, pair, index, grid, **on_rim)
+        seat = plan.torque_seat or None
         flexible = flexible_body(
-            built.body,
-            pair,
-            index,
-            grid,
-            gear_seat=plan.torque_seat or None,
-            points=points,
-            axial=axial,
-            local=local,
-            basis=basis,
+            body, pair, index, grid, gear_seat=seat, local=local, basis=basis, **on_rim
         )
     return MeshBody(built, flexible, basis)

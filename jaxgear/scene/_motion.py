@@ -4,17 +4,7 @@ from jaxgear.scene._scene import Mistake, Scene
 
 
 def motion_mistakes(scene: Scene, *, harmonic: bool) -> list[Mistake]:
-    """What keeps a scene, good as it is for all else, from having steady responses.
-
-    **Arguments:**
-
-    - `scene`: checked against the schema.
-    - `harmonic`: whether they are to be found by harmonic balance.
-
-    **Returns:**
-
-    The mistakes; none if it can be swept.
-    """
+    """What keeps a scene, good as it is for all else, from having steady responses."""
     found = []
 
     def mistake(key: str, message: str) -> None:

@@ -90,16 +90,6 @@ def profile_shifts(
     -x_2$, the larger of $0.4(1 - z_1/z_2)$ and $0.02(30 - z_1)$ with the smaller gear as 1; else
     each $0.02(30 - z)$. Not so much that a tip is thinner than 0.25 modules, but as far up as the
     rack's straight flank asks for, lest it undercut.
-
-    **Arguments:**
-
-    - `teeth`: of both gears [-].
-    - `pressure_angle`: normal pressure angle [deg].
-    - `helix`: helix angle [deg].
-
-    **Returns:**
-
-    Both profile shift coefficients, to a thousandth [-].
     """
     few, many = sorted(virtual := [z / math.cos(math.radians(helix)) ** 3 for z in teeth])
     if few + many >= 60.0:
@@ -120,10 +110,6 @@ def fillet_radius(pressure_angle: float) -> float:
 
     The straight flank above it must be as long as the mating addendum, to a ten-thousandth: 0.38 at
     20 degrees, less below.
-
-    **Arguments:**
-
-    - `pressure_angle`: normal pressure angle [deg].
     """
     fits = min(FILLET, largest_fillet(pressure_angle, DEDENDUM))
     longest = (DEDENDUM - ADDENDUM) / (1.0 - math.sin(math.radians(pressure_angle)))
@@ -131,12 +117,7 @@ def fillet_radius(pressure_angle: float) -> float:
 
 
 def tip_shortening(wanted: Wanted) -> float:
-    r"""$k = x_1 + x_2 - y$, which keeps the rack's clearance where both gears are shifted [-].
-
-    **Arguments:**
-
-    - `wanted`: what is known.
-    """
+    r"""$k = x_1 + x_2 - y$, which keeps the rack's clearance where both gears are shifted [-]."""
     shifts = sum(profile_shifts(wanted.teeth, wanted.pressure_angle, wanted.helix))
     beta, teeth = math.radians(wanted.helix), sum(wanted.teeth)
     angle = _transverse(wanted.pressure_angle, wanted.helix)
@@ -147,24 +128,14 @@ def tip_shortening(wanted: Wanted) -> float:
 
 
 def face_width(wanted: Wanted) -> float:
-    """Ten modules, but not more than the pinion's reference diameter; or what is given [mm].
-
-    **Arguments:**
-
-    - `wanted`: what is known.
-    """
+    """Ten modules, but not more than the pinion's reference diameter; or what is given [mm]."""
     if wanted.face is not None:
         return wanted.face
     return rounded(min(_FACE * wanted.module, min(_diameters(wanted))))
 
 
 def pinion_torque(wanted: Wanted) -> float:
-    """Torque given, by power and speed, or for a moderate K factor [N m].
-
-    **Arguments:**
-
-    - `wanted`: what is known.
-    """
+    """Torque given, by power and speed, or for a moderate K factor [N m]."""
     if wanted.torque is not None:
         return wanted.torque
     if wanted.power is not None and wanted.rpm is not None:
@@ -215,12 +186,7 @@ def _diameters(wanted: Wanted) -> tuple[float, float]:
 
 
 def sizes(wanted: Wanted) -> tuple[Sizes, Sizes]:
-    """Profile shifts, shafts and bearings of both gears.
-
-    **Arguments:**
-
-    - `wanted`: what is known.
-    """
+    """Profile shifts, shafts and bearings of both gears."""
     shifts = profile_shifts(wanted.teeth, wanted.pressure_angle, wanted.helix)
     diameters, torque = _diameters(wanted), 1e3 * pinion_torque(wanted)
     angle = _transverse(wanted.pressure_angle, wanted.helix)
@@ -243,11 +209,6 @@ def _shaft_diameter(torque: float, root: float, module: float) -> float:
 
 
 def rounded(value: float) -> float:
-    """Round to two digits, downwards: the next size that a drawing would have.
-
-    **Arguments:**
-
-    - `value`: positive.
-    """
+    """Round to two digits, downwards: the next size that a drawing would have."""
     scale = 10.0 ** (math.floor(math.log10(value)) - 1)
     return float(f"{math.floor(value / scale + 1e-9) * scale:.2g}")

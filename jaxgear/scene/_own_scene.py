@@ -1,5 +1,7 @@
 """The scene of one's own pair as text, with a comment where a number was not given."""
 
+from string import Template
+
 from jaxgear.scene._own_pair import (
     ADDENDUM,
     AXIAL,
@@ -7,7 +9,6 @@ from jaxgear.scene._own_pair import (
     FILLET,
     K_FACTOR,
     TORSION,
-    Sizes,
     Wanted,
     face_width,
     fillet_radius,
@@ -16,36 +17,62 @@ from jaxgear.scene._own_pair import (
     sizes,
     tip_shortening,
 )
+from jaxgear.scene._scene import READY
 from jaxgear.scene._schema import GEARS
+
+# Where the comments begin that stand behind keys.
+_COLUMN = 38
 
 
 def scene_text(wanted: Wanted) -> str:
-    """Write the scene of a pair, with a comment where a number was not given.
+    """Write the scene of a pair in TOML, with a comment where a number was not given."""
+    gears, face = sizes(wanted), face_width(wanted)
+    length = rounded(face + 2.0 * max(gear.shaft for gear in gears))
+    fillet, short = fillet_radius(wanted.pressure_angle), tip_shortening(wanted)
+    rpm = wanted.rpm or 3000.0
+    fields: dict[str, object] = {
+        "name": wanted.name,
+        "module": float(wanted.module),
+        "pressure_angle": float(wanted.pressure_angle),
+        "helix": float(wanted.helix),
+        "hand": "positive: a right-hand pinion" if wanted.helix else "spur",
+        "load": _load(wanted),
+        "addendum": ADDENDUM,
+        "dedendum": DEDENDUM,
+        "fillet": float(fillet),
+        "room": "ISO 53, profile A" if fillet == FILLET else "the largest that fits this rack",
+        "shortening": float(short),
+        "short": "keeps the clearance" if short else "",
+        "face": float(face),
+        "width": "" if wanted.face else "assumed: ten modules, at most the pinion's diameter",
+        "torsion": f"{TORSION:g}",
+        "length": float(length),
+        "middle": 0.5 * length,
+        "crowning": "\ncrowning_um = 0.0" if wanted.helix else "",
+        "vary_crowning": '\n    "flank.pinion.crowning_um",' if wanted.helix else "",
+        "slowest": float(rounded(0.1 * rpm)),
+        "fastest": float(rounded(1.5 * rpm)),
+    }
+    for name, gear in zip(GEARS, gears, strict=True):
+        fields |= {
+            f"{name}_teeth": gear.teeth,
+            f"{name}_shift": float(gear.shift),
+            f"{name}_shaft": float(gear.shaft),
+            f"{name}_radial": _power_of_ten(gear.bearing),
+            f"{name}_axial": _power_of_ten(AXIAL * gear.bearing),
+        }
+    text = Template((READY / "own_pair.template").read_text()).substitute(fields)
+    return "\n".join(map(_aligned, text.split("\n")))
 
-    **Arguments:**
 
-    - `wanted`: what is known.
-
-    **Returns:**
-
-    TOML, in the scene format.
-    """
-    pinion, wheel = sizes(wanted)
-    length = rounded(face_width(wanted) + 2.0 * max(pinion.shaft, wheel.shaft))
-    sections = [
-        _head(wanted),
-        _pair(wanted),
-        *(_gear(n, g, wanted, length) for n, g in zip(GEARS, (pinion, wheel), strict=True)),
-        _flanks(wanted),
-        _MESH,
-        _search(wanted),
-        _sweep(wanted),
-    ]
-    return "\n".join(sections)
-
-
-def _toml(value: float) -> str:
-    return repr(float(value))
+def _load(wanted: Wanted) -> str:
+    """The lines of the torque, given as such or by power and speed."""
+    speed = "" if wanted.rpm is None else f"speed_rpm = {float(wanted.rpm)}"
+    if wanted.power is not None and speed:
+        return f"power_kW = {1e-3 * wanted.power}\n{speed} # of the pinion, which drives"
+    rule = f"assumed: a K factor of {K_FACTOR:g} N/mm2, moderate (Dudley)"
+    said = "the pinion drives" if wanted.torque else rule
+    return f"torque_pinion_Nm = {float(pinion_torque(wanted))} # {said}\n{speed}".strip()
 
 
 def _power_of_ten(value: float) -> str:
@@ -53,129 +80,9 @@ def _power_of_ten(value: float) -> str:
     return f"{mantissa}e{int(exponent)}"
 
 
-def _head(wanted: Wanted) -> str:
-    file = f"{wanted.name}.toml"
-    return f"""\
-# A pair of {wanted.teeth[0]} and {wanted.teeth[1]} teeth.
-#
-#   jaxgear run {file}    transmission error, contact, and the best tip relief
-#   jaxgear keys PATTERN    what a key means, its unit, default and bounds
-#
-# Every length, angle and torque carries its unit in its key. What was not given is marked
-# "assumed", with the rule of thumb; change it to what you know. Strength is not checked.
-
-schema = 1
-name = "{wanted.name}"
-cite = "own pair; what is marked as assumed follows rules of thumb"
-
-[material]                            # assumed: steel
-young_GPa = 206.0
-poisson = 0.3
-density_kg_m3 = 7850.0
-"""
-
-
-def _pair(wanted: Wanted) -> str:
-    lines = [
-        "[pair]",
-        f"module_mm = {_toml(wanted.module)}",
-        f"pressure_angle_deg = {_toml(wanted.pressure_angle)}",
-        f"helix_angle_deg = {_toml(wanted.helix)}".ljust(38)
-        + ("# positive: a right-hand pinion" if wanted.helix else "# spur"),
-    ]
-    if wanted.power is not None and wanted.rpm is not None:
-        lines += [
-            f"power_kW = {_toml(1e-3 * wanted.power)}",
-            f"speed_rpm = {_toml(wanted.rpm)}".ljust(38) + "# of the pinion, which drives",
-        ]
-    else:
-        torque = f"torque_pinion_Nm = {_toml(pinion_torque(wanted))}".ljust(38)
-        rule = f"assumed: a K factor of {K_FACTOR:g} N/mm2, moderate (Dudley)"
-        lines += [torque + ("# the pinion drives" if wanted.torque else f"# {rule}")]
-        lines += [f"speed_rpm = {_toml(wanted.rpm)}"] if wanted.rpm is not None else []
-    lines += ["# centre_distance_mm is left out: the one without backlash", ""]
-    return "\n".join(lines)
-
-
-def _gear(name: str, gear: Sizes, wanted: Wanted, length: float) -> str:
-    face, bearing = face_width(wanted), _power_of_ten(gear.bearing)
-    width = "" if wanted.face else "# assumed: ten modules, at most the pinion's diameter"
-    fillet = fillet_radius(wanted.pressure_angle)
-    room = "ISO 53, profile A" if fillet == FILLET else "the largest that fits this rack"
-    short = tip_shortening(wanted)
-    rows = [
-        (f"[{name}]", ""),
-        (f"teeth = {gear.teeth}", ""),
-        (f"profile_shift = {_toml(gear.shift)}", "assumed: balanced, no undercut (BS PD 6457)"),
-        (f"addendum_coeff = {ADDENDUM}", "assumed: ISO 53, profile A"),
-        (f"dedendum_coeff = {DEDENDUM}", "assumed, as above"),
-        (f"fillet_radius_coeff = {_toml(fillet)}", f"assumed: {room}"),
-        (f"tip_shortening_coeff = {_toml(short)}", "keeps the clearance" if short else ""),
-        (f"face_width_mm = {_toml(face)}", width.removeprefix("# ")),
-        (f"bore_mm = {_toml(gear.shaft)}", "assumed: the seat on its shaft"),
-        ("", ""),
-        (f"[{name}.shaft]", f"assumed: {TORSION:g} N/mm2 of torsion, half of what the ASME code"),
-        (
-            "# allows, within what the gear leaves; bearings at its ends, a diameter off the face",
-            "",
-        ),
-        (f"gear_at_mm = {_toml(0.5 * length)}", "mid-face, from the left (-Z) end"),
-    ]
-    lines = [f"{text:<38}# {said}" if said else text for text, said in rows]
-    axial = _power_of_ten(AXIAL * gear.bearing)
-    return "\n".join([
-        *lines,
-        f"segments = [ {{ length_mm = {_toml(length)}, outer_mm = {_toml(gear.shaft)} }} ]",
-        "bearings = [".ljust(38) + "# assumed: ball bearings (Kraemer 1993), axially a fifth",
-        f"    {{ at_mm = 0.0, radial_N_m = {bearing}, axial_N_m = {axial} }},",
-        f"    {{ at_mm = {_toml(length)}, radial_N_m = {bearing} }},",
-        "]",
-        "",
-    ])  # fmt: skip
-
-
-def _flanks(wanted: Wanted) -> str:
-    crowned = "\ncrowning_um = 0.0" if wanted.helix else ""
-    relief = 'tip_relief = { depth_um = 0.0, extent = 0.25, shape = "linear" }'
-    return f"""\
-# Plain flanks. A depth is material removed; an extent is a fraction of the path of contact.
-[flank.pinion]
-{relief}{crowned}
-
-[flank.wheel]
-{relief}{crowned}
-"""
-
-
-_MESH = """\
-[mesh]
-stiffness = "weber-banaschek"
-foundation = "ring"                   # bodies wind up between bore and teeth
-slices = 20                           # across the face
-phases = 64                           # positions in one mesh period
-contact = "exact"
-"""
-
-
-def _search(wanted: Wanted) -> str:
-    vary = ["tip_relief.depth_um", "tip_relief.extent", *(["crowning_um"] if wanted.helix else [])]
-    named = "".join(f'    "flank.pinion.{key}",\n' for key in vary)
-    return f"""\
-[optimise]
-vary = [
-{named}]
-symmetric = true                      # the wheel gets the pinion's correction
-minimise = "te_rms"                   # te_rms | te_peak_to_peak | max_pressure | a table of weights
-"""
-
-
-def _sweep(wanted: Wanted) -> str:
-    rpm = wanted.rpm or 3000.0
-    low, high = rounded(0.1 * rpm), rounded(1.5 * rpm)
-    speeds = f"{{ from = {_toml(low)}, to = {_toml(high)}, points = 200 }}"
-    return f"""\
-# Without the # these lines make `jaxgear sweep` work, and `jaxgear run` sweep too.
-# [sweep]
-# pinion_speed_rpm = {speeds}
-# direction = "both"                    # up | down | both | cold
-"""
+def _aligned(line: str) -> str:
+    """A line with the comment behind its key in the column of all, or without an empty one."""
+    key, mark, comment = line.partition(" # ")
+    if not mark or line.startswith("#"):
+        return line
+    return f"{key:<{_COLUMN}}# {comment}" if comment.strip() else key

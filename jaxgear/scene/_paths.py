@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from jaxgear.scene._schema import BY_PATH, KEYS, general, split_entry
+from jaxgear.scene._schema import BY_PATH, KEYS, TABLES, general, split_entry
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 # Quoted text, or an index outside of it.
@@ -100,17 +100,18 @@ def filled_in(document: Mapping[str, Any], path: str, value: object) -> tuple[st
     return path, value
 
 
-def look_up(values: Mapping[str, Any], path: str, *default: Any) -> Any:
-    """Return the value of a key or of an entry of a list; `KeyError` or a default if none."""
+def look_up(values: Mapping[str, Any], path: str, default: Any = None) -> Any:
+    """The value of a key or of an entry of a list; `KeyError` if no scene has such a path."""
     if path in values:
         return values[path]
     key, index = split_entry(path)
+    known = general(key)
+    if not any(each in KEYS or each in TABLES for each in (known, f"{known}[]")):
+        raise KeyError(path)
     entries = values.get(key)
     if index is not None and isinstance(entries, list) and index < len(entries):
         return entries[index]
-    if not default:
-        raise KeyError(path)
-    return default[0]
+    return default
 
 
 def around(path: str) -> Iterator[str]:
@@ -142,18 +143,6 @@ def key_names(text: str) -> list[str]:
 
 def key_steps(text: str) -> list[str | int]:
     """Split a TOML key that may have indices, `a."b.c"[0].d`; `ValueError` if it is not one."""
-    steps: list[str | int] = []
-    start = 0
-    indices = [found for found in _INDEX.finditer(text) if found[2]]
-    for found in (*indices, None):
-        names = text[start : found.start() if found else None].strip()
-        if steps and names:
-            if not names.startswith("."):
-                raise ValueError(f"{names} follows an index without a point")
-            names = names[1:]
-        if names or not steps:
-            steps += key_names(names)
-        if found:
-            steps.append(int(found[2]))
-            start = found.end()
-    return steps
+    # To TOML an index is a name too, marked as no key is.
+    marked = _INDEX.sub(lambda found: found[1] or f'."\\u0000{found[2]}"', text)
+    return [int(name[1:]) if name[:1] == "\0" else name for name in key_names(marked)]

@@ -52,16 +52,6 @@ def rewrite_scene(
 def rewritten(source: str | os.PathLike[str], updates: Mapping[str, object]) -> str:
     """Return the user's own file with some keys changed or added, comments and order kept.
 
-    **Arguments:**
-
-    - `source`: the scene file to start from.
-    - `updates`: dotted path to new value, in the units of the file: that of a key, of an entry
-        of a list of numbers, of a row (a dict) or of a whole list of tables (a list of dicts).
-
-    **Returns:**
-
-    The text of the new file.
-
     **Raises:**
 
     - `ValueError` if the file is laid out so that it cannot be changed and keep its comments, or

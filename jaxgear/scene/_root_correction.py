@@ -44,21 +44,7 @@ def root_correction(
     points: int,
     axial: Axial,
 ) -> "RootCorrection | None":
-    """The correction for a body, if its elements are known.
-
-    **Arguments:**
-
-    - `body`: the condensed body.
-    - `material`: of which it is.
-    - `pair`: the gears.
-    - `index`: 0 for the pinion, 1 for the wheel.
-    - `grid`: gives the slices.
-    - `points`, `axial`: how slices stand on the rim.
-
-    **Returns:**
-
-    What gives the correction of any tooth, or None for a body without a grid.
-    """
+    """The correction for a body, if its elements are known."""
     if not len(body.bricks):
         return None
     return RootCorrection(body, material, pair, index, grid, points, axial)

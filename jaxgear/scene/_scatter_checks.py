@@ -13,12 +13,7 @@ _OVER_SPEEDS = ("dynamic_ratio", "bearing_force")
 
 
 def scattered_key(path: str) -> str:
-    """The key that a key of [robust.scatter] or [robust.even] is about; empty for others.
-
-    **Arguments:**
-
-    - `path`: dotted path.
-    """
+    """The key that a key of [robust.scatter] or [robust.even] is about; empty for others."""
     table = next((each for each in _TABLES if path.startswith(f"{each}.")), path)
     return path.removeprefix(table).removeprefix(".")
 
@@ -26,15 +21,7 @@ def scattered_key(path: str) -> str:
 def robust_mistakes(
     tables: PlainTables, values: Mapping[str, object], given: Set[str], *, faulty: bool
 ) -> Iterator[tuple[str, str]]:
-    """Yield the path and the message of every mistake.
-
-    **Arguments:**
-
-    - `tables`: of the scene, without what is wrong.
-    - `values`: the same by path.
-    - `given`: tables and keys that the user wrote.
-    - `faulty`: whether a key of [robust] has been refused already.
-    """
+    """Yield the path and the message of every mistake."""
     if "optimise" not in given:
         yield (
             "robust",

@@ -15,7 +15,7 @@ from types import MappingProxyType
 from typing import Any
 
 from jaxgear._checks import is_traced
-from jaxgear.scene._instead import is_idle, replaced_by, value_instead, values_instead
+from jaxgear.scene._instead import is_idle, replaced_by, values_instead
 from jaxgear.scene._mistakes import SET, Mistake, SceneError, in_order, read_text
 from jaxgear.scene._paths import around, look_up, nested
 from jaxgear.scene._positions import positions
@@ -87,36 +87,24 @@ class Scene(AbstractTables):
         """Every value by its path, what is moved among them."""
         return MappingProxyType({**self.fixed, **self.moved})
 
-    @property
+    @cached_property
     def whole(self) -> Mapping[str, Any]:
         """All values, of keys in whose place others are given too."""
         return {**self.values, **values_instead(self.values)}
 
-    @property
-    def known(self) -> Mapping[str, Any]:
-        """The plain value of each key that is moved."""
-        return {key: self.fixed[key] for key in self.moved if key in self.fixed}
+    def value(self, path: str, default: Any = None) -> Any:
+        """The value of a key, or of an entry, whose path is known at run time only.
 
-    def __getitem__(self, key: str) -> Any:
-        try:
-            return look_up(self.values, key)
-        except KeyError:
-            return value_instead(key, self.__getitem__)
+        **Arguments:**
 
-    def get(self, key: str, default: object = None) -> Any:
-        """Return the value of a key, or `default` where it is absent."""
-        try:
-            return self[key]
-        except KeyError:
-            return default
+        - `path`: its path, such as `pinion.shaft.bearings[0].at_mm`.
+        - `default`: what is returned where the key is absent.
 
-    def concrete(self, key: str) -> Any:
-        """Return the plain value of a key or of an entry; `KeyError` if it has none."""
-        try:
-            value = look_up(self.fixed, key)
-        except KeyError:
-            value = value_instead(key, self.concrete)
-        return value
+        **Raises:**
+
+        - `KeyError` if a scene has no such key.
+        """
+        return look_up(self.whole, path, default)
 
     @property
     def condensed(self) -> tuple[str, ...]:
@@ -126,13 +114,6 @@ class Scene(AbstractTables):
     def has_table(self, prefix: str) -> bool:
         """Say whether the user wrote the table, even an empty one."""
         return prefix in self.given
-
-    def rows(self, table: str) -> tuple[str, ...]:
-        """Return the path of each row of a list of tables: `pinion.shaft.bearings[0]`, ..."""
-        found: list[str] = []
-        while (row := f"{table}[{len(found)}]") in self.given:
-            found.append(row)
-        return tuple(found)
 
     def where(self, key: str) -> str:
         """Return where a key was set, for a message about it."""
@@ -152,7 +133,7 @@ class Scene(AbstractTables):
                     for path, value in self.fixed.items()
                     if key in around(path)
                 }
-                found[key] = nested(inside)["x"] if inside else self.get(key, [])
+                found[key] = nested(inside)["x"] if inside else self.value(key, [])
         return found
 
     def replace(self, updates: Mapping[str, object]) -> "Scene":
@@ -174,13 +155,13 @@ class Scene(AbstractTables):
         for path, new in updates.items():
             key, index = split_entry(path)
             value: Any = new
-            before: Any = moved.get(key, fixed.get(key))
+            before: Any = moved.pop(key, fixed.get(key))
             if index is not None:
-                look_up({key: before}, path)
+                if index >= len(before or ()):
+                    raise KeyError(path)
                 value = [*before[:index], new, *before[index + 1 :]]
             elif isinstance(before, list):
                 value = list(value)
-            moved.pop(key, None)
             if not _is_moved(value):
                 fixed[key] = value
             else:
@@ -221,7 +202,7 @@ class Scene(AbstractTables):
         """
         turns = bool(self.condensed) or self.has_table("sweep")
         present: dict[str, list[str]] = {}
-        for key, value in {**self.values, **self.known}.items():
+        for key, value in {**self.values, **self.fixed}.items():
             path = general(key)
             if f"{path}[]" not in REAL_KEYS:
                 present.setdefault(path, []).append(key)

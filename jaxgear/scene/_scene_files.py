@@ -14,12 +14,7 @@ _ENDINGS = (
 
 
 def files_of(scene: Scene) -> dict[str, Path]:
-    """The files that a scene names, under their keys.
-
-    **Arguments:**
-
-    - `scene`: checked against the schema.
-    """
+    """The files that a scene names, under their keys."""
     named = {key: value for key, value in scene.fixed.items() if key.endswith(_ENDINGS)}
     return {
         key: scene.path.parent / value
@@ -29,13 +24,7 @@ def files_of(scene: Scene) -> dict[str, Path]:
 
 
 def files_seen_from(scene: Scene, folder: Path) -> dict[str, str]:
-    """What the keys of a scene's files must say in a scene that lies in another folder.
-
-    **Arguments:**
-
-    - `scene`: checked against the schema.
-    - `folder`: of the other scene.
-    """
+    """What the keys of a scene's files must say in a scene that lies in another folder."""
     return {
         key: str(path) if Path(scene.fixed[key]).is_absolute() else os.path.relpath(path, folder)
         for key, path in files_of(scene).items()

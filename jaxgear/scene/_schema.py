@@ -102,53 +102,25 @@ def applies(path: str, values: Mapping[str, Any]) -> bool:
     return condition is None or values.get(condition[0]) == condition[1]
 
 
-# What of a scene condensed bodies are made from or for: these tables, and these keys of the gears.
+# What of a scene condensed bodies are made from or for: these tables, and these keys. The mass of
+# the teeth is on the rim, so that all their measures count.
 _SHAPING_TABLES = ("material", "{gear}.material", "{gear}.body", "{gear}.web")
-_SHAPING_KEYS = (
-    "pair.module_mm",
-    "pair.pressure_angle_deg",
-    "pair.helix_angle_deg",
-    "pinion.face_width_mm",
-    "wheel.face_width_mm",
-    "mesh.slices",
-    "mesh.periods",
-    "mesh.tip_contact",
-    "mesh.connection",
-    "mesh.root_points",
-    "mesh.root_correction",
-    *(
-        f"{{gear}}.{key}"
-        for key in (
-            "teeth",
-            "profile_shift",
-            # The teeth's mass is on the rim.
-            "addendum_coeff",
-            "tip_shortening_coeff",
-            "tip_diameter_mm",
-            "dedendum_coeff",
-            "root_diameter_mm",
-            "span_mm",
-            "span_teeth",
-            "over_balls_mm",
-            "ball_mm",
-            "fillet_radius_coeff",
-            "bore_mm",
-            "shaft.gear_at_mm",
-            "shaft.torque_at_mm",
-        )
-    ),
-)
+_SHAPING_KEYS = """
+    pair.module_mm pair.pressure_angle_deg pair.helix_angle_deg
+    pinion.face_width_mm wheel.face_width_mm
+    mesh.slices mesh.periods mesh.tip_contact
+    mesh.connection mesh.root_points mesh.root_correction
+    {gear}.teeth {gear}.profile_shift {gear}.span_mm {gear}.span_teeth
+    {gear}.over_balls_mm {gear}.ball_mm
+    {gear}.addendum_coeff {gear}.tip_shortening_coeff {gear}.tip_diameter_mm
+    {gear}.dedendum_coeff {gear}.root_diameter_mm {gear}.fillet_radius_coeff
+    {gear}.bore_mm {gear}.shaft.gear_at_mm {gear}.shaft.torque_at_mm
+"""
 
 
 def shapes_body(key: str, gear: str) -> bool:
-    """Say whether a condensed body would be another one if a key of the scene were.
-
-    **Arguments:**
-
-    - `key`: path of the key.
-    - `gear`: `pinion` or `wheel`, whose body is condensed.
-    """
-    whole = {each.format(gear=gear) for each in _SHAPING_KEYS}
+    """Say whether a condensed body would be another one if a key of the scene were."""
+    whole = _SHAPING_KEYS.format(gear=gear).split()
     tables = tuple(f"{each.format(gear=gear)}." for each in _SHAPING_TABLES)
     along = key.startswith(f"{gear}.shaft.segments") or (
         key.startswith(f"{gear}.shaft.bearings") and key.endswith(".at_mm")
@@ -157,13 +129,7 @@ def shapes_body(key: str, gear: str) -> bool:
 
 
 def scales_body(key: str, gear: str) -> bool:
-    """Say whether a condensed body follows a key of the scene by its scale, without being remade.
-
-    **Arguments:**
-
-    - `key`: path of the key.
-    - `gear`: `pinion` or `wheel`, whose body is condensed.
-    """
+    """Say whether a condensed body follows a key of the scene by its scale, and is not remade."""
     table, _, name = key.rpartition(".")
     if name == "young_GPa" and table == f"{gear}.body":
         return True
@@ -171,13 +137,7 @@ def scales_body(key: str, gear: str) -> bool:
 
 
 def of_condensed(key: str, gear: str) -> bool:
-    """Say whether a key of a gear's body acts only on one that is condensed.
-
-    **Arguments:**
-
-    - `key`: path of the key.
-    - `gear`: `pinion` or `wheel`.
-    """
+    """Say whether a key of a gear's body acts only on one that is condensed."""
     return key == f"{gear}.body.young_GPa" or key.startswith(f"{gear}.body.web.")
 
 

@@ -26,13 +26,6 @@ def root_diameter(tables: AbstractTables, gear: str) -> float | None:
 
 
 def of_material(tables: AbstractTables, gear: str, key: str) -> float | None:
-    """A number of the material of a gear: its own, or that of both.
-
-    **Arguments:**
-
-    - `tables`: of the scene.
-    - `gear`: `pinion` or `wheel`.
-    - `key`: such as `young_GPa`.
-    """
+    """A number of the material of a gear: its own, or that of both."""
     own = getattr(tables.gear(gear).material, key)
     return getattr(tables.material, key) if own is None else own

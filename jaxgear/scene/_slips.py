@@ -49,17 +49,7 @@ _BACKLASH = 0.2
 
 
 def slips(tables: AbstractTables, values: Values) -> list[Slip]:
-    """Find what cannot belong together in a scene, or hardly.
-
-    **Arguments:**
-
-    - `tables`: of the scene, without what is wrong.
-    - `values`: the same by path.
-
-    **Returns:**
-
-    Mistakes and remarks; none where numbers that it takes are missing.
-    """
+    """Find what cannot belong together in a scene, or hardly."""
     module = tables.pair.module_mm
     if module is None:
         return []
@@ -72,19 +62,13 @@ def slips(tables: AbstractTables, values: Values) -> list[Slip]:
     # Loads are weighed against the material.
     found += odd_materials or _loads(tables, values, module)
     for gear in GEARS:
-        found += _bore(tables, gear)
-        for check in (_shaft, _bearings, _body):
-            found += check(tables, gear, module)
+        found += [*_bore(tables, gear), *_shaft(tables, gear)]
+        found += [*_bearings(tables, gear, module), *_body(tables, gear, module)]
     return found
 
 
 def odd(scene: "Scene") -> list[str]:
-    """Remarks on numbers of a scene without mistakes that hardly belong together.
-
-    **Returns:**
-
-    A sentence or two each.
-    """
+    """Remarks on numbers of a scene without mistakes that hardly belong together."""
     return [f"{slip.message}." for slip in slips(scene, scene.whole) if not slip.impossible]
 
 
@@ -112,29 +96,25 @@ def _faces(tables: AbstractTables, module: float) -> Iterator[Slip]:
 def _angles(tables: AbstractTables) -> Iterator[Slip]:
     pair = tables.pair
     yield from weigh("pair.pressure_angle_deg", pair.pressure_angle_deg, 20.0, _ANGLE, "")
-    angles = {f"{gear}.body.web.web_angle_deg": tables.gear(gear).body.web for gear in GEARS}
-    yield from weigh("pair.helix_angle_deg", pair.helix_angle_deg, 1.0, _SMALL_ANGLE, "")
-    for path, web in angles.items():
-        yield from weigh(path, web.web_angle_deg, 1.0, _SMALL_ANGLE, "")
+    angles = {"pair.helix_angle_deg": pair.helix_angle_deg} | {
+        f"{gear}.body.web.web_angle_deg": tables.gear(gear).body.web.web_angle_deg for gear in GEARS
+    }
+    for path, angle in angles.items():
+        yield from weigh(path, angle, 1.0, _SMALL_ANGLE, "")
 
 
 def _materials(tables: AbstractTables) -> Iterator[Slip]:
     """Young's modulus against density, by the speed of sound."""
-    for gear in ("", *GEARS):
-        own = tables.gear(gear).material if gear else tables.material
-        if gear and own.young_GPa is None and own.density_kg_m3 is None:
-            continue
-        keys = ("young_GPa", "density_kg_m3")
-        young, density = (
-            of_material(tables, gear, key) if gear else getattr(own, key) for key in keys
-        )
-        if young is None or density is None:
+    shared, keys = tables.material, ("young_GPa", "density_kg_m3")
+    for table in ("material", *(f"{gear}.material" for gear in GEARS)):
+        own = shared if table == "material" else tables.gear(table.partition(".")[0]).material
+        said = [key for key in keys if getattr(own, key) is not None]
+        young, density = (getattr(own if key in said else shared, key) for key in keys)
+        if not said or young is None or density is None:
             continue
         if _SOUND_LOW <= _sound(young, density) <= _SOUND_HIGH:
             continue
-        path = (
-            f"{gear}.material".lstrip(".") + f".{keys[0] if own.young_GPa is not None else keys[1]}"
-        )
+        path = f"{table}.{said[0]}"
         low, high = (speed**2 * density * 1e-9 for speed in (_SOUND_LOW, _SOUND_HIGH))
         yield Slip(
             path,
@@ -180,7 +160,9 @@ def _deviations(values: Values, module: float) -> Iterator[Slip]:
     for path, value in values.items():
         table = next((each for each in BY_PATH if path.startswith(f"{each}.")), "")
         key = path.removeprefix(f"{table}.") if table else path
-        if table == "optimise.ties" or unit_of(path) != "um":
+        # Limits of a search and of a response are not sizes of gears.
+        searched = table in ("optimise.ties", "optimise.bounds") or key.startswith("optimise.")
+        if searched or unit_of(path) != "um":
             continue
         span = _DEVIATION
         if key.endswith("thickness_allowance_um"):
@@ -189,10 +171,8 @@ def _deviations(values: Values, module: float) -> Iterator[Slip]:
             span = _DEPTH
         numbers = value if isinstance(value, list) else [value]
         numbers = [each for each in numbers if isinstance(each, float)]
-        # Limits of a search and of a response are not sizes of gears.
-        if numbers and table != "optimise.bounds" and not key.startswith("optimise."):
-            largest = max(numbers, key=abs)
-            yield from weigh(path, largest, 1e3 * module, span, _of_module(module))
+        largest = max(numbers, key=abs, default=None)
+        yield from weigh(path, largest, 1e3 * module, span, _of_module(module))
 
 
 def _loads(tables: AbstractTables, values: Values, module: float) -> Iterator[Slip]:
@@ -231,9 +211,8 @@ def _bore(tables: AbstractTables, gear: str) -> Iterator[Slip]:
         yield from weigh(f"{gear}.bore_mm", bore, root, _BORE, f"the root diameter, {root:.4g}")
 
 
-def _shaft(tables: AbstractTables, gear: str, module: float) -> Iterator[Slip]:
+def _shaft(tables: AbstractTables, gear: str) -> Iterator[Slip]:
     """Lengths of a shaft against the gear on it."""
-    del module
     diameter, table = reference_diameter(tables, gear), f"{gear}.shaft.segments"
     # What lies behind a wrong row has no place.
     right = lambda row: row.length_mm is not None
@@ -308,16 +287,7 @@ def _sound(young: float, density: float) -> float:
 
 
 def angle_of_involute(value: float) -> float:
-    """The angle of an involute, by Newton's method, in plain numbers.
-
-    **Arguments:**
-
-    - `value`: involute of the angle [rad].
-
-    **Returns:**
-
-    The angle [rad].
-    """
+    """The angle [rad] of which the involute is `value`, by Newton's method, in plain numbers."""
     # Convex, and begun above the root: every step stays there.
     angle = min((3.0 * value) ** (1.0 / 3.0), 1.5)
     for _ in range(50):

@@ -188,7 +188,7 @@ def keys_of(table: type, prefix: str = "", instead_of: str = "") -> Iterator[Key
             yield from keys_of(slot.table, f"{prefix}{slot.name}{rows}.", other and f"{other}.")
 
 
-def table_of(table: type[T], values: Mapping[str, Any], rows: Set[str], prefix: str = "") -> Any:
+def table_of(table: type[T], values: Mapping[str, Any], rows: Set[str], prefix: str = "") -> T:
     """A table of values.
 
     **Arguments:**

@@ -216,7 +216,7 @@ class ProbeKeys:
 
 
 class AbstractTables:
-    """The whole file. What is moved is not in here."""
+    """The whole file."""
 
     schema: int = key(
         "version of the scene format", "[1, 1]. This version of jaxgear reads scene format 1"

@@ -29,13 +29,6 @@ class ToothFacts:
 def tooth_outline(pair: jg.GearPair, body: int) -> tuple[np.ndarray, np.ndarray]:
     """Flank of one tooth in the transverse plane, from the root circle to the tip.
 
-    **Arguments:**
-
-    - `pair`: the gears.
-    - `body`: whose tooth: 0 is the pinion, 1 the wheel.
-
-    **Returns:**
-
     Half thickness and height above the gear's centre, along the tooth's centreline [m].
     """
     x, y = map(np.asarray, called(_half_teeth, pair)[body])
@@ -78,15 +71,6 @@ def facts_of_teeth(pair: jg.GearPair, body: int) -> ToothFacts:
 
     $m = \rho b z \int \theta r \, dr$ and $I = \rho b z \int \theta r^3 \, dr$, with the angle
     $\theta$ that a tooth fills at radius $r$, by the trapezoidal rule along the flank.
-
-    **Arguments:**
-
-    - `pair`: the gears.
-    - `body`: whose teeth: 0 is the pinion, 1 the wheel.
-
-    **Returns:**
-
-    Mass, polar moment of inertia, and thickness at the root.
     """
     gear = (pair.pinion, pair.wheel)[body]
     x, y = tooth_outline(pair, body)

@@ -26,25 +26,14 @@ Said = Iterator[tuple[str, str]]
 
 
 def mistakes_together(reading: Reading, values: Values) -> Said:
-    """Check what involves more than one key, among the values that are right by themselves.
-
-    **Arguments:**
-
-    - `reading`: knows what was given, and which mistakes have been told; those found here are to
-        be told it one by one.
-    - `values`: by path, defaults filled in.
-
-    **Returns:**
-
-    Path and message of each mistake.
-    """
+    """Check what involves more than one key, among the values that are right by themselves."""
     for path, low in values.items():
         high = values.get(path.removesuffix("from") + "to")
         if path.endswith(".from") and high is not None and low >= high:
             yield path, f"got {show(low)}, must be less than `to`, {show(high)}"
     yield from instead_mistakes(values, reading.seen, reading.where)
     values = {**values, **values_instead(values)}
-    tables: PlainTables = table_of(PlainTables, values, reading.seen)
+    tables = table_of(PlainTables, values, reading.seen)
     for name in GEARS:
         gear = tables.gear(name)
         yield from _springs(f"{name}.support", gear.support)

@@ -80,10 +80,8 @@ def weigh(path: str, value: float | None, reference: float, span: Span, of: str)
         return
     impossible = not span.least <= ratio <= span.most
     too_small = ratio < span.low
-    if impossible:
-        bound = span.least if too_small else span.most
-    else:
-        bound = span.low if too_small else span.high
+    lowest, highest = (span.least, span.most) if impossible else (span.low, span.high)
+    bound = lowest if too_small else highest
     unit = unit_of(path)
     side = "at least" if too_small else "at most"
     that = of if bound == 1.0 or not of else f"{bound:.3g} times {of}"
@@ -98,14 +96,7 @@ def weigh(path: str, value: float | None, reference: float, span: Span, of: str)
 
 
 def advice(value: float, unit: str, low: float, high: float) -> str:
-    """Say which other unit would make a number usual.
-
-    **Arguments:**
-
-    - `value`: the number.
-    - `unit`: its unit.
-    - `low`, `high`: what is usual, in that unit.
-    """
+    """Say which other unit would make a number usual."""
     for name, factor in _MISTAKEN.get(unit, ()):
         if low <= abs(value) * factor <= high:
             return f"If {value:.6g} is in {name}, write {value * factor:.6g}"

@@ -135,8 +135,8 @@ def _source(plan: BodyPlan) -> str:
 
 def _highest_speed(scene: Scene, gear: str) -> float | None:
     """Highest speed of a gear in a sweep [rad/s]."""
-    listed = scene.get("sweep.pinion_speed_rad_s")
-    highest = max(listed) if listed else scene.get("sweep.pinion_speed_rad_s.to")
+    listed = scene.value("sweep.pinion_speed_rad_s")
+    highest = max(listed) if listed else scene.value("sweep.pinion_speed_rad_s.to")
     return highest and highest * scene.pinion.teeth / scene.gear(gear).teeth
 
 
@@ -173,7 +173,7 @@ def body_remarks(scene: Scene, found: BuiltBody) -> list[str]:
 def _remarks_on_matrices(scene: Scene, found: BuiltBody) -> list[str]:
     """Seats that bearings will look for, teeth that matrices must hold, keys that do nothing."""
     plan, remarks = found.plan, []
-    bearings = range(len(scene.rows(f"{plan.gear}.shaft.bearings")))
+    bearings = range(len(scene.gear(plan.gear).shaft.bearings))
     wanted = [f"bearing[{i}]" for i in bearings] or ["gear"]
     if missing := [name for name in wanted if name not in found.body.seats]:
         seats = ", ".join(found.body.seats) or "none"

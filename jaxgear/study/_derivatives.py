@@ -71,7 +71,7 @@ class Keys:
     @property
     def centre(self) -> np.ndarray:
         """Their values, in the units of their names."""
-        return np.asarray([self.scene[name] for name in self.names], dtype=float)
+        return np.asarray([self.scene.value(name) for name in self.names], dtype=float)
 
     def moved(self, values: Reals) -> Scene:
         """The scene with other values of the keys."""

@@ -81,7 +81,7 @@ class DesignSpace(eqx.Module):
     def require_tied_start(self) -> None:
         """Refuse a search from tied values that differ: it would start from neither."""
         for key in self.keys if self.symmetric else ():
-            mine, other = self.scene[key], self.scene.get(twin(key))
+            mine, other = self.scene.value(key), self.scene.value(twin(key))
             if mine != other:
                 theirs = "left out" if other is None else f"{other:g}"
                 raise InputError(
@@ -89,7 +89,7 @@ class DesignSpace(eqx.Module):
                     f"and {twin(key)} is {theirs}. Make them equal, or set symmetric = false."
                 )
         for key, owner in self.ties:
-            mine, other = self.scene.get(key), self.scene[owner]
+            mine, other = self.scene.value(key), self.scene.value(owner)
             if mine is None:
                 raise InputError(
                     f"With optimise.symmetric {key} follows {owner} too, but it is left out. Give "
@@ -206,7 +206,7 @@ def design_space(
                 "it: by itself it has no effect. Move it by 0.1 mm, or vary the other."
             )
     bounds = np.asarray([_bounds(scene, key, deflection) for key in keys], dtype=float)
-    start = np.asarray([scene[key] for key in keys], dtype=float)
+    start = np.asarray([scene.value(key) for key in keys], dtype=float)
     space = DesignSpace(
         scene=scene,
         keys=keys,
@@ -292,10 +292,10 @@ def _bounds(scene: Scene, key: str, deflection: float) -> tuple[float, float] | 
     A depth reaches three deflections, a slope as far to either side; a bias, of which a quarter is
     in the corners, four times as far. An extent reaches half its path.
     """
-    given = scene.get(f"optimise.bounds.{key}")
+    given = scene.value(f"optimise.bounds.{key}")
     if given is not None:
         return given[0], given[1]
-    value = float(scene[key])
+    value = float(scene.value(key))
     most = max(round_up(3.0 * deflection), 2.0 * abs(value))
     name = split_entry(key)[0].rpartition(".")[2]
     match name:
@@ -368,12 +368,12 @@ def refuse_unbounded(scene: Scene, keys: tuple[str, ...]) -> None:
     - `InputError` naming them, with lines to add.
     """
     _refuse_shaping(scene, keys)
-    lost = [key for key in keys if scene.get(key) is not None and not _bounds(scene, key, 1.0)]
+    lost = [key for key in keys if scene.value(key) is not None and not _bounds(scene, key, 1.0)]
     if not lost:
         return
     lines = []
     for key in lost:
-        value = float(scene[key])
+        value = float(scene.value(key))
         low, high = sorted((0.9 * value, 1.1 * value or 1.0))
         lines.append(f'"{key}" = [{low:.6g}, {high:.6g}]')
     raise InputError(

@@ -41,7 +41,7 @@ def drawing_summary(scene: Scene, pair: GearPair) -> dict[str, float]:
     Numbers by the end of their keys in the summary, with units.
     """
     given = {
-        name: jnp.asarray([float(scene.get(f"{gear}.{name}", np.nan)) for gear in GEARS])
+        name: jnp.asarray([float(scene.value(f"{gear}.{name}", np.nan)) for gear in GEARS])
         for name in ("span_teeth", "ball_mm")
     }
     found = {

@@ -40,10 +40,9 @@ MOST_UNKNOWNS = 600
 def speeds_of(scene: Scene) -> np.ndarray:
     """Speeds of the pinion that a scene sweeps over, rising, each once [rad/s]."""
     key = "sweep.pinion_speed_rad_s"
-    if scene.get(f"{key}.points") is not None:
-        ends = scene[f"{key}.from"], scene[f"{key}.to"]
-        return np.linspace(*ends, scene[f"{key}.points"])
-    return np.unique(np.asarray(scene[key], dtype=float))
+    if (points := scene.value(f"{key}.points")) is not None:
+        return np.linspace(scene.value(f"{key}.from"), scene.value(f"{key}.to"), points)
+    return np.unique(np.asarray(scene.value(key), dtype=float))
 
 
 def directions_of(scene: Scene) -> tuple[Direction, ...]:

@@ -108,7 +108,7 @@ def variation_of(scene: Scene, base: PairModel, *, flanks_only: bool) -> Variati
     given = sorted(key for key in scene.given if key.startswith("flank."))
     files = [_digest(scene, value) for key, value in said.items() if key.endswith("_csv")]
     words = json.dumps(as_json({"said": said, "given": given, "files": files}), sort_keys=True)
-    plain = {key: np.asarray(scene[key], dtype=float) for key in numbers}
+    plain = {key: np.asarray(scene.value(key), dtype=float) for key in numbers}
     return Variation(Wording(scene, words), plain, base)
 
 

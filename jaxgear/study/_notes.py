@@ -121,8 +121,8 @@ def _on_bodies(scene: Scene) -> list[str]:
     for gear in GEARS:
         body = f"{gear}.body"
         whole = [key for key in ("web", "grid", "superelement") if f"{body}.{key}" in scene.given]
-        if whole and scene[f"{body}.kind"] != "condensed":
-            kind = scene[f"{body}.kind"]
+        if whole and scene.value(f"{body}.kind") != "condensed":
+            kind = scene.value(f"{body}.kind")
             found.append(Idle(f'{body}.{whole[0]} does nothing: {body}.kind is "{kind}".'))
     return found
 

@@ -90,8 +90,8 @@ AGAINST = "optimise.pareto.against"
 def minimised(scene: Scene) -> dict[str, float | None]:
     """What is to be made small, by name: its weight, or `None` where it is one thing alone."""
     if "optimise.minimise" in scene.values:
-        return {scene["optimise.minimise"]: None}
-    given = {name: scene.get(f"optimise.minimise.{name}") for name in CRITERIA}
+        return {scene.value("optimise.minimise"): None}
+    given = {name: scene.value(f"optimise.minimise.{name}") for name in CRITERIA}
     return {name: weight for name, weight in given.items() if weight is not None}
 
 

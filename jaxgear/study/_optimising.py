@@ -261,7 +261,7 @@ def _judged(
         limits = limits_summary(limits_of(scene), exactly[1:], smoothly[1:])
         notes += limits_notes(limits)
     summary = {
-        "minimise": scene.get("optimise.minimise", "weighted table"),
+        "minimise": scene.value("optimise.minimise", "weighted table"),
         "torques_Nm": torques_of(scene, "optimise.torques_Nm"),
         "objective_unit": objective_unit(scene),
         "variables": space.numbers(found.point),

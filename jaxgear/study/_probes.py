@@ -16,6 +16,7 @@ from jaxgear._response._waves import (
 )
 from jaxgear._units import deg, mm
 from jaxgear.scene._scene import Scene
+from jaxgear.scene._tables import ProbeKeys
 from jaxgear.study._moving_body import SAME_CIRCLE, MovingBody, angle_of
 
 # A probe may be so far from where it was asked for, over the radius.
@@ -82,27 +83,26 @@ def probes_of(scene: Scene, body: MovingBody) -> tuple[Probe, ...]:
 def _asked(scene: Scene, body: MovingBody) -> list[Probe]:
     """The probes that a scene has on a gear."""
     found = []
-    for row in scene.rows("probes"):
+    for number, asked in enumerate(scene.probes):
+        row = f"probes[{number}]"
         require(
-            scene[f"{row}.gear"] in scene.condensed,
+            asked.gear in scene.condensed,
             "{row}.gear: the body of the {gear} is not condensed, so there are no waves in it.",
             row=row,
-            gear=scene[f"{row}.gear"],
+            gear=asked.gear,
         )
-        if scene[f"{row}.gear"] == body.gear:
-            found.append(_probe(scene, row, body))
+        if asked.gear == body.gear:
+            found.append(_probe(asked, row, body))
     return found
 
 
-def _probe(scene: Scene, row: str, body: MovingBody) -> Probe:
-    direction = DIRECTIONS.index(scene[f"{row}.direction"])
-    turns = scene[f"{row}.frame"] == "rotating"
-    name = scene.get(f"{row}.name")
-    if (node := scene.get(f"{row}.node")) is not None:
+def _probe(asked: ProbeKeys, row: str, body: MovingBody) -> Probe:
+    direction, turns = DIRECTIONS.index(asked.direction), asked.frame == "rotating"
+    name = asked.name
+    if (node := asked.node) is not None:
         return _condensed_probe(row, body, node, direction, turns, name or node)
-    given = scene.get(f"{row}.radius_mm")
-    radius = body.radius if given is None else given * mm
-    place = radius, scene[f"{row}.angle_deg"] * deg, scene[f"{row}.height_mm"] * mm
+    radius = body.radius if asked.radius_mm is None else asked.radius_mm * mm
+    place = radius, asked.angle_deg * deg, asked.height_mm * mm
     if not name:
         name = f"{body.gear} r {radius / mm:.4g} mm {DIRECTIONS[direction]}"
         name += " rotating" if turns else " fixed"

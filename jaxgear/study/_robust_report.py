@@ -31,12 +31,12 @@ _DESIGNS = ("nominal", "robust")
 
 def _response_of(scene: Scene) -> tuple[str, str]:
     """Name and unit of the response that a reader sees."""
-    return _SHOWN.get(scene.get("optimise.minimise", ""), ("weighted sum", "-"))
+    return _SHOWN.get(scene.value("optimise.minimise", ""), ("weighted sum", "-"))
 
 
 def _shown(scene: Scene, values: np.ndarray | float) -> np.ndarray:
     """Values of the objective as a reader sees them: the RMS for a variance."""
-    squared = scene.get("optimise.minimise") in _SQUARED
+    squared = scene.value("optimise.minimise") in _SQUARED
     return np.asarray(np.sqrt(values) if squared else values)
 
 
@@ -226,7 +226,7 @@ def _comparison(made: Hardened) -> list[str]:
         return []
     what, unit = _response_of(scene)
     old, new = (float(_shown(scene, np.asarray(value))) for value in (before, after))
-    mean_square = scene.robust.measure == "mean" and scene.get("optimise.minimise") in _SQUARED
+    mean_square = scene.robust.measure == "mean" and scene.value("optimise.minimise") in _SQUARED
     over = "root mean square" if mean_square else scene.robust.measure
     numbers = (
         f"on {scene.robust.fresh_samples} fresh gears the {over} of the {what} is {new:.4g} "

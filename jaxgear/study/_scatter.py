@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -107,10 +107,10 @@ class Scatter(eqx.Module):
         by = dict(zip(self.keys, drawn, strict=False))
         torque = torque + by.pop(_TORQUE, 0.0)
         updates = self.space.updates(values)
-        updates |= {key: updates.get(key, scene[key]) + more for key, more in by.items()}
+        updates |= {key: updates.get(key, scene.value(key)) + more for key, more in by.items()}
         scene = scene.replace(updates)
         if self._light:
-            alignment = Misalignment(*(scene[key] * um for key in _ALIGNMENT))
+            alignment = Misalignment(*(scene.value(key) * um for key in _ALIGNMENT))
             model = eqx.tree_at(
                 lambda m: (m.flanks, m.misalignment), base, (flanks_of(scene, base.pair), alignment)
             )
@@ -245,24 +245,15 @@ def _require_range(scatter: Scatter, paths: dict[str, str]) -> None:
             low, high = float(min(torques)), float(max(torques))
             what, remedy = f"{low:g} at the least", "raise the torque"
         else:
-            low = high = float(scene[key])
+            low = high = float(scene.value(key))
             what, remedy = f"{low:g}", "change it"
-        if not _allowed(rule, low + least) or not _allowed(rule, high + most):
-            worst = low + least if not _allowed(rule, low + least) else high + most
+        if not rule.holds(low + least) or not rule.holds(high + most):
+            worst = low + least if not rule.holds(low + least) else high + most
             raise InputError(
-                f"{path} ({scene.where(path)}) is {show(scene[path])}: with {key} {what}, a gear "
-                f"of the sample has {worst:.4g}, but it must be {rule.allowed}. Take a smaller "
-                f"deviation, {remedy}, or use [robust.even], whose band has ends."
+                f"{path} ({scene.where(path)}) is {show(scene.value(path))}: with {key} {what}, a "
+                f"gear of the sample has {worst:.4g}, but it must be {rule.allowed}. Take a "
+                f"smaller deviation, {remedy}, or use [robust.even], whose band has ends."
             )
-
-
-def _allowed(rule: Any, value: float) -> bool:
-    return (
-        (rule.above is None or value > rule.above)
-        and (rule.at_least is None or value >= rule.at_least)
-        and (rule.below is None or value < rule.below)
-        and (rule.at_most is None or value <= rule.at_most)
-    )
 
 
 def samples_of(scatter: Scatter) -> tuple[np.ndarray, np.ndarray]:

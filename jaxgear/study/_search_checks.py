@@ -47,8 +47,8 @@ def require_swept(scene: Scene) -> None:
         return
     found = motion_mistakes(scene, harmonic=True)
     bearings = [f"{gear}.shaft.bearings" for gear in GEARS]
-    if "bearing_force" in names and not any(map(scene.rows, bearings)):
-        key = AGAINST if scene.get(AGAINST) == "bearing_force" else "optimise.minimise"
+    if "bearing_force" in names and not any(scene.gear(gear).shaft.bearings for gear in GEARS):
+        key = AGAINST if scene.value(AGAINST) == "bearing_force" else "optimise.minimise"
         words = f"names bearing_force, but neither {' nor '.join(bearings)} is there"
         found.append(Mistake(scene.where(key), key, words))
     if not scene.has_table("sweep"):
@@ -62,9 +62,9 @@ def require_swept(scene: Scene) -> None:
 
 def _require_method(scene: Scene) -> None:
     """Refuse methods and widths that do not go with what is asked for."""
-    squares = scene.get("optimise.minimise") == "te_rms" and scene.optimise.over == "mean"
+    squares = scene.value("optimise.minimise") == "te_rms" and scene.optimise.over == "mean"
     limited, method = bool(limits_of(scene)), scene.optimise.method
-    orders, against = (scene.optimise.harmonics or ()), scene.get(AGAINST)
+    orders, against = (scene.optimise.harmonics or ()), scene.value(AGAINST)
     widths = [*(scene.optimise.anneal_um or ()), scene.mesh.smoothing_um]
     wrong = [
         (

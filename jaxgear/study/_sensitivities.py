@@ -115,7 +115,7 @@ def with_own_modulus(scene: Scene) -> Scene:
     added = {}
     for gear in scene.condensed:
         known = [f"{gear}.body.young_GPa", f"{gear}.body.superelement"]
-        if all(scene.get(key) is None for key in known):
+        if all(scene.value(key) is None for key in known):
             shared = scene.material.young_GPa
             added[known[0]] = (
                 shared

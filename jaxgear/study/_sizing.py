@@ -81,7 +81,7 @@ def combinations_of(scene: Scene) -> tuple[tuple[str, ...], np.ndarray]:
         )
     if scene.sizing.symmetric:
         refuse_twins("sizing", keys)
-    lists = [sorted(set(scene[f"{_AMOUNTS}{key}"])) for key in keys]
+    lists = [sorted(set(scene.value(f"{_AMOUNTS}{key}"))) for key in keys]
     count = math.prod(map(len, lists))
     if count > _MOST:
         sizes = " x ".join(str(len(values)) for values in lists)

@@ -259,7 +259,7 @@ def torques_of(scene: Scene, key: str) -> np.ndarray:
 
     - `InputError` if couples on the pinion's shaft leave the mesh nothing of one of them.
     """
-    torques = np.asarray(scene.get(key, [scene.pair.torque_pinion_Nm]), dtype=float)
+    torques = np.asarray(scene.value(key, [scene.pair.torque_pinion_Nm]), dtype=float)
     couples = couples_on_pinion(scene)
     require(
         bool(np.all(torques + couples > 0.0)),

@@ -84,7 +84,7 @@ def sweep_result(scene: Scene, dynamics: Dynamics) -> Result:
 def _wave_watch(scene: Scene, dynamics: Dynamics):
     """What looks at the waves of condensed bodies in a sweep; None where there are none."""
     if not dynamics.pair.bodies:
-        if scene.rows("probes"):
+        if scene.probes:
             raise InputError("probes: they look at condensed bodies, of which this scene has none.")
         return None
     from jaxgear.study._body_waves import wave_watch

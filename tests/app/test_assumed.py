@@ -28,14 +28,14 @@ def path(tmp_path):
 def test_a_plain_gear_of_25_degrees_is_accepted(path):
     """At most (pi/4 - 1.25 tan 25) cos 25 / (1 - sin 25) = 0.3179 fits its rack."""
     scene = read_scene(path, ["pair.pressure_angle_deg=25"])
-    assert [scene[key] for key in _KEYS] == [0.317, 0.317]
+    assert [scene.value(key) for key in _KEYS] == [0.317, 0.317]
     assert float(pair_of(scene).pinion.fillet_radius) == 0.317
 
 
 @pytest.mark.parametrize("angle", [14.5, 20.0, 22.0])
 def test_where_the_usual_radius_fits_nothing_is_assumed(path, angle):
     scene = read_scene(path, [f"pair.pressure_angle_deg={angle}"])
-    assert [scene[key] for key in _KEYS] == [0.38, 0.38]
+    assert [scene.value(key) for key in _KEYS] == [0.38, 0.38]
     assert assumed(scene) == []
 
 
@@ -43,7 +43,7 @@ def test_where_the_usual_radius_fits_nothing_is_assumed(path, angle):
 @pytest.mark.parametrize("dedendum", [1.0, 1.25, 1.4])
 def test_the_largest_radius_leaves_a_land_at_the_tip_of_the_rack(path, angle, dedendum):
     settings = [f"pair.pressure_angle_deg={angle}", f"pinion.dedendum_coeff={dedendum}"]
-    radius = read_scene(path, settings)["pinion.fillet_radius_coeff"]
+    radius = read_scene(path, settings).value("pinion.fillet_radius_coeff")
     alpha = math.radians(angle)
     land = lambda r: math.pi / 4 - (dedendum - r) * math.tan(alpha) - r / math.cos(alpha)
     # Where not even a sharp corner fits the gear is refused, and the dedendum named.
@@ -54,7 +54,7 @@ def test_the_largest_radius_leaves_a_land_at_the_tip_of_the_rack(path, angle, de
 def test_a_radius_that_was_given_is_kept_and_refused_as_ever(path):
     settings = ["pair.pressure_angle_deg=25", "pinion.fillet_radius_coeff=0.38"]
     scene = read_scene(path, settings)
-    assert [scene[key] for key in _KEYS] == [0.38, 0.317]
+    assert [scene.value(key) for key in _KEYS] == [0.38, 0.317]
     with pytest.raises(InputError, match="pinion's rack has a pointed tip"):
         pair_of(scene)
 
@@ -66,7 +66,7 @@ def test_what_was_assumed_is_told_and_written(path, tmp_path):
     assert "pair.pressure_angle_deg = 25 and a dedendum of 1.25" in words
     write_scene(scene, tmp_path / "again.toml")
     again = read_scene(tmp_path / "again.toml")
-    assert [again[key] for key in _KEYS] == [0.317, 0.25]
+    assert [again.value(key) for key in _KEYS] == [0.317, 0.25]
     assert assumed(again) == []
 
 
@@ -92,9 +92,9 @@ def unbored(path):
 def test_a_missing_bore_is_assumed_and_told(unbored):
     """0.4 of the root diameters, 2 (25 - 2.5) = 45 and 2 (51 - 2.5) = 97 mm."""
     scene = read_scene(unbored)
-    assert (scene["pinion.bore_mm"], scene["wheel.bore_mm"]) == (18.0, 38.8)
+    assert (scene.value("pinion.bore_mm"), scene.value("wheel.bore_mm")) == (18.0, 38.8)
     assert "pinion.foundation" not in scene.values
-    assert scene["mesh.foundation"] == "ring"
+    assert scene.value("mesh.foundation") == "ring"
     first, second = assumed(scene)
     assert first.startswith("pinion.bore_mm was assumed to be 18 mm, 0.4 of the root diameter")
     assert second.startswith("wheel.bore_mm was assumed to be 38.8 mm")
@@ -108,7 +108,7 @@ def test_a_missing_bore_is_assumed_and_told(unbored):
 def test_a_missing_bore_is_that_of_the_shaft(unbored, outer, bore, why):
     unbored.write_text(unbored.read_text() + _SHAFT.format(outer=outer))
     scene = read_scene(unbored, ["pinion.bore_mm=20"])
-    assert scene["wheel.bore_mm"] == bore
+    assert scene.value("wheel.bore_mm") == bore
     (words,) = assumed(scene)
     assert words.startswith(f"wheel.bore_mm was assumed to be {bore:g} mm, {why}")
 
@@ -129,7 +129,7 @@ def test_no_bore_is_assumed_where_nothing_asks_for_one(unbored, settings):
 
 def test_a_gear_without_a_bore_is_told_what_it_stands_on(path):
     scene = read_scene(path, ["wheel.bore_mm=0"])
-    assert (scene.get("pinion.foundation"), scene["wheel.foundation"]) == (None, "weber")
+    assert (scene.value("pinion.foundation"), scene.value("wheel.foundation")) == (None, "weber")
     (words,) = assumed(scene)
     assert words.startswith("The wheel has no bore")
     assert "foundation is weber" in words
@@ -139,5 +139,5 @@ def test_an_assumed_bore_is_written(unbored, tmp_path):
     scene = read_scene(unbored)
     write_scene(scene, tmp_path / "again.toml")
     again = read_scene(tmp_path / "again.toml")
-    assert again["wheel.bore_mm"] == 38.8
+    assert again.value("wheel.bore_mm") == 38.8
     assert assumed(again) == []

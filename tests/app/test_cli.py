@@ -72,7 +72,7 @@ def test_init_writes_a_scene_that_reads(tmp_path, monkeypatch, capsys, name):
     assert main(["init", name]) == 0
     ready = READY / f"{name}.toml"
     assert Path(f"{name}.toml").read_text() == ready.read_text()
-    cite = str(read_scene(f"{name}.toml")["cite"])
+    cite = str(read_scene(f"{name}.toml").value("cite"))
     assert cite.startswith("Guilbert 2017, Tab. III-")
     assert cite in capsys.readouterr().out
 
@@ -83,7 +83,7 @@ def test_init_does_not_overwrite_unless_forced(scene, capsys):
     assert "exists already. Use --force" in capsys.readouterr().err
     assert scene.read_text() == "mine"
     assert main(["init", "accessory", "--force"]) == 0
-    assert read_scene(scene)["pinion.teeth"] == 45
+    assert read_scene(scene).value("pinion.teeth") == 45
 
 
 def test_init_of_an_unknown_name_lists_the_ready_ones(tmp_path, monkeypatch, capsys):
@@ -100,7 +100,7 @@ def test_init_takes_changes_and_a_folder(tmp_path, capsys):
     assert main(["init", "power", *arguments]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["cite"] == "Guilbert 2017, Tab. III-5"
-    assert read_scene(answer["scene"])["pair.torque_pinion_Nm"] == 120.0
+    assert read_scene(answer["scene"]).value("pair.torque_pinion_Nm") == 120.0
     assert "about 310 N m" in Path(answer["scene"]).read_text()
 
 
@@ -109,7 +109,7 @@ def test_a_command_gets_the_scene_the_folder_and_64_bits(scene, commands, comman
     assert main([command, str(scene), "--set", "mesh.slices=3"]) == 0
     ((name, given, folder, precision),) = commands.calls
     assert name == command
-    assert given["mesh.slices"] == 3
+    assert given.mesh.slices == 3
     own = Path("results/accessory") / ("" if command == "run" else command)
     assert folder.path == own
     assert own.is_dir()

@@ -129,9 +129,9 @@ def test_levels_are_possible_and_have_names_of_their_own():
     assert len({level.name for level in levels}) == len(levels)
     for level in levels:
         here = changed(scene, level.changes)
-        method = level.method or HarmonicBalance(harmonics=here["sweep.harmonics"])
+        method = level.method or HarmonicBalance(harmonics=here.value("sweep.harmonics"))
         if isinstance(method, HarmonicBalance):
-            assert 2 * method.harmonics < here["sweep.steps"]
+            assert 2 * method.harmonics < here.value("sweep.steps")
     own = own_of(levels)
     assert (own.name, own.changes) == ("H20 N128", {})
     active = {x.name for x in method_levels(scene.replace({"damping.active_mesh": True}))}
@@ -224,7 +224,7 @@ def test_a_rigid_body_has_the_mass_of_the_condensed_one(built):
     across = 0.5 * polar + tube * (0.04**2 / 12.0 + 0.005**2)
     scene = built.replace(changes["rigid"])
     got = [
-        scene[f"wheel.body.{key}"]
+        scene.value(f"wheel.body.{key}")
         for key in ("mass_kg", "inertia_kg_m2", "transverse_inertia_kg_m2")
     ]
     whole = 4.0 * _MASS, 4.0 * _MASS * 0.03**2, _MASS * (2.0 * 0.03**2 + 4.0 * 0.004**2)
@@ -247,7 +247,7 @@ def test_models_of_a_scene_differ_in_one_thing(built):
     for level in levels:
         assert not (level.changes.keys() & balance and level.changes.keys() - balance), level.name
         here = changed(built, {k: v for k, v in level.changes.items() if k in balance})
-        assert 2 * here["sweep.harmonics"] < here["sweep.steps"]
+        assert 2 * here.value("sweep.harmonics") < here.value("sweep.steps")
     few = bodies.few_levels(built)
     assert [level.name for level in few] == [
         "100 modes",

@@ -220,13 +220,13 @@ def test_a_torsional_pair_has_no_shafts(tmp_path):
     scene = ready_scene("accessory")
     changes = simpler_bodies(scene)["torsional pair"]
     turned = changed(scene, changes)
-    assert turned.get("pinion.shaft.gear_at_mm") is None
-    assert not turned.rows("wheel.shaft.bearings")
+    assert turned.value("pinion.shaft.gear_at_mm") is None
+    assert not turned.wheel.shaft.bearings
     write_scene(turned, tmp_path / "turned.toml")
     again = read_scene(tmp_path / "turned.toml")
     assert not any(".shaft." in key for key in again.values)
     # The scene itself is left alone.
-    assert scene.rows("wheel.shaft.bearings")
+    assert scene.wheel.shaft.bearings
 
 
 def test_both_gears_are_cut_back_whichever_is_varied():
@@ -407,9 +407,9 @@ def test_a_choice_is_kept_for_the_next_command(tmp_path, monkeypatch):
     monkeypatch.setattr(auto, "_at_rest", at_rest)
     scene, kept = ready_scene("accessory", ['model.fidelity="auto"']), tmp_path / "kept.json"
     first, about = auto.chosen(scene, "map", kept)
-    assert first["mesh.slices"] == 5
-    assert first["model.fidelity"] == "as given"
-    assert not first.rows("wheel.shaft.bearings")
+    assert first.value("mesh.slices") == 5
+    assert first.value("model.fidelity") == "as given"
+    assert not first.wheel.shaft.bearings
     assert not about["from_cache"]
     assert about["changes"] == {"mesh.slices": 5, "wheel.shaft": "left out"}
     again, about = auto.chosen(scene, "map", kept)
@@ -449,7 +449,7 @@ def test_a_search_that_is_refused_anyway_costs_no_wait(monkeypatch):
 
 def test_a_scene_without_a_reference_is_taken_as_it_is(monkeypatch):
     def at_rest(scene, work):
-        assert scene["mesh.periods"] == 1
+        assert scene.value("mesh.periods") == 1
         raise SolverFailure("no luck")
 
     monkeypatch.setattr(auto, "_at_rest", at_rest)
@@ -457,7 +457,7 @@ def test_a_scene_without_a_reference_is_taken_as_it_is(monkeypatch):
     found, about = auto.chosen(scene, "run")
     assert about["rung"] == "as given"
     assert "no luck. So the scene was taken as it is given" in about["why"]
-    assert found["mesh.periods"] == 45
+    assert found.value("mesh.periods") == 45
 
 
 def test_a_level_in_motion_is_keys_of_the_scene():
@@ -526,9 +526,9 @@ def test_a_command_runs_with_the_rung_that_was_chosen(tmp_path, capsys):
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     chosen = summary["fidelity"]
     as_run = read_scene(tmp_path / "out" / "scene.toml")
-    assert as_run["model.fidelity"] == "as given"
+    assert as_run.value("model.fidelity") == "as given"
     for key, value in chosen["changes"].items():
-        assert value == "left out" or as_run[key] == value
+        assert value == "left out" or as_run.value(key) == value
     assert chosen["within_tolerance"]
     assert any("fidelity" in note for note in summary["notes"])
     assert main(argv) == 0

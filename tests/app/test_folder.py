@@ -197,9 +197,9 @@ def test_scenes_in_a_results_folder_find_their_files(accessory, tmp_path):
         found: Summary = {"found": {"scene": "better.toml"}}
         summary = write_result(Result(scene, found, scenes={"better.toml": {depth: 9.0}}), folder)
         assert summary["found"]["scene"] == str(folder.path / "better.toml")
-        assert read_scene(folder / "better.toml")[depth] == 9.0
+        assert read_scene(folder / "better.toml").value(depth) == 9.0
         for name in ("scene.toml", "better.toml"):
             there = read_scene(folder / name)
-            assert there["flank.pinion.profile_deviation_csv"] == seen
+            assert there.value("flank.pinion.profile_deviation_csv") == seen
             assert (there.path.parent / seen).samefile(table)
         assert json.loads((folder / "summary.json").read_text()) == summary

@@ -85,7 +85,7 @@ def test_a_drawing_gives_the_coefficients_back(write, drawn):
         for key in _COEFFICIENTS:
             path = f"{gear}.{key}"
             assert path not in by_drawing.values
-            assert by_drawing[path] == pytest.approx(by_coefficients[path], abs=1e-12)
+            assert by_drawing.value(path) == pytest.approx(by_coefficients.value(path), abs=1e-12)
     one, other = pair_of(by_coefficients), pair_of(by_drawing)
     assert np.allclose(one.tip_radius, other.tip_radius, rtol=1e-14)
     assert np.allclose(one.form_radius, other.form_radius, rtol=1e-12)
@@ -96,13 +96,13 @@ def test_what_is_written_reads_back(write, drawn, tmp_path):
     write_scene(scene, tmp_path / "again.toml")
     again = read_scene(tmp_path / "again.toml")
     assert dict(again.values) == dict(scene.values) | {"name": "scene"}
-    assert again["wheel.profile_shift"] == scene["wheel.profile_shift"]
+    assert again.value("wheel.profile_shift") == scene.value("wheel.profile_shift")
 
 
 def test_power_and_speed_give_the_torque(write):
     """30 kW at 3000 rpm: 30e3 / (100 pi) N m."""
     scene = read_scene(write(_PAIR.replace(_TORQUE, "power_kW = 30.0\nspeed_rpm = 3000.0")))
-    assert scene["pair.torque_pinion_Nm"] == pytest.approx(300.0 / math.pi, rel=1e-14)
+    assert scene.value("pair.torque_pinion_Nm") == pytest.approx(300.0 / math.pi, rel=1e-14)
     assert {"pair.power_kW", "pair.speed_rpm"} <= set(scene.real_keys())
     # A speed beside a torque is told, and does nothing.
     beside = read_scene(write(_PAIR), ["pair.speed_rpm=3000"])
@@ -124,13 +124,16 @@ def test_sweeps_take_revolutions_per_minute(write, speeds, found):
 def test_a_number_of_its_own_takes_the_place_of_what_stood_for_it(write, drawn):
     scene = read_scene(write(drawn.replace(_TORQUE, "power_kW = 30.0\nspeed_rpm = 3000.0")))
     loaded = scene.replace({"pair.torque_pinion_Nm": 50.0, "pinion.profile_shift": 0.2})
-    assert (loaded["pair.torque_pinion_Nm"], loaded["pinion.profile_shift"]) == (50.0, 0.2)
+    assert (loaded.value("pair.torque_pinion_Nm"), loaded.value("pinion.profile_shift")) == (
+        50.0,
+        0.2,
+    )
     assert not {"pair.power_kW", "pinion.span_mm"} & set(loaded.values)
     again = loaded.replace({"pair.power_kW": 60.0, "wheel.over_balls_mm": 131.0})
-    assert again["pair.torque_pinion_Nm"] == pytest.approx(600.0 / math.pi)
-    assert again["wheel.profile_shift"] != scene["wheel.profile_shift"]
+    assert again.value("pair.torque_pinion_Nm") == pytest.approx(600.0 / math.pi)
+    assert again.value("wheel.profile_shift") != scene.value("wheel.profile_shift")
     # The tip stays where it was drawn.
-    assert again.get("pinion.addendum_coeff") > scene["pinion.addendum_coeff"] + 0.19
+    assert again.value("pinion.addendum_coeff") > scene.value("pinion.addendum_coeff") + 0.19
 
 
 def test_models_follow_what_is_drawn(write, drawn):
@@ -152,7 +155,7 @@ def test_models_follow_what_is_drawn(write, drawn):
         shifts = pair.of_bodies("profile_shift")
         return shifts[0], shifts[1], pair.tip_radius[0], pair.root_radius[1], model.torque
 
-    at = np.asarray([scene[key] for key in keys])
+    at = np.asarray([scene.value(key) for key in keys])
     slopes = np.asarray(jax.jacfwd(facts)(at))
     assert slopes[0, 0] == pytest.approx(1.0 / (6.0 * math.sin(math.radians(20.0))), rel=1e-12)
     step = np.asarray([0.0, 1e-3, 0.0, 0.0, 0.0, 0.0])
@@ -161,7 +164,7 @@ def test_models_follow_what_is_drawn(write, drawn):
     # Half a millimetre of radius for one of diameter, whatever the span.
     assert slopes[2] == pytest.approx([0.0, 0.0, 0.5e-3, 0.0, 0.0, 0.0], abs=1e-15)
     assert slopes[3] == pytest.approx([0.0, 0.0, 0.0, 0.5e-3, 0.0, 0.0], abs=1e-15)
-    torque = scene["pair.torque_pinion_Nm"]
+    torque = scene.value("pair.torque_pinion_Nm")
     assert slopes[4, 4:] == pytest.approx([torque / 30.0, -torque / 3000.0], rel=1e-12)
 
 

@@ -40,7 +40,7 @@ def scene():
     ],
 )
 def test_a_body_stays_behind_when_it_would_be_another(scene, key):
-    assert "wheel" not in scene.replace({key: scene[key]}).bodies
+    assert "wheel" not in scene.replace({key: scene.value(key)}).bodies
 
 
 @pytest.mark.parametrize(
@@ -57,7 +57,7 @@ def test_a_body_stays_behind_when_it_would_be_another(scene, key):
     ],
 )
 def test_a_body_stays_with_what_leaves_it_the_same(scene, key):
-    assert "wheel" in scene.replace({key: scene[key]}).bodies
+    assert "wheel" in scene.replace({key: scene.value(key)}).bodies
 
 
 def test_there_is_no_derivative_by_what_a_body_is_made_from(scene):

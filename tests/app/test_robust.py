@@ -81,7 +81,7 @@ def test_what_a_condensed_body_is_made_from_cannot_scatter():
 
 def _scatter(*overrides: str, teeth: int = 3) -> Scatter:
     scene = _scene(*overrides)
-    keys, base = tuple(scene["optimise.vary"]), model_of(scene)
+    keys, base = tuple(scene.value("optimise.vary")), model_of(scene)
     space = design_space(scene, base, keys, symmetric=True, deflection=10.0)
     return scatter_of(space, space.base.pair, np.arange(-1, teeth))
 

@@ -90,8 +90,8 @@ def write(tmp_path):
 
 def test_condensed_bodies_get_a_modulus_of_their_own(write):
     scene = with_own_modulus(read_scene(write("[wheel.material]\nyoung_GPa = 110\n")))
-    assert scene["wheel.body.young_GPa"] == 110.0
-    assert scene.get("pinion.body.young_GPa") is None
+    assert scene.value("wheel.body.young_GPa") == 110.0
+    assert scene.value("pinion.body.young_GPa") is None
     keys = set(scene.real_keys())
     assert {"wheel.body.young_GPa", "wheel.material.young_GPa", "material.density_kg_m3"} <= keys
     # Measures of a web have derivatives only if bodies were condensed for them.
@@ -116,7 +116,7 @@ def test_a_web_may_be_varied_before_its_bodies_are_built(write):
     for more in (two, swept):
         scene = read_scene(write(more))
         with pytest.raises(InputError, match="vary one measure of each gear"):
-            refuse_unbounded(scene, tuple(scene["optimise.vary"]))
+            refuse_unbounded(scene, tuple(scene.value("optimise.vary")))
 
 
 @pytest.mark.slow

@@ -199,7 +199,7 @@ def test_long_cycles_are_marched(folder):
 
     def settings(*overrides):
         scene = read_scene(path, ("sweep.harmonics=20", "mesh.phases=8", *overrides))
-        return _dynamics.settings_of(scene, _dynamics.Size(1, scene["mesh.periods"]))
+        return _dynamics.settings_of(scene, _dynamics.Size(1, scene.value("mesh.periods")))
 
     assert isinstance(settings().method, HarmonicBalance)
     assert isinstance(settings("mesh.periods=4").method, HarmonicBalance)

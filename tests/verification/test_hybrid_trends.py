@@ -95,8 +95,8 @@ def test_holes_lighten_the_wheel_as_much_as_in_the_thesis():
     scene = ready_scene("power-holes")
     # 68 teeth and six holes meet anew after half a revolution, but waves of three diameters change
     # their sign from hole to hole, and come again after a whole one.
-    half = scene["wheel.teeth"] // math.gcd(scene["wheel.teeth"], 6)
-    assert scene["mesh.periods"] == 2 * half == 68
+    half = scene.value("wheel.teeth") // math.gcd(scene.value("wheel.teeth"), 6)
+    assert scene.value("mesh.periods") == 2 * half == 68
 
 
 @pytest.mark.slow

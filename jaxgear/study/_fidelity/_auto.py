@@ -156,7 +156,7 @@ def _in_motion(scene: Scene) -> Summary:
 
 def moving_levels(scene: Scene) -> list[Level]:
     """The few levels of rigid bodies in motion from which one is chosen; the scene's own first."""
-    own, steps, harmonics = (scene[x] for x in ("mesh.slices", "sweep.steps", "sweep.harmonics"))
+    own, steps, harmonics = scene.mesh.slices, scene.sweep.steps, scene.sweep.harmonics
     fewer = [(h, n) for h, n in ((5, 64), (10, 64)) if n <= steps and h < harmonics]
     numbers = {"sweep.harmonics": harmonics, "sweep.steps": steps}
     levels = [balance_level(scene, h, n) for h, n in ((harmonics, steps), *fewer)]
@@ -165,7 +165,7 @@ def moving_levels(scene: Scene) -> list[Level]:
 
 def asked_for(scene: Scene, levels: Sequence[Level]) -> list[Level]:
     """Of levels in motion, the scene's own first, those that still do what the scene asks for."""
-    watched = [f"{scene[f'{row}.gear']}.body.probes" for row in scene.rows("probes")]
+    watched = [f"{probe.gear}.body.probes" for probe in scene.probes]
 
     def is_able(level: Level) -> bool:
         if needs_its_slices(scene) and "mesh.slices" in level.changes:

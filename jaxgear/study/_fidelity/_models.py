@@ -35,7 +35,7 @@ def changed(scene: Scene, changes: Mapping[str, Any]) -> Scene:
 
 def differing(scene: Scene, changes: Mapping[str, Any]) -> Mapping[str, Any]:
     """Of changes those that a scene has not already."""
-    return MappingProxyType({key: new for key, new in changes.items() if scene.get(key) != new})
+    return MappingProxyType({key: new for key, new in changes.items() if scene.value(key) != new})
 
 
 class Models:
@@ -67,7 +67,7 @@ class Models:
 
     def _bodies(self, slices: int) -> Mapping[str, Any]:
         if slices not in self.built:
-            richest = self.richest if slices == self.plain["mesh.slices"] else {}
+            richest = self.richest if slices == self.plain.value("mesh.slices") else {}
             wanted = self.plain.replace({"mesh.slices": slices, **richest})
             self.built[slices] = with_bodies(wanted, say, moving=self.moving).bodies
         return self.built[slices]

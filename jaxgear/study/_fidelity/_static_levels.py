@@ -67,7 +67,7 @@ def simpler_bodies(scene: Scene) -> Mapping[str, Mapping[str, Any]]:
         for mount in ("shaft", "support")
         if any(key.startswith(f"{gear}.{mount}.") for key in scene.values)
     ]
-    loaded = any(scene.rows(f"{gear}.shaft.loads") for gear in GEARS)
+    loaded = any(scene.gear(gear).shaft.loads for gear in GEARS)
     if mounts and not loaded and scene.housing.stiffness_csv is None:
         found["torsional pair"] = rigid | dict.fromkeys(mounts)
     return found
@@ -108,8 +108,8 @@ def _named(scene: Scene) -> list[str]:
     """Keys that a search varies, ties, lets scatter or looks at."""
     if not scene.has_table("optimise"):
         return []
-    small = scene.get("optimise.minimise"), scene.optimise.pareto.against
-    forces = "bearing_force" in small or scene.get("optimise.minimise.bearing_force") is not None
+    small = scene.value("optimise.minimise"), scene.optimise.pareto.against
+    forces = "bearing_force" in small or scene.value("optimise.minimise.bearing_force") is not None
     bearings = [f"{gear}.shaft.bearings" for gear in GEARS] if forces else []
     tables = ("optimise.ties.", "robust.scatter.", "robust.even.")
     others = [key.removeprefix(table) for table in tables for key in scene.values

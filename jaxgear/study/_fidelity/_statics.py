@@ -110,7 +110,7 @@ def visited(scene: Scene, work: Work) -> list[str]:
     if work != "optimise" or not scene.has_table("optimise"):
         return []
     keys = [key for key in scene.optimise.vary if key.startswith("flank.")]
-    keys = [key for key in keys if key.endswith("_um") and isinstance(scene.get(key), float)]
+    keys = [key for key in keys if key.endswith("_um") and isinstance(scene.value(key), float)]
     both = scene.optimise.symmetric
     return list(dict.fromkeys([*keys, *(twin(key) for key in keys if both)]))
 
@@ -120,7 +120,7 @@ def _cut_back(scene: Scene, keys: Sequence[str], share: float) -> Mapping[str, f
     model = model_of(changed(scene, {f"{gear}.body.kind": "rigid" for gear in scene.condensed}))
     force = float(model.torque) / float(model.pair.base_radius[0])
     depth = share * 1e-3 * force / float(model.pair.face_width) / _TOOTH_PAIR
-    found = {key: float(scene[key]) + depth for key in keys}
+    found = {key: float(scene.value(key)) + depth for key in keys}
     reliefs = [key.removesuffix("depth_um") + "extent" for key in keys if key.endswith("depth_um")]
     return found | dict.fromkeys(reliefs, 0.3)
 
