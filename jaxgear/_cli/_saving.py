@@ -7,7 +7,6 @@ import numpy as np
 
 from jaxgear._cli._folder import Folder
 from jaxgear._whole_file import write_csv
-from jaxgear.plot._plots import style
 from jaxgear.study._progress import say
 
 
@@ -32,5 +31,8 @@ def save(
     for key, others in beside.items():
         write_csv(others, folder / f"{name}_{key}.csv")
     if folder.pictures:
+        # Matplotlib costs half a second.
+        from jaxgear.plot._style import write_picture
+
         say(f"drawing {name}")
-        style.write_picture(draw, folder / f"{name}.png", folder / f"{name}.svg")
+        write_picture(draw, folder / f"{name}.png", folder / f"{name}.svg")

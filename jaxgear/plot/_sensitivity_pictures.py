@@ -8,7 +8,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jaxgear.plot._palette import BLUE, GREEN, ORANGE
-from jaxgear.plot._style import house_look
 
 # Keys in each part of the picture; the table has all of them.
 _SHOWN = 12
@@ -32,15 +31,8 @@ _NAMES = {
 }
 
 
-@house_look()
 def sensitivity(found: xr.Dataset) -> Figure:
     """Bars of the keys that responses react to most.
-
-    **Arguments:**
-
-    - `found`: over cases and keys, the keys sorted, with its title.
-
-    **Returns:**
 
     One panel for each response, keys of one measure below each other, a bar for each speed.
     """

@@ -501,8 +501,8 @@ def test_pyplot_stays_away():
 def test_both_files_have_the_layout_that_each_would_have_alone(datasets, tmp_path):
     _saved(pictures.flank_maps(datasets["spur"]), {}, tmp_path)
     for ending, dots in (("png", 150), ("svg", "figure")):
-        alone = pictures.flank_maps(datasets["spur"])
         with house_look():
+            alone = pictures.flank_maps(datasets["spur"])
             alone.savefig(tmp_path / f"alone.{ending}", dpi=dots)
     shown, expected = (
         matplotlib.image.imread(tmp_path / f"{name}.png") for name in ("picture", "alone")
