@@ -111,7 +111,7 @@ def datasets(groups):
 
 def _groups(model, cycle):
     found = static_dataset(model, cycle, jg.ExactContact())
-    found = found.assign_coords(torque_Nm=("torque", _TORQUES))
+    found = found.assign_coords(torque_Nm=("torque", _TORQUES, _TORQUE))
     error = _TORQUES[:, None] / 60.0 * found["transmission_error_um"].values
     found["harris_te_um"] = (("torque", "phase"), error)
     groups = {
@@ -127,6 +127,7 @@ def _groups(model, cycle):
 
 
 _TORQUES = np.asarray([20.0, 40.0, 60.0])
+_TORQUE = {"long_name": "torque on the pinion", "units": "N m"}
 
 
 def _bearings(dataset):
@@ -143,10 +144,11 @@ def _sized(keys):
     """Three combinations of amounts at three torques."""
     size = np.linspace(1.0, 3.0, 9).reshape(3, 3)
     over = ("combination", "torque")
+    about = {"long_name": "peak to peak of the transmission error", "units": "um"}
     amounts = {key: ("combination", [10.0, 0.0, 5.0], about) for key, about in keys.items()}
     return xr.Dataset(
-        {"te_peak_to_peak_um": (over, size), "max_pressure_MPa": (over, size), **amounts},
-        {"torque_pinion_Nm": ("torque", _TORQUES), "amount": list(keys)},
+        {"te_peak_to_peak_um": (over, size, about), "max_pressure_MPa": (over, size), **amounts},
+        {"torque_pinion_Nm": ("torque", _TORQUES, _TORQUE), "amount": list(keys)},
         {"title": "sized"},
     )
 
@@ -499,7 +501,9 @@ def test_pyplot_stays_away():
 
 
 def test_both_files_have_the_layout_that_each_would_have_alone(datasets, tmp_path):
-    _saved(pictures.flank_maps(datasets["spur"]), {}, tmp_path)
+    with house_look():
+        figure = pictures.flank_maps(datasets["spur"])
+    _saved(figure, {}, tmp_path)
     for ending, dots in (("png", 150), ("svg", "figure")):
         with house_look():
             alone = pictures.flank_maps(datasets["spur"])
