@@ -21,7 +21,7 @@ import jaxgear as jg
 from jaxgear import plot
 from jaxgear._cli._folder import Folder
 from jaxgear._cli._main import main
-from jaxgear._cli._saving import save
+from jaxgear._cli._writing import save
 from jaxgear._system._shaft import node_heights
 from jaxgear._whole_file import write_csv, write_dataset
 from jaxgear.plot import _bearing_labels as bearing_labels
@@ -546,7 +546,7 @@ def test_commands_come_without_matplotlib(tmp_path):
         "import jaxgear._cli._commands, jaxgear.study._fidelity._compare, jaxgear.study._condense\n"
         "import jaxgear.plot._atlas, jaxgear.study._sensitivities, jaxgear.study._body_fields\n"
         "from jaxgear._cli._folder import Folder\n"
-        "from jaxgear._cli._saving import save\n"
+        "from jaxgear._cli._writing import save\n"
         "save(None, {'a': [1.0]}, Folder(pathlib.Path(sys.argv[1]), pictures=False), 'a')\n"
         "sys.exit('matplotlib' in sys.modules)"
     )
