@@ -24,7 +24,7 @@ from matplotlib.figure import Figure
 import jaxgear as jg
 import optimise
 from jaxgear._cli._folder import Folder
-from jaxgear._cli._saving import save
+from jaxgear._cli._writing import save
 from jaxgear._contact._cells import nominal_line_load
 from jaxgear.scene._build import grid_of, model_of
 from jaxgear.scene._mesh_bodies import with_bodies

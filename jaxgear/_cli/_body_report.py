@@ -9,53 +9,57 @@ _ROWS = 20
 
 
 def report_lines(body: Mapping[str, Any]) -> list[str]:
-    """What a body is, how good it is, and its lowest free modes.
-
-    **Arguments:**
-
-    - `body`: one of `bodies` in the summary.
-
-    **Returns:**
-
-    Lines of text.
-    """
+    """What a body is, how good it is, and its lowest free modes: one of `bodies` in the summary."""
     parts = {
-        "made from": _source(body),
-        "grid": _grid(body),
+        "made from": "; ".join(_source(body)),
+        "grid": "; ".join(_grid(body)),
         "kept": f"{body['condensed_dofs']:,} coordinates: {body['rim_nodes']:,} rim nodes, "
         f"{body['interior_shapes']} interior shapes; seats {', '.join(body['seats'])}",
         "mass": _mass(body),
         "rigid motions": f"{body['rigid_body_modes']}; they strain the body by "
         f"{body['rigid_body_residual']:.1e}",
         "rim growth": _growth(body),
-        "tooth load": _tooth(body),
-        "frequencies": _frequencies(body),
-        "seats": _seats(body),
-        "cost": _cost(body),
     }
+    if "tooth_deflection_of_body_um_N" in body:
+        yields = 1e3 * body["tooth_deflection_of_body_um_N"]
+        parts["tooth load"] = f"{yields:.4g} um under 1000 N on the rim at one tooth" + _off(
+            body, "tooth_deflection_error"
+        )
+    compared = ("free", "free"), ("on springs", "sprung")
+    words = [
+        f"{what} within {body[key]:.1e}"
+        for what, kind in compared
+        if (key := f"largest_{kind}_frequency_error") in body
+    ]
+    if words:
+        parts["frequencies"] = " and ".join(words) + " of the full body's"
+    if (key := "largest_coupling_frequency_difference") in body:
+        parts["seats"] = (
+            f"rigid against averaging: frequencies on springs differ by up to {body[key]:.2%}"
+        )
+    if body["from_cache"]:
+        parts["cost"] = f"{body['seconds']:.2g} s, from the cache"
+    else:
+        parts["cost"] = f"{body['seconds']:.3g} s, {body['peak_memory_MB']:,.0f} MB"
     width = max(map(len, parts))
-    lines = [f"{body['gear']}"]
-    lines += [f"  {name:<{width}}  {text}" for name, text in parts.items() if text]
-    return [*lines, *_modes(body), ""]
+    lines = [f"  {name:<{width}}  {text}" for name, text in parts.items() if text]
+    return [str(body["gear"]), *lines, *_modes(body), ""]
 
 
-def _source(body: Mapping[str, Any]) -> str:
-    words = [str(body["source"])]
+def _source(body: Mapping[str, Any]) -> Iterator[str]:
+    yield str(body["source"])
     if "method" in body:
-        words.append(f"{body['method']}, {body['modes']} modes")
+        yield f"{body['method']}, {body['modes']} modes"
     if "young_GPa" in body:
-        words.append(f"Young's modulus {body['young_GPa']:g} GPa")
-    return "; ".join(words)
+        yield f"Young's modulus {body['young_GPa']:g} GPa"
 
 
-def _grid(body: Mapping[str, Any]) -> str:
-    if "nodes" not in body:
-        return ""
-    words = [f"{body['elements']:,} elements, {body['nodes']:,} nodes, {body['dofs']:,} unknowns"]
-    if body.get("sectors", 1) > 1:
-        words.append(f"{body['sectors']} equal sectors")
-    words.append(f"worst Jacobian ratio {body['smallest_jacobian_ratio']:.2g}")
-    return "; ".join(words)
+def _grid(body: Mapping[str, Any]) -> Iterator[str]:
+    if "nodes" in body:
+        yield f"{body['elements']:,} elements, {body['nodes']:,} nodes, {body['dofs']:,} unknowns"
+        if body.get("sectors", 1) > 1:
+            yield f"{body['sectors']} equal sectors"
+        yield f"worst Jacobian ratio {body['smallest_jacobian_ratio']:.2g}"
 
 
 def _mass(body: Mapping[str, Any]) -> str:
@@ -77,63 +81,24 @@ def _growth(body: Mapping[str, Any]) -> str:
         body[f"centrifugal_growth{edge}_um_at_rad_s"] for edge in ("", "_left", "_right")
     )
     speed = max(mean, key=float)
-    return (
-        f"{mean[speed]:.4g} um at {speed} rad/s (left edge {left[speed]:.4g}, right "
-        f"{right[speed]:.4g})" + _off(body, "centrifugal_growth_error")
-    )
-
-
-def _tooth(body: Mapping[str, Any]) -> str:
-    if "tooth_deflection_of_body_um_N" not in body:
-        return ""
-    return (
-        f"{1e3 * body['tooth_deflection_of_body_um_N']:.4g} um under 1000 N on the rim at one tooth"
-        + _off(body, "tooth_deflection_error")
-    )
-
-
-def _frequencies(body: Mapping[str, Any]) -> str:
-    words = [
-        f"{what} within {body[key]:.1e}"
-        for what, key in (
-            ("free", "largest_free_frequency_error"),
-            ("on springs", "largest_sprung_frequency_error"),
-        )
-        if key in body
-    ]
-    return " and ".join(words) + " of the full body's" if words else ""
+    ends = f"left edge {left[speed]:.4g}, right {right[speed]:.4g}"
+    off = _off(body, "centrifugal_growth_error")
+    return f"{mean[speed]:.4g} um at {speed} rad/s ({ends}){off}"
 
 
 def _off(body: Mapping[str, Any], key: str, whose: str = "the full body's") -> str:
     return f"; {abs(body[key]):.1e} off {whose}" if key in body else ""
 
 
-def _seats(body: Mapping[str, Any]) -> str:
-    key = "largest_coupling_frequency_difference"
-    if key not in body:
-        return ""
-    return f"rigid against averaging: frequencies on springs differ by up to {body[key]:.2%}"
-
-
-def _cost(body: Mapping[str, Any]) -> str:
-    if body["from_cache"]:
-        return f"{body['seconds']:.2g} s, from the cache"
-    return f"{body['seconds']:.3g} s, {body['peak_memory_MB']:,.0f} MB"
-
-
 def _modes(body: Mapping[str, Any]) -> Iterator[str]:
     """The lowest free modes, both of a pair on one line."""
     form = "  {:>7}  {:>11}  {:>9}  {:>7}  {}"
     yield form.format("mode", "Hz", "diameters", "circles", "mostly")
-    rows, circles = list(_rows(body)), body.get("nodal_circle")
-    for modes, index in rows[:_ROWS]:
-        yield form.format(
-            modes,
-            f"{body['free_frequency_Hz'][index]:.6g}",
-            body["nodal_diameter"][index],
-            "-" if circles is None else circles[index],
-            body["kind"][index],
-        )
+    rows, count = list(_rows(body)), len(body["free_frequency_Hz"])
+    circles = body.get("nodal_circle", ["-"] * count)
+    for modes, i in rows[:_ROWS]:
+        frequency = f"{body['free_frequency_Hz'][i]:.6g}"
+        yield form.format(modes, frequency, body["nodal_diameter"][i], circles[i], body["kind"][i])
     if len(rows) > _ROWS:
         yield f"  the other {len(rows) - _ROWS} are in {body['gear']}_families.csv"
 

@@ -53,43 +53,36 @@ def print_cache(found: Mapping[str, Any]) -> None:
     if found["folder"] is None:
         print("JAXGEAR_CACHE=off: nothing is kept")
         return
-    print(f"condensed bodies in {found['folder']}")
-    if "freed_bytes" in found:
-        print(f"freed {found['freed_by_bodies_bytes']:,} bytes")
-    else:
-        _print_bodies(found["bodies"])
-    print(f"compiled programs in {found['programs_folder']}")
-    if "freed_bytes" in found:
-        print(f"freed {found['freed_by_programs_bytes']:,} bytes")
-    else:
-        _print_programs(found["programs"])
+    for kind, words, folder, lines in (
+        ("bodies", "condensed bodies", found["folder"], _bodies),
+        ("programs", "compiled programs", found["programs_folder"], _programs),
+    ):
+        print(f"{words} in {folder}")
+        if "freed_bytes" in found:
+            print(f"freed {found[f'freed_by_{kind}_bytes']:,} bytes")
+        else:
+            print("\n".join(lines(found[kind]) if found[kind] else ["none"]))
     if found.get("bodies") or found.get("programs"):
         print("`jaxgear cache --clear` removes them")
 
 
-def _print_bodies(rows: list[Mapping[str, Any]]) -> None:
-    if not rows:
-        print("none")
-        return
+def _bodies(rows: list[Mapping[str, Any]]) -> list[str]:
     form = "{:<28} {:>10}  {:<16}  {}"
-    print(form.format("name", "size", "last used", "key"))
+    lines = [form.format("name", "size", "last used", "key")]
     for row in rows:
-        name = row["name"] or "(unreadable)"
-        print(form.format(name, f"{row['size_MB']:.1f} MB", row["last_used"], row["key"][:16]))
-    print(f"{len(rows)} in all, {sum(row['size_MB'] for row in rows):.1f} MB")
+        name, size = row["name"] or "(unreadable)", f"{row['size_MB']:.1f} MB"
+        lines.append(form.format(name, size, row["last_used"], row["key"][:16]))
+    return [*lines, f"{len(rows)} in all, {sum(row['size_MB'] for row in rows):.1f} MB"]
 
 
-def _print_programs(rows: list[Mapping[str, Any]]) -> None:
-    if not rows:
-        print("none")
-        return
+def _programs(rows: list[Mapping[str, Any]]) -> list[str]:
     form = "{:<48} {:>8} {:>10}  {:<16}  {}"
-    print(form.format("for", "number", "size", "last used", "of the last run"))
+    lines = [form.format("for", "number", "size", "last used", "of the last run")]
     for row in rows:
-        last = row["last_run"]
+        last, size = row["last_run"], f"{row['size_MB']:.1f} MB"
         words = f"{last['found']} of {last['asked']}" if last["asked"] else ""
-        size = f"{row['size_MB']:.1f} MB"
-        print(form.format(row["name"], row["count"], size, row["last_used"], words))
+        lines.append(form.format(row["name"], row["count"], size, row["last_used"], words))
+    return lines
 
 
 def _told(folder: object) -> str | None:

@@ -9,11 +9,6 @@ from jaxgear.scene._schema import GEARS
 def refuse_unfit(command: str, scene: Scene) -> None:
     """Refuse a good scene that does not go with the command.
 
-    **Arguments:**
-
-    - `command`: its name.
-    - `scene`: checked against the schema.
-
     **Raises:**
 
     - `InputError` or `SceneError` if it does not.
@@ -21,9 +16,12 @@ def refuse_unfit(command: str, scene: Scene) -> None:
     condensed = scene.condensed
     if command == "condense" and not condensed:
         raise InputError(_nothing_to_condense(scene))
-    if condensed and command != "condense":
-        if scene.mesh.stiffness == "iso6336":
-            raise SceneError([_counted_twice(scene)])
+    if condensed and command != "condense" and scene.mesh.stiffness == "iso6336":
+        words = (
+            'got "iso6336", whose stiffness includes the gear body, and a condensed body brings '
+            'its own. Write "weber-banaschek"'
+        )
+        raise SceneError([Mistake(scene.where("mesh.stiffness"), "mesh.stiffness", words)])
     if command == "sweep" and not scene.has_table("sweep"):
         raise InputError(
             f"{scene.path}: the scene does not say which speeds to sweep. Add these lines:\n\n"
@@ -32,12 +30,10 @@ def refuse_unfit(command: str, scene: Scene) -> None:
             'direction = "both"                    # up | down | both | cold\n',
         )
     if command == "sweep" or (command == "run" and scene.has_table("sweep")):
-        mistakes = _sweep_mistakes(scene)
-        if mistakes:
+        if mistakes := _sweep_mistakes(scene):
             raise SceneError(mistakes)
     if command in ("compare", "sensitivity", "check-grad") and scene.has_table("sweep"):
-        mistakes = motion_mistakes(scene, harmonic=True)
-        if mistakes:
+        if mistakes := motion_mistakes(scene, harmonic=True):
             raise SceneError(mistakes)
     if command == "optimise" and not scene.has_table("optimise"):
         raise InputError(
@@ -63,15 +59,6 @@ def _nothing_to_condense(scene: Scene) -> str:
         "web = { hub_outer_mm = 50.0, web_thickness_mm = 4.0, rim_inner_mm = 118.0 }\n\n"
         "or leave web out for a solid body."
     )
-
-
-def _counted_twice(scene: Scene) -> Mistake:
-    """Say why a standard's stiffness and a condensed body exclude each other."""
-    words = (
-        'got "iso6336", whose stiffness includes the gear body, and a condensed body brings its '
-        'own. Write "weber-banaschek"'
-    )
-    return Mistake(scene.where("mesh.stiffness"), "mesh.stiffness", words)
 
 
 def _sweep_mistakes(scene: Scene) -> list[Mistake]:

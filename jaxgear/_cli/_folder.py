@@ -57,10 +57,6 @@ class Folder:
 def begun(folder: Folder) -> Iterator[Folder]:
     """Make a folder, and give it with a draft in it that ends with the context.
 
-    **Arguments:**
-
-    - `folder`: for the results.
-
     **Raises:**
 
     - `OSError`, or `ValueError` of a name that cannot be, if results cannot be written there.
@@ -78,12 +74,7 @@ def begun(folder: Folder) -> Iterator[Folder]:
 
 
 def publish(folder: Folder) -> None:
-    """Put the files of a draft in their places, and remove those of the run before that are left.
-
-    **Arguments:**
-
-    - `folder`: of `begun`.
-    """
+    """Put the files of a draft in their places, and remove what is left of the run before."""
     assert folder.draft is not None
     files = sorted(path for path in folder.draft.rglob("*") if path.is_file())
     new = {str(path.relative_to(folder.draft)): _digest(path) for path in files}
@@ -101,9 +92,7 @@ def publish(folder: Folder) -> None:
 def written(path: Path) -> dict[str, str]:
     """The files that a command has left in its folder, and the SHA-256 of each.
 
-    **Arguments:**
-
-    - `path`: of the folder; there may be no list in it, or a spoilt one.
+    There may be no list of them, or a spoilt one.
     """
     try:
         found = json.loads((path / _LIST).read_text(encoding="utf-8"))

@@ -4,79 +4,30 @@ import argparse
 import difflib
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from jaxgear._checks import InputError
+from jaxgear._cli._parser import OWN_PAIR, ready_names
 from jaxgear.scene._own_pair import Wanted
 from jaxgear.scene._own_scene import scene_text
 from jaxgear.scene._rewriting import rewrite_scene, rewritten
 from jaxgear.scene._scene import READY, SceneError, read_scene
 from jaxgear.scene._schema import KEYS
 
-# Options of one's own pair: the key that each is, and its question.
-_ASKED: Mapping[str, tuple[str, str]] = {
-    "module": ("pair.module_mm", "normal module [mm]"),
-    "pressure_angle": ("pair.pressure_angle_deg", "normal pressure angle [degrees; 20]"),
-    "helix": ("pair.helix_angle_deg", "helix angle, + for a right-hand pinion [degrees; 0]"),
-    "face": ("pinion.face_width_mm", "face width [mm; ten modules]"),
-    "torque": ("pair.torque_pinion_Nm", "torque on the pinion [N m; moderate, or by power]"),
-    "power": ("pair.power_kW", "power [kW; none]"),
-    "rpm": ("pair.speed_rpm", "speed of the pinion [rpm; none]"),
-}
 # What the rules of thumb hold for.
 _TEETH, _PRESSURE_ANGLES = (10, 1000), (14.5, 30.0)
 
 
-def add_init_parser(commands: Any, parents: list[argparse.ArgumentParser]) -> None:
-    """Add the command to those of a parser.
-
-    **Arguments:**
-
-    - `commands`: what `add_subparsers` returned.
-    - `parents`: parsers of options that it shares with others.
-    """
-    parser: argparse.ArgumentParser = commands.add_parser(
-        "init",
-        parents=parents,
-        help="write a ready scene, or one of your own pair",
-        description="Writes a ready scene, NAME.toml. With --pair it writes a scene of your own, "
-        "whose shafts, bearings and profile shifts are sized by rules of thumb; on a terminal it "
-        "asks for what it needs. --out is a folder, or a file that ends in .toml.",
-        allow_abbrev=False,
-    )
-    parser.add_argument("name", metavar="NAME", nargs="?", help=" | ".join(ready_names()))
-    parser.add_argument("--force", action="store_true", help="overwrite a ready scene's NAME.toml")
-    own = parser.add_argument_group("a pair of your own")
-    own.add_argument(
-        "--pair", nargs=2, type=int, metavar=("PINION", "WHEEL"), help="numbers of teeth"
-    )
-    for option, (_, question) in _ASKED.items():
-        own.add_argument(f"--{option.replace('_', '-')}", type=float, metavar="X", help=question)
-
-
-def ready_names() -> list[str]:
-    """Names of the ready scenes."""
-    return sorted(path.stem for path in READY.glob("*.toml"))
-
-
 def write_first_scene(args: argparse.Namespace) -> tuple[Path, str]:
-    """Write the scene that a command line asks for.
-
-    **Arguments:**
-
-    - `args`: as parsed.
-
-    **Returns:**
-
-    The file, and where its numbers come from.
+    """Write the scene that a command line asks for; the file, and where its numbers come from.
 
     **Raises:**
 
     - `InputError` if there is no such scene, something lacks, or the file cannot be written.
     """
-    given = {option: getattr(args, option) for option in _ASKED}
+    given = {option: getattr(args, option) for option in OWN_PAIR}
     own = args.pair is not None or any(value is not None for value in given.values())
     if args.name is not None and not own:
         return _write_ready(args)
@@ -161,7 +112,7 @@ def _completed(teeth: list[int] | None, given: dict[str, float | None]) -> dict[
         found: dict[str, Any] = {"teeth": ask("teeth of pinion and wheel", read_teeth)}
     else:
         found = {"teeth": _teeth(teeth)}
-    for option, (_, question) in _ASKED.items():
+    for option, (_, question) in OWN_PAIR.items():
         value = given[option]
         needed = option == "module" or (option == "rpm" and bool(ask and found["power"]))
         # The power is asked for only where it would count.
@@ -210,7 +161,7 @@ def _teeth(teeth: list[int]) -> tuple[int, int]:
 
 def _checked(option: str, value: float) -> float:
     """Check an option by the key that it is."""
-    name, (key, _) = f"--{option.replace('_', '-')}", _ASKED[option]
+    name, (key, _) = f"--{option.replace('_', '-')}", OWN_PAIR[option]
     try:
         value = KEYS[key].read(value)  # pyright: ignore[reportAssignmentType]
     except ValueError as error:

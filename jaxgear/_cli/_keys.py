@@ -24,41 +24,8 @@ the name of a key.
 """
 
 
-def add_keys_parser(commands: Any) -> None:
-    """Add the command to those of a parser.
-
-    **Arguments:**
-
-    - `commands`: what `add_subparsers` returned.
-    """
-    parser: argparse.ArgumentParser = commands.add_parser(
-        "keys",
-        help="look up the keys of a scene: unit, default, bounds, meaning",
-        allow_abbrev=False,
-    )
-    parser.add_argument(
-        "pattern",
-        metavar="PATTERN",
-        nargs="?",
-        default="",
-        help="part of a key or of its meaning, such as relief or wheel*bore; all without it",
-    )
-    forms = parser.add_mutually_exclusive_group()
-    forms.add_argument("--json", action="store_true", help="print the keys as JSON")
-    forms.add_argument("--markdown", action="store_true", help="print all keys as a page")
-
-
 def print_keys(args: argparse.Namespace) -> int:
-    """Print the keys that were asked for, and return the exit code.
-
-    **Arguments:**
-
-    - `args`: `pattern`, `json`, `markdown`.
-
-    **Returns:**
-
-    0, or 2 where no key is like the pattern.
-    """
+    """Print the keys that were asked for, and return the exit code: 2 where none is like these."""
     if args.markdown:
         print(page(), end="")
         return 0
@@ -69,24 +36,17 @@ def print_keys(args: argparse.Namespace) -> int:
         print(f"jaxgear: no key of a scene is like {show(args.pattern)}.{hint}", file=sys.stderr)
         return 2
     if args.json:
-        print(json.dumps([told(key) for key in found], indent=2))
+        print(json.dumps([_told(key) for key in found], indent=2))
     else:
         print("\n".join(map(_text, found)))
     return 0
 
 
 def matching(pattern: str) -> list[Key]:
-    """Find keys by a part of their path or of their meaning.
+    """Find keys, in the order of the schema, by a part of their path or of their meaning.
 
-    **Arguments:**
-
-    - `pattern`: in any case; `*` and `?` stand for any text and any sign. An index is taken for
-        any row. All keys where it is empty.
-
-    **Returns:**
-
-    The keys in the order of the schema. Those of tables whose keys are paths of other keys are
-    found by their own path only.
+    In any case; `*` and `?` stand for any text and any sign, an index for any row. Keys of tables
+    whose keys are paths of other keys are found by their own path only.
     """
     form = f"*{general(pattern).lower().replace('[', '[[]')}*"
     alike = lambda text: fnmatch.fnmatchcase(text.lower(), form)
@@ -98,13 +58,8 @@ def matching(pattern: str) -> list[Key]:
     return found or [key for key in KEYS.values() if alike(key.path)]
 
 
-def told(key: Key) -> dict[str, Any]:
-    """Tell all that is known of a key, in plain types.
-
-    **Arguments:**
-
-    - `key`: of the schema.
-    """
+def _told(key: Key) -> dict[str, Any]:
+    """All that is known of a key, in plain types."""
     return {
         "key": key.path,
         "kind": key.kind,
@@ -173,15 +128,9 @@ def _section(table: str, keys: Iterable[Key]) -> str:
         for name in dict.fromkeys((table, twin))
     ]
     title = ", ".join(names) if table else "Above all tables"
-    rows = [
-        (
-            f"`{key.path.removeprefix(f'{table}.')}`",
-            key.allowed,
-            _default(key).removeprefix("default "),
-            key.doc,
-        )
-        for key in keys
-    ]
     head = ["| key | value | default | meaning |", "|---|---|---|---|"]
-    lines = [f"| {' | '.join(row)} |" for row in rows]
+    lines = []
+    for key in keys:
+        name, default = key.path.removeprefix(f"{table}."), _default(key).removeprefix("default ")
+        lines.append(f"| `{name}` | {key.allowed} | {default} | {key.doc} |")
     return "\n".join([f"## {title}", "", *head, *lines, ""])

@@ -8,51 +8,34 @@ commands are imported only once the scene is known to be good.
 import _thread
 import argparse
 import gc
-import importlib.metadata
 import io
 import json
 import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
 from jaxgear._checks import InputError
 from jaxgear._cli._fit import refuse_unfit
 from jaxgear._cli._folder import Folder, begun, publish, written
-from jaxgear._cli._init import add_init_parser, write_first_scene
-from jaxgear._cli._keys import add_keys_parser, print_keys
-from jaxgear._cli._plot import add_plot_parser, draw_again
+from jaxgear._cli._init import write_first_scene
+from jaxgear._cli._keys import print_keys
+from jaxgear._cli._parser import parser
+from jaxgear._cli._plot import draw_again
 from jaxgear._cli._printing import print_notes, print_results
 from jaxgear._cli._terminal import Terminal, warn
 from jaxgear._program_cache import cache_compilations
 from jaxgear.scene._scene import Scene, SceneError, read_scene
 from jaxgear.scene._slips import odd
 
-_COMMANDS = {
-    "run": "compute everything that the scene asks for",
-    "map": "Master Curve map: RMS of transmission error over relief depth and extent",
-    "optimise": "improve the keys of [optimise].vary; writes NAME.optimised.toml",
-    "sweep": "steady responses over the speeds of [sweep]: dynamic ratio, orders, jumps",
-    "modes": "natural frequencies, where their energy is, critical speeds",
-    "check-grad": "compare the optimiser's derivatives with central differences",
-    "sensitivity": "what the responses react to: per cent per per cent of each key, as bars",
-    "compare": "one scene by many models and methods: error against time, and which suffices",
-    "condense": "build the condensed bodies of the scene: files, pictures, health report",
-}
-
 # Many threads make the many small matrices of a gear pair several times slower.
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 class _Stop(Exception):
-    """A reason to stop that the user can act on.
-
-    **Fields:**
-
-    - `code`: exit code.
-    """
+    """A reason to stop that the user can act on, and the exit code."""
 
     def __init__(self, code: int, message: str):
         super().__init__(message)
@@ -122,95 +105,24 @@ def _kept_interrupts() -> Iterator[None]:
         sys.unraisablehook = usual
 
 
-class _Parser(argparse.ArgumentParser):
-    """A parser whose help fails where it cannot be written; the library's own says nothing."""
-
-    def _print_message(self, message: str, file: Any = None) -> None:
-        if file is sys.stdout:
-            file.write(message)
-        else:
-            super()._print_message(message, file)
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(
-        prog="jaxgear",
-        description="Differentiable gear dynamics: from a scene file to transmission error, "
-        "contact, and better flanks.",
-        epilog="Begin with: jaxgear init accessory; jaxgear run accessory.toml",
-        allow_abbrev=False,
-    )
-    parser.add_argument("--version", action="version", version=f"jaxgear {_version()}")
-    options = _Parser(add_help=False, allow_abbrev=False)
-    options.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="folder for the results; in it each command but run has one of its own",
-    )
-    options.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        dest="overrides",
-        metavar="KEY=VALUE",
-        help="change a key of the scene, e.g. pair.torque_pinion_Nm=120; repeatable",
-    )
-    options.add_argument("--json", action="store_true", help="print the summary as JSON")
-    options.add_argument(
-        "--quiet", action="store_true", help="print nothing but errors, and the JSON if asked for"
-    )
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    add_init_parser(commands, [options])
-    for name, text in _COMMANDS.items():
-        command = commands.add_parser(name, parents=[options], help=text, allow_abbrev=False)
-        command.add_argument("scene", metavar="SCENE", type=Path, help="scene file (TOML)")
-        command.add_argument(
-            "--no-pictures",
-            action="store_false",
-            dest="pictures",
-            help="draw none, and write only their data",
-        )
-    add_keys_parser(commands)
-    add_plot_parser(commands)
-    cache = commands.add_parser(
-        "cache",
-        help="list the condensed bodies and compiled programs that are kept, or remove them",
-        allow_abbrev=False,
-    )
-    cache.add_argument("--clear", action="store_true", help="remove all of them")
-    cache.add_argument("--json", action="store_true", help="print the list as JSON")
-    cache.add_argument("--quiet", action="store_true", help="print nothing but errors")
-    return parser
-
-
-def _version() -> str:
-    try:
-        return importlib.metadata.version("jaxgear")
-    except importlib.metadata.PackageNotFoundError:
-        return "(not installed)"
-
-
 def _command(argv: Sequence[str] | None) -> int:
     """Carry out one command line and return its exit code."""
     try:
-        args = _parser().parse_args(argv)
+        args = parser().parse_args(argv)
     except SystemExit as stop:
         return int(stop.code or 0)
     _refuse_unspeakable(args)
-    if args.command == "init":
-        return _init(args)
-    if args.command == "cache":
-        return _cache(args)
-    if args.command == "keys":
-        return print_keys(args)
-    if args.command == "plot":
-        return _plot(args)
-    scene = read_scene(args.scene, args.overrides)
+    apart = {"init": _init, "cache": _cache, "keys": print_keys, "plot": _plot}
     try:
-        refuse_unfit(args.command, scene)
+        return apart.get(args.command, _study)(args)
     except InputError as error:
         raise _Stop(2, str(error)) from None
+
+
+def _study(args: argparse.Namespace) -> int:
+    """Study a scene, and return the exit code."""
+    scene = read_scene(args.scene, args.overrides)
+    refuse_unfit(args.command, scene)
     for remark in odd(scene):
         warn(remark)
     with _results(args, scene) as folder:
@@ -225,11 +137,8 @@ def _command(argv: Sequence[str] | None) -> int:
     if not args.quiet:
         print(f"results in {folder.path}", file=sys.stderr)
     if wrong:
-        raise _Stop(
-            1,
-            f"{wrong} derivatives disagree with central differences; they are "
-            f"marked WRONG in {folder.path / 'gradients.csv'}.",
-        )
+        words = f"{wrong} derivatives disagree with central differences; they are marked WRONG in"
+        raise _Stop(1, f"{words} {folder.path / 'gradients.csv'}.")
     return 0
 
 
@@ -253,24 +162,15 @@ def _results(args: argparse.Namespace, scene: Scene) -> Iterator[Folder]:
     with ExitStack() as stack:
         try:
             if own.exists() and own.samefile(scene.path) and own.name not in written(path):
-                raise _Stop(
-                    2, f"{own}: the results would replace the scene. Name another folder: --out DIR"
-                )
+                words = "the results would replace the scene. Name another folder: --out DIR"
+                raise _Stop(2, f"{own}: {words}")
             folder = stack.enter_context(begun(Folder(path, args.pictures, common=common)))
         except (OSError, ValueError) as error:
             # A name that the file system cannot spell is a ValueError.
             why = error.strerror if isinstance(error, OSError) else error
-            raise _Stop(
-                2, f"cannot write results into {path}: {why}. Name another folder with --out DIR."
-            ) from None
+            words = f"cannot write results into {path}: {why}. Name another folder with --out DIR."
+            raise _Stop(2, words) from None
         yield folder
-
-
-def _shown(quiet: bool) -> AbstractContextManager[None]:
-    """Show progress, or none."""
-    from jaxgear.study import listened_by
-
-    return nullcontext() if quiet else listened_by(Terminal())
 
 
 def _compute(command: str, scene: Scene, folder: Folder, quiet: bool) -> Mapping[str, Any]:
@@ -283,21 +183,19 @@ def _compute(command: str, scene: Scene, folder: Folder, quiet: bool) -> Mapping
     # Python would look for garbage over and over through all that JAX has traced.
     gc.set_threshold(200_000, 50, 100)
     from jaxgear._cli import _commands
-    from jaxgear.study import stopwatch
+    from jaxgear.study import listened_by, stopwatch
     from jaxgear.study._statics import SolverFailure
 
     try:
         # The environment is too late for a library that is loaded already; this is not.
-        with threadpoolctl.threadpool_limits(1), _shown(quiet), stopwatch():
+        shown = nullcontext() if quiet else listened_by(Terminal())
+        with threadpoolctl.threadpool_limits(1), shown, stopwatch():
             summary = _commands.COMMANDS[command](scene, folder)
         publish(folder)
         return summary
-    except SolverFailure as error:
-        raise _Stop(1, f"{scene.path}: {error}") from error
-    except InputError as error:
-        raise _Stop(2, f"{scene.path}: {error}") from error
-    except FloatingPointError as error:
-        raise _Stop(1, f"{scene.path}: {error}") from error
+    except (SolverFailure, FloatingPointError, InputError) as error:
+        code = 2 if isinstance(error, InputError) else 1
+        raise _Stop(code, f"{scene.path}: {error}") from error
     except BrokenPipeError:
         raise
     except OSError as error:
@@ -329,8 +227,6 @@ def _plot(args: argparse.Namespace) -> int:
     folder = args.out or args.result.parent
     try:
         names = draw_again(args.result, folder, pictures=args.pictures)
-    except InputError as error:
-        raise _Stop(2, str(error)) from None
     except OSError as error:
         raise _Stop(2, f"cannot write pictures into {folder}: {error.strerror}.") from None
     if not args.quiet:
@@ -340,10 +236,7 @@ def _plot(args: argparse.Namespace) -> int:
 
 def _init(args: argparse.Namespace) -> int:
     """Write a ready scene, or that of one's own pair."""
-    try:
-        target, cite = write_first_scene(args)
-    except InputError as error:
-        raise _Stop(2, str(error)) from None
+    target, cite = write_first_scene(args)
     if args.json:
         _print_json({"scene": str(target), "cite": cite})
     elif not args.quiet:

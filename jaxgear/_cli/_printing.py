@@ -7,19 +7,16 @@ from jaxgear.study._symbols import with_symbol
 
 
 def print_results(command: str, summary: Mapping[str, Any]) -> None:
-    """Print what a command has found: a table where it has one, else its summary.
-
-    **Arguments:**
-
-    - `command`: its name.
-    - `summary`: nested dictionary; units are part of its keys.
-    """
+    """Print what a command has found: a table where it has one, else its summary."""
     if "check_grad" in summary:
         print_gradients(summary["check_grad"])
     elif command == "modes":
         _print_modes(summary["modes"])
     elif command == "condense":
-        _print_bodies(summary["bodies"])
+        from jaxgear._cli._body_report import report_lines
+
+        for body in summary["bodies"]:
+            print("\n".join(report_lines(body)))
     else:
         apart = ("versions", "notes")
         print_summary({key: value for key, value in summary.items() if key not in apart})
@@ -29,11 +26,6 @@ def print_summary(summary: Mapping[str, object], indent: str = "") -> None:
     """Print a summary for a reader: nested keys indented, six digits, long lists by their length.
 
     Beside the names of results stand the symbols of the ISO standards.
-
-    **Arguments:**
-
-    - `summary`: nested dictionary; units are part of its keys.
-    - `indent`: what each line begins with.
     """
     width = max((len(with_symbol(key)) for key in summary), default=0)
     for key, value in summary.items():
@@ -42,12 +34,12 @@ def print_summary(summary: Mapping[str, object], indent: str = "") -> None:
             print_summary(value, indent + "  ")
         elif isinstance(value, list | tuple) and value and isinstance(value[0], Mapping):
             for index, row in enumerate(value):
-                if not any(isinstance(each, Mapping) for each in row.values()):
+                if any(isinstance(each, Mapping) for each in row.values()):
+                    print(f"{indent}{key}[{index}]")
+                    print_summary(row, indent + "  ")
+                else:
                     words = [f"{name} {_short(each)}" for name, each in row.items()]
                     print(f"{indent}{key}[{index}]  {', '.join(words)}")
-                    continue
-                print(f"{indent}{key}[{index}]")
-                print_summary(row, indent + "  ")
         else:
             print(f"{indent}{with_symbol(key):<{width}}  {_short(value)}")
 
@@ -88,14 +80,6 @@ def _print_modes(found: Mapping[str, Any]) -> None:
     for number, row in enumerate(zip(*columns, strict=True), start=1):
         cells = [f"{row[0]:.6g}", *(f"{value:.3f}" for value in row[1:-1]), f"{row[-1]:.6g}"]
         print(form.format(number, *cells) + (waves[number - 1] if waves else ""))
-
-
-def _print_bodies(found: Sequence[Mapping[str, Any]]) -> None:
-    """Print the health reports of condensed bodies."""
-    from jaxgear._cli._body_report import report_lines
-
-    for body in found:
-        print("\n".join(report_lines(body)))
 
 
 def _short(value: object) -> str:

@@ -12,7 +12,7 @@ from matplotlib.patches import Circle, FancyArrowPatch, Rectangle
 
 from jaxgear.plot._palette import BLUE, GEAR_COLOURS, GREEN, GREY, RED
 from jaxgear.plot._picture import GEARS
-from jaxgear.plot._style import BOX, house_look
+from jaxgear.plot._style import BOX, write_at
 
 _SIGNS = """\
 depth > 0: material removed, along the normal
@@ -30,18 +30,10 @@ _PLACES = ((0.01, 0.02, 0.39, 0.86), (0.42, 0.02, 0.28, 0.86), (0.72, 0.02, 0.27
 _TRACES, _POINTS = 14, 9
 
 
-@house_look()
 def axes(pair: xr.Dataset, axes: xr.Dataset) -> Figure:
     """The pair from +Z and from +T, and a tooth with what is removed from its flank.
 
-    **Arguments:**
-
-    - `pair`: the group `pair`.
-    - `axes`: the group `axes`.
-
-    **Returns:**
-
-    The figure; gears are to scale, arrows and reliefs are not.
+    Gears are to scale, arrows and reliefs are not.
     """
     figure = Figure(figsize=(13.0, 5.4))
     figure.suptitle(f"Axes, hand and signs: {axes.attrs['title']}")
@@ -105,9 +97,8 @@ def _draw_front(panel: Axes, pair: xr.Dataset, arrows: Mapping[str, Any]) -> Non
         )
         _arrow(panel, first, last - first, colour, connectionstyle=f"arc3,rad={0.32 * turns}")
         role = "drives" if body == 0 else "is driven"
-        panel.text(
-            centre[0], -0.45 * tips[body], f"{name}\n{role}", color=colour, ha="center", va="center"
-        )
+        look: dict[str, Any] = {"color": colour, "ha": "center", "va": "center"}
+        panel.text(centre[0], -0.45 * tips[body], f"{name}\n{role}", **look)
     _draw_action(panel, arrows, size)
     corner, long = np.array([-tips[0], -size]), 0.3 * size
     _triad(panel, corner, long, "S", "T")
@@ -128,16 +119,8 @@ def _draw_action(panel: Axes, arrows: Mapping[str, Any], size: float) -> None:
     for name, colour, height in zip(GEARS, GEAR_COLOURS, ("top", "center"), strict=True):
         towards = arrows[f"force on the {name}"][1][:2]
         end = _arrow(panel, place, 0.55 * size * towards / np.hypot(*towards), colour, lw=2.2)
-        panel.annotate(
-            f"force on the {name}",
-            tuple(end),
-            xytext=(6, 0),
-            textcoords="offset points",
-            color=colour,
-            va=height,
-            bbox=BOX,
-            zorder=6,
-        )
+        look: dict[str, Any] = {"color": colour, "ha": "left", "va": height, "bbox": BOX}
+        write_at(panel, f"force on the {name}", end, (6, 0), zorder=6, **look)
     panel.plot(*place, "o", ms=5, color="white", mec=GREEN, mew=1.4, zorder=5)
 
 
@@ -149,11 +132,8 @@ def _draw_side(panel: Axes, pair: xr.Dataset, arrows: Mapping[str, Any]) -> None
     half = max(0.5 * float(pair["face_width_mm"]), 0.35 * float(radii.max()))
     for body, (name, colour) in enumerate(zip(pair["gear"].values, GEAR_COLOURS, strict=True)):
         level, radius = distance * body, radii[body]
-        panel.add_patch(
-            Rectangle(
-                (-half, level - radius), 2 * half, 2 * radius, fc=colour, ec=colour, alpha=0.16
-            )
-        )
+        look = {"fc": colour, "ec": colour, "alpha": 0.16}
+        panel.add_patch(Rectangle((-half, level - radius), 2 * half, 2 * radius, **look))
         _, trace = arrows[f"tooth trace of the {name}"]
         z = np.linspace(-half, half, _POINTS)
         # Turns from S: half-way, at a quarter turn, a tooth is nearest to the viewer.
@@ -184,17 +164,8 @@ def _draw_thrust(panel: Axes, place: tuple[float, float], axial: float, half: fl
     if abs(axial) < 1e-9:
         return
     _arrow(panel, place, (np.sign(axial) * 0.8 * half, 0.0), RED, lw=2.4)
-    panel.annotate(
-        "axial force",
-        place,
-        xytext=(0, 7),
-        textcoords="offset points",
-        color=RED,
-        ha="center",
-        va="bottom",
-        bbox=BOX,
-        zorder=6,
-    )
+    look: dict[str, Any] = {"color": RED, "va": "bottom", "bbox": BOX, "zorder": 6}
+    write_at(panel, "axial force", place, (0, 7), **look)
 
 
 def _hand(pair: xr.Dataset) -> str:

@@ -1,6 +1,5 @@
 """Texts beside the bearings of shafts, of which none hides another or a line to another."""
 
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,8 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.text import Annotation
 from matplotlib.transforms import offset_copy
 
+from jaxgear.plot._labels import text_size
 from jaxgear.plot._palette import GREY
-from jaxgear.plot._style import BOX, lay_out
+from jaxgear.plot._style import BOX, laid_out, page_of
 
 
 class Labels(NamedTuple):
@@ -41,16 +41,14 @@ def write_labels(axes: Axes, shafts: list[Labels]) -> None:
     """Write the labels on the side away from the other shaft, and make room for all."""
     if not shafts:
         return
-    figure = axes.get_figure(root=True)
-    assert figure is not None
+    figure = page_of(axes)
     x, y = axes.get_xlim(), axes.get_ylim()
     height = figure.get_figheight()
     drawn: list[Annotation] = []
     before = 0.0
     for _ in range(_ROUNDS):
-        lay_out(figure)
         # How many millimetres of the picture a point of its letters takes.
-        scale = figure.dpi / 72.0 / float(axes.transData.get_matrix()[0, 0])
+        scale = 1.0 / laid_out(axes) / float(axes.transData.get_matrix()[0, 0])
         if abs(scale - before) < 1e-3 * scale:
             break
         before = scale
@@ -76,8 +74,8 @@ def _draw_labels(axes: Axes, labels: Labels, scale: float) -> tuple[list[Annotat
     """
     out = labels.outwards
     look = {"fontsize": 8.5, "zorder": 6, "va": "bottom" if out > 0 else "top"}
-    size = np.max([_text_size(axes, text, look) for text in labels.texts], axis=0)
-    figure = axes.get_figure(root=True)
+    size = np.max([text_size(axes, text, look) for text in labels.texts], axis=0)
+    figure = page_of(axes)
     rows, asides = label_places(labels.at, scale * (size[0] + _GAP))
     # Rows begin beyond all bearings, so that no line runs through a neighbour's label.
     furthest = out * np.max(out * labels.edges)
@@ -99,30 +97,12 @@ def _draw_labels(axes: Axes, labels: Labels, scale: float) -> tuple[list[Annotat
     return drawn, float(np.max(rows) * (size[1] + _GAP))
 
 
-def _text_size(axes: Axes, text: str, look: Mapping[str, Any]) -> np.ndarray:
-    """Width and height of a text [points]."""
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    trial = axes.annotate(text, (0.0, 0.0), **look)
-    size = np.asarray(trial.get_window_extent().size)
-    trial.remove()
-    return size * 72.0 / figure.dpi
-
-
 def label_places(at: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
     """Where labels go so that none lies on another, nor on a line that leads to another.
 
     A label that has room stays above its bearing. Those of closer bearings become flags on poles:
-    they point away from the gear, and each flies above those that it would hide.
-
-    **Arguments:**
-
-    - `at`: places along Z of bearings, from mid-face.
-    - `width`: of a label, in the same unit.
-
-    **Returns:**
-
-    Row of each label, zero next to the bearings, and its side of the bearing along Z: -1, 0 or 1.
+    they point away from the gear, and each flies above those that it would hide. Returns the row
+    of each label, zero next to the bearings, and its side of the bearing along Z: -1, 0 or 1.
     """
     order = np.argsort(at, kind="stable")
     near = np.diff(at[order]) < width

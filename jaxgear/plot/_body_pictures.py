@@ -15,11 +15,10 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from jaxgear.plot._body_render import Rendered, frame, render
-from jaxgear.plot._palette import BLUE, GREEN, GREY, ORANGE, RED, SKY
-from jaxgear.plot._style import house_look
+from jaxgear.plot._palette import BLUE, EITHER_WAY, GREEN, GREY, ORANGE, RED, SKY
+from jaxgear.plot._style import legend_below, panels, write_at
 
 _STEEL, _CUT = "#c3ccd6", "#efe3c2"
-_MOTION = "RdBu_r"
 # How far the largest displacement of a mode is drawn, over the body's radius.
 _SHOWN = 0.12
 
@@ -27,36 +26,22 @@ _SHOWN = 0.12
 # --- The grid
 
 
-@house_look()
 def grid(body: xr.Dataset) -> Figure:
-    """The finite elements: a view with a wedge cut out, and the section in the cut.
-
-    **Arguments:**
-
-    - `body`: with its grid.
-
-    **Returns:**
-
-    The figure; the section in millimetres, Z from mid-face.
-    """
+    """The finite elements: a view with a wedge cut out, and the section in the cut [mm]."""
     r, z = body["section_mm"].values.T
     share = float(np.clip(np.ptp(z) / np.max(r), 0.35, 1.4))
-    figure = Figure(figsize=(6.2 + 4.6 * share + 1.0, 6.4), dpi=150)
-    figure.set_layout_engine("constrained", wspace=0.05)
-    view, side = figure.subplots(1, 2, width_ratios=(6.0, 4.6 * share + 1.0))
-    figure.suptitle(body.attrs["grid_title"])
+    ratios = (6.0, 4.6 * share + 1.0)
+    size = (6.2 + ratios[1], 6.4)
+    title = body.attrs["grid_title"]
+    figure, (view, side) = panels(title, None, size, 2, width_ratios=ratios)
     names = body["part"].values.tolist()
     seats = (ORANGE, GREEN, RED, SKY)
     colours = [BLUE if name == "rim" else seats[(i - 1) % 4] for i, name in enumerate(names)]
     _draw_cut_body(view, body, colours)
     _draw_section(side, body, dict(zip(names, colours, strict=True)))
-    figure.legend(
-        [*(Patch(color=colour) for colour in colours), Patch(fc=_CUT, ec=GREY)],
-        [*(name if name == "rim" else f"seat {name}" for name in names), "section"],
-        loc="outside lower center",
-        ncols=min(len(names) + 1, 6),
-        frameon=False,
-    )
+    patches = [*(Patch(color=colour) for colour in colours), Patch(fc=_CUT, ec=GREY)]
+    labels = [name if name == "rim" else f"seat {name}" for name in names]
+    legend_below(figure, patches, [*labels, "section"], ncols=min(len(names) + 1, 6))
     return figure
 
 
@@ -77,6 +62,11 @@ def show(axes: Axes, picture: Rendered) -> None:
     left, right, bottom, top = (1e3 * end for end in picture.extent)
     axes.imshow(picture.image, extent=(left, right, bottom, top), interpolation="antialiased")
     axes.set_axis_off()
+
+
+def fill_of(colours: ScalarMappable, values: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Colours of values at nodes, for the nodes of each face."""
+    return np.asarray(colours.to_rgba(values[faces].ravel()))[:, :3].reshape(-1, 8, 3)
 
 
 def _draw_triad(axes: Axes) -> None:
@@ -125,25 +115,13 @@ _MARKS = {"axial": "o", "radial": "s", "tangential": "^"}
 _CLEAR = 0.6
 
 
-@house_look()
 def families(modes: xr.Dataset) -> Figure:
     """Free natural frequencies over nodal diameters, families joined.
 
     The lowest modes of one kind are a family, the next ones another, and so on. A number at a
-    mode counts its nodal circles.
-
-    **Arguments:**
-
-    - `modes`: of the free body.
-
-    **Returns:**
-
-    The figure. Hollow: modes whose nodal diameter is not clear.
+    mode counts its nodal circles. Hollow: modes whose nodal diameter is not clear.
     """
-    figure = Figure(figsize=(8.4, 6.4), dpi=150)
-    figure.set_layout_engine("constrained")
-    axes = figure.subplots()
-    figure.suptitle(modes.attrs["title"])
+    figure, (axes,) = panels(modes.attrs["title"], None, (8.4, 6.4))
     diameter, kinds, rank = (modes[x].values for x in ("nodal_diameter", "kind", "family"))
     frequency, clear = 1e-3 * modes["frequency_Hz"], modes["nodal_diameter_share"] >= _CLEAR
     for kind, colour in _COLOURS.items():
@@ -160,8 +138,8 @@ def families(modes: xr.Dataset) -> Figure:
         place = kind, diameter[mode], rank[mode]
         if "nodal_circle" in modes and place not in told:
             told.add(place)
-            look = {"textcoords": "offset points", "fontsize": 8.5, "color": GREY}
-            axes.annotate(f"{int(modes['nodal_circle'][mode])}", where, (7, -10), **look)
+            look = {"ha": "left", "fontsize": 8.5, "color": GREY}
+            write_at(axes, f"{int(modes['nodal_circle'][mode])}", where, (7, -10), **look)
     axes.set(xlabel="nodal diameters", ylabel="free natural frequency [kHz]")
     axes.set_ylim(bottom=0.0)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
@@ -172,64 +150,45 @@ def families(modes: xr.Dataset) -> Figure:
     if not clear.all():
         handles.append(Line2D([], [], mec=GREY, marker="o", mfc="white", **look))
         names.append("no clear nodal diameter")
-    figure.legend(
-        handles,
-        names,
-        loc="outside lower center",
-        ncols=4,
-        frameon=False,
-        title="numbers: nodal circles" if "nodal_circle" in modes else None,
-    )
+    title = "numbers: nodal circles" if "nodal_circle" in modes else None
+    legend_below(figure, handles, names, ncols=4, title=title)
     return figure
 
 
-@house_look()
 def mode_shapes(body: xr.Dataset) -> Figure:
-    """The lowest different mode shapes, deformed, coloured by motion along their main direction.
-
-    **Arguments:**
-
-    - `body`: with its grid and mode shapes.
-
-    **Returns:**
-
-    The figure.
-    """
+    """The lowest different mode shapes, deformed, coloured by motion along their main direction."""
     count = body.sizes["shown"]
     columns = min(3, count)
     rows = -(-count // columns)
-    figure = Figure(figsize=(3.4 * columns, 2.9 * rows + 1.1), dpi=150)
-    figure.set_layout_engine("constrained", wspace=0.02, hspace=0.02)
-    panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    figure.suptitle(body.attrs["title"])
+    size = (3.4 * columns, 2.9 * rows + 1.1)
+    figure, places = panels(body.attrs["title"], None, size, columns, rows, space=(0.02, 0.02))
     faces, nodes = body["face"].values, 1e-3 * body["node_mm"].values
     reach = _SHOWN * np.hypot(nodes[:, 0], nodes[:, 1]).max()
-    colours = ScalarMappable(Normalize(-1.0, 1.0), _MOTION)
-    for panel in panels:
+    colours = ScalarMappable(Normalize(-1.0, 1.0), EITHER_WAY)
+    for panel in places:
         panel.set_axis_off()
     for panel, mode, shape in zip(
-        panels, body["shown"].values - 1, body["shape"].values, strict=False
+        places, body["shown"].values - 1, body["shape"].values, strict=False
     ):
         shape = shape / np.abs(shape).max()
-        along = _component(nodes, shape, str(body["kind"].values[mode]))
-        along = along / np.abs(along).max()
-        fill = np.asarray(colours.to_rgba(along[faces].ravel()))[:, :3].reshape(-1, 8, 3)
+        along = component_of(nodes, shape, str(body["kind"].values[mode]))
+        fill = fill_of(colours, along / np.abs(along).max(), faces)
         show(panel, render(nodes + reach * shape, faces, fill, pixels=320))
         # A slender body is narrower than its panel, whose title is not.
         panel.set_aspect("equal", adjustable="datalim")
-        panel.set_title(body["label"].values[mode])
-    bar = figure.colorbar(
-        colours, ax=list(panels), location="bottom", shrink=0.6, aspect=40, pad=0.02
-    )
+        panel.set_title(str(body["label"].values[mode]))
+    place = {"location": "bottom", "shrink": 0.6, "aspect": 40, "pad": 0.02}
+    bar = figure.colorbar(colours, ax=places, **place)
     bar.set_label("displacement along the direction named, of the largest")
     return figure
 
 
-def _component(nodes: np.ndarray, shape: np.ndarray, kind: str) -> np.ndarray:
+def component_of(nodes: np.ndarray, shape: np.ndarray, kind: str) -> np.ndarray:
     """Axial, radial or tangential displacement of every node."""
     if kind == "axial":
         return shape[:, 2]
     radius = np.maximum(np.hypot(nodes[:, 0], nodes[:, 1]), 1e-12)
     x, y = nodes[:, 0] / radius, nodes[:, 1] / radius
-    radial, tangential = x * shape[:, 0] + y * shape[:, 1], x * shape[:, 1] - y * shape[:, 0]
-    return radial if kind == "radial" else tangential
+    if kind == "radial":
+        return x * shape[:, 0] + y * shape[:, 1]
+    return x * shape[:, 1] - y * shape[:, 0]

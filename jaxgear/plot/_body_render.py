@@ -5,6 +5,7 @@ nearest one is seen. So surfaces may interpenetrate, bend and be of any number o
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -60,10 +61,6 @@ def render(
     - `flat`: faces that the light does not shade.
     - `edges`: whether the edges of the faces are drawn.
     - `pixels`: of the longer side of the picture.
-
-    **Returns:**
-
-    The picture.
     """
     placed = nodes @ frame()
     used = placed[np.unique(faces)]
@@ -130,11 +127,7 @@ def _darkened(colours: np.ndarray, spans: np.ndarray, count: np.ndarray) -> np.n
 
 
 def _gather(
-    depth: np.ndarray,
-    painted: np.ndarray,
-    shape: np.ndarray,
-    points: np.ndarray,
-    colours: np.ndarray,
+    depth: np.ndarray, painted: np.ndarray, shape: np.ndarray, points: np.ndarray, colours: Any
 ) -> None:
     """Keep in every pixel the sample that is nearest to the viewer."""
     points, colours = points.reshape(-1, 3), colours.reshape(-1, 3)

@@ -14,9 +14,9 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from jaxgear.plot._labels import Label, write_labels, write_rays
-from jaxgear.plot._palette import BLUE, GREEN, GREY, ORANGE, RED, SKY
-from jaxgear.plot._speed_axes import PURPLE, frequency_unit, runs, speed_axes
-from jaxgear.plot._style import house_look, panels
+from jaxgear.plot._palette import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY
+from jaxgear.plot._speed_axes import frequency_unit, mesh_rays, runs, speed_axes
+from jaxgear.plot._style import legend_below, panels
 
 # Of waves of two and more nodal diameters; fewer are in grey and black.
 _WAVES = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, "#8c6d31", "#5254a3")
@@ -31,45 +31,38 @@ _LABELS = 24
 # --- Seen from space
 
 
-@house_look()
 def campbell(dataset: xr.Dataset, critical: xr.Dataset) -> Figure:
-    """Natural frequencies seen from space over pinion speed, and where mesh harmonics meet them.
-
-    **Arguments:**
-
-    - `dataset`: the group `campbell`.
-    - `critical`: the group `critical`.
-    """
-    figure, (axes,) = panels((9.6, 7.0), f"Campbell diagram: {dataset.attrs['title']}")
-    speed, teeth = dataset["speed"].values, int(dataset.attrs["teeth_pinion"])
+    """Natural frequencies seen from space over pinion speed, and where mesh harmonics meet them."""
+    figure, (axes,) = panels("Campbell diagram", dataset, (9.6, 7.0))
     frequency = np.abs(dataset["frequency_Hz"].values)
     unit, name = frequency_unit(float(np.nanmax(frequency[0])))
-    top = 1.06 * float(np.nanmax(frequency[0])) / unit
-    count = int(dataset.attrs["harmonics"])
-    rays = [
-        np.stack([speed, h * teeth * speed / (2.0 * np.pi * unit)], axis=1)
-        for h in range(1, count + 1)
-    ]
+    rays = mesh_rays(dataset, unit)
     for ray in rays:
         axes.plot(*ray.T, zorder=1.9, **_RAYS)
     curves = _draw_waves(axes, dataset, frequency / unit)
     axes.set_ylabel(f"natural frequency seen from space [{name}]")
-    speed_axes([axes], speed, teeth)
-    axes.set_ylim(0.0, top)
-    shown, places = _inside(critical, "frequency_space_Hz", unit, top)
-    _mark_critical(axes, shown, places)
-    write_rays(axes, rays, places)
-    _label_critical(axes, shown, places, [*rays, *curves])
+    shown = _draw_critical(axes, dataset, critical, "frequency_space_Hz", rays, [*rays, *curves])
     _legend(figure, np.unique(dataset["nodal_diameter"].values), shown, harmonics=True)
     return figure
 
 
-def _inside(
-    critical: xr.Dataset, name: str, unit: float, top: float
-) -> tuple[xr.Dataset, np.ndarray]:
-    """Critical speeds inside the axes, and their places."""
-    shown = critical.isel(crossing=critical[name].values / unit < 0.99 * top)
-    return shown, np.stack([shown["pinion_speed_rad_s"], shown[name] / unit], axis=1)
+def _draw_critical(
+    axes: Axes, dataset: xr.Dataset, critical: xr.Dataset, name: str, rays: Any, lines: Any
+) -> xr.Dataset:
+    """Limits of the axes, and marks at the critical speeds inside them, which are returned.
+
+    Rays have their numbers; labels are clear of lines.
+    """
+    highest = float(np.nanmax(np.abs(dataset["frequency_Hz"].values[0])))
+    unit, _ = frequency_unit(highest)
+    speed_axes([axes], dataset["speed"].values, int(dataset.attrs["teeth_pinion"]))
+    axes.set_ylim(0.0, 1.06 * highest / unit)
+    shown = critical.isel(crossing=critical[name].values < 0.99 * 1.06 * highest)
+    places = np.stack([shown["pinion_speed_rad_s"], shown[name] / unit], axis=1)
+    _mark_critical(axes, shown, places)
+    write_rays(axes, rays, places)
+    _label_critical(axes, shown, places, lines)
+    return shown
 
 
 def _colour(diameters: int) -> str:
@@ -138,38 +131,25 @@ def _legend(figure: Figure, numbers: np.ndarray, shown: xr.Dataset, *, harmonics
         handles.append(Line2D([], [], ms=5.5, label="critical [rad/s]", **dot))
     if (shown["harmonic"] > 1).any():
         handles.append(Line2D([], [], ms=4.0, mfc="white", label="by harmonics", **dot))
-    figure.legend(
-        handles=handles,
-        loc="outside lower center",
-        ncols=7,
-        frameon=False,
-        title="nodal diameters n of the leading wave, and which way it runs",
-    )
+    title = "nodal diameters n of the leading wave, and which way it runs"
+    legend_below(figure, handles, ncols=7, title=title)
 
 
 # --- Seen from a gear
 
 
-@house_look()
 def campbell_on_body(dataset: xr.Dataset, critical: xr.Dataset, gear: str) -> Figure:
     """Natural frequencies on a gear over pinion speed, with the orders by which the mesh comes.
 
     Harmonic h comes to a wave of n nodal diameters as order h Z - n if it runs forward, h Z + n if
     it runs backward.
-
-    **Arguments:**
-
-    - `dataset`: the group `campbell`, with frequencies on that gear only.
-    - `critical`: the group `critical`, as far as it is of that gear.
-    - `gear`: pinion or wheel.
     """
+    figure, (axes,) = panels("Campbell diagram on the body", dataset, (9.6, 7.0))
     title = f"Campbell diagram on the body: {dataset.attrs['title']}, seen from the {gear}"
-    figure, (axes,) = panels((9.6, 7.0), title)
+    figure.suptitle(title)
     speed, teeth = dataset["speed"].values, int(dataset.attrs["teeth_pinion"])
     own = dataset["frequency_body_Hz"].values
-    rest = np.abs(dataset["frequency_Hz"].values[0])
-    unit, name = frequency_unit(float(np.max(rest)))
-    top = 1.06 * float(np.max(rest)) / unit
+    unit, name = frequency_unit(float(np.max(np.abs(dataset["frequency_Hz"].values[0]))))
     curves = _draw_waves(axes, dataset, own / unit, joined=False)
     turned = teeth / dataset.attrs[f"teeth_{gear}"] * speed / (2.0 * np.pi * unit)
     number = dataset.attrs[f"teeth_{gear}"]
@@ -183,12 +163,7 @@ def campbell_on_body(dataset: xr.Dataset, critical: xr.Dataset, gear: str) -> Fi
                 look: dict[str, Any] = {"color": _colour(n), "ls": _STYLES[way], "lw": 0.6}
                 axes.plot(speed, ray, zorder=1.8, alpha=0.8 if harmonic == 1 else 0.35, **look)
     axes.set_ylabel(f"natural frequency on the {gear} [{name}]")
-    speed_axes([axes], speed, teeth)
-    axes.set_ylim(0.0, top)
-    shown, places = _inside(critical, "frequency_body_Hz", unit, top)
-    _mark_critical(axes, shown, places)
-    write_rays(axes, rays, places)
-    _label_critical(axes, shown, places, curves)
+    shown = _draw_critical(axes, dataset, critical, "frequency_body_Hz", rays, curves)
     _legend(figure, waves, shown, harmonics=False)
     orders = f"thin lines: orders h x {number} - n (F) and h x {number} + n (B) of the {gear}"
     axes.set_title(orders, loc="left", fontsize=9)
@@ -198,19 +173,14 @@ def campbell_on_body(dataset: xr.Dataset, critical: xr.Dataset, gear: str) -> Fi
 # --- Alone and in mesh
 
 
-@house_look()
 def alone(dataset: xr.Dataset, gear: str) -> Figure:
     """Natural frequencies over nodal diameters of a gear alone on its bearings, and in mesh.
 
     After Guilbert 2017, Fig. III-19.
-
-    **Arguments:**
-
-    - `dataset`: the group `alone_GEAR`.
-    - `gear`: pinion or wheel.
     """
-    title = f"Modes alone and in mesh: {dataset.attrs['title']}"
-    figure, (axes, change) = panels((10.0, 5.6), title, columns=2, ratios=(1.4, 1.0))
+    figure, (axes, change) = panels(
+        "Modes alone and in mesh", dataset, (10.0, 5.6), 2, width_ratios=(1.4, 1.0)
+    )
     names = ("nodal_diameter", "frequency_alone_Hz", "frequency_in_mesh_Hz", "likeness")
     number, before, after, likeness = (dataset[name].values for name in names)
     unit, name = frequency_unit(float(np.max(before, initial=1.0)))
@@ -233,11 +203,7 @@ def alone(dataset: xr.Dataset, gear: str) -> Figure:
     for each in (axes, change):
         each.xaxis.set_major_locator(MaxNLocator(integer=True))
         each.set_xlabel("nodal diameters [-]")
-    axes.set(
-        ylabel=f"natural frequency of the {gear} on its bearings [{name}]",
-        ylim=(0.0, None),
-    )
+    axes.set(ylabel=f"natural frequency of the {gear} on its bearings [{name}]", ylim=(0.0, None))
     change.set_ylabel("change by the mesh [%]")
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
+    legend_below(figure, *axes.get_legend_handles_labels(), ncols=3)
     return figure

@@ -1,10 +1,8 @@
 """Pictures of comparisons of fidelity levels."""
 
 from collections.abc import Iterator
-from functools import partial
 
-from jaxgear.plot._picture import Datasets, Picture, columns
-from jaxgear.plot._plots import compare_pictures
+from jaxgear.plot._picture import Datasets, Picture, columns, drawn
 
 
 def comparison_pictures(datasets: Datasets) -> Iterator[Picture]:
@@ -14,8 +12,9 @@ def comparison_pictures(datasets: Datasets) -> Iterator[Picture]:
             continue
         table = columns(found, *map(str, found.data_vars))
         moving = "error_95_dynamic_ratio" in found
-        draw = partial(compare_pictures.overview, found)
+        draw = drawn("_compare_pictures.overview", found)
         yield Picture(f"{group}_overview" if moving else group, draw, table)
         for response in found.attrs["responses"].split():
             name = group if response == "dynamic_ratio" else f"{group}_{response}"
-            yield Picture(name, partial(compare_pictures.error_over_time, found, response), table)
+            draw = drawn("_compare_pictures.error_over_time", found, response)
+            yield Picture(name, draw, table)

@@ -14,7 +14,7 @@ from matplotlib.ticker import NullFormatter
 
 from jaxgear.plot._labels import Label, write_labels
 from jaxgear.plot._palette import BLUE, GREEN, GREY, SERIES
-from jaxgear.plot._style import house_look, panels
+from jaxgear.plot._style import axis_label, legend_below, panels
 
 # Colours of cells: well within the tolerance, within it, up to so many times it, beyond.
 _SHADES, _FAR = ("#b7e3d3", "#e3f1d4", "#fbe6bd", "#f3bfa6"), 5.0
@@ -28,25 +28,15 @@ def judged(levels: xr.Dataset, response: str) -> xr.DataArray:
     return levels[name if name in levels else f"error_{response}"]
 
 
-@house_look()
 def overview(levels: xr.Dataset) -> Figure:
-    """Errors of every level as a table with shades, its time and that of compiling it as bars.
-
-    **Arguments:**
-
-    - `levels`: a group of a comparison.
-
-    **Returns:**
-
-    The figure.
-    """
+    """Errors of every level as a table with shades, its time and that of compiling it as bars."""
     about, names = levels.attrs, [str(name) for name in levels["name"].values]
     errors = [judged(levels, response) for response in about["responses"].split()]
     count, width = len(names), 1.45 * len(errors)
-    figure = Figure(figsize=(3.9 + width + 2 * _BARS, 1.9 + 0.3 * count))
-    figure.set_layout_engine("constrained", wspace=0.02)
-    table, running, compiling = figure.subplots(1, 3, width_ratios=(width, _BARS, _BARS))
-    figure.suptitle(f"Models and methods compared: {about['title']}")
+    size, ratios = (3.9 + width + 2 * _BARS, 1.9 + 0.3 * count), (width, _BARS, _BARS)
+    what, space = "Models and methods compared", (0.02, 0.02)
+    figure, row = panels(what, levels, size, 3, space=space, width_ratios=ratios)
+    table, running, compiling = row
     bold = ["bold" if name == about["recommended"] else "normal" for name in names]
     _draw_table(table, errors, about, bold)
     table.set_yticks(range(count), names, fontsize=9)
@@ -103,23 +93,13 @@ def _percent(error: float) -> str:
     return f"{100.0 * error:.2g} %" if error < 0.995 else f"{error:.2g} x"
 
 
-@house_look()
 def error_over_time(levels: xr.Dataset, response: str) -> Figure:
     """Error over time: what lies further down and left is better.
 
     Levels of one family are joined in the order given. An error that is not finite failed, and
     stands at the top; one of zero stands at the foot.
-
-    **Arguments:**
-
-    - `levels`: a group of a comparison.
-    - `response`: whose error is drawn.
-
-    **Returns:**
-
-    The figure.
     """
-    figure, (axes,) = panels((9.6, 6.2), f"Error over time: {levels.attrs['title']}")
+    figure, (axes,) = panels("Error over time", levels, (9.6, 6.2))
     error, tolerance = judged(levels, response), float(levels.attrs["tolerance"])
     recommended = error.attrs["recommended"]
     names, family = (levels[x].values.astype(str) for x in ("name", "family"))
@@ -135,8 +115,8 @@ def error_over_time(levels: xr.Dataset, response: str) -> Figure:
         axes.plot(*good.T, marker, ls="", color=colour, ms=6.5, zorder=3.0)
         axes.plot(*bad.T, marker, color=colour, mfc="none", ms=6.5, zorder=3.0)
         handles.append(Line2D([], [], color=colour, marker=marker, ms=6.5, lw=1.1, label=own))
-    axes.set(xscale="log", yscale="log", xlabel=f"{levels['time_s'].attrs['long_name']} [s]")
-    axes.set_ylabel(f"{error.attrs['long_name']} [-]")
+    axes.set(xscale="log", yscale="log")
+    axes.set(xlabel=axis_label(levels["time_s"]), ylabel=axis_label(error))
     _room_around(axes, np.concatenate([place, [[place[0, 0], tolerance]]]))
     axes.axhline(tolerance, color=GREEN, lw=1.2, ls="--", zorder=1.5)
     label = f"tolerance {tolerance:.2g}"
@@ -152,7 +132,7 @@ def error_over_time(levels: xr.Dataset, response: str) -> Figure:
     failed, exact = not np.isfinite(error).all(), bool(np.any(error == 0.0))
     words = {"no result (at the top)": failed, "no difference (at the foot)": exact}
     handles += [Line2D([], [], label=text, **hollow) for text, any_of in words.items() if any_of]
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
+    legend_below(figure, handles, ncols=4)
     labels = [
         Label(name, (float(x), float(y)), looks[own][0], name == recommended)
         for name, (x, y), own in zip(names, place, family, strict=True)

@@ -7,6 +7,8 @@ import xarray as xr
 
 _HARMONICS = 10
 
+# What is smaller than this share of the static force is rounding: the teeth are apart.
+NO_FORCE = 1e-9
 # A slice has a place on the flank if its middle is on the path of contact.
 _ON_FLANK = 0.5
 
@@ -54,15 +56,9 @@ def largest_pressure(dataset: xr.Dataset) -> np.ndarray:
 
 
 def cycle_statistics(values: xr.DataArray) -> tuple[float, float, float]:
-    """Weighted statistics of a variable over the cycle.
+    """Mean over the cycle, RMS of the fluctuation about it, and peak to peak of a variable.
 
-    **Arguments:**
-
-    - `values`: over phase, from a dataset with its `weight`.
-
-    **Returns:**
-
-    Mean, RMS of the fluctuation about it, and peak to peak, in the unit of the variable.
+    It is over phase, from a dataset with its `weight`.
     """
     weight, y = values["weight"].values, values.values
     mean = float(np.sum(weight * y))
@@ -70,19 +66,10 @@ def cycle_statistics(values: xr.DataArray) -> tuple[float, float, float]:
 
 
 def flank_grid(dataset: xr.Dataset, variable: str, body: str, *, points: int = 81) -> xr.DataArray:
-    """Collect what all lines saw at all phases onto one flank.
+    """Collect what all lines saw at all phases onto one flank, of `pinion` or `wheel`.
 
-    **Arguments:**
-
-    - `dataset`: of a mesh cycle.
-    - `variable`: one over phase, line and slice.
-    - `body`: `pinion` or `wheel`: whose flank.
-    - `points`: of the regular profile axis.
-
-    **Returns:**
-
-    The variable over `profile_position`, 0 near the root of this flank to 1 at its tip, and
-    `face_position_mm`.
+    The variable, one over phase, line and slice, is returned over `face_position_mm` and so many
+    points of `profile_position`, 0 near the root of this flank to 1 at its tip.
 
     **Raises:**
 

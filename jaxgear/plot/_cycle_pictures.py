@@ -10,13 +10,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Colormap, Normalize
 from matplotlib.figure import Figure
 
-from jaxgear.plot._cycle import (
-    cycle_periods,
-    cycle_statistics,
-    flank_grid,
-    mesh_orders,
-    unrolled,
-)
+from jaxgear.plot._cycle import cycle_periods, cycle_statistics, flank_grid, mesh_orders, unrolled
 from jaxgear.plot._cycle_tables import (
     FLANK_MAPS,
     along_flank,
@@ -27,40 +21,53 @@ from jaxgear.plot._cycle_tables import (
     phase_of_largest,
     spectra,
 )
-from jaxgear.plot._palette import BLUE, GREEN, GREY, ORANGE, RED
+from jaxgear.plot._palette import BLUE, GREEN, GREY, ORANGE, RED, SURFACE
 from jaxgear.plot._style import (
-    SURFACE,
+    axis_label,
     digits,
-    house_look,
     line_width,
     mark_points,
+    over_face,
+    panels,
     phase_axis,
     roll_axis,
-    titled,
+    room_above,
+    surface,
 )
 
+_MARKED: dict[str, Any] = {"marker": "o", "ms": 3.5}
 _FLANK_MAPS = dict(
     zip(FLANK_MAPS, (("line load", "N/mm"), ("Hertzian pressure", "MPa")), strict=True)
 )
 
 
-@house_look()
+def _draw_over_cycle(axes: Axes, dataset: xr.Dataset, name: str, label: str, sizes: str) -> float:
+    """A variable over the cycle with its mean, which is returned; `sizes` names its statistics."""
+    phase, values = over_cycle(dataset, name).values()
+    mean, rms, span = cycle_statistics(dataset[name])
+    axes.plot(phase, values, color=BLUE, lw=line_width(dataset["phase"].values))
+    axes.axhline(mean, color=GREY, lw=0.8, ls="--")
+    unit = label.partition("[")[2].rstrip("]")
+    sizes = sizes.format(rms=f"RMS {digits(rms, 3)} {unit}")
+    words = f"mean {digits(mean, 4)} {unit} (dashed), {sizes}peak to peak {digits(span, 3)} {unit}"
+    axes.set_title(words, loc="left")
+    phase_axis(axes, label, dataset["phase"].values)
+    return mean
+
+
 def transmission_error(dataset: xr.Dataset) -> Figure:
     """Transmission error over two mesh periods or the longer cycle, and its mesh harmonics."""
-    figure, (time, order) = titled(dataset, "Transmission error", (9.6, 4.0), 2, (1.7, 1.0))
-    phase, error = over_cycle(dataset, "transmission_error_um").values()
-    harmonic, amplitude = (dataset[name].values for name in ("harmonic", "te_harmonic_um"))
-    mean, rms, span = cycle_statistics(dataset["transmission_error_um"])
-    width = line_width(dataset["phase"].values)
-    time.plot(phase, error, color=BLUE, lw=width)
-    time.axhline(mean, color=GREY, lw=0.8, ls="--")
-    size = f"RMS {digits(rms, 3)} µm, peak to peak {digits(span, 3)} µm"
-    time.set_title(f"mean {digits(mean, 4)} µm (dashed), {size}", loc="left")
+    figure, (time, order) = panels(
+        "Transmission error", dataset, (9.6, 4.0), 2, width_ratios=(1.7, 1.0)
+    )
+    name, label = "transmission_error_um", "transmission error [µm]"
+    mean = _draw_over_cycle(time, dataset, name, label, "{rms}, ")
+    error = dataset[name].values
     # A nearly constant error must not look like a large one.
-    room = max(0.6 * span, 5e-3 * abs(mean))
+    room = max(0.6 * float(np.ptp(error)), 5e-3 * abs(mean))
     middle = 0.5 * (np.max(error) + np.min(error))
     time.set_ylim(middle - room, middle + room)
-    phase_axis(time, "transmission error [µm]", dataset["phase"].values)
+    harmonic, amplitude = (dataset[name].values for name in ("harmonic", "te_harmonic_um"))
     order.vlines(harmonic, 0.0, amplitude, color=BLUE)
     order.plot(harmonic, amplitude, "o", color=BLUE)
     order.set(xlabel="mesh harmonic [-]", ylabel="amplitude [µm]", xticks=harmonic)
@@ -70,119 +77,82 @@ def transmission_error(dataset: xr.Dataset) -> Figure:
     return figure
 
 
-@house_look()
 def stiffness_and_sharing(dataset: xr.Dataset) -> Figure:
     """Mesh stiffness over the cycle, and each pair's share of the load."""
-    figure, (stiffness, share) = titled(dataset, "Mesh stiffness and load sharing", (9.6, 4.0), 2)
-    data = over_cycle(dataset, "mesh_stiffness_N_um")
-    mean, _, span = cycle_statistics(dataset["mesh_stiffness_N_um"])
-    width = line_width(dataset["phase"].values)
-    stiffness.plot(data["phase"], data["mesh_stiffness_N_um"], color=BLUE, lw=width)
-    stiffness.axhline(mean, color=GREY, lw=0.8, ls="--")
-    size = f"peak to peak {digits(span, 3)} N/µm"
-    stiffness.set_title(f"mean {digits(mean, 4)} N/µm (dashed), {size}", loc="left")
-    stiffness.set_ylim(0.0, 1.1 * np.max(data["mesh_stiffness_N_um"]))
-    phase_axis(stiffness, "mesh stiffness [N/µm]", dataset["phase"].values)
-    data = load_sharing_columns(dataset)
+    figure, (stiffness, share) = panels("Mesh stiffness and load sharing", dataset, (9.6, 4.0), 2)
+    name = "mesh_stiffness_N_um"
+    _draw_over_cycle(stiffness, dataset, name, "mesh stiffness [N/µm]", "")
+    stiffness.set_ylim(0.0, 1.1 * float(dataset[name].max()))
+    data, width = load_sharing_columns(dataset), line_width(dataset["phase"].values)
     pairs = np.unique(data["tooth_pair"])
     for pair in pairs:
         own = data["tooth_pair"] == pair
         share.plot(data["roll_mm"][own], data["load_sharing"][own], color=BLUE, lw=width)
     count = "one tooth pair" if len(pairs) == 1 else f"{len(pairs)} tooth pairs"
     share.set_title(f"{count} from entry to exit", loc="left")
-    share.set(
-        xlabel="roll length at mid-face [mm]", ylabel="share of the mesh force [-]", ylim=(0, 1.09)
-    )
+    share.set(xlabel="roll length at mid-face [mm]", ylabel="share of the mesh force [-]")
+    share.set_ylim(0, 1.09)
     mark_points(share, dataset["path_point_roll_mm"])
     return figure
 
 
-@house_look()
 def flank_maps(dataset: xr.Dataset) -> Figure:
     """Line load and pressure over the pinion's flank, along its roll angle and diameter."""
-    figure, both = titled(dataset, "Loads on the pinion's flank", (9.6, 4.2), 2)
+    figure, both = panels("Loads on the pinion's flank", dataset, (9.6, 4.2), 2)
     for axes, (variable, (quantity, unit)) in zip(both, _FLANK_MAPS.items(), strict=True):
         grid = flank_grid(dataset, variable, "pinion")
         place, diameter = along_flank(dataset, grid["profile_position"].values)
         half = 0.5 * (place[1] - place[0])
-        face = np.linspace(-0.5, 0.5, grid.sizes["slice"] + 1) * dataset.attrs["face_width_mm"]
-        surface = axes.pcolormesh(
-            np.append(place - half, place[-1] + half),
-            face,
-            grid.values.T,
-            cmap=SURFACE,
-            vmin=0.0,
-            rasterized=True,
-        )
-        axes.grid(False)
+        edges = np.append(place - half, place[-1] + half)
+        area = surface(axes, edges, over_face(dataset), grid.values, vmin=0.0)
         axes.set_ylabel("position from mid-face [mm]")
         roll_axis(axes, place, diameter)
         axes.set_title(f"largest {digits(float(dataset[variable].max()), 4)} {unit}", loc="left")
         angle, _ = along_flank(dataset, dataset["path_point_position"].values)
         mark_points(axes, dataset["path_point_position"].copy(data=angle), on_surface=True)
-        figure.colorbar(surface, ax=axes, label=f"{quantity} [{unit}]")
+        figure.colorbar(area, ax=axes, label=f"{quantity} [{unit}]")
     return figure
 
 
-@house_look()
 def face_load(dataset: xr.Dataset) -> Figure:
     """Load per face width across the face: its mean over the cycle, and where it is largest."""
-    figure, (axes,) = titled(dataset, "Load across the face", (7.2, 4.4))
-    data = face_load_columns(dataset)
-    face, load = data["face_position_mm"], data["face_load_mean_N_mm"]
-    mean = float(np.mean(load))
-    phase = float(dataset["phase"].values[phase_of_largest(dataset)])
-    style = {"marker": "o", "ms": 3.5}
-    axes.plot(
-        face,
-        data["face_load_at_largest_N_mm"],
-        color=ORANGE,
-        ls="--",
-        label=f"at phase {phase:.3f}, where it is largest",
-        **style,
-    )
-    axes.plot(face, load, color=BLUE, label="mean over the cycle", **style)
-    axes.axhline(
-        mean,
-        color=GREY,
-        lw=1.0,
-        ls=":",
-        label=rf"mean {digits(mean, 4)} N/mm, $K_{{H\beta}}$ = {np.max(load) / mean:.3f}",
-    )
+    figure, (axes,) = panels("Load across the face", dataset, (7.2, 4.4))
+    face, load, largest = face_load_columns(dataset).values()
+    mean, phase = float(np.mean(load)), float(dataset["phase"].values[phase_of_largest(dataset)])
+    words = f"at phase {phase:.3f}, where it is largest"
+    axes.plot(face, largest, color=ORANGE, ls="--", label=words, **_MARKED)
+    axes.plot(face, load, color=BLUE, label="mean over the cycle", **_MARKED)
+    words = rf"mean {digits(mean, 4)} N/mm, $K_{{H\beta}}$ = {np.max(load) / mean:.3f}"
+    axes.axhline(mean, color=GREY, lw=1.0, ls=":", label=words)
     half = 0.5 * dataset.attrs["face_width_mm"]
-    most = max(float(np.max(data["face_load_at_largest_N_mm"])), float(np.max(load)))
     axes.set(
         xlabel="position from mid-face, left (-Z) to right [mm]",
         ylabel="load per face width [N/mm]",
         xlim=(-half, half),
-        ylim=(0.0, 1.35 * most),
+        ylim=(0.0, 1.35 * max(float(np.max(largest)), float(np.max(load)))),
     )
     axes.legend(loc="upper center")
     return figure
 
 
-@house_look()
 def harris_map(dataset: xr.Dataset) -> Figure:
     """Transmission error over phase for several torques, and its size over torque."""
-    figure, (curves, size) = titled(dataset, "Harris map", (9.6, 4.2), 2, (1.5, 1.0))
+    figure, (curves, size) = panels("Harris map", dataset, (9.6, 4.2), 2, width_ratios=(1.5, 1.0))
     phases, te_um = dataset["phase"].values, dataset["harris_te_um"].values
-    data = harris_map_columns(dataset)
-    torques_Nm = data["torque_pinion_Nm"]
+    torques_Nm, means, rms, spans = harris_map_columns(dataset).values()
     colours, norm = torque_colours(torques_Nm)
-    width = min(line_width(phases), 1.3)
     # Shafts and bearings lift each curve by far more than it moves.
-    apart = float(np.ptp(te_um)) > 8.0 * float(np.max(data["te_peak_to_peak_um"]))
-    for torque, error, mean in zip(torques_Nm, te_um, data["te_mean_um"], strict=True):
-        shown = error - mean if apart else error
-        curves.plot(*unrolled(phases, shown), color=colours(norm(torque)), lw=width)
+    apart = float(np.ptp(te_um)) > 8.0 * float(np.max(spans))
+    for torque, error, mean in zip(torques_Nm, te_um, means, strict=True):
+        curve = unrolled(phases, error - mean if apart else error)
+        curves.plot(*curve, color=colours(norm(torque)), lw=min(line_width(phases), 1.3))
     label = "transmission error less its mean [µm]" if apart else "transmission error [µm]"
     phase_axis(curves, label, phases)
     torque_bar(figure, curves, torques_Nm)
-    style = {"marker": "o", "ms": 3.5}
-    size.plot(torques_Nm, data["te_peak_to_peak_um"], color=ORANGE, label="peak to peak", **style)
-    size.plot(torques_Nm, data["te_rms_um"], color=BLUE, label="RMS", **style)
-    size.set(xlabel="torque on the pinion [N m]", ylabel="TE fluctuation [µm]")
-    size.set_ylim(0.0, 1.25 * float(np.max(data["te_peak_to_peak_um"])))
+    size.plot(torques_Nm, spans, color=ORANGE, label="peak to peak", **_MARKED)
+    size.plot(torques_Nm, rms, color=BLUE, label="RMS", **_MARKED)
+    size.set(xlabel=axis_label(dataset["torque_Nm"]), ylabel="TE fluctuation [µm]")
+    size.set_ylim(0.0, 1.25 * float(np.max(spans)))
     size.legend(loc="upper left", ncols=2)
     return figure
 
@@ -196,26 +166,23 @@ def torque_colours(torques_Nm: np.ndarray) -> tuple[Colormap, Normalize]:
 def torque_bar(figure: Figure, axes: Axes, torques_Nm: np.ndarray) -> None:
     """The bar that says which colour is which torque."""
     colours, norm = torque_colours(torques_Nm)
-    bar = figure.colorbar(
-        ScalarMappable(norm, colours), ax=axes, label="torque on the pinion [N m]"
-    )
+    label = "torque on the pinion [N m]"
+    bar = figure.colorbar(ScalarMappable(norm, colours), ax=axes, label=label)
     if np.ptp(torques_Nm) > 0.0:
         bar.ax.set_ylim(float(np.min(torques_Nm)), float(np.max(torques_Nm)))
 
 
-@house_look()
 def te_spectrum(dataset: xr.Dataset) -> Figure:
     """Orders of the transmission error at several torques, and its mesh harmonics over torque."""
-    figure, (spectrum, size) = titled(
-        dataset, "Spectrum of the TE over torque", (9.6, 4.2), 2, (1.5, 1.0)
-    )
+    what = "Spectrum of the TE over torque"
+    figure, (spectrum, size) = panels(what, dataset, (9.6, 4.2), 2, width_ratios=(1.5, 1.0))
     phases, torques_Nm = dataset["phase"].values, dataset["torque_Nm"].values
     data = spectra(dataset)
     order, amplitudes = data["order"].values, data["te_order_um"].values
     colours, norm = torque_colours(torques_Nm)
     fine = cycle_periods(phases) > 1
-    style: dict[str, Any] = {"lw": 0.7} if fine else {"lw": 1.3, "marker": "o", "ms": 3.5}
     for torque, amplitude in zip(torques_Nm, amplitudes, strict=True):
+        style: dict[str, Any] = {"lw": 0.7} if fine else {"lw": 1.3, **_MARKED}
         spectrum.plot(order, amplitude, color=colours(norm(torque)), **style)
     most = max(float(np.max(amplitudes)), 1e-9)
     # What is further down is rounding.
@@ -224,20 +191,19 @@ def te_spectrum(dataset: xr.Dataset) -> Figure:
     whole = mesh_orders(phases)
     spectrum.set_xticks(whole)
     spectrum.set_xlim(0.0, whole[-1] + 0.5)
+    words = "mesh harmonics (zero to peak)"
     if fine:
-        step = f"orders in steps of 1/{cycle_periods(phases)}; mesh harmonics dotted"
-        spectrum.set_title(step, loc="left")
+        words = f"orders in steps of 1/{cycle_periods(phases)}; mesh harmonics dotted"
         for harmonic in whole:
             spectrum.axvline(harmonic, color=GREY, lw=0.8, ls=":", zorder=0.5)
-    else:
-        spectrum.set_title("mesh harmonics (zero to peak)", loc="left")
+    spectrum.set_title(words, loc="left")
     torque_bar(figure, spectrum, torques_Nm)
     for harmonic, colour, marker in zip(whole, (BLUE, ORANGE, GREEN, RED), "os^v", strict=False):
         over_torque = amplitudes[:, np.isclose(order, harmonic)][:, 0]
-        label = f"order {harmonic}"
-        size.plot(torques_Nm, over_torque, color=colour, marker=marker, ms=3.5, label=label)
-    size.set(xlabel="torque on the pinion [N m]", ylabel="amplitude of the TE [µm]")
-    low, high = size.get_ylim()
-    size.set_ylim(0.0, high + 0.25 * (high - low))
+        look: dict[str, Any] = {"color": colour, "marker": marker, "ms": 3.5}
+        size.plot(torques_Nm, over_torque, label=f"order {harmonic}", **look)
+    size.set(xlabel=axis_label(dataset["torque_Nm"]), ylabel="amplitude of the TE [µm]")
+    room_above(size, 0.25)
+    size.set_ylim(bottom=0.0)
     size.legend(loc="upper left", ncols=2)
     return figure

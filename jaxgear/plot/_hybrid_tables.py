@@ -12,40 +12,28 @@ _SHOWN = 6
 
 def contact_line_loads(dataset: xr.Dataset) -> xr.Dataset:
     """The line loads at the phases that are drawn, of the lines that carry any."""
-    phases = _phases_shown(dataset)
-    load = dataset["line_load_N_mm"].values[phases]
-    lines = np.flatnonzero(load.max(axis=(0, 2)) > 0.0)
-    return dataset[["line_load_N_mm"]].isel(phase=phases, line=lines)
-
-
-def _phases_shown(dataset: xr.Dataset) -> np.ndarray:
-    """Phases in equal steps through the mesh period of the largest load, which is among them."""
-    load = dataset["line_load_N_mm"].values.max(axis=(1, 2))
-    each = len(load) // cycle_periods(dataset["phase"].values)
-    worst = int(np.argmax(load))
+    every = dataset["line_load_N_mm"].values
+    # In equal steps through the mesh period of the largest load, which is among them.
+    each = len(every) // cycle_periods(dataset["phase"].values)
+    worst = int(np.argmax(every.max(axis=(1, 2))))
     steps = np.rint(np.arange(_SHOWN) * each / _SHOWN).astype(int)
-    return np.sort(each * (worst // each) + (worst % each + steps) % each)
+    phases = np.sort(each * (worst // each) + (worst % each + steps) % each)
+    lines = np.flatnonzero(every[phases].max(axis=(0, 2)) > 0.0)
+    return dataset[["line_load_N_mm"]].isel(phase=phases, line=lines)
 
 
 def tooth_way_columns(dataset: xr.Dataset) -> Columns:
     """One tooth pair's way, one row per place."""
-    return columns(
-        dataset,
-        passage="way_passage",
-        share_of_mesh_force="way_share",
-        face_position_mm="face_position_mm",
-        line_load_N_mm="way_line_load_N_mm",
-        pressure_MPa="way_pressure_MPa",
-    )
+    names = {"passage": "way_passage", "share_of_mesh_force": "way_share"}
+    names |= {"face_position_mm": "face_position_mm"}
+    loads = {name: f"way_{name}" for name in ("line_load_N_mm", "pressure_MPa")}
+    return columns(dataset, **names, **loads)
 
 
 def tooth_loads_columns(dataset: xr.Dataset, gear: str) -> Columns:
     """What each tooth of a gear carries, in the order of their places on it."""
-    own = dataset.isel(
-        tooth_pair=np.argsort(dataset[f"{gear}_tooth_angle_deg"].values, kind="stable")
-    )
     return columns(
-        own,
+        dataset.sortby(f"{gear}_tooth_angle_deg"),
         tooth_pair="tooth_pair",
         tooth_angle_deg=f"{gear}_tooth_angle_deg",
         line_load_max_N_mm="tooth_line_load_N_mm",

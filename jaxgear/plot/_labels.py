@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from jaxgear.plot._palette import GREY
-from jaxgear.plot._style import BOX, lay_out
+from jaxgear.plot._style import BOX, laid_out, page_of, write_at
 
 
 def apart(places: np.ndarray, distance: float, low: float, high: float) -> np.ndarray:
@@ -34,8 +34,7 @@ def apart(places: np.ndarray, distance: float, low: float, high: float) -> np.nd
 
 def text_size(axes: Axes, text: str, look: Mapping[str, Any]) -> np.ndarray:
     """Width and height of a text anywhere on the page [points]."""
-    figure = axes.get_figure(root=True)
-    assert figure is not None
+    figure = page_of(axes)
     # One that belongs to a place outside the axes has no size.
     trial = figure.text(0.5, 0.5, text, **look)
     size = np.asarray(trial.get_window_extent().size)
@@ -44,15 +43,7 @@ def text_size(axes: Axes, text: str, look: Mapping[str, Any]) -> np.ndarray:
 
 
 class Label(NamedTuple):
-    """A text that belongs to a point.
-
-    **Fields:**
-
-    - `text`: what is written.
-    - `at`: the point, in data coordinates.
-    - `colour`: of the text.
-    - `bold`: whether it stands out.
-    """
+    """A text that belongs to a point, in data coordinates, and how it stands out."""
 
     text: str
     at: tuple[float, float]
@@ -80,14 +71,10 @@ def write_labels(
 
     - `axes`: with its final limits and labels.
     - `labels`: the important ones first.
-    - `lines`: that should stay clear: rows of x and y.
-    - `points`: that should stay clear besides those of the labels: rows of x and y.
+    - `lines`, `points`: that should stay clear: rows of x and y.
     - `drop`: leave out a label that would lie on another, on a point, outside the axes or far away.
     """
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    lay_out(figure)
-    scale = 72.0 / figure.dpi
+    scale = laid_out(axes)
     to_points = lambda xy: scale * axes.transData.transform(np.reshape(xy, (-1, 2)))
     own = to_points([label.at for label in labels])
     places = own if points is None else np.concatenate([own, to_points(points)])
@@ -114,17 +101,9 @@ def write_labels(
         boxes.append(box)
         middle = 0.5 * (box[0] + box[1])
         leader = {"arrowstyle": "-", "color": GREY, "lw": 0.7, "shrinkA": 0.0, "shrinkB": 3.0}
-        axes.annotate(
-            label.text,
-            label.at,
-            xytext=tuple(middle - point),
-            textcoords="offset points",
-            ha="center",
-            va="center",
-            color=label.colour,
-            arrowprops=leader if away[best] > _AWAY[label.bold] else None,
-            **look,
-        )
+        look |= {"color": label.colour, "va": "center"}
+        look["arrowprops"] = leader if away[best] > _AWAY[label.bold] else None
+        write_at(axes, label.text, label.at, tuple(middle - point), **look)
 
 
 def _filled(line: np.ndarray) -> np.ndarray:
@@ -145,11 +124,7 @@ def _label_box(point: np.ndarray, size: np.ndarray, angle: float, away: float) -
 
 
 def _cost(
-    box: np.ndarray,
-    frame: np.ndarray,
-    boxes: Sequence[np.ndarray],
-    points: np.ndarray,
-    lines: np.ndarray,
+    box: np.ndarray, frame: np.ndarray, boxes: Any, points: np.ndarray, lines: np.ndarray
 ) -> tuple[float, float]:
     """What speaks against a label there: what must not be under it, and what had better not."""
     inside = lambda x, room: np.count_nonzero(
@@ -175,13 +150,6 @@ def write_rays(axes: Axes, rays: Sequence[np.ndarray], points: np.ndarray) -> No
         clear = np.all(np.max(apart, axis=2) > 1.0, axis=1)
         clear &= places[:, 0] < (1.0 - half[0]) * right
         x, y = places[int(np.argmax(clear))]
-        axes.annotate(
-            f"{harmonic} x",
-            (x, y),
-            ha="center",
-            va="center",
-            fontsize=8.5,
-            color="#a06c00",
-            bbox={**BOX, "alpha": 1.0},
-            zorder=2.5,
-        )
+        look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 8.5, "zorder": 2.5}
+        look |= {"color": "#a06c00", "bbox": {**BOX, "alpha": 1.0}}
+        axes.annotate(f"{harmonic} x", (x, y), **look)

@@ -11,10 +11,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from jaxgear.plot._labels import Label, apart, write_labels, write_rays
-from jaxgear.plot._palette import BLUE, GREEN, GREY, ORANGE, RED, SKY
+from jaxgear.plot._palette import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY
 from jaxgear.plot._picture import Columns
-from jaxgear.plot._speed_axes import PURPLE, dots, frequency_unit, speed_axes
-from jaxgear.plot._style import house_look, lay_out, panels
+from jaxgear.plot._speed_axes import dots, frequency_unit, mesh_rays, speed_axes
+from jaxgear.plot._style import laid_out, legend_below, panels, write_at
 
 _PARTS = {
     "mesh": (BLUE, ""),
@@ -24,20 +24,18 @@ _PARTS = {
     "bearings": (PURPLE, "xxx"),
 }
 _MODES_SHOWN = 40
+_RAY: dict[str, Any] = {"color": ORANGE, "lw": 1.1, "ls": (0, (6, 2))}
 
 
-@house_look()
 def modes(dataset: xr.Dataset) -> Figure:
     """Where each mode stores its strain energy, one bar per mode with its natural frequency.
 
-    **Arguments:**
-
-    - `dataset`: the group `modes`. Frequency zero is a motion that nothing holds.
+    Frequency zero is a motion that nothing holds.
     """
     every = dataset.sizes["mode"]
     count = min(_MODES_SHOWN, every)
-    title = f"Natural modes and their energy: {dataset.attrs['title']}"
-    figure, (axes,) = panels((8.4, max(3.4, 2.0 + 0.27 * count)), title)
+    size = (8.4, max(3.4, 2.0 + 0.27 * count))
+    figure, (axes,) = panels("Natural modes and their energy", dataset, size)
     frequency = dataset["frequency_Hz"].values[:count]
     energy = np.nan_to_num(dataset["energy"].values[:count])
     place, left = np.arange(1, count + 1), np.zeros(count)
@@ -69,7 +67,7 @@ def modes(dataset: xr.Dataset) -> Figure:
     _write_damping(axes, dataset["damping_ratio"].values[:count], ~free)
     if count < every:
         axes.set_title(f"the first {count} of {every} modes", loc="left")
-    figure.legend(handles=handles, loc="outside lower center", ncols=6, frameon=False)
+    legend_below(figure, handles, ncols=6)
     return figure
 
 
@@ -80,50 +78,36 @@ def _frequency_text(frequency: float) -> str:
 
 def _write_damping(axes: Axes, damping: np.ndarray, shown: np.ndarray) -> None:
     """The damping ratio of each mode at the end of its bar."""
-    right = axes.get_yaxis_transform()
+    look: dict[str, Any] = {"transform": axes.get_yaxis_transform(), "fontsize": 8.5}
     for row in np.nonzero(shown & np.isfinite(damping))[0]:
-        text = f"{100.0 * damping[row]:.2f}"
-        axes.text(1.015, row + 1.0, text, transform=right, va="center", fontsize=8.5)
-    axes.text(
-        1.015, 0.35, "damping ratio [%]", transform=right, va="bottom", fontsize=8.5, color=GREY
-    )
+        axes.text(1.015, row + 1.0, f"{100.0 * damping[row]:.2f}", va="center", **look)
+    axes.text(1.015, 0.35, "damping ratio [%]", va="bottom", color=GREY, **look)
 
 
-@house_look()
 def campbell(dataset: xr.Dataset, crossings: Columns) -> Figure:
     """Natural frequencies over pinion speed, the mesh harmonics, and where they cross.
 
-    **Arguments:**
-
-    - `dataset`: the group `campbell`; each mode is followed through the speeds.
-    - `crossings`: from `crossing_columns`; the more energy in the mesh, the larger the mark.
+    Each mode is followed through the speeds; the more energy in the mesh, the larger the mark.
     """
-    figure, (axes,) = panels((9.6, 6.4), f"Campbell diagram: {dataset.attrs['title']}")
+    figure, (axes,) = panels("Campbell diagram", dataset, (9.6, 6.4))
     speed, frequency = dataset["speed"].values, dataset["frequency_Hz"].values
-    teeth, harmonics = (int(dataset.attrs[name]) for name in ("teeth_pinion", "harmonics"))
-    highest = float(harmonics * teeth * speed[-1] / (2.0 * np.pi))
+    highest = float(mesh_rays(dataset, 1.0)[-1][-1, 1])
     inside = frequency[np.isfinite(frequency) & (frequency <= highest)]
     # Of modes above, up to which no harmonic reaches, one is as good as many.
     top = 1.12 * max(float(np.max(inside, initial=0.0)), 0.3 * highest)
     unit, name = frequency_unit(top)
-    rays = [
-        np.stack([speed, h * teeth * speed / (2.0 * np.pi * unit)], axis=1)
-        for h in range(1, harmonics + 1)
-    ]
+    rays = mesh_rays(dataset, unit)
     for ray in rays:
-        axes.plot(*ray.T, color=ORANGE, lw=1.1, ls=(0, (6, 2)), zorder=2.0)
+        axes.plot(*ray.T, zorder=2.0, **_RAY)
     curves = [np.stack([speed, column / unit], axis=1) for column in frequency.T]
     for curve in curves:
         axes.plot(*curve.T, color=BLUE, lw=1.3, marker=dots(speed), ms=3, zorder=2.1)
     axes.set_ylabel(f"natural frequency [{name}]")
-    speed_axes([axes], speed, teeth)
+    speed_axes([axes], speed, int(dataset.attrs["teeth_pinion"]))
     axes.set_ylim(0.0, top / unit)
     has_energy = "mesh_energy" in crossings
     energy = crossings["mesh_energy"] if has_energy else np.ones(len(crossings["mode"]))
-    places = np.stack(
-        [crossings["pinion_speed_rad_s"], crossings["frequency_Hz"] / unit],
-        axis=1,
-    )
+    places = np.stack([crossings["pinion_speed_rad_s"], crossings["frequency_Hz"] / unit], axis=1)
     size = 12.0 + 110.0 * energy if has_energy else np.full(len(energy), 30.0)
     axes.scatter(*places.T, s=size, color=RED, ec="white", lw=0.7, zorder=3.0, clip_on=True)
     write_rays(axes, rays, places)
@@ -138,17 +122,17 @@ def campbell(dataset: xr.Dataset, crossings: Columns) -> Figure:
         write_labels(axes, labels, [*rays, *curves], points=places, drop=True)
     handles = [
         Line2D([], [], color=BLUE, lw=1.3, label="natural frequency"),
-        Line2D([], [], color=ORANGE, lw=1.1, ls=(0, (6, 2)), label="mesh frequency and harmonics"),
+        Line2D([], [], label="mesh frequency and harmonics", **_RAY),
     ]
-    for share in (0.1, 0.5, 1.0) if has_energy else (0.0,):
-        diameter = np.sqrt(12.0 + 110.0 * share if has_energy else 30.0)
-        label = f"{100 * share:.0f} %"
-        if share == 0.1:
-            label = f"crossing, energy in the mesh {label}"
-        label = label if has_energy else "crossing"
-        style: dict[str, Any] = {"marker": "o", "ls": "", "ms": diameter, "mec": "white"}
-        handles.append(Line2D([], [], color=RED, label=label, **style))
-    figure.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False)
+    dot: dict[str, Any] = {"color": RED, "marker": "o", "ls": "", "mec": "white"}
+    sizes = {"crossing": 30.0}
+    if has_energy:
+        words = ("crossing, energy in the mesh 10 %", "50 %", "100 %")
+        sizes = {
+            word: 12.0 + 110.0 * share for word, share in zip(words, (0.1, 0.5, 1.0), strict=True)
+        }
+    handles += [Line2D([], [], ms=np.sqrt(each), label=x, **dot) for x, each in sizes.items()]
+    legend_below(figure, handles, ncols=5)
     return figure
 
 
@@ -172,33 +156,16 @@ def _write_modes(axes: Axes, curves: Sequence[np.ndarray]) -> None:
         ends.setdefault(last if end - last < _ONE_LINE * top else end, []).append(mode)
     if not ends:
         return
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    lay_out(figure)
-    height = 72.0 / figure.dpi * axes.get_window_extent().height
+    height = laid_out(axes) * axes.get_window_extent().height
     places = apart(np.asarray(list(ends)), top * 10.0 / height, 0.0, top)
     x = float(curves[0][-1, 0])
+    look: dict[str, Any] = {"ha": "left", "fontsize": 8.5, "color": BLUE}
+    line = {"arrowstyle": "-", "color": BLUE, "lw": 0.5, "shrinkA": 1, "shrinkB": 1}
     for (end, modes), place in zip(ends.items(), places, strict=True):
-        axes.annotate(
-            ", ".join(map(str, modes)),
-            (x, end),
-            xytext=(24.0, (place - end) / top * height),
-            textcoords="offset points",
-            va="center",
-            fontsize=8.5,
-            color=BLUE,
-            annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "color": BLUE, "lw": 0.5, "shrinkA": 1, "shrinkB": 1},
-        )
-    axes.annotate(
-        "mode",
-        (1.0, 1.0),
-        xycoords="axes fraction",
-        xytext=(12, 6),
-        textcoords="offset points",
-        fontsize=8.5,
-        color=BLUE,
-    )
+        by = (24.0, (place - end) / top * height)
+        beyond = {"va": "center", "annotation_clip": False, "arrowprops": line}
+        write_at(axes, ", ".join(map(str, modes)), (x, end), by, **look, **beyond)
+    write_at(axes, "mode", (1.0, 1.0), (12, 6), xycoords="axes fraction", **look)
 
 
 # Of the axes' height: modes that are closer are drawn as one line.

@@ -2,15 +2,12 @@
 
 import itertools
 from collections.abc import Iterator
-from functools import partial
 
 import numpy as np
 import xarray as xr
 
-from jaxgear.plot._picture import Columns, Datasets, Picture, columns
-from jaxgear.plot._plots import campbell_pictures, mode_pictures
+from jaxgear.plot._picture import GEARS, Columns, Datasets, Picture, columns, drawn, known
 
-_GEARS = ("pinion", "wheel")
 _DIRECTIONS = {1: "forward", -1: "backward", 0: "none", 2: "both"}
 _CRITICAL = (
     *("pinion_speed_rad_s", "wheel_speed_rad_s", "harmonic", "mode", "gear", "nodal_diameter"),
@@ -26,43 +23,39 @@ _PLACE = ("mode", "pinion_speed_rad_s")
 def pictures_of_modes(datasets: Datasets) -> Iterator[Picture]:
     """Pictures of the groups `modes`, `campbell`, `critical` and `alone_GEAR`."""
     if (found := datasets.get("modes")) is not None:
-        yield Picture("modes", partial(mode_pictures.modes, found), _modes_columns(found))
+        yield Picture("modes", drawn("_mode_pictures.modes", found), _modes_columns(found))
     turning, critical = datasets.get("campbell"), datasets.get("critical")
     if turning is None or "harmonics" not in turning.attrs:
         return
     table = turning.rename(speed="pinion_speed_rad_s")
     if critical is None:
-        crossings = crossing_columns(turning)
-        draw = partial(mode_pictures.campbell, turning, crossings)
+        crossings = _crossing_columns(turning)
+        draw = drawn("_mode_pictures.campbell", turning, crossings)
         curves = columns(table, *_PLACE, "frequency_Hz")
         yield Picture("campbell", draw, curves, {"critical": crossings})
         return
-    draw = partial(campbell_pictures.campbell, turning, critical)
+    draw = drawn("_campbell_pictures.campbell", turning, critical)
     words = table.assign(
-        gear=table["gear"].copy(data=np.asarray(_GEARS)[table["gear"].values]),
+        gear=table["gear"].copy(data=np.asarray(GEARS)[table["gear"].values]),
         direction=table["direction"].copy(
             data=np.vectorize(_DIRECTIONS.__getitem__)(table["direction"].values)
         ),
     )
     curves = columns(words, *_PLACE, "frequency_Hz", "nodal_diameter", "gear", "direction")
     yield Picture("campbell", draw, curves, {"critical": columns(critical, *_CRITICAL)})
-    for index, gear in enumerate(_GEARS):
+    for index, gear in enumerate(GEARS):
         if (alone := datasets.get(f"alone_{gear}")) is None:
             continue
         own = turning.assign(
             frequency_body_Hz=turning["frequency_body_Hz"].where(turning["gear"] == index)
         )
-        known = (critical["gear"] == gear) & np.isfinite(critical["frequency_body_Hz"])
-        draw = partial(campbell_pictures.campbell_on_body, own, critical.isel(crossing=known), gear)
+        leads = (critical["gear"] == gear) & np.isfinite(critical["frequency_body_Hz"])
+        mine = critical.isel(crossing=leads)
+        draw = drawn("_campbell_pictures.campbell_on_body", own, mine, gear)
         curves = columns(own.rename(speed="pinion_speed_rad_s"), *_PLACE, "frequency_body_Hz")
-        shown = np.isfinite(curves["frequency_body_Hz"])
-        yield Picture(
-            f"campbell_{gear}",
-            draw,
-            {name: values[shown] for name, values in curves.items()},
-            {"critical": columns(critical.isel(crossing=known), *_CRITICAL)},
-        )
-        draw = partial(campbell_pictures.alone, alone, gear)
+        curves = known(curves, "frequency_body_Hz")
+        yield Picture(f"campbell_{gear}", draw, curves, {"critical": columns(mine, *_CRITICAL)})
+        draw = drawn("_campbell_pictures.alone", alone, gear)
         yield Picture(f"modes_{gear}_alone", draw, columns(alone, *_ALONE))
 
 
@@ -76,26 +69,20 @@ def _modes_columns(dataset: xr.Dataset) -> Columns:
     return columns(dataset.assign(shares), "mode", "frequency_Hz", *waves, *shares, "damping_ratio")
 
 
-def crossing_columns(dataset: xr.Dataset) -> Columns:
-    """A row for each crossing of a mode with a harmonic of the mesh.
+def _crossing_columns(dataset: xr.Dataset) -> Columns:
+    """A row for each crossing of a mode, of gears without waves, with a harmonic of the mesh.
 
-    **Arguments:**
-
-    - `dataset`: the group `campbell` of gears without waves.
-
-    **Returns:**
-
-    The table; straight lines join the speeds of the dataset.
+    Straight lines join the speeds of the dataset.
     """
     speed = dataset["speed"].values
     teeth, harmonics = (int(dataset.attrs[name]) for name in ("teeth_pinion", "harmonics"))
     names = [name for name in ("frequency_Hz", "mesh_energy") if name in dataset]
-    known = [dataset[name].transpose("speed", "mode").values for name in names]
+    values = [dataset[name].transpose("speed", "mode").values for name in names]
     found: list[tuple[float, ...]] = []
     for mode, harmonic in itertools.product(range(dataset.sizes["mode"]), range(1, harmonics + 1)):
         mesh = harmonic * teeth * speed / (2.0 * np.pi)
-        for at in _crossings(speed, known[0][:, mode] - mesh):
-            own = (float(np.interp(at, speed, values[:, mode])) for values in known)
+        for at in _crossings(speed, values[0][:, mode] - mesh):
+            own = (float(np.interp(at, speed, each[:, mode])) for each in values)
             found.append((mode + 1, harmonic, at, *own))
     names = ["mode", "harmonic", "pinion_speed_rad_s", *names]
     return dict(zip(names, np.reshape(np.asarray(found), (-1, len(names))).T, strict=True))

@@ -1,6 +1,5 @@
 """The picture of what is taken off both flanks, as a gear checker prints it."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from jaxgear.plot._palette import BLUE, ORANGE
-from jaxgear.plot._style import house_look, roll_axis
+from jaxgear.plot._style import legend_below, panels, roll_axis
 
 # The first state, and what became of it.
 _LOOKS: tuple[dict[str, Any], ...] = (
@@ -25,26 +24,17 @@ _SAME = 1e-3
 _LEAST = 4.0
 
 
-@house_look()
 def modification(dataset: xr.Dataset) -> Figure:
     """Profile and lead traces of both flanks: as designed, as made, and before and after a search.
 
-    **Arguments:**
-
-    - `dataset`: the group `modification`, of one or two states.
-
-    **Returns:**
-
-    The figure; all panels are of one scale, and added material is above zero.
+    All panels are of one scale, and added material is above zero.
     """
-    figure = Figure(figsize=(10.0, 6.6))
-    figure.set_layout_engine("constrained")
-    panels = figure.subplots(2, 2, sharey=True)
-    figure.suptitle(f"Flank modifications: {dataset.attrs['title']}")
+    what, space = "Flank modifications", (0.02, 0.02)
+    figure, both = panels(what, dataset, (10.0, 6.6), 2, 2, space=space, sharey=True)
     states = [str(state) for state in dataset["state"].values]
     looks = dict(zip(states, _LOOKS[-len(states) :], strict=True))
     marks: dict[str, Line2D] = {}
-    for gear, (profile, lead) in zip(dataset["gear"].values, panels, strict=True):
+    for gear, profile, lead in zip(dataset["gear"].values, both[::2], both[1::2], strict=True):
         own = dataset.sel(gear=gear)
         for state, look in looks.items():
             traces = own.sel(state=state)
@@ -58,27 +48,19 @@ def modification(dataset: xr.Dataset) -> Figure:
         along = own.isel(state=-1).sel(trace="lead")
         place = float(along["diameter_mm"][0])
         lead.set_title(f"{gear}: lead at diameter {place:.2f} mm", loc="left")
-
         half = float(along["face_position_mm"].max())
         lead.set(xlabel="position from mid-face, left (-Z) to right [mm]", xlim=(-half, half))
         for axes in (profile, lead):
             axes.set_ylabel("material added [µm]")
-    low, high = panels[0, 0].get_ylim()
+    low, high = both[0].get_ylim()
     lack = max(_LEAST - (high - low), 0.0)
-    panels[0, 0].set_ylim(low - 0.75 * lack, high + 0.25 * lack)
-    figure.legend(
-        list(marks.values()), list(marks), loc="outside lower center", ncols=4, frameon=False
-    )
+    both[0].set_ylim(low - 0.75 * lack, high + 0.25 * lack)
+    legend_below(figure, list(marks.values()), list(marks), ncols=4)
     return figure
 
 
 def _draw_trace(
-    axes: Axes,
-    trace: xr.Dataset,
-    across: str,
-    look: Mapping[str, Any],
-    name: str,
-    marks: dict[str, Line2D],
+    axes: Axes, trace: xr.Dataset, across: str, look: Any, name: str, marks: dict[str, Line2D]
 ) -> None:
     """One trace as designed and, where it differs, as made."""
     x, designed, made = (trace[key].values for key in (across, "designed_um", "made_um"))
@@ -88,11 +70,7 @@ def _draw_trace(
 
 
 def _draw_ends(
-    axes: Axes,
-    traces: xr.Dataset,
-    look: Mapping[str, Any],
-    prefix: str,
-    marks: dict[str, Line2D],
+    axes: Axes, traces: xr.Dataset, look: Any, prefix: str, marks: dict[str, Line2D]
 ) -> None:
     """The profiles at both ends of a flank that is twisted, as made."""
     middle = traces["made_um"].sel(trace="profile").values

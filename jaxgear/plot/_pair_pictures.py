@@ -8,47 +8,28 @@ from matplotlib.lines import Line2D
 
 from jaxgear._units import deg
 from jaxgear.plot._palette import GEAR_COLOURS, GREEN, GREY
-from jaxgear.plot._style import BOX, house_look, panels
+from jaxgear.plot._style import BOX, legend_below, panels, write_at
 
 _CIRCLES = {"tip": "-", "working pitch": "-.", "base": "--", "root": ":"}
+_ACTION = {"color": GREEN, "lw": 1.0, "ls": (0, (6, 2))}
+_CONTACT = {"color": GREEN, "lw": 3.0}
 
 
-@house_look()
 def gear_pair(pair: xr.Dataset) -> Figure:
-    """Both gears in the transverse plane, touching at the pitch point, seen from +Z.
-
-    **Arguments:**
-
-    - `pair`: the group `pair`.
-
-    **Returns:**
-
-    The figure, in millimetres from the pinion's centre.
-    """
-    figure, (axes,) = panels((7.4, 7.6), f"Gears in mesh: {pair.attrs['title']}")
+    """Both gears in the transverse plane, touching at the pitch point, seen from +Z [mm]."""
+    figure, (axes,) = panels("Gears in mesh", pair, (7.4, 7.6))
     axes.grid(False)
     pitch_radius = float(pair["working_pitch_radius_mm"][0])
     window = 2.1 * float(pair["transverse_base_pitch_mm"])
     for body, gear in enumerate(pair["gear"].values):
         _draw_gear(axes, pair.sel(gear=gear), body)
     _draw_path(axes, pair)
-    axes.set(
-        xlim=(pitch_radius - window, pitch_radius + window),
-        ylim=(-window, window),
-        xlabel="S, from pinion to wheel [mm]",
-        ylabel="T [mm]",
-    )
-    axes.set_aspect("equal")
-    kinds = [Line2D([], [], color=GREY, lw=0.9, ls=style) for style in _CIRCLES.values()]
-    action = Line2D([], [], color=GREEN, lw=1.0, ls=(0, (6, 2)))
-    active = Line2D([], [], color=GREEN, lw=3.0)
-    figure.legend(
-        [*kinds, action, active],
-        [f"{name} circle" for name in _CIRCLES] + ["line of action", "path of contact"],
-        loc="outside lower center",
-        ncols=3,
-        frameon=False,
-    )
+    axes.set(xlim=(pitch_radius - window, pitch_radius + window), ylim=(-window, window))
+    axes.set(xlabel="S, from pinion to wheel [mm]", ylabel="T [mm]", aspect="equal")
+    lines = [Line2D([], [], color=GREY, lw=0.9, ls=style) for style in _CIRCLES.values()]
+    lines += [Line2D([], [], **look) for look in (_ACTION, _CONTACT)]
+    names = [f"{name} circle" for name in _CIRCLES]
+    legend_below(figure, lines, [*names, "line of action", "path of contact"], ncols=3)
     return figure
 
 
@@ -64,10 +45,9 @@ def _draw_gear(axes: Axes, gear: xr.Dataset, body: int) -> None:
         radius = float(gear[f"{circle.replace(' ', '_')}_radius_mm"])
         arc = radius * np.stack([np.cos(towards), np.sin(towards)])
         axes.plot(*(centre[:, None] + arc), color=colour, lw=0.9, ls=style)
-    inwards = (-1.0, 1.0)[body]
     axes.annotate(
         f"{name}, {int(gear['teeth'])} teeth",
-        (0.5 + 0.48 * inwards, 0.02),
+        ((0.02, 0.98)[body], 0.02),
         xycoords="axes fraction",
         ha=("left", "right")[body],
         color=colour,
@@ -82,34 +62,16 @@ def _draw_path(axes: Axes, pair: xr.Dataset) -> None:
     along = np.asarray([np.sin(angle), np.cos(angle)])
     aside = np.asarray([along[1], -along[0]])
     foot = float(pair["base_radius_mm"][0]) * aside
-    start, end, pitch, pitch_point, tangent = (
-        float(pair[f"{name}_mm"])
-        for name in (
-            "path_start",
-            "path_end",
-            "transverse_base_pitch",
-            "pitch_point",
-            "tangent_length",
-        )
-    )
-    whole = foot + np.outer([0.0, tangent], along)
-    axes.plot(*whole.T, color=GREEN, lw=1.0, ls=(0, (6, 2)))
+    names = ("path_start", "path_end", "transverse_base_pitch", "pitch_point", "tangent_length")
+    start, end, pitch, pitch_point, tangent = (float(pair[f"{name}_mm"]) for name in names)
+    axes.plot(*(foot + np.outer([0.0, tangent], along)).T, **_ACTION)
     active = foot + np.outer([start, end], along)
-    axes.plot(*active.T, color=GREEN, lw=3.0, solid_capstyle="butt", gid="path of contact")
+    axes.plot(*active.T, solid_capstyle="butt", gid="path of contact", **_CONTACT)
     points = {"A": start, "C": pitch_point, "E": end}
     if 1.0 < (end - start) / pitch < 2.0:
         points |= {"B": end - pitch, "D": start + pitch}
     for name, roll in points.items():
         place = foot + roll * along
         axes.plot(*place, "o", ms=5, color="white", mec=GREEN, mew=1.5, zorder=4)
-        axes.annotate(
-            name,
-            (place[0], place[1]),
-            xytext=(14 * aside[0], 14 * aside[1]),
-            textcoords="offset points",
-            ha="center",
-            va="center",
-            weight="bold",
-            bbox=BOX,
-            zorder=5,
-        )
+        look = {"va": "center", "weight": "bold", "bbox": BOX, "zorder": 5}
+        write_at(axes, name, place, (14 * aside[0], 14 * aside[1]), **look)

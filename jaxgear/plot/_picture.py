@@ -1,9 +1,10 @@
 """A picture of results: what draws it, and the tables that it shows."""
 
+import importlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -36,6 +37,26 @@ class Picture(NamedTuple):
     beside: Mapping[str, Columns] = MappingProxyType({})
 
 
+def drawn(function: str, *of: Any) -> Callable[..., Any]:
+    """How a picture is drawn, in the look that all have.
+
+    **Arguments:**
+
+    - `function`: `module.function` of this package, imported when it draws: matplotlib costs half
+        a second.
+    - `of`: what it is called with.
+    """
+
+    def draw(*more: Any) -> Any:
+        module, _, name = function.partition(".")
+        from jaxgear.plot._style import house_look
+
+        with house_look():
+            return getattr(importlib.import_module(f"jaxgear.plot.{module}"), name)(*of, *more)
+
+    return draw
+
+
 def columns(dataset: xr.Dataset, *names: str, **renamed: str) -> dict[str, np.ndarray]:
     """Variables of a dataset as a table: one row for each place along their dimensions.
 
@@ -56,6 +77,17 @@ def columns(dataset: xr.Dataset, *names: str, **renamed: str) -> dict[str, np.nd
     return {
         name: each.transpose(*order).values.ravel() for name, each in zip(of, together, strict=True)
     }
+
+
+def known(table: Columns, name: str) -> Columns:
+    """The rows of a table in which a column has a value."""
+    rows = np.isfinite(table[name])
+    return {key: values[rows] for key, values in table.items()}
+
+
+def numbers(dataset: xr.Dataset) -> list[str]:
+    """Variables of a table but for sentences."""
+    return [str(name) for name in dataset.data_vars if name != "reason"]
 
 
 def joined(tables: Sequence[Columns]) -> dict[str, np.ndarray]:

@@ -1,114 +1,84 @@
 """Pictures of a run: the pair, its mesh cycle, its shafts and bodies, and the sizing table."""
 
 from collections.abc import Iterator
-from functools import partial
 
-import numpy as np
 import xarray as xr
 
 from jaxgear.plot import _cycle_tables as tables
-from jaxgear.plot._hybrid_tables import (
-    contact_line_loads,
-    tooth_loads_columns,
-    tooth_way_columns,
-)
-from jaxgear.plot._picture import GEARS, Datasets, Picture, columns
-from jaxgear.plot._plots import (
-    axes_pictures,
-    cycle_pictures,
-    hybrid_pictures,
-    modification_pictures,
-    pair_pictures,
-    shafts_pictures,
-    sizing_pictures,
-    sliding_pictures,
-)
+from jaxgear.plot._hybrid_tables import contact_line_loads, tooth_loads_columns, tooth_way_columns
+from jaxgear.plot._picture import GEARS, Datasets, Picture, columns, drawn, known
 
 
 def run_pictures(datasets: Datasets) -> Iterator[Picture]:
     """Pictures of the mesh cycle, the first dataset, and of the groups beside it."""
     cycle, pair = datasets.get(""), datasets.get("pair")
     if pair is not None:
-        table = columns(pair, "gear", "S_mm", "T_mm")
-        drawn = np.isfinite(table["S_mm"])
-        table = {name: values[drawn] for name, values in table.items()}
-        yield Picture("gear_pair", partial(pair_pictures.gear_pair, pair), table)
+        table = known(columns(pair, "gear", "S_mm", "T_mm"), "S_mm")
+        yield Picture("gear_pair", drawn("_pair_pictures.gear_pair", pair), table)
         axes = datasets["axes"]
         table = columns(axes, *map(str, (*axes.coords, *axes.data_vars)))
-        yield Picture("axes", partial(axes_pictures.axes, pair, axes), table)
+        yield Picture("axes", drawn("_axes_pictures.axes", pair, axes), table)
     if (traces := datasets.get("modification")) is not None:
         table = columns(traces, "state", "gear", "trace", *sorted(map(str, traces.data_vars)))
-        yield Picture("modification", partial(modification_pictures.modification, traces), table)
+        yield Picture("modification", drawn("_modification_pictures.modification", traces), table)
     if cycle is not None and "transmission_error_um" in cycle:
         if (slid := datasets.get("sliding")) is not None:
             table = columns(slid, *sorted(str(name) for name, each in slid.items() if each.dims))
-            yield Picture("sliding", partial(sliding_pictures.sliding, slid, cycle), table)
+            yield Picture("sliding", drawn("_sliding_pictures.sliding", slid, cycle), table)
         yield from _of_cycle(cycle)
     if pair is not None and (shafts := datasets.get("shafts")) is not None:
-        yield _of_shafts(pair, shafts)
+        names = ("gear", "index", "Z_mm", *(f"load_{axis}_N" for axis in "STZ"))
+        bearings = columns(shafts, **{name: f"bearing_{name}" for name in names})
+        table = columns(shafts, "gear", "Z_mm", "deflection_S_um", "deflection_T_um")
+        draw = drawn("_shafts_pictures.shafts", pair, shafts)
+        yield Picture("shafts", draw, table, {"bearings": bearings})
     if cycle is not None and "way_passage" in cycle:
         yield from _of_teeth(cycle)
     for gear in GEARS:
         if (body := datasets.get(f"{gear}_deflected")) is not None:
-            yield from _of_body(gear, body)
+            names = ("angle_deg", "Z_mm", "radial_um", "tangential_um", "axial_um")
+            for cause in body["cause"].values.tolist():
+                draw = drawn("_hybrid_pictures.deflected_body", body, cause)
+                table = columns(body.sel(cause=cause), *names)
+                yield Picture(f"{gear}_under_{cause}", draw, table)
     if (sized := datasets.get("sizing")) is not None:
         amounts, worst = sized["amount"].values, ("te_peak_to_peak_um", "max_pressure_MPa")
         over = ("combination", "torque")
         responses = [str(name) for name, each in sized.items() if each.dims == over]
         names = "rank", "rank_by_pressure", *amounts, "torque_pinion_Nm", *responses
         table = columns(sized, *names, *(f"worst_{name}" for name in worst))
-        yield Picture("sizing", partial(sizing_pictures.sizing, sized), table)
+        yield Picture("sizing", drawn("_sizing_pictures.sizing", sized), table)
 
 
 def _of_cycle(cycle: xr.Dataset) -> Iterator[Picture]:
-    yield Picture(
-        "transmission_error",
-        partial(cycle_pictures.transmission_error, cycle),
-        tables.over_cycle(cycle, "transmission_error_um"),
-        {"harmonics": columns(cycle, "harmonic", "te_harmonic_um")},
-    )
-    yield Picture(
-        "mesh_stiffness",
-        partial(cycle_pictures.stiffness_and_sharing, cycle),
-        tables.over_cycle(cycle, "mesh_stiffness_N_um"),
-        {"tooth_pairs": tables.load_sharing_columns(cycle)},
-    )
-    draw = partial(cycle_pictures.flank_maps, cycle)
+    draw = drawn("_cycle_pictures.transmission_error", cycle)
+    table = tables.over_cycle(cycle, "transmission_error_um")
+    beside = {"harmonics": columns(cycle, "harmonic", "te_harmonic_um")}
+    yield Picture("transmission_error", draw, table, beside)
+    draw = drawn("_cycle_pictures.stiffness_and_sharing", cycle)
+    beside = {"tooth_pairs": tables.load_sharing_columns(cycle)}
+    table = tables.over_cycle(cycle, "mesh_stiffness_N_um")
+    yield Picture("mesh_stiffness", draw, table, beside)
+    draw = drawn("_cycle_pictures.flank_maps", cycle)
     yield Picture("flank_maps", draw, tables.flank_maps_columns(cycle))
-    draw = partial(cycle_pictures.face_load, cycle)
+    draw = drawn("_cycle_pictures.face_load", cycle)
     yield Picture("face_load", draw, tables.face_load_columns(cycle))
     if "harris_te_um" in cycle:
         named = {"torque_pinion_Nm": "torque_Nm", "phase": "phase"}
         curves = columns(cycle, **named, transmission_error_um="harris_te_um")
-        draw = partial(cycle_pictures.harris_map, cycle)
+        draw = drawn("_cycle_pictures.harris_map", cycle)
         yield Picture("harris_map", draw, tables.harris_map_columns(cycle), {"curves": curves})
         table = columns(tables.spectra(cycle), "torque_pinion_Nm", "order", "te_order_um")
-        yield Picture("te_spectrum", partial(cycle_pictures.te_spectrum, cycle), table)
-
-
-def _of_shafts(pair: xr.Dataset, shafts: xr.Dataset) -> Picture:
-    names = ("gear", "index", "Z_mm", *(f"load_{axis}_N" for axis in "STZ"))
-    bearings = columns(shafts, **{name: f"bearing_{name}" for name in names})
-    table = columns(shafts, "gear", "Z_mm", "deflection_S_um", "deflection_T_um")
-    draw = partial(shafts_pictures.shafts, pair, shafts)
-    return Picture("shafts", draw, table, {"bearings": bearings})
+        yield Picture("te_spectrum", drawn("_cycle_pictures.te_spectrum", cycle), table)
 
 
 def _of_teeth(cycle: xr.Dataset) -> Iterator[Picture]:
-    shown = contact_line_loads(cycle)
-    table = columns(shown, "phase", "line", "face_position_mm", "line_load_N_mm")
-    draw = partial(hybrid_pictures.contact_line_loads, cycle)
-    yield Picture("contact_lines", draw, table)
-    draw = partial(hybrid_pictures.tooth_way, cycle)
+    names = ("phase", "line", "face_position_mm", "line_load_N_mm")
+    table = columns(contact_line_loads(cycle), *names)
+    yield Picture("contact_lines", drawn("_hybrid_pictures.contact_line_loads", cycle), table)
+    draw = drawn("_hybrid_pictures.tooth_way", cycle)
     yield Picture("tooth_way", draw, tooth_way_columns(cycle))
     for gear in GEARS:
         if f"{gear}_tooth_above_a_hole" in cycle:
-            draw = partial(hybrid_pictures.tooth_loads, cycle, gear)
+            draw = drawn("_hybrid_pictures.tooth_loads", cycle, gear)
             yield Picture(f"{gear}_tooth_loads", draw, tooth_loads_columns(cycle, gear))
-
-
-def _of_body(gear: str, body: xr.Dataset) -> Iterator[Picture]:
-    names = ("angle_deg", "Z_mm", "radial_um", "tangential_um", "axial_um")
-    for cause in body["cause"].values.tolist():
-        draw = partial(hybrid_pictures.deflected_body, body, cause)
-        yield Picture(f"{gear}_under_{cause}", draw, columns(body.sel(cause=cause), *names))

@@ -12,45 +12,23 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from jaxgear.plot._cycle import largest_pressure, unrolled
-from jaxgear.plot._palette import BLUE, GREEN, GREY, ORANGE, RED, SKY
-from jaxgear.plot._style import digits, house_look, line_width, panels, phase_axis
+from jaxgear.plot._palette import BLUE, GREY, ORANGE, RED, TEETH_SERIES
+from jaxgear.plot._style import axis_label, digits, line_width, panels, phase_axis, room_above
 
 # Bars of a tornado chart; what is below them is too short to see.
 _BARS = 12
 _DESIGNS = (("nominal", ORANGE, "--"), ("robust", BLUE, "-"))
+_OFF_MEAN = "transmission error less its mean [µm]"
 
 
-def written_unit(variable: xr.DataArray) -> str:
-    """The unit of a variable as a picture shows it."""
-    unit = str(variable.attrs["units"])
-    return {"1": "-"}.get(unit, unit.replace("um", "µm").replace("2", "²"))
-
-
-def axis_label(variable: xr.DataArray) -> str:
-    """What a variable is, and its unit."""
-    return f"{variable.attrs['long_name']} [{written_unit(variable)}]"
-
-
-@house_look()
 def search_trace(dataset: xr.Dataset) -> Figure:
-    """Best value so far over the number of evaluations, for several searches.
-
-    **Arguments:**
-
-    - `dataset`: `search_trace`.
-
-    **Returns:**
-
-    The figure.
-    """
-    figure, (axes,) = panels((7.2, 4.4), f"Searches: {dataset.attrs['title']}")
+    """Best value so far over the number of evaluations, for several searches."""
+    figure, (axes,) = panels("Searches", dataset, (7.2, 4.4))
     objective = list(dataset.data_vars.values())[-1]
     # As it stands in files: its square has no sign of its own in a legend.
     unit = {"1": "-"}.get(objective.attrs["units"], objective.attrs["units"])
     every = []
-    for name, colour in zip(
-        dict.fromkeys(dataset["method"].values), (BLUE, ORANGE, GREEN, RED, SKY), strict=False
-    ):
+    for name, colour in zip(dict.fromkeys(dataset["method"].values), TEETH_SERIES, strict=False):
         best = np.minimum.accumulate(objective.values[dataset["method"].values == name])
         every.append(best)
         count = np.arange(1, len(best) + 1)
@@ -78,29 +56,9 @@ def _error_curve(axes: Axes, dataset: xr.Dataset, label: str, **look: Any) -> No
     axes.plot(place, curve - mean, lw=line_width(phase), label=words, **look)
 
 
-def _room_above(axes: Axes, share: float) -> None:
-    """Room for a legend above curves, in shares of their height."""
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high + share * (high - low))
-
-
-_OFF_MEAN = "transmission error less its mean [µm]"
-
-
-@house_look()
 def before_after(before: xr.Dataset, after: xr.Dataset) -> Figure:
-    """What a search changed: transmission error and largest flank pressure.
-
-    **Arguments:**
-
-    - `before`, `after`: `search_before` and `search_after`.
-
-    **Returns:**
-
-    The figure.
-    """
-    title = f"Before and after: {before.attrs['title']}"
-    figure, (error, pressure) = panels((9.6, 4.2), title, 2)
+    """What a search changed: transmission error and largest flank pressure."""
+    figure, (error, pressure) = panels("Before and after", before, (9.6, 4.2), 2)
     for name, dataset, colour, style in (
         ("before", before, ORANGE, "--"),
         ("after", after, BLUE, "-"),
@@ -112,25 +70,14 @@ def before_after(before: xr.Dataset, after: xr.Dataset) -> Figure:
         pressure.plot(*unrolled(phase, most), lw=line_width(phase), label=label, **look)
     for axes, label in ((error, _OFF_MEAN), (pressure, "largest flank pressure [MPa]")):
         phase_axis(axes, label, after["phase"].values)
-        _room_above(axes, 0.3)
+        room_above(axes, 0.3)
         axes.legend(loc="upper center")
     return figure
 
 
-@house_look()
 def pareto(dataset: xr.Dataset) -> Figure:
-    """One number of designs over another, the designs that count joined.
-
-    **Arguments:**
-
-    - `dataset`: `pareto`.
-
-    **Returns:**
-
-    The figure.
-    """
-    title = f"Designs that trade one number for another: {dataset.attrs['title']}"
-    figure, (axes,) = panels((6.4, 4.8), title)
+    """One number of designs over another, the designs that count joined."""
+    figure, (axes,) = panels("Designs that trade one number for another", dataset, (6.4, 4.8))
     # From the least of the first number to the least of the second.
     first, second = list(dataset.data_vars.values())[:2]
     own, other = first.values, second.values
@@ -152,23 +99,12 @@ def pareto(dataset: xr.Dataset) -> Figure:
     return figure
 
 
-@house_look()
 def robust(gears: xr.Dataset, nominal: xr.Dataset, hardened: xr.Dataset) -> Figure:
-    """How the gears of two designs spread, and their transmission errors without deviations.
-
-    **Arguments:**
-
-    - `gears`: `robust_gears`.
-    - `nominal`, `hardened`: `search_after` and `search_robust`.
-
-    **Returns:**
-
-    The figure.
-    """
-    figure, (spread, error) = panels((10.4, 4.4), f"Gears as they are made: {gears.title}", 2)
+    """How the gears of two designs spread, and their transmission errors without deviations."""
+    figure, (spread, error) = panels("Gears as they are made", gears, (10.4, 4.4), 2)
     (response,) = gears.data_vars.values()
     share = float(gears.attrs["share"])
-    for name, colour, style in _DESIGNS:
+    for (name, colour, style), dataset in zip(_DESIGNS, (nominal, hardened), strict=True):
         own = np.sort(response.sel(design=name).values)
         count = (np.arange(len(own)) + 0.5) / len(own)
         mean, mark = float(own.mean()), float(np.quantile(own, share))
@@ -177,56 +113,40 @@ def robust(gears: xr.Dataset, nominal: xr.Dataset, hardened: xr.Dataset) -> Figu
         spread.plot(mean, 100.0 * float(np.mean(own <= mean)), "o", ms=6, color=colour)
         spread.plot(mark, 100.0 * share, "D", ms=6, color=colour)
         spread.plot([mark, mark], [0.0, 100.0 * share], ":", lw=1.0, color=colour)
+        _error_curve(error, dataset, name + ": RMS {rms} µm", color=colour, ls=style)
     spread.axhline(100.0 * share, lw=1.0, ls=":", color=GREY)
     spread.set(xlabel=axis_label(response), ylabel="gears with less [%]", ylim=(0.0, 130.0))
     spread.set_yticks(np.arange(0.0, 101.0, 20.0))
-    spread.set_title("gears as they are made", loc="left")
-    for (name, colour, style), dataset in zip(_DESIGNS, (nominal, hardened), strict=True):
-        _error_curve(error, dataset, name + ": RMS {rms} µm", color=colour, ls=style)
     phase_axis(error, _OFF_MEAN, hardened["phase"].values)
-    _room_above(error, 0.25)
-    error.set_title("the gear without deviations", loc="left")
-    for axes in (spread, error):
+    room_above(error, 0.25)
+    titles = ("gears as they are made", "the gear without deviations")
+    for axes, title in zip((spread, error), titles, strict=True):
+        axes.set_title(title, loc="left")
         axes.legend(loc="upper center")
     return figure
 
 
-@house_look()
 def tornado(dataset: xr.Dataset) -> Figure:
-    """What each thing that scatters does by itself, to two designs.
-
-    **Arguments:**
-
-    - `dataset`: `robust_influences`, the most influential quantity first.
-
-    **Returns:**
-
-    The figure.
-    """
+    """What each thing that scatters, the most influential first, does by itself to two designs."""
     shown = min(dataset.sizes["quantity"], _BARS)
-    title = f"What scatters, and what it does: {dataset.attrs['title']}"
-    figure, sides = panels((11.0, 1.9 + 0.42 * shown), title, 2)
+    size = (11.0, 1.9 + 0.42 * shown)
+    figure, sides = panels("What scatters, and what it does", dataset, size, 2)
     place = np.arange(shown)
     for axes, (name, colour, _) in zip(sides, _DESIGNS, strict=True):
-        low, middle, high = list(dataset.sel(design=name).data_vars.values())[1:]
+        low, response, high = list(dataset.sel(design=name).data_vars.values())[1:]
+        middle = float(response)
         for amount, aside, face, label in (
             (low, -0.19, "white", "less"),
             (high, 0.19, colour, "more"),
         ):
-            axes.barh(
-                place + aside,
-                amount.values[:shown] - float(middle),
-                left=float(middle),
-                height=0.36,
-                color=face,
-                edgecolor=colour,
-                label=label,
-            )
-        axes.axvline(float(middle), lw=1.0, color=GREY)
+            look: dict[str, Any] = {"color": face, "edgecolor": colour, "label": label}
+            width = amount.values[:shown] - middle
+            axes.barh(place + aside, width, left=middle, height=0.36, **look)
+        axes.axvline(middle, lw=1.0, color=GREY)
         axes.set_yticks(place)
         axes.invert_yaxis()
-        axes.set_title(f"{name}: {digits(float(middle), 3)} without deviations", loc="left")
-        axes.set_xlabel(axis_label(middle))
+        axes.set_title(f"{name}: {digits(middle, 3)} without deviations", loc="left")
+        axes.set_xlabel(axis_label(response))
         axes.margins(x=0.08)
         axes.legend(loc="lower right", title="by itself")
     names, moved = (dataset[name].values[:shown] for name in ("quantity", "moved"))
@@ -237,6 +157,5 @@ def tornado(dataset: xr.Dataset) -> Figure:
     for axes in sides:
         axes.set_xlim(min(low for low, _ in edges), max(high for _, high in edges))
     if (more := dataset.sizes["quantity"] - shown) > 0:
-        words = f"{more} more do less"
-        figure.text(0.995, 0.005, words, ha="right", va="bottom", fontsize=8.0)
+        figure.text(0.995, 0.005, f"{more} more do less", ha="right", va="bottom", fontsize=8.0)
     return figure

@@ -1,10 +1,8 @@
 """Pictures of sensitivities."""
 
 from collections.abc import Iterator
-from functools import partial
 
-from jaxgear.plot._picture import Datasets, Picture, columns
-from jaxgear.plot._plots import sensitivity_pictures
+from jaxgear.plot._picture import Datasets, Picture, columns, drawn
 
 
 def sensitivity_atlas(datasets: Datasets) -> Iterator[Picture]:
@@ -13,4 +11,4 @@ def sensitivity_atlas(datasets: Datasets) -> Iterator[Picture]:
         if (found := datasets.get(name)) is not None:
             speeds = () if name == "sensitivity" else ("pinion_speed_rad_s",)
             table = columns(found, "response", *speeds, "value", "key", "measure", "sensitivity")
-            yield Picture(name, partial(sensitivity_pictures.sensitivity, found), table)
+            yield Picture(name, drawn("_sensitivity_pictures.sensitivity", found), table)

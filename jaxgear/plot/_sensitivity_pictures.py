@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jaxgear.plot._palette import BLUE, GREEN, ORANGE
-from jaxgear.plot._style import house_look
+from jaxgear.plot._style import panels
 
 # Keys in each part of the picture; the table has all of them.
 _SHOWN = 12
@@ -32,15 +32,8 @@ _NAMES = {
 }
 
 
-@house_look()
 def sensitivity(found: xr.Dataset) -> Figure:
     """Bars of the keys that responses react to most.
-
-    **Arguments:**
-
-    - `found`: over cases and keys, the keys sorted, with its title.
-
-    **Returns:**
 
     One panel for each response, keys of one measure below each other, a bar for each speed.
     """
@@ -52,13 +45,12 @@ def sensitivity(found: xr.Dataset) -> Figure:
     ]
     rows = [part.sizes["key"] for _, part in groups]
     size = (3.4 + 2.3 * len(names), 1.8 + 0.27 * sum(rows) + 0.7 * len(rows))
-    figure = Figure(figsize=size)
-    figure.set_layout_engine("constrained", wspace=0.03, hspace=0.04)
-    ratios = [count + 1.2 for count in rows]
-    panels = figure.subplots(len(groups), len(names), squeeze=False, height_ratios=ratios)
+    options: dict[str, Any] = {"height_ratios": [count + 1.2 for count in rows]}
+    shape = len(names), len(groups)
+    figure, grid = panels(found.attrs["title"], None, size, *shape, space=(0.03, 0.04), **options)
     for row, (words, part) in enumerate(groups):
         for column, name in enumerate(names):
-            axes = panels[row, column]
+            axes = grid[row * len(names) + column]
             own = part.isel(case=part["response"].values == name)
             _draw(axes, own)
             axes.set_xlabel(words)
@@ -69,10 +61,9 @@ def sensitivity(found: xr.Dataset) -> Figure:
                 axes.set_ylabel("key")
             if not row:
                 axes.set_title(_told(name, own["value"].values))
-    figure.suptitle(found.attrs["title"])
-    figure.align_ylabels(panels[:, 0])
+    figure.align_ylabels(grid[:: len(names)])
     if len(np.unique(found["pinion_speed_rad_s"].dropna("case"))) > 1:
-        handles, labels = panels[0, 0].get_legend_handles_labels()
+        handles, labels = grid[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
     return figure
 

@@ -13,7 +13,7 @@ from matplotlib.patches import Rectangle
 from jaxgear._units import mm, um
 from jaxgear.plot._bearing_labels import Labels, write_labels
 from jaxgear.plot._palette import GEAR_COLOURS, GREEN, GREY, ORANGE, RED
-from jaxgear.plot._style import BOX, house_look, round_down, titled
+from jaxgear.plot._style import BOX, legend_below, panels, round_down, write_at
 
 _PALE = ("#c4dcec", "#f9e6bf")  # of pinion and wheel
 _AXIAL = "#c9d6e2"  # a bearing that holds its shaft along Z
@@ -23,25 +23,15 @@ _SEAT_MARKS = ({"ls": "", "marker": "s", "ms": 5}, {"ls": "", "marker": "D", "ms
 _SHOWN_DEFLECTION = 0.15
 
 
-@house_look()
 def shafts(pair: xr.Dataset, shafts: xr.Dataset) -> Figure:
     """Both shafts from the side, to scale, with their deflection and what the bearings carry.
 
     Of a shaft in a condensed body the displacements of its seats are shown, as marks. Condensed
     bodies are cut along the axis, other gears drawn from it to the tip circle, bearings as crossed
     boxes, filled where they hold the shaft along Z. Torques are arrows with two heads along the
-    axis of rotation.
-
-    **Arguments:**
-
-    - `pair`: the group `pair`.
-    - `shafts`: the group `shafts`.
-
-    **Returns:**
-
-    The figure, in the plane of the two axes: Z from mid-face, S from the pinion's axis.
+    axis of rotation. The figure is in the plane of the two axes.
     """
-    figure, (axes,) = titled(shafts, "Shafts and bearings", side_view_size(pair, shafts))
+    figure, (axes,) = panels("Shafts and bearings", shafts, _side_view_size(pair, shafts))
     axes.grid(False)
     axes.set_aspect("equal")
     distance = float(pair["working_centre_distance_mm"])
@@ -57,15 +47,13 @@ def shafts(pair: xr.Dataset, shafts: xr.Dataset) -> Figure:
             continue
         own = _of_gear(shafts, str(gear))
         _draw_shaft(axes, own, level)
-        _draw_loads(axes, own, level, body)
+        _draw_torque(axes, own, level, body)
+        _draw_loads(axes, own, level)
         _draw_deflection(axes, own, level, scale)
         labels += _labels_of(own, level, 2 * body - 1)
     low, high = axes.get_ylim()
-    axes.set(
-        xlabel="Z from mid-face [mm]",
-        ylabel="S, from the pinion's axis to the wheel's [mm]",
-        ylim=(low - 0.05 * (high - low), high + 0.05 * (high - low)),
-    )
+    axes.set_ylim(low - 0.05 * (high - low), high + 0.05 * (high - low))
+    axes.set(xlabel="Z from mid-face [mm]", ylabel="S, from the pinion's axis to the wheel's [mm]")
     axes.margins(x=0.12)
     _add_legend(figure, scale, seated=bool(shafts["seats_only"].any()))
     write_labels(axes, labels)
@@ -75,17 +63,17 @@ def shafts(pair: xr.Dataset, shafts: xr.Dataset) -> Figure:
 def _of_gear(shafts: xr.Dataset, gear: str) -> xr.Dataset:
     """What belongs to one shaft."""
     own = shafts.sel(mount=gear)
-    for dim, name in (
-        ("point", "gear"),
-        ("segment", "segment_gear"),
-        ("bearing", "bearing_gear"),
-        ("load", "load_gear"),
+    for dim, prefix in (
+        ("point", ""),
+        ("segment", "segment_"),
+        ("bearing", "bearing_"),
+        ("load", "load_"),
     ):
-        own = own.isel({dim: np.flatnonzero(own[name].values == gear)})
+        own = own.isel({dim: np.flatnonzero(own[f"{prefix}gear"].values == gear)})
     return own
 
 
-def side_view_size(pair: xr.Dataset, shafts: xr.Dataset) -> tuple[float, float]:
+def _side_view_size(pair: xr.Dataset, shafts: xr.Dataset) -> tuple[float, float]:
     """Size of a figure that both shafts fill, one above the other [inches]."""
     length = max(
         float(np.sum(shafts["segment_length_mm"].values[shafts["segment_gear"].values == gear]))
@@ -97,22 +85,16 @@ def side_view_size(pair: xr.Dataset, shafts: xr.Dataset) -> tuple[float, float]:
 
 
 def _add_legend(figure: Figure, scale: float, *, seated: bool) -> None:
+    marks = [{"marker": each["marker"]} if seated else {} for each in _SEAT_MARKS]
     kinds = [
-        Line2D(
-            [], [], color=colour, ls=style, lw=2.0, **({"marker": mark["marker"]} if seated else {})
-        )
-        for (colour, style), mark in zip(_DEFLECTION.values(), _SEAT_MARKS, strict=True)
+        Line2D([], [], color=colour, ls=style, lw=2.0, **mark)
+        for (colour, style), mark in zip(_DEFLECTION.values(), marks, strict=True)
     ]
     torque = Line2D([], [], color=ORANGE, lw=1.8, marker=">", ms=6)
     fixed = Line2D([], [], color="black", ls="", marker="s", ms=8, mfc=_AXIAL)
-    figure.legend(
-        [*kinds, torque, fixed],
-        [f"deflection along {name}, {scale:g} times as large" for name in _DEFLECTION]
-        + ["torque about Z", "bearing that holds Z too"],
-        loc="outside lower center",
-        ncols=2,
-        frameon=False,
-    )
+    names = [f"deflection along {name}, {scale:g} times as large" for name in _DEFLECTION]
+    names += ["torque about Z", "bearing that holds Z too"]
+    legend_below(figure, [*kinds, torque, fixed], names, ncols=2)
 
 
 def _draw_deflection(axes: Axes, shaft: xr.Dataset, level: float, scale: float) -> None:
@@ -143,16 +125,8 @@ def _draw_gear_side(axes: Axes, gear: xr.Dataset, shafts: xr.Dataset, body: int)
             # Above the shaft, which is a part of it.
             pale = {"fc": _PALE[body], "ec": _PALE[body], "lw": 0.4, "zorder": 2.5}
             axes.add_collection(PolyCollection(list(section * [1.0, side] + [0.0, level]), **pale))
-    axes.annotate(
-        name,
-        (0.0, level + (tip if body else -tip)),
-        xytext=(0, 3 if body else -3),
-        textcoords="offset points",
-        ha="center",
-        va="bottom" if body else "top",
-        color=colour,
-        weight="bold",
-    )
+    look = {"va": "bottom" if body else "top", "color": colour, "weight": "bold"}
+    write_at(axes, name, (0.0, level + (tip if body else -tip)), (0, 3 if body else -3), **look)
 
 
 def _segments(shaft: xr.Dataset) -> list[tuple[float, ...]]:
@@ -165,14 +139,12 @@ def _segments(shaft: xr.Dataset) -> list[tuple[float, ...]]:
 def _draw_shaft(axes: Axes, shaft: xr.Dataset, level: float) -> None:
     """Segments with their bores, the axis, and the bearings."""
     segments = _segments(shaft)
+    look: dict[str, Any] = {"fc": "#e8e8e8", "ec": GREY, "zorder": 2}
     for start, length, outer, inner in segments:
-        axes.add_patch(
-            Rectangle((start, level - 0.5 * outer), length, outer, fc="#e8e8e8", ec=GREY, zorder=2)
-        )
-        if inner > 0.0:
-            for side in (-0.5, 0.5):
-                ends = [start, start + length]
-                axes.plot(ends, [level + side * inner] * 2, color=GREY, lw=0.8, ls="--", zorder=3)
+        axes.add_patch(Rectangle((start, level - 0.5 * outer), length, outer, **look))
+        for side in (-0.5, 0.5) if inner > 0.0 else ():
+            ends = [start, start + length]
+            axes.plot(ends, [level + side * inner] * 2, color=GREY, lw=0.8, ls="--", zorder=3)
     first, last = segments[0][0], segments[-1][0] + segments[-1][1]
     over = 0.06 * (last - first)
     ends = [first - over, last + over]
@@ -198,57 +170,45 @@ def _draw_bearing(axes: Axes, radius: float, at: float, level: float, *, holds: 
     for inside, outside in ((radius, radius + size), (-radius, -radius - size)):
         low, high = level + min(inside, outside), level + max(inside, outside)
         axes.add_patch(Rectangle((left, low), size, size, fc=face, ec="black", lw=1.0, zorder=3))
-        axes.plot([left, right], [low, high], color="black", lw=0.8, zorder=3)
-        axes.plot([left, right], [high, low], color="black", lw=0.8, zorder=3)
+        for ends in ([low, high], [high, low]):
+            axes.plot([left, right], ends, color="black", lw=0.8, zorder=3)
 
 
 def _labels_of(shaft: xr.Dataset, level: float, outwards: int) -> list[Labels]:
     """Texts and places for the bearings of a shaft; none without any."""
-    order = np.argsort(shaft["bearing_Z_mm"].values, kind="stable")
-    if not len(order):
+    own = shaft.sortby("bearing_Z_mm")
+    at = own["bearing_Z_mm"].values
+    if not len(at):
         return []
-    sorted_by_place = shaft.isel(bearing=order)
-    at = sorted_by_place["bearing_Z_mm"].values
     edges = np.asarray([level + outwards * 1.5 * _radius_at(shaft, z) for z in at])
-    load = {axis: sorted_by_place[f"bearing_load_{axis}_N"].values for axis in "STZ"}
+    loads = np.stack([own[f"bearing_load_{axis}_N"].values for axis in "STZ"], axis=1)
     texts = [
-        "\n".join(f"{axis} {load[axis][row]:.0f} N" for axis in "STZ") for row in range(len(at))
+        "\n".join(f"{axis} {load:.0f} N" for axis, load in zip("STZ", row, strict=True))
+        for row in loads
     ]
     return [Labels(texts, at, edges, outwards)]
 
 
-def _draw_loads(axes: Axes, shaft: xr.Dataset, level: float, body: int) -> None:
-    """The torque about Z, and what else loads a shaft from outside."""
+_LOADED: dict[str, Any] = {"fontsize": 8.5, "bbox": BOX, "zorder": 7}
+
+
+def _draw_torque(axes: Axes, shaft: xr.Dataset, level: float, body: int) -> None:
+    """The torque about Z."""
     at, torque = float(shaft["torque_Z_mm"]), float(shaft["torque_Nm"])
     reach = 0.5 * _radius_at(shaft, at) + 0.05 * float(shaft["segment_length_mm"].sum())
     ahead = np.sign(torque)
+    arrow = {"arrowstyle": "-|>", "color": ORANGE, "lw": 1.8, "mutation_scale": 15}
     for head in (1.0, 0.7):
-        axes.annotate(
-            "",
-            (at + ahead * head * reach, level),
-            xytext=(at - ahead * reach, level),
-            arrowprops={"arrowstyle": "-|>", "color": ORANGE, "lw": 1.8, "mutation_scale": 15},
-            zorder=7,
-        )
-    label: dict[str, Any] = {
-        "textcoords": "offset points",
-        "fontsize": 8.5,
-        "bbox": BOX,
-        "zorder": 7,
-    }
-    axes.annotate(
-        f"{abs(torque):.4g} N m",
-        (at, level),
-        xytext=(0, 8 * (1 - 2 * body)),
-        ha="center",
-        va="top" if body else "bottom",
-        **label,
-    )
-    for index in range(shaft.sizes["load"]):
-        extra = shaft.isel(load=index)
-        z, force, moment = (
-            extra[name].values for name in ("load_Z_mm", "load_force_N", "load_moment_Nm")
-        )
+        tip, tail = (at + ahead * head * reach, level), (at - ahead * reach, level)
+        axes.annotate("", tip, xytext=tail, arrowprops=arrow, zorder=7)
+    look = {**_LOADED, "va": "top" if body else "bottom"}
+    write_at(axes, f"{abs(torque):.4g} N m", (at, level), (0, 8 * (1 - 2 * body)), **look)
+
+
+def _draw_loads(axes: Axes, shaft: xr.Dataset, level: float) -> None:
+    """What else loads a shaft from outside."""
+    names = ("load_Z_mm", "load_force_N", "load_moment_Nm")
+    for z, force, moment in zip(*(shaft[name].values for name in names), strict=True):
         words = ", ".join(
             f"{kind}_{axis} {value:.4g} {unit}"
             for values, kind, unit in ((force, "F", "N"), (moment, "M", "N m"))
@@ -260,12 +220,6 @@ def _draw_loads(axes: Axes, shaft: xr.Dataset, level: float, body: int) -> None:
         size = float(np.hypot(*in_plane))
         aside = 36.0 * in_plane / size if size > 0.0 else np.asarray([0.0, -36.0])
         axes.plot(z, level, "o", ms=4, color=RED, zorder=7)
-        axes.annotate(
-            words or "no load",
-            (float(z), level),
-            xytext=tuple(-aside),
-            ha="center",
-            va="center",
-            arrowprops={"arrowstyle": "-|>" if size > 0.0 else "-", "color": RED, "lw": 1.5},
-            **label,
-        )
+        arrow = {"arrowstyle": "-|>" if size > 0.0 else "-", "color": RED, "lw": 1.5}
+        look = {**_LOADED, "va": "center", "arrowprops": arrow}
+        write_at(axes, words or "no load", (float(z), level), tuple(-aside), **look)

@@ -6,23 +6,15 @@ from matplotlib.figure import Figure
 
 from jaxgear._units import mm
 from jaxgear.plot._palette import GEAR_COLOURS, GREEN, GREY
-from jaxgear.plot._style import digits, house_look, mark_points, titled
+from jaxgear.plot._style import axis_label, digits, mark_points, panels, room_above
 
 
-@house_look()
 def sliding(data: xr.Dataset, cycle: xr.Dataset) -> Figure:
     """Specific sliding of both flanks, and the speed of sliding over that of the pitch line.
 
-    **Arguments:**
-
-    - `data`: the group `sliding`.
-    - `cycle`: the dataset of the mesh cycle: where A to E are.
-
-    **Returns:**
-
-    The figure.
+    The dataset of the mesh cycle says where A to E are.
     """
-    figure, (specific, speed) = titled(data, "Sliding on the path of contact", (9.6, 4.2), 2)
+    figure, (specific, speed) = panels("Sliding on the path of contact", data, (9.6, 4.2), 2)
     for gear, colour in zip(("pinion", "wheel"), GEAR_COLOURS, strict=True):
         values = data[f"specific_sliding_{gear}"]
         least = digits(float(np.min(values)), 3)
@@ -42,10 +34,8 @@ def sliding(data: xr.Dataset, cycle: xr.Dataset) -> Figure:
     words = f"{digits(share, 3)} % of the power is lost with a friction of {friction:g}"
     speed.set_title(words, loc="left")
     for axes in (specific, speed):
-        low, high = axes.get_ylim()
-        # Room for the letters of the points.
-        axes.set_ylim(low, high + 0.08 * (high - low))
+        room_above(axes, 0.08)
         axes.axhline(0.0, color=GREY, lw=0.8)
-        axes.set_xlabel("roll length from the pinion's base tangent point [mm]")
+        axes.set_xlabel(axis_label(data["roll_mm"]))
         mark_points(axes, cycle["path_point_roll_mm"])
     return figure

@@ -13,24 +13,16 @@ from numpy.typing import ArrayLike
 
 from jaxgear._response._sweep_features import FEW
 from jaxgear._units import rpm
-from jaxgear.plot._palette import BLUE, GREEN, ORANGE, RED, SKY
-
-# The seventh of Okabe and Ito's palette; on white their yellow is hard to see.
-PURPLE = "#CC79A7"
-SERIES = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, "black")
-# What is smaller than this share of the static force is rounding: the teeth are apart.
-NO_FORCE = 1e-9
+from jaxgear.plot._palette import RED
+from jaxgear.plot._style import page_of, panels
 
 
 def stack(
-    size: tuple[float, float], title: str, ratios: Sequence[float]
+    what: str, dataset: xr.Dataset, size: tuple[float, float], ratios: Sequence[float]
 ) -> tuple[Figure, list[Axes]]:
     """A figure with a column of axes over the same speeds."""
-    figure = Figure(figsize=size)
-    figure.set_layout_engine("constrained", hspace=0.03)
-    axes = figure.subplots(len(ratios), 1, sharex=True, squeeze=False, height_ratios=ratios)
-    figure.suptitle(title)
-    return figure, list(axes[:, 0])
+    options: dict[str, Any] = {"sharex": True, "height_ratios": ratios}
+    return panels(what, dataset, size, 1, len(ratios), **options)
 
 
 # Height of an axis with its ticks and its label [points].
@@ -43,8 +35,6 @@ def speed_axes(axes: Sequence[Axes], speed: np.ndarray, teeth: int) -> None:
     low, high = float(np.min(speed)), float(np.max(speed))
     room = 0.01 * (high - low) if high > low else 0.05 * high
     bottom.set(xlabel="pinion speed [rad/s]", xlim=(low - room, high + room))
-    figure = top.get_figure(root=True)
-    assert figure is not None
     frequency, unit = frequency_unit(teeth * high / (2.0 * np.pi))
     scales = {
         "pinion speed [rpm]": 1.0 / rpm,
@@ -54,7 +44,7 @@ def speed_axes(axes: Sequence[Axes], speed: np.ndarray, teeth: int) -> None:
         above = top.secondary_xaxis(
             1.0,
             functions=scaled(scale),
-            transform=offset_copy(top.transAxes, figure, 0.0, row * _AXIS_HEIGHT, "points"),
+            transform=offset_copy(top.transAxes, page_of(top), 0.0, row * _AXIS_HEIGHT, "points"),
         )
         above.set_xlabel(label, labelpad=4.0)
         above.tick_params(pad=2.0)
@@ -113,3 +103,10 @@ def mark_unsettled(axes: Axes, dataset: xr.Dataset, *, upright: bool) -> list[Li
     else:
         place, transform = (speed, np.full(len(speed), 0.985)), axes.get_xaxis_transform()
     return axes.plot(*place, "_" if upright else "|", transform=transform, zorder=6, **style)
+
+
+def mesh_rays(dataset: xr.Dataset, unit: float) -> list[np.ndarray]:
+    """Rows of pinion speed [rad/s] and frequency of each harmonic of the mesh, in a unit [Hz]."""
+    speed, teeth = dataset["speed"].values, int(dataset.attrs["teeth_pinion"])
+    harmonics = range(1, int(dataset.attrs["harmonics"]) + 1)
+    return [np.stack([speed, h * teeth * speed / (2.0 * np.pi * unit)], axis=1) for h in harmonics]

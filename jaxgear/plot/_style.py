@@ -16,17 +16,18 @@ from matplotlib.axes import Axes
 from matplotlib.backend_bases import RendererBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
+from matplotlib.text import Annotation
 from matplotlib.ticker import LogFormatterSciNotation, MaxNLocator
 from matplotlib.transforms import Bbox, ScaledTranslation
 
 from jaxgear._whole_file import whole_file
 from jaxgear.plot._cycle import cycle_periods
-from jaxgear.plot._palette import GREY
+from jaxgear.plot._palette import GREY, SURFACE
 
-# Colour map of what lies over an area.
-SURFACE = "viridis"
 # Behind a text that stands on lines.
 BOX = {"boxstyle": "round,pad=0.2", "fc": "white", "ec": "none", "alpha": 0.85}
 
@@ -70,14 +71,7 @@ def _uncollected() -> Iterator[None]:
 
 
 def write_picture(draw: Callable[[], Figure], png: Path, svg: Path) -> None:
-    """Draw a picture and write it twice.
-
-    **Arguments:**
-
-    - `draw`: returns the figure.
-    - `png`: path of the one file.
-    - `svg`: path of the other.
-    """
+    """Draw a picture once and write it twice."""
     with house_look(), _uncollected():
         figure = draw()
         # Laying out takes as long as drawing, and both files can have the same layout.
@@ -106,16 +100,24 @@ def _plain_decades(axes: Axes) -> None:
 
 
 def lay_out(figure: Figure) -> None:
-    """Put the axes where they will be drawn; drawing to find out would cost as much again.
-
-    **Arguments:**
-
-    - `figure`: with all that needs room.
-    """
+    """Put the axes where they will be drawn; drawing to find out would cost as much again."""
     if engine := figure.get_layout_engine():
         engine.execute(figure)
     for axes in figure.axes:
         _set_aspect(axes)
+
+
+def page_of(axes: Axes) -> Figure:
+    """The whole figure that axes are on."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    return figure
+
+
+def laid_out(axes: Axes) -> float:
+    """Lay out the figure of axes, and return its points per pixel."""
+    lay_out(page_of(axes))
+    return 72.0 / page_of(axes).dpi
 
 
 def _set_aspect(axes: Axes, renderer: Any = None) -> None:
@@ -144,43 +146,109 @@ def _measure_once(axes: Axes) -> None:
 
 def _keep_labels(axes: Axes) -> None:
     """Leave labels as far from the axes as they are: to place them anew all ticks are measured."""
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    (left, bottom), (right, top) = axes.bbox.get_points()
-    x, y = axes.xaxis.label.get_position()
-    above = axes.xaxis.get_label_position() == "top"
-    gap = ScaledTranslation(
-        0.0, (y - (top if above else bottom)) / figure.dpi, figure.dpi_scale_trans
-    )
-    axes.xaxis.set_label_coords(x, float(above), transform=axes.transAxes + gap)
-    x, y = axes.yaxis.label.get_position()
-    beyond = axes.yaxis.get_label_position() == "right"
-    gap = ScaledTranslation(
-        (x - (right if beyond else left)) / figure.dpi, 0.0, figure.dpi_scale_trans
-    )
-    axes.yaxis.set_label_coords(float(beyond), y, transform=axes.transAxes + gap)
+    figure, box = page_of(axes), axes.bbox.get_points()
+    for across, axis in enumerate((axes.yaxis, axes.xaxis)):
+        place = np.asarray(axis.label.get_position())
+        far = axis.get_label_position() in ("top", "right")
+        gap = [0.0, 0.0]
+        gap[across] = (place[across] - box[int(far), across]) / figure.dpi
+        place[across] = far
+        shift = ScaledTranslation(gap[0], gap[1], figure.dpi_scale_trans)
+        axis.set_label_coords(*place, transform=axes.transAxes + shift)
 
 
 def panels(
-    size: tuple[float, float], title: str, columns: int = 1, ratios: tuple[float, ...] | None = None
-) -> tuple[Figure, list[Axes]]:
-    """A figure with a row of axes."""
-    figure = Figure(figsize=size)
-    figure.set_layout_engine("constrained", wspace=0.05)
-    axes = figure.subplots(1, columns, squeeze=False, width_ratios=ratios)
-    figure.suptitle(title)
-    return figure, list(axes[0])
-
-
-def titled(
-    dataset: xr.Dataset,
     what: str,
+    dataset: xr.Dataset | None,
     size: tuple[float, float],
     columns: int = 1,
-    ratios: tuple[float, ...] | None = None,
+    rows: int = 1,
+    *,
+    space: tuple[float, float] = (0.05, 0.03),
+    **options: Any,
 ) -> tuple[Figure, list[Axes]]:
-    """A figure with a row of axes, headed by what it shows and by its dataset's title."""
-    return panels(size, f"{what}: {dataset.attrs['title']}", columns, ratios)
+    """A figure of axes in rows and columns, headed by what it shows and by its dataset's title.
+
+    **Arguments:**
+
+    - `what`: is shown.
+    - `dataset`: with its title; without it `what` is all of the heading.
+    - `size`: of the figure [inches].
+    - `columns`, `rows`: of axes, which are returned row by row.
+    - `space`: between columns and between rows, over the size of the axes.
+    - `options`: of `Figure.subplots`.
+    """
+    figure = Figure(figsize=size)
+    figure.set_layout_engine("constrained", wspace=space[0], hspace=space[1])
+    axes = figure.subplots(rows, columns, squeeze=False, **options)
+    figure.suptitle(what if dataset is None else f"{what}: {dataset.attrs['title']}")
+    return figure, list(axes.ravel())
+
+
+def legend_below(figure: Figure, *entries: Any, ncols: int = 1, **options: Any) -> None:
+    """One legend of all axes, under them; none without entries.
+
+    **Arguments:**
+
+    - `figure`: with the axes.
+    - `entries`: artists, or artists and their names; without them what the axes have.
+    - `ncols`, `options`: of `Figure.legend`.
+    """
+    if entries and not entries[0]:
+        return
+    if len(entries) == 1:
+        options["handles"], entries = entries[0], ()
+    figure.legend(*entries, loc="outside lower center", ncols=ncols, frameon=False, **options)
+
+
+def write_at(axes: Axes, text: str, at: Any, by: Any, **look: Any) -> Annotation:
+    """A text beside a point, so many points of the page away from it, centred there."""
+    place = {"xytext": by, "textcoords": "offset points", "ha": "center"}
+    return axes.annotate(text, at, **{**place, **look})
+
+
+def surface(
+    axes: Axes, across: np.ndarray, up: np.ndarray, values: np.ndarray, **look: Any
+) -> QuadMesh:
+    """Cells of a colour for each value, given by their edges; the first index runs across."""
+    axes.grid(False)
+    look = {"cmap": SURFACE, "rasterized": True, **look}
+    return axes.pcolormesh(across, up, values.T, **look)
+
+
+def axis_label(variable: xr.DataArray) -> str:
+    """What a variable is, and its unit."""
+    return f"{variable.attrs['long_name']} [{written_unit(variable)}]"
+
+
+def written_unit(variable: xr.DataArray) -> str:
+    """The unit of a variable as a picture shows it."""
+    unit = str(variable.attrs["units"])
+    return {"1": "-"}.get(unit, unit.replace("um", "µm").replace("2", "²"))
+
+
+def draw_line(axes: Axes, dataset: xr.Dataset, across: str, up: str, **look: Any) -> Line2D:
+    """A variable over another, both axes with their labels."""
+    (line,) = axes.plot(dataset[across].values, dataset[up].values, **look)
+    axes.set(xlabel=axis_label(dataset[across]), ylabel=axis_label(dataset[up]))
+    return line
+
+
+def room_above(axes: Axes, share: float) -> None:
+    """Room for a legend or for letters above curves, in shares of their height."""
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + share * (high - low))
+
+
+def over_steps(values: np.ndarray) -> np.ndarray:
+    """Edges of the steps around rising values: half-way between them, the last at its end."""
+    middle = 0.5 * (values[1:] + values[:-1])
+    return np.concatenate([[1.5 * values[0] - 0.5 * values[1]], middle, values[-1:]])
+
+
+def over_face(dataset: xr.Dataset) -> np.ndarray:
+    """Edges of the slices, from mid-face [mm]."""
+    return np.linspace(-0.5, 0.5, dataset.sizes["slice"] + 1) * dataset.attrs["face_width_mm"]
 
 
 def digits(value: float, count: int) -> str:
@@ -232,14 +300,5 @@ def mark_points(axes: Axes, places: xr.DataArray, *, on_surface: bool = False) -
             lw=1.2 if is_pitch else 0.8,
             ls="-" if is_pitch else ":",
         )
-        axes.annotate(
-            str(name),
-            (place, 1.0),
-            xycoords=("data", "axes fraction"),
-            xytext=(0, -3),
-            textcoords="offset points",
-            ha="center",
-            va="top",
-            fontsize=9,
-            bbox=BOX,
-        )
+        inside = {"xycoords": ("data", "axes fraction"), "va": "top", "fontsize": 9, "bbox": BOX}
+        write_at(axes, str(name), (place, 1.0), (0, -3), **inside)

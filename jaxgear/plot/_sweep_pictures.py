@@ -13,7 +13,7 @@ from jaxgear._response._sweep_features import FEW, WAYS, fold_places, leaps
 from jaxgear.plot._labels import apart, text_size
 from jaxgear.plot._palette import BLUE, GREEN, GREY, ORANGE, RED
 from jaxgear.plot._speed_axes import flag, runs, speed_axes, stack
-from jaxgear.plot._style import house_look, lay_out
+from jaxgear.plot._style import laid_out, legend_below
 
 _COLOURS = {"up": BLUE, "down": ORANGE, "cold": GREEN}
 _HOLLOW: dict[str, Any] = {"ls": "", "mfc": "white"}
@@ -22,33 +22,30 @@ _UNSETTLED |= {"mew": 1.2, "zorder": 3.0}
 _FOLD: dict[str, Any] = {"marker": "D", "ls": "", "ms": 4.5, "color": "black", "zorder": 3.2}
 _CRITICAL: dict[str, Any] = {"color": GREY, "lw": 0.8, "ls": ":", "zorder": 0.5}
 _DASHED: dict[str, Any] = {"ls": (0, (4, 2)), "lw": 1.1}
+_LABELS = {
+    "dynamic_ratio": "largest mesh force / static [-]",
+    "te_rms_um": "RMS of the TE [µm]",
+    "contact_loss": "no contact\n[% of time]",
+}
 
 
-@house_look()
 def sweep(dataset: xr.Dataset, critical: Sequence[tuple[float, str]]) -> Figure:
     """Dynamic ratio, RMS of the TE and contact loss over pinion speed, for each direction.
 
     Lines join settled responses; unstable parts are dashed, also those of a continuation curve,
     whose turning points are marked as folds. Where a direction leaps, an arrow says which way.
-
-    **Arguments:**
-
-    - `dataset`: the group `sweep`.
-    - `critical`: pinion speeds [rad/s] to be marked, with what is critical there.
+    Pinion speeds [rad/s] that are critical are marked, with what is critical there.
     """
-    names = ["dynamic_ratio", "te_rms_um"]
-    if loses := bool(np.any(dataset["contact_loss"].values > 0.0)):
-        names.append("contact_loss")
+    loses = bool(np.any(dataset["contact_loss"].values > 0.0))
+    names = list(_LABELS)[: 3 if loses else 2]
     ratios, height = ((3.0, 1.8, 1.0), 7.0) if loses else ((3.0, 1.7), 5.8)
-    figure, panels = stack((9.6, height), f"Speed sweep: {dataset.attrs['title']}", ratios)
-    labels = ("largest mesh force / static [-]", "RMS of the TE [µm]", "no contact\n[% of time]")
-    for axes, name, label in zip(panels, names, labels, strict=False):
+    figure, panels = stack("Speed sweep", dataset, (9.6, height), ratios)
+    for axes, name in zip(panels, names, strict=True):
         _draw_directions(axes, dataset, name)
-        axes.set_ylabel(label)
+        axes.set_ylabel(_LABELS[name])
     panels[0].axhline(1.0, color=GREY, lw=0.8, ls="--", zorder=1)
     speed_axes(panels, dataset["speed"].values, int(dataset.attrs["teeth_pinion"]))
-    handles = list(_legend(dataset))
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
+    legend_below(figure, list(_legend(dataset)), ncols=4)
     figure.align_ylabels(panels)
     low, high = panels[0].get_xlim()
     shown = sorted((speed, label) for speed, label in critical if low <= speed <= high)
@@ -77,9 +74,8 @@ def _draw_directions(axes: Axes, dataset: xr.Dataset, name: str) -> None:
         shown = flag(own, "settled")
         style: dict[str, Any] = {"color": colour, "lw": 2.0 + 2.4 * row, "zorder": 2.5 - 0.1 * row}
         style["alpha"] = 1.0 if row == 0 else 0.75
-        _draw_parts(
-            axes, speed, values, (shown[1:] & shown[:-1], shown, flag(own, "stable")), style
-        )
+        kinds = shown[1:] & shown[:-1], shown, flag(own, "stable")
+        _draw_parts(axes, speed, values, kinds, style)
         if len(speed) <= FEW:
             axes.plot(speed[shown], values[shown], "o", ms=3.5 + row, color=colour, zorder=2.6)
         for marker, _, several in _several_periods(own):
@@ -122,20 +118,12 @@ def _ceiling(dataset: xr.Dataset, name: str) -> float:
 
 
 def _draw_parts(
-    axes: Axes,
-    x: np.ndarray,
-    y: np.ndarray,
-    kinds: tuple[np.ndarray, np.ndarray, np.ndarray],
-    style: Mapping[str, Any],
+    axes: Axes, x: np.ndarray, y: np.ndarray, kinds: Sequence[np.ndarray], style: Mapping[str, Any]
 ) -> None:
-    """A line through points: dashed where it is not stable at both ends.
+    """A line through points, dashed where it is not stable at both ends.
 
-    **Arguments:**
-
-    - `axes`: to draw on.
-    - `x`, `y`: the points.
-    - `kinds`: which neighbours are joined; which points are shown; which are stable.
-    - `style`: of the line.
+    Of `kinds` the first says which neighbours are joined, then which points are shown, then which
+    are stable.
     """
     joined, shown, stable = kinds
     kind = np.where(joined, np.where(stable[1:] & stable[:-1], 1, 2), 0)
@@ -193,26 +181,16 @@ def _draw_leaps(axes: Axes, dataset: xr.Dataset, name: str) -> None:
     speed = dataset["speed"].values
     if len(speed) <= FEW:
         return
-    for direction in dataset["direction"].values:
-        if direction == "cold":
-            continue
+    for direction in [way for way in dataset["direction"].values if way != "cold"]:
         own = dataset.sel(direction=direction)
         values = _values(own, name)
         for place in leaps(values, flag(own, "settled"), _ceiling(dataset, name)):
             ends = np.stack([speed[place : place + 2], values[place : place + 2]], axis=1)
             ends = ends[:: -1 if direction == "down" else 1]
-            head: dict[str, Any] = {
-                "arrowstyle": "-|>",
-                "color": _COLOURS[direction],
-                "mutation_scale": 17,
-            }
-            axes.annotate(
-                "",
-                tuple(ends[0] + 0.7 * (ends[1] - ends[0])),
-                xytext=tuple(ends[0]),
-                arrowprops={**head, "lw": 0.0, "shrinkA": 0.0, "shrinkB": 0.0},
-                zorder=3.3,
-            )
+            head = {"arrowstyle": "-|>", "color": _COLOURS[direction], "mutation_scale": 17}
+            head |= {"lw": 0.0, "shrinkA": 0.0, "shrinkB": 0.0}
+            tip = ends[0] + 0.7 * (ends[1] - ends[0])
+            axes.annotate("", tuple(tip), xytext=tuple(ends[0]), arrowprops=head, zorder=3.3)
 
 
 def _write_critical(axes: Axes, shown: Sequence[tuple[float, str]]) -> None:
@@ -220,11 +198,9 @@ def _write_critical(axes: Axes, shown: Sequence[tuple[float, str]]) -> None:
     low, high = axes.get_xlim()
     look: dict[str, Any] = {"fontsize": 8.5, "rotation": 90.0, "color": GREY, "zorder": 4}
     sizes = np.asarray([text_size(axes, label, look) for _, label in shown])
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    lay_out(figure)
+    scale = laid_out(axes)
     box = axes.get_window_extent()
-    width, height = (72.0 / figure.dpi * x for x in (box.width, box.height))
+    width, height = scale * box.width, scale * box.height
     # Lines lead from their speeds to their labels over this height [points].
     slope, tallest, thick = 9.0, float(np.max(sizes[:, 1])), float(np.max(sizes[:, 0]))
     strip = min((tallest + slope + 5.0) / height, 0.45)

@@ -10,11 +10,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from jaxgear._response._wave_words import BENT, wave_words
-from jaxgear.plot._palette import BLUE, GREEN, GREY, ORANGE, PINK, RED, SKY
-from jaxgear.plot._style import BOX, SURFACE, digits, house_look, panels
+from jaxgear.plot._palette import GREY, PINK, SURFACE, TEETH_SERIES
+from jaxgear.plot._speed_axes import dots
+from jaxgear.plot._style import BOX, axis_label, digits, legend_below, panels, write_at
 from jaxgear.plot._wave_atlas import wave_level
 
-_SERIES = (BLUE, ORANGE, GREEN, RED, SKY, PINK)
+_SERIES = (*TEETH_SERIES[:-1], PINK)
 _MARKS = "osD^v<"
 # Mesh harmonics shown in spectra and in the map of waves.
 _HARMONICS = 3.5
@@ -26,28 +27,23 @@ _DECADES = 4
 _LINES = 6
 
 
-def _at_peak(dataset: xr.Dataset, gear: str) -> str:
-    """The case, the speed and the gear that a picture shows."""
+def _at_peak(
+    what: str, dataset: xr.Dataset, gear: str, size: tuple[float, float]
+) -> tuple[Figure, list[Axes]]:
+    """A figure of two axes headed by the case, the speed and the gear that it shows."""
+    figure, both = panels(what, dataset, size, 2)
     speed = dataset.attrs["peak_speed_rad_s"]
-    return f"{dataset.attrs['title']}, pinion at {speed:.5g} rad/s: {gear}"
+    figure.suptitle(f"{what}: {dataset.attrs['title']}, pinion at {speed:.5g} rad/s: {gear}")
+    return figure, both
 
 
-# --- Spectra
-
-
-@house_look()
 def wave_spectra(dataset: xr.Dataset, gear: str) -> Figure:
-    """What turns with the body and what stands still beside it show at the highest peak.
-
-    **Arguments:**
-
-    - `dataset`: the group `waves`.
-    - `gear`: `pinion` or `wheel`.
-    """
-    figure, both = panels((11.0, 5.0), f"Spectra of the probes: {_at_peak(dataset, gear)}", 2)
+    """What turns with the body and what stands still beside it show at the highest peak."""
+    figure, both = _at_peak("Spectra of the probes", dataset, gear, (11.0, 5.0))
     teeth = dataset.attrs[f"teeth_{gear}"]
-    order = dataset[f"{gear}_order"].values
-    amplitude = dataset[f"{gear}_probe_amplitude_um"].values
+    order, amplitude = (
+        dataset[f"{gear}_{name}"].values for name in ("order", "probe_amplitude_um")
+    )
     turns = dataset[f"{gear}_probe_turns"].values.astype(bool)
     shown = (order > 0.0) & (order <= _HARMONICS * teeth)
     most = float(amplitude[:, shown].max(initial=1e-9))
@@ -64,20 +60,16 @@ def wave_spectra(dataset: xr.Dataset, gear: str) -> Figure:
             axes.vlines(place, floor, amplitude[probe][seen], lw=1.2, **look)
             name = str(dataset[f"{gear}_probe"].values[probe])
             axes.plot(place, amplitude[probe][seen], _MARKS[number % 6], ms=3.5, label=name, **look)
-        axes.set(
-            xlabel=f"order of the {gear}'s rotation",
-            ylabel="amplitude [µm]",
-            yscale="log",
-            ylim=(floor, 2.5 * most),
-            xlim=(0.0, _HARMONICS * teeth),
-        )
+        axes.set(xlabel=f"order of the {gear}'s rotation", ylabel="amplitude [µm]", yscale="log")
+        axes.set(ylim=(floor, 2.5 * most), xlim=(0.0, _HARMONICS * teeth))
         axes.set_title(where, loc="left")
         _name_strongest(axes, order, amplitude[own], shown, teeth)
         if own.any():
             axes.legend(loc="upper right", title="with the orders of its largest amplitudes")
         else:
             axes.text(0.5, 0.5, "no probe", transform=axes.transAxes, ha="center", color=GREY)
-        _tooth_axis(axes, teeth)
+        # Ticks at the orders of the mesh.
+        axes.set_xticks(teeth * np.arange(int(_HARMONICS) + 1))
     return figure
 
 
@@ -97,41 +89,18 @@ def _name_strongest(
         near = [other - at for other in places[max(number - 1, 0) : number + 2] if other != at]
         # Those of neighbours lie away from each other, and none on the axis.
         aside = next((-np.sign(gap) for gap in near if abs(gap) < _NEAR * teeth), 0.0)
-        aside = 1.0 if at < _NEAR * teeth else aside
-        axes.annotate(
-            f"{at:.6g}",
-            (at, found[at]),
-            xytext=(3.0 * aside, 6),
-            textcoords="offset points",
-            ha={-1.0: "right", 0.0: "center", 1.0: "left"}[float(aside)],
-            fontsize=8.0,
-            bbox=BOX,
-            zorder=5,
-        )
+        aside = 1.0 if at < _NEAR * teeth else float(aside)
+        ha = {-1.0: "right", 0.0: "center", 1.0: "left"}[aside]
+        look = {"ha": ha, "fontsize": 8.0, "bbox": BOX, "zorder": 5}
+        write_at(axes, f"{at:.6g}", (at, found[at]), (3.0 * aside, 6), **look)
 
 
-def _tooth_axis(axes: Axes, teeth: int) -> None:
-    """Ticks at the orders of the mesh."""
-    axes.set_xticks(teeth * np.arange(int(_HARMONICS) + 1))
-
-
-# --- Waves by nodal diameter and order
-
-
-@house_look()
 def wave_map(dataset: xr.Dataset, gear: str) -> Figure:
     """Amplitude of the waves around the rim by nodal diameter and order, at the highest peak.
 
-    **Arguments:**
-
-    - `dataset`: the group `waves`.
-    - `gear`: `pinion` or `wheel`.
-
-    **Returns:**
-
-    The figure; waves that stand in space are on the lines of their mesh harmonic.
+    Waves that stand in space are on the lines of their mesh harmonic.
     """
-    figure, both = panels((10.6, 6.0), f"Waves around the rim: {_at_peak(dataset, gear)}", 2)
+    figure, both = _at_peak("Waves around the rim", dataset, gear, (10.6, 6.0))
     teeth = dataset.attrs[f"teeth_{gear}"]
     each, orders = (dataset[f"{gear}_wave_{name}"].values for name in ("diameters", "order"))
     seen = (orders <= _HARMONICS * teeth) & (orders > 0.5 * teeth)
@@ -140,28 +109,20 @@ def wave_map(dataset: xr.Dataset, gear: str) -> Figure:
     sizes = {name: amplitude.sel(component=name).values for name in ("axial", "radial")}
     high = max(float(values[seen].max(initial=0.0)) for values in sizes.values()) or 1.0
     low = high / 10.0**_DECADES
-    scale = LogNorm(low, high)
     span = np.array([-most - 0.5, most + 0.5])
+    coloured = {"cmap": SURFACE, "norm": LogNorm(low, high), "edgecolors": "black"}
     for axes, (name, values) in zip(both, sizes.items(), strict=True):
         for harmonic in range(1, int(_HARMONICS) + 2):
             axes.plot(span, harmonic * teeth - span, color=GREY, lw=0.7, ls=":", zorder=0)
         shown = np.flatnonzero(seen & (values > low))
         shown = shown[np.argsort(values[shown])]
-        points = axes.scatter(
-            each[shown],
-            orders[shown],
-            c=values[shown],
-            s=_dot_size(values[shown], low, high),
-            cmap=SURFACE,
-            norm=scale,
-            edgecolors="black",
-            linewidths=0.3,
-        )
+        size = values[shown]
+        look: dict[str, Any] = {"s": _dot_size(size, low, high), "linewidths": 0.3, **coloured}
+        points = axes.scatter(each[shown], orders[shown], c=size, **look)
         if shown.size:
-            best = shown[-1]
-            number, order = int(each[best]), float(orders[best])
-            size = digits(float(values[best]), 3)
-            words = f"{name}: order {order:g}, {wave_words(number)}: {size} µm"
+            number, order = int(each[shown[-1]]), float(orders[shown[-1]])
+            largest = digits(float(size[-1]), 3)
+            words = f"{name}: order {order:g}, {wave_words(number)}: {largest} µm"
             axes.set_title(words, loc="left")
         axes.axvline(0.0, color="black", lw=0.6, zorder=0)
         axes.set(
@@ -173,13 +134,12 @@ def wave_map(dataset: xr.Dataset, gear: str) -> Figure:
         )
     figure.colorbar(points, ax=both, label="amplitude of the wave around the rim [µm]")
     handles = [Line2D([], [], color=GREY, lw=0.9, ls=":", label="stands still in space")]
-    for share in (1.0, 0.1, 0.01):
-        look: dict[str, Any] = {"marker": "o", "ls": "", "mec": "black", "mew": 0.3}
-        look["color"] = points.to_rgba(np.asarray([share * high]))[0]
-        size = np.sqrt(_dot_size(share * high, low, high))
-        label = f"{digits(share * high, 2)} µm"
-        handles.append(Line2D([], [], ms=size, label=label, **look))
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
+    for share in (high, 0.1 * high, 0.01 * high):
+        look = {"marker": "o", "ls": "", "mec": "black", "mew": 0.3}
+        look["color"] = points.to_rgba(np.asarray([share]))[0]
+        look["ms"] = np.sqrt(_dot_size(share, low, high))
+        handles.append(Line2D([], [], label=f"{digits(share, 2)} µm", **look))
+    legend_below(figure, handles, ncols=4)
     return figure
 
 
@@ -188,51 +148,32 @@ def _dot_size(amplitude: Any, low: float, high: float) -> Any:
     return 8.0 + 90.0 * (np.log(amplitude / low) / np.log(high / low)) ** 2
 
 
-# --- Levels over speed
-
-
-@house_look()
 def wave_levels(dataset: xr.Dataset, gear: str) -> Figure:
     """RMS over all orders of the mesh, over speed: of the strongest waves, and of the probes.
 
-    **Arguments:**
-
-    - `dataset`: the group `waves`.
-    - `gear`: `pinion` or `wheel`.
-
-    **Returns:**
-
-    The figure, of the direction of the sweep with the highest peak.
+    It is of the direction of the sweep with the highest peak.
     """
-    title = f"Waves and probes over speed: {dataset.attrs['title']}: {gear}"
-    figure, (left, right) = panels((11.0, 5.4), title, 2)
+    figure, (left, right) = panels("Waves and probes over speed", dataset, (11.0, 5.4), 2)
+    figure.suptitle(f"Waves and probes over speed: {dataset.attrs['title']}: {gear}")
     own = dataset.sel(direction=dataset.attrs["peak_direction"])
     speed, number = own["speed"].values, own[f"{gear}_diameters"].values
     level = wave_level(own, gear).values
     # Fewer nodal diameters are mostly the gear as a whole, and would hide the others.
     size = np.where(np.abs(number) >= BENT, level.max(axis=0), -1.0)
     strongest = np.argsort(-size, kind="stable")[: min(_LINES, int(np.sum(size >= 0.0)))]
-    mark = "o" if speed.size < 40 else ""
+    mark: dict[str, Any] = {"marker": dots(speed), "ms": 3}
     for place, wave in enumerate(sorted(strongest, key=lambda i: (abs(number[i]), number[i]))):
-        left.plot(
-            speed,
-            level[:, wave],
-            marker=mark,
-            ms=3,
-            color=_SERIES[place],
-            ls="--" if number[wave] < 0 else "-",
-            label=wave_words(int(number[wave])),
-        )
+        look = {"color": _SERIES[place], "ls": "--" if number[wave] < 0 else "-", **mark}
+        left.plot(speed, level[:, wave], label=wave_words(int(number[wave])), **look)
     left.set_title(f"waves around the rim, of {BENT} and more nodal diameters", loc="left")
     for place, name in enumerate(own[f"{gear}_probe"].values):
-        values = own[f"{gear}_probe_rms_um"].values[:, place]
         turns = bool(own[f"{gear}_probe_turns"].values[place])
-        look: dict[str, Any] = {"color": _SERIES[place % 6], "ls": "-" if turns else "--"}
-        right.plot(speed, values, marker=mark, ms=3, label=name, **look)
+        look = {"color": _SERIES[place % 6], "ls": "-" if turns else "--", **mark}
+        right.plot(speed, own[f"{gear}_probe_rms_um"].values[:, place], label=name, **look)
     right.set_title("probes", loc="left")
     for axes in (left, right):
         axes.axvline(dataset.attrs["peak_speed_rad_s"], color=GREY, lw=0.8, ls=":", zorder=0)
-        axes.set(xlabel="speed of the pinion [rad/s]", ylabel="RMS of all mesh orders [µm]")
+        axes.set(xlabel=axis_label(own["speed"]), ylabel="RMS of all mesh orders [µm]")
         axes.set_ylim(bottom=0.0)
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, frameon=False)
     return figure

@@ -160,6 +160,7 @@ def _orbits(places=(130,), names=("settled",), periods=(2,)):
     variables: dict[str, Any] = {
         name: (("branch", "phase"), np.stack(rows)) for name, rows in data.items()
     }
+    variables["te_um"] = (*variables["te_um"], {"long_name": "dynamic TE", "units": "um"})
     static = 8.0 / (1.0 + 0.22 * np.tanh(6.0 * np.cos(2.0 * np.pi * phase)))
     variables["te_static_um"] = ("phase", static)
     variables["stable"] = ("branch", np.ones(len(places), bool))

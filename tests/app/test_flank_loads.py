@@ -59,7 +59,8 @@ def dataset() -> xr.Dataset:
     louder = dataclasses.replace(each[1], load=1.5 * each[1].load)
     entries = largest_loads([[Seen(x.largest, {}, {}) for x in (each[0], louder)]])
     found = xr.Dataset({name: entry.variable() for name, entry in entries.items()})
-    found = found.assign_coords(speed=[500.0, 900.0], direction=["up"])
+    about = {"long_name": "speed of the pinion", "units": "rad/s"}
+    found = found.assign_coords(speed=("speed", [500.0, 900.0], about), direction=["up"])
     return found.assign_attrs(peak_direction="up", title="by hand")
 
 

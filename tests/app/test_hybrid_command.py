@@ -354,15 +354,6 @@ def test_loads_across_the_face_are_shown_where_they_are_largest():
     assert pictures.tooth_way(dataset).axes[0].get_title(loc="left").startswith("tooth pair 5")
 
 
-def test_models_are_compared_by_name():
-    rigid, soft = _dataset(1), _dataset()
-    figure = pictures.models_compared({"rigid": rigid, "flexible": soft}, "tiny")
-    legend = figure.axes[0].get_legend()
-    assert legend is not None
-    texts = [text.get_text() for text in legend.get_texts()]
-    assert texts == ["rigid: at most 100.0 N/mm", "flexible: at most 150.0 N/mm"]
-
-
 # --- Notes
 
 

@@ -222,4 +222,4 @@ def test_nobody_who_answers_is_no_scene(monkeypatch, capsys, folder):
 
 
 def test_every_option_is_a_key():
-    assert all(key in _init.KEYS for key, _ in _init._ASKED.values())
+    assert all(key in _init.KEYS for key, _ in _init.OWN_PAIR.values())

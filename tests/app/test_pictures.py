@@ -21,7 +21,7 @@ import jaxgear as jg
 from jaxgear import plot
 from jaxgear._cli._folder import Folder
 from jaxgear._cli._main import main
-from jaxgear._cli._saving import save
+from jaxgear._cli._writing import save
 from jaxgear._system._shaft import node_heights
 from jaxgear._whole_file import write_csv, write_dataset
 from jaxgear.plot import _bearing_labels as bearing_labels
@@ -111,7 +111,7 @@ def datasets(groups):
 
 def _groups(model, cycle):
     found = static_dataset(model, cycle, jg.ExactContact())
-    found = found.assign_coords(torque_Nm=("torque", _TORQUES))
+    found = found.assign_coords(torque_Nm=("torque", _TORQUES, _TORQUE))
     error = _TORQUES[:, None] / 60.0 * found["transmission_error_um"].values
     found["harris_te_um"] = (("torque", "phase"), error)
     groups = {
@@ -127,6 +127,7 @@ def _groups(model, cycle):
 
 
 _TORQUES = np.asarray([20.0, 40.0, 60.0])
+_TORQUE = {"long_name": "torque on the pinion", "units": "N m"}
 
 
 def _bearings(dataset):
@@ -143,10 +144,11 @@ def _sized(keys):
     """Three combinations of amounts at three torques."""
     size = np.linspace(1.0, 3.0, 9).reshape(3, 3)
     over = ("combination", "torque")
+    about = {"long_name": "peak to peak of the transmission error", "units": "um"}
     amounts = {key: ("combination", [10.0, 0.0, 5.0], about) for key, about in keys.items()}
     return xr.Dataset(
-        {"te_peak_to_peak_um": (over, size), "max_pressure_MPa": (over, size), **amounts},
-        {"torque_pinion_Nm": ("torque", _TORQUES), "amount": list(keys)},
+        {"te_peak_to_peak_um": (over, size, about), "max_pressure_MPa": (over, size), **amounts},
+        {"torque_pinion_Nm": ("torque", _TORQUES, _TORQUE), "amount": list(keys)},
         {"title": "sized"},
     )
 
@@ -499,10 +501,12 @@ def test_pyplot_stays_away():
 
 
 def test_both_files_have_the_layout_that_each_would_have_alone(datasets, tmp_path):
-    _saved(pictures.flank_maps(datasets["spur"]), {}, tmp_path)
+    with house_look():
+        figure = pictures.flank_maps(datasets["spur"])
+    _saved(figure, {}, tmp_path)
     for ending, dots in (("png", 150), ("svg", "figure")):
-        alone = pictures.flank_maps(datasets["spur"])
         with house_look():
+            alone = pictures.flank_maps(datasets["spur"])
             alone.savefig(tmp_path / f"alone.{ending}", dpi=dots)
     shown, expected = (
         matplotlib.image.imread(tmp_path / f"{name}.png") for name in ("picture", "alone")
@@ -542,7 +546,7 @@ def test_commands_come_without_matplotlib(tmp_path):
         "import jaxgear._cli._commands, jaxgear.study._fidelity._compare, jaxgear.study._condense\n"
         "import jaxgear.plot._atlas, jaxgear.study._sensitivities, jaxgear.study._body_fields\n"
         "from jaxgear._cli._folder import Folder\n"
-        "from jaxgear._cli._saving import save\n"
+        "from jaxgear._cli._writing import save\n"
         "save(None, {'a': [1.0]}, Folder(pathlib.Path(sys.argv[1]), pictures=False), 'a')\n"
         "sys.exit('matplotlib' in sys.modules)"
     )

@@ -1,0 +1,162 @@
+"""What the command line takes: each command with its arguments, as tables."""
+
+import argparse
+import importlib.metadata
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from jaxgear.scene._scene import READY
+
+# Commands that study a scene.
+_STUDIES = {
+    "run": "compute everything that the scene asks for",
+    "map": "Master Curve map: RMS of transmission error over relief depth and extent",
+    "optimise": "improve the keys of [optimise].vary; writes NAME.optimised.toml",
+    "sweep": "steady responses over the speeds of [sweep]: dynamic ratio, orders, jumps",
+    "modes": "natural frequencies, where their energy is, critical speeds",
+    "check-grad": "compare the optimiser's derivatives with central differences",
+    "sensitivity": "what the responses react to: per cent per per cent of each key, as bars",
+    "compare": "one scene by many models and methods: error against time, and which suffices",
+    "condense": "build the condensed bodies of the scene: files, pictures, health report",
+}
+# Options of one's own pair: the key that each is, and its question.
+OWN_PAIR: Mapping[str, tuple[str, str]] = {
+    "module": ("pair.module_mm", "normal module [mm]"),
+    "pressure_angle": ("pair.pressure_angle_deg", "normal pressure angle [degrees; 20]"),
+    "helix": ("pair.helix_angle_deg", "helix angle, + for a right-hand pinion [degrees; 0]"),
+    "face": ("pinion.face_width_mm", "face width [mm; ten modules]"),
+    "torque": ("pair.torque_pinion_Nm", "torque on the pinion [N m; moderate, or by power]"),
+    "power": ("pair.power_kW", "power [kW; none]"),
+    "rpm": ("pair.speed_rpm", "speed of the pinion [rpm; none]"),
+}
+
+_Arguments = Mapping[str, Mapping[str, Any]]
+
+
+def _flag(text: str) -> Mapping[str, Any]:
+    return {"action": "store_true", "help": text}
+
+
+_COMMON: _Arguments = {
+    "--out": {
+        "type": Path,
+        "metavar": "DIR",
+        "help": "folder for the results; in it each command but run has one of its own",
+    },
+    "--set": {
+        "action": "append",
+        "default": [],
+        "dest": "overrides",
+        "metavar": "KEY=VALUE",
+        "help": "change a key of the scene, e.g. pair.torque_pinion_Nm=120; repeatable",
+    },
+    "--json": _flag("print the summary as JSON"),
+    "--quiet": _flag("print nothing but errors, and the JSON if asked for"),
+}
+_PICTURES: _Arguments = {
+    "--no-pictures": {
+        "action": "store_false",
+        "dest": "pictures",
+        "help": "draw none, and write only their data",
+    },
+}
+_SCENE: _Arguments = {"scene": {"metavar": "SCENE", "type": Path, "help": "scene file (TOML)"}}
+_QUIET: _Arguments = {"--quiet": _flag("print nothing but errors")}
+_KEYS: _Arguments = {
+    "pattern": {
+        "metavar": "PATTERN",
+        "nargs": "?",
+        "default": "",
+        "help": "part of a key or of its meaning, such as relief or wheel*bore; all without it",
+    },
+}
+_PLOT: _Arguments = {
+    "result": {"metavar": "RESULT", "type": Path, "help": "result.nc of any command"},
+    "--out": {
+        "type": Path,
+        "metavar": "DIR",
+        "help": "folder for the pictures; that of the result",
+    },
+    **_PICTURES,
+    **_QUIET,
+}
+_CACHE: _Arguments = {
+    "--clear": _flag("remove all of them"),
+    "--json": _flag("print the list as JSON"),
+    **_QUIET,
+}
+_INIT = (
+    "Writes a ready scene, NAME.toml. With --pair it writes a scene of your own, whose shafts, "
+    "bearings and profile shifts are sized by rules of thumb; on a terminal it asks for what it "
+    "needs. --out is a folder, or a file that ends in .toml."
+)
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser whose help fails where it cannot be written; the library's own says nothing."""
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        if file is sys.stdout:
+            file.write(message)
+        else:
+            super()._print_message(message, file)
+
+
+def parser() -> argparse.ArgumentParser:
+    """The parser of all commands."""
+    whole = _Parser(
+        prog="jaxgear",
+        description="Differentiable gear dynamics: from a scene file to transmission error, "
+        "contact, and better flanks.",
+        epilog="Begin with: jaxgear init accessory; jaxgear run accessory.toml",
+        allow_abbrev=False,
+    )
+    whole.add_argument("--version", action="version", version=f"jaxgear {_version()}")
+    commands = whole.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    def command(name: str, text: str, arguments: _Arguments, **more: Any) -> _Parser:
+        added = commands.add_parser(name, help=text, allow_abbrev=False, **more)
+        _add(added, arguments)
+        return added
+
+    init = command(
+        "init", "write a ready scene, or one of your own pair", _COMMON, description=_INIT
+    )
+    names = " | ".join(ready_names())
+    _add(init, {"name": {"metavar": "NAME", "nargs": "?", "help": names}})
+    _add(init, {"--force": _flag("overwrite a ready scene's NAME.toml")})
+    own = init.add_argument_group("a pair of your own")
+    pair = {"nargs": 2, "type": int, "metavar": ("PINION", "WHEEL"), "help": "numbers of teeth"}
+    _add(own, {"--pair": pair})
+    for option, (_, question) in OWN_PAIR.items():
+        number = {"type": float, "metavar": "X", "help": question}
+        _add(own, {f"--{option.replace('_', '-')}": number})
+    for name, text in _STUDIES.items():
+        command(name, text, {**_COMMON, **_SCENE, **_PICTURES})
+    keys = command("keys", "look up the keys of a scene: unit, default, bounds, meaning", _KEYS)
+    forms = {"--json": "print the keys as JSON", "--markdown": "print all keys as a page"}
+    group = keys.add_mutually_exclusive_group()
+    _add(group, {name: _flag(text) for name, text in forms.items()})
+    command("plot", "draw the pictures of a result.nc again, without computing", _PLOT)
+    text = "list the condensed bodies and compiled programs that are kept, or remove them"
+    command("cache", text, _CACHE)
+    return whole
+
+
+def ready_names() -> list[str]:
+    """Names of the ready scenes."""
+    return sorted(path.stem for path in READY.glob("*.toml"))
+
+
+def _add(to: Any, arguments: _Arguments) -> None:
+    for name, options in arguments.items():
+        to.add_argument(name, **options)
+
+
+def _version() -> str:
+    try:
+        return importlib.metadata.version("jaxgear")
+    except importlib.metadata.PackageNotFoundError:
+        return "(not installed)"
