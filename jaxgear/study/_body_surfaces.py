@@ -9,21 +9,14 @@ from jaxgear.scene._scene import Scene
 
 # The wedge left out of pictures, on the viewer's side [rad].
 _WEDGE = (-0.06 * np.pi, 0.44 * np.pi)
+# What the corners of a face are.
+FACE = "nodes of each face: four corners, then the middles of the edges that follow them"
 # A face of eight nodes as a polygon: corners and middles in turn.
 _AROUND = [0, 4, 1, 5, 2, 6, 3, 7]
 
 
 def opened(grid: Grid) -> tuple[np.ndarray, np.ndarray]:
-    """Outer faces with a wedge left out, and which of them the cut has laid open.
-
-    **Arguments:**
-
-    - `grid`: of the body.
-
-    **Returns:**
-
-    Nodes of each face, shape `[face, 8]`, and a flag for each.
-    """
+    """Outer faces with a wedge left out, `[face, 8]`, and which of them the cut has laid open."""
     middle = grid.nodes[grid.bricks[:, :8]].mean(axis=1)
     angle = np.arctan2(middle[:, 1], middle[:, 0])
     left = grid.bricks[(angle < _WEDGE[0]) | (angle > _WEDGE[1])]
@@ -44,16 +37,7 @@ def section(grid: Grid) -> np.ndarray:
 
 
 def body_sections(scene: Scene) -> dict[str, np.ndarray]:
-    """The elements of each condensed body in a cut along its axis.
-
-    **Arguments:**
-
-    - `scene`: with its bodies.
-
-    **Returns:**
-
-    As `section`, by gear; bodies without a grid have none.
-    """
+    """The elements of each condensed body with a grid in a cut along its axis, as `section`."""
     bodies = {gear: each.built.body for gear, each in scene.bodies.items()}
     return {
         gear: section(Grid(body.nodes, body.bricks, MappingProxyType({})))

@@ -20,8 +20,8 @@ from jaxgear.study._fidelity import _engine as engine
 from jaxgear.study._fidelity import _statics as statics
 from jaxgear.study._fidelity._engine import AbstractProblem, Run, compared, counted
 from jaxgear.study._fidelity._level import Answers, Level, Reference, errors_of
+from jaxgear.study._fidelity._levels import simpler_bodies, static_levels
 from jaxgear.study._fidelity._models import changed
-from jaxgear.study._fidelity._static_levels import simpler_bodies, static_levels
 from jaxgear.study._statics import SolverFailure
 
 _TWO = ("te_mean", "te_rms")

@@ -28,7 +28,14 @@ from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS, STATIC_RESPONSES
 from jaxgear.study._design import twin
 from jaxgear.study._fidelity._choice import MARGIN, worst
-from jaxgear.study._fidelity._engine import AbstractProblem, Comparison, Run, compared, counted
+from jaxgear.study._fidelity._engine import (
+    QUICK,
+    AbstractProblem,
+    Comparison,
+    Run,
+    compared,
+    counted,
+)
 from jaxgear.study._fidelity._level import (
     FLOOR,
     RESPONSES,
@@ -38,8 +45,8 @@ from jaxgear.study._fidelity._level import (
     errors_of,
     scales_of,
 )
+from jaxgear.study._fidelity._levels import static_levels
 from jaxgear.study._fidelity._models import Models, changed
-from jaxgear.study._fidelity._static_levels import static_levels
 from jaxgear.study._result import Summary
 from jaxgear.study._running import seconds, timed
 from jaxgear.study._statics import SolverFailure, headline
@@ -58,15 +65,7 @@ Work = Literal["run", "map", "optimise"]
 
 
 class Point(NamedTuple):
-    """An operating point.
-
-    **Fields:**
-
-    - `words`: what it is.
-    - `torque`: over the scene's own [-].
-    - `flank`: new values of keys.
-    - `chosen`: whether levels are chosen by it.
-    """
+    """An operating point: torque over the scene's own [-], flanks, whether it is chosen by."""
 
     words: str
     torque: float
@@ -75,7 +74,7 @@ class Point(NamedTuple):
 
 
 class _Loaded(eqx.Module):
-    """Torque and flanks of an operating point, or of several with the point leading.
+    """An operating point, or several with the point leading.
 
     **Fields:**
 
@@ -170,18 +169,16 @@ class StaticProblem(AbstractProblem):
         # Who asks for some responses only does not ask for others.
         self.extras = () if scene.compare.responses else _EXTRAS
         self.models = Models(scene, moving=False)
-        # What is compiled in half the time runs twice as long: good enough to choose by.
-        self.options = (("xla_backend_optimization_level", 0),) if quick else ()
+        self.options = QUICK if quick else ()
         slices, phases = 2 * scene.mesh.slices, 2 * scene.mesh.phases
         if not scene.condensed:
             slices, phases = max(slices, _FINEST[0]), max(phases, _FINEST[1])
         self.finest = {"mesh.slices": slices, "mesh.phases": phases, "mesh.contact": "exact"}
         self.chosen = np.asarray([point.chosen for point in self.points])
-        self.tried: dict[str, Mapping[str, float | None]] = {}
 
     @functools.cached_property
     def _reference(self) -> Reference:
-        run, before = self._run(self.finest), seconds()[1]
+        run, before = self.run(Level("reference", "", changes=self.finest)), seconds()[1]
         answers = timed(run.program, *run.arguments, options=run.options)
         values, solved = np.asarray(answers.values), np.asarray(answers.solved)
         if not solved.all():
@@ -195,10 +192,7 @@ class StaticProblem(AbstractProblem):
 
     def run(self, level: Level) -> Run:
         """All points, also those where levels are tried only."""
-        return self._run(level.changes)
-
-    def _run(self, changes: Mapping[str, Any]) -> Run:
-        scene, model = self.models(changes)
+        scene, model = self.models(level.changes)
         each = [
             _Loaded(
                 # Couples on the pinion's shaft stay: the mesh has the share.
@@ -219,20 +213,15 @@ class StaticProblem(AbstractProblem):
             value = float(np.max(errors[MEASURED.index(name)][at]))
             return value if solved[at].all() and np.isfinite(value) else None
 
-        self.tried[level.name] = {name: largest(name, ~self.chosen) for name in MEASURED}
         system = eqx.filter_eval_shape(PairModel.system, self.models(level.changes)[1])
         return {
             "beyond": level.beyond,
             # The drive is counted once.
             "dofs": len(system.structure.map.free) - 1,
             "error": {name: largest(name, self.chosen) for name in STATIC_RESPONSES},
-            "held_out": self.tried[level.name],
+            "held_out": {name: largest(name, ~self.chosen) for name in MEASURED},
             "changes": {k: "left out" if x is None else x for k, x in level.changes.items()},
         }
-
-    def held_out(self, level: Level) -> Mapping[str, float | None]:
-        """Of a level that was solved: all points are solved together."""
-        return self.tried[level.name]
 
     def about(self) -> Summary:
         """The reference, its points and what errors are relative to."""
@@ -276,17 +265,8 @@ def compared_statics(
 ) -> Comparison:
     """The quasi-static cycle by many models of one scene: error against time.
 
-    **Arguments:**
-
-    - `scene`: checked against the schema.
-    - `work`: what the cycles are for.
-    - `levels`: that of the scene itself first; all by default.
-    - `quick`: whether to compile for a short wait, not for short runs: times are about twice those
-        of a run then.
-
-    **Returns:**
-
-    Lines of the levels and the recommendation.
+    The cycles are for some work; of the levels, all by default, that of the scene itself is first.
+    With `quick`, programs are compiled for a short wait: times are about twice those of a run then.
 
     **Raises:**
 
