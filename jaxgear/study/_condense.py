@@ -1,10 +1,9 @@
 """Condensed bodies of a scene, built, and how good they are."""
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -19,7 +18,7 @@ from jaxgear.study._head import names_of, study
 from jaxgear.study._progress import narration
 from jaxgear.study._ranks import Doubtful, Idle
 from jaxgear.study._result import Result, Summary
-from jaxgear.study._results import Entry
+from jaxgear.study._results import Entry, dataset_of, entries_over
 
 # Keys of a condensed body that change nothing about matrices from elsewhere.
 _NOT_OF_MATRICES = (
@@ -69,7 +68,7 @@ def condense(scene: Scene) -> Result:
     return Result(scene, names_of(scene) | {"bodies": bodies, "notes": remarks}, datasets, files)
 
 
-def _files(found: BuiltBody, dataset: xr.Dataset) -> dict[str, Callable[[Path], None]]:
+def _files(found: BuiltBody, dataset: xr.Dataset) -> Mapping[str, Callable[[Path], None]]:
     """The body, and where it has a grid this with mode shapes for ParaView."""
 
     def keep(path: Path) -> None:
@@ -92,35 +91,30 @@ def _files(found: BuiltBody, dataset: xr.Dataset) -> dict[str, Callable[[Path], 
 def body_summary(scene: Scene, found: BuiltBody) -> Summary:
     """What is known of a body: its health, and how it came about.
 
-    **Arguments:**
-
-    - `scene`: whose speeds its growth is told at too.
-    - `found`: the body.
+    Its growth is told at the speed up to which the scene is swept too.
     """
     plan = found.plan
-    health: dict[str, Any] = dict(found.health)
+    health: Summary = dict(found.health)
     speed = _highest_speed(scene, plan.gear)
     for key in [key for key in health if key.endswith("_um_at_rad_s")]:
         if speed and health[key]:
             known, growth = max((float(name), each) for name, each in health[key].items())
             # A new mapping: the old one is the body's own and goes into its file.
             health[key] = health[key] | {f"{speed:g}": growth * (speed / known) ** 2}
-    made: dict[str, Any] = {
+    of_matrices = isinstance(plan.source, Matrices)
+    return {
         "name": plan.name,
         "gear": plan.gear,
         "source": _source(plan),
         "torque_seat": plan.torque_seat,
-    }
-    if not isinstance(plan.source, Matrices):
-        made["young_GPa"] = plan.material.young / GPa
-    cost = {
+        **({} if of_matrices else {"young_GPa": plan.material.young / GPa}),
+        **health,
         "from_cache": found.from_cache,
         "seconds": found.seconds,
         "build_seconds": found.build_seconds,
         "peak_memory_MB": found.peak_memory,
         "cache_key": found.key,
     }
-    return made | health | cost
 
 
 def _source(plan: BodyPlan) -> str:
@@ -141,13 +135,7 @@ def _highest_speed(scene: Scene, gear: str) -> float | None:
 
 
 def body_remarks(scene: Scene, found: BuiltBody) -> list[str]:
-    """What a reader of the results should not miss.
-
-    **Arguments:**
-
-    - `scene`: of which the body is.
-    - `found`: the body.
-    """
+    """What a reader of a body's results should not miss."""
     plan, gear = found.plan, found.plan.gear
     remarks: list[str] = [
         Doubtful(f"The {gear}'s body: {warning}") for warning in found.health["warnings"]
@@ -200,12 +188,6 @@ def _remarks_on_matrices(scene: Scene, found: BuiltBody) -> list[str]:
 def body_dataset(found: BuiltBody) -> xr.Dataset:
     """The free modes of a body and, where it has a grid, what of that is seen.
 
-    **Arguments:**
-
-    - `found`: the body.
-
-    **Returns:**
-
     A dataset over modes, nodes and faces, in the frame of the body: Z along the axis from mid-face,
     X towards the middle of tooth 0.
     """
@@ -213,31 +195,31 @@ def body_dataset(found: BuiltBody) -> xr.Dataset:
     frequency, diameter, kind = (
         np.asarray(facts[key]) for key in ("free_frequency_Hz", "nodal_diameter", "kind")
     )
-    share, circle = facts["nodal_diameter_share"], facts.get("nodal_circle")
-    entries = {
-        "mode": Entry(("mode",), np.arange(1, len(frequency) + 1), "1", "number of the mode"),
-        "frequency_Hz": Entry(("mode",), frequency, "Hz", "natural frequency of the free body"),
-        "nodal_diameter": Entry(("mode",), diameter, "1", "number of nodal diameters"),
-        "nodal_diameter_share": Entry(("mode",), share, "1", "its share of the energy"),
-        "kind": Entry(("mode",), kind, "1", "direction of most motion"),
-        "family": Entry(("mode",), _families(diameter, kind), "1", "family of the mode"),
+    rows = {
+        "mode": (np.arange(1, len(frequency) + 1), "1", "number of the mode"),
+        "frequency_Hz": (frequency, "Hz", "natural frequency of the free body"),
+        "nodal_diameter": (diameter, "1", "number of nodal diameters"),
+        "nodal_diameter_share": (facts["nodal_diameter_share"], "1", "its share of the energy"),
+        "kind": (kind, "1", "direction of most motion"),
+        "family": (_families(diameter, kind), "1", "family of the mode"),
     }
-    if circle is not None:
-        entries["nodal_circle"] = Entry(("mode",), circle, "1", "number of nodal circles")
-    counted = [(diameter, "nodal diameter"), *([] if circle is None else [(circle, "circle")])]
+    counted = {"nodal diameter": diameter}
+    if (circle := facts.get("nodal_circle")) is not None:
+        rows["nodal_circle"] = circle, "1", "number of nodal circles"
+        counted["circle"] = circle
     labels = [
         f"{frequency[mode]:.5g} Hz, {kind[mode]}\n"
-        + ", ".join(f"{x[mode]} {what}{'' if x[mode] == 1 else 's'}" for x, what in counted)
+        + ", ".join(f"{x[mode]} {what}{'' if x[mode] == 1 else 's'}" for what, x in counted.items())
         for mode in range(len(frequency))
     ]
-    entries["label"] = Entry(("mode",), labels, "1", "the mode in words")
-    attributes: dict[str, Any] = {"gear": found.plan.gear, "body": body.name}
-    attributes["title"] = f"{body.name}, free body"
+    rows["label"] = labels, "1", "the mode in words"
+    entries = dict(entries_over(("mode",), rows))
+    about = {"gear": found.plan.gear, "body": body.name, "title": f"{body.name}, free body"}
     if found.view is not None:
-        entries |= _seen(found) | _shapes(found, frequency, diameter, kind)
+        entries |= {**_seen(found), **_shapes(found, frequency, diameter, kind)}
         size = f"{len(body.bricks):,} elements, {len(body.nodes):,} nodes"
-        attributes["grid_title"] = f"{body.name}: {size}"
-    return xr.Dataset({name: entry.variable() for name, entry in entries.items()}, attrs=attributes)
+        about["grid_title"] = f"{body.name}: {size}"
+    return dataset_of(entries).assign_attrs(about)
 
 
 def _families(diameter: np.ndarray, kind: np.ndarray) -> np.ndarray:
@@ -258,7 +240,7 @@ def _grid(found: BuiltBody) -> Grid:
     return Grid(found.body.nodes, found.body.bricks, {"rim": known["rim"], **sets})
 
 
-def _seen(found: BuiltBody) -> dict[str, Entry]:
+def _seen(found: BuiltBody) -> Mapping[str, Entry]:
     """Surface, section, rim and seats."""
     grid, body = _grid(found), found.body
     faces, is_cut = opened(grid)
@@ -281,7 +263,7 @@ def _seen(found: BuiltBody) -> dict[str, Entry]:
 
 def _shapes(
     found: BuiltBody, frequency: np.ndarray, diameter: np.ndarray, kind: np.ndarray
-) -> dict[str, Entry]:
+) -> Mapping[str, Entry]:
     """The lowest modes; of the two of a pair, which differ by a turn, the first only."""
     assert found.view is not None
     chosen: list[int] = []
@@ -294,9 +276,9 @@ def _shapes(
         )
         if not is_twin:
             chosen.append(mode)
-    chosen = chosen[:_DRAWN]
-    numbers = np.asarray(chosen, dtype=int) + 1
+    shapes = found.view.shapes[chosen[:_DRAWN]]
+    numbers = np.asarray(chosen[:_DRAWN], dtype=int) + 1
     return {
         "shown": Entry(("shown",), numbers, "1", "numbers of the modes that are drawn"),
-        "shape": Entry(("shown", "node", "axis"), found.view.shapes[chosen], "1", "their shapes"),
+        "shape": Entry(("shown", "node", "axis"), shapes, "1", "their shapes"),
     }

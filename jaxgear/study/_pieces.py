@@ -28,14 +28,6 @@ from jaxgear._types import LineGrid, Reals
 def pieces_at_rest(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> Reals:
     """Which piece of each formula is in use at each cell of a quasi-static cycle.
 
-    **Arguments:**
-
-    - `model`: the pair.
-    - `cycle`: solved with it.
-    - `law`: of contact.
-
-    **Returns:**
-
     A number for each piece [-]: they are the same where all formulas use the same pieces.
     """
     lines = cycle.cells.lines
@@ -102,14 +94,6 @@ def _above_least_load(model: PairModel, cycle: MeshCycle) -> LineGrid:
 
 def pieces_in_motion(balance: Balance, orbit: Orbit, terms: Terms) -> Reals:
     """Whether each cell is closed, wherever in time a steady response evaluates contact.
-
-    **Arguments:**
-
-    - `balance`: of which the response is.
-    - `orbit`: the response.
-    - `terms`: its Fourier coefficients.
-
-    **Returns:**
 
     A number for each [-], as `pieces_at_rest`.
     """

@@ -146,15 +146,7 @@ def method_of(scene: Scene, dynamics: PairDynamics, law: AbstractContactLaw) -> 
 def steady(
     method: HarmonicBalance, dynamics: PairDynamics, speed: Scalar
 ) -> tuple[Reals, Orbit, Terms, Balance]:
-    """A steady response.
-
-    **Arguments:**
-
-    - `method`: that finds it.
-    - `dynamics`: the pair in motion.
-    - `speed`: of the pinion [rad/s].
-
-    **Returns:**
+    """A steady response at a speed of the pinion [rad/s].
 
     Its numbers, in the units of `steady_names`; its states; its Fourier coefficients, and the
     balance that they are in.
