@@ -4,18 +4,8 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+import jaxgear as jg
 from jaxgear._dynamics._adaptive import Adaptive
-from jaxgear._dynamics._harmonic import HarmonicBalance
-from jaxgear._dynamics._march import Marching
-from jaxgear._dynamics._shooting import Shooting
-from jaxgear._dynamics._steppers import (
-    Exponential,
-    GeneralizedAlpha,
-    HilberHughesTaylor,
-    Midpoint,
-    Newmark,
-)
-from jaxgear._interface._laws import SmoothContact
 from jaxgear._units import um
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
@@ -27,11 +17,11 @@ _BEYOND = "beyond the scene"
 # Positions in the period of the highest harmonic that a search looks at.
 _IN_HARMONIC = 8
 _STEPPERS = {
-    "midpoint": ("mid", Midpoint),
-    "exponential": ("exp", Exponential),
-    "Newmark": ("NM", Newmark),
-    "HHT": ("HHT", HilberHughesTaylor),
-    "generalised alpha": ("GA", GeneralizedAlpha),
+    "midpoint": ("mid", jg.Midpoint),
+    "exponential": ("exp", jg.Exponential),
+    "Newmark": ("NM", jg.Newmark),
+    "HHT": ("HHT", jg.HilberHughesTaylor),
+    "generalised alpha": ("GA", jg.GeneralizedAlpha),
 }
 # Those that time is stepped with over one period, to be shot with; all are marched with.
 _OF_SHOOTING = ("midpoint", "exponential")
@@ -157,7 +147,7 @@ def method_levels(scene: Scene) -> list[Level]:
         return Level(name, family, "method", changes, method, **more)
 
     def balance(name: str, family: str, h: int, n: int, averaged: bool = False) -> Level:
-        method = HarmonicBalance(harmonics=h, averaged=averaged)
+        method = jg.HarmonicBalance(harmonics=h, averaged=averaged)
         return level(f"H{h} N{n} {name}", family, method, n, batched=not averaged)
 
     averaged = () if scene.damping.active_mesh else ((10, 64), (20, 128), (40, 256))
@@ -169,20 +159,20 @@ def method_levels(scene: Scene) -> list[Level]:
             level(
                 f"{part * width:g} um",
                 "its contact smooth, H20 N128",
-                HarmonicBalance(law=SmoothContact(part * width * um)),
+                jg.HarmonicBalance(law=jg.SmoothContact(part * width * um)),
                 128,
             )
             for part in (0.1, 0.3, 1.0, 3.0)
         ),
         *_model_levels(scene, sorted({1, 5, own, 2 * own}), 20, 128),
         *(
-            level(f"{short} N{n}", f"shooting, {name}", Shooting(stepper=stepper()), n)
+            level(f"{short} N{n}", f"shooting, {name}", jg.Shooting(stepper=stepper()), n)
             for name, (short, stepper) in _STEPPERS.items()
             if name in _OF_SHOOTING
             for n in (64, 128, 256)
         ),
         *(
-            level(f"{short} {n}x{c}", f"march, {name}", Marching(stepper=stepper(), cycles=c), n)
+            level(f"{short} {n}x{c}", f"march, {name}", jg.Marching(stepper=stepper(), cycles=c), n)
             for name, (short, stepper) in _STEPPERS.items()
             for n, c in ((64, 100), (128, 100), (128, 400))
             if n > 64 or name not in ("HHT", "generalised alpha")
@@ -190,7 +180,7 @@ def method_levels(scene: Scene) -> list[Level]:
         level(
             "Tsit5 1e-4",
             "diffrax, 50 cycles",
-            Adaptive(law=SmoothContact(0.1 * width * um)),
+            Adaptive(law=jg.SmoothContact(0.1 * width * um)),
             128,
             thinned=10,
         ),
@@ -228,7 +218,7 @@ def body_levels(scene: Scene, most: int) -> list[Level]:
         "slices": _sliced(n for n in (5, 10, 20) if n < scene.mesh.slices),
         "bodies": rigid_changes(scene),
     }
-    march, shot = Marching(stepper=Newmark(), cycles=200), Shooting(warm_up=10)
+    march, shot = jg.Marching(stepper=jg.Newmark(), cycles=200), jg.Shooting(warm_up=10)
     coarse = differing(scene, {"sweep.steps": 64})
     return [
         *(Level(name, axis, axis, x) for axis, row in rows.items() for name, x in row.items()),

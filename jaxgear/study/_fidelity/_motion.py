@@ -13,23 +13,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+import jaxgear as jg
 from jaxgear._dynamics._adaptive import Adaptive
-from jaxgear._dynamics._harmonic import HarmonicBalance
-from jaxgear._dynamics._orbit import AbstractMethod, Orbit
-from jaxgear._dynamics._steady_state import steady_states
-from jaxgear._dynamics._system import DynamicSystem, PairDynamics
 from jaxgear._dynamics._types import Speeds
-from jaxgear._interface._laws import AbstractContactLaw
-from jaxgear._response._dynamic import (
-    dynamic_ratio,
-    dynamic_transmission_error,
-    orbit_mean,
-    orbit_rms,
-)
-from jaxgear._response._loads import mesh_stiffness
-from jaxgear._response._transmission import cycle_mean
-from jaxgear._solve._cycle import MeshCycle
-from jaxgear._system._model import PairModel
 from jaxgear._types import Reals, Scalar
 from jaxgear._units import um
 from jaxgear.scene._scene import Scene
@@ -86,8 +72,8 @@ class AbstractMotion(AbstractProblem):
             OperatingPoints("speeds between these", other_speeds(at)),
             OperatingPoints(f"these speeds at {_HELD_OUT:g} x the torque", at, loads),
         )
-        self.pairs: dict[Any, PairDynamics] = {}
-        self.builders: dict[Any, Callable[[PairModel], PairDynamics]] = {}
+        self.pairs: dict[Any, jg.PairDynamics] = {}
+        self.builders: dict[Any, Callable[[jg.PairModel], jg.PairDynamics]] = {}
         self.references: dict[Any, Reference] = {}
 
     @abc.abstractmethod
@@ -95,7 +81,7 @@ class AbstractMotion(AbstractProblem):
         """Changes of the scene that make the reference of a level."""
 
     @abc.abstractmethod
-    def solved(self, pair: PairDynamics, speeds: Speeds) -> tuple[Answers, np.ndarray]:
+    def solved(self, pair: jg.PairDynamics, speeds: Speeds) -> tuple[Answers, np.ndarray]:
         """Answers of the reference, and where they may be compared with."""
 
     def branch(self, level: Level) -> float:
@@ -106,7 +92,7 @@ class AbstractMotion(AbstractProblem):
         """What of a level's size is told besides."""
         return {}
 
-    def pair(self, changes: Changes, loads: Changes = NOTHING) -> PairDynamics:
+    def pair(self, changes: Changes, loads: Changes = NOTHING) -> jg.PairDynamics:
         """The pair in time, built once; loads are real values: nothing is compiled for them."""
         program = tuple(sorted((k, v) for k, v in changes.items() if k != "sweep.harmonics"))
         key = program, tuple(sorted(loads.items()))
@@ -147,7 +133,7 @@ class AbstractMotion(AbstractProblem):
         place = place or self.places[0]
         pair = self.pair(level.changes, place.loads)
         harmonics = level.changes.get("sweep.harmonics", self.scene.sweep.harmonics)
-        method = level.method or HarmonicBalance(harmonics=harmonics)
+        method = level.method or jg.HarmonicBalance(harmonics=harmonics)
         at = thinned(place.speeds.size, level.thinned)
         program = one_by_one if isinstance(method, Adaptive) else each
         return Run(
@@ -220,37 +206,37 @@ def thinned(count: int, every: int) -> np.ndarray:
 # --- Answers
 
 
-def answers_of(system: DynamicSystem, orbits: Orbit, law: AbstractContactLaw) -> Answers:
+def answers_of(system: jg.DynamicSystem, orbits: jg.Orbit, law: jg.AbstractContactLaw) -> Answers:
     """What is compared, of responses with the speed leading."""
 
-    def one(orbit: Orbit) -> Reals:
-        error = dynamic_transmission_error(system, orbit) / um
-        ratio = dynamic_ratio(system, orbit, law)
-        return jnp.stack([ratio, orbit_rms(system, error), orbit_mean(system, error)])
+    def one(orbit: jg.Orbit) -> Reals:
+        error = jg.dynamic_transmission_error(system, orbit) / um
+        ratio = jg.dynamic_ratio(system, orbit, law)
+        return jnp.stack([ratio, jg.orbit_rms(system, error), jg.orbit_mean(system, error)])
 
     return Answers(jax.vmap(one)(orbits).T, orbits.settled)
 
 
-def each(method: AbstractMethod, system: DynamicSystem, speeds: Speeds) -> Answers:
+def each(method: jg.AbstractMethod, system: jg.DynamicSystem, speeds: Speeds) -> Answers:
     """Answers as the library finds them: batched where that is faster."""
-    return answers_of(system, steady_states(system, speeds, method), method.law)
+    return answers_of(system, jg.steady_states(system, speeds, method), method.law)
 
 
-def together(method: AbstractMethod, system: DynamicSystem, speeds: Speeds) -> Answers:
+def together(method: jg.AbstractMethod, system: jg.DynamicSystem, speeds: Speeds) -> Answers:
     """Answers at all speeds in one batch."""
     orbits = jax.vmap(lambda speed: method.orbit(system, speed, None))(speeds)
     return answers_of(system, orbits, method.law)
 
 
-def one_by_one(method: AbstractMethod, system: DynamicSystem, speeds: Speeds) -> Answers:
+def one_by_one(method: jg.AbstractMethod, system: jg.DynamicSystem, speeds: Speeds) -> Answers:
     """Answers one speed after the other: steps of their own length do not batch."""
     orbits = jax.lax.map(lambda speed: method.orbit(system, speed, None), speeds)
     return answers_of(system, orbits, method.law)
 
 
-def _deflection(cycle: MeshCycle) -> Scalar:
+def _deflection(cycle: jg.MeshCycle) -> Scalar:
     """What the teeth deflect by on average [um]."""
-    return cycle.load[0, 0] / cycle_mean(cycle, mesh_stiffness(cycle)) / um
+    return cycle.load[0, 0] / jg.cycle_mean(cycle, jg.mesh_stiffness(cycle)) / um
 
 
 def over_speeds(

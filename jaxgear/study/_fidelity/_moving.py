@@ -5,12 +5,7 @@ from collections.abc import Sequence
 import jax
 import numpy as np
 
-from jaxgear._dynamics._floquet import monodromy, multipliers
-from jaxgear._dynamics._harmonic import HarmonicBalance
-from jaxgear._dynamics._shooting import Shooting
-from jaxgear._dynamics._steady_state import steady_states
-from jaxgear._dynamics._steppers import Exponential
-from jaxgear._dynamics._system import DynamicSystem, PairDynamics, modal_basis
+import jaxgear as jg
 from jaxgear._dynamics._types import Speeds
 from jaxgear.scene._scene import Scene
 from jaxgear.study._fidelity._choice import MARGIN
@@ -68,13 +63,13 @@ class MethodsProblem(AbstractMotion):
             return {"mesh.slices": self.most, "sweep.steps": self.steps // 2}
         return {"sweep.steps": self.steps}
 
-    def solved(self, pair: PairDynamics, speeds: Speeds) -> tuple[Answers, np.ndarray]:
+    def solved(self, pair: jg.PairDynamics, speeds: Speeds) -> tuple[Answers, np.ndarray]:
         """Responses by shooting, after a march; good where they are settled and stable."""
-        method = Shooting(stepper=Exponential(), warm_up=20)
+        method = jg.Shooting(stepper=jg.Exponential(), warm_up=20)
         answers, change, modes = timed(_with_monodromy, method, pair.system, speeds)
         finite = np.isfinite(np.asarray(change)).all(axis=(1, 2))
         growth = np.full(finite.size, np.inf)
-        growth[finite] = np.abs(multipliers(change[finite], modes)[:, 0])
+        growth[finite] = np.abs(jg.multipliers(change[finite], modes)[:, 0])
         return answers, np.asarray(answers.solved) & (growth <= _STABLE)
 
     def branch(self, level: Level) -> float:
@@ -94,11 +89,11 @@ class MethodsProblem(AbstractMotion):
         }
 
 
-def _with_monodromy(method: Shooting, system: DynamicSystem, speeds: Speeds):
+def _with_monodromy(method: jg.Shooting, system: jg.DynamicSystem, speeds: Speeds):
     """Answers, monodromy matrices, and the modes that scale them."""
-    modes = modal_basis(system)
-    orbits = steady_states(system, speeds, method)
-    change = jax.lax.map(lambda orbit: monodromy(system, modes, orbit), orbits)
+    modes = jg.modal_basis(system)
+    orbits = jg.steady_states(system, speeds, method)
+    change = jax.lax.map(lambda orbit: jg.monodromy(system, modes, orbit), orbits)
     return answers_of(system, orbits, method.law), change, modes
 
 
@@ -142,9 +137,9 @@ class BodiesProblem(AbstractMotion):
         """The same for all levels and places."""
         return self.richest
 
-    def solved(self, pair: PairDynamics, speeds: Speeds) -> tuple[Answers, np.ndarray]:
+    def solved(self, pair: jg.PairDynamics, speeds: Speeds) -> tuple[Answers, np.ndarray]:
         """Harmonic balance; good where it has converged."""
-        method = HarmonicBalance(harmonics=self.scene.sweep.harmonics)
+        method = jg.HarmonicBalance(harmonics=self.scene.sweep.harmonics)
         answers = timed(each, method, pair.system, speeds)
         return answers, np.asarray(answers.solved)
 

@@ -13,14 +13,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+import jaxgear as jg
 from jaxgear._checks import InputError
-from jaxgear._flank._deviations import Flanks
-from jaxgear._geometry._lines import MeshGrid
-from jaxgear._interface._laws import AbstractContactLaw
-from jaxgear._response._loads import mesh_stiffness
-from jaxgear._response._transmission import cycle_mean, harmonic_amplitudes, transmission_error
-from jaxgear._solve._cycle import mesh_cycle
-from jaxgear._system._model import PairModel
 from jaxgear._types import Flag, Reals
 from jaxgear._units import um
 from jaxgear.scene._build import flanks_of, grid_of, law_of, model_of
@@ -83,7 +77,7 @@ class _Loaded(eqx.Module):
     """
 
     torque: Reals
-    flanks: Flanks
+    flanks: jg.Flanks
 
 
 def points_of(scene: Scene, work: Work = "run") -> list[Point]:
@@ -124,17 +118,19 @@ def _cut_back(scene: Scene, keys: Sequence[str], share: float) -> Mapping[str, f
     return found | dict.fromkeys(reliefs, 0.3)
 
 
-def _answers(model: PairModel, grid: MeshGrid, law: AbstractContactLaw, points: _Loaded) -> Answers:
+def _answers(
+    model: jg.PairModel, grid: jg.MeshGrid, law: jg.AbstractContactLaw, points: _Loaded
+) -> Answers:
     """What is measured at each point, and what the mesh deflects by; times of points add up."""
 
     def one(point: _Loaded) -> tuple[Reals, Flag]:
         loaded = eqx.tree_at(lambda m: (m.torque, m.flanks), model, (point.torque, point.flanks))
-        cycle = mesh_cycle(loaded, grid, law=law, throw=False)
-        error = transmission_error(loaded.pair, cycle)
-        stiffness = cycle_mean(cycle, mesh_stiffness(cycle))
+        cycle = jg.mesh_cycle(loaded, grid, law=law, throw=False)
+        error = jg.transmission_error(loaded.pair, cycle)
+        stiffness = jg.cycle_mean(cycle, jg.mesh_stiffness(cycle))
         found = headline(loaded, cycle, law) | {
             "mesh_stiffness_mean_N_um": stiffness * um,
-            "te_harmonic_1_um": harmonic_amplitudes(cycle, error, 1)[0] / um,
+            "te_harmonic_1_um": jg.harmonic_amplitudes(cycle, error, 1)[0] / um,
         }
         deflection = cycle.load[0, 0] / stiffness / um
         values = [*(found[RESPONSES[name].key] for name in MEASURED), deflection]
@@ -213,7 +209,7 @@ class StaticProblem(AbstractProblem):
             value = float(np.max(errors[MEASURED.index(name)][at]))
             return value if solved[at].all() and np.isfinite(value) else None
 
-        system = eqx.filter_eval_shape(PairModel.system, self.models(level.changes)[1])
+        system = eqx.filter_eval_shape(jg.PairModel.system, self.models(level.changes)[1])
         return {
             "beyond": level.beyond,
             # The drive is counted once.
