@@ -491,7 +491,8 @@ def test_the_results_say_which_level_was_taken():
 def _recommended(name: str) -> str:
     """The level of a scene, tried at torques that were neither chosen by nor held out."""
     scene = ready_scene(name)
-    found = statics.compared_statics(scene, levels=static_levels(scene, few=True), quick=True)
+    levels = static_levels(scene, few=True)
+    found = compared(statics.StaticProblem(scene, levels=levels, quick=True), "statics")
     assert found.choice.line is not None, found.summary["words"]
     level = found.levels[found.choice.line["name"]]
     points = [statics.Point("", 0.85, {}, True), statics.Point("", 1.15, {}, False)]

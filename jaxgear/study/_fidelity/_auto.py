@@ -27,7 +27,7 @@ from jaxgear.study._fidelity._levels import (
 )
 from jaxgear.study._fidelity._models import changed
 from jaxgear.study._fidelity._moving import BodiesProblem, MethodsProblem
-from jaxgear.study._fidelity._statics import Work, compared_statics
+from jaxgear.study._fidelity._statics import StaticProblem, Work
 from jaxgear.study._objectives import looks_at_speeds
 from jaxgear.study._progress import built_scene
 from jaxgear.study._result import Summary
@@ -129,8 +129,8 @@ def _short(scene: Scene) -> Scene:
 
 def _at_rest(scene: Scene, work: Work) -> Summary:
     """The choice by the quasi-static cycle."""
-    levels = static_levels(scene, few=True)
-    found = compared_statics(scene, work=work, levels=levels, quick=True)
+    problem = StaticProblem(scene, work=work, levels=static_levels(scene, few=True), quick=True)
+    found = compared(problem, "compare statics")
     changes = found.chosen.changes if found.chosen else NOTHING
     return _about(found, changes, "of the quasi-static cycle")
 

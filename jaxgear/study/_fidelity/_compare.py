@@ -4,7 +4,7 @@ from jaxgear._checks import require
 from jaxgear.scene._scene import Scene
 from jaxgear.study._fidelity._engine import compared
 from jaxgear.study._fidelity._moving import BodiesProblem, MethodsProblem
-from jaxgear.study._fidelity._statics import compared_statics, require_at_rest
+from jaxgear.study._fidelity._statics import StaticProblem, require_at_rest
 from jaxgear.study._head import names_of, study
 from jaxgear.study._progress import built_scene
 from jaxgear.study._result import Result, titled
@@ -48,7 +48,7 @@ def compare(scene: Scene) -> Result:
     if not moving:
         require_at_rest(scene)
     work = "optimise" if scene.has_table("optimise") else "run"
-    at_rest = compared_statics(scene, work=work)
+    at_rest = compared(StaticProblem(scene, work=work), "compare statics")
     static = titled(at_rest.dataset, scene, ", quasi-static cycle")
     if not moving:
         return Result(scene, names_of(scene) | {"compare": at_rest.summary}, {"compare": static})

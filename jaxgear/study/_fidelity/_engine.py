@@ -76,6 +76,10 @@ class AbstractProblem(abc.ABC):
         """The largest errors at points by which none is chosen, where a line does not have them."""
         return {}
 
+    def remark(self, lines: Sequence[Summary], responses: Sequence[str]) -> str:
+        """What the summary says in words besides of the lines of levels."""
+        return ""
+
     @abc.abstractmethod
     def about(self) -> Summary:
         """What levels were compared with, as the summary says it."""
@@ -142,11 +146,12 @@ def compared(problem: AbstractProblem, what: str) -> Comparison:
         rows = list(lines.values())
         choice = choose(rows, tolerance, responses, tried, problem.extras)
         each = {name: choose(rows, tolerance, (name,), tried).name for name in responses}
+    words = words_of(choice, lines[own.name], tolerance, responses, problem.judged[0])
     found = {
         "rungs": rows,
         "recommended": choice.name,
         "recommended_for": each,
-        "words": words_of(choice, lines[own.name], tolerance, responses, problem.judged[0]),
+        "words": words + problem.remark(rows, responses),
         "tolerance": tolerance,
         "responses": list(responses),
         "reference": problem.about(),

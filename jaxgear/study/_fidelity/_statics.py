@@ -25,10 +25,7 @@ from jaxgear.study._fidelity._choice import MARGIN, worst
 from jaxgear.study._fidelity._engine import (
     QUICK,
     AbstractProblem,
-    Comparison,
     Run,
-    compared,
-    counted,
 )
 from jaxgear.study._fidelity._level import (
     FLOOR,
@@ -155,13 +152,14 @@ class StaticProblem(AbstractProblem):
         points: Sequence[Point] | None = None,
         quick: bool = False,
     ):
-        """See `compared_statics`."""
+        """Cycles for some work, or at other points, by all levels or some.
+
+        With `quick`, programs are compiled for a short wait: times are about twice those of a run.
+        """
         self.scene = scene
         self.levels = static_levels(scene) if levels is None else levels
         self.points = points_of(scene, work) if points is None else points
-        # The mesh stiffness of condensed bodies is that of teeth alone: it compares with no other.
-        apart = "mesh_stiffness_mean" if scene.condensed else ""
-        self.names = tuple(name for name in STATIC_RESPONSES if name != apart)
+        self.names = _names(scene)
         # Who asks for some responses only does not ask for others.
         self.extras = () if scene.compare.responses else _EXTRAS
         self.models = Models(scene, moving=False)
@@ -219,6 +217,17 @@ class StaticProblem(AbstractProblem):
             "changes": {k: "left out" if x is None else x for k, x in level.changes.items()},
         }
 
+    def remark(self, lines: Sequence[Summary], responses: Sequence[str]) -> str:
+        """What another physical model would change by more than the tolerance."""
+        found, tolerance = "", float(self.scene.compare.tolerance)
+        for line in lines:
+            far = {name: worst(line["error"], (name,)) for name in responses}
+            far = {name: x for name, x in far.items() if tolerance < x < np.inf}
+            if line["beyond"] and far:
+                said = ", ".join(f"the {RESPONSES[x].words} by {100 * far[x]:.2g} %" for x in far)
+                found += f' Beyond the scene: "{line["name"]}" changes {said}.'
+        return found
+
     def about(self) -> Summary:
         """The reference, its points and what errors are relative to."""
         reference = self._reference
@@ -243,8 +252,7 @@ def require_at_rest(scene: Scene) -> None:
 
     - `InputError` naming them.
     """
-    able = StaticProblem(scene, levels=(), points=()).names
-    named = scene.compare.responses
+    able, named = _names(scene), scene.compare.responses
     if named and not set(named) & set(able):
         raise InputError(
             f"compare.responses names {', '.join(named)}: in motion only, or of teeth alone where "
@@ -252,36 +260,7 @@ def require_at_rest(scene: Scene) -> None:
         )
 
 
-def compared_statics(
-    scene: Scene,
-    *,
-    work: Work = "run",
-    levels: Sequence[Level] | None = None,
-    quick: bool = False,
-) -> Comparison:
-    """The quasi-static cycle by many models of one scene: error against time.
-
-    The cycles are for some work; of the levels, all by default, that of the scene itself is first.
-    With `quick`, programs are compiled for a short wait: times are about twice those of a run then.
-
-    **Raises:**
-
-    - `SolverFailure` if the reference was not solved.
-    """
-    problem = StaticProblem(scene, work=work, levels=levels, quick=quick)
-    found = compared(problem, "compare statics")
-    responses = counted(scene, problem.names)
-    found.summary["words"] += _beyond(found.summary["rungs"], responses, problem)
-    return found
-
-
-def _beyond(lines: Sequence[Summary], responses: Sequence[str], problem: StaticProblem) -> str:
-    """What another physical model would change by more than the tolerance."""
-    found, tolerance = "", float(problem.scene.compare.tolerance)
-    for line in lines:
-        far = {name: worst(line["error"], (name,)) for name in responses}
-        far = {name: x for name, x in far.items() if tolerance < x < np.inf}
-        if line["beyond"] and far:
-            said = ", ".join(f"the {RESPONSES[x].words} by {100 * far[x]:.2g} %" for x in far)
-            found += f' Beyond the scene: "{line["name"]}" changes {said}.'
-    return found
+def _names(scene: Scene) -> tuple[str, ...]:
+    """The mesh stiffness of condensed bodies is that of teeth alone: it compares with no other."""
+    apart = "mesh_stiffness_mean" if scene.condensed else ""
+    return tuple(name for name in STATIC_RESPONSES if name != apart)
