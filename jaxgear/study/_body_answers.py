@@ -127,15 +127,6 @@ def _body_answer(
             turn = float(found.turn[at])
             shown = BodyField("mesh", words, found.motion[at], rim[at], turn, unknown)
     assert shown is not None
-    answer = BodyAnswer(
-        gear=gear,
-        built=built,
-        roots=np.concatenate(roots).reshape(*lines.roll.shape, 3),
-        rim=np.concatenate(largest),
-        web=np.concatenate(web),
-        numbers={"largest_load_at_phase": float(lines.phase[worst])},
-        fields=(),
-    )
     cases = [shown]
     if under.spin:
         grown = under.against_seat(under.rotation[None])[0]
@@ -145,8 +136,19 @@ def _body_answer(
     if len(body.nodes):
         tell("the whole grid")
         fields = _on_grid(under, built, cases)
-    numbers = answer.numbers | _numbers(under, answer, cases, fields)
-    return dataclasses.replace(answer, numbers=numbers, fields=fields)
+    over_rim, over_web = np.concatenate(largest), np.concatenate(web)
+    return BodyAnswer(
+        gear=gear,
+        built=built,
+        roots=np.concatenate(roots).reshape(*lines.roll.shape, 3),
+        rim=over_rim,
+        web=over_web,
+        numbers={
+            "largest_load_at_phase": float(lines.phase[worst]),
+            **_numbers(under, over_rim, np.abs(over_web), cases, fields),
+        },
+        fields=fields,
+    )
 
 
 def worst_phase(cycle: MeshCycle) -> int:
@@ -184,17 +186,18 @@ def whole_motion(built: BuiltBody, motions: np.ndarray, speeds: np.ndarray) -> n
 
 def _numbers(
     under: BodyUnderTeeth,
-    answer: BodyAnswer,
+    rim: np.ndarray,
+    web: np.ndarray,
     cases: list[BodyField],
     fields: tuple[BodyField, ...],
 ) -> Summary:
     """The largest of all phases, and of all nodes where they are known."""
-    body, web = under.body, np.abs(answer.web)
+    body = under.body
     radius = float(np.median(radius_of(body.rim_nodes)))
     along = lambda key, values: {
         f"{key}_{name}_um": float(x) for name, x in zip(DIRECTIONS, values / um, strict=True)
     }
-    numbers = along("rim", answer.rim.max(axis=0)) | {
+    numbers = along("rim", rim.max(axis=0)) | {
         "web_shift_um": float(radius_of(web).max() / um),
         "web_axial_um": float(web[:, 2].max() / um),
         "web_tilt_urad": float(radius_of(web[:, 3:]).max() * 1e6),

@@ -1,11 +1,12 @@
 """What is seen of a condensed body: its outside, cut open, and the section in the cut."""
 
+from collections.abc import Mapping
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from fem_prep import Grid, surface
-from jaxgear.scene._scene import Scene
 
 # The wedge left out of pictures, on the viewer's side [rad].
 _WEDGE = (-0.06 * np.pi, 0.44 * np.pi)
@@ -36,11 +37,8 @@ def section(grid: Grid) -> np.ndarray:
     return np.stack([np.hypot(faces[..., 0], faces[..., 1]), faces[..., 2]], axis=-1)[near]
 
 
-def body_sections(scene: Scene) -> dict[str, np.ndarray]:
+def body_sections(bodies: Mapping[str, Any]) -> Mapping[str, np.ndarray]:
     """The elements of each condensed body with a grid in a cut along its axis, as `section`."""
-    bodies = {gear: each.built.body for gear, each in scene.bodies.items()}
-    return {
-        gear: section(Grid(body.nodes, body.bricks, MappingProxyType({})))
-        for gear, body in bodies.items()
-        if len(body.bricks)
-    }
+    own = {gear: each.built.body for gear, each in bodies.items()}
+    grid = lambda body: Grid(body.nodes, body.bricks, MappingProxyType({}))
+    return {gear: section(grid(body)) for gear, body in own.items() if len(body.bricks)}

@@ -1,7 +1,7 @@
 """Condensed bodies of a scene, built, and how good they are."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from jaxgear.scene._bodies import BodyPlan, Drawn, Matrices, OwnGrid, body_plan,
 from jaxgear.scene._body_build import BuiltBody, built_body
 from jaxgear.scene._scene import Scene
 from jaxgear.study._body_surfaces import opened, section
+from jaxgear.study._dynamics import speeds_of
 from jaxgear.study._head import names_of, study
 from jaxgear.study._progress import narration
 from jaxgear.study._ranks import Doubtful, Idle
@@ -95,7 +96,9 @@ def body_summary(scene: Scene, found: BuiltBody) -> Summary:
     """
     plan = found.plan
     health: Summary = dict(found.health)
-    speed = _highest_speed(scene, plan.gear)
+    speed = 0.0
+    if scene.has_table("sweep"):
+        speed = float(speeds_of(scene)[-1]) * scene.pinion.teeth / scene.gear(plan.gear).teeth
     for key in [key for key in health if key.endswith("_um_at_rad_s")]:
         if speed and health[key]:
             known, growth = max((float(name), each) for name, each in health[key].items())
@@ -127,59 +130,48 @@ def _source(plan: BodyPlan) -> str:
             return ", ".join(map(str, paths))
 
 
-def _highest_speed(scene: Scene, gear: str) -> float | None:
-    """Highest speed of a gear in a sweep [rad/s]."""
-    listed = scene.get("sweep.pinion_speed_rad_s")
-    highest = max(listed) if listed else scene.get("sweep.pinion_speed_rad_s.to")
-    return highest and highest * scene.pinion.teeth / scene.gear(gear).teeth
-
-
 def body_remarks(scene: Scene, found: BuiltBody) -> list[str]:
     """What a reader of a body's results should not miss."""
+    return [*_on_body(scene, found)]
+
+
+def _on_body(scene: Scene, found: BuiltBody) -> Iterator[str]:
     plan, gear = found.plan, found.plan.gear
-    remarks: list[str] = [
-        Doubtful(f"The {gear}'s body: {warning}") for warning in found.health["warnings"]
-    ]
+    for warning in found.health["warnings"]:
+        yield Doubtful(f"The {gear}'s body: {warning}")
     if isinstance(plan.source, Drawn) and plan.source.fineness.sectors % plan.teeth_count:
         even = even_sectors(plan.source.body, plan.teeth_count)
-        remarks.append(
+        yield (
             f"The {gear}'s grid has {plan.source.fineness.sectors} elements around for "
             f"{plan.teeth_count} teeth: not every tooth stands on the same piece of rim. With "
             f"{gear}.body.fineness.sectors = {even} every tooth would."
         )
+    given = lambda keys: [x for x in keys if f"{gear}.body.{x}" in scene.given]
+    own = ["inertia_kg_m2", "transverse_inertia_kg_m2"]
     if isinstance(plan.source, Matrices):
-        remarks += _remarks_on_matrices(scene, found)
-    unused = ["inertia_kg_m2", "transverse_inertia_kg_m2"]
-    unused += [] if isinstance(plan.source, Matrices) else ["mass_kg"]
-    return remarks + [
-        Idle(f"{gear}.body.{key} does nothing: a condensed body has its own.")
-        for key in unused
-        if f"{gear}.body.{key}" in scene.given
-    ]
+        yield from _on_matrices(found, len(scene.gear(gear).shaft.bearings))
+        # Nodes of the inside that the matrices still have are condensed here, with so many modes.
+        idle = plan.modes and not found.body.facts.get("modes_of_interior_nodes")
+        for key in given((*_NOT_OF_MATRICES, *(["modes"] if idle else []))):
+            yield f"{gear}.body.{key} does nothing: the matrices were condensed elsewhere."
+    else:
+        own.append("mass_kg")
+    for key in given(own):
+        yield Idle(f"{gear}.body.{key} does nothing: a condensed body has its own.")
 
 
-def _remarks_on_matrices(scene: Scene, found: BuiltBody) -> list[str]:
-    """Seats that bearings will look for, teeth that matrices must hold, keys that do nothing."""
-    plan, remarks = found.plan, []
-    bearings = range(len(scene.rows(f"{plan.gear}.shaft.bearings")))
-    wanted = [f"bearing[{i}]" for i in bearings] or ["gear"]
+def _on_matrices(found: BuiltBody, bearings: int) -> Iterator[str]:
+    """Seats that so many bearings will look for, teeth that matrices must hold."""
+    gear = found.plan.gear
+    wanted = [f"bearing[{i}]" for i in range(bearings)] or ["gear"]
     if missing := [name for name in wanted if name not in found.body.seats]:
         seats = ", ".join(found.body.seats) or "none"
-        remarks.append(
-            f"The {plan.gear}'s matrices have no seat {' and '.join(missing)} for its bearings; "
+        yield (
+            f"The {gear}'s matrices have no seat {' and '.join(missing)} for its bearings; "
             f"their seats are: {seats}."
         )
-    if plan.teeth is not None:
-        remarks.append(
-            f"The {plan.gear}'s matrices must hold the mass of its teeth: none is added."
-        )
-    # Nodes of the inside that the matrices still have are condensed here, with so many modes.
-    idle = plan.modes and not found.body.facts.get("modes_of_interior_nodes")
-    return remarks + [
-        f"{plan.gear}.body.{key} does nothing: the matrices were condensed elsewhere."
-        for key in (*_NOT_OF_MATRICES, *(["modes"] if idle else []))
-        if f"{plan.gear}.body.{key}" in scene.given
-    ]
+    if found.plan.teeth is not None:
+        yield f"The {gear}'s matrices must hold the mass of its teeth: none is added."
 
 
 # --- The dataset

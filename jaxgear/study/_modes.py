@@ -56,14 +56,14 @@ def modes(scene: Scene) -> Result:
         count = modes_shown(scene, np.asarray(dynamics.modes.frequency))
         highest = _highest_speed(scene, dynamics, count)
         found = {"modes": _modes_dataset(dynamics, count)}
-        summary = _modes_summary(scene, dynamics, count)
+        summary = _modes_summary(dynamics, scene.modes.harmonics, count)
         if dynamics.pair.bodies:
             waves = body_waves(scene, dynamics.pair, dynamics.modes, highest, count)
-            of_bodies, more = _of_bodies(scene, waves)
+            of_bodies, more = _of_bodies(waves, scene.modes.harmonics)
             found = {"modes": found["modes"].assign(wave_entries(waves)), **of_bodies}
             summary |= more
         else:
-            found["campbell"] = _campbell_dataset(scene, dynamics, count, highest)
+            found["campbell"] = _campbell_dataset(dynamics, scene.modes.harmonics, count, highest)
     summary = head(scene, dynamics.statics) | {
         "damping": damping_summary(scene, dynamics),
         "modes": summary,
@@ -71,12 +71,12 @@ def modes(scene: Scene) -> Result:
     return Result(scene, summary, {name: titled(each, scene) for name, each in found.items()})
 
 
-def _of_bodies(scene: Scene, waves: BodyWaves) -> tuple[Datasets, Summary]:
+def _of_bodies(waves: BodyWaves, harmonics: int) -> tuple[Datasets, Summary]:
     """What there is of condensed bodies only: datasets by group, and their part of the summary."""
     critical = critical_dataset(waves)
     alone = {gear: alone_dataset(waves, gear) for gear in waves.alone}
     found = {
-        "campbell": turning_dataset(waves, scene.modes.harmonics),
+        "campbell": turning_dataset(waves, harmonics),
         "critical": critical,
         **{f"alone_{gear}": each for gear, each in alone.items()},
     }
@@ -150,7 +150,7 @@ def _energies(modes: Modes) -> Mapping[str, np.ndarray]:
     }
 
 
-def _campbell_dataset(scene: Scene, dynamics: Dynamics, count: int, highest: float) -> xr.Dataset:
+def _campbell_dataset(dynamics: Dynamics, harmonics: int, count: int, highest: float) -> xr.Dataset:
     """Natural frequencies over speed, split by gyroscopic moments where the scene has them."""
     frequency = np.asarray(dynamics.modes.frequency)[:count]
     speeds, system = np.linspace(0.0, highest, _SPEEDS), dynamics.pair.system
@@ -171,21 +171,19 @@ def _campbell_dataset(scene: Scene, dynamics: Dynamics, count: int, highest: flo
             "mode": Entry(("mode",), np.arange(1, count + 1), "1", "number of the mode"),
             **entries_over(("speed", "mode"), rows),
         }
-    ).assign_attrs(
-        teeth_pinion=dynamics.statics.model.pair.pinion.teeth, harmonics=scene.modes.harmonics
-    )
+    ).assign_attrs(teeth_pinion=dynamics.statics.model.pair.pinion.teeth, harmonics=harmonics)
 
 
-def _modes_summary(scene: Scene, dynamics: Dynamics, count: int) -> Summary:
+def _modes_summary(dynamics: Dynamics, harmonics: int, count: int) -> Summary:
     """The `modes` part of the summary."""
     frequency, teeth = dynamics.modes.frequency[:count], dynamics.statics.model.pair.pinion.teeth
-    harmonics = range(1, scene.modes.harmonics + 1)
-    critical = np.asarray(critical_speeds(frequency, teeth, tuple(harmonics)))
+    orders = range(1, harmonics + 1)
+    critical = np.asarray(critical_speeds(frequency, teeth, tuple(orders)))
     return {
         "frequency_Hz": np.asarray(frequency),
         "damping_ratio": dynamics.damping_ratio[:count],
         "energy": {name: values[:count] for name, values in _energies(dynamics.modes).items()},
-        "critical_speed_rad_s": {f"mesh_harmonic_{h}": critical[:, h - 1] for h in harmonics},
+        "critical_speed_rad_s": {f"mesh_harmonic_{h}": critical[:, h - 1] for h in orders},
         "crossing": np.asarray(dynamics.modes.crossing)[:count],
         "total": int(dynamics.modes.frequency.size),
     }

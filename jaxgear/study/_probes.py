@@ -16,6 +16,7 @@ from jaxgear._response._waves import (
 )
 from jaxgear._units import deg, mm
 from jaxgear.scene._scene import Scene
+from jaxgear.scene._tables import ProbeKeys
 from jaxgear.study._hybrid import radius_of
 from jaxgear.study._moving_body import SAME_CIRCLE, MovingBody, angle_of
 
@@ -74,31 +75,28 @@ def probes_of(scene: Scene, body: MovingBody) -> tuple[Probe, ...]:
 def _asked(scene: Scene, body: MovingBody) -> list[Probe]:
     """The probes that a scene has on a gear."""
     found = []
-    for row in scene.rows("probes"):
-        gear = scene[f"{row}.gear"]
+    for number, asked in enumerate(scene.probes):
+        row = f"probes[{number}]"
         require(
-            gear in scene.condensed,
+            asked.gear in scene.condensed,
             "{row}.gear: the body of the {gear} is not condensed, so there are no waves in it.",
             row=row,
-            gear=gear,
+            gear=asked.gear,
         )
-        if gear == body.gear:
-            found.append(_probe(scene, row, body))
+        if asked.gear == body.gear:
+            found.append(_probe(row, asked, body))
     return found
 
 
-def _probe(scene: Scene, row: str, body: MovingBody) -> Probe:
-    direction = DIRECTIONS.index(scene[f"{row}.direction"])
-    turns = scene[f"{row}.frame"] == "rotating"
-    name = scene.get(f"{row}.name")
-    if (node := scene.get(f"{row}.node")) is not None:
-        return _condensed_probe(row, body, node, direction, turns, name or node)
-    given = scene.get(f"{row}.radius_mm")
-    radius = body.radius if given is None else given * mm
-    place = radius, scene[f"{row}.angle_deg"] * deg, scene[f"{row}.height_mm"] * mm
-    where = f"{body.gear} r {radius / mm:.4g} mm {DIRECTIONS[direction]}"
-    name = name or f"{where} {'rotating' if turns else 'fixed'}"
-    return probe_at(body, place, direction, turns=turns, name=name, key=row)
+def _probe(row: str, asked: ProbeKeys, body: MovingBody) -> Probe:
+    direction, turns = DIRECTIONS.index(asked.direction), asked.frame == "rotating"
+    if asked.node is not None:
+        name = asked.name or asked.node
+        return _condensed_probe(row, body, asked.node, direction, turns, name)
+    radius = body.radius if asked.radius_mm is None else asked.radius_mm * mm
+    where = f"{body.gear} r {radius / mm:.4g} mm {asked.direction} {asked.frame}"
+    place = radius, asked.angle_deg * deg, asked.height_mm * mm
+    return probe_at(body, place, direction, turns=turns, name=asked.name or where, key=row)
 
 
 def _condensed_probe(

@@ -39,7 +39,8 @@ _KEY = "model.fidelity"
 _VERSION = 2
 # Speeds, and steps of the reference of rigid bodies: a choice must cost less than what it saves.
 _SPEEDS, _STEPS = 8, 512
-_OF_BALANCE = {"sweep.steps", "sweep.harmonics"}
+# Methods of sweeps that solve by harmonic balance, and its keys.
+_BY_BALANCE, _OF_BALANCE = ("auto", "harmonic"), {"sweep.steps", "sweep.harmonics"}
 
 
 def chosen(scene: Scene, command: str, memory: Path | None = None) -> tuple[Scene, Summary]:
@@ -70,7 +71,7 @@ def chosen(scene: Scene, command: str, memory: Path | None = None) -> tuple[Scen
             about = _in_motion(scene) if moving else _at_rest(_short(scene), work)
         except SolverFailure as error:
             why = f"There was nothing to compare with: {str(error).rstrip('.')}."
-            about = _as_given(scene, why)
+            about = _as_given(scene.compare.tolerance, why)
         about["seconds"] = time.perf_counter() - start
         if memory is not None:
             write_json({**kept, key: about}, memory)
@@ -140,7 +141,8 @@ def _in_motion(scene: Scene) -> Summary:
     scene = built_scene(scene if scene.condensed else _short(scene), moving=True)
     if scene.mesh.periods > PERIODS:
         # A shorter cycle would be another body's: holes come again after many periods.
-        return _as_given(scene, "Models with condensed bodies are compared over few mesh periods.")
+        why = "Models with condensed bodies are compared over few mesh periods."
+        return _as_given(scene.compare.tolerance, why)
     if scene.condensed:
         problem = BodiesProblem(scene, asked_for(scene, few_levels(scene)), speeds=_SPEEDS)
     else:
@@ -153,14 +155,14 @@ def _in_motion(scene: Scene) -> Summary:
 
 def asked_for(scene: Scene, levels: Sequence[Level]) -> list[Level]:
     """Of levels in motion, the scene's own first, those that still do what the scene asks for."""
-    watched = [f"{scene[f'{row}.gear']}.body.probes" for row in scene.rows("probes")]
+    watched = [f"{probe.gear}.body.probes" for probe in scene.probes]
 
     def is_able(level: Level) -> bool:
         if needs_its_slices(scene) and "mesh.slices" in level.changes:
             return False
         # Another method of the user's is not overruled: only slices and bodies are chosen then.
         by_other = level.method is not None or level.changes.keys() & _OF_BALANCE
-        if by_other and not _by_balance(scene):
+        if by_other and scene.sweep.method not in _BY_BALANCE:
             return False
         return not takes_away(scene, level.changes, watched)
 
@@ -169,23 +171,19 @@ def asked_for(scene: Scene, levels: Sequence[Level]) -> list[Level]:
 
 def changes_in_motion(scene: Scene, level: Level) -> Changes:
     """Keys of the scene that make a level of it, by harmonic balance where it is that."""
-    balanced = _by_balance(scene) and level.method is None
+    balanced = scene.sweep.method in _BY_BALANCE and level.method is None
     gone = set() if balanced else _OF_BALANCE
     return {key: value for key, value in level.changes.items() if key not in gone}
 
 
-def _by_balance(scene: Scene) -> bool:
-    return scene.sweep.method in ("auto", "harmonic")
-
-
-def _as_given(scene: Scene, why: str) -> Summary:
+def _as_given(tolerance: float, why: str) -> Summary:
     """The `fidelity` part of the summary where nothing could be chosen."""
     return {
         "rung": "as given",
         "changes": {},
         "why": f"{why} So the scene was taken as it is given.",
         "errors": {},
-        "tolerance": scene.compare.tolerance,
+        "tolerance": tolerance,
         "within_tolerance": False,
     }
 

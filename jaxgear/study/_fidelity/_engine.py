@@ -107,10 +107,9 @@ class Comparison(NamedTuple):
         return None if self.choice.line is None else self.levels[self.choice.line["name"]]
 
 
-def counted(scene: Scene, names: Sequence[str]) -> tuple[str, ...]:
-    """Of responses those that count; all, where the scene names none of them."""
-    named = scene.compare.responses or names
-    return tuple(name for name in names if name in named) or tuple(names)
+def counted(wanted: Sequence[str] | None, names: Sequence[str]) -> tuple[str, ...]:
+    """Of responses those that are wanted; all, where none of them is."""
+    return tuple(name for name in names if name in (wanted or names)) or tuple(names)
 
 
 def compared(problem: AbstractProblem, what: str) -> Comparison:
@@ -123,7 +122,7 @@ def compared(problem: AbstractProblem, what: str) -> Comparison:
     - `SolverFailure` if the reference was not solved.
     """
     tolerance = float(problem.scene.compare.tolerance)
-    responses, own = counted(problem.scene, problem.names), own_of(problem.levels)
+    responses, own = counted(problem.scene.compare.responses, problem.names), own_of(problem.levels)
     levels = {level.name: level for level in problem.levels}
     lines: dict[str, Summary] = {}
 

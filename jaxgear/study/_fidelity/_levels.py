@@ -16,25 +16,19 @@ from jaxgear.study._fidelity._rigid import rigid_changes
 _BEYOND = "beyond the scene"
 # Positions in the period of the highest harmonic that a search looks at.
 _IN_HARMONIC = 8
+# Rules of time stepping, what they are called in short, and whether they are shot with and march
+# on 64 steps.
 _STEPPERS = {
-    "midpoint": ("mid", jg.Midpoint),
-    "exponential": ("exp", jg.Exponential),
-    "Newmark": ("NM", jg.Newmark),
-    "HHT": ("HHT", jg.HilberHughesTaylor),
-    "generalised alpha": ("GA", jg.GeneralizedAlpha),
+    "midpoint": ("mid", jg.Midpoint, True, True),
+    "exponential": ("exp", jg.Exponential, True, True),
+    "Newmark": ("NM", jg.Newmark, False, True),
+    "HHT": ("HHT", jg.HilberHughesTaylor, False, False),
+    "generalised alpha": ("GA", jg.GeneralizedAlpha, False, False),
 }
-# Those that time is stepped with over one period, to be shot with; all are marched with.
-_OF_SHOOTING = ("midpoint", "exponential")
 
 
-def _sliced(counts: Iterable[int]) -> dict[str, Changes]:
+def _sliced(counts: Iterable[int]) -> Mapping[str, Changes]:
     return {f"{n} slice{'s' if n > 1 else ''}": {"mesh.slices": n} for n in counts}
-
-
-def _balance(settings: Iterable[tuple[int, int]]) -> dict[str, Changes]:
-    """Harmonic balance with so many harmonics and time steps."""
-    ordered = sorted(settings, key=lambda pair: (pair[1], pair[0]))
-    return {f"H{h} N{n}": {"sweep.harmonics": h, "sweep.steps": n} for h, n in ordered}
 
 
 # --- Of the quasi-static cycle
@@ -84,7 +78,7 @@ def simpler_bodies(scene: Scene) -> Mapping[str, Changes]:
         for mount in (f"{gear}.{part}" for gear in GEARS for part in ("shaft", "support"))
         if any(key.startswith(f"{mount}.") for key in scene.values)
     ]
-    loaded = any(scene.rows(f"{gear}.shaft.loads") for gear in GEARS)
+    loaded = any(scene.gear(gear).shaft.loads for gear in GEARS)
     rules = [
         ("rigid pinion", len(elastic) == len(GEARS), {"pinion.body.kind": "rigid"}),
         ("rigid bodies", elastic, rigid),
@@ -98,7 +92,7 @@ def simpler_bodies(scene: Scene) -> Mapping[str, Changes]:
     return {name: changes for name, holds, changes in rules if holds}
 
 
-def _on_stiffness(scene: Scene, few: bool) -> list[tuple[str, dict[str, Changes]]]:
+def _on_stiffness(scene: Scene, few: bool) -> list[tuple[str, Mapping[str, Changes]]]:
     """Foundations and line loads: less than the scene has, and what lies beyond it."""
     key, updates = "mesh.line_load_updates", scene.mesh.line_load_updates
     chosen = {
@@ -133,8 +127,10 @@ def _model_levels(scene: Scene, slices: Iterable[int], harmonics: int, steps: in
 def _balance_levels(
     scene: Scene, settings: Iterable[tuple[int, int]], family: str = "harmonic balance"
 ) -> list[Level]:
-    changes = _balance(settings).items()
-    return [Level(name, family, "method", differing(scene, x)) for name, x in changes]
+    """Harmonic balance with so many harmonics and time steps."""
+    changes = lambda h, n: differing(scene, {"sweep.harmonics": h, "sweep.steps": n})
+    ordered = sorted(settings, key=lambda pair: (pair[1], pair[0]))
+    return [Level(f"H{h} N{n}", family, "method", changes(h, n)) for h, n in ordered]
 
 
 def method_levels(scene: Scene) -> list[Level]:
@@ -167,15 +163,15 @@ def method_levels(scene: Scene) -> list[Level]:
         *_model_levels(scene, sorted({1, 5, own, 2 * own}), 20, 128),
         *(
             level(f"{short} N{n}", f"shooting, {name}", jg.Shooting(stepper=stepper()), n)
-            for name, (short, stepper) in _STEPPERS.items()
-            if name in _OF_SHOOTING
+            for name, (short, stepper, is_shot, _) in _STEPPERS.items()
+            if is_shot
             for n in (64, 128, 256)
         ),
         *(
             level(f"{short} {n}x{c}", f"march, {name}", jg.Marching(stepper=stepper(), cycles=c), n)
-            for name, (short, stepper) in _STEPPERS.items()
+            for name, (short, stepper, _, is_coarse) in _STEPPERS.items()
             for n, c in ((64, 100), (128, 100), (128, 400))
-            if n > 64 or name not in ("HHT", "generalised alpha")
+            if n > 64 or is_coarse
         ),
         level(
             "Tsit5 1e-4",

@@ -1,6 +1,7 @@
 """Rigid bodies in place of condensed ones, with the mass that these have."""
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from jaxgear.scene._schema import GEARS
 from jaxgear.study._fidelity._level import Changes
 
 
-def rigid_changes(scene: Scene) -> dict[str, Changes]:
+def rigid_changes(scene: Scene) -> Mapping[str, Changes]:
     """What makes condensed bodies rigid: changes of keys, by the name of the level.
 
     All are, with the foundation that the scene has for rigid bodies and without; and, if both gears
