@@ -69,13 +69,11 @@ def _of_holes(dataset: xr.Dataset, answer: BodyAnswer) -> Mapping[str, Entry]:
     gear, holes = answer.gear, hole_places(answer.built)
     entries: dict[str, Entry] = {}
     if holes is not None:
-        web = f"in the {gear}'s web"
+        web = f"a hole in the {gear}'s web"
         rows = {
-            f"{gear}_hole_deg": (holes.middles / deg, "deg", f"middle of a hole {web}, about its "
-                                 "axis"),
-            f"{gear}_hole_half_deg": (holes.half / deg, "deg", f"half the angle that a hole {web} "
-                                      "takes"),
-        }  # fmt: skip
+            f"{gear}_hole_deg": (holes.middles / deg, "deg", f"middle of {web}, about its axis"),
+            f"{gear}_hole_half_deg": (holes.half / deg, "deg", f"half the angle that {web} takes"),
+        }
         entries |= entries_over((f"{gear}_hole",), rows)
     if (periods := _periods(dataset)) > 1:
         angles = tooth_angles(GEARS.index(gear), dataset.attrs[f"teeth_{gear}"], periods)
@@ -109,16 +107,15 @@ def _way_of_tooth(dataset: xr.Dataset) -> Mapping[str, Entry]:
     places = np.nonzero((pair == most) & touching)
     order = np.argsort(dataset["passage"].values[places])
     way = lambda name: dataset[name].values[tuple(each[order] for each in places)]
+    along = "its load per length of contact line"
     steps = {
         "way_passage": (way("passage"), "1", "mesh periods since that pair's entry at mid-face"),
         "way_share": (way("load_sharing"), "1", "its share of the mesh force"),
     }
     slices = {
-        "way_line_load_N_mm": (
-            way("line_load_N_mm"), "N/mm", "its load per length of contact line"
-        ),
+        "way_line_load_N_mm": (way("line_load_N_mm"), "N/mm", along),
         "way_pressure_MPa": (way("pressure_MPa"), "MPa", "its largest Hertzian pressure"),
-    }  # fmt: skip
+    }
     return {
         "way_tooth_pair": Entry((), int(most), "1", "tooth pair of the largest line load"),
         **entries_over(("step",), steps),
@@ -136,13 +133,13 @@ def _of_teeth(dataset: xr.Dataset) -> Mapping[str, Entry]:
     np.maximum.at(most, pair.ravel(), load.ravel())
     np.maximum.at(largest, pair.ravel(), share.ravel())
     np.add.at(mean, pair.ravel(), (periods * weight * share).ravel())
+    over = "load of a pair over its way, over that of the mean pair"
     rows: dict[str, tuple[np.ndarray, str, str]] = {
         "tooth_pair": (np.arange(periods), "1", "pair, in order of entry"),
         "tooth_line_load_N_mm": (most, "N/mm", "largest line load of a pair"),
         "tooth_share": (largest, "1", "largest share of the mesh force that a pair has"),
-        "tooth_load_over_mean": (mean, "1", "load of a pair over its way, over that of the mean "
-                                 "pair"),
-    }  # fmt: skip
+        "tooth_load_over_mean": (mean, "1", over),
+    }
     for index, gear in enumerate(GEARS):
         angles = tooth_angles(index, dataset.attrs[f"teeth_{gear}"], periods) / deg
         words = f"place of the tooth on the {gear}, from tooth 0"

@@ -102,14 +102,13 @@ def _at_peak(gear: str, each: Looked, motion: BodyMotion) -> Mapping[str, Entry]
     travel = np.where(waves.diameters[large] == 0, 0.0, waves.travel[large])
     of_probes = "amplitude that a probe shows at the highest peak; order 0: the mean"
     of_waves = "its amplitude at the highest peak, RMS over the width of the rim"
+    around = "speed around the body; forward positive; 0: none"
     wave, over, probe = f"{gear}_wave", f"{gear}_order", f"{gear}_probe"
     rows = {
         f"{wave}_order": (waves.order[large], "1", f"order of a wave, by the {gear}'s rotation"),
         f"{wave}_diameters": (waves.diameters[large], "1", "its nodal diameters; forward positive"),
-        f"{wave}_travel_rad_s": (
-            travel, "rad/s", "speed around the body; forward positive; 0: none"
-        ),
-    }  # fmt: skip
+        f"{wave}_travel_rad_s": (travel, "rad/s", around),
+    }
     size = waves.size[large] / um
     return {
         over: Entry((over,), order, "1", f"order of the {gear}'s rotation"),
