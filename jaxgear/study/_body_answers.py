@@ -1,9 +1,8 @@
 """All that a run says of its condensed bodies: how they give under their teeth, and where."""
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
@@ -12,31 +11,38 @@ from jaxgear._solve._cycle import MeshCycle
 from jaxgear._units import um
 from jaxgear.scene._body_build import BuiltBody, Steps, full_of
 from jaxgear.scene._body_words import in_keys
-from jaxgear.scene._mesh_bodies import MeshBody
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
 from jaxgear.study._hybrid import DIRECTIONS, BodyUnderTeeth, along_radius, radius_of
+from jaxgear.study._result import Summary
 from jaxgear.study._statics import Statics
 
 
 @dataclasses.dataclass(frozen=True)
 class BodyField:
-    """Displacements of a body's grid, in its own frame.
+    """Displacements of a body, in its own frame.
 
     **Fields:**
 
     - `what`: does it: "mesh" or "rotation".
     - `words`: where that is, for a title.
-    - `field`: against the gear's seat, shape `[node, 3]` [m].
-    - `rim`: the same of the rim, shape `[rim, 3]` [m].
+    - `motion`: its coordinates, shape `[dof]` [m, rad].
+    - `rim`: against the gear's seat, shape `[rim, 3]` [m].
     - `turn`: angle of the body's x from S, about Z [rad].
+    - `field`: the whole grid against that seat, shape `[node, 3]` [m].
     """
 
     what: str
     words: str
-    field: np.ndarray
+    motion: np.ndarray
     rim: np.ndarray
     turn: float
+    field: np.ndarray
+
+    @property
+    def largest(self) -> float:
+        """Largest displacement of any node [m]."""
+        return float(np.linalg.norm(self.field, axis=1).max())
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,7 +68,7 @@ class BodyAnswer:
     roots: np.ndarray
     rim: np.ndarray
     web: np.ndarray
-    numbers: dict[str, Any]
+    numbers: Summary
     fields: tuple[BodyField, ...]
 
     @property
@@ -76,38 +82,19 @@ class BodyAnswer:
 def body_answers(
     scene: Scene, statics: Statics, tell: Callable[[str], None] = lambda step: None
 ) -> list[BodyAnswer]:
-    """How the condensed bodies of a scene give over its cycle.
+    """How the condensed bodies of a scene give over its solved cycle, the pinion's first.
 
-    **Arguments:**
-
-    - `scene`: with its condensed bodies.
-    - `statics`: its solved cycle.
-    - `tell`: told what begins.
-
-    **Returns:**
-
-    An answer for each condensed body, the pinion's first.
+    What begins is told.
     """
     return [
-        _body_answer(scene, gear, scene.bodies[gear], statics, tell)
+        _body_answer(scene, gear, statics, lambda step, gear=gear: tell(f"{gear}: {step}"))
         for gear in GEARS
         if gear in scene.bodies
     ]
 
 
 def body_under_teeth(scene: Scene, gear: str, statics: Statics) -> BodyUnderTeeth:
-    """A condensed body of a scene in its solved cycle.
-
-    **Arguments:**
-
-    - `scene`: with its condensed bodies.
-    - `gear`: `pinion` or `wheel`.
-    - `statics`: its solved cycle.
-
-    **Returns:**
-
-    The body, ready to be looked at in any mesh period.
-    """
+    """A condensed body of a scene in its solved cycle, to be looked at in any mesh period."""
     return BodyUnderTeeth(
         scene.bodies[gear],
         GEARS.index(gear),
@@ -120,14 +107,15 @@ def body_under_teeth(scene: Scene, gear: str, statics: Statics) -> BodyUnderTeet
 
 
 def _body_answer(
-    scene: Scene, gear: str, mesh_body: MeshBody, statics: Statics, tell: Callable[[str], None]
+    scene: Scene, gear: str, statics: Statics, tell: Callable[[str], None]
 ) -> BodyAnswer:
-    tell(f"{gear}: motion under its teeth")
-    under, body = body_under_teeth(scene, gear, statics), mesh_body.built.body
-    worst = worst_phase(statics.cycle)
-    fit = rim_rows(body)
-    roots, largest, web, shown = [], [], [], None
-    for period in range(statics.cycle.cells.lines.periods):
+    tell("motion under its teeth")
+    under, built = body_under_teeth(scene, gear, statics), scene.bodies[gear].built
+    body, worst, fit = built.body, worst_phase(statics.cycle), rim_rows(built.body)
+    roots, largest, web, unknown = [], [], [], np.zeros((0, 3))
+    shown: BodyField | None = None
+    lines = statics.cycle.cells.lines
+    for period in range(lines.periods):
         found = under.under_mesh(period)
         rim = under.against_seat(found.motion)
         roots.append(found.on_feet(rim)[:, :, :3])
@@ -135,21 +123,32 @@ def _body_answer(
         web.append(rim.reshape(len(rim), -1) @ fit.T)
         if worst // under.phases == period:
             at = worst % under.phases
-            shown = found.motion[at], rim[at], float(found.turn[at])
+            words = f"the mesh at phase {float(lines.phase[worst]):.3f}"
+            turn = float(found.turn[at])
+            shown = BodyField("mesh", words, found.motion[at], rim[at], turn, unknown)
     assert shown is not None
-    shape = statics.cycle.cells.lines.roll.shape
-    answer = BodyAnswer(
+    cases = [shown]
+    if under.spin:
+        grown = under.against_seat(under.rotation[None])[0]
+        words = f"rotation at {under.spin:.5g} rad/s"
+        cases.append(BodyField("rotation", words, under.rotation, grown, shown.turn, unknown))
+    fields: tuple[BodyField, ...] = ()
+    if len(body.nodes):
+        tell("the whole grid")
+        fields = _on_grid(under, built, cases)
+    over_rim, over_web = np.concatenate(largest), np.concatenate(web)
+    return BodyAnswer(
         gear=gear,
-        built=mesh_body.built,
-        roots=np.concatenate(roots).reshape(*shape, 3),
-        rim=np.concatenate(largest),
-        web=np.concatenate(web),
-        numbers={},
-        fields=(),
+        built=built,
+        roots=np.concatenate(roots).reshape(*lines.roll.shape, 3),
+        rim=over_rim,
+        web=over_web,
+        numbers={
+            "largest_load_at_phase": float(lines.phase[worst]),
+            **_numbers(under, over_rim, np.abs(over_web), cases, fields),
+        },
+        fields=fields,
     )
-    fields = tuple(_fields(under, mesh_body.built, statics, shown, tell))
-    numbers = _numbers(under, answer, statics, fields, float(np.median(radius_of(body.rim_nodes))))
-    return dataclasses.replace(answer, numbers=numbers, fields=fields)
 
 
 def worst_phase(cycle: MeshCycle) -> int:
@@ -159,44 +158,22 @@ def worst_phase(cycle: MeshCycle) -> int:
     return int(np.argmax(np.where(full, force, 0.0).max(axis=(1, 2))))
 
 
-def _fields(
-    under: BodyUnderTeeth,
-    built: BuiltBody,
-    statics: Statics,
-    shown: tuple[np.ndarray, np.ndarray, float],
-    tell: Callable[[str], None],
-) -> Iterator[BodyField]:
-    """The whole grid under the mesh where the load is largest, and under rotation."""
-    if not len(built.body.nodes):
-        return
-    tell(f"{built.plan.gear}: the whole grid")
-    motion, rim, turn = shown
-    phase = float(statics.cycle.cells.lines.phase[worst_phase(statics.cycle)])
-    cases = [("mesh", f"the mesh at phase {phase:.3f}", motion, rim, 0.0)]
-    if under.spin:
-        grown = under.against_seat(under.rotation[None])[0]
-        words = f"rotation at {under.spin:.5g} rad/s"
-        cases.append(("rotation", words, under.rotation, grown, under.spin))
-    motions = np.stack([each[2] for each in cases])
-    fields = whole_motion(built, motions, np.asarray([each[4] for each in cases]))
-    fields = fields - under.seat_field(motions, built.body.nodes)
-    for (what, words, _, rim, _), field in zip(cases, fields, strict=True):
-        yield BodyField(what, words, field, rim, turn)
+def _on_grid(
+    under: BodyUnderTeeth, built: BuiltBody, cases: list[BodyField]
+) -> tuple[BodyField, ...]:
+    """What loads a body, with its whole grid."""
+    motions = np.stack([case.motion for case in cases])
+    speeds = np.asarray([under.spin if case.what == "rotation" else 0.0 for case in cases])
+    fields = whole_motion(built, motions, speeds) - under.seat_field(motions, built.body.nodes)
+    whole = zip(cases, fields, strict=True)
+    return tuple(dataclasses.replace(case, field=field) for case, field in whole)
 
 
 def whole_motion(built: BuiltBody, motions: np.ndarray, speeds: np.ndarray) -> np.ndarray:
-    """Displacements of all nodes of a body's grid, from those of its rim and its seats.
+    """Displacements of all nodes of a body's grid, shape `[row, node, 3]` [m].
 
-    **Arguments:**
-
-    - `built`: the body, with a grid.
-    - `motions`: its condensed coordinates under loads on rim and seats, shape `[row, dof]`
-        [m, rad].
-    - `speeds`: of rotation that loads the inside too, shape `[row]` [rad/s].
-
-    **Returns:**
-
-    Shape `[row, node, 3]` [m].
+    They follow from its condensed coordinates under loads on rim and seats, shape `[row, dof]`
+    [m, rad], and the speed of rotation that loads the inside too, shape `[row]` [rad/s].
     """
     with in_keys(built.plan.gear):
         full = full_of(built.plan, Steps(lambda step: None))
@@ -209,49 +186,35 @@ def whole_motion(built: BuiltBody, motions: np.ndarray, speeds: np.ndarray) -> n
 
 def _numbers(
     under: BodyUnderTeeth,
-    answer: BodyAnswer,
-    statics: Statics,
+    rim: np.ndarray,
+    web: np.ndarray,
+    cases: list[BodyField],
     fields: tuple[BodyField, ...],
-    radius: float,
-) -> dict[str, Any]:
+) -> Summary:
     """The largest of all phases, and of all nodes where they are known."""
-    rim = dict(zip(DIRECTIONS, answer.rim.max(axis=0) / um, strict=True))
-    web = np.abs(answer.web)
-    phase = float(statics.cycle.cells.lines.phase[worst_phase(statics.cycle)])
-    numbers: dict[str, Any] = {
-        "largest_load_at_phase": phase,
-        **{f"rim_{name}_um": float(value) for name, value in rim.items()},
-        "web_shift_um": float(np.hypot(web[:, 0], web[:, 1]).max() / um),
+    body = under.body
+    radius = float(np.median(radius_of(body.rim_nodes)))
+    along = lambda key, values: {
+        f"{key}_{name}_um": float(x) for name, x in zip(DIRECTIONS, values / um, strict=True)
+    }
+    numbers = along("rim", rim.max(axis=0)) | {
+        "web_shift_um": float(radius_of(web).max() / um),
         "web_axial_um": float(web[:, 2].max() / um),
-        "web_tilt_urad": float(np.hypot(web[:, 3], web[:, 4]).max() * 1e6),
+        "web_tilt_urad": float(radius_of(web[:, 3:]).max() * 1e6),
         "web_wind_up_um": float(web[:, 5].max() * radius / um),
     }
-    if under.spin:
-        grown = under.against_seat(under.rotation[None])[0]
-        parts = along_radius(under.body.rim_nodes, grown)
-        most = zip(DIRECTIONS, np.abs(parts).max(axis=0) / um, strict=True)
-        numbers |= {
-            "speed_rad_s": under.spin,
-            "growth_mean_radial_um": mean_growth(under.body, grown) / um,
-            **{f"growth_{name}_um": float(value) for name, value in most},
-        }
-    for field in fields:
-        key = {"mesh": "body_deflection_um", "rotation": "body_growth_um"}[field.what]
-        numbers[key] = float(np.linalg.norm(field.field, axis=1).max() / um)
-    return numbers
+    for grown in (case.rim for case in cases if case.what == "rotation"):
+        numbers["speed_rad_s"] = under.spin
+        numbers["growth_mean_radial_um"] = mean_growth(body, grown) / um
+        numbers |= along("growth", np.abs(along_radius(body.rim_nodes, grown)).max(axis=0))
+    keys = {"mesh": "body_deflection_um", "rotation": "body_growth_um"}
+    return numbers | {keys[each.what]: each.largest / um for each in fields}
 
 
 def mean_growth(body: ReducedBody, moved: np.ndarray) -> float:
-    """Mean radial displacement of a rim, by its area.
+    """Mean radial displacement of a rim that moves so, `[rim, 3]`, by its area; outwards positive.
 
-    **Arguments:**
-
-    - `body`: the condensed body.
-    - `moved`: displacement of its rim, shape `[rim, 3]` [m].
-
-    **Returns:**
-
-    Outwards positive [m].
+    In metres, as the motion [m].
     """
     outward = body.rim_nodes * np.array([1.0, 1.0, 0.0])
     outward = (outward / radius_of(body.rim_nodes)[:, None]).ravel()

@@ -12,9 +12,10 @@ from jaxgear._response._wave_words import wave_words
 from jaxgear._response._waves import DIRECTIONS
 from jaxgear._units import mm, um
 from jaxgear._whole_file import write_text
+from jaxgear.study._body_surfaces import FACE
 from jaxgear.study._body_waves import MainWave
 from jaxgear.study._moving_body import MovingBody
-from jaxgear.study._results import Entry
+from jaxgear.study._results import Entry, dataset_of, entries_over
 
 # Files for ParaView in one period.
 _STATES = 12
@@ -23,43 +24,28 @@ _STATES = 12
 def shape_dataset(body: MovingBody, shape: np.ndarray, main: MainWave) -> xr.Dataset:
     """One order of a body's surface: how it moves against the gear's seat.
 
-    **Arguments:**
-
-    - `body`: that moves.
-    - `shape`: complex displacement of its nodes, shape `[node, 3]` [m].
-    - `main`: which order that is.
-
-    **Returns:**
-
-    A dataset over the nodes of the surface, or of the rim if no more is known.
+    Over the nodes of the surface, or of the rim if no more is known; of the complex displacement of
+    all nodes, shape `[node, 3]` [m].
     """
     faces = fem_prep.surface(_grid(body)) if body.has_grid else body.built.body.rim_faces
     nodes, corners = np.unique(faces, return_inverse=True)
-    at = ("node", "axis")
-    entries = {
-        "axis": Entry(("axis",), list("xyz"), "1", "direction on the body"),
-        "face": Entry(
-            ("face", "corner"),
-            corners.reshape(faces.shape),
-            "1",
-            "nodes of each face: four corners, then the middles of the edges that follow them",
-        ),
-        "place_mm": Entry(at, body.nodes[nodes] / mm, "mm", "place of a node"),
-        "real_um": Entry(
-            at, np.real(shape[nodes]) / um, "um", "displacement at the begin of a period"
-        ),
-        "imaginary_um": Entry(
-            at, np.imag(shape[nodes]) / um, "um", "displacement three quarters of a period later"
-        ),
+    moved = shape[nodes] / um
+    rows = {
+        "place_mm": (body.nodes[nodes] / mm, "mm", "place of a node"),
+        "real_um": (np.real(moved), "um", "displacement at the begin of a period"),
+        "imaginary_um": (np.imag(moved), "um", "displacement three quarters of a period later"),
     }
-    return xr.Dataset(
-        {name: entry.variable() for name, entry in entries.items()},
-        attrs={
-            "order": main.order,
-            "wave": wave_words(main.diameters),
-            "component": DIRECTIONS[int(np.argmax(main.amplitude))],
-            "radius_mm": body.radius / mm,
-        },
+    return dataset_of(
+        {
+            "axis": Entry(("axis",), list("xyz"), "1", "direction on the body"),
+            "face": Entry(("face", "corner"), corners.reshape(faces.shape), "1", FACE),
+            **entries_over(("node", "axis"), rows),
+        }
+    ).assign_attrs(
+        order=main.order,
+        wave=wave_words(main.diameters),
+        component=DIRECTIONS[int(np.argmax(main.amplitude))],
+        radius_mm=body.radius / mm,
     )
 
 
@@ -70,11 +56,8 @@ def _grid(body: MovingBody) -> fem_prep.Grid:
 def write_shapes(path: Path, body: MovingBody, shape: np.ndarray) -> None:
     """Write one order of a body over one of its periods, as a series of files for ParaView.
 
-    **Arguments:**
-
-    - `path`: of the file that ParaView opens, in a folder of its own, with the ending .vtu.series.
-    - `body`: that moves.
-    - `shape`: complex displacement of its nodes, shape `[node, 3]` [m].
+    The file that ParaView opens is `path`, in a folder of its own, with the ending .vtu.series;
+    of the complex displacement of all nodes, shape `[node, 3]` [m].
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     files = []

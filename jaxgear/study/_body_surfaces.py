@@ -1,29 +1,23 @@
 """What is seen of a condensed body: its outside, cut open, and the section in the cut."""
 
+from collections.abc import Mapping
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from fem_prep import Grid, surface
-from jaxgear.scene._scene import Scene
 
 # The wedge left out of pictures, on the viewer's side [rad].
 _WEDGE = (-0.06 * np.pi, 0.44 * np.pi)
+# What the corners of a face are.
+FACE = "nodes of each face: four corners, then the middles of the edges that follow them"
 # A face of eight nodes as a polygon: corners and middles in turn.
 _AROUND = [0, 4, 1, 5, 2, 6, 3, 7]
 
 
 def opened(grid: Grid) -> tuple[np.ndarray, np.ndarray]:
-    """Outer faces with a wedge left out, and which of them the cut has laid open.
-
-    **Arguments:**
-
-    - `grid`: of the body.
-
-    **Returns:**
-
-    Nodes of each face, shape `[face, 8]`, and a flag for each.
-    """
+    """Outer faces with a wedge left out, `[face, 8]`, and which of them the cut has laid open."""
     middle = grid.nodes[grid.bricks[:, :8]].mean(axis=1)
     angle = np.arctan2(middle[:, 1], middle[:, 0])
     left = grid.bricks[(angle < _WEDGE[0]) | (angle > _WEDGE[1])]
@@ -43,20 +37,8 @@ def section(grid: Grid) -> np.ndarray:
     return np.stack([np.hypot(faces[..., 0], faces[..., 1]), faces[..., 2]], axis=-1)[near]
 
 
-def body_sections(scene: Scene) -> dict[str, np.ndarray]:
-    """The elements of each condensed body in a cut along its axis.
-
-    **Arguments:**
-
-    - `scene`: with its bodies.
-
-    **Returns:**
-
-    As `section`, by gear; bodies without a grid have none.
-    """
-    bodies = {gear: each.built.body for gear, each in scene.bodies.items()}
-    return {
-        gear: section(Grid(body.nodes, body.bricks, MappingProxyType({})))
-        for gear, body in bodies.items()
-        if len(body.bricks)
-    }
+def body_sections(bodies: Mapping[str, Any]) -> Mapping[str, np.ndarray]:
+    """The elements of each condensed body with a grid in a cut along its axis, as `section`."""
+    own = {gear: each.built.body for gear, each in bodies.items()}
+    grid = lambda body: Grid(body.nodes, body.bricks, MappingProxyType({}))
+    return {gear: section(grid(body)) for gear, body in own.items() if len(body.bricks)}

@@ -101,13 +101,13 @@ class Looked:
 
 
 class Seen(NamedTuple):
-    """What was seen of one response.
+    """What was seen of one response: RMS [m].
 
     **Fields:**
 
     - `flank`: the largest loads on it.
-    - `waves`: RMS by nodal diameter of each gear, shape `[wave, direction]` [m].
-    - `probes`: RMS of each gear's probes, shape `[probe]` [m].
+    - `waves`: by nodal diameter of each gear, shape `[wave, direction]` [m].
+    - `probes`: of each gear, shape `[probe]` [m].
     """
 
     flank: LargestLoad
@@ -178,30 +178,16 @@ class WaveWatch:
 
     def look(self, flank: LargestLoad, motions: dict[str, BodyMotion]) -> Seen:
         """What the bodies show in some motion; only what the mesh drives, by its orders."""
-        pairs = [(gear, each, motions[gear]) for gear, each in self.looked.items()]
-        return Seen(
-            flank,
-            {gear: each.waves(own).by_diameter(each.most, each.low) for gear, each, own in pairs},
-            {
-                gear: np.array(
-                    [order_sums(p.spectrum(own), [each.low, np.inf])[0] for p in each.probes]
-                )
-                for gear, each, own in pairs
-            },
-        )
+        waves, probes = {}, {}
+        for gear, each in self.looked.items():
+            own, high = motions[gear], [each.low, np.inf]
+            waves[gear] = each.waves(own).by_diameter(each.most, each.low)
+            probes[gear] = np.array([order_sums(p.spectrum(own), high)[0] for p in each.probes])
+        return Seen(flank, waves, probes)
 
 
 def wave_watch(scene: Scene, pair: PairDynamics) -> WaveWatch:
-    """Get ready to look at the waves of a scene's bodies while it is swept.
-
-    **Arguments:**
-
-    - `scene`: with its bodies, made to move.
-    - `pair`: that is swept.
-
-    **Returns:**
-
-    What `sweep_of` shows each response to.
+    """What `sweep_of` shows each response to: the waves of a scene's bodies, made to move.
 
     **Raises:**
 

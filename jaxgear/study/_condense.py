@@ -1,10 +1,9 @@
 """Condensed bodies of a scene, built, and how good they are."""
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -15,11 +14,12 @@ from jaxgear.scene._bodies import BodyPlan, Drawn, Matrices, OwnGrid, body_plan,
 from jaxgear.scene._body_build import BuiltBody, built_body
 from jaxgear.scene._scene import Scene
 from jaxgear.study._body_surfaces import opened, section
+from jaxgear.study._dynamics import speeds_of
 from jaxgear.study._head import names_of, study
 from jaxgear.study._progress import narration
 from jaxgear.study._ranks import Doubtful, Idle
 from jaxgear.study._result import Result, Summary
-from jaxgear.study._results import Entry
+from jaxgear.study._results import Entry, dataset_of, entries_over
 
 # Keys of a condensed body that change nothing about matrices from elsewhere.
 _NOT_OF_MATRICES = (
@@ -69,7 +69,7 @@ def condense(scene: Scene) -> Result:
     return Result(scene, names_of(scene) | {"bodies": bodies, "notes": remarks}, datasets, files)
 
 
-def _files(found: BuiltBody, dataset: xr.Dataset) -> dict[str, Callable[[Path], None]]:
+def _files(found: BuiltBody, dataset: xr.Dataset) -> Mapping[str, Callable[[Path], None]]:
     """The body, and where it has a grid this with mode shapes for ParaView."""
 
     def keep(path: Path) -> None:
@@ -92,35 +92,32 @@ def _files(found: BuiltBody, dataset: xr.Dataset) -> dict[str, Callable[[Path], 
 def body_summary(scene: Scene, found: BuiltBody) -> Summary:
     """What is known of a body: its health, and how it came about.
 
-    **Arguments:**
-
-    - `scene`: whose speeds its growth is told at too.
-    - `found`: the body.
+    Its growth is told at the speed up to which the scene is swept too.
     """
     plan = found.plan
-    health: dict[str, Any] = dict(found.health)
-    speed = _highest_speed(scene, plan.gear)
+    health: Summary = dict(found.health)
+    speed = 0.0
+    if scene.has_table("sweep"):
+        speed = float(speeds_of(scene)[-1]) * scene.pinion.teeth / scene.gear(plan.gear).teeth
     for key in [key for key in health if key.endswith("_um_at_rad_s")]:
         if speed and health[key]:
             known, growth = max((float(name), each) for name, each in health[key].items())
             # A new mapping: the old one is the body's own and goes into its file.
             health[key] = health[key] | {f"{speed:g}": growth * (speed / known) ** 2}
-    made: dict[str, Any] = {
+    of_matrices = isinstance(plan.source, Matrices)
+    return {
         "name": plan.name,
         "gear": plan.gear,
         "source": _source(plan),
         "torque_seat": plan.torque_seat,
-    }
-    if not isinstance(plan.source, Matrices):
-        made["young_GPa"] = plan.material.young / GPa
-    cost = {
+        **({} if of_matrices else {"young_GPa": plan.material.young / GPa}),
+        **health,
         "from_cache": found.from_cache,
         "seconds": found.seconds,
         "build_seconds": found.build_seconds,
         "peak_memory_MB": found.peak_memory,
         "cache_key": found.key,
     }
-    return made | health | cost
 
 
 def _source(plan: BodyPlan) -> str:
@@ -133,65 +130,48 @@ def _source(plan: BodyPlan) -> str:
             return ", ".join(map(str, paths))
 
 
-def _highest_speed(scene: Scene, gear: str) -> float | None:
-    """Highest speed of a gear in a sweep [rad/s]."""
-    listed = scene.value("sweep.pinion_speed_rad_s")
-    highest = max(listed) if listed else scene.value("sweep.pinion_speed_rad_s.to")
-    return highest and highest * scene.pinion.teeth / scene.gear(gear).teeth
-
-
 def body_remarks(scene: Scene, found: BuiltBody) -> list[str]:
-    """What a reader of the results should not miss.
+    """What a reader of a body's results should not miss."""
+    return [*_on_body(scene, found)]
 
-    **Arguments:**
 
-    - `scene`: of which the body is.
-    - `found`: the body.
-    """
+def _on_body(scene: Scene, found: BuiltBody) -> Iterator[str]:
     plan, gear = found.plan, found.plan.gear
-    remarks: list[str] = [
-        Doubtful(f"The {gear}'s body: {warning}") for warning in found.health["warnings"]
-    ]
+    for warning in found.health["warnings"]:
+        yield Doubtful(f"The {gear}'s body: {warning}")
     if isinstance(plan.source, Drawn) and plan.source.fineness.sectors % plan.teeth_count:
         even = even_sectors(plan.source.body, plan.teeth_count)
-        remarks.append(
+        yield (
             f"The {gear}'s grid has {plan.source.fineness.sectors} elements around for "
             f"{plan.teeth_count} teeth: not every tooth stands on the same piece of rim. With "
             f"{gear}.body.fineness.sectors = {even} every tooth would."
         )
+    given = lambda keys: [x for x in keys if f"{gear}.body.{x}" in scene.given]
+    own = ["inertia_kg_m2", "transverse_inertia_kg_m2"]
     if isinstance(plan.source, Matrices):
-        remarks += _remarks_on_matrices(scene, found)
-    unused = ["inertia_kg_m2", "transverse_inertia_kg_m2"]
-    unused += [] if isinstance(plan.source, Matrices) else ["mass_kg"]
-    return remarks + [
-        Idle(f"{gear}.body.{key} does nothing: a condensed body has its own.")
-        for key in unused
-        if f"{gear}.body.{key}" in scene.given
-    ]
+        yield from _on_matrices(found, len(scene.gear(gear).shaft.bearings))
+        # Nodes of the inside that the matrices still have are condensed here, with so many modes.
+        idle = plan.modes and not found.body.facts.get("modes_of_interior_nodes")
+        for key in given((*_NOT_OF_MATRICES, *(["modes"] if idle else []))):
+            yield f"{gear}.body.{key} does nothing: the matrices were condensed elsewhere."
+    else:
+        own.append("mass_kg")
+    for key in given(own):
+        yield Idle(f"{gear}.body.{key} does nothing: a condensed body has its own.")
 
 
-def _remarks_on_matrices(scene: Scene, found: BuiltBody) -> list[str]:
-    """Seats that bearings will look for, teeth that matrices must hold, keys that do nothing."""
-    plan, remarks = found.plan, []
-    bearings = range(len(scene.gear(plan.gear).shaft.bearings))
-    wanted = [f"bearing[{i}]" for i in bearings] or ["gear"]
+def _on_matrices(found: BuiltBody, bearings: int) -> Iterator[str]:
+    """Seats that so many bearings will look for, teeth that matrices must hold."""
+    gear = found.plan.gear
+    wanted = [f"bearing[{i}]" for i in range(bearings)] or ["gear"]
     if missing := [name for name in wanted if name not in found.body.seats]:
         seats = ", ".join(found.body.seats) or "none"
-        remarks.append(
-            f"The {plan.gear}'s matrices have no seat {' and '.join(missing)} for its bearings; "
+        yield (
+            f"The {gear}'s matrices have no seat {' and '.join(missing)} for its bearings; "
             f"their seats are: {seats}."
         )
-    if plan.teeth is not None:
-        remarks.append(
-            f"The {plan.gear}'s matrices must hold the mass of its teeth: none is added."
-        )
-    # Nodes of the inside that the matrices still have are condensed here, with so many modes.
-    idle = plan.modes and not found.body.facts.get("modes_of_interior_nodes")
-    return remarks + [
-        f"{plan.gear}.body.{key} does nothing: the matrices were condensed elsewhere."
-        for key in (*_NOT_OF_MATRICES, *(["modes"] if idle else []))
-        if f"{plan.gear}.body.{key}" in scene.given
-    ]
+    if found.plan.teeth is not None:
+        yield f"The {gear}'s matrices must hold the mass of its teeth: none is added."
 
 
 # --- The dataset
@@ -200,12 +180,6 @@ def _remarks_on_matrices(scene: Scene, found: BuiltBody) -> list[str]:
 def body_dataset(found: BuiltBody) -> xr.Dataset:
     """The free modes of a body and, where it has a grid, what of that is seen.
 
-    **Arguments:**
-
-    - `found`: the body.
-
-    **Returns:**
-
     A dataset over modes, nodes and faces, in the frame of the body: Z along the axis from mid-face,
     X towards the middle of tooth 0.
     """
@@ -213,31 +187,31 @@ def body_dataset(found: BuiltBody) -> xr.Dataset:
     frequency, diameter, kind = (
         np.asarray(facts[key]) for key in ("free_frequency_Hz", "nodal_diameter", "kind")
     )
-    share, circle = facts["nodal_diameter_share"], facts.get("nodal_circle")
-    entries = {
-        "mode": Entry(("mode",), np.arange(1, len(frequency) + 1), "1", "number of the mode"),
-        "frequency_Hz": Entry(("mode",), frequency, "Hz", "natural frequency of the free body"),
-        "nodal_diameter": Entry(("mode",), diameter, "1", "number of nodal diameters"),
-        "nodal_diameter_share": Entry(("mode",), share, "1", "its share of the energy"),
-        "kind": Entry(("mode",), kind, "1", "direction of most motion"),
-        "family": Entry(("mode",), _families(diameter, kind), "1", "family of the mode"),
+    rows = {
+        "mode": (np.arange(1, len(frequency) + 1), "1", "number of the mode"),
+        "frequency_Hz": (frequency, "Hz", "natural frequency of the free body"),
+        "nodal_diameter": (diameter, "1", "number of nodal diameters"),
+        "nodal_diameter_share": (facts["nodal_diameter_share"], "1", "its share of the energy"),
+        "kind": (kind, "1", "direction of most motion"),
+        "family": (_families(diameter, kind), "1", "family of the mode"),
     }
-    if circle is not None:
-        entries["nodal_circle"] = Entry(("mode",), circle, "1", "number of nodal circles")
-    counted = [(diameter, "nodal diameter"), *([] if circle is None else [(circle, "circle")])]
+    counted = {"nodal diameter": diameter}
+    if (circle := facts.get("nodal_circle")) is not None:
+        rows["nodal_circle"] = circle, "1", "number of nodal circles"
+        counted["circle"] = circle
     labels = [
         f"{frequency[mode]:.5g} Hz, {kind[mode]}\n"
-        + ", ".join(f"{x[mode]} {what}{'' if x[mode] == 1 else 's'}" for x, what in counted)
+        + ", ".join(f"{x[mode]} {what}{'' if x[mode] == 1 else 's'}" for what, x in counted.items())
         for mode in range(len(frequency))
     ]
-    entries["label"] = Entry(("mode",), labels, "1", "the mode in words")
-    attributes: dict[str, Any] = {"gear": found.plan.gear, "body": body.name}
-    attributes["title"] = f"{body.name}, free body"
+    rows["label"] = labels, "1", "the mode in words"
+    entries = dict(entries_over(("mode",), rows))
+    about = {"gear": found.plan.gear, "body": body.name, "title": f"{body.name}, free body"}
     if found.view is not None:
-        entries |= _seen(found) | _shapes(found, frequency, diameter, kind)
+        entries |= {**_seen(found), **_shapes(found, frequency, diameter, kind)}
         size = f"{len(body.bricks):,} elements, {len(body.nodes):,} nodes"
-        attributes["grid_title"] = f"{body.name}: {size}"
-    return xr.Dataset({name: entry.variable() for name, entry in entries.items()}, attrs=attributes)
+        about["grid_title"] = f"{body.name}: {size}"
+    return dataset_of(entries).assign_attrs(about)
 
 
 def _families(diameter: np.ndarray, kind: np.ndarray) -> np.ndarray:
@@ -258,7 +232,7 @@ def _grid(found: BuiltBody) -> Grid:
     return Grid(found.body.nodes, found.body.bricks, {"rim": known["rim"], **sets})
 
 
-def _seen(found: BuiltBody) -> dict[str, Entry]:
+def _seen(found: BuiltBody) -> Mapping[str, Entry]:
     """Surface, section, rim and seats."""
     grid, body = _grid(found), found.body
     faces, is_cut = opened(grid)
@@ -281,7 +255,7 @@ def _seen(found: BuiltBody) -> dict[str, Entry]:
 
 def _shapes(
     found: BuiltBody, frequency: np.ndarray, diameter: np.ndarray, kind: np.ndarray
-) -> dict[str, Entry]:
+) -> Mapping[str, Entry]:
     """The lowest modes; of the two of a pair, which differ by a turn, the first only."""
     assert found.view is not None
     chosen: list[int] = []
@@ -294,9 +268,9 @@ def _shapes(
         )
         if not is_twin:
             chosen.append(mode)
-    chosen = chosen[:_DRAWN]
-    numbers = np.asarray(chosen, dtype=int) + 1
+    shapes = found.view.shapes[chosen[:_DRAWN]]
+    numbers = np.asarray(chosen[:_DRAWN], dtype=int) + 1
     return {
         "shown": Entry(("shown",), numbers, "1", "numbers of the modes that are drawn"),
-        "shape": Entry(("shown", "node", "axis"), found.view.shapes[chosen], "1", "their shapes"),
+        "shape": Entry(("shown", "node", "axis"), shapes, "1", "their shapes"),
     }

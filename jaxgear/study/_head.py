@@ -31,43 +31,37 @@ def names_of(scene: Scene) -> Summary:
 def head(scene: Scene, statics: Statics) -> Summary:
     """Names, model, geometry and statics."""
     known = notes(scene, statics)
-    return (
-        names_of(scene)
-        | {
-            "model": {
-                "pinion": scene.pinion.body.kind,
-                "wheel": scene.wheel.body.kind,
-                "stiffness": scene.mesh.stiffness,
-                "foundation": foundation_of(scene),
-                "contact": scene.mesh.contact,
-                "slices": scene.mesh.slices,
-                # Time steps, where statics are those that the dynamics begin with.
-                "phases": statics.grid.phases,
-                # Both gears' rotations are one coordinate: the drive.
-                "dofs": len(statics.cycle.system.structure.map.free) - 1 + _modes_kept(scene),
-            },
-            "geometry": geometry_summary(statics) | drawing_summary(scene, statics.model.pair),
-            "iso6336": {key: float(value) for key, value in statics.standard.items()},
-            "static": {key: float(value) for key, value in statics.numbers.items()}
-            | _efficiency(scene, statics)
-            | mounts_summary(statics),
-            "notes": known,
-        }
-        | _told_bodies(scene, known)
-    )
-
-
-def _efficiency(scene: Scene, statics: Statics) -> Summary:
-    """What sliding leaves of the power, as `mesh_efficiency` has it, and what was assumed."""
+    # What sliding leaves of the power, and what was assumed.
     friction = scene.mesh.friction_coefficient
     efficiency = 1.0 - friction * float(statics.numbers["mesh_loss_factor"])
-    return {"friction_coefficient": friction, "mesh_efficiency": efficiency}
-
-
-def _modes_kept(scene: Scene) -> int:
-    """Modes with which condensed bodies vibrate; none in statics."""
-    bases = [body.basis for body in scene.bodies.values()]
-    return sum(len(basis.square) for basis in bases if basis is not None)
+    # Modes with which condensed bodies vibrate; none in statics.
+    bases = [body.basis for body in scene.bodies.values() if body.basis is not None]
+    modes = sum(len(basis.square) for basis in bases)
+    return {
+        **names_of(scene),
+        "model": {
+            "pinion": scene.pinion.body.kind,
+            "wheel": scene.wheel.body.kind,
+            "stiffness": scene.mesh.stiffness,
+            "foundation": foundation_of(scene),
+            "contact": scene.mesh.contact,
+            "slices": scene.mesh.slices,
+            # Time steps, where statics are those that the dynamics begin with.
+            "phases": statics.grid.phases,
+            # Both gears' rotations are one coordinate: the drive.
+            "dofs": len(statics.cycle.system.structure.map.free) - 1 + modes,
+        },
+        "geometry": geometry_summary(statics) | drawing_summary(scene, statics.model.pair),
+        "iso6336": {key: float(value) for key, value in statics.standard.items()},
+        "static": {
+            **{key: float(value) for key, value in statics.numbers.items()},
+            "friction_coefficient": friction,
+            "mesh_efficiency": efficiency,
+            **mounts_summary(statics),
+        },
+        "notes": known,
+        **_told_bodies(scene, known),
+    }
 
 
 def foundation_of(scene: Scene) -> str:

@@ -41,6 +41,7 @@ class BodyUnderTeeth:
     - `gear_seat`: number of the seat against which motions are told.
     - `spin`: speed of this gear [rad/s].
     - `rotation`: coordinates of the body under rotation alone, shape `[dof]` [m, rad].
+    - `phases`: in one mesh period.
     """
 
     def __init__(
@@ -57,6 +58,7 @@ class BodyUnderTeeth:
         self.body: ReducedBody = mesh_body.built.body
         self.index = index
         self.gear_seat = mesh_body.flexible.gear_seat
+        self.phases = cycle.approach.size // cycle.cells.lines.periods
         teeth = (model.pair.pinion.teeth, model.pair.wheel.teeth)
         self.spin = float(model.speed) * teeth[0] / teeth[index]
         self._components = list(mesh_body.flexible.components)
@@ -92,11 +94,6 @@ class BodyUnderTeeth:
         ).T
         return motion
 
-    @property
-    def phases(self) -> int:
-        """Phases in one mesh period."""
-        return self._cycle.approach.size // self._cycle.cells.lines.periods
-
     def feet_of(self, period: int) -> tuple[Feet, np.ndarray]:
         """Feet of the teeth in mesh in one period, line by line, and their angles in the body."""
         teeth = teeth_on_lines(self.index, self._grid, period + 1)[period] % self._teeth
@@ -129,15 +126,9 @@ class BodyUnderTeeth:
         return PeriodMotion(motion, load, turn, found, np.asarray(weights))
 
     def against_seat(self, motion: np.ndarray) -> np.ndarray:
-        """Displacement of the rim without the rigid motion of the gear's seat.
+        """The rim without the rigid motion of the gear's seat, `[row, rim, 3]` along x, y, z [m].
 
-        **Arguments:**
-
-        - `motion`: coordinates of the body, shape `[row, dof]` [m, rad].
-
-        **Returns:**
-
-        Along x, y, z of the body, shape `[row, rim, 3]` [m].
+        Of coordinates of the body, shape `[row, dof]` [m, rad].
         """
         rim = motion[:, : self._rim].reshape(len(motion), -1, 3)
         return rim - self.seat_field(motion, self.body.rim_nodes)
@@ -169,15 +160,9 @@ class PeriodMotion:
     weights: np.ndarray
 
     def on_feet(self, rim: np.ndarray) -> np.ndarray:
-        """Motions of feet in their own frames from those of the rim.
+        """Motions of feet along and about radius, tangent, axis, `[phase, cell, 6]` [m, rad].
 
-        **Arguments:**
-
-        - `rim`: displacement along x, y, z of the body, shape `[phase, rim, 3]` [m].
-
-        **Returns:**
-
-        Along and about radius, tangent and axis, shape `[phase, cell, 6]` [m, rad].
+        They follow from those of the rim along x, y, z of the body, shape `[phase, rim, 3]` [m].
         """
         return (self.feet.rows @ rim.reshape(len(rim), -1).T).T.reshape(len(rim), -1, 6)
 
@@ -217,18 +202,8 @@ def _turned(vectors: np.ndarray, angle: np.ndarray) -> np.ndarray:
 
 
 def along_radius(places: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Radial, tangential and axial parts of vectors.
-
-    **Arguments:**
-
-    - `places`: where they are, shape `[place, 3]` [m].
-    - `vectors`: along x, y, z, shape `[..., place, 3]`.
-
-    **Returns:**
-
-    The same shape.
-    """
-    radius = np.maximum(np.hypot(places[:, 0], places[:, 1]), 1e-12)
+    """Radial, tangential and axial parts of vectors at places `[place, 3]` [m], in their shape."""
+    radius = np.maximum(radius_of(places), 1e-12)
     x, y = places[:, 0] / radius, places[:, 1] / radius
     radial = x * vectors[..., 0] + y * vectors[..., 1]
     tangential = x * vectors[..., 1] - y * vectors[..., 0]

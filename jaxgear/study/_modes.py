@@ -13,8 +13,8 @@ from jaxgear.scene._schema import GEARS
 from jaxgear.study._dynamics import Dynamics, damping_summary, solve_dynamics, speeds_of
 from jaxgear.study._head import head, study
 from jaxgear.study._progress import built_scene, narration
-from jaxgear.study._result import Result, Summary, titled
-from jaxgear.study._results import Entry
+from jaxgear.study._result import Datasets, Result, Summary, titled
+from jaxgear.study._results import Entry, dataset_of, entries_over
 from jaxgear.study._turning import (
     BodyWaves,
     alone_dataset,
@@ -56,14 +56,14 @@ def modes(scene: Scene) -> Result:
         count = modes_shown(scene, np.asarray(dynamics.modes.frequency))
         highest = _highest_speed(scene, dynamics, count)
         found = {"modes": _modes_dataset(dynamics, count)}
-        summary = _modes_summary(scene, dynamics, count)
+        summary = _modes_summary(dynamics, scene.modes.harmonics, count)
         if dynamics.pair.bodies:
             waves = body_waves(scene, dynamics.pair, dynamics.modes, highest, count)
-            of_bodies, more = _of_bodies(scene, waves)
+            of_bodies, more = _of_bodies(waves, scene.modes.harmonics)
             found = {"modes": found["modes"].assign(wave_entries(waves)), **of_bodies}
             summary |= more
         else:
-            found["campbell"] = _campbell_dataset(scene, dynamics, count, highest)
+            found["campbell"] = _campbell_dataset(dynamics, scene.modes.harmonics, count, highest)
     summary = head(scene, dynamics.statics) | {
         "damping": damping_summary(scene, dynamics),
         "modes": summary,
@@ -71,12 +71,12 @@ def modes(scene: Scene) -> Result:
     return Result(scene, summary, {name: titled(each, scene) for name, each in found.items()})
 
 
-def _of_bodies(scene: Scene, waves: BodyWaves) -> tuple[Mapping[str, xr.Dataset], Summary]:
+def _of_bodies(waves: BodyWaves, harmonics: int) -> tuple[Datasets, Summary]:
     """What there is of condensed bodies only: datasets by group, and their part of the summary."""
     critical = critical_dataset(waves)
     alone = {gear: alone_dataset(waves, gear) for gear in waves.alone}
     found = {
-        "campbell": turning_dataset(waves, scene.modes.harmonics),
+        "campbell": turning_dataset(waves, harmonics),
         "critical": critical,
         **{f"alone_{gear}": each for gear, each in alone.items()},
     }
@@ -93,12 +93,7 @@ def _highest_speed(scene: Scene, dynamics: Dynamics, count: int) -> float:
 
 
 def modes_shown(scene: Scene, frequency: np.ndarray) -> int:
-    """Number of modes that a scene wants to see, at least one.
-
-    **Arguments:**
-
-    - `scene`: with or without a table [modes].
-    - `frequency`: natural frequencies of all modes [Hz].
+    """Number of modes that a scene wants to see, of those with some frequencies [Hz]: at least one.
 
     **Raises:**
 
@@ -124,20 +119,20 @@ def _modes_dataset(dynamics: Dynamics, count: int) -> xr.Dataset:
     """The first modes, and where their energy is."""
     energy = {name: values[:count] for name, values in _energies(dynamics.modes).items()}
     shown = [name for name in _PARTS if name == "mesh" or np.max(energy[name]) > 0.0]
+    shares = np.stack([energy[name] for name in shown], axis=1)
     frequency, damping = np.asarray(dynamics.modes.frequency), dynamics.damping_ratio
-    entries = {
-        "mode": Entry(("mode",), np.arange(1, count + 1), "1", "number of the mode"),
-        "part": Entry(("part",), shown, "1", "part of the pair that stores energy"),
-        "frequency_Hz": Entry(("mode",), frequency[:count], "Hz", "natural frequency"),
-        "energy": Entry(
-            ("mode", "part"),
-            np.stack([energy[name] for name in shown], axis=1),
-            "1",
-            "share of the strain energy",
-        ),
-        "damping_ratio": Entry(("mode",), damping[:count], "1", "ratio to critical damping"),
+    rows = {
+        "mode": (np.arange(1, count + 1), "1", "number of the mode"),
+        "frequency_Hz": (frequency[:count], "Hz", "natural frequency"),
+        "damping_ratio": (damping[:count], "1", "ratio to critical damping"),
     }
-    return xr.Dataset({name: entry.variable() for name, entry in entries.items()})
+    return dataset_of(
+        {
+            **entries_over(("mode",), rows),
+            "part": Entry(("part",), shown, "1", "part of the pair that stores energy"),
+            "energy": Entry(("mode", "part"), shares, "1", "share of the strain energy"),
+        }
+    )
 
 
 def _energies(modes: Modes) -> Mapping[str, np.ndarray]:
@@ -155,49 +150,40 @@ def _energies(modes: Modes) -> Mapping[str, np.ndarray]:
     }
 
 
-def _campbell_dataset(scene: Scene, dynamics: Dynamics, count: int, highest: float) -> xr.Dataset:
+def _campbell_dataset(dynamics: Dynamics, harmonics: int, count: int, highest: float) -> xr.Dataset:
     """Natural frequencies over speed, split by gyroscopic moments where the scene has them."""
     frequency = np.asarray(dynamics.modes.frequency)[:count]
     speeds, system = np.linspace(0.0, highest, _SPEEDS), dynamics.pair.system
     over = lambda values: np.tile(values, (speeds.size, 1))
-    both = ("speed", "mode")
-    entries = {
-        "speed": Entry(("speed",), speeds, "rad/s", "speed of the pinion"),
-        "mode": Entry(("mode",), np.arange(1, count + 1), "1", "number of the mode"),
-    }
+    rows: dict[str, tuple[np.ndarray, str, str]] = {}
     if system.gyroscopic is None:
         energy = over(_energies(dynamics.modes)["mesh"][:count])
-        entries["mesh_energy"] = Entry(both, energy, "1", "share of the mesh in the strain energy")
+        rows["mesh_energy"] = energy, "1", "share of the mesh in the strain energy"
         turning = over(frequency)
     else:
         # Turning, modes mix, and the shares at rest are theirs no longer.
-        turning = rotating_frequencies(
-            system.mass,
-            system.whole_stiffness,
-            system.gyroscopic,
-            system.free,
-            jnp.asarray(speeds),
-        )[:, :count]
-    entries["frequency_Hz"] = Entry(both, turning, "Hz", "natural frequency")
-    return xr.Dataset(
-        {name: entry.variable() for name, entry in entries.items()},
-        attrs={
-            "teeth_pinion": dynamics.statics.model.pair.pinion.teeth,
-            "harmonics": scene.modes.harmonics,
-        },
-    )
+        matrices = system.mass, system.whole_stiffness, system.gyroscopic, system.free
+        turning = np.asarray(rotating_frequencies(*matrices, jnp.asarray(speeds)))[:, :count]
+    rows["frequency_Hz"] = turning, "Hz", "natural frequency"
+    return dataset_of(
+        {
+            "speed": Entry(("speed",), speeds, "rad/s", "speed of the pinion"),
+            "mode": Entry(("mode",), np.arange(1, count + 1), "1", "number of the mode"),
+            **entries_over(("speed", "mode"), rows),
+        }
+    ).assign_attrs(teeth_pinion=dynamics.statics.model.pair.pinion.teeth, harmonics=harmonics)
 
 
-def _modes_summary(scene: Scene, dynamics: Dynamics, count: int) -> Summary:
+def _modes_summary(dynamics: Dynamics, harmonics: int, count: int) -> Summary:
     """The `modes` part of the summary."""
     frequency, teeth = dynamics.modes.frequency[:count], dynamics.statics.model.pair.pinion.teeth
-    harmonics = range(1, scene.modes.harmonics + 1)
-    critical = np.asarray(critical_speeds(frequency, teeth, tuple(harmonics)))
+    orders = range(1, harmonics + 1)
+    critical = np.asarray(critical_speeds(frequency, teeth, tuple(orders)))
     return {
         "frequency_Hz": np.asarray(frequency),
         "damping_ratio": dynamics.damping_ratio[:count],
         "energy": {name: values[:count] for name, values in _energies(dynamics.modes).items()},
-        "critical_speed_rad_s": {f"mesh_harmonic_{h}": critical[:, h - 1] for h in harmonics},
+        "critical_speed_rad_s": {f"mesh_harmonic_{h}": critical[:, h - 1] for h in orders},
         "crossing": np.asarray(dynamics.modes.crossing)[:count],
         "total": int(dynamics.modes.frequency.size),
     }

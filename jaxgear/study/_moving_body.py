@@ -14,6 +14,7 @@ from jaxgear.scene._body_build import BuiltBody, Steps, full_of
 from jaxgear.scene._body_words import in_keys
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
+from jaxgear.study._hybrid import radius_of
 from jaxgear.study._progress import say
 
 # Nodes on one circle, over the radius.
@@ -49,7 +50,7 @@ class MovingBody:
     @property
     def radius(self) -> float:
         """Of the rim [m]."""
-        return float(np.median(np.hypot(*self.built.body.rim_nodes.T[:2])))
+        return float(np.median(radius_of(self.built.body.rim_nodes)))
 
     @property
     def has_grid(self) -> bool:
@@ -78,18 +79,11 @@ class MovingBody:
             return fem_prep.hold(full_of(self.built.plan, Steps(say)), progress=steps)
 
     def rows(self, chosen: np.ndarray) -> np.ndarray:
-        """Displacements of nodes per seat and mode.
+        """Displacements of nodes per seat and mode, of the nodes with these numbers.
 
-        Those of the rim are coordinates of the condensed body; all others follow by its grid,
-        which is then factorised again.
-
-        **Arguments:**
-
-        - `chosen`: numbers of the nodes, shape `[node]`.
-
-        **Returns:**
-
-        Along x, y, z of the body, shape `[node, 3, seat dof and mode]` [-, m, kg^-1/2].
+        Along x, y, z of the body, shape `[node, 3, seat dof and mode]` [-, m, kg^-1/2]. Those of
+        the rim are coordinates of the condensed body; all others follow by its grid, which is then
+        factorised again.
         """
         motions = self.basis.motions
         rim = self._rim[chosen]
@@ -111,14 +105,7 @@ class MovingBody:
         return fem_prep.recovered(self._held, self.built.body, motions)
 
     def shape(self, motion: BodyMotion, order: float | int) -> np.ndarray:
-        """Operating deflection shape of one order, on the body and against the gear's seat.
-
-        **Arguments:**
-
-        - `motion`: of the body.
-        - `order`: of the gear's rotation [-].
-
-        **Returns:**
+        """Operating deflection shape of one order of the gear's rotation, against its seat.
 
         Complex amplitude of all nodes along x, y, z of the body, shape `[node, 3]` [m].
         """
@@ -162,23 +149,11 @@ def angle_of(places: np.ndarray) -> np.ndarray:
 
 
 def moving_bodies(scene: Scene) -> Mapping[str, MovingBody]:
-    """The condensed bodies of a scene that vibrate.
-
-    **Arguments:**
-
-    - `scene`: with its bodies, made to move.
-
-    **Returns:**
-
-    The bodies, by gear.
-    """
+    """The condensed bodies of a scene, made to move, by gear."""
     found = {}
-    for gear in GEARS:
-        if gear not in scene.bodies:
-            continue
-        mesh_body, teeth = scene.bodies[gear], scene.gear(gear).teeth
+    for gear, mesh_body in scene.bodies.items():
         sectors = mesh_body.built.body.facts.get("sectors", 1)
+        teeth, seat = scene.gear(gear).teeth, mesh_body.flexible.gear_seat
         basis, _ = mesh_body.basis.under_teeth(teeth, sectors)
-        seat = mesh_body.flexible.gear_seat
         found[gear] = MovingBody(gear, mesh_body.built, basis, teeth, seat)
     return found

@@ -1,6 +1,7 @@
 """Remarks that a reader of results should not miss: where a model is outgrown, or sees nothing."""
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -17,17 +18,7 @@ from jaxgear.study._statics import Statics
 
 
 def notes(scene: Scene, statics: Statics) -> list[str]:
-    """Remarks on a solved scene.
-
-    **Arguments:**
-
-    - `scene`: that was run.
-    - `statics`: its settled cycle.
-
-    **Returns:**
-
-    A sentence or two each; none where there is nothing to say.
-    """
+    """Remarks on a solved scene, a sentence or two each; none where there is nothing to say."""
     return [
         *_on_foundations(scene, statics.model),
         *_on_shafts(statics.model),
@@ -38,37 +29,30 @@ def notes(scene: Scene, statics: Statics) -> list[str]:
     ]
 
 
-def _on_foundations(scene: Scene, model: PairModel) -> list[str]:
+def _on_foundations(scene: Scene, model: PairModel) -> Iterator[str]:
     if scene.mesh.stiffness != "weber-banaschek":
-        updates = scene.mesh.line_load_updates
-        return (
-            [Idle("mesh.line_load_updates does nothing to this mesh.stiffness.")] if updates else []
-        )
+        if scene.mesh.line_load_updates:
+            yield Idle("mesh.line_load_updates does nothing to this mesh.stiffness.")
+        return
     chosen = [(scene.gear(gear).foundation or scene.mesh.foundation) for gear in GEARS]
-    found = []
     if "sainsot" in chosen:
-        found.append(
-            Doubtful(
-                "Sainsot's foundation is for single-pair stiffness only: it counts the wind-up of "
-                "a body once per tooth pair, and the transmission error fluctuates far too much. "
-                'Use mesh.foundation = "ring", which couples the teeth.'
-            )
+        yield Doubtful(
+            "Sainsot's foundation is for single-pair stiffness only: it counts the wind-up of "
+            "a body once per tooth pair, and the transmission error fluctuates far too much. "
+            'Use mesh.foundation = "ring", which couples the teeth.'
         )
     least, most = SAINSOT_RADIUS_RATIO
     for gear, foundation, ratio in zip(GEARS, chosen, _radius_ratios(model), strict=True):
         if foundation == "sainsot" and not least <= ratio <= most:
-            found.append(
+            yield (
                 f"Sainsot's fit holds for root circle over bore of {least:g} to {most:g}; the "
                 f"{gear} has {ratio:.3g}."
             )
         if foundation == "ring" and scene.gear(gear).body.kind == "beam":
-            found.append(
-                Doubtful(
-                    f"The {gear}'s body winds up twice, as a beam and as a ring. Write "
-                    f'{gear}.foundation = "weber".'
-                )
+            yield Doubtful(
+                f"The {gear}'s body winds up twice, as a beam and as a ring. Write "
+                f'{gear}.foundation = "weber".'
             )
-    return found
 
 
 def _radius_ratios(model: PairModel) -> list[float]:
@@ -81,8 +65,7 @@ def _radius_ratios(model: PairModel) -> list[float]:
     ]
 
 
-def _on_shafts(model: PairModel) -> list[str]:
-    found = []
+def _on_shafts(model: PairModel) -> Iterator[str]:
     for name, gear, mount, body in zip(
         GEARS,
         (model.pair.pinion, model.pair.wheel),
@@ -95,141 +78,123 @@ def _on_shafts(model: PairModel) -> list[str]:
         if isinstance(body, BeamBody):
             slender = float(body.width / body.outer)
             if slender < 0.5:
-                found.append(
-                    f"The {name}'s body is {slender:.2g} as long as thick: a disc, not a beam."
-                )
+                yield f"The {name}'s body is {slender:.2g} as long as thick: a disc, not a beam."
             continue
         thick = float(mount.diameter_at_gear)
         if gear.bore is not None and thick > float(gear.bore):
-            found.append(
+            yield (
                 f"{name}.bore_mm, where the body is held, lies within its shaft of {thick / mm:g} "
                 "mm."
             )
         ends = float(mount.gear_at) + 0.5 * float(gear.face_width) * np.array([-1.0, 1.0])
         length = sum(float(segment.length) for segment in mount.segments)
         if ends[0] < -1e-9 or ends[1] > length + 1e-9:
-            found.append(
+            yield (
                 f"The {name}'s face reaches from {ends[0] / mm:.4g} to {ends[1] / mm:.4g} mm, off "
                 f"its shaft of {length / mm:.4g} mm."
             )
-    return found
 
 
-def _on_bodies(scene: Scene) -> list[str]:
+def _on_bodies(scene: Scene) -> Iterator[str]:
     """Keys of condensed bodies at gears that have none."""
-    found = []
     for gear in GEARS:
-        body = f"{gear}.body"
+        body, kind = f"{gear}.body", scene.gear(gear).body.kind
         whole = [key for key in ("web", "grid", "superelement") if f"{body}.{key}" in scene.given]
-        if whole and scene.value(f"{body}.kind") != "condensed":
-            kind = scene.value(f"{body}.kind")
-            found.append(Idle(f'{body}.{whole[0]} does nothing: {body}.kind is "{kind}".'))
-    return found
+        if whole and kind != "condensed":
+            yield Idle(f'{body}.{whole[0]} does nothing: {body}.kind is "{kind}".')
 
 
 # Keys of the mesh that speak to condensed bodies alone.
 _OF_CONDENSED = ("pinion_speed_rad_s", "connection", "root_points", "root_correction")
 
 
-def _on_condensed(scene: Scene) -> list[str]:
+def _on_condensed(scene: Scene) -> Iterator[str]:
     """What condensed bodies bring themselves, and how far the cycle shows them."""
     given = [f"mesh.{key}" for key in _OF_CONDENSED if f"mesh.{key}" in scene.given]
-    if not scene.bodies:
-        words = ", ".join(given)
-        return [Idle(f"{words}: no body is condensed, so it does nothing.")] if given else []
-    found, periods = [], scene.mesh.periods
-    if scene.mesh.stiffness == "constant":
-        found.append(
+    if not scene.bodies and given:
+        yield Idle(f"{', '.join(given)}: no body is condensed, so it does nothing.")
+    if scene.bodies and scene.mesh.stiffness == "constant":
+        yield (
             "mesh.stiffness_N_mm_um is taken as that of teeth alone: condensed bodies bring their "
             "own give."
         )
-    for gear, each in scene.bodies.items():
-        named = [key for key in (f"{gear}.foundation", "mesh.foundation") if key in scene.given]
-        every = len(scene.bodies) == len(GEARS)
-        # One foundation for both gears still serves the other one.
-        dropped = [key for key in named if key != "mesh.foundation" or every]
-        if dropped:
-            found.append(
-                Idle(
-                    f"{dropped[0]} does nothing to the {gear} in mesh: what gives under its teeth "
-                    "is its condensed body. It counts in the stiffness of a single pair and in "
-                    "the closed form of the Master Curve, which are those of rigid gears."
-                )
-            )
-        if each.family is not None:
-            low, high = (float(each.family.parameters[end]) for end in (0, -1))
-            found.append(
-                f"{each.follows} is varied: from {low:g} to {high:g} the {gear}'s body is "
-                "interpolated between condensed ones, its tables off by at most "
-                f"{100.0 * each.family.interpolation_error:.2g} % of those condensed to compare. "
-                "Run the scene that is written to see the optimum's own body."
-            )
-        body = each.built.body
-        if scene.mesh.root_correction and not len(body.bricks):
-            found.append(
-                f"The {gear}'s matrices come without a grid: what the elements of its rim are too "
-                "large to show of a root's give is not known, and not added."
-            )
-        if scene.mesh.pinion_speed_rad_s and not body.centrifugal_load.any():
-            found.append(f"The {gear}'s matrices know no load of rotation: it does not grow.")
-        teeth, sectors = scene.gear(gear).teeth, each.built.body.facts.get("sectors", 1)
-        repeats = teeth // math.gcd(teeth, sectors)
-        if periods % repeats:
-            found.append(
-                f"The {gear}'s body repeats after {repeats} teeth, of which {periods} are in the "
-                f"cycle: make mesh.periods a multiple of {repeats} to see all of them; a response "
-                f"is then over {repeats} mesh periods, and takes at least so many times as long as "
-                "one over a single period."
-            )
-    return found
+    for gear in scene.bodies:
+        yield from _on_condensed_body(scene, gear)
 
 
-def _on_cycle(scene: Scene) -> list[str]:
-    found, periods = [], scene.mesh.periods
+def _on_condensed_body(scene: Scene, gear: str) -> Iterator[str]:
+    each = scene.bodies[gear]
+    body, family = each.built.body, each.family
+    # One foundation for both gears still serves the other one.
+    keys = [f"{gear}.foundation", *(["mesh.foundation"] if len(scene.bodies) == len(GEARS) else [])]
+    if dropped := [key for key in keys if key in scene.given]:
+        yield Idle(
+            f"{dropped[0]} does nothing to the {gear} in mesh: what gives under its teeth "
+            "is its condensed body. It counts in the stiffness of a single pair and in "
+            "the closed form of the Master Curve, which are those of rigid gears."
+        )
+    if family is not None:
+        low, high = (float(family.parameters[end]) for end in (0, -1))
+        yield (
+            f"{each.follows} is varied: from {low:g} to {high:g} the {gear}'s body is "
+            "interpolated between condensed ones, its tables off by at most "
+            f"{100.0 * family.interpolation_error:.2g} % of those condensed to compare. "
+            "Run the scene that is written to see the optimum's own body."
+        )
+    if scene.mesh.root_correction and not len(body.bricks):
+        yield (
+            f"The {gear}'s matrices come without a grid: what the elements of its rim are too "
+            "large to show of a root's give is not known, and not added."
+        )
+    if scene.mesh.pinion_speed_rad_s and not body.centrifugal_load.any():
+        yield f"The {gear}'s matrices know no load of rotation: it does not grow."
+    teeth, sectors = scene.gear(gear).teeth, body.facts.get("sectors", 1)
+    repeats, periods = teeth // math.gcd(teeth, sectors), scene.mesh.periods
+    if periods % repeats:
+        yield (
+            f"The {gear}'s body repeats after {repeats} teeth, of which {periods} are in the "
+            f"cycle: make mesh.periods a multiple of {repeats} to see all of them; a response "
+            f"is then over {repeats} mesh periods, and takes at least so many times as long as "
+            "one over a single period."
+        )
+
+
+def _on_cycle(scene: Scene) -> Iterator[str]:
+    periods = scene.mesh.periods
     for gear in GEARS:
         keys = (f"flank.{gear}.{key}_um" for key in ("pitch_error", "eccentricity"))
         uneven = [key for key in keys if key in scene.given]
         teeth = scene.gear(gear).teeth
         if uneven and periods % teeth:
-            found.append(
+            yield (
                 f"{' and '.join(uneven)}: {periods} mesh periods are no whole revolution of the "
                 f"{gear}, so statistics and orders are those of a part of it. Make mesh.periods a "
                 f"multiple of {teeth}."
             )
         if periods == 1 and scene.flank.gear(gear).accuracy_grade is not None:
-            found.append(
-                f"One mesh period leaves out the pitch errors of flank.{gear}.accuracy_grade."
-            )
+            yield f"One mesh period leaves out the pitch errors of flank.{gear}.accuracy_grade."
     if scene.mesh.tip_contact:
-        found.append(
+        yield (
             "Beyond the ends of the path tip corners press on the flank: the pressures there are "
             "those of the cylinders at the end of the path, not of a corner."
         )
-    return found
 
 
-def _on_results(scene: Scene, statics: Statics) -> list[str]:
-    found = []
+def _on_results(scene: Scene, statics: Statics) -> Iterator[str]:
     module = float(statics.model.pair.normal_module)
     approach = float(statics.numbers["te_mean_um"]) * um
     if approach > 0.1 * module:
-        found.append(
-            Doubtful(
-                f"Teeth, shafts and bearings give way by {approach / mm:.3g} mm in all, more than "
-                "a tenth of the module: contact no longer lies where the nominal gears have it. "
-                "Check the stiffness of the bearings, in N/m."
-            )
+        yield Doubtful(
+            f"Teeth, shafts and bearings give way by {approach / mm:.3g} mm in all, more than "
+            "a tenth of the module: contact no longer lies where the nominal gears have it. "
+            "Check the stiffness of the bearings, in N/m."
         )
     slices, factor = scene.mesh.slices, float(statics.numbers["face_load_factor"])
     mounts = (statics.model.pinion_support, statics.model.wheel_support)
     if slices == 1 and any(isinstance(mount, Shaft) for mount in mounts):
-        words = "One slice sees nothing of an uneven load across the face: use 20."
-        found.append(Doubtful(words))
+        yield Doubtful("One slice sees nothing of an uneven load across the face: use 20.")
     elif slices > 1 and factor > 0.5 * slices:
-        found.append(
-            Doubtful(
-                f"The load stands on {slices / factor:.2g} of {slices} slices: the face load "
-                "factor and the pressures are as large as the slices let them be."
-            )
+        yield Doubtful(
+            f"The load stands on {slices / factor:.2g} of {slices} slices: the face load "
+            "factor and the pressures are as large as the slices let them be."
         )
-    return found

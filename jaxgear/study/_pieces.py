@@ -5,36 +5,17 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxgear._contact._cells import at_line_loads, flank_coordinates, nominal_line_load
+import jaxgear as jg
+from jaxgear._contact._cells import at_line_loads, flank_coordinates
 from jaxgear._dynamics._cell_forces import cell_forces
 from jaxgear._dynamics._harmonic import Balance
-from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._table import END, MIDDLE, START, mesh_at
 from jaxgear._dynamics._types import Terms
-from jaxgear._flank._deviations import (
-    AbstractFlankDeviation,
-    EndRelief,
-    RootRelief,
-    Superposed,
-    TipRelief,
-)
-from jaxgear._flank._measured import MeasuredProfile, MeasuredTopography
-from jaxgear._interface._laws import AbstractContactLaw, SmoothContact
-from jaxgear._solve._cycle import MeshCycle
-from jaxgear._system._model import PairModel
 from jaxgear._types import LineGrid, Reals
 
 
-def pieces_at_rest(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> Reals:
+def pieces_at_rest(model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw) -> Reals:
     """Which piece of each formula is in use at each cell of a quasi-static cycle.
-
-    **Arguments:**
-
-    - `model`: the pair.
-    - `cycle`: solved with it.
-    - `law`: of contact.
-
-    **Returns:**
 
     A number for each piece [-]: they are the same where all formulas use the same pieces.
     """
@@ -50,7 +31,7 @@ def pieces_at_rest(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) 
         flank_coordinates(model.pair, lines),
         strict=True,
     ):
-        for part in flank.parts if isinstance(flank, Superposed) else (flank,):
+        for part in flank.parts if isinstance(flank, jg.Superposed) else (flank,):
             inside += _pieces_of_flank(part, *place)
     if model.compliance.load_updates:
         inside.append(_above_least_load(model, cycle))
@@ -70,16 +51,16 @@ def _unlike(fraction: LineGrid, apart: int) -> LineGrid:
     return jnp.where(jnp.abs(difference) > 1e-12, difference, 0.0)
 
 
-def _pieces_of_flank(part: AbstractFlankDeviation, profile: Reals, face: Reals) -> list[Reals]:
+def _pieces_of_flank(part: jg.AbstractFlankDeviation, profile: Reals, face: Reals) -> list[Reals]:
     """Which piece of a flank deviation is in use at each cell; none of one that is smooth."""
     match part:
-        case TipRelief() | RootRelief() | EndRelief():
+        case jg.TipRelief() | jg.RootRelief() | jg.EndRelief():
             # Where it acts does not depend on how deep it is, not even at depth zero.
             one = eqx.tree_at(lambda p: p.depth, part, jnp.ones(()))
             return [(one(profile, face) != 0.0).astype(float)]
-        case MeasuredProfile():
+        case jg.MeasuredProfile():
             return [_interval(part.place, profile)]
-        case MeasuredTopography():
+        case jg.MeasuredTopography():
             return [_interval(part.place, profile), _interval(part.face, face)]
     return []
 
@@ -89,9 +70,9 @@ def _interval(points: Reals, place: Reals) -> Reals:
     return jnp.searchsorted(points, place, side="right").astype(float)
 
 
-def _above_least_load(model: PairModel, cycle: MeshCycle) -> LineGrid:
+def _above_least_load(model: jg.PairModel, cycle: jg.MeshCycle) -> LineGrid:
     """Whether a cell's stiffness follows its line load [-]; below a least load it is constant."""
-    nominal = nominal_line_load(model.pair, model.mesh_torque)
+    nominal = jg.nominal_line_load(model.pair, model.mesh_torque)
     softening = model.compliance.log_slope(model.pair)
     loaded, least = (
         at_line_loads(cycle.cells, force, nominal, softening).line_stiffness
@@ -100,16 +81,8 @@ def _above_least_load(model: PairModel, cycle: MeshCycle) -> LineGrid:
     return (loaded > least).astype(float)
 
 
-def pieces_in_motion(balance: Balance, orbit: Orbit, terms: Terms) -> Reals:
+def pieces_in_motion(balance: Balance, orbit: jg.Orbit, terms: Terms) -> Reals:
     """Whether each cell is closed, wherever in time a steady response evaluates contact.
-
-    **Arguments:**
-
-    - `balance`: of which the response is.
-    - `orbit`: the response.
-    - `terms`: its Fourier coefficients.
-
-    **Returns:**
 
     A number for each [-], as `pieces_at_rest`.
     """
@@ -123,8 +96,8 @@ def pieces_in_motion(balance: Balance, orbit: Orbit, terms: Terms) -> Reals:
     return _contact(found, law).ravel()
 
 
-def _contact(overlap: Array, law: AbstractContactLaw) -> Array:
+def _contact(overlap: Array, law: jg.AbstractContactLaw) -> Array:
     """Which piece of the contact law is in use at each overlap."""
-    if isinstance(law, SmoothContact):
+    if isinstance(law, jg.SmoothContact):
         return jnp.sign(overlap + law.width) + jnp.sign(overlap - law.width)
     return (overlap > 0.0).astype(float)

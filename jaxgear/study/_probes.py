@@ -17,6 +17,7 @@ from jaxgear._response._waves import (
 from jaxgear._units import deg, mm
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._tables import ProbeKeys
+from jaxgear.study._hybrid import radius_of
 from jaxgear.study._moving_body import SAME_CIRCLE, MovingBody, angle_of
 
 # A probe may be so far from where it was asked for, over the radius.
@@ -62,16 +63,7 @@ class Probe:
 
 
 def probes_of(scene: Scene, body: MovingBody) -> tuple[Probe, ...]:
-    """The probes that look at a body: those that the scene asks for, or else the usual four.
-
-    **Arguments:**
-
-    - `scene`: with its tables [[probes]].
-    - `body`: that is looked at.
-
-    **Returns:**
-
-    The probes.
+    """The probes that look at a body: those of the scene's [[probes]], or else the usual four.
 
     **Raises:**
 
@@ -92,21 +84,19 @@ def _asked(scene: Scene, body: MovingBody) -> list[Probe]:
             gear=asked.gear,
         )
         if asked.gear == body.gear:
-            found.append(_probe(asked, row, body))
+            found.append(_probe(row, asked, body))
     return found
 
 
-def _probe(asked: ProbeKeys, row: str, body: MovingBody) -> Probe:
+def _probe(row: str, asked: ProbeKeys, body: MovingBody) -> Probe:
     direction, turns = DIRECTIONS.index(asked.direction), asked.frame == "rotating"
-    name = asked.name
-    if (node := asked.node) is not None:
-        return _condensed_probe(row, body, node, direction, turns, name or node)
+    if asked.node is not None:
+        name = asked.name or asked.node
+        return _condensed_probe(row, body, asked.node, direction, turns, name)
     radius = body.radius if asked.radius_mm is None else asked.radius_mm * mm
+    where = f"{body.gear} r {radius / mm:.4g} mm {asked.direction} {asked.frame}"
     place = radius, asked.angle_deg * deg, asked.height_mm * mm
-    if not name:
-        name = f"{body.gear} r {radius / mm:.4g} mm {DIRECTIONS[direction]}"
-        name += " rotating" if turns else " fixed"
-    return probe_at(body, place, direction, turns=turns, name=name, key=row)
+    return probe_at(body, place, direction, turns=turns, name=asked.name or where, key=row)
 
 
 def _condensed_probe(
@@ -130,10 +120,22 @@ def _condensed_probe(
     )
     number = known.index(node)
     place = body.built.body.probe_points[number]
-    rows = body.built.body.probe_rows[number] @ body.basis.motions
-    rows = along_directions(angle_of(place[None]), rows[None])[0, direction]
-    where = float(np.hypot(*place[:2])), float(angle_of(place[None])[0]), float(place[2])
-    return Probe(name, body.gear, direction, rows, None, 0.0, where)
+    rows = (body.built.body.probe_rows[number] @ body.basis.motions)[None]
+    return _gauge(name, body, direction, place, rows)
+
+
+def _gauge(
+    name: str, body: MovingBody, direction: int, place: np.ndarray, rows: np.ndarray
+) -> Probe:
+    """What turns with a body, of rows along x, y, z of it."""
+    where = _where(place)
+    found = along_directions(np.array([where[1]]), rows)[0, direction]
+    return Probe(name, body.gear, direction, found, None, 0.0, where)
+
+
+def _where(place: np.ndarray) -> tuple[float, float, float]:
+    """Radius, angle and height of a place [m, rad, m]."""
+    return float(radius_of(place[None])[0]), float(angle_of(place[None])[0]), float(place[2])
 
 
 def probe_at(
@@ -147,19 +149,8 @@ def probe_at(
 ) -> Probe:
     """A probe at the node, or the circle of nodes, that is nearest to a place.
 
-    **Arguments:**
-
-    - `body`: that is looked at.
-    - `place`: radius, angle and height; the angle of one that turns is from the body's x, of one
-        that stands still from S [m, rad, m].
-    - `direction`: 0 radial, 1 tangential, 2 axial.
-    - `turns`: whether it turns with the body.
-    - `name`: in results.
-    - `key`: for messages.
-
-    **Returns:**
-
-    The probe.
+    The angle of one that turns is from the body's x, of one that stands still from S; radius,
+    angle and height [m, rad, m]. Messages name it by its key.
 
     **Raises:**
 
@@ -167,13 +158,11 @@ def probe_at(
     """
     radius, angle, height = place
     nodes = body.nodes
-    off = np.hypot(np.hypot(nodes[:, 0], nodes[:, 1]) - radius, nodes[:, 2] - height)
+    off = np.hypot(radius_of(nodes) - radius, nodes[:, 2] - height)
     around = np.abs(np.mod(angle_of(nodes) - angle + np.pi, 2.0 * np.pi) - np.pi) if turns else 0.0
     apart = np.hypot(off, radius * around)
     nearest = int(np.argmin(apart))
-    found = nodes[nearest]
-    where = float(np.hypot(found[0], found[1])), float(angle_of(found[None])[0]), float(found[2])
-    only = "" if body.has_grid else " Of a body without a grid only the rim is known."
+    where = _where(nodes[nearest])
     require(
         float(apart[nearest]) <= _OFF * body.radius,
         "{key}: no node of the {gear}'s body is near radius {radius:.4g} mm, height {height:.4g} "
@@ -186,12 +175,11 @@ def probe_at(
         r=where[0] / mm,
         h=where[2] / mm,
         a=where[1] / deg,
-        only=only,
+        only="" if body.has_grid else " Of a body without a grid only the rim is known.",
     )
     if turns:
-        rows = along_directions(np.array([where[1]]), body.rows(np.array([nearest])))
-        return Probe(name, body.gear, direction, rows[0, direction], None, 0.0, where)
-    same = np.hypot(np.hypot(nodes[:, 0], nodes[:, 1]) - where[0], nodes[:, 2] - where[2])
+        return _gauge(name, body, direction, nodes[nearest], body.rows(np.array([nearest])))
+    same = np.hypot(radius_of(nodes) - where[0], nodes[:, 2] - where[2])
     chosen = np.flatnonzero(same <= SAME_CIRCLE * body.radius)
     try:
         circle = body.circle(chosen)

@@ -76,12 +76,7 @@ def _spoken_by(show: Callable[[str], None]) -> Iterator[None]:
 
 
 def say(step: str) -> None:
-    """Say what is being done, beside the bar or in the line that is shown, if one is.
-
-    **Arguments:**
-
-    - `step`: in a word or two, such as compiling.
-    """
+    """Say what is being done in a word or two, beside the bar or in the line that is shown."""
     show = _SHOWN.get()
     if show is not None:
         show(step)

@@ -65,13 +65,7 @@ def titled(dataset: xr.Dataset, scene: Scene, more: str = "") -> xr.Dataset:
 
 
 def together(first: Result, second: Result) -> Result:
-    """Two results of one scene as one; remarks stay in their order.
-
-    **Arguments:**
-
-    - `first`: whose scene it is.
-    - `second`: with other groups and other parts of the summary.
-    """
+    """Two results of one scene, that of the first, as one; remarks stay in their order."""
     summary = {**first.summary, **second.summary, "notes": [*first.notes, *second.notes]}
     joined = [
         {**getattr(first, name), **getattr(second, name)}

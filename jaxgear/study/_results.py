@@ -51,6 +51,13 @@ def dataset_of(variables: Mapping[str, Entry], **coordinates: Entry) -> xr.Datas
     )
 
 
+def entries_over(
+    dims: tuple[str, ...], rows: Mapping[str, tuple[ArrayLike, str, str]]
+) -> Mapping[str, Entry]:
+    """Variables of the same dimensions: values, units and words, by name."""
+    return {name: Entry(dims, *row) for name, row in rows.items()}
+
+
 def static_dataset(
     model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw
 ) -> xr.Dataset:

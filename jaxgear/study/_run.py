@@ -135,7 +135,7 @@ def statics_result(scene: Scene, statics: Statics, torques: np.ndarray) -> Resul
         # A search shows them beside those that it finds.
         groups["modification"] = modification_dataset({"given": model})
     if static["bearings"]:
-        sections = body_sections(scene)
+        sections = body_sections(scene.bodies)
         groups["shafts"] = shafts_dataset(model, statics.cycle, static["bearings"], sections)
     cycle = static_dataset(model, statics.cycle, statics.law)
     over = ("torque", "phase")

@@ -72,17 +72,9 @@ def stopwatch() -> Iterator[Stopwatch]:
 
 
 def timed(function: Callable[..., Any], *arguments: Any, options: Options = ()) -> Any:
-    """Run a function as one compiled program, and keep its time where a stopwatch runs.
+    """Run a function of arrays and modules as one compiled program, and wait for its result.
 
-    **Arguments:**
-
-    - `function`: of arrays and modules.
-    - `arguments`: of it.
-    - `options`: of the compiler.
-
-    **Returns:**
-
-    Its result, once it is there.
+    Its time is kept where a stopwatch runs.
     """
     return (_WATCH.get() or Stopwatch())(function, *arguments, options=options)
 

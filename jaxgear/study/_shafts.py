@@ -18,7 +18,7 @@ from jaxgear._system._model import PairModel
 from jaxgear._system._shaft import Segment, Shaft, node_heights
 from jaxgear._units import mm, um
 from jaxgear.scene._schema import GEARS
-from jaxgear.study._results import Entry, dataset_of
+from jaxgear.study._results import Entry, dataset_of, entries_over
 
 # Points on each element of a deflected line.
 POINTS_OF_BEAM = 9
@@ -30,132 +30,121 @@ def shafts_dataset(
     bearings: list[dict[str, Any]],
     sections: Mapping[str, np.ndarray],
 ) -> xr.Dataset:
-    """Both shafts in the plane of the axes: Z from mid-face.
+    """Both shafts in the plane of the axes, of a model with at least one: Z from mid-face.
 
-    **Arguments:**
-
-    - `model`: with at least one shaft.
-    - `cycle`: its settled states, of which the mean is shown.
-    - `bearings`: `static.bearings` of the summary.
-    - `sections`: of condensed bodies, by gear: radius and Z around each element in the cut, shape
-        `[element, point, 2]` [m].
-
-    **Returns:**
-
-    A dataset over points of the deflected lines, segments, bearings, further loads and elements of
-    sections, each with its gear.
+    A dataset over points of the lines that deflect so in the mean of a solved cycle, segments,
+    bearings as in `static.bearings` of the summary, further loads and elements of sections of
+    condensed bodies (radius and Z, shape `[element, point, 2]` [m]), each with its gear.
     """
     mounts = dict(zip(GEARS, (model.pinion_support, model.wheel_support), strict=True))
     shafts = {gear: mount for gear, mount in mounts.items() if isinstance(mount, Shaft)}
     bodies: dict[str, Any] = dict(zip(GEARS, model.bodies, strict=True))
+    seats = [isinstance(bodies[gear], FlexibleBody) for gear in shafts]
+    words = "whether points are seats of a condensed body, and no line"
     return dataset_of(
-        _lines(deflected_lines(model, cycle))
-        | _segments(shafts)
-        | _bearings(shafts, bearings)
-        | _loads(model, shafts)
-        | _sections(sections)
-        | {
-            "seats_only": Entry(
-                ("mount",),
-                [isinstance(bodies[gear], FlexibleBody) for gear in shafts],
-                "1",
-                "whether points are seats of a condensed body, and no line",
-            )
+        {
+            **_lines(deflected_lines(model, cycle)),
+            **_segments(shafts),
+            **_bearings(shafts, bearings),
+            **_loads(model, shafts),
+            **_sections(sections),
+            "seats_only": Entry(("mount",), seats, "1", words),
         },
         mount=Entry(("mount",), list(shafts), "1", "gear that is on a shaft"),
         axis=Entry(("axis",), list("STZ"), "1", "axis: S pinion to wheel, T = Z x S, Z axial"),
     )
 
 
-def _lines(lines: Mapping[str, np.ndarray]) -> dict[str, Entry]:
+def _lines(lines: Mapping[str, np.ndarray]) -> Mapping[str, Entry]:
     gears = np.concatenate([np.full(line.shape[1], gear) for gear, line in lines.items()])
     z, along_s, along_t = np.concatenate(list(lines.values()), axis=1)
-    at = ("point",)
-    return {
-        "gear": Entry(at, gears, "1", "gear of the shaft"),
-        "Z_mm": Entry(at, z / mm, "mm", "place along Z from mid-face"),
-        "deflection_S_um": Entry(at, along_s / um, "um", "mean deflection along S"),
-        "deflection_T_um": Entry(at, along_t / um, "um", "mean deflection along T"),
+    rows = {
+        "gear": (gears, "1", "gear of the shaft"),
+        "Z_mm": (z / mm, "mm", "place along Z from mid-face"),
+        "deflection_S_um": (along_s / um, "um", "mean deflection along S"),
+        "deflection_T_um": (along_t / um, "um", "mean deflection along T"),
     }
+    return entries_over(("point",), rows)
 
 
-def _segments(shafts: Mapping[str, Shaft]) -> dict[str, Entry]:
-    rows = []
+def _segments(shafts: Mapping[str, Shaft]) -> Mapping[str, Entry]:
+    found = []
     for gear, shaft in shafts.items():
         start = height(shaft, 0.0)
         for each in shaft.segments:
             length, outer, inner = (float(x) / mm for x in (each.length, each.outer, each.inner))
-            rows.append((gear, start, length, outer, inner))
+            found.append((gear, start, length, outer, inner))
             start += length
-    gears, *numbers = zip(*rows, strict=True)
-    names = {
-        "start_Z": "start of the segment along Z",
-        "length": "length of the segment",
-        "outer": "outer diameter of the segment",
-        "inner": "bore of the segment",
+    gears, start, length, outer, inner = map(np.asarray, zip(*found, strict=True))
+    rows = {
+        "segment_gear": (gears, "1", "gear of the shaft"),
+        "segment_start_Z_mm": (start, "mm", "start of the segment along Z"),
+        "segment_length_mm": (length, "mm", "length of the segment"),
+        "segment_outer_mm": (outer, "mm", "outer diameter of the segment"),
+        "segment_inner_mm": (inner, "mm", "bore of the segment"),
     }
-    return {"segment_gear": Entry(("segment",), list(gears), "1", "gear of the shaft")} | {
-        f"segment_{name}_mm": Entry(("segment",), np.asarray(values), "mm", words)
-        for (name, words), values in zip(names.items(), numbers, strict=True)
+    return entries_over(("segment",), rows)
+
+
+def _bearings(shafts: Mapping[str, Shaft], told: list[dict[str, Any]]) -> Mapping[str, Entry]:
+    gears, index = [each["gear"] for each in told], [each["index"] for each in told]
+    own = [shafts[gear] for gear in gears]
+    springs = [shaft.bearings[i] for shaft, i in zip(own, index, strict=True)]
+    places = [height(shaft, spring.at) for shaft, spring in zip(own, springs, strict=True)]
+    stiffness = [float(spring.axial) for spring in springs]
+    rows = {
+        "bearing_gear": (gears, "1", "gear of the shaft"),
+        "bearing_index": (index, "1", "bearing of the shaft"),
+        "bearing_Z_mm": (places, "mm", "place along Z from mid-face"),
+        "bearing_axial_N_m": (np.asarray(stiffness), "N/m", "stiffness along Z"),
     }
+    for axis in "STZ":
+        load = np.asarray([each["load_N"][axis] for each in told])
+        words = f"mean load of the shaft on the bearing along {axis}"
+        rows[f"bearing_load_{axis}_N"] = load, "N", words
+    return entries_over(("bearing",), rows)
 
 
-def _bearings(shafts: Mapping[str, Shaft], rows: list[dict[str, Any]]) -> dict[str, Entry]:
-    springs = [shafts[each["gear"]].bearings[each["index"]] for each in rows]
-    places = [
-        height(shafts[each["gear"]], spring.at) for each, spring in zip(rows, springs, strict=True)
-    ]
-    load = np.asarray([[each["load_N"][axis] for axis in "STZ"] for each in rows]).reshape(-1, 3)
-    at = ("bearing",)
-    stiffness = np.asarray([float(spring.axial) for spring in springs])
-    return {
-        "bearing_gear": Entry(at, [each["gear"] for each in rows], "1", "gear of the shaft"),
-        "bearing_index": Entry(at, [each["index"] for each in rows], "1", "bearing of the shaft"),
-        "bearing_Z_mm": Entry(at, places, "mm", "place along Z from mid-face"),
-        "bearing_axial_N_m": Entry(at, stiffness, "N/m", "stiffness along Z"),
-        **{
-            f"bearing_load_{axis}_N": Entry(
-                at, load[:, i], "N", f"mean load of the shaft on the bearing along {axis}"
-            )
-            for i, axis in enumerate("STZ")
-        },
-    }
-
-
-def _loads(model: PairModel, shafts: Mapping[str, Shaft]) -> dict[str, Entry]:
+def _loads(model: PairModel, shafts: Mapping[str, Shaft]) -> Mapping[str, Entry]:
     """The torque about Z, and what else loads a shaft from outside."""
     at = [
         height(shaft, shaft.gear_at if shaft.torque_at is None else shaft.torque_at)
         for shaft in shafts.values()
     ]
     extra = [(gear, shaft, load) for gear, shaft in shafts.items() for load in shaft.loads]
-    vector = lambda of: np.asarray([np.asarray(of(load)) for *_, load in extra]).reshape(-1, 3)
+    vector = lambda name: np.reshape([getattr(load, name) for *_, load in extra], (-1, 3))
+    mounts = {
+        "torque_Nm": ([torque_on(model, gear) for gear in shafts], "N m", "torque about Z"),
+        "torque_Z_mm": (at, "mm", "where the torque enters, from mid-face"),
+    }
+    heights = [height(shaft, load.at) for _, shaft, load in extra]
+    loads = {
+        "load_gear": ([str(gear) for gear, *_ in extra], "1", "gear of the shaft"),
+        "load_Z_mm": (heights, "mm", "place along Z"),
+    }
+    vectors = {
+        "load_force_N": (vector("force"), "N", "force on a shaft"),
+        "load_moment_Nm": (vector("moment"), "N m", "moment on a shaft"),
+    }
     return {
-        "torque_Nm": Entry(
-            ("mount",), [torque_on(model, gear) for gear in shafts], "N m", "torque about Z"
-        ),
-        "torque_Z_mm": Entry(("mount",), at, "mm", "where the torque enters, from mid-face"),
-        "load_gear": Entry(("load",), [str(gear) for gear, *_ in extra], "1", "gear of the shaft"),
-        "load_Z_mm": Entry(
-            ("load",), [height(shaft, load.at) for _, shaft, load in extra], "mm", "place along Z"
-        ),
-        "load_force_N": Entry(("load", "axis"), vector(lambda x: x.force), "N", "force on a shaft"),
-        "load_moment_Nm": Entry(
-            ("load", "axis"), vector(lambda x: x.moment), "N m", "moment on a shaft"
-        ),
+        **entries_over(("mount",), mounts),
+        **entries_over(("load",), loads),
+        **entries_over(("load", "axis"), vectors),
     }
 
 
-def _sections(sections: Mapping[str, np.ndarray]) -> dict[str, Entry]:
+def _sections(sections: Mapping[str, np.ndarray]) -> Mapping[str, Entry]:
     if not sections:
         return {}
     gears = np.concatenate([np.full(len(each), gear) for gear, each in sections.items()])
     r, z = np.moveaxis(np.concatenate(list(sections.values())), 2, 0) / mm
-    at = ("element", "corner")
+    rows = {
+        "section_r_mm": (r, "mm", "radius of a corner of an element in the cut"),
+        "section_Z_mm": (z, "mm", "its place along Z from mid-face"),
+    }
     return {
         "section_gear": Entry(("element",), gears, "1", "gear whose body is cut"),
-        "section_r_mm": Entry(at, r, "mm", "radius of a corner of an element in the cut"),
-        "section_Z_mm": Entry(at, z, "mm", "its place along Z from mid-face"),
+        **entries_over(("element", "corner"), rows),
     }
 
 
@@ -174,12 +163,12 @@ def torque_on(model: PairModel, gear: str) -> float:
     return ratio * float(model.mesh_torque) - sum(float(load.moment[2]) for load in loads)
 
 
-def deflected_lines(model: PairModel, cycle: MeshCycle) -> dict[str, np.ndarray]:
+def deflected_lines(model: PairModel, cycle: MeshCycle) -> Mapping[str, np.ndarray]:
     """Place along Z and mean deflection along S and T of each shaft's axis [m], by gear."""
     return {name: np.asarray(line) for name, line in called(_lines_of_shafts, model, cycle).items()}
 
 
-def _lines_of_shafts(model: PairModel, cycle: MeshCycle) -> dict[str, Array]:
+def _lines_of_shafts(model: PairModel, cycle: MeshCycle) -> Mapping[str, Array]:
     mean = cycle.cells.lines.weight @ cycle.load
     motion = cycle.system.displacement(mean[None])[0]
     first = cycle.system.structure.map.sizes[0]

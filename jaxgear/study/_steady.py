@@ -9,20 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
-from jaxgear._dynamics._folds import condition
-from jaxgear._dynamics._harmonic import Balance, HarmonicBalance, balance_of
-from jaxgear._dynamics._orbit import Orbit
-from jaxgear._dynamics._system import PairDynamics
+import jaxgear as jg
+from jaxgear._dynamics._harmonic import Balance
 from jaxgear._dynamics._types import Terms
-from jaxgear._interface._laws import AbstractContactLaw, ExactContact
-from jaxgear._response._dynamic import (
-    bearing_loads,
-    dynamic_transmission_error,
-    orbit_rms,
-    order_amplitudes,
-    smooth_dynamic_ratio,
-)
-from jaxgear._system._model import PairModel
 from jaxgear._types import Flag, Reals, Scalar
 from jaxgear._units import um
 from jaxgear.scene._build import model_of
@@ -79,11 +68,11 @@ def keys_in_motion(scene: Scene) -> Keys:
     return Keys(scene, scene.real_keys() + tuple(f"damping.{key}" for key in damping))
 
 
-def builder(keys: Keys) -> Callable[[Reals], tuple[PairModel, PairDynamics]]:
+def builder(keys: Keys) -> Callable[[Reals], tuple[jg.PairModel, jg.PairDynamics]]:
     """What builds a model and its dynamics of keys."""
     grid = dynamic_grid_of(keys.scene, model_of(keys.scene))
 
-    def build(values: Reals) -> tuple[PairModel, PairDynamics]:
+    def build(values: Reals) -> tuple[jg.PairModel, jg.PairDynamics]:
         changed = keys.moved(values)
         model = model_of(changed)
         return model, dynamics_of(changed, model, grid)
@@ -92,14 +81,14 @@ def builder(keys: Keys) -> Callable[[Reals], tuple[PairModel, PairDynamics]]:
 
 
 def numbers_of(
-    build: Callable[[Reals], tuple[PairModel, PairDynamics]],
-) -> Callable[[Reals], tuple[Reals, PairDynamics]]:
+    build: Callable[[Reals], tuple[jg.PairModel, jg.PairDynamics]],
+) -> Callable[[Reals], tuple[Reals, jg.PairDynamics]]:
     """What finds, of keys and the speed, the numbers that steady responses are found from.
 
     The speed is the last of both; beside them the pair.
     """
 
-    def numbers(values: Reals) -> tuple[Reals, PairDynamics]:
+    def numbers(values: Reals) -> tuple[Reals, jg.PairDynamics]:
         dynamics = build(values[:-1])[1]
         own = ravel_pytree(eqx.filter(_moving(dynamics), eqx.is_inexact_array))[0]
         return jnp.append(own, values[-1]), dynamics
@@ -107,76 +96,70 @@ def numbers_of(
     return numbers
 
 
-def responder(method: HarmonicBalance) -> Callable:
+def responder(method: jg.HarmonicBalance) -> Callable:
     """What finds the steady response of numbers, of `numbers_of`, and of the pair they are from.
 
     Beside the response it returns what `steady_point` judges it by.
     """
 
-    def respond(numbers: Reals, dynamics: PairDynamics) -> tuple[Reals, tuple]:
+    def respond(numbers: Reals, dynamics: jg.PairDynamics) -> tuple[Reals, tuple]:
         real, other = eqx.partition(_moving(dynamics), eqx.is_inexact_array)
         own = ravel_pytree(real)[1](numbers[:-1])
         moved = eqx.tree_at(_moving, dynamics, eqx.combine(own, other))
         found, orbit, terms, _ = steady(method, moved, numbers[-1])
         still = jax.lax.stop_gradient((terms, numbers[-1]))
-        apart = condition(balance_of(method, dynamics.system), *still)
+        apart = jg.condition(jg.balance_of(method, dynamics.system), *still)
         return found, (orbit.residual, orbit.settled, apart)
 
     return respond
 
 
-def _moving(dynamics: PairDynamics) -> tuple:
+def _moving(dynamics: jg.PairDynamics) -> tuple:
     """The parts of a pair that steady responses are found from."""
     return dynamics.system, dynamics.cycle.system.structure
 
 
-def is_too_large(scene: Scene, dynamics: PairDynamics) -> bool:
+def is_too_large(scene: Scene, dynamics: jg.PairDynamics) -> bool:
     """Whether a cycle has too many mesh periods for harmonic balance."""
     return unknowns_of(scene, size_of(dynamics)) > MOST_UNKNOWNS
 
 
-def method_of(scene: Scene, dynamics: PairDynamics, law: AbstractContactLaw) -> HarmonicBalance:
+def method_of(
+    scene: Scene, dynamics: jg.PairDynamics, law: jg.AbstractContactLaw
+) -> jg.HarmonicBalance:
     """Harmonic balance of a scene; exact contact averaged over time steps, as when optimising."""
-    averaged = isinstance(law, ExactContact) and dynamics.system.cell_damping is None
-    return HarmonicBalance(
+    averaged = isinstance(law, jg.ExactContact) and dynamics.system.cell_damping is None
+    return jg.HarmonicBalance(
         law=law, harmonics=scene.sweep.harmonics, averaged=averaged, tolerance=_SETTLED
     )
 
 
 def steady(
-    method: HarmonicBalance, dynamics: PairDynamics, speed: Scalar
-) -> tuple[Reals, Orbit, Terms, Balance]:
-    """A steady response.
-
-    **Arguments:**
-
-    - `method`: that finds it.
-    - `dynamics`: the pair in motion.
-    - `speed`: of the pinion [rad/s].
-
-    **Returns:**
+    method: jg.HarmonicBalance, dynamics: jg.PairDynamics, speed: Scalar
+) -> tuple[Reals, jg.Orbit, Terms, Balance]:
+    """A steady response at a speed of the pinion [rad/s].
 
     Its numbers, in the units of `steady_names`; its states; its Fourier coefficients, and the
     balance that they are in.
     """
-    balance, system = balance_of(method, dynamics.system), dynamics.system
+    balance, system = jg.balance_of(method, dynamics.system), dynamics.system
     orbit, terms = method.solve(balance, speed)
     found = [
-        orbit_rms(system, dynamic_transmission_error(system, orbit)) / um,
-        smooth_dynamic_ratio(system, orbit, jnp.asarray(_RATIO_WIDTH), method.law),
+        jg.orbit_rms(system, jg.dynamic_transmission_error(system, orbit)) / um,
+        jg.smooth_dynamic_ratio(system, orbit, jnp.asarray(_RATIO_WIDTH), method.law),
     ]
     if _has_bearings(dynamics):
-        order = order_amplitudes(system, bearing_loads(dynamics, orbit), 1)[0]
+        order = jg.order_amplitudes(system, jg.bearing_loads(dynamics, orbit), 1)[0]
         found.append(jnp.sqrt(jnp.sum(order[:, :3] ** 2)))
     return jnp.stack(found), orbit, terms, balance
 
 
-def steady_names(dynamics: PairDynamics) -> tuple[str, ...]:
+def steady_names(dynamics: jg.PairDynamics) -> tuple[str, ...]:
     """The numbers of a steady response, with their units."""
     return _NAMES + (_OF_BEARINGS if _has_bearings(dynamics) else ())
 
 
-def _has_bearings(dynamics: PairDynamics) -> bool:
+def _has_bearings(dynamics: jg.PairDynamics) -> bool:
     return bool(dynamics.cycle.system.structure.map.bearings)
 
 

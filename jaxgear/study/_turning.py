@@ -25,7 +25,7 @@ from jaxgear._dynamics._wave_content import WaveContent, wave_content
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
 from jaxgear.study._result import Summary
-from jaxgear.study._results import Entry
+from jaxgear.study._results import Entry, dataset_of, entries_over
 
 # Speeds at which the modes are found; between them they are followed.
 _SPEEDS = 61
@@ -54,19 +54,9 @@ class BodyWaves(NamedTuple):
 def body_waves(
     scene: Scene, pair: PairDynamics, modes: Modes, highest: float, count: int
 ) -> BodyWaves:
-    """Find the waves of a scene's modes, and follow them over speed.
+    """Waves of the first modes of a scene with condensed bodies, at rest and over speed.
 
-    **Arguments:**
-
-    - `scene`: with its condensed bodies.
-    - `pair`: of it.
-    - `modes`: at rest.
-    - `highest`: speed of the pinion [rad/s].
-    - `count`: number of modes.
-
-    **Returns:**
-
-    The first modes at rest and over speed, and their critical speeds.
+    Up to the highest speed of the pinion [rad/s]; and their critical speeds.
     """
     sectors = tuple(
         int(scene.bodies[gear].built.body.facts.get("sectors", 0)) if gear in scene.bodies else 0
@@ -87,41 +77,35 @@ def body_waves(
 def require_retained(scene: Scene, pair: PairDynamics) -> None:
     """Refuse to show modes of which the condensed bodies know nothing.
 
-    **Arguments:**
-
-    - `scene`: gives the highest frequency or the number of modes, if it wants one.
-    - `pair`: of it.
-
     **Raises:**
 
-    - `InputError` naming the gear whose modes end below it.
+    - `InputError` naming the gear whose modes end below what [modes] asks for.
     """
     asked, count = scene.modes.highest_Hz, scene.modes.count
     if not pair.bodies or (asked is None and count is None):
         return
     ends = [float(np.sqrt(np.max(np.asarray(body.square)))) for body in pair.bodies]
     body, last = pair.bodies[int(np.argmin(ends))], min(ends) / (2.0 * np.pi)
-    about = dict(
+    if asked is not None:
+        key, given, holds, more = "modes.highest_Hz", f"{asked:g} Hz", asked <= last, ""
+    else:
+        below = int(np.searchsorted(_natural(pair), last, side="right"))
+        key, given, holds = "modes.count", f"{count}", count is None or count <= below
+        more = f", and the pair has {below} below"
+    require(
+        holds,
+        "{key} is {given}, but the {modes} modes that the {gear}'s condensed body has in motion, "
+        "all seats held, end at {last:.5g} Hz{more}: beyond, the pair's would be wrong. Raise "
+        "model.coordinates, of which it has {retained}, and the {gear}'s body.modes if that is all "
+        "that it has; or lower {key}.",
+        key=key,
+        given=given,
+        modes=body.square.size,
         gear=GEARS[body.index],
         last=last,
-        modes=body.square.size,
-        given=scene.model.modes or "all",
+        more=more,
+        retained=scene.model.modes or "all",
     )
-    whose = (
-        "but the {modes} modes that the {gear}'s condensed body has in motion, all seats held, end "
-        "at {last:.5g} Hz"
-    )
-    remedy = (
-        "beyond, the pair's would be wrong. Raise model.coordinates, of which it has {given}, and "
-        "the {gear}'s body.modes if that is all that it has; or lower "
-    )
-    if asked is not None:
-        message = "modes.highest_Hz is {asked:g} Hz, " + whose + ": " + remedy
-        require(asked <= last, message + "modes.highest_Hz.", asked=asked, **about)
-    elif count is not None:
-        below = int(np.searchsorted(_natural(pair), last, side="right"))
-        message = "modes.count is {count}, " + whose + ", and the pair has {below} below: " + remedy
-        require(count <= below, message + "modes.count.", count=count, below=below, **about)
 
 
 def _natural(pair: PairDynamics) -> np.ndarray:
@@ -139,27 +123,16 @@ def _natural(pair: PairDynamics) -> np.ndarray:
 def wave_entries(waves: BodyWaves) -> Mapping[str, xr.Variable]:
     """Leading waves of the modes at rest, over mode."""
     content = waves.content
-    gears = [GEARS[i] for i in content.gear]
     rows = {
-        "gear": (gears, "", "gear with the leading wave"),
+        "gear": ([GEARS[i] for i in content.gear], "", "gear with the leading wave"),
         "nodal_diameter": (content.diameters, "1", "of the leading wave"),
         "wave_share": (content.share, "1", "share of the leading wave in the kinetic energy"),
     }
-    return {name: Entry(("mode",), *row).variable() for name, row in rows.items()}
+    return {name: entry.variable() for name, entry in entries_over(("mode",), rows).items()}
 
 
 def turning_dataset(waves: BodyWaves, harmonics: int) -> xr.Dataset:
-    """Modes over speed, with what they are at each speed.
-
-    **Arguments:**
-
-    - `waves`: of the modes.
-    - `harmonics`: of the mesh, that pictures show.
-
-    **Returns:**
-
-    A dataset over speed and mode.
-    """
+    """Modes over speed, with what they are at each; pictures show so many harmonics of the mesh."""
     turning = waves.turning
     rows = {
         "frequency_Hz": (turning.space, "Hz", "natural frequency seen from space"),
@@ -175,27 +148,20 @@ def turning_dataset(waves: BodyWaves, harmonics: int) -> xr.Dataset:
         "mesh_energy": (turning.mesh, "1", "share of the mesh in the strain energy"),
         "likeness": (turning.likeness, "1", "squared overlap with the mode at the speed before"),
     }
-    entries = {name: Entry(("speed", "mode"), *row) for name, row in rows.items()}
-    entries["speed"] = Entry(("speed",), turning.speeds, "rad/s", "pinion speed")
     number = np.arange(1, turning.space.shape[1] + 1)
-    entries["mode"] = Entry(("mode",), number, "1", "number of the mode")
+    entries = {
+        **entries_over(("speed", "mode"), rows),
+        "speed": Entry(("speed",), turning.speeds, "rad/s", "pinion speed"),
+        "mode": Entry(("mode",), number, "1", "number of the mode"),
+    }
     teeth = dict(zip(("teeth_pinion", "teeth_wheel"), turning.teeth, strict=True))
-    return xr.Dataset(
-        {name: entry.variable() for name, entry in entries.items()},
-        attrs={**teeth, "harmonics": harmonics},
-    )
+    return dataset_of(entries).assign_attrs(**teeth, harmonics=harmonics)
 
 
 def critical_dataset(waves: BodyWaves) -> xr.Dataset:
-    """Speeds at which a harmonic of the mesh meets a mode.
+    """Crossings: speeds at which a harmonic of the mesh meets a mode.
 
-    **Arguments:**
-
-    - `waves`: of the modes.
-
-    **Returns:**
-
-    A dataset over crossings. On a gear whose leading wave the mode is not, it has no frequency.
+    On a gear whose leading wave the mode is not, it has no frequency.
     """
     rows, turning = waves.critical, waves.turning
     of = lambda name: np.array([getattr(each, name) for each in rows])
@@ -218,23 +184,11 @@ def critical_dataset(waves: BodyWaves) -> xr.Dataset:
         "order_on_body": (2.0 * np.pi * body / own, "1", "order of that gear's rotation"),
         "mesh_energy": (of("mesh"), "1", "share of the mesh in the strain energy"),
     }
-    return xr.Dataset(
-        {name: Entry(("crossing",), *row).variable() for name, row in columns.items()}
-    )
+    return dataset_of(entries_over(("crossing",), columns))
 
 
 def alone_dataset(waves: BodyWaves, gear: str) -> xr.Dataset:
-    """Modes of one gear alone and in mesh, as far as the modes in mesh are shown.
-
-    **Arguments:**
-
-    - `waves`: of the modes.
-    - `gear`: `pinion` or `wheel`.
-
-    **Returns:**
-
-    A dataset over the modes of the gear alone.
-    """
+    """Modes of one gear alone and in mesh, as far as the modes in mesh are shown."""
     alone = waves.alone[gear]
     shown = alone.frequency <= float(waves.frequency[waves.content.gear.size - 1])
     mesh = alone.in_mesh[shown]
@@ -245,7 +199,7 @@ def alone_dataset(waves: BodyWaves, gear: str) -> xr.Dataset:
         "mode_in_mesh": (mesh + 1, "1", "number of that mode"),
         "likeness": (alone.likeness[shown], "1", "squared overlap of both"),
     }
-    return xr.Dataset({name: Entry(("alone",), *row).variable() for name, row in columns.items()})
+    return dataset_of(entries_over(("alone",), columns))
 
 
 # --- Summary
@@ -254,19 +208,13 @@ def alone_dataset(waves: BodyWaves, gear: str) -> xr.Dataset:
 def waves_summary(
     waves: BodyWaves, critical: xr.Dataset, alone: Mapping[str, xr.Dataset]
 ) -> Summary:
-    """What the `modes` part of the summary has of condensed bodies.
-
-    **Arguments:**
-
-    - `waves`: of the modes.
-    - `critical`: from `critical_dataset`.
-    - `alone`: from `alone_dataset`, by gear.
-    """
+    """What the `modes` part of the summary has of condensed bodies, from their datasets."""
     rows = []
     for place in range(critical.sizes["crossing"]):
         row = {str(name): each.values[place].item() for name, each in critical.items()}
-        nowhere = {name: None for name in ("frequency_body_Hz", "order_on_body")}
-        rows.append(row | ({} if np.isfinite(row["frequency_body_Hz"]) else nowhere))
+        if not np.isfinite(row["frequency_body_Hz"]):
+            row |= {"frequency_body_Hz": None, "order_on_body": None}
+        rows.append(row)
     content = waves.content
     return {
         "gear": [GEARS[i] for i in content.gear],

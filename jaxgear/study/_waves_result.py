@@ -15,7 +15,7 @@ from jaxgear.study._body_waves import Looked, MainWave, Seen, WaveWatch
 from jaxgear.study._flank_dataset import flanks_dataset, largest_loads, loads_summary
 from jaxgear.study._progress import say
 from jaxgear.study._result import Result, Summary, titled
-from jaxgear.study._results import Entry
+from jaxgear.study._results import Entry, dataset_of, entries_over
 from jaxgear.study._sweeping import Sweep
 
 # Waves below this part of the largest are not written down.
@@ -24,15 +24,7 @@ _PLACE = ("direction", "speed")
 
 
 def waves_result(scene: Scene, watch: WaveWatch, sweep: Sweep) -> Result:
-    """Collect what was seen of condensed bodies over a sweep.
-
-    **Arguments:**
-
-    - `scene`: that was swept.
-    - `watch`: that looked.
-    - `sweep`: what was found.
-
-    **Returns:**
+    """What was seen of condensed bodies over a sweep.
 
     Datasets `waves`, `flanks` and, of each gear, `shape_GEAR`; `waves` of the summary; and of
     bodies with a grid files for ParaView.
@@ -61,17 +53,9 @@ def waves_result(scene: Scene, watch: WaveWatch, sweep: Sweep) -> Result:
 
 
 def waves_dataset(watch: WaveWatch, sweep: Sweep) -> xr.Dataset:
-    """What was seen over a sweep, and all orders at its highest peak.
+    """What was seen over a sweep, by its direction and speed, and all orders at its highest peak.
 
-    **Arguments:**
-
-    - `watch`: that looked.
-    - `sweep`: what was found.
-
-    **Returns:**
-
-    A dataset over direction of the sweep and speed, in the units of files; waves are signed:
-    forward positive, backward negative, as seen from the body.
+    Waves are signed: forward positive, backward negative, as seen from the body.
     """
     peak = watch.peak[sweep.main]
     seen = [[watch.seen[way][speed] for speed in sweep.speeds] for way in sweep.responses]
@@ -84,33 +68,26 @@ def waves_dataset(watch: WaveWatch, sweep: Sweep) -> xr.Dataset:
         entries |= _over_speeds(gear, each, seen)
         entries |= _at_peak(gear, each, peak.motions[gear])
     entries |= largest_loads(seen)
-    return xr.Dataset(
-        {name: entry.variable() for name, entry in entries.items()},
-        attrs={
-            "peak_speed_rad_s": peak.speed,
-            "peak_direction": sweep.main,
-            **{f"teeth_{gear}": each.body.teeth for gear, each in watch.looked.items()},
-        },
+    return dataset_of(entries).assign_attrs(
+        peak_speed_rad_s=peak.speed,
+        peak_direction=sweep.main,
+        **{f"teeth_{gear}": each.body.teeth for gear, each in watch.looked.items()},
     )
 
 
 def _over_speeds(gear: str, each: Looked, seen: list[list[Seen]]) -> Mapping[str, Entry]:
     number, above = np.arange(-each.most, each.most + 1), "orders above half the number of teeth"
-    waves = np.asarray([[x.waves[gear] for x in own] for own in seen])
-    probes = np.asarray([[x.probes[gear] for x in own] for own in seen])
+    waves = np.asarray([[x.waves[gear] for x in own] for own in seen]) / um
+    probes = np.asarray([[x.probes[gear] for x in own] for own in seen]) / um
     wave, probe = f"{gear}_diameters", f"{gear}_probe"
     turns = [p.turns for p in each.probes]
+    around = f"RMS of waves around the rim of the {gear}, {above}"
     return {
         wave: Entry((wave,), number, "1", "nodal diameters; forward positive"),
-        f"{gear}_wave_rms_um": Entry(
-            (*_PLACE, wave, "component"),
-            waves / um,
-            "um",
-            f"RMS of waves around the rim of the {gear}, {above}",
-        ),
+        f"{gear}_wave_rms_um": Entry((*_PLACE, wave, "component"), waves, "um", around),
         probe: Entry((probe,), [p.name for p in each.probes], "1", "probe"),
         f"{probe}_turns": Entry((probe,), turns, "1", "whether the probe turns with the body"),
-        f"{probe}_rms_um": Entry((*_PLACE, probe), probes / um, "um", f"RMS of a probe, {above}"),
+        f"{probe}_rms_um": Entry((*_PLACE, probe), probes, "um", f"RMS of a probe, {above}"),
     }
 
 
@@ -123,30 +100,21 @@ def _at_peak(gear: str, each: Looked, motion: BodyMotion) -> Mapping[str, Entry]
     waves = each.waves(motion)
     large = waves.size.max(axis=1) > _SMALL * waves.size[waves.order > each.low].max()
     travel = np.where(waves.diameters[large] == 0, 0.0, waves.travel[large])
-    dims = (f"{gear}_wave",)
+    of_probes = "amplitude that a probe shows at the highest peak; order 0: the mean"
+    of_waves = "its amplitude at the highest peak, RMS over the width of the rim"
+    around = "speed around the body; forward positive; 0: none"
+    wave, over, probe = f"{gear}_wave", f"{gear}_order", f"{gear}_probe"
+    rows = {
+        f"{wave}_order": (waves.order[large], "1", f"order of a wave, by the {gear}'s rotation"),
+        f"{wave}_diameters": (waves.diameters[large], "1", "its nodal diameters; forward positive"),
+        f"{wave}_travel_rad_s": (travel, "rad/s", around),
+    }
+    size = waves.size[large] / um
     return {
-        f"{gear}_order": Entry((f"{gear}_order",), order, "1", f"order of the {gear}'s rotation"),
-        f"{gear}_probe_amplitude_um": Entry(
-            (f"{gear}_probe", f"{gear}_order"),
-            shown / um,
-            "um",
-            "amplitude that a probe shows at the highest peak; order 0: the mean",
-        ),
-        f"{gear}_wave_order": Entry(
-            dims, waves.order[large], "1", f"order of a wave, by the {gear}'s rotation"
-        ),
-        f"{gear}_wave_diameters": Entry(
-            dims, waves.diameters[large], "1", "its nodal diameters; forward positive"
-        ),
-        f"{gear}_wave_travel_rad_s": Entry(
-            dims, travel, "rad/s", "speed around the body; forward positive; 0: none"
-        ),
-        f"{gear}_wave_amplitude_um": Entry(
-            (*dims, "component"),
-            waves.size[large] / um,
-            "um",
-            "its amplitude at the highest peak, RMS over the width of the rim",
-        ),
+        over: Entry((over,), order, "1", f"order of the {gear}'s rotation"),
+        f"{probe}_amplitude_um": Entry((probe, over), shown / um, "um", of_probes),
+        **entries_over((wave,), rows),
+        f"{wave}_amplitude_um": Entry((wave, "component"), size, "um", of_waves),
     }
 
 

@@ -24,13 +24,18 @@ from jaxgear._system._fewer_modes import fewer_modes
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear.scene._scene import read_scene, ready_scene
 from jaxgear.scene._with_bodies import with_bodies
-from jaxgear.study._fidelity import _bodies as bodies
-from jaxgear.study._fidelity._engine import compared, own_of
-from jaxgear.study._fidelity._level import Answers, Level, Reference
-from jaxgear.study._fidelity._methods import MethodsProblem, method_levels
+from jaxgear.study._fidelity._engine import compared
+from jaxgear.study._fidelity._level import Answers, Level, Reference, own_of
+from jaxgear.study._fidelity._levels import (
+    body_levels,
+    few_levels,
+    method_levels,
+    simpler_bodies,
+)
 from jaxgear.study._fidelity._models import changed
 from jaxgear.study._fidelity._motion import other_speeds, over_speeds, some_speeds, thinned
-from jaxgear.study._fidelity._static_levels import simpler_bodies
+from jaxgear.study._fidelity._moving import BodiesProblem, MethodsProblem
+from jaxgear.study._fidelity._rigid import rigid_changes
 
 
 def _answers(ratio, rms=None) -> Answers:
@@ -216,7 +221,7 @@ def built(tmp_path):
 
 def test_a_rigid_body_has_the_mass_of_the_condensed_one(built):
     """Less that of the shaft, which both models have: a tube, by hand."""
-    changes = bodies.rigid_changes(built)
+    changes = rigid_changes(built)
     assert [*changes] == ["rigid", "rigid, no foundation"]
     tube = 7850.0 * math.pi * (0.01**2 - 0.004**2) * 0.04
     polar = 0.5 * tube * (0.01**2 + 0.004**2)
@@ -234,7 +239,7 @@ def test_a_rigid_body_has_the_mass_of_the_condensed_one(built):
 
 
 def test_models_of_a_scene_differ_in_one_thing(built):
-    levels = bodies.body_levels(built, 130)
+    levels = body_levels(built, 130)
     own = own_of(levels)
     assert own.name == "100 modes"
     names = [level.name for level in levels]
@@ -247,8 +252,8 @@ def test_models_of_a_scene_differ_in_one_thing(built):
     for level in levels:
         assert not (level.changes.keys() & balance and level.changes.keys() - balance), level.name
         here = changed(built, {k: v for k, v in level.changes.items() if k in balance})
-        assert 2 * here.value("sweep.harmonics") < here.value("sweep.steps")
-    few = bodies.few_levels(built)
+        assert 2 * here["sweep.harmonics"] < here["sweep.steps"]
+    few = few_levels(built)
     assert [level.name for level in few] == [
         "100 modes",
         "10 modes",
@@ -309,8 +314,8 @@ def test_models_of_a_scene_with_a_condensed_body_are_compared(tmp_path, monkeypa
     scene = with_bodies(_tiny(tmp_path, "model.coordinates=210"), moving=True)
     scene = scene.replace({"model.coordinates": 16, "sweep.steps": 32})
     some = ("16 modes", "100 modes", "rigid", "H5 N64")
-    levels = [level for level in bodies.body_levels(scene, 210) if level.name in some]
-    found = compared(bodies.BodiesProblem(scene, levels, modes=210), "bodies").summary
+    levels = [level for level in body_levels(scene, 210) if level.name in some]
+    found = compared(BodiesProblem(scene, levels, modes=210), "bodies").summary
     assert list(found["reference"]["speeds_rad_s"]) == [300.0, 900.0, 1500.0]
     assert found["reference"]["name"].startswith("harmonic balance, H5 N64, 2")
     rows = {row["name"]: row for row in found["rungs"]}

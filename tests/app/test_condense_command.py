@@ -223,8 +223,8 @@ def test_an_impossible_body_is_refused_in_the_scene_s_own_words(written, capsys,
 
 def test_a_rigid_gear_with_a_web_is_told_that_it_has_none(written):
     scene = read_scene(written(_PAIR + _BODY), ["wheel.body.kind=rigid"])
-    assert _on_bodies(scene) == ['wheel.body.web does nothing: wheel.body.kind is "rigid".']
-    assert not _on_bodies(read_scene(written(_PAIR + _BODY)))
+    assert [*_on_bodies(scene)] == ['wheel.body.web does nothing: wheel.body.kind is "rigid".']
+    assert not [*_on_bodies(read_scene(written(_PAIR + _BODY)))]
 
 
 # --- From the scene to the plan

@@ -20,8 +20,8 @@ from jaxgear.study._fidelity import _engine as engine
 from jaxgear.study._fidelity import _statics as statics
 from jaxgear.study._fidelity._engine import AbstractProblem, Run, compared, counted
 from jaxgear.study._fidelity._level import Answers, Level, Reference, errors_of
+from jaxgear.study._fidelity._levels import simpler_bodies, static_levels
 from jaxgear.study._fidelity._models import changed
-from jaxgear.study._fidelity._static_levels import simpler_bodies, static_levels
 from jaxgear.study._statics import SolverFailure
 
 _TWO = ("te_mean", "te_rms")
@@ -346,7 +346,7 @@ def test_responses_that_a_scene_has_not_are_named():
         statics.require_at_rest(ready_scene("accessory", ["compare.responses=['dynamic_ratio']"]))
     both = ready_scene("accessory", ["compare.responses=['dynamic_ratio', 'te_rms']"])
     statics.require_at_rest(both)
-    assert counted(both, STATIC_RESPONSES) == ("te_rms",)
+    assert counted(both.compare.responses, STATIC_RESPONSES) == ("te_rms",)
     teeth = "compare.responses=['mesh_stiffness_mean']"
     statics.require_at_rest(ready_scene("accessory", [teeth]))
     with pytest.raises(InputError, match="of teeth alone"):
@@ -491,7 +491,8 @@ def test_the_results_say_which_level_was_taken():
 def _recommended(name: str) -> str:
     """The level of a scene, tried at torques that were neither chosen by nor held out."""
     scene = ready_scene(name)
-    found = statics.compared_statics(scene, levels=static_levels(scene, few=True), quick=True)
+    levels = static_levels(scene, few=True)
+    found = compared(statics.StaticProblem(scene, levels=levels, quick=True), "statics")
     assert found.choice.line is not None, found.summary["words"]
     level = found.levels[found.choice.line["name"]]
     points = [statics.Point("", 0.85, {}, True), statics.Point("", 1.15, {}, False)]

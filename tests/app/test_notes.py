@@ -9,7 +9,7 @@ from jaxgear.study import _notes
 @pytest.mark.parametrize(("periods", "told"), [(44, True), (45, False), (90, False)])
 def test_part_of_a_revolution_is_told(periods, told):
     given = "flank.pinion.eccentricity_um=3.0", f"mesh.periods={periods}"
-    found = _notes._on_cycle(ready_scene("accessory", given))
+    found = [*_notes._on_cycle(ready_scene("accessory", given))]
     assert len(found) == told
     assert all("no whole revolution of the pinion" in words for words in found)
 
@@ -18,4 +18,4 @@ def test_pitch_errors_that_one_period_leaves_out_are_told():
     grade = "flank.wheel.accuracy_grade=5"
     (words,) = _notes._on_cycle(ready_scene("accessory", (grade,)))
     assert "leaves out the pitch errors of flank.wheel.accuracy_grade" in words
-    assert not _notes._on_cycle(ready_scene("accessory", (grade, "mesh.periods=2")))
+    assert not [*_notes._on_cycle(ready_scene("accessory", (grade, "mesh.periods=2")))]

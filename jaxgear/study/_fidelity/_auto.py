@@ -10,7 +10,6 @@ import json
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from jaxgear._whole_file import write_json
 from jaxgear.scene._scene import Scene
@@ -18,11 +17,17 @@ from jaxgear.scene._scene_files import files_of
 from jaxgear.study._fidelity._choice import judged_by
 from jaxgear.study._fidelity._compare import PERIODS
 from jaxgear.study._fidelity._engine import Comparison, compared
-from jaxgear.study._fidelity._level import Level
-from jaxgear.study._fidelity._methods import MethodsProblem, balance_level, model_levels
+from jaxgear.study._fidelity._level import NOTHING, Changes, Level
+from jaxgear.study._fidelity._levels import (
+    few_levels,
+    moving_levels,
+    needs_its_slices,
+    static_levels,
+    takes_away,
+)
 from jaxgear.study._fidelity._models import changed
-from jaxgear.study._fidelity._static_levels import needs_its_slices, static_levels, takes_away
-from jaxgear.study._fidelity._statics import Work, compared_statics
+from jaxgear.study._fidelity._moving import BodiesProblem, MethodsProblem
+from jaxgear.study._fidelity._statics import StaticProblem, Work
 from jaxgear.study._objectives import looks_at_speeds
 from jaxgear.study._progress import built_scene
 from jaxgear.study._result import Summary
@@ -34,6 +39,8 @@ _KEY = "model.fidelity"
 _VERSION = 2
 # Speeds, and steps of the reference of rigid bodies: a choice must cost less than what it saves.
 _SPEEDS, _STEPS = 8, 512
+# Methods of sweeps that solve by harmonic balance, and its keys.
+_BY_BALANCE, _OF_BALANCE = ("auto", "harmonic"), {"sweep.steps", "sweep.harmonics"}
 
 
 def chosen(scene: Scene, command: str, memory: Path | None = None) -> tuple[Scene, Summary]:
@@ -57,19 +64,17 @@ def chosen(scene: Scene, command: str, memory: Path | None = None) -> tuple[Scen
         require_searchable(scene)
     work: Work = "map" if command == "map" else "optimise" if searched else "run"
     key, kept = digest(scene, "sweep" if moving else work), _read(memory)
-    known = kept.get(key)
-    if known is None:
+    about = known = kept.get(key)
+    if about is None:
         start = time.perf_counter()
         try:
             about = _in_motion(scene) if moving else _at_rest(_short(scene), work)
         except SolverFailure as error:
             why = f"There was nothing to compare with: {str(error).rstrip('.')}."
-            about = _as_given(scene, why)
+            about = _as_given(scene.compare.tolerance, why)
         about["seconds"] = time.perf_counter() - start
         if memory is not None:
             write_json({**kept, key: about}, memory)
-    else:
-        about = known
     changes = about["changes"]
     said = {name: "left out" if value is None else value for name, value in changes.items()}
     about = about | {"changes": said, "from_cache": known is not None}
@@ -125,42 +130,27 @@ def _short(scene: Scene) -> Scene:
 
 def _at_rest(scene: Scene, work: Work) -> Summary:
     """The choice by the quasi-static cycle."""
-    levels = static_levels(scene, few=True)
-    found = compared_statics(scene, work=work, levels=levels, quick=True)
-    line = found.choice.line
-    changes = {} if line is None else found.levels[line["name"]].changes
+    problem = StaticProblem(scene, work=work, levels=static_levels(scene, few=True), quick=True)
+    found = compared(problem, "compare statics")
+    changes = found.chosen.changes if found.chosen else NOTHING
     return _about(found, changes, "of the quasi-static cycle")
 
 
 def _in_motion(scene: Scene) -> Summary:
     """The choice by responses in motion, at a few speeds."""
-    if not scene.condensed:
-        scene = _short(scene)
-    scene = built_scene(scene, moving=True)
+    scene = built_scene(scene if scene.condensed else _short(scene), moving=True)
     if scene.mesh.periods > PERIODS:
         # A shorter cycle would be another body's: holes come again after many periods.
-        return _as_given(scene, "Models with condensed bodies are compared over few mesh periods.")
+        why = "Models with condensed bodies are compared over few mesh periods."
+        return _as_given(scene.compare.tolerance, why)
     if scene.condensed:
-        # Finite elements are imported for scenes that have some only.
-        from jaxgear.study._fidelity._bodies import BodiesProblem, few_levels
-
         problem = BodiesProblem(scene, asked_for(scene, few_levels(scene)), speeds=_SPEEDS)
     else:
         levels = asked_for(scene, moving_levels(scene))
         problem = MethodsProblem(scene, levels, speeds=_SPEEDS, steps=_STEPS)
     found = compared(problem, "fidelity")
-    line = found.choice.line
-    changes = {} if line is None else changes_in_motion(scene, found.levels[line["name"]])
+    changes = changes_in_motion(scene, found.chosen) if found.chosen else NOTHING
     return _about(found, changes, "in motion")
-
-
-def moving_levels(scene: Scene) -> list[Level]:
-    """The few levels of rigid bodies in motion from which one is chosen; the scene's own first."""
-    own, steps, harmonics = scene.mesh.slices, scene.sweep.steps, scene.sweep.harmonics
-    fewer = [(h, n) for h, n in ((5, 64), (10, 64)) if n <= steps and h < harmonics]
-    numbers = {"sweep.harmonics": harmonics, "sweep.steps": steps}
-    levels = [balance_level(scene, h, n) for h, n in ((harmonics, steps), *fewer)]
-    return levels + model_levels(scene, [n for n in (1, 5) if n < own], numbers)
 
 
 def asked_for(scene: Scene, levels: Sequence[Level]) -> list[Level]:
@@ -172,50 +162,41 @@ def asked_for(scene: Scene, levels: Sequence[Level]) -> list[Level]:
             return False
         # Another method of the user's is not overruled: only slices and bodies are chosen then.
         by_other = level.method is not None or level.changes.keys() & _OF_BALANCE
-        if by_other and not _by_balance(scene):
+        if by_other and scene.sweep.method not in _BY_BALANCE:
             return False
         return not takes_away(scene, level.changes, watched)
 
     return [level for level in levels if is_able(level)]
 
 
-_OF_BALANCE = {"sweep.steps", "sweep.harmonics"}
-
-
-def changes_in_motion(scene: Scene, level: Level) -> Mapping[str, Any]:
+def changes_in_motion(scene: Scene, level: Level) -> Changes:
     """Keys of the scene that make a level of it, by harmonic balance where it is that."""
-    balanced = _by_balance(scene) and level.method is None
+    balanced = scene.sweep.method in _BY_BALANCE and level.method is None
     gone = set() if balanced else _OF_BALANCE
     return {key: value for key, value in level.changes.items() if key not in gone}
 
 
-def _by_balance(scene: Scene) -> bool:
-    return scene.sweep.method in ("auto", "harmonic")
-
-
-def _as_given(scene: Scene, why: str) -> Summary:
+def _as_given(tolerance: float, why: str) -> Summary:
     """The `fidelity` part of the summary where nothing could be chosen."""
     return {
         "rung": "as given",
         "changes": {},
         "why": f"{why} So the scene was taken as it is given.",
         "errors": {},
-        "tolerance": scene.compare.tolerance,
+        "tolerance": tolerance,
         "within_tolerance": False,
     }
 
 
-def _about(found: Comparison, changes: Mapping[str, Any], of: str) -> Summary:
+def _about(found: Comparison, changes: Changes, of: str) -> Summary:
     """The `fidelity` part of the summary."""
     line = found.choice.line
     best = found.summary["rungs"][0] if line is None else line
-    why = f"By a comparison {of}: {found.summary['words']}"
-    if line is None:
-        why += " So the scene was taken as it is given."
+    none = " So the scene was taken as it is given." if line is None else ""
     return {
         "rung": "as given" if line is None or not changes else line["name"],
         "changes": dict(changes),
-        "why": why,
+        "why": f"By a comparison {of}: {found.summary['words']}{none}",
         "errors": judged_by(best),
         "errors_elsewhere": best.get("held_out"),
         "tolerance": found.summary["tolerance"],

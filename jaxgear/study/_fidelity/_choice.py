@@ -43,6 +43,11 @@ class Choice(NamedTuple):
     failed: tuple[str, ...]
     best: Summary
 
+    @property
+    def name(self) -> str | None:
+        """Of the recommended level."""
+        return None if self.line is None else self.line["name"]
+
 
 def worst(errors: Mapping[str, float | None], responses: Sequence[str]) -> float:
     """The largest of some errors; infinite if one of them is none [-]."""
@@ -82,30 +87,19 @@ def choose(
 ) -> Choice:
     """The cheapest level that is within the tolerance where it is chosen, and elsewhere.
 
-    **Arguments:**
-
-    - `lines`: of the levels.
-    - `tolerance`: of the errors; three quarters of it are allowed where a level is chosen [-].
-    - `responses`: that count.
-    - `held_out`: largest errors of a level at other points; asked for as few as will do.
-    - `extras`: further responses that must hold at those points, and by which none is chosen.
-
-    **Returns:**
-
-    The level, and what was passed over.
+    Three quarters of it are allowed where a level is chosen, by some responses; all of it at other
+    points, for `extras` too. Of as few levels as will do it is asked how far off they are there.
     """
     able = [line for line in lines if not line.get("beyond")]
     good = [line for line in able if is_good(line, MARGIN * tolerance, responses)]
+    best = min(able, key=lambda line: worst(judged_by(line), responses))
     failed: list[str] = []
-    found = None
     for line in by_time(good, responses):
         # What is measured there besides, such as load factors, counts if all responses do.
         if worst(held_out(line), (*responses, *extras)) <= tolerance:
-            found = line
-            break
+            return Choice(line, tuple(failed), best)
         failed.append(line["name"])
-    best = min(able, key=lambda line: worst(judged_by(line), responses))
-    return Choice(found, tuple(failed), best)
+    return Choice(None, tuple(failed), best)
 
 
 def combined(
@@ -115,19 +109,10 @@ def combined(
     allowed: float,
     responses: Sequence[str],
 ) -> Level | None:
-    """All together that alone is good enough and faster than the scene itself.
+    """All together that alone is good enough and faster than the scene itself, `own`.
 
-    **Arguments:**
-
-    - `levels`: the hierarchy.
-    - `lines`: of each, by name.
-    - `own`: the level of the scene itself.
-    - `allowed`: error of each alone [-].
-    - `responses`: that count.
-
-    **Returns:**
-
-    The cheapest level of each axis in one, or `None` if fewer than two axes have such a one.
+    The cheapest level of each axis, of those with errors up to `allowed`, in one; `None` if fewer
+    than two axes have such a one.
     """
     parts: list[Level] = []
     for axis in AXES:
@@ -155,17 +140,7 @@ def words_of(
 ) -> str:
     """A sentence or two that say what suffices.
 
-    **Arguments:**
-
-    - `choice`: what was chosen.
-    - `own`: line of the scene itself.
-    - `tolerance`: of the errors [-].
-    - `responses`: that count.
-    - `judged`: what the errors are, such as "largest errors".
-
-    **Returns:**
-
-    The sentences.
+    The line of the scene itself is `own`; what the errors are `judged`, such as "largest errors".
     """
     percent = lambda x: "no number" if not np.isfinite(x) else f"{100.0 * x:.2g} %"
     said = lambda line: ", ".join(

@@ -2,9 +2,9 @@
 
 from jaxgear._checks import require
 from jaxgear.scene._scene import Scene
-from jaxgear.study._fidelity._engine import Comparison, compared
-from jaxgear.study._fidelity._methods import MethodsProblem
-from jaxgear.study._fidelity._statics import compared_statics, require_at_rest
+from jaxgear.study._fidelity._engine import compared
+from jaxgear.study._fidelity._moving import BodiesProblem, MethodsProblem
+from jaxgear.study._fidelity._statics import StaticProblem, require_at_rest
 from jaxgear.study._head import names_of, study
 from jaxgear.study._progress import built_scene
 from jaxgear.study._result import Result, titled
@@ -48,22 +48,12 @@ def compare(scene: Scene) -> Result:
     if not moving:
         require_at_rest(scene)
     work = "optimise" if scene.has_table("optimise") else "run"
-    at_rest = compared_statics(scene, work=work)
+    at_rest = compared(StaticProblem(scene, work=work), "compare statics")
     static = titled(at_rest.dataset, scene, ", quasi-static cycle")
     if not moving:
         return Result(scene, names_of(scene) | {"compare": at_rest.summary}, {"compare": static})
-    found = _in_motion(scene)
+    found = compared((BodiesProblem if scene.condensed else MethodsProblem)(scene), "compare")
     count = len(found.summary["reference"]["speeds_rad_s"])
     datasets = {"compare": titled(found.dataset, scene, f", {count} speeds")}
     summary = names_of(scene) | {"compare": found.summary | {"statics": at_rest.summary}}
     return Result(scene, summary, datasets | {"compare_statics": static})
-
-
-def _in_motion(scene: Scene) -> Comparison:
-    """The responses in motion."""
-    if not scene.condensed:
-        return compared(MethodsProblem(scene), "compare")
-    # Finite elements are imported for scenes that have some only.
-    from jaxgear.study._fidelity._bodies import BodiesProblem
-
-    return compared(BodiesProblem(scene), "compare")

@@ -10,11 +10,13 @@ import xarray as xr
 
 from jaxgear.scene._scene import Scene
 from jaxgear.study._fidelity._choice import MARGIN, Choice, choose, combined, words_of
-from jaxgear.study._fidelity._level import RESPONSES, Answers, Level, Reference
+from jaxgear.study._fidelity._level import RESPONSES, Answers, Level, Reference, own_of
 from jaxgear.study._progress import progress, say
 from jaxgear.study._result import Summary
 from jaxgear.study._running import stopwatch, timed
 
+# What is compiled in half the time runs twice as long: good enough for what runs once.
+QUICK = (("xla_backend_optimization_level", 0),)
 # Seconds of runs that suffice to time a program, and the most runs.
 _ENOUGH, _RUNS = 0.5, 400
 
@@ -60,12 +62,7 @@ class AbstractProblem(abc.ABC):
 
     @abc.abstractmethod
     def reference(self, level: Level) -> Reference:
-        """What a level is compared with, found once.
-
-        **Raises:**
-
-        - `SolverFailure` if it was not solved.
-        """
+        """What a level is compared with, found once; `SolverFailure` if it was not solved."""
 
     @abc.abstractmethod
     def run(self, level: Level) -> Run:
@@ -75,9 +72,13 @@ class AbstractProblem(abc.ABC):
     def line(self, level: Level, answers: Answers, at: Any) -> Summary:
         """Size and errors of a level, for its line of the summary."""
 
-    @abc.abstractmethod
     def held_out(self, level: Level) -> Mapping[str, float | None]:
-        """The largest errors of a level at points by which none is chosen."""
+        """The largest errors at points by which none is chosen, where a line does not have them."""
+        return {}
+
+    def remark(self, lines: Sequence[Summary], responses: Sequence[str]) -> str:
+        """What the summary says in words besides of the lines of levels."""
+        return ""
 
     @abc.abstractmethod
     def about(self) -> Summary:
@@ -100,37 +101,28 @@ class Comparison(NamedTuple):
     summary: Summary
     dataset: xr.Dataset
 
+    @property
+    def chosen(self) -> Level | None:
+        """The level that suffices."""
+        return None if self.choice.line is None else self.levels[self.choice.line["name"]]
 
-def own_of(levels: Sequence[Level]) -> Level:
-    """The level of the scene itself; the first, where it is not among them."""
-    as_given = (level for level in levels if not level.changes and level.method is None)
-    return next(as_given, levels[0])
 
-
-def counted(scene: Scene, names: Sequence[str]) -> tuple[str, ...]:
-    """Of responses those that count; all, where the scene names none of them."""
-    named = scene.compare.responses or names
-    return tuple(name for name in names if name in named) or tuple(names)
+def counted(wanted: Sequence[str] | None, names: Sequence[str]) -> tuple[str, ...]:
+    """Of responses those that are wanted; all, where none of them is."""
+    return tuple(name for name in names if name in (wanted or names)) or tuple(names)
 
 
 def compared(problem: AbstractProblem, what: str) -> Comparison:
     """Solve, time and measure all levels of a problem, and choose one.
 
-    **Arguments:**
-
-    - `problem`: the scene and its hierarchy.
-    - `what`: is compared, in words of progress.
-
-    **Returns:**
-
-    Lines of the levels, and the choice.
+    In words of progress, `what` is compared.
 
     **Raises:**
 
     - `SolverFailure` if the reference was not solved.
     """
     tolerance = float(problem.scene.compare.tolerance)
-    responses, own = counted(problem.scene, problem.names), own_of(problem.levels)
+    responses, own = counted(problem.scene.compare.responses, problem.names), own_of(problem.levels)
     levels = {level.name: level for level in problem.levels}
     lines: dict[str, Summary] = {}
 
@@ -152,13 +144,13 @@ def compared(problem: AbstractProblem, what: str) -> Comparison:
             done(1)
         rows = list(lines.values())
         choice = choose(rows, tolerance, responses, tried, problem.extras)
-        each = {name: choose(rows, tolerance, (name,), tried).line for name in responses}
-    names_of = lambda line: None if line is None else line["name"]
+        each = {name: choose(rows, tolerance, (name,), tried).name for name in responses}
+    words = words_of(choice, lines[own.name], tolerance, responses, problem.judged[0])
     found = {
         "rungs": rows,
-        "recommended": names_of(choice.line),
-        "recommended_for": {name: names_of(line) for name, line in each.items()},
-        "words": words_of(choice, lines[own.name], tolerance, responses, problem.judged[0]),
+        "recommended": choice.name,
+        "recommended_for": each,
+        "words": words + problem.remark(rows, responses),
         "tolerance": tolerance,
         "responses": list(responses),
         "reference": problem.about(),
@@ -201,31 +193,32 @@ _COLUMNS = {
     "modes": ("1", "modes of condensed bodies"),
     "mesh_coordinates": ("1", "coordinates in which the mesh tells modes apart"),
 }
-_ERRORS = {
-    "error": "{} of the {}, relative",
-    "error_95": "95 % error of the {}, relative",
-    "held_out": "largest error of the {} at points not used to choose, relative",
-}
 
 
 def _dataset(problem: AbstractProblem, found: Summary) -> xr.Dataset:
     """The lines of a comparison over its levels."""
-    rows, variables = found["rungs"], {}
-    for name, (units, words) in _COLUMNS.items():
-        if name in rows[0]:
-            about = {"units": units, "long_name": words}
-            variables[name] = ("level", [row[name] for row in rows], about)
+    rows = found["rungs"]
+    variables = {
+        name: ("level", [row[name] for row in rows], {"units": units, "long_name": words})
+        for name, (units, words) in _COLUMNS.items()
+        if name in rows[0]
+    }
     middle = "median error" if "error_95" in rows[0] else "largest error"
-    for kind, words in _ERRORS.items():
+    errors = {
+        "error": f"{middle} of the {{}}, relative",
+        "error_95": "95 % error of the {}, relative",
+        "held_out": "largest error of the {} at points not used to choose, relative",
+    }
+    for kind, words in errors.items():
         for name in dict.fromkeys(name for row in rows for name in row.get(kind, ())):
             of = RESPONSES[name].words
-            values = [row.get(kind, {}).get(name) for row in rows]
             about = {
                 "units": "1",
-                "long_name": words.format(middle, of) if kind == "error" else words.format(of),
+                "long_name": words.format(of),
                 "of": of,
                 "recommended": found["recommended_for"].get(name) or "",
             }
+            values = (row.get(kind, {}).get(name) for row in rows)
             numbers = [np.nan if x is None else x for x in values]
             variables[f"{kind}_{name}"] = ("level", numbers, about)
     attributes = {

@@ -9,7 +9,9 @@ import numpy as np
 
 from jaxgear._dynamics._orbit import AbstractMethod
 
-NOTHING: Mapping[str, Any] = MappingProxyType({})
+# New values of a scene's keys, or `None` for a table that is taken out.
+Changes = Mapping[str, Any]
+NOTHING: Changes = MappingProxyType({})
 # The axes along which models of a scene differ, in the order in which changes of several are named.
 # Along that of methods the last one counts.
 AXES = (
@@ -22,14 +24,7 @@ FLOOR = 0.01
 
 
 class Compared(NamedTuple):
-    """What can be compared.
-
-    **Fields:**
-
-    - `words`: what it is.
-    - `key`: under which summaries have it, with its unit.
-    - `fluctuates`: whether it may vanish although the mesh deflects.
-    """
+    """What can be compared: in words, its key in summaries, whether it may vanish under load."""
 
     words: str
     key: str
@@ -58,7 +53,7 @@ class Level(NamedTuple):
     - `name`: its own.
     - `family`: of levels that are joined in a chart.
     - `axis`: one of `AXES`, along which it differs from the scene; empty for none.
-    - `changes`: new values of the scene's keys, or `None` for a table that is taken out.
+    - `changes`: of the scene.
     - `method`: of steady responses; harmonic balance as the keys have it without one.
     - `beyond`: whether it is another physical model than the one asked for.
     - `batched`: whether all speeds are solved at once, also where one by one is faster.
@@ -68,11 +63,17 @@ class Level(NamedTuple):
     name: str
     family: str
     axis: str = ""
-    changes: Mapping[str, Any] = NOTHING
+    changes: Changes = NOTHING
     method: AbstractMethod | None = None
     beyond: bool = False
     batched: bool = False
     thinned: int = 1
+
+
+def own_of(levels: Sequence[Level]) -> Level:
+    """The level of the scene itself; the first, where it is not among them."""
+    as_given = (level for level in levels if not level.changes and level.method is None)
+    return next(as_given, levels[0])
 
 
 class Answers(NamedTuple):
@@ -115,18 +116,6 @@ def scales_of(names: Sequence[str], reference: Reference) -> np.ndarray:
 def errors_of(
     names: Sequence[str], answers: Answers, reference: Reference, at: Any = slice(None)
 ) -> np.ndarray:
-    """Relative errors of responses at points [-].
-
-    **Arguments:**
-
-    - `names`: of the responses.
-    - `answers`: at some points of the reference.
-    - `reference`: to compare with.
-    - `at`: which points these are.
-
-    **Returns:**
-
-    A row for each response, a column for each point.
-    """
+    """Relative errors of answers `at` some points of a reference, shape `[response, point]` [-]."""
     off = np.asarray(answers.values)[: len(names)] - reference.values[: len(names), at]
     return np.abs(off) / scales_of(names, reference)[:, at]

@@ -10,14 +10,11 @@ from jaxgear._system._model import PairModel
 from jaxgear.scene._build import model_of
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._with_bodies import with_bodies
-from jaxgear.study._fidelity._level import NOTHING
+from jaxgear.study._fidelity._level import NOTHING, Changes
 from jaxgear.study._progress import say
 
-# Modes of each body where the scene is silent.
-MODES = 100
 
-
-def changed(scene: Scene, changes: Mapping[str, Any]) -> Scene:
+def changed(scene: Scene, changes: Changes) -> Scene:
     """A scene with other values, and without the tables whose new value is `None`; unchecked."""
     gone = tuple(key for key, value in changes.items() if value is None)
     if gone:
@@ -33,9 +30,10 @@ def changed(scene: Scene, changes: Mapping[str, Any]) -> Scene:
     return scene.replace({key: value for key, value in changes.items() if value is not None})
 
 
-def differing(scene: Scene, changes: Mapping[str, Any]) -> Mapping[str, Any]:
+def differing(scene: Scene, changes: Changes) -> Changes:
     """Of changes those that a scene has not already."""
-    return MappingProxyType({key: new for key, new in changes.items() if scene.value(key) != new})
+    has = lambda key, new: new is not None and scene.get(key) == new
+    return MappingProxyType({key: new for key, new in changes.items() if not has(key, new)})
 
 
 class Models:
@@ -51,23 +49,20 @@ class Models:
         self.richest = {} if coordinates is None else {"model.coordinates": coordinates}
         self.built: dict[int, Mapping[str, Any]] = {}
 
-    def __call__(self, changes: Mapping[str, Any]) -> tuple[Scene, PairModel]:
+    def __call__(self, changes: Changes) -> tuple[Scene, PairModel]:
         scene = changed(self.plain, changes)
         if scene.condensed:
             bodies = self._bodies(scene.mesh.slices)
-            count = scene.model.modes
             own = {gear: bodies[gear] for gear in scene.condensed}
             if self.moving:
-                own = {
-                    gear: dataclasses.replace(body, flexible=fewer_modes(body.flexible, count))
-                    for gear, body in own.items()
-                }
+                cut = lambda body: fewer_modes(body.flexible, scene.model.modes)
+                own = {gear: dataclasses.replace(x, flexible=cut(x)) for gear, x in own.items()}
             scene = dataclasses.replace(scene, bodies=MappingProxyType(own))
         return scene, model_of(scene)
 
     def _bodies(self, slices: int) -> Mapping[str, Any]:
         if slices not in self.built:
-            richest = self.richest if slices == self.plain.value("mesh.slices") else {}
+            richest = self.richest if slices == self.plain.mesh.slices else {}
             wanted = self.plain.replace({"mesh.slices": slices, **richest})
             self.built[slices] = with_bodies(wanted, say, moving=self.moving).bodies
         return self.built[slices]

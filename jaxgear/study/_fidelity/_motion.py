@@ -13,34 +13,21 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+import jaxgear as jg
 from jaxgear._dynamics._adaptive import Adaptive
-from jaxgear._dynamics._harmonic import HarmonicBalance
-from jaxgear._dynamics._orbit import AbstractMethod, Orbit
-from jaxgear._dynamics._steady_state import steady_states
-from jaxgear._dynamics._system import DynamicSystem, PairDynamics
 from jaxgear._dynamics._types import Speeds
-from jaxgear._interface._laws import AbstractContactLaw
-from jaxgear._response._dynamic import (
-    dynamic_ratio,
-    dynamic_transmission_error,
-    orbit_mean,
-    orbit_rms,
-)
-from jaxgear._response._loads import mesh_stiffness
-from jaxgear._response._transmission import cycle_mean
-from jaxgear._solve._cycle import MeshCycle
-from jaxgear._system._model import PairModel
 from jaxgear._types import Reals, Scalar
 from jaxgear._units import um
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import DYNAMIC_RESPONSES
 from jaxgear.study._dynamics import dynamic_grid_of, dynamics_of, speeds_of
 from jaxgear.study._fidelity._choice import MOST, worst
-from jaxgear.study._fidelity._engine import AbstractProblem, Run
+from jaxgear.study._fidelity._engine import QUICK, AbstractProblem, Run
 from jaxgear.study._fidelity._level import (
     NOTHING,
     RESPONSES,
     Answers,
+    Changes,
     Level,
     Reference,
     errors_of,
@@ -52,24 +39,14 @@ from jaxgear.study._statics import SolverFailure, require_solved
 
 # Torque of the held-out points, over the scene's own [-].
 _HELD_OUT = 0.7
-_TORQUE = "pair.torque_pinion_Nm"
-# It runs once: compiled in half the time it runs twice as long.
-_ONCE = (("xla_backend_optimization_level", 0),)
 
 
 class OperatingPoints(NamedTuple):
-    """Where steady responses are compared.
-
-    **Fields:**
-
-    - `words`: what it is.
-    - `speeds`: of the pinion [rad/s].
-    - `loads`: changes of the scene's loads.
-    """
+    """Where steady responses are compared: speeds of the pinion [rad/s], and changes of loads."""
 
     words: str
     speeds: Speeds
-    loads: Mapping[str, float] = NOTHING
+    loads: Changes = NOTHING
 
 
 class AbstractMotion(AbstractProblem):
@@ -85,46 +62,37 @@ class AbstractMotion(AbstractProblem):
     def __init__(
         self, scene: Scene, models: Models, levels: Sequence[Level], names: int, speeds: int
     ):
-        """Levels of a scene.
-
-        **Arguments:**
-
-        - `scene`: with a sweep.
-        - `models`: of its levels.
-        - `levels`: the hierarchy.
-        - `names`: number of the responses that are compared.
-        - `speeds`: number of speeds.
-        """
+        """Levels of a scene with a sweep, by so many responses at so many speeds."""
         self.scene, self.models, self.levels = scene, models, levels
         self.names = DYNAMIC_RESPONSES[:names]
         at = some_speeds(speeds_of(scene), speeds)
-        loads = {_TORQUE: _HELD_OUT * float(scene.pair.torque_pinion_Nm)}
+        loads = {"pair.torque_pinion_Nm": _HELD_OUT * float(scene.pair.torque_pinion_Nm)}
         self.places = (
             OperatingPoints("", at),
             OperatingPoints("speeds between these", other_speeds(at)),
             OperatingPoints(f"these speeds at {_HELD_OUT:g} x the torque", at, loads),
         )
-        self.pairs: dict[Any, PairDynamics] = {}
-        self.builders: dict[Any, Callable[[PairModel], PairDynamics]] = {}
+        self.pairs: dict[Any, jg.PairDynamics] = {}
+        self.builders: dict[Any, Callable[[jg.PairModel], jg.PairDynamics]] = {}
         self.references: dict[Any, Reference] = {}
 
     @abc.abstractmethod
-    def finest(self, level: Level, place: OperatingPoints) -> Mapping[str, Any]:
+    def finest(self, level: Level, place: OperatingPoints) -> Changes:
         """Changes of the scene that make the reference of a level."""
 
     @abc.abstractmethod
-    def solved(self, pair: PairDynamics, speeds: Speeds) -> tuple[Answers, np.ndarray]:
+    def solved(self, pair: jg.PairDynamics, speeds: Speeds) -> tuple[Answers, np.ndarray]:
         """Answers of the reference, and where they may be compared with."""
 
-    @abc.abstractmethod
     def branch(self, level: Level) -> float:
-        """A response within this of the reference is on the same branch [-]."""
+        """A response within this of the reference is on the same branch; here all are [-]."""
+        return np.inf
 
-    @abc.abstractmethod
     def size(self, level: Level) -> Summary:
         """What of a level's size is told besides."""
+        return {}
 
-    def pair(self, changes: Mapping[str, Any], loads: Mapping[str, float] = NOTHING):
+    def pair(self, changes: Changes, loads: Changes = NOTHING) -> jg.PairDynamics:
         """The pair in time, built once; loads are real values: nothing is compiled for them."""
         program = tuple(sorted((k, v) for k, v in changes.items() if k != "sweep.harmonics"))
         key = program, tuple(sorted(loads.items()))
@@ -132,14 +100,15 @@ class AbstractMotion(AbstractProblem):
             scene, model = self.models({**changes, **loads})
             grid = dynamic_grid_of(scene, model)
             build = self.builders.setdefault(program, lambda x: dynamics_of(scene, x, grid))
-            found = timed(build, model, options=_ONCE)
+            # It runs once.
+            found = timed(build, model, options=QUICK)
             require_solved(found.cycle.converged)
             self.pairs[key] = found
         return self.pairs[key]
 
     def reference(self, level: Level) -> Reference:
         """What a level is compared with, at the speeds by which it is chosen."""
-        found = self._reference(level, self.places[0])
+        found = self.reference_at(level, self.places[0])
         if np.mean(found.good) < 0.5:
             raise SolverFailure(
                 f"the reference, {self.method} at {np.count_nonzero(found.good)} of "
@@ -147,7 +116,8 @@ class AbstractMotion(AbstractProblem):
             )
         return found
 
-    def _reference(self, level: Level, place: OperatingPoints) -> Reference:
+    def reference_at(self, level: Level, place: OperatingPoints) -> Reference:
+        """The same at any speeds, good or not."""
         changes = self.finest(level, place)
         key = place.words, tuple(sorted(changes.items()))
         if key not in self.references:
@@ -158,14 +128,12 @@ class AbstractMotion(AbstractProblem):
             self.references[key] = Reference(np.asarray(answers.values), good, deflection, taken)
         return self.references[key]
 
-    def run(self, level: Level) -> Run:
-        """A level at the speeds by which it is chosen."""
-        return self._run(level, self.places[0])
-
-    def _run(self, level: Level, place: OperatingPoints) -> Run:
+    def run(self, level: Level, place: OperatingPoints | None = None) -> Run:
+        """A level at some speeds: those by which it is chosen, where none are given."""
+        place = place or self.places[0]
         pair = self.pair(level.changes, place.loads)
-        harmonics = {**self.scene.values, **level.changes}["sweep.harmonics"]
-        method = level.method or HarmonicBalance(harmonics=harmonics)
+        harmonics = level.changes.get("sweep.harmonics", self.scene.sweep.harmonics)
+        method = level.method or jg.HarmonicBalance(harmonics=harmonics)
         at = thinned(place.speeds.size, level.thinned)
         program = one_by_one if isinstance(method, Adaptive) else each
         return Run(
@@ -177,15 +145,13 @@ class AbstractMotion(AbstractProblem):
 
     def line(self, level: Level, answers: Answers, at: Any) -> Summary:
         """Median and 95 % of the errors, and how many speeds are on the branch of the reference."""
-        pair, about = self.pair(level.changes), {**self.scene.values, **level.changes}
+        pair, reference = self.pair(level.changes), self.reference_at(level, self.places[0])
         return {
             "dofs": len(pair.dofs) - pair.system.free.shape[1],
-            "phases": about["sweep.steps"],
-            "slices": about["mesh.slices"],
+            "phases": level.changes.get("sweep.steps", self.scene.sweep.steps),
+            "slices": level.changes.get("mesh.slices", self.scene.mesh.slices),
             "speeds": len(at),
-            **over_speeds(
-                self.names, answers, self._reference(level, self.places[0]), at, self.branch(level)
-            ),
+            **over_speeds(self.names, answers, reference, at, self.branch(level)),
             "settled_share": float(np.mean(np.asarray(answers.solved))),
             **self.size(level),
         }
@@ -194,7 +160,7 @@ class AbstractMotion(AbstractProblem):
         """The largest of the 95 % errors; none where it is on another branch too often."""
         errors = []
         for place in self.places[1:]:
-            run, reference = self._run(level, place), self._reference(level, place)
+            run, reference = self.run(level, place), self.reference_at(level, place)
             answers = timed(run.program, *run.arguments)
             part = over_speeds(self.names, answers, reference, run.at, self.branch(level))
             errors.append(part["error_95"] if part["same_branch_share"] >= MOST else {})
@@ -240,37 +206,37 @@ def thinned(count: int, every: int) -> np.ndarray:
 # --- Answers
 
 
-def answers_of(system: DynamicSystem, orbits: Orbit, law: AbstractContactLaw) -> Answers:
+def answers_of(system: jg.DynamicSystem, orbits: jg.Orbit, law: jg.AbstractContactLaw) -> Answers:
     """What is compared, of responses with the speed leading."""
 
-    def one(orbit: Orbit) -> Reals:
-        error = dynamic_transmission_error(system, orbit) / um
-        ratio = dynamic_ratio(system, orbit, law)
-        return jnp.stack([ratio, orbit_rms(system, error), orbit_mean(system, error)])
+    def one(orbit: jg.Orbit) -> Reals:
+        error = jg.dynamic_transmission_error(system, orbit) / um
+        ratio = jg.dynamic_ratio(system, orbit, law)
+        return jnp.stack([ratio, jg.orbit_rms(system, error), jg.orbit_mean(system, error)])
 
     return Answers(jax.vmap(one)(orbits).T, orbits.settled)
 
 
-def each(method: AbstractMethod, system: DynamicSystem, speeds: Speeds) -> Answers:
+def each(method: jg.AbstractMethod, system: jg.DynamicSystem, speeds: Speeds) -> Answers:
     """Answers as the library finds them: batched where that is faster."""
-    return answers_of(system, steady_states(system, speeds, method), method.law)
+    return answers_of(system, jg.steady_states(system, speeds, method), method.law)
 
 
-def together(method: AbstractMethod, system: DynamicSystem, speeds: Speeds) -> Answers:
+def together(method: jg.AbstractMethod, system: jg.DynamicSystem, speeds: Speeds) -> Answers:
     """Answers at all speeds in one batch."""
     orbits = jax.vmap(lambda speed: method.orbit(system, speed, None))(speeds)
     return answers_of(system, orbits, method.law)
 
 
-def one_by_one(method: AbstractMethod, system: DynamicSystem, speeds: Speeds) -> Answers:
+def one_by_one(method: jg.AbstractMethod, system: jg.DynamicSystem, speeds: Speeds) -> Answers:
     """Answers one speed after the other: steps of their own length do not batch."""
     orbits = jax.lax.map(lambda speed: method.orbit(system, speed, None), speeds)
     return answers_of(system, orbits, method.law)
 
 
-def _deflection(cycle: MeshCycle) -> Scalar:
+def _deflection(cycle: jg.MeshCycle) -> Scalar:
     """What the teeth deflect by on average [um]."""
-    return cycle.load[0, 0] / cycle_mean(cycle, mesh_stiffness(cycle)) / um
+    return cycle.load[0, 0] / jg.cycle_mean(cycle, jg.mesh_stiffness(cycle)) / um
 
 
 def over_speeds(
@@ -278,32 +244,19 @@ def over_speeds(
 ) -> Summary:
     """Median and 95 % of the errors at speeds, and how many are on the branch of the reference.
 
-    Where fewer than half of the good speeds are on it, the errors are those of all.
-
-    **Arguments:**
-
-    - `names`: of the responses.
-    - `answers`: at some speeds of the reference.
-    - `reference`: to compare with.
-    - `at`: which speeds these are.
-    - `branch`: a response within this of the reference is on the same branch [-].
-
-    **Returns:**
-
-    Errors by name, `None` where there is no number.
+    Those within `branch` are. Where fewer than half of the good speeds are, the errors are those of
+    all. There is none where there is no number.
     """
     good = reference.good[at]
     errors = errors_of(names, answers, reference, at)
     finite = good & np.all(np.isfinite(errors), axis=0)
     same = finite & np.all(errors <= branch, axis=0)
     counts = same if 2 * np.count_nonzero(same) >= np.count_nonzero(good) else finite
-    quantile = lambda share: dict(
-        zip(names, np.quantile(errors[:, counts], share, axis=1).tolist(), strict=True)
-        if counts.any()
-        else ((name, None) for name in names)
-    )
-    return {
-        "error": quantile(0.5),
-        "error_95": quantile(0.95),
-        "same_branch_share": float(np.count_nonzero(same) / max(np.count_nonzero(good), 1)),
-    }
+    found: Summary = {}
+    for key, share in (("error", 0.5), ("error_95", 0.95)):
+        values = [None] * len(names)
+        if counts.any():
+            values = np.quantile(errors[:, counts], share, axis=1).tolist()
+        found[key] = dict(zip(names, values, strict=True))
+    share = np.count_nonzero(same) / max(np.count_nonzero(good), 1)
+    return found | {"same_branch_share": float(share)}

@@ -13,14 +13,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+import jaxgear as jg
 from jaxgear._checks import InputError
-from jaxgear._flank._deviations import Flanks
-from jaxgear._geometry._lines import MeshGrid
-from jaxgear._interface._laws import AbstractContactLaw
-from jaxgear._response._loads import mesh_stiffness
-from jaxgear._response._transmission import cycle_mean, harmonic_amplitudes, transmission_error
-from jaxgear._solve._cycle import mesh_cycle
-from jaxgear._system._model import PairModel
 from jaxgear._types import Flag, Reals
 from jaxgear._units import um
 from jaxgear.scene._build import flanks_of, grid_of, law_of, model_of
@@ -28,7 +22,11 @@ from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS, STATIC_RESPONSES
 from jaxgear.study._design import twin
 from jaxgear.study._fidelity._choice import MARGIN, worst
-from jaxgear.study._fidelity._engine import AbstractProblem, Comparison, Run, compared, counted
+from jaxgear.study._fidelity._engine import (
+    QUICK,
+    AbstractProblem,
+    Run,
+)
 from jaxgear.study._fidelity._level import (
     FLOOR,
     RESPONSES,
@@ -38,8 +36,8 @@ from jaxgear.study._fidelity._level import (
     errors_of,
     scales_of,
 )
+from jaxgear.study._fidelity._levels import static_levels
 from jaxgear.study._fidelity._models import Models, changed
-from jaxgear.study._fidelity._static_levels import static_levels
 from jaxgear.study._result import Summary
 from jaxgear.study._running import seconds, timed
 from jaxgear.study._statics import SolverFailure, headline
@@ -58,15 +56,7 @@ Work = Literal["run", "map", "optimise"]
 
 
 class Point(NamedTuple):
-    """An operating point.
-
-    **Fields:**
-
-    - `words`: what it is.
-    - `torque`: over the scene's own [-].
-    - `flank`: new values of keys.
-    - `chosen`: whether levels are chosen by it.
-    """
+    """An operating point: torque over the scene's own [-], flanks, whether it is chosen by."""
 
     words: str
     torque: float
@@ -75,7 +65,7 @@ class Point(NamedTuple):
 
 
 class _Loaded(eqx.Module):
-    """Torque and flanks of an operating point, or of several with the point leading.
+    """An operating point, or several with the point leading.
 
     **Fields:**
 
@@ -84,7 +74,7 @@ class _Loaded(eqx.Module):
     """
 
     torque: Reals
-    flanks: Flanks
+    flanks: jg.Flanks
 
 
 def points_of(scene: Scene, work: Work = "run") -> list[Point]:
@@ -125,17 +115,19 @@ def _cut_back(scene: Scene, keys: Sequence[str], share: float) -> Mapping[str, f
     return found | dict.fromkeys(reliefs, 0.3)
 
 
-def _answers(model: PairModel, grid: MeshGrid, law: AbstractContactLaw, points: _Loaded) -> Answers:
+def _answers(
+    model: jg.PairModel, grid: jg.MeshGrid, law: jg.AbstractContactLaw, points: _Loaded
+) -> Answers:
     """What is measured at each point, and what the mesh deflects by; times of points add up."""
 
     def one(point: _Loaded) -> tuple[Reals, Flag]:
         loaded = eqx.tree_at(lambda m: (m.torque, m.flanks), model, (point.torque, point.flanks))
-        cycle = mesh_cycle(loaded, grid, law=law, throw=False)
-        error = transmission_error(loaded.pair, cycle)
-        stiffness = cycle_mean(cycle, mesh_stiffness(cycle))
+        cycle = jg.mesh_cycle(loaded, grid, law=law, throw=False)
+        error = jg.transmission_error(loaded.pair, cycle)
+        stiffness = jg.cycle_mean(cycle, jg.mesh_stiffness(cycle))
         found = headline(loaded, cycle, law) | {
             "mesh_stiffness_mean_N_um": stiffness * um,
-            "te_harmonic_1_um": harmonic_amplitudes(cycle, error, 1)[0] / um,
+            "te_harmonic_1_um": jg.harmonic_amplitudes(cycle, error, 1)[0] / um,
         }
         deflection = cycle.load[0, 0] / stiffness / um
         values = [*(found[RESPONSES[name].key] for name in MEASURED), deflection]
@@ -160,28 +152,27 @@ class StaticProblem(AbstractProblem):
         points: Sequence[Point] | None = None,
         quick: bool = False,
     ):
-        """See `compared_statics`."""
+        """Cycles for some work, or at other points, by all levels or some.
+
+        With `quick`, programs are compiled for a short wait: times are about twice those of a run.
+        """
         self.scene = scene
         self.levels = static_levels(scene) if levels is None else levels
         self.points = points_of(scene, work) if points is None else points
-        # The mesh stiffness of condensed bodies is that of teeth alone: it compares with no other.
-        apart = "mesh_stiffness_mean" if scene.condensed else ""
-        self.names = tuple(name for name in STATIC_RESPONSES if name != apart)
+        self.names = _names(scene)
         # Who asks for some responses only does not ask for others.
         self.extras = () if scene.compare.responses else _EXTRAS
         self.models = Models(scene, moving=False)
-        # What is compiled in half the time runs twice as long: good enough to choose by.
-        self.options = (("xla_backend_optimization_level", 0),) if quick else ()
+        self.options = QUICK if quick else ()
         slices, phases = 2 * scene.mesh.slices, 2 * scene.mesh.phases
         if not scene.condensed:
             slices, phases = max(slices, _FINEST[0]), max(phases, _FINEST[1])
         self.finest = {"mesh.slices": slices, "mesh.phases": phases, "mesh.contact": "exact"}
         self.chosen = np.asarray([point.chosen for point in self.points])
-        self.tried: dict[str, Mapping[str, float | None]] = {}
 
     @functools.cached_property
     def _reference(self) -> Reference:
-        run, before = self._run(self.finest), seconds()[1]
+        run, before = self.run(Level("reference", "", changes=self.finest)), seconds()[1]
         answers = timed(run.program, *run.arguments, options=run.options)
         values, solved = np.asarray(answers.values), np.asarray(answers.solved)
         if not solved.all():
@@ -195,10 +186,7 @@ class StaticProblem(AbstractProblem):
 
     def run(self, level: Level) -> Run:
         """All points, also those where levels are tried only."""
-        return self._run(level.changes)
-
-    def _run(self, changes: Mapping[str, Any]) -> Run:
-        scene, model = self.models(changes)
+        scene, model = self.models(level.changes)
         each = [
             _Loaded(
                 # Couples on the pinion's shaft stay: the mesh has the share.
@@ -219,20 +207,26 @@ class StaticProblem(AbstractProblem):
             value = float(np.max(errors[MEASURED.index(name)][at]))
             return value if solved[at].all() and np.isfinite(value) else None
 
-        self.tried[level.name] = {name: largest(name, ~self.chosen) for name in MEASURED}
-        system = eqx.filter_eval_shape(PairModel.system, self.models(level.changes)[1])
+        system = eqx.filter_eval_shape(jg.PairModel.system, self.models(level.changes)[1])
         return {
             "beyond": level.beyond,
             # The drive is counted once.
             "dofs": len(system.structure.map.free) - 1,
             "error": {name: largest(name, self.chosen) for name in STATIC_RESPONSES},
-            "held_out": self.tried[level.name],
+            "held_out": {name: largest(name, ~self.chosen) for name in MEASURED},
             "changes": {k: "left out" if x is None else x for k, x in level.changes.items()},
         }
 
-    def held_out(self, level: Level) -> Mapping[str, float | None]:
-        """Of a level that was solved: all points are solved together."""
-        return self.tried[level.name]
+    def remark(self, lines: Sequence[Summary], responses: Sequence[str]) -> str:
+        """What another physical model would change by more than the tolerance."""
+        found, tolerance = "", float(self.scene.compare.tolerance)
+        for line in lines:
+            far = {name: worst(line["error"], (name,)) for name in responses}
+            far = {name: x for name, x in far.items() if tolerance < x < np.inf}
+            if line["beyond"] and far:
+                said = ", ".join(f"the {RESPONSES[x].words} by {100 * far[x]:.2g} %" for x in far)
+                found += f' Beyond the scene: "{line["name"]}" changes {said}.'
+        return found
 
     def about(self) -> Summary:
         """The reference, its points and what errors are relative to."""
@@ -258,8 +252,7 @@ def require_at_rest(scene: Scene) -> None:
 
     - `InputError` naming them.
     """
-    able = StaticProblem(scene, levels=(), points=()).names
-    named = scene.compare.responses
+    able, named = _names(scene), scene.compare.responses
     if named and not set(named) & set(able):
         raise InputError(
             f"compare.responses names {', '.join(named)}: in motion only, or of teeth alone where "
@@ -267,45 +260,7 @@ def require_at_rest(scene: Scene) -> None:
         )
 
 
-def compared_statics(
-    scene: Scene,
-    *,
-    work: Work = "run",
-    levels: Sequence[Level] | None = None,
-    quick: bool = False,
-) -> Comparison:
-    """The quasi-static cycle by many models of one scene: error against time.
-
-    **Arguments:**
-
-    - `scene`: checked against the schema.
-    - `work`: what the cycles are for.
-    - `levels`: that of the scene itself first; all by default.
-    - `quick`: whether to compile for a short wait, not for short runs: times are about twice those
-        of a run then.
-
-    **Returns:**
-
-    Lines of the levels and the recommendation.
-
-    **Raises:**
-
-    - `SolverFailure` if the reference was not solved.
-    """
-    problem = StaticProblem(scene, work=work, levels=levels, quick=quick)
-    found = compared(problem, "compare statics")
-    responses = counted(scene, problem.names)
-    found.summary["words"] += _beyond(found.summary["rungs"], responses, problem)
-    return found
-
-
-def _beyond(lines: Sequence[Summary], responses: Sequence[str], problem: StaticProblem) -> str:
-    """What another physical model would change by more than the tolerance."""
-    found, tolerance = "", float(problem.scene.compare.tolerance)
-    for line in lines:
-        far = {name: worst(line["error"], (name,)) for name in responses}
-        far = {name: x for name, x in far.items() if tolerance < x < np.inf}
-        if line["beyond"] and far:
-            said = ", ".join(f"the {RESPONSES[x].words} by {100 * far[x]:.2g} %" for x in far)
-            found += f' Beyond the scene: "{line["name"]}" changes {said}.'
-    return found
+def _names(scene: Scene) -> tuple[str, ...]:
+    """The mesh stiffness of condensed bodies is that of teeth alone: it compares with no other."""
+    apart = "mesh_stiffness_mean" if scene.condensed else ""
+    return tuple(name for name in STATIC_RESPONSES if name != apart)

@@ -1,0 +1,55 @@
+"""Rigid bodies in place of condensed ones, with the mass that these have."""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from jaxgear._system._shaft import Shaft
+from jaxgear.scene._build import model_of
+from jaxgear.scene._scene import Scene
+from jaxgear.scene._schema import GEARS
+from jaxgear.study._fidelity._level import Changes
+
+
+def rigid_changes(scene: Scene) -> Mapping[str, Changes]:
+    """What makes condensed bodies rigid: changes of keys, by the name of the level.
+
+    All are, with the foundation that the scene has for rigid bodies and without; and, if both gears
+    are condensed, the pinion alone.
+    """
+    numbers = {gear: _rigid_numbers(scene, gear) for gear in scene.condensed}
+    whole = {key: value for own in numbers.values() for key, value in own.items()}
+    bare = {f"{gear}.foundation": "none" for gear in numbers}
+    found = {"rigid": whole, "rigid, no foundation": whole | bare}
+    return found | ({"rigid pinion": numbers["pinion"]} if len(numbers) == len(GEARS) else {})
+
+
+def _rigid_numbers(scene: Scene, gear: str) -> Changes:
+    """The keys of a rigid body with the mass of a condensed one, of which its shaft is a part."""
+    body = scene.bodies[gear].built.body
+    rigid = body.rigid_motions
+    inertia = rigid.T @ (body.mass @ rigid)
+    own = np.array([inertia[0, 0], inertia[5, 5], 0.5 * (inertia[3, 3] + inertia[4, 4])])
+    kind = {f"{gear}.body.kind": "rigid"}
+    model = model_of(scene.replace(kind))
+    mount = (model.pinion_support, model.wheel_support)[GEARS.index(gear)]
+    if isinstance(mount, Shaft):
+        own -= _shaft_inertia(mount)
+    keys = ("mass_kg", "inertia_kg_m2", "transverse_inertia_kg_m2")
+    named = (f"{gear}.body.{key}" for key in keys)
+    return kind | dict(zip(named, own.tolist(), strict=True))
+
+
+def _shaft_inertia(shaft: Shaft) -> np.ndarray:
+    """Mass, polar and transverse inertia of a shaft about its gear's middle [kg, kg m2]."""
+    total, left = np.zeros(3), 0.0
+    for segment in shaft.segments:
+        length, outer, inner = (float(x) for x in (segment.length, segment.outer, segment.inner))
+        mass = float(shaft.material.density) * math.pi / 4.0 * (outer**2 - inner**2) * length
+        square = (outer**2 + inner**2) / 4.0
+        away = left + 0.5 * length - float(shaft.gear_at)
+        across = 0.25 * square + length**2 / 12.0 + away**2
+        total += mass * np.array([1.0, 0.5 * square, across])
+        left += length
+    return total
