@@ -81,14 +81,8 @@ class Keys:
 def linearised(function: Callable[..., tuple[Reals, Any]]) -> Callable:
     """A program for derivatives in both directions, which share one linearisation.
 
-    **Arguments:**
-
-    - `function`: of numbers and whatever else: values, and whatever else it has found.
-
-    **Returns:**
-
-    A function of the numbers, of tangents `[row, number]`, of weights `[row, value]` or `None`, and
-    whatever else. It returns the values; whatever else was found; how the values move along each
+    It takes numbers, tangents `[row, number]`, weights `[row, value]` or `None`, and what else the
+    function takes. It returns the values; whatever else was found; how the values move along each
     tangent; and the derivatives of their weighted sums by the numbers.
     """
 
@@ -122,18 +116,8 @@ def central_differences(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Extrapolated central differences, and whether both sides use the same pieces as the centre.
 
-    Of all steps the one counts whose two estimates, with h and with h/2, agree best.
-
-    **Arguments:**
-
-    - `responses`: of the keys.
-    - `centre`: of the differences.
-    - `sizes`: of the keys: what counts as a change of order one.
-    - `steps`: over these.
-
-    **Returns:**
-
-    Differences `[response, key]`, and whether formulas have the same pieces at both ends.
+    Of all steps, over the sizes of the keys, the one counts whose two estimates, with h and with
+    h/2, agree best. Both are `[response, key]`.
     """
     # Traced once, for the shape of its pieces and for the loop.
     responses = jax.jit(responses)
@@ -179,24 +163,13 @@ def judged(
     limits: Limits,
     shared: Collection[str] = (),
 ) -> xr.Dataset:
-    """Compare derivatives with central differences.
+    """Compare derivatives by keys with central differences: one row for each response and key.
 
-    **Arguments:**
-
-    - `contact`: law of each response.
-    - `names`: of the responses, with their units.
-    - `keys`: dotted paths, with their units.
-    - `centre`: their values.
-    - `responses`: of the keys, for the differences.
-    - `found`: responses, and their derivatives, forward and reverse, `[response, key]`.
-    - `limits`: how close they have to be.
-    - `shared`: keys of points on a shaft that move with another one.
-
-    **Returns:**
-
-    One row for each response and key. Verdicts are `ok`, `no effect`, `shares a place`, `set
-    changes` (contact or relief is not the same on both sides of the difference, which then proves
-    nothing) or `WRONG`; of a steady response `ok to 1e-5` and `WRONG at 1e-5`.
+    Found are the responses, and their derivatives forward and reverse, `[response, key]`; shared
+    keys are of points on a shaft that move with another one. Verdicts are `ok`, `no effect`,
+    `shares a place`, `set changes` (contact or relief is not the same on both sides of the
+    difference, which then proves nothing) or `WRONG`; of a steady response `ok to 1e-5` and `WRONG
+    at 1e-5`.
     """
     centre, values, forward, reverse = map(np.asarray, (centre, *found))
     sizes = np.asarray(list(map(_size, keys, centre)))

@@ -122,14 +122,6 @@ def twin(key: str) -> str:
     """The same key of the other gear's flank; a key that is no flank's is its own twin.
 
     So is the pitch error of one tooth: the other gear has other teeth.
-
-    **Arguments:**
-
-    - `key`: dotted path.
-
-    **Returns:**
-
-    Dotted path of the twin.
     """
     for gear, other in (GEARS, GEARS[::-1]):
         if key.startswith(f"flank.{gear}.") and not key.endswith("]"):
@@ -138,17 +130,7 @@ def twin(key: str) -> str:
 
 
 def refuse_twins(table: str, keys: tuple[str, ...]) -> None:
-    """Refuse keys of both gears that are to be the same anyway.
-
-    **Arguments:**
-
-    - `table`: that has `symmetric`, and names the keys.
-    - `keys`: dotted paths.
-
-    **Raises:**
-
-    - `InputError` if a key and its twin are both there.
-    """
+    """Refuse keys of both gears that `symmetric` of a table makes the same anyway."""
     if both := [key for key in keys if twin(key) != key and twin(key) in keys]:
         raise InputError(
             f"With {table}.symmetric the two gears share each correction, but [{table}] names "
@@ -165,25 +147,10 @@ def design_space(
     deflection: float,
     tied: bool = True,
 ) -> DesignSpace:
-    """The space that some keys of a scene span.
+    """The space that some keys of a scene span, from its values and within its bounds.
 
-    **Arguments:**
-
-    - `scene`: gives start and bounds.
-    - `base`: its model.
-    - `keys`: the variables.
-    - `symmetric`: whether the other gear's flank follows.
-    - `deflection`: of a single tooth pair, the scale of depths [um].
-    - `tied`: whether keys follow as [optimise.ties] says.
-
-    **Returns:**
-
-    The space.
-
-    **Raises:**
-
-    - `InputError` if a key has no effect, or no bounds and none can be guessed, if two variables
-        are the same, or if points of a shaft could pass each other.
+    The deflection of a single tooth pair [um] is the scale of depths. Refused are keys without
+    effect or bounds, variables that are the same, and points of a shaft that could pass each other.
     """
     _refuse_shaping(scene, keys)
     ties = _ties(scene, keys) if tied else {}
@@ -356,17 +323,7 @@ def _will_follow(scene: Scene, key: str) -> bool:
 
 
 def refuse_unbounded(scene: Scene, keys: tuple[str, ...]) -> None:
-    """Refuse variables that have no bounds and for which none can be guessed, all at once.
-
-    **Arguments:**
-
-    - `scene`: gives the bounds.
-    - `keys`: the variables.
-
-    **Raises:**
-
-    - `InputError` naming them, with lines to add.
-    """
+    """Refuse variables without bounds for which none can be guessed, with lines to add."""
     _refuse_shaping(scene, keys)
     lost = [key for key in keys if scene.get(key) is not None and not _bounds(scene, key, 1.0)]
     if not lost:

@@ -25,20 +25,11 @@ _CIRCLES = ("tip", "root", "form", "base", "reference", "working_pitch")
 
 
 def drawing_summary(scene: Scene, pair: GearPair) -> dict[str, float]:
-    """Diameters, spans and measures over balls of both gears.
+    """Diameters, spans and measures over balls of both gears, by their keys in the summary.
 
     Spans are over `span_teeth` teeth and measures over balls of `ball_mm` where the scene names
-    them, else over what is measured midway up the teeth. NaN where that would not touch an
-    involute between its form and its tip circle, or a ball not stand out beyond the tips.
-
-    **Arguments:**
-
-    - `scene`: that says what it is measured with.
-    - `pair`: its gears.
-
-    **Returns:**
-
-    Numbers by the end of their keys in the summary, with units.
+    them, else over what is measured midway up the teeth. NaN where that would not touch an involute
+    between its form and its tip circle, or a ball not stand out beyond the tips.
     """
     given = {
         name: jnp.asarray([float(scene.get(f"{gear}.{name}", np.nan)) for gear in GEARS])

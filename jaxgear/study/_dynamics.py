@@ -66,17 +66,9 @@ def dynamic_grid_of(scene: Scene, model: PairModel) -> MeshGrid:
 
 
 def dynamics_of(scene: Scene, model: PairModel, grid: MeshGrid | None = None) -> PairDynamics:
-    """Set a scene's pair in motion.
+    """Set a scene's pair in motion; look at `cycle.converged`.
 
-    **Arguments:**
-
-    - `scene`: checked against the schema; its real values may be traced, if a grid is given.
-    - `model`: of the scene.
-    - `grid`: its time steps; from `dynamic_grid_of` without it.
-
-    **Returns:**
-
-    The pair, in SI; look at `cycle.converged`.
+    Real values of the scene may be traced, if a grid is given.
     """
     grid = dynamic_grid_of(scene, model) if grid is None else grid
     return _in_motion(model, grid, damping_of(scene), _wanted_of(scene))
@@ -146,17 +138,7 @@ def method_name(scene: Scene, size: Size) -> str:
 
 
 def settings_of(scene: Scene, size: Size) -> SweepSettings:
-    """How a scene is swept.
-
-    **Arguments:**
-
-    - `scene`: checked against the schema.
-    - `size`: of its cycle.
-
-    **Returns:**
-
-    The method, by harmonic balance as long as a cycle is not too long for it.
-    """
+    """How a scene is swept: by harmonic balance as long as a cycle is not too long for it."""
     law = law_of(scene)
     cycles = max(4, -(-scene.sweep.cycles // size.periods))
     method: HarmonicBalance | Shooting | Marching
@@ -197,21 +179,7 @@ class Dynamics(eqx.Module):
 
 
 def solve_dynamics(scene: Scene) -> Dynamics:
-    """Solve the quasi-static cycle of a scene, and find what its dynamics are made of.
-
-    **Arguments:**
-
-    - `scene`: checked against the schema.
-
-    **Returns:**
-
-    Pair, modes and statics.
-
-    **Raises:**
-
-    - `ValueError` if the gears are impossible.
-    - `SolverFailure` if a phase was not solved.
-    """
+    """Solve the quasi-static cycle of a scene, and find what its dynamics are made of."""
     model = model_of(scene)
     grid = dynamic_grid_of(scene, model)
     pair, modes = timed(
@@ -228,17 +196,7 @@ def solve_dynamics(scene: Scene) -> Dynamics:
 
 
 def require_damped(scene: Scene, dynamics: Dynamics) -> None:
-    """Refuse to sweep through the resonance of a mode that the mesh excites and nothing damps.
-
-    **Arguments:**
-
-    - `scene`: that is swept.
-    - `dynamics`: its pair.
-
-    **Raises:**
-
-    - `InputError` naming the mode.
-    """
+    """Refuse to sweep through the resonance of a mode that the mesh excites and nothing damps."""
     excited = np.asarray(dynamics.modes.mesh) > 1e-3
     bare = np.nonzero(excited & (dynamics.damping_ratio < 1e-9))[0]
     which = int(bare[0]) if bare.size else 0

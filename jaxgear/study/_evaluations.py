@@ -34,13 +34,7 @@ class Wording:
     """
 
     def __init__(self, scene: Scene, words: str):
-        """Keep a scene under words that stand for it.
-
-        **Arguments:**
-
-        - `scene`: the numbers in it count for nothing where they are given by others.
-        - `words`: equal where the scene says the same.
-        """
+        """Keep a scene under words that stand for it: its numbers may be given by others."""
         self.scene = scene
         self._words = words
 
@@ -82,18 +76,7 @@ class Variation(eqx.Module):
 
 
 def variation_of(scene: Scene, base: PairModel, *, flanks_only: bool) -> Variation:
-    """How a scene's model changes with its keys.
-
-    **Arguments:**
-
-    - `scene`: checked against the schema.
-    - `base`: its model.
-    - `flanks_only`: whether nothing but keys of flanks will change.
-
-    **Returns:**
-
-    The variation.
-    """
+    """How a scene's model changes with its keys."""
     if not flanks_only:
         # Which points of shafts share nodes, and which bodies are interpolated, are decided with
         # numbers: another scene may be another program.

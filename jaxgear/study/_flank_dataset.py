@@ -18,16 +18,7 @@ _PLACE = ("direction", "speed")
 
 
 def largest_loads(seen: list[list[Seen]]) -> Mapping[str, Entry]:
-    """The largest loads of every response.
-
-    **Arguments:**
-
-    - `seen`: by direction of the sweep and speed.
-
-    **Returns:**
-
-    Entries over direction and speed, and over tooth pairs where there are several.
-    """
+    """The largest loads of every response, and of tooth pairs if there are several."""
     rows = lambda name: np.asarray([[getattr(each.flank, name) for each in own] for own in seen])
     found = {
         "max_line_load_N_mm": Entry(
@@ -58,16 +49,7 @@ def largest_loads(seen: list[list[Seen]]) -> Mapping[str, Entry]:
 
 
 def loads_summary(dataset: xr.Dataset) -> Summary:
-    """The largest load of a sweep, for the summary.
-
-    **Arguments:**
-
-    - `dataset`: with the entries of `largest_loads`.
-
-    **Returns:**
-
-    Numbers with their units in the keys.
-    """
+    """The largest load of a sweep, for the summary."""
     load = dataset["max_line_load_N_mm"].values
     place = np.unravel_index(int(np.argmax(load)), load.shape)
     at = lambda name: float(dataset[name].values[place])
@@ -101,15 +83,7 @@ class Teeth(NamedTuple):
 def flanks_dataset(watch: WaveWatch, shown: list[FlankLoads]) -> xr.Dataset:
     """The flanks at some speeds: the most loaded tooth pair's way, and what each pair carries.
 
-    **Arguments:**
-
-    - `watch`: that looked.
-    - `shown`: the loads at each speed.
-
-    **Returns:**
-
-    A dataset over shown speed, step and slice, and over tooth pairs where there are several. A way
-    of fewer steps than another ends with values that are not numbers.
+    A way of fewer steps than another ends with values that are not numbers.
     """
     gears = watch.pair.cycle.system.pair
     pairs, found = len(shown[0].by_pair), []

@@ -120,17 +120,7 @@ def objective_unit(scene: Scene) -> str:
 
 
 def objective_of(scene: Scene, grid: MeshGrid) -> optimise.AbstractObjective:
-    """The objective that a scene asks for.
-
-    **Arguments:**
-
-    - `scene`: with `optimise.minimise`, a name or a table of weights.
-    - `grid`: of the quasi-static cycles.
-
-    **Returns:**
-
-    The objective, its value in `objective_unit`.
-    """
+    """The objective that a scene asks for, its value in `objective_unit`."""
     named = minimised(scene)
     (first, weight), *_ = named.items()
     if weight is not None:
@@ -250,16 +240,8 @@ def judged_speeds(
 ) -> Callable[[np.ndarray], JudgedSpeeds]:
     """What each speed contributes to the objective, or to what it is traded against.
 
-    **Arguments:**
-
-    - `space`: variables of the scene.
-    - `grid`: of the quasi-static cycles.
-    - `law`: contact law.
-
-    **Returns:**
-
-    A function of the variables, in the units of their keys: for each torque [N m] the numbers, and
-    which of them count, for the user must hear of those that do not; none without speeds.
+    A function of the variables: for each torque [N m] the numbers, and which of them count, for the
+    user must hear of those that do not; none without speeds.
     """
     if not (names := over_speeds(space.scene)):
         return lambda values: []
@@ -280,11 +262,7 @@ def prepared_mesh(
 ) -> PreparedMesh | None:
     """The meshes at the scene's torques, stacked, if the variables leave them as they are.
 
-    **Arguments:**
-
-    - `space`: variables of the scene.
-    - `grid`: of the quasi-static cycles.
-    - `statics`: of the scene itself, whose mesh may be the one that is wanted.
+    The mesh of the scene's own statics may be the one that is wanted.
     """
     if not space.flanks_only:
         return None
@@ -307,20 +285,10 @@ def task_of(
     *,
     trading: bool = False,
 ) -> Task:
-    """What a scene asks to be made small, over all its torques.
+    """What a scene asks to be made small, over all its torques; limits are not smoothed if exact.
 
-    **Arguments:**
-
-    - `space`: variables of the scene.
-    - `grid`: of the quasi-static cycles.
-    - `law`: contact law; with exact contact, which is for a re-check, limits are not smoothed.
-    - `prepared`: the meshes, where the variables leave them as they are.
-    - `trading`: whether it is traded against another number, which then comes before the limits;
-        with exact contact both are not smoothed either, and limits are left out.
-
-    **Returns:**
-
-    The task.
+    Where it is traded against another number, that one comes before the limits; with exact contact
+    both are not smoothed either, and limits are left out.
     """
     scene = space.scene
     objectives = [objective_of(scene, grid), *limits_objectives(scene, law)]

@@ -109,20 +109,8 @@ def optimisation(
 ) -> Result:
     """Search with smooth contact, judge with exact contact, and say what became better.
 
-    **Arguments:**
-
-    - `scene`: with its bodies.
-    - `before`: its statics.
-    - `torques`: further ones at which `before` was solved, as is what is found: one program [N m].
-    - `memory`: as of `optimise`.
-
-    **Returns:**
-
-    A result to be joined to that of the statics: its summary has `notes`, `optimise` and `pareto`.
-
-    **Raises:**
-
-    As `optimise`.
+    The statics of the scene and of what is found have the same further torques [N m]: one program.
+    The result is to be joined to that of the statics.
     """
     problem = _problem(scene, before)
     space, grid, prepared, scatter = problem

@@ -50,16 +50,7 @@ def facts_of(pair: GearPair) -> dict[str, np.ndarray]:
 
 
 def pair_dataset(pair: GearPair) -> xr.Dataset:
-    """Circles and lengths of a pair, and the outline of several teeth of each gear.
-
-    **Arguments:**
-
-    - `pair`: the gears.
-
-    **Returns:**
-
-    A dataset over gear and outline point.
-    """
+    """Circles and lengths of a pair, and the outline of several teeth of each gear."""
     facts = facts_of(pair)
     outlines = [_outline(pair, body, facts) / mm for body in (0, 1)]
     # A gear of few teeth has a shorter outline.
@@ -126,14 +117,6 @@ def axes_dataset(pair: GearPair) -> xr.Dataset:
 
     Tooth traces are those on the side of +T, torques what drive and load put on the gears, forces
     what the mesh puts on them.
-
-    **Arguments:**
-
-    - `pair`: the gears.
-
-    **Returns:**
-
-    A dataset over arrow.
     """
     facts = facts_of(pair)
     angle, base_helix = (float(facts[x]) for x in ("working_pressure_angle", "base_helix_angle"))
@@ -180,19 +163,7 @@ _PLACES = 101
 def sliding_dataset(
     pair: GearPair, efficiency: float, friction: float, pinion_speed: float | None = None
 ) -> xr.Dataset:
-    """How the flanks slide along the path of contact.
-
-    **Arguments:**
-
-    - `pair`: the gears.
-    - `efficiency`: of the mesh [-].
-    - `friction`: coefficient that was assumed for it [-].
-    - `pinion_speed`: at which the speed of sliding is told [rad/s].
-
-    **Returns:**
-
-    A dataset over the place on the path.
-    """
+    """How the flanks slide along the path of contact, at a speed of the pinion [rad/s]."""
     found = {name: np.asarray(values) for name, values in called(_slid, pair).items()}
     about = {
         "roll_mm": ("mm", "roll length from the pinion's base tangent point"),
@@ -242,14 +213,8 @@ _MADE = (MeasuredProfile, MeasuredTopography, ProfileWaviness, Superposed)
 def modification_dataset(models: Mapping[str, PairModel]) -> xr.Dataset:
     """Traces of both flanks as a gear checker takes them: profile at three places, lead at one.
 
-    **Arguments:**
-
-    - `models`: with the flanks, under what they are: `start` and `optimised`, say.
-
-    **Returns:**
-
-    A dataset over state, gear, trace and point. `designed_um` is the drawing's: reliefs, crownings
-    and slopes; `made_um` adds what was measured and what a tolerance grade stands for.
+    `designed_um` is the drawing's: reliefs, crownings and slopes; `made_um` adds what was measured
+    and what a tolerance grade stands for.
     """
     found = [called(_traced, model.pair, model.flanks) for model in models.values()]
     about = {

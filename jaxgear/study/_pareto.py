@@ -21,14 +21,7 @@ from jaxgear.study._running import timed
 
 
 def front_result(space: DesignSpace, grid: MeshGrid, prepared: PreparedMesh | None) -> Result:
-    """The front that a scene asks for: group `pareto`, and its part of the summary.
-
-    **Arguments:**
-
-    - `space`: variables of the scene, from whose values the searches begin.
-    - `grid`: of the quasi-static cycles.
-    - `prepared`: the meshes, where the variables leave them as they are.
-    """
+    """The front that a scene asks for: group `pareto`, and its part of the summary."""
     front = _front(space, grid, prepared)
     dataset = _dataset(space, front)
     summary = {"pareto": _summary(front, dataset), "notes": _notes(front)}

@@ -38,13 +38,7 @@ class Entry(NamedTuple):
 
 
 def dataset_of(variables: Mapping[str, Entry], **coordinates: Entry) -> xr.Dataset:
-    """A dataset of entries.
-
-    **Arguments:**
-
-    - `variables`: by name.
-    - `coordinates`: likewise.
-    """
+    """A dataset of entries by name: variables and coordinates."""
     return xr.Dataset(
         {name: entry.variable() for name, entry in variables.items()},
         coords={name: entry.variable() for name, entry in coordinates.items()},
@@ -54,18 +48,7 @@ def dataset_of(variables: Mapping[str, Entry], **coordinates: Entry) -> xr.Datas
 def static_dataset(
     model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw
 ) -> xr.Dataset:
-    """Collect everything that a quasi-static mesh cycle says.
-
-    **Arguments:**
-
-    - `model`: that was solved.
-    - `cycle`: its settled states.
-    - `law`: with which they were found.
-
-    **Returns:**
-
-    A dataset over phase, line, slice, harmonic, body and axis, in the units of files.
-    """
+    """Everything that a quasi-static mesh cycle says, in the units of files."""
     found = {name: np.asarray(x) for name, x in called(_responses, model, cycle, law).items()}
     facts = {name: np.asarray(x) for name, x in jg.pair_facts(model.pair).items()}
     variables = _over_phases(cycle, found) | _over_cells(cycle, found)

@@ -33,16 +33,8 @@ def judge_of(
 ) -> Callable[[Reals, Reals, PreparedMesh | None], Reals]:
     """The objective and the responses that have limits, of one gear of a sample.
 
-    **Arguments:**
-
-    - `scatter`: about the design.
-    - `grid`: phases, lines and slices.
-    - `law`: contact law.
-
-    **Returns:**
-
-    A function of the variables, the deviations, and the prepared meshes or `None`, over all
-    torques of the scene; NaN where a cycle was not solved.
+    A function of the variables, the deviations, and the prepared meshes or `None`, over all torques
+    of the scene; NaN where a cycle was not solved.
     """
     scene = scatter.space.scene
     torques = jnp.asarray(torques_of(scene, "optimise.torques_Nm"))
@@ -67,19 +59,9 @@ def judge_of(
 def members_of(
     scatter: Scatter, samples: np.ndarray, grid: MeshGrid, prepared: PreparedMesh | None
 ) -> optimise.Population:
-    """The gears of a sample, with all that no variable changes.
+    """The gears of a sample `[gear, quantity]`, with all that no variable changes.
 
-    **Arguments:**
-
-    - `scatter`: about the design.
-    - `samples`: deviations, `[gear, quantity]`.
-    - `grid`: phases, lines and slices.
-    - `prepared`: the meshes of the nominal gears at the scene's torques, where the variables
-        leave them as they are.
-
-    **Returns:**
-
-    The population.
+    The prepared meshes are those of the nominal gears, where the variables leave them as they are.
     """
     space = scatter.space
     nothing = jax.tree.map(lambda leaf: None, prepared)
@@ -160,26 +142,7 @@ def hardened(
     prepared: PreparedMesh | None,
     file: Path | None = None,
 ) -> Hardened:
-    """Make an optimum robust, and judge both on samples that the search has not seen.
-
-    **Arguments:**
-
-    - `scatter`: about the design.
-    - `nominal`: the nominal optimum, from which the search starts.
-    - `grid`: phases, lines and slices.
-    - `law`: contact law of the search; designs are judged with exact contact.
-    - `prepared`: the meshes, where the variables leave them as they are.
-    - `file`: keeps the evaluations.
-
-    **Returns:**
-
-    Both designs.
-
-    **Raises:**
-
-    - `InputError` if nothing that scatters changes the objective.
-    - `SolverFailure` if the contact of a gear of the samples was not solved.
-    """
+    """Make an optimum robust with smooth contact; judge both exactly on gears it has not seen."""
     scene, space = scatter.space.scene, scatter.space
     quantities = scatter.quantities
     samples, fresh = samples_of(scatter)
@@ -229,12 +192,7 @@ def _first(members: optimise.Population, count: int) -> optimise.Population:
 
 
 def acts(influence: optimise.Influence) -> np.ndarray:
-    """Which quantities of an influence change anything.
-
-    **Arguments:**
-
-    - `influence`: on one design.
-    """
+    """Which quantities of an influence change anything."""
     span = np.maximum(
         abs(influence.low - influence.nominal), abs(influence.high - influence.nominal)
     )

@@ -48,12 +48,7 @@ def _measure_of(scene: Scene, values: np.ndarray) -> float:
 
 
 def robust_summary(made: Hardened) -> Summary:
-    """Part of the summary: what scattered, both designs on fresh gears, and the search.
-
-    **Arguments:**
-
-    - `made`: from `hardened`.
-    """
+    """Part of the summary: what scattered, both designs on fresh gears, and the search."""
     scatter, found = made.scatter, made.found
     space, scene = scatter.space, scatter.space.scene
     before, after = (_measure_of(scene, each.fresh) for each in (made.nominal, made.robust))
@@ -121,12 +116,7 @@ def _on_fresh(scene: Scene, judged: JudgedDesign) -> Summary:
 
 
 def robust_datasets(made: Hardened) -> dict[str, xr.Dataset]:
-    """Groups `robust_gears`, both designs in each fresh gear, and `robust_influences`.
-
-    **Arguments:**
-
-    - `made`: from `hardened`.
-    """
+    """Groups `robust_gears`, both designs in each fresh gear, and `robust_influences`."""
     scene, both = made.scatter.space.scene, (made.nominal, made.robust)
     response, unit = _response_of(scene)
     told = lambda dims, values: entry(dims, values, unit, response)
@@ -189,12 +179,7 @@ def _without_effect(made: Hardened) -> list[str]:
 
 
 def robust_notes(made: Hardened) -> list[str]:
-    """What a user must hear of a robust optimum.
-
-    **Arguments:**
-
-    - `made`: from `hardened`.
-    """
+    """What a user must hear of a robust optimum."""
     scatter, found = made.scatter, _comparison(made)
     if idle := _without_effect(made):
         found.append(f"[robust]: {', '.join(idle)} scattered without any effect on the objective.")

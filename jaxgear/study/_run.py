@@ -107,18 +107,7 @@ def solved(scene: Scene) -> tuple[Statics, np.ndarray]:
 
 
 def statics_result(scene: Scene, statics: Statics, torques: np.ndarray) -> Result:
-    """The datasets and the summary of a solved mesh cycle.
-
-    **Arguments:**
-
-    - `scene`: that was solved, with its bodies.
-    - `statics`: its mesh cycle.
-    - `torques`: of the rows of the Harris map [N m].
-
-    **Returns:**
-
-    As `statics`.
-    """
+    """Datasets and summary of a solved mesh cycle, with the torques of the Harris map [N m]."""
     model, summary, files = statics.model, head(scene, statics), {}
     static = summary["static"]
     groups = {

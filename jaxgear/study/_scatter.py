@@ -97,11 +97,7 @@ class Scatter(eqx.Module):
     def model(self, values: Reals, drawn: Reals, torque: Scalar) -> PairModel:
         """The model of one gear of the sample; traceable by JAX.
 
-        **Arguments:**
-
-        - `values`: of the variables, in the units of their keys.
-        - `drawn`: the deviations of one gear of the sample.
-        - `torque`: on the pinion, about which it may scatter [N m].
+        The torque [N m] is the one about which it may scatter.
         """
         scene, base = self.space.scene, self.space.base
         by = dict(zip(self.keys, drawn, strict=False))
@@ -153,22 +149,7 @@ def _out_of_place(
 
 
 def scatter_of(space: DesignSpace, pair: GearPair, teeth: np.ndarray) -> Scatter:
-    """What a scene's [robust] lets scatter.
-
-    **Arguments:**
-
-    - `space`: the variables of its [optimise].
-    - `pair`: the gears, for their tolerances.
-    - `teeth`: numbers of the tooth pairs that are in mesh in a cycle.
-
-    **Returns:**
-
-    The scatter.
-
-    **Raises:**
-
-    - `InputError` if a key has no effect, or its values would leave their range.
-    """
+    """What [robust] lets scatter about a design, the pitch errors of the teeth in mesh too."""
     scene, paths = space.scene, {}
     for path, value in scene.values.items():
         if key := scattered_key(path):
@@ -266,16 +247,7 @@ def _allowed(rule: Any, value: float) -> bool:
 
 
 def samples_of(scatter: Scatter) -> tuple[np.ndarray, np.ndarray]:
-    """The sample to search with, and the fresh one.
-
-    **Arguments:**
-
-    - `scatter`: about the design.
-
-    **Returns:**
-
-    Deviations, `[gear, quantity]`, in the units of the quantities.
-    """
+    """The sample to search with, and the fresh one: deviations `[gear, quantity]`."""
     scene, seed = scatter.space.scene, scatter.space.scene.robust.seed
     return (
         optimise.scattered(scatter.quantities, scene.robust.samples, seed),

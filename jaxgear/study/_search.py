@@ -72,19 +72,7 @@ class Search(NamedTuple):
 def search_of(
     space: DesignSpace, grid: MeshGrid, prepared: PreparedMesh | None, file: Path | None = None
 ) -> Search:
-    """The search that a scene asks for.
-
-    **Arguments:**
-
-    - `space`: variables of the scene.
-    - `grid`: of the quasi-static cycles.
-    - `prepared`: the meshes, where the variables leave them as they are.
-    - `file`: keeps the evaluations.
-
-    **Returns:**
-
-    The search.
-    """
+    """The search that a scene asks for; a file keeps its evaluations."""
     scene, limits = space.scene, limits_of(space.scene)
     law = smooth_law_of(scene)
     task = task_of(space, grid, law, prepared)
@@ -119,17 +107,8 @@ def by_gradient(
 ) -> Search:
     """A search without limits by the scene's method, L-BFGS or Adam, and through its widths.
 
-    **Arguments:**
-
-    - `space`: variables of the scene.
-    - `slopes`: what is made small, with its gradient, of the variables and a width of smooth
-        contact [m].
-    - `objective`: the same at many points, with the scene's width.
-    - `file`: keeps the evaluations.
-
-    **Returns:**
-
-    The search.
+    The slopes are of the variables and a width of smooth contact [m], the objective is the same at
+    many points with the scene's width.
     """
     scene = space.scene
     name = "adam" if scene.optimise.method == "adam" else "lbfgs"
@@ -150,18 +129,7 @@ def by_gradient(
 
 
 def require_acting(search: Search, space: DesignSpace) -> None:
-    """Refuse a search from where nothing is known, or with a variable that changes nothing.
-
-    **Arguments:**
-
-    - `search`: of the scene.
-    - `space`: its variables.
-
-    **Raises:**
-
-    - `InputError` with the keys that do not act.
-    - `SolverFailure` if the objective or its gradient is not finite at the start.
-    """
+    """Refuse a search from where nothing is known, or with a variable that changes nothing."""
     own = search.slopes.at(smooth_law_of(space.scene).width)
     try:
         idle = optimise.inactive(own, space.start, space.box)
@@ -194,17 +162,7 @@ class Searched(NamedTuple):
 
 
 def searched(search: Search, space: DesignSpace) -> Searched:
-    """Search by gradient, then by differential evolution, and go on from there if it found more.
-
-    **Arguments:**
-
-    - `search`: of the scene.
-    - `space`: its variables.
-
-    **Raises:**
-
-    - `SolverFailure` if too few speeds have a response somewhere on the way.
-    """
+    """Search by gradient, then by differential evolution, and go on from there if it found more."""
     dynamic, start = is_dynamic(space.scene), time.perf_counter()
     try:
         found = descent(search, space)
@@ -223,14 +181,7 @@ def searched(search: Search, space: DesignSpace) -> Searched:
 def descent(
     search: Search, space: DesignSpace, start: np.ndarray | None = None
 ) -> optimise.SearchResult:
-    """One search from a start, or from the scene's own values and as many more as it asks for.
-
-    **Arguments:**
-
-    - `search`: of the scene.
-    - `space`: its variables.
-    - `start`: from where, in the units of the keys.
-    """
+    """One search from a start, or from the scene's own values and as many more as it asks for."""
     scene, more = space.scene, 0 if start is not None else space.scene.optimise.starts - 1
     most = scene.optimise.max_evaluations * (1 + more)
     most *= 1 + len(scene.optimise.anneal_um or ())
@@ -260,13 +211,7 @@ def unless_beaten(
 ) -> tuple[optimise.SearchResult, bool]:
     """Search once more from a rival's point if its value is clearly better; says whether it was.
 
-    **Arguments:**
-
-    - `found`: so far.
-    - `rival`: point found otherwise, in the units of the keys.
-    - `value`: of the objective there, with what is beyond limits added.
-    - `search`: of the scene.
-    - `space`: its variables.
+    What is beyond limits is added to the rival's value.
     """
     own = found.value
     if search.limits:
@@ -282,14 +227,8 @@ def record_file(
 ) -> Path | None:
     """Where the evaluations of a search are kept while it runs: another scene has another file.
 
-    So has another model, whose deviations are from a file that has changed since.
-
-    **Arguments:**
-
-    - `space`: variables of the scene, and its model.
-    - `memory`: the folder, or `None`: nothing is kept.
-    - `name`: what the file begins with.
-    - `version`: of the program; `None`: its own.
+    So has another model, whose deviations are from a file that has changed since, and another
+    version of the program. Without a folder nothing is kept.
     """
     if memory is None:
         return None
@@ -315,19 +254,9 @@ _HALVINGS = 5
 def smoothing_bias_of(search: Search, space: DesignSpace, point: np.ndarray) -> float:
     """How far smooth contact may have moved the objective, from what narrower ones make of it.
 
-    The bias is the sum of what every halving of the width takes away, all counted as of one sign:
-    a part that raises the objective and one that lowers it may cancel at one width. Where it grows
+    The bias is the sum of what every halving of the width takes away, all counted as of one sign: a
+    part that raises the objective and one that lowers it may cancel at one width. Where it grows
     with the width or faster, all halvings beyond the last one take at most as much as that one.
-
-    **Arguments:**
-
-    - `search`: of the scene.
-    - `space`: its variables.
-    - `point`: where the search ended.
-
-    **Returns:**
-
-    The bound, in the unit of the objective.
     """
     width, at = smooth_law_of(space.scene).width, jnp.asarray(point)
     value = lambda w: search.number(np.asarray(search.slopes(at, as_scalar(w))[0]))
@@ -340,14 +269,10 @@ _WORTH_A_WORD = 0.05
 
 
 def smoothing_notes(width: float, bias: float, before: float, after: float) -> list[str]:
-    """What a user must hear of the width of smooth contact after a search: a sentence, or none.
+    """What a user must hear of the width of smooth contact [um] after a search.
 
-    **Arguments:**
-
-    - `width`: of smooth contact [um].
-    - `bias`: smooth less exact objective where the search ended, in its unit.
-    - `before`: exact objective where it began.
-    - `after`: exact objective where it ended.
+    The bias is the smooth less the exact objective where the search ended; before and after are
+    exact.
     """
     if abs(bias) <= _WORTH_A_WORD * abs(before - after):
         return []
@@ -365,13 +290,7 @@ _ABOUT = 1.0 + 1e-3
 def limits_summary(
     limits: tuple[optimise.Limit, ...], exact: np.ndarray, smooth: np.ndarray
 ) -> list[dict[str, Any]]:
-    """Part of the summary: each limit, and the response where a search ended, a row for each.
-
-    **Arguments:**
-
-    - `limits`: of the search.
-    - `exact`, `smooth`: responses with exact contact and with that of the search.
-    """
+    """Part of the summary: each limit, and the exact and smooth response where a search ended."""
     return [
         {
             "name": limit.name,
@@ -385,12 +304,7 @@ def limits_summary(
 
 
 def limits_notes(rows: list[dict[str, Any]]) -> list[str]:
-    """Where smooth and exact contact disagree on whether a limit is kept; none where both agree.
-
-    **Arguments:**
-
-    - `rows`: of `limits_summary`.
-    """
+    """Where smooth and exact contact disagree on whether a limit is kept; none where both agree."""
     odd = [row for row in rows if row["kept"] != (row["found_smooth"] <= row["most"] * _ABOUT)]
     return [
         f"optimise.limits: {row['name']} is {row['found']:.5g} where the search ended, and "

@@ -10,16 +10,7 @@ from jaxgear.study._objectives import AGAINST, is_dynamic, limits_of, minimised,
 
 
 def require_searchable(scene: Scene) -> None:
-    """Refuse a search that cannot do what the scene asks for, before anything is computed.
-
-    **Arguments:**
-
-    - `scene`: with a table [optimise].
-
-    **Raises:**
-
-    - `InputError` naming variables without bounds, or `SceneError` with every mistake.
-    """
+    """Refuse a search that cannot do what the scene asks for, before anything is computed."""
     refuse_unbounded(scene, tuple(scene.optimise.vary))
     require_swept(scene)
     _require_method(scene)
@@ -33,16 +24,7 @@ _NO_SPEEDS = (
 
 
 def require_swept(scene: Scene) -> None:
-    """Refuse an objective over speeds in a scene that has none, or none that can be computed.
-
-    **Arguments:**
-
-    - `scene`: with a table [optimise].
-
-    **Raises:**
-
-    - `SceneError` with every mistake.
-    """
+    """Refuse an objective over speeds in a scene that has none, or none that can be computed."""
     if not (names := over_speeds(scene)):
         return
     found = motion_mistakes(scene, harmonic=True)

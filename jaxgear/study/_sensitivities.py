@@ -103,14 +103,6 @@ def with_own_modulus(scene: Scene) -> Scene:
 
     Its value is that of the gear's material, so that nothing changes but what can be told apart:
     the body from the teeth and the other parts.
-
-    **Arguments:**
-
-    - `scene`: checked against the schema, its bodies not yet built.
-
-    **Returns:**
-
-    The scene.
     """
     added = {}
     for gear in scene.condensed:
@@ -128,18 +120,7 @@ def with_own_modulus(scene: Scene) -> Scene:
 def static_sensitivities(scene: Scene) -> xr.Dataset:
     """How the quasi-static responses of a scene react to all of its real keys.
 
-    **Arguments:**
-
-    - `scene`: with its bodies.
-
-    **Returns:**
-
-    As `in_shares`, the contact as the scene has it. The largest pressure is that of one place:
-    where two are equal, the mean of what moves either.
-
-    **Raises:**
-
-    - `SolverFailure` if a phase was not solved.
+    The largest pressure is that of one place: where two are equal, the mean of what moves either.
     """
     keys, law = Keys(scene, scene.real_keys()), law_of(scene)
     grid = grid_of(scene, model_of(scene))
@@ -162,17 +143,7 @@ def static_sensitivities(scene: Scene) -> xr.Dataset:
 def steady_sensitivities(scene: Scene) -> tuple[xr.Dataset | None, list[SteadyPoint]]:
     """How steady responses react to all real keys, damping and speed, at a few speeds of [sweep].
 
-    **Arguments:**
-
-    - `scene`: with a table [sweep], and its bodies.
-
-    **Returns:**
-
-    As `in_shares`, exact contact, or `None` if no response has any; and how each speed went.
-
-    **Raises:**
-
-    - `SolverFailure` if a phase was not solved.
+    Contact is exact; `None` if no response has any. Says how each speed went.
     """
     every = speeds_of(scene)
     places = np.unique(np.round(np.linspace(0, len(every) - 1, _FEW_SPEEDS)).astype(int))
@@ -206,20 +177,10 @@ def in_shares(
     slopes: ArrayLike,
     speed: float = np.nan,
 ) -> xr.Dataset:
-    """Derivatives in per cent.
+    """Derivatives `[response, key]` in per cent; NaN where there is none.
 
-    **Arguments:**
-
-    - `responses`: names, with their units.
-    - `values`: of the responses, in these units.
-    - `keys`: dotted paths, with their units.
-    - `centre`: values of the keys, in these units.
-    - `slopes`: derivatives `[response, key]`.
-    - `speed`: of the pinion; NaN of the quasi-static cycle [rad/s].
-
-    **Returns:**
-
-    Sensitivities over cases, of one response at one speed each, and keys; NaN where there is none.
+    Cases are of one response at one speed of the pinion [rad/s] each, NaN of the quasi-static
+    cycle.
     """
     values, centre, slopes = map(np.asarray, (values, centre, slopes))
     measures = list(map(_measure, keys, centre))

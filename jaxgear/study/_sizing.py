@@ -58,21 +58,7 @@ _EQUAL = 1e-3
 
 
 def combinations_of(scene: Scene) -> tuple[tuple[str, ...], np.ndarray]:
-    """The amounts that a scene lists, each once and in rising order, in all combinations.
-
-    **Arguments:**
-
-    - `scene`: with a table [sizing].
-
-    **Returns:**
-
-    The keys, and one row of their values for each combination, in the units of the keys.
-
-    **Raises:**
-
-    - `InputError` if there are no amounts, too many combinations, or both of two keys that are
-        to be the same.
-    """
+    """The amounts that a scene lists: their keys, and a row for each combination."""
     keys = tuple(key.removeprefix(_AMOUNTS) for key in scene.values if key.startswith(_AMOUNTS))
     if not keys:
         raise InputError(
@@ -99,21 +85,6 @@ def sizing_table(scene: Scene, grid: MeshGrid, done: Callable[[int], None]) -> x
     The first is the one whose largest peak-to-peak of the transmission error over the torques is
     least; where two are the same to the nanometre the largest pressure decides. Combinations that
     were not solved are last, with NaN.
-
-    **Arguments:**
-
-    - `scene`: with a table [sizing].
-    - `grid`: phases, lines and slices.
-    - `done`: told how many more combinations are finished.
-
-    **Returns:**
-
-    A dataset over combination, from the best to the worst, and torque.
-
-    **Raises:**
-
-    - `InputError` as `combinations_of`.
-    - `SolverFailure` if no combination was solved at all torques.
     """
     keys, amounts = combinations_of(scene)
     torques = torques_of(scene, "sizing.torques_Nm")
@@ -178,16 +149,7 @@ def _amount(scene: Scene, key: str, values: np.ndarray) -> Entry:
 def ranked(amounts: Mapping[str, Entry], torques: np.ndarray, values: np.ndarray) -> xr.Dataset:
     """Sort combinations, the best first.
 
-    **Arguments:**
-
-    - `amounts`: values of each key over the combinations.
-    - `torques`: on the pinion [N m].
-    - `values`: under the names of `RESPONSES`, shape `[combination, torque, response]`; NaN of
-        those that were not solved.
-
-    **Returns:**
-
-    A dataset over combination and torque.
+    Values are `[combination, torque, response]`, NaN where not solved; torques in N m.
     """
     columns = dict(zip(RESPONSES, np.moveaxis(values, 2, 0), strict=True))
     unsolved = ~np.isfinite(values).all(axis=(1, 2))

@@ -95,22 +95,7 @@ class Statics(eqx.Module):
 
 
 def solve_statics(scene: Scene, torques: np.ndarray | None = None) -> Statics:
-    """Solve the mesh cycle of a scene at its own torque, and at others.
-
-    **Arguments:**
-
-    - `scene`: checked against the schema.
-    - `torques`: further torques on the pinion, for the Harris map [N m].
-
-    **Returns:**
-
-    The solved cycle.
-
-    **Raises:**
-
-    - `ValueError` if the gears are impossible.
-    - `SolverFailure` if a phase was not solved.
-    """
+    """Solve the mesh cycle of a scene at its own torque, and at others for the Harris map [N m]."""
     model = model_of(scene)
     grid, law = grid_of(scene, model), law_of(scene)
     more = np.zeros(0) if torques is None else torques
@@ -138,23 +123,7 @@ def settled_statics(
     law: AbstractContactLaw,
     cycle: MeshCycle,
 ) -> Statics:
-    """The statics of a cycle that was solved for another purpose.
-
-    **Arguments:**
-
-    - `model`: that was solved.
-    - `grid`: on which.
-    - `law`: with which.
-    - `cycle`: its settled states.
-
-    **Returns:**
-
-    Statics without further torques.
-
-    **Raises:**
-
-    - `ValueError` if no tooth bears the torque.
-    """
+    """The statics of a cycle that was solved for another purpose; without further torques."""
     told = timed(_told, model, cycle, law, options=QUICKLY)
     _require_bearable(model, told["numbers"])
     return Statics(
@@ -220,16 +189,7 @@ def _told(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> dict[s
 
 
 def require_solved(converged: Any) -> None:
-    """Raise unless every contact problem was solved.
-
-    **Arguments:**
-
-    - `converged`: flags; the last axis is the phase.
-
-    **Raises:**
-
-    - `SolverFailure` naming the phases.
-    """
+    """Raise unless every contact problem was solved; the last axis of the flags is the phase."""
     flags = np.atleast_1d(np.asarray(converged))
     if not flags.all():
         bad = np.unique(np.nonzero(~flags)[-1]).tolist()
@@ -244,20 +204,9 @@ def require_solved(converged: Any) -> None:
 
 
 def torques_of(scene: Scene, key: str) -> np.ndarray:
-    """Pinion torques that a scene lists under a key, or its own one.
+    """Pinion torques that a scene lists under a key, or its own one [N m].
 
-    **Arguments:**
-
-    - `scene`: checked against the schema.
-    - `key`: of the list.
-
-    **Returns:**
-
-    The torques [N m].
-
-    **Raises:**
-
-    - `InputError` if couples on the pinion's shaft leave the mesh nothing of one of them.
+    Refused where couples on the pinion's shaft leave the mesh nothing of one of them.
     """
     torques = np.asarray(scene.get(key, [scene.pair.torque_pinion_Nm]), dtype=float)
     couples = couples_on_pinion(scene)
@@ -369,14 +318,6 @@ def smoothing_bias(
     model: PairModel, prepared: PreparedMesh, widths: Phases
 ) -> tuple[Phases, Phases, Scalar]:
     """What smooth contact changes, as a function of its width; traceable by JAX.
-
-    **Arguments:**
-
-    - `model`: gives the flanks.
-    - `prepared`: its mesh.
-    - `widths`: of the smooth law [m].
-
-    **Returns:**
 
     Bias of the mean TE and of its RMS for each width, and the exact RMS [m].
     """

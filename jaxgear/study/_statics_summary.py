@@ -58,12 +58,6 @@ def geometry_summary(statics: Statics) -> dict[str, float]:
 def mounts_summary(statics: Statics) -> dict[str, list[dict[str, Any]]]:
     """Mean displacement and load of bearings, and of the gears that have none.
 
-    **Arguments:**
-
-    - `statics`: the solved cycle.
-
-    **Returns:**
-
     `bearings`, the pinion's first, in the order of the scene; `supports`, the springs at a gear's
     centre. A load is what shaft or gear puts on it.
     """

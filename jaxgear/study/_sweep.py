@@ -47,16 +47,9 @@ def sweep(scene: Scene) -> Result:
 
 
 def sweep_result(scene: Scene, dynamics: Dynamics) -> Result:
-    """Sweep a pair in motion; arguments and errors as of `sweep`, but for what was solved before.
+    """Sweep a pair in motion, as `sweep` does, with what was solved before.
 
-    **Arguments:**
-
-    - `scene`: that is swept, with its condensed bodies.
-    - `dynamics`: its pair.
-
-    **Returns:**
-
-    Datasets and files as of `sweep`, and the parts `damping`, `sweep` and `notes` of the summary.
+    The parts `damping`, `sweep` and `notes` of the summary.
     """
     require_damped(scene, dynamics)
     watch = _wave_watch(scene, dynamics)

@@ -29,21 +29,7 @@ _MOST_PHASES = 512
 
 
 def sweep_dataset(dynamics: Dynamics, sweep: Sweep) -> xr.Dataset:
-    """Collect everything that a sweep found.
-
-    **Arguments:**
-
-    - `dynamics`: the pair.
-    - `sweep`: what was found.
-
-    **Returns:**
-
-    A dataset over direction and speed, in the units of files.
-
-    **Raises:**
-
-    - `SolverFailure` if a number is not finite.
-    """
+    """Everything that a sweep found, over direction and speed; refused where it is not finite."""
     model, pair = dynamics.statics.model, dynamics.pair
     teeth = model.pair.pinion.teeth
     entries = {
@@ -228,15 +214,7 @@ def _excited_modes(dynamics: Dynamics) -> Mapping[str, Entry]:
 def orbit_dataset(dynamics: Dynamics, sweep: Sweep) -> xr.Dataset:
     """The responses at the speed of the highest peak, of each branch that was found there.
 
-    **Arguments:**
-
-    - `dynamics`: the pair.
-    - `sweep`: what was found.
-
-    **Returns:**
-
-    A dataset over branch and phase; a branch that repeats earlier than another ends with values
-    that are not numbers.
+    A branch that repeats earlier than another ends with values that are not numbers.
     """
     _, place = sweep.highest(sweep.main)
     chosen: dict[Direction, Response] = {sweep.main: sweep.responses[sweep.main][place]}

@@ -17,19 +17,7 @@ STEPS_IN_PERIOD = 10
 
 
 def sweep_notes(scene: Scene, unsettled: int, responses: int, lost: list[str]) -> list[str]:
-    """Remarks on a sweep.
-
-    **Arguments:**
-
-    - `scene`: that was swept.
-    - `unsettled`: number of responses that did not settle.
-    - `responses`: number of all responses.
-    - `lost`: where and why a branch could not be followed further.
-
-    **Returns:**
-
-    A sentence or two each.
-    """
+    """Remarks on a sweep: what does nothing, is out of reach, did not settle, or was lost."""
     found = []
     if scene.sweep.centrifugal and not scene.condensed:
         found.append(
@@ -109,16 +97,7 @@ def _bases(scene: Scene) -> list[tuple[str, BodyBasis]]:
 
 
 def steady_notes(points: Sequence[SteadyPoint]) -> list[str]:
-    """Why steady responses were not differentiated.
-
-    **Arguments:**
-
-    - `points`: those that were looked at.
-
-    **Returns:**
-
-    A sentence or two for each that has no derivative.
-    """
+    """Why steady responses were not differentiated."""
     found = []
     for point in points:
         at = f"With {point.contact} contact the response at {point.speed_rad_s:.6g} rad/s "
@@ -146,17 +125,9 @@ def left_out_notes(
     *,
     limited: int,
 ) -> list[str]:
-    """What a search over speeds does not cover.
+    """What a search over speeds does not cover, from what each speed contributes at its ends.
 
-    **Arguments:**
-
-    - `before`, `after`: what each speed contributes, for each torque [N m], where the search began
-        and ended; empty if it did not look at speeds.
-    - `limited`: evaluations of the search without gradients, if each was a sweep; 0 if not.
-
-    **Returns:**
-
-    A sentence or two each.
+    `limited` counts the evaluations of the search without gradients, if each was a sweep.
     """
     if not before:
         return []

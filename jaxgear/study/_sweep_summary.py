@@ -20,19 +20,7 @@ _LISTS = (
 
 
 def sweep_summary(scene: Scene, dynamics: Dynamics, sweep: Sweep, dataset: xr.Dataset) -> Summary:
-    """The `sweep` part of the summary.
-
-    **Arguments:**
-
-    - `scene`: that was swept.
-    - `dynamics`: its pair.
-    - `sweep`: what was found.
-    - `dataset`: of the sweep.
-
-    **Returns:**
-
-    Numbers and lists, with units in their keys; lists are over `pinion_speed_rad_s`.
-    """
+    """The `sweep` part of the summary; lists are over `pinion_speed_rad_s`."""
     special = lambda name: sorted(
         point.speed for piece in sweep.curves for point in getattr(piece, name)
     )
@@ -68,15 +56,6 @@ def peaks(dynamics: Dynamics, dataset: xr.Dataset) -> list[Summary]:
     """Peaks of the dynamic ratio, the highest first, with the mesh order that is strongest there.
 
     A peak that rising and falling speeds share has the direction "both".
-
-    **Arguments:**
-
-    - `dynamics`: the pair.
-    - `dataset`: of the sweep.
-
-    **Returns:**
-
-    One table each.
     """
     share = np.asarray(dynamics.modes.mesh)
     # Modes with some energy in the mesh, or that with most.
@@ -111,16 +90,7 @@ def peaks(dynamics: Dynamics, dataset: xr.Dataset) -> list[Summary]:
 
 
 def jumps(dataset: xr.Dataset) -> list[Summary]:
-    """Where a direction leaps from one settled response to the next.
-
-    **Arguments:**
-
-    - `dataset`: of a sweep.
-
-    **Returns:**
-
-    One table each; none in sweeps of so few speeds that each is shown.
-    """
+    """Where a direction leaps between settled responses; none where each speed is shown."""
     found = []
     for way in dataset["direction"].values if dataset.sizes["speed"] > FEW else ():
         if way == "cold":
@@ -143,16 +113,7 @@ def jumps(dataset: xr.Dataset) -> list[Summary]:
 
 
 def bistable(dataset: xr.Dataset) -> list[Summary]:
-    """Ranges of speed with two stable responses: one rising, another falling.
-
-    **Arguments:**
-
-    - `dataset`: of a sweep.
-
-    **Returns:**
-
-    First and last speed of each range.
-    """
+    """Ranges of speed with two stable responses: one rising, another falling."""
     if set(dataset["direction"].values) != {"up", "down"}:
         return []
     up, down = (dataset["dynamic_ratio"].sel(direction=way).values for way in ("up", "down"))

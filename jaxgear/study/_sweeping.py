@@ -74,25 +74,7 @@ def swept(
     done: Callable[[int], None],
     watch: Watch | None = None,
 ) -> tuple[Response, ...]:
-    """Sweep in one direction, and keep of each response what is shown of it.
-
-    **Arguments:**
-
-    - `scene`: that is swept.
-    - `dynamics`: its pair.
-    - `speeds`: of the pinion, rising [rad/s].
-    - `direction`: which way.
-    - `done`: told how many more speeds are finished.
-    - `watch`: sees each response whole, as it is found.
-
-    **Returns:**
-
-    A response for each of `speeds`.
-
-    **Raises:**
-
-    - `SolverFailure` if one is not a finite number.
-    """
+    """Sweep in one direction over rising speeds [rad/s], and keep what is shown of each response."""
     # Responses of many mesh periods are too long to keep them all until the end.
     finder = Finder(dynamics.system, settings_of(scene, size_of(dynamics)))
     found: list[Response] = []
@@ -175,18 +157,8 @@ def branches(
 ) -> tuple[Curve, ...]:
     """Follow the branch of responses from the lowest speed to the highest, round its folds.
 
-    Where it is lost on the way, what can be reached from the other end is a second piece.
-
-    **Arguments:**
-
-    - `scene`: that is swept.
-    - `dynamics`: its pair.
-    - `speeds`: of the pinion [rad/s].
-    - `done`: told how many more points are found.
-
-    **Returns:**
-
-    The pieces; none where no response is found to begin with.
+    Where it is lost on the way, what can be reached from the other end is a second piece. None
+    where no response is found to begin with.
     """
     method = settings_of(scene, size_of(dynamics)).method
     assert isinstance(method, HarmonicBalance)
@@ -218,14 +190,7 @@ def sweep_of(
     done: Callable[[int], None],
     watch: Watch | None = None,
 ) -> Sweep:
-    """Sweep a scene in all its directions, and follow its branch.
-
-    Arguments and errors as of `swept`, which is called for each direction.
-
-    **Returns:**
-
-    What was found.
-    """
+    """Sweep a scene in all its directions, and follow its branch."""
     speeds, seconds = speeds_of(scene), {}
     responses: dict[Direction, tuple[Response, ...]] = {}
     stopped = False
