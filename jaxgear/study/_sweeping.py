@@ -74,7 +74,7 @@ def swept(
     done: Callable[[int], None],
     watch: Watch | None = None,
 ) -> tuple[Response, ...]:
-    """Sweep in one direction over rising speeds [rad/s], and keep what is shown of each response."""
+    """Sweep in one direction over rising speeds [rad/s]; keep what is shown of each response."""
     # Responses of many mesh periods are too long to keep them all until the end.
     finder = Finder(dynamics.system, settings_of(scene, size_of(dynamics)))
     found: list[Response] = []
