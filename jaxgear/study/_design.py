@@ -9,7 +9,7 @@ import numpy as np
 
 import optimise
 from jaxgear._checks import InputError
-from jaxgear._system._gear_body import BeamBody
+from jaxgear._system._gear_body import AbstractGearBody, BeamBody
 from jaxgear._system._model import PairModel
 from jaxgear._system._shaft import Shaft, drawn_heights
 from jaxgear._types import Reals
@@ -18,6 +18,7 @@ from jaxgear.scene._build import shared_places
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS, split_entry, unit_of
 from jaxgear.study._evaluations import Variation, variation_of
+from jaxgear.study._statics import torques_of
 
 
 class DesignSpace(eqx.Module):
@@ -106,16 +107,16 @@ class DesignSpace(eqx.Module):
         """Whether every variable is a flank correction."""
         return all(key.startswith("flank.") for key in (*self.keys, *dict(self.ties)))
 
+    @property
+    def torques(self) -> np.ndarray:
+        """Pinion torques of the search [N m]."""
+        return torques_of(self.scene, "optimise")
+
 
 # Of the range of a variable, how close to a bound counts as on it: least squares stay off it.
 _AT_BOUND = 1e-4
 
-_NOT_VARIABLE = (
-    "pair.torque_pinion_Nm",
-    "pair.power_kW",
-    "pair.speed_rpm",
-    "mesh.smoothing_um",
-)
+_NOT_VARIABLE = "pair.torque_pinion_Nm", "pair.power_kW", "pair.speed_rpm", "mesh.smoothing_um"
 
 
 def twin(key: str) -> str:
@@ -153,7 +154,8 @@ def design_space(
     effect or bounds, variables that are the same, and points of a shaft that could pass each other.
     """
     _refuse_shaping(scene, keys)
-    ties = _ties(scene, keys) if tied else {}
+    follow = scene.optimise.ties if tied else {}
+    ties = {key: owner for key, owner in follow.items() if owner in keys}
     for table, named in (("vary", keys), ("ties", tuple(ties))):
         if dead := [k for k in named if k in _NOT_VARIABLE or k not in scene.real_keys()]:
             raise InputError(
@@ -188,17 +190,6 @@ def design_space(
     return space
 
 
-def _ties(scene: Scene, keys: tuple[str, ...]) -> dict[str, str]:
-    """Keys that follow one of the variables, and which."""
-    table = "optimise.ties."
-    pairs = {
-        path.removeprefix(table): str(owner)
-        for path, owner in scene.values.items()
-        if path.startswith(table)
-    }
-    return {key: owner for key, owner in pairs.items() if owner in keys}
-
-
 # Of the range of a depth, the largest width of smooth contact that leaves its effect to be seen.
 _WIDEST = 0.5
 
@@ -217,8 +208,7 @@ def _require_narrow(space: DesignSpace) -> None:
 
 def _require_order(space: DesignSpace) -> None:
     """Refuse bounds within which points of a shaft, such as a bearing and the gear, could pass."""
-    mounts = space.base.pinion_support, space.base.wheel_support
-    if space.flanks_only or not any(isinstance(mount, Shaft) for mount in mounts):
+    if space.flanks_only or not _on_shafts(space.base):
         return
     gaps = jax.jit(lambda values: _gaps(space.model(values)))
     at_start = np.asarray(gaps(jnp.asarray(space.start)))
@@ -241,16 +231,17 @@ def _require_order(space: DesignSpace) -> None:
 
 def _gaps(model: PairModel) -> Reals:
     """Distances between neighbouring nodes on both shafts [m]."""
-    return jnp.concatenate(
-        [
-            jnp.diff(drawn_heights(mount, body if isinstance(body, BeamBody) else None))
-            for mount, body in (
-                (model.pinion_support, model.pinion_body),
-                (model.wheel_support, model.wheel_body),
-            )
-            if isinstance(mount, Shaft)
-        ]
-    )
+    heights = [
+        drawn_heights(mount, body if isinstance(body, BeamBody) else None)
+        for mount, body in _on_shafts(model)
+    ]
+    return jnp.concatenate([jnp.diff(each) for each in heights])
+
+
+def _on_shafts(model: PairModel) -> list[tuple[Shaft, AbstractGearBody | None]]:
+    """The shafts of a pair, each with the body on it."""
+    both = (model.pinion_support, model.pinion_body), (model.wheel_support, model.wheel_body)
+    return [(mount, body) for mount, body in both if isinstance(mount, Shaft)]
 
 
 def _bounds(scene: Scene, key: str, deflection: float) -> tuple[float, float] | None:
@@ -259,8 +250,7 @@ def _bounds(scene: Scene, key: str, deflection: float) -> tuple[float, float] | 
     A depth reaches three deflections, a slope as far to either side; a bias, of which a quarter is
     in the corners, four times as far. An extent reaches half its path.
     """
-    given = scene.get(f"optimise.bounds.{key}")
-    if given is not None:
+    if given := scene.optimise.bounds.get(key):
         return given[0], given[1]
     value = float(scene[key])
     most = max(round_up(3.0 * deflection), 2.0 * abs(value))
@@ -293,11 +283,8 @@ _EITHER_WAY = (
 def _refuse_shaping(scene: Scene, keys: tuple[str, ...]) -> None:
     """Refuse to vary what a condensed body is made from, and does not follow or will not."""
     follows = lambda key: not scene.bodies and _will_follow(scene, key)
-    shaping = [
-        key
-        for key in keys
-        if any(scene.remakes(key, gear) for gear in scene.condensed) and not follows(key)
-    ]
+    remade = lambda key: any(scene.remakes(key, gear) for gear in scene.condensed)
+    shaping = [key for key in keys if remade(key) and not follows(key)]
     if any(".body.web." in key for key in shaping):
         raise InputError(
             f"optimise.vary names {', '.join(shaping)}: one measure of a condensed body's web can "
@@ -328,11 +315,8 @@ def refuse_unbounded(scene: Scene, keys: tuple[str, ...]) -> None:
     lost = [key for key in keys if scene.get(key) is not None and not _bounds(scene, key, 1.0)]
     if not lost:
         return
-    lines = []
-    for key in lost:
-        value = float(scene[key])
-        low, high = sorted((0.9 * value, 1.1 * value or 1.0))
-        lines.append(f'"{key}" = [{low:.6g}, {high:.6g}]')
+    ends = {key: sorted((0.9 * scene[key], 1.1 * scene[key] or 1.0)) for key in lost}
+    lines = [f'"{key}" = [{low:.6g}, {high:.6g}]' for key, (low, high) in ends.items()]
     raise InputError(
         f"optimise.vary ({scene.where('optimise.vary')}) names {', '.join(lost)}, for which no "
         "bounds can be guessed. Add their lowest and highest values to the table "
@@ -343,6 +327,5 @@ def refuse_unbounded(scene: Scene, keys: tuple[str, ...]) -> None:
 def round_up(value: float) -> float:
     """The next round number: 1, 2, 2.5, 4, 5 or 8 times a power of ten."""
     power = 10.0 ** np.floor(np.log10(value))
-    return float(
-        next(r * power for r in (1.0, 2.0, 2.5, 4.0, 5.0, 8.0, 10.0) if r * power >= value)
-    )
+    steps = 1.0, 2.0, 2.5, 4.0, 5.0, 8.0, 10.0
+    return float(next(step * power for step in steps if step * power >= value))

@@ -24,6 +24,7 @@ from jaxgear._kept_programs import QUICKLY
 from jaxgear._system._model import PairModel
 from jaxgear.scene._build import grid_of, law_of, model_of
 from jaxgear.scene._scene import Scene
+from jaxgear.scene._tables import DampingKeys
 from jaxgear.study._result import Summary
 from jaxgear.study._running import timed
 from jaxgear.study._statics import (
@@ -52,12 +53,11 @@ def directions_of(scene: Scene) -> tuple[Direction, ...]:
     return ("up", "down") if chosen == "both" else (chosen,)
 
 
-def damping_of(scene: Scene) -> AbstractDamping:
+def damping_of(damping: DampingKeys) -> AbstractDamping:
     """The damping of a scene; its values may be traced."""
-    real = lambda key: getattr(scene.damping, key)
-    if scene.damping.kind == "rayleigh":
-        return RayleighDamping(mass_factor=real("a_R_1_s"), stiffness_factor=real("b_R_s"))
-    return ModalDamping(mesh=real("mesh"), structure=real("structure"))
+    if damping.kind == "rayleigh":
+        return RayleighDamping(mass_factor=damping.a_R_1_s, stiffness_factor=damping.b_R_s)
+    return ModalDamping(mesh=damping.mesh, structure=damping.structure)
 
 
 def dynamic_grid_of(scene: Scene, model: PairModel) -> MeshGrid:
@@ -71,7 +71,7 @@ def dynamics_of(scene: Scene, model: PairModel, grid: MeshGrid | None = None) ->
     Real values of the scene may be traced, if a grid is given.
     """
     grid = dynamic_grid_of(scene, model) if grid is None else grid
-    return _in_motion(model, grid, damping_of(scene), _wanted_of(scene))
+    return _in_motion(model, grid, damping_of(scene.damping), _wanted_of(scene))
 
 
 class _Wanted(eqx.Module):
@@ -183,7 +183,7 @@ def solve_dynamics(scene: Scene) -> Dynamics:
     model = model_of(scene)
     grid = dynamic_grid_of(scene, model)
     pair, modes = timed(
-        _with_modes, model, grid, damping_of(scene), _wanted_of(scene), options=QUICKLY
+        _with_modes, model, grid, damping_of(scene.damping), _wanted_of(scene), options=QUICKLY
     )
     require_solved(pair.cycle.converged)
     if scene.mesh.contact == "exact" and not scene.mesh.pinion_speed_rad_s:

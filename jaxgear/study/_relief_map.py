@@ -249,7 +249,7 @@ def _curve_dataset(curve: optimise.TracedCurve, closed: _ClosedForm, deepest: fl
 def _family(space: DesignSpace, extent: np.ndarray, start: float, deepest: float) -> xr.Dataset:
     """The curve traced at each of `map.torques_Nm`."""
     own, curves, deflections = space.scene.pair.torque_pinion_Nm, [], []
-    torques = torques_of(space.scene, "map.torques_Nm")
+    torques = torques_of(space.scene, "map")
     for torque in map(float, torques):
         statics = solve_statics(space.scene.replace({"pair.torque_pinion_Nm": torque}))
         # Deflections are nearly in proportion to the torque; and deeper is asked for by no one.

@@ -6,7 +6,7 @@ variable's `units`.
 
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -53,7 +53,7 @@ class Entry(NamedTuple):
         return xr.Variable(self.dims, np.asarray(self.values), attributes)
 
 
-def over(dims: str, **found: tuple[ArrayLike, str]) -> dict[str, Entry]:
+def over(dims: str, **found: tuple[Any, str]) -> dict[str, Entry]:
     """Variables over some dimensions: of each its values, in SI, and what it is.
 
     The unit at the end of a name is that of the file; without one the values are numbers.

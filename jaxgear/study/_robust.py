@@ -7,12 +7,11 @@ the teeth, is prepared once for each gear of it; a search then solves contact al
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 import optimise
 from jaxgear._checks import InputError
@@ -20,12 +19,12 @@ from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact, SmoothContact
 from jaxgear._solve._cycle import PreparedMesh, corrected_cycle, prepare_mesh
 from jaxgear._types import Reals, Scalar
-from jaxgear.scene._scene import Scene
-from jaxgear.study._design import DesignSpace
+from jaxgear.scene._study_tables import RobustKeys
 from jaxgear.study._objectives import limits_objectives, limits_of, objective_of
 from jaxgear.study._progress import progress
 from jaxgear.study._scatter import Scatter, samples_of
-from jaxgear.study._statics import SolverFailure, torques_of
+from jaxgear.study._search import method_of
+from jaxgear.study._statics import SolverFailure
 
 
 def judge_of(
@@ -37,8 +36,8 @@ def judge_of(
     of the scene; NaN where a cycle was not solved.
     """
     scene = scatter.space.scene
-    torques = jnp.asarray(torques_of(scene, "optimise.torques_Nm"))
-    parts = objective_of(scene, grid), *limits_objectives(scene, law)
+    torques = jnp.asarray(scatter.space.torques)
+    parts = objective_of(scene, grid), *limits_objectives(scene.optimise, law)
     worst = scene.optimise.over == "worst"
 
     def judge(values: Reals, drawn: Reals, prepared: PreparedMesh | None) -> Reals:
@@ -68,7 +67,7 @@ def members_of(
     if scatter.same_mesh or not space.flanks_only:
         # Either all have one mesh, or each evaluation prepares its own.
         return optimise.Population(jnp.asarray(samples), prepared, nothing)
-    torques = jnp.asarray(torques_of(space.scene, "optimise.torques_Nm"))
+    torques = jnp.asarray(space.torques)
     start = jnp.asarray(space.start)
 
     def prepare(drawn: Reals) -> PreparedMesh:
@@ -150,9 +149,12 @@ def hardened(
     start = time.perf_counter()
     # One program judges all of them.
     every = members_of(scatter, np.concatenate([samples, fresh, moved]), grid, prepared)
-    members = _first(every, len(samples))
+    cut = lambda tree: jax.tree.map(lambda leaf: leaf[: len(samples)], tree)
+    members = optimise.Population(cut(every.deviations), every.shared, cut(every.own))
     prepare_s = time.perf_counter() - start
-    exact = jax.jit(lambda x, who: optimise.responses_of(judge_of(scatter, grid, _EXACT), x, who))
+    exact = jax.jit(
+        lambda x, who: optimise.responses_of(judge_of(scatter, grid, ExactContact()), x, who)
+    )
 
     def judged(point: np.ndarray) -> tuple[np.ndarray, JudgedDesign]:
         found = np.asarray(exact(jnp.asarray(point), every))
@@ -172,23 +174,29 @@ def hardened(
             f"[robust]: nothing that scatters changes the objective, not by its "
             f"{_NOTHING:g}th part: {names}. Let something else scatter, or remove [robust]."
         )
-    widths = _widths(scene, seen)
+    widths = _widths(limits_of(scene.optimise), seen)
     begin = time.perf_counter()
-    both = jax.jit(optimise.measured(judge_of(scatter, grid, law), _measures(scene, widths)))
+    measures = _measures(scene.robust, widths)
+    both = jax.jit(optimise.measured(judge_of(scatter, grid, law), measures))
     objective = lambda point: both(point, members)
     began = float(objective(jnp.asarray(before.point))[0][0])
-    method, found = _searched(space, objective, before.point, file)
+    most, limits = scene.optimise.max_evaluations, limits_of(scene.optimise)
+    # A measure of squares is no sum of squares.
+    asked = "adam" if scene.optimise.method == "adam" else "lbfgs"
+    method, search = method_of(asked, limits)
+    first = lambda point: tuple(each[0] for each in objective(point))
+    with progress(most, "robust search") as done:
+        found = search(
+            optimise.Sloped(objective if limits else first),
+            before.point,
+            space.box,
+            most_evaluations=most,
+            watch=lambda point, value: done(1),
+            file=file,
+        )
     seconds = time.perf_counter() - begin
     after = judged(np.asarray(found.point))[1]
     return Hardened(scatter, before, after, found, method, widths, began, seconds, prepare_s)
-
-
-_EXACT = ExactContact()
-
-
-def _first(members: optimise.Population, count: int) -> optimise.Population:
-    cut = lambda tree: jax.tree.map(lambda leaf: leaf[:count], tree)
-    return optimise.Population(cut(members.deviations), members.shared, cut(members.own))
 
 
 def acts(influence: optimise.Influence) -> np.ndarray:
@@ -199,40 +207,14 @@ def acts(influence: optimise.Influence) -> np.ndarray:
     return span > _NOTHING * max(abs(influence.nominal), 1e-300)
 
 
-def _widths(scene: Scene, seen: np.ndarray) -> np.ndarray:
+def _widths(limits: tuple[optimise.Limit, ...], seen: np.ndarray) -> np.ndarray:
     """Widths of the smooth quantiles, from the responses of a sample, `[gear, response]`."""
-    least = np.asarray([0.0, *(_NARROWEST_OF_LIMIT * limit.most for limit in limits_of(scene))])
+    least = np.asarray([0.0, *(_NARROWEST_OF_LIMIT * limit.most for limit in limits)])
     least = np.maximum(least, _NARROWEST * abs(seen.mean(axis=0)))
     return np.maximum(_WIDTH * seen.std(axis=0), least)
 
 
-def _measures(scene: Scene, widths: np.ndarray) -> list[optimise.AbstractMeasure]:
-    if scene.robust.measure == "mean":
+def _measures(asked: RobustKeys, widths: np.ndarray) -> list[optimise.AbstractMeasure]:
+    if asked.measure == "mean":
         return [optimise.Mean() for _ in widths]
-    share = scene.robust.share
-    return [optimise.Quantile(share, float(width)) for width in widths]
-
-
-def _searched(
-    space: DesignSpace,
-    objective: Callable[[Array], tuple[Array, Array]],
-    start: np.ndarray,
-    file: Path | None,
-) -> tuple[str, optimise.SearchResult]:
-    """Search by the scene's method; a measure of squares is no sum of squares."""
-    scene, limits = space.scene, limits_of(space.scene)
-    most = scene.optimise.max_evaluations
-    first = optimise.Sloped(lambda point: _first_of(*objective(point)))
-    with progress(most, "robust search") as done:
-        watch = lambda point, value: done(1)
-        settings: Any = dict(most_evaluations=most, watch=watch, file=file)
-        if limits:
-            all_of = optimise.Sloped(objective)
-            return "slsqp", optimise.constrained(all_of, limits, start, space.box, **settings)
-        if scene.optimise.method == "adam":
-            return "adam", optimise.adam(first, start, space.box, **settings)
-        return "lbfgs", optimise.lbfgs(first, start, space.box, **settings)
-
-
-def _first_of(values: Array, slopes: Array) -> tuple[Array, Array]:
-    return values[0], slopes[0]
+    return [optimise.Quantile(asked.share, float(width)) for width in widths]

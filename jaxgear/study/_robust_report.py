@@ -7,10 +7,10 @@ import xarray as xr
 import optimise
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import unit_of
-from jaxgear.study._objectives import entry, limits_of, with_unit
+from jaxgear.study._objectives import in_unit, limits_of
 from jaxgear.study._ranks import Doubtful
 from jaxgear.study._result import Summary, titled
-from jaxgear.study._results import Entry, dataset_of
+from jaxgear.study._results import dataset_of, over
 from jaxgear.study._robust import Hardened, JudgedDesign, acts
 from jaxgear.study._scatter import Scatter
 
@@ -31,12 +31,12 @@ _DESIGNS = ("nominal", "robust")
 
 def _response_of(scene: Scene) -> tuple[str, str]:
     """Name and unit of the response that a reader sees."""
-    return _SHOWN.get(scene.get("optimise.minimise", ""), ("weighted sum", "-"))
+    return _SHOWN.get(scene.optimise.alone or "", ("weighted sum", "-"))
 
 
 def _shown(scene: Scene, values: np.ndarray | float) -> np.ndarray:
     """Values of the objective as a reader sees them: the RMS for a variance."""
-    squared = scene.get("optimise.minimise") in _SQUARED
+    squared = scene.optimise.alone in _SQUARED
     return np.asarray(np.sqrt(values) if squared else values)
 
 
@@ -103,7 +103,7 @@ def _on_fresh(scene: Scene, judged: JudgedDesign) -> Summary:
             for name, low, high in zip(*ends, strict=True)
         ],
     }
-    if limits := limits_of(scene):
+    if limits := limits_of(scene.optimise):
         found["limits"] = {
             limit.name: {
                 "most": limit.most,
@@ -119,28 +119,26 @@ def robust_datasets(made: Hardened) -> dict[str, xr.Dataset]:
     """Groups `robust_gears`, both designs in each fresh gear, and `robust_influences`."""
     scene, both = made.scatter.space.scene, (made.nominal, made.robust)
     response, unit = _response_of(scene)
-    told = lambda dims, values: entry(dims, values, unit, response)
-    designs = Entry(("design",), list(_DESIGNS), "1", "design")
+    told = lambda name, dims, values: in_unit(name, dims, values, unit, response)
+    designs = over("design", design=(list(_DESIGNS), "design"))
     values = np.stack([_shown(scene, each.fresh) for each in both])
-    gears = dataset_of(
-        {with_unit("response", unit): told(("design", "gear"), values)}, design=designs
-    ).assign_attrs(share=scene.robust.share)
+    gears = dataset_of(told("response", ("design", "gear"), values), **designs).assign_attrs(
+        share=scene.robust.share
+    )
     given = {each.name: each for each in made.scatter.quantities}
     middle = np.stack([_shown(scene, each.influence.nominal) for each in both])
     ends = np.stack([_ends(scene, each.influence, list(given)) for each in both])
     order = np.argsort(-np.max(np.abs(ends - middle[:, None, None]), axis=(0, 1)), kind="stable")
     names = [list(given)[place] for place in order]
-    along, dims = ("quantity",), ("design", "quantity")
+    dims = ("design", "quantity")
     moved = [_moved(made.scatter, given[name]) for name in names]
     bars = dataset_of(
-        {
-            "moved": Entry(along, moved, "1", "how far a quantity is moved either way"),
-            with_unit("less", unit): told(dims, ends[:, 0, order]),
-            with_unit("without_deviations", unit): told(("design",), middle),
-            with_unit("more", unit): told(dims, ends[:, 1, order]),
-        },
-        design=designs,
-        quantity=Entry(along, names, "1", "what scatters"),
+        over("quantity", moved=(moved, "how far a quantity is moved either way"))
+        | told("less", dims, ends[:, 0, order])
+        | told("without_deviations", ("design",), middle)
+        | told("more", dims, ends[:, 1, order]),
+        **designs,
+        **over("quantity", quantity=(names, "what scatters")),
     )
     count = f", {scene.robust.fresh_samples} gears"
     return {
@@ -211,7 +209,7 @@ def _comparison(made: Hardened) -> list[str]:
         return []
     what, unit = _response_of(scene)
     old, new = (float(_shown(scene, np.asarray(value))) for value in (before, after))
-    mean_square = scene.robust.measure == "mean" and scene.get("optimise.minimise") in _SQUARED
+    mean_square = scene.robust.measure == "mean" and scene.optimise.alone in _SQUARED
     over = "root mean square" if mean_square else scene.robust.measure
     numbers = (
         f"on {scene.robust.fresh_samples} fresh gears the {over} of the {what} is {new:.4g} "
@@ -219,7 +217,7 @@ def _comparison(made: Hardened) -> list[str]:
     )
     broken = [
         limit.name
-        for limit, column in zip(limits_of(scene), made.nominal.limited.T, strict=True)
+        for limit, column in zip(limits_of(scene.optimise), made.nominal.limited.T, strict=True)
         if _measure_of(scene, column) > limit.most
     ]
     if broken:

@@ -161,7 +161,7 @@ def _told_speed(scene: Scene) -> float | None:
 def _harris_torques(scene: Scene) -> np.ndarray:
     """Torques of the Harris map: given, or from a quarter of the mesh's to half as much again."""
     if scene.map.torques_Nm is not None:
-        return torques_of(scene, "map.torques_Nm")
+        return torques_of(scene, "map")
     torque, couples = scene.pair.torque_pinion_Nm, couples_on_pinion(scene)
     on_mesh = torque + couples
     least = max(0.25 * on_mesh - couples, 0.05 * torque)

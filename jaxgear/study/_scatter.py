@@ -30,7 +30,6 @@ from jaxgear.scene._scatter_checks import scattered_key
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS, KEYS, general, split_entry
 from jaxgear.study._design import AMOUNTS, DesignSpace
-from jaxgear.study._statics import torques_of
 
 _TORQUE = "pair.torque_pinion_Nm"
 _INCLINATION = "pair.misalignment_inclination_um"
@@ -222,7 +221,7 @@ def _require_range(scatter: Scatter, paths: dict[str, str]) -> None:
             low, high = (float(end[key]) for end in ends)
             what, remedy = f"between its bounds {low:g} and {high:g}", "narrow [optimise.bounds]"
         elif key == _TORQUE:
-            torques = torques_of(scene, "optimise.torques_Nm")
+            torques = space.torques
             low, high = float(min(torques)), float(max(torques))
             what, remedy = f"{low:g} at the least", "raise the torque"
         else:

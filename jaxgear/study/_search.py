@@ -73,30 +73,21 @@ def search_of(
     space: DesignSpace, grid: MeshGrid, prepared: PreparedMesh | None, file: Path | None = None
 ) -> Search:
     """The search that a scene asks for; a file keeps its evaluations."""
-    scene, limits = space.scene, limits_of(space.scene)
-    law = smooth_law_of(scene)
-    task = task_of(space, grid, law, prepared)
+    asked, law = space.scene.optimise, smooth_law_of(space.scene)
+    task, limits = task_of(space, grid, law, prepared), limits_of(asked)
     sloped = lambda evaluate: optimise.Sloped(lambda x, width: timed(evaluate, task, x, width))
     many = optimise.Batched(lambda points: timed(objectives_at, task, points, law))
-    squares = scene.optimise.method == "least_squares"
-    if not limits and not squares:
+    if limits:
+        most, scale = (np.asarray([getattr(each, k) for each in limits]) for k in ("most", "scale"))
+        many = optimise.Batched(lambda x: timed(penalised_at, task, x, law, most, scale))
+        slopes, number = sloped(sloped_responses), lambda values: float(values[0])
+    elif asked.method == "least_squares":
+        slopes, number = sloped(sloped_residuals), lambda values: float(np.sum(values**2))
+    else:
         return by_gradient(space, sloped(sloped_objective), many, file)
-    slopes = sloped(sloped_responses if limits else sloped_residuals)
-    settings: Any = dict(most_evaluations=scene.optimise.max_evaluations, file=file)
-
-    def descend(start: np.ndarray, watch: optimise.Watcher) -> optimise.SearchResult:
-        own = slopes.at(law.width)
-        if limits:
-            return optimise.constrained(own, limits, start, space.box, watch=watch, **settings)
-        return optimise.least_squares(own, start, space.box, watch=watch, **settings)
-
-    if not limits:
-        number = lambda values: float(np.sum(values**2))
-        return Search("least_squares", many, slopes, number, descend)
-    most, scale = (np.asarray([getattr(each, k) for each in limits]) for k in ("most", "scale"))
-    penalised = lambda points: timed(penalised_at, task, points, law, most, scale)
-    first = lambda values: float(values[0])
-    return Search("slsqp", optimise.Batched(penalised), slopes, first, descend, limits)
+    name, method = method_of(asked.method, limits)
+    descend = _descending(space, method, slopes, file)
+    return Search(name, many, slopes, number, descend, limits)
 
 
 def by_gradient(
@@ -110,22 +101,40 @@ def by_gradient(
     The slopes are of the variables and a width of smooth contact [m], the objective is the same at
     many points with the scene's width.
     """
-    scene = space.scene
-    name = "adam" if scene.optimise.method == "adam" else "lbfgs"
-    method = {"lbfgs": optimise.lbfgs, "adam": optimise.adam}[name]
-    settings: Any = dict(most_evaluations=scene.optimise.max_evaluations, file=file)
-    width = smooth_law_of(scene).width
-    widths = [um * each for each in (scene.optimise.anneal_um or ())]
+    name, method = method_of("adam" if space.scene.optimise.method == "adam" else "lbfgs")
+    return Search(name, objective, slopes, float, _descending(space, method, slopes, file))
+
+
+def method_of(
+    name: str, limits: tuple[optimise.Limit, ...] = ()
+) -> tuple[str, Callable[..., optimise.SearchResult]]:
+    """Name of a method, and its search: of slopes, a start and a box. SLSQP is that for limits."""
+    if not limits:
+        return name, getattr(optimise, name)
+    return "slsqp", lambda slopes, *more, **settings: optimise.constrained(
+        slopes, limits, *more, **settings
+    )
+
+
+def _descending(
+    space: DesignSpace,
+    method: Callable[..., optimise.SearchResult],
+    slopes: optimise.Sloped,
+    file: Path | None,
+) -> Callable[[np.ndarray, optimise.Watcher], optimise.SearchResult]:
+    """Descend from a start with the scene's width of smooth contact, or through several."""
+    asked, width = space.scene.optimise, smooth_law_of(space.scene).width
+    settings: Any = dict(most_evaluations=asked.max_evaluations, file=file)
 
     def descend(start: np.ndarray, watch: optimise.Watcher) -> optimise.SearchResult:
-        if widths:
-            every = [*widths, float(width)]
+        if asked.anneal_um:
+            widths = [*(um * each for each in asked.anneal_um), float(width)]
             return optimise.annealed(
-                slopes, every, start, space.box, search=method, watch=watch, **settings
+                slopes, widths, start, space.box, search=method, watch=watch, **settings
             )
         return method(slopes.at(width), start, space.box, watch=watch, **settings)
 
-    return Search(name, objective, slopes, float, descend)
+    return descend
 
 
 def require_acting(search: Search, space: DesignSpace) -> None:
@@ -163,7 +172,7 @@ class Searched(NamedTuple):
 
 def searched(search: Search, space: DesignSpace) -> Searched:
     """Search by gradient, then by differential evolution, and go on from there if it found more."""
-    dynamic, start = is_dynamic(space.scene), time.perf_counter()
+    dynamic, start = is_dynamic(space.scene.optimise), time.perf_counter()
     try:
         found = descent(search, space)
     except FloatingPointError as error:
@@ -182,9 +191,9 @@ def descent(
     search: Search, space: DesignSpace, start: np.ndarray | None = None
 ) -> optimise.SearchResult:
     """One search from a start, or from the scene's own values and as many more as it asks for."""
-    scene, more = space.scene, 0 if start is not None else space.scene.optimise.starts - 1
-    most = scene.optimise.max_evaluations * (1 + more)
-    most *= 1 + len(scene.optimise.anneal_um or ())
+    asked = space.scene.optimise
+    more = 0 if start is not None else asked.starts - 1
+    most = asked.max_evaluations * (1 + more) * (1 + len(asked.anneal_um or ()))
     with progress(most, f"searching by {search.name}") as done:
         watch = lambda point, value: done(1)
         found = [search.descend(space.start if start is None else start, watch)]

@@ -1,6 +1,6 @@
 """The quasi-static part of a run: what is solved, and what of it goes into the summary."""
 
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -16,9 +16,7 @@ from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
 from jaxgear._geometry._sliding import sliding_speed, specific_sliding
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact, SmoothContact
-from jaxgear._kept_programs import (
-    QUICKLY,
-)
+from jaxgear._kept_programs import QUICKLY
 from jaxgear._response._factors import (
     face_load_factor,
     pressure_angle_change,
@@ -203,18 +201,19 @@ def require_solved(converged: Any) -> None:
         )
 
 
-def torques_of(scene: Scene, key: str) -> np.ndarray:
-    """Pinion torques that a scene lists under a key, or its own one [N m].
+def torques_of(scene: Scene, table: Literal["map", "optimise", "sizing"]) -> np.ndarray:
+    """Pinion torques that a table of a scene lists, or its own one [N m].
 
     Refused where couples on the pinion's shaft leave the mesh nothing of one of them.
     """
-    torques = np.asarray(scene.get(key, [scene.pair.torque_pinion_Nm]), dtype=float)
+    given = getattr(scene, table).torques_Nm
+    torques = np.asarray([scene.pair.torque_pinion_Nm] if given is None else given, dtype=float)
     couples = couples_on_pinion(scene)
     require(
         bool(np.all(torques + couples > 0.0)),
         "{key} lists {got:g} N m, of which the couples about Z on pinion.shaft.loads, {couples:g} "
         "N m, leave the mesh nothing. List torques above {limit:g} N m.",
-        key=key,
+        key=f"{table}.torques_Nm",
         got=float(np.min(torques)),
         couples=couples,
         limit=-couples,

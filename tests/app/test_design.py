@@ -227,7 +227,7 @@ def test_face_load_factor_follows_bearings_and_sections():
         'optimise.bounds."pinion.shaft.segments[0].outer_mm"=[20.0, 40.0]',
         'optimise.bounds."wheel.shaft.bearings[0].radial_N_m"=[1e8, 2e9]',
     )
-    assert objective_unit(space.scene) == "-"
+    assert objective_unit(space.scene.optimise) == "-"
     grid = grid_of(space.scene, space.base)
     task = task_of(space, grid, ExactContact(), None)
     function = jax.jit(lambda x: objective_at(task, x, ExactContact()))

@@ -184,11 +184,11 @@ def test_speeds_are_a_range_or_a_sorted_list(folder):
 
 def test_damping_and_method_follow_the_scene(folder):
     path = _scene(folder, _SPUR + _SWEEP, "methods.toml")
-    damping = _dynamics.damping_of(read_scene(path, ("damping.mesh=0.05",)))
+    damping = _dynamics.damping_of(read_scene(path, ("damping.mesh=0.05",)).damping)
     assert isinstance(damping, ModalDamping)
     assert float(damping.mesh) == 0.05
     rayleigh = ("damping.kind=rayleigh", "damping.a_R_1_s=25.0", "damping.b_R_s=2.5e-6")
-    damping = _dynamics.damping_of(read_scene(path, rayleigh))
+    damping = _dynamics.damping_of(read_scene(path, rayleigh).damping)
     assert isinstance(damping, RayleighDamping)
     assert float(damping.stiffness_factor) == 2.5e-6
 
