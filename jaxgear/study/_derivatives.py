@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from jaxgear._types import Flag, Flags, Reals
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import split_entry
-from jaxgear.study._results import Entry
+from jaxgear.study._results import dataset_of, told
 from jaxgear.study._running import timed
 
 # Of keys: responses, which piece of each piecewise formula is in use, and what is solved.
@@ -182,19 +182,19 @@ def judged(
     ok, wrong = limits.words
     none = np.where([key in shared for key in keys], "shares a place", "no effect")
     where = [~np.isfinite(largest), largest <= _NO_EFFECT * scale, error <= limits.tolerance, same]
-    columns = {
-        "contact": (np.asarray(contact)[:, None], "1", "contact law"),
-        "response": (np.asarray(names)[:, None], "1", "response, with its unit"),
-        "key": (np.asarray(keys), "1", "key, with its unit"),
-        "forward": (forward, "response/key", "derivative, forward"),
-        "reverse": (reverse, "response/key", "derivative, reverse"),
-        "difference": (difference, "response/key", "derivative, by central differences"),
-        "error": (error, "1", "larger relative error of the first two against the third"),
-        "verdict": (np.select(where, [wrong, none, ok, wrong], "set changes"), "1", "verdict"),
-    }
-    return xr.Dataset(
-        {
-            name: Entry(("row",), np.broadcast_to(x, same.shape).ravel(), *about).variable()
-            for name, (x, *about) in columns.items()
-        }
+    verdict = np.select(where, [wrong, none, ok, wrong], "set changes")
+    flat = lambda values: np.broadcast_to(values, same.shape).ravel()
+    entries = told(
+        "row",
+        contact=(flat(np.asarray(contact)[:, None]), "contact law"),
+        response=(flat(np.asarray(names)[:, None]), "response, with its unit"),
+        key=(flat(np.asarray(keys)), "key, with its unit"),
+        forward=(flat(forward), "derivative, forward"),
+        reverse=(flat(reverse), "derivative, reverse"),
+        difference=(flat(difference), "derivative, by central differences"),
+        error=(flat(error), "larger relative error of the first two against the third"),
+        verdict=(flat(verdict), "verdict"),
     )
+    for name in ("forward", "reverse", "difference"):
+        entries[name] = entries[name]._replace(units="response/key")
+    return dataset_of(entries)

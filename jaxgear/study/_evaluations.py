@@ -7,6 +7,7 @@ import dataclasses
 import hashlib
 import json
 import uuid
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ import numpy as np
 
 import optimise
 from jaxgear._geometry._lines import MeshGrid
-from jaxgear._interface._laws import AbstractContactLaw, ExactContact, SmoothContact
+from jaxgear._interface._laws import AbstractContactLaw, SmoothContact
 from jaxgear._solve._cycle import PreparedMesh
 from jaxgear._system._model import PairModel
 from jaxgear._types import Reals, Scalar, as_reals
@@ -25,6 +26,7 @@ from jaxgear._whole_file import as_json
 from jaxgear.scene._build import flanks_of, model_of
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import split_entry
+from jaxgear.study._running import timed
 
 
 class Wording:
@@ -134,16 +136,14 @@ class Task(eqx.Module):
 
 def objective_at(task: Task, values: Reals, law: AbstractContactLaw) -> Scalar:
     """The objective over all torques; NaN where a cycle was not solved."""
-    return optimise.over_torques(task.model, task.objective, task.torques, **_how(task, law))(
-        values
-    )
+    own = task.model, task.objective, task.torques
+    return optimise.over_torques(*own, **_how(task, law))(values)
 
 
 def responses_at(task: Task, values: Reals, law: AbstractContactLaw) -> Reals:
     """The objective and the responses that have limits, over all torques."""
-    return optimise.responses_over_torques(
-        task.model, task.objective, task.limited, task.torques, **_how(task, law)
-    )(values)
+    own = task.model, task.objective, task.limited, task.torques
+    return optimise.responses_over_torques(*own, **_how(task, law))(values)
 
 
 def _how(task: Task, law: AbstractContactLaw) -> dict[str, Any]:
@@ -159,33 +159,29 @@ def residuals_at(task: Task, values: Reals, law: AbstractContactLaw) -> Reals:
     )(values)
 
 
-def sloped_objective(task: Task, values: Reals, width: Scalar) -> tuple[Scalar, Reals]:
-    """The objective with smooth contact so wide [m], and its gradient, in reverse."""
-    return jax.value_and_grad(lambda x: objective_at(task, x, SmoothContact(width)))(values)
+def sloped_objective(task: Task, values: Reals, law: AbstractContactLaw) -> tuple[Scalar, Reals]:
+    """The objective and its gradient, in reverse."""
+    return jax.value_and_grad(lambda x: objective_at(task, x, law))(values)
 
 
-def sloped_responses(task: Task, values: Reals, width: Scalar) -> tuple[Reals, Reals]:
-    """The responses with smooth contact so wide [m], and their derivatives, forward."""
-    return optimise.value_and_jacobian(lambda x: responses_at(task, x, SmoothContact(width)))(
-        values
-    )
+def sloped_responses(task: Task, values: Reals, law: AbstractContactLaw) -> tuple[Reals, Reals]:
+    """The responses and their derivatives, forward."""
+    return optimise.value_and_jacobian(lambda x: responses_at(task, x, law))(values)
 
 
-def sloped_residuals(task: Task, values: Reals, width: Scalar) -> tuple[Reals, Reals]:
-    """The residuals with smooth contact so wide [m], and their derivatives, forward."""
-    return optimise.value_and_jacobian(lambda x: residuals_at(task, x, SmoothContact(width)))(
-        values
-    )
+def sloped_residuals(task: Task, values: Reals, law: AbstractContactLaw) -> tuple[Reals, Reals]:
+    """The residuals and their derivatives, forward."""
+    return optimise.value_and_jacobian(lambda x: residuals_at(task, x, law))(values)
+
+
+def sloped_by(evaluate: Callable[..., Any], task: Task) -> optimise.Sloped:
+    """One of these, compiled: of the variables and a width of smooth contact [m]."""
+    return optimise.Sloped(lambda x, width: timed(evaluate, task, x, SmoothContact(width)))
 
 
 def side_by_side(task: Task, points: Reals, law: AbstractContactLaw) -> Reals:
     """The objective at many points that take equally long, all at once."""
     return jax.vmap(lambda values: objective_at(task, values, law))(points)
-
-
-def sloped_deviations(task: Task, values: Reals) -> tuple[Reals, Reals]:
-    """The residuals with exact contact, and their derivatives."""
-    return optimise.value_and_jacobian(lambda x: residuals_at(task, x, ExactContact()))(values)
 
 
 def objectives_at(task: Task, points: Reals, law: AbstractContactLaw) -> Reals:

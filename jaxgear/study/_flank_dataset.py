@@ -11,10 +11,10 @@ from jaxgear.scene._schema import GEARS
 from jaxgear.study._body_waves import Seen, WaveWatch
 from jaxgear.study._hybrid_dataset import hole_places, tooth_angles
 from jaxgear.study._result import Summary
-from jaxgear.study._results import Entry, dataset_of, over
+from jaxgear.study._results import Entries, dataset_of, over
 
 
-def largest_loads(seen: list[list[Seen]]) -> dict[str, Entry]:
+def largest_loads(seen: list[list[Seen]]) -> Entries:
     """The largest loads of every response, and of tooth pairs if there are several."""
     rows = lambda name: np.asarray([[getattr(each.flank, name) for each in own] for own in seen])
     found = over(

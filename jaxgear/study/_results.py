@@ -53,17 +53,32 @@ class Entry(NamedTuple):
         return xr.Variable(self.dims, np.asarray(self.values), attributes)
 
 
-def over(dims: str, **found: tuple[Any, str]) -> dict[str, Entry]:
+Entries = dict[str, Entry]
+
+
+def over(dims: str, **found: tuple[Any, str]) -> Entries:
     """Variables over some dimensions: of each its values, in SI, and what it is.
 
     The unit at the end of a name is that of the file; without one the values are numbers.
     """
-    entries = {}
-    for name, (values, words) in found.items():
-        unit, size = next((each for end, each in _UNITS.items() if name.endswith(end)), ("1", 1.0))
-        values = values if size == 1.0 else np.asarray(values) / size
-        entries[name] = Entry(tuple(dims.split()), values, unit, words)
-    return entries
+    sizes = {name: _unit_of(name)[1] for name in found}
+    return told(
+        dims,
+        **{
+            name: (values if sizes[name] == 1.0 else np.asarray(values) / sizes[name], words)
+            for name, (values, words) in found.items()
+        },
+    )
+
+
+def told(dims: str, **found: tuple[Any, str]) -> Entries:
+    """As `over`, of values in the units of files."""
+    along = tuple(dims.split())
+    return {name: Entry(along, x, _unit_of(name)[0], words) for name, (x, words) in found.items()}
+
+
+def _unit_of(name: str) -> tuple[str, float]:
+    return next((each for end, each in _UNITS.items() if name.endswith(end)), ("1", 1.0))
 
 
 def dataset_of(variables: Mapping[str, Entry], **coordinates: Entry) -> xr.Dataset:
@@ -138,7 +153,7 @@ def harmonic_count(cycle: jg.MeshCycle) -> int:
     return min(_HARMONICS, (cycle.approach.size // cycle.cells.lines.periods - 1) // 2)
 
 
-def _coordinates(cycle: jg.MeshCycle, facts: dict[str, np.ndarray]) -> dict[str, Entry]:
+def _coordinates(cycle: jg.MeshCycle, facts: dict[str, np.ndarray]) -> Entries:
     lines = cycle.cells.lines
     # Mesh periods since each line's entry at mid-face, about which the slices are symmetric.
     at_middle = np.mean(np.asarray(lines.roll), axis=2)
@@ -165,7 +180,7 @@ def _coordinates(cycle: jg.MeshCycle, facts: dict[str, np.ndarray]) -> dict[str,
     )
 
 
-def _over_mesh(cycle: jg.MeshCycle, found: dict[str, np.ndarray]) -> dict[str, Entry]:
+def _over_mesh(cycle: jg.MeshCycle, found: dict[str, np.ndarray]) -> Entries:
     """What the flanks do, over phases, and over the cells of the contact lines."""
     lines = cycle.cells.lines
     of_cells = lambda values: np.asarray(values).reshape(lines.roll.shape)
@@ -208,7 +223,7 @@ def _over_mesh(cycle: jg.MeshCycle, found: dict[str, np.ndarray]) -> dict[str, E
     )
 
 
-def _over_bodies(found: dict[str, np.ndarray]) -> dict[str, Entry]:
+def _over_bodies(found: dict[str, np.ndarray]) -> Entries:
     """What gears and bearings do, the pinion's bearings first, in the order of the scene."""
     # Each body: three translations, then three rotations.
     motion, load = (found[name].reshape(-1, 2, 2, 3) for name in ("motion", "body_load"))
@@ -229,7 +244,7 @@ def _over_bodies(found: dict[str, np.ndarray]) -> dict[str, Entry]:
     return entries
 
 
-def _on_path(facts: dict[str, np.ndarray]) -> dict[str, Entry]:
+def _on_path(facts: dict[str, np.ndarray]) -> Entries:
     """Where A to E are. B and D bound single-pair contact, so they need a ratio of 1 to 2."""
     length, start = float(facts["path_of_contact"]), float(facts["path_start"])
     pitch = float(facts["transverse_base_pitch"]) / length

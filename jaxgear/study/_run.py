@@ -170,9 +170,13 @@ def _harris_torques(scene: Scene) -> np.ndarray:
 
 def sizing_result(scene: Scene, grid: MeshGrid) -> Result:
     """The table of a scene's [sizing], on phases, lines and slices of a solved cycle."""
-    with progress(len(combinations_of(scene)[1]), "sizing") as done:
+    with progress(len(combinations_of(scene.sizing)[1]), "sizing") as done:
         table = sizing_table(scene, grid, done)
     torques = table["torque_pinion_Nm"].values
     several = f"{len(torques)} torques up to " if len(torques) > 1 else ""
     table = table.assign_attrs(title=f"{scene.name}, {several}{max(torques):g} N m")
-    return Result(scene, {"sizing": sizing_summary(scene, table)}, {"sizing": table})
+    return Result(
+        scene,
+        {"sizing": sizing_summary(table, symmetric=scene.sizing.symmetric)},
+        {"sizing": table},
+    )

@@ -24,6 +24,7 @@ from jaxgear.study._design import DesignSpace
 from jaxgear.study._evaluations import (
     objectives_at,
     penalised_at,
+    sloped_by,
     sloped_objective,
     sloped_residuals,
     sloped_responses,
@@ -75,16 +76,15 @@ def search_of(
     """The search that a scene asks for; a file keeps its evaluations."""
     asked, law = space.scene.optimise, smooth_law_of(space.scene)
     task, limits = task_of(space, grid, law, prepared), limits_of(asked)
-    sloped = lambda evaluate: optimise.Sloped(lambda x, width: timed(evaluate, task, x, width))
     many = optimise.Batched(lambda points: timed(objectives_at, task, points, law))
     if limits:
         most, scale = (np.asarray([getattr(each, k) for each in limits]) for k in ("most", "scale"))
         many = optimise.Batched(lambda x: timed(penalised_at, task, x, law, most, scale))
-        slopes, number = sloped(sloped_responses), lambda values: float(values[0])
+        slopes, number = sloped_by(sloped_responses, task), lambda values: float(values[0])
     elif asked.method == "least_squares":
-        slopes, number = sloped(sloped_residuals), lambda values: float(np.sum(values**2))
+        slopes, number = sloped_by(sloped_residuals, task), lambda values: float(np.sum(values**2))
     else:
-        return by_gradient(space, sloped(sloped_objective), many, file)
+        return by_gradient(space, sloped_by(sloped_objective, task), many, file)
     name, method = method_of(asked.method, limits)
     descend = _descending(space, method, slopes, file)
     return Search(name, many, slopes, number, descend, limits)

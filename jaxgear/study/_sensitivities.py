@@ -26,7 +26,7 @@ from jaxgear.study._dynamics import speeds_of
 from jaxgear.study._head import names_of, study
 from jaxgear.study._progress import built_scene, progress
 from jaxgear.study._result import Result, Summary, titled
-from jaxgear.study._results import Entry
+from jaxgear.study._results import dataset_of, told
 from jaxgear.study._running import timed
 from jaxgear.study._statics import headline, require_solved
 from jaxgear.study._steady import (
@@ -91,10 +91,9 @@ def sensitivity(scene: Scene) -> Result:
             done(1)
     remarks = steady_notes(points) + [_OF_BODIES] * bool(scene.condensed)
     remarks += [words for each in found.values() for words in lost(each)]
-    found = {name: acting(each) for name, each in found.items()}
-    summary = {"notes": remarks} | {name: told(each) for name, each in found.items()}
     more = ": what the responses react to"
-    datasets = {name: titled(each, scene, more) for name, each in found.items()}
+    datasets = {name: titled(acting(each), scene, more) for name, each in found.items()}
+    summary = {"notes": remarks} | {name: table_of(each) for name, each in datasets.items()}
     return Result(scene, names_of(scene) | summary, datasets)
 
 
@@ -106,14 +105,9 @@ def with_own_modulus(scene: Scene) -> Scene:
     """
     added = {}
     for gear in scene.condensed:
-        known = [f"{gear}.body.young_GPa", f"{gear}.body.superelement"]
-        if all(scene.get(key) is None for key in known):
-            shared = scene.material.young_GPa
-            added[known[0]] = (
-                shared
-                if scene.gear(gear).material.young_GPa is None
-                else scene.gear(gear).material.young_GPa
-            )
+        body, own = scene.gear(gear).body, scene.gear(gear).material.young_GPa
+        if body.young_GPa is None and body.superelement is None:
+            added[f"{gear}.body.young_GPa"] = scene.material.young_GPa if own is None else own
     return scene.replace(added)
 
 
@@ -188,16 +182,18 @@ def in_shares(
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = slopes * np.asarray(per) / values[:, None]
     shares = np.where(np.isfinite(shares), shares, np.nan)
-    speeds = np.full(len(values), speed)
-    entries = {
-        "response": Entry(("case",), responses, "1", "response, with its unit"),
-        "pinion_speed_rad_s": Entry(("case",), speeds, "rad/s", "speed of the pinion"),
-        "value": Entry(("case",), values, "1", "response, in the unit of its name"),
-        "key": Entry(("key",), keys, "1", "key, with its unit"),
-        "measure": Entry(("key",), measures, "1", "unit of the sensitivity"),
-        "sensitivity": Entry(("case", "key"), shares, "1", "sensitivity, in its measure"),
-    }
-    return xr.Dataset({name: entry.variable() for name, entry in entries.items()})
+    return dataset_of(
+        told(
+            "case",
+            response=(responses, "response, with its unit"),
+            pinion_speed_rad_s=(np.full(len(values), speed), "speed of the pinion"),
+            value=(values, "response, in the unit of its name"),
+        )
+        | told(
+            "key", key=(keys, "key, with its unit"), measure=(measures, "unit of the sensitivity")
+        )
+        | told("case key", sensitivity=(shares, "sensitivity, in its measure"))
+    )
 
 
 def _measure(key: str, value: float) -> str:
@@ -216,7 +212,7 @@ def acting(found: xr.Dataset) -> xr.Dataset:
     return found.isel(key=places)
 
 
-def told(found: xr.Dataset) -> Summary:
+def table_of(found: xr.Dataset) -> Summary:
     """The table for the summary: for each response its value and its keys, strongest first."""
     keys, measures = found["key"].values, found["measure"].values
     words = [f"{key} [{unit}]" for key, unit in zip(keys, measures, strict=True)]

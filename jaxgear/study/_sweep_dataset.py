@@ -14,7 +14,7 @@ from jaxgear._response._sweep_features import WAYS
 from jaxgear._response._transmission import transmission_error
 from jaxgear._system._model import PairModel
 from jaxgear.study._dynamics import Dynamics
-from jaxgear.study._results import Entry, dataset_of, over
+from jaxgear.study._results import Entries, Entry, dataset_of, over
 from jaxgear.study._statics import SolverFailure
 from jaxgear.study._statics_summary import bearings_of
 from jaxgear.study._sweeping import Response, Sweep
@@ -67,7 +67,7 @@ def _each(sweep: Sweep, value: Callable[[Response], Any]) -> np.ndarray:
     return np.asarray([[value(r) for r in own] for own in sweep.responses.values()])
 
 
-def _over_speeds(sweep: Sweep) -> dict[str, Entry]:
+def _over_speeds(sweep: Sweep) -> Entries:
     numbers = {
         name: (_each(sweep, lambda r, of=name.removesuffix("_um"): getattr(r.numbers, of)), words)
         for name, words in _NUMBERS.items()
@@ -97,7 +97,7 @@ def _orders(sweep: Sweep) -> np.ndarray:
     return order if has_halves else order[1::2]
 
 
-def _over_orders(sweep: Sweep, model: PairModel) -> dict[str, Entry]:
+def _over_orders(sweep: Sweep, model: PairModel) -> Entries:
     orders = _orders(sweep)
     kept = np.rint(2.0 * orders).astype(int) - 1
     error = _each(sweep, lambda r: r.numbers.te_order[kept])
@@ -139,7 +139,7 @@ def _middles(dynamics: PairDynamics, cycles: int) -> np.ndarray:
     return np.concatenate([middles + i * table.periods for i in range(cycles)])
 
 
-def _over_phase(dynamics: PairDynamics, sweep: Sweep) -> dict[str, Entry]:
+def _over_phase(dynamics: PairDynamics, sweep: Sweep) -> Entries:
     """The last cycle of each response, or the last two where some need them."""
     table = dynamics.system.table
     longer = _each(sweep, lambda r: r.settled and r.periods > table.periods).any()
@@ -159,7 +159,7 @@ def _over_phase(dynamics: PairDynamics, sweep: Sweep) -> dict[str, Entry]:
     )
 
 
-def _over_points(sweep: Sweep) -> dict[str, Entry]:
+def _over_points(sweep: Sweep) -> Entries:
     """The branch that was followed, piece after piece."""
     if not sweep.curves:
         return {}
@@ -176,7 +176,7 @@ def _over_points(sweep: Sweep) -> dict[str, Entry]:
     )
 
 
-def _excited_modes(dynamics: Dynamics) -> dict[str, Entry]:
+def _excited_modes(dynamics: Dynamics) -> Entries:
     """The few modes that the mesh shakes most, for pictures to mark."""
     share, frequency = (np.asarray(x) for x in (dynamics.modes.mesh, dynamics.modes.frequency))
     most = np.argsort(-share, kind="stable")[:3]
