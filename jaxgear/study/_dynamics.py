@@ -24,33 +24,26 @@ from jaxgear._kept_programs import QUICKLY
 from jaxgear._system._model import PairModel
 from jaxgear.scene._build import grid_of, law_of, model_of
 from jaxgear.scene._scene import Scene
-from jaxgear.scene._tables import DampingKeys
+from jaxgear.scene._tables import DampingKeys, SweepKeys
 from jaxgear.study._result import Summary
 from jaxgear.study._running import timed
-from jaxgear.study._statics import (
-    Statics,
-    require_solved,
-    settled_statics,
-    solve_statics,
-)
+from jaxgear.study._statics import Statics, require_solved, settled_statics, solve_statics
 
 # A harmonic balance of more unknowns takes longer than a march.
 MOST_UNKNOWNS = 600
 
 
-def speeds_of(scene: Scene) -> np.ndarray:
-    """Speeds of the pinion that a scene sweeps over, rising, each once [rad/s]."""
-    key = "sweep.pinion_speed_rad_s"
-    if scene.get(f"{key}.points") is not None:
-        ends = scene[f"{key}.from"], scene[f"{key}.to"]
-        return np.linspace(*ends, scene[f"{key}.points"])
-    return np.unique(np.asarray(scene[key], dtype=float))
+def speeds_of(asked: SweepKeys) -> np.ndarray:
+    """Speeds of the pinion that are swept over, rising, each once [rad/s]."""
+    given = asked.pinion_speed_rad_s
+    if isinstance(given, list):
+        return np.unique(np.asarray(given, dtype=float))
+    return np.linspace(given.from_, given.to, given.points)
 
 
-def directions_of(scene: Scene) -> tuple[Direction, ...]:
-    """Directions in which a scene is swept."""
-    chosen = scene.sweep.direction
-    return ("up", "down") if chosen == "both" else (chosen,)
+def directions_of(asked: SweepKeys) -> tuple[Direction, ...]:
+    """Directions of a sweep."""
+    return ("up", "down") if asked.direction == "both" else (asked.direction,)
 
 
 def damping_of(damping: DampingKeys) -> AbstractDamping:
@@ -71,7 +64,7 @@ def dynamics_of(scene: Scene, model: PairModel, grid: MeshGrid | None = None) ->
     Real values of the scene may be traced, if a grid is given.
     """
     grid = dynamic_grid_of(scene, model) if grid is None else grid
-    return _in_motion(model, grid, damping_of(scene.damping), _wanted_of(scene))
+    return pair_dynamics(model, grid, damping_of(scene.damping), **vars(_wanted_of(scene)))
 
 
 class _Wanted(eqx.Module):
@@ -98,17 +91,11 @@ def _wanted_of(scene: Scene) -> _Wanted:
     )
 
 
-def _in_motion(
-    model: PairModel, grid: MeshGrid, damping: AbstractDamping, choices: _Wanted
-) -> PairDynamics:
-    return pair_dynamics(model, grid, damping, **vars(choices))
-
-
 def _with_modes(
     model: PairModel, grid: MeshGrid, damping: AbstractDamping, choices: _Wanted
 ) -> tuple[PairDynamics, Modes]:
     """A pair in motion, and its natural modes."""
-    pair = _in_motion(model, grid, damping, choices)
+    pair = pair_dynamics(model, grid, damping, **vars(choices))
     return pair, pair_modes(pair)
 
 
@@ -124,31 +111,30 @@ def size_of(dynamics: PairDynamics) -> Size:
     return Size(dynamics.system.vectors.shape[1], dynamics.system.table.periods)
 
 
-def unknowns_of(scene: Scene, size: Size) -> int:
+def unknowns_of(asked: SweepKeys, size: Size) -> int:
     """Number of unknowns of harmonic balance."""
-    return size.coordinates * (2 * scene.sweep.harmonics * size.periods + 1)
+    return size.coordinates * (2 * asked.harmonics * size.periods + 1)
 
 
-def method_name(scene: Scene, size: Size) -> str:
+def method_name(asked: SweepKeys, size: Size) -> str:
     """The method of a sweep: what the scene says, or what it leaves to the program."""
-    chosen = scene.sweep.method
-    if chosen != "auto":
-        return chosen
-    return "harmonic" if unknowns_of(scene, size) <= MOST_UNKNOWNS else "newmark"
+    if asked.method != "auto":
+        return asked.method
+    return "harmonic" if unknowns_of(asked, size) <= MOST_UNKNOWNS else "newmark"
 
 
 def settings_of(scene: Scene, size: Size) -> SweepSettings:
     """How a scene is swept: by harmonic balance as long as a cycle is not too long for it."""
-    law = law_of(scene)
-    cycles = max(4, -(-scene.sweep.cycles // size.periods))
+    law, asked = law_of(scene), scene.sweep
+    cycles = max(4, -(-asked.cycles // size.periods))
     method: HarmonicBalance | Shooting | Marching
-    match method_name(scene, size):
+    match method_name(asked, size):
         case "newmark":
             method = Marching(stepper=Newmark(), law=law, cycles=cycles)
         case "shooting":
             method = Shooting(law=law)
         case _:
-            method = HarmonicBalance(law=law, harmonics=scene.sweep.harmonics)
+            method = HarmonicBalance(law=law, harmonics=asked.harmonics)
     shooting = Shooting(law=law, warm_up=0, most_steps=10)
     return SweepSettings(method, shooting, cycles, kept=max(1, 10 // size.periods))
 

@@ -55,11 +55,7 @@ def loads_summary(dataset: xr.Dataset) -> Summary:
 class Teeth(NamedTuple):
     """The teeth of a gear over the tooth pairs of a cycle, and the holes in its web.
 
-    **Fields:**
-
-    - `gear`: `pinion` or `wheel`.
-    - `count`: number of teeth.
-    - `holes`: middle and half width of each, shape `[hole, 2]` [rad].
+    Of each hole its middle and its half width, shape `[hole, 2]` [rad].
     """
 
     gear: str

@@ -168,7 +168,7 @@ def steady_gradients(
     keys, and the response of what is built, are differentiated one after the other, and chained. No
     rows of a law whose point says why there are none.
     """
-    speeds = speeds_of(scene)
+    speeds = speeds_of(scene.sweep)
     speed = float(speeds[len(speeds) // 2])
     keys = keys_in_motion(scene) if only is None else Keys(scene, only)
     build, centre = builder(keys), jnp.append(keys.centre, speed)

@@ -29,15 +29,7 @@ from jaxgear.study._statics import Statics
 
 
 class Criterion(NamedTuple):
-    """What a scene may make small, or trade.
-
-    **Fields:**
-
-    - `kind`: the objective, or of those over speeds the number of a response.
-    - `unit`: of its value.
-    - `words`: what it is.
-    - `over_speeds`: whether it looks at the speeds of [sweep].
-    """
+    """What a scene may make small, or trade: its objective, or number of responses over speeds."""
 
     kind: Callable[..., Any]
     unit: str
@@ -179,7 +171,7 @@ def _at_speeds(scene: Scene, name: str, grid: MeshGrid) -> optimise.OverSpeeds:
     entry = min(max(entry, fewest), steps - fewest)
     return optimise.OverSpeeds(
         response=CRITERIA[name].made(asked),
-        speeds=jnp.asarray(speeds_of(scene)),
+        speeds=jnp.asarray(speeds_of(scene.sweep)),
         grid=dataclasses.replace(grid, phases=steps, entry_phases=entry),
         damping=damping,
         method=HarmonicBalance(harmonics=scene.sweep.harmonics, averaged=True),

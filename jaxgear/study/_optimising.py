@@ -83,15 +83,7 @@ def optimise(scene: Scene, memory: Path | None = None) -> Result:
 
 
 class _Posed(NamedTuple):
-    """What is searched.
-
-    **Fields:**
-
-    - `space`: variables of the scene.
-    - `grid`: of the quasi-static cycles.
-    - `prepared`: the meshes, where the variables leave them as they are.
-    - `scatter`: what [robust] lets scatter, if it is there.
-    """
+    """What is searched: meshes where variables leave them as they are, scatter where asked for."""
 
     space: DesignSpace
     grid: MeshGrid

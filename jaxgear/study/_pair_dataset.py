@@ -25,9 +25,10 @@ from jaxgear._geometry._sliding import sliding_speed, specific_sliding
 from jaxgear._kept_programs import called
 from jaxgear._system._model import PairModel
 from jaxgear._types import as_scalar
+from jaxgear._units import mm
 from jaxgear.scene._schema import GEARS
 from jaxgear.scene._teeth import tooth_outline
-from jaxgear.study._results import dataset_of, over
+from jaxgear.study._results import dataset_of, over, told
 
 _TEETH_SHOWN = 7
 # Of the pair, of both gears.
@@ -159,21 +160,15 @@ def sliding_dataset(
     slid, about = called(_slid, pair), "sliding over rolling speed of the {}'s flank"
     speed = np.nan if pinion_speed is None else pinion_speed
     return dataset_of(
-        over(
+        told(
             "place",
             roll_mm=(slid.roll, "roll length from the pinion's base tangent point"),
             diameter_pinion_mm=(slid.diameter[0], "diameter at which the pinion touches"),
             diameter_wheel_mm=(slid.diameter[1], "diameter at which the wheel touches"),
             specific_sliding_pinion=(slid.specific[0], about.format("pinion")),
             specific_sliding_wheel=(slid.specific[1], about.format("wheel")),
-            sliding_over_pitch_line_speed=(
-                slid.speed / pair.working_pitch_radius[0],
-                "sliding over pitch line speed",
-            ),
-            sliding_speed_per_pinion_speed_mm=(
-                slid.speed,
-                "sliding speed over that of the pinion",
-            ),
+            sliding_over_pitch_line_speed=(slid.over_pitch_line, "sliding over pitch line speed"),
+            sliding_speed_per_pinion_speed_mm=(slid.speed, "sliding speed over that of the pinion"),
         )
         | over(
             "",
@@ -185,19 +180,22 @@ def sliding_dataset(
 
 
 class _Slid(NamedTuple):
-    """Sliding at places of the path: roll length and diameters [m], specific, and speed [m]."""
+    """Sliding at places of the path: roll length, diameters and speed in mm, and without a unit."""
 
     roll: Array
     diameter: Array
     specific: Array
     speed: Array
+    over_pitch_line: Array
 
 
 def _slid(pair: GearPair) -> _Slid:
     roll = jnp.linspace(pair.path_start, pair.path_end, _PLACES)
     slides, specific = sliding_speed(pair, roll, as_scalar(1.0)), specific_sliding(pair, roll)
     rolls = jnp.stack([roll, pair.tangent_length - roll])
-    return _Slid(roll, 2.0 * jnp.hypot(pair.base_radius[:, None], rolls), specific, slides)
+    diameter = 2.0 * jnp.hypot(pair.base_radius[:, None], rolls)
+    over_pitch_line = slides / pair.working_pitch_radius[0]
+    return _Slid(roll / mm, diameter / mm, specific, slides / mm, over_pitch_line)
 
 
 # --- Modifications

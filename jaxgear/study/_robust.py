@@ -91,13 +91,8 @@ _NOTHING = 1e-9
 class JudgedDesign(NamedTuple):
     """A design in gears as they are made, with exact contact.
 
-    **Fields:**
-
-    - `point`: values of the variables, in the units of their keys.
-    - `fresh`: objective in each gear of the fresh sample, in its own unit.
-    - `limited`: responses that have limits, `[gear, limit]`, in the unit of each.
-    - `at_means`: objective of the gear without deviations.
-    - `influence`: of each quantity.
+    The objective in each gear of the fresh sample, the responses that have limits `[gear, limit]`,
+    and the objective of the gear without deviations, each in its own unit.
     """
 
     point: np.ndarray
@@ -108,18 +103,11 @@ class JudgedDesign(NamedTuple):
 
 
 class Hardened(NamedTuple):
-    """Nominal and robust optimum, judged alike.
+    """Nominal and robust optimum, judged alike, and the search that made the robust one.
 
-    **Fields:**
-
-    - `scatter`: for which the robust one was made.
-    - `nominal`, `robust`: the designs.
-    - `found`: the search.
-    - `method`: its name.
-    - `widths`: of the smooth quantiles of the objective and of each limited response.
-    - `began`: the smooth measure of the nominal optimum over the sample searched with.
-    - `seconds`: of the search, with compiling [s].
-    - `prepare_s`: of preparing what no variable changes [s].
+    The widths are those of the smooth quantiles of the objective and of each limited response; the
+    search began at this smooth measure of the nominal optimum. Seconds are with compiling; what no
+    variable changes was prepared before.
     """
 
     scatter: Scatter

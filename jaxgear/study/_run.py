@@ -154,7 +154,7 @@ def statics_result(scene: Scene, statics: Statics, torques: np.ndarray) -> Resul
 def _told_speed(scene: Scene) -> float | None:
     """The highest speed of the sweep, or that at which condensed bodies grow [rad/s]."""
     if scene.has_table("sweep"):
-        return float(np.max(speeds_of(scene)))
+        return float(np.max(speeds_of(scene.sweep)))
     return scene.mesh.pinion_speed_rad_s if scene.condensed else None
 
 

@@ -39,13 +39,9 @@ _ALIGNMENT = (_INCLINATION, _DEVIATION)
 
 
 class Tolerated(NamedTuple):
-    """One random deviation of a tolerance class.
+    """One random deviation of a tolerance class: of the pinion, 0, or the wheel, 1.
 
-    **Fields:**
-
-    - `gear`: 0 is the pinion, 1 the wheel.
-    - `kind`: `profile slope`, `profile form`, `helix slope` or `pitch`.
-    - `tooth`: the tooth whose pitch it is, or -1.
+    Kinds are `profile slope`, `profile form`, `helix slope`, and `pitch` of a tooth, elsewhere -1.
     """
 
     gear: int

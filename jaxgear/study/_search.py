@@ -48,18 +48,11 @@ TOO_FEW_SPEEDS = (
 
 
 class Search(NamedTuple):
-    """How a scene is searched.
+    """How a scene is searched, within the limits.
 
-    **Fields:**
-
-    - `name`: of the method.
-    - `objective`: one number to make small at many points, for searches that know no limits: what
-        is beyond a limit is added to it.
-    - `slopes`: what the method evaluates, with derivatives, at a point with a width of smooth
-        contact [m].
-    - `number`: the objective among its values.
-    - `descend`: from a start, told what to call after each evaluation; within the limits.
-    - `limits`: that are kept.
+    The objective is one number at many points, with what is beyond a limit added to it; the slopes
+    are what the method evaluates, with derivatives, at a point with a width of smooth contact [m];
+    `number` is the objective among their values. `descend` calls a watcher after each evaluation.
     """
 
     name: str
@@ -154,14 +147,9 @@ def require_acting(search: Search, space: DesignSpace) -> None:
 
 
 class Searched(NamedTuple):
-    """What a search found.
+    """The best by gradient, and by differential evolution, from where it may have been restarted.
 
-    **Fields:**
-
-    - `found`: the best by gradient.
-    - `baseline`: the best by differential evolution.
-    - `restarted`: whether the search went on from there.
-    - `seconds`: of the search by gradient, with compiling [s].
+    The seconds are those of the search by gradient, with compiling.
     """
 
     found: optimise.SearchResult

@@ -139,7 +139,7 @@ def steady_sensitivities(scene: Scene) -> tuple[xr.Dataset | None, list[SteadyPo
 
     Contact is exact; `None` if no response has any. Says how each speed went.
     """
-    every = speeds_of(scene)
+    every = speeds_of(scene.sweep)
     places = np.unique(np.round(np.linspace(0, len(every) - 1, _FEW_SPEEDS)).astype(int))
     keys = keys_in_motion(scene)
     names, centre = (*keys.names, SPEED), jnp.append(keys.centre, every[0])

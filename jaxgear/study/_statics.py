@@ -47,13 +47,9 @@ class SolverFailure(RuntimeError):
 
 
 class Mounts(NamedTuple):
-    """Means over a cycle of what the mesh does to the gears and their bearings.
+    """Means over a cycle: motion of each gear [m, rad] and wrench of the mesh on it [N, N m].
 
-    **Fields:**
-
-    - `motion`: of each gear [m, rad].
-    - `wrench`: of the mesh on each gear [N, N m].
-    - `bearings`: displacement and load of each bearing [m, N, N m].
+    Of each bearing displacement and load.
     """
 
     motion: Reals

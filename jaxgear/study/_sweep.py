@@ -53,7 +53,7 @@ def sweep_result(scene: Scene, dynamics: Dynamics) -> Result:
     """
     require_damped(scene, dynamics)
     watch = _wave_watch(scene, dynamics)
-    count = len(speeds_of(scene)) * len(directions_of(scene))
+    count = len(speeds_of(scene.sweep)) * len(directions_of(scene.sweep))
     with progress(count, "sweep") as done:
         found = sweep_of(scene, dynamics.pair, done, watch)
     dataset, orbit = sweep_dataset(dynamics, found), orbit_dataset(dynamics, found)

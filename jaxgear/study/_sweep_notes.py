@@ -63,10 +63,10 @@ def _beyond_reach(scene: Scene) -> list[str]:
         return []
     square, gear, basis = max(each, key=lambda row: row[0])
     frequency, mode = math.sqrt(square) / (2.0 * math.pi), int(np.argmax(basis.square))
-    speeds, teeth = speeds_of(scene), scene.pinion.teeth
+    speeds, teeth = speeds_of(scene.sweep), scene.pinion.teeth
     # Approach and tilt stand beside the mesh coordinates.
     size = Size(2 + scene.model.at_mesh, scene.mesh.periods)
-    harmonic = method_name(scene, size) == "harmonic"
+    harmonic = method_name(scene.sweep, size) == "harmonic"
     key = "sweep.harmonics" if harmonic else "sweep.steps"
     # Up to which multiple of the mesh frequency a response is followed, and what that takes.
     per = 1.0 if harmonic else 1.0 / STEPS_IN_PERIOD

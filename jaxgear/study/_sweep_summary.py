@@ -39,9 +39,9 @@ def sweep_summary(scene: Scene, dynamics: Dynamics, sweep: Sweep, dataset: xr.Da
         "doublings_rad_s": special("doublings"),
         "tori_rad_s": special("tori"),
         "unsettled_count": sweep.unsettled,
-        "method": method_name(scene, size),
+        "method": method_name(scene.sweep, size),
         "steps": scene.sweep.steps,
-        "unknowns": unknowns_of(scene, size),
+        "unknowns": unknowns_of(scene.sweep, size),
         "seconds_with_compiling": sweep.seconds,
     }
 

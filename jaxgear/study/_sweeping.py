@@ -172,18 +172,6 @@ def branches(
     return tuple(piece for piece in pieces if piece.speed.size)
 
 
-def _continued(scene: Scene, dynamics: PairDynamics) -> bool:
-    """Whether the branch is followed round its folds."""
-    asked = (
-        scene.sweep.direction == "both"
-        if scene.sweep.continuation is None
-        else scene.sweep.continuation
-    )
-    return (
-        asked and method_name(scene, size_of(dynamics)) == "harmonic" and len(speeds_of(scene)) > 1
-    )
-
-
 def sweep_of(
     scene: Scene,
     dynamics: PairDynamics,
@@ -191,7 +179,11 @@ def sweep_of(
     watch: Watch | None = None,
 ) -> Sweep:
     """Sweep a scene in all its directions, and follow its branch."""
-    speeds, seconds = speeds_of(scene), {}
+    speeds, seconds, asked = speeds_of(scene.sweep), {}, scene.sweep.continuation
+    if asked is None:
+        asked = scene.sweep.direction == "both"
+    harmonic = method_name(scene.sweep, size_of(dynamics)) == "harmonic"
+    asked = asked and harmonic and len(speeds) > 1
     responses: dict[Direction, tuple[Response, ...]] = {}
     stopped = False
 
@@ -209,10 +201,9 @@ def sweep_of(
     # Most of the time goes into compiling, and both have programs of their own.
     with concurrent.futures.ThreadPoolExecutor(1) as pool:
         follow = lambda: branches(scene, dynamics, speeds, going_on)
-        asked = _continued(scene, dynamics)
         curves = pool.submit(clocked, "continuation", follow) if asked else None
         try:
-            for way in directions_of(scene):
+            for way in directions_of(scene.sweep):
                 one = functools.partial(swept, scene, dynamics, speeds, way, done, watch)
                 responses[way] = clocked(way, one)
         except BaseException:
