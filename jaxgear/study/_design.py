@@ -1,7 +1,5 @@
 """The variables of [optimise]: their bounds, what follows them, and which cannot be varied."""
 
-from typing import Any
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -17,7 +15,7 @@ from jaxgear._units import mm
 from jaxgear.scene._build import shared_places
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS, split_entry, unit_of
-from jaxgear.study._evaluations import Variation, variation_of
+from jaxgear.study._evaluations import Updates, Variation, variation_of
 from jaxgear.study._statics import torques_of
 
 
@@ -43,14 +41,14 @@ class DesignSpace(eqx.Module):
     start: np.ndarray
     box: optimise.Box
 
-    def updates(self, values: Reals | np.ndarray) -> dict[str, Any]:
+    def updates(self, values: Reals | np.ndarray) -> Updates:
         """Scene keys and their values at a point of the space, in the units of the keys."""
         pairs = dict(zip(self.keys, values, strict=True))
         if self.symmetric:
             pairs |= {twin(key): value for key, value in pairs.items()}
         return pairs | {key: pairs[owner] for key, owner in self.ties}
 
-    def numbers(self, point: np.ndarray) -> dict[str, float]:
+    def numbers(self, point: np.ndarray) -> Updates:
         """The same as plain numbers."""
         return {key: float(value) for key, value in self.updates(np.asarray(point)).items()}
 

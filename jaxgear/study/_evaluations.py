@@ -28,6 +28,9 @@ from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import split_entry
 from jaxgear.study._running import timed
 
+# Values of keys by path, in the units of the file.
+Updates = dict[str, Any]
+
 
 class Wording:
     """What a scene says apart from some of its numbers: all that a program is made from.
@@ -62,10 +65,10 @@ class Variation(eqx.Module):
     """
 
     wording: Wording = eqx.field(static=True)
-    numbers: dict[str, Any]
+    numbers: Updates
     base: PairModel | None
 
-    def model(self, updates: dict[str, Any]) -> PairModel:
+    def model(self, updates: Updates) -> PairModel:
         """The model with other values of some keys, in the units of the keys."""
         scene = self.wording.scene
         # To be told a number again is not to have been given it: some are left out if nobody was.
@@ -136,20 +139,31 @@ class Task(eqx.Module):
 
 def objective_at(task: Task, values: Reals, law: AbstractContactLaw) -> Scalar:
     """The objective over all torques; NaN where a cycle was not solved."""
-    own = task.model, task.objective, task.torques
-    return optimise.over_torques(*own, **_how(task, law))(values)
+    return optimise.over_torques(
+        task.model,
+        task.objective,
+        task.torques,
+        grid=task.grid,
+        law=law,
+        worst=task.worst,
+        prepared=task.prepared,
+        batched=task.batched,
+    )(values)
 
 
 def responses_at(task: Task, values: Reals, law: AbstractContactLaw) -> Reals:
     """The objective and the responses that have limits, over all torques."""
-    own = task.model, task.objective, task.limited, task.torques
-    return optimise.responses_over_torques(*own, **_how(task, law))(values)
-
-
-def _how(task: Task, law: AbstractContactLaw) -> dict[str, Any]:
-    """What both kinds of evaluation take by name."""
-    names = ("grid", "worst", "prepared", "batched")
-    return {name: getattr(task, name) for name in names} | {"law": law}
+    return optimise.responses_over_torques(
+        task.model,
+        task.objective,
+        task.limited,
+        task.torques,
+        grid=task.grid,
+        law=law,
+        worst=task.worst,
+        prepared=task.prepared,
+        batched=task.batched,
+    )(values)
 
 
 def residuals_at(task: Task, values: Reals, law: AbstractContactLaw) -> Reals:

@@ -23,7 +23,7 @@ from jaxgear.scene._study_tables import OptimiseKeys
 from jaxgear.study._design import DesignSpace
 from jaxgear.study._dynamics import damping_of, speeds_of
 from jaxgear.study._evaluations import Task
-from jaxgear.study._results import Entry
+from jaxgear.study._results import Entries, Entry
 from jaxgear.study._running import timed
 from jaxgear.study._statics import Statics
 
@@ -104,9 +104,7 @@ def _named(scene: Scene, name: str, grid: MeshGrid) -> optimise.AbstractObjectiv
     )
 
 
-def in_unit(
-    name: str, dims: tuple[str, ...], values: ArrayLike, unit: str, words: str
-) -> dict[str, Entry]:
+def in_unit(name: str, dims: tuple[str, ...], values: ArrayLike, unit: str, words: str) -> Entries:
     """A variable of a dataset whose unit ends its name; `-` stands for none."""
     if unit == "-":
         return {name: Entry(dims, values, "1", words)}

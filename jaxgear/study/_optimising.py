@@ -254,7 +254,7 @@ def _judged(
     return summary, notes
 
 
-def _numbers_of(statics: Statics, objective: float) -> dict[str, float]:
+def _numbers_of(statics: Statics, objective: float) -> Summary:
     """Objective with exact contact over all torques, and what changed at the scene's torque."""
     names = ("te_mean_um", "te_rms_um", "te_peak_to_peak_um", "max_line_load_N_mm")
     names += "max_pressure_MPa", "face_load_factor"

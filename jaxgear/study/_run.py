@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 
 from jaxgear._geometry._lines import MeshGrid
-from jaxgear._units import um
 from jaxgear.scene._build import couples_on_pinion, grid_of, model_of
 from jaxgear.scene._scene import Scene
 from jaxgear.study._body_surfaces import body_sections
@@ -20,7 +19,7 @@ from jaxgear.study._pair_dataset import (
 )
 from jaxgear.study._progress import built_scene, narration, progress
 from jaxgear.study._result import Result, titled, together
-from jaxgear.study._results import Entry, static_dataset
+from jaxgear.study._results import dataset_of, over, static_dataset
 from jaxgear.study._search_checks import require_searchable
 from jaxgear.study._shafts import shafts_dataset
 from jaxgear.study._sizing import combinations_of, sizing_summary, sizing_table
@@ -110,15 +109,11 @@ def statics_result(scene: Scene, statics: Statics, torques: np.ndarray) -> Resul
     """Datasets and summary of a solved mesh cycle, with the torques of the Harris map [N m]."""
     model, summary, files = statics.model, head(scene, statics), {}
     static = summary["static"]
+    efficiency, friction = static["mesh_efficiency"], static["friction_coefficient"]
     groups = {
         "pair": pair_dataset(model.pair),
         "axes": axes_dataset(model.pair),
-        "sliding": sliding_dataset(
-            model.pair,
-            static["mesh_efficiency"],
-            static["friction_coefficient"],
-            _told_speed(scene),
-        ),
+        "sliding": sliding_dataset(model.pair, efficiency, friction, _told_speed(scene)),
     }
     if not scene.has_table("optimise"):
         # A search shows them beside those that it finds.
@@ -127,14 +122,14 @@ def statics_result(scene: Scene, statics: Statics, torques: np.ndarray) -> Resul
         sections = body_sections(scene)
         groups["shafts"] = shafts_dataset(model, statics.cycle, static["bearings"], sections)
     cycle = static_dataset(model, statics.cycle, statics.law)
-    over = ("torque", "phase")
-    error = Entry(over, statics.harris / um, "um", "transmission error over torque and phase")
-    amplitudes = statics.harris_harmonics / um
-    harmonics = Entry(("torque", "harmonic"), amplitudes, "um", "amplitudes of its mesh harmonics")
-    torque = Entry(("torque",), torques, "N m", "torque on the pinion")
-    cycle = cycle.assign_coords(torque_Nm=torque.variable()).assign(
-        harris_te_um=error.variable(), harris_te_harmonic_um=harmonics.variable()
+    error = statics.harris, "transmission error over torque and phase"
+    harmonics = statics.harris_harmonics, "amplitudes of its mesh harmonics"
+    harris = dataset_of(
+        over("torque phase", harris_te_um=error)
+        | over("torque harmonic", harris_te_harmonic_um=harmonics),
+        **over("torque", torque_Nm=(torques, "torque on the pinion")),
     )
+    cycle = cycle.assign_coords(harris.coords).assign(harris.data_vars)
     if scene.bodies:
         from jaxgear.study import _body_answers, _body_fields, _hybrid_dataset
 

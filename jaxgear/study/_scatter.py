@@ -26,7 +26,6 @@ from jaxgear._types import Reals, Scalar
 from jaxgear._units import um
 from jaxgear.scene._build import flanks_of, model_of
 from jaxgear.scene._key import show
-from jaxgear.scene._scatter_checks import scattered_key
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS, KEYS, general, split_entry
 from jaxgear.study._design import AMOUNTS, DesignSpace
@@ -68,9 +67,7 @@ class Scatter(eqx.Module):
     @property
     def _light(self) -> bool:
         """Whether gears of the sample differ in flanks, alignment and torque alone."""
-        own = (*_ALIGNMENT, _TORQUE)
-        only = all(key.startswith("flank.") or key in own for key in self.keys)
-        return self.space.flanks_only and only
+        return self.space.flanks_only and all(map(_is_light, self.keys))
 
     @property
     def same_mesh(self) -> bool:
@@ -80,35 +77,37 @@ class Scatter(eqx.Module):
     @property
     def same_lines(self) -> bool:
         """Whether what scatters leaves the contact lines where they are."""
-        mounts = (".shaft.", ".support.", ".material.")
-        own = (*_ALIGNMENT, _TORQUE)
+        beside = "material.", "mesh."
+        within = ".shaft.", ".support.", ".material."
         return all(
-            key.startswith(("flank.", "material.", "mesh."))
-            or key in own
-            or any(mount in key for mount in mounts)
+            _is_light(key) or key.startswith(beside) or any(part in key for part in within)
             for key in self.keys
         )
 
-    def model(self, values: Reals, drawn: Reals, torque: Scalar) -> PairModel:
-        """The model of one gear of the sample; traceable by JAX.
+    def torques(self, drawn: Reals) -> Reals:
+        """The torques on the pinion of one gear of the sample [N m]."""
+        more = dict(zip(self.keys, drawn, strict=False)).get(_TORQUE, 0.0)
+        return jnp.asarray(self.space.torques) + more
 
-        The torque [N m] is the one about which it may scatter.
-        """
+    def model(self, values: Reals, drawn: Reals) -> PairModel:
+        """The model of one gear of the sample, whatever its torque; traceable by JAX."""
         scene, base = self.space.scene, self.space.base
-        by = dict(zip(self.keys, drawn, strict=False))
-        torque = torque + by.pop(_TORQUE, 0.0)
+        by = {key: more for key, more in zip(self.keys, drawn, strict=False) if key != _TORQUE}
         updates = self.space.updates(values)
         updates |= {key: updates.get(key, scene[key]) + more for key, more in by.items()}
         scene = scene.replace(updates)
         if self._light:
             alignment = Misalignment(*(scene[key] * um for key in _ALIGNMENT))
-            model = eqx.tree_at(
-                lambda m: (m.flanks, m.misalignment), base, (flanks_of(scene, base.pair), alignment)
-            )
+            own = flanks_of(scene, base.pair), alignment
+            model = eqx.tree_at(lambda m: (m.flanks, m.misalignment), base, own)
         else:
             model = model_of(scene)
         flanks = _deviated(scene, model, self.tolerated, drawn[len(self.keys) :])
-        return eqx.tree_at(lambda m: (m.flanks, m.torque), model, (flanks, torque))
+        return eqx.tree_at(lambda m: m.flanks, model, flanks)
+
+
+def _is_light(key: str) -> bool:
+    return key.startswith("flank.") or key in (*_ALIGNMENT, _TORQUE)
 
 
 def _deviated(
@@ -145,11 +144,9 @@ def _out_of_place(
 
 def scatter_of(space: DesignSpace, pair: GearPair, teeth: np.ndarray) -> Scatter:
     """What [robust] lets scatter about a design, the pitch errors of the teeth in mesh too."""
-    scene, paths = space.scene, {}
-    for path, value in scene.values.items():
-        if key := scattered_key(path):
-            paths[key] = path, float(value), path.startswith("robust.even.")
-    dead = [key for key in paths if key not in scene.real_keys() or key == "mesh.smoothing_um"]
+    scene, even = space.scene, space.scene.robust.even
+    spread = {**scene.robust.scatter, **even}
+    dead = [key for key in spread if key not in scene.real_keys() or key == "mesh.smoothing_um"]
     if dead:
         raise InputError(
             f"[robust] lets {', '.join(dead)} scatter, on which no objective depends: the "
@@ -157,17 +154,17 @@ def scatter_of(space: DesignSpace, pair: GearPair, teeth: np.ndarray) -> Scatter
             "uses it. Remove it."
         )
     named = [
-        optimise.Quantity(key, 0.0, value / math.sqrt(3.0) if even else value, even)
-        for key, (_, value, even) in paths.items()
+        optimise.Quantity(key, 0.0, value / math.sqrt(3.0) if key in even else value, key in even)
+        for key, value in spread.items()
     ]
     tolerated = _tolerated(scene, pair, teeth)
     found = Scatter(
         space=space,
-        keys=tuple(paths),
+        keys=tuple(spread),
         tolerated=tuple(each for each, _ in tolerated),
         quantities=(*named, *(quantity for _, quantity in tolerated)),
     )
-    _require_range(found, {key: path for key, (path, *_) in paths.items()})
+    _require_range(found)
     return found
 
 
@@ -202,12 +199,12 @@ def _tolerated(
     return found
 
 
-def _require_range(scatter: Scatter, paths: dict[str, str]) -> None:
+def _require_range(scatter: Scatter) -> None:
     """Refuse a scatter that leaves the range of its key, as a torque below zero."""
     scene, space = scatter.space.scene, scatter.space
     every = np.concatenate([*samples_of(scatter), optimise.moved_alone(scatter.quantities)])
     ends = [space.updates(jnp.asarray(end)) for end in (space.box.lower, space.box.upper)]
-    for column, (key, path) in enumerate(paths.items()):
+    for column, key in enumerate(scatter.keys):
         rule = KEYS[general(split_entry(key)[0])]
         least, most = float(every[:, column].min()), float(every[:, column].max())
         if key.startswith("flank.") and key.rpartition(".")[2] in AMOUNTS:
@@ -225,6 +222,7 @@ def _require_range(scatter: Scatter, paths: dict[str, str]) -> None:
             what, remedy = f"{low:g}", "change it"
         if not _allowed(rule, low + least) or not _allowed(rule, high + most):
             worst = low + least if not _allowed(rule, low + least) else high + most
+            path = f"robust.{'even' if key in scene.robust.even else 'scatter'}.{key}"
             raise InputError(
                 f"{path} ({scene.where(path)}) is {show(scene[path])}: with {key} {what}, a gear "
                 f"of the sample has {worst:.4g}, but it must be {rule.allowed}. Take a smaller "
@@ -243,8 +241,6 @@ def _allowed(rule: Any, value: float) -> bool:
 
 def samples_of(scatter: Scatter) -> tuple[np.ndarray, np.ndarray]:
     """The sample to search with, and the fresh one: deviations `[gear, quantity]`."""
-    scene, seed = scatter.space.scene, scatter.space.scene.robust.seed
-    return (
-        optimise.scattered(scatter.quantities, scene.robust.samples, seed),
-        optimise.scattered(scatter.quantities, scene.robust.fresh_samples, seed + 1),
-    )
+    asked = scatter.space.scene.robust
+    drawn = lambda count, seed: optimise.scattered(scatter.quantities, count, seed)
+    return drawn(asked.samples, asked.seed), drawn(asked.fresh_samples, asked.seed + 1)

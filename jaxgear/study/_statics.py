@@ -46,6 +46,10 @@ class SolverFailure(RuntimeError):
     """A computation on a good scene that found no answer."""
 
 
+# Of the summary, the unit in each key.
+Numbers = dict[str, Scalar]
+
+
 class Mounts(NamedTuple):
     """Means over a cycle: motion of each gear [m, rad] and wrench of the mesh on it [N, N m].
 
@@ -80,8 +84,8 @@ class Statics(eqx.Module):
     law: AbstractContactLaw
     cycle: MeshCycle
     prepared: PreparedMesh | None
-    numbers: dict[str, Scalar]
-    standard: dict[str, Scalar]
+    numbers: Numbers
+    standard: Numbers
     mounts: Mounts
     angle_change: Scalar
     harris: np.ndarray
@@ -98,14 +102,14 @@ def solve_statics(scene: Scene, torques: np.ndarray | None = None) -> Statics:
     all_torques = np.concatenate([[float(model.torque)], more])
     found = timed(_solve, model, grid, law, all_torques, options=QUICKLY)
     require_solved(found.converged)
-    _require_bearable(model, found.told["numbers"])
+    _require_bearable(model, found.told.numbers)
     return Statics(
         model=model,
         grid=grid,
         law=law,
         cycle=found.cycle,
         prepared=found.prepared,
-        **found.told,
+        **found.told._asdict(),
         harris=np.asarray(found.error)[1:],
         harris_harmonics=np.asarray(found.harmonics)[1:],
     )
@@ -119,20 +123,20 @@ def settled_statics(
 ) -> Statics:
     """The statics of a cycle that was solved for another purpose; without further torques."""
     told = timed(_told, model, cycle, law, options=QUICKLY)
-    _require_bearable(model, told["numbers"])
+    _require_bearable(model, told.numbers)
     return Statics(
         model=model,
         grid=grid,
         law=law,
         cycle=cycle,
         prepared=None,
-        **told,
+        **told._asdict(),
         harris=np.zeros((0, grid.phases * grid.periods)),
         harris_harmonics=np.zeros((0, harmonic_count(cycle))),
     )
 
 
-def _require_bearable(model: PairModel, numbers: dict[str, Scalar]) -> None:
+def _require_bearable(model: PairModel, numbers: Numbers) -> None:
     # Weber's contact term holds while the contact is small against the tooth.
     deflection = float(numbers["single_pair_deflection_um"]) * um
     require(
@@ -145,12 +149,21 @@ def _require_bearable(model: PairModel, numbers: dict[str, Scalar]) -> None:
     )
 
 
+class _Told(NamedTuple):
+    """All that a summary says of one cycle: some fields of `Statics`."""
+
+    numbers: Numbers
+    standard: Numbers
+    mounts: Mounts
+    angle_change: Scalar
+
+
 class _Solved(NamedTuple):
     """Mesh and cycle at the first torque and what is told of it, and a few rows at all torques."""
 
     prepared: PreparedMesh
     cycle: MeshCycle
-    told: dict[str, Any]
+    told: _Told
     error: Array
     harmonics: Array
     converged: Array
@@ -172,14 +185,12 @@ def _solve(model: PairModel, grid: MeshGrid, law: AbstractContactLaw, torques: R
     return _Solved(prepared, cycle, _told(model, cycle, law), *rows)
 
 
-def _told(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> dict[str, Any]:
-    """All that a summary says of one cycle: some fields of `Statics`."""
-    return {
-        "numbers": _static_numbers(model, cycle, law),
-        "standard": _iso_numbers(model),
-        "mounts": _mean_loads(cycle),
-        "angle_change": _pressure_angle_change(model.pair),
-    }
+def _told(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> _Told:
+    # Of base radii that grow by a thousandth.
+    change = pressure_angle_change(model.pair, 1e-3 * model.pair.base_radius)[0]
+    return _Told(
+        _static_numbers(model, cycle, law), _iso_numbers(model), _mean_loads(cycle), change
+    )
 
 
 def require_solved(converged: Any) -> None:
@@ -217,12 +228,7 @@ def torques_of(scene: Scene, table: Literal["map", "optimise", "sizing"]) -> np.
     return torques
 
 
-def _pressure_angle_change(pair: GearPair) -> Scalar:
-    """Change of the pressure angle where the base radii grow by a thousandth."""
-    return pressure_angle_change(pair, 1e-3 * pair.base_radius)[0]
-
-
-def _iso_numbers(model: PairModel) -> dict[str, Scalar]:
+def _iso_numbers(model: PairModel) -> Numbers:
     """Stiffnesses of ISO 6336-1 method B, whatever stiffness the scene uses."""
     pair = model.pair
     tangential = model.mesh_torque / pair.reference_radius[0]
@@ -236,7 +242,7 @@ def _iso_numbers(model: PairModel) -> dict[str, Scalar]:
     }
 
 
-def headline(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> dict[str, Scalar]:
+def headline(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> Numbers:
     """The few numbers by which two flanks are compared; traceable by JAX."""
     error = transmission_error(model.pair, cycle)
     return {
@@ -250,9 +256,7 @@ def headline(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> dic
     }
 
 
-def _static_numbers(
-    model: PairModel, cycle: MeshCycle, law: AbstractContactLaw
-) -> dict[str, Scalar]:
+def _static_numbers(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> Numbers:
     """The `static` part of the summary; traceable by JAX."""
     pair = model.pair
     load = nominal_line_load(pair, model.mesh_torque)

@@ -1,7 +1,5 @@
 """What a summary says of a pair's geometry, its bearings and supports."""
 
-from typing import Any
-
 import numpy as np
 
 from jaxgear._geometry._pair import pair_facts
@@ -10,6 +8,7 @@ from jaxgear._system._shaft import Shaft
 from jaxgear._system._support import Support
 from jaxgear._units import deg, mm, um
 from jaxgear.scene._schema import GEARS
+from jaxgear.study._result import Summary
 from jaxgear.study._statics import Statics
 
 _OF_GEARS = (
@@ -18,7 +17,7 @@ _OF_GEARS = (
 )
 
 
-def geometry_summary(statics: Statics) -> dict[str, float]:
+def geometry_summary(statics: Statics) -> Summary:
     """The `geometry` part of the summary."""
     facts = {name: np.asarray(value) for name, value in pair_facts(statics.model.pair).items()}
     pitch, path = facts["transverse_base_pitch"], facts["path_of_contact"]
@@ -62,7 +61,7 @@ def bearings_of(model: PairModel) -> list[tuple[str, int]]:
     ]
 
 
-def mounts_summary(statics: Statics) -> dict[str, list[dict[str, Any]]]:
+def mounts_summary(statics: Statics) -> Summary:
     """Mean displacement and load of bearings, and of the gears that have none.
 
     `bearings`, the pinion's first, in the order of the scene; `supports`, the springs at a gear's
@@ -89,7 +88,7 @@ def mounts_summary(statics: Statics) -> dict[str, list[dict[str, Any]]]:
     }
 
 
-def _mount_row(motion: np.ndarray, force: np.ndarray) -> dict[str, Any]:
+def _mount_row(motion: np.ndarray, force: np.ndarray) -> Summary:
     return {
         "displacement_um": dict(zip("STZ", (motion[:3] / um).tolist(), strict=True)),
         "tilt_urad": dict(zip("ST", (1e6 * motion[3:5]).tolist(), strict=True)),
