@@ -26,8 +26,8 @@ class DesignSpace(eqx.Module):
 
     - `scene`: whose keys they are.
     - `keys`: dotted path of each variable.
-    - `symmetric`: whether the other gear's flank follows.
-    - `ties`: dotted paths of other keys, and of the variable that each follows.
+    - `ties`: dotted paths of other keys, those of the other gear's flank first, and of the variable
+        that each follows.
     - `base`: model of the scene itself.
     - `start`: value of each variable in the scene, in the unit of its key [-].
     - `box`: bounds of each variable, in the unit of its key.
@@ -35,7 +35,6 @@ class DesignSpace(eqx.Module):
 
     scene: Scene = eqx.field(static=True)
     keys: tuple[str, ...] = eqx.field(static=True)
-    symmetric: bool = eqx.field(static=True)
     ties: tuple[tuple[str, str], ...] = eqx.field(static=True)
     base: PairModel
     start: np.ndarray
@@ -44,8 +43,6 @@ class DesignSpace(eqx.Module):
     def updates(self, values: Reals | np.ndarray) -> Updates:
         """Scene keys and their values at a point of the space, in the units of the keys."""
         pairs = dict(zip(self.keys, values, strict=True))
-        if self.symmetric:
-            pairs |= {twin(key): value for key, value in pairs.items()}
         return pairs | {key: pairs[owner] for key, owner in self.ties}
 
     def numbers(self, point: np.ndarray) -> Updates:
@@ -65,8 +62,6 @@ class DesignSpace(eqx.Module):
     def moved(self) -> tuple[tuple[str, ...], ...]:
         """Each variable's key, and those of all that follows it."""
         followers = {key: [key] for key in self.keys}
-        for key in self.keys if self.symmetric else ():
-            followers[key] += {twin(key)} - {key}
         for key, owner in self.ties:
             followers[owner].append(key)
         return tuple(map(tuple, followers.values()))
@@ -79,26 +74,25 @@ class DesignSpace(eqx.Module):
 
     def require_tied_start(self) -> None:
         """Refuse a search from tied values that differ: it would start from neither."""
-        for key in self.keys if self.symmetric else ():
-            mine, other = self.scene[key], self.scene.get(twin(key))
-            if mine != other:
-                theirs = "left out" if other is None else f"{other:g}"
-                raise InputError(
-                    f"With optimise.symmetric both gears must start alike, but {key} is {mine:g} "
-                    f"and {twin(key)} is {theirs}. Make them equal, or set symmetric = false."
-                )
         for key, owner in self.ties:
             mine, other = self.scene.get(key), self.scene[owner]
+            if mine == other:
+                continue
+            if key == twin(owner):
+                theirs = "left out" if mine is None else f"{mine:g}"
+                raise InputError(
+                    f"With optimise.symmetric both gears must start alike, but {owner} is "
+                    f"{other:g} and {key} is {theirs}. Make them equal, or set symmetric = false."
+                )
             if mine is None:
                 raise InputError(
                     f"With optimise.symmetric {key} follows {owner} too, but it is left out. Give "
                     f"it the value {other:g}, or set symmetric = false."
                 )
-            if mine != other:
-                raise InputError(
-                    f"optimise.ties makes {key} follow {owner}, but they start at {mine:g} and "
-                    f"{other:g}. Make them equal."
-                )
+            raise InputError(
+                f"optimise.ties makes {key} follow {owner}, but they start at {mine:g} and "
+                f"{other:g}. Make them equal."
+            )
 
     @property
     def flanks_only(self) -> bool:
@@ -164,7 +158,8 @@ def design_space(
     _refuse_shaping(scene, tuple(ties))
     if symmetric:
         refuse_twins("optimise", (*keys, *ties))
-        ties |= {twin(key): owner for key, owner in ties.items()}
+        twins = {twin(key): key for key in keys if twin(key) != key}
+        ties = twins | ties | {twin(key): owner for key, owner in ties.items()}
     refuse_unbounded(scene, keys)
     for key, owner in shared_places(scene, base).items():
         if key in keys:
@@ -177,7 +172,6 @@ def design_space(
     space = DesignSpace(
         scene=scene,
         keys=keys,
-        symmetric=symmetric,
         ties=tuple(ties.items()),
         base=base,
         start=start,
