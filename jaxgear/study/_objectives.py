@@ -1,7 +1,7 @@
 """What [optimise] makes small and keeps below limits, and what of it cannot be had."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -111,7 +111,7 @@ def in_unit(name: str, dims: tuple[str, ...], values: ArrayLike, unit: str, word
     return {f"{name}_{unit}": Entry(dims, values, unit, words)}
 
 
-def traded(asked: OptimiseKeys) -> dict[str, Criterion]:
+def traded(asked: OptimiseKeys) -> Mapping[str, Criterion]:
     """What is minimised, and what it is traded against, under the names of columns."""
     known = CRITERIA | {"weighted": Criterion(optimise.WeightedSum, "-", "weighted objective")}
     return {name: known[name] for name in (asked.alone or "weighted", asked.pareto.against or "")}

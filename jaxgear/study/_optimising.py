@@ -155,7 +155,7 @@ def _robust(
     made = hardened(scatter, nominal, grid, smooth_law_of(scene), prepared, file)
     keys, name = space.numbers(made.found.point), f"{scene.name}.robust.toml"
     statics = _solved(space, made.found.point, torques)
-    datasets = robust_datasets(made) | {"search_robust": _design_dataset(scene, statics)}
+    datasets = {**robust_datasets(made), "search_robust": _design_dataset(scene, statics)}
     summary = {"robust": robust_summary(made) | {"scene": name}, "notes": robust_notes(made)}
     forget(file)
     return Result(scene, summary, datasets, scenes={name: keys})

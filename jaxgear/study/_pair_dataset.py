@@ -40,7 +40,7 @@ _RADII = ("tip_radius", "root_radius", "base_radius", "reference_radius", "worki
 _GEAR = over("gear", gear=(list(GEARS), "gear"))
 
 
-def facts_of(pair: GearPair) -> dict[str, np.ndarray]:
+def facts_of(pair: GearPair) -> Mapping[str, np.ndarray]:
     """What is closed-form about a pair, in NumPy."""
     return {name: np.asarray(fact) for name, fact in pair_facts(pair).items()}
 

@@ -68,10 +68,11 @@ def _beyond_reach(scene: Scene) -> list[str]:
     size = Size(2 + scene.model.at_mesh, scene.mesh.periods)
     harmonic = method_name(scene.sweep, size) == "harmonic"
     key = "sweep.harmonics" if harmonic else "sweep.steps"
+    given = scene.sweep.harmonics if harmonic else scene.sweep.steps
     # Up to which multiple of the mesh frequency a response is followed, and what that takes.
     per = 1.0 if harmonic else 1.0 / STEPS_IN_PERIOD
     order = lambda speed: 2.0 * math.pi * frequency / (teeth * speed)
-    limit = order(1.0) / (per * scene[key])
+    limit = order(1.0) / (per * given)
     if limit <= speeds[0]:
         return []
     need = lambda speed: math.ceil(order(speed) / per)
@@ -83,7 +84,7 @@ def _beyond_reach(scene: Scene) -> list[str]:
     wants = f"{need(speeds[-1])} at {speeds[-1]:.5g} rad/s, {need(speeds[0])} at {speeds[0]:.5g}"
     beside = ", and more than twice as many sweep.steps" if harmonic else ""
     return [
-        f"{key} = {scene[key]} reaches less far than mode {mode + 1} of the {gear}'s body, "
+        f"{key} = {given} reaches less far than mode {mode + 1} of the {gear}'s body, "
         f"{frequency:.5g} Hz with {int(basis.diameters[mode])} nodal diameters, its seats held, "
         f"{where}: there it follows its load, but does not vibrate. To see it vibrate, {key} must "
         f"be at least {wants} rad/s{beside}."
