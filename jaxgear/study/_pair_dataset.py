@@ -25,7 +25,7 @@ from jaxgear._geometry._sliding import sliding_speed, specific_sliding
 from jaxgear._kept_programs import called
 from jaxgear._system._model import PairModel
 from jaxgear._types import as_scalar
-from jaxgear._units import mm
+from jaxgear._units import deg, mm, um
 from jaxgear.scene._schema import GEARS
 from jaxgear.scene._teeth import tooth_outline
 from jaxgear.study._results import dataset_of, over, told
@@ -216,7 +216,7 @@ def modification_dataset(models: Mapping[str, PairModel]) -> xr.Dataset:
     found = [called(_traced, model.pair, model.flanks) for model in models.values()]
     roll, diameter, face, designed, made = (np.stack(each) for each in zip(*found, strict=True))
     return dataset_of(
-        over(
+        told(
             "state gear trace point",
             roll_angle_deg=(roll, "roll angle"),
             diameter_mm=(diameter, "diameter"),
@@ -231,17 +231,20 @@ def modification_dataset(models: Mapping[str, PairModel]) -> xr.Dataset:
 
 
 def _traced(pair: GearPair, flanks: Flanks) -> tuple[Array, ...]:
-    """Roll angle, diameter, place on the face, and both deviations, `[body, trace, point]`."""
+    """Roll angle, diameter, place on the face, and both deviations, in units of files.
+
+    Shape `[body, trace, point]`.
+    """
     along, ends = jnp.linspace(0.0, 1.0, _POINTS), jnp.linspace(-1.0, 1.0, _POINTS)
     profile = jnp.stack([along, along, along, jnp.full(_POINTS, 0.5)])
     face = jnp.stack([*(jnp.full(_POINTS, end) for end in (-1.0, 0.0, 1.0)), ends])
     found = [
         (
-            roll_angle_of_profile_place(pair, body, profile),
-            diameter_of_profile_place(pair, body, profile),
-            0.5 * face * pair.of_bodies("face_width")[body],
-            _designed(flank)(profile, face),
-            flank(profile, face),
+            roll_angle_of_profile_place(pair, body, profile) / deg,
+            diameter_of_profile_place(pair, body, profile) / mm,
+            0.5 * face * pair.of_bodies("face_width")[body] / mm,
+            _designed(flank)(profile, face) / um,
+            flank(profile, face) / um,
         )
         for body, flank in enumerate((flanks.pinion, flanks.wheel))
     ]
