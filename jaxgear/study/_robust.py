@@ -17,8 +17,8 @@ import optimise
 from jaxgear._checks import InputError
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact, SmoothContact
-from jaxgear._solve._cycle import PreparedMesh
-from jaxgear._types import Reals
+from jaxgear._solve._cycle import PreparedMesh, corrected_cycle, prepare_mesh
+from jaxgear._types import Reals, Scalar
 from jaxgear.scene._study_tables import RobustKeys
 from jaxgear.study._objectives import limits_objectives, limits_of, objective_of
 from jaxgear.study._progress import progress
@@ -36,21 +36,21 @@ def judge_of(
     of the scene; NaN where a cycle was not solved.
     """
     scene = scatter.space.scene
-    objective, limited = objective_of(scene, grid), limits_objectives(scene.optimise, law)
+    torques = jnp.asarray(scatter.space.torques)
+    parts = objective_of(scene, grid), *limits_objectives(scene.optimise, law)
     worst = scene.optimise.over == "worst"
 
     def judge(values: Reals, drawn: Reals, prepared: PreparedMesh | None) -> Reals:
-        return optimise.responses_over_torques(
-            lambda values: scatter.model(values, drawn),
-            objective,
-            limited,
-            scatter.torques(drawn),
-            grid=grid,
-            law=law,
-            worst=worst,
-            prepared=prepared,
-            batched=False,
-        )(values)
+        def at_torque(torque: Scalar, mesh: PreparedMesh | None) -> Reals:
+            model = scatter.model(values, drawn, torque)
+            mesh = prepare_mesh(model, grid) if mesh is None else mesh
+            cycle = corrected_cycle(mesh, model, law=law)
+            found = jnp.stack([part(model, cycle, law) for part in parts])
+            return jnp.where(jnp.all(cycle.converged), found, jnp.nan)
+
+        found = jax.lax.map(lambda both: at_torque(*both), (torques, prepared))
+        first = jnp.max(found[:, 0]) if worst else jnp.mean(found[:, 0])
+        return jnp.concatenate([first[None], jnp.max(found[:, 1:], axis=0)])
 
     return judge
 
@@ -62,14 +62,17 @@ def members_of(
 
     The prepared meshes are those of the nominal gears, where the variables leave them as they are.
     """
-    if scatter.same_mesh or not scatter.space.flanks_only:
+    space = scatter.space
+    nothing = jax.tree.map(lambda leaf: None, prepared)
+    if scatter.same_mesh or not space.flanks_only:
         # Either all have one mesh, or each evaluation prepares its own.
-        nothing = jax.tree.map(lambda leaf: None, prepared)
         return optimise.Population(jnp.asarray(samples), prepared, nothing)
-    start = jnp.asarray(scatter.space.start)
+    torques = jnp.asarray(space.torques)
+    start = jnp.asarray(space.start)
 
     def prepare(drawn: Reals) -> PreparedMesh:
-        return optimise.prepare_torques(scatter.model(start, drawn), scatter.torques(drawn), grid)
+        at = lambda torque: prepare_mesh(scatter.model(start, drawn, torque), grid)
+        return jax.lax.map(at, torques)
 
     return optimise.population(prepare, samples)
 

@@ -84,15 +84,14 @@ class Scatter(eqx.Module):
             for key in self.keys
         )
 
-    def torques(self, drawn: Reals) -> Reals:
-        """The torques on the pinion of one gear of the sample [N m]."""
-        more = dict(zip(self.keys, drawn, strict=False)).get(_TORQUE, 0.0)
-        return jnp.asarray(self.space.torques) + more
+    def model(self, values: Reals, drawn: Reals, torque: Scalar) -> PairModel:
+        """The model of one gear of the sample; traceable by JAX.
 
-    def model(self, values: Reals, drawn: Reals) -> PairModel:
-        """The model of one gear of the sample, whatever its torque; traceable by JAX."""
+        The torque [N m] is the one about which it may scatter.
+        """
         scene, base = self.space.scene, self.space.base
-        by = {key: more for key, more in zip(self.keys, drawn, strict=False) if key != _TORQUE}
+        by = dict(zip(self.keys, drawn, strict=False))
+        torque = torque + by.pop(_TORQUE, 0.0)
         updates = self.space.updates(values)
         updates |= {key: updates.get(key, scene[key]) + more for key, more in by.items()}
         scene = scene.replace(updates)
@@ -103,7 +102,7 @@ class Scatter(eqx.Module):
         else:
             model = model_of(scene)
         flanks = _deviated(scene, model, self.tolerated, drawn[len(self.keys) :])
-        return eqx.tree_at(lambda m: m.flanks, model, flanks)
+        return eqx.tree_at(lambda m: (m.flanks, m.torque), model, (flanks, torque))
 
 
 def _is_light(key: str) -> bool:

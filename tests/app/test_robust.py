@@ -95,12 +95,11 @@ def test_a_variable_scatters_about_its_value_and_its_twin_by_itself():
     assert band.even
     assert_close(band.deviation, 9.0 / 3.0**0.5, rtol=1e-14, atol=0.0)
     assert not depth.even
-    drawn = jnp.array([1.5, -3.0])
-    model = scatter.model(jnp.array([12.0, 0.25]), drawn)
+    model = scatter.model(jnp.array([12.0, 0.25]), jnp.array([1.5, -3.0]), jnp.asarray(80.0))
     gears: tuple[Any, Any] = model.flanks.pinion, model.flanks.wheel
     depths = [flank.parts[0].depth / jg.um for flank in gears]
     assert_close(jnp.stack(depths), jnp.array([13.5, 12.0]), rtol=1e-14, atol=0.0)
-    assert_close(scatter.torques(drawn), jnp.array([77.0]), rtol=1e-14, atol=0.0)
+    assert_close(model.torque, 77.0, rtol=1e-14, atol=0.0)
 
 
 def test_a_class_scatters_both_gears_by_its_tolerances():
@@ -118,7 +117,7 @@ def test_a_class_scatters_both_gears_by_its_tolerances():
     single = np.hypot(found["pinion pitch of tooth 44"], found["pinion pitch of tooth 0"])
     assert_close(single, along * float(allowed.single_pitch) / jg.um, rtol=1e-12, atol=0.0)
     drawn = jnp.arange(1.0, 15.0)
-    model = scatter.model(jnp.array([12.0, 0.25]), drawn)
+    model = scatter.model(jnp.array([12.0, 0.25]), drawn, jnp.asarray(80.0))
     assert model.flanks.wheel_indexing is not None
     error = model.flanks.wheel_indexing.pitch_error / jg.um
     place = [each.tooth for each in scatter.tolerated if each.gear == 1 and each.kind == "pitch"]
