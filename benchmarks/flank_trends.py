@@ -76,7 +76,7 @@ def pair_with(label: str) -> Pair:
     model = model_of(scene)
     grid = dynamic_grid_of(scene, model)
     resting = dataclasses.replace(model, speed=jnp.zeros(()))
-    damping = damping_of(scene)
+    damping = damping_of(scene.damping)
     return Pair(model, grid, damping, _prepared(model, grid), _prepared(resting, grid))
 
 

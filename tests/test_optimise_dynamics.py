@@ -206,7 +206,7 @@ def test_a_scene_over_its_speeds():
     keys, base = tuple(scene.value("optimise.vary")), model_of(scene)
     space = design_space(scene, base, keys, symmetric=True, deflection=10.0)
     grid = grid_of(scene, space.base)
-    assert objective_unit(scene) == "-"
+    assert objective_unit(scene.optimise) == "-"
     task = task_of(space, grid, ExactContact(), None)
     value = jax.jit(lambda x: objective_at(task, x, ExactContact()))
     point = np.array([10.0, 0.25])

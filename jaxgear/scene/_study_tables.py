@@ -137,6 +137,18 @@ class OptimiseKeys:
     bounds: Mapping[str, list[float]]
     ties: Mapping[str, str]
 
+    @property
+    def alone(self) -> str | None:
+        """The one thing that is made small; `None` of a weighted sum."""
+        return self.minimise if isinstance(self.minimise, str) else None
+
+    @property
+    def weights(self) -> Mapping[str, float]:
+        """What is made small, by name, and its weight."""
+        if isinstance(self.minimise, str):
+            return {self.minimise: 1.0}
+        return {name: weight for name, weight in vars(self.minimise).items() if weight is not None}
+
 
 @table
 class RobustKeys:

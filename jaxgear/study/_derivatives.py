@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from jaxgear._types import Flag, Flags, Reals
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import split_entry
-from jaxgear.study._results import Entry
+from jaxgear.study._results import dataset_of, told
 from jaxgear.study._running import timed
 
 # Of keys: responses, which piece of each piecewise formula is in use, and what is solved.
@@ -81,14 +81,8 @@ class Keys:
 def linearised(function: Callable[..., tuple[Reals, Any]]) -> Callable:
     """A program for derivatives in both directions, which share one linearisation.
 
-    **Arguments:**
-
-    - `function`: of numbers and whatever else: values, and whatever else it has found.
-
-    **Returns:**
-
-    A function of the numbers, of tangents `[row, number]`, of weights `[row, value]` or `None`, and
-    whatever else. It returns the values; whatever else was found; how the values move along each
+    It takes numbers, tangents `[row, number]`, weights `[row, value]` or `None`, and what else the
+    function takes. It returns the values; whatever else was found; how the values move along each
     tangent; and the derivatives of their weighted sums by the numbers.
     """
 
@@ -122,18 +116,8 @@ def central_differences(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Extrapolated central differences, and whether both sides use the same pieces as the centre.
 
-    Of all steps the one counts whose two estimates, with h and with h/2, agree best.
-
-    **Arguments:**
-
-    - `responses`: of the keys.
-    - `centre`: of the differences.
-    - `sizes`: of the keys: what counts as a change of order one.
-    - `steps`: over these.
-
-    **Returns:**
-
-    Differences `[response, key]`, and whether formulas have the same pieces at both ends.
+    Of all steps, over the sizes of the keys, the one counts whose two estimates, with h and with
+    h/2, agree best. Both are `[response, key]`.
     """
     # Traced once, for the shape of its pieces and for the loop.
     responses = jax.jit(responses)
@@ -179,24 +163,13 @@ def judged(
     limits: Limits,
     shared: Collection[str] = (),
 ) -> xr.Dataset:
-    """Compare derivatives with central differences.
+    """Compare derivatives by keys with central differences: one row for each response and key.
 
-    **Arguments:**
-
-    - `contact`: law of each response.
-    - `names`: of the responses, with their units.
-    - `keys`: dotted paths, with their units.
-    - `centre`: their values.
-    - `responses`: of the keys, for the differences.
-    - `found`: responses, and their derivatives, forward and reverse, `[response, key]`.
-    - `limits`: how close they have to be.
-    - `shared`: keys of points on a shaft that move with another one.
-
-    **Returns:**
-
-    One row for each response and key. Verdicts are `ok`, `no effect`, `shares a place`, `set
-    changes` (contact or relief is not the same on both sides of the difference, which then proves
-    nothing) or `WRONG`; of a steady response `ok to 1e-5` and `WRONG at 1e-5`.
+    Found are the responses, and their derivatives forward and reverse, `[response, key]`; shared
+    keys are of points on a shaft that move with another one. Verdicts are `ok`, `no effect`,
+    `shares a place`, `set changes` (contact or relief is not the same on both sides of the
+    difference, which then proves nothing) or `WRONG`; of a steady response `ok to 1e-5` and `WRONG
+    at 1e-5`.
     """
     centre, values, forward, reverse = map(np.asarray, (centre, *found))
     sizes = np.asarray(list(map(_size, keys, centre)))
@@ -209,19 +182,19 @@ def judged(
     ok, wrong = limits.words
     none = np.where([key in shared for key in keys], "shares a place", "no effect")
     where = [~np.isfinite(largest), largest <= _NO_EFFECT * scale, error <= limits.tolerance, same]
-    columns = {
-        "contact": (np.asarray(contact)[:, None], "1", "contact law"),
-        "response": (np.asarray(names)[:, None], "1", "response, with its unit"),
-        "key": (np.asarray(keys), "1", "key, with its unit"),
-        "forward": (forward, "response/key", "derivative, forward"),
-        "reverse": (reverse, "response/key", "derivative, reverse"),
-        "difference": (difference, "response/key", "derivative, by central differences"),
-        "error": (error, "1", "larger relative error of the first two against the third"),
-        "verdict": (np.select(where, [wrong, none, ok, wrong], "set changes"), "1", "verdict"),
-    }
-    return xr.Dataset(
-        {
-            name: Entry(("row",), np.broadcast_to(x, same.shape).ravel(), *about).variable()
-            for name, (x, *about) in columns.items()
-        }
+    verdict = np.select(where, [wrong, none, ok, wrong], "set changes")
+    flat = lambda values: np.broadcast_to(values, same.shape).ravel()
+    entries = told(
+        "row",
+        contact=(flat(np.asarray(contact)[:, None]), "contact law"),
+        response=(flat(np.asarray(names)[:, None]), "response, with its unit"),
+        key=(flat(np.asarray(keys)), "key, with its unit"),
+        forward=(flat(forward), "derivative, forward"),
+        reverse=(flat(reverse), "derivative, reverse"),
+        difference=(flat(difference), "derivative, by central differences"),
+        error=(flat(error), "larger relative error of the first two against the third"),
+        verdict=(flat(verdict), "verdict"),
     )
+    for name in ("forward", "reverse", "difference"):
+        entries[name] = entries[name]._replace(units="response/key")
+    return dataset_of(entries)

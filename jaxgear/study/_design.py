@@ -1,7 +1,5 @@
 """The variables of [optimise]: their bounds, what follows them, and which cannot be varied."""
 
-from typing import Any
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -9,7 +7,7 @@ import numpy as np
 
 import optimise
 from jaxgear._checks import InputError
-from jaxgear._system._gear_body import BeamBody
+from jaxgear._system._gear_body import AbstractGearBody, BeamBody
 from jaxgear._system._model import PairModel
 from jaxgear._system._shaft import Shaft, drawn_heights
 from jaxgear._types import Reals
@@ -17,7 +15,8 @@ from jaxgear._units import mm
 from jaxgear.scene._build import shared_places
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS, split_entry, unit_of
-from jaxgear.study._evaluations import Variation, variation_of
+from jaxgear.study._evaluations import Updates, Variation, variation_of
+from jaxgear.study._statics import torques_of
 
 
 class DesignSpace(eqx.Module):
@@ -27,8 +26,8 @@ class DesignSpace(eqx.Module):
 
     - `scene`: whose keys they are.
     - `keys`: dotted path of each variable.
-    - `symmetric`: whether the other gear's flank follows.
-    - `ties`: dotted paths of other keys, and of the variable that each follows.
+    - `ties`: dotted paths of other keys, those of the other gear's flank first, and of the variable
+        that each follows.
     - `base`: model of the scene itself.
     - `start`: value of each variable in the scene, in the unit of its key [-].
     - `box`: bounds of each variable, in the unit of its key.
@@ -36,20 +35,17 @@ class DesignSpace(eqx.Module):
 
     scene: Scene = eqx.field(static=True)
     keys: tuple[str, ...] = eqx.field(static=True)
-    symmetric: bool = eqx.field(static=True)
     ties: tuple[tuple[str, str], ...] = eqx.field(static=True)
     base: PairModel
     start: np.ndarray
     box: optimise.Box
 
-    def updates(self, values: Reals | np.ndarray) -> dict[str, Any]:
+    def updates(self, values: Reals | np.ndarray) -> Updates:
         """Scene keys and their values at a point of the space, in the units of the keys."""
         pairs = dict(zip(self.keys, values, strict=True))
-        if self.symmetric:
-            pairs |= {twin(key): value for key, value in pairs.items()}
         return pairs | {key: pairs[owner] for key, owner in self.ties}
 
-    def numbers(self, point: np.ndarray) -> dict[str, float]:
+    def numbers(self, point: np.ndarray) -> Updates:
         """The same as plain numbers."""
         return {key: float(value) for key, value in self.updates(np.asarray(point)).items()}
 
@@ -66,8 +62,6 @@ class DesignSpace(eqx.Module):
     def moved(self) -> tuple[tuple[str, ...], ...]:
         """Each variable's key, and those of all that follows it."""
         followers = {key: [key] for key in self.keys}
-        for key in self.keys if self.symmetric else ():
-            followers[key] += {twin(key)} - {key}
         for key, owner in self.ties:
             followers[owner].append(key)
         return tuple(map(tuple, followers.values()))
@@ -80,56 +74,47 @@ class DesignSpace(eqx.Module):
 
     def require_tied_start(self) -> None:
         """Refuse a search from tied values that differ: it would start from neither."""
-        for key in self.keys if self.symmetric else ():
-            mine, other = self.scene.value(key), self.scene.value(twin(key))
-            if mine != other:
-                theirs = "left out" if other is None else f"{other:g}"
-                raise InputError(
-                    f"With optimise.symmetric both gears must start alike, but {key} is {mine:g} "
-                    f"and {twin(key)} is {theirs}. Make them equal, or set symmetric = false."
-                )
         for key, owner in self.ties:
-            mine, other = self.scene.value(key), self.scene.value(owner)
+            mine, other = self.scene.get(key), self.scene[owner]
+            if mine == other:
+                continue
+            if key == twin(owner):
+                theirs = "left out" if mine is None else f"{mine:g}"
+                raise InputError(
+                    f"With optimise.symmetric both gears must start alike, but {owner} is "
+                    f"{other:g} and {key} is {theirs}. Make them equal, or set symmetric = false."
+                )
             if mine is None:
                 raise InputError(
                     f"With optimise.symmetric {key} follows {owner} too, but it is left out. Give "
                     f"it the value {other:g}, or set symmetric = false."
                 )
-            if mine != other:
-                raise InputError(
-                    f"optimise.ties makes {key} follow {owner}, but they start at {mine:g} and "
-                    f"{other:g}. Make them equal."
-                )
+            raise InputError(
+                f"optimise.ties makes {key} follow {owner}, but they start at {mine:g} and "
+                f"{other:g}. Make them equal."
+            )
 
     @property
     def flanks_only(self) -> bool:
         """Whether every variable is a flank correction."""
         return all(key.startswith("flank.") for key in (*self.keys, *dict(self.ties)))
 
+    @property
+    def torques(self) -> np.ndarray:
+        """Pinion torques of the search [N m]."""
+        return torques_of(self.scene, "optimise")
+
 
 # Of the range of a variable, how close to a bound counts as on it: least squares stay off it.
 _AT_BOUND = 1e-4
 
-_NOT_VARIABLE = (
-    "pair.torque_pinion_Nm",
-    "pair.power_kW",
-    "pair.speed_rpm",
-    "mesh.smoothing_um",
-)
+_NOT_VARIABLE = "pair.torque_pinion_Nm", "pair.power_kW", "pair.speed_rpm", "mesh.smoothing_um"
 
 
 def twin(key: str) -> str:
     """The same key of the other gear's flank; a key that is no flank's is its own twin.
 
     So is the pitch error of one tooth: the other gear has other teeth.
-
-    **Arguments:**
-
-    - `key`: dotted path.
-
-    **Returns:**
-
-    Dotted path of the twin.
     """
     for gear, other in (GEARS, GEARS[::-1]):
         if key.startswith(f"flank.{gear}.") and not key.endswith("]"):
@@ -138,17 +123,7 @@ def twin(key: str) -> str:
 
 
 def refuse_twins(table: str, keys: tuple[str, ...]) -> None:
-    """Refuse keys of both gears that are to be the same anyway.
-
-    **Arguments:**
-
-    - `table`: that has `symmetric`, and names the keys.
-    - `keys`: dotted paths.
-
-    **Raises:**
-
-    - `InputError` if a key and its twin are both there.
-    """
+    """Refuse keys of both gears that `symmetric` of a table makes the same anyway."""
     if both := [key for key in keys if twin(key) != key and twin(key) in keys]:
         raise InputError(
             f"With {table}.symmetric the two gears share each correction, but [{table}] names "
@@ -165,28 +140,14 @@ def design_space(
     deflection: float,
     tied: bool = True,
 ) -> DesignSpace:
-    """The space that some keys of a scene span.
+    """The space that some keys of a scene span, from its values and within its bounds.
 
-    **Arguments:**
-
-    - `scene`: gives start and bounds.
-    - `base`: its model.
-    - `keys`: the variables.
-    - `symmetric`: whether the other gear's flank follows.
-    - `deflection`: of a single tooth pair, the scale of depths [um].
-    - `tied`: whether keys follow as [optimise.ties] says.
-
-    **Returns:**
-
-    The space.
-
-    **Raises:**
-
-    - `InputError` if a key has no effect, or no bounds and none can be guessed, if two variables
-        are the same, or if points of a shaft could pass each other.
+    The deflection of a single tooth pair [um] is the scale of depths. Refused are keys without
+    effect or bounds, variables that are the same, and points of a shaft that could pass each other.
     """
     _refuse_shaping(scene, keys)
-    ties = _ties(scene, keys) if tied else {}
+    follow = scene.optimise.ties if tied else {}
+    ties = {key: owner for key, owner in follow.items() if owner in keys}
     for table, named in (("vary", keys), ("ties", tuple(ties))):
         if dead := [k for k in named if k in _NOT_VARIABLE or k not in scene.real_keys()]:
             raise InputError(
@@ -197,7 +158,8 @@ def design_space(
     _refuse_shaping(scene, tuple(ties))
     if symmetric:
         refuse_twins("optimise", (*keys, *ties))
-        ties |= {twin(key): owner for key, owner in ties.items()}
+        twins = {twin(key): key for key in keys if twin(key) != key}
+        ties = twins | ties | {twin(key): owner for key, owner in ties.items()}
     refuse_unbounded(scene, keys)
     for key, owner in shared_places(scene, base).items():
         if key in keys:
@@ -210,7 +172,6 @@ def design_space(
     space = DesignSpace(
         scene=scene,
         keys=keys,
-        symmetric=symmetric,
         ties=tuple(ties.items()),
         base=base,
         start=start,
@@ -219,17 +180,6 @@ def design_space(
     _require_order(space)
     _require_narrow(space)
     return space
-
-
-def _ties(scene: Scene, keys: tuple[str, ...]) -> dict[str, str]:
-    """Keys that follow one of the variables, and which."""
-    table = "optimise.ties."
-    pairs = {
-        path.removeprefix(table): str(owner)
-        for path, owner in scene.values.items()
-        if path.startswith(table)
-    }
-    return {key: owner for key, owner in pairs.items() if owner in keys}
 
 
 # Of the range of a depth, the largest width of smooth contact that leaves its effect to be seen.
@@ -250,8 +200,7 @@ def _require_narrow(space: DesignSpace) -> None:
 
 def _require_order(space: DesignSpace) -> None:
     """Refuse bounds within which points of a shaft, such as a bearing and the gear, could pass."""
-    mounts = space.base.pinion_support, space.base.wheel_support
-    if space.flanks_only or not any(isinstance(mount, Shaft) for mount in mounts):
+    if space.flanks_only or not _on_shafts(space.base):
         return
     gaps = jax.jit(lambda values: _gaps(space.model(values)))
     at_start = np.asarray(gaps(jnp.asarray(space.start)))
@@ -274,16 +223,17 @@ def _require_order(space: DesignSpace) -> None:
 
 def _gaps(model: PairModel) -> Reals:
     """Distances between neighbouring nodes on both shafts [m]."""
-    return jnp.concatenate(
-        [
-            jnp.diff(drawn_heights(mount, body if isinstance(body, BeamBody) else None))
-            for mount, body in (
-                (model.pinion_support, model.pinion_body),
-                (model.wheel_support, model.wheel_body),
-            )
-            if isinstance(mount, Shaft)
-        ]
-    )
+    heights = [
+        drawn_heights(mount, body if isinstance(body, BeamBody) else None)
+        for mount, body in _on_shafts(model)
+    ]
+    return jnp.concatenate([jnp.diff(each) for each in heights])
+
+
+def _on_shafts(model: PairModel) -> list[tuple[Shaft, AbstractGearBody | None]]:
+    """The shafts of a pair, each with the body on it."""
+    both = (model.pinion_support, model.pinion_body), (model.wheel_support, model.wheel_body)
+    return [(mount, body) for mount, body in both if isinstance(mount, Shaft)]
 
 
 def _bounds(scene: Scene, key: str, deflection: float) -> tuple[float, float] | None:
@@ -292,8 +242,7 @@ def _bounds(scene: Scene, key: str, deflection: float) -> tuple[float, float] | 
     A depth reaches three deflections, a slope as far to either side; a bias, of which a quarter is
     in the corners, four times as far. An extent reaches half its path.
     """
-    given = scene.value(f"optimise.bounds.{key}")
-    if given is not None:
+    if given := scene.optimise.bounds.get(key):
         return given[0], given[1]
     value = float(scene.value(key))
     most = max(round_up(3.0 * deflection), 2.0 * abs(value))
@@ -326,11 +275,8 @@ _EITHER_WAY = (
 def _refuse_shaping(scene: Scene, keys: tuple[str, ...]) -> None:
     """Refuse to vary what a condensed body is made from, and does not follow or will not."""
     follows = lambda key: not scene.bodies and _will_follow(scene, key)
-    shaping = [
-        key
-        for key in keys
-        if any(scene.remakes(key, gear) for gear in scene.condensed) and not follows(key)
-    ]
+    remade = lambda key: any(scene.remakes(key, gear) for gear in scene.condensed)
+    shaping = [key for key in keys if remade(key) and not follows(key)]
     if any(".body.web." in key for key in shaping):
         raise InputError(
             f"optimise.vary names {', '.join(shaping)}: one measure of a condensed body's web can "
@@ -356,26 +302,13 @@ def _will_follow(scene: Scene, key: str) -> bool:
 
 
 def refuse_unbounded(scene: Scene, keys: tuple[str, ...]) -> None:
-    """Refuse variables that have no bounds and for which none can be guessed, all at once.
-
-    **Arguments:**
-
-    - `scene`: gives the bounds.
-    - `keys`: the variables.
-
-    **Raises:**
-
-    - `InputError` naming them, with lines to add.
-    """
+    """Refuse variables without bounds for which none can be guessed, with lines to add."""
     _refuse_shaping(scene, keys)
     lost = [key for key in keys if scene.value(key) is not None and not _bounds(scene, key, 1.0)]
     if not lost:
         return
-    lines = []
-    for key in lost:
-        value = float(scene.value(key))
-        low, high = sorted((0.9 * value, 1.1 * value or 1.0))
-        lines.append(f'"{key}" = [{low:.6g}, {high:.6g}]')
+    ends = {key: sorted((0.9 * scene[key], 1.1 * scene[key] or 1.0)) for key in lost}
+    lines = [f'"{key}" = [{low:.6g}, {high:.6g}]' for key, (low, high) in ends.items()]
     raise InputError(
         f"optimise.vary ({scene.where('optimise.vary')}) names {', '.join(lost)}, for which no "
         "bounds can be guessed. Add their lowest and highest values to the table "
@@ -386,6 +319,5 @@ def refuse_unbounded(scene: Scene, keys: tuple[str, ...]) -> None:
 def round_up(value: float) -> float:
     """The next round number: 1, 2, 2.5, 4, 5 or 8 times a power of ten."""
     power = 10.0 ** np.floor(np.log10(value))
-    return float(
-        next(r * power for r in (1.0, 2.0, 2.5, 4.0, 5.0, 8.0, 10.0) if r * power >= value)
-    )
+    steps = 1.0, 2.0, 2.5, 4.0, 5.0, 8.0, 10.0
+    return float(next(step * power for step in steps if step * power >= value))

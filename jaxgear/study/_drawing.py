@@ -20,37 +20,24 @@ from jaxgear._types import Bodies
 from jaxgear._units import mm
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
+from jaxgear.study._result import Summary
 
 _CIRCLES = ("tip", "root", "form", "base", "reference", "working_pitch")
 
 
-def drawing_summary(scene: Scene, pair: GearPair) -> dict[str, float]:
-    """Diameters, spans and measures over balls of both gears.
+def drawing_summary(scene: Scene, pair: GearPair) -> Summary:
+    """Diameters, spans and measures over balls of both gears, by their keys in the summary.
 
     Spans are over `span_teeth` teeth and measures over balls of `ball_mm` where the scene names
-    them, else over what is measured midway up the teeth. NaN where that would not touch an
-    involute between its form and its tip circle, or a ball not stand out beyond the tips.
-
-    **Arguments:**
-
-    - `scene`: that says what it is measured with.
-    - `pair`: its gears.
-
-    **Returns:**
-
-    Numbers by the end of their keys in the summary, with units.
+    them, else over what is measured midway up the teeth. NaN where that would not touch an involute
+    between its form and its tip circle, or a ball not stand out beyond the tips.
     """
-    given = {
-        name: jnp.asarray([float(scene.value(f"{gear}.{name}", np.nan)) for gear in GEARS])
-        for name in ("span_teeth", "ball_mm")
-    }
-    found = {
-        name: np.asarray(value)
-        for name, value in _measured(pair, given["span_teeth"], given["ball_mm"] * mm).items()
-    }
+    given = [(scene.gear(gear).span_teeth, scene.gear(gear).ball_mm) for gear in GEARS]
+    teeth, ball = np.asarray(given, dtype=float).T
+    found = _measured(pair, jnp.asarray(teeth), jnp.asarray(ball) * mm)
+    in_file = lambda name, value: value if name == "span_teeth" else value / mm
     return {
-        f"{name}_{gear}{'' if name == 'span_teeth' else '_mm'}": float(value[body])
-        / (1.0 if name == "span_teeth" else mm)
+        f"{name}_{gear}{'' if name == 'span_teeth' else '_mm'}": in_file(name, float(value[body]))
         for body, gear in enumerate(GEARS)
         for name, value in found.items()
     }

@@ -24,39 +24,33 @@ from jaxgear._kept_programs import QUICKLY
 from jaxgear._system._model import PairModel
 from jaxgear.scene._build import grid_of, law_of, model_of
 from jaxgear.scene._scene import Scene
+from jaxgear.scene._tables import DampingKeys, SweepKeys
 from jaxgear.study._result import Summary
 from jaxgear.study._running import timed
-from jaxgear.study._statics import (
-    Statics,
-    require_solved,
-    settled_statics,
-    solve_statics,
-)
+from jaxgear.study._statics import Statics, require_solved, settled_statics, solve_statics
 
 # A harmonic balance of more unknowns takes longer than a march.
 MOST_UNKNOWNS = 600
 
 
-def speeds_of(scene: Scene) -> np.ndarray:
-    """Speeds of the pinion that a scene sweeps over, rising, each once [rad/s]."""
-    key = "sweep.pinion_speed_rad_s"
-    if (points := scene.value(f"{key}.points")) is not None:
-        return np.linspace(scene.value(f"{key}.from"), scene.value(f"{key}.to"), points)
-    return np.unique(np.asarray(scene.value(key), dtype=float))
+def speeds_of(asked: SweepKeys) -> np.ndarray:
+    """Speeds of the pinion that are swept over, rising, each once [rad/s]."""
+    given = asked.pinion_speed_rad_s
+    if isinstance(given, list):
+        return np.unique(np.asarray(given, dtype=float))
+    return np.linspace(given.from_, given.to, given.points)
 
 
-def directions_of(scene: Scene) -> tuple[Direction, ...]:
-    """Directions in which a scene is swept."""
-    chosen = scene.sweep.direction
-    return ("up", "down") if chosen == "both" else (chosen,)
+def directions_of(asked: SweepKeys) -> tuple[Direction, ...]:
+    """Directions of a sweep."""
+    return ("up", "down") if asked.direction == "both" else (asked.direction,)
 
 
-def damping_of(scene: Scene) -> AbstractDamping:
+def damping_of(damping: DampingKeys) -> AbstractDamping:
     """The damping of a scene; its values may be traced."""
-    real = lambda key: getattr(scene.damping, key)
-    if scene.damping.kind == "rayleigh":
-        return RayleighDamping(mass_factor=real("a_R_1_s"), stiffness_factor=real("b_R_s"))
-    return ModalDamping(mesh=real("mesh"), structure=real("structure"))
+    if damping.kind == "rayleigh":
+        return RayleighDamping(mass_factor=damping.a_R_1_s, stiffness_factor=damping.b_R_s)
+    return ModalDamping(mesh=damping.mesh, structure=damping.structure)
 
 
 def dynamic_grid_of(scene: Scene, model: PairModel) -> MeshGrid:
@@ -65,20 +59,12 @@ def dynamic_grid_of(scene: Scene, model: PairModel) -> MeshGrid:
 
 
 def dynamics_of(scene: Scene, model: PairModel, grid: MeshGrid | None = None) -> PairDynamics:
-    """Set a scene's pair in motion.
+    """Set a scene's pair in motion; look at `cycle.converged`.
 
-    **Arguments:**
-
-    - `scene`: checked against the schema; its real values may be traced, if a grid is given.
-    - `model`: of the scene.
-    - `grid`: its time steps; from `dynamic_grid_of` without it.
-
-    **Returns:**
-
-    The pair, in SI; look at `cycle.converged`.
+    Real values of the scene may be traced, if a grid is given.
     """
     grid = dynamic_grid_of(scene, model) if grid is None else grid
-    return _in_motion(model, grid, damping_of(scene), _wanted_of(scene))
+    return pair_dynamics(model, grid, damping_of(scene.damping), **vars(_wanted_of(scene)))
 
 
 class _Wanted(eqx.Module):
@@ -105,17 +91,11 @@ def _wanted_of(scene: Scene) -> _Wanted:
     )
 
 
-def _in_motion(
-    model: PairModel, grid: MeshGrid, damping: AbstractDamping, choices: _Wanted
-) -> PairDynamics:
-    return pair_dynamics(model, grid, damping, **vars(choices))
-
-
 def _with_modes(
     model: PairModel, grid: MeshGrid, damping: AbstractDamping, choices: _Wanted
 ) -> tuple[PairDynamics, Modes]:
     """A pair in motion, and its natural modes."""
-    pair = _in_motion(model, grid, damping, choices)
+    pair = pair_dynamics(model, grid, damping, **vars(choices))
     return pair, pair_modes(pair)
 
 
@@ -131,41 +111,30 @@ def size_of(dynamics: PairDynamics) -> Size:
     return Size(dynamics.system.vectors.shape[1], dynamics.system.table.periods)
 
 
-def unknowns_of(scene: Scene, size: Size) -> int:
+def unknowns_of(asked: SweepKeys, size: Size) -> int:
     """Number of unknowns of harmonic balance."""
-    return size.coordinates * (2 * scene.sweep.harmonics * size.periods + 1)
+    return size.coordinates * (2 * asked.harmonics * size.periods + 1)
 
 
-def method_name(scene: Scene, size: Size) -> str:
+def method_name(asked: SweepKeys, size: Size) -> str:
     """The method of a sweep: what the scene says, or what it leaves to the program."""
-    chosen = scene.sweep.method
-    if chosen != "auto":
-        return chosen
-    return "harmonic" if unknowns_of(scene, size) <= MOST_UNKNOWNS else "newmark"
+    if asked.method != "auto":
+        return asked.method
+    return "harmonic" if unknowns_of(asked, size) <= MOST_UNKNOWNS else "newmark"
 
 
 def settings_of(scene: Scene, size: Size) -> SweepSettings:
-    """How a scene is swept.
-
-    **Arguments:**
-
-    - `scene`: checked against the schema.
-    - `size`: of its cycle.
-
-    **Returns:**
-
-    The method, by harmonic balance as long as a cycle is not too long for it.
-    """
-    law = law_of(scene)
-    cycles = max(4, -(-scene.sweep.cycles // size.periods))
+    """How a scene is swept: by harmonic balance as long as a cycle is not too long for it."""
+    law, asked = law_of(scene), scene.sweep
+    cycles = max(4, -(-asked.cycles // size.periods))
     method: HarmonicBalance | Shooting | Marching
-    match method_name(scene, size):
+    match method_name(asked, size):
         case "newmark":
             method = Marching(stepper=Newmark(), law=law, cycles=cycles)
         case "shooting":
             method = Shooting(law=law)
         case _:
-            method = HarmonicBalance(law=law, harmonics=scene.sweep.harmonics)
+            method = HarmonicBalance(law=law, harmonics=asked.harmonics)
     shooting = Shooting(law=law, warm_up=0, most_steps=10)
     return SweepSettings(method, shooting, cycles, kept=max(1, 10 // size.periods))
 
@@ -196,25 +165,11 @@ class Dynamics(eqx.Module):
 
 
 def solve_dynamics(scene: Scene) -> Dynamics:
-    """Solve the quasi-static cycle of a scene, and find what its dynamics are made of.
-
-    **Arguments:**
-
-    - `scene`: checked against the schema.
-
-    **Returns:**
-
-    Pair, modes and statics.
-
-    **Raises:**
-
-    - `ValueError` if the gears are impossible.
-    - `SolverFailure` if a phase was not solved.
-    """
+    """Solve the quasi-static cycle of a scene, and find what its dynamics are made of."""
     model = model_of(scene)
     grid = dynamic_grid_of(scene, model)
     pair, modes = timed(
-        _with_modes, model, grid, damping_of(scene), _wanted_of(scene), options=QUICKLY
+        _with_modes, model, grid, damping_of(scene.damping), _wanted_of(scene), options=QUICKLY
     )
     require_solved(pair.cycle.converged)
     if scene.mesh.contact == "exact" and not scene.mesh.pinion_speed_rad_s:
@@ -227,17 +182,7 @@ def solve_dynamics(scene: Scene) -> Dynamics:
 
 
 def require_damped(scene: Scene, dynamics: Dynamics) -> None:
-    """Refuse to sweep through the resonance of a mode that the mesh excites and nothing damps.
-
-    **Arguments:**
-
-    - `scene`: that is swept.
-    - `dynamics`: its pair.
-
-    **Raises:**
-
-    - `InputError` naming the mode.
-    """
+    """Refuse to sweep through the resonance of a mode that the mesh excites and nothing damps."""
     excited = np.asarray(dynamics.modes.mesh) > 1e-3
     bare = np.nonzero(excited & (dynamics.damping_ratio < 1e-9))[0]
     which = int(bare[0]) if bare.size else 0

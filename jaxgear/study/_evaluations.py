@@ -7,6 +7,7 @@ import dataclasses
 import hashlib
 import json
 import uuid
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ import numpy as np
 
 import optimise
 from jaxgear._geometry._lines import MeshGrid
-from jaxgear._interface._laws import AbstractContactLaw, ExactContact, SmoothContact
+from jaxgear._interface._laws import AbstractContactLaw, SmoothContact
 from jaxgear._solve._cycle import PreparedMesh
 from jaxgear._system._model import PairModel
 from jaxgear._types import Reals, Scalar, as_reals
@@ -25,6 +26,10 @@ from jaxgear._whole_file import as_json
 from jaxgear.scene._build import flanks_of, model_of
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import split_entry
+from jaxgear.study._running import timed
+
+# Values of keys by path, in the units of the file.
+Updates = dict[str, Any]
 
 
 class Wording:
@@ -34,13 +39,7 @@ class Wording:
     """
 
     def __init__(self, scene: Scene, words: str):
-        """Keep a scene under words that stand for it.
-
-        **Arguments:**
-
-        - `scene`: the numbers in it count for nothing where they are given by others.
-        - `words`: equal where the scene says the same.
-        """
+        """Keep a scene under words that stand for it: its numbers may be given by others."""
         self.scene = scene
         self._words = words
 
@@ -66,10 +65,10 @@ class Variation(eqx.Module):
     """
 
     wording: Wording = eqx.field(static=True)
-    numbers: dict[str, Any]
+    numbers: Updates
     base: PairModel | None
 
-    def model(self, updates: dict[str, Any]) -> PairModel:
+    def model(self, updates: Updates) -> PairModel:
         """The model with other values of some keys, in the units of the keys."""
         scene = self.wording.scene
         # To be told a number again is not to have been given it: some are left out if nobody was.
@@ -82,18 +81,7 @@ class Variation(eqx.Module):
 
 
 def variation_of(scene: Scene, base: PairModel, *, flanks_only: bool) -> Variation:
-    """How a scene's model changes with its keys.
-
-    **Arguments:**
-
-    - `scene`: checked against the schema.
-    - `base`: its model.
-    - `flanks_only`: whether nothing but keys of flanks will change.
-
-    **Returns:**
-
-    The variation.
-    """
+    """How a scene's model changes with its keys."""
     if not flanks_only:
         # Which points of shafts share nodes, and which bodies are interpolated, are decided with
         # numbers: another scene may be another program.
@@ -151,22 +139,31 @@ class Task(eqx.Module):
 
 def objective_at(task: Task, values: Reals, law: AbstractContactLaw) -> Scalar:
     """The objective over all torques; NaN where a cycle was not solved."""
-    return optimise.over_torques(task.model, task.objective, task.torques, **_how(task, law))(
-        values
-    )
+    return optimise.over_torques(
+        task.model,
+        task.objective,
+        task.torques,
+        grid=task.grid,
+        law=law,
+        worst=task.worst,
+        prepared=task.prepared,
+        batched=task.batched,
+    )(values)
 
 
 def responses_at(task: Task, values: Reals, law: AbstractContactLaw) -> Reals:
     """The objective and the responses that have limits, over all torques."""
     return optimise.responses_over_torques(
-        task.model, task.objective, task.limited, task.torques, **_how(task, law)
+        task.model,
+        task.objective,
+        task.limited,
+        task.torques,
+        grid=task.grid,
+        law=law,
+        worst=task.worst,
+        prepared=task.prepared,
+        batched=task.batched,
     )(values)
-
-
-def _how(task: Task, law: AbstractContactLaw) -> dict[str, Any]:
-    """What both kinds of evaluation take by name."""
-    names = ("grid", "worst", "prepared", "batched")
-    return {name: getattr(task, name) for name in names} | {"law": law}
 
 
 def residuals_at(task: Task, values: Reals, law: AbstractContactLaw) -> Reals:
@@ -176,33 +173,29 @@ def residuals_at(task: Task, values: Reals, law: AbstractContactLaw) -> Reals:
     )(values)
 
 
-def sloped_objective(task: Task, values: Reals, width: Scalar) -> tuple[Scalar, Reals]:
-    """The objective with smooth contact so wide [m], and its gradient, in reverse."""
-    return jax.value_and_grad(lambda x: objective_at(task, x, SmoothContact(width)))(values)
+def sloped_objective(task: Task, values: Reals, law: AbstractContactLaw) -> tuple[Scalar, Reals]:
+    """The objective and its gradient, in reverse."""
+    return jax.value_and_grad(lambda x: objective_at(task, x, law))(values)
 
 
-def sloped_responses(task: Task, values: Reals, width: Scalar) -> tuple[Reals, Reals]:
-    """The responses with smooth contact so wide [m], and their derivatives, forward."""
-    return optimise.value_and_jacobian(lambda x: responses_at(task, x, SmoothContact(width)))(
-        values
-    )
+def sloped_responses(task: Task, values: Reals, law: AbstractContactLaw) -> tuple[Reals, Reals]:
+    """The responses and their derivatives, forward."""
+    return optimise.value_and_jacobian(lambda x: responses_at(task, x, law))(values)
 
 
-def sloped_residuals(task: Task, values: Reals, width: Scalar) -> tuple[Reals, Reals]:
-    """The residuals with smooth contact so wide [m], and their derivatives, forward."""
-    return optimise.value_and_jacobian(lambda x: residuals_at(task, x, SmoothContact(width)))(
-        values
-    )
+def sloped_residuals(task: Task, values: Reals, law: AbstractContactLaw) -> tuple[Reals, Reals]:
+    """The residuals and their derivatives, forward."""
+    return optimise.value_and_jacobian(lambda x: residuals_at(task, x, law))(values)
+
+
+def sloped_by(evaluate: Callable[..., Any], task: Task) -> optimise.Sloped:
+    """One of these, compiled: of the variables and a width of smooth contact [m]."""
+    return optimise.Sloped(lambda x, width: timed(evaluate, task, x, SmoothContact(width)))
 
 
 def side_by_side(task: Task, points: Reals, law: AbstractContactLaw) -> Reals:
     """The objective at many points that take equally long, all at once."""
     return jax.vmap(lambda values: objective_at(task, values, law))(points)
-
-
-def sloped_deviations(task: Task, values: Reals) -> tuple[Reals, Reals]:
-    """The residuals with exact contact, and their derivatives."""
-    return optimise.value_and_jacobian(lambda x: residuals_at(task, x, ExactContact()))(values)
 
 
 def objectives_at(task: Task, points: Reals, law: AbstractContactLaw) -> Reals:

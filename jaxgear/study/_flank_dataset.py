@@ -1,73 +1,42 @@
 """Loads on the flanks at speed as datasets: the largest of all responses, whole flanks of some."""
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from jaxgear._response._flank_loads import FlankLoads
-from jaxgear._units import MPa, deg, mm
+from jaxgear._units import mm
 from jaxgear.scene._schema import GEARS
 from jaxgear.study._body_waves import Seen, WaveWatch
 from jaxgear.study._hybrid_dataset import hole_places, tooth_angles
 from jaxgear.study._result import Summary
-from jaxgear.study._results import Entry
-
-_PLACE = ("direction", "speed")
+from jaxgear.study._results import Entries, dataset_of, over
 
 
-def largest_loads(seen: list[list[Seen]]) -> Mapping[str, Entry]:
-    """The largest loads of every response.
-
-    **Arguments:**
-
-    - `seen`: by direction of the sweep and speed.
-
-    **Returns:**
-
-    Entries over direction and speed, and over tooth pairs where there are several.
-    """
+def largest_loads(seen: list[list[Seen]]) -> Entries:
+    """The largest loads of every response, and of tooth pairs if there are several."""
     rows = lambda name: np.asarray([[getattr(each.flank, name) for each in own] for own in seen])
-    found = {
-        "max_line_load_N_mm": Entry(
-            _PLACE, rows("line_load") * mm, "N/mm", "largest load per length of contact line"
-        ),
-        "max_pressure_MPa": Entry(
-            _PLACE, rows("pressure") / MPa, "MPa", "largest Hertzian pressure"
-        ),
-        "max_line_load_passage": Entry(
-            _PLACE,
+    found = over(
+        "direction speed",
+        max_line_load_N_mm=(rows("line_load"), "largest load per length of contact line"),
+        max_pressure_MPa=(rows("pressure"), "largest Hertzian pressure"),
+        max_line_load_passage=(
             rows("passage"),
-            "1",
             "where that load is: mesh periods since its tooth pair's entry at mid-face",
         ),
-        "max_line_load_face_mm": Entry(
-            _PLACE, rows("face") / mm, "mm", "where that load is, from mid-face"
-        ),
-    }
-    by_pair = rows("by_pair") * mm
+        max_line_load_face_mm=(rows("face"), "where that load is, from mid-face"),
+    )
+    by_pair, words = rows("by_pair"), "largest line load of a tooth pair"
     if by_pair.shape[2] > 1:
-        found["max_line_load_tooth_pair"] = Entry(
-            _PLACE, rows("pair"), "1", "tooth pair of that load, in the order of entry"
-        )
-        found["tooth_line_load_N_mm"] = Entry(
-            (*_PLACE, "tooth_pair"), by_pair, "N/mm", "largest line load of a tooth pair"
-        )
+        pair = rows("pair"), "tooth pair of that load, in the order of entry"
+        found |= over("direction speed", max_line_load_tooth_pair=pair)
+        found |= over("direction speed tooth_pair", tooth_line_load_N_mm=(by_pair, words))
     return found
 
 
 def loads_summary(dataset: xr.Dataset) -> Summary:
-    """The largest load of a sweep, for the summary.
-
-    **Arguments:**
-
-    - `dataset`: with the entries of `largest_loads`.
-
-    **Returns:**
-
-    Numbers with their units in the keys.
-    """
+    """The largest load of a sweep, for the summary."""
     load = dataset["max_line_load_N_mm"].values
     place = np.unravel_index(int(np.argmax(load)), load.shape)
     at = lambda name: float(dataset[name].values[place])
@@ -86,11 +55,7 @@ def loads_summary(dataset: xr.Dataset) -> Summary:
 class Teeth(NamedTuple):
     """The teeth of a gear over the tooth pairs of a cycle, and the holes in its web.
 
-    **Fields:**
-
-    - `gear`: `pinion` or `wheel`.
-    - `count`: number of teeth.
-    - `holes`: middle and half width of each, shape `[hole, 2]` [rad].
+    Of each hole its middle and its half width, shape `[hole, 2]` [rad].
     """
 
     gear: str
@@ -101,15 +66,7 @@ class Teeth(NamedTuple):
 def flanks_dataset(watch: WaveWatch, shown: list[FlankLoads]) -> xr.Dataset:
     """The flanks at some speeds: the most loaded tooth pair's way, and what each pair carries.
 
-    **Arguments:**
-
-    - `watch`: that looked.
-    - `shown`: the loads at each speed.
-
-    **Returns:**
-
-    A dataset over shown speed, step and slice, and over tooth pairs where there are several. A way
-    of fewer steps than another ends with values that are not numbers.
+    A way of fewer steps than another ends with values that are not numbers.
     """
     gears = watch.pair.cycle.system.pair
     pairs, found = len(shown[0].by_pair), []
@@ -128,36 +85,35 @@ def flanks_of(shown: list[FlankLoads], width: float, teeth: list[Teeth]) -> xr.D
         x, [(0, steps - len(x)), *[(0, 0)] * (x.ndim - 1)], constant_values=np.nan
     )
     rows = lambda which: np.stack([padded(way[which]) for way in ways])
-    way, over = ("shown", "step"), ("shown", "step", "slice")
-    entries = {
-        "pinion_speed_rad_s": Entry(
-            ("shown",), [each.speed for each in shown], "rad/s", "speed of the pinion"
-        ),
-        "face_position_mm": Entry(("slice",), shown[0].face / mm, "mm", "place from mid-face"),
-        "passage": Entry(way, rows(0), "1", "mesh periods since the pair's entry at mid-face"),
-        "line_load_N_mm": Entry(over, rows(1) * mm, "N/mm", "load per length of contact line"),
-        "pressure_MPa": Entry(over, rows(2) / MPa, "MPa", "largest Hertzian pressure"),
-    }
-    if teeth:
-        pair = ("tooth_pair",)
-        load = np.stack([each.by_pair for each in shown]) * mm
-        entries["tooth_pair"] = Entry(pair, np.arange(load.shape[1]), "1", "in order of entry")
-        entries["line_load_max_N_mm"] = Entry(
-            ("shown", *pair), load, "N/mm", "largest line load of a tooth pair"
+    passage, load, pressure = map(rows, range(3))
+    entries = (
+        over("shown", pinion_speed_rad_s=([each.speed for each in shown], "speed of the pinion"))
+        | over("slice", face_position_mm=(shown[0].face, "place from mid-face"))
+        | over("shown step", passage=(passage, "mesh periods since the pair's entry at mid-face"))
+        | over(
+            "shown step slice",
+            line_load_N_mm=(load, "load per length of contact line"),
+            pressure_MPa=(pressure, "largest Hertzian pressure"),
         )
+    )
+    if teeth:
+        load = np.stack([each.by_pair for each in shown])
+        words = "largest line load of a tooth pair"
+        entries |= over("tooth_pair", tooth_pair=(np.arange(load.shape[1]), "in order of entry"))
+        entries |= over("shown tooth_pair", line_load_max_N_mm=(load, words))
     for gear, count, holes in teeth:
         angle = tooth_angles(GEARS.index(gear), count, load.shape[1])
-        words = f"place of the tooth on the {gear}, from tooth 0"
-        entries[f"{gear}_tooth_angle_deg"] = Entry(pair, angle / deg, "deg", words)
         apart = np.abs(np.mod(angle[:, None] - holes[:, 0] + np.pi, 2.0 * np.pi) - np.pi)
         above = np.any(apart <= holes[:, 1], axis=1).astype(int)
-        words = "whether the tooth is above a hole in the web"
-        entries[f"{gear}_above_a_hole"] = Entry(pair, above, "1", words)
-        for name, column in zip(("hole_angle_deg", "hole_half_deg"), holes.T, strict=True):
-            words = "middle of a hole, or half the angle that it takes"
-            entries[f"{gear}_{name}"] = Entry((f"{gear}_hole",), column / deg, "deg", words)
+        words = "middle of a hole, or half the angle that it takes"
+        named = {
+            f"{gear}_tooth_angle_deg": (angle, f"place of the tooth on the {gear}, from tooth 0"),
+            f"{gear}_above_a_hole": (above, "whether the tooth is above a hole in the web"),
+        }
+        of_holes = {
+            f"{gear}_{name}": (column, words)
+            for name, column in zip(("hole_angle_deg", "hole_half_deg"), holes.T, strict=True)
+        }
+        entries |= over("tooth_pair", **named) | over(f"{gear}_hole", **of_holes)
     counts = {f"teeth_{each.gear}": each.count for each in teeth}
-    return xr.Dataset(
-        {name: entry.variable() for name, entry in entries.items()},
-        attrs={"face_width_mm": width / mm} | counts,
-    )
+    return dataset_of(entries).assign_attrs({"face_width_mm": width / mm} | counts)

@@ -137,22 +137,7 @@ def _summary(table: xr.Dataset, points: list[SteadyPoint], moving: bool) -> Summ
 
 
 def static_gradients(scene: Scene, contact: str, law: AbstractContactLaw) -> xr.Dataset:
-    """Compare the derivatives of a scene's quasi-static responses by all of its real keys.
-
-    **Arguments:**
-
-    - `scene`: where the derivatives are taken.
-    - `contact`: name of the law.
-    - `law`: of contact.
-
-    **Returns:**
-
-    One row for each response and key.
-
-    **Raises:**
-
-    - `SolverFailure` if a phase was not solved at the scene itself.
-    """
+    """Compare the derivatives of a scene's quasi-static responses by all of its real keys."""
     keys, base = Keys(scene, scene.real_keys()), model_of(scene)
     grid = grid_of(scene, base)
     on_shafts = any(isinstance(x, Shaft) for x in (base.pinion_support, base.wheel_support))
@@ -179,25 +164,11 @@ def steady_gradients(
 ) -> tuple[xr.Dataset | None, list[SteadyPoint]]:
     """Compare the derivatives of a steady response by all real keys, damping and speed.
 
-    Harmonic balance at the middle speed of the scene. What is built of the keys, and the response
-    of what is built, are differentiated one after the other, and chained.
-
-    **Arguments:**
-
-    - `scene`: with a table [sweep].
-    - `laws`: contact laws and their names.
-    - `only`: keys beside the speed; without it all real ones, and those of the damping.
-
-    **Returns:**
-
-    For each law one row per response and key, unless its point says why there is none; `None`
-    without any rows; and the points.
-
-    **Raises:**
-
-    - `SolverFailure` if a phase was not solved at the scene itself.
+    Harmonic balance at the middle speed of the scene, with each contact law. What is built of the
+    keys, and the response of what is built, are differentiated one after the other, and chained. No
+    rows of a law whose point says why there are none.
     """
-    speeds = speeds_of(scene)
+    speeds = speeds_of(scene.sweep)
     speed = float(speeds[len(speeds) // 2])
     keys = keys_in_motion(scene) if only is None else Keys(scene, only)
     build, centre = builder(keys), jnp.append(keys.centre, speed)

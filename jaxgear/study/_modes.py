@@ -86,7 +86,7 @@ def _of_bodies(waves: BodyWaves, harmonics: int) -> tuple[Datasets, Summary]:
 def _highest_speed(scene: Scene, dynamics: Dynamics, count: int) -> float:
     """Up to which speed of the pinion modes are shown [rad/s]."""
     if scene.has_table("sweep"):
-        return float(speeds_of(scene)[-1])
+        return float(speeds_of(scene.sweep)[-1])
     # Up to where the mesh frequency itself meets the last of these modes.
     last = float(dynamics.modes.frequency[count - 1])
     return 1.05 * 2.0 * np.pi * last / dynamics.statics.model.pair.pinion.teeth

@@ -1,7 +1,7 @@
 """What [optimise] makes small and keeps below limits, and what of it cannot be had."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -19,163 +19,102 @@ from jaxgear._kept_programs import QUICKLY
 from jaxgear._solve._cycle import PreparedMesh
 from jaxgear._types import Reals, Scalar
 from jaxgear.scene._scene import Scene
+from jaxgear.scene._study_tables import OptimiseKeys
 from jaxgear.study._design import DesignSpace
 from jaxgear.study._dynamics import damping_of, speeds_of
 from jaxgear.study._evaluations import Task
-from jaxgear.study._results import Entry
+from jaxgear.study._results import Entries, Entry
 from jaxgear.study._running import timed
-from jaxgear.study._statics import Statics, torques_of
+from jaxgear.study._statics import Statics
 
 
 class Criterion(NamedTuple):
-    """What a scene may make small, or trade.
+    """What a scene may make small, or trade: its objective, or number of responses over speeds."""
 
-    **Fields:**
-
-    - `make`: the objective, or of those over speeds the number of a response.
-    - `unit`: of its value.
-    - `words`: what it is.
-    - `over_speeds`: whether it looks at the speeds of [sweep].
-    """
-
-    make: Callable[[Scene], Any]
+    kind: Callable[..., Any]
     unit: str
     words: str
     over_speeds: bool = False
 
+    def made(self, asked: OptimiseKeys) -> Any:
+        """The objective as [optimise] asks for it."""
+        if self.kind is optimise.TransmissionErrorHarmonics:
+            return self.kind(tuple(int(order) for order in (asked.harmonics or (1,))))
+        if self.kind is optimise.DynamicRatio:
+            return self.kind(asked.smoothing_ratio)
+        return self.kind()
 
-# Width of the smooth maximum of the dynamic ratio, in static mesh forces.
-_RATIO_WIDTH = 0.02
 
+_TE = "transmission error"
 CRITERIA = {
-    "te_rms": Criterion(
-        lambda scene: optimise.TransmissionErrorRms(), "um", "RMS of the transmission error"
-    ),
+    "te_rms": Criterion(optimise.TransmissionErrorRms, "um", f"RMS of the {_TE}"),
     "te_peak_to_peak": Criterion(
-        lambda scene: optimise.TransmissionErrorRange(),
-        "um",
-        "peak to peak of the transmission error",
+        optimise.TransmissionErrorRange, "um", f"peak to peak of the {_TE}"
     ),
     "te_harmonics": Criterion(
-        lambda scene: optimise.TransmissionErrorHarmonics(
-            tuple(int(order) for order in (scene.optimise.harmonics or (1,)))
-        ),
-        "um2",
-        "mesh harmonics of the transmission error",
+        optimise.TransmissionErrorHarmonics, "um2", f"mesh harmonics of the {_TE}"
     ),
-    "max_pressure": Criterion(
-        lambda scene: optimise.LargestPressure(), "MPa", "largest flank pressure"
-    ),
-    "face_load_factor": Criterion(lambda scene: optimise.FaceLoadFactor(), "-", "face load factor"),
-    "pressure_offset": Criterion(
-        lambda scene: optimise.PressureOffset(), "-", "squared offset of the pressure"
-    ),
-    "dynamic_ratio": Criterion(
-        lambda scene: optimise.DynamicRatio(
-            _RATIO_WIDTH
-            if scene.optimise.smoothing_ratio is None
-            else scene.optimise.smoothing_ratio
-        ),
-        "-",
-        "dynamic ratio",
-        over_speeds=True,
-    ),
-    "bearing_force": Criterion(
-        lambda scene: optimise.BearingForce(), "N", "RMS of the bearing forces", over_speeds=True
-    ),
+    "max_pressure": Criterion(optimise.LargestPressure, "MPa", "largest flank pressure"),
+    "face_load_factor": Criterion(optimise.FaceLoadFactor, "-", "face load factor"),
+    "pressure_offset": Criterion(optimise.PressureOffset, "-", "squared offset of the pressure"),
+    "dynamic_ratio": Criterion(optimise.DynamicRatio, "-", "dynamic ratio", True),
+    "bearing_force": Criterion(optimise.BearingForce, "N", "RMS of the bearing forces", True),
 }
-AGAINST = "optimise.pareto.against"
 
 
-def minimised(scene: Scene) -> dict[str, float | None]:
-    """What is to be made small, by name: its weight, or `None` where it is one thing alone."""
-    if "optimise.minimise" in scene.values:
-        return {scene.value("optimise.minimise"): None}
-    given = {name: scene.value(f"optimise.minimise.{name}") for name in CRITERIA}
-    return {name: weight for name, weight in given.items() if weight is not None}
-
-
-def over_speeds(scene: Scene) -> list[str]:
+def over_speeds(asked: OptimiseKeys) -> list[str]:
     """What looks at the speeds: what is made small first, then what it is traded against."""
-    named = [*minimised(scene), scene.optimise.pareto.against]
+    named = [*asked.weights, asked.pareto.against]
     return [name for name in named if name in CRITERIA and CRITERIA[name].over_speeds]
 
 
-def is_dynamic(scene: Scene) -> bool:
-    """Whether the objective of a scene looks at its speeds."""
-    return any(CRITERIA[name].over_speeds for name in minimised(scene))
+def is_dynamic(asked: OptimiseKeys) -> bool:
+    """Whether what is made small looks at the speeds."""
+    return any(CRITERIA[name].over_speeds for name in asked.weights)
 
 
-def looks_at_speeds(scene: Scene) -> bool:
-    """Whether the objective of a scene, or what it is traded against, looks at its speeds."""
-    return bool(over_speeds(scene))
-
-
-def objective_unit(scene: Scene) -> str:
+def objective_unit(asked: OptimiseKeys) -> str:
     """The unit of what `objective_of` makes small."""
-    (name, weight), *_ = minimised(scene).items()
-    if weight is not None:
+    if asked.alone is None:
         return "weighted"
-    return "um2" if name == "te_rms" else CRITERIA[name].unit
+    return "um2" if asked.alone == "te_rms" else CRITERIA[asked.alone].unit
 
 
 def objective_of(scene: Scene, grid: MeshGrid) -> optimise.AbstractObjective:
-    """The objective that a scene asks for.
-
-    **Arguments:**
-
-    - `scene`: with `optimise.minimise`, a name or a table of weights.
-    - `grid`: of the quasi-static cycles.
-
-    **Returns:**
-
-    The objective, its value in `objective_unit`.
-    """
-    named = minimised(scene)
-    (first, weight), *_ = named.items()
-    if weight is not None:
-        parts = tuple(_named(scene, name, grid) for name in named)
-        return optimise.WeightedSum(parts=parts, weights=list(named.values()))
+    """The objective that a scene asks for, its value in `objective_unit`."""
     # Alone without the cone of an RMS.
-    return optimise.TransmissionErrorVariance() if first == "te_rms" else _named(scene, first, grid)
+    is_rms = scene.optimise.alone == "te_rms"
+    return optimise.TransmissionErrorVariance() if is_rms else _minimised(scene, grid)
+
+
+def _minimised(scene: Scene, grid: MeshGrid) -> optimise.AbstractObjective:
+    """What is made small; the RMS of the transmission error is itself here, not its square."""
+    asked = scene.optimise
+    parts = tuple(_named(scene, name, grid) for name in asked.weights)
+    if asked.alone is not None:
+        return parts[0]
+    return optimise.WeightedSum(parts=parts, weights=list(asked.weights.values()))
 
 
 def _named(scene: Scene, name: str, grid: MeshGrid) -> optimise.AbstractObjective:
     """An objective by its name."""
     criterion = CRITERIA[name]
-    return _at_speeds(scene, name, grid) if criterion.over_speeds else criterion.make(scene)
+    return (
+        _at_speeds(scene, name, grid) if criterion.over_speeds else criterion.made(scene.optimise)
+    )
 
 
-def with_unit(name: str, unit: str) -> str:
-    """The name of a variable, with its unit; `-` stands for none."""
-    return name if unit == "-" else f"{name}_{unit}"
+def in_unit(name: str, dims: tuple[str, ...], values: ArrayLike, unit: str, words: str) -> Entries:
+    """A variable of a dataset whose unit ends its name; `-` stands for none."""
+    if unit == "-":
+        return {name: Entry(dims, values, "1", words)}
+    return {f"{name}_{unit}": Entry(dims, values, unit, words)}
 
 
-def entry(dims: tuple[str, ...], values: ArrayLike, unit: str, words: str) -> Entry:
-    """A variable of a dataset; `-` stands for no unit."""
-    return Entry(dims, values, "1" if unit == "-" else unit, words)
-
-
-def traded_objectives(scene: Scene, grid: MeshGrid) -> tuple[optimise.AbstractObjective, ...]:
-    """What is minimised, and what it is traded against, in the units of `traded`.
-
-    The RMS of the transmission error is itself here, not its square.
-    """
-    (first, weight), *_ = minimised(scene).items()
-    own = _named(scene, first, grid) if weight is None else objective_of(scene, grid)
-    against = scene.optimise.pareto.against
-    assert against is not None
-    return own, _named(scene, against, grid)
-
-
-def traded(scene: Scene) -> dict[str, Criterion]:
-    """What `traded_objectives` are, under the names of columns."""
-    (first, weight), *_ = minimised(scene).items()
-    names = [first if weight is None else "weighted", scene.optimise.pareto.against]
-    return {name: _WEIGHTED if name == "weighted" else CRITERIA[name] for name in names}
-
-
-_WEIGHTED = Criterion(lambda scene: None, "-", "weighted objective")
+def traded(asked: OptimiseKeys) -> Mapping[str, Criterion]:
+    """What is minimised, and what it is traded against, under the names of columns."""
+    known = CRITERIA | {"weighted": Criterion(optimise.WeightedSum, "-", "weighted objective")}
+    return {name: known[name] for name in (asked.alone or "weighted", asked.pareto.against or "")}
 
 
 def _sharpened(objective: Any) -> Any:
@@ -203,9 +142,9 @@ _LIMITED = {
 }
 
 
-def limits_of(scene: Scene) -> tuple[optimise.Limit, ...]:
+def limits_of(asked: OptimiseKeys) -> tuple[optimise.Limit, ...]:
     """What [optimise.limits] allows, scaled by a tenth of itself, in the order of the keys."""
-    given = {name: getattr(scene.optimise.limits, name) for name in _LIMITED}
+    given = {name: getattr(asked.limits, name) for name in _LIMITED}
     return tuple(
         optimise.Limit(name, float(most), 0.1 * float(most))
         for name, most in given.items()
@@ -213,30 +152,28 @@ def limits_of(scene: Scene) -> tuple[optimise.Limit, ...]:
     )
 
 
-def limits_objectives(scene: Scene, law: AbstractContactLaw) -> list[optimise.AbstractObjective]:
+def limits_objectives(
+    asked: OptimiseKeys, law: AbstractContactLaw
+) -> list[optimise.AbstractObjective]:
     """The responses of `limits_of`; with exact contact, which is for a re-check, not smoothed."""
-    found = [_LIMITED[limit.name]() for limit in limits_of(scene)]
+    found = [_LIMITED[limit.name]() for limit in limits_of(asked)]
     return [_sharpened(each) for each in found] if isinstance(law, ExactContact) else found
 
 
 def _at_speeds(scene: Scene, name: str, grid: MeshGrid) -> optimise.OverSpeeds:
     """A number of the responses over the speeds of [sweep]."""
-    steps = scene.sweep.steps
+    asked, steps, damping = scene.optimise, scene.sweep.steps, damping_of(scene.damping)
+    assert isinstance(damping, ModalDamping | RayleighDamping)
     # With its margins, and the same share of the steps after a pair's entry.
     entry, fewest = round(grid.entry_phases * steps / grid.phases), steps // 8
-    grid = dataclasses.replace(
-        grid, phases=steps, entry_phases=min(max(entry, fewest), steps - fewest)
-    )
-    worst = (scene.optimise.over_speeds or "mean") == "worst"
-    damping = damping_of(scene)
-    assert isinstance(damping, ModalDamping | RayleighDamping)
+    entry = min(max(entry, fewest), steps - fewest)
     return optimise.OverSpeeds(
-        response=CRITERIA[name].make(scene),
-        speeds=jnp.asarray(speeds_of(scene)),
-        grid=grid,
+        response=CRITERIA[name].made(asked),
+        speeds=jnp.asarray(speeds_of(scene.sweep)),
+        grid=dataclasses.replace(grid, phases=steps, entry_phases=entry),
         damping=damping,
         method=HarmonicBalance(harmonics=scene.sweep.harmonics, averaged=True),
-        power=np.inf if worst else 1.0,
+        power=np.inf if asked.over_speeds == "worst" else 1.0,
         gyroscopic=scene.model.gyroscopic,
         active_mesh_damping=scene.damping.active_mesh,
     )
@@ -250,18 +187,10 @@ def judged_speeds(
 ) -> Callable[[np.ndarray], JudgedSpeeds]:
     """What each speed contributes to the objective, or to what it is traded against.
 
-    **Arguments:**
-
-    - `space`: variables of the scene.
-    - `grid`: of the quasi-static cycles.
-    - `law`: contact law.
-
-    **Returns:**
-
-    A function of the variables, in the units of their keys: for each torque [N m] the numbers, and
-    which of them count, for the user must hear of those that do not; none without speeds.
+    A function of the variables: for each torque [N m] the numbers, and which of them count, for the
+    user must hear of those that do not; none without speeds.
     """
-    if not (names := over_speeds(space.scene)):
+    if not (names := over_speeds(space.scene.optimise)):
         return lambda values: []
     # Which speeds count does not depend on what is read from their responses.
     objective = _at_speeds(space.scene, names[0], grid)
@@ -271,8 +200,10 @@ def judged_speeds(
         model = eqx.tree_at(lambda m: m.torque, space.model(values), torque)
         return objective.judged(model, law)
 
-    torques = [float(torque) for torque in torques_of(space.scene, "optimise.torques_Nm")]
-    return lambda values: [(t, judge(jnp.asarray(values), jnp.asarray(t))) for t in torques]
+    return lambda values: [
+        (torque, judge(jnp.asarray(values), jnp.asarray(torque)))
+        for torque in space.torques.tolist()
+    ]
 
 
 def prepared_mesh(
@@ -280,22 +211,14 @@ def prepared_mesh(
 ) -> PreparedMesh | None:
     """The meshes at the scene's torques, stacked, if the variables leave them as they are.
 
-    **Arguments:**
-
-    - `space`: variables of the scene.
-    - `grid`: of the quasi-static cycles.
-    - `statics`: of the scene itself, whose mesh may be the one that is wanted.
+    The mesh of the scene's own statics may be the one that is wanted.
     """
     if not space.flanks_only:
         return None
-    torques = torques_of(space.scene, "optimise.torques_Nm")
-    if (
-        statics is not None
-        and statics.prepared is not None
-        and statics.grid == grid
-        and list(torques) == [float(statics.model.torque)]
-    ):
-        return jax.tree.map(lambda x: np.asarray(x)[None], statics.prepared)
+    torques, own = space.torques, None if statics is None else statics.prepared
+    if statics is not None and own is not None and statics.grid == grid:
+        if torques.tolist() == [float(statics.model.torque)]:
+            return jax.tree.map(lambda x: np.asarray(x)[None], own)
     return timed(optimise.prepare_torques, space.base, torques, grid, options=QUICKLY)
 
 
@@ -307,35 +230,28 @@ def task_of(
     *,
     trading: bool = False,
 ) -> Task:
-    """What a scene asks to be made small, over all its torques.
+    """What a scene asks to be made small, over all its torques; limits are not smoothed if exact.
 
-    **Arguments:**
-
-    - `space`: variables of the scene.
-    - `grid`: of the quasi-static cycles.
-    - `law`: contact law; with exact contact, which is for a re-check, limits are not smoothed.
-    - `prepared`: the meshes, where the variables leave them as they are.
-    - `trading`: whether it is traded against another number, which then comes before the limits;
-        with exact contact both are not smoothed either, and limits are left out.
-
-    **Returns:**
-
-    The task.
+    Where it is traded against another number, that one comes before the limits; with exact contact
+    both are not smoothed either, and limits are left out.
     """
-    scene = space.scene
-    objectives = [objective_of(scene, grid), *limits_objectives(scene, law)]
+    scene, asked = space.scene, space.scene.optimise
+    limited = limits_objectives(asked, law)
     if trading:
-        both = traded_objectives(scene, grid)
-        exact = isinstance(law, ExactContact)
-        objectives = [*map(_sharpened, both)] if exact else [*both, *objectives[1:]]
+        objective = _minimised(scene, grid)
+        limited.insert(0, _named(scene, asked.pareto.against or "", grid))
+        if isinstance(law, ExactContact):
+            objective, limited = _sharpened(objective), [_sharpened(limited[0])]
+    else:
+        objective = objective_of(scene, grid)
     return Task(
         variation=space.variation,
         keys=space.moved,
-        objective=objectives[0],
-        limited=tuple(objectives[1:]),
-        torques=torques_of(scene, "optimise.torques_Nm"),
+        objective=objective,
+        limited=tuple(limited),
+        torques=space.torques,
         grid=grid,
         prepared=prepared,
-        worst=scene.optimise.over == "worst",
-        batched=not (looks_at_speeds(scene) if trading else is_dynamic(scene)),
+        worst=asked.over == "worst",
+        batched=not (over_speeds(asked) if trading else is_dynamic(asked)),
     )

@@ -1,7 +1,7 @@
 """The study `optimise`: a search by gradient, judged exactly, and what became better."""
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -20,21 +20,19 @@ from jaxgear.study._evaluations import objective_at, responses_at
 from jaxgear.study._head import head, study
 from jaxgear.study._objectives import (
     JudgedSpeeds,
-    entry,
+    in_unit,
     is_dynamic,
     judged_speeds,
-    limits_of,
     objective_unit,
     prepared_mesh,
     task_of,
-    with_unit,
 )
 from jaxgear.study._pair_dataset import modification_dataset
 from jaxgear.study._pareto import front_result
 from jaxgear.study._progress import built_scene
 from jaxgear.study._ranks import Doubtful
 from jaxgear.study._result import Result, Summary, titled, together
-from jaxgear.study._results import Entry, dataset_of, static_dataset
+from jaxgear.study._results import Entry, dataset_of, over, static_dataset
 from jaxgear.study._robust import hardened
 from jaxgear.study._robust_report import robust_datasets, robust_notes, robust_summary
 from jaxgear.study._running import timed
@@ -54,7 +52,7 @@ from jaxgear.study._search import (
     smoothing_notes,
 )
 from jaxgear.study._search_checks import require_searchable
-from jaxgear.study._statics import SolverFailure, Statics, solve_statics, torques_of
+from jaxgear.study._statics import SolverFailure, Statics, solve_statics
 from jaxgear.study._sweep_notes import left_out_notes
 
 
@@ -85,15 +83,7 @@ def optimise(scene: Scene, memory: Path | None = None) -> Result:
 
 
 class _Posed(NamedTuple):
-    """What is searched.
-
-    **Fields:**
-
-    - `space`: variables of the scene.
-    - `grid`: of the quasi-static cycles.
-    - `prepared`: the meshes, where the variables leave them as they are.
-    - `scatter`: what [robust] lets scatter, if it is there.
-    """
+    """What is searched: meshes where variables leave them as they are, scatter where asked for."""
 
     space: DesignSpace
     grid: MeshGrid
@@ -109,20 +99,8 @@ def optimisation(
 ) -> Result:
     """Search with smooth contact, judge with exact contact, and say what became better.
 
-    **Arguments:**
-
-    - `scene`: with its bodies.
-    - `before`: its statics.
-    - `torques`: further ones at which `before` was solved, as is what is found: one program [N m].
-    - `memory`: as of `optimise`.
-
-    **Returns:**
-
-    A result to be joined to that of the statics: its summary has `notes`, `optimise` and `pareto`.
-
-    **Raises:**
-
-    As `optimise`.
+    The statics of the scene and of what is found have the same further torques [N m]: one program.
+    The result is to be joined to that of the statics.
     """
     problem = _problem(scene, before)
     space, grid, prepared, scatter = problem
@@ -130,16 +108,18 @@ def optimisation(
     search = search_of(space, grid, prepared, file)
     speeds = judged_speeds(space, grid, ExactContact())
     at_start = speeds(space.start)
-    _require_half(at_start)
+    if any(2 * int(np.sum(each.kept)) < each.speed.size for _, each in at_start):
+        raise SolverFailure(TOO_FEW_SPEEDS)
     require_acting(search, space)
     made = searched(search, space)
     after = _solved(space, made.found.point, torques)
-    judged = _judged(problem, search, made, (before, after))
+    own, notes = _judged(problem, search, made, (before, after))
     at_end = speeds(np.asarray(made.found.point))
-    swept = made.baseline.evaluations if is_dynamic(scene) else 0
-    notes = left_out_notes(at_start, at_end, limited=swept) + judged.notes
+    swept = made.baseline.evaluations if is_dynamic(scene.optimise) else 0
+    notes = left_out_notes(at_start, at_end, limited=swept) + notes
     name = f"{scene.name}.optimised.toml"
-    own: Summary = judged.summary | left_out(at_start, at_end) | {"scene": name}
+    own |= left_out(at_start, at_end) | {"scene": name}
+    flanks = modification_dataset({"start": before.model, "optimised": after.model})
     result = Result(
         scene,
         {"optimise": own, "notes": notes},
@@ -147,14 +127,14 @@ def optimisation(
             "search_before": _design_dataset(scene, before),
             "search_after": _design_dataset(scene, after),
             "search_trace": _trace(scene, search.name, made),
-            "modification": _modification(scene, before, after),
+            "modification": titled(flanks, scene),
         },
         scenes={name: space.numbers(made.found.point)},
     )
     if scene.optimise.pareto.against is not None:
         result = together(front_result(space, grid, prepared), result)
     if scatter is not None:
-        more = _robust(problem, made.found.point, torques, memory)
+        more = _robust(problem, scatter, made.found.point, torques, memory)
         own["robust"] = more.summary.pop("robust")
         result = together(result, more)
     # Only now: what is stopped before begins with all that the search has found.
@@ -163,16 +143,19 @@ def optimisation(
 
 
 def _robust(
-    problem: _Posed, nominal: np.ndarray, torques: np.ndarray | None, memory: Path | None
+    problem: _Posed,
+    scatter: Scatter,
+    nominal: np.ndarray,
+    torques: np.ndarray | None,
+    memory: Path | None,
 ) -> Result:
     """Go on from a nominal optimum to the robust one, and judge both on fresh gears."""
-    space, grid, prepared, scatter = problem
-    assert scatter is not None
+    space, grid, prepared, _ = problem
     scene, file = space.scene, record_file(space, memory, "robust")
     made = hardened(scatter, nominal, grid, smooth_law_of(scene), prepared, file)
     keys, name = space.numbers(made.found.point), f"{scene.name}.robust.toml"
     statics = _solved(space, made.found.point, torques)
-    datasets = robust_datasets(made) | {"search_robust": _design_dataset(scene, statics)}
+    datasets = {**robust_datasets(made), "search_robust": _design_dataset(scene, statics)}
     summary = {"robust": robust_summary(made) | {"scene": name}, "notes": robust_notes(made)}
     forget(file)
     return Result(scene, summary, datasets, scenes={name: keys})
@@ -199,22 +182,9 @@ def _problem(scene: Scene, before: Statics) -> _Posed:
     moving = not space.flanks_only or (scatter is not None and not scatter.same_lines)
     if moving and not scene.bodies:
         # The contact ratio may grow with what changes; condensed bodies hold for one grid.
-        grid = mesh_grid(
-            pair,
-            phases=grid.phases,
-            slices=grid.slices,
-            periods=grid.periods,
-            beyond=grid.beyond,
-            margin=1.0,
-        )
+        names = "phases", "slices", "periods", "beyond"
+        grid = mesh_grid(pair, **{name: getattr(grid, name) for name in names}, margin=1.0)
     return _Posed(space, grid, prepared_mesh(space, grid, before), scatter)
-
-
-def _require_half(judged: JudgedSpeeds) -> None:
-    """Refuse a search that begins where most speeds do not count."""
-    for _, each in judged:
-        if 2 * int(np.sum(each.kept)) < each.speed.size:
-            raise SolverFailure(TOO_FEW_SPEEDS)
 
 
 def _solved(space: DesignSpace, point: np.ndarray, torques: np.ndarray | None) -> Statics:
@@ -228,17 +198,10 @@ def _solved(space: DesignSpace, point: np.ndarray, torques: np.ndarray | None) -
         ) from error
 
 
-class _Judged(NamedTuple):
-    """What is said of a search: part of the summary, and remarks."""
-
-    summary: Summary
-    notes: list[str]
-
-
 def _judged(
     problem: _Posed, search: Search, made: Searched, statics: tuple[Statics, Statics]
-) -> _Judged:
-    """Judge with exact contact where a search began and ended, and say how it went."""
+) -> tuple[Summary, list[str]]:
+    """Judge with exact contact where a search began and ended: part of the summary, and remarks."""
     space, (found, baseline, restarted, seconds) = problem.space, made
     scene, law = space.scene, ExactContact()
     task = task_of(space, problem.grid, law, problem.prepared)
@@ -246,24 +209,24 @@ def _judged(
     points = space.start, found.point, baseline.point
     before, after, other = (exact(point) for point in points)
     if not np.isfinite([before, after, other]).all():
-        more = f", or {TOO_FEW_SPEEDS}" if is_dynamic(scene) else ""
+        more = f", or {TOO_FEW_SPEEDS}" if is_dynamic(scene.optimise) else ""
         raise SolverFailure(f"the contact was not solved where the search began or ended{more}")
     bias, notes = found.value - after, []
     if not found.converged:
         more = "" if search.limits else " Raise optimise.max_evaluations."
         notes.append(Doubtful(f"The search did not converge: {found.reason}.{more}"))
     notes += smoothing_notes(scene.mesh.smoothing_um, bias, before, after)
-    limits: list[dict[str, Any]] = []
+    limits = []
     if search.limits:
         end = np.asarray(found.point)
         exactly = np.asarray(timed(responses_at, task, end, law, options=QUICKLY))
         smoothly = np.asarray(search.slopes.at(smooth_law_of(scene).width)(jnp.asarray(end))[0])
-        limits = limits_summary(limits_of(scene), exactly[1:], smoothly[1:])
+        limits = limits_summary(search.limits, exactly[1:], smoothly[1:])
         notes += limits_notes(limits)
     summary = {
-        "minimise": scene.value("optimise.minimise", "weighted table"),
-        "torques_Nm": torques_of(scene, "optimise.torques_Nm"),
-        "objective_unit": objective_unit(scene),
+        "minimise": scene.optimise.alone or "weighted table",
+        "torques_Nm": space.torques,
+        "objective_unit": objective_unit(scene.optimise),
         "variables": space.numbers(found.point),
         "before": _numbers_of(statics[0], before),
         "after": _numbers_of(statics[1], after),
@@ -288,10 +251,10 @@ def _judged(
             "converged": baseline.converged,
         },
     }
-    return _Judged(summary, notes)
+    return summary, notes
 
 
-def _numbers_of(statics: Statics, objective: float) -> dict[str, float]:
+def _numbers_of(statics: Statics, objective: float) -> Summary:
     """Objective with exact contact over all torques, and what changed at the scene's torque."""
     names = ("te_mean_um", "te_rms_um", "te_peak_to_peak_um", "max_line_load_N_mm")
     names += "max_pressure_MPa", "face_load_factor"
@@ -300,17 +263,16 @@ def _numbers_of(statics: Statics, objective: float) -> dict[str, float]:
 
 def left_out(before: JudgedSpeeds, after: JudgedSpeeds) -> Summary:
     """Part of the summary: speeds that do not count where a search began and ended."""
+    row = lambda torque, each: {
+        "torque_Nm": torque,
+        "count": int(each.left_out.size),
+        "of": int(each.speed.size),
+        "speeds_rad_s": np.asarray(each.left_out),
+    }
+    ends = {"before": before, "after": after}
     return {
-        f"speeds_left_out_{name}": [
-            {
-                "torque_Nm": torque,
-                "count": int(each.left_out.size),
-                "of": int(each.speed.size),
-                "speeds_rad_s": np.asarray(each.left_out),
-            }
-            for torque, each in judged
-        ]
-        for name, judged in (("before", before), ("after", after))
+        f"speeds_left_out_{name}": [row(*each) for each in judged]
+        for name, judged in ends.items()
         if judged
     }
 
@@ -324,23 +286,15 @@ def _design_dataset(scene: Scene, statics: Statics) -> xr.Dataset:
     return titled(dataset, scene)
 
 
-def _modification(scene: Scene, before: Statics, after: Statics) -> xr.Dataset:
-    models = {"start": before.model, "optimised": after.model}
-    return titled(modification_dataset(models), scene)
-
-
 def _trace(scene: Scene, name: str, made: Searched) -> xr.Dataset:
     """The objective at each evaluation, of one method after the other."""
     values = {name: made.found.values, "differential evolution": made.baseline.values}
-    unit = objective_unit(scene)
     counts = [np.arange(1, len(each) + 1) for each in values.values()]
     methods = [each for each, own in values.items() for _ in own]
-    along = ("record",)
-    found = {
-        "method": Entry(along, methods, "1", "method of the search"),
-        "evaluation": Entry(along, np.concatenate(counts), "1", "number of the evaluation"),
-        with_unit("objective", unit): entry(
-            along, np.concatenate([*values.values()]), unit, "objective"
-        ),
-    }
+    objective, unit = np.concatenate([*values.values()]), objective_unit(scene.optimise)
+    found = over(
+        "record",
+        method=(methods, "method of the search"),
+        evaluation=(np.concatenate(counts), "number of the evaluation"),
+    ) | in_unit("objective", ("record",), objective, unit, "objective")
     return titled(dataset_of(found), scene)

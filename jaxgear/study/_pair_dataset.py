@@ -6,6 +6,7 @@ along Z.
 """
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -23,79 +24,66 @@ from jaxgear._geometry._pair import GearPair, pair_facts
 from jaxgear._geometry._sliding import sliding_speed, specific_sliding
 from jaxgear._kept_programs import called
 from jaxgear._system._model import PairModel
-from jaxgear._types import Reals, as_scalar
+from jaxgear._types import as_scalar
 from jaxgear._units import deg, mm, um
 from jaxgear.scene._schema import GEARS
 from jaxgear.scene._teeth import tooth_outline
-from jaxgear.study._results import Entry, dataset_of
+from jaxgear.study._results import dataset_of, over, told
 
 _TEETH_SHOWN = 7
 # Of the pair, of both gears.
 _LENGTHS = (
-    "working_centre_distance",
-    "transverse_base_pitch",
-    "pitch_point",
-    "path_start",
-    "path_end",
-    "tangent_length",
-    "face_width",
+    *("working_centre_distance", "transverse_base_pitch", "pitch_point", "path_start", "path_end"),
+    *("tangent_length", "face_width"),
 )
 _RADII = ("tip_radius", "root_radius", "base_radius", "reference_radius", "working_pitch_radius")
-_GEAR = Entry(("gear",), list(GEARS), "1", "gear")
+_GEAR = over("gear", gear=(list(GEARS), "gear"))
 
 
-def facts_of(pair: GearPair) -> dict[str, np.ndarray]:
+def facts_of(pair: GearPair) -> Mapping[str, np.ndarray]:
     """What is closed-form about a pair, in NumPy."""
     return {name: np.asarray(fact) for name, fact in pair_facts(pair).items()}
 
 
 def pair_dataset(pair: GearPair) -> xr.Dataset:
-    """Circles and lengths of a pair, and the outline of several teeth of each gear.
-
-    **Arguments:**
-
-    - `pair`: the gears.
-
-    **Returns:**
-
-    A dataset over gear and outline point.
-    """
+    """Circles and lengths of a pair, and the outline of several teeth of each gear."""
     facts = facts_of(pair)
-    outlines = [_outline(pair, body, facts) / mm for body in (0, 1)]
+    outlines = [_outline(pair, body, facts) for body in (0, 1)]
     # A gear of few teeth has a shorter outline.
     points = max(each.shape[1] for each in outlines)
     drawn = np.full((2, 2, points), np.nan)
     for body, each in enumerate(outlines):
         drawn[body, :, : each.shape[1]] = each
-    tooth = np.stack(tooth_outline(pair, 0)) / mm
-    words = lambda name: name.replace("_", " ")
-    widths = [float(gear.face_width) / mm for gear in (pair.pinion, pair.wheel)]
-    variables = {
-        f"{name}_mm": Entry((), float(facts[name]) / mm, "mm", words(name)) for name in _LENGTHS
-    }
-    variables |= {
-        f"{name}_mm": Entry(("gear",), facts[name] / mm, "mm", words(name)) for name in _RADII
-    }
+    half, height = tooth_outline(pair, 0)
+    named = lambda names: {f"{name}_mm": (facts[name], name.replace("_", " ")) for name in names}
     return dataset_of(
-        variables
-        | {
-            "teeth": Entry(("gear",), [pair.pinion.teeth, pair.wheel.teeth], "1", "teeth"),
-            "gear_width_mm": Entry(("gear",), widths, "mm", "face width of the gear"),
-            "working_pressure_angle_deg": Entry(
-                (), float(facts["working_pressure_angle"]) / deg, "deg", "working pressure angle"
+        over(
+            "",
+            **named(_LENGTHS),
+            working_pressure_angle_deg=(facts["working_pressure_angle"], "working pressure angle"),
+            helix_angle_deg=(pair.helix_angle, "helix angle, right hand positive"),
+            profile_contact_ratio=(facts["profile_contact_ratio"], "profile contact ratio"),
+        )
+        | over(
+            "gear",
+            **named(_RADII),
+            teeth=([pair.pinion.teeth, pair.wheel.teeth], "teeth"),
+            gear_width_mm=(
+                [float(gear.face_width) for gear in (pair.pinion, pair.wheel)],
+                "face width of the gear",
             ),
-            "helix_angle_deg": Entry(
-                (), float(pair.helix_angle) / deg, "deg", "helix angle, right hand positive"
-            ),
-            "profile_contact_ratio": Entry(
-                (), float(facts["profile_contact_ratio"]), "1", "profile contact ratio"
-            ),
-            "S_mm": Entry(("gear", "point"), drawn[:, 0], "mm", "outline of teeth along S"),
-            "T_mm": Entry(("gear", "point"), drawn[:, 1], "mm", "outline of teeth along T"),
-            "tooth_x_mm": Entry(("place",), tooth[0], "mm", "half thickness of a pinion's tooth"),
-            "tooth_y_mm": Entry(("place",), tooth[1], "mm", "height above the pinion's centre"),
-        },
-        gear=_GEAR,
+        )
+        | over(
+            "gear point",
+            S_mm=(drawn[:, 0], "outline of teeth along S"),
+            T_mm=(drawn[:, 1], "outline of teeth along T"),
+        )
+        | over(
+            "place",
+            tooth_x_mm=(half, "half thickness of a pinion's tooth"),
+            tooth_y_mm=(height, "height above the pinion's centre"),
+        ),
+        **_GEAR,
     )
 
 
@@ -126,14 +114,6 @@ def axes_dataset(pair: GearPair) -> xr.Dataset:
 
     Tooth traces are those on the side of +T, torques what drive and load put on the gears, forces
     what the mesh puts on them.
-
-    **Arguments:**
-
-    - `pair`: the gears.
-
-    **Returns:**
-
-    A dataset over arrow.
     """
     facts = facts_of(pair)
     angle, base_helix = (float(facts[x]) for x in ("working_pressure_angle", "base_helix_angle"))
@@ -158,17 +138,13 @@ def axes_dataset(pair: GearPair) -> xr.Dataset:
         "force on the wheel": (pitch_point, normal),
     }
     places, directions = (np.stack(each) for each in zip(*rows.values(), strict=True))
-    dims = ("arrow",)
+    named = list(zip("STZ", places.T, directions.T, strict=True))
     return dataset_of(
-        {
-            f"{axis}_mm": Entry(dims, places[:, i] / mm, "mm", f"place of the arrow along {axis}")
-            for i, axis in enumerate("STZ")
-        }
-        | {
-            f"along_{axis}": Entry(dims, directions[:, i], "1", f"part of its direction on {axis}")
-            for i, axis in enumerate("STZ")
-        },
-        arrow=Entry(dims, list(rows), "1", "what the arrow shows"),
+        over("arrow", **{f"{x}_mm": (at, f"place of the arrow along {x}") for x, at, _ in named})
+        | over(
+            "arrow", **{f"along_{x}": (to, f"part of its direction on {x}") for x, _, to in named}
+        ),
+        **over("arrow", arrow=(list(rows), "what the arrow shows")),
     )
 
 
@@ -180,54 +156,46 @@ _PLACES = 101
 def sliding_dataset(
     pair: GearPair, efficiency: float, friction: float, pinion_speed: float | None = None
 ) -> xr.Dataset:
-    """How the flanks slide along the path of contact.
-
-    **Arguments:**
-
-    - `pair`: the gears.
-    - `efficiency`: of the mesh [-].
-    - `friction`: coefficient that was assumed for it [-].
-    - `pinion_speed`: at which the speed of sliding is told [rad/s].
-
-    **Returns:**
-
-    A dataset over the place on the path.
-    """
-    found = {name: np.asarray(values) for name, values in called(_slid, pair).items()}
-    about = {
-        "roll_mm": ("mm", "roll length from the pinion's base tangent point"),
-        "diameter_pinion_mm": ("mm", "diameter at which the pinion touches"),
-        "diameter_wheel_mm": ("mm", "diameter at which the wheel touches"),
-        "specific_sliding_pinion": ("1", "sliding over rolling speed of the pinion's flank"),
-        "specific_sliding_wheel": ("1", "sliding over rolling speed of the wheel's flank"),
-        "sliding_over_pitch_line_speed": ("1", "sliding over pitch line speed"),
-        "sliding_speed_per_pinion_speed_mm": ("mm", "sliding speed over that of the pinion"),
-    }
+    """How the flanks slide along the path of contact, at a speed of the pinion [rad/s]."""
+    slid, about = called(_slid, pair), "sliding over rolling speed of the {}'s flank"
     speed = np.nan if pinion_speed is None else pinion_speed
     return dataset_of(
-        {name: Entry(("place",), found[name], *rest) for name, rest in about.items()}
-        | {
-            "mesh_efficiency": Entry((), efficiency, "1", "efficiency of the mesh"),
-            "friction_coefficient": Entry((), friction, "1", "coefficient of friction"),
-            "pinion_speed_rad_s": Entry((), speed, "rad/s", "highest speed of the pinion"),
-        }
+        told(
+            "place",
+            roll_mm=(slid.roll, "roll length from the pinion's base tangent point"),
+            diameter_pinion_mm=(slid.diameter[0], "diameter at which the pinion touches"),
+            diameter_wheel_mm=(slid.diameter[1], "diameter at which the wheel touches"),
+            specific_sliding_pinion=(slid.specific[0], about.format("pinion")),
+            specific_sliding_wheel=(slid.specific[1], about.format("wheel")),
+            sliding_over_pitch_line_speed=(slid.over_pitch_line, "sliding over pitch line speed"),
+            sliding_speed_per_pinion_speed_mm=(slid.speed, "sliding speed over that of the pinion"),
+        )
+        | over(
+            "",
+            mesh_efficiency=(efficiency, "efficiency of the mesh"),
+            friction_coefficient=(friction, "coefficient of friction"),
+            pinion_speed_rad_s=(speed, "highest speed of the pinion"),
+        )
     )
 
 
-def _slid(pair: GearPair) -> dict[str, Array]:
+class _Slid(NamedTuple):
+    """Sliding at places of the path: roll length, diameters and speed in mm, and without a unit."""
+
+    roll: Array
+    diameter: Array
+    specific: Array
+    speed: Array
+    over_pitch_line: Array
+
+
+def _slid(pair: GearPair) -> _Slid:
     roll = jnp.linspace(pair.path_start, pair.path_end, _PLACES)
     slides, specific = sliding_speed(pair, roll, as_scalar(1.0)), specific_sliding(pair, roll)
     rolls = jnp.stack([roll, pair.tangent_length - roll])
     diameter = 2.0 * jnp.hypot(pair.base_radius[:, None], rolls)
-    return {
-        "roll_mm": roll / mm,
-        "diameter_pinion_mm": diameter[0] / mm,
-        "diameter_wheel_mm": diameter[1] / mm,
-        "specific_sliding_pinion": specific[0],
-        "specific_sliding_wheel": specific[1],
-        "sliding_over_pitch_line_speed": slides / pair.working_pitch_radius[0],
-        "sliding_speed_per_pinion_speed_mm": slides / mm,
-    }
+    over_pitch_line = slides / pair.working_pitch_radius[0]
+    return _Slid(roll / mm, diameter / mm, specific, slides / mm, over_pitch_line)
 
 
 # --- Modifications
@@ -242,57 +210,45 @@ _MADE = (MeasuredProfile, MeasuredTopography, ProfileWaviness, Superposed)
 def modification_dataset(models: Mapping[str, PairModel]) -> xr.Dataset:
     """Traces of both flanks as a gear checker takes them: profile at three places, lead at one.
 
-    **Arguments:**
-
-    - `models`: with the flanks, under what they are: `start` and `optimised`, say.
-
-    **Returns:**
-
-    A dataset over state, gear, trace and point. `designed_um` is the drawing's: reliefs, crownings
-    and slopes; `made_um` adds what was measured and what a tolerance grade stands for.
+    `designed_um` is the drawing's: reliefs, crownings and slopes; `made_um` adds what was measured
+    and what a tolerance grade stands for.
     """
     found = [called(_traced, model.pair, model.flanks) for model in models.values()]
-    about = {
-        "roll_angle_deg": ("deg", "roll angle"),
-        "diameter_mm": ("mm", "diameter"),
-        "face_position_mm": ("mm", "position from mid-face, left (-Z) to right"),
-        "designed_um": ("um", "material added as designed"),
-        "made_um": ("um", "material added as made"),
-    }
-    dims = ("state", "gear", "trace", "point")
+    roll, diameter, face, designed, made = (np.stack(each) for each in zip(*found, strict=True))
     return dataset_of(
-        {
-            name: Entry(dims, np.stack([np.asarray(each[name]) for each in found]), *rest)
-            for name, rest in about.items()
-        },
-        state=Entry(("state",), list(models), "1", "which flanks"),
-        gear=_GEAR,
-        trace=Entry(("trace",), list(_TRACES), "1", "where the flank is traced"),
+        told(
+            "state gear trace point",
+            roll_angle_deg=(roll, "roll angle"),
+            diameter_mm=(diameter, "diameter"),
+            face_position_mm=(face, "position from mid-face, left (-Z) to right"),
+            designed_um=(designed, "material added as designed"),
+            made_um=(made, "material added as made"),
+        ),
+        **over("state", state=(list(models), "which flanks")),
+        **_GEAR,
+        **over("trace", trace=(list(_TRACES), "where the flank is traced")),
     )
 
 
-def _traced(pair: GearPair, flanks: Flanks) -> dict[str, Array]:
-    """Places and deviations of all traces, shape `[body, trace, point]`, in units of files."""
+def _traced(pair: GearPair, flanks: Flanks) -> tuple[Array, ...]:
+    """Roll angle, diameter, place on the face, and both deviations, in units of files.
+
+    Shape `[body, trace, point]`.
+    """
     along, ends = jnp.linspace(0.0, 1.0, _POINTS), jnp.linspace(-1.0, 1.0, _POINTS)
     profile = jnp.stack([along, along, along, jnp.full(_POINTS, 0.5)])
     face = jnp.stack([*(jnp.full(_POINTS, end) for end in (-1.0, 0.0, 1.0)), ends])
     found = [
-        _traces_of(pair, body, flank, profile, face)
+        (
+            roll_angle_of_profile_place(pair, body, profile) / deg,
+            diameter_of_profile_place(pair, body, profile) / mm,
+            0.5 * face * pair.of_bodies("face_width")[body] / mm,
+            _designed(flank)(profile, face) / um,
+            flank(profile, face) / um,
+        )
         for body, flank in enumerate((flanks.pinion, flanks.wheel))
     ]
-    return {name: jnp.stack([each[name] for each in found]) for name in found[0]}
-
-
-def _traces_of(
-    pair: GearPair, body: int, flank: AbstractFlankDeviation, profile: Reals, face: Reals
-) -> dict[str, Array]:
-    return {
-        "roll_angle_deg": roll_angle_of_profile_place(pair, body, profile) / deg,
-        "diameter_mm": diameter_of_profile_place(pair, body, profile) / mm,
-        "face_position_mm": 0.5 * face * pair.of_bodies("face_width")[body] / mm,
-        "designed_um": _designed(flank)(profile, face) / um,
-        "made_um": flank(profile, face) / um,
-    }
+    return tuple(map(jnp.stack, zip(*found, strict=True)))
 
 
 def _designed(flank: AbstractFlankDeviation) -> AbstractFlankDeviation:

@@ -1,7 +1,5 @@
 """What [optimise.pareto] asks for: one number of a design against another."""
 
-from typing import Any
-
 import numpy as np
 import xarray as xr
 
@@ -13,7 +11,7 @@ from jaxgear.scene._build import smooth_law_of
 from jaxgear.scene._schema import unit_of
 from jaxgear.study._design import DesignSpace
 from jaxgear.study._evaluations import responses_at, sloped_responses
-from jaxgear.study._objectives import entry, limits_of, task_of, traded, with_unit
+from jaxgear.study._objectives import in_unit, limits_of, task_of, traded
 from jaxgear.study._progress import progress
 from jaxgear.study._result import Result, Summary, titled
 from jaxgear.study._results import Entry, dataset_of
@@ -23,46 +21,41 @@ from jaxgear.study._running import timed
 def front_result(space: DesignSpace, grid: MeshGrid, prepared: PreparedMesh | None) -> Result:
     """The front that a scene asks for: group `pareto`, and its part of the summary.
 
-    **Arguments:**
-
-    - `space`: variables of the scene, from whose values the searches begin.
-    - `grid`: of the quasi-static cycles.
-    - `prepared`: the meshes, where the variables leave them as they are.
+    Designs are found with smooth contact and re-checked exactly.
     """
-    front = _front(space, grid, prepared)
-    dataset = _dataset(space, front)
-    summary = {"pareto": _summary(front, dataset), "notes": _notes(front)}
-    return Result(space.scene, summary, {"pareto": dataset})
-
-
-def _front(
-    space: DesignSpace, grid: MeshGrid, prepared: PreparedMesh | None
-) -> optimise.ParetoFront:
-    """The designs, found with smooth contact and re-checked exactly."""
     scene, smooth, exact = space.scene, smooth_law_of(space.scene), ExactContact()
     searched, judged = (
         task_of(space, grid, law, prepared, trading=True) for law in (smooth, exact)
     )
     with progress(scene.optimise.pareto.points, "front") as done:
-        return optimise.pareto_front(
-            optimise.Sloped(lambda x: timed(sloped_responses, searched, x, smooth.width)),
+        front = optimise.pareto_front(
+            optimise.Sloped(lambda x: timed(sloped_responses, searched, x, smooth)),
             space.start,
             space.box,
             points=scene.optimise.pareto.points,
-            limits=limits_of(scene),
+            limits=limits_of(scene.optimise),
             exact=lambda x: np.asarray(timed(responses_at, judged, np.asarray(x), exact)),
             most_evaluations=scene.optimise.max_evaluations,
             done=done,
         )
+    dataset = _dataset(space, front)
+    names = list(map(str, dataset.data_vars))
+    summary: Summary = dict(zip(("minimise", "against"), names, strict=False))
+    summary["evaluations"] = front.evaluations
+    summary["designs"] = [
+        {name: dataset[name].values[i] for name in names} for i in range(len(front.point))
+    ]
+    return Result(scene, {"pareto": summary, "notes": _notes(front)}, {"pareto": dataset})
 
 
 def _dataset(space: DesignSpace, front: optimise.ParetoFront) -> xr.Dataset:
     """Both numbers of each design, what became of its search, and the variables."""
     along, found = ("design",), dict[str, Entry]()
-    for (name, each), values in zip(traded(space.scene).items(), front.value.T, strict=True):
+    both = traded(space.scene.optimise)
+    for (name, each), values in zip(both.items(), front.value.T, strict=True):
         # The offset is made small as its square, and told as such.
         label = "pressure_offset_squared" if name == "pressure_offset" else name
-        found[with_unit(label, each.unit)] = entry(along, values, each.unit, each.words)
+        found |= in_unit(label, along, values, each.unit, each.words)
     about = {
         "allowed": "largest second number that was allowed, in its unit",
         "kept": "whether the design is within what it was allowed",
@@ -74,17 +67,6 @@ def _dataset(space: DesignSpace, front: optimise.ParetoFront) -> xr.Dataset:
         found[key] = Entry(along, values, unit_of(key), "variable of the search")
     found["reason"] = Entry(along, list(front.reason), "1", "why its search stopped")
     return titled(dataset_of(found), space.scene)
-
-
-def _summary(front: optimise.ParetoFront, dataset: xr.Dataset) -> Summary:
-    """Part of the summary: the designs, a row each."""
-    both = list(dataset.data_vars)[:2]
-    rows: list[dict[str, Any]] = [
-        {str(name): each.values[i] for name, each in dataset.data_vars.items()}
-        for i in range(len(front.point))
-    ]
-    named = dict(zip(("minimise", "against"), both, strict=True))
-    return named | {"evaluations": front.evaluations, "designs": rows}
 
 
 def _notes(front: optimise.ParetoFront) -> list[str]:

@@ -16,16 +16,7 @@ class Idle(str):
 
 
 def worst_first(notes: Iterable[str]) -> list[str]:
-    """Notes by which results may be wrong, then what else limits them, then what does nothing.
-
-    **Arguments:**
-
-    - `notes`: as they were made; those alike stay in their order.
-
-    **Returns:**
-
-    The notes, each once.
-    """
+    """Notes by which results may be wrong, then what else limits them, then what does nothing."""
     return sorted(dict.fromkeys(notes), key=_rank)
 
 

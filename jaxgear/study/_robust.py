@@ -7,12 +7,11 @@ the teeth, is prepared once for each gear of it; a search then solves contact al
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 import optimise
 from jaxgear._checks import InputError
@@ -20,12 +19,12 @@ from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact, SmoothContact
 from jaxgear._solve._cycle import PreparedMesh, corrected_cycle, prepare_mesh
 from jaxgear._types import Reals, Scalar
-from jaxgear.scene._scene import Scene
-from jaxgear.study._design import DesignSpace
+from jaxgear.scene._study_tables import RobustKeys
 from jaxgear.study._objectives import limits_objectives, limits_of, objective_of
 from jaxgear.study._progress import progress
 from jaxgear.study._scatter import Scatter, samples_of
-from jaxgear.study._statics import SolverFailure, torques_of
+from jaxgear.study._search import method_of
+from jaxgear.study._statics import SolverFailure
 
 
 def judge_of(
@@ -33,20 +32,12 @@ def judge_of(
 ) -> Callable[[Reals, Reals, PreparedMesh | None], Reals]:
     """The objective and the responses that have limits, of one gear of a sample.
 
-    **Arguments:**
-
-    - `scatter`: about the design.
-    - `grid`: phases, lines and slices.
-    - `law`: contact law.
-
-    **Returns:**
-
-    A function of the variables, the deviations, and the prepared meshes or `None`, over all
-    torques of the scene; NaN where a cycle was not solved.
+    A function of the variables, the deviations, and the prepared meshes or `None`, over all torques
+    of the scene; NaN where a cycle was not solved.
     """
     scene = scatter.space.scene
-    torques = jnp.asarray(torques_of(scene, "optimise.torques_Nm"))
-    parts = objective_of(scene, grid), *limits_objectives(scene, law)
+    torques = jnp.asarray(scatter.space.torques)
+    parts = objective_of(scene, grid), *limits_objectives(scene.optimise, law)
     worst = scene.optimise.over == "worst"
 
     def judge(values: Reals, drawn: Reals, prepared: PreparedMesh | None) -> Reals:
@@ -67,26 +58,16 @@ def judge_of(
 def members_of(
     scatter: Scatter, samples: np.ndarray, grid: MeshGrid, prepared: PreparedMesh | None
 ) -> optimise.Population:
-    """The gears of a sample, with all that no variable changes.
+    """The gears of a sample `[gear, quantity]`, with all that no variable changes.
 
-    **Arguments:**
-
-    - `scatter`: about the design.
-    - `samples`: deviations, `[gear, quantity]`.
-    - `grid`: phases, lines and slices.
-    - `prepared`: the meshes of the nominal gears at the scene's torques, where the variables
-        leave them as they are.
-
-    **Returns:**
-
-    The population.
+    The prepared meshes are those of the nominal gears, where the variables leave them as they are.
     """
     space = scatter.space
     nothing = jax.tree.map(lambda leaf: None, prepared)
     if scatter.same_mesh or not space.flanks_only:
         # Either all have one mesh, or each evaluation prepares its own.
         return optimise.Population(jnp.asarray(samples), prepared, nothing)
-    torques = jnp.asarray(torques_of(space.scene, "optimise.torques_Nm"))
+    torques = jnp.asarray(space.torques)
     start = jnp.asarray(space.start)
 
     def prepare(drawn: Reals) -> PreparedMesh:
@@ -110,13 +91,8 @@ _NOTHING = 1e-9
 class JudgedDesign(NamedTuple):
     """A design in gears as they are made, with exact contact.
 
-    **Fields:**
-
-    - `point`: values of the variables, in the units of their keys.
-    - `fresh`: objective in each gear of the fresh sample, in its own unit.
-    - `limited`: responses that have limits, `[gear, limit]`, in the unit of each.
-    - `at_means`: objective of the gear without deviations.
-    - `influence`: of each quantity.
+    The objective in each gear of the fresh sample, the responses that have limits `[gear, limit]`,
+    and the objective of the gear without deviations, each in its own unit.
     """
 
     point: np.ndarray
@@ -127,18 +103,11 @@ class JudgedDesign(NamedTuple):
 
 
 class Hardened(NamedTuple):
-    """Nominal and robust optimum, judged alike.
+    """Nominal and robust optimum, judged alike, and the search that made the robust one.
 
-    **Fields:**
-
-    - `scatter`: for which the robust one was made.
-    - `nominal`, `robust`: the designs.
-    - `found`: the search.
-    - `method`: its name.
-    - `widths`: of the smooth quantiles of the objective and of each limited response.
-    - `began`: the smooth measure of the nominal optimum over the sample searched with.
-    - `seconds`: of the search, with compiling [s].
-    - `prepare_s`: of preparing what no variable changes [s].
+    The widths are those of the smooth quantiles of the objective and of each limited response; the
+    search began at this smooth measure of the nominal optimum. Seconds are with compiling; what no
+    variable changes was prepared before.
     """
 
     scatter: Scatter
@@ -160,26 +129,7 @@ def hardened(
     prepared: PreparedMesh | None,
     file: Path | None = None,
 ) -> Hardened:
-    """Make an optimum robust, and judge both on samples that the search has not seen.
-
-    **Arguments:**
-
-    - `scatter`: about the design.
-    - `nominal`: the nominal optimum, from which the search starts.
-    - `grid`: phases, lines and slices.
-    - `law`: contact law of the search; designs are judged with exact contact.
-    - `prepared`: the meshes, where the variables leave them as they are.
-    - `file`: keeps the evaluations.
-
-    **Returns:**
-
-    Both designs.
-
-    **Raises:**
-
-    - `InputError` if nothing that scatters changes the objective.
-    - `SolverFailure` if the contact of a gear of the samples was not solved.
-    """
+    """Make an optimum robust with smooth contact; judge both exactly on gears it has not seen."""
     scene, space = scatter.space.scene, scatter.space
     quantities = scatter.quantities
     samples, fresh = samples_of(scatter)
@@ -187,9 +137,12 @@ def hardened(
     start = time.perf_counter()
     # One program judges all of them.
     every = members_of(scatter, np.concatenate([samples, fresh, moved]), grid, prepared)
-    members = _first(every, len(samples))
+    cut = lambda tree: jax.tree.map(lambda leaf: leaf[: len(samples)], tree)
+    members = optimise.Population(cut(every.deviations), every.shared, cut(every.own))
     prepare_s = time.perf_counter() - start
-    exact = jax.jit(lambda x, who: optimise.responses_of(judge_of(scatter, grid, _EXACT), x, who))
+    exact = jax.jit(
+        lambda x, who: optimise.responses_of(judge_of(scatter, grid, ExactContact()), x, who)
+    )
 
     def judged(point: np.ndarray) -> tuple[np.ndarray, JudgedDesign]:
         found = np.asarray(exact(jnp.asarray(point), every))
@@ -209,72 +162,47 @@ def hardened(
             f"[robust]: nothing that scatters changes the objective, not by its "
             f"{_NOTHING:g}th part: {names}. Let something else scatter, or remove [robust]."
         )
-    widths = _widths(scene, seen)
+    widths = _widths(limits_of(scene.optimise), seen)
     begin = time.perf_counter()
-    both = jax.jit(optimise.measured(judge_of(scatter, grid, law), _measures(scene, widths)))
+    measures = _measures(scene.robust, widths)
+    both = jax.jit(optimise.measured(judge_of(scatter, grid, law), measures))
     objective = lambda point: both(point, members)
     began = float(objective(jnp.asarray(before.point))[0][0])
-    method, found = _searched(space, objective, before.point, file)
+    most, limits = scene.optimise.max_evaluations, limits_of(scene.optimise)
+    # A measure of squares is no sum of squares.
+    asked = "adam" if scene.optimise.method == "adam" else "lbfgs"
+    method, search = method_of(asked, limits)
+    first = lambda point: tuple(each[0] for each in objective(point))
+    with progress(most, "robust search") as done:
+        found = search(
+            optimise.Sloped(objective if limits else first),
+            before.point,
+            space.box,
+            most_evaluations=most,
+            watch=lambda point, value: done(1),
+            file=file,
+        )
     seconds = time.perf_counter() - begin
     after = judged(np.asarray(found.point))[1]
     return Hardened(scatter, before, after, found, method, widths, began, seconds, prepare_s)
 
 
-_EXACT = ExactContact()
-
-
-def _first(members: optimise.Population, count: int) -> optimise.Population:
-    cut = lambda tree: jax.tree.map(lambda leaf: leaf[:count], tree)
-    return optimise.Population(cut(members.deviations), members.shared, cut(members.own))
-
-
 def acts(influence: optimise.Influence) -> np.ndarray:
-    """Which quantities of an influence change anything.
-
-    **Arguments:**
-
-    - `influence`: on one design.
-    """
+    """Which quantities of an influence change anything."""
     span = np.maximum(
         abs(influence.low - influence.nominal), abs(influence.high - influence.nominal)
     )
     return span > _NOTHING * max(abs(influence.nominal), 1e-300)
 
 
-def _widths(scene: Scene, seen: np.ndarray) -> np.ndarray:
+def _widths(limits: tuple[optimise.Limit, ...], seen: np.ndarray) -> np.ndarray:
     """Widths of the smooth quantiles, from the responses of a sample, `[gear, response]`."""
-    least = np.asarray([0.0, *(_NARROWEST_OF_LIMIT * limit.most for limit in limits_of(scene))])
+    least = np.asarray([0.0, *(_NARROWEST_OF_LIMIT * limit.most for limit in limits)])
     least = np.maximum(least, _NARROWEST * abs(seen.mean(axis=0)))
     return np.maximum(_WIDTH * seen.std(axis=0), least)
 
 
-def _measures(scene: Scene, widths: np.ndarray) -> list[optimise.AbstractMeasure]:
-    if scene.robust.measure == "mean":
+def _measures(asked: RobustKeys, widths: np.ndarray) -> list[optimise.AbstractMeasure]:
+    if asked.measure == "mean":
         return [optimise.Mean() for _ in widths]
-    share = scene.robust.share
-    return [optimise.Quantile(share, float(width)) for width in widths]
-
-
-def _searched(
-    space: DesignSpace,
-    objective: Callable[[Array], tuple[Array, Array]],
-    start: np.ndarray,
-    file: Path | None,
-) -> tuple[str, optimise.SearchResult]:
-    """Search by the scene's method; a measure of squares is no sum of squares."""
-    scene, limits = space.scene, limits_of(space.scene)
-    most = scene.optimise.max_evaluations
-    first = optimise.Sloped(lambda point: _first_of(*objective(point)))
-    with progress(most, "robust search") as done:
-        watch = lambda point, value: done(1)
-        settings: Any = dict(most_evaluations=most, watch=watch, file=file)
-        if limits:
-            all_of = optimise.Sloped(objective)
-            return "slsqp", optimise.constrained(all_of, limits, start, space.box, **settings)
-        if scene.optimise.method == "adam":
-            return "adam", optimise.adam(first, start, space.box, **settings)
-        return "lbfgs", optimise.lbfgs(first, start, space.box, **settings)
-
-
-def _first_of(values: Array, slopes: Array) -> tuple[Array, Array]:
-    return values[0], slopes[0]
+    return [optimise.Quantile(asked.share, float(width)) for width in widths]

@@ -2,15 +2,15 @@
 
 import jax.numpy as jnp
 import numpy as np
-import xarray as xr
 
 import optimise
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import unit_of
-from jaxgear.study._objectives import entry, limits_of, with_unit
+from jaxgear.scene._study_tables import OptimiseKeys, RobustKeys
+from jaxgear.study._objectives import in_unit, limits_of
 from jaxgear.study._ranks import Doubtful
-from jaxgear.study._result import Summary, titled
-from jaxgear.study._results import Entry, dataset_of
+from jaxgear.study._result import Datasets, Summary, titled
+from jaxgear.study._results import dataset_of, over
 from jaxgear.study._robust import Hardened, JudgedDesign, acts
 from jaxgear.study._scatter import Scatter
 
@@ -29,35 +29,29 @@ _REACH = 2.0
 _DESIGNS = ("nominal", "robust")
 
 
-def _response_of(scene: Scene) -> tuple[str, str]:
+def _response_of(asked: OptimiseKeys) -> tuple[str, str]:
     """Name and unit of the response that a reader sees."""
-    return _SHOWN.get(scene.value("optimise.minimise", ""), ("weighted sum", "-"))
+    return _SHOWN.get(asked.alone or "", ("weighted sum", "-"))
 
 
-def _shown(scene: Scene, values: np.ndarray | float) -> np.ndarray:
+def _shown(asked: OptimiseKeys, values: np.ndarray | float) -> np.ndarray:
     """Values of the objective as a reader sees them: the RMS for a variance."""
-    squared = scene.value("optimise.minimise") in _SQUARED
-    return np.asarray(np.sqrt(values) if squared else values)
+    return np.asarray(np.sqrt(values) if asked.alone in _SQUARED else values)
 
 
-def _measure_of(scene: Scene, values: np.ndarray) -> float:
+def _measure_of(asked: RobustKeys, values: np.ndarray) -> float:
     """The measure of [robust] of a sample, not smoothed, in the unit of its values."""
-    if scene.robust.measure == "mean":
+    if asked.measure == "mean":
         return float(np.mean(values))
-    return float(np.quantile(values, scene.robust.share))
+    return float(np.quantile(values, asked.share))
 
 
 def robust_summary(made: Hardened) -> Summary:
-    """Part of the summary: what scattered, both designs on fresh gears, and the search.
-
-    **Arguments:**
-
-    - `made`: from `hardened`.
-    """
+    """Part of the summary: what scattered, both designs on fresh gears, and the search."""
     scatter, found = made.scatter, made.found
     space, scene = scatter.space, scatter.space.scene
-    before, after = (_measure_of(scene, each.fresh) for each in (made.nominal, made.robust))
-    response, unit = _response_of(scene)
+    before, after = (_measure_of(scene.robust, each.fresh) for each in (made.nominal, made.robust))
+    response, unit = _response_of(scene.optimise)
     return {
         "measure": scene.robust.measure,
         "share": scene.robust.share,
@@ -96,23 +90,23 @@ def robust_summary(made: Hardened) -> Summary:
 
 def _on_fresh(scene: Scene, judged: JudgedDesign) -> Summary:
     """One design on fresh gears, in the unit that a reader sees."""
-    values, own = _shown(scene, judged.fresh), judged.influence
-    ends = own.names, _shown(scene, own.low), _shown(scene, own.high)
+    values, own = _shown(scene.optimise, judged.fresh), judged.influence
+    ends = own.names, _shown(scene.optimise, own.low), _shown(scene.optimise, own.high)
     found: Summary = {
         "mean": float(values.mean()),
         "quantile": float(np.quantile(values, scene.robust.share)),
         "largest": float(values.max()),
-        "without_deviations": float(_shown(scene, judged.at_means)),
+        "without_deviations": float(_shown(scene.optimise, judged.at_means)),
         "influences": [
             {"name": name, "low": float(low), "high": float(high)}
             for name, low, high in zip(*ends, strict=True)
         ],
     }
-    if limits := limits_of(scene):
+    if limits := limits_of(scene.optimise):
         found["limits"] = {
             limit.name: {
                 "most": limit.most,
-                "measure": _measure_of(scene, column),
+                "measure": _measure_of(scene.robust, column),
                 "share_above": float(np.mean(column > limit.most)),
             }
             for limit, column in zip(limits, judged.limited.T, strict=True)
@@ -120,37 +114,30 @@ def _on_fresh(scene: Scene, judged: JudgedDesign) -> Summary:
     return found
 
 
-def robust_datasets(made: Hardened) -> dict[str, xr.Dataset]:
-    """Groups `robust_gears`, both designs in each fresh gear, and `robust_influences`.
-
-    **Arguments:**
-
-    - `made`: from `hardened`.
-    """
+def robust_datasets(made: Hardened) -> Datasets:
+    """Groups `robust_gears`, both designs in each fresh gear, and `robust_influences`."""
     scene, both = made.scatter.space.scene, (made.nominal, made.robust)
-    response, unit = _response_of(scene)
-    told = lambda dims, values: entry(dims, values, unit, response)
-    designs = Entry(("design",), list(_DESIGNS), "1", "design")
-    values = np.stack([_shown(scene, each.fresh) for each in both])
-    gears = dataset_of(
-        {with_unit("response", unit): told(("design", "gear"), values)}, design=designs
-    ).assign_attrs(share=scene.robust.share)
+    response, unit = _response_of(scene.optimise)
+    told = lambda name, dims, values: in_unit(name, dims, values, unit, response)
+    designs = over("design", design=(list(_DESIGNS), "design"))
+    values = np.stack([_shown(scene.optimise, each.fresh) for each in both])
+    gears = dataset_of(told("response", ("design", "gear"), values), **designs).assign_attrs(
+        share=scene.robust.share
+    )
     given = {each.name: each for each in made.scatter.quantities}
-    middle = np.stack([_shown(scene, each.influence.nominal) for each in both])
-    ends = np.stack([_ends(scene, each.influence, list(given)) for each in both])
+    middle = np.stack([_shown(scene.optimise, each.influence.nominal) for each in both])
+    ends = np.stack([_ends(scene.optimise, each.influence, list(given)) for each in both])
     order = np.argsort(-np.max(np.abs(ends - middle[:, None, None]), axis=(0, 1)), kind="stable")
     names = [list(given)[place] for place in order]
-    along, dims = ("quantity",), ("design", "quantity")
+    dims = ("design", "quantity")
     moved = [_moved(made.scatter, given[name]) for name in names]
     bars = dataset_of(
-        {
-            "moved": Entry(along, moved, "1", "how far a quantity is moved either way"),
-            with_unit("less", unit): told(dims, ends[:, 0, order]),
-            with_unit("without_deviations", unit): told(("design",), middle),
-            with_unit("more", unit): told(dims, ends[:, 1, order]),
-        },
-        design=designs,
-        quantity=Entry(along, names, "1", "what scatters"),
+        over("quantity", moved=(moved, "how far a quantity is moved either way"))
+        | told("less", dims, ends[:, 0, order])
+        | told("without_deviations", ("design",), middle)
+        | told("more", dims, ends[:, 1, order]),
+        **designs,
+        **over("quantity", quantity=(names, "what scatters")),
     )
     count = f", {scene.robust.fresh_samples} gears"
     return {
@@ -159,10 +146,10 @@ def robust_datasets(made: Hardened) -> dict[str, xr.Dataset]:
     }
 
 
-def _ends(scene: Scene, influence: optimise.Influence, names: list[str]) -> np.ndarray:
+def _ends(asked: OptimiseKeys, influence: optimise.Influence, names: list[str]) -> np.ndarray:
     """The response with each quantity down, and up, in the order of the names."""
     at = [influence.names.index(name) for name in names]
-    return np.stack([_shown(scene, end)[at] for end in (influence.low, influence.high)])
+    return np.stack([_shown(asked, end)[at] for end in (influence.low, influence.high)])
 
 
 def _moved(scatter: Scatter, quantity: optimise.Quantity) -> str:
@@ -189,12 +176,7 @@ def _without_effect(made: Hardened) -> list[str]:
 
 
 def robust_notes(made: Hardened) -> list[str]:
-    """What a user must hear of a robust optimum.
-
-    **Arguments:**
-
-    - `made`: from `hardened`.
-    """
+    """What a user must hear of a robust optimum."""
     scatter, found = made.scatter, _comparison(made)
     if idle := _without_effect(made):
         found.append(f"[robust]: {', '.join(idle)} scattered without any effect on the objective.")
@@ -221,12 +203,12 @@ def robust_notes(made: Hardened) -> list[str]:
 def _comparison(made: Hardened) -> list[str]:
     """That a robust optimum is not better than the nominal one on fresh gears, where it is not."""
     scene = made.scatter.space.scene
-    before, after = (_measure_of(scene, each.fresh) for each in (made.nominal, made.robust))
+    before, after = (_measure_of(scene.robust, each.fresh) for each in (made.nominal, made.robust))
     if after < before:
         return []
-    what, unit = _response_of(scene)
-    old, new = (float(_shown(scene, np.asarray(value))) for value in (before, after))
-    mean_square = scene.robust.measure == "mean" and scene.value("optimise.minimise") in _SQUARED
+    what, unit = _response_of(scene.optimise)
+    old, new = (float(_shown(scene.optimise, np.asarray(value))) for value in (before, after))
+    mean_square = scene.robust.measure == "mean" and scene.optimise.alone in _SQUARED
     over = "root mean square" if mean_square else scene.robust.measure
     numbers = (
         f"on {scene.robust.fresh_samples} fresh gears the {over} of the {what} is {new:.4g} "
@@ -234,8 +216,8 @@ def _comparison(made: Hardened) -> list[str]:
     )
     broken = [
         limit.name
-        for limit, column in zip(limits_of(scene), made.nominal.limited.T, strict=True)
-        if _measure_of(scene, column) > limit.most
+        for limit, column in zip(limits_of(scene.optimise), made.nominal.limited.T, strict=True)
+        if _measure_of(scene.robust, column) > limit.most
     ]
     if broken:
         return [f"The robust optimum pays for its limits: {numbers}, beyond {', '.join(broken)}."]

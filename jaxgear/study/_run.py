@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 
 from jaxgear._geometry._lines import MeshGrid
-from jaxgear._units import um
 from jaxgear.scene._build import couples_on_pinion, grid_of, model_of
 from jaxgear.scene._scene import Scene
 from jaxgear.study._body_surfaces import body_sections
@@ -20,7 +19,7 @@ from jaxgear.study._pair_dataset import (
 )
 from jaxgear.study._progress import built_scene, narration, progress
 from jaxgear.study._result import Result, titled, together
-from jaxgear.study._results import Entry, static_dataset
+from jaxgear.study._results import dataset_of, over, static_dataset
 from jaxgear.study._search_checks import require_searchable
 from jaxgear.study._shafts import shafts_dataset
 from jaxgear.study._sizing import combinations_of, sizing_summary, sizing_table
@@ -107,29 +106,14 @@ def solved(scene: Scene) -> tuple[Statics, np.ndarray]:
 
 
 def statics_result(scene: Scene, statics: Statics, torques: np.ndarray) -> Result:
-    """The datasets and the summary of a solved mesh cycle.
-
-    **Arguments:**
-
-    - `scene`: that was solved, with its bodies.
-    - `statics`: its mesh cycle.
-    - `torques`: of the rows of the Harris map [N m].
-
-    **Returns:**
-
-    As `statics`.
-    """
+    """Datasets and summary of a solved mesh cycle, with the torques of the Harris map [N m]."""
     model, summary, files = statics.model, head(scene, statics), {}
     static = summary["static"]
+    efficiency, friction = static["mesh_efficiency"], static["friction_coefficient"]
     groups = {
         "pair": pair_dataset(model.pair),
         "axes": axes_dataset(model.pair),
-        "sliding": sliding_dataset(
-            model.pair,
-            static["mesh_efficiency"],
-            static["friction_coefficient"],
-            _told_speed(scene),
-        ),
+        "sliding": sliding_dataset(model.pair, efficiency, friction, _told_speed(scene)),
     }
     if not scene.has_table("optimise"):
         # A search shows them beside those that it finds.
@@ -138,14 +122,14 @@ def statics_result(scene: Scene, statics: Statics, torques: np.ndarray) -> Resul
         sections = body_sections(scene.bodies)
         groups["shafts"] = shafts_dataset(model, statics.cycle, static["bearings"], sections)
     cycle = static_dataset(model, statics.cycle, statics.law)
-    over = ("torque", "phase")
-    error = Entry(over, statics.harris / um, "um", "transmission error over torque and phase")
-    amplitudes = statics.harris_harmonics / um
-    harmonics = Entry(("torque", "harmonic"), amplitudes, "um", "amplitudes of its mesh harmonics")
-    torque = Entry(("torque",), torques, "N m", "torque on the pinion")
-    cycle = cycle.assign_coords(torque_Nm=torque.variable()).assign(
-        harris_te_um=error.variable(), harris_te_harmonic_um=harmonics.variable()
+    error = statics.harris, "transmission error over torque and phase"
+    harmonics = statics.harris_harmonics, "amplitudes of its mesh harmonics"
+    harris = dataset_of(
+        over("torque phase", harris_te_um=error)
+        | over("torque harmonic", harris_te_harmonic_um=harmonics),
+        **over("torque", torque_Nm=(torques, "torque on the pinion")),
     )
+    cycle = cycle.assign_coords(harris.coords).assign(harris.data_vars)
     if scene.bodies:
         from jaxgear.study import _body_answers, _body_fields, _hybrid_dataset
 
@@ -165,14 +149,14 @@ def statics_result(scene: Scene, statics: Statics, torques: np.ndarray) -> Resul
 def _told_speed(scene: Scene) -> float | None:
     """The highest speed of the sweep, or that at which condensed bodies grow [rad/s]."""
     if scene.has_table("sweep"):
-        return float(np.max(speeds_of(scene)))
+        return float(np.max(speeds_of(scene.sweep)))
     return scene.mesh.pinion_speed_rad_s if scene.condensed else None
 
 
 def _harris_torques(scene: Scene) -> np.ndarray:
     """Torques of the Harris map: given, or from a quarter of the mesh's to half as much again."""
     if scene.map.torques_Nm is not None:
-        return torques_of(scene, "map.torques_Nm")
+        return torques_of(scene, "map")
     torque, couples = scene.pair.torque_pinion_Nm, couples_on_pinion(scene)
     on_mesh = torque + couples
     least = max(0.25 * on_mesh - couples, 0.05 * torque)
@@ -181,9 +165,13 @@ def _harris_torques(scene: Scene) -> np.ndarray:
 
 def sizing_result(scene: Scene, grid: MeshGrid) -> Result:
     """The table of a scene's [sizing], on phases, lines and slices of a solved cycle."""
-    with progress(len(combinations_of(scene)[1]), "sizing") as done:
+    with progress(len(combinations_of(scene.sizing)[1]), "sizing") as done:
         table = sizing_table(scene, grid, done)
     torques = table["torque_pinion_Nm"].values
     several = f"{len(torques)} torques up to " if len(torques) > 1 else ""
     table = table.assign_attrs(title=f"{scene.name}, {several}{max(torques):g} N m")
-    return Result(scene, {"sizing": sizing_summary(scene, table)}, {"sizing": table})
+    return Result(
+        scene,
+        {"sizing": sizing_summary(table, symmetric=scene.sizing.symmetric)},
+        {"sizing": table},
+    )

@@ -26,11 +26,9 @@ from jaxgear._types import Reals, Scalar
 from jaxgear._units import um
 from jaxgear.scene._build import flanks_of, model_of
 from jaxgear.scene._key import show
-from jaxgear.scene._scatter_checks import scattered_key
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS, KEYS, general, split_entry
 from jaxgear.study._design import AMOUNTS, DesignSpace
-from jaxgear.study._statics import torques_of
 
 _TORQUE = "pair.torque_pinion_Nm"
 _INCLINATION = "pair.misalignment_inclination_um"
@@ -40,13 +38,9 @@ _ALIGNMENT = (_INCLINATION, _DEVIATION)
 
 
 class Tolerated(NamedTuple):
-    """One random deviation of a tolerance class.
+    """One random deviation of a tolerance class: of the pinion, 0, or the wheel, 1.
 
-    **Fields:**
-
-    - `gear`: 0 is the pinion, 1 the wheel.
-    - `kind`: `profile slope`, `profile form`, `helix slope` or `pitch`.
-    - `tooth`: the tooth whose pitch it is, or -1.
+    Kinds are `profile slope`, `profile form`, `helix slope`, and `pitch` of a tooth, elsewhere -1.
     """
 
     gear: int
@@ -73,9 +67,7 @@ class Scatter(eqx.Module):
     @property
     def _light(self) -> bool:
         """Whether gears of the sample differ in flanks, alignment and torque alone."""
-        own = (*_ALIGNMENT, _TORQUE)
-        only = all(key.startswith("flank.") or key in own for key in self.keys)
-        return self.space.flanks_only and only
+        return self.space.flanks_only and all(map(_is_light, self.keys))
 
     @property
     def same_mesh(self) -> bool:
@@ -85,23 +77,17 @@ class Scatter(eqx.Module):
     @property
     def same_lines(self) -> bool:
         """Whether what scatters leaves the contact lines where they are."""
-        mounts = (".shaft.", ".support.", ".material.")
-        own = (*_ALIGNMENT, _TORQUE)
+        beside = "material.", "mesh."
+        within = ".shaft.", ".support.", ".material."
         return all(
-            key.startswith(("flank.", "material.", "mesh."))
-            or key in own
-            or any(mount in key for mount in mounts)
+            _is_light(key) or key.startswith(beside) or any(part in key for part in within)
             for key in self.keys
         )
 
     def model(self, values: Reals, drawn: Reals, torque: Scalar) -> PairModel:
         """The model of one gear of the sample; traceable by JAX.
 
-        **Arguments:**
-
-        - `values`: of the variables, in the units of their keys.
-        - `drawn`: the deviations of one gear of the sample.
-        - `torque`: on the pinion, about which it may scatter [N m].
+        The torque [N m] is the one about which it may scatter.
         """
         scene, base = self.space.scene, self.space.base
         by = dict(zip(self.keys, drawn, strict=False))
@@ -110,14 +96,17 @@ class Scatter(eqx.Module):
         updates |= {key: updates.get(key, scene.value(key)) + more for key, more in by.items()}
         scene = scene.replace(updates)
         if self._light:
-            alignment = Misalignment(*(scene.value(key) * um for key in _ALIGNMENT))
-            model = eqx.tree_at(
-                lambda m: (m.flanks, m.misalignment), base, (flanks_of(scene, base.pair), alignment)
-            )
+            alignment = Misalignment(*(scene[key] * um for key in _ALIGNMENT))
+            own = flanks_of(scene, base.pair), alignment
+            model = eqx.tree_at(lambda m: (m.flanks, m.misalignment), base, own)
         else:
             model = model_of(scene)
         flanks = _deviated(scene, model, self.tolerated, drawn[len(self.keys) :])
         return eqx.tree_at(lambda m: (m.flanks, m.torque), model, (flanks, torque))
+
+
+def _is_light(key: str) -> bool:
+    return key.startswith("flank.") or key in (*_ALIGNMENT, _TORQUE)
 
 
 def _deviated(
@@ -153,27 +142,10 @@ def _out_of_place(
 
 
 def scatter_of(space: DesignSpace, pair: GearPair, teeth: np.ndarray) -> Scatter:
-    """What a scene's [robust] lets scatter.
-
-    **Arguments:**
-
-    - `space`: the variables of its [optimise].
-    - `pair`: the gears, for their tolerances.
-    - `teeth`: numbers of the tooth pairs that are in mesh in a cycle.
-
-    **Returns:**
-
-    The scatter.
-
-    **Raises:**
-
-    - `InputError` if a key has no effect, or its values would leave their range.
-    """
-    scene, paths = space.scene, {}
-    for path, value in scene.values.items():
-        if key := scattered_key(path):
-            paths[key] = path, float(value), path.startswith("robust.even.")
-    dead = [key for key in paths if key not in scene.real_keys() or key == "mesh.smoothing_um"]
+    """What [robust] lets scatter about a design, the pitch errors of the teeth in mesh too."""
+    scene, even = space.scene, space.scene.robust.even
+    spread = {**scene.robust.scatter, **even}
+    dead = [key for key in spread if key not in scene.real_keys() or key == "mesh.smoothing_um"]
     if dead:
         raise InputError(
             f"[robust] lets {', '.join(dead)} scatter, on which no objective depends: the "
@@ -181,17 +153,17 @@ def scatter_of(space: DesignSpace, pair: GearPair, teeth: np.ndarray) -> Scatter
             "uses it. Remove it."
         )
     named = [
-        optimise.Quantity(key, 0.0, value / math.sqrt(3.0) if even else value, even)
-        for key, (_, value, even) in paths.items()
+        optimise.Quantity(key, 0.0, value / math.sqrt(3.0) if key in even else value, key in even)
+        for key, value in spread.items()
     ]
     tolerated = _tolerated(scene, pair, teeth)
     found = Scatter(
         space=space,
-        keys=tuple(paths),
+        keys=tuple(spread),
         tolerated=tuple(each for each, _ in tolerated),
         quantities=(*named, *(quantity for _, quantity in tolerated)),
     )
-    _require_range(found, {key: path for key, (path, *_) in paths.items()})
+    _require_range(found)
     return found
 
 
@@ -226,12 +198,12 @@ def _tolerated(
     return found
 
 
-def _require_range(scatter: Scatter, paths: dict[str, str]) -> None:
+def _require_range(scatter: Scatter) -> None:
     """Refuse a scatter that leaves the range of its key, as a torque below zero."""
     scene, space = scatter.space.scene, scatter.space
     every = np.concatenate([*samples_of(scatter), optimise.moved_alone(scatter.quantities)])
     ends = [space.updates(jnp.asarray(end)) for end in (space.box.lower, space.box.upper)]
-    for column, (key, path) in enumerate(paths.items()):
+    for column, key in enumerate(scatter.keys):
         rule = KEYS[general(split_entry(key)[0])]
         least, most = float(every[:, column].min()), float(every[:, column].max())
         if key.startswith("flank.") and key.rpartition(".")[2] in AMOUNTS:
@@ -241,14 +213,15 @@ def _require_range(scatter: Scatter, paths: dict[str, str]) -> None:
             low, high = (float(end[key]) for end in ends)
             what, remedy = f"between its bounds {low:g} and {high:g}", "narrow [optimise.bounds]"
         elif key == _TORQUE:
-            torques = torques_of(scene, "optimise.torques_Nm")
+            torques = space.torques
             low, high = float(min(torques)), float(max(torques))
             what, remedy = f"{low:g} at the least", "raise the torque"
         else:
             low = high = float(scene.value(key))
             what, remedy = f"{low:g}", "change it"
-        if not rule.holds(low + least) or not rule.holds(high + most):
-            worst = low + least if not rule.holds(low + least) else high + most
+        if not _allowed(rule, low + least) or not _allowed(rule, high + most):
+            worst = low + least if not _allowed(rule, low + least) else high + most
+            path = f"robust.{'even' if key in scene.robust.even else 'scatter'}.{key}"
             raise InputError(
                 f"{path} ({scene.where(path)}) is {show(scene.value(path))}: with {key} {what}, a "
                 f"gear of the sample has {worst:.4g}, but it must be {rule.allowed}. Take a "
@@ -257,18 +230,7 @@ def _require_range(scatter: Scatter, paths: dict[str, str]) -> None:
 
 
 def samples_of(scatter: Scatter) -> tuple[np.ndarray, np.ndarray]:
-    """The sample to search with, and the fresh one.
-
-    **Arguments:**
-
-    - `scatter`: about the design.
-
-    **Returns:**
-
-    Deviations, `[gear, quantity]`, in the units of the quantities.
-    """
-    scene, seed = scatter.space.scene, scatter.space.scene.robust.seed
-    return (
-        optimise.scattered(scatter.quantities, scene.robust.samples, seed),
-        optimise.scattered(scatter.quantities, scene.robust.fresh_samples, seed + 1),
-    )
+    """The sample to search with, and the fresh one: deviations `[gear, quantity]`."""
+    asked = scatter.space.scene.robust
+    drawn = lambda count, seed: optimise.scattered(scatter.quantities, count, seed)
+    return drawn(asked.samples, asked.seed), drawn(asked.fresh_samples, asked.seed + 1)

@@ -24,6 +24,7 @@ from jaxgear.study._design import DesignSpace
 from jaxgear.study._evaluations import (
     objectives_at,
     penalised_at,
+    sloped_by,
     sloped_objective,
     sloped_residuals,
     sloped_responses,
@@ -47,18 +48,11 @@ TOO_FEW_SPEEDS = (
 
 
 class Search(NamedTuple):
-    """How a scene is searched.
+    """How a scene is searched, within the limits.
 
-    **Fields:**
-
-    - `name`: of the method.
-    - `objective`: one number to make small at many points, for searches that know no limits: what
-        is beyond a limit is added to it.
-    - `slopes`: what the method evaluates, with derivatives, at a point with a width of smooth
-        contact [m].
-    - `number`: the objective among its values.
-    - `descend`: from a start, told what to call after each evaluation; within the limits.
-    - `limits`: that are kept.
+    The objective is one number at many points, with what is beyond a limit added to it; the slopes
+    are what the method evaluates, with derivatives, at a point with a width of smooth contact [m];
+    `number` is the objective among their values. `descend` calls a watcher after each evaluation.
     """
 
     name: str
@@ -72,43 +66,21 @@ class Search(NamedTuple):
 def search_of(
     space: DesignSpace, grid: MeshGrid, prepared: PreparedMesh | None, file: Path | None = None
 ) -> Search:
-    """The search that a scene asks for.
-
-    **Arguments:**
-
-    - `space`: variables of the scene.
-    - `grid`: of the quasi-static cycles.
-    - `prepared`: the meshes, where the variables leave them as they are.
-    - `file`: keeps the evaluations.
-
-    **Returns:**
-
-    The search.
-    """
-    scene, limits = space.scene, limits_of(space.scene)
-    law = smooth_law_of(scene)
-    task = task_of(space, grid, law, prepared)
-    sloped = lambda evaluate: optimise.Sloped(lambda x, width: timed(evaluate, task, x, width))
+    """The search that a scene asks for; a file keeps its evaluations."""
+    asked, law = space.scene.optimise, smooth_law_of(space.scene)
+    task, limits = task_of(space, grid, law, prepared), limits_of(asked)
     many = optimise.Batched(lambda points: timed(objectives_at, task, points, law))
-    squares = scene.optimise.method == "least_squares"
-    if not limits and not squares:
-        return by_gradient(space, sloped(sloped_objective), many, file)
-    slopes = sloped(sloped_responses if limits else sloped_residuals)
-    settings: Any = dict(most_evaluations=scene.optimise.max_evaluations, file=file)
-
-    def descend(start: np.ndarray, watch: optimise.Watcher) -> optimise.SearchResult:
-        own = slopes.at(law.width)
-        if limits:
-            return optimise.constrained(own, limits, start, space.box, watch=watch, **settings)
-        return optimise.least_squares(own, start, space.box, watch=watch, **settings)
-
-    if not limits:
-        number = lambda values: float(np.sum(values**2))
-        return Search("least_squares", many, slopes, number, descend)
-    most, scale = (np.asarray([getattr(each, k) for each in limits]) for k in ("most", "scale"))
-    penalised = lambda points: timed(penalised_at, task, points, law, most, scale)
-    first = lambda values: float(values[0])
-    return Search("slsqp", optimise.Batched(penalised), slopes, first, descend, limits)
+    if limits:
+        most, scale = (np.asarray([getattr(each, k) for each in limits]) for k in ("most", "scale"))
+        many = optimise.Batched(lambda x: timed(penalised_at, task, x, law, most, scale))
+        slopes, number = sloped_by(sloped_responses, task), lambda values: float(values[0])
+    elif asked.method == "least_squares":
+        slopes, number = sloped_by(sloped_residuals, task), lambda values: float(np.sum(values**2))
+    else:
+        return by_gradient(space, sloped_by(sloped_objective, task), many, file)
+    name, method = method_of(asked.method, limits)
+    descend = _descending(space, method, slopes, file)
+    return Search(name, many, slopes, number, descend, limits)
 
 
 def by_gradient(
@@ -119,49 +91,47 @@ def by_gradient(
 ) -> Search:
     """A search without limits by the scene's method, L-BFGS or Adam, and through its widths.
 
-    **Arguments:**
-
-    - `space`: variables of the scene.
-    - `slopes`: what is made small, with its gradient, of the variables and a width of smooth
-        contact [m].
-    - `objective`: the same at many points, with the scene's width.
-    - `file`: keeps the evaluations.
-
-    **Returns:**
-
-    The search.
+    The slopes are of the variables and a width of smooth contact [m], the objective is the same at
+    many points with the scene's width.
     """
-    scene = space.scene
-    name = "adam" if scene.optimise.method == "adam" else "lbfgs"
-    method = {"lbfgs": optimise.lbfgs, "adam": optimise.adam}[name]
-    settings: Any = dict(most_evaluations=scene.optimise.max_evaluations, file=file)
-    width = smooth_law_of(scene).width
-    widths = [um * each for each in (scene.optimise.anneal_um or ())]
+    name, method = method_of("adam" if space.scene.optimise.method == "adam" else "lbfgs")
+    return Search(name, objective, slopes, float, _descending(space, method, slopes, file))
+
+
+def method_of(
+    name: str, limits: tuple[optimise.Limit, ...] = ()
+) -> tuple[str, Callable[..., optimise.SearchResult]]:
+    """Name of a method, and its search: of slopes, a start and a box. SLSQP is that for limits."""
+    if not limits:
+        return name, getattr(optimise, name)
+    return "slsqp", lambda slopes, *more, **settings: optimise.constrained(
+        slopes, limits, *more, **settings
+    )
+
+
+def _descending(
+    space: DesignSpace,
+    method: Callable[..., optimise.SearchResult],
+    slopes: optimise.Sloped,
+    file: Path | None,
+) -> Callable[[np.ndarray, optimise.Watcher], optimise.SearchResult]:
+    """Descend from a start with the scene's width of smooth contact, or through several."""
+    asked, width = space.scene.optimise, smooth_law_of(space.scene).width
+    settings: Any = dict(most_evaluations=asked.max_evaluations, file=file)
 
     def descend(start: np.ndarray, watch: optimise.Watcher) -> optimise.SearchResult:
-        if widths:
-            every = [*widths, float(width)]
+        if asked.anneal_um:
+            widths = [*(um * each for each in asked.anneal_um), float(width)]
             return optimise.annealed(
-                slopes, every, start, space.box, search=method, watch=watch, **settings
+                slopes, widths, start, space.box, search=method, watch=watch, **settings
             )
         return method(slopes.at(width), start, space.box, watch=watch, **settings)
 
-    return Search(name, objective, slopes, float, descend)
+    return descend
 
 
 def require_acting(search: Search, space: DesignSpace) -> None:
-    """Refuse a search from where nothing is known, or with a variable that changes nothing.
-
-    **Arguments:**
-
-    - `search`: of the scene.
-    - `space`: its variables.
-
-    **Raises:**
-
-    - `InputError` with the keys that do not act.
-    - `SolverFailure` if the objective or its gradient is not finite at the start.
-    """
+    """Refuse a search from where nothing is known, or with a variable that changes nothing."""
     own = search.slopes.at(smooth_law_of(space.scene).width)
     try:
         idle = optimise.inactive(own, space.start, space.box)
@@ -177,14 +147,9 @@ def require_acting(search: Search, space: DesignSpace) -> None:
 
 
 class Searched(NamedTuple):
-    """What a search found.
+    """The best by gradient, and by differential evolution, from where it may have been restarted.
 
-    **Fields:**
-
-    - `found`: the best by gradient.
-    - `baseline`: the best by differential evolution.
-    - `restarted`: whether the search went on from there.
-    - `seconds`: of the search by gradient, with compiling [s].
+    The seconds are those of the search by gradient, with compiling.
     """
 
     found: optimise.SearchResult
@@ -194,18 +159,8 @@ class Searched(NamedTuple):
 
 
 def searched(search: Search, space: DesignSpace) -> Searched:
-    """Search by gradient, then by differential evolution, and go on from there if it found more.
-
-    **Arguments:**
-
-    - `search`: of the scene.
-    - `space`: its variables.
-
-    **Raises:**
-
-    - `SolverFailure` if too few speeds have a response somewhere on the way.
-    """
-    dynamic, start = is_dynamic(space.scene), time.perf_counter()
+    """Search by gradient, then by differential evolution, and go on from there if it found more."""
+    dynamic, start = is_dynamic(space.scene.optimise), time.perf_counter()
     try:
         found = descent(search, space)
     except FloatingPointError as error:
@@ -223,17 +178,10 @@ def searched(search: Search, space: DesignSpace) -> Searched:
 def descent(
     search: Search, space: DesignSpace, start: np.ndarray | None = None
 ) -> optimise.SearchResult:
-    """One search from a start, or from the scene's own values and as many more as it asks for.
-
-    **Arguments:**
-
-    - `search`: of the scene.
-    - `space`: its variables.
-    - `start`: from where, in the units of the keys.
-    """
-    scene, more = space.scene, 0 if start is not None else space.scene.optimise.starts - 1
-    most = scene.optimise.max_evaluations * (1 + more)
-    most *= 1 + len(scene.optimise.anneal_um or ())
+    """One search from a start, or from the scene's own values and as many more as it asks for."""
+    asked = space.scene.optimise
+    more = 0 if start is not None else asked.starts - 1
+    most = asked.max_evaluations * (1 + more) * (1 + len(asked.anneal_um or ()))
     with progress(most, f"searching by {search.name}") as done:
         watch = lambda point, value: done(1)
         found = [search.descend(space.start if start is None else start, watch)]
@@ -260,13 +208,7 @@ def unless_beaten(
 ) -> tuple[optimise.SearchResult, bool]:
     """Search once more from a rival's point if its value is clearly better; says whether it was.
 
-    **Arguments:**
-
-    - `found`: so far.
-    - `rival`: point found otherwise, in the units of the keys.
-    - `value`: of the objective there, with what is beyond limits added.
-    - `search`: of the scene.
-    - `space`: its variables.
+    What is beyond limits is added to the rival's value.
     """
     own = found.value
     if search.limits:
@@ -282,14 +224,8 @@ def record_file(
 ) -> Path | None:
     """Where the evaluations of a search are kept while it runs: another scene has another file.
 
-    So has another model, whose deviations are from a file that has changed since.
-
-    **Arguments:**
-
-    - `space`: variables of the scene, and its model.
-    - `memory`: the folder, or `None`: nothing is kept.
-    - `name`: what the file begins with.
-    - `version`: of the program; `None`: its own.
+    So has another model, whose deviations are from a file that has changed since, and another
+    version of the program. Without a folder nothing is kept.
     """
     if memory is None:
         return None
@@ -315,19 +251,9 @@ _HALVINGS = 5
 def smoothing_bias_of(search: Search, space: DesignSpace, point: np.ndarray) -> float:
     """How far smooth contact may have moved the objective, from what narrower ones make of it.
 
-    The bias is the sum of what every halving of the width takes away, all counted as of one sign:
-    a part that raises the objective and one that lowers it may cancel at one width. Where it grows
+    The bias is the sum of what every halving of the width takes away, all counted as of one sign: a
+    part that raises the objective and one that lowers it may cancel at one width. Where it grows
     with the width or faster, all halvings beyond the last one take at most as much as that one.
-
-    **Arguments:**
-
-    - `search`: of the scene.
-    - `space`: its variables.
-    - `point`: where the search ended.
-
-    **Returns:**
-
-    The bound, in the unit of the objective.
     """
     width, at = smooth_law_of(space.scene).width, jnp.asarray(point)
     value = lambda w: search.number(np.asarray(search.slopes(at, as_scalar(w))[0]))
@@ -340,14 +266,10 @@ _WORTH_A_WORD = 0.05
 
 
 def smoothing_notes(width: float, bias: float, before: float, after: float) -> list[str]:
-    """What a user must hear of the width of smooth contact after a search: a sentence, or none.
+    """What a user must hear of the width of smooth contact [um] after a search.
 
-    **Arguments:**
-
-    - `width`: of smooth contact [um].
-    - `bias`: smooth less exact objective where the search ended, in its unit.
-    - `before`: exact objective where it began.
-    - `after`: exact objective where it ended.
+    The bias is the smooth less the exact objective where the search ended; before and after are
+    exact.
     """
     if abs(bias) <= _WORTH_A_WORD * abs(before - after):
         return []
@@ -365,13 +287,7 @@ _ABOUT = 1.0 + 1e-3
 def limits_summary(
     limits: tuple[optimise.Limit, ...], exact: np.ndarray, smooth: np.ndarray
 ) -> list[dict[str, Any]]:
-    """Part of the summary: each limit, and the response where a search ended, a row for each.
-
-    **Arguments:**
-
-    - `limits`: of the search.
-    - `exact`, `smooth`: responses with exact contact and with that of the search.
-    """
+    """Part of the summary: each limit, and the exact and smooth response where a search ended."""
     return [
         {
             "name": limit.name,
@@ -385,12 +301,7 @@ def limits_summary(
 
 
 def limits_notes(rows: list[dict[str, Any]]) -> list[str]:
-    """Where smooth and exact contact disagree on whether a limit is kept; none where both agree.
-
-    **Arguments:**
-
-    - `rows`: of `limits_summary`.
-    """
+    """Where smooth and exact contact disagree on whether a limit is kept; none where both agree."""
     odd = [row for row in rows if row["kept"] != (row["found_smooth"] <= row["most"] * _ABOUT)]
     return [
         f"optimise.limits: {row['name']} is {row['found']:.5g} where the search ended, and "

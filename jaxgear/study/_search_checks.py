@@ -5,24 +5,18 @@ import itertools
 from jaxgear.scene._motion import motion_mistakes
 from jaxgear.scene._scene import Mistake, Scene, SceneError
 from jaxgear.scene._schema import GEARS
+from jaxgear.scene._study_tables import OptimiseKeys
 from jaxgear.study._design import refuse_unbounded
-from jaxgear.study._objectives import AGAINST, is_dynamic, limits_of, minimised, over_speeds
+from jaxgear.study._objectives import is_dynamic, limits_of, over_speeds
 
 
 def require_searchable(scene: Scene) -> None:
-    """Refuse a search that cannot do what the scene asks for, before anything is computed.
-
-    **Arguments:**
-
-    - `scene`: with a table [optimise].
-
-    **Raises:**
-
-    - `InputError` naming variables without bounds, or `SceneError` with every mistake.
-    """
+    """Refuse a search that cannot do what the scene asks for, before anything is computed."""
     refuse_unbounded(scene, tuple(scene.optimise.vary))
     require_swept(scene)
-    _require_method(scene)
+    if found := _of_method(scene.optimise, scene.mesh.smoothing_um, scene.mesh.phases):
+        found = [(f"optimise.{key}", words) for key, words in found]
+        raise SceneError([Mistake(scene.where(key), key, words) for key, words in found])
 
 
 _NO_SPEEDS = (
@@ -33,71 +27,46 @@ _NO_SPEEDS = (
 
 
 def require_swept(scene: Scene) -> None:
-    """Refuse an objective over speeds in a scene that has none, or none that can be computed.
-
-    **Arguments:**
-
-    - `scene`: with a table [optimise].
-
-    **Raises:**
-
-    - `SceneError` with every mistake.
-    """
-    if not (names := over_speeds(scene)):
+    """Refuse an objective over speeds in a scene that has none, or none that can be computed."""
+    asked = scene.optimise
+    if not (names := over_speeds(asked)):
         return
-    found = motion_mistakes(scene, harmonic=True)
-    bearings = [f"{gear}.shaft.bearings" for gear in GEARS]
+    found, against = motion_mistakes(scene, harmonic=True), "optimise.pareto.against"
+    mistake = lambda key, words: Mistake(scene.where(key), key, words)
     if "bearing_force" in names and not any(scene.gear(gear).shaft.bearings for gear in GEARS):
-        key = AGAINST if scene.value(AGAINST) == "bearing_force" else "optimise.minimise"
-        words = f"names bearing_force, but neither {' nor '.join(bearings)} is there"
-        found.append(Mistake(scene.where(key), key, words))
+        key = against if asked.pareto.against == "bearing_force" else "optimise.minimise"
+        bearings = " nor ".join(f"{gear}.shaft.bearings" for gear in GEARS)
+        found.append(mistake(key, f"names bearing_force, but neither {bearings} is there"))
     if not scene.has_table("sweep"):
-        weighted = f"optimise.minimise.{names[0]}"
-        key = weighted if weighted in scene.values else "optimise.minimise"
-        key = key if is_dynamic(scene) else AGAINST
-        found.insert(0, Mistake(scene.where(key), key, f"names {names[0]}, {_NO_SPEEDS}"))
+        key = "optimise.minimise" + (f".{names[0]}" if asked.alone is None else "")
+        key = key if is_dynamic(asked) else against
+        found.insert(0, mistake(key, f"names {names[0]}, {_NO_SPEEDS}"))
     if found:
         raise SceneError(found)
 
 
-def _require_method(scene: Scene) -> None:
-    """Refuse methods and widths that do not go with what is asked for."""
-    squares = scene.value("optimise.minimise") == "te_rms" and scene.optimise.over == "mean"
-    limited, method = bool(limits_of(scene)), scene.optimise.method
-    orders, against = (scene.optimise.harmonics or ()), scene.value(AGAINST)
-    widths = [*(scene.optimise.anneal_um or ()), scene.mesh.smoothing_um]
-    wrong = [
-        (
-            "method",
-            method == "least_squares" and not squares,
-            f'"{method}" is for a sum of squares: te_rms over the mean of torques',
-        ),
-        (
-            "method",
-            method != "lbfgs" and limited,
-            f'"{method}" knows no limits: leave it out, and SLSQP keeps [optimise.limits]',
-        ),
-        (
-            "anneal_um",
-            len(widths) > 1 and (method == "least_squares" or limited),
-            "needs lbfgs or adam, without [optimise.limits]",
-        ),
-        (
-            "anneal_um",
-            any(wide <= narrow for wide, narrow in itertools.pairwise(widths)),
-            "must fall, and end above mesh.smoothing_um: " + ", ".join(f"{w:g}" for w in widths),
-        ),
-        (
-            "harmonics",
-            any(order % 1.0 or 2.0 * order >= scene.mesh.phases for order in orders),
-            "must be whole numbers, less than half of mesh.phases",
-        ),
-        (
-            "pareto.against",
-            against is not None and minimised(scene) == {against: None},
-            f'got "{against}", which optimise.minimise names too: name another response',
-        ),
-    ]
-    found = [(f"optimise.{key}", words) for key, is_wrong, words in wrong if is_wrong]
-    if found:
-        raise SceneError([Mistake(scene.where(key), key, words) for key, words in found])
+def _of_method(asked: OptimiseKeys, smoothing: float, phases: int) -> list[tuple[str, str]]:
+    """Keys of methods and widths [um] that do not go with what is asked for, and why."""
+    squares = asked.alone == "te_rms" and asked.over == "mean"
+    limited, method, against = bool(limits_of(asked)), asked.method, asked.pareto.against
+    widths = [*(asked.anneal_um or ()), smoothing]
+    falling = all(wide > narrow for wide, narrow in itertools.pairwise(widths))
+    orders = all(not order % 1.0 and 2.0 * order < phases for order in asked.harmonics or ())
+    found = []
+    if method == "least_squares" and not squares:
+        words = f'"{method}" is for a sum of squares: te_rms over the mean of torques'
+        found.append(("method", words))
+    if method != "lbfgs" and limited:
+        words = f'"{method}" knows no limits: leave it out, and SLSQP keeps [optimise.limits]'
+        found.append(("method", words))
+    if len(widths) > 1 and (method == "least_squares" or limited):
+        found.append(("anneal_um", "needs lbfgs or adam, without [optimise.limits]"))
+    if not falling:
+        words = "must fall, and end above mesh.smoothing_um: "
+        found.append(("anneal_um", words + ", ".join(f"{width:g}" for width in widths)))
+    if not orders:
+        found.append(("harmonics", "must be whole numbers, less than half of mesh.phases"))
+    if against is not None and asked.alone == against:
+        words = f'got "{against}", which optimise.minimise names too: name another response'
+        found.append(("pareto.against", words))
+    return found

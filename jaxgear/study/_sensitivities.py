@@ -26,7 +26,7 @@ from jaxgear.study._dynamics import speeds_of
 from jaxgear.study._head import names_of, study
 from jaxgear.study._progress import built_scene, progress
 from jaxgear.study._result import Result, Summary, titled
-from jaxgear.study._results import Entry
+from jaxgear.study._results import dataset_of, told
 from jaxgear.study._running import timed
 from jaxgear.study._statics import headline, require_solved
 from jaxgear.study._steady import (
@@ -91,10 +91,9 @@ def sensitivity(scene: Scene) -> Result:
             done(1)
     remarks = steady_notes(points) + [_OF_BODIES] * bool(scene.condensed)
     remarks += [words for each in found.values() for words in lost(each)]
-    found = {name: acting(each) for name, each in found.items()}
-    summary = {"notes": remarks} | {name: told(each) for name, each in found.items()}
     more = ": what the responses react to"
-    datasets = {name: titled(each, scene, more) for name, each in found.items()}
+    datasets = {name: titled(acting(each), scene, more) for name, each in found.items()}
+    summary = {"notes": remarks} | {name: table_of(each) for name, each in datasets.items()}
     return Result(scene, names_of(scene) | summary, datasets)
 
 
@@ -103,43 +102,19 @@ def with_own_modulus(scene: Scene) -> Scene:
 
     Its value is that of the gear's material, so that nothing changes but what can be told apart:
     the body from the teeth and the other parts.
-
-    **Arguments:**
-
-    - `scene`: checked against the schema, its bodies not yet built.
-
-    **Returns:**
-
-    The scene.
     """
     added = {}
     for gear in scene.condensed:
-        known = [f"{gear}.body.young_GPa", f"{gear}.body.superelement"]
-        if all(scene.value(key) is None for key in known):
-            shared = scene.material.young_GPa
-            added[known[0]] = (
-                shared
-                if scene.gear(gear).material.young_GPa is None
-                else scene.gear(gear).material.young_GPa
-            )
+        body, own = scene.gear(gear).body, scene.gear(gear).material.young_GPa
+        if body.young_GPa is None and body.superelement is None:
+            added[f"{gear}.body.young_GPa"] = scene.material.young_GPa if own is None else own
     return scene.replace(added)
 
 
 def static_sensitivities(scene: Scene) -> xr.Dataset:
     """How the quasi-static responses of a scene react to all of its real keys.
 
-    **Arguments:**
-
-    - `scene`: with its bodies.
-
-    **Returns:**
-
-    As `in_shares`, the contact as the scene has it. The largest pressure is that of one place:
-    where two are equal, the mean of what moves either.
-
-    **Raises:**
-
-    - `SolverFailure` if a phase was not solved.
+    The largest pressure is that of one place: where two are equal, the mean of what moves either.
     """
     keys, law = Keys(scene, scene.real_keys()), law_of(scene)
     grid = grid_of(scene, model_of(scene))
@@ -162,19 +137,9 @@ def static_sensitivities(scene: Scene) -> xr.Dataset:
 def steady_sensitivities(scene: Scene) -> tuple[xr.Dataset | None, list[SteadyPoint]]:
     """How steady responses react to all real keys, damping and speed, at a few speeds of [sweep].
 
-    **Arguments:**
-
-    - `scene`: with a table [sweep], and its bodies.
-
-    **Returns:**
-
-    As `in_shares`, exact contact, or `None` if no response has any; and how each speed went.
-
-    **Raises:**
-
-    - `SolverFailure` if a phase was not solved.
+    Contact is exact; `None` if no response has any. Says how each speed went.
     """
-    every = speeds_of(scene)
+    every = speeds_of(scene.sweep)
     places = np.unique(np.round(np.linspace(0, len(every) - 1, _FEW_SPEEDS)).astype(int))
     keys = keys_in_motion(scene)
     names, centre = (*keys.names, SPEED), jnp.append(keys.centre, every[0])
@@ -206,20 +171,10 @@ def in_shares(
     slopes: ArrayLike,
     speed: float = np.nan,
 ) -> xr.Dataset:
-    """Derivatives in per cent.
+    """Derivatives `[response, key]` in per cent; NaN where there is none.
 
-    **Arguments:**
-
-    - `responses`: names, with their units.
-    - `values`: of the responses, in these units.
-    - `keys`: dotted paths, with their units.
-    - `centre`: values of the keys, in these units.
-    - `slopes`: derivatives `[response, key]`.
-    - `speed`: of the pinion; NaN of the quasi-static cycle [rad/s].
-
-    **Returns:**
-
-    Sensitivities over cases, of one response at one speed each, and keys; NaN where there is none.
+    Cases are of one response at one speed of the pinion [rad/s] each, NaN of the quasi-static
+    cycle.
     """
     values, centre, slopes = map(np.asarray, (values, centre, slopes))
     measures = list(map(_measure, keys, centre))
@@ -227,16 +182,18 @@ def in_shares(
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = slopes * np.asarray(per) / values[:, None]
     shares = np.where(np.isfinite(shares), shares, np.nan)
-    speeds = np.full(len(values), speed)
-    entries = {
-        "response": Entry(("case",), responses, "1", "response, with its unit"),
-        "pinion_speed_rad_s": Entry(("case",), speeds, "rad/s", "speed of the pinion"),
-        "value": Entry(("case",), values, "1", "response, in the unit of its name"),
-        "key": Entry(("key",), keys, "1", "key, with its unit"),
-        "measure": Entry(("key",), measures, "1", "unit of the sensitivity"),
-        "sensitivity": Entry(("case", "key"), shares, "1", "sensitivity, in its measure"),
-    }
-    return xr.Dataset({name: entry.variable() for name, entry in entries.items()})
+    return dataset_of(
+        told(
+            "case",
+            response=(responses, "response, with its unit"),
+            pinion_speed_rad_s=(np.full(len(values), speed), "speed of the pinion"),
+            value=(values, "response, in the unit of its name"),
+        )
+        | told(
+            "key", key=(keys, "key, with its unit"), measure=(measures, "unit of the sensitivity")
+        )
+        | told("case key", sensitivity=(shares, "sensitivity, in its measure"))
+    )
 
 
 def _measure(key: str, value: float) -> str:
@@ -255,7 +212,7 @@ def acting(found: xr.Dataset) -> xr.Dataset:
     return found.isel(key=places)
 
 
-def told(found: xr.Dataset) -> Summary:
+def table_of(found: xr.Dataset) -> Summary:
     """The table for the summary: for each response its value and its keys, strongest first."""
     keys, measures = found["key"].values, found["measure"].values
     words = [f"{key} [{unit}]" for key, unit in zip(keys, measures, strict=True)]

@@ -19,36 +19,28 @@ import optimise
 from jaxgear._checks import InputError
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import ExactContact
-from jaxgear._response._factors import face_load_factor
-from jaxgear._response._loads import hertz_pressure
-from jaxgear._response._transmission import (
-    cycle_mean,
-    cycle_rms,
-    peak_to_peak,
-    transmission_error,
-)
 from jaxgear._solve._cycle import PreparedMesh, corrected_cycle
 from jaxgear._system._model import PairModel
 from jaxgear._types import Reals
-from jaxgear._units import MPa, um
 from jaxgear.scene._build import flanks_of, model_of
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import KEYS, general
+from jaxgear.scene._study_tables import SizingKeys
 from jaxgear.study._design import refuse_twins, twin
-from jaxgear.study._results import Entry, dataset_of
+from jaxgear.study._result import Summary
+from jaxgear.study._results import Entry, dataset_of, told
 from jaxgear.study._running import timed
-from jaxgear.study._statics import SolverFailure, torques_of
+from jaxgear.study._statics import SolverFailure, headline, torques_of
 
 # What each combination is judged by, at every torque.
 RESPONSES = {
-    "te_peak_to_peak_um": ("um", "peak to peak of the transmission error"),
-    "te_rms_um": ("um", "RMS of the transmission error about its mean"),
-    "te_mean_um": ("um", "mean transmission error"),
-    "max_pressure_MPa": ("MPa", "Hertzian pressure"),
-    "face_load_factor": ("1", "face load factor"),
+    "te_peak_to_peak_um": "peak to peak of the transmission error",
+    "te_rms_um": "RMS of the transmission error about its mean",
+    "te_mean_um": "mean transmission error",
+    "max_pressure_MPa": "Hertzian pressure",
+    "face_load_factor": "face load factor",
 }
 
-_AMOUNTS = "sizing.amounts."
 _MOST = 100_000
 _TOP = 10
 # Combinations in one call of the compiled program, and those solved side by side within it.
@@ -57,31 +49,17 @@ _CHUNK, _BATCH = 64, 8
 _EQUAL = 1e-3
 
 
-def combinations_of(scene: Scene) -> tuple[tuple[str, ...], np.ndarray]:
-    """The amounts that a scene lists, each once and in rising order, in all combinations.
-
-    **Arguments:**
-
-    - `scene`: with a table [sizing].
-
-    **Returns:**
-
-    The keys, and one row of their values for each combination, in the units of the keys.
-
-    **Raises:**
-
-    - `InputError` if there are no amounts, too many combinations, or both of two keys that are
-        to be the same.
-    """
-    keys = tuple(key.removeprefix(_AMOUNTS) for key in scene.values if key.startswith(_AMOUNTS))
+def combinations_of(asked: SizingKeys) -> tuple[tuple[str, ...], np.ndarray]:
+    """The amounts that a scene lists: their keys, and a row for each combination."""
+    keys = tuple(asked.amounts)
     if not keys:
         raise InputError(
             "[sizing] names no amounts. Add, for example, "
             '"flank.pinion.tip_relief.depth_um" = [0.0, 5.0, 10.0] to a table [sizing.amounts].'
         )
-    if scene.sizing.symmetric:
+    if asked.symmetric:
         refuse_twins("sizing", keys)
-    lists = [sorted(set(scene.value(f"{_AMOUNTS}{key}"))) for key in keys]
+    lists = [sorted(set(values)) for values in asked.amounts.values()]
     count = math.prod(map(len, lists))
     if count > _MOST:
         sizes = " x ".join(str(len(values)) for values in lists)
@@ -99,24 +77,9 @@ def sizing_table(scene: Scene, grid: MeshGrid, done: Callable[[int], None]) -> x
     The first is the one whose largest peak-to-peak of the transmission error over the torques is
     least; where two are the same to the nanometre the largest pressure decides. Combinations that
     were not solved are last, with NaN.
-
-    **Arguments:**
-
-    - `scene`: with a table [sizing].
-    - `grid`: phases, lines and slices.
-    - `done`: told how many more combinations are finished.
-
-    **Returns:**
-
-    A dataset over combination, from the best to the worst, and torque.
-
-    **Raises:**
-
-    - `InputError` as `combinations_of`.
-    - `SolverFailure` if no combination was solved at all torques.
     """
-    keys, amounts = combinations_of(scene)
-    torques = torques_of(scene, "sizing.torques_Nm")
+    keys, amounts = combinations_of(scene.sizing)
+    torques = torques_of(scene, "sizing")
     base = model_of(scene)
     meshes = timed(
         lambda model, t: optimise.prepare_torques(model, t, grid), base, jnp.asarray(torques)
@@ -127,9 +90,8 @@ def sizing_table(scene: Scene, grid: MeshGrid, done: Callable[[int], None]) -> x
         if scene.sizing.symmetric:
             updates |= {twin(key): value for key, value in updates.items()}
         flanks = flanks_of(scene.replace(updates), model.pair)
-        return jax.vmap(lambda mesh, torque: _judge(model, flanks, mesh, torque))(
-            meshes, jnp.asarray(torques)
-        )
+        judge = lambda mesh, torque: _judge(model, flanks, mesh, torque)
+        return jax.vmap(judge)(meshes, jnp.asarray(torques))
 
     def of_chunk(chunk: Reals, model: PairModel, meshes: PreparedMesh) -> Reals:
         one = lambda values: of_combination(values, model, meshes)
@@ -146,86 +108,68 @@ def sizing_table(scene: Scene, grid: MeshGrid, done: Callable[[int], None]) -> x
     if not np.isfinite(values).all(axis=(1, 2)).any():
         raise SolverFailure("the contact was solved for no combination of [sizing.amounts]")
     columns = zip(keys, amounts.T, strict=True)
-    return ranked({key: _amount(scene, key, each) for key, each in columns}, torques, values)
+    symmetric = scene.sizing.symmetric
+    entries = {key: _amount(key, each, symmetric=symmetric) for key, each in columns}
+    return ranked(entries, torques, values)
 
 
 def _judge(model: PairModel, flanks: Any, mesh: PreparedMesh, torque: Reals) -> Reals:
     """The responses at one torque, NaN where a phase was not solved."""
     model = eqx.tree_at(lambda m: (m.flanks, m.torque), model, (flanks, torque))
-    law = ExactContact()
-    cycle = corrected_cycle(mesh, model, law=law)
-    error = transmission_error(model.pair, cycle)
-    found = jnp.stack(
-        [
-            peak_to_peak(error) / um,
-            cycle_rms(cycle, error) / um,
-            cycle_mean(cycle, error) / um,
-            jnp.max(hertz_pressure(model.pair, cycle, law)) / MPa,
-            face_load_factor(cycle),
-        ]
-    )
+    cycle = corrected_cycle(mesh, model, law=ExactContact())
+    numbers = headline(model, cycle, ExactContact())
+    found = jnp.stack([numbers[name] for name in RESPONSES])
     return jnp.where(jnp.all(cycle.converged), found, jnp.nan)
 
 
-def _amount(scene: Scene, key: str, values: np.ndarray) -> Entry:
+def _amount(key: str, values: np.ndarray, *, symmetric: bool) -> Entry:
     """The values of a key of a flank."""
     _, gear, name = key.split(".", 2)
     unit = KEYS[general(key)].unit
-    whose = "both" if scene.sizing.symmetric else gear
-    return Entry(("combination",), values, "1" if unit == "-" else unit, f"{whose}: {name}")
+    words = f"{'both' if symmetric else gear}: {name}"
+    return Entry(("combination",), values, "1" if unit == "-" else unit, words)
 
 
 def ranked(amounts: Mapping[str, Entry], torques: np.ndarray, values: np.ndarray) -> xr.Dataset:
     """Sort combinations, the best first.
 
-    **Arguments:**
-
-    - `amounts`: values of each key over the combinations.
-    - `torques`: on the pinion [N m].
-    - `values`: under the names of `RESPONSES`, shape `[combination, torque, response]`; NaN of
-        those that were not solved.
-
-    **Returns:**
-
-    A dataset over combination and torque.
+    Values are `[combination, torque, response]`, NaN where not solved; torques in N m.
     """
     columns = dict(zip(RESPONSES, np.moveaxis(values, 2, 0), strict=True))
+    worst = {name: np.max(each, axis=1) for name, each in columns.items()}
     unsolved = ~np.isfinite(values).all(axis=(1, 2))
-    worst = {
-        name: np.where(unsolved, np.inf, np.max(columns[name], axis=1))
+    error, pressure = (
+        np.where(unsolved, np.inf, worst[name])
         for name in ("te_peak_to_peak_um", "max_pressure_MPa")
-    }
-    error, pressure = worst.values()
+    )
     rounded = np.where(unsolved, np.inf, np.round(error / _EQUAL))
     order = np.lexsort((error, pressure, rounded))
-    pressure_rank = np.empty(len(order), dtype=int)
-    pressure_rank[np.argsort(pressure, kind="stable")] = np.arange(1, len(order) + 1)
-    of_both, of_one = ("combination", "torque"), ("combination",)
+    rank = np.arange(1, len(order) + 1)
+    of_pressure = np.empty(len(order), dtype=int)
+    of_pressure[np.argsort(pressure, kind="stable")] = rank
+    in_order = {
+        key: each._replace(values=np.asarray(each.values)[order]) for key, each in amounts.items()
+    }
+    at_each = {name: (columns[name][order], words) for name, words in RESPONSES.items()}
+    at_worst = {
+        f"worst_{name}": (worst[name][order], f"largest {words} of all torques")
+        for name, words in RESPONSES.items()
+    }
     return dataset_of(
-        {
-            "rank": Entry(of_one, np.arange(1, len(order) + 1), "1", "rank by the error"),
-            "rank_by_pressure": Entry(of_one, pressure_rank[order], "1", "rank by the pressure"),
-        }
-        | {
-            key: entry._replace(values=np.asarray(entry.values)[order])
-            for key, entry in amounts.items()
-        }
-        | {name: Entry(of_both, columns[name][order], *rest) for name, rest in RESPONSES.items()}
-        | {
-            f"worst_{name}": Entry(
-                of_one,
-                np.max(columns[name], axis=1)[order],
-                unit,
-                f"largest {words} of all torques",
-            )
-            for name, (unit, words) in RESPONSES.items()
-        },
-        amount=Entry(("amount",), list(amounts), "1", "key that is varied"),
-        torque_pinion_Nm=Entry(("torque",), torques, "N m", "torque on the pinion"),
+        told(
+            "combination",
+            rank=(rank, "rank by the error"),
+            rank_by_pressure=(of_pressure[order], "rank by the pressure"),
+        )
+        | in_order
+        | told("combination torque", **at_each)
+        | told("combination", **at_worst),
+        **told("amount", amount=(list(amounts), "key that is varied")),
+        **told("torque", torque_pinion_Nm=(torques, "torque on the pinion")),
     )
 
 
-def sizing_summary(scene: Scene, table: xr.Dataset) -> dict[str, Any]:
+def sizing_summary(table: xr.Dataset, *, symmetric: bool) -> Summary:
     """The `sizing` part of the summary: what was tried, and the best of it."""
     number = lambda name, row: float(table[name].values[row])
     top = [
@@ -240,7 +184,7 @@ def sizing_summary(scene: Scene, table: xr.Dataset) -> dict[str, Any]:
     return {
         "combinations": table.sizes["combination"],
         "torques_Nm": table["torque_pinion_Nm"].values,
-        "symmetric": scene.sizing.symmetric,
+        "symmetric": symmetric,
         "unsolved": int(np.isnan(table["worst_te_mean_um"].values).sum()),
         "best": top[0],
         "top": top,

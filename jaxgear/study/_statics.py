@@ -1,6 +1,6 @@
 """The quasi-static part of a run: what is solved, and what of it goes into the summary."""
 
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -16,9 +16,7 @@ from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
 from jaxgear._geometry._sliding import sliding_speed, specific_sliding
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact, SmoothContact
-from jaxgear._kept_programs import (
-    QUICKLY,
-)
+from jaxgear._kept_programs import QUICKLY
 from jaxgear._response._factors import (
     face_load_factor,
     pressure_angle_change,
@@ -48,14 +46,14 @@ class SolverFailure(RuntimeError):
     """A computation on a good scene that found no answer."""
 
 
+# Of the summary, the unit in each key.
+Numbers = dict[str, Scalar]
+
+
 class Mounts(NamedTuple):
-    """Means over a cycle of what the mesh does to the gears and their bearings.
+    """Means over a cycle: motion of each gear [m, rad] and wrench of the mesh on it [N, N m].
 
-    **Fields:**
-
-    - `motion`: of each gear [m, rad].
-    - `wrench`: of the mesh on each gear [N, N m].
-    - `bearings`: displacement and load of each bearing [m, N, N m].
+    Of each bearing displacement and load.
     """
 
     motion: Reals
@@ -86,8 +84,8 @@ class Statics(eqx.Module):
     law: AbstractContactLaw
     cycle: MeshCycle
     prepared: PreparedMesh | None
-    numbers: dict[str, Scalar]
-    standard: dict[str, Scalar]
+    numbers: Numbers
+    standard: Numbers
     mounts: Mounts
     angle_change: Scalar
     harris: np.ndarray
@@ -95,22 +93,7 @@ class Statics(eqx.Module):
 
 
 def solve_statics(scene: Scene, torques: np.ndarray | None = None) -> Statics:
-    """Solve the mesh cycle of a scene at its own torque, and at others.
-
-    **Arguments:**
-
-    - `scene`: checked against the schema.
-    - `torques`: further torques on the pinion, for the Harris map [N m].
-
-    **Returns:**
-
-    The solved cycle.
-
-    **Raises:**
-
-    - `ValueError` if the gears are impossible.
-    - `SolverFailure` if a phase was not solved.
-    """
+    """Solve the mesh cycle of a scene at its own torque, and at others for the Harris map [N m]."""
     model = model_of(scene)
     grid, law = grid_of(scene, model), law_of(scene)
     more = np.zeros(0) if torques is None else torques
@@ -119,14 +102,14 @@ def solve_statics(scene: Scene, torques: np.ndarray | None = None) -> Statics:
     all_torques = np.concatenate([[float(model.torque)], more])
     found = timed(_solve, model, grid, law, all_torques, options=QUICKLY)
     require_solved(found.converged)
-    _require_bearable(model, found.told["numbers"])
+    _require_bearable(model, found.told.numbers)
     return Statics(
         model=model,
         grid=grid,
         law=law,
         cycle=found.cycle,
         prepared=found.prepared,
-        **found.told,
+        **found.told._asdict(),
         harris=np.asarray(found.error)[1:],
         harris_harmonics=np.asarray(found.harmonics)[1:],
     )
@@ -138,38 +121,22 @@ def settled_statics(
     law: AbstractContactLaw,
     cycle: MeshCycle,
 ) -> Statics:
-    """The statics of a cycle that was solved for another purpose.
-
-    **Arguments:**
-
-    - `model`: that was solved.
-    - `grid`: on which.
-    - `law`: with which.
-    - `cycle`: its settled states.
-
-    **Returns:**
-
-    Statics without further torques.
-
-    **Raises:**
-
-    - `ValueError` if no tooth bears the torque.
-    """
+    """The statics of a cycle that was solved for another purpose; without further torques."""
     told = timed(_told, model, cycle, law, options=QUICKLY)
-    _require_bearable(model, told["numbers"])
+    _require_bearable(model, told.numbers)
     return Statics(
         model=model,
         grid=grid,
         law=law,
         cycle=cycle,
         prepared=None,
-        **told,
+        **told._asdict(),
         harris=np.zeros((0, grid.phases * grid.periods)),
         harris_harmonics=np.zeros((0, harmonic_count(cycle))),
     )
 
 
-def _require_bearable(model: PairModel, numbers: dict[str, Scalar]) -> None:
+def _require_bearable(model: PairModel, numbers: Numbers) -> None:
     # Weber's contact term holds while the contact is small against the tooth.
     deflection = float(numbers["single_pair_deflection_um"]) * um
     require(
@@ -182,12 +149,21 @@ def _require_bearable(model: PairModel, numbers: dict[str, Scalar]) -> None:
     )
 
 
+class _Told(NamedTuple):
+    """All that a summary says of one cycle: some fields of `Statics`."""
+
+    numbers: Numbers
+    standard: Numbers
+    mounts: Mounts
+    angle_change: Scalar
+
+
 class _Solved(NamedTuple):
     """Mesh and cycle at the first torque and what is told of it, and a few rows at all torques."""
 
     prepared: PreparedMesh
     cycle: MeshCycle
-    told: dict[str, Any]
+    told: _Told
     error: Array
     harmonics: Array
     converged: Array
@@ -209,27 +185,16 @@ def _solve(model: PairModel, grid: MeshGrid, law: AbstractContactLaw, torques: R
     return _Solved(prepared, cycle, _told(model, cycle, law), *rows)
 
 
-def _told(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> dict[str, Any]:
-    """All that a summary says of one cycle: some fields of `Statics`."""
-    return {
-        "numbers": _static_numbers(model, cycle, law),
-        "standard": _iso_numbers(model),
-        "mounts": _mean_loads(cycle),
-        "angle_change": _pressure_angle_change(model.pair),
-    }
+def _told(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> _Told:
+    # Of base radii that grow by a thousandth.
+    change = pressure_angle_change(model.pair, 1e-3 * model.pair.base_radius)[0]
+    return _Told(
+        _static_numbers(model, cycle, law), _iso_numbers(model), _mean_loads(cycle), change
+    )
 
 
 def require_solved(converged: Any) -> None:
-    """Raise unless every contact problem was solved.
-
-    **Arguments:**
-
-    - `converged`: flags; the last axis is the phase.
-
-    **Raises:**
-
-    - `SolverFailure` naming the phases.
-    """
+    """Raise unless every contact problem was solved; the last axis of the flags is the phase."""
     flags = np.atleast_1d(np.asarray(converged))
     if not flags.all():
         bad = np.unique(np.nonzero(~flags)[-1]).tolist()
@@ -243,29 +208,19 @@ def require_solved(converged: Any) -> None:
         )
 
 
-def torques_of(scene: Scene, key: str) -> np.ndarray:
-    """Pinion torques that a scene lists under a key, or its own one.
+def torques_of(scene: Scene, table: Literal["map", "optimise", "sizing"]) -> np.ndarray:
+    """Pinion torques that a table of a scene lists, or its own one [N m].
 
-    **Arguments:**
-
-    - `scene`: checked against the schema.
-    - `key`: of the list.
-
-    **Returns:**
-
-    The torques [N m].
-
-    **Raises:**
-
-    - `InputError` if couples on the pinion's shaft leave the mesh nothing of one of them.
+    Refused where couples on the pinion's shaft leave the mesh nothing of one of them.
     """
-    torques = np.asarray(scene.value(key, [scene.pair.torque_pinion_Nm]), dtype=float)
+    given = getattr(scene, table).torques_Nm
+    torques = np.asarray([scene.pair.torque_pinion_Nm] if given is None else given, dtype=float)
     couples = couples_on_pinion(scene)
     require(
         bool(np.all(torques + couples > 0.0)),
         "{key} lists {got:g} N m, of which the couples about Z on pinion.shaft.loads, {couples:g} "
         "N m, leave the mesh nothing. List torques above {limit:g} N m.",
-        key=key,
+        key=f"{table}.torques_Nm",
         got=float(np.min(torques)),
         couples=couples,
         limit=-couples,
@@ -273,12 +228,7 @@ def torques_of(scene: Scene, key: str) -> np.ndarray:
     return torques
 
 
-def _pressure_angle_change(pair: GearPair) -> Scalar:
-    """Change of the pressure angle where the base radii grow by a thousandth."""
-    return pressure_angle_change(pair, 1e-3 * pair.base_radius)[0]
-
-
-def _iso_numbers(model: PairModel) -> dict[str, Scalar]:
+def _iso_numbers(model: PairModel) -> Numbers:
     """Stiffnesses of ISO 6336-1 method B, whatever stiffness the scene uses."""
     pair = model.pair
     tangential = model.mesh_torque / pair.reference_radius[0]
@@ -292,7 +242,7 @@ def _iso_numbers(model: PairModel) -> dict[str, Scalar]:
     }
 
 
-def headline(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> dict[str, Scalar]:
+def headline(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> Numbers:
     """The few numbers by which two flanks are compared; traceable by JAX."""
     error = transmission_error(model.pair, cycle)
     return {
@@ -306,9 +256,7 @@ def headline(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> dic
     }
 
 
-def _static_numbers(
-    model: PairModel, cycle: MeshCycle, law: AbstractContactLaw
-) -> dict[str, Scalar]:
+def _static_numbers(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> Numbers:
     """The `static` part of the summary; traceable by JAX."""
     pair = model.pair
     load = nominal_line_load(pair, model.mesh_torque)
@@ -369,14 +317,6 @@ def smoothing_bias(
     model: PairModel, prepared: PreparedMesh, widths: Phases
 ) -> tuple[Phases, Phases, Scalar]:
     """What smooth contact changes, as a function of its width; traceable by JAX.
-
-    **Arguments:**
-
-    - `model`: gives the flanks.
-    - `prepared`: its mesh.
-    - `widths`: of the smooth law [m].
-
-    **Returns:**
 
     Bias of the mean TE and of its RMS for each width, and the exact RMS [m].
     """

@@ -1,18 +1,23 @@
 """What a summary says of a pair's geometry, its bearings and supports."""
 
-from typing import Any
-
 import numpy as np
 
 from jaxgear._geometry._pair import pair_facts
+from jaxgear._system._model import PairModel
 from jaxgear._system._shaft import Shaft
 from jaxgear._system._support import Support
 from jaxgear._units import deg, mm, um
 from jaxgear.scene._schema import GEARS
+from jaxgear.study._result import Summary
 from jaxgear.study._statics import Statics
 
+_OF_GEARS = (
+    *("reference_radius", "base_radius", "tip_radius", "root_radius", "form_radius"),
+    *("working_pitch_radius", "tip_thickness", "root_clearance"),
+)
 
-def geometry_summary(statics: Statics) -> dict[str, float]:
+
+def geometry_summary(statics: Statics) -> Summary:
     """The `geometry` part of the summary."""
     facts = {name: np.asarray(value) for name, value in pair_facts(statics.model.pair).items()}
     pitch, path = facts["transverse_base_pitch"], facts["path_of_contact"]
@@ -29,20 +34,11 @@ def geometry_summary(statics: Statics) -> dict[str, float]:
         "common_face_width_mm": facts["face_width"],
         "backlash_mm": facts["backlash"],
     }
-    for index, name in enumerate(("pinion", "wheel")):
-        lengths |= {
-            f"{quantity}_{name}_mm": facts[quantity][index]
-            for quantity in (
-                "reference_radius",
-                "base_radius",
-                "tip_radius",
-                "root_radius",
-                "form_radius",
-                "working_pitch_radius",
-                "tip_thickness",
-                "root_clearance",
-            )
-        }
+    lengths |= {
+        f"{name}_{gear}_mm": facts[name][body]
+        for body, gear in enumerate(GEARS)
+        for name in _OF_GEARS
+    }
     angles = ("working_pressure_angle", "transverse_pressure_angle", "base_helix_angle")
     ratios = ("profile_contact_ratio", "overlap_ratio", "total_contact_ratio")
     return (
@@ -55,46 +51,44 @@ def geometry_summary(statics: Statics) -> dict[str, float]:
     )
 
 
-def mounts_summary(statics: Statics) -> dict[str, list[dict[str, Any]]]:
+def bearings_of(model: PairModel) -> list[tuple[str, int]]:
+    """Gear and number of each bearing in the order of the scene, the pinion's first."""
+    return [
+        (gear, index)
+        for gear, mount in zip(GEARS, (model.pinion_support, model.wheel_support), strict=True)
+        if isinstance(mount, Shaft)
+        for index in range(len(mount.bearings))
+    ]
+
+
+def mounts_summary(statics: Statics) -> Summary:
     """Mean displacement and load of bearings, and of the gears that have none.
-
-    **Arguments:**
-
-    - `statics`: the solved cycle.
-
-    **Returns:**
 
     `bearings`, the pinion's first, in the order of the scene; `supports`, the springs at a gear's
     centre. A load is what shaft or gear puts on it.
     """
-    model, structure = statics.model, statics.cycle.system.structure
+    model = statics.model
     motion, wrench, bearings = map(np.asarray, statics.mounts)
-    mounts = (model.pinion_support, model.wheel_support)
-    supports = [
-        {"gear": gear, **_mount_row(motion[body], wrench[body, :3])}
-        for body, (gear, mount) in enumerate(zip(GEARS, mounts, strict=True))
-        if isinstance(mount, Support)
-    ]
-    owners = [
-        (gear, index)
-        for gear, mount in zip(GEARS, mounts, strict=True)
-        if isinstance(mount, Shaft)
-        for index in range(len(mount.bearings))
-    ]
-    assert len(owners) == len(structure.map.bearings)
-    rows = [
-        {
-            "gear": gear,
-            "index": index,
-            **_mount_row(displacement, load[:3]),
-            "moment_Nm": dict(zip("ST", load[3:].tolist(), strict=True)),
-        }
-        for (gear, index), displacement, load in zip(owners, *bearings, strict=True)
-    ]
-    return {"bearings": rows, "supports": supports}
+    mounts = zip(GEARS, (model.pinion_support, model.wheel_support), motion, wrench, strict=True)
+    return {
+        "bearings": [
+            {
+                "gear": gear,
+                "index": index,
+                **_mount_row(displacement, load[:3]),
+                "moment_Nm": dict(zip("ST", load[3:].tolist(), strict=True)),
+            }
+            for (gear, index), displacement, load in zip(bearings_of(model), *bearings, strict=True)
+        ],
+        "supports": [
+            {"gear": gear, **_mount_row(moved, load[:3])}
+            for gear, mount, moved, load in mounts
+            if isinstance(mount, Support)
+        ],
+    }
 
 
-def _mount_row(motion: np.ndarray, force: np.ndarray) -> dict[str, Any]:
+def _mount_row(motion: np.ndarray, force: np.ndarray) -> Summary:
     return {
         "displacement_um": dict(zip("STZ", (motion[:3] / um).tolist(), strict=True)),
         "tilt_urad": dict(zip("ST", (1e6 * motion[3:5]).tolist(), strict=True)),

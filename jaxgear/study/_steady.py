@@ -121,7 +121,7 @@ def _moving(dynamics: jg.PairDynamics) -> tuple:
 
 def is_too_large(scene: Scene, dynamics: jg.PairDynamics) -> bool:
     """Whether a cycle has too many mesh periods for harmonic balance."""
-    return unknowns_of(scene, size_of(dynamics)) > MOST_UNKNOWNS
+    return unknowns_of(scene.sweep, size_of(dynamics)) > MOST_UNKNOWNS
 
 
 def method_of(

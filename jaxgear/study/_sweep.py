@@ -1,22 +1,30 @@
-"""A scene in steady motion at many speeds."""
+"""A scene in steady motion at many speeds: peaks, jumps, ranges with two responses."""
+
+import itertools
+
+import numpy as np
+import xarray as xr
 
 from jaxgear._checks import InputError
+from jaxgear._response._sweep_features import FEW, leaps, prominent
 from jaxgear.scene._scene import Scene
 from jaxgear.study._dynamics import (
     Dynamics,
     damping_summary,
     directions_of,
+    method_name,
     require_damped,
+    size_of,
     solve_dynamics,
     speeds_of,
+    unknowns_of,
 )
 from jaxgear.study._head import head, study
 from jaxgear.study._progress import built_scene, narration, progress
-from jaxgear.study._result import Result, titled
+from jaxgear.study._result import Result, Summary, titled
 from jaxgear.study._sweep_dataset import orbit_dataset, sweep_dataset
 from jaxgear.study._sweep_notes import sweep_notes
-from jaxgear.study._sweep_summary import sweep_summary
-from jaxgear.study._sweeping import sweep_of
+from jaxgear.study._sweeping import Sweep, alike, sweep_of
 
 
 @study
@@ -47,20 +55,13 @@ def sweep(scene: Scene) -> Result:
 
 
 def sweep_result(scene: Scene, dynamics: Dynamics) -> Result:
-    """Sweep a pair in motion; arguments and errors as of `sweep`, but for what was solved before.
+    """Sweep a pair in motion, as `sweep` does, with what was solved before.
 
-    **Arguments:**
-
-    - `scene`: that is swept, with its condensed bodies.
-    - `dynamics`: its pair.
-
-    **Returns:**
-
-    Datasets and files as of `sweep`, and the parts `damping`, `sweep` and `notes` of the summary.
+    The parts `damping`, `sweep` and `notes` of the summary.
     """
     require_damped(scene, dynamics)
     watch = _wave_watch(scene, dynamics)
-    count = len(speeds_of(scene)) * len(directions_of(scene))
+    count = len(speeds_of(scene.sweep)) * len(directions_of(scene.sweep))
     with progress(count, "sweep") as done:
         found = sweep_of(scene, dynamics.pair, done, watch)
     dataset, orbit = sweep_dataset(dynamics, found), orbit_dataset(dynamics, found)
@@ -68,7 +69,7 @@ def sweep_result(scene: Scene, dynamics: Dynamics) -> Result:
     datasets = {"sweep": titled(dataset, scene), "orbit": titled(orbit, scene, at_peak)}
     summary = {
         "damping": damping_summary(scene, dynamics),
-        "sweep": sweep_summary(scene, dynamics, found, dataset),
+        "sweep": _sweep_summary(scene, dynamics, found, dataset),
         "notes": sweep_notes(scene, found.unsettled, count, list(found.pieces_lost())),
     }
     if watch is None:
@@ -91,3 +92,118 @@ def _wave_watch(scene: Scene, dynamics: Dynamics):
 
     with narration("probes"):
         return wave_watch(scene, dynamics.pair)
+
+
+# A peak stands out by this much of the static force.
+_PROMINENCE = 0.05
+_LISTS = (
+    *("dynamic_ratio", "te_rms_um", "pair_ratio", "contact_loss"),
+    *("settled", "stable", "periods"),
+)
+
+
+def _sweep_summary(scene: Scene, dynamics: Dynamics, sweep: Sweep, dataset: xr.Dataset) -> Summary:
+    """The `sweep` part of the summary; lists are over `pinion_speed_rad_s`."""
+    special = lambda name: sorted(
+        point.speed for piece in sweep.curves for point in getattr(piece, name)
+    )
+    size = size_of(dynamics.pair)
+    return {
+        "pinion_speed_rad_s": sweep.speeds,
+        **{
+            f"{name}_{way}": dataset[name].sel(direction=way).values
+            for way in sweep.responses
+            for name in _LISTS
+        },
+        "peaks": _peaks(dynamics, dataset),
+        "jumps": _jumps(dataset),
+        "bistable": _bistable(dataset),
+        "folds_rad_s": special("folds"),
+        "doublings_rad_s": special("doublings"),
+        "tori_rad_s": special("tori"),
+        "unsettled_count": sweep.unsettled,
+        "method": method_name(scene.sweep, size),
+        "steps": scene.sweep.steps,
+        "unknowns": unknowns_of(scene.sweep, size),
+        "seconds_with_compiling": sweep.seconds,
+    }
+
+
+def _settled(dataset: xr.Dataset, way: str) -> xr.Dataset:
+    """The settled responses of a direction."""
+    own = dataset.sel(direction=way)
+    return own.isel(speed=own["settled"].values)
+
+
+def _peaks(dynamics: Dynamics, dataset: xr.Dataset) -> list[Summary]:
+    """Peaks of the dynamic ratio, the highest first, with the mesh order that is strongest there.
+
+    A peak that rising and falling speeds share has the direction "both".
+    """
+    share = np.asarray(dynamics.modes.mesh)
+    # Modes with some energy in the mesh, or that with most.
+    excited = share >= min(0.01, float(share.max()))
+    natural = np.asarray(dynamics.modes.frequency)[excited]
+    found: list[Summary] = []
+    for way in dataset["direction"].values:
+        own = _settled(dataset, way)
+        ratio = own["dynamic_ratio"].values
+        for place in prominent(ratio, _PROMINENCE):
+            here = own.isel(speed=int(place))
+            speed, high = float(here["speed"]), float(ratio[place])
+            twin = [row for row in found if row["speed_rad_s"] == speed]
+            if twin and alike(twin[0]["dynamic_ratio"], high):
+                twin[0]["direction"] = "both"
+                continue
+            strongest = int(np.argmax(here["mesh_force_order_N"].values))
+            order = float(here["order"][strongest])
+            frequency = order * int(dataset.attrs["teeth_pinion"]) * speed / (2.0 * np.pi)
+            nearest = natural[np.argmin(np.abs(natural - frequency))]
+            found.append(
+                {
+                    "speed_rad_s": speed,
+                    "dynamic_ratio": high,
+                    "direction": str(way),
+                    "frequency_Hz": frequency,
+                    "nearest_mode_Hz": float(nearest),
+                    "mesh_order": order,
+                }
+            )
+    return sorted(found, key=lambda row: -row["dynamic_ratio"])
+
+
+def _jumps(dataset: xr.Dataset) -> list[Summary]:
+    """Where a direction leaps between settled responses; none where each speed is shown."""
+    found = []
+    for way in dataset["direction"].values if dataset.sizes["speed"] > FEW else ():
+        if way == "cold":
+            continue
+        own = _settled(dataset, way)
+        speed, ratio = own["speed"].values, own["dynamic_ratio"].values
+        height = float(np.max(ratio, initial=0.0))
+        for place in np.sort(leaps(ratio, np.ones(ratio.size, bool), height)):
+            before, after = (place + 1, place) if way == "down" else (place, place + 1)
+            found.append(
+                {
+                    "direction": str(way),
+                    "from_rad_s": float(speed[before]),
+                    "to_rad_s": float(speed[after]),
+                    "dynamic_ratio_before": float(ratio[before]),
+                    "dynamic_ratio_after": float(ratio[after]),
+                }
+            )
+    return found
+
+
+def _bistable(dataset: xr.Dataset) -> list[Summary]:
+    """Ranges of speed with two stable responses: one rising, another falling."""
+    if set(dataset["direction"].values) != {"up", "down"}:
+        return []
+    up, down = (dataset["dynamic_ratio"].sel(direction=way).values for way in ("up", "down"))
+    apart = dataset["settled"].values.all(axis=0) & ~alike(up, down)
+    speed, found = dataset["speed"].values, []
+    for two, places in itertools.groupby(range(len(speed)), key=lambda i: bool(apart[i])):
+        own = list(places)
+        if two:
+            found.append({"from_rad_s": float(speed[own[0]]), "to_rad_s": float(speed[own[-1]])})
+    return found

@@ -17,19 +17,7 @@ STEPS_IN_PERIOD = 10
 
 
 def sweep_notes(scene: Scene, unsettled: int, responses: int, lost: list[str]) -> list[str]:
-    """Remarks on a sweep.
-
-    **Arguments:**
-
-    - `scene`: that was swept.
-    - `unsettled`: number of responses that did not settle.
-    - `responses`: number of all responses.
-    - `lost`: where and why a branch could not be followed further.
-
-    **Returns:**
-
-    A sentence or two each.
-    """
+    """Remarks on a sweep: what does nothing, is out of reach, did not settle, or was lost."""
     found = []
     if scene.sweep.centrifugal and not scene.condensed:
         found.append(
@@ -75,15 +63,16 @@ def _beyond_reach(scene: Scene) -> list[str]:
         return []
     square, gear, basis = max(each, key=lambda row: row[0])
     frequency, mode = math.sqrt(square) / (2.0 * math.pi), int(np.argmax(basis.square))
-    speeds, teeth = speeds_of(scene), scene.pinion.teeth
+    speeds, teeth = speeds_of(scene.sweep), scene.pinion.teeth
     # Approach and tilt stand beside the mesh coordinates.
     size = Size(2 + scene.model.at_mesh, scene.mesh.periods)
-    harmonic = method_name(scene, size) == "harmonic"
+    harmonic = method_name(scene.sweep, size) == "harmonic"
     key = "sweep.harmonics" if harmonic else "sweep.steps"
+    given = scene.sweep.harmonics if harmonic else scene.sweep.steps
     # Up to which multiple of the mesh frequency a response is followed, and what that takes.
     per = 1.0 if harmonic else 1.0 / STEPS_IN_PERIOD
     order = lambda speed: 2.0 * math.pi * frequency / (teeth * speed)
-    limit = order(1.0) / (per * scene.value(key))
+    limit = order(1.0) / (per * given)
     if limit <= speeds[0]:
         return []
     need = lambda speed: math.ceil(order(speed) / per)
@@ -95,7 +84,7 @@ def _beyond_reach(scene: Scene) -> list[str]:
     wants = f"{need(speeds[-1])} at {speeds[-1]:.5g} rad/s, {need(speeds[0])} at {speeds[0]:.5g}"
     beside = ", and more than twice as many sweep.steps" if harmonic else ""
     return [
-        f"{key} = {scene.value(key)} reaches less far than mode {mode + 1} of the {gear}'s body, "
+        f"{key} = {given} reaches less far than mode {mode + 1} of the {gear}'s body, "
         f"{frequency:.5g} Hz with {int(basis.diameters[mode])} nodal diameters, its seats held, "
         f"{where}: there it follows its load, but does not vibrate. To see it vibrate, {key} must "
         f"be at least {wants} rad/s{beside}."
@@ -109,16 +98,7 @@ def _bases(scene: Scene) -> list[tuple[str, BodyBasis]]:
 
 
 def steady_notes(points: Sequence[SteadyPoint]) -> list[str]:
-    """Why steady responses were not differentiated.
-
-    **Arguments:**
-
-    - `points`: those that were looked at.
-
-    **Returns:**
-
-    A sentence or two for each that has no derivative.
-    """
+    """Why steady responses were not differentiated."""
     found = []
     for point in points:
         at = f"With {point.contact} contact the response at {point.speed_rad_s:.6g} rad/s "
@@ -146,17 +126,9 @@ def left_out_notes(
     *,
     limited: int,
 ) -> list[str]:
-    """What a search over speeds does not cover.
+    """What a search over speeds does not cover, from what each speed contributes at its ends.
 
-    **Arguments:**
-
-    - `before`, `after`: what each speed contributes, for each torque [N m], where the search began
-        and ended; empty if it did not look at speeds.
-    - `limited`: evaluations of the search without gradients, if each was a sweep; 0 if not.
-
-    **Returns:**
-
-    A sentence or two each.
+    `limited` counts the evaluations of the search without gradients, if each was a sweep.
     """
     if not before:
         return []

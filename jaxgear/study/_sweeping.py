@@ -74,25 +74,7 @@ def swept(
     done: Callable[[int], None],
     watch: Watch | None = None,
 ) -> tuple[Response, ...]:
-    """Sweep in one direction, and keep of each response what is shown of it.
-
-    **Arguments:**
-
-    - `scene`: that is swept.
-    - `dynamics`: its pair.
-    - `speeds`: of the pinion, rising [rad/s].
-    - `direction`: which way.
-    - `done`: told how many more speeds are finished.
-    - `watch`: sees each response whole, as it is found.
-
-    **Returns:**
-
-    A response for each of `speeds`.
-
-    **Raises:**
-
-    - `SolverFailure` if one is not a finite number.
-    """
+    """Sweep in one direction over rising speeds [rad/s]; keep what is shown of each response."""
     # Responses of many mesh periods are too long to keep them all until the end.
     finder = Finder(dynamics.system, settings_of(scene, size_of(dynamics)))
     found: list[Response] = []
@@ -175,18 +157,8 @@ def branches(
 ) -> tuple[Curve, ...]:
     """Follow the branch of responses from the lowest speed to the highest, round its folds.
 
-    Where it is lost on the way, what can be reached from the other end is a second piece.
-
-    **Arguments:**
-
-    - `scene`: that is swept.
-    - `dynamics`: its pair.
-    - `speeds`: of the pinion [rad/s].
-    - `done`: told how many more points are found.
-
-    **Returns:**
-
-    The pieces; none where no response is found to begin with.
+    Where it is lost on the way, what can be reached from the other end is a second piece. None
+    where no response is found to begin with.
     """
     method = settings_of(scene, size_of(dynamics)).method
     assert isinstance(method, HarmonicBalance)
@@ -200,33 +172,18 @@ def branches(
     return tuple(piece for piece in pieces if piece.speed.size)
 
 
-def _continued(scene: Scene, dynamics: PairDynamics) -> bool:
-    """Whether the branch is followed round its folds."""
-    asked = (
-        scene.sweep.direction == "both"
-        if scene.sweep.continuation is None
-        else scene.sweep.continuation
-    )
-    return (
-        asked and method_name(scene, size_of(dynamics)) == "harmonic" and len(speeds_of(scene)) > 1
-    )
-
-
 def sweep_of(
     scene: Scene,
     dynamics: PairDynamics,
     done: Callable[[int], None],
     watch: Watch | None = None,
 ) -> Sweep:
-    """Sweep a scene in all its directions, and follow its branch.
-
-    Arguments and errors as of `swept`, which is called for each direction.
-
-    **Returns:**
-
-    What was found.
-    """
-    speeds, seconds = speeds_of(scene), {}
+    """Sweep a scene in all its directions, and follow its branch."""
+    speeds, seconds, asked = speeds_of(scene.sweep), {}, scene.sweep.continuation
+    if asked is None:
+        asked = scene.sweep.direction == "both"
+    harmonic = method_name(scene.sweep, size_of(dynamics)) == "harmonic"
+    asked = asked and harmonic and len(speeds) > 1
     responses: dict[Direction, tuple[Response, ...]] = {}
     stopped = False
 
@@ -244,10 +201,9 @@ def sweep_of(
     # Most of the time goes into compiling, and both have programs of their own.
     with concurrent.futures.ThreadPoolExecutor(1) as pool:
         follow = lambda: branches(scene, dynamics, speeds, going_on)
-        asked = _continued(scene, dynamics)
         curves = pool.submit(clocked, "continuation", follow) if asked else None
         try:
-            for way in directions_of(scene):
+            for way in directions_of(scene.sweep):
                 one = functools.partial(swept, scene, dynamics, speeds, way, done, watch)
                 responses[way] = clocked(way, one)
         except BaseException:

@@ -39,12 +39,7 @@ _UNITS = ("_mm", "_deg", "_N", "_MPa", "_N_mm_um")
 
 
 def with_symbol(key: str) -> str:
-    """A key of the summary, and its symbol where a standard has one.
-
-    **Arguments:**
-
-    - `key`: in words, with its unit.
-    """
+    """A key of the summary, and its symbol where a standard has one."""
     names = [key, *(key.removesuffix(unit) for unit in _UNITS if key.endswith(unit))]
     # Of a sweep in both directions.
     names += [name.removesuffix(way) for name in names[:1] for way in ("_up", "_down", "_cold")]

@@ -118,7 +118,7 @@ def test_power_and_speed_give_the_torque(write):
 )
 def test_sweeps_take_revolutions_per_minute(write, speeds, found):
     scene = read_scene(write(f"{_PAIR}[sweep]\npinion_speed_rpm = {speeds}\n"))
-    assert speeds_of(scene) == pytest.approx(np.asarray(found) * math.pi / 30.0, rel=1e-14)
+    assert speeds_of(scene.sweep) == pytest.approx(np.asarray(found) * math.pi / 30.0, rel=1e-14)
 
 
 def test_a_number_of_its_own_takes_the_place_of_what_stood_for_it(write, drawn):

@@ -19,7 +19,7 @@ from jaxgear.scene._build import grid_of, model_of, smooth_law_of
 from jaxgear.scene._scene import Scene, SceneError, ready_scene
 from jaxgear.study import _robust as robust
 from jaxgear.study._design import design_space
-from jaxgear.study._objectives import prepared_mesh
+from jaxgear.study._objectives import limits_of, prepared_mesh
 from jaxgear.study._scatter import Scatter, scatter_of
 
 _DEPTH = "flank.pinion.tip_relief.depth_um"
@@ -142,9 +142,9 @@ def test_a_scatter_out_of_range_is_refused(setting, words):
 def test_a_quantile_has_a_width_where_a_limited_response_is_nothing_in_all_gears():
     scene = _scene("optimise.limits.edge_line_load_N_mm=50.0", "robust.accuracy_grade=6")
     seen = np.array([[1.0, 0.0], [3.0, 0.0]])
-    widths = robust._widths(scene, seen)
+    widths = robust._widths(limits_of(scene.optimise), seen)
     assert_close(widths, np.array([0.2, 0.05]), rtol=1e-12, atol=0.0)
-    _, limited = robust._measures(scene, widths)
+    _, limited = robust._measures(scene.robust, widths)
     slopes = jax.grad(limited)(jnp.zeros(4))
     assert_close(slopes, jnp.full(4, 0.25), rtol=1e-9, atol=0.0)
 

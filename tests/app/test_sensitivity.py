@@ -22,7 +22,7 @@ from jaxgear.scene._mesh_bodies import with_bodies
 from jaxgear.scene._scene import read_scene
 from jaxgear.scene._schema import of_condensed, scales_body
 from jaxgear.study._design import design_space, refuse_unbounded
-from jaxgear.study._sensitivities import acting, in_shares, lost, told, with_own_modulus
+from jaxgear.study._sensitivities import acting, in_shares, lost, table_of, with_own_modulus
 
 _KEYS = ("pair.torque_pinion_Nm", "flank.pinion.crowning_um", "wheel.profile_shift", "mesh.dead")
 _WEB = "wheel.body.web.web_thickness_mm"
@@ -51,7 +51,7 @@ def test_shares_are_in_per_cent_of_what_the_key_is():
     alone = found.assign(sensitivity=np.nan * found["sensitivity"])
     assert lost(alone)[0].startswith(f"No response has a derivative by {', '.join(_KEYS)}.")
     assert acting(found)["key"].values.tolist() == [_KEYS[0], _KEYS[1], _KEYS[2]]
-    assert list(told(acting(found))["te_mean_um"]) == [
+    assert list(table_of(acting(found))["te_mean_um"]) == [
         "value",
         "flank.pinion.crowning_um [%/um]",
         "wheel.profile_shift [%/0.01]",

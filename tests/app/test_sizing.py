@@ -100,4 +100,4 @@ def test_pressure_decides_between_equals_and_unsolved_are_last():
 )
 def test_refusals(settings, words):
     with pytest.raises(InputError, match=words):
-        combinations_of(ready_scene("accessory", settings))
+        combinations_of(ready_scene("accessory", settings).sizing)

@@ -177,18 +177,20 @@ def test_a_slow_pair_has_its_quasi_static_transmission_error(folder):
 
 def test_speeds_are_a_range_or_a_sorted_list(folder):
     path = _scene(folder, _SPUR, "speeds.toml")
-    of = lambda text: _dynamics.speeds_of(read_scene(path, (f"sweep.pinion_speed_rad_s={text}",)))
+    of = lambda text: _dynamics.speeds_of(
+        read_scene(path, (f"sweep.pinion_speed_rad_s={text}",)).sweep
+    )
     assert of("{from=10, to=20, points=3}").tolist() == [10.0, 15.0, 20.0]
     assert of("[30, 10, 20, 10]").tolist() == [10.0, 20.0, 30.0]
 
 
 def test_damping_and_method_follow_the_scene(folder):
     path = _scene(folder, _SPUR + _SWEEP, "methods.toml")
-    damping = _dynamics.damping_of(read_scene(path, ("damping.mesh=0.05",)))
+    damping = _dynamics.damping_of(read_scene(path, ("damping.mesh=0.05",)).damping)
     assert isinstance(damping, ModalDamping)
     assert float(damping.mesh) == 0.05
     rayleigh = ("damping.kind=rayleigh", "damping.a_R_1_s=25.0", "damping.b_R_s=2.5e-6")
-    damping = _dynamics.damping_of(read_scene(path, rayleigh))
+    damping = _dynamics.damping_of(read_scene(path, rayleigh).damping)
     assert isinstance(damping, RayleighDamping)
     assert float(damping.stiffness_factor) == 2.5e-6
 
@@ -266,7 +268,7 @@ def test_without_speeds_the_lines_to_add_are_given(folder, capsys):
     error = capsys.readouterr().err
     lines = error[error.index("[sweep]") :]
     path.write_text(_SPUR + lines)
-    assert _dynamics.directions_of(read_scene(path)) == ("up", "down")
+    assert _dynamics.directions_of(read_scene(path).sweep) == ("up", "down")
     refuse_unfit("sweep", read_scene(path))
 
 

@@ -28,7 +28,7 @@ from jaxgear.study._fidelity._levels import (
 from jaxgear.study._fidelity._models import changed
 from jaxgear.study._fidelity._moving import BodiesProblem, MethodsProblem
 from jaxgear.study._fidelity._statics import StaticProblem, Work
-from jaxgear.study._objectives import looks_at_speeds
+from jaxgear.study._objectives import over_speeds
 from jaxgear.study._progress import built_scene
 from jaxgear.study._result import Summary
 from jaxgear.study._search_checks import require_searchable
@@ -91,7 +91,7 @@ def in_motion(scene: Scene, command: str) -> bool:
     """Whether a command asks for responses in motion: then these decide, and not statics."""
     swept = scene.has_table("sweep")
     if command == "optimise":
-        return swept and looks_at_speeds(scene)
+        return swept and bool(over_speeds(scene.optimise))
     return command == "sweep" or (command == "run" and swept)
 
 
