@@ -16,6 +16,7 @@ from solve_cases import (
     FZG_H501,
     POWER,
     Drawing,
+    run_cycle,
     spread,
     symmetric_relief,
     with_contact_ratio,
@@ -39,8 +40,6 @@ def _superposed(depth: float, crowning: float, slope: float) -> jg.Superposed:
 RELIEVED = _superposed(12 * um, 4 * um, 3 * um)
 SKEW = jg.Misalignment(8 * um, -15 * um)
 
-_run = eqx.filter_jit(jg.mesh_cycle)
-
 
 def _model(drawing: Drawing, torque: float, **more) -> jg.PairModel:
     more.setdefault("compliance", jg.ConstantStiffness(STIFFNESS))
@@ -55,8 +54,8 @@ HELICAL_GRID = jg.mesh_grid(POWER.pair(), phases=16, slices=8)
 def _helical(**more) -> jg.PairModel:
     """Helical gears on springs, relieved in three ways, misaligned unless said."""
     given = dict(zip(("pinion_support", "wheel_support"), SUPPORTS, strict=True))
-    given |= {"flanks": jg.Flanks(RELIEVED, RELIEVED), "misalignment": SKEW}
-    return _model(POWER, 120.0, **(given | more))
+    flanks = jg.Flanks(RELIEVED, RELIEVED)
+    return _model(POWER, 120.0, **({"flanks": flanks, "misalignment": SKEW} | given | more))
 
 
 def _error(model: jg.PairModel, cycle: jg.MeshCycle) -> np.ndarray:
@@ -81,7 +80,7 @@ EVERYTHING = {
 @pytest.mark.parametrize("case", quick(2, EVERYTHING))
 def test_cell_forces_balance_the_torque_at_every_phase(case):
     drawing, model = EVERYTHING[case]
-    cycle = _run(model, jg.mesh_grid(model.pair, phases=16, slices=8))
+    cycle = run_cycle(model, jg.mesh_grid(model.pair, phases=16, slices=8))
     assert bool(jnp.all(cycle.converged))
     force = np.asarray(cycle.force)
     # Rounding of the active fraction may leave -1e-18 of it.
@@ -99,7 +98,7 @@ def test_cell_forces_balance_the_torque_at_every_phase(case):
 def test_tilt_of_supported_bodies_follows_their_moment():
     """Overlaps of one line, gaps taken out, lie on a straight line of slope -H1.g."""
     drawing, model = EVERYTHING["helical"]
-    cycle = _run(model, HELICAL_GRID)
+    cycle = run_cycle(model, HELICAL_GRID)
     gap = jg.mesh_gap(model.pair, cycle.cells.lines, model.flanks, model.misalignment)
     across = 1 / 3e5 + 1 / 6e5
     teeth = np.asarray(drawing.teeth)
@@ -123,7 +122,7 @@ def test_unmodified_spur_pair_by_hand(ratio):
     """n or n + 1 pairs share the load: delta/n and delta/(n + 1), for 1 - p and p of the period."""
     drawing = with_contact_ratio(ratio)
     model = _model(drawing, 200.0)
-    cycle = _run(model, jg.mesh_grid(model.pair, phases=16, slices=40))
+    cycle = run_cycle(model, jg.mesh_grid(model.pair, phases=16, slices=40))
     error, delta = _error(model, cycle), _deflection(drawing, 200.0)
     # At a whole contact ratio the fraction is 0 or 1, as rounding has it; both sets agree.
     fewer = round(ratio) if abs(ratio - round(ratio)) < 1e-6 else math.floor(ratio)
@@ -145,7 +144,7 @@ def test_unmodified_spur_pair_by_hand(ratio):
 def test_unmodified_spur_pair_is_exact_on_any_grid(phases):
     drawing = with_contact_ratio(1.42)
     model = _model(drawing, 200.0)
-    cycle = _run(model, jg.mesh_grid(model.pair, phases=phases, slices=1))
+    cycle = run_cycle(model, jg.mesh_grid(model.pair, phases=phases, slices=1))
     expected = 0.5 * _deflection(drawing, 200.0) * math.sqrt(0.42 * 0.58)
     assert_close(spread(cycle, _error(model, cycle)), expected, rtol=1e-7, atol=0.0)
 
@@ -222,7 +221,7 @@ def _sum_of_pairs(drawing: Drawing, torque: float, phase: float, depth: float, e
 def test_relieved_spur_pair_against_bisection(ratio, extent, depth):
     drawing = with_contact_ratio(ratio)
     model = _model(drawing, 200.0, flanks=symmetric_relief(depth, extent))
-    cycle = _run(model, jg.mesh_grid(model.pair, phases=64, slices=4))
+    cycle = run_cycle(model, jg.mesh_grid(model.pair, phases=64, slices=4))
     phases = np.asarray(cycle.cells.lines.phase)
     expected = [_sum_of_pairs(drawing, 200.0, phase, depth, extent) for phase in phases]
     assert_close(_error(model, cycle), np.array(expected), rtol=1e-7, atol=0.0)
@@ -232,7 +231,7 @@ def test_deep_relief_separates_neighbouring_teeth():
     """Unrelieved for more than a pitch and relieved by far more than delta: one pair at a time."""
     drawing = with_contact_ratio(1.6)
     model = _model(drawing, 200.0, flanks=symmetric_relief(2e-3, 0.15))
-    cycle = _run(model, jg.mesh_grid(model.pair, phases=64, slices=4))
+    cycle = run_cycle(model, jg.mesh_grid(model.pair, phases=64, slices=4))
     assert bool(jnp.all(cycle.converged))
     sharing = np.asarray(jg.load_sharing(cycle))
     alone = np.isclose(sharing.max(axis=1), 1.0, rtol=0, atol=1e-9)
@@ -284,7 +283,7 @@ def test_misalignment_that_unloads_half_a_face_by_hand():
     wedge = 8 * drawing.force(torque) / (STIFFNESS * drawing.common_width**2)
     deviation = wedge * drawing.common_width / math.cos(drawing.working_angle)
     model = _model(drawing, torque, misalignment=jg.Misalignment(deviation=deviation))
-    cycle = _run(model, jg.mesh_grid(model.pair, phases=16, slices=40))
+    cycle = run_cycle(model, jg.mesh_grid(model.pair, phases=16, slices=40))
     delta = _deflection(drawing, torque)
     single = np.asarray(cycle.cells.lines.phase) > 0.01
     assert np.all(np.abs(_error(model, cycle)[single]) < 1e-9 * delta)
@@ -300,7 +299,7 @@ def test_inclination_acts_by_the_sine_of_the_pressure_angle():
         misalignment = jg.Misalignment(**more)
         flanks = symmetric_relief(10 * um, 0.3)
         model = _model(ACCESSORY, 80.0, flanks=flanks, misalignment=misalignment)
-        return np.asarray(_run(model, SPUR_GRID).force)
+        return np.asarray(run_cycle(model, SPUR_GRID).force)
 
     one = force(inclination=20 * um)
     other = force(deviation=20 * um * math.tan(ACCESSORY.working_angle))
@@ -324,7 +323,7 @@ def test_all_lengths_times_37():
             drawing, 80.0 * by**3, flanks=jg.Flanks(flank, flank), pinion_support=give[0],
             wheel_support=give[1], misalignment=skew,
         )  # fmt: skip
-        cycle = _run(model, HELICAL_GRID)
+        cycle = run_cycle(model, HELICAL_GRID)
         return _error(model, cycle), np.asarray(cycle.force)
 
     (error, force), (many_errors, forces) = solved(1.0), solved(37.0)
@@ -352,8 +351,8 @@ def _exchanged(model: jg.PairModel, drawing: Drawing) -> jg.PairModel:
 
 def _change_places(model: jg.PairModel, drawing: Drawing, grid: jg.MeshGrid) -> None:
     other = _exchanged(model, drawing)
-    error = _error(model, _run(model, grid))
-    back = _error(other, _run(other, grid))
+    error = _error(model, run_cycle(model, grid))
+    back = _error(other, run_cycle(other, grid))
     # A phase tau is met at eps - tau: each of the two sets of phases is reversed.
     split = grid.entry_phases
     reversed_ = np.concatenate([back[:split][::-1], back[split:][::-1]])
@@ -380,12 +379,14 @@ def test_mirrored_pair_has_mirrored_forces():
     results = []
     for sign in (1.0, -1.0):
         model = _helical(
-            flanks=jg.Flanks(*(_superposed(10 * um, 2 * um, sign * x * um) for x in (6.0, 1.0))),
+            flanks=jg.Flanks(
+                _superposed(10 * um, 2 * um, sign * 6 * um), _superposed(um, um, sign * um)
+            ),
             misalignment=jg.Misalignment(sign * 5 * um, sign * 9 * um),
         )
         hand = sign * model.pair.helix_angle
         model = eqx.tree_at(lambda m: m.pair.helix_angle, model, hand)
-        cycle = _run(model, HELICAL_GRID)
+        cycle = run_cycle(model, HELICAL_GRID)
         results.append((_error(model, cycle), np.asarray(cycle.force).reshape(16, -1, 8)))
     (right, force), (left, mirrored) = results
     assert_close(left, right, rtol=1e-10, atol=0.0)
@@ -405,7 +406,7 @@ def test_wide_narrow_and_steep_pairs_converge(helix, width, slices):
     support = jg.Support(radial_s=2e8, radial_t=5e8, axial=1e8, tilt=3e5)
     more = {"pinion_support": support, "flanks": jg.Flanks(RELIEVED, RELIEVED)}
     model = _model(drawing, 150.0, misalignment=jg.Misalignment(30 * um, -40 * um), **more)
-    cycle = _run(model, jg.mesh_grid(model.pair, phases=16, slices=slices))
+    cycle = run_cycle(model, jg.mesh_grid(model.pair, phases=16, slices=slices))
     assert bool(jnp.all(cycle.converged))
     assert int(jnp.max(cycle.steps)) < 30
     expected = np.full(16, drawing.force(150.0))
@@ -417,7 +418,7 @@ def test_two_hundred_slices_agree_with_twenty():
     model = _model(POWER, 150.0, flanks=jg.Flanks(RELIEVED, RELIEVED))
     means = []
     for slices in (20, 200):
-        cycle = _run(model, jg.mesh_grid(model.pair, phases=16, slices=slices))
+        cycle = run_cycle(model, jg.mesh_grid(model.pair, phases=16, slices=slices))
         means.append(float(jg.cycle_mean(cycle, jg.transmission_error(model.pair, cycle))))
     assert_close(means[0], means[1], rtol=2e-3, atol=0.0)
 
@@ -432,7 +433,7 @@ def test_integer_overlap_keeps_an_unmodified_pair_still(sign):
     drawing = with_contact_ratio(1.4, helix_angle=helix, face_width=width)
     assert_close(abs(drawing.overlap_ratio), 1.0, rtol=1e-12, atol=0.0)
     model = _model(drawing, 150.0)
-    cycle = _run(model, jg.mesh_grid(model.pair, phases=16, slices=16))
+    cycle = run_cycle(model, jg.mesh_grid(model.pair, phases=16, slices=16))
     error = _error(model, cycle)
     # Normal deflection F_n / (k L), L = eps b / cos(beta_b); transverse: over cos(beta_b).
     length = 1.4 * width / math.cos(drawing.base_helix)
@@ -458,7 +459,7 @@ def test_radial_springs_add_their_own_deflection():
     )
     sine, cosine = math.sin(ACCESSORY.working_angle), math.cos(ACCESSORY.working_angle)
     give = sine**2 * (1 / 2e7 + 1 / 4e7) + cosine**2 * (1 / 5e7 + 1 / 7e7)
-    rise = _error(soft, _run(soft, SPUR_GRID)) - _error(rigid, _run(rigid, SPUR_GRID))
+    rise = _error(soft, run_cycle(soft, SPUR_GRID)) - _error(rigid, run_cycle(rigid, SPUR_GRID))
     assert_close(rise, np.full(16, ACCESSORY.force(80.0) * give), rtol=1e-9, atol=0.0)
 
 
@@ -470,10 +471,10 @@ def _on(k: float) -> jg.PairModel:
 
 def test_very_stiff_supports_tend_to_rigid_ones():
     rigid = _helical(pinion_support=jg.Support(), wheel_support=jg.Support())
-    still = _error(rigid, _run(rigid, HELICAL_GRID))
+    still = _error(rigid, run_cycle(rigid, HELICAL_GRID))
     stiffness = np.array([1e11, 1e12, 1e13])
     models = [_on(k) for k in stiffness]
-    errors = [_error(model, _run(model, HELICAL_GRID)) for model in models]
+    errors = [_error(model, run_cycle(model, HELICAL_GRID)) for model in models]
     differences = [np.max(np.abs(error / still - 1)) for error in errors]
     assert 0.98 < observed_order(1 / stiffness, differences) < 1.02
 
@@ -481,7 +482,7 @@ def test_very_stiff_supports_tend_to_rigid_ones():
 @pytest.mark.parametrize("k", [1e5, 1e6, 1e7])
 def test_soft_supports_converge(k):
     """Centres that move by millimetres."""
-    cycle = _run(_on(k), HELICAL_GRID)
+    cycle = run_cycle(_on(k), HELICAL_GRID)
     expected = np.full(16, POWER.force(120.0))
     assert_close(np.asarray(cycle.force).sum(axis=1), expected, rtol=1e-8, atol=0.0)
 
@@ -534,7 +535,7 @@ def test_an_unsolved_phase_raises_or_is_reported_where_it_must_not():
         jg.mesh_cycle(model, SPUR_GRID, settings=settings)
     cycle = jg.mesh_cycle(model, SPUR_GRID, settings=settings, throw=False)
     assert not np.all(cycle.converged)
-    assert np.all(_run(model, SPUR_GRID).converged)
+    assert np.all(run_cycle(model, SPUR_GRID).converged)
 
 
 def test_a_torque_that_does_not_drive_is_refused():
@@ -557,7 +558,7 @@ def test_quasi_static_is_the_body_of_mesh_cycle():
         law=jg.ExactContact(),
         settings=jg.SolverSettings(),
     )
-    assert_close(cycle.approach, _run(model, SPUR_GRID).approach, rtol=1e-12, atol=0.0)
+    assert_close(cycle.approach, run_cycle(model, SPUR_GRID).approach, rtol=1e-12, atol=0.0)
 
 
 def test_one_program_serves_all_designs():

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import assert_close, observed_order
-from solve_cases import ACCESSORY, POWER
+from solve_cases import ACCESSORY, POWER, run_cycle
 
 import jaxgear as jg
 from jaxgear import mm, um
@@ -21,7 +21,6 @@ LAW = jg.ConstantStiffness(STIFFNESS)
 TORQUE = {"spur": 80.0, "helical": 308.8}
 DRAWINGS = {"spur": ACCESSORY, "helical": POWER}
 
-_run = eqx.filter_jit(jg.mesh_cycle)
 _system = eqx.filter_jit(jg.pair_system)
 _bearings = eqx.filter_jit(
     lambda system, load: jax.vmap(lambda x: jg.bearing_motion(system.structure, x).load)(
@@ -37,7 +36,7 @@ def _pair(kind: str) -> jg.GearPair:
 
 def _cycle(kind: str, **parts) -> jg.MeshCycle:
     model = jg.PairModel(_pair(kind), parts.pop("torque", TORQUE[kind]), compliance=LAW, **parts)
-    cycle = _run(model, jg.mesh_grid(model.pair, phases=8, slices=6))
+    cycle = run_cycle(model, jg.mesh_grid(model.pair, phases=8, slices=6))
     assert bool(jnp.all(cycle.converged))
     return cycle
 
@@ -451,7 +450,7 @@ def _twisted(size: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarra
     body = jg.BeamBody(width, outer, jg.Material(2.6 * modulus, 0.3))
     pair = eqx.tree_at(lambda p: p.pinion.face_width, _pair("spur"), jnp.asarray(width))
     model = jg.PairModel(pair, 80.0, compliance=LAW, pinion_support=shaft, pinion_body=body)
-    cycle = _run(model, jg.mesh_grid(pair, phases=8, slices=20))
+    cycle = run_cycle(model, jg.mesh_grid(pair, phases=8, slices=20))
     lines = cycle.cells.lines
     alone = int(np.flatnonzero((np.asarray(lines.fraction)[:, :, 0] > 1e-6).sum(axis=1) == 1)[0])
     load = np.asarray(cycle.force).reshape(lines.roll.shape)[alone].sum(axis=0)
