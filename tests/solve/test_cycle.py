@@ -528,16 +528,6 @@ def test_single_precision_is_refused_with_the_line_to_add():
             jg.mesh_cycle(model, grid)
 
 
-def test_an_unsolved_phase_raises_or_is_reported_where_it_must_not():
-    model = _model(ACCESSORY, 80.0, flanks=symmetric_relief(80 * um, 0.4))
-    settings = jg.SolverSettings(most_steps=1)
-    with pytest.raises(RuntimeError, match=r"not solved at some phase(.|\n)*Raise `most_steps`"):
-        jg.mesh_cycle(model, SPUR_GRID, settings=settings)
-    cycle = jg.mesh_cycle(model, SPUR_GRID, settings=settings, throw=False)
-    assert not np.all(cycle.converged)
-    assert np.all(run_cycle(model, SPUR_GRID).converged)
-
-
 def test_a_torque_that_does_not_drive_is_refused():
     with pytest.raises(ValueError, match="torque must be positive"):
         _model(ACCESSORY, -80.0)

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import assert_close, observed_order
+from helpers import assert_close, observed_order, quick
 from solve_cases import ACCESSORY, POWER, run_cycle
 
 import jaxgear as jg
@@ -145,7 +145,7 @@ def _moving_together(system: jg.PairSystem, kind: str, shift, turn) -> np.ndarra
 
 
 @pytest.mark.parametrize("kind", [pytest.param("spur", marks=pytest.mark.slow), "helical"])
-@pytest.mark.parametrize("body", ["rigid", "beams"])
+@pytest.mark.parametrize("body", quick(1, ["beams", "rigid"]))
 def test_motions_that_leave_the_flanks_where_they_are(kind, body):
     """No cell comes closer: all as one body, gears in their ratio, gliding along the contact."""
     system, drawing = _systems(kind)[body], DRAWINGS[kind]
@@ -176,7 +176,7 @@ def test_motions_that_leave_the_flanks_where_they_are(kind, body):
     assert_close(found, np.ones_like(found), rtol=1e-12, atol=0.0)
 
 
-@pytest.mark.parametrize("kind", ["spur", "helical"])
+@pytest.mark.parametrize("kind", quick(1, ["helical", "spur"]))
 def test_seven_coefficients_are_the_motion_of_every_point(kind):
     """n.(u + w x r) by plane vectors at 50 points of the base plane, for random end motions."""
     system, drawing, pair = _systems(kind)["beams"], DRAWINGS[kind], _pair(kind)
@@ -249,7 +249,7 @@ def _equilibrium(cycle: jg.MeshCycle, kind: str, shafts) -> None:
         first += len(shaft.bearings)
 
 
-@pytest.mark.parametrize("body", ["rigid", "beam"])
+@pytest.mark.parametrize("body", quick(1, ["beam", "rigid"]))
 def test_every_shaft_is_in_equilibrium(body):
     """Helical, misaligned, loaded from outside: forces and couples about both bearings' plane."""
     width = None if body == "rigid" else 44 * mm
