@@ -51,9 +51,10 @@ test: $(VENV)/.installed-dev
 types: $(VENV)/.installed-dev
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
-# Tests of one file stay in one process: they share what JAX compiles.
+# Tests of one file stay in one process: they share what JAX compiles. Whole commands come first,
+# as the files are named, so that no process is left alone with them at the end.
 suite: $(VENV)/.installed-dev
-	$(BIN)/pytest -n 2 --dist loadfile
+	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 # As users compile: with the fast tests' older emitters some large programs find no contact.
 test-slow: $(VENV)/.installed-dev

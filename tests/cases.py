@@ -122,28 +122,26 @@ def helical_25_31() -> jg.GearPair:
     )
 
 
-SPUR: tuple[Callable[[], jg.GearPair], ...] = (
-    accessory,
-    fzg_c14,
-    standard_17_43,
-    standard_30_30,
-    standard_50_50,
-    high_contact_ratio,
-    ross_62_62,
-)
-HELICAL: tuple[Callable[[], jg.GearPair], ...] = (power, fzg_h501, iso_tr_6336_30, helical_25_31)
+_Makers = tuple[Callable[[], jg.GearPair], ...]
+
+# One of each kind: as built, undercut, two or three pairs in contact; overlap above one, and below
+# it with nothing equal. What those after them add is other numbers.
+SPUR: _Makers = (accessory, standard_17_43, high_contact_ratio)
+HELICAL: _Makers = (power, helical_25_31)
+MORE_SPUR: _Makers = (fzg_c14, standard_30_30, standard_50_50, ross_62_62)
+MORE_HELICAL: _Makers = (fzg_h501, iso_tr_6336_30)
 
 
-def over(*makers: Callable[[], jg.GearPair]) -> pytest.MarkDecorator:
-    """Run a test with each of these pairs as `make`."""
-    return pytest.mark.parametrize(
-        "make", [pytest.param(make, id=make.__name__) for make in makers]
-    )
+def over(*makers: Callable[[], jg.GearPair], slow: _Makers = ()) -> pytest.MarkDecorator:
+    """Run a test with each of these pairs as `make`; with some among the slow tests."""
+    cases = [pytest.param(make, id=make.__name__) for make in makers]
+    cases += [pytest.param(make, id=make.__name__, marks=pytest.mark.slow) for make in slow]
+    return pytest.mark.parametrize("make", cases)
 
 
-every_pair = over(*SPUR, *HELICAL)
-every_spur_pair = over(*SPUR)
-every_helical_pair = over(*HELICAL)
+every_pair = over(*SPUR, *HELICAL, slow=(*MORE_SPUR, *MORE_HELICAL))
+every_spur_pair = over(*SPUR, slow=MORE_SPUR)
+every_helical_pair = over(*HELICAL, slow=MORE_HELICAL)
 
 
 def model(pair: jg.GearPair, torque: float, **parts: object) -> jg.PairModel:

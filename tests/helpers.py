@@ -25,9 +25,10 @@ _ROUNDING = 10 * _EPSILON
 def assert_close(actual: PyTree, desired: PyTree, *, rtol: float, atol: float) -> None:
     """Compare two pytrees. Both tolerances are required: a default is a guess.
 
-    Structure, shapes and precisions must agree; a number or a NumPy array counts as the JAX array
-    that it makes. To compare with zero, give zeros: an absolute tolerance above every desired
-    value is refused, as it would let anything of that size pass.
+    Structure, shapes and precisions must agree; a number counts as the array that it makes. All is
+    compared in NumPy, which compiles no program for a shape. To compare with zero, give zeros: an
+    absolute tolerance above every desired value is refused, as it would let anything of that size
+    pass.
 
     **Arguments:**
 
@@ -150,16 +151,16 @@ def observed_order(
 
 
 def _as_arrays(tree: PyTree) -> PyTree:
-    """The tree with every number and NumPy array made a JAX array."""
-    numbers = (int, float, complex, np.ndarray, np.generic)
-    return jax.tree.map(lambda x: jnp.asarray(x) if isinstance(x, numbers) else x, tree)
+    """The tree with every number and array made a NumPy array."""
+    numbers = (int, float, complex, np.ndarray, np.generic, jax.Array)
+    return jax.tree.map(lambda x: np.asarray(x) if isinstance(x, numbers) else x, tree)
 
 
 def _magnitude(leaf: object) -> float:
     """Largest magnitude in an array; zero for anything else and for an empty array."""
-    if not isinstance(leaf, jax.Array) or leaf.size == 0:
+    if not isinstance(leaf, np.ndarray) or leaf.size == 0:
         return 0.0
-    return float(jnp.max(jnp.abs(leaf)))
+    return float(np.max(np.abs(leaf)))
 
 
 def _direction(argument: PyTree, sizes: PyTree) -> PyTree:
@@ -171,7 +172,7 @@ def _direction(argument: PyTree, sizes: PyTree) -> PyTree:
     leaves, structure = jax.tree.flatten(moving)
     if not any(leaf.size for leaf in leaves):
         raise ValueError("Nothing to differentiate: the argument holds no real array.")
-    size_leaves = jax.tree.leaves(eqx.filter(_as_arrays(sizes), eqx.is_inexact_array))
+    size_leaves = jax.tree.leaves(eqx.filter(_as_arrays(sizes), _is_real))
     draw = np.random.default_rng(20)
     parts = []
     for leaf, size in zip(leaves, size_leaves, strict=True):
@@ -180,6 +181,10 @@ def _direction(argument: PyTree, sizes: PyTree) -> PyTree:
         signs = draw.choice((-1.0, 1.0), leaf.shape) * draw.uniform(0.5, 1.0, leaf.shape)
         parts.append(jnp.asarray(_magnitude(size) * signs, dtype=leaf.dtype))
     return jax.tree.unflatten(structure, parts)
+
+
+def _is_real(leaf: object) -> bool:
+    return isinstance(leaf, np.ndarray) and bool(np.issubdtype(leaf.dtype, np.inexact))
 
 
 def _scaled(tree: PyTree, factor: ArrayLike) -> PyTree:

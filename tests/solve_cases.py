@@ -8,11 +8,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import equinox as eqx
 import numpy as np
 from scipy.optimize import minimize_scalar, root_scalar
 
 import jaxgear as jg
 from jaxgear import deg, mm
+
+# One for all files: what one of them has compiled the next one uses.
+run_cycle = eqx.filter_jit(jg.mesh_cycle)
 
 
 def zero(function: Callable[[float], float], low: float, high: float) -> float:

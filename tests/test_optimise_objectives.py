@@ -32,11 +32,20 @@ def _design(base: jg.PairModel):
     return model
 
 
+_GRID = jg.mesh_grid(CONSTANT.pair, phases=32, slices=2)
+
+
 @pytest.fixture(scope="module")
 def settled():
     model = _design(CONSTANT)(jnp.asarray([8.0, 0.25]))
-    grid = jg.mesh_grid(model.pair, phases=32, slices=2)
-    return model, eqx.filter_jit(jg.mesh_cycle)(model, grid)
+    return model, jg.mesh_cycle(model, _GRID)
+
+
+@pytest.fixture(scope="module")
+def sloped():
+    """Wide helical gears with a helix slope."""
+    model = eqx.tree_at(lambda m: m.flanks, HELICAL, jg.Flanks(jg.HelixSlope(12 * um)))
+    return model, jg.mesh_cycle(model, jg.mesh_grid(model.pair, phases=8, slices=8))
 
 
 def test_variance_is_the_square_of_the_rms_in_um(settled):
@@ -51,18 +60,18 @@ def test_variance_is_the_square_of_the_rms_in_um(settled):
 
 def test_variance_of_the_plain_pair_by_hand():
     """delta^2 (eps - 1)(2 - eps) / 4, in um2."""
-    model = CONSTANT
-    cycle = eqx.filter_jit(jg.mesh_cycle)(model, jg.mesh_grid(model.pair, phases=32, slices=2))
+    model = _design(CONSTANT)(jnp.asarray([0.0, 0.25]))
+    cycle = jg.mesh_cycle(model, _GRID)
     delta = ACCESSORY.force(80.0) / (23e9 * ACCESSORY.common_width) / um
     ratio = ACCESSORY.contact_ratio
     found = optimise.TransmissionErrorVariance()(model, cycle, EXACT)
     assert_close(found, 0.25 * delta**2 * (ratio - 1) * (2 - ratio), rtol=1e-6, atol=0.0)
 
 
-def test_variance_of_a_helical_pair_is_transverse():
-    cycle = eqx.filter_jit(jg.mesh_cycle)(HELICAL, jg.mesh_grid(HELICAL.pair, phases=16, slices=10))
+def test_variance_of_a_helical_pair_is_transverse(sloped):
+    model, cycle = sloped
     transverse = np.asarray(cycle.approach) / math.cos(POWER.base_helix) / um
-    found = optimise.TransmissionErrorVariance()(HELICAL, cycle, EXACT)
+    found = optimise.TransmissionErrorVariance()(model, cycle, EXACT)
     assert_close(found, spread(cycle, transverse) ** 2, rtol=1e-9, atol=0.0)
 
 
@@ -97,11 +106,9 @@ def test_largest_pressure_is_a_bound_in_megapascals(settled):
     assert exact < found < exact + math.log(cells)
 
 
-def test_face_load_factor_is_a_bound():
-    """Helix slope on wide gears: the exact factor, and at most `width ln(slices)` above it."""
-    flanks = jg.Flanks(jg.HelixSlope(12 * um))
-    model = eqx.tree_at(lambda m: m.flanks, HELICAL, flanks)
-    cycle = eqx.filter_jit(jg.mesh_cycle)(model, jg.mesh_grid(model.pair, phases=8, slices=8))
+def test_face_load_factor_is_a_bound(sloped):
+    """The exact factor, and at most `width ln(slices)` above it."""
+    model, cycle = sloped
     exact = float(jg.face_load_factor(cycle))
     assert 1.1 < exact < 2.0
     found = float(optimise.FaceLoadFactor(0.02)(model, cycle, EXACT))

@@ -75,7 +75,7 @@ class DesignSpace(eqx.Module):
     def require_tied_start(self) -> None:
         """Refuse a search from tied values that differ: it would start from neither."""
         for key, owner in self.ties:
-            mine, other = self.scene.get(key), self.scene[owner]
+            mine, other = self.scene.value(key), self.scene.value(owner)
             if mine == other:
                 continue
             if key == twin(owner):
@@ -307,7 +307,8 @@ def refuse_unbounded(scene: Scene, keys: tuple[str, ...]) -> None:
     lost = [key for key in keys if scene.value(key) is not None and not _bounds(scene, key, 1.0)]
     if not lost:
         return
-    ends = {key: sorted((0.9 * scene[key], 1.1 * scene[key] or 1.0)) for key in lost}
+    now = {key: float(scene.value(key)) for key in lost}
+    ends = {key: sorted((0.9 * x, 1.1 * x or 1.0)) for key, x in now.items()}
     lines = [f'"{key}" = [{low:.6g}, {high:.6g}]' for key, (low, high) in ends.items()]
     raise InputError(
         f"optimise.vary ({scene.where('optimise.vary')}) names {', '.join(lost)}, for which no "

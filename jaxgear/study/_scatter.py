@@ -96,7 +96,7 @@ class Scatter(eqx.Module):
         updates |= {key: updates.get(key, scene.value(key)) + more for key, more in by.items()}
         scene = scene.replace(updates)
         if self._light:
-            alignment = Misalignment(*(scene[key] * um for key in _ALIGNMENT))
+            alignment = Misalignment(*(scene.value(key) * um for key in _ALIGNMENT))
             own = flanks_of(scene, base.pair), alignment
             model = eqx.tree_at(lambda m: (m.flanks, m.misalignment), base, own)
         else:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
+from helpers import quick
 from matplotlib.figure import Figure
 from table_checks import assert_table
 
@@ -224,45 +225,35 @@ _BRANCHES = (130, 236), ("speed rising", "speed falling"), (1, 2)
 _DATA = {
     "both ways": lambda: {"sweep": _sweep(), "orbit": _orbits()},
     "two speeds": lambda: {"sweep": _sweep(2, ("up",), curve=False), "orbit": _orbits(*_BRANCHES)},
-    "thirty speeds": lambda: {"sweep": _sweep(30)},
-    "never settled": lambda: {"sweep": _all_unsettled()},
     "unstable": lambda: {"sweep": _unstable()},
     "modes": lambda: {"modes": _modes(), "campbell": _campbell()},
     "few modes": lambda: {"modes": _modes(2, ("mesh",)), "campbell": _campbell(2, 2, energy=False)},
+    "thirty speeds": lambda: {"sweep": _sweep(30)},
+    "never settled": lambda: {"sweep": _all_unsettled()},
 }
 
 
-def _drawn(**datasets):
-    """Pictures by name, drawn, and their tables."""
-    found = {each.name: each for each in plot.pictures(datasets)}
-    return {name: (each.draw(), each) for name, each in found.items()}
+@functools.cache
+def _drawn(case: str) -> dict[str, tuple[Any, Any]]:
+    """Figure and picture of a case by name; warnings are errors here as in every test."""
+    return {each.name: (each.draw(), each) for each in plot.pictures(_DATA[case]())}
 
 
-@pytest.fixture(scope="module")
-def everything():
-    """Figure and picture of each case; warnings are errors here as in every test."""
-    found = {
-        (case, name): drawn
-        for case, make in _DATA.items()
-        for name, drawn in _drawn(**make()).items()
-    }
-    names = {name for _, name in found}
-    assert names == {
-        *("sweep", "waterfall", "orders", "contact_loss", "orbit", "modes", "campbell")
-    }
-    return found
+each_case = pytest.mark.parametrize("case", quick(4, _DATA))
 
 
-@pytest.fixture(scope="module")
-def figures(everything):
-    return {name: figure for name, (figure, _) in everything.items()}
+def test_every_kind_has_its_picture():
+    names = {*_drawn("both ways"), *_drawn("modes")}
+    kinds = ("sweep", "waterfall", "orders", "contact_loss", "orbit", "modes", "campbell")
+    assert names == set(kinds)
 
 
 @pytest.mark.slow
-def test_every_table_reads_back(everything, tmp_path):
-    for case, (_, each) in everything.items():
+@pytest.mark.parametrize("case", _DATA)
+def test_every_table_reads_back(case, tmp_path):
+    for name, (_, each) in _drawn(case).items():
         for key, table in {"": each.table, **each.beside}.items():
-            path = tmp_path / f"{'_'.join(case)}{key}.csv"
+            path = tmp_path / f"{name}{key}.csv"
             write_csv(table, path)
             if key != "folds":
                 assert len(assert_table(path)), path
@@ -275,15 +266,18 @@ def _axes_and_seconds(figure: Figure):
         yield from axes.child_axes
 
 
-def test_axes_say_quantity_and_unit(figures):
-    for name, figure in figures.items():
-        what, _, case = figure.get_suptitle().partition(": ")
+@each_case
+def test_axes_say_quantity_and_unit(case):
+    for name, (figure, _) in _drawn(case).items():
+        what, _, title = figure.get_suptitle().partition(": ")
         assert what
-        assert case.startswith("by hand")
+        assert title.startswith("by hand")
         for axes in figure.axes:
             lowest = axes.get_subplotspec() is None or axes.get_subplotspec().is_last_row()
             labels = [axes.get_ylabel()]
-            if axes.get_label() != "<colorbar>" and (lowest or name == ("two speeds", "orbit")):
+            if axes.get_label() != "<colorbar>" and (
+                lowest or (case, name) == ("two speeds", "orbit")
+            ):
                 labels.append(axes.get_xlabel())
             for second in axes.child_axes:
                 labels.append(second.get_xlabel() or second.get_ylabel())
@@ -312,36 +306,33 @@ def _texts(figure: Figure):
 
 
 @pytest.mark.end_to_end
-def test_no_text_lies_on_another_or_leaves_the_page(figures):
-    for name, figure in figures.items():
+@each_case
+def test_no_text_lies_on_another_or_leaves_the_page(case):
+    for name, (figure, _) in _drawn(case).items():
         boxes = []
         for text in dict.fromkeys(_texts(figure)):
             if text.get_visible() and text.get_text().strip():
                 boxes.append((text.get_text(), text.get_window_extent()))
         assert len(boxes) > 8, name
         for text, box in boxes:
-            inside = (
-                figure.bbox.x0 - 1,
-                figure.bbox.y0 - 1,
-                figure.bbox.x1 + 1,
-                figure.bbox.y1 + 1,
-            )
-            assert box.x0 >= inside[0], f"{name}: {text!r}"
-            assert box.y0 >= inside[1], f"{name}: {text!r}"
-            assert box.x1 <= inside[2], f"{name}: {text!r}"
-            assert box.y1 <= inside[3], f"{name}: {text!r}"
-        for (one, a), (other, b) in itertools.combinations(boxes, 2):
-            width = min(a.x1, b.x1) - max(a.x0, b.x0)
-            height = min(a.y1, b.y1) - max(a.y0, b.y0)
-            # Boxes hold a line's full height, also above small letters.
-            assert width < 1.0 or height < 3.0, f"{name}: {one!r} and {other!r}"
+            page = figure.bbox.padded(1.0)
+            assert page.x0 <= box.x0 and box.x1 <= page.x1, f"{name}: {text!r}"  # noqa: PT018
+            assert page.y0 <= box.y0 and box.y1 <= page.y1, f"{name}: {text!r}"  # noqa: PT018
+        # Boxes hold a line's full height, also above small letters.
+        first, second = np.triu_indices(len(boxes), 1)
+        ends = np.asarray([box.extents for _, box in boxes])
+        shared = np.minimum(ends[first, 2:], ends[second, 2:])
+        shared -= np.maximum(ends[first, :2], ends[second, :2])
+        over = np.nonzero((shared[:, 0] >= 1.0) & (shared[:, 1] >= 3.0))[0]
+        assert not [(boxes[first[at]][0], boxes[second[at]][0]) for at in over], name
 
 
-def test_speed_stands_in_all_its_units(everything):
+def test_speed_stands_in_all_its_units():
     """Below in rad/s, above in rpm and as the frequency with which teeth meet."""
     for name in (("both ways", "sweep"), ("modes", "campbell")):
-        axes = everything[name][0].axes[0]
-        everything[name][0].draw_without_rendering()
+        figure, _ = _drawn(name[0])[name[1]]
+        axes = figure.axes[0]
+        figure.draw_without_rendering()
         rpm, mesh = axes.child_axes
         low, high = axes.get_xlim()
         np.testing.assert_allclose(rpm.get_xlim(), np.asarray([low, high]) / _units.rpm)
@@ -379,8 +370,8 @@ def _legend(figure: Figure):
     return [text.get_text() for text in figure.legends[0].get_texts()]
 
 
-def test_unstable_parts_are_dashed_and_stable_ones_solid(everything):
-    figure, picture = everything["both ways", "sweep"]
+def test_unstable_parts_are_dashed_and_stable_ones_solid():
+    figure, picture = _drawn("both ways")["sweep"]
     columns = picture.beside["curve"]
     curve = np.stack([columns["pinion_speed_rad_s"], columns["dynamic_ratio"]], axis=1)
     stable = columns["stable"]
@@ -395,16 +386,16 @@ def test_unstable_parts_are_dashed_and_stable_ones_solid(everything):
     assert np.count_nonzero(np.isfinite(dashed[:, 0])) == np.count_nonzero(~stable) + 2
 
 
-def test_unstable_responses_are_dashed_and_counted(everything):
-    figure, picture = everything["unstable", "sweep"]
+def test_unstable_responses_are_dashed_and_counted():
+    figure, picture = _drawn("unstable")["sweep"]
     (dashed,) = _lines(figure.axes[0], color=GREEN, linestyle="--")
     shown = dashed.get_xdata()[:-1]
     np.testing.assert_array_equal(shown, picture.table["pinion_speed_rad_s"][99:111])
     assert "unstable (10 of 300)" in _legend(figure)
 
 
-def test_unsettled_responses_are_marked_and_counted(everything):
-    figure, picture = everything["both ways", "sweep"]
+def test_unsettled_responses_are_marked_and_counted():
+    figure, picture = _drawn("both ways")["sweep"]
     columns = picture.table
     lost = ~columns["settled"].reshape(2, -1)
     assert f"not settled ({np.count_nonzero(lost)} of 600)" in _legend(figure)
@@ -446,9 +437,9 @@ def test_periods_have_their_own_markers():
     np.testing.assert_array_equal(more.get_xdata(), dataset["speed"].values[40:41])
 
 
-def test_folds_and_leaps_are_where_the_branches_part(everything):
+def test_folds_and_leaps_are_where_the_branches_part():
     """Upwards the response leaps at the higher fold, downwards at the lower one."""
-    figure, picture = everything["both ways", "sweep"]
+    figure, picture = _drawn("both ways")["sweep"]
     columns, folds = picture.table, picture.beside["folds"]["pinion_speed_rad_s"]
     assert len(folds) == 2
     assert "fold (2)" in _legend(figure)
@@ -474,8 +465,8 @@ def test_pieces_of_a_continuation_curve_stay_apart():
         assert not np.any((x[:-1] == ends[0]) & (x[1:] == ends[1]))
 
 
-def test_lines_at_critical_speeds(everything):
-    figure, picture = everything["both ways", "sweep"]
+def test_lines_at_critical_speeds():
+    figure, picture = _drawn("both ways")["sweep"]
     columns = picture.beside["critical"]
     assert list(columns["label"][:3]) == ["mode 4", "mode 4 / 2", "mode 4 / 3"]
     np.testing.assert_allclose(columns["pinion_speed_rad_s"][:3], [1000.0, 500.0, 1000.0 / 3.0])
@@ -538,8 +529,8 @@ def test_share_of_the_time_without_contact():
     np.testing.assert_allclose(axes.get_xlim(), (100.0, 2200.0))
 
 
-def test_bars_of_energy_fill_each_row(everything):
-    figure, picture = everything["modes", "modes"]
+def test_bars_of_energy_fill_each_row():
+    figure, picture = _drawn("modes")["modes"]
     bars = np.asarray([[bar.get_width() for bar in part] for part in figure.axes[0].containers])
     np.testing.assert_allclose(np.sum(bars, axis=0)[1:], 1.0)
     np.testing.assert_array_equal(np.sum(bars, axis=0)[0], 0.0)
@@ -576,8 +567,8 @@ def test_free_rotation_crosses_nothing():
     assert 1.0 not in _tables_of_campbell(dataset)[1]["mode"]
 
 
-def test_an_orbit_lasts_as_long_as_its_numbers(everything):
-    figure, picture = everything["two speeds", "orbit"]
+def test_an_orbit_lasts_as_long_as_its_numbers():
+    figure, picture = _drawn("two speeds")["orbit"]
     rising = picture.table["branch"] == "speed rising"
     assert np.count_nonzero(rising) == 64
     assert np.count_nonzero(~rising) == 128

@@ -37,7 +37,7 @@ STEPPERS = {
 
 
 # The others carry an acceleration that is not that of the start of a step.
-@pytest.mark.parametrize("name", ["midpoint", "exponential", "newmark"])
+@pytest.mark.parametrize("name", quick(2, ["exponential", "newmark", "midpoint"]))
 def test_rule_against_the_mode_itself(name):
     """One step of damped and overdamped modes under a constant load: exact, or right to h^3."""
     stepper = STEPPERS[name]
@@ -70,27 +70,31 @@ def test_rule_against_the_mode_itself(name):
 
 def test_rule_agrees_with_its_stepper():
     system = cases.two_dof(steps=40)
-    modes = modal_basis(system)
-    state = tuple(jnp.asarray(x) for x in np.random.default_rng(1).normal(size=(3, 2)))
-    load = jnp.asarray([0.4, -1.0])
-    for stepper in STEPPERS.values():
-        rule = rule_of(stepper, system, modes, jnp.asarray(0.05), jnp.asarray(1.0))
-        own = state[: stepper.carries]
-        ended, near, rate = stepper.advance(
-            own, load, modes.square, modes.damping, jnp.asarray(0.05)
-        )
-        stacked = jnp.stack(own)
-        ours = jnp.sum(rule.state * stacked[None], axis=1) + rule.load * load[None]
-        np.testing.assert_allclose(ours, jnp.stack(ended), rtol=1e-12)
-        np.testing.assert_allclose(
-            jnp.sum(rule.near * stacked, axis=0) + rule.near_load * load, near, rtol=1e-12
-        )
-        np.testing.assert_allclose(
-            jnp.sum(rule.rate * stacked, axis=0) + rule.rate_load * load, rate, rtol=1e-12
-        )
+    state, load = np.random.default_rng(1).normal(size=(3, 2)), np.array([0.4, -1.0])
+
+    @jax.jit
+    def both(state, load):
+        """Of every stepper, its rule, and the end of a step with what it reports on the way."""
+        modes, step = modal_basis(system), jnp.asarray(0.05)
+        found = []
+        for stepper in STEPPERS.values():
+            rule = rule_of(stepper, system, modes, step, jnp.asarray(1.0))
+            own = tuple(state[: stepper.carries])
+            found.append((rule, stepper.advance(own, load, modes.square, modes.damping, step)))
+        return found
+
+    for rule, (ended, near, rate) in both(jnp.asarray(state), jnp.asarray(load)):
+        rule = jax.tree.map(np.asarray, rule)
+        own = state[: len(ended)]
+        ours = np.sum(rule.state * own[None], axis=1) + rule.load * load[None]
+        np.testing.assert_allclose(ours, np.stack(ended), rtol=1e-12)
+        ours = np.sum(rule.near * own, axis=0) + rule.near_load * load
+        np.testing.assert_allclose(ours, near, rtol=1e-12)
+        ours = np.sum(rule.rate * own, axis=0) + rule.rate_load * load
+        np.testing.assert_allclose(ours, rate, rtol=1e-12)
 
 
-@pytest.mark.parametrize("name", quick(2, ["midpoint", "exponential", "newmark", "hht"]))
+@pytest.mark.parametrize("name", quick(1, ["exponential", "midpoint", "newmark", "hht"]))
 def test_second_order(name):
     """The settled response against steps four times finer.
 
@@ -121,21 +125,13 @@ def _bouncing(stiffness: float = 1.0):
     return dataclasses.replace(system, damping=jnp.zeros((1, 1)))
 
 
+_marched = eqx.filter_jit(march)
+
+
 def _energies(step: float, stepper, *, averaged: bool) -> np.ndarray:
-    system = _bouncing()
-    speed = 2.0 * np.pi / (64 * step)
-    start = jnp.asarray([[4.0], [0.0]])
-    history = jax.jit(
-        lambda: march(
-            system,
-            jnp.asarray(speed),
-            start,
-            cycles=20,
-            keep=20,
-            stepper=stepper,
-            averaged=averaged,
-        )
-    )()
+    speed, start = jnp.asarray(2.0 * np.pi / (64 * step)), jnp.asarray([[4.0], [0.0]])
+    given = {"stepper": stepper, "averaged": averaged, "cycles": 20, "keep": 20}
+    history = _marched(_bouncing(), speed, start, **given)
     place, velocity = np.asarray(history.motion[:, 0]), np.asarray(history.velocity[:, 0])
     return 0.5 * velocity**2 + 0.5 * np.maximum(place, 0.0) ** 2 - place
 
@@ -168,7 +164,7 @@ def test_energy_in_contact_is_conserved_at_a_standing_phase():
     system = dataclasses.replace(
         system, table=frozen, damping=jnp.zeros_like(system.damping), rest=still(system.rest, 0)
     )
-    rest = quasi_static_start(system)
+    rest = eqx.filter_jit(quasi_static_start)(system)
     kick = jnp.linalg.solve(system.mass, system.vectors[:, 0])
     start = rest.at[1].set(kick * 0.6 / (system.vectors[:, 0] @ kick))
 
@@ -213,9 +209,8 @@ def test_marches_end_in_the_response_of_harmonic_balance():
 def test_mesh_force_obeys_newton():
     """M a = F - C v - K q - V g in every step of the midpoint rule, gears that only turn."""
     system = cases.torsional_pair(relief=15e-6).system
-    history = eqx.filter_jit(march)(
-        system, jnp.asarray(1000.0), quasi_static_start(system), cycles=30
-    )
+    start = eqx.filter_jit(quasi_static_start)(system)
+    history = eqx.filter_jit(march)(system, jnp.asarray(1000.0), start, cycles=30)
     begun = np.concatenate([np.asarray(history.start[:1]), np.asarray(history.motion[:-1])])
     rate = np.concatenate([np.asarray(history.start[1:]), np.asarray(history.velocity[:-1])])
     step = np.asarray(system.table.lengths * system.mesh_period(jnp.asarray(1000.0)))[:, None]
@@ -310,11 +305,12 @@ def test_contact_that_was_not_solved_has_no_derivative(derivative, monkeypatch):
         return pressed(problem, jnp.zeros(1))[0][0]
 
     place = jnp.asarray([5.0])
-    assert load(place) == pytest.approx(3.0, rel=1e-12)
-    assert derivative(load)(place)[0] == pytest.approx(2.0 / 3.0, rel=1e-12)
+    found, slope = jax.jit(lambda place: (load(place), derivative(load)(place)))(place)
+    assert found == pytest.approx(3.0, rel=1e-12)
+    assert slope[0] == pytest.approx(2.0 / 3.0, rel=1e-12)
     # One step does not know yet that it was the last.
     monkeypatch.setattr(_pressing, "_MOST_STEPS", 1)
-    assert np.isnan(derivative(load)(place)[0])
+    assert np.isnan(jax.jit(lambda place: derivative(load)(place))(place)[0])
 
 
 def test_smooth_contact_without_slices_near_separation_is_exact_contact():

@@ -157,13 +157,13 @@ def test_harmonic_balance_holds_the_table_of_b5(multiple, averaged):
 
 
 def test_harmonic_balance_from_the_quasi_static_state_finds_one_of_the_orbits():
-    speeds = jnp.asarray([0.5, 0.75, 1.2, 2.0, 2.3])
+    speeds = jnp.asarray([0.5, 0.75, 2.0])
     stiffness = np.asarray(sdof_parametric(steps=STEPS).table.stiffness[:, 0])
     # Sampled at mid-steps, half a step after the first of the terms' own instants.
     lines = np.fft.rfft(1.0 / stiffness)[: HARMONICS + 1] / STEPS
     lines = lines * np.exp(-1.0j * np.pi / STEPS * np.arange(HARMONICS + 1))
     terms = np.concatenate([[lines[0].real], 2.0 * lines[1:].real, -2.0 * lines[1:].imag])
-    near = jnp.tile(jnp.asarray(terms)[None, None, :], (5, 1, 1))
+    near = jnp.tile(jnp.asarray(terms)[None, None, :], (3, 1, 1))
     orbits = _balance(1)(speeds, near)
     assert bool(jnp.all(orbits.settled))
     for speed, place in zip(speeds.tolist(), orbits.place, strict=True):
@@ -251,14 +251,14 @@ def test_two_coordinates_without_contact_loss_are_the_closed_form():
 # --- marching
 
 SAME = {
-    "two coordinates": (lambda: two_dof(steps=60), 0.9),
     "jumping stiffness": (lambda: sdof_rectangular(steps=60), 0.8),
+    "two coordinates": (lambda: two_dof(steps=60), 0.9),
     "backlash": (lambda: sdof_backlash(0.85, steps=60), 0.85),
     "gear pair": (lambda: torsional_pair().system, 1000.0),
 }
 
 
-@pytest.mark.parametrize("case", quick(2, SAME))
+@pytest.mark.parametrize("case", quick(1, SAME))
 def test_newmark_marches_as_the_judge_does(case):
     """Modes and few mesh coordinates here, all freedoms and the thesis's two loops there."""
     build, speed = SAME[case]
@@ -286,15 +286,15 @@ def test_newmark_marches_as_the_judge_does(case):
 
 
 STEPPERS = {
-    "Newmark": Newmark(),
     "midpoint": Midpoint(),
+    "Newmark": Newmark(),
     "generalised alpha": GeneralizedAlpha(0.8),
     "HHT": HilberHughesTaylor(-0.05),
     "exponential": Exponential(),
 }
 
 
-@pytest.mark.parametrize("name", quick(2, STEPPERS))
+@pytest.mark.parametrize("name", quick(1, STEPPERS))
 def test_steppers_are_of_second_order(name):
     """Four periods of the closed contact in 160, 320 and 640 steps."""
     stepper, speed, waves = STEPPERS[name], 1.2, (4, 2, 1)
@@ -320,7 +320,7 @@ def test_steppers_are_of_second_order(name):
     assert 1.95 < order < 2.05, (order, errors)
 
 
-@pytest.mark.parametrize("name", ["Newmark", "midpoint"])
+@pytest.mark.parametrize("name", quick(1, ["Newmark", "midpoint"]))
 def test_marching_stays_on_the_branches_of_b5(name):
     rows = _table()
     system = sdof_parametric(steps=2 * STEPS)
@@ -393,7 +393,7 @@ def test_shooting_holds_the_table_of_b5(multiple, name):
         assert np.max(_differences(orbit[:, 0], row)) < 1e-3, row
 
 
-@pytest.mark.parametrize(("speed", "multiple"), [(0.75, 1), (2.0, 1), (1.5, 2)])
+@pytest.mark.parametrize(("speed", "multiple"), quick(2, [(0.75, 1), (2.0, 1), (1.5, 2)]))
 def test_shooting_finds_unstable_orbits_and_their_multipliers(speed, multiple):
     oscillator = reference.parametric()
     found = reference.catalogue(
@@ -425,21 +425,3 @@ def test_shooting_holds_the_values_of_b5_with_backlash():
     assert bool(jnp.all(orbits.settled))
     for orbit, row in zip(orbits.place, rows, strict=True):
         assert _differences(orbit[:, 0], row)[0] < 1e-3, row
-
-
-def test_bilinear_balance_is_shooting_with_the_midpoint_rule_to_rounding():
-    """Two codes, one number: in frequency and in time, contact lost."""
-    system = sdof_parametric(steps=81)
-    speeds = jnp.asarray([0.95, 1.0, 1.05])
-    balance = HarmonicBalance(harmonics=40, bilinear=True)
-    shooting = Shooting(stepper=Midpoint(), tolerance=1e-12)
-    in_frequency = jax.jit(lambda speeds: jax.lax.map(lambda x: balance.orbit(system, x), speeds))(
-        speeds
-    )
-    in_time = jax.jit(lambda speeds: jax.lax.map(lambda x: shooting.orbit(system, x), speeds))(
-        speeds
-    )
-    assert bool(jnp.all(in_frequency.settled & in_time.settled))
-    assert float(jnp.max(jnp.min(in_time.load, axis=1))) == 0.0
-    assert_close(in_frequency.place, in_time.place, rtol=0.0, atol=1e-10)
-    assert_close(in_frequency.motion, in_time.motion, rtol=0.0, atol=1e-10)

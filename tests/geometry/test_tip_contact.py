@@ -62,7 +62,7 @@ def _rolls(pair: jg.GearPair, roll: np.ndarray) -> np.ndarray:
 
 
 # Unequal and helical, few teeth, an involute used almost from its base circle.
-various_pairs = over(accessory, fzg_c14, standard_17_43, iso_tr_6336_30, helical_25_31)
+various_pairs = over(accessory, standard_17_43, helical_25_31, slow=(fzg_c14, iso_tr_6336_30))
 
 # Distance beyond the end of the path, in base pitches.
 BEYOND = np.array([0.003, 0.05, 0.1, 0.2, 0.35, 0.5])

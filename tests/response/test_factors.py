@@ -9,19 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import assert_close, assert_gradient, observed_order
-from solve_cases import ACCESSORY, POWER, symmetric_relief
+from solve_cases import ACCESSORY, POWER, run_cycle, symmetric_relief
 
 import jaxgear as jg
 from jaxgear import mm, um
-from jaxgear._response._factors import (
-    face_load,
-    face_load_factor,
-    pressure_angle_change,
-    smooth_face_load_factor,
-    smooth_transverse_load_factor,
-    transverse_load_factor,
-    working_pressure_angle_change,
-)
+from jaxgear._response import _factors
 
 STIFFNESS = 14e9
 TORQUE = 120.0
@@ -30,7 +22,14 @@ ASKEW = jg.Misalignment(deviation=11 * um)
 DRAWINGS = {"spur": ACCESSORY, "helical": POWER}
 every_drawing = pytest.mark.parametrize("drawing", DRAWINGS.values(), ids=DRAWINGS)
 
-_run = eqx.filter_jit(jg.mesh_cycle)
+# One program each, and not one for each of their operations.
+face_load = eqx.filter_jit(_factors.face_load)
+face_load_factor = eqx.filter_jit(_factors.face_load_factor)
+pressure_angle_change = eqx.filter_jit(_factors.pressure_angle_change)
+smooth_face_load_factor = eqx.filter_jit(_factors.smooth_face_load_factor)
+smooth_transverse_load_factor = eqx.filter_jit(_factors.smooth_transverse_load_factor)
+transverse_load_factor = eqx.filter_jit(_factors.transverse_load_factor)
+working_pressure_angle_change = eqx.filter_jit(_factors.working_pressure_angle_change)
 
 
 class StartRemoved(jg.AbstractFlankDeviation):
@@ -63,7 +62,7 @@ def _settled(drawing, misalignment=EVEN, *, depth=0.0, slices=8, law=None) -> jg
         misalignment=misalignment,
     )
     grid = jg.mesh_grid(model.pair, phases=16, slices=slices)
-    return _run(model, grid, law=law or jg.ExactContact())
+    return run_cycle(model, grid, law=law or jg.ExactContact())
 
 
 def _written(force, fraction=None, weight=None, roll=None) -> jg.MeshCycle:
@@ -197,6 +196,12 @@ def test_misalignment_is_not_unequal_sharing_in_a_spur_pair():
     assert_close(factor, 1.0, rtol=1e-9, atol=0.0)
 
 
+@eqx.filter_jit
+@eqx.filter_grad
+def _slopes(cycle, pair):
+    return _factors.smooth_transverse_load_factor(pair, cycle, jnp.asarray(1e-3))
+
+
 @pytest.mark.parametrize("missing", ["a line", "a phase", "all force"])
 def test_nothing_in_contact_is_no_division_by_zero(missing):
     """In value or slope: lines off the path, phases without any, and no force at all."""
@@ -210,12 +215,8 @@ def test_nothing_in_contact_is_no_division_by_zero(missing):
         case _:
             force[0] = 0.0
     cycle = _written(force, fraction)
-
-    def factor(cycle):
-        return smooth_transverse_load_factor(pair, cycle, jnp.asarray(1e-3))
-
     assert float(transverse_load_factor(pair, cycle)) >= 1.0
-    slopes = jax.tree.leaves(eqx.filter_jit(eqx.filter_grad(factor))(cycle))
+    slopes = jax.tree.leaves(_slopes(cycle, pair))
     assert slopes
     assert all(bool(jnp.all(jnp.isfinite(slope))) for slope in slopes)
 

@@ -8,14 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import assert_close, assert_gradient, quick
-from solve_cases import ACCESSORY, FZG_C14, POWER, symmetric_relief
+from solve_cases import ACCESSORY, FZG_C14, POWER, run_cycle, symmetric_relief
 
 import jaxgear as jg
 from jaxgear import MPa, mm, um
 
 STIFFNESS = 14e9
 EXACT = jg.ExactContact()
-_run = eqx.filter_jit(jg.mesh_cycle)
 CASES = {
     "spur": (ACCESSORY, EXACT),
     "helical": (POWER, EXACT),
@@ -32,7 +31,7 @@ def _settled(drawing, law, depth=12 * um, **more):
         **more,
     )
     grid = jg.mesh_grid(model.pair, phases=16, slices=8)
-    return model, _run(model, grid, law=law)
+    return model, run_cycle(model, grid, law=law)
 
 
 @pytest.mark.parametrize("case", quick(1, CASES))
@@ -84,7 +83,7 @@ def test_hertz_pressure_at_the_pitch_point_by_hand():
     pair = FZG_C14.pair()
     model = jg.PairModel(pair, 200.0, compliance=jg.ConstantStiffness(STIFFNESS))
     grid = jg.mesh_grid(pair, phases=64, slices=4)
-    cycle = _run(model, grid)
+    cycle = run_cycle(model, grid)
     pressure = np.asarray(jg.hertz_pressure(pair, cycle, EXACT))
     lines = cycle.cells.lines
     roll = np.asarray(lines.roll)

@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import assert_close, observed_order
-from solve_cases import ACCESSORY, POWER
+from helpers import assert_close, observed_order, quick
+from solve_cases import ACCESSORY, POWER, run_cycle
 
 import jaxgear as jg
 from jaxgear import mm, um
@@ -21,7 +21,6 @@ LAW = jg.ConstantStiffness(STIFFNESS)
 TORQUE = {"spur": 80.0, "helical": 308.8}
 DRAWINGS = {"spur": ACCESSORY, "helical": POWER}
 
-_run = eqx.filter_jit(jg.mesh_cycle)
 _system = eqx.filter_jit(jg.pair_system)
 _bearings = eqx.filter_jit(
     lambda system, load: jax.vmap(lambda x: jg.bearing_motion(system.structure, x).load)(
@@ -37,7 +36,7 @@ def _pair(kind: str) -> jg.GearPair:
 
 def _cycle(kind: str, **parts) -> jg.MeshCycle:
     model = jg.PairModel(_pair(kind), parts.pop("torque", TORQUE[kind]), compliance=LAW, **parts)
-    cycle = _run(model, jg.mesh_grid(model.pair, phases=8, slices=6))
+    cycle = run_cycle(model, jg.mesh_grid(model.pair, phases=8, slices=6))
     assert bool(jnp.all(cycle.converged))
     return cycle
 
@@ -146,7 +145,7 @@ def _moving_together(system: jg.PairSystem, kind: str, shift, turn) -> np.ndarra
 
 
 @pytest.mark.parametrize("kind", [pytest.param("spur", marks=pytest.mark.slow), "helical"])
-@pytest.mark.parametrize("body", ["rigid", "beams"])
+@pytest.mark.parametrize("body", quick(1, ["beams", "rigid"]))
 def test_motions_that_leave_the_flanks_where_they_are(kind, body):
     """No cell comes closer: all as one body, gears in their ratio, gliding along the contact."""
     system, drawing = _systems(kind)[body], DRAWINGS[kind]
@@ -177,7 +176,7 @@ def test_motions_that_leave_the_flanks_where_they_are(kind, body):
     assert_close(found, np.ones_like(found), rtol=1e-12, atol=0.0)
 
 
-@pytest.mark.parametrize("kind", ["spur", "helical"])
+@pytest.mark.parametrize("kind", quick(1, ["helical", "spur"]))
 def test_seven_coefficients_are_the_motion_of_every_point(kind):
     """n.(u + w x r) by plane vectors at 50 points of the base plane, for random end motions."""
     system, drawing, pair = _systems(kind)["beams"], DRAWINGS[kind], _pair(kind)
@@ -250,7 +249,7 @@ def _equilibrium(cycle: jg.MeshCycle, kind: str, shafts) -> None:
         first += len(shaft.bearings)
 
 
-@pytest.mark.parametrize("body", ["rigid", "beam"])
+@pytest.mark.parametrize("body", quick(1, ["beam", "rigid"]))
 def test_every_shaft_is_in_equilibrium(body):
     """Helical, misaligned, loaded from outside: forces and couples about both bearings' plane."""
     width = None if body == "rigid" else 44 * mm
@@ -451,7 +450,7 @@ def _twisted(size: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarra
     body = jg.BeamBody(width, outer, jg.Material(2.6 * modulus, 0.3))
     pair = eqx.tree_at(lambda p: p.pinion.face_width, _pair("spur"), jnp.asarray(width))
     model = jg.PairModel(pair, 80.0, compliance=LAW, pinion_support=shaft, pinion_body=body)
-    cycle = _run(model, jg.mesh_grid(pair, phases=8, slices=20))
+    cycle = run_cycle(model, jg.mesh_grid(pair, phases=8, slices=20))
     lines = cycle.cells.lines
     alone = int(np.flatnonzero((np.asarray(lines.fraction)[:, :, 0] > 1e-6).sum(axis=1) == 1)[0])
     load = np.asarray(cycle.force).reshape(lines.roll.shape)[alone].sum(axis=0)

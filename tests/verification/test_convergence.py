@@ -6,24 +6,22 @@ step; the reference is a much finer grid of the same model.
 
 import math
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import assert_close, observed_order
-from solve_cases import ACCESSORY, POWER, symmetric_relief, with_contact_ratio
+from solve_cases import ACCESSORY, POWER, run_cycle, symmetric_relief, with_contact_ratio
 
 import jaxgear as jg
 from jaxgear import um
 
 EXACT = jg.ExactContact()
-_run = eqx.filter_jit(jg.mesh_cycle)
 CONSTANT = jg.ConstantStiffness(14e9)
 CROWNED = jg.Superposed((jg.TipRelief(10 * um, 0.2), jg.Crowning(5 * um)))
 
 
 def _rms(model: jg.PairModel, *, law: jg.AbstractContactLaw = EXACT, **grid) -> float:
-    cycle = _run(model, jg.mesh_grid(model.pair, **grid), law=law)
+    cycle = run_cycle(model, jg.mesh_grid(model.pair, **grid), law=law)
     return float(jg.cycle_rms(cycle, jg.transmission_error(model.pair, cycle)))
 
 
@@ -139,12 +137,12 @@ def test_smooth_contact_tends_to_exact_contact():
 def test_smooth_contact_is_exact_where_no_cell_is_near_separation():
     model, slices = UNEVENT["plain spur"]
     grid = jg.mesh_grid(model.pair, phases=32, slices=slices)
-    exact = _run(model, grid)
+    exact = run_cycle(model, grid)
     carried = exact.cells.stiffness > 1.0
     nearest = float(jnp.min(jnp.where(carried, jnp.abs(exact.overlap), jnp.inf)))
     assert nearest > 4 * um
-    smooth = _run(model, grid, law=jg.SmoothContact(4 * um))
+    smooth = run_cycle(model, grid, law=jg.SmoothContact(4 * um))
     assert_close(smooth.approach, exact.approach, rtol=1e-12, atol=0.0)
     # Beyond that distance it does show.
-    wide = _run(model, grid, law=jg.SmoothContact(20 * um))
+    wide = run_cycle(model, grid, law=jg.SmoothContact(20 * um))
     assert float(jnp.max(jnp.abs(wide.approach / exact.approach - 1.0))) > 1e-3

@@ -249,8 +249,7 @@ def _named(scene: Scene) -> list[str]:
     """Keys that a search varies, ties, lets scatter or looks at."""
     if not scene.has_table("optimise"):
         return []
-    small = scene.get("optimise.minimise"), scene.optimise.pareto.against
-    forces = "bearing_force" in small or scene.get("optimise.minimise.bearing_force") is not None
+    forces = "bearing_force" in (*scene.optimise.weights, scene.optimise.pareto.against)
     bearings = [f"{gear}.shaft.bearings" for gear in GEARS] if forces else []
     tables = ("optimise.ties.", "robust.scatter.", "robust.even.")
     others = [key.removeprefix(table) for table in tables for key in scene.values

@@ -32,7 +32,7 @@ def changed(scene: Scene, changes: Changes) -> Scene:
 
 def differing(scene: Scene, changes: Changes) -> Changes:
     """Of changes those that a scene has not already."""
-    has = lambda key, new: new is not None and scene.get(key) == new
+    has = lambda key, new: new is not None and scene.value(key) == new
     return MappingProxyType({key: new for key, new in changes.items() if not has(key, new)})
 
 
