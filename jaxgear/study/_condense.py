@@ -98,7 +98,7 @@ def body_summary(scene: Scene, found: BuiltBody) -> Summary:
     health: Summary = dict(found.health)
     speed = 0.0
     if scene.has_table("sweep"):
-        speed = float(speeds_of(scene)[-1]) * scene.pinion.teeth / scene.gear(plan.gear).teeth
+        speed = float(speeds_of(scene.sweep)[-1]) * scene.pinion.teeth / scene.gear(plan.gear).teeth
     for key in [key for key in health if key.endswith("_um_at_rad_s")]:
         if speed and health[key]:
             known, growth = max((float(name), each) for name, each in health[key].items())

@@ -219,8 +219,8 @@ def _require_range(scatter: Scatter) -> None:
         else:
             low = high = float(scene.value(key))
             what, remedy = f"{low:g}", "change it"
-        if not _allowed(rule, low + least) or not _allowed(rule, high + most):
-            worst = low + least if not _allowed(rule, low + least) else high + most
+        if not rule.holds(low + least) or not rule.holds(high + most):
+            worst = low + least if not rule.holds(low + least) else high + most
             path = f"robust.{'even' if key in scene.robust.even else 'scatter'}.{key}"
             raise InputError(
                 f"{path} ({scene.where(path)}) is {show(scene.value(path))}: with {key} {what}, a "

@@ -252,7 +252,7 @@ def test_models_of_a_scene_differ_in_one_thing(built):
     for level in levels:
         assert not (level.changes.keys() & balance and level.changes.keys() - balance), level.name
         here = changed(built, {k: v for k, v in level.changes.items() if k in balance})
-        assert 2 * here["sweep.harmonics"] < here["sweep.steps"]
+        assert 2 * here.sweep.harmonics < here.sweep.steps
     few = few_levels(built)
     assert [level.name for level in few] == [
         "100 modes",

@@ -362,7 +362,7 @@ def test_notes_on_condensed_bodies(solved, tmp_path):
     (said,) = _on_condensed(scene)
     assert "is taken as that of teeth alone" in said
     given = scene.replace({"wheel.foundation": "weber"})
-    assert "wheel.foundation does nothing to the wheel" in _on_condensed(given)[1]
+    assert "wheel.foundation does nothing to the wheel" in [*_on_condensed(given)][1]
     facts = {"sectors": 4}
     known = dataclasses.replace(scene.bodies["wheel"].built.body, facts=facts)
     body: Any = types.SimpleNamespace(built=types.SimpleNamespace(body=known), family=None)

@@ -66,7 +66,7 @@ class AbstractMotion(AbstractProblem):
         self.scene, self.models, self.levels = scene, models, levels
         self.names = DYNAMIC_RESPONSES[:names]
         at = some_speeds(speeds_of(scene.sweep), speeds)
-        loads = {_TORQUE: _HELD_OUT * float(scene.pair.torque_pinion_Nm)}
+        loads = {"pair.torque_pinion_Nm": _HELD_OUT * float(scene.pair.torque_pinion_Nm)}
         self.places = (
             OperatingPoints("", at),
             OperatingPoints("speeds between these", other_speeds(at)),
