@@ -70,7 +70,8 @@ class RootInfluence(eqx.Module):
         the centreline, of the kernel of `face_kernel` applied twice. Fitted to teeth of 3-D finite
         elements with free ends: 18, 25, 45 and 86 teeth, 4, 6.3 and 10 modules wide, loads
         $\cos(n\pi z/B)$ up to n = 4; root mean square of what is left 2 % of the even load's
-        stress. Not in it: over the last 0.3 m at a free face stress falls by up to a third.
+        stress. Not in it: at a free face, over half a module, stress
+        falls by up to a third even under an even load.
 
         **Arguments:**
 

@@ -19,7 +19,7 @@ from jaxgear._geometry._pair import GearPair
 from jaxgear._geometry._profile import tooth_section
 from jaxgear._smooth import smooth_maximum
 from jaxgear._solve._cycle import MeshCycle
-from jaxgear._types import LineGrid, Reals, Scalar
+from jaxgear._types import Bodies, LineGrid, Reals, Scalar
 
 Influences = tuple[RootInfluence, RootInfluence]
 Stresses = Float[Array, "phase line slice gear"]
@@ -40,7 +40,7 @@ class RootStress(eqx.Module):
     height: Stresses
 
     @property
-    def largest(self) -> Float[Array, "gear"]:
+    def largest(self) -> Bodies:
         """Largest tensile stress of each gear over face and cycle [Pa]."""
         return jnp.max(self.drive, axis=(0, 1, 2))
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from jaxgear.plot import _order_pictures as order_pictures
     from jaxgear.plot import _pair_pictures as pair_pictures
     from jaxgear.plot import _relief_pictures as relief_pictures
+    from jaxgear.plot import _root_pictures as root_pictures
     from jaxgear.plot import _search_pictures as search_pictures
     from jaxgear.plot import _sensitivity_pictures as sensitivity_pictures
     from jaxgear.plot import _shafts_pictures as shafts_pictures
@@ -57,6 +58,7 @@ else:
     modification_pictures = _Later("_modification_pictures")
     order_pictures = _Later("_order_pictures")
     relief_pictures = _Later("_relief_pictures")
+    root_pictures = _Later("_root_pictures")
     search_pictures = _Later("_search_pictures")
     sensitivity_pictures = _Later("_sensitivity_pictures")
     shape_pictures = _Later("_shape_pictures")

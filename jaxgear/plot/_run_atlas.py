@@ -19,6 +19,7 @@ from jaxgear.plot._plots import (
     hybrid_pictures,
     modification_pictures,
     pair_pictures,
+    root_pictures,
     shafts_pictures,
     sizing_pictures,
     sliding_pictures,
@@ -44,6 +45,8 @@ def run_pictures(datasets: Datasets) -> Iterator[Picture]:
             table = columns(slid, *sorted(str(name) for name, each in slid.items() if each.dims))
             yield Picture("sliding", partial(sliding_pictures.sliding, slid, cycle), table)
         yield from _of_cycle(cycle)
+    if (roots := datasets.get("roots")) is not None:
+        yield from _of_roots(roots)
     if pair is not None and (shafts := datasets.get("shafts")) is not None:
         yield _of_shafts(pair, shafts)
     if cycle is not None and "way_passage" in cycle:
@@ -84,6 +87,15 @@ def _of_cycle(cycle: xr.Dataset) -> Iterator[Picture]:
         yield Picture("harris_map", draw, tables.harris_map_columns(cycle), {"curves": curves})
         table = columns(tables.spectra(cycle), "torque_pinion_Nm", "order", "te_order_um")
         yield Picture("te_spectrum", partial(cycle_pictures.te_spectrum, cycle), table)
+
+
+def _of_roots(roots: xr.Dataset) -> Iterator[Picture]:
+    draw = partial(root_pictures.root_stress, roots)
+    names = "phase", "line", "face_position_mm", "gear", "root_stress_MPa", "root_compression_MPa"
+    yield Picture("root_stress", draw, columns(roots, *names))
+    names = "gear", "fillet", "fillet_half_thickness_mm", "fillet_height_mm", "fillet_stress_MPa"
+    draw = partial(root_pictures.root_outline, roots)
+    yield Picture("root_outline", draw, columns(roots, *names))
 
 
 def _of_shafts(pair: xr.Dataset, shafts: xr.Dataset) -> Picture:

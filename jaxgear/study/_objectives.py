@@ -66,6 +66,9 @@ CRITERIA = {
     "max_pressure": Criterion(
         lambda scene: optimise.LargestPressure(), "MPa", "largest flank pressure"
     ),
+    "max_root_stress": Criterion(
+        lambda scene: optimise.LargestRootStress(), "MPa", "largest stress of the fillets"
+    ),
     "face_load_factor": Criterion(lambda scene: optimise.FaceLoadFactor(), "-", "face load factor"),
     "pressure_offset": Criterion(
         lambda scene: optimise.PressureOffset(), "-", "squared offset of the pressure"
@@ -191,6 +194,7 @@ _SHARP = 1e-3
 # Responses that may have limits, with the unit in the key.
 _LIMITED = {
     "max_pressure_MPa": optimise.LargestPressure,
+    "max_root_stress_MPa": optimise.LargestRootStress,
     "te_peak_to_peak_um": optimise.TransmissionErrorRange,
     "face_load_factor": optimise.FaceLoadFactor,
     "edge_line_load_N_mm": optimise.EdgeLoad,
