@@ -104,7 +104,7 @@ def boundary(pieces: tuple[Piece, ...]) -> Boundary:
     found = []
     for piece in pieces:
         first, last = piece.edges[:-1, None], piece.edges[1:, None]
-        at = 0.5 * (first + last) + 0.5 * (last - first) * places
+        at = 0.5 * (first + last) + 0.5 * (last - first) * places[None]
         point, slope = jax.jvp(piece.curve, (at,), (jnp.ones_like(at),))
         found.append((point, slope * (0.5 * (last - first))[..., None]))
     points, slopes = map(jnp.concatenate, zip(*found, strict=True))
@@ -144,7 +144,7 @@ def boundary_matrices(outline: Boundary, poisson: Scalar) -> tuple[Array, Array]
     elements, count = nodes.shape[0], 3 * nodes.shape[0]
     apart = places.point[None] - nodes.reshape(count, 1, 1, 2)
     by_traction, by_motion = _kelvin(apart, places.normal[None], poisson)
-    weight = places.stretch[..., None] * (_POINT_WEIGHTS[:, None] * shapes(_POINTS))
+    weight = places.stretch[..., None] * (_POINT_WEIGHTS[:, None] * shapes(_POINTS))[None]
     sums = lambda kernel: jnp.einsum("neqij,eqk->niekj", kernel, weight)
     motion = sums(by_motion).reshape(count, 2, count, 2)
     traction = sums(by_traction).reshape(elements, 3, 2, elements, 3, 2)
@@ -166,7 +166,7 @@ def _own_tractions(outline: Boundary, poisson: Scalar) -> Array:
         places.point.reshape(shape) - nodes[:, :, None], places.normal.reshape(shape), poisson
     )
     stretch = places.stretch.reshape(shape[:-1])[..., None]
-    weighted = stretch * (_OWN_WEIGHTS[..., None] * shapes(_OWN))
+    weighted = stretch * (_OWN_WEIGHTS[..., None] * shapes(_OWN))[None]
     return jnp.einsum("enqij,enqk->enikj", kernel, weighted)
 
 
@@ -175,7 +175,7 @@ def _kelvin(apart: Reals, normal: Reals, poisson: Scalar) -> tuple[Array, Array]
     squared = jnp.sum(apart**2, axis=-1)[..., None, None]
     along = apart / jnp.sqrt(squared[..., 0])
     both = along[..., :, None] * along[..., None, :]
-    unit = np.eye(2)
+    unit = np.eye(2).reshape((1,) * (apart.ndim - 1) + (2, 2))
     scale = 8.0 * jnp.pi * (1.0 - poisson)
     by_traction = (both - (1.5 - 2.0 * poisson) * jnp.log(squared) * unit) / scale
     across = jnp.sum(along * normal, axis=-1)[..., None, None]

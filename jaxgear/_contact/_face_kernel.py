@@ -30,8 +30,9 @@ def face_kernel(places: Slices, width: Scalar, face: Scalar, decay: Reals) -> Re
     """
     length = jnp.asarray(decay)[..., None, None]
     edges = jnp.append(places - 0.5 * width, places[-1] + 0.5 * width) + 0.5 * face
-    near = jnp.minimum(edges[:, None], edges[None, :])
-    far = jnp.maximum(edges[:, None], edges[None, :])
+    edges = edges.reshape((1,) * jnp.ndim(decay) + (-1,))
+    near = jnp.minimum(edges[..., :, None], edges[..., None, :])
+    far = jnp.maximum(edges[..., :, None], edges[..., None, :])
     # Hyperbolic functions of wide faces overflow; these exponentials fall.
     from_ends = jnp.expm1(-2.0 * near / length) * jnp.expm1(-2.0 * (face - far) / length)
     ratio = jnp.exp((near - far) / length) * from_ends / (-2.0 * jnp.expm1(-2.0 * face / length))

@@ -149,7 +149,7 @@ def _motions(pieces: tuple[Piece, ...], outline: Boundary, poisson: Scalar) -> A
     loaded = np.concatenate([_rows(pieces, name) for name in _FLANKS])
     columns = (3 * loaded[:, None] + np.arange(3)).ravel()
     inward = -nodes.normal[loaded].reshape(-1, 2)
-    unit = (nodes.stretch[loaded] * WEIGHTS).reshape(-1)
+    unit = (nodes.stretch[loaded] * WEIGHTS[None]).reshape(1, 1, -1)
     right = jnp.einsum("nikj,kj->nik", traction[:, :, columns, :], inward) / unit
     # What is not known: tractions where the body is held, displacements elsewhere.
     left = jnp.where(held, -traction, motion).reshape(2 * count, 2 * count)

@@ -100,15 +100,15 @@ def _tooth(
     fillet, flank = in_modules(section.fillet), in_modules(section.flank)
     corner = flank(tip_roll)
     radius, angle = jnp.hypot(corner[0], corner[1]), jnp.arctan2(corner[0], corner[1])
-    on_fillet = _even(0.5 * jnp.pi, section.pressure_angle, counts[0])
+    on_fillet = _even(jnp.asarray(0.5 * jnp.pi), section.pressure_angle, counts[0])
     on_flank = _even(section.form_roll_angle, tip_roll, counts[1])
-    mirror = np.asarray([-1.0, 1.0])
+    mirror = jnp.asarray([[-1.0, 0.0], [0.0, 1.0]])
     pieces = (
         (fillet, on_fillet),
         (flank, on_flank),
         (lambda at: _on_circle(radius, at), _even(angle, -angle, counts[2])),
-        (lambda at: flank(at) * mirror, on_flank[::-1]),
-        (lambda at: fillet(at) * mirror, on_fillet[::-1]),
+        (lambda at: flank(at) @ mirror, on_flank[::-1]),
+        (lambda at: fillet(at) @ mirror, on_fillet[::-1]),
     )
     sine, cosine = jnp.sin(turn), jnp.cos(turn)
     turned = jnp.stack([jnp.stack([cosine, -sine]), jnp.stack([sine, cosine])])

@@ -72,7 +72,7 @@ def root_stress(roots: xr.Dataset) -> Figure:
     time.set_title("largest tension of any tooth", loc="left")
     phase_axis(time, "root stress [MPa]", roots["phase"].values)
     face.axhline(0.0, color=GREY, lw=0.8)
-    face.set_title("largest tension, and compression on the other fillet (dashed)", loc="left")
+    face.set_title("tension; dashed: compression, other fillet", loc="left")
     face.set(xlabel="position from mid-face [mm]", ylabel="root stress [MPa]")
     return figure
 
@@ -101,14 +101,14 @@ def _draw_tooth(axes: Axes, own: xr.Dataset, colour: str, longest: float) -> Non
     up, above = (own[f"flank_{name}_mm"].values for name in ("half_thickness", "height"))
     side, top = np.append(half, up), np.append(height, above)
     axes.plot(np.append(side, -side[::-1]), np.append(top, top[::-1]), color=GREY)
-    # Outward, square to the fillet; the longest arrow is as long as the tooth is thick.
+    # Into the tooth, where lines square to the hollow fillet part.
     tangent = np.stack([np.gradient(half), np.gradient(height)])
-    outward = np.stack([tangent[1], -tangent[0]]) / np.hypot(*tangent)
+    inward = np.stack([-tangent[1], tangent[0]]) / np.hypot(*tangent)
     words = []
     for fillet, sign in (("drive", 1.0), ("coast", -1.0)):
         stress = own["fillet_stress_MPa"].sel(fillet=fillet).values
-        size = np.abs(stress) / longest * 1.2 * np.max(half)
-        x, y = sign * (half + outward[0] * size), height + outward[1] * size
+        size = np.abs(stress) / longest * 0.6 * np.max(half)
+        x, y = sign * (half + inward[0] * size), height + inward[1] * size
         axes.fill(
             np.append(x, sign * half[::-1]), np.append(y, height[::-1]), color=colour, alpha=0.3
         )

@@ -38,20 +38,20 @@ class _Found(NamedTuple):
 
     stress: RootStress
     fillets: Array
-    influences: tuple[RootInfluence, RootInfluence]
 
 
 @eqx.filter_jit
-def _stresses(model: PairModel, cycle: MeshCycle) -> _Found:
+def _stresses(
+    model: PairModel, cycle: MeshCycle, influences: tuple[RootInfluence, RootInfluence]
+) -> _Found:
     pair, lines, load = model.pair, cycle.cells.lines, slice_load(cycle)
-    influences = root_influences(pair)
     stress = root_stress(pair, influences, lines, load)
     fillets = []
     for gear, influence in enumerate(influences):
         every = fillet_stress(pair, influence, lines, load, gear)
         own = stress.drive[..., gear].ravel()
         fillets.append(every.reshape(own.size, 2, -1)[jnp.argmax(own)])
-    return _Found(stress, jnp.stack(fillets), influences)
+    return _Found(stress, jnp.stack(fillets))
 
 
 def roots_dataset(statics: Statics) -> xr.Dataset:
@@ -66,11 +66,13 @@ def roots_dataset(statics: Statics) -> xr.Dataset:
     Stresses over phase, line, slice and gear; along the fillets and on the tooth's outline where
     they are largest.
     """
-    found, lines = _stresses(statics.model, statics.cycle), statics.cycle.cells.lines
+    # Both gears by one program, which others with such gears share.
+    influences = root_influences(statics.model.pair)
+    found, lines = _stresses(statics.model, statics.cycle, influences), statics.cycle.cells.lines
     over = ("phase", "line", "slice", "gear")
     along = ("gear", "fillet", "point")
-    points = np.stack([np.asarray(each.point) for each in found.influences])
-    outlines = np.stack([_flank(each) for each in found.influences])
+    points = np.stack([np.asarray(each.point) for each in influences])
+    outlines = np.stack([_flank(each) for each in influences])
     cells = {
         "root_stress_MPa": (found.stress.drive / MPa, "MPa", "largest tensile stress of a root"),
         "root_compression_MPa": (

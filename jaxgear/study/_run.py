@@ -39,7 +39,8 @@ def statics(scene: Scene) -> Result:
     **Returns:**
 
     The dataset of the cycle, groups `pair`, `axes`, `sliding`, `modification`, with
-    `mesh.root_stress` `roots`, with bearings `shafts`, and `pinion_deflected` and `wheel_deflected` of condensed bodies; the summary.
+    `mesh.root_stress` `roots`, with bearings `shafts`, and `pinion_deflected` and
+    `wheel_deflected` of condensed bodies; the summary.
 
     **Raises:**
 
