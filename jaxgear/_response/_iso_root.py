@@ -25,7 +25,7 @@ class RootSection(eqx.Module):
 
     - `chord`: $s_{Fn}/m_n$ [-].
     - `lever`: $h_F/m_n$, from the chord to where the load crosses the centreline [-].
-    - `radius`: $\\rho_F/m_n$ of the fillet there [-].
+    - `radius`: $\rho_F/m_n$ of the fillet there [-].
     - `load_angle`: $\\alpha_F$ between the load and the perpendicular to the centreline [rad].
     - `pressure_angle`: $\\alpha_n$ [rad].
     """
@@ -157,11 +157,12 @@ def nominal_root_stress(pair: GearPair, tangential: Scalar) -> NominalRootStress
     tip = 0.5 * teeth + (pair.tip_radius - pair.reference_radius) / module
     base = 0.5 * teeth * cosine
     path = jnp.sqrt(tip**2 - base**2) - jnp.pi * cosine * jnp.maximum(contact - 1.0, 0.0)
-    names = ("profile_shift", "dedendum", "fillet_radius")
     section = root_section(
         teeth,
         pair.pressure_angle,
-        *(pair.of_bodies(name) for name in names),
+        pair.of_bodies("profile_shift"),
+        pair.of_bodies("dedendum"),
+        pair.of_bodies("fillet_radius"),
         jnp.sqrt(path**2 + base**2),
     )
     degrees = jnp.minimum(jnp.rad2deg(jnp.abs(pair.helix_angle)), 30.0)
