@@ -54,12 +54,13 @@ def _stresses(
     return _Found(stress, jnp.stack(fillets))
 
 
-def roots_dataset(statics: Statics) -> xr.Dataset:
+def roots_dataset(model: PairModel, cycle: MeshCycle) -> xr.Dataset:
     """The group `roots`.
 
     **Arguments:**
 
-    - `statics`: a solved mesh cycle.
+    - `model`: that was solved.
+    - `cycle`: its settled states.
 
     **Returns:**
 
@@ -67,8 +68,8 @@ def roots_dataset(statics: Statics) -> xr.Dataset:
     they are largest.
     """
     # Both gears by one program, which others with such gears share.
-    influences = root_influences(statics.model.pair)
-    found, lines = _stresses(statics.model, statics.cycle, influences), statics.cycle.cells.lines
+    influences = root_influences(model.pair)
+    found, lines = _stresses(model, cycle, influences), cycle.cells.lines
     over = ("phase", "line", "slice", "gear")
     along = ("gear", "fillet", "point")
     points = np.stack([np.asarray(each.point) for each in influences])

@@ -142,7 +142,7 @@ def statics_result(scene: Scene, statics: Statics, torques: np.ndarray) -> Resul
         from jaxgear.study import _roots
 
         with narration("roots"):
-            groups["roots"] = _roots.roots_dataset(statics)
+            groups["roots"] = _roots.roots_dataset(model, statics.cycle)
         summary["roots"] = _roots.roots_summary(scene, statics, groups["roots"])
     cycle = static_dataset(model, statics.cycle, statics.law)
     over = ("torque", "phase")

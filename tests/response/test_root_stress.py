@@ -14,6 +14,8 @@ from solve_cases import ACCESSORY
 import jaxgear as jg
 from jaxgear import MPa, mm, um
 from jaxgear._contact._face_kernel import face_kernel
+from jaxgear.plot._run_atlas import run_pictures
+from jaxgear.study._roots import roots_dataset
 
 EXACT = jg.ExactContact()
 # Teeth, shift, pressure angle [deg], dedendum, fillet, addendum, rim in modules; largest tension
@@ -195,3 +197,18 @@ def test_nominal_stress_by_hand(settled):
     )
     assert float(found.helix_factor) == float(found.deep_tooth_factor) == 1.0
     assert_close(found.safety(2.0 * found.stress), 2.0 * jnp.ones(2), rtol=1e-12, atol=0.0)
+
+
+def test_dataset_and_pictures_hold_the_same_stresses(settled):
+    model, _, cycle, influences = settled
+    roots = roots_dataset(model, cycle).assign_attrs(title="a pair")
+    stress = jg.root_stress(model.pair, influences, cycle.cells.lines, jg.slice_load(cycle))
+    largest = np.asarray(stress.largest) / MPa
+    along = roots["fillet_stress_MPa"].sel(fillet="drive").max("point").values
+    assert_close(along, largest, rtol=1e-12, atol=0.0)
+    assert all({"units", "long_name"} <= set(each.attrs) for each in roots.variables.values())
+    shown = {each.name: each for each in run_pictures({"roots": roots})}
+    assert set(shown) == {"root_stress", "root_outline"}
+    assert shown["root_stress"].table["root_stress_MPa"].max() == largest.max()
+    titles = [axes.get_title(loc="left") for axes in shown["root_outline"].draw().axes]
+    assert [float(title.split()[1]) for title in titles] == pytest.approx(largest, rel=1e-3)
