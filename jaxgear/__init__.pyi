@@ -70,6 +70,8 @@ from ._flank._tolerances import deviation_of_grade as deviation_of_grade
 from ._flank._tolerances import flank_tolerances as flank_tolerances
 from ._flank._tolerances import pitch_error_of_grade as pitch_error_of_grade
 
+from ._contact._root_influence import RootInfluence as RootInfluence
+from ._contact._root_influence import root_influence as root_influence
 from ._contact._cells import MeshCells as MeshCells
 from ._contact._cells import Misalignment as Misalignment
 from ._contact._cells import mesh_cells as mesh_cells
@@ -234,6 +236,18 @@ from ._response._loads import load_sharing as load_sharing
 from ._response._loads import mesh_stiffness as mesh_stiffness
 from ._response._losses import mesh_efficiency as mesh_efficiency
 from ._response._losses import mesh_loss_factor as mesh_loss_factor
+from ._response._root_stress import LargestStress as LargestStress
+from ._response._root_stress import RootStress as RootStress
+from ._response._root_stress import fillet_stress as fillet_stress
+from ._response._root_stress import largest_root_stress as largest_root_stress
+from ._response._root_stress import root_influences as root_influences
+from ._response._root_stress import root_stress as root_stress
+from ._response._root_stress import slice_load as slice_load
+from ._response._root_stress import smooth_root_stress as smooth_root_stress
+from ._response._iso_root import NominalRootStress as NominalRootStress
+from ._response._iso_root import RootSection as RootSection
+from ._response._iso_root import nominal_root_stress as nominal_root_stress
+from ._response._iso_root import root_section as root_section
 from ._response._transmission import cycle_mean as cycle_mean
 from ._response._transmission import cycle_rms as cycle_rms
 from ._response._transmission import cycle_variance as cycle_variance

@@ -56,6 +56,7 @@ from ._robust import population as population
 from ._robust import ranked as ranked
 from ._robust import responses_of as responses_of
 from ._robust import scattered as scattered
+from ._root_objectives import LargestRootStress as LargestRootStress
 from ._search import Limit as Limit
 from ._search import adam as adam
 from ._search import constrained as constrained

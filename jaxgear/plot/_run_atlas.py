@@ -26,6 +26,8 @@ def run_pictures(datasets: Datasets) -> Iterator[Picture]:
             table = columns(slid, *sorted(str(name) for name, each in slid.items() if each.dims))
             yield Picture("sliding", drawn("_sliding_pictures.sliding", slid, cycle), table)
         yield from _of_cycle(cycle)
+    if (roots := datasets.get("roots")) is not None:
+        yield from _of_roots(roots)
     if pair is not None and (shafts := datasets.get("shafts")) is not None:
         names = ("gear", "index", "Z_mm", *(f"load_{axis}_N" for axis in "STZ"))
         bearings = columns(shafts, **{name: f"bearing_{name}" for name in names})
@@ -70,6 +72,15 @@ def _of_cycle(cycle: xr.Dataset) -> Iterator[Picture]:
         yield Picture("harris_map", draw, tables.harris_map_columns(cycle), {"curves": curves})
         table = columns(tables.spectra(cycle), "torque_pinion_Nm", "order", "te_order_um")
         yield Picture("te_spectrum", drawn("_cycle_pictures.te_spectrum", cycle), table)
+
+
+def _of_roots(roots: xr.Dataset) -> Iterator[Picture]:
+    names = "phase", "line", "face_position_mm", "gear", "root_stress_MPa", "root_compression_MPa"
+    yield Picture("root_stress", drawn("_root_pictures.root_stress", roots), columns(roots, *names))
+    names = "gear", "fillet", "fillet_half_thickness_mm", "fillet_height_mm", "fillet_stress_MPa"
+    yield Picture(
+        "root_outline", drawn("_root_pictures.root_outline", roots), columns(roots, *names)
+    )
 
 
 def _of_teeth(cycle: xr.Dataset) -> Iterator[Picture]:

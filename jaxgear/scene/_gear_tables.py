@@ -193,6 +193,11 @@ class GearKeys:
         "where a gear has it, back flanks touch once the backlash is used up",
         "[0, inf). An allowance is what is taken off the tooth, so it is not negative",
     )
+    root_strength_MPa: float | None = key(
+        "tooth-root stress that the gear bears, by which mesh.root_stress is judged: sigma_FG of "
+        "ISO 6336-3, its life, notch and size factors in it",
+        "(0, inf)",
+    )
     foundation: Foundation | None = key("foundation of this gear's teeth")
     material: OwnMaterialKeys
     support: SupportKeys

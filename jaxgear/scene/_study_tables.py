@@ -13,6 +13,7 @@ Minimised = Literal[
     "te_peak_to_peak",
     "te_harmonics",
     "max_pressure",
+    "max_root_stress",
     "face_load_factor",
     "pressure_offset",
     "dynamic_ratio",
@@ -67,6 +68,9 @@ class WeightsKeys:
     te_peak_to_peak: float | None = key("weight of static.te_peak_to_peak_um", "[0, inf)")
     te_harmonics: float | None = key("weight of the chosen harmonics", "[0, inf)")
     max_pressure: float | None = key("weight of static.max_pressure_MPa", "[0, inf)")
+    max_root_stress: float | None = key(
+        "weight of the largest stress of the fillets, of both gears", "[0, inf)"
+    )
     face_load_factor: float | None = key("weight of the face load factor", "[0, inf)")
     pressure_offset: float | None = key(
         "weight of the squared offset of the pressure from mid-face, over half the face", "[0, inf)"
@@ -84,6 +88,9 @@ class LimitsKeys:
     """What a search may not exceed: `[optimise.limits]`."""
 
     max_pressure_MPa: float | None = key("largest pressure allowed", "(0, inf)")
+    max_root_stress_MPa: float | None = key(
+        "largest tensile stress of the fillets allowed, of both gears", "(0, inf)"
+    )
     te_peak_to_peak_um: float | None = key(
         "largest peak to peak of the transmission error allowed", "(0, inf)"
     )

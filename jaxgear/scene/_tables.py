@@ -53,6 +53,11 @@ class MeshKeys:
     line_load_updates: int = key(
         "updates of the contact stiffness by the line loads found", "[0, 10]", 0
     )
+    root_stress: bool = key(
+        "stress at the roots of the teeth, by boundary elements of their outlines and by ISO "
+        "6336-3, in the results of a mesh cycle",
+        default=False,
+    )
     tip_contact: bool = key("contact of tip corners beyond the ends of the path", default=False)
     friction_coefficient: float = key(
         "coefficient of friction of the flanks, its mean over the path of contact; it says what "

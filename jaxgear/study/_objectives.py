@@ -16,8 +16,10 @@ from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._kept_programs import QUICKLY
+from jaxgear._response._root_stress import root_influences
 from jaxgear._solve._cycle import PreparedMesh
 from jaxgear._types import Reals, Scalar
+from jaxgear.scene._build import model_of
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._study_tables import OptimiseKeys
 from jaxgear.study._design import DesignSpace
@@ -55,6 +57,9 @@ CRITERIA = {
         optimise.TransmissionErrorHarmonics, "um2", f"mesh harmonics of the {_TE}"
     ),
     "max_pressure": Criterion(optimise.LargestPressure, "MPa", "largest flank pressure"),
+    "max_root_stress": Criterion(
+        optimise.LargestRootStress, "MPa", "largest stress of the fillets"
+    ),
     "face_load_factor": Criterion(optimise.FaceLoadFactor, "-", "face load factor"),
     "pressure_offset": Criterion(optimise.PressureOffset, "-", "squared offset of the pressure"),
     "dynamic_ratio": Criterion(optimise.DynamicRatio, "-", "dynamic ratio", True),
@@ -99,9 +104,19 @@ def _minimised(scene: Scene, grid: MeshGrid) -> optimise.AbstractObjective:
 def _named(scene: Scene, name: str, grid: MeshGrid) -> optimise.AbstractObjective:
     """An objective by its name."""
     criterion = CRITERIA[name]
-    return (
-        _at_speeds(scene, name, grid) if criterion.over_speeds else criterion.made(scene.optimise)
-    )
+    if criterion.over_speeds:
+        return _at_speeds(scene, name, grid)
+    return _with_teeth(scene, criterion.made(scene.optimise))
+
+
+def _with_teeth(scene: Scene, objective: Any) -> Any:
+    """A largest root stress with its teeth, solved once where no variable changes them."""
+    varied = (*scene.optimise.vary, *scene.optimise.ties)
+    if not isinstance(objective, optimise.LargestRootStress) or not all(
+        key.startswith("flank.") for key in varied
+    ):
+        return objective
+    return optimise.LargestRootStress(influences=root_influences(model_of(scene).pair))
 
 
 def in_unit(name: str, dims: tuple[str, ...], values: ArrayLike, unit: str, words: str) -> Entries:
@@ -136,6 +151,7 @@ _SHARP = 1e-3
 # Responses that may have limits, with the unit in the key.
 _LIMITED = {
     "max_pressure_MPa": optimise.LargestPressure,
+    "max_root_stress_MPa": optimise.LargestRootStress,
     "te_peak_to_peak_um": optimise.TransmissionErrorRange,
     "face_load_factor": optimise.FaceLoadFactor,
     "edge_line_load_N_mm": optimise.EdgeLoad,
@@ -152,11 +168,9 @@ def limits_of(asked: OptimiseKeys) -> tuple[optimise.Limit, ...]:
     )
 
 
-def limits_objectives(
-    asked: OptimiseKeys, law: AbstractContactLaw
-) -> list[optimise.AbstractObjective]:
+def limits_objectives(scene: Scene, law: AbstractContactLaw) -> list[optimise.AbstractObjective]:
     """The responses of `limits_of`; with exact contact, which is for a re-check, not smoothed."""
-    found = [_LIMITED[limit.name]() for limit in limits_of(asked)]
+    found = [_with_teeth(scene, _LIMITED[limit.name]()) for limit in limits_of(scene.optimise)]
     return [_sharpened(each) for each in found] if isinstance(law, ExactContact) else found
 
 
@@ -236,7 +250,7 @@ def task_of(
     both are not smoothed either, and limits are left out.
     """
     scene, asked = space.scene, space.scene.optimise
-    limited = limits_objectives(asked, law)
+    limited = limits_objectives(scene, law)
     if trading:
         objective = _minimised(scene, grid)
         limited.insert(0, _named(scene, asked.pareto.against or "", grid))

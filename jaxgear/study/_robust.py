@@ -37,7 +37,7 @@ def judge_of(
     """
     scene = scatter.space.scene
     torques = jnp.asarray(scatter.space.torques)
-    parts = objective_of(scene, grid), *limits_objectives(scene.optimise, law)
+    parts = objective_of(scene, grid), *limits_objectives(scene, law)
     worst = scene.optimise.over == "worst"
 
     def judge(values: Reals, drawn: Reals, prepared: PreparedMesh | None) -> Reals:

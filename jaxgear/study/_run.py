@@ -37,8 +37,9 @@ def statics(scene: Scene) -> Result:
 
     **Returns:**
 
-    The dataset of the cycle, groups `pair`, `axes`, `sliding`, `modification`, with bearings
-    `shafts`, and `pinion_deflected` and `wheel_deflected` of condensed bodies; the summary.
+    The dataset of the cycle, groups `pair`, `axes`, `sliding`, `modification`, with
+    `mesh.root_stress` `roots`, with bearings `shafts`, and `pinion_deflected` and
+    `wheel_deflected` of condensed bodies; the summary.
 
     **Raises:**
 
@@ -121,6 +122,12 @@ def statics_result(scene: Scene, statics: Statics, torques: np.ndarray) -> Resul
     if static["bearings"]:
         sections = body_sections(scene.bodies)
         groups["shafts"] = shafts_dataset(model, statics.cycle, static["bearings"], sections)
+    if scene.mesh.root_stress:
+        from jaxgear.study import _roots
+
+        with narration("roots"):
+            groups["roots"] = _roots.roots_dataset(model, statics.cycle)
+        summary["roots"] = _roots.roots_summary(scene, statics, groups["roots"])
     cycle = static_dataset(model, statics.cycle, statics.law)
     error = statics.harris, "transmission error over torque and phase"
     harmonics = statics.harris_harmonics, "amplitudes of its mesh harmonics"
