@@ -20,6 +20,7 @@ from jaxgear._contact._compliance import (
     Iso6336,
     WeberBanaschek,
 )
+from jaxgear._contact._face_coupling import FaceCoupling
 from jaxgear._contact._foundation import (
     AbstractFoundation,
     NoFoundation,
@@ -148,10 +149,12 @@ def _compliance(scene: Scene) -> AbstractCompliance:
         case "iso6336":
             return Iso6336()
         case _:
+            coupled = scene.mesh.face_coupling == "coupled"
             return WeberBanaschek(
                 pinion_foundation=_foundation(scene, "pinion"),
                 wheel_foundation=_foundation(scene, "wheel"),
                 load_updates=scene.mesh.line_load_updates,
+                face_coupling=FaceCoupling() if coupled else None,
             )
 
 

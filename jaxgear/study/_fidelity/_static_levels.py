@@ -86,6 +86,9 @@ def _on_stiffness(scene: Scene, few: bool) -> list[Level]:
     none = {f"{gear}.foundation": "none" for gear, name in chosen.items() if name != "none"}
     if less:
         found.append(Level("Weber foundation", "foundation", "foundation", less))
+    if scene["mesh.face_coupling"] == "coupled":
+        apart = {"mesh.face_coupling": "none"}
+        found.append(Level("slices apart", "face coupling", "face coupling", apart))
     if updates:
         found.append(Level("nominal line load", "line loads", "line loads", {key: 0}))
     if none and not few:
