@@ -51,8 +51,8 @@ def face_cells(
 ) -> FaceCells | None:
     """Divide a compliance into what cells have to themselves and what couples them.
 
-    A slice that is in contact over a part of its length is coupled as a whole one: it is the
-    stiffness of its own that goes with the part.
+    To the others a slice that is in contact over a part of its length is a whole one; what it gives
+    itself under a load on that part alone is the cell's own.
 
     **Arguments:**
 
@@ -77,7 +77,7 @@ def face_cells(
     step = (last - first) / (_LENGTHS - 1)
     reach = jnp.exp(first + step * jnp.asarray(np.arange(float(_LENGTHS))))
     within = jnp.exp(first - np.log(_LOCAL) * jnp.asarray(_WITHIN))
-    own, between, spread, contacts = (jnp.zeros(()) for _ in range(4))
+    own, between, spread, contacts, narrower = (jnp.zeros(()) for _ in range(5))
     for gear, each in enumerate((pair.pinion, pair.wheel)):
         # Along the contact line, as the lengths of cells are.
         common, face = (
@@ -93,6 +93,10 @@ def face_cells(
         # Those that stay in a cell have images in the ends too.
         image = jnp.mean(end_images(within, slices, common, face), axis=0)
         own += parts.per_log[gear] * parts.end_image[gear] * np.log(_LOCAL) * image[None, None]
+        narrower += _narrower(lines, at.beam[gear] ** 2, parts.lengths[0], common)
+        narrower += _narrower(lines, at.root[gear] ** 2, parts.lengths[1], common)
+        for w, length in zip(weights, reach, strict=True):
+            narrower += _narrower(lines, w, length, common)
         spread += at.beam[gear] ** 2 + at.body[gear] ** 2
         contacts += jnp.sum(weights, axis=0)
         if gear in bodies:
@@ -101,7 +105,7 @@ def face_cells(
     cells = line_count * slices
     coupling = own[:, :, :, None, :] * same + between
     return FaceCells(
-        local=at.penetration - contacts,
+        local=at.penetration - contacts + narrower,
         spread=spread + contacts,
         coupling=coupling.reshape(-1, cells, cells),
     )
@@ -139,6 +143,19 @@ def _root(part: Reals) -> Reals:
 def _times(roots: LineGrid, operator: Array) -> Array:
     """An operator between the cells of each line, times the roots of both."""
     return roots[..., :, None] * roots[..., None, :] * operator[None, None]
+
+
+def _narrower(lines: ContactLines, given: LineGrid, length: Scalar, common: Scalar) -> LineGrid:
+    r"""What a part of compliance gives more where a slice carries on a share of its length only.
+
+    A mean of $e^{-|z - z'|/\lambda}/(2\lambda)$ over a length $h$ is $g(h/\lambda)/h$ with
+    $g(x) = 1 - (1 - e^{-x})/x$; over a share $\varphi$ of it $g(\varphi x)/(\varphi h)$, never less.
+    """
+    x = common / (lines.face_position.size * length)
+    part = jnp.maximum(lines.fraction, 1e-9) * x
+    mean = lambda x: 1.0 + jnp.expm1(-x) / x
+    more = jnp.where(lines.fraction > 0.0, mean(part) - lines.fraction * mean(x), 0.0)
+    return given * jnp.maximum(more, 0.0)
 
 
 def _up_to(place: Reals) -> Array:

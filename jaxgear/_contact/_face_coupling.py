@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxgear._checks import require
-from jaxgear._compiled import in_numpy
+from jaxgear._compiled import compiled, in_numpy
 from jaxgear._types import Reals, Scalar, as_scalar
 
 # Euler's constant.
@@ -108,6 +108,7 @@ class FaceCoupling(eqx.Module):
         return 1.0 + poisson**2 / (1.0 - poisson**2) * jnp.tanh(x) / x
 
 
+@compiled
 def face_operator(
     length: Reals, slices: int, common: Scalar, face: Scalar
 ) -> Float[Array, "*length slice slice"]:
@@ -151,6 +152,7 @@ def face_operator(
     return jnp.where(same, own[..., None], apart)
 
 
+@compiled
 def end_images(
     length: Reals, slices: int, common: Scalar, face: Scalar
 ) -> Float[Array, "*length slice slice"]:

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -115,8 +116,13 @@ def _accessory(helix: float = 0.0, faces: tuple[float, float] = (11.5, 9.5)) -> 
     )
 
 
-def _cells(pair: jg.GearPair, law: jg.FaceCoupling, slices: int = 4) -> FaceCells:
-    lines = contact_lines(pair, jg.mesh_grid(pair, phases=8, slices=slices))
+def _cells(pair: jg.GearPair, law: jg.FaceCoupling) -> FaceCells:
+    return _cells_on(pair, law, jg.mesh_grid(pair, phases=8, slices=4))
+
+
+@eqx.filter_jit
+def _cells_on(pair: jg.GearPair, law: jg.FaceCoupling, grid: jg.MeshGrid) -> FaceCells:
+    lines = contact_lines(pair, grid)
     load = jg.nominal_line_load(pair, _real(TORQUE))
     found = face_cells(pair, lines, jg.WeberBanaschek(face_coupling=law), load)
     assert found is not None
@@ -141,7 +147,7 @@ def test_an_even_load_meets_the_teeth_of_today():
     dense = np.asarray(cells.coupling).reshape(8, -1, size, lines.roll.shape[1], size)
     # Loads on one line alone, even over its slices.
     coupled = np.einsum("plslt->pls", dense) * float(lines.length)
-    alone = np.asarray(compliance(pair, lines.roll, load))
+    alone = np.asarray(eqx.filter_jit(compliance)(pair, lines.roll, load))
     on_path = np.asarray((lines.roll > pair.path_start) & (lines.roll < pair.path_end))
     found = np.asarray(cells.local) + coupled
     assert_close(found[on_path], alone[on_path], rtol=1e-3, atol=0.0)
@@ -156,8 +162,8 @@ def _modes(gear: int) -> tuple[np.ndarray, np.ndarray]:
     law = jg.FaceCoupling()
     load = jg.nominal_line_load(pair, _real(TORQUE))
     compliance = jg.WeberBanaschek(face_coupling=law)
-    bodies = compliance.bodies(pair, 1)
-    parts = compliance.along_face(pair, roll, load, bodies)
+    bodies = eqx.filter_jit(compliance.bodies)(pair, 1)
+    parts = eqx.filter_jit(compliance.along_face)(pair, roll, load, bodies)
     assert parts is not None
     common, face = pair.face_width, (pair.pinion, pair.wheel)[gear].face_width
     place = (np.arange(SLICES) + 0.5) / SLICES
