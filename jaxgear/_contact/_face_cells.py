@@ -148,8 +148,8 @@ def _times(roots: LineGrid, operator: Array) -> Array:
 def _narrower(lines: ContactLines, given: LineGrid, length: Scalar, common: Scalar) -> LineGrid:
     r"""What a part of compliance gives more where a slice carries on a share of its length only.
 
-    A mean of $e^{-|z - z'|/\lambda}/(2\lambda)$ over a length $h$ is $g(h/\lambda)/h$ with
-    $g(x) = 1 - (1 - e^{-x})/x$; over a share $\varphi$ of it $g(\varphi x)/(\varphi h)$, never less.
+    A mean of $e^{-|z - z'|/\lambda}/(2\lambda)$ over a length $h$ is $g(h/\lambda)/h$,
+    $g(x) = 1 - (1 - e^{-x})/x$; over a share $\varphi$ it is $g(\varphi x)/(\varphi h)$, no less.
     """
     x = common / (lines.face_position.size * length)
     part = jnp.maximum(lines.fraction, 1e-9) * x
