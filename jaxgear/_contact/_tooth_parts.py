@@ -57,7 +57,7 @@ class ToothParts(eqx.Module):
     lengths: FaceLengths
 
 
-class Teeth(NamedTuple):
+class BareTeeth(NamedTuple):
     """Teeth of both gears as cantilevers that press into each other, in their virtual sections.
 
     **Fields:**
@@ -76,7 +76,7 @@ class Teeth(NamedTuple):
     half_width: Reals
 
 
-def teeth_in_contact(pair: GearPair, roll: Reals, line_load: Scalar) -> Teeth:
+def teeth_in_contact(pair: GearPair, roll: Reals, line_load: Scalar) -> BareTeeth:
     """Evaluate the teeth of both gears without their bodies.
 
     **Arguments:**
@@ -107,7 +107,7 @@ def teeth_in_contact(pair: GearPair, roll: Reals, line_load: Scalar) -> Teeth:
     both = jax.tree.map(lambda *leaves: jnp.stack(leaves), *teeth)
     materials = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(g.material for g in gears))
     beam, penetration = jax.vmap(tooth)(both, materials, angle)
-    return Teeth((first, second), angle, beam, penetration, half_width)
+    return BareTeeth((first, second), angle, beam, penetration, half_width)
 
 
 def tooth_parts(
