@@ -82,6 +82,7 @@ def test_uneven_loads_against_finite_elements(case, crowning, slope):
     assert_close(factor, truth["face_load_factor"], rtol=0.08, atol=0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [jg.ExactContact(), jg.SmoothContact(width=0.5 * um)])
 def test_derivatives_against_differences(law):
     """By torque, crowning, both face widths, module and the decay lengths."""
