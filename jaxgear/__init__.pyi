@@ -85,7 +85,8 @@ from ._contact._compliance import WeberBanaschek as WeberBanaschek
 from ._contact._hertz import hertz_contact as hertz_contact
 from ._contact._compliance import iso_stiffness as iso_stiffness
 from ._contact._compliance import single_pair_stiffness as single_pair_stiffness
-from ._contact._compliance import SharedBody as SharedBody
+from ._contact._shared_body import SharedBody as SharedBody
+from ._contact._face_coupling import FaceCoupling as FaceCoupling
 from ._contact._shared import shared_compliance as shared_compliance
 from ._contact._foundation import AbstractFoundation as AbstractFoundation
 from ._contact._foundation import NoFoundation as NoFoundation

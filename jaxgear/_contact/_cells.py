@@ -8,13 +8,14 @@ inertia later and no maximum whose ties would split a gradient at zero relief.
 import dataclasses
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
-import numpy as np
 
 from jaxgear._checks import require
 from jaxgear._compiled import compiled
-from jaxgear._contact._compliance import AbstractCompliance, SharedBody
+from jaxgear._contact._compliance import AbstractCompliance
+from jaxgear._contact._face_cells import face_cells
+from jaxgear._contact._path_interpolant import along_path, path_nodes
+from jaxgear._contact._shared_body import SharedBody
 from jaxgear._flank._deviations import Flanks
 from jaxgear._geometry._lines import ContactLines, MeshGrid, contact_lines, repeated_lines
 from jaxgear._geometry._pair import GearPair
@@ -26,7 +27,6 @@ from jaxgear._types import (
     DenseCouplingGrid,
     LineGrid,
     LinePhases,
-    Reals,
     Scalar,
     as_scalar,
 )
@@ -65,6 +65,8 @@ class MeshCells(eqx.Module):
     - `seat_arms`: approach of each cell per motion of the seats of condensed bodies, or `None`
         [-, m].
     - `growth`: approach of each cell by the rotation of condensed bodies, or `None` [m].
+    - `spread`: what each tooth pair gives by itself under an even load, but couples its slices and
+        is in `coupling`; or `None`: nothing [m2/N].
     """
 
     lines: ContactLines
@@ -74,6 +76,7 @@ class MeshCells(eqx.Module):
     arm: CellGrid
     seat_arms: CellArmGrid | None = None
     growth: CellGrid | None = None
+    spread: LineGrid | None = None
 
 
 @compiled
@@ -130,7 +133,14 @@ def cells_on_lines(
 
     As `mesh_cells`.
     """
-    line_stiffness = _along_path(pair, compliance, line_load, lines.roll)
+    face = face_cells(pair, lines, compliance, line_load)
+    if face is None:
+        local = compliance.local(pair, path_nodes(pair), line_load)
+        line_stiffness = along_path(pair, 1.0 / local, lines.roll)
+        bodies = compliance.bodies(pair, lines.roll.shape[1] - 1)
+        coupling, spread = _coupling(pair, lines, bodies), None
+    else:
+        line_stiffness, coupling, spread = 1.0 / face.local, face.coupling, face.spread
     stiffness = line_stiffness * lines.fraction * lines.length
     helix = pair.base_helix_angle
     across = lines.face_position[None, None, :] * jnp.cos(helix)
@@ -140,8 +150,9 @@ def cells_on_lines(
         lines=lines,
         line_stiffness=line_stiffness,
         stiffness=stiffness.reshape(flat),
-        coupling=_coupling(pair, lines, compliance.bodies(pair, lines.roll.shape[1] - 1)),
+        coupling=coupling,
         arm=arm.reshape(flat),
+        spread=spread,
     )
 
 
@@ -185,6 +196,7 @@ def _repeated(cells: MeshCells, grid: MeshGrid) -> MeshCells:
         stiffness=again(cells.stiffness),
         coupling=None if cells.coupling is None else again(cells.coupling),
         arm=again(cells.arm),
+        spread=None if cells.spread is None else again(cells.spread),
     )
 
 
@@ -212,14 +224,18 @@ def at_line_loads(
     in_mesh = lines.fraction > 0.0
     carried = jnp.where(in_mesh, lines.fraction, 1.0) * lines.length * nominal
     ratio = jnp.maximum(force.reshape(lines.roll.shape) / carried, _LEAST_LOAD)
-    line_stiffness = 1.0 / (1.0 / cells.line_stiffness - log_slope * jnp.log(ratio))
+    nominal_give = 1.0 / cells.line_stiffness
+    give = nominal_give - log_slope * jnp.log(ratio)
+    line_stiffness = 1.0 / jnp.maximum(give, _LEAST_GIVE * nominal_give)
     stiffness = line_stiffness * lines.fraction * lines.length
     return dataclasses.replace(
         cells, line_stiffness=line_stiffness, stiffness=stiffness.reshape(force.shape)
     )
 
 
-_LEAST_LOAD = 0.01  # of the nominal line load
+# Of the nominal line load; and of a cell's own compliance at it, where loads are so much larger
+# that the contact is as wide as the tooth.
+_LEAST_LOAD, _LEAST_GIVE = 0.01, 0.1
 
 
 @compiled
@@ -321,32 +337,3 @@ def flank_coordinates(
     z = jnp.broadcast_to(lines.face_position[None, None, :], place.shape)
     pinion = place, z / (0.5 * pair.pinion.face_width)
     return pinion, (wheel_place, z / (0.5 * pair.wheel.face_width))
-
-
-# Degree of the polynomial through the stiffness along the path. Where a load begins to cross
-# the tooth below its root chord the stiffness has a kink, within 3e-4 of which it stays;
-# elsewhere it is met to 1e-5.
-_DEGREE = 32
-
-
-def _along_path(
-    pair: GearPair, compliance: AbstractCompliance, line_load: Scalar, roll: Reals
-) -> Reals:
-    """Local stiffness at many positions, from a Chebyshev interpolant over the path of contact."""
-    nodes = np.cos(np.pi * (np.arange(_DEGREE + 1) + 0.5) / (_DEGREE + 1))
-    middle = 0.5 * (pair.path_start + pair.path_end)
-    half = 0.5 * pair.path_of_contact
-    values = 1.0 / compliance.local(pair, middle + half * jnp.asarray(nodes), line_load)
-    transform = np.cos(np.outer(np.arange(_DEGREE + 1), np.arccos(nodes))) * 2.0 / (_DEGREE + 1)
-    transform[0] *= 0.5
-    coefficients = jnp.asarray(transform) @ values
-    # The middle of a cell that is only partly in contact may lie beyond the end of the path.
-    x = jnp.clip((roll - middle) / half, -1.0, 1.0)
-
-    def clenshaw(carry: tuple[Reals, Reals], coefficient: Scalar):
-        last, before = carry
-        return (2.0 * x * last - before + coefficient, last), None
-
-    zero = jnp.zeros_like(x)
-    (last, before), _ = jax.lax.scan(clenshaw, (zero, zero), coefficients[:0:-1])
-    return x * last - before + coefficients[0]

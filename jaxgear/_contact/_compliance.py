@@ -10,67 +10,29 @@ import dataclasses
 from typing import ClassVar
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
-from jaxtyping import Array
 
 from jaxgear._checks import require
 from jaxgear._compiled import compiled
+from jaxgear._contact._face_coupling import FaceCoupling
 from jaxgear._contact._foundation import (
     AbstractFoundation,
     NoFoundation,
     RingFoundation,
     WeberFoundation,
 )
-from jaxgear._contact._hertz import hertz_contact
-from jaxgear._contact._ring import give_alone, root_resultants
-from jaxgear._contact._tooth import (
-    beam_compliance,
-    contact_modulus,
-    penetration_compliance,
-    tooth_load,
+from jaxgear._contact._shared_body import SharedBody
+from jaxgear._contact._tooth import contact_modulus
+from jaxgear._contact._tooth_parts import (
+    ToothParts,
+    finite_widths,
+    teeth_in_contact,
+    tooth_parts,
 )
-from jaxgear._geometry._gear import Gear, Material
+from jaxgear._geometry._gear import Gear
 from jaxgear._geometry._pair import GearPair
-from jaxgear._geometry._profile import ToothSection, tooth_section
-from jaxgear._types import Influence, Reals, Scalar, as_scalar
-
-
-class SharedBody(eqx.Module):
-    r"""A gear body that couples the teeth in mesh.
-
-    **Fields:**
-
-    - `section`: of its teeth.
-    - `influence`: of one root on itself and on the next ones, see `AbstractFoundation` [m2/N].
-    - `roll_start`: roll length of the gear at $T_1$ [m].
-    - `roll_sign`: whether the gear's roll length grows along the path: 1 pinion, -1 wheel [-].
-    - `to_normal`: normal roll length per transverse one [-].
-    """
-
-    section: ToothSection
-    influence: Influence
-    roll_start: Scalar
-    roll_sign: int = eqx.field(static=True)
-    to_normal: Scalar
-
-    def resultants(self, roll: Reals) -> Array:
-        """Resultants N, Q, M/r_f at the root per normal line load, at places on the path [-]."""
-        own = self.roll_start + self.roll_sign * roll
-        return root_resultants(self.section, own * self.to_normal / self.section.base_radius)
-
-    def at_roots(self, ahead: int) -> Array:
-        """Motion of a root by loads at another, `ahead` lines further along the path [m2/N]."""
-        # Angles count in the sense in which the mesh pushes the tooth: a tooth further along the
-        # path lies ahead on the wheel, behind on the pinion. What turning round the ring does
-        # to a load, it does to the motion: B(-a) = B(a)^T.
-        towards = self.roll_sign * ahead
-        influence = self.influence[abs(ahead)]
-        return influence if towards >= 0 else influence.T
-
-    def compliance(self, roll: Reals) -> Reals:
-        """Give of a tooth loaded alone [m2/N]."""
-        return give_alone(self.influence[0], self.resultants(roll))
+from jaxgear._geometry._profile import tooth_section
+from jaxgear._types import Bodies, Reals, Scalar, as_scalar
 
 
 class AbstractCompliance(eqx.Module):
@@ -111,6 +73,24 @@ class AbstractCompliance(eqx.Module):
 
         Those bodies of the two that do.
         """
+
+    def along_face(
+        self, pair: GearPair, roll: Reals, line_load: Scalar, bodies: tuple[SharedBody, ...]
+    ) -> ToothParts | None:
+        """Divide the compliance into parts that couple the slices of a tooth.
+
+        **Arguments:**
+
+        - `pair`: the gears.
+        - `roll`: positions on the path of contact, from the pinion's base tangent point [m].
+        - `line_load`: load per length of contact line at which the secant is taken [N/m].
+        - `bodies`: the same that `bodies` lists.
+
+        **Returns:**
+
+        The parts, or `None`: slices are on their own.
+        """
+        del pair, roll, line_load, bodies
 
     def without(self, gears: tuple[int, ...]) -> "AbstractCompliance":
         """Leave out what the bodies of some gears give: condensed ones bring their own.
@@ -166,54 +146,51 @@ class WeberBanaschek(AbstractCompliance):
     - `wheel_foundation`: of the wheel's body, likewise.
     - `load_updates`: how often the contact term is taken anew at the line loads found, instead
         of at the nominal one [-].
+    - `face_coupling`: how far teeth feel a load along their face; by default slices are on their
+        own, and in plane strain.
     """
 
     pinion_foundation: AbstractFoundation | None = None
     wheel_foundation: AbstractFoundation | None = None
     load_updates: int = eqx.field(static=True, default=0)
+    face_coupling: FaceCoupling | None = None
 
     def local(self, pair: GearPair, roll: Reals, line_load: Scalar) -> Reals:
         """Evaluate what one tooth pair gives by itself; see the base class."""
-        half_width = hertz_contact(pair, roll).half_width(line_load)
-        gears = (pair.pinion, pair.wheel)
-        sections = [tooth_section(pair, gear) for gear in gears]
-        # The virtual gear keeps the normal radius of curvature, its own roll length.
-        to_normal = 1.0 / jnp.cos(pair.base_helix_angle)
-        angle = jnp.stack(
-            [
-                own * to_normal / section.base_radius
-                for own, section in zip((roll, pair.tangent_length - roll), sections, strict=True)
-            ]
-        )
-
-        def tooth(section: ToothSection, material: Material, angle: Reals) -> Reals:
-            depth = tooth_load(section, angle).depth
-            beam = beam_compliance(section, material, angle)
-            return beam + penetration_compliance(material, depth, half_width)
-
-        # Both gears at once: half the program to compile. Their bores are not for teeth.
-        teeth = [dataclasses.replace(section, radius_ratio=None) for section in sections]
-        both = jax.tree.map(lambda *leaves: jnp.stack(leaves), *teeth)
-        materials = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(g.material for g in gears))
-        total = jnp.sum(jax.vmap(tooth)(both, materials, angle), axis=0)
+        teeth, wider = teeth_in_contact(pair, roll, line_load), self._wider(pair)
+        beam = wider.reshape(2, *[1] * roll.ndim) * teeth.beam
+        total = jnp.sum(beam + teeth.penetration, axis=0)
         for index, foundation in enumerate(self._foundations(pair)):
             if not foundation.couples:
-                total += foundation(sections[index], gears[index].material, angle[index])
+                material = (pair.pinion, pair.wheel)[index].material
+                given = foundation(teeth.sections[index], material, teeth.angle[index])
+                total += wider[index] * given
         return total
+
+    def along_face(
+        self, pair: GearPair, roll: Reals, line_load: Scalar, bodies: tuple[SharedBody, ...]
+    ) -> ToothParts | None:
+        """Divide the compliance if slices are coupled; see the base class."""
+        if self.face_coupling is None:
+            return None
+        foundations = self._foundations(pair)
+        return tooth_parts(pair, foundations, bodies, self.face_coupling, roll, line_load)
 
     def bodies(self, pair: GearPair, neighbours: int) -> tuple[SharedBody, ...]:
         """List the gear bodies that couple the pairs in mesh; see the base class."""
         found = []
-        for gear, foundation, start, sign in zip(
+        for gear, foundation, start, sign, wider in zip(
             (pair.pinion, pair.wheel),
             self._foundations(pair),
             (jnp.zeros(()), pair.tangent_length),
             (1, -1),
+            self._wider(pair),
             strict=True,
         ):
             section = tooth_section(pair, gear)
             influence = foundation.influence(section, gear.material, neighbours)
             if influence is not None:
+                influence = wider * influence
                 to_normal = 1.0 / jnp.cos(pair.base_helix_angle)
                 found.append(SharedBody(section, influence, start, sign, to_normal))
         return tuple(found)
@@ -226,6 +203,12 @@ class WeberBanaschek(AbstractCompliance):
         """Leave out the foundations of some gears; see the base class."""
         names = [("pinion_foundation", "wheel_foundation")[gear] for gear in gears]
         return dataclasses.replace(self, **dict.fromkeys(names, NoFoundation()))
+
+    def _wider(self, pair: GearPair) -> Bodies:
+        """Factors on all that the gears give beside their contact [-]."""
+        return (
+            jnp.ones(2) if self.face_coupling is None else finite_widths(pair, self.face_coupling)
+        )
 
     def _foundations(self, pair: GearPair) -> tuple[AbstractFoundation, AbstractFoundation]:
         return (

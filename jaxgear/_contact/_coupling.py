@@ -67,7 +67,7 @@ def sharing_with_body(coupling: Coupling, stiffness: Cells) -> Callable[[CellCol
     What takes right-hand sides to solutions, in their unit.
     """
     if coupling.ndim == 2:
-        return _dense_solver(jnp.eye(stiffness.size) + stiffness[:, None] * coupling)
+        return _dense_solver(coupling, stiffness)
     return lambda columns: _share_in_slices(coupling, stiffness, columns)
 
 
@@ -91,49 +91,37 @@ def _share_in_slices(coupling: Coupling, stiffness: Cells, columns: CellColumns)
     return jnp.stack(answers).reshape(columns.shape)
 
 
-def _dense_solver(matrix: Array) -> Callable[[CellColumns], CellColumns]:
-    """Solve with one matrix, again and again, as `jnp.linalg.solve` does.
+def _dense_solver(coupling: Coupling, stiffness: Cells) -> Callable[[CellColumns], CellColumns]:
+    r"""Solve with one matrix, again and again.
 
-    Its derivatives are those of the linear system: the factors are no part of them.
+    With $S^2 = K$ it is $(I + KC)^{-1} = I - S(I + SCS)^{-1}SC$: open cells have no part in the
+    symmetric matrix, and no pivots are needed. Derivatives are those of the linear system: roots
+    and factors are no part of them.
     """
-    factors, permutation = _factors(jax.lax.stop_gradient(matrix))
-
-    def solve(right: CellColumns, transposed: bool) -> CellColumns:
-        return _substituted(factors, permutation, right, transposed)
+    root = jnp.sqrt(jax.lax.stop_gradient(stiffness))
+    held = jax.lax.stop_gradient(coupling)
+    factor = _one_by_one(_cholesky)(jnp.eye(root.size) + root[:, None] * held * root[None, :])
+    within = lambda right: root[:, None] * _one_by_one(_substituted)(factor, root[:, None] * right)
 
     def solutions(columns: CellColumns) -> CellColumns:
         return jax.lax.custom_linear_solve(
-            lambda x: matrix @ x,
+            lambda x: x + stiffness[:, None] * (coupling @ x),
             columns,
-            solve=lambda _, right: solve(right, False),
-            transpose_solve=lambda _, right: solve(right, True),
+            solve=lambda _, right: right - within(held @ right),
+            transpose_solve=lambda _, right: right - held @ within(right),
         )
 
     return solutions
 
 
-def _factors(matrix: Array) -> tuple[Array, Array]:
-    """Triangular factors and the order of rows."""
-    lu, _, permutation = _one_by_one(jax.lax.linalg.lu)(matrix)
-    return lu, permutation
+def _cholesky(matrix: Array) -> Array:
+    return jax.lax.linalg.cholesky(matrix, symmetrize_input=False)
 
 
-def _substituted(
-    factors: Array, permutation: Array, right: CellColumns, transposed: bool
-) -> CellColumns:
-    def substitute(factors: Array, permutation: Array, right: CellColumns) -> CellColumns:
-        triangular = jax.lax.linalg.triangular_solve
-        if transposed:
-            first = triangular(factors, right, left_side=True, transpose_a=True)
-            first = triangular(
-                factors, first, left_side=True, lower=True, transpose_a=True, unit_diagonal=True
-            )
-            return first[jnp.argsort(permutation)]
-        first = right[permutation]
-        first = triangular(factors, first, left_side=True, lower=True, unit_diagonal=True)
-        return triangular(factors, first, left_side=True)
-
-    return _one_by_one(substitute)(factors, permutation, right)
+def _substituted(factor: Array, right: CellColumns) -> CellColumns:
+    triangular = jax.lax.linalg.triangular_solve
+    first = triangular(factor, right, left_side=True, lower=True)
+    return triangular(factor, first, left_side=True, lower=True, transpose_a=True)
 
 
 def _one_by_one(function: Callable) -> Callable:

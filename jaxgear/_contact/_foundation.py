@@ -63,6 +63,28 @@ class AbstractFoundation(eqx.Module):
         $N$, $Q$, $M/r_f$ per face width [m2/N], or `None` where teeth do not feel each other.
         """
 
+    def near_root(
+        self, section: ToothSection, material: Material, roll_angle: Reals, given: Reals
+    ) -> Reals:
+        r"""Evaluate which share of the compliance of a tooth loaded alone is near its root.
+
+        That of the elastic half-plane, and not more than all: $(c^{-8} + w^{-8})^{-1/8}$ where the
+        body gives $c$ and the half-plane $w$.
+
+        **Arguments:**
+
+        - `section`: the tooth.
+        - `material`: of the body.
+        - `roll_angle`: of the loaded points [rad].
+        - `given`: $c$ at these points [m2/N].
+
+        **Returns:**
+
+        The share at each point [m2/N].
+        """
+        plane = WeberFoundation()(section, material, roll_angle)
+        return plane * (1.0 + (plane / given) ** 8) ** -0.125
+
 
 class WeberFoundation(AbstractFoundation):
     r"""Weber's elastic half-plane under the tooth, plane strain.
@@ -88,6 +110,13 @@ class WeberFoundation(AbstractFoundation):
         inner += 4.8 * stretch * (1.0 + (1.0 - poisson) / 2.4 * jnp.tan(load.angle) ** 2)
         return jnp.cos(load.angle) ** 2 / material.young * inner
 
+    def near_root(
+        self, section: ToothSection, material: Material, roll_angle: Reals, given: Reals
+    ) -> Reals:
+        """Return all of it; see the base class."""
+        del section, material, roll_angle
+        return given
+
     def influence(self, section: ToothSection, material: Material, neighbours: int) -> None:
         """Return `None`: a half-plane of its own under each tooth."""
         del section, material, neighbours
@@ -102,6 +131,13 @@ class NoFoundation(AbstractFoundation):
         """Return zero at each point [m2/N]."""
         del section, material
         return jnp.zeros_like(roll_angle)
+
+    def near_root(
+        self, section: ToothSection, material: Material, roll_angle: Reals, given: Reals
+    ) -> Reals:
+        """Return nothing of nothing [m2/N]."""
+        del section, material, roll_angle
+        return given
 
     def influence(self, section: ToothSection, material: Material, neighbours: int) -> None:
         """Return `None`: nothing moves."""

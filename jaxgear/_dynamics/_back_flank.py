@@ -16,6 +16,7 @@ from jaxgear._contact._cells import (
     mesh_gap,
     nominal_line_load,
 )
+from jaxgear._contact._coupling import between_all_cells
 from jaxgear._dynamics._table import MeshTable, repeated
 from jaxgear._dynamics._types import PlaceArms, StepCoupling
 from jaxgear._flank._deviations import Flanks
@@ -172,9 +173,14 @@ def _joined_coupling(table: MeshTable, back: MeshTable) -> StepCoupling | None:
 
     Where only one of them couples, the slices are its; the lines of the other stand alone.
     """
-    slices = {x.coupling.shape[-1] for x in (table, back) if x.coupling is not None}
-    if not slices:
+    given = [x.coupling for x in (table, back) if x.coupling is not None]
+    if not given:
         return None
+    if any(coupling.ndim == 3 for coupling in given):
+        drive, other = (_between_all(part) for part in (table, back))
+        beside = lambda x, before, after: jnp.pad(x, [(0, 0), *[(before, after)] * 2])
+        return beside(drive, 0, other.shape[1]) + beside(other, drive.shape[1], 0)
+    slices = {coupling.shape[-1] for coupling in given}
     require(
         len(slices) == 1,
         "Drive and back flanks must have the same slices, got {got}. Use one grid for both.",
@@ -184,6 +190,14 @@ def _joined_coupling(table: MeshTable, back: MeshTable) -> StepCoupling | None:
     lines = drive.shape[1], other.shape[1]
     pad = lambda x, before, after: jnp.pad(x, [(0, 0), *[(before, after)] * 2, (0, 0)])
     return pad(drive, 0, lines[1]) + pad(other, lines[0], 0)
+
+
+def _between_all(table: MeshTable) -> StepCoupling:
+    """Coupling of all cells of one flank, whatever couples them."""
+    steps, cells = table.stiffness.shape
+    if table.coupling is None:
+        return jnp.zeros((steps, cells, cells))
+    return table.coupling if table.coupling.ndim == 3 else between_all_cells(table.coupling)
 
 
 def _coupling_or_zero(table: MeshTable, slices: int) -> StepCoupling:

@@ -133,7 +133,10 @@ Unknown = tuple[Scalar, Loads]
 
 @compiled
 def contact_state(
-    problem: ContactProblem, law: AbstractContactLaw, settings: SolverSettings
+    problem: ContactProblem,
+    law: AbstractContactLaw,
+    settings: SolverSettings,
+    near: tuple[Scalar, Cells] | None = None,
 ) -> ContactState:
     """Solve one position by semismooth Newton with a line search on the energy.
 
@@ -146,6 +149,8 @@ def contact_state(
     - `problem`: cells and structure.
     - `law`: exact or smooth contact.
     - `settings`: when to stop.
+    - `near`: approach and forces of the cells [m, N] in a state close by, where cells are coupled;
+        by default all of them are closed to begin with.
 
     **Returns:**
 
@@ -167,8 +172,9 @@ def contact_state(
         moved = at_cells(problem.arms, problem.direction)
         return _solve_linear(problem, -driven / moved, right)
 
+    start = _start(problem) if near is None else jax.lax.stop_gradient(near)
     found, (error, steps) = jax.lax.custom_root(
-        imbalance, _start(problem), solve, solve_tangent, has_aux=True
+        imbalance, start, solve, solve_tangent, has_aux=True
     )
     overlap = _overlap(problem, found)
     coupled = problem.coupling is not None

@@ -21,6 +21,7 @@ from jaxgear._contact._compliance import (
     Iso6336,
     WeberBanaschek,
 )
+from jaxgear._contact._face_coupling import FaceCoupling
 from jaxgear._contact._foundation import (
     AbstractFoundation,
     NoFoundation,
@@ -153,7 +154,11 @@ def _compliance(mesh: MeshKeys, foundations: Sequence[AbstractFoundation]) -> Ab
         case "iso6336":
             return Iso6336()
         case _:
-            return WeberBanaschek(*foundations, load_updates=mesh.line_load_updates)
+            return WeberBanaschek(
+                *foundations,
+                load_updates=mesh.line_load_updates,
+                face_coupling=FaceCoupling() if mesh.face_coupling == "coupled" else None,
+            )
 
 
 _FOUNDATIONS = {

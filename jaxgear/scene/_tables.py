@@ -16,6 +16,9 @@ from jaxgear.scene._table import key, real, table
 
 GearName = Literal["pinion", "wheel"]
 
+# Whether teeth feel a load along their face where a scene does not say.
+FACE_COUPLING = "none"
+
 SPEED = "(0, inf). At rest, the quasi-static cycle of `jaxgear run` is the response"
 
 
@@ -45,6 +48,12 @@ class MeshKeys:
         default="ring",
     )
     slices: int = key("slices across the face", "[1, 2000]", 20)
+    face_coupling: Literal["coupled", "none"] = key(
+        "whether a tooth of stiffness weber-banaschek feels a load along its face; coupled: beam, "
+        "root, body and contact, each as far as it reaches, and gears of finite width; none: "
+        "slices on their own, in plane strain",
+        default=FACE_COUPLING,
+    )
     phases: int = key("positions in one mesh period", "[8, 4096]", 64)
     contact: Literal["exact", "smooth"] = key("contact law", default="exact")
     smoothing_um: float = real(

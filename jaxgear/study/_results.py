@@ -151,7 +151,8 @@ def _pair_stiffness(model: jg.PairModel, cycle: jg.MeshCycle) -> Array:
     pair, cells = model.pair, cycle.cells
     on_path = jnp.clip(cells.lines.roll, pair.path_start, pair.path_end)
     bodies = model.compliance.bodies(pair, 0)
-    give = sum((body.compliance(on_path) for body in bodies), 1.0 / cells.line_stiffness)
+    own = 1.0 / cells.line_stiffness + (0.0 if cells.spread is None else cells.spread)
+    give = sum((body.compliance(on_path) for body in bodies), own)
     return 1.0 / give
 
 

@@ -15,8 +15,8 @@ NOTHING: Changes = MappingProxyType({})
 # The axes along which models of a scene differ, in the order in which changes of several are named.
 # Along that of methods the last one counts.
 AXES = (
-    "bodies", "modes", "mesh coordinates", "slices", "phases", "foundation", "line loads",
-    "contact", "method",
+    "bodies", "modes", "mesh coordinates", "slices", "phases", "foundation",
+    "face coupling", "line loads", "contact", "method",
 )  # fmt: skip
 # A fluctuation is compared with this share of what the mesh deflects by, where it is less: nobody
 # needs two per cent of nothing [-].

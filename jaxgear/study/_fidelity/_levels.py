@@ -102,8 +102,10 @@ def _on_stiffness(scene: Scene, few: bool) -> list[tuple[str, Mapping[str, Chang
     }
     less = {key: "weber" for key, name in chosen.items() if name == "ring"}
     none = {key: "none" for key, name in chosen.items() if name != "none"}
+    coupled = scene.mesh.face_coupling == "coupled"
     rules = [
         ("foundation", "Weber foundation", less, less),
+        ("face coupling", "slices apart", coupled, {"mesh.face_coupling": "none"}),
         ("line loads", "nominal line load", updates, {key: 0}),
         ("foundation", "no foundation", none and not few, none),
         (_BEYOND, "2 line load updates", not updates and not few, {key: 2}),

@@ -1,0 +1,158 @@
+"""Mesh cycles of teeth that feel a load along their face, against 3-D finite elements."""
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import assert_close, assert_gradient
+from solve_cases import ACCESSORY
+
+import jaxgear as jg
+from jaxgear import mm, um
+from jaxgear._dynamics._cell_forces import mesh_load
+from jaxgear._dynamics._table import MIDDLE, mesh_at
+
+FE = json.loads((Path(__file__).parents[1] / "data" / "fe3d" / "accessory.json").read_text())
+LAW = jg.ExactContact()
+
+
+class Answers(NamedTuple):
+    """What a cycle comes to: error [m], pressure [Pa], loads over the face, all phases solved."""
+
+    mean: jax.Array
+    rms: jax.Array
+    pressure: jax.Array
+    face_load: jax.Array
+    solved: jax.Array
+
+
+def _model(crowning=0.0, slope=0.0, torque=80.0, updates=3, coupled=True) -> jg.PairModel:
+    pair = eqx.tree_at(
+        lambda p: (p.pinion.bore, p.wheel.bore),
+        ACCESSORY.pair(),
+        (jnp.asarray(30.0 * mm), jnp.asarray(40.0 * mm)),
+        is_leaf=lambda x: x is None,
+    )
+    return jg.PairModel(
+        pair,
+        torque,
+        flanks=jg.Flanks(
+            wheel=jg.Superposed((jg.Crowning(crowning * um), jg.HelixSlope(slope * um)))
+        ),
+        compliance=jg.WeberBanaschek(
+            load_updates=updates, face_coupling=jg.FaceCoupling() if coupled else None
+        ),
+    )
+
+
+@eqx.filter_jit
+def _answers(model: jg.PairModel, grid: jg.MeshGrid) -> Answers:
+    cycle = jg.mesh_cycle(model, grid, law=LAW, throw=False)
+    error, weight = jg.transmission_error(model.pair, cycle), cycle.cells.lines.weight
+    mean = jnp.sum(weight * error)
+    lines = cycle.force.reshape(cycle.cells.lines.roll.shape)
+    return Answers(
+        mean=mean,
+        rms=jnp.sqrt(jnp.sum(weight * (error - mean) ** 2)),
+        pressure=jnp.max(jg.hertz_pressure(model.pair, cycle, LAW)),
+        face_load=jnp.sum(weight[:, None] * jnp.sum(lines, axis=1), axis=0),
+        solved=jnp.all(cycle.converged),
+    )
+
+
+@pytest.mark.parametrize(
+    ("case", "crowning", "slope"),
+    [("a-plain", 0.0, 0.0), ("b-crown10", 10.0, 0.0), ("b-slope20", 0.0, 20.0)],
+)
+def test_uneven_loads_against_finite_elements(case, crowning, slope):
+    model = _model(crowning, slope)
+    found = _answers(model, jg.mesh_grid(model.pair, phases=24, slices=20))
+    truth = FE["cycles"][case]
+    assert bool(found.solved)
+    assert_close(float(found.mean) / um, truth["te_mean_um"], rtol=0.015, atol=0.0)
+    assert_close(float(found.rms) / um, truth["te_rms_um"], rtol=0.03, atol=0.0)
+    assert_close(float(found.pressure) / 1e6, truth["max_pressure_MPa"], rtol=0.04, atol=0.0)
+    factor = float(jnp.max(found.face_load) / jnp.mean(found.face_load))
+    assert_close(factor, truth["face_load_factor"], rtol=0.08, atol=0.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", [jg.ExactContact(), jg.SmoothContact(width=0.5 * um)])
+def test_derivatives_against_differences(law):
+    """By torque, crowning, both face widths, module and the decay lengths."""
+    grid = jg.mesh_grid(_model().pair, phases=8, slices=5)
+
+    def error(numbers):
+        torque, crowning, faces, module, lengths = numbers
+        model = eqx.tree_at(
+            lambda m: (
+                m.torque,
+                m.flanks.wheel.parts[0].depth,
+                m.pair.pinion.face_width,
+                m.pair.wheel.face_width,
+                m.pair.normal_module,
+                m.compliance.face_coupling.beam,
+                m.compliance.face_coupling.body,
+            ),
+            _model(10.0, 10.0, updates=1),
+            (torque, crowning, faces[0], faces[1], module, lengths[0], lengths[1]),
+        )
+        cycle = jg.mesh_cycle(model, grid, law=law, throw=False)
+        return 1e6 * jnp.sum(cycle.cells.lines.weight * cycle.approach)
+
+    numbers = (
+        jnp.asarray(80.0),
+        jnp.asarray(10.0 * um),
+        jnp.asarray([11.5, 9.5]) * mm,
+        jnp.asarray(1.5 * mm),
+        jnp.asarray([1.11, 4.0]),
+    )
+    assert_gradient(error, numbers, rtol=1e-5)
+
+
+@pytest.mark.slow
+def test_slices_converge_in_first_order_or_better():
+    model = _model(0.0, 20.0)
+    means = [
+        float(_answers(model, jg.mesh_grid(model.pair, phases=8, slices=n)).mean)
+        for n in (5, 10, 20, 40)
+    ]
+    steps = np.abs(np.diff(means))
+    assert steps[0] / steps[1] > 1.9
+    assert steps[1] / steps[2] > 1.9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("helix", [20.0, 35.0])
+def test_helical_pairs_are_solved(helix):
+
+    drawing = dataclasses.replace(ACCESSORY, helix_angle=np.radians(helix))
+    model = jg.PairModel(
+        drawing.pair(), 80.0, compliance=jg.WeberBanaschek(face_coupling=jg.FaceCoupling())
+    )
+    found = _answers(model, jg.mesh_grid(model.pair, phases=8, slices=12))
+    assert bool(found.solved)
+    apart = eqx.tree_at(
+        lambda m: m.compliance, model, jg.WeberBanaschek(), is_leaf=lambda x: x is None
+    )
+    other = _answers(apart, jg.mesh_grid(model.pair, phases=8, slices=12))
+    assert_close(float(found.mean), float(other.mean), rtol=0.1, atol=0.0)
+
+
+def test_coupled_mesh_in_motion_presses_as_at_rest():
+    """The table of a pair in motion, where statics has its nodes: the same loads."""
+    model = _model(10.0, 0.0, updates=0)
+    grid = jg.mesh_grid(model.pair, phases=8, slices=4)
+    dynamics = jg.pair_dynamics(model, grid)
+    table, cycle = dynamics.system.table, dynamics.cycle
+    assert table.coupling is not None
+    assert table.coupling.shape == (8, grid.cells, grid.cells)
+    mesh = mesh_at(table, MIDDLE)
+    load = jax.vmap(lambda m, place: mesh_load(m, place, LAW)[0])(mesh, dynamics.system.rest)
+    assert_close(load, cycle.load, rtol=1e-9, atol=1e-6)
