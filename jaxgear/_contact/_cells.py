@@ -136,11 +136,14 @@ def cells_on_lines(
     across = lines.face_position[None, None, :] * jnp.cos(helix)
     arm = across + (lines.roll - pair.pitch_point) * jnp.sin(helix)
     flat = lines.phase.size, lines.roll.shape[1] * lines.roll.shape[2]
+    coupling = compliance.between_cells(pair, lines, line_load)
+    if coupling is None:
+        coupling = _coupling(pair, lines, compliance.bodies(pair, lines.roll.shape[1] - 1))
     return MeshCells(
         lines=lines,
         line_stiffness=line_stiffness,
         stiffness=stiffness.reshape(flat),
-        coupling=_coupling(pair, lines, compliance.bodies(pair, lines.roll.shape[1] - 1)),
+        coupling=coupling,
         arm=arm.reshape(flat),
     )
 

@@ -235,7 +235,8 @@ def on_condensed_bodies(
         return cells
     coupling = sum(table.compliance for table in tables)
     if cells.coupling is not None:
-        coupling += between_all_cells(cells.coupling)
+        apart = cells.coupling
+        coupling += apart if apart.ndim == 3 else between_all_cells(apart)
     arms = jnp.concatenate([table.arms for table in tables], axis=2)
     return dataclasses.replace(cells, coupling=coupling, seat_arms=arms, growth=growth)
 

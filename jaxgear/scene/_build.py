@@ -99,8 +99,8 @@ def pair_grid(scene: Scene, pair: GearPair, torque: Scalar) -> MeshGrid:
         slices=scene.mesh.slices,
         periods=scene.mesh.periods,
         beyond=_tip_window(scene, pair, torque) if scene.mesh.tip_contact else 0.0,
-        # Condensed bodies do not follow the face anyway, and every line costs.
-        fixed_face=bool(scene.condensed),
+        # What is condensed does not follow the face anyway, and every line costs.
+        fixed_face=bool(scene.condensed) or scene.mesh.tooth == "elements",
     )
 
 
@@ -142,6 +142,11 @@ def law_of(scene: Scene) -> AbstractContactLaw:
 
 
 def _compliance(scene: Scene) -> AbstractCompliance:
+    if scene.mesh.tooth == "elements":
+        # For other scenes no finite elements are imported.
+        from jaxgear.scene._mesh_teeth import element_teeth
+
+        return element_teeth(scene)
     match scene.mesh.stiffness:
         case "constant":
             return ConstantStiffness(si(scene.mesh.stiffness_N_mm_um, N_per_mm_um))

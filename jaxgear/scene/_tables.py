@@ -44,6 +44,11 @@ class MeshKeys:
         "couples the teeth in mesh; a gear with bore_mm = 0 or with a beam body takes weber",
         default="ring",
     )
+    tooth: Literal["sliced", "elements"] = key(
+        "model of the teeth; elements: condensed finite elements of whole teeth on rings held at "
+        "bore_mm, in place of mesh.stiffness and the foundations",
+        default="sliced",
+    )
     slices: int = key("slices across the face", "[1, 2000]", 20)
     phases: int = key("positions in one mesh period", "[8, 4096]", 64)
     contact: Literal["exact", "smooth"] = key("contact law", default="exact")

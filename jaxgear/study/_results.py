@@ -115,9 +115,9 @@ def _pair_stiffness(model: jg.PairModel, cycle: jg.MeshCycle) -> Array:
     """Of a pair loaded alone: what it gives by itself, and what the bodies under it give."""
     pair, cells = model.pair, cycle.cells
     on_path = jnp.clip(cells.lines.roll, pair.path_start, pair.path_end)
-    bodies = model.compliance.bodies(pair, 0)
-    give = sum((body.compliance(on_path) for body in bodies), 1.0 / cells.line_stiffness)
-    return 1.0 / give
+    load = jg.nominal_line_load(pair, model.mesh_torque)
+    shared = model.compliance.alone(pair, on_path, load)
+    return 1.0 / (shared + 1.0 / cells.line_stiffness)
 
 
 def _bearings(cycle: jg.MeshCycle) -> dict[str, Array]:
