@@ -55,7 +55,7 @@ def _mean_of_rectangles(apart: Reals, length: Scalar, half_width: Scalar) -> Rea
 def _fourth_integral(x: Reals, y: Scalar) -> Reals:
     """What gives 1/r when differentiated twice by each of two coordinates; even in both [m3]."""
     distance = jnp.sqrt(x**2 + y**2)
-    flat = jnp.abs(x) < 1e-12 * (jnp.abs(y) + jnp.max(jnp.abs(x)))
+    flat = jnp.abs(x) <= 1e-12 * (jnp.abs(y) + jnp.max(jnp.abs(x)))
     safe = jnp.where(flat, 1.0, jnp.abs(x))
     tall = jnp.where(jnp.abs(y) > 0.0, y, 1.0)
     first = jnp.where(flat, 0.0, 0.5 * x**2 * y * jnp.arcsinh(y / safe))

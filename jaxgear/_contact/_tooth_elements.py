@@ -39,7 +39,7 @@ class ToothTables(eqx.Module):
     - `compliance`: of rows and waves, of the loaded tooth and of those that follow it [m2/N].
     - `places`: squares of the roll lengths of the rows' middles [m2].
     - `pieces`: of the cubic splines that are 1 on one row and 0 on the others, by powers of the
-        square of the roll length, the highest first [m^-6 to -].
+        square of the roll length, the highest first [-, 1/m2, 1/m4, 1/m6].
     - `face_width`: of the gear [m].
     - `young`: that they were made with [Pa].
     """
@@ -214,7 +214,7 @@ def _where_in_contact(lines: ContactLines, whole: Array) -> DenseCouplingGrid:
 
 
 def _slice_waves(tables: ToothTables, middles: Reals, width: Scalar) -> Array:
-    """Means of the waves over slices of a face, shape `[slice, wave]` [m^-1/2]."""
+    """Means of the waves over slices of a face, shape `[slice, wave]` [1/sqrt(m)]."""
     count = tables.compliance.shape[2]
     points, weights = np.polynomial.legendre.leggauss(3 + count // middles.size)
     x = 2.0 * (middles[:, None] + 0.5 * width * jnp.asarray(points)[None, :]) / tables.face_width

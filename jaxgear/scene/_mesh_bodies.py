@@ -20,6 +20,7 @@ from jaxgear.scene._bodies import BodyPlan, Drawn, body_plan
 from jaxgear.scene._body_build import BuiltBody, built_body
 from jaxgear.scene._body_words import in_keys
 from jaxgear.scene._build import couples_on_pinion, pair_grid, pair_of
+from jaxgear.scene._plain_ring import without_plain_ring
 from jaxgear.scene._root_correction import root_correction
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
@@ -226,4 +227,6 @@ def _in_mesh(
             local=local,
             basis=basis,
         )
+    if scene["mesh.tooth"] == "elements":
+        flexible = without_plain_ring(scene, plan, flexible, pair, grid, tell)
     return MeshBody(built, flexible, basis)

@@ -48,8 +48,12 @@ def element_teeth(scene: Scene, tell: Callable[[str], None] = lambda step: None)
     - `InputError` if the scene's teeth cannot be finite elements, or cannot follow what is traced.
     """
     _check(scene)
+    # Both before any long work: a mistake in the second costs no wait.
+    shapes = [_shape(scene, gear) for gear in GEARS]
     count = _teeth_in_mesh(scene)
-    pinion, wheel = (_tables(scene, gear, count, tell) for gear in GEARS)
+    pinion, wheel = (
+        _tables(gear, shape, count, tell) for gear, shape in zip(GEARS, shapes, strict=True)
+    )
     return ElementTeeth(pinion, wheel, load_updates=scene.mesh.line_load_updates)
 
 
@@ -69,11 +73,12 @@ def _check(scene: Scene) -> None:
         )
     for gear in GEARS:
         kind = scene.gear(gear).body.kind
-        if kind != "rigid":
+        if kind == "beam":
             raise InputError(
-                f'mesh.tooth = "elements": the {gear}\'s body is {kind}, and what its ring gives '
-                "under the teeth would count twice, once in the teeth's elements and once in the "
-                f'body. Make {gear}.body.kind "rigid", or write mesh.tooth = "sliced".'
+                f'mesh.tooth = "elements": the {gear}\'s body is a beam, and what the ring under '
+                "the teeth winds up and bends would count twice, once in the teeth's elements and "
+                f'once in the beam. Make {gear}.body.kind "rigid" or "condensed", or write '
+                'mesh.tooth = "sliced".'
             )
         if not scene.plain.gear(gear).bore_mm:
             raise InputError(
@@ -92,7 +97,8 @@ def _teeth_in_mesh(scene: Scene) -> int:
     return math.floor(profile + half + beyond + 0.05) + math.ceil(half) + 1
 
 
-def _tables(scene: Scene, name: str, count: int, tell: Callable[[str], None]) -> ToothTables:
+def _shape(scene: Scene, name: str) -> tuple[ToothedGear, Material]:
+    """What the teeth of a gear are made from."""
     tables, sign = scene.plain, {"pinion": 1.0, "wheel": -1.0}[name]
     gear, pair = tables.gear(name), tables.pair
     helix, module = pair.helix_angle_deg * deg, pair.module_mm * mm
@@ -113,9 +119,15 @@ def _tables(scene: Scene, name: str, count: int, tell: Callable[[str], None]) ->
             bore=gear.bore_mm * mm,
             face_width=gear.face_width_mm * mm,
         )
-        material = Material(young * GPa, poisson, density)
-        found = condensed_teeth(shape, material, count, lambda step: tell(f"{name}: {step}"))
-    return tooth_tables(found.compliance, found.roll, found.face_width, material.young)
+        return shape, Material(young * GPa, poisson, density)
+
+
+def _tables(
+    name: str, made_from: tuple[ToothedGear, Material], count: int, tell: Callable[[str], None]
+) -> ToothTables:
+    with in_keys(name):
+        found = condensed_teeth(*made_from, count, lambda step: tell(f"{name}: {step}"))
+    return tooth_tables(found.compliance, found.roll, found.face_width, made_from[1].young)
 
 
 # What was condensed or read in this process: a scene's model is made many times.
