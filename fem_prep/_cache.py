@@ -14,7 +14,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 import platformdirs
@@ -122,6 +122,8 @@ def file_digest(path: str | os.PathLike) -> str:
 
 class _HasFacts(Protocol):
     """What can be kept: a dataclass that says what else is known of it."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
 
     @property
     def facts(self) -> Mapping[str, object]: ...

@@ -208,27 +208,22 @@ def prism_stiffness(
     """
     of_section, mixed, upright = matrices
     slope, both = waves.products
-    total = None
-    pairs = ((of_section, np.eye(waves.count)), (mixed, slope), (upright, both))
-    for plane, axial in pairs:
-        # Rows first: the whole of it is several times as large.
-        part = _kept_product(plane, axial, kept, waves.count)
-        part = part + part.T if plane is mixed else part
-        total = part if total is None else total + part
-    assert total is not None
-    return csr_array(total)
+    crossed = _kept_product(mixed, slope, kept, waves.count)
+    total = _kept_product(of_section, np.eye(waves.count), kept, waves.count)
+    total = total + _kept_product(upright, both, kept, waves.count)
+    return csr_array(total + crossed + crossed.T)
 
 
 def _kept_product(plane: csr_array, axial: np.ndarray, kept: np.ndarray, count: int) -> csr_array:
     """Rows and columns of a Kronecker product, made a block of waves at a time."""
-    place = np.full(plane.shape[0] * count, -1)
+    place = np.full((plane.indptr.size - 1) * count, -1)
     place[kept] = np.arange(len(kept))
-    plane = plane.tocoo()
-    row, column = plane.coords
+    entries = coo_array(plane)
+    row, column = entries.coords
     parts = []
     for m, n in zip(*np.nonzero(axial), strict=True):
         i, j = place[row * count + m], place[column * count + n]
-        inside = (i >= 0) & (j >= 0) & (plane.data != 0.0)
-        parts.append((i[inside], j[inside], plane.data[inside] * axial[m, n]))
+        inside = (i >= 0) & (j >= 0) & (entries.data != 0.0)
+        parts.append((i[inside], j[inside], entries.data[inside] * axial[m, n]))
     i, j, data = (np.concatenate([part[k] for part in parts]) for k in range(3))
     return csr_array(coo_array((data, (i, j)), shape=(len(kept),) * 2).tocsr())

@@ -25,7 +25,7 @@ from jaxgear._geometry._pair import pair_facts
 from jaxgear._units import GPa, deg, mm
 from jaxgear.scene._body_build import Steps
 from jaxgear.scene._body_words import in_keys
-from jaxgear.scene._build_pair import pair_of
+from jaxgear.scene._build_pair import pair_of, si
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS, shapes_teeth
 from jaxgear.scene._sizes import of_material
@@ -54,7 +54,7 @@ def element_teeth(scene: Scene, tell: Callable[[str], None] = lambda step: None)
     pinion, wheel = (
         _tables(gear, shape, count, tell) for gear, shape in zip(GEARS, shapes, strict=True)
     )
-    return ElementTeeth(pinion, wheel, load_updates=scene.mesh.line_load_updates)
+    return ElementTeeth(pinion=pinion, wheel=wheel, load_updates=scene.mesh.line_load_updates)
 
 
 def _check(scene: Scene) -> None:
@@ -103,9 +103,10 @@ def _shape(scene: Scene, name: str) -> tuple[ToothedGear, Material]:
     gear, pair = tables.gear(name), tables.pair
     helix, module = pair.helix_angle_deg * deg, pair.module_mm * mm
     height = gear.addendum_coeff + gear.profile_shift - gear.tip_shortening_coeff
-    young, poisson, density = (
-        of_material(tables, name, key) for key in ("young_GPa", "poisson", "density_kg_m3")
-    )
+    keys = ("young_GPa", "poisson", "density_kg_m3")
+    young, poisson, density = (float(si(of_material(tables, name, key))) for key in keys)
+    bore = gear.bore_mm
+    assert bore is not None  # `_check` has asked for it.
     with in_keys(name):
         shape = ToothedGear(
             teeth=gear.teeth,
@@ -116,7 +117,7 @@ def _shape(scene: Scene, name: str) -> tuple[ToothedGear, Material]:
             dedendum=gear.dedendum_coeff,
             fillet_radius=gear.fillet_radius_coeff,
             tip_radius=0.5 * gear.teeth * module / math.cos(helix) + module * height,
-            bore=gear.bore_mm * mm,
+            bore=bore * mm,
             face_width=gear.face_width_mm * mm,
         )
         return shape, Material(young * GPa, poisson, density)
