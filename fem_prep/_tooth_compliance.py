@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ._assembly import Material
-from ._checks import Progress, silent
+from ._checks import Progress, require, silent
 from ._half_space import Strips, strip_compliance
 from ._prism import (
     FaceWaves,
@@ -64,6 +64,10 @@ class ToothElements:
     facts: Mapping[str, object] = field(default_factory=dict)
 
 
+# Unknowns that are factorised at once.
+_MOST = 100_000
+
+
 def condense_teeth(
     gear: ToothedGear,
     material: Material,
@@ -88,7 +92,7 @@ def condense_teeth(
 
     **Raises:**
 
-    - `BodyError` if teeth and ring cannot be divided.
+    - `BodyError` if teeth and ring cannot be divided, or if they have too many unknowns.
     """
     with progress("dividing the teeth"):
         section = tooth_section(gear, min(teeth, gear.teeth), sizing)
@@ -101,6 +105,14 @@ def condense_teeth(
     motion = np.zeros((3 * len(watched), waves.count, loads.shape[-1], waves.count))
     with progress("solving for loads on the flank"):
         for part, own in _separate(gear, kept, waves.count):
+            require(
+                len(part) <= _MOST,
+                "Teeth may have {most} unknowns in one piece, which take some 4 GB, got {got}: "
+                "they are too wide, or too many are in mesh. Divide them more coarsely by "
+                '`ToothSizing`; in a scene write mesh.tooth = "sliced".',
+                most=_MOST,
+                got=len(part),
+            )
             dof, wave = np.unravel_index(part, shape)
             factor = factorise(prism_stiffness(matrices, waves, part))
             right = loads[0, dof][:, :, None] * (wave[:, None] == own)[:, None, :]

@@ -131,6 +131,10 @@ def _tables(
     return tooth_tables(found.compliance, found.roll, found.face_width, made_from[1].young)
 
 
+# Without twist two halves of the unknowns keep apart; with it there is room for fewer.
+_TWISTED = ToothSizing(flank=7, across=4, gap=6, ring=6, margin=1, waves=6)
+
+
 # What was condensed or read in this process: a scene's model is made many times.
 @functools.lru_cache(maxsize=16)
 def _kept(shape: ToothedGear, material: Material, count: int) -> list[ToothElements]:
@@ -155,7 +159,7 @@ def condensed_teeth(
     """
     kept = _kept(shape, material, count)
     if not kept:
-        sizing = ToothSizing()
+        sizing = ToothSizing() if shape.twist == 0.0 else _TWISTED
         key = key_of({"shape": shape, "material": material, "teeth": count, "sizing": sizing})
         build = lambda: condense_teeth(shape, material, count, sizing=sizing, progress=Steps(tell))
         kept.append(cached(key, build, (read_teeth, write_teeth))[0])
