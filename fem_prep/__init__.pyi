@@ -33,6 +33,12 @@ from ._artefact import ReducedBody as ReducedBody
 from ._artefact import balanced as balanced
 from ._artefact import floating as floating
 from ._artefact import rigid_motions as rigid_motions
+from ._tooth_shape import ToothedGear as ToothedGear
+from ._tooth_section import ToothSizing as ToothSizing
+from ._tooth_compliance import ToothElements as ToothElements
+from ._tooth_compliance import condense_teeth as condense_teeth
+from ._tooth_file import read_teeth as read_teeth
+from ._tooth_file import write_teeth as write_teeth
 from ._body_file import content_hash as content_hash
 from ._body_file import read_body as read_body
 from ._body_file import write_body as write_body

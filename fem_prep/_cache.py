@@ -14,12 +14,14 @@ import time
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 import platformdirs
 
-from ._artefact import FORMAT, ReducedBody
-from ._body_file import read_about, read_body, write_body
+from ._archive import read_about
+from ._artefact import FORMAT
+from ._body_file import read_body, write_body
 from ._checks import BodyError, require
 
 # Raised whenever the same inputs would give another body than before.
@@ -118,7 +120,25 @@ def file_digest(path: str | os.PathLike) -> str:
     return digest.hexdigest()
 
 
-def cached(key: str, build: Callable[[], ReducedBody]) -> tuple[ReducedBody, bool]:
+class _HasFacts(Protocol):
+    """What can be kept: a dataclass that says what else is known of it."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    @property
+    def facts(self) -> Mapping[str, object]: ...
+
+
+# A body, or something else that is made offline and has facts and a file.
+Kept = TypeVar("Kept", bound=_HasFacts)
+_BodyFile = (read_body, write_body)
+
+
+def cached(
+    key: str,
+    build: Callable[[], Kept],
+    file: tuple[Callable[[Path], Kept], Callable[[Path, Kept], object]] = _BodyFile,
+) -> tuple[Kept, bool]:
     """A body from the cache, or built and kept there.
 
     Several processes may ask for the same body at once: each gets a whole one.
@@ -127,6 +147,7 @@ def cached(key: str, build: Callable[[], ReducedBody]) -> tuple[ReducedBody, boo
 
     - `key`: from `key_of`.
     - `build`: makes the body.
+    - `file`: reads it from a file, and writes it; without it those of a `ReducedBody`.
 
     **Returns:**
 
@@ -136,9 +157,10 @@ def cached(key: str, build: Callable[[], ReducedBody]) -> tuple[ReducedBody, boo
     if folder is None:
         return _made(key, build), False
     path = folder / f"{key}.npz"
+    read, write = file
     if path.is_file():
         try:
-            body = read_body(path)
+            body = read(path)
             require(
                 body.facts.get(MADE_FROM) == key,
                 "The file {path} holds a body that was made from something else.",
@@ -152,7 +174,7 @@ def cached(key: str, build: Callable[[], ReducedBody]) -> tuple[ReducedBody, boo
     body = _made(key, build)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        write_body(path, body)
+        write(path, body)
     except OSError as error:
         _warn(
             f"The condensed body cannot be kept in {folder} ({error.strerror or error}) and "
@@ -163,7 +185,7 @@ def cached(key: str, build: Callable[[], ReducedBody]) -> tuple[ReducedBody, boo
     return body, False
 
 
-def _made(key: str, build: Callable[[], ReducedBody]) -> ReducedBody:
+def _made(key: str, build: Callable[[], Kept]) -> Kept:
     """A new body that says what it was made from."""
     body = build()
     return dataclasses.replace(body, facts={**body.facts, MADE_FROM: key})

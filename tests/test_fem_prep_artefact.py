@@ -13,9 +13,10 @@ import numpy as np
 import platformdirs
 import pytest
 
-from fem_prep import _body_file, _cache
+from fem_prep import _archive, _body_file, _cache
+from fem_prep._archive import read_about
 from fem_prep._artefact import ReducedBody
-from fem_prep._body_file import content_hash, read_about, read_body, write_body
+from fem_prep._body_file import content_hash, read_body, write_body
 from fem_prep._cache import (
     CacheWarning,
     cache_entries,
@@ -62,8 +63,8 @@ def _stored(path: Path, *, about: dict | None = None, leave: str = "", **arrays)
     packed, text = _body_file._packed(_body())
     text = json.dumps(json.loads(text) | (about or {}), sort_keys=True)
     packed = {name: each for name, each in (packed | arrays).items() if name != leave}
-    digest = _body_file._digest(packed, text)
-    texts = {"about": _body_file._bytes(text), "hash": _body_file._bytes(digest)}
+    digest = _archive.content_digest(packed, text)
+    texts = {"about": _archive._bytes(text), "hash": _archive._bytes(digest)}
     with open(path, "wb") as file:
         np.savez(file, **packed, **texts)  # pyright: ignore[reportArgumentType]
     return path

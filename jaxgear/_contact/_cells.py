@@ -137,8 +137,10 @@ def cells_on_lines(
     if face is None:
         local = compliance.local(pair, path_nodes(pair), line_load)
         line_stiffness = along_path(pair, 1.0 / local, lines.roll)
-        bodies = compliance.bodies(pair, lines.roll.shape[1] - 1)
-        coupling, spread = _coupling(pair, lines, bodies), None
+        coupling, spread = compliance.between_cells(pair, lines, line_load), None
+        if coupling is None:
+            bodies = compliance.bodies(pair, lines.roll.shape[1] - 1)
+            coupling = _coupling(pair, lines, bodies)
     else:
         line_stiffness, coupling, spread = 1.0 / face.local, face.coupling, face.spread
     stiffness = line_stiffness * lines.fraction * lines.length

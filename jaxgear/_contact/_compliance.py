@@ -21,6 +21,7 @@ from jaxgear._contact._foundation import (
     RingFoundation,
     WeberFoundation,
 )
+from jaxgear._contact._iso import iso_stiffness
 from jaxgear._contact._shared_body import SharedBody
 from jaxgear._contact._tooth import contact_modulus
 from jaxgear._contact._tooth_parts import (
@@ -30,9 +31,10 @@ from jaxgear._contact._tooth_parts import (
     tooth_parts,
 )
 from jaxgear._geometry._gear import Gear
+from jaxgear._geometry._lines import ContactLines
 from jaxgear._geometry._pair import GearPair
 from jaxgear._geometry._profile import tooth_section
-from jaxgear._types import Bodies, Reals, Scalar, as_scalar
+from jaxgear._types import Bodies, DenseCouplingGrid, Reals, Scalar, as_scalar
 
 
 class AbstractCompliance(eqx.Module):
@@ -117,6 +119,59 @@ class AbstractCompliance(eqx.Module):
         - `pair`: the gears.
         """
 
+    def between_cells(
+        self, pair: GearPair, lines: ContactLines, line_load: Scalar
+    ) -> DenseCouplingGrid | None:
+        """Evaluate what all cells of a phase make each other give, where the model knows.
+
+        **Arguments:**
+
+        - `pair`: the gears.
+        - `lines`: where the cells are.
+        - `line_load`: at which the secant is taken [N/m].
+
+        **Returns:**
+
+        The compliance between them besides `local`, or `None`: then `bodies` say it [m/N].
+        """
+        del pair, lines, line_load
+        return None
+
+    def alone(self, pair: GearPair, roll: Reals, line_load: Scalar) -> Reals:
+        """Evaluate what a pair that is loaded alone gives besides `local`.
+
+        **Arguments:**
+
+        - `pair`: the gears.
+        - `roll`: positions on the path of contact, from the pinion's base tangent point [m].
+        - `line_load`: at which the secant is taken [N/m].
+
+        **Returns:**
+
+        Deflection along the normal over line load, at each position [m2/N].
+        """
+        del line_load
+        shared = [body.compliance(roll) for body in self.bodies(pair, 0)]
+        return sum(shared, jnp.zeros_like(roll))
+
+    def felt(self, pair: GearPair, roll: Reals) -> Reals:
+        """Evaluate what a line load on a pair lets the next one give through the bodies.
+
+        **Arguments:**
+
+        - `pair`: the gears.
+        - `roll`: positions of the loaded pair; the other is a base pitch further [m].
+
+        **Returns:**
+
+        Motion along the normal over line load, at each position [m2/N].
+        """
+        total = jnp.zeros_like(roll)
+        for body in self.bodies(pair, 1):
+            felt = body.resultants(roll) @ body.at_roots(1)
+            total += jnp.sum(felt * body.resultants(roll + pair.transverse_base_pitch), axis=-1)
+        return total
+
     def __call__(self, pair: GearPair, roll: Reals, line_load: Scalar) -> Reals:
         """Evaluate the secant compliance of one tooth pair, loaded alone.
 
@@ -130,8 +185,7 @@ class AbstractCompliance(eqx.Module):
 
         Deflection along the normal over line load, at each position [m2/N].
         """
-        shared = [body.compliance(roll) for body in self.bodies(pair, 0)]
-        return sum(shared, self.local(pair, roll, line_load))
+        return self.local(pair, roll, line_load) + self.alone(pair, roll, line_load)
 
 
 class WeberBanaschek(AbstractCompliance):
@@ -285,65 +339,6 @@ class Iso6336(AbstractCompliance):
     def log_slope(self, pair: GearPair) -> Scalar:
         """Return zero; see the base class."""
         return jnp.zeros_like(pair.normal_module)
-
-
-class IsoStiffness(eqx.Module):
-    r"""Stiffnesses of ISO 6336-1 method B, per face width in the transverse plane.
-
-    **Fields:**
-
-    - `theoretical`: $c'_{th}$ [N/m2].
-    - `single`: $c'$ [N/m2].
-    - `mesh`: $c_{\gamma\alpha}$, the mean mesh stiffness for the dynamic factor [N/m2].
-    - `face`: $c_{\gamma\beta}$, the mean mesh stiffness for the face load factor [N/m2].
-    """
-
-    theoretical: Scalar
-    single: Scalar
-    mesh: Scalar
-    face: Scalar
-
-
-# ISO 6336-1 table 9: C1..C9 [mm um/N], with x2 squared in the last.
-_ISO = (0.04723, 0.15551, 0.25791, -0.00635, -0.11654, -0.00193, -0.24188, 0.00529, 0.00182)
-_ISO_MEASURED = 0.8  # C_M, ratio of measured to theoretical stiffness
-_ISO_YOUNG = 206e9  # steel, for which the series was fitted [Pa]
-_ISO_LOAD = 100e3  # below this line load the stiffness falls off [N/m]
-
-
-@compiled
-def iso_stiffness(pair: GearPair, line_load: Scalar) -> IsoStiffness:
-    r"""ISO 6336-1 method B for solid discs, with the basic rack's factor $C_B$.
-
-    The standard fits it for $x_1 \ge x_2$, $-0.5 \le x_1 + x_2 \le 2$, helix angles up to 30
-    degrees and $\varepsilon_\alpha \ge 1.2$; outside it is extrapolated.
-
-    **Arguments:**
-
-    - `pair`: the gears.
-    - `line_load`: $F_t K_A / b$ [N/m]; below 100 N/mm the single stiffness falls as its
-        fourth root.
-
-    **Returns:**
-
-    The standard's four stiffnesses.
-    """
-    spread = jnp.cos(pair.base_helix_angle) ** 2 * jnp.cos(pair.helix_angle)
-    first, second = 1.0 / (pair.teeth / spread)
-    x1, x2 = pair.of_bodies("profile_shift")
-    terms = (1.0, first, second, x1, x1 * first, x2, x2 * second, x1**2, x2**2)
-    flexibility = sum(c * term for c, term in zip(_ISO, terms, strict=True))
-    young = jnp.stack([pair.pinion.material.young, pair.wheel.material.young])
-    steel = 2.0 * young[0] * young[1] / (young[0] + young[1]) / _ISO_YOUNG
-    theoretical = 1e9 * steel / flexibility
-    dedendum = jnp.mean(pair.of_bodies("dedendum"))
-    rack = 1.0 + 0.5 * (1.2 - dedendum)
-    rack *= 1.0 - 0.02 * (20.0 - jnp.rad2deg(pair.pressure_angle))
-    low = jnp.minimum(line_load / _ISO_LOAD, 1.0) ** 0.25
-    single = theoretical * _ISO_MEASURED * rack * jnp.cos(pair.helix_angle) * low
-    ratio = pair.path_of_contact / pair.transverse_base_pitch
-    mesh = single * (0.75 * ratio + 0.25)
-    return IsoStiffness(theoretical=theoretical, single=single, mesh=mesh, face=0.85 * mesh)
 
 
 @compiled

@@ -4,7 +4,7 @@ Every function here can be traced by JAX: what is moved of the scene may be trac
 response can be differentiated by any real key of the file.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from types import MappingProxyType
 
 import jax
@@ -50,7 +50,6 @@ from jaxgear.scene._csv import read_matrix
 from jaxgear.scene._gear_tables import BearingKeys, GearKeys
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
-from jaxgear.scene._tables import MeshKeys
 
 
 def model_of(scene: Scene, changes: Mapping[str, object] = MappingProxyType({})) -> PairModel:
@@ -78,7 +77,7 @@ def model_of(scene: Scene, changes: Mapping[str, object] = MappingProxyType({}))
         pair=pair,
         torque=si(shared.torque_pinion_Nm),
         flanks=flanks_of(scene, pair),
-        compliance=_compliance(scene.mesh, [_foundation(scene, name) for name in GEARS]),
+        compliance=_compliance(scene),
         misalignment=Misalignment(
             inclination=si(shared.misalignment_inclination_um, um),
             deviation=si(shared.misalignment_deviation_um, um),
@@ -105,8 +104,8 @@ def pair_grid(scene: Scene, pair: GearPair, torque: Scalar) -> MeshGrid:
         slices=scene.mesh.slices,
         periods=scene.mesh.periods,
         beyond=_tip_window(pair, torque, scene.map.torques_Nm) if scene.mesh.tip_contact else 0.0,
-        # Condensed bodies do not follow the face anyway, and every line costs.
-        fixed_face=bool(scene.condensed),
+        # What is condensed does not follow the face anyway, and every line costs.
+        fixed_face=bool(scene.condensed) or scene.mesh.tooth == "elements",
     )
 
 
@@ -147,7 +146,13 @@ def law_of(scene: Scene) -> AbstractContactLaw:
     return ExactContact() if scene.mesh.contact == "exact" else smooth_law_of(scene)
 
 
-def _compliance(mesh: MeshKeys, foundations: Sequence[AbstractFoundation]) -> AbstractCompliance:
+def _compliance(scene: Scene) -> AbstractCompliance:
+    mesh = scene.mesh
+    if mesh.tooth == "elements":
+        # For other scenes no finite elements are imported.
+        from jaxgear.scene._mesh_teeth import element_teeth
+
+        return element_teeth(scene)
     match mesh.stiffness:
         case "constant":
             return ConstantStiffness(si(mesh.stiffness_N_mm_um, N_per_mm_um))
@@ -155,7 +160,7 @@ def _compliance(mesh: MeshKeys, foundations: Sequence[AbstractFoundation]) -> Ab
             return Iso6336()
         case _:
             return WeberBanaschek(
-                *foundations,
+                *(_foundation(scene, name) for name in GEARS),
                 load_updates=mesh.line_load_updates,
                 face_coupling=FaceCoupling() if mesh.face_coupling == "coupled" else None,
             )

@@ -29,6 +29,7 @@ from jaxgear.scene._schema import (
     parents,
     scales_body,
     shapes_body,
+    shapes_teeth,
     split_entry,
 )
 from jaxgear.scene._table import table_of
@@ -215,6 +216,7 @@ class Scene(AbstractTables):
             if applies(path, self.values) and (turns or not path.endswith("density_kg_m3"))
             for key in present.get(path, ())
             if not any(self.remakes(key, gear) for gear in self.condensed)
+            if self.plain.mesh.tooth == "sliced" or not shapes_teeth(key)
             if all(gear in self.condensed or not of_condensed(key, gear) for gear in GEARS)
             if not is_idle(key, self.values)
         )

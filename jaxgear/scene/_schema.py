@@ -128,6 +128,34 @@ def shapes_body(key: str, gear: str) -> bool:
     return key in whole or key.startswith(tables) or along
 
 
+_TOOTH_KEYS = (
+    "teeth",
+    "module_mm",
+    "pressure_angle_deg",
+    "helix_angle_deg",
+    "profile_shift",
+    "addendum_coeff",
+    "tip_shortening_coeff",
+    "dedendum_coeff",
+    "fillet_radius_coeff",
+    "face_width_mm",
+    "bore_mm",
+    "poisson",
+)
+
+
+def shapes_teeth(key: str) -> bool:
+    """Say whether teeth of finite elements would be others if a key of the scene were.
+
+    **Arguments:**
+
+    - `key`: path of the key.
+    """
+    table, _, name = key.rpartition(".")
+    own = ("pair", "material", *GEARS, *(f"{gear}.material" for gear in GEARS))
+    return table in own and name in _TOOTH_KEYS
+
+
 def scales_body(key: str, gear: str) -> bool:
     """Say whether a condensed body follows a key of the scene by its scale, and is not remade."""
     table, _, name = key.rpartition(".")

@@ -47,6 +47,11 @@ class MeshKeys:
         "couples the teeth in mesh; a gear with bore_mm = 0 or with a beam body takes weber",
         default="ring",
     )
+    tooth: Literal["sliced", "elements"] = key(
+        "model of the teeth; elements: condensed finite elements of whole teeth on rings held at "
+        "bore_mm, in place of mesh.stiffness and the foundations",
+        default="sliced",
+    )
     slices: int = key("slices across the face", "[1, 2000]", 20)
     face_coupling: Literal["coupled", "none"] = key(
         "whether a tooth of stiffness weber-banaschek feels a load along its face; coupled: beam, "

@@ -24,6 +24,11 @@ def with_bodies(
 
     - `ValueError` if a body cannot be, or not carry its teeth.
     """
+    if scene.mesh.tooth == "elements":
+        from jaxgear.scene import _mesh_teeth
+
+        # They are kept for the models to come.
+        _mesh_teeth.element_teeth(scene, tell)
     if not scene.condensed:
         return scene
     from jaxgear.scene import _mesh_bodies

@@ -84,7 +84,7 @@ def say(step: str) -> None:
 
 def built_scene(scene: Scene, *, moving: bool = False) -> Scene:
     """The scene with its condensed bodies; where it has none, nothing is imported for them."""
-    if not scene.condensed:
+    if not scene.condensed and scene.mesh.tooth == "sliced":
         return scene
     with narration("bodies") as tell:
         return with_bodies(scene, tell, moving=moving or scene.has_table("sweep"))

@@ -150,10 +150,9 @@ def _pair_stiffness(model: jg.PairModel, cycle: jg.MeshCycle) -> Array:
     """Of a pair loaded alone: what it gives by itself, and what the bodies under it give."""
     pair, cells = model.pair, cycle.cells
     on_path = jnp.clip(cells.lines.roll, pair.path_start, pair.path_end)
-    bodies = model.compliance.bodies(pair, 0)
+    load = jg.nominal_line_load(pair, model.mesh_torque)
     own = 1.0 / cells.line_stiffness + (0.0 if cells.spread is None else cells.spread)
-    give = sum((body.compliance(on_path) for body in bodies), own)
-    return 1.0 / give
+    return 1.0 / (own + model.compliance.alone(pair, on_path, load))
 
 
 def harmonic_count(cycle: jg.MeshCycle) -> int:

@@ -10,7 +10,7 @@ from jaxtyping import Array
 
 from jaxgear._checks import require
 from jaxgear._contact._cells import nominal_line_load
-from jaxgear._contact._compliance import iso_stiffness
+from jaxgear._contact._iso import iso_stiffness
 from jaxgear._contact._shared import shared_compliance
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair

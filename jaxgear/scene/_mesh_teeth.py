@@ -1,0 +1,166 @@
+"""Teeth of finite elements for a scene: condensed once, kept in the cache and in this process."""
+
+import functools
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from types import MappingProxyType
+
+import jax
+
+from fem_prep import (
+    Material,
+    ToothedGear,
+    ToothElements,
+    ToothSizing,
+    cached,
+    condense_teeth,
+    key_of,
+    read_teeth,
+    write_teeth,
+)
+from jaxgear._checks import InputError
+from jaxgear._contact._tooth_elements import ElementTeeth, ToothTables, tooth_tables
+from jaxgear._geometry._pair import pair_facts
+from jaxgear._units import GPa, deg, mm
+from jaxgear.scene._body_build import Steps
+from jaxgear.scene._body_words import in_keys
+from jaxgear.scene._build_pair import pair_of, si
+from jaxgear.scene._scene import Scene
+from jaxgear.scene._schema import GEARS, shapes_teeth
+from jaxgear.scene._sizes import of_material
+
+
+def element_teeth(scene: Scene, tell: Callable[[str], None] = lambda step: None) -> ElementTeeth:
+    """The teeth of a scene as condensed finite elements.
+
+    **Arguments:**
+
+    - `scene`: with `mesh.tooth = "elements"`.
+    - `tell`: told what begins.
+
+    **Returns:**
+
+    Their compliance in mesh.
+
+    **Raises:**
+
+    - `InputError` if the scene's teeth cannot be finite elements, or cannot follow what is traced.
+    """
+    _check(scene)
+    # Both before any long work: a mistake in the second costs no wait.
+    shapes = [_shape(scene, gear) for gear in GEARS]
+    count = _teeth_in_mesh(scene)
+    pinion, wheel = (
+        _tables(gear, shape, count, tell) for gear, shape in zip(GEARS, shapes, strict=True)
+    )
+    return ElementTeeth(pinion=pinion, wheel=wheel, load_updates=scene.mesh.line_load_updates)
+
+
+def _check(scene: Scene) -> None:
+    """Refuse what teeth of finite elements cannot be."""
+    moved = sorted(key for key in scene.moved if shapes_teeth(key))
+    if moved:
+        raise InputError(
+            'mesh.tooth = "elements": condensed teeth do not follow '
+            f"{', '.join(moved)}: there is no derivative. Vary keys of flanks, torque, bearings or "
+            'misalignment, or write mesh.tooth = "sliced".'
+        )
+    if scene.mesh.stiffness != "weber-banaschek":
+        raise InputError(
+            'mesh.tooth = "elements" takes the place of mesh.stiffness = '
+            f'"{scene.mesh.stiffness}". Keep one.'
+        )
+    for gear in GEARS:
+        kind = scene.gear(gear).body.kind
+        if kind == "beam":
+            raise InputError(
+                f'mesh.tooth = "elements": the {gear}\'s body is a beam, and what the ring under '
+                "the teeth winds up and bends would count twice, once in the teeth's elements and "
+                f'once in the beam. Make {gear}.body.kind "rigid" or "condensed", or write '
+                'mesh.tooth = "sliced".'
+            )
+        if not scene.plain.gear(gear).bore_mm:
+            raise InputError(
+                'mesh.tooth = "elements": teeth of finite elements stand on a ring that is held '
+                f"at its bore. Give {gear}.bore_mm a value > 0."
+            )
+
+
+def _teeth_in_mesh(scene: Scene) -> int:
+    """As many as the grid has contact lines."""
+    still = replace(scene, moved=MappingProxyType({}))
+    with jax.ensure_compile_time_eval():
+        facts = pair_facts(pair_of(still))
+        profile, half = float(facts["profile_contact_ratio"]), 0.5 * float(facts["overlap_ratio"])
+    beyond = 1.0 if scene.mesh.tip_contact else 0.0
+    return math.floor(profile + half + beyond + 0.05) + math.ceil(half) + 1
+
+
+def _shape(scene: Scene, name: str) -> tuple[ToothedGear, Material]:
+    """What the teeth of a gear are made from."""
+    tables, sign = scene.plain, {"pinion": 1.0, "wheel": -1.0}[name]
+    gear, pair = tables.gear(name), tables.pair
+    helix, module = pair.helix_angle_deg * deg, pair.module_mm * mm
+    height = gear.addendum_coeff + gear.profile_shift - gear.tip_shortening_coeff
+    keys = ("young_GPa", "poisson", "density_kg_m3")
+    young, poisson, density = (float(si(of_material(tables, name, key))) for key in keys)
+    bore = gear.bore_mm
+    assert bore is not None  # `_check` has asked for it.
+    with in_keys(name):
+        shape = ToothedGear(
+            teeth=gear.teeth,
+            module=module,
+            pressure_angle=pair.pressure_angle_deg * deg,
+            helix_angle=sign * helix,
+            profile_shift=gear.profile_shift,
+            dedendum=gear.dedendum_coeff,
+            fillet_radius=gear.fillet_radius_coeff,
+            tip_radius=0.5 * gear.teeth * module / math.cos(helix) + module * height,
+            bore=bore * mm,
+            face_width=gear.face_width_mm * mm,
+        )
+        return shape, Material(young * GPa, poisson, density)
+
+
+def _tables(
+    name: str, made_from: tuple[ToothedGear, Material], count: int, tell: Callable[[str], None]
+) -> ToothTables:
+    with in_keys(name):
+        found = condensed_teeth(*made_from, count, lambda step: tell(f"{name}: {step}"))
+    return tooth_tables(found.compliance, found.roll, found.face_width, made_from[1].young)
+
+
+# Without twist two halves of the unknowns keep apart; with it there is room for fewer.
+_TWISTED = ToothSizing(flank=7, across=4, gap=6, ring=6, margin=1, waves=6)
+
+
+# What was condensed or read in this process: a scene's model is made many times.
+@functools.lru_cache(maxsize=16)
+def _kept(shape: ToothedGear, material: Material, count: int) -> list[ToothElements]:
+    return []
+
+
+def condensed_teeth(
+    shape: ToothedGear, material: Material, count: int, tell: Callable[[str], None]
+) -> ToothElements:
+    """Condensed teeth of a gear, from the cache where they are known.
+
+    **Arguments:**
+
+    - `shape`: the gear.
+    - `material`: of it.
+    - `count`: of teeth that can be in mesh at once.
+    - `tell`: told what begins.
+
+    **Returns:**
+
+    The teeth.
+    """
+    kept = _kept(shape, material, count)
+    if not kept:
+        sizing = ToothSizing() if shape.twist == 0.0 else _TWISTED
+        key = key_of({"shape": shape, "material": material, "teeth": count, "sizing": sizing})
+        build = lambda: condense_teeth(shape, material, count, sizing=sizing, progress=Steps(tell))
+        kept.append(cached(key, build, (read_teeth, write_teeth))[0])
+    return kept[0]
