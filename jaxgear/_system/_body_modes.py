@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 
 from jaxgear._checks import require
 from jaxgear._system._condensed import Condensed
-from jaxgear._system._sector_modes import Waves, nodal_diameters
+from jaxgear._system._sector_modes import SectorMotions, nodal_diameters
 
 if TYPE_CHECKING:
     ModeRows = Array
@@ -192,7 +192,7 @@ def body_basis(body: Condensed, count: int) -> BodyBasis:
         got=sectors,
         name=body.name,
     )
-    waves = Waves(body, sectors)
+    waves = SectorMotions(body, sectors)
     square, shapes, numbers = waves.modes(count)
     return BodyBasis(
         square=square,

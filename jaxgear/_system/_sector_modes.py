@@ -92,7 +92,7 @@ def _sector_turn(body: Condensed, sectors: int) -> _SectorTurn:
     return replace(alone, action=among.T @ whole @ among, kept=kept)
 
 
-class Waves:
+class SectorMotions:
     r"""The inner motions of a body, all but those of its seats, by wave number.
 
     Those of wave number $d$ are $e^{ids\alpha}R^s u$ on sector $s$, $\alpha$ the angle of a sector
