@@ -92,7 +92,7 @@ def test_prism_moves_rigidly_and_strains_evenly(twist):
         parts = np.stack([np.real(across), np.imag(across), along], axis=1)
         return (parts @ shapes).ravel()
 
-    largest = np.abs(stiffness.toarray()).max()
+    largest = np.abs(stiffness.data).max()
     rigid = [motion(one + 0j, none), motion(none + 0j, one), motion(1j * turned, none)]
     rigid += [motion(-1j * height, y), motion(height + 0j, -x)]
     for each in rigid:
