@@ -57,7 +57,8 @@ def test_wheel_holds_the_packages_and_nothing_else(wheel):
 def test_wheel_holds_the_scenes(wheel):
     scenes = {name for name in wheel if name.startswith("jaxgear/scene/scenes/")}
     assert "jaxgear/scene/scenes/accessory.toml" in scenes
-    for scene in scenes:
+    assert "jaxgear/scene/scenes/own_pair.template" in scenes
+    for scene in (name for name in scenes if name.endswith(".toml")):
         tomllib.loads(wheel[scene].decode())
 
 

@@ -34,7 +34,9 @@ def body_yield(coupling: Coupling, force: Cells) -> Cells:
     return jnp.sum(coupling * by_line, axis=1).reshape(-1)
 
 
-def share_with_body(coupling: Coupling, stiffness: Cells, columns: CellColumns) -> CellColumns:
+def share_with_body(
+    coupling: Coupling, stiffness: Cells, columns: CellColumns, *, symmetric: bool = True
+) -> CellColumns:
     r"""Solve $(I + K C)\,y = r$, for several right-hand sides.
 
     **Arguments:**
@@ -42,15 +44,18 @@ def share_with_body(coupling: Coupling, stiffness: Cells, columns: CellColumns) 
     - `coupling`: $C$ [m/N].
     - `stiffness`: diagonal of $K$, zero where a cell is open [N/m].
     - `columns`: right-hand sides.
+    - `symmetric`: whether $C$ is, as it is at rest.
 
     **Returns:**
 
     The solutions, in the unit of `columns`.
     """
-    return sharing_with_body(coupling, stiffness)(columns)
+    return sharing_with_body(coupling, stiffness, symmetric=symmetric)(columns)
 
 
-def sharing_with_body(coupling: Coupling, stiffness: Cells) -> Callable[[CellColumns], CellColumns]:
+def sharing_with_body(
+    coupling: Coupling, stiffness: Cells, *, symmetric: bool = True
+) -> Callable[[CellColumns], CellColumns]:
     r"""What solves $(I + K C)\,y = r$, for the right-hand sides to come.
 
     With $r$ the forces that stiff bodies would leave on the cells, $y$ are those that remain when
@@ -61,13 +66,15 @@ def sharing_with_body(coupling: Coupling, stiffness: Cells) -> Callable[[CellCol
 
     - `coupling`: $C$ [m/N].
     - `stiffness`: diagonal of $K$, zero where a cell is open [N/m].
+    - `symmetric`: whether $C$ is, as it is at rest.
 
     **Returns:**
 
     What takes right-hand sides to solutions, in their unit.
     """
     if coupling.ndim == 2:
-        return _dense_solver(coupling, stiffness)
+        solver = _dense_solver if symmetric else _solver_with_pivots
+        return solver(coupling, stiffness)
     return lambda columns: _share_in_slices(coupling, stiffness, columns)
 
 
@@ -112,6 +119,14 @@ def _dense_solver(coupling: Coupling, stiffness: Cells) -> Callable[[CellColumns
         )
 
     return solutions
+
+
+def _solver_with_pivots(
+    coupling: Coupling, stiffness: Cells
+) -> Callable[[CellColumns], CellColumns]:
+    """The same where cells do not feel each other alike, as gyroscopic forces have it."""
+    matrix = jnp.eye(stiffness.size) + stiffness[:, None] * coupling
+    return lambda columns: _one_by_one(jnp.linalg.solve)(matrix, columns)
 
 
 def _cholesky(matrix: Array) -> Array:

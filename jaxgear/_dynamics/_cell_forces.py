@@ -1,5 +1,7 @@
 """Forces of the cells of a table: those in contact press, alone or through their common bodies."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
@@ -61,9 +63,13 @@ def _shared_forces(
 _MOST_STEPS, _MISSING = 30, 1e-13
 
 
-@jax.custom_jvp
+@functools.partial(jax.custom_jvp, nondiff_argnums=(4,))
 def forces_between_all(
-    law: AbstractContactLaw, stiffness: Cells, coupling: Coupling, free: Cells
+    law: AbstractContactLaw,
+    stiffness: Cells,
+    coupling: Coupling,
+    free: Cells,
+    symmetric: bool = True,
 ) -> Cells:
     r"""Forces of cells that are all coupled, $f = k\,\sigma(\Delta_0 - C f)$.
 
@@ -75,6 +81,7 @@ def forces_between_all(
     - `stiffness`: of each cell [N/m].
     - `coupling`: $C$ between all cells [m/N].
     - `free`: $\Delta_0$, overlap of each on rigid bodies [m].
+    - `symmetric`: whether the coupling is.
 
     **Returns:**
 
@@ -87,7 +94,8 @@ def forces_between_all(
 
     def body(state):
         force, missing, tangent, _, steps = state
-        force = force + share_with_body(coupling, tangent, missing[:, None])[:, 0]
+        step = share_with_body(coupling, tangent, missing[:, None], symmetric=symmetric)
+        force = force + step[:, 0]
         missing, tangent = missing_at(force)
         done = jnp.max(jnp.abs(missing)) <= _MISSING * jnp.max(stiffness * jnp.abs(free))
         return force, missing, tangent, done, steps + 1
@@ -101,16 +109,17 @@ def forces_between_all(
 
 
 @forces_between_all.defjvp
-def _forces_tangent(primals, tangents):
+def _forces_tangent(symmetric, primals, tangents):
     law, stiffness, coupling, free = primals
-    force = forces_between_all(law, stiffness, coupling, free)
+    force = forces_between_all(law, stiffness, coupling, free, symmetric)
 
     def pressed(law, stiffness, coupling, free):
         return stiffness * law.compression(free - body_yield(coupling, force))
 
     _, change = jax.jvp(pressed, primals, tangents)
     _, slope = _pressed(law, free - body_yield(coupling, force))
-    return force, share_with_body(coupling, stiffness * slope, change[:, None])[:, 0]
+    moved = share_with_body(coupling, stiffness * slope, change[:, None], symmetric=symmetric)
+    return force, moved[:, 0]
 
 
 def _pressed(law: AbstractContactLaw, overlap: Cells) -> tuple[Cells, Cells]:

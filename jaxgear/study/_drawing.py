@@ -34,7 +34,7 @@ def drawing_summary(scene: Scene, pair: GearPair) -> Summary:
     """
     given = [(scene.gear(gear).span_teeth, scene.gear(gear).ball_mm) for gear in GEARS]
     teeth, ball = np.asarray(given, dtype=float).T
-    found = _measured(pair, jnp.asarray(teeth), jnp.asarray(ball) * mm)
+    found = jax.device_get(_measured(pair, jnp.asarray(teeth), jnp.asarray(ball * mm)))
     in_file = lambda name, value: value if name == "span_teeth" else value / mm
     return {
         f"{name}_{gear}{'' if name == 'span_teeth' else '_mm'}": in_file(name, float(value[body]))

@@ -235,7 +235,7 @@ def test_a_rigid_body_has_the_mass_of_the_condensed_one(built):
     whole = 4.0 * _MASS, 4.0 * _MASS * 0.03**2, _MASS * (2.0 * 0.03**2 + 4.0 * 0.004**2)
     assert got == pytest.approx([whole[0] - tube, whole[1] - polar, whole[2] - across], rel=1e-9)
     assert not scene.condensed
-    assert built.replace(changes["rigid, no foundation"])["wheel.foundation"] == "none"
+    assert built.replace(changes["rigid, no foundation"]).wheel.foundation == "none"
 
 
 def test_models_of_a_scene_differ_in_one_thing(built):

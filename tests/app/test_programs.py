@@ -44,7 +44,7 @@ def test_a_command_is_a_few_programs_and_with_other_numbers_none(command, most, 
         first = run()
     with made_programs() as again:
         second = run(*_OTHER)
-    assert 3 <= len(whole) <= most, whole
+    assert 3 <= len(whole) <= most, "\n".join(whole)
     assert again == []
     assert second["static"]["te_rms_um"] != first["static"]["te_rms_um"]
 
