@@ -20,6 +20,7 @@ from jaxgear.study._statics import Statics
 def notes(scene: Scene, statics: Statics) -> list[str]:
     """Remarks on a solved scene, a sentence or two each; none where there is nothing to say."""
     return [
+        *_on_teeth(scene),
         *_on_foundations(scene, statics.model),
         *_on_shafts(statics.model),
         *_on_bodies(scene),
@@ -29,7 +30,20 @@ def notes(scene: Scene, statics: Statics) -> list[str]:
     ]
 
 
+def _on_teeth(scene: Scene) -> Iterator[str]:
+    """Keys of the mesh that this model of its teeth does not look at."""
+    mesh, whole = scene.mesh, scene.mesh.tooth == "elements"
+    if mesh.face_coupling == "coupled" and (whole or mesh.stiffness != "weber-banaschek"):
+        why = "elements of whole teeth feel all of their face" if whole else "no part of it spreads"
+        yield Idle(f"mesh.face_coupling does nothing to this model of the teeth: {why}.")
+    keys = ("mesh.foundation", *(f"{gear}.foundation" for gear in GEARS))
+    if whole and (given := [key for key in keys if key in scene.given]):
+        yield Idle(f"{given[0]} does nothing: elements of whole teeth stand on rings of their own.")
+
+
 def _on_foundations(scene: Scene, model: PairModel) -> Iterator[str]:
+    if scene.mesh.tooth == "elements":
+        return
     if scene.mesh.stiffness != "weber-banaschek":
         if scene.mesh.line_load_updates:
             yield Idle("mesh.line_load_updates does nothing to this mesh.stiffness.")

@@ -19,3 +19,20 @@ def test_pitch_errors_that_one_period_leaves_out_are_told():
     (words,) = _notes._on_cycle(ready_scene("accessory", (grade,)))
     assert "leaves out the pitch errors of flank.wheel.accuracy_grade" in words
     assert not [*_notes._on_cycle(ready_scene("accessory", (grade, "mesh.periods=2")))]
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        (("mesh.face_coupling=coupled",), []),
+        (("mesh.face_coupling=coupled", "mesh.stiffness=iso6336"), ["no part of it spreads"]),
+        (
+            ("mesh.face_coupling=coupled", "mesh.tooth=elements"),
+            ["whole teeth feel all", "mesh.foundation does nothing"],
+        ),
+    ],
+)
+def test_keys_that_a_model_of_the_teeth_does_not_look_at_are_told(given, told):
+    found = [*_notes._on_teeth(ready_scene("accessory", given))]
+    assert len(found) == len(told)
+    assert all(words in each for words, each in zip(told, found, strict=True))
