@@ -67,8 +67,8 @@ class RootInfluence(eqx.Module):
         r"""How far along the face a load reaches at the root.
 
         $\lambda = m\sqrt{0.35 + 0.62\,u/m}$, $u$ from the root circle to where the load crosses
-        the centreline, of the kernel of `face_kernel` applied twice. Fitted to teeth of 3-D finite
-        elements with free ends: 18, 25, 45 and 86 teeth, 4, 6.3 and 10 modules wide, loads
+        the centreline, of `face_operator` applied twice. Fitted to teeth of 3-D finite elements
+        with free ends: 18, 25, 45 and 86 teeth, 4, 6.3 and 10 modules wide, loads
         $\cos(n\pi z/B)$ up to n = 4; root mean square of what is left 2 % of the even load's
         stress. Not in it: at a free face, over half a module, stress
         falls by up to a third even under an even load.

@@ -1,7 +1,7 @@
 r"""Stress at the roots of the teeth: the largest along the fillets, over the face and the cycle.
 
 Each slice of a tooth is in plane strain under its own load and those of its neighbours; along the
-face loads reach each other's roots by `face_kernel`, applied twice with the decay length of
+face loads reach each other's roots by `face_operator`, applied twice with the decay length of
 `RootInfluence.decay`. Loads are those that the slices carry, whatever couples their deflections.
 """
 
@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxgear._compiled import compiled
-from jaxgear._contact._face_kernel import face_kernel
+from jaxgear._contact._face_coupling import face_operator
 from jaxgear._contact._root_influence import RootInfluence, root_influence
 from jaxgear._geometry._lines import ContactLines
 from jaxgear._geometry._pair import GearPair
@@ -109,14 +109,9 @@ def fillet_stress(
     section = influence.section
     length = lines.roll if gear == 0 else pair.tangent_length - lines.roll
     angle = _roll_angle(pair, section, length)
-    places = lines.face_position
-    width = lines.length * jnp.cos(pair.base_helix_angle)
-    kernel = face_kernel(
-        places,
-        width,
-        pair.of_bodies("face_width")[gear],
-        influence.decay(jnp.mean(angle, axis=2)),
-    )
+    slices, width = lines.roll.shape[2], lines.length * jnp.cos(pair.base_helix_angle)
+    decay, face = influence.decay(jnp.mean(angle, axis=2)), pair.of_bodies("face_width")[gear]
+    kernel = width * face_operator(decay, slices, slices * width, face)
     loads = load[..., None] * influence.place_terms(angle) / section.module
     reached = jnp.einsum("plij,pljk,plkt->plit", kernel, kernel, loads)
     none = jnp.zeros_like(reached[:, :1])
