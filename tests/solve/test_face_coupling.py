@@ -121,7 +121,7 @@ def test_slices_converge_in_first_order_or_better():
     model = _model(0.0, 20.0)
     means = [
         float(_answers(model, jg.mesh_grid(model.pair, phases=8, slices=n)).mean)
-        for n in (5, 10, 20, 40)
+        for n in (10, 20, 40, 80)
     ]
     steps = np.abs(np.diff(means))
     assert steps[0] / steps[1] > 1.9
@@ -142,7 +142,7 @@ def test_helical_pairs_are_solved(helix):
         lambda m: m.compliance, model, jg.WeberBanaschek(), is_leaf=lambda x: x is None
     )
     other = _answers(apart, jg.mesh_grid(model.pair, phases=8, slices=12))
-    assert_close(float(found.mean), float(other.mean), rtol=0.1, atol=0.0)
+    assert_close(float(found.mean), float(other.mean), rtol=0.09, atol=0.0)
 
 
 def test_coupled_mesh_in_motion_presses_as_at_rest():
