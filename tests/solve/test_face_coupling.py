@@ -142,7 +142,8 @@ def test_helical_pairs_are_solved(helix):
         lambda m: m.compliance, model, jg.WeberBanaschek(), is_leaf=lambda x: x is None
     )
     other = _answers(apart, jg.mesh_grid(model.pair, phases=8, slices=12))
-    assert_close(float(found.mean), float(other.mean), rtol=0.09, atol=0.0)
+    # Lines shorter than the face lean on the rest of the tooth. By how much, no other program says.
+    assert 0.75 < float(found.mean / other.mean) < 1.0
 
 
 def test_coupled_mesh_in_motion_presses_as_at_rest():
