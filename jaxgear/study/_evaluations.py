@@ -139,31 +139,27 @@ class Task(eqx.Module):
 
 def objective_at(task: Task, values: Reals, law: AbstractContactLaw) -> Scalar:
     """The objective over all torques; NaN where a cycle was not solved."""
-    return optimise.over_torques(
-        task.model,
-        task.objective,
-        task.torques,
-        grid=task.grid,
-        law=law,
-        worst=task.worst,
-        prepared=task.prepared,
-        batched=task.batched,
-    )(values)
+    return _over_torques(optimise.over_torques, task, law)(values)
 
 
 def responses_at(task: Task, values: Reals, law: AbstractContactLaw) -> Reals:
     """The objective and the responses that have limits, over all torques."""
-    return optimise.responses_over_torques(
+    return _over_torques(optimise.responses_over_torques, task, law, task.limited)(values)
+
+
+def _over_torques(made: Callable, task: Task, law: AbstractContactLaw, *more: Any) -> Callable:
+    """A function of the variables, made for the torques of a task."""
+    return made(
         task.model,
         task.objective,
-        task.limited,
+        *more,
         task.torques,
         grid=task.grid,
         law=law,
         worst=task.worst,
         prepared=task.prepared,
         batched=task.batched,
-    )(values)
+    )
 
 
 def residuals_at(task: Task, values: Reals, law: AbstractContactLaw) -> Reals:
