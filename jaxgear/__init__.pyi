@@ -272,3 +272,4 @@ from .scene._with_bodies import with_bodies as with_bodies
 from . import scene as scene
 from . import study as study
 from . import plot as plot
+from . import report as report

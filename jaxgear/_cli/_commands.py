@@ -5,8 +5,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from jaxgear import study
-from jaxgear._cli._folder import Folder
+from jaxgear._cli._folder import REPORT, Folder
 from jaxgear._cli._writing import written
+from jaxgear._whole_file import write_text
+from jaxgear.report import report
 from jaxgear.scene._scene import Scene
 from jaxgear.study._result import Result, Summary
 
@@ -41,7 +43,12 @@ def _found(command: str, scene: Scene, memory: Path) -> Result:
 
 
 def _command(name: str) -> Callable[[Scene, Folder], Summary]:
-    return lambda scene, folder: written(_found(name, scene, folder.kept(".")), folder)
+    def command(scene: Scene, folder: Folder) -> Summary:
+        summary = written(_found(name, scene, folder.kept(".")), folder)
+        write_text(report(folder / ".", name), folder / REPORT)
+        return summary
+
+    return command
 
 
 COMMANDS = {name: _command(name) for name in _STUDIES}

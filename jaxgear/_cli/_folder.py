@@ -24,6 +24,9 @@ _LIST = ".jaxgear.json"
 # A draft has the first name until it is locked: with the second and no lock a kill has left it.
 _NEW, _DRAFT = ".jaxgear-new-", ".jaxgear-draft-"
 
+# The page that shows all results of a folder.
+REPORT = "report.html"
+
 # Results need at least as much space [byte].
 _ROOM = 1 << 20
 

@@ -19,7 +19,7 @@ from typing import Any
 
 from jaxgear._checks import InputError
 from jaxgear._cli._fit import refuse_unfit
-from jaxgear._cli._folder import Folder, begun, publish, written
+from jaxgear._cli._folder import REPORT, Folder, begun, publish, written
 from jaxgear._cli._init import write_first_scene
 from jaxgear._cli._keys import print_keys
 from jaxgear._cli._parser import parser
@@ -27,6 +27,8 @@ from jaxgear._cli._plot import draw_again
 from jaxgear._cli._printing import print_notes, print_results
 from jaxgear._cli._terminal import Terminal, warn
 from jaxgear._program_cache import cache_compilations
+from jaxgear._whole_file import write_text
+from jaxgear.report import report
 from jaxgear.scene._scene import Scene, SceneError, read_scene
 from jaxgear.scene._slips import odd
 
@@ -112,7 +114,7 @@ def _command(argv: Sequence[str] | None) -> int:
     except SystemExit as stop:
         return int(stop.code or 0)
     _refuse_unspeakable(args)
-    apart = {"init": _init, "cache": _cache, "keys": print_keys, "plot": _plot}
+    apart = {"init": _init, "cache": _cache, "keys": print_keys, "plot": _plot, "report": _report}
     try:
         return apart.get(args.command, _study)(args)
     except InputError as error:
@@ -144,7 +146,7 @@ def _study(args: argparse.Namespace) -> int:
 
 def _refuse_unspeakable(args: argparse.Namespace) -> None:
     """Refuse bytes that are no text: they would come to light where results are written."""
-    texts = [getattr(args, name, "") for name in ("scene", "result", "out")]
+    texts = [getattr(args, name, "") for name in ("scene", "result", "results", "out")]
     for value in (*texts, *getattr(args, "overrides", ())):
         try:
             str(value).encode()
@@ -231,6 +233,18 @@ def _plot(args: argparse.Namespace) -> int:
         raise _Stop(2, f"cannot write pictures into {folder}: {error.strerror}.") from None
     if not args.quiet:
         print(f"{len(names)} pictures in {folder}: {', '.join(names)}")
+    return 0
+
+
+def _report(args: argparse.Namespace) -> int:
+    """Write the page of a results folder."""
+    target = args.out or args.results / REPORT
+    try:
+        write_text(report(args.results), target)
+    except OSError as error:
+        raise _Stop(2, f"cannot write {target}: {error.strerror}.") from None
+    if not args.quiet:
+        print(target)
     return 0
 
 

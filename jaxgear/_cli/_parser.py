@@ -82,6 +82,15 @@ _PLOT: _Arguments = {
     **_PICTURES,
     **_QUIET,
 }
+_REPORT: _Arguments = {
+    "results": {"metavar": "RESULTS", "type": Path, "help": "folder of results"},
+    "--out": {
+        "type": Path,
+        "metavar": "FILE",
+        "help": "where the page goes; report.html in the folder",
+    },
+    **_QUIET,
+}
 _CACHE: _Arguments = {
     "--clear": _flag("remove all of them"),
     "--json": _flag("print the list as JSON"),
@@ -140,6 +149,8 @@ def parser() -> argparse.ArgumentParser:
     group = keys.add_mutually_exclusive_group()
     _add(group, {name: _flag(text) for name, text in forms.items()})
     command("plot", "draw the pictures of a result.nc again, without computing", _PLOT)
+    text = "one HTML page of a results folder, that of all commands on a scene too"
+    command("report", text, _REPORT)
     text = "list the condensed bodies and compiled programs that are kept, or remove them"
     command("cache", text, _CACHE)
     return whole

@@ -54,6 +54,7 @@ def test_run_writes_everything_and_finds_the_optimum(accessory, tmp_path, capsys
     for name in ("gear_pair", "transmission_error", "mesh_stiffness", "flank_maps", "harris_map"):
         for ending in ("png", "svg", "csv"):
             assert (folder / f"{name}.{ending}").stat().st_size > 0
+    assert (folder / "report.html").read_text().count("<img") == len(list(folder.glob("*.svg")))
     dataset = xr.load_dataset(folder / "result.nc")
     error = dataset["transmission_error_um"]
     mean = float((error * dataset["weight"]).sum())

@@ -1,0 +1,3 @@
+"""Public names of `jaxgear.report`."""
+
+from ._page import report as report
