@@ -20,6 +20,7 @@ from ._decks import files_of as files_of
 from ._symmetry import Rotation as Rotation
 from ._files import read_grid as read_grid
 from ._files import write_vtu as write_vtu
+from ._solvers import available_solvers as available_solvers
 from ._assembly import Material as Material
 from ._assembly import assemble as assemble
 from ._assembly import stress_stiffening as stress_stiffening

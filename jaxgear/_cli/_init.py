@@ -2,6 +2,7 @@
 
 import argparse
 import difflib
+import json
 import sys
 import tempfile
 from collections.abc import Callable
@@ -10,9 +11,11 @@ from typing import Any
 
 from jaxgear._checks import InputError
 from jaxgear._cli._parser import OWN_PAIR, ready_names
+from jaxgear._whole_file import write_text
+from jaxgear.scene._json_schema import SCHEMA_FILE, SCHEMA_LINE, json_schema
 from jaxgear.scene._own_pair import Wanted
 from jaxgear.scene._own_scene import scene_text
-from jaxgear.scene._rewriting import rewrite_scene, rewritten
+from jaxgear.scene._rewriting import rewritten
 from jaxgear.scene._scene import READY, SceneError, read_scene
 from jaxgear.scene._schema import KEYS
 
@@ -53,7 +56,8 @@ def _write_ready(args: argparse.Namespace) -> tuple[Path, str]:
     target = _target(args, args.name)
     if target.exists() and not args.force:
         raise InputError(f"{target} exists already. Use --force to overwrite it.")
-    _write(target, lambda: rewrite_scene(ready, scene.overridden(), target))
+    text = SCHEMA_LINE + rewritten(ready, scene.overridden())
+    _write(target, lambda: write_text(text, target))
     return target, scene.cite
 
 
@@ -77,17 +81,18 @@ def _write_own(args: argparse.Namespace, found: dict[str, Any]) -> tuple[Path, s
 
     def write() -> None:
         with target.open("x", encoding="utf-8") as file:
-            file.write(text)
+            file.write(SCHEMA_LINE + text)
 
     _write(target, write)
     return target, scene.cite
 
 
 def _write(target: Path, write: Callable[[], None]) -> None:
-    """Write a file into a folder that need not be there yet."""
+    """Write a scene, and its schema beside it, into a folder that need not be there yet."""
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         write()
+        write_text(json.dumps(json_schema()) + "\n", target.with_name(SCHEMA_FILE))
     except OSError as error:
         if isinstance(error, FileExistsError) and target.parent.is_dir():
             raise InputError(f"{target} exists already. Name another file with --out.") from None

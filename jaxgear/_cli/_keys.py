@@ -9,7 +9,17 @@ from collections.abc import Iterable
 from typing import Any
 
 from jaxgear.scene._key import OPTIONAL, REQUIRED, Key, show
-from jaxgear.scene._schema import BY_PATH, KEYS, general, nearest
+from jaxgear.scene._scene import READY, read_scene
+from jaxgear.scene._schema import (
+    BY_PATH,
+    GEARS,
+    KEYS,
+    general,
+    nearest,
+    scales_body,
+    shapes_body,
+    shapes_teeth,
+)
 
 # Of these tables every real key has one of its own: they are told by one example each.
 _EXAMPLE = "pair.module_mm"
@@ -40,6 +50,38 @@ def print_keys(args: argparse.Namespace) -> int:
     else:
         print("\n".join(map(_text, found)))
     return 0
+
+
+def explain_key(path: str) -> int:
+    """Print all that is known of one key; the exit code is 2 where there is none."""
+    key = KEYS.get(general(path)) or KEYS.get(general(path).removesuffix("[]"))
+    if key is None:
+        near = nearest(general(path), KEYS)
+        hint = f" Did you mean {near}?" if near else " `jaxgear keys` lists all of them."
+        print(f"jaxgear: a scene has no key {show(path)}.{hint}", file=sys.stderr)
+        return 2
+    print("\n".join([_text(key), *(f"    {line}" for line in _more(key))]))
+    return 0
+
+
+def _more(key: Key) -> Iterable[str]:
+    """What else is known of a key: its derivative, what it makes anew, what ready scenes have."""
+    if key.remedy:
+        yield f"{key.remedy}."
+    if key.differentiable:
+        yield "Responses have derivatives by it: it may be searched ([optimise].vary) and scatter."
+    for gear in GEARS:
+        if scales_body(key.path, gear):
+            yield f"A condensed body of the {gear} follows it, and is not made anew."
+        elif shapes_body(key.path, gear):
+            yield f"Another value makes another condensed body of the {gear}."
+    if shapes_teeth(key.path):
+        yield "Another value makes other teeth of finite elements."
+    for ready in sorted(READY.glob("*.toml")):
+        scene = read_scene(ready)
+        given = [scene.value(each) for each in scene.given if general(each) == key.path]
+        if given:
+            yield f"{ready.stem}: {', '.join(map(show, given))}"
 
 
 def matching(pattern: str) -> list[Key]:

@@ -21,7 +21,7 @@ from jaxgear._checks import InputError
 from jaxgear._cli._fit import refuse_unfit
 from jaxgear._cli._folder import REPORT, Folder, begun, publish, written
 from jaxgear._cli._init import write_first_scene
-from jaxgear._cli._keys import print_keys
+from jaxgear._cli._keys import explain_key, print_keys
 from jaxgear._cli._parser import parser
 from jaxgear._cli._plot import draw_again
 from jaxgear._cli._printing import print_notes, print_results
@@ -29,6 +29,7 @@ from jaxgear._cli._terminal import Terminal, warn
 from jaxgear._program_cache import cache_compilations
 from jaxgear._whole_file import write_text
 from jaxgear.report import report
+from jaxgear.scene._json_schema import json_schema
 from jaxgear.scene._scene import Scene, SceneError, read_scene
 from jaxgear.scene._slips import odd
 
@@ -114,7 +115,16 @@ def _command(argv: Sequence[str] | None) -> int:
     except SystemExit as stop:
         return int(stop.code or 0)
     _refuse_unspeakable(args)
-    apart = {"init": _init, "cache": _cache, "keys": print_keys, "plot": _plot, "report": _report}
+    apart = {
+        "init": _init,
+        "keys": print_keys,
+        "explain": lambda args: explain_key(args.key),
+        "schema": _schema,
+        "plot": _plot,
+        "report": _report,
+        "cache": _cache,
+        "doctor": _doctor,
+    }
     try:
         return apart.get(args.command, _study)(args)
     except InputError as error:
@@ -246,6 +256,19 @@ def _report(args: argparse.Namespace) -> int:
     if not args.quiet:
         print(target)
     return 0
+
+
+def _schema(args: argparse.Namespace) -> int:
+    """Print the schema of scenes."""
+    _print_json(json_schema())
+    return 0
+
+
+def _doctor(args: argparse.Namespace) -> int:
+    """Say whether the installation is in order."""
+    from jaxgear._cli._doctor import print_findings
+
+    return print_findings()
 
 
 def _init(args: argparse.Namespace) -> int:

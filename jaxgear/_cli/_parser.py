@@ -72,6 +72,9 @@ _KEYS: _Arguments = {
         "help": "part of a key or of its meaning, such as relief or wheel*bore; all without it",
     },
 }
+_EXPLAIN: _Arguments = {
+    "key": {"metavar": "KEY", "help": "path of a key, such as pair.torque_pinion_Nm"},
+}
 _PLOT: _Arguments = {
     "result": {"metavar": "RESULT", "type": Path, "help": "result.nc of any command"},
     "--out": {
@@ -148,6 +151,9 @@ def parser() -> argparse.ArgumentParser:
     forms = {"--json": "print the keys as JSON", "--markdown": "print all keys as a page"}
     group = keys.add_mutually_exclusive_group()
     _add(group, {name: _flag(text) for name, text in forms.items()})
+    command("schema", "print the JSON Schema of scenes, by which editors complete and check", {})
+    command("explain", "all that is known of one key, with what ready scenes have", _EXPLAIN)
+    command("doctor", "say whether this installation is in order: versions, precision, speed", {})
     command("plot", "draw the pictures of a result.nc again, without computing", _PLOT)
     text = "one HTML page of a results folder, that of all commands on a scene too"
     command("report", text, _REPORT)

@@ -10,6 +10,7 @@ import xarray as xr
 from jaxgear import plot
 from jaxgear._cli._folder import Folder
 from jaxgear._whole_file import write_csv, write_dataset, write_json, write_text
+from jaxgear.scene._json_schema import SCHEMA_LINE
 from jaxgear.scene._rewriting import rewritten, write_scene
 from jaxgear.scene._scene_files import files_seen_from
 from jaxgear.study._progress import narration, say
@@ -31,7 +32,9 @@ def written(result: Result, folder: Folder) -> Summary:
     own = result.scene
     known = own.overridden() | files_seen_from(own, folder.path)
     for name, keys in result.scenes.items():
-        write_text(rewritten(own.path, {**known, **keys}), folder / name)
+        # The schema that it names stays beside the scene that it is made from.
+        text = rewritten(own.path, {**known, **keys}).removeprefix(SCHEMA_LINE)
+        write_text(text, folder / name)
     places = {name: str(folder.path / name) for name in result.scenes}
     write_scene(own.replace(files_seen_from(own, folder.path)), folder / "scene.toml")
     write_json(_placed(result.summary, places), folder / "summary.json")
