@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 PACKAGES = ("jaxgear", "fem_prep", "optimise")
-LAYERS = ("scene", "study", "plot", "report", "_cli", "_app")
+LAYERS = ("scene", "study", "plot", "report", "explore", "_cli", "_app")
 LONGEST_FILE, LONGEST_FUNCTION = 400, 80
 # Other names for a dict that says nothing of what is in it; summaries, which are for users, aside.
 _BARE = re.compile(r"(dict|Columns)\b")

@@ -273,3 +273,4 @@ from . import scene as scene
 from . import study as study
 from . import plot as plot
 from . import report as report
+from . import explore as explore

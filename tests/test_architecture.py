@@ -46,10 +46,11 @@ STAGES = (
     "study",
     "plot",
     "report",
+    "explore",
     "_cli",
 )
 # What stands on the stages: scenes, studies of them, pictures, the command line.
-LAYERS = ("scene", "study", "plot", "report", "_cli")
+LAYERS = ("scene", "study", "plot", "report", "explore", "_cli")
 
 # The same for the files of `fem_prep`, which knows neither JAX nor `jaxgear`.
 BODY_STAGES = (

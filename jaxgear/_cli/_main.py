@@ -13,7 +13,7 @@ import json
 import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
@@ -120,6 +120,7 @@ def _command(argv: Sequence[str] | None) -> int:
         "keys": print_keys,
         "explain": lambda args: explain_key(args.key),
         "schema": _schema,
+        "explore": _explore,
         "plot": _plot,
         "report": _report,
         "cache": _cache,
@@ -185,8 +186,9 @@ def _results(args: argparse.Namespace, scene: Scene) -> Iterator[Folder]:
         yield folder
 
 
-def _compute(command: str, scene: Scene, folder: Folder, quiet: bool) -> Mapping[str, Any]:
-    """Run the numerical part with 64-bit numbers and one BLAS thread."""
+@contextmanager
+def _numerical(quiet: bool) -> Iterator[None]:
+    """Compute with 64-bit numbers, one BLAS thread, and programs that are kept."""
     import jax
     import threadpoolctl
 
@@ -194,14 +196,21 @@ def _compute(command: str, scene: Scene, folder: Folder, quiet: bool) -> Mapping
     cache_compilations(warn)
     # Python would look for garbage over and over through all that JAX has traced.
     gc.set_threshold(200_000, 50, 100)
-    from jaxgear._cli import _commands
     from jaxgear.study import listened_by, stopwatch
+
+    # The environment is too late for a library that is loaded already; this is not.
+    shown = nullcontext() if quiet else listened_by(Terminal())
+    with threadpoolctl.threadpool_limits(1), shown, stopwatch():
+        yield
+
+
+def _compute(command: str, scene: Scene, folder: Folder, quiet: bool) -> Mapping[str, Any]:
+    """Run the numerical part, and put its results in their place."""
+    from jaxgear._cli import _commands
     from jaxgear.study._statics import SolverFailure
 
     try:
-        # The environment is too late for a library that is loaded already; this is not.
-        shown = nullcontext() if quiet else listened_by(Terminal())
-        with threadpoolctl.threadpool_limits(1), shown, stopwatch():
+        with _numerical(quiet):
             summary = _commands.COMMANDS[command](scene, folder)
         publish(folder)
         return summary
@@ -212,6 +221,27 @@ def _compute(command: str, scene: Scene, folder: Folder, quiet: bool) -> Mapping
         raise
     except OSError as error:
         raise _Stop(1, f"cannot write results into {folder.path}: {error}") from error
+
+
+def _explore(args: argparse.Namespace) -> int:
+    """Serve a scene to a browser on this computer, until interrupted."""
+    scene = read_scene(args.scene, args.overrides)
+    for remark in odd(scene):
+        warn(remark)
+    target = args.out or scene.path.with_name(f"{scene.path.stem}.explored.toml")
+    with _numerical(quiet=False):
+        from jaxgear.explore import Explorer
+        from jaxgear.study import live_scene
+
+        live = live_scene(scene)
+        try:
+            explorer = Explorer(live, target, args.port)
+        except (OSError, OverflowError) as error:
+            raise _Stop(2, f"cannot listen on port {args.port}: {error}. Name another.") from None
+        print(f"{explorer.address}\nOpen this address in a browser; Ctrl-C ends it.", flush=True)
+        with suppress(KeyboardInterrupt):
+            explorer.serve()
+    return 0
 
 
 def _cache(args: argparse.Namespace) -> int:

@@ -85,6 +85,16 @@ _PLOT: _Arguments = {
     **_PICTURES,
     **_QUIET,
 }
+_EXPLORE: _Arguments = {
+    "--out": {
+        "type": Path,
+        "metavar": "FILE",
+        "help": "file that the page writes the scene into; NAME.explored.toml beside the scene",
+    },
+    "--set": _COMMON["--set"],
+    "--port": {"type": int, "default": 0, "metavar": "N", "help": "port to listen on; a free one"},
+    **_SCENE,
+}
 _REPORT: _Arguments = {
     "results": {"metavar": "RESULTS", "type": Path, "help": "folder of results"},
     "--out": {
@@ -154,6 +164,8 @@ def parser() -> argparse.ArgumentParser:
     command("schema", "print the JSON Schema of scenes, by which editors complete and check", {})
     command("explain", "all that is known of one key, with what ready scenes have", _EXPLAIN)
     command("doctor", "say whether this installation is in order: versions, precision, speed", {})
+    text = "a page with a slider for each flank key: pictures and slopes while one moves them"
+    command("explore", text, _EXPLORE)
     command("plot", "draw the pictures of a result.nc again, without computing", _PLOT)
     text = "one HTML page of a results folder, that of all commands on a scene too"
     command("report", text, _REPORT)

@@ -3,6 +3,8 @@
 from ._condense import condense as condense
 from ._fidelity._compare import compare as compare
 from ._gradients import check_gradients as check_gradients
+from ._live import LiveScene as LiveScene
+from ._live import live_scene as live_scene
 from ._modes import modes as modes
 from ._optimising import optimise as optimise
 from ._progress import Listener as Listener

@@ -1,0 +1,3 @@
+"""Public names of `jaxgear.explore`."""
+
+from ._server import Explorer as Explorer
