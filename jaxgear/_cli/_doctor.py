@@ -30,11 +30,10 @@ class Finding(NamedTuple):
 
 
 def findings() -> Iterator[Finding]:
-    """Look at versions, precision, devices, threads, caches and solvers, and solve one mesh."""
+    """Look at versions, precision, devices, caches and solvers, and solve one mesh."""
     yield _libraries()
     yield _precision()
     yield _devices()
-    yield _threads()
     yield from _caches()
     yield _solver()
     yield _mesh()
@@ -64,7 +63,6 @@ def _libraries() -> Finding:
 def _precision() -> Finding:
     import jax
 
-    jax.config.update("jax_enable_x64", True)
     kind = jax.numpy.zeros(1).dtype.name
     text = f"numbers are {kind}"
     return Finding("precision", kind == "float64", text)
@@ -75,17 +73,6 @@ def _devices() -> Finding:
 
     text = f"{jax.default_backend()}: {', '.join(map(str, jax.devices()))}"
     return Finding("devices", True, f"{text}; {os.cpu_count()} cores")
-
-
-def _threads() -> Finding:
-    import scipy.linalg  # noqa: F401 its library of matrices is then there to be asked
-    import threadpoolctl
-
-    pools = threadpoolctl.threadpool_info()
-    text = ", ".join(f"{each['internal_api']} {each['num_threads']}" for each in pools)
-    few = all(each["num_threads"] == 1 for each in pools)
-    remedy = "; export OPENBLAS_NUM_THREADS=1: small matrices are slow in many threads"
-    return Finding("threads", few, text + ("" if few else remedy))
 
 
 def _caches() -> Iterator[Finding]:
@@ -130,10 +117,8 @@ def _mesh() -> Finding:
     import jax.numpy as jnp
 
     import jaxgear as jg
-    from jaxgear._program_cache import cache_compilations
 
     start = time.perf_counter()
-    cache_compilations()
     face, stiffness = 10.0 * jg.mm, 14.0 * jg.N_per_mm_um
     pair = jg.GearPair(
         pinion=jg.Gear(20, face),

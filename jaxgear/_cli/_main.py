@@ -298,7 +298,8 @@ def _doctor(args: argparse.Namespace) -> int:
     """Say whether the installation is in order."""
     from jaxgear._cli._doctor import print_findings
 
-    return print_findings()
+    with _numerical(quiet=True):
+        return print_findings()
 
 
 def _init(args: argparse.Namespace) -> int:

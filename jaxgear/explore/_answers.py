@@ -21,7 +21,7 @@ from jaxgear.study._sweep import sweep
 Asked = Mapping[str, Any]
 
 
-class Answers:
+class PageAnswers:
     """Answers to the page's questions, by their names.
 
     A question is a table with `values`: numbers by keys, in the units of the keys.

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxgear._checks import InputError
-from jaxgear.explore._answers import Answers
+from jaxgear.explore._answers import PageAnswers
 from jaxgear.study._live import LiveScene
 from jaxgear.study._running import stopwatch
 from jaxgear.study._statics import SolverFailure
@@ -45,7 +45,7 @@ class Explorer:
         - `OSError` if the port is taken.
         """
         token = secrets.token_urlsafe(24)
-        questions = Answers(live, target).by_name
+        questions = PageAnswers(live, target).by_name
         handler = functools.partial(_Handler, token, questions, threading.Lock())
         self._server = http.server.ThreadingHTTPServer((_HOST, port), handler)
         self._server.daemon_threads = True

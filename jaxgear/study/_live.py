@@ -151,7 +151,13 @@ class LiveScene:
 
 
 class _Keys(eqx.Module):
-    """Keys that move, and how the model follows."""
+    """Keys that move, and how the model follows.
+
+    **Fields:**
+
+    - `names`: of the keys.
+    - `variation`: how flanks change the model.
+    """
 
     names: tuple[str, ...] = eqx.field(static=True)
     variation: Variation
