@@ -73,3 +73,4 @@ from ._static_answers import Springs as Springs
 from ._static_answers import rim_rows as rim_rows
 from ._health import health_report as health_report
 from ._imports import import_superelement as import_superelement
+from ._exports import export_body as export_body

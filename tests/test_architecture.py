@@ -101,6 +101,7 @@ BODY_STAGES = (
     "_abaqus",
     "_op4",
     "_imports",
+    "_exports",
 )
 SCENE_FILES = ("_scene", "_build", "_with_bodies")
 

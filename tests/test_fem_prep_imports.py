@@ -20,6 +20,7 @@ from fem_prep._boundary import FullBody, full_body
 from fem_prep._checks import BodyError
 from fem_prep._companion import read_table
 from fem_prep._condense import condense
+from fem_prep._exports import export_body
 from fem_prep._grid import FACES, Grid
 from fem_prep._imports import SYSTEMS, import_superelement
 from fem_prep._modes import free_modes, reduced_modes
@@ -357,6 +358,24 @@ def test_op4_by_hand(tmp_path):
     path.write_bytes(b"\x18\0\0\0")
     with pytest.raises(BodyError, match="is binary"):
         read_op4([path], ["KAA"])
+
+
+@pytest.mark.parametrize("form", ["op4", "mtx"])
+def test_what_is_exported_can_be_imported(body, tmp_path, form):
+    """Matrices, places, seats, shapes and the rim's elements come back."""
+    *matrices, table, rim = export_body(body, tmp_path, form)
+    got = import_superelement(matrices, table, faces=rim, units="m-kg-s", mass=0.0246)
+    for name in ("stiffness", "mass"):
+        assert _relative(getattr(got, name), getattr(body, name)) < 1e-15
+    np.testing.assert_array_equal(got.rim_nodes, body.rim_nodes)
+    np.testing.assert_array_equal(got.seat_points, body.seat_points)
+    np.testing.assert_array_equal(got.rim_faces, body.rim_faces)
+    assert (got.seats, got.interior) == (body.seats, body.interior)
+
+
+def test_export_of_no_known_form_is_refused(body, tmp_path):
+    with pytest.raises(BodyError, match="one of op4, mtx, got 'docx'"):
+        export_body(body, tmp_path, "docx")
 
 
 @pytest.mark.parametrize("form", ["full", "packed", "big"])

@@ -121,6 +121,7 @@ def _command(argv: Sequence[str] | None) -> int:
         "explain": lambda args: explain_key(args.key),
         "schema": _schema,
         "explore": _explore,
+        "export": _export,
         "plot": _plot,
         "report": _report,
         "cache": _cache,
@@ -157,7 +158,7 @@ def _study(args: argparse.Namespace) -> int:
 
 def _refuse_unspeakable(args: argparse.Namespace) -> None:
     """Refuse bytes that are no text: they would come to light where results are written."""
-    texts = [getattr(args, name, "") for name in ("scene", "result", "results", "out")]
+    texts = [getattr(args, name, "") for name in ("scene", "result", "results", "body", "out")]
     for value in (*texts, *getattr(args, "overrides", ())):
         try:
             str(value).encode()
@@ -273,6 +274,24 @@ def _plot(args: argparse.Namespace) -> int:
         raise _Stop(2, f"cannot write pictures into {folder}: {error.strerror}.") from None
     if not args.quiet:
         print(f"{len(names)} pictures in {folder}: {', '.join(names)}")
+    return 0
+
+
+def _export(args: argparse.Namespace) -> int:
+    """Write a condensed body for another program."""
+    from fem_prep import BodyError, export_body, read_body
+
+    folder = args.out or args.body.parent
+    try:
+        body = read_body(args.body)
+        folder.mkdir(parents=True, exist_ok=True)
+        files = export_body(body, folder, args.form)
+    except BodyError as error:
+        raise _Stop(2, str(error)) from None
+    except OSError as error:
+        raise _Stop(2, f"cannot write into {folder}: {error.strerror}.") from None
+    if not args.quiet:
+        print("\n".join(map(str, files)))
     return 0
 
 

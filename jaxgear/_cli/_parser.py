@@ -95,6 +95,16 @@ _EXPLORE: _Arguments = {
     "--port": {"type": int, "default": 0, "metavar": "N", "help": "port to listen on; a free one"},
     **_SCENE,
 }
+_EXPORT: _Arguments = {
+    "body": {"metavar": "BODY", "type": Path, "help": "NAME.body.npz of `jaxgear condense`"},
+    "--form": {
+        "choices": ("op4", "mtx"),
+        "required": True,
+        "help": "op4: Nastran's OUTPUT4, as text; mtx: Abaqus's *MATRIX INPUT",
+    },
+    "--out": {"type": Path, "metavar": "DIR", "help": "folder for the files; that of the body"},
+    **_QUIET,
+}
 _REPORT: _Arguments = {
     "results": {"metavar": "RESULTS", "type": Path, "help": "folder of results"},
     "--out": {
@@ -166,6 +176,8 @@ def parser() -> argparse.ArgumentParser:
     command("doctor", "say whether this installation is in order: versions, precision, speed", {})
     text = "a page with a slider for each flank key: pictures and slopes while one moves them"
     command("explore", text, _EXPLORE)
+    text = "a condensed body for other programs: matrices, and what their rows are, in m, kg and s"
+    command("export", text, _EXPORT)
     command("plot", "draw the pictures of a result.nc again, without computing", _PLOT)
     text = "one HTML page of a results folder, that of all commands on a scene too"
     command("report", text, _REPORT)
