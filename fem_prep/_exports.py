@@ -14,10 +14,10 @@ import numpy as np
 from ._artefact import ReducedBody
 from ._checks import require
 
-# OUTPUT4: three numbers of 23 characters on a line, two words each; a symmetric matrix.
+# OUTPUT4: three numbers of 23 characters on a line, in double precision; a symmetric matrix.
 _PER_LINE, _FORM, _KIND = 3, 6, 2
 _NAMES = ("KAA", "MAA")
-# One integer of eight characters stands for a number of words.
+# One integer of eight characters counts rows.
 _MOST_ROWS = 9_999_999
 
 
@@ -78,18 +78,18 @@ def _write_op4(body: ReducedBody, folder: Path) -> list[Path]:
     """Lower triangles, a run of values for each column."""
     path = folder / f"{body.name}.op4"
     size = body.dofs
-    require(2 * size < _MOST_ROWS, "OUTPUT4 holds fewer rows than {size}.", size=size)
+    require(size < _MOST_ROWS, "OUTPUT4 holds fewer rows than {size}.", size=size)
     with path.open("w", encoding="ascii") as file:
         for name, matrix in zip(_NAMES, (body.stiffness, body.mass), strict=True):
             file.write(f"{size:8d}{size:8d}{_FORM:8d}{_KIND:8d}{name:<8}1P,{_PER_LINE}E23.16\n")
             for column in range(size):
                 _write_column(file, column, matrix[column:, column])
-            file.write(f"{size + 1:8d}{1:8d}{_KIND:8d}\n{1.0:23.16E}\n")
+            file.write(f"{size + 1:8d}{1:8d}{1:8d}\n{1.0:23.16E}\n")
     return [path]
 
 
 def _write_column(file: TextIO, column: int, values: np.ndarray) -> None:
-    file.write(f"{column + 1:8d}{column + 1:8d}{_KIND * len(values):8d}\n")
+    file.write(f"{column + 1:8d}{column + 1:8d}{len(values):8d}\n")
     whole = len(values) // _PER_LINE * _PER_LINE
     line = "%23.16E" * _PER_LINE + "\n"
     file.write(line * (whole // _PER_LINE) % tuple(values[:whole]))
