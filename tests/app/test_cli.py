@@ -20,6 +20,7 @@ from jaxgear.__main__ import main as door
 from jaxgear._checks import InputError
 from jaxgear._cli._main import main
 from jaxgear._cli._printing import print_summary
+from jaxgear.scene._json_schema import SCHEMA_LINE
 from jaxgear.scene._scene import READY, read_scene
 from jaxgear.study._statics import SolverFailure
 
@@ -71,7 +72,7 @@ def test_init_writes_a_scene_that_reads(tmp_path, monkeypatch, capsys, name):
     monkeypatch.chdir(tmp_path)
     assert main(["init", name]) == 0
     ready = READY / f"{name}.toml"
-    assert Path(f"{name}.toml").read_text() == ready.read_text()
+    assert Path(f"{name}.toml").read_text() == SCHEMA_LINE + ready.read_text()
     cite = str(read_scene(f"{name}.toml").value("cite"))
     assert cite.startswith("Guilbert 2017, Tab. III-")
     assert cite in capsys.readouterr().out
@@ -164,7 +165,7 @@ def test_a_bad_scene_is_refused_before_anything_else(scene, commands, capsys):
     assert main(["run", str(scene), "--set", "pair.tork=5"]) == 2
     output = capsys.readouterr()
     assert output.out == ""
-    assert "accessory.toml:26: pinion.tooth: unknown key, got 45, did you mean pinion.teeth?" in (
+    assert "accessory.toml:27: pinion.tooth: unknown key, got 45, did you mean pinion.teeth?" in (
         output.err
     )
     assert "--set pair.tork=5: pair.tork: unknown key" in output.err

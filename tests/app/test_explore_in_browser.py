@@ -1,0 +1,66 @@
+"""The explorer's page in a real browser: sliders move, and the numbers are those of a run."""
+
+import threading
+import time
+
+import pytest
+
+from jaxgear.explore import Explorer
+from jaxgear.scene._scene import ready_scene
+from jaxgear.study import live_scene, statics
+
+_DEPTHS = [f"flank.{gear}.tip_relief.depth_um" for gear in ("pinion", "wheel")]
+# Milliseconds from a slider to a new picture, of rigid pairs on two quiet cores: reported.
+_SLIDE = """
+const done = arguments[arguments.length - 1];
+const slide = document.getElementById("slide-" + arguments[0]);
+slide.value = arguments[1];
+const start = performance.now();
+slide.dispatchEvent(new Event("input"));
+const wait = () => busy ? setTimeout(wait, 20) : done(performance.now() - start);
+wait();
+"""
+
+
+@pytest.fixture
+def browser():
+    """Headless Chromium."""
+    webdriver = pytest.importorskip("selenium.webdriver")
+    options = webdriver.ChromeOptions()
+    for each in ("--headless=new", "--no-sandbox", "--disable-gpu", "--window-size=1400,1200"):
+        options.add_argument(each)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    made = webdriver.Chrome(options=options)
+    made.set_script_timeout(600)
+    yield made
+    made.quit()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["accessory", "power", "accessory-h1"])
+def test_sliders_move_what_a_run_finds(browser, tmp_path, name):
+    scene = ready_scene(name)
+    live = live_scene(scene)
+    explorer = Explorer(live, tmp_path / "mine.toml")
+    threading.Thread(target=explorer.serve, daemon=True).start()
+    try:
+        browser.get(explorer.address)
+        until = time.monotonic() + 600.0
+        while not browser.execute_script("return !busy && state.curve !== null"):
+            assert time.monotonic() < until, browser.find_element("id", "told").text
+            time.sleep(0.2)
+        for key in _DEPTHS:
+            browser.execute_async_script(_SLIDE, key, 11)
+        found = browser.execute_script("return state.cycle.numbers")
+        known = statics(live.scene.replace(dict.fromkeys(_DEPTHS, 11.0))).summary["static"]
+        for number, value in found.items():
+            assert value == pytest.approx(known[number], rel=1e-9), number
+        arrow = browser.find_element("id", f"slope-{_DEPTHS[1]}")
+        slopes = live.slopes(live.values(dict.fromkeys(_DEPTHS, 11.0)), "te_rms_um")
+        assert float(arrow.get_attribute("data-slope")) == pytest.approx(slopes[_DEPTHS[1]])
+        browser.find_element("id", "reset").click()
+        browser.find_element("id", "undo").click()
+        assert browser.execute_script(f"return state.values['{_DEPTHS[0]}']") == 11
+        assert [each for each in browser.get_log("browser") if each["level"] == "SEVERE"] == []
+    finally:
+        explorer.stop()
