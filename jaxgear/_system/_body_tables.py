@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
 import numpy as np
@@ -93,6 +93,7 @@ def flexible_body(
     points: int = ROOT_POINTS,
     axial: Axial = "mortar",
     local: Callable[[int], np.ndarray] | None = None,
+    give: Callable[[RootPatches], np.ndarray] | None = None,
     basis: BodyBasis | None = None,
 ) -> FlexibleBody:
     """Put a condensed body in mesh. Call it outside of `jit`, on concrete gears.
@@ -109,6 +110,8 @@ def flexible_body(
     - `axial`: how a slice follows the rim along the axis, "mortar" or "collocation".
     - `local`: what the feet of a tooth give beyond what the elements of the rim can show, by the
         tooth's number: `[6 slice, 6 slice]` in the frames of the feet [m/N, 1/N, 1/(N m)].
+    - `give`: in place of what the body's own matrices say: what feet on given patches give with the
+        seats held, `[6 foot, 6 foot]` in the frames of the feet [m/N, 1/N, 1/(N m)].
     - `basis`: on which the body vibrates, from `body_basis`; statics need none.
 
     **Returns:**
@@ -136,6 +139,9 @@ def flexible_body(
     found = feet(RimSurface(body.rim_nodes, body.rim_faces), patches)
     components = _ALL if float(pair.helix_angle) != 0.0 else _IN_PLANE
     held = _held(body, found, patches.angles.ravel(), components)
+    if give is not None:
+        kept = _rows(patches.angles.size, components)
+        held = replace(held, flexibility=give(patches)[np.ix_(kept, kept)])
     count, slices, size = len(each), grid.slices, len(components)
     lines, cells = where.reshape(teeth.shape), grid.lines * slices
     pairs = _between_cells(held, lines, each, repeats, local, components)
@@ -236,8 +242,7 @@ def _held(
     seat = np.arange(rim, rim + 6 * count)
     inner = np.setdiff1d(np.arange(len(body.stiffness)), seat)
     joined = body.stiffness[np.ix_(inner, seat)]
-    kept = (6 * np.arange(len(angles))[:, None] + np.array(components)).ravel()
-    rows = found.rows[kept].toarray()
+    rows = found.rows[_rows(len(angles), components)].toarray()
     # Unit motions of the seats, loads on the feet, rotation: all in one solution.
     right = np.zeros((len(inner), joined.shape[1] + len(rows) + 1), order="F")
     right[:, : joined.shape[1]] = joined
@@ -257,6 +262,11 @@ def _held(
         seat_stiffness=_same_all_round(stiffness - joined.T @ by_seats, stiffness, body),
         seat_load=_along_axis(body.centrifugal_load[seat] - joined.T @ solved[:, -1]),
     )
+
+
+def _rows(count: int, components: tuple[int, ...]) -> np.ndarray:
+    """Where the components of feet are among all six of each."""
+    return (6 * np.arange(count)[:, None] + np.array(components)).ravel()
 
 
 def _turned(rows: np.ndarray, angles: np.ndarray) -> np.ndarray:
