@@ -57,6 +57,13 @@ def element_teeth(scene: Scene, tell: Callable[[str], None] = lambda step: None)
     return ElementTeeth(pinion=pinion, wheel=wheel, load_updates=scene.mesh.line_load_updates)
 
 
+def coarser_teeth(scene: Scene) -> list[tuple[str, float]]:
+    """Gears whose teeth are divided more coarsely than others are, and what that costs [-]."""
+    count = _teeth_in_mesh(scene)
+    found = [(gear, fitting_sizing(toothed_gear(scene, gear), count)[1]) for gear in GEARS]
+    return [(gear, error) for gear, error in found if error > 0.0]
+
+
 def _check(scene: Scene) -> None:
     """Refuse what teeth of finite elements cannot be."""
     moved = sorted(key for key in scene.moved if shapes_teeth(key))
@@ -160,7 +167,7 @@ def condensed_teeth(
     """
     kept = _kept(shape, material, count)
     if not kept:
-        sizing = fitting_sizing(shape, count)
+        sizing, _ = fitting_sizing(shape, count)
         key = key_of({"shape": shape, "material": material, "teeth": count, "sizing": sizing})
         build = lambda: condense_teeth(shape, material, count, sizing=sizing, progress=Steps(tell))
         kept.append(cached(key, build, (read_teeth, write_teeth))[0])
