@@ -1,5 +1,7 @@
 """How finely teeth of finite elements are divided: as finely as their unknowns allow."""
 
+import functools
+
 from ._checks import BodyError
 from ._tooth_compliance import MOST_UNKNOWNS, unknowns_of
 from ._tooth_section import ToothSizing
@@ -16,6 +18,8 @@ _SIZES = (
 )
 
 
+# Asked for each model of a scene.
+@functools.lru_cache(maxsize=16)
 def fitting_sizing(gear: ToothedGear, teeth: int) -> tuple[ToothSizing, float]:
     """The finest sizing of a gear's teeth whose unknowns can be factorised.
 

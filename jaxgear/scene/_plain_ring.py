@@ -6,9 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fem_prep import Grid, Seat, full_body, hold, ribbed_grids, symmetry
-from jaxgear._checks import InputError
+from fem_prep import LEAST_RIM, Grid, Seat, full_body, hold, ribbed_grids, symmetry
+from jaxgear._checks import InputError, require
 from jaxgear._interface._roots import RimSurface, RootPatches, feet
+from jaxgear._units import mm
 from jaxgear.scene._bodies import BodyPlan, Drawn, ribbed_sectors
 from jaxgear.scene._body_build import Steps
 from jaxgear.scene._body_words import in_keys
@@ -41,7 +42,7 @@ def beyond_plain_ring(
 
     **Raises:**
 
-    - `InputError` if the body was not drawn by its measures.
+    - `InputError` if the body was not drawn by its measures, or if its rim is too thin.
     """
     source = plan.source
     if not isinstance(source, Drawn):
@@ -51,6 +52,18 @@ def beyond_plain_ring(
             'file. Write mesh.tooth = "sliced".'
         )
     gear = toothed_gear(scene, plan.gear)
+    if source.body.web is not None:
+        rim = 0.5 * (source.body.rim_outer - source.body.web.rim_inner)
+        require(
+            rim >= LEAST_RIM * gear.module,
+            "Under teeth of finite elements a condensed rim must be at least {least:g} modules "
+            "thick, {want:.4g} mm, got {got:.4g} mm: a thinner one bends under a root as no ring "
+            'does. Make {name}.body.web.rim_inner_mm smaller, or write mesh.tooth = "sliced".',
+            least=LEAST_RIM,
+            want=LEAST_RIM * gear.module / mm,
+            got=rim / mm,
+            name=plan.gear,
+        )
     sectors = max(ribbed_sectors(source.body, gear.teeth), source.fineness.sectors)
     fineness = dataclasses.replace(source.fineness, sectors=sectors)
 

@@ -5,7 +5,7 @@ from jaxgear.scene._scene import Scene
 from jaxgear.study._fidelity._engine import compared
 from jaxgear.study._fidelity._moving import BodiesProblem, MethodsProblem
 from jaxgear.study._fidelity._statics import StaticProblem, require_at_rest
-from jaxgear.study._fidelity._teeth import TeethProblem
+from jaxgear.study._fidelity._teeth import compared_teeth
 from jaxgear.study._head import names_of, study
 from jaxgear.study._progress import built_scene
 from jaxgear.study._result import Result, titled
@@ -54,7 +54,7 @@ def compare(scene: Scene) -> Result:
     if not moving:
         summary, datasets = names_of(scene) | {"compare": at_rest.summary}, {"compare": static}
         if scene.compare.teeth == "elements":
-            teeth = compared(TeethProblem(scene, work=work), "compare teeth")
+            teeth = compared_teeth(scene, work)
             summary["compare"]["teeth"] = teeth.summary
             datasets["compare_teeth"] = titled(teeth.dataset, scene, ", judged by elements")
         return Result(scene, summary, datasets)
