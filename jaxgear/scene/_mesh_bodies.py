@@ -21,7 +21,7 @@ from jaxgear.scene._bodies import BodyPlan, Drawn, body_plan
 from jaxgear.scene._body_build import BuiltBody, built_body
 from jaxgear.scene._body_words import in_keys
 from jaxgear.scene._build import couples_on_pinion, pair_grid, pair_of
-from jaxgear.scene._plain_ring import without_plain_ring
+from jaxgear.scene._plain_ring import beyond_plain_ring
 from jaxgear.scene._root_correction import root_correction
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
@@ -199,15 +199,21 @@ def _in_mesh(
     (built, basis), mesh = made, scene.mesh
     plan, body = built.plan, built.body
     tell(f"{plan.gear}: teeth on the rim")
-    index, local = GEARS.index(plan.gear), None
+    index, local, give = GEARS.index(plan.gear), None, None
     on_rim: Any = {"points": mesh.root_points, "axial": mesh.connection}
     with in_keys(plan.gear):
-        if mesh.root_correction:
+        if mesh.tooth == "elements":
+            give = beyond_plain_ring(scene, plan, tell)
+            if basis is not None:
+                raise InputError(
+                    'mesh.tooth = "elements": a condensed body carries such teeth in statics only, '
+                    'for the ring under them has no modes. Write mesh.tooth = "sliced" for what is '
+                    "in motion, or make the body rigid."
+                )
+        elif mesh.root_correction:
             local = root_correction(body, plan.material, pair, index, grid, **on_rim)
         seat = plan.torque_seat or None
         flexible = flexible_body(
-            body, pair, index, grid, gear_seat=seat, local=local, basis=basis, **on_rim
+            body, pair, index, grid, gear_seat=seat, local=local, give=give, basis=basis, **on_rim
         )
-    if mesh.tooth == "elements":
-        flexible = without_plain_ring(scene, plan, flexible, pair, grid, tell)
     return MeshBody(built, flexible, basis)

@@ -4,98 +4,142 @@ import dataclasses
 import math
 from collections.abc import Callable
 
-from fem_prep import Fineness, GearBody
-from jaxgear._checks import InputError
-from jaxgear._geometry._lines import MeshGrid
-from jaxgear._geometry._pair import GearPair
-from jaxgear._system._body_tables import flexible_body
-from jaxgear._system._flexible import FlexibleBody
+import numpy as np
+
+from fem_prep import (
+    LEAST_RIM,
+    Fineness,
+    GearBody,
+    Give,
+    Grid,
+    Seat,
+    ToothedGear,
+    cached,
+    full_body,
+    hold,
+    key_of,
+    read_give,
+    ribbed_grids,
+    symmetry,
+    write_give,
+)
+from jaxgear._checks import InputError, require
+from jaxgear._interface._roots import RimSurface, RootPatches, feet
 from jaxgear._units import mm
-from jaxgear.scene._bodies import BodyPlan, Drawn, PlannedSeat
-from jaxgear.scene._body_build import built_body
+from jaxgear.scene._bodies import BodyPlan, Drawn, ribbed_sectors
+from jaxgear.scene._body_build import Steps
 from jaxgear.scene._body_words import in_keys
-from jaxgear.scene._root_correction import root_correction
+from jaxgear.scene._mesh_teeth import toothed_gear
 from jaxgear.scene._scene import Scene
-from jaxgear.scene._schema import GEARS
+
+# Loads solved for at a time.
+_COLUMNS = 240
 
 
-def without_plain_ring(
-    scene: Scene,
-    plan: BodyPlan,
-    flexible: FlexibleBody,
-    pair: GearPair,
-    grid: MeshGrid,
-    tell: Callable[[str], None],
-) -> FlexibleBody:
-    """A body in mesh by what it gives beyond the plain ring that its teeth's elements stand on.
+def beyond_plain_ring(
+    scene: Scene, plan: BodyPlan, tell: Callable[[str], None]
+) -> Callable[[RootPatches], np.ndarray]:
+    """What a body in mesh gives beyond the plain ring that its teeth's elements stand on.
 
-    The ring is condensed as the body is, with rim elements of the same size and teeth that stand on
-    it in the same way, and is held at its bore: what teeth do to the rim near their roots is then
-    the same in both, and only the teeth's elements say it.
+    Both are solved anew with coarse teeth all around, whose ribs a thin rim is stiffened by, and
+    with the same elements under the teeth: what these do to the rim near their roots is then the
+    same in both, and only the teeth's own elements say it.
 
     **Arguments:**
 
     - `scene`: with `mesh.tooth = "elements"`.
     - `plan`: of the body.
-    - `flexible`: the body in mesh.
-    - `pair`: the gears.
-    - `grid`: of the mesh.
     - `tell`: told what begins.
 
     **Returns:**
 
-    The body, its flexibility less that of the ring.
+    A function of the feet: what they give more than on the ring, `[6 foot, 6 foot]`, in the
+    body's frame, seats and bore held.
 
     **Raises:**
 
-    - `InputError` if the body was not drawn by its measures, or if it is to vibrate.
+    - `InputError` if the body was not drawn by its measures, or if its rim is too thin.
     """
-    if not isinstance(plan.source, Drawn):
+    source = plan.source
+    if not isinstance(source, Drawn):
         raise InputError(
             f'mesh.tooth = "elements": the {plan.gear}\'s body must be drawn by [{plan.gear}.body.'
             "web], so that a plain ring of like elements can be set against it; it was read from a "
             'file. Write mesh.tooth = "sliced".'
         )
-    if flexible.modes is not None:
-        raise InputError(
-            f'mesh.tooth = "elements": the {plan.gear}\'s condensed body carries such teeth in '
-            'statics only, for the ring under them has no modes. Write mesh.tooth = "sliced" for '
-            "what is in motion, or make the body rigid."
+    gear = toothed_gear(scene, plan.gear)
+    if source.body.web is not None:
+        rim = 0.5 * (source.body.rim_outer - source.body.web.rim_inner)
+        require(
+            rim >= LEAST_RIM * gear.module,
+            "Under teeth of finite elements a condensed rim must be at least {least:g} modules "
+            "thick, {want:.4g} mm, got {got:.4g} mm: a thinner one bends under a root as no ring "
+            'does. Make {name}.body.web.rim_inner_mm smaller, or write mesh.tooth = "sliced".',
+            least=LEAST_RIM,
+            want=LEAST_RIM * gear.module / mm,
+            got=rim / mm,
+            name=plan.gear,
         )
-    ring = dataclasses.replace(
-        plan,
-        source=Drawn(*_ring(scene, plan, plan.source)),
-        seats=(PlannedSeat("gear", "bore", 0.0, False),),
-        torque_seat="gear",
-        teeth=None,
-        method="guyan",
-        modes=0,
-        rotating=False,
-        compares_seats=False,
-    )
-    built = built_body(ring, lambda step: tell(f"{plan.gear}: plain ring: {step}"))
-    index = GEARS.index(plan.gear)
-    points, axial = scene.mesh.root_points, scene.mesh.connection
+    sectors = max(ribbed_sectors(source.body, gear.teeth), source.fineness.sectors)
+    fineness = dataclasses.replace(source.fineness, sectors=sectors)
+
+    made_from = {"body": source.body, "fineness": fineness, "gear": gear, "seats": plan.seats}
+
+    def beyond(patches: RootPatches) -> np.ndarray:
+        inputs = {**made_from, "material": plan.material, "patches": patches}
+        build = lambda: Give(_beyond(plan, source.body, fineness, gear, patches, tell))
+        return cached(key_of({"beyond a ring": inputs}), build, (read_give, write_give))[0].matrix
+
+    return beyond
+
+
+def _beyond(
+    plan: BodyPlan,
+    drawn: GearBody,
+    fineness: Fineness,
+    gear: ToothedGear,
+    patches: RootPatches,
+    tell: Callable[[str], None],
+) -> np.ndarray:
+    """What feet give more on the body than on the ring."""
     with in_keys(plan.gear):
-        local = None
-        if scene.mesh.root_correction:
-            local = root_correction(
-                built.body, plan.material, pair, index, grid, points=points, axial=axial
+        body, ring = ribbed_grids(drawn, fineness, gear)
+        seats = [
+            Seat(
+                each.name,
+                body[0].sets[f"seat:{each.label}"],
+                np.array([0.0, 0.0, each.at]),
+                each.averaging,
             )
-        own = flexible_body(
-            built.body, pair, index, grid, gear_seat="gear", points=points, axial=axial, local=local
-        )
-    return dataclasses.replace(flexible, flexibility=flexible.flexibility - own.flexibility)
+            for each in plan.seats
+        ]
+        bore = [Seat("bore", ring[0].sets["seat:bore"], np.zeros(3), False)]
+        told = lambda what: Steps(lambda step: tell(f"{plan.gear}: {what}: {step}"))
+        # Turns that leave both as they are.
+        equal = math.gcd(gear.teeth, symmetry(drawn, fineness))
+        own = _give(body, seats, plan, patches, (equal, told("body with ribs")))
+        return own - _give(ring, bore, plan, patches, (equal, told("plain ring")))
 
 
-def _ring(scene: Scene, plan: BodyPlan, source: Drawn) -> tuple[GearBody, Fineness]:
-    """The ring, and elements as large as those of the body's rim."""
-    body, fineness = source.body, source.fineness
-    ring = GearBody(body.rim_outer, body.rim_width, (scene.gear(plan.gear).bore_mm or 0.0) * mm)
-    if body.web is None:
-        return ring, fineness
-    arc = math.pi * body.rim_outer / fineness.sectors
-    rim = 0.5 * (body.rim_outer - body.web.rim_inner)
-    count = fineness.rim_radial or max(2, round(rim / arc))
-    across = math.ceil(0.5 * (body.rim_outer - ring.bore) / (rim / count))
-    return ring, dataclasses.replace(fineness, web_radial=across)
+def _give(
+    ribbed: tuple[Grid, np.ndarray],
+    seats: list[Seat],
+    plan: BodyPlan,
+    patches: RootPatches,
+    how: tuple[int, Steps],
+) -> np.ndarray:
+    """Compliance between the feet on a body of equal sectors with ribs, its seats held."""
+    (grid, faces), (sectors, steps) = ribbed, how
+    full = full_body(plan.name, grid, plan.material, seats, progress=steps)
+    none = np.zeros(0, dtype=int)
+    full = dataclasses.replace(full, rim=none, rim_points=none, rim_faces=none.reshape(0, 8))
+    held = hold(full, rotation=full.rotation(sectors), progress=steps)
+    rows = feet(RimSurface(grid.nodes, faces), patches).rows
+    loads = (rows @ full.spread).T.tocsc()
+    with steps("loads on the feet"):
+        parts = [
+            loads.T @ held.loaded(loads[:, start : start + _COLUMNS].toarray())
+            for start in range(0, loads.shape[1], _COLUMNS)
+        ]
+    result = np.concatenate(parts, axis=1)
+    return 0.5 * (result + result.T)
