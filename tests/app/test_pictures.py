@@ -498,11 +498,6 @@ def test_configuration_is_left_alone(datasets):
     assert dict(matplotlib.rcParams) == before
 
 
-def test_pyplot_stays_away():
-    code = "import sys, jaxgear.plot._cycle_pictures; sys.exit('matplotlib.pyplot' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
-
-
 def test_both_files_have_the_layout_that_each_would_have_alone(datasets, tmp_path):
     with house_look():
         figure = pictures.flank_maps(datasets["spur"])
@@ -540,20 +535,6 @@ def test_without_pictures_data_is_written_all_the_same(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bare", *names]
     assert sorted(path.name for path in bare.iterdir()) == [names[0], names[3]]
     assert (bare / names[0]).read_bytes() == (tmp_path / names[0]).read_bytes()
-
-
-def test_commands_come_without_matplotlib(tmp_path):
-    """Also those of condensed bodies, searches and comparisons."""
-    code = (
-        "import pathlib, sys\n"
-        "import jaxgear._cli._commands, jaxgear.study._fidelity._compare, jaxgear.study._condense\n"
-        "import jaxgear.plot._atlas, jaxgear.study._sensitivities, jaxgear.study._body_fields\n"
-        "from jaxgear._cli._folder import Folder\n"
-        "from jaxgear._cli._writing import save\n"
-        "save(None, {'a': [1.0]}, Folder(pathlib.Path(sys.argv[1]), pictures=False), 'a')\n"
-        "sys.exit('matplotlib' in sys.modules)"
-    )
-    assert subprocess.run([sys.executable, "-c", code, tmp_path], check=False).returncode == 0
 
 
 def test_a_result_is_drawn_again_without_jax(groups, tmp_path):
