@@ -37,11 +37,15 @@ from jaxgear.study._results import static_dataset
 _UNIT = re.compile(r".+ \[[^\]]+\]$")
 
 
+# Quick to compile; what is drawn does not depend on it.
+_TEETH = jg.ConstantStiffness(14e9)
+
+
 def _spur(depth: float = 0.0) -> jg.PairModel:
     pinion, wheel = jg.Gear(20, 12 * jg.mm, 0.2), jg.Gear(41, 10 * jg.mm, 0.1)
     relief = jg.TipRelief(depth * jg.um, 0.25)
     pair = jg.GearPair(pinion, wheel, 2 * jg.mm)
-    return jg.PairModel(pair, 60.0, flanks=jg.Flanks(relief, relief))
+    return jg.PairModel(pair, 60.0, flanks=jg.Flanks(relief, relief), compliance=_TEETH)
 
 
 def _relieved() -> jg.PairModel:
@@ -51,7 +55,7 @@ def _relieved() -> jg.PairModel:
 def _helical() -> jg.PairModel:
     pinion, wheel = jg.Gear(25, 30 * jg.mm, 0.3), jg.Gear(31, 30 * jg.mm)
     pair = jg.GearPair(pinion, wheel, 3 * jg.mm, 20 * jg.deg, 15 * jg.deg)
-    return jg.PairModel(pair, 300.0)
+    return jg.PairModel(pair, 300.0, compliance=_TEETH)
 
 
 _FORCE = (-400.0, 150.0, 20.0)
@@ -76,6 +80,7 @@ def _mounted() -> jg.PairModel:
         pair,
         300.0,
         flanks=jg.Flanks(pinion_indexing=indexing),
+        compliance=_TEETH,
         pinion_support=pinion,
         wheel_support=wheel,
         pinion_body=body,
