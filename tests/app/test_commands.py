@@ -26,14 +26,6 @@ def _run(capsys, *arguments: str) -> tuple[int, dict]:
     return code, json.loads(out) if out else {}
 
 
-@pytest.fixture
-def accessory(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    assert main(["init", "accessory"]) == 0
-    capsys.readouterr()
-    return "accessory.toml"
-
-
 @pytest.mark.end_to_end
 @pytest.mark.parametrize("size", quick(1, [[*_COARSE], [*_COARSE[4:]]]), ids=["coarse", "whole"])
 def test_run_writes_everything_and_finds_the_optimum(size, accessory, tmp_path, capsys):

@@ -187,18 +187,6 @@ young_GPa = 4e5
 """  # noqa: E501
 
 
-@pytest.fixture
-def write(tmp_path):
-    """A function that writes a scene and returns its path."""
-
-    def written(text):
-        path = tmp_path / "scene.toml"
-        path.write_text(text, encoding="utf-8")
-        return path
-
-    return written
-
-
 def _mistakes(path: Path, overrides: Sequence[str] = ()) -> list[tuple[Any, str, str]]:
     """Return the mistakes as (line or argument, key, message)."""
     with pytest.raises(SceneError) as caught:
