@@ -1,7 +1,6 @@
 """Reference pairs, each a function, and the ways in which a pair may be turned round.
 
-Sources are those of the data sheets in `physics.md` B1 to B4; a pair without one is ours. Pairs do
-not change, so each is built once.
+A pair whose source is not named is ours. Pairs do not change, so each is built once.
 """
 
 import functools

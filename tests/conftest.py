@@ -40,7 +40,21 @@ from jaxtyping import install_import_hook
 
 __all__ = ["pytest_addoption", "pytest_configure", "pytest_runtest_call"]
 
-_CHECKED = ("jaxgear", "optimise")
+# What Python compiles is kept too, the checks below in it, whatever the environment says: else each
+# process does it anew, those that tests start among them.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
+# Packages and files that speak of the shapes of arrays. All else has plain types, which pyright
+# checks: to look at each cell of a table again as it is written takes longer than to write it.
+_PACKAGES = ("contact", "dynamics", "flank", "geometry", "interface", "response", "solve", "system")
+_FILES = ("_smooth", "_types", *(f"scene._{x}" for x in ("build", "build_pair", "files", "teeth")))
+_CHECKED = (
+    "optimise",
+    "jaxgear.study",
+    *(f"jaxgear._{name}" for name in _PACKAGES),
+    *(f"jaxgear.{name}" for name in _FILES),
+)
 
 # The hook rewrites modules as they are imported; one that is already in has escaped it.
 if escaped := [name for name in _CHECKED if name in sys.modules]:

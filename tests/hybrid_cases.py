@@ -175,7 +175,7 @@ def _turn(angle: float) -> np.ndarray:
 
 
 class Dense:
-    """Two gears in mesh with all unknowns of their bodies, built from the drawing (physics A1.7).
+    """Two gears in mesh with all unknowns of their bodies, built from the drawing.
 
     **Arguments:**
 

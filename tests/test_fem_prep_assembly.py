@@ -309,7 +309,7 @@ def test_torsional_mode_of_a_thick_ring():
 
 
 def test_energy_of_a_spinning_disc():
-    """Without Poisson's effect a disc of any thickness is in plane stress (physics.md B6)."""
+    """Without Poisson's effect a disc of any thickness is in plane stress."""
     a, b, height = 0.03, 0.08, 0.02
 
     def growth(r):

@@ -575,7 +575,7 @@ def test_a_node_of_no_element_is_refused():
 def test_a_load_fixed_in_space(seats):
     """Seen from the wheel it turns backward; all terms of rotation together leave f / k.
 
-    Without them the wheel's inertia stays: f / (k - speed^2 m) (physics.md A7).
+    Without them the wheel's inertia stays: f / (k - speed^2 m).
     """
     body = condensed(seats, modes=6, rotating=True)
     speed, stiffness = 3000.0, 1e8

@@ -1,4 +1,4 @@
-"""Plates, rings, rotors, shafts and wheels against closed forms (physics.md B6).
+"""Plates, rings, rotors, shafts and wheels against closed forms.
 
 Thin plates are the hardest for full integration: the closed forms need elements that are not much
 longer than a plate is thick. By one half wave of the shape, cut out by symmetry, they are had fast.
@@ -175,7 +175,7 @@ SQUARE = 0.140577
 
 
 def ring_frequencies(height, n, material=STEEL):
-    """In its plane and out of it, of a thin ring of square section [rad/s] (physics.md B6)."""
+    """In its plane and out of it, of a thin ring of square section [rad/s]."""
     kappa = material.young * height**2 / (12 * material.density * RADIUS**4)
     shape = kappa * n**2 * (n**2 - 1) ** 2
     twist = material.young / (12 * material.lame[1] * SQUARE)
@@ -224,7 +224,7 @@ def test_a_long_thin_cylinder():
 
 
 def test_growth_of_a_rotating_disc():
-    """Plane stress with free edges, at rim and bore (physics.md B6)."""
+    """Plane stress with free edges, at rim and bore."""
     a, b, speed = 0.03, 0.08, 1000.0
     grid = ring(np.linspace(a, b, 6), 16, [-0.5e-3, 0.5e-3])
     bore = int(grid.sets["bore"][0])
@@ -273,7 +273,7 @@ def test_a_rotating_ring():
 
 
 def rotating_ring(height, n, speed):
-    """Forward and backward, seen from the ring [rad/s] (physics.md B6)."""
+    """Forward and backward, seen from the ring [rad/s]."""
     still = ring_frequencies(height, n)[0]
     stiffened = np.sqrt(still**2 + (n * (n**2 - 1) * speed / (n**2 + 1)) ** 2)
     shift = 2 * n * speed / (n**2 + 1)

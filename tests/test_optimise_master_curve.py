@@ -38,7 +38,7 @@ def test_depths_by_hand(extent, depth):
 
 
 def test_depth_of_the_accessory_pair():
-    """eps 1.42155, Gamma 0.25, deflection 11.6 um: 14.3 um; the thesis took 15 (physics A3.5)."""
+    """eps 1.42155, Gamma 0.25, deflection 11.6 um: 14.3 um; the thesis took 15."""
     assert_close(_depth(0.25, 1.421555, 11.6), 14.26, rtol=1e-3, atol=0.0)
 
 

@@ -367,16 +367,26 @@ print(codes, [name for name in heavy if name in sys.modules], file=sys.stderr)
     assert done.stderr.splitlines()[-1] == "[0, 0, 0, 2, 0, 0] []"
 
 
-def test_commands_import_no_library_before_they_use_it():
+def test_commands_import_no_library_before_they_use_it(tmp_path):
+    """No numerics with all commands, no matplotlib without pictures, and pyplot never."""
     code = """
-import sys
+import pathlib, sys
 import jaxgear._cli._commands
 late = ("diffrax", "optax", "skfem", "meshio", "scipy.linalg", "scipy.optimize", "scipy.signal")
 late += ("scipy.sparse", "scipy.spatial", "scipy.special", "scipy.stats")
 print([name for name in late if name in sys.modules])
+import jaxgear.study._fidelity._compare, jaxgear.study._condense, jaxgear.plot._atlas
+import jaxgear.study._sensitivities, jaxgear.study._body_fields
+from jaxgear._cli._folder import Folder
+from jaxgear._cli._writing import save
+save(None, {"a": [1.0]}, Folder(pathlib.Path(sys.argv[1]), pictures=False), "a")
+print("matplotlib" in sys.modules)
+import jaxgear.plot._cycle_pictures
+print("matplotlib.pyplot" in sys.modules)
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.stdout == "[]\n", done.stderr
+    command = [sys.executable, "-c", code, tmp_path]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.stdout.splitlines() == ["[]", "False", "False"], done.stderr
 
 
 @pytest.mark.parametrize(

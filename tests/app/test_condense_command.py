@@ -76,18 +76,6 @@ def _own_cache(tmp_path, monkeypatch):
     monkeypatch.setenv("JAXGEAR_CACHE", str(tmp_path / "cache"))
 
 
-@pytest.fixture
-def written(tmp_path):
-    """Writes a scene and returns its path."""
-
-    def write(text):
-        path = tmp_path / "scene.toml"
-        path.write_text(text)
-        return path
-
-    return write
-
-
 def _plan(path, *changes, gear="wheel"):
     return body_plan(read_scene(path, changes), gear)
 
@@ -109,8 +97,8 @@ def _grid(plan):
 
 
 @pytest.mark.end_to_end
-def test_condense_end_to_end_and_then_from_the_cache(written, tmp_path, capsys):
-    path, out = written(_PAIR + _BODY), tmp_path / "out"
+def test_condense_end_to_end_and_then_from_the_cache(write, tmp_path, capsys):
+    path, out = write(_PAIR + _BODY), tmp_path / "out"
     assert main(["condense", str(path), "--out", str(out)]) == 0
     printed = capsys.readouterr()
     out = out / "condense"
@@ -204,33 +192,33 @@ def _check_cache_command(key, capsys):
         (_PAIR + _BODY.replace('"condensed"', '"rigid"'), "wheel.body has web, but its kind is"),
     ],
 )
-def test_condense_without_a_condensed_body_says_what_to_write(written, capsys, text, words):
-    assert main(["condense", str(written(text))]) == 2
+def test_condense_without_a_condensed_body_says_what_to_write(write, capsys, text, words):
+    assert main(["condense", str(write(text))]) == 2
     assert words in capsys.readouterr().err
 
 
-def test_a_model_is_not_built_as_if_the_body_were_rigid(written):
+def test_a_model_is_not_built_as_if_the_body_were_rigid(write):
     with pytest.raises(InputError, match="has not been built for this scene: use `with_bodies"):
-        model_of(read_scene(written(_PAIR + _BODY)))
+        model_of(read_scene(write(_PAIR + _BODY)))
 
 
-def test_an_impossible_body_is_refused_in_the_scene_s_own_words(written, capsys, tmp_path):
+def test_an_impossible_body_is_refused_in_the_scene_s_own_words(write, capsys, tmp_path):
     text = (_PAIR + _BODY).replace("rim_inner_mm = 52", "rim_inner_mm = 52, web_offset_mm = 4")
-    assert main(["condense", str(written(text)), "--out", str(tmp_path)]) == 2
+    assert main(["condense", str(write(text)), "--out", str(tmp_path)]) == 2
     error = capsys.readouterr().err
     assert "scene.toml: wheel.body: `wheel.body.web` must end within the hub" in error
 
 
-def test_a_rigid_gear_with_a_web_is_told_that_it_has_none(written):
-    scene = read_scene(written(_PAIR + _BODY), ["wheel.body.kind=rigid"])
+def test_a_rigid_gear_with_a_web_is_told_that_it_has_none(write):
+    scene = read_scene(write(_PAIR + _BODY), ["wheel.body.kind=rigid"])
     assert [*_on_bodies(scene)] == ['wheel.body.web does nothing: wheel.body.kind is "rigid".']
-    assert not [*_on_bodies(read_scene(written(_PAIR + _BODY)))]
+    assert not [*_on_bodies(read_scene(write(_PAIR + _BODY)))]
 
 
 # --- From the scene to the plan
 
 
-def test_measures_reach_the_drawing_in_metres(written):
+def test_measures_reach_the_drawing_in_metres(write):
     text = (
         _PAIR
         + _SHAFT
@@ -241,7 +229,7 @@ def test_measures_reach_the_drawing_in_metres(written):
             "second_hole_diameter_mm = 3",
         )
     )
-    plan = _plan(written(text))
+    plan = _plan(write(text))
     drawn = _drawn(plan).body
     assert drawn.rim_outer == pytest.approx(2 * _ROOT)
     sizes = drawn.rim_width, drawn.gear_at, drawn.hub_width
@@ -272,9 +260,9 @@ def test_measures_reach_the_drawing_in_metres(written):
         ("torque_at_mm = 38", [-15e-3, 21e-3], "bearing[1]"),
     ],
 )
-def test_seats_are_where_bearings_and_torque_are(written, torque, places, carrier):
+def test_seats_are_where_bearings_and_torque_are(write, torque, places, carrier):
     shaft = _SHAFT.replace("gear_at_mm = 15.0", f"gear_at_mm = 15.0\n{torque}")
-    plan = _plan(written(_PAIR + shaft + _BODY))
+    plan = _plan(write(_PAIR + shaft + _BODY))
     names = ["bearing[0]", "bearing[1]", "torque"][: len(places)]
     assert [seat.name for seat in plan.seats] == names
     assert [seat.at for seat in plan.seats] == pytest.approx(places)
@@ -284,15 +272,15 @@ def test_seats_are_where_bearings_and_torque_are(written, torque, places, carrie
     assert all(len(grid.sets[f"seat:{seat.label}"]) > 2 for seat in plan.seats)
 
 
-def test_a_solid_disc_is_held_without_being_stiffened(written):
-    (seat,) = _plan(written(_PAIR.replace("bore_mm = 20.0\n", "") + _BODY)).seats
+def test_a_solid_disc_is_held_without_being_stiffened(write):
+    (seat,) = _plan(write(_PAIR.replace("bore_mm = 20.0\n", "") + _BODY)).seats
     assert (seat.name, seat.label, seat.averaging) == ("gear", "gear", True)
-    (seat,) = _plan(written(_PAIR + _BODY)).seats
+    (seat,) = _plan(write(_PAIR + _BODY)).seats
     assert (seat.name, seat.label, seat.averaging) == ("gear", "bore", False)
 
 
-def test_coupling_width_and_method_of_the_seats(written):
-    path = written(_PAIR + _SHAFT + _BODY)
+def test_coupling_width_and_method_of_the_seats(write):
+    path = write(_PAIR + _SHAFT + _BODY)
     soft = _plan(path, "wheel.body.seat_coupling=averaging", "wheel.body.seat_width_mm=4")
     assert all(seat.averaging for seat in soft.seats)
     assert {place.width for place in _drawn(soft).body.seats} == {4e-3}
@@ -311,16 +299,16 @@ def test_coupling_width_and_method_of_the_seats(written):
         (("wheel.body.web.holes=9", "wheel.shaft.segments[0].inner_mm=0"), 36),
     ],
 )
-def test_elements_around_follow_teeth_holes_and_axis(written, changes, sectors):
+def test_elements_around_follow_teeth_holes_and_axis(write, changes, sectors):
     holes = "rim_inner_mm = 52, hole_diameter_mm = 5, hole_circle_mm = 41, holes = 3"
     text = _BODY.replace("rim_inner_mm = 52", holes).replace("{ sectors = 8, ", "{ ")
-    plan = _plan(written(_PAIR + _SHAFT + text), *changes)
+    plan = _plan(write(_PAIR + _SHAFT + text), *changes)
     assert _drawn(plan).fineness.sectors == sectors
 
 
-def test_teeth_weigh_what_their_outline_encloses(written):
+def test_teeth_weigh_what_their_outline_encloses(write):
     """By Green's theorem around one tooth: its two flanks, the tip circle, the root circle."""
-    pair = pair_of(read_scene(written(_PAIR)))
+    pair = pair_of(read_scene(write(_PAIR)))
     found = facts_of_teeth(pair, 1)
     x, y = tooth_outline(pair, 1)
     tip, root = math.atan2(x[-1], y[-1]), math.atan2(x[0], y[0])
@@ -339,9 +327,9 @@ def test_teeth_weigh_what_their_outline_encloses(written):
 # --- Bodies
 
 
-def test_a_rigidified_body_has_its_mass_and_not_its_frequencies(written):
+def test_a_rigidified_body_has_its_mass_and_not_its_frequencies(write):
     """Frequencies grow with the root of Young's modulus; the material of the gear stays."""
-    path = written(_PAIR + _BODY)
+    path = write(_PAIR + _BODY)
     plain, stiff = _built(path), _built(path, "wheel.body.young_GPa=20000")
     assert stiff.key != plain.key
     assert stiff.health["mass_kg"] == pytest.approx(plain.health["mass_kg"], rel=1e-12)
@@ -356,9 +344,9 @@ def test_a_rigidified_body_has_its_mass_and_not_its_frequencies(written):
     assert _built(path, "name=other", "pair.torque_pinion_Nm=7").from_cache
 
 
-def test_a_summary_is_of_its_own_scene_and_leaves_the_body_as_it_is(written):
+def test_a_summary_is_of_its_own_scene_and_leaves_the_body_as_it_is(write):
     """With a sweep the summary tells growth at its highest speed too; the file does not change."""
-    path = written(_PAIR + _BODY)
+    path = write(_PAIR + _BODY)
     _built(path)
     changes = ("name=other", "sweep.pinion_speed_rad_s=[720.0]")
     found = _built(path, *changes)
@@ -371,8 +359,8 @@ def test_a_summary_is_of_its_own_scene_and_leaves_the_body_as_it_is(written):
     assert content_hash(found.body) == before
 
 
-def test_columns_of_a_body_that_does_not_repeat_count_as_memory(written, tmp_path, monkeypatch):
-    full = full_of(_plan(written(_PAIR + _BODY)), Steps(lambda step: None))
+def test_columns_of_a_body_that_does_not_repeat_count_as_memory(write, tmp_path, monkeypatch):
+    full = full_of(_plan(write(_PAIR + _BODY)), Steps(lambda step: None))
     matrices = 8 * 8 * (3 * len(full.rim) + 6) ** 2
     columns = 8 * 3 * full.points * 3 * len(full.rim)
     (tmp_path / "limit").write_text(str(matrices + 3 * columns // 4))
@@ -384,8 +372,8 @@ def test_columns_of_a_body_that_does_not_repeat_count_as_memory(written, tmp_pat
     _body_build._check_memory(full, full_turn(full.points))
 
 
-def test_a_lost_view_is_made_again(written):
-    path = written(_PAIR + _BODY)
+def test_a_lost_view_is_made_again(write):
+    path = write(_PAIR + _BODY)
     first = _built(path)
     assert first.view is not None
     folder = view_folder()
@@ -401,29 +389,29 @@ def test_a_lost_view_is_made_again(written):
     assert set(second.view.sets) == set(first.view.sets)
 
 
-def test_a_grid_of_one_s_own_is_the_body_it_was_written_from(written, tmp_path):
+def test_a_grid_of_one_s_own_is_the_body_it_was_written_from(write, tmp_path):
     """In millimetres, with the contract's `interface` for the name of the rim's set."""
-    path = written(_PAIR + _BODY)
+    path = write(_PAIR + _BODY)
     drawn = _built(path)
     grid = _grid(drawn.plan)
     write_vtu(tmp_path / "wheel.vtu", grid)
     own = 'grid = "wheel.vtu"\ninterface = "rim"\nseats = ["seat:bore"]\ngrid_unit_mm = 1000\n'
     text = "\n".join(line for line in _BODY.splitlines() if "web =" not in line)
-    read = _built(written(_PAIR + text.replace("modes", own + "modes", 1)))
+    read = _built(write(_PAIR + text.replace("modes", own + "modes", 1)))
     assert read.body.seats == ("gear",)
     np.testing.assert_allclose(
         read.health["free_frequency_Hz"], drawn.health["free_frequency_Hz"], rtol=1e-6
     )
     lost = text.replace("modes", own.replace("wheel.vtu", "none.vtu") + "modes", 1)
     with pytest.raises(InputError, match=r"none\.vtu cannot be read"):
-        _built(written(_PAIR + lost))
+        _built(write(_PAIR + lost))
     metres = text.replace("modes", own.replace("1000", "1") + "modes", 1)
     with pytest.raises(InputError, match=r"`wheel\.body\.grid_unit_mm`.* 1000 for one in metres"):
-        _built(written(_PAIR + metres))
+        _built(write(_PAIR + metres))
 
 
-def test_equal_inputs_give_equal_bodies(written, monkeypatch):
-    path = written(_PAIR + _BODY)
+def test_equal_inputs_give_equal_bodies(write, monkeypatch):
+    path = write(_PAIR + _BODY)
     monkeypatch.setenv("JAXGEAR_CACHE", "off")
     first, second = (_built(path) for _ in range(2))
     assert not first.from_cache
@@ -434,9 +422,9 @@ def test_equal_inputs_give_equal_bodies(written, monkeypatch):
 @pytest.mark.parametrize(
     ("top", "line"), [("ring.inp", "*INCLUDE, INPUT={}"), ("ring.bdf", "INCLUDE '{}'")]
 )
-def test_the_cache_knows_the_files_that_a_grid_includes(written, tmp_path, top, line):
+def test_the_cache_knows_the_files_that_a_grid_includes(write, tmp_path, top, line):
     own = f'kind = "condensed"\ngrid = "{top}"\nrim_set = "rim"\nseats = ["bore"]\n'
-    plan = _plan(written(_PAIR + "[wheel.body]\n" + own))
+    plan = _plan(write(_PAIR + "[wheel.body]\n" + own))
     (tmp_path / top).write_text(line.format("nodes.txt"))
     keys = []
     for text in ("1, 0, 0, 0", "1, 0, 0, 1", "1, 0, 0, 0"):
@@ -445,8 +433,8 @@ def test_the_cache_knows_the_files_that_a_grid_includes(written, tmp_path, top, 
     assert keys[0] == keys[2] != keys[1]
 
 
-def test_a_middle_of_the_face_that_is_missing_is_asked_for_by_its_key(written, tmp_path):
-    body: ReducedBody = _built(written(_PAIR + _BODY)).body
+def test_a_middle_of_the_face_that_is_missing_is_asked_for_by_its_key(write, tmp_path):
+    body: ReducedBody = _built(write(_PAIR + _BODY)).body
     arrays = {name: getattr(body, name) for name in ("stiffness", "mass")}
     places = {
         name: getattr(body, name) + np.array([0, 0, 0.04]) for name in ("rim_nodes", "seat_points")
@@ -458,11 +446,11 @@ def test_a_middle_of_the_face_that_is_missing_is_asked_for_by_its_key(written, t
     )
     says = r"`wheel\.body\.superelement_mid_face_mm` is 40 mm in the files, not 0 mm"
     with pytest.raises(InputError, match=says):
-        _built(written(_PAIR + text))
+        _built(write(_PAIR + text))
 
 
-def test_matrices_from_elsewhere_are_the_body_they_came_from(written, tmp_path):
-    drawn = _built(written(_PAIR + _BODY))
+def test_matrices_from_elsewhere_are_the_body_they_came_from(write, tmp_path):
+    drawn = _built(write(_PAIR + _BODY))
     body: ReducedBody = drawn.body
     fields = ("stiffness", "mass", "rim_nodes", "rim_faces", "seat_points", "centrifugal_load")
     arrays = {name: getattr(body, name) for name in fields}
@@ -471,7 +459,7 @@ def test_matrices_from_elsewhere_are_the_body_they_came_from(written, tmp_path):
         '[wheel.body]\nkind = "condensed"\nsuperelement = "wheel.npz"\n'
         'superelement_units = "m-kg-s"\nmodes = 3\nyoung_GPa = 100\nrotating_terms = true\n'
     )
-    path = written(_PAIR + text)
+    path = write(_PAIR + text)
     found, scene = _built(path), read_scene(path)
     said = "\n".join(body_remarks(scene, found))
     for key in ("modes", "young_GPa", "rotating_terms"):
@@ -529,8 +517,8 @@ def test_what_is_nearer_is_seen(order):
     assert hidden.image[..., 3].max() == 0.0
 
 
-def test_the_section_is_that_of_the_drawing(written):
-    pictures = plot.pictures({"wheel_body": body_dataset(_built(written(_PAIR + _BODY)))})
+def test_the_section_is_that_of_the_drawing(write):
+    pictures = plot.pictures({"wheel_body": body_dataset(_built(write(_PAIR + _BODY)))})
     (columns,) = (each.table for each in pictures if each.name == "wheel_grid")
     element, r, z = (columns[name] for name in ("element", "r_mm", "z_mm"))
     area = sum(_area(r[element == each], z[element == each]) for each in np.unique(element))
@@ -542,8 +530,8 @@ def _area(x, y):
     return abs(np.sum(x * np.roll(y, 1) - y * np.roll(x, 1))) / 2
 
 
-def test_pairs_are_one_and_families_follow_the_nodal_diameter(written):
-    found = _built(written(_PAIR + _BODY))
+def test_pairs_are_one_and_families_follow_the_nodal_diameter(write):
+    found = _built(write(_PAIR + _BODY))
     assert found.view is not None
     modes = {
         "free_frequency_Hz": [100, 100.01, 150, 180, 190, 300, 300.001, 400.0],

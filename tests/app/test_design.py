@@ -18,7 +18,14 @@ from jaxgear.scene._scene import ready_scene
 from jaxgear.study._design import design_space, twin
 from jaxgear.study._evaluations import objective_at
 from jaxgear.study._objectives import objective_unit, task_of
-from jaxgear.study._search import Search, record_file, smoothing_notes, unless_beaten
+from jaxgear.study._search import (
+    Search,
+    record_file,
+    require_acting,
+    smoothing_notes,
+    unless_beaten,
+)
+from jaxgear.study._statics import SolverFailure
 
 _RELIEF = "flank.pinion.tip_relief.depth_um"
 _COARSE = ("mesh.phases=8", "mesh.slices=4", "mesh.stiffness=iso6336")
@@ -166,6 +173,22 @@ def test_a_search_that_keeps_no_limit_goes_on_from_a_rival_that_does():
     kept, again = unless_beaten(found, np.array([7.0]), 49.0, search, space)
     assert not again
     assert kept is found
+
+
+def _never(start, watch) -> optimise.SearchResult:
+    raise AssertionError("Nothing is to be searched.")
+
+
+def test_a_variable_that_changes_nothing_is_named():
+    """The second of two keys, and a start from where nothing is known."""
+    space = _space([_RELIEF, "flank.pinion.crowning_um"])
+    slopes = optimise.with_gradient(lambda x, width: x[0] * width)
+    flat = Search("lbfgs", optimise.Batched(jnp.asarray), slopes, float, _never)
+    with pytest.raises(InputError, match=r"names flank.pinion.crowning_um, which changes nothing"):
+        require_acting(flat, space)
+    lost = flat._replace(slopes=optimise.with_gradient(lambda x, width: jnp.nan * x[0]))
+    with pytest.raises(SolverFailure, match=r"The start: .*tip_relief.depth_um.: 0.0"):
+        require_acting(lost, space)
 
 
 def test_a_tie_of_what_nothing_depends_on_is_refused():

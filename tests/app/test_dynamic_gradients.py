@@ -48,18 +48,6 @@ harmonics = 8
 """
 
 
-@pytest.fixture
-def write(tmp_path):
-    """A function that writes a scene and returns its path."""
-
-    def written(text):
-        path = tmp_path / "turning.toml"
-        path.write_text(text, encoding="utf-8")
-        return path
-
-    return written
-
-
 @pytest.mark.slow
 def test_a_steady_response_by_flank_torque_damping_and_speed(write):
     """At the middle speed, in both directions, to 1e-5 of differences of converged responses."""

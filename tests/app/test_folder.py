@@ -43,13 +43,6 @@ def commands(monkeypatch):
     return stub.COMMANDS
 
 
-@pytest.fixture
-def accessory(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert main(["init", "accessory", "--quiet"]) == 0
-    return "accessory.toml"
-
-
 def _texts(folder: Path) -> dict[str, str]:
     """All files of a folder but lists, and what is in them."""
     files = (path for path in folder.rglob("*") if path.is_file() and path.name != ".jaxgear.json")

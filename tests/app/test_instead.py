@@ -42,18 +42,6 @@ _TORQUE = "torque_pinion_Nm = 120.0"
 
 
 @pytest.fixture
-def write(tmp_path):
-    """Return a function that writes a scene file."""
-
-    def write(text):
-        path = tmp_path / "scene.toml"
-        path.write_text(text, encoding="utf-8")
-        return path
-
-    return write
-
-
-@pytest.fixture
 def drawn(write):
     """The pair by tip and root diameters, the pinion's span, the wheel's measure over balls."""
     pair = pair_of(read_scene(write(_PAIR)))

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import xarray as xr
+from table_checks import assert_tables
 
 from jaxgear._checks import InputError
 from jaxgear._cli._main import main
@@ -58,8 +59,9 @@ def _modes(tmp_path, text, *changes, pictures=True) -> dict:
 
 def test_two_discs_swing_at_the_frequency_of_their_mesh(tmp_path, capsys):
     """omega^2 = k (r_b1^2/I_1 + r_b2^2/I_2); no damping is no mistake here."""
-    undamped = "damping.mesh=0.0", "damping.structure=0.0"
-    summary = _modes(tmp_path, _SPUR, *undamped, pictures=False)
+    changes = "damping.mesh=0.0", "damping.structure=0.0", "mesh.stiffness=constant"
+    changes += ("mesh.stiffness_N_mm_um=14.0",)
+    summary = _modes(tmp_path, _SPUR, *changes, pictures=False)
     found, geometry = summary["modes"], summary["geometry"]
     inertia = {"pinion": 4e-4, "wheel": 5e-3}
     radius = {name: 1e-3 * geometry[f"base_radius_{name}_mm"] for name in inertia}
@@ -76,6 +78,10 @@ def test_two_discs_swing_at_the_frequency_of_their_mesh(tmp_path, capsys):
     heads, row, *_ = capsys.readouterr().out.splitlines()
     assert heads.split()[:2] == ["mode", "Hz"]
     assert float(row.split()[1]) == pytest.approx(expected, rel=1e-5)
+    out = tmp_path / "out" / "modes"
+    assert assert_tables(out) == ["campbell.csv", "campbell_critical.csv", "modes.csv"]
+    with xr.open_dataset(out / "result.nc", group="modes") as dataset:
+        assert dataset["frequency_Hz"].values == pytest.approx(found["frequency_Hz"], rel=1e-12)
 
 
 @pytest.mark.slow

@@ -20,8 +20,9 @@ from jaxgear.scene._scene import ready_scene
 # --- Commands
 from jaxgear.study._running import timed
 
-# Few phases and slices, for they change no number of programs.
-_COARSE = ("mesh.phases=8", "mesh.slices=1", "map.depth_um.points=5", "map.extent.points=3")
+# Few phases and slices, and quick teeth: they change no number of programs.
+_COARSE = ("mesh.phases=8", "mesh.slices=4", "map.depth_um.points=5", "map.extent.points=3")
+_COARSE += ("mesh.stiffness=iso6336",)
 _OTHER = (
     "pair.torque_pinion_Nm=100",
     "mesh.smoothing_um=0.2",

@@ -13,12 +13,14 @@ from jaxgear.study._results import static_dataset
 
 _LAW = jg.ExactContact()
 _STIFFNESS_N_UM = 2000.0
+# Quick to compile; what is told of it is the same.
+_TEETH = jg.ConstantStiffness(14e9)
 
 
 def _spur() -> jg.PairModel:
     pair = jg.GearPair(jg.Gear(20, 12 * jg.mm), jg.Gear(41, 10 * jg.mm), 2 * jg.mm)
     relief = jg.TipRelief(10 * jg.um, 0.2)
-    return jg.PairModel(pair, 60.0, flanks=jg.Flanks(pinion=relief))
+    return jg.PairModel(pair, 60.0, flanks=jg.Flanks(pinion=relief), compliance=_TEETH)
 
 
 def _helical() -> jg.PairModel:
@@ -26,7 +28,9 @@ def _helical() -> jg.PairModel:
     pair = jg.GearPair(pinion, wheel, 3 * jg.mm, 20 * jg.deg, 15 * jg.deg)
     radial = _STIFFNESS_N_UM / jg.um
     support = jg.Support(radial_s=radial, radial_t=radial, axial=radial)
-    return jg.PairModel(pair, 300.0, pinion_support=support, wheel_support=support)
+    return jg.PairModel(
+        pair, 300.0, compliance=_TEETH, pinion_support=support, wheel_support=support
+    )
 
 
 def _solve(model: jg.PairModel) -> jg.MeshCycle:
@@ -132,7 +136,7 @@ def test_path_without_single_contact_has_no_inner_points():
     )
     pair = jg.GearPair(pinion, wheel, 2 * jg.mm)
     assert float(jg.profile_contact_ratio(pair)) > 2.0
-    model = jg.PairModel(pair, 100.0)
+    model = jg.PairModel(pair, 100.0, compliance=_TEETH)
     place = static_dataset(model, _solve(model), _LAW)["path_point_position"].values
     assert np.isnan(place).tolist() == [False, True, False, True, False]
 

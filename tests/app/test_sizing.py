@@ -11,7 +11,7 @@ from jaxgear.study._results import Entry
 from jaxgear.study._sizing import RESPONSES, combinations_of, ranked
 from jaxgear.study._statics import solve_statics
 
-_COARSE = ("mesh.phases=8", "mesh.slices=3", "mesh.stiffness=iso6336")
+_COARSE = ("mesh.phases=8", "mesh.slices=4", "mesh.stiffness=iso6336")
 _SCENE = (
     *_COARSE,
     "sizing.torques_Nm=[50.0, 90.0]",

@@ -73,7 +73,7 @@ def _with_materials(pair: jg.GearPair, first: jg.Material, second: jg.Material) 
     return eqx.tree_at(lambda p: [p.pinion.material, p.wheel.material], pair, [first, second])
 
 
-# --- Weber and Banaschek against the table of physics A2.9
+# --- Weber and Banaschek against a table
 
 _TABLE = [
     # line load [N/mm]; beam, foundation, contact [um mm/N]; c' and ISO's c'_th [N/(mm um)]
@@ -168,7 +168,7 @@ def test_a_bore_chooses_the_ring():
 
 @over(standard_17_43, slow=(standard_30_30, standard_50_50))
 def test_stiffness_falls_towards_the_ends(make):
-    """To 0.64-0.71 of the largest; physics A2.9 and, at 0.61, A2.10."""
+    """To 0.64-0.71 of the largest, of one pair to 0.61."""
     pair = make()
     stiffness = 1.0 / _compliance(_WEBER, pair, _along(pair, *np.linspace(0, 1, 9)), _load(200.0))
     share = stiffness[[0, -1]] / stiffness.max()
@@ -203,7 +203,7 @@ def test_iso_tr_6336_30():
 
 
 def test_iso_of_equal_gears():
-    """50/50 of module 3 (physics A2.8), and its series by hand."""
+    """50/50 of module 3, and its series by hand."""
     iso = jg.iso_stiffness(standard_50_50(), _load(300.0))
     got = jnp.stack([iso.theoretical, iso.single, iso.mesh]) / N_per_mm_um
     assert_close(got, jnp.asarray([18.02, 14.05, 22.0]), rtol=5e-4, atol=0.0)

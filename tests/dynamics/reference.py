@@ -1,6 +1,6 @@
 r"""The judge of the dynamics: oscillators by Runge-Kutta, small systems as the thesis marches them.
 
-Plain NumPy; it shares no line with the library. The oscillators are those of `physics.md` B5, in
+Plain NumPy; it shares no line with the library. The oscillators are in
 numbers without dimension: clearance or static deflection, linear natural frequency and mass are 1,
 $$\ddot x + 2\zeta\dot x + k(\tau)\,g(x) = F(\tau), \qquad \tau = \Omega t/2\pi,$$
 with $g(x) = \langle x - d\rangle - \langle -x - b\rangle$ behind a drive and a back clearance.
@@ -483,7 +483,7 @@ def two_loops(
     *,
     most: int = 100,
 ) -> Contact:
-    """The contact loops of Velex and Maatar (1996), one within the other (`physics.md` A8.1).
+    """The contact loops of Velex and Maatar (1996), one within the other.
 
     **Arguments:**
 

@@ -201,7 +201,7 @@ def test_modes_keep_their_waves_through_crossings():
 
 
 def test_critical_speeds_without_rotating_terms():
-    r"""$\Omega_2 = \omega_n/(hz_2 \mp n)$: backward comes first (physics A9)."""
+    r"""$\Omega_2 = \omega_n/(hz_2 \mp n)$: backward comes first."""
     basis, turning = basis_of("spur", 1, _COUNT, **_WHEEL), _turning(_SOFT)
     found = critical_crossings(turning, (1, 2))
     assert [row.speed for row in found] == sorted(row.speed for row in found)
@@ -239,7 +239,7 @@ def test_a_wheel_overtakes_its_own_wave():
 
 
 def test_a_turning_wheel_rests_in_space_under_a_load_that_does():
-    """With all terms the false inertia of the turning frame cancels (physics A7)."""
+    """With all terms the false inertia of the turning frame cancels."""
     system = _pair(_SOFT, whole=True).system
     assert system.turning is not None
     mass, softening = np.asarray(system.mass), np.asarray(system.turning.softening)

@@ -219,7 +219,7 @@ def test_frames_agree_to_the_order_of_the_time_step():
     assert observed_order(steps, rms) == pytest.approx(2.0, abs=0.1)
 
 
-# --- Seen from space (physics A7)
+# --- Seen from space
 
 
 def _without_mesh(dynamics: PairDynamics, speed: float) -> np.ndarray:

@@ -94,7 +94,7 @@ def test_slow_gears_run_as_at_rest():
 
 
 def test_mesh_force_is_the_static_one_less_inertia():
-    """F_m = F_s - m_eq TE'' for gears that only turn (physics A10), with the damping force."""
+    """F_m = F_s - m_eq TE'' for gears that only turn, with the damping force."""
     system = cases.torsional_pair(relief=15e-6).system
     method = HarmonicBalance(harmonics=12)
 

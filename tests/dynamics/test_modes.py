@@ -306,7 +306,7 @@ def _frequencies_of_tube(shaft):
 
 
 def test_frequencies_of_a_tube_converge_with_divisions():
-    """Torsion of the free tube, n/2L sqrt(G/rho), and bending of the pinned one (physics A5)."""
+    """Torsion of the free tube, n/2L sqrt(G/rho), and bending of the pinned one."""
     torsion = np.arange(1, 4) / (2 * 0.4) * math.sqrt(210e9 / 2.6 / 7800.0)
     bending = np.array([782.56, 2903.8])
     counts, errors = (6, 12, 24), []

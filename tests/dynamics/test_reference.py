@@ -9,7 +9,7 @@ import pytest
 from dynamics import reference
 from helpers import assert_close, observed_order, quick
 
-# physics.md B5 (a): speed, and RMS about the mean, largest, least, of the sweep up and down.
+# The softening oscillator: speed, and RMS about the mean, largest, least, of the sweep up and down.
 SPEEDS = (0.5, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.5, 1.8, 1.9, 2.0, 2.1, 2.3)
 UPWARDS = {
     0.50: (0.52226, 1.98539, 0.14628),

@@ -34,7 +34,7 @@ from jaxgear._dynamics._steppers import (
 )
 from jaxgear._dynamics._system import modal_basis
 
-# physics.md B5 (a): RMS about the mean, largest, least; and the cycles after which it repeats.
+# The softening oscillator: RMS about the mean, largest, least; and cycles after which it repeats.
 UP = {
     0.50: (0.52226, 1.98539, 0.14628, 1),
     0.70: (0.43500, 1.61480, 0.38629, 1),

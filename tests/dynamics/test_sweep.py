@@ -16,7 +16,7 @@ from jaxgear._response._dynamic import dynamic_ratio
 
 SPEEDS = [0.5, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.5, 1.8, 1.9, 2.0, 2.1, 2.3]
 
-# physics B5 (a): RMS, largest and least displacement.
+# The softening oscillator of `reference`: RMS, largest and least displacement.
 UP = {
     0.5: (0.52226, 1.98539, 0.14628),
     0.7: (0.43500, 1.61480, 0.38629),

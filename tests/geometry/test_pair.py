@@ -78,7 +78,7 @@ def _numbers(pair: jg.GearPair) -> SimpleNamespace:
     return SimpleNamespace(**jax.tree.map(np.asarray, _all_numbers(pair)))
 
 
-# --- printed values: physics B1 to B4 and A2.9, to the last digit printed
+# --- printed values of the data sheets in `cases`, to the last digit printed
 
 _DIMENSIONS: list[tuple[_Maker, str, object, float, float]] = [
     (accessory, "working_centre_distance", 99.45028, 5e-6, mm),

@@ -167,7 +167,7 @@ def test_the_numeric_check_finds_contact_on_the_path():
 
 
 def test_leading_order_by_hand():
-    """T1T2 rho_a s^2 / (2 r_b^2 rho) with the radii of the accessory gears (physics B1)."""
+    """T1T2 rho_a s^2 / (2 r_b^2 rho) with the radii of the accessory gears (Guilbert 2017)."""
     tangent = 99.45028 * math.sin(math.radians(26.444079))
     wheel, pinion = math.sqrt(66.63855**2 - 58.456852**2), math.sqrt(35.67855**2 - 30.587888**2)
     step = 0.001 * 4.270875

@@ -192,7 +192,7 @@ def test_two_points_are_the_thesis_s_connection():
         assert np.linalg.norm(d) == pytest.approx(apart * RADIUS, rel=3e-3)
 
 
-# --- The patch test (thesis fig. II-21 and II-22, physics B7)
+# --- The patch test (thesis fig. II-21 and II-22)
 
 ELEMENTS = 6
 

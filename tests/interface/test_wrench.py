@@ -113,7 +113,7 @@ def test_moving_both_bodies_together_neither_closes_nor_opens_the_gap(drawing):
 
 @every_drawing
 def test_positive_rotations_of_either_body_close_the_gap(drawing):
-    """Moments about the axes are +r_b cos(beta_b), and do not tilt (physics A1.8)."""
+    """Moments about the axes are +r_b cos(beta_b), and do not tilt."""
     vectors = jg.structure_vectors(drawing.pair())
     expected = jnp.asarray(drawing.base_radius) * math.cos(drawing.base_helix)
     assert_close(vectors[jnp.asarray([5, 11]), 0], expected, rtol=1e-13, atol=0.0)

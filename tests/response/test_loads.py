@@ -79,7 +79,7 @@ def test_line_load_vanishes_beyond_the_path():
 
 
 def test_hertz_pressure_at_the_pitch_point_by_hand():
-    """FZG C14, 200 N m, one pair over 14 mm: 1347 MPa at the pitch point (physics B2)."""
+    """FZG C14, 200 N m, one pair over 14 mm: 1347 MPa at the pitch point."""
     pair = FZG_C14.pair()
     model = jg.PairModel(pair, 200.0, compliance=jg.ConstantStiffness(STIFFNESS))
     grid = jg.mesh_grid(pair, phases=64, slices=4)

@@ -100,7 +100,7 @@ def test_shapes_take_the_motion_of_the_ends():
 
 
 def test_slender_limit_is_euler_bernoulli():
-    """12, 6L, 4L2, 2L2 over L3, and 156, 22L, 54, -13L, 4L2, -3L2 over 420 (physics A5)."""
+    """12, 6L, 4L2, 2L2 over L3, and 156, 22L, 54, -13L, 4L2, -3L2 over 420."""
     thread = Beam(1.0, 1e-4, 0.0, 1.0, jg.Material(206e9, 0.3, 7850.0))
     stiffness, mass, _ = (np.asarray(matrix) for matrix in _matrices(thread))
     area, second, _ = _section(thread)

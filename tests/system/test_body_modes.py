@@ -296,7 +296,7 @@ def test_a_body_follows_rigid_seats_rigidly(name):
 
 
 def test_forces_of_rotation_of_rigid_motions_cancel_in_space():
-    """What stands still in space needs no force, however fast the body turns in it (physics A7)."""
+    """What stands still in space needs no force, however fast the body turns in it."""
     body, basis = _basis("rotating")
     given = {key: np.asarray(x) for key, x in basis.matrices(body).items() if x is not None}
     mass, turning = given["mass"], given["turning"]

@@ -113,7 +113,7 @@ def test_a_rigid_motion_of_several_seats_is_that_of_a_rigid_gear():
 
 @every_kind
 def test_rigid_rolling_closes_no_gap(kind):
-    """r_b1 theta_1 + r_b2 theta_2 = 0 (physics A1.8)."""
+    """r_b1 theta_1 + r_b2 theta_2 = 0."""
     base = PAIRS[kind]().base_radius
     rolled = [
         np.asarray(_in_mesh(kind, index)[3].arms)[..., 5] * sense / base[index]

@@ -18,7 +18,7 @@ WHEEL = jg.Support(radial_s=4e8, radial_t=7e8, axial=2e8, tilt=6e5)
 
 
 def test_mesh_force_balances_the_torque():
-    """308.8 N m on the power pair: normal 7788 N (physics B1); 80 N m on the accessory: 2615 N."""
+    """308.8 N m on the power pair: normal 7788 N; 80 N m on the accessory: 2615 N."""
     power = jg.pair_system(POWER.pair(), jnp.asarray(308.8))
     assert_close(power.force, 7788.0, rtol=1e-4, atol=0.0)
     accessory = jg.pair_system(ACCESSORY.pair(), jnp.asarray(80.0))

@@ -221,7 +221,7 @@ def test_rigid_motions_of_the_whole_shaft_take_no_load():
 # --- Vibration
 
 
-# The numbers of physics A5 are of this steel.
+# The numbers by hand are of this steel.
 LENGTH, OUTER, INNER = 0.4, 0.06, 0.02
 PINNED = jg.Material(210e9, 0.3, 7800.0)
 

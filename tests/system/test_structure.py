@@ -251,7 +251,7 @@ def _thesis_pair(drawing, torque, shafts):
 
 
 def test_bearings_of_the_accessory_pair():
-    """Tables III-2 and III-3 of the thesis: displacements in um, on 1.04e9 N/m (physics B1).
+    """Tables III-2 and III-3 of the thesis: displacements in um, on 1.04e9 N/m.
 
     A gear at 55 of 80 mm on the pinion's shaft, and half a millimetre off mid-span on the wheel's,
     fits all four bearings to the last printed digit.

@@ -4,7 +4,7 @@ Every row is a function that runs a small system through a method beyond its lim
 what the library does by default. Tests assert on the numbers; the document is written from them:
 `python tests/verification/failure_atlas.py --out docs`.
 
-Oscillators are those of `physics.md` B5: unit mass, mean stiffness and load, a pinion of one tooth.
+Oscillators have unit mass, mean stiffness and load, and a pinion of one tooth.
 The speed is then the mesh frequency over the natural frequency of the closed contact, and the
 largest mesh force is the dynamic ratio.
 """

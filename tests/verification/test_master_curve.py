@@ -1,6 +1,6 @@
 """The Master Curve against the whole model: closed form, numeric table, and a real gear pair.
 
-Thin slices of constant stiffness and rigid supports make the closed form of physics A3.2 exact;
+Thin slices of constant stiffness and rigid supports make its closed form exact;
 the derivation is one of loads on pairs a base pitch apart, so the library's cycle is the test.
 """
 
@@ -164,7 +164,7 @@ def test_helical_residual_at_the_longest_relief_falls_with_the_slices():
     assert residual[-1] < 2e-5
 
 
-# eps_alpha = 1.6, Gamma* = 0.375, in units of delta: best depth and least RMS (physics A3.4). The
+# eps_alpha = 1.6, Gamma* = 0.375, in units of delta: best depth and least RMS. The
 # last two depths are of 200 000 points solved in closed form; A3.4 rounds them to its formula's.
 TABLE = [
     (0.225, 3.00, 0.0),
@@ -208,7 +208,7 @@ def test_first_harmonic_column(ratio_16, extent, depth, rms):
     [(0.5, 0.083, 0.111), (0.75, 0.046, 0.059), (1.25, 0.052, 0.061), (1.5, 0.105, 0.122)],
 )
 def test_off_design_loads(load, short, long):
-    """RMS over the design deflection, at other loads (physics A3.4, last line)."""
+    """RMS over the design deflection, at other loads."""
     drawing = with_contact_ratio(1.6)
     response = _response(drawing, 90.0 * load, phases=400, slices=1)
     # Depths and RMS are counted in the deflection of the load that acts.
@@ -235,7 +235,7 @@ def accessory():
 
 
 def test_accessory_pair_plain(accessory):
-    """Rigid slice model, 9.5 mm: RMS 2.36 um, mean 9.87 um (physics B1)."""
+    """Rigid slice model, 9.5 mm: RMS 2.36 um, mean 9.87 um."""
     rms, mean = accessory(0.0, 0.25)
     assert 2.3 < rms < 2.5
     assert_close(mean, 9.87, rtol=2e-2, atol=0.0)

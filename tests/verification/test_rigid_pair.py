@@ -125,7 +125,7 @@ def _parity_free_ring(section: jg.ToothSection, poisson: float, places: np.ndarr
 
 
 def _resultants(section: jg.ToothSection, roll: float) -> np.ndarray:
-    """N outward, Q along the push, M/r_f of a unit load at this roll length (physics A2, A2.5)."""
+    """N outward, Q along the push, M/r_f of a unit load at this roll length."""
     base = float(section.base_radius)
     angle = math.atan(roll / base)
     shift, pressure = float(section.profile_shift), float(section.pressure_angle)
