@@ -244,6 +244,7 @@ from ._response._loads import load_sharing as load_sharing
 from ._response._loads import mesh_stiffness as mesh_stiffness
 from ._response._losses import mesh_efficiency as mesh_efficiency
 from ._response._losses import mesh_loss_factor as mesh_loss_factor
+from ._response._dynamic_roots import dynamic_root_stress as dynamic_root_stress
 from ._response._root_stress import LargestStress as LargestStress
 from ._response._root_stress import RootStress as RootStress
 from ._response._root_stress import largest_root_stress as largest_root_stress

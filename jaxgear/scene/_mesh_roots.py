@@ -6,6 +6,7 @@ from jaxgear._contact._root_influence import Influences, nearby_influences, root
 from jaxgear._geometry._pair import GearPair
 from jaxgear.scene._scene import Scene
 
+# Under this name it is minimised, traded and compared.
 _RESPONSE = "max_root_stress"
 
 
@@ -21,7 +22,7 @@ def influences_of(scene: Scene, pair: GearPair) -> Influences | None:
 
     The influences; `None` where nothing in the scene asks for root stresses.
     """
-    return root_influences(pair) if _are_asked_for(scene) else None
+    return root_influences(pair) if asks_for_roots(scene) else None
 
 
 def influences_near(scene: Scene, pair: GearPair) -> Callable[[GearPair], Influences | None]:
@@ -36,11 +37,17 @@ def influences_near(scene: Scene, pair: GearPair) -> Callable[[GearPair], Influe
 
     The function.
     """
-    return nearby_influences(pair).at if _are_asked_for(scene) else lambda moved: None
+    return nearby_influences(pair).at if asks_for_roots(scene) else lambda moved: None
 
 
-def _are_asked_for(scene: Scene) -> bool:
-    if scene.mesh.root_stress:
+def asks_for_roots(scene: Scene) -> bool:
+    """Whether anything in a scene asks for root stresses.
+
+    **Arguments:**
+
+    - `scene`: checked against the schema.
+    """
+    if scene.mesh.root_stress or _RESPONSE in (scene.compare.responses or ()):
         return True
     asked = scene.optimise
     if not scene.has_table("optimise"):

@@ -154,8 +154,9 @@ def design_space(
 ) -> DesignSpace:
     """The space that some keys of a scene span, from its values and within its bounds.
 
-    Influences are those on the roots of the scene's own teeth. The deflection of a single tooth pair [um] is the scale of depths. Refused are keys without
-    effect or bounds, variables that are the same, and points of a shaft that could pass each other.
+    Influences are those on the roots of the scene's own teeth. The deflection of a single tooth
+    pair [um] is the scale of depths. Refused are keys without effect or bounds, variables that are
+    the same, and points of a shaft that could pass each other.
     """
     _refuse_shaping(scene, keys)
     follow = scene.optimise.ties if tied else {}

@@ -151,3 +151,39 @@ def _of_gear(scene: Scene, gear: str, own: xr.Dataset, nominal: NominalRootStres
             "nominal_root_safety_S_F": strength / told["nominal_root_stress_MPa"],
         }
     return told
+
+
+def moving_roots_summary(scene: Scene, swept: xr.Dataset) -> Summary:
+    """The `roots` part of the summary of a sweep.
+
+    **Arguments:**
+
+    - `scene`: with the strengths of the gears.
+    - `swept`: the dataset of its sweep, with root stresses.
+
+    **Returns:**
+
+    For each gear the largest stress of the settled responses, where it is, over that at rest; and
+    where the gear's `root_strength_MPa` is given, safety and the speeds that exceed it.
+    """
+    return {gear: _in_motion(scene, gear, swept.sel(gear=gear)) for gear in GEARS}
+
+
+def _in_motion(scene: Scene, gear: str, own: xr.Dataset) -> Summary:
+    settled = own["settled"].values.astype(bool)
+    counts = settled if settled.any() else ~settled
+    stress = np.where(counts, own["root_stress_MPa"].values, -np.inf)
+    way, place = np.unravel_index(int(np.argmax(stress)), stress.shape)
+    worst = float(stress[way, place])
+    told = {
+        "max_root_stress_MPa": worst,
+        "max_root_compression_MPa": float(own["root_compression_MPa"].values[counts].min()),
+        "pinion_speed_rad_s": float(own["speed"].values[place]),
+        "direction": str(own["direction"].values[way]),
+        "over_static": worst / float(own["static_root_stress_MPa"]),
+    }
+    strength = scene.gear(gear).root_strength_MPa
+    if strength is not None:
+        told["root_safety"] = strength / worst
+        told["beyond_strength_rad_s"] = own["speed"].values[(stress > strength).any(axis=0)]
+    return told
