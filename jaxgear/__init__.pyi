@@ -72,6 +72,8 @@ from ._flank._tolerances import pitch_error_of_grade as pitch_error_of_grade
 
 from ._contact._root_influence import AbstractRootInfluence as AbstractRootInfluence
 from ._contact._root_influence import NearbyInfluences as NearbyInfluences
+from ._contact._element_roots import ElementRootInfluence as ElementRootInfluence
+from ._contact._element_roots import element_root_influence as element_root_influence
 from ._contact._root_influence import RootInfluence as RootInfluence
 from ._contact._root_influence import nearby_influences as nearby_influences
 from ._contact._root_influence import root_influence as root_influence

@@ -226,7 +226,7 @@ def roll_angle(pair: GearPair, section: ToothSection, length: Reals) -> Reals:
 Influences = tuple[AbstractRootInfluence, AbstractRootInfluence]
 
 
-def root_influences(pair: GearPair) -> Influences:
+def root_influences(pair: GearPair) -> tuple[RootInfluence, RootInfluence]:
     """Solve for the stress influence of both gears' teeth; once for a pair.
 
     **Arguments:**

@@ -22,7 +22,17 @@ def influences_of(scene: Scene, pair: GearPair) -> Influences | None:
 
     The influences; `None` where nothing in the scene asks for root stresses.
     """
-    return root_influences(pair) if asks_for_roots(scene) else None
+    return _solved(scene, pair) if asks_for_roots(scene) else None
+
+
+def _solved(scene: Scene, pair: GearPair) -> Influences:
+    plane = root_influences(pair)
+    if scene.mesh.tooth != "elements":
+        return plane
+    # For other scenes no finite elements are imported.
+    from jaxgear.scene._element_roots import element_roots
+
+    return element_roots(scene, plane)
 
 
 def influences_near(scene: Scene, pair: GearPair) -> Callable[[GearPair], Influences | None]:
@@ -37,7 +47,13 @@ def influences_near(scene: Scene, pair: GearPair) -> Callable[[GearPair], Influe
 
     The function.
     """
-    return nearby_influences(pair).at if asks_for_roots(scene) else lambda moved: None
+    if not asks_for_roots(scene):
+        return lambda moved: None
+    if scene.mesh.tooth != "elements":
+        return nearby_influences(pair).at
+    # Condensed teeth follow no key.
+    found = _solved(scene, pair)
+    return lambda moved: found
 
 
 def asks_for_roots(scene: Scene) -> bool:
