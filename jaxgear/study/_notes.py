@@ -21,6 +21,7 @@ def notes(scene: Scene, statics: Statics) -> list[str]:
     """Remarks on a solved scene, a sentence or two each; none where there is nothing to say."""
     return [
         *_on_teeth(scene),
+        *_on_roots(scene),
         *_on_foundations(scene, statics.model),
         *_on_shafts(statics.model),
         *_on_bodies(scene),
@@ -39,6 +40,20 @@ def _on_teeth(scene: Scene) -> Iterator[str]:
     keys = ("mesh.foundation", *(f"{gear}.foundation" for gear in GEARS))
     if whole and (given := [key for key in keys if key in scene.given]):
         yield Idle(f"{given[0]} does nothing: elements of whole teeth stand on rings of their own.")
+
+
+def _on_roots(scene: Scene) -> Iterator[str]:
+    """Strengths without stresses, and stresses without strengths."""
+    has = {gear: scene.gear(gear).root_strength_MPa is not None for gear in GEARS}
+    if not scene.mesh.root_stress:
+        for key in (f"{gear}.root_strength_MPa" for gear in GEARS if has[gear]):
+            yield Idle(f"{key} does nothing: write mesh.root_stress = true for a safety.")
+        return
+    for key in (f"{gear}.root_strength_MPa" for gear in GEARS if not has[gear]):
+        yield (
+            f"{key} is left out, so that this gear's root stress has no safety: give the stress "
+            "sigma_FG of ISO 6336-3 that its root bears [MPa], life, notch and size factors in it."
+        )
 
 
 def _on_foundations(scene: Scene, model: PairModel) -> Iterator[str]:
