@@ -519,17 +519,18 @@ def coupling() -> Finding:
     for label in ("O", "O, coupled"):
         depths = {"plain": only("crowning", 0.0), "10 um of crowning": only("crowning", 10.0)}
         for shape in ("crowning, even", "slope + crowning, even", "end relief, centred"):
-            depths[shape] = optimum(label, *SHAPES[shape]).depths
+            depths[shape] = optimum(label, *SHAPES[shape]).depths.tolist()
         largest[label] = own = {}
         for name, each in depths.items():
-            seen, at = across(label, each), dict(zip(KINDS, map(float, each), strict=True))
+            seen, at = across(label, each), dict(zip(KINDS, each, strict=True))
             own[name] = seen.highest
             row = [at["crowning"], at["slope"], at["relief"], seen.highest, seen.offset]
             found.rows.append([label, name, *row])
     apart, felt = largest["O"], largest["O, coupled"]
+    ranked = lambda own: sorted(own, key=lambda name: own[name])
     found.holds = {
         "pressure is higher where slices feel each other": all(felt[x] > apart[x] for x in felt),
-        "flanks stay in the same order": sorted(apart, key=apart.get) == sorted(felt, key=felt.get),
+        "flanks stay in the same order": ranked(apart) == ranked(felt),
     }
     return found
 
