@@ -74,7 +74,7 @@ def tooth_outline(section: ToothSection, tip_roll: Scalar) -> tuple[Piece, ...]:
     # Elements grow away from the teeth.
     grown = np.cumsum(np.append(0.0, 1.6 ** np.arange(5.0)))
     beside = begin + (end - begin) * (grown / grown[-1])
-    circle = lambda name, radius, edges: Piece(name, _circle, edges, radius * np.eye(2))
+    circle = lambda name, radius, edges: Piece(name, _circle, edges, radius * jnp.eye(2))
     side = lambda angle, edges: Piece("held", _ray, edges, _turned(angle))
     fillet, flank = _in_modules(section, section.fillet), _in_modules(section, section.flank)
     tooth = lambda turn, counts, names: _tooth(
@@ -112,7 +112,7 @@ def _tooth(
     on_fillet = _even(jnp.asarray(0.5 * jnp.pi), section.pressure_angle, counts[0])
     on_flank = _even(section.form_roll_angle, tip_roll, counts[1])
     right = _turned(turn)
-    left = np.diag([-1.0, 1.0]) @ right
+    left = jnp.asarray([[-1.0], [1.0]]) * right
     pieces = (
         (fillet, on_fillet, right),
         (flank, on_flank, right),
