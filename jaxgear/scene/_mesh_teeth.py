@@ -64,6 +64,24 @@ def coarser_teeth(scene: Scene) -> list[tuple[str, float]]:
     return [(gear, error) for gear, error in found if error > 0.0]
 
 
+def condensed_pair(scene: Scene) -> list[tuple[ToothedGear, ToothElements]]:
+    """The shapes of both gears' teeth, and what was condensed of them.
+
+    **Arguments:**
+
+    - `scene`: with `mesh.tooth = "elements"`.
+
+    **Returns:**
+
+    Pinion, wheel.
+    """
+    count, found = _teeth_in_mesh(scene), []
+    for gear in GEARS:
+        shape, material = _shape(scene, gear)
+        found.append((shape, condensed_teeth(shape, material, count, lambda step: None)))
+    return found
+
+
 def _check(scene: Scene) -> None:
     """Refuse what teeth of finite elements cannot be."""
     moved = sorted(key for key in scene.moved if shapes_teeth(key))

@@ -21,6 +21,7 @@ def notes(scene: Scene, statics: Statics) -> list[str]:
     """Remarks on a solved scene, a sentence or two each; none where there is nothing to say."""
     return [
         *_on_teeth(scene),
+        *_on_roots(scene, statics.model),
         *_on_foundations(scene, statics.model),
         *_on_shafts(statics.model),
         *_on_bodies(scene),
@@ -48,6 +49,33 @@ def _on_teeth(scene: Scene) -> Iterator[str]:
                 f"The {gear}'s teeth are divided more coarsely than narrow spur teeth, so that "
                 f"their unknowns fit 4 GB: deflections of the gear are off by up to "
                 f"{100.0 * error:.2g} % of those by an even load."
+            )
+
+
+# Over the height of a tooth: from thinner rims on ISO 6336-3 has a rim factor.
+_THIN_RIM = 1.2
+
+
+def _on_roots(scene: Scene, model: PairModel) -> Iterator[str]:
+    """Strengths without stresses, stresses without strengths, and rims that may bend."""
+    has = {gear: scene.gear(gear).root_strength_MPa is not None for gear in GEARS}
+    if not scene.mesh.root_stress:
+        for key in (f"{gear}.root_strength_MPa" for gear in GEARS if has[gear]):
+            yield Idle(f"{key} does nothing: write mesh.root_stress = true for a safety.")
+        return
+    if lacking := [f"{gear}.root_strength_MPa" for gear in GEARS if not has[gear]]:
+        yield (
+            f"Root stress has no safety without {' and '.join(lacking)}: give the stress sigma_FG "
+            "of ISO 6336-3 that the roots bear [MPa], with life, notch and size factors in it."
+        )
+    for place, gear in enumerate(GEARS):
+        root, tip = float(model.pair.root_radius[place]), float(model.pair.tip_radius[place])
+        rim = (root - 0.5 * mm * (scene.gear(gear).bore_mm or 0.0)) / (tip - root)
+        if rim < _THIN_RIM:
+            yield Doubtful(
+                f"The {gear}'s rim is {rim:.2g} tooth heights thick. The calculated root stress "
+                "holds it at bore_mm; where it can bend, stress is higher, which is in the nominal "
+                "one by the factor Y_B."
             )
 
 

@@ -63,7 +63,7 @@ def sweep_result(scene: Scene, dynamics: Dynamics) -> Result:
     watch = _wave_watch(scene, dynamics)
     count = len(speeds_of(scene.sweep)) * len(directions_of(scene.sweep))
     with progress(count, "sweep") as done:
-        found = sweep_of(scene, dynamics.pair, done, watch)
+        found = sweep_of(scene, dynamics, done, watch)
     dataset, orbit = sweep_dataset(dynamics, found), orbit_dataset(dynamics, found)
     at_peak = f", {orbit.attrs['speed_rad_s']:.5g} rad/s"
     datasets = {"sweep": titled(dataset, scene), "orbit": titled(orbit, scene, at_peak)}
@@ -108,6 +108,11 @@ def _sweep_summary(scene: Scene, dynamics: Dynamics, sweep: Sweep, dataset: xr.D
         point.speed for piece in sweep.curves for point in getattr(piece, name)
     )
     size = size_of(dynamics.pair)
+    roots = {}
+    if dynamics.statics.influences is not None:
+        from jaxgear.study._roots import moving_roots_summary
+
+        roots = {"roots": moving_roots_summary(scene, dataset)}
     return {
         "pinion_speed_rad_s": sweep.speeds,
         **{
@@ -115,6 +120,7 @@ def _sweep_summary(scene: Scene, dynamics: Dynamics, sweep: Sweep, dataset: xr.D
             for way in sweep.responses
             for name in _LISTS
         },
+        **roots,
         "peaks": _peaks(dynamics, dataset),
         "jumps": _jumps(dataset),
         "bistable": _bistable(dataset),

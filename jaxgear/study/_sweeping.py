@@ -18,7 +18,14 @@ from jaxgear._dynamics._system import PairDynamics
 from jaxgear._response._measured import Measured, measured
 from jaxgear.scene._build import law_of
 from jaxgear.scene._scene import Scene
-from jaxgear.study._dynamics import directions_of, method_name, settings_of, size_of, speeds_of
+from jaxgear.study._dynamics import (
+    Dynamics,
+    directions_of,
+    method_name,
+    settings_of,
+    size_of,
+    speeds_of,
+)
 from jaxgear.study._statics import SolverFailure
 
 # Settled responses whose dynamic ratios differ by more than this, relative to them, are two.
@@ -68,20 +75,21 @@ Watch = Callable[[Direction, SweepPoint, float], None]
 
 def swept(
     scene: Scene,
-    dynamics: PairDynamics,
+    moving: Dynamics,
     speeds: np.ndarray,
     direction: Direction,
     done: Callable[[int], None],
     watch: Watch | None = None,
 ) -> tuple[Response, ...]:
     """Sweep in one direction over rising speeds [rad/s]; keep what is shown of each response."""
+    dynamics = moving.pair
     # Responses of many mesh periods are too long to keep them all until the end.
     finder = Finder(dynamics.system, settings_of(scene, size_of(dynamics)))
     found: list[Response] = []
     last = None
     for speed in speeds[::-1] if direction == "down" else speeds:
         point = finder.next(jnp.asarray(float(speed)), last)
-        found.append(_response(scene, dynamics, float(speed), point))
+        found.append(_response(scene, moving, float(speed), point))
         if watch is not None:
             watch(direction, point, found[-1].dynamic_ratio)
         last = None if direction == "cold" else point
@@ -89,8 +97,9 @@ def swept(
     return tuple(found[::-1] if direction == "down" else found)
 
 
-def _response(scene: Scene, dynamics: PairDynamics, speed: float, point: SweepPoint) -> Response:
-    numbers = jax.device_get(measured(dynamics, point.orbit, law_of(scene), scene.sweep.orders))
+def _response(scene: Scene, moving: Dynamics, speed: float, point: SweepPoint) -> Response:
+    law, orders, influences = law_of(scene), scene.sweep.orders, moving.statics.influences
+    numbers = jax.device_get(measured(moving.pair, point.orbit, law, orders, influences))
     residual = float(point.orbit.residual)
     if not all(np.isfinite(x).all() for x in (residual, *numbers)):
         other = "shooting" if scene.sweep.method == "newmark" else "newmark"
@@ -103,7 +112,7 @@ def _response(scene: Scene, dynamics: PairDynamics, speed: float, point: SweepPo
         speed=speed,
         settled=point.settled,
         stable=point.stable,
-        periods=point.multiple * dynamics.system.table.periods,
+        periods=point.multiple * moving.pair.system.table.periods,
         residual=residual,
         multiplier=float(sizes.max()) if sizes.size else None,
         numbers=numbers,
@@ -174,11 +183,12 @@ def branches(
 
 def sweep_of(
     scene: Scene,
-    dynamics: PairDynamics,
+    moving: Dynamics,
     done: Callable[[int], None],
     watch: Watch | None = None,
 ) -> Sweep:
     """Sweep a scene in all its directions, and follow its branch."""
+    dynamics = moving.pair
     speeds, seconds, asked = speeds_of(scene.sweep), {}, scene.sweep.continuation
     if asked is None:
         asked = scene.sweep.direction == "both"
@@ -204,7 +214,7 @@ def sweep_of(
         curves = pool.submit(clocked, "continuation", follow) if asked else None
         try:
             for way in directions_of(scene.sweep):
-                one = functools.partial(swept, scene, dynamics, speeds, way, done, watch)
+                one = functools.partial(swept, scene, moving, speeds, way, done, watch)
                 responses[way] = clocked(way, one)
         except BaseException:
             stopped = True

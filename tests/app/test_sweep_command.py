@@ -137,7 +137,7 @@ def test_marching_agrees_with_harmonic_balance(both, folder):
     _, summary, dynamics = both
     scene = read_scene(folder / "spur.toml", ("sweep.method=newmark", "sweep.cycles=60"))
     speeds = np.asarray([1500.0, 2000.0])
-    found = swept(scene, dynamics.pair, speeds, "up", lambda _: None)
+    found = swept(scene, dynamics, speeds, "up", lambda _: None)
     assert all(response.settled and response.stable for response in found)
     assert [response.periods for response in found] == [1, 1]
     ratio = [float(response.numbers.dynamic_ratio) for response in found]
@@ -163,7 +163,7 @@ def test_a_slow_pair_has_its_quasi_static_transmission_error(folder):
     scene = scene.replace({"sweep.steps": 24, "sweep.harmonics": 5, "sweep.orders": 1})
     dynamics = _dynamics.solve_dynamics(scene)
     # Very slowly, many steps of a resonance lie within one of the mesh: its mean is left.
-    (response,) = swept(scene, dynamics.pair, np.asarray([1.0]), "up", lambda _: None)
+    (response,) = swept(scene, dynamics, np.asarray([1.0]), "up", lambda _: None)
     mean = float(dynamics.statics.numbers["te_mean_um"]) * jg.um
     assert response.settled
     assert response.numbers.te_mean == pytest.approx(mean, rel=5e-3)
