@@ -13,6 +13,8 @@ Rigid gears have two mesh coordinates. Cells that are all coupled are the same p
 coordinates as cells, $W$ the identity and their compliance in $H$.
 """
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.flatten_util
@@ -22,7 +24,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxgear._compiled import compiled
-from jaxgear._contact._coupling import body_yield, sharing_with_body
+from jaxgear._contact._coupling import Sharing, body_yield, shared, sharing_with_body
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._solve._coordinates import (
     at_cells,
@@ -112,6 +114,28 @@ def between_cells(problem: ContactProblem) -> ContactProblem:
     )
 
 
+def among_cells(problem: ContactProblem, kept: Array) -> ContactProblem:
+    """The same problem of some of its cells, where all are coupled.
+
+    **Arguments:**
+
+    - `problem`: from `between_cells`.
+    - `kept`: their numbers; the others must be out of contact, of no stiffness.
+
+    **Returns:**
+
+    The smaller problem.
+    """
+    assert problem.coupling is not None
+    return dataclasses.replace(
+        problem,
+        stiffness=problem.stiffness[kept],
+        gap=problem.gap[kept],
+        arms=problem.arms[kept],
+        coupling=problem.coupling[kept[:, None], kept[None, :]],
+    )
+
+
 class SolverSettings(eqx.Module):
     """When to stop.
 
@@ -162,7 +186,7 @@ def contact_state(
 
     def solve(residual, start: Unknown):
         del residual
-        return _newton(problem, law, start, settings)
+        return _newton(problem, law, start, settings, near=near is not None)
 
     def solve_tangent(linear, right: Unknown) -> Unknown:
         if problem.coupling is None:
@@ -170,9 +194,11 @@ def contact_state(
         # Driving alone shows the cells' tangent stiffness at the solution.
         driven = linear((jnp.ones(()), jnp.zeros_like(problem.gap)))[1]
         moved = at_cells(problem.arms, problem.direction)
-        return _solve_linear(problem, -driven / moved, right)
+        return _solve_linear(problem, _linearised(problem, -driven / moved), right)
 
-    start = _start(problem) if near is None else jax.lax.stop_gradient(near)
+    nothing = problem.gap if problem.coupling is not None else problem.direction
+    start = (jnp.zeros(()), jnp.zeros_like(nothing)) if near is None else near
+    start = jax.lax.stop_gradient(start)
     found, (error, steps) = jax.lax.custom_root(
         imbalance, start, solve, solve_tangent, has_aux=True
     )
@@ -227,7 +253,29 @@ def _imbalance(
     return (driving, unknown[1] - force), overlap, problem.stiffness * slope
 
 
-def _solve_linear(problem: ContactProblem, tangent: Cells, right: Unknown) -> Unknown:
+class _Linearised(eqx.Module):
+    """What solves the balances, linearised where the cells have some tangent stiffness.
+
+    **Fields:**
+
+    - `sharing`: how the cells share with the bodies, or `None` where nothing couples them.
+    - `structure`: forces on the cells per motion of the mesh coordinates [N/m, N].
+    """
+
+    sharing: Sharing | None
+    structure: CellArms
+
+
+def _linearised(problem: ContactProblem, tangent: Cells) -> _Linearised:
+    """Prepare to solve, see `_solve_linear`."""
+    structure = tangent[:, None] * problem.arms
+    if problem.coupling is None:
+        return _Linearised(None, structure)
+    sharing = sharing_with_body(problem.coupling, tangent)
+    return _Linearised(sharing, shared(problem.coupling, sharing, structure))
+
+
+def _solve_linear(problem: ContactProblem, linear: _Linearised, right: Unknown) -> Unknown:
     """Solve the linearised balances for the step in drive and forces.
 
     They read e^T W^T df = r_0 and df + K (C + W H W^T) df - K W e dt = r. Slices are solved
@@ -235,10 +283,9 @@ def _solve_linear(problem: ContactProblem, tangent: Cells, right: Unknown) -> Un
     """
     arms, direction, coupling = problem.arms, problem.direction, problem.coupling
     # Apart from the right-hand side, in which all is linear and is kept so for transposing.
-    structure, free, load = tangent[:, None] * arms, right[1], right[1]
+    structure, free, load = linear.structure, right[1], right[1]
     if coupling is not None:
-        share = sharing_with_body(coupling, tangent)
-        structure, free = share(structure), share(right[1][:, None])[:, 0]
+        free = shared(coupling, linear.sharing, right[1][:, None])[:, 0]
         load = on_coordinates(arms, free)
     stiffness = on_coordinates_all(arms, structure)
     # With dg = W^T df: (I + S H) dg = W^T r' + S e dt.
@@ -259,14 +306,6 @@ def _solve_probed(linear, right: Unknown) -> Unknown:
         jnp.eye(flat.size)
     ).T
     return unravel(jnp.linalg.solve(matrix, flat))
-
-
-def _start(problem: ContactProblem) -> Unknown:
-    """The state with every cell closed, pulling ones too: never short of contact."""
-    pull = -problem.stiffness * problem.gap
-    if problem.coupling is None:
-        pull = on_coordinates(problem.arms, pull)
-    return _solve_linear(problem, problem.stiffness, (problem.force, pull))
 
 
 def _energy(
@@ -292,25 +331,39 @@ class _NewtonState(eqx.Module):
 
     - `best`: point of least energy so far [m, N].
     - `energy`: there [J].
-    - `trial`: point to examine next [m, N].
-    - `error`: imbalance at `best` over the driving force [-].
+    - `missing`: what is missing from both balances there [N].
+    - `tangent`: stiffness of the cells there [N/m].
+    - `error`: imbalance there over the driving force [-].
+    - `share`: of the next Newton step that is to be taken [-].
+    - `linear`: what the last step was found with.
     - `steps`: taken [-].
     """
 
     best: Unknown
     energy: Scalar
-    trial: Unknown
+    missing: Unknown
+    tangent: Cells
     error: Scalar
+    share: Scalar
+    linear: "_Linearised"
     steps: Scalar
 
 
 def _newton(
-    problem: ContactProblem, law: AbstractContactLaw, start: Unknown, settings: SolverSettings
+    problem: ContactProblem,
+    law: AbstractContactLaw,
+    start: Unknown,
+    settings: SolverSettings,
+    *,
+    near: bool,
 ) -> tuple[Unknown, tuple[Scalar, Scalar]]:
     """Newton steps, each halved until the energy falls, then one last full step.
 
-    Also returns the relative imbalance before that step, and the number of steps: as reals,
-    for `custom_root` differentiates what comes with its root.
+    That one is taken with the matrix of the step before: where cells are coupled, factors are what
+    costs, and so close to the solution they are the same. From a start that is not near, zero, the
+    first step closes every cell, pulling ones too: that is never short of contact. Also returns the
+    relative imbalance before the last step, and the number of steps: as reals, for `custom_root`
+    differentiates what comes with its root.
     """
     total = jnp.sum(problem.stiffness)
     # Loads of all kinds, as forces: a moment over the radius of gyration of the cells.
@@ -320,41 +373,51 @@ def _newton(
         along = jnp.sum(problem.stiffness * at_cells(problem.arms, problem.direction) ** 2)
         scale = jnp.sqrt(jnp.maximum(own, 1e-6 * jnp.max(own)) / along)
 
-    def examine(trial: Unknown) -> tuple[Scalar, Unknown, Scalar]:
-        """Energy at a trial, the Newton point from it, and its relative imbalance."""
+    def examine(trial: Unknown) -> tuple[Scalar, Unknown, Cells, Scalar]:
+        """Energy at a trial, what is missing there, the cells' tangent and the imbalance."""
         missing, overlap, tangent = _imbalance(problem, law, trial)
         # Where the trial has lost all contact, every cell pulls it back.
         tangent = jnp.where(jnp.sum(tangent) <= 0.0, problem.stiffness, tangent)
-        step = _solve_linear(problem, tangent, (-missing[0], -missing[1]))
         size = jnp.abs(missing[0]) + jnp.sum(jnp.abs(missing[1]) / scale)
         # Bodies far softer than the cells move far: overlaps are then differences of large numbers.
         reach = jnp.abs(overlap + problem.gap)
         if problem.coupling is not None:
             reach = jnp.maximum(reach, jnp.abs(_place(problem, trial)))
         size = jnp.where(size <= _ROUNDING * total * jnp.max(reach), 0.0, size)
-        point = (trial[0] + step[0], trial[1] + step[1])
-        return _energy(problem, law, trial, overlap), point, size / problem.force
+        return _energy(problem, law, trial, overlap), missing, tangent, size / problem.force
+
+    def stepped(state: _NewtonState, linear: _Linearised, share: Scalar) -> Unknown:
+        step = _solve_linear(problem, linear, state.missing)
+        return jax.tree.map(lambda x, dx: x - share * dx, state.best, step)
 
     def body(state: _NewtonState) -> _NewtonState:
-        energy, point, error = examine(state.trial)
+        linear = _linearised(problem, state.tangent)
+        trial = stepped(state, linear, state.share)
+        energy, missing, tangent, error = examine(trial)
         # Near the solution the energies differ by rounding only: a full step is then right.
-        slack = 1e-13 * jnp.abs(problem.force * state.trial[0])
+        slack = 1e-13 * jnp.abs(problem.force * trial[0])
         better = (energy <= state.energy + slack) | (error <= settings.tolerance)
-        halved = jax.tree.map(lambda a, b: 0.5 * (a + b), state.best, state.trial)
-        pick = lambda new, old: jax.tree.map(lambda a, b: jnp.where(better, a, b), new, old)
-        return _NewtonState(
-            best=pick(state.trial, state.best),
-            energy=jnp.where(better, energy, state.energy),
-            trial=pick(point, halved),
-            error=jnp.where(better, error, state.error),
-            steps=state.steps + 1.0,
+        found = (trial, energy, missing, tangent, error, jnp.ones(()))
+        last = (state.best, state.energy, state.missing, state.tangent, state.error)
+        picked = jax.tree.map(
+            lambda new, old: jnp.where(better, new, old), found, (*last, 0.5 * state.share)
         )
+        return _NewtonState(*picked, linear=linear, steps=state.steps + 1.0)
 
     def unfinished(state: _NewtonState) -> Flag:
-        return (state.error > settings.tolerance) & (state.steps < settings.most_steps)
+        going = (state.error > settings.tolerance) & (state.steps < settings.most_steps)
+        return going | (state.steps < 1.0)
 
-    infinite = jnp.asarray(jnp.inf)
-    first = _NewtonState(start, infinite, start, infinite, jnp.zeros(()))
+    infinite, zero = jnp.asarray(jnp.inf), jnp.zeros(())
+    if not near:
+        pull = -problem.stiffness * problem.gap
+        pull = on_coordinates(problem.arms, pull) if problem.coupling is None else pull
+        energy, missing, tangent = infinite, (-problem.force, -pull), problem.stiffness
+    else:
+        energy, missing, tangent, _ = examine(start)
+    empty = jax.tree.map(
+        lambda x: jnp.zeros(x.shape), jax.eval_shape(lambda x: _linearised(problem, x), tangent)
+    )
+    first = _NewtonState(start, energy, missing, tangent, infinite, jnp.ones(()), empty, zero)
     last = jax.lax.while_loop(unfinished, body, first)
-    # `trial` is one Newton step beyond the point whose imbalance met the tolerance.
-    return last.trial, (last.error, last.steps)
+    return stepped(last, last.linear, jnp.ones(())), (last.error, last.steps)

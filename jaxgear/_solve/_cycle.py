@@ -6,6 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from jaxgear._checks import require_float64
 from jaxgear._compiled import compiled, known_to_fail
@@ -23,6 +24,7 @@ from jaxgear._solve._contact import (
     ContactProblem,
     ContactState,
     SolverSettings,
+    among_cells,
     between_cells,
     contact_state,
 )
@@ -107,6 +109,7 @@ def quasi_static(
         arms: CellArms,
         coupling: Coupling | None,
         begin: tuple[Scalar, Cells] | None,
+        kept: Array | None,
     ) -> ContactState:
         problem = ContactProblem(
             stiffness=stiffness,
@@ -119,8 +122,21 @@ def quasi_static(
         )
         if coupling is None or coupling.ndim > 2:
             return contact_state(problem, law, settings)
-        state = contact_state(between_cells(problem), law, settings, begin)
-        return dataclasses.replace(state, load=on_coordinates(arms, state.force))
+        problem = between_cells(problem)
+        if kept is None:
+            state = contact_state(problem, law, settings, begin)
+            return dataclasses.replace(state, load=on_coordinates(arms, state.force))
+        # Factors are what costs, and most cells of a helical pair are out of mesh.
+        fewer = among_cells(problem, kept)
+        begin = None if begin is None else (begin[0], begin[1][kept])
+        state = contact_state(fewer, law, settings, begin)
+        force = jnp.zeros_like(gap).at[kept].set(state.force)
+        assert problem.coupling is not None
+        overlap = (
+            problem.arms[:, 0] * state.approach - gap - problem.coupling[:, kept] @ state.force
+        )
+        load = on_coordinates(arms, force)
+        return dataclasses.replace(state, load=load, overlap=overlap, force=force)
 
     arms = system.arms(cells)
     # Written out, as in the solver: the offset brings the flanks closer before any load.
@@ -128,7 +144,7 @@ def quasi_static(
     if cells.growth is not None:
         gap -= cells.growth
     begin = None if near is None else (near.approach, near.force)
-    state = jax.vmap(at_phase)(cells.stiffness, gap, arms, cells.coupling, begin)
+    state = jax.vmap(at_phase)(cells.stiffness, gap, arms, cells.coupling, begin, cells.lines.kept)
     return MeshCycle(
         system=system,
         cells=cells,
