@@ -157,7 +157,7 @@ class ContactLines(eqx.Module):
     - `fraction`: part of each slice that is in contact, 0 to 1 [-].
     - `length`: length of a slice along its contact line [m].
     - `complete`: whether the grid holds every line that is in contact.
-    - `kept`: of each phase, the cells that may be in contact, or `None`: all of them.
+    - `kept`: of each phase, numbers of the cells that may be in contact, or `None`: all [-].
     - `periods`: mesh periods in the cycle.
     - `beyond`: how far contact is looked for beyond either end of the path, in base pitches [-].
     """

@@ -13,8 +13,6 @@ Rigid gears have two mesh coordinates. Cells that are all coupled are the same p
 coordinates as cells, $W$ the identity and their compliance in $H$.
 """
 
-import dataclasses
-
 import equinox as eqx
 import jax
 import jax.flatten_util
@@ -26,6 +24,7 @@ from jaxtyping import Array
 from jaxgear._compiled import compiled
 from jaxgear._contact._coupling import Sharing, body_yield, shared, sharing_with_body
 from jaxgear._interface._laws import AbstractContactLaw
+from jaxgear._solve._contact_problem import ContactProblem
 from jaxgear._solve._coordinates import (
     at_cells,
     on_coordinates,
@@ -35,36 +34,11 @@ from jaxgear._solve._coordinates import (
 from jaxgear._types import (
     CellArms,
     Cells,
-    CoordinateMatrix,
     Coordinates,
-    Coupling,
     Flag,
     Loads,
     Scalar,
 )
-
-
-class ContactProblem(eqx.Module):
-    """Cells and structure at one position of the gears.
-
-    **Fields:**
-
-    - `stiffness`: $k$ of each cell, zero where it is out of contact [N/m].
-    - `gap`: of each cell before loading [m].
-    - `arms`: $W$, overlap of each cell per mesh coordinate [-, m].
-    - `flexibility`: $H$ of the mesh coordinates [m/N, 1/N, 1/(N m)].
-    - `direction`: $e$, mesh coordinates per driven approach; it moves every cell [-].
-    - `force`: $F$, the load that drives the approach [N].
-    - `coupling`: $C$ between the lines of each slice, or `None` [m/N].
-    """
-
-    stiffness: Cells
-    gap: Cells
-    arms: CellArms
-    flexibility: CoordinateMatrix
-    direction: Coordinates
-    force: Scalar
-    coupling: Coupling | None = None
 
 
 class ContactState(eqx.Module):
@@ -86,54 +60,6 @@ class ContactState(eqx.Module):
     force: Cells
     converged: Flag
     steps: Array
-
-
-def between_cells(problem: ContactProblem) -> ContactProblem:
-    """The same problem with all that gives between its cells, and the drive alone beside them.
-
-    Where all cells are coupled anyway, this spares the solver the mesh coordinates.
-
-    **Arguments:**
-
-    - `problem`: with a coupling of all cells.
-
-    **Returns:**
-
-    The problem, of one mesh coordinate that does not give.
-    """
-    assert problem.coupling is not None
-    arms = problem.arms
-    return ContactProblem(
-        stiffness=problem.stiffness,
-        gap=problem.gap,
-        arms=(arms @ problem.direction)[:, None],
-        flexibility=jnp.zeros((1, 1)),
-        direction=jnp.ones(1),
-        force=problem.force,
-        coupling=problem.coupling + arms @ (problem.flexibility @ arms.T),
-    )
-
-
-def among_cells(problem: ContactProblem, kept: Array) -> ContactProblem:
-    """The same problem of some of its cells, where all are coupled.
-
-    **Arguments:**
-
-    - `problem`: from `between_cells`.
-    - `kept`: their numbers; the others must be out of contact, of no stiffness.
-
-    **Returns:**
-
-    The smaller problem.
-    """
-    assert problem.coupling is not None
-    return dataclasses.replace(
-        problem,
-        stiffness=problem.stiffness[kept],
-        gap=problem.gap[kept],
-        arms=problem.arms[kept],
-        coupling=problem.coupling[kept[:, None], kept[None, :]],
-    )
 
 
 class SolverSettings(eqx.Module):
@@ -194,7 +120,10 @@ def contact_state(
         # Driving alone shows the cells' tangent stiffness at the solution.
         driven = linear((jnp.ones(()), jnp.zeros_like(problem.gap)))[1]
         moved = at_cells(problem.arms, problem.direction)
-        return _solve_linear(problem, _linearised(problem, -driven / moved), right)
+        # In the right-hand side all is linear, and is kept so for transposing.
+        linear, _ = _linearised(problem, -driven / moved, jnp.zeros_like(problem.gap))
+        free = _shared_forces(problem, linear, right[1])
+        return _solve_linear(problem, linear, (right[0], free))
 
     nothing = problem.gap if problem.coupling is not None else problem.direction
     start = (jnp.zeros(()), jnp.zeros_like(nothing)) if near is None else near
@@ -266,37 +195,48 @@ class _Linearised(eqx.Module):
     structure: CellArms
 
 
-def _linearised(problem: ContactProblem, tangent: Cells) -> _Linearised:
-    """Prepare to solve, see `_solve_linear`."""
+def _linearised(
+    problem: ContactProblem, tangent: Cells, right: Loads
+) -> tuple["_Linearised", Loads]:
+    """Prepare to solve, see `_solve_linear`, and let the bodies share in the right-hand side."""
     structure = tangent[:, None] * problem.arms
     if problem.coupling is None:
-        return _Linearised(None, structure)
+        return _Linearised(None, structure), right
     sharing = sharing_with_body(problem.coupling, tangent)
-    return _Linearised(sharing, shared(problem.coupling, sharing, structure))
+    # At once: substitution in a factor costs no more for two columns than for one.
+    columns = shared(problem.coupling, sharing, jnp.column_stack([structure, right]))
+    return _Linearised(sharing, columns[:, :-1]), columns[:, -1]
 
 
-def _solve_linear(problem: ContactProblem, linear: _Linearised, right: Unknown) -> Unknown:
+def _shared_forces(problem: ContactProblem, linear: _Linearised, forces: Loads) -> Loads:
+    """Let the bodies share in other forces."""
+    if problem.coupling is None or linear.sharing is None:
+        return forces
+    return shared(problem.coupling, linear.sharing, forces[:, None])[:, 0]
+
+
+def _solve_linear(
+    problem: ContactProblem, linear: _Linearised, right: tuple[Scalar, Loads]
+) -> Unknown:
     """Solve the linearised balances for the step in drive and forces.
 
     They read e^T W^T df = r_0 and df + K (C + W H W^T) df - K W e dt = r. Slices are solved
-    first, then the few mesh coordinates that tie them, then the drive.
+    first, which makes of r what `right` has, then the few mesh coordinates that tie them, then the
+    drive.
     """
-    arms, direction, coupling = problem.arms, problem.direction, problem.coupling
-    # Apart from the right-hand side, in which all is linear and is kept so for transposing.
-    structure, free, load = linear.structure, right[1], right[1]
-    if coupling is not None:
-        free = shared(coupling, linear.sharing, right[1][:, None])[:, 0]
-        load = on_coordinates(arms, free)
-    stiffness = on_coordinates_all(arms, structure)
+    arms, direction, free = problem.arms, problem.direction, right[1]
+    coupled = problem.coupling is not None
+    load = on_coordinates(arms, free) if coupled else free
+    stiffness = on_coordinates_all(arms, linear.structure)
     # With dg = W^T df: (I + S H) dg = W^T r' + S e dt.
     yielding = small_solver(jnp.eye(direction.size) + stiffness @ problem.flexibility)
     driven = yielding(jnp.sum(stiffness * direction[None, :], axis=1))
     answer = yielding(load)
     step = (right[0] - jnp.sum(direction * answer)) / jnp.sum(direction * driven)
     load = answer + driven * step
-    if coupling is None:
+    if not coupled:
         return step, load
-    return step, free + at_cells(structure, direction * step - _yield(problem, load))
+    return step, free + at_cells(linear.structure, direction * step - _yield(problem, load))
 
 
 def _solve_probed(linear, right: Unknown) -> Unknown:
@@ -386,13 +326,13 @@ def _newton(
         size = jnp.where(size <= _ROUNDING * total * jnp.max(reach), 0.0, size)
         return _energy(problem, law, trial, overlap), missing, tangent, size / problem.force
 
-    def stepped(state: _NewtonState, linear: _Linearised, share: Scalar) -> Unknown:
-        step = _solve_linear(problem, linear, state.missing)
+    def stepped(state: _NewtonState, linear: _Linearised, free: Loads, share: Scalar) -> Unknown:
+        step = _solve_linear(problem, linear, (state.missing[0], free))
         return jax.tree.map(lambda x, dx: x - share * dx, state.best, step)
 
     def body(state: _NewtonState) -> _NewtonState:
-        linear = _linearised(problem, state.tangent)
-        trial = stepped(state, linear, state.share)
+        linear, free = _linearised(problem, state.tangent, state.missing[1])
+        trial = stepped(state, linear, free, state.share)
         energy, missing, tangent, error = examine(trial)
         # Near the solution the energies differ by rounding only: a full step is then right.
         slack = 1e-13 * jnp.abs(problem.force * trial[0])
@@ -415,9 +355,9 @@ def _newton(
         energy, missing, tangent = infinite, (-problem.force, -pull), problem.stiffness
     else:
         energy, missing, tangent, _ = examine(start)
-    empty = jax.tree.map(
-        lambda x: jnp.zeros(x.shape), jax.eval_shape(lambda x: _linearised(problem, x), tangent)
-    )
+    shapes = jax.eval_shape(lambda: _linearised(problem, tangent, missing[1])[0])
+    empty = jax.tree.map(lambda x: jnp.zeros(x.shape), shapes)
     first = _NewtonState(start, energy, missing, tangent, infinite, jnp.ones(()), empty, zero)
     last = jax.lax.while_loop(unfinished, body, first)
-    return stepped(last, last.linear, jnp.ones(())), (last.error, last.steps)
+    free = _shared_forces(problem, last.linear, last.missing[1])
+    return stepped(last, last.linear, free, jnp.ones(())), (last.error, last.steps)

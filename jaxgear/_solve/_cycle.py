@@ -20,14 +20,8 @@ from jaxgear._contact._cells import (
 )
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
-from jaxgear._solve._contact import (
-    ContactProblem,
-    ContactState,
-    SolverSettings,
-    among_cells,
-    between_cells,
-    contact_state,
-)
+from jaxgear._solve._contact import ContactState, SolverSettings, contact_state
+from jaxgear._solve._contact_problem import ContactProblem, among_cells, between_cells
 from jaxgear._solve._coordinates import on_coordinates
 from jaxgear._system._flexible import condensed
 from jaxgear._system._model import PairModel
@@ -122,21 +116,8 @@ def quasi_static(
         )
         if coupling is None or coupling.ndim > 2:
             return contact_state(problem, law, settings)
-        problem = between_cells(problem)
-        if kept is None:
-            state = contact_state(problem, law, settings, begin)
-            return dataclasses.replace(state, load=on_coordinates(arms, state.force))
-        # Factors are what costs, and most cells of a helical pair are out of mesh.
-        fewer = among_cells(problem, kept)
-        begin = None if begin is None else (begin[0], begin[1][kept])
-        state = contact_state(fewer, law, settings, begin)
-        force = jnp.zeros_like(gap).at[kept].set(state.force)
-        assert problem.coupling is not None
-        overlap = (
-            problem.arms[:, 0] * state.approach - gap - problem.coupling[:, kept] @ state.force
-        )
-        load = on_coordinates(arms, force)
-        return dataclasses.replace(state, load=load, overlap=overlap, force=force)
+        state = _where_kept(between_cells(problem), law, settings, begin, kept)
+        return dataclasses.replace(state, load=on_coordinates(arms, state.force))
 
     arms = system.arms(cells)
     # Written out, as in the solver: the offset brings the flanks closer before any load.
@@ -154,6 +135,30 @@ def quasi_static(
         force=state.force,
         converged=state.converged & cells.lines.complete,
         steps=state.steps,
+    )
+
+
+def _where_kept(
+    problem: ContactProblem,
+    law: AbstractContactLaw,
+    settings: SolverSettings,
+    near: tuple[Scalar, Cells] | None,
+    kept: Array | None,
+) -> ContactState:
+    """Solve a problem of coupled cells with those alone that may be in contact.
+
+    Factors are what costs, and most cells of a helical pair are out of mesh.
+    """
+    if kept is None:
+        return contact_state(problem, law, settings, near)
+    near = None if near is None else (near[0], near[1][kept])
+    state = contact_state(among_cells(problem, kept), law, settings, near)
+    assert problem.coupling is not None
+    given = problem.coupling[:, kept] @ state.force
+    return dataclasses.replace(
+        state,
+        overlap=problem.arms[:, 0] * state.approach - problem.gap - given,
+        force=jnp.zeros_like(problem.gap).at[kept].set(state.force),
     )
 
 
