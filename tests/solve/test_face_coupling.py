@@ -149,9 +149,9 @@ def test_helical_pairs_are_solved(helix):
 def test_cells_out_of_mesh_cost_nothing_and_periods_repeat():
     """A helical pair over two periods, against all cells of one, in mesh or not."""
     pair = dataclasses.replace(ACCESSORY, helix_angle=np.radians(20.0)).pair()
-    law = jg.WeberBanaschek(load_updates=1, face_coupling=jg.FaceCoupling())
+    law = jg.WeberBanaschek(face_coupling=jg.FaceCoupling())
     model = jg.PairModel(pair, 80.0, compliance=law)
-    some = jg.mesh_grid(pair, phases=8, slices=8, periods=2)
+    some = jg.mesh_grid(pair, phases=8, slices=4, periods=2)
     assert some.abreast == 2
     assert some.lines > 2
     every = dataclasses.replace(some, abreast=None, periods=1)

@@ -216,6 +216,7 @@ def test_a_rigidified_body_is_a_rigid_gear():
         assert second == pytest.approx(first / 100.0, rel=0.05)
 
 
+@pytest.mark.slow
 def test_teeth_coupled_along_the_face_on_a_rigidified_body_are_those_of_a_rigid_gear():
     coupled = jg.WeberBanaschek(wheel_foundation=jg.NoFoundation(), face_coupling=jg.FaceCoupling())
     stiff = _h1(_stiff(2e7), compliance=coupled)
