@@ -237,7 +237,9 @@ def lines_on_steps(
         kept = _near_path(middle[:, None, :] + place, ratio, grid.abreast)
         flat = fraction.reshape(phase.size, -1)
         held = jnp.take_along_axis(flat, kept, axis=1)
-        complete &= jnp.all(jnp.sum(flat > 0.0, axis=1) == jnp.sum(held > 0.0, axis=1))
+        # Fractions of cells long out of mesh are zero but for rounding.
+        seen, found = (jnp.sum(x > _ROUNDING, axis=1) for x in (flat, held))
+        complete &= jnp.all(seen == found)
     return ContactLines(
         phase=phase,
         weight=edges[1:] - edges[:-1],
@@ -327,6 +329,8 @@ def _phase_edges(ratio: Scalar, grid: MeshGrid) -> Phases:
 # Corner of the active fraction of a spur pair's slice, which covers no path, and the least step of
 # a phase, which vanishes at whole contact ratios [base pitches].
 _THINNEST, _SHORTEST = 1e-10, 1e-12
+# Least fraction that is no rounding: of ramps up to many base pitches, over a phase [-].
+_ROUNDING = 1e-9
 
 
 def _swept_fraction(first: Reals, last: Reals, ratio: Scalar, *, stretch: Scalar) -> Reals:
