@@ -73,6 +73,7 @@ bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/bench_bodies.py
 	$(BIN)/python benchmarks/bench_hybrid.py
 	$(BIN)/python benchmarks/bench_answers.py
+	$(BIN)/python benchmarks/bench_face.py
 
 measure: $(VENV)/.installed
 	$(BIN)/python benchmarks/measure.py

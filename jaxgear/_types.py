@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     LineGrid = Array
     LinePhases = Array
     LineNumbers = Array
+    CellNumbers = Array
     Teeth = Array
     Cells = Array
     CellGrid = Array
@@ -64,6 +65,7 @@ else:
     LineGrid = Float[Array, "phase line slice"]
     LinePhases = Float[Array, "phase line"]
     LineNumbers = Int[Array, "phase line"]
+    CellNumbers = Int[Array, "phase cell"]
     Teeth = Float[Array, "tooth"]
     Cells = Float[Array, "cell"]
     CellGrid = Float[Array, "phase cell"]

@@ -8,6 +8,7 @@ everywhere.
 
 from collections.abc import Callable
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -34,29 +35,45 @@ def body_yield(coupling: Coupling, force: Cells) -> Cells:
     return jnp.sum(coupling * by_line, axis=1).reshape(-1)
 
 
-def share_with_body(
-    coupling: Coupling, stiffness: Cells, columns: CellColumns, *, symmetric: bool = True
-) -> CellColumns:
-    r"""Solve $(I + K C)\,y = r$, for several right-hand sides.
+class Sharing(eqx.Module):
+    """How cells share with the bodies, ready for right-hand sides to come.
+
+    **Fields:**
+
+    - `stiffness`: of the cells, zero where one is open [N/m].
+    - `factor`: Cholesky's of what couples all cells, or `None` where few lines are coupled, or
+        cells do not feel each other alike [-].
+    """
+
+    stiffness: Cells
+    factor: CellColumns | None
+
+
+def sharing_with_body(coupling: Coupling, stiffness: Cells, *, symmetric: bool = True) -> Sharing:
+    """Prepare to share with the bodies: the part that does not depend on the forces.
 
     **Arguments:**
 
     - `coupling`: $C$ [m/N].
     - `stiffness`: diagonal of $K$, zero where a cell is open [N/m].
-    - `columns`: right-hand sides.
     - `symmetric`: whether $C$ is, as it is at rest.
 
     **Returns:**
 
-    The solutions, in the unit of `columns`.
+    What `shared` needs.
     """
-    return sharing_with_body(coupling, stiffness, symmetric=symmetric)(columns)
+    if coupling.ndim > 2 or not symmetric:
+        return Sharing(stiffness, None)
+    # With S^2 = K: open cells have no part in the symmetric matrix, and no pivots are needed.
+    # Derivatives are those of the linear system: roots and factors are no part of them.
+    root = jnp.sqrt(jax.lax.stop_gradient(stiffness))
+    held = jax.lax.stop_gradient(coupling)
+    matrix = jnp.eye(root.size) + root[:, None] * held * root[None, :]
+    return Sharing(stiffness, _one_by_one(_cholesky)(matrix))
 
 
-def sharing_with_body(
-    coupling: Coupling, stiffness: Cells, *, symmetric: bool = True
-) -> Callable[[CellColumns], CellColumns]:
-    r"""What solves $(I + K C)\,y = r$, for the right-hand sides to come.
+def shared(coupling: Coupling, sharing: Sharing, columns: CellColumns) -> CellColumns:
+    r"""Solve $(I + K C)\,y = r$, for several right-hand sides.
 
     With $r$ the forces that stiff bodies would leave on the cells, $y$ are those that remain when
     the bodies give way. The matrix is similar to a positive definite one: where slices are on their
@@ -65,17 +82,48 @@ def sharing_with_body(
     **Arguments:**
 
     - `coupling`: $C$ [m/N].
+    - `sharing`: from `sharing_with_body`.
+    - `columns`: right-hand sides.
+
+    **Returns:**
+
+    The solutions, in the unit of `columns`.
+    """
+    stiffness, factor = sharing.stiffness, sharing.factor
+    if coupling.ndim > 2:
+        return _share_in_slices(coupling, stiffness, columns)
+    if factor is None:
+        matrix = jnp.eye(stiffness.size) + stiffness[:, None] * coupling
+        return _one_by_one(jnp.linalg.solve)(matrix, columns)
+    # With S^2 = K it is (I + KC)^-1 = I - S (I + SCS)^-1 SC.
+    root = jnp.sqrt(jax.lax.stop_gradient(stiffness))
+    held = jax.lax.stop_gradient(coupling)
+    within = lambda right: root[:, None] * _one_by_one(_substituted)(factor, root[:, None] * right)
+    return jax.lax.custom_linear_solve(
+        lambda x: x + stiffness[:, None] * (coupling @ x),
+        columns,
+        solve=lambda _, right: right - within(held @ right),
+        transpose_solve=lambda _, right: right - held @ within(right),
+    )
+
+
+def share_with_body(
+    coupling: Coupling, stiffness: Cells, columns: CellColumns, *, symmetric: bool = True
+) -> CellColumns:
+    r"""Solve $(I + K C)\,y = r$ once, see `shared`.
+
+    **Arguments:**
+
+    - `coupling`: $C$ of the lines in each slice, or of all cells [m/N].
     - `stiffness`: diagonal of $K$, zero where a cell is open [N/m].
+    - `columns`: right-hand sides.
     - `symmetric`: whether $C$ is, as it is at rest.
 
     **Returns:**
 
-    What takes right-hand sides to solutions, in their unit.
+    The solutions, in the unit of `columns`.
     """
-    if coupling.ndim == 2:
-        solver = _dense_solver if symmetric else _solver_with_pivots
-        return solver(coupling, stiffness)
-    return lambda columns: _share_in_slices(coupling, stiffness, columns)
+    return shared(coupling, sharing_with_body(coupling, stiffness, symmetric=symmetric), columns)
 
 
 def _share_in_slices(coupling: Coupling, stiffness: Cells, columns: CellColumns) -> CellColumns:
@@ -96,37 +144,6 @@ def _share_in_slices(coupling: Coupling, stiffness: Cells, columns: CellColumns)
                 rows[j] = rows[j] - factor[None, :] * rows[i]
                 answers[j] = answers[j] - factor[:, None] * answers[i]
     return jnp.stack(answers).reshape(columns.shape)
-
-
-def _dense_solver(coupling: Coupling, stiffness: Cells) -> Callable[[CellColumns], CellColumns]:
-    r"""Solve with one matrix, again and again.
-
-    With $S^2 = K$ it is $(I + KC)^{-1} = I - S(I + SCS)^{-1}SC$: open cells have no part in the
-    symmetric matrix, and no pivots are needed. Derivatives are those of the linear system: roots
-    and factors are no part of them.
-    """
-    root = jnp.sqrt(jax.lax.stop_gradient(stiffness))
-    held = jax.lax.stop_gradient(coupling)
-    factor = _one_by_one(_cholesky)(jnp.eye(root.size) + root[:, None] * held * root[None, :])
-    within = lambda right: root[:, None] * _one_by_one(_substituted)(factor, root[:, None] * right)
-
-    def solutions(columns: CellColumns) -> CellColumns:
-        return jax.lax.custom_linear_solve(
-            lambda x: x + stiffness[:, None] * (coupling @ x),
-            columns,
-            solve=lambda _, right: right - within(held @ right),
-            transpose_solve=lambda _, right: right - held @ within(right),
-        )
-
-    return solutions
-
-
-def _solver_with_pivots(
-    coupling: Coupling, stiffness: Cells
-) -> Callable[[CellColumns], CellColumns]:
-    """The same where cells do not feel each other alike, as gyroscopic forces have it."""
-    matrix = jnp.eye(stiffness.size) + stiffness[:, None] * coupling
-    return lambda columns: _one_by_one(jnp.linalg.solve)(matrix, columns)
 
 
 def _cholesky(matrix: Array) -> Array:

@@ -8,6 +8,7 @@ matrices, element by element, are positive definite (Schur), and with them all t
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -69,44 +70,43 @@ def face_cells(
     parts = compliance.along_face(pair, path_nodes(pair), line_load, shared)
     if parts is None:
         return None
-    bodies = {body.gear: body for body in shared}
     at = _on_lines(pair, lines, parts)
-    slices, line_count = lines.face_position.size, lines.roll.shape[1]
+    slices = lines.face_position.size
     first = jnp.log(_LOCAL * jnp.mean(parts.shortest))
     last = jnp.maximum(jnp.max(jnp.log(parts.longest)), first + 1e-3)
     step = (last - first) / (_LENGTHS - 1)
     reach = jnp.exp(first + step * jnp.asarray(np.arange(float(_LENGTHS))))
     within = jnp.exp(first - np.log(_LOCAL) * jnp.asarray(_WITHIN))
-    own, between, spread, contacts, narrower = (jnp.zeros(()) for _ in range(5))
+    # Along the contact line, as the lengths of cells are.
+    slant = jnp.cos(pair.base_helix_angle)
+    common = pair.face_width / slant
+    roots, operators = [], []
     for gear, each in enumerate((pair.pinion, pair.wheel)):
-        # Along the contact line, as the lengths of cells are.
-        common, face = (
-            x / jnp.cos(pair.base_helix_angle) for x in (pair.face_width, each.face_width)
-        )
+        face = each.face_width / slant
         beam, root, body = face_operator(parts.lengths, slices, common, face)
         image = parts.end_image[gear] * end_images(reach, slices, common, face)
         contact = face_operator(reach, slices, common, face) + image
-        weights = parts.per_log[gear] * step * _up_to((at.longest[gear] - first) / step)
-        own += _times(at.beam[gear], beam) + _times(at.body[gear], body)
-        own += _times(at.root[gear], root - body)
-        own += sum(_times(_root(w), operator) for w, operator in zip(weights, contact, strict=True))
         # Those that stay in a cell have images in the ends too.
         image = jnp.mean(end_images(within, slices, common, face), axis=0)
-        own += parts.per_log[gear] * parts.end_image[gear] * np.log(_LOCAL) * image[None, None]
-        narrower += _narrower(lines, at.beam[gear] ** 2, parts.lengths[0], common)
-        narrower += _narrower(lines, at.root[gear] ** 2, parts.lengths[1], common)
-        for w, length in zip(weights, reach, strict=True):
-            narrower += _narrower(lines, w, length, common)
-        spread += at.beam[gear] ** 2 + at.body[gear] ** 2
-        contacts += jnp.sum(weights, axis=0)
-        if gear in bodies:
-            between += _between_roots(pair, lines, bodies[gear]) * body[None, None, :, None, :]
-    same = jnp.asarray(np.eye(line_count))[None, :, None, :, None]
-    cells = line_count * slices
-    coupling = own[:, :, :, None, :] * same + between
+        image *= parts.per_log[gear] * parts.end_image[gear] * np.log(_LOCAL)
+        operators.append(jnp.stack([beam, root - body, body, image, *contact]))
+        weights = parts.per_log[gear] * step * _up_to((at.longest[gear] - first) / step)
+        whole = jnp.ones_like(lines.roll)
+        own = [at.beam[gear], at.root[gear], at.body[gear], whole, *_root(weights)]
+        roots.append(jnp.stack(own))
+    coupling = _on_each_line(jnp.stack(roots), jnp.stack(operators))
+    if shared:
+        spread = jnp.stack([operators[body.gear][2] for body in shared])
+        coupling += _between_lines(pair, lines, shared, spread)
+    beam, root, body = (jnp.sum(part**2, axis=0) for part in (at.beam, at.root, at.body))
+    weights = sum(each[4:] ** 2 for each in roots)
+    contacts = jnp.sum(weights, axis=0)
+    reaching = jnp.concatenate([jnp.stack([beam, root]), weights])
+    narrower = _narrower(lines, reaching, jnp.concatenate([parts.lengths[:2], reach]), common)
+    cells = lines.roll.shape[1] * slices
     return FaceCells(
         local=at.penetration - contacts + narrower,
-        spread=spread + contacts,
+        spread=beam + body + contacts,
         coupling=coupling.reshape(-1, cells, cells),
     )
 
@@ -140,22 +140,63 @@ def _root(part: Reals) -> Reals:
     return jnp.where(positive, jnp.sqrt(jnp.where(positive, part, 1.0)), 0.0)
 
 
-def _times(roots: LineGrid, operator: Array) -> Array:
-    """An operator between the cells of each line, times the roots of both."""
-    return roots[..., :, None] * roots[..., None, :] * operator[None, None]
+def _on_each_line(roots: Array, operators: Array) -> Array:
+    """Operators between the cells of each line, times the roots of both: the sum of all parts.
+
+    Gears in turn: as one expression, XLA would work out every root anew for each pair of cells.
+    """
+    _, parts, phases, lines, slices = roots.shape
+
+    def add(total: Array, gear: tuple[Array, Array]):
+        root, operator = gear
+        for i in range(parts):
+            both = root[i, ..., :, None] * root[i, ..., None, :]
+            total += both * operator[i, None, None]
+        return total, None
+
+    start = jnp.zeros((phases, lines, slices, slices))
+    own = jax.lax.scan(add, start, (roots, operators))[0]
+    same = jnp.asarray(np.eye(lines))[None, :, None, :, None]
+    return own[:, :, :, None, :] * same
 
 
-def _narrower(lines: ContactLines, given: LineGrid, length: Scalar, common: Scalar) -> LineGrid:
-    r"""What a part of compliance gives more where a slice carries on a share of its length only.
+def _between_lines(
+    pair: GearPair, lines: ContactLines, bodies: tuple[SharedBody, ...], spread: Array
+) -> Array:
+    """Compliance by the roots of teeth that share a body, times its operators along the face."""
+    count = range(lines.roll.shape[1])
+    nodes = [jnp.moveaxis(body.resultants(path_nodes(pair)), -1, 0) for body in bodies]
+    loads = along_path(pair, jnp.stack(nodes), lines.roll)
+    influence = jnp.stack(
+        [
+            jnp.stack([jnp.stack([body.at_roots(j - i) for j in count]) for i in count])
+            for body in bodies
+        ]
+    )
+    # Of each resultant at the first root, by a load on the line of the second one.
+    moved = jnp.einsum("gijab,gbpjs->gapijs", influence, loads)
+
+    def add(total: Array, body: tuple[Array, Array, Array]):
+        load, felt, operator = body
+        each = (load[a][..., None, None] * felt[a][:, :, None] for a in range(3))
+        return total + sum(each) * operator[None, None, :, None, :], None
+
+    slices = lines.face_position.size
+    start = jnp.zeros((*lines.roll.shape, len(count), slices))
+    return jax.lax.scan(add, start, (loads, moved, spread))[0]
+
+
+def _narrower(lines: ContactLines, given: Array, length: Reals, common: Scalar) -> LineGrid:
+    r"""What parts of compliance give more where a slice carries on a share of its length only.
 
     A mean of $e^{-|z - z'|/\lambda}/(2\lambda)$ over a length $h$ is $g(h/\lambda)/h$,
     $g(x) = 1 - (1 - e^{-x})/x$; over a share $\varphi$ it is $g(\varphi x)/(\varphi h)$, no less.
     """
-    x = common / (lines.face_position.size * length)
-    part = jnp.maximum(lines.fraction, 1e-9) * x
+    x = (common / (lines.face_position.size * length))[:, None, None, None]
+    share = lines.fraction[None]
     mean = lambda x: 1.0 + jnp.expm1(-x) / x
-    more = jnp.where(lines.fraction > 0.0, mean(part) - lines.fraction * mean(x), 0.0)
-    return given * jnp.maximum(more, 0.0)
+    more = jnp.where(share > 0.0, mean(jnp.maximum(share, 1e-9) * x) - share * mean(x), 0.0)
+    return jnp.sum(given * jnp.maximum(more, 0.0), axis=0)
 
 
 def _up_to(place: Reals) -> Array:
@@ -172,19 +213,3 @@ def _hat_integral(place: Reals) -> Reals:
     """Integral of the hat function on (-1, 1) from the left."""
     x = jnp.clip(place, -1.0, 1.0)
     return jnp.where(x < 0.0, 0.5 * (1.0 + x) ** 2, 1.0 - 0.5 * (1.0 - x) ** 2)
-
-
-def _between_roots(pair: GearPair, lines: ContactLines, body: SharedBody) -> Array:
-    """Compliance by a body's roots, `[phase, line, slice, line, slice]`, spread evenly [m2/N]."""
-    on_path = jnp.clip(lines.roll, pair.path_start, pair.path_end)
-    count = range(lines.roll.shape[1])
-    influence = jnp.stack([jnp.stack([body.at_roots(j - i) for j in count]) for i in count])
-    loads = jnp.moveaxis(body.resultants(on_path), -1, 0)
-    total = jnp.zeros(())
-    # Written out: a batch of tiny matrix products costs many times its arithmetic.
-    for a in range(3):
-        moved = jnp.zeros(())
-        for b in range(3):
-            moved = moved + influence[None, :, :, a, b, None] * loads[b][:, None, :, :]
-        total = total + loads[a][:, :, :, None, None] * moved[:, :, None, :, :]
-    return total

@@ -32,7 +32,7 @@ from jaxgear._geometry._pair import (
     pair_facts,
     profile_contact_ratio,
 )
-from jaxgear._types import Flag, LineGrid, LineNumbers, Phases, Reals, Scalar, Slices
+from jaxgear._types import CellNumbers, Flag, LineGrid, LineNumbers, Phases, Reals, Scalar, Slices
 
 
 class MeshGrid(eqx.Module):
@@ -45,6 +45,7 @@ class MeshGrid(eqx.Module):
     - `lines`: contact lines kept at each phase.
     - `first_line`: index of the line furthest ahead of entry, -1 for spur gears.
     - `entry_phases`: phases between a pair's entry and the exit of the pair ahead.
+    - `abreast`: contact lines of these that are in contact at one place of the face.
     - `periods`: mesh periods in one cycle.
     - `beyond`: how far contact is looked for beyond either end of the path, in base
         pitches [-].
@@ -55,6 +56,7 @@ class MeshGrid(eqx.Module):
     lines: int = eqx.field(static=True)
     first_line: int = eqx.field(static=True)
     entry_phases: int = eqx.field(static=True)
+    abreast: int | None = eqx.field(static=True, default=None)
     periods: int = eqx.field(static=True, default=1)
     beyond: float = eqx.field(static=True, default=0.0)
 
@@ -124,12 +126,18 @@ def mesh_grid(
     # crosses an integer in a traced copy still finds both sets populated.
     fewest = phases // 8
     share = round(phases * (profile - math.floor(profile)))
+    entry = min(max(share, fewest), phases - fewest)
+    # A cell is in contact until all of it has left the path in all of its phase.
+    whole = math.floor(profile)
+    step = max((profile - whole) / entry, (whole + 1.0 - profile) / (phases - entry))
+    abreast = math.ceil(profile + margin + step + overlap / slices)
     return MeshGrid(
         phases=phases,
         slices=slices,
         lines=last + ahead + 1,
         first_line=-ahead,
-        entry_phases=min(max(share, fewest), phases - fewest),
+        entry_phases=entry,
+        abreast=abreast if abreast < last + ahead + 1 else None,
         periods=periods,
         beyond=beyond,
     )
@@ -149,6 +157,7 @@ class ContactLines(eqx.Module):
     - `fraction`: part of each slice that is in contact, 0 to 1 [-].
     - `length`: length of a slice along its contact line [m].
     - `complete`: whether the grid holds every line that is in contact.
+    - `kept`: of each phase, numbers of the cells that may be in contact, or `None`: all [-].
     - `periods`: mesh periods in the cycle.
     - `beyond`: how far contact is looked for beyond either end of the path, in base pitches [-].
     """
@@ -161,6 +170,7 @@ class ContactLines(eqx.Module):
     fraction: LineGrid
     length: Scalar
     complete: Flag
+    kept: CellNumbers | None = None
     periods: int = eqx.field(static=True, default=1)
     beyond: float = eqx.field(static=True, default=0.0)
 
@@ -221,6 +231,15 @@ def lines_on_steps(
     )
     # The pair on line i entered i mesh periods ago.
     tooth = -jnp.arange(grid.first_line, grid.first_line + grid.lines)
+    kept, complete = None, (ratio + half_overlap <= last_line + 1.0)
+    complete &= half_overlap <= -grid.first_line
+    if grid.abreast is not None:
+        kept = _near_path(middle[:, None, :] + place, ratio, grid.abreast)
+        flat = fraction.reshape(phase.size, -1)
+        held = jnp.take_along_axis(flat, kept, axis=1)
+        # Fractions of cells long out of mesh are zero but for rounding.
+        seen, found = (jnp.sum(x > _ROUNDING, axis=1) for x in (flat, held))
+        complete &= jnp.all(seen == found)
     return ContactLines(
         phase=phase,
         weight=edges[1:] - edges[:-1],
@@ -229,9 +248,22 @@ def lines_on_steps(
         face_position=face_position,
         fraction=fraction,
         length=pair.face_width / (grid.slices * jnp.cos(pair.base_helix_angle)),
-        complete=(ratio + half_overlap <= last_line + 1.0) & (half_overlap <= -grid.first_line),
+        complete=complete,
+        kept=kept,
         beyond=grid.beyond,
     )
+
+
+def _near_path(place: Reals, ratio: Scalar, abreast: int) -> CellNumbers:
+    """Cells of the lines that at each slice are nearest to the path, as many at every slice.
+
+    `place` is in base pitches from the start of the path, and grows by one from line to line.
+    """
+    phases, lines, slices = place.shape
+    ahead = jnp.ceil(0.5 * (ratio - abreast) - place[:, 0]).astype(int)
+    first = jnp.clip(ahead, 0, lines - abreast)
+    line = first[:, None, :] + jnp.arange(abreast)[None, :, None]
+    return (line * slices + jnp.arange(slices)[None, None, :]).reshape(phases, -1)
 
 
 def face_positions(pair: GearPair, grid: MeshGrid) -> Slices:
@@ -261,6 +293,7 @@ def repeated_lines(lines: ContactLines, periods: int) -> ContactLines:
         periods=periods,
         phase=again(lines.phase) + jnp.asarray(period, dtype=float),
         weight=again(lines.weight) / periods,
+        kept=None if lines.kept is None else again(lines.kept),
         tooth=again(lines.tooth) + jnp.asarray(period)[:, None],
         roll=again(lines.roll),
         fraction=again(lines.fraction),
@@ -296,6 +329,8 @@ def _phase_edges(ratio: Scalar, grid: MeshGrid) -> Phases:
 # Corner of the active fraction of a spur pair's slice, which covers no path, and the least step of
 # a phase, which vanishes at whole contact ratios [base pitches].
 _THINNEST, _SHORTEST = 1e-10, 1e-12
+# Least fraction that is no rounding: of ramps up to many base pitches, over a phase [-].
+_ROUNDING = 1e-9
 
 
 def _swept_fraction(first: Reals, last: Reals, ratio: Scalar, *, stretch: Scalar) -> Reals:

@@ -22,8 +22,9 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxgear._compiled import compiled
-from jaxgear._contact._coupling import body_yield, sharing_with_body
+from jaxgear._contact._coupling import Sharing, body_yield, shared, sharing_with_body
 from jaxgear._interface._laws import AbstractContactLaw
+from jaxgear._solve._contact_problem import ContactProblem
 from jaxgear._solve._coordinates import (
     at_cells,
     on_coordinates,
@@ -33,36 +34,11 @@ from jaxgear._solve._coordinates import (
 from jaxgear._types import (
     CellArms,
     Cells,
-    CoordinateMatrix,
     Coordinates,
-    Coupling,
     Flag,
     Loads,
     Scalar,
 )
-
-
-class ContactProblem(eqx.Module):
-    """Cells and structure at one position of the gears.
-
-    **Fields:**
-
-    - `stiffness`: $k$ of each cell, zero where it is out of contact [N/m].
-    - `gap`: of each cell before loading [m].
-    - `arms`: $W$, overlap of each cell per mesh coordinate [-, m].
-    - `flexibility`: $H$ of the mesh coordinates [m/N, 1/N, 1/(N m)].
-    - `direction`: $e$, mesh coordinates per driven approach; it moves every cell [-].
-    - `force`: $F$, the load that drives the approach [N].
-    - `coupling`: $C$ between the lines of each slice, or `None` [m/N].
-    """
-
-    stiffness: Cells
-    gap: Cells
-    arms: CellArms
-    flexibility: CoordinateMatrix
-    direction: Coordinates
-    force: Scalar
-    coupling: Coupling | None = None
 
 
 class ContactState(eqx.Module):
@@ -84,32 +60,6 @@ class ContactState(eqx.Module):
     force: Cells
     converged: Flag
     steps: Array
-
-
-def between_cells(problem: ContactProblem) -> ContactProblem:
-    """The same problem with all that gives between its cells, and the drive alone beside them.
-
-    Where all cells are coupled anyway, this spares the solver the mesh coordinates.
-
-    **Arguments:**
-
-    - `problem`: with a coupling of all cells.
-
-    **Returns:**
-
-    The problem, of one mesh coordinate that does not give.
-    """
-    assert problem.coupling is not None
-    arms = problem.arms
-    return ContactProblem(
-        stiffness=problem.stiffness,
-        gap=problem.gap,
-        arms=(arms @ problem.direction)[:, None],
-        flexibility=jnp.zeros((1, 1)),
-        direction=jnp.ones(1),
-        force=problem.force,
-        coupling=problem.coupling + arms @ (problem.flexibility @ arms.T),
-    )
 
 
 class SolverSettings(eqx.Module):
@@ -162,7 +112,7 @@ def contact_state(
 
     def solve(residual, start: Unknown):
         del residual
-        return _newton(problem, law, start, settings)
+        return _newton(problem, law, start, settings, near=near is not None)
 
     def solve_tangent(linear, right: Unknown) -> Unknown:
         if problem.coupling is None:
@@ -170,9 +120,14 @@ def contact_state(
         # Driving alone shows the cells' tangent stiffness at the solution.
         driven = linear((jnp.ones(()), jnp.zeros_like(problem.gap)))[1]
         moved = at_cells(problem.arms, problem.direction)
-        return _solve_linear(problem, -driven / moved, right)
+        # In the right-hand side all is linear, and is kept so for transposing.
+        linear, _ = _linearised(problem, -driven / moved, jnp.zeros_like(problem.gap))
+        free = _shared_forces(problem, linear, right[1])
+        return _solve_linear(problem, linear, (right[0], free))
 
-    start = _start(problem) if near is None else jax.lax.stop_gradient(near)
+    nothing = problem.gap if problem.coupling is not None else problem.direction
+    start = (jnp.zeros(()), jnp.zeros_like(nothing)) if near is None else near
+    start = jax.lax.stop_gradient(start)
     found, (error, steps) = jax.lax.custom_root(
         imbalance, start, solve, solve_tangent, has_aux=True
     )
@@ -227,29 +182,61 @@ def _imbalance(
     return (driving, unknown[1] - force), overlap, problem.stiffness * slope
 
 
-def _solve_linear(problem: ContactProblem, tangent: Cells, right: Unknown) -> Unknown:
+class _Linearised(eqx.Module):
+    """What solves the balances, linearised where the cells have some tangent stiffness.
+
+    **Fields:**
+
+    - `sharing`: how the cells share with the bodies, or `None` where nothing couples them.
+    - `structure`: forces on the cells per motion of the mesh coordinates [N/m, N].
+    """
+
+    sharing: Sharing | None
+    structure: CellArms
+
+
+def _linearised(
+    problem: ContactProblem, tangent: Cells, right: Loads
+) -> tuple["_Linearised", Loads]:
+    """Prepare to solve, see `_solve_linear`, and let the bodies share in the right-hand side."""
+    structure = tangent[:, None] * problem.arms
+    if problem.coupling is None:
+        return _Linearised(None, structure), right
+    sharing = sharing_with_body(problem.coupling, tangent)
+    # At once: substitution in a factor costs no more for two columns than for one.
+    columns = shared(problem.coupling, sharing, jnp.column_stack([structure, right]))
+    return _Linearised(sharing, columns[:, :-1]), columns[:, -1]
+
+
+def _shared_forces(problem: ContactProblem, linear: _Linearised, forces: Loads) -> Loads:
+    """Let the bodies share in other forces."""
+    if problem.coupling is None or linear.sharing is None:
+        return forces
+    return shared(problem.coupling, linear.sharing, forces[:, None])[:, 0]
+
+
+def _solve_linear(
+    problem: ContactProblem, linear: _Linearised, right: tuple[Scalar, Loads]
+) -> Unknown:
     """Solve the linearised balances for the step in drive and forces.
 
     They read e^T W^T df = r_0 and df + K (C + W H W^T) df - K W e dt = r. Slices are solved
-    first, then the few mesh coordinates that tie them, then the drive.
+    first, which makes of r what `right` has, then the few mesh coordinates that tie them, then the
+    drive.
     """
-    arms, direction, coupling = problem.arms, problem.direction, problem.coupling
-    # Apart from the right-hand side, in which all is linear and is kept so for transposing.
-    structure, free, load = tangent[:, None] * arms, right[1], right[1]
-    if coupling is not None:
-        share = sharing_with_body(coupling, tangent)
-        structure, free = share(structure), share(right[1][:, None])[:, 0]
-        load = on_coordinates(arms, free)
-    stiffness = on_coordinates_all(arms, structure)
+    arms, direction, free = problem.arms, problem.direction, right[1]
+    coupled = problem.coupling is not None
+    load = on_coordinates(arms, free) if coupled else free
+    stiffness = on_coordinates_all(arms, linear.structure)
     # With dg = W^T df: (I + S H) dg = W^T r' + S e dt.
     yielding = small_solver(jnp.eye(direction.size) + stiffness @ problem.flexibility)
     driven = yielding(jnp.sum(stiffness * direction[None, :], axis=1))
     answer = yielding(load)
     step = (right[0] - jnp.sum(direction * answer)) / jnp.sum(direction * driven)
     load = answer + driven * step
-    if coupling is None:
+    if not coupled:
         return step, load
-    return step, free + at_cells(structure, direction * step - _yield(problem, load))
+    return step, free + at_cells(linear.structure, direction * step - _yield(problem, load))
 
 
 def _solve_probed(linear, right: Unknown) -> Unknown:
@@ -259,14 +246,6 @@ def _solve_probed(linear, right: Unknown) -> Unknown:
         jnp.eye(flat.size)
     ).T
     return unravel(jnp.linalg.solve(matrix, flat))
-
-
-def _start(problem: ContactProblem) -> Unknown:
-    """The state with every cell closed, pulling ones too: never short of contact."""
-    pull = -problem.stiffness * problem.gap
-    if problem.coupling is None:
-        pull = on_coordinates(problem.arms, pull)
-    return _solve_linear(problem, problem.stiffness, (problem.force, pull))
 
 
 def _energy(
@@ -292,25 +271,39 @@ class _NewtonState(eqx.Module):
 
     - `best`: point of least energy so far [m, N].
     - `energy`: there [J].
-    - `trial`: point to examine next [m, N].
-    - `error`: imbalance at `best` over the driving force [-].
+    - `missing`: what is missing from both balances there [N].
+    - `tangent`: stiffness of the cells there [N/m].
+    - `error`: imbalance there over the driving force [-].
+    - `share`: of the next Newton step that is to be taken [-].
+    - `linear`: what the last step was found with.
     - `steps`: taken [-].
     """
 
     best: Unknown
     energy: Scalar
-    trial: Unknown
+    missing: Unknown
+    tangent: Cells
     error: Scalar
+    share: Scalar
+    linear: "_Linearised"
     steps: Scalar
 
 
 def _newton(
-    problem: ContactProblem, law: AbstractContactLaw, start: Unknown, settings: SolverSettings
+    problem: ContactProblem,
+    law: AbstractContactLaw,
+    start: Unknown,
+    settings: SolverSettings,
+    *,
+    near: bool,
 ) -> tuple[Unknown, tuple[Scalar, Scalar]]:
     """Newton steps, each halved until the energy falls, then one last full step.
 
-    Also returns the relative imbalance before that step, and the number of steps: as reals,
-    for `custom_root` differentiates what comes with its root.
+    That one is taken with the matrix of the step before: where cells are coupled, factors are what
+    costs, and so close to the solution they are the same. From a start that is not near, zero, the
+    first step closes every cell, pulling ones too: that is never short of contact. Also returns the
+    relative imbalance before the last step, and the number of steps: as reals, for `custom_root`
+    differentiates what comes with its root.
     """
     total = jnp.sum(problem.stiffness)
     # Loads of all kinds, as forces: a moment over the radius of gyration of the cells.
@@ -320,41 +313,51 @@ def _newton(
         along = jnp.sum(problem.stiffness * at_cells(problem.arms, problem.direction) ** 2)
         scale = jnp.sqrt(jnp.maximum(own, 1e-6 * jnp.max(own)) / along)
 
-    def examine(trial: Unknown) -> tuple[Scalar, Unknown, Scalar]:
-        """Energy at a trial, the Newton point from it, and its relative imbalance."""
+    def examine(trial: Unknown) -> tuple[Scalar, Unknown, Cells, Scalar]:
+        """Energy at a trial, what is missing there, the cells' tangent and the imbalance."""
         missing, overlap, tangent = _imbalance(problem, law, trial)
         # Where the trial has lost all contact, every cell pulls it back.
         tangent = jnp.where(jnp.sum(tangent) <= 0.0, problem.stiffness, tangent)
-        step = _solve_linear(problem, tangent, (-missing[0], -missing[1]))
         size = jnp.abs(missing[0]) + jnp.sum(jnp.abs(missing[1]) / scale)
         # Bodies far softer than the cells move far: overlaps are then differences of large numbers.
         reach = jnp.abs(overlap + problem.gap)
         if problem.coupling is not None:
             reach = jnp.maximum(reach, jnp.abs(_place(problem, trial)))
         size = jnp.where(size <= _ROUNDING * total * jnp.max(reach), 0.0, size)
-        point = (trial[0] + step[0], trial[1] + step[1])
-        return _energy(problem, law, trial, overlap), point, size / problem.force
+        return _energy(problem, law, trial, overlap), missing, tangent, size / problem.force
+
+    def stepped(state: _NewtonState, linear: _Linearised, free: Loads, share: Scalar) -> Unknown:
+        step = _solve_linear(problem, linear, (state.missing[0], free))
+        return jax.tree.map(lambda x, dx: x - share * dx, state.best, step)
 
     def body(state: _NewtonState) -> _NewtonState:
-        energy, point, error = examine(state.trial)
+        linear, free = _linearised(problem, state.tangent, state.missing[1])
+        trial = stepped(state, linear, free, state.share)
+        energy, missing, tangent, error = examine(trial)
         # Near the solution the energies differ by rounding only: a full step is then right.
-        slack = 1e-13 * jnp.abs(problem.force * state.trial[0])
+        slack = 1e-13 * jnp.abs(problem.force * trial[0])
         better = (energy <= state.energy + slack) | (error <= settings.tolerance)
-        halved = jax.tree.map(lambda a, b: 0.5 * (a + b), state.best, state.trial)
-        pick = lambda new, old: jax.tree.map(lambda a, b: jnp.where(better, a, b), new, old)
-        return _NewtonState(
-            best=pick(state.trial, state.best),
-            energy=jnp.where(better, energy, state.energy),
-            trial=pick(point, halved),
-            error=jnp.where(better, error, state.error),
-            steps=state.steps + 1.0,
+        found = (trial, energy, missing, tangent, error, jnp.ones(()))
+        last = (state.best, state.energy, state.missing, state.tangent, state.error)
+        picked = jax.tree.map(
+            lambda new, old: jnp.where(better, new, old), found, (*last, 0.5 * state.share)
         )
+        return _NewtonState(*picked, linear=linear, steps=state.steps + 1.0)
 
     def unfinished(state: _NewtonState) -> Flag:
-        return (state.error > settings.tolerance) & (state.steps < settings.most_steps)
+        going = (state.error > settings.tolerance) & (state.steps < settings.most_steps)
+        return going | (state.steps < 1.0)
 
-    infinite = jnp.asarray(jnp.inf)
-    first = _NewtonState(start, infinite, start, infinite, jnp.zeros(()))
+    infinite, zero = jnp.asarray(jnp.inf), jnp.zeros(())
+    if not near:
+        pull = -problem.stiffness * problem.gap
+        pull = on_coordinates(problem.arms, pull) if problem.coupling is None else pull
+        energy, missing, tangent = infinite, (-problem.force, -pull), problem.stiffness
+    else:
+        energy, missing, tangent, _ = examine(start)
+    shapes = jax.eval_shape(lambda: _linearised(problem, tangent, missing[1])[0])
+    empty = jax.tree.map(lambda x: jnp.zeros(x.shape), shapes)
+    first = _NewtonState(start, energy, missing, tangent, infinite, jnp.ones(()), empty, zero)
     last = jax.lax.while_loop(unfinished, body, first)
-    # `trial` is one Newton step beyond the point whose imbalance met the tolerance.
-    return last.trial, (last.error, last.steps)
+    free = _shared_forces(problem, last.linear, last.missing[1])
+    return stepped(last, last.linear, free, jnp.ones(())), (last.error, last.steps)

@@ -6,6 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from jaxgear._checks import require_float64
 from jaxgear._compiled import compiled, known_to_fail
@@ -19,13 +20,8 @@ from jaxgear._contact._cells import (
 )
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
-from jaxgear._solve._contact import (
-    ContactProblem,
-    ContactState,
-    SolverSettings,
-    between_cells,
-    contact_state,
-)
+from jaxgear._solve._contact import ContactState, SolverSettings, contact_state
+from jaxgear._solve._contact_problem import ContactProblem, among_cells, between_cells
 from jaxgear._solve._coordinates import on_coordinates
 from jaxgear._system._flexible import condensed
 from jaxgear._system._model import PairModel
@@ -107,6 +103,7 @@ def quasi_static(
         arms: CellArms,
         coupling: Coupling | None,
         begin: tuple[Scalar, Cells] | None,
+        kept: Array | None,
     ) -> ContactState:
         problem = ContactProblem(
             stiffness=stiffness,
@@ -119,7 +116,7 @@ def quasi_static(
         )
         if coupling is None or coupling.ndim > 2:
             return contact_state(problem, law, settings)
-        state = contact_state(between_cells(problem), law, settings, begin)
+        state = _where_kept(between_cells(problem), law, settings, begin, kept)
         return dataclasses.replace(state, load=on_coordinates(arms, state.force))
 
     arms = system.arms(cells)
@@ -128,7 +125,7 @@ def quasi_static(
     if cells.growth is not None:
         gap -= cells.growth
     begin = None if near is None else (near.approach, near.force)
-    state = jax.vmap(at_phase)(cells.stiffness, gap, arms, cells.coupling, begin)
+    state = jax.vmap(at_phase)(cells.stiffness, gap, arms, cells.coupling, begin, cells.lines.kept)
     return MeshCycle(
         system=system,
         cells=cells,
@@ -138,6 +135,30 @@ def quasi_static(
         force=state.force,
         converged=state.converged & cells.lines.complete,
         steps=state.steps,
+    )
+
+
+def _where_kept(
+    problem: ContactProblem,
+    law: AbstractContactLaw,
+    settings: SolverSettings,
+    near: tuple[Scalar, Cells] | None,
+    kept: Array | None,
+) -> ContactState:
+    """Solve a problem of coupled cells with those alone that may be in contact.
+
+    Factors are what costs, and most cells of a helical pair are out of mesh.
+    """
+    if kept is None:
+        return contact_state(problem, law, settings, near)
+    near = None if near is None else (near[0], near[1][kept])
+    state = contact_state(among_cells(problem, kept), law, settings, near)
+    assert problem.coupling is not None
+    given = problem.coupling[:, kept] @ state.force
+    return dataclasses.replace(
+        state,
+        overlap=problem.arms[:, 0] * state.approach - problem.gap - given,
+        force=jnp.zeros_like(problem.gap).at[kept].set(state.force),
     )
 
 

@@ -146,6 +146,21 @@ def test_helical_pairs_are_solved(helix):
     assert 0.75 < float(found.mean / other.mean) < 1.0
 
 
+def test_cells_out_of_mesh_cost_nothing_and_periods_repeat():
+    """A helical pair over two periods, against all cells of one, in mesh or not."""
+    pair = dataclasses.replace(ACCESSORY, helix_angle=np.radians(20.0)).pair()
+    law = jg.WeberBanaschek(face_coupling=jg.FaceCoupling())
+    model = jg.PairModel(pair, 80.0, compliance=law)
+    some = jg.mesh_grid(pair, phases=8, slices=4, periods=2)
+    assert some.abreast == 2
+    assert some.lines > 2
+    every = dataclasses.replace(some, abreast=None, periods=1)
+    found, other = (jg.mesh_cycle(model, grid, law=LAW) for grid in (some, every))
+    for period in (slice(0, 8), slice(8, 16)):
+        assert_close(found.force[period], other.force, rtol=1e-9, atol=1e-9)
+        assert_close(found.overlap[period], other.overlap, rtol=1e-9, atol=1e-15)
+
+
 def test_coupled_mesh_in_motion_presses_as_at_rest():
     """The table of a pair in motion, where statics has its nodes: the same loads."""
     model = _model(10.0, 0.0, updates=0)

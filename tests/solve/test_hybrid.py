@@ -4,6 +4,7 @@ H1 has a condensed wheel, H2 both gears; the reference of `hybrid_cases` rebuild
 until its active set stands still.
 """
 
+import dataclasses
 import functools
 
 import equinox as eqx
@@ -12,6 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import assert_close
 from hybrid_cases import PAIRS, Dense, Gear, shaft, shaft_springs, stiffened
 
 import jaxgear as jg
@@ -212,6 +214,17 @@ def test_a_rigidified_body_is_a_rigid_gear():
     assert found[0][0] < 1e-2
     for first, second in zip(*found, strict=True):
         assert second == pytest.approx(first / 100.0, rel=0.05)
+
+
+@pytest.mark.slow
+def test_teeth_coupled_along_the_face_on_a_rigidified_body_are_those_of_a_rigid_gear():
+    coupled = jg.WeberBanaschek(wheel_foundation=jg.NoFoundation(), face_coupling=jg.FaceCoupling())
+    stiff = _h1(_stiff(2e7), compliance=coupled)
+    rigid = dataclasses.replace(stiff, wheel_body=None)
+    found, other = (_cycle(model, _grid("spur"), EXACT) for model in (stiff, rigid))
+    assert np.asarray(found.converged).all()
+    assert_close(found.approach, other.approach, rtol=1e-5, atol=0.0)
+    assert_close(found.force, other.force, rtol=1e-4, atol=1e-4 * float(other.force.max()))
 
 
 def test_a_very_soft_web_solves():

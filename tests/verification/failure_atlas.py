@@ -50,7 +50,8 @@ from jaxgear._dynamics._sweep import SweepPoint, sweep
 from jaxgear._dynamics._system import DynamicSystem, modal_basis
 from jaxgear._dynamics._table import Mesh, MeshTable
 from jaxgear._interface._laws import ExactContact, SmoothContact
-from jaxgear._solve._contact import ContactProblem, SolverSettings, contact_state
+from jaxgear._solve._contact import SolverSettings, contact_state
+from jaxgear._solve._contact_problem import ContactProblem
 
 # --- what a row is
 

@@ -1,0 +1,122 @@
+"""What teeth that are coupled along their face cost, beside slices on their own.
+
+    python benchmarks/bench_face.py [cycle sweep elements] [--quick] [--out DIR]
+
+The accessory pair on its rings: a mesh cycle by either law, 20 slices, three line-load updates; the
+pair with a condensed wheel (`accessory-h1`) at many speeds, by either; teeth of finite elements,
+condensed anew and in a cycle. `--quick` takes fewer speeds and leaves the elements out. Machines
+differ and are noisy: compare the ratios, which are of processor time. Writes `face.json`.
+"""
+
+import os
+import tempfile
+import time
+from collections.abc import Callable
+from typing import Any
+
+from bench_wheels import Cost, row
+from timing import in_parts
+
+LAWS = ("none", "coupled")
+# Rows of flank corrections [um], under which cells come out of contact or do not.
+FLANKS = {"even": (0.0, 0.0), "crowned": (10.0, 0.0), "sloped": (0.0, 20.0)}
+UPDATES = "mesh.line_load_updates=3"
+
+
+def main() -> None:
+    """Run the parts asked for and print their tables."""
+    parts = {"cycle": cycles, "sweep": sweeps, "elements": elements}
+    in_parts("What coupled teeth cost.", "fewer speeds, no elements", "face.json", parts)
+
+
+def _least(function: Callable, *arguments: Any, repeats: int = 15) -> Cost:
+    """Least times of a function that is compiled in its first call."""
+    import jax
+
+    start = time.perf_counter()
+    jax.block_until_ready(function(*arguments))
+    compiling, runs = time.perf_counter() - start, []
+    for _ in range(repeats):
+        wall, processor = time.perf_counter(), time.process_time()
+        jax.block_until_ready(function(*arguments))
+        runs.append((time.perf_counter() - wall, time.process_time() - processor))
+    return Cost(compiling, *(min(each) for each in zip(*runs, strict=True)))
+
+
+def _cycle_of(*settings: str) -> Cost:
+    """A mesh cycle of the accessory pair."""
+    import jaxgear as jg
+
+    scene = jg.with_bodies(jg.ready_scene("accessory", [UPDATES, *settings]))
+    model = jg.model_of(scene)
+    grid = jg.grid_of(scene, model)
+    return _least(lambda: jg.mesh_cycle(model, grid))
+
+
+def cycles(*, quick: bool) -> dict[str, Any]:
+    """Statics by both laws."""
+    del quick
+    report = {}
+    for name, (crowning, slope) in FLANKS.items():
+        flanks = [f"flank.wheel.crowning_um={crowning}", f"flank.wheel.helix_slope_um={slope}"]
+        costs = [_cycle_of(f"mesh.face_coupling={law}", *flanks) for law in LAWS]
+        report[name] = _pair(f"mesh cycle, {name}", costs)
+    return report
+
+
+def sweeps(*, quick: bool) -> dict[str, Any]:
+    """A condensed wheel in motion, speed by speed, by both laws."""
+    import numpy as np
+
+    import jaxgear as jg
+    from jaxgear._dynamics._steady_state import steady_states
+    from jaxgear.study._dynamics import dynamic_grid_of, dynamics_of
+
+    speeds = np.linspace(100.0, 2000.0, 20 if quick else 100)
+    costs = []
+    for law in LAWS:
+        settings = [
+            UPDATES,
+            f"mesh.face_coupling={law}",
+            "sweep.pinion_speed_rad_s=[100.0, 2000.0]",
+        ]
+        scene = jg.with_bodies(jg.ready_scene("accessory-h1", settings), moving=True)
+        model = jg.model_of(scene)
+        system = dynamics_of(scene, model, dynamic_grid_of(scene, model)).system
+        costs.append(_least(steady_states, system, speeds, repeats=2))
+    return _pair(f"{speeds.size} speeds of H1", costs)
+
+
+def elements(*, quick: bool) -> dict[str, Any]:
+    """Teeth of finite elements: condensed into an empty cache, and a cycle beside the law's."""
+    if quick:
+        return {}
+    import jaxgear as jg
+
+    own = os.environ.get("JAXGEAR_CACHE")
+    with tempfile.TemporaryDirectory() as empty:
+        os.environ["JAXGEAR_CACHE"] = empty
+        start, processor = time.perf_counter(), time.process_time()
+        jg.with_bodies(jg.ready_scene("accessory", ["mesh.tooth=elements"]))
+        offline = Cost(0.0, time.perf_counter() - start, time.process_time() - processor)
+        row("teeth of both gears, condensed", offline)
+        costs = [_cycle_of("mesh.face_coupling=coupled"), _cycle_of("mesh.tooth=elements")]
+    if own is None:
+        del os.environ["JAXGEAR_CACHE"]
+    else:
+        os.environ["JAXGEAR_CACHE"] = own
+    found = _pair("mesh cycle", costs, names=("law", "elements"))
+    return {"offline": offline._asdict()} | found
+
+
+def _pair(name: str, costs: list[Cost], names: tuple[str, str] = LAWS) -> dict[str, Any]:
+    """Print both rows and their ratio."""
+    ratio = costs[1].processor / costs[0].processor
+    for each, cost in zip(names, costs, strict=True):
+        note = f"ratio {ratio:.2f}" if each == names[1] else ""
+        row(f"{name}, {each}", cost, 1e3, "ms", note)
+    return {"ratio": ratio} | dict(zip(names, (cost._asdict() for cost in costs), strict=True))
+
+
+if __name__ == "__main__":
+    main()
