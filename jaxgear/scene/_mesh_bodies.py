@@ -57,7 +57,7 @@ def with_bodies(
     - `ValueError` if a body cannot be, or not carry its teeth.
     """
     pair = pair_of(scene)
-    torque = jnp.asarray(scene.pair.torque_pinion_Nm + couples_on_pinion(scene))
+    torque = jnp.asarray(scene.pair.torque_pinion_Nm + couples_on_pinion(scene.pinion.shaft))
     # All plans before any long work: a mistake in the second costs no wait.
     plans = [body_plan(scene, gear) for gear in scene.condensed]
     for plan in plans:
@@ -209,5 +209,6 @@ def _in_mesh(
             body, pair, index, grid, gear_seat=seat, local=local, basis=basis, **on_rim
         )
     if mesh.tooth == "elements":
-        flexible = without_plain_ring(scene, plan, flexible, pair, grid, tell)
+        bore = scene.gear(plan.gear).bore_mm
+        flexible = without_plain_ring(mesh, bore, plan, flexible, pair, grid, tell)
     return MeshBody(built, flexible, basis)

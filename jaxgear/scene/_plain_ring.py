@@ -15,12 +15,13 @@ from jaxgear.scene._bodies import BodyPlan, Drawn, PlannedSeat
 from jaxgear.scene._body_build import built_body
 from jaxgear.scene._body_words import in_keys
 from jaxgear.scene._root_correction import root_correction
-from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
+from jaxgear.scene._tables import MeshKeys
 
 
 def without_plain_ring(
-    scene: Scene,
+    mesh: MeshKeys,
+    bore: float | None,
     plan: BodyPlan,
     flexible: FlexibleBody,
     pair: GearPair,
@@ -35,7 +36,8 @@ def without_plain_ring(
 
     **Arguments:**
 
-    - `scene`: with `mesh.tooth = "elements"`.
+    - `mesh`: with `tooth = "elements"`.
+    - `bore`: of the gear, where the plain ring is held [mm].
     - `plan`: of the body.
     - `flexible`: the body in mesh.
     - `pair`: the gears.
@@ -64,7 +66,7 @@ def without_plain_ring(
         )
     ring = dataclasses.replace(
         plan,
-        source=Drawn(*_ring(scene, plan, plan.source)),
+        source=Drawn(*_ring(bore or 0.0, plan.source)),
         seats=(PlannedSeat("gear", "bore", 0.0, False),),
         torque_seat="gear",
         teeth=None,
@@ -75,10 +77,10 @@ def without_plain_ring(
     )
     built = built_body(ring, lambda step: tell(f"{plan.gear}: plain ring: {step}"))
     index = GEARS.index(plan.gear)
-    points, axial = scene.mesh.root_points, scene.mesh.connection
+    points, axial = mesh.root_points, mesh.connection
     with in_keys(plan.gear):
         local = None
-        if scene.mesh.root_correction:
+        if mesh.root_correction:
             local = root_correction(
                 built.body, plan.material, pair, index, grid, points=points, axial=axial
             )
@@ -88,10 +90,10 @@ def without_plain_ring(
     return dataclasses.replace(flexible, flexibility=flexible.flexibility - own.flexibility)
 
 
-def _ring(scene: Scene, plan: BodyPlan, source: Drawn) -> tuple[GearBody, Fineness]:
+def _ring(bore: float, source: Drawn) -> tuple[GearBody, Fineness]:
     """The ring, and elements as large as those of the body's rim."""
     body, fineness = source.body, source.fineness
-    ring = GearBody(body.rim_outer, body.rim_width, (scene.gear(plan.gear).bore_mm or 0.0) * mm)
+    ring = GearBody(body.rim_outer, body.rim_width, bore * mm)
     if body.web is None:
         return ring, fineness
     arc = math.pi * body.rim_outer / fineness.sectors

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Literal
 
 from jaxgear.scene._gear_tables import DEPTH, EXTENT, TORQUE
-from jaxgear.scene._table import key, table
+from jaxgear.scene._table import Table, key
 
 Combined = Literal["mean", "worst"]
 # What can be made small, or traded.
@@ -31,8 +31,7 @@ StaticResponse = Literal[
 DynamicResponse = Literal["dynamic_ratio", "te_rms", "te_mean"]
 
 
-@table
-class DepthRangeKeys:
+class DepthRangeKeys(Table):
     """Depths of the map: `[map.depth_um]`."""
 
     from_: float = key("smallest depth", DEPTH, 0.0)
@@ -40,8 +39,7 @@ class DepthRangeKeys:
     points: int = key("number of depths", "[2, 2000]", 50)
 
 
-@table
-class ExtentRangeKeys:
+class ExtentRangeKeys(Table):
     """Extents of the map: `[map.extent]`."""
 
     from_: float = key("smallest extent", EXTENT, 0.01)
@@ -49,8 +47,7 @@ class ExtentRangeKeys:
     points: int = key("number of extents", "[2, 2000]", 50)
 
 
-@table
-class MapKeys:
+class MapKeys(Table):
     """The Master Curve map: `[map]`."""
 
     depth_um: DepthRangeKeys
@@ -60,8 +57,7 @@ class MapKeys:
     )
 
 
-@table
-class WeightsKeys:
+class WeightsKeys(Table):
     """Weights of what is minimised: `[optimise.minimise]`."""
 
     te_rms: float | None = key("weight of static.te_rms_um", "[0, inf)")
@@ -83,8 +79,7 @@ class WeightsKeys:
     )
 
 
-@table
-class LimitsKeys:
+class LimitsKeys(Table):
     """What a search may not exceed: `[optimise.limits]`."""
 
     max_pressure_MPa: float | None = key("largest pressure allowed", "(0, inf)")
@@ -100,8 +95,7 @@ class LimitsKeys:
     )
 
 
-@table
-class ParetoKeys:
+class ParetoKeys(Table):
     """A trade between two objectives: `[optimise.pareto]`."""
 
     against: Minimised | None = key(
@@ -111,8 +105,7 @@ class ParetoKeys:
     points: int = key("designs to look for", "[2, 200]", 7)
 
 
-@table
-class OptimiseKeys:
+class OptimiseKeys(Table):
     """A search: `[optimise]`."""
 
     vary: list[str] = key("the keys that the optimiser may change")
@@ -154,11 +147,10 @@ class OptimiseKeys:
         """What is made small, by name, and its weight."""
         if isinstance(self.minimise, str):
             return {self.minimise: 1.0}
-        return {name: weight for name, weight in vars(self.minimise).items() if weight is not None}
+        return {name: weight for name, weight in self.minimise.values.items() if weight is not None}
 
 
-@table
-class RobustKeys:
+class RobustKeys(Table):
     """Scatter that a search looks at: `[robust]`."""
 
     measure: Literal["mean", "quantile"] = key(
@@ -188,8 +180,7 @@ class RobustKeys:
     even: Mapping[str, float]
 
 
-@table
-class SizingKeys:
+class SizingKeys(Table):
     """Amounts of relief to try: `[sizing]`."""
 
     torques_Nm: list[float] | None = key("pinion torques; default: that of the pair", TORQUE)
@@ -197,8 +188,7 @@ class SizingKeys:
     amounts: Mapping[str, list[float]]
 
 
-@table
-class CompareKeys:
+class CompareKeys(Table):
     """Models against each other: `[compare]`."""
 
     tolerance: float = key(

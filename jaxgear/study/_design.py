@@ -102,7 +102,9 @@ class DesignSpace(eqx.Module):
     @property
     def torques(self) -> np.ndarray:
         """Pinion torques of the search [N m]."""
-        return torques_of(self.scene, "optimise")
+        return torques_of(
+            "optimise", self.scene.optimise.torques_Nm, self.scene.pair, self.scene.pinion.shaft
+        )
 
 
 # Of the range of a variable, how close to a bound counts as on it: least squares stay off it.
@@ -161,7 +163,7 @@ def design_space(
         twins = {twin(key): key for key in keys if twin(key) != key}
         ties = twins | ties | {twin(key): owner for key, owner in ties.items()}
     refuse_unbounded(scene, keys)
-    for key, owner in shared_places(scene, base).items():
+    for key, owner in shared_places(base).items():
         if key in keys:
             raise InputError(
                 f"optimise.vary names {key}, whose point lies where {owner} does and moves with "
@@ -298,7 +300,7 @@ def _will_follow(scene: Scene, key: str) -> bool:
     """
     table = f"{split_entry(key)[0].rpartition('.')[0]}."
     measures = [each for each in scene.optimise.vary if each.startswith(table)]
-    return ".body.web." in table and measures == [key] and not scene.has_table("sweep")
+    return ".body.web." in table and measures == [key] and not scene.sweep.is_given
 
 
 def refuse_unbounded(scene: Scene, keys: tuple[str, ...]) -> None:

@@ -152,7 +152,7 @@ def _robust(
     """Go on from a nominal optimum to the robust one, and judge both on fresh gears."""
     space, grid, prepared, _ = problem
     scene, file = space.scene, record_file(space, memory, "robust")
-    made = hardened(scatter, nominal, grid, smooth_law_of(scene), prepared, file)
+    made = hardened(scatter, nominal, grid, smooth_law_of(scene.mesh), prepared, file)
     keys, name = space.numbers(made.found.point), f"{scene.name}.robust.toml"
     statics = _solved(space, made.found.point, torques)
     datasets = {**robust_datasets(made), "search_robust": _design_dataset(scene, statics)}
@@ -177,7 +177,7 @@ def _problem(scene: Scene, before: Statics) -> _Posed:
     except ValueError as error:
         raise InputError(str(error)) from error
     pair, grid, scatter = before.model.pair, before.grid, None
-    if scene.has_table("robust"):
+    if scene.robust.is_given:
         scatter = scatter_of(space, pair, np.asarray(before.cycle.cells.lines.tooth))
     moving = not space.flanks_only or (scatter is not None and not scatter.same_lines)
     if moving and not scene.bodies:
@@ -220,7 +220,9 @@ def _judged(
     if search.limits:
         end = np.asarray(found.point)
         exactly = np.asarray(timed(responses_at, task, end, law, options=QUICKLY))
-        smoothly = np.asarray(search.slopes.at(smooth_law_of(scene).width)(jnp.asarray(end))[0])
+        smoothly = np.asarray(
+            search.slopes.at(smooth_law_of(scene.mesh).width)(jnp.asarray(end))[0]
+        )
         limits = limits_summary(search.limits, exactly[1:], smoothly[1:])
         notes += limits_notes(limits)
     summary = {

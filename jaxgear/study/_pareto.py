@@ -23,7 +23,7 @@ def front_result(space: DesignSpace, grid: MeshGrid, prepared: PreparedMesh | No
 
     Designs are found with smooth contact and re-checked exactly.
     """
-    scene, smooth, exact = space.scene, smooth_law_of(space.scene), ExactContact()
+    scene, smooth, exact = space.scene, smooth_law_of(space.scene.mesh), ExactContact()
     searched, judged = (
         task_of(space, grid, law, prepared, trading=True) for law in (smooth, exact)
     )

@@ -3,6 +3,7 @@
 Beside the calculated stresses stand the nominal ones of ISO 6336-3, without factors of load.
 """
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import equinox as eqx
@@ -23,7 +24,7 @@ from jaxgear._response._root_stress import (
 from jaxgear._solve._cycle import MeshCycle
 from jaxgear._system._model import PairModel
 from jaxgear._units import MPa, mm
-from jaxgear.scene._scene import Scene
+from jaxgear.scene._gear_tables import GearKeys
 from jaxgear.scene._schema import GEARS
 from jaxgear.study._result import Summary
 from jaxgear.study._results import Entry, dataset_of
@@ -122,12 +123,12 @@ def _flank(influence: RootInfluence) -> np.ndarray:
     return np.stack(influence.section.flank(jnp.asarray(roll)))
 
 
-def roots_summary(scene: Scene, statics: Statics, roots: xr.Dataset) -> Summary:
+def roots_summary(gears: Mapping[str, GearKeys], statics: Statics, roots: xr.Dataset) -> Summary:
     """The `roots` part of the summary.
 
     **Arguments:**
 
-    - `scene`: with the strengths of the gears.
+    - `gears`: with their strengths.
     - `statics`: its solved mesh cycle.
     - `roots`: from `roots_dataset`.
 
@@ -137,10 +138,15 @@ def roots_summary(scene: Scene, statics: Statics, roots: xr.Dataset) -> Summary:
     where the gear's `root_strength_MPa` is given.
     """
     nominal = nominal_root_stress(statics.model.pair, statics.standard["tangential_force_N"])
-    return {gear: _of_gear(scene, gear, roots.sel(gear=gear), nominal) for gear in GEARS}
+    return {
+        gear: _of_gear(gear, each.root_strength_MPa, roots.sel(gear=gear), nominal)
+        for gear, each in gears.items()
+    }
 
 
-def _of_gear(scene: Scene, gear: str, own: xr.Dataset, nominal: NominalRootStress) -> Summary:
+def _of_gear(
+    gear: str, strength: float | None, own: xr.Dataset, nominal: NominalRootStress
+) -> Summary:
     index, stress = GEARS.index(gear), own["root_stress_MPa"]
     places = np.unravel_index(int(np.argmax(stress.values)), stress.shape)
     at = dict(zip(stress.dims, places, strict=True))
@@ -158,7 +164,6 @@ def _of_gear(scene: Scene, gear: str, own: xr.Dataset, nominal: NominalRootStres
         "Y_B": float(nominal.rim_factor[index]),
         "Y_DT": float(nominal.deep_tooth_factor),
     }
-    strength = scene.gear(gear).root_strength_MPa
     if strength is not None:
         told |= {
             "root_safety": strength / largest,

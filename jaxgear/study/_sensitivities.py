@@ -81,7 +81,7 @@ def sensitivity(scene: Scene) -> Result:
     - `SolverFailure` if a contact problem was not solved.
     """
     scene = built_scene(with_own_modulus(scene))
-    moving, points, found = scene.has_table("sweep"), [], {}
+    moving, points, found = scene.sweep.is_given, [], {}
     with progress(1 + moving, "derivatives") as done:
         found["sensitivity"] = static_sensitivities(scene)
         done(1)
@@ -116,7 +116,7 @@ def static_sensitivities(scene: Scene) -> xr.Dataset:
 
     The largest pressure is that of one place: where two are equal, the mean of what moves either.
     """
-    keys, law = Keys(scene, scene.real_keys()), law_of(scene)
+    keys, law = Keys(scene, scene.real_keys()), law_of(scene.mesh)
     grid = grid_of(scene, model_of(scene))
 
     def respond(values: Reals) -> tuple[Reals, Flags]:
@@ -148,9 +148,9 @@ def steady_sensitivities(scene: Scene) -> tuple[xr.Dataset | None, list[SteadyPo
         linearised(build), centre, tangents, None, options=UNFUSED
     )
     require_solved(dynamics.cycle.converged)
-    if is_too_large(scene, dynamics):
+    if is_too_large(scene.sweep, dynamics):
         return None, [SteadyPoint("exact", every[0], None, None, TOO_MANY)]
-    program = linearised(responder(method_of(scene, dynamics, ExactContact())))
+    program = linearised(responder(method_of(scene.sweep, dynamics, ExactContact())))
     points: list[SteadyPoint] = []
     found: list[xr.Dataset] = []
     for speed in every[places].tolist():

@@ -7,7 +7,9 @@ import xarray as xr
 
 from jaxgear._checks import InputError
 from jaxgear._response._sweep_features import FEW, leaps, prominent
+from jaxgear.scene._build import law_of
 from jaxgear.scene._scene import Scene
+from jaxgear.scene._tables import SweepKeys
 from jaxgear.study._dynamics import (
     Dynamics,
     damping_summary,
@@ -59,17 +61,17 @@ def sweep_result(scene: Scene, dynamics: Dynamics) -> Result:
 
     The parts `damping`, `sweep` and `notes` of the summary.
     """
-    require_damped(scene, dynamics)
+    require_damped(scene.damping, dynamics)
     watch = _wave_watch(scene, dynamics)
     count = len(speeds_of(scene.sweep)) * len(directions_of(scene.sweep))
     with progress(count, "sweep") as done:
-        found = sweep_of(scene, dynamics.pair, done, watch)
+        found = sweep_of(law_of(scene.mesh), scene.sweep, dynamics.pair, done, watch)
     dataset, orbit = sweep_dataset(dynamics, found), orbit_dataset(dynamics, found)
     at_peak = f", {orbit.attrs['speed_rad_s']:.5g} rad/s"
     datasets = {"sweep": titled(dataset, scene), "orbit": titled(orbit, scene, at_peak)}
     summary = {
-        "damping": damping_summary(scene, dynamics),
-        "sweep": _sweep_summary(scene, dynamics, found, dataset),
+        "damping": damping_summary(scene.damping, dynamics),
+        "sweep": _sweep_summary(scene.sweep, dynamics, found, dataset),
         "notes": sweep_notes(scene, found.unsettled, count, list(found.pieces_lost())),
     }
     if watch is None:
@@ -102,7 +104,9 @@ _LISTS = (
 )
 
 
-def _sweep_summary(scene: Scene, dynamics: Dynamics, sweep: Sweep, dataset: xr.Dataset) -> Summary:
+def _sweep_summary(
+    asked: SweepKeys, dynamics: Dynamics, sweep: Sweep, dataset: xr.Dataset
+) -> Summary:
     """The `sweep` part of the summary; lists are over `pinion_speed_rad_s`."""
     special = lambda name: sorted(
         point.speed for piece in sweep.curves for point in getattr(piece, name)
@@ -122,9 +126,9 @@ def _sweep_summary(scene: Scene, dynamics: Dynamics, sweep: Sweep, dataset: xr.D
         "doublings_rad_s": special("doublings"),
         "tori_rad_s": special("tori"),
         "unsettled_count": sweep.unsettled,
-        "method": method_name(scene.sweep, size),
-        "steps": scene.sweep.steps,
-        "unknowns": unknowns_of(scene.sweep, size),
+        "method": method_name(asked, size),
+        "steps": asked.steps,
+        "unknowns": unknowns_of(asked, size),
         "seconds_with_compiling": sweep.seconds,
     }
 

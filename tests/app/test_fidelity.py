@@ -393,7 +393,12 @@ def test_mistakes_are_told(given, words):
     ],
 )
 def test_the_work_decides_what_is_compared(command, more, moving):
-    assert auto.in_motion(ready_scene("accessory", more), command) == moving
+    assert (
+        auto.in_motion(
+            ready_scene("accessory", more).optimise, ready_scene("accessory", more).sweep, command
+        )
+        == moving
+    )
 
 
 def test_a_choice_is_kept_for_the_next_command(tmp_path, monkeypatch):
@@ -464,10 +469,10 @@ def test_a_level_in_motion_is_keys_of_the_scene():
     scene = ready_scene("accessory", ["sweep.pinion_speed_rad_s=[100.0]"])
     levels = {level.name: level for level in auto.moving_levels(scene)}
     assert next(iter(levels)) == "H20 N128"
-    assert auto.changes_in_motion(scene, levels["H20 N128"]) == {}
+    assert auto.changes_in_motion(scene.sweep, levels["H20 N128"]) == {}
     coarse = levels["H5 N64"]
     coarse = coarse._replace(changes={**coarse.changes, "mesh.slices": 5})
-    assert auto.changes_in_motion(scene, coarse) == {
+    assert auto.changes_in_motion(scene.sweep, coarse) == {
         "mesh.slices": 5,
         "sweep.steps": 64,
         "sweep.harmonics": 5,
@@ -475,7 +480,7 @@ def test_a_level_in_motion_is_keys_of_the_scene():
     # A method of the user's own stays.
     own = scene.replace({"sweep.method": "newmark"})
     assert "H5 N64" not in _names(auto.asked_for(own, auto.moving_levels(own)))
-    assert auto.changes_in_motion(own, coarse) == {"mesh.slices": 5}
+    assert auto.changes_in_motion(own.sweep, coarse) == {"mesh.slices": 5}
 
 
 def test_the_results_say_which_level_was_taken():

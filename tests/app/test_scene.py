@@ -254,9 +254,9 @@ def test_the_contract_is_read_as_written(write):
     assert scene.value("optimise.torques_Nm") == [60.0, 80.0, 100.0]
     assert scene.value("optimise.bounds.flank.pinion.tip_relief.depth_um") == [0.0, 40.0]
     assert "optimise.minimise" not in scene.values
-    assert scene.has_table("sweep")
-    assert scene.has_table("pinion.support")
-    assert not scene.has_table("wheel.material")
+    assert scene.sweep.is_given
+    assert scene.pinion.support.is_given
+    assert not scene.wheel.material.is_given
 
 
 def test_rows_and_entries_have_paths(write):
@@ -1082,7 +1082,7 @@ def test_round_trip_keeps_values_and_requests(write, tmp_path, text):
     copy = read_scene(tmp_path / "copy.toml")
     assert copy.values == scene.values
     for table in ("sweep", "map", "optimise", "damping", "model", "sizing", "wheel.shaft"):
-        assert copy.has_table(table) == scene.has_table(table)
+        assert (table in copy.given) == (table in scene.given)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["copy.toml", "scene.toml"]
 
 
@@ -1098,7 +1098,7 @@ def test_replace_checks_nothing_and_leaves_the_scene_alone(write):
     traced = object()
     changed = scene.replace({"pair.module_mm": traced, "pinion.support.axial_N_m": 1e8})
     assert changed.value("pair.module_mm") is traced
-    assert changed.has_table("pinion.support")
+    assert changed.pinion.support.is_given
     assert scene.value("pair.module_mm") == 1.5
     assert "pinion.support.axial_N_m" not in scene.values
     with pytest.raises(TypeError):

@@ -34,7 +34,7 @@ def compare(scene: Scene) -> Result:
     - `ValueError` if the gears are impossible.
     - `SolverFailure` if the mesh cycle or the reference was not solved at most speeds.
     """
-    moving = scene.has_table("sweep")
+    moving = scene.sweep.is_given
     if moving:
         scene = built_scene(scene, moving=True)
     require(
@@ -47,7 +47,7 @@ def compare(scene: Scene) -> Result:
     )
     if not moving:
         require_at_rest(scene)
-    work = "optimise" if scene.has_table("optimise") else "run"
+    work = "optimise" if scene.optimise.is_given else "run"
     at_rest = compared(StaticProblem(scene, work=work), "compare statics")
     static = titled(at_rest.dataset, scene, ", quasi-static cycle")
     if not moving:
