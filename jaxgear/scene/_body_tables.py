@@ -2,7 +2,7 @@
 
 from typing import Any, Literal
 
-from jaxgear.scene._table import Table, key, real
+from jaxgear.scene._table import AbstractKeys, key, real
 
 LENGTH = "(0, inf). The key is in millimetres"
 SPRING = "(0, inf). Leave the key out where the support is rigid"
@@ -13,7 +13,7 @@ def condensed(doc: str, rule: str = "", default: object = ..., **more: Any) -> A
     return key(doc, rule, default, default_if=("kind", "condensed"), **more)
 
 
-class SupportKeys(Table):
+class SupportKeys(AbstractKeys):
     """Springs at a gear's centre, in place of a shaft: `[pinion.support]`."""
 
     radial_N_m: float | None = real("radial stiffness of the support", SPRING)
@@ -23,7 +23,7 @@ class SupportKeys(Table):
     tilt_Nm_rad: float | None = real("tilt stiffness of the support", SPRING)
 
 
-class WebKeys(Table):
+class WebKeys(AbstractKeys):
     """A body drawn by hub, web and rim: `[pinion.body.web]`."""
 
     hub_outer_mm: float = real("outer diameter of the hub", LENGTH)
@@ -53,7 +53,7 @@ class WebKeys(Table):
     )
 
 
-class FinenessKeys(Table):
+class FinenessKeys(AbstractKeys):
     """Numbers of 20-node bricks of a drawn body: `[pinion.body.fineness]`."""
 
     elements_per_tooth: int | None = key(
@@ -70,7 +70,7 @@ class FinenessKeys(Table):
     shaft_mm: float | None = key("largest element along the shaft", LENGTH)
 
 
-class BodyKeys(Table):
+class BodyKeys(AbstractKeys):
     """The body of a gear, and what is kept of a condensed one: `[pinion.body]`."""
 
     kind: Literal["rigid", "beam", "condensed"] = key(

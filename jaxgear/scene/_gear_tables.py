@@ -8,7 +8,7 @@ that is not there are `None`.
 from typing import Literal
 
 from jaxgear.scene._body_tables import LENGTH, BodyKeys, SupportKeys
-from jaxgear.scene._table import Table, key, real
+from jaxgear.scene._table import AbstractKeys, key, real
 
 Foundation = Literal["weber", "sainsot", "ring", "none"]
 Shape = Literal["linear", "parabolic"]
@@ -36,7 +36,7 @@ SHAPE = key(
 PLACE = "[0, inf). Positions are measured from the first end of the shaft"
 
 
-class MaterialKeys(Table):
+class MaterialKeys(AbstractKeys):
     """Material of both gears: `[material]`."""
 
     young_GPa: float = real("Young's modulus", YOUNG, 206.0)
@@ -44,7 +44,7 @@ class MaterialKeys(Table):
     density_kg_m3: float = real("mass density", DENSITY, 7850.0)
 
 
-class PairKeys(Table):
+class PairKeys(AbstractKeys):
     """What both gears share: `[pair]`."""
 
     module_mm: float = real("normal module", "[0.01, 200]. The key is in millimetres")
@@ -79,7 +79,7 @@ class PairKeys(Table):
     )
 
 
-class OwnMaterialKeys(Table):
+class OwnMaterialKeys(AbstractKeys):
     """A gear's own material: `[pinion.material]`."""
 
     young_GPa: float | None = real("Young's modulus", YOUNG)
@@ -87,7 +87,7 @@ class OwnMaterialKeys(Table):
     density_kg_m3: float | None = real("mass density", DENSITY)
 
 
-class SegmentKeys(Table):
+class SegmentKeys(AbstractKeys):
     """One section of a shaft."""
 
     length_mm: float = real("length of the segment", LENGTH)
@@ -95,7 +95,7 @@ class SegmentKeys(Table):
     inner_mm: float = real("inner diameter; 0: solid", "[0, inf)", 0.0)
 
 
-class BearingKeys(Table):
+class BearingKeys(AbstractKeys):
     """One bearing of a shaft."""
 
     at_mm: float = real("position of the bearing", PLACE)
@@ -108,7 +108,7 @@ class BearingKeys(Table):
     tilt_T_Nm_rad: float | None = real("tilt stiffness, about T only", BEARING)
 
 
-class LoadKeys(Table):
+class LoadKeys(AbstractKeys):
     """A load on a shaft."""
 
     at_mm: float = real("position of a load", PLACE)
@@ -116,7 +116,7 @@ class LoadKeys(Table):
     moment_Nm: list[float] = real("moment about S, T, Z", default=[0.0, 0.0, 0.0], length=3)
 
 
-class ShaftKeys(Table):
+class ShaftKeys(AbstractKeys):
     """The shaft of a gear: `[pinion.shaft]`."""
 
     gear_at_mm: float = real("position of the gear's mid-face", PLACE)
@@ -135,7 +135,7 @@ class ShaftKeys(Table):
     )
 
 
-class GearKeys(Table):
+class GearKeys(AbstractKeys):
     """One gear: `[pinion]`, `[wheel]`."""
 
     teeth: int = key("number of teeth", "[5, 10000]")
@@ -197,7 +197,7 @@ class GearKeys(Table):
     shaft: ShaftKeys
 
 
-class TipReliefKeys(Table):
+class TipReliefKeys(AbstractKeys):
     """Relief at the tip: `[flank.pinion.tip_relief]`."""
 
     depth_um: float = real("depth removed at the tip", DEPTH, 0.0)
@@ -205,7 +205,7 @@ class TipReliefKeys(Table):
     shape: Shape = SHAPE
 
 
-class RootReliefKeys(Table):
+class RootReliefKeys(AbstractKeys):
     """Relief at the start of active profile: `[flank.pinion.root_relief]`."""
 
     depth_um: float = real("depth removed at the start of active profile", DEPTH, 0.0)
@@ -213,7 +213,7 @@ class RootReliefKeys(Table):
     shape: Shape = SHAPE
 
 
-class EndReliefKeys(Table):
+class EndReliefKeys(AbstractKeys):
     """Relief at the ends of the face: `[flank.pinion.end_relief]`."""
 
     side: Literal["left", "right", "both"] = key(
@@ -224,7 +224,7 @@ class EndReliefKeys(Table):
     shape: Shape = SHAPE
 
 
-class FlankKeys(Table):
+class FlankKeys(AbstractKeys):
     """The flanks of a gear: `[flank.pinion]`."""
 
     tip_relief: TipReliefKeys
@@ -276,7 +276,7 @@ class FlankKeys(Table):
     )
 
 
-class FlanksKeys(Table):
+class FlanksKeys(AbstractKeys):
     """The flanks of both gears: `[flank]`."""
 
     pinion: FlankKeys

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Literal
 
 from jaxgear.scene._gear_tables import DEPTH, EXTENT, TORQUE
-from jaxgear.scene._table import Table, key
+from jaxgear.scene._table import AbstractKeys, key
 
 Combined = Literal["mean", "worst"]
 # What can be made small, or traded.
@@ -31,7 +31,7 @@ StaticResponse = Literal[
 DynamicResponse = Literal["dynamic_ratio", "te_rms", "te_mean"]
 
 
-class DepthRangeKeys(Table):
+class DepthRangeKeys(AbstractKeys):
     """Depths of the map: `[map.depth_um]`."""
 
     from_: float = key("smallest depth", DEPTH, 0.0)
@@ -39,7 +39,7 @@ class DepthRangeKeys(Table):
     points: int = key("number of depths", "[2, 2000]", 50)
 
 
-class ExtentRangeKeys(Table):
+class ExtentRangeKeys(AbstractKeys):
     """Extents of the map: `[map.extent]`."""
 
     from_: float = key("smallest extent", EXTENT, 0.01)
@@ -47,7 +47,7 @@ class ExtentRangeKeys(Table):
     points: int = key("number of extents", "[2, 2000]", 50)
 
 
-class MapKeys(Table):
+class MapKeys(AbstractKeys):
     """The Master Curve map: `[map]`."""
 
     depth_um: DepthRangeKeys
@@ -57,7 +57,7 @@ class MapKeys(Table):
     )
 
 
-class WeightsKeys(Table):
+class WeightsKeys(AbstractKeys):
     """Weights of what is minimised: `[optimise.minimise]`."""
 
     te_rms: float | None = key("weight of static.te_rms_um", "[0, inf)")
@@ -79,7 +79,7 @@ class WeightsKeys(Table):
     )
 
 
-class LimitsKeys(Table):
+class LimitsKeys(AbstractKeys):
     """What a search may not exceed: `[optimise.limits]`."""
 
     max_pressure_MPa: float | None = key("largest pressure allowed", "(0, inf)")
@@ -95,7 +95,7 @@ class LimitsKeys(Table):
     )
 
 
-class ParetoKeys(Table):
+class ParetoKeys(AbstractKeys):
     """A trade between two objectives: `[optimise.pareto]`."""
 
     against: Minimised | None = key(
@@ -105,7 +105,7 @@ class ParetoKeys(Table):
     points: int = key("designs to look for", "[2, 200]", 7)
 
 
-class OptimiseKeys(Table):
+class OptimiseKeys(AbstractKeys):
     """A search: `[optimise]`."""
 
     vary: list[str] = key("the keys that the optimiser may change")
@@ -150,7 +150,7 @@ class OptimiseKeys(Table):
         return {name: weight for name, weight in self.minimise.values.items() if weight is not None}
 
 
-class RobustKeys(Table):
+class RobustKeys(AbstractKeys):
     """Scatter that a search looks at: `[robust]`."""
 
     measure: Literal["mean", "quantile"] = key(
@@ -180,7 +180,7 @@ class RobustKeys(Table):
     even: Mapping[str, float]
 
 
-class SizingKeys(Table):
+class SizingKeys(AbstractKeys):
     """Amounts of relief to try: `[sizing]`."""
 
     torques_Nm: list[float] | None = key("pinion torques; default: that of the pair", TORQUE)
@@ -188,7 +188,7 @@ class SizingKeys(Table):
     amounts: Mapping[str, list[float]]
 
 
-class CompareKeys(Table):
+class CompareKeys(AbstractKeys):
     """Models against each other: `[compare]`."""
 
     tolerance: float = key(

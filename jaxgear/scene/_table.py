@@ -9,6 +9,7 @@ import functools
 import inspect
 import itertools
 import re
+from abc import abstractmethod
 from collections import ChainMap
 from collections.abc import Iterator, Mapping, Sequence, Set
 from types import UnionType
@@ -60,7 +61,7 @@ T = TypeVar("T")
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(key, real))
-class Table:
+class AbstractKeys:
     """A table of the scene file, whose values do not change.
 
     Own classes, since every message needs the path, the unit and the remedy that stand in the
@@ -76,6 +77,9 @@ class Table:
 
     is_given: bool
     given: Set[str]
+
+    @abstractmethod
+    def __init__(self, **values: object) -> None: ...
 
     def __init_subclass__(cls) -> None:
         declare(cls)
@@ -137,7 +141,7 @@ _KINDS: Mapping[Any, Kind] = {float: "float", int: "int", str: "text", bool: "bo
 def slots_of(table: Any) -> tuple[Slot, ...]:
     """What the attributes of a table are in the file; neither key nor table if paths of others."""
     found = []
-    classes = (each for each in table.__mro__ if each is not Table)
+    classes = (each for each in table.__mro__ if each is not AbstractKeys)
     forms = ChainMap(*map(inspect.get_annotations, classes))
     for attribute, form in forms.items():
         parts, declared = _parts(form), table.declared.get(attribute)

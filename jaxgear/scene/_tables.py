@@ -13,7 +13,7 @@ from jaxgear.scene._study_tables import (
     RobustKeys,
     SizingKeys,
 )
-from jaxgear.scene._table import Table, declare, key, real
+from jaxgear.scene._table import AbstractKeys, declare, key, real
 
 GearName = Literal["pinion", "wheel"]
 
@@ -23,13 +23,13 @@ FACE_COUPLING = "none"
 SPEED = "(0, inf). At rest, the quasi-static cycle of `jaxgear run` is the response"
 
 
-class HousingKeys(Table):
+class HousingKeys(AbstractKeys):
     """What holds the bearings: `[housing]`."""
 
     stiffness_csv: str | None = key("file of the stiffness of the housing between the bearings")
 
 
-class MeshKeys(Table):
+class MeshKeys(AbstractKeys):
     """Contact, and how fine it is looked at: `[mesh]`."""
 
     periods: int = key("mesh periods in one cycle", "[1, 10000]", 1)
@@ -99,7 +99,7 @@ class MeshKeys(Table):
     )
 
 
-class ModelKeys(Table):
+class ModelKeys(AbstractKeys):
     """What is kept of bodies in motion: `[model]`."""
 
     coordinates: int | None = key(
@@ -131,7 +131,7 @@ class ModelKeys(Table):
     )
 
 
-class DampingKeys(Table):
+class DampingKeys(AbstractKeys):
     """Damping: `[damping]`."""
 
     kind: Literal["modal", "rayleigh"] = key("kind of damping", default="modal")
@@ -150,7 +150,7 @@ class DampingKeys(Table):
     )
 
 
-class SpeedsKeys(Table):
+class SpeedsKeys(AbstractKeys):
     """Speeds at even distances: `[sweep.pinion_speed_rad_s]`."""
 
     from_: float = key("lowest speed", SPEED)
@@ -158,7 +158,7 @@ class SpeedsKeys(Table):
     points: int = key("number of speeds", "[2, 100000]")
 
 
-class SweepKeys(Table):
+class SweepKeys(AbstractKeys):
     """A sweep over the speed: `[sweep]`."""
 
     pinion_speed_rad_s: list[float] | SpeedsKeys = key(
@@ -194,7 +194,7 @@ class SweepKeys(Table):
     )
 
 
-class ModesKeys(Table):
+class ModesKeys(AbstractKeys):
     """Natural modes: `[modes]`."""
 
     count: int | None = key(
@@ -206,7 +206,7 @@ class ModesKeys(Table):
     harmonics: int = key("mesh harmonics with critical speeds", "[1, 100]", 4)
 
 
-class ProbeKeys(Table):
+class ProbeKeys(AbstractKeys):
     """A place on a body that is looked at: `[[probes]]`."""
 
     gear: GearName = key("gear, with a condensed body, that is looked at")
