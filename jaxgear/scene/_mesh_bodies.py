@@ -25,6 +25,7 @@ from jaxgear.scene._plain_ring import without_plain_ring
 from jaxgear.scene._root_correction import root_correction
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
+from jaxgear.scene._tables import MeshKeys
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,7 +72,10 @@ def with_bodies(
     made = [_made(plan, tell, modes) for plan in plans]
     scene = _over_whole_cycles(scene, made)
     grid = pair_grid(scene, pair, torque)
-    bodies = {each[0].plan.gear: _in_mesh(scene, each, pair, grid, tell) for each in made}
+    bodies = {
+        gear: _in_mesh(scene.mesh, scene.gear(gear).bore_mm, each, pair, grid, tell)
+        for gear, each in ((each[0].plan.gear, each) for each in made)
+    }
     for gear, key in measures.items():
         if key is not None:
             bodies[gear] = _with_family(scene, gear, key, bodies[gear], pair, grid, tell)
@@ -125,7 +129,8 @@ def _with_family(
             plan, method="guyan", modes=0, rotating=False, compares_seats=False
         )
         along = lambda step, where=where: tell(f"{step}: {where}")
-        found = _in_mesh(scene, _made(plan, along, None), pair, grid, along)
+        bare = _made(plan, along, None)
+        found = _in_mesh(scene.mesh, scene.gear(gear).bore_mm, bare, pair, grid, along)
         bodies[value] = found.flexible
         nodes[value] = int(found.built.health["nodes"])
     probes = [(value, bodies[value]) for value in map(float, checks)]
@@ -194,9 +199,14 @@ def _over_whole_cycles(scene: Scene, made: Sequence[_Made]) -> Scene:
 
 
 def _in_mesh(
-    scene: Scene, made: _Made, pair: GearPair, grid: MeshGrid, tell: Callable[[str], None]
+    mesh: MeshKeys,
+    bore: float | None,
+    made: _Made,
+    pair: GearPair,
+    grid: MeshGrid,
+    tell: Callable[[str], None],
 ) -> MeshBody:
-    (built, basis), mesh = made, scene.mesh
+    built, basis = made
     plan, body = built.plan, built.body
     tell(f"{plan.gear}: teeth on the rim")
     index, local = GEARS.index(plan.gear), None
@@ -209,6 +219,5 @@ def _in_mesh(
             body, pair, index, grid, gear_seat=seat, local=local, basis=basis, **on_rim
         )
     if mesh.tooth == "elements":
-        bore = scene.gear(plan.gear).bore_mm
         flexible = without_plain_ring(mesh, bore, plan, flexible, pair, grid, tell)
     return MeshBody(built, flexible, basis)

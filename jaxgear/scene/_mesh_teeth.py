@@ -29,6 +29,7 @@ from jaxgear.scene._build_pair import pair_of, si
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS, shapes_teeth
 from jaxgear.scene._sizes import of_material
+from jaxgear.scene._tables import PlainTables
 
 
 def element_teeth(scene: Scene, tell: Callable[[str], None] = lambda step: None) -> ElementTeeth:
@@ -49,7 +50,7 @@ def element_teeth(scene: Scene, tell: Callable[[str], None] = lambda step: None)
     """
     _check(scene)
     # Both before any long work: a mistake in the second costs no wait.
-    shapes = [_shape(scene, gear) for gear in GEARS]
+    shapes = [_shape(scene.plain, gear) for gear in GEARS]
     count = _teeth_in_mesh(scene)
     pinion, wheel = (
         _tables(gear, shape, count, tell) for gear, shape in zip(GEARS, shapes, strict=True)
@@ -97,10 +98,9 @@ def _teeth_in_mesh(scene: Scene) -> int:
     return math.floor(profile + half + beyond + 0.05) + math.ceil(half) + 1
 
 
-def _shape(scene: Scene, name: str) -> tuple[ToothedGear, Material]:
+def _shape(tables: PlainTables, name: str) -> tuple[ToothedGear, Material]:
     """What the teeth of a gear are made from."""
-    tables, sign = scene.plain, {"pinion": 1.0, "wheel": -1.0}[name]
-    gear, pair = tables.gear(name), tables.pair
+    gear, pair, sign = tables.gear(name), tables.pair, {"pinion": 1.0, "wheel": -1.0}[name]
     helix, module = pair.helix_angle_deg * deg, pair.module_mm * mm
     height = gear.addendum_coeff + gear.profile_shift - gear.tip_shortening_coeff
     keys = ("young_GPa", "poisson", "density_kg_m3")

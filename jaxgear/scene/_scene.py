@@ -108,6 +108,11 @@ class Scene(AbstractTables):
         return look_up(self.whole, path, default)
 
     @property
+    def title(self) -> str:
+        """What pictures of the scene are headed by."""
+        return f"{self.name}, {self.pair.torque_pinion_Nm:g} N m"
+
+    @property
     def condensed(self) -> tuple[str, ...]:
         """Gears whose body is to be condensed."""
         return tuple(gear for gear in GEARS if self.gear(gear).body.kind == "condensed")

@@ -70,7 +70,8 @@ def condense(scene: Scene) -> Result:
             remarks += [*found.warnings, *body_remarks(scene.gear(plan.gear), found)]
             datasets[f"{plan.gear}_body"] = body_dataset(found)
             files |= _files(found, datasets[f"{plan.gear}_body"])
-    return Result(scene, names_of(scene) | {"bodies": bodies, "notes": remarks}, datasets, files)
+    summary = names_of(scene.name, scene.cite) | {"bodies": bodies, "notes": remarks}
+    return Result(scene, summary, datasets, files)
 
 
 def _files(found: BuiltBody, dataset: xr.Dataset) -> Mapping[str, Callable[[Path], None]]:

@@ -112,7 +112,7 @@ def check_gradients(scene: Scene) -> Result:
     columns = {str(name): table[name].values for name in table}
     return Result(
         scene,
-        names_of(scene) | {"check_grad": found, "notes": steady_notes(points)},
+        names_of(scene.name, scene.cite) | {"check_grad": found, "notes": steady_notes(points)},
         {"gradients": table},
         {"gradients.csv": lambda path: write_csv(columns, path)},
     )

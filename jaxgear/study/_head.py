@@ -22,11 +22,11 @@ from jaxgear.study._statics import Statics
 from jaxgear.study._statics_summary import geometry_summary, mounts_summary
 
 
-def names_of(scene: Scene) -> Summary:
+def names_of(name: str, cite: str) -> Summary:
     """What every summary begins with."""
     packages = ("jaxgear", "jax", "jaxlib", "equinox", "optax", "numpy", "scipy")
-    versions = {name: importlib.metadata.version(name) for name in packages}
-    return {"name": scene.name, "cite": scene.cite, "versions": versions}
+    versions = {each: importlib.metadata.version(each) for each in packages}
+    return {"name": name, "cite": cite, "versions": versions}
 
 
 def head(scene: Scene, statics: Statics) -> Summary:
@@ -39,7 +39,7 @@ def head(scene: Scene, statics: Statics) -> Summary:
     bases = [body.basis for body in scene.bodies.values() if body.basis is not None]
     modes = sum(len(basis.square) for basis in bases)
     return {
-        **names_of(scene),
+        **names_of(scene.name, scene.cite),
         "model": {
             "pinion": scene.pinion.body.kind,
             "wheel": scene.wheel.body.kind,

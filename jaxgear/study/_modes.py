@@ -78,7 +78,7 @@ def modes(scene: Scene) -> Result:
         "damping": damping_summary(scene.damping, dynamics),
         "modes": summary,
     }
-    return Result(scene, summary, {name: titled(each, scene) for name, each in found.items()})
+    return Result(scene, summary, {name: titled(each, scene.title) for name, each in found.items()})
 
 
 def _of_bodies(waves: BodyWaves, harmonics: int) -> tuple[Datasets, Summary]:

@@ -66,7 +66,7 @@ def _dataset(space: DesignSpace, front: optimise.ParetoFront) -> xr.Dataset:
     for key, values in zip(space.keys, front.point.T, strict=True):
         found[key] = Entry(along, values, unit_of(key), "variable of the search")
     found["reason"] = Entry(along, list(front.reason), "1", "why its search stopped")
-    return titled(dataset_of(found), space.scene)
+    return titled(dataset_of(found), space.scene.title)
 
 
 def _notes(front: optimise.ParetoFront) -> list[str]:

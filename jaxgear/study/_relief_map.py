@@ -100,7 +100,9 @@ def relief_map(scene: Scene) -> Result:
     names = ("width_um", "te_mean_bias_um", "te_rms_bias_relative")
     summary["smoothing_bias"] = {name: bias[name].values for name in names}
     apart = {"smoothing_bias": ", tip relief that parts the teeth"}
-    every = {name: titled(each, scene, apart.get(name, "")) for name, each in datasets.items()}
+    every = {
+        name: titled(each, scene.title + apart.get(name, "")) for name, each in datasets.items()
+    }
     return Result(scene, summary, every)
 
 

@@ -140,8 +140,8 @@ def robust_datasets(made: Hardened) -> Datasets:
     )
     count = f", {scene.robust.fresh_samples} gears"
     return {
-        "robust_gears": titled(gears, scene, count),
-        "robust_influences": titled(bars, scene),
+        "robust_gears": titled(gears, scene.title + count),
+        "robust_influences": titled(bars, scene.title),
     }
 
 

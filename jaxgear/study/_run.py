@@ -64,7 +64,7 @@ def sizing(scene: Scene) -> Result:
     """
     scene = built_scene(scene)
     found = sizing_result(scene, grid_of(scene, model_of(scene)))
-    return Result(scene, names_of(scene) | found.summary, found.datasets)
+    return Result(scene, names_of(scene.name, scene.cite) | found.summary, found.datasets)
 
 
 @study
@@ -157,7 +157,7 @@ def statics_result(scene: Scene, statics: Statics, torques: np.ndarray) -> Resul
                     name = f"{answer.gear}_deflected"
                     groups[name] = _body_fields.fields_dataset(answer)
                     files[f"{name}.vtu"] = _body_fields.grid_writer(answer)
-    named = {name: titled(each, scene) for name, each in ({"": cycle} | groups).items()}
+    named = {name: titled(each, scene.title) for name, each in ({"": cycle} | groups).items()}
     return Result(scene, summary, named, files)
 
 

@@ -1,7 +1,7 @@
 """What [robust] lets scatter about a design, and the model of one gear of the sample."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -158,7 +158,7 @@ def scatter_of(space: DesignSpace, pair: GearPair, teeth: np.ndarray) -> Scatter
         for key, value in spread.items()
     ]
     # One mesh period sees nothing of a wave over the revolution.
-    tolerated = _tolerated(scene.robust, pair, teeth.ravel() if scene.mesh.periods > 1 else ())
+    tolerated = _tolerated(scene.robust, pair, teeth if scene.mesh.periods > 1 else teeth[:0])
     found = Scatter(
         space=space,
         keys=tuple(spread),
@@ -170,7 +170,7 @@ def scatter_of(space: DesignSpace, pair: GearPair, teeth: np.ndarray) -> Scatter
 
 
 def _tolerated(
-    asked: RobustKeys, pair: GearPair, teeth: Iterable[int]
+    asked: RobustKeys, pair: GearPair, teeth: np.ndarray
 ) -> list[tuple[Tolerated, optimise.Quantity]]:
     """The deviations of a tolerance class along the flank normal.
 
@@ -193,8 +193,8 @@ def _tolerated(
         ]
         # A single pitch is the difference of two teeth that are out of place independently.
         place = along_arc * allowed.single_pitch / np.sqrt(2.0)
-        own = sorted({int(tooth) % (pair.pinion, pair.wheel)[gear].teeth for tooth in teeth})
-        amounts += [(Tolerated(gear, "pitch", tooth), place) for tooth in own]
+        own = np.unique(teeth % (pair.pinion, pair.wheel)[gear].teeth)
+        amounts += [(Tolerated(gear, "pitch", int(tooth)), place) for tooth in own]
         for each, most in amounts:
             label = f"{name} {each.kind}" + (f" of tooth {each.tooth}" if each.tooth >= 0 else "")
             share = float(most) / um / asked.tolerance_deviations

@@ -92,9 +92,9 @@ def sensitivity(scene: Scene) -> Result:
     remarks = steady_notes(points) + [_OF_BODIES] * bool(scene.condensed)
     remarks += [words for each in found.values() for words in lost(each)]
     more = ": what the responses react to"
-    datasets = {name: titled(acting(each), scene, more) for name, each in found.items()}
+    datasets = {name: titled(acting(each), scene.title + more) for name, each in found.items()}
     summary = {"notes": remarks} | {name: table_of(each) for name, each in datasets.items()}
-    return Result(scene, names_of(scene) | summary, datasets)
+    return Result(scene, names_of(scene.name, scene.cite) | summary, datasets)
 
 
 def with_own_modulus(scene: Scene) -> Scene:

@@ -62,13 +62,23 @@ def sweep_result(scene: Scene, dynamics: Dynamics) -> Result:
     The parts `damping`, `sweep` and `notes` of the summary.
     """
     require_damped(scene.damping, dynamics)
-    watch = _wave_watch(scene, dynamics)
+    watch = None
+    if dynamics.pair.bodies:
+        from jaxgear.study._body_waves import wave_watch
+
+        with narration("probes"):
+            watch = wave_watch(scene, dynamics.pair)
+    elif scene.probes:
+        raise InputError("probes: they look at condensed bodies, of which this scene has none.")
     count = len(speeds_of(scene.sweep)) * len(directions_of(scene.sweep))
     with progress(count, "sweep") as done:
         found = sweep_of(law_of(scene.mesh), scene.sweep, dynamics.pair, done, watch)
     dataset, orbit = sweep_dataset(dynamics, found), orbit_dataset(dynamics, found)
     at_peak = f", {orbit.attrs['speed_rad_s']:.5g} rad/s"
-    datasets = {"sweep": titled(dataset, scene), "orbit": titled(orbit, scene, at_peak)}
+    datasets = {
+        "sweep": titled(dataset, scene.title),
+        "orbit": titled(orbit, scene.title + at_peak),
+    }
     summary = {
         "damping": damping_summary(scene.damping, dynamics),
         "sweep": _sweep_summary(scene.sweep, dynamics, found, dataset),
@@ -82,18 +92,6 @@ def sweep_result(scene: Scene, dynamics: Dynamics) -> Result:
         waves = waves_result(scene, watch, found)
     summary["sweep"] |= waves.summary
     return Result(scene, summary, datasets | dict(waves.datasets), waves.files)
-
-
-def _wave_watch(scene: Scene, dynamics: Dynamics):
-    """What looks at the waves of condensed bodies in a sweep; None where there are none."""
-    if not dynamics.pair.bodies:
-        if scene.probes:
-            raise InputError("probes: they look at condensed bodies, of which this scene has none.")
-        return None
-    from jaxgear.study._body_waves import wave_watch
-
-    with narration("probes"):
-        return wave_watch(scene, dynamics.pair)
 
 
 # A peak stands out by this much of the static force.

@@ -21,7 +21,7 @@ from jaxgear.study._fidelity import _statics as statics
 from jaxgear.study._fidelity._engine import AbstractProblem, Run, compared, counted
 from jaxgear.study._fidelity._level import Answers, Level, Reference, errors_of
 from jaxgear.study._fidelity._levels import simpler_bodies, static_levels
-from jaxgear.study._fidelity._models import changed
+from jaxgear.study._fidelity._models import changed, differing
 from jaxgear.study._statics import SolverFailure
 
 _TWO = ("te_mean", "te_rms")
@@ -343,14 +343,21 @@ def test_what_was_not_solved_has_no_error():
 def test_responses_that_a_scene_has_not_are_named():
     """Of some that it has and some that it has not, the former count."""
     with pytest.raises(InputError, match=r"compare\.responses names dynamic_ratio: in motion only"):
-        statics.require_at_rest(ready_scene("accessory", ["compare.responses=['dynamic_ratio']"]))
-    both = ready_scene("accessory", ["compare.responses=['dynamic_ratio', 'te_rms']"])
-    statics.require_at_rest(both)
-    assert counted(both.compare.responses, STATIC_RESPONSES) == ("te_rms",)
-    teeth = "compare.responses=['mesh_stiffness_mean']"
-    statics.require_at_rest(ready_scene("accessory", [teeth]))
+        statics.require_at_rest(["dynamic_ratio"], ())
+    both = ["dynamic_ratio", "te_rms"]
+    statics.require_at_rest(both, ())
+    assert counted(both, STATIC_RESPONSES) == ("te_rms",)
+    statics.require_at_rest(["mesh_stiffness_mean"], ())
     with pytest.raises(InputError, match="of teeth alone"):
-        statics.require_at_rest(ready_scene("accessory-h1", [teeth]))
+        statics.require_at_rest(["mesh_stiffness_mean"], ["wheel"])
+
+
+def test_a_table_that_is_taken_away_differs():
+    scene = ready_scene("accessory")
+    found = differing(scene, {"wheel.shaft": None, "mesh.phases": scene.mesh.phases})
+    assert found == {"wheel.shaft": None}
+    assert scene.wheel.shaft.is_given
+    assert not changed(scene, found).wheel.shaft.is_given
 
 
 @pytest.mark.parametrize(

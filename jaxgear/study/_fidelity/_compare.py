@@ -46,14 +46,20 @@ def compare(scene: Scene) -> Result:
         got=scene.mesh.periods,
     )
     if not moving:
-        require_at_rest(scene)
+        require_at_rest(scene.compare.responses, scene.condensed)
     work = "optimise" if scene.optimise.is_given else "run"
     at_rest = compared(StaticProblem(scene, work=work), "compare statics")
-    static = titled(at_rest.dataset, scene, ", quasi-static cycle")
+    static = titled(at_rest.dataset, scene.title + ", quasi-static cycle")
     if not moving:
-        return Result(scene, names_of(scene) | {"compare": at_rest.summary}, {"compare": static})
+        return Result(
+            scene,
+            names_of(scene.name, scene.cite) | {"compare": at_rest.summary},
+            {"compare": static},
+        )
     found = compared((BodiesProblem if scene.condensed else MethodsProblem)(scene), "compare")
     count = len(found.summary["reference"]["speeds_rad_s"])
-    datasets = {"compare": titled(found.dataset, scene, f", {count} speeds")}
-    summary = names_of(scene) | {"compare": found.summary | {"statics": at_rest.summary}}
+    datasets = {"compare": titled(found.dataset, scene.title + f", {count} speeds")}
+    summary = names_of(scene.name, scene.cite) | {
+        "compare": found.summary | {"statics": at_rest.summary}
+    }
     return Result(scene, summary, datasets | {"compare_statics": static})

@@ -159,7 +159,7 @@ class StaticProblem(AbstractProblem):
         self.scene = scene
         self.levels = static_levels(scene) if levels is None else levels
         self.points = points_of(scene, work) if points is None else points
-        self.names = _names(scene)
+        self.names = _names(scene.condensed)
         # Who asks for some responses only does not ask for others.
         self.extras = () if scene.compare.responses else _EXTRAS
         self.models = Models(scene, moving=False)
@@ -245,14 +245,14 @@ class StaticProblem(AbstractProblem):
         }
 
 
-def require_at_rest(scene: Scene) -> None:
+def require_at_rest(named: Sequence[str] | None, condensed: Sequence[str]) -> None:
     """Refuse responses none of which the quasi-static cycle of a scene without a sweep has.
 
     **Raises:**
 
     - `InputError` naming them.
     """
-    able, named = _names(scene), scene.compare.responses
+    able = _names(condensed)
     if named and not set(named) & set(able):
         raise InputError(
             f"compare.responses names {', '.join(named)}: in motion only, or of teeth alone where "
@@ -260,7 +260,7 @@ def require_at_rest(scene: Scene) -> None:
         )
 
 
-def _names(scene: Scene) -> tuple[str, ...]:
+def _names(condensed: Sequence[str]) -> tuple[str, ...]:
     """The mesh stiffness of condensed bodies is that of teeth alone: it compares with no other."""
-    apart = "mesh_stiffness_mean" if scene.condensed else ""
+    apart = "mesh_stiffness_mean" if condensed else ""
     return tuple(name for name in STATIC_RESPONSES if name != apart)
