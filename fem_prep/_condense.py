@@ -107,9 +107,9 @@ def condense(
 
     Interior shapes are, by method:
 
-    - "herting" (D. N. Herting, Finite Elem. Anal. Des. 1, 1985; thesis eq. 2.4): modes of the free
-      body less their static part, and the answers to rigid accelerations (inertia relief). Free
-      frequencies of the modes kept are exact.
+    - "herting" (D. N. Herting, Finite Elem. Anal. Des. 1, 1985, 153-164; thesis eq. 2.4): modes of
+      the free body less their static part, and the answers to rigid accelerations (inertia relief).
+      Free frequencies of the modes kept are exact.
     - "craig-bampton": modes of the body held at its boundary.
     - "guyan": none; static condensation.
 

@@ -70,8 +70,14 @@ from ._flank._tolerances import deviation_of_grade as deviation_of_grade
 from ._flank._tolerances import flank_tolerances as flank_tolerances
 from ._flank._tolerances import pitch_error_of_grade as pitch_error_of_grade
 
+from ._contact._root_influence import AbstractRootInfluence as AbstractRootInfluence
+from ._contact._root_influence import NearbyInfluences as NearbyInfluences
+from ._contact._element_roots import ElementRootInfluence as ElementRootInfluence
+from ._contact._element_roots import element_root_influence as element_root_influence
 from ._contact._root_influence import RootInfluence as RootInfluence
+from ._contact._root_influence import nearby_influences as nearby_influences
 from ._contact._root_influence import root_influence as root_influence
+from ._contact._root_influence import root_influences as root_influences
 from ._contact._cells import MeshCells as MeshCells
 from ._contact._cells import Misalignment as Misalignment
 from ._contact._cells import mesh_cells as mesh_cells
@@ -240,11 +246,10 @@ from ._response._loads import load_sharing as load_sharing
 from ._response._loads import mesh_stiffness as mesh_stiffness
 from ._response._losses import mesh_efficiency as mesh_efficiency
 from ._response._losses import mesh_loss_factor as mesh_loss_factor
+from ._response._dynamic_roots import dynamic_root_stress as dynamic_root_stress
 from ._response._root_stress import LargestStress as LargestStress
 from ._response._root_stress import RootStress as RootStress
-from ._response._root_stress import fillet_stress as fillet_stress
 from ._response._root_stress import largest_root_stress as largest_root_stress
-from ._response._root_stress import root_influences as root_influences
 from ._response._root_stress import root_stress as root_stress
 from ._response._root_stress import slice_load as slice_load
 from ._response._root_stress import smooth_root_stress as smooth_root_stress

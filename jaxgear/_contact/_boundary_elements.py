@@ -99,15 +99,19 @@ def boundary(pieces: tuple[Piece, ...]) -> Boundary:
     - `pieces`: the outline.
     """
     kinds = (NODES, SLOPE_PLACES, _POINTS, _OWN.ravel())
-    # All at once: the curves are compiled once.
-    places = np.concatenate(kinds)
-    found = []
-    for piece in pieces:
-        first, last = piece.edges[:-1, None], piece.edges[1:, None]
+    # All places at once, and all pieces of one curve: it is compiled once.
+    places, found = np.concatenate(kinds), {}
+    for curve in dict.fromkeys(piece.curve for piece in pieces):
+        alike = [number for number, piece in enumerate(pieces) if piece.curve is curve]
+        first = jnp.concatenate([pieces[number].edges[:-1] for number in alike])[:, None]
+        last = jnp.concatenate([pieces[number].edges[1:] for number in alike])[:, None]
         at = 0.5 * (first + last) + 0.5 * (last - first) * places[None]
-        point, slope = jax.jvp(piece.curve, (at,), (jnp.ones_like(at),))
-        found.append((point, slope * (0.5 * (last - first))[..., None]))
-    points, slopes = map(jnp.concatenate, zip(*found, strict=True))
+        point, slope = jax.jvp(curve, (at,), (jnp.ones_like(at),))
+        parts = np.cumsum([pieces[number].elements for number in alike])[:-1]
+        both = jnp.split(point, parts), jnp.split(slope * (0.5 * (last - first))[..., None], parts)
+        found |= dict(zip(alike, zip(*both, strict=True), strict=True))
+    ordered = ([part @ piece.frame for part in found[i]] for i, piece in enumerate(pieces))
+    points, slopes = map(jnp.concatenate, zip(*ordered, strict=True))
     ends = np.cumsum([kind.size for kind in kinds])[:-1]
     split = lambda values: jnp.split(values, ends, axis=1)
     return Boundary(*map(Sampled, split(points), split(slopes)))

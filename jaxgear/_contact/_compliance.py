@@ -189,9 +189,11 @@ class AbstractCompliance(eqx.Module):
 
 
 class WeberBanaschek(AbstractCompliance):
-    """Teeth as cantilevers on their foundations, with Weber's logarithmic contact term.
+    r"""Teeth as cantilevers on their foundations, with Weber's logarithmic contact term.
 
-    A helical pair is evaluated with its virtual spur gears (ISO 6336-1).
+    A helical pair is evaluated with its virtual spur gears, of $z/(\cos^2\beta_b\cos\beta)$ teeth
+    in the normal section: those of ISO 6336-3 for root stress. (For stiffness ISO 6336-1, whose
+    text was not at hand, is cited with the approximation $z/\cos^3\beta$.)
 
     **Fields:**
 

@@ -79,8 +79,9 @@ class FaceCoupling(eqx.Module):
     def end_image(self, poisson: Scalar) -> Scalar:
         r"""By how much the contact's image in a free end exceeds that in a plane of symmetry [-].
 
-        $\psi - 1$ with $\psi = 1.29 - (0.08 - 0.5\nu)/(1 - \nu)$: Guilbault 2011, J. Tribol. 133,
-        031402, for the elastic quarter-space; 0.39 for steel.
+        $\psi - 1$ with $\psi = 1.29 - (0.08 - 0.5\nu)/(1 - \nu)$; 0.39 for steel. Attributed to
+        Guilbault 2011, J. Tribol. 133, 031402, for the elastic quarter-space: the text was not at
+        hand, so that what holds the factor is its error against finite elements.
 
         **Arguments:**
 

@@ -5,11 +5,14 @@ to its bore. It is solved once for a gear; what is kept is smooth in the load's 
 those along the surface, which is free: $\sigma = \frac{2\mu}{1-\nu}\,\partial u_t/\partial s$.
 """
 
+import abc
 from collections.abc import Iterator
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from jaxgear._compiled import compiled
@@ -22,17 +25,59 @@ from jaxgear._contact._boundary_elements import (
     boundary_matrices,
     shapes,
 )
+from jaxgear._contact._face_coupling import face_operator
 from jaxgear._contact._tooth import tooth_load
+from jaxgear._geometry._lines import ContactLines
 from jaxgear._geometry._outline import Piece, tooth_outline
-from jaxgear._geometry._profile import ToothSection
-from jaxgear._types import Reals, Scalar
+from jaxgear._geometry._pair import GearPair
+from jaxgear._geometry._profile import ToothSection, tooth_section
+from jaxgear._types import LineGrid, Reals, Scalar
 
-# Polynomials in the load's place, and along the fillet; points along it that are looked at.
-_TERMS, _NEIGHBOUR_TERMS, _ALONG, _POINTS = 9, 5, 10, 41
+# Polynomials in the load's place, and along the fillet; points along it that are looked at, and
+# points of the flank above it.
+_TERMS, _NEIGHBOUR_TERMS, _ALONG, _POINTS, _FLANK_POINTS = 9, 5, 10, 41, 24
 _FLANKS = ("behind", "drive_flank", "ahead")
 
+FilletStress = Float[Array, "phase line slice 2 point"]
 
-class RootInfluence(eqx.Module):
+
+class AbstractRootInfluence(eqx.Module):
+    """Stress along the fillets of one gear's teeth by the loads on its contact lines.
+
+    **Fields:**
+
+    - `point`: half thickness and height of points from the root circle to the involute [m].
+    - `flank`: the same of points from there up to the tip [m].
+    """
+
+    point: eqx.AbstractVar[Float[Array, "point 2"]]
+    flank: eqx.AbstractVar[Float[Array, "flank_point 2"]]
+
+    @property
+    def height(self) -> Float[Array, " point"]:
+        """Of the points, above the root circle along the tooth's centreline [m]."""
+        return self.point[:, 1] - jnp.hypot(self.point[0, 0], self.point[0, 1])
+
+    @abc.abstractmethod
+    def along_fillets(
+        self, pair: GearPair, lines: ContactLines, load: LineGrid, gear: int
+    ) -> FilletStress:
+        """Stress along both fillets of the teeth in contact.
+
+        **Arguments:**
+
+        - `pair`: the gears.
+        - `lines`: where the slices are.
+        - `load`: load of each slice over its length along the contact line [N/m].
+        - `gear`: 0 for the pinion, 1 for the wheel.
+
+        **Returns:**
+
+        On the fillet of the loaded flank and on the other, at the points [Pa].
+        """
+
+
+class RootInfluence(AbstractRootInfluence):
     r"""Stress along the fillets of a tooth per line load.
 
     **Fields:**
@@ -42,7 +87,7 @@ class RootInfluence(eqx.Module):
         the tooth itself and on the tooth ahead, in the sense in which they push; on the fillet of
         the loaded flank and on the other; at points from the root circle to the involute [-].
     - `form_roll`, `tip_roll`: roll angles between which a flank is [rad].
-    - `point`: half thickness and height of the points, shape `[point, 2]` [m].
+    - `point`, `flank`: as of the base class [m].
     - `section`: the tooth.
     """
 
@@ -50,7 +95,28 @@ class RootInfluence(eqx.Module):
     form_roll: Scalar
     tip_roll: Scalar
     point: Float[Array, "point 2"]
+    flank: Float[Array, "flank_point 2"]
     section: ToothSection
+
+    def along_fillets(
+        self, pair: GearPair, lines: ContactLines, load: LineGrid, gear: int
+    ) -> FilletStress:
+        """Stress of each slice in plane strain, spread along the face; see the base class."""
+        length = lines.roll if gear == 0 else pair.tangent_length - lines.roll
+        angle = roll_angle(pair, self.section, length)
+        slices, width = lines.roll.shape[2], lines.length * jnp.cos(pair.base_helix_angle)
+        decay, face = self.decay(jnp.mean(angle, axis=2)), pair.of_bodies("face_width")[gear]
+        kernel = width * face_operator(decay, slices, slices * width, face)
+        loads = load[..., None] * self.place_terms(angle) / self.section.module
+        reached = jnp.einsum("plij,pljk,plkt->plit", kernel, kernel, loads)
+        none = jnp.zeros_like(reached[:, :1])
+        # A tooth further along the path is behind on the pinion, which the mesh pushes back.
+        further = jnp.concatenate([reached[:, 1:], none], axis=1)
+        nearer = jnp.concatenate([none, reached[:, :-1]], axis=1)
+        behind, ahead = (further, nearer) if gear == 0 else (nearer, further)
+        every = jnp.concatenate([behind, reached, ahead], axis=-1)
+        terms = jnp.concatenate(list(self.terms), axis=-1)
+        return jnp.einsum("plit,sqt->plisq", every, terms)
 
     def place_terms(self, roll_angle: Reals) -> Float[Array, "... term"]:
         """Chebyshev polynomials at places of the load, those beyond the flank at its ends [-].
@@ -108,6 +174,10 @@ def root_influence(section: ToothSection, tip_roll: Scalar, poisson: Scalar) -> 
 
     The influence, within 0.5 % of fine plane-strain finite elements of the same outline.
     """
+    return _on_outline(_solved_terms(section, tip_roll, poisson), section, tip_roll)
+
+
+def _solved_terms(section: ToothSection, tip_roll: Scalar, poisson: Scalar) -> Array:
     pieces = tooth_outline(section, tip_roll)
     outline = boundary(pieces)
     moved, places = _motions(pieces, outline, poisson), outline.slopes
@@ -117,7 +187,7 @@ def root_influence(section: ToothSection, tip_roll: Scalar, poisson: Scalar) -> 
     stress = 2.0 / (1.0 - poisson) * strain
     drive, coast = (_rows(pieces, name) for name in ("drive_fillet", "coast_fillet"))
     both = jnp.stack([_flat(stress[drive]), _flat(stress[coast])[::-1]])
-    onto, points = _along_fillet(drive.size)
+    onto, _ = _along_fillet(drive.size)
     terms, first = [], 0
     for name, count in zip(_FLANKS, (_NEIGHBOUR_TERMS, _TERMS, _NEIGHBOUR_TERMS), strict=True):
         fit = _place_fit(_rows(pieces, name).size, count)
@@ -125,16 +195,119 @@ def root_influence(section: ToothSection, tip_roll: Scalar, poisson: Scalar) -> 
         found = jnp.einsum("po,sol,tl->spt", onto, both[..., first:last], fit)
         terms.append(jnp.pad(found, ((0, 0), (0, 0), (0, _TERMS - count))))
         first = last
-    half, height = section.fillet(
-        0.5 * jnp.pi + (section.pressure_angle - 0.5 * jnp.pi) * 0.5 * (1.0 + points)
-    )
-    return RootInfluence(
-        terms=jnp.stack(terms),
-        form_roll=section.form_roll_angle,
-        tip_roll=tip_roll,
-        point=jnp.stack([half, height], axis=-1),
-        section=section,
-    )
+    return jnp.stack(terms)
+
+
+def _on_outline(terms: Array, section: ToothSection, tip_roll: Scalar) -> RootInfluence:
+    """The influence of solved terms, with the points that they are at."""
+    form, share = section.form_roll_angle, 0.5 * (1.0 + np.linspace(-1.0, 1.0, _POINTS))
+    along = section.fillet(0.5 * jnp.pi + (section.pressure_angle - 0.5 * jnp.pi) * share)
+    up = section.flank(form + (tip_roll - form) * np.linspace(0.0, 1.0, _FLANK_POINTS))
+    point, flank = (jnp.stack(each, axis=-1) for each in (along, up))
+    return RootInfluence(terms, form, tip_roll, point, flank, section)
+
+
+def roll_angle(pair: GearPair, section: ToothSection, length: Reals) -> Reals:
+    """Roll angle on the virtual tooth, which keeps the normal radius of curvature.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `section`: the virtual tooth of one of them.
+    - `length`: roll lengths on that gear [m].
+
+    **Returns:**
+
+    The angle [rad].
+    """
+    return length / jnp.cos(pair.base_helix_angle) / section.base_radius
+
+
+Influences = tuple[AbstractRootInfluence, AbstractRootInfluence]
+
+
+def root_influences(pair: GearPair) -> tuple[RootInfluence, RootInfluence]:
+    """Solve for the stress influence of both gears' teeth; once for a pair.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+
+    **Returns:**
+
+    Pinion, wheel.
+    """
+    return root_influence(*_shape(pair, 0)), root_influence(*_shape(pair, 1))
+
+
+def _shape(pair: GearPair, gear: int) -> tuple[ToothSection, Scalar, Scalar]:
+    """All that the influence of one gear's teeth depends on."""
+    own = (pair.pinion, pair.wheel)[gear]
+    tip = jnp.sqrt(pair.tip_radius[gear] ** 2 - pair.base_radius[gear] ** 2)
+    section = tooth_section(pair, own)
+    return section, roll_angle(pair, section, tip), own.material.poisson
+
+
+class NearbyInfluences(eqx.Module):
+    """Influences of a pair and of others close to it: exact in value and first derivative there.
+
+    One solution and one linearisation, however many keys it is then differentiated by.
+
+    **Fields:**
+
+    - `numbers`: of the shape of each gear's teeth, in SI [-].
+    - `terms`: of the influence of each [-].
+    - `slopes`: of these by the numbers, the numbers leading [-].
+    """
+
+    numbers: tuple[Array, Array]
+    terms: tuple[Array, Array]
+    slopes: tuple[Array, Array]
+
+    def at(self, pair: GearPair) -> Influences:
+        """The influences of a pair close by.
+
+        **Arguments:**
+
+        - `pair`: the gears.
+
+        **Returns:**
+
+        Pinion, wheel.
+        """
+        pinion, wheel = (self._of(pair, gear) for gear in (0, 1))
+        return pinion, wheel
+
+    def _of(self, pair: GearPair, gear: int) -> RootInfluence:
+        shape = _shape(pair, gear)
+        away = ravel_pytree(shape)[0] - self.numbers[gear]
+        terms = self.terms[gear] + jnp.tensordot(away, self.slopes[gear], axes=1)
+        return _on_outline(terms, *shape[:2])
+
+
+def nearby_influences(pair: GearPair) -> NearbyInfluences:
+    """Solve for influences that follow their pair.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+
+    **Returns:**
+
+    The influences, and how they change.
+    """
+    pinion, wheel = (_linearised(*_shape(pair, gear)) for gear in (0, 1))
+    return NearbyInfluences(*zip(pinion, wheel, strict=True))
+
+
+@compiled
+def _linearised(
+    section: ToothSection, tip_roll: Scalar, poisson: Scalar
+) -> tuple[Array, Array, Array]:
+    """Numbers of a shape, its terms and their slopes."""
+    numbers, shaped = ravel_pytree((section, tip_roll, poisson))
+    terms, push = jax.linearize(lambda moved: _solved_terms(*shaped(moved)), numbers)
+    return numbers, terms, jax.lax.map(push, jnp.eye(numbers.size))
 
 
 def _motions(pieces: tuple[Piece, ...], outline: Boundary, poisson: Scalar) -> Array:

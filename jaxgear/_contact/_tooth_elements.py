@@ -149,7 +149,7 @@ class ElementTeeth(AbstractCompliance):
         half = 0.5 * pair.face_width
         middles = half * (2.0 * (jnp.arange(float(self._SLICES)) + 0.5) / self._SLICES - 1.0)
         for index, tables, gear in self._gears(pair):
-            waves = _slice_waves(tables, middles, 2.0 * half / self._SLICES)
+            waves = slice_waves(tables, middles, 2.0 * half / self._SLICES)
             even = jnp.mean(waves, axis=0)
             plane = jnp.einsum("m,imjn,n->ij", even, _scaled(tables, gear)[ahead], even)
             ends = [_own_roll(pair, index, roll) for roll in (first, last)]
@@ -169,7 +169,7 @@ class ElementTeeth(AbstractCompliance):
         width = lines.length * jnp.cos(pair.base_helix_angle)
         blocks = [[jnp.zeros((phases, slices, slices))] * count for _ in range(count)]
         for index, tables, gear in self._gears(pair):
-            waves = _slice_waves(tables, lines.face_position, width)
+            waves = slice_waves(tables, lines.face_position, width)
             plane = jnp.einsum(
                 "km,dimjn,ln->dikjl", waves, _scaled(tables, gear), waves, optimize=True
             )
@@ -213,8 +213,19 @@ def _where_in_contact(lines: ContactLines, whole: Array) -> DenseCouplingGrid:
     return jnp.where(in_mesh[:, :, None] & in_mesh[:, None, :], whole / longer, 0.0)
 
 
-def _slice_waves(tables: ToothTables, middles: Reals, width: Scalar) -> Array:
-    """Means of the waves over slices of a face, shape `[slice, wave]` [1/sqrt(m)]."""
+def slice_waves(tables: ToothTables, middles: Reals, width: Scalar) -> Array:
+    """Means of the waves of condensed teeth over slices of a face.
+
+    **Arguments:**
+
+    - `tables`: of the teeth.
+    - `middles`: of the slices, from mid-face [m].
+    - `width`: of a slice [m].
+
+    **Returns:**
+
+    Shape `[slice, wave]` [1/sqrt(m)].
+    """
     count = tables.compliance.shape[2]
     points, weights = np.polynomial.legendre.leggauss(3 + count // middles.size)
     x = 2.0 * (middles[:, None] + 0.5 * width * jnp.asarray(points)[None, :]) / tables.face_width

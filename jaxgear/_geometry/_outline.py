@@ -24,19 +24,25 @@ _LEAST_LAND = 0.1
 _FINE, _COARSE = (10, 8, 4), (2, 3, 1)
 
 
+Curve = Callable[[Reals], Reals]
+
+
 class Piece(NamedTuple):
     """A smooth piece of the outline, divided into elements.
 
     **Fields:**
 
     - `name`: of what it belongs to.
-    - `curve`: points `[..., 2]` by the curve's own parameter [-].
+    - `curve`: points `[..., 2]` by the curve's own parameter, before they are put in their place;
+        pieces that are alike share it [-].
     - `edges`: parameters at which elements begin and end, in the order of the way round.
+    - `frame`: by which points are multiplied from the right: turned, mirrored, scaled [-].
     """
 
     name: str
-    curve: Callable[[Reals], Reals]
+    curve: Curve
     edges: Reals
+    frame: Reals
 
     @property
     def elements(self) -> int:
@@ -68,20 +74,23 @@ def tooth_outline(section: ToothSection, tip_roll: Scalar) -> tuple[Piece, ...]:
     # Elements grow away from the teeth.
     grown = np.cumsum(np.append(0.0, 1.6 ** np.arange(5.0)))
     beside = begin + (end - begin) * (grown / grown[-1])
-    at_root = lambda angle: _on_circle(root, angle)
-    right = lambda radius: _on_circle(radius, end)
-    left = lambda radius: _on_circle(radius, -end)
+    circle = lambda name, radius, edges: Piece(name, _circle, edges, radius * np.eye(2))
+    side = lambda angle, edges: Piece("held", _ray, edges, _turned(angle))
+    fillet, flank = _in_modules(section, section.fillet), _in_modules(section, section.flank)
+    tooth = lambda turn, counts, names: _tooth(
+        section, (fillet, flank), tip_roll, turn, counts, names
+    )
     return (
-        Piece("held", lambda angle: _on_circle(inner, angle), _even(-end, end, 8)),
-        Piece("held", right, _even(inner, root, 3)),
-        Piece("free", at_root, beside[::-1]),
-        *_tooth(section, tip_roll, pitch, _COARSE, ("free", "behind", "free", "free", "free")),
-        Piece("free", at_root, _even(pitch - half, half, 2)),
-        *_tooth(section, tip_roll, jnp.zeros(()), _FINE, _TOOTH),
-        Piece("free", at_root, _even(-half, half - pitch, 2)),
-        *_tooth(section, tip_roll, -pitch, _COARSE, ("free", "ahead", "free", "free", "free")),
-        Piece("free", at_root, -beside),
-        Piece("held", left, _even(root, inner, 3)),
+        circle("held", inner, _even(-end, end, 8)),
+        side(end, _even(inner, root, 3)),
+        circle("free", root, beside[::-1]),
+        *tooth(pitch, _COARSE, ("free", "behind", "free", "free", "free")),
+        circle("free", root, _even(pitch - half, half, 2)),
+        *tooth(jnp.zeros(()), _FINE, _TOOTH),
+        circle("free", root, _even(-half, half - pitch, 2)),
+        *tooth(-pitch, _COARSE, ("free", "ahead", "free", "free", "free")),
+        circle("free", root, -beside),
+        side(-end, _even(root, inner, 3)),
     )
 
 
@@ -90,37 +99,48 @@ _TOOTH = ("drive_fillet", "drive_flank", "tip", "coast_flank", "coast_fillet")
 
 def _tooth(
     section: ToothSection,
+    curves: tuple[Curve, Curve],
     tip_roll: Scalar,
     turn: Scalar,
     counts: tuple[int, int, int],
     names: tuple[str, ...],
 ) -> list[Piece]:
-    """The pieces of one tooth, turned about the gear's axis towards the right."""
-    in_modules = lambda curve: lambda at: jnp.stack(curve(at), axis=-1) / section.module
-    fillet, flank = in_modules(section.fillet), in_modules(section.flank)
+    """The pieces of one tooth by its fillet and flank, turned about the axis to the right."""
+    fillet, flank = curves
     corner = flank(tip_roll)
     radius, angle = jnp.hypot(corner[0], corner[1]), jnp.arctan2(corner[0], corner[1])
     on_fillet = _even(jnp.asarray(0.5 * jnp.pi), section.pressure_angle, counts[0])
     on_flank = _even(section.form_roll_angle, tip_roll, counts[1])
-    mirror = jnp.asarray([[-1.0, 0.0], [0.0, 1.0]])
+    right = _turned(turn)
+    left = np.diag([-1.0, 1.0]) @ right
     pieces = (
-        (fillet, on_fillet),
-        (flank, on_flank),
-        (lambda at: _on_circle(radius, at), _even(angle, -angle, counts[2])),
-        (lambda at: flank(at) @ mirror, on_flank[::-1]),
-        (lambda at: fillet(at) @ mirror, on_fillet[::-1]),
+        (fillet, on_fillet, right),
+        (flank, on_flank, right),
+        (_circle, _even(angle, -angle, counts[2]), radius * right),
+        (flank, on_flank[::-1], left),
+        (fillet, on_fillet[::-1], left),
     )
-    sine, cosine = jnp.sin(turn), jnp.cos(turn)
-    turned = jnp.stack([jnp.stack([cosine, -sine]), jnp.stack([sine, cosine])])
-    return [
-        Piece(name, lambda at, curve=curve: curve(at) @ turned, edges)
-        for name, (curve, edges) in zip(names, pieces, strict=True)
-    ]
+    return [Piece(name, *each) for name, each in zip(names, pieces, strict=True)]
 
 
-def _on_circle(radius: Reals, angle: Reals) -> Reals:
-    """A point at an angle from upright towards the right."""
-    return jnp.stack([radius * jnp.sin(angle), radius * jnp.cos(angle)], axis=-1)
+def _in_modules(section: ToothSection, curve: Callable[[Reals], tuple[Reals, Reals]]) -> Curve:
+    return lambda at: jnp.stack(curve(at), axis=-1) / section.module
+
+
+def _circle(angle: Reals) -> Reals:
+    """A point at an angle from upright towards the right, one module from the axis."""
+    return jnp.stack([jnp.sin(angle), jnp.cos(angle)], axis=-1)
+
+
+def _ray(radius: Reals) -> Reals:
+    """A point upright above the axis."""
+    return jnp.stack([jnp.zeros_like(radius), radius], axis=-1)
+
+
+def _turned(angle: Reals) -> Reals:
+    """By which points are multiplied from the right to turn them to the right."""
+    sine, cosine = jnp.sin(angle), jnp.cos(angle)
+    return jnp.stack([jnp.stack([cosine, -sine]), jnp.stack([sine, cosine])])
 
 
 def _even(first: Reals, last: Reals, count: int) -> Reals:

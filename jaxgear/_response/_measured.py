@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
+from jaxgear._contact._root_influence import Influences
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._interface._laws import AbstractContactLaw
@@ -17,6 +18,7 @@ from jaxgear._response._dynamic import (
     order_amplitudes,
     pair_forces,
 )
+from jaxgear._response._dynamic_roots import dynamic_root_stress
 from jaxgear._types import Reals
 
 # A tooth pair carries from this share of the static force on: a pair that only just enters has
@@ -36,6 +38,8 @@ class Measured(NamedTuple):
     - `pairs`: number of tooth pairs that carry, shape `[step]`.
     - `te_order`, `force_order`, `bearing_order`: amplitudes at half orders of the mesh frequency,
         shape `[order]` [m], `[order]` [N], `[order, bearing, 6]` [N, N m].
+    - `root_stress`, `root_compression`: largest of each gear, shape `[gear]`; of no gear where
+        there are no influences [Pa].
     """
 
     dynamic_ratio: Any
@@ -51,11 +55,17 @@ class Measured(NamedTuple):
     te_order: Any
     force_order: Any
     bearing_order: Any
+    root_stress: Any
+    root_compression: Any
 
 
 @functools.partial(jax.jit, static_argnums=3)
 def measured(
-    dynamics: PairDynamics, orbit: Orbit, law: AbstractContactLaw, orders: int
+    dynamics: PairDynamics,
+    orbit: Orbit,
+    law: AbstractContactLaw,
+    orders: int,
+    influences: Influences | None = None,
 ) -> Measured:
     """Measure a response, in one program.
 
@@ -65,6 +75,7 @@ def measured(
     - `orbit`: its response.
     - `law`: with which it was found.
     - `orders`: of the mesh frequency that are wanted.
+    - `influences`: of loads on the roots, where their stresses are wanted.
 
     **Returns:**
 
@@ -73,6 +84,10 @@ def measured(
     system = dynamics.system
     found = dynamic_response(dynamics, orbit, 1, law)
     force, error = contact_force(system, orbit), dynamic_transmission_error(system, orbit)
+    tension = compression = jnp.zeros(0)
+    if influences is not None:
+        roots = dynamic_root_stress(dynamics, influences, orbit, law)
+        tension, compression = roots.largest, jnp.min(roots.coast, axis=(0, 1, 2))
     carrying = pair_forces(dynamics, orbit, law) > _CARRIES * system.force
     return Measured(
         dynamic_ratio=found.dynamic_ratio,
@@ -88,6 +103,8 @@ def measured(
         te_order=_half_orders(dynamics, error, orders),
         force_order=_half_orders(dynamics, force, orders),
         bearing_order=_half_orders(dynamics, bearing_loads(dynamics, orbit), orders),
+        root_stress=tension,
+        root_compression=compression,
     )
 
 

@@ -12,16 +12,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxgear._compiled import compiled
-from jaxgear._contact._face_coupling import face_operator
-from jaxgear._contact._root_influence import RootInfluence, root_influence
+from jaxgear._contact._root_influence import AbstractRootInfluence, Influences
 from jaxgear._geometry._lines import ContactLines
 from jaxgear._geometry._pair import GearPair
-from jaxgear._geometry._profile import tooth_section
 from jaxgear._smooth import smooth_maximum
 from jaxgear._solve._cycle import MeshCycle
-from jaxgear._types import Bodies, LineGrid, Reals, Scalar
+from jaxgear._types import Bodies, LineGrid, Scalar
 
-Influences = tuple[RootInfluence, RootInfluence]
 Stresses = Float[Array, "phase line slice gear"]
 
 
@@ -62,68 +59,6 @@ class LargestStress(NamedTuple):
     height: Scalar
 
 
-def root_influences(pair: GearPair) -> Influences:
-    """Solve for the stress influence of both gears' teeth; once for a pair.
-
-    **Arguments:**
-
-    - `pair`: the gears.
-
-    **Returns:**
-
-    Pinion, wheel.
-    """
-    return _influence_of(pair, 0), _influence_of(pair, 1)
-
-
-def _influence_of(pair: GearPair, gear: int) -> RootInfluence:
-    own = (pair.pinion, pair.wheel)[gear]
-    tip = jnp.sqrt(pair.tip_radius[gear] ** 2 - pair.base_radius[gear] ** 2)
-    section = tooth_section(pair, own)
-    return root_influence(section, _roll_angle(pair, section, tip), own.material.poisson)
-
-
-def _roll_angle(pair: GearPair, section, length: Reals) -> Reals:
-    """Roll angle on the virtual tooth, which keeps the normal radius of curvature."""
-    return length / jnp.cos(pair.base_helix_angle) / section.base_radius
-
-
-@compiled
-def fillet_stress(
-    pair: GearPair, influence: RootInfluence, lines: ContactLines, load: LineGrid, gear: int
-) -> Float[Array, "phase line slice 2 point"]:
-    """Stress along both fillets of the teeth in contact.
-
-    **Arguments:**
-
-    - `pair`: the gears.
-    - `influence`: of the gear.
-    - `lines`: where the slices are.
-    - `load`: load of each slice over its length along the contact line [N/m].
-    - `gear`: 0 for the pinion, 1 for the wheel.
-
-    **Returns:**
-
-    On the fillet of the loaded flank and on the other, at the points of `influence.point` [Pa].
-    """
-    section = influence.section
-    length = lines.roll if gear == 0 else pair.tangent_length - lines.roll
-    angle = _roll_angle(pair, section, length)
-    slices, width = lines.roll.shape[2], lines.length * jnp.cos(pair.base_helix_angle)
-    decay, face = influence.decay(jnp.mean(angle, axis=2)), pair.of_bodies("face_width")[gear]
-    kernel = width * face_operator(decay, slices, slices * width, face)
-    loads = load[..., None] * influence.place_terms(angle) / section.module
-    reached = jnp.einsum("plij,pljk,plkt->plit", kernel, kernel, loads)
-    none = jnp.zeros_like(reached[:, :1])
-    # A tooth further along the path is behind on the pinion, which the mesh pushes back.
-    further = jnp.concatenate([reached[:, 1:], none], axis=1)
-    nearer = jnp.concatenate([none, reached[:, :-1]], axis=1)
-    behind, ahead = (further, nearer) if gear == 0 else (nearer, further)
-    every = jnp.concatenate([behind, reached, ahead], axis=-1)
-    terms = jnp.concatenate(list(influence.terms), axis=-1)
-    return jnp.einsum("plit,sqt->plisq", every, terms)
-
-
 @compiled
 def root_stress(
     pair: GearPair, influences: Influences, lines: ContactLines, load: LineGrid
@@ -146,12 +81,11 @@ def root_stress(
 
 
 def _of_gear(
-    pair: GearPair, influence: RootInfluence, lines: ContactLines, load: LineGrid, gear: int
+    pair: GearPair, influence: AbstractRootInfluence, lines: ContactLines, load: LineGrid, gear: int
 ) -> tuple[LineGrid, LineGrid, LineGrid]:
-    stress = fillet_stress(pair, influence, lines, load, gear)
+    stress = influence.along_fillets(pair, lines, load, gear)
     drive, coast = stress[..., 0, :], stress[..., 1, :]
-    height = influence.point[:, 1] - influence.section.root_radius
-    at = height[jnp.argmax(drive, axis=-1)]
+    at = influence.height[jnp.argmax(drive, axis=-1)]
     return jnp.max(drive, axis=-1), jnp.min(coast, axis=-1), at
 
 

@@ -5,7 +5,8 @@ rotations about S, T, Z. A small turn moves a point at height z by $\omega\times
 section square to the axis has $dv/dz = +\psi$ and $dw/dz = -\varphi$: the plane (S, about T) and
 the plane (T, about S with the other sign) share one matrix. Each plane deforms in the exact static
 shapes of a beam loaded at its ends only, bending and shear together: J. S. Przemieniecki, Theory of
-Matrix Structural Analysis, 1968; thesis annex 1 without its misprints.
+Matrix Structural Analysis, McGraw-Hill 1968 (section 5.6, as others cite it; the book was not at
+hand: what holds the matrices is quadrature of these shapes); thesis annex 1 without its misprints.
 """
 
 from typing import TYPE_CHECKING

@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 from jaxgear.plot._cycle import unrolled
 from jaxgear.plot._palette import GEAR_COLOURS, GREY
 from jaxgear.plot._picture import GEARS
-from jaxgear.plot._style import digits, panels, phase_axis
+from jaxgear.plot._speed_axes import flag, speed_axes, stack
+from jaxgear.plot._style import digits, legend_below, panels, phase_axis
 
 _STRESS = "root_stress_MPa"
 
@@ -111,8 +112,48 @@ def _draw_tooth(axes: Axes, own: xr.Dataset, colour: str, longest: float) -> Non
             np.append(x, sign * half[::-1]), np.append(y, height[::-1]), color=colour, alpha=0.3
         )
         axes.plot(x, y, color=colour)
-        words.append(digits(float(stress[np.argmax(np.abs(stress))]), 4))
+        words.append(digits(float(stress.max() if sign > 0.0 else stress.min()), 4))
     axes.set_aspect("equal")
     axes.set(xlabel="across the tooth [mm]", ylabel="height above the centre [mm]")
     name = str(own["gear"].values)
-    axes.set_title(f"{name}: {words[0]} MPa on the loaded side, {words[1]} MPa behind", loc="left")
+    axes.set_title(
+        f"{name}: largest tension {words[0]} MPa; then {words[1]} MPa behind", loc="left"
+    )
+
+
+_WAYS: dict[str, dict[str, Any]] = {"up": {}, "down": {"ls": "--"}, "cold": {"ls": ":"}}
+
+
+def root_stress_at_speed(swept: xr.Dataset) -> Figure:
+    """Largest stresses at the roots over speed, of settled responses, beside those at rest.
+
+    **Arguments:**
+
+    - `swept`: the group `sweep`, with root stresses.
+
+    **Returns:**
+
+    The figure.
+    """
+    figure, (tension, compression) = stack(
+        "Stress at the roots in motion", swept, (9.6, 5.8), (3.0, 1.7)
+    )
+    settled, lines = flag(swept, "settled"), []
+    for gear, colour in zip(GEARS, GEAR_COLOURS, strict=True):
+        own = swept.sel(gear=gear)
+        for row, way in enumerate(swept["direction"].values):
+            look: dict[str, Any] = {"color": colour, "marker": "o", "ms": 3.0, **_WAYS[str(way)]}
+            shown = np.where(settled[row], own[_STRESS].sel(direction=way), np.nan)
+            label = f"{gear}, {way}"
+            lines += tension.plot(swept["speed"], shown, label=label, **look)
+            pressed = own["root_compression_MPa"].sel(direction=way)
+            compression.plot(swept["speed"], np.where(settled[row], pressed, np.nan), **look)
+        rest = float(own["static_root_stress_MPa"])
+        label = f"{gear} at rest: {digits(rest, 4)} MPa"
+        lines.append(tension.axhline(rest, color=colour, lw=0.8, ls=(0, (1, 2)), label=label))
+    tension.set_ylabel("largest tension [MPa]")
+    compression.set_ylabel("compression,\nother fillet [MPa]")
+    speed_axes([tension, compression], swept["speed"].values, int(swept.attrs["teeth_pinion"]))
+    legend_below(figure, lines, ncols=3)
+    figure.align_ylabels([tension, compression])
+    return figure

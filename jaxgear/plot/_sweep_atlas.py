@@ -37,6 +37,11 @@ def pictures_of_sweep(datasets: Datasets) -> Iterator[Picture]:
     words = f", {WAYS[way]}" if found.sizes["direction"] > 1 else ""
     own = found.sel(direction=way).assign_attrs(title=found.attrs["title"] + words)
     table = shown.sel(direction=way)
+    if "root_stress_MPa" in found:
+        names = ("direction", "pinion_speed_rad_s", "gear", "root_stress_MPa")
+        roots = columns(shown, *names, "root_compression_MPa", "settled")
+        draw = drawn("_root_pictures.root_stress_at_speed", found)
+        yield Picture("root_stress_at_speed", draw, roots)
     yield from _pictures_of_orders(own, table)
     share = (own["mesh_force_ratio"].values <= NO_FORCE) @ phase_shares(own["phase"].values)
     surface = columns(table, "pinion_speed_rad_s", "phase", "mesh_force_ratio", "tooth_pairs")

@@ -58,6 +58,24 @@ def element_teeth(scene: Scene, tell: Callable[[str], None] = lambda step: None)
     return ElementTeeth(pinion=pinion, wheel=wheel, load_updates=scene.mesh.line_load_updates)
 
 
+def condensed_pair(scene: Scene) -> list[tuple[ToothedGear, ToothElements]]:
+    """The shapes of both gears' teeth, and what was condensed of them.
+
+    **Arguments:**
+
+    - `scene`: with `mesh.tooth = "elements"`.
+
+    **Returns:**
+
+    Pinion, wheel.
+    """
+    count, found = _teeth_in_mesh(scene), []
+    for gear in GEARS:
+        shape, material = _shape(scene.plain, gear)
+        found.append((shape, condensed_teeth(shape, material, count, lambda step: None)))
+    return found
+
+
 def _check(scene: Scene) -> None:
     """Refuse what teeth of finite elements cannot be."""
     moved = sorted(key for key in scene.moved if shapes_teeth(key))

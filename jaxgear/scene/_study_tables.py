@@ -27,6 +27,7 @@ StaticResponse = Literal[
     "max_line_load",
     "max_pressure",
     "mesh_stiffness_mean",
+    "max_root_stress",
 ]
 DynamicResponse = Literal["dynamic_ratio", "te_rms", "te_mean"]
 

@@ -9,6 +9,7 @@ import numpy as np
 
 import optimise
 from jaxgear._checks import InputError
+from jaxgear._contact._root_influence import Influences, NearbyInfluences
 from jaxgear._system._gear_body import AbstractGearBody, BeamBody
 from jaxgear._system._model import PairModel
 from jaxgear._system._shaft import Shaft, drawn_heights
@@ -33,6 +34,8 @@ class DesignSpace(eqx.Module):
     - `base`: model of the scene itself.
     - `start`: value of each variable in the scene, in the unit of its key [-].
     - `box`: bounds of each variable, in the unit of its key.
+    - `influences`: of loads on the roots, or `None` where they are not known or variables change
+        the teeth.
     """
 
     scene: Scene = eqx.field(static=True)
@@ -41,6 +44,7 @@ class DesignSpace(eqx.Module):
     base: PairModel
     start: np.ndarray
     box: optimise.Box
+    influences: Influences | NearbyInfluences | None
 
     def updates(self, values: Reals | np.ndarray) -> Updates:
         """Scene keys and their values at a point of the space, in the units of the keys."""
@@ -109,6 +113,13 @@ class DesignSpace(eqx.Module):
         )
 
 
+def keeps_teeth(key: str) -> bool:
+    """Whether a real key leaves the shapes of the teeth, and what is under them, as they are."""
+    mounts = ".shaft.", ".support."
+    beside = "flank.", "pair.misalignment", "pair.torque"
+    return key.startswith(beside) or any(part in key for part in mounts)
+
+
 # Of the range of a variable, how close to a bound counts as on it: least squares stay off it.
 _AT_BOUND = 1e-4
 
@@ -143,11 +154,13 @@ def design_space(
     symmetric: bool,
     deflection: float,
     tied: bool = True,
+    influences: Influences | None = None,
 ) -> DesignSpace:
     """The space that some keys of a scene span, from its values and within its bounds.
 
-    The deflection of a single tooth pair [um] is the scale of depths. Refused are keys without
-    effect or bounds, variables that are the same, and points of a shaft that could pass each other.
+    Influences are those on the roots of the scene's own teeth. The deflection of a single tooth
+    pair [um] is the scale of depths. Refused are keys without effect or bounds, variables that are
+    the same, and points of a shaft that could pass each other.
     """
     _refuse_shaping(scene, keys)
     follow = scene.optimise.ties if tied else {}
@@ -182,6 +195,7 @@ def design_space(
         base=base,
         start=start,
         box=optimise.Box(lower=bounds[:, 0], upper=bounds[:, 1]),
+        influences=influences if all(map(keeps_teeth, (*keys, *ties))) else None,
     )
     _require_order(space)
     _require_narrow(space)

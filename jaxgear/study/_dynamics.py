@@ -23,6 +23,7 @@ from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._kept_programs import QUICKLY
 from jaxgear._system._model import PairModel
 from jaxgear.scene._build import grid_of, model_of
+from jaxgear.scene._mesh_roots import influences_of
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._tables import DampingKeys, ModelKeys, SweepKeys
 from jaxgear.study._result import Summary
@@ -179,7 +180,8 @@ def solve_dynamics(scene: Scene) -> Dynamics:
     )
     require_solved(pair.cycle.converged)
     if scene.mesh.contact == "exact" and not scene.mesh.pinion_speed_rad_s:
-        statics = settled_statics(model, grid, ExactContact(), pair.cycle)
+        influences = influences_of(scene, model.pair)
+        statics = settled_statics(model, grid, ExactContact(), pair.cycle, influences)
     else:
         # The dynamics are built on the exact cycle at vanishing speed; what is reported is the one
         # asked for.

@@ -24,6 +24,7 @@ def notes(scene: Scene, statics: Statics) -> list[str]:
     """Remarks on a solved scene, a sentence or two each; none where there is nothing to say."""
     return [
         *_on_teeth(scene.mesh, scene.gears),
+        *_on_roots(scene.mesh, scene.gears),
         *_on_foundations(scene.mesh, scene.gears, statics.model),
         *_on_shafts(statics.model),
         *_on_bodies(scene.gears),
@@ -44,6 +45,20 @@ def _on_teeth(mesh: MeshKeys, gears: Mapping[str, GearKeys]) -> Iterator[str]:
         yield Idle(
             f"{given[0]}.foundation does nothing: elements of whole teeth stand on rings of their "
             "own."
+        )
+
+
+def _on_roots(mesh: MeshKeys, gears: Mapping[str, GearKeys]) -> Iterator[str]:
+    """Strengths without stresses, and stresses without strengths."""
+    has = {gear: each.root_strength_MPa is not None for gear, each in gears.items()}
+    if not mesh.root_stress:
+        for key in (f"{gear}.root_strength_MPa" for gear in GEARS if has[gear]):
+            yield Idle(f"{key} does nothing: write mesh.root_stress = true for a safety.")
+        return
+    for key in (f"{gear}.root_strength_MPa" for gear in GEARS if not has[gear]):
+        yield (
+            f"{key} is left out, so that this gear's root stress has no safety: give the stress "
+            "sigma_FG of ISO 6336-3 that its root bears [MPa], life, notch and size factors in it."
         )
 
 

@@ -16,10 +16,8 @@ from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._kept_programs import QUICKLY
-from jaxgear._response._root_stress import root_influences
 from jaxgear._solve._cycle import PreparedMesh
 from jaxgear._types import Reals, Scalar
-from jaxgear.scene._build import model_of
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._study_tables import OptimiseKeys
 from jaxgear.study._design import DesignSpace
@@ -85,37 +83,34 @@ def objective_unit(asked: OptimiseKeys) -> str:
     return "um2" if asked.alone == "te_rms" else CRITERIA[asked.alone].unit
 
 
-def objective_of(scene: Scene, grid: MeshGrid) -> optimise.AbstractObjective:
+def objective_of(space: DesignSpace, grid: MeshGrid) -> optimise.AbstractObjective:
     """The objective that a scene asks for, its value in `objective_unit`."""
     # Alone without the cone of an RMS.
-    is_rms = scene.optimise.alone == "te_rms"
-    return optimise.TransmissionErrorVariance() if is_rms else _minimised(scene, grid)
+    is_rms = space.scene.optimise.alone == "te_rms"
+    return optimise.TransmissionErrorVariance() if is_rms else _minimised(space, grid)
 
 
-def _minimised(scene: Scene, grid: MeshGrid) -> optimise.AbstractObjective:
+def _minimised(space: DesignSpace, grid: MeshGrid) -> optimise.AbstractObjective:
     """What is made small; the RMS of the transmission error is itself here, not its square."""
-    asked = scene.optimise
-    parts = tuple(_named(scene, name, grid) for name in asked.weights)
+    asked = space.scene.optimise
+    parts = tuple(_named(space, name, grid) for name in asked.weights)
     if asked.alone is not None:
         return parts[0]
     return optimise.WeightedSum(parts=parts, weights=list(asked.weights.values()))
 
 
-def _named(scene: Scene, name: str, grid: MeshGrid) -> optimise.AbstractObjective:
+def _named(space: DesignSpace, name: str, grid: MeshGrid) -> optimise.AbstractObjective:
     """An objective by its name."""
     if CRITERIA[name].over_speeds:
-        return _at_speeds(scene, name, grid)
-    return _with_teeth(scene, CRITERIA[name].made(scene.optimise))
+        return _at_speeds(space.scene, name, grid)
+    return _with_teeth(space, CRITERIA[name].made(space.scene.optimise))
 
 
-def _with_teeth(scene: Scene, objective: Any) -> Any:
-    """A largest root stress with its teeth, solved once where no variable changes them."""
-    varied = (*scene.optimise.vary, *scene.optimise.ties)
-    if not isinstance(objective, optimise.LargestRootStress) or not all(
-        key.startswith("flank.") for key in varied
-    ):
+def _with_teeth(space: DesignSpace, objective: Any) -> Any:
+    """A largest root stress with the teeth of its space."""
+    if not isinstance(objective, optimise.LargestRootStress):
         return objective
-    return optimise.LargestRootStress(influences=root_influences(model_of(scene).pair))
+    return dataclasses.replace(objective, influences=space.influences)
 
 
 def in_unit(name: str, dims: tuple[str, ...], values: ArrayLike, unit: str, words: str) -> Entries:
@@ -167,9 +162,12 @@ def limits_of(asked: OptimiseKeys) -> tuple[optimise.Limit, ...]:
     )
 
 
-def limits_objectives(scene: Scene, law: AbstractContactLaw) -> list[optimise.AbstractObjective]:
+def limits_objectives(
+    space: DesignSpace, law: AbstractContactLaw
+) -> list[optimise.AbstractObjective]:
     """The responses of `limits_of`; with exact contact, which is for a re-check, not smoothed."""
-    found = [_with_teeth(scene, _LIMITED[limit.name]()) for limit in limits_of(scene.optimise)]
+    limits = limits_of(space.scene.optimise)
+    found = [_with_teeth(space, _LIMITED[limit.name]()) for limit in limits]
     return [_sharpened(each) for each in found] if isinstance(law, ExactContact) else found
 
 
@@ -248,15 +246,14 @@ def task_of(
     Where it is traded against another number, that one comes before the limits; with exact contact
     both are not smoothed either, and limits are left out.
     """
-    scene, asked = space.scene, space.scene.optimise
-    limited = limits_objectives(scene, law)
+    asked, limited = space.scene.optimise, limits_objectives(space, law)
     if trading:
-        objective = _minimised(scene, grid)
-        limited.insert(0, _named(scene, asked.pareto.against or "", grid))
+        objective = _minimised(space, grid)
+        limited.insert(0, _named(space, asked.pareto.against or "", grid))
         if isinstance(law, ExactContact):
             objective, limited = _sharpened(objective), [_sharpened(limited[0])]
     else:
-        objective = objective_of(scene, grid)
+        objective = objective_of(space, grid)
     return Task(
         variation=space.variation,
         keys=space.moved,

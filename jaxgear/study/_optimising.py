@@ -170,6 +170,7 @@ def _problem(scene: Scene, before: Statics) -> _Posed:
         tuple(scene.optimise.vary),
         symmetric=scene.optimise.symmetric,
         deflection=float(before.numbers["single_pair_deflection_um"]),
+        influences=before.influences,
     )
     space.require_tied_start()
     try:
@@ -192,7 +193,9 @@ def _solved(space: DesignSpace, point: np.ndarray, torques: np.ndarray | None) -
     """The statics of a design, as its own scene would have them."""
     keys = space.numbers(point)
     try:
-        return solve_statics(space.scene.replace(keys), torques)
+        # Those that follow small changes are of a sample of gears, not of a design.
+        teeth = space.influences if isinstance(space.influences, tuple) else None
+        return solve_statics(space.scene.replace(keys), torques, teeth)
     except InputError as error:
         raise SolverFailure(
             f"the search ended at impossible gears, {keys}: {error} Narrow [optimise.bounds]."
@@ -261,6 +264,7 @@ def _numbers_of(statics: Statics, objective: float) -> Summary:
     """Objective with exact contact over all torques, and what changed at the scene's torque."""
     names = ("te_mean_um", "te_rms_um", "te_peak_to_peak_um", "max_line_load_N_mm")
     names += "max_pressure_MPa", "face_load_factor"
+    names += tuple(name for name in statics.numbers if name.startswith("max_root_stress"))
     return {"objective": objective} | {name: float(statics.numbers[name]) for name in names}
 
 

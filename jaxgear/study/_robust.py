@@ -37,7 +37,8 @@ def judge_of(
     """
     scene = scatter.space.scene
     torques = jnp.asarray(scatter.space.torques)
-    parts = objective_of(scene, grid), *limits_objectives(scene, law)
+    space = scatter.with_teeth()
+    parts = objective_of(space, grid), *limits_objectives(space, law)
     worst = scene.optimise.over == "worst"
 
     def judge(values: Reals, drawn: Reals, prepared: PreparedMesh | None) -> Reals:

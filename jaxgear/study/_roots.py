@@ -12,12 +12,10 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array
 
-from jaxgear._contact._root_influence import RootInfluence
+from jaxgear._contact._root_influence import Influences
 from jaxgear._response._iso_root import NominalRootStress, nominal_root_stress
 from jaxgear._response._root_stress import (
     RootStress,
-    fillet_stress,
-    root_influences,
     root_stress,
     slice_load,
 )
@@ -30,9 +28,6 @@ from jaxgear.study._result import Summary
 from jaxgear.study._results import Entry, dataset_of
 from jaxgear.study._statics import Statics
 
-# Points of a flank that are drawn above its fillet.
-_FLANK_POINTS = 24
-
 
 class _Found(NamedTuple):
     """Stresses of a cycle, and along the fillets where those of each gear are largest."""
@@ -42,39 +37,36 @@ class _Found(NamedTuple):
 
 
 @eqx.filter_jit
-def _stresses(
-    model: PairModel, cycle: MeshCycle, influences: tuple[RootInfluence, RootInfluence]
-) -> _Found:
+def _stresses(model: PairModel, cycle: MeshCycle, influences: Influences) -> _Found:
     pair, lines, load = model.pair, cycle.cells.lines, slice_load(cycle)
     stress = root_stress(pair, influences, lines, load)
     fillets = []
     for gear, influence in enumerate(influences):
-        every = fillet_stress(pair, influence, lines, load, gear)
+        every = influence.along_fillets(pair, lines, load, gear)
         own = stress.drive[..., gear].ravel()
         fillets.append(every.reshape(own.size, 2, -1)[jnp.argmax(own)])
     return _Found(stress, jnp.stack(fillets))
 
 
-def roots_dataset(model: PairModel, cycle: MeshCycle) -> xr.Dataset:
+def roots_dataset(model: PairModel, cycle: MeshCycle, influences: Influences) -> xr.Dataset:
     """The group `roots`.
 
     **Arguments:**
 
     - `model`: that was solved.
     - `cycle`: its settled states.
+    - `influences`: of loads on the roots of its teeth.
 
     **Returns:**
 
     Stresses over phase, line, slice and gear; along the fillets and on the tooth's outline where
     they are largest.
     """
-    # Both gears by one program, which others with such gears share.
-    influences = root_influences(model.pair)
     found, lines = _stresses(model, cycle, influences), cycle.cells.lines
     over = ("phase", "line", "slice", "gear")
     along = ("gear", "fillet", "point")
     points = np.stack([np.asarray(each.point) for each in influences])
-    outlines = np.stack([_flank(each) for each in influences])
+    outlines = np.stack([np.asarray(each.flank) for each in influences])
     cells = {
         "root_stress_MPa": (found.stress.drive / MPa, "MPa", "largest tensile stress of a root"),
         "root_compression_MPa": (
@@ -100,10 +92,10 @@ def roots_dataset(model: PairModel, cycle: MeshCycle) -> xr.Dataset:
             ("gear", "point"), points[..., 1] / mm, "mm", "height above the gear's centre"
         ),
         "flank_half_thickness_mm": Entry(
-            ("gear", "flank_point"), outlines[:, 0] / mm, "mm", "half thickness of the tooth"
+            ("gear", "flank_point"), outlines[..., 0] / mm, "mm", "half thickness of the tooth"
         ),
         "flank_height_mm": Entry(
-            ("gear", "flank_point"), outlines[:, 1] / mm, "mm", "height above the gear's centre"
+            ("gear", "flank_point"), outlines[..., 1] / mm, "mm", "height above the gear's centre"
         ),
     }
     return dataset_of(
@@ -115,12 +107,6 @@ def roots_dataset(model: PairModel, cycle: MeshCycle) -> xr.Dataset:
         gear=Entry(("gear",), list(GEARS), "1", "gear"),
         fillet=Entry(("fillet",), ["drive", "coast"], "1", "fillet of the loaded flank, other one"),
     )
-
-
-def _flank(influence: RootInfluence) -> np.ndarray:
-    """Half thickness and height along the involute, shape `[2, flank_point]` [m]."""
-    roll = np.linspace(float(influence.form_roll), float(influence.tip_roll), _FLANK_POINTS)
-    return np.stack(influence.section.flank(jnp.asarray(roll)))
 
 
 def roots_summary(gears: Mapping[str, GearKeys], statics: Statics, roots: xr.Dataset) -> Summary:
@@ -169,4 +155,42 @@ def _of_gear(
             "root_safety": strength / largest,
             "nominal_root_safety_S_F": strength / told["nominal_root_stress_MPa"],
         }
+    return told
+
+
+def moving_roots_summary(gears: Mapping[str, GearKeys], swept: xr.Dataset) -> Summary:
+    """The `roots` part of the summary of a sweep.
+
+    **Arguments:**
+
+    - `gears`: with their strengths.
+    - `swept`: the dataset of its sweep, with root stresses.
+
+    **Returns:**
+
+    For each gear the largest stress of the settled responses, where it is, over that at rest; and
+    where the gear's `root_strength_MPa` is given, safety and the speeds that exceed it.
+    """
+    return {
+        gear: _in_motion(each.root_strength_MPa, swept.sel(gear=gear))
+        for gear, each in gears.items()
+    }
+
+
+def _in_motion(strength: float | None, own: xr.Dataset) -> Summary:
+    settled = own["settled"].values.astype(bool)
+    counts = settled if settled.any() else ~settled
+    stress = np.where(counts, own["root_stress_MPa"].values, -np.inf)
+    way, place = np.unravel_index(int(np.argmax(stress)), stress.shape)
+    worst = float(stress[way, place])
+    told = {
+        "max_root_stress_MPa": worst,
+        "max_root_compression_MPa": float(own["root_compression_MPa"].values[counts].min()),
+        "pinion_speed_rad_s": float(own["speed"].values[place]),
+        "direction": str(own["direction"].values[way]),
+        "over_static": worst / float(own["static_root_stress_MPa"]),
+    }
+    if strength is not None:
+        told["root_safety"] = strength / worst
+        told["beyond_strength_rad_s"] = own["speed"].values[(stress > strength).any(axis=0)]
     return told

@@ -130,11 +130,11 @@ def statics_result(scene: Scene, statics: Statics, torques: np.ndarray) -> Resul
     if static["bearings"]:
         sections = body_sections(scene.bodies)
         groups["shafts"] = shafts_dataset(model, statics.cycle, static["bearings"], sections)
-    if scene.mesh.root_stress:
+    if scene.mesh.root_stress and statics.influences is not None:
         from jaxgear.study import _roots
 
         with narration("roots"):
-            groups["roots"] = _roots.roots_dataset(model, statics.cycle)
+            groups["roots"] = _roots.roots_dataset(model, statics.cycle, statics.influences)
         summary["roots"] = _roots.roots_summary(scene.gears, statics, groups["roots"])
     cycle = static_dataset(model, statics.cycle, statics.law)
     error = statics.harris, "transmission error over torque and phase"

@@ -1,5 +1,6 @@
 """What [robust] lets scatter about a design, and the model of one gear of the sample."""
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -11,6 +12,7 @@ import numpy as np
 import optimise
 from jaxgear._checks import InputError
 from jaxgear._contact._cells import Misalignment
+from jaxgear._contact._root_influence import nearby_influences
 from jaxgear._flank._deviations import (
     Flanks,
     HelixSlope,
@@ -29,7 +31,7 @@ from jaxgear.scene._gear_tables import FlanksKeys
 from jaxgear.scene._key import show
 from jaxgear.scene._schema import GEARS, KEYS, general, split_entry
 from jaxgear.scene._study_tables import RobustKeys
-from jaxgear.study._design import AMOUNTS, DesignSpace
+from jaxgear.study._design import AMOUNTS, DesignSpace, keeps_teeth
 
 _TORQUE = "pair.torque_pinion_Nm"
 _INCLINATION = "pair.misalignment_inclination_um"
@@ -84,6 +86,13 @@ class Scatter(eqx.Module):
             _is_light(key) or key.startswith(beside) or any(part in key for part in within)
             for key in self.keys
         )
+
+    def with_teeth(self) -> DesignSpace:
+        """The variables, with influences on the roots that follow what scatters."""
+        space = self.space
+        if space.influences is None or all(map(keeps_teeth, self.keys)):
+            return space
+        return dataclasses.replace(space, influences=nearby_influences(space.base.pair))
 
     def model(self, values: Reals, drawn: Reals, torque: Scalar) -> PairModel:
         """The model of one gear of the sample; traceable by JAX.

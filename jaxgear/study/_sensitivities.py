@@ -19,6 +19,7 @@ from jaxgear._solve._cycle import mesh_cycle
 from jaxgear._types import Flags, Reals
 from jaxgear._units import um
 from jaxgear.scene._build import grid_of, law_of, model_of
+from jaxgear.scene._mesh_roots import influences_near
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import split_entry
 from jaxgear.study._derivatives import UNFUSED, Keys, linearised
@@ -28,7 +29,7 @@ from jaxgear.study._progress import built_scene, progress
 from jaxgear.study._result import Result, Summary, titled
 from jaxgear.study._results import dataset_of, told
 from jaxgear.study._running import timed
-from jaxgear.study._statics import headline, require_solved
+from jaxgear.study._statics import ROOT_NUMBERS, headline, require_solved, root_numbers
 from jaxgear.study._steady import (
     SPEED,
     TOO_MANY,
@@ -116,22 +117,23 @@ def static_sensitivities(scene: Scene) -> xr.Dataset:
 
     The largest pressure is that of one place: where two are equal, the mean of what moves either.
     """
-    keys, law = Keys(scene, scene.real_keys()), law_of(scene.mesh)
-    grid = grid_of(scene, model_of(scene))
+    keys, law, still = Keys(scene, scene.real_keys()), law_of(scene.mesh), model_of(scene)
+    grid, influences = grid_of(scene, still), influences_near(scene, still.pair)
+    names = (*_AT_REST, _STIFFNESS, *(ROOT_NUMBERS if influences(still.pair) else ()))
 
     def respond(values: Reals) -> tuple[Reals, Flags]:
         model = model_of(keys.moved(values))
         cycle = mesh_cycle(model, grid, law=law, throw=False)
-        numbers = headline(model, cycle, law)
-        stiffness = cycle_mean(cycle, mesh_stiffness(cycle)) * um
-        return jnp.stack([*(numbers[name] for name in _AT_REST), stiffness]), cycle.converged
+        numbers = headline(model, cycle, law) | root_numbers(model, cycle, influences(model.pair))
+        numbers[_STIFFNESS] = cycle_mean(cycle, mesh_stiffness(cycle)) * um
+        return jnp.stack([numbers[name] for name in names]), cycle.converged
 
     centre = jnp.asarray(keys.centre)
     value, converged, slopes, _ = timed(
         linearised(respond), centre, jnp.eye(len(centre)), None, options=UNFUSED
     )
     require_solved(converged)
-    return in_shares((*_AT_REST, _STIFFNESS), value, keys.names, centre, slopes.T)
+    return in_shares(names, value, keys.names, centre, slopes.T)
 
 
 def steady_sensitivities(scene: Scene) -> tuple[xr.Dataset | None, list[SteadyPoint]]:

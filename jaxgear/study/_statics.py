@@ -12,6 +12,7 @@ from jaxtyping import Array
 from jaxgear._checks import require
 from jaxgear._contact._cells import nominal_line_load
 from jaxgear._contact._iso import iso_stiffness
+from jaxgear._contact._root_influence import Influences
 from jaxgear._contact._shared import shared_compliance
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
@@ -25,6 +26,7 @@ from jaxgear._response._factors import (
 )
 from jaxgear._response._loads import hertz_pressure, line_load, mesh_stiffness
 from jaxgear._response._losses import mesh_loss_factor
+from jaxgear._response._root_stress import root_stress, slice_load
 from jaxgear._response._transmission import (
     cycle_mean,
     cycle_rms,
@@ -39,7 +41,9 @@ from jaxgear._types import Phases, Reals, Scalar, as_scalar
 from jaxgear._units import MPa, N_per_mm_um, mm, um
 from jaxgear.scene._build import couples_on_pinion, grid_of, law_of, model_of
 from jaxgear.scene._gear_tables import PairKeys, ShaftKeys
+from jaxgear.scene._mesh_roots import influences_of
 from jaxgear.scene._scene import Scene
+from jaxgear.scene._schema import GEARS
 from jaxgear.study._results import harmonic_count
 from jaxgear.study._running import timed
 
@@ -48,6 +52,8 @@ class SolverFailure(RuntimeError):
     """A computation on a good scene that found no answer."""
 
 
+# Largest tensile stress at the roots of each gear.
+ROOT_NUMBERS = tuple(f"max_root_stress_{gear}_MPa" for gear in GEARS)
 # Of the summary, the unit in each key.
 Numbers = dict[str, Scalar]
 
@@ -79,6 +85,7 @@ class Statics(eqx.Module):
     - `angle_change`: of the pressure angle where the base radii grow by a thousandth [rad].
     - `harris`: transmission error over phase, one row per further torque [m].
     - `harris_harmonics`: amplitudes of its first mesh harmonics, one row per further torque [m].
+    - `influences`: of loads on the roots, or `None` where nobody asks for their stresses.
     """
 
     model: PairModel
@@ -92,17 +99,24 @@ class Statics(eqx.Module):
     angle_change: Scalar
     harris: np.ndarray
     harris_harmonics: np.ndarray
+    influences: Influences | None
 
 
-def solve_statics(scene: Scene, torques: np.ndarray | None = None) -> Statics:
-    """Solve the mesh cycle of a scene at its own torque, and at others for the Harris map [N m]."""
+def solve_statics(
+    scene: Scene, torques: np.ndarray | None = None, influences: Influences | None = None
+) -> Statics:
+    """Solve the mesh cycle of a scene at its own torque, and at others for the Harris map [N m].
+
+    Influences on the roots are those given, of the same teeth, or found where they are asked for.
+    """
     model = model_of(scene)
+    influences = influences or influences_of(scene, model.pair)
     grid, law = grid_of(scene, model), law_of(scene.mesh)
     more = np.zeros(0) if torques is None else torques
 
     # The scene's own torque and the others in one program: it is compiled once.
     all_torques = np.concatenate([[float(model.torque)], more])
-    found = timed(_solve, model, grid, law, all_torques, options=QUICKLY)
+    found = timed(_solve, model, grid, law, all_torques, influences, options=QUICKLY)
     require_solved(found.converged)
     _require_bearable(model, found.told.numbers)
     return Statics(
@@ -114,6 +128,7 @@ def solve_statics(scene: Scene, torques: np.ndarray | None = None) -> Statics:
         **found.told._asdict(),
         harris=np.asarray(found.error)[1:],
         harris_harmonics=np.asarray(found.harmonics)[1:],
+        influences=influences,
     )
 
 
@@ -122,9 +137,10 @@ def settled_statics(
     grid: MeshGrid,
     law: AbstractContactLaw,
     cycle: MeshCycle,
+    influences: Influences | None = None,
 ) -> Statics:
     """The statics of a cycle that was solved for another purpose; without further torques."""
-    told = timed(_told, model, cycle, law, options=QUICKLY)
+    told = timed(_told, model, cycle, law, influences, options=QUICKLY)
     _require_bearable(model, told.numbers)
     return Statics(
         model=model,
@@ -135,6 +151,7 @@ def settled_statics(
         **told._asdict(),
         harris=np.zeros((0, grid.phases * grid.periods)),
         harris_harmonics=np.zeros((0, harmonic_count(cycle))),
+        influences=influences,
     )
 
 
@@ -171,7 +188,13 @@ class _Solved(NamedTuple):
     converged: Array
 
 
-def _solve(model: PairModel, grid: MeshGrid, law: AbstractContactLaw, torques: Reals) -> _Solved:
+def _solve(
+    model: PairModel,
+    grid: MeshGrid,
+    law: AbstractContactLaw,
+    torques: Reals,
+    influences: Influences | None,
+) -> _Solved:
     """Cycles at all torques, and everything that a summary says of the first."""
 
     def at_torque(torque: Scalar):
@@ -184,14 +207,19 @@ def _solve(model: PairModel, grid: MeshGrid, law: AbstractContactLaw, torques: R
 
     whole, *rows = jax.vmap(at_torque)(torques)
     prepared, cycle = jax.tree.map(lambda x: x[0], whole)
-    return _Solved(prepared, cycle, _told(model, cycle, law), *rows)
+    return _Solved(prepared, cycle, _told(model, cycle, law, influences), *rows)
 
 
-def _told(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> _Told:
+def _told(
+    model: PairModel, cycle: MeshCycle, law: AbstractContactLaw, influences: Influences | None
+) -> _Told:
     # Of base radii that grow by a thousandth.
     change = pressure_angle_change(model.pair, 1e-3 * model.pair.base_radius)[0]
     return _Told(
-        _static_numbers(model, cycle, law), _iso_numbers(model), _mean_loads(cycle), change
+        numbers=_static_numbers(model, cycle, law) | root_numbers(model, cycle, influences),
+        standard=_iso_numbers(model),
+        mounts=_mean_loads(cycle),
+        angle_change=change,
     )
 
 
@@ -260,6 +288,14 @@ def headline(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> Num
         "face_load_factor": face_load_factor(cycle),
         "transverse_load_factor": transverse_load_factor(model.pair, cycle),
     }
+
+
+def root_numbers(model: PairModel, cycle: MeshCycle, influences: Influences | None) -> Numbers:
+    """Largest tensile stress at the roots of each gear, where it is asked for; traceable by JAX."""
+    if influences is None:
+        return {}
+    stress = root_stress(model.pair, influences, cycle.cells.lines, slice_load(cycle))
+    return dict(zip(ROOT_NUMBERS, stress.largest / MPa, strict=True))
 
 
 def _static_numbers(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> Numbers:

@@ -1,6 +1,7 @@
 """A scene in steady motion at many speeds: peaks, jumps, ranges with two responses."""
 
 import itertools
+from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
@@ -8,6 +9,7 @@ import xarray as xr
 from jaxgear._checks import InputError
 from jaxgear._response._sweep_features import FEW, leaps, prominent
 from jaxgear.scene._build import law_of
+from jaxgear.scene._gear_tables import GearKeys
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._tables import SweepKeys
 from jaxgear.study._dynamics import (
@@ -72,7 +74,7 @@ def sweep_result(scene: Scene, dynamics: Dynamics) -> Result:
         raise InputError("probes: they look at condensed bodies, of which this scene has none.")
     count = len(speeds_of(scene.sweep)) * len(directions_of(scene.sweep))
     with progress(count, "sweep") as done:
-        found = sweep_of(law_of(scene.mesh), scene.sweep, dynamics.pair, done, watch)
+        found = sweep_of(law_of(scene.mesh), scene.sweep, dynamics, done, watch)
     dataset, orbit = sweep_dataset(dynamics, found), orbit_dataset(dynamics, found)
     at_peak = f", {orbit.attrs['speed_rad_s']:.5g} rad/s"
     datasets = {
@@ -81,7 +83,7 @@ def sweep_result(scene: Scene, dynamics: Dynamics) -> Result:
     }
     summary = {
         "damping": damping_summary(scene.damping, dynamics),
-        "sweep": _sweep_summary(scene.sweep, dynamics, found, dataset),
+        "sweep": _sweep_summary(scene.sweep, scene.gears, dynamics, found, dataset),
         "notes": sweep_notes(scene, found.unsettled, count, list(found.pieces_lost())),
     }
     if watch is None:
@@ -103,13 +105,22 @@ _LISTS = (
 
 
 def _sweep_summary(
-    asked: SweepKeys, dynamics: Dynamics, sweep: Sweep, dataset: xr.Dataset
+    asked: SweepKeys,
+    gears: Mapping[str, GearKeys],
+    dynamics: Dynamics,
+    sweep: Sweep,
+    dataset: xr.Dataset,
 ) -> Summary:
     """The `sweep` part of the summary; lists are over `pinion_speed_rad_s`."""
     special = lambda name: sorted(
         point.speed for piece in sweep.curves for point in getattr(piece, name)
     )
     size = size_of(dynamics.pair)
+    roots = {}
+    if dynamics.statics.influences is not None:
+        from jaxgear.study._roots import moving_roots_summary
+
+        roots = {"roots": moving_roots_summary(gears, dataset)}
     return {
         "pinion_speed_rad_s": sweep.speeds,
         **{
@@ -117,6 +128,7 @@ def _sweep_summary(
             for way in sweep.responses
             for name in _LISTS
         },
+        **roots,
         "peaks": _peaks(dynamics, dataset),
         "jumps": _jumps(dataset),
         "bistable": _bistable(dataset),

@@ -13,9 +13,11 @@ from jaxgear._dynamics._system import PairDynamics
 from jaxgear._response._sweep_features import WAYS
 from jaxgear._response._transmission import transmission_error
 from jaxgear._system._model import PairModel
+from jaxgear._units import MPa
+from jaxgear.scene._schema import GEARS
 from jaxgear.study._dynamics import Dynamics
 from jaxgear.study._results import Entries, Entry, dataset_of, over
-from jaxgear.study._statics import SolverFailure
+from jaxgear.study._statics import ROOT_NUMBERS, SolverFailure
 from jaxgear.study._statics_summary import bearings_of
 from jaxgear.study._sweeping import Response, Sweep
 
@@ -43,6 +45,7 @@ def sweep_dataset(dynamics: Dynamics, sweep: Sweep) -> xr.Dataset:
         "speed": Entry(("speed",), sweep.speeds, "rad/s", "speed of the pinion"),
         **_over_speeds(sweep),
         **_over_orders(sweep, model),
+        **_over_roots(dynamics, sweep),
         **_over_phase(pair, sweep),
         **_over_points(sweep),
         **_excited_modes(dynamics),
@@ -127,6 +130,27 @@ def _over_orders(sweep: Sweep, model: PairModel) -> Entries:
             bearing_force_order_N=(
                 whole,
                 "amplitude of a bearing's force: root of the sum of squares over S, T, Z",
+            ),
+        )
+    )
+
+
+def _over_roots(dynamics: Dynamics, sweep: Sweep) -> Entries:
+    """Stresses at the roots, where they are asked for."""
+    if dynamics.statics.influences is None:
+        return {}
+    tension = _each(sweep, lambda r: r.numbers.root_stress)
+    compression = _each(sweep, lambda r: r.numbers.root_compression)
+    static = [MPa * float(dynamics.statics.numbers[name]) for name in ROOT_NUMBERS]
+    return (
+        over("gear", gear=(list(GEARS), "gear"))
+        | over("gear", static_root_stress_MPa=(static, "largest root stress at rest"))
+        | over(
+            "direction speed gear",
+            root_stress_MPa=(tension, "largest tensile stress of the roots"),
+            root_compression_MPa=(
+                compression,
+                "largest compressive stress of the roots, on the fillets behind",
             ),
         )
     )

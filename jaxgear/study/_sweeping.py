@@ -18,7 +18,7 @@ from jaxgear._dynamics._system import PairDynamics
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._response._measured import Measured, measured
 from jaxgear.scene._tables import SweepKeys
-from jaxgear.study._dynamics import directions_of, settings_of, size_of, speeds_of
+from jaxgear.study._dynamics import Dynamics, directions_of, settings_of, size_of, speeds_of
 from jaxgear.study._statics import SolverFailure
 
 # Settled responses whose dynamic ratios differ by more than this, relative to them, are two.
@@ -74,20 +74,22 @@ Watch = Callable[[Direction, SweepPoint, float], None]
 def swept(
     law: AbstractContactLaw,
     asked: SweepKeys,
-    dynamics: PairDynamics,
+    moving: Dynamics,
     speeds: np.ndarray,
     direction: Direction,
     done: Callable[[int], None],
     watch: Watch | None = None,
 ) -> tuple[Response, ...]:
     """Sweep in one direction over rising speeds [rad/s]; keep what is shown of each response."""
+    dynamics = moving.pair
     # Responses of many mesh periods are too long to keep them all until the end.
     finder = Finder(dynamics.system, settings_of(law, asked, size_of(dynamics)))
     found: list[Response] = []
     last = None
     for speed in speeds[::-1] if direction == "down" else speeds:
         point = finder.next(jnp.asarray(float(speed)), last)
-        numbers = jax.device_get(measured(dynamics, point.orbit, law, asked.orders))
+        influences = moving.statics.influences
+        numbers = jax.device_get(measured(dynamics, point.orbit, law, asked.orders, influences))
         found.append(_response(point, float(speed), numbers, dynamics.system.table.periods))
         if not found[-1].is_finite:
             raise SolverFailure(
@@ -181,11 +183,12 @@ def branches(
 def sweep_of(
     law: AbstractContactLaw,
     asked: SweepKeys,
-    dynamics: PairDynamics,
+    moving: Dynamics,
     done: Callable[[int], None],
     watch: Watch | None = None,
 ) -> Sweep:
     """Sweep a pair in all directions that are asked for, and follow its branch."""
+    dynamics = moving.pair
     speeds, seconds, followed = speeds_of(asked), {}, asked.continuation
     if followed is None:
         followed = asked.direction == "both"
@@ -212,7 +215,7 @@ def sweep_of(
             curves = pool.submit(clocked, "continuation", follow)
         try:
             for way in directions_of(asked):
-                one = functools.partial(swept, law, asked, dynamics, speeds, way, done, watch)
+                one = functools.partial(swept, law, asked, moving, speeds, way, done, watch)
                 responses[way] = clocked(way, one)
         except BaseException:
             stopped = True

@@ -120,6 +120,7 @@ def solved(tmp_path_factory):
         angle_change=jnp.zeros(()),
         harris=np.zeros((0, len(force))),
         harris_harmonics=np.zeros((0, 3)),
+        influences=None,
     )
     return (
         scene,

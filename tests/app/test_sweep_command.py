@@ -137,7 +137,7 @@ def test_marching_agrees_with_harmonic_balance(both, folder):
     _, summary, dynamics = both
     scene = read_scene(folder / "spur.toml", ("sweep.method=newmark", "sweep.cycles=60"))
     speeds = np.asarray([1500.0, 2000.0])
-    found = swept(law_of(scene.mesh), scene.sweep, dynamics.pair, speeds, "up", lambda _: None)
+    found = swept(law_of(scene.mesh), scene.sweep, dynamics, speeds, "up", lambda _: None)
     assert all(response.settled and response.stable for response in found)
     assert [response.periods for response in found] == [1, 1]
     ratio = [float(response.numbers.dynamic_ratio) for response in found]
@@ -164,7 +164,7 @@ def test_a_slow_pair_has_its_quasi_static_transmission_error(folder):
     dynamics = _dynamics.solve_dynamics(scene)
     # Very slowly, many steps of a resonance lie within one of the mesh: its mean is left.
     (response,) = swept(
-        law_of(scene.mesh), scene.sweep, dynamics.pair, np.asarray([1.0]), "up", lambda _: None
+        law_of(scene.mesh), scene.sweep, dynamics, np.asarray([1.0]), "up", lambda _: None
     )
     mean = float(dynamics.statics.numbers["te_mean_um"]) * jg.um
     assert response.settled

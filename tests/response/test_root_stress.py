@@ -172,7 +172,7 @@ def test_nominal_stress_by_hand(settled):
 
 def test_dataset_and_pictures_hold_the_same_stresses(settled):
     model, _, cycle, influences = settled
-    roots = roots_dataset(model, cycle).assign_attrs(title="a pair")
+    roots = roots_dataset(model, cycle, influences).assign_attrs(title="a pair")
     stress = jg.root_stress(model.pair, influences, cycle.cells.lines, jg.slice_load(cycle))
     largest = np.asarray(stress.largest) / MPa
     along = roots["fillet_stress_MPa"].sel(fillet="drive").max("point").values

@@ -46,7 +46,7 @@ def compare(scene: Scene) -> Result:
         got=scene.mesh.periods,
     )
     if not moving:
-        require_at_rest(scene.compare.responses, scene.condensed)
+        require_at_rest(scene)
     work = "optimise" if scene.optimise.is_given else "run"
     at_rest = compared(StaticProblem(scene, work=work), "compare statics")
     static = titled(at_rest.dataset, scene.title + ", quasi-static cycle")

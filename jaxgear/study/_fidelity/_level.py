@@ -39,6 +39,7 @@ RESPONSES = {
     "max_line_load": Compared("largest line load", "max_line_load_N_mm"),
     "max_pressure": Compared("largest pressure", "max_pressure_MPa"),
     "mesh_stiffness_mean": Compared("mean mesh stiffness", "mesh_stiffness_mean_N_um"),
+    "max_root_stress": Compared("largest root stress", "max_root_stress_MPa"),
     "face_load_factor": Compared("face load factor", "face_load_factor"),
     "transverse_load_factor": Compared("transverse load factor", "transverse_load_factor"),
     "te_harmonic_1": Compared("mesh harmonic of transmission error", "te_harmonic_1_um", True),

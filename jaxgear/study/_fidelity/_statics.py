@@ -15,9 +15,11 @@ import numpy as np
 
 import jaxgear as jg
 from jaxgear._checks import InputError
+from jaxgear._contact._root_influence import Influences
 from jaxgear._types import Flag, Reals
 from jaxgear._units import um
 from jaxgear.scene._build import flanks_of, grid_of, law_of, model_of
+from jaxgear.scene._mesh_roots import asks_for_roots, influences_of
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS, STATIC_RESPONSES
 from jaxgear.study._design import twin
@@ -40,11 +42,11 @@ from jaxgear.study._fidelity._levels import static_levels
 from jaxgear.study._fidelity._models import Models, changed
 from jaxgear.study._result import Summary
 from jaxgear.study._running import seconds, timed
-from jaxgear.study._statics import SolverFailure, headline
+from jaxgear.study._statics import SolverFailure, headline, root_numbers
 
 # Measured, and only looked at where a level is tried.
 _EXTRAS = ("face_load_factor", "transverse_load_factor", "te_harmonic_1")
-MEASURED = (*STATIC_RESPONSES, *_EXTRAS)
+_ROOTS = "max_root_stress"
 # Torques, over the scene's own, by which a level is chosen, and at which it is then tried.
 _CHOSEN, _HELD_OUT = (1.0, 0.5), (0.7, 1.3)
 # About what a tooth pair resists [N/(mm um)], for a relief of the size that a search looks at.
@@ -115,8 +117,17 @@ def _cut_back(scene: Scene, keys: Sequence[str], share: float) -> Mapping[str, f
     return found | dict.fromkeys(reliefs, 0.3)
 
 
+def measured_of(roots: bool) -> tuple[str, ...]:
+    """What is measured, with root stress or without."""
+    return tuple(name for name in (*STATIC_RESPONSES, *_EXTRAS) if roots or name != _ROOTS)
+
+
 def _answers(
-    model: jg.PairModel, grid: jg.MeshGrid, law: jg.AbstractContactLaw, points: _Loaded
+    model: jg.PairModel,
+    grid: jg.MeshGrid,
+    law: jg.AbstractContactLaw,
+    points: _Loaded,
+    influences: Influences | None,
 ) -> Answers:
     """What is measured at each point, and what the mesh deflects by; times of points add up."""
 
@@ -129,8 +140,10 @@ def _answers(
             "mesh_stiffness_mean_N_um": stiffness * um,
             "te_harmonic_1_um": jg.harmonic_amplitudes(cycle, error, 1)[0] / um,
         }
+        if roots := root_numbers(loaded, cycle, influences):
+            found[RESPONSES[_ROOTS].key] = jnp.max(jnp.stack(list(roots.values())))
         deflection = cycle.load[0, 0] / stiffness / um
-        values = [*(found[RESPONSES[name].key] for name in MEASURED), deflection]
+        values = [*(found[RESPONSES[name].key] for name in measured_of(bool(roots))), deflection]
         return jnp.stack(values), jnp.all(cycle.converged)
 
     values, solved = jax.lax.map(one, points)
@@ -159,11 +172,12 @@ class StaticProblem(AbstractProblem):
         self.scene = scene
         self.levels = static_levels(scene) if levels is None else levels
         self.points = points_of(scene, work) if points is None else points
-        self.names = _names(scene.condensed)
+        self.names, self.measured = _names(scene), measured_of(asks_for_roots(scene))
         # Who asks for some responses only does not ask for others.
         self.extras = () if scene.compare.responses else _EXTRAS
         self.models = Models(scene, moving=False)
         self.options = QUICK if quick else ()
+        self._solved_influences: dict[str, Influences | None] = {}
         slices, phases = 2 * scene.mesh.slices, 2 * scene.mesh.phases
         if not scene.condensed:
             slices, phases = max(slices, _FINEST[0]), max(phases, _FINEST[1])
@@ -184,6 +198,13 @@ class StaticProblem(AbstractProblem):
         """The same for all levels."""
         return self._reference
 
+    def _influences(self, scene: Scene, model: jg.PairModel) -> Influences | None:
+        """Solved once for all levels of sliced teeth, and once for those of elements."""
+        tooth = scene.mesh.tooth
+        if tooth not in self._solved_influences:
+            self._solved_influences[tooth] = influences_of(scene, model.pair)
+        return self._solved_influences[tooth]
+
     def run(self, level: Level) -> Run:
         """All points, also those where levels are tried only."""
         scene, model = self.models(level.changes)
@@ -196,15 +217,17 @@ class StaticProblem(AbstractProblem):
             for point in self.points
         ]
         points = jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(x) for x in leaves]), *each)
-        arguments = model, grid_of(scene, model), law_of(scene.mesh), points
+        influences = self._influences(scene, model)
+        arguments = model, grid_of(scene, model), law_of(scene.mesh), points, influences
         return Run(_answers, arguments, 1.0 / len(self.points), options=self.options)
 
     def line(self, level: Level, answers: Answers, at: Any) -> Summary:
         """The largest errors at the points by which levels are chosen, and at the others."""
-        errors, solved = errors_of(MEASURED, answers, self._reference), np.asarray(answers.solved)
+        errors = errors_of(self.measured, answers, self._reference)
+        solved = np.asarray(answers.solved)
 
         def largest(name: str, at: np.ndarray) -> float | None:
-            value = float(np.max(errors[MEASURED.index(name)][at]))
+            value = float(np.max(errors[self.measured.index(name)][at]))
             return value if solved[at].all() and np.isfinite(value) else None
 
         system = eqx.filter_eval_shape(jg.PairModel.system, self.models(level.changes)[1])
@@ -212,8 +235,10 @@ class StaticProblem(AbstractProblem):
             "beyond": level.beyond,
             # The drive is counted once.
             "dofs": len(system.structure.map.free) - 1,
-            "error": {name: largest(name, self.chosen) for name in STATIC_RESPONSES},
-            "held_out": {name: largest(name, ~self.chosen) for name in MEASURED},
+            "error": {
+                name: largest(name, self.chosen) for name in self.measured if name not in _EXTRAS
+            },
+            "held_out": {name: largest(name, ~self.chosen) for name in self.measured},
             "changes": {k: "left out" if x is None else x for k, x in level.changes.items()},
         }
 
@@ -231,8 +256,8 @@ class StaticProblem(AbstractProblem):
     def about(self) -> Summary:
         """The reference, its points and what errors are relative to."""
         reference = self._reference
-        keys = [RESPONSES[name].key for name in MEASURED]
-        values, scales = reference.values[: len(keys)], scales_of(MEASURED, reference)
+        keys = [RESPONSES[name].key for name in self.measured]
+        values, scales = reference.values[: len(keys)], scales_of(self.measured, reference)
         slices, phases = self.finest["mesh.slices"], self.finest["mesh.phases"]
         return {
             "name": f"as given, {slices} slices, {phases} phases, exact contact",
@@ -245,14 +270,14 @@ class StaticProblem(AbstractProblem):
         }
 
 
-def require_at_rest(named: Sequence[str] | None, condensed: Sequence[str]) -> None:
+def require_at_rest(scene: Scene) -> None:
     """Refuse responses none of which the quasi-static cycle of a scene without a sweep has.
 
     **Raises:**
 
     - `InputError` naming them.
     """
-    able = _names(condensed)
+    able, named = _names(scene), scene.compare.responses
     if named and not set(named) & set(able):
         raise InputError(
             f"compare.responses names {', '.join(named)}: in motion only, or of teeth alone where "
@@ -260,7 +285,8 @@ def require_at_rest(named: Sequence[str] | None, condensed: Sequence[str]) -> No
         )
 
 
-def _names(condensed: Sequence[str]) -> tuple[str, ...]:
+def _names(scene: Scene) -> tuple[str, ...]:
     """The mesh stiffness of condensed bodies is that of teeth alone: it compares with no other."""
-    apart = "mesh_stiffness_mean" if condensed else ""
-    return tuple(name for name in STATIC_RESPONSES if name != apart)
+    apart = "mesh_stiffness_mean" if scene.condensed else ""
+    found = measured_of(asks_for_roots(scene))
+    return tuple(name for name in found if name != apart and name not in _EXTRAS)
