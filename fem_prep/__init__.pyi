@@ -34,7 +34,10 @@ from ._artefact import balanced as balanced
 from ._artefact import floating as floating
 from ._artefact import rigid_motions as rigid_motions
 from ._tooth_shape import ToothedGear as ToothedGear
+from ._toothed_rim import ribbed_grids as ribbed_grids
 from ._tooth_section import ToothSizing as ToothSizing
+from ._tooth_shape import LEAST_RIM as LEAST_RIM
+from ._tooth_fineness import fitting_sizing as fitting_sizing
 from ._tooth_compliance import ToothElements as ToothElements
 from ._tooth_compliance import condense_teeth as condense_teeth
 from ._tooth_file import read_teeth as read_teeth

@@ -64,8 +64,23 @@ class ToothElements:
     facts: Mapping[str, object] = field(default_factory=dict)
 
 
-# Unknowns that are factorised at once.
-_MOST = 100_000
+# Unknowns that are factorised at once: they take some 4 GB.
+MOST_UNKNOWNS = 100_000
+
+
+def unknowns_of(gear: ToothedGear, teeth: int, sizing: ToothSizing) -> int:
+    """Unknowns of a gear's teeth that are factorised at once.
+
+    **Arguments:**
+
+    - `gear`: its teeth and its ring.
+    - `teeth`: that can be in mesh at once.
+    - `sizing`: how finely they are divided.
+    """
+    section = tooth_section(gear, min(teeth, gear.teeth), sizing)
+    count = _wave_count(gear, sizing)
+    parts = _separate(gear, _kept_waves(gear, section, count), count)
+    return max(len(part) for part, _ in parts)
 
 
 def condense_teeth(
@@ -106,11 +121,10 @@ def condense_teeth(
     with progress("solving for loads on the flank"):
         for part, own in _separate(gear, kept, waves.count):
             require(
-                len(part) <= _MOST,
-                "Teeth may have {most} unknowns in one piece, which take some 4 GB, got {got}: "
-                "they are too wide, or too many are in mesh. Divide them more coarsely by "
-                '`ToothSizing`; in a scene write mesh.tooth = "sliced".',
-                most=_MOST,
+                len(part) <= MOST_UNKNOWNS,
+                "Teeth may have {most:,} unknowns in one piece, which take some 4 GB, got {got:,}. "
+                "Divide them more coarsely: `fitting_sizing` says how.",
+                most=MOST_UNKNOWNS,
                 got=len(part),
             )
             dof, wave = np.unravel_index(part, shape)

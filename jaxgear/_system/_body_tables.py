@@ -93,6 +93,7 @@ def flexible_body(
     points: int = ROOT_POINTS,
     axial: Axial = "mortar",
     local: Callable[[int], np.ndarray] | None = None,
+    give: Callable[[RootPatches], np.ndarray] | None = None,
     basis: BodyBasis | None = None,
 ) -> FlexibleBody:
     """Put a condensed body in mesh. Call it outside of `jit`, on concrete gears.
@@ -103,12 +104,13 @@ def flexible_body(
     - `pair`: the gears.
     - `index`: 0 if it is the pinion's, 1 if it is the wheel's.
     - `grid`: slices, lines and periods of the cycle.
-    - `gear_seat`: seat at which the torque acts and the gear's rotation is measured; by default
-        `torque`, or the only one.
+    - `gear_seat`: where torque and rotation are taken; by default `torque`, or the only one.
     - `points`: across the root of a tooth; 2 is the thesis's connection.
     - `axial`: how a slice follows the rim along the axis, "mortar" or "collocation".
-    - `local`: what the feet of a tooth give beyond what the elements of the rim can show, by the
-        tooth's number: `[6 slice, 6 slice]` in the frames of the feet [m/N, 1/N, 1/(N m)].
+    - `local`: what the feet of a tooth, by its number, give beyond what the rim's elements can
+        show: `[6 slice, 6 slice]` in the frames of the feet [m/N, 1/N, 1/(N m)].
+    - `give`: what feet on some patches give with the seats held, `[6 foot, 6 foot]` in the
+        frames of the feet, if not what its matrices say.
     - `basis`: on which the body vibrates, from `body_basis`; statics need none.
 
     **Returns:**
@@ -117,9 +119,8 @@ def flexible_body(
 
     **Raises:**
 
-    - `ValueError` if the body is not this gear's, if slices are off its rim, if it has no faces on
-        the rim, if its seats are not named as they must be, or if its stiffness between seats
-        depends on the direction.
+    - `ValueError` if the body is not this gear's or has no faces on the rim, if slices are off it,
+        if seats are not named as they must be, or if the stiffness between them is uneven.
     """
     check_rim(body, pair, index)
     check_elements(body, pair, index, grid)
@@ -135,7 +136,7 @@ def flexible_body(
     patches = root_patches(pair, index, grid, each, points=points, axial=axial)
     found = feet(RimSurface(body.rim_nodes, body.rim_faces), patches)
     components = _ALL if float(pair.helix_angle) != 0.0 else _IN_PLANE
-    held = _held(body, found, patches.angles.ravel(), components)
+    held = _held(body, found, patches.angles.ravel(), components, give and give(patches))
     count, slices, size = len(each), grid.slices, len(components)
     lines, cells = where.reshape(teeth.shape), grid.lines * slices
     pairs = _between_cells(held, lines, each, repeats, local, components)
@@ -229,9 +230,16 @@ def _of_one_tooth(local: np.ndarray, slices: int, components: tuple[int, ...]) -
 
 
 def _held(
-    body: Condensed, found: Feet, angles: np.ndarray, components: tuple[int, ...]
+    body: Condensed,
+    found: Feet,
+    angles: np.ndarray,
+    components: tuple[int, ...],
+    give: np.ndarray | None,
 ) -> _HeldBody:
-    """Hold the seats of a body, and move them and load its feet one by one."""
+    """Hold the seats of a body, and move them and load its feet one by one.
+
+    What the feet give can be known from elsewhere: of all components, `[6 foot, 6 foot]`.
+    """
     rim, count = 3 * len(body.rim_nodes), len(body.seats)
     seat = np.arange(rim, rim + 6 * count)
     inner = np.setdiff1d(np.arange(len(body.stiffness)), seat)
@@ -248,10 +256,11 @@ def _held(
     solved = scipy.linalg.cho_solve(factor, right, overwrite_b=True, check_finite=False)
     given = rows @ solved[:rim]
     by_seats = solved[:, : joined.shape[1]]
+    own = given[:, joined.shape[1] : -1] if give is None else give[np.ix_(kept, kept)]
     stiffness = body.stiffness[np.ix_(seat, seat)]
     return _HeldBody(
         feet=rows,
-        flexibility=given[:, joined.shape[1] : -1],
+        flexibility=own,
         from_seats=-_turned(given[:, : joined.shape[1]], angles),
         growth=given[:, -1],
         seat_stiffness=_same_all_round(stiffness - joined.T @ by_seats, stiffness, body),

@@ -6,8 +6,8 @@ from jaxgear.plot._picture import Datasets, Picture, columns, drawn
 
 
 def comparison_pictures(datasets: Datasets) -> Iterator[Picture]:
-    """Pictures of the groups `compare` and `compare_statics`: an overview, and one a response."""
-    for group in ("compare", "compare_statics"):
+    """Pictures of comparisons: of each group an overview, and one a response."""
+    for group in ("compare", "compare_statics", "compare_teeth"):
         if (found := datasets.get(group)) is None:
             continue
         table = columns(found, *map(str, found.data_vars))

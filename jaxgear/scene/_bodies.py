@@ -270,6 +270,11 @@ def even_sectors(body: GearBody, teeth: int) -> int:
     return _next_multiple(1, math.lcm(teeth, _repeats(body)))
 
 
+def ribbed_sectors(body: GearBody, teeth: int) -> int:
+    """The fewest elements around that are two for each tooth and fit holes and axis."""
+    return _next_multiple(2 * teeth, _repeats(body))
+
+
 def _next_multiple(least: int, of: int) -> int:
     """The smallest multiple not below, and at least eight."""
     return max(-(-least // of), -(-8 // of)) * of

@@ -21,11 +21,10 @@ from jaxgear.scene._bodies import BodyPlan, Drawn, body_plan
 from jaxgear.scene._body_build import BuiltBody, built_body
 from jaxgear.scene._body_words import in_keys
 from jaxgear.scene._build import couples_on_pinion, pair_grid, pair_of
-from jaxgear.scene._plain_ring import without_plain_ring
+from jaxgear.scene._plain_ring import beyond_plain_ring
 from jaxgear.scene._root_correction import root_correction
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
-from jaxgear.scene._tables import MeshKeys
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,10 +71,7 @@ def with_bodies(
     made = [_made(plan, tell, modes) for plan in plans]
     scene = _over_whole_cycles(scene, made)
     grid = pair_grid(scene, pair, torque)
-    bodies = {
-        gear: _in_mesh(scene.mesh, scene.gear(gear).bore_mm, each, pair, grid, tell)
-        for gear, each in ((each[0].plan.gear, each) for each in made)
-    }
+    bodies = {each[0].plan.gear: _in_mesh(scene, each, pair, grid, tell) for each in made}
     for gear, key in measures.items():
         if key is not None:
             bodies[gear] = _with_family(scene, gear, key, bodies[gear], pair, grid, tell)
@@ -129,8 +125,7 @@ def _with_family(
             plan, method="guyan", modes=0, rotating=False, compares_seats=False
         )
         along = lambda step, where=where: tell(f"{step}: {where}")
-        bare = _made(plan, along, None)
-        found = _in_mesh(scene.mesh, scene.gear(gear).bore_mm, bare, pair, grid, along)
+        found = _in_mesh(scene, _made(plan, along, None), pair, grid, along)
         bodies[value] = found.flexible
         nodes[value] = int(found.built.health["nodes"])
     probes = [(value, bodies[value]) for value in map(float, checks)]
@@ -199,25 +194,26 @@ def _over_whole_cycles(scene: Scene, made: Sequence[_Made]) -> Scene:
 
 
 def _in_mesh(
-    mesh: MeshKeys,
-    bore: float | None,
-    made: _Made,
-    pair: GearPair,
-    grid: MeshGrid,
-    tell: Callable[[str], None],
+    scene: Scene, made: _Made, pair: GearPair, grid: MeshGrid, tell: Callable[[str], None]
 ) -> MeshBody:
-    built, basis = made
+    (built, basis), mesh = made, scene.mesh
     plan, body = built.plan, built.body
     tell(f"{plan.gear}: teeth on the rim")
-    index, local = GEARS.index(plan.gear), None
+    index, local, give = GEARS.index(plan.gear), None, None
     on_rim: Any = {"points": mesh.root_points, "axial": mesh.connection}
     with in_keys(plan.gear):
-        if mesh.root_correction:
+        if mesh.tooth == "elements":
+            give = beyond_plain_ring(scene.plain, plan, tell)
+            if basis is not None:
+                raise InputError(
+                    'mesh.tooth = "elements": a condensed body carries such teeth in statics only, '
+                    'for the ring under them has no modes. Write mesh.tooth = "sliced" for what is '
+                    "in motion, or make the body rigid."
+                )
+        elif mesh.root_correction:
             local = root_correction(body, plan.material, pair, index, grid, **on_rim)
         seat = plan.torque_seat or None
         flexible = flexible_body(
-            body, pair, index, grid, gear_seat=seat, local=local, basis=basis, **on_rim
+            body, pair, index, grid, gear_seat=seat, local=local, give=give, basis=basis, **on_rim
         )
-    if mesh.tooth == "elements":
-        flexible = without_plain_ring(mesh, bore, plan, flexible, pair, grid, tell)
     return MeshBody(built, flexible, basis)

@@ -12,9 +12,9 @@ from fem_prep import (
     Material,
     ToothedGear,
     ToothElements,
-    ToothSizing,
     cached,
     condense_teeth,
+    fitting_sizing,
     key_of,
     read_teeth,
     write_teeth,
@@ -76,6 +76,13 @@ def condensed_pair(scene: Scene) -> list[tuple[ToothedGear, ToothElements]]:
     return found
 
 
+def coarser_teeth(scene: Scene) -> list[tuple[str, float]]:
+    """Gears whose teeth are divided more coarsely than others are, and what that costs [-]."""
+    count = _teeth_in_mesh(scene)
+    found = [(gear, fitting_sizing(_shape(scene.plain, gear)[0], count)[1]) for gear in GEARS]
+    return [(gear, error) for gear, error in found if error > 0.0]
+
+
 def _check(scene: Scene) -> None:
     """Refuse what teeth of finite elements cannot be."""
     moved = sorted(key for key in scene.moved if shapes_teeth(key))
@@ -116,6 +123,11 @@ def _teeth_in_mesh(scene: Scene) -> int:
     return math.floor(profile + half + beyond + 0.05) + math.ceil(half) + 1
 
 
+def toothed_gear(tables: PlainTables, name: str) -> ToothedGear:
+    """The teeth of a gear and the ring that they stand on."""
+    return _shape(tables, name)[0]
+
+
 def _shape(tables: PlainTables, name: str) -> tuple[ToothedGear, Material]:
     """What the teeth of a gear are made from."""
     gear, pair, sign = tables.gear(name), tables.pair, {"pinion": 1.0, "wheel": -1.0}[name]
@@ -149,10 +161,6 @@ def _tables(
     return tooth_tables(found.compliance, found.roll, found.face_width, made_from[1].young)
 
 
-# Without twist two halves of the unknowns keep apart; with it there is room for fewer.
-_TWISTED = ToothSizing(flank=7, across=4, gap=6, ring=6, margin=1, waves=6)
-
-
 # What was condensed or read in this process: a scene's model is made many times.
 @functools.lru_cache(maxsize=16)
 def _kept(shape: ToothedGear, material: Material, count: int) -> list[ToothElements]:
@@ -177,7 +185,7 @@ def condensed_teeth(
     """
     kept = _kept(shape, material, count)
     if not kept:
-        sizing = ToothSizing() if shape.twist == 0.0 else _TWISTED
+        sizing, _ = fitting_sizing(shape, count)
         key = key_of({"shape": shape, "material": material, "teeth": count, "sizing": sizing})
         build = lambda: condense_teeth(shape, material, count, sizing=sizing, progress=Steps(tell))
         kept.append(cached(key, build, (read_teeth, write_teeth))[0])

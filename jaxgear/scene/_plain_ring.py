@@ -4,100 +4,110 @@ import dataclasses
 import math
 from collections.abc import Callable
 
-from fem_prep import Fineness, GearBody
-from jaxgear._checks import InputError
-from jaxgear._geometry._lines import MeshGrid
-from jaxgear._geometry._pair import GearPair
-from jaxgear._system._body_tables import flexible_body
-from jaxgear._system._flexible import FlexibleBody
+import numpy as np
+
+from fem_prep import LEAST_RIM, Grid, Seat, full_body, hold, ribbed_grids, symmetry
+from jaxgear._checks import InputError, require
+from jaxgear._interface._roots import RimSurface, RootPatches, feet
 from jaxgear._units import mm
-from jaxgear.scene._bodies import BodyPlan, Drawn, PlannedSeat
-from jaxgear.scene._body_build import built_body
+from jaxgear.scene._bodies import BodyPlan, Drawn, ribbed_sectors
+from jaxgear.scene._body_build import Steps
 from jaxgear.scene._body_words import in_keys
-from jaxgear.scene._root_correction import root_correction
-from jaxgear.scene._schema import GEARS
-from jaxgear.scene._tables import MeshKeys
+from jaxgear.scene._mesh_teeth import toothed_gear
+from jaxgear.scene._tables import PlainTables
+
+# Loads solved for at a time.
+_COLUMNS = 240
 
 
-def without_plain_ring(
-    mesh: MeshKeys,
-    bore: float | None,
-    plan: BodyPlan,
-    flexible: FlexibleBody,
-    pair: GearPair,
-    grid: MeshGrid,
-    tell: Callable[[str], None],
-) -> FlexibleBody:
-    """A body in mesh by what it gives beyond the plain ring that its teeth's elements stand on.
+def beyond_plain_ring(
+    tables: PlainTables, plan: BodyPlan, tell: Callable[[str], None]
+) -> Callable[[RootPatches], np.ndarray]:
+    """What a body in mesh gives beyond the plain ring that its teeth's elements stand on.
 
-    The ring is condensed as the body is, with rim elements of the same size and teeth that stand on
-    it in the same way, and is held at its bore: what teeth do to the rim near their roots is then
-    the same in both, and only the teeth's elements say it.
+    Both are solved anew with coarse teeth all around, whose ribs a thin rim is stiffened by, and
+    with the same elements under the teeth: what these do to the rim near their roots is then the
+    same in both, and only the teeth's own elements say it.
 
     **Arguments:**
 
-    - `mesh`: with `tooth = "elements"`.
-    - `bore`: of the gear, where the plain ring is held [mm].
+    - `tables`: of a scene with `mesh.tooth = "elements"`.
     - `plan`: of the body.
-    - `flexible`: the body in mesh.
-    - `pair`: the gears.
-    - `grid`: of the mesh.
     - `tell`: told what begins.
 
     **Returns:**
 
-    The body, its flexibility less that of the ring.
+    A function of the feet: what they give more than on the ring, `[6 foot, 6 foot]`, in the
+    body's frame, seats and bore held.
 
     **Raises:**
 
-    - `InputError` if the body was not drawn by its measures, or if it is to vibrate.
+    - `InputError` if the body was not drawn by its measures, or if its rim is too thin.
     """
-    if not isinstance(plan.source, Drawn):
+    source = plan.source
+    if not isinstance(source, Drawn):
         raise InputError(
             f'mesh.tooth = "elements": the {plan.gear}\'s body must be drawn by [{plan.gear}.body.'
             "web], so that a plain ring of like elements can be set against it; it was read from a "
             'file. Write mesh.tooth = "sliced".'
         )
-    if flexible.modes is not None:
-        raise InputError(
-            f'mesh.tooth = "elements": the {plan.gear}\'s condensed body carries such teeth in '
-            'statics only, for the ring under them has no modes. Write mesh.tooth = "sliced" for '
-            "what is in motion, or make the body rigid."
+    gear = toothed_gear(tables, plan.gear)
+    if source.body.web is not None:
+        rim = 0.5 * (source.body.rim_outer - source.body.web.rim_inner)
+        require(
+            rim >= LEAST_RIM * gear.module,
+            "Under teeth of finite elements a condensed rim must be at least {least:g} modules "
+            "thick, {want:.4g} mm, got {got:.4g} mm: a thinner one bends under a root as no ring "
+            'does. Make {name}.body.web.rim_inner_mm smaller, or write mesh.tooth = "sliced".',
+            least=LEAST_RIM,
+            want=LEAST_RIM * gear.module / mm,
+            got=rim / mm,
+            name=plan.gear,
         )
-    ring = dataclasses.replace(
-        plan,
-        source=Drawn(*_ring(bore or 0.0, plan.source)),
-        seats=(PlannedSeat("gear", "bore", 0.0, False),),
-        torque_seat="gear",
-        teeth=None,
-        method="guyan",
-        modes=0,
-        rotating=False,
-        compares_seats=False,
-    )
-    built = built_body(ring, lambda step: tell(f"{plan.gear}: plain ring: {step}"))
-    index = GEARS.index(plan.gear)
-    points, axial = mesh.root_points, mesh.connection
-    with in_keys(plan.gear):
-        local = None
-        if mesh.root_correction:
-            local = root_correction(
-                built.body, plan.material, pair, index, grid, points=points, axial=axial
-            )
-        own = flexible_body(
-            built.body, pair, index, grid, gear_seat="gear", points=points, axial=axial, local=local
-        )
-    return dataclasses.replace(flexible, flexibility=flexible.flexibility - own.flexibility)
+    sectors = max(ribbed_sectors(source.body, gear.teeth), source.fineness.sectors)
+    fineness = dataclasses.replace(source.fineness, sectors=sectors)
+
+    def beyond(patches: RootPatches) -> np.ndarray:
+        with in_keys(plan.gear):
+            body, ring = ribbed_grids(source.body, fineness, gear)
+            seats = [
+                Seat(
+                    each.name,
+                    body[0].sets[f"seat:{each.label}"],
+                    np.array([0.0, 0.0, each.at]),
+                    each.averaging,
+                )
+                for each in plan.seats
+            ]
+            bore = [Seat("bore", ring[0].sets["seat:bore"], np.zeros(3), False)]
+            told = lambda what: Steps(lambda step: tell(f"{plan.gear}: {what}: {step}"))
+            # Turns that leave both as they are.
+            equal = math.gcd(gear.teeth, symmetry(source.body, fineness))
+            own = _give(body, seats, plan, patches, (equal, told("body with ribs")))
+            return own - _give(ring, bore, plan, patches, (equal, told("plain ring")))
+
+    return beyond
 
 
-def _ring(bore: float, source: Drawn) -> tuple[GearBody, Fineness]:
-    """The ring, and elements as large as those of the body's rim."""
-    body, fineness = source.body, source.fineness
-    ring = GearBody(body.rim_outer, body.rim_width, bore * mm)
-    if body.web is None:
-        return ring, fineness
-    arc = math.pi * body.rim_outer / fineness.sectors
-    rim = 0.5 * (body.rim_outer - body.web.rim_inner)
-    count = fineness.rim_radial or max(2, round(rim / arc))
-    across = math.ceil(0.5 * (body.rim_outer - ring.bore) / (rim / count))
-    return ring, dataclasses.replace(fineness, web_radial=across)
+def _give(
+    ribbed: tuple[Grid, np.ndarray],
+    seats: list[Seat],
+    plan: BodyPlan,
+    patches: RootPatches,
+    how: tuple[int, Steps],
+) -> np.ndarray:
+    """Compliance between the feet on a body of equal sectors with ribs, its seats held."""
+    (grid, faces), (sectors, steps) = ribbed, how
+    full = full_body(plan.name, grid, plan.material, seats, progress=steps)
+    none = np.zeros(0, dtype=int)
+    full = dataclasses.replace(full, rim=none, rim_points=none, rim_faces=none.reshape(0, 8))
+    held = hold(full, rotation=full.rotation(sectors), progress=steps)
+    rows = feet(RimSurface(grid.nodes, faces), patches).rows
+    loads = (rows @ full.spread).T.tocsc()
+    with steps("loads on the feet"):
+        parts = [
+            loads.T @ held.loaded(loads[:, start : start + _COLUMNS].toarray())
+            for start in range(0, loads.shape[1], _COLUMNS)
+        ]
+    result = np.concatenate(parts, axis=1)
+    return 0.5 * (result + result.T)

@@ -108,7 +108,7 @@ _SHAPING_TABLES = ("material", "{gear}.material", "{gear}.body", "{gear}.web")
 _SHAPING_KEYS = """
     pair.module_mm pair.pressure_angle_deg pair.helix_angle_deg
     pinion.face_width_mm wheel.face_width_mm
-    mesh.slices mesh.periods mesh.tip_contact
+    mesh.slices mesh.periods mesh.tip_contact mesh.tooth
     mesh.connection mesh.root_points mesh.root_correction
     {gear}.teeth {gear}.profile_shift {gear}.span_mm {gear}.span_teeth
     {gear}.over_balls_mm {gear}.ball_mm

@@ -200,3 +200,8 @@ class CompareKeys(AbstractKeys):
     responses: list[StaticResponse | DynamicResponse] | None = key(
         "responses that count for the recommendation; default: all"
     )
+    teeth: Literal["own", "elements"] = key(
+        "what judges models of the teeth at rest: the scene's own on more slices, or condensed "
+        "finite elements of whole teeth besides, which take some minutes once",
+        default="own",
+    )

@@ -24,6 +24,7 @@ def notes(scene: Scene, statics: Statics) -> list[str]:
     """Remarks on a solved scene, a sentence or two each; none where there is nothing to say."""
     return [
         *_on_teeth(scene.mesh, scene.gears),
+        *_on_coarse_teeth(scene),
         *_on_roots(scene.mesh, scene.gears),
         *_on_foundations(scene.mesh, scene.gears, statics.model),
         *_on_shafts(statics.model),
@@ -45,6 +46,21 @@ def _on_teeth(mesh: MeshKeys, gears: Mapping[str, GearKeys]) -> Iterator[str]:
         yield Idle(
             f"{given[0]}.foundation does nothing: elements of whole teeth stand on rings of their "
             "own."
+        )
+
+
+def _on_coarse_teeth(scene: Scene) -> Iterator[str]:
+    """Teeth of elements that are larger than they should be."""
+    if scene.mesh.tooth != "elements":
+        return
+    # Finite elements are imported where a scene has them.
+    from jaxgear.scene._mesh_teeth import coarser_teeth
+
+    for gear, error in coarser_teeth(scene):
+        yield (
+            f"The {gear}'s teeth are divided more coarsely than narrow spur teeth, so that "
+            f"their unknowns fit 4 GB: deflections of the gear are off by up to "
+            f"{100.0 * error:.2g} % of those by an even load."
         )
 
 

@@ -36,6 +36,7 @@ def scene():
         "material.poisson",
         "wheel.body.web.web_thickness_mm",
         "mesh.slices",
+        "mesh.tooth",
         "mesh.root_points",
     ],
 )

@@ -5,6 +5,7 @@ from jaxgear.scene._scene import Scene
 from jaxgear.study._fidelity._engine import compared
 from jaxgear.study._fidelity._moving import BodiesProblem, MethodsProblem
 from jaxgear.study._fidelity._statics import StaticProblem, require_at_rest
+from jaxgear.study._fidelity._teeth import compared_teeth
 from jaxgear.study._head import names_of, study
 from jaxgear.study._progress import built_scene
 from jaxgear.study._result import Result, titled
@@ -27,7 +28,7 @@ def compare(scene: Scene) -> Result:
     **Returns:**
 
     A dataset `compare` over the fidelity levels, of a sweep `compare_statics` besides, and the
-    summary.
+    summary. With `compare.teeth = "elements"` and no sweep, `compare_teeth` besides.
 
     **Raises:**
 
@@ -51,11 +52,13 @@ def compare(scene: Scene) -> Result:
     at_rest = compared(StaticProblem(scene, work=work), "compare statics")
     static = titled(at_rest.dataset, scene.title + ", quasi-static cycle")
     if not moving:
-        return Result(
-            scene,
-            names_of(scene.name, scene.cite) | {"compare": at_rest.summary},
-            {"compare": static},
-        )
+        summary = names_of(scene.name, scene.cite) | {"compare": at_rest.summary}
+        datasets = {"compare": static}
+        if scene.compare.teeth == "elements":
+            teeth = compared_teeth(scene, work)
+            summary["compare"]["teeth"] = teeth.summary
+            datasets["compare_teeth"] = titled(teeth.dataset, scene.title + ", judged by elements")
+        return Result(scene, summary, datasets)
     found = compared((BodiesProblem if scene.condensed else MethodsProblem)(scene), "compare")
     count = len(found.summary["reference"]["speeds_rad_s"])
     datasets = {"compare": titled(found.dataset, scene.title + f", {count} speeds")}

@@ -31,8 +31,10 @@ from jaxgear.study._fidelity._engine import (
 )
 from jaxgear.study._fidelity._level import (
     FLOOR,
+    NOTHING,
     RESPONSES,
     Answers,
+    Changes,
     Level,
     Reference,
     errors_of,
@@ -163,11 +165,13 @@ class StaticProblem(AbstractProblem):
         work: Work = "run",
         levels: Sequence[Level] | None = None,
         points: Sequence[Point] | None = None,
+        judge: Changes = NOTHING,
         quick: bool = False,
     ):
         """Cycles for some work, or at other points, by all levels or some.
 
-        With `quick`, programs are compiled for a short wait: times are about twice those of a run.
+        By default more slices and phases judge them, else what `judge` changes of the scene. With
+        `quick`, programs are compiled for a short wait: times are about twice those of a run.
         """
         self.scene = scene
         self.levels = static_levels(scene) if levels is None else levels
@@ -181,7 +185,8 @@ class StaticProblem(AbstractProblem):
         slices, phases = 2 * scene.mesh.slices, 2 * scene.mesh.phases
         if not scene.condensed:
             slices, phases = max(slices, _FINEST[0]), max(phases, _FINEST[1])
-        self.finest = {"mesh.slices": slices, "mesh.phases": phases, "mesh.contact": "exact"}
+        finer = {"mesh.slices": slices, "mesh.phases": phases}
+        self.finest = {**(judge or finer), "mesh.contact": "exact"}
         self.chosen = np.asarray([point.chosen for point in self.points])
 
     @functools.cached_property
@@ -258,9 +263,10 @@ class StaticProblem(AbstractProblem):
         reference = self._reference
         keys = [RESPONSES[name].key for name in self.measured]
         values, scales = reference.values[: len(keys)], scales_of(self.measured, reference)
-        slices, phases = self.finest["mesh.slices"], self.finest["mesh.phases"]
+        mesh = changed(self.scene, self.finest).mesh
+        whole = "teeth of finite elements" if mesh.tooth == "elements" else "as given"
         return {
-            "name": f"as given, {slices} slices, {phases} phases, exact contact",
+            "name": f"{whole}, {mesh.slices} slices, {mesh.phases} phases, exact contact",
             "time_s": reference.time_s,
             "points": [point._asdict() for point in self.points],
             "values": dict(zip(keys, values, strict=True)),
