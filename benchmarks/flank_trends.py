@@ -39,6 +39,8 @@ WEBS = {"O": 6.5, "D": 4.94, "E": 3.38}
 # The thesis gives no hand of the helix; thrust tilts the rim one way or the other. With that of the
 # ready scene, right-handed pinion, the load at rest leans to the side that rotation loads as well.
 LEFT_HANDED = {f"{label}, left": thickness for label, thickness in WEBS.items()}
+# Slices that feel each other.
+COUPLED = {f"{label}, coupled": thickness for label, thickness in WEBS.items()}
 COARSE = ("mesh.slices=10", "mesh.phases=64", "sweep.steps=64", "model.coordinates=60")
 LAW = jg.ExactContact()
 BALANCE = jg.HarmonicBalance(harmonics=14, averaged=True)
@@ -70,7 +72,9 @@ def pair_with(label: str) -> Pair:
     settings = [*COARSE, f"sweep.pinion_speed_rad_s=[{SPEED}]", f"mesh.pinion_speed_rad_s={SPEED}"]
     if label in LEFT_HANDED:
         settings.append("pair.helix_angle_deg=-12.0")
-    thickness = (WEBS | LEFT_HANDED)[label]
+    if label in COUPLED:
+        settings.append('mesh.face_coupling="coupled"')
+    thickness = (WEBS | LEFT_HANDED | COUPLED)[label]
     scene = ready_scene("power-h1", [THESIS, *settings, *web(web_thickness_mm=thickness)])
     scene = with_bodies(scene, moving=True)
     model = model_of(scene)
@@ -504,12 +508,40 @@ def front() -> Finding:
     return found
 
 
+def coupling() -> Finding:
+    """What of the flanks for web O changes where slices feel each other; without motion."""
+    found = Finding(
+        "Slices apart and slices that feel each other, web O at 3000 rad/s",
+        "none: the thesis has slices apart",
+        ["slices", "flank", "crowning um", "slope um", "relief um", "largest MPa", "offset"],
+    )
+    largest: dict[str, dict[str, float]] = {}
+    for label in ("O", "O, coupled"):
+        depths = {"plain": only("crowning", 0.0), "10 um of crowning": only("crowning", 10.0)}
+        for shape in ("crowning, even", "slope + crowning, even", "end relief, centred"):
+            depths[shape] = optimum(label, *SHAPES[shape]).depths.tolist()
+        largest[label] = own = {}
+        for name, each in depths.items():
+            seen, at = across(label, each), dict(zip(KINDS, each, strict=True))
+            own[name] = seen.highest
+            row = [at["crowning"], at["slope"], at["relief"], seen.highest, seen.offset]
+            found.rows.append([label, name, *row])
+    apart, felt = largest["O"], largest["O, coupled"]
+    ranked = lambda own: sorted(own, key=lambda name: own[name])
+    found.holds = {
+        "pressure is higher where slices feel each other": all(felt[x] > apart[x] for x in felt),
+        "flanks stay in the same order": ranked(apart) == ranked(felt),
+    }
+    return found
+
+
 FINDINGS: dict[str, Callable[[], Finding]] = {
     "webs": webs,
     "crowning": crowning,
     "shapes": shapes,
     "transfer": transfer,
     "front": front,
+    "coupling": coupling,
     "webs-left": functools.partial(webs, tuple(LEFT_HANDED), "left"),
     "crowning-left": functools.partial(crowning, tuple(LEFT_HANDED), "left"),
     "shapes-left": functools.partial(shapes, tuple(LEFT_HANDED), "left"),

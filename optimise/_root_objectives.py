@@ -17,7 +17,7 @@ class LargestRootStress(AbstractObjective):
     - `width`: of the smooth maximum [Pa].
     - `influences`: of the gears' teeth, from `jaxgear.root_influences`, where what is varied leaves
         the teeth as they are; from `jaxgear.nearby_influences` where it hardly changes them;
-        `None`: solved anew for each cycle.
+        `None`: solved anew for each cycle [-].
     """
 
     width: Float[Array, ""] = eqx.field(converter=as_scalar, default=2.0 * jg.MPa)

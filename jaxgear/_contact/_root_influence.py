@@ -137,7 +137,8 @@ class RootInfluence(AbstractRootInfluence):
         with free ends: 18, 25, 45 and 86 teeth, 4, 6.3 and 10 modules wide, loads
         $\cos(n\pi z/B)$ up to n = 4; root mean square of what is left 2 % of the even load's
         stress. Not in it: at a free face, over half a module, stress
-        falls by up to a third even under an even load.
+        falls by up to a third even under an even load, which the middle carries: of a gear of six
+        modules 3 to 11 % more than in plane strain, of twenty 1 to 3 %.
 
         **Arguments:**
 
@@ -264,7 +265,7 @@ class NearbyInfluences(eqx.Module):
     terms: tuple[Array, Array]
     slopes: tuple[Array, Array]
 
-    def at(self, pair: GearPair) -> Influences:
+    def at(self, pair: GearPair) -> tuple[RootInfluence, RootInfluence]:
         """The influences of a pair close by.
 
         **Arguments:**

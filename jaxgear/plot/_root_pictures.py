@@ -88,7 +88,7 @@ def root_outline(roots: xr.Dataset) -> Figure:
 
     The figure.
     """
-    figure, both = panels("Stress along the fillets", roots, (9.6, 4.6), 2)
+    figure, both = panels("Stress along the fillets where tension is largest", roots, (9.6, 4.6), 2)
     longest = float(np.abs(roots["fillet_stress_MPa"]).max())
     for axes, gear, colour in zip(both, GEARS, GEAR_COLOURS, strict=True):
         _draw_tooth(axes, roots.sel(gear=gear), colour, longest)
@@ -116,9 +116,7 @@ def _draw_tooth(axes: Axes, own: xr.Dataset, colour: str, longest: float) -> Non
     axes.set_aspect("equal")
     axes.set(xlabel="across the tooth [mm]", ylabel="height above the centre [mm]")
     name = str(own["gear"].values)
-    axes.set_title(
-        f"{name}: largest tension {words[0]} MPa; then {words[1]} MPa behind", loc="left"
-    )
+    axes.set_title(f"{name}: tension {words[0]} MPa, behind {words[1]} MPa", loc="left")
 
 
 _WAYS: dict[str, dict[str, Any]] = {"up": {}, "down": {"ls": "--"}, "cold": {"ls": ":"}}

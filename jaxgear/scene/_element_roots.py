@@ -29,14 +29,26 @@ def element_roots(
     Pinion, wheel.
     """
     pinion, wheel = (
-        _of_gear(*each, own) for each, own in zip(condensed_pair(scene), plane, strict=True)
+        gear_roots(*each, own) for each, own in zip(condensed_pair(scene), plane, strict=True)
     )
     return pinion, wheel
 
 
-def _of_gear(
+def gear_roots(
     shape: ToothedGear, teeth: ToothElements, plane: RootInfluence
 ) -> ElementRootInfluence:
+    """The influence of one gear's condensed teeth.
+
+    **Arguments:**
+
+    - `shape`: of the gear.
+    - `teeth`: what was condensed of it.
+    - `plane`: the influence of the same teeth in plane strain.
+
+    **Returns:**
+
+    The influence.
+    """
     angle = np.linspace(shape.pressure_angle, 0.5 * np.pi, FILLET_POINTS)
     radius, half = shape.fillet(angle)
     land = np.linspace(half[-1], max(0.5 * shape.pitch_angle, half[-1]), FILLET_POINTS)[1:]

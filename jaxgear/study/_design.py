@@ -35,7 +35,7 @@ class DesignSpace(eqx.Module):
     - `start`: value of each variable in the scene, in the unit of its key [-].
     - `box`: bounds of each variable, in the unit of its key.
     - `influences`: of loads on the roots, or `None` where they are not known or variables change
-        the teeth.
+        the teeth [-].
     """
 
     scene: Scene = eqx.field(static=True)

@@ -25,7 +25,7 @@ def notes(scene: Scene, statics: Statics) -> list[str]:
     return [
         *_on_teeth(scene.mesh, scene.gears),
         *_on_coarse_teeth(scene),
-        *_on_roots(scene.mesh, scene.gears),
+        *_on_roots(scene.mesh, scene.gears, statics.model),
         *_on_foundations(scene.mesh, scene.gears, statics.model),
         *_on_shafts(statics.model),
         *_on_bodies(scene.gears),
@@ -64,18 +64,31 @@ def _on_coarse_teeth(scene: Scene) -> Iterator[str]:
         )
 
 
-def _on_roots(mesh: MeshKeys, gears: Mapping[str, GearKeys]) -> Iterator[str]:
-    """Strengths without stresses, and stresses without strengths."""
+# Over the height of a tooth: from thinner rims on ISO 6336-3 has a rim factor.
+_THIN_RIM = 1.2
+
+
+def _on_roots(mesh: MeshKeys, gears: Mapping[str, GearKeys], model: PairModel) -> Iterator[str]:
+    """Strengths without stresses, stresses without strengths, and rims that may bend."""
     has = {gear: each.root_strength_MPa is not None for gear, each in gears.items()}
     if not mesh.root_stress:
         for key in (f"{gear}.root_strength_MPa" for gear in GEARS if has[gear]):
             yield Idle(f"{key} does nothing: write mesh.root_stress = true for a safety.")
         return
-    for key in (f"{gear}.root_strength_MPa" for gear in GEARS if not has[gear]):
+    if lacking := [f"{gear}.root_strength_MPa" for gear in GEARS if not has[gear]]:
         yield (
-            f"{key} is left out, so that this gear's root stress has no safety: give the stress "
-            "sigma_FG of ISO 6336-3 that its root bears [MPa], life, notch and size factors in it."
+            f"Root stress has no safety without {' and '.join(lacking)}: give the stress sigma_FG "
+            "of ISO 6336-3 that the roots bear [MPa], with life, notch and size factors in it."
         )
+    for place, gear in enumerate(GEARS):
+        root, tip = float(model.pair.root_radius[place]), float(model.pair.tip_radius[place])
+        rim = (root - 0.5 * mm * (gears[gear].bore_mm or 0.0)) / (tip - root)
+        if rim < _THIN_RIM:
+            yield Doubtful(
+                f"The {gear}'s rim is {rim:.2g} tooth heights thick. The calculated root stress "
+                "holds it at bore_mm; where it can bend, stress is higher, which is in the nominal "
+                "one by the factor Y_B."
+            )
 
 
 def _on_foundations(

@@ -85,7 +85,7 @@ class Statics(eqx.Module):
     - `angle_change`: of the pressure angle where the base radii grow by a thousandth [rad].
     - `harris`: transmission error over phase, one row per further torque [m].
     - `harris_harmonics`: amplitudes of its first mesh harmonics, one row per further torque [m].
-    - `influences`: of loads on the roots, or `None` where nobody asks for their stresses.
+    - `influences`: of loads on the roots, or `None` where nobody asks for them [-].
     """
 
     model: PairModel

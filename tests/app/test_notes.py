@@ -2,6 +2,7 @@
 
 import pytest
 
+from jaxgear.scene._build import model_of
 from jaxgear.scene._scene import ready_scene
 from jaxgear.study import _notes
 
@@ -41,3 +42,18 @@ def test_keys_that_a_model_of_the_teeth_does_not_look_at_are_told(given, told):
     found = [*_notes._on_teeth(scene.mesh, scene.gears)]
     assert len(found) == len(told)
     assert all(words in each for words, each in zip(told, found, strict=True))
+
+
+def test_strengths_and_thin_rims_are_told_where_roots_are_looked_at():
+    def told(*given: str) -> list[str]:
+        scene = ready_scene("accessory", given)
+        return [*_notes._on_roots(scene.mesh, scene.gears, model_of(scene))]
+
+    assert not told()
+    (idle,) = told("pinion.root_strength_MPa=600")
+    assert "pinion.root_strength_MPa does nothing: write mesh.root_stress = true" in idle
+    lacking, thin = told(
+        "mesh.root_stress=true", "pinion.bore_mm=62", "wheel.root_strength_MPa=600"
+    )
+    assert "no safety without pinion.root_strength_MPa: give" in lacking
+    assert "The pinion's rim is 0.46 tooth heights thick" in thin

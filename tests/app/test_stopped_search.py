@@ -62,6 +62,7 @@ def test_a_scene_that_cannot_be_rewritten_is_refused_before_the_search(tmp_path,
     before = object.__new__(Statics)
     object.__setattr__(before, "numbers", {"single_pair_deflection_um": jnp.asarray(10.0)})
     object.__setattr__(before, "model", model_of(scene))
+    object.__setattr__(before, "influences", None)
     monkeypatch.setattr(_optimising, "rewritten", refuse)
     with pytest.raises(InputError, match="its tables are spread over the file"):
         _optimising.optimisation(scene, before, memory=tmp_path)

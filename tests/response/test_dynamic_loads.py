@@ -42,3 +42,17 @@ def test_without_swing_it_is_the_quasi_static_cycle(make, times):
     pressure = np.asarray(eqx.filter_jit(jg.dynamic_pressure)(dynamics, orbit, law))
     assert_near(pressure, again(jg.hertz_pressure(pair, cycle, law)), 1e-6)
     assert pressure.max() > 1e8
+
+
+@pytest.mark.slow
+def test_without_swing_roots_carry_what_they_do_at_rest():
+    """In the middle of the steps; at their limits this orbit has no forces."""
+    dynamics = torsional_pair()
+    pair, cycle = dynamics.cycle.system.pair, dynamics.cycle
+    influences, lines = jg.root_influences(pair), cycle.cells.lines
+    found = jg.dynamic_root_stress(dynamics, influences, _at_rest(dynamics, 2)).drive
+    still = jg.root_stress(pair, influences, lines, jg.slice_load(cycle)).drive
+    assert found.shape[0] == 6 * still.shape[0]
+    middle = np.asarray(found)[2 * len(still) : 4 * len(still)]
+    assert_near(middle, np.tile(np.asarray(still), (2, 1, 1, 1)), 1e-9)
+    assert float(still.max()) > 1e7

@@ -13,6 +13,7 @@ from solve_cases import ACCESSORY
 
 import jaxgear as jg
 from jaxgear import MPa, mm, um
+from jaxgear._geometry._lines import contact_lines
 from jaxgear.plot._run_atlas import run_pictures
 from jaxgear.study._roots import roots_dataset
 
@@ -144,6 +145,37 @@ def test_gradient_by_the_shape_of_the_tooth():
     assert_gradient(jax.jit(stress), tuple(map(jnp.asarray, (0.3, 0.43, 0.25))), rtol=1e-5)
 
 
+@pytest.mark.slow
+def test_influences_close_by_are_exact_in_value_and_slope(settled):
+    pair = settled[0].pair
+    near, away = jg.nearby_influences(pair), 1e-4
+    for value, solved in zip(near.at(pair), settled[3], strict=True):
+        assert_close(value.terms, solved.terms, rtol=1e-9, atol=1e-9)
+    moved = lambda x: eqx.tree_at(
+        lambda p: (p.pinion.profile_shift, p.wheel.fillet_radius),
+        pair,
+        (pair.pinion.profile_shift + x, pair.wheel.fillet_radius - x),
+    )
+    slopes = jax.jacfwd(lambda x: [each.terms for each in near.at(moved(x))])(0.0)
+    ends = [jg.root_influences(moved(x)) for x in (-away, away)]
+    for slope, low, high in zip(slopes, *ends, strict=True):
+        central = (high.terms - low.terms) / (2.0 * away)
+        assert_close(slope, central, rtol=1e-5, atol=1e-5 * float(jnp.abs(central).max()))
+
+
+@pytest.mark.parametrize("slices", [1, 200])
+def test_any_number_of_slices_carries_the_same(settled, slices):
+    """Even load on the narrower gear."""
+    model, _, _, influences = settled
+    found = []
+    for count in (8, slices):
+        lines = contact_lines(model.pair, jg.mesh_grid(model.pair, phases=8, slices=count))
+        load = jnp.full(lines.roll.shape, 1e5)
+        stress = jg.root_stress(model.pair, influences, lines, load)
+        found.append(float(stress.largest[1]))
+    assert found[1] == pytest.approx(found[0], rel=1e-9)
+
+
 # Published for the load at the tip, 20 degrees, 1.25 dedendum and 0.38 of fillet: Y_Fa, Y_Sa
 # (GB/T 3480, as in textbooks of machine design).
 @pytest.mark.parametrize(
@@ -183,4 +215,6 @@ def test_dataset_and_pictures_hold_the_same_stresses(settled):
     told = shown["root_stress"].table["root_stress_MPa"].max()
     assert told == pytest.approx(largest.max(), rel=1e-12)
     titles = [axes.get_title(loc="left") for axes in shown["root_outline"].draw().axes]
-    assert [float(title.split()[1]) for title in titles] == pytest.approx(largest, rel=1e-3)
+    assert [float(title.split()[2]) for title in titles] == pytest.approx(largest, rel=1e-3)
+    pressed = roots["fillet_stress_MPa"].sel(fillet="coast").min("point").values
+    assert [float(title.split()[5]) for title in titles] == pytest.approx(pressed, rel=1e-3)
