@@ -36,6 +36,9 @@ from ._artefact import rigid_motions as rigid_motions
 from ._tooth_shape import ToothedGear as ToothedGear
 from ._toothed_rim import ribbed_grids as ribbed_grids
 from ._tooth_section import ToothSizing as ToothSizing
+from ._give_file import Give as Give
+from ._give_file import read_give as read_give
+from ._give_file import write_give as write_give
 from ._tooth_shape import LEAST_RIM as LEAST_RIM
 from ._tooth_fineness import fitting_sizing as fitting_sizing
 from ._tooth_compliance import ToothElements as ToothElements

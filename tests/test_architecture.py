@@ -75,6 +75,7 @@ BODY_STAGES = (
     "_body_checks",
     "_archive",
     "_body_file",
+    "_give_file",
     "_tooth_shape",
     "_tooth_section",
     "_prism",

@@ -10,6 +10,7 @@ from fem_prep import (
     BodyError,
     Fineness,
     GearBody,
+    Give,
     Grid,
     Material,
     Seat,
@@ -17,7 +18,9 @@ from fem_prep import (
     Web,
     full_body,
     hold,
+    read_give,
     ribbed_grids,
+    write_give,
 )
 from fem_prep._brick import gauss_points, jacobians, shape_functions
 from jaxgear._interface._roots import RimSurface, RootPatches, feet
@@ -85,3 +88,13 @@ def test_disc_is_the_ring_and_a_thin_web_gives_more():
 def test_too_few_elements_around_are_refused():
     with pytest.raises(BodyError, match="at least two for each tooth, 48, got 24"):
         ribbed_grids(DISC, Fineness(24), GEAR)
+
+
+def test_a_compliance_is_read_as_it_was_written(tmp_path):
+    give = Give(np.array([[2.0, 0.5], [0.5, 1.0]]), {"made_from": "this"})
+    write_give(tmp_path / "give.npz", give)
+    found = read_give(tmp_path / "give.npz")
+    np.testing.assert_array_equal(found.matrix, give.matrix)
+    assert found.facts == give.facts
+    with pytest.raises(BodyError, match="There is no file"):
+        read_give(tmp_path / "other.npz")

@@ -6,7 +6,23 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fem_prep import LEAST_RIM, Grid, Seat, full_body, hold, ribbed_grids, symmetry
+from fem_prep import (
+    LEAST_RIM,
+    Fineness,
+    GearBody,
+    Give,
+    Grid,
+    Seat,
+    ToothedGear,
+    cached,
+    full_body,
+    hold,
+    key_of,
+    read_give,
+    ribbed_grids,
+    symmetry,
+    write_give,
+)
 from jaxgear._checks import InputError, require
 from jaxgear._interface._roots import RimSurface, RootPatches, feet
 from jaxgear._units import mm
@@ -67,26 +83,42 @@ def beyond_plain_ring(
     sectors = max(ribbed_sectors(source.body, gear.teeth), source.fineness.sectors)
     fineness = dataclasses.replace(source.fineness, sectors=sectors)
 
+    made_from = {"body": source.body, "fineness": fineness, "gear": gear, "seats": plan.seats}
+
     def beyond(patches: RootPatches) -> np.ndarray:
-        with in_keys(plan.gear):
-            body, ring = ribbed_grids(source.body, fineness, gear)
-            seats = [
-                Seat(
-                    each.name,
-                    body[0].sets[f"seat:{each.label}"],
-                    np.array([0.0, 0.0, each.at]),
-                    each.averaging,
-                )
-                for each in plan.seats
-            ]
-            bore = [Seat("bore", ring[0].sets["seat:bore"], np.zeros(3), False)]
-            told = lambda what: Steps(lambda step: tell(f"{plan.gear}: {what}: {step}"))
-            # Turns that leave both as they are.
-            equal = math.gcd(gear.teeth, symmetry(source.body, fineness))
-            own = _give(body, seats, plan, patches, (equal, told("body with ribs")))
-            return own - _give(ring, bore, plan, patches, (equal, told("plain ring")))
+        inputs = {**made_from, "material": plan.material, "patches": patches}
+        build = lambda: Give(_beyond(plan, source.body, fineness, gear, patches, tell))
+        return cached(key_of({"beyond a ring": inputs}), build, (read_give, write_give))[0].matrix
 
     return beyond
+
+
+def _beyond(
+    plan: BodyPlan,
+    drawn: GearBody,
+    fineness: Fineness,
+    gear: ToothedGear,
+    patches: RootPatches,
+    tell: Callable[[str], None],
+) -> np.ndarray:
+    """What feet give more on the body than on the ring."""
+    with in_keys(plan.gear):
+        body, ring = ribbed_grids(drawn, fineness, gear)
+        seats = [
+            Seat(
+                each.name,
+                body[0].sets[f"seat:{each.label}"],
+                np.array([0.0, 0.0, each.at]),
+                each.averaging,
+            )
+            for each in plan.seats
+        ]
+        bore = [Seat("bore", ring[0].sets["seat:bore"], np.zeros(3), False)]
+        told = lambda what: Steps(lambda step: tell(f"{plan.gear}: {what}: {step}"))
+        # Turns that leave both as they are.
+        equal = math.gcd(gear.teeth, symmetry(drawn, fineness))
+        own = _give(body, seats, plan, patches, (equal, told("body with ribs")))
+        return own - _give(ring, bore, plan, patches, (equal, told("plain ring")))
 
 
 def _give(

@@ -22,6 +22,7 @@ from jaxgear.study._fidelity._engine import AbstractProblem, Run, compared, coun
 from jaxgear.study._fidelity._level import Answers, Level, Reference, errors_of
 from jaxgear.study._fidelity._levels import simpler_bodies, static_levels
 from jaxgear.study._fidelity._models import changed, differing
+from jaxgear.study._fidelity._teeth import words_of_teeth
 from jaxgear.study._statics import SolverFailure
 
 _TWO = ("te_mean", "te_rms")
@@ -547,3 +548,19 @@ def test_a_command_runs_with_the_rung_that_was_chosen(tmp_path, capsys):
     assert any("fidelity" in note for note in summary["notes"])
     assert main(argv) == 0
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["fidelity"]["from_cache"]
+
+
+def test_words_say_what_slices_apart_suffice_for():
+    line = lambda mean, factor: {
+        "error": {"te_mean": mean},
+        "held_out": {"face_load_factor": factor},
+    }
+    rows = {"slices apart": line(0.01, 0.2), "slices coupled": line(0.005, 0.03)}
+    said = (
+        'Beside elements mesh.face_coupling = "none" suffices for {good}; not for {rest}.'
+    ).format
+    mean = "the mean transmission error (1, coupled 0.5 %)"
+    factor = "the face load factor (20, coupled 3 %)"
+    assert words_of_teeth(rows, 0.02) == said(good=mean, rest=factor)
+    assert words_of_teeth(rows, 0.001) == said(good="nothing", rest=f"{mean}, {factor}")
+    assert words_of_teeth(rows, 0.3).endswith(f"suffices for {mean}, {factor}.")

@@ -43,13 +43,19 @@ def compared_teeth(scene: Scene, work: Work) -> Comparison:
     levels = [Level(name, "teeth", changes=differing(scene, x)) for name, x in changes.items()]
     found = compared(StaticProblem(scene, work=work, levels=levels, judge=whole), "compare teeth")
     rows = {line["name"]: line for line in found.summary["rungs"]}
-    said = _words(rows, float(scene.compare.tolerance))
+    said = words_of_teeth(rows, float(scene.compare.tolerance))
     words = f"{found.summary['words']} {said}"
     return found._replace(summary=found.summary | {"words": words})
 
 
-def _words(rows: Mapping[str, Summary], tolerance: float) -> str:
-    """For what slices apart suffice, and what coupled ones are off by."""
+def words_of_teeth(rows: Mapping[str, Summary], tolerance: float) -> str:
+    """For what slices apart suffice, and what coupled ones are off by.
+
+    **Arguments:**
+
+    - `rows`: lines of both, by name.
+    - `tolerance`: relative error that is good enough [-].
+    """
     apart, coupled = (_errors(rows[name]) for name in (_APART, _COUPLED))
 
     def told(names: list[str]) -> str:
