@@ -87,7 +87,7 @@ def _case(phases: int, slices: int, count: int, settings: list[str]):
     prepared = prepared_mesh(space, grid)
     start = time.perf_counter()
     members = members_of(scatter, optimise.scattered(scatter.quantities, count), grid, prepared)
-    return scatter, grid, smooth_law_of(scene), members, time.perf_counter() - start
+    return scatter, grid, smooth_law_of(scene.mesh), members, time.perf_counter() - start
 
 
 def _one(phases: int, slices: int, count: int, settings: list[str]) -> dict[str, float]:

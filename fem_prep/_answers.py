@@ -1,7 +1,6 @@
 """What a condensed body is, in numbers: mass, rigid motions, modes, growth, a tooth load.
 
-Every function answers one question about a body, as numbers, texts, and lists and mappings of
-them; a unit is part of a name.
+Every function answers one question about a body, as a part of its health report.
 """
 
 import math
@@ -22,6 +21,10 @@ from ._hold import Held, recovered
 from ._modes import operator_of, reduced_modes
 from ._quality import quality
 from ._web import Properties
+
+# A health report or a part of it, as it is told to users: numbers, texts, and lists and mappings of
+# them, by names of which a unit is part.
+Report = dict[str, Any]
 
 # Modes are rigid if the square of their frequency is below this, over that of the highest one.
 _RIGID = 1e-6
@@ -120,9 +123,9 @@ def modes_told(reduced: ReducedBody) -> int:
     return min(40, max(10, _modes_kept(reduced)))
 
 
-def counts(full: FullBody | None, reduced: ReducedBody) -> dict[str, Any]:
+def counts(full: FullBody | None, reduced: ReducedBody) -> Report:
     """Sizes of the full and of the condensed body."""
-    sizes: dict[str, Any] = {
+    sizes: Report = {
         "rim_nodes": len(reduced.rim_nodes),
         "seats": list(reduced.seats),
         "boundary_dofs": reduced.boundary_dofs,
@@ -143,9 +146,7 @@ def _modes_kept(reduced: ReducedBody) -> int:
     return kept if isinstance(kept, int) and reduced.facts.get("method") != "guyan" else 0
 
 
-def mass_properties(
-    full: FullBody | None, reduced: ReducedBody, exact: Solid | None
-) -> dict[str, Any]:
+def mass_properties(full: FullBody | None, reduced: ReducedBody, exact: Solid | None) -> Report:
     """Mass, centre and inertias by rigid motions, and how far they are from what they should be.
 
     Inertias are about the middle of the toothed face, the transverse one the mean of both. Teeth
@@ -155,7 +156,7 @@ def mass_properties(
     condensed = inertia_of(reduced.mass, reduced.rigid_motions)
     total = condensed if full is None else inertia_of(full.mass, full.rigid_motions)
     mass, centre, polar, transverse = _told(total)
-    found: dict[str, Any] = {
+    found: Report = {
         "mass_kg": mass,
         "centre_of_mass_mm": [float(1e3 * x) for x in centre],
         "polar_inertia_kg_m2": polar,
@@ -206,14 +207,14 @@ def _teeth_inertia(full: FullBody) -> np.ndarray:
     return whole * (full.teeth.polar_inertia / whole[5, 5])
 
 
-def rigid_energies(full: FullBody | None, reduced: ReducedBody) -> dict[str, Any]:
+def rigid_energies(full: FullBody | None, reduced: ReducedBody) -> Report:
     r"""Energies of unit rigid motions, which should be none.
 
     Relative ones are over what the same displacements would store one by one,
     $\frac{1}{2} \sum K_{ii} r_i^2$. `rigid_body_residual` is $|K R| / (|K| |R|)$ by Frobenius.
     """
     energy, relative, residual = _rigid_energy(reduced.stiffness, reduced.rigid_motions)
-    found: dict[str, Any] = {
+    found: Report = {
         "rigid_body_energy_J": energy,
         "rigid_body_energy_relative": relative,
         "rigid_body_residual": residual,
@@ -236,10 +237,10 @@ def _rigid_energy(
     return energy.tolist(), (energy / alone).tolist(), float(np.linalg.norm(forces) / size)
 
 
-def modes_report(modes: FreeModes) -> dict[str, Any]:
+def modes_report(modes: FreeModes) -> Report:
     """First free frequencies with nodal diameters, families, and pairs with their splitting."""
     pattern = modes.pattern
-    found: dict[str, Any] = {
+    found: Report = {
         "rigid_body_modes": modes.rigid,
         "free_frequency_Hz": modes.frequency.tolist(),
         "nodal_diameter": pattern.diameter.tolist(),
@@ -263,7 +264,7 @@ def modes_report(modes: FreeModes) -> dict[str, Any]:
     return found
 
 
-def conditioning(reduced: ReducedBody) -> dict[str, Any]:
+def conditioning(reduced: ReducedBody) -> Report:
     """Largest natural frequency, and how near to singular the mass is.
 
     The condition number is that of the mass scaled to a unit diagonal, in the 1-norm: units do not
@@ -305,7 +306,7 @@ def conditioning(reduced: ReducedBody) -> dict[str, Any]:
     }
 
 
-def brick_report(full: FullBody) -> dict[str, Any]:
+def brick_report(full: FullBody) -> Report:
     """How well shaped the bricks are."""
     found = quality(full.grid)
     return {
@@ -315,7 +316,7 @@ def brick_report(full: FullBody) -> dict[str, Any]:
     }
 
 
-def rim_report(reduced: ReducedBody, root_thickness: float | None) -> dict[str, Any]:
+def rim_report(reduced: ReducedBody, root_thickness: float | None) -> Report:
     """Size of the rim's elements, on which the flexibility under one tooth depends."""
     if not len(reduced.rim_faces):
         return {}
@@ -326,7 +327,7 @@ def rim_report(reduced: ReducedBody, root_thickness: float | None) -> dict[str, 
     turned = np.mod(angle - angle[:, :1] + math.pi, 2 * math.pi)
     arc = float(np.max(np.ptp(turned, axis=1)) * np.hypot(x, y).max())
     axial = float(np.max(np.ptp(z[corners], axis=1)))
-    found: dict[str, Any] = {
+    found: Report = {
         "rim_element_arc_mm": 1e3 * arc,
         "rim_element_axial_mm": 1e3 * axial,
         "rim_elements_across": float(np.ptp(z) / axial),

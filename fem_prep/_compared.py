@@ -9,13 +9,12 @@ method, so that the answer owes nothing to the condensation.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array, csc_array, csr_array, diags_array, vstack
 from scipy.sparse.linalg import eigsh
 
-from ._answers import FreeModes, modes_told
+from ._answers import FreeModes, Report, modes_told
 from ._artefact import ReducedBody, balanced
 from ._assembly import order
 from ._boundary import FullBody, full_body
@@ -148,7 +147,7 @@ def _sprung_frequencies(
 
 def free_error(
     full: FullBody, modes: FreeModes, free_frequency: object, progress: Progress = silent
-) -> dict[str, Any]:
+) -> Report:
     """Error of free natural frequencies by truncation.
 
     **Arguments:**
@@ -170,7 +169,7 @@ def free_error(
     return _frequency_error("free", modes.frequency[:count], known[:count])
 
 
-def _frequency_error(name: str, found: np.ndarray, wanted: np.ndarray) -> dict[str, Any]:
+def _frequency_error(name: str, found: np.ndarray, wanted: np.ndarray) -> Report:
     error = found / wanted - 1
     return {
         f"{name}_frequency_error": error.tolist(),
@@ -188,12 +187,12 @@ def compared(
     torque_seat: str | None,
     couplings: bool,
     progress: Progress,
-) -> dict[str, Any]:
+) -> Report:
     """Errors of growth, of deflection under a tooth load, and of frequencies on springs."""
     body = _grounded(full, progress)
     load = balanced(full.centrifugal_load, full.mass, body.rigid)
     rim = reduced.rim_nodes.size
-    found: dict[str, Any] = {
+    found: Report = {
         "centrifugal_growth_error": _off(grown, off_mean(reduced, body.floating(load)[:rim]))
     }
     if bent is None:
@@ -229,7 +228,7 @@ def seat_coupling_difference(
     springs: Springs | None = None,
     root_thickness: float | None = None,
     progress: Progress = silent,
-) -> dict[str, Any]:
+) -> Report:
     """The same body with rigid seats (RBE2) made averaging ones (RBE3), and the other way round.
 
     **Arguments:**
@@ -261,7 +260,7 @@ def _coupling_difference(
     row: np.ndarray,
     springs: Springs,
     progress: Progress,
-) -> dict[str, Any]:
+) -> Report:
     full = body.full
     seats = [replace(seat, averaging=not seat.averaging) for seat in full.seats]
     # No probes: they may be on seats that become rigid.

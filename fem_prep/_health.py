@@ -1,12 +1,12 @@
 """The health report of a condensed body: what it is, how far it is from the full one."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from ._answers import (
     FreeModes,
+    Report,
     Solid,
     brick_report,
     conditioning,
@@ -48,7 +48,7 @@ def health_report(
     speeds: Sequence[float] = (500.0, 1000.0, 1500.0),
     couplings: bool = False,
     progress: Progress = silent,
-) -> dict[str, Any]:
+) -> Report:
     """What a condensed body is, how far it is from the full one, and what is wrong with it.
 
     **Arguments:**

@@ -3,13 +3,12 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.linalg
 from scipy.sparse import csr_array, diags_array
 
-from ._answers import inertia_of
+from ._answers import Report, inertia_of
 from ._artefact import ReducedBody, balanced, floating, rigid_motions
 from ._assembly import surface_mass
 from ._checks import require
@@ -90,9 +89,7 @@ def rim_rows(reduced: ReducedBody) -> np.ndarray:
     return np.linalg.solve(inertia_of(area, rigid), (area @ rigid).T)
 
 
-def growth_report(
-    reduced: ReducedBody, grown: np.ndarray, speeds: Sequence[float]
-) -> dict[str, Any]:
+def growth_report(reduced: ReducedBody, grown: np.ndarray, speeds: Sequence[float]) -> Report:
     """Radial growth of the rim at some speeds: mean by area, and that of both edges.
 
     **Arguments:**
@@ -247,7 +244,7 @@ def tooth_report(
     row: np.ndarray,
     springs: Springs,
     torque_seat: str | None = None,
-) -> dict[str, Any]:
+) -> Report:
     """Deflection under a tooth load, and the body's own share of it."""
     rows, stiffness = spring_rows(reduced, row, springs, mesh=False)
     # Work of load and torque, so the deflection is that against the turn of the torque's seat.

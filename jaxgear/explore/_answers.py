@@ -46,8 +46,8 @@ class PageAnswers:
             "name": scene.name,
             "knobs": [knob._asdict() for knob in self._live.knobs],
             "responses": RESPONSES,
-            "sweeps": scene.has_table("sweep"),
-            "searches": scene.has_table("optimise"),
+            "sweeps": scene.sweep.is_given,
+            "searches": scene.optimise.is_given,
             "file": self._target.name,
         }
 
@@ -63,7 +63,7 @@ class PageAnswers:
     def _sweep(self, asked: Asked) -> Asked:
         """The dynamic ratio over the speeds of [sweep], as `jaxgear sweep` finds it."""
         scene = self._moved(asked)
-        require(scene.has_table("sweep"), "The scene has no [sweep]: add its speeds.")
+        require(scene.sweep.is_given, "The scene has no [sweep]: add its speeds.")
         found = sweep(scene).summary["sweep"]
         way = next(key for key in found if key.startswith("dynamic_ratio"))
         return {"speed_rad_s": speeds_of(scene.sweep), "dynamic_ratio": found[way]}
@@ -71,7 +71,7 @@ class PageAnswers:
     def _optimise(self, asked: Asked) -> Asked:
         """The values at which the search of [optimise] ends, from here."""
         scene = self._moved(asked)
-        require(scene.has_table("optimise"), "The scene has no [optimise]: say what to vary.")
+        require(scene.optimise.is_given, "The scene has no [optimise]: say what to vary.")
         found = optimise(scene).summary["optimise"]
         known = {knob.key for knob in self._live.knobs}
         moved = {key: value for key, value in found["variables"].items() if key in known}

@@ -2,7 +2,7 @@
 
 from typing import Any, Literal
 
-from jaxgear.scene._table import key, real, table
+from jaxgear.scene._table import AbstractKeys, key, real
 
 LENGTH = "(0, inf). The key is in millimetres"
 SPRING = "(0, inf). Leave the key out where the support is rigid"
@@ -13,8 +13,7 @@ def condensed(doc: str, rule: str = "", default: object = ..., **more: Any) -> A
     return key(doc, rule, default, default_if=("kind", "condensed"), **more)
 
 
-@table
-class SupportKeys:
+class SupportKeys(AbstractKeys):
     """Springs at a gear's centre, in place of a shaft: `[pinion.support]`."""
 
     radial_N_m: float | None = real("radial stiffness of the support", SPRING)
@@ -24,8 +23,7 @@ class SupportKeys:
     tilt_Nm_rad: float | None = real("tilt stiffness of the support", SPRING)
 
 
-@table
-class WebKeys:
+class WebKeys(AbstractKeys):
     """A body drawn by hub, web and rim: `[pinion.body.web]`."""
 
     hub_outer_mm: float = real("outer diameter of the hub", LENGTH)
@@ -55,8 +53,7 @@ class WebKeys:
     )
 
 
-@table
-class FinenessKeys:
+class FinenessKeys(AbstractKeys):
     """Numbers of 20-node bricks of a drawn body: `[pinion.body.fineness]`."""
 
     elements_per_tooth: int | None = key(
@@ -73,8 +70,7 @@ class FinenessKeys:
     shaft_mm: float | None = key("largest element along the shaft", LENGTH)
 
 
-@table
-class BodyKeys:
+class BodyKeys(AbstractKeys):
     """The body of a gear, and what is kept of a condensed one: `[pinion.body]`."""
 
     kind: Literal["rigid", "beam", "condensed"] = key(

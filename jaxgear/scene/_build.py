@@ -47,9 +47,10 @@ from jaxgear._types import Scalar
 from jaxgear._units import GPa, N_per_mm_um, mm, um
 from jaxgear.scene._build_pair import flanks_of, material_of, pair_of, si
 from jaxgear.scene._csv import read_matrix
-from jaxgear.scene._gear_tables import BearingKeys, GearKeys
+from jaxgear.scene._gear_tables import BearingKeys, GearKeys, ShaftKeys
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
+from jaxgear.scene._tables import MeshKeys
 
 
 def model_of(scene: Scene, changes: Mapping[str, object] = MappingProxyType({})) -> PairModel:
@@ -136,14 +137,14 @@ def _tip_gaps(pair: GearPair, places: Array) -> Array:
     )
 
 
-def smooth_law_of(scene: Scene) -> SmoothContact:
+def smooth_law_of(mesh: MeshKeys) -> SmoothContact:
     """The smooth contact law with the scene's width."""
-    return SmoothContact(width=si(scene.mesh.smoothing_um, um))
+    return SmoothContact(width=si(mesh.smoothing_um, um))
 
 
-def law_of(scene: Scene) -> AbstractContactLaw:
+def law_of(mesh: MeshKeys) -> AbstractContactLaw:
     """The contact law that a scene asks for."""
-    return ExactContact() if scene.mesh.contact == "exact" else smooth_law_of(scene)
+    return ExactContact() if mesh.contact == "exact" else smooth_law_of(mesh)
 
 
 def _compliance(scene: Scene) -> AbstractCompliance:
@@ -160,7 +161,7 @@ def _compliance(scene: Scene) -> AbstractCompliance:
             return Iso6336()
         case _:
             return WeberBanaschek(
-                *(_foundation(scene, name) for name in GEARS),
+                *(_foundation(mesh, gear) for gear in scene.gears.values()),
                 load_updates=mesh.line_load_updates,
                 face_coupling=FaceCoupling() if mesh.face_coupling == "coupled" else None,
             )
@@ -174,16 +175,16 @@ _FOUNDATIONS = {
 }
 
 
-def _foundation(scene: Scene, name: str) -> AbstractFoundation:
+def _foundation(mesh: MeshKeys, gear: GearKeys) -> AbstractFoundation:
     """What gives under the teeth of a gear.
 
     Under those of a condensed body it counts in the figures of a single pair only. Unless said
     otherwise it is what is near a root: that a body winds up is common to all teeth in mesh.
     """
-    unsaid = not {f"{name}.foundation", "mesh.foundation"} & set(scene.given)
-    if unsaid and name in scene.condensed:
+    unsaid = "foundation" not in gear.given | mesh.given
+    if unsaid and gear.body.kind == "condensed":
         return WeberFoundation()
-    return _FOUNDATIONS[scene.gear(name).foundation or scene.mesh.foundation]()
+    return _FOUNDATIONS[gear.foundation or mesh.foundation]()
 
 
 def _mount(scene: Scene, name: str) -> Support | Shaft:
@@ -241,7 +242,7 @@ def _bearing(row: BearingKeys) -> Bearing:
     )
 
 
-def shared_places(scene: Scene, model: PairModel) -> dict[str, str]:
+def shared_places(model: PairModel) -> dict[str, str]:
     """Keys of points on shafts that lie where another point does, and which one moves them."""
     found = {}
     for name, mount in zip(GEARS, (model.pinion_support, model.wheel_support), strict=True):
@@ -249,14 +250,15 @@ def shared_places(scene: Scene, model: PairModel) -> dict[str, str]:
             guests, root = mount.layout.guests, f"{name}.shaft"
             keys = {
                 "gear": "gear_at_mm",
-                "torque": "torque_at_mm",
+                # Unless it is given it enters at the gear.
+                **({} if mount.torque_at is None else {"torque": "torque_at_mm"}),
                 **{f"bearing {i}": f"bearings[{i}].at_mm" for i in range(len(mount.bearings))},
                 **{f"load {i}": f"loads[{i}].at_mm" for i in range(len(mount.loads))},
             }
             found |= {
                 f"{root}.{key}": guests[point] for point, key in keys.items() if point in guests
             }
-    return {key: owner for key, owner in found.items() if scene.value(key) is not None}
+    return found
 
 
 def _body(scene: Scene, pair: GearPair, name: str, mount: Support | Shaft) -> AbstractGearBody:
@@ -307,6 +309,6 @@ def _condensed_body(scene: Scene, name: str) -> FlexibleBody:
     return scaled_body(body, young=stiffer, density=denser)
 
 
-def couples_on_pinion(scene: Scene) -> float:
+def couples_on_pinion(shaft: ShaftKeys) -> float:
     """Sum of the couples about Z on the pinion's shaft, which help its drive [N m]."""
-    return float(sum(load.moment_Nm[2] for load in scene.pinion.shaft.loads))
+    return float(sum(load.moment_Nm[2] for load in shaft.loads))

@@ -8,7 +8,7 @@ that is not there are `None`.
 from typing import Literal
 
 from jaxgear.scene._body_tables import LENGTH, BodyKeys, SupportKeys
-from jaxgear.scene._table import key, real, table
+from jaxgear.scene._table import AbstractKeys, key, real
 
 Foundation = Literal["weber", "sainsot", "ring", "none"]
 Shape = Literal["linear", "parabolic"]
@@ -36,8 +36,7 @@ SHAPE = key(
 PLACE = "[0, inf). Positions are measured from the first end of the shaft"
 
 
-@table
-class MaterialKeys:
+class MaterialKeys(AbstractKeys):
     """Material of both gears: `[material]`."""
 
     young_GPa: float = real("Young's modulus", YOUNG, 206.0)
@@ -45,8 +44,7 @@ class MaterialKeys:
     density_kg_m3: float = real("mass density", DENSITY, 7850.0)
 
 
-@table
-class PairKeys:
+class PairKeys(AbstractKeys):
     """What both gears share: `[pair]`."""
 
     module_mm: float = real("normal module", "[0.01, 200]. The key is in millimetres")
@@ -81,8 +79,7 @@ class PairKeys:
     )
 
 
-@table
-class OwnMaterialKeys:
+class OwnMaterialKeys(AbstractKeys):
     """A gear's own material: `[pinion.material]`."""
 
     young_GPa: float | None = real("Young's modulus", YOUNG)
@@ -90,8 +87,7 @@ class OwnMaterialKeys:
     density_kg_m3: float | None = real("mass density", DENSITY)
 
 
-@table
-class SegmentKeys:
+class SegmentKeys(AbstractKeys):
     """One section of a shaft."""
 
     length_mm: float = real("length of the segment", LENGTH)
@@ -99,8 +95,7 @@ class SegmentKeys:
     inner_mm: float = real("inner diameter; 0: solid", "[0, inf)", 0.0)
 
 
-@table
-class BearingKeys:
+class BearingKeys(AbstractKeys):
     """One bearing of a shaft."""
 
     at_mm: float = real("position of the bearing", PLACE)
@@ -113,8 +108,7 @@ class BearingKeys:
     tilt_T_Nm_rad: float | None = real("tilt stiffness, about T only", BEARING)
 
 
-@table
-class LoadKeys:
+class LoadKeys(AbstractKeys):
     """A load on a shaft."""
 
     at_mm: float = real("position of a load", PLACE)
@@ -122,8 +116,7 @@ class LoadKeys:
     moment_Nm: list[float] = real("moment about S, T, Z", default=[0.0, 0.0, 0.0], length=3)
 
 
-@table
-class ShaftKeys:
+class ShaftKeys(AbstractKeys):
     """The shaft of a gear: `[pinion.shaft]`."""
 
     gear_at_mm: float = real("position of the gear's mid-face", PLACE)
@@ -142,8 +135,7 @@ class ShaftKeys:
     )
 
 
-@table
-class GearKeys:
+class GearKeys(AbstractKeys):
     """One gear: `[pinion]`, `[wheel]`."""
 
     teeth: int = key("number of teeth", "[5, 10000]")
@@ -205,8 +197,7 @@ class GearKeys:
     shaft: ShaftKeys
 
 
-@table
-class TipReliefKeys:
+class TipReliefKeys(AbstractKeys):
     """Relief at the tip: `[flank.pinion.tip_relief]`."""
 
     depth_um: float = real("depth removed at the tip", DEPTH, 0.0)
@@ -214,8 +205,7 @@ class TipReliefKeys:
     shape: Shape = SHAPE
 
 
-@table
-class RootReliefKeys:
+class RootReliefKeys(AbstractKeys):
     """Relief at the start of active profile: `[flank.pinion.root_relief]`."""
 
     depth_um: float = real("depth removed at the start of active profile", DEPTH, 0.0)
@@ -223,8 +213,7 @@ class RootReliefKeys:
     shape: Shape = SHAPE
 
 
-@table
-class EndReliefKeys:
+class EndReliefKeys(AbstractKeys):
     """Relief at the ends of the face: `[flank.pinion.end_relief]`."""
 
     side: Literal["left", "right", "both"] = key(
@@ -235,8 +224,7 @@ class EndReliefKeys:
     shape: Shape = SHAPE
 
 
-@table
-class FlankKeys:
+class FlankKeys(AbstractKeys):
     """The flanks of a gear: `[flank.pinion]`."""
 
     tip_relief: TipReliefKeys
@@ -288,8 +276,7 @@ class FlankKeys:
     )
 
 
-@table
-class FlanksKeys:
+class FlanksKeys(AbstractKeys):
     """The flanks of both gears: `[flank]`."""
 
     pinion: FlankKeys

@@ -57,7 +57,7 @@ def with_bodies(
     - `ValueError` if a body cannot be, or not carry its teeth.
     """
     pair = pair_of(scene)
-    torque = jnp.asarray(scene.pair.torque_pinion_Nm + couples_on_pinion(scene))
+    torque = jnp.asarray(scene.pair.torque_pinion_Nm + couples_on_pinion(scene.pinion.shaft))
     # All plans before any long work: a mistake in the second costs no wait.
     plans = [body_plan(scene, gear) for gear in scene.condensed]
     for plan in plans:
@@ -203,7 +203,7 @@ def _in_mesh(
     on_rim: Any = {"points": mesh.root_points, "axial": mesh.connection}
     with in_keys(plan.gear):
         if mesh.tooth == "elements":
-            give = beyond_plain_ring(scene, plan, tell)
+            give = beyond_plain_ring(scene.plain, plan, tell)
             if basis is not None:
                 raise InputError(
                     'mesh.tooth = "elements": a condensed body carries such teeth in statics only, '

@@ -66,7 +66,7 @@ def asks_for_roots(scene: Scene) -> bool:
     if scene.mesh.root_stress or _RESPONSE in (scene.compare.responses or ()):
         return True
     asked = scene.optimise
-    if not scene.has_table("optimise"):
+    if not scene.optimise.is_given:
         return False
     named = (*asked.weights, asked.pareto.against)
     return _RESPONSE in named or asked.limits.max_root_stress_MPa is not None

@@ -29,6 +29,7 @@ from jaxgear.scene._build_pair import pair_of, si
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS, shapes_teeth
 from jaxgear.scene._sizes import of_material
+from jaxgear.scene._tables import PlainTables
 
 
 def element_teeth(scene: Scene, tell: Callable[[str], None] = lambda step: None) -> ElementTeeth:
@@ -49,19 +50,12 @@ def element_teeth(scene: Scene, tell: Callable[[str], None] = lambda step: None)
     """
     _check(scene)
     # Both before any long work: a mistake in the second costs no wait.
-    shapes = [_shape(scene, gear) for gear in GEARS]
+    shapes = [_shape(scene.plain, gear) for gear in GEARS]
     count = _teeth_in_mesh(scene)
     pinion, wheel = (
         _tables(gear, shape, count, tell) for gear, shape in zip(GEARS, shapes, strict=True)
     )
     return ElementTeeth(pinion=pinion, wheel=wheel, load_updates=scene.mesh.line_load_updates)
-
-
-def coarser_teeth(scene: Scene) -> list[tuple[str, float]]:
-    """Gears whose teeth are divided more coarsely than others are, and what that costs [-]."""
-    count = _teeth_in_mesh(scene)
-    found = [(gear, fitting_sizing(toothed_gear(scene, gear), count)[1]) for gear in GEARS]
-    return [(gear, error) for gear, error in found if error > 0.0]
 
 
 def condensed_pair(scene: Scene) -> list[tuple[ToothedGear, ToothElements]]:
@@ -77,9 +71,16 @@ def condensed_pair(scene: Scene) -> list[tuple[ToothedGear, ToothElements]]:
     """
     count, found = _teeth_in_mesh(scene), []
     for gear in GEARS:
-        shape, material = _shape(scene, gear)
+        shape, material = _shape(scene.plain, gear)
         found.append((shape, condensed_teeth(shape, material, count, lambda step: None)))
     return found
+
+
+def coarser_teeth(scene: Scene) -> list[tuple[str, float]]:
+    """Gears whose teeth are divided more coarsely than others are, and what that costs [-]."""
+    count = _teeth_in_mesh(scene)
+    found = [(gear, fitting_sizing(_shape(scene.plain, gear)[0], count)[1]) for gear in GEARS]
+    return [(gear, error) for gear, error in found if error > 0.0]
 
 
 def _check(scene: Scene) -> None:
@@ -122,15 +123,14 @@ def _teeth_in_mesh(scene: Scene) -> int:
     return math.floor(profile + half + beyond + 0.05) + math.ceil(half) + 1
 
 
-def toothed_gear(scene: Scene, name: str) -> ToothedGear:
+def toothed_gear(tables: PlainTables, name: str) -> ToothedGear:
     """The teeth of a gear and the ring that they stand on."""
-    return _shape(scene, name)[0]
+    return _shape(tables, name)[0]
 
 
-def _shape(scene: Scene, name: str) -> tuple[ToothedGear, Material]:
+def _shape(tables: PlainTables, name: str) -> tuple[ToothedGear, Material]:
     """What the teeth of a gear are made from."""
-    tables, sign = scene.plain, {"pinion": 1.0, "wheel": -1.0}[name]
-    gear, pair = tables.gear(name), tables.pair
+    gear, pair, sign = tables.gear(name), tables.pair, {"pinion": 1.0, "wheel": -1.0}[name]
     helix, module = pair.helix_angle_deg * deg, pair.module_mm * mm
     height = gear.addendum_coeff + gear.profile_shift - gear.tip_shortening_coeff
     keys = ("young_GPa", "poisson", "density_kg_m3")

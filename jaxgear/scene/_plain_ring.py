@@ -30,14 +30,14 @@ from jaxgear.scene._bodies import BodyPlan, Drawn, ribbed_sectors
 from jaxgear.scene._body_build import Steps
 from jaxgear.scene._body_words import in_keys
 from jaxgear.scene._mesh_teeth import toothed_gear
-from jaxgear.scene._scene import Scene
+from jaxgear.scene._tables import PlainTables
 
 # Loads solved for at a time.
 _COLUMNS = 240
 
 
 def beyond_plain_ring(
-    scene: Scene, plan: BodyPlan, tell: Callable[[str], None]
+    tables: PlainTables, plan: BodyPlan, tell: Callable[[str], None]
 ) -> Callable[[RootPatches], np.ndarray]:
     """What a body in mesh gives beyond the plain ring that its teeth's elements stand on.
 
@@ -47,7 +47,7 @@ def beyond_plain_ring(
 
     **Arguments:**
 
-    - `scene`: with `mesh.tooth = "elements"`.
+    - `tables`: of a scene with `mesh.tooth = "elements"`.
     - `plan`: of the body.
     - `tell`: told what begins.
 
@@ -67,7 +67,7 @@ def beyond_plain_ring(
             "web], so that a plain ring of like elements can be set against it; it was read from a "
             'file. Write mesh.tooth = "sliced".'
         )
-    gear = toothed_gear(scene, plan.gear)
+    gear = toothed_gear(tables, plan.gear)
     if source.body.web is not None:
         rim = 0.5 * (source.body.rim_outer - source.body.web.rim_inner)
         require(

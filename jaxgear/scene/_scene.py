@@ -8,7 +8,7 @@ import dataclasses
 import os
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -108,18 +108,29 @@ class Scene(AbstractTables):
         return look_up(self.whole, path, default)
 
     @property
+    def title(self) -> str:
+        """What pictures of the scene are headed by."""
+        return f"{self.name}, {self.pair.torque_pinion_Nm:g} N m"
+
+    @property
     def condensed(self) -> tuple[str, ...]:
         """Gears whose body is to be condensed."""
         return tuple(gear for gear in GEARS if self.gear(gear).body.kind == "condensed")
-
-    def has_table(self, prefix: str) -> bool:
-        """Say whether the user wrote the table, even an empty one."""
-        return prefix in self.given
 
     def where(self, key: str) -> str:
         """Return where a key was set, for a message about it."""
         whole = self.lines.get(split_entry(key)[0], f"{self.path} (default)")
         return self.lines.get(key, whole)
+
+    def refuse(self, mistakes: Iterable[tuple[str, str]]) -> None:
+        """Refuse the scene if there are mistakes in it: keys, and what is wrong with each.
+
+        **Raises:**
+
+        - `SceneError` with all of them.
+        """
+        if found := [Mistake(self.where(key), key, words) for key, words in mistakes]:
+            raise SceneError(found)
 
     def overridden(self) -> dict[str, object]:
         """Return what was set on the command line: keys, entries, or whole rows and lists of them.
@@ -201,7 +212,7 @@ class Scene(AbstractTables):
         error, are left out, and so is what a condensed body is made from. A density counts where
         something turns.
         """
-        turns = bool(self.condensed) or self.has_table("sweep")
+        turns = bool(self.condensed) or self.sweep.is_given
         present: dict[str, list[str]] = {}
         for key, value in {**self.values, **self.fixed}.items():
             path = general(key)

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Literal
 
 from jaxgear.scene._gear_tables import DEPTH, EXTENT, TORQUE
-from jaxgear.scene._table import key, table
+from jaxgear.scene._table import AbstractKeys, key
 
 Combined = Literal["mean", "worst"]
 # What can be made small, or traded.
@@ -32,8 +32,7 @@ StaticResponse = Literal[
 DynamicResponse = Literal["dynamic_ratio", "te_rms", "te_mean"]
 
 
-@table
-class DepthRangeKeys:
+class DepthRangeKeys(AbstractKeys):
     """Depths of the map: `[map.depth_um]`."""
 
     from_: float = key("smallest depth", DEPTH, 0.0)
@@ -41,8 +40,7 @@ class DepthRangeKeys:
     points: int = key("number of depths", "[2, 2000]", 50)
 
 
-@table
-class ExtentRangeKeys:
+class ExtentRangeKeys(AbstractKeys):
     """Extents of the map: `[map.extent]`."""
 
     from_: float = key("smallest extent", EXTENT, 0.01)
@@ -50,8 +48,7 @@ class ExtentRangeKeys:
     points: int = key("number of extents", "[2, 2000]", 50)
 
 
-@table
-class MapKeys:
+class MapKeys(AbstractKeys):
     """The Master Curve map: `[map]`."""
 
     depth_um: DepthRangeKeys
@@ -61,8 +58,7 @@ class MapKeys:
     )
 
 
-@table
-class WeightsKeys:
+class WeightsKeys(AbstractKeys):
     """Weights of what is minimised: `[optimise.minimise]`."""
 
     te_rms: float | None = key("weight of static.te_rms_um", "[0, inf)")
@@ -84,8 +80,7 @@ class WeightsKeys:
     )
 
 
-@table
-class LimitsKeys:
+class LimitsKeys(AbstractKeys):
     """What a search may not exceed: `[optimise.limits]`."""
 
     max_pressure_MPa: float | None = key("largest pressure allowed", "(0, inf)")
@@ -101,8 +96,7 @@ class LimitsKeys:
     )
 
 
-@table
-class ParetoKeys:
+class ParetoKeys(AbstractKeys):
     """A trade between two objectives: `[optimise.pareto]`."""
 
     against: Minimised | None = key(
@@ -112,8 +106,7 @@ class ParetoKeys:
     points: int = key("designs to look for", "[2, 200]", 7)
 
 
-@table
-class OptimiseKeys:
+class OptimiseKeys(AbstractKeys):
     """A search: `[optimise]`."""
 
     vary: list[str] = key("the keys that the optimiser may change")
@@ -155,11 +148,10 @@ class OptimiseKeys:
         """What is made small, by name, and its weight."""
         if isinstance(self.minimise, str):
             return {self.minimise: 1.0}
-        return {name: weight for name, weight in vars(self.minimise).items() if weight is not None}
+        return {name: weight for name, weight in self.minimise.values.items() if weight is not None}
 
 
-@table
-class RobustKeys:
+class RobustKeys(AbstractKeys):
     """Scatter that a search looks at: `[robust]`."""
 
     measure: Literal["mean", "quantile"] = key(
@@ -189,8 +181,7 @@ class RobustKeys:
     even: Mapping[str, float]
 
 
-@table
-class SizingKeys:
+class SizingKeys(AbstractKeys):
     """Amounts of relief to try: `[sizing]`."""
 
     torques_Nm: list[float] | None = key("pinion torques; default: that of the pair", TORQUE)
@@ -198,8 +189,7 @@ class SizingKeys:
     amounts: Mapping[str, list[float]]
 
 
-@table
-class CompareKeys:
+class CompareKeys(AbstractKeys):
     """Models against each other: `[compare]`."""
 
     tolerance: float = key(

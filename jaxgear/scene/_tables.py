@@ -1,6 +1,7 @@
 """Tables of a scene that say how its gears are computed and moved, and the whole file."""
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from typing import Literal
 
 from jaxgear.scene._gear_tables import FlanksKeys, Foundation, GearKeys, MaterialKeys, PairKeys
@@ -12,7 +13,7 @@ from jaxgear.scene._study_tables import (
     RobustKeys,
     SizingKeys,
 )
-from jaxgear.scene._table import key, real, table
+from jaxgear.scene._table import AbstractKeys, declare, key, real
 
 GearName = Literal["pinion", "wheel"]
 
@@ -22,15 +23,13 @@ FACE_COUPLING = "none"
 SPEED = "(0, inf). At rest, the quasi-static cycle of `jaxgear run` is the response"
 
 
-@table
-class HousingKeys:
+class HousingKeys(AbstractKeys):
     """What holds the bearings: `[housing]`."""
 
     stiffness_csv: str | None = key("file of the stiffness of the housing between the bearings")
 
 
-@table
-class MeshKeys:
+class MeshKeys(AbstractKeys):
     """Contact, and how fine it is looked at: `[mesh]`."""
 
     periods: int = key("mesh periods in one cycle", "[1, 10000]", 1)
@@ -100,8 +99,7 @@ class MeshKeys:
     )
 
 
-@table
-class ModelKeys:
+class ModelKeys(AbstractKeys):
     """What is kept of bodies in motion: `[model]`."""
 
     coordinates: int | None = key(
@@ -133,8 +131,7 @@ class ModelKeys:
     )
 
 
-@table
-class DampingKeys:
+class DampingKeys(AbstractKeys):
     """Damping: `[damping]`."""
 
     kind: Literal["modal", "rayleigh"] = key("kind of damping", default="modal")
@@ -153,8 +150,7 @@ class DampingKeys:
     )
 
 
-@table
-class SpeedsKeys:
+class SpeedsKeys(AbstractKeys):
     """Speeds at even distances: `[sweep.pinion_speed_rad_s]`."""
 
     from_: float = key("lowest speed", SPEED)
@@ -162,8 +158,7 @@ class SpeedsKeys:
     points: int = key("number of speeds", "[2, 100000]")
 
 
-@table
-class SweepKeys:
+class SweepKeys(AbstractKeys):
     """A sweep over the speed: `[sweep]`."""
 
     pinion_speed_rad_s: list[float] | SpeedsKeys = key(
@@ -199,8 +194,7 @@ class SweepKeys:
     )
 
 
-@table
-class ModesKeys:
+class ModesKeys(AbstractKeys):
     """Natural modes: `[modes]`."""
 
     count: int | None = key(
@@ -212,8 +206,7 @@ class ModesKeys:
     harmonics: int = key("mesh harmonics with critical speeds", "[1, 100]", 4)
 
 
-@table
-class ProbeKeys:
+class ProbeKeys(AbstractKeys):
     """A place on a body that is looked at: `[[probes]]`."""
 
     gear: GearName = key("gear, with a condensed body, that is looked at")
@@ -270,13 +263,18 @@ class AbstractTables:
         return getattr(self, name)
 
     @property
+    def gears(self) -> Mapping[str, GearKeys]:
+        """The tables of both gears, by name."""
+        return {"pinion": self.pinion, "wheel": self.wheel}
+
+    @property
     @abstractmethod
     def plain(self) -> "PlainTables":
         """The tables with plain numbers alone: what is moved is as it was before."""
 
 
 # Not as a decorator: a scene is made of more than its tables.
-table(AbstractTables)
+declare(AbstractTables)
 
 
 class PlainTables(AbstractTables):

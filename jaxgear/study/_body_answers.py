@@ -1,7 +1,7 @@
 """All that a run says of its condensed bodies: how they give under their teeth, and where."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 import numpy as np
@@ -11,8 +11,9 @@ from jaxgear._solve._cycle import MeshCycle
 from jaxgear._units import um
 from jaxgear.scene._body_build import BuiltBody, Steps, full_of
 from jaxgear.scene._body_words import in_keys
-from jaxgear.scene._scene import Scene
+from jaxgear.scene._mesh_bodies import MeshBody
 from jaxgear.scene._schema import GEARS
+from jaxgear.scene._tables import MeshKeys
 from jaxgear.study._hybrid import DIRECTIONS, BodyUnderTeeth, along_radius, radius_of
 from jaxgear.study._result import Summary
 from jaxgear.study._statics import Statics
@@ -80,41 +81,53 @@ class BodyAnswer:
 
 
 def body_answers(
-    scene: Scene, statics: Statics, tell: Callable[[str], None] = lambda step: None
+    mesh: MeshKeys,
+    bodies: Mapping[str, MeshBody],
+    statics: Statics,
+    tell: Callable[[str], None] = lambda step: None,
 ) -> list[BodyAnswer]:
     """How the condensed bodies of a scene give over its solved cycle, the pinion's first.
 
     What begins is told.
     """
     return [
-        _body_answer(scene, gear, statics, lambda step, gear=gear: tell(f"{gear}: {step}"))
+        _body_answer(
+            body_under_teeth(mesh, gear, bodies[gear], statics),
+            gear,
+            bodies[gear].built,
+            statics.cycle,
+            lambda step, gear=gear: tell(f"{gear}: {step}"),
+        )
         for gear in GEARS
-        if gear in scene.bodies
+        if gear in bodies
     ]
 
 
-def body_under_teeth(scene: Scene, gear: str, statics: Statics) -> BodyUnderTeeth:
+def body_under_teeth(mesh: MeshKeys, gear: str, body: MeshBody, statics: Statics) -> BodyUnderTeeth:
     """A condensed body of a scene in its solved cycle, to be looked at in any mesh period."""
     return BodyUnderTeeth(
-        scene.bodies[gear],
+        body,
         GEARS.index(gear),
         statics.model,
         statics.grid,
         statics.cycle,
-        points=scene.mesh.root_points,
-        axial=scene.mesh.connection,
+        points=mesh.root_points,
+        axial=mesh.connection,
     )
 
 
 def _body_answer(
-    scene: Scene, gear: str, statics: Statics, tell: Callable[[str], None]
+    under: BodyUnderTeeth,
+    gear: str,
+    built: BuiltBody,
+    cycle: MeshCycle,
+    tell: Callable[[str], None],
 ) -> BodyAnswer:
     tell("motion under its teeth")
-    under, built = body_under_teeth(scene, gear, statics), scene.bodies[gear].built
-    body, worst, fit = built.body, worst_phase(statics.cycle), rim_rows(built.body)
+    body, worst, fit = built.body, worst_phase(cycle), rim_rows(built.body)
     roots, largest, web, unknown = [], [], [], np.zeros((0, 3))
     shown: BodyField | None = None
-    lines = statics.cycle.cells.lines
+    lines = cycle.cells.lines
     for period in range(lines.periods):
         found = under.under_mesh(period)
         rim = under.against_seat(found.motion)

@@ -194,9 +194,9 @@ def wave_watch(scene: Scene, pair: PairDynamics) -> WaveWatch:
     - `ValueError` if a probe is where there is no node.
     """
     looked, gears = {}, pair_of(scene)
-    for gear, body in moving_bodies(scene).items():
+    for gear, body in moving_bodies(scene.bodies, scene.gears).items():
         circles = body.rim_circles()
         most = min(_MOST, *(int(circle.number.max()) for circle in circles))
         rim, angle = joined_circles(circles, most), start_angle(gears, body.index)
-        looked[gear] = Looked(body, rim, probes_of(scene, body), angle)
-    return WaveWatch(pair, looked, max(1, scene.sweep.orders), law_of(scene))
+        looked[gear] = Looked(body, rim, probes_of(scene.probes, scene.condensed, body), angle)
+    return WaveWatch(pair, looked, max(1, scene.sweep.orders), law_of(scene.mesh))

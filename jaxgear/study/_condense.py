@@ -12,9 +12,11 @@ from fem_prep import Grid, content_hash, surface, write_body, write_vtu
 from jaxgear._units import GPa, mm
 from jaxgear.scene._bodies import BodyPlan, Drawn, Matrices, OwnGrid, body_plan, even_sectors
 from jaxgear.scene._body_build import BuiltBody, built_body
+from jaxgear.scene._gear_tables import GearKeys
 from jaxgear.scene._scene import Scene
+from jaxgear.scene._tables import SweepKeys
 from jaxgear.study._body_surfaces import opened, section
-from jaxgear.study._dynamics import speeds_of
+from jaxgear.study._dynamics import fastest
 from jaxgear.study._head import names_of, study
 from jaxgear.study._progress import narration
 from jaxgear.study._ranks import Doubtful, Idle
@@ -62,11 +64,14 @@ def condense(scene: Scene) -> Result:
         with narration(plan.gear) as tell:
             found = built_body(plan, tell)
             file = {"file": f"{plan.name}.body.npz", "content_hash": content_hash(found.body)}
-            bodies.append(body_summary(scene, found) | file)
-            remarks += [*found.warnings, *body_remarks(scene, found)]
+            bodies.append(
+                body_summary(found, fastest_of(scene.sweep, scene.gears, plan.gear)) | file
+            )
+            remarks += [*found.warnings, *body_remarks(scene.gear(plan.gear), found)]
             datasets[f"{plan.gear}_body"] = body_dataset(found)
             files |= _files(found, datasets[f"{plan.gear}_body"])
-    return Result(scene, names_of(scene) | {"bodies": bodies, "notes": remarks}, datasets, files)
+    summary = names_of(scene.name, scene.cite) | {"bodies": bodies, "notes": remarks}
+    return Result(scene, summary, datasets, files)
 
 
 def _files(found: BuiltBody, dataset: xr.Dataset) -> Mapping[str, Callable[[Path], None]]:
@@ -89,16 +94,18 @@ def _files(found: BuiltBody, dataset: xr.Dataset) -> Mapping[str, Callable[[Path
 # --- The summary
 
 
-def body_summary(scene: Scene, found: BuiltBody) -> Summary:
+def fastest_of(asked: SweepKeys, gears: Mapping[str, GearKeys], gear: str) -> float:
+    """The speed of a gear up to which a scene is swept; 0 if it is not [rad/s]."""
+    return fastest(asked) * gears["pinion"].teeth / gears[gear].teeth
+
+
+def body_summary(found: BuiltBody, speed: float) -> Summary:
     """What is known of a body: its health, and how it came about.
 
-    Its growth is told at the speed up to which the scene is swept too.
+    Its growth is told at a speed of its gear too, unless that is 0 [rad/s].
     """
     plan = found.plan
     health: Summary = dict(found.health)
-    speed = 0.0
-    if scene.has_table("sweep"):
-        speed = float(speeds_of(scene.sweep)[-1]) * scene.pinion.teeth / scene.gear(plan.gear).teeth
     for key in [key for key in health if key.endswith("_um_at_rad_s")]:
         if speed and health[key]:
             known, growth = max((float(name), each) for name, each in health[key].items())
@@ -130,12 +137,8 @@ def _source(plan: BodyPlan) -> str:
             return ", ".join(map(str, paths))
 
 
-def body_remarks(scene: Scene, found: BuiltBody) -> list[str]:
+def body_remarks(own: GearKeys, found: BuiltBody) -> Iterator[str]:
     """What a reader of a body's results should not miss."""
-    return [*_on_body(scene, found)]
-
-
-def _on_body(scene: Scene, found: BuiltBody) -> Iterator[str]:
     plan, gear = found.plan, found.plan.gear
     for warning in found.health["warnings"]:
         yield Doubtful(f"The {gear}'s body: {warning}")
@@ -146,17 +149,16 @@ def _on_body(scene: Scene, found: BuiltBody) -> Iterator[str]:
             f"{plan.teeth_count} teeth: not every tooth stands on the same piece of rim. With "
             f"{gear}.body.fineness.sectors = {even} every tooth would."
         )
-    given = lambda keys: [x for x in keys if f"{gear}.body.{x}" in scene.given]
-    own = ["inertia_kg_m2", "transverse_inertia_kg_m2"]
+    idle = ["inertia_kg_m2", "transverse_inertia_kg_m2"]
     if isinstance(plan.source, Matrices):
-        yield from _on_matrices(found, len(scene.gear(gear).shaft.bearings))
+        yield from _on_matrices(found, len(own.shaft.bearings))
         # Nodes of the inside that the matrices still have are condensed here, with so many modes.
-        idle = plan.modes and not found.body.facts.get("modes_of_interior_nodes")
-        for key in given((*_NOT_OF_MATRICES, *(["modes"] if idle else []))):
+        modes = plan.modes and not found.body.facts.get("modes_of_interior_nodes")
+        for key in own.body.written(*_NOT_OF_MATRICES, *(["modes"] if modes else [])):
             yield f"{gear}.body.{key} does nothing: the matrices were condensed elsewhere."
     else:
-        own.append("mass_kg")
-    for key in given(own):
+        idle.append("mass_kg")
+    for key in own.body.written(*idle):
         yield Idle(f"{gear}.body.{key} does nothing: a condensed body has its own.")
 
 

@@ -1,5 +1,7 @@
 """The variables of [optimise]: their bounds, what follows them, and which cannot be varied."""
 
+from collections.abc import Iterable, Mapping, Sequence
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -106,7 +108,9 @@ class DesignSpace(eqx.Module):
     @property
     def torques(self) -> np.ndarray:
         """Pinion torques of the search [N m]."""
-        return torques_of(self.scene, "optimise")
+        return torques_of(
+            "optimise", self.scene.optimise.torques_Nm, self.scene.pair, self.scene.pinion.shaft
+        )
 
 
 def keeps_teeth(key: str) -> bool:
@@ -174,14 +178,16 @@ def design_space(
         twins = {twin(key): key for key in keys if twin(key) != key}
         ties = twins | ties | {twin(key): owner for key, owner in ties.items()}
     refuse_unbounded(scene, keys)
-    for key, owner in shared_places(scene, base).items():
+    for key, owner in shared_places(base).items():
         if key in keys:
             raise InputError(
                 f"optimise.vary names {key}, whose point lies where {owner} does and moves with "
                 "it: by itself it has no effect. Move it by 0.1 mm, or vary the other."
             )
-    bounds = np.asarray([_bounds(scene, key, deflection) for key in keys], dtype=float)
     start = np.asarray([scene.value(key) for key in keys], dtype=float)
+    given = scene.optimise.bounds
+    pairs = zip(keys, map(float, start), strict=True)
+    bounds = np.asarray([_bounds(given, key, x, deflection) for key, x in pairs], dtype=float)
     space = DesignSpace(
         scene=scene,
         keys=keys,
@@ -250,15 +256,16 @@ def _on_shafts(model: PairModel) -> list[tuple[Shaft, AbstractGearBody | None]]:
     return [(mount, body) for mount, body in both if isinstance(mount, Shaft)]
 
 
-def _bounds(scene: Scene, key: str, deflection: float) -> tuple[float, float] | None:
+def _bounds(
+    given: Mapping[str, Sequence[float]], key: str, value: float, deflection: float
+) -> tuple[float, float] | None:
     """Given bounds of a variable, or such as its kind suggests, or `None` if it suggests none.
 
     A depth reaches three deflections, a slope as far to either side; a bias, of which a quarter is
     in the corners, four times as far. An extent reaches half its path.
     """
-    if given := scene.optimise.bounds.get(key):
-        return given[0], given[1]
-    value = float(scene.value(key))
+    if own := given.get(key):
+        return own[0], own[1]
     most = max(round_up(3.0 * deflection), 2.0 * abs(value))
     name = split_entry(key)[0].rpartition(".")[2]
     match name:
@@ -288,7 +295,9 @@ _EITHER_WAY = (
 
 def _refuse_shaping(scene: Scene, keys: tuple[str, ...]) -> None:
     """Refuse to vary what a condensed body is made from, and does not follow or will not."""
-    follows = lambda key: not scene.bodies and _will_follow(scene, key)
+    # Once they are built; those that are to vibrate are not interpolated.
+    still = not scene.bodies and not scene.sweep.is_given
+    follows = lambda key: still and _is_one_of_a_web(key, scene.optimise.vary)
     remade = lambda key: any(scene.remakes(key, gear) for gear in scene.condensed)
     shaping = [key for key in keys if remade(key) and not follows(key)]
     if any(".body.web." in key for key in shaping):
@@ -305,27 +314,24 @@ def _refuse_shaping(scene: Scene, keys: tuple[str, ...]) -> None:
         )
 
 
-def _will_follow(scene: Scene, key: str) -> bool:
-    """Whether bodies, once they are built, will be interpolated over a key: one measure of a web.
-
-    Those that are to vibrate are not.
-    """
+def _is_one_of_a_web(key: str, varied: Iterable[str]) -> bool:
+    """Whether a key is the one measure of its web that is varied: bodies can be interpolated."""
     table = f"{split_entry(key)[0].rpartition('.')[0]}."
-    measures = [each for each in scene.optimise.vary if each.startswith(table)]
-    return ".body.web." in table and measures == [key] and not scene.has_table("sweep")
+    return ".body.web." in table and [x for x in varied if x.startswith(table)] == [key]
 
 
 def refuse_unbounded(scene: Scene, keys: tuple[str, ...]) -> None:
     """Refuse variables without bounds for which none can be guessed, with lines to add."""
     _refuse_shaping(scene, keys)
-    lost = [key for key in keys if scene.value(key) is not None and not _bounds(scene, key, 1.0)]
-    if not lost:
+    values = {key: float(x) for key in keys if (x := scene.value(key)) is not None}
+    given = scene.optimise.bounds
+    now = {key: x for key, x in values.items() if not _bounds(given, key, x, 1.0)}
+    if not now:
         return
-    now = {key: float(scene.value(key)) for key in lost}
     ends = {key: sorted((0.9 * x, 1.1 * x or 1.0)) for key, x in now.items()}
     lines = [f'"{key}" = [{low:.6g}, {high:.6g}]' for key, (low, high) in ends.items()]
     raise InputError(
-        f"optimise.vary ({scene.where('optimise.vary')}) names {', '.join(lost)}, for which no "
+        f"optimise.vary ({scene.where('optimise.vary')}) names {', '.join(now)}, for which no "
         "bounds can be guessed. Add their lowest and highest values to the table "
         "[optimise.bounds], such as:\n" + "\n".join(lines)
     )

@@ -1,5 +1,6 @@
 """What the drawing of each gear says: diameters, and measures of tooth thickness."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import jax
@@ -18,21 +19,21 @@ from jaxgear._geometry._measures import (
 from jaxgear._geometry._pair import GearPair
 from jaxgear._types import Bodies
 from jaxgear._units import mm
-from jaxgear.scene._scene import Scene
+from jaxgear.scene._gear_tables import GearKeys
 from jaxgear.scene._schema import GEARS
 from jaxgear.study._result import Summary
 
 _CIRCLES = ("tip", "root", "form", "base", "reference", "working_pitch")
 
 
-def drawing_summary(scene: Scene, pair: GearPair) -> Summary:
+def drawing_summary(gears: Mapping[str, GearKeys], pair: GearPair) -> Summary:
     """Diameters, spans and measures over balls of both gears, by their keys in the summary.
 
     Spans are over `span_teeth` teeth and measures over balls of `ball_mm` where the scene names
     them, else over what is measured midway up the teeth. NaN where that would not touch an involute
     between its form and its tip circle, or a ball not stand out beyond the tips.
     """
-    given = [(scene.gear(gear).span_teeth, scene.gear(gear).ball_mm) for gear in GEARS]
+    given = [(gears[gear].span_teeth, gears[gear].ball_mm) for gear in GEARS]
     teeth, ball = np.asarray(given, dtype=float).T
     found = jax.device_get(_measured(pair, jnp.asarray(teeth), jnp.asarray(ball * mm)))
     in_file = lambda name, value: value if name == "span_teeth" else value / mm

@@ -19,13 +19,13 @@ from jaxgear._dynamics._steppers import Newmark
 from jaxgear._dynamics._sweep import Direction, SweepSettings
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._geometry._lines import MeshGrid
-from jaxgear._interface._laws import ExactContact
+from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._kept_programs import QUICKLY
 from jaxgear._system._model import PairModel
-from jaxgear.scene._build import grid_of, law_of, model_of
+from jaxgear.scene._build import grid_of, model_of
 from jaxgear.scene._mesh_roots import influences_of
 from jaxgear.scene._scene import Scene
-from jaxgear.scene._tables import DampingKeys, SweepKeys
+from jaxgear.scene._tables import DampingKeys, ModelKeys, SweepKeys
 from jaxgear.study._result import Summary
 from jaxgear.study._running import timed
 from jaxgear.study._statics import Statics, require_solved, settled_statics, solve_statics
@@ -40,6 +40,11 @@ def speeds_of(asked: SweepKeys) -> np.ndarray:
     if isinstance(given, list):
         return np.unique(np.asarray(given, dtype=float))
     return np.linspace(given.from_, given.to, given.points)
+
+
+def fastest(asked: SweepKeys) -> float:
+    """The highest speed of the pinion that a scene is swept to; 0 if it is not [rad/s]."""
+    return float(speeds_of(asked)[-1]) if asked.is_given else 0.0
 
 
 def directions_of(asked: SweepKeys) -> tuple[Direction, ...]:
@@ -65,7 +70,8 @@ def dynamics_of(scene: Scene, model: PairModel, grid: MeshGrid | None = None) ->
     Real values of the scene may be traced, if a grid is given.
     """
     grid = dynamic_grid_of(scene, model) if grid is None else grid
-    return pair_dynamics(model, grid, damping_of(scene.damping), **vars(_wanted_of(scene)))
+    wanted = _wanted_of(scene.model, scene.damping, scene.sweep)
+    return pair_dynamics(model, grid, damping_of(scene.damping), **vars(wanted))
 
 
 class _Wanted(eqx.Module):
@@ -83,12 +89,12 @@ class _Wanted(eqx.Module):
     mesh_coordinates: int = eqx.field(static=True)
 
 
-def _wanted_of(scene: Scene) -> _Wanted:
+def _wanted_of(model: ModelKeys, damping: DampingKeys, asked: SweepKeys) -> _Wanted:
     return _Wanted(
-        gyroscopic=scene.model.gyroscopic,
-        active_mesh_damping=scene.damping.active_mesh,
-        centrifugal=scene.sweep.centrifugal,
-        mesh_coordinates=scene.model.at_mesh,
+        gyroscopic=model.gyroscopic,
+        active_mesh_damping=damping.active_mesh,
+        centrifugal=asked.centrifugal,
+        mesh_coordinates=model.at_mesh,
     )
 
 
@@ -124,9 +130,8 @@ def method_name(asked: SweepKeys, size: Size) -> str:
     return "harmonic" if unknowns_of(asked, size) <= MOST_UNKNOWNS else "newmark"
 
 
-def settings_of(scene: Scene, size: Size) -> SweepSettings:
+def settings_of(law: AbstractContactLaw, asked: SweepKeys, size: Size) -> SweepSettings:
     """How a scene is swept: by harmonic balance as long as a cycle is not too long for it."""
-    law, asked = law_of(scene), scene.sweep
     cycles = max(4, -(-asked.cycles // size.periods))
     method: HarmonicBalance | Shooting | Marching
     match method_name(asked, size):
@@ -169,8 +174,9 @@ def solve_dynamics(scene: Scene) -> Dynamics:
     """Solve the quasi-static cycle of a scene, and find what its dynamics are made of."""
     model = model_of(scene)
     grid = dynamic_grid_of(scene, model)
+    wanted = _wanted_of(scene.model, scene.damping, scene.sweep)
     pair, modes = timed(
-        _with_modes, model, grid, damping_of(scene.damping), _wanted_of(scene), options=QUICKLY
+        _with_modes, model, grid, damping_of(scene.damping), wanted, options=QUICKLY
     )
     require_solved(pair.cycle.converged)
     if scene.mesh.contact == "exact" and not scene.mesh.pinion_speed_rad_s:
@@ -183,7 +189,7 @@ def solve_dynamics(scene: Scene) -> Dynamics:
     return Dynamics(pair=pair, modes=modes, statics=statics)
 
 
-def require_damped(scene: Scene, dynamics: Dynamics) -> None:
+def require_damped(damping: DampingKeys, dynamics: Dynamics) -> None:
     """Refuse to sweep through the resonance of a mode that the mesh excites and nothing damps."""
     excited = np.asarray(dynamics.modes.mesh) > 1e-3
     bare = np.nonzero(excited & (dynamics.damping_ratio < 1e-9))[0]
@@ -195,16 +201,16 @@ def require_damped(scene: Scene, dynamics: Dynamics) -> None:
         mode=which + 1,
         frequency=float(dynamics.modes.frequency[which]),
         share=float(dynamics.modes.mesh[which]),
-        key="mesh" if scene.damping.kind == "modal" else "b_R_s",
+        key="mesh" if damping.kind == "modal" else "b_R_s",
     )
 
 
-def damping_summary(scene: Scene, dynamics: Dynamics) -> Summary:
+def damping_summary(damping: DampingKeys, dynamics: Dynamics) -> Summary:
     """Kind of damping, and what it makes of the first modes."""
     count = min(12, dynamics.damping_ratio.size)
     return {
-        "kind": scene.damping.kind,
-        "active_mesh": scene.damping.active_mesh,
+        "kind": damping.kind,
+        "active_mesh": damping.active_mesh,
         "frequency_Hz": np.asarray(dynamics.modes.frequency)[:count],
         "ratios": dynamics.damping_ratio[:count],
     }

@@ -94,15 +94,15 @@ def variation_of(scene: Scene, base: PairModel, *, flanks_only: bool) -> Variati
         if key.startswith(("flank.", "mesh.periods")) and key not in numbers
     }
     given = sorted(key for key in scene.given if key.startswith("flank."))
-    files = [_digest(scene, value) for key, value in said.items() if key.endswith("_csv")]
+    named = (str(value) for key, value in said.items() if key.endswith("_csv"))
+    files = [_digest(scene.path.parent / name) for name in named]
     words = json.dumps(as_json({"said": said, "given": given, "files": files}), sort_keys=True)
     plain = {key: np.asarray(scene.value(key), dtype=float) for key in numbers}
     return Variation(Wording(scene, words), plain, base)
 
 
-def _digest(scene: Scene, file: Any) -> str:
-    content = (scene.path.parent / Path(str(file))).read_bytes()
-    return hashlib.sha256(content).hexdigest()
+def _digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 class Task(eqx.Module):

@@ -95,8 +95,8 @@ def check_gradients(scene: Scene) -> Result:
     - `SolverFailure` if a contact problem was not solved.
     """
     scene = built_scene(scene)
-    laws = {"exact": ExactContact(), "smooth": smooth_law_of(scene)}
-    moving = scene.has_table("sweep")
+    laws = {"exact": ExactContact(), "smooth": smooth_law_of(scene.mesh)}
+    moving = scene.sweep.is_given
     tables: list[xr.Dataset] = []
     points: list[SteadyPoint] = []
     with progress(len(laws) + moving, "derivatives") as done:
@@ -112,7 +112,7 @@ def check_gradients(scene: Scene) -> Result:
     columns = {str(name): table[name].values for name in table}
     return Result(
         scene,
-        names_of(scene) | {"check_grad": found, "notes": steady_notes(points)},
+        names_of(scene.name, scene.cite) | {"check_grad": found, "notes": steady_notes(points)},
         {"gradients": table},
         {"gradients.csv": lambda path: write_csv(columns, path)},
     )
@@ -154,7 +154,7 @@ def static_gradients(scene: Scene, contact: str, law: AbstractContactLaw) -> xr.
         linearised(responses), centre, jnp.eye(len(centre)), weights, options=UNFUSED
     )
     require_solved(converged)
-    found, shared = (value, columns.T, rows), shared_places(scene, base)
+    found, shared = (value, columns.T, rows), shared_places(base)
     every = [contact] * len(names), names, keys.names, centre
     return judged(*every, responses, found, AT_REST, shared)
 
@@ -179,9 +179,9 @@ def steady_gradients(
     weights = jnp.zeros((len(laws) * len(names), *shape.shape))
     numbers, dynamics, columns, _ = timed(program, centre, tangents, weights, options=UNFUSED)
     require_solved(dynamics.cycle.converged)
-    if is_too_large(scene, dynamics):
+    if is_too_large(scene.sweep, dynamics):
         return None, [SteadyPoint(name, speed, None, None, TOO_MANY) for name in laws]
-    methods = {name: method_of(scene, dynamics, law) for name, law in laws.items()}
+    methods = {name: method_of(scene.sweep, dynamics, law) for name, law in laws.items()}
     each = {
         name: timed(linearised(responder(method)), numbers, columns, jnp.eye(len(names)), dynamics)
         for name, method in methods.items()
@@ -209,7 +209,7 @@ def steady_gradients(
         reverse[: len(good) * len(names)],
     )
     every = [name for name in good for _ in names], names * len(good), (*keys.names, SPEED), centre
-    shared = shared_places(scene, model_of(scene))
+    shared = shared_places(model_of(scene))
     return judged(*every, responses, found, IN_MOTION, shared), points
 
 

@@ -5,13 +5,14 @@ import functools
 import importlib.metadata
 import resource
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
 from typing import Concatenate, ParamSpec
 
 from jaxgear.scene._assumed import assumed
+from jaxgear.scene._gear_tables import GearKeys
 from jaxgear.scene._scene import Scene
-from jaxgear.scene._schema import GEARS
 from jaxgear.scene._slips import odd
+from jaxgear.scene._tables import MeshKeys
 from jaxgear.study._drawing import drawing_summary
 from jaxgear.study._notes import notes
 from jaxgear.study._ranks import Doubtful, worst_first
@@ -21,11 +22,11 @@ from jaxgear.study._statics import Statics
 from jaxgear.study._statics_summary import geometry_summary, mounts_summary
 
 
-def names_of(scene: Scene) -> Summary:
+def names_of(name: str, cite: str) -> Summary:
     """What every summary begins with."""
     packages = ("jaxgear", "jax", "jaxlib", "equinox", "optax", "numpy", "scipy")
-    versions = {name: importlib.metadata.version(name) for name in packages}
-    return {"name": scene.name, "cite": scene.cite, "versions": versions}
+    versions = {each: importlib.metadata.version(each) for each in packages}
+    return {"name": name, "cite": cite, "versions": versions}
 
 
 def head(scene: Scene, statics: Statics) -> Summary:
@@ -38,12 +39,12 @@ def head(scene: Scene, statics: Statics) -> Summary:
     bases = [body.basis for body in scene.bodies.values() if body.basis is not None]
     modes = sum(len(basis.square) for basis in bases)
     return {
-        **names_of(scene),
+        **names_of(scene.name, scene.cite),
         "model": {
             "pinion": scene.pinion.body.kind,
             "wheel": scene.wheel.body.kind,
             "stiffness": scene.mesh.stiffness,
-            "foundation": foundation_of(scene),
+            "foundation": foundation_of(scene.mesh, scene.gears, scene.bodies),
             "contact": scene.mesh.contact,
             "slices": scene.mesh.slices,
             # Time steps, where statics are those that the dynamics begin with.
@@ -51,7 +52,7 @@ def head(scene: Scene, statics: Statics) -> Summary:
             # Both gears' rotations are one coordinate: the drive.
             "dofs": len(statics.cycle.system.structure.map.free) - 1 + modes,
         },
-        "geometry": geometry_summary(statics) | drawing_summary(scene, statics.model.pair),
+        "geometry": geometry_summary(statics) | drawing_summary(scene.gears, statics.model.pair),
         "iso6336": {key: float(value) for key, value in statics.standard.items()},
         "static": {
             **{key: float(value) for key, value in statics.numbers.items()},
@@ -64,25 +65,28 @@ def head(scene: Scene, statics: Statics) -> Summary:
     }
 
 
-def foundation_of(scene: Scene) -> str:
-    """What gives under the teeth of either gear; once, if it is the same."""
-    given = [(scene.gear(gear).foundation or scene.mesh.foundation) for gear in GEARS]
-    own = ["its condensed body" if gear in scene.bodies else None for gear in GEARS]
-    if not any(own) and not any(f"{gear}.foundation" in scene.values for gear in GEARS):
-        return scene.mesh.foundation
-    named = zip(GEARS, own, given, strict=True)
-    return ", ".join(f"{gear} {body or foundation}" for gear, body, foundation in named)
+def foundation_of(mesh: MeshKeys, gears: Mapping[str, GearKeys], bodies: Collection[str]) -> str:
+    """What gives under the teeth of either gear, one with a body of its own or not; or of both."""
+    if not bodies and not any(each.foundation for each in gears.values()):
+        return mesh.foundation
+    return ", ".join(
+        f"{gear} "
+        + ("its condensed body" if gear in bodies else each.foundation or mesh.foundation)
+        for gear, each in gears.items()
+    )
 
 
 def _told_bodies(scene: Scene, known: list[str]) -> Summary:
     """What the condensed bodies are, as `condense` says it, and all notes; empty without them."""
     if not scene.bodies:
         return {}
-    from jaxgear.study._condense import body_remarks, body_summary
+    from jaxgear.study._condense import body_remarks, body_summary, fastest_of
 
-    built = [each.built for each in scene.bodies.values()]
-    said = [words for each in built for words in (*each.warnings, *body_remarks(scene, each))]
-    return {"bodies": [body_summary(scene, each) for each in built], "notes": known + said}
+    bodies, said = [], []
+    for gear, built in ((gear, each.built) for gear, each in scene.bodies.items()):
+        bodies.append(body_summary(built, fastest_of(scene.sweep, scene.gears, gear)))
+        said += [*built.warnings, *body_remarks(scene.gear(gear), built)]
+    return {"bodies": bodies, "notes": known + said}
 
 
 def finished(scene: Scene, summary: Summary) -> Summary:

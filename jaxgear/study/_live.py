@@ -190,7 +190,7 @@ def live_scene(scene: Scene) -> LiveScene:
     names += [key for key in _OF_MODEL if key in real]
     knobs = tuple(_knob(key, float(scene.value(key))) for key in names)
     variation = variation_of(scene, base, flanks_only=True)
-    return LiveScene(scene, knobs, variation, grid_of(scene, base), law_of(scene))
+    return LiveScene(scene, knobs, variation, grid_of(scene, base), law_of(scene.mesh))
 
 
 def _knob(path: str, value: float) -> Knob:

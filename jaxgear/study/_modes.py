@@ -10,7 +10,8 @@ from jaxgear._checks import require
 from jaxgear._dynamics._modes import Modes, critical_speeds, rotating_frequencies
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
-from jaxgear.study._dynamics import Dynamics, damping_summary, solve_dynamics, speeds_of
+from jaxgear.scene._tables import ModesKeys
+from jaxgear.study._dynamics import Dynamics, damping_summary, fastest, solve_dynamics
 from jaxgear.study._head import head, study
 from jaxgear.study._progress import built_scene, narration
 from jaxgear.study._result import Datasets, Result, Summary, titled
@@ -52,23 +53,32 @@ def modes(scene: Scene) -> Result:
     scene = built_scene(scene, moving=True)
     with narration("modes"):
         dynamics = solve_dynamics(scene)
-        require_retained(scene, dynamics.pair)
-        count = modes_shown(scene, np.asarray(dynamics.modes.frequency))
-        highest = _highest_speed(scene, dynamics, count)
+        require_retained(scene.modes, scene.model.modes, dynamics.pair)
+        # The first of a thin wheel are but its lowest waves.
+        usual = 40 if scene.condensed else 12
+        count = modes_shown(scene.modes, np.asarray(dynamics.modes.frequency), usual)
+        highest = fastest(scene.sweep) or _where_last(dynamics, count)
         found = {"modes": _modes_dataset(dynamics, count)}
         summary = _modes_summary(dynamics, scene.modes.harmonics, count)
         if dynamics.pair.bodies:
-            waves = body_waves(scene, dynamics.pair, dynamics.modes, highest, count)
+            waves = body_waves(
+                scene.bodies,
+                dynamics.pair,
+                dynamics.modes,
+                harmonics=scene.modes.harmonics,
+                highest=highest,
+                count=count,
+            )
             of_bodies, more = _of_bodies(waves, scene.modes.harmonics)
             found = {"modes": found["modes"].assign(wave_entries(waves)), **of_bodies}
             summary |= more
         else:
             found["campbell"] = _campbell_dataset(dynamics, scene.modes.harmonics, count, highest)
     summary = head(scene, dynamics.statics) | {
-        "damping": damping_summary(scene, dynamics),
+        "damping": damping_summary(scene.damping, dynamics),
         "modes": summary,
     }
-    return Result(scene, summary, {name: titled(each, scene) for name, each in found.items()})
+    return Result(scene, summary, {name: titled(each, scene.title) for name, each in found.items()})
 
 
 def _of_bodies(waves: BodyWaves, harmonics: int) -> tuple[Datasets, Summary]:
@@ -83,23 +93,22 @@ def _of_bodies(waves: BodyWaves, harmonics: int) -> tuple[Datasets, Summary]:
     return found, waves_summary(waves, critical, alone)
 
 
-def _highest_speed(scene: Scene, dynamics: Dynamics, count: int) -> float:
-    """Up to which speed of the pinion modes are shown [rad/s]."""
-    if scene.has_table("sweep"):
-        return float(speeds_of(scene.sweep)[-1])
-    # Up to where the mesh frequency itself meets the last of these modes.
+def _where_last(dynamics: Dynamics, count: int) -> float:
+    """Up to where the mesh frequency itself meets the last of so many modes [rad/s]."""
     last = float(dynamics.modes.frequency[count - 1])
     return 1.05 * 2.0 * np.pi * last / dynamics.statics.model.pair.pinion.teeth
 
 
-def modes_shown(scene: Scene, frequency: np.ndarray) -> int:
-    """Number of modes that a scene wants to see, of those with some frequencies [Hz]: at least one.
+def modes_shown(asked: ModesKeys, frequency: np.ndarray, usual: int) -> int:
+    """Number of modes to show, of those with some frequencies [Hz]: at least one.
+
+    As a scene asks for, or so many as is usual.
 
     **Raises:**
 
     - `InputError` if none is as low as wanted.
     """
-    highest, count = scene.modes.highest_Hz, scene.modes.count
+    highest, count = asked.highest_Hz, asked.count
     below = frequency.size
     if highest is not None:
         below = int(np.searchsorted(frequency, highest, side="right"))
@@ -110,9 +119,8 @@ def modes_shown(scene: Scene, frequency: np.ndarray) -> int:
             got=highest,
             first=float(frequency[0]),
         )
-    # The first of a thin wheel are but its lowest waves.
-    default = (40 if scene.condensed else 12) if highest is None else below
-    return min(below, default if count is None else count)
+    wanted = (usual if highest is None else below) if count is None else count
+    return min(below, wanted)
 
 
 def _modes_dataset(dynamics: Dynamics, count: int) -> xr.Dataset:

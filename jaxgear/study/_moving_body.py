@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import scipy
@@ -12,7 +13,7 @@ from jaxgear._response._waves import BodyMotion, Circle, circle_of
 from jaxgear._system._body_modes import BodyBasis
 from jaxgear.scene._body_build import BuiltBody, Steps, full_of
 from jaxgear.scene._body_words import in_keys
-from jaxgear.scene._scene import Scene
+from jaxgear.scene._gear_tables import GearKeys
 from jaxgear.scene._schema import GEARS
 from jaxgear.study._hybrid import radius_of
 from jaxgear.study._progress import say
@@ -148,12 +149,14 @@ def angle_of(places: np.ndarray) -> np.ndarray:
     return np.arctan2(places[:, 1], places[:, 0])
 
 
-def moving_bodies(scene: Scene) -> Mapping[str, MovingBody]:
+def moving_bodies(
+    bodies: Mapping[str, Any], gears: Mapping[str, GearKeys]
+) -> Mapping[str, MovingBody]:
     """The condensed bodies of a scene, made to move, by gear."""
     found = {}
-    for gear, mesh_body in scene.bodies.items():
+    for gear, mesh_body in bodies.items():
         sectors = mesh_body.built.body.facts.get("sectors", 1)
-        teeth, seat = scene.gear(gear).teeth, mesh_body.flexible.gear_seat
+        teeth, seat = gears[gear].teeth, mesh_body.flexible.gear_seat
         basis, _ = mesh_body.basis.under_teeth(teeth, sectors)
         found[gear] = MovingBody(gear, mesh_body.built, basis, teeth, seat)
     return found

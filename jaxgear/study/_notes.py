@@ -1,7 +1,8 @@
 """Remarks that a reader of results should not miss: where a model is outgrown, or sees nothing."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -11,8 +12,10 @@ from jaxgear._system._gear_body import BeamBody
 from jaxgear._system._model import PairModel
 from jaxgear._system._shaft import Shaft
 from jaxgear._units import mm, um
+from jaxgear.scene._gear_tables import FlanksKeys, GearKeys
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
+from jaxgear.scene._tables import MeshKeys
 from jaxgear.study._ranks import Doubtful, Idle
 from jaxgear.study._statics import Statics
 
@@ -20,46 +23,55 @@ from jaxgear.study._statics import Statics
 def notes(scene: Scene, statics: Statics) -> list[str]:
     """Remarks on a solved scene, a sentence or two each; none where there is nothing to say."""
     return [
-        *_on_teeth(scene),
-        *_on_roots(scene, statics.model),
-        *_on_foundations(scene, statics.model),
+        *_on_teeth(scene.mesh, scene.gears),
+        *_on_coarse_teeth(scene),
+        *_on_roots(scene.mesh, scene.gears, statics.model),
+        *_on_foundations(scene.mesh, scene.gears, statics.model),
         *_on_shafts(statics.model),
-        *_on_bodies(scene),
-        *_on_condensed(scene),
-        *_on_cycle(scene),
-        *_on_results(scene, statics),
+        *_on_bodies(scene.gears),
+        *_on_condensed(scene.mesh, scene.gears, scene.bodies),
+        *_on_cycle(scene.mesh, scene.gears, scene.flank),
+        *_on_results(scene.mesh.slices, statics),
     ]
 
 
-def _on_teeth(scene: Scene) -> Iterator[str]:
+def _on_teeth(mesh: MeshKeys, gears: Mapping[str, GearKeys]) -> Iterator[str]:
     """Keys of the mesh that this model of its teeth does not look at."""
-    mesh, whole = scene.mesh, scene.mesh.tooth == "elements"
+    whole = mesh.tooth == "elements"
     if mesh.face_coupling == "coupled" and (whole or mesh.stiffness != "weber-banaschek"):
         why = "elements of whole teeth feel all of their face" if whole else "no part of it spreads"
         yield Idle(f"mesh.face_coupling does nothing to this model of the teeth: {why}.")
-    keys = ("mesh.foundation", *(f"{gear}.foundation" for gear in GEARS))
-    if whole and (given := [key for key in keys if key in scene.given]):
-        yield Idle(f"{given[0]} does nothing: elements of whole teeth stand on rings of their own.")
-    if whole:
-        # Finite elements are imported where a scene has them.
-        from jaxgear.scene._mesh_teeth import coarser_teeth
+    given = [name for name, each in {"mesh": mesh, **gears}.items() if "foundation" in each.given]
+    if whole and given:
+        yield Idle(
+            f"{given[0]}.foundation does nothing: elements of whole teeth stand on rings of their "
+            "own."
+        )
 
-        for gear, error in coarser_teeth(scene):
-            yield (
-                f"The {gear}'s teeth are divided more coarsely than narrow spur teeth, so that "
-                f"their unknowns fit 4 GB: deflections of the gear are off by up to "
-                f"{100.0 * error:.2g} % of those by an even load."
-            )
+
+def _on_coarse_teeth(scene: Scene) -> Iterator[str]:
+    """Teeth of elements that are larger than they should be."""
+    if scene.mesh.tooth != "elements":
+        return
+    # Finite elements are imported where a scene has them.
+    from jaxgear.scene._mesh_teeth import coarser_teeth
+
+    for gear, error in coarser_teeth(scene):
+        yield (
+            f"The {gear}'s teeth are divided more coarsely than narrow spur teeth, so that "
+            f"their unknowns fit 4 GB: deflections of the gear are off by up to "
+            f"{100.0 * error:.2g} % of those by an even load."
+        )
 
 
 # Over the height of a tooth: from thinner rims on ISO 6336-3 has a rim factor.
 _THIN_RIM = 1.2
 
 
-def _on_roots(scene: Scene, model: PairModel) -> Iterator[str]:
+def _on_roots(mesh: MeshKeys, gears: Mapping[str, GearKeys], model: PairModel) -> Iterator[str]:
     """Strengths without stresses, stresses without strengths, and rims that may bend."""
-    has = {gear: scene.gear(gear).root_strength_MPa is not None for gear in GEARS}
-    if not scene.mesh.root_stress:
+    has = {gear: each.root_strength_MPa is not None for gear, each in gears.items()}
+    if not mesh.root_stress:
         for key in (f"{gear}.root_strength_MPa" for gear in GEARS if has[gear]):
             yield Idle(f"{key} does nothing: write mesh.root_stress = true for a safety.")
         return
@@ -70,7 +82,7 @@ def _on_roots(scene: Scene, model: PairModel) -> Iterator[str]:
         )
     for place, gear in enumerate(GEARS):
         root, tip = float(model.pair.root_radius[place]), float(model.pair.tip_radius[place])
-        rim = (root - 0.5 * mm * (scene.gear(gear).bore_mm or 0.0)) / (tip - root)
+        rim = (root - 0.5 * mm * (gears[gear].bore_mm or 0.0)) / (tip - root)
         if rim < _THIN_RIM:
             yield Doubtful(
                 f"The {gear}'s rim is {rim:.2g} tooth heights thick. The calculated root stress "
@@ -79,14 +91,16 @@ def _on_roots(scene: Scene, model: PairModel) -> Iterator[str]:
             )
 
 
-def _on_foundations(scene: Scene, model: PairModel) -> Iterator[str]:
-    if scene.mesh.tooth == "elements":
+def _on_foundations(
+    mesh: MeshKeys, gears: Mapping[str, GearKeys], model: PairModel
+) -> Iterator[str]:
+    if mesh.tooth == "elements":
         return
-    if scene.mesh.stiffness != "weber-banaschek":
-        if scene.mesh.line_load_updates:
+    if mesh.stiffness != "weber-banaschek":
+        if mesh.line_load_updates:
             yield Idle("mesh.line_load_updates does nothing to this mesh.stiffness.")
         return
-    chosen = [(scene.gear(gear).foundation or scene.mesh.foundation) for gear in GEARS]
+    chosen = [gears[gear].foundation or mesh.foundation for gear in GEARS]
     if "sainsot" in chosen:
         yield Doubtful(
             "Sainsot's foundation is for single-pair stiffness only: it counts the wind-up of "
@@ -100,7 +114,7 @@ def _on_foundations(scene: Scene, model: PairModel) -> Iterator[str]:
                 f"Sainsot's fit holds for root circle over bore of {least:g} to {most:g}; the "
                 f"{gear} has {ratio:.3g}."
             )
-        if foundation == "ring" and scene.gear(gear).body.kind == "beam":
+        if foundation == "ring" and gears[gear].body.kind == "beam":
             yield Doubtful(
                 f"The {gear}'s body winds up twice, as a beam and as a ring. Write "
                 f'{gear}.foundation = "weber".'
@@ -147,44 +161,45 @@ def _on_shafts(model: PairModel) -> Iterator[str]:
             )
 
 
-def _on_bodies(scene: Scene) -> Iterator[str]:
+def _on_bodies(gears: Mapping[str, GearKeys]) -> Iterator[str]:
     """Keys of condensed bodies at gears that have none."""
-    for gear in GEARS:
-        body, kind = f"{gear}.body", scene.gear(gear).body.kind
-        whole = [key for key in ("web", "grid", "superelement") if f"{body}.{key}" in scene.given]
-        if whole and kind != "condensed":
-            yield Idle(f'{body}.{whole[0]} does nothing: {body}.kind is "{kind}".')
+    for gear, body in ((name, each.body) for name, each in gears.items()):
+        whole = body.written("web", "grid", "superelement")
+        if whole and body.kind != "condensed":
+            yield Idle(f'{gear}.body.{whole[0]} does nothing: {gear}.body.kind is "{body.kind}".')
 
 
 # Keys of the mesh that speak to condensed bodies alone.
 _OF_CONDENSED = ("pinion_speed_rad_s", "connection", "root_points", "root_correction")
 
 
-def _on_condensed(scene: Scene) -> Iterator[str]:
+def _on_condensed(
+    mesh: MeshKeys, gears: Mapping[str, GearKeys], bodies: Mapping[str, Any]
+) -> Iterator[str]:
     """What condensed bodies bring themselves, and how far the cycle shows them."""
-    given = [f"mesh.{key}" for key in _OF_CONDENSED if f"mesh.{key}" in scene.given]
-    if not scene.bodies and given:
+    given = [f"mesh.{key}" for key in mesh.written(*_OF_CONDENSED)]
+    if not bodies and given:
         yield Idle(f"{', '.join(given)}: no body is condensed, so it does nothing.")
-    if scene.bodies and scene.mesh.stiffness == "constant":
+    if bodies and mesh.stiffness == "constant":
         yield (
             "mesh.stiffness_N_mm_um is taken as that of teeth alone: condensed bodies bring their "
             "own give."
         )
-    for gear in scene.bodies:
-        yield from _on_condensed_body(scene, gear)
+    # One foundation for both gears still serves a gear whose body is not condensed.
+    of_both = "foundation" in mesh.given and len(bodies) == len(GEARS)
+    for gear, each in bodies.items():
+        own = gear if "foundation" in gears[gear].given else "mesh" if of_both else ""
+        if own:
+            yield Idle(
+                f"{own}.foundation does nothing to the {gear} in mesh: what gives under its teeth "
+                "is its condensed body. It counts in the stiffness of a single pair and in "
+                "the closed form of the Master Curve, which are those of rigid gears."
+            )
+        yield from _on_condensed_body(mesh, gear, gears[gear].teeth, each)
 
 
-def _on_condensed_body(scene: Scene, gear: str) -> Iterator[str]:
-    each = scene.bodies[gear]
+def _on_condensed_body(mesh: MeshKeys, gear: str, teeth: int, each: Any) -> Iterator[str]:
     body, family = each.built.body, each.family
-    # One foundation for both gears still serves the other one.
-    keys = [f"{gear}.foundation", *(["mesh.foundation"] if len(scene.bodies) == len(GEARS) else [])]
-    if dropped := [key for key in keys if key in scene.given]:
-        yield Idle(
-            f"{dropped[0]} does nothing to the {gear} in mesh: what gives under its teeth "
-            "is its condensed body. It counts in the stiffness of a single pair and in "
-            "the closed form of the Master Curve, which are those of rigid gears."
-        )
     if family is not None:
         low, high = (float(family.parameters[end]) for end in (0, -1))
         yield (
@@ -193,15 +208,14 @@ def _on_condensed_body(scene: Scene, gear: str) -> Iterator[str]:
             f"{100.0 * family.interpolation_error:.2g} % of those condensed to compare. "
             "Run the scene that is written to see the optimum's own body."
         )
-    if scene.mesh.root_correction and not len(body.bricks):
+    if mesh.root_correction and not len(body.bricks):
         yield (
             f"The {gear}'s matrices come without a grid: what the elements of its rim are too "
             "large to show of a root's give is not known, and not added."
         )
-    if scene.mesh.pinion_speed_rad_s and not body.centrifugal_load.any():
+    if mesh.pinion_speed_rad_s and not body.centrifugal_load.any():
         yield f"The {gear}'s matrices know no load of rotation: it does not grow."
-    teeth, sectors = scene.gear(gear).teeth, body.facts.get("sectors", 1)
-    repeats, periods = teeth // math.gcd(teeth, sectors), scene.mesh.periods
+    repeats, periods = teeth // math.gcd(teeth, body.facts.get("sectors", 1)), mesh.periods
     if periods % repeats:
         yield (
             f"The {gear}'s body repeats after {repeats} teeth, of which {periods} are in the "
@@ -211,28 +225,28 @@ def _on_condensed_body(scene: Scene, gear: str) -> Iterator[str]:
         )
 
 
-def _on_cycle(scene: Scene) -> Iterator[str]:
-    periods = scene.mesh.periods
+def _on_cycle(mesh: MeshKeys, gears: Mapping[str, GearKeys], flanks: FlanksKeys) -> Iterator[str]:
+    periods = mesh.periods
     for gear in GEARS:
-        keys = (f"flank.{gear}.{key}_um" for key in ("pitch_error", "eccentricity"))
-        uneven = [key for key in keys if key in scene.given]
-        teeth = scene.gear(gear).teeth
+        flank, teeth = flanks.gear(gear), gears[gear].teeth
+        keys = flank.written("pitch_error_um", "eccentricity_um")
+        uneven = [f"flank.{gear}.{key}" for key in keys]
         if uneven and periods % teeth:
             yield (
                 f"{' and '.join(uneven)}: {periods} mesh periods are no whole revolution of the "
                 f"{gear}, so statistics and orders are those of a part of it. Make mesh.periods a "
                 f"multiple of {teeth}."
             )
-        if periods == 1 and scene.flank.gear(gear).accuracy_grade is not None:
+        if periods == 1 and flank.accuracy_grade is not None:
             yield f"One mesh period leaves out the pitch errors of flank.{gear}.accuracy_grade."
-    if scene.mesh.tip_contact:
+    if mesh.tip_contact:
         yield (
             "Beyond the ends of the path tip corners press on the flank: the pressures there are "
             "those of the cylinders at the end of the path, not of a corner."
         )
 
 
-def _on_results(scene: Scene, statics: Statics) -> Iterator[str]:
+def _on_results(slices: int, statics: Statics) -> Iterator[str]:
     module = float(statics.model.pair.normal_module)
     approach = float(statics.numbers["te_mean_um"]) * um
     if approach > 0.1 * module:
@@ -241,7 +255,7 @@ def _on_results(scene: Scene, statics: Statics) -> Iterator[str]:
             "a tenth of the module: contact no longer lies where the nominal gears have it. "
             "Check the stiffness of the bearings, in N/m."
         )
-    slices, factor = scene.mesh.slices, float(statics.numbers["face_load_factor"])
+    factor = float(statics.numbers["face_load_factor"])
     mounts = (statics.model.pinion_support, statics.model.wheel_support)
     if slices == 1 and any(isinstance(mount, Shaft) for mount in mounts):
         yield Doubtful("One slice sees nothing of an uneven load across the face: use 20.")

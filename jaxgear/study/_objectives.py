@@ -101,10 +101,9 @@ def _minimised(space: DesignSpace, grid: MeshGrid) -> optimise.AbstractObjective
 
 def _named(space: DesignSpace, name: str, grid: MeshGrid) -> optimise.AbstractObjective:
     """An objective by its name."""
-    criterion = CRITERIA[name]
-    if criterion.over_speeds:
+    if CRITERIA[name].over_speeds:
         return _at_speeds(space.scene, name, grid)
-    return _with_teeth(space, criterion.made(space.scene.optimise))
+    return _with_teeth(space, CRITERIA[name].made(space.scene.optimise))
 
 
 def _with_teeth(space: DesignSpace, objective: Any) -> Any:
@@ -174,18 +173,18 @@ def limits_objectives(
 
 def _at_speeds(scene: Scene, name: str, grid: MeshGrid) -> optimise.OverSpeeds:
     """A number of the responses over the speeds of [sweep]."""
-    asked, steps, damping = scene.optimise, scene.sweep.steps, damping_of(scene.damping)
+    asked, steps, damping = scene.sweep, scene.sweep.steps, damping_of(scene.damping)
     assert isinstance(damping, ModalDamping | RayleighDamping)
     # With its margins, and the same share of the steps after a pair's entry.
     entry, fewest = round(grid.entry_phases * steps / grid.phases), steps // 8
     entry = min(max(entry, fewest), steps - fewest)
     return optimise.OverSpeeds(
-        response=CRITERIA[name].made(asked),
-        speeds=jnp.asarray(speeds_of(scene.sweep)),
+        response=CRITERIA[name].made(scene.optimise),
+        speeds=jnp.asarray(speeds_of(asked)),
         grid=dataclasses.replace(grid, phases=steps, entry_phases=entry),
         damping=damping,
-        method=HarmonicBalance(harmonics=scene.sweep.harmonics, averaged=True),
-        power=np.inf if asked.over_speeds == "worst" else 1.0,
+        method=HarmonicBalance(harmonics=asked.harmonics, averaged=True),
+        power=np.inf if scene.optimise.over_speeds == "worst" else 1.0,
         gyroscopic=scene.model.gyroscopic,
         active_mesh_damping=scene.damping.active_mesh,
     )

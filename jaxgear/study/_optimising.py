@@ -15,6 +15,7 @@ from jaxgear._solve._cycle import PreparedMesh
 from jaxgear.scene._build import smooth_law_of
 from jaxgear.scene._rewriting import rewritten
 from jaxgear.scene._scene import Scene
+from jaxgear.scene._study_tables import OptimiseKeys
 from jaxgear.study._design import DesignSpace, design_space
 from jaxgear.study._evaluations import objective_at, responses_at
 from jaxgear.study._head import head, study
@@ -124,10 +125,10 @@ def optimisation(
         scene,
         {"optimise": own, "notes": notes},
         {
-            "search_before": _design_dataset(scene, before),
-            "search_after": _design_dataset(scene, after),
-            "search_trace": _trace(scene, search.name, made),
-            "modification": titled(flanks, scene),
+            "search_before": _design_dataset(scene.title, before),
+            "search_after": _design_dataset(scene.title, after),
+            "search_trace": titled(_trace(scene.optimise, search.name, made), scene.title),
+            "modification": titled(flanks, scene.title),
         },
         scenes={name: space.numbers(made.found.point)},
     )
@@ -152,10 +153,10 @@ def _robust(
     """Go on from a nominal optimum to the robust one, and judge both on fresh gears."""
     space, grid, prepared, _ = problem
     scene, file = space.scene, record_file(space, memory, "robust")
-    made = hardened(scatter, nominal, grid, smooth_law_of(scene), prepared, file)
+    made = hardened(scatter, nominal, grid, smooth_law_of(scene.mesh), prepared, file)
     keys, name = space.numbers(made.found.point), f"{scene.name}.robust.toml"
     statics = _solved(space, made.found.point, torques)
-    datasets = {**robust_datasets(made), "search_robust": _design_dataset(scene, statics)}
+    datasets = {**robust_datasets(made), "search_robust": _design_dataset(scene.title, statics)}
     summary = {"robust": robust_summary(made) | {"scene": name}, "notes": robust_notes(made)}
     forget(file)
     return Result(scene, summary, datasets, scenes={name: keys})
@@ -178,7 +179,7 @@ def _problem(scene: Scene, before: Statics) -> _Posed:
     except ValueError as error:
         raise InputError(str(error)) from error
     pair, grid, scatter = before.model.pair, before.grid, None
-    if scene.has_table("robust"):
+    if scene.robust.is_given:
         scatter = scatter_of(space, pair, np.asarray(before.cycle.cells.lines.tooth))
     moving = not space.flanks_only or (scatter is not None and not scatter.same_lines)
     if moving and not scene.bodies:
@@ -223,7 +224,9 @@ def _judged(
     if search.limits:
         end = np.asarray(found.point)
         exactly = np.asarray(timed(responses_at, task, end, law, options=QUICKLY))
-        smoothly = np.asarray(search.slopes.at(smooth_law_of(scene).width)(jnp.asarray(end))[0])
+        smoothly = np.asarray(
+            search.slopes.at(smooth_law_of(scene.mesh).width)(jnp.asarray(end))[0]
+        )
         limits = limits_summary(search.limits, exactly[1:], smoothly[1:])
         notes += limits_notes(limits)
     summary = {
@@ -281,24 +284,24 @@ def left_out(before: JudgedSpeeds, after: JudgedSpeeds) -> Summary:
     }
 
 
-def _design_dataset(scene: Scene, statics: Statics) -> xr.Dataset:
+def _design_dataset(title: str, statics: Statics) -> xr.Dataset:
     """The mesh cycle of a design, with mean and RMS of its transmission error."""
     dataset = static_dataset(statics.model, statics.cycle, statics.law)
     for name, words in (("mean", "mean"), ("rms", "RMS about its mean")):
         key, words = f"te_{name}_um", f"{words} of the transmission error"
         dataset[key] = Entry((), float(statics.numbers[key]), "um", words).variable()
-    return titled(dataset, scene)
+    return titled(dataset, title)
 
 
-def _trace(scene: Scene, name: str, made: Searched) -> xr.Dataset:
+def _trace(asked: OptimiseKeys, name: str, made: Searched) -> xr.Dataset:
     """The objective at each evaluation, of one method after the other."""
     values = {name: made.found.values, "differential evolution": made.baseline.values}
     counts = [np.arange(1, len(each) + 1) for each in values.values()]
     methods = [each for each, own in values.items() for _ in own]
-    objective, unit = np.concatenate([*values.values()]), objective_unit(scene.optimise)
+    objective, unit = np.concatenate([*values.values()]), objective_unit(asked)
     found = over(
         "record",
         method=(methods, "method of the search"),
         evaluation=(np.concatenate(counts), "number of the evaluation"),
     ) | in_unit("objective", ("record",), objective, unit, "objective")
-    return titled(dataset_of(found), scene)
+    return dataset_of(found)

@@ -23,7 +23,7 @@ def front_result(space: DesignSpace, grid: MeshGrid, prepared: PreparedMesh | No
 
     Designs are found with smooth contact and re-checked exactly.
     """
-    scene, smooth, exact = space.scene, smooth_law_of(space.scene), ExactContact()
+    scene, smooth, exact = space.scene, smooth_law_of(space.scene.mesh), ExactContact()
     searched, judged = (
         task_of(space, grid, law, prepared, trading=True) for law in (smooth, exact)
     )
@@ -66,7 +66,7 @@ def _dataset(space: DesignSpace, front: optimise.ParetoFront) -> xr.Dataset:
     for key, values in zip(space.keys, front.point.T, strict=True):
         found[key] = Entry(along, values, unit_of(key), "variable of the search")
     found["reason"] = Entry(along, list(front.reason), "1", "why its search stopped")
-    return titled(dataset_of(found), space.scene)
+    return titled(dataset_of(found), space.scene.title)
 
 
 def _notes(front: optimise.ParetoFront) -> list[str]:

@@ -1,6 +1,7 @@
 """Gauges on condensed bodies, and probes beside them: where they are, and what they show."""
 
 import dataclasses
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -15,7 +16,6 @@ from jaxgear._response._waves import (
     fixed_spectrum,
 )
 from jaxgear._units import deg, mm
-from jaxgear.scene._scene import Scene
 from jaxgear.scene._tables import ProbeKeys
 from jaxgear.study._hybrid import radius_of
 from jaxgear.study._moving_body import SAME_CIRCLE, MovingBody, angle_of
@@ -62,30 +62,27 @@ class Probe:
         return Spectrum(found.order, found.amplitude[:, self.direction])
 
 
-def probes_of(scene: Scene, body: MovingBody) -> tuple[Probe, ...]:
+def probes_of(
+    asked: Sequence[ProbeKeys], condensed: Collection[str], body: MovingBody
+) -> tuple[Probe, ...]:
     """The probes that look at a body: those of the scene's [[probes]], or else the usual four.
 
     **Raises:**
 
     - `ValueError` if a probe is where there is no node, or its gear is not condensed.
     """
-    return tuple(_asked(scene, body) or _usual(body))
-
-
-def _asked(scene: Scene, body: MovingBody) -> list[Probe]:
-    """The probes that a scene has on a gear."""
     found = []
-    for number, asked in enumerate(scene.probes):
+    for number, each in enumerate(asked):
         row = f"probes[{number}]"
         require(
-            asked.gear in scene.condensed,
+            each.gear in condensed,
             "{row}.gear: the body of the {gear} is not condensed, so there are no waves in it.",
             row=row,
-            gear=asked.gear,
+            gear=each.gear,
         )
-        if asked.gear == body.gear:
-            found.append(_probe(row, asked, body))
-    return found
+        if each.gear == body.gear:
+            found.append(_probe(row, each, body))
+    return tuple(found or _usual(body))
 
 
 def _probe(row: str, asked: ProbeKeys, body: MovingBody) -> Probe:

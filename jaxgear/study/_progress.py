@@ -87,4 +87,4 @@ def built_scene(scene: Scene, *, moving: bool = False) -> Scene:
     if not scene.condensed and scene.mesh.tooth == "sliced":
         return scene
     with narration("bodies") as tell:
-        return with_bodies(scene, tell, moving=moving or scene.has_table("sweep"))
+        return with_bodies(scene, tell, moving=moving or scene.sweep.is_given)

@@ -100,7 +100,9 @@ def relief_map(scene: Scene) -> Result:
     names = ("width_um", "te_mean_bias_um", "te_rms_bias_relative")
     summary["smoothing_bias"] = {name: bias[name].values for name in names}
     apart = {"smoothing_bias": ", tip relief that parts the teeth"}
-    every = {name: titled(each, scene, apart.get(name, "")) for name, each in datasets.items()}
+    every = {
+        name: titled(each, scene.title + apart.get(name, "")) for name, each in datasets.items()
+    }
     return Result(scene, summary, every)
 
 
@@ -153,7 +155,7 @@ def _descended(
     task: Task, space: DesignSpace, valley: optimise.Valley
 ) -> tuple[optimise.SearchResult, bool]:
     """The best by gradient; says whether it was found from the best place of the map."""
-    law = smooth_law_of(space.scene)
+    law = smooth_law_of(space.scene.mesh)
     search = by_gradient(
         space,
         sloped_by(sloped_objective, task),
@@ -224,7 +226,9 @@ def _traced(
 def _family(space: DesignSpace, extent: np.ndarray, start: float, deepest: float) -> xr.Dataset:
     """The curve traced at each of `map.torques_Nm`."""
     own, curves, deflections = space.scene.pair.torque_pinion_Nm, [], []
-    torques = torques_of(space.scene, "map")
+    torques = torques_of(
+        "map", space.scene.map.torques_Nm, space.scene.pair, space.scene.pinion.shaft
+    )
     for torque in map(float, torques):
         statics = solve_statics(space.scene.replace({"pair.torque_pinion_Nm": torque}))
         # Deflections are nearly in proportion to the torque; and deeper is asked for by no one.

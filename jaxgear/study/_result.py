@@ -54,14 +54,9 @@ class Result:
         return {each.name: each.draw() for each in atlas.pictures(self.datasets)}
 
 
-def title_of(scene: Scene) -> str:
-    """Return what pictures of a scene are headed by."""
-    return f"{scene.name}, {scene.pair.torque_pinion_Nm:g} N m"
-
-
-def titled(dataset: xr.Dataset, scene: Scene, more: str = "") -> xr.Dataset:
+def titled(dataset: xr.Dataset, title: str) -> xr.Dataset:
     """The dataset with the title that its pictures are headed by, in its attributes."""
-    return dataset.assign_attrs(title=title_of(scene) + more)
+    return dataset.assign_attrs(title=title)
 
 
 def together(first: Result, second: Result) -> Result:

@@ -4,7 +4,6 @@ import jax.numpy as jnp
 import numpy as np
 
 import optimise
-from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import unit_of
 from jaxgear.scene._study_tables import OptimiseKeys, RobustKeys
 from jaxgear.study._objectives import in_unit, limits_of
@@ -70,8 +69,8 @@ def robust_summary(made: Hardened) -> Summary:
             for each in scatter.quantities
         ],
         "variables": space.numbers(found.point),
-        "nominal": _on_fresh(scene, made.nominal),
-        "robust": _on_fresh(scene, made.robust),
+        "nominal": _on_fresh(scene.optimise, scene.robust, made.nominal),
+        "robust": _on_fresh(scene.optimise, scene.robust, made.robust),
         "better": after < before,
         "share_of_gears_better": float(np.mean(made.robust.fresh < made.nominal.fresh)),
         "without_effect": _without_effect(made),
@@ -88,25 +87,25 @@ def robust_summary(made: Hardened) -> Summary:
     }
 
 
-def _on_fresh(scene: Scene, judged: JudgedDesign) -> Summary:
+def _on_fresh(asked: OptimiseKeys, robust: RobustKeys, judged: JudgedDesign) -> Summary:
     """One design on fresh gears, in the unit that a reader sees."""
-    values, own = _shown(scene.optimise, judged.fresh), judged.influence
-    ends = own.names, _shown(scene.optimise, own.low), _shown(scene.optimise, own.high)
+    values, own = _shown(asked, judged.fresh), judged.influence
+    ends = own.names, _shown(asked, own.low), _shown(asked, own.high)
     found: Summary = {
         "mean": float(values.mean()),
-        "quantile": float(np.quantile(values, scene.robust.share)),
+        "quantile": float(np.quantile(values, robust.share)),
         "largest": float(values.max()),
-        "without_deviations": float(_shown(scene.optimise, judged.at_means)),
+        "without_deviations": float(_shown(asked, judged.at_means)),
         "influences": [
             {"name": name, "low": float(low), "high": float(high)}
             for name, low, high in zip(*ends, strict=True)
         ],
     }
-    if limits := limits_of(scene.optimise):
+    if limits := limits_of(asked):
         found["limits"] = {
             limit.name: {
                 "most": limit.most,
-                "measure": _measure_of(scene.robust, column),
+                "measure": _measure_of(robust, column),
                 "share_above": float(np.mean(column > limit.most)),
             }
             for limit, column in zip(limits, judged.limited.T, strict=True)
@@ -141,8 +140,8 @@ def robust_datasets(made: Hardened) -> Datasets:
     )
     count = f", {scene.robust.fresh_samples} gears"
     return {
-        "robust_gears": titled(gears, scene, count),
-        "robust_influences": titled(bars, scene),
+        "robust_gears": titled(gears, scene.title + count),
+        "robust_influences": titled(bars, scene.title),
     }
 
 

@@ -3,6 +3,7 @@
 Beside the calculated stresses stand the nominal ones of ISO 6336-3, without factors of load.
 """
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import equinox as eqx
@@ -21,7 +22,7 @@ from jaxgear._response._root_stress import (
 from jaxgear._solve._cycle import MeshCycle
 from jaxgear._system._model import PairModel
 from jaxgear._units import MPa, mm
-from jaxgear.scene._scene import Scene
+from jaxgear.scene._gear_tables import GearKeys
 from jaxgear.scene._schema import GEARS
 from jaxgear.study._result import Summary
 from jaxgear.study._results import Entry, dataset_of
@@ -108,12 +109,12 @@ def roots_dataset(model: PairModel, cycle: MeshCycle, influences: Influences) ->
     )
 
 
-def roots_summary(scene: Scene, statics: Statics, roots: xr.Dataset) -> Summary:
+def roots_summary(gears: Mapping[str, GearKeys], statics: Statics, roots: xr.Dataset) -> Summary:
     """The `roots` part of the summary.
 
     **Arguments:**
 
-    - `scene`: with the strengths of the gears.
+    - `gears`: with their strengths.
     - `statics`: its solved mesh cycle.
     - `roots`: from `roots_dataset`.
 
@@ -123,10 +124,15 @@ def roots_summary(scene: Scene, statics: Statics, roots: xr.Dataset) -> Summary:
     where the gear's `root_strength_MPa` is given.
     """
     nominal = nominal_root_stress(statics.model.pair, statics.standard["tangential_force_N"])
-    return {gear: _of_gear(scene, gear, roots.sel(gear=gear), nominal) for gear in GEARS}
+    return {
+        gear: _of_gear(gear, each.root_strength_MPa, roots.sel(gear=gear), nominal)
+        for gear, each in gears.items()
+    }
 
 
-def _of_gear(scene: Scene, gear: str, own: xr.Dataset, nominal: NominalRootStress) -> Summary:
+def _of_gear(
+    gear: str, strength: float | None, own: xr.Dataset, nominal: NominalRootStress
+) -> Summary:
     index, stress = GEARS.index(gear), own["root_stress_MPa"]
     places = np.unravel_index(int(np.argmax(stress.values)), stress.shape)
     at = dict(zip(stress.dims, places, strict=True))
@@ -144,7 +150,6 @@ def _of_gear(scene: Scene, gear: str, own: xr.Dataset, nominal: NominalRootStres
         "Y_B": float(nominal.rim_factor[index]),
         "Y_DT": float(nominal.deep_tooth_factor),
     }
-    strength = scene.gear(gear).root_strength_MPa
     if strength is not None:
         told |= {
             "root_safety": strength / largest,
@@ -153,12 +158,12 @@ def _of_gear(scene: Scene, gear: str, own: xr.Dataset, nominal: NominalRootStres
     return told
 
 
-def moving_roots_summary(scene: Scene, swept: xr.Dataset) -> Summary:
+def moving_roots_summary(gears: Mapping[str, GearKeys], swept: xr.Dataset) -> Summary:
     """The `roots` part of the summary of a sweep.
 
     **Arguments:**
 
-    - `scene`: with the strengths of the gears.
+    - `gears`: with their strengths.
     - `swept`: the dataset of its sweep, with root stresses.
 
     **Returns:**
@@ -166,10 +171,13 @@ def moving_roots_summary(scene: Scene, swept: xr.Dataset) -> Summary:
     For each gear the largest stress of the settled responses, where it is, over that at rest; and
     where the gear's `root_strength_MPa` is given, safety and the speeds that exceed it.
     """
-    return {gear: _in_motion(scene, gear, swept.sel(gear=gear)) for gear in GEARS}
+    return {
+        gear: _in_motion(each.root_strength_MPa, swept.sel(gear=gear))
+        for gear, each in gears.items()
+    }
 
 
-def _in_motion(scene: Scene, gear: str, own: xr.Dataset) -> Summary:
+def _in_motion(strength: float | None, own: xr.Dataset) -> Summary:
     settled = own["settled"].values.astype(bool)
     counts = settled if settled.any() else ~settled
     stress = np.where(counts, own["root_stress_MPa"].values, -np.inf)
@@ -182,7 +190,6 @@ def _in_motion(scene: Scene, gear: str, own: xr.Dataset) -> Summary:
         "direction": str(own["direction"].values[way]),
         "over_static": worst / float(own["static_root_stress_MPa"]),
     }
-    strength = scene.gear(gear).root_strength_MPa
     if strength is not None:
         told["root_safety"] = strength / worst
         told["beyond_strength_rad_s"] = own["speed"].values[(stress > strength).any(axis=0)]

@@ -6,9 +6,11 @@ import numpy as np
 
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear.scene._build import couples_on_pinion, grid_of, model_of
+from jaxgear.scene._gear_tables import PairKeys, ShaftKeys
 from jaxgear.scene._scene import Scene
+from jaxgear.scene._study_tables import MapKeys
 from jaxgear.study._body_surfaces import body_sections
-from jaxgear.study._dynamics import solve_dynamics, speeds_of
+from jaxgear.study._dynamics import fastest, solve_dynamics
 from jaxgear.study._head import head, names_of, study
 from jaxgear.study._optimising import optimisation
 from jaxgear.study._pair_dataset import (
@@ -62,7 +64,7 @@ def sizing(scene: Scene) -> Result:
     """
     scene = built_scene(scene)
     found = sizing_result(scene, grid_of(scene, model_of(scene)))
-    return Result(scene, names_of(scene) | found.summary, found.datasets)
+    return Result(scene, names_of(scene.name, scene.cite) | found.summary, found.datasets)
 
 
 @study
@@ -86,15 +88,15 @@ def run(scene: Scene, memory: Path | None = None) -> Result:
     scene = built_scene(scene)
     # Impossible gears and endless searches are refused before anything is compiled.
     model_of(scene)
-    if scene.has_table("optimise"):
+    if scene.optimise.is_given:
         require_searchable(scene)
     found, torques = solved(scene)
     result = statics_result(scene, found, torques)
-    if scene.has_table("sweep"):
+    if scene.sweep.is_given:
         result = together(result, sweep_result(scene, solve_dynamics(scene)))
-    if scene.has_table("sizing"):
+    if scene.sizing.is_given:
         result = together(result, sizing_result(scene, found.grid))
-    if scene.has_table("optimise"):
+    if scene.optimise.is_given:
         result = together(result, optimisation(scene, found, torques, memory))
     return result
 
@@ -102,7 +104,7 @@ def run(scene: Scene, memory: Path | None = None) -> Result:
 def solved(scene: Scene) -> tuple[Statics, np.ndarray]:
     """The mesh cycle of a scene with its bodies, and the torques of the Harris map [N m]."""
     with narration("mesh cycle"):
-        torques = _harris_torques(scene)
+        torques = _harris_torques(scene.map, scene.pair, scene.pinion.shaft)
         return solve_statics(scene, torques), torques
 
 
@@ -114,9 +116,15 @@ def statics_result(scene: Scene, statics: Statics, torques: np.ndarray) -> Resul
     groups = {
         "pair": pair_dataset(model.pair),
         "axes": axes_dataset(model.pair),
-        "sliding": sliding_dataset(model.pair, efficiency, friction, _told_speed(scene)),
+        "sliding": sliding_dataset(
+            model.pair,
+            efficiency,
+            friction,
+            # That at which condensed bodies grow, where no sweep says one.
+            fastest(scene.sweep) or (scene.mesh.pinion_speed_rad_s if scene.condensed else None),
+        ),
     }
-    if not scene.has_table("optimise"):
+    if not scene.optimise.is_given:
         # A search shows them beside those that it finds.
         groups["modification"] = modification_dataset({"given": model})
     if static["bearings"]:
@@ -127,7 +135,7 @@ def statics_result(scene: Scene, statics: Statics, torques: np.ndarray) -> Resul
 
         with narration("roots"):
             groups["roots"] = _roots.roots_dataset(model, statics.cycle, statics.influences)
-        summary["roots"] = _roots.roots_summary(scene, statics, groups["roots"])
+        summary["roots"] = _roots.roots_summary(scene.gears, statics, groups["roots"])
     cycle = static_dataset(model, statics.cycle, statics.law)
     error = statics.harris, "transmission error over torque and phase"
     harmonics = statics.harris_harmonics, "amplitudes of its mesh harmonics"
@@ -141,7 +149,7 @@ def statics_result(scene: Scene, statics: Statics, torques: np.ndarray) -> Resul
         from jaxgear.study import _body_answers, _body_fields, _hybrid_dataset
 
         with narration("bodies") as tell:
-            answers = _body_answers.body_answers(scene, statics, tell)
+            answers = _body_answers.body_answers(scene.mesh, scene.bodies, statics, tell)
             cycle = _hybrid_dataset.hybrid_variables(cycle, answers)
             static |= _hybrid_dataset.hybrid_summary(cycle, answers)
             for answer in answers:
@@ -149,22 +157,15 @@ def statics_result(scene: Scene, statics: Statics, torques: np.ndarray) -> Resul
                     name = f"{answer.gear}_deflected"
                     groups[name] = _body_fields.fields_dataset(answer)
                     files[f"{name}.vtu"] = _body_fields.grid_writer(answer)
-    named = {name: titled(each, scene) for name, each in ({"": cycle} | groups).items()}
+    named = {name: titled(each, scene.title) for name, each in ({"": cycle} | groups).items()}
     return Result(scene, summary, named, files)
 
 
-def _told_speed(scene: Scene) -> float | None:
-    """The highest speed of the sweep, or that at which condensed bodies grow [rad/s]."""
-    if scene.has_table("sweep"):
-        return float(np.max(speeds_of(scene.sweep)))
-    return scene.mesh.pinion_speed_rad_s if scene.condensed else None
-
-
-def _harris_torques(scene: Scene) -> np.ndarray:
+def _harris_torques(asked: MapKeys, pair: PairKeys, shaft: ShaftKeys) -> np.ndarray:
     """Torques of the Harris map: given, or from a quarter of the mesh's to half as much again."""
-    if scene.map.torques_Nm is not None:
-        return torques_of(scene, "map")
-    torque, couples = scene.pair.torque_pinion_Nm, couples_on_pinion(scene)
+    if asked.torques_Nm is not None:
+        return torques_of("map", asked.torques_Nm, pair, shaft)
+    torque, couples = pair.torque_pinion_Nm, couples_on_pinion(shaft)
     on_mesh = torque + couples
     least = max(0.25 * on_mesh - couples, 0.05 * torque)
     return np.linspace(least, 1.5 * on_mesh - couples, 6)

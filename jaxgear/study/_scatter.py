@@ -27,9 +27,10 @@ from jaxgear._system._model import PairModel
 from jaxgear._types import Reals, Scalar
 from jaxgear._units import um
 from jaxgear.scene._build import flanks_of, model_of
+from jaxgear.scene._gear_tables import FlanksKeys
 from jaxgear.scene._key import show
-from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS, KEYS, general, split_entry
+from jaxgear.scene._study_tables import RobustKeys
 from jaxgear.study._design import AMOUNTS, DesignSpace, keeps_teeth
 
 _TORQUE = "pair.torque_pinion_Nm"
@@ -110,7 +111,7 @@ class Scatter(eqx.Module):
             model = eqx.tree_at(lambda m: (m.flanks, m.misalignment), base, own)
         else:
             model = model_of(scene)
-        flanks = _deviated(scene, model, self.tolerated, drawn[len(self.keys) :])
+        flanks = _deviated(scene.flank, model, self.tolerated, drawn[len(self.keys) :])
         return eqx.tree_at(lambda m: (m.flanks, m.torque), model, (flanks, torque))
 
 
@@ -119,7 +120,7 @@ def _is_light(key: str) -> bool:
 
 
 def _deviated(
-    scene: Scene, model: PairModel, tolerated: Sequence[Tolerated], drawn: Reals
+    given: FlanksKeys, model: PairModel, tolerated: Sequence[Tolerated], drawn: Reals
 ) -> Flanks:
     """The flanks of a model with deviations of a tolerance class added, in um."""
     flanks = [model.flanks.pinion, model.flanks.wheel]
@@ -134,7 +135,7 @@ def _deviated(
             case "helix slope":
                 more = HelixSlope(amount * um)
             case _:
-                waves = float(scene.flank.gear(GEARS[gear]).accuracy_waves)
+                waves = float(given.gear(GEARS[gear]).accuracy_waves)
                 # A cosine of whole waves has no slope, and no mean.
                 more = ProfileWaviness(amount * um, waves, 0.5 * np.pi)
         flanks[gear] = Superposed((flanks[gear], more))
@@ -165,7 +166,8 @@ def scatter_of(space: DesignSpace, pair: GearPair, teeth: np.ndarray) -> Scatter
         optimise.Quantity(key, 0.0, value / math.sqrt(3.0) if key in even else value, key in even)
         for key, value in spread.items()
     ]
-    tolerated = _tolerated(scene, pair, teeth)
+    # One mesh period sees nothing of a wave over the revolution.
+    tolerated = _tolerated(scene.robust, pair, teeth if scene.mesh.periods > 1 else teeth[:0])
     found = Scatter(
         space=space,
         keys=tuple(spread),
@@ -177,10 +179,13 @@ def scatter_of(space: DesignSpace, pair: GearPair, teeth: np.ndarray) -> Scatter
 
 
 def _tolerated(
-    scene: Scene, pair: GearPair, teeth: np.ndarray
+    asked: RobustKeys, pair: GearPair, teeth: np.ndarray
 ) -> list[tuple[Tolerated, optimise.Quantity]]:
-    """The deviations of a tolerance class along the flank normal, as many as act."""
-    grade = scene.robust.accuracy_grade
+    """The deviations of a tolerance class along the flank normal.
+
+    As many as act: pitch errors only of teeth in mesh, if there are any to speak of.
+    """
+    grade = asked.accuracy_grade
     if grade is None:
         return []
     found = []
@@ -195,14 +200,13 @@ def _tolerated(
             (Tolerated(gear, "profile form"), 0.5 * normal * allowed.profile_form),
             (Tolerated(gear, "helix slope"), normal * allowed.helix_slope),
         ]
-        if scene.mesh.periods > 1:
-            # A single pitch is the difference of two teeth that are out of place independently.
-            place = along_arc * allowed.single_pitch / np.sqrt(2.0)
-            count = (pair.pinion, pair.wheel)[gear].teeth
-            amounts += [(Tolerated(gear, "pitch", int(t)), place) for t in np.unique(teeth % count)]
+        # A single pitch is the difference of two teeth that are out of place independently.
+        place = along_arc * allowed.single_pitch / np.sqrt(2.0)
+        own = np.unique(teeth % (pair.pinion, pair.wheel)[gear].teeth)
+        amounts += [(Tolerated(gear, "pitch", int(tooth)), place) for tooth in own]
         for each, most in amounts:
             label = f"{name} {each.kind}" + (f" of tooth {each.tooth}" if each.tooth >= 0 else "")
-            share = float(most) / um / scene.robust.tolerance_deviations
+            share = float(most) / um / asked.tolerance_deviations
             found.append((each, optimise.Quantity(label, 0.0, share)))
     return found
 

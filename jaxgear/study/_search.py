@@ -67,7 +67,7 @@ def search_of(
     space: DesignSpace, grid: MeshGrid, prepared: PreparedMesh | None, file: Path | None = None
 ) -> Search:
     """The search that a scene asks for; a file keeps its evaluations."""
-    asked, law = space.scene.optimise, smooth_law_of(space.scene)
+    asked, law = space.scene.optimise, smooth_law_of(space.scene.mesh)
     task, limits = task_of(space, grid, law, prepared), limits_of(asked)
     many = optimise.Batched(lambda points: timed(objectives_at, task, points, law))
     if limits:
@@ -116,7 +116,7 @@ def _descending(
     file: Path | None,
 ) -> Callable[[np.ndarray, optimise.Watcher], optimise.SearchResult]:
     """Descend from a start with the scene's width of smooth contact, or through several."""
-    asked, width = space.scene.optimise, smooth_law_of(space.scene).width
+    asked, width = space.scene.optimise, smooth_law_of(space.scene.mesh).width
     settings: Any = dict(most_evaluations=asked.max_evaluations, file=file)
 
     def descend(start: np.ndarray, watch: optimise.Watcher) -> optimise.SearchResult:
@@ -132,7 +132,7 @@ def _descending(
 
 def require_acting(search: Search, space: DesignSpace) -> None:
     """Refuse a search from where nothing is known, or with a variable that changes nothing."""
-    own = search.slopes.at(smooth_law_of(space.scene).width)
+    own = search.slopes.at(smooth_law_of(space.scene.mesh).width)
     try:
         idle = optimise.inactive(own, space.start, space.box)
     except FloatingPointError as error:
@@ -255,7 +255,7 @@ def smoothing_bias_of(search: Search, space: DesignSpace, point: np.ndarray) -> 
     part that raises the objective and one that lowers it may cancel at one width. Where it grows
     with the width or faster, all halvings beyond the last one take at most as much as that one.
     """
-    width, at = smooth_law_of(space.scene).width, jnp.asarray(point)
+    width, at = smooth_law_of(space.scene.mesh).width, jnp.asarray(point)
     value = lambda w: search.number(np.asarray(search.slopes(at, as_scalar(w))[0]))
     taken = np.abs(np.diff([value(float(width) * 0.5**k) for k in range(_HALVINGS + 1)]))
     return float(np.sum(taken) + taken[-1])

@@ -3,7 +3,7 @@
 import itertools
 
 from jaxgear.scene._motion import motion_mistakes
-from jaxgear.scene._scene import Mistake, Scene, SceneError
+from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
 from jaxgear.scene._study_tables import OptimiseKeys
 from jaxgear.study._design import refuse_unbounded
@@ -14,9 +14,8 @@ def require_searchable(scene: Scene) -> None:
     """Refuse a search that cannot do what the scene asks for, before anything is computed."""
     refuse_unbounded(scene, tuple(scene.optimise.vary))
     require_swept(scene)
-    if found := _of_method(scene.optimise, scene.mesh.smoothing_um, scene.mesh.phases):
-        found = [(f"optimise.{key}", words) for key, words in found]
-        raise SceneError([Mistake(scene.where(key), key, words) for key, words in found])
+    found = _of_method(scene.optimise, scene.mesh.smoothing_um, scene.mesh.phases)
+    scene.refuse((f"optimise.{key}", words) for key, words in found)
 
 
 _NO_SPEEDS = (
@@ -31,18 +30,17 @@ def require_swept(scene: Scene) -> None:
     asked = scene.optimise
     if not (names := over_speeds(asked)):
         return
-    found, against = motion_mistakes(scene, harmonic=True), "optimise.pareto.against"
-    mistake = lambda key, words: Mistake(scene.where(key), key, words)
+    found = list(motion_mistakes(scene.damping, scene.sweep, harmonic=True))
+    against = "optimise.pareto.against"
     if "bearing_force" in names and not any(scene.gear(gear).shaft.bearings for gear in GEARS):
         key = against if asked.pareto.against == "bearing_force" else "optimise.minimise"
         bearings = " nor ".join(f"{gear}.shaft.bearings" for gear in GEARS)
-        found.append(mistake(key, f"names bearing_force, but neither {bearings} is there"))
-    if not scene.has_table("sweep"):
+        found.append((key, f"names bearing_force, but neither {bearings} is there"))
+    if not scene.sweep.is_given:
         key = "optimise.minimise" + (f".{names[0]}" if asked.alone is None else "")
         key = key if is_dynamic(asked) else against
-        found.insert(0, mistake(key, f"names {names[0]}, {_NO_SPEEDS}"))
-    if found:
-        raise SceneError(found)
+        found.insert(0, (key, f"names {names[0]}, {_NO_SPEEDS}"))
+    scene.refuse(found)
 
 
 def _of_method(asked: OptimiseKeys, smoothing: float, phases: int) -> list[tuple[str, str]]:

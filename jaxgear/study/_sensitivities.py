@@ -82,7 +82,7 @@ def sensitivity(scene: Scene) -> Result:
     - `SolverFailure` if a contact problem was not solved.
     """
     scene = built_scene(with_own_modulus(scene))
-    moving, points, found = scene.has_table("sweep"), [], {}
+    moving, points, found = scene.sweep.is_given, [], {}
     with progress(1 + moving, "derivatives") as done:
         found["sensitivity"] = static_sensitivities(scene)
         done(1)
@@ -93,9 +93,9 @@ def sensitivity(scene: Scene) -> Result:
     remarks = steady_notes(points) + [_OF_BODIES] * bool(scene.condensed)
     remarks += [words for each in found.values() for words in lost(each)]
     more = ": what the responses react to"
-    datasets = {name: titled(acting(each), scene, more) for name, each in found.items()}
+    datasets = {name: titled(acting(each), scene.title + more) for name, each in found.items()}
     summary = {"notes": remarks} | {name: table_of(each) for name, each in datasets.items()}
-    return Result(scene, names_of(scene) | summary, datasets)
+    return Result(scene, names_of(scene.name, scene.cite) | summary, datasets)
 
 
 def with_own_modulus(scene: Scene) -> Scene:
@@ -117,7 +117,7 @@ def static_sensitivities(scene: Scene) -> xr.Dataset:
 
     The largest pressure is that of one place: where two are equal, the mean of what moves either.
     """
-    keys, law, still = Keys(scene, scene.real_keys()), law_of(scene), model_of(scene)
+    keys, law, still = Keys(scene, scene.real_keys()), law_of(scene.mesh), model_of(scene)
     grid, influences = grid_of(scene, still), influences_near(scene, still.pair)
     names = (*_AT_REST, _STIFFNESS, *(ROOT_NUMBERS if influences(still.pair) else ()))
 
@@ -150,9 +150,9 @@ def steady_sensitivities(scene: Scene) -> tuple[xr.Dataset | None, list[SteadyPo
         linearised(build), centre, tangents, None, options=UNFUSED
     )
     require_solved(dynamics.cycle.converged)
-    if is_too_large(scene, dynamics):
+    if is_too_large(scene.sweep, dynamics):
         return None, [SteadyPoint("exact", every[0], None, None, TOO_MANY)]
-    program = linearised(responder(method_of(scene, dynamics, ExactContact())))
+    program = linearised(responder(method_of(scene.sweep, dynamics, ExactContact())))
     points: list[SteadyPoint] = []
     found: list[xr.Dataset] = []
     for speed in every[places].tolist():

@@ -79,7 +79,7 @@ def sizing_table(scene: Scene, grid: MeshGrid, done: Callable[[int], None]) -> x
     were not solved are last, with NaN.
     """
     keys, amounts = combinations_of(scene.sizing)
-    torques = torques_of(scene, "sizing")
+    torques = torques_of("sizing", scene.sizing.torques_Nm, scene.pair, scene.pinion.shaft)
     base = model_of(scene)
     meshes = timed(
         lambda model, t: optimise.prepare_torques(model, t, grid), base, jnp.asarray(torques)

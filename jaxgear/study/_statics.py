@@ -1,5 +1,6 @@
 """The quasi-static part of a run: what is solved, and what of it goes into the summary."""
 
+from collections.abc import Sequence
 from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
@@ -39,6 +40,7 @@ from jaxgear._system._structure import bearing_motion
 from jaxgear._types import Phases, Reals, Scalar, as_scalar
 from jaxgear._units import MPa, N_per_mm_um, mm, um
 from jaxgear.scene._build import couples_on_pinion, grid_of, law_of, model_of
+from jaxgear.scene._gear_tables import PairKeys, ShaftKeys
 from jaxgear.scene._mesh_roots import influences_of
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
@@ -109,7 +111,7 @@ def solve_statics(
     """
     model = model_of(scene)
     influences = influences or influences_of(scene, model.pair)
-    grid, law = grid_of(scene, model), law_of(scene)
+    grid, law = grid_of(scene, model), law_of(scene.mesh)
     more = np.zeros(0) if torques is None else torques
 
     # The scene's own torque and the others in one program: it is compiled once.
@@ -236,14 +238,18 @@ def require_solved(converged: Any) -> None:
         )
 
 
-def torques_of(scene: Scene, table: Literal["map", "optimise", "sizing"]) -> np.ndarray:
+def torques_of(
+    table: Literal["map", "optimise", "sizing"],
+    listed: Sequence[float] | None,
+    pair: PairKeys,
+    shaft: ShaftKeys,
+) -> np.ndarray:
     """Pinion torques that a table of a scene lists, or its own one [N m].
 
     Refused where couples on the pinion's shaft leave the mesh nothing of one of them.
     """
-    given = getattr(scene, table).torques_Nm
-    torques = np.asarray([scene.pair.torque_pinion_Nm] if given is None else given, dtype=float)
-    couples = couples_on_pinion(scene)
+    given = [pair.torque_pinion_Nm] if listed is None else listed
+    torques, couples = np.asarray(given, dtype=float), couples_on_pinion(shaft)
     require(
         bool(np.all(torques + couples > 0.0)),
         "{key} lists {got:g} N m, of which the couples about Z on pinion.shaft.loads, {couples:g} "

@@ -16,6 +16,7 @@ from jaxgear._types import Flag, Reals, Scalar
 from jaxgear._units import um
 from jaxgear.scene._build import model_of
 from jaxgear.scene._scene import Scene
+from jaxgear.scene._tables import SweepKeys
 from jaxgear.study._derivatives import Keys
 from jaxgear.study._dynamics import (
     MOST_UNKNOWNS,
@@ -119,18 +120,18 @@ def _moving(dynamics: jg.PairDynamics) -> tuple:
     return dynamics.system, dynamics.cycle.system.structure
 
 
-def is_too_large(scene: Scene, dynamics: jg.PairDynamics) -> bool:
+def is_too_large(asked: SweepKeys, dynamics: jg.PairDynamics) -> bool:
     """Whether a cycle has too many mesh periods for harmonic balance."""
-    return unknowns_of(scene.sweep, size_of(dynamics)) > MOST_UNKNOWNS
+    return unknowns_of(asked, size_of(dynamics)) > MOST_UNKNOWNS
 
 
 def method_of(
-    scene: Scene, dynamics: jg.PairDynamics, law: jg.AbstractContactLaw
+    asked: SweepKeys, dynamics: jg.PairDynamics, law: jg.AbstractContactLaw
 ) -> jg.HarmonicBalance:
     """Harmonic balance of a scene; exact contact averaged over time steps, as when optimising."""
     averaged = isinstance(law, jg.ExactContact) and dynamics.system.cell_damping is None
     return jg.HarmonicBalance(
-        law=law, harmonics=scene.sweep.harmonics, averaged=averaged, tolerance=_SETTLED
+        law=law, harmonics=asked.harmonics, averaged=averaged, tolerance=_SETTLED
     )
 
 

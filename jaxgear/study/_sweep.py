@@ -1,13 +1,17 @@
 """A scene in steady motion at many speeds: peaks, jumps, ranges with two responses."""
 
 import itertools
+from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
 
 from jaxgear._checks import InputError
 from jaxgear._response._sweep_features import FEW, leaps, prominent
+from jaxgear.scene._build import law_of
+from jaxgear.scene._gear_tables import GearKeys
 from jaxgear.scene._scene import Scene
+from jaxgear.scene._tables import SweepKeys
 from jaxgear.study._dynamics import (
     Dynamics,
     damping_summary,
@@ -59,17 +63,27 @@ def sweep_result(scene: Scene, dynamics: Dynamics) -> Result:
 
     The parts `damping`, `sweep` and `notes` of the summary.
     """
-    require_damped(scene, dynamics)
-    watch = _wave_watch(scene, dynamics)
+    require_damped(scene.damping, dynamics)
+    watch = None
+    if dynamics.pair.bodies:
+        from jaxgear.study._body_waves import wave_watch
+
+        with narration("probes"):
+            watch = wave_watch(scene, dynamics.pair)
+    elif scene.probes:
+        raise InputError("probes: they look at condensed bodies, of which this scene has none.")
     count = len(speeds_of(scene.sweep)) * len(directions_of(scene.sweep))
     with progress(count, "sweep") as done:
-        found = sweep_of(scene, dynamics, done, watch)
+        found = sweep_of(law_of(scene.mesh), scene.sweep, dynamics, done, watch)
     dataset, orbit = sweep_dataset(dynamics, found), orbit_dataset(dynamics, found)
     at_peak = f", {orbit.attrs['speed_rad_s']:.5g} rad/s"
-    datasets = {"sweep": titled(dataset, scene), "orbit": titled(orbit, scene, at_peak)}
+    datasets = {
+        "sweep": titled(dataset, scene.title),
+        "orbit": titled(orbit, scene.title + at_peak),
+    }
     summary = {
-        "damping": damping_summary(scene, dynamics),
-        "sweep": _sweep_summary(scene, dynamics, found, dataset),
+        "damping": damping_summary(scene.damping, dynamics),
+        "sweep": _sweep_summary(scene.sweep, scene.gears, dynamics, found, dataset),
         "notes": sweep_notes(scene, found.unsettled, count, list(found.pieces_lost())),
     }
     if watch is None:
@@ -82,18 +96,6 @@ def sweep_result(scene: Scene, dynamics: Dynamics) -> Result:
     return Result(scene, summary, datasets | dict(waves.datasets), waves.files)
 
 
-def _wave_watch(scene: Scene, dynamics: Dynamics):
-    """What looks at the waves of condensed bodies in a sweep; None where there are none."""
-    if not dynamics.pair.bodies:
-        if scene.probes:
-            raise InputError("probes: they look at condensed bodies, of which this scene has none.")
-        return None
-    from jaxgear.study._body_waves import wave_watch
-
-    with narration("probes"):
-        return wave_watch(scene, dynamics.pair)
-
-
 # A peak stands out by this much of the static force.
 _PROMINENCE = 0.05
 _LISTS = (
@@ -102,7 +104,13 @@ _LISTS = (
 )
 
 
-def _sweep_summary(scene: Scene, dynamics: Dynamics, sweep: Sweep, dataset: xr.Dataset) -> Summary:
+def _sweep_summary(
+    asked: SweepKeys,
+    gears: Mapping[str, GearKeys],
+    dynamics: Dynamics,
+    sweep: Sweep,
+    dataset: xr.Dataset,
+) -> Summary:
     """The `sweep` part of the summary; lists are over `pinion_speed_rad_s`."""
     special = lambda name: sorted(
         point.speed for piece in sweep.curves for point in getattr(piece, name)
@@ -112,7 +120,7 @@ def _sweep_summary(scene: Scene, dynamics: Dynamics, sweep: Sweep, dataset: xr.D
     if dynamics.statics.influences is not None:
         from jaxgear.study._roots import moving_roots_summary
 
-        roots = {"roots": moving_roots_summary(scene, dataset)}
+        roots = {"roots": moving_roots_summary(gears, dataset)}
     return {
         "pinion_speed_rad_s": sweep.speeds,
         **{
@@ -128,9 +136,9 @@ def _sweep_summary(scene: Scene, dynamics: Dynamics, sweep: Sweep, dataset: xr.D
         "doublings_rad_s": special("doublings"),
         "tori_rad_s": special("tori"),
         "unsettled_count": sweep.unsettled,
-        "method": method_name(scene.sweep, size),
-        "steps": scene.sweep.steps,
-        "unknowns": unknowns_of(scene.sweep, size),
+        "method": method_name(asked, size),
+        "steps": asked.steps,
+        "unknowns": unknowns_of(asked, size),
         "seconds_with_compiling": sweep.seconds,
     }
 

@@ -1,13 +1,14 @@
 """Remarks on responses at speed: where a sweep is outgrown, or sees nothing."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 import optimise
 from jaxgear._system._body_modes import BodyBasis
 from jaxgear.scene._scene import Scene
+from jaxgear.scene._tables import SweepKeys
 from jaxgear.study._dynamics import Size, method_name, speeds_of
 from jaxgear.study._ranks import Doubtful, Idle
 from jaxgear.study._steady import SteadyPoint
@@ -25,7 +26,12 @@ def sweep_notes(scene: Scene, unsettled: int, responses: int, lost: list[str]) -
         )
     if scene.model.coordinates and not scene.condensed:
         found.append(Idle("model.coordinates does nothing: all modes of these bodies are kept."))
-    found += [*_beyond_bodies(scene), *_beyond_reach(scene)]
+    bases = {gear: each.basis for gear, each in scene.bodies.items() if each.basis is not None}
+    found += _beyond_bodies(scene.model.coordinates or 0, bases)
+    if bases and scene.sweep.is_given:
+        # Approach and tilt stand beside the mesh coordinates.
+        size = Size(2 + scene.model.at_mesh, scene.mesh.periods)
+        found += _beyond_reach(scene.sweep, size, scene.pinion.teeth, bases)
     if unsettled:
         found.append(
             Doubtful(
@@ -41,10 +47,10 @@ def sweep_notes(scene: Scene, unsettled: int, responses: int, lost: list[str]) -
     return found
 
 
-def _beyond_bodies(scene: Scene) -> list[str]:
+def _beyond_bodies(asked: int, bases: Mapping[str, BodyBasis]) -> list[str]:
     """More modes asked for than bodies have."""
-    asked, found = scene.model.coordinates or 0, []
-    for gear, basis in _bases(scene):
+    found = []
+    for gear, basis in bases.items():
         has = len(basis.square)
         # The last pair is never parted.
         if asked > has + 1:
@@ -56,19 +62,16 @@ def _beyond_bodies(scene: Scene) -> list[str]:
     return found
 
 
-def _beyond_reach(scene: Scene) -> list[str]:
+def _beyond_reach(
+    asked: SweepKeys, size: Size, teeth: int, bases: Mapping[str, BodyBasis]
+) -> list[str]:
     """The highest mode of a condensed body, where steps or harmonics are too few to follow it."""
-    each = [(float(basis.square.max()), gear, basis) for gear, basis in _bases(scene)]
-    if not each or not scene.has_table("sweep"):
-        return []
-    square, gear, basis = max(each, key=lambda row: row[0])
-    frequency, mode = math.sqrt(square) / (2.0 * math.pi), int(np.argmax(basis.square))
-    speeds, teeth = speeds_of(scene.sweep), scene.pinion.teeth
-    # Approach and tilt stand beside the mesh coordinates.
-    size = Size(2 + scene.model.at_mesh, scene.mesh.periods)
-    harmonic = method_name(scene.sweep, size) == "harmonic"
+    gear, basis = max(bases.items(), key=lambda each: float(each[1].square.max()))
+    mode, speeds = int(np.argmax(basis.square)), speeds_of(asked)
+    frequency = math.sqrt(float(basis.square[mode])) / (2.0 * math.pi)
+    harmonic = method_name(asked, size) == "harmonic"
     key = "sweep.harmonics" if harmonic else "sweep.steps"
-    given = scene.sweep.harmonics if harmonic else scene.sweep.steps
+    given = asked.harmonics if harmonic else asked.steps
     # Up to which multiple of the mesh frequency a response is followed, and what that takes.
     per = 1.0 if harmonic else 1.0 / STEPS_IN_PERIOD
     order = lambda speed: 2.0 * math.pi * frequency / (teeth * speed)
@@ -89,12 +92,6 @@ def _beyond_reach(scene: Scene) -> list[str]:
         f"{where}: there it follows its load, but does not vibrate. To see it vibrate, {key} must "
         f"be at least {wants} rad/s{beside}."
     ]
-
-
-def _bases(scene: Scene) -> list[tuple[str, BodyBasis]]:
-    """Modes of the condensed bodies that vibrate, their seats held."""
-    found = [(gear, each.basis) for gear, each in scene.bodies.items()]
-    return [(gear, basis) for gear, basis in found if basis is not None]
 
 
 def steady_notes(points: Sequence[SteadyPoint]) -> list[str]:

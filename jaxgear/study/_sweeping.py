@@ -15,17 +15,10 @@ from jaxgear._dynamics._continuation import Curve, continuation
 from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._sweep import Direction, Finder, SweepPoint
 from jaxgear._dynamics._system import PairDynamics
+from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._response._measured import Measured, measured
-from jaxgear.scene._build import law_of
-from jaxgear.scene._scene import Scene
-from jaxgear.study._dynamics import (
-    Dynamics,
-    directions_of,
-    method_name,
-    settings_of,
-    size_of,
-    speeds_of,
-)
+from jaxgear.scene._tables import SweepKeys
+from jaxgear.study._dynamics import Dynamics, directions_of, settings_of, size_of, speeds_of
 from jaxgear.study._statics import SolverFailure
 
 # Settled responses whose dynamic ratios differ by more than this, relative to them, are two.
@@ -58,6 +51,11 @@ class Response(NamedTuple):
         """Largest total contact force over the static one [-]."""
         return float(self.numbers.dynamic_ratio)
 
+    @property
+    def is_finite(self) -> bool:
+        """Whether all of it are finite numbers."""
+        return all(np.isfinite(x).all() for x in (self.residual, *self.numbers))
+
     def differs(self, other: "Response") -> bool:
         """Whether both have settled, on two branches."""
         apart = not alike(self.dynamic_ratio, other.dynamic_ratio)
@@ -74,7 +72,8 @@ Watch = Callable[[Direction, SweepPoint, float], None]
 
 
 def swept(
-    scene: Scene,
+    law: AbstractContactLaw,
+    asked: SweepKeys,
     moving: Dynamics,
     speeds: np.ndarray,
     direction: Direction,
@@ -84,12 +83,20 @@ def swept(
     """Sweep in one direction over rising speeds [rad/s]; keep what is shown of each response."""
     dynamics = moving.pair
     # Responses of many mesh periods are too long to keep them all until the end.
-    finder = Finder(dynamics.system, settings_of(scene, size_of(dynamics)))
+    finder = Finder(dynamics.system, settings_of(law, asked, size_of(dynamics)))
     found: list[Response] = []
     last = None
     for speed in speeds[::-1] if direction == "down" else speeds:
         point = finder.next(jnp.asarray(float(speed)), last)
-        found.append(_response(scene, moving, float(speed), point))
+        influences = moving.statics.influences
+        numbers = jax.device_get(measured(dynamics, point.orbit, law, asked.orders, influences))
+        found.append(_response(point, float(speed), numbers, dynamics.system.table.periods))
+        if not found[-1].is_finite:
+            raise SolverFailure(
+                f"the response at {speed:.6g} rad/s is not a finite number. Raise sweep.steps, "
+                f'write sweep.method = "{"shooting" if asked.method == "newmark" else "newmark"}", '
+                "or leave this speed out."
+            )
         if watch is not None:
             watch(direction, point, found[-1].dynamic_ratio)
         last = None if direction == "cold" else point
@@ -97,23 +104,14 @@ def swept(
     return tuple(found[::-1] if direction == "down" else found)
 
 
-def _response(scene: Scene, moving: Dynamics, speed: float, point: SweepPoint) -> Response:
-    law, orders, influences = law_of(scene), scene.sweep.orders, moving.statics.influences
-    numbers = jax.device_get(measured(moving.pair, point.orbit, law, orders, influences))
-    residual = float(point.orbit.residual)
-    if not all(np.isfinite(x).all() for x in (residual, *numbers)):
-        other = "shooting" if scene.sweep.method == "newmark" else "newmark"
-        raise SolverFailure(
-            f"the response at {speed:.6g} rad/s is not a finite number. Raise sweep.steps, write "
-            f'sweep.method = "{other}", or leave this speed out.'
-        )
+def _response(point: SweepPoint, speed: float, numbers: Measured, periods: int) -> Response:
     sizes = np.abs(point.multipliers)
     return Response(
         speed=speed,
         settled=point.settled,
         stable=point.stable,
-        periods=point.multiple * moving.pair.system.table.periods,
-        residual=residual,
+        periods=point.multiple * periods,
+        residual=float(point.orbit.residual),
         multiplier=float(sizes.max()) if sizes.size else None,
         numbers=numbers,
     )
@@ -162,15 +160,16 @@ class Sweep:
 
 
 def branches(
-    scene: Scene, dynamics: PairDynamics, speeds: np.ndarray, done: Callable[[int], None]
+    method: HarmonicBalance,
+    dynamics: PairDynamics,
+    speeds: np.ndarray,
+    done: Callable[[int], None],
 ) -> tuple[Curve, ...]:
     """Follow the branch of responses from the lowest speed to the highest, round its folds.
 
     Where it is lost on the way, what can be reached from the other end is a second piece. None
     where no response is found to begin with.
     """
-    method = settings_of(scene, size_of(dynamics)).method
-    assert isinstance(method, HarmonicBalance)
     follow = lambda start, stop: continuation(
         dynamics.system, start, stop, method=method, done=done
     )
@@ -182,18 +181,18 @@ def branches(
 
 
 def sweep_of(
-    scene: Scene,
+    law: AbstractContactLaw,
+    asked: SweepKeys,
     moving: Dynamics,
     done: Callable[[int], None],
     watch: Watch | None = None,
 ) -> Sweep:
-    """Sweep a scene in all its directions, and follow its branch."""
+    """Sweep a pair in all directions that are asked for, and follow its branch."""
     dynamics = moving.pair
-    speeds, seconds, asked = speeds_of(scene.sweep), {}, scene.sweep.continuation
-    if asked is None:
-        asked = scene.sweep.direction == "both"
-    harmonic = method_name(scene.sweep, size_of(dynamics)) == "harmonic"
-    asked = asked and harmonic and len(speeds) > 1
+    speeds, seconds, followed = speeds_of(asked), {}, asked.continuation
+    if followed is None:
+        followed = asked.direction == "both"
+    method = settings_of(law, asked, size_of(dynamics)).method
     responses: dict[Direction, tuple[Response, ...]] = {}
     stopped = False
 
@@ -210,11 +209,13 @@ def sweep_of(
 
     # Most of the time goes into compiling, and both have programs of their own.
     with concurrent.futures.ThreadPoolExecutor(1) as pool:
-        follow = lambda: branches(scene, dynamics, speeds, going_on)
-        curves = pool.submit(clocked, "continuation", follow) if asked else None
+        curves = None
+        if followed and isinstance(method, HarmonicBalance) and len(speeds) > 1:
+            follow = functools.partial(branches, method, dynamics, speeds, going_on)
+            curves = pool.submit(clocked, "continuation", follow)
         try:
-            for way in directions_of(scene.sweep):
-                one = functools.partial(swept, scene, moving, speeds, way, done, watch)
+            for way in directions_of(asked):
+                one = functools.partial(swept, law, asked, moving, speeds, way, done, watch)
                 responses[way] = clocked(way, one)
         except BaseException:
             stopped = True

@@ -4,7 +4,7 @@ From the library's arrays in SI to datasets in the units of files.
 """
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -22,8 +22,8 @@ from jaxgear._dynamics._campbell import (
 from jaxgear._dynamics._modes import Modes
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._dynamics._wave_content import WaveContent, wave_content
-from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
+from jaxgear.scene._tables import ModesKeys
 from jaxgear.study._result import Summary
 from jaxgear.study._results import Entry, dataset_of, entries_over
 
@@ -52,42 +52,46 @@ class BodyWaves(NamedTuple):
 
 
 def body_waves(
-    scene: Scene, pair: PairDynamics, modes: Modes, highest: float, count: int
+    bodies: Mapping[str, Any],
+    pair: PairDynamics,
+    modes: Modes,
+    *,
+    harmonics: int,
+    highest: float,
+    count: int,
 ) -> BodyWaves:
-    """Waves of the first modes of a scene with condensed bodies, at rest and over speed.
+    """Waves of the first modes of a pair with condensed bodies, at rest and over speed.
 
-    Up to the highest speed of the pinion [rad/s]; and their critical speeds.
+    Up to the highest speed of the pinion [rad/s]; and their critical speeds, with so many
+    harmonics of the mesh.
     """
-    sectors = tuple(
-        int(scene.bodies[gear].built.body.facts.get("sectors", 0)) if gear in scene.bodies else 0
-        for gear in GEARS
-    )
-    both = sectors[0], sectors[1]
+    facts = [bodies[gear].built.body.facts if gear in bodies else {} for gear in GEARS]
+    both = int(facts[0].get("sectors", 0)), int(facts[1].get("sectors", 0))
     speeds = np.linspace(0.0, highest, _SPEEDS)
     turning = turning_modes(pair, modes, speeds, both).first(count)
     return BodyWaves(
         content=wave_content(pair, np.asarray(modes.shape)[:, :count], both),
         turning=turning,
-        critical=critical_crossings(turning, tuple(range(1, scene.modes.harmonics + 1))),
+        critical=critical_crossings(turning, tuple(range(1, harmonics + 1))),
         alone={GEARS[body.index]: modes_alone(pair, modes, body.index) for body in pair.bodies},
         frequency=np.asarray(modes.frequency),
     )
 
 
-def require_retained(scene: Scene, pair: PairDynamics) -> None:
-    """Refuse to show modes of which the condensed bodies know nothing.
+def require_retained(asked: ModesKeys, kept: int, pair: PairDynamics) -> None:
+    """Refuse to show modes of which the condensed bodies know nothing, with so many modes kept.
 
     **Raises:**
 
     - `InputError` naming the gear whose modes end below what [modes] asks for.
     """
-    asked, count = scene.modes.highest_Hz, scene.modes.count
-    if not pair.bodies or (asked is None and count is None):
+    highest, count = asked.highest_Hz, asked.count
+    if not pair.bodies or (highest is None and count is None):
         return
     ends = [float(np.sqrt(np.max(np.asarray(body.square)))) for body in pair.bodies]
     body, last = pair.bodies[int(np.argmin(ends))], min(ends) / (2.0 * np.pi)
-    if asked is not None:
-        key, given, holds, more = "modes.highest_Hz", f"{asked:g} Hz", asked <= last, ""
+    if highest is not None:
+        key, given, holds, more = "modes.highest_Hz", f"{highest:g} Hz", highest <= last, ""
     else:
         below = int(np.searchsorted(_natural(pair), last, side="right"))
         key, given, holds = "modes.count", f"{count}", count is None or count <= below
@@ -104,7 +108,7 @@ def require_retained(scene: Scene, pair: PairDynamics) -> None:
         gear=GEARS[body.index],
         last=last,
         more=more,
-        retained=scene.model.modes or "all",
+        retained=kept or "all",
     )
 
 

@@ -32,8 +32,8 @@ def waves_result(scene: Scene, watch: WaveWatch, sweep: Sweep) -> Result:
     peak = watch.peak[sweep.main]
     waves = waves_dataset(watch, sweep)
     datasets = {
-        "waves": titled(waves, scene),
-        "flanks": titled(flanks_dataset(watch, watch.flanks(sweep.main)), scene),
+        "waves": titled(waves, scene.title),
+        "flanks": titled(flanks_dataset(watch, watch.flanks(sweep.main)), scene.title),
     }
     files, summary = {}, []
     for gear, each in watch.looked.items():
@@ -41,7 +41,9 @@ def waves_result(scene: Scene, watch: WaveWatch, sweep: Sweep) -> Result:
         say(f"{gear}: its shape at order {main.order:g}")
         shape = each.body.shape(peak.motions[gear], main.order)
         at_peak = f", pinion at {peak.speed:.5g} rad/s: {gear}"
-        datasets[f"shape_{gear}"] = titled(shape_dataset(each.body, shape, main), scene, at_peak)
+        datasets[f"shape_{gear}"] = titled(
+            shape_dataset(each.body, shape, main), scene.title + at_peak
+        )
         if each.body.has_grid:
             write = functools.partial(write_shapes, body=each.body, shape=shape)
             files[f"{gear}_shape/{gear}_shape.vtu.series"] = write

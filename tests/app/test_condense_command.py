@@ -36,7 +36,7 @@ from jaxgear.scene._build import model_of, pair_of
 from jaxgear.scene._scene import read_scene
 from jaxgear.scene._teeth import facts_of_teeth, tooth_outline
 from jaxgear.study import condense
-from jaxgear.study._condense import body_dataset, body_remarks, body_summary
+from jaxgear.study._condense import body_dataset, body_remarks, body_summary, fastest_of
 from jaxgear.study._notes import _on_bodies
 
 _PAIR = """schema = 1
@@ -211,8 +211,10 @@ def test_an_impossible_body_is_refused_in_the_scene_s_own_words(write, capsys, t
 
 def test_a_rigid_gear_with_a_web_is_told_that_it_has_none(write):
     scene = read_scene(write(_PAIR + _BODY), ["wheel.body.kind=rigid"])
-    assert [*_on_bodies(scene)] == ['wheel.body.web does nothing: wheel.body.kind is "rigid".']
-    assert not [*_on_bodies(read_scene(write(_PAIR + _BODY)))]
+    assert [*_on_bodies(scene.gears)] == [
+        'wheel.body.web does nothing: wheel.body.kind is "rigid".'
+    ]
+    assert not [*_on_bodies(read_scene(write(_PAIR + _BODY)).gears)]
 
 
 # --- From the scene to the plan
@@ -351,7 +353,8 @@ def test_a_summary_is_of_its_own_scene_and_leaves_the_body_as_it_is(write):
     changes = ("name=other", "sweep.pinion_speed_rad_s=[720.0]")
     found = _built(path, *changes)
     before = content_hash(found.body)
-    summary = body_summary(read_scene(path, changes), found)
+    swept = read_scene(path, changes)
+    summary = body_summary(found, fastest_of(swept.sweep, swept.gears, "wheel"))
     assert summary["from_cache"]
     assert summary["name"] == found.body.name == "other-wheel"
     growth = "centrifugal_growth_um_at_rad_s"
@@ -461,11 +464,11 @@ def test_matrices_from_elsewhere_are_the_body_they_came_from(write, tmp_path):
     )
     path = write(_PAIR + text)
     found, scene = _built(path), read_scene(path)
-    said = "\n".join(body_remarks(scene, found))
+    said = "\n".join(body_remarks(scene.wheel, found))
     for key in ("modes", "young_GPa", "rotating_terms"):
         assert f"wheel.body.{key} does nothing: the matrices" in said
     assert said.count("does nothing") == 3
-    summary = body_summary(scene, found)
+    summary = body_summary(found, 0.0)
     assert "young_GPa" not in summary
     assert not [line for line in report_lines(summary) if "Young" in line]
     assert found.view is None

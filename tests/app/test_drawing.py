@@ -32,7 +32,7 @@ def told(tmp_path_factory):
 
     def told(*settings):
         scene = read_scene(path, settings)
-        return drawing_summary(scene, pair_of(scene))
+        return drawing_summary(scene.gears, pair_of(scene))
 
     return told
 

@@ -21,7 +21,7 @@ from jaxgear.study._fidelity import _statics as statics
 from jaxgear.study._fidelity._engine import AbstractProblem, Run, compared, counted
 from jaxgear.study._fidelity._level import Answers, Level, Reference, errors_of
 from jaxgear.study._fidelity._levels import simpler_bodies, static_levels
-from jaxgear.study._fidelity._models import changed
+from jaxgear.study._fidelity._models import changed, differing
 from jaxgear.study._fidelity._teeth import words_of_teeth
 from jaxgear.study._statics import SolverFailure
 
@@ -354,6 +354,14 @@ def test_responses_that_a_scene_has_not_are_named():
         statics.require_at_rest(ready_scene("accessory-h1", [teeth]))
 
 
+def test_a_table_that_is_taken_away_differs():
+    scene = ready_scene("accessory")
+    found = differing(scene, {"wheel.shaft": None, "mesh.phases": scene.mesh.phases})
+    assert found == {"wheel.shaft": None}
+    assert scene.wheel.shaft.is_given
+    assert not changed(scene, found).wheel.shaft.is_given
+
+
 @pytest.mark.parametrize(
     ("given", "words"),
     [
@@ -394,7 +402,12 @@ def test_mistakes_are_told(given, words):
     ],
 )
 def test_the_work_decides_what_is_compared(command, more, moving):
-    assert auto.in_motion(ready_scene("accessory", more), command) == moving
+    assert (
+        auto.in_motion(
+            ready_scene("accessory", more).optimise, ready_scene("accessory", more).sweep, command
+        )
+        == moving
+    )
 
 
 def test_a_choice_is_kept_for_the_next_command(tmp_path, monkeypatch):
@@ -465,10 +478,10 @@ def test_a_level_in_motion_is_keys_of_the_scene():
     scene = ready_scene("accessory", ["sweep.pinion_speed_rad_s=[100.0]"])
     levels = {level.name: level for level in auto.moving_levels(scene)}
     assert next(iter(levels)) == "H20 N128"
-    assert auto.changes_in_motion(scene, levels["H20 N128"]) == {}
+    assert auto.changes_in_motion(scene.sweep, levels["H20 N128"]) == {}
     coarse = levels["H5 N64"]
     coarse = coarse._replace(changes={**coarse.changes, "mesh.slices": 5})
-    assert auto.changes_in_motion(scene, coarse) == {
+    assert auto.changes_in_motion(scene.sweep, coarse) == {
         "mesh.slices": 5,
         "sweep.steps": 64,
         "sweep.harmonics": 5,
@@ -476,7 +489,7 @@ def test_a_level_in_motion_is_keys_of_the_scene():
     # A method of the user's own stays.
     own = scene.replace({"sweep.method": "newmark"})
     assert "H5 N64" not in _names(auto.asked_for(own, auto.moving_levels(own)))
-    assert auto.changes_in_motion(own, coarse) == {"mesh.slices": 5}
+    assert auto.changes_in_motion(own.sweep, coarse) == {"mesh.slices": 5}
 
 
 def test_the_results_say_which_level_was_taken():

@@ -94,7 +94,7 @@ def test_a_false_derivative_is_found(monkeypatch):
     honest = _gradients.cycle_mean
     monkeypatch.setattr(_gradients, "cycle_mean", lambda *args: lying(honest(*args)))
     scene = ready_scene("accessory", _PLAIN)
-    found = static_gradients(scene, "smooth", smooth_law_of(scene))
+    found = static_gradients(scene, "smooth", smooth_law_of(scene.mesh))
     wrong = found["response"][found["verdict"] == "WRONG"]
     assert set(wrong.values) == {"te_mean_um"}
 

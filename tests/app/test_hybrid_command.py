@@ -111,7 +111,7 @@ def solved(tmp_path_factory):
     statics = Statics(
         model=model,
         grid=grid,
-        law=law_of(scene),
+        law=law_of(scene.mesh),
         cycle=cycle,
         prepared=prepared,
         numbers={},
@@ -122,7 +122,11 @@ def solved(tmp_path_factory):
         harris_harmonics=np.zeros((0, 3)),
         influences=None,
     )
-    return scene, statics, answered.body_under_teeth(scene, "wheel", statics)
+    return (
+        scene,
+        statics,
+        answered.body_under_teeth(scene.mesh, "wheel", scene.bodies["wheel"], statics),
+    )
 
 
 # --- The body under its teeth
@@ -240,7 +244,7 @@ def test_a_rigid_motion_is_no_deflection(solved):
 
 def test_answers_are_of_all_phases(solved, tmp_path):
     scene, statics, under = solved
-    (answer,) = answered.body_answers(scene, statics)
+    (answer,) = answered.body_answers(scene.mesh, scene.bodies, statics)
     assert answer.rim.shape == (8, 3)
     assert answer.roots.shape == (*statics.cycle.cells.lines.roll.shape, 3)
     # A foot follows its patch of the rim, which moves by no more than the rim's largest.
@@ -274,7 +278,10 @@ def test_answers_are_of_all_phases(solved, tmp_path):
     names = [(each.name, len(each.draw().axes), set(each.table)) for each in drawn]
     told = {"angle_deg", "Z_mm", "radial_um", "tangential_um", "axial_um"}
     assert names == [("wheel_under_mesh", 3, told), ("wheel_under_rotation", 3, told)]
-    assert foundation_of(scene) == "pinion weber, wheel its condensed body"
+    assert (
+        foundation_of(scene.mesh, scene.gears, scene.bodies)
+        == "pinion weber, wheel its condensed body"
+    )
 
 
 # --- Teeth and holes, by hand
@@ -360,20 +367,21 @@ def test_loads_across_the_face_are_shown_where_they_are_largest():
 
 def test_notes_on_condensed_bodies(solved, tmp_path):
     scene, _, _ = solved
-    (said,) = _on_condensed(scene)
+    said_of = lambda scene: [*_on_condensed(scene.mesh, scene.gears, scene.bodies)]
+    (said,) = said_of(scene)
     assert "is taken as that of teeth alone" in said
     given = scene.replace({"wheel.foundation": "weber"})
-    assert "wheel.foundation does nothing to the wheel" in [*_on_condensed(given)][1]
+    assert "wheel.foundation does nothing to the wheel" in said_of(given)[1]
     facts = {"sectors": 4}
     known = dataclasses.replace(scene.bodies["wheel"].built.body, facts=facts)
     body: Any = types.SimpleNamespace(built=types.SimpleNamespace(body=known), family=None)
     short = dataclasses.replace(scene, bodies={"wheel": body})
-    (_, said) = _on_condensed(short)
+    (_, said) = said_of(short)
     assert "repeats after 6 teeth" in said
     assert "multiple of 6" in said
     path = tmp_path / "rigid.toml"
     path.write_text(_SCENE.replace('kind = "condensed"', 'kind = "rigid"'))
-    (said,) = _on_condensed(read_scene(path))
+    (said,) = said_of(read_scene(path))
     assert said.startswith("mesh.pinion_speed_rad_s, mesh.root_correction: no body is condensed")
 
 

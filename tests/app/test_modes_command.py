@@ -112,7 +112,7 @@ def test_how_many_modes_are_shown(tmp_path):
     path = tmp_path / "scene.toml"
     path.write_text(_SPUR)
     frequency = np.arange(1.0, 31.0)
-    shown = lambda *changes: modes_shown(read_scene(path, changes), frequency)
+    shown = lambda *changes: modes_shown(read_scene(path, changes).modes, frequency, 12)
     assert shown() == 12
     assert shown("modes.highest_Hz=20.5") == 20
     assert shown("modes.highest_Hz=20.5", "modes.count=5") == 5
@@ -137,6 +137,6 @@ def test_more_modes_than_a_condensed_body_can_tell_are_refused(tmp_path):
         (pair, "system", system),
     ):
         object.__setattr__(module, name, value)
-    require_retained(read_scene(path, ("modes.count=3",)), pair)
+    require_retained(read_scene(path, ("modes.count=3",)).modes, 100, pair)
     with pytest.raises(InputError, match=r"modes\.count is 4, .*wheel's.* 5000 Hz.* has 3 below"):
-        require_retained(read_scene(path, ("modes.count=4",)), pair)
+        require_retained(read_scene(path, ("modes.count=4",)).modes, 100, pair)

@@ -7,19 +7,23 @@ from jaxgear.scene._scene import ready_scene
 from jaxgear.study import _notes
 
 
+def _on_cycle(*given: str) -> list[str]:
+    scene = ready_scene("accessory", given)
+    return [*_notes._on_cycle(scene.mesh, scene.gears, scene.flank)]
+
+
 @pytest.mark.parametrize(("periods", "told"), [(44, True), (45, False), (90, False)])
 def test_part_of_a_revolution_is_told(periods, told):
-    given = "flank.pinion.eccentricity_um=3.0", f"mesh.periods={periods}"
-    found = [*_notes._on_cycle(ready_scene("accessory", given))]
+    found = _on_cycle("flank.pinion.eccentricity_um=3.0", f"mesh.periods={periods}")
     assert len(found) == told
     assert all("no whole revolution of the pinion" in words for words in found)
 
 
 def test_pitch_errors_that_one_period_leaves_out_are_told():
     grade = "flank.wheel.accuracy_grade=5"
-    (words,) = _notes._on_cycle(ready_scene("accessory", (grade,)))
+    (words,) = _on_cycle(grade)
     assert "leaves out the pitch errors of flank.wheel.accuracy_grade" in words
-    assert not [*_notes._on_cycle(ready_scene("accessory", (grade, "mesh.periods=2")))]
+    assert not _on_cycle(grade, "mesh.periods=2")
 
 
 @pytest.mark.parametrize(
@@ -34,7 +38,8 @@ def test_pitch_errors_that_one_period_leaves_out_are_told():
     ],
 )
 def test_keys_that_a_model_of_the_teeth_does_not_look_at_are_told(given, told):
-    found = [*_notes._on_teeth(ready_scene("accessory", given))]
+    scene = ready_scene("accessory", given)
+    found = [*_notes._on_teeth(scene.mesh, scene.gears)]
     assert len(found) == len(told)
     assert all(words in each for words, each in zip(told, found, strict=True))
 
@@ -42,7 +47,7 @@ def test_keys_that_a_model_of_the_teeth_does_not_look_at_are_told(given, told):
 def test_strengths_and_thin_rims_are_told_where_roots_are_looked_at():
     def told(*given: str) -> list[str]:
         scene = ready_scene("accessory", given)
-        return [*_notes._on_roots(scene, model_of(scene))]
+        return [*_notes._on_roots(scene.mesh, scene.gears, model_of(scene))]
 
     assert not told()
     (idle,) = told("pinion.root_strength_MPa=600")

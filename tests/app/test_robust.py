@@ -163,7 +163,7 @@ def test_the_quantile_of_real_gears_has_true_slopes():
     members = robust.members_of(scatter, samples, grid, prepared_mesh(space, grid))
     # Only what depends on the torque is kept for each gear.
     assert len(jax.tree.leaves(members.own)) == 4
-    law = smooth_law_of(space.scene)
+    law = smooth_law_of(space.scene.mesh)
     judge = robust.judge_of(scatter, grid, law)
     value = jax.jit(optimise.measured(judge, [optimise.Quantile(0.9, 0.05)]))
     at = jnp.array([13.0, 0.24])

@@ -10,7 +10,7 @@ import pytest
 from jaxgear.scene import _rewriting, _scene, _schema
 from jaxgear.scene._positions import positions
 from jaxgear.scene._rewriting import rewrite_scene, write_scene
-from jaxgear.scene._scene import SceneError, read_scene
+from jaxgear.scene._scene import SceneError, read_scene, ready_scene
 
 _ROOT = Path(_scene.__file__).parents[2]
 _READY = Path(_scene.__file__).parent / "scenes"
@@ -242,9 +242,9 @@ def test_the_contract_is_read_as_written(write):
     assert scene.value("optimise.torques_Nm") == [60.0, 80.0, 100.0]
     assert scene.value("optimise.bounds.flank.pinion.tip_relief.depth_um") == [0.0, 40.0]
     assert "optimise.minimise" not in scene.values
-    assert scene.has_table("sweep")
-    assert scene.has_table("pinion.support")
-    assert not scene.has_table("wheel.material")
+    assert scene.sweep.is_given
+    assert scene.pinion.support.is_given
+    assert not scene.wheel.material.is_given
 
 
 def test_rows_and_entries_have_paths(write):
@@ -1027,7 +1027,7 @@ def test_round_trip_keeps_values_and_requests(write, tmp_path, text):
     copy = read_scene(tmp_path / "copy.toml")
     assert copy.values == scene.values
     for table in ("sweep", "map", "optimise", "damping", "model", "sizing", "wheel.shaft"):
-        assert copy.has_table(table) == scene.has_table(table)
+        assert (table in copy.given) == (table in scene.given)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["copy.toml", "scene.toml"]
 
 
@@ -1043,7 +1043,7 @@ def test_replace_checks_nothing_and_leaves_the_scene_alone(write):
     traced = object()
     changed = scene.replace({"pair.module_mm": traced, "pinion.support.axial_N_m": 1e8})
     assert changed.value("pair.module_mm") is traced
-    assert changed.has_table("pinion.support")
+    assert changed.pinion.support.is_given
     assert scene.value("pair.module_mm") == 1.5
     assert "pinion.support.axial_N_m" not in scene.values
     with pytest.raises(TypeError):
@@ -1264,3 +1264,13 @@ def test_reading_a_scene_imports_nothing_heavy():
     command = [sys.executable, "-c", program, str(_ROOT), str(_READY / "power.toml")]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_a_table_knows_what_the_user_wrote_in_it():
+    scene = ready_scene("accessory", ["mesh.periods=2"])
+    assert scene.mesh.is_given
+    assert scene.mesh.written("periods", "line_load_updates") == ["periods"]
+    assert not scene.robust.is_given
+    assert scene.replace({"robust.seed": 3}).robust.given == {"seed"}
+    assert scene.damping.values["kind"] == "modal"
+    assert "given" not in scene.damping.values

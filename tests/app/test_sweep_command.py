@@ -24,7 +24,7 @@ from jaxgear._dynamics._march import Marching
 from jaxgear._response._sweep_features import prominent
 from jaxgear._system._body_modes import BodyBasis
 from jaxgear._system._shaft import Shaft
-from jaxgear.scene._build import model_of
+from jaxgear.scene._build import law_of, model_of
 from jaxgear.scene._scene import read_scene
 from jaxgear.study import _dynamics, _sweep
 from jaxgear.study._sweep_dataset import sweep_dataset
@@ -137,7 +137,7 @@ def test_marching_agrees_with_harmonic_balance(both, folder):
     _, summary, dynamics = both
     scene = read_scene(folder / "spur.toml", ("sweep.method=newmark", "sweep.cycles=60"))
     speeds = np.asarray([1500.0, 2000.0])
-    found = swept(scene, dynamics, speeds, "up", lambda _: None)
+    found = swept(law_of(scene.mesh), scene.sweep, dynamics, speeds, "up", lambda _: None)
     assert all(response.settled and response.stable for response in found)
     assert [response.periods for response in found] == [1, 1]
     ratio = [float(response.numbers.dynamic_ratio) for response in found]
@@ -146,10 +146,10 @@ def test_marching_agrees_with_harmonic_balance(both, folder):
 
 def test_a_mode_that_the_mesh_shakes_and_nothing_damps_is_refused(both, folder):
     scene, dynamics = read_scene(folder / "spur.toml"), both[2]
-    _dynamics.require_damped(scene, dynamics)
+    _dynamics.require_damped(scene.damping, dynamics)
     bare = eqx.tree_at(lambda d: d.modes.damping_ratio, dynamics, jnp.zeros(1))
     with pytest.raises(InputError, match=r"nothing damps mode 1 at 7520 Hz.*Raise damping\.mesh"):
-        _dynamics.require_damped(scene, bare)
+        _dynamics.require_damped(scene.damping, bare)
 
 
 @pytest.mark.slow
@@ -163,7 +163,9 @@ def test_a_slow_pair_has_its_quasi_static_transmission_error(folder):
     scene = scene.replace({"sweep.steps": 24, "sweep.harmonics": 5, "sweep.orders": 1})
     dynamics = _dynamics.solve_dynamics(scene)
     # Very slowly, many steps of a resonance lie within one of the mesh: its mean is left.
-    (response,) = swept(scene, dynamics, np.asarray([1.0]), "up", lambda _: None)
+    (response,) = swept(
+        law_of(scene.mesh), scene.sweep, dynamics, np.asarray([1.0]), "up", lambda _: None
+    )
     mean = float(dynamics.statics.numbers["te_mean_um"]) * jg.um
     assert response.settled
     assert response.numbers.te_mean == pytest.approx(mean, rel=5e-3)
@@ -201,7 +203,8 @@ def test_long_cycles_are_marched(folder):
 
     def settings(*overrides):
         scene = read_scene(path, ("sweep.harmonics=20", "mesh.phases=8", *overrides))
-        return _dynamics.settings_of(scene, _dynamics.Size(1, scene.value("mesh.periods")))
+        size = _dynamics.Size(1, scene.mesh.periods)
+        return _dynamics.settings_of(law_of(scene.mesh), scene.sweep, size)
 
     assert isinstance(settings().method, HarmonicBalance)
     assert isinstance(settings("mesh.periods=4").method, HarmonicBalance)

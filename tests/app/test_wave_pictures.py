@@ -198,17 +198,18 @@ def test_pictures_and_shapes_are_written(found, tmp_path, monkeypatch):
 def test_probes_say_what_they_cannot_see(scene, watch):
     body = watch.looked["wheel"].body
     at = lambda **place: dataclasses.replace(scene, fixed={**scene.fixed, **place})
+    seen_by = lambda scene, body: _probes.probes_of(scene.probes, scene.condensed, body)
     with pytest.raises(InputError, match=r"probes\[0\]: no node of the wheel's body is near"):
-        _probes._asked(at(**{"probes[0].radius_mm": 100.0}), body)
+        seen_by(at(**{"probes[0].radius_mm": 100.0}), body)
     with pytest.raises(InputError, match=r"probes\[0\]\.node: no node 'ear' was condensed"):
-        _probes._asked(at(**{"probes[0].node": "ear"}), body)
+        seen_by(at(**{"probes[0].node": "ear"}), body)
     with pytest.raises(InputError, match=r"probes\[1\]\.gear: the body of the pinion is not"):
-        _probes._asked(at(**{"probes[1].gear": "pinion"}), body)
+        seen_by(at(**{"probes[1].gear": "pinion"}), body)
     bare = dataclasses.replace(body.built.body, nodes=np.zeros((0, 3)), bricks=np.zeros((0, 20)))
     built = dataclasses.replace(body.built, body=bare, view=None)
     rim_only = MovingBody("wheel", built, body.basis, TEETH)
     with pytest.raises(InputError, match="Of a body without a grid only the rim is known"):
-        _probes._asked(scene, rim_only)
+        seen_by(scene, rim_only)
     (usual, *_) = _probes._usual(rim_only)
     assert usual.turns
 

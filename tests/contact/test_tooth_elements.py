@@ -214,7 +214,7 @@ def test_a_condensed_rim_under_a_module_is_refused_before_any_work(tmp_path):
     with pytest.raises(
         ValueError, match=r"rim must be at least 1 modules thick, 1\.5 mm, got 1\.18"
     ):
-        beyond_plain_ring(scene, body_plan(scene, "wheel"), print)
+        beyond_plain_ring(scene.plain, body_plan(scene, "wheel"), print)
 
 
 def test_what_shapes_the_teeth_is_no_real_key(tmp_path):

@@ -14,6 +14,8 @@ from pathlib import Path
 from jaxgear._whole_file import write_json
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._scene_files import files_of
+from jaxgear.scene._study_tables import OptimiseKeys
+from jaxgear.scene._tables import SweepKeys
 from jaxgear.study._fidelity._choice import judged_by
 from jaxgear.study._fidelity._compare import PERIODS
 from jaxgear.study._fidelity._engine import Comparison, compared
@@ -56,9 +58,9 @@ def chosen(scene: Scene, command: str, memory: Path | None = None) -> tuple[Scen
 
     The scene with the level's keys, without bodies; and the `fidelity` part of the summary.
     """
-    moving = in_motion(scene, command)
+    moving = in_motion(scene.optimise, scene.sweep, command)
     # What [optimise] asks for is part of `run` too.
-    searched = command in ("run", "optimise") and scene.has_table("optimise")
+    searched = command in ("run", "optimise") and scene.optimise.is_given
     if searched:
         # What is refused anyway costs no wait.
         require_searchable(scene)
@@ -87,11 +89,11 @@ def told(summary: Summary, about: Summary) -> Summary:
     return summary | {"fidelity": about, "notes": [*summary.get("notes", []), note]}
 
 
-def in_motion(scene: Scene, command: str) -> bool:
+def in_motion(asked: OptimiseKeys, sweep: SweepKeys, command: str) -> bool:
     """Whether a command asks for responses in motion: then these decide, and not statics."""
-    swept = scene.has_table("sweep")
+    swept = sweep.is_given
     if command == "optimise":
-        return swept and bool(over_speeds(scene.optimise))
+        return swept and bool(over_speeds(asked))
     return command == "sweep" or (command == "run" and swept)
 
 
@@ -149,7 +151,7 @@ def _in_motion(scene: Scene) -> Summary:
         levels = asked_for(scene, moving_levels(scene))
         problem = MethodsProblem(scene, levels, speeds=_SPEEDS, steps=_STEPS)
     found = compared(problem, "fidelity")
-    changes = changes_in_motion(scene, found.chosen) if found.chosen else NOTHING
+    changes = changes_in_motion(scene.sweep, found.chosen) if found.chosen else NOTHING
     return _about(found, changes, "in motion")
 
 
@@ -158,7 +160,7 @@ def asked_for(scene: Scene, levels: Sequence[Level]) -> list[Level]:
     watched = [f"{probe.gear}.body.probes" for probe in scene.probes]
 
     def is_able(level: Level) -> bool:
-        if needs_its_slices(scene) and "mesh.slices" in level.changes:
+        if needs_its_slices(scene.optimise) and "mesh.slices" in level.changes:
             return False
         # Another method of the user's is not overruled: only slices and bodies are chosen then.
         by_other = level.method is not None or level.changes.keys() & _OF_BALANCE
@@ -169,9 +171,9 @@ def asked_for(scene: Scene, levels: Sequence[Level]) -> list[Level]:
     return [level for level in levels if is_able(level)]
 
 
-def changes_in_motion(scene: Scene, level: Level) -> Changes:
+def changes_in_motion(asked: SweepKeys, level: Level) -> Changes:
     """Keys of the scene that make a level of it, by harmonic balance where it is that."""
-    balanced = scene.sweep.method in _BY_BALANCE and level.method is None
+    balanced = asked.method in _BY_BALANCE and level.method is None
     gone = set() if balanced else _OF_BALANCE
     return {key: value for key, value in level.changes.items() if key not in gone}
 

@@ -35,7 +35,7 @@ def compare(scene: Scene) -> Result:
     - `ValueError` if the gears are impossible.
     - `SolverFailure` if the mesh cycle or the reference was not solved at most speeds.
     """
-    moving = scene.has_table("sweep")
+    moving = scene.sweep.is_given
     if moving:
         scene = built_scene(scene, moving=True)
     require(
@@ -48,18 +48,21 @@ def compare(scene: Scene) -> Result:
     )
     if not moving:
         require_at_rest(scene)
-    work = "optimise" if scene.has_table("optimise") else "run"
+    work = "optimise" if scene.optimise.is_given else "run"
     at_rest = compared(StaticProblem(scene, work=work), "compare statics")
-    static = titled(at_rest.dataset, scene, ", quasi-static cycle")
+    static = titled(at_rest.dataset, scene.title + ", quasi-static cycle")
     if not moving:
-        summary, datasets = names_of(scene) | {"compare": at_rest.summary}, {"compare": static}
+        summary = names_of(scene.name, scene.cite) | {"compare": at_rest.summary}
+        datasets = {"compare": static}
         if scene.compare.teeth == "elements":
             teeth = compared_teeth(scene, work)
             summary["compare"]["teeth"] = teeth.summary
-            datasets["compare_teeth"] = titled(teeth.dataset, scene, ", judged by elements")
+            datasets["compare_teeth"] = titled(teeth.dataset, scene.title + ", judged by elements")
         return Result(scene, summary, datasets)
     found = compared((BodiesProblem if scene.condensed else MethodsProblem)(scene), "compare")
     count = len(found.summary["reference"]["speeds_rad_s"])
-    datasets = {"compare": titled(found.dataset, scene, f", {count} speeds")}
-    summary = names_of(scene) | {"compare": found.summary | {"statics": at_rest.summary}}
+    datasets = {"compare": titled(found.dataset, scene.title + f", {count} speeds")}
+    summary = names_of(scene.name, scene.cite) | {
+        "compare": found.summary | {"statics": at_rest.summary}
+    }
     return Result(scene, summary, datasets | {"compare_statics": static})

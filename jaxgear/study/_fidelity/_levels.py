@@ -9,6 +9,7 @@ from jaxgear._dynamics._adaptive import Adaptive
 from jaxgear._units import um
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
+from jaxgear.scene._study_tables import OptimiseKeys
 from jaxgear.study._fidelity._level import AXES, NOTHING, Changes, Level, own_of
 from jaxgear.study._fidelity._models import differing
 from jaxgear.study._fidelity._rigid import rigid_changes
@@ -42,7 +43,7 @@ def static_levels(scene: Scene, *, few: bool = False) -> list[Level]:
     # What is finer than the scene itself can save nothing, and takes long with condensed bodies.
     coarser = few or bool(scene.condensed)
     useful = lambda counts, own: [n for n in counts if n < own or (n > own and not coarser)]
-    slices = (1, 5, 10, 20, 40) if not few else () if needs_its_slices(scene) else (5,)
+    slices = (1, 5, 10, 20, 40) if not few else () if needs_its_slices(scene.optimise) else (5,)
     least = _IN_HARMONIC * max(scene.optimise.harmonics or (1.0,)) if few else 0
     phases = [n for n in ((16, 32) if few else (16, 32, 64, 128)) if n >= least]
     rows = [
@@ -249,7 +250,7 @@ def takes_away(scene: Scene, changes: Changes, more: Sequence[str] = ()) -> bool
 
 def _named(scene: Scene) -> list[str]:
     """Keys that a search varies, ties, lets scatter or looks at."""
-    if not scene.has_table("optimise"):
+    if not scene.optimise.is_given:
         return []
     forces = "bearing_force" in (*scene.optimise.weights, scene.optimise.pareto.against)
     bearings = [f"{gear}.shaft.bearings" for gear in GEARS] if forces else []
@@ -259,7 +260,7 @@ def _named(scene: Scene) -> list[str]:
     return [*scene.optimise.vary, *others, *bearings]
 
 
-def needs_its_slices(scene: Scene) -> bool:
+def needs_its_slices(asked: OptimiseKeys) -> bool:
     """Whether a search limits the load of the last slices, which other slices have not."""
-    limited = scene.optimise.limits.edge_line_load_N_mm is not None
-    return limited and scene.has_table("optimise")
+    limited = asked.limits.edge_line_load_N_mm is not None
+    return limited and asked.is_given

@@ -101,7 +101,7 @@ def visited(scene: Scene, work: Work) -> list[str]:
     """Keys of the flanks that a map or a search changes."""
     if work == "map":
         return [f"flank.{gear}.tip_relief.depth_um" for gear in GEARS]
-    if work != "optimise" or not scene.has_table("optimise"):
+    if work != "optimise" or not scene.optimise.is_given:
         return []
     keys = [key for key in scene.optimise.vary if key.startswith("flank.")]
     keys = [key for key in keys if key.endswith("_um") and isinstance(scene.value(key), float)]
@@ -223,7 +223,7 @@ class StaticProblem(AbstractProblem):
         ]
         points = jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(x) for x in leaves]), *each)
         influences = self._influences(scene, model)
-        arguments = model, grid_of(scene, model), law_of(scene), points, influences
+        arguments = model, grid_of(scene, model), law_of(scene.mesh), points, influences
         return Run(_answers, arguments, 1.0 / len(self.points), options=self.options)
 
     def line(self, level: Level, answers: Answers, at: Any) -> Summary:
