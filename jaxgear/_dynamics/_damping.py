@@ -14,7 +14,7 @@ from jaxtyping import Array
 
 from jaxgear._checks import require
 from jaxgear._compiled import in_numpy
-from jaxgear._dynamics._types import FreeMotions, Matrix
+from jaxgear._dynamics._types import FreeMotions, Matrix, ModeValues
 from jaxgear._types import Scalar, as_scalar
 
 # What rounding leaves of a number that should be zero, in units of the last digit of the largest
@@ -42,6 +42,21 @@ class AbstractDamping(eqx.Module):
         **Returns:**
 
         $C$, symmetric [N s/m, N s, N m s].
+        """
+
+    @abc.abstractmethod
+    def of_mesh(self, mean: Matrix, teeth: Matrix, frequency: Scalar) -> Matrix:
+        """Damper in the mesh itself, where `matrix` is of bodies and mounts without a mesh.
+
+        **Arguments:**
+
+        - `mean`: mean mesh stiffness on its coordinates [N/m, N, N m].
+        - `teeth`: part of it whose energy is in the teeth [N/m, N, N m].
+        - `frequency`: of both gears as rigid discs on the mean mesh stiffness [rad/s].
+
+        **Returns:**
+
+        Mesh load per rate of its coordinates [N s/m, N s, N m s].
         """
 
 
@@ -75,6 +90,10 @@ class RayleighDamping(AbstractDamping):
     def matrix(self, mass: Matrix, stiffness: Matrix, mesh: Matrix) -> Matrix:
         del mesh
         return self.mass_factor * mass + self.stiffness_factor * stiffness
+
+    def of_mesh(self, mean: Matrix, teeth: Matrix, frequency: Scalar) -> Matrix:
+        del teeth, frequency
+        return self.stiffness_factor * mean
 
 
 class ModalDamping(AbstractDamping):
@@ -119,6 +138,11 @@ class ModalDamping(AbstractDamping):
         )
         return root @ damped @ root.T
 
+    def of_mesh(self, mean: Matrix, teeth: Matrix, frequency: Scalar) -> Matrix:
+        # c = 2 xi (k m)^(1/2), shared out like the stiffness (Kahraman & Singh 1990).
+        del mean
+        return 2.0 * self.mesh / frequency * teeth
+
 
 def damping_matrix(
     damping: AbstractDamping, mass: Matrix, stiffness: Matrix, mesh: Matrix, free: FreeMotions
@@ -150,6 +174,22 @@ def damping_matrix(
     above = 2.0 * jnp.linalg.norm(per_mass(jnp.linalg.cholesky(mass), loose))
     held = loose + above * (momentum @ momentum.T)
     return free_of(damping.matrix(mass, held, mesh), mass, free)
+
+
+def alone_rates(damping: AbstractDamping, square: ModeValues) -> ModeValues:
+    """Damping of motions of unit mass that nothing ties together.
+
+    **Arguments:**
+
+    - `damping`: of them.
+    - `square`: of the angular frequency of each [rad2/s2].
+
+    **Returns:**
+
+    Rates [1/s].
+    """
+    one = jnp.eye(1)
+    return jax.vmap(lambda x: damping.matrix(one, x[None, None], 0.0 * one)[0, 0])(square)
 
 
 def free_of(damping: Matrix, mass: Matrix, free: FreeMotions) -> Matrix:
