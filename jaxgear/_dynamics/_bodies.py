@@ -162,11 +162,26 @@ def vibrating_bodies(model: PairModel, mounted: PairSystem, grid: MeshGrid) -> l
     return found
 
 
-def wave_groups_of(bodies: list[VibratingBody], dofs: np.ndarray) -> tuple[WaveGroup, ...]:
-    """Modes of condensed bodies by wave number, among the degrees of freedom that move."""
+def wave_groups_of(
+    bodies: list[VibratingBody], dofs: np.ndarray, *, whole: bool
+) -> tuple[WaveGroup, ...]:
+    """Modes of condensed bodies by wave number, among the degrees of freedom that move.
+
+    **Arguments:**
+
+    - `bodies`: condensed.
+    - `dofs`: of the structure and the modes, that move.
+    - `whole`: whether the terms of rotation of the bodies are considered.
+
+    **Returns:**
+
+    The groups.
+    """
     place = {int(dof): at for at, dof in enumerate(dofs)}
     return tuple(
-        group for each in bodies for group in wave_groups(each.modes.waves, place[each.first])
+        group
+        for each in bodies
+        for group in wave_groups(each.modes.waves, place[each.first], mixed=whole)
     )
 
 

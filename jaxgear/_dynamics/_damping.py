@@ -44,6 +44,11 @@ class AbstractDamping(eqx.Module):
         $C$, symmetric [N s/m, N s, N m s].
         """
 
+    @property
+    @abc.abstractmethod
+    def loose(self) -> Scalar:
+        """Rate of a motion that the mesh alone holds, before the mesh's own damper [1/s]."""
+
     @abc.abstractmethod
     def of_mesh(self, mean: Matrix, teeth: Matrix, frequency: Scalar) -> Matrix:
         """Damper in the mesh itself, where `matrix` is of bodies and mounts without a mesh.
@@ -91,6 +96,10 @@ class RayleighDamping(AbstractDamping):
         del mesh
         return self.mass_factor * mass + self.stiffness_factor * stiffness
 
+    @property
+    def loose(self) -> Scalar:
+        return self.mass_factor
+
     def of_mesh(self, mean: Matrix, teeth: Matrix, frequency: Scalar) -> Matrix:
         del teeth, frequency
         return self.stiffness_factor * mean
@@ -137,6 +146,10 @@ class ModalDamping(AbstractDamping):
             per_mass(root, stiffness), per_mass(root, mesh), self.mesh, self.structure
         )
         return root @ damped @ root.T
+
+    @property
+    def loose(self) -> Scalar:
+        return jnp.zeros(())
 
     def of_mesh(self, mean: Matrix, teeth: Matrix, frequency: Scalar) -> Matrix:
         # c = 2 xi (k m)^(1/2), shared out like the stiffness (Kahraman & Singh 1990).

@@ -123,6 +123,7 @@ def turning_parts(system: DynamicSystem) -> TurningParts:
     turning, apart = system.turning, _apart(system)
     assert turning is not None
     assert system.mesh_damping is not None
+    assert system.gyroscopic is not None
     in_mesh = system.vectors @ system.mesh_damping @ system.vectors.T
     return TurningParts(
         mass=apart.parts(system.mass),
@@ -138,6 +139,7 @@ def turning_responses(
     system: DynamicSystem, parts: TurningParts, frequency: Reals, speed: Scalar
 ) -> tuple[Responses, Vector]:
     """Motion per mesh load at each frequency, and at the first, zero, under the constant load."""
+    assert system.mesh_damping is not None
     of = jax.tree.map
     rates = of(lambda c, g: c + speed * g, parts.damping, parts.gyroscopic)
     stiffness = of(

@@ -136,9 +136,11 @@ def hold_apart(
     structure = damping_matrix(
         damping, mass, own + square * (moved @ moved.T), jnp.zeros_like(mass), turns
     )
+    held = jnp.outer(bare.momentum, bare.momentum)
+    # Of both rotations, what is not the free one: the gears against each other.
+    structure = structure + damping.loose * (moved @ moved.T - held[at])
     rates = jnp.zeros((size, size)).at[at].set(structure)
     rates = rates.at[far, far].set(alone_rates(damping, alone))
-    held = jnp.outer(bare.momentum, bare.momentum)
     in_mesh = bare.vectors @ damper @ bare.vectors.T
     return Held(
         bare.stiffness + square * held,

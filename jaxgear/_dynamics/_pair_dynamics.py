@@ -149,7 +149,7 @@ def _in_motion(
     damping, active = _split(damping, active_mesh_damping)
     mass, stiffness = (among(matrix) for matrix in matrices_with(mounted, bodies, size))
     rotations = of(_rotations(mounted))
-    groups = wave_groups_of(bodies, dofs)
+    groups = wave_groups_of(bodies, dofs, whole=gyroscopic)
     own = Bare(mass, stiffness, met.vectors[dofs], met.mean, rotations)
     teeth = teeth_stiffness(cycle, met.table) if bodies else None
     damper = None

@@ -12,7 +12,10 @@ $y_b = Z_b^{-1}(f_b - V_bp - Z_{bh}x_h)$, which leaves equations in $x_h$ and $p
 No matrix is larger than a wave or the hub, none singular at rest, and a mode costs a few products.
 """
 
+import functools
+import itertools
 import math
+import operator
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -32,20 +35,23 @@ class WaveGroup(NamedTuple):
 
     - `first`, `second`: of each pair; `second` is empty where they are alone.
     - `joined`: whether the seats tie to them.
+    - `mixed`: whether they tie to each other: terms of rotation of the body do, or the seats.
     """
 
     first: tuple[int, ...]
     second: tuple[int, ...]
     joined: bool
+    mixed: bool
 
 
-def wave_groups(waves: tuple[int, ...], start: int) -> tuple[WaveGroup, ...]:
+def wave_groups(waves: tuple[int, ...], start: int, *, mixed: bool) -> tuple[WaveGroup, ...]:
     """Sort the modes of a body by wave number.
 
     **Arguments:**
 
     - `waves`: wave number of each, the second of a pair negative, right after the first.
     - `start`: degree of freedom of the first mode.
+    - `mixed`: whether terms of rotation of the body tie modes of one wave number together.
 
     **Returns:**
 
@@ -55,7 +61,9 @@ def wave_groups(waves: tuple[int, ...], start: int) -> tuple[WaveGroup, ...]:
     for number in np.unique(np.abs(numbers)):
         first, second = (start + np.flatnonzero(numbers == s * number) for s in (1, -1))
         second = second if number else second[:0]
-        found.append(WaveGroup(tuple(map(int, first)), tuple(map(int, second)), bool(number <= 1)))
+        joined = bool(number <= 1)
+        pair = tuple(map(int, first)), tuple(map(int, second))
+        found.append(WaveGroup(*pair, joined, mixed or joined))
     return tuple(found)
 
 
@@ -80,31 +88,41 @@ class _Waves(NamedTuple):
     by_second: np.ndarray
 
     @property
+    def sides(self) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+        """Weights of the first and of the second, and where these are."""
+        return (self.by_first, self.first), (self.by_second, self.second)
+
+    @property
     def none(self) -> np.ndarray:
         """One where there is no motion."""
         return 1.0 * (self.by_first == 0.0)
 
+    def diagonals(self, matrix: Array) -> Array:
+        """Diagonal of a real matrix of the system on each wave, `[wave, motion]`."""
+        each = [
+            a * matrix[p, q] * b.conj()
+            for (a, p), (b, q) in itertools.product(self.sides, repeat=2)
+        ]
+        return jnp.asarray(functools.reduce(operator.add, each))
+
     def matrices(self, matrix: Array) -> Array:
         """A real matrix of the system on each wave, `[wave, motion, motion]`."""
-        rows = self.by_first, self.by_second
-        places = self.first, self.second
-        return sum(
-            (a[:, :, None] * matrix[p[:, :, None], q[:, None, :]] * b.conj()[:, None, :])
-            for a, p in zip(rows, places, strict=True)
-            for b, q in zip(rows, places, strict=True)
-        )
+        each = [
+            a[:, :, None] * matrix[p[:, :, None], q[:, None, :]] * b.conj()[:, None, :]
+            for (a, p), (b, q) in itertools.product(self.sides, repeat=2)
+        ]
+        return jnp.asarray(functools.reduce(operator.add, each))
 
     def rows(self, columns: Array) -> Array:
         """Columns over degrees of freedom on each wave, `[wave, motion, column]`."""
-        return (
-            self.by_first[:, :, None] * columns[self.first]
-            + self.by_second[:, :, None] * columns[self.second]
-        )
+        each = [weights[:, :, None] * columns[places] for weights, places in self.sides]
+        return jnp.asarray(functools.reduce(operator.add, each))
 
     def spread(self, motion: Array, onto: Array) -> Array:
         """Add motions of waves to those of all degrees of freedom."""
-        onto = onto.at[self.first].add(self.by_first.conj()[:, :, None] * motion)
-        return onto.at[self.second].add(self.by_second.conj()[:, :, None] * motion)
+        for weights, places in self.sides:
+            onto = onto.at[places].add(weights.conj()[:, :, None] * motion)
+        return onto
 
 
 def _waves(groups: list[WaveGroup]) -> _Waves:
@@ -123,13 +141,42 @@ def _waves(groups: list[WaveGroup]) -> _Waves:
     return _Waves(first, second, by_first, by_second.astype(complex))
 
 
+def _solved(matrices: Array, right: Array) -> Array:
+    """Solve many small systems at once; derivatives are those of the solutions."""
+    return jax.lax.custom_linear_solve(
+        lambda x: matrices @ x,
+        right,
+        lambda _, b: _eliminated(matrices, b),
+        lambda _, b: _eliminated(jnp.swapaxes(matrices, 1, 2), b),
+    )
+
+
+def _eliminated(matrices: Array, right: Array) -> Array:
+    """Gauss-Jordan with pivots, all systems together: a library call for each costs far more."""
+    size, count = matrices.shape[1], matrices.shape[0]
+    every = np.arange(count)
+
+    def step(k: Array, whole: Array) -> Array:
+        candidates = jnp.where(np.arange(size)[None, :] >= k, jnp.abs(whole[:, :, k]), -1.0)
+        pivot = jnp.argmax(candidates, axis=1)
+        chosen, here = whole[every, pivot], whole[:, k]
+        whole = whole.at[every, pivot].set(here)
+        chosen = chosen / chosen[every, k][:, None]
+        factors = whole[:, :, k].at[:, k].set(0.0)
+        return (whole - factors[:, :, None] * chosen[:, None, :]).at[:, k].set(chosen)
+
+    whole = jnp.concatenate([matrices, right], axis=2)
+    return jax.lax.fori_loop(0, size, step, whole)[:, :, size:]
+
+
 class Parts(NamedTuple):
     """A matrix of a system in parts.
 
     **Fields:**
 
     - `hub`: on all that is no wave, `[hub, hub]`.
-    - `own`: on the waves of each kind, `[wave, motion, motion]`.
+    - `own`: on the waves of each kind, `[wave, motion, motion]`; of motions that nothing mixes the
+        diagonals, `[wave, motion]`.
     - `onto`: loads on them per motion of the hub, `[wave, motion, hub]`, or `None`: apart from it.
     - `back`: loads on the hub per motion of theirs, `[wave, hub, motion]`, or `None`.
     """
@@ -151,9 +198,10 @@ class Substructures:
 
     def __init__(self, groups: Sequence[WaveGroup], size: int):
         self.hub, self.size = hub_of(groups, size), size
-        kinds = [[g for g in groups if g.joined == joined] for joined in (True, False)]
-        self.joined = [joined for joined, kind in zip((True, False), kinds, strict=True) if kind]
-        self.waves = [_waves(kind) for kind in kinds if kind]
+        kinds = sorted({(group.joined, group.mixed) for group in groups})
+        self.joined = [joined for joined, _ in kinds]
+        self.mixed = [mixed for _, mixed in kinds]
+        self.waves = [_waves([g for g in groups if (g.joined, g.mixed) == kind]) for kind in kinds]
 
     def parts(self, matrix: Matrix) -> Parts:
         """A matrix of the system in parts."""
@@ -165,7 +213,10 @@ class Substructures:
             back.append(None if turned is None else jnp.swapaxes(turned, 1, 2))
         return Parts(
             hub=matrix[self.hub[:, None], self.hub],
-            own=tuple(waves.matrices(matrix) for waves in self.waves),
+            own=tuple(
+                waves.matrices(matrix) if mixed else waves.diagonals(matrix)
+                for waves, mixed in zip(self.waves, self.mixed, strict=True)
+            ),
             onto=tuple(onto),
             back=tuple(back),
         )
@@ -218,9 +269,11 @@ class Substructures:
         for waves, own, onto, back, right in zip(
             self.waves, whole.own, whole.onto, whole.back, of_waves, strict=True
         ):
-            held = own + waves.none[:, :, None] * np.eye(own.shape[1])
             asked = right if onto is None else jnp.concatenate([right, onto], axis=2)
-            answer = jnp.linalg.solve(held, asked)
+            if own.ndim == 2:
+                answer = asked / (own + waves.none)[:, :, None]
+            else:
+                answer = _solved(own + waves.none[:, :, None] * np.eye(own.shape[1]), asked)
             found.append(answer)
             met = jnp.einsum("wna,wnb->ab", right[:, :, :meet].conj(), answer)
             given = given + met[:, :every]
