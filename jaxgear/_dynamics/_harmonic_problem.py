@@ -140,10 +140,10 @@ def turning_responses(
 ) -> tuple[Responses, Vector]:
     """Motion per mesh load at each frequency, and at the first, zero, under the constant load."""
     assert system.mesh_damping is not None
-    of = jax.tree.map
-    rates = of(lambda c, g: c + speed * g, parts.damping, parts.gyroscopic)
+    of, spin = jax.tree.map, speed.astype(complex)
+    rates = of(lambda c, g: c + spin * g, parts.damping, parts.gyroscopic)
     stiffness = of(
-        lambda k, h, s: k + speed * h + speed**2 * s,
+        lambda k, h, s: k + spin * h + spin**2 * s,
         parts.stiffness,
         parts.circulatory,
         parts.softening,

@@ -24,7 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxgear._dynamics._types import Matrix, Responses, Vector, Vectors
+from jaxgear._dynamics._types import Matrix, Vector, Vectors
 from jaxgear._types import CoordinateMatrix, Reals, Scalar
 
 
@@ -95,10 +95,10 @@ class _Waves(NamedTuple):
     @property
     def none(self) -> np.ndarray:
         """One where there is no motion."""
-        return 1.0 * (self.by_first == 0.0)
+        return (self.by_first == 0.0).astype(complex)
 
     def diagonals(self, matrix: Array) -> Array:
-        """Diagonal of a real matrix of the system on each wave, `[wave, motion]`."""
+        """Diagonal of a matrix of the system on each wave, `[wave, motion]`."""
         each = [
             a * matrix[p, q] * b.conj()
             for (a, p), (b, q) in itertools.product(self.sides, repeat=2)
@@ -106,7 +106,7 @@ class _Waves(NamedTuple):
         return jnp.asarray(functools.reduce(operator.add, each))
 
     def matrices(self, matrix: Array) -> Array:
-        """A real matrix of the system on each wave, `[wave, motion, motion]`."""
+        """A matrix of the system on each wave, `[wave, motion, motion]`."""
         each = [
             a[:, :, None] * matrix[p[:, :, None], q[:, None, :]] * b.conj()[:, None, :]
             for (a, p), (b, q) in itertools.product(self.sides, repeat=2)
@@ -138,7 +138,7 @@ def _waves(groups: list[WaveGroup]) -> _Waves:
             columns = group.first, group.second or group.first, by_first * ones, by_second * ones
             parts.append([np.pad(np.asarray(column), pad) for column in columns])
     first, second, by_first, by_second = (np.stack(part) for part in zip(*parts, strict=True))
-    return _Waves(first, second, by_first, by_second.astype(complex))
+    return _Waves(first, second, by_first.astype(complex), by_second.astype(complex))
 
 
 def _solved(matrices: Array, right: Array) -> Array:
@@ -204,7 +204,8 @@ class Substructures:
         self.waves = [_waves([g for g in groups if (g.joined, g.mixed) == kind]) for kind in kinds]
 
     def parts(self, matrix: Matrix) -> Parts:
-        """A matrix of the system in parts."""
+        """A real matrix of the system in parts."""
+        matrix = matrix.astype(complex)
         onto, back = [], []
         for waves, joined in zip(self.waves, self.joined, strict=True):
             onto.append(waves.rows(matrix[:, self.hub]) if joined else None)
@@ -228,7 +229,7 @@ class Substructures:
         vectors: Vectors,
         load: Vector,
         frequency: Reals,
-    ) -> Responses:
+    ) -> Array:
         r"""Motion of all degrees of freedom per mesh load, and under another load.
 
         **Arguments:**
@@ -241,18 +242,20 @@ class Substructures:
 
         **Returns:**
 
-        A column for each mesh coordinate, and one for the load [m/N, rad/N, rad/(N m); m, rad].
+        For each frequency a column for each mesh coordinate [m/N, rad/N, rad/(N m)], and one for
+        the load [m, rad].
         """
-        columns = jnp.concatenate([vectors, load[:, None]], axis=1)
+        columns = jnp.concatenate([vectors, load[:, None]], axis=1).astype(complex)
+        both = mesh[0].astype(complex), mesh[1].astype(complex)
         of_waves = [waves.rows(columns) for waves in self.waves]
-        at = lambda w: self._answer(parts, mesh, columns, of_waves, w)
+        at = lambda w: self._answer(parts, both, columns, of_waves, w)
         # One by one: a batch of all harmonics would not fit in the processor's own memory.
         return jax.lax.map(at, frequency)
 
     def _answer(
         self,
         parts: tuple[Parts, Parts, Parts],
-        mesh: tuple[CoordinateMatrix, CoordinateMatrix],
+        mesh: tuple[Array, Array],
         columns: Array,
         of_waves: list[Array],
         frequency: Scalar,
@@ -263,7 +266,7 @@ class Substructures:
         mean = mesh[0] + s * mesh[1]
         meet, every = mean.shape[0], columns.shape[1]
         # Of the hub and the mesh, with the waves taken out: motions, then mesh loads, then columns.
-        hub, loads = whole.hub, columns[self.hub].astype(complex)
+        hub, loads = whole.hub, columns[self.hub]
         moved, given = loads[:, :meet].T, jnp.zeros((meet, every), dtype=complex)
         found = []
         for waves, own, onto, back, right in zip(
@@ -273,7 +276,9 @@ class Substructures:
             if own.ndim == 2:
                 answer = asked / (own + waves.none)[:, :, None]
             else:
-                answer = _solved(own + waves.none[:, :, None] * np.eye(own.shape[1]), asked)
+                answer = _solved(
+                    own + waves.none[:, :, None] * np.eye(own.shape[1], dtype=complex), asked
+                )
             found.append(answer)
             met = jnp.einsum("wna,wnb->ab", right[:, :, :meet].conj(), answer)
             given = given + met[:, :every]
@@ -282,7 +287,10 @@ class Substructures:
                 moved, loads = moved - met[:, every:], loads - borne[:, :every]
                 hub = hub - borne[:, every:]
         joined = jnp.block(
-            [[hub, loads[:, :meet]], [-mean @ moved, jnp.eye(meet) + mean @ given[:, :meet]]]
+            [
+                [hub, loads[:, :meet]],
+                [-mean @ moved, jnp.eye(meet, dtype=complex) + mean @ given[:, :meet]],
+            ]
         )
         solved = jnp.linalg.solve(joined, jnp.concatenate([loads, mean @ given]))
         at_hub, pressed = solved[: len(self.hub)], solved[len(self.hub) :]
