@@ -117,6 +117,10 @@ class ModalDamping(AbstractDamping):
     the modes, and with them $C$, change at a stroke: there is no derivative, and the one given is
     NaN.
 
+    With condensed bodies the sum is over the modes of the structure without its mesh, all with
+    $\xi_s$, and the mesh has a damper $2\xi_m/\omega_m$ times the stiffness of its teeth, $\omega_m$
+    of rigid gears on the mean mesh stiffness: see `_hold.py`.
+
     **Fields:**
 
     - `mesh`: $\xi_m$, ratio of a mode with all its energy in the mesh [-].

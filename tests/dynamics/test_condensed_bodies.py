@@ -502,8 +502,11 @@ def _even(system: DynamicSystem) -> DynamicSystem:
 
 
 @pytest.mark.slow
-def test_bilinear_harmonics_are_the_midpoint_rule():
-    system = _even(_pair().system)
+@pytest.mark.parametrize("damping", [None, ModalDamping()], ids=["of mass", "in the mesh"])
+def test_bilinear_harmonics_are_the_midpoint_rule(damping: ModalDamping | None):
+    grid = _grid()
+    pair = _made(_model(grid), grid, damping, True, FEW) if damping else _pair()
+    system = _even(pair.system)
     # With so few steps there are two responses at some lower speeds.
     speeds = jnp.asarray([2200.0, 3390.0, 3960.0])
     harmonic = _steady(system, speeds, HarmonicBalance(harmonics=7, bilinear=True, tolerance=1e-12))
