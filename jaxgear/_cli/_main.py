@@ -55,6 +55,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     for name in _THREADS:
         os.environ.setdefault(name, "1")
+    # Python would look for garbage over and over through all that is imported and traced.
+    gc.set_threshold(200_000, 50, 100)
     if sys.stdout is None:
         # Closed, as some services start their commands.
         sys.stdout = open(os.devnull, "w")
@@ -180,8 +182,6 @@ def _compute(command: str, scene: Scene, folder: Folder, quiet: bool) -> Mapping
 
     jax.config.update("jax_enable_x64", True)
     cache_compilations(warn)
-    # Python would look for garbage over and over through all that JAX has traced.
-    gc.set_threshold(200_000, 50, 100)
     from jaxgear._cli import _commands
     from jaxgear.study import listened_by, stopwatch
     from jaxgear.study._statics import SolverFailure
