@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -16,6 +15,7 @@ from jaxgear._geometry._measures import (
     usual_span,
 )
 from jaxgear._geometry._pair import GearPair
+from jaxgear._kept_programs import called
 from jaxgear._types import Bodies
 from jaxgear._units import mm
 from jaxgear.scene._scene import Scene
@@ -34,7 +34,8 @@ def drawing_summary(scene: Scene, pair: GearPair) -> Summary:
     """
     given = [(scene.gear(gear).span_teeth, scene.gear(gear).ball_mm) for gear in GEARS]
     teeth, ball = np.asarray(given, dtype=float).T
-    found = jax.device_get(_measured(pair, jnp.asarray(teeth), jnp.asarray(ball * mm)))
+    found = called(_measured, pair, teeth, ball * mm)
+    found = {name: np.asarray(x) for name, x in found.items()}
     in_file = lambda name, value: value if name == "span_teeth" else value / mm
     return {
         f"{name}_{gear}{'' if name == 'span_teeth' else '_mm'}": in_file(name, float(value[body]))
@@ -43,7 +44,6 @@ def drawing_summary(scene: Scene, pair: GearPair) -> Summary:
     }
 
 
-@jax.jit
 def _measured(pair: GearPair, spanned: Bodies, ball: Bodies) -> dict[str, Array]:
     """All of it at once [m, -]; NaN asks for the usual span or ball."""
     usual = jnp.round(usual_ball(pair) / (0.05 * pair.normal_module)) * 0.05 * pair.normal_module
