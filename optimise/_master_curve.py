@@ -132,7 +132,8 @@ def relief_map(
         along = np.full(count, one)
         column = evaluate(depth, along)
         # The least of depths that serve alike: rounding is not to choose among them.
-        row = int(np.argmax(column <= np.min(column) * (1.0 + 1e-9)))
+        alike = 1e-9 * np.max(np.abs(column))
+        row = int(np.argmax(column <= np.min(column) + alike))
         fine = np.linspace(depth[max(row - 1, 0)], depth[min(row + 1, count - 1)], count)
         columns.append(column)
         best.append(_lowest(fine, evaluate(fine, along)))
