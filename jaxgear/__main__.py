@@ -1,5 +1,6 @@
 """The command `jaxgear`, and `python -m jaxgear`."""
 
+import gc
 import sys
 
 
@@ -8,7 +9,10 @@ def main() -> int:
     try:
         from jaxgear._cli import _main as _cli
 
-        return _cli.main()
+        code = _cli.main()
+        # At its end Python would look for garbage in all of it once more, for half a second.
+        gc.freeze()
+        return code
     except KeyboardInterrupt:
         print("jaxgear: interrupted", file=sys.stderr)
         return 130

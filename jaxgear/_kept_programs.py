@@ -60,8 +60,16 @@ class Kind(NamedTuple):
     dtype: np.dtype
 
 
-# For programs that run a few times: a third less to compile, half as much again to run.
-QUICKLY = (("xla_backend_optimization_level", 0), ("xla_llvm_disable_expensive_passes", True))
+# XLA takes fusions through MLIR for half of its time; its plain emitter does as well here.
+_PLAIN = ("xla_cpu_use_fusion_emitters", False)
+# For programs that run a few times: a third of the time to compile, a few times as long to run.
+QUICKLY = (
+    ("xla_backend_optimization_level", 0),
+    ("xla_llvm_disable_expensive_passes", True),
+    _PLAIN,
+)
+# For programs that run often: half of the time to compile, for those who run as fast.
+USUALLY = (("xla_backend_optimization_level", 1), _PLAIN)
 
 Options = tuple[tuple[str, Any], ...]
 
@@ -129,7 +137,18 @@ def _program(
     """A program that is not kept as it was lowered."""
     flat, results = _flat(function, structure)
     lowered = jax.jit(flat).lower(*_arrays(kinds))
-    return Program(lowered.compile(compiler_options=dict(options)), results[-1])
+    return Program(_compiled(lowered, options), results[-1])
+
+
+def _compiled(lowered: jax.stages.Lowered, options: Options) -> jax.stages.Compiled:
+    try:
+        return lowered.compile(compiler_options=dict(options))
+    except jax.errors.JaxRuntimeError as error:
+        # Options come and go with versions of XLA, and save time only.
+        known = tuple(each for each in options if f"option: '{each[0]}'" not in str(error))
+        if known == options:
+            raise
+        return _compiled(lowered, known)
 
 
 def is_named(function: Callable[..., Any]) -> bool:
@@ -158,10 +177,10 @@ def _named_program(
             return _program(function, structure, kinds, options)
         if path is not None:
             _write(path, *kept)
-    return _compiled(*kept, kinds, options, function.__name__)
+    return _imported(*kept, kinds, options, function.__name__)
 
 
-def _compiled(
+def _imported(
     exported: jax.export.Exported, result: Any, kinds: tuple[Kind, ...], options: Options, name: str
 ) -> Program:
     def flat(*leaves: Any) -> Any:
@@ -169,7 +188,7 @@ def _compiled(
 
     flat.__name__ = flat.__qualname__ = name
     lowered = jax.jit(flat).lower(*_arrays(kinds))
-    return Program(lowered.compile(compiler_options=dict(options)), result)
+    return Program(_compiled(lowered, options), result)
 
 
 def _arrays(kinds: tuple[Kind, ...]) -> list[jax.ShapeDtypeStruct]:

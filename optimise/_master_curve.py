@@ -131,7 +131,9 @@ def relief_map(
     for one in extent:
         along = np.full(count, one)
         column = evaluate(depth, along)
-        row = int(np.argmin(column))
+        # The least of depths that serve alike: rounding is not to choose among them.
+        alike = 1e-9 * np.max(np.abs(column))
+        row = int(np.argmax(column <= np.min(column) + alike))
         fine = np.linspace(depth[max(row - 1, 0)], depth[min(row + 1, count - 1)], count)
         columns.append(column)
         best.append(_lowest(fine, evaluate(fine, along)))

@@ -146,6 +146,14 @@ def test_valley_at_the_edge_of_the_map():
     assert_close(falling.depth, np.full(3, 10.0), rtol=1e-15, atol=0.0)
 
 
+def test_of_depths_that_serve_alike_the_least_is_taken_whatever_the_rounding():
+    def response(depth, extent):
+        return 2.0 + 0.0 * extent - 1e-13 * depth
+
+    _, valley = optimise.relief_map(response, DEPTHS, EXTENTS)
+    assert np.all(valley.depth <= DEPTHS[1])
+
+
 def test_valley_of_the_closed_form():
     """A map whose valley is the Master Curve gives the Master Curve back."""
 

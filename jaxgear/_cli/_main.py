@@ -58,6 +58,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     for name in _THREADS:
         os.environ.setdefault(name, "1")
+    # Python would look for garbage over and over through all that is imported and traced.
+    gc.set_threshold(200_000, 50, 100)
     if sys.stdout is None:
         # Closed, as some services start their commands.
         sys.stdout = open(os.devnull, "w")
@@ -195,8 +197,6 @@ def _numerical(quiet: bool) -> Iterator[None]:
 
     jax.config.update("jax_enable_x64", True)
     cache_compilations(warn)
-    # Python would look for garbage over and over through all that JAX has traced.
-    gc.set_threshold(200_000, 50, 100)
     from jaxgear.study import listened_by, stopwatch
 
     # The environment is too late for a library that is loaded already; this is not.

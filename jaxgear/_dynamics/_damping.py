@@ -118,8 +118,8 @@ class ModalDamping(AbstractDamping):
     NaN.
 
     With condensed bodies the sum is over the modes of the structure without its mesh, all with
-    $\xi_s$, and the mesh has a damper $2\xi_m/\omega_m$ times the stiffness of its teeth, $\omega_m$
-    of rigid gears on the mean mesh stiffness: see `_hold.py`.
+    $\xi_s$, and the mesh has a damper $2\xi_m/\omega_m$ times the stiffness of its teeth,
+    $\omega_m$ of rigid gears on the mean mesh stiffness: see `_hold.py`.
 
     **Fields:**
 

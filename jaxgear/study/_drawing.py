@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -17,6 +16,7 @@ from jaxgear._geometry._measures import (
     usual_span,
 )
 from jaxgear._geometry._pair import GearPair
+from jaxgear._kept_programs import called
 from jaxgear._types import Bodies
 from jaxgear._units import mm
 from jaxgear.scene._gear_tables import GearKeys
@@ -35,7 +35,8 @@ def drawing_summary(gears: Mapping[str, GearKeys], pair: GearPair) -> Summary:
     """
     given = [(gears[gear].span_teeth, gears[gear].ball_mm) for gear in GEARS]
     teeth, ball = np.asarray(given, dtype=float).T
-    found = jax.device_get(_measured(pair, jnp.asarray(teeth), jnp.asarray(ball * mm)))
+    found = called(_measured, pair, teeth, ball * mm)
+    found = {name: np.asarray(x) for name, x in found.items()}
     in_file = lambda name, value: value if name == "span_teeth" else value / mm
     return {
         f"{name}_{gear}{'' if name == 'span_teeth' else '_mm'}": in_file(name, float(value[body]))
@@ -44,7 +45,6 @@ def drawing_summary(gears: Mapping[str, GearKeys], pair: GearPair) -> Summary:
     }
 
 
-@jax.jit
 def _measured(pair: GearPair, spanned: Bodies, ball: Bodies) -> dict[str, Array]:
     """All of it at once [m, -]; NaN asks for the usual span or ball."""
     usual = jnp.round(usual_ball(pair) / (0.05 * pair.normal_module)) * 0.05 * pair.normal_module

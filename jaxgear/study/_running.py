@@ -9,6 +9,7 @@ from typing import Any
 import jax
 
 from jaxgear._kept_programs import (
+    USUALLY,
     Options,
     Program,
     is_named,
@@ -28,7 +29,9 @@ class Stopwatch:
         self._programs: dict[Any, Program] = {}
         self._seen: set[Any] = set()
 
-    def __call__(self, function: Callable[..., Any], *arguments: Any, options: Options = ()) -> Any:
+    def __call__(
+        self, function: Callable[..., Any], *arguments: Any, options: Options = USUALLY
+    ) -> Any:
         """Compile `function` for these arguments, run it, and wait for the result."""
         start = time.perf_counter()
         leaves, structure = leaves_of(*arguments)
@@ -71,7 +74,7 @@ def stopwatch() -> Iterator[Stopwatch]:
             outer.run_s += inner.run_s
 
 
-def timed(function: Callable[..., Any], *arguments: Any, options: Options = ()) -> Any:
+def timed(function: Callable[..., Any], *arguments: Any, options: Options = USUALLY) -> Any:
     """Run a function of arrays and modules as one compiled program, and wait for its result.
 
     Its time is kept where a stopwatch runs.

@@ -143,3 +143,10 @@ def test_what_has_no_portable_form_is_compiled_as_it_is(kept_in, monkeypatch):
     monkeypatch.setattr(jax.export, "export", refused)
     assert _asked() == [6.0, 24.0]
     assert not list(kept_in.iterdir())
+
+
+def test_an_option_that_a_compiler_does_not_have_is_left_out():
+    unknown = (("xla_of_another_version", True), *programs.QUICKLY)
+    assert programs.called(jnp.sin, 0.0, options=unknown) == 0.0
+    with pytest.raises(jax.errors.JaxRuntimeError, match="xla_backend_optimization_level"):
+        programs.called(jnp.sin, 0.0, options=(("xla_backend_optimization_level", "much"),))

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
+from jaxgear._kept_programs import USUALLY, Options
 from jaxgear.scene._scene import Scene
 from jaxgear.study._fidelity._choice import MARGIN, Choice, choose, combined, words_of
 from jaxgear.study._fidelity._level import RESPONSES, Answers, Level, Reference, own_of
@@ -15,8 +16,6 @@ from jaxgear.study._progress import progress, say
 from jaxgear.study._result import Summary
 from jaxgear.study._running import stopwatch, timed
 
-# What is compiled in half the time runs twice as long: good enough for what runs once.
-QUICK = (("xla_backend_optimization_level", 0),)
 # Seconds of runs that suffice to time a program, and the most runs.
 _ENOUGH, _RUNS = 0.5, 400
 
@@ -37,7 +36,7 @@ class Run(NamedTuple):
     arguments: tuple[Any, ...]
     times: float = 1.0
     at: Any = slice(None)
-    options: tuple[tuple[str, Any], ...] = ()
+    options: Options = USUALLY
 
 
 class AbstractProblem(abc.ABC):

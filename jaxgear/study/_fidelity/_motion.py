@@ -16,13 +16,14 @@ import numpy as np
 import jaxgear as jg
 from jaxgear._dynamics._adaptive import Adaptive
 from jaxgear._dynamics._types import Speeds
+from jaxgear._kept_programs import QUICKLY
 from jaxgear._types import Reals, Scalar
 from jaxgear._units import um
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import DYNAMIC_RESPONSES
 from jaxgear.study._dynamics import dynamic_grid_of, dynamics_of, speeds_of
 from jaxgear.study._fidelity._choice import MOST, worst
-from jaxgear.study._fidelity._engine import QUICK, AbstractProblem, Run
+from jaxgear.study._fidelity._engine import AbstractProblem, Run
 from jaxgear.study._fidelity._level import (
     NOTHING,
     RESPONSES,
@@ -101,7 +102,7 @@ class AbstractMotion(AbstractProblem):
             grid = dynamic_grid_of(scene, model)
             build = self.builders.setdefault(program, lambda x: dynamics_of(scene, x, grid))
             # It runs once.
-            found = timed(build, model, options=QUICK)
+            found = timed(build, model, options=QUICKLY)
             require_solved(found.cycle.converged)
             self.pairs[key] = found
         return self.pairs[key]

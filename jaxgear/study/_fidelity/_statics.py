@@ -16,6 +16,7 @@ import numpy as np
 import jaxgear as jg
 from jaxgear._checks import InputError
 from jaxgear._contact._root_influence import Influences
+from jaxgear._kept_programs import QUICKLY, USUALLY
 from jaxgear._types import Flag, Reals
 from jaxgear._units import um
 from jaxgear.scene._build import flanks_of, grid_of, law_of, model_of
@@ -25,7 +26,6 @@ from jaxgear.scene._schema import GEARS, STATIC_RESPONSES
 from jaxgear.study._design import twin
 from jaxgear.study._fidelity._choice import MARGIN, worst
 from jaxgear.study._fidelity._engine import (
-    QUICK,
     AbstractProblem,
     Run,
 )
@@ -180,7 +180,7 @@ class StaticProblem(AbstractProblem):
         # Who asks for some responses only does not ask for others.
         self.extras = () if scene.compare.responses else _EXTRAS
         self.models = Models(scene, moving=False)
-        self.options = QUICK if quick else ()
+        self.options = QUICKLY if quick else USUALLY
         self._solved_influences: dict[str, Influences | None] = {}
         slices, phases = 2 * scene.mesh.slices, 2 * scene.mesh.phases
         if not scene.condensed:
