@@ -79,7 +79,7 @@ def _more(key: Key) -> Iterable[str]:
         yield "Another value makes other teeth of finite elements."
     for ready in sorted(READY.glob("*.toml")):
         scene = read_scene(ready)
-        given = [scene.value(each) for each in scene.given if general(each) == key.path]
+        given = [scene.values[each] for each in scene.given if general(each) == key.path]
         if given:
             yield f"{ready.stem}: {', '.join(map(show, given))}"
 

@@ -82,7 +82,8 @@ class PageAnswers:
         scene = self._live.scene
         values = self._changes(asked)
         self._live.values(values)
-        changed = {key: value for key, value in values.items() if value != scene.value(key)}
+        own = {knob.key: knob.value for knob in self._live.knobs}
+        changed = {key: value for key, value in values.items() if value != own[key]}
         known = scene.overridden() | files_seen_from(scene, self._target.parent)
         text = rewritten(scene.path, {**known, **changed})
         write_text(text.removeprefix(SCHEMA_LINE), self._target)

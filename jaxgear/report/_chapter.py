@@ -19,13 +19,13 @@ class Chapter(NamedTuple):
     - `name`: of the command, as far as its folder tells.
     - `folder`: where it is.
     - `summary`: its numbers.
-    - `scene`: the whole scene, with what was left to defaults, by paths of keys.
+    - `asked`: the whole scene, with what was left to defaults, by paths of keys.
     """
 
     name: str
     folder: Path
     summary: Mapping[str, Any]
-    scene: Mapping[str, Any]
+    asked: Mapping[str, Any]
 
 
 def chapter(folder: Path, name: str) -> Chapter:

@@ -66,7 +66,7 @@ def report(folder: Path, command: str = "") -> str:
 
 def _origin(of: Chapter) -> str:
     now = datetime.datetime.now(datetime.UTC)
-    cite = of.summary.get("cite") or of.scene.get("cite", "")
+    cite = of.summary.get("cite") or of.asked.get("cite", "")
     source = f"Source of the gears: {cite}. " if cite else ""
     version = of.summary.get("versions", {}).get("jaxgear", "")
     return f"{source}Computed by jaxgear {version}; this page was written {now:%Y-%m-%d %H:%M} UTC."
@@ -82,7 +82,7 @@ def _chapter(of: Chapter, room: int, *, alone: bool) -> tuple[Markup, int]:
     pictures, room = figures(of.folder, room)
     parts = [element("h2", f"Results of {of.name}")]
     parts += [element("h3", "What to know first"), _first(of)]
-    if sizing := sizing_table(of.scene, of.summary) if alone or of.name == "run" else "":
+    if sizing := sizing_table(of.asked, of.summary) if alone or of.name == "run" else "":
         parts += [element("h3", "Sizing"), sizing]
     if pictures:
         parts += [element("h3", "Pictures"), pictures]
@@ -109,7 +109,7 @@ def _asked(of: Chapter) -> Markup:
         "that follows from it is under the numbers."
     )
     return element(
-        "section", element("h2", "What was asked"), element("p", words), scene_tables(of.scene)
+        "section", element("h2", "What was asked"), element("p", words), scene_tables(of.asked)
     )
 
 

@@ -58,12 +58,12 @@ _FOUND = (
 _UNITS = {"deg": "degrees", "N_mm_um": "N/(mm um)"}
 
 
-def sizing_table(scene: Mapping[str, Any], summary: Mapping[str, Any]) -> Markup:
+def sizing_table(asked: Mapping[str, Any], summary: Mapping[str, Any]) -> Markup:
     """Write both tables; nothing without geometry in the summary.
 
     **Arguments:**
 
-    - `scene`: by paths of keys.
+    - `asked`: the scene, by paths of keys.
     - `summary`: as `summary.json` has it.
     """
     geometry = summary.get("geometry")
@@ -72,8 +72,8 @@ def sizing_table(scene: Mapping[str, Any], summary: Mapping[str, Any]) -> Markup
     head = ("", "symbol", "unit", "pinion", "wheel")
     return joined(
         (
-            table(head, [*_gears(_OF_SCENE, scene), *_gears(_OF_GEOMETRY, geometry)], "Gears"),
-            table(("", "symbol", "unit", "value"), list(_pair(scene, summary)), "Pair"),
+            table(head, [*_gears(_OF_SCENE, asked), *_gears(_OF_GEOMETRY, geometry)], "Gears"),
+            table(("", "symbol", "unit", "value"), list(_pair(asked, summary)), "Pair"),
         )
     )
 
@@ -87,10 +87,10 @@ def _gears(
             yield name, symbol, unit, *map(_shown, both)
 
 
-def _pair(scene: Mapping[str, Any], summary: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
+def _pair(asked: Mapping[str, Any], summary: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
     for name, symbol, unit, key in _OF_PAIR:
-        if key in scene:
-            yield name, symbol, unit, _shown(scene[key])
+        if key in asked:
+            yield name, symbol, unit, _shown(asked[key])
     for group, name, key, unit in _FOUND:
         value = summary.get(group, {}).get(f"{key}_{unit}" if unit else key)
         if value is not None:

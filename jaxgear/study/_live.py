@@ -21,6 +21,7 @@ from jaxgear._units import MPa, mm, um
 from jaxgear.scene._build import grid_of, law_of, model_of
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import KEYS, general, unit_of
+from jaxgear.study._derivatives import Keys
 from jaxgear.study._evaluations import Variation, variation_of
 from jaxgear.study._progress import built_scene
 from jaxgear.study._running import timed
@@ -188,7 +189,7 @@ def live_scene(scene: Scene) -> LiveScene:
     real = scene.real_keys()
     names = [key for key in real if key.startswith("flank.") and "eccentric" not in key]
     names += [key for key in _OF_MODEL if key in real]
-    knobs = tuple(_knob(key, float(scene.value(key))) for key in names)
+    knobs = tuple(map(_knob, names, Keys(scene, tuple(names)).centre.tolist()))
     variation = variation_of(scene, base, flanks_only=True)
     return LiveScene(scene, knobs, variation, grid_of(scene, base), law_of(scene.mesh))
 
