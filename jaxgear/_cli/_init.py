@@ -9,6 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import tomlkit
+
 from jaxgear._checks import InputError
 from jaxgear._cli._parser import OWN_PAIR, ready_names
 from jaxgear._whole_file import write_text
@@ -16,6 +18,7 @@ from jaxgear.scene._json_schema import SCHEMA_FILE, SCHEMA_LINE, json_schema
 from jaxgear.scene._own_pair import Wanted
 from jaxgear.scene._own_scene import scene_text
 from jaxgear.scene._rewriting import rewritten
+from jaxgear.scene._rexs import scene_of_rexs
 from jaxgear.scene._scene import READY, SceneError, read_scene
 from jaxgear.scene._schema import KEYS
 
@@ -78,13 +81,43 @@ def _write_own(args: argparse.Namespace, found: dict[str, Any]) -> tuple[Path, s
             words = [f"{mistake.path}: {mistake.message}." for mistake in error.mistakes]
             raise InputError("\n".join(words)) from None
         text = rewritten(draft, scene.overridden()) if args.overrides else scene_text(wanted)
+    _write_new(target, SCHEMA_LINE + text)
+    return target, scene.cite
+
+
+def write_imported(args: argparse.Namespace) -> tuple[Path, tuple[str, ...]]:
+    """Write the scene of a stage of a REXS file; the file, and what was left out or assumed.
+
+    **Raises:**
+
+    - `InputError` if there is no such stage, if it makes no scene, or the file cannot be written.
+    """
+    found = scene_of_rexs(args.rexs, args.stage)
+    target = _target(args, found.keys["name"])
+    told = "".join(f"# {remark}\n" for remark in found.remarks)
+    text = f"{SCHEMA_LINE}{told}\n{tomlkit.dumps(found.keys)}"
+    with tempfile.TemporaryDirectory() as folder:
+        draft = Path(folder) / "draft.toml"
+        draft.write_text(text, encoding="utf-8")
+        try:
+            read_scene(draft)
+        except SceneError as error:
+            words = [f"{mistake.path}: {mistake.message}." for mistake in error.mistakes]
+            raise InputError(
+                "\n".join([f"{args.rexs}: the stage makes no scene:", *words])
+            ) from None
+    _write_new(target, text)
+    return target, found.remarks
+
+
+def _write_new(target: Path, text: str) -> None:
+    """Write a scene that is not there yet."""
 
     def write() -> None:
         with target.open("x", encoding="utf-8") as file:
-            file.write(SCHEMA_LINE + text)
+            file.write(text)
 
     _write(target, write)
-    return target, scene.cite
 
 
 def _write(target: Path, write: Callable[[], None]) -> None:

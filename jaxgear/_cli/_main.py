@@ -20,7 +20,7 @@ from typing import Any
 from jaxgear._checks import InputError
 from jaxgear._cli._fit import refuse_unfit
 from jaxgear._cli._folder import REPORT, Folder, begun, publish, written
-from jaxgear._cli._init import write_first_scene
+from jaxgear._cli._init import write_first_scene, write_imported
 from jaxgear._cli._keys import explain_key, print_keys
 from jaxgear._cli._parser import parser
 from jaxgear._cli._plot import draw_again
@@ -123,6 +123,7 @@ def _command(argv: Sequence[str] | None) -> int:
         "explain": lambda args: explain_key(args.key),
         "schema": _schema,
         "explore": _explore,
+        "import": _import,
         "export": _export,
         "plot": _plot,
         "report": _report,
@@ -160,7 +161,9 @@ def _study(args: argparse.Namespace) -> int:
 
 def _refuse_unspeakable(args: argparse.Namespace) -> None:
     """Refuse bytes that are no text: they would come to light where results are written."""
-    texts = [getattr(args, name, "") for name in ("scene", "result", "results", "body", "out")]
+    texts = [
+        getattr(args, name, "") for name in ("scene", "result", "results", "body", "rexs", "out")
+    ]
     for value in (*texts, *getattr(args, "overrides", ())):
         try:
             str(value).encode()
@@ -274,6 +277,15 @@ def _plot(args: argparse.Namespace) -> int:
         raise _Stop(2, f"cannot write pictures into {folder}: {error.strerror}.") from None
     if not args.quiet:
         print(f"{len(names)} pictures in {folder}: {', '.join(names)}")
+    return 0
+
+
+def _import(args: argparse.Namespace) -> int:
+    """Write the scene of a stage of a REXS file."""
+    target, remarks = write_imported(args)
+    if not args.quiet:
+        print(target)
+        print("\n".join(f"  - {remark}" for remark in remarks), file=sys.stderr)
     return 0
 
 

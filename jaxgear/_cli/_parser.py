@@ -105,6 +105,12 @@ _EXPORT: _Arguments = {
     "--out": {"type": Path, "metavar": "DIR", "help": "folder for the files; that of the body"},
     **_QUIET,
 }
+_IMPORT: _Arguments = {
+    "rexs": {"metavar": "FILE", "type": Path, "help": "REXS file (.rexs, XML, 1.0 to 2.0)"},
+    "--stage": {"default": "", "metavar": "ID", "help": "identifier of the stage; asked for"},
+    "--out": {"type": Path, "metavar": "DIR", "help": "folder, or a file that ends in .toml"},
+    **_QUIET,
+}
 _REPORT: _Arguments = {
     "results": {"metavar": "RESULTS", "type": Path, "help": "folder of results"},
     "--out": {
@@ -176,6 +182,7 @@ def parser() -> argparse.ArgumentParser:
     command("doctor", "say whether this installation is in order: versions, precision, speed", {})
     text = "a page with a slider for each flank key: pictures and slopes while one moves them"
     command("explore", text, _EXPLORE)
+    command("import", "write the scene of a cylindrical stage of a REXS file", _IMPORT)
     text = "a condensed body for other programs: matrices, and what their rows are, in m, kg and s"
     command("export", text, _EXPORT)
     command("plot", "draw the pictures of a result.nc again, without computing", _PLOT)
