@@ -196,8 +196,8 @@ def scene_of_rexs(path: Path, stage: str = "") -> Imported:
         "Both faces are taken as centred on each other, a bearing's coordinate as its middle; "
         "modifications of flanks are not read."
     )
-    distance = model.parts[_stage_of(model, gears)].number("center_distance")
-    if distance:
+    of_stage = model.parts.get(_stage_of(model, gears))
+    if distance := of_stage and of_stage.number("center_distance"):
         remarks.append(
             f"The centre distance follows from the profile shifts; the file has {distance:g} mm: "
             "compare geometry.centre_distance_mm of a run."
