@@ -9,8 +9,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import tomlkit
-
 from jaxgear._checks import InputError
 from jaxgear._cli._parser import OWN_PAIR, ready_names
 from jaxgear._whole_file import write_text
@@ -92,6 +90,9 @@ def write_imported(args: argparse.Namespace) -> tuple[Path, tuple[str, ...]]:
 
     - `InputError` if there is no such stage, if it makes no scene, or the file cannot be written.
     """
+    # Who looks up a key waits for no writer of scenes.
+    import tomlkit
+
     found = scene_of_rexs(args.rexs, args.stage)
     target = _target(args, found.keys["name"])
     told = "".join(f"# {remark}\n" for remark in found.remarks)
