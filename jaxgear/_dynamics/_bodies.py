@@ -18,9 +18,8 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxgear._checks import require
-from jaxgear._dynamics._damping import AbstractDamping, alone_rates
+from jaxgear._dynamics._damping import AbstractDamping
 from jaxgear._dynamics._types import Matrix, ModeValues, Vector
-from jaxgear._dynamics._waves import WaveGroup, wave_groups
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._system._body_modes import BodyModes
 from jaxgear._system._flexible import FlexibleBody, condensed
@@ -162,29 +161,6 @@ def vibrating_bodies(model: PairModel, mounted: PairSystem, grid: MeshGrid) -> l
     return found
 
 
-def wave_groups_of(
-    bodies: list[VibratingBody], dofs: np.ndarray, *, whole: bool
-) -> tuple[WaveGroup, ...]:
-    """Modes of condensed bodies by wave number, among the degrees of freedom that move.
-
-    **Arguments:**
-
-    - `bodies`: condensed.
-    - `dofs`: of the structure and the modes, that move.
-    - `whole`: whether the terms of rotation of the bodies are considered.
-
-    **Returns:**
-
-    The groups.
-    """
-    place = {int(dof): at for at, dof in enumerate(dofs)}
-    return tuple(
-        group
-        for each in bodies
-        for group in wave_groups(each.modes.waves, place[each.first], mixed=whole)
-    )
-
-
 def size_with(mounted: PairSystem, bodies: list[VibratingBody]) -> int:
     """Number of degrees of freedom of a structure and the modes on it."""
     return mounted.structure.map.size + sum(each.modes.square.size for each in bodies)
@@ -245,10 +221,10 @@ def turning_terms(
     terms = TurningTerms(none, none, none, jnp.zeros(size))
     for each in bodies:
         modes, at = each.modes, (each.dofs[:, None], each.dofs[None, :])
-        seats = len(each.seats)
+        seats, count = len(each.seats), modes.square.size
         waves = jnp.asarray(np.r_[np.zeros(seats), np.asarray(modes.diameters) >= _TURNING])
-        rates = alone_rates(damping, modes.square)
-        damped = waves * jnp.concatenate([jnp.zeros(seats), rates])
+        rates = damping.matrix(jnp.eye(count), jnp.diag(modes.square), jnp.zeros((count, count)))
+        damped = waves * jnp.concatenate([jnp.zeros(seats), jnp.diagonal(rates)])
         turning = modes.turning if whole else modes.turning * waves[:, None]
         moved = -each.speed * turning
         gyroscopic = modes.mass @ moved - moved.T @ modes.mass

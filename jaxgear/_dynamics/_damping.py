@@ -14,7 +14,7 @@ from jaxtyping import Array
 
 from jaxgear._checks import require
 from jaxgear._compiled import in_numpy
-from jaxgear._dynamics._types import FreeMotions, Matrix, ModeValues
+from jaxgear._dynamics._types import FreeMotions, Matrix
 from jaxgear._types import Scalar, as_scalar
 
 # What rounding leaves of a number that should be zero, in units of the last digit of the largest
@@ -42,26 +42,6 @@ class AbstractDamping(eqx.Module):
         **Returns:**
 
         $C$, symmetric [N s/m, N s, N m s].
-        """
-
-    @property
-    @abc.abstractmethod
-    def loose(self) -> Scalar:
-        """Rate of a motion that the mesh alone holds, before the mesh's own damper [1/s]."""
-
-    @abc.abstractmethod
-    def of_mesh(self, mean: Matrix, teeth: Matrix, frequency: Scalar) -> Matrix:
-        """Damper in the mesh itself, where `matrix` is of bodies and mounts without a mesh.
-
-        **Arguments:**
-
-        - `mean`: mean mesh stiffness on its coordinates [N/m, N, N m].
-        - `teeth`: part of it whose energy is in the teeth [N/m, N, N m].
-        - `frequency`: of both gears as rigid discs on the mean mesh stiffness [rad/s].
-
-        **Returns:**
-
-        Mesh load per rate of its coordinates [N s/m, N s, N m s].
         """
 
 
@@ -96,14 +76,6 @@ class RayleighDamping(AbstractDamping):
         del mesh
         return self.mass_factor * mass + self.stiffness_factor * stiffness
 
-    @property
-    def loose(self) -> Scalar:
-        return self.mass_factor
-
-    def of_mesh(self, mean: Matrix, teeth: Matrix, frequency: Scalar) -> Matrix:
-        del teeth, frequency
-        return self.stiffness_factor * mean
-
 
 class ModalDamping(AbstractDamping):
     r"""A ratio for each mode, by where its strain energy is (Guilbert 2017, eq. 2.36).
@@ -116,10 +88,6 @@ class ModalDamping(AbstractDamping):
     loads none of the modes that share one, as with bearings equally stiff all round. Where it does,
     the modes, and with them $C$, change at a stroke: there is no derivative, and the one given is
     NaN.
-
-    With condensed bodies the sum is over the modes of the structure without its mesh, all with
-    $\xi_s$, and the mesh has a damper $2\xi_m/\omega_m$ times the stiffness of its teeth,
-    $\omega_m$ of rigid gears on the mean mesh stiffness: see `_hold.py`.
 
     **Fields:**
 
@@ -150,15 +118,6 @@ class ModalDamping(AbstractDamping):
             per_mass(root, stiffness), per_mass(root, mesh), self.mesh, self.structure
         )
         return root @ damped @ root.T
-
-    @property
-    def loose(self) -> Scalar:
-        return jnp.zeros(())
-
-    def of_mesh(self, mean: Matrix, teeth: Matrix, frequency: Scalar) -> Matrix:
-        # c = 2 xi (k m)^(1/2), shared out like the stiffness (Kahraman & Singh 1990).
-        del mean
-        return 2.0 * self.mesh / frequency * teeth
 
 
 def damping_matrix(
@@ -191,22 +150,6 @@ def damping_matrix(
     above = 2.0 * jnp.linalg.norm(per_mass(jnp.linalg.cholesky(mass), loose))
     held = loose + above * (momentum @ momentum.T)
     return free_of(damping.matrix(mass, held, mesh), mass, free)
-
-
-def alone_rates(damping: AbstractDamping, square: ModeValues) -> ModeValues:
-    """Damping of motions of unit mass that nothing ties together.
-
-    **Arguments:**
-
-    - `damping`: of them.
-    - `square`: of the angular frequency of each [rad2/s2].
-
-    **Returns:**
-
-    Rates [1/s].
-    """
-    one = jnp.eye(1)
-    return jax.vmap(lambda x: damping.matrix(one, x[None, None], 0.0 * one)[0, 0])(square)
 
 
 def free_of(damping: Matrix, mass: Matrix, free: FreeMotions) -> Matrix:

@@ -15,7 +15,6 @@ from jaxgear._dynamics._floquet import monodromy, multipliers
 from jaxgear._dynamics._harmonic import Balance, HarmonicBalance, balance_of
 from jaxgear._dynamics._harmonic_problem import imbalance, linearised
 from jaxgear._dynamics._orbit import Orbit, contact_force
-from jaxgear._dynamics._system import ModalBasis, modal_basis
 from jaxgear._dynamics._types import Terms
 from jaxgear._types import Reals, Scalar
 
@@ -94,12 +93,10 @@ def _seen(balance: Balance, unknowns: Reals) -> tuple[Scalar, Scalar]:
 
 
 @jax.jit
-def _seen_whole(
-    balance: Balance, modes: ModalBasis, unknowns: Reals
-) -> tuple[Scalar, Scalar, Reals]:
+def _seen_whole(balance: Balance, unknowns: Reals) -> tuple[Scalar, Scalar, Reals]:
     """The same, and the monodromy matrix."""
     orbit = _orbit(balance, unknowns)
-    matrix = monodromy(balance.system, modes, orbit, law=balance.law)
+    matrix = monodromy(balance.system, balance.modes, orbit, law=balance.law)
     return *_measures(balance, orbit), matrix
 
 
@@ -166,7 +163,7 @@ class Guide:
         self.balance = balance
         self.tolerance = method.tolerance
         self.multiple = method.multiple
-        self.modes = modal_basis(balance.system) if stability else None
+        self.stability = stability
         self.steps = 0
 
     def correct(self, first: np.ndarray, normal: np.ndarray, value: float) -> Place | None:
@@ -180,11 +177,11 @@ class Guide:
 
     def see(self, point: Place) -> Place:
         """A point with all that is to be known of it."""
-        if self.modes is None:
+        if not self.stability:
             ratio, te_rms = jax.device_get(_seen(self.balance, point.unknowns))
             return point._replace(ratio=float(ratio), te_rms=float(te_rms))
-        ratio, te_rms, matrix = _seen_whole(self.balance, self.modes, point.unknowns)
-        found = multipliers(matrix, self.modes)
+        ratio, te_rms, matrix = _seen_whole(self.balance, point.unknowns)
+        found = multipliers(matrix, self.balance.modes)
         sign, size = np.linalg.slogdet(np.eye(found.size) + np.asarray(matrix))
         pairs = found[np.imag(found) != 0.0]
         return point._replace(

@@ -18,15 +18,12 @@ from jaxgear._checks import InputError, require
 from jaxgear._compiled import compiled
 from jaxgear._dynamics._harmonic_problem import (
     Problem,
-    TurningParts,
     excess_stiffness,
     loads_of,
     motion_of_nodes,
     rates_of,
     responses_of,
     root_of,
-    turning_parts,
-    turning_responses,
 )
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit, mesh_scales
 from jaxgear._dynamics._system import DynamicSystem, ModalBasis, modal_basis
@@ -120,21 +117,20 @@ class Balance(eqx.Module):
     **Fields:**
 
     - `system`: what moves, its table as long as the response.
-    - `linear`: modes with which the dynamic stiffness of the structure is inverted, or the parts
-        that turning bodies fall apart into.
+    - `modes`: with which the dynamic stiffness of the structure is inverted.
     - `law`: exact or smooth contact.
     - `samples`: the cells at mid-steps or, averaged, at each place of the steps.
     - `times`: values of the harmonics where contact is evaluated [-].
     - `middle`: values of the harmonics at mid-steps [-].
     - `analysis`: harmonics of what is known at mid-steps [-].
-    - `still`: motion under the constant load alone, bodies at rest [m, rad].
+    - `still`: motion under the constant load alone [m, rad].
     - `scales`: of the mesh coordinates [m, rad].
     - `rest`: harmonics of the quasi-static states [m, rad].
     - `bilinear`: whether time is discretised as by `Midpoint`.
     """
 
     system: DynamicSystem
-    linear: ModalBasis | TurningParts
+    modes: ModalBasis
     law: AbstractContactLaw
     samples: tuple[Mesh, ...]
     times: tuple[Basis, ...]
@@ -169,11 +165,10 @@ class Balance(eqx.Module):
         if self.bilinear:
             step = 2.0 * jnp.pi / (base * self.middle.shape[0])
             frequency = 2.0 / step * jnp.tan(0.5 * step * frequency)
-        if isinstance(self.linear, TurningParts):
-            responses, resting = turning_responses(system, self.linear, frequency, speed)
-        else:
-            responses = responses_of(system, self.linear, frequency, speed)
-            resting = self.still
+        responses = responses_of(system, self.modes, frequency, speed)
+        resting = self.still
+        if system.turning is not None:
+            resting = jnp.linalg.solve(system.stiffness_at(speed), system.load_at(speed))
         receptance = jnp.einsum("da,hdb->hab", system.vectors.astype(complex), responses)
         problem = Problem(
             law=self.law,
@@ -278,23 +273,21 @@ def balance_of(method: HarmonicBalance, system: DynamicSystem) -> Balance:
     )
     share = table.edges / table.periods
     middle = _values(0.5 * (share[1:] + share[:-1]), count)
-    turns = system.turning is not None
     parts = (START, MIDDLE, END) if method.averaged else (MIDDLE,)
     times = (
         (_values(share[:-1], count), _values(share[1:], count)) if method.averaged else (middle,)
     )
     analysis = _analysis(middle, jnp.diff(share), averaged=method.averaged)
+    whole = system.whole_stiffness
     return Balance(
         system=system,
-        linear=turning_parts(system) if turns else modal_basis(system),
+        modes=modal_basis(system),
         law=method.law,
         samples=tuple(mesh_at(table, part) for part in parts),
         times=times,
         middle=middle,
         analysis=analysis,
-        still=jnp.zeros_like(system.load)
-        if turns
-        else jnp.linalg.solve(system.whole_stiffness, system.load),
+        still=jnp.linalg.solve(whole, system.load),
         scales=mesh_scales(system),
         rest=(analysis @ jnp.tile(system.rest, (method.multiple, 1))).T,
         bilinear=method.bilinear,

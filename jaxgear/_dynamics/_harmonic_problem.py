@@ -21,7 +21,6 @@ from jaxgear._dynamics._types import (
     Terms,
     Vector,
 )
-from jaxgear._dynamics._waves import Parts, Substructures
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._types import CoordinateMatrix, Coordinates, Flag, Reals, Scalar
 
@@ -73,8 +72,8 @@ def rates_of(values: Basis) -> Basis:
 def responses_of(
     system: DynamicSystem, modes: ModalBasis, frequency: Reals, speed: Scalar
 ) -> Responses:
-    """Motion of all degrees of freedom per unit mesh load at each frequency, of bodies at rest."""
-    mass, whole = system.mass.astype(complex), system.whole_stiffness.astype(complex)
+    """Motion of all degrees of freedom per unit mesh load at each frequency."""
+    mass, whole = system.mass.astype(complex), system.stiffness_at(speed).astype(complex)
     damping = system.rates_at(speed).astype(complex)
     shape = modes.shape.astype(complex)
     columns = system.vectors.astype(complex)
@@ -94,68 +93,8 @@ def responses_of(
             return jax.lax.custom_linear_solve(apply, columns, by_modes, symmetric=True)
         return jnp.linalg.solve(s * s * mass + s * damping + whole, columns)
 
-    return jax.vmap(at)(frequency)
-
-
-class TurningParts(eqx.Module):
-    """A system with turning bodies in parts, at any speed.
-
-    **Fields:**
-
-    - `mass`, `damping`, `stiffness`: without the mesh.
-    - `gyroscopic`, `circulatory`, `softening`: as of `DynamicSystem` and its `turning`.
-    """
-
-    mass: Parts
-    damping: Parts
-    stiffness: Parts
-    gyroscopic: Parts
-    circulatory: Parts
-    softening: Parts
-
-
-def _apart(system: DynamicSystem) -> Substructures:
-    return Substructures(system.groups, system.mass.shape[0])
-
-
-def turning_parts(system: DynamicSystem) -> TurningParts:
-    """Take a system with turning bodies apart."""
-    turning, apart = system.turning, _apart(system)
-    assert turning is not None
-    assert system.mesh_damping is not None
-    assert system.gyroscopic is not None
-    in_mesh = system.vectors @ system.mesh_damping @ system.vectors.T
-    return TurningParts(
-        mass=apart.parts(system.mass),
-        damping=apart.parts(system.damping - in_mesh),
-        stiffness=apart.parts(system.stiffness),
-        gyroscopic=apart.parts(system.gyroscopic),
-        circulatory=apart.parts(turning.circulatory),
-        softening=apart.parts(turning.softening),
-    )
-
-
-def turning_responses(
-    system: DynamicSystem, parts: TurningParts, frequency: Reals, speed: Scalar
-) -> tuple[Responses, Vector]:
-    """Motion per mesh load at each frequency, and at the first, zero, under the constant load."""
-    assert system.mesh_damping is not None
-    of, spin = jax.tree.map, speed.astype(complex)
-    rates = of(lambda c, g: c + spin * g, parts.damping, parts.gyroscopic)
-    stiffness = of(
-        lambda k, h, s: k + spin * h + spin**2 * s,
-        parts.stiffness,
-        parts.circulatory,
-        parts.softening,
-    )
-    answers = _apart(system).answers(
-        (parts.mass, rates, stiffness),
-        (system.mean, system.mesh_damping),
-        system.vectors,
-        system.load_at(speed),
-        frequency,
-    )
-    return answers[:, :, :-1], jnp.real(answers[0, :, -1])
+    # Large systems one by one: see `between_all_cells`.
+    return jax.vmap(at)(frequency) if system.turning is None else jax.lax.map(at, frequency)
 
 
 def loads_of(

@@ -86,9 +86,6 @@ def ties_of(system: DynamicSystem, modes: ModalBasis, speed: Scalar) -> Ties:
     if system.turning is None:
         return Ties(whirl, None, modes.load)
     stiffens = on_modes(system.turning.stiffness_at(speed))
-    if whirl is not None and system.mesh_damping is not None:
-        damping = on_modes(system.damping)
-        whirl = whirl + damping - jnp.diag(jnp.diagonal(damping))
     return Ties(whirl, stiffens, modes.shape.T @ system.load_at(speed))
 
 

@@ -109,31 +109,6 @@ def mean_stiffness(cycle: MeshCycle, table: MeshTable) -> CoordinateMatrix:
     return jnp.sum(cycle.cells.lines.weight[:, None, None] * each, axis=0)
 
 
-def teeth_stiffness(cycle: MeshCycle, table: MeshTable) -> CoordinateMatrix:
-    r"""Part of `mean_stiffness` whose energy is in the teeth, $X^T k^{-1}X$ with $X$ their forces.
-
-    What bodies give stays in their own motions, whichever of these are kept.
-    """
-    closed = jnp.where(cycle.overlap > 0.0, table.stiffness, 0.0)
-    inverse = jnp.where(closed > 0.0, 1.0 / jnp.where(closed > 0.0, closed, 1.0), 0.0)
-
-    def at_phase(stiffness, coupling, inverse, arms):
-        forces = tangent_columns(stiffness, coupling, arms)
-        return on_coordinates_all(forces, inverse[:, None] * forces)
-
-    each = jax.vmap(at_phase)(closed, table.coupling, inverse, mesh_at(table, MIDDLE).arms)
-    return jnp.sum(cycle.cells.lines.weight[:, None, None] * each, axis=0)
-
-
-def approach_stiffness(cycle: MeshCycle) -> Scalar:
-    """Mean force per approach of the cells in contact, with the seats of bodies held [N/m]."""
-    closed = jnp.where(cycle.overlap > 0.0, cycle.cells.stiffness, 0.0)
-    force = lambda stiffness, coupling: jnp.sum(
-        tangent_columns(stiffness, coupling, jnp.ones((stiffness.size, 1)))
-    )
-    return cycle.cells.lines.weight @ jax.vmap(force)(closed, cycle.cells.coupling)
-
-
 def _onto(mounted: PairSystem, rows: DofCoordinates) -> Array:
     """Rows of the gears' nodes among those of all degrees of freedom."""
     mapped = mounted.structure.map

@@ -1,6 +1,7 @@
 """A gear pair set in motion: its structure, its mesh and, if condensed, its bodies' modes."""
 
 import dataclasses
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -14,20 +15,17 @@ from jaxgear._dynamics._bodies import (
     size_with,
     turning_terms,
     vibrating_bodies,
-    wave_groups_of,
     with_modes,
 )
 from jaxgear._dynamics._body_mesh import body_mesh
-from jaxgear._dynamics._damping import AbstractDamping, ModalDamping
-from jaxgear._dynamics._hold import Bare, hold, hold_apart, mesh_damper
-from jaxgear._dynamics._moving_mesh import (
-    approach_stiffness,
-    mesh_with_back_flanks,
-    node_mesh,
-    teeth_stiffness,
-)
+from jaxgear._dynamics._damping import AbstractDamping, ModalDamping, damping_matrix
+from jaxgear._dynamics._moving_mesh import mesh_with_back_flanks, node_mesh
 from jaxgear._dynamics._system import DynamicSystem, PairDynamics, modal_basis
-from jaxgear._dynamics._types import FreeMotions, Vector
+from jaxgear._dynamics._types import (
+    FreeMotions,
+    Matrix,
+    Vector,
+)
 from jaxgear._geometry._backlash import check_backlash, has_back_contact
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._solve._cycle import corrected_cycle, prepare_mesh
@@ -140,7 +138,7 @@ def _in_motion(
     size = size_with(mounted, bodies)
     dofs = np.r_[np.asarray(mapped.free), mapped.size : size]
     among = lambda matrix: matrix[dofs[:, None], dofs[None, :]]
-    of = lambda motion: jnp.zeros((size, *motion.shape[1:])).at[: mapped.size].set(motion)[dofs]
+    of = lambda vector: jnp.concatenate([vector, jnp.zeros(size - mapped.size)])[dofs]
     met = (
         body_mesh(model, mounted, cycle, grid, bodies, mesh_coordinates)
         if bodies
@@ -148,14 +146,8 @@ def _in_motion(
     )
     damping, active = _split(damping, active_mesh_damping)
     mass, stiffness = (among(matrix) for matrix in matrices_with(mounted, bodies, size))
-    rotations = of(_rotations(mounted))
-    groups = wave_groups_of(bodies, dofs, whole=gyroscopic)
-    own = Bare(mass, stiffness, met.vectors[dofs], met.mean, rotations)
-    teeth = teeth_stiffness(cycle, met.table) if bodies else None
-    damper = None
-    if teeth is not None:
-        damper = mesh_damper(damping, own, teeth, approach_stiffness(cycle))
-    held = hold(own, damping) if damper is None else hold_apart(own, damping, damper, groups)
+    meshed = met.vectors[dofs] @ met.mean @ met.vectors[dofs].T
+    held = _held(mass, stiffness, meshed, of(_rigid_rotation(mounted)), damping)
     turning = turning_terms(bodies, size, damping, whole=gyroscopic) if bodies else None
     whirl = None if turning is None else turning.gyroscopic
     if gyroscopic:
@@ -187,8 +179,6 @@ def _in_motion(
         teeth=model.pair.pinion.teeth,
         back=back,
         turning=jax.tree.map(lambda x: among(x) if x.ndim == 2 else x[dofs], turning),
-        mesh_damping=damper,
-        groups=groups,
     )
     if active is not None:
         system = dataclasses.replace(system, cell_damping=active(system))
@@ -200,6 +190,36 @@ def _in_motion(
         left_out=met.left_out,
     )
     return dynamics, complete
+
+
+class _Held(NamedTuple):
+    """A structure whose free rotation is held by a spring and a damper of no meaning.
+
+    **Fields:**
+
+    - `stiffness`, `damping`: of all motions.
+    - `free`: the rotation, of unit modal mass, as a column.
+    """
+
+    stiffness: Matrix
+    damping: Matrix
+    free: FreeMotions
+
+
+def _held(
+    mass: Matrix, own: Matrix, meshed: Matrix, rotation: Vector, damping: AbstractDamping
+) -> _Held:
+    """Hold the free rotation of a structure, `meshed` being the stiffness of its mean mesh."""
+    free = rotation / jnp.sqrt(rotation @ mass @ rotation)
+    # The artificial spring is faster than any mode, so that it meets none: the trace is the sum of
+    # all squared frequencies, of which there may be one.
+    square = 4.0 * jnp.trace(jnp.linalg.solve(mass, own + meshed))
+    momentum = (mass @ free)[:, None]
+    hold = momentum @ momentum.T
+    stiffness = own + square * hold
+    # A damper beside it, so that what rounding excites dies out.
+    matrix = damping_matrix(damping, mass, stiffness + meshed, meshed, free[:, None])
+    return _Held(stiffness, matrix + jnp.sqrt(square) * hold, free[:, None])
 
 
 def _split(damping: AbstractDamping, active: bool):
@@ -220,14 +240,14 @@ def _split(damping: AbstractDamping, active: bool):
     return ModalDamping(mesh=0.0, structure=damping.structure), of_cells
 
 
-def _rotations(mounted: PairSystem) -> FreeMotions:
-    """Each body turning alone; in their sum no tooth moves against another [1/m]."""
+def _rigid_rotation(mounted: PairSystem) -> Vector:
+    """Both bodies turning together, so that no tooth moves against another [1/m]."""
     radius = mounted.pair.base_radius
     pinion, wheel = mounted.structure.map.sizes
-    turned = np.zeros((pinion + wheel, 2))
-    turned[5:pinion:6, 0] = 1.0
-    turned[pinion + 5 :: 6, 1] = -1.0
-    return jnp.asarray(turned) / radius[None, :]
+    turned = np.zeros((2, pinion + wheel))
+    turned[0, 5:pinion:6] = 1.0
+    turned[1, pinion + 5 :: 6] = -1.0
+    return jnp.asarray(turned[0]) / radius[0] + jnp.asarray(turned[1]) / radius[1]
 
 
 def _transmission(mounted: PairSystem) -> Vector:

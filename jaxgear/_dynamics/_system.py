@@ -29,7 +29,6 @@ from jaxgear._dynamics._types import (
     Vector,
     Vectors,
 )
-from jaxgear._dynamics._waves import WaveGroup
 from jaxgear._solve._cycle import MeshCycle
 from jaxgear._types import CoordinateMatrix, Scalar, as_scalar
 
@@ -60,9 +59,6 @@ class DynamicSystem(eqx.Module):
     - `back`: whether the back flanks are in the mesh too; the second half of its coordinates is
         then theirs.
     - `turning`: what condensed bodies bring as they turn, or `None`: there are none.
-    - `mesh_damping`: part of the damping that is a damper in the mesh, on its coordinates, or
-        `None`: modes have all of it [N s/m, N s, N m s].
-    - `groups`: motions of condensed bodies, by wave number.
     """
 
     mass: Matrix
@@ -82,8 +78,6 @@ class DynamicSystem(eqx.Module):
     teeth: int = eqx.field(static=True)
     back: bool = eqx.field(static=True, default=False)
     turning: TurningTerms | None = None
-    mesh_damping: CoordinateMatrix | None = None
-    groups: tuple[WaveGroup, ...] = eqx.field(static=True, default=())
 
     @property
     def mesh_stiffness(self) -> Matrix:
@@ -128,7 +122,7 @@ class ModalBasis(eqx.Module):
 
     - `square`: $\omega^2$ of each mode [rad2/s2].
     - `shape`: $\Phi$ [kg^-1/2, kg^-1/2 m^-1].
-    - `damping`: $2\xi\omega$ of each mode; what it exchanges with others is in `Ties` [1/s].
+    - `damping`: $2\xi\omega$ of each mode [1/s].
     - `mesh`: $\Phi^TV$ [kg^-1/2].
     - `load`: $\Phi^TF$ [N kg^-1/2].
     """
@@ -150,8 +144,7 @@ def modal_basis(system: DynamicSystem) -> ModalBasis:
 
     **Arguments:**
 
-    - `system`: with damping that its modes do not exchange, as of every `AbstractDamping`, or with
-        a damper in its mesh.
+    - `system`: with damping that its modes do not exchange, as of every `AbstractDamping`.
 
     **Returns:**
 
@@ -180,18 +173,14 @@ def _modal_basis(system: DynamicSystem) -> tuple[ModalBasis, Scalar]:
     damping = per_mass(lower, system.damping)
     # Both have the same vectors, if the modes exchange no damping; where frequencies meet, the
     # damping tells their modes apart.
-    # The damper in the mesh of turning bodies ties modes together as their rotation does.
-    total = jnp.trace(damping) if system.mesh_damping is None else jnp.zeros(())
-    share = jnp.where(
-        total > 0.0, 0.1 * jnp.trace(stiffness) / jnp.where(total > 0.0, total, 1.0), 0.0
-    )
+    total = jnp.trace(damping)
+    share = 0.1 * jnp.trace(stiffness) / jnp.where(total > 0.0, total, 1.0)
     _, vectors = jnp.linalg.eigh(stiffness + share * damping)
     shape = jax.scipy.linalg.solve_triangular(lower, vectors, lower=True, trans=1)
     square = jnp.sum(vectors * (stiffness @ vectors), axis=0)
     modal = vectors.T @ damping @ vectors
     diagonal = jnp.diagonal(modal)
     exchanged = jnp.maximum(_mixed(modal), _mixed(vectors.T @ stiffness @ vectors))
-    exchanged = exchanged if system.mesh_damping is None else jnp.zeros(())
     modes = ModalBasis(
         square=square,
         shape=shape,

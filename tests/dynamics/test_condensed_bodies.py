@@ -26,7 +26,6 @@ from jaxgear._dynamics._bodies import turning_terms, vibrating_bodies
 from jaxgear._dynamics._cell_forces import cell_forces
 from jaxgear._dynamics._damping import ModalDamping, RayleighDamping
 from jaxgear._dynamics._harmonic import HarmonicBalance
-from jaxgear._dynamics._harmonic_problem import turning_parts, turning_responses
 from jaxgear._dynamics._march import Marching, march, quasi_static_start
 from jaxgear._dynamics._pair_dynamics import pair_dynamics
 from jaxgear._dynamics._shooting import Shooting
@@ -122,42 +121,6 @@ def _modes(dynamics: PairDynamics) -> np.ndarray:
 
 
 _cells = jax.jit(jax.vmap(lambda mesh, place: cell_forces(mesh, place, jg.ExactContact())[0]))
-
-
-@pytest.mark.parametrize("whole", [True, False], ids=["rotation", "waves alone"])
-def test_waves_answer_as_all_coordinates_together_do(whole: bool):
-    """Against one dense matrix, at rest and near a resonance, bearings unlike along S and T."""
-    system = _pair(alike=False).system if whole else _by_default()
-    speed, frequency = jnp.asarray(700.0), np.array([0.0, 14e3, 140e3])
-    parts = turning_parts(system)
-    answers, resting = turning_responses(system, parts, jnp.asarray(frequency), speed)
-    mass, rates, stiffness, vectors = (
-        np.asarray(x)
-        for x in (system.mass, system.rates_at(speed), system.stiffness_at(speed), system.vectors)
-    )
-    for omega, found in zip(frequency, np.asarray(answers), strict=True):
-        dense = stiffness - omega**2 * mass + 1j * omega * rates
-        assert_near(found, np.linalg.solve(dense, vectors), 1e-10)
-    load = np.asarray(system.load_at(speed))
-    assert_near(np.asarray(resting), np.linalg.solve(stiffness, load), 1e-10)
-
-
-def test_damping_of_a_condensed_body_hangs_on_no_number_of_modes():
-    """On the modes that both keep, and that no seat ties to; the mesh has a damper of its own."""
-    grid, damping = _grid(), ModalDamping(mesh=0.07, structure=0.02)
-    few, many = (_made(_model(grid, count), grid, damping, False, FEW) for count in (8, MODES))
-    kept = len(few.dofs)
-    assert few.dofs == many.dofs[:kept]
-    own = []
-    for d in (few, many):
-        assert d.system.mesh_damping is not None
-        in_mesh = d.system.vectors @ d.system.mesh_damping @ d.system.vectors.T
-        own.append(np.asarray(d.system.damping - in_mesh))
-    far = [d for g in few.system.groups if not g.joined for d in (*g.first, *g.second)]
-    assert far
-    square = np.diagonal(np.asarray(few.system.stiffness))[far]
-    assert_near(np.diagonal(own[0])[far], 0.04 * np.sqrt(square), 1e-12)
-    assert_near(own[0][np.ix_(far, far)], own[1][np.ix_(far, far)], 1e-12)
 
 
 def _same_at_rest(dynamics: PairDynamics, speed: float = 0.0) -> None:
@@ -503,11 +466,8 @@ def _even(system: DynamicSystem) -> DynamicSystem:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("damping", [None, ModalDamping()], ids=["of mass", "in the mesh"])
-def test_bilinear_harmonics_are_the_midpoint_rule(damping: ModalDamping | None):
-    grid = _grid()
-    pair = _made(_model(grid), grid, damping, True, FEW) if damping else _pair()
-    system = _even(pair.system)
+def test_bilinear_harmonics_are_the_midpoint_rule():
+    system = _even(_pair().system)
     # With so few steps there are two responses at some lower speeds.
     speeds = jnp.asarray([2200.0, 3390.0, 3960.0])
     harmonic = _steady(system, speeds, HarmonicBalance(harmonics=7, bilinear=True, tolerance=1e-12))
