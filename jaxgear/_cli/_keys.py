@@ -15,6 +15,7 @@ from jaxgear.scene._schema import (
     GEARS,
     KEYS,
     general,
+    key_at,
     nearest,
     scales_body,
     shapes_body,
@@ -54,7 +55,7 @@ def print_keys(args: argparse.Namespace) -> int:
 
 def explain_key(path: str) -> int:
     """Print all that is known of one key; the exit code is 2 where there is none."""
-    key = KEYS.get(general(path)) or KEYS.get(general(path).removesuffix("[]"))
+    key = key_at(path)
     if key is None:
         near = nearest(general(path), KEYS)
         hint = f" Did you mean {near}?" if near else " `jaxgear keys` lists all of them."

@@ -28,8 +28,6 @@ from jaxgear._cli._printing import print_notes, print_results
 from jaxgear._cli._terminal import Terminal, warn
 from jaxgear._program_cache import cache_compilations
 from jaxgear._whole_file import write_text
-from jaxgear.report import report
-from jaxgear.scene._json_schema import json_schema
 from jaxgear.scene._scene import Scene, SceneError, read_scene
 from jaxgear.scene._slips import odd
 
@@ -309,6 +307,8 @@ def _export(args: argparse.Namespace) -> int:
 
 def _report(args: argparse.Namespace) -> int:
     """Write the page of a results folder."""
+    from jaxgear.report import report
+
     target = args.out or args.results / REPORT
     try:
         write_text(report(args.results), target)
@@ -321,6 +321,8 @@ def _report(args: argparse.Namespace) -> int:
 
 def _schema(args: argparse.Namespace) -> int:
     """Print the schema of scenes."""
+    from jaxgear.scene._json_schema import json_schema
+
     _print_json(json_schema())
     return 0
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from jaxgear.report._chapter import Chapter, chapter, chapters
 from jaxgear.report._figures import MOST_BYTES, figures
-from jaxgear.report._html import Markup, element, joined, table
+from jaxgear.report._html import Markup, element, table
 from jaxgear.report._numbers import number_tables, scene_tables, shown
 from jaxgear.report._sizing_table import sizing_table
 from jaxgear.report._verdicts import WORDS, verdicts
@@ -116,4 +116,4 @@ def _asked(of: Chapter) -> Markup:
 def _versions(of: Chapter) -> Markup:
     rows = [(name, shown(value)) for name, value in of.summary.get("versions", {}).items()]
     body = table(("program", "version"), rows) if rows else element("p", "Not kept.")
-    return element("section", element("h2", "Versions"), joined((body,)))
+    return element("section", element("h2", "Versions"), body)

@@ -182,9 +182,14 @@ def split_entry(path: str) -> tuple[str, int | None]:
 
 def unit_of(path: str) -> str:
     """Return the unit of a number, or of an entry of a list; empty for a plain or unknown one."""
-    known = general(path)
-    key = KEYS.get(known) or KEYS.get(known.removesuffix("[]"))
+    key = key_at(path)
     return key.unit if key else ""
+
+
+def key_at(path: str) -> Key | None:
+    """Return the key of a path, which may be of an entry of a list; `None` of an unknown one."""
+    known = general(path)
+    return KEYS.get(known) or KEYS.get(known.removesuffix("[]"))
 
 
 def parents(path: str) -> list[str]:

@@ -20,7 +20,7 @@ from jaxgear._types import Flag, Reals, Scalar
 from jaxgear._units import MPa, mm, um
 from jaxgear.scene._build import grid_of, law_of, model_of
 from jaxgear.scene._scene import Scene
-from jaxgear.scene._schema import KEYS, general, unit_of
+from jaxgear.scene._schema import key_at
 from jaxgear.study._derivatives import Keys
 from jaxgear.study._evaluations import Variation, variation_of
 from jaxgear.study._progress import built_scene
@@ -196,7 +196,8 @@ def live_scene(scene: Scene) -> LiveScene:
 
 def _knob(path: str, value: float) -> Knob:
     """A key with the range that a user would look at."""
-    key = KEYS.get(general(path)) or KEYS[general(path).removesuffix("[]")]
+    key = key_at(path)
+    assert key is not None
     if path.endswith("_um"):
         high = max(40.0, 2.0 * abs(value))
         low = -high
@@ -214,7 +215,7 @@ def _knob(path: str, value: float) -> Knob:
         low = key.above + 0.01 * (high - key.above)
     if key.below is not None and high >= key.below:
         high = key.below - 0.01 * (key.below - low)
-    return Knob(path, value, low, high, unit_of(path), key.doc)
+    return Knob(path, value, low, high, key.unit, key.doc)
 
 
 def _seen(keys: _Keys, grid: MeshGrid, law: AbstractContactLaw, values: Reals) -> _Seen:
