@@ -202,14 +202,14 @@ class WeberBanaschek(AbstractCompliance):
     - `wheel_foundation`: of the wheel's body, likewise.
     - `load_updates`: how often the contact term is taken anew at the line loads found, instead
         of at the nominal one [-].
-    - `face_coupling`: how far teeth feel a load along their face; by default slices are on their
+    - `face_coupling`: how far teeth feel a load along their face; with `None` slices are on their
         own, and in plane strain.
     """
 
     pinion_foundation: AbstractFoundation | None = None
     wheel_foundation: AbstractFoundation | None = None
     load_updates: int = eqx.field(static=True, default=0)
-    face_coupling: FaceCoupling | None = None
+    face_coupling: FaceCoupling | None = eqx.field(default_factory=FaceCoupling)
 
     def local(self, pair: GearPair, roll: Reals, line_load: Scalar) -> Reals:
         """Evaluate what one tooth pair gives by itself; see the base class."""

@@ -18,7 +18,7 @@ from jaxgear.scene._table import AbstractKeys, declare, key, real
 GearName = Literal["pinion", "wheel"]
 
 # Whether teeth feel a load along their face where a scene does not say.
-FACE_COUPLING = "none"
+FACE_COUPLING = "coupled"
 
 SPEED = "(0, inf). At rest, the quasi-static cycle of `jaxgear run` is the response"
 

@@ -38,7 +38,8 @@ def notes(scene: Scene, statics: Statics) -> list[str]:
 def _on_teeth(mesh: MeshKeys, gears: Mapping[str, GearKeys]) -> Iterator[str]:
     """Keys of the mesh that this model of its teeth does not look at."""
     whole = mesh.tooth == "elements"
-    if mesh.face_coupling == "coupled" and (whole or mesh.stiffness != "weber-banaschek"):
+    asked = "face_coupling" in mesh.given and mesh.face_coupling == "coupled"
+    if asked and (whole or mesh.stiffness != "weber-banaschek"):
         why = "elements of whole teeth feel all of their face" if whole else "no part of it spreads"
         yield Idle(f"mesh.face_coupling does nothing to this model of the teeth: {why}.")
     given = [name for name, each in {"mesh": mesh, **gears}.items() if "foundation" in each.given]

@@ -17,7 +17,7 @@ from jaxgear.scene._schema import GEARS
 from jaxgear.study._statics import solve_statics
 from jaxgear.study._statics_summary import mounts_summary
 
-_COARSE = ("--set", "mesh.phases=24", "--set", "mesh.slices=4", "--quiet", "--json")
+_COARSE = ("--set", "mesh.phases=26", "--set", "mesh.slices=4", "--quiet", "--json")
 
 
 def _run(capsys, *arguments: str) -> tuple[int, dict]:

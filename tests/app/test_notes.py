@@ -29,6 +29,7 @@ def test_pitch_errors_that_one_period_leaves_out_are_told():
 @pytest.mark.parametrize(
     ("given", "told"),
     [
+        (("mesh.stiffness=iso6336",), []),
         (("mesh.face_coupling=coupled",), []),
         (("mesh.face_coupling=coupled", "mesh.stiffness=iso6336"), ["no part of it spreads"]),
         (
