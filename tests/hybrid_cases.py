@@ -49,6 +49,8 @@ def _pair(helix: float) -> jg.GearPair:
 
 
 PAIRS = {"spur": spur, "helical": helical}
+# Slices on their own, as the dense judges know them.
+APART = jg.WeberBanaschek(face_coupling=None)
 
 
 @functools.cache

@@ -28,7 +28,7 @@ import jaxgear as jg
 from jaxgear import N_per_mm_um, mm, um
 from jaxgear._contact._cells import flank_coordinates
 
-_WEBER = jg.WeberBanaschek()
+_WEBER = jg.WeberBanaschek(face_coupling=None)
 _CONSTANT = jg.ConstantStiffness(14.0 * N_per_mm_um)
 _LOAD = jnp.asarray(200e3)
 _STRAIGHT = jg.Misalignment()

@@ -16,13 +16,13 @@ def _bored(pair, *bores):
 
 def test_half_planes_share_nothing():
     weber = jg.WeberFoundation()
-    teeth = jg.WeberBanaschek(pinion_foundation=weber, wheel_foundation=weber)
+    teeth = jg.WeberBanaschek(weber, weber, face_coupling=None)
     assert jg.shared_compliance(accessory(), teeth) == 0.0
 
 
 def test_a_ring_shares_most_of_its_wind_up_whoever_drives():
     """Of the accessory pair 7.2 of 17.8 um that a pair gives alone; a small bore shares more."""
-    teeth, pair = jg.WeberBanaschek(), _bored(accessory(), 30.0, 40.0)
+    teeth, pair = jg.WeberBanaschek(face_coupling=None), _bored(accessory(), 30.0, 40.0)
     load = jg.nominal_line_load(pair, jnp.asarray(80.0))
     shared = jg.shared_compliance(pair, teeth)
     alone = 1.0 / jg.single_pair_stiffness(pair, teeth, load)

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from fem_cases import assert_near
 from helpers import observed_order
-from hybrid_cases import PAIRS, ROUND, TEETH, Turning, relieved, shaft, vibrating
+from hybrid_cases import APART, PAIRS, ROUND, TEETH, Turning, relieved, shaft, vibrating
 
 import jaxgear as jg
 from fem_prep import ReducedBody
@@ -63,6 +63,7 @@ def _grid(phases: int = 15, kind: str = "spur", periods: int = 1) -> jg.MeshGrid
 def _model(grid: jg.MeshGrid, count: int = MODES, factor: float = 1.0, **others) -> PairModel:
     """A rigid pinion and the condensed wheel, light enough for one cell or the other to open."""
     parts: dict = {"flanks": relieved(), "pinion_support": ROUND, "wheel_support": ROUND}
+    parts["compliance"] = APART
     if "wheel_body" not in others:
         parts["wheel_body"] = vibrating("spur", 1, grid, count, factor, **WHEEL)
     return PairModel(PAIRS["spur"](), 20.0, **{**parts, **others})
@@ -355,7 +356,7 @@ def _rigid(support: jg.Support, rate: float) -> PairDynamics:
         PAIRS["spur"](),
         20.0,
         flanks=relieved(),
-        compliance=jg.WeberBanaschek().without((1,)),
+        compliance=APART.without((1,)),
         pinion_support=support,
         wheel_support=support,
         wheel_body=RigidBody(whole[0, 0], whole[5, 5], whole[3, 3]),

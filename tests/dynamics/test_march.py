@@ -159,6 +159,7 @@ def test_energy_in_contact_is_conserved_at_a_standing_phase():
         stiffness=still(table.stiffness, 0),
         gap=still(table.gap, 1),
         arms=still(table.arms, 1),
+        coupling=still(table.coupling, 0),
         kinds=(0,) * 32,
     )
     system = dataclasses.replace(

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import assert_close
-from hybrid_cases import PAIRS, Dense, Gear, shaft, shaft_springs, stiffened
+from hybrid_cases import APART, PAIRS, Dense, Gear, shaft, shaft_springs, stiffened
 
 import jaxgear as jg
 from fem_prep import ReducedBody
@@ -62,6 +62,7 @@ def _flanks(depth=12.0, extent=0.3, crowning=5.0) -> jg.Flanks:
 def _h1(wheel: FlexibleBody | None = None, torque=20.0, **others) -> PairModel:
     """A rigid pinion and a condensed wheel, both on springs."""
     parts: dict = {"flanks": _flanks(), "speed": SPEED, "wheel_support": SUPPORT}
+    parts["compliance"] = APART
     parts |= {"pinion_support": SUPPORT, "misalignment": Misalignment(8.0 * um, -12.0 * um)}
     parts |= {"wheel_body": _body("spur", 1) if wheel is None else wheel, **others}
     return PairModel(PAIRS["spur"](), torque, **parts)
@@ -73,6 +74,7 @@ def _h2(torque=150.0) -> PairModel:
         PAIRS["helical"](),
         torque,
         flanks=_flanks(),
+        compliance=APART,
         speed=SPEED,
         pinion_support=SUPPORT,
         wheel_support=shaft(),

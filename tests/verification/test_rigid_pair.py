@@ -18,11 +18,11 @@ from jaxgear import mm, um
 from jaxgear._contact._cells import at_line_loads
 from jaxgear._contact._ring import ring_receptances
 
-RING = jg.WeberBanaschek()
+RING = jg.WeberBanaschek(face_coupling=None)
 
 
 def _on(foundation: jg.AbstractFoundation) -> jg.WeberBanaschek:
-    return jg.WeberBanaschek(pinion_foundation=foundation, wheel_foundation=foundation)
+    return jg.WeberBanaschek(foundation, foundation, face_coupling=None)
 
 
 HALF_PLANES, ALONE = _on(jg.WeberFoundation()), _on(jg.SainsotFoundation())
@@ -215,7 +215,7 @@ def test_a_pair_alone_gives_what_its_compliance_says():
 def test_couplings_are_symmetric_and_never_negative(make):
     """At every phase, slices that are partly in contact included."""
     pair = make()
-    model = jg.PairModel(pair, 200.0)
+    model = jg.PairModel(pair, 200.0, compliance=RING)
     grid = jg.mesh_grid(pair, phases=16, slices=4 if make is spur else 8)
     cells = _prepare(model, grid).cells
     assert cells.coupling is not None
