@@ -284,6 +284,7 @@ def test_valley_found_is_that_of_the_master_curve(search):
     assert 0.75 < result.point[0] / closed < 0.95
 
 
+@pytest.mark.slow
 def test_differential_evolution_finds_no_better(search):
     objective, by_gradient = search
     result = optimise.differential_evolution(objective, BOX, seed=0, most_generations=25)
