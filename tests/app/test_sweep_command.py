@@ -70,7 +70,7 @@ def _scene(folder: Path, text: str = _SPUR + _SWEEP, name: str = "spur.toml") ->
 @pytest.fixture(scope="module")
 def both(folder):
     """The folder of a sweep in both directions, its summary, and the pair that was swept."""
-    out, pairs = folder / "both", []
+    out, pairs, quietly = folder / "both", [], ("--quiet", "--no-pictures")
 
     def noted(scene):
         pairs.append(_dynamics.solve_dynamics(scene))
@@ -78,7 +78,7 @@ def both(folder):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(_sweep, "solve_dynamics", noted)
-        assert main(["sweep", str(_scene(folder)), "--out", str(out), "--quiet"]) == 0
+        assert main(["sweep", str(_scene(folder)), "--out", str(out), *quietly]) == 0
     own = out / "sweep"
     return own, json.loads((own / "summary.json").read_text()), pairs[0]
 
@@ -91,8 +91,7 @@ def test_a_sweep_writes_everything_that_it_found(both):
     assert found["unsettled_count"] == 0
     assert summary["model"]["phases"] == 48
     for name in ("sweep", "waterfall", "orders", "contact_loss", "orbit"):
-        for ending in ("png", "svg", "csv"):
-            assert (out / f"{name}.{ending}").stat().st_size > 0
+        assert (out / f"{name}.csv").stat().st_size > 0
     assert {"sweep_folds.csv", "sweep_curve.csv"} < set(assert_tables(out))
     with xr.open_dataset(out / "result.nc", group="sweep") as dataset:
         shape = [dataset.sizes[name] for name in ("direction", "speed", "order", "phase")]

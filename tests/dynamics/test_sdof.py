@@ -142,9 +142,11 @@ def _near(rows: list[Row], multiple: int) -> jax.Array:
     return jnp.asarray([_terms(path, HARMONICS * multiple)[None] for path in paths])
 
 
+# `test_sweep.py` holds the same table by all three methods, from one speed to the next.
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("multiple", "averaged"),
-    quick(1, [(1, False), (2, False), (2, True)]),
+    [(1, False), (2, False), (2, True)],
     ids=["one cycle", "two cycles", "averaged"],
 )
 def test_harmonic_balance_holds_the_table_of_b5(multiple, averaged):
@@ -336,28 +338,6 @@ def test_marching_stays_on_the_branches_of_b5(name):
         assert (apart > 0.1) == (row.multiple == 2), row
 
 
-def test_marching_from_speed_to_speed_jumps_where_b5_does():
-    """Both sweeps as B5 describes them, from the first speed to the last."""
-    system = sdof_parametric(steps=STEPS)
-
-    @jax.jit
-    @jax.vmap
-    def run(speeds):
-        def at(start, speed):
-            found = march(system, speed, start, cycles=150, keep=10, stepper=Exponential())
-            return jnp.stack([found.motion[-1], found.velocity[-1]]), found.motion[:, 0]
-
-        return jax.lax.scan(at, jnp.asarray([[1.0], [0.0]]), speeds)[1]
-
-    speeds = np.array([ALL_SPEEDS, ALL_SPEEDS[::-1]])
-    paths = run(jnp.asarray(speeds))
-    for direction, table in enumerate((UP, UP | DOWN)):
-        for speed, path in zip(speeds[direction].tolist(), paths[direction], strict=True):
-            if speed in table:
-                row = Row(speed, 1, table[speed][:3], (0.0, 0.0), path)
-                assert np.max(_differences(path, row)) < 1e-3, (direction, speed)
-
-
 # --- shooting
 
 
@@ -380,8 +360,9 @@ def _shoot(multiple: int, name: str):
     return _one_after_the_other(at)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("multiple", "name"), quick(1, [(1, "exponential"), (2, "exponential"), (2, "midpoint")])
+    ("multiple", "name"), [(1, "exponential"), (2, "exponential"), (2, "midpoint")]
 )
 def test_shooting_holds_the_table_of_b5(multiple, name):
     rows = [row for row in _table() if multiple % row.multiple == 0]

@@ -75,15 +75,15 @@ def test_mean_over_a_step_is_the_integral_and_its_slopes_are_true():
         None,
     )
     first, last = jnp.asarray([0.2, 0.3]), jnp.asarray([-0.1, 0.5])
-    load, by_first, by_last = mean_load(mesh, mesh, mesh, first, last)
+    mean = jax.jit(lambda *x: mean_load(mesh, mesh, mesh, *x))
+    load, *slopes = mean(first, last)
     parts = (np.arange(20000) + 0.5) / 20000
-    each = jax.vmap(lambda s: mesh_load(mesh, first + s * (last - first), EXACT)[0])(
-        jnp.asarray(parts)
-    )
+    between = lambda s: mesh_load(mesh, first + s * (last - first), EXACT)[0]
+    each = jax.jit(jax.vmap(between))(jnp.asarray(parts))
     np.testing.assert_allclose(load, np.mean(each, axis=0), rtol=1e-7)
-    for at, slope in ((0, by_first), (1, by_last)):
-        differences = jax.jacfwd(lambda *x: mean_load(mesh, mesh, mesh, *x)[0], argnums=at)
-        np.testing.assert_allclose(differences(first, last), slope, rtol=1e-10, atol=1e-12)
+    by_jax = jax.jit(jax.jacfwd(lambda *x: mean(*x)[0], argnums=(0, 1)))(first, last)
+    for found, slope in zip(by_jax, slopes, strict=True):
+        np.testing.assert_allclose(found, slope, rtol=1e-10, atol=1e-12)
 
 
 def _coupled(random: np.random.Generator, lines: int) -> tuple[Mesh, np.ndarray, np.ndarray]:
@@ -134,10 +134,11 @@ def test_tangent_is_the_slope_of_the_load(law):
     random = np.random.default_rng(9)
     mesh, _, _ = _coupled(random, 3)
     place = jnp.asarray([0.4])
-    load, tangent = mesh_load(mesh, place, law)
+    at = jax.jit(lambda x: mesh_load(mesh, x, law))
+    load, tangent = at(place)
     step = 1e-6
-    ends = [mesh_load(mesh, place + sign * step, law)[0] for sign in (1.0, -1.0)]
+    ends = [at(place + sign * step)[0] for sign in (1.0, -1.0)]
     np.testing.assert_allclose(tangent[:, 0], (ends[0] - ends[1]) / (2.0 * step), rtol=1e-6)
     assert load[0] > 0.0
-    by_jax = jax.jacfwd(lambda x: mesh_load(mesh, x, law)[0])(place)
+    by_jax = jax.jit(jax.jacfwd(lambda x: at(x)[0]))(place)
     np.testing.assert_allclose(by_jax, tangent, rtol=1e-8)

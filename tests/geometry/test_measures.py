@@ -171,12 +171,12 @@ def test_addendum_and_dedendum_come_back_from_diameters():
 def test_a_shift_follows_its_measures():
     """1/(2 m sin alpha) per metre of span; over balls against central differences."""
     by_span = lambda w: jg.profile_shift_of_span(w, 5, teeth=24, **_ODD)
-    slope = jax.grad(by_span)(jnp.asarray(42.0 * mm))
+    slope = jax.jit(jax.grad(by_span))(jnp.asarray(42.0 * mm))
     assert abs(slope * 6.0 * mm * np.sin(20.0 * deg) - 1.0) < 1e-12
-    by_balls = lambda m: jg.profile_shift_of_balls(m, 5.25 * mm, teeth=25, **_ODD)
+    by_balls = jax.jit(lambda m: jg.profile_shift_of_balls(m, 5.25 * mm, teeth=25, **_ODD))
     over, step = 93.0 * mm, 1.0 * um
     central = (by_balls(over + step) - by_balls(over - step)) / (2.0 * step)
-    assert abs(jax.grad(by_balls)(jnp.asarray(over)) / central - 1.0) < 1e-6
+    assert abs(jax.jit(jax.grad(by_balls))(jnp.asarray(over)) / central - 1.0) < 1e-6
 
 
 def test_balls_that_fall_through_are_no_measure():

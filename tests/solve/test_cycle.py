@@ -122,7 +122,7 @@ def test_unmodified_spur_pair_by_hand(ratio):
     """n or n + 1 pairs share the load: delta/n and delta/(n + 1), for 1 - p and p of the period."""
     drawing = with_contact_ratio(ratio)
     model = _model(drawing, 200.0)
-    cycle = run_cycle(model, jg.mesh_grid(model.pair, phases=16, slices=40))
+    cycle = run_cycle(model, jg.mesh_grid(model.pair, phases=16, slices=8))
     error, delta = _error(model, cycle), _deflection(drawing, 200.0)
     # At a whole contact ratio the fraction is 0 or 1, as rounding has it; both sets agree.
     fewer = round(ratio) if abs(ratio - round(ratio)) < 1e-6 else math.floor(ratio)
@@ -283,12 +283,12 @@ def test_misalignment_that_unloads_half_a_face_by_hand():
     wedge = 8 * drawing.force(torque) / (STIFFNESS * drawing.common_width**2)
     deviation = wedge * drawing.common_width / math.cos(drawing.working_angle)
     model = _model(drawing, torque, misalignment=jg.Misalignment(deviation=deviation))
-    cycle = run_cycle(model, jg.mesh_grid(model.pair, phases=16, slices=40))
+    cycle = run_cycle(model, jg.mesh_grid(model.pair, phases=16, slices=8))
     delta = _deflection(drawing, torque)
     single = np.asarray(cycle.cells.lines.phase) > 0.01
     assert np.all(np.abs(_error(model, cycle)[single]) < 1e-9 * delta)
     # The wheel leans away from the pinion at the right end: the left half carries.
-    force = np.asarray(cycle.force).reshape(16, -1, 40)[single].sum(axis=1)
+    force = np.asarray(cycle.force).reshape(16, -1, 8)[single].sum(axis=1)
     ramp = np.maximum(-np.asarray(cycle.cells.lines.face_position), 0.0)
     expected = drawing.force(torque) * ramp / ramp.sum()
     assert_close(force, np.broadcast_to(expected, force.shape), rtol=1e-7, atol=1e-9)

@@ -323,6 +323,7 @@ def test_mirror_square_to_the_axes():
     assert np.abs(np.asarray(other.force).reshape(shape) - force).max() < 1e-7 * load.sum()
 
 
+@pytest.mark.slow
 def test_pinion_and_wheel_change_places():
     """The wheel drives with the same force: the mesh runs backwards, at the same face loads."""
     model = _on_shafts(1.0)
