@@ -239,8 +239,9 @@ def check_torque(pinion: AbstractMount, torque: Scalar) -> None:
     """
     require(
         torque > 0.0,
-        "The pinion's torque must be positive, got {got:.6g} N m: it drives, and without load no "
-        "contact state exists. To load the other flanks, change the sign of the helix angle.",
+        "The pinion's torque must be positive, got {got:.6g} N m: it drives. Without "
+        "load flanks touch at one point: see `unloaded_transmission_error`. To load the other "
+        "flanks, change the sign of the helix angle.",
         got=torque,
     )
     require(
