@@ -71,8 +71,7 @@ def pair_dynamics(
 
     - `ValueError` in single precision, if thinner teeth still have no backlash, or if a condensed
         body was made without modes or, with `gyroscopic`, without the terms of rotation, is not
-        itself again where the cycle ends, or stands beside a beam body, active mesh damping or back
-        flanks.
+        itself again where the cycle ends, or stands beside active mesh damping or back flanks.
     """
     require_float64()
     check_torque(model.pinion_support, model.torque)
@@ -100,10 +99,6 @@ def _check_together(model: PairModel, active: bool) -> None:
     """Refuse what does not go together with beams or condensed bodies."""
     bends = any(body is not None and body.piece is not None for body in model.bodies)
     vibrates = bool(condensed(model.bodies))
-    require(
-        not (bends and vibrates),
-        "Beside a condensed body the other must be condensed or rigid in motion, not a beam.",
-    )
     require(
         not (active and (bends or vibrates)),
         "Mesh damping that acts only in contact is for rigid bodies: leave it out, or make {kind} "

@@ -169,6 +169,34 @@ def test_statics_of_two_condensed_gears(coordinates, count):
     assert_near(np.asarray(found), np.asarray(dynamics.cycle.force), 1e-10)
 
 
+def _beam(kind: str) -> dict:
+    """A pinion whose body is a beam, on its shaft; the second bearing holds it along Z."""
+    pair = PAIRS[kind]()
+    width, outer = pair.pinion.face_width, 2.0 * pair.root_radius[0]
+    bearings = [
+        jg.Bearing(5e-3, 2e8, 3e8),
+        jg.Bearing(50e-3, 3e8, 3e8, 1e8, 1e4, 1e4),
+    ]
+    segments = [jg.Segment(56e-3, 14e-3)]
+    mount = jg.Shaft(segments, bearings, gear_at=25e-3, torque_at=2e-3, body_width=width)
+    return {"pinion_support": mount, "pinion_body": jg.BeamBody(width, outer)}
+
+
+@pytest.mark.slow
+def test_statics_of_a_beam_beside_a_condensed_wheel():
+    """The beam winds up and bows, and with it what its shaft lets its sections do."""
+    grid = _grid(8, "helical")
+    wheel = vibrating("helical", 1, grid, MODES)
+    parts = {"flanks": relieved(), "wheel_support": UNLIKE, "wheel_body": wheel}
+    model = PairModel(PAIRS["helical"](), 150.0, **parts, **_beam("helical"))
+    dynamics = _made(model, grid, ModalDamping(), False, FEW)
+    assert dynamics.system.vectors.shape[1] == 7 + FEW
+    mesh = mesh_at(dynamics.system.table, MIDDLE).at(jnp.asarray(0.0))
+    found = _cells(mesh, dynamics.system.rest)
+    assert np.asarray(dynamics.cycle.converged).all()
+    assert_near(np.asarray(found), np.asarray(dynamics.cycle.force), 1e-10)
+
+
 # --- The body's own frame
 
 
@@ -348,7 +376,7 @@ def test_waves_peak_where_the_mesh_meets_them():
 # --- Limits
 
 
-def _rigid(support: jg.Support, rate: float) -> PairDynamics:
+def _rigid(support: jg.Support, rate: float, **pinion) -> PairDynamics:
     """The wheel as a rigid body of the same mass, its own foundation left out."""
     whole = _rigid_mass()
     model = PairModel(
@@ -356,13 +384,14 @@ def _rigid(support: jg.Support, rate: float) -> PairDynamics:
         20.0,
         flanks=relieved(),
         compliance=jg.WeberBanaschek().without((1,)),
-        pinion_support=support,
         wheel_support=support,
         wheel_body=RigidBody(whole[0, 0], whole[5, 5], whole[3, 3]),
+        **({"pinion_support": support} | pinion),
     )
     dynamics = _made(model, _grid(), _mass_damped(rate), True, FEW)
     # The web is off the middle of the rim: the centre of mass is not at mid-face.
-    wheel = np.array([dynamics.dofs.index(dof) for dof in range(6, 12)])
+    first = dynamics.cycle.system.structure.map.dofs["wheel gear"]
+    wheel = np.array([dynamics.dofs.index(first + k) for k in range(6)])
     system = dynamics.system
     more = jnp.zeros_like(system.mass)
     more = more.at[wheel[:, None], wheel].set(whole) - more.at[wheel[:, None], wheel].set(
@@ -406,6 +435,23 @@ def test_a_rigidified_wheel_runs_as_a_rigid_one(alike):
     assert found[0][0] < 1e-2
     for first, second in zip(*found, strict=True):
         assert second < 0.05 * first
+
+
+@pytest.mark.slow
+def test_a_rigidified_wheel_beside_a_beam_runs_as_a_rigid_one():
+    """Apart from harmonics of what bows the beam, which its own mesh leaves out."""
+    rate, method, grid = 6000.0, HarmonicBalance(harmonics=7), _grid()
+    rigid = _rigid(UNLIKE, rate, **_beam("spur"))
+    speeds = jnp.asarray([500.0, 900.0, 1700.0, 2600.0])
+    wanted = _steady(rigid.system, speeds, method)
+    model = _model(grid, factor=1e6, wheel_support=UNLIKE, **_beam("spur"))
+    dynamics = _made(model, grid, _mass_damped(rate), True, FEW)
+    orbits = _steady(dynamics.system, speeds, method)
+    assert np.asarray(orbits.settled & wanted.settled).all()
+    ours, theirs = (np.asarray(each.load)[:, :, 0] for each in (orbits, wanted))
+    static = float(rigid.system.force)
+    assert np.ptp(theirs, axis=1).max() > 0.3 * static
+    assert np.abs(ours - theirs).max() < 1e-3 * static
 
 
 @pytest.mark.slow
