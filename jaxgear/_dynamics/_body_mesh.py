@@ -22,7 +22,8 @@ from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._wrench import beam_arms, cell_arms, structure_vectors
 from jaxgear._solve._cycle import MeshCycle
-from jaxgear._system._flexible import FlexibleBody, foot_tables, mode_arms
+from jaxgear._system._flexible import FlexibleBody
+from jaxgear._system._foot_tables import foot_tables, mode_arms
 from jaxgear._system._gear_body import carried
 from jaxgear._system._mesh_vectors import rigid_beam_vectors
 from jaxgear._system._model import PairModel

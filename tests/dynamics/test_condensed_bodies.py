@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from fem_cases import assert_near
 from helpers import observed_order
-from hybrid_cases import PAIRS, ROUND, TEETH, Turning, relieved, shaft, vibrating
+from hybrid_cases import PAIRS, ROUND, TEETH, Turning, loaded_shaft, relieved, shaft, vibrating
 
 import jaxgear as jg
 from fem_prep import ReducedBody
@@ -36,7 +36,8 @@ from jaxgear._dynamics._table import MIDDLE, mesh_at
 from jaxgear._response._dynamic import dynamic_transmission_error, orbit_variance
 from jaxgear._system._body_modes import body_basis
 from jaxgear._system._body_tables import flexible_body
-from jaxgear._system._flexible import FlexibleBody, foot_tables, mode_arms
+from jaxgear._system._flexible import FlexibleBody
+from jaxgear._system._foot_tables import foot_tables, mode_arms
 from jaxgear._system._gear_body import RigidBody
 from jaxgear._system._model import PairModel
 
@@ -169,7 +170,7 @@ def test_statics_of_two_condensed_gears(coordinates, count):
     assert_near(np.asarray(found), np.asarray(dynamics.cycle.force), 1e-10)
 
 
-def _beam(kind: str) -> dict:
+def _beam(kind: str) -> dict[str, Any]:
     """A pinion whose body is a beam, on its shaft; the second bearing holds it along Z."""
     pair = PAIRS[kind]()
     width, outer = pair.pinion.face_width, 2.0 * pair.root_radius[0]
@@ -183,11 +184,16 @@ def _beam(kind: str) -> dict:
 
 
 @pytest.mark.slow
-def test_statics_of_a_beam_beside_a_condensed_wheel():
+def test_statics_of_a_beam_beside_a_condensed_wheel_with_a_load_on_its_shaft():
     """The beam winds up and bows, and with it what its shaft lets its sections do."""
     grid = _grid(8, "helical")
-    wheel = vibrating("helical", 1, grid, MODES)
-    parts = {"flanks": relieved(), "wheel_support": UNLIKE, "wheel_body": wheel}
+    wheel = vibrating("helical", 1, grid, MODES, seats="shaft")
+    wheel = dataclasses.replace(wheel, load_seats=(1,))
+    parts: dict[str, Any] = {
+        "flanks": relieved(),
+        "wheel_support": loaded_shaft(1.5e-3),
+        "wheel_body": wheel,
+    }
     model = PairModel(PAIRS["helical"](), 150.0, **parts, **_beam("helical"))
     dynamics = _made(model, grid, ModalDamping(), False, FEW)
     assert dynamics.system.vectors.shape[1] == 7 + FEW
@@ -376,9 +382,10 @@ def test_waves_peak_where_the_mesh_meets_them():
 # --- Limits
 
 
-def _rigid(support: jg.Support, rate: float, **pinion) -> PairDynamics:
+def _rigid(support: jg.Support, rate: float, **pinion: Any) -> PairDynamics:
     """The wheel as a rigid body of the same mass, its own foundation left out."""
     whole = _rigid_mass()
+    parts: dict[str, Any] = {"pinion_support": support, **pinion}
     model = PairModel(
         PAIRS["spur"](),
         20.0,
@@ -386,7 +393,7 @@ def _rigid(support: jg.Support, rate: float, **pinion) -> PairDynamics:
         compliance=jg.WeberBanaschek().without((1,)),
         wheel_support=support,
         wheel_body=RigidBody(whole[0, 0], whole[5, 5], whole[3, 3]),
-        **({"pinion_support": support} | pinion),
+        **parts,
     )
     dynamics = _made(model, _grid(), _mass_damped(rate), True, FEW)
     # The web is off the middle of the rim: the centre of mass is not at mid-face.
