@@ -82,6 +82,8 @@ def body_mesh(
         coupling = coupling + _between(whole[:, :, : held.sections], own)
     grown = growth + arms[..., : held.count] @ held.spun[: held.count]
     grown = grown - met @ (few.out_of.T @ held.spun)
+    # Loads from outside move the cells as they do at rest, by what coordinates leave out too.
+    gap = gap - (arms @ held.outside - met @ (few.out_of.T @ held.outside))
     pressed = jnp.sum(kept * cycle.force[:, :, None], axis=1)
     rest = (few.out_of.T @ held.outside)[None, :] - pressed @ give
     table = tabulated(grid, dataclasses.replace(cells, coupling=coupling), gap, met, grown)
