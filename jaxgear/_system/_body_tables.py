@@ -127,11 +127,7 @@ def flexible_body(
     check_rim(body, pair, index)
     check_elements(body, pair, index, grid)
     gear = (pair.pinion, pair.wheel)[index]
-    sectors = body.facts.get("sectors", 1)
-    assert isinstance(sectors, int)
-    repeats = gear.teeth // math.gcd(gear.teeth, sectors)
-    if basis is not None:
-        basis, repeats = basis.under_teeth(gear.teeth, sectors)
+    basis, repeats = _repeating(body, gear.teeth, basis)
     periods = min(repeats, grid.periods)
     teeth = teeth_on_lines(index, grid, periods)
     each, where = np.unique(teeth % gear.teeth if repeats > 1 else teeth, return_inverse=True)
@@ -166,6 +162,17 @@ def flexible_body(
         repeats=repeats,
         modes=None if basis is None else _modes_on(basis, body, held, on_cells),
     )
+
+
+def _repeating(
+    body: Condensed, teeth: int, basis: BodyBasis | None
+) -> tuple[BodyBasis | None, int]:
+    """The basis under so many teeth, and after how many of them the body is itself again."""
+    sectors = body.facts.get("sectors", 1)
+    assert isinstance(sectors, int)
+    if basis is None:
+        return None, teeth // math.gcd(teeth, sectors)
+    return basis.under_teeth(teeth, sectors)
 
 
 @dataclass(frozen=True)

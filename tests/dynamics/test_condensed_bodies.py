@@ -220,6 +220,48 @@ def _marching(cycles: int):
     )
 
 
+def _apart(phases: int) -> float:
+    """Transmission error of a transient at constant speed from that of a march, over its swing."""
+    system, cycles = _pair(phases=phases, count=7, coordinates=12).system, 2
+    speed = jnp.asarray(1500.0)
+    marched = _marching(cycles)(system, speed).motion @ system.transmission
+    ends = np.arange(cycles)[:, None] + np.asarray(system.table.edges)[None, 1:]
+    times = jnp.asarray(float(system.mesh_period(speed)) * np.append(0.0, ends.ravel()))
+    start, law = quasi_static_start(system), jg.ExactContact()
+    found = jg.transient(system, speed, 1.0, start, times, law=law, rtol=1e-6, atol=1e-6)
+    error = np.asarray(found.transmission_error)[1:]
+    return np.abs(error - np.asarray(marched)).max() / np.ptp(error)
+
+
+@pytest.mark.slow
+def test_a_transient_at_constant_speed_is_what_a_march_tends_to():
+    """With all terms of rotation and growth; the march is of the second order in its steps."""
+    coarse, fine = _apart(60), _apart(120)
+    assert fine < 0.05
+    assert fine < 0.4 * coarse
+
+
+@pytest.mark.slow
+def test_a_slow_run_up_passes_through_the_responses_at_constant_speed():
+    """A run-up by 1 % over sixty mesh periods, after which its start is forgotten."""
+    system, law = _pair(6000.0, phases=60, count=7, coordinates=12).system, jg.ExactContact()
+    method = Marching(law=law, cycles=300, stepper=Exponential())
+    speeds = jnp.asarray([1500.0, 1515.0])
+    first, last = (eqx.filter_jit(method.orbit)(system, speed) for speed in speeds)
+    swing = [
+        float(np.ptp(np.asarray(dynamic_transmission_error(system, x)))) for x in (first, last)
+    ]
+    period = float(system.mesh_period(jnp.asarray(1507.5)))
+    times = jnp.linspace(0.0, 60.0 * period, 1201)
+    ramp = jg.Profile(jnp.asarray([0.0, 60.0 * period]), speeds)
+    found = jg.transient(
+        system, ramp, 1.0, quasi_static_start(system), times, law=law, rtol=1e-5, atol=1e-5
+    )
+    assert bool(found.complete)
+    late = np.asarray(found.transmission_error)[-60:]
+    assert min(swing) * 0.9 < np.ptp(late) < max(swing) * 1.1
+
+
 def _off(phases: int, cycles: int, speed: float, coordinates: int, count: int) -> np.ndarray:
     """Differences of the mesh force in each mesh period, over the largest force."""
     rate, grid = 300.0, _grid(phases)
@@ -528,6 +570,24 @@ def test_bilinear_harmonics_are_the_midpoint_rule():
     assert np.asarray(harmonic.settled & shot.settled).all()
     for one, other in ((harmonic.load, shot.load), (harmonic.motion, shot.motion)):
         assert_near(np.asarray(one), np.asarray(other), 1e-10)
+
+
+@pytest.mark.slow
+def test_harmonics_and_shooting_agree_on_a_mesh_that_damps_in_contact():
+    """But for the rates of closed cells, in which steps and harmonics differ."""
+    grid = _grid()
+    make = eqx.filter_jit(lambda m: pair_dynamics(m, grid, active_mesh_damping=True))
+    system, speeds = _even(make(_model(grid)).system), jnp.asarray([2200.0, 3390.0, 3960.0])
+    harmonic = _steady(system, speeds, HarmonicBalance(harmonics=7, bilinear=True))
+    shot = _steady(system, speeds, Shooting(stepper=Midpoint()))
+    assert system.cell_damping is not None
+    less = dataclasses.replace(system, cell_damping=0.3 * system.cell_damping)
+    other = _steady(less, speeds, HarmonicBalance(harmonics=7, bilinear=True))
+    assert np.asarray(harmonic.settled & shot.settled & other.settled).all()
+    loads = [np.asarray(each.load)[:, :, 0] for each in (harmonic, shot, other)]
+    off, moved = (np.abs(each - loads[0]).max() / np.ptp(loads[0]) for each in loads[1:])
+    assert off < 0.02
+    assert moved > 5.0 * off
 
 
 def _off_shooting(phases: int) -> np.ndarray:
