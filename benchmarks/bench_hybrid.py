@@ -146,7 +146,7 @@ def full_statics(scene, model, grid, phase: int):
     from jaxgear._contact._cells import mesh_gap
     from jaxgear._interface._roots import RimSurface, feet
     from jaxgear._system._body_tables import root_patches, teeth_on_lines
-    from jaxgear._system._flexible import foot_weights
+    from jaxgear._system._foot_tables import foot_weights
     from jaxgear._system._pair_system import pair_system
 
     body, pair = scene.bodies["wheel"].built.body, model.pair

@@ -264,6 +264,12 @@ from ._response._transmission import harmonic_amplitudes as harmonic_amplitudes
 from ._response._transmission import peak_to_peak as peak_to_peak
 from ._response._transmission import smooth_peak_to_peak as smooth_peak_to_peak
 from ._response._transmission import transmission_error as transmission_error
+from ._response._transmission import (
+    unloaded_transmission_error as unloaded_transmission_error,
+)
+from ._response._unbalance import Unbalance as Unbalance
+from ._response._unbalance import UnbalanceResponse as UnbalanceResponse
+from ._response._unbalance import unbalance_response as unbalance_response
 
 from .scene._build import grid_of as grid_of
 from .scene._build import law_of as law_of

@@ -139,6 +139,16 @@ def shaft() -> jg.Shaft:
     return jg.Shaft([jg.Segment(60.0 * mm, 8.0 * mm)], bearings, gear_at=30.0 * mm)
 
 
+# Of the next stage, on the wheel's shaft [N, N m].
+FORCE, MOMENT = np.array([300.0, -200.0, 150.0]), np.array([1.0, 2.0, 0.7])
+
+
+def loaded_shaft(beside: float) -> jg.Shaft:
+    """The same with a load, so far beside the seat of the torque [m]."""
+    given, load = shaft(), jg.ShaftLoad(30e-3 + TORQUE_AT + beside, FORCE, MOMENT)
+    return jg.Shaft(given.segments, given.bearings, given.gear_at, None, [load])
+
+
 def shaft_springs() -> np.ndarray:
     """The same on the body's seats, along and about S, T, Z."""
     springs = np.zeros((4, 6))

@@ -16,17 +16,20 @@ from jaxtyping import Array
 
 from jaxgear._contact._cells import MeshCells, mesh_gap
 from jaxgear._dynamics._bodies import VibratingBody
-from jaxgear._dynamics._moving_mesh import MovingMesh, mean_stiffness
+from jaxgear._dynamics._moving_mesh import MovingMesh, beam_bow, mean_stiffness
 from jaxgear._dynamics._table import at_places, tabulated
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
-from jaxgear._interface._wrench import cell_arms, structure_vectors
+from jaxgear._interface._wrench import beam_arms, cell_arms, structure_vectors
 from jaxgear._solve._cycle import MeshCycle
-from jaxgear._system._flexible import FlexibleBody, foot_tables, mode_arms
+from jaxgear._system._flexible import FlexibleBody
+from jaxgear._system._foot_tables import foot_tables, mode_arms
 from jaxgear._system._gear_body import carried
+from jaxgear._system._mesh_vectors import rigid_beam_vectors
 from jaxgear._system._model import PairModel
 from jaxgear._system._pair_system import PairSystem
-from jaxgear._types import CellArmGrid, CellGrid
+from jaxgear._system._structure import static_flexibility
+from jaxgear._types import CellArmGrid, CellGrid, DofCoordinates
 
 
 def body_mesh(
@@ -42,7 +45,7 @@ def body_mesh(
     With $A$ the arms of cells and $F$ the flexibility of the structure, the gears' rotation held,
     the combinations kept are the first eigenvectors of $D A^TA D$, $D^2$ the diagonal of $F$: those
     by which static loads move the cells the most. Which ones they are is a choice and has no
-    derivative.
+    derivative. The coordinates of sections, seven beside a beam, are kept as they are.
 
     **Arguments:**
 
@@ -61,18 +64,26 @@ def body_mesh(
     at = at_places(pair, cells)
     gap = jnp.stack([mesh_gap(pair, c.lines, model.flanks, model.misalignment) for c in at])
     arms, growth = (
-        jnp.stack(parts) for parts in zip(*(_arms(pair, bodies, c) for c in at), strict=True)
+        jnp.stack(parts)
+        for parts in zip(*(_arms(pair, bodies, c, mounted.bends) for c in at), strict=True)
     )
     held = _held(mounted, bodies)
-    few = _combinations(arms, cells.stiffness > 0.0, held.give, coordinates)
+    few = _combinations(arms, cells.stiffness > 0.0, held.give, held.sections, coordinates)
     met, give = arms @ few.into, few.out_of.T @ held.give @ few.out_of
     # What cells give in all, less what of it is in the motion of the mesh coordinates.
     whole, kept = arms[_MIDDLE_PLACE][:, :, : held.count], met[_MIDDLE_PLACE]
     assert cells.coupling is not None
     coupling = cells.coupling + _between(whole, held.give[: held.count, : held.count])
     coupling = coupling - _between(kept, give)
+    bow = beam_bow(mounted)
+    if bow is not None:
+        # It has no mass either: beams and shafts bend by their nodes, and so in mesh coordinates.
+        own = bow[: held.sections, : held.sections]
+        coupling = coupling + _between(whole[:, :, : held.sections], own)
     grown = growth + arms[..., : held.count] @ held.spun[: held.count]
     grown = grown - met @ (few.out_of.T @ held.spun)
+    # Loads from outside move the cells as they do at rest, by what coordinates leave out too.
+    gap = gap - (arms @ held.outside - met @ (few.out_of.T @ held.outside))
     pressed = jnp.sum(kept * cycle.force[:, :, None], axis=1)
     rest = (few.out_of.T @ held.outside)[None, :] - pressed @ give
     table = tabulated(grid, dataclasses.replace(cells, coupling=coupling), gap, met, grown)
@@ -101,9 +112,9 @@ def _others(body: FlexibleBody) -> np.ndarray:
 
 
 def _arms(
-    pair: GearPair, bodies: list[VibratingBody], cells: MeshCells
+    pair: GearPair, bodies: list[VibratingBody], cells: MeshCells, bends: bool
 ) -> tuple[CellArmGrid, CellGrid]:
-    """Approach of cells by approach and tilt, other seats against the gear's, modes; and growth."""
+    """Approach of cells by sections, other seats against the gear's, modes; and growth."""
     seats, modes, growth = [], [], jnp.zeros_like(cells.stiffness)
     for each in bodies:
         table = foot_tables(pair, each.index, each.body, cells.lines)
@@ -111,7 +122,8 @@ def _arms(
         seats.append(table.arms[:, :, others])
         modes.append(mode_arms(pair, each.index, each.body, cells.lines))
         growth += each.speed**2 * table.growth
-    return jnp.concatenate([cell_arms(cells.arm), *seats, *modes], axis=2), growth
+    sections = beam_arms(pair, cells.lines) if bends else cell_arms(cells.arm)
+    return jnp.concatenate([sections, *seats, *modes], axis=2), growth
 
 
 class _HeldStructure(NamedTuple):
@@ -123,6 +135,7 @@ class _HeldStructure(NamedTuple):
     - `give`: of these motions per load on them, $F$.
     - `spun`: of these motions by rotation, per square of the pinion's speed.
     - `outside`: of these motions under the loads from outside.
+    - `sections`: of them that are motions of sections: the first.
     - `count`: of them that are not modes.
     """
 
@@ -130,35 +143,49 @@ class _HeldStructure(NamedTuple):
     give: Array
     spun: Array
     outside: Array
+    sections: int
     count: int
 
 
 def _held(mounted: PairSystem, bodies: list[VibratingBody]) -> _HeldStructure:
-    structure, mapped = mounted.structure, mounted.structure.map
-    vectors = jnp.zeros((mapped.size, 2))
-    rigid = mounted.middles.T @ structure_vectors(mounted.pair)
-    vectors = vectors.at[np.asarray(mapped.gear_dofs)].set(rigid)
-    load = jnp.zeros(mapped.size)
+    vectors = _section_vectors(mounted, bodies)
+    gears = np.asarray(mounted.structure.map.gear_dofs)
+    own = [_against_gear(each, mounted.structure.map.size)[gears] for each in bodies]
+    vectors, sections = jnp.concatenate([vectors, *own], axis=1), vectors.shape[1]
+    load = jnp.zeros(mounted.structure.map.size)
     for each in bodies:
-        vectors = jnp.concatenate([vectors, _against_gear(each, mapped.size)], axis=1)
         load = load.at[each.seats].add(each.speed**2 * each.body.seat_load)
-    spins = [first + 5 for gear in mapped.gears for first in gear]
-    kept = np.setdiff1d(np.asarray(mapped.free), spins)
-    columns = jnp.concatenate([vectors, load[:, None], structure.load[:, None]], axis=1)[kept]
-    moved = jnp.linalg.solve(structure.stiffness[kept[:, None], kept[None, :]], columns)
-    moved = vectors[kept].T @ moved
+    both = jnp.concatenate([vectors, load[gears][:, None]], axis=1)
+    statics = static_flexibility(mounted.structure, both)
     count = vectors.shape[1]
     square = jnp.concatenate([each.modes.square for each in bodies])
     grown = jnp.concatenate([each.speed**2 * each.modes.load for each in bodies]) / square
-    both = jax.scipy.linalg.block_diag
-    give = both(0.5 * (moved[:, :count] + moved[:, :count].T), jnp.diag(1.0 / square))
+    on_diagonal = jax.scipy.linalg.block_diag
+    moved = statics.mesh_flexibility[:count]
+    whole = jnp.zeros((mounted.structure.map.size, count)).at[gears].set(vectors)
     return _HeldStructure(
-        vectors=both(vectors, jnp.eye(square.size)),
-        give=give,
+        vectors=on_diagonal(whole, jnp.eye(square.size)),
+        give=on_diagonal(moved[:, :count], jnp.diag(1.0 / square)),
         spun=jnp.concatenate([moved[:, count], grown]),
-        outside=jnp.concatenate([moved[:, count + 1], jnp.zeros(square.size)]),
+        outside=jnp.concatenate([statics.mesh_offset[:count], jnp.zeros(square.size)]),
+        sections=sections,
         count=count,
     )
+
+
+def _section_vectors(mounted: PairSystem, bodies: list[VibratingBody]) -> DofCoordinates:
+    """Coordinates of sections per motion of the gears' nodes; condensed gears go with their seat.
+
+    Approach and tilt, or the seven of `beam_basis` if a body bends.
+    """
+    if not mounted.bends:
+        return mounted.middles.T @ structure_vectors(mounted.pair)
+    rigid = rigid_beam_vectors(mounted.pair)
+    found = mounted.vectors[:, : rigid.shape[1]]
+    for each in bodies:
+        rows = slice(6 * each.index, 6 * each.index + 6)
+        found = found + mounted.middles[rows].T @ rigid[rows]
+    return found
 
 
 def _against_gear(each: VibratingBody, size: int) -> Array:
@@ -187,18 +214,20 @@ class _Combinations(NamedTuple):
     left_out: Array
 
 
-def _combinations(arms: Array, in_mesh: Array, give: Array, count: int) -> _Combinations:
+def _combinations(
+    arms: Array, in_mesh: Array, give: Array, sections: int, count: int
+) -> _Combinations:
     """Those by which static loads move the cells most; which they are has no derivative."""
     # The sizes have one: modes are of unit mass, and what they are of a body has to follow that.
-    size = jnp.sqrt(jnp.diagonal(give)[2:])
-    seen = jnp.where(in_mesh[None, :, :, None], arms[..., 2:], 0.0)
+    size = jnp.sqrt(jnp.diagonal(give)[sections:])
+    seen = jnp.where(in_mesh[None, :, :, None], arms[..., sections:], 0.0)
     seen = jax.lax.stop_gradient(seen.reshape(-1, seen.shape[-1]) * size[None, :])
     energies, patterns = jnp.linalg.eigh(seen.T @ seen)
     patterns = patterns[:, ::-1][:, :count]
     both = jax.scipy.linalg.block_diag
     lost = jnp.sum(energies[: max(size.size - count, 0)]) / jnp.sum(energies)
     return _Combinations(
-        into=both(jnp.eye(2), size[:, None] * patterns),
-        out_of=both(jnp.eye(2), patterns / size[:, None]),
+        into=both(jnp.eye(sections), size[:, None] * patterns),
+        out_of=both(jnp.eye(sections), patterns / size[:, None]),
         left_out=jnp.sqrt(jnp.maximum(lost, 0.0)),
     )

@@ -66,7 +66,7 @@ def node_mesh(
         vectors=_onto(mounted, mounted.vectors),
         mean=mean_stiffness(cycle, table),
         rest=_rest(mounted, cycle),
-        bow=_bow(mounted),
+        bow=beam_bow(mounted),
     )
 
 
@@ -109,19 +109,28 @@ def mean_stiffness(cycle: MeshCycle, table: MeshTable) -> CoordinateMatrix:
     return jnp.sum(cycle.cells.lines.weight[:, None, None] * each, axis=0)
 
 
-def _onto(mounted: PairSystem, rows: DofCoordinates) -> Array:
-    """Rows of the gears' nodes among those of all degrees of freedom."""
-    mapped = mounted.structure.map
-    return jnp.zeros((mapped.size, rows.shape[1])).at[np.asarray(mapped.gear_dofs)].set(rows)
+def beam_bow(mounted: PairSystem) -> CoordinateMatrix | None:
+    """Flexibility of beam bodies between their nodes; it has no mass.
 
+    **Arguments:**
 
-def _bow(mounted: PairSystem) -> CoordinateMatrix | None:
-    """Flexibility of beam bodies between their nodes; it has no mass."""
+    - `mounted`: the structure.
+
+    **Returns:**
+
+    Of the mesh coordinates, or `None` if no body bends [m/N, 1/N, 1/(N m)].
+    """
     if not mounted.bends:
         return None
     at_nodes = mounted.statics.response[np.asarray(mounted.structure.map.gear_dofs)]
     given = mounted.vectors.T @ at_nodes
     return mounted.mesh_flexibility - 0.5 * (given + given.T)
+
+
+def _onto(mounted: PairSystem, rows: DofCoordinates) -> Array:
+    """Rows of the gears' nodes among those of all degrees of freedom."""
+    mapped = mounted.structure.map
+    return jnp.zeros((mapped.size, rows.shape[1])).at[np.asarray(mapped.gear_dofs)].set(rows)
 
 
 def _rest(mounted: PairSystem, cycle: MeshCycle) -> StepPlaces:

@@ -71,8 +71,8 @@ def pair_dynamics(
 
     - `ValueError` in single precision, if thinner teeth still have no backlash, or if a condensed
         body was made without modes or, with `gyroscopic`, without the terms of rotation, is not
-        itself again where the cycle ends, or stands beside a beam body, active mesh damping or back
-        flanks.
+        itself again where the cycle ends, or stands beside back flanks; if a beam stands beside
+        active mesh damping.
     """
     require_float64()
     check_torque(model.pinion_support, model.torque)
@@ -101,19 +101,16 @@ def _check_together(model: PairModel, active: bool) -> None:
     bends = any(body is not None and body.piece is not None for body in model.bodies)
     vibrates = bool(condensed(model.bodies))
     require(
-        not (bends and vibrates),
-        "Beside a condensed body the other must be condensed or rigid in motion, not a beam.",
-    )
-    require(
-        not (active and (bends or vibrates)),
-        "Mesh damping that acts only in contact is for rigid bodies: leave it out, or make {kind} "
-        "bodies rigid.",
-        kind="condensed" if vibrates else "beam",
+        not (active and bends),
+        "Mesh damping that acts only in contact goes by the rates of the gears' nodes, between "
+        "which a beam body bows without inertia: leave it out, or make beam bodies rigid or "
+        "condensed.",
     )
     require(
         not (vibrates and has_back_contact(model.pair)),
-        "Back flanks are for rigid bodies and beams in motion: leave `thickness_allowance` out, or "
-        "make condensed bodies rigid.",
+        "Back flanks are for rigid bodies and beams in motion: teeth on a condensed body press on "
+        "its rim by their drive flanks alone. Leave `thickness_allowance` out, or make condensed "
+        "bodies rigid.",
     )
 
 

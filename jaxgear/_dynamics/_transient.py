@@ -103,14 +103,14 @@ def transient(
     **Raises:**
 
     - `ValueError` in single precision, for speeds, torques or times that cannot be, or for
-        condensed bodies, whose terms of rotation follow no run-up here.
+        `below` with condensed bodies.
     - `TransientError` if the end was not reached and `throw` is true.
     """
     require_float64()
     require(
-        system.turning is None,
-        "Transients are for rigid bodies and beams: march a system with condensed bodies at "
-        "constant speeds (`march`).",
+        system.turning is None or below is None,
+        "The modes of condensed bodies change with the speed, and all have their inertia: leave "
+        '`below` out, and where steps are short integrate implicitly (`solver="kvaerno5"`).',
     )
     speed, torque_ratio = as_profile(speed), as_profile(torque_ratio)
     start, times = jnp.asarray(start, dtype=float), jnp.asarray(times, dtype=float)

@@ -9,6 +9,7 @@ import jax.scipy.linalg
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxgear._dynamics._bodies import TurningTerms
 from jaxgear._dynamics._cell_forces import cell_forces, mesh_load
 from jaxgear._dynamics._schedule import Pieces, Profile, pieces_of
 from jaxgear._dynamics._system import DynamicSystem
@@ -83,12 +84,15 @@ class TransientChoices(eqx.Module):
 class MovingPair(eqx.Module):
     r"""The equations of motion, $\ddot y + (\bar C + \Omega\bar G)\dot y + \bar K y = \bar F - g$.
 
+    With condensed bodies $\bar K$ and $\bar F$ change with the speed.
+
     **Fields:**
 
     - `axes`: that are integrated along.
     - `stiffness`: with the mean mesh stiffness, along the axes [1/s2].
     - `damping`: along the axes [1/s].
     - `gyroscopic`: along the axes, per pinion speed, or `None` [-].
+    - `turning`: of condensed bodies along the axes, its `load` by degrees of freedom, or `None`.
     - `mesh`: mesh coordinates per axis [kg^-1/2].
     - `vectors`: mesh coordinates per degree of freedom [-, m].
     - `load`: on each degree of freedom [N, N m].
@@ -111,6 +115,7 @@ class MovingPair(eqx.Module):
     stiffness: AxisMatrix
     damping: AxisMatrix
     gyroscopic: AxisMatrix | None
+    turning: TurningTerms | None
     mesh: AxisCoordinates
     vectors: Vectors
     load: Vector
@@ -145,7 +150,7 @@ class MovingPair(eqx.Module):
         driven = self._driven(state[0] * self.length, ratio.value(time))
         at = lambda time: self.turn * (line.integral(time) - self.began)
         within = at(near)
-        mesh = mesh_at_phase(self.table, at(time), within)
+        mesh = mesh_at_phase(self.table, at(time), within).at(line.value(time))
         place = driven
         if self.yielding is not None:
             place = _yielded_place(mesh, driven, self.yielding, self.law)
@@ -173,13 +178,19 @@ class MovingPair(eqx.Module):
         """Derivative of the state by time [1/s]; `near` as in `place_and_load`."""
         near = time if near is None else near
         excess = self.excess(*self.place_and_load(time, state, near))
-        ratio = self.ratio.at(near).value(time)
-        pull = self.axes.shape.T @ (ratio * self.load) + self.mesh @ excess
+        ratio, turns = self.ratio.at(near).value(time), self.speed.at(near).value(time)
+        load, stiffness = ratio * self.load, self.stiffness
+        if self.turning is not None:
+            load = load + turns**2 * self.turning.load
+            # The velocity on a body, $\dot x + \Omega Bx$, changes with the speed: $MB = G/2$.
+            quicker = 0.5 * self.speed.at(near).slope * self.turning.gyroscopic
+            stiffness = stiffness + self.turning.stiffness_at(turns) + quicker
+        pull = self.axes.shape.T @ load + self.mesh @ excess
         along, speed = state[0], self.rate * state[1]
         losing = self.damping @ speed
         if self.gyroscopic is not None:
-            losing += self.speed.at(near).value(time) * (self.gyroscopic @ speed)
-        acceleration = pull / self.length - self.stiffness @ along - losing
+            losing += turns * (self.gyroscopic @ speed)
+        acceleration = pull / self.length - stiffness @ along - losing
         return jnp.stack([speed, acceleration / self.rate])
 
     def motion(
@@ -220,6 +231,7 @@ def mesh_at_phase(table: MeshTable, phase: Scalar, near: Scalar) -> Mesh:
         gap=between(table.gap),
         arms=between(table.arms),
         coupling=None if table.coupling is None else table.coupling[i],
+        growth=None if table.growth is None else between(table.growth),
     )
 
 
@@ -280,6 +292,14 @@ def motion_of(
         follow = system.vectors.T @ axes.follow @ system.vectors
         share = jnp.linalg.inv(jnp.eye(system.mean.shape[0]) - follow @ system.mean)
         yielding = share @ follow + (0.0 if system.bow is None else system.bow)
+    turning = system.turning
+    if turning is not None:
+        turning = TurningTerms(
+            gyroscopic=along(turning.gyroscopic),
+            circulatory=along(turning.circulatory),
+            softening=along(turning.softening),
+            load=turning.load,
+        )
     approach = mesh[:, 0]
     inertia = 1.0 / (approach @ approach)
     since = lambda profile: pieces_of(Profile(profile.times - begin, profile.values))
@@ -288,6 +308,7 @@ def motion_of(
         stiffness=stiffness,
         damping=along(system.damping),
         gyroscopic=None if system.gyroscopic is None else along(system.gyroscopic),
+        turning=turning,
         mesh=mesh,
         vectors=system.vectors,
         load=system.load,

@@ -7,16 +7,39 @@ unequal shares of the period, so every mean is weighted.
 import jax.numpy as jnp
 
 from jaxgear._compiled import compiled
+from jaxgear._contact._cells import MeshCells
 from jaxgear._geometry._pair import GearPair
 from jaxgear._smooth import smooth_maximum
 from jaxgear._solve._cycle import MeshCycle
-from jaxgear._types import Harmonics, Phases, Scalar
+from jaxgear._types import CellGrid, Harmonics, Phases, Scalar
 
 
 @compiled
 def transmission_error(pair: GearPair, cycle: MeshCycle) -> Phases:
     """Transmission error at each phase [m], positive where the pinion runs ahead."""
     return cycle.approach / jnp.cos(pair.base_helix_angle)
+
+
+@compiled
+def unloaded_transmission_error(pair: GearPair, cells: MeshCells, gap: CellGrid) -> Phases:
+    r"""Transmission error without load, of rigid gears: their kinematic error.
+
+    Flanks touch at one point, that of least gap $e_i$ along the normal:
+    $\min_i e_i/\cos\beta_b$, the envelope of what all tooth pairs would do by themselves (Guilbert
+    2017, fig. I-12). Bodies, bearings and loads from outside have no part in it.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `cells`: in mesh.
+    - `gap`: of each cell, from `mesh_gap` [m].
+
+    **Returns:**
+
+    At each phase [m], positive where the pinion runs ahead: where material is missing.
+    """
+    least = jnp.min(jnp.where(cells.stiffness > 0.0, gap, jnp.inf), axis=1)
+    return least / jnp.cos(pair.base_helix_angle)
 
 
 @compiled

@@ -1,7 +1,7 @@
 """Condensed finite elements put in mesh: the tables of a body, made once."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import jax.numpy as jnp
@@ -90,6 +90,7 @@ def flexible_body(
     grid: MeshGrid,
     *,
     gear_seat: str | None = None,
+    load_seats: Sequence[str] = (),
     points: int = ROOT_POINTS,
     axial: Axial = "mortar",
     local: Callable[[int], np.ndarray] | None = None,
@@ -105,6 +106,7 @@ def flexible_body(
     - `index`: 0 if it is the pinion's, 1 if it is the wheel's.
     - `grid`: slices, lines and periods of the cycle.
     - `gear_seat`: where torque and rotation are taken; by default `torque`, or the only one.
+    - `load_seats`: where the loads of its shaft act, which may be a little beside.
     - `points`: across the root of a tooth; 2 is the thesis's connection.
     - `axial`: how a slice follows the rim along the axis, "mortar" or "collocation".
     - `local`: what the feet of a tooth, by its number, give beyond what the rim's elements can
@@ -125,11 +127,7 @@ def flexible_body(
     check_rim(body, pair, index)
     check_elements(body, pair, index, grid)
     gear = (pair.pinion, pair.wheel)[index]
-    sectors = body.facts.get("sectors", 1)
-    assert isinstance(sectors, int)
-    repeats = gear.teeth // math.gcd(gear.teeth, sectors)
-    if basis is not None:
-        basis, repeats = basis.under_teeth(gear.teeth, sectors)
+    basis, repeats = _repeating(body, gear.teeth, basis)
     periods = min(repeats, grid.periods)
     teeth = teeth_on_lines(index, grid, periods)
     each, where = np.unique(teeth % gear.teeth if repeats > 1 else teeth, return_inverse=True)
@@ -157,12 +155,24 @@ def flexible_body(
         seat_heights=jnp.asarray(body.seat_points[:, 2]),
         seats=tuple(body.seats),
         gear_seat=_gear_seat(body, gear_seat),
+        load_seats=tuple(_seat(body, name, "a load of the shaft") for name in load_seats),
         components=components,
         first_line=grid.first_line,
         slices=slices,
         repeats=repeats,
         modes=None if basis is None else _modes_on(basis, body, held, on_cells),
     )
+
+
+def _repeating(
+    body: Condensed, teeth: int, basis: BodyBasis | None
+) -> tuple[BodyBasis | None, int]:
+    """The basis under so many teeth, and after how many of them the body is itself again."""
+    sectors = body.facts.get("sectors", 1)
+    assert isinstance(sectors, int)
+    if basis is None:
+        return None, teeth // math.gcd(teeth, sectors)
+    return basis.under_teeth(teeth, sectors)
 
 
 @dataclass(frozen=True)
@@ -322,9 +332,15 @@ def _along_axis(load: np.ndarray) -> np.ndarray:
 def _gear_seat(body: Condensed, name: str | None) -> int:
     if name is None:
         name = "torque" if "torque" in body.seats else body.seats[0] if len(body.seats) == 1 else ""
+    return _seat(body, name, "the torque")
+
+
+def _seat(body: Condensed, name: str, what: str) -> int:
+    """Number of a seat by its name."""
     require(
         name in body.seats,
-        "The seat where the torque acts must be one of the body's, {seats}, got {name!r}.",
+        "The seat where {what} acts must be one of the body's, {seats}, got {name!r}.",
+        what=what,
         seats=", ".join(body.seats),
         name=name,
     )

@@ -6,7 +6,8 @@ the axis to $M$ (thesis eq. 2.7 to 2.9). As a function of $M$ it lies in the spa
 its coefficients are found from as many points.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -15,7 +16,7 @@ from jaxtyping import Array
 
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._wrench import beam_basis
-from jaxgear._system._gear_body import AbstractGearBody
+from jaxgear._system._gear_body import AbstractGearBody, SectionMotion, carried
 from jaxgear._system._mount import AbstractMount
 from jaxgear._types import CoordinateMatrix, DofCoordinates, Scalar
 
@@ -43,18 +44,28 @@ def beam_vectors(
 
     Rows: the degrees of freedom of the pinion's node or nodes, then the wheel's [-, 1/m].
     """
+    motions = (partial(b.section_motion, mount) for mount, b in zip(mounts, bodies, strict=True))
+    return _coefficients(pair, *motions)
+
+
+def rigid_beam_vectors(pair: GearPair) -> DofCoordinates:
+    """As `beam_vectors`, of two gears that move as rigid bodies, each by its motion at mid-face."""
+    return _coefficients(pair, carried, carried)
+
+
+_Sections = Callable[[Scalar], SectionMotion]
+
+
+def _coefficients(pair: GearPair, pinion: _Sections, wheel: _Sections) -> DofCoordinates:
+    """Coefficients of `beam_basis` by motions of sections at a height, per those of nodes."""
     across = 0.5 * pair.face_width * jnp.asarray(_POINTS[:, 0])
     roll = pair.pitch_point + pair.transverse_base_pitch * jnp.asarray(_POINTS[:, 1])
-    values = jax.vmap(
-        lambda z, x: jnp.concatenate(
-            [
-                body.section_motion(mount, z).T @ normal
-                for mount, body, normal in zip(
-                    mounts, bodies, _section_normals(pair, x), strict=True
-                )
-            ]
-        )
-    )(across, roll)
+
+    def at_point(z: Scalar, x: Scalar) -> Array:
+        normals = _section_normals(pair, x)
+        return jnp.concatenate([pinion(z).T @ normals[0], wheel(z).T @ normals[1]])
+
+    values = jax.vmap(at_point)(across, roll)
     basis = jnp.stack(beam_basis(pair, across, roll), axis=1)
     return jnp.linalg.solve(basis, values).T
 

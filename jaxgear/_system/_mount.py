@@ -59,7 +59,8 @@ class MountedNodes(NamedTuple):
 
     `places` names nodes, `count` is how many there are. `gear` are those whose rotation is the
     gear's, `loaded` those that its teeth load, `torque` those where its torque acts in equal parts,
-    `bearings` that of each bearing. In the directions `rigid` the first node cannot move.
+    `bearings` that of each bearing. In the directions `rigid` the first node cannot move. `offsets`
+    are how far each load of the mount is above its node, zero where there are none [m].
     """
 
     places: tuple[tuple[str, int], ...]
@@ -69,6 +70,7 @@ class MountedNodes(NamedTuple):
     torque: tuple[int, ...]
     bearings: tuple[int, ...] = ()
     rigid: tuple[int, ...] = ()
+    offsets: tuple[Scalar, ...] = ()
 
 
 class AbstractMount(eqx.Module):
@@ -104,6 +106,11 @@ class AbstractMount(eqx.Module):
     @abc.abstractmethod
     def bearing_heights(self) -> tuple[Scalar, ...]:
         """Height of each bearing from the gear's mid-face [m]."""
+
+    @property
+    @abc.abstractmethod
+    def load_heights(self) -> tuple[Scalar, ...]:
+        """Height of each load from the gear's mid-face [m]."""
 
     @property
     @abc.abstractmethod

@@ -19,7 +19,8 @@ from jaxgear._contact._cells import MeshCells
 from jaxgear._contact._coupling import between_all_cells
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._wrench import beam_arms, cell_arms, structure_vectors
-from jaxgear._system._flexible import condensed, foot_tables
+from jaxgear._system._flexible import condensed
+from jaxgear._system._foot_tables import foot_tables
 from jaxgear._system._gear_body import AbstractGearBody, gear_disc
 from jaxgear._system._housing import Housing
 from jaxgear._system._mesh_vectors import beam_vectors, within_bodies

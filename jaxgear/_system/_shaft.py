@@ -124,6 +124,10 @@ class Shaft(AbstractMount):
         return tuple(bearing.at - self.gear_at for bearing in self.bearings)
 
     @property
+    def load_heights(self) -> tuple[Scalar, ...]:
+        return tuple(load.at - self.gear_at for load in self.loads)
+
+    @property
     def diameter_at_gear(self) -> Scalar:
         """Outer diameter under the gear's middle; of the left segment at a shoulder [m]."""
         layout = self.layout

@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 from jaxgear._checks import require
 from jaxgear._compiled import compiled
 from jaxgear._system._flexible import condensed
-from jaxgear._system._gear_body import BODIES, AbstractGearBody
+from jaxgear._system._gear_body import BODIES, AbstractGearBody, carried
 from jaxgear._system._housing import Housing, bearing_stiffness_on
 from jaxgear._system._mount import AbstractMount
 from jaxgear._types import (
@@ -31,8 +31,6 @@ from jaxgear._types import (
 )
 
 if TYPE_CHECKING:
-    NodeDofs = Array
-    NodeMatrix = Array
     Load = Array
     StructureMatrix = Array
     Responses = Array
@@ -40,8 +38,6 @@ if TYPE_CHECKING:
     BearingTilts = Array
     BearingLoads = Array
 else:
-    NodeDofs = Float[Array, "6"]
-    NodeMatrix = Float[Array, "6 6"]
     Load = Float[Array, "structure_dof"]
     StructureMatrix = Float[Array, "structure_dof structure_dof"]
     Responses = Float[Array, "structure_dof coordinate"]
@@ -200,7 +196,7 @@ def assemble_structure(
         mass=_on_diagonal(parts[0].mass, parts[1].mass),
         pinion_gyroscopic=_on_diagonal(parts[0].gyroscopic, none[1]),
         wheel_gyroscopic=_on_diagonal(none[0], parts[1].gyroscopic),
-        load=_outside_load(mounts, mapped, as_scalar(torque), as_scalar(ratio))
+        load=_outside_load(mounts, bodies, mapped, as_scalar(torque), as_scalar(ratio))
         + _rotation_load(bodies, mapped, as_scalar(speed), as_scalar(ratio)),
         bearing_stiffness=seats,
         bearing_tilt=tilts,
@@ -239,8 +235,9 @@ def check_torque(pinion: AbstractMount, torque: Scalar) -> None:
     """
     require(
         torque > 0.0,
-        "The pinion's torque must be positive, got {got:.6g} N m: it drives, and without load no "
-        "contact state exists. To load the other flanks, change the sign of the helix angle.",
+        "The pinion's torque must be positive, got {got:.6g} N m: it drives. Without "
+        "load flanks touch at one point: see `unloaded_transmission_error`. To load the other "
+        "flanks, change the sign of the helix angle.",
         got=torque,
     )
     require(
@@ -349,6 +346,7 @@ def _structure_map(
 
 def _outside_load(
     mounts: tuple[AbstractMount, AbstractMount],
+    bodies: tuple[AbstractGearBody, AbstractGearBody],
     mapped: StructureMap,
     torque: Scalar,
     ratio: Scalar,
@@ -356,13 +354,16 @@ def _outside_load(
     """Loads of the shafts, the driving torque and the reaction that balances the mesh."""
     reaction = ratio * driving_torque(mounts[0], torque) - mounts[1].couple
     load = jnp.zeros(mapped.size)
-    for name, mount, couple, nodes in zip(
-        BODIES, mounts, (torque, reaction), mapped.torques, strict=True
+    for name, mount, body, couple, nodes in zip(
+        BODIES, mounts, bodies, (torque, reaction), mapped.torques, strict=True
     ):
         load = load.at[np.asarray(nodes) + 5].add(couple / len(nodes))
+        offsets = body.nodes(mount).offsets
         for i, extra in enumerate(mount.loads):
             first = mapped.dofs[f"{name} load {i}"]
             whole = jnp.concatenate([extra.force, extra.moment])
+            if offsets:
+                whole = carried(offsets[i]).T @ whole
             load = load.at[first + np.arange(6)].add(whole)
     return load
 

@@ -62,6 +62,10 @@ class Support(AbstractMount):
         return ()
 
     @property
+    def load_heights(self) -> tuple:
+        return ()
+
+    @property
     def diameter_at_gear(self) -> Scalar:
         return jnp.zeros(())
 

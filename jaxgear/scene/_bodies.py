@@ -9,11 +9,10 @@ import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from fem_prep import Fineness, GearBody, Holes, Material, SeatPlace, Segment, Teeth, Web
+from fem_prep import Fineness, GearBody, Holes, Material, Segment, Teeth, Web
 from jaxgear._units import GPa, deg, mm
 from jaxgear.scene._body_checks import METHODS
+from jaxgear.scene._body_seats import PlannedSeat, Seats, drawn_seats, named_seats, seat_places
 from jaxgear.scene._body_tables import BodyKeys, WebKeys
 from jaxgear.scene._body_words import in_keys
 from jaxgear.scene._build_pair import pair_of, si
@@ -21,32 +20,6 @@ from jaxgear.scene._gear_tables import GearKeys
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
 from jaxgear.scene._teeth import facts_of_teeth
-
-# Of the diameter there: how much of a shaft a bearing holds, if nobody says.
-_SEAT_WIDTH = 1.0 / 3.0
-# Of the distance between two bearings: what their seats may fill.
-_NO_WIDER = 0.8
-
-
-@dataclasses.dataclass(frozen=True)
-class PlannedSeat:
-    """Where a body will be held or driven.
-
-    **Fields:**
-
-    - `name`: `bearing[0]` and so on, `torque`, or `gear` for a body without a shaft.
-    - `label`: of the set of nodes: of a drawn body as its grid names it, else as the user does.
-    - `at`: z of the seat's own node, on the axis [m].
-    - `averaging`: whether the node moves as the mean of the set, which stiffens nothing.
-    """
-
-    name: str
-    label: str
-    at: float
-    averaging: bool
-
-
-_Seats = tuple[PlannedSeat, ...]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -117,6 +90,7 @@ class BodyPlan:
     - `material`: of the body.
     - `seats`: where it is held and driven.
     - `torque_seat`: name of the seat where the torque enters or leaves.
+    - `load_seats`: names of those that take the loads of its shaft.
     - `teeth`: mass laid on the rim, or None.
     - `method`: how the inside is kept.
     - `modes`: number of modes of the inside.
@@ -134,6 +108,7 @@ class BodyPlan:
     material: Material
     seats: tuple[PlannedSeat, ...]
     torque_seat: str
+    load_seats: tuple[str, ...]
     teeth: Teeth | None
     method: str
     modes: int
@@ -157,14 +132,15 @@ def body_plan(scene: Scene, name: str) -> BodyPlan:
     soft = method != "craig-bampton"
     with in_keys(name):
         if body.superelement is not None:
-            source, seats, torque = _matrices(body, folder), (), ""
+            source = _matrices(body, folder)
+            seats = Seats((), "", tuple(f"load[{i}]" for i in range(len(gear.shaft.loads))))
         elif body.grid is not None:
             rim = _or(body.rim_set, body.interface)
             source = OwnGrid(folder / body.grid, rim, _or(body.grid_unit_mm, 1.0) * mm)
-            seats, torque = _named_seats(gear, soft)
+            seats = named_seats(gear, soft)
         else:
             source = _drawn(gear, root)
-            seats, torque = _drawn_seats(gear, source.body, soft)
+            seats = drawn_seats(gear, source.body, soft)
         material = Material(
             young=float(_or(si(body.young_GPa, GPa), wheel.material.young)),
             poisson=float(wheel.material.poisson),
@@ -179,8 +155,9 @@ def body_plan(scene: Scene, name: str) -> BodyPlan:
         root_thickness=teeth.root_thickness,
         teeth_count=gear.teeth,
         material=material,
-        seats=seats,
-        torque_seat=torque,
+        seats=seats.all,
+        torque_seat=seats.torque,
+        load_seats=seats.loads,
         teeth=Teeth(teeth.mass, teeth.polar_inertia) if body.teeth_mass else None,
         method=method,
         modes=body.modes or 0,
@@ -211,7 +188,7 @@ def _drawn(gear: GearKeys, root: float) -> Drawn:
         gear_at=_or(gear.shaft.gear_at_mm, 0.0) * mm,
     )
     if body.segments:
-        body = dataclasses.replace(body, seats=_places(gear, body))
+        body = dataclasses.replace(body, seats=seat_places(gear, body))
     return Drawn(body, _fineness(gear, body))
 
 
@@ -278,84 +255,6 @@ def ribbed_sectors(body: GearBody, teeth: int) -> int:
 def _next_multiple(least: int, of: int) -> int:
     """The smallest multiple not below, and at least eight."""
     return max(-(-least // of), -(-8 // of)) * of
-
-
-# --- Seats
-
-
-def _places(gear: GearKeys, body: GearBody) -> tuple[SeatPlace, ...]:
-    """Where bearings hold the shaft and, if it is a place of its own, where the torque acts."""
-    given, torque = gear.body.seat_width_mm, gear.shaft.torque_at_mm
-    at = [bearing.at_mm * mm for bearing in gear.shaft.bearings]
-    bearings = [
-        SeatPlace(f"bearing[{i}]", place, _width(body, at, place) if given is None else given * mm)
-        for i, place in enumerate(at)
-    ]
-    if torque is None or abs(torque * mm - body.gear_at) <= 0.5 * body.hub_width:
-        return tuple(bearings)
-    gap = min(abs(torque * mm - seat.at) - 0.5 * seat.width for seat in bearings)
-    if gap <= 1e-3 * body.rim_outer:
-        return tuple(bearings)
-    width = min(_width(body, [], torque * mm), 2.0 * _NO_WIDER * gap)
-    return (*bearings, SeatPlace("torque", torque * mm, width))
-
-
-def _width(body: GearBody, others: list[float], at: float) -> float:
-    """Length of the seat of a bearing: by the shaft's diameter, or as its neighbours allow."""
-    ends = np.cumsum([segment.length for segment in body.segments])
-    here = min(int(np.searchsorted(ends, at)), len(body.segments) - 1)
-    width = _SEAT_WIDTH * body.segments[here].outer
-    apart = [abs(other - at) for other in others if other != at]
-    return min([width, *(_NO_WIDER * each for each in apart)])
-
-
-def _drawn_seats(gear: GearKeys, body: GearBody, soft: bool) -> tuple[_Seats, str]:
-    """Seats of a drawn body, and which of them the torque acts on."""
-    averaging = gear.body.seat_coupling == "averaging"
-    if not body.segments:
-        if body.bore:
-            return (PlannedSeat("gear", "bore", 0.0, averaging),), "gear"
-        # Of a body without a bore the innermost elements, whose size is no measure of anything.
-        return (PlannedSeat("gear", "gear", 0.0, averaging or soft),), "gear"
-    seats = [
-        PlannedSeat(
-            place.name,
-            place.name,
-            place.at - body.gear_at,
-            soft if place.name == "torque" else averaging,
-        )
-        for place in body.seats
-    ]
-    if seats[-1].name == "torque":
-        return tuple(seats), "torque"
-    torque = gear.shaft.torque_at_mm
-    at = 0.0 if torque is None else torque * mm - body.gear_at
-    on_gear = abs(at) <= 0.5 * body.hub_width
-    return _with_torque(seats, "gear" if on_gear else None, at, soft)
-
-
-def _named_seats(gear: GearKeys, soft: bool) -> tuple[_Seats, str]:
-    """Seats of a grid of the user's own, by the names of its sets."""
-    body, shaft = gear.body, gear.shaft
-    averaging, sets = body.seat_coupling == "averaging", body.seats or []
-    if not shaft.bearings:
-        return (PlannedSeat("gear", sets[0], 0.0, averaging),), "gear"
-    origin = shaft.gear_at_mm
-    seats = [
-        PlannedSeat(f"bearing[{i}]", label, (bearing.at_mm - origin) * mm, averaging)
-        for i, (bearing, label) in enumerate(zip(shaft.bearings, sets, strict=True))
-    ]
-    at = (_or(shaft.torque_at_mm, origin) - origin) * mm
-    return _with_torque(seats, body.torque_set, at, soft)
-
-
-def _with_torque(
-    seats: list[PlannedSeat], label: str | None, at: float, soft: bool
-) -> tuple[_Seats, str]:
-    """Seats and that of the torque: of its own nodes, or else the nearest."""
-    if label:
-        return (*seats, PlannedSeat("torque", label, at, soft)), "torque"
-    return tuple(seats), min(seats, key=lambda seat: abs(seat.at - at)).name
 
 
 def _matrices(body: BodyKeys, folder: Path) -> Matrices:

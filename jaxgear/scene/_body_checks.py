@@ -10,7 +10,7 @@ from jaxgear.scene._key import one_of, show
 # How the inside of a body is kept. Any other `interface` names the rim's set of a user's grid.
 METHODS = ("herting", "craig-bampton", "guyan")
 
-_OF_GRID = ("rim_set", "seats", "torque_set", "grid_unit_mm")
+_OF_GRID = ("rim_set", "seats", "torque_set", "load_sets", "grid_unit_mm")
 _OF_MATRICES = ("mass", "nodes", "faces", "units", "mid_face_mm")
 _HOLES = ("holes", "hole_diameter_mm", "hole_circle_mm")
 

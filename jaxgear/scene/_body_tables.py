@@ -93,6 +93,9 @@ class BodyKeys(AbstractKeys):
         "node sets of body.grid for bearing seats, in their order; without shaft, of the bore"
     )
     torque_set: str | None = key("node set of body.grid where the torque enters or leaves")
+    load_sets: list[str] | None = key(
+        "node sets of body.grid where shaft.loads act, in their order; default: the nearest seat"
+    )
     grid_unit_mm: float | None = key(
         "length of the unit of body.grid; default: 1",
         "(0, inf). A grid in metres has 1000, one in inches 25.4",

@@ -16,8 +16,9 @@ Shape = Literal["linear", "parabolic"]
 YOUNG = "[0.1, 2000]. The key is in gigapascals; steel has 206"
 DENSITY = "[100, 30000]. The key is in kg/m^3; steel has 7850"
 TORQUE = (
-    "(0, inf). The pinion drives; with no load there is no contact state to solve. To load the "
-    "other flank mirror the pair: change the sign of the helix angle and swap the flank data"
+    "(0, inf). The pinion drives; without load flanks touch at one point, and every run says what "
+    "the transmission error then is, unloaded_te_um. To load the other flank mirror the pair: "
+    "change the sign of the helix angle and swap the flank data"
 )
 DEPTH = "[0, inf). A depth is material removed, so it is positive where the flank is cut back"
 EXTENT = (

@@ -212,8 +212,8 @@ def _in_mesh(
                 )
         elif mesh.root_correction:
             local = root_correction(body, plan.material, pair, index, grid, **on_rim)
-        seat = plan.torque_seat or None
+        seats: Any = {"gear_seat": plan.torque_seat or None, "load_seats": plan.load_seats}
         flexible = flexible_body(
-            body, pair, index, grid, gear_seat=seat, local=local, give=give, basis=basis, **on_rim
+            body, pair, index, grid, local=local, give=give, basis=basis, **seats, **on_rim
         )
     return MeshBody(built, flexible, basis)

@@ -20,7 +20,7 @@ from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._roots import Axial, Feet, RimSurface, feet
 from jaxgear._solve._cycle import MeshCycle
 from jaxgear._system._body_tables import root_patches, teeth_on_lines
-from jaxgear._system._flexible import foot_weights
+from jaxgear._system._foot_tables import foot_weights
 from jaxgear._system._model import PairModel
 from jaxgear._types import Reals
 from jaxgear.scene._mesh_bodies import MeshBody

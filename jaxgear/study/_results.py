@@ -122,12 +122,14 @@ def _responses(
     wrench = jnp.stack(
         [jnp.sum(cycle.force, axis=1), jnp.sum(cycle.force * cycle.cells.arm, axis=1)], axis=1
     )
+    gap = jg.mesh_gap(pair, lines, model.flanks, model.misalignment)
     found = {
         "transmission_error": error,
+        "unloaded": jg.unloaded_transmission_error(pair, cycle.cells, gap),
         "te_harmonic": jg.harmonic_amplitudes(cycle, error, harmonic_count(cycle)),
         "mesh_stiffness": jg.mesh_stiffness(cycle),
         "load_sharing": jg.load_sharing(cycle),
-        "gap": jg.mesh_gap(pair, lines, model.flanks, model.misalignment),
+        "gap": gap,
         "place": (lines.roll - pair.path_start) / pair.path_of_contact,
         "line_load": jg.line_load(cycle, law),
         "pressure": jg.hertz_pressure(pair, cycle, law),
@@ -197,6 +199,7 @@ def _over_mesh(cycle: jg.MeshCycle, found: dict[str, np.ndarray]) -> Entries:
         over(
             "phase",
             transmission_error_um=(found["transmission_error"], f"quasi-static {te}"),
+            unloaded_te_um=(found["unloaded"], f"{te} of rigid gears without load"),
             mesh_stiffness_N_um=(
                 found["mesh_stiffness"],
                 "stiffness of the cells in contact, along the normal",

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxgear._checks import require
-from jaxgear._contact._cells import nominal_line_load
+from jaxgear._contact._cells import mesh_gap, nominal_line_load
 from jaxgear._contact._iso import iso_stiffness
 from jaxgear._contact._root_influence import Influences
 from jaxgear._contact._shared import shared_compliance
@@ -33,6 +33,7 @@ from jaxgear._response._transmission import (
     harmonic_amplitudes,
     peak_to_peak,
     transmission_error,
+    unloaded_transmission_error,
 )
 from jaxgear._solve._cycle import MeshCycle, PreparedMesh, corrected_cycle, prepare_mesh
 from jaxgear._system._model import PairModel
@@ -309,6 +310,7 @@ def _static_numbers(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw)
     return {
         "mesh_force_N": cycle.load[0, 0],
         **headline(model, cycle, law),
+        "te_unloaded_peak_to_peak_um": _unloaded_range(model, cycle) / um,
         "single_pair_stiffness_max_N_mm_um": largest / N_per_mm_um,
         "single_pair_stiffness_pitch_N_mm_um": at_pitch / N_per_mm_um,
         "single_pair_deflection_um": load / largest / um,
@@ -325,6 +327,12 @@ def _static_numbers(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw)
         "least_share_in_contact": jnp.min(_share_in_contact(cycle)),
         "most_solver_steps": jnp.max(cycle.steps),
     }
+
+
+def _unloaded_range(model: PairModel, cycle: MeshCycle) -> Scalar:
+    """Peak to peak of the transmission error that rigid gears have without load [m]."""
+    gap = mesh_gap(model.pair, cycle.cells.lines, model.flanks, model.misalignment)
+    return peak_to_peak(unloaded_transmission_error(model.pair, cycle.cells, gap))
 
 
 def _largest_sliding(pair: GearPair) -> Scalar:

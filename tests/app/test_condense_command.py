@@ -274,6 +274,21 @@ def test_seats_are_where_bearings_and_torque_are(write, torque, places, carrier)
     assert all(len(grid.sets[f"seat:{seat.label}"]) > 2 for seat in plan.seats)
 
 
+def test_loads_have_seats_of_their_own_where_there_is_room(write):
+    """Between, on a bearing's seat, where the torque leaves, and under the hub."""
+    rows = ", ".join(f"{{ at_mm = {at}, force_N = [9, 0, 0] }}" for at in (27, 37, 8, 16))
+    extra = f"gear_at_mm = 15.0\ntorque_at_mm = 8.2\nloads = [{rows}]"
+    plan = _plan(write(_PAIR + _SHAFT.replace("gear_at_mm = 15.0", extra) + _BODY))
+    assert plan.load_seats == ("load[0]", "bearing[1]", "load[2]", "load[3]")
+    assert plan.torque_seat == "load[2]"
+    found = {seat.name: (seat.label, seat.averaging) for seat in plan.seats}
+    assert found["load[0]"] == ("load[0]", True)
+    assert found["load[3]"] == ("gear", True)
+    assert len(found) == 5
+    grid = _grid(plan)
+    assert all(len(grid.sets[f"seat:{seat.label}"]) > 2 for seat in plan.seats)
+
+
 def test_a_solid_disc_is_held_without_being_stiffened(write):
     (seat,) = _plan(write(_PAIR.replace("bore_mm = 20.0\n", "") + _BODY)).seats
     assert (seat.name, seat.label, seat.averaging) == ("gear", "gear", True)

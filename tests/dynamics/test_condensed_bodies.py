@@ -17,7 +17,17 @@ import numpy as np
 import pytest
 from fem_cases import assert_near
 from helpers import observed_order
-from hybrid_cases import APART, PAIRS, ROUND, TEETH, Turning, relieved, shaft, vibrating
+from hybrid_cases import (
+    APART,
+    PAIRS,
+    ROUND,
+    TEETH,
+    Turning,
+    loaded_shaft,
+    relieved,
+    shaft,
+    vibrating,
+)
 
 import jaxgear as jg
 from fem_prep import ReducedBody
@@ -36,7 +46,8 @@ from jaxgear._dynamics._table import MIDDLE, mesh_at
 from jaxgear._response._dynamic import dynamic_transmission_error, orbit_variance
 from jaxgear._system._body_modes import body_basis
 from jaxgear._system._body_tables import flexible_body
-from jaxgear._system._flexible import FlexibleBody, foot_tables, mode_arms
+from jaxgear._system._flexible import FlexibleBody
+from jaxgear._system._foot_tables import foot_tables, mode_arms
 from jaxgear._system._gear_body import RigidBody
 from jaxgear._system._model import PairModel
 
@@ -170,6 +181,39 @@ def test_statics_of_two_condensed_gears(coordinates, count):
     assert_near(np.asarray(found), np.asarray(dynamics.cycle.force), 1e-10)
 
 
+def _beam(kind: str) -> dict[str, Any]:
+    """A pinion whose body is a beam, on its shaft; the second bearing holds it along Z."""
+    pair = PAIRS[kind]()
+    width, outer = pair.pinion.face_width, 2.0 * pair.root_radius[0]
+    bearings = [
+        jg.Bearing(5e-3, 2e8, 3e8),
+        jg.Bearing(50e-3, 3e8, 3e8, 1e8, 1e4, 1e4),
+    ]
+    segments = [jg.Segment(56e-3, 14e-3)]
+    mount = jg.Shaft(segments, bearings, gear_at=25e-3, torque_at=2e-3, body_width=width)
+    return {"pinion_support": mount, "pinion_body": jg.BeamBody(width, outer)}
+
+
+@pytest.mark.slow
+def test_statics_of_a_beam_beside_a_condensed_wheel_with_a_load_on_its_shaft():
+    """The beam winds up and bows, and with it what its shaft lets its sections do."""
+    grid = _grid(8, "helical")
+    wheel = vibrating("helical", 1, grid, MODES, seats="shaft")
+    wheel = dataclasses.replace(wheel, load_seats=(1,))
+    parts: dict[str, Any] = {
+        "flanks": relieved(),
+        "wheel_support": loaded_shaft(1.5e-3),
+        "wheel_body": wheel,
+    }
+    model = PairModel(PAIRS["helical"](), 150.0, **parts, **_beam("helical"))
+    dynamics = _made(model, grid, ModalDamping(), False, FEW)
+    assert dynamics.system.vectors.shape[1] == 7 + FEW
+    mesh = mesh_at(dynamics.system.table, MIDDLE).at(jnp.asarray(0.0))
+    found = _cells(mesh, dynamics.system.rest)
+    assert np.asarray(dynamics.cycle.converged).all()
+    assert_near(np.asarray(found), np.asarray(dynamics.cycle.force), 1e-10)
+
+
 # --- The body's own frame
 
 
@@ -185,6 +229,48 @@ def _marching(cycles: int):
             stepper=Midpoint(),
         )
     )
+
+
+def _apart(phases: int) -> float:
+    """Transmission error of a transient at constant speed from that of a march, over its swing."""
+    system, cycles = _pair(phases=phases, count=7, coordinates=12).system, 2
+    speed = jnp.asarray(1500.0)
+    marched = _marching(cycles)(system, speed).motion @ system.transmission
+    ends = np.arange(cycles)[:, None] + np.asarray(system.table.edges)[None, 1:]
+    times = jnp.asarray(float(system.mesh_period(speed)) * np.append(0.0, ends.ravel()))
+    start, law = quasi_static_start(system), jg.ExactContact()
+    found = jg.transient(system, speed, 1.0, start, times, law=law, rtol=1e-6, atol=1e-6)
+    error = np.asarray(found.transmission_error)[1:]
+    return np.abs(error - np.asarray(marched)).max() / np.ptp(error)
+
+
+@pytest.mark.slow
+def test_a_transient_at_constant_speed_is_what_a_march_tends_to():
+    """With all terms of rotation and growth; the march is of the second order in its steps."""
+    coarse, fine = _apart(60), _apart(120)
+    assert fine < 0.05
+    assert fine < 0.4 * coarse
+
+
+@pytest.mark.slow
+def test_a_slow_run_up_passes_through_the_responses_at_constant_speed():
+    """A run-up by 1 % over sixty mesh periods, after which its start is forgotten."""
+    system, law = _pair(6000.0, phases=60, count=7, coordinates=12).system, jg.ExactContact()
+    method = Marching(law=law, cycles=300, stepper=Exponential())
+    speeds = jnp.asarray([1500.0, 1515.0])
+    first, last = (eqx.filter_jit(method.orbit)(system, speed) for speed in speeds)
+    swing = [
+        float(np.ptp(np.asarray(dynamic_transmission_error(system, x)))) for x in (first, last)
+    ]
+    period = float(system.mesh_period(jnp.asarray(1507.5)))
+    times = jnp.linspace(0.0, 60.0 * period, 1201)
+    ramp = jg.Profile(jnp.asarray([0.0, 60.0 * period]), speeds)
+    found = jg.transient(
+        system, ramp, 1.0, quasi_static_start(system), times, law=law, rtol=1e-5, atol=1e-5
+    )
+    assert bool(found.complete)
+    late = np.asarray(found.transmission_error)[-60:]
+    assert min(swing) * 0.9 < np.ptp(late) < max(swing) * 1.1
 
 
 def _off(phases: int, cycles: int, speed: float, coordinates: int, count: int) -> np.ndarray:
@@ -349,21 +435,23 @@ def test_waves_peak_where_the_mesh_meets_them():
 # --- Limits
 
 
-def _rigid(support: jg.Support, rate: float) -> PairDynamics:
+def _rigid(support: jg.Support, rate: float, **pinion: Any) -> PairDynamics:
     """The wheel as a rigid body of the same mass, its own foundation left out."""
     whole = _rigid_mass()
+    parts: dict[str, Any] = {"pinion_support": support, **pinion}
     model = PairModel(
         PAIRS["spur"](),
         20.0,
         flanks=relieved(),
         compliance=APART.without((1,)),
-        pinion_support=support,
         wheel_support=support,
         wheel_body=RigidBody(whole[0, 0], whole[5, 5], whole[3, 3]),
+        **parts,
     )
     dynamics = _made(model, _grid(), _mass_damped(rate), True, FEW)
     # The web is off the middle of the rim: the centre of mass is not at mid-face.
-    wheel = np.array([dynamics.dofs.index(dof) for dof in range(6, 12)])
+    first = dynamics.cycle.system.structure.map.dofs["wheel gear"]
+    wheel = np.array([dynamics.dofs.index(first + k) for k in range(6)])
     system = dynamics.system
     more = jnp.zeros_like(system.mass)
     more = more.at[wheel[:, None], wheel].set(whole) - more.at[wheel[:, None], wheel].set(
@@ -407,6 +495,23 @@ def test_a_rigidified_wheel_runs_as_a_rigid_one(alike):
     assert found[0][0] < 1e-2
     for first, second in zip(*found, strict=True):
         assert second < 0.05 * first
+
+
+@pytest.mark.slow
+def test_a_rigidified_wheel_beside_a_beam_runs_as_a_rigid_one():
+    """Apart from harmonics of what bows the beam, which its own mesh leaves out."""
+    rate, method, grid = 6000.0, HarmonicBalance(harmonics=7), _grid()
+    rigid = _rigid(UNLIKE, rate, **_beam("spur"))
+    speeds = jnp.asarray([500.0, 900.0, 1700.0, 2600.0])
+    wanted = _steady(rigid.system, speeds, method)
+    model = _model(grid, factor=1e6, wheel_support=UNLIKE, **_beam("spur"))
+    dynamics = _made(model, grid, _mass_damped(rate), True, FEW)
+    orbits = _steady(dynamics.system, speeds, method)
+    assert np.asarray(orbits.settled & wanted.settled).all()
+    ours, theirs = (np.asarray(each.load)[:, :, 0] for each in (orbits, wanted))
+    static = float(rigid.system.force)
+    assert np.ptp(theirs, axis=1).max() > 0.3 * static
+    assert np.abs(ours - theirs).max() < 1e-3 * static
 
 
 @pytest.mark.slow
@@ -476,6 +581,24 @@ def test_bilinear_harmonics_are_the_midpoint_rule():
     assert np.asarray(harmonic.settled & shot.settled).all()
     for one, other in ((harmonic.load, shot.load), (harmonic.motion, shot.motion)):
         assert_near(np.asarray(one), np.asarray(other), 1e-10)
+
+
+@pytest.mark.slow
+def test_harmonics_and_shooting_agree_on_a_mesh_that_damps_in_contact():
+    """But for the rates of closed cells, in which steps and harmonics differ."""
+    grid = _grid()
+    make = eqx.filter_jit(lambda m: pair_dynamics(m, grid, active_mesh_damping=True))
+    system, speeds = _even(make(_model(grid)).system), jnp.asarray([2200.0, 3390.0, 3960.0])
+    harmonic = _steady(system, speeds, HarmonicBalance(harmonics=7, bilinear=True))
+    shot = _steady(system, speeds, Shooting(stepper=Midpoint()))
+    assert system.cell_damping is not None
+    less = dataclasses.replace(system, cell_damping=0.3 * system.cell_damping)
+    other = _steady(less, speeds, HarmonicBalance(harmonics=7, bilinear=True))
+    assert np.asarray(harmonic.settled & shot.settled & other.settled).all()
+    loads = [np.asarray(each.load)[:, :, 0] for each in (harmonic, shot, other)]
+    off, moved = (np.abs(each - loads[0]).max() / np.ptp(loads[0]) for each in loads[1:])
+    assert off < 0.02
+    assert moved > 5.0 * off
 
 
 def _off_shooting(phases: int) -> np.ndarray:

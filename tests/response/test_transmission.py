@@ -171,6 +171,29 @@ def test_transmission_error_is_the_pinions_lead():
     assert_close(np.max(_unmodified()[1]), 2615.4 / (14e9 * 9.5e-3), rtol=1e-4, atol=0.0)
 
 
+def test_unloaded_error_is_the_envelope_of_the_pairs_gaps():
+    """Relief of depth C over a share x of the path, at its end s = 0 and s = eps base pitches.
+
+    A pair alone would part by C (1 - s / (x eps)) near either end; of two pairs the lesser counts.
+    And it is what remains of a loaded mesh whose torque vanishes.
+    """
+    base = jg.PairModel(ACCESSORY.pair(), 80.0, compliance=jg.ConstantStiffness(14e9))
+    model = eqx.tree_at(lambda m: m.flanks, base, symmetric_relief(20.0 * um, 0.45))
+    grid = jg.mesh_grid(model.pair, phases=16, slices=2)
+    cycle = run_cycle(eqx.tree_at(lambda m: m.torque, model, jnp.asarray(80e-6)), grid)
+    lines, ratio = cycle.cells.lines, ACCESSORY.contact_ratio
+    gap = jg.mesh_gap(model.pair, lines, model.flanks, model.misalignment)
+    found = jg.unloaded_transmission_error(model.pair, cycle.cells, gap)
+
+    place = np.asarray(lines.phase)[:, None] + np.arange(2)
+    end = np.minimum(place, ratio - place)
+    parted = 20.0 * um * np.maximum(0.0, 1.0 - end / (0.45 * ratio))
+    envelope = np.min(np.where(end > 0.0, parted, np.inf), axis=1)
+    assert np.ptp(envelope) > 3.0 * um
+    assert_close(found, envelope, rtol=1e-9, atol=1e-12)
+    assert_close(jg.transmission_error(model.pair, cycle), found, rtol=0.0, atol=1e-10)
+
+
 def test_statistics_of_a_cycle_are_differentiable():
     """In its approach; that has derivatives in its turn, by tests of its own."""
     cycle, pair = _unmodified()[0], ACCESSORY.pair()

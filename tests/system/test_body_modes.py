@@ -23,7 +23,7 @@ import jaxgear as jg
 from fem_prep import ReducedBody
 from jaxgear._system._body_modes import BodyBasis, body_basis
 from jaxgear._system._body_tables import flexible_body
-from jaxgear._system._flexible import mode_arms
+from jaxgear._system._foot_tables import mode_arms
 
 _arms = eqx.filter_jit(mode_arms)
 

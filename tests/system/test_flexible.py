@@ -13,7 +13,18 @@ import hybrid_cases
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hybrid_cases import PAIRS, TEETH, Dense, Gear, shaft, shaft_springs
+from hybrid_cases import (
+    FORCE,
+    MOMENT,
+    PAIRS,
+    TEETH,
+    TORQUE_AT,
+    Dense,
+    Gear,
+    loaded_shaft,
+    shaft,
+    shaft_springs,
+)
 
 import jaxgear as jg
 from fem_prep import ReducedBody
@@ -21,7 +32,8 @@ from jaxgear._contact._coupling import between_all_cells
 from jaxgear._interface._wrench import structure_vectors
 from jaxgear._solve._cycle import prepare_mesh
 from jaxgear._system._body_tables import flexible_body
-from jaxgear._system._flexible import FlexibleBody, FootTables, foot_tables
+from jaxgear._system._flexible import FlexibleBody
+from jaxgear._system._foot_tables import FootTables, foot_tables
 from jaxgear._system._model import PairModel
 from jaxgear._system._pair_system import pair_system
 
@@ -373,6 +385,58 @@ def test_seats_that_no_bearing_has_are_refused():
     flexible = _in_mesh("spur", 1, "shaft")[1]
     with pytest.raises(ValueError, match=r"has the seats bearing\[0\].* give the bearings"):
         _model(flexible, SUPPORT)
+
+
+# --- Loads on the shaft, at the seat of the torque
+
+_BESIDE = 1.5e-3
+
+
+def test_a_load_on_a_condensed_shaft_moves_it_as_all_its_unknowns_say():
+    """A load 1.5 mm beside its seat, against the body before its rim is taken out, in NumPy."""
+    body, flexible, _, tables = _in_mesh("spur", 1, "shaft")
+    flexible = dataclasses.replace(flexible, load_seats=(1,))
+    torque = jnp.asarray(20.0)
+    system = _assembled(
+        PAIRS["spur"](), torque, SUPPORT, loaded_shaft(_BESIDE), wheel_body=flexible
+    )
+    wheel = np.arange(6, 30)
+    found = np.asarray(system.statics.offset)[wheel].reshape(4, 6)
+
+    at = np.array([0.0, 0.0, TORQUE_AT + _BESIDE])
+    whole = np.concatenate([FORCE, MOMENT + np.cross([0.0, 0.0, _BESIDE], FORCE)])
+    stiffness, seats = body.stiffness.copy(), [body.seat_dofs(name) for name in body.seats]
+    springs = shaft_springs()
+    for own, spring in zip(seats, springs, strict=True):
+        stiffness[own, own] += np.diag(spring)
+    load = np.zeros(len(stiffness))
+    load[seats[1]] = whole
+    # What balances the couples about Z acts at the torque's seat, whose rotation is the gear's.
+    kept = np.setdiff1d(np.arange(len(stiffness)), [seats[1].start + 5])
+    moved = np.zeros(len(stiffness))
+    moved[kept] = np.linalg.solve(stiffness[kept[:, None], kept], load[kept])
+    _near(found, [moved[own] for own in seats], 1e-7)
+
+    # Bearings bear it as a rigid body would ask.
+    borne = springs * found
+    _near(borne[:, :3].sum(axis=0), FORCE, 1e-8)
+    turned = np.cross(body.seat_points, borne[:, :3]).sum(axis=0)
+    _near(turned[:2], (MOMENT + np.cross(at, FORCE))[:2], 1e-8)
+
+    # Work of the load by a tooth's force is that of the tooth's force by the load.
+    arms = np.asarray(tables.arms)[2]
+    by_load = arms @ found.ravel()
+    by_teeth = np.asarray(system.statics.response)[wheel][6:12, 2:] @ arms.T
+    _near(by_load, whole @ by_teeth, 1e-9)
+
+
+def test_a_load_far_from_every_seat_of_a_condensed_shaft_is_refused():
+    flexible = _in_mesh("spur", 1, "shaft")[1]
+    with pytest.raises(ValueError, match=r"seat of each of its loads: there are 1 loads"):
+        _model(flexible, loaded_shaft(_BESIDE))
+    flexible = dataclasses.replace(flexible, load_seats=(1,))
+    with pytest.raises(ValueError, match=r"thick, 8 mm, got 9 mm. Give the body a seat there"):
+        _model(flexible, loaded_shaft(9e-3))
 
 
 def test_tables_for_another_grid_are_refused():

@@ -48,7 +48,7 @@ from jaxgear._geometry._lines import contact_lines, mesh_grid
 from jaxgear._geometry._profile import tooth_section
 from jaxgear._interface._roots import ROOT_POINTS, Axial
 from jaxgear._system._body_tables import flexible_body
-from jaxgear._system._flexible import foot_tables
+from jaxgear._system._foot_tables import foot_tables
 from jaxgear.scene._root_correction import RootCorrection, root_correction
 
 # How far the lowest row of a tooth dips in its middle, of half its width: with less it meets the

@@ -1,0 +1,169 @@
+"""Condensed bodies under the cells of a cycle: what the feet of teeth give, at every phase."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxgear._geometry._lines import ContactLines
+from jaxgear._geometry._pair import GearPair
+from jaxgear._system._flexible import FlexibleBody
+from jaxgear._types import CellArmGrid, CellGrid, DenseCouplingGrid, Reals
+
+
+class FootTables(eqx.Module):
+    """What a body adds to the cells of a cycle.
+
+    **Fields:**
+
+    - `compliance`: between cells, with the seats held [m/N].
+    - `arms`: approach of each cell per motion of the seats, along and about S, T, Z [-, m].
+    - `growth`: approach of each cell by rotation, per square of the speed [m s2].
+    """
+
+    compliance: DenseCouplingGrid
+    arms: CellArmGrid
+    growth: CellGrid
+
+
+def foot_tables(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLines) -> FootTables:
+    """What a condensed body adds to the cells of a cycle.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `index`: 0 for the pinion, 1 for the wheel.
+    - `body`: of that gear.
+    - `lines`: where the cells are.
+
+    **Returns:**
+
+    Compliance, arms and growth.
+    """
+    # One mesh period at a time: each has the table of the teeth that are in mesh.
+    period = lambda x: x.reshape(lines.periods, -1, *x.shape[1:])
+    roll = period(lines.roll)
+
+    def of_period(given: tuple[Array, Array]):
+        number, roll = given
+        table = jax.tree.map(
+            lambda x: x[number % body.periods],
+            (body.flexibility, body.from_seats, body.growth, body.centres),
+        )
+        return _on_cells(pair, index, body, table, roll, lines.face_position)
+
+    found = jax.lax.map(of_period, (jnp.arange(lines.periods), roll))
+    compliance, arms, growth = (x.reshape(-1, *x.shape[2:]) for x in found)
+    return FootTables(compliance, arms, growth)
+
+
+def mode_arms(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLines) -> CellArmGrid:
+    """Approach of each cell per motion of the modes, in coordinates that stand still in space.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `index`: 0 for the pinion, 1 for the wheel.
+    - `body`: of that gear, with modes.
+    - `lines`: where the cells are.
+
+    **Returns:**
+
+    Arms of all cells at each phase [kg^-1/2].
+    """
+    modes = body.modes
+    assert modes is not None
+    teeth = (pair.pinion, pair.wheel)[index].teeth
+    # Of the first cell: its tooth in each period, and how far the helix has it turned.
+    first = np.arange(body.periods)
+    tooth = (1.0, -1.0)[index] * (body.first_line - first)
+    twist = (1.0, -1.0)[index] * jnp.tan(pair.base_helix_angle) / pair.base_radius[index]
+    on_body = 2.0 * jnp.pi / teeth * jnp.asarray(tooth) + twist * lines.face_position.ravel()[0]
+    roll = lines.roll.reshape(lines.periods, -1, *lines.roll.shape[1:])
+    waves = np.asarray(modes.waves)
+    partner = np.arange(waves.size) + np.where(waves < 0, -1, 0)
+    partner[np.flatnonzero(waves < 0) - 1] += 1
+    # Modes without a partner stand still on the body.
+    number = jnp.asarray(np.where(partner == np.arange(waves.size), 0, waves), dtype=float)
+
+    def of_period(given: tuple[Array, Array]) -> Array:
+        period, roll = given
+        own = period % body.periods
+        weights, angle = foot_weights(pair, index, body.centres[own], roll, lines.face_position)
+        rows = modes.rows[own]
+        arms = sum(
+            (weights[c][:, :, None] * rows[i][None] for i, c in enumerate(body.components)),
+            jnp.zeros(()),
+        )
+        turned = (angle[:, 0] - on_body[own])[:, None, None] * number[None, None, :]
+        # The first of a pair has a positive number, the second the same negative.
+        return jnp.cos(turned) * arms - jnp.sin(turned) * arms[:, :, partner]
+
+    found = jax.lax.map(of_period, (jnp.arange(lines.periods), roll))
+    return found.reshape(-1, *found.shape[2:])
+
+
+def _on_cells(
+    pair: GearPair,
+    index: int,
+    body: FlexibleBody,
+    table: tuple[Array, Array, Array, Array],
+    roll: Reals,
+    face_position: Reals,
+) -> tuple[Array, Array, Array]:
+    """Compliance, arms and growth of the cells of one mesh period."""
+    flexibility, from_seats, growth, centres = table
+    weights, angle = foot_weights(pair, index, centres, roll, face_position)
+    weights = [weights[component] for component in body.components]
+    size = range(len(weights))
+    # Written out over the few components: a batch of tiny products costs many times its arithmetic.
+    none = jnp.zeros(())
+
+    def given(a: int) -> Array:
+        """Motion of all feet along one component, by the forces of all cells."""
+        return sum((flexibility[a, b][None] * weights[b][:, None, :] for b in size), none)
+
+    compliance = sum((weights[a][:, :, None] * given(a) for a in size), none)
+    rows = sum((weights[a][:, :, None] * from_seats[a][None] for a in size), none)
+    grown = sum((weights[a] * growth[a][None] for a in size), none)
+    return compliance, _in_fixed_frame(rows, angle), grown
+
+
+def foot_weights(
+    pair: GearPair, index: int, centres: Array, roll: Reals, face_position: Reals
+) -> tuple[list[Array], Array]:
+    r"""Approach of each cell per motion of its foot, and the angle of its tooth's middle.
+
+    In the frame of the foot the normal is $(\cos\beta_b\sin\kappa, \cos\beta_b\cos\kappa,
+    \mp\sin\beta_b)$, with $\kappa = \rho/r_b - \psi_b$ the load's angle against the perpendicular
+    to the tooth's middle, $\rho$ the gear's own roll length and $\psi_b$ half its tooth's angle at
+    the base circle; the point of contact is $r_b(\cos\kappa, -\sin\kappa) + \rho(\sin\kappa,
+    \cos\kappa)$ from the axis.
+    """
+    sign = (1.0, -1.0)[index]
+    phases = roll.shape[0]
+    base = pair.base_radius[index]
+    own = (roll if index == 0 else pair.tangent_length - roll).reshape(phases, -1)
+    load = own / base - pair.half_thickness_at_base[index]
+    sine, cosine = jnp.sin(load), jnp.cos(load)
+    helix = pair.base_helix_angle
+    flat = jnp.cos(helix)
+    normal = flat * sine, flat * cosine, jnp.full_like(own, -sign) * jnp.sin(helix)
+    heights = jnp.broadcast_to(face_position, roll.shape).reshape(phases, -1)
+    point = base * cosine + own * sine, own * cosine - base * sine, heights
+    arm = [point[axis] - centres[None, :, axis] for axis in range(3)]
+    moment = [
+        arm[(axis + 1) % 3] * normal[(axis + 2) % 3] - arm[(axis + 2) % 3] * normal[(axis + 1) % 3]
+        for axis in range(3)
+    ]
+    angle = load - pair.working_pressure_angle + (0.0 if index == 0 else jnp.pi)
+    return [*normal, *moment], angle
+
+
+def _in_fixed_frame(rows: Array, angle: Array) -> Array:
+    """Rows per motion of the seats in the frame of each foot, per motion along S, T, Z."""
+    apart = rows.reshape(*rows.shape[:2], -1, 3)
+    cosine, sine = jnp.cos(angle)[:, :, None], jnp.sin(angle)[:, :, None]
+    r, t, z = apart[..., 0], apart[..., 1], apart[..., 2]
+    return jnp.stack([cosine * r - sine * t, sine * r + cosine * t, z], axis=-1).reshape(rows.shape)
