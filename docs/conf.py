@@ -19,7 +19,7 @@ copyright = "2026, the authors of jaxgear"
 version = release = installed("jaxgear")
 language = "en-GB"
 
-extensions = ["myst_nb", "sphinx.ext.mathjax", "sphinx_design"]
+extensions = ["myst_nb", "sphinx.ext.mathjax"]
 exclude_patterns = ["_static"]
 # Strict: whatever is cited must be there.
 nitpicky = True

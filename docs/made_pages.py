@@ -166,7 +166,8 @@ def _is_ours(member: object) -> bool:
 
 
 def _docstring(thing: object) -> str:
-    return inspect.getdoc(thing) or ""
+    """The docstring, each formula that it cites as a link."""
+    return re.sub(r"\btheory (\d+\.\d+)", r"[theory \1](#theory-\1)", inspect.getdoc(thing) or "")
 
 
 def _signature(thing: object) -> str:

@@ -167,7 +167,5 @@ def test_the_readme_prints_what_it_says(capsys):
     promised = [float(number) for number in re.findall(r"# (\d+\.\d+) um", code)]
     assert len(promised) == 2
     assert [round(float(line), 4) for line in printed[:2]] == promised
-    # In motion: the relief quietens the pair, and both slopes are numbers.
-    plain, relieved = (float(number) for number in printed[-2].split())
-    assert relieved < 0.5 * plain
-    assert len(re.findall(r"-?\d+\.\d+", printed[-1])) == 2
+    # More relief still lowers the variance.
+    assert float(printed[2]) < 0.0
