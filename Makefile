@@ -59,7 +59,7 @@ suite: $(VENV)/.installed-dev
 	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 # As users compile: with the fast tests' older emitters some large programs find no contact.
-test-slow: $(VENV)/.installed-dev
+test-slow: $(VENV)/.installed-dev $(VENV)/.installed-docs
 	XLA_FLAGS= $(BIN)/pytest -m slow
 
 # Slow: every fault is a run of its own. One by one: `python tests/planted_faults.py --help`.

@@ -34,10 +34,12 @@ html_theme = "pydata_sphinx_theme"
 html_title = f"jaxgear {version}"
 html_static_path = ["_static"]
 html_css_files = ["jaxgear.css"]
+html_sidebars = {"tutorial": [], "gallery": []}
 html_show_sourcelink = False
 html_copy_source = False
 html_theme_options = {
     "navbar_align": "left",
+    "header_links_before_dropdown": 7,
     "navbar_end": ["theme-switcher"],
     "secondary_sidebar_items": ["page-toc"],
     "footer_start": ["copyright"],
