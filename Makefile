@@ -14,12 +14,13 @@ PYTHON ?=
 PYTHONS := $(or $(PYTHON),python3.13 python3.12 python3.11 python3)
 VENV := .venv
 BIN := $(VENV)/bin
+SITE := site
 DEMO := demo
 DEMO_OUT := $(DEMO)/results/accessory
 
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: help demo test types suite test-slow test-faults golden-check golden-record bench measure clean
+.PHONY: help demo test types suite test-slow test-faults golden-check golden-record bench measure docs clean
 
 help:
 	@echo 'make demo         a gear pair from scene to pictures, in $(DEMO)/'
@@ -29,6 +30,7 @@ help:
 	@echo 'make golden-check compares what commands write with what was recorded (golden-record)'
 	@echo 'make bench        timings'
 	@echo 'make measure      counts of the sources, beside those of version 0.8'
+	@echo 'make docs         the documentation, in $(SITE)/'
 	@echo 'make clean        remove all that the others made'
 
 demo: $(VENV)/.installed
@@ -57,7 +59,7 @@ suite: $(VENV)/.installed-dev
 	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 # As users compile: with the fast tests' older emitters some large programs find no contact.
-test-slow: $(VENV)/.installed-dev
+test-slow: $(VENV)/.installed-dev $(VENV)/.installed-docs
 	XLA_FLAGS= $(BIN)/pytest -m slow
 
 # Slow: every fault is a run of its own. One by one: `python tests/planted_faults.py --help`.
@@ -78,8 +80,12 @@ bench: $(VENV)/.installed
 measure: $(VENV)/.installed
 	$(BIN)/python benchmarks/measure.py
 
+# Strict: a warning, or a name that is nowhere, fails it.
+docs: $(VENV)/.installed-docs
+	$(BIN)/sphinx-build -W -n --keep-going -b html docs $(SITE)
+
 clean:
-	rm -rf $(VENV) $(DEMO) results/bench build dist .pytest_cache .ruff_cache
+	rm -rf $(VENV) $(DEMO) $(SITE) docs/_made results/bench build dist .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # The environment is made anew when what it should hold has changed.
@@ -103,6 +109,10 @@ $(VENV)/.installed: pyproject.toml constraints.txt
 	echo "Making $(VENV) with $$("$$python" --version)"; \
 	"$$python" -m venv --clear $(VENV)
 	$(PIP_INSTALL) -e .
+	@touch $@
+
+$(VENV)/.installed-docs: $(VENV)/.installed
+	$(PIP_INSTALL) -e '.[docs]'
 	@touch $@
 
 $(VENV)/.installed-dev: $(VENV)/.installed

@@ -1,4 +1,4 @@
-"""Seconds to an answer: commands, imports and the README's snippets, each in a fresh process.
+"""Seconds to an answer: commands, imports and the Python of the docs, each in a fresh process.
 
 `python benchmarks/bench_answers.py [PART ...] [--all] [--against PYTHON] [--out DIR]`
 
@@ -144,8 +144,8 @@ def answered(
 
 
 def snippets() -> list[str]:
-    """The README's Python: the first block, and the second, which goes on where that ends."""
-    text = (_HERE.parent / "README.md").read_text("utf-8")
+    """The Python of the docs: the first block, and the second, which goes on where that ends."""
+    text = (_HERE.parent / "docs" / "python.md").read_text("utf-8")
     blocks = re.findall(r"^```python\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
     return [blocks[0], blocks[0] + blocks[1]]
 
@@ -216,7 +216,7 @@ def _at_once(rig: Rig) -> list[dict[str, Any]]:
 
 
 def _snippets(rig: Rig) -> list[dict[str, Any]]:
-    """The README's Python."""
+    """The Python of `docs/python.md`."""
     rows = []
     for case, code in zip(("snippet at rest", "snippet in motion"), snippets(), strict=True):
         runs = {}

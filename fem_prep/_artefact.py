@@ -21,7 +21,7 @@ UNITS = "SI: m, kg, s, N, rad"
 
 @dataclass(frozen=True)
 class ReducedBody:
-    r"""A gear body condensed on its rim and its seats, free in space.
+    r"""A gear body condensed on its rim and its seats, free in space (theory 6.9).
 
     Its coordinates are, in this order: three translations of every rim node; three translations
     and three rotations of every seat; amplitudes of interior shapes. The motion obeys

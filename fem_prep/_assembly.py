@@ -136,7 +136,7 @@ def _integration(grid: Grid) -> Iterator[tuple[slice, np.ndarray, np.ndarray, np
 
 
 def assemble(grid: Grid, material: Material) -> tuple[csr_array, csr_array]:
-    r"""Stiffness and consistent mass matrix of a grid.
+    r"""Stiffness and consistent mass matrix of a grid (theory 6.6).
 
     $K_{ai,bj} = \int \lambda N_{a,i} N_{b,j} + \mu N_{a,j} N_{b,i} + \mu \delta_{ij} N_{a,k}
     N_{b,k}$ and $M_{ai,bj} = \delta_{ij} \int \rho N_a N_b$, by 27 Gauss points.
@@ -203,7 +203,7 @@ def _stressed(
 
 
 def stress_stiffening(grid: Grid, material: Material, displacement: np.ndarray) -> csr_array:
-    r"""Stiffness by stresses that are there already (geometric stiffness).
+    r"""Stiffness by stresses that are there already (geometric stiffness, theory 6.9).
 
     $K_\sigma = \int \nabla N_a \cdot \sigma \nabla N_b$ along every axis, with the stress of a
     given displacement: the work of that stress on the second-order part of Green's strain.

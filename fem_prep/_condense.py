@@ -103,7 +103,7 @@ def condense(
     held: Held | None = None,
     progress: Progress = silent,
 ) -> ReducedBody:
-    r"""Condense a body on its rim and its seats.
+    r"""Condense a body on its rim and its seats (theory 6.7 to theory 6.12).
 
     Interior shapes are, by method:
 

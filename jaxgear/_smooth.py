@@ -46,7 +46,7 @@ def smooth_ramp_integral(x: Reals, width: Scalar) -> Reals:
 
 
 def smooth_maximum(x: Float[Array, "..."], width: Scalar) -> Scalar:
-    r"""A differentiable upper bound of the largest element: $w \log \sum \exp(x/w)$.
+    r"""A differentiable upper bound of the largest element: $w \log \sum \exp(x/w)$ (theory 11.5).
 
     It exceeds the maximum by at most $w \log n$ for $n$ elements.
 

@@ -26,7 +26,8 @@ def whole_file(path: Path) -> Iterator[Path]:
     try:
         yield draft
         # On the disc before the name is: a machine that fails leaves the old file or the new one.
-        with draft.open("rb") as file:
+        # Windows brings only files there that are open for writing.
+        with draft.open("r+b") as file:
             os.fsync(file.fileno())
         os.replace(draft, path)
     finally:

@@ -1,7 +1,7 @@
 r"""The Master Curve: depth and extent of symmetric linear tip relief that keep the TE constant.
 
 Closed form for thin slices of constant stiffness and a profile contact ratio between 1 and 2,
-derived here (not the printed equation of Bruyere & Velex 2013), and the map
+derived here (theory 5.6, theory 5.7; not the equation of Bruyere & Velex 2013), and the map
 that it is laid on, computed with whatever stiffness the model has.
 Depths may be in any unit of length that all arguments of a function share; [m] stands for it.
 """

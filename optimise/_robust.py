@@ -91,7 +91,7 @@ class Mean(AbstractMeasure):
 
 
 class Quantile(AbstractMeasure):
-    r"""The value that a share of a sample stays below, smoothed.
+    r"""The value that a share of a sample stays below, smoothed (theory 12.5).
 
     It solves $\frac1n\sum_i\sigma((q - v_i)/w) = p$ with the logistic $\sigma$, the distribution of
     the sample widened by $w$; so it is differentiable, and has more than one member's slope.

@@ -30,6 +30,7 @@ STAGES = (
     "_types",
     "_checks",
     "_program_cache",
+    "_process",
     "_whole_file",
     "_kept_programs",
     "_compiled",

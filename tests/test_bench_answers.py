@@ -50,7 +50,7 @@ def test_a_process_is_measured(bench, tmp_path):
     assert bench.answered(Path(sys.executable), ("python", "wrong.py"), tmp_path, {}).code == 3
 
 
-def test_the_readme_has_two_snippets(bench):
+def test_the_page_on_python_has_two_snippets(bench):
     at_rest, in_motion = bench.snippets()
     assert in_motion.startswith(at_rest)
     assert "torque=80.0" in at_rest

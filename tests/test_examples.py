@@ -155,13 +155,11 @@ def test_notebook_runs_and_its_assertions_hold(path):
     _PROMISES[path.stem](text)
 
 
-def _run_readme(capsys, without: tuple[str, ...] = (), **instead: str) -> list[str]:
-    """Its Python blocks, line by line; returns what they print."""
+@pytest.mark.end_to_end
+def test_the_readme_prints_what_it_says(capsys):
+    """Its Python blocks, line by line."""
     text = (_ROOT / "README.md").read_text(encoding="utf-8")
     code = "\n".join(re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL))
-    for old, new in {**dict.fromkeys(without, ""), **instead}.items():
-        assert old in code, old
-        code = code.replace(old, new)
     # A user of the README has JAX's usual promotion.
     with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
         exec(compile(code, "README.md", "exec"), {})
@@ -169,27 +167,5 @@ def _run_readme(capsys, without: tuple[str, ...] = (), **instead: str) -> list[s
     promised = [float(number) for number in re.findall(r"# (\d+\.\d+) um", code)]
     assert len(promised) == 2
     assert [round(float(line), 4) for line in printed[:2]] == promised
-    return printed
-
-
-def _assert_quieter(line: str) -> None:
-    """In motion, the relief quietens the pair."""
-    plain, relieved = (float(number) for number in line.split())
-    assert relieved < 0.5 * plain
-
-
-@pytest.mark.end_to_end
-def test_the_readme_prints_what_it_says(capsys):
-    """But for slopes of an orbit, which `dynamics/test_gradients.py` has; its scene is coarse."""
-    slopes = re.search(r"slopes = .*\nprint\(\*slopes\).*", (_ROOT / "README.md").read_text())
-    assert slopes is not None
-    coarse = '"mesh.slices=4", "mesh.phases=8", "mesh.stiffness=iso6336"'
-    _assert_quieter(_run_readme(capsys, (slopes[0],), **{'"mesh.slices=5"': coarse})[-1])
-
-
-@pytest.mark.slow
-def test_the_whole_readme_prints_what_it_says(capsys):
-    """Both slopes are numbers."""
-    printed = _run_readme(capsys)
-    _assert_quieter(printed[-2])
-    assert len(re.findall(r"-?\d+\.\d+", printed[-1])) == 2
+    # More relief still lowers the variance.
+    assert float(printed[2]) < 0.0

@@ -7,7 +7,6 @@ and one that is not on the list, is the user's.
 """
 
 import contextlib
-import fcntl
 import hashlib
 import json
 import os
@@ -18,6 +17,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from jaxgear._whole_file import write_text
+
+try:
+    import fcntl
+except ImportError:  # Windows: no draft is known to be at work, so all stay that a kill has left.
+    fcntl = None
 
 # The list that a command keeps of its files: the SHA-256 of each under its name.
 _LIST = ".jaxgear.json"
@@ -129,6 +133,9 @@ def _remove(path: Path, name: str, digest: str) -> None:
 @contextlib.contextmanager
 def _locked(new: Path) -> Iterator[Path]:
     """Lock a draft while its command is at work, and name it so: the lock goes with the process."""
+    if fcntl is None:
+        yield new
+        return
     handle = os.open(new, os.O_RDONLY)
     try:
         # Some file systems know no locks: drafts that a kill leaves there stay.
@@ -141,6 +148,8 @@ def _locked(new: Path) -> Iterator[Path]:
 
 def _clear_drafts(path: Path) -> None:
     """Remove the drafts of commands that were killed."""
+    if fcntl is None:
+        return
     for draft in path.glob(f"{_DRAFT}*"):
         with contextlib.suppress(OSError):
             handle = os.open(draft, os.O_RDONLY | os.O_DIRECTORY)

@@ -99,7 +99,7 @@ def nominal_line_load(pair: GearPair, torque: Scalar) -> Scalar:
 def mesh_cells(
     pair: GearPair, grid: MeshGrid, compliance: AbstractCompliance, line_load: Scalar
 ) -> MeshCells:
-    r"""Divide the contact lines of one cycle into cells.
+    r"""Divide the contact lines of one cycle into cells (theory 3.9, theory 4.5).
 
     **Arguments:**
 

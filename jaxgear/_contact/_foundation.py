@@ -87,7 +87,7 @@ class AbstractFoundation(eqx.Module):
 
 
 class WeberFoundation(AbstractFoundation):
-    r"""Weber's elastic half-plane under the tooth, plane strain.
+    r"""Weber's elastic half-plane under the tooth, plane strain (theory 3.3, theory 3.4).
 
     $\frac{\cos^2\alpha_p}{E}[L(u/S_f)^2 + M\,u/S_f + P(1 + Q\tan^2\alpha_p)]$ with
     $u = Y_c - r_f$, $S_f = 2 r_f\theta_f$ and, for any Poisson's ratio, $L = 18(1-\nu^2)/\pi$,
@@ -165,7 +165,7 @@ class SainsotFoundation(AbstractFoundation):
 
 
 class RingFoundation(AbstractFoundation):
-    """An elastic ring, clamped at the gear's bore, under all teeth together.
+    """An elastic ring, clamped at the gear's bore, under all teeth together (theory 3.6).
 
     Exact in plane strain for tractions spread over each root; see `ring_influence`. Helical gears
     are evaluated on their virtual spur gear, whose ring has the ratio of radii of the real one.

@@ -10,7 +10,7 @@ from jaxgear._types import Reals
 
 @compiled
 def hertz_contact(pair: GearPair, roll: Reals) -> HertzContact:
-    """The cylinders that touch at given positions, in the normal plane.
+    """The cylinders that touch at given positions, in the normal plane (theory 3.7).
 
     **Arguments:**
 

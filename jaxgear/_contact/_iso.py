@@ -37,7 +37,7 @@ def iso_stiffness(pair: GearPair, line_load: Scalar) -> IsoStiffness:
     r"""ISO 6336-1 method B for solid discs, with the basic rack's factor $C_B$.
 
     The standard fits it for $x_1 \ge x_2$, $-0.5 \le x_1 + x_2 \le 2$, helix angles up to 30
-    degrees and $\varepsilon_\alpha \ge 1.2$; outside it is extrapolated.
+    degrees and $\varepsilon_\alpha \ge 1.2$; outside it is extrapolated (theory 3.10, theory 3.11).
 
     **Arguments:**
 

@@ -162,7 +162,7 @@ def _chebyshev(place: Reals, count: int) -> Iterator[Reals]:
 
 @compiled
 def root_influence(section: ToothSection, tip_roll: Scalar, poisson: Scalar) -> RootInfluence:
-    r"""Solve for the stresses along the fillets of a tooth.
+    r"""Solve for the stresses along the fillets of a tooth (theory 3.12).
 
     **Arguments:**
 

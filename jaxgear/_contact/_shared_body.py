@@ -9,7 +9,7 @@ from jaxgear._types import Influence, Reals, Scalar
 
 
 class SharedBody(eqx.Module):
-    r"""A gear body that couples the teeth in mesh.
+    r"""A gear body that couples the teeth in mesh (theory 3.6).
 
     **Fields:**
 

@@ -2,7 +2,7 @@ r"""Compliance of one tooth and of a Hertzian contact, per length of contact lin
 
 A line load $F'$ acts along the common normal. Every compliance here is secant, deflection
 over line load [m2/N], in plane strain. Sources: Weber & Banaschek 1953 as in Guilbert 2017
-eq. 1.1-1.3, corrected and for any Poisson's ratio.
+eq. 1.1-1.3, corrected and for any Poisson's ratio (theory 3.1, theory 3.2, theory 3.8).
 """
 
 from collections.abc import Callable
@@ -144,7 +144,7 @@ def beam_compliance(section: ToothSection, material: Material, roll_angle: Reals
 
 
 class HertzContact(eqx.Module):
-    r"""Two cylinders pressed together along a line, axes parallel, plane strain.
+    r"""Two cylinders pressed together along a line, axes parallel, plane strain (theory 3.7).
 
     **Fields:**
 
@@ -179,7 +179,7 @@ def penetration_compliance(material: Material, depth: Reals, half_width: Reals) 
     r"""One body's share of the contact deflection, over the line load (Weber's logarithm).
 
     $\frac{2(1-\nu^2)}{\pi E}\left[\ln\frac{2d}{a_H} - \frac{\nu}{2(1-\nu)}\right]$: approach of
-    the contact and a point at depth $d$ below it.
+    the contact and a point at depth $d$ below it (theory 3.8).
 
     **Arguments:**
 

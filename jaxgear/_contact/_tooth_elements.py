@@ -74,7 +74,7 @@ class ToothTables(eqx.Module):
 def tooth_tables(
     compliance: np.ndarray, roll: np.ndarray, face_width: float, young: float
 ) -> ToothTables:
-    """Tables of one gear from what `fem_prep.condense_teeth` gives.
+    """Tables of one gear from what `fem_prep.condense_teeth` gives (theory 4.6).
 
     **Arguments:**
 

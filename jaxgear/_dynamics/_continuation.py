@@ -226,7 +226,7 @@ def continuation(
     stability: bool = True,
     done: Callable[[int], None] = lambda count: None,
 ) -> Curve:
-    """Follow a branch of responses over a range of speeds, round its folds.
+    """Follow a branch of responses over a range of speeds, round its folds (theory 9.4).
 
     **Arguments:**
 

@@ -48,7 +48,7 @@ class AbstractDamping(eqx.Module):
 class RayleighDamping(AbstractDamping):
     r"""$C = a_R M + b_R\bar K$ (Guilbert 2017, eq. 2.34), a ratio of $a_R/2\omega + b_R\omega/2$.
 
-    The second part grows with frequency: it soon damps mesh harmonics too much.
+    The second part grows with frequency: it soon damps mesh harmonics too much (theory 8.4).
 
     **Fields:**
 
@@ -78,7 +78,7 @@ class RayleighDamping(AbstractDamping):
 
 
 class ModalDamping(AbstractDamping):
-    r"""A ratio for each mode, by where its strain energy is (Guilbert 2017, eq. 2.36).
+    r"""A ratio for each mode, by where its strain energy is (Guilbert 2017, eq. 2.36, theory 8.5).
 
     $C = \sum_i 2\xi_i\omega_i(M\varphi_i)(M\varphi_i)^T$ over all modes, where
     $\xi_i = \xi_m e_i + \xi_s(1 - e_i)$ and

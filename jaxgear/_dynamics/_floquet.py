@@ -41,7 +41,7 @@ def monodromy(
     stepper: AbstractStepper = Exponential(),
     law: AbstractContactLaw = ExactContact(),
 ) -> Monodromy:
-    """Derivative of the state at the end of a response by that at its start.
+    """Derivative of the state at the end of a response by that at its start (theory 10.1).
 
     A cell that closes within a step counts for the part of the step in which it is closed: what is
     found converges with the square of the step, where the derivative of the steps themselves
@@ -74,7 +74,7 @@ def monodromy(
 
 
 def multipliers(monodromies: Array, modes: ModalBasis) -> np.ndarray:
-    """Floquet's multipliers, the eigenvalues of monodromy matrices, largest first.
+    """Floquet's multipliers, the eigenvalues of monodromy matrices, largest first (theory 10.1).
 
     This is not for tracing: no platform but the CPU finds eigenvalues of such matrices.
 

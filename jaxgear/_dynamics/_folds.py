@@ -27,7 +27,7 @@ from jaxgear._types import Reals, Scalar
 def doubled(
     system: DynamicSystem, method: HarmonicBalance, doubling: CurvePoint, *, step: float = 0.02
 ) -> tuple[Terms, float]:
-    """A response of twice the period, close to where the period doubles.
+    """A response of twice the period, close to where the period doubles (theory 10.1).
 
     **Arguments:**
 
@@ -103,7 +103,7 @@ def condition(balance: Balance, terms: Terms, speed: Scalar) -> Scalar:
 def fold_near(
     system: DynamicSystem, method: HarmonicBalance, fold: CurvePoint, *, reach: float = 0.5
 ) -> CurvePoint | None:
-    """Find the fold again after the system has changed a little.
+    """Find the fold again after the system has changed a little (theory 10.2).
 
     **Arguments:**
 
@@ -150,7 +150,7 @@ def fold_gradient(
     method: HarmonicBalance,
     fold: CurvePoint,
 ) -> PyTree:
-    r"""Derivatives of the speed at which a branch folds.
+    r"""Derivatives of the speed at which a branch folds (theory 10.2).
 
     With $l$ the left null vector of the balance's derivative by the harmonics,
     $\mathrm d\Omega/\mathrm d\theta = -(l\cdot r_\theta)/(l\cdot r_\Omega)$: no second derivatives

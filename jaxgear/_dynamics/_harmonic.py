@@ -34,7 +34,7 @@ from jaxgear._types import Coordinates, Reals, Scalar
 
 
 class HarmonicBalance(AbstractMethod):
-    """Harmonic balance with alternating frequency and time.
+    """Harmonic balance with alternating frequency and time (theory 8.13 to theory 9.2).
 
     **Fields:**
 

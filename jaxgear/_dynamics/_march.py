@@ -215,7 +215,7 @@ def march(
     averaged: bool = False,
     modes: ModalBasis | None = None,
 ) -> History:
-    """March over a number of cycles.
+    """March over a number of cycles (theory 8.11, theory 8.12).
 
     **Arguments:**
 

@@ -46,7 +46,7 @@ _ROUNDING = 1e-9
 
 
 class Modes(eqx.Module):
-    r"""Natural modes by rising frequency, without the motions that nothing holds.
+    r"""Natural modes by rising frequency, without the motions that nothing holds (theory 8.3).
 
     Derivatives are those of $\omega^2$: $\varphi^T(dK - \omega^2 dM)\varphi$; where modes meet,
     each is given the mean of these over them. Shares and ratios of modes that meet are those of all
@@ -178,7 +178,7 @@ def _modes(
 
 
 def pair_modes(dynamics: PairDynamics, *, meet: float = _MEET) -> Modes:
-    """Modes of a gear pair, with the shares of both shafts and of their bearings.
+    """Modes of a gear pair, with the shares of both shafts and of their bearings (theory 8.2).
 
     **Arguments:**
 
@@ -280,7 +280,7 @@ def critical_speeds(
 ) -> CriticalSpeeds:
     r"""Speeds of the pinion at which a mesh harmonic meets a natural frequency.
 
-    $h z_1\Omega_1 = \omega$; gyroscopic effects are not considered.
+    $h z_1\Omega_1 = \omega$; gyroscopic effects are not considered (theory 8.8, theory 8.9).
 
     **Arguments:**
 
@@ -316,7 +316,7 @@ def rotating_frequencies(
     softening: Matrix | None = None,
 ) -> Campbell:
     r"""Natural frequencies of the undamped turning system
-    $M\ddot q + \Omega_1 G\dot q + (\bar K + \Omega_1^2S)q$.
+    $M\ddot q + \Omega_1 G\dot q + (\bar K + \Omega_1^2S)q$ (theory 8.8).
 
     Over the modes of its stiffness it is $\dot x = Ax$ with $A$ antisymmetric, so that its
     frequencies are the eigenvalues of a Hermitian matrix: real, and found to the last digit. It

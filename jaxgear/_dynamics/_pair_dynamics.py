@@ -46,7 +46,7 @@ def pair_dynamics(
     centrifugal: bool = True,
     mesh_coordinates: int = 12,
 ) -> PairDynamics:
-    r"""Set a gear pair in motion.
+    r"""Set a gear pair in motion (theory 8.1, theory 8.7).
 
     **Arguments:**
 

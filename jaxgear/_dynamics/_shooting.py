@@ -22,7 +22,7 @@ from jaxgear._types import Flag, Reals, Scalar
 
 
 class Shooting(AbstractMethod):
-    """March to the end of the cycle, correct the start, and march again.
+    """March to the end of the cycle, correct the start, and march again (theory 9.3).
 
     **Fields:**
 

@@ -19,7 +19,7 @@ def steady_state(
     method: AbstractMethod | None = None,
     start: Start | None = None,
 ) -> Orbit:
-    """Find the steady response at one speed.
+    """Find the steady response at one speed (theory 12.1).
 
     It is compiled as a whole, once for all speeds and real numbers of the system. It can be traced,
     and batched over speeds by `jax.vmap`; `steady_states` is faster at that on a CPU. With

@@ -61,7 +61,7 @@ class AbstractStepper(eqx.Module):
 
 
 class Midpoint(AbstractStepper):
-    """Implicit midpoint rule: the load is that of the mean displacement, in mid-step.
+    """Implicit midpoint rule: the load is that of the mean displacement, in mid-step (theory 8.10).
 
     It is Newmark's rule of constant average acceleration with the load in the middle, where the
     cells of a step are known without jumps. Second order, no numerical damping; with contact
@@ -78,7 +78,7 @@ class Midpoint(AbstractStepper):
 
 
 class Exponential(AbstractStepper):
-    """Exact for the linear modes, with the load of mid-step held over the step.
+    """Exact for the linear modes, with the load of mid-step held over the step (theory 8.11).
 
     The linear part knows no phase error and no limit of the step, so that few steps suffice where
     modes are light and contact is smooth. Second order in the load.
@@ -195,7 +195,7 @@ class GeneralizedAlpha(AbstractNewmark):
 
 
 class HilberHughesTaylor(AbstractNewmark):
-    r"""The HHT-$\alpha$ method, Earthq. Eng. Struct. Dyn. 5 (1977) 283.
+    r"""The HHT-$\alpha$ method, Earthq. Eng. Struct. Dyn. 5 (1977) 283 (theory 8.10).
 
     **Fields:**
 
@@ -222,7 +222,7 @@ class HilberHughesTaylor(AbstractNewmark):
 
 
 class Newmark(AbstractNewmark):
-    r"""Newmark's method as in the thesis (section 3.3).
+    r"""Newmark's method as in the thesis (section 3.3, theory 8.10).
 
     Where stiffness jumps between two steps, the acceleration with which a step starts is that on
     its own side of the jump. It is unconditionally stable for $2\beta \ge \gamma \ge 1/2$.

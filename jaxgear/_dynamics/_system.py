@@ -34,7 +34,7 @@ from jaxgear._types import CoordinateMatrix, Scalar, as_scalar
 
 
 class DynamicSystem(eqx.Module):
-    r"""A linear structure and a mesh in time.
+    r"""A linear structure and a mesh in time (theory 8.1).
 
     **Fields:**
 

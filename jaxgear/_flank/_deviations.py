@@ -67,7 +67,7 @@ def _check_exponent(exponent: int, owner: str) -> None:
 
 
 class TipRelief(AbstractFlankDeviation):
-    """Relief that grows towards the tip.
+    """Relief that grows towards the tip (theory 2.1).
 
     **Fields:**
 
@@ -95,7 +95,7 @@ class TipRelief(AbstractFlankDeviation):
 
 
 class RootRelief(AbstractFlankDeviation):
-    """Relief that grows towards the start of active profile.
+    """Relief that grows towards the start of active profile (theory 2.1).
 
     **Fields:**
 
@@ -123,7 +123,7 @@ class RootRelief(AbstractFlankDeviation):
 
 
 class ProfileCrowning(AbstractFlankDeviation):
-    """Parabolic crowning along the profile: barrelling.
+    """Parabolic crowning along the profile: barrelling (theory 2.2).
 
     **Fields:**
 
@@ -176,7 +176,7 @@ class ProfileWaviness(AbstractFlankDeviation):
 
 
 class Crowning(AbstractFlankDeviation):
-    """Parabolic crowning across the face.
+    """Parabolic crowning across the face (theory 2.2).
 
     **Fields:**
 
@@ -197,7 +197,7 @@ class EllipticalCrowning(AbstractFlankDeviation):
     $-d\,(1 - \sqrt{1 - z^2})$ with $z$ the place across the face: the semi-axes are half the face
     width and the depth. At the ends the ellipse is as steep as a wall; there and beyond,
     the depth is constant and the slope zero. Crowning that is partly parabolic is the sum of
-    this and `Crowning` in `Superposed`; a class of its own would only repeat that sum.
+    this and `Crowning` in `Superposed`; a class of its own would only repeat that sum (theory 2.2).
 
     **Fields:**
 
@@ -216,7 +216,7 @@ class EllipticalCrowning(AbstractFlankDeviation):
 
 
 class EndRelief(AbstractFlankDeviation):
-    """Relief that grows towards one end of the face, or both.
+    """Relief that grows towards one end of the face, or both (theory 2.1).
 
     **Fields:**
 
@@ -276,7 +276,7 @@ class Bias(AbstractFlankDeviation):
 
     $\tfrac12 S\,(p - \tfrac12)\,z$ with $p$ the place on the profile, $z$ the one across the face.
     The same $S$ is the profile slope at the right end less that at the left end, and the helix
-    slope at the tip less that at the start of active profile.
+    slope at the tip less that at the start of active profile (theory 2.3).
 
     **Fields:**
 

@@ -13,7 +13,7 @@ def _as_list(value: object) -> Array:
 
 
 class Indexing(eqx.Module):
-    """Where the flanks of one gear stand around its axis.
+    """Where the flanks of one gear stand around its axis (theory 2.5).
 
     Tooth 0 enters contact at phase 0, tooth 1 one mesh period later. An eccentric gear keeps its
     involutes; their axis runs round the axis of rotation.

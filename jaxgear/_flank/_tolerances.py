@@ -79,7 +79,7 @@ class GradeWaveform(eqx.Module):
 def flank_tolerances(
     pair: GearPair, gear_index: int, grade: Scalar | float | int
 ) -> FlankTolerances:
-    r"""Tolerances of ISO 1328-1:2013 for one gear.
+    r"""Tolerances of ISO 1328-1:2013 for one gear (theory 2.4).
 
     Each class is $\sqrt 2$ times the one before. Values are not rounded as the standard's are,
     and the class may be any real number between its first and last, so that both can be

@@ -74,7 +74,7 @@ def profile_shift_of_span(
     helix_angle: Real = 0.0,
     thickness_allowance: Real = 0.0,
 ) -> Real:
-    r"""The profile shift of a gear by its base tangent length over some teeth.
+    r"""The profile shift of a gear by its base tangent length over some teeth (theory 1.11).
 
     $W_k = m_n\cos\alpha_n\,[(k - \tfrac12)\pi + z\,\mathrm{inv}\,\alpha_t] + 2 x m_n\sin\alpha_n -
     A_s\cos\alpha_n$, solved for $x$.
@@ -111,7 +111,7 @@ def profile_shift_of_balls(
     helix_angle: Real = 0.0,
     thickness_allowance: Real = 0.0,
 ) -> Real:
-    r"""The profile shift of a gear by its measure over two balls in opposite spaces.
+    r"""The profile shift of a gear by its measure over two balls in opposite spaces (theory 1.12).
 
     The centres lie at $d_K = M_{dK} - D_M$, over $\cos(\pi/2z)$ with an odd number of teeth, where
     $\cos\alpha_{Kt} = d_b/d_K$; from $\mathrm{inv}\,\alpha_{Kt} = \mathrm{inv}\,\alpha_t +

@@ -7,7 +7,7 @@ from jaxgear._types import Reals
 
 
 def involute(angle: Reals) -> Reals:
-    r"""$\mathrm{inv}\,\alpha = \tan\alpha - \alpha$ (ISO 21771-1).
+    r"""$\mathrm{inv}\,\alpha = \tan\alpha - \alpha$ (ISO 21771-1, theory 1.2).
 
     **Arguments:**
 
@@ -22,7 +22,7 @@ def involute(angle: Reals) -> Reals:
 
 @jax.custom_jvp
 def inverse_involute(value: Reals) -> Reals:
-    r"""The pressure angle whose involute is `value`.
+    r"""The pressure angle whose involute is `value` (theory 1.2).
 
     Newton from $(3q)^{1/3} - 2q/5$, which needs four steps for any gear; six are taken. Its
     derivative is that of the inverse function, $1/\tan^2\alpha$.

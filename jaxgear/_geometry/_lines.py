@@ -177,7 +177,7 @@ class ContactLines(eqx.Module):
 
 @compiled
 def contact_lines(pair: GearPair, grid: MeshGrid) -> ContactLines:
-    """Place the slices of all contact lines over one cycle.
+    """Place the slices of all contact lines over one cycle (theory 1.13).
 
     **Arguments:**
 

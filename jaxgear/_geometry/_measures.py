@@ -18,7 +18,7 @@ def span_measure(pair: GearPair, spanned: Bodies) -> Bodies:
     r"""$W_k$, the base tangent length over some teeth of each gear, between parallel faces.
 
     $W_k = m_n\cos\alpha_n\,[(k - \tfrac12)\pi + z\,\mathrm{inv}\,\alpha_t] + 2 x m_n\sin\alpha_n -
-    A_s\cos\alpha_n$.
+    A_s\cos\alpha_n$ (theory 1.11).
 
     **Arguments:**
 
@@ -79,7 +79,7 @@ def ball_measure(pair: GearPair, ball: Bodies) -> Bodies:
 
     $M_{dK} = d_K + D_M$, with an odd number of teeth $d_K\cos(\pi/2z) + D_M$, where $d_K =
     d_b/\cos\alpha_{Kt}$ and $\mathrm{inv}\,\alpha_{Kt} = \mathrm{inv}\,\alpha_t +
-    D_M/(z m_n\cos\alpha_n) - (\pi - s_n/m_n)/z$.
+    D_M/(z m_n\cos\alpha_n) - (\pi - s_n/m_n)/z$ (theory 1.12).
 
     **Arguments:**
 

@@ -35,7 +35,7 @@ def _derived(function: Callable[[Any], Array]) -> property:
 
 
 class GearPair(eqx.Module):
-    r"""Two external involute gears, spur or helical, in mesh.
+    r"""Two external involute gears, spur or helical, in mesh (theory 1.1 to theory 1.6).
 
     **Fields:**
 
@@ -245,14 +245,14 @@ def profile_contact_ratio(pair: GearPair) -> Scalar:
 
 @compiled
 def overlap_ratio(pair: GearPair) -> Scalar:
-    r"""$\varepsilon_\beta$ [-]: $b \tan|\beta_b| / p_{bt}$."""
+    r"""$\varepsilon_\beta$ [-]: $b \tan|\beta_b| / p_{bt}$ (theory 1.7)."""
     tangent = jnp.tan(jnp.abs(pair.base_helix_angle))
     return pair.face_width * tangent / pair.transverse_base_pitch
 
 
 @compiled
 def total_contact_ratio(pair: GearPair) -> Scalar:
-    r"""$\varepsilon_\gamma = \varepsilon_\alpha + \varepsilon_\beta$ [-]."""
+    r"""$\varepsilon_\gamma = \varepsilon_\alpha + \varepsilon_\beta$ [-] (theory 1.7)."""
     return profile_contact_ratio(pair) + overlap_ratio(pair)
 
 

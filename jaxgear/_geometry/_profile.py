@@ -126,7 +126,7 @@ class ToothSection(eqx.Module):
 
 @compiled
 def tooth_section(pair: GearPair, gear: Gear) -> ToothSection:
-    """The virtual spur tooth of one gear of a pair.
+    """The virtual spur tooth of one gear of a pair (theory 1.10).
 
     **Arguments:**
 

@@ -17,7 +17,7 @@ from jaxgear._types import Reals, Scalar
 
 @compiled
 def sliding_speed(pair: GearPair, roll: Reals, pinion_speed: Scalar) -> Reals:
-    r"""Speed at which the pinion's flank slides on the wheel's.
+    r"""Speed at which the pinion's flank slides on the wheel's (theory 1.8).
 
     $v_g = \omega_1\,(1 + z_1/z_2)\,(s - T_1C)$.
 
@@ -36,7 +36,7 @@ def sliding_speed(pair: GearPair, roll: Reals, pinion_speed: Scalar) -> Reals:
 
 @compiled
 def specific_sliding(pair: GearPair, roll: Reals) -> Reals:
-    r"""Sliding over the speed at which contact rolls along each flank.
+    r"""Sliding over the speed at which contact rolls along each flank (theory 1.8).
 
     $\zeta_1 = 1 - \frac{z_1}{z_2}\frac{T_1T_2 - s}{s}$, and $\zeta_2$ with the gears changed over.
     It falls without limit towards a gear's base tangent point: where it is most negative, below

@@ -31,7 +31,7 @@ def tip_separation(pair: GearPair, roll: Reals) -> Reals:
     leading order, with $\rho_a$ and $r_b$ the tip's roll length and the base radius of the
     corner's gear, and $\rho = T_1T_2 - \rho_a$ the roll length on the other. Each transverse
     section is on its own. The flank is continued as an involute to any radius that the corner
-    reaches: not seen are its own tip, edge breaks and the teeth next to it.
+    reaches: not seen are its own tip, edge breaks and the teeth next to it (theory 1.15).
 
     **Arguments:**
 

@@ -23,7 +23,7 @@ class AbstractContactLaw(eqx.Module):
 
 
 class ExactContact(AbstractContactLaw):
-    """Unilateral contact: compressed by the overlap, or free."""
+    """Unilateral contact: compressed by the overlap, or free (theory 5.4)."""
 
     def compression(self, overlap: Reals) -> Reals:
         """Return the positive part of the overlap [m]."""
@@ -37,7 +37,7 @@ class ExactContact(AbstractContactLaw):
 class SmoothContact(AbstractContactLaw):
     """Twice differentiable contact, exact wherever no cell is within `width` of separation.
 
-    A cell just closed carries 3/16 of the width. See `smooth_ramp` for the spline.
+    A cell just closed carries 3/16 of the width. See `smooth_ramp` for the spline (theory 5.4).
 
     **Fields:**
 

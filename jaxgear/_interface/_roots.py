@@ -98,7 +98,7 @@ class Feet:
 
 
 def feet(rim: RimSurface, patches: RootPatches) -> Feet:
-    """Rows that give the motions of the feet of slices.
+    """Rows that give the motions of the feet of slices (theory 7.4, theory 7.5).
 
     **Arguments:**
 

@@ -2,7 +2,7 @@ r"""How gear bodies and mesh cells see each other: a few numbers, whatever the n
 
 Axes: S from the pinion's centre to the wheel's, Z along the axes, T = Z x S. The outward normal
 of the pinion's flank is $n_1 = \cos\beta_b \hat X - \sin\beta_b Z$ with
-$\hat X = \sin\alpha_{wt} S + \cos\alpha_{wt} T$ (thesis eq. 2.7 to 2.9). The approach of two
+$\hat X = \sin\alpha_{wt} S + \cos\alpha_{wt} T$ (theory 7.1, theory 7.2). The approach of two
 rigid bodies at a cell is $V_0\cdot X + \lambda\, V_1\cdot X$ with one arm $\lambda$ along the
 contact line: the mesh coordinates are the normal approach at the pitch point and the tilt. Bodies
 that bend take seven.

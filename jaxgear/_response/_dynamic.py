@@ -116,7 +116,7 @@ def dynamic_response(
 def dynamic_ratio(
     system: DynamicSystem, orbit: Orbit, law: AbstractContactLaw = ExactContact()
 ) -> Scalar:
-    """Largest total contact force over the static mesh force.
+    """Largest total contact force over the static mesh force (theory 11.1).
 
     **Arguments:**
 

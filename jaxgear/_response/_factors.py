@@ -34,7 +34,7 @@ def face_load(pair: GearPair, cycle: MeshCycle) -> Slices:
 def face_load_factor(cycle: MeshCycle) -> Scalar:
     r"""$K_{H\beta}$ of ISO 6336-1: largest over mean load per face width, of `face_load`.
 
-    The slices at the ends of the face count.
+    The slices at the ends of the face count (theory 11.2).
 
     **Arguments:**
 
@@ -65,7 +65,7 @@ def smooth_face_load_factor(cycle: MeshCycle, width: Scalar) -> Scalar:
 
 @compiled
 def transverse_load_factor(pair: GearPair, cycle: MeshCycle) -> Scalar:
-    r"""$K_{H\alpha}$: how unevenly the tooth pairs in contact share the load.
+    r"""$K_{H\alpha}$: how unevenly the tooth pairs in contact share the load (theory 11.2).
 
     The largest over phases and pairs of a pair's mean line load, its force over its length on the
     path of contact, in units of the force of all over the length of all. It is 1 where pairs share
@@ -110,7 +110,7 @@ def pressure_angle_change(pair: GearPair, base_radius_change: Bodies) -> Bodies:
     r"""Change of the pressure angle at each gear's reference circle, which keeps its radius.
 
     From $\cos\alpha_t = r_b/r$ (the thesis's eq. 3.3): $-\cot\alpha_t\,\Delta r_b/r_b$ to the
-    leading order.
+    leading order (theory 11.4).
 
     **Arguments:**
 
@@ -127,7 +127,7 @@ def pressure_angle_change(pair: GearPair, base_radius_change: Bodies) -> Bodies:
 
 @compiled
 def working_pressure_angle_change(pair: GearPair, base_radius_change: Bodies) -> Scalar:
-    r"""Change of the working pressure angle at a fixed centre distance.
+    r"""Change of the working pressure angle at a fixed centre distance (theory 11.4).
 
     From $\cos\alpha_{wt} = (r_{b1} + r_{b2})/a_w$. Where a gear grows as a whole, this is the
     angle that changes: its reference circle grows with its base circle.

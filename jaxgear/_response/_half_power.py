@@ -54,7 +54,7 @@ def resonances(
     degree of freedom under a harmonic force. For that displacement the ratio found is
     $\xi(1 + 2\xi^2 + \ldots)$ and the frequency $f_0(1 - \xi^2 - \ldots)$. Modes less than
     several bandwidths apart add to each other, and their ratios are those of the sum; two that make
-    one peak are read as one.
+    one peak are read as one (theory 8.6).
 
     **Arguments:**
 
@@ -98,7 +98,7 @@ def rayleigh_damping(measured: Sequence[Resonance], *, with_mass: bool = True) -
     r"""Rayleigh coefficients by least squares from $\xi_i = a_R/2\omega_i + b_R\omega_i/2$.
 
     Neither may be negative: one that would be is zero, and the other is that of the best fit
-    without it (Guilbert 2017, eq. 3.12 and 3.13).
+    without it (Guilbert 2017, eq. 3.12 and 3.13, theory 8.6).
 
     **Arguments:**
 

@@ -132,7 +132,7 @@ class NominalRootStress(eqx.Module):
 
 @compiled
 def nominal_root_stress(pair: GearPair, tangential: Scalar) -> NominalRootStress:
-    r"""Nominal root stress of ISO 6336-3:2019, method B.
+    r"""Nominal root stress of ISO 6336-3:2019, method B (theory 3.13).
 
     $Y_\beta = (1 - \min(\varepsilon_\beta, 1)\,\beta/120°)/\cos^3\beta$ with $\beta \le 30°$;
     $Y_B = 1.6\ln(2.242\,h_t/s_R)$, at least 1, of the rim $s_R$ between bore and root circle, held

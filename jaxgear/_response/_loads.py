@@ -51,7 +51,7 @@ def line_load(cycle: MeshCycle, law: AbstractContactLaw) -> LineGrid:
 
 @compiled
 def hertz_pressure(pair: GearPair, cycle: MeshCycle, law: AbstractContactLaw) -> LineGrid:
-    """Largest Hertzian pressure across the contact band at each slice.
+    """Largest Hertzian pressure across the contact band at each slice (theory 3.7).
 
     **Arguments:**
 

@@ -16,7 +16,7 @@ from jaxgear._types import Scalar, as_scalar
 
 @compiled
 def mesh_loss_factor(pair: GearPair, cycle: MeshCycle) -> Scalar:
-    r"""Mean power that a mesh loses over coefficient of friction and power.
+    r"""Mean power that a mesh loses over coefficient of friction and power (theory 11.3).
 
     $H_{VL} = \overline{\sum F v_g}\,/\,\overline{\sum F}\,r_{b1}\omega_1\cos\beta_b$ over the cells
     of all contact lines and the phases of the cycle, with the loads of the model: the local tooth

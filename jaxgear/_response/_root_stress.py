@@ -63,7 +63,7 @@ class LargestStress(NamedTuple):
 def root_stress(
     pair: GearPair, influences: Influences, lines: ContactLines, load: LineGrid
 ) -> RootStress:
-    """Largest stresses of the fillets under given loads.
+    """Largest stresses of the fillets under given loads (theory 3.12).
 
     **Arguments:**
 

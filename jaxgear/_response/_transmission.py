@@ -16,7 +16,7 @@ from jaxgear._types import CellGrid, Harmonics, Phases, Scalar
 
 @compiled
 def transmission_error(pair: GearPair, cycle: MeshCycle) -> Phases:
-    """Transmission error at each phase [m], positive where the pinion runs ahead."""
+    """Transmission error at each phase [m], positive where the pinion runs ahead (theory 5.5)."""
     return cycle.approach / jnp.cos(pair.base_helix_angle)
 
 
@@ -71,7 +71,7 @@ def peak_to_peak(values: Phases) -> Scalar:
 
 @compiled
 def smooth_peak_to_peak(values: Phases, width: Scalar) -> Scalar:
-    """Differentiable `peak_to_peak`; too large by `2 width log(phases)` at the most.
+    """Differentiable `peak_to_peak`; too large by `2 width log(phases)` at the most (theory 11.5).
 
     **Arguments:**
 

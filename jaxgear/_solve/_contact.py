@@ -63,7 +63,7 @@ class ContactState(eqx.Module):
 
 
 class SolverSettings(eqx.Module):
-    """When to stop.
+    """When to stop (theory 5.3).
 
     **Fields:**
 
@@ -92,7 +92,7 @@ def contact_state(
 
     Derivatives, forward and reverse and of any order that the law allows, are those of the
     solution, by the implicit function theorem at it. With exact contact they are exact wherever
-    no cell is just closing.
+    no cell is just closing (theory 5.2, theory 12.1).
 
     **Arguments:**
 

@@ -72,7 +72,7 @@ _ROTATION = (
 
 @compiled
 def cowper_coefficient(outer: Reals, inner: Reals, poisson: Reals) -> Reals:
-    r"""Shear coefficient of a circular tube.
+    r"""Shear coefficient of a circular tube (theory 6.5).
 
     G. R. Cowper, "The shear coefficient in Timoshenko's beam theory", J. Appl. Mech. 33 (1966)
     335: $\kappa = 6(1+\nu)(1+m^2)^2 / [(7+6\nu)(1+m^2)^2 + (20+12\nu)m^2]$ with $m$ the
@@ -137,7 +137,7 @@ class Beam(eqx.Module):
 
 @compiled
 def beam_stiffness(beam: Beam) -> BeamMatrix:
-    """Loads at the ends per motion of the ends.
+    """Loads at the ends per motion of the ends (theory 6.1).
 
     **Arguments:**
 

@@ -128,7 +128,7 @@ def body_family(
     reciprocal: bool = False,
     most: float = 0.01,
 ) -> BodyFamily:
-    """Interpolate between condensed bodies of one shape. Call it outside of `jit`.
+    """Interpolate between condensed bodies of one shape. Call it outside of `jit` (theory 12.4).
 
     **Arguments:**
 

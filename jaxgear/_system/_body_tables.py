@@ -97,7 +97,7 @@ def flexible_body(
     give: Callable[[RootPatches], np.ndarray] | None = None,
     basis: BodyBasis | None = None,
 ) -> FlexibleBody:
-    """Put a condensed body in mesh. Call it outside of `jit`, on concrete gears.
+    """Put a condensed body in mesh. Call it outside of `jit`, on concrete gears (theory 7.6).
 
     **Arguments:**
 

@@ -48,7 +48,7 @@ _SEAT_OFF = 1e-3
 
 
 class FlexibleBody(AbstractGearBody):
-    r"""A condensed gear body in mesh.
+    r"""A condensed gear body in mesh (theory 7.6).
 
     Its numbers hold for the gear, the slices and the contact lines that it was made for: they are
     no functions of the pair's geometry, and have no derivatives by it.

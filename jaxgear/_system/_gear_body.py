@@ -290,7 +290,7 @@ def solid_disc(
     polar_inertia: Scalar | float | None = None,
     transverse_inertia: Scalar | float | None = None,
 ) -> RigidBody:
-    r"""A disc with a bore, apart from what is known better.
+    r"""A disc with a bore, apart from what is known better (theory 6.4).
 
     Without one of its own the transverse inertia follows from what is known of the others: of a
     body that is even along its width $b$ it is $I_p / 2 + m b^2 / 12$, whatever its shape in the

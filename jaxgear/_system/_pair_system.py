@@ -47,7 +47,7 @@ from jaxgear._types import (
 
 
 class PairSystem(eqx.Module):
-    r"""A pair on its mounts.
+    r"""A pair on its mounts (theory 7.3).
 
     **Fields:**
 
@@ -135,7 +135,7 @@ def pair_system(
     housing: Housing | None = None,
     speed: Scalar | float = 0.0,
 ) -> PairSystem:
-    """Assemble two gears under a torque.
+    """Assemble two gears under a torque (theory 7.7).
 
     **Arguments:**
 

@@ -58,7 +58,10 @@ def report(folder: Path, command: str = "") -> str:
         element("meta", name="viewport", content="width=device-width, initial-scale=1"),
         element("title", f"{name}: jaxgear"),
         element(
-            "style", Markup(resources.files("jaxgear.report").joinpath("page.css").read_text())
+            "style",
+            Markup(
+                resources.files("jaxgear.report").joinpath("page.css").read_text(encoding="utf-8")
+            ),
         ),
     )
     return f"<!DOCTYPE html>\n{element('html', head, element('body', body), lang='en')}\n"

@@ -4,8 +4,6 @@ import contextlib
 import dataclasses
 import math
 import os
-import resource
-import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
@@ -38,6 +36,7 @@ from fem_prep import (
     modes_told,
     solid_of,
 )
+from jaxgear._process import peak_memory
 from jaxgear._units import mm
 from jaxgear.scene._bodies import BodyPlan, Drawn, Matrices, OwnGrid
 from jaxgear.scene._body_view import BodyView, keep_view, read_view
@@ -133,7 +132,7 @@ def built_body(plan: BodyPlan, tell: Callable[[str], None]) -> BuiltBody:
             view = _view(body, full_of(plan, Steps(tell)), Steps(tell))
             keep_view(key, view)
     warned = tuple(str(each.message) for each in said)
-    cost = (None, None) if found else (steps.seconds, _peak_memory())
+    cost = (None, None) if found else (steps.seconds, peak_memory())
     return BuiltBody(plan, body, view, key, found, time.perf_counter() - start, *cost, warned)
 
 
@@ -213,12 +212,6 @@ def _build(plan: BodyPlan, key: str, steps: Steps) -> ReducedBody:
         "health": health,
     }
     return dataclasses.replace(body, facts={**body.facts, **facts})
-
-
-def _peak_memory() -> float:
-    """The most memory that this process has had [MB]."""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / (1024.0**2 if sys.platform == "darwin" else 1024.0)
 
 
 def _check_memory(full: FullBody, rotation: Rotation) -> None:

@@ -61,7 +61,7 @@ def scene_text(wanted: Wanted) -> str:
             f"{name}_radial": _power_of_ten(gear.bearing),
             f"{name}_axial": _power_of_ten(AXIAL * gear.bearing),
         }
-    text = Template((READY / "own_pair.template").read_text()).substitute(fields)
+    text = Template((READY / "own_pair.template").read_text(encoding="utf-8")).substitute(fields)
     return "\n".join(map(_aligned, text.split("\n")))
 
 

@@ -3,11 +3,10 @@
 import dataclasses
 import functools
 import importlib.metadata
-import resource
-import sys
 from collections.abc import Callable, Collection, Mapping
 from typing import Concatenate, ParamSpec
 
+from jaxgear._process import peak_memory
 from jaxgear.scene._assumed import assumed
 from jaxgear.scene._gear_tables import GearKeys
 from jaxgear.scene._scene import Scene
@@ -92,11 +91,10 @@ def _told_bodies(scene: Scene, known: list[str]) -> Summary:
 def finished(scene: Scene, summary: Summary) -> Summary:
     """A summary with its remarks, the worst first, and what it cost."""
     compiling, running = seconds()
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     summary["cost"] = {
         "compile_s": compiling,
         "run_s": running,
-        "peak_memory_MB": peak / (1024.0**2 if sys.platform == "darwin" else 1024.0),
+        "peak_memory_MB": peak_memory(),
     }
     said = [*map(Doubtful, odd(scene)), *assumed(scene)]
     if said or "notes" in summary:

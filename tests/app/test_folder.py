@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from jaxgear import _cli
+from jaxgear._cli import _folder
 from jaxgear._cli._folder import Folder, begun, publish, written
 from jaxgear._cli._main import main
 from jaxgear._cli._writing import written as write_result
@@ -196,3 +197,18 @@ def test_scenes_in_a_results_folder_find_their_files(accessory, tmp_path):
             assert there.value("flank.pinion.profile_deviation_csv") == seen
             assert (there.path.parent / seen).samefile(table)
         assert json.loads((folder / "summary.json").read_text()) == summary
+
+
+def test_where_files_know_no_locks_no_draft_is_taken_for_left(tmp_path, monkeypatch):
+    """Windows has no `fcntl`: who is at work is not known there."""
+    monkeypatch.setattr(_folder, "fcntl", None)
+    left = tmp_path / ".jaxgear-draft-a"
+    left.mkdir()
+    folder = Folder(tmp_path)
+    with begun(folder) as draft:
+        assert draft.draft is not None
+        (draft.draft / "summary.json").write_text("{}")
+        publish(draft)
+    assert left.exists()
+    assert (tmp_path / "summary.json").read_text() == "{}"
+    assert sorted(path.name for path in tmp_path.iterdir())[0] == left.name

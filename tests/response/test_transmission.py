@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import assert_close, assert_gradient, observed_order
-from solve_cases import ACCESSORY, POWER, run_cycle
+from solve_cases import ACCESSORY, POWER, run_cycle, symmetric_relief
 
 import jaxgear as jg
 from jaxgear import um
