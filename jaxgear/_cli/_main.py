@@ -159,9 +159,7 @@ def _study(args: argparse.Namespace) -> int:
 
 def _refuse_unspeakable(args: argparse.Namespace) -> None:
     """Refuse bytes that are no text: they would come to light where results are written."""
-    texts = [
-        getattr(args, name, "") for name in ("scene", "result", "results", "body", "rexs", "out")
-    ]
+    texts = [getattr(args, name, "") for name in ("scene", "result", "results", "file", "out")]
     for value in (*texts, *getattr(args, "overrides", ())):
         try:
             str(value).encode()
@@ -280,29 +278,26 @@ def _plot(args: argparse.Namespace) -> int:
 
 def _import(args: argparse.Namespace) -> int:
     """Write the scene of a stage of a REXS file."""
-    target, remarks = write_imported(args)
-    if not args.quiet:
-        print(target)
-        print("\n".join(f"  - {remark}" for remark in remarks), file=sys.stderr)
+    with _numerical(quiet=True):
+        target, remarks = write_imported(args)
+    _tell(args, [target], remarks)
     return 0
 
 
 def _export(args: argparse.Namespace) -> int:
-    """Write a condensed body for another program."""
-    from fem_prep import BodyError, export_body, read_body
+    """Write a body, a scene or a result for another program."""
+    with _numerical(quiet=True):
+        from jaxgear._cli._export import exported
 
-    folder = args.out or args.body.parent
-    try:
-        body = read_body(args.body)
-        folder.mkdir(parents=True, exist_ok=True)
-        files = export_body(body, folder, args.form)
-    except BodyError as error:
-        raise _Stop(2, str(error)) from None
-    except OSError as error:
-        raise _Stop(2, f"cannot write into {folder}: {error.strerror}.") from None
+        _tell(args, *exported(args))
+    return 0
+
+
+def _tell(args: argparse.Namespace, files: Sequence[Path], remarks: Sequence[str]) -> None:
+    """Name the files written, and what there is to say of them."""
     if not args.quiet:
         print("\n".join(map(str, files)))
-    return 0
+        print("".join(f"  - {remark}\n" for remark in remarks), end="", file=sys.stderr)
 
 
 def _report(args: argparse.Namespace) -> int:

@@ -31,6 +31,12 @@ OWN_PAIR: Mapping[str, tuple[str, str]] = {
     "power": ("pair.power_kW", "power [kW; none]"),
     "rpm": ("pair.speed_rpm", "speed of the pinion [rpm; none]"),
 }
+# What `export` writes.
+FORMS: Mapping[str, str] = {
+    "op4": "Nastran's OUTPUT4, as text",
+    "mtx": "Abaqus's *MATRIX INPUT",
+    "rexs": "REXS 1.5, XML",
+}
 
 _Arguments = Mapping[str, Mapping[str, Any]]
 
@@ -96,18 +102,24 @@ _EXPLORE: _Arguments = {
     **_SCENE,
 }
 _EXPORT: _Arguments = {
-    "body": {"metavar": "BODY", "type": Path, "help": "NAME.body.npz of `jaxgear condense`"},
-    "--form": {
-        "choices": ("op4", "mtx"),
-        "required": True,
-        "help": "op4: Nastran's OUTPUT4, as text; mtx: Abaqus's *MATRIX INPUT",
+    "file": {
+        "metavar": "FILE",
+        "type": Path,
+        "help": "for op4 and mtx NAME.body.npz of `jaxgear condense`; for rexs a scene",
     },
-    "--out": {"type": Path, "metavar": "DIR", "help": "folder for the files; that of the body"},
+    "--form": {
+        "choices": tuple(FORMS),
+        "required": True,
+        "help": "; ".join(f"{name}: {text}" for name, text in FORMS.items()),
+    },
+    "--set": _COMMON["--set"],
+    "--out": {"type": Path, "metavar": "DIR", "help": "folder for the files; that of FILE"},
     **_QUIET,
 }
 _IMPORT: _Arguments = {
-    "rexs": {"metavar": "FILE", "type": Path, "help": "REXS file (.rexs, XML, 1.0 to 2.0)"},
+    "file": {"metavar": "FILE", "type": Path, "help": "REXS file (.rexs, .rexsj, .rexsz)"},
     "--stage": {"default": "", "metavar": "ID", "help": "identifier of the stage; asked for"},
+    "--load-case": {"default": "", "metavar": "ID", "help": "identifier of it; the first"},
     "--out": {"type": Path, "metavar": "DIR", "help": "folder, or a file that ends in .toml"},
     **_QUIET,
 }
@@ -183,7 +195,7 @@ def parser() -> argparse.ArgumentParser:
     text = "a page with a slider for each flank key: pictures and slopes while one moves them"
     command("explore", text, _EXPLORE)
     command("import", "write the scene of a cylindrical stage of a REXS file", _IMPORT)
-    text = "a condensed body for other programs: matrices, and what their rows are, in m, kg and s"
+    text = "a condensed body or a scene for other programs"
     command("export", text, _EXPORT)
     command("plot", "draw the pictures of a result.nc again, without computing", _PLOT)
     text = "one HTML page of a results folder, that of all commands on a scene too"
