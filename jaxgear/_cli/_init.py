@@ -11,7 +11,7 @@ from typing import Any
 
 from jaxgear._checks import InputError
 from jaxgear._cli._parser import OWN_PAIR, ready_names
-from jaxgear._whole_file import write_text
+from jaxgear._whole_file import write_csv, write_text
 from jaxgear.scene._json_schema import SCHEMA_FILE, SCHEMA_LINE, json_schema
 from jaxgear.scene._own_pair import Wanted
 from jaxgear.scene._own_scene import scene_text
@@ -100,6 +100,25 @@ def write_imported(args: argparse.Namespace) -> tuple[Path, tuple[str, ...]]:
     text = f"{SCHEMA_LINE}{told}\n{tomlkit.dumps(found.keys)}"
     _write_new(target, text)
     return target, found.remarks
+
+
+def write_measured(args: argparse.Namespace) -> Path:
+    """Write the functions of a universal file as a table; the file.
+
+    **Raises:**
+
+    - `InputError` if there are none in it, or the file cannot be written.
+    """
+    from jaxgear.study._uff58 import read_functions, table_of_functions
+
+    target = (args.out or Path()) / f"{args.file.stem}.measured.csv"
+    table = table_of_functions(read_functions(args.file))
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write_csv(table, target)
+    except OSError as error:
+        raise InputError(f"cannot write {target}: {error.strerror}") from None
+    return target
 
 
 def _write_new(target: Path, text: str) -> None:

@@ -20,7 +20,7 @@ from typing import Any
 from jaxgear._checks import InputError
 from jaxgear._cli._fit import refuse_unfit
 from jaxgear._cli._folder import REPORT, Folder, begun, publish, written
-from jaxgear._cli._init import write_first_scene, write_imported
+from jaxgear._cli._init import write_first_scene, write_imported, write_measured
 from jaxgear._cli._keys import explain_key, print_keys
 from jaxgear._cli._parser import parser
 from jaxgear._cli._plot import draw_again
@@ -277,9 +277,14 @@ def _plot(args: argparse.Namespace) -> int:
 
 
 def _import(args: argparse.Namespace) -> int:
-    """Write the scene of a stage of a REXS file."""
+    """Write the scene of a stage of a REXS file, or what a universal file has measured."""
     with _numerical(quiet=True):
-        target, remarks = write_imported(args)
+        from jaxgear.study._uff58 import is_universal_file
+
+        if is_universal_file(args.file):
+            target, remarks = write_measured(args), ()
+        else:
+            target, remarks = write_imported(args)
     _tell(args, [target], remarks)
     return 0
 

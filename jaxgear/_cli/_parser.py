@@ -36,6 +36,7 @@ FORMS: Mapping[str, str] = {
     "op4": "Nastran's OUTPUT4, as text",
     "mtx": "Abaqus's *MATRIX INPUT",
     "rexs": "REXS 1.5, XML",
+    "uff58": "orders and spectra of a sweep as a universal file, dataset 58",
 }
 
 _Arguments = Mapping[str, Mapping[str, Any]]
@@ -105,7 +106,8 @@ _EXPORT: _Arguments = {
     "file": {
         "metavar": "FILE",
         "type": Path,
-        "help": "for op4 and mtx NAME.body.npz of `jaxgear condense`; for rexs a scene",
+        "help": "for op4 and mtx NAME.body.npz of `jaxgear condense`; for uff58 the result.nc of "
+        "`jaxgear sweep`; else a scene",
     },
     "--form": {
         "choices": tuple(FORMS),
@@ -117,7 +119,7 @@ _EXPORT: _Arguments = {
     **_QUIET,
 }
 _IMPORT: _Arguments = {
-    "file": {"metavar": "FILE", "type": Path, "help": "REXS file (.rexs, .rexsj, .rexsz)"},
+    "file": {"metavar": "FILE", "type": Path, "help": "REXS file, or universal file"},
     "--stage": {"default": "", "metavar": "ID", "help": "identifier of the stage; asked for"},
     "--load-case": {"default": "", "metavar": "ID", "help": "identifier of it; the first"},
     "--out": {"type": Path, "metavar": "DIR", "help": "folder, or a file that ends in .toml"},
@@ -194,7 +196,8 @@ def parser() -> argparse.ArgumentParser:
     command("doctor", "say whether this installation is in order: versions, precision, speed", {})
     text = "a page with a slider for each flank key: pictures and slopes while one moves them"
     command("explore", text, _EXPLORE)
-    command("import", "write the scene of a cylindrical stage of a REXS file", _IMPORT)
+    text = "the scene of a stage of a REXS file; or measured orders of a universal file as CSV"
+    command("import", text, _IMPORT)
     text = "a condensed body or a scene for other programs"
     command("export", text, _EXPORT)
     command("plot", "draw the pictures of a result.nc again, without computing", _PLOT)
