@@ -9,6 +9,7 @@ from jaxgear._cli._plot import read_result
 from jaxgear._whole_file import write_text
 from jaxgear.scene._rexs_out import rexs_of_scene
 from jaxgear.scene._scene import Scene, read_scene
+from jaxgear.scene._schema import GEARS
 
 # The files, and what there is to say of them.
 _Written = tuple[Sequence[Path], Sequence[str]]
@@ -26,8 +27,7 @@ def exported(args: argparse.Namespace) -> _Written:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if args.form in _OF_SCENES:
-            scene = read_scene(args.file, args.overrides)
-            return _OF_SCENES[args.form](scene, folder)
+            return _OF_SCENES[args.form](read_scene(args.file, args.overrides), folder)
         return [_uff58(args.file, folder)] if args.form == "uff58" else _body(args, folder), ()
     except OSError as error:
         raise InputError(f"cannot write into {folder}: {error.strerror}.") from None
@@ -60,4 +60,34 @@ def _rexs(scene: Scene, folder: Path) -> _Written:
     return [target], remarks
 
 
-_OF_SCENES: Mapping[str, Callable[[Scene, Path], _Written]] = {"rexs": _rexs}
+def _modelica(scene: Scene, folder: Path) -> _Written:
+    from jaxgear.study._mesh_map import mesh_map, modelica_table
+
+    found = mesh_map(scene)
+    target = folder / f"{scene.name}.mesh.txt"
+    write_text(modelica_table("mesh_force", found.phase, found.approach, found.force), target)
+    return [target], (
+        "u1: phase in mesh periods, teeth of the pinion times its turns; repeat it yourself.",
+        "u2: r_b1 phi_1 + r_b2 phi_2 [m], positive where the pinion runs ahead.",
+        "y: force along the transverse line of action [N]; times r_b it is the torque on a gear.",
+        f"r_b: {' and '.join(f'{radius:.9g}' for radius in found.base_radius)} m.",
+    )
+
+
+def _topography(scene: Scene, folder: Path) -> _Written:
+    from jaxgear.study._topography import flank_topography, topography_grid, topography_rows
+
+    files = []
+    for gear in GEARS:
+        found = flank_topography(scene, gear)
+        for kind, text in (("flank", topography_rows), ("flank_grid", topography_grid)):
+            files.append(folder / f"{scene.name}.{gear}_{kind}.csv")
+            write_text(text(found), files[-1])
+    return files, ("Deviations in um along the flank normal, positive where material is added.",)
+
+
+_OF_SCENES: Mapping[str, Callable[[Scene, Path], _Written]] = {
+    "rexs": _rexs,
+    "modelica": _modelica,
+    "topography": _topography,
+}

@@ -293,8 +293,12 @@ def _export(args: argparse.Namespace) -> int:
     """Write a body, a scene or a result for another program."""
     with _numerical(quiet=True):
         from jaxgear._cli._export import exported
+        from jaxgear.study._statics import SolverFailure
 
-        _tell(args, *exported(args))
+        try:
+            _tell(args, *exported(args))
+        except SolverFailure as error:
+            raise _Stop(1, f"{args.file}: {error}") from error
     return 0
 
 

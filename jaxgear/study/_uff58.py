@@ -170,7 +170,8 @@ def read_functions(path: Path) -> tuple[Function58, ...]:
         raise InputError(f"{path}: {words}") from None
     try:
         file = pyuff.UFF(str(path))
-        sets: list[Any] = [file.read_sets(int(at)) for at in np.flatnonzero(file.get_set_types() == 58)]
+        places = np.flatnonzero(file.get_set_types() == 58)
+        sets: list[Any] = [file.read_sets(int(at)) for at in places]
         found = tuple(_function(each) for each in sets)
     # The library raises what it meets: no type of its own.
     except Exception as error:
