@@ -43,7 +43,7 @@ class MeshMap(NamedTuple):
 
 
 def mesh_map(scene: Scene) -> MeshMap:
-    """Map the force of a scene's mesh, from where no flanks touch to twice the torque.
+    """Map the force of a scene's mesh, from where no flanks touch to twice its torque.
 
     Drive flanks alone: where they part the force is zero, whatever is behind.
 
@@ -71,11 +71,16 @@ def mesh_map(scene: Scene) -> MeshMap:
     solved = np.stack(approach)
     first = solved[0] - (solved[1] - solved[0]) * force[0] / (force[1] - force[0])
     solved, force = np.vstack([first, solved]), np.append(0.0, force)
-    places = np.linspace(float(first.min()), float(solved[-1].min()), _POINTS)
-    values = [
-        np.where(places > own[0], PchipInterpolator(own, force, extrapolate=True)(places), 0.0)
-        for own in solved.T
-    ]
+    # At stiffer phases the heaviest load is below the last approach: the flank goes straight on.
+    furthest = 1.05 * float(solved[-1].max())
+    slope = (force[-1] - force[-2]) / (solved[-1] - solved[-2])
+    solved = np.vstack([solved, np.full_like(first, furthest)])
+    places = np.linspace(float(first.min()), furthest, _POINTS)
+    values = []
+    for own, steep in zip(solved.T, slope, strict=True):
+        carried = np.append(force, force[-1] + steep * (furthest - own[-2]))
+        found = PchipInterpolator(own, carried, extrapolate=True)(places)
+        values.append(np.where(places > own[0], found, 0.0))
     phases = np.asarray(cycle.cells.lines.phase)
     # A cycle ends where it begins.
     ends = np.append(phases, phases[0] + grid.periods)
