@@ -41,6 +41,9 @@ FORMS: Mapping[str, str] = {
     "uff58": "orders and spectra of a sweep as a universal file, dataset 58",
 }
 
+# How shells complete the name of a file, for shtab.
+_FILES = {"bash": "_shtab_compgen_files", "zsh": "_files", "tcsh": "f"}
+
 _Arguments = Mapping[str, Mapping[str, Any]]
 
 
@@ -217,7 +220,9 @@ def ready_names() -> list[str]:
 
 def _add(to: Any, arguments: _Arguments) -> None:
     for name, options in arguments.items():
-        to.add_argument(name, **options)
+        added = to.add_argument(name, **options)
+        if options.get("type") is Path:
+            added.complete = _FILES
 
 
 def _version() -> str:
