@@ -4,12 +4,11 @@ Tip relief of both gears and the torque go in; transmission error and pressure c
 component's derivatives are those of jaxgear, by JAX; OpenMDAO compares them with central
 differences and then looks for the relief that is best under two torques at once.
 
-Run with `python examples/10_a_pair_in_openmdao.py`; takes half a minute.
+Run with `python examples/10_a_pair_in_openmdao.py`; takes a minute or two.
 """
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 import openmdao.api as om
 
 import jaxgear as jg
@@ -73,7 +72,11 @@ def two_torques() -> om.Problem:
 
 
 def worst_derivative(problem: om.Problem) -> float:
-    """Largest relative difference between exact derivatives and central differences."""
+    """Largest difference between exact derivatives and central differences, per cent per cent.
+
+    Of the output for one of the input: pressure does not react to relief where one pair carries
+    all, and nothing can be relative to a derivative of zero.
+    """
     problem.run_model()
     found = problem.check_partials(
         includes=["light", "heavy"],
@@ -83,12 +86,13 @@ def worst_derivative(problem: om.Problem) -> float:
         step=1e-4,
         out_stream=None,
     )
+    value = lambda *names: abs(problem.get_val(".".join(names)).item())
     errors = [
-        np.max(np.abs(each["J_fwd"] - each["J_fd"])) / np.max(np.abs(each["J_fd"]))
-        for component in found.values()
-        for each in component.values()
+        abs((each["J_fwd"] - each["J_fd"]).item()) * value(name, wrt) / value(name, of)
+        for name, partials in found.items()
+        for (of, wrt), each in partials.items()
     ]
-    return float(max(errors))
+    return max(errors)
 
 
 if __name__ == "__main__":
