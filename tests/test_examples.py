@@ -1,6 +1,8 @@
 """Examples run, and say what they promise."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import jax
@@ -169,3 +171,18 @@ def test_the_readme_prints_what_it_says(capsys):
     assert [round(float(line), 4) for line in printed[:2]] == promised
     # More relief still lowers the variance.
     assert float(printed[2]) < 0.0
+
+
+@pytest.mark.slow
+def test_a_pair_has_its_derivatives_in_openmdao():
+    """OpenMDAO's own comparison with central differences, in its own process as a user would."""
+    # It is not among the requirements: `pip install openmdao`.
+    pytest.importorskip("openmdao")
+    path = _ROOT / "examples" / "10_a_pair_in_openmdao.py"
+    text = subprocess.run([sys.executable, path], check=True, capture_output=True, text=True).stdout
+    worst = re.search(r"central differences: (\S+)", text)
+    sums = re.search(r"sum of variances (\S+) um\^2, at the optimum (\S+) um", text)
+    assert worst is not None
+    assert sums is not None
+    assert float(worst[1]) < 1e-4
+    assert float(sums[2]) < float(sums[1])

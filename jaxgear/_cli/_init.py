@@ -11,12 +11,11 @@ from typing import Any
 
 from jaxgear._checks import InputError
 from jaxgear._cli._parser import OWN_PAIR, ready_names
-from jaxgear._whole_file import write_text
+from jaxgear._whole_file import write_csv, write_text
 from jaxgear.scene._json_schema import SCHEMA_FILE, SCHEMA_LINE, json_schema
 from jaxgear.scene._own_pair import Wanted
 from jaxgear.scene._own_scene import scene_text
 from jaxgear.scene._rewriting import rewritten
-from jaxgear.scene._rexs import scene_of_rexs
 from jaxgear.scene._scene import READY, SceneError, read_scene
 from jaxgear.scene._schema import KEYS
 
@@ -93,22 +92,33 @@ def write_imported(args: argparse.Namespace) -> tuple[Path, tuple[str, ...]]:
     # Who looks up a key waits for no writer of scenes.
     import tomlkit
 
-    found = scene_of_rexs(args.rexs, args.stage)
+    from jaxgear.scene._rexs import scene_of_rexs
+
+    found = scene_of_rexs(args.file, args.stage, args.load_case)
     target = _target(args, found.keys["name"])
-    told = "".join(f"# {remark}\n" for remark in found.remarks)
+    told = "".join(f"# {remark}\n" for remark in "\n".join(found.remarks).splitlines())
     text = f"{SCHEMA_LINE}{told}\n{tomlkit.dumps(found.keys)}"
-    with tempfile.TemporaryDirectory() as folder:
-        draft = Path(folder) / "draft.toml"
-        draft.write_text(text, encoding="utf-8")
-        try:
-            read_scene(draft)
-        except SceneError as error:
-            words = [f"{mistake.path}: {mistake.message}." for mistake in error.mistakes]
-            raise InputError(
-                "\n".join([f"{args.rexs}: the stage makes no scene:", *words])
-            ) from None
     _write_new(target, text)
     return target, found.remarks
+
+
+def write_measured(args: argparse.Namespace) -> Path:
+    """Write the functions of a universal file as a table; the file.
+
+    **Raises:**
+
+    - `InputError` if there are none in it, or the file cannot be written.
+    """
+    from jaxgear.study._uff58 import read_functions, table_of_functions
+
+    target = (args.out or Path()) / f"{args.file.stem}.measured.csv"
+    table = table_of_functions(read_functions(args.file))
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write_csv(table, target)
+    except OSError as error:
+        raise InputError(f"cannot write {target}: {error.strerror}") from None
+    return target
 
 
 def _write_new(target: Path, text: str) -> None:

@@ -20,7 +20,7 @@ from typing import Any
 from jaxgear._checks import InputError
 from jaxgear._cli._fit import refuse_unfit
 from jaxgear._cli._folder import REPORT, Folder, begun, publish, written
-from jaxgear._cli._init import write_first_scene, write_imported
+from jaxgear._cli._init import write_first_scene, write_imported, write_measured
 from jaxgear._cli._keys import explain_key, print_keys
 from jaxgear._cli._parser import parser
 from jaxgear._cli._plot import draw_again
@@ -159,9 +159,7 @@ def _study(args: argparse.Namespace) -> int:
 
 def _refuse_unspeakable(args: argparse.Namespace) -> None:
     """Refuse bytes that are no text: they would come to light where results are written."""
-    texts = [
-        getattr(args, name, "") for name in ("scene", "result", "results", "body", "rexs", "out")
-    ]
+    texts = [getattr(args, name, "") for name in ("scene", "result", "results", "file", "out")]
     for value in (*texts, *getattr(args, "overrides", ())):
         try:
             str(value).encode()
@@ -279,30 +277,36 @@ def _plot(args: argparse.Namespace) -> int:
 
 
 def _import(args: argparse.Namespace) -> int:
-    """Write the scene of a stage of a REXS file."""
-    target, remarks = write_imported(args)
-    if not args.quiet:
-        print(target)
-        print("\n".join(f"  - {remark}" for remark in remarks), file=sys.stderr)
+    """Write the scene of a stage of a REXS file, or what a universal file has measured."""
+    with _numerical(quiet=True):
+        from jaxgear.study._uff58 import is_universal_file
+
+        if is_universal_file(args.file):
+            target, remarks = write_measured(args), ()
+        else:
+            target, remarks = write_imported(args)
+    _tell(args, [target], remarks)
     return 0
 
 
 def _export(args: argparse.Namespace) -> int:
-    """Write a condensed body for another program."""
-    from fem_prep import BodyError, export_body, read_body
+    """Write a body, a scene or a result for another program."""
+    with _numerical(quiet=True):
+        from jaxgear._cli._export import exported
+        from jaxgear.study._statics import SolverFailure
 
-    folder = args.out or args.body.parent
-    try:
-        body = read_body(args.body)
-        folder.mkdir(parents=True, exist_ok=True)
-        files = export_body(body, folder, args.form)
-    except BodyError as error:
-        raise _Stop(2, str(error)) from None
-    except OSError as error:
-        raise _Stop(2, f"cannot write into {folder}: {error.strerror}.") from None
+        try:
+            _tell(args, *exported(args))
+        except SolverFailure as error:
+            raise _Stop(1, f"{args.file}: {error}") from error
+    return 0
+
+
+def _tell(args: argparse.Namespace, files: Sequence[Path], remarks: Sequence[str]) -> None:
+    """Name the files written, and what there is to say of them."""
     if not args.quiet:
         print("\n".join(map(str, files)))
-    return 0
+        print("".join(f"  - {remark}\n" for remark in remarks), end="", file=sys.stderr)
 
 
 def _report(args: argparse.Namespace) -> int:

@@ -31,6 +31,18 @@ OWN_PAIR: Mapping[str, tuple[str, str]] = {
     "power": ("pair.power_kW", "power [kW; none]"),
     "rpm": ("pair.speed_rpm", "speed of the pinion [rpm; none]"),
 }
+# What `export` writes.
+FORMS: Mapping[str, str] = {
+    "op4": "Nastran's OUTPUT4, as text",
+    "mtx": "Abaqus's *MATRIX INPUT",
+    "rexs": "REXS 1.5, XML",
+    "modelica": "force of the mesh over phase and approach, for CombiTable2Ds",
+    "topography": "both flanks as CSV, over face and roll length",
+    "uff58": "orders and spectra of a sweep as a universal file, dataset 58",
+}
+
+# How shells complete the name of a file, for shtab.
+_FILES = {"bash": "_shtab_compgen_files", "zsh": "_files", "tcsh": "f"}
 
 _Arguments = Mapping[str, Mapping[str, Any]]
 
@@ -96,18 +108,25 @@ _EXPLORE: _Arguments = {
     **_SCENE,
 }
 _EXPORT: _Arguments = {
-    "body": {"metavar": "BODY", "type": Path, "help": "NAME.body.npz of `jaxgear condense`"},
-    "--form": {
-        "choices": ("op4", "mtx"),
-        "required": True,
-        "help": "op4: Nastran's OUTPUT4, as text; mtx: Abaqus's *MATRIX INPUT",
+    "file": {
+        "metavar": "FILE",
+        "type": Path,
+        "help": "for op4 and mtx NAME.body.npz of `jaxgear condense`; for uff58 the result.nc of "
+        "`jaxgear sweep`; else a scene",
     },
-    "--out": {"type": Path, "metavar": "DIR", "help": "folder for the files; that of the body"},
+    "--form": {
+        "choices": tuple(FORMS),
+        "required": True,
+        "help": "; ".join(f"{name}: {text}" for name, text in FORMS.items()),
+    },
+    "--set": _COMMON["--set"],
+    "--out": {"type": Path, "metavar": "DIR", "help": "folder for the files; that of FILE"},
     **_QUIET,
 }
 _IMPORT: _Arguments = {
-    "rexs": {"metavar": "FILE", "type": Path, "help": "REXS file (.rexs, XML, 1.0 to 2.0)"},
+    "file": {"metavar": "FILE", "type": Path, "help": "REXS file, or universal file"},
     "--stage": {"default": "", "metavar": "ID", "help": "identifier of the stage; asked for"},
+    "--load-case": {"default": "", "metavar": "ID", "help": "identifier of it; the first"},
     "--out": {"type": Path, "metavar": "DIR", "help": "folder, or a file that ends in .toml"},
     **_QUIET,
 }
@@ -182,8 +201,9 @@ def parser() -> argparse.ArgumentParser:
     command("doctor", "say whether this installation is in order: versions, precision, speed", {})
     text = "a page with a slider for each flank key: pictures and slopes while one moves them"
     command("explore", text, _EXPLORE)
-    command("import", "write the scene of a cylindrical stage of a REXS file", _IMPORT)
-    text = "a condensed body for other programs: matrices, and what their rows are, in m, kg and s"
+    text = "the scene of a stage of a REXS file; or measured orders of a universal file as CSV"
+    command("import", text, _IMPORT)
+    text = "a condensed body or a scene for other programs"
     command("export", text, _EXPORT)
     command("plot", "draw the pictures of a result.nc again, without computing", _PLOT)
     text = "one HTML page of a results folder, that of all commands on a scene too"
@@ -200,7 +220,9 @@ def ready_names() -> list[str]:
 
 def _add(to: Any, arguments: _Arguments) -> None:
     for name, options in arguments.items():
-        to.add_argument(name, **options)
+        added = to.add_argument(name, **options)
+        if options.get("type") is Path:
+            added.complete = _FILES
 
 
 def _version() -> str:

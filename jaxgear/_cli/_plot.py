@@ -1,6 +1,7 @@
 """The command `plot`: pictures and tables of a result again, from its datasets alone."""
 
 from pathlib import Path
+from typing import Any
 
 from jaxgear._checks import InputError
 
@@ -15,24 +16,11 @@ def draw_again(result: Path, folder: Path, *, pictures: bool = True) -> list[str
     - `InputError` if the file is no result, or one without pictures.
     - `OSError` if the folder cannot be written to.
     """
-    import xarray as xr
-
     from jaxgear import plot
     from jaxgear._cli._folder import Folder
     from jaxgear._cli._writing import write_pictures
 
-    if not result.is_file():
-        raise InputError(f"{result}: no such file. Name the result.nc of a results folder.")
-    try:
-        groups = xr.open_groups(result, engine="netcdf4")
-        datasets = {name.strip("/"): each.load() for name, each in groups.items()}
-        for each in groups.values():
-            each.close()
-    except (OSError, ValueError) as error:
-        why = "no netCDF file" if isinstance(error, OSError) else str(error)
-        raise InputError(
-            f"{result}: not a result of jaxgear: {why}. Name the result.nc of a results folder."
-        ) from None
+    datasets = read_result(result)
     found = list(plot.pictures(datasets))
     if not found:
         raise InputError(
@@ -42,3 +30,27 @@ def draw_again(result: Path, folder: Path, *, pictures: bool = True) -> list[str
     folder.mkdir(parents=True, exist_ok=True)
     write_pictures(datasets, Folder(folder, pictures))
     return [each.name for each in found]
+
+
+def read_result(result: Path) -> dict[str, Any]:
+    """The datasets of a `result.nc`, by group; the group at the root has no name.
+
+    **Raises:**
+
+    - `InputError` if the file is no result.
+    """
+    import xarray as xr
+
+    if not result.is_file():
+        raise InputError(f"{result}: no such file. Name the result.nc of a results folder.")
+    try:
+        groups = xr.open_groups(result, engine="netcdf4")
+        datasets = {name.strip("/"): each.load() for name, each in groups.items()}
+        for each in groups.values():
+            each.close()
+        return datasets
+    except (OSError, ValueError) as error:
+        why = "no netCDF file" if isinstance(error, OSError) else str(error)
+        raise InputError(
+            f"{result}: not a result of jaxgear: {why}. Name the result.nc of a results folder."
+        ) from None

@@ -1,48 +1,41 @@
 """Cylindrical stages of REXS files (Reusable Engineering EXchange Standard, rexs.info) as scenes.
 
-Versions 1.0 to 2.0 as XML. What is read: stages, gears, shafts of sections, bearings, loads of
-shafts. Names of attributes are those of the REXS database; a gear's coordinate on its shaft is
-that of its left side.
+What is read: stages, gears and their tools, shafts of sections, bearings, loads and speeds of
+shafts, materials, modifications of flanks, one load case. Names of attributes are those of the
+REXS database; a gear's coordinate on its shaft is that of its left side.
 """
 
-import itertools
-import math
-import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping
+import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from jaxgear._checks import InputError, require
+from jaxgear._checks import InputError
+from jaxgear._units import mm
+from jaxgear.scene._build_pair import pair_of
+from jaxgear.scene._mistakes import SceneError
+from jaxgear.scene._rexs_file import Component, read_rexs
+from jaxgear.scene._rexs_flanks import flank_keys, modifications, paths_of
+from jaxgear.scene._rexs_shafts import passed_on, shaft_keys, torque_of
+from jaxgear.scene._rexs_stage import RexsStage, parts_on, stage_of, teeth_of
+from jaxgear.scene._scene import Scene, read_scene
+from jaxgear.scene._schema import GEARS
 
-# What one of a unit is in that of the scene's keys: mm, degrees, N m, N/m, N m/rad.
-_UNITS = {
-    "mm": 1.0,
-    "m": 1e3,
-    "°": 1.0,
-    "rad": 180.0 / math.pi,
-    "none": 1.0,
-    "N m": 1.0,
-    "kN m": 1e3,
-    "N / m": 1.0,
-    "N / mm": 1e3,
-    "N / mum": 1e6,
-    "N mm / rad": 1e-3,
-    "N m / rad": 1.0,
-    "1 / min": 1.0,
-}
-# Of a bearing where a file says none, or one that no bearing has [N/m, N/m, N m/rad].
-_USUAL = {"radial_N_m": 1e9, "axial_N_m": 1e8, "tilt_Nm_rad": 1e4}
-_BEARING = {
-    "radial_N_m": "radial_stiffness",
-    "axial_N_m": "axial_stiffness",
-    "tilt_Nm_rad": "bending_stiffness",
-}
-_STIFFEST = 1e12
+_RACK = "rack_shaped_tool"
+# Key of a material, the attribute, ten to the power of what turns one into the other.
+_MATERIAL = (
+    ("young_GPa", "elastic_modulus", -3),
+    ("poisson", "poisson_ratio", 0),
+    ("density_kg_m3", "density", 3),
+)
 _READ = {
     *("gear_unit", "gear_casing", "cylindrical_stage", "cylindrical_gear", "shaft"),
-    *("shaft_section", "external_load", "stage_gear_data", "rolling_bearing_row"),
-    *("flank_geometry", "cylindrical_gear_flank"),
+    *("shaft_section", "external_load", "stage_gear_data", "rolling_bearing_row", "material"),
+    *("flank_geometry", "cylindrical_gear_flank", "cylindrical_stage_gear_data"),
+    *("rack_shaped_tool", "cylindrical_gear_manufacturing_settings"),
 }
+# Centre distances of a file and of profile shifts are the same within this [mm].
+_SAME = 1e-6
 
 
 class Imported(NamedTuple):
@@ -58,306 +51,207 @@ class Imported(NamedTuple):
     remarks: tuple[str, ...]
 
 
-class _Component(NamedTuple):
-    """One component: its type, its name, and its plain attributes with their units."""
-
-    kind: str
-    name: str
-    attributes: Mapping[str, tuple[str, str]]
-
-    def number(self, name: str) -> float | None:
-        """An attribute as a number in the scene's unit; `None` where it is left out."""
-        text, unit = self.attributes.get(name, ("", "none"))
-        if not text:
-            return None
-        try:
-            value = float(text) * _UNITS[unit]
-        except (ValueError, KeyError):
-            raise InputError(
-                f"{self.kind} {self.name}: {name} must be a number in a unit that is known, got "
-                f"{text} in {unit}."
-            ) from None
-        require(math.isfinite(value), "{name} must be finite, got {text}.", name=name, text=text)
-        return value
-
-    def needed(self, name: str) -> float:
-        """The same, refused where it is left out."""
-        value = self.number(name)
-        if value is None:
-            raise InputError(f"{self.kind} {self.name}: {name} is missing, without which no scene.")
-        return value
-
-
-class _Builder(ET.TreeBuilder):
-    """Builds a tree of a document without a type of its own: entities could grow without end."""
-
-    def doctype(self, name: str, pubid: str | None, system: str | None) -> None:
-        raise InputError("A REXS file has no DOCTYPE. Write it again without.")
-
-
-class _Model:
-    """Components of a file, and who belongs to whom."""
-
-    def __init__(self, content: bytes):
-        try:
-            root = ET.fromstring(content, ET.XMLParser(target=_Builder()))
-        except ET.ParseError as error:
-            raise InputError(f"not a REXS file: no XML: {error}.") from None
-        # 2.0 may name a space.
-        for each in root.iter():
-            each.tag = each.tag.rpartition("}")[2] if isinstance(each.tag, str) else ""
-        require(root.tag == "model", "not a REXS file: its root is {got}.", got=root.tag)
-        self.version = root.get("version", "")
-        self.application = root.get("applicationId", "")
-        self.parts = {
-            each.get("id", ""): _component(each) for each in root.iterfind("components/component")
-        }
-        self.relations = [
-            (each.get("type", ""), {ref.get("role", ""): ref.get("id", "") for ref in each})
-            for each in root.iterfind("relations/relation")
-        ]
-
-    def those(self, kind: str, **roles: str) -> Iterator[Mapping[str, str]]:
-        """Relations of a kind in which some roles are played by given components."""
-        for each, refs in self.relations:
-            if each == kind and all(refs.get(role) == of for role, of in roles.items()):
-                yield refs
-
-    def shaft_of(self, part: str) -> str:
-        """The shaft that carries a component."""
-        for refs in self.those("assembly", part=part):
-            if (shaft := refs.get("assembly", "")) in self.parts:
-                return shaft
-        raise InputError(f"The gear {part} is on no shaft.")
-
-    def parts_on(self, shaft: str, kind: str) -> list[_Component]:
-        """Components of a kind on a shaft."""
-        ids = [refs.get("part", "") for refs in self.those("assembly", assembly=shaft)]
-        return [
-            self.parts[each] for each in ids if each in self.parts and self.parts[each].kind == kind
-        ]
-
-
-def _component(element: ET.Element) -> _Component:
-    attributes = {
-        each.get("id", ""): ((each.text or "").strip(), each.get("unit", "none"))
-        for each in element.iterfind("attribute")
-    }
-    return _Component(element.get("type", ""), element.get("name", ""), attributes)
-
-
-def scene_of_rexs(path: Path, stage: str = "") -> Imported:
+def scene_of_rexs(path: Path, stage: str = "", case: str = "") -> Imported:
     """Read a cylindrical stage of a REXS file.
 
     **Arguments:**
 
-    - `path`: of the file (.rexs, XML).
+    - `path`: of the file (.rexs, .rexsj or .rexsz).
     - `stage`: identifier of the stage; may be left out where there is one.
+    - `case`: identifier of the load case; the first without it.
 
     **Raises:**
 
-    - `InputError` if the file is none of REXS, has no such stage, or lacks what a scene needs.
+    - `InputError` if the file is none of REXS, has no such stage or load case, or makes no scene.
     """
-    try:
-        model = _Model(path.read_bytes())
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}.") from None
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
-    gears = _gears_of(model, stage)
-    pinion, wheel = (model.parts[each] for each in gears)
-    remarks: list[str] = []
-    flanks = [_flank(model, each) for each in gears]
-    angles = [flank.number("normal_pressure_angle") for flank in flanks if flank]
-    pressure_angle = next((each for each in angles if each is not None), None)
-    if pressure_angle is None:
-        pressure_angle = 20.0
-        remarks.append("The pressure angle is missing: 20 degrees are taken.")
+    model = read_rexs(path)
+    it = stage_of(model, stage, case)
     keys: dict[str, Any] = {
         "schema": 1,
         "name": path.stem,
         "cite": f"REXS {model.version} file {path.name} of {model.application or 'nobody named'}",
-        "pair": {
-            "module_mm": pinion.needed("normal_module"),
-            "pressure_angle_deg": pressure_angle,
-            "helix_angle_deg": pinion.number("helix_angle_reference_diameter") or 0.0,
-            "torque_pinion_Nm": _torque(model, gears, remarks),
-        },
+        **_materials(it),
+        "pair": _pair(it),
     }
-    for name, part, gear, flank in zip(
-        ("pinion", "wheel"), gears, (pinion, wheel), flanks, strict=True
-    ):
-        keys[name] = _gear(gear, flank) | {"shaft": _shaft(model, name, part, remarks)}
-    left = sorted({each.kind for each in model.parts.values()} - _READ)
-    left = [each for each in left if "bearing" not in each]
-    if left:
-        remarks.append(f"Left out: {', '.join(left)}.")
-    remarks.append(
-        "Both faces are taken as centred on each other, a bearing's coordinate as its middle; "
-        "modifications of flanks are not read."
-    )
-    of_stage = model.parts.get(_stage_of(model, gears))
-    if distance := of_stage and of_stage.number("center_distance"):
-        remarks.append(
-            f"The centre distance follows from the profile shifts; the file has {distance:g} mm: "
-            "compare geometry.centre_distance_mm of a run."
-        )
-    return Imported(keys, tuple(remarks))
+    for gear in GEARS:
+        keys[gear] = {**_gear(it, gear), **keys.pop(f"{gear}.material", {}), **shaft_keys(it, gear)}
+    scene = _draft(keys, path)
+    _set_centre_distance(it, keys, scene)
+    _set_flanks(it, keys, scene)
+    _draft(keys, path)
+    _tell_the_rest(it)
+    return Imported(keys, tuple(it.remarks))
 
 
-def _stage_of(model: _Model, gears: list[str]) -> str:
-    """Identifier of the stage of two gears."""
-    return next(
-        refs["stage"]
-        for refs in model.those("stage")
-        if {refs.get("gear_1"), refs.get("gear_2")} == set(gears)
-    )
-
-
-def _gears_of(model: _Model, stage: str) -> list[str]:
-    """Identifiers of pinion and wheel of a stage."""
-    stages = {
-        refs["stage"]: refs
-        for refs in model.those("stage")
-        if {"stage", "gear_1", "gear_2"} <= refs.keys()
-        and all(_known(model, refs[role], "cylindrical_gear") for role in ("gear_1", "gear_2"))
+def _pair(it: RexsStage) -> Mapping[str, Any]:
+    pinion, remarks = it.part("pinion"), it.remarks
+    flanks = [flank for gear in it.gears if (flank := _flank(it, gear)) is not None]
+    angles = [it.model.parts[flank].number("normal_pressure_angle") for flank in flanks]
+    pressure_angle = next((each for each in angles if each is not None), None)
+    if pressure_angle is None:
+        remarks.append("The pressure angle is missing: 20 degrees are taken.")
+    loads = lambda shaft: [torque_of(x) for x in parts_on(it, shaft, "external_load")]
+    torque = passed_on(it, lambda shaft: max(loads(shaft), default=0.0), forwards=True)
+    if torque is None:
+        remarks.append("No shaft has a torque: 1 N m is taken. Set pair.torque_pinion_Nm.")
+    keys: dict[str, Any] = {
+        "module_mm": float(pinion.needed("normal_module")),
+        "pressure_angle_deg": 20.0 if pressure_angle is None else pressure_angle,
+        "helix_angle_deg": pinion.number("helix_angle_reference_diameter") or 0.0,
+        "torque_pinion_Nm": 1.0 if torque is None else torque,
     }
-    told = ", ".join(
-        f"{each} ({model.parts[refs['gear_1']].number('number_of_teeth'):g} and "
-        f"{model.parts[refs['gear_2']].number('number_of_teeth'):g} teeth)"
-        for each, refs in stages.items()
-        if all(model.parts[refs[role]].number("number_of_teeth") for role in ("gear_1", "gear_2"))
-    )
-    require(stages, "there is no stage of two external cylindrical gears in the file.")
-    require(
-        stage in stages or (not stage and len(stages) == 1),
-        "name one of its stages with --stage: {told}.",
-        told=told or ", ".join(stages),
-    )
-    refs = stages[stage] if stage else next(iter(stages.values()))
-    both = [refs["gear_1"], refs["gear_2"]]
-    return sorted(both, key=lambda each: model.parts[each].needed("number_of_teeth"))
+    turns = lambda shaft: abs(it.model.parts[shaft].number("rotational_speed") or 0.0)
+    if speed := passed_on(it, turns, forwards=False):
+        keys["speed_rpm"] = speed
+    return keys
 
 
-def _known(model: _Model, part: str, kind: str) -> bool:
-    return part in model.parts and model.parts[part].kind == kind
-
-
-def _flank(model: _Model, gear: str) -> _Component | None:
-    """The left flank of a gear, or the right one where there is one only."""
-    for refs in model.those("flank", gear=gear):
+def _flank(it: RexsStage, gear: str) -> str | None:
+    """Identifier of the left flank of a gear, or of the right one where there is one only."""
+    for refs in it.model.those("flank", gear=gear):
         for side in ("left", "right"):
-            if refs.get(side) in model.parts:
-                return model.parts[refs[side]]
+            if refs.get(side) in it.model.parts:
+                return refs[side]
     return None
 
 
-def _gear(gear: _Component, flank: _Component | None) -> dict[str, Any]:
+def _materials(it: RexsStage) -> Mapping[str, Any]:
+    """The material of both gears, or one for each."""
+    found: dict[str, Mapping[str, float]] = {}
+    for name, gear in zip(GEARS, it.gears, strict=True):
+        parts = it.model.related("reference", "referenced", "material", origin=gear)
+        numbers = {
+            key: value
+            for key, attribute, scale in _MATERIAL
+            for part in parts[:1]
+            if (value := part.number(attribute, scale)) is not None
+        }
+        if len(numbers) < len(_MATERIAL):
+            lacking = ", ".join(key for key, *_ in _MATERIAL if key not in numbers)
+            it.remarks.append(f"{name}: steel is taken for {lacking}.")
+        found[name] = numbers
+    if found["pinion"] == found["wheel"]:
+        return {"material": found["pinion"]} if found["pinion"] else {}
+    return {f"{name}.material": {"material": numbers} for name, numbers in found.items() if numbers}
+
+
+def _gear(it: RexsStage, name: str) -> dict[str, Any]:
+    gear, flank = it.part(name), _flank(it, it.gears[GEARS.index(name)])
     found: dict[str, Any] = {
-        "teeth": round(_teeth(gear)),
-        "face_width_mm": gear.needed("face_width"),
+        "teeth": round(teeth_of(gear)),
+        "face_width_mm": float(gear.needed("face_width")),
     }
-    if flank and (shift := flank.number("addendum_modification_coefficient")) is not None:
-        found["profile_shift"] = shift
-    for key, name in (
-        ("tip_diameter_mm", "tip_diameter"),
-        ("root_diameter_mm", "root_diameter"),
-        ("bore_mm", "inner_diameter"),
+    on_flank = {
+        "profile_shift": "addendum_modification_coefficient",
+        "addendum_coeff": "addendum_coefficient_basic_profile",
+    }
+    on_tool = {
+        "dedendum_coeff": "addendum_coefficient_reference_profile",
+        "fillet_radius_coeff": "tip_radius_factor",
+    }
+    for part, names in (
+        (it.model.parts[flank] if flank else None, on_flank),
+        (_tool(it, name), on_tool),
     ):
-        if value := gear.number(name):
+        for key, attribute in names.items():
+            if part and (value := part.number(attribute)) is not None:
+                found[key] = value
+    for key, instead, attribute in (
+        ("tip_diameter_mm", "addendum_coeff", "tip_diameter"),
+        ("root_diameter_mm", "dedendum_coeff", "root_diameter"),
+        ("bore_mm", "", "inner_diameter"),
+    ):
+        if value := gear.number(attribute):
             found[key] = abs(value)
+            found.pop(instead, None)
+    if "profile_shift" not in found:
+        it.remarks.append(f"{name}: no profile shift is given, 0 is taken.")
     return found
 
 
-def _teeth(gear: _Component) -> float:
-    number = gear.needed("number_of_teeth")
-    require(number >= 1.0, "{name} must have teeth, got {got:g}.", name=gear.name, got=number)
-    return number
+def _tool(it: RexsStage, name: str) -> Component | None:
+    """The rack that cuts a gear: of its flank's last step, or named by the gear itself."""
+    gear = it.gears[GEARS.index(name)]
+    steps = it.model.related("manufacturing_step", "tool", _RACK, workpiece=_flank(it, gear) or "")
+    named = it.model.related("ordered_reference", "referenced", _RACK, origin=gear)
+    return next(iter((*steps[::-1], *named)), None)
 
 
-def _torque(model: _Model, gears: list[str], remarks: list[str]) -> float:
-    """Torque on the pinion, passed on from loaded shafts through the stages, without losses."""
-    known: dict[str, float] = {}
-    for shaft, part in model.parts.items():
-        if part.kind == "shaft":
-            loads = [
-                x.number("torque_around_u_axis") for x in model.parts_on(shaft, "external_load")
-            ]
-            if largest := max((abs(each) for each in loads if each), default=0.0):
-                known[shaft] = largest
-    sides = [
-        [
-            (model.shaft_of(refs[role]), _teeth(model.parts[refs[role]]))
-            for role in ("gear_1", "gear_2")
-        ]
-        for refs in model.those("stage")
-        if all(
-            _known(model, refs.get(role, ""), "cylindrical_gear") for role in ("gear_1", "gear_2")
+def _draft(keys: Mapping[str, Any], path: Path) -> Scene:
+    """The scene of these keys, checked."""
+    # Who looks up a key waits for no writer of scenes.
+    import tomlkit
+
+    with tempfile.TemporaryDirectory() as folder:
+        draft = Path(folder) / "draft.toml"
+        draft.write_text(tomlkit.dumps(keys), encoding="utf-8")
+        try:
+            return read_scene(draft)
+        except SceneError as error:
+            words = [f"{mistake.path}: {mistake.message}." for mistake in error.mistakes]
+            told = "\n".join([f"{path}: the stage makes no scene:", *words])
+            raise InputError(told) from None
+
+
+def _set_centre_distance(it: RexsStage, keys: dict[str, Any], scene: Scene) -> None:
+    """Take the file's centre distance where it is not that of the profile shifts."""
+    stage = it.model.parts.get(it.stage)
+    given = stage and stage.number("center_distance")
+    if not given:
+        return
+    of_shifts = float(pair_of(scene).zero_backlash_centre_distance) / mm
+    if abs(given - of_shifts) <= _SAME:
+        return
+    try:
+        pair_of(scene.replace({"pair.centre_distance_mm": given}))
+    except InputError as error:
+        it.remarks.append(
+            f"The centre distance of {given:g} mm does not fit: {error} That of the profile "
+            f"shifts, {of_shifts:.6g} mm, is taken."
         )
-    ]
-    for _ in sides:
-        for one, other in itertools.chain(sides, ([b, a] for a, b in sides)):
-            if one[0] in known and other[0] not in known:
-                known[other[0]] = known[one[0]] * abs(other[1] / one[1])
-    torque = known.get(model.shaft_of(gears[0]))
-    if torque is None:
-        remarks.append("No shaft has a torque: 1 N m is taken. Set pair.torque_pinion_Nm.")
-    return 1.0 if torque is None else torque
-
-
-def _shaft(model: _Model, name: str, gear: str, remarks: list[str]) -> dict[str, Any]:
-    """Segments, bearings, and where the gear is, from the shaft's own left end on."""
-    shaft = model.shaft_of(gear)
-    sections = sorted(
-        model.parts_on(shaft, "shaft_section"), key=lambda x: x.needed("u_coordinate_on_shaft")
+        return
+    keys["pair"]["centre_distance_mm"] = given
+    more = 1e3 * (given - of_shifts)
+    thinner = " Its teeth must be thinner than their shifts say." if more < -1.0 else ""
+    it.remarks.append(
+        f"The centre distance, {given:g} mm, is the file's: {more:+.3g} um against that of the "
+        f"profile shifts without backlash.{thinner}"
     )
-    require(sections, "the {name}'s shaft has no sections.", name=name)
-    start = sections[0].needed("u_coordinate_on_shaft")
-    if any(_is_cone(each) for each in sections):
-        remarks.append(f"{name}: a conical section of the shaft has its mean diameters.")
-    part = model.parts[gear]
-    middle = part.needed("u_coordinate_on_shaft") + 0.5 * part.needed("face_width") - start
-    return {
-        "gear_at_mm": middle,
-        "segments": [
-            {
-                "length_mm": each.needed("length"),
-                "outer_mm": _mean(each, "outer_diameter"),
-                "inner_mm": _mean(each, "inner_diameter"),
-            }
-            for each in sections
-        ],
-        "bearings": list(_bearings(model, name, shaft, start, remarks)),
+
+
+def _set_flanks(it: RexsStage, keys: dict[str, Any], scene: Scene) -> None:
+    """Add what the flanks are modified by."""
+    found = {
+        name: modifications(it.model, _flank(it, gear) or "")
+        for name, gear in zip(GEARS, it.gears, strict=True)
     }
+    if any(found.values()):
+        distance = keys["pair"].get("centre_distance_mm")
+        changed = {} if distance is None else {"pair.centre_distance_mm": distance}
+        paths = paths_of(pair_of(scene.replace(changed)))
+        keys["flank"] = {
+            name: flank_keys(found[name], path, it.remarks)
+            for name, path in zip(GEARS, paths, strict=True)
+            if found[name]
+        }
+    for name, gear in zip(GEARS, it.gears, strict=True):
+        for refs in it.model.those("flank", gear=gear):
+            sides = [modifications(it.model, refs.get(side, "")) for side in ("left", "right")]
+            if {"left", "right"} <= refs.keys() and sides[0] != sides[1]:
+                it.remarks.append(f"{name}: its flanks differ, the left one is taken.")
 
 
-def _is_cone(section: _Component) -> bool:
-    ends = [section.number(f"outer_diameter_{end}") for end in ("begin", "end")]
-    return ends[0] != ends[1]
-
-
-def _mean(section: _Component, name: str) -> float:
-    return 0.5 * sum(section.number(f"{name}_{end}") or 0.0 for end in ("begin", "end"))
-
-
-def _bearings(
-    model: _Model, name: str, shaft: str, start: float, remarks: list[str]
-) -> Iterator[dict[str, Any]]:
-    for refs in model.those("side", inner_part=shaft):
-        part = model.parts.get(refs.get("assembly", ""))
-        if part is None or "bearing" not in part.kind:
-            continue
-        found = {"at_mm": part.needed("u_coordinate_on_shaft_inner_side") - start}
-        taken = []
-        for key, attribute in _BEARING.items():
-            value = part.number(attribute)
-            if value is None or not 0.0 < value < _STIFFEST:
-                value = _USUAL[key]
-                taken.append(f"{key} = {value:g}")
-            found[key] = value
-        if taken:
-            remarks.append(
-                f"{name}: bearing {part.name or part.kind} has no such stiffness in the file: "
-                f"{', '.join(taken)} taken."
-            )
-        yield found
+def _tell_the_rest(it: RexsStage) -> None:
+    """Say what was left out, and what was assumed of all files."""
+    carried = {kind for x in it.gears for kind in modifications(it.model, _flank(it, x) or "")}
+    left = sorted({each.kind for each in it.model.parts.values()} - _READ - carried)
+    left = [each for each in left if "bearing" not in each]
+    if left:
+        it.remarks.append(f"Left out: {', '.join(left)}.")
+    forces = [f"force_{axis}_direction" for axis in "uvw"]
+    loads = [x for gear in GEARS for x in parts_on(it, it.shaft_of(gear), "external_load")]
+    if any(load.number(force) for load in loads for force in forces):
+        it.remarks.append("Forces on the shafts are left out.")
+    it.remarks.append(
+        "Both faces are taken as centred on each other, a bearing's coordinate as its middle."
+    )
