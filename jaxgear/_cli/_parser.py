@@ -76,7 +76,11 @@ _EXPLAIN: _Arguments = {
     "key": {"metavar": "KEY", "help": "path of a key, such as pair.torque_pinion_Nm"},
 }
 _PLOT: _Arguments = {
-    "result": {"metavar": "RESULT", "type": Path, "help": "result.nc of any command"},
+    "result": {
+        "metavar": "RESULT",
+        "type": Path,
+        "help": "result.nc of any command, or the folder that it is in",
+    },
     "--out": {
         "type": Path,
         "metavar": "DIR",
@@ -84,6 +88,23 @@ _PLOT: _Arguments = {
     },
     **_PICTURES,
     **_QUIET,
+}
+_STUDY: _Arguments = {
+    "study": {"metavar": "STUDY", "type": Path, "help": "study file (TOML)"},
+    "--out": {"type": Path, "metavar": "DIR", "help": "folder for the results; results/NAME"},
+    "--resume": {
+        "action": argparse.BooleanOptionalAction,
+        "default": True,
+        "help": "go on where it was; --no-resume removes what was computed before",
+    },
+    **_PICTURES,
+    "--json": _flag("print the summary as JSON"),
+    **_QUIET,
+}
+_PARTS: _Arguments = {
+    "--shard": {"metavar": "I/N", "help": "compute part I of N only, counted from 0"},
+    "--status": _flag("say how much is computed, and compute nothing"),
+    "--collect": _flag("collect what is computed, and compute nothing"),
 }
 _EXPLORE: _Arguments = {
     "--out": {
@@ -182,6 +203,9 @@ def parser() -> argparse.ArgumentParser:
     command("doctor", "say whether this installation is in order: versions, precision, speed", {})
     text = "a page with a slider for each flank key: pictures and slopes while one moves them"
     command("explore", text, _EXPLORE)
+    text = "many designs of a scene as one table, with derivatives; resumes, works in parts"
+    study = command("study", text, _STUDY)
+    _add(study.add_mutually_exclusive_group(), _PARTS)
     command("import", "write the scene of a cylindrical stage of a REXS file", _IMPORT)
     text = "a condensed body for other programs: matrices, and what their rows are, in m, kg and s"
     command("export", text, _EXPORT)
