@@ -7,6 +7,8 @@ import re
 from pathlib import Path
 from typing import Any
 
+import xarray as xr
+
 from jaxgear import designs
 from jaxgear._checks import InputError
 from jaxgear._cli._folder import Folder
@@ -61,14 +63,14 @@ def _write(found: Collected, folder: Folder) -> None:
         _write_parquet(table, dict(found.designs.attrs), folder / "designs.parquet")
     else:
         write_csv(table, folder / "designs.csv", digits=17)
-    write_dataset(type(found.designs)(), folder / "result.nc", {"designs": found.designs})
+    write_dataset(xr.Dataset(), folder / "result.nc", found.datasets)
     scene = found.scene
     known = scene.overridden() | files_seen_from(scene, folder.path)
     for number, values in enumerate(found.best, start=1):
         text = rewritten(scene.path, {**known, **values})
         write_text(text, folder / f"best_{number}.toml")
     with narration("pictures"):
-        write_pictures({"designs": found.designs}, folder)
+        write_pictures(found.datasets, folder)
     write_json(found.summary, folder / "summary.json")
 
 

@@ -12,17 +12,16 @@ import xarray as xr
 
 from jaxgear._checks import InputError
 from jaxgear.designs._datasets import columns_of, together
+from jaxgear.designs._statistics import effects_dataset, quantiles_dataset
 from jaxgear.designs._table import DesignTable
 from jaxgear.designs._work import Job, Status, job_of, status_of
 from jaxgear.scene._scene import Scene
 from jaxgear.study._head import names_of
-from jaxgear.study._result import Summary, titled
+from jaxgear.study._result import Datasets, Summary, titled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Shares of designs that stay below a quantile, and how sure its bounds are.
-SHARES, CONFIDENCE = (0.05, 0.5, 0.95, 0.99), 0.95
 # Reasons that a summary tells.
 _TOLD = 5
 
@@ -34,18 +33,22 @@ class Collected:
     **Fields:**
 
     - `scene`: that it is about.
-    - `designs`: a variable for each column, `gradient`, arrays, and `reason` why a design has no
-        results, over the coordinate `design`.
+    - `datasets`: `designs`, of which `effects` and `quantiles` are made.
     - `status`: how much of it is there.
     - `summary`: counts, quantiles and best designs.
     - `best`: keys of the best designs and their values, the best first.
     """
 
     scene: Scene
-    designs: xr.Dataset
+    datasets: Datasets
     status: Status
     summary: Summary
     best: tuple[dict[str, Any], ...]
+
+    @property
+    def designs(self) -> xr.Dataset:
+        """All designs: a variable for each column, `gradient`, arrays, `reason` of a failure."""
+        return self.datasets["designs"]
 
     @property
     def table(self) -> dict[str, np.ndarray]:
@@ -55,7 +58,7 @@ class Collected:
     def plot(self) -> dict[str, "Figure"]:
         """Draw all pictures: figures by name."""
         atlas = importlib.import_module("jaxgear.plot")
-        return {each.name: each.draw() for each in atlas.pictures({"designs": self.designs})}
+        return {each.name: each.draw() for each in atlas.pictures(self.datasets)}
 
 
 def collect(
@@ -119,11 +122,32 @@ def collected(job: Job) -> Collected:
         },
         "notes": list(_notes(status, reasons)),
     }
+    datasets = {"designs": designs}
+    solved, title = designs.isel(design=good), designs.attrs["title"]
+    keys = [key for key in job.table.keys if designs[key].dtype.kind in "if"]
+    if len(good) and (effects := effects_dataset(solved, keys, asked.keep.numbers)) is not None:
+        datasets["effects"] = titled(effects, title)
     if scattered and len(good):
-        summary["study"]["quantiles"] = {
-            name: quantiles(designs[name].values[good]) for name in asked.keep.numbers
+        datasets["quantiles"] = titled(quantiles_dataset(solved, asked.keep.numbers), title)
+        summary["study"]["quantiles"] = _quantiles(datasets["quantiles"])
+    return Collected(scene, datasets, status, summary, tuple(map(job.table.at, best)))
+
+
+def _quantiles(found: xr.Dataset) -> Summary:
+    """Quantiles of each number by their shares, each with its bounds."""
+    return {
+        name: {
+            "mean": float(own["mean"]),
+            "deviation": float(own["deviation"]),
+            **{
+                f"{100.0 * share:g} %": [float(at[x]) for x in ("value", "low", "high")]
+                for share in found["share"].values.tolist()
+                for at in [own.sel(share=share)]
+            },
         }
-    return Collected(scene, designs, status, summary, tuple(map(job.table.at, best)))
+        for name in found["number"].values.tolist()
+        for own in [found.sel(number=name)]
+    }
 
 
 def _row(designs: xr.Dataset, design: int, names: list[str], table: DesignTable) -> Summary:
@@ -143,38 +167,4 @@ def _notes(status: Status, reasons: Counter[str]) -> list[str]:
             f"{sum(reasons.values())} of {status.done_designs} designs have no results, {count} of "
             f"them since: {first}"
         )
-    return found
-
-
-def quantiles(values: np.ndarray) -> Summary:
-    """Quantiles of a sample, and bounds between which they are with 95 % confidence.
-
-    Bounds are order statistics whatever the distribution: the number of `n` independent values
-    below the true quantile of share `p` is binomial (David and Nagaraja, Order Statistics, 3rd ed.,
-    section 7.1). Values of Sobol's sequence scatter less, so for them bounds are wider than need be.
-    NaN where the sample is too small to bound a quantile.
-
-    **Arguments:**
-
-    - `values`: of the sample, in any unit.
-
-    **Returns:**
-
-    Mean, standard deviation, and by name of each quantile its value and bounds.
-    """
-    from scipy.stats import binom
-
-    ordered, count = np.sort(values), len(values)
-    found: Summary = {"mean": float(ordered.mean()), "standard_deviation": float(ordered.std())}
-    padded = np.concatenate([[np.nan], ordered, [np.nan]])
-    for share in SHARES:
-        # With r below and s at or above: P(x_r <= q < x_s) = P(r <= B <= s - 1).
-        tail = 0.5 * (1.0 - CONFIDENCE)
-        low = int(binom.ppf(tail, count, share))
-        high = int(binom.ppf(1.0 - tail, count, share)) + 1
-        found[f"share_{100 * share:g}_%"] = {
-            "value": float(np.quantile(ordered, share)),
-            "low": float(padded[low]),
-            "high": float(padded[high]) if high <= count else float("nan"),
-        }
     return found

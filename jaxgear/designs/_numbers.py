@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
 import xarray as xr
 from jaxtyping import Array
 
@@ -144,6 +145,6 @@ def _paths(summary: Mapping[str, Any], prefix: str = "") -> list[str]:
             found += _paths(value, f"{prefix}{key}.")
         elif isinstance(value, int | float) and not isinstance(value, bool):
             found.append(f"{prefix}{key}")
-        elif hasattr(value, "__len__") and not isinstance(value, str) and len(value):
+        elif isinstance(value, list | tuple | np.ndarray) and len(value):
             found.append(f"{prefix}{key}[0]")
     return found

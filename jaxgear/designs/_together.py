@@ -63,10 +63,10 @@ class Found(NamedTuple):
     - `slopes`: derivatives of the numbers by the keys `[design, key, number]`, or None.
     """
 
-    numbers: np.ndarray
-    converged: np.ndarray
-    arrays: tuple[np.ndarray, ...]
-    slopes: np.ndarray | None
+    numbers: Any
+    converged: Any
+    arrays: tuple[Any, ...]
+    slopes: Any
 
 
 def goes_together(study: Study, keys: Sequence[str]) -> bool:
