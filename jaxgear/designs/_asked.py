@@ -158,7 +158,7 @@ def _amounts(table: str, name: str, value: Any) -> Any:
             raise ValueError(f"got {show(value)}, must be a list of values")
         return [read_value(name, each) for each in value]
     if not (isinstance(value, list) and len(value) == 2 and all(map(is_number, value))):
-        raise ValueError(f"got {show(value)}, must be two numbers: lowest and highest value")
+        raise ValueError(f"got {show(value)}, must be two finite numbers: lowest and highest value")
     low, high = (read_value(name, each) for each in value)
     if low >= high:
         raise ValueError(

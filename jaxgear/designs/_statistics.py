@@ -94,13 +94,14 @@ def effects_dataset(
     count = designs.sizes["design"]
     if not terms or count < _ROWS * (len(terms) + 1):
         return None
-    share = np.zeros((len(names), len(chosen), len(chosen)))
+    share, rest = np.zeros((len(names), len(chosen), len(chosen))), np.zeros(len(names))
     matrix = np.stack([x for *_, x in terms], axis=1)
     for number, name in enumerate(names):
-        found = np.linalg.lstsq(matrix, _unit(designs[name].values), rcond=None)[0]
+        values = _unit(designs[name].values)
+        found = np.linalg.lstsq(matrix, values, rcond=None)[0]
+        rest[number] = np.var(values - matrix @ found)
         for (first, second, _), size in zip(terms, found.tolist(), strict=True):
             share[number, chosen.index(first), chosen.index(second)] += size**2
-    rest = np.maximum(1.0 - share.sum(axis=(1, 2)), 0.0)
     return dataset_of(
         told("number first second", share=(share, "share of the variance"))
         | told("number", rest=(rest, "share that no polynomial of second order has")),

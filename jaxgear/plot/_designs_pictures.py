@@ -9,7 +9,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from jaxgear.plot._palette import BLUE, GREY, ORANGE, RED, SURFACE
-from jaxgear.plot._style import panels, written_unit
+from jaxgear.plot._style import legend_below, panels, written_unit
 
 # Designs that are drawn; more hide each other, and make large files.
 _DRAWN = 600
@@ -75,7 +75,8 @@ def parallel(designs: xr.Dataset, names: list[str], least: str) -> Figure:
     drawn = LineCollection(lines, cmap=f"{SURFACE}_r", lw=0.8, alpha=0.6, rasterized=True)
     drawn.set_array(rank)
     axes.add_collection(drawn)
-    axes.plot(np.arange(len(names)), unit[0], "o-", color=RED, lw=2.2, label="best")
+    (best,) = axes.plot(np.arange(len(names)), unit[0], "o-", color=RED, lw=2.2)
+    best.set_label(f"design {int(few['design'].values[0])}, the best by {_short(least)}")
     axes.set(xlim=(-0.3, len(names) - 0.7), ylim=(-0.14, 1.14), yticks=[])
     axes.set(ylabel="from the lowest to the highest value", xlabel="key or number")
     axes.set_xticks(range(len(names)), [_label(designs[name]) for name in names], fontsize=8.5)
@@ -83,7 +84,7 @@ def parallel(designs: xr.Dataset, names: list[str], least: str) -> Figure:
         for at, value, align in ((-0.03, bottom, "top"), (1.03, top, "bottom")):
             axes.text(place, at, f"{value:.4g}", ha="center", va=align, fontsize=8.5)
     axes.figure.colorbar(drawn, ax=axes, label=_label(designs[least]), pad=0.01)
-    axes.legend(loc="upper left")
+    legend_below(figure, [best])
     return figure
 
 
