@@ -41,7 +41,7 @@ def studied(args: argparse.Namespace) -> Summary:
         found = designs.collect(args.study, folder)
     else:
         found = designs.run(args.study, folder, shard=WHOLE, anew=not args.resume)
-    _write(found, Folder(folder, args.pictures))
+    write_results(found, Folder(folder, args.pictures))
     return json.loads((folder / "summary.json").read_text(encoding="utf-8"))
 
 
@@ -56,7 +56,7 @@ def _shard(text: str) -> designs.Shard:
     return designs.Shard(int(found[1]), int(found[2]))
 
 
-def _write(found: Collected, folder: Folder) -> None:
+def write_results(found: Collected, folder: Folder) -> None:
     """Write the table, the arrays, pictures, and the best designs as scenes."""
     table = found.table
     if importlib.util.find_spec("pyarrow"):

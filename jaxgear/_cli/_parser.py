@@ -9,6 +9,8 @@ from typing import Any
 
 from jaxgear.scene._scene import READY
 
+# The studies that `jaxgear init` writes.
+READY_STUDIES = Path(__file__).parents[1] / "designs" / "ready"
 # Commands that study a scene.
 _STUDIES = {
     "run": "compute everything that the scene asks for",
@@ -183,7 +185,7 @@ def parser() -> argparse.ArgumentParser:
     init = command(
         "init", "write a ready scene, or one of your own pair", _COMMON, description=_INIT
     )
-    names = " | ".join(ready_names())
+    names = " | ".join([*ready_names(), *study_names()])
     _add(init, {"name": {"metavar": "NAME", "nargs": "?", "help": names}})
     _add(init, {"--force": _flag("overwrite a ready scene's NAME.toml")})
     own = init.add_argument_group("a pair of your own")
@@ -220,6 +222,11 @@ def parser() -> argparse.ArgumentParser:
 def ready_names() -> list[str]:
     """Names of the ready scenes."""
     return sorted(path.stem for path in READY.glob("*.toml"))
+
+
+def study_names() -> list[str]:
+    """Names of the ready studies of many designs."""
+    return sorted(path.stem for path in READY_STUDIES.glob("*.toml"))
 
 
 def _add(to: Any, arguments: _Arguments) -> None:

@@ -20,9 +20,6 @@ from jaxgear.scene._schema import KEYS as SCENE_KEYS
 from jaxgear.scene._schema import key_at, nearest, split_entry
 from jaxgear.scene._table import table_of
 
-# The studies that `jaxgear init` writes.
-READY_STUDIES = Path(__file__).parent / "ready"
-
 
 @dataclasses.dataclass(frozen=True)
 class Study:

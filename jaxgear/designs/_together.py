@@ -115,7 +115,9 @@ def shape_at(scene: Scene, base: MeshGrid) -> Shape:
     return shape_of(model, grid_of(scene, model), base)
 
 
-def program_of(study: Study, scene: Scene, keys: tuple[str, ...], grid: MeshGrid) -> Callable:
+def program_of(
+    study: Study, scene: Scene, keys: tuple[str, ...], grid: MeshGrid, *, batched: bool = False
+) -> Callable:
     """A function of many rows of values of the keys, and of which rows count.
 
     **Arguments:**
@@ -124,6 +126,7 @@ def program_of(study: Study, scene: Scene, keys: tuple[str, ...], grid: MeshGrid
     - `scene`: a design of the shape.
     - `keys`: whose values change.
     - `grid`: phases, lines and slices.
+    - `batched`: whether rows are solved side by side, to compare.
     """
     keep, moved = study.asked.keep, Keys(scene, keys)
     influences = influences_of(scene, model_of(scene).pair)
@@ -152,6 +155,8 @@ def program_of(study: Study, scene: Scene, keys: tuple[str, ...], grid: MeshGrid
     one = jax.jit(one)
 
     def program(rows: Reals, counts: Flags) -> Found:
+        if batched:
+            return jax.vmap(one)(rows)
         nothing = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(one, rows[0]))
         # A call is filled up to its size with rows that cost nothing.
         solved = lambda row: jax.lax.cond(row[1], one, lambda values: nothing, row[0])
