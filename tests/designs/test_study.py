@@ -160,7 +160,7 @@ def test_effects_are_the_shares_of_a_polynomial():
     assert found is not None
     share = found["share"].sel(number="y").values
     assert_close(share, np.asarray([[1.0, 9.0], [0.0, 4.0]]) / 14.0, rtol=1e-12, atol=1e-12)
-    assert float(found["rest"]) < 1e-12
+    assert found["rest"].values[0] < 1e-12
 
 
 @pytest.fixture(scope="module")
