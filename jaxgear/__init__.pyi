@@ -285,3 +285,4 @@ from . import study as study
 from . import plot as plot
 from . import report as report
 from . import explore as explore
+from . import designs as designs

@@ -114,6 +114,19 @@ def cache_compilations(tell: Tell = _warned) -> None:
         warnings.showwarning = _Watch(warnings.showwarning, folder, tell)
 
 
+def set_up(tell: Tell = _warned) -> None:
+    """Set a process of our own up: double precision, and compiled programs that are kept.
+
+    **Arguments:**
+
+    - `tell`: as of `cache_compilations`.
+    """
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    cache_compilations(tell)
+
+
 def programs_folder() -> Path | None:
     """Where compiled programs are kept, a folder for each processor, JAX and Python; None: nowhere.
 

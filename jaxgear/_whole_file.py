@@ -5,6 +5,7 @@ import csv
 import json
 import math
 import os
+import secrets
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -22,7 +23,8 @@ def whole_file(path: Path) -> Iterator[Path]:
     - `path`: of the file to be.
     """
     # The ending stays last: writers choose a format by it.
-    draft = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    # Processes in containers of one cluster have the same numbers.
+    draft = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{path.suffix}")
     try:
         yield draft
         # On the disc before the name is: a machine that fails leaves the old file or the new one.
@@ -90,7 +92,7 @@ def as_json(value: Any) -> object:
     raise TypeError(f"A summary holds numbers, texts, lists and tables, got {type(value)}.")
 
 
-def write_csv(columns: Mapping[str, Any], path: Path) -> None:
+def write_csv(columns: Mapping[str, Any], path: Path, digits: int = 10) -> None:
     """Write one table as CSV, a row for each record, with ten digits.
 
     **Arguments:**
@@ -98,6 +100,7 @@ def write_csv(columns: Mapping[str, Any], path: Path) -> None:
     - `columns`: numbers or texts under their names, units included, all of one length. The cell of
         what is not a finite number, or None, is empty.
     - `path`: of the file.
+    - `digits`: of each number; 17 give back the same one.
 
     **Raises:**
 
@@ -111,7 +114,7 @@ def write_csv(columns: Mapping[str, Any], path: Path) -> None:
         array = np.asarray(values)
         if array.ndim != 1:
             raise ValueError(f"Column `{name}` must be one-dimensional, got shape {array.shape}.")
-        texts.append([_cell(x) for x in array.tolist()])
+        texts.append([_cell(x, digits) for x in array.tolist()])
     lengths = {name: len(each) for name, each in zip(columns, texts, strict=True)}
     if len(set(lengths.values())) > 1:
         raise ValueError(f"The columns of a table must have one length, got {lengths}.")
@@ -121,8 +124,8 @@ def write_csv(columns: Mapping[str, Any], path: Path) -> None:
         writer.writerows(zip(*texts, strict=True))
 
 
-def _cell(value: object) -> str:
+def _cell(value: object, digits: int) -> str:
     if value is None or isinstance(value, str):
         return value or ""
     number = cast(float, value)
-    return f"{number:.10g}" if math.isfinite(number) else ""
+    return f"{number:.{digits}g}" if math.isfinite(number) else ""

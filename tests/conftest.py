@@ -52,6 +52,7 @@ _FILES = ("_smooth", "_types", *(f"scene._{x}" for x in ("build", "build_pair", 
 _CHECKED = (
     "optimise",
     "jaxgear.study",
+    "jaxgear.designs",
     *(f"jaxgear._{name}" for name in _PACKAGES),
     *(f"jaxgear.{name}" for name in _FILES),
 )

@@ -48,10 +48,11 @@ STAGES = (
     "plot",
     "report",
     "explore",
+    "designs",
     "_cli",
 )
 # What stands on the stages: scenes, studies of them, pictures, the command line.
-LAYERS = ("scene", "study", "plot", "report", "explore", "_cli")
+LAYERS = ("scene", "study", "plot", "report", "explore", "designs", "_cli")
 
 # The same for the files of `fem_prep`, which knows neither JAX nor `jaxgear`.
 BODY_STAGES = (
@@ -602,7 +603,9 @@ def test_every_module_that_names_shapes_carries_their_checks(modules):
         assert loader.__module__.partition(".")[0] == jaxtyping.__name__, f"{module}: {loader}"
 
 
-@pytest.mark.parametrize("name", [*PACKAGES, "jaxgear.scene", "jaxgear.study", "jaxgear.plot"])
+@pytest.mark.parametrize(
+    "name", [*PACKAGES, "jaxgear.scene", "jaxgear.study", "jaxgear.plot", "jaxgear.designs"]
+)
 def test_every_public_name_is_there_when_asked_for(name):
     package = importlib.import_module(name)
     stub_path = name.replace(".", "/") + "/__init__.pyi"

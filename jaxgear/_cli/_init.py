@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxgear._checks import InputError
-from jaxgear._cli._parser import OWN_PAIR, ready_names
+from jaxgear._cli._parser import OWN_PAIR, READY_STUDIES, ready_names, study_names
 from jaxgear._whole_file import write_csv, write_text
 from jaxgear.scene._json_schema import SCHEMA_FILE, SCHEMA_LINE, json_schema
 from jaxgear.scene._own_pair import Wanted
@@ -32,6 +32,8 @@ def write_first_scene(args: argparse.Namespace) -> tuple[Path, str]:
     """
     given = {option: getattr(args, option) for option in OWN_PAIR}
     own = args.pair is not None or any(value is not None for value in given.values())
+    if args.name in study_names() and not own:
+        return _write_study(args)
     if args.name is not None and not own:
         return _write_ready(args)
     if args.force:
@@ -46,7 +48,7 @@ def write_first_scene(args: argparse.Namespace) -> tuple[Path, str]:
 
 def _write_ready(args: argparse.Namespace) -> tuple[Path, str]:
     """Write a ready scene, with the changes of `--set`."""
-    names = ready_names()
+    names = [*ready_names(), *study_names()]
     if args.name not in names:
         near = difflib.get_close_matches(args.name, names, 1)
         hint = f" Did you mean {near[0]}?" if near else " For a pair of your own add --pair."
@@ -59,6 +61,22 @@ def _write_ready(args: argparse.Namespace) -> tuple[Path, str]:
     text = SCHEMA_LINE + rewritten(ready, scene.overridden())
     _write(target, lambda: write_text(text, target))
     return target, scene.cite
+
+
+def _write_study(args: argparse.Namespace) -> tuple[Path, str]:
+    """Write a ready study of many designs, which names a ready scene."""
+    if args.overrides:
+        raise InputError("--set is for scenes. A study has a list `set`: write the changes there.")
+    target = _target(args, args.name)
+    if target.exists() and not args.force:
+        raise InputError(f"{target} exists already. Use --force to overwrite it.")
+    text = (READY_STUDIES / f"{args.name}.toml").read_text(encoding="utf-8")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write_text(text, target)
+    except OSError as error:
+        raise InputError(f"cannot write {target}: {error.strerror}") from None
+    return target, f"a study of many designs: jaxgear study {target}"
 
 
 def _write_own(args: argparse.Namespace, found: dict[str, Any]) -> tuple[Path, str]:

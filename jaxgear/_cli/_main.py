@@ -26,7 +26,7 @@ from jaxgear._cli._parser import parser
 from jaxgear._cli._plot import draw_again
 from jaxgear._cli._printing import print_notes, print_results
 from jaxgear._cli._terminal import Terminal, warn
-from jaxgear._program_cache import cache_compilations
+from jaxgear._program_cache import set_up
 from jaxgear._whole_file import write_text
 from jaxgear.scene._scene import Scene, SceneError, read_scene
 from jaxgear.scene._slips import odd
@@ -121,6 +121,7 @@ def _command(argv: Sequence[str] | None) -> int:
         "explain": lambda args: explain_key(args.key),
         "schema": _schema,
         "explore": _explore,
+        "study": _designs,
         "import": _import,
         "export": _export,
         "plot": _plot,
@@ -159,7 +160,9 @@ def _study(args: argparse.Namespace) -> int:
 
 def _refuse_unspeakable(args: argparse.Namespace) -> None:
     """Refuse bytes that are no text: they would come to light where results are written."""
-    texts = [getattr(args, name, "") for name in ("scene", "result", "results", "file", "out")]
+    texts = [
+        getattr(args, name, "") for name in ("scene", "study", "result", "results", "file", "out")
+    ]
     for value in (*texts, *getattr(args, "overrides", ())):
         try:
             str(value).encode()
@@ -191,11 +194,9 @@ def _results(args: argparse.Namespace, scene: Scene) -> Iterator[Folder]:
 @contextmanager
 def _numerical(quiet: bool) -> Iterator[None]:
     """Compute with 64-bit numbers, one BLAS thread, and programs that are kept."""
-    import jax
     import threadpoolctl
 
-    jax.config.update("jax_enable_x64", True)
-    cache_compilations(warn)
+    set_up(warn)
     from jaxgear.study import listened_by, stopwatch
 
     # The environment is too late for a library that is loaded already; this is not.
@@ -221,6 +222,29 @@ def _compute(command: str, scene: Scene, folder: Folder, quiet: bool) -> Mapping
         raise
     except OSError as error:
         raise _Stop(1, f"cannot write results into {folder.path}: {error}") from error
+
+
+def _designs(args: argparse.Namespace) -> int:
+    """Study many designs of a scene."""
+    from jaxgear._cli import _designs
+
+    with _numerical(args.quiet):
+        from jaxgear.designs._engines import WorkerLost
+
+        try:
+            summary = _designs.studied(args)
+        except WorkerLost as error:
+            raise _Stop(1, f"{args.study}: {error}") from None
+        except OSError as error:
+            where = error.filename or args.out or "the folder of the study"
+            words = f"cannot write {where}: {error.strerror}. What is finished is kept"
+            raise _Stop(1, f"{words}: with more space the same command goes on.") from None
+    if args.json:
+        _print_json(summary)
+    elif not args.quiet:
+        print_results("study", summary)
+        print_notes(summary.get("notes", ()))
+    return 0
 
 
 def _explore(args: argparse.Namespace) -> int:
@@ -266,9 +290,10 @@ def _print_json(summary: Mapping[str, object]) -> None:
 
 def _plot(args: argparse.Namespace) -> int:
     """Draw the pictures of a result again."""
-    folder = args.out or args.result.parent
+    result = args.result / "result.nc" if args.result.is_dir() else args.result
+    folder = args.out or result.parent
     try:
-        names = draw_again(args.result, folder, pictures=args.pictures)
+        names = draw_again(result, folder, pictures=args.pictures)
     except OSError as error:
         raise _Stop(2, f"cannot write pictures into {folder}: {error.strerror}.") from None
     if not args.quiet:

@@ -9,6 +9,8 @@ from typing import Any
 
 from jaxgear.scene._scene import READY
 
+# The studies that `jaxgear init` writes.
+READY_STUDIES = Path(__file__).parents[1] / "designs" / "ready"
 # Commands that study a scene.
 _STUDIES = {
     "run": "compute everything that the scene asks for",
@@ -88,7 +90,11 @@ _EXPLAIN: _Arguments = {
     "key": {"metavar": "KEY", "help": "path of a key, such as pair.torque_pinion_Nm"},
 }
 _PLOT: _Arguments = {
-    "result": {"metavar": "RESULT", "type": Path, "help": "result.nc of any command"},
+    "result": {
+        "metavar": "RESULT",
+        "type": Path,
+        "help": "result.nc of any command, or the folder that it is in",
+    },
     "--out": {
         "type": Path,
         "metavar": "DIR",
@@ -96,6 +102,23 @@ _PLOT: _Arguments = {
     },
     **_PICTURES,
     **_QUIET,
+}
+_STUDY: _Arguments = {
+    "study": {"metavar": "STUDY", "type": Path, "help": "study file (TOML)"},
+    "--out": {"type": Path, "metavar": "DIR", "help": "folder for the results; results/NAME"},
+    "--resume": {
+        "action": argparse.BooleanOptionalAction,
+        "default": True,
+        "help": "go on where it was; --no-resume removes what was computed before",
+    },
+    **_PICTURES,
+    "--json": _flag("print the summary as JSON"),
+    **_QUIET,
+}
+_PARTS: _Arguments = {
+    "--shard": {"metavar": "I/N", "help": "compute part I of N only, counted from 0"},
+    "--status": _flag("say how much is computed, and compute nothing"),
+    "--collect": _flag("collect what is computed, and compute nothing"),
 }
 _EXPLORE: _Arguments = {
     "--out": {
@@ -181,7 +204,7 @@ def parser() -> argparse.ArgumentParser:
     init = command(
         "init", "write a ready scene, or one of your own pair", _COMMON, description=_INIT
     )
-    names = " | ".join(ready_names())
+    names = " | ".join([*ready_names(), *study_names()])
     _add(init, {"name": {"metavar": "NAME", "nargs": "?", "help": names}})
     _add(init, {"--force": _flag("overwrite a ready scene's NAME.toml")})
     own = init.add_argument_group("a pair of your own")
@@ -201,6 +224,9 @@ def parser() -> argparse.ArgumentParser:
     command("doctor", "say whether this installation is in order: versions, precision, speed", {})
     text = "a page with a slider for each flank key: pictures and slopes while one moves them"
     command("explore", text, _EXPLORE)
+    text = "many designs of a scene as one table, with derivatives; resumes, works in parts"
+    study = command("study", text, _STUDY)
+    _add(study.add_mutually_exclusive_group(), _PARTS)
     text = "the scene of a stage of a REXS file; or measured orders of a universal file as CSV"
     command("import", text, _IMPORT)
     text = "a condensed body or a scene for other programs"
@@ -216,6 +242,11 @@ def parser() -> argparse.ArgumentParser:
 def ready_names() -> list[str]:
     """Names of the ready scenes."""
     return sorted(path.stem for path in READY.glob("*.toml"))
+
+
+def study_names() -> list[str]:
+    """Names of the ready studies of many designs."""
+    return sorted(path.stem for path in READY_STUDIES.glob("*.toml"))
 
 
 def _add(to: Any, arguments: _Arguments) -> None:

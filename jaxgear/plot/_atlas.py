@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from jaxgear.plot._body_atlas import body_atlas
 from jaxgear.plot._compare_atlas import comparison_pictures
+from jaxgear.plot._designs_atlas import designs_atlas
 from jaxgear.plot._modes_atlas import pictures_of_modes
 from jaxgear.plot._picture import Animation, Datasets, Picture
 from jaxgear.plot._run_atlas import run_pictures
@@ -33,6 +34,7 @@ def pictures(datasets: Datasets) -> Iterator[Picture]:
     yield from comparison_pictures(datasets)
     yield from sensitivity_atlas(datasets)
     yield from body_atlas(datasets)
+    yield from designs_atlas(datasets)
 
 
 def animations(datasets: Datasets) -> Iterator[Animation]:

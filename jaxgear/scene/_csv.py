@@ -157,8 +157,9 @@ def _header(
             told, hint = (
                 (repr(name), f" Did you mean {near[0]}?") if near else (f"number {place}", "")
             )
+            listed = ", ".join(known) if len(known) <= _LISTED else f"{len(known)} known ones"
             raise InputError(
-                f"{where}: unknown column {told}; columns are {', '.join(known)}, with the unit "
+                f"{where}: unknown column {told}; columns are {listed}, with the unit "
                 f"in the name.{hint}"
             )
         if names.count(name) > 1:

@@ -61,7 +61,7 @@ def over(dims: str, **found: tuple[Any, str]) -> Entries:
 
     The unit at the end of a name is that of the file; without one the values are numbers.
     """
-    sizes = {name: _unit_of(name)[1] for name in found}
+    sizes = {name: unit_of_name(name)[1] for name in found}
     return told(
         dims,
         **{
@@ -74,10 +74,13 @@ def over(dims: str, **found: tuple[Any, str]) -> Entries:
 def told(dims: str, **found: tuple[Any, str]) -> Entries:
     """As `over`, of values in the units of files."""
     along = tuple(dims.split())
-    return {name: Entry(along, x, _unit_of(name)[0], words) for name, (x, words) in found.items()}
+    return {
+        name: Entry(along, x, unit_of_name(name)[0], words) for name, (x, words) in found.items()
+    }
 
 
-def _unit_of(name: str) -> tuple[str, float]:
+def unit_of_name(name: str) -> tuple[str, float]:
+    """The unit of a file at the end of a name, and its size in SI; `1` without one."""
     return next((each for end, each in _UNITS.items() if name.endswith(end)), ("1", 1.0))
 
 

@@ -157,15 +157,20 @@ def settled_statics(
 
 
 def _require_bearable(model: PairModel, numbers: Numbers) -> None:
+    deflection = float(numbers["single_pair_deflection_um"])
+    require_bearable(deflection, float(model.pair.normal_module) / mm, float(model.torque))
+
+
+def require_bearable(deflection_um: float, module_mm: float, torque: float) -> None:
+    """Raise where a single tooth pair gives too much for the theory, under a torque [N m]."""
     # Weber's contact term holds while the contact is small against the tooth.
-    deflection = float(numbers["single_pair_deflection_um"]) * um
     require(
-        deflection < 0.1 * float(model.pair.normal_module),
+        1e-3 * deflection_um < 0.1 * module_mm,
         "A single tooth pair would give way by {got:.3g} mm under {torque:.6g} N m, more than a "
         "tenth of the module: no tooth bears that. pair.torque_pinion_Nm is in N m; with a ring "
         "foundation the body winds up about bore_mm, where it must be held.",
-        got=deflection / mm,
-        torque=float(model.torque),
+        got=1e-3 * deflection_um,
+        torque=torque,
     )
 
 
@@ -217,8 +222,8 @@ def _told(
     # Of base radii that grow by a thousandth.
     change = pressure_angle_change(model.pair, 1e-3 * model.pair.base_radius)[0]
     return _Told(
-        numbers=_static_numbers(model, cycle, law) | root_numbers(model, cycle, influences),
-        standard=_iso_numbers(model),
+        numbers=static_numbers(model, cycle, law) | root_numbers(model, cycle, influences),
+        standard=iso_numbers(model),
         mounts=_mean_loads(cycle),
         angle_change=change,
     )
@@ -263,7 +268,7 @@ def torques_of(
     return torques
 
 
-def _iso_numbers(model: PairModel) -> Numbers:
+def iso_numbers(model: PairModel) -> Numbers:
     """Stiffnesses of ISO 6336-1 method B, whatever stiffness the scene uses."""
     pair = model.pair
     tangential = model.mesh_torque / pair.reference_radius[0]
@@ -299,7 +304,7 @@ def root_numbers(model: PairModel, cycle: MeshCycle, influences: Influences | No
     return dict(zip(ROOT_NUMBERS, stress.largest / MPa, strict=True))
 
 
-def _static_numbers(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> Numbers:
+def static_numbers(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> Numbers:
     """The `static` part of the summary; traceable by JAX."""
     pair = model.pair
     load = nominal_line_load(pair, model.mesh_torque)

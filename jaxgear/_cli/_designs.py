@@ -1,0 +1,87 @@
+"""The command `study`: many designs of a scene, computed in parts, collected in one table."""
+
+import argparse
+import importlib.util
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from jaxgear import designs
+from jaxgear._checks import InputError
+from jaxgear._cli._folder import Folder
+from jaxgear._cli._writing import write_pictures
+from jaxgear._whole_file import whole_file, write_csv, write_dataset, write_json, write_text
+from jaxgear.designs._collect import Collected
+from jaxgear.designs._run import WHOLE
+from jaxgear.scene._rewriting import rewritten
+from jaxgear.scene._scene_files import files_seen_from
+from jaxgear.study._progress import narration
+from jaxgear.study._result import Summary
+
+
+def studied(args: argparse.Namespace) -> Summary:
+    """Do what a command line asks of a study; the summary of what is there then.
+
+    **Raises:**
+
+    - `InputError` or `SceneError` if it cannot be.
+    - `OSError` if results cannot be written.
+    """
+    folder = args.out or Path("results") / designs.read_study(args.study).name
+    if args.status:
+        return _told(designs.status(args.study, folder))
+    if args.shard is not None:
+        # Of its results whoever collects all makes the table.
+        designs.run(args.study, folder, shard=_shard(args.shard), anew=not args.resume)
+        return _told(designs.status(args.study, folder))
+    if args.collect:
+        found = designs.collect(args.study, folder)
+    else:
+        found = designs.run(args.study, folder, shard=WHOLE, anew=not args.resume)
+    write_results(found, Folder(folder, args.pictures))
+    return json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+
+
+def _told(status: designs.Status) -> dict[str, Any]:
+    return {"study": status._asdict()}
+
+
+def _shard(text: str) -> designs.Shard:
+    found = re.fullmatch(r"(\d+)/(\d+)", text)
+    if found is None:
+        raise InputError(f"--shard: got {text!r}, must be I/N, such as 0/2: the first half of two.")
+    return designs.Shard(int(found[1]), int(found[2]))
+
+
+def write_results(found: Collected, folder: Folder) -> None:
+    """Write the table, the arrays, pictures, and the best designs as scenes."""
+    table = found.table
+    if importlib.util.find_spec("pyarrow"):
+        _write_parquet(table, dict(found.designs.attrs), folder / "designs.parquet")
+    else:
+        write_csv(table, folder / "designs.csv", digits=17)
+    write_dataset(xr.Dataset(), folder / "result.nc", found.datasets)
+    scene = found.scene
+    known = scene.overridden() | files_seen_from(scene, folder.path)
+    for number, values in enumerate(found.best, start=1):
+        text = rewritten(scene.path, {**known, **values})
+        write_text(text, folder / f"best_{number}.toml")
+    with narration("pictures"):
+        write_pictures(found.datasets, folder)
+    write_json(found.summary, folder / "summary.json")
+
+
+def _write_parquet(table: dict[str, Any], about: dict[str, Any], path: Path) -> None:
+    """Write a table as Parquet, with what it was made from in its metadata."""
+    import pyarrow as pa  # pyright: ignore[reportMissingImports]
+    import pyarrow.parquet as pq  # pyright: ignore[reportMissingImports]
+
+    columns = pa.table({name: pa.array(values) for name, values in table.items()})
+    words = {
+        key: value if isinstance(value, str) else json.dumps(value) for key, value in about.items()
+    }
+    with whole_file(path) as draft:
+        pq.write_table(columns.replace_schema_metadata(words), draft)

@@ -1,0 +1,266 @@
+"""A study file: read, and checked against the scene that it is about."""
+
+import dataclasses
+import math
+import os
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from jaxgear.designs._keys import BY_PATH, KEYS, TABLES, StudyKeys
+from jaxgear.scene._key import REQUIRED, Presence, show
+from jaxgear.scene._mistakes import Mistake, SceneError, in_order, read_text
+from jaxgear.scene._paths import join
+from jaxgear.scene._positions import positions
+from jaxgear.scene._scene import READY, Scene, read_scene
+from jaxgear.scene._schema import KEYS as SCENE_KEYS
+from jaxgear.scene._schema import key_at, nearest, split_entry
+from jaxgear.scene._table import table_of
+
+
+@dataclasses.dataclass(frozen=True)
+class Study:
+    """A valid study: what it asks for, and the scene that it is about.
+
+    **Fields:**
+
+    - `path`: the file it was read from.
+    - `scene`: whose designs these are.
+    - `values`: every value of the file by path, with defaults.
+    - `asked`: the same, as tables.
+    - `lines`: where each key stands: `file:line`.
+    """
+
+    path: Path
+    scene: Scene
+    values: Mapping[str, Any]
+    asked: StudyKeys
+    lines: Mapping[str, str]
+
+    @property
+    def name(self) -> str:
+        """What its folder of results is called."""
+        return self.asked.name or self.path.stem
+
+    @property
+    def chunk(self) -> int:
+        """Designs in one file of results."""
+        return self.asked.work.chunk or (256 if self.asked.command == "run" else 1)
+
+    def where(self, key: str) -> str:
+        """Where a key stands, for a message about it."""
+        return self.lines.get(key, str(self.path))
+
+
+def read_study(path: str | os.PathLike[str]) -> Study:
+    """Read a study file, and the scene that it names.
+
+    **Arguments:**
+
+    - `path`: the TOML file.
+
+    **Raises:**
+
+    - `SceneError` with every mistake found, in the study or else in its scene.
+    """
+    path = Path(path)
+    text = read_text(path)
+    try:
+        document = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        line = re.search(r"at line (\d+)", str(error))
+        where = f"{path}:{line[1]}" if line else str(path)
+        raise SceneError([Mistake(where, "", f"this is not valid TOML: {error}")]) from None
+    places = {key: f"{path}:{line}" for key, line in positions(text).items()}
+    values: dict[str, Any] = {}
+    lines: dict[str, str] = {}
+    mistakes: list[Mistake] = []
+    given = {"", *_tables(document)}
+    for key, written, value in _leaves(document, "", ""):
+        lines[key] = places.get(written, str(path))
+        given.add(key)
+        try:
+            values[key] = _read(key, value)
+        except ValueError as error:
+            mistakes.append(Mistake(lines[key], key, str(error)))
+    for key, rule in KEYS.items():
+        if rule.default is REQUIRED and key not in given:
+            mistakes.append(Mistake(str(path), key, f"is missing: {rule.doc}"))
+        elif not isinstance(rule.default, Presence):
+            values.setdefault(key, rule.default)
+    if mistakes:
+        raise SceneError(sorted(mistakes, key=in_order))
+    asked = table_of(StudyKeys, values, given)
+    scene = read_scene(_scene_path(path, asked.scene), asked.set)
+    study = Study(path, scene, MappingProxyType(values), asked, MappingProxyType(lines))
+    if found := [Mistake(study.where(key), key, words) for key, words in _together(study)]:
+        raise SceneError(sorted(found, key=in_order))
+    return study
+
+
+def _tables(document: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
+    """Paths of all tables."""
+    for name, value in document.items():
+        if isinstance(value, dict):
+            path = f"{prefix}{name}"
+            yield path
+            yield from _tables(value, f"{path}.")
+
+
+def _leaves(table: Mapping[str, Any], prefix: str, written: str) -> Iterator[tuple[str, str, Any]]:
+    """Keys with their values, and as the file spells them: names of scene keys may be quoted."""
+    for name, value in table.items():
+        path, spelled = f"{prefix}{name}", join(written, name)
+        if isinstance(value, dict) and (path in TABLES or path.startswith(_BELOW)):
+            yield from _leaves(value, f"{path}.", spelled)
+        else:
+            yield path, spelled, value
+
+
+_BELOW = tuple(f"{table}." for table in BY_PATH)
+
+
+def _read(path: str, value: Any) -> Any:
+    """A value in its type; `ValueError` says what is wrong with it, or with its key."""
+    if path in KEYS:
+        return KEYS[path].read(value)
+    table = next((each for each in BY_PATH if path.startswith(f"{each}.")), "")
+    if not table:
+        near = nearest(path, KEYS)
+        raise ValueError(
+            f"unknown key, got {show(value)}" + (f"; did you mean {near}?" if near else "")
+        )
+    name = path.removeprefix(f"{table}.")
+    rule = key_at(name)
+    if rule is None:
+        near = nearest(name, SCENE_KEYS)
+        raise ValueError("no scene has such a key" + (f"; did you mean {near}?" if near else ""))
+    return _amounts(table.rpartition(".")[2], name, value)
+
+
+def _amounts(table: str, name: str, value: Any) -> Any:
+    """Bounds, values or scatter of a key of the scene."""
+    rule, number = key_at(name), (int, float)
+    assert rule is not None
+    is_number = lambda x: isinstance(x, number) and not isinstance(x, bool) and math.isfinite(x)
+    if table in ("scatter", "even"):
+        if not is_number(value) or value <= 0.0:
+            raise ValueError(f"got {show(value)}, must be a number > 0")
+        return float(value)
+    if table == "values":
+        if not isinstance(value, list) or not value:
+            raise ValueError(f"got {show(value)}, must be a list of values")
+        return [read_value(name, each) for each in value]
+    if not (isinstance(value, list) and len(value) == 2 and all(map(is_number, value))):
+        raise ValueError(f"got {show(value)}, must be two finite numbers: lowest and highest value")
+    low, high = (read_value(name, each) for each in value)
+    if low >= high:
+        raise ValueError(
+            f"got {show(value)}, whose first must be less than the second: write "
+            f"[{value[1]:g}, {value[0]:g}]"
+            if low > high
+            else f"got {show(value)}, which are equal: a key that stays belongs into the scene"
+        )
+    return [low, high]
+
+
+def read_value(name: str, value: Any) -> Any:
+    """A value of a key of a scene, or of an entry of a list, in its type.
+
+    **Arguments:**
+
+    - `name`: path of the key.
+    - `value`: from a file.
+
+    **Raises:**
+
+    - `ValueError` that says what it must be.
+    """
+    rule = key_at(name)
+    assert rule is not None
+    if rule.kind == "floats" and not isinstance(value, list):
+        return rule.read([value])[0]  # pyright: ignore[reportIndexIssue]
+    return rule.read(value)
+
+
+def _scene_path(path: Path, named: str) -> Path:
+    """The file of a scene: beside the study, or a ready one."""
+    own, ready = path.parent / named, READY / f"{named}.toml"
+    return ready if ready.is_file() and not own.is_file() else own
+
+
+# What each kind of table of designs takes; the first of them is what it is about.
+_TAKES = {
+    "sobol": ("between", "values", "scatter", "even"),
+    "lhs": ("between", "values", "scatter", "even"),
+    "random": ("between", "values", "scatter", "even"),
+    "grid": ("between", "values"),
+    "one-at-a-time": ("between", "values", "scatter", "even"),
+}
+
+
+def varied_of(values: Mapping[str, Any]) -> dict[str, str]:
+    """The keys of the scene that a study varies, each with its table, in the order of the file."""
+    return {
+        path.removeprefix(f"{table}."): table
+        for path in values
+        for table in BY_PATH
+        if path.startswith(f"{table}.")
+    }
+
+
+def _together(study: Study) -> Iterator[tuple[str, str]]:
+    """What is wrong with keys that are right by themselves."""
+    asked, design = study.asked, study.asked.design
+    named = [path for path in study.values if path.startswith(_BELOW)]
+    if design.csv is not None:
+        for path in (*named, *(f"design.{each}" for each in design.written("kind", "points"))):
+            yield path, "goes without design.csv, which names all designs. Remove one"
+    elif not named:
+        yield "design", "nothing varies. Write [design.between] with keys and bounds, or csv"
+    seen: dict[str, str] = {}
+    for path in named:
+        table = next(each for each in BY_PATH if path.startswith(f"{each}."))
+        name = path.removeprefix(f"{table}.")
+        if name in seen:
+            yield path, f"stands in [{seen[name]}] too. Keep one"
+        seen[name] = table
+        if table.rpartition(".")[2] not in _TAKES[design.kind]:
+            yield path, f'goes without design.kind = "{design.kind}". Give bounds or values'
+        yield from ((path, words) for words in _at_scene(study.scene, name, table))
+    count = design.points
+    if design.csv is None and count is None and design.kind in ("sobol", "lhs", "random"):
+        yield "design.points", "is missing: the number of designs"
+    if design.kind in ("grid", "one-at-a-time") and count is not None and count < 2:
+        yield "design.points", f"got {count}, must be 2 or more values of each key"
+    if asked.work.engine == "dask" and asked.work.scheduler is None:
+        yield "work.scheduler", "is missing: the address of a Dask scheduler, tcp://node:8786"
+    if asked.keep.gradients and asked.command != "run":
+        words = f'the numbers of "{asked.command}" have none here. Write command = "run"'
+        yield "keep.gradients", f"got true, but {words}, or gradients = false"
+    for name in asked.keep.minimise:
+        if name not in asked.keep.numbers:
+            yield "keep.minimise", f"{name} must be one of keep.numbers"
+    if not asked.keep.numbers:
+        yield "keep.numbers", "must name a number at least, such as static.te_rms_um"
+
+
+def _at_scene(scene: Scene, name: str, table: str) -> Iterator[str]:
+    """What keeps a key of this very scene from being varied."""
+    rule = key_at(name)
+    assert rule is not None
+    whole, index = split_entry(name)
+    try:
+        value = scene.value(name)
+    except KeyError:
+        value = None
+    if value is None and (index is not None or "[" in name):
+        rows = scene.value(whole, []) if index is not None else []
+        yield f"the scene has no such entry: {whole} has {len(rows or ())}, counted from 0"
+    elif table in ("design.scatter", "design.even") and value is None:
+        yield "has no value in the scene to scatter about. Give it one"
+    elif table != "design.values" and rule.kind not in ("float", "floats", "int"):
+        yield "is no number: list what it may be in [design.values]"

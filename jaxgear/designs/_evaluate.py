@@ -1,0 +1,234 @@
+"""A chunk of designs, computed: a dataset with a row for each, and a reason where there is none."""
+
+import dataclasses
+import functools
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from jaxgear import study as studies
+from jaxgear._checks import require
+from jaxgear.designs._asked import Study
+from jaxgear.designs._numbers import ARRAYS, PLACES, arrays_in, number_in
+from jaxgear.designs._table import DesignTable, unfit
+from jaxgear.designs._together import (
+    Found,
+    Shape,
+    called,
+    goes_together,
+    is_light,
+    program_of,
+    shape_at,
+    shape_of,
+)
+from jaxgear.scene._build import grid_of, model_of
+from jaxgear.scene._key import show
+from jaxgear.scene._mistakes import SceneError
+from jaxgear.scene._scene import Scene, read_scene
+from jaxgear.study._progress import built_scene
+from jaxgear.study._results import unit_of_name
+from jaxgear.study._statics import SolverFailure, require_bearable, require_solved
+
+# What is wrong with one design is no reason to stop. Errors of bodies and of input are among them.
+_OF_ONE = (ValueError, SceneError, SolverFailure, FloatingPointError)
+
+Row = Mapping[str, Any]
+
+
+@dataclasses.dataclass
+class Rows:
+    """What is known of the designs of a chunk so far.
+
+    **Fields:**
+
+    - `values`: by the keys that vary.
+    - `moved`: of these by which there are derivatives.
+    - `reasons`: why a design has no results; empty where it has.
+    - `numbers`: that are kept, in the units of their names, shape `[design, number]`.
+    - `slopes`: derivatives of the numbers, shape `[design, number, key]`.
+    - `arrays`: that are kept, by name and place of the design.
+    """
+
+    values: list[dict[str, Any]]
+    moved: tuple[str, ...]
+    reasons: list[str]
+    numbers: np.ndarray
+    slopes: np.ndarray
+    arrays: dict[str, dict[int, xr.Variable]]
+
+    @property
+    def good(self) -> list[int]:
+        """Places of designs that nothing is known against."""
+        return [place for place, reason in enumerate(self.reasons) if not reason]
+
+
+def moved_keys(study: Study, keys: Sequence[str]) -> tuple[str, ...]:
+    """Of the keys that vary those that one program moves; by them there are derivatives."""
+    if not goes_together(study, keys):
+        return ()
+    # Some keys are real once they are given.
+    absent = [key for key in keys if study.scene.value(key) is None]
+    scene = study.scene.replace({key: 1.0 for key in absent})
+    real = set(scene.real_keys())
+    return tuple(key for key in keys if key in real)
+
+
+class Evaluator:
+    """Computes chunks of one study; what they have in common is prepared once in a process."""
+
+    def __init__(self, study: Study, table: DesignTable):
+        """Keep what is computed, and of which designs."""
+        self._study, self._table = study, table
+        self._real = moved_keys(study, table.keys)
+        self._programs: dict[tuple[Any, Shape], Callable] = {}
+        # Designs come in the order of their bodies, which are large.
+        self._scene = functools.lru_cache(maxsize=1)(self._built)
+
+    def __call__(self, designs: Sequence[int]) -> Rows:
+        """The results of designs that are alike but for moved keys."""
+        values = [self._table.at(design) for design in designs]
+        numbers = len(self._study.asked.keep.numbers)
+        rows = Rows(
+            values,
+            self._real,
+            list(map(unfit, values)),
+            np.full((len(values), numbers), np.nan),
+            np.full((len(values), numbers, len(self._real)), np.nan),
+            {},
+        )
+        if not goes_together(self._study, self._table.keys):
+            self._solve_apart(rows)
+        elif rows.good:
+            self._solve_together(rows)
+        return rows
+
+    def _solve_together(self, rows: Rows) -> None:
+        """Mesh cycles of designs, those of one shape in one call."""
+        real, first = self._real, rows.values[rows.good[0]]
+        others = tuple((key, value) for key, value in first.items() if key not in real)
+        try:
+            scene = self._scene(others)
+            model = model_of(scene)
+        except _OF_ONE as error:
+            rows.reasons = [reason or reason_of(error) for reason in rows.reasons]
+            return
+        base = grid_of(scene, model)
+        own = shape_of(model, base, base)
+        shapes: dict[Shape, list[int]] = {}
+        for place in rows.good:
+            try:
+                shape = own if self._light else self._shape(scene, rows.values[place], base)
+            except _OF_ONE as error:
+                rows.reasons[place] = reason_of(error)
+            else:
+                shapes.setdefault(shape, []).append(place)
+        for shape, places in shapes.items():
+            if (others, shape) not in self._programs:
+                at = {} if self._light else rows.values[places[0]]
+                template = scene.replace({key: at[key] for key in real if key in at})
+                program = program_of(self._study, template, real, shape.grid)
+                self._programs[others, shape] = program
+            values = [[float(rows.values[place][key]) for key in real] for place in places]
+            found = called(
+                self._programs[others, shape], np.asarray(values, dtype=float), self._study.chunk
+            )
+            for index, place in enumerate(places):
+                self._take(found, index, rows, place)
+
+    def _take(self, found: Found, index: int, rows: Rows, place: int) -> None:
+        """Put what was solved of a design in its row, or why it was not."""
+        scene, keep, values = self._study.scene, self._study.asked.keep, rows.values[place]
+        *numbers, deflection = found.numbers[index].tolist()
+        slopes = None if found.slopes is None else found.slopes[index].T
+        module, torque = (
+            float(values.get(key, scene.value(key)))
+            for key in ("pair.module_mm", "pair.torque_pinion_Nm")
+        )
+        try:
+            require_solved(found.converged[index])
+            require_bearable(float(deflection), module, torque)
+            _require_finite(keep.numbers, numbers, slopes)
+        except _OF_ONE as error:
+            rows.reasons[place] = reason_of(error)
+            return
+        rows.numbers[place] = numbers
+        if slopes is not None:
+            rows.slopes[place] = slopes
+        kept = (*keep.arrays, *PLACES) if found.arrays else ()
+        for name, array in zip(kept, found.arrays, strict=True):
+            dims, words = ARRAYS[name]
+            told = {"units": unit_of_name(name)[0], "long_name": words}
+            rows.arrays.setdefault(name, {})[place] = xr.Variable(dims, array[index], told)
+
+    def _solve_apart(self, rows: Rows) -> None:
+        """Whole studies of designs, one by one."""
+        keep, command = self._study.asked.keep, self._study.asked.command
+        solve = getattr(studies, "statics" if command == "run" else command)
+        for place in rows.good:
+            try:
+                result = solve(self._read(rows.values[place]))
+            except _OF_ONE as error:
+                rows.reasons[place] = reason_of(error)
+                continue
+            # A name that no design has is a mistake of the study.
+            where = self._study.where
+            numbers = [number_in(result.summary, name, where) for name in keep.numbers]
+            arrays: dict[str, xr.Variable] = {}
+            for name in keep.arrays:
+                arrays |= arrays_in(result.datasets, name, where)
+            try:
+                _require_finite(keep.numbers, numbers, None)
+            except _OF_ONE as error:
+                rows.reasons[place] = reason_of(error)
+                continue
+            rows.numbers[place] = numbers
+            for name, array in arrays.items():
+                rows.arrays.setdefault(name, {})[place] = array
+
+    def _shape(self, scene: Scene, values: Row, base: Any) -> Shape:
+        """The shape of a design whose gears or shafts are others."""
+        self._read(values)
+        return shape_at(scene.replace({key: values[key] for key in self._real}), base)
+
+    @functools.cached_property
+    def _light(self) -> bool:
+        """Whether designs differ in flanks, torque and stiffnesses alone, all of which can be."""
+        if not all(is_light(self._study.scene, key) for key in self._real):
+            return False
+        for column, key in enumerate(self._table.keys):
+            if key in self._real:
+                every = [float(row[column]) for row in self._table.rows]
+                try:
+                    self._read({key: np.nanmin(every).item()})
+                    self._read({key: np.nanmax(every).item()})
+                except SceneError:
+                    # Each is looked at by itself.
+                    return False
+        return True
+
+    def _read(self, values: Row) -> Scene:
+        """The scene of a design, checked as one that is read from a file."""
+        changes = [f"{key}={show(value)}" for key, value in values.items()]
+        return read_scene(self._study.scene.path, [*self._study.asked.set, *changes])
+
+    def _built(self, others: tuple[tuple[str, Any], ...]) -> Scene:
+        """The scene of designs that differ in moved keys only, with its condensed bodies."""
+        return built_scene(self._read(dict(others)) if others else self._study.scene)
+
+
+def _require_finite(names: Sequence[str], numbers: Sequence[float], slopes: Any) -> None:
+    for name, number in zip(names, numbers, strict=True):
+        require(bool(np.isfinite(number)), "{name} is not a finite number.", name=name)
+    if slopes is not None:
+        for name, row in zip(names, slopes, strict=True):
+            finite = bool(np.isfinite(row).all())
+            require(finite, "{name} has a derivative that is no finite number.", name=name)
+
+
+def reason_of(error: Exception) -> str:
+    """Why a design has no results, in one line."""
+    if isinstance(error, SceneError):
+        return "; ".join(f"{each.path}: {each.message}" for each in error.mistakes)
+    return " ".join(str(error).split())

@@ -1,0 +1,160 @@
+"""Studies by several processes and schedulers: the same table, whoever computes and dies."""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+import jaxgear as jg
+
+pytestmark = pytest.mark.slow
+
+_STUDY = """schema = 1
+scene = "accessory"
+set = ["mesh.phases=8", "mesh.slices=3"]
+[design]
+points = 12
+[design.between]
+"flank.pinion.tip_relief.depth_um" = [0.0, 30.0]
+"pair.torque_pinion_Nm" = [40.0, 120.0]
+[keep]
+numbers = ["static.te_rms_um", "static.max_pressure_MPa"]
+gradients = true
+[work]
+chunk = {chunk}
+"""
+
+
+def _written(folder: Path, work: str = "", chunk: int = 2) -> Path:
+    path = folder / "study.toml"
+    path.write_text(_STUDY.format(chunk=chunk) + work, encoding="utf-8")
+    return path
+
+
+def _begun(path: Path, out: Path) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "jaxgear", "study", str(path), "--out", str(out), "--quiet"]
+    return subprocess.Popen(
+        [*command, "--no-pictures"], stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+
+
+def _chunks(out: Path) -> dict[str, int]:
+    """When each finished chunk was written."""
+    return {path.name: path.stat().st_mtime_ns for path in out.glob("chunks/[!.]*.nc")}
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    """The table as one process makes it."""
+    folder = tmp_path_factory.mktemp("alone")
+    return jg.designs.run(_written(folder), folder / "out").designs
+
+
+def test_processes_and_parts_make_the_same_table(alone, tmp_path):
+    path = _written(tmp_path, "workers = 2\n")
+    assert jg.designs.run(path, tmp_path / "out").designs.equals(alone)
+    path = _written(tmp_path)
+    for index in (1, 0):
+        found = jg.designs.run(path, tmp_path / "parts", shard=jg.designs.Shard(index, 2))
+    assert found.designs.equals(alone)
+
+
+def test_dask_makes_the_same_table(alone, tmp_path):
+    pytest.importorskip("distributed")
+    program = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--no-dashboard"]
+    address = tmp_path / "scheduler.json"
+    begun = [subprocess.Popen([*program, "--host", "127.0.0.1", "--scheduler-file", str(address)])]
+    try:
+        while not address.exists():
+            time.sleep(0.2)
+        worker = [sys.executable, "-m", "distributed.cli.dask_worker", "--no-dashboard"]
+        worker += ["--scheduler-file", str(address), "--nthreads", "1", "--no-nanny"]
+        begun += [subprocess.Popen(worker) for _ in range(2)]
+        told = json.loads(address.read_text())["address"]
+        path = _written(tmp_path, f'engine = "dask"\nscheduler = "{told}"\n')
+        assert jg.designs.run(path, tmp_path / "out").designs.equals(alone)
+    finally:
+        for each in begun:
+            each.terminate()
+            each.wait()
+
+
+def test_jobs_of_submitit_make_the_same_table(alone, tmp_path):
+    pytest.importorskip("submitit")
+    path = _written(tmp_path, 'engine = "slurm"\n[work.slurm]\ncluster = "local"\njobs = 2\n')
+    assert jg.designs.run(path, tmp_path / "out").designs.equals(alone)
+
+
+def test_killed_study_goes_on_and_computes_nothing_twice(alone, tmp_path):
+    path, out = _written(tmp_path, chunk=1), tmp_path / "out"
+    chance, kills = random.Random(0), 0
+    while True:
+        before = _chunks(out)
+        begun = _begun(path, out)
+        while begun.poll() is None and len(_chunks(out)) == len(before):
+            time.sleep(0.005)
+        time.sleep(chance.uniform(0.0, 0.1))
+        if begun.poll() is None:
+            os.killpg(begun.pid, signal.SIGKILL)
+            kills += 1
+        begun.communicate()
+        assert before.items() <= _chunks(out).items()
+        if begun.returncode == 0:
+            break
+    assert kills
+    assert jg.designs.collect(path, out).designs.equals(alone)
+
+
+def test_worker_that_dies_is_replaced(alone, tmp_path):
+    path, out = _written(tmp_path, "workers = 2\n", chunk=1), tmp_path / "out"
+    begun = _begun(path, out)
+    while not _chunks(out):
+        time.sleep(0.005)
+    workers = [
+        each
+        for each in psutil.Process(begun.pid).children()
+        if "spawn_main" in " ".join(each.cmdline())
+    ]
+    workers[0].kill()
+    before = _chunks(out)
+    begun.communicate()
+    assert begun.returncode == 0
+    assert before.items() <= _chunks(out).items()
+    assert jg.designs.collect(path, out).designs.equals(alone)
+
+
+def test_two_may_compute_and_collect_at_once(alone, tmp_path):
+    path, out = _written(tmp_path), tmp_path / "out"
+    both = [_begun(path, out) for _ in range(2)]
+    for each in both:
+        each.communicate()
+    assert [each.returncode for each in both] == [0, 0]
+    assert jg.designs.collect(path, out).designs.equals(alone)
+
+
+def test_full_disk_is_named_and_what_is_finished_stays(tmp_path):
+    path, out = _written(tmp_path, chunk=6), tmp_path / "out"
+    out.mkdir()
+    if os.geteuid() or subprocess.call(
+        ["mount", "-t", "tmpfs", "-o", "size=40k", "none", str(out)]
+    ):
+        pytest.skip("only who may mount a small disk can fill it")
+    try:
+        begun = _begun(path, out)
+        told = begun.communicate()[1]
+        assert begun.returncode == 1
+        assert "No space left on device" in told
+        assert len(_chunks(out)) == 1
+        subprocess.check_call(["mount", "-o", "remount,size=20m", str(out)])
+        before = _chunks(out)
+        assert jg.designs.run(path, out).status.done_designs == 12
+        assert before.items() <= _chunks(out).items()
+    finally:
+        subprocess.check_call(["umount", str(out)])

@@ -1,0 +1,243 @@
+"""Studies of many designs: their files and tables, and a tiny one computed in parts."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from helpers import assert_close
+
+import jaxgear as jg
+from jaxgear._checks import InputError
+from jaxgear._cli._main import main
+from jaxgear.designs._asked import read_study
+from jaxgear.designs._statistics import effects_dataset, quantiles_dataset
+from jaxgear.designs._table import design_table
+from jaxgear.designs._work import job_of
+
+_DEPTH, _TORQUE = "flank.pinion.tip_relief.depth_um", "pair.torque_pinion_Nm"
+_BETWEEN = f'[design.between]\n"{_DEPTH}" = [0.0, 20.0]\n"{_TORQUE}" = [60.0, 90.0]\n'
+
+
+def _study(folder: Path, design: str, more: str = "", head: str = "") -> Path:
+    path = folder / "tiny.toml"
+    path.write_text(
+        'schema = 1\nscene = "accessory"\nset = ["mesh.phases=8", "mesh.slices=1"]\n'
+        f'{head}\n[design]\n{design}\n[keep]\nnumbers = ["static.te_rms_um"]\n{more}',
+        encoding="utf-8",
+    )
+    return path
+
+
+@pytest.mark.parametrize(
+    ("design", "more", "words"),
+    [
+        ('kind = "sobl"', "", r"6: design.kind: .* did you mean \"sobol\""),
+        (f"{_BETWEEN}", "", "design.points: is missing"),
+        (
+            'points = 4\n[design.between]\n"pair.torque_pinion_Nm" = [9.0, 4.0]',
+            "",
+            r"write \[4, 9\]",
+        ),
+        (
+            'points = 4\n[design.between]\n"pair.torque_pinion_N" = [4.0, 9.0]',
+            "",
+            "8: .*did you mean",
+        ),
+        ('points = 4\n[design.between]\n"pinion.teeth" = [4.5, 9]', "", "8: .*must be an integer"),
+        (f'points = 4\n[design.between]\n"{_TORQUE}" = [nan, 9.0]', "", "8: .*finite"),
+        (f'points = 4\n[design.scatter]\n"{_TORQUE}" = -1.0', "", "8: .*> 0"),
+        (
+            'points = 4\n[design.between]\n"pinion.shaft.bearings[5].at_mm" = [0.0, 1.0]',
+            "",
+            "no such",
+        ),
+        (
+            'points = 4\n[design.scatter]\n"pair.centre_distance_mm" = 0.1',
+            "",
+            "no value in the scene",
+        ),
+        (f'kind = "grid"\n[design.scatter]\n"{_TORQUE}" = 1.0', "", "goes without design.kind"),
+        (f'csv = "x.csv"\n{_BETWEEN}', "", "goes without design.csv"),
+        ("points = 4", "", "nothing varies"),
+        (f"points = 4\n{_BETWEEN}", "minimise = ['static.x']", "must be one of keep.numbers"),
+        (f"points = 4\n{_BETWEEN}", "gradient = true", "did you mean keep.gradients"),
+        (f"points = 4\n{_BETWEEN}", "[work]\nengine = 'dask'", "work.scheduler: is missing"),
+    ],
+)
+def test_mistakes_are_told_by_name_and_line(tmp_path, design, more, words):
+    # Keys of the table itself stand before those of the tables in it.
+    with pytest.raises(jg.SceneError, match=words):
+        read_study(_study(tmp_path, design, more))
+
+
+def test_what_has_no_derivative_is_refused_before_work(tmp_path):
+    path = _study(tmp_path, f"points = 4\n{_BETWEEN}", "gradients = true", 'command = "modes"')
+    with pytest.raises(jg.SceneError, match=r"keep.gradients: got true.*modes"):
+        read_study(path)
+
+
+def _table(folder: Path, design: str):
+    return design_table(read_study(_study(folder, design)))
+
+
+def test_sobol_designs_fill_the_box_and_are_drawn_alike(tmp_path):
+    table = _table(tmp_path, f"points = 64\nseed = 3\n{_BETWEEN}")
+    rows = np.asarray(table.rows)
+    assert table.keys == (_DEPTH, _TORQUE)
+    # One in each of as many steps: what random points do not.
+    for column, (low, high) in enumerate(((0.0, 20.0), (60.0, 90.0))):
+        places = np.floor(64 * (rows[:, column] - low) / (high - low))
+        assert sorted(places) == list(range(64))
+    assert _table(tmp_path, f"points = 64\nseed = 3\n{_BETWEEN}").rows == table.rows
+    assert _table(tmp_path, f"points = 64\nseed = 4\n{_BETWEEN}").rows != table.rows
+
+
+def test_grid_has_every_combination_also_of_words_and_counts(tmp_path):
+    listed = '[design.values]\n"mesh.foundation" = ["ring", "weber"]\n'
+    table = _table(
+        tmp_path,
+        f'kind = "grid"\npoints = 3\n[design.between]\n"pinion.teeth" = [40, 45]\n{listed}',
+    )
+    expected = [(teeth, word) for teeth in (40, 42, 45) for word in ("ring", "weber")]
+    assert list(table.rows) == expected
+
+
+def test_one_at_a_time_moves_each_key_about_the_scene(tmp_path):
+    more = '[design.scatter]\n"flank.wheel.tip_relief.depth_um" = 2.0\n'
+    table = _table(tmp_path, f'kind = "one-at-a-time"\n{_BETWEEN}{more}')
+    assert [tuple(map(float, row)) for row in table.rows] == [
+        (0.0, 80.0, 0.0),
+        (20.0, 80.0, 0.0),
+        (0.0, 60.0, 0.0),
+        (0.0, 90.0, 0.0),
+        (0.0, 80.0, -4.0),
+        (0.0, 80.0, 4.0),
+    ]
+
+
+def test_scatter_has_the_deviation_that_was_asked_for(tmp_path):
+    even = f'[design.even]\n"{_DEPTH}" = 3.0\n'
+    rows = _table(tmp_path, f'points = 1024\n[design.scatter]\n"{_TORQUE}" = 8.0\n{even}').rows
+    torque, depth = np.asarray(rows).T[::-1] if rows[0][0] < 10.0 else np.asarray(rows).T
+    assert abs(torque.mean() - 80.0) < 0.1
+    assert abs(torque.std() - 8.0) < 0.1
+    assert abs(depth.std() - 3.0 / np.sqrt(3.0)) < 0.01
+    assert abs(depth).max() <= 3.0
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("pair.torque_pinion_N\n80\n", "csv:1: unknown column.*Did you mean pair.torque_pinion_Nm"),
+        ("pair.torque_pinion_Nm\n80\nnan\n", "csv:3: pair.torque_pinion_Nm: 'nan' is not a finite"),
+        ("pair.torque_pinion_Nm\n", "no designs"),
+    ],
+)
+def test_mistakes_in_a_file_of_designs_are_told_by_line(tmp_path, text, words):
+    (tmp_path / "x.csv").write_text(text)
+    with pytest.raises(InputError, match=words):
+        _table(tmp_path, 'csv = "x.csv"')
+
+
+def test_quantiles_have_the_bounds_of_order_statistics():
+    # Of 100 values the median is between the 40th and the 61st with 95 % confidence, as tables of
+    # the sign test have it; 100 are too few to bound the 99 % quantile from above.
+    values = xr.Dataset({"x": ("design", np.random.default_rng(0).permutation(100) + 1.0)})
+    found = quantiles_dataset(values, ["x"]).sel(number="x")
+    middle = found.sel(share=0.5)
+    assert (float(middle["low"]), float(middle["high"])) == (40.0, 61.0)
+    assert float(middle["value"]) == 50.5
+    assert np.isnan(float(found.sel(share=0.99)["high"]))
+
+
+def test_effects_are_the_shares_of_a_polynomial():
+    # Of a + 2 b + 3 a b with a, b of variance 1: 1, 4 and 9 of 14.
+    a, b = np.meshgrid(*2 * [np.linspace(-1.0, 1.0, 31) * np.sqrt(3.0 * 30.0 / 32.0)])
+    data = {"a": a.ravel(), "b": b.ravel(), "y": (a + 2.0 * b + 3.0 * a * b).ravel()}
+    found = effects_dataset(xr.Dataset({k: ("design", v) for k, v in data.items()}), "ab", ["y"])
+    assert found is not None
+    share = found["share"].sel(number="y").values
+    assert_close(share, np.asarray([[1.0, 9.0], [0.0, 4.0]]) / 14.0, rtol=1e-12, atol=1e-12)
+    assert found["rest"].values[0] < 1e-12
+
+
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory):
+    """A study of five designs in chunks of two, one of which cannot be, and where it is."""
+    folder = tmp_path_factory.mktemp("study")
+    rows = ["0,80", "5,80", "10,-3", "5.001,80", "12,70"]
+    (folder / "x.csv").write_text("\n".join([f"{_DEPTH},{_TORQUE}", *rows, ""]))
+    more = 'arrays = ["transmission_error_um"]\ngradients = true\n[work]\nchunk = 2\n'
+    path = _study(folder, 'csv = "x.csv"', more)
+    # The second of three chunks first: parts and the whole are the same.
+    part = jg.designs.run(path, folder / "out", shard=jg.designs.Shard(1, 3))
+    assert part.status == jg.designs.Status(3, 5, 1, 2)
+    assert "3 of 5 designs are not computed yet" in part.summary["notes"][0]
+    return path, jg.designs.run(path, folder / "out")
+
+
+def test_designs_are_what_a_study_of_each_finds(solved):
+    _, found = solved
+    table = found.table
+    scene = jg.ready_scene("accessory", ["mesh.phases=8", "mesh.slices=1", f"{_DEPTH}=5"])
+    own = jg.study.statics(scene)
+    assert_close(
+        float(table["static.te_rms_um"][1]), own.summary["static"]["te_rms_um"], rtol=1e-9, atol=0.0
+    )
+    error = found.designs["transmission_error_um"].sel(design=1)
+    assert_close(error.values, own.dataset["transmission_error_um"].values, rtol=1e-9, atol=0.0)
+    assert_close(error["phase"].values, own.dataset["phase"].values, rtol=1e-12, atol=0.0)
+
+
+def test_gradients_are_slopes_between_designs(solved):
+    table = solved[1].table
+    slope = table[f"d static.te_rms_um / d {_DEPTH}"][[1, 3]].mean()
+    assert_close(np.diff(table["static.te_rms_um"][[1, 3]])[0] / 0.001, slope, rtol=1e-6, atol=0.0)
+
+
+def test_design_that_cannot_be_is_a_row_with_its_reason(solved):
+    table = solved[1].table
+    assert table["reason"][2].startswith(f"{_TORQUE}: got -3.0, must be a number > 0")
+    assert np.isnan(table["static.te_rms_um"][2])
+    assert [bool(each) for each in table["reason"]] == [False, False, True, False, False]
+    assert solved[1].summary["study"]["failed"] == 1
+
+
+def test_nothing_is_computed_twice(solved, monkeypatch):
+    path, found = solved
+    monkeypatch.setattr("jaxgear.designs._work.write_dataset", lambda *given: 1 / 0)
+    again = jg.designs.run(path, path.parent / "out")
+    assert again.designs.identical(found.designs)
+
+
+def test_changed_scene_is_refused_by_key_and_line(solved):
+    path, _ = solved
+    other = path.with_name("other.toml")
+    text = path.read_text().replace("phases=8", "phases=9").replace("chunk = 2", "chunk = 3")
+    other.write_text(text)
+    with pytest.raises(jg.SceneError) as caught:
+        jg.designs.status(other, path.parent / "out")
+    assert "mesh.phases: is 9, and was 8 for 3 finished chunks" in str(caught.value)
+    assert f"{other}:12: work.chunk: is 3, and was 2" in str(caught.value)
+    assert job_of(other, path.parent / "out", anew=True).missing
+
+
+@pytest.mark.end_to_end
+def test_command_collects_and_draws(solved, capsys):
+    path, found = solved
+    out = path.parent / "out"
+    assert main(["study", str(path), "--out", str(out), "--collect", "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    least = int(np.nanargmin(found.table["static.te_rms_um"]))
+    assert summary["study"]["best"][0]["design"] == least
+    best = jg.read_scene(out / "best_1.toml")
+    assert best.value(_DEPTH) == summary["study"]["best"][0][_DEPTH]
+    assert best.mesh.phases == 8
+    assert main(["plot", str(out), "--no-pictures", "--quiet"]) == 0
+    assert {"main_effects.csv", "parallel_coordinates.csv"} <= {p.name for p in out.iterdir()}
+    assert main(["study", str(path), "--out", str(out), "--status", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["study"]["done_designs"] == 5
+    assert main(["study", str(path), "--out", str(out), "--shard", "3/3"]) == 2
+    assert "counted from 0, got 3/3. The last is 2/3" in capsys.readouterr().err
