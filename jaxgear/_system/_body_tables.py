@@ -110,8 +110,7 @@ def flexible_body(
     - `points`, `axial`: of roots, 2 is the thesis's; along the axis, "mortar" or "collocation".
     - `local`: what the feet of a tooth, by its number, give beyond what the rim's elements show,
         `[6 slice, 6 slice]` in the frames of the feet [m/N, 1/N, 1/(N m)].
-    - `give`: what feet on some patches give with the seats held, `[6 foot, 6 foot]` in the
-        frames of the feet, if not what its matrices say.
+    - `give`: of feet with the seats held, `[6 foot, 6 foot]`, if not what its matrices say.
     - `ribs`: what feet on the lines give more for the ribs, `[line, 6 slice, line, 6 slice]`.
     - `basis`: on which the body vibrates; statics need none.
 
