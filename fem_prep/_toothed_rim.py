@@ -29,7 +29,7 @@ _CIRCLES = 5
 
 
 def ribbed_grids(
-    body: GearBody, fineness: Fineness, gear: ToothedGear
+    body: GearBody, fineness: Fineness, gear: ToothedGear, *, teeth: bool = True
 ) -> tuple[tuple[Grid, np.ndarray], tuple[Grid, np.ndarray]]:
     """A body and a plain ring, both with coarse teeth and with the same elements in their rims.
 
@@ -38,6 +38,8 @@ def ribbed_grids(
     - `body`: its measures.
     - `fineness`: of its grid; at least two elements around for each tooth.
     - `gear`: its teeth, and the bore of the ring.
+    - `teeth`: whether they stand on the rims; without them these are smooth, and the elements
+        the same.
 
     **Returns:**
 
@@ -59,7 +61,8 @@ def ribbed_grids(
     ring = _ring(grid, body, fineness.sectors, (depth, gear.bore))
     bore = np.flatnonzero(ring.radius < 0.5 * gear.bore + body.same)
     ring = Grid(ring.nodes, ring.bricks, {RIM: _on_rim(ring, body), "seat:bore": bore})
-    first, second = (_ribbed(each, body, fineness.sectors, depth, gear) for each in (grid, ring))
+    own = _ribbed if teeth else _smooth
+    first, second = (own(each, body, fineness.sectors, depth, gear) for each in (grid, ring))
     return first, second
 
 
@@ -107,9 +110,22 @@ def _ribbed(
     grid: Grid, body: GearBody, sectors: int, depth: float, gear: ToothedGear
 ) -> tuple[Grid, np.ndarray]:
     """A grid whose elements of the rim are as wide as teeth and gaps in turn, with teeth on it."""
+    smooth, faces = _smooth(grid, body, sectors, depth, gear)
+    owner = _edges(gear, sectors)[1]
+    before = grid.nodes[faces[:, :4], :2].mean(axis=1)
+    element = np.rint(np.arctan2(before[:, 1], before[:, 0]) * sectors / (2.0 * np.pi))
+    tooth = owner[element.astype(int) % sectors]
+    nodes, bricks = _with_teeth(smooth.nodes, faces[tooth >= 0], tooth[tooth >= 0], gear)
+    return Grid(nodes, np.concatenate([grid.bricks, bricks]), grid.sets), faces
+
+
+def _smooth(
+    grid: Grid, body: GearBody, sectors: int, depth: float, gear: ToothedGear
+) -> tuple[Grid, np.ndarray]:
+    """The same elements of the rim without the teeth."""
     radius, outer = grid.radius, 0.5 * body.rim_outer
     share = np.clip((radius - outer + depth) / depth, 0.0, 1.0)
-    edges, owner = _edges(gear, sectors)
+    edges = _edges(gear, sectors)[0]
     angle = np.arctan2(grid.nodes[:, 1], grid.nodes[:, 0])
     # Edges of equal elements and their middles, from half an element before tooth 0 on.
     even = (np.arange(2 * sectors + 1) - 1.0) * np.pi / sectors
@@ -118,12 +134,7 @@ def _ribbed(
     angle = angle + share * (turned + gear.twist * grid.nodes[:, 2])
     places = np.stack([radius * np.cos(angle), radius * np.sin(angle), grid.nodes[:, 2]], axis=1)
     on_rim = Grid(grid.nodes, grid.bricks, {RIM: _on_rim(grid, body)})
-    faces = surface_of(on_rim, RIM)
-    before = grid.nodes[faces[:, :4], :2].mean(axis=1)
-    element = np.rint(np.arctan2(before[:, 1], before[:, 0]) * sectors / (2.0 * np.pi))
-    tooth = owner[element.astype(int) % sectors]
-    nodes, bricks = _with_teeth(places, faces[tooth >= 0], tooth[tooth >= 0], gear)
-    return Grid(nodes, np.concatenate([grid.bricks, bricks]), grid.sets), faces
+    return Grid(places, grid.bricks, grid.sets), surface_of(on_rim, RIM)
 
 
 def _edges(gear: ToothedGear, sectors: int) -> tuple[np.ndarray, np.ndarray]:

@@ -85,6 +85,17 @@ def test_disc_is_the_ring_and_a_thin_web_gives_more():
     assert _give(ribbed_grids(web, COARSE, GEAR)[0], "seat:bore") > 1.1 * ring
 
 
+def test_without_teeth_the_elements_are_the_same_and_the_rim_gives_more():
+    web = dataclasses.replace(DISC, web=WEB)
+    ribbed, smooth = (ribbed_grids(web, COARSE, GEAR, teeth=teeth) for teeth in (True, False))
+    for (grid, faces), (plain, others) in zip(ribbed, smooth, strict=True):
+        np.testing.assert_array_equal(plain.bricks, grid.bricks[: len(plain.bricks)])
+        np.testing.assert_array_equal(plain.nodes, grid.nodes[: len(plain.nodes)])
+        np.testing.assert_array_equal(others, faces)
+        assert abs(plain.radius.max() - GEAR.root_radius) < 1e-9
+    assert _give(smooth[0], "seat:bore") > 1.01 * _give(ribbed[0], "seat:bore")
+
+
 def test_too_few_elements_around_are_refused():
     with pytest.raises(BodyError, match="at least two for each tooth, 48, got 24"):
         ribbed_grids(DISC, Fineness(24), GEAR)

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxgear._types import CellColumns, Cells, Coupling, CouplingGrid, DenseCouplingGrid
+from jaxgear._types import CellColumns, Cells, Coupling, CouplingGrid, DenseCouplingGrid, Flag
 
 
 def body_yield(coupling: Coupling, force: Cells) -> Cells:
@@ -49,7 +49,9 @@ class Sharing(eqx.Module):
     factor: CellColumns | None
 
 
-def sharing_with_body(coupling: Coupling, stiffness: Cells, *, symmetric: bool = True) -> Sharing:
+def sharing_with_body(
+    coupling: Coupling, stiffness: Cells, *, symmetric: bool = True, needed: Flag | bool = True
+) -> Sharing:
     """Prepare to share with the bodies: the part that does not depend on the forces.
 
     **Arguments:**
@@ -57,6 +59,7 @@ def sharing_with_body(coupling: Coupling, stiffness: Cells, *, symmetric: bool =
     - `coupling`: $C$ [m/N].
     - `stiffness`: diagonal of $K$, zero where a cell is open [N/m].
     - `symmetric`: whether $C$ is, as it is at rest.
+    - `needed`: whether a factor is used at all; else it is the identity, which costs nothing.
 
     **Returns:**
 
@@ -69,7 +72,7 @@ def sharing_with_body(coupling: Coupling, stiffness: Cells, *, symmetric: bool =
     root = jnp.sqrt(jax.lax.stop_gradient(stiffness))
     held = jax.lax.stop_gradient(coupling)
     matrix = jnp.eye(root.size) + root[:, None] * held * root[None, :]
-    return Sharing(stiffness, _one_by_one(_cholesky)(matrix))
+    return Sharing(stiffness, _one_by_one(_cholesky)(matrix, jnp.asarray(needed)))
 
 
 def shared(coupling: Coupling, sharing: Sharing, columns: CellColumns) -> CellColumns:
@@ -146,8 +149,9 @@ def _share_in_slices(coupling: Coupling, stiffness: Cells, columns: CellColumns)
     return jnp.stack(answers).reshape(columns.shape)
 
 
-def _cholesky(matrix: Array) -> Array:
-    return jax.lax.linalg.cholesky(matrix, symmetrize_input=False)
+def _cholesky(matrix: Array, needed: Flag) -> Array:
+    factor = lambda matrix: jax.lax.linalg.cholesky(matrix, symmetrize_input=False)
+    return jax.lax.cond(needed, factor, lambda matrix: jnp.eye(len(matrix)), matrix)
 
 
 def _substituted(factor: Array, right: CellColumns) -> CellColumns:

@@ -196,13 +196,16 @@ class _Linearised(eqx.Module):
 
 
 def _linearised(
-    problem: ContactProblem, tangent: Cells, right: Loads
+    problem: ContactProblem, tangent: Cells, right: Loads, needed: Flag | bool = True
 ) -> tuple["_Linearised", Loads]:
-    """Prepare to solve, see `_solve_linear`, and let the bodies share in the right-hand side."""
+    """Prepare to solve, see `_solve_linear`, and let the bodies share in the right-hand side.
+
+    Where that is not needed, the answer is of no use and costs no factorisation.
+    """
     structure = tangent[:, None] * problem.arms
     if problem.coupling is None:
         return _Linearised(None, structure), right
-    sharing = sharing_with_body(problem.coupling, tangent)
+    sharing = sharing_with_body(problem.coupling, tangent, needed=needed)
     # At once: substitution in a factor costs no more for two columns than for one.
     columns = shared(problem.coupling, sharing, jnp.column_stack([structure, right]))
     return _Linearised(sharing, columns[:, :-1]), columns[:, -1]
@@ -331,7 +334,8 @@ def _newton(
         return jax.tree.map(lambda x, dx: x - share * dx, state.best, step)
 
     def body(state: _NewtonState) -> _NewtonState:
-        linear, free = _linearised(problem, state.tangent, state.missing[1])
+        # In a batch the others go on until the last has found its state.
+        linear, free = _linearised(problem, state.tangent, state.missing[1], unfinished(state))
         trial = stepped(state, linear, free, state.share)
         energy, missing, tangent, error = examine(trial)
         # Near the solution the energies differ by rounding only: a full step is then right.

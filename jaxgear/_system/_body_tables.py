@@ -18,8 +18,9 @@ from jaxgear._system._condensed import Condensed
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._rim_checks import check_elements, check_rim
 
-# Components of a foot's motion that spur teeth load: along radius and tangent, and about the axis.
-_IN_PLANE, _ALL = (0, 1, 5), (0, 1, 2, 3, 4, 5)
+# Components of a foot's motion that spur teeth load, along radius and tangent and about the axis,
+# and those that helical ones do.
+ROOT_COMPONENTS = ((0, 1, 5), (0, 1, 2, 3, 4, 5))
 
 # How far the stiffness between seats may depend on the direction, of its largest entry.
 _UNEVEN = 1e-3
@@ -95,6 +96,7 @@ def flexible_body(
     axial: Axial = "mortar",
     local: Callable[[int], np.ndarray] | None = None,
     give: Callable[[RootPatches], np.ndarray] | None = None,
+    ribs: np.ndarray | None = None,
     basis: BodyBasis | None = None,
 ) -> FlexibleBody:
     """Put a condensed body in mesh. Call it outside of `jit`, on concrete gears (theory 7.6).
@@ -107,13 +109,12 @@ def flexible_body(
     - `grid`: slices, lines and periods of the cycle.
     - `gear_seat`: where torque and rotation are taken; by default `torque`, or the only one.
     - `load_seats`: where the loads of its shaft act, which may be a little beside.
-    - `points`: across the root of a tooth; 2 is the thesis's connection.
-    - `axial`: how a slice follows the rim along the axis, "mortar" or "collocation".
-    - `local`: what the feet of a tooth, by its number, give beyond what the rim's elements can
-        show: `[6 slice, 6 slice]` in the frames of the feet [m/N, 1/N, 1/(N m)].
-    - `give`: what feet on some patches give with the seats held, `[6 foot, 6 foot]` in the
-        frames of the feet, if not what its matrices say.
-    - `basis`: on which the body vibrates, from `body_basis`; statics need none.
+    - `points`, `axial`: of roots, 2 is the thesis's; along the axis, "mortar" or "collocation".
+    - `local`: what the feet of a tooth, by its number, give beyond what the rim's elements show,
+        `[6 slice, 6 slice]` in the frames of the feet [m/N, 1/N, 1/(N m)].
+    - `give`: of feet with the seats held, `[6 foot, 6 foot]`, if not what its matrices say.
+    - `ribs`: what feet on the lines give more for the ribs, `[line, 6 slice, line, 6 slice]`.
+    - `basis`: on which the body vibrates; statics need none.
 
     **Returns:**
 
@@ -133,11 +134,11 @@ def flexible_body(
     each, where = np.unique(teeth % gear.teeth if repeats > 1 else teeth, return_inverse=True)
     patches = root_patches(pair, index, grid, each, points=points, axial=axial)
     found = feet(RimSurface(body.rim_nodes, body.rim_faces), patches)
-    components = _ALL if float(pair.helix_angle) != 0.0 else _IN_PLANE
+    components = ROOT_COMPONENTS[float(pair.helix_angle) != 0.0]
     held = _held(body, found, patches.angles.ravel(), components, give and give(patches))
-    count, slices, size = len(each), grid.slices, len(components)
-    lines, cells = where.reshape(teeth.shape), grid.lines * slices
-    pairs = _between_cells(held, lines, each, repeats, local, components)
+    count, slices, size, cells = len(each), grid.slices, len(components), grid.cells
+    lines = where.reshape(teeth.shape)
+    pairs = _between_cells(held, lines, each, repeats, local, components, ribs)
 
     def on_cells(rows: np.ndarray) -> np.ndarray:
         """Rows of all feet as `[period, component, cell, ...]`."""
@@ -216,6 +217,7 @@ def _between_cells(
     repeats: int,
     local: Callable[[int], np.ndarray] | None,
     components: tuple[int, ...],
+    ribs: np.ndarray | None,
 ) -> np.ndarray:
     """What cells give by each other's loads, `[period, component, component, cell, cell]`."""
     count, size = len(teeth), len(components)
@@ -227,8 +229,12 @@ def _between_cells(
         for place, tooth in enumerate(teeth):
             more = own[int(tooth if repeats > 1 else teeth[0])]
             whole[place, :, :, place] += _of_one_tooth(more, slices, components)
-    pairs = whole[lines[:, :, None], :, :, lines[:, None, :]]
     # Period, line, line, slice, component, slice, component.
+    pairs = whole[lines[:, :, None], :, :, lines[:, None, :]]
+    if ribs is not None:
+        apart = ribs.reshape(lines.shape[1], slices, 6, lines.shape[1], slices, 6)
+        apart = apart[:, :, list(components)][..., list(components)]
+        pairs += apart.transpose(0, 3, 1, 2, 4, 5)[None]
     cells = lines.shape[1] * slices
     return pairs.transpose(0, 4, 6, 1, 3, 2, 5).reshape(-1, size, size, cells, cells)
 

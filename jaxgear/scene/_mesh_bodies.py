@@ -22,6 +22,7 @@ from jaxgear.scene._body_build import BuiltBody, built_body
 from jaxgear.scene._body_words import in_keys
 from jaxgear.scene._build import couples_on_pinion, pair_grid, pair_of
 from jaxgear.scene._plain_ring import beyond_plain_ring
+from jaxgear.scene._rim_ribs import rim_ribs
 from jaxgear.scene._root_correction import root_correction
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
@@ -199,7 +200,7 @@ def _in_mesh(
     (built, basis), mesh = made, scene.mesh
     plan, body = built.plan, built.body
     tell(f"{plan.gear}: teeth on the rim")
-    index, local, give = GEARS.index(plan.gear), None, None
+    index, local, give, ribs = GEARS.index(plan.gear), None, None, None
     on_rim: Any = {"points": mesh.root_points, "axial": mesh.connection}
     with in_keys(plan.gear):
         if mesh.tooth == "elements":
@@ -212,8 +213,10 @@ def _in_mesh(
                 )
         elif mesh.root_correction:
             local = root_correction(body, plan.material, pair, index, grid, **on_rim)
+        law = (mesh.tooth, mesh.stiffness, mesh.face_coupling)
+        if law == ("sliced", "weber-banaschek", "coupled"):
+            ribs = rim_ribs(scene.plain, plan, pair, grid, tell, **on_rim)
+        more: Any = {"local": local, "give": give, "ribs": ribs}
         seats: Any = {"gear_seat": plan.torque_seat or None, "load_seats": plan.load_seats}
-        flexible = flexible_body(
-            body, pair, index, grid, local=local, give=give, basis=basis, **seats, **on_rim
-        )
+        flexible = flexible_body(body, pair, index, grid, basis=basis, **more, **seats, **on_rim)
     return MeshBody(built, flexible, basis)

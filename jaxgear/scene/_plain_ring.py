@@ -103,43 +103,78 @@ def _beyond(
 ) -> np.ndarray:
     """What feet give more on the body than on the ring."""
     with in_keys(plan.gear):
-        body, ring = ribbed_grids(drawn, fineness, gear)
-        seats = [
-            Seat(
-                each.name,
-                body[0].sets[f"seat:{each.label}"],
-                np.array([0.0, 0.0, each.at]),
-                each.averaging,
-            )
-            for each in plan.seats
-        ]
-        bore = [Seat("bore", ring[0].sets["seat:bore"], np.zeros(3), False)]
-        told = lambda what: Steps(lambda step: tell(f"{plan.gear}: {what}: {step}"))
+        grids = ribbed_grids(drawn, fineness, gear)
         # Turns that leave both as they are.
         equal = math.gcd(gear.teeth, symmetry(drawn, fineness))
-        own = _give(body, seats, plan, patches, (equal, told("body with ribs")))
-        return own - _give(ring, bore, plan, patches, (equal, told("plain ring")))
+        own, ring = compliances(plan, grids, patches, equal, tell)
+        return own - ring
+
+
+def compliances(
+    plan: BodyPlan,
+    grids: tuple[tuple[Grid, np.ndarray], tuple[Grid, np.ndarray]],
+    patches: RootPatches,
+    equal: int,
+    tell: Callable[[str], None],
+    loaded: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """What feet give on a body with its seats held and on a ring with its bore held.
+
+    **Arguments:**
+
+    - `plan`: of the body.
+    - `grids`: of both, with the faces of their rims, from `ribbed_grids`.
+    - `patches`: the feet.
+    - `equal`: turns that leave both as they are.
+    - `tell`: told what begins.
+    - `loaded`: which of the `6 foot` components are; by default all.
+
+    **Returns:**
+
+    Of each, `[6 foot, loaded]` in the frames of the feet.
+    """
+    body, ring = grids
+    seats = [
+        Seat(
+            each.name,
+            body[0].sets[f"seat:{each.label}"],
+            np.array([0.0, 0.0, each.at]),
+            each.averaging,
+        )
+        for each in plan.seats
+    ]
+    bore = [Seat("bore", ring[0].sets["seat:bore"], np.zeros(3), False)]
+    told = lambda what: Steps(lambda step: tell(f"{plan.gear}: {what}: {step}"))
+    kept = np.arange(6 * patches.angles.size) if loaded is None else loaded
+    return (
+        _give(body, seats, plan, patches, (equal, told("body on its seats")), kept),
+        _give(ring, bore, plan, patches, (equal, told("plain ring")), kept),
+    )
 
 
 def _give(
-    ribbed: tuple[Grid, np.ndarray],
+    grid_and_faces: tuple[Grid, np.ndarray],
     seats: list[Seat],
     plan: BodyPlan,
     patches: RootPatches,
     how: tuple[int, Steps],
+    loaded: np.ndarray,
 ) -> np.ndarray:
-    """Compliance between the feet on a body of equal sectors with ribs, its seats held."""
-    (grid, faces), (sectors, steps) = ribbed, how
+    """Compliance by loads on feet of a body of equal sectors, its seats held."""
+    (grid, faces), (sectors, steps) = grid_and_faces, how
     full = full_body(plan.name, grid, plan.material, seats, progress=steps)
     none = np.zeros(0, dtype=int)
     full = dataclasses.replace(full, rim=none, rim_points=none, rim_faces=none.reshape(0, 8))
     held = hold(full, rotation=full.rotation(sectors), progress=steps)
     rows = feet(RimSurface(grid.nodes, faces), patches).rows
-    loads = (rows @ full.spread).T.tocsc()
+    every = (rows @ full.spread).T.tocsc()
+    loads = every[:, loaded]
     with steps("loads on the feet"):
         parts = [
-            loads.T @ held.loaded(loads[:, start : start + _COLUMNS].toarray())
+            every.T @ held.loaded(loads[:, start : start + _COLUMNS].toarray())
             for start in range(0, loads.shape[1], _COLUMNS)
         ]
     result = np.concatenate(parts, axis=1)
-    return 0.5 * (result + result.T)
+    own = result[loaded]
+    result[loaded] = 0.5 * (own + own.T)
+    return result

@@ -103,12 +103,12 @@ def applies(path: str, values: Mapping[str, Any]) -> bool:
 
 
 # What of a scene condensed bodies are made from or for: these tables, and these keys. The mass of
-# the teeth is on the rim, so that all their measures count.
+# the teeth is on the rim, so that all their measures count. Under coupled slices they are its ribs.
 _SHAPING_TABLES = ("material", "{gear}.material", "{gear}.body", "{gear}.web")
 _SHAPING_KEYS = """
     pair.module_mm pair.pressure_angle_deg pair.helix_angle_deg
     pinion.face_width_mm wheel.face_width_mm
-    mesh.slices mesh.periods mesh.tip_contact mesh.tooth
+    mesh.slices mesh.periods mesh.tip_contact mesh.tooth mesh.face_coupling mesh.stiffness
     mesh.connection mesh.root_points mesh.root_correction
     {gear}.teeth {gear}.profile_shift {gear}.span_mm {gear}.span_teeth
     {gear}.over_balls_mm {gear}.ball_mm

@@ -37,6 +37,8 @@ def scene():
         "wheel.body.web.web_thickness_mm",
         "mesh.slices",
         "mesh.tooth",
+        "mesh.face_coupling",
+        "mesh.stiffness",
         "mesh.root_points",
     ],
 )

@@ -1,0 +1,89 @@
+"""What teeth all around take from the give of a condensed rim."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from fem_prep import Holes
+from jaxgear.scene._bodies import BodyPlan, Drawn, body_plan
+from jaxgear.scene._build import pair_grid, pair_of
+from jaxgear.scene._rim_ribs import rim_ribs
+from jaxgear.scene._scene import Scene, read_scene
+
+_SCENE = """schema = 1
+name = "tiny"
+[pair]
+module_mm = 3.0
+torque_pinion_Nm = 100.0
+[pinion]
+teeth = 20
+face_width_mm = 12.0
+[wheel]
+teeth = 24
+face_width_mm = 10.0
+bore_mm = 16.0
+[wheel.body]
+kind = "condensed"
+web = { hub_outer_mm = 30, web_thickness_mm = 4, rim_inner_mm = 54, web_offset_mm = 2 }
+[mesh]
+slices = 8
+phases = 8
+"""
+
+
+def _ribs(scene: Scene, plan: BodyPlan) -> np.ndarray | None:
+    pair, mesh = pair_of(scene), scene.mesh
+    how = {"points": mesh.root_points, "axial": mesh.connection}
+    return rim_ribs(
+        scene.plain, plan, pair, pair_grid(scene, pair, jnp.asarray(100.0)), print, **how
+    )
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory) -> Scene:
+    path = tmp_path_factory.mktemp("ribs") / "tiny.toml"
+    path.write_text(_SCENE)
+    return read_scene(path)
+
+
+@pytest.fixture(scope="module")
+def found(scene) -> np.ndarray:
+    found = _ribs(scene, body_plan(scene, "wheel"))
+    assert found is not None
+    return found
+
+
+def test_ribs_take_from_what_a_webbed_rim_gives_and_are_reciprocal(found):
+    lines, size = found.shape[:2]
+    matrix = found.reshape(lines * size, -1)
+    largest = np.abs(matrix).max()
+    np.testing.assert_allclose(matrix, matrix.T, rtol=0.0, atol=1e-9 * largest)
+    # An even load along the tangent of a tooth, and one that tilts its rim.
+    even = np.zeros((8, 6))
+    even[:, 1] = 1.0
+    tilting = even * np.linspace(-1.0, 1.0, 8)[:, None]
+    for load in (even.ravel(), tilting.ravel()):
+        assert load @ found[0, :, 0] @ load < 0.0
+    # Spur teeth do not load the rest.
+    assert np.abs(found[0, :, 0].reshape(8, 6, 8, 6)[:, 2:5]).max() == 0.0
+
+
+def test_lines_are_told_apart_by_the_turns_between_their_teeth_alone(found):
+    np.testing.assert_array_equal(found[0, :, 0], found[1, :, 1])
+    np.testing.assert_array_equal(found[0, :, 1], found[1, :, 0].T)
+
+
+def test_holes_change_nothing_and_a_solid_disc_has_none(scene, found):
+    plan = body_plan(scene, "wheel")
+    assert isinstance(plan.source, Drawn)
+    source, body = plan.source, plan.source.body
+    assert body.web is not None
+    drawn = lambda web: dataclasses.replace(
+        plan, source=dataclasses.replace(source, body=dataclasses.replace(body, web=web))
+    )
+    holes = (Holes(count=4, diameter=8e-3, circle=41e-3),)
+    holed = drawn(dataclasses.replace(body.web, holes=holes))
+    np.testing.assert_array_equal(_ribs(scene, holed), found)
+    assert _ribs(scene, drawn(None)) is None
