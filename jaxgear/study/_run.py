@@ -157,6 +157,12 @@ def statics_result(scene: Scene, statics: Statics, torques: np.ndarray) -> Resul
                     name = f"{answer.gear}_deflected"
                     groups[name] = _body_fields.fields_dataset(answer)
                     files[f"{name}.vtu"] = _body_fields.grid_writer(answer)
+    if scene.gauges:
+        from jaxgear.study._gauges import gauges_dataset, gauges_summary
+
+        with narration("gauges"):
+            groups["gauges"] = gauges_dataset(scene.mesh, scene.gauges, scene.bodies, statics)
+        static["gauges"] = gauges_summary(groups["gauges"])
     named = {name: titled(each, scene.title) for name, each in ({"": cycle} | groups).items()}
     return Result(scene, summary, named, files)
 
