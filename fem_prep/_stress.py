@@ -71,7 +71,7 @@ def stress_rows(held: Held, reduced: ReducedBody, nodes: np.ndarray) -> StressRo
     """
     full = held.full
     matrix = stress_matrix(full.grid, full.material, nodes)
-    boundary, inside = held.measured((matrix @ full.spread).toarray())
+    boundary, inside = held.measured(csr_array(matrix @ full.spread).toarray())
     shapes = reduced.interior_shapes.reshape(reduced.interior, full.grid.nodes.size)
     rows = np.concatenate([boundary, matrix @ shapes.T], axis=1)
     # Of the load by rotation the interior shapes have taken a part already.

@@ -32,15 +32,16 @@ class GaugeInfluences(eqx.Module):
     **Fields:**
 
     - `feet`: per load on the feet of each tooth along and about radius, tangent and axis, the
-        seats held, shape `[gauge, tooth, slice, component]` [unit of the gauge / N, / (N m)].
+        seats held, shape `[gauge, tooth, slice, component]` [1/N, Pa/N, 1/(N m)].
     - `seats`: per motion of the seats along and about x, y, z of the body, shape
-        `[gauge, 6 seat]` [unit / m, unit / rad].
-    - `rotation`: per square of the speed, the seats held, shape `[gauge]` [unit s2].
-    - `still`: by what loads the body all the time, the seats held, shape `[gauge]` [unit].
+        `[gauge, 6 seat]` [1/m, Pa/m, 1/rad].
+    - `rotation`: per square of the speed, the seats held, shape `[gauge]` [s2, Pa s2].
+    - `still`: by what loads the body all the time, the seats held, shape `[gauge]` [-, Pa].
     - `angles`: of the middles of the teeth at the first slice, about z from the body's x, shape
         `[tooth]` [rad].
     - `centres`: of the feet of one tooth on all lines, in their frames, `[cell, 3]` [m].
-    - `lines`: teeth on the contact lines in each mesh period of a revolution, `[period, line]`.
+    - `lines`: teeth on the contact lines in each mesh period of a revolution, shape
+        `[period, line]` [-].
     - `index`: 0 for the pinion, 1 for the wheel.
     - `components`: of the feet's loads that the body was put in mesh with.
     """
@@ -75,15 +76,15 @@ def gauge_influences(
     **Arguments:**
 
     - `body`: the condensed body.
-    - `rows`: of the gauges, shape `[gauge, dof]` [unit of the gauge / m, / rad].
-    - `rotation`: what they read of rotation beside the coordinates, shape `[gauge]` [unit s2].
+    - `rows`: of the gauges, shape `[gauge, dof]` [1/m, Pa/m, 1/rad].
+    - `rotation`: what they read of rotation beside the coordinates, shape `[gauge]` [s2, Pa s2].
     - `pair`: the gears.
     - `index`: 0 if it is the pinion's, 1 if it is the wheel's.
     - `grid`: slices and lines of the cycle.
     - `components`: of the feet's loads, as of `FlexibleBody`.
     - `points`, `axial`: as of `flexible_body`.
     - `still`: what they read beside the coordinates of a load that is there all the time,
-        `[gauge]` [unit]; by default none.
+        `[gauge]` [-, Pa]; by default none.
     - `load`: that load on the coordinates, shape `[dof]` [SI].
 
     **Returns:**
@@ -135,7 +136,7 @@ def gauge_readings(
 
     **Returns:**
 
-    Readings, shape `[phase, gauge]` [unit of the gauge], and the angle of the body's x from S about
+    Readings, shape `[phase, gauge]` [-, Pa], and the angle of the body's x from S about
     Z, shape `[phase]` [rad]; phases of all mesh periods of a revolution.
     """
     lines = cycle.cells.lines
@@ -144,9 +145,10 @@ def gauge_readings(
     weights, fixed = foot_weights(
         pair, gauges.index, gauges.centres, lines.roll, lines.face_position
     )
-    kept = jnp.zeros(6).at[np.asarray(gauges.components)].set(1.0)
+    none = jnp.zeros_like(cycle.force)
+    kept = [weights[a] if a in gauges.components else none for a in range(len(weights))]
     # What closes a cell is pushed back by its force.
-    load = -jnp.stack(weights, axis=-1) * kept * cycle.force[:, :, None]
+    load = -jnp.stack(kept, axis=-1) * cycle.force[:, :, None]
     load = load.reshape(lines.periods, phases, *lines.roll.shape[1:], 6)
     places = cycle.system.structure.map.loaded[gauges.index]
     seats = np.concatenate([first + np.arange(6) for first in places])
@@ -161,7 +163,7 @@ def gauge_readings(
         turn = turned[place] - gauges.angles[on_lines[0]]
         by_feet = jnp.einsum("plsc,glsc->pg", load[place], gauges.feet[:, on_lines])
         by_seats = _turned_back(motion[place], turn) @ gauges.seats.T
-        return by_feet + by_seats + still, turn
+        return by_feet + by_seats + still[None, :], turn
 
     found, angle = jax.lax.map(of_period, (jnp.arange(teeth), gauges.lines))
     return found.reshape(teeth * phases, -1), angle.ravel()
@@ -199,9 +201,7 @@ def direction_rows(
     - `ValueError` if a direction is not of unit length.
     """
     x, y, z = directions.T
-    require(
-        bool(np.allclose(x**2 + y**2 + z**2, 1.0)), "Directions must be vectors of length one."
-    )
+    require(bool(np.allclose(x**2 + y**2 + z**2, 1.0)), "Directions must be vectors of length one.")
     normal = np.stack([x * x, y * y, z * z, 2 * x * y, 2 * y * z, 2 * z * x], axis=1)
     mean = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
     strain = ((1.0 + poisson) * normal - poisson * mean) / young

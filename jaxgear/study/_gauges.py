@@ -171,6 +171,11 @@ def gauges_dataset(
 ) -> xr.Dataset:
     """What the gauges of a scene read while each gear turns once, tooth by tooth at rest."""
     entries: dict[str, Entry] = {}
+    require(
+        len(bodies) > 0,
+        "gauges: they are on condensed bodies, of which this scene has none. Write "
+        '[wheel.body] kind = "condensed", or leave them out.',
+    )
     for gear, body in bodies.items():
         gauges = gauges_of(asked, bodies, gear, body.built)
         if gauges:
@@ -260,10 +265,12 @@ def moving_gauges_dataset(
 ) -> xr.Dataset:
     """Spectra of the gauges of each gear in some motion, by orders of its rotation."""
     entries: dict[str, Entry] = {}
+    teeth = {}
     for gear, own in gauges.items():
         if own:
             entries |= _by_orders(gear, own, motions[gear])
-    return dataset_of(entries)
+            teeth[f"teeth_{gear}"] = motions[gear].teeth
+    return dataset_of(entries).assign_attrs(teeth)
 
 
 def _by_orders(

@@ -162,9 +162,7 @@ def probe_at(
         circle = body.circle(at)
     except ValueError as error:
         raise type(error)(f"{key}: a fixed probe sees a circle of nodes pass. {error}") from None
-    return Probe(
-        name, body.gear, direction, None, circle, place[1], (where[0], place[1], where[2])
-    )
+    return Probe(name, body.gear, direction, None, circle, place[1], (where[0], place[1], where[2]))
 
 
 def nodes_at(
