@@ -1,5 +1,8 @@
 """Recovered stresses against the full finite elements, and against closed forms."""
 
+import shutil
+import subprocess
+
 import numpy as np
 import pytest
 from fem_cases import (
@@ -158,3 +161,61 @@ def test_what_swells_freely_has_no_stress():
 def test_points_that_cannot_be_are_refused(nodes):
     with pytest.raises(BodyError, match="node"):
         stress_matrix(block(1.0, 1.0, 1.0, (1, 1, 1)), STEEL, np.array(nodes))
+
+
+# --- Another program
+
+
+def _deck(full, load, speed) -> str:
+    """A wheel held at its bore, loaded at a tooth and turning, for CalculiX."""
+    grid = full.grid
+    lines = ["*NODE, NSET=ALL"]
+    lines += [f"{i}, {x:.12e}, {y:.12e}, {z:.12e}" for i, (x, y, z) in enumerate(grid.nodes, 1)]
+    # Its reduced integration gives stresses at the same eight points.
+    lines.append("*ELEMENT, TYPE=C3D20R, ELSET=BODY")
+    for i, brick in enumerate((grid.bricks + 1).tolist(), 1):
+        lines += [f"{i}, {', '.join(map(str, brick[:15]))},", ", ".join(map(str, brick[15:]))]
+    lines += ["*NSET, NSET=BORE", *(f"{node + 1}," for node in grid.sets["bore"])]
+    lines += ["*MATERIAL, NAME=STEEL", "*ELASTIC", f"{STEEL.young}, {STEEL.poisson}", "*DENSITY"]
+    lines += [f"{STEEL.density}", "*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL", "*BOUNDARY"]
+    lines += ["BORE, 1, 3", "*STEP", "*STATIC", "*CLOAD"]
+    for node, force in zip(full.rim, load.reshape(-1, 3), strict=True):
+        lines += [f"{node + 1}, {k + 1}, {force[k]:.12e}" for k in range(3) if force[k]]
+    lines += ["*DLOAD", f"BODY, CENTRIF, {speed**2:.1f}, 0., 0., 0., 0., 0., 1."]
+    return "\n".join([*lines, "*NODE FILE", "U", "*EL FILE", "S", "*END STEP", ""])
+
+
+def _results(path, name: str, count: int) -> np.ndarray:
+    """Values at the nodes, in their order, from a text file of CalculiX."""
+    rows, inside = [], False
+    for line in path.read_text().splitlines():
+        if line.startswith(" -4"):
+            inside = name in line
+        elif line.startswith(" -3"):
+            inside = False
+        elif inside and line.startswith(" -1"):
+            rows.append([float(line[13 + 12 * k : 25 + 12 * k]) for k in range(count)])
+    return np.array(rows)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX is not installed")
+def test_calculix_finds_the_same_stresses(tmp_path):
+    full, speed = wheel_body(small_wheel(48, 10)), 900.0
+    load = 5e3 * tooth_load(full)[: 3 * len(full.rim)]
+    (tmp_path / "wheel.inp").write_text(_deck(full, load, speed))
+    subprocess.run(["ccx", "-i", "wheel"], cwd=tmp_path, check=True, capture_output=True)
+    held = hold(full)
+    body = condense(full, method="guyan", held=held)
+    rim = slice(0, len(load))
+    motion = np.zeros(body.dofs)
+    right = load + speed**2 * body.centrifugal_load[rim]
+    motion[rim] = np.linalg.solve(body.stiffness[rim, rim], right)
+    # In the web, away from the sharp corners of hub and rim.
+    radius = full.grid.radius
+    nodes = np.flatnonzero((radius > 27e-3) & (radius < 57e-3))
+    found = stress_rows(held, body, nodes[::7])
+    own = found.rows @ motion + speed**2 * found.rotation
+    wanted = _results(tmp_path / "wheel.frd", "STRESS", 6)[nodes[::7]]
+    assert_near(own, wanted, 0.01)
+    assert_near(von_mises(own), von_mises(wanted), 0.005)
