@@ -81,31 +81,34 @@ def _stress_map(
 ) -> StressMap:
     under = body_under_teeth(mesh, gear, body, statics)
     lines, worst = statics.cycle.cells.lines, worst_phase(statics.cycle)
-    step = max(1, under.phases // _IN_PERIOD, under.phases * lines.periods // _IN_ALL)
-    motions, turns, shown = [], [], 0
-    for period in range(lines.periods):
+    sectors, teeth = body.built.body.facts.get("sectors", 1), body.built.plan.teeth_count
+    assert isinstance(sectors, int)
+    images = math.gcd(sectors, teeth)
+    # After these the body stands under its teeth as before.
+    periods = min(lines.periods, teeth // images)
+    step = max(1, under.phases // _IN_PERIOD, under.phases * periods // _IN_ALL)
+    motions, turns, shown, phase = [], [], 0, 0.0
+    for period in range(periods):
         found = under.under_mesh(period)
         # The time of the largest load is one of those that are looked at.
         chosen = np.arange(worst % under.phases % step, under.phases, step)
-        if worst // under.phases == period:
-            shown = len(turns) + int(np.searchsorted(chosen, worst % under.phases))
+        if worst // under.phases % periods == period:
+            at = int(np.searchsorted(chosen, worst % under.phases))
+            shown, phase = len(turns) + at, float(lines.phase[period * under.phases + chosen[at]])
         motions.append(found.motion[chosen] + under.rotation)
         turns.extend(found.turn[chosen])
     with in_keys(gear):
         held = held_of(body.built.plan, tell)
     tell("stresses over the cycle")
     stress = _stresses(held, body.built, np.concatenate(motions), under.spin)
-    sectors, teeth = body.built.body.facts.get("sectors", 1), body.built.plan.teeth_count
-    assert isinstance(sectors, int)
-    images = math.gcd(sectors, teeth)
     nodes = body.built.body.nodes
     return StressMap(
         built=body.built,
-        words=f"the mesh at phase {float(lines.phase[worst]):.3f}",
+        words=f"the mesh at phase {phase:.3f}",
         stress=stress[shown],
         turn=float(turns[shown]),
         range=stress_range(along_cylinder(nodes, stress), images_of(nodes, images)),
-        covered=min(1.0, images * lines.periods / teeth),
+        covered=images * periods / teeth,
         told=_told(body.built),
     )
 

@@ -172,7 +172,7 @@ def test_gauges_show_the_orders_that_doppler_says(watch, found):
     assert (turning.turns, len(turning.places)) == (True, 1)
     # One wave passes both: alike in size, but for what repeats with the sectors.
     assert strain[0].max() == pytest.approx(strain[1].max(), rel=0.05)
-    assert len(fixed.places) == 2 * TEETH
+    assert len(fixed.places) == TEETH
 
 
 def test_a_gauge_reads_the_strain_of_the_grid(watch, motion):
