@@ -157,14 +157,14 @@ def stress_dataset(gear: str, found: StressMap) -> xr.Dataset:
     }
     return dataset_of(
         {
-            "place_mm": Entry(("node", "axis"), grid.nodes / mm, "mm", "place of a node"),
+            "place_mm": Entry(("node", "coordinate"), grid.nodes / mm, "mm", "place of a node"),
             "face": Entry(("face", "corner"), surface(grid), "1", FACE),
             "section_mm": Entry(("element", "corner", "r_z"), cut / mm, "mm", "section"),
             **entries_over(("node",), rows),
             **entries_over(("element",), sections),
             "mesh_angle_deg": Entry((), towards / deg, "deg", "where the mesh is, about Z from x"),
         },
-        axis=Entry(("axis",), list("xyz"), "1", "direction on the body"),
+        coordinate=Entry(("coordinate",), list("xyz"), "1", "axis of the body"),
     ).assign_attrs(gear=gear, under=found.words, covered=found.covered)
 
 
