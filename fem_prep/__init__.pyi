@@ -23,8 +23,10 @@ from ._files import write_vtu as write_vtu
 from ._solvers import available_solvers as available_solvers
 from ._assembly import Material as Material
 from ._assembly import assemble as assemble
+from ._assembly import conduction as conduction
 from ._assembly import stress_stiffening as stress_stiffening
 from ._assembly import surface_mass as surface_mass
+from ._assembly import swelling_load as swelling_load
 from ._patch import CUT as CUT
 from ._patch import RIM as RIM
 from ._patch import piece_compliance as piece_compliance
@@ -66,6 +68,13 @@ from ._modes import reduced_modes as reduced_modes
 from ._hold import Held as Held
 from ._hold import hold as hold
 from ._hold import recovered as recovered
+from ._stress import StressRows as StressRows
+from ._stress import nodal_stress as nodal_stress
+from ._stress import stress_matrix as stress_matrix
+from ._stress import stress_rows as stress_rows
+from ._stress import swelling_stress as swelling_stress
+from ._stress import tensors as tensors
+from ._stress import von_mises as von_mises
 from ._condense import condense as condense
 from ._fourier import expected_split as expected_split
 from ._fourier import families as families

@@ -172,6 +172,51 @@ def assemble(grid: Grid, material: Material) -> tuple[csr_array, csr_array]:
     return pattern.blocks(stiffness), pattern.isotropic(mass)
 
 
+def conduction(grid: Grid) -> csr_array:
+    r"""Matrix of heat flow of unit conductivity, $\int \nabla N_a \cdot \nabla N_b$.
+
+    **Arguments:**
+
+    - `grid`: the grid.
+
+    **Returns:**
+
+    Shape `[node, node]` [m].
+    """
+    pattern = _pattern(grid.bricks, len(grid.nodes))
+    total = np.zeros(len(pattern.indices))
+    for part, weights, _, gradients in _integration(grid):
+        here = _Pattern(pattern.indptr, pattern.indices, pattern.slot[part])
+        blocks = np.einsum("eq,eqai,eqbi->eab", weights, gradients, gradients, optimize=True)
+        total += here.gather(blocks)
+    return csr_array((total, pattern.indices, pattern.indptr), shape=(len(grid.nodes),) * 2)
+
+
+def swelling_load(grid: Grid, material: Material, swelling: np.ndarray) -> np.ndarray:
+    r"""Load that strains a body as a free swelling $e$ of its parts would.
+
+    $f_{ai} = \int (3\lambda + 2\mu) e N_{a,i}$: by heat $e = \alpha \Delta T$ (Timoshenko,
+    Goodier, Theory of Elasticity, section 153: Duhamel's analogy).
+
+    **Arguments:**
+
+    - `grid`: the grid.
+    - `material`: its material.
+    - `swelling`: free strain at every node, the same along all axes, shape `[node]` [-].
+
+    **Returns:**
+
+    Shape `[3 node]` [N].
+    """
+    dilatation, shear = material.lame
+    load = np.zeros_like(grid.nodes)
+    for part, weights, values, gradients in _integration(grid):
+        pressure = (3 * dilatation + 2 * shear) * (swelling[grid.bricks[part]] @ values.T) * weights
+        pushed = np.einsum("eq,eqai->eai", pressure, gradients, optimize=True)
+        np.add.at(load, grid.bricks[part], pushed)
+    return load.ravel()
+
+
 def order(matrix: csr_array) -> int:
     """Number of rows of a sparse matrix."""
     return matrix.indptr.size - 1

@@ -102,6 +102,32 @@ class Held:
             motion[self.inside, some] = self._answer(-(pull @ outer[:, some]), seats)
         return motion
 
+    def measured(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        r"""What measures of the motion of all unknowns show of the boundary, and of loads inside.
+
+        A measure $r u$ is a load by Betti's theorem: its answers are solved for instead of those
+        to all motions of the boundary.
+
+        **Arguments:**
+
+        - `rows`: of the measures, shape `[row, 3 point]`.
+
+        **Returns:**
+
+        Measures per motion of the boundary, shape `[row, boundary]`, and per load on all unknowns
+        while the boundary is held, shape `[row, 3 point]`.
+        """
+        full = self.full
+        rim, rings, averaging = _places(full)
+        answer = self.loaded(rows.T)
+        outer = np.empty((len(rows), len(rim) + len(rings) + len(averaging)))
+        pulled = _product(full.stiffness[full.held], answer)
+        outer[:, np.concatenate([rim, rings])] = rows[:, full.held] - pulled.T
+        if len(averaging):
+            shown = self.forces.T @ rows[:, self.inside].T
+            outer[:, averaging] = np.linalg.solve(self.meeting, shown).T
+        return outer, answer.T
+
 
 def hold(full: FullBody, *, rotation: Rotation | None = None, progress: Progress = silent) -> Held:
     """Hold a body at its rim and its seats.

@@ -21,7 +21,7 @@ _OF_RUNGS = re.compile(r"(error|error_95|held_out)_\w+")
 
 # Names, numbers of something, places in units of the gears' own, and flags.
 _NO_UNIT = {
-    *("gear", "body", "bearing", "probe", "axis", "index", "element", "flank"),
+    *("gear", "body", "bearing", "probe", "gauge", "axis", "index", "element", "flank"),
     *("mode", "harmonic", "order", "branch", "piece", "label", "direction", "periods"),
     *("kind", "family", "nodal_diameter", "nodal_diameters", "nodal_circle", "likeness"),
     *("share_of_nodal_diameter", "mode_in_mesh", "mesh_energy"),

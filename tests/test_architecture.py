@@ -93,6 +93,7 @@ BODY_STAGES = (
     "_boundary",
     "_modes",
     "_hold",
+    "_stress",
     "_basis",
     "_condense",
     "_fourier",

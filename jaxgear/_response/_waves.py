@@ -140,13 +140,33 @@ def joined_circles(circles: Sequence[Circle], most: int) -> Circle:
 
 
 def circle_of(angles: np.ndarray, rows: np.ndarray) -> Circle:
-    """The waves around a circle of nodes.
+    """The waves around a circle of nodes: of their displacements.
 
     **Arguments:**
 
     - `angles`: of the nodes about Z, from the body's x, in any order, shape `[node]` [rad].
     - `rows`: of the nodes along x, y, z per seat and mode, shape `[node, 3, seat dof and mode]`
         [-, m, kg^-1/2].
+
+    **Returns:**
+
+    The circle, with as many waves as its nodes tell apart.
+
+    **Raises:**
+
+    - `ValueError` if there are fewer than three nodes, or they are too far apart to tell any.
+    """
+    return circle_around(angles, along_directions(angles, rows))
+
+
+def circle_around(angles: np.ndarray, rows: np.ndarray) -> Circle:
+    """The waves around a circle of nodes: of whatever turns with them.
+
+    **Arguments:**
+
+    - `angles`: of the nodes about Z, from the body's x, in any order, shape `[node]` [rad].
+    - `rows`: of what is told of each node in its own directions per seat and mode, shape
+        `[node, ..., seat dof and mode]` [any unit].
 
     **Returns:**
 
@@ -169,7 +189,7 @@ def circle_of(angles: np.ndarray, rows: np.ndarray) -> Circle:
     number = np.arange(-most, most + 1)
     waves = np.exp(1j * np.multiply.outer(angles, number))
     fit = waves.conj().T / len(angles) if even else np.linalg.pinv(waves)
-    return Circle(number, np.tensordot(fit, along_directions(angles, rows), axes=1))
+    return Circle(number, np.tensordot(fit, rows, axes=1))
 
 
 def _terms(motion: BodyMotion, circle: Circle) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:

@@ -43,6 +43,14 @@ def run_pictures(datasets: Datasets) -> Iterator[Picture]:
                 draw = drawn("_hybrid_pictures.deflected_body", body, cause)
                 table = columns(body.sel(cause=cause), *names)
                 yield Picture(f"{gear}_under_{cause}", draw, table)
+        if (body := datasets.get(f"{gear}_stress")) is not None:
+            draw = drawn("_stress_pictures.body_stress", body)
+            names = ("section_principal_MPa", "section_alternating_MPa")
+            middles = body["section_mm"].mean("corner")
+            places = {"r_mm": middles.isel(r_z=0), "Z_mm": middles.isel(r_z=1)}
+            table = columns(body.assign(places), *places, *names)
+            yield Picture(f"{gear}_stress", draw, table)
+    yield from _of_gauges(datasets)
     if (sized := datasets.get("sizing")) is not None:
         amounts, worst = sized["amount"].values, ("te_peak_to_peak_um", "max_pressure_MPa")
         over = ("combination", "torque")
@@ -50,6 +58,25 @@ def run_pictures(datasets: Datasets) -> Iterator[Picture]:
         names = "rank", "rank_by_pressure", *amounts, "torque_pinion_Nm", *responses
         table = columns(sized, *names, *(f"worst_{name}" for name in worst))
         yield Picture("sizing", drawn("_sizing_pictures.sizing", sized), table)
+
+
+def _of_gauges(datasets: Datasets) -> Iterator[Picture]:
+    """Gauges over a revolution at rest, and by orders at the peak of a sweep; of one gear each."""
+    for group, function, over in (
+        ("gauges", "gauges", "turn"),
+        ("gauges_moving", "gauge_spectra", "order"),
+    ):
+        if (found := datasets.get(group)) is None:
+            continue
+        tables = {}
+        for gear in GEARS:
+            if (gauge := f"{gear}_gauge") in found:
+                units = {name: f"{gauge}_{name}" for name in ("strain_um_m", "stress_MPa")}
+                place = {"gauge": gauge, {"turn": "turn_deg"}.get(over, over): f"{gear}_{over}"}
+                tables[gear] = columns(found, **place, **units)
+        first, *others = tables
+        beside = {gear: tables[gear] for gear in others}
+        yield Picture(group, drawn(f"_stress_pictures.{function}", found), tables[first], beside)
 
 
 def _of_cycle(cycle: xr.Dataset) -> Iterator[Picture]:

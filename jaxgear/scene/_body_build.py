@@ -17,6 +17,7 @@ from fem_prep import (
     CacheWarning,
     FullBody,
     Grid,
+    Held,
     ReducedBody,
     Rotation,
     Seat,
@@ -314,6 +315,12 @@ def full_of(plan: BodyPlan, steps: Steps) -> FullBody:
         for seat, label in zip(plan.seats, seats, strict=True)
     ]
     return full_body(plan.name, grid, plan.material, held, teeth=plan.teeth, progress=steps)
+
+
+def held_of(plan: BodyPlan, tell: Callable[[str], None] = lambda step: None) -> Held:
+    """A body with its rim and its seats held, its stiffness factorised."""
+    steps = Steps(tell)
+    return hold(full_of(plan, steps), progress=steps)
 
 
 def _grid(plan: BodyPlan) -> Grid:

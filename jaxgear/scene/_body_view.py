@@ -42,17 +42,21 @@ def keep_view(key: str, view: BodyView) -> None:
 
     Views of bodies that are no longer in the cache go.
     """
+    arrays = {f"{_SET}{name}": nodes for name, nodes in view.sets.items()}
+    keep_beside(key, key, arrays | {"shapes": view.shapes})
+
+
+def keep_beside(key: str, name: str, arrays: Mapping[str, np.ndarray]) -> None:
+    """Keep arrays beside the body with a key; their name begins with it."""
     bodies, folder = cache_folder(), view_folder()
     if bodies is None or folder is None:
         return
-    arrays = {f"{_SET}{name}": nodes for name, nodes in view.sets.items()}
-    arrays["shapes"] = view.shapes
     with contextlib.suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
         for path in folder.glob("*.npz"):
-            if not (bodies / path.name).exists():
+            if not (bodies / f"{path.name[: len(key)]}.npz").exists():
                 path.unlink()
-        with whole_file(folder / f"{key}.npz") as draft, draft.open("wb") as file:
+        with whole_file(folder / f"{name}.npz") as draft, draft.open("wb") as file:
             np.savez(file, **arrays)  # pyright: ignore[reportArgumentType]
 
 

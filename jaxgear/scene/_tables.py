@@ -66,6 +66,10 @@ class MeshKeys(AbstractKeys):
     line_load_updates: int = key(
         "updates of the contact stiffness by the line loads found", "[0, 10]", 0
     )
+    body_stress: bool = key(
+        "whether stresses of condensed bodies are found: maps over the cycle, files for ParaView",
+        default=False,
+    )
     root_stress: bool = key(
         "stress at the roots of the teeth, by boundary elements of their outlines and by ISO "
         "6336-3, in the results of a mesh cycle",
@@ -227,6 +231,29 @@ class ProbeKeys(AbstractKeys):
     node: str | None = key("a node that was condensed with the body, by name, in place of a place")
 
 
+class GaugeKeys(AbstractKeys):
+    """A strain gauge on a condensed body: `[[gauges]]`."""
+
+    gear: GearName = key("gear, with a condensed body, that carries the gauge")
+    name: str | None = key("name in results; default: where it is")
+    frame: Literal["rotating", "fixed"] = key(
+        "whether the gauge turns with the body, or stands still and reads what passes it",
+        default="rotating",
+    )
+    direction: Literal["radial", "tangential", "axial"] = key(
+        "along which it is strained", default="radial"
+    )
+    turn_deg: float = key(
+        "from that direction towards the next: radial, tangential, axial, radial", default=0.0
+    )
+    radius_mm: float = key("distance from the axis", "(0, inf)")
+    angle_deg: float = key(
+        "about Z; rotating: on the body, from the middle of tooth 0; fixed: in space, from S",
+        default=0.0,
+    )
+    height_mm: float = key("along Z from mid-face", default=0.0)
+
+
 class AbstractTables:
     """The whole file."""
 
@@ -252,6 +279,7 @@ class AbstractTables:
     sweep: SweepKeys
     modes: ModesKeys
     probes: tuple[ProbeKeys, ...]
+    gauges: tuple[GaugeKeys, ...]
     map: MapKeys
     optimise: OptimiseKeys
     robust: RobustKeys

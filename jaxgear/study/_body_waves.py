@@ -23,6 +23,7 @@ from jaxgear._response._waves import (
 )
 from jaxgear.scene._build import law_of, pair_of
 from jaxgear.scene._scene import Scene
+from jaxgear.study._gauges import Gauge, gauges_of
 from jaxgear.study._moving_body import MovingBody, moving_bodies
 from jaxgear.study._probes import Probe, probes_of
 
@@ -58,12 +59,14 @@ class Looked:
     - `body`: that moves.
     - `rim`: circles of it, against the gear's seat.
     - `probes`: of the scene.
+    - `gauges`: of the scene, by seats and modes.
     - `angle`: of the body's x from S where the cycle begins [rad].
     """
 
     body: MovingBody
     rim: Circle
     probes: tuple[Probe, ...]
+    gauges: tuple[Gauge, ...]
     angle: float
 
     @property
@@ -198,5 +201,8 @@ def wave_watch(scene: Scene, pair: PairDynamics) -> WaveWatch:
         circles = body.rim_circles()
         most = min(_MOST, *(int(circle.number.max()) for circle in circles))
         rim, angle = joined_circles(circles, most), start_angle(gears, body.index)
-        looked[gear] = Looked(body, rim, probes_of(scene.probes, scene.condensed, body), angle)
+        probes = probes_of(scene.probes, scene.condensed, body)
+        gauges = gauges_of(scene.gauges, scene.condensed, gear, body.built)
+        gauges = tuple(each.on(body) for each in gauges)
+        looked[gear] = Looked(body, rim, probes, gauges, angle)
     return WaveWatch(pair, looked, max(1, scene.sweep.orders), law_of(scene.mesh))

@@ -5,6 +5,7 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
+from fem_prep import ReducedBody
 from jaxgear._checks import require
 from jaxgear._response._body_motion import rotating_spectrum
 from jaxgear._response._waves import (
@@ -153,36 +154,60 @@ def probe_at(
 
     - `ValueError` if no node is near, or the nodes there are no circle.
     """
+    at = nodes_at(body.built.body, body.gear, place, turns=turns, key=key)
+    where = _where(body.nodes[at[0]])
+    if turns:
+        return _gauge(name, body, direction, body.nodes[at[0]], body.rows(at))
+    try:
+        circle = body.circle(at)
+    except ValueError as error:
+        raise type(error)(f"{key}: a fixed probe sees a circle of nodes pass. {error}") from None
+    return Probe(name, body.gear, direction, None, circle, place[1], (where[0], place[1], where[2]))
+
+
+def nodes_at(
+    body: ReducedBody,
+    gear: str,
+    place: tuple[float, float, float],
+    *,
+    turns: bool,
+    key: str,
+) -> np.ndarray:
+    """The node of a body that is nearest to a place, or all nodes of the circle of the nearest.
+
+    Radius, angle and height [m, rad, m]; the first one is the nearest.
+
+    **Raises:**
+
+    - `ValueError` if no node is near; the message names the place by its key.
+    """
     radius, angle, height = place
-    nodes = body.nodes
+    nodes = body.nodes if len(body.nodes) else body.rim_nodes
+    size = float(np.median(radius_of(body.rim_nodes)))
     off = np.hypot(radius_of(nodes) - radius, nodes[:, 2] - height)
     around = np.abs(np.mod(angle_of(nodes) - angle + np.pi, 2.0 * np.pi) - np.pi) if turns else 0.0
     apart = np.hypot(off, radius * around)
     nearest = int(np.argmin(apart))
     where = _where(nodes[nearest])
     require(
-        float(apart[nearest]) <= _OFF * body.radius,
+        float(apart[nearest]) <= _OFF * size,
         "{key}: no node of the {gear}'s body is near radius {radius:.4g} mm, height {height:.4g} "
         "mm{angle}: the nearest is at radius {r:.4g} mm, height {h:.4g} mm, {a:.4g} degrees.{only}",
         key=key,
-        gear=body.gear,
+        gear=gear,
         radius=radius / mm,
         height=height / mm,
         angle=f", {angle / deg:.4g} degrees" if turns else "",
         r=where[0] / mm,
         h=where[2] / mm,
         a=where[1] / deg,
-        only="" if body.has_grid else " Of a body without a grid only the rim is known.",
+        only="" if len(body.nodes) else " Of a body without a grid only the rim is known.",
     )
     if turns:
-        return _gauge(name, body, direction, nodes[nearest], body.rows(np.array([nearest])))
+        return np.array([nearest])
     same = np.hypot(radius_of(nodes) - where[0], nodes[:, 2] - where[2])
-    chosen = np.flatnonzero(same <= SAME_CIRCLE * body.radius)
-    try:
-        circle = body.circle(chosen)
-    except ValueError as error:
-        raise type(error)(f"{key}: a fixed probe sees a circle of nodes pass. {error}") from None
-    return Probe(name, body.gear, direction, None, circle, angle, (where[0], angle, where[2]))
+    chosen = np.flatnonzero(same <= SAME_CIRCLE * size)
+    return np.r_[nearest, chosen[chosen != nearest]]
 
 
 def _usual(body: MovingBody) -> list[Probe]:

@@ -157,6 +157,21 @@ def statics_result(scene: Scene, statics: Statics, torques: np.ndarray) -> Resul
                     name = f"{answer.gear}_deflected"
                     groups[name] = _body_fields.fields_dataset(answer)
                     files[f"{name}.vtu"] = _body_fields.grid_writer(answer)
+    if scene.mesh.body_stress:
+        from jaxgear.study import _stress_maps
+
+        with narration("stresses") as tell:
+            maps = _stress_maps.stress_maps(scene.mesh, scene.bodies, statics, tell)
+        static["body_stress"] = _stress_maps.stress_summary(maps)
+        for gear, found in maps.items():
+            groups[f"{gear}_stress"] = _stress_maps.stress_dataset(gear, found)
+            files[f"{gear}_stress.vtu"] = _stress_maps.stress_writer(found)
+    if scene.gauges:
+        from jaxgear.study._gauges import gauges_dataset, gauges_summary
+
+        with narration("gauges"):
+            groups["gauges"] = gauges_dataset(scene.mesh, scene.gauges, scene.bodies, statics)
+        static["gauges"] = gauges_summary(groups["gauges"])
     named = {name: titled(each, scene.title) for name, each in ({"": cycle} | groups).items()}
     return Result(scene, summary, named, files)
 

@@ -70,8 +70,9 @@ def sweep_result(scene: Scene, dynamics: Dynamics) -> Result:
 
         with narration("probes"):
             watch = wave_watch(scene, dynamics.pair)
-    elif scene.probes:
-        raise InputError("probes: they look at condensed bodies, of which this scene has none.")
+    elif scene.probes or scene.gauges:
+        table = "probes" if scene.probes else "gauges"
+        raise InputError(f"{table}: they look at condensed bodies, of which this scene has none.")
     count = len(speeds_of(scene.sweep)) * len(directions_of(scene.sweep))
     with progress(count, "sweep") as done:
         found = sweep_of(law_of(scene.mesh), scene.sweep, dynamics, done, watch)

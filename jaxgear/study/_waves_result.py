@@ -13,6 +13,7 @@ from jaxgear.scene._scene import Scene
 from jaxgear.study._body_shapes import shape_dataset, write_shapes
 from jaxgear.study._body_waves import Looked, MainWave, Seen, WaveWatch
 from jaxgear.study._flank_dataset import flanks_dataset, largest_loads, loads_summary
+from jaxgear.study._gauges import moving_gauges_dataset
 from jaxgear.study._progress import say
 from jaxgear.study._result import Result, Summary, titled
 from jaxgear.study._results import Entry, dataset_of, entries_over
@@ -35,6 +36,12 @@ def waves_result(scene: Scene, watch: WaveWatch, sweep: Sweep) -> Result:
         "waves": titled(waves, scene.title),
         "flanks": titled(flanks_dataset(watch, watch.flanks(sweep.main)), scene.title),
     }
+    gauges = {gear: each.gauges for gear, each in watch.looked.items()}
+    if any(gauges.values()):
+        datasets["gauges_moving"] = titled(
+            moving_gauges_dataset(gauges, peak.motions),
+            f"{scene.title}, pinion at {peak.speed:.5g} rad/s",
+        )
     files, summary = {}, []
     for gear, each in watch.looked.items():
         main = each.main_wave(peak.motions[gear])

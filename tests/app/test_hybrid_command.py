@@ -12,13 +12,14 @@ import pytest
 import xarray as xr
 from table_checks import assert_tables
 
+import fem_prep
 from fem_prep._artefact import balanced, floating
 from fem_prep._condense import boundary_of, hold
 from jaxgear import plot
 from jaxgear._cli._main import main
 from jaxgear._solve._cycle import MeshCycle, prepare_mesh
 from jaxgear._system._structure import bearing_motion
-from jaxgear._units import deg, um
+from jaxgear._units import MPa, deg, um
 from jaxgear.plot import _hybrid_pictures as pictures
 from jaxgear.plot import _hybrid_tables as tables
 from jaxgear.scene._body_build import Steps, full_of
@@ -33,6 +34,12 @@ from jaxgear.study._head import foundation_of
 from jaxgear.study._notes import _on_condensed
 from jaxgear.study._results import static_dataset
 from jaxgear.study._statics import Mounts, Statics, solve_statics
+from jaxgear.study._stress_maps import (
+    stress_dataset,
+    stress_maps,
+    stress_summary,
+    stress_writer,
+)
 
 # The web is off the middle and three bearings hold its shaft: nothing cancels by accident.
 _SCENE = """schema = 1
@@ -430,3 +437,25 @@ def test_a_run_shows_teeth_above_holes_and_between(tmp_path, monkeypatch):
     moved = _teeth_of(path, "wheel.body.web.hole_angle_deg=15")
     assert np.ptp(loads) > 1e-4 * loads.max()
     np.testing.assert_allclose(np.roll(loads, 1), moved, rtol=1e-6)
+
+
+def test_stress_maps_are_those_of_the_grid_over_a_revolution(solved, tmp_path):
+    scene, statics, under = solved
+    maps = stress_maps(scene.mesh, scene.bodies, statics)
+    found, built = maps["wheel"], scene.bodies["wheel"].built
+    phase = answered.worst_phase(statics.cycle)
+    motion = under.under_mesh(0).motion[phase] + under.rotation
+    field = answered.whole_motion(built, motion[None], np.array([under.spin]))
+    wanted = fem_prep.nodal_stress(found.grid, built.plan.material, field)[0]
+    np.testing.assert_allclose(found.stress, wanted, atol=1e-9 * np.abs(wanted).max())
+    equivalent = fem_prep.von_mises(wanted)
+    assert np.all(found.range.equivalent >= equivalent * (1.0 - 1e-9))
+    assert found.range.equivalent.max() == pytest.approx(equivalent.max(), rel=0.5)
+    assert found.covered == 1.0
+    (told,) = stress_summary(maps)
+    assert told["largest_von_mises_MPa"] <= found.range.equivalent.max() / MPa
+    assert 10.0 < told["alternating_at_radius_mm"] < 32.0
+    shown = stress_dataset("wheel", found)
+    assert shown["section_principal_MPa"].max() <= shown["largest_principal_MPa"].max()
+    stress_writer(found)(tmp_path / "stress.vtu")
+    assert b"alternating stress [Pa]" in (tmp_path / "stress.vtu").read_bytes()

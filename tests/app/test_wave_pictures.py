@@ -10,6 +10,7 @@ from PIL import Image
 from table_checks import assert_table
 from tiny_cases import tiny_scene
 
+from fem_prep import nodal_stress, tensors
 from jaxgear import plot
 from jaxgear._checks import InputError
 from jaxgear._dynamics._system import PairDynamics
@@ -56,6 +57,18 @@ gear = "wheel"
 name = "beside the rim"
 frame = "fixed"
 height_mm = 5.0
+[[gauges]]
+gear = "wheel"
+name = "turning gauge"
+radius_mm = 22.0
+angle_deg = 7.0
+height_mm = 1.5
+[[gauges]]
+gear = "wheel"
+name = "fixed gauge"
+frame = "fixed"
+radius_mm = 22.0
+height_mm = 1.5
 """
 
 
@@ -147,6 +160,41 @@ def test_the_wave_is_named(found):
     assert largest[2]["rms_um"] > 1e3 * max(largest[n]["rms_um"] for n in (-2, -1, 0, 1, 3))
 
 
+def test_gauges_show_the_orders_that_doppler_says(watch, found):
+    # A forward wave of two nodal diameters driven at the order of the teeth.
+    spectra = found.datasets["gauges_moving"]
+    strain = spectra["wheel_gauge_strain_um_m"].values
+    order = spectra["wheel_order"].values
+    for row, wanted in zip(strain, (TEETH - 2, TEETH), strict=True):
+        assert order[np.argmax(row)] == wanted
+        assert np.sort(row)[-2] < 1e-6 * row.max()
+    turning, fixed = watch.looked["wheel"].gauges
+    assert (turning.turns, len(turning.places)) == (True, 1)
+    # One wave passes both: alike in size, but for what repeats with the sectors.
+    assert strain[0].max() == pytest.approx(strain[1].max(), rel=0.05)
+    assert len(fixed.places) == TEETH
+
+
+def test_a_gauge_reads_the_strain_of_the_grid(watch, motion):
+    each = watch.looked["wheel"]
+    body, gauge = each.body, each.gauges[0]
+    # Along x, y, z, with the rigid part of the motion: it strains nothing.
+    whole = body.basis.motions @ motion.of_body.near(TEETH - 2)
+    field = body.field(np.stack([np.real(whole), np.imag(whole)], axis=1))
+    grid, material = body._held.full.grid, body.built.plan.material
+    radius, angle, height = gauge.places[0]
+    place = np.array([radius * np.cos(angle), radius * np.sin(angle), height])
+    node = int(np.argmin(np.linalg.norm(body.nodes - place, axis=1)))
+    stress = nodal_stress(grid, material, field, np.array([node]))[:, 0]
+    along = np.array([np.cos(angle), np.sin(angle), 0.0])
+    normal = tensors(stress) @ along @ along
+    own = gauge.spectrum(motion).near(TEETH - 2)
+    assert own[1] == pytest.approx(normal[0] + 1j * normal[1], rel=1e-8)
+    rest = stress[:, :3].sum(axis=1) - normal
+    strain = (normal - material.poisson * rest) / material.young
+    assert own[0] == pytest.approx(strain[0] + 1j * strain[1], rel=1e-8)
+
+
 def test_a_gauge_on_the_web_moves_as_the_grid_does(watch, motion):
     each = watch.looked["wheel"]
     body, probe = each.body, each.probes[0]
@@ -177,7 +225,7 @@ def test_pictures_and_shapes_are_written(found, tmp_path, monkeypatch):
         drawn[each.name] = each.table
         drawn.update({f"{each.name}_{key}": others for key, others in each.beside.items()})
     names = {"wheel_spectra", "wheel_waves", "wheel_levels", "wheel_levels_probes"}
-    assert set(drawn) == names | {"flank_pressure", "flank_loads"}
+    assert set(drawn) == names | {"flank_pressure", "flank_loads", "gauges_moving"}
     for name, columns in drawn.items():
         write_csv(columns, tmp_path / f"{name}.csv")
         assert len(assert_table(tmp_path / f"{name}.csv"))

@@ -1,0 +1,208 @@
+r"""What gauges on a condensed body read, over one of its revolutions at rest.
+
+A gauge reads $r u + \Omega^2 r_c$ of the body's coordinates $u$. With the seats held it is loaded
+by the forces at the feet of all teeth, one after the other; the seats carry it along. So what it
+reads follows from the forces of the cells and the motion of the seats alone, and has derivatives
+by all that these depend on.
+"""
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy
+from jaxtyping import Array
+
+from jaxgear._checks import require
+from jaxgear._geometry._lines import MeshGrid
+from jaxgear._geometry._pair import GearPair
+from jaxgear._interface._roots import ROOT_POINTS, Axial, RimSurface, feet
+from jaxgear._solve._cycle import MeshCycle
+from jaxgear._system._body_tables import root_patches, teeth_on_lines
+from jaxgear._system._condensed import Condensed
+from jaxgear._system._flexible import foot_weights
+from jaxgear._types import Reals, Scalar
+
+
+class GaugeInfluences(eqx.Module):
+    """What gauges on a condensed body read of all that loads and moves it.
+
+    **Fields:**
+
+    - `feet`: per load on the feet of each tooth along and about radius, tangent and axis, the
+        seats held, shape `[gauge, tooth, slice, component]` [1/N, Pa/N, 1/(N m)].
+    - `seats`: per motion of the seats along and about x, y, z of the body, shape
+        `[gauge, 6 seat]` [1/m, Pa/m, 1/rad].
+    - `rotation`: per square of the speed, the seats held, shape `[gauge]` [s2, Pa s2].
+    - `still`: by what loads the body all the time, the seats held, shape `[gauge]` [-, Pa].
+    - `angles`: of the middles of the teeth at the first slice, about z from the body's x, shape
+        `[tooth]` [rad].
+    - `centres`: of the feet of one tooth on all lines, in their frames, `[cell, 3]` [m].
+    - `lines`: teeth on the contact lines in each mesh period of a revolution, shape
+        `[period, line]` [-].
+    - `index`: 0 for the pinion, 1 for the wheel.
+    - `components`: of the feet's loads that the body was put in mesh with.
+    """
+
+    feet: Reals
+    seats: Reals
+    rotation: Reals
+    still: Reals
+    angles: Reals
+    centres: Reals
+    lines: Array
+    index: int = eqx.field(static=True)
+    components: tuple[int, ...] = eqx.field(static=True)
+
+
+def gauge_influences(
+    body: Condensed,
+    rows: np.ndarray,
+    rotation: np.ndarray,
+    pair: GearPair,
+    index: int,
+    grid: MeshGrid,
+    *,
+    components: Sequence[int],
+    points: int = ROOT_POINTS,
+    axial: Axial = "mortar",
+    still: np.ndarray | None = None,
+    load: np.ndarray | None = None,
+) -> GaugeInfluences:
+    """Load a body by what its gauges read. Call it outside of `jit`, on concrete gears.
+
+    **Arguments:**
+
+    - `body`: the condensed body.
+    - `rows`: of the gauges, shape `[gauge, dof]` [1/m, Pa/m, 1/rad].
+    - `rotation`: what they read of rotation beside the coordinates, shape `[gauge]` [s2, Pa s2].
+    - `pair`: the gears.
+    - `index`: 0 if it is the pinion's, 1 if it is the wheel's.
+    - `grid`: slices and lines of the cycle.
+    - `components`: of the feet's loads, as of `FlexibleBody`.
+    - `points`, `axial`: as of `flexible_body`.
+    - `still`: what they read beside the coordinates of a load that is there all the time,
+        `[gauge]` [-, Pa]; by default none.
+    - `load`: that load on the coordinates, shape `[dof]` [SI].
+
+    **Returns:**
+
+    The influences.
+    """
+    gear = (pair.pinion, pair.wheel)[index]
+    rim, count = 3 * len(body.rim_nodes), 6 * len(body.seats)
+    seat = np.arange(rim, rim + count)
+    inner = np.setdiff1d(np.arange(len(body.stiffness)), seat)
+    solved = scipy.linalg.solve(
+        body.stiffness[np.ix_(inner, inner)], rows[:, inner].T, assume_a="pos", check_finite=False
+    ).T
+    patches = root_patches(pair, index, grid, np.arange(gear.teeth), points=points, axial=axial)
+    found = feet(RimSurface(body.rim_nodes, body.rim_faces), patches)
+    by_feet = (found.rows @ solved[:, :rim].T).T
+    slices, lines = grid.slices, teeth_on_lines(index, grid, gear.teeth) % gear.teeth
+    centres = found.centres.reshape(gear.teeth, slices, 3)[lines[0]].reshape(-1, 3)
+    own = np.zeros(len(rows)) if still is None else still
+    if load is not None:
+        own = own + solved @ load[inner]
+    return GaugeInfluences(
+        feet=jnp.asarray(by_feet.reshape(len(rows), gear.teeth, slices, 6)),
+        seats=jnp.asarray(rows[:, seat] - solved @ body.stiffness[np.ix_(inner, seat)]),
+        rotation=jnp.asarray(rotation + solved @ body.centrifugal_load[inner]),
+        still=jnp.asarray(own),
+        angles=jnp.asarray(patches.angles.reshape(gear.teeth, slices)[:, 0]),
+        centres=jnp.asarray(centres),
+        lines=jnp.asarray(lines),
+        index=index,
+        components=tuple(components),
+    )
+
+
+def gauge_readings(
+    gauges: GaugeInfluences, pair: GearPair, cycle: MeshCycle, speed: Scalar
+) -> tuple[Array, Array]:
+    """What gauges that turn with a body read while it turns once, tooth by tooth at rest.
+
+    The mesh cycle is repeated; where it is shorter than the body takes to repeat under its teeth,
+    as one with holes may, each tooth loads the mesh as that cycle says.
+
+    **Arguments:**
+
+    - `gauges`: of the body.
+    - `pair`: the gears.
+    - `cycle`: its solved cycle.
+    - `speed`: of the pinion [rad/s].
+
+    **Returns:**
+
+    Readings, shape `[phase, gauge]` [-, Pa], and the angle of the body's x from S about
+    Z, shape `[phase]` [rad]; phases of all mesh periods of a revolution.
+    """
+    lines = cycle.cells.lines
+    phases = lines.roll.shape[0] // lines.periods
+    teeth = len(gauges.angles)
+    weights, fixed = foot_weights(
+        pair, gauges.index, gauges.centres, lines.roll, lines.face_position
+    )
+    none = jnp.zeros_like(cycle.force)
+    kept = [weights[a] if a in gauges.components else none for a in range(len(weights))]
+    # What closes a cell is pushed back by its force.
+    load = -jnp.stack(kept, axis=-1) * cycle.force[:, :, None]
+    load = load.reshape(lines.periods, phases, *lines.roll.shape[1:], 6)
+    places = cycle.system.structure.map.loaded[gauges.index]
+    seats = np.concatenate([first + np.arange(6) for first in places])
+    motion = cycle.system.displacement(cycle.load)[:, seats].reshape(lines.periods, phases, -1)
+    turned = fixed[:, 0].reshape(lines.periods, phases)
+    ratio = teeth / pair.pinion.teeth
+    still = gauges.still + (speed / ratio) ** 2 * gauges.rotation
+
+    def of_period(each: tuple[Array, Array]) -> tuple[Array, Array]:
+        period, on_lines = each
+        place = period % lines.periods
+        turn = turned[place] - gauges.angles[on_lines[0]]
+        by_feet = jnp.einsum("plsc,glsc->pg", load[place], gauges.feet[:, on_lines])
+        by_seats = _turned_back(motion[place], turn) @ gauges.seats.T
+        return by_feet + by_seats + still[None, :], turn
+
+    found, angle = jax.lax.map(of_period, (jnp.arange(teeth), gauges.lines))
+    return found.reshape(teeth * phases, -1), angle.ravel()
+
+
+def _turned_back(vectors: Array, angle: Array) -> Array:
+    """Vectors that follow each other in rows, along axes that have turned by an angle each."""
+    x, y, z = jnp.moveaxis(vectors.reshape(len(vectors), -1, 3), 2, 0)
+    cosine, sine = jnp.cos(angle)[:, None], jnp.sin(angle)[:, None]
+    turned = jnp.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=2)
+    return turned.reshape(vectors.shape)
+
+
+def direction_rows(
+    rows: np.ndarray, directions: np.ndarray, young: float, poisson: float
+) -> np.ndarray:
+    r"""Strain and stress along directions, from six components of the stress.
+
+    The strain is that of stress alone, as a gauge shows it that makes up for heat:
+    $\varepsilon = ((1 + \nu) n \sigma n - \nu \mathrm{tr} \sigma) / E$.
+
+    **Arguments:**
+
+    - `rows`: of xx, yy, zz, xy, yz, zx, shape `[place, 6, ...]`.
+    - `directions`: unit vectors along x, y, z, shape `[place, 3]` [-].
+    - `young`: Young's modulus [Pa].
+    - `poisson`: Poisson's ratio [-].
+
+    **Returns:**
+
+    Shape `[place, 2, ...]`: strain [-], then normal stress [Pa].
+
+    **Raises:**
+
+    - `ValueError` if a direction is not of unit length.
+    """
+    x, y, z = directions.T
+    require(bool(np.allclose(x**2 + y**2 + z**2, 1.0)), "Directions must be vectors of length one.")
+    normal = np.stack([x * x, y * y, z * z, 2 * x * y, 2 * y * z, 2 * z * x], axis=1)
+    mean = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+    strain = ((1.0 + poisson) * normal - poisson * mean) / young
+    return np.einsum("pkc,pc...->pk...", np.stack([strain, normal], axis=1), rows)

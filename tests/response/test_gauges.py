@@ -1,0 +1,107 @@
+"""Gauges on a condensed body at rest, against all of its coordinates in plain NumPy."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from fem_cases import STEEL
+from helpers import assert_close, assert_gradient
+from hybrid_cases import PAIRS, ROUND, TEETH, Dense, Gear, body, relieved
+
+import jaxgear as jg
+from jaxgear import um
+from jaxgear._response._gauges import direction_rows, gauge_influences, gauge_readings
+from jaxgear._system._body_tables import flexible_body
+
+_SPEED = 900.0
+_SPRINGS = np.array([[1e8, 1e8, 3e8, 1e5, 1e5, np.inf]])
+_FREE = np.array([[np.inf] * 5 + [0.0]])
+
+
+def _mesh(kind: str, periods: int = 1) -> tuple[jg.PairModel, jg.MeshGrid]:
+    grid = jg.mesh_grid(PAIRS[kind](), phases=8, slices=3, periods=periods)
+    flexible = flexible_body(body(kind), PAIRS[kind](), 1, grid)
+    model = jg.PairModel(
+        PAIRS[kind](),
+        100.0,
+        relieved(),
+        wheel_support=ROUND,
+        wheel_body=flexible,
+        speed=_SPEED,
+    )
+    return model, grid
+
+
+def _rows(kind: str, count: int = 2) -> tuple[np.ndarray, np.ndarray]:
+    """Gauges that read anything."""
+    draw = np.random.default_rng(3)
+    return draw.normal(size=(count, body(kind).dofs)), draw.normal(size=count)
+
+
+def _influences(model, grid, kind: str, rows, rotation):
+    own = model.wheel_body
+    return gauge_influences(
+        body(kind), rows, rotation, model.pair, 1, grid, components=own.components
+    )
+
+
+@pytest.mark.parametrize("kind", [pytest.param("spur", marks=pytest.mark.slow), "helical"])
+def test_readings_are_those_of_the_whole_body(kind):
+    model, grid = _mesh(kind, periods=2)
+    rows, rotation = _rows(kind)
+    cycle = jg.mesh_cycle(model, grid)
+    gauges = _influences(model, grid, kind, rows, rotation)
+    found, turn = eqx.filter_jit(gauge_readings)(gauges, model.pair, cycle, model.speed)
+    assert found.shape == (8 * TEETH[1], 2)
+    own, speed = body(kind), _SPEED * TEETH[0] / TEETH[1]
+    dense = Dense(PAIRS[kind](), grid, [Gear(None, _FREE), Gear(own, _SPRINGS)], cycle.cells.lines)
+    seat = slice(3 * len(own.rim_nodes), 3 * len(own.rim_nodes) + 6)
+    inner = np.setdiff1d(np.arange(own.dofs), np.arange(seat.start, seat.stop))
+    places = np.asarray(cycle.system.structure.map.loaded[1])[0] + np.arange(6)
+    seats = np.asarray(cycle.system.displacement(cycle.load))[:, places]
+    # A phase of each of two mesh periods: another tooth bears the load.
+    for phase in (1, 8 + 6):
+        angle = dense.turned(1, phase)
+        assert np.cos(float(turn[phase]) - angle) == pytest.approx(1.0, abs=1e-12)
+        c, s = np.cos(angle), np.sin(angle)
+        back = np.kron(np.eye(2), [[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        motion = np.zeros(own.dofs)
+        motion[seat] = back @ seats[phase]
+        load = -dense.rows(1, phase).T @ np.asarray(cycle.force)[phase]
+        load += speed**2 * own.centrifugal_load
+        right = load[inner] - own.stiffness[inner, seat] @ motion[seat]
+        motion[inner] = np.linalg.solve(own.stiffness[np.ix_(inner, inner)], right)
+        wanted = rows @ motion + speed**2 * rotation
+        assert_close(np.asarray(found[phase]), wanted, rtol=1e-8, atol=0.0)
+    # The cycle repeats while the body turns on: after a revolution it is where it was.
+    steps = np.angle(np.exp(1j * np.diff(np.append(turn, turn[0]))))
+    assert np.all(steps < 0.0)
+    assert steps.sum() == pytest.approx(-2.0 * np.pi, rel=1e-9)
+
+
+def test_readings_have_derivatives_by_flanks_torque_and_speed():
+    model, grid = _mesh("spur")
+    gauges = _influences(model, grid, "spur", *_rows("spur"))
+    law = jg.SmoothContact(0.5 * um)
+
+    def largest(moved: tuple) -> jnp.ndarray:
+        flanks, torque, speed = moved
+        own = eqx.tree_at(lambda m: (m.flanks, m.torque, m.speed), model, (flanks, torque, speed))
+        cycle = jg.mesh_cycle(own, grid, law=law)
+        found, _ = gauge_readings(gauges, own.pair, cycle, own.speed)
+        return jnp.sum(found[:, 0] ** 2)
+
+    moved = (model.flanks, model.torque, model.speed)
+    assert_gradient(eqx.filter_jit(largest), moved, rtol=1e-5)
+
+
+def test_strain_along_a_direction_by_hand():
+    # Pull along x: Poisson's part of it across, nothing sheared.
+    stress = np.array([[2.1e8, 0.0, 0.0, 0.0, 0.0, 0.0]] * 3)
+    along = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.6, 0.8, 0.0]])
+    found = direction_rows(stress, along, STEEL.young, STEEL.poisson)
+    strain = np.array([1e-3, -0.3e-3, (0.36 - 0.3 * 0.64) * 1e-3])
+    np.testing.assert_allclose(found[:, 0], strain, rtol=1e-12)
+    np.testing.assert_allclose(found[:, 1], [2.1e8, 0.0, 0.36 * 2.1e8], rtol=1e-12, atol=1e-6)
+    with pytest.raises(ValueError, match="length one"):
+        direction_rows(stress, 2.0 * along, STEEL.young, STEEL.poisson)
