@@ -7,15 +7,17 @@ differences and then looks for the relief that is best under two torques at once
 Run with `python examples/10_a_pair_in_openmdao.py`; takes a minute or two.
 """
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
-import openmdao.api as om
+import openmdao.api as om  # pyright: ignore[reportMissingImports]
 
 import jaxgear as jg
 
 jax.config.update("jax_enable_x64", True)
 
-GEAR = dict(addendum=0.9447, dedendum=1.1933, fillet_radius=0.25)
+GEAR: dict[str, Any] = dict(addendum=0.9447, dedendum=1.1933, fillet_radius=0.25)
 PAIR = jg.GearPair(
     pinion=jg.Gear(45, 11.5 * jg.mm, profile_shift=0.341, bore=30.0 * jg.mm, **GEAR),
     wheel=jg.Gear(86, 9.5 * jg.mm, profile_shift=0.481, bore=40.0 * jg.mm, **GEAR),

@@ -22,7 +22,7 @@ from jaxgear._interface._roots import ROOT_POINTS, Axial, RimSurface, feet
 from jaxgear._solve._cycle import MeshCycle
 from jaxgear._system._body_tables import root_patches, teeth_on_lines
 from jaxgear._system._condensed import Condensed
-from jaxgear._system._flexible import foot_weights
+from jaxgear._system._foot_tables import foot_weights
 from jaxgear._types import Reals, Scalar
 
 

@@ -31,7 +31,7 @@ from jaxgear import N_per_mm_um, mm, um
 def _on(first: jg.AbstractFoundation, second: jg.AbstractFoundation | None = None):
     """Teeth on these foundations; by default the same under both gears."""
     second = first if second is None else second
-    return jg.WeberBanaschek(first, second, face_coupling=None)
+    return jg.WeberBanaschek(pinion_foundation=first, wheel_foundation=second, face_coupling=None)
 
 
 _WEBER = jg.WeberBanaschek(face_coupling=None)

@@ -16,7 +16,7 @@ def _bored(pair, *bores):
 
 def test_half_planes_share_nothing():
     weber = jg.WeberFoundation()
-    teeth = jg.WeberBanaschek(weber, weber, face_coupling=None)
+    teeth = jg.WeberBanaschek(pinion_foundation=weber, wheel_foundation=weber, face_coupling=None)
     assert jg.shared_compliance(accessory(), teeth) == 0.0
 
 

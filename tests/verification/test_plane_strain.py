@@ -347,7 +347,11 @@ PLACES = np.array([0.02, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.98])
 
 
 def _ring_model() -> jg.WeberBanaschek:
-    return jg.WeberBanaschek(jg.RingFoundation(), jg.RingFoundation(), face_coupling=None)
+    return jg.WeberBanaschek(
+        pinion_foundation=jg.RingFoundation(),
+        wheel_foundation=jg.RingFoundation(),
+        face_coupling=None,
+    )
 
 
 @pytest.mark.slow

@@ -22,7 +22,9 @@ RING = jg.WeberBanaschek(face_coupling=None)
 
 
 def _on(foundation: jg.AbstractFoundation) -> jg.WeberBanaschek:
-    return jg.WeberBanaschek(foundation, foundation, face_coupling=None)
+    return jg.WeberBanaschek(
+        pinion_foundation=foundation, wheel_foundation=foundation, face_coupling=None
+    )
 
 
 HALF_PLANES, ALONE = _on(jg.WeberFoundation()), _on(jg.SainsotFoundation())
