@@ -45,6 +45,20 @@ def test_keys_that_a_model_of_the_teeth_does_not_look_at_are_told(given, told):
     assert all(words in each for words, each in zip(told, found, strict=True))
 
 
+@pytest.mark.parametrize(
+    ("name", "given", "told"),
+    [
+        ("accessory", (), None),
+        ("power", (), "3 to 18 % low"),
+        ("power", ("mesh.face_coupling=none",), "25 to 34 % low"),
+        ("power", ("mesh.tooth=elements",), None),
+    ],
+)
+def test_slices_of_helical_teeth_are_told_to_be_off(name, given, told):
+    found = [*_notes._on_helical_teeth(ready_scene(name, given))]
+    assert [told in each for each in found] == ([] if told is None else [True])
+
+
 def test_strengths_and_thin_rims_are_told_where_roots_are_looked_at():
     def told(*given: str) -> list[str]:
         scene = ready_scene("accessory", given)
