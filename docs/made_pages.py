@@ -35,6 +35,7 @@ _MODULES = {
     "jaxgear.plot": "Pictures",
     "jaxgear.report": "Report",
     "jaxgear.explore": "Explorer",
+    "jaxgear.designs": "Studies of many designs",
     "fem_prep": "Gear bodies of finite elements",
     "optimise": "Searches",
 }

@@ -219,7 +219,8 @@ def cache_entries() -> list[Entry]:
         except OSError:  # Another process cleared it.
             continue
         try:
-            name = str(read_about(path)["name"])
+            about = read_about(path)
+            name = str(about.get("name") or about.get("kind", ""))
         except (BodyError, OSError):
             name = ""
         found.append(Entry(path.stem, name, facts.st_size, facts.st_mtime))
