@@ -20,7 +20,7 @@ version = release = installed("jaxgear")
 language = "en-GB"
 
 extensions = ["myst_nb", "sphinx.ext.mathjax"]
-exclude_patterns = ["_static"]
+exclude_patterns = ["_static", "skill"]
 # Strict: whatever is cited must be there.
 nitpicky = True
 

@@ -130,12 +130,12 @@ class _Span:
             case "between":
                 low, high = asked
                 middle = 0.5 * (low + high) if own is None else own
-                return cls(is_count, low, high, (), 0.0, middle)
+                return cls(is_count, float(low), float(high), (), 0.0, middle)
             case "scatter":
                 reach = _REACH * asked
-                return cls(is_count, own - reach, own + reach, (), asked, own)
+                return cls(is_count, own - reach, own + reach, (), float(asked), own)
             case _:
-                return cls(is_count, own - asked, own + asked, (), 0.0, own)
+                return cls(is_count, float(own - asked), float(own + asked), (), 0.0, own)
 
     def drawn(self, unit: np.ndarray) -> list[Any]:
         """Values at places from 0 to 1."""
