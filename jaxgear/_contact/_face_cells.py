@@ -25,6 +25,8 @@ from jaxgear._types import DenseCouplingGrid, LineGrid, Reals, Scalar
 # Lengths by which those within a contact are represented, even on a scale of logarithms; they err
 # by 0.3 % of its compliance under a cosine load of any wave number.
 _LENGTHS = 5
+# Of the largest of a part of compliance along the path: what is less is none.
+_ROUNDING = 1e-13
 # Parts of the contact that reach less far, over the shortest, are left to each cell: with the line
 # load it is those that change, and they do so in each cell by itself.
 _LOCAL = 3.0
@@ -135,8 +137,12 @@ def _on_lines(pair: GearPair, lines: ContactLines, parts: ToothParts) -> _OnLine
 
 
 def _root(part: Reals) -> Reals:
-    """Square root, with a derivative of zero at zero."""
-    positive = part > 0.0
+    """Square root, with a derivative of zero at zero.
+
+    A load below the root chord leaves a beam the rounding of its integral, whose root would be
+    millions of times that.
+    """
+    positive = part > _ROUNDING * jnp.max(part)
     return jnp.where(positive, jnp.sqrt(jnp.where(positive, part, 1.0)), 0.0)
 
 
