@@ -3,8 +3,6 @@
 import dataclasses
 import math
 import os
-import re
-import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -12,9 +10,9 @@ from typing import Any
 
 from jaxgear.designs._keys import BY_PATH, KEYS, TABLES, StudyKeys
 from jaxgear.scene._key import REQUIRED, Presence, show
-from jaxgear.scene._mistakes import Mistake, SceneError, in_order, read_text
+from jaxgear.scene._mistakes import Mistake, SceneError, in_order
 from jaxgear.scene._paths import join
-from jaxgear.scene._positions import positions
+from jaxgear.scene._positions import read_toml
 from jaxgear.scene._scene import READY, Scene, read_scene
 from jaxgear.scene._schema import KEYS as SCENE_KEYS
 from jaxgear.scene._schema import key_at, nearest, split_entry
@@ -67,14 +65,7 @@ def read_study(path: str | os.PathLike[str]) -> Study:
     - `SceneError` with every mistake found, in the study or else in its scene.
     """
     path = Path(path)
-    text = read_text(path)
-    try:
-        document = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        line = re.search(r"at line (\d+)", str(error))
-        where = f"{path}:{line[1]}" if line else str(path)
-        raise SceneError([Mistake(where, "", f"this is not valid TOML: {error}")]) from None
-    places = {key: f"{path}:{line}" for key, line in positions(text).items()}
+    document, places = read_toml(path)
     values: dict[str, Any] = {}
     lines: dict[str, str] = {}
     mistakes: list[Mistake] = []

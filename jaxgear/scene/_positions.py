@@ -1,8 +1,14 @@
 """Where keys stand in a TOML text, by line."""
 
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
 import tree_sitter
 import tree_sitter_toml
 
+from jaxgear.scene._mistakes import Mistake, SceneError, read_text
 from jaxgear.scene._paths import join, key_names
 
 
@@ -64,3 +70,20 @@ def _place_value(node: tree_sitter.Node, path: str, lines: dict[str, int]) -> No
 def _text_of(node: tree_sitter.Node) -> str:
     assert node.text is not None
     return node.text.decode()
+
+
+def read_toml(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
+    """The tables of a file, and the place of each key in it, as file:line.
+
+    **Raises:**
+
+    - `SceneError` if it cannot be read, or is no TOML.
+    """
+    text = read_text(path)
+    try:
+        document = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        line = re.search(r"at line (\d+)", str(error))
+        where = f"{path}:{line[1]}" if line else str(path)
+        raise SceneError([Mistake(where, "", f"this is not valid TOML: {error}")]) from None
+    return document, {key: f"{path}:{line}" for key, line in positions(text).items()}

@@ -6,8 +6,6 @@ flat dotted paths, where `[i]` counts rows and entries from 0, messages and sear
 
 import dataclasses
 import os
-import re
-import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -16,9 +14,9 @@ from typing import Any
 
 from jaxgear._checks import is_traced
 from jaxgear.scene._instead import is_idle, replaced_by, values_instead
-from jaxgear.scene._mistakes import SET, Mistake, SceneError, in_order, read_text
+from jaxgear.scene._mistakes import SET, Mistake, SceneError, in_order
 from jaxgear.scene._paths import around, look_up, nested
-from jaxgear.scene._positions import positions
+from jaxgear.scene._positions import read_toml
 from jaxgear.scene._reading import Reading
 from jaxgear.scene._schema import (
     GEARS,
@@ -246,14 +244,8 @@ def read_scene(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> S
     - `SceneError` with every mistake found.
     """
     path = Path(path)
-    text = read_text(path)
-    try:
-        document = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        line = re.search(r"at line (\d+)", str(error))
-        where = f"{path}:{line[1]}" if line else str(path)
-        raise SceneError([Mistake(where, "", f"this is not valid TOML: {error}")]) from None
-    reading = Reading(path, {key: f"{path}:{line}" for key, line in positions(text).items()})
+    document, places = read_toml(path)
+    reading = Reading(path, places)
     for override in overrides:
         reading.override(document, override)
     reading.walk(document)

@@ -24,7 +24,7 @@ from jaxgear.scene._schema import GEARS
 from jaxgear.scene._tables import GaugeKeys, MeshKeys
 from jaxgear.study._hybrid import radius_of
 from jaxgear.study._moving_body import MovingBody, angle_of
-from jaxgear.study._probes import nodes_at
+from jaxgear.study._probes import nodes_at, on_gear
 from jaxgear.study._result import Summary
 from jaxgear.study._results import Entry, dataset_of
 from jaxgear.study._statics import Statics
@@ -102,18 +102,8 @@ def gauges_of(
 
     - `ValueError` if a gauge is where there is no node, or its gear is not condensed.
     """
-    found = []
-    for number, each in enumerate(asked):
-        row = f"gauges[{number}]"
-        require(
-            each.gear in condensed,
-            "{row}.gear: the body of the {gear} is not condensed, so there are no stresses in it.",
-            row=row,
-            gear=each.gear,
-        )
-        if each.gear == gear:
-            found.append(_gauge(row, each, built))
-    return tuple(found)
+    rows = on_gear("gauges", asked, condensed, gear, "stresses")
+    return tuple(_gauge(row, each, built) for row, each in rows)
 
 
 def _gauge(row: str, asked: GaugeKeys, built: BuiltBody) -> Gauge:

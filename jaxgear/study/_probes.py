@@ -1,7 +1,8 @@
 """Gauges on condensed bodies, and probes beside them: where they are, and what they show."""
 
 import dataclasses
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from typing import TypeVar
 
 import numpy as np
 
@@ -17,9 +18,11 @@ from jaxgear._response._waves import (
     fixed_spectrum,
 )
 from jaxgear._units import deg, mm
-from jaxgear.scene._tables import ProbeKeys
+from jaxgear.scene._tables import GaugeKeys, ProbeKeys
 from jaxgear.study._hybrid import radius_of
 from jaxgear.study._moving_body import SAME_CIRCLE, MovingBody, angle_of
+
+Asked = TypeVar("Asked", ProbeKeys, GaugeKeys)
 
 # A probe may be so far from where it was asked for, over the radius.
 _OFF = 0.05
@@ -72,18 +75,30 @@ def probes_of(
 
     - `ValueError` if a probe is where there is no node, or its gear is not condensed.
     """
-    found = []
+    rows = on_gear("probes", asked, condensed, body.gear, "waves")
+    return tuple(_probe(row, each, body) for row, each in rows) or tuple(_usual(body))
+
+
+def on_gear(
+    table: str, asked: Sequence[Asked], condensed: Collection[str], gear: str, read: str
+) -> Iterator[tuple[str, Asked]]:
+    """Rows of a table that look at a gear's body, each with its path in the scene.
+
+    **Raises:**
+
+    - `ValueError` if a row looks at a gear that is not condensed: there is nothing to read.
+    """
     for number, each in enumerate(asked):
-        row = f"probes[{number}]"
+        row = f"{table}[{number}]"
         require(
             each.gear in condensed,
-            "{row}.gear: the body of the {gear} is not condensed, so there are no waves in it.",
+            "{row}.gear: the body of the {gear} is not condensed, so there are no {read} in it.",
             row=row,
             gear=each.gear,
+            read=read,
         )
-        if each.gear == body.gear:
-            found.append(_probe(row, each, body))
-    return tuple(found or _usual(body))
+        if each.gear == gear:
+            yield row, each
 
 
 def _probe(row: str, asked: ProbeKeys, body: MovingBody) -> Probe:
