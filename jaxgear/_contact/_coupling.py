@@ -6,7 +6,7 @@ condensed body all cells do, `[cell, cell]`. Cells are flattened `line` times `s
 everywhere.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import equinox as eqx
 import jax
@@ -49,9 +49,7 @@ class Sharing(eqx.Module):
     factor: CellColumns | None
 
 
-def sharing_with_body(
-    coupling: Coupling, stiffness: Cells, *, symmetric: bool = True, needed: Flag | bool = True
-) -> Sharing:
+def sharing_with_body(coupling: Coupling, stiffness: Cells, *, symmetric: bool = True) -> Sharing:
     """Prepare to share with the bodies: the part that does not depend on the forces.
 
     **Arguments:**
@@ -59,7 +57,6 @@ def sharing_with_body(
     - `coupling`: $C$ [m/N].
     - `stiffness`: diagonal of $K$, zero where a cell is open [N/m].
     - `symmetric`: whether $C$ is, as it is at rest.
-    - `needed`: whether a factor is used at all; else it is the identity, which costs nothing.
 
     **Returns:**
 
@@ -67,12 +64,9 @@ def sharing_with_body(
     """
     if coupling.ndim > 2 or not symmetric:
         return Sharing(stiffness, None)
-    # With S^2 = K: open cells have no part in the symmetric matrix, and no pivots are needed.
     # Derivatives are those of the linear system: roots and factors are no part of them.
-    root = jnp.sqrt(jax.lax.stop_gradient(stiffness))
-    held = jax.lax.stop_gradient(coupling)
-    matrix = jnp.eye(root.size) + root[:, None] * held * root[None, :]
-    return Sharing(stiffness, _one_by_one(_cholesky)(matrix, jnp.asarray(needed)))
+    matrix, _ = _symmetric(jax.lax.stop_gradient(coupling), jax.lax.stop_gradient(stiffness))
+    return Sharing(stiffness, _one_by_one(_cholesky)(matrix))
 
 
 def shared(coupling: Coupling, sharing: Sharing, columns: CellColumns) -> CellColumns:
@@ -101,7 +95,7 @@ def shared(coupling: Coupling, sharing: Sharing, columns: CellColumns) -> CellCo
     # With S^2 = K it is (I + KC)^-1 = I - S (I + SCS)^-1 SC.
     root = jnp.sqrt(jax.lax.stop_gradient(stiffness))
     held = jax.lax.stop_gradient(coupling)
-    within = lambda right: root[:, None] * _one_by_one(_substituted)(factor, root[:, None] * right)
+    within = lambda right: root[:, None] * _substituted_once(factor, root[:, None] * right)
     return jax.lax.custom_linear_solve(
         lambda x: x + stiffness[:, None] * (coupling @ x),
         columns,
@@ -149,9 +143,44 @@ def _share_in_slices(coupling: Coupling, stiffness: Cells, columns: CellColumns)
     return jnp.stack(answers).reshape(columns.shape)
 
 
-def _cholesky(matrix: Array, needed: Flag) -> Array:
-    factor = lambda matrix: jax.lax.linalg.cholesky(matrix, symmetrize_input=False)
-    return jax.lax.cond(needed, factor, lambda matrix: jnp.eye(len(matrix)), matrix)
+def shared_where_needed(
+    coupling: Coupling, stiffness: Cells, columns: CellColumns, needed: Flag
+) -> CellColumns:
+    r"""Solve $(I + K C)\,y = r$ once, and where it is needed: else nothing is factorised.
+
+    **Arguments:**
+
+    - `coupling`: symmetric $C$ [m/N].
+    - `stiffness`: diagonal of $K$, zero where a cell is open [N/m].
+    - `columns`: right-hand sides.
+    - `needed`: whether the solutions are of use.
+
+    **Returns:**
+
+    The solutions, in the unit of `columns`; the right-hand sides where they are of no use.
+    """
+    if coupling.ndim > 2:
+        return _share_in_slices(coupling, stiffness, columns)
+
+    def solved(coupling: Coupling, stiffness: Cells, columns: CellColumns) -> CellColumns:
+        matrix, root = _symmetric(coupling, stiffness)
+        right = root[:, None] * (coupling @ columns)
+        return columns - root[:, None] * _substituted(_cholesky(matrix), right)
+
+    def where_needed(needed: Flag, *system: Array) -> Array:
+        return jax.lax.cond(needed, solved, lambda *system: system[-1], *system)
+
+    return _one_by_one(where_needed)(needed, coupling, stiffness, columns)
+
+
+def _symmetric(coupling: Coupling, stiffness: Cells) -> tuple[Array, Cells]:
+    """I + S C S and S, with S^2 = K: open cells have no part in it, and no pivots are needed."""
+    root = jnp.sqrt(stiffness)
+    return jnp.eye(root.size) + root[:, None] * coupling * root[None, :], root
+
+
+def _cholesky(matrix: Array) -> Array:
+    return jax.lax.linalg.cholesky(matrix, symmetrize_input=False)
 
 
 def _substituted(factor: Array, right: CellColumns) -> CellColumns:
@@ -168,6 +197,31 @@ def _one_by_one(function: Callable) -> Callable:
     """
     in_turn = jax.custom_batching.sequential_vmap(function)
     return lambda *arguments: jax.lax.platform_dependent(*arguments, cpu=in_turn, default=function)
+
+
+@jax.custom_batching.custom_vmap
+def _substituted_in_turn(factor: Array, right: CellColumns) -> CellColumns:
+    """Substitution in the factors of a batch, in turn."""
+    return _substituted(factor, right)
+
+
+@_substituted_in_turn.def_vmap
+def _substituted_in_batches(
+    size: int, batched: Sequence[bool], factor: Array, right: CellColumns
+) -> tuple[Array, bool]:
+    """One factor substitutes all right-hand sides at once: they are its columns."""
+    if not batched[0]:
+        columns = jnp.moveaxis(right, 0, -1)
+        found = _substituted_in_turn(factor, columns.reshape(len(factor), -1))
+        return jnp.moveaxis(found.reshape(columns.shape), -1, 0), True
+    if not batched[1]:
+        right = jnp.broadcast_to(right, (size, *right.shape))
+    return jax.lax.map(lambda each: _substituted_in_turn(*each), (factor, right)), True
+
+
+def _substituted_once(factor: Array, right: CellColumns) -> CellColumns:
+    """See `_one_by_one`; right-hand sides that share a factor go together."""
+    return jax.lax.platform_dependent(factor, right, cpu=_substituted_in_turn, default=_substituted)
 
 
 def between_all_cells(coupling: CouplingGrid) -> DenseCouplingGrid:

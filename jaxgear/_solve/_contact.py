@@ -13,6 +13,8 @@ Rigid gears have two mesh coordinates. Cells that are all coupled are the same p
 coordinates as cells, $W$ the identity and their compliance in $H$.
 """
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.flatten_util
@@ -22,7 +24,13 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxgear._compiled import compiled
-from jaxgear._contact._coupling import Sharing, body_yield, shared, sharing_with_body
+from jaxgear._contact._coupling import (
+    Sharing,
+    body_yield,
+    shared,
+    shared_where_needed,
+    sharing_with_body,
+)
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._solve._contact_problem import ContactProblem
 from jaxgear._solve._coordinates import (
@@ -121,7 +129,7 @@ def contact_state(
         driven = linear((jnp.ones(()), jnp.zeros_like(problem.gap)))[1]
         moved = at_cells(problem.arms, problem.direction)
         # In the right-hand side all is linear, and is kept so for transposing.
-        linear, _ = _linearised(problem, -driven / moved, jnp.zeros_like(problem.gap))
+        linear = _linearised(problem, -driven / moved)
         free = _shared_forces(problem, linear, right[1])
         return _solve_linear(problem, linear, (right[0], free))
 
@@ -187,7 +195,8 @@ class _Linearised(eqx.Module):
 
     **Fields:**
 
-    - `sharing`: how the cells share with the bodies, or `None` where nothing couples them.
+    - `sharing`: how the cells share with the bodies, or `None` where nothing couples them or no
+        more forces are to come.
     - `structure`: forces on the cells per motion of the mesh coordinates [N/m, N].
     """
 
@@ -195,24 +204,32 @@ class _Linearised(eqx.Module):
     structure: CellArms
 
 
-def _linearised(
-    problem: ContactProblem, tangent: Cells, right: Loads, needed: Flag | bool = True
-) -> tuple["_Linearised", Loads]:
-    """Prepare to solve, see `_solve_linear`, and let the bodies share in the right-hand side.
+def _linearised(problem: ContactProblem, tangent: Cells) -> _Linearised:
+    """Prepare to solve, see `_solve_linear`; what gaps and forces are is no part of it."""
+    structure = tangent[:, None] * problem.arms
+    if problem.coupling is None:
+        return _Linearised(None, structure)
+    sharing = sharing_with_body(problem.coupling, tangent)
+    return _Linearised(sharing, shared(problem.coupling, sharing, structure))
+
+
+def _linearised_once(
+    problem: ContactProblem, tangent: Cells, right: Loads, needed: Flag
+) -> tuple[_Linearised, Loads]:
+    """The same for one right-hand side, in which the bodies are let share at once.
 
     Where that is not needed, the answer is of no use and costs no factorisation.
     """
     structure = tangent[:, None] * problem.arms
     if problem.coupling is None:
         return _Linearised(None, structure), right
-    sharing = sharing_with_body(problem.coupling, tangent, needed=needed)
-    # At once: substitution in a factor costs no more for two columns than for one.
-    columns = shared(problem.coupling, sharing, jnp.column_stack([structure, right]))
-    return _Linearised(sharing, columns[:, :-1]), columns[:, -1]
+    columns = jnp.column_stack([structure, right])
+    columns = shared_where_needed(problem.coupling, tangent, columns, needed)
+    return _Linearised(None, columns[:, :-1]), columns[:, -1]
 
 
 def _shared_forces(problem: ContactProblem, linear: _Linearised, forces: Loads) -> Loads:
-    """Let the bodies share in other forces."""
+    """Let the bodies share in the forces on the cells."""
     if problem.coupling is None or linear.sharing is None:
         return forces
     return shared(problem.coupling, linear.sharing, forces[:, None])[:, 0]
@@ -276,10 +293,10 @@ class _NewtonState(eqx.Module):
     - `energy`: there [J].
     - `missing`: what is missing from both balances there [N].
     - `tangent`: stiffness of the cells there [N/m].
-    - `error`: imbalance there over the driving force [-].
+    - `error`: imbalance there over the driving force, zero where that is no more than rounding [-].
     - `share`: of the next Newton step that is to be taken [-].
-    - `linear`: what the last step was found with.
-    - `steps`: taken [-].
+    - `steps`: taken until the state was found [-].
+    - `polished`: whether one more was taken since.
     """
 
     best: Unknown
@@ -288,8 +305,8 @@ class _NewtonState(eqx.Module):
     tangent: Cells
     error: Scalar
     share: Scalar
-    linear: "_Linearised"
     steps: Scalar
+    polished: Flag
 
 
 def _newton(
@@ -300,13 +317,14 @@ def _newton(
     *,
     near: bool,
 ) -> tuple[Unknown, tuple[Scalar, Scalar]]:
-    """Newton steps, each halved until the energy falls, then one last full step.
+    """Newton steps, each halved until the energy falls; a last full step where more than rounding
+    is left.
 
-    That one is taken with the matrix of the step before: where cells are coupled, factors are what
-    costs, and so close to the solution they are the same. From a start that is not near, zero, the
-    first step closes every cell, pulling ones too: that is never short of contact. Also returns the
-    relative imbalance before the last step, and the number of steps: as reals, for `custom_root`
-    differentiates what comes with its root.
+    Where cells are coupled, factors are what costs. From a start that is not near, zero, the first
+    step closes every cell, pulling ones too, and is never short of contact: its factor does not
+    know the gaps, and flanks in a batch share it. Also returns the relative imbalance before the
+    last step, and the number of steps: as reals, for `custom_root` differentiates what comes with
+    its root.
     """
     total = jnp.sum(problem.stiffness)
     # Loads of all kinds, as forces: a moment over the radius of gyration of the cells.
@@ -329,14 +347,11 @@ def _newton(
         size = jnp.where(size <= _ROUNDING * total * jnp.max(reach), 0.0, size)
         return _energy(problem, law, trial, overlap), missing, tangent, size / problem.force
 
-    def stepped(state: _NewtonState, linear: _Linearised, free: Loads, share: Scalar) -> Unknown:
-        step = _solve_linear(problem, linear, (state.missing[0], free))
-        return jax.tree.map(lambda x, dx: x - share * dx, state.best, step)
-
     def body(state: _NewtonState) -> _NewtonState:
         # In a batch the others go on until the last has found its state.
-        linear, free = _linearised(problem, state.tangent, state.missing[1], unfinished(state))
-        trial = stepped(state, linear, free, state.share)
+        linear, free = _linearised_once(problem, state.tangent, state.missing[1], unfinished(state))
+        step = _solve_linear(problem, linear, (state.missing[0], free))
+        trial = jax.tree.map(lambda x, dx: x - state.share * dx, state.best, step)
         energy, missing, tangent, error = examine(trial)
         # Near the solution the energies differ by rounding only: a full step is then right.
         slack = 1e-13 * jnp.abs(problem.force * trial[0])
@@ -346,22 +361,30 @@ def _newton(
         picked = jax.tree.map(
             lambda new, old: jnp.where(better, new, old), found, (*last, 0.5 * state.share)
         )
-        return _NewtonState(*picked, linear=linear, steps=state.steps + 1.0)
+        going = searching(state)
+        polished = dataclasses.replace(state, best=trial, polished=jnp.asarray(True))
+        moved = _NewtonState(*picked, steps=state.steps + 1.0, polished=jnp.asarray(False))
+        return jax.tree.map(lambda new, old: jnp.where(going, new, old), moved, polished)
 
-    def unfinished(state: _NewtonState) -> Flag:
+    def searching(state: _NewtonState) -> Flag:
         going = (state.error > settings.tolerance) & (state.steps < settings.most_steps)
         return going | (state.steps < 1.0)
 
-    infinite, zero = jnp.asarray(jnp.inf), jnp.zeros(())
-    if not near:
-        pull = -problem.stiffness * problem.gap
-        pull = on_coordinates(problem.arms, pull) if problem.coupling is None else pull
-        energy, missing, tangent = infinite, (-problem.force, -pull), problem.stiffness
-    else:
+    def unfinished(state: _NewtonState) -> Flag:
+        return searching(state) | ((state.error > 0.0) & ~state.polished)
+
+    zero, one, no = jnp.zeros(()), jnp.ones(()), jnp.asarray(False)
+    if near:
         energy, missing, tangent, _ = examine(start)
-    shapes = jax.eval_shape(lambda: _linearised(problem, tangent, missing[1])[0])
-    empty = jax.tree.map(lambda x: jnp.zeros(x.shape), shapes)
-    first = _NewtonState(start, energy, missing, tangent, infinite, jnp.ones(()), empty, zero)
+        first = _NewtonState(start, energy, missing, tangent, jnp.inf * one, one, zero, no)
+    else:
+        linear = _linearised(problem, problem.stiffness)
+        pull = problem.stiffness * problem.gap
+        if problem.coupling is None:
+            pull = on_coordinates(problem.arms, pull)
+        free = _shared_forces(problem, linear, pull)
+        step = _solve_linear(problem, linear, (-problem.force, free))
+        closed = jax.tree.map(jnp.negative, step)
+        first = _NewtonState(closed, *examine(closed), one, one, no)
     last = jax.lax.while_loop(unfinished, body, first)
-    free = _shared_forces(problem, last.linear, last.missing[1])
-    return stepped(last, last.linear, free, jnp.ones(())), (last.error, last.steps)
+    return last.best, (last.error, last.steps)
