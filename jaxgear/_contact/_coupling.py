@@ -162,21 +162,21 @@ def shared_where_needed(
     if coupling.ndim > 2:
         return _share_in_slices(coupling, stiffness, columns)
 
-    def solved(coupling: Coupling, stiffness: Cells, columns: CellColumns) -> CellColumns:
-        matrix, root = _symmetric(coupling, stiffness)
-        right = root[:, None] * (coupling @ columns)
-        return columns - root[:, None] * _substituted(_cholesky(matrix), right)
-
-    def where_needed(needed: Flag, *system: Array) -> Array:
-        return jax.lax.cond(needed, solved, lambda *system: system[-1], *system)
-
-    return _one_by_one(where_needed)(needed, coupling, stiffness, columns)
+    # All but the factor is done for a batch at once: in turn, each operation has its own start.
+    matrix, root = _symmetric(coupling, stiffness)
+    right = root[:, None] * (coupling @ columns)
+    return columns - root[:, None] * _one_by_one(_solved_where_needed)(needed, matrix, right)
 
 
 def _symmetric(coupling: Coupling, stiffness: Cells) -> tuple[Array, Cells]:
     """I + S C S and S, with S^2 = K: open cells have no part in it, and no pivots are needed."""
     root = jnp.sqrt(stiffness)
     return jnp.eye(root.size) + root[:, None] * coupling * root[None, :], root
+
+
+def _solved_where_needed(needed: Flag, matrix: Array, right: CellColumns) -> CellColumns:
+    solved = lambda matrix, right: _substituted(_cholesky(matrix), right)
+    return jax.lax.cond(needed, solved, lambda _, right: right, matrix, right)
 
 
 def _cholesky(matrix: Array) -> Array:
@@ -207,7 +207,7 @@ def _substituted_in_turn(factor: Array, right: CellColumns) -> CellColumns:
 
 @_substituted_in_turn.def_vmap
 def _substituted_in_batches(
-    size: int, batched: Sequence[bool], factor: Array, right: CellColumns
+    size: int, batched: Sequence[bool], factor: Array, right: Array
 ) -> tuple[Array, bool]:
     """One factor substitutes all right-hand sides at once: they are its columns."""
     if not batched[0]:

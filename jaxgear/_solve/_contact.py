@@ -19,32 +19,26 @@ import equinox as eqx
 import jax
 import jax.flatten_util
 import jax.numpy as jnp
-import jax.scipy.linalg
 import numpy as np
 from jaxtyping import Array
 
 from jaxgear._compiled import compiled
-from jaxgear._contact._coupling import (
-    Sharing,
-    body_yield,
-    shared,
-    shared_where_needed,
-    sharing_with_body,
-)
+from jaxgear._contact._coupling import body_yield
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._solve._contact_problem import ContactProblem
-from jaxgear._solve._coordinates import (
-    at_cells,
-    on_coordinates,
-    on_coordinates_all,
-    small_solver,
+from jaxgear._solve._coordinates import at_cells, on_coordinates
+from jaxgear._solve._linearised import (
+    Unknown,
+    linearised,
+    linearised_once,
+    shared_forces,
+    solve_linear,
+    structure_yield,
 )
 from jaxgear._types import (
-    CellArms,
     Cells,
     Coordinates,
     Flag,
-    Loads,
     Scalar,
 )
 
@@ -76,17 +70,13 @@ class SolverSettings(eqx.Module):
     **Fields:**
 
     - `tolerance`: imbalance of the forces over the driving force at which the state counts as
-        found, or what rounding leaves if that is more; one more Newton step is then taken [-].
+        found, or what rounding leaves if that is more; where more than that is left, one more
+        Newton step is taken [-].
     - `most_steps`: Newton steps and halvings after which the solver gives up.
     """
 
     tolerance: float = eqx.field(static=True, default=1e-11)
     most_steps: int = eqx.field(static=True, default=200)
-
-
-# Driven approach, and the loads. Where a body couples cells these are the forces of all cells; else
-# the few resultants g = W^T f say as much, and a batch of problems stays small.
-Unknown = tuple[Scalar, Loads]
 
 
 @compiled
@@ -129,9 +119,9 @@ def contact_state(
         driven = linear((jnp.ones(()), jnp.zeros_like(problem.gap)))[1]
         moved = at_cells(problem.arms, problem.direction)
         # In the right-hand side all is linear, and is kept so for transposing.
-        linear = _linearised(problem, -driven / moved)
-        free = _shared_forces(problem, linear, right[1])
-        return _solve_linear(problem, linear, (right[0], free))
+        linear = linearised(problem, -driven / moved)
+        free = shared_forces(problem, linear, right[1])
+        return solve_linear(problem, linear, (right[0], free))
 
     nothing = problem.gap if problem.coupling is not None else problem.direction
     start = (jnp.zeros(()), jnp.zeros_like(nothing)) if near is None else near
@@ -151,9 +141,22 @@ def contact_state(
     )
 
 
-def _yield(problem: ContactProblem, load: Coordinates) -> Coordinates:
-    """H g."""
-    return jnp.sum(problem.flexibility * load[None, :], axis=1)
+def settled(problem: ContactProblem, state: ContactState, force: Cells) -> ContactState:
+    """The state of all cells, found from that of those that bear.
+
+    **Arguments:**
+
+    - `problem`: of all cells, which are coupled.
+    - `state`: of those that may be in contact.
+    - `force`: its forces, of all cells [N].
+
+    **Returns:**
+
+    The state, with overlaps of all cells and loads on the mesh coordinates.
+    """
+    overlap = _overlap(problem, (state.approach, force))
+    load = on_coordinates(problem.arms, force)
+    return dataclasses.replace(state, load=load, overlap=overlap, force=force)
 
 
 def _resultants(problem: ContactProblem, unknown: Unknown) -> Coordinates:
@@ -166,7 +169,7 @@ def _resultants(problem: ContactProblem, unknown: Unknown) -> Coordinates:
 def _place(problem: ContactProblem, unknown: Unknown) -> Cells:
     """Where structure and drive have brought each cell [m]."""
     load = _resultants(problem, unknown)
-    return at_cells(problem.arms, problem.direction * unknown[0] - _yield(problem, load))
+    return at_cells(problem.arms, problem.direction * unknown[0] - structure_yield(problem, load))
 
 
 def _overlap(problem: ContactProblem, unknown: Unknown) -> Cells:
@@ -190,75 +193,6 @@ def _imbalance(
     return (driving, unknown[1] - force), overlap, problem.stiffness * slope
 
 
-class _Linearised(eqx.Module):
-    """What solves the balances, linearised where the cells have some tangent stiffness.
-
-    **Fields:**
-
-    - `sharing`: how the cells share with the bodies, or `None` where nothing couples them or no
-        more forces are to come.
-    - `structure`: forces on the cells per motion of the mesh coordinates [N/m, N].
-    """
-
-    sharing: Sharing | None
-    structure: CellArms
-
-
-def _linearised(problem: ContactProblem, tangent: Cells) -> _Linearised:
-    """Prepare to solve, see `_solve_linear`; what gaps and forces are is no part of it."""
-    structure = tangent[:, None] * problem.arms
-    if problem.coupling is None:
-        return _Linearised(None, structure)
-    sharing = sharing_with_body(problem.coupling, tangent)
-    return _Linearised(sharing, shared(problem.coupling, sharing, structure))
-
-
-def _linearised_once(
-    problem: ContactProblem, tangent: Cells, right: Loads, needed: Flag
-) -> tuple[_Linearised, Loads]:
-    """The same for one right-hand side, in which the bodies are let share at once.
-
-    Where that is not needed, the answer is of no use and costs no factorisation.
-    """
-    structure = tangent[:, None] * problem.arms
-    if problem.coupling is None:
-        return _Linearised(None, structure), right
-    columns = jnp.column_stack([structure, right])
-    columns = shared_where_needed(problem.coupling, tangent, columns, needed)
-    return _Linearised(None, columns[:, :-1]), columns[:, -1]
-
-
-def _shared_forces(problem: ContactProblem, linear: _Linearised, forces: Loads) -> Loads:
-    """Let the bodies share in the forces on the cells."""
-    if problem.coupling is None or linear.sharing is None:
-        return forces
-    return shared(problem.coupling, linear.sharing, forces[:, None])[:, 0]
-
-
-def _solve_linear(
-    problem: ContactProblem, linear: _Linearised, right: tuple[Scalar, Loads]
-) -> Unknown:
-    """Solve the linearised balances for the step in drive and forces.
-
-    They read e^T W^T df = r_0 and df + K (C + W H W^T) df - K W e dt = r. Slices are solved
-    first, which makes of r what `right` has, then the few mesh coordinates that tie them, then the
-    drive.
-    """
-    arms, direction, free = problem.arms, problem.direction, right[1]
-    coupled = problem.coupling is not None
-    load = on_coordinates(arms, free) if coupled else free
-    stiffness = on_coordinates_all(arms, linear.structure)
-    # With dg = W^T df: (I + S H) dg = W^T r' + S e dt.
-    yielding = small_solver(jnp.eye(direction.size) + stiffness @ problem.flexibility)
-    driven = yielding(jnp.sum(stiffness * direction[None, :], axis=1))
-    answer = yielding(load)
-    step = (right[0] - jnp.sum(direction * answer)) / jnp.sum(direction * driven)
-    load = answer + driven * step
-    if not coupled:
-        return step, load
-    return step, free + at_cells(linear.structure, direction * step - _yield(problem, load))
-
-
 def _solve_probed(linear, right: Unknown) -> Unknown:
     """Solve `linear(x) = right` for a few unknowns, by its matrix."""
     flat, unravel = jax.flatten_util.ravel_pytree(right)
@@ -273,7 +207,7 @@ def _energy(
 ) -> Scalar:
     """The energy that the state minimises [J]."""
     approach, load = unknown[0], _resultants(problem, unknown)
-    bodies = jnp.sum(load * _yield(problem, load))
+    bodies = jnp.sum(load * structure_yield(problem, load))
     if problem.coupling is not None:
         bodies += jnp.sum(unknown[1] * body_yield(problem.coupling, unknown[1]))
     contact = jnp.sum(problem.stiffness * law.energy(overlap))
@@ -349,8 +283,8 @@ def _newton(
 
     def body(state: _NewtonState) -> _NewtonState:
         # In a batch the others go on until the last has found its state.
-        linear, free = _linearised_once(problem, state.tangent, state.missing[1], unfinished(state))
-        step = _solve_linear(problem, linear, (state.missing[0], free))
+        linear, free = linearised_once(problem, state.tangent, state.missing[1], unfinished(state))
+        step = solve_linear(problem, linear, (state.missing[0], free))
         trial = jax.tree.map(lambda x, dx: x - state.share * dx, state.best, step)
         energy, missing, tangent, error = examine(trial)
         # Near the solution the energies differ by rounding only: a full step is then right.
@@ -378,12 +312,12 @@ def _newton(
         energy, missing, tangent, _ = examine(start)
         first = _NewtonState(start, energy, missing, tangent, jnp.inf * one, one, zero, no)
     else:
-        linear = _linearised(problem, problem.stiffness)
+        linear = linearised(problem, problem.stiffness)
         pull = problem.stiffness * problem.gap
         if problem.coupling is None:
             pull = on_coordinates(problem.arms, pull)
-        free = _shared_forces(problem, linear, pull)
-        step = _solve_linear(problem, linear, (-problem.force, free))
+        free = shared_forces(problem, linear, pull)
+        step = solve_linear(problem, linear, (-problem.force, free))
         closed = jax.tree.map(jnp.negative, step)
         first = _NewtonState(closed, *examine(closed), one, one, no)
     last = jax.lax.while_loop(unfinished, body, first)

@@ -70,7 +70,7 @@ def among_cells(problem: ContactProblem, kept: Array) -> ContactProblem:
 
     **Arguments:**
 
-    - `problem`: from `between_cells`.
+    - `problem`: with a coupling of all cells.
     - `kept`: their numbers; the others must be out of contact, of no stiffness.
 
     **Returns:**

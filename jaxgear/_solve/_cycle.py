@@ -20,7 +20,7 @@ from jaxgear._contact._cells import (
 )
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
-from jaxgear._solve._contact import ContactState, SolverSettings, contact_state
+from jaxgear._solve._contact import ContactState, SolverSettings, contact_state, settled
 from jaxgear._solve._contact_problem import ContactProblem, among_cells, between_cells
 from jaxgear._solve._coordinates import on_coordinates
 from jaxgear._system._flexible import condensed
@@ -116,8 +116,7 @@ def quasi_static(
         )
         if coupling is None or coupling.ndim > 2:
             return contact_state(problem, law, settings)
-        state = _where_kept(between_cells(problem), law, settings, begin, kept)
-        return dataclasses.replace(state, load=on_coordinates(arms, state.force))
+        return _where_kept(problem, law, settings, begin, kept)
 
     arms = system.arms(cells)
     # Written out, as in the solver: the offset brings the flanks closer before any load.
@@ -150,16 +149,12 @@ def _where_kept(
     Factors are what costs, and most cells of a helical pair are out of mesh.
     """
     if kept is None:
-        return contact_state(problem, law, settings, near)
+        state = contact_state(between_cells(problem), law, settings, near)
+        return dataclasses.replace(state, load=on_coordinates(problem.arms, state.force))
     near = None if near is None else (near[0], near[1][kept])
-    state = contact_state(among_cells(problem, kept), law, settings, near)
-    assert problem.coupling is not None
-    given = problem.coupling[:, kept] @ state.force
-    return dataclasses.replace(
-        state,
-        overlap=problem.arms[:, 0] * state.approach - problem.gap - given,
-        force=jnp.zeros_like(problem.gap).at[kept].set(state.force),
-    )
+    state = contact_state(between_cells(among_cells(problem, kept)), law, settings, near)
+    force = jnp.zeros_like(problem.gap).at[kept].set(state.force)
+    return settled(problem, state, force)
 
 
 def mesh_cycle(
