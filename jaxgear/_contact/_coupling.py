@@ -162,21 +162,57 @@ def shared_where_needed(
     if coupling.ndim > 2:
         return _share_in_slices(coupling, stiffness, columns)
 
-    # All but the factor is done for a batch at once: in turn, each operation has its own start.
+    return jax.lax.platform_dependent(
+        needed, coupling, stiffness, columns, cpu=_shared_in_turn, default=_shared_or_not
+    )
+
+
+def _shared_or_not(
+    needed: Flag, coupling: Coupling, stiffness: Cells, columns: CellColumns
+) -> CellColumns:
+    """See `shared_where_needed`."""
     matrix, root = _symmetric(coupling, stiffness)
     right = root[:, None] * (coupling @ columns)
-    return columns - root[:, None] * _one_by_one(_solved_where_needed)(needed, matrix, right)
+    solved = lambda matrix, right: _substituted(_cholesky(matrix), right)
+    within = jax.lax.cond(needed, solved, lambda _, right: right, matrix, right)
+    return columns - root[:, None] * within
+
+
+@jax.custom_batching.custom_vmap
+def _shared_in_turn(
+    needed: Flag, coupling: Coupling, stiffness: Cells, columns: CellColumns
+) -> CellColumns:
+    """Of a batch, the phases of one flank say, only factors are found in turn.
+
+    Each operation that is done in turn has its own start. In a batch of batches the inner ones
+    follow each other: all matrices at once would not stay in the processor's memory.
+    """
+    return _shared_or_not(needed, coupling, stiffness, columns)
+
+
+@_shared_in_turn.def_vmap
+def _shared_in_a_batch(size: int, batched: Sequence[bool], *system: Array) -> tuple[Array, bool]:
+    def at_once(needed: Array, coupling: Array, stiffness: Array, columns: Array) -> Array:
+        matrix, root = jax.vmap(_symmetric)(coupling, stiffness)
+        right = root[:, :, None] * (coupling @ columns)
+        solved = lambda matrix, right: _substituted(_cholesky(matrix), right)
+        unless = lambda each: jax.lax.cond(each[0], solved, lambda _, right: right, *each[1:])
+        return columns - root[:, :, None] * jax.lax.map(unless, (needed, matrix, right))
+
+    def if_any(needed: Array, *others: Array) -> Array:
+        return jax.lax.cond(jnp.any(needed), at_once, lambda *system: system[-1], needed, *others)
+
+    whole = (
+        x if own else jnp.broadcast_to(x, (size, *x.shape))
+        for x, own in zip(system, batched, strict=True)
+    )
+    return jax.custom_batching.sequential_vmap(if_any)(*whole), True
 
 
 def _symmetric(coupling: Coupling, stiffness: Cells) -> tuple[Array, Cells]:
     """I + S C S and S, with S^2 = K: open cells have no part in it, and no pivots are needed."""
     root = jnp.sqrt(stiffness)
     return jnp.eye(root.size) + root[:, None] * coupling * root[None, :], root
-
-
-def _solved_where_needed(needed: Flag, matrix: Array, right: CellColumns) -> CellColumns:
-    solved = lambda matrix, right: _substituted(_cholesky(matrix), right)
-    return jax.lax.cond(needed, solved, lambda _, right: right, matrix, right)
 
 
 def _cholesky(matrix: Array) -> Array:
