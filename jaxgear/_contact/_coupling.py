@@ -161,7 +161,6 @@ def shared_where_needed(
     """
     if coupling.ndim > 2:
         return _share_in_slices(coupling, stiffness, columns)
-
     return jax.lax.platform_dependent(
         needed, coupling, stiffness, columns, cpu=_shared_in_turn, default=_shared_or_not
     )
@@ -173,9 +172,7 @@ def _shared_or_not(
     """See `shared_where_needed`."""
     matrix, root = _symmetric(coupling, stiffness)
     right = root[:, None] * (coupling @ columns)
-    solved = lambda matrix, right: _substituted(_cholesky(matrix), right)
-    within = jax.lax.cond(needed, solved, lambda _, right: right, matrix, right)
-    return columns - root[:, None] * within
+    return columns - root[:, None] * _solved_where_needed((needed, matrix, right))
 
 
 @jax.custom_batching.custom_vmap
@@ -195,9 +192,8 @@ def _shared_in_a_batch(size: int, batched: Sequence[bool], *system: Array) -> tu
     def at_once(needed: Array, coupling: Array, stiffness: Array, columns: Array) -> Array:
         matrix, root = jax.vmap(_symmetric)(coupling, stiffness)
         right = root[:, :, None] * (coupling @ columns)
-        solved = lambda matrix, right: _substituted(_cholesky(matrix), right)
-        unless = lambda each: jax.lax.cond(each[0], solved, lambda _, right: right, *each[1:])
-        return columns - root[:, :, None] * jax.lax.map(unless, (needed, matrix, right))
+        within = jax.lax.map(_solved_where_needed, (needed, matrix, right))
+        return columns - root[:, :, None] * within
 
     def if_any(needed: Array, *others: Array) -> Array:
         return jax.lax.cond(jnp.any(needed), at_once, lambda *system: system[-1], needed, *others)
@@ -213,6 +209,12 @@ def _symmetric(coupling: Coupling, stiffness: Cells) -> tuple[Array, Cells]:
     """I + S C S and S, with S^2 = K: open cells have no part in it, and no pivots are needed."""
     root = jnp.sqrt(stiffness)
     return jnp.eye(root.size) + root[:, None] * coupling * root[None, :], root
+
+
+def _solved_where_needed(system: tuple[Flag, Array, CellColumns]) -> CellColumns:
+    needed, matrix, right = system
+    solved = lambda: _substituted(_cholesky(matrix), right)
+    return jax.lax.cond(needed, solved, lambda: right)
 
 
 def _cholesky(matrix: Array) -> Array:
