@@ -47,7 +47,7 @@ from jaxgear._types import Scalar
 from jaxgear._units import GPa, N_per_mm_um, mm, um
 from jaxgear.scene._build_pair import flanks_of, material_of, pair_of, si
 from jaxgear.scene._csv import read_matrix
-from jaxgear.scene._gear_tables import BearingKeys, GearKeys, ShaftKeys
+from jaxgear.scene._gear_tables import BearingKeys, GearKeys, PairKeys, ShaftKeys
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
 from jaxgear.scene._tables import MeshKeys
@@ -79,16 +79,21 @@ def model_of(scene: Scene, changes: Mapping[str, object] = MappingProxyType({}))
         torque=si(shared.torque_pinion_Nm),
         flanks=flanks_of(scene, pair),
         compliance=_compliance(scene),
-        misalignment=Misalignment(
-            inclination=si(shared.misalignment_inclination_um, um),
-            deviation=si(shared.misalignment_deviation_um, um),
-        ),
+        misalignment=misalignment_of(shared),
         housing=None if housing is None else Housing(read_matrix(housing, folder)),
         speed=0.0 if speed is None else si(speed),
         pinion_support=pinion,
         wheel_support=wheel,
         pinion_body=_body(scene, pair, "pinion", pinion),
         wheel_body=_body(scene, pair, "wheel", wheel),
+    )
+
+
+def misalignment_of(pair: PairKeys) -> Misalignment:
+    """How far the axes of a scene are out of parallel."""
+    return Misalignment(
+        inclination=si(pair.misalignment_inclination_um, um),
+        deviation=si(pair.misalignment_deviation_um, um),
     )
 
 

@@ -16,9 +16,9 @@ Shape = Literal["linear", "parabolic"]
 YOUNG = "[0.1, 2000]. The key is in gigapascals; steel has 206"
 DENSITY = "[100, 30000]. The key is in kg/m^3; steel has 7850"
 TORQUE = (
-    "(0, inf). The pinion drives; without load flanks touch at one point, and every run says what "
-    "the transmission error then is, unloaded_te_um. To load the other flank mirror the pair: "
-    "change the sign of the helix angle and swap the flank data"
+    "(0, inf). The pinion drives; without load, pair.torque_pinion_Nm = 0, `jaxgear run` gives the "
+    "transmission error of rigid gears. To load the other flank mirror the pair: change the sign "
+    "of the helix angle and swap the flank data"
 )
 DEPTH = "[0, inf). A depth is material removed, so it is positive where the flank is cut back"
 EXTENT = (
@@ -57,7 +57,10 @@ class PairKeys(AbstractKeys):
         "[-45, 45]. The key is in degrees",
         0.0,
     )
-    torque_pinion_Nm: float = real("driving torque on the pinion", TORQUE)
+    torque_pinion_Nm: float = real(
+        "driving torque on the pinion; 0: rigid gears without load, for `jaxgear run` alone",
+        TORQUE.replace("(", "[", 1),
+    )
     power_kW: float | None = real(
         "power on the pinion, which with speed_rpm gives its torque",
         TORQUE,

@@ -23,6 +23,7 @@ from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import key_at
 from jaxgear.study._derivatives import Keys
 from jaxgear.study._evaluations import Variation, variation_of
+from jaxgear.study._head import require_load
 from jaxgear.study._progress import built_scene
 from jaxgear.study._running import timed
 from jaxgear.study._statics import headline, require_solved
@@ -184,6 +185,7 @@ def live_scene(scene: Scene) -> LiveScene:
 
     - `ValueError` if the gears are impossible.
     """
+    require_load(scene, "live scene")
     scene = built_scene(scene)
     base = model_of(scene)
     real = scene.real_keys()

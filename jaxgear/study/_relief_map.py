@@ -111,7 +111,7 @@ _depth_of = jax.jit(optimise.master_curve_depth)
 
 def _closed_form(statics: Statics, extent: Any) -> np.ndarray:
     """Depths of the closed form of the Master Curve with the statics of one torque [um]."""
-    ratio = geometry_summary(statics)["profile_contact_ratio"]
+    ratio = geometry_summary(statics.model.pair)["profile_contact_ratio"]
     # Of a tooth pair, less what the next one feels of it.
     own = float(statics.numbers["unshared_deflection_um"])
     return np.asarray(_depth_of(as_reals(extent), as_reals(ratio), as_reals(own)))

@@ -16,6 +16,7 @@ from jaxtyping import Array
 from numpy.typing import ArrayLike
 
 import jaxgear as jg
+from jaxgear._geometry._lines import ContactLines
 from jaxgear._kept_programs import called
 from jaxgear._units import MPa, N_per_mm_um, deg, mm, um
 from jaxgear.scene._schema import GEARS
@@ -162,7 +163,12 @@ def _pair_stiffness(model: jg.PairModel, cycle: jg.MeshCycle) -> Array:
 
 def harmonic_count(cycle: jg.MeshCycle) -> int:
     """Number of mesh harmonics that are written down, as far as the phases resolve them."""
-    return min(_HARMONICS, (cycle.approach.size // cycle.cells.lines.periods - 1) // 2)
+    return harmonics_resolved(cycle.cells.lines)
+
+
+def harmonics_resolved(lines: ContactLines) -> int:
+    """As `harmonic_count`, of contact lines that no load has been put on."""
+    return min(_HARMONICS, (lines.phase.size // lines.periods - 1) // 2)
 
 
 def _coordinates(cycle: jg.MeshCycle, facts: dict[str, np.ndarray]) -> Entries:
