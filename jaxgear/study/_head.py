@@ -13,6 +13,7 @@ from jaxgear.scene._gear_tables import GearKeys
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._slips import odd
 from jaxgear.scene._tables import MeshKeys
+from jaxgear.study._coast import as_coast, require_coast
 from jaxgear.study._drawing import drawing_summary
 from jaxgear.study._notes import notes
 from jaxgear.study._ranks import Doubtful, worst_first
@@ -135,8 +136,12 @@ def study(
     def studied(scene: Scene, *more: _More.args, **named: _More.kwargs) -> Result:
         if found.__name__ not in _WITHOUT_LOAD:
             require_load(scene, found.__name__)
+        if scene.plain.pair.sense < 0:
+            require_coast(scene, found.__name__)
         with stopwatch():
             result = found(scene, *more, **named)
+            if scene.plain.pair.sense < 0:
+                result = as_coast(result)
             return dataclasses.replace(result, summary=finished(scene, result.summary))
 
     return studied

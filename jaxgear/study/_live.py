@@ -21,6 +21,7 @@ from jaxgear._units import MPa, mm, um
 from jaxgear.scene._build import grid_of, law_of, model_of
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import key_at
+from jaxgear.study._coast import require_drive
 from jaxgear.study._derivatives import Keys
 from jaxgear.study._evaluations import Variation, variation_of
 from jaxgear.study._head import require_load
@@ -186,6 +187,7 @@ def live_scene(scene: Scene) -> LiveScene:
     - `ValueError` if the gears are impossible.
     """
     require_load(scene, "live scene")
+    require_drive(scene, "a live scene moves the torque")
     scene = built_scene(scene)
     base = model_of(scene)
     real = scene.real_keys()

@@ -72,7 +72,7 @@ def no_load(scene: Scene) -> Result:
     flanks = flanks_of(scene, pair)
     # No load says how far beyond the path corners may touch: as far as is looked for at all.
     grid = pair_grid(scene, pair, as_scalar(jnp.inf))
-    found = called(_unloaded, pair, flanks, misalignment_of(scene.pair), grid)
+    found = called(_unloaded, pair, flanks, misalignment_of(scene.pair, 1), grid)
     cycle = _cycle_dataset(pair, found)
     groups = {
         "": cycle,

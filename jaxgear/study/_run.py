@@ -186,7 +186,7 @@ def _harris_torques(asked: MapKeys, pair: PairKeys, shaft: ShaftKeys) -> np.ndar
     """Torques of the Harris map: given, or from a quarter of the mesh's to half as much again."""
     if asked.torques_Nm is not None:
         return torques_of("map", asked.torques_Nm, pair, shaft)
-    torque, couples = pair.torque_pinion_Nm, couples_on_pinion(shaft)
+    torque, couples = abs(pair.torque_pinion_Nm), couples_on_pinion(shaft, pair.sense)
     on_mesh = torque + couples
     least = max(0.25 * on_mesh - couples, 0.05 * torque)
     return np.linspace(least, 1.5 * on_mesh - couples, 6)

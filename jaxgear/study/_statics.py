@@ -254,8 +254,8 @@ def torques_of(
 
     Refused where couples on the pinion's shaft leave the mesh nothing of one of them.
     """
-    given = [pair.torque_pinion_Nm] if listed is None else listed
-    torques, couples = np.asarray(given, dtype=float), couples_on_pinion(shaft)
+    given = [abs(pair.torque_pinion_Nm)] if listed is None else listed
+    torques, couples = np.asarray(given, dtype=float), couples_on_pinion(shaft, pair.sense)
     require(
         bool(np.all(torques + couples > 0.0)),
         "{key} lists {got:g} N m, of which the couples about Z on pinion.shaft.loads, {couples:g} "
