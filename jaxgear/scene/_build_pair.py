@@ -88,6 +88,7 @@ def _gear(gear: GearKeys, plain: GearKeys, material: Material) -> Gear:
         bore=None if plain.bore_mm == 0.0 else si(gear.bore_mm, mm),
         material=material,
         thickness_allowance=si(gear.thickness_allowance_um, um),
+        tip_corner_radius=si(gear.tip_corner_radius_mm, mm),
     )
 
 

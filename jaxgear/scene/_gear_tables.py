@@ -193,6 +193,11 @@ class GearKeys(AbstractKeys):
         "where a gear has it, back flanks touch once the backlash is used up",
         "[0, inf). An allowance is what is taken off the tooth, so it is not negative",
     )
+    tip_corner_radius_mm: float | None = real(
+        "radius of the rounding between flank and tip, square to the edge, by which a corner "
+        "presses with mesh.tip_contact; default: not known",
+        "(0, 50]. The key is in millimetres; leave it out where the corner is sharp",
+    )
     root_strength_MPa: float | None = key(
         "tooth-root stress that the gear bears, by which mesh.root_stress is judged: sigma_FG of "
         "ISO 6336-3, its life, notch and size factors in it",
