@@ -88,6 +88,7 @@ from ._contact._compliance import ConstantStiffness as ConstantStiffness
 from ._contact._compliance import Iso6336 as Iso6336
 from ._contact._iso import IsoStiffness as IsoStiffness
 from ._contact._compliance import WeberBanaschek as WeberBanaschek
+from ._contact._hertz import corner_contact as corner_contact
 from ._contact._hertz import hertz_contact as hertz_contact
 from ._contact._iso import iso_stiffness as iso_stiffness
 from ._contact._compliance import single_pair_stiffness as single_pair_stiffness
@@ -240,6 +241,7 @@ from ._response._factors import (
 from ._response._half_power import Resonance as Resonance
 from ._response._half_power import rayleigh_damping as rayleigh_damping
 from ._response._half_power import resonances as resonances
+from ._response._loads import corner_pressure as corner_pressure
 from ._response._loads import hertz_pressure as hertz_pressure
 from ._response._loads import line_load as line_load
 from ._response._loads import load_sharing as load_sharing

@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     Harmonics = Array
     Flag = Array
     Flags = Array
+    Marks = Array
     Counts = Array
 else:
     Scalar = Float[Array, ""]
@@ -86,6 +87,7 @@ else:
     Harmonics = Float[Array, "harmonic"]
     Flag = Bool[Array, ""]
     Flags = Bool[Array, "phase"]
+    Marks = Bool[Array, "..."]
     Counts = Int[Array, "phase"]
 
 

@@ -33,7 +33,8 @@ def _found(command: str, scene: Scene, memory: Path) -> Result:
     """What a study found; `memory` is where it may keep what it goes on with after a kill."""
     kept = (memory,) if command in _REMEMBERING else ()
     find = lambda scene: getattr(study, _STUDIES[command])(scene, *kept)
-    if command not in _AT_FIDELITY or scene.model.fidelity != "auto":
+    loaded = scene.pair.torque_pinion_Nm != 0.0
+    if command not in _AT_FIDELITY or scene.model.fidelity != "auto" or not loaded:
         return find(scene)
     from jaxgear.study._fidelity import _auto
 

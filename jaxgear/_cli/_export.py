@@ -53,7 +53,15 @@ def _uff58(result: Path, folder: Path) -> Path:
     return target
 
 
+def _refuse_other_sides(scene: Scene) -> None:
+    """Refuse a scene whose drive flanks do not carry, of which the file would not say so."""
+    if (torque := scene.pair.torque_pinion_Nm) <= 0.0:
+        words = f"got {torque:g}: the file is of drive flanks under load. Give a torque > 0"
+        scene.refuse([("pair.torque_pinion_Nm", words)])
+
+
 def _rexs(scene: Scene, folder: Path) -> _Written:
+    _refuse_other_sides(scene)
     text, remarks = rexs_of_scene(scene)
     target = folder / f"{scene.name}.rexs"
     write_text(text, target)
@@ -61,6 +69,7 @@ def _rexs(scene: Scene, folder: Path) -> _Written:
 
 
 def _modelica(scene: Scene, folder: Path) -> _Written:
+    _refuse_other_sides(scene)
     from jaxgear.study._mesh_map import mesh_map, modelica_table
 
     found = mesh_map(scene)

@@ -57,6 +57,8 @@ class Gear(eqx.Module):
         cylinder in the normal section, all of it on the back flank [m]. It sets the backlash and
         nothing else: the drive flank stays in place, and the tooth as stiff. `None` on both gears
         of a pair: back flanks are left out.
+    - `tip_corner_radius`: of the rounding between flank and tip, square to the edge [m], or `None`:
+        not known. It says how hard a corner presses that touches beyond the path, and nothing else.
 
     **Raises:**
 
@@ -73,6 +75,7 @@ class Gear(eqx.Module):
     bore: Scalar | None = eqx.field(converter=as_optional_scalar, default=None)
     material: Material = eqx.field(default_factory=Material)
     thickness_allowance: Scalar | None = eqx.field(converter=as_optional_scalar, default=None)
+    tip_corner_radius: Scalar | None = eqx.field(converter=as_optional_scalar, default=None)
 
     def __check_init__(self):
         require(
@@ -99,4 +102,11 @@ class Gear(eqx.Module):
                 "`Gear.thickness_allowance` is what is taken off the tooth, so it must not be "
                 "negative, got {got:.6g} m. Change its sign.",
                 got=self.thickness_allowance,
+            )
+        if self.tip_corner_radius is not None:
+            require(
+                in_numpy(self.tip_corner_radius) > 0.0,
+                "`Gear.tip_corner_radius` must be positive, got {got:.6g} m. Leave it out where "
+                "the corner is sharp: its pressure has no bound.",
+                got=self.tip_corner_radius,
             )

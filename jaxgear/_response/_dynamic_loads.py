@@ -6,7 +6,7 @@ As for the quasi-static cycle, they belong to slices that are at least half in c
 import jax.numpy as jnp
 
 from jaxgear._compiled import compiled
-from jaxgear._contact._hertz import hertz_contact
+from jaxgear._contact._hertz import corner_contact
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._dynamics._table import MIDDLE
@@ -52,8 +52,8 @@ def dynamic_pressure(
 ) -> LineGrid:
     """Largest Hertzian pressure across the contact band at each slice, drive flanks.
 
-    Arguments as for `dynamic_line_load`; beyond the path of contact it is that of the cylinders at
-    its end.
+    Arguments as for `dynamic_line_load`; beyond the path of contact it is that of a corner
+    whose radius is known, else that of the cylinders at its end.
 
     **Returns:**
 
@@ -61,6 +61,5 @@ def dynamic_pressure(
     """
     pair, lines = dynamics.cycle.system.pair, dynamics.cycle.cells.lines
     load = dynamic_line_load(dynamics, orbit, law, place=place)
-    on_path = jnp.clip(lines.roll, pair.path_start, pair.path_end)
-    times = load.shape[0] // on_path.shape[0]
-    return hertz_contact(pair, jnp.tile(on_path, (times, 1, 1))).pressure(load)
+    times = load.shape[0] // lines.roll.shape[0]
+    return corner_contact(pair, jnp.tile(lines.roll, (times, 1, 1))).pressure(load)

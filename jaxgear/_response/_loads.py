@@ -2,7 +2,8 @@
 
 Line load and pressure belong to slices whose middle lies on the path of contact; a slice that
 is less than half in contact carries force, but has no place on the flank. Beyond the path, where
-tip corners may touch, the pressure is that of the cylinders at its end, not of a corner.
+tip corners may touch, the pressure is that of the corner's rounding where its radius is known, else
+that of the cylinders at the end of the path.
 """
 
 import jax
@@ -10,7 +11,7 @@ import jax.numpy as jnp
 
 from jaxgear._compiled import compiled
 from jaxgear._contact._coupling import share_with_body
-from jaxgear._contact._hertz import hertz_contact
+from jaxgear._contact._hertz import at_known_corner, corner_contact
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._solve._cycle import MeshCycle
@@ -51,7 +52,7 @@ def line_load(cycle: MeshCycle, law: AbstractContactLaw) -> LineGrid:
 
 @compiled
 def hertz_pressure(pair: GearPair, cycle: MeshCycle, law: AbstractContactLaw) -> LineGrid:
-    """Largest Hertzian pressure across the contact band at each slice (theory 3.7).
+    """Largest Hertzian pressure across the contact band at each slice (theory 3.7, theory 3.14).
 
     **Arguments:**
 
@@ -63,9 +64,25 @@ def hertz_pressure(pair: GearPair, cycle: MeshCycle, law: AbstractContactLaw) ->
 
     Pressure [Pa].
     """
-    lines = cycle.cells.lines
-    on_path = jnp.clip(lines.roll, pair.path_start, pair.path_end)
-    return hertz_contact(pair, on_path).pressure(line_load(cycle, law))
+    return corner_contact(pair, cycle.cells.lines.roll).pressure(line_load(cycle, law))
+
+
+@compiled
+def corner_pressure(pair: GearPair, cycle: MeshCycle, law: AbstractContactLaw) -> LineGrid:
+    """Pressure of tip corners whose radius is known, beyond the path (theory 3.14).
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `cycle`: the settled states.
+    - `law`: with which they were found.
+
+    **Returns:**
+
+    Pressure; zero where no such corner touches [Pa].
+    """
+    known = at_known_corner(pair, cycle.cells.lines.roll)
+    return jnp.where(known, hertz_pressure(pair, cycle, law), 0.0)
 
 
 @compiled

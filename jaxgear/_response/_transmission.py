@@ -8,6 +8,7 @@ import jax.numpy as jnp
 
 from jaxgear._compiled import compiled
 from jaxgear._contact._cells import MeshCells
+from jaxgear._geometry._lines import ContactLines
 from jaxgear._geometry._pair import GearPair
 from jaxgear._smooth import smooth_maximum
 from jaxgear._solve._cycle import MeshCycle
@@ -99,11 +100,15 @@ def harmonic_amplitudes(cycle: MeshCycle, values: Phases, count: int) -> Harmoni
 
     Peak amplitude of each, in the unit of `values`.
     """
-    lines = cycle.cells.lines
+    return harmonics_of_phases(cycle.cells.lines, values, count)
+
+
+def harmonics_of_phases(lines: ContactLines, values: Phases, count: int) -> Harmonics:
+    """As `harmonic_amplitudes`, of contact lines that no load has been put on."""
     order = jnp.arange(1, count + 1, dtype=float)
     angle = 2.0 * jnp.pi * order[:, None] * lines.phase[None, :]
     # Uneven phases would let the mean leak into the harmonics.
-    weighted = (lines.weight * (values - cycle_mean(cycle, values)))[None, :]
+    weighted = (lines.weight * (values - jnp.sum(lines.weight * values)))[None, :]
     real = jnp.sum(weighted * jnp.cos(angle), axis=1)
     imaginary = jnp.sum(weighted * jnp.sin(angle), axis=1)
     return 2.0 * jnp.hypot(real, imaginary)

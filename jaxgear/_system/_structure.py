@@ -236,8 +236,9 @@ def check_torque(pinion: AbstractMount, torque: Scalar) -> None:
     require(
         torque > 0.0,
         "The pinion's torque must be positive, got {got:.6g} N m: it drives. Without "
-        "load flanks touch at one point: see `unloaded_transmission_error`. To load the other "
-        "flanks, change the sign of the helix angle.",
+        "load flanks touch at one point: see `unloaded_transmission_error`. To load the coast "
+        "flanks mirror the pair: change the sign of the helix angle, of misalignment and loads "
+        "along T; scenes do so where pair.torque_pinion_Nm is negative.",
         got=torque,
     )
     require(

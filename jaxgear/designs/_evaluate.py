@@ -93,7 +93,7 @@ class Evaluator:
         rows = Rows(
             values,
             self._real,
-            list(map(unfit, values)),
+            [unfit(each, self._study.scene.pair.torque_pinion_Nm) for each in values],
             np.full((len(values), numbers), np.nan),
             np.full((len(values), numbers, len(self._real)), np.nan),
             {},
@@ -148,7 +148,7 @@ class Evaluator:
         )
         try:
             require_solved(found.converged[index])
-            require_bearable(float(deflection), module, torque)
+            require_bearable(float(deflection), module, abs(torque))
             _require_finite(keep.numbers, numbers, slopes)
         except _OF_ONE as error:
             rows.reasons[place] = reason_of(error)

@@ -17,6 +17,7 @@ from jaxgear.scene._schema import KEYS, key_at
 
 # No machine keeps more rows [-].
 _MOST = 10_000_000
+_TORQUE = "pair.torque_pinion_Nm"
 # How far a scattered key is moved alone, in standard deviations.
 _REACH = 2.0
 
@@ -184,12 +185,18 @@ def _columns(scene: Scene) -> list[str]:
     return sorted({*scene.real_keys(), *plain, *(key for key in optional if "[]" not in key)})
 
 
-def unfit(values: Mapping[str, Any]) -> str:
-    """What is wrong with the values of a design, each for itself; empty if nothing is."""
+def unfit(values: Mapping[str, Any], torque: float) -> str:
+    """What is wrong with the values of a design, beside the scene's torque; empty if nothing is."""
     found = []
     for name, value in values.items():
         try:
             read_value(name, value)
         except ValueError as error:
             found.append(f"{name}: {error}")
+    own = values.get(_TORQUE, torque)
+    if not found and own != torque and own * torque <= 0.0:
+        found.append(
+            f"{_TORQUE}: got {own:g}, must have the sign of the scene's, {torque:g}: other flanks "
+            "carry. Study each side by itself"
+        )
     return "; ".join(found)

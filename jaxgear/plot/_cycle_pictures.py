@@ -18,6 +18,7 @@ from jaxgear.plot._cycle_tables import (
     harris_map_columns,
     load_sharing_columns,
     over_cycle,
+    pair_error_columns,
     phase_of_largest,
     spectra,
 )
@@ -206,4 +207,36 @@ def te_spectrum(dataset: xr.Dataset) -> Figure:
     room_above(size, 0.25)
     size.set_ylim(bottom=0.0)
     size.legend(loc="upper left", ncols=2)
+    return figure
+
+
+def unloaded_error(dataset: xr.Dataset) -> Figure:
+    """Transmission error of rigid gears over the cycle, below those of each pair, and harmonics."""
+    figure, (time, order) = panels(
+        "Transmission error without load", dataset, (9.6, 4.0), 2, width_ratios=(1.7, 1.0)
+    )
+    name, label = "unloaded_te_um", "transmission error [µm]"
+    alone = pair_error_columns(dataset)
+    periods = cycle_periods(dataset["phase"].values)
+    end = max(periods, 2)
+    for pair in np.unique(alone["tooth_pair"]):
+        own = alone["tooth_pair"] == pair
+        passage, error = alone["passage"][own], alone["pair_te_um"][own]
+        before = int(np.ceil(np.max(passage) / periods))
+        for entry in range(pair - before * periods, end + 1, periods):
+            time.plot(entry + passage, error, color=ORANGE, lw=0.8, zorder=1)
+    time.plot([], [], color=ORANGE, lw=0.8, label="of one tooth pair alone")
+    _draw_over_cycle(time, dataset, name, label, "{rms}, ")
+    values = dataset[name].values
+    # Pairs that do not touch are far off; what counts is where they cross.
+    room = max(float(np.ptp(values)), 1e-3)
+    time.set_ylim(np.min(values) - 0.3 * room, np.max(values) + 1.5 * room)
+    time.set_xlim(0.0, end)
+    time.legend(loc="upper right")
+    harmonic, amplitude = (dataset[it].values for it in ("harmonic", "unloaded_te_harmonic_um"))
+    order.vlines(harmonic, 0.0, amplitude, color=BLUE)
+    order.plot(harmonic, amplitude, "o", color=BLUE)
+    order.set(xlabel="mesh harmonic [-]", ylabel="amplitude [µm]", xticks=harmonic)
+    order.set_ylim(0.0, max(1.08 * np.max(amplitude), 1e-3))
+    order.set_title("harmonics (zero to peak)", loc="left")
     return figure

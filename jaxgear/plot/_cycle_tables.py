@@ -105,3 +105,19 @@ def spectra(dataset: xr.Dataset) -> xr.Dataset:
         {"te_order_um": (("torque", "order"), found)},
         {"torque_pinion_Nm": ("torque", dataset["torque_Nm"].values), "order": order},
     )
+
+
+def pair_error_columns(dataset: xr.Dataset) -> Columns:
+    """Transmission error without load that each tooth pair alone would have, pair after pair."""
+    phase = dataset["phase"].values
+    pairs, error = dataset["tooth_pair"].values, dataset["pair_te_um"].values
+    periods = cycle_periods(phase)
+    parts = []
+    for one in np.unique(pairs % periods):
+        places = np.nonzero((pairs % periods == one) & np.isfinite(error))
+        # Since the entry of the pair: the cycle begins again with it.
+        since = phase[places[0]] - pairs[places]
+        order = np.argsort(since)
+        parts.append((np.full(order.size, one), since[order], error[places][order]))
+    names = ("tooth_pair", "passage", "pair_te_um")
+    return joined([dict(zip(names, part, strict=True)) for part in parts])

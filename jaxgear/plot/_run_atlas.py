@@ -26,6 +26,14 @@ def run_pictures(datasets: Datasets) -> Iterator[Picture]:
             table = columns(slid, *sorted(str(name) for name, each in slid.items() if each.dims))
             yield Picture("sliding", drawn("_sliding_pictures.sliding", slid, cycle), table)
         yield from _of_cycle(cycle)
+    elif cycle is not None and "pair_te_um" in cycle:
+        draw = drawn("_cycle_pictures.unloaded_error", cycle)
+        beside = {
+            "harmonics": columns(cycle, "harmonic", "unloaded_te_harmonic_um"),
+            "tooth_pairs": tables.pair_error_columns(cycle),
+        }
+        table = tables.over_cycle(cycle, "unloaded_te_um")
+        yield Picture("unloaded_transmission_error", draw, table, beside)
     if (roots := datasets.get("roots")) is not None:
         yield from _of_roots(roots)
     if pair is not None and (shafts := datasets.get("shafts")) is not None:

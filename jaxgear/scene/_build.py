@@ -47,7 +47,7 @@ from jaxgear._types import Scalar
 from jaxgear._units import GPa, N_per_mm_um, mm, um
 from jaxgear.scene._build_pair import flanks_of, material_of, pair_of, si
 from jaxgear.scene._csv import read_matrix
-from jaxgear.scene._gear_tables import BearingKeys, GearKeys, ShaftKeys
+from jaxgear.scene._gear_tables import BearingKeys, GearKeys, PairKeys, ShaftKeys
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
 from jaxgear.scene._tables import MeshKeys
@@ -63,7 +63,9 @@ def model_of(scene: Scene, changes: Mapping[str, object] = MappingProxyType({}))
 
     **Returns:**
 
-    The model, in SI.
+    The model, in SI. Where the torque is negative that of the pair's mirror image in the plane of
+    the axes, whose drive flanks are the pair's coast flanks (theory 1.16): T and what turns about S
+    and Z have the other sign in it.
 
     **Raises:**
 
@@ -72,23 +74,35 @@ def model_of(scene: Scene, changes: Mapping[str, object] = MappingProxyType({}))
     """
     scene = scene.replace(changes) if changes else scene
     pair, shared, folder = pair_of(scene), scene.pair, scene.path.parent
+    sense = scene.plain.pair.sense
     pinion, wheel = (_mount(scene, name) for name in GEARS)
     housing, speed = scene.housing.stiffness_csv, scene.mesh.pinion_speed_rad_s
     return PairModel(
         pair=pair,
-        torque=si(shared.torque_pinion_Nm),
+        torque=sense * si(shared.torque_pinion_Nm),
         flanks=flanks_of(scene, pair),
         compliance=_compliance(scene),
-        misalignment=Misalignment(
-            inclination=si(shared.misalignment_inclination_um, um),
-            deviation=si(shared.misalignment_deviation_um, um),
-        ),
-        housing=None if housing is None else Housing(read_matrix(housing, folder)),
+        misalignment=misalignment_of(shared, sense),
+        housing=None if housing is None else _housing(read_matrix(housing, folder), sense),
         speed=0.0 if speed is None else si(speed),
         pinion_support=pinion,
         wheel_support=wheel,
         pinion_body=_body(scene, pair, "pinion", pinion),
         wheel_body=_body(scene, pair, "wheel", wheel),
+    )
+
+
+def _housing(stiffness: np.ndarray, sense: int) -> Housing:
+    """A housing, whose T turns round where the pair is mirrored."""
+    turned = np.tile([1.0, float(sense), 1.0], len(stiffness) // 3 + 1)[: len(stiffness)]
+    return Housing(stiffness * turned[:, None] * turned if sense < 0 else stiffness)
+
+
+def misalignment_of(pair: PairKeys, sense: int) -> Misalignment:
+    """How far the axes of a scene are out of parallel, seen as its `sense` says."""
+    return Misalignment(
+        inclination=si(pair.misalignment_inclination_um, um),
+        deviation=sense * si(pair.misalignment_deviation_um, um),
     )
 
 
@@ -199,16 +213,21 @@ def _mount(scene: Scene, name: str) -> Support | Shaft:
             tilt=springs.tilt_Nm_rad,
         )
     # Which points share a node follows from the last numbers that were not traced.
+    sense = scene.plain.pair.sense
     with jax.ensure_compile_time_eval():
         plain = scene.plain
-        layout = _shaft(plain.gear(name), material_of(plain, name), None).layout
-    return _shaft(scene.gear(name), material_of(scene, name), layout)
+        layout = _shaft(plain.gear(name), material_of(plain, name), None, sense).layout
+    return _shaft(scene.gear(name), material_of(scene, name), layout, sense)
 
 
-def _shaft(gear: GearKeys, material: Material, layout: ShaftLayout | None) -> Shaft:
+def _shaft(gear: GearKeys, material: Material, layout: ShaftLayout | None, sense: int) -> Shaft:
     """The shaft of a gear, with nodes as laid out before, if it was."""
     shaft = gear.shaft
-    vector = lambda entries: jnp.stack([jnp.asarray(x, dtype=float) for x in entries])
+    vector = lambda entries, signs: jnp.stack(
+        [sign * jnp.asarray(x, dtype=float) for x, sign in zip(entries, signs, strict=True)]
+    )
+    # A force is mirrored, a moment turns the other way round.
+    forces, moments = (1, sense, 1), (sense, 1, sense)
     return Shaft(
         [
             Segment(si(each.length_mm, mm), si(each.outer_mm, mm), si(each.inner_mm, mm))
@@ -218,7 +237,11 @@ def _shaft(gear: GearKeys, material: Material, layout: ShaftLayout | None) -> Sh
         gear_at=si(shaft.gear_at_mm, mm),
         torque_at=si(shaft.torque_at_mm, mm),
         loads=[
-            ShaftLoad(si(each.at_mm, mm), vector(each.force_N), vector(each.moment_Nm))
+            ShaftLoad(
+                si(each.at_mm, mm),
+                vector(each.force_N, forces),
+                vector(each.moment_Nm, moments),
+            )
             for each in shaft.loads
         ],
         shear_coefficient=si(shaft.shear_coeff),
@@ -309,6 +332,6 @@ def _condensed_body(scene: Scene, name: str) -> FlexibleBody:
     return scaled_body(body, young=stiffer, density=denser)
 
 
-def couples_on_pinion(shaft: ShaftKeys) -> float:
+def couples_on_pinion(shaft: ShaftKeys, sense: int = 1) -> float:
     """Sum of the couples about Z on the pinion's shaft, which help its drive [N m]."""
-    return float(sum(load.moment_Nm[2] for load in shaft.loads))
+    return sense * float(sum(load.moment_Nm[2] for load in shaft.loads))

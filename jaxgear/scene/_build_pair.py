@@ -55,7 +55,7 @@ def si(value: Any, unit: float | None = None) -> Any:
 
 
 def pair_of(scene: Scene) -> GearPair:
-    """The gears of a scene.
+    """The gears of a scene, mirrored where their coast flanks carry.
 
     **Raises:**
 
@@ -68,7 +68,7 @@ def pair_of(scene: Scene) -> GearPair:
         },
         normal_module=si(scene.pair.module_mm, mm),
         pressure_angle=si(scene.pair.pressure_angle_deg, deg),
-        helix_angle=si(scene.pair.helix_angle_deg, deg),
+        helix_angle=scene.plain.pair.sense * si(scene.pair.helix_angle_deg, deg),
         centre_distance=si(scene.pair.centre_distance_mm, mm),
     )
     check_backlash(pair)
@@ -88,6 +88,7 @@ def _gear(gear: GearKeys, plain: GearKeys, material: Material) -> Gear:
         bore=None if plain.bore_mm == 0.0 else si(gear.bore_mm, mm),
         material=material,
         thickness_allowance=si(gear.thickness_allowance_um, um),
+        tip_corner_radius=si(gear.tip_corner_radius_mm, mm),
     )
 
 
@@ -107,13 +108,13 @@ def flanks_of(scene: Scene, pair: GearPair) -> Flanks:
     """
     parts, indexing = {}, {}
     for index, name in enumerate(GEARS):
-        flank = scene.flank.gear(name)
+        flank = scene.flank.gear(name, scene.plain.pair.sense)
         measured = _measured(flank, pair, index, scene.path.parent)
         parts[name] = Superposed(parts=(*_modified(flank), *measured, *_graded(flank, pair, index)))
         # A grade's pitch errors are a wave over the revolution: one mesh period sees nothing of it.
         graded = flank.accuracy_grade is not None and scene.mesh.periods > 1
         keys = ("pitch_error_um", "eccentricity_um", "eccentricity_angle_deg")
-        said = graded or any(f"flank.{name}.{key}" in scene.given for key in keys)
+        said = graded or bool(flank.written(*keys))
         indexing[f"{name}_indexing"] = _indexing(flank, pair, index, graded) if said else None
     return Flanks(**parts, **indexing)
 

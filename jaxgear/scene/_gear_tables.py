@@ -16,9 +16,8 @@ Shape = Literal["linear", "parabolic"]
 YOUNG = "[0.1, 2000]. The key is in gigapascals; steel has 206"
 DENSITY = "[100, 30000]. The key is in kg/m^3; steel has 7850"
 TORQUE = (
-    "(0, inf). The pinion drives; without load flanks touch at one point, and every run says what "
-    "the transmission error then is, unloaded_te_um. To load the other flank mirror the pair: "
-    "change the sign of the helix angle and swap the flank data"
+    "(0, inf). It is a size: the flank that carries, drive or coast, is said by the sign of "
+    "pair.torque_pinion_Nm"
 )
 DEPTH = "[0, inf). A depth is material removed, so it is positive where the flank is cut back"
 EXTENT = (
@@ -57,7 +56,10 @@ class PairKeys(AbstractKeys):
         "[-45, 45]. The key is in degrees",
         0.0,
     )
-    torque_pinion_Nm: float = real("driving torque on the pinion", TORQUE)
+    torque_pinion_Nm: float = real(
+        "torque on the pinion; negative: it drives backwards, with its coast flanks; 0: rigid "
+        "gears without load, for `jaxgear run` alone"
+    )
     power_kW: float | None = real(
         "power on the pinion, which with speed_rpm gives its torque",
         TORQUE,
@@ -78,6 +80,11 @@ class PairKeys(AbstractKeys):
         "misalignment over the face width in the plane perpendicular to that of the axes",
         default=0.0,
     )
+
+    @property
+    def sense(self) -> int:
+        """1 where the drive flanks carry, -1 where the coast flanks do."""
+        return -1 if self.torque_pinion_Nm < 0.0 else 1
 
 
 class OwnMaterialKeys(AbstractKeys):
@@ -186,6 +193,11 @@ class GearKeys(AbstractKeys):
         "where a gear has it, back flanks touch once the backlash is used up",
         "[0, inf). An allowance is what is taken off the tooth, so it is not negative",
     )
+    tip_corner_radius_mm: float | None = real(
+        "radius of the rounding between flank and tip, square to the edge, by which a corner "
+        "presses with mesh.tip_contact; default: not known",
+        "(0, 50]. The key is in millimetres; leave it out where the corner is sharp",
+    )
     root_strength_MPa: float | None = key(
         "tooth-root stress that the gear bears, by which mesh.root_stress is judged: sigma_FG of "
         "ISO 6336-3, its life, notch and size factors in it",
@@ -282,7 +294,13 @@ class FlanksKeys(AbstractKeys):
 
     pinion: FlankKeys
     wheel: FlankKeys
+    pinion_coast: FlankKeys
+    wheel_coast: FlankKeys
 
-    def gear(self, name: str) -> FlankKeys:
-        """The flanks of a gear, `pinion` or `wheel`."""
-        return getattr(self, name)
+    def gear(self, name: str, sense: int = 1) -> FlankKeys:
+        """The flanks of a gear, `pinion` or `wheel`, that carry.
+
+        Those of the coast side, `sense` -1, are as those of the drive side unless they are given.
+        """
+        coast = getattr(self, f"{name}_coast")
+        return coast if sense < 0 and coast.is_given else getattr(self, name)

@@ -14,6 +14,7 @@ from jaxgear.scene._paths import around, filled_in, join, key_steps, put, steps_
 from jaxgear.scene._schema import (
     ALWAYS,
     BY_PATH,
+    GEARS,
     KEYS,
     REAL_KEYS,
     TABLES,
@@ -23,6 +24,8 @@ from jaxgear.scene._schema import (
 )
 from jaxgear.scene._table import table_of
 from jaxgear.scene._tables import PlainTables
+
+_COAST = tuple(f"flank.{gear}_coast" for gear in GEARS)
 
 
 class Reading:
@@ -175,10 +178,14 @@ class Reading:
         values: dict[str, Any] = {}
         places = dict(self._instances())
         # What others stand for is neither missing nor filled in.
+        coast = {path.removeprefix("flank.") for path in self.seen if path in _COAST}
         told = self.seen | {target for target in INSTEAD if place_of(target, self.seen) != target}
         for path, key in places.items():
             if path in self.values:
                 values[path] = self.values[path]
+            elif path.startswith(_COAST) and path.split(".")[1] not in coast:
+                # Coast flanks that nobody gives are those of the drive side.
+                continue
             elif path not in told and _has_default(key, values):
                 values[path] = list(key.default) if isinstance(key.default, list) else key.default
         # Not defaults of the schema, since only the reader knows the file.

@@ -235,7 +235,7 @@ def _bearings(tables: AbstractTables, gear: str, module: float) -> Iterator[Slip
     pinion, torque = reference_diameter(tables, "pinion"), tables.pair.torque_pinion_Nm
     if pinion is None or torque is None:
         return
-    force, of = 2e3 * torque / pinion, tables.gear(gear)
+    force, of = 2e3 * abs(torque) / pinion, tables.gear(gear)
     rows = enumerate(itertools.takewhile(lambda row: row.at_mm is not None, of.shaft.bearings))
     places = {f"{gear}.support": of.support} | {f"{gear}.shaft.bearings[{i}]": x for i, x in rows}
     for along in ("radial_S_N_m", "radial_T_N_m"):

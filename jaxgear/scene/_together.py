@@ -38,10 +38,11 @@ def mistakes_together(reading: Reading, values: Values) -> Said:
         gear = tables.gear(name)
         yield from _springs(f"{name}.support", gear.support)
         yield from _foundation(reading, name, values)
-        errors = tables.flank.gear(name).pitch_error_um
-        if errors and gear.teeth is not None and len(errors) not in (1, gear.teeth):
-            words = f"must be 1 or {gear.teeth}, one for each of {name}.teeth"
-            yield f"flank.{name}.pitch_error_um", f"got {len(errors)} values, {words}"
+        for side in (name, f"{name}_coast"):
+            errors = getattr(tables.flank, side).pitch_error_um
+            if errors and gear.teeth is not None and len(errors) not in (1, gear.teeth):
+                words = f"must be 1 or {gear.teeth}, one for each of {name}.teeth"
+                yield f"flank.{side}.pitch_error_um", f"got {len(errors)} values, {words}"
         yield from _shaft(reading, name, gear)
         yield from body_mistakes(name, gear, root_diameter(tables, name), reading.seen)
     weights = [values[path] for path in values if path.startswith("optimise.minimise.")]

@@ -7,11 +7,13 @@ from collections.abc import Callable, Collection, Mapping
 from typing import Concatenate, ParamSpec
 
 from jaxgear._process import peak_memory
+from jaxgear._units import deg
 from jaxgear.scene._assumed import assumed
 from jaxgear.scene._gear_tables import GearKeys
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._slips import odd
 from jaxgear.scene._tables import MeshKeys
+from jaxgear.study._coast import as_coast, require_coast
 from jaxgear.study._drawing import drawing_summary
 from jaxgear.study._notes import notes
 from jaxgear.study._ranks import Doubtful, worst_first
@@ -51,7 +53,10 @@ def head(scene: Scene, statics: Statics) -> Summary:
             # Both gears' rotations are one coordinate: the drive.
             "dofs": len(statics.cycle.system.structure.map.free) - 1 + modes,
         },
-        "geometry": geometry_summary(statics) | drawing_summary(scene.gears, statics.model.pair),
+        "geometry": geometry_summary(statics.model.pair)
+        # Thesis eq. 3.3: what a growth of both base radii, by centrifugal load say, does.
+        | {"pressure_angle_change_deg_per_permille_base_radius": float(statics.angle_change) / deg}
+        | drawing_summary(scene.gears, statics.model.pair),
         "iso6336": {key: float(value) for key, value in statics.standard.items()},
         "static": {
             **{key: float(value) for key, value in statics.numbers.items()},
@@ -103,6 +108,23 @@ def finished(scene: Scene, summary: Summary) -> Summary:
 
 
 _More = ParamSpec("_More")
+# Studies that have a meaning at torque 0.
+_WITHOUT_LOAD = ("run", "statics", "condense")
+
+
+def require_load(scene: Scene, what: str) -> None:
+    """Refuse a scene at torque 0 for what has no meaning without load.
+
+    **Raises:**
+
+    - `SceneError` that names the torque.
+    """
+    if scene.plain.pair.torque_pinion_Nm == 0.0:
+        words = (
+            f"got 0: {what.replace('_', ' ')} has no meaning without load. Give a torque, or let "
+            "`jaxgear run` find the transmission error of rigid gears"
+        )
+        scene.refuse([("pair.torque_pinion_Nm", words)])
 
 
 def study(
@@ -112,8 +134,14 @@ def study(
 
     @functools.wraps(found)
     def studied(scene: Scene, *more: _More.args, **named: _More.kwargs) -> Result:
+        if found.__name__ not in _WITHOUT_LOAD:
+            require_load(scene, found.__name__)
+        if scene.plain.pair.sense < 0:
+            require_coast(scene, found.__name__)
         with stopwatch():
             result = found(scene, *more, **named)
+            if scene.plain.pair.sense < 0:
+                result = as_coast(result)
             return dataclasses.replace(result, summary=finished(scene, result.summary))
 
     return studied

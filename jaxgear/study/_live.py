@@ -21,8 +21,10 @@ from jaxgear._units import MPa, mm, um
 from jaxgear.scene._build import grid_of, law_of, model_of
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import key_at
+from jaxgear.study._coast import require_drive
 from jaxgear.study._derivatives import Keys
 from jaxgear.study._evaluations import Variation, variation_of
+from jaxgear.study._head import require_load
 from jaxgear.study._progress import built_scene
 from jaxgear.study._running import timed
 from jaxgear.study._statics import headline, require_solved
@@ -184,6 +186,8 @@ def live_scene(scene: Scene) -> LiveScene:
 
     - `ValueError` if the gears are impossible.
     """
+    require_load(scene, "live scene")
+    require_drive(scene, "a live scene moves the torque")
     scene = built_scene(scene)
     base = model_of(scene)
     real = scene.real_keys()

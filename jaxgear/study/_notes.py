@@ -262,11 +262,17 @@ def _on_cycle(mesh: MeshKeys, gears: Mapping[str, GearKeys], flanks: FlanksKeys)
             )
         if periods == 1 and flank.accuracy_grade is not None:
             yield f"One mesh period leaves out the pitch errors of flank.{gear}.accuracy_grade."
-    if mesh.tip_contact:
+    unknown = [gear for gear in GEARS if gears[gear].tip_corner_radius_mm is None]
+    if mesh.tip_contact and unknown:
+        keys = " and ".join(f"{gear}.tip_corner_radius_mm" for gear in unknown)
         yield (
             "Beyond the ends of the path tip corners press on the flank: the pressures there are "
-            "those of the cylinders at the end of the path, not of a corner."
+            "those of the cylinders at the end of the path, not of a corner, and that of a sharp "
+            f"one is not known. Give {keys}."
         )
+    for gear in GEARS:
+        if "tip_corner_radius_mm" in gears[gear].given and not mesh.tip_contact:
+            yield Idle(f"{gear}.tip_corner_radius_mm does nothing without mesh.tip_contact.")
 
 
 def _on_results(slices: int, statics: Statics) -> Iterator[str]:

@@ -120,7 +120,8 @@ def optimisation(
     notes = left_out_notes(at_start, at_end, limited=swept) + notes
     name = f"{scene.name}.optimised.toml"
     own |= left_out(at_start, at_end) | {"scene": name}
-    flanks = modification_dataset({"start": before.model, "optimised": after.model})
+    states = {"start": before.model, "optimised": after.model}
+    flanks = modification_dataset({name: (it.pair, it.flanks) for name, it in states.items()})
     result = Result(
         scene,
         {"optimise": own, "notes": notes},

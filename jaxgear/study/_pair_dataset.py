@@ -23,7 +23,6 @@ from jaxgear._flank._measured import (
 from jaxgear._geometry._pair import GearPair, pair_facts
 from jaxgear._geometry._sliding import sliding_speed, specific_sliding
 from jaxgear._kept_programs import called
-from jaxgear._system._model import PairModel
 from jaxgear._types import as_scalar
 from jaxgear._units import deg, mm, um
 from jaxgear.scene._schema import GEARS
@@ -207,13 +206,13 @@ _POINTS = 201
 _MADE = (MeasuredProfile, MeasuredTopography, ProfileWaviness, Superposed)
 
 
-def modification_dataset(models: Mapping[str, PairModel]) -> xr.Dataset:
+def modification_dataset(flanks: Mapping[str, tuple[GearPair, Flanks]]) -> xr.Dataset:
     """Traces of both flanks as a gear checker takes them: profile at three places, lead at one.
 
     `designed_um` is the drawing's: reliefs, crownings and slopes; `made_um` adds what was measured
     and what a tolerance grade stands for.
     """
-    found = [called(_traced, model.pair, model.flanks) for model in models.values()]
+    found = [called(_traced, *each) for each in flanks.values()]
     roll, diameter, face, designed, made = (np.stack(each) for each in zip(*found, strict=True))
     return dataset_of(
         told(
@@ -224,7 +223,7 @@ def modification_dataset(models: Mapping[str, PairModel]) -> xr.Dataset:
             designed_um=(designed, "material added as designed"),
             made_um=(made, "material added as made"),
         ),
-        **over("state", state=(list(models), "which flanks")),
+        **over("state", state=(list(flanks), "which flanks")),
         **_GEAR,
         **over("trace", trace=(list(_TRACES), "where the flank is traced")),
     )

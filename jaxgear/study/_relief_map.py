@@ -111,7 +111,7 @@ _depth_of = jax.jit(optimise.master_curve_depth)
 
 def _closed_form(statics: Statics, extent: Any) -> np.ndarray:
     """Depths of the closed form of the Master Curve with the statics of one torque [um]."""
-    ratio = geometry_summary(statics)["profile_contact_ratio"]
+    ratio = geometry_summary(statics.model.pair)["profile_contact_ratio"]
     # Of a tooth pair, less what the next one feels of it.
     own = float(statics.numbers["unshared_deflection_um"])
     return np.asarray(_depth_of(as_reals(extent), as_reals(ratio), as_reals(own)))
@@ -225,12 +225,14 @@ def _traced(
 
 def _family(space: DesignSpace, extent: np.ndarray, start: float, deepest: float) -> xr.Dataset:
     """The curve traced at each of `map.torques_Nm`."""
-    own, curves, deflections = space.scene.pair.torque_pinion_Nm, [], []
+    own, curves, deflections = abs(space.scene.pair.torque_pinion_Nm), [], []
     torques = torques_of(
         "map", space.scene.map.torques_Nm, space.scene.pair, space.scene.pinion.shaft
     )
     for torque in map(float, torques):
-        statics = solve_statics(space.scene.replace({"pair.torque_pinion_Nm": torque}))
+        statics = solve_statics(
+            space.scene.replace({"pair.torque_pinion_Nm": space.scene.pair.sense * torque})
+        )
         # Deflections are nearly in proportion to the torque; and deeper is asked for by no one.
         near = min(start * torque / own, deepest)
         curves.append(_traced(_task(space, statics), statics, extent, near, deepest))

@@ -16,6 +16,7 @@ from jaxtyping import Array
 from numpy.typing import ArrayLike
 
 import jaxgear as jg
+from jaxgear._geometry._lines import ContactLines
 from jaxgear._kept_programs import called
 from jaxgear._units import MPa, N_per_mm_um, deg, mm, um
 from jaxgear.scene._schema import GEARS
@@ -141,6 +142,8 @@ def _responses(
         "body_load": -wrench @ jg.structure_vectors(pair).T,
         "face_load": jg.face_load(pair, cycle),
     }
+    if has_corners(lines, pair):
+        found["corner_pressure"] = jg.corner_pressure(pair, cycle, law)
     if structure.map.bearings:
         motion = cycle.system.displacement(cycle.load)
         bearings = jax.vmap(lambda x: jg.bearing_motion(structure, x))(motion)
@@ -162,7 +165,18 @@ def _pair_stiffness(model: jg.PairModel, cycle: jg.MeshCycle) -> Array:
 
 def harmonic_count(cycle: jg.MeshCycle) -> int:
     """Number of mesh harmonics that are written down, as far as the phases resolve them."""
-    return min(_HARMONICS, (cycle.approach.size // cycle.cells.lines.periods - 1) // 2)
+    return harmonics_resolved(cycle.cells.lines)
+
+
+def has_corners(lines: ContactLines, pair: jg.GearPair) -> bool:
+    """Whether tip corners may touch, and the radius of one is known."""
+    known = any(gear.tip_corner_radius is not None for gear in (pair.pinion, pair.wheel))
+    return known and lines.beyond > 0.0
+
+
+def harmonics_resolved(lines: ContactLines) -> int:
+    """As `harmonic_count`, of contact lines that no load has been put on."""
+    return min(_HARMONICS, (lines.phase.size // lines.periods - 1) // 2)
 
 
 def _coordinates(cycle: jg.MeshCycle, facts: dict[str, np.ndarray]) -> Entries:
@@ -198,6 +212,10 @@ def _over_mesh(cycle: jg.MeshCycle, found: dict[str, np.ndarray]) -> Entries:
     of_cells = lambda values: np.asarray(values).reshape(lines.roll.shape)
     te = "transmission error"
     solved = np.asarray(cycle.converged).astype(np.int8)
+    corners = {}
+    if "corner_pressure" in found:
+        words = "pressure of a tip corner of known radius beyond the path"
+        corners["corner_pressure_MPa"] = found["corner_pressure"], words
     return (
         over(
             "phase",
@@ -225,6 +243,7 @@ def _over_mesh(cycle: jg.MeshCycle, found: dict[str, np.ndarray]) -> Entries:
             fraction=(lines.fraction, "part of the slice that is in contact"),
             line_load_N_mm=(found["line_load"], "load per length of contact line"),
             pressure_MPa=(found["pressure"], "largest Hertzian pressure"),
+            **corners,
             cell_force_N=(of_cells(cycle.force), "force of a cell along the normal"),
             gap_um=(of_cells(found["gap"]), "gap of the undeformed flanks along the normal"),
             pair_stiffness_N_mm_um=(

@@ -12,6 +12,7 @@ from jaxgear.scene._study_tables import MapKeys
 from jaxgear.study._body_surfaces import body_sections
 from jaxgear.study._dynamics import fastest, solve_dynamics
 from jaxgear.study._head import head, names_of, study
+from jaxgear.study._no_load import no_load
 from jaxgear.study._optimising import optimisation
 from jaxgear.study._pair_dataset import (
     axes_dataset,
@@ -41,13 +42,16 @@ def statics(scene: Scene) -> Result:
 
     The dataset of the cycle, groups `pair`, `axes`, `sliding`, `modification`, with
     `mesh.root_stress` `roots`, with bearings `shafts`, and `pinion_deflected` and
-    `wheel_deflected` of condensed bodies; the summary.
+    `wheel_deflected` of condensed bodies; the summary. At torque 0 the transmission error of
+    rigid gears, with `pair`, `axes` and `modification`.
 
     **Raises:**
 
     - `ValueError` if the gears are impossible.
     - `SolverFailure` if a contact problem was not solved.
     """
+    if scene.plain.pair.torque_pinion_Nm == 0.0:
+        return no_load(scene)
     scene = built_scene(scene)
     return statics_result(scene, *solved(scene))
 
@@ -79,12 +83,14 @@ def run(scene: Scene, memory: Path | None = None) -> Result:
     **Returns:**
 
     The datasets and the summaries of `statics`, `sweep`, `sizing` and `optimise`; one model is
-    solved for all of them.
+    solved for all of them. At torque 0 those of `statics` alone.
 
     **Raises:**
 
     As these.
     """
+    if scene.plain.pair.torque_pinion_Nm == 0.0:
+        return no_load(scene)
     scene = built_scene(scene)
     # Impossible gears and endless searches are refused before anything is compiled.
     model_of(scene)
@@ -126,7 +132,7 @@ def statics_result(scene: Scene, statics: Statics, torques: np.ndarray) -> Resul
     }
     if not scene.optimise.is_given:
         # A search shows them beside those that it finds.
-        groups["modification"] = modification_dataset({"given": model})
+        groups["modification"] = modification_dataset({"given": (model.pair, model.flanks)})
     if static["bearings"]:
         sections = body_sections(scene.bodies)
         groups["shafts"] = shafts_dataset(model, statics.cycle, static["bearings"], sections)
@@ -180,7 +186,7 @@ def _harris_torques(asked: MapKeys, pair: PairKeys, shaft: ShaftKeys) -> np.ndar
     """Torques of the Harris map: given, or from a quarter of the mesh's to half as much again."""
     if asked.torques_Nm is not None:
         return torques_of("map", asked.torques_Nm, pair, shaft)
-    torque, couples = pair.torque_pinion_Nm, couples_on_pinion(shaft)
+    torque, couples = abs(pair.torque_pinion_Nm), couples_on_pinion(shaft, pair.sense)
     on_mesh = torque + couples
     least = max(0.25 * on_mesh - couples, 0.05 * torque)
     return np.linspace(least, 1.5 * on_mesh - couples, 6)

@@ -11,7 +11,6 @@ import numpy as np
 
 import optimise
 from jaxgear._checks import InputError
-from jaxgear._contact._cells import Misalignment
 from jaxgear._contact._root_influence import nearby_influences
 from jaxgear._flank._deviations import (
     Flanks,
@@ -26,7 +25,7 @@ from jaxgear._geometry._pair import GearPair
 from jaxgear._system._model import PairModel
 from jaxgear._types import Reals, Scalar
 from jaxgear._units import um
-from jaxgear.scene._build import flanks_of, model_of
+from jaxgear.scene._build import flanks_of, misalignment_of, model_of
 from jaxgear.scene._gear_tables import FlanksKeys
 from jaxgear.scene._key import show
 from jaxgear.scene._schema import GEARS, KEYS, general, split_entry
@@ -101,17 +100,17 @@ class Scatter(eqx.Module):
         """
         scene, base = self.space.scene, self.space.base
         by = dict(zip(self.keys, drawn, strict=False))
-        torque = torque + by.pop(_TORQUE, 0.0)
+        sense = scene.plain.pair.sense
+        torque = torque + sense * by.pop(_TORQUE, 0.0)
         updates = self.space.updates(values)
         updates |= {key: updates.get(key, scene.value(key)) + more for key, more in by.items()}
         scene = scene.replace(updates)
         if self._light:
-            alignment = Misalignment(*(scene.value(key) * um for key in _ALIGNMENT))
-            own = flanks_of(scene, base.pair), alignment
+            own = flanks_of(scene, base.pair), misalignment_of(scene.pair, sense)
             model = eqx.tree_at(lambda m: (m.flanks, m.misalignment), base, own)
         else:
             model = model_of(scene)
-        flanks = _deviated(scene.flank, model, self.tolerated, drawn[len(self.keys) :])
+        flanks = _deviated(scene.flank, sense, model, self.tolerated, drawn[len(self.keys) :])
         return eqx.tree_at(lambda m: (m.flanks, m.torque), model, (flanks, torque))
 
 
@@ -120,7 +119,7 @@ def _is_light(key: str) -> bool:
 
 
 def _deviated(
-    given: FlanksKeys, model: PairModel, tolerated: Sequence[Tolerated], drawn: Reals
+    given: FlanksKeys, sense: int, model: PairModel, tolerated: Sequence[Tolerated], drawn: Reals
 ) -> Flanks:
     """The flanks of a model with deviations of a tolerance class added, in um."""
     flanks = [model.flanks.pinion, model.flanks.wheel]
@@ -135,7 +134,7 @@ def _deviated(
             case "helix slope":
                 more = HelixSlope(amount * um)
             case _:
-                waves = float(given.gear(GEARS[gear]).accuracy_waves)
+                waves = float(given.gear(GEARS[gear], sense).accuracy_waves)
                 # A cosine of whole waves has no slope, and no mean.
                 more = ProfileWaviness(amount * um, waves, 0.5 * np.pi)
         flanks[gear] = Superposed((flanks[gear], more))

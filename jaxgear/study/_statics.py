@@ -24,7 +24,7 @@ from jaxgear._response._factors import (
     pressure_angle_change,
     transverse_load_factor,
 )
-from jaxgear._response._loads import hertz_pressure, line_load, mesh_stiffness
+from jaxgear._response._loads import corner_pressure, hertz_pressure, line_load, mesh_stiffness
 from jaxgear._response._losses import mesh_loss_factor
 from jaxgear._response._root_stress import root_stress, slice_load
 from jaxgear._response._transmission import (
@@ -45,7 +45,7 @@ from jaxgear.scene._gear_tables import PairKeys, ShaftKeys
 from jaxgear.scene._mesh_roots import influences_of
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
-from jaxgear.study._results import harmonic_count
+from jaxgear.study._results import harmonic_count, has_corners
 from jaxgear.study._running import timed
 
 
@@ -254,8 +254,8 @@ def torques_of(
 
     Refused where couples on the pinion's shaft leave the mesh nothing of one of them.
     """
-    given = [pair.torque_pinion_Nm] if listed is None else listed
-    torques, couples = np.asarray(given, dtype=float), couples_on_pinion(shaft)
+    given = [abs(pair.torque_pinion_Nm)] if listed is None else listed
+    torques, couples = np.asarray(given, dtype=float), couples_on_pinion(shaft, pair.sense)
     require(
         bool(np.all(torques + couples > 0.0)),
         "{key} lists {got:g} N m, of which the couples about Z on pinion.shaft.loads, {couples:g} "
@@ -315,6 +315,7 @@ def static_numbers(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) 
     return {
         "mesh_force_N": cycle.load[0, 0],
         **headline(model, cycle, law),
+        **_corner_numbers(model, cycle, law),
         "te_unloaded_peak_to_peak_um": _unloaded_range(model, cycle) / um,
         "single_pair_stiffness_max_N_mm_um": largest / N_per_mm_um,
         "single_pair_stiffness_pitch_N_mm_um": at_pitch / N_per_mm_um,
@@ -332,6 +333,13 @@ def static_numbers(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) 
         "least_share_in_contact": jnp.min(_share_in_contact(cycle)),
         "most_solver_steps": jnp.max(cycle.steps),
     }
+
+
+def _corner_numbers(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> Numbers:
+    """Largest pressure of tip corners, where they may touch and the radius of one is known."""
+    if not has_corners(cycle.cells.lines, model.pair):
+        return {}
+    return {"max_corner_pressure_MPa": jnp.max(corner_pressure(model.pair, cycle, law)) / MPa}
 
 
 def _unloaded_range(model: PairModel, cycle: MeshCycle) -> Scalar:

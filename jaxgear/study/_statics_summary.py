@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jaxgear._geometry._pair import pair_facts
+from jaxgear._geometry._pair import GearPair, pair_facts
 from jaxgear._system._model import PairModel
 from jaxgear._system._shaft import Shaft
 from jaxgear._system._support import Support
@@ -17,9 +17,9 @@ _OF_GEARS = (
 )
 
 
-def geometry_summary(statics: Statics) -> Summary:
-    """The `geometry` part of the summary."""
-    facts = {name: np.asarray(value) for name, value in pair_facts(statics.model.pair).items()}
+def geometry_summary(pair: GearPair) -> Summary:
+    """The `geometry` part of the summary, but for what follows from the contact."""
+    facts = {name: np.asarray(value) for name, value in pair_facts(pair).items()}
     pitch, path = facts["transverse_base_pitch"], facts["path_of_contact"]
     lengths = {
         "centre_distance_mm": facts["working_centre_distance"],
@@ -46,8 +46,6 @@ def geometry_summary(statics: Statics) -> Summary:
         | {f"{name}_deg": float(facts[name] / deg) for name in angles}
         | {name: float(facts[name]) for name in ratios}
         | {"full_tip_shortening_coeff": float(facts["full_tip_shortening"])}
-        # Thesis eq. 3.3: what a growth of both base radii, by centrifugal load say, does.
-        | {"pressure_angle_change_deg_per_permille_base_radius": float(statics.angle_change) / deg}
     )
 
 

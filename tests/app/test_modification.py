@@ -21,7 +21,7 @@ def data(pair):
     design = (jg.TipRelief(12 * um, 0.25), jg.Crowning(3 * um), jg.Bias(8 * um))
     hump = jg.MeasuredProfile([0.0, 0.5, 1.0], [0.0, 2 * um, 0.0])
     flanks = jg.Flanks(jg.Superposed(design), jg.Superposed((jg.HelixSlope(4 * um), hump)))
-    traces = modification_dataset({"given": jg.PairModel(pair, 60.0, flanks)})
+    traces = modification_dataset({"given": (pair, flanks)})
     return traces.assign_attrs(title="case")
 
 

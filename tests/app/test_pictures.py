@@ -119,12 +119,15 @@ def _groups(model, cycle):
     found = found.assign_coords(torque_Nm=("torque", _TORQUES, _TORQUE))
     error = _TORQUES[:, None] / 60.0 * found["transmission_error_um"].values
     found["harris_te_um"] = (("torque", "phase"), error)
+    states = {"start": _spur(), "optimised": model}
     groups = {
         "": found,
         "pair": pair_dataset.pair_dataset(model.pair),
         "axes": pair_dataset.axes_dataset(model.pair),
         "sliding": pair_dataset.sliding_dataset(model.pair, 0.99, 0.05, 900.0),
-        "modification": pair_dataset.modification_dataset({"start": _spur(), "optimised": model}),
+        "modification": pair_dataset.modification_dataset(
+            {name: (it.pair, it.flanks) for name, it in states.items()}
+        ),
     }
     if "bearing_load_N" in found:
         groups["shafts"] = _shafts.shafts_dataset(model, cycle, _bearings(found), {})

@@ -553,7 +553,7 @@ def _told(line, path, text, said):
         ),
         ("[map]\nextent = { from = 0.6 }", "2 map.extent.from: less than `to`, 0.5"),
         ("[map]\ndepth_um.to = 0.0", "2 map.depth_um.to: must be a number > 0 [um]"),
-        ("[map]\ntorques_Nm = [80.0, -1.0]", "2 map.torques_Nm: The pinion drives"),
+        ("[map]\ntorques_Nm = [80.0, -1.0]", "2 map.torques_Nm: It is a size"),
         ("[optimise]", "1 optimise.vary: is missing"),
         ("[optimise]\nvary = []", "2 optimise.vary: got [], must be a list of texts"),
         (
@@ -660,8 +660,6 @@ def test_one_mistake_is_reported_alone_at_its_line(write, added, said):
         ("schema = 1", "schema = 2", "1 schema: This version of jaxgear reads scene format 1"),
         ("schema = 1", 'schema = 1\nname = "a/b"', "2 name: It names a folder"),
         ("schema = 1", '"mesh.slices" = 1\nschema = 1', '1 "mesh.slices": did you mean mesh.sl'),
-        ("= 80", "= 0", "4 pair.torque_pinion_Nm: got 0, must be a number > 0 [N m]. The pinion"),
-        ("= 80", "= -80.0", "4 pair.torque_pinion_Nm: change the sign of the helix angle and swap"),
         ("= 80", '= "80"', "4 pair.torque_pinion_Nm: Write 80, without the quotes"),
         ("= 80", "= 80\nhelix_angle_deg = 46", "5 pair.helix_angle_deg: <= 45 [degrees]"),
         ("= 80", "= 80\npressure_angle_deg = 0.35", "5 pair.pressure_angle_deg: in degrees"),
@@ -691,7 +689,7 @@ def test_missing_tables_are_reported_at_the_file(write):
 
 def test_all_mistakes_come_at_once_and_in_the_order_of_the_file(write):
     path = write(
-        'naem = "x"\nschema = 1\n[wheel]\nteeth = "86"\n[pair]\ntorque_pinion_Nm = 0\n[foo]\n'
+        'naem = "x"\nschema = 1\n[wheel]\nteeth = "86"\n[pair]\ntorque_pinion_Nm = "0"\n[foo]\n'
     )
     with pytest.raises(SceneError) as caught:
         read_scene(path, ["mesh.slices=0"])
@@ -732,7 +730,7 @@ def test_a_file_without_an_end_is_no_scene():
 
 def test_one_mistake_is_counted_in_the_singular(write):
     with pytest.raises(SceneError, match=r"\n1 mistake; nothing was computed\.$"):
-        read_scene(write(_LEAST.replace("= 80", "= 0")))
+        read_scene(write(_LEAST.replace("= 80", "= true")))
 
 
 @pytest.mark.parametrize(
@@ -986,7 +984,6 @@ def test_set_turns_a_text_into_weights_and_back(write):
     ("override", "path", "message"),
     [
         ("pair.tork=5", "pair.tork", "unknown key, got 5, did you mean pair.torque_pinion_Nm?"),
-        ("pair.torque_pinion_Nm=0", "pair.torque_pinion_Nm", "The pinion drives"),
         ("pair.torque_pinion_Nm=high", "pair.torque_pinion_Nm", 'got "high", must be a number'),
         ("pair.torque_pinion_Nm=", "pair.torque_pinion_Nm", 'got "", must be a number'),
         ("pair.torque_pinion_Nm=1\nx=2", "pair.torque_pinion_Nm", "must be a number"),
@@ -1005,7 +1002,7 @@ def test_a_bad_set_names_the_argument(write, override, path, message):
 
 
 def test_set_repairs_a_mistake_of_the_file(write):
-    path = write(_LEAST.replace("= 80", "= 0"))
+    path = write(_LEAST.replace("= 80", '= "0"'))
     assert read_scene(path, ["pair.torque_pinion_Nm=60"]).value("pair.torque_pinion_Nm") == 60.0
 
 

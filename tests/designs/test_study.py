@@ -13,7 +13,7 @@ from jaxgear._checks import InputError
 from jaxgear._cli._main import main
 from jaxgear.designs._asked import read_study
 from jaxgear.designs._statistics import effects_dataset, quantiles_dataset
-from jaxgear.designs._table import design_table
+from jaxgear.designs._table import design_table, unfit
 from jaxgear.designs._work import job_of
 
 _DEPTH, _TORQUE = "flank.pinion.tip_relief.depth_um", "pair.torque_pinion_Nm"
@@ -141,6 +141,12 @@ def test_mistakes_in_a_file_of_designs_are_told_by_line(tmp_path, text, words):
         _table(tmp_path, 'csv = "x.csv"')
 
 
+def test_a_design_on_the_other_side_of_the_teeth_is_refused():
+    assert unfit({_TORQUE: 3.0, _DEPTH: 5.0}, 60.0) == unfit({_TORQUE: -3.0}, -60.0) == ""
+    for torque in (0.0, -3.0):
+        assert "must have the sign of the scene's, 60" in unfit({_TORQUE: torque}, 60.0)
+
+
 def test_quantiles_have_the_bounds_of_order_statistics():
     # Of 100 values the median is between the 40th and the 61st with 95 % confidence, as tables of
     # the sign test have it; 100 are too few to bound the 99 % quantile from above.
@@ -199,7 +205,7 @@ def test_gradients_are_slopes_between_designs(solved):
 
 def test_design_that_cannot_be_is_a_row_with_its_reason(solved):
     table = solved[1].table
-    assert table["reason"][2].startswith(f"{_TORQUE}: got -3.0, must be a number > 0")
+    assert table["reason"][2].startswith(f"{_TORQUE}: got -3, must have the sign of the scene's")
     assert np.isnan(table["static.te_rms_um"][2])
     assert [bool(each) for each in table["reason"]] == [False, False, True, False, False]
     assert solved[1].summary["study"]["failed"] == 1
