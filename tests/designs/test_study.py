@@ -1,6 +1,7 @@
 """Studies of many designs: their files and tables, and a tiny one computed in parts."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,12 @@ from helpers import assert_close
 import jaxgear as jg
 from jaxgear._checks import InputError
 from jaxgear._cli._main import main
+from jaxgear._cli._parser import READY_STUDIES
 from jaxgear.designs._asked import read_study
 from jaxgear.designs._statistics import effects_dataset, quantiles_dataset
 from jaxgear.designs._table import design_table
 from jaxgear.designs._work import job_of
+from jaxgear.scene._bodies import body_plan
 
 _DEPTH, _TORQUE = "flank.pinion.tip_relief.depth_um", "pair.torque_pinion_Nm"
 _BETWEEN = f'[design.between]\n"{_DEPTH}" = [0.0, 20.0]\n"{_TORQUE}" = [60.0, 90.0]\n'
@@ -72,9 +75,24 @@ def test_mistakes_are_told_by_name_and_line(tmp_path, design, more, words):
         read_study(_study(tmp_path, design, more))
 
 
-def test_what_has_no_derivative_is_refused_before_work(tmp_path):
-    path = _study(tmp_path, f"points = 4\n{_BETWEEN}", "gradients = true", 'command = "modes"')
-    with pytest.raises(jg.SceneError, match=r"keep.gradients: got true.*modes"):
+_MOVES = '"mesh.phases=8", "sweep.pinion_speed_rad_s=[500.0]", "sweep.direction=up"'
+
+
+@pytest.mark.parametrize(
+    ("command", "number", "words"),
+    [
+        ("optimise", "static.te_rms_um", "an optimum has none"),
+        ("modes", "static.te_rms_um", "static.te_rms_um has none. Those that have: modes.freq"),
+        ("sweep", "sweep.peaks[0].speed_rad_s", "has none. Those that have: sweep.dynamic"),
+        ("sweep", "sweep.te_rms_um_up[1]", "is not of this sweep: 1 speeds, up"),
+        ("sweep", "sweep.te_rms_um_down[0]", "is not of this sweep: 1 speeds, up"),
+    ],
+)
+def test_what_has_no_derivative_is_refused_before_work(tmp_path, command, number, words):
+    path = _study(tmp_path, f"points = 4\n{_BETWEEN}", "gradients = true", f'command = "{command}"')
+    text = path.read_text(encoding="utf-8").replace("static.te_rms_um", number)
+    path.write_text(text.replace('"mesh.phases=8"', _MOVES), encoding="utf-8")
+    with pytest.raises(jg.SceneError, match=rf"keep.gradients: got true, but .*{re.escape(words)}"):
         read_study(path)
 
 
@@ -241,3 +259,21 @@ def test_command_collects_and_draws(solved, capsys):
     assert json.loads(capsys.readouterr().out)["study"]["done_designs"] == 5
     assert main(["study", str(path), "--out", str(out), "--shard", "3/3"]) == 2
     assert "counted from 0, got 3/3. The last is 2/3" in capsys.readouterr().err
+
+
+def test_ready_studies_of_webs_have_the_same_designs():
+    """27 wheels, none of which is impossible; whose bodies both studies share."""
+    studies = [
+        read_study(READY_STUDIES / f"{name}.toml")
+        for name in ("power-webs", "power-webs-crossings")
+    ]
+    tables = [design_table(study) for study in studies]
+    assert len(tables[0].rows) == 27
+    assert tables[0] == tables[1]
+    scenes = [dict(study.scene.values) for study in studies]
+    assert scenes[1].pop("modes.harmonics") == 2
+    scenes[0].pop("modes.harmonics", None)
+    assert scenes[0] == scenes[1]
+    for row in range(27):
+        values = tables[0].at(row)
+        assert body_plan(studies[0].scene.replace(values), "wheel").name
