@@ -277,3 +277,13 @@ def test_ready_studies_of_webs_have_the_same_designs():
     for row in range(27):
         values = tables[0].at(row)
         assert body_plan(studies[0].scene.replace(values), "wheel").name
+
+
+def test_study_without_a_design_that_can_be_is_a_table_of_reasons(tmp_path, capsys):
+    path = _study(tmp_path, 'csv = "designs.csv"')
+    (tmp_path / "designs.csv").write_text(f"{_TORQUE}\n-1.0\n-2.0\n", encoding="utf-8")
+    assert main(["study", str(path), "--out", str(tmp_path / "results"), "--quiet"]) == 0
+    capsys.readouterr()
+    (table,) = (tmp_path / "results").rglob("designs.csv")
+    assert table.read_text(encoding="utf-8").count(_TORQUE) == 3
+    assert not list((tmp_path / "results").rglob("*.png"))
