@@ -14,6 +14,9 @@ from jaxgear._checks import InputError
 from jaxgear._cli._main import main
 from jaxgear._cli._parser import READY_STUDIES
 from jaxgear.designs._asked import read_study
+from jaxgear.designs._chunks import Chunk
+from jaxgear.designs._datasets import chunk_dataset, together
+from jaxgear.designs._evaluate import Rows
 from jaxgear.designs._statistics import effects_dataset, quantiles_dataset
 from jaxgear.designs._table import design_table
 from jaxgear.designs._work import job_of
@@ -287,3 +290,32 @@ def test_study_without_a_design_that_can_be_is_a_table_of_reasons(tmp_path, caps
     (table,) = (tmp_path / "results").rglob("designs.csv")
     assert table.read_text(encoding="utf-8").count(_TORQUE) == 3
     assert not list((tmp_path / "results").rglob("*.png"))
+
+
+@pytest.mark.parametrize("failed", [(), (0,), (0, 1)])
+def test_arrays_keep_the_words_of_their_places(tmp_path, failed):
+    """Of a sweep the direction; designs without results have none."""
+    path = _study(tmp_path, f"points = 4\n{_BETWEEN}", 'arrays = ["sweep.dynamic_ratio"]')
+    study, told = read_study(path), {"units": "1", "long_name": "x"}
+    files = []
+    for place in (0, 2):
+        chunk = Chunk("x", (place, place + 1))
+        good = [x for x in (0, 1) if place + x not in failed]
+        arrays = {
+            "sweep.dynamic_ratio": xr.Variable(("direction", "speed"), np.ones((1, 3)), told),
+            "direction": xr.Variable("direction", np.array(["up"], dtype=object), told),
+        }
+        rows = Rows(
+            [{_TORQUE: 70.0}] * 2,
+            (),
+            ["" if x in good else "no" for x in (0, 1)],
+            np.ones((2, 1)),
+            np.ones((2, 1, 0)),
+            {name: dict.fromkeys(good, each) for name, each in arrays.items() if good},
+        )
+        files.append(tmp_path / f"{place}.nc")
+        chunk_dataset(study, chunk, rows).to_netcdf(files[-1])
+    found = together(files)
+    assert found["direction"].values.tolist() == ["up"]
+    ratio = found["sweep.dynamic_ratio"].sel(direction="up")
+    assert np.isnan(ratio.values).all(axis=1).tolist() == [x in failed for x in range(4)]
