@@ -126,6 +126,15 @@ def _is_promised_by_the_robust_relief(text: str) -> None:
     assert float(spread["robust"]) < 0.9 * float(spread["nominal"])
 
 
+def _is_promised_by_the_surrogate(text: str) -> None:
+    """With gradients far fewer designs do; their errors are asserted there."""
+    found = re.findall(
+        r"(\d+) designs with gradients: \S+ um; values alone: (?:more than )?(\d+)", text
+    )
+    assert [int(count) for count, _ in found] == [16, 32, 64]
+    assert all(int(alone) > 2.5 * int(count) for count, alone in found)
+
+
 _PROMISES = {
     "01_scene_to_optimum": _is_promised_by_the_optimum,
     "02_shafts_and_bodies": _is_promised_by_the_shafts,
@@ -136,6 +145,7 @@ _PROMISES = {
     "07_crowning_at_speed": _is_promised_by_the_crowning,
     "08_designs_times_speeds": _is_promised_by_the_speeds,
     "09_robust_relief": _is_promised_by_the_robust_relief,
+    "11_surrogate_from_gradients": _is_promised_by_the_surrogate,
 }
 
 

@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from jaxgear.designs._keys import BY_PATH, KEYS, TABLES, StudyKeys
+from jaxgear.designs._slopes import reason_against
 from jaxgear.scene._key import REQUIRED, Presence, show
 from jaxgear.scene._mistakes import Mistake, SceneError, in_order
 from jaxgear.scene._paths import join
@@ -229,9 +230,12 @@ def _together(study: Study) -> Iterator[tuple[str, str]]:
         yield "design.points", f"got {count}, must be 2 or more values of each key"
     if asked.work.engine == "dask" and asked.work.scheduler is None:
         yield "work.scheduler", "is missing: the address of a Dask scheduler, tcp://node:8786"
-    if asked.keep.gradients and asked.command != "run":
-        words = f'the numbers of "{asked.command}" have none here. Write command = "run"'
-        yield "keep.gradients", f"got true, but {words}, or gradients = false"
+    if asked.keep.gradients and asked.command == "optimise":
+        words = 'an optimum has none here. Write command = "run", or gradients = false'
+        yield "keep.gradients", f"got true, but {words}"
+    elif asked.keep.gradients and asked.command != "run":
+        if words := reason_against(study.scene, asked.command, asked.keep.numbers):
+            yield "keep.gradients", f"got true, but {words}"
     for name in asked.keep.minimise:
         if name not in asked.keep.numbers:
             yield "keep.minimise", f"{name} must be one of keep.numbers"

@@ -68,10 +68,14 @@ def _reasons(reasons: Sequence[str]) -> xr.Variable:
 
 
 def _stacked(arrays: dict[int, xr.Variable], count: int) -> xr.Variable:
-    """Arrays of some designs of so many, one behind the other; of unequal ones the rest is NaN."""
+    """Arrays of some designs of so many, one behind the other; of unequal ones the rest is NaN.
+
+    Of texts the rest is empty.
+    """
     first = next(iter(arrays.values()))
     shape = np.max([each.shape for each in arrays.values()], axis=0)
-    whole = np.full((count, *shape), np.nan)
+    are_texts = first.dtype.kind in "OUS"
+    whole = np.full((count, *shape), "" if are_texts else np.nan, object if are_texts else float)
     for place, each in arrays.items():
         whole[(place, *map(slice, each.shape))] = each.values
     told = {**first.attrs, "role": _ARRAY}
@@ -96,7 +100,11 @@ def together(files: Iterable[Path]) -> xr.Dataset:
     whole = whole.sortby("design")
     for name in [str(each) for each in whole.data_vars if str(each).endswith(_PLACES)]:
         places = whole[name]
-        known = places.values[np.isfinite(places.values).all(axis=1)]
+        # Of a design without results there are none.
+        there = places.notnull().values
+        if places.dtype.kind in "OUS":
+            there &= places.values != ""
+        known = places.values[there.all(axis=1)]
         if len(known) and (known == known[0]).all():
             own = xr.Variable(places.dims[1:], known[0], places.attrs)
             whole = whole.drop_vars(name).assign_coords({name.removesuffix(_PLACES): own})

@@ -12,6 +12,7 @@ from jaxgear import study as studies
 from jaxgear._checks import require
 from jaxgear.designs._asked import Study
 from jaxgear.designs._numbers import ARRAYS, PLACES, arrays_in, number_in
+from jaxgear.designs._slopes import SeenResponses, Slopes, seen_of
 from jaxgear.designs._table import DesignTable, unfit
 from jaxgear.designs._together import (
     Found,
@@ -30,6 +31,7 @@ from jaxgear.scene._scene import Scene, read_scene
 from jaxgear.study._progress import built_scene
 from jaxgear.study._results import unit_of_name
 from jaxgear.study._statics import SolverFailure, require_bearable, require_solved
+from jaxgear.study._steady import keys_in_motion
 
 # What is wrong with one design is no reason to stop. Errors of bodies and of input are among them.
 _OF_ONE = (ValueError, SceneError, SolverFailure, FloatingPointError)
@@ -66,12 +68,13 @@ class Rows:
 
 def moved_keys(study: Study, keys: Sequence[str]) -> tuple[str, ...]:
     """Of the keys that vary those that one program moves; by them there are derivatives."""
-    if not goes_together(study, keys):
+    moves = study.asked.keep.gradients and study.asked.command in ("modes", "sweep")
+    if not goes_together(study, keys) and not moves:
         return ()
     # Some keys are real once they are given.
     absent = [key for key in keys if study.scene.value(key) is None]
     scene = study.scene.replace({key: 1.0 for key in absent})
-    real = set(scene.real_keys())
+    real = set(keys_in_motion(scene).names if moves else scene.real_keys())
     return tuple(key for key in keys if key in real)
 
 
@@ -83,6 +86,7 @@ class Evaluator:
         self._study, self._table = study, table
         self._real = moved_keys(study, table.keys)
         self._programs: dict[tuple[Any, Shape], Callable] = {}
+        self._slopes = Slopes(study.asked.keep.numbers, self._real)
         # Designs come in the order of their bodies, which are large.
         self._scene = functools.lru_cache(maxsize=1)(self._built)
 
@@ -166,9 +170,12 @@ class Evaluator:
         """Whole studies of designs, one by one."""
         keep, command = self._study.asked.keep, self._study.asked.command
         solve = getattr(studies, "statics" if command == "run" else command)
+        sloped = keep.gradients and bool(self._real)
         for place in rows.good:
             try:
-                result = solve(self._read(rows.values[place]))
+                scene = self._read(rows.values[place])
+                seen = seen_of(scene, keep.numbers) if sloped and command == "sweep" else None
+                result = solve(scene) if seen is None else studies.sweep(scene, seen)
             except _OF_ONE as error:
                 rows.reasons[place] = reason_of(error)
                 continue
@@ -184,8 +191,21 @@ class Evaluator:
                 rows.reasons[place] = reason_of(error)
                 continue
             rows.numbers[place] = numbers
+            if sloped:
+                rows.slopes[place] = self._slopes_of(
+                    result.scene, rows.values[place], seen, numbers
+                )
             for name, array in arrays.items():
                 rows.arrays.setdefault(name, {})[place] = array
+
+    def _slopes_of(
+        self, scene: Scene, values: Row, seen: SeenResponses | None, numbers: Sequence[float]
+    ) -> np.ndarray:
+        """Derivatives of a design that moves, by the keys that one program moves."""
+        others = tuple((key, value) for key, value in values.items() if key not in self._real)
+        if seen is None:
+            return self._slopes.of_modes(scene, others)
+        return self._slopes.of_sweep(scene, others, seen, numbers)
 
     def _shape(self, scene: Scene, values: Row, base: Any) -> Shape:
         """The shape of a design whose gears or shafts are others."""

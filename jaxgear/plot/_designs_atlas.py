@@ -19,8 +19,10 @@ def designs_atlas(datasets: Datasets) -> Iterator[Picture]:
     if designs is None:
         return
     solved = designs.isel(design=np.flatnonzero(designs["reason"].values == ""))
+    if solved.sizes["design"] < 2:
+        return
     numbers, keys = _of_role(solved, "number"), _strongest(solved, effects)
-    if solved.sizes["design"] < 2 or not keys:
+    if not keys:
         return
     shown, least = numbers[:_NUMBERS], _minimised(solved)
     means = main_effects(solved, keys, numbers)

@@ -104,15 +104,20 @@ def responder(method: jg.HarmonicBalance) -> Callable:
     """
 
     def respond(numbers: Reals, dynamics: jg.PairDynamics) -> tuple[Reals, tuple]:
-        real, other = eqx.partition(_moving(dynamics), eqx.is_inexact_array)
-        own = ravel_pytree(real)[1](numbers[:-1])
-        moved = eqx.tree_at(_moving, dynamics, eqx.combine(own, other))
+        moved = moved_pair(dynamics, numbers[:-1])
         found, orbit, terms, _ = steady(method, moved, numbers[-1])
         still = jax.lax.stop_gradient((terms, numbers[-1]))
         apart = jg.condition(jg.balance_of(method, dynamics.system), *still)
         return found, (orbit.residual, orbit.settled, apart)
 
     return respond
+
+
+def moved_pair(dynamics: jg.PairDynamics, numbers: Reals) -> jg.PairDynamics:
+    """A pair with other numbers, of `numbers_of`, that steady responses are found from."""
+    real, other = eqx.partition(_moving(dynamics), eqx.is_inexact_array)
+    own = ravel_pytree(real)[1](numbers)
+    return eqx.tree_at(_moving, dynamics, eqx.combine(own, other))
 
 
 def _moving(dynamics: jg.PairDynamics) -> tuple:

@@ -1,12 +1,14 @@
 """A scene in steady motion at many speeds: peaks, jumps, ranges with two responses."""
 
+import functools
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import xarray as xr
 
 from jaxgear._checks import InputError
+from jaxgear._dynamics._sweep import Direction, SweepPoint
 from jaxgear._response._sweep_features import FEW, leaps, prominent
 from jaxgear.scene._build import law_of
 from jaxgear.scene._gear_tables import GearKeys
@@ -28,16 +30,17 @@ from jaxgear.study._progress import built_scene, narration, progress
 from jaxgear.study._result import Result, Summary, titled
 from jaxgear.study._sweep_dataset import orbit_dataset, sweep_dataset
 from jaxgear.study._sweep_notes import sweep_notes
-from jaxgear.study._sweeping import Sweep, alike, sweep_of
+from jaxgear.study._sweeping import Sweep, Watch, alike, sweep_of
 
 
 @study
-def sweep(scene: Scene) -> Result:
+def sweep(scene: Scene, seen: Watch | None = None) -> Result:
     """Steady responses over the speeds of [sweep], in its directions, and round their folds.
 
     **Arguments:**
 
     - `scene`: with a table [sweep].
+    - `seen`: shown each response whole, with its direction and dynamic ratio.
 
     **Returns:**
 
@@ -52,13 +55,13 @@ def sweep(scene: Scene) -> Result:
     scene = built_scene(scene, moving=True)
     with narration("mesh cycle"):
         dynamics = solve_dynamics(scene)
-    result = sweep_result(scene, dynamics)
+    result = sweep_result(scene, dynamics, seen)
     before = head(scene, dynamics.statics)
     summary = before | result.summary | {"notes": before["notes"] + result.summary["notes"]}
     return Result(scene, summary, result.datasets, result.files)
 
 
-def sweep_result(scene: Scene, dynamics: Dynamics) -> Result:
+def sweep_result(scene: Scene, dynamics: Dynamics, seen: Watch | None = None) -> Result:
     """Sweep a pair in motion, as `sweep` does, with what was solved before.
 
     The parts `damping`, `sweep` and `notes` of the summary.
@@ -75,7 +78,9 @@ def sweep_result(scene: Scene, dynamics: Dynamics) -> Result:
         raise InputError(f"{table}: they look at condensed bodies, of which this scene has none.")
     count = len(speeds_of(scene.sweep)) * len(directions_of(scene.sweep))
     with progress(count, "sweep") as done:
-        found = sweep_of(law_of(scene.mesh), scene.sweep, dynamics, done, watch)
+        watches = [each for each in (watch, seen) if each is not None]
+        shown = functools.partial(_shown, watches) if watches else None
+        found = sweep_of(law_of(scene.mesh), scene.sweep, dynamics, done, shown)
     dataset, orbit = sweep_dataset(dynamics, found), orbit_dataset(dynamics, found)
     at_peak = f", {orbit.attrs['speed_rad_s']:.5g} rad/s"
     datasets = {
@@ -95,6 +100,12 @@ def sweep_result(scene: Scene, dynamics: Dynamics) -> Result:
         waves = waves_result(scene, watch, found)
     summary["sweep"] |= waves.summary
     return Result(scene, summary, datasets | dict(waves.datasets), waves.files)
+
+
+def _shown(watches: Sequence[Watch], way: Direction, point: SweepPoint, ratio: float) -> None:
+    """Show a response to all who look."""
+    for watch in watches:
+        watch(way, point, ratio)
 
 
 # A peak stands out by this much of the static force.

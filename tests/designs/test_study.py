@@ -1,6 +1,7 @@
 """Studies of many designs: their files and tables, and a tiny one computed in parts."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,15 @@ from helpers import assert_close
 import jaxgear as jg
 from jaxgear._checks import InputError
 from jaxgear._cli._main import main
+from jaxgear._cli._parser import READY_STUDIES
 from jaxgear.designs._asked import read_study
+from jaxgear.designs._chunks import Chunk
+from jaxgear.designs._datasets import chunk_dataset, together
+from jaxgear.designs._evaluate import Rows
 from jaxgear.designs._statistics import effects_dataset, quantiles_dataset
 from jaxgear.designs._table import design_table, unfit
 from jaxgear.designs._work import job_of
+from jaxgear.scene._bodies import body_plan
 
 _DEPTH, _TORQUE = "flank.pinion.tip_relief.depth_um", "pair.torque_pinion_Nm"
 _BETWEEN = f'[design.between]\n"{_DEPTH}" = [0.0, 20.0]\n"{_TORQUE}" = [60.0, 90.0]\n'
@@ -72,9 +78,24 @@ def test_mistakes_are_told_by_name_and_line(tmp_path, design, more, words):
         read_study(_study(tmp_path, design, more))
 
 
-def test_what_has_no_derivative_is_refused_before_work(tmp_path):
-    path = _study(tmp_path, f"points = 4\n{_BETWEEN}", "gradients = true", 'command = "modes"')
-    with pytest.raises(jg.SceneError, match=r"keep.gradients: got true.*modes"):
+_MOVES = '"mesh.phases=8", "sweep.pinion_speed_rad_s=[500.0]", "sweep.direction=up"'
+
+
+@pytest.mark.parametrize(
+    ("command", "number", "words"),
+    [
+        ("optimise", "static.te_rms_um", "an optimum has none"),
+        ("modes", "static.te_rms_um", "static.te_rms_um has none. Those that have: modes.freq"),
+        ("sweep", "sweep.peaks[0].speed_rad_s", "has none. Those that have: sweep.dynamic"),
+        ("sweep", "sweep.te_rms_um_up[1]", "is not of this sweep: 1 speeds, up"),
+        ("sweep", "sweep.te_rms_um_down[0]", "is not of this sweep: 1 speeds, up"),
+    ],
+)
+def test_what_has_no_derivative_is_refused_before_work(tmp_path, command, number, words):
+    path = _study(tmp_path, f"points = 4\n{_BETWEEN}", "gradients = true", f'command = "{command}"')
+    text = path.read_text(encoding="utf-8").replace("static.te_rms_um", number)
+    path.write_text(text.replace('"mesh.phases=8"', _MOVES), encoding="utf-8")
+    with pytest.raises(jg.SceneError, match=rf"keep.gradients: got true, but .*{re.escape(words)}"):
         read_study(path)
 
 
@@ -247,3 +268,60 @@ def test_command_collects_and_draws(solved, capsys):
     assert json.loads(capsys.readouterr().out)["study"]["done_designs"] == 5
     assert main(["study", str(path), "--out", str(out), "--shard", "3/3"]) == 2
     assert "counted from 0, got 3/3. The last is 2/3" in capsys.readouterr().err
+
+
+def test_ready_studies_of_webs_have_the_same_designs():
+    """27 wheels, none of which is impossible; whose bodies both studies share."""
+    studies = [
+        read_study(READY_STUDIES / f"{name}.toml")
+        for name in ("power-webs", "power-webs-crossings")
+    ]
+    tables = [design_table(study) for study in studies]
+    assert len(tables[0].rows) == 27
+    assert tables[0] == tables[1]
+    scenes = [dict(study.scene.values) for study in studies]
+    assert scenes[1].pop("modes.harmonics") == 2
+    scenes[0].pop("modes.harmonics", None)
+    assert scenes[0] == scenes[1]
+    for row in range(27):
+        values = tables[0].at(row)
+        assert body_plan(studies[0].scene.replace(values), "wheel").name
+
+
+def test_study_without_a_design_that_can_be_is_a_table_of_reasons(tmp_path, capsys):
+    path = _study(tmp_path, 'csv = "designs.csv"')
+    (tmp_path / "designs.csv").write_text(f"{_TORQUE}\n-1.0\n-2.0\n", encoding="utf-8")
+    assert main(["study", str(path), "--out", str(tmp_path / "results"), "--quiet"]) == 0
+    capsys.readouterr()
+    (table,) = (tmp_path / "results").rglob("designs.csv")
+    assert table.read_text(encoding="utf-8").count(_TORQUE) == 3
+    assert not list((tmp_path / "results").rglob("*.png"))
+
+
+@pytest.mark.parametrize("failed", [(), (0,), (0, 1)])
+def test_arrays_keep_the_words_of_their_places(tmp_path, failed):
+    """Of a sweep the direction; designs without results have none."""
+    path = _study(tmp_path, f"points = 4\n{_BETWEEN}", 'arrays = ["sweep.dynamic_ratio"]')
+    study, told = read_study(path), {"units": "1", "long_name": "x"}
+    files = []
+    for place in (0, 2):
+        chunk = Chunk("x", (place, place + 1))
+        good = [x for x in (0, 1) if place + x not in failed]
+        arrays = {
+            "sweep.dynamic_ratio": xr.Variable(("direction", "speed"), np.ones((1, 3)), told),
+            "direction": xr.Variable("direction", np.array(["up"], dtype=object), told),
+        }
+        rows = Rows(
+            [{_TORQUE: 70.0}] * 2,
+            (),
+            ["" if x in good else "no" for x in (0, 1)],
+            np.ones((2, 1)),
+            np.ones((2, 1, 0)),
+            {name: dict.fromkeys(good, each) for name, each in arrays.items() if good},
+        )
+        files.append(tmp_path / f"{place}.nc")
+        chunk_dataset(study, chunk, rows).to_netcdf(files[-1])
+    found = together(files)
+    assert found["direction"].values.tolist() == ["up"]
+    ratio = found["sweep.dynamic_ratio"].sel(direction="up")
+    assert np.isnan(ratio.values).all(axis=1).tolist() == [x in failed for x in range(4)]
