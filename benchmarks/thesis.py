@@ -23,6 +23,7 @@ from thesis_rows import (
     chapter_3_accessory,
     chapter_3_power,
     chapter_4_accessory,
+    chapter_4_flanks,
     chapter_4_power,
 )
 from thesis_rows.finding import Finding
@@ -39,6 +40,7 @@ _FILES = (
     chapter_3_power,
     chapter_4_accessory,
     chapter_4_power,
+    chapter_4_flanks,
 )
 CHAPTERS = {each.TITLE: each.ROWS for each in _FILES}
 

@@ -72,10 +72,10 @@ def pair_with(label: str) -> Pair:
     grid = dynamic_grid_of(scene, model)
     resting = dataclasses.replace(model, speed=jnp.zeros(()))
     damping = damping_of(scene.damping)
-    return Pair(model, grid, damping, _prepared(model, grid), _prepared(resting, grid))
+    return Pair(model, grid, damping, prepared(model, grid), prepared(resting, grid))
 
 
-_prepared = eqx.filter_jit(jg.prepare_mesh)
+prepared = eqx.filter_jit(jg.prepare_mesh)
 
 # Of the pinion's flank [um].
 KINDS = ("crowning", "elliptical", "relief", "left relief", "slope")
@@ -143,13 +143,18 @@ def _across(model, prepared, depths):
     return found, jnp.all(cycle.converged)
 
 
-def across(label: str, depths: Sequence[float], *, still: bool = False) -> Across:
-    """A pair with corrections, quasi-static: with centrifugal load, or at rest."""
-    pair = pair_with(label)
-    found, solved = _across(pair.model, pair.still if still else pair.quick, jnp.asarray(depths))
+def seen_across(model: jg.PairModel, mesh: jg.PreparedMesh, depths: Sequence[float]) -> Across:
+    """What the flanks of a pair carry with corrections of its pinion."""
+    found, solved = _across(model, mesh, jnp.asarray(depths))
     assert bool(solved), "the contact was not solved at some phase"
     pressure, load, ends, offset, rms = (np.asarray(x) for x in found)
     return Across(pressure, load, ends, float(offset), float(rms))
+
+
+def across(label: str, depths: Sequence[float], *, still: bool = False) -> Across:
+    """A pair with corrections, quasi-static: with centrifugal load, or at rest."""
+    pair = pair_with(label)
+    return seen_across(pair.model, pair.still if still else pair.quick, depths)
 
 
 @eqx.filter_jit
