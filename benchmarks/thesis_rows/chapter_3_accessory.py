@@ -37,10 +37,10 @@ ROWS = (
     Row("Fig. III-4", "largest load with flexible bodies, spur: differences limited"),
     Row(
         "Fig. III-7",
-        "genetic algorithm and map find the relief of the Master Curve",
+        "the map has its valley where the Master Curve is",
         "accessory",
         test="tests/test_optimise_master_curve.py::test_valley_of_the_closed_form",
-        shows="the map's valley is the closed form; searches find its relief",
+        shows="the map's valley is the closed form",
     ),
     Row(
         "Fig. III-8",

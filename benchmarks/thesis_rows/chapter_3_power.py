@@ -1,5 +1,7 @@
 """Chapter III: the power pair, the industrial pair, waves of wheels."""
 
+import math
+
 from .row import Row
 
 TITLE = "Chapter III: the power pair, and waves of wheels"
@@ -30,17 +32,8 @@ ROWS = (
             "... with straight webs too",
         ),
         lambda f: (
-            "S and T of the wheel's bearings, rigid "
-            + ", ".join(
-                f.listed(f"B{i} {x}", "H1 rigidified", form=".0f") for i in (1, 2, 3) for x in "ST"
-            )
-            + "; flexible "
-            + ", ".join(
-                f.listed(f"B{i} {x}", "H1, leaning left", form=".0f")
-                for i in (1, 2, 3)
-                for x in "ST"
-            )
-            + " N"
+            f"{_more(f, 2):+.0f} % (B2) and {_more(f, 3):+.0f} % (B3); of the pinion "
+            f"{f.listed('pinion B1', 'H1 rigidified', 'H1, leaning left', form='.0f')} N"
         ),
     ),
     Row(
@@ -74,7 +67,7 @@ ROWS = (
             )
             + " % at most (n = 2, 3, 4)"
         ),
-        reason="Of each pair one wave has its antinode under the load, the other is hardly moved. "
+        reason="That wave has its antinode under the load. "
         "The thesis takes the wheel's shaft away as well (row above)",
     ),
     Row(
@@ -137,7 +130,7 @@ ROWS = (
     ),
     Row(
         "Fig. III-24, accessory",
-        "(of the power pair only)",
+        "",
         "accessory-h1, -h2, 1500 to 3000 rad/s",
         "wheels.growth",
         ("accessory: the force rises from up to 2000 to over 2500 rad/s",),
@@ -163,7 +156,7 @@ ROWS = (
     ),
     Row(
         "Fig. III-25, centred web",
-        "(none: the thesis has no centred web at speed)",
+        "",
         _FAST,
         "face.rotation",
         ("straight centred web: hardly (less than a fifth of that)",),
@@ -281,3 +274,12 @@ def _above(found):
     at an end of its 40 mm."""
     rows = [row for row in found.rows if row[0].startswith("power")]
     return sum(abs(row[3] - row[1]) < 6.0 and abs(row[3]) < 18.0 for row in rows)
+
+
+def _more(found, bearing):
+    """How much more a bearing takes with the web leaning left than with a rigid body [%]."""
+    stiff, flexible = (
+        math.hypot(*(found.values(f"B{bearing} {axis}", label)[0] for axis in "ST"))
+        for label in ("H1 rigidified", "H1, leaning left")
+    )
+    return 100.0 * (flexible / stiff - 1.0)

@@ -168,10 +168,10 @@ ROWS = (
     ),
     Row(
         "Fig. IV-39",
-        "webbed pinion at 3000 rad/s: overload at both edges",
+        "webbed pinion at 3000 rad/s: overload at both edges (web O)",
         _WEBBED,
         "webbed.flanks",
-        ("at speed both edges carry more than the middle",),
+        ("web O at speed: both edges carry more than the middle",),
         lambda f: (
             "left, middle, right "
             + "; ".join(

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from .row import AGREES, CANNOT, DIFFERS, OPEN, Answer, Row, answer_of
+from .row import AGREES, BEYOND, CANNOT, DIFFERS, OPEN, Answer, Row, answer_of
 
 # Around the tables: what the page is, and reasons.
 _TEMPLATE = Path(__file__).with_name("page.md")
@@ -25,7 +25,9 @@ def page(chapters: Mapping[str, Sequence[Row]], answers: Mapping[str, Answer]) -
     verdicts = Counter(
         answer_of(row, answers).verdict for rows in chapters.values() for row in rows
     )
-    counts = ", ".join(f"{verdicts[each]} {each}" for each in (AGREES, DIFFERS, CANNOT, OPEN))
+    counts = ", ".join(
+        f"{verdicts[each]} {each}" for each in (AGREES, DIFFERS, CANNOT, BEYOND, OPEN)
+    )
     parts = [f"Of {sum(verdicts.values())} rows: {counts}.\n"]
     for title, rows in chapters.items():
         parts.append(f"## {title}\n")

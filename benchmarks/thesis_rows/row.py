@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from .finding import Finding
 
 AGREES, DIFFERS, CANNOT, OPEN = "agrees", "differs", "cannot", "not asked yet"
+# What the thesis did not ask itself.
+BEYOND = "beyond the thesis"
 
 
 @dataclass(frozen=True)
@@ -19,7 +21,7 @@ class Row:
     **Fields:**
 
     - `place`: the figure, table or equation, with a word where one place has several statements.
-    - `thesis`: its number or statement.
+    - `thesis`: its number or statement; empty if the question is ours.
     - `setting`: scene and changes with which it is asked here.
     - `experiment`: file and function that make the table.
     - `agrees`: statements of the table that must all hold for both to agree.
@@ -50,6 +52,8 @@ class Row:
 
     def verdict(self, found: Finding) -> str:
         """Whether a table agrees with the thesis."""
+        if not self.thesis:
+            return BEYOND
         return AGREES if all(found.holds[what] for what in self.agrees) else DIFFERS
 
 

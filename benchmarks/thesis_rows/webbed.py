@@ -71,6 +71,7 @@ def flanks() -> Finding:
     fast = [own[SPEED, 0.0] for own in every.values()]
     first = every["O"]
     edges = lambda each: (float(each.pressure[0]), float(each.pressure[-1]))
+    overloaded = [min(edges(each)) > float(each.pressure[len(each.pressure) // 2]) for each in fast]
     lost = {label: min(edges(own[SPEED, 15.0])) for label, own in every.items()}
     found.holds = {
         "at rest the webbed pinion moves the largest pressure inwards": abs(rest[0].place())
@@ -82,9 +83,8 @@ def flanks() -> Finding:
         "at rest the largest pressure falls, the thinner the web": rest[0].highest
         > rest[1].highest
         > rest[2].highest,
-        "at speed both edges carry more than the middle": all(
-            min(edges(each)) > float(each.pressure[len(each.pressure) // 2]) for each in fast
-        ),
+        "web O at speed: both edges carry more than the middle": overloaded[0],
+        "at speed both edges carry more than the middle": all(overloaded),
         "the largest pressure is on the other side at speed": all(
             a.place() * b.place() < 0.0 for a, b in zip(rest, fast, strict=True)
         ),

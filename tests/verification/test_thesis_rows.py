@@ -132,6 +132,18 @@ _OTHERWISE: dict[str, set[str]] = {
         "n = 0 or 1 moves more than all others",
     },
     "holes.holes_in_motion": set(),
+    # The drawing of the web is not in the text: sizes are guesses.
+    "free.webs": {
+        "... within 3 %",
+        "the lowest mode of two diameters of O has 2250 Hz (to 5 %)",
+        "... by 80 um (to 5 %)",
+    },
+    "webbed.flanks": {
+        "at rest the pressure is more centred, the thinner the web",
+        "at rest the largest pressure falls, the thinner the web",
+        "at speed both edges carry more than the middle",
+        "the largest pressure is on the other side at speed",
+    },
 }
 # Of the wheels in motion: each takes minutes.
 _WEBS = ("accessory, 3 mm", "accessory, H2", "power, leaning")
