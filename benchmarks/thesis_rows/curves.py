@@ -1,20 +1,8 @@
-"""Master Curves traced from rigid to flexible pairs, beside what Guilbert (2017) found.
-
-    python benchmarks/curve_trends.py [--only NAME ...] [--out DIR] [--list]
-
-The accessory pair with a rigid and a condensed wheel, with both gears condensed, and with helix
-angles of 10 and 20 degrees at the base; and per torque. The curve is followed by gradients; closed
-form beside it. Under each table stands which of the thesis's statements hold. Coarse: 10 slices, 32
-phases. Writes `curve_trends.json`, and the curves as a picture with its data.
-"""
+"""Master Curves traced from rigid to flexible pairs, coarsely: 10 slices, 32 phases."""
 
 import functools
 from typing import NamedTuple
 
-# First: it holds the threads before NumPy is imported.
-from hybrid_trends import THESIS, Finding, helical, only_pair, scene_of, tell
-
-# isort: split
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -23,12 +11,13 @@ from matplotlib.figure import Figure
 
 import jaxgear as jg
 import optimise
-from jaxgear._cli._folder import Folder
-from jaxgear._cli._writing import save
 from jaxgear._contact._cells import nominal_line_load
 from jaxgear.scene._build import grid_of, model_of
 from jaxgear.scene._mesh_bodies import with_bodies
 from jaxgear.scene._scene import Scene, ready_scene
+
+from .finding import Finding
+from .statics import THESIS, helical, only_pair, scene_of
 
 um = 1e-6
 COARSE = ("mesh.slices=10", "mesh.phases=32")
@@ -117,14 +106,14 @@ def curve_of(label: str) -> Traced:
     name, helix = CASES[label]
     settings = [*COARSE, *(helical(float(helix[0])) if helix else [])]
     if name == "accessory":
-        return traced(ready_scene(name, [THESIS, *only_pair(settings)]))
+        return traced(ready_scene(name, [*THESIS, *only_pair(settings)]))
     # Statics of rim and seats is exact whatever the body's modes are.
     return traced(scene_of(name, *settings) if helix else flexible(name))
 
 
 def flexible(name: str) -> Scene:
     """A ready scene with its bodies as they are."""
-    return with_bodies(ready_scene(name, [THESIS, *COARSE]))
+    return with_bodies(ready_scene(name, [*THESIS, *COARSE]))
 
 
 def _rows(found: Finding, label: str, curve: Traced) -> None:
@@ -229,10 +218,3 @@ def columns_of(curves: dict[str, Traced]) -> dict[str, np.ndarray]:
         name: np.concatenate([getattr(each, name) for each in curves.values()]) for name in names
     }
     return {"pair": np.asarray(labels)} | values
-
-
-if __name__ == "__main__":
-    out = tell({"bodies": bodies, "torques": torques}, "Master Curves.", "curve_trends")
-    if out is not None and curve_of.cache_info().currsize:
-        drawn = {label: curve_of(label) for label in CASES}
-        save(lambda: drawn_curves(drawn), columns_of(drawn), Folder(out), "master_curves")

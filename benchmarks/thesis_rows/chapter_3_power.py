@@ -1,0 +1,285 @@
+"""Chapter III: the power pair, the industrial pair, waves of wheels."""
+
+import math
+
+from .row import Row
+
+TITLE = "Chapter III: the power pair, and waves of wheels"
+
+_SPEEDS = 0.0, 1100.0, 3000.0
+_FAST = "power-h1, webs leaning left, right and straight, 0, 1100, 3000 rad/s"
+_WHEELS = "seven wheels of the accessory and the power pair, 200 to 3000 rad/s"
+_WAVES = "n = 2, 3, 4 both ways, seven wheels, about the speeds of the Campbell diagram"
+
+ROWS = (
+    Row(
+        "Tab. III-6, III-7, initial",
+        "bearing loads of the power pair",
+        "power",
+        test="tests/app/test_commands.py::test_bearing_loads_of_the_power_pair",
+        shows="all ten within 0.5 %, with shafts chosen to that end",
+    ),
+    Row("Tab. III-6, III-7, H2", "pinion's bearings with H2 rigidified"),
+    Row("Fig. III-15", "rigidified H2 against initial, power pair"),
+    Row(
+        "Tab. III-8",
+        "the bearing close to the web takes more, the end of the shaft less: +12 %, -32 %",
+        "power-h1, webs leaning left, right and straight, beside a rigidified one",
+        "face.bearing_loads",
+        (
+            "web leaning left: B2 takes more than with a rigid body",
+            "web leaning left: B3, at the end, takes less",
+            "... with straight webs too",
+        ),
+        lambda f: (
+            f"{_more(f, 2):+.0f} % (B2) and {_more(f, 3):+.0f} % (B3); of the pinion "
+            f"{f.listed('pinion B1', 'H1 rigidified', 'H1, leaning left', form='.0f')} N"
+        ),
+    ),
+    Row(
+        "Fig. III-17",
+        "the line load is largest above the junction of web and rim",
+        "power and accessory, ten and two webs, both hands",
+        "face.web_junction",
+        (
+            "power: the maximum lies within 0.15 faces of the junction",
+            "accessory: the maximum lies there",
+            "the maximum is higher than with rigid bodies",
+        ),
+        lambda f: (
+            "power pair: at the end of the face that thrust presses on with "
+            f"{10 - _above(f)} of ten webs, above the junction with {_above(f)}"
+        ),
+        reason="Always larger than with rigid bodies. The web's shape is a guess",
+    ),
+    Row("Fig. III-19, without shaft", "isolated wheel without shaft beside the pair in mesh, by n"),
+    Row(
+        "Fig. III-19, on its shaft",
+        "mesh moves modes of no or one diameter, those of two and more hardly",
+        "seven wheels on their shafts and bearings, with and without mesh, to 12 kHz",
+        "wheels.in_mesh",
+        ("n >= 2: the other one too", "n = 0 or 1 moves more than all others"),
+        lambda f: (
+            "of each pair the more moved wave by "
+            + ", ".join(
+                f"{max(x for row in f.rows if row[1] == 'more moved' and (x := row[2 + n])):.2g}"
+                for n in (2, 3, 4)
+            )
+            + " % at most (n = 2, 3, 4)"
+        ),
+        reason="That wave has its antinode under the load. "
+        "The thesis takes the wheel's shaft away as well (row above)",
+    ),
+    Row(
+        "text, 2250 Hz",
+        "the mode of two diameters has 2250 Hz",
+        "power-h1, free with its shaft",
+        "free.webs",
+        ("the lowest mode of two diameters of O has 2250 Hz (to 5 %)",),
+        lambda f: f"{f.listed('2ND Hz', 'O', form='.0f')} Hz",
+        reason="The web's sizes are guesses",
+    ),
+    Row("Fig. III-20", "families of modes over nodal diameter"),
+    Row(
+        "Fig. III-21, III-22",
+        "n = 0 and 1 load the shaft, others do not",
+        "a body's interface forces by wave",
+        test="tests/test_fem_prep_waves.py::test_matrices_do_not_mix_waves",
+        shows="waves do not mix; motions of a shaft are of n = 0 and 1",
+    ),
+    Row(
+        "Fig. III-23, highest peak",
+        "power H2: main resonances move down",
+        _WHEELS,
+        "wheels.critical_speeds",
+        ("power: every flexible wheel peaks at a lower speed than the rigid pair, a solid disc",),
+        lambda f: (
+            f"{f.listed('peak rad/s', 'power', 'power, leaning', 'power, straight', form='.0f')} "
+            "rad/s rigid, with a leaning and a straight web"
+        ),
+        reason="Helical teeth hardly excite the pair: the highest of several low peaks is no "
+        "measure of it. The mesh's energy over modes is (next row)",
+    ),
+    Row(
+        "Fig. III-23, mesh energy",
+        "tooth critical speeds of the power pair are lower with webs",
+        "power, power-h1, power-webbed-pinion, modes in mesh to 12 kHz",
+        "energy.mesh_energy",
+        ("webs lower the centre of mesh energy below that of rigid gears",),
+        lambda f: (
+            "centre of mesh energy "
+            + ", ".join(
+                f"{f.values('rad/s', x, 'centre of mesh energy')[0]:.0f}"
+                for x in ("rigid", "H1", "webbed pinion")
+            )
+            + " rad/s rigid, H1, webbed pinion"
+        ),
+    ),
+    Row(
+        "Fig. III-24, power",
+        "the dynamic ratio rises at high speed with centrifugal load only",
+        "power-h1, webs leaning and straight, 1500 to 3000 rad/s",
+        "wheels.growth",
+        (
+            "power: the force rises from up to 2000 to over 2500 rad/s",
+            "power: the force rises by less than half of it without",
+        ),
+        lambda f: _growth(f, "power, leaning"),
+        reason="Its line load, over the static one, rises from 0.96 to 1.05, without from 0.92 to "
+        "0.94 (before version 0.12)",
+    ),
+    Row(
+        "Fig. III-24, accessory",
+        "",
+        "accessory-h1, -h2, 1500 to 3000 rad/s",
+        "wheels.growth",
+        ("accessory: the force rises from up to 2000 to over 2500 rad/s",),
+        lambda f: _growth(f, "accessory, 3 mm"),
+        reason="A centred web grows evenly: the gears turn on a little",
+    ),
+    Row(
+        "Fig. III-25, III-26",
+        "rotation overloads the side away from the web",
+        _FAST,
+        "face.rotation",
+        (
+            "web leaning left: rotation moves the load to the right, away from the web",
+            "web leaning right: to the left",
+            "the overload grows with the speed",
+        ),
+        lambda f: (
+            "load at the edge away from the web over the mean, 0, 1100, 3000 rad/s: "
+            + ", ".join(
+                f"{f.values('right edge', 'leaning left', v, 'none')[0]:.2f}" for v in _SPEEDS
+            )
+        ),
+    ),
+    Row(
+        "Fig. III-25, centred web",
+        "",
+        _FAST,
+        "face.rotation",
+        ("straight centred web: hardly (less than a fifth of that)",),
+        lambda f: (
+            "load at the right edge over the mean, 0, 1100, 3000 rad/s: "
+            + ", ".join(
+                f"{f.values('right edge', 'straight, centred', v, 'none')[0]:.2f}" for v in _SPEEDS
+            )
+        ),
+        reason="A centred web is not spared: its rim grows at both edges, which the pressed one "
+        "feels",
+    ),
+    Row(
+        "Fig. III-26, growth",
+        "80 um at 3000 rad/s, on the side away from the web",
+        "power-h1, 3000 rad/s of the pinion",
+        "free.webs",
+        (
+            "the wheel grows most at its right edge, away from the web",
+            "... by 80 um (to 5 %)",
+        ),
+        lambda f: (
+            f"left {f.listed('left um', 'O')}, mean {f.listed('mean um', 'O')}, right "
+            f"{f.listed('right um', 'O')} um"
+        ),
+        reason="The web's sizes are guesses",
+    ),
+    Row(
+        "Fig. III-27",
+        "growth of 0.1 % changes base radius and pressure angle: -0.473 %",
+        test="tests/response/test_factors.py::test_pressure_angle_to_the_leading_order",
+        shows="-0.473 % for 0.1 %",
+    ),
+    Row(
+        "Fig. III-28 to III-33, Tab. III-9, III-10",
+        "industrial gear, 28 and 127 teeth: loads and pressures beside full finite elements",
+        cannot="web, face and torque of that gear are not in the text",
+    ),
+    Row("Fig. III-34 (a)", "dynamic pressure more even than quasi-static"),
+    Row("Fig. III-34 (b)", "above a hole: no real influence, in motion"),
+    Row(
+        "Fig. III-35, III-36",
+        "modes against interferometry, a rim mode of nine diameters",
+        cannot="the measured wheel's drawing and numbers are not in the text",
+    ),
+    Row(
+        "Fig. III-37, Tab. III-11",
+        "on the wheel a wave of n diameters answers at Z - n or Z + n, in space at Z",
+        "waves on circles",
+        test="tests/response/test_waves.py::test_a_wave_is_at_one_order_of_the_body_and_at_the_teeth_in_space",
+        shows="both orders to rounding, forward and backward",
+    ),
+    Row(
+        "Fig. III-40, Tab. III-12",
+        "resonances of +8, -9, -10, +9 diameters in the RMS over speed",
+    ),
+    Row(
+        "Fig. III-40, backward first",
+        "of two waves the backward one is met first",
+        _WAVES,
+        "wheels.run_up",
+        tuple(f"n = {n}: backward first" for n in (2, 3, 4)),
+        lambda f: f"all {len(f.rows)} pairs",
+    ),
+    Row(
+        "eq. 3.10 to 3.14, Fig. III-41",
+        "Rayleigh coefficients from half-power widths",
+        test="tests/response/test_half_power.py::test_a_pair_gives_back_its_rayleigh_coefficients",
+        shows="found again to 0.5 %",
+    ),
+    Row(
+        "Fig. III-42 to III-45",
+        "a node of the rim answers at Z - n or Z + n and not at Z",
+        _WAVES,
+        "wheels.waves",
+        (
+            "a node answers at Z - n or Z + n at least ten times as much as at Z",
+            "a probe that stands still answers most at Z",
+            "most of that order is the wave that runs the right way",
+        ),
+        lambda f: (
+            f"{min(f.values('side/Z')):.0f} to {max(f.values('side/Z')):.0f} times above Z on the "
+            "wheel, each wave running the right way"
+        ),
+    ),
+    Row(
+        "Fig. III-46 to III-49",
+        "peaks are where the Campbell diagram has them",
+        _WAVES,
+        "wheels.waves",
+        (
+            "all waves of two to four diameters have a peak within 6 % of the prediction",
+            "all peaks lie within 1.5 % of the predicted speeds",
+        ),
+        lambda f: (
+            f"all {len(f.rows)} of n = 2, 3, 4, both ways, within "
+            f"{max(abs(x) for x in f.values('off %')):.1f} %"
+        ),
+    ),
+    Row("Fig. III-46 to III-50, between", "what a probe shows between resonances, and n = 8 to 10"),
+)
+
+
+def _growth(found, label):
+    """Means of the force over the static one, of a wheel."""
+    row = next(row for row in found.rows if row[:2] == [label, "force"])
+    return (
+        f"means to 2000 and from 2500 rad/s {row[2]:.3f}, {row[3]:.3f} with, {row[4]:.3f}, "
+        f"{row[5]:.3f} without centrifugal load"
+    )
+
+
+def _above(found):
+    """With how many webs the power pair's line load is largest within 6 mm of the junction, and not
+    at an end of its 40 mm."""
+    rows = [row for row in found.rows if row[0].startswith("power")]
+    return sum(abs(row[3] - row[1]) < 6.0 and abs(row[3]) < 18.0 for row in rows)
+
+
+def _more(found, bearing):
+    """How much more a bearing takes with the web leaning left than with a rigid body [%]."""
+    stiff, flexible = (
+        math.hypot(*(found.values(f"B{bearing} {axis}", label)[0] for axis in "ST"))
+        for label in ("H1 rigidified", "H1, leaning left")
+    )
+    return 100.0 * (flexible / stiff - 1.0)
