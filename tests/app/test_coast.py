@@ -153,6 +153,7 @@ def test_loads_misalignment_and_housing_are_mirrored(write, tmp_path):
     assert load.moment.tolist() == [-4.0, 5.0, -6.0]
     assert float(model.misalignment.inclination) == pytest.approx(7e-6)
     assert float(model.misalignment.deviation) == pytest.approx(-9e-6)
+    assert model.housing is not None
     assert float(model.housing.stiffness[0, 1]) == -4e7
     assert float(model.torque) == 60.0
 
@@ -170,3 +171,43 @@ def test_loads_misalignment_and_housing_are_mirrored(write, tmp_path):
 def test_what_has_no_mirror_image_is_refused(write, overrides, study, said):
     with pytest.raises(SceneError, match=said):
         getattr(studies, study)(read_scene(write(_SCENE), [_BACK, *overrides]))
+
+
+@pytest.mark.slow
+def test_modes_sweep_and_search_are_those_of_the_mirrored_pair(write):
+    coarse = ["mesh.slices=2", "mesh.phases=8", "sweep.steps=32", "sweep.harmonics=6"]
+    more = [
+        "sweep.pinion_speed_rad_s=[900.0, 1400.0]",
+        'sweep.direction="cold"',
+        'optimise.vary=["flank.pinion.tip_relief.depth_um"]',
+        'optimise.minimise="te_rms"',
+    ]
+    found = {}
+    for sense in (1, -1):
+        given = [f"pair.helix_angle_deg={-12 * sense}", f"pair.torque_pinion_Nm={60 * sense}"]
+        scene = read_scene(write(_SCENE), [*given, *coarse, *more])
+        modes, sweep, search = (
+            getattr(studies, name)(scene) for name in ("modes", "sweep", "optimise")
+        )
+        moved = sweep.datasets["sweep"]
+        found[sense] = (
+            modes.summary["modes"]["frequency_Hz"],
+            moved["dynamic_ratio"].values,
+            moved["bearing_load_order_N"].values,
+            list(search.summary["optimise"]["after"].values()),
+        )
+        assert moved.attrs["torque_pinion_Nm"] == 60.0 * sense
+    for own, other in zip(found[-1], found[1], strict=True):
+        np.testing.assert_allclose(own, other, rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_derivatives_are_by_the_keys_of_the_real_pair(write):
+    coarse = ["mesh.slices=2", "mesh.phases=8", "pair.helix_angle_deg=12", _BACK]
+    text = _SCENE.partition("[pinion.shaft]")[0] + "[wheel]" + _SCENE.partition("[wheel]")[2]
+    found = studies.check_gradients(read_scene(write(text), coarse)).summary["check_grad"]
+    assert found["verdicts"]["WRONG"] == 0
+    # More of a negative torque is less load.
+    slopes = {(row["response"], row["key"]): row["forward"] for row in found["rows"]}
+    by_torque = [value for (_, key), value in slopes.items() if key == "pair.torque_pinion_Nm"]
+    assert by_torque[0] < 0.0

@@ -13,7 +13,7 @@ from jaxgear import deg, mm, um
 _STIFF = jg.ConstantStiffness(1.4e10)
 
 
-def _pair(pinion=0.2 * mm, wheel=0.3 * mm):
+def _pair(pinion: float | None = 0.2 * mm, wheel: float | None = 0.3 * mm) -> jg.GearPair:
     return jg.GearPair(
         jg.Gear(25, 12 * mm, tip_corner_radius=pinion),
         jg.Gear(31, 10 * mm, tip_corner_radius=wheel),
