@@ -211,12 +211,13 @@ def _tolerated(
 
 
 def _require_range(scatter: Scatter) -> None:
-    """Refuse a scatter that leaves the range of its key, as a torque below zero."""
+    """Refuse a scatter that leaves the range of its key, or a torque that changes its sign."""
     scene, space = scatter.space.scene, scatter.space
     every = np.concatenate([*samples_of(scatter), optimise.moved_alone(scatter.quantities)])
     ends = [space.updates(jnp.asarray(end)) for end in (space.box.lower, space.box.upper)]
     for column, key in enumerate(scatter.keys):
         rule = KEYS[general(split_entry(key)[0])]
+        holds, allowed = rule.holds, rule.allowed
         least, most = float(every[:, column].min()), float(every[:, column].max())
         if key.startswith("flank.") and key.rpartition(".")[2] in AMOUNTS:
             # A scatter may leave some standing where none was to be removed.
@@ -225,18 +226,22 @@ def _require_range(scatter: Scatter) -> None:
             low, high = (float(end[key]) for end in ends)
             what, remedy = f"between its bounds {low:g} and {high:g}", "narrow [optimise.bounds]"
         elif key == _TORQUE:
-            torques = space.torques
-            low, high = float(min(torques)), float(max(torques))
+            # The same flanks carry in all gears; torques of a map or a search are sizes.
+            sense = scene.plain.pair.sense
+            low, high = (sense * float(size(space.torques)) for size in (min, max))
             what, remedy = f"{low:g} at the least", "raise the torque"
+            holds = lambda torque, sense=sense: sense * torque > 0.0
+            allowed = "> 0" if sense > 0 else "< 0"
         else:
             low = high = float(scene.value(key))
             what, remedy = f"{low:g}", "change it"
-        if not rule.holds(low + least) or not rule.holds(high + most):
-            worst = low + least if not rule.holds(low + least) else high + most
+        reached = low + least, low + most, high + least, high + most
+        if beyond := [value for value in reached if not holds(value)]:
+            worst = beyond[0]
             path = f"robust.{'even' if key in scene.robust.even else 'scatter'}.{key}"
             raise InputError(
                 f"{path} ({scene.where(path)}) is {show(scene.value(path))}: with {key} {what}, a "
-                f"gear of the sample has {worst:.4g}, but it must be {rule.allowed}. Take a "
+                f"gear of the sample has {worst:.4g}, but it must be {allowed}. Take a "
                 f"smaller deviation, {remedy}, or use [robust.even], whose band has ends."
             )
 
