@@ -62,6 +62,13 @@ def _mistakes(scene: Scene, what: str) -> Iterator[tuple[str, str]]:
         if coast in scene.given:
             if what == "relief_map":
                 yield coast, f"is what carries ({torque}), but the map varies [{drive}]. Keep one"
+            asked = scene.optimise.vary if "optimise" in scene.given else ()
+            if idle := [key for key in asked if key.startswith(f"{drive}.")]:
+                yield (
+                    "optimise.vary",
+                    f"names {' and '.join(idle)}, but [{coast}] is what carries ({torque}). Vary "
+                    f"{coast}.{idle[0].removeprefix(drive + '.')}, say",
+                )
             continue
         of_teeth = ["pitch_error_um", "eccentricity_um"]
         of_teeth += ["accuracy_grade"] if scene.mesh.periods > 1 else []

@@ -165,6 +165,11 @@ def test_loads_misalignment_and_housing_are_mirrored(write, tmp_path):
         (["flank.pinion.eccentricity_um=5"], "statics", r"in \[flank\.pinion_coast\]"),
         (["flank.wheel.pitch_error_um=[1.0]"], "modes", r"in \[flank\.wheel_coast\]"),
         (["flank.pinion_coast.crowning_um=2"], "relief_map", "the map varies"),
+        (
+            ["flank.pinion_coast.crowning_um=2", 'optimise.vary=["flank.pinion.crowning_um"]'],
+            "optimise",
+            r"Vary flank\.pinion_coast\.crowning_um",
+        ),
         ([], "live_scene", "a live scene moves the torque"),
     ],
 )
