@@ -302,5 +302,9 @@ class FlanksKeys(AbstractKeys):
 
         Those of the coast side, `sense` -1, are as those of the drive side unless they are given.
         """
-        coast = getattr(self, f"{name}_coast")
+        coast = self.coast(name)
         return coast if sense < 0 and coast.is_given else getattr(self, name)
+
+    def coast(self, name: str) -> FlankKeys:
+        """The coast flanks of a gear, `pinion` or `wheel`, as they are given."""
+        return getattr(self, f"{name}_coast")

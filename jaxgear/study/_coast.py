@@ -27,7 +27,7 @@ _TURNED += ("torque_Nm", "torque_pinion_Nm")
 _TURNS = ("rotation", "torque")
 
 
-def require_drive(scene: Scene, why: str) -> None:
+def require_drive(scene: Scene, *, why: str) -> None:
     """Refuse a scene whose coast flanks carry.
 
     **Raises:**
@@ -59,10 +59,10 @@ def _mistakes(scene: Scene, what: str) -> Iterator[tuple[str, str]]:
         )
     for gear in GEARS:
         drive, coast = f"flank.{gear}", f"flank.{gear}_coast"
-        if coast in scene.given:
+        if scene.flank.coast(gear).is_given:
             if what == "relief_map":
                 yield coast, f"is what carries ({torque}), but the map varies [{drive}]. Keep one"
-            asked = scene.optimise.vary if "optimise" in scene.given else ()
+            asked = scene.optimise.vary if scene.optimise.is_given else ()
             if idle := [key for key in asked if key.startswith(f"{drive}.")]:
                 yield (
                     "optimise.vary",
@@ -99,7 +99,7 @@ def _notes(scene: Scene) -> Iterator[str]:
         "Braked while it goes on forwards, the quasi-static cycle is the same one, passed through "
         "the other way round."
     )
-    same = [gear for gear in GEARS if f"flank.{gear}_coast" not in scene.given]
+    same = [gear for gear in GEARS if not scene.flank.coast(gear).is_given]
     if same:
         names = " and ".join(f"[flank.{gear}_coast]" for gear in same)
         yield f"Without {names} coast flanks have the modifications of the drive flanks."

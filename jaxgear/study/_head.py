@@ -112,7 +112,7 @@ _More = ParamSpec("_More")
 _WITHOUT_LOAD = ("run", "statics", "condense")
 
 
-def require_load(scene: Scene, what: str) -> None:
+def require_load(scene: Scene, *, what: str) -> None:
     """Refuse a scene at torque 0 for what has no meaning without load.
 
     **Raises:**
@@ -135,7 +135,7 @@ def study(
     @functools.wraps(found)
     def studied(scene: Scene, *more: _More.args, **named: _More.kwargs) -> Result:
         if found.__name__ not in _WITHOUT_LOAD:
-            require_load(scene, found.__name__)
+            require_load(scene, what=found.__name__)
         if scene.plain.pair.sense < 0:
             require_coast(scene, found.__name__)
         with stopwatch():

@@ -186,8 +186,8 @@ def live_scene(scene: Scene) -> LiveScene:
 
     - `ValueError` if the gears are impossible.
     """
-    require_load(scene, "live scene")
-    require_drive(scene, "a live scene moves the torque")
+    require_load(scene, what="live scene")
+    require_drive(scene, why="a live scene moves the torque")
     scene = built_scene(scene)
     base = model_of(scene)
     real = scene.real_keys()

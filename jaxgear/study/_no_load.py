@@ -29,9 +29,6 @@ from jaxgear.study._result import Result, Summary, titled
 from jaxgear.study._results import dataset_of, harmonics_resolved, over
 from jaxgear.study._statics_summary import geometry_summary
 
-# Tables that ask for what only a load makes.
-_OF_LOADS = ("sweep", "sizing", "optimise", "gauges", "probes")
-
 
 class _Unloaded(NamedTuple):
     """Cells and their gaps, and transmission errors: of all pairs together, and of each alone [m].
@@ -168,7 +165,15 @@ def _notes(scene: Scene) -> Iterator[str]:
         "pair.torque_pinion_Nm is 0: the gears are rigid and touch at one point. Stiffness, "
         "pressures, bearings and motion need a torque."
     )
-    if left := [name for name in _OF_LOADS if name in scene.given or f"{name}[0]" in scene.given]:
+    # What only a load makes.
+    of_loads = {
+        "sweep": scene.sweep.is_given,
+        "sizing": scene.sizing.is_given,
+        "optimise": scene.optimise.is_given,
+        "gauges": bool(scene.gauges),
+        "probes": bool(scene.probes),
+    }
+    if left := [name for name, given in of_loads.items() if given]:
         yield Idle(f"Without load {', '.join(f'[{name}]' for name in left)} does nothing.")
     if scene.mesh.tip_contact is False:
         yield Idle(
