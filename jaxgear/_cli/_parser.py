@@ -38,6 +38,8 @@ FORMS: Mapping[str, str] = {
     "op4": "Nastran's OUTPUT4, as text",
     "mtx": "Abaqus's *MATRIX INPUT",
     "rexs": "REXS 1.5, XML",
+    "rexsj": "the same as JSON",
+    "rexsz": "the same, packed",
     "modelica": "force of the mesh over phase and approach, for CombiTable2Ds",
     "topography": "both flanks as CSV, over face and roll length",
     "uff58": "orders and spectra of a sweep as a universal file, dataset 58",
