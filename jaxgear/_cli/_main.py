@@ -258,6 +258,8 @@ def _explore(args: argparse.Namespace) -> int:
         from jaxgear.study import live_scene
 
         live = live_scene(scene)
+        for key in args.keys:
+            live = live.with_key(key)
         try:
             explorer = Explorer(live, target, args.port)
         except (OSError, OverflowError) as error:
