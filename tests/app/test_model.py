@@ -75,5 +75,10 @@ def test_lengths_and_angles_reach_the_model_in_si(model):
 def test_a_modulus_moves_by_itself(key):
     """Nothing else is traced then, so that checks of the shafts meet plain heights."""
     scene = ready_scene("accessory")
-    stiffness = lambda value: model_of(scene, {key: value}).wheel_support.segments[0].length
-    assert jax.jvp(stiffness, (scene.value(key),), (1.0,))[1] == 0.0
+
+    def first_length(value):
+        shaft = model_of(scene, {key: value}).wheel_support
+        assert isinstance(shaft, Shaft)
+        return shaft.segments[0].length
+
+    assert jax.jvp(first_length, (scene.value(key),), (1.0,))[1] == 0.0
