@@ -4,6 +4,7 @@ import threading
 import time
 
 import pytest
+from browser import headless_chromium
 
 from jaxgear.explore import Explorer
 from jaxgear.scene._scene import ready_scene
@@ -38,16 +39,8 @@ def _add_slider(browser, key):
 
 @pytest.fixture
 def browser():
-    """Headless Chromium."""
-    webdriver = pytest.importorskip("selenium.webdriver")
-    options = webdriver.ChromeOptions()
-    for each in ("--headless=new", "--no-sandbox", "--disable-gpu", "--window-size=1400,1200"):
-        options.add_argument(each)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    made = webdriver.Chrome(options=options)
-    made.set_script_timeout(600)
-    yield made
-    made.quit()
+    with headless_chromium() as made:
+        yield made
 
 
 @pytest.mark.slow
