@@ -11,7 +11,8 @@ import tomlkit
 
 from jaxgear._cli._main import main
 
-_DOCS = Path(__file__).parents[1] / "docs"
+_ROOT = Path(__file__).parents[1]
+_DOCS = _ROOT / "docs"
 _BLOCK = re.compile(r"^```(sh|toml)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _SCENE = Path("gearbox.toml")
 
@@ -39,14 +40,14 @@ def _merge(into, table) -> None:
 
 def _walk(page: str, *more: str) -> None:
     """Do what a page says; `more`: options that make its commands small."""
-    for language, block in _BLOCK.findall((_DOCS / page).read_text("utf-8")):
+    for language, block in _BLOCK.findall((_ROOT / page).read_text("utf-8")):
         if language == "toml":
             _put(block)
-        for line in block.splitlines():
-            if line.startswith("jaxgear "):
-                command = shlex.split(line.partition("#")[0])[1:]
-                small = more if command[0] != "init" else ()
-                assert main([*command, "--quiet", *small]) == 0, line
+            continue
+        for line in re.findall(r"^(?:\.venv/bin/)?jaxgear (.*)$", block, re.MULTILINE):
+            command = shlex.split(line, comments=True)
+            small = more if command[0] != "init" else ()
+            assert main([*command, "--quiet", *small]) == 0, line
 
 
 def _numbers(text: str) -> list[float]:
@@ -58,7 +59,7 @@ def test_the_tutorial_ends_at_the_flanks_that_it_tells(tmp_path, monkeypatch):
     """From teeth and module to a search below a limit, and its table's numbers."""
     monkeypatch.chdir(tmp_path)
     page = (_DOCS / "tutorial.md").read_text("utf-8")
-    _walk("tutorial.md")
+    _walk("docs/tutorial.md")
     run = json.loads(Path("results/gearbox/summary.json").read_text("utf-8"))["optimise"]
     depth, extent = (
         run["variables"][f"flank.pinion.tip_relief.{x}"] for x in ("depth_um", "extent")
@@ -75,6 +76,14 @@ def test_the_tutorial_ends_at_the_flanks_that_it_tells(tmp_path, monkeypatch):
         assert told == pytest.approx(numbers, abs=0.51 * 10.0 ** -digits[name], rel=0.02), name
     limited = Path("results/gearbox/optimise/summary.json").read_text("utf-8")
     assert all(each["kept"] for each in json.loads(limited)["optimise"]["limits"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", ["README.md", "docs/index.md"])
+def test_first_pages_lead_to_a_report(tmp_path, monkeypatch, page):
+    monkeypatch.chdir(tmp_path)
+    _walk(page, "--set=mesh.slices=5")
+    assert Path("results/pair-23-64/report.html").exists()
 
 
 @pytest.mark.slow
@@ -98,5 +107,5 @@ def test_the_guides_go_on_from_the_tutorial(tmp_path, monkeypatch, page, more):
     assert command is not None
     if command[2] != _SCENE.stem:
         monkeypatch.setitem(globals(), "_SCENE", _SCENE.rename(f"{command[2]}.toml"))
-    _walk(f"guides/{page}.md", *more)
+    _walk(f"docs/guides/{page}.md", *more)
     assert Path(f"results/gearbox/{command[1]}/report.html").exists()
