@@ -167,7 +167,7 @@ def _relief(
 def flank_components(flank: FlankKeys, path: Path) -> Iterator[Component]:
     """Modifications of a flank of a scene as components.
 
-    Amounts of zero are left out, and reliefs of no depth unless more than that is said of them.
+    Amounts of zero are left out, and reliefs of no depth that the scene says nothing of.
 
     **Arguments:**
 
@@ -182,7 +182,7 @@ def flank_components(flank: FlankKeys, path: Path) -> Iterator[Component]:
             yield Component(kind, key, texts)
     for which in ("tip", "root"):
         kind = f"{which}_relief"
-        if _is_said(relief := getattr(flank, kind)):
+        if (relief := getattr(flank, kind)).depth_um or relief.is_given:
             names = (f"{kind}_depth", f"{kind}_datum_length")
             texts = _relief_texts(relief, names, path.length)
             if which == "root":
@@ -191,16 +191,11 @@ def flank_components(flank: FlankKeys, path: Path) -> Iterator[Component]:
             yield Component(kind, kind, texts)
     end = flank.end_relief
     for side, name in _ENDS.items():
-        if _is_said(end) and end.side in (side, "both"):
+        if (end.depth_um or end.is_given) and end.side in (side, "both"):
             names = (f"end_relief_depth_{name}", f"end_relief_length_{name}")
             yield Component(
                 f"end_relief_{name}", "end_relief", _relief_texts(end, names, path.face)
             )
-
-
-def _is_said(table: Any) -> bool:
-    """Whether any key of a table differs from its default."""
-    return table != type(table)()
 
 
 def _relief_texts(

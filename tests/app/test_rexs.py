@@ -407,6 +407,8 @@ def test_ready_scenes_come_back(tmp_path, capsys, name, form):
     scene, back, lost = _there_and_back(tmp_path / f"{name}.toml", form, capsys, _FLANKS)
     gears = r"(pair|material|pinion\.(?!body)|wheel\.(?!body)|flank)"
     assert not [key for key in lost if re.match(gears, key)]
+    tables = {key for key in back.given - back.fixed.keys() if key.startswith("flank.")}
+    assert tables <= scene.given
     assert "centre_distance_mm" not in {key.rpartition(".")[2] for key in back.given}
     _assert_all_is_back(scene, back, lost)
 
