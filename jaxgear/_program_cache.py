@@ -148,7 +148,7 @@ def kept_programs() -> list[Programs]:
         if not entries:
             continue
         try:
-            last = json.loads((folder / _LAST_RUN).read_text())
+            last = json.loads((folder / _LAST_RUN).read_text("utf-8"))
             asked, hits = int(last["asked"]), int(last["found"])
         except (OSError, ValueError, KeyError, TypeError):
             asked = hits = 0
@@ -272,7 +272,7 @@ def _write_use(folder: Path, events: collections.Counter[str]) -> None:
     asked, found = (events[start + name] for name in ("compile_requests_use_cache", "cache_hits"))
     if asked:
         with contextlib.suppress(OSError):
-            (folder / _LAST_RUN).write_text(json.dumps({"asked": asked, "found": found}))
+            (folder / _LAST_RUN).write_text(json.dumps({"asked": asked, "found": found}), "utf-8")
 
 
 def _prune(base: Path) -> None:

@@ -275,7 +275,7 @@ def _bottom(
             step *= 0.5
         else:
             # No step is an improvement: rounding is all that is left, or a kink.
-            return depth, here, abs(step) * 2.0**_HALVINGS <= _KINK * depth
+            return depth, here, bool(abs(step) * 2.0**_HALVINGS <= _KINK * depth)
         depth, here = ahead, there
     return depth, here, False
 

@@ -172,9 +172,13 @@ def test_commands_in_examples_are_commands():
 
 
 def test_the_citation_is_of_this_version():
-    """A new version stands in `pyproject.toml` and in `CITATION.cff`."""
-    version = tomllib.loads(_text(_ROOT / "pyproject.toml"))["project"]["version"]
-    assert f"\nversion: {version}\n" in _text(_ROOT / "CITATION.cff")
+    """What is both in `pyproject.toml` and in `CITATION.cff` is the same."""
+    project = tomllib.loads(_text(_ROOT / "pyproject.toml"))["project"]
+    citation = _text(_ROOT / "CITATION.cff")
+    assert f"\nversion: {project['version']}\n" in citation
+    assert f"\nlicense: {project['license']}\n" in citation
+    names = "".join(f'  - name: "{each["name"]}"\n' for each in project["authors"])
+    assert f"\nauthors:\n{names}version" in citation
 
 
 _WITH_CODE = [page for page in _PAGES if page.name != "README.md" and _blocks(page, "python")]

@@ -1,12 +1,14 @@
 """The command `export`: bodies, scenes and results in the files that other programs read."""
 
 import argparse
+import functools
+import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from jaxgear._checks import InputError
 from jaxgear._cli._plot import read_result
-from jaxgear._whole_file import write_text
+from jaxgear._whole_file import whole_file, write_text
 from jaxgear.scene._rexs_out import rexs_of_scene
 from jaxgear.scene._scene import Scene, read_scene
 from jaxgear.scene._schema import GEARS
@@ -60,11 +62,15 @@ def _refuse_other_sides(scene: Scene) -> None:
         scene.refuse([("pair.torque_pinion_Nm", words)])
 
 
-def _rexs(scene: Scene, folder: Path) -> _Written:
+def _rexs(scene: Scene, folder: Path, form: str = "rexs") -> _Written:
     _refuse_other_sides(scene)
-    text, remarks = rexs_of_scene(scene)
-    target = folder / f"{scene.name}.rexs"
-    write_text(text, target)
+    text, remarks = rexs_of_scene(scene, as_json=form == "rexsj")
+    target = folder / f"{scene.name}.{form}"
+    if form == "rexsz":
+        with whole_file(target) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as file:
+            file.writestr(f"{scene.name}.rexs", text)
+    else:
+        write_text(text, target)
     return [target], remarks
 
 
@@ -97,6 +103,8 @@ def _topography(scene: Scene, folder: Path) -> _Written:
 
 _OF_SCENES: Mapping[str, Callable[[Scene, Path], _Written]] = {
     "rexs": _rexs,
+    "rexsj": functools.partial(_rexs, form="rexsj"),
+    "rexsz": functools.partial(_rexs, form="rexsz"),
     "modelica": _modelica,
     "topography": _topography,
 }

@@ -60,7 +60,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     gc.set_threshold(200_000, 50, 100)
     if sys.stdout is None:
         # Closed, as some services start their commands.
-        sys.stdout = open(os.devnull, "w")
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")
     # What a terminal cannot show, such as the µ of µm, is no reason to lose results.
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
@@ -258,6 +258,8 @@ def _explore(args: argparse.Namespace) -> int:
         from jaxgear.study import live_scene
 
         live = live_scene(scene)
+        for key in args.keys:
+            live = live.with_key(key)
         try:
             explorer = Explorer(live, target, args.port)
         except (OSError, OverflowError) as error:

@@ -38,6 +38,8 @@ FORMS: Mapping[str, str] = {
     "op4": "Nastran's OUTPUT4, as text",
     "mtx": "Abaqus's *MATRIX INPUT",
     "rexs": "REXS 1.5, XML",
+    "rexsj": "the same as JSON",
+    "rexsz": "the same, packed",
     "modelica": "force of the mesh over phase and approach, for CombiTable2Ds",
     "topography": "both flanks as CSV, over face and roll length",
     "uff58": "orders and spectra of a sweep as a universal file, dataset 58",
@@ -127,6 +129,14 @@ _EXPLORE: _Arguments = {
         "help": "file that the page writes the scene into; NAME.explored.toml beside the scene",
     },
     "--set": _COMMON["--set"],
+    "--key": {
+        "action": "append",
+        "default": [],
+        "dest": "keys",
+        "metavar": "KEY",
+        "help": "a slider for this real key too, e.g. pinion.profile_shift; repeatable, and the "
+        "page adds more",
+    },
     "--port": {"type": int, "default": 0, "metavar": "N", "help": "port to listen on; a free one"},
     **_SCENE,
 }
@@ -222,7 +232,7 @@ def parser() -> argparse.ArgumentParser:
     command("schema", "print the JSON Schema of scenes, by which editors complete and check", {})
     command("explain", "all that is known of one key, with what ready scenes have", _EXPLAIN)
     command("doctor", "say whether this installation is in order: versions, precision, speed", {})
-    text = "a page with a slider for each flank key: pictures and slopes while one moves them"
+    text = "a page with sliders for flanks and other real keys: pictures and slopes while they move"
     command("explore", text, _EXPLORE)
     text = "many designs of a scene as one table, with derivatives; resumes, works in parts"
     study = command("study", text, _STUDY)

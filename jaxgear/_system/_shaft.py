@@ -283,7 +283,9 @@ def _places(shaft: Shaft, body_width: Any) -> Mapping[str, Any]:
 
 def _plain_places(shaft: Shaft, body_width: Scalar | None) -> dict[str, float]:
     """Heights as plain numbers, also while JAX traces something else around them."""
-    plain, width = jax.tree.map(np.asarray, (shaft, body_width))
+    # A modulus may be traced where no height is.
+    plain_leaf = lambda leaf: leaf if isinstance(leaf, Tracer) else np.asarray(leaf)
+    plain, width = jax.tree.map(plain_leaf, (shaft, body_width))
     return {name: float(height) for name, height in _places(plain, width).items()}
 
 

@@ -32,6 +32,7 @@ class PageAnswers:
         self._live, self._target = live, target
         self.by_name: Mapping[str, Callable[[Asked], Asked]] = {
             "start": self._start,
+            "add": self._add,
             "cycle": self._cycle,
             "slopes": self._slopes,
             "curve": self._curve,
@@ -45,11 +46,17 @@ class PageAnswers:
         return {
             "name": scene.name,
             "knobs": [knob._asdict() for knob in self._live.knobs],
+            "others": self._live.others,
             "responses": RESPONSES,
             "sweeps": scene.sweep.is_given,
             "searches": scene.optimise.is_given,
             "file": self._target.name,
         }
+
+    def _add(self, asked: Asked) -> Asked:
+        """A slider more, of another real key."""
+        self._live = self._live.with_key(str(asked.get("key")))
+        return {"knobs": [knob._asdict() for knob in self._live.knobs], "others": self._live.others}
 
     def _cycle(self, asked: Asked) -> Asked:
         return self._live.cycle(self._values(asked))

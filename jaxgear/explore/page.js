@@ -133,6 +133,7 @@ function drawCurve() {
 // ---- knobs
 
 function makeKnobs() {
+  by("knobs").replaceChildren();
   const groups = new Map();
   for (const knob of state.knobs) {
     const group = knob.key.split(".").slice(0, knob.key.startsWith("flank.") ? 2 : 1).join(".");
@@ -193,6 +194,18 @@ function showSlopes(slopes) {
 
 // ---- what happens
 
+// The knobs that there are, and the keys of which one may be added.
+function takeKnobs(found) {
+  state.knobs = found.knobs;
+  const own = Object.fromEntries(found.knobs.map((knob) => [knob.key, knob.value]));
+  state.values = { ...own, ...state.values };
+  // What was before a knob has its value in the scene.
+  state.history = state.history.map((values) => ({ ...own, ...values }));
+  by("others").replaceChildren(...found.others.map((key) => new Option("", key)));
+  makeKnobs();
+  showValues();
+}
+
 function keep() {
   state.history.push({ ...state.values });
   by("undo").disabled = false;
@@ -246,6 +259,14 @@ by("reset").onclick = () => {
   keep();
   move(Object.fromEntries(state.knobs.map((knob) => [knob.key, knob.value])));
 };
+by("add").onsubmit = (event) => {
+  event.preventDefault();
+  long("Adding a slider; its slopes take a while the first time ...", async () => {
+    takeKnobs(await ask("add", { key: by("key").value.trim() }));
+    by("key").value = "";
+    await refresh();
+  });
+};
 by("response").onchange = refresh;
 by("write").onclick = () => long("Writing ...", async () => {
   const found = await ask("write");
@@ -270,14 +291,11 @@ window.onresize = () => { if (state.cycle) drawCycle(); };
     const found = await ask("start");
     document.title = found.name + ": jaxgear";
     by("name").textContent = found.name;
-    state.knobs = found.knobs;
-    state.values = Object.fromEntries(found.knobs.map((knob) => [knob.key, knob.value]));
     for (const name of found.responses) by("response").append(new Option(name, name));
     by("optimise").hidden = !found.searches;
     by("sweep").hidden = !found.sweeps;
     by("write").textContent = "Write " + found.file;
-    makeKnobs();
-    showValues();
+    takeKnobs(found);
     await refresh();
   } catch (error) {
     tell(error.message, true);

@@ -74,7 +74,7 @@ def _inside(path: Path) -> int:
 def _figure(name: str, path: Path, tables: list[Path], held: set[Path]) -> Markup:
     title = name.replace("_", " ")
     if path in held:
-        shown = element("img", src=_data(path), alt=_told(title, path), loading="lazy")
+        shown = element("img", src=_data(path), alt=_told(title, path))
     else:
         shown = element("p", f"The picture is in {path.name}, beside this page.")
     links = [

@@ -247,11 +247,11 @@ def _memory() -> float:
         found.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     with contextlib.suppress(OSError):
         # What of the memory caches of files hold is free too; `SC_AVPHYS_PAGES` leaves that out.
-        lines = Path("/proc/meminfo").read_text().splitlines()
+        lines = Path("/proc/meminfo").read_text("utf-8").splitlines()
         found += [1024 * float(each.split()[1]) for each in lines if "MemAvailable" in each]
     for limit in _LIMITS:
         with contextlib.suppress(OSError, ValueError):
-            found.append(float(limit.read_text()))
+            found.append(float(limit.read_text("utf-8")))
     return min(found)
 
 

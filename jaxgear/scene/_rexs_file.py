@@ -1,7 +1,7 @@
 """REXS files (Reusable Engineering EXchange Standard, rexs.info): components and their relations.
 
 Versions 1.0 to 2.0 as XML (.rexs), JSON (.rexsj) or either in a ZIP archive (.rexsz), told apart
-by what is in the file. Nothing is unpacked to the disc, fetched, or expanded. Written is XML.
+by what is in the file. Nothing is unpacked to the disc, fetched, or expanded.
 
 Numbers stay decimal until they are in their unit, so that a length in micrometres comes back from
 a file in millimetres to the last digit.
@@ -297,35 +297,3 @@ def _of_json(owner: Mapping[str, Any]) -> Mapping[str, Component]:
 def plain_number(value: float, scale: int = 0) -> str:
     """A number times ten to the power of `scale`, as text from which it can be had back."""
     return str(Decimal(repr(float(value))).scaleb(scale))
-
-
-def rexs_text(model: RexsModel, date: str) -> str:
-    """A model as XML.
-
-    **Arguments:**
-
-    - `model`: to be written; its load cases are not.
-    - `date`: of the file, as ISO 8601 has it.
-    """
-    root = ET.Element(
-        "model",
-        version=model.version,
-        applicationId="jaxgear",
-        applicationVersion=model.application,
-        date=date,
-    )
-    relations = ET.SubElement(root, "relations")
-    for number, each in enumerate(model.relations, 1):
-        # Orders are asked for by the database where one of several could be first.
-        relation = ET.SubElement(relations, "relation", id=str(number), type=each.kind)
-        if each.kind == "manufacturing_step":
-            relation.set("order", "1")
-        for role, part in each.roles.items():
-            ET.SubElement(relation, "ref", id=part, role=role, hint=model.parts[part].kind)
-    components = ET.SubElement(root, "components")
-    for part, each in model.parts.items():
-        component = ET.SubElement(components, "component", id=part, type=each.kind, name=each.name)
-        for name, (text, unit) in each.attributes.items():
-            ET.SubElement(component, "attribute", id=name, unit=unit).text = text
-    ET.indent(root)
-    return ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n"

@@ -7,6 +7,7 @@ added at the tip (profile) or at the non-datum face (helix). The datum face is t
 
 import math
 from collections.abc import Iterator, Mapping
+from decimal import Decimal
 from typing import Any, NamedTuple
 
 from jaxgear._geometry._pair import GearPair
@@ -108,7 +109,7 @@ def flank_keys(found: Mapping[str, Component], path: Path, remarks: list[str]) -
         side: _relief(
             found[kind],
             f"end_relief_depth_{end}",
-            found[kind].number(f"end_relief_length_{end}"),
+            found[kind].decimal(f"end_relief_length_{end}"),
             path.face,
             remarks,
         )
@@ -132,27 +133,28 @@ def _amount(found: Component, attributes: tuple[str, ...], remarks: list[str]) -
     return amounts[0] if len(set(amounts)) == 1 else sum(amounts) / len(amounts)
 
 
-def _length(relief: Component, which: str, path: Path, remarks: list[str]) -> float | None:
+def _length(relief: Component, which: str, path: Path, remarks: list[str]) -> Decimal | None:
     """Roll length of a relief, from where it begins to the end of the path [mm]."""
     diameter = relief.number(f"{which}_relief_datum_diameter")
-    length = relief.number(f"{which}_relief_datum_length")
+    length = relief.decimal(f"{which}_relief_datum_length")
     if length is not None or diameter is None:
         return length
     remarks.append(f"{relief.kind}: it reaches to the end of the path of contact.")
     roll = math.sqrt(max(0.25 * diameter**2 - path.base**2, 0.0))
     start = path.tip - path.length
-    return path.tip - roll if which == "tip" else roll - start
+    return Decimal(path.tip - roll if which == "tip" else roll - start)
 
 
 def _relief(
-    relief: Component, depth: str, length: float | None, whole: float, remarks: list[str]
+    relief: Component, depth: str, length: Decimal | None, whole: float, remarks: list[str]
 ) -> Mapping[str, Any]:
     """Keys of a relief in the scene."""
     keys: dict[str, Any] = {"depth_um": relief.number(depth, 3) or 0.0}
-    if length is None or length <= 0.0:
+    if length is None or length <= 0:
         remarks.append(f"{relief.kind}: no length is given, the scene's default is taken.")
     else:
-        keys["extent"] = min(length / whole, 1.0)
+        # As decimals, a fraction comes back to the last digit.
+        keys["extent"] = min(float(length / Decimal(whole)), 1.0)
         if length > whole * (1.0 + 1e-9):
             remarks.append(f"{relief.kind}: {length:g} mm are cut to the {whole:.4g} mm there are.")
     shape = relief.attributes.get("shape_of_relief", ("linear", ""))[0] or "linear"
@@ -163,7 +165,9 @@ def _relief(
 
 
 def flank_components(flank: FlankKeys, path: Path) -> Iterator[Component]:
-    """Modifications of a flank of a scene as components; those of no depth are left out.
+    """Modifications of a flank of a scene as components.
+
+    Amounts of zero are left out, and reliefs of no depth that the scene says nothing of.
 
     **Arguments:**
 
@@ -178,7 +182,7 @@ def flank_components(flank: FlankKeys, path: Path) -> Iterator[Component]:
             yield Component(kind, key, texts)
     for which in ("tip", "root"):
         kind = f"{which}_relief"
-        if (relief := getattr(flank, kind)).depth_um:
+        if (relief := getattr(flank, kind)).depth_um or relief.is_given:
             names = (f"{kind}_depth", f"{kind}_datum_length")
             texts = _relief_texts(relief, names, path.length)
             if which == "root":
@@ -187,7 +191,7 @@ def flank_components(flank: FlankKeys, path: Path) -> Iterator[Component]:
             yield Component(kind, kind, texts)
     end = flank.end_relief
     for side, name in _ENDS.items():
-        if end.depth_um and end.side in (side, "both"):
+        if (end.depth_um or end.is_given) and end.side in (side, "both"):
             names = (f"end_relief_depth_{name}", f"end_relief_length_{name}")
             yield Component(
                 f"end_relief_{name}", "end_relief", _relief_texts(end, names, path.face)
@@ -200,6 +204,6 @@ def _relief_texts(
     depth, length = names
     return {
         depth: (plain_number(relief.depth_um, -3), "mm"),
-        length: (plain_number(relief.extent * whole), "mm"),
+        length: (str(Decimal(repr(relief.extent)) * Decimal(whole)), "mm"),
         "shape_of_relief": (relief.shape, "none"),
     }

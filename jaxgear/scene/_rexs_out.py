@@ -12,8 +12,9 @@ from decimal import Decimal
 from jaxgear._units import mm
 from jaxgear.scene._build_pair import pair_of
 from jaxgear.scene._gear_tables import BearingKeys, GearKeys, ShaftKeys
-from jaxgear.scene._rexs_file import Component, Relation, RexsModel, plain_number, rexs_text
+from jaxgear.scene._rexs_file import Component, Relation, RexsModel, plain_number
 from jaxgear.scene._rexs_flanks import Path, flank_components, paths_of
+from jaxgear.scene._rexs_text import rexs_json, rexs_xml
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS, KEYS, general
 from jaxgear.scene._sizes import of_material
@@ -71,12 +72,13 @@ class _Writing:
         self.relate("reference", origin=origin, referenced=referenced)
 
 
-def rexs_of_scene(scene: Scene) -> tuple[str, tuple[str, ...]]:
+def rexs_of_scene(scene: Scene, as_json: bool = False) -> tuple[str, tuple[str, ...]]:
     """Write a scene as a REXS file.
 
     **Arguments:**
 
     - `scene`: a pair, with or without shafts.
+    - `as_json`: JSON (.rexsj) in place of XML (.rexs).
 
     **Returns:**
 
@@ -113,7 +115,8 @@ def rexs_of_scene(scene: Scene) -> tuple[str, tuple[str, ...]]:
         gears.append(gear)
     file.relate("stage", stage=stage, gear_1=gears[0], gear_2=gears[1])
     model = RexsModel(_VERSION, "1", file.parts, tuple(file.relations), {})
-    text = rexs_text(model, datetime.now().astimezone().isoformat(timespec="seconds"))
+    date = datetime.now().astimezone().isoformat(timespec="seconds")
+    text = (rexs_json if as_json else rexs_xml)(model, date)
     return text, tuple(_remarks(scene))
 
 

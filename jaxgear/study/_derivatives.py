@@ -104,7 +104,7 @@ def linearised(function: Callable[..., tuple[Reals, Any]]) -> Callable:
 _USUAL = {"_N_m": 1e6, "_Nm_rad": 1e3, "_um": 10.0, "_N": 100.0}
 
 
-def _size(key: str, value: float) -> float:
+def usual_size(key: str, value: float) -> float:
     """What counts as a change of order one of a key: its value, or what is usual where it is 0."""
     name = split_entry(key)[0]
     usual = next((size for ending, size in _USUAL.items() if name.endswith(ending)), 1.0)
@@ -172,7 +172,7 @@ def judged(
     at 1e-5`.
     """
     centre, values, forward, reverse = map(np.asarray, (centre, *found))
-    sizes = np.asarray(list(map(_size, keys, centre)))
+    sizes = np.asarray(list(map(usual_size, keys, centre)))
     difference, same = central_differences(responses, centre, sizes, limits.steps)
     scale = np.abs(values)[:, None] / sizes
     with np.errstate(divide="ignore", invalid="ignore"):

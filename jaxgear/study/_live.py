@@ -1,4 +1,7 @@
-"""A scene to play with: its mesh cycle at other flanks and loads, in milliseconds, and slopes."""
+"""A scene to play with: its mesh cycle at other flanks and loads, in milliseconds, and slopes.
+
+Other real keys move too: the model is built anew for them, outside of the programs.
+"""
 
 import dataclasses
 from collections.abc import Mapping
@@ -9,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxgear._checks import require
+from jaxgear._checks import InputError, require
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._response._loads import hertz_pressure, line_load, mesh_stiffness
@@ -20,9 +23,9 @@ from jaxgear._types import Flag, Reals, Scalar
 from jaxgear._units import MPa, mm, um
 from jaxgear.scene._build import grid_of, law_of, model_of
 from jaxgear.scene._scene import Scene
-from jaxgear.scene._schema import key_at
+from jaxgear.scene._schema import REAL_KEYS, general, key_at
 from jaxgear.study._coast import require_drive
-from jaxgear.study._derivatives import Keys
+from jaxgear.study._derivatives import usual_size
 from jaxgear.study._evaluations import Variation, variation_of
 from jaxgear.study._head import require_load
 from jaxgear.study._progress import built_scene
@@ -83,16 +86,35 @@ class LiveScene:
 
     - `scene`: where it begins.
     - `knobs`: what may be moved.
-    - `variation`: how flanks change the model.
-    - `grid`: phases, lines and slices.
-    - `law`: contact law.
+    - `model`: of the scene.
+    - `built`: keys among those of the knobs for which the model is built anew.
     """
 
     scene: Scene
     knobs: tuple[Knob, ...]
-    variation: Variation
-    grid: MeshGrid
-    law: AbstractContactLaw
+    model: PairModel
+    built: tuple[str, ...] = ()
+
+    @property
+    def others(self) -> tuple[str, ...]:
+        """Real keys that are no knobs yet."""
+        known = {knob.key for knob in self.knobs}
+        return tuple(key for key in self.scene.real_keys() if key not in known)
+
+    def with_key(self, key: str) -> "LiveScene":
+        """The same with one knob more, of any real key.
+
+        **Raises:**
+
+        - `ValueError` if the key is none of `others`, with the reason.
+        """
+        if any(knob.key == key for knob in self.knobs):
+            return self
+        if key not in self.others:
+            raise InputError(_why_not(self.scene, key))
+        return dataclasses.replace(
+            self, knobs=(*self.knobs, _knob(self.scene, key)), built=(*self.built, key)
+        )
 
     def values(self, changes: Mapping[str, float]) -> np.ndarray:
         """Values of all knobs, with some changed, each in its unit.
@@ -122,24 +144,33 @@ class LiveScene:
 
         - `SolverFailure` if the contact was not solved.
         """
-        seen = timed(_seen, *self._asked(values))
+        keys, grid, *more = self._asked(values)
+        seen = timed(_seen, keys, grid, *more)
         require_solved(seen.converged)
         return {
             "numbers": {name: float(value) for name, value in seen.numbers.items()},
-            "phase": np.arange(self.grid.phases * self.grid.periods) / self.grid.phases,
+            "phase": np.arange(grid.phases * grid.periods) / grid.phases,
             "te_um": seen.error / um,
             "mesh_stiffness_N_um": seen.stiffness * um,
             **_pictured(seen),
         }
 
     def slopes(self, values: np.ndarray, response: str) -> dict[str, float]:
-        """Derivatives of one of `RESPONSES` by every knob, in units of their names."""
+        """Derivatives of one of `RESPONSES` by every knob, in units of their names.
+
+        In reverse by what moves within the program, forward by what the model is built from.
+        """
         require(
             response in RESPONSES, "no response {got}; there are {of}.", got=response, of=RESPONSES
         )
         weights = np.asarray([float(name == response) for name in RESPONSES])
-        found = timed(_slopes, *self._asked(values), weights)
-        return dict(zip((knob.key for knob in self.knobs), np.asarray(found).tolist(), strict=True))
+        asked = self._asked(values)
+        found = np.asarray(timed(_slopes, *asked, weights)).tolist()
+        moved = self._built(values)
+        for key in self.built:
+            along = _model_along(self.scene.replace(moved), key)
+            found.append(float(weights @ timed(_pushed, *asked, along)))
+        return dict(zip((knob.key for knob in self.knobs), found, strict=True))
 
     def relief_curve(self, values: np.ndarray) -> dict[str, Any]:
         """RMS of the transmission error over the depth of tip relief, the same on both gears."""
@@ -148,9 +179,19 @@ class LiveScene:
         rms = timed(_curve, *self._asked(values), depths)
         return {"depth_um": depths, "te_rms_um": rms / um}
 
+    def _built(self, values: np.ndarray) -> dict[str, float]:
+        """Values of the keys for which the model is built anew."""
+        own = len(self.knobs) - len(self.built)
+        return dict(zip(self.built, np.asarray(values)[own:].tolist(), strict=True))
+
     def _asked(self, values: np.ndarray) -> tuple[Any, ...]:
-        keys = _Keys(tuple(knob.key for knob in self.knobs), self.variation)
-        return keys, self.grid, self.law, jnp.asarray(values)
+        """What the programs take: how the model follows, the grid that a run has, and values."""
+        scene = self.scene.replace(moved := self._built(values))
+        model = model_of(scene) if moved else self.model
+        own = len(self.knobs) - len(self.built)
+        names = tuple(knob.key for knob in self.knobs[:own])
+        keys = _Keys(names, variation_of(scene, model, flanks_only=True))
+        return keys, grid_of(scene, model), law_of(scene.mesh), jnp.asarray(values)[:own]
 
 
 class _Keys(eqx.Module):
@@ -189,26 +230,38 @@ def live_scene(scene: Scene) -> LiveScene:
     require_load(scene, what="live scene")
     require_drive(scene, why="a live scene moves the torque")
     scene = built_scene(scene)
-    base = model_of(scene)
     real = scene.real_keys()
     names = [key for key in real if key.startswith("flank.") and "eccentric" not in key]
     names += [key for key in _OF_MODEL if key in real]
-    knobs = tuple(map(_knob, names, Keys(scene, tuple(names)).centre.tolist()))
-    variation = variation_of(scene, base, flanks_only=True)
-    return LiveScene(scene, knobs, variation, grid_of(scene, base), law_of(scene.mesh))
+    return LiveScene(scene, tuple(_knob(scene, name) for name in names), model_of(scene))
 
 
-def _knob(path: str, value: float) -> Knob:
-    """A key with the range that a user would look at."""
+def _why_not(scene: Scene, path: str) -> str:
+    """Why a key has no knob."""
     key = key_at(path)
+    if key is None:
+        return f"{path} is no key of a scene: `jaxgear keys` looks them up."
+    if any(scene.remakes(path, gear) for gear in scene.condensed):
+        return f"{path} shapes a condensed body, which is built apart: set it in the scene."
+    if general(path) in REAL_KEYS or f"{general(path)}[]" in REAL_KEYS:
+        return f"{path} is not in this scene, or does nothing in it: set it in the scene."
+    return f"{path} is no real number that moves on its own: set it in the scene."
+
+
+def _knob(scene: Scene, path: str) -> Knob:
+    """A key with the range that a user would look at."""
+    key, value = key_at(path), float(scene.value(path))
     assert key is not None
     if path.endswith("_um"):
         high = max(40.0, 2.0 * abs(value))
         low = -high
     elif path in _OF_MODEL:
         low, high = 0.1 * value, 2.0 * value
-    else:
+    elif path.startswith("flank."):
         low, high = min(0.5 * value, 0.05), max(2.0 * value, 0.6)
+    else:
+        size = max(usual_size(path, value), 20.0 if path.endswith("_deg") else 0.0)
+        low, high = value - 0.5 * size, value + 0.5 * size
     bounds = [
         (key.at_least, max, low),
         (key.at_most, min, high),
@@ -220,6 +273,41 @@ def _knob(path: str, value: float) -> Knob:
     if key.below is not None and high >= key.below:
         high = key.below - 0.01 * (key.below - low)
     return Knob(path, value, low, high, key.unit, key.doc)
+
+
+def _model_along(scene: Scene, key: str) -> PairModel:
+    """How the model moves with a key, per unit of its name.
+
+    A number that does not move has a zero, so that one program serves all keys.
+    """
+    build = lambda value: eqx.filter(model_of(scene, {key: value}), eqx.is_inexact_array)
+    value = jnp.asarray(float(scene.value(key)))
+    model, along = eqx.filter_jvp(build, (value,), (jnp.ones_like(value),))
+    either = lambda number, moves: jnp.zeros_like(number) if moves is None else moves
+    return jax.tree.map(either, model, along)
+
+
+def _pushed(
+    keys: _Keys,
+    grid: MeshGrid,
+    law: AbstractContactLaw,
+    values: Reals,
+    along: PairModel,
+) -> Reals:
+    """Derivatives of all responses as the model that flanks change moves along, forward."""
+
+    def told(base: PairModel) -> Reals:
+        moved = eqx.tree_at(lambda each: each.variation.base, keys, base)
+        return _told(moved, grid, law, values)
+
+    return eqx.filter_jvp(told, (keys.variation.base,), (along,))[1]
+
+
+def _told(keys: _Keys, grid: MeshGrid, law: AbstractContactLaw, values: Reals) -> Reals:
+    model = keys.model(values)
+    cycle = mesh_cycle(model, grid, law=law, throw=False)
+    numbers = headline(model, cycle, law)
+    return jnp.stack([numbers[name] for name in RESPONSES])
 
 
 def _seen(keys: _Keys, grid: MeshGrid, law: AbstractContactLaw, values: Reals) -> _Seen:
@@ -240,14 +328,7 @@ def _slopes(
     keys: _Keys, grid: MeshGrid, law: AbstractContactLaw, values: Reals, weights: Reals
 ) -> Reals:
     """Derivatives of a weighted sum of the responses by all values, in reverse."""
-
-    def weighted(values: Reals) -> Scalar:
-        model = keys.model(values)
-        cycle = mesh_cycle(model, grid, law=law, throw=False)
-        numbers = headline(model, cycle, law)
-        return weights @ jnp.stack([numbers[name] for name in RESPONSES])
-
-    return jax.grad(weighted)(values)
+    return jax.grad(lambda values: weights @ _told(keys, grid, law, values))(values)
 
 
 def _curve(

@@ -13,6 +13,7 @@ import pytest
 from jaxgear._checks import InputError
 from jaxgear._cli._main import main
 from jaxgear.explore import Explorer
+from jaxgear.explore._answers import PageAnswers
 from jaxgear.scene._scene import read_scene, ready_scene
 from jaxgear.study import live_scene, statics
 
@@ -103,6 +104,56 @@ def test_slopes_agree_with_central_differences(live):
         assert slopes[key] == pytest.approx((both[0] - both[1]) / (2.0 * step), rel=1e-5)
 
 
+_BUILT = {"wheel.profile_shift": 0.4, "pinion.shaft.bearings[0].radial_N_m": 9e8}
+
+
+@pytest.mark.slow
+def test_other_real_keys_move_as_in_a_run(live, scene):
+    """The model is built anew for them; their slopes are forward, the others' in reverse."""
+    wide = live
+    for key in _BUILT:
+        assert key in wide.others
+        wide = wide.with_key(key)
+    assert not set(_BUILT) & set(wide.others)
+    assert wide.with_key(_DEPTH) is wide
+    moved = _MOVED | _BUILT
+    found = wide.cycle(wide.values(moved))
+    known = statics(scene.replace(moved)).summary["static"]
+    for name, value in found["numbers"].items():
+        assert value == pytest.approx(known[name], rel=1e-9), name
+    te = lambda key, way: wide.cycle(wide.values(moved | {key: moved[key] * (1.0 + way)}))
+    slopes = wide.slopes(wide.values(moved), "te_rms_um")
+    for key in (_DEPTH, *_BUILT):
+        both = [te(key, way)["numbers"]["te_rms_um"] for way in (1e-4, -1e-4)]
+        expected = (both[0] - both[1]) / (2e-4 * moved[key])
+        assert slopes[key] == pytest.approx(expected, rel=1e-5), key
+
+
+@pytest.mark.parametrize(
+    ("key", "words"),
+    [
+        ("pinion.profil_shift", "no key of a scene"),
+        ("pinion.teeth", "no real number that moves on its own"),
+        ("mesh.contact", "no real number that moves on its own"),
+        ("pinion.shaft.bearings[7].radial_N_m", "not in this scene"),
+        ("flank.pinion.tip_relief", "no key of a scene"),
+    ],
+)
+def test_keys_without_a_slider_say_why(explorer, key, words):
+    status, text = _asked(explorer, path="/add", body=json.dumps({"key": key}).encode())
+    assert status == 422
+    assert words in json.loads(text)["error"]
+
+
+def test_a_slider_more_is_written_too(live, tmp_path):
+    ask = PageAnswers(live, tmp_path / "mine.toml").by_name
+    found = ask["add"]({"key": "wheel.profile_shift"})
+    assert found["knobs"][-1]["key"] == "wheel.profile_shift"
+    assert "wheel.profile_shift" not in found["others"]
+    written = ask["write"]({"values": {"wheel.profile_shift": 0.45}})
+    assert read_scene(written["file"]).value("wheel.profile_shift") == 0.45
+
+
 def test_curve_passes_through_the_cycle(live):
     """Where both depths are the same, the curve has the RMS of the cycle itself."""
     curve = live.relief_curve(live.values({}))
@@ -186,5 +237,7 @@ def test_address_is_told_and_a_bad_port_refused(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(http.server.ThreadingHTTPServer, "serve_forever", interrupt)
     assert main(["explore", "accessory.toml"]) == 0
     assert "http://127.0.0.1:" in capsys.readouterr().out
-    assert main(["explore", "accessory.toml", "--port", "99999"]) == 2
+    assert main(["explore", "accessory.toml", "--key", "pinion.teeth"]) == 2
+    assert "pinion.teeth is no real number" in capsys.readouterr().err
+    assert main(["explore", "accessory.toml", "--key", "wheel.bore_mm", "--port", "99999"]) == 2
     assert "Name another" in capsys.readouterr().err

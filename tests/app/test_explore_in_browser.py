@@ -4,6 +4,7 @@ import threading
 import time
 
 import pytest
+from browser import headless_chromium
 
 from jaxgear.explore import Explorer
 from jaxgear.scene._scene import ready_scene
@@ -22,18 +23,24 @@ wait();
 """
 
 
+_OTHER = "pinion.shaft.bearings[0].radial_N_m"
+
+
+def _add_slider(browser, key):
+    """As a user does; the form is done when its button may be pressed again."""
+    browser.find_element("id", "key").clear()
+    browser.find_element("id", "key").send_keys(key + "\n")
+    done = "return !busy && !document.querySelector('#add button').disabled"
+    until = time.monotonic() + 600.0
+    while not browser.execute_script(done):
+        assert time.monotonic() < until, browser.find_element("id", "told").text
+        time.sleep(0.2)
+
+
 @pytest.fixture
 def browser():
-    """Headless Chromium."""
-    webdriver = pytest.importorskip("selenium.webdriver")
-    options = webdriver.ChromeOptions()
-    for each in ("--headless=new", "--no-sandbox", "--disable-gpu", "--window-size=1400,1200"):
-        options.add_argument(each)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    made = webdriver.Chrome(options=options)
-    made.set_script_timeout(600)
-    yield made
-    made.quit()
+    with headless_chromium() as made:
+        yield made
 
 
 @pytest.mark.slow
@@ -62,5 +69,13 @@ def test_sliders_move_what_a_run_finds(browser, tmp_path, name):
         browser.find_element("id", "undo").click()
         assert browser.execute_script(f"return state.values['{_DEPTHS[0]}']") == 11
         assert [each for each in browser.get_log("browser") if each["level"] == "SEVERE"] == []
+        _add_slider(browser, "pinion.teeth")
+        assert "no real number" in browser.find_element("id", "told").text
+        _add_slider(browser, _OTHER)
+        browser.execute_async_script(_SLIDE, _OTHER, 0.9 * scene.value(_OTHER))
+        values, found = browser.execute_script("return [state.values, state.cycle.numbers]")
+        assert values[_OTHER] == pytest.approx(0.9 * scene.value(_OTHER))
+        known = statics(live.scene.replace(values)).summary["static"]
+        assert found["te_rms_um"] == pytest.approx(known["te_rms_um"], rel=1e-9)
     finally:
         explorer.stop()

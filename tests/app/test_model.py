@@ -1,5 +1,6 @@
 """From the units of a scene file to SI."""
 
+import jax
 import numpy as np
 import pytest
 
@@ -68,3 +69,16 @@ def test_lengths_and_angles_reach_the_model_in_si(model):
         "tooth": 14e9,
     }
     assert {name: float(value) for name, value in found.items()} == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("key", ["material.young_GPa", "material.poisson"])
+def test_a_modulus_moves_by_itself(key):
+    """Nothing else is traced then, so that checks of the shafts meet plain heights."""
+    scene = ready_scene("accessory")
+
+    def first_length(value):
+        shaft = model_of(scene, {key: value}).wheel_support
+        assert isinstance(shaft, Shaft)
+        return shaft.segments[0].length
+
+    assert jax.jvp(first_length, (scene.value(key),), (1.0,))[1] == 0.0
