@@ -46,8 +46,8 @@ def _walk(page: str, *more: str) -> None:
             continue
         for line in re.findall(r"^(?:\.venv/bin/)?jaxgear (.*)$", block, re.MULTILINE):
             command = shlex.split(line, comments=True)
-            small = more if command[0] != "init" else ()
-            assert main([*command, "--quiet", *small]) == 0, line
+            small = () if command[0] in ("doctor", "init") else ("--quiet", *more)
+            assert main([*command, *small]) == 0, line
 
 
 def _numbers(text: str) -> list[float]:
