@@ -15,6 +15,7 @@ from jaxgear._geometry._pair import GearPair
 from jaxgear._system._body_family import BodyFamily, body_family, family_parameters
 from jaxgear._system._body_modes import BodyBasis, body_basis
 from jaxgear._system._body_tables import flexible_body
+from jaxgear._system._excited_shapes import CANDIDATES, excited_shapes
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._rim_checks import require_short_elements
 from jaxgear.scene._bodies import BodyPlan, Drawn, body_plan
@@ -68,7 +69,8 @@ def with_bodies(
                 require_short_elements(plan.gear, pitches)
     # Modes do not follow: what is to vibrate stays as it is.
     measures = {} if moving else {plan.gear: _varied_measure(scene, plan) for plan in plans}
-    modes = scene.model.modes if moving else None
+    excited = scene.model.shapes == "excited"
+    modes = scene.model.modes * (CANDIDATES if excited else 1) if moving else None
     made = [_made(plan, tell, modes) for plan in plans]
     scene = _over_whole_cycles(scene, made)
     grid = pair_grid(scene, pair, torque)
@@ -218,5 +220,15 @@ def _in_mesh(
             ribs = rim_ribs(scene.plain, plan, pair, grid, tell, **on_rim)
         more: Any = {"local": local, "give": give, "ribs": ribs}
         seats: Any = {"gear_seat": plan.torque_seat or None, "load_seats": plan.load_seats}
-        flexible = flexible_body(body, pair, index, grid, basis=basis, **more, **seats, **on_rim)
+        put = lambda basis: flexible_body(
+            body, pair, index, grid, basis=basis, **more, **seats, **on_rim
+        )
+        flexible = put(basis)
+        if basis is not None and scene.model.shapes == "excited":
+            tell(f"{plan.gear}: shapes that the mesh excites")
+            sectors = body.facts["sectors"]
+            assert isinstance(sectors, int)
+            basis, _ = basis.under_teeth(scene.gear(plan.gear).teeth, sectors)
+            basis = excited_shapes(basis, flexible, pair, index, grid, scene.model.modes)
+            flexible = put(basis)
     return MeshBody(built, flexible, basis)

@@ -111,6 +111,11 @@ class ModelKeys(AbstractKeys):
         "100 unless said",
         "[0, inf)",
     )
+    shapes: Literal["natural", "excited"] = key(
+        "which these are; natural: the lowest natural modes, seats held; excited: half are these, "
+        "half those combinations of higher ones that the mesh excites most",
+        default="natural",
+    )
     mesh_coordinates: int | None = key(
         "combinations of these that the mesh tells apart; 12 unless said", "[4, 60]"
     )

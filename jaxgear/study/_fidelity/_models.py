@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
+from jaxgear._checks import InputError
 from jaxgear._system._fewer_modes import fewer_modes
 from jaxgear._system._model import PairModel
 from jaxgear.scene._build import model_of
@@ -44,6 +45,12 @@ class Models:
     """
 
     def __init__(self, scene: Scene, *, moving: bool, coordinates: int | None = None):
+        if moving and scene.condensed and scene.model.shapes != "natural":
+            raise InputError(
+                f'model.shapes = "{scene.model.shapes}": levels of fidelity are counted in natural '
+                'modes. Write model.shapes = "natural" to compare them, and model.fidelity = "as '
+                'given" for responses with other shapes.'
+            )
         self.plain = dataclasses.replace(scene, bodies=NOTHING)
         self.moving = moving
         self.richest = {} if coordinates is None else {"model.coordinates": coordinates}

@@ -1,0 +1,210 @@
+r"""Shapes of a condensed body that the mesh excites, in place of modes that it leaves alone.
+
+Of the natural modes of a thin wheel in the range of the mesh's harmonics few move the flanks. Modes
+of one wave number may be combined without a turn of the body noticing: $z = Qy$ with $Q$ unitary
+over the complex amplitudes of their pairs. The combinations kept are the first singular vectors of
+the modes' answers to loads on the flanks at frequencies all over the range, less the static ones,
+which every reduction has (Besselink et al., J. Sound Vib. 332 (2013), on Krylov and balanced
+reduction). Combined again so that stiffness is diagonal, they are used like natural modes.
+"""
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxgear._geometry._lines import ContactLines, MeshGrid, contact_lines
+from jaxgear._geometry._pair import GearPair
+from jaxgear._system._body_modes import BodyBasis
+from jaxgear._system._flexible import FlexibleBody
+from jaxgear._system._foot_tables import mode_arms
+
+# Natural modes of which so many times fewer shapes are made. Their highest is well above what the
+# harmonics of a mesh excite.
+CANDIDATES = 4
+
+# Frequencies at which answers are looked at, up to the highest of the modes; their damping ratio;
+# positions in a mesh period.
+_FREQUENCIES, _RATIO, _POSITIONS = 60, 0.02, 8
+
+# Loads along a contact line: even, tilted and bowed, the latter as parts of an even one.
+_TILTED, _BOWED = 0.5, 0.3
+
+
+class _Shape(NamedTuple):
+    """A shape without a partner, or a pair of them.
+
+    **Fields:**
+
+    - `square`: of its angular frequency [rad2/s2].
+    - `columns`: combinations of modes, one or two.
+    - `wave`: wave number.
+    - `diameters`: nodal diameters.
+    """
+
+    square: float
+    columns: list[np.ndarray]
+    wave: int
+    diameters: int
+
+
+def excited_shapes(
+    basis: BodyBasis, body: FlexibleBody, pair: GearPair, index: int, grid: MeshGrid, count: int
+) -> BodyBasis:
+    """The shapes of a body that its mesh excites. Call it outside of `jit`, as `flexible_body`.
+
+    Half of them are the lowest natural modes, by which the body moves its seats too; half are
+    combinations of all others.
+
+    **Arguments:**
+
+    - `basis`: about `CANDIDATES` times as many natural modes, as they repeat under the teeth.
+    - `body`: in mesh, on this basis.
+    - `pair`: the gears.
+    - `index`: 0 if it is the pinion's, 1 if it is the wheel's.
+    - `grid`: slices, lines and periods of the cycle.
+    - `count`: number of shapes, one less where a pair would be parted; 0 are all.
+
+    **Returns:**
+
+    The basis on these shapes, by rising frequency. It is the one given if that has no more.
+    """
+    size = len(basis.square)
+    if count == 0 or count >= size:
+        return basis
+    lowest = count // 2
+    lowest -= int(basis.waves[lowest] < 0)
+    shapes = _natural(basis, lowest)
+    loads, answers = _loads(pair, index, body, grid), []
+    for first, second in _alike(basis, lowest):
+        found = _answers(loads, basis.square[first], first, second)
+        answers.append((first, second, *found))
+    for (first, second, found, _), kept in zip(
+        answers, _strongest(answers, count - lowest), strict=True
+    ):
+        shapes += _combined(basis, found[:, :kept], first, second)
+    shapes.sort(key=lambda shape: shape.square)
+    into = np.stack([column for shape in shapes for column in shape.columns], axis=1)
+    each = lambda values: np.array(
+        [x for shape in shapes for x in values(shape)[: len(shape.columns)]]
+    )
+    return dataclasses.replace(
+        basis,
+        square=each(lambda shape: [shape.square] * 2),
+        shapes=basis.shapes @ into,
+        waves=each(lambda shape: [shape.wave, -shape.wave]),
+        diameters=each(lambda shape: [shape.diameters] * 2),
+    )
+
+
+def _natural(basis: BodyBasis, count: int) -> list[_Shape]:
+    """The lowest modes as they are."""
+    unit, found = np.eye(len(basis.square))[:, :count], []
+    for number in np.flatnonzero(basis.waves[:count] >= 0):
+        paired = number + 1 < count and basis.waves[number + 1] < 0
+        columns = [unit[:, number + i] for i in range(1 + paired)]
+        square, wave, around = (x[number] for x in (basis.square, basis.waves, basis.diameters))
+        found.append(_Shape(float(square), columns, int(wave), int(around)))
+    return found
+
+
+def _alike(basis: BodyBasis, lowest: int) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Numbers of the higher modes of each wave number and number of nodal diameters.
+
+    With partners they are two arrays of one length, without them the second is empty.
+    """
+    first = lowest + np.flatnonzero(basis.waves[lowest:] >= 0)
+    paired = np.append(basis.waves[1:] < 0, False)[first]
+    kinds = np.stack([basis.waves[first], basis.diameters[first], paired], axis=1)
+    each, of_kind = np.unique(kinds, axis=0, return_inverse=True)
+    found = []
+    for kind, (_, _, both) in enumerate(each):
+        alike = first[of_kind.ravel() == kind]
+        found.append((alike, alike + 1 if both else alike[:0]))
+    return found
+
+
+def _loads(pair: GearPair, index: int, body: FlexibleBody, grid: MeshGrid) -> np.ndarray:
+    """Loads on the modes by loads along each line in contact, `[load, mode]` [kg^-1/2]."""
+    lines = contact_lines(pair, grid)
+    lines = _some(lines, max(grid.phases // _POSITIONS, 1))
+    arms = np.asarray(mode_arms(pair, index, body, lines))
+    fraction, along = np.asarray(lines.fraction), np.asarray(lines.face_position)
+    far = np.abs(along).max()
+    along = along / far if far > 0.0 else along
+    loads = np.stack(
+        [np.ones_like(along), _TILTED * along, _BOWED * (along**2 - np.mean(along**2))]
+    )
+    arms = arms.reshape(*fraction.shape, -1) * fraction[..., None]
+    return np.einsum("plsn,ks->plkn", arms, loads).reshape(-1, arms.shape[-1])
+
+
+def _some(lines: ContactLines, step: int) -> ContactLines:
+    """Every so many positions of a cycle, if a mesh period is a multiple of them."""
+    if (len(lines.phase) // lines.periods) % step:
+        return lines
+    names = ("phase", "weight", "tooth", "roll", "fraction")
+    fewer = {name: getattr(lines, name)[::step] for name in names}
+    return dataclasses.replace(lines, **fewer, kept=None)
+
+
+def _answers(
+    loads: np.ndarray, square: np.ndarray, first: np.ndarray, second: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    r"""Combinations by falling size of the answers of modes in all of the range, and these sizes.
+
+    An answer is $b/(\lambda - \omega^2)$ less its static part $b/\lambda$, in units of strain
+    energy. Loads count with the reciprocal of the frequency, as the spectrum of a jump does.
+    """
+    load = loads[:, first].T.astype(complex)
+    if second.size:
+        load += 1j * loads[:, second].T
+    # A load for each of the directions that they have among the modes.
+    vectors, sizes, _ = np.linalg.svd(load, full_matrices=False)
+    load = vectors * sizes
+    root = np.sqrt(square)[:, None]
+    fastest = root.max()
+    answers = []
+    for frequency in np.linspace(1.0, _FREQUENCIES, _FREQUENCIES) / _FREQUENCIES * fastest:
+        dynamic = root**2 - frequency**2 + 2j * _RATIO * frequency * root
+        answers.append(frequency / (root * dynamic) * load)
+    answers = np.concatenate(answers, axis=1)
+    if not second.size:
+        answers = np.concatenate([np.real(answers), np.imag(answers)], axis=1)
+    shapes, sizes, _ = np.linalg.svd(answers, full_matrices=False)
+    return shapes / root, sizes
+
+
+def _strongest(answers: list, count: int) -> list[int]:
+    """How many combinations of each wave are among so many that answer most."""
+    every = sorted(
+        ((size, which) for which, (*_, sizes) in enumerate(answers) for size in sizes), reverse=True
+    )
+    kept, left = [0] * len(answers), count
+    for _, which in every:
+        left -= 1 + bool(answers[which][1].size)
+        if left < 0:
+            break
+        kept[which] += 1
+    return kept
+
+
+def _combined(
+    basis: BodyBasis, found: np.ndarray, first: np.ndarray, second: np.ndarray
+) -> list[_Shape]:
+    """Shapes of unit mass and apart in stiffness from combinations of modes of one wave."""
+    square, size = basis.square[first], len(basis.square)
+    among = np.linalg.qr(found)[0]
+    values, vectors = np.linalg.eigh(among.conj().T @ (square[:, None] * among))
+    among = among @ vectors
+    shapes = []
+    for value, column in zip(values, among.T, strict=True):
+        columns = [np.zeros(size) for _ in range(1 + bool(second.size))]
+        columns[0][first] = np.real(column)
+        if second.size:
+            # Of z1 + i z2 = q (y1 + i y2).
+            columns[0][second], columns[1][second] = np.imag(column), np.real(column)
+            columns[1][first] = -np.imag(column)
+        wave, around = int(basis.waves[first[0]]), int(basis.diameters[first[0]])
+        shapes.append(_Shape(float(value), columns, wave, around))
+    return shapes

@@ -1,0 +1,122 @@
+"""Shapes of condensed bodies that the mesh excites: what they keep of natural modes, and gain."""
+
+import functools
+
+import hybrid_cases
+import numpy as np
+import pytest
+import scipy.linalg
+from fem_cases import assert_near
+from hybrid_cases import PAIRS
+from scipy.spatial import KDTree
+
+import jaxgear as jg
+from fem_prep import ReducedBody
+from jaxgear._checks import InputError
+from jaxgear._geometry._lines import contact_lines
+from jaxgear._system._body_modes import BodyBasis, body_basis
+from jaxgear._system._body_tables import flexible_body
+from jaxgear._system._excited_shapes import excited_shapes
+from jaxgear._system._foot_tables import mode_arms
+from jaxgear.study._fidelity._models import Models
+
+# Of the holes' body several nodal diameters share a wave number.
+BODIES = {"plain": {}, "rotating": {"modes": 8, "rotating": True}, "holes": {"holes": 6}}
+every_body = pytest.mark.parametrize("name", BODIES)
+COUNT = 40
+
+
+def _sectors(body: ReducedBody) -> int:
+    sectors = body.facts["sectors"]
+    assert isinstance(sectors, int)
+    return sectors
+
+
+@functools.cache
+def _case(name: str, kind: str = "spur"):
+    """A body, its pair and grid, 160 natural modes, and the shapes in their place."""
+    body, pair = hybrid_cases.body(kind, 1, **BODIES[name]), PAIRS[kind]()
+    grid = jg.mesh_grid(pair, phases=16, slices=4)
+    basis, _ = body_basis(body, 4 * COUNT).under_teeth(pair.wheel.teeth, _sectors(body))
+    flexible = flexible_body(body, pair, 1, grid, basis=basis)
+    return body, pair, grid, basis, excited_shapes(basis, flexible, pair, 1, grid, COUNT)
+
+
+@every_body
+def test_shapes_are_of_unit_mass_and_apart_in_stiffness(name):
+    body, _, _, _, shapes = _case(name)
+    assert COUNT - 1 <= len(shapes.square) <= COUNT
+    onto = lambda matrix: shapes.shapes.T @ matrix @ shapes.shapes
+    assert_near(onto(body.mass), np.eye(len(shapes.square)), 1e-8)
+    root = np.sqrt(shapes.square)
+    assert_near(onto(body.stiffness) / root / root[:, None], np.eye(len(root)), 1e-6)
+
+
+@every_body
+def test_shapes_turn_with_the_body_as_natural_modes_do(name):
+    body, _, _, basis, shapes = _case(name)
+    angle = 2.0 * np.pi / _sectors(body)
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    image = np.asarray(KDTree(body.rim_nodes).query(body.rim_nodes @ turn.T)[1])
+
+    def uneven(found: BodyBasis) -> float:
+        on_rim = found.shapes[: 3 * len(image)].reshape(len(image), 3, -1)
+        turned = np.empty_like(on_rim)
+        turned[image] = turn @ on_rim
+        seats = found.following.shape[1]
+        wanted = on_rim @ scipy.linalg.expm(angle * found.turning[seats:, seats:])
+        # Of modes without a partner neighbouring sectors move against each other.
+        wanted[..., 2 * found.waves == _sectors(body)] *= -1.0
+        return float(np.abs(turned - wanted).max() / np.abs(on_rim).max())
+
+    assert uneven(basis) < 1e-6
+    assert uneven(shapes) < 1e-6
+
+
+@every_body
+def test_shapes_are_no_softer_than_as_many_natural_modes_of_their_wave(name):
+    _, _, _, basis, shapes = _case(name)
+    lowest = np.sum(shapes.square <= basis.square[COUNT // 2 - 3] * (1.0 + 1e-9))
+    np.testing.assert_allclose(shapes.square[:lowest], basis.square[:lowest], rtol=1e-12)
+    for wave in set(shapes.waves):
+        own = shapes.square[shapes.waves == wave]
+        natural = basis.square[basis.waves == wave][: len(own)]
+        assert np.all(own >= natural * (1.0 - 1e-9))
+
+
+@pytest.mark.parametrize("name", ["plain", "rotating"])
+def test_flanks_are_moved_as_by_all_modes_where_as_many_natural_ones_are_off(name):
+    body, pair, grid, basis, shapes = _case(name)
+    lines = contact_lines(pair, grid)
+    fraction = np.asarray(lines.fraction)
+    frequencies = np.linspace(0.02, 0.7, 200) * np.sqrt(basis.square[-1])
+
+    def moved(found: BodyBasis) -> np.ndarray:
+        """Dynamic part of what even loads along lines move at their own place, `[f, line]`."""
+        flexible = flexible_body(body, pair, 1, grid, basis=found)
+        arms = np.asarray(mode_arms(pair, 1, flexible, lines)).reshape(*fraction.shape, -1)
+        even = np.einsum("plsm,pls->plm", arms, fraction).reshape(-1, arms.shape[-1])
+        root = np.sqrt(found.square)
+        answer = 1.0 / (root**2 + 0.04j * root * frequencies[:, None] - frequencies[:, None] ** 2)
+        return (answer - 1.0 / root**2) @ (even**2).T
+
+    def off(found: BodyBasis) -> float:
+        exact = moved(basis)
+        return float(np.linalg.norm(moved(found) - exact) / np.linalg.norm(exact))
+
+    natural = body_basis(body, COUNT)
+    assert off(shapes) < 0.5 * off(natural)
+
+
+def test_a_basis_with_no_more_modes_stays_what_it_is():
+    body, pair, grid, basis, _ = _case("plain")
+    flexible = flexible_body(body, pair, 1, grid, basis=basis)
+    for count in (0, len(basis.square), 1000):
+        assert excited_shapes(basis, flexible, pair, 1, grid, count) is basis
+
+
+def test_fidelity_is_compared_in_natural_modes_only():
+    scene = jg.ready_scene("accessory-h1", ["model.shapes=excited"])
+    with pytest.raises(InputError, match=r"levels of fidelity are counted in natural modes"):
+        Models(scene, moving=True)
