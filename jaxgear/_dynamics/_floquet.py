@@ -73,7 +73,7 @@ def monodromy(
     return product_of_steps(march, mean)
 
 
-def multipliers(monodromies: Array, modes: ModalBasis) -> np.ndarray:
+def multipliers(monodromies: Array | np.ndarray, modes: ModalBasis) -> np.ndarray:
     """Floquet's multipliers, the eigenvalues of monodromy matrices, largest first (theory 10.1).
 
     This is not for tracing: no platform but the CPU finds eigenvalues of such matrices.
@@ -87,7 +87,8 @@ def multipliers(monodromies: Array, modes: ModalBasis) -> np.ndarray:
 
     The multipliers on the last axis [-].
     """
-    weights = np.asarray(modes.swing).reshape(-1)
+    speed = np.sqrt(np.asarray(modes.square))
+    weights = np.concatenate([speed, np.ones_like(speed)])
     scaled = np.asarray(monodromies) * weights[:, None] / weights[None, :]
     found = np.linalg.eigvals(scaled)
     order = np.argsort(-np.abs(found), axis=-1)

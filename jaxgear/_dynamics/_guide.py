@@ -180,9 +180,14 @@ class Guide:
         if not self.stability:
             ratio, te_rms = jax.device_get(_seen(self.balance, point.unknowns))
             return point._replace(ratio=float(ratio), te_rms=float(te_rms))
-        ratio, te_rms, matrix = _seen_whole(self.balance, point.unknowns)
+        return self._judged(point, *jax.device_get(_seen_whole(self.balance, point.unknowns)))
+
+    def _judged(
+        self, point: Place, ratio: np.ndarray, te_rms: np.ndarray, matrix: np.ndarray
+    ) -> Place:
+        """A point whose response and monodromy matrix are known, with its stability."""
         found = multipliers(matrix, self.balance.modes)
-        sign, size = np.linalg.slogdet(np.eye(found.size) + np.asarray(matrix))
+        sign, size = np.linalg.slogdet(np.eye(found.size) + matrix)
         pairs = found[np.imag(found) != 0.0]
         return point._replace(
             ratio=float(ratio),
@@ -193,9 +198,21 @@ class Guide:
         )
 
     def see_all(self, points: list[Place]) -> list[Place]:
-        """Points with all that is to be known of them, by two threads at a time."""
-        with concurrent.futures.ThreadPoolExecutor(2) as pool:
-            return list(pool.map(self.see, points))
+        """Points with all that is to be known of them; eigenvalues beside the next matrix.
+
+        JAX's programs run one after the other: two of them at a time, with matrices of some hundred
+        rows, have waited for each other for ever on two cores.
+        """
+        if not self.stability:
+            return [self.see(point) for point in points]
+        with concurrent.futures.ThreadPoolExecutor(1) as pool:
+            judged = [
+                pool.submit(
+                    self._judged, point, *jax.device_get(_seen_whole(self.balance, point.unknowns))
+                )
+                for point in points
+            ]
+            return [each.result() for each in judged]
 
     def between(self, here: Place, ahead: Place, share: float) -> Place:
         """A point between two that are neighbours."""

@@ -207,11 +207,15 @@ def sweep_of(
         seconds[name] = time.perf_counter() - start
         return found
 
-    # Most of the time goes into compiling, and both have programs of their own.
+    follow = None
+    if followed and isinstance(method, HarmonicBalance) and len(speeds) > 1:
+        follow = functools.partial(branches, method, dynamics, speeds, going_on)
+    # Most of the time goes into compiling, and both have programs of their own. Not with condensed
+    # bodies: two programs with products of matrices of some hundred rows, side by side on two
+    # cores, wait for each other's threads for ever (XLA for CPU, jaxlib 0.10).
     with concurrent.futures.ThreadPoolExecutor(1) as pool:
         curves = None
-        if followed and isinstance(method, HarmonicBalance) and len(speeds) > 1:
-            follow = functools.partial(branches, method, dynamics, speeds, going_on)
+        if follow is not None and not dynamics.bodies:
             curves = pool.submit(clocked, "continuation", follow)
         try:
             for way in directions_of(asked):
@@ -220,4 +224,8 @@ def sweep_of(
         except BaseException:
             stopped = True
             raise
-    return Sweep(speeds, responses, curves.result() if curves else (), seconds)
+    if curves is not None:
+        found = curves.result()
+    else:
+        found = clocked("continuation", follow) if follow is not None else ()
+    return Sweep(speeds, responses, found, seconds)
