@@ -8,6 +8,8 @@ SHELL := /bin/bash
 export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
 export MKL_NUM_THREADS := 1
+# Tests start many processes: sources are compiled once, also where the shell forbids to keep that.
+export PYTHONDONTWRITEBYTECODE :=
 
 # To choose another: `make test PYTHON=/path/to/python`.
 PYTHON ?=
