@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import jax.numpy as jnp
 import numpy as np
@@ -18,15 +19,31 @@ from jaxgear._system._condensed import Condensed
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._rim_checks import check_elements, check_rim
 
-# Components of a foot's motion that spur teeth load, along radius and tangent and about the axis,
-# and those that helical ones do.
-ROOT_COMPONENTS = ((0, 1, 5), (0, 1, 2, 3, 4, 5))
+RootMotion = Literal["rigid", "screw"]
 
 # How far the stiffness between seats may depend on the direction, of its largest entry.
 _UNEVEN = 1e-3
 
 
 # --- Making the tables, once
+
+
+def root_components(pair: GearPair, motion: RootMotion) -> tuple[int, ...]:
+    """Components of a foot's motion that its teeth follow: along and about radius, tangent, axis.
+
+    **Arguments:**
+
+    - `pair`: spur teeth load no others than those along radius and tangent and about the axis.
+    - `motion`: of slices of helical teeth, "rigid": all six; "screw": no rotation but that about
+        the axis (thesis eq. 2.11), so that a body which tilts does not tilt its teeth.
+
+    **Returns:**
+
+    Numbers of the components.
+    """
+    if float(pair.helix_angle) == 0.0:
+        return 0, 1, 5
+    return (0, 1, 2, 5) if motion == "screw" else (0, 1, 2, 3, 4, 5)
 
 
 def root_patches(
@@ -94,6 +111,7 @@ def flexible_body(
     load_seats: Sequence[str] = (),
     points: int = ROOT_POINTS,
     axial: Axial = "mortar",
+    motion: RootMotion = "rigid",
     local: Callable[[int], np.ndarray] | None = None,
     give: Callable[[RootPatches], np.ndarray] | None = None,
     ribs: np.ndarray | None = None,
@@ -110,6 +128,7 @@ def flexible_body(
     - `gear_seat`: where torque and rotation are taken; by default `torque`, or the only one.
     - `load_seats`: where the loads of its shaft act, which may be a little beside.
     - `points`, `axial`: of roots, 2 is the thesis's; along the axis, "mortar" or "collocation".
+    - `motion`: of a slice on its root, see `root_components`.
     - `local`: what the feet of a tooth, by its number, give beyond what the rim's elements show,
         `[6 slice, 6 slice]` in the frames of the feet [m/N, 1/N, 1/(N m)].
     - `give`: of feet with the seats held, `[6 foot, 6 foot]`, if not what its matrices say.
@@ -132,12 +151,11 @@ def flexible_body(
     periods = min(repeats, grid.periods)
     teeth = teeth_on_lines(index, grid, periods)
     each, where = np.unique(teeth % gear.teeth if repeats > 1 else teeth, return_inverse=True)
+    lines = where.reshape(teeth.shape)
     patches = root_patches(pair, index, grid, each, points=points, axial=axial)
-    found = feet(RimSurface(body.rim_nodes, body.rim_faces), patches)
-    components = ROOT_COMPONENTS[float(pair.helix_angle) != 0.0]
+    found, components = feet(_surface(body), patches), root_components(pair, motion)
     held = _held(body, found, patches.angles.ravel(), components, give and give(patches))
     count, slices, size, cells = len(each), grid.slices, len(components), grid.cells
-    lines = where.reshape(teeth.shape)
     pairs = _between_cells(held, lines, each, repeats, local, components, ribs)
 
     def on_cells(rows: np.ndarray) -> np.ndarray:
@@ -163,6 +181,10 @@ def flexible_body(
         repeats=repeats,
         modes=None if basis is None else _modes_on(basis, body, held, on_cells),
     )
+
+
+def _surface(body: Condensed) -> RimSurface:
+    return RimSurface(body.rim_nodes, body.rim_faces)
 
 
 def _repeating(

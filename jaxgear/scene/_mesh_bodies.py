@@ -221,7 +221,15 @@ def _in_mesh(
         more: Any = {"local": local, "give": give, "ribs": ribs}
         seats: Any = {"gear_seat": plan.torque_seat or None, "load_seats": plan.load_seats}
         put = lambda basis: flexible_body(
-            body, pair, index, grid, basis=basis, **more, **seats, **on_rim
+            body,
+            pair,
+            index,
+            grid,
+            basis=basis,
+            motion=mesh.root_motion,
+            **more,
+            **seats,
+            **on_rim,
         )
         flexible = put(basis)
         if basis is not None and scene.model.shapes == "excited":

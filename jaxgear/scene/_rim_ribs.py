@@ -28,7 +28,7 @@ from fem_prep import (
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._roots import Axial
-from jaxgear._system._body_tables import ROOT_COMPONENTS, root_patches
+from jaxgear._system._body_tables import root_components, root_patches
 from jaxgear.scene._bodies import BodyPlan, Drawn, ribbed_sectors
 from jaxgear.scene._body_words import in_keys
 from jaxgear.scene._mesh_teeth import toothed_gear
@@ -80,7 +80,7 @@ def rim_ribs(
     few = dataclasses.replace(grid, slices=min(grid.slices, _FEET))
     teeth = np.arange(grid.lines)
     patches = root_patches(pair, index, few, teeth, points=points, axial=axial)
-    components = ROOT_COMPONENTS[float(pair.helix_angle) != 0.0]
+    components = root_components(pair, "rigid")
     rows = (6 * np.arange(few.cells)[:, None] + np.array(components)).ravel()
     loaded = rows[: few.slices * len(components)]
 

@@ -109,7 +109,7 @@ _SHAPING_KEYS = """
     pair.module_mm pair.pressure_angle_deg pair.helix_angle_deg
     pinion.face_width_mm wheel.face_width_mm
     mesh.slices mesh.periods mesh.tip_contact mesh.tooth mesh.face_coupling mesh.stiffness
-    mesh.connection mesh.root_points mesh.root_correction
+    mesh.connection mesh.root_points mesh.root_motion mesh.root_correction
     {gear}.teeth {gear}.profile_shift {gear}.span_mm {gear}.span_teeth
     {gear}.over_balls_mm {gear}.ball_mm
     {gear}.addendum_coeff {gear}.tip_shortening_coeff {gear}.tip_diameter_mm

@@ -97,6 +97,11 @@ class MeshKeys(AbstractKeys):
         "[2, 24]",
         12,
     )
+    root_motion: Literal["rigid", "screw"] = key(
+        "how slices of helical teeth follow the rim of a condensed body; rigid: in all six "
+        "motions; screw: as the thesis has it, without rotation but that about the gear's axis",
+        default="rigid",
+    )
     root_correction: bool = key(
         "whether what the rim's elements are too large to show of a root's give is added",
         default=True,

@@ -193,7 +193,13 @@ def _on_bodies(gears: Mapping[str, GearKeys]) -> Iterator[str]:
 
 
 # Keys of the mesh that speak to condensed bodies alone.
-_OF_CONDENSED = ("pinion_speed_rad_s", "connection", "root_points", "root_correction")
+_OF_CONDENSED = (
+    "pinion_speed_rad_s",
+    "connection",
+    "root_points",
+    "root_motion",
+    "root_correction",
+)
 
 
 def _on_condensed(

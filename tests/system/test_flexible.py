@@ -116,6 +116,18 @@ def test_a_rigid_motion_of_the_seats_is_that_of_a_rigid_gear(kind, index):
         assert off < 1e-10, f"motion {motion}: {off}"
 
 
+def test_the_thesis_s_screw_leaves_the_tilts_of_helical_teeth_out():
+    body = hybrid_cases.body("helical", 1, seats="bore", modes=2)
+    rigid, screw = (_flexible(body, "helical", motion=motion) for motion in ("rigid", "screw"))
+    assert screw.components == (0, 1, 2, 5)
+    kept = np.array(screw.components)
+    for name in ("from_seats", "growth"):
+        _near(getattr(screw, name), getattr(rigid, name)[:, kept], 1e-12)
+    _near(screw.flexibility, rigid.flexibility[:, kept][:, :, kept], 1e-12)
+    spur = hybrid_cases.body("spur", 1, seats="bore", modes=2)
+    assert _flexible(spur, motion="screw").components == _flexible(spur).components
+
+
 def test_a_rigid_motion_of_several_seats_is_that_of_a_rigid_gear():
     body, flexible, _, tables = _in_mesh("spur", 1, "shaft")
     assert flexible.seats == ("bearing[0]", "torque", "bearing[1]", "bearing[2]")
