@@ -33,6 +33,8 @@ from jaxgear.scene._slips import odd
 
 # Many threads make the many small matrices of a gear pair several times slower.
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+# How long Ctrl-C waits for an answer that the explorer is at [s].
+_PATIENCE = 0.5
 
 
 class _Stop(Exception):
@@ -267,6 +269,9 @@ def _explore(args: argparse.Namespace) -> int:
         print(f"{explorer.address}\nOpen this address in a browser; Ctrl-C ends it.", flush=True)
         with suppress(KeyboardInterrupt):
             explorer.serve()
+        if not explorer.is_idle(_PATIENCE):
+            # Python would take the process down under a program of JAX that still runs: it aborts.
+            os._exit(0)
     return 0
 
 

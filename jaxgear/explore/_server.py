@@ -46,7 +46,8 @@ class Explorer:
         """
         token = secrets.token_urlsafe(24)
         questions = PageAnswers(live, target).by_name
-        handler = functools.partial(_Handler, token, questions, threading.Lock())
+        self._lock = threading.Lock()
+        handler = functools.partial(_Handler, token, questions, self._lock)
         self._server = http.server.ThreadingHTTPServer((_HOST, port), handler)
         self._server.daemon_threads = True
         self.address = f"http://{_HOST}:{self._server.server_address[1]}/?token={token}"
@@ -57,6 +58,13 @@ class Explorer:
             self._server.serve_forever(poll_interval=0.1)
         finally:
             self._server.server_close()
+
+    def is_idle(self, patience: float) -> bool:
+        """Whether no question is being answered, or none any more after so long [s]."""
+        idle = self._lock.acquire(timeout=patience)
+        if idle:
+            self._lock.release()
+        return idle
 
     def stop(self) -> None:
         """End `serve`, from another thread."""
@@ -88,7 +96,7 @@ class _Handler(http.server.BaseHTTPRequestHandler):
         given = urllib.parse.parse_qs(url.query).get("token", [""])[0]
         if not self._is_known(given):
             return
-        if url.path != "/":
+        if url.path != "/" or url.netloc:
             self._refuse(404, "There is only one page here, /.")
             return
         self._send(200, "text/html; charset=utf-8", _page().encode())
@@ -115,8 +123,12 @@ class _Handler(http.server.BaseHTTPRequestHandler):
             with self._lock, stopwatch():
                 found = question(asked)
             self._send_json(200, found)
-        except (ValueError, SolverFailure, FloatingPointError) as error:
+        except (ValueError, SolverFailure, ArithmeticError) as error:
             self._refuse(422, str(error))
+        except RecursionError:
+            self._refuse(422, "The question is nested too deeply.")
+        except TimeoutError:
+            self._refuse(408, "The question has not come whole.")
         except OSError as error:
             self._refuse(500, f"cannot write the scene: {error.strerror}")
 
@@ -125,7 +137,7 @@ class _Handler(http.server.BaseHTTPRequestHandler):
         port = self.connection.getsockname()[1]
         names = (f"{_HOST}:{port}", f"localhost:{port}")
         # Another name that leads here is how a foreign page would ask.
-        if self.headers.get("Host") not in names:
+        if self.headers.get_all("Host", []) not in [[name] for name in names]:
             self._refuse(403, "This host is not known here.")
         elif not secrets.compare_digest(token.encode(), self._token.encode()):
             self._refuse(403, "The token is missing or wrong: open the address that was printed.")

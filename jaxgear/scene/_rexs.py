@@ -142,18 +142,20 @@ def _gear(it: RexsStage, name: str) -> dict[str, Any]:
         "face_width_mm": float(gear.needed("face_width")),
     }
     on_flank = {
-        "profile_shift": "addendum_modification_coefficient",
-        "addendum_coeff": "addendum_coefficient_basic_profile",
+        "addendum_modification_coefficient": "profile_shift",
+        "addendum_coefficient_basic_profile": "addendum_coeff",
     }
     on_tool = {
-        "dedendum_coeff": "addendum_coefficient_reference_profile",
-        "fillet_radius_coeff": "tip_radius_factor",
+        "addendum_coefficient_reference_profile": "dedendum_coeff",
+        "tip_radius_factor": "fillet_radius_coeff",
+        # Its name from version 2.0 on.
+        "tip_corner_radius_factor_reference_profile": "fillet_radius_coeff",
     }
     for part, names in (
         (it.model.parts[flank] if flank else None, on_flank),
         (_tool(it, name), on_tool),
     ):
-        for key, attribute in names.items():
+        for attribute, key in names.items():
             if part and (value := part.number(attribute)) is not None:
                 found[key] = value
     for key, instead, attribute in (

@@ -201,12 +201,17 @@ def _unpacked(content: bytes) -> bytes:
             require(inside, "the archive has no .rexs or .rexsj file in it.")
             with archive.open(inside[0]) as file:
                 return file.read(_LARGEST + 1)
+    except InputError:
+        # A refusal from above, a ValueError too.
+        raise
     except (
         zipfile.BadZipFile,
         zlib.error,
         EOFError,
         NotImplementedError,
         RuntimeError,
+        # A place before the file's begin, or a name that is no text.
+        ValueError,
         struct.error,
     ) as error:
         raise InputError(f"the archive cannot be read: {error}.") from None

@@ -4,7 +4,11 @@ import contextlib
 import http.client
 import http.server
 import json
+import signal
+import subprocess
+import sys
 import threading
+import time
 import urllib.parse
 
 import numpy as np
@@ -57,8 +61,9 @@ def _asked(explorer, method="POST", path="/start", body=b"{}", **headers):
     connection = http.client.HTTPConnection(url.hostname, url.port, timeout=60.0)
     connection.putrequest(method, path, skip_host=True, skip_accept_encoding=True)
     for name, value in given.items():
-        if value is not None:
-            connection.putheader(name, value)
+        for each in value if isinstance(value, list) else [value]:
+            if each is not None:
+                connection.putheader(name, each.replace("OWN", url.netloc))
     connection.endheaders(body)
     with contextlib.closing(connection), connection.getresponse() as reply:
         return reply.status, reply.read().decode()
@@ -194,6 +199,7 @@ def test_page_asks_and_is_answered(explorer, live):
         ({"X_Token": "guess"}, 403),
         ({"Host": "example.org"}, 403),
         ({"Host": None}, 403),
+        ({"Host": ["OWN", "example.org"]}, 403),
         ({"path": "/../../etc/passwd"}, 404),
         ({"path": "/by_name"}, 404),
         ({"Content_Length": "99999999"}, 413),
@@ -202,6 +208,9 @@ def test_page_asks_and_is_answered(explorer, live):
         ({"body": b"[1]"}, 422),
         ({"body": b"{"}, 422),
         ({"body": b"\xff\xfe"}, 422),
+        ({"body": b"[" * 60_000}, 422),
+        ({"path": "/cycle", "body": b'{"values": {"a": ' + b"9" * 400 + b"}}"}, 422),
+        ({"path": "/cycle", "body": b'{"values": {"a": ' + b"9" * 5000 + b"}}"}, 422),
         ({"path": "/cycle", "body": b'{"values": 3}'}, 422),
         ({"path": "/cycle", "body": b'{"values": {"pair.module_mm": 1}}'}, 422),
         ({"path": "/cycle", "body": b'{"values": {"pair.torque_pinion_Nm": NaN}}'}, 422),
@@ -217,6 +226,31 @@ def test_what_is_not_for_it_is_refused(explorer, asked, status):
     assert found == status
     assert status == 501 or json.loads(text)["error"]
     assert _found(explorer, "start")["name"] == "accessory"
+
+
+def test_a_question_that_does_not_come_whole_is_given_up(explorer, monkeypatch):
+    monkeypatch.setattr("jaxgear.explore._server._Handler.timeout", 0.2)
+    status, text = _asked(explorer, Content_Length="500")
+    assert (status, json.loads(text)) == (408, {"error": "The question has not come whole."})
+
+
+@pytest.mark.slow
+def test_interruption_ends_the_command_while_it_computes(tmp_path, monkeypatch):
+    """At once, without a word of what is torn down."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["init", "accessory", "--set", "mesh.slices=3"]) == 0
+    command = [sys.executable, "-u", "-m", "jaxgear", "explore", "accessory.toml"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, **pipes) as running:
+        address = urllib.parse.urlsplit(running.stdout.readline().decode().strip())
+        connection = http.client.HTTPConnection(address.hostname, address.port, timeout=60.0)
+        token = urllib.parse.parse_qs(address.query)["token"][0]
+        connection.request("POST", "/curve", b"{}", {"X-Token": token})
+        time.sleep(1.0)
+        running.send_signal(signal.SIGINT)
+        _, told = running.communicate(timeout=30.0)
+        connection.close()
+    assert (running.returncode, told) == (0, b"")
 
 
 def test_scene_is_written_with_what_was_moved(explorer):

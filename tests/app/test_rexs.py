@@ -413,6 +413,24 @@ def test_ready_scenes_come_back(tmp_path, capsys, name, form):
     _assert_all_is_back(scene, back, lost)
 
 
+def test_names_of_version_2_are_known(tmp_path):
+    """What 2.0 changed of what is read: the name of the rack's rounding, the unit of a modulus."""
+    text, _ = rexs_of_scene(ready_scene("accessory").replace({"wheel.fillet_radius_coeff": 0.31}))
+    new = {
+        'version="1.5"': 'version="2.0"',
+        "tip_radius_factor": "tip_corner_radius_factor_reference_profile",
+        "N / mm^2": "MPa",
+    }
+    for was, now in new.items():
+        assert was in text
+        text = text.replace(was, now)
+    path = tmp_path / "new.rexs"
+    path.write_text(text, encoding="utf-8")
+    keys, _ = scene_of_rexs(path)
+    assert keys["wheel"]["fillet_radius_coeff"] == 0.31
+    assert keys["material"]["young_GPa"] == ready_scene("accessory").material.young_GPa
+
+
 def test_json_has_types_and_the_digits_of_the_scene():
     scene = ready_scene("accessory").replace({"pair.torque_pinion_Nm": 51.370000000000005})
     text, _ = rexs_of_scene(scene, as_json=True)
@@ -470,6 +488,27 @@ def test_command_writes_a_scene_that_reads(write, capsys):
 def test_what_is_no_stage_is_refused(write, change, stage, words):
     with pytest.raises(InputError, match=words):
         scene_of_rexs(write(_file().replace(*change)), stage)
+
+
+@pytest.mark.parametrize("count", [60, pytest.param(1000, marks=pytest.mark.slow)])
+def test_damaged_archives_are_answered_or_refused(write, count):
+    """Bytes changed, or a piece cut out, which moves all places that an archive tells."""
+    draw = random.Random(0)
+    path = write("")
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("box.rexs", _file())
+    whole = path.read_bytes()
+    refused = 0
+    for _ in range(count):
+        at = draw.randrange(len(whole))
+        new = whole[:at] + draw.randbytes(1) + whole[at + draw.choice([1, 1, 40, 400]) :]
+        path.write_bytes(new)
+        try:
+            scene_of_rexs(path, "2")
+        except InputError as error:
+            assert str(error).startswith(str(path))
+            refused += 1
+    assert 0 < refused
 
 
 @pytest.mark.parametrize("count", [60, pytest.param(1000, marks=pytest.mark.slow)])
