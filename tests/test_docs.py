@@ -171,6 +171,48 @@ def test_commands_in_examples_are_commands():
     assert count > 10
 
 
+def test_commands_in_the_text_are_commands():
+    """Between words a command has places for names, so only command and options are looked up."""
+    known = _options()
+    count = 0
+    for page in _PAGES:
+        prose = re.sub(r"^```.*?^```", "", _text(page), flags=re.MULTILINE | re.DOTALL)
+        for line in re.findall(r"`(?:\.venv/bin/)?jaxgear ([^`]+)`", prose):
+            name, *more = line.split()
+            if name.startswith("-") or name == "COMMAND":
+                continue
+            count += 1
+            assert name in known, f"{page.name}: jaxgear {line}"
+            given = {each.partition("=")[0] for each in more if each.startswith("--")}
+            assert given <= known[name], f"{page.name}: jaxgear {line}"
+    assert count > 40
+
+
+def _options() -> dict[str, set[str]]:
+    """The options of each command."""
+    commands = next(x.choices for x in parser()._actions if isinstance(x.choices, dict))
+    return {name: set(one._option_string_actions) for name, one in commands.items()}
+
+
+def test_other_programs_and_targets_are_there():
+    """`make` and its targets, benchmarks, pictures' scripts: what a page tells to run."""
+    targets = set(re.findall(r"^([a-z-]+)(?=[ :a-z-]*:)", _text(_ROOT / "Makefile"), re.MULTILINE))
+    targets |= {"golden-record"}
+    count = 0
+    for page in _PAGES:
+        for target in re.findall(r"(?:`|^)make ([a-z-]+)", _text(page), re.MULTILINE):
+            assert target in targets, f"{page.name}: make {target}"
+            count += 1
+        for script in re.findall(r"\b((?:benchmarks|tests|docs)/[\w/]+\.py)", _text(page)):
+            assert (_ROOT / script).exists(), f"{page.name}: {script}"
+            count += 1
+        for module in re.findall(r"python -m (benchmarks[\w.]*)", _text(page)):
+            path = _ROOT / module.replace(".", "/")
+            assert path.with_suffix(".py").exists() or path.is_dir(), f"{page.name}: {module}"
+            count += 1
+    assert count > 20
+
+
 def test_the_citation_is_of_this_version():
     """What is both in `pyproject.toml` and in `CITATION.cff` is the same."""
     project = tomllib.loads(_text(_ROOT / "pyproject.toml"))["project"]
@@ -181,7 +223,9 @@ def test_the_citation_is_of_this_version():
     assert f"\nauthors:\n{names}version" in citation
 
 
-_WITH_CODE = [page for page in _PAGES if page.name != "README.md" and _blocks(page, "python")]
+# What is written for a folder in which commands have run is walked in it, in another test.
+_WALKED = {"README.md", "SKILL.md", "studies.md"}
+_WITH_CODE = [page for page in _PAGES if page.name not in _WALKED and _blocks(page, "python")]
 
 
 @pytest.mark.slow

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import tomlkit
 
+import jaxgear
 from jaxgear._cli._main import main
 
 _ROOT = Path(__file__).parents[1]
@@ -46,7 +47,7 @@ def _walk(page: str, *more: str) -> None:
             continue
         for line in re.findall(r"^(?:\.venv/bin/)?jaxgear (.*)$", block, re.MULTILINE):
             command = shlex.split(line, comments=True)
-            small = () if command[0] in ("doctor", "init") else ("--quiet", *more)
+            small = () if command[0] in ("cache", "doctor", "init") else ("--quiet", *more)
             assert main([*command, *small]) == 0, line
 
 
@@ -93,6 +94,10 @@ def test_first_pages_lead_to_a_report(tmp_path, monkeypatch, page):
         ("map", ()),
         ("sweep", ("--set=sweep.pinion_speed_rpm.points=7", "--set=mesh.slices=5")),
         ("robust", ("--set=mesh.slices=5",)),
+        (
+            "bodies",
+            ("--set=mesh.slices=5", "--set=wheel.body.fineness.elements_per_tooth=1"),
+        ),
     ],
 )
 def test_the_guides_go_on_from_the_tutorial(tmp_path, monkeypatch, page, more):
@@ -109,3 +114,36 @@ def test_the_guides_go_on_from_the_tutorial(tmp_path, monkeypatch, page, more):
         monkeypatch.setitem(globals(), "_SCENE", _SCENE.rename(f"{command[2]}.toml"))
     _walk(f"docs/guides/{page}.md", *more)
     assert Path(f"results/gearbox/{command[1]}/report.html").exists()
+
+
+def test_the_page_of_caches_shows_and_clears_its_own(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("JAXGEAR_CACHE", str(tmp_path))
+    (tmp_path / "bodies").mkdir()
+    kept = tmp_path / "bodies" / f"{'0' * 64}.npz"
+    kept.write_bytes(b"")
+    _walk("docs/guides/caches.md")
+    assert str(tmp_path) in capsys.readouterr().out
+    assert not kept.exists()
+
+
+@pytest.mark.slow
+def test_the_page_of_studies_has_its_table(tmp_path, monkeypatch):
+    """Its commands with eight designs in place of 4,096, then its lines of Python."""
+    monkeypatch.chdir(tmp_path)
+    page = (_DOCS / "studies.md").read_text("utf-8")
+    shell, code = (re.search(rf"^```{x}\n(.*?)^```", page, re.M | re.S) for x in ("sh", "python"))
+    assert shell is not None
+    assert code is not None
+    first, *more = re.findall(r"^jaxgear (.*)$", shell[1], re.MULTILINE)
+    assert main(shlex.split(first, comments=True)) == 0
+    study = Path("accessory-tolerances.toml")
+    small = study.read_text("utf-8").replace("points = 4096", "points = 8")
+    study.write_text(
+        small.replace("set = [", 'set = [\n"mesh.slices=3", "mesh.phases=8",'), "utf-8"
+    )
+    for line in more:
+        assert main(shlex.split(line, comments=True)) == 0, line
+    names = {"jg": jaxgear}
+    exec(compile(code[1], "studies.md", "exec"), names)
+    assert len(names["found"].table["static.te_rms_um"]) == 8
+    assert Path("results/accessory-tolerances/report.html").exists()

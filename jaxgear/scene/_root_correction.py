@@ -29,8 +29,8 @@ from jaxgear._system._body_tables import root_patches
 # How far the piece reaches to either side [pitches], and under the rim [root widths].
 _REACH, _DEPTH = 1.6, 1.5
 # Elements of the finer piece, around for a pitch and for each old one in depth: of a wheel with one
-# element for each tooth the root's give then is within 0.2 % of that of a body that is as fine all
-# over, where one of the old elements is 17 % off.
+# element for each tooth the root's deflection then is within 0.2 % of that of a body that is as
+# fine all over, where one of the old elements is 17 % off.
 _AROUND, _DEEP = 8, 4
 
 

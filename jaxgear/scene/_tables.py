@@ -103,7 +103,7 @@ class MeshKeys(AbstractKeys):
         default="rigid",
     )
     root_correction: bool = key(
-        "whether what the rim's elements are too large to show of a root's give is added",
+        "whether the part of a root's deflection that is too small for the rim's elements is added",
         default=True,
     )
 

@@ -239,8 +239,8 @@ def _on_condensed_body(mesh: MeshKeys, gear: str, teeth: int, each: Any) -> Iter
         )
     if mesh.root_correction and not len(body.bricks):
         yield (
-            f"The {gear}'s matrices come without a grid: what the elements of its rim are too "
-            "large to show of a root's give is not known, and not added."
+            f"The {gear}'s matrices come without a grid: the part of a root's deflection "
+            "that the elements of its rim are too large to show is not known, and not added."
         )
     if mesh.pinion_speed_rad_s and not body.centrifugal_load.any():
         yield f"The {gear}'s matrices know no load of rotation: it does not grow."

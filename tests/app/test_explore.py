@@ -240,10 +240,10 @@ def test_interruption_ends_the_command_while_it_computes(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["init", "accessory", "--set", "mesh.slices=3"]) == 0
     command = [sys.executable, "-u", "-m", "jaxgear", "explore", "accessory.toml"]
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    with subprocess.Popen(command, **pipes) as running:
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as running:
+        assert running.stdout is not None
         address = urllib.parse.urlsplit(running.stdout.readline().decode().strip())
-        connection = http.client.HTTPConnection(address.hostname, address.port, timeout=60.0)
+        connection = http.client.HTTPConnection(address.netloc, timeout=60.0)
         token = urllib.parse.parse_qs(address.query)["token"][0]
         connection.request("POST", "/curve", b"{}", {"X-Token": token})
         time.sleep(1.0)
