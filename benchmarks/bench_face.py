@@ -70,7 +70,7 @@ def sweeps(*, quick: bool) -> dict[str, Any]:
 
     import jaxgear as jg
     from jaxgear._dynamics._steady_state import steady_states
-    from jaxgear.study._dynamics import dynamic_grid_of, dynamics_of
+    from jaxgear.study._dynamics import dynamics_of
 
     speeds = np.linspace(100.0, 2000.0, 20 if quick else 100)
     costs = []
@@ -82,7 +82,8 @@ def sweeps(*, quick: bool) -> dict[str, Any]:
         ]
         scene = jg.with_bodies(jg.ready_scene("accessory-h1", settings), moving=True)
         model = jg.model_of(scene)
-        system = dynamics_of(scene, model, dynamic_grid_of(scene, model)).system
+        grid = jg.grid_of(scene, model, scene.sweep.steps)
+        system = dynamics_of(model, grid, scene.model, scene.damping, scene.sweep).system
         costs.append(_least(steady_states, system, speeds, repeats=2))
     return _pair(f"{speeds.size} speeds of H1", costs)
 

@@ -52,6 +52,7 @@ def task(name: str, settings: Sequence[str]) -> Task:
     """The search of a ready scene with some settings, compiled."""
     from jaxgear.scene._scene import ready_scene
     from jaxgear.scene._with_bodies import with_bodies
+    from jaxgear.study._built import BuiltScene
     from jaxgear.study._design import design_space
     from jaxgear.study._objectives import prepared_mesh
     from jaxgear.study._search import require_acting, search_of
@@ -61,10 +62,10 @@ def task(name: str, settings: Sequence[str]) -> Task:
     scene = ready_scene(name, ("mesh.foundation=weber", *settings))
     if scene.condensed:
         scene = with_bodies(scene)
-    statics = solve_statics(scene)
+    built = BuiltScene(scene)
+    statics = solve_statics(built)
     space = design_space(
-        scene,
-        statics.model,
+        built,
         tuple(scene.value("optimise.vary")),
         symmetric=scene.value("optimise.symmetric"),
         deflection=float(statics.numbers["single_pair_deflection_um"]),

@@ -71,7 +71,8 @@ def _case(phases: int, slices: int, count: int, settings: list[str]):
 
     import jaxgear as jg
     import optimise
-    from jaxgear.scene._build import model_of, smooth_law_of
+    from jaxgear.scene._build import smooth_law_of
+    from jaxgear.study._built import BuiltScene
     from jaxgear.study._design import design_space
     from jaxgear.study._objectives import prepared_mesh
     from jaxgear.study._robust import members_of
@@ -81,7 +82,7 @@ def _case(phases: int, slices: int, count: int, settings: list[str]):
         "accessory", [f"mesh.phases={phases}", f"mesh.slices={slices}", *settings]
     )
     vary = tuple(scene.value("optimise.vary"))
-    space = design_space(scene, model_of(scene), vary, symmetric=True, deflection=10.0)
+    space = design_space(BuiltScene(scene), vary, symmetric=True, deflection=10.0)
     scatter = scatter_of(space, space.base.pair, np.arange(1))
     grid = jg.grid_of(scene, space.base)
     prepared = prepared_mesh(space, grid)

@@ -21,6 +21,7 @@ from jaxgear._cli._folder import Folder
 from jaxgear.designs._evaluate import Evaluator, moved_keys
 from jaxgear.designs._together import program_of
 from jaxgear.designs._work import begin, compute, job_of
+from jaxgear.study._built import BuiltScene
 
 _STUDY = """schema = 1
 scene = "accessory"
@@ -45,8 +46,8 @@ workers = {workers}
 def _arithmetic(study: jg.designs.Study, rows: np.ndarray, batched: bool) -> float:
     """Processor seconds of the kernel alone, a chunk after the other, after compiling."""
     keys = moved_keys(study, tuple(_keys(study)))
-    grid = jg.grid_of(study.scene, jg.model_of(study.scene))
-    call = program_of(study, study.scene, keys, grid, batched=batched)
+    built = BuiltScene(study.scene)
+    call = program_of(study, built, keys, built.grid, batched=batched)
     size, counts = study.chunk, np.ones(study.chunk, dtype=bool)
     parts = [rows[at : at + size] for at in range(0, len(rows), size)]
     jax.block_until_ready(call(parts[0], counts))

@@ -87,18 +87,19 @@ def maker_of(coordinates: int, steps: int, mesh: int, shapes: str):
     from bench_hybrid import with_relief
 
     import jaxgear as jg
-    from jaxgear.study._dynamics import dynamic_grid_of, dynamics_of
+    from jaxgear.study._dynamics import dynamics_of
 
     scene = scene_of(coordinates, shapes)
     scene = scene.replace({"sweep.steps": steps, "model.mesh_coordinates": mesh})
     model = jg.model_of(scene)
-    grid = dynamic_grid_of(scene, model)
+    grid = jg.grid_of(scene, model, scene.sweep.steps)
 
     def relieved(depth: float):
         return with_relief(model, [depth * UM] * 2, [0.25] * 2, [0.0] * 2)
 
     start = time.perf_counter()
-    make = eqx.filter_jit(lambda m: dynamics_of(scene, m, grid)).lower(relieved(0.0)).compile()
+    keys = scene.model, scene.damping, scene.sweep
+    make = eqx.filter_jit(lambda m: dynamics_of(m, grid, *keys)).lower(relieved(0.0)).compile()
     return lambda depth: make(relieved(depth)), time.perf_counter() - start
 
 
@@ -371,16 +372,17 @@ def gradient(*, quick: bool) -> dict[str, Any]:
 
     import jaxgear as jg
     from jaxgear._dynamics._steady_state import steady_states
-    from jaxgear.study._dynamics import dynamic_grid_of, dynamics_of
+    from jaxgear.study._dynamics import dynamics_of
 
     scene = scene_of(100)
     model = jg.model_of(scene)
-    grid = dynamic_grid_of(scene, model)
+    grid = jg.grid_of(scene, model, scene.sweep.steps)
     speeds = jnp.linspace(SLOWEST, FASTEST, 6 if quick else 30)
 
     def objective(x):
         relieved = with_relief(model, x[:2] * UM, x[2:4], x[4:] * UM)
-        system = dynamics_of(scene, relieved, grid).system
+        keys = scene.model, scene.damping, scene.sweep
+        system = dynamics_of(relieved, grid, *keys).system
         force = steady_states(system, speeds).load[..., 0] / system.force
         largest = 0.02 * jax.scipy.special.logsumexp(force / 0.02, axis=1)
         return jnp.sqrt(jnp.mean(largest**2))

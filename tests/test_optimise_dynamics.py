@@ -17,6 +17,7 @@ from jaxgear import um
 from jaxgear._interface._laws import ExactContact
 from jaxgear.scene._build import grid_of, model_of
 from jaxgear.scene._scene import SceneError, ready_scene
+from jaxgear.study._built import BuiltScene
 from jaxgear.study._design import design_space
 from jaxgear.study._evaluations import objective_at
 from jaxgear.study._objectives import judged_speeds, objective_unit, task_of
@@ -203,8 +204,8 @@ def test_a_scene_over_its_speeds():
     """The value is the mean of what each speed is judged to contribute."""
     sweep = ("sweep.pinion_speed_rad_s=[600.0, 900.0]", "sweep.steps=32", "sweep.harmonics=8")
     scene = ready_scene("accessory", (*_SCENE, *sweep)).replace(_WANTED)
-    keys, base = tuple(scene.value("optimise.vary")), model_of(scene)
-    space = design_space(scene, base, keys, symmetric=True, deflection=10.0)
+    keys = tuple(scene.value("optimise.vary"))
+    space = design_space(BuiltScene(scene), keys, symmetric=True, deflection=10.0)
     grid = grid_of(scene, space.base)
     assert objective_unit(scene.optimise) == "-"
     task = task_of(space, grid, ExactContact(), None)

@@ -16,10 +16,10 @@ import numpy as np
 
 import jaxgear as jg
 import optimise
-from jaxgear.scene._build import model_of
+from jaxgear.scene._build import grid_of, model_of
 from jaxgear.scene._mesh_bodies import with_bodies
 from jaxgear.scene._scene import ready_scene
-from jaxgear.study._dynamics import damping_of, dynamic_grid_of
+from jaxgear.study._dynamics import damping_of
 
 from .statics import THESIS, web
 
@@ -69,7 +69,7 @@ def pair_with(label: str) -> Pair:
     scene = ready_scene("power-h1", [*THESIS, *settings, *web(web_thickness_mm=thickness)])
     scene = with_bodies(scene, moving=True)
     model = model_of(scene)
-    grid = dynamic_grid_of(scene, model)
+    grid = grid_of(scene, model, scene.sweep.steps)
     resting = dataclasses.replace(model, speed=jnp.zeros(()))
     damping = damping_of(scene.damping)
     return Pair(model, grid, damping, prepared(model, grid), prepared(resting, grid))

@@ -17,11 +17,11 @@ from jaxgear._dynamics._steady_state import steady_states
 from jaxgear._dynamics._system import DynamicSystem, PairDynamics
 from jaxgear._response._dynamic import dynamic_response
 from jaxgear._system._model import PairModel
-from jaxgear.scene._build import model_of
+from jaxgear.scene._build import grid_of, model_of
 from jaxgear.scene._mesh_bodies import with_bodies
 from jaxgear.scene._scene import Scene, ready_scene
 from jaxgear.scene._schema import GEARS
-from jaxgear.study._dynamics import dynamic_grid_of, dynamics_of
+from jaxgear.study._dynamics import dynamics_of
 
 from .statics import THESIS
 
@@ -86,9 +86,10 @@ _modes = jax.jit(modes)
 
 def set_going(scene: Scene, model: PairModel) -> Moving:
     """A model of a scene, set in motion."""
-    grid = dynamic_grid_of(scene, model)
+    grid = grid_of(scene, model, scene.sweep.steps)
 
-    dynamics = eqx.filter_jit(lambda model: dynamics_of(scene, model, grid))(model)
+    keys = scene.model, scene.damping, scene.sweep
+    dynamics = eqx.filter_jit(lambda model: dynamics_of(model, grid, *keys))(model)
     system = dynamics.system
     whole = _modes(system.mass, system.whole_stiffness, system.mesh_stiffness, system.free)
     assert bool(jnp.all(dynamics.cycle.converged)), "the contact was not solved at some phase"

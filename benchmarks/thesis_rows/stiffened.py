@@ -9,10 +9,10 @@ from jaxgear._dynamics._system import DynamicSystem, PairDynamics
 from jaxgear._system._gear_body import RigidBody
 from jaxgear._system._model import PairModel
 from jaxgear._system._shaft import Shaft, node_heights
-from jaxgear.scene._build import model_of
+from jaxgear.scene._build import grid_of, model_of
 from jaxgear.scene._scene import Scene, ready_scene
 from jaxgear.scene._schema import GEARS
-from jaxgear.study._dynamics import dynamic_grid_of, dynamics_of
+from jaxgear.study._dynamics import dynamics_of
 
 from .finding import Finding
 from .motion import COARSE, QUICK, SLOW, SPEEDS, Curve, at_speeds, moving, rigid, sweep
@@ -46,8 +46,9 @@ def as_rigid(name: str, masses: dict[str, np.ndarray]) -> DynamicSystem:
     bodies whose masses are given."""
     scene = ready_scene(name, [*THESIS, *COARSE, *(f"{gear}.foundation=none" for gear in masses)])
     model = with_rigid_shaft(model_of(scene), *masses)
-    grid = dynamic_grid_of(scene, model)
-    make = eqx.filter_jit(lambda model: dynamics_of(scene, model, grid))
+    grid = grid_of(scene, model, scene.sweep.steps)
+    keys = scene.model, scene.damping, scene.sweep
+    make = eqx.filter_jit(lambda model: dynamics_of(model, grid, *keys))
     where = lambda model: [getattr(model, f"{gear}_body") for gear in masses]
     diagonals = {gear: np.diagonal(mass) for gear, mass in masses.items()}
     none = dict.fromkeys(masses, np.zeros(6))

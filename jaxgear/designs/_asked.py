@@ -234,7 +234,7 @@ def _together(study: Study) -> Iterator[tuple[str, str]]:
         words = 'an optimum has none here. Write command = "run", or gradients = false'
         yield "keep.gradients", f"got true, but {words}"
     elif asked.keep.gradients and asked.command != "run":
-        if words := reason_against(study.scene, asked.command, asked.keep.numbers):
+        if words := reason_against(study.scene.sweep, asked.command, asked.keep.numbers):
             yield "keep.gradients", f"got true, but {words}"
     for name in asked.keep.minimise:
         if name not in asked.keep.numbers:

@@ -24,14 +24,13 @@ from jaxgear.designs._together import (
     shape_at,
     shape_of,
 )
-from jaxgear.scene._build import grid_of, model_of
 from jaxgear.scene._key import show
 from jaxgear.scene._mistakes import SceneError
 from jaxgear.scene._scene import Scene, read_scene
-from jaxgear.study._progress import built_scene
+from jaxgear.study._built import BuiltScene, built_scene
 from jaxgear.study._results import unit_of_name
 from jaxgear.study._statics import SolverFailure, require_bearable, require_solved
-from jaxgear.study._steady import keys_in_motion
+from jaxgear.study._steady import damping_keys
 
 # What is wrong with one design is no reason to stop. Errors of bodies and of input are among them.
 _OF_ONE = (ValueError, SceneError, SolverFailure, FloatingPointError)
@@ -74,7 +73,7 @@ def moved_keys(study: Study, keys: Sequence[str]) -> tuple[str, ...]:
     # Some keys are real once they are given.
     absent = [key for key in keys if study.scene.value(key) is None]
     scene = study.scene.replace({key: 1.0 for key in absent})
-    real = set(keys_in_motion(scene).names if moves else scene.real_keys())
+    real = {*scene.real_keys(), *(damping_keys(scene.damping) if moves else ())}
     return tuple(key for key in keys if key in real)
 
 
@@ -113,13 +112,12 @@ class Evaluator:
         real, first = self._real, rows.values[rows.good[0]]
         others = tuple((key, value) for key, value in first.items() if key not in real)
         try:
-            scene = self._scene(others)
-            model = model_of(scene)
+            built = self._scene(others)
+            base = built.grid
         except _OF_ONE as error:
             rows.reasons = [reason or reason_of(error) for reason in rows.reasons]
             return
-        base = grid_of(scene, model)
-        own = shape_of(model, base, base)
+        scene, own = built.scene, shape_of(built.model, base, base)
         shapes: dict[Shape, list[int]] = {}
         for place in rows.good:
             try:
@@ -131,7 +129,7 @@ class Evaluator:
         for shape, places in shapes.items():
             if (others, shape) not in self._programs:
                 at = {} if self._light else rows.values[places[0]]
-                template = scene.replace({key: at[key] for key in real if key in at})
+                template = BuiltScene(scene.replace({key: at[key] for key in real if key in at}))
                 program = program_of(self._study, template, real, shape.grid)
                 self._programs[others, shape] = program
             values = [[float(rows.values[place][key]) for key in real] for place in places]
@@ -174,7 +172,8 @@ class Evaluator:
         for place in rows.good:
             try:
                 scene = self._read(rows.values[place])
-                seen = seen_of(scene, keep.numbers) if sloped and command == "sweep" else None
+                looks = sloped and command == "sweep"
+                seen = seen_of(scene.sweep, keep.numbers) if looks else None
                 result = solve(scene) if seen is None else studies.sweep(scene, seen)
             except _OF_ONE as error:
                 rows.reasons[place] = reason_of(error)
@@ -192,30 +191,31 @@ class Evaluator:
                 continue
             rows.numbers[place] = numbers
             if sloped:
-                rows.slopes[place] = self._slopes_of(
-                    result.scene, rows.values[place], seen, numbers
-                )
+                built = BuiltScene(result.scene)
+                rows.slopes[place] = self._slopes_of(built, rows.values[place], seen, numbers)
             for name, array in arrays.items():
                 rows.arrays.setdefault(name, {})[place] = array
 
     def _slopes_of(
-        self, scene: Scene, values: Row, seen: SeenResponses | None, numbers: Sequence[float]
+        self, design: BuiltScene, values: Row, seen: SeenResponses | None, numbers: Sequence[float]
     ) -> np.ndarray:
         """Derivatives of a design that moves, by the keys that one program moves."""
         others = tuple((key, value) for key, value in values.items() if key not in self._real)
         if seen is None:
-            return self._slopes.of_modes(scene, others)
-        return self._slopes.of_sweep(scene, others, seen, numbers)
+            return self._slopes.of_modes(design, others)
+        return self._slopes.of_sweep(design, others, seen, numbers)
 
     def _shape(self, scene: Scene, values: Row, base: Any) -> Shape:
         """The shape of a design whose gears or shafts are others."""
         self._read(values)
-        return shape_at(scene.replace({key: values[key] for key in self._real}), base)
+        moved = scene.replace({key: values[key] for key in self._real})
+        return shape_at(BuiltScene(moved), base)
 
     @functools.cached_property
     def _light(self) -> bool:
         """Whether designs differ in flanks, torque and stiffnesses alone, all of which can be."""
-        if not all(is_light(self._study.scene, key) for key in self._real):
+        scene = self._study.scene
+        if not all(is_light(key, scene.mesh, scene.pinion.shaft) for key in self._real):
             return False
         for column, key in enumerate(self._table.keys):
             if key in self._real:
@@ -233,7 +233,7 @@ class Evaluator:
         changes = [f"{key}={show(value)}" for key, value in values.items()]
         return read_scene(self._study.scene.path, [*self._study.asked.set, *changes])
 
-    def _built(self, others: tuple[tuple[str, Any], ...]) -> Scene:
+    def _built(self, others: tuple[tuple[str, Any], ...]) -> BuiltScene:
         """The scene of designs that differ in moved keys only, with its condensed bodies."""
         return built_scene(self._read(dict(others)) if others else self._study.scene)
 

@@ -19,16 +19,17 @@ import numpy as np
 from jaxgear._dynamics._harmonic import HarmonicBalance, balance_of, terms_of
 from jaxgear._dynamics._modes import Modes, critical_speeds, pair_modes
 from jaxgear._dynamics._sweep import Direction, SweepPoint
+from jaxgear._geometry._lines import MeshGrid
 from jaxgear._response._measured import measured
 from jaxgear._system._model import PairModel
 from jaxgear._types import Reals
 from jaxgear._units import um
-from jaxgear.scene._build import law_of, model_of
-from jaxgear.scene._scene import Scene
+from jaxgear.scene._build import law_of
+from jaxgear.scene._tables import SweepKeys
+from jaxgear.study._built import BuiltScene
 from jaxgear.study._derivatives import Keys, linearised
 from jaxgear.study._dynamics import (
     directions_of,
-    dynamic_grid_of,
     settings_of,
     size_of,
     speeds_of,
@@ -79,11 +80,11 @@ class SeenResponses:
             self.points[at] = point
 
 
-def seen_of(scene: Scene, names: Sequence[str]) -> SeenResponses:
-    """What looks for the responses of some numbers in a sweep of a scene."""
+def seen_of(asked: SweepKeys, names: Sequence[str]) -> SeenResponses:
+    """What looks for the responses of some numbers in a sweep."""
     found = [_OF_SWEEPS.fullmatch(name) for name in names]
     places = frozenset((each[2], int(each[3])) for each in found if each is not None)
-    return SeenResponses(places, speeds_of(scene.sweep), {})
+    return SeenResponses(places, speeds_of(asked), {})
 
 
 class Slopes:
@@ -94,30 +95,30 @@ class Slopes:
         self._names, self._keys = tuple(names), tuple(keys)
         self._programs: dict[Hashable, Any] = {}
 
-    def of_modes(self, scene: Scene, others: Hashable) -> np.ndarray:
+    def of_modes(self, built: BuiltScene, others: Hashable) -> np.ndarray:
         """Of natural modes, in the units of the names, shape `[number, key]`.
 
         **Arguments:**
 
-        - `scene`: the design, with its condensed bodies.
+        - `built`: the design, with its condensed bodies.
         - `others`: what it has in common with all whose program it may have.
         """
-        program, values = self._program(scene, others, self._modes)
+        program, values = self._program(built, others, self._modes)
         return np.asarray(program(values, jnp.eye(len(values)), None)[2]).T
 
     def of_sweep(
-        self, scene: Scene, others: Hashable, seen: SeenResponses, numbers: Sequence[float]
+        self, design: BuiltScene, others: Hashable, seen: SeenResponses, numbers: Sequence[float]
     ) -> np.ndarray:
         """Of responses at speeds, in the units of the names, shape `[number, key]`.
 
         **Arguments:**
 
-        - `scene`: the design, with its condensed bodies.
+        - `design`: with its condensed bodies.
         - `others`: what it has in common with all whose program it may have.
         - `seen`: its responses.
         - `numbers`: that the sweep found, in the units of the names.
         """
-        (build, respond), values = self._program(scene, others, _built_and_answered)
+        (build, respond), values = self._program(design, others, _built_and_answered)
         # The speed is one more number, which stays.
         tangents = jnp.eye(len(values), len(values) + 1)
         found = np.full((len(self._names), len(values)), np.nan)
@@ -137,17 +138,17 @@ class Slopes:
         return found
 
     def _program(
-        self, scene: Scene, others: Hashable, make: Callable[[Keys], Any]
+        self, design: BuiltScene, others: Hashable, make: Callable[[Keys, MeshGrid], Any]
     ) -> tuple[Any, Reals]:
         """The program of a design's shape, and the values of its keys."""
-        model, keys = model_of(scene), Keys(scene, self._keys)
-        kind = others, dynamic_grid_of(scene, model), jax.tree.structure(model)
+        grid, keys = design.grid_in_motion, Keys(design.scene, self._keys)
+        kind = others, grid, jax.tree.structure(design.model)
         if kind not in self._programs:
-            self._programs[kind] = make(keys)
+            self._programs[kind] = make(keys, grid)
         return self._programs[kind], jnp.asarray(keys.centre)
 
-    def _modes(self, keys: Keys) -> Callable:
-        build = builder(keys)
+    def _modes(self, keys: Keys, grid: MeshGrid) -> Callable:
+        build = builder(keys, grid)
 
         def numbers(values: Reals) -> tuple[Reals, None]:
             model, pair = build(values)
@@ -185,7 +186,7 @@ def _parts(name: str) -> tuple[str, str, int]:
     return found[1], found[2], int(found[3])
 
 
-def _built_and_answered(keys: Keys) -> tuple[Callable, Callable]:
+def _built_and_answered(keys: Keys, grid: MeshGrid) -> tuple[Callable, Callable]:
     """Programs for what is built of keys, and for the response of that."""
     scene, law = keys.scene, law_of(keys.scene.mesh)
 
@@ -201,17 +202,17 @@ def _built_and_answered(keys: Keys) -> tuple[Callable, Callable]:
         values = [x / um if name.endswith("_um") else x for name, x in lengths.items()]
         return jnp.stack(values), orbit.settled
 
-    return eqx.filter_jit(linearised(numbers_of(builder(keys)))), eqx.filter_jit(
+    return eqx.filter_jit(linearised(numbers_of(builder(keys, grid)))), eqx.filter_jit(
         linearised(respond)
     )
 
 
-def reason_against(scene: Scene, command: str, names: Sequence[str]) -> str:
+def reason_against(asked: SweepKeys, command: str, names: Sequence[str]) -> str:
     """Why some numbers have no derivatives; empty if they have.
 
     **Arguments:**
 
-    - `scene`: whose they are.
+    - `asked`: the sweep of the scene whose they are.
     - `command`: `modes` or `sweep`.
     - `names`: of the numbers.
     """
@@ -219,11 +220,11 @@ def reason_against(scene: Scene, command: str, names: Sequence[str]) -> str:
         if KNOWN[command].fullmatch(name) is None:
             return f"{name} has none. Those that have: {KNOWN_WORDS[command]}"
     if command == "sweep":
-        ways, count = directions_of(scene.sweep), len(speeds_of(scene.sweep))
+        ways, count = directions_of(asked), len(speeds_of(asked))
         for name in names:
             _, way, place = _parts(name)
             if way not in ways or place >= count:
                 return f"{name} is not of this sweep: {count} speeds, {', '.join(ways)}"
-        if scene.sweep.method not in ("auto", "harmonic"):
-            return f'a sweep by "{scene.sweep.method}" has none. Write sweep.method = "harmonic"'
+        if asked.method not in ("auto", "harmonic"):
+            return f'a sweep by "{asked.method}" has none. Write sweep.method = "harmonic"'
     return ""

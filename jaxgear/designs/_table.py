@@ -2,7 +2,7 @@
 
 import dataclasses
 import itertools
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,6 @@ import scipy.special
 from jaxgear._checks import InputError
 from jaxgear.designs._asked import Study, read_value, varied_of
 from jaxgear.scene._csv import read_cells
-from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import KEYS, key_at
 
 # No machine keeps more rows [-].
@@ -55,7 +54,7 @@ def design_table(study: Study) -> DesignTable:
     """
     design = study.asked.design
     if design.csv is not None:
-        return _of_file(study.path.parent / design.csv, study.scene)
+        return _of_file(study.path.parent / design.csv, study.scene.real_keys(), study.scene.values)
     varied = varied_of(study.values)
     keys, spans = tuple(varied), [_Span.of(study, *each) for each in varied.items()]
     match design.kind:
@@ -164,9 +163,16 @@ class _Span:
         )
 
 
-def _of_file(path: Path, scene: Scene) -> DesignTable:
-    """Designs of a CSV file of numbers, whose columns are keys of the scene."""
-    cells = read_cells(path, _columns(scene), ())
+def _of_file(path: Path, real: Iterable[str], values: Mapping[str, Any]) -> DesignTable:
+    """Designs of a CSV file of numbers, whose columns are keys of the scene.
+
+    Columns may be its real keys, entries of lists among them, other numbers among its `values`, and
+    numbers that it leaves out.
+    """
+    plain = {key for key, value in values.items() if isinstance(value, int | float)}
+    optional = {key for key, each in KEYS.items() if each.kind in ("int", "float")}
+    columns = {*real, *plain, *(key for key in optional if "[]" not in key)}
+    cells = read_cells(path, sorted(columns), ())
     if not cells.lines:
         raise InputError(f"{path}: there are no designs under the header. Add a line for each.")
     rules = map(key_at, cells.names)
@@ -176,13 +182,6 @@ def _of_file(path: Path, scene: Scene) -> DesignTable:
     )
     lines = tuple(f"{path}:{line}" for line in cells.lines)
     return DesignTable(tuple(cells.names), tuple(map(typed, cells.numbers.tolist())), lines)
-
-
-def _columns(scene: Scene) -> list[str]:
-    """Names that columns may have: numbers of the scene, its rows and entries among them."""
-    plain = {key for key, value in scene.values.items() if isinstance(value, int | float)}
-    optional = {key for key, each in KEYS.items() if each.kind in ("int", "float")}
-    return sorted({*scene.real_keys(), *plain, *(key for key in optional if "[]" not in key)})
 
 
 def unfit(values: Mapping[str, Any], torque: float) -> str:

@@ -27,9 +27,10 @@ from jaxgear.designs._numbers import (
     array_of,
     numbers_together,
 )
-from jaxgear.scene._build import couples_on_pinion, grid_of, law_of, model_of
-from jaxgear.scene._mesh_roots import influences_of
-from jaxgear.scene._scene import Scene
+from jaxgear.scene._build import couples_on_pinion, law_of, model_of
+from jaxgear.scene._gear_tables import ShaftKeys
+from jaxgear.scene._tables import MeshKeys
+from jaxgear.study._built import BuiltScene
 from jaxgear.study._derivatives import Keys, linearised
 from jaxgear.study._design import keeps_teeth
 
@@ -81,16 +82,16 @@ def goes_together(study: Study, keys: Sequence[str]) -> bool:
     )
 
 
-def is_light(scene: Scene, key: str) -> bool:
+def is_light(key: str, mesh: MeshKeys, pinion_shaft: ShaftKeys) -> bool:
     """Whether a key leaves gears, shafts and grid as they are, and any value of its range can be.
 
     **Arguments:**
 
-    - `scene`: whose key it is.
     - `key`: a real one.
+    - `mesh`, `pinion_shaft`: tables of its scene.
     """
     if key == _TORQUE:
-        return not (couples_on_pinion(scene.pinion.shaft) or scene.mesh.tip_contact)
+        return not (couples_on_pinion(pinion_shaft) or mesh.tip_contact)
     ends = "_N_m", "_Nm_rad"
     return key.startswith(("flank.", _ALIGNMENT)) or key.endswith(ends)
 
@@ -104,32 +105,36 @@ def shape_of(model: PairModel, grid: MeshGrid, base: MeshGrid) -> Shape:
     return Shape(dataclasses.replace(grid, entry_phases=entry), jax.tree.structure(model))
 
 
-def shape_at(scene: Scene, base: MeshGrid) -> Shape:
+def shape_at(design: BuiltScene, base: MeshGrid) -> Shape:
     """The shape of a design by itself.
 
     **Raises:**
 
     - `ValueError` if its gears are impossible.
     """
-    model = model_of(scene)
-    return shape_of(model, grid_of(scene, model), base)
+    return shape_of(design.model, design.grid, base)
 
 
 def program_of(
-    study: Study, scene: Scene, keys: tuple[str, ...], grid: MeshGrid, *, batched: bool = False
+    study: Study,
+    template: BuiltScene,
+    keys: tuple[str, ...],
+    grid: MeshGrid,
+    *,
+    batched: bool = False,
 ) -> Callable:
     """A function of many rows of values of the keys, and of which rows count.
 
     **Arguments:**
 
     - `study`: says what is kept.
-    - `scene`: a design of the shape.
+    - `template`: a design of the shape.
     - `keys`: whose values change.
     - `grid`: phases, lines and slices.
     - `batched`: whether rows are solved side by side, to compare.
     """
-    keep, moved = study.asked.keep, Keys(scene, keys)
-    influences = influences_of(scene, model_of(scene).pair)
+    keep, moved = study.asked.keep, Keys(template.scene, keys)
+    influences = template.influences
     names = (*keep.numbers, DEFLECTION)
 
     def respond(values: Reals) -> tuple[Reals, tuple[Flags, tuple[Reals, ...]]]:

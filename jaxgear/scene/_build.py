@@ -4,7 +4,7 @@ Every function here can be traced by JAX: what is moved of the scene may be trac
 response can be differentiated by any real key of the file.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 import jax
@@ -45,6 +45,7 @@ from jaxgear._system._shaft_parts import Bearing, Segment, ShaftLoad
 from jaxgear._system._support import Support
 from jaxgear._types import Scalar
 from jaxgear._units import GPa, N_per_mm_um, mm, um
+from jaxgear.scene._body_tables import BodyKeys
 from jaxgear.scene._build_pair import flanks_of, material_of, pair_of, si
 from jaxgear.scene._csv import read_matrix
 from jaxgear.scene._gear_tables import BearingKeys, GearKeys, PairKeys, ShaftKeys
@@ -74,21 +75,39 @@ def model_of(scene: Scene, changes: Mapping[str, object] = MappingProxyType({}))
     """
     scene = scene.replace(changes) if changes else scene
     pair, shared, folder = pair_of(scene), scene.pair, scene.path.parent
-    sense = scene.plain.pair.sense
-    pinion, wheel = (_mount(scene, name) for name in GEARS)
+    plain, sense, teeth = scene.plain, scene.plain.pair.sense, None
+    flanks = flanks_of(scene, pair)
+    if scene.mesh.tooth == "elements":
+        # For other scenes no finite elements are imported.
+        from jaxgear.scene._mesh_teeth import element_teeth
+
+        teeth = element_teeth(scene)
+    # Which points share a node follows from the last numbers that were not traced.
+    with jax.ensure_compile_time_eval():
+        still = {name: (gear, material_of(plain, name)) for name, gear in plain.gears.items()}
+    pinion, wheel = (
+        _mount(gear, material_of(scene, name), still[name], sense)
+        for name, gear in scene.gears.items()
+    )
+    bodies = {
+        name: _condensed_body(scene, name)
+        if name in scene.condensed
+        else _body(gear.body, pair, name, mount)
+        for (name, gear), mount in zip(scene.gears.items(), (pinion, wheel), strict=True)
+    }
     housing, speed = scene.housing.stiffness_csv, scene.mesh.pinion_speed_rad_s
     return PairModel(
         pair=pair,
         torque=sense * si(shared.torque_pinion_Nm),
-        flanks=flanks_of(scene, pair),
-        compliance=_compliance(scene),
+        flanks=flanks,
+        compliance=teeth or _compliance(scene.mesh, scene.gears),
         misalignment=misalignment_of(shared, sense),
         housing=None if housing is None else _housing(read_matrix(housing, folder), sense),
         speed=0.0 if speed is None else si(speed),
         pinion_support=pinion,
         wheel_support=wheel,
-        pinion_body=_body(scene, pair, "pinion", pinion),
-        wheel_body=_body(scene, pair, "wheel", wheel),
+        pinion_body=bodies["pinion"],
+        wheel_body=bodies["wheel"],
     )
 
 
@@ -106,21 +125,43 @@ def misalignment_of(pair: PairKeys, sense: int) -> Misalignment:
     )
 
 
-def grid_of(scene: Scene, model: PairModel) -> MeshGrid:
-    """Choose the grid that a scene asks for, for its model or one close to it."""
-    return pair_grid(scene, model.pair, model.mesh_torque)
+def grid_of(scene: Scene, model: PairModel, phases: int | None = None) -> MeshGrid:
+    """Choose the grid that a scene asks for.
+
+    **Arguments:**
+
+    - `scene`: checked against the schema.
+    - `model`: of the scene, or one close to it.
+    - `phases`: positions in one mesh period in place of the scene's, such as its time steps.
+    """
+    return pair_grid(
+        scene.mesh,
+        model.pair,
+        model.mesh_torque,
+        scene.map.torques_Nm,
+        condensed=bool(scene.condensed),
+        phases=phases,
+    )
 
 
-def pair_grid(scene: Scene, pair: GearPair, torque: Scalar) -> MeshGrid:
-    """As `grid_of`, of the pair alone under a torque on the mesh."""
+def pair_grid(
+    mesh: MeshKeys,
+    pair: GearPair,
+    torque: Scalar,
+    others: Sequence[float] | None,
+    *,
+    condensed: bool,
+    phases: int | None = None,
+) -> MeshGrid:
+    """As `grid_of`, of the pair alone under a torque on the mesh, and at times others [N m]."""
     return mesh_grid(
         pair,
-        phases=scene.mesh.phases,
-        slices=scene.mesh.slices,
-        periods=scene.mesh.periods,
-        beyond=_tip_window(pair, torque, scene.map.torques_Nm) if scene.mesh.tip_contact else 0.0,
+        phases=phases or mesh.phases,
+        slices=mesh.slices,
+        periods=mesh.periods,
+        beyond=_tip_window(pair, torque, others) if mesh.tip_contact else 0.0,
         # What is condensed does not follow the face anyway, and every line costs.
-        fixed_face=bool(scene.condensed) or scene.mesh.tooth == "elements",
+        fixed_face=condensed or mesh.tooth == "elements",
     )
 
 
@@ -129,7 +170,7 @@ def pair_grid(scene: Scene, pair: GearPair, torque: Scalar) -> MeshGrid:
 _SOFT, _OVERLOAD = 10.0 * N_per_mm_um, 1.5
 
 
-def _tip_window(pair: GearPair, torque: Scalar, others: list[float] | None) -> float:
+def _tip_window(pair: GearPair, torque: Scalar, others: Sequence[float] | None) -> float:
     """How far beyond the path tip corners may touch, in base pitches: as far as teeth can bend.
 
     A window is no smoothing: one that is wide enough changes nothing, and one that is not
@@ -161,13 +202,7 @@ def law_of(mesh: MeshKeys) -> AbstractContactLaw:
     return ExactContact() if mesh.contact == "exact" else smooth_law_of(mesh)
 
 
-def _compliance(scene: Scene) -> AbstractCompliance:
-    mesh = scene.mesh
-    if mesh.tooth == "elements":
-        # For other scenes no finite elements are imported.
-        from jaxgear.scene._mesh_teeth import element_teeth
-
-        return element_teeth(scene)
+def _compliance(mesh: MeshKeys, gears: Mapping[str, GearKeys]) -> AbstractCompliance:
     match mesh.stiffness:
         case "constant":
             return ConstantStiffness(si(mesh.stiffness_N_mm_um, N_per_mm_um))
@@ -175,7 +210,7 @@ def _compliance(scene: Scene) -> AbstractCompliance:
             return Iso6336()
         case _:
             return WeberBanaschek(
-                *(_foundation(mesh, gear) for gear in scene.gears.values()),
+                *(_foundation(mesh, gear) for gear in gears.values()),
                 load_updates=mesh.line_load_updates,
                 face_coupling=FaceCoupling() if mesh.face_coupling == "coupled" else None,
             )
@@ -201,10 +236,12 @@ def _foundation(mesh: MeshKeys, gear: GearKeys) -> AbstractFoundation:
     return _FOUNDATIONS[gear.foundation or mesh.foundation]()
 
 
-def _mount(scene: Scene, name: str) -> Support | Shaft:
+def _mount(
+    gear: GearKeys, material: Material, plain: tuple[GearKeys, Material], sense: int
+) -> Support | Shaft:
     """A gear's shaft on its bearings, or the springs at its centre."""
-    if scene.gear(name).shaft.gear_at_mm is None:
-        springs = scene.gear(name).support
+    if gear.shaft.gear_at_mm is None:
+        springs = gear.support
         s, t = springs.radial_S_N_m, springs.radial_T_N_m
         return Support(
             radial_s=springs.radial_N_m if s is None else s,
@@ -212,12 +249,9 @@ def _mount(scene: Scene, name: str) -> Support | Shaft:
             axial=springs.axial_N_m,
             tilt=springs.tilt_Nm_rad,
         )
-    # Which points share a node follows from the last numbers that were not traced.
-    sense = scene.plain.pair.sense
     with jax.ensure_compile_time_eval():
-        plain = scene.plain
-        layout = _shaft(plain.gear(name), material_of(plain, name), None, sense).layout
-    return _shaft(scene.gear(name), material_of(scene, name), layout, sense)
+        layout = _shaft(*plain, None, sense).layout
+    return _shaft(gear, material, layout, sense)
 
 
 def _shaft(gear: GearKeys, material: Material, layout: ShaftLayout | None, sense: int) -> Shaft:
@@ -284,11 +318,9 @@ def shared_places(model: PairModel) -> dict[str, str]:
     return found
 
 
-def _body(scene: Scene, pair: GearPair, name: str, mount: Support | Shaft) -> AbstractGearBody:
+def _body(body: BodyKeys, pair: GearPair, name: str, mount: Support | Shaft) -> AbstractGearBody:
     """A gear's body; a rigid one is a disc from bore to root circle, but for what is given."""
-    index, body = GEARS.index(name), scene.gear(name).body
-    if body.kind == "condensed":
-        return _condensed_body(scene, name)
+    index = GEARS.index(name)
     if body.kind == "beam":
         gear, root = (pair.pinion, pair.wheel)[index], 2.0 * pair.root_radius[index]
         return BeamBody(width=gear.face_width, outer=root, material=gear.material)

@@ -1,5 +1,7 @@
 """Stresses at the roots of a scene's teeth of finite elements."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from fem_prep import ToothedGear, ToothElements
@@ -10,27 +12,23 @@ from jaxgear._contact._element_roots import (
 )
 from jaxgear._contact._root_influence import RootInfluence
 from jaxgear._contact._tooth_elements import tooth_tables
-from jaxgear.scene._mesh_teeth import condensed_pair
-from jaxgear.scene._scene import Scene
 
 
 def element_roots(
-    scene: Scene, plane: tuple[RootInfluence, RootInfluence]
+    teeth: Sequence[tuple[ToothedGear, ToothElements]], plane: tuple[RootInfluence, RootInfluence]
 ) -> tuple[ElementRootInfluence, ElementRootInfluence]:
     """The influences of a scene's condensed teeth.
 
     **Arguments:**
 
-    - `scene`: with `mesh.tooth = "elements"`.
+    - `teeth`: of pinion and wheel, their shapes and what was condensed of them.
     - `plane`: the influences of the same teeth in plane strain.
 
     **Returns:**
 
     Pinion, wheel.
     """
-    pinion, wheel = (
-        gear_roots(*each, own) for each, own in zip(condensed_pair(scene), plane, strict=True)
-    )
+    pinion, wheel = (gear_roots(*each, own) for each, own in zip(teeth, plane, strict=True))
     return pinion, wheel
 
 

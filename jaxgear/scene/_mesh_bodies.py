@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import groupby
 from types import MappingProxyType
 from typing import Any
@@ -20,13 +20,17 @@ from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._rim_checks import require_short_elements
 from jaxgear.scene._bodies import BodyPlan, Drawn, body_plan
 from jaxgear.scene._body_build import BuiltBody, built_body
+from jaxgear.scene._body_tables import WebKeys
 from jaxgear.scene._body_words import in_keys
 from jaxgear.scene._build import couples_on_pinion, pair_grid, pair_of
+from jaxgear.scene._gear_tables import GearKeys
 from jaxgear.scene._plain_ring import beyond_plain_ring
 from jaxgear.scene._rim_ribs import rim_ribs
 from jaxgear.scene._root_correction import root_correction
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
+from jaxgear.scene._study_tables import OptimiseKeys
+from jaxgear.scene._tables import MeshKeys, ModelKeys, PlainTables
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,6 +53,10 @@ class MeshBody:
     family: BodyFamily | None = None
 
 
+# A condensed body that is not in mesh yet, and motions on which it vibrates; none for statics.
+_Made = tuple[BuiltBody, BodyBasis | None]
+
+
 def with_bodies(
     scene: Scene, tell: Callable[[str], None] = lambda step: None, *, moving: bool = False
 ) -> Scene:
@@ -68,36 +76,43 @@ def with_bodies(
                 pitches = scene.gear(plan.gear).teeth / plan.source.fineness.sectors
                 require_short_elements(plan.gear, pitches)
     # Modes do not follow: what is to vibrate stays as it is.
-    measures = {} if moving else {plan.gear: _varied_measure(scene, plan) for plan in plans}
+    measures: dict[str, str | None] = {}
+    if not moving:
+        webs = {plan.gear: scene.gear(plan.gear).body.web for plan in plans}
+        measures = {p.gear: _varied_measure(scene.optimise, webs[p.gear], p) for p in plans}
     excited = scene.model.shapes == "excited"
     modes = scene.model.modes * (CANDIDATES if excited else 1) if moving else None
     made = [_made(plan, tell, modes) for plan in plans]
-    scene = _over_whole_cycles(scene, made)
-    grid = pair_grid(scene, pair, torque)
-    bodies = {each[0].plan.gear: _in_mesh(scene, each, pair, grid, tell) for each in made}
+    if periods := _whole_cycles(scene.mesh, scene.gears, made):
+        scene = scene.replace({"mesh.periods": periods})
+    grid = pair_grid(scene.mesh, pair, torque, scene.map.torques_Nm, condensed=True)
+    put = lambda each, told: _in_mesh(each, scene.mesh, scene.model, scene.plain, pair, grid, told)
+    bodies = {each[0].plan.gear: put(each, tell) for each in made}
     for gear, key in measures.items():
         if key is not None:
-            bodies[gear] = _with_family(scene, gear, key, bodies[gear], pair, grid, tell)
+            plan_at = lambda value, key=key, gear=gear: body_plan(scene.replace({key: value}), gear)
+            bounds, value = scene.optimise.bounds[key], scene.value(key)
+            bodies[gear] = _with_family(bodies[gear], key, value, bounds, plan_at, put, tell)
     return dataclasses.replace(scene, bodies=MappingProxyType(bodies))
 
 
-def _varied_measure(scene: Scene, plan: BodyPlan) -> str | None:
+def _varied_measure(asked: OptimiseKeys, web: WebKeys, plan: BodyPlan) -> str | None:
     """The measure of a gear's web that the scene varies, if it is one and has bounds."""
     table = f"{plan.gear}.body.web."
-    keys = [key for key in (scene.optimise.vary or ()) if key.startswith(table)]
-    keys = [key for key in keys if key in scene.values]
+    measures = {f"{table}{name}": value for name, value in web.values.items() if value is not None}
+    keys = [key for key in (asked.vary or ()) if key in measures]
     if len(keys) != 1 or not isinstance(plan.source, Drawn):
         return None
     key = keys[0]
-    bounds = scene.optimise.bounds.get(key)
+    bounds = asked.bounds.get(key)
     require(
         bounds is not None and bounds[0] < bounds[1],
         "optimise.vary names {key}: bodies are condensed from one bound to the other, and "
         "interpolated. Give both, rising, in the table [optimise.bounds], such as\n"
         '"{key}" = [{low:.6g}, {high:.6g}]',
         key=key,
-        low=0.8 * scene.value(key),
-        high=1.2 * scene.value(key),
+        low=0.8 * measures[key],
+        high=1.2 * measures[key],
     )
     return key
 
@@ -107,28 +122,27 @@ _MEMBERS = 5
 
 
 def _with_family(
-    scene: Scene,
-    gear: str,
-    key: str,
     own: MeshBody,
-    pair: GearPair,
-    grid: MeshGrid,
+    key: str,
+    measure: float,
+    bounds: Sequence[float],
+    plan_at: Callable[[float], BodyPlan],
+    put: Callable[[_Made, Callable[[str], None]], MeshBody],
     tell: Callable[[str], None],
 ) -> MeshBody:
     """A body with others of its shape, from one bound of a measure to the other."""
-    low, high = scene.optimise.bounds[key]
+    low, high = bounds
     reciprocal = low > 0.0
     at, checks = family_parameters(low, high, _MEMBERS, reciprocal=reciprocal)
     bodies, nodes = {}, {}
     for number, value in enumerate(map(float, (*at, *checks)), start=1):
         where = f"{key} = {value:.6g}, {number} of {_MEMBERS + len(checks)}"
-        plan = body_plan(scene.replace({key: value}), gear)
         # Of rim and seats, and of rotation, statics is exact without any shapes of the inside.
         plan = dataclasses.replace(
-            plan, method="guyan", modes=0, rotating=False, compares_seats=False
+            plan_at(value), method="guyan", modes=0, rotating=False, compares_seats=False
         )
         along = lambda step, where=where: tell(f"{step}: {where}")
-        found = _in_mesh(scene, _made(plan, along, None), pair, grid, along)
+        found = put(_made(plan, along, None), along)
         bodies[value] = found.flexible
         nodes[value] = int(found.built.health["nodes"])
     probes = [(value, bodies[value]) for value in map(float, checks)]
@@ -136,7 +150,7 @@ def _with_family(
         family = body_family(
             at,
             [bodies[float(value)] for value in at],
-            checks=[*probes, (scene.value(key), own.flexible)],
+            checks=[*probes, (measure, own.flexible)],
             reciprocal=reciprocal,
         )
     except ValueError as error:
@@ -158,10 +172,6 @@ def _grids_that_differ(nodes: dict[float, int]) -> str:
     )
 
 
-# A condensed body that is not in mesh yet, and motions on which it vibrates; none for statics.
-_Made = tuple[BuiltBody, BodyBasis | None]
-
-
 def _made(plan: BodyPlan, tell: Callable[[str], None], modes: int | None) -> _Made:
     """A body from the cache or built anew, with so many modes if it is to vibrate."""
     built = built_body(plan, lambda step: tell(f"{plan.gear}: {step}"))
@@ -172,8 +182,8 @@ def _made(plan: BodyPlan, tell: Callable[[str], None], modes: int | None) -> _Ma
         return built, body_basis(built.body, modes)
 
 
-def _over_whole_cycles(scene: Scene, made: Sequence[_Made]) -> Scene:
-    """The scene over as many mesh periods as all that vibrates needs until it is itself again.
+def _whole_cycles(mesh: MeshKeys, gears: Mapping[str, GearKeys], made: Sequence[_Made]) -> int:
+    """As many mesh periods as all that vibrates needs until it is itself again; 0: as they are.
 
     A cycle that the scene names must be a multiple of them: in a shorter one holes would pass
     the mesh in another order than they do, and modes jump where it closes.
@@ -181,32 +191,38 @@ def _over_whole_cycles(scene: Scene, made: Sequence[_Made]) -> Scene:
     needed = 1
     for built, basis in made:
         if basis is not None:
-            teeth, sectors = scene.gear(built.plan.gear).teeth, built.body.facts["sectors"]
+            teeth, sectors = gears[built.plan.gear].teeth, built.body.facts["sectors"]
             assert isinstance(sectors, int)
             needed = math.lcm(needed, basis.under_teeth(teeth, sectors)[1])
-    periods = scene.mesh.periods
+    periods = mesh.periods
     if periods % needed == 0:
-        return scene
-    if "mesh.periods" in scene.given:
+        return 0
+    if "periods" in mesh.given:
         raise InputError(
             f"mesh.periods = {periods}: in motion the condensed bodies of this scene repeat under "
             f"their teeth after {needed} mesh periods, so that a response over {periods} would not "
             f"close. Write mesh.periods = {needed}, or leave it out."
         )
-    return scene.replace({"mesh.periods": needed})
+    return needed
 
 
 def _in_mesh(
-    scene: Scene, made: _Made, pair: GearPair, grid: MeshGrid, tell: Callable[[str], None]
+    made: _Made,
+    mesh: MeshKeys,
+    model: ModelKeys,
+    plain: PlainTables,
+    pair: GearPair,
+    grid: MeshGrid,
+    tell: Callable[[str], None],
 ) -> MeshBody:
-    (built, basis), mesh = made, scene.mesh
+    built, basis = made
     plan, body = built.plan, built.body
     tell(f"{plan.gear}: teeth on the rim")
     index, local, give, ribs = GEARS.index(plan.gear), None, None, None
     on_rim: Any = {"points": mesh.root_points, "axial": mesh.connection}
     with in_keys(plan.gear):
         if mesh.tooth == "elements":
-            give = beyond_plain_ring(scene.plain, plan, tell)
+            give = beyond_plain_ring(plain, plan, tell)
             if basis is not None:
                 raise InputError(
                     'mesh.tooth = "elements": a condensed body carries such teeth in statics only, '
@@ -217,7 +233,7 @@ def _in_mesh(
             local = root_correction(body, plan.material, pair, index, grid, **on_rim)
         law = (mesh.tooth, mesh.stiffness, mesh.face_coupling)
         if law == ("sliced", "weber-banaschek", "coupled"):
-            ribs = rim_ribs(scene.plain, plan, pair, grid, tell, **on_rim)
+            ribs = rim_ribs(plain, plan, pair, grid, tell, **on_rim)
         more: Any = {"local": local, "give": give, "ribs": ribs}
         seats: Any = {"gear_seat": plan.torque_seat or None, "load_seats": plan.load_seats}
         put = lambda basis: flexible_body(
@@ -232,11 +248,11 @@ def _in_mesh(
             **on_rim,
         )
         flexible = put(basis)
-        if basis is not None and scene.model.shapes == "excited":
+        if basis is not None and model.shapes == "excited":
             tell(f"{plan.gear}: shapes that the mesh excites")
             sectors = body.facts["sectors"]
             assert isinstance(sectors, int)
-            basis, _ = basis.under_teeth(scene.gear(plan.gear).teeth, sectors)
-            basis = excited_shapes(basis, flexible, pair, index, grid, scene.model.modes)
+            basis, _ = basis.under_teeth(plan.teeth_count, sectors)
+            basis = excited_shapes(basis, flexible, pair, index, grid, model.modes)
             flexible = put(basis)
     return MeshBody(built, flexible, basis)

@@ -5,6 +5,8 @@ from collections.abc import Callable
 from jaxgear._contact._root_influence import Influences, nearby_influences, root_influences
 from jaxgear._geometry._pair import GearPair
 from jaxgear.scene._scene import Scene
+from jaxgear.scene._study_tables import CompareKeys, OptimiseKeys
+from jaxgear.scene._tables import MeshKeys
 
 # Under this name it is minimised, traded and compared.
 _RESPONSE = "max_root_stress"
@@ -22,17 +24,16 @@ def influences_of(scene: Scene, pair: GearPair) -> Influences | None:
 
     The influences; `None` where nothing in the scene asks for root stresses.
     """
-    return _solved(scene, pair) if asks_for_roots(scene) else None
-
-
-def _solved(scene: Scene, pair: GearPair) -> Influences:
+    if not asks_for_roots(scene.mesh, scene.compare, scene.optimise):
+        return None
     plane = root_influences(pair)
     if scene.mesh.tooth != "elements":
         return plane
     # For other scenes no finite elements are imported.
     from jaxgear.scene._element_roots import element_roots
+    from jaxgear.scene._mesh_teeth import teeth_in_mesh
 
-    return element_roots(scene, plane)
+    return element_roots(teeth_in_mesh(scene).condensed(), plane)
 
 
 def influences_near(scene: Scene, pair: GearPair) -> Callable[[GearPair], Influences | None]:
@@ -47,26 +48,24 @@ def influences_near(scene: Scene, pair: GearPair) -> Callable[[GearPair], Influe
 
     The function.
     """
-    if not asks_for_roots(scene):
-        return lambda moved: None
-    if scene.mesh.tooth != "elements":
+    asked = asks_for_roots(scene.mesh, scene.compare, scene.optimise)
+    if asked and scene.mesh.tooth != "elements":
         return nearby_influences(pair).at
     # Condensed teeth follow no key.
-    found = _solved(scene, pair)
+    found = influences_of(scene, pair)
     return lambda moved: found
 
 
-def asks_for_roots(scene: Scene) -> bool:
-    """Whether anything in a scene asks for root stresses.
+def asks_for_roots(mesh: MeshKeys, compare: CompareKeys, asked: OptimiseKeys) -> bool:
+    """Whether a run, a comparison or a search of a scene asks for root stresses.
 
     **Arguments:**
 
-    - `scene`: checked against the schema.
+    - `mesh`, `compare`, `asked`: the tables of the three.
     """
-    if scene.mesh.root_stress or _RESPONSE in (scene.compare.responses or ()):
+    if mesh.root_stress or _RESPONSE in (compare.responses or ()):
         return True
-    asked = scene.optimise
-    if not scene.optimise.is_given:
+    if not asked.is_given:
         return False
     named = (*asked.weights, asked.pareto.against)
     return _RESPONSE in named or asked.limits.max_root_stress_MPa is not None

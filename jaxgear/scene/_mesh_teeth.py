@@ -2,9 +2,10 @@
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from types import MappingProxyType
+from typing import NamedTuple
 
 import jax
 
@@ -26,10 +27,62 @@ from jaxgear._units import GPa, deg, mm
 from jaxgear.scene._body_build import Steps
 from jaxgear.scene._body_words import in_keys
 from jaxgear.scene._build_pair import pair_of, si
+from jaxgear.scene._gear_tables import GearKeys
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS, shapes_teeth
 from jaxgear.scene._sizes import of_material
-from jaxgear.scene._tables import PlainTables
+from jaxgear.scene._tables import MeshKeys, PlainTables
+
+
+class TeethInMesh(NamedTuple):
+    """What the teeth of both gears are made from, and how many are in mesh at once.
+
+    **Fields:**
+
+    - `shapes`: teeth, ring and material of each gear.
+    - `count`: of teeth, as many as the grid has contact lines.
+    """
+
+    shapes: tuple[tuple[ToothedGear, Material], ...]
+    count: int
+
+    def condensed(self) -> list[tuple[ToothedGear, ToothElements]]:
+        """The shapes of both gears' teeth, and what was condensed of them."""
+        quiet = lambda step: None
+        return [
+            (shape, condensed_teeth(shape, material, self.count, quiet))
+            for shape, material in self.shapes
+        ]
+
+    def coarser(self) -> list[tuple[str, float]]:
+        """Gears whose teeth are divided more coarsely than others are, and what that costs [-]."""
+        found = [
+            (gear, fitting_sizing(shape, self.count)[1])
+            for gear, (shape, _) in zip(GEARS, self.shapes, strict=True)
+        ]
+        return [(gear, error) for gear, error in found if error > 0.0]
+
+
+def teeth_in_mesh(scene: Scene) -> TeethInMesh:
+    """What a scene's teeth of finite elements are made from.
+
+    **Arguments:**
+
+    - `scene`: with `mesh.tooth = "elements"`.
+
+    **Raises:**
+
+    - `InputError` if the scene's teeth cannot be finite elements, or cannot follow what is traced.
+    """
+    _refuse_moved(scene.moved)
+    _check(scene.mesh, scene.plain.gears)
+    shapes = tuple(_shape(scene.plain, gear) for gear in GEARS)
+    still = replace(scene, moved=MappingProxyType({}))
+    with jax.ensure_compile_time_eval():
+        facts = pair_facts(pair_of(still))
+        profile, half = float(facts["profile_contact_ratio"]), 0.5 * float(facts["overlap_ratio"])
+    beyond = 1.0 if scene.mesh.tip_contact else 0.0
+    return TeethInMesh(shapes, math.floor(profile + half + beyond + 0.05) + math.ceil(half) + 1)
 
 
 def element_teeth(scene: Scene, tell: Callable[[str], None] = lambda step: None) -> ElementTeeth:
@@ -48,79 +101,45 @@ def element_teeth(scene: Scene, tell: Callable[[str], None] = lambda step: None)
 
     - `InputError` if the scene's teeth cannot be finite elements, or cannot follow what is traced.
     """
-    _check(scene)
-    # Both before any long work: a mistake in the second costs no wait.
-    shapes = [_shape(scene.plain, gear) for gear in GEARS]
-    count = _teeth_in_mesh(scene)
+    # Both gears before any long work: a mistake in the second costs no wait.
+    teeth = teeth_in_mesh(scene)
     pinion, wheel = (
-        _tables(gear, shape, count, tell) for gear, shape in zip(GEARS, shapes, strict=True)
+        _tables(gear, shape, teeth.count, tell)
+        for gear, shape in zip(GEARS, teeth.shapes, strict=True)
     )
     return ElementTeeth(pinion=pinion, wheel=wheel, load_updates=scene.mesh.line_load_updates)
 
 
-def condensed_pair(scene: Scene) -> list[tuple[ToothedGear, ToothElements]]:
-    """The shapes of both gears' teeth, and what was condensed of them.
-
-    **Arguments:**
-
-    - `scene`: with `mesh.tooth = "elements"`.
-
-    **Returns:**
-
-    Pinion, wheel.
-    """
-    count, found = _teeth_in_mesh(scene), []
-    for gear in GEARS:
-        shape, material = _shape(scene.plain, gear)
-        found.append((shape, condensed_teeth(shape, material, count, lambda step: None)))
-    return found
-
-
-def coarser_teeth(scene: Scene) -> list[tuple[str, float]]:
-    """Gears whose teeth are divided more coarsely than others are, and what that costs [-]."""
-    count = _teeth_in_mesh(scene)
-    found = [(gear, fitting_sizing(_shape(scene.plain, gear)[0], count)[1]) for gear in GEARS]
-    return [(gear, error) for gear, error in found if error > 0.0]
-
-
-def _check(scene: Scene) -> None:
-    """Refuse what teeth of finite elements cannot be."""
-    moved = sorted(key for key in scene.moved if shapes_teeth(key))
-    if moved:
+def _refuse_moved(moved: Iterable[str]) -> None:
+    """Refuse keys that are traced and that condensed teeth do not follow."""
+    if shaping := sorted(filter(shapes_teeth, moved)):
         raise InputError(
             'mesh.tooth = "elements": condensed teeth do not follow '
-            f"{', '.join(moved)}: there is no derivative. Vary keys of flanks, torque, bearings or "
-            'misalignment, or write mesh.tooth = "sliced".'
+            f"{', '.join(shaping)}: there is no derivative. Vary keys of flanks, torque, bearings "
+            'or misalignment, or write mesh.tooth = "sliced".'
         )
-    if scene.mesh.stiffness != "weber-banaschek":
+
+
+def _check(mesh: MeshKeys, gears: Mapping[str, GearKeys]) -> None:
+    """Refuse what teeth of finite elements cannot be."""
+    if mesh.stiffness != "weber-banaschek":
         raise InputError(
             'mesh.tooth = "elements" takes the place of mesh.stiffness = '
-            f'"{scene.mesh.stiffness}". Keep one.'
+            f'"{mesh.stiffness}". Keep one.'
         )
-    for gear in GEARS:
-        kind = scene.gear(gear).body.kind
-        if kind == "beam":
+    for gear, keys in gears.items():
+        if keys.body.kind == "beam":
             raise InputError(
                 f'mesh.tooth = "elements": the {gear}\'s body is a beam, and what the ring under '
                 "the teeth winds up and bends would count twice, once in the teeth's elements and "
                 f'once in the beam. Make {gear}.body.kind "rigid" or "condensed", or write '
                 'mesh.tooth = "sliced".'
             )
-        if not scene.plain.gear(gear).bore_mm:
+        if not keys.bore_mm:
             raise InputError(
                 'mesh.tooth = "elements": teeth of finite elements stand on a ring that is held '
                 f"at its bore. Give {gear}.bore_mm a value > 0."
             )
-
-
-def _teeth_in_mesh(scene: Scene) -> int:
-    """As many as the grid has contact lines."""
-    still = replace(scene, moved=MappingProxyType({}))
-    with jax.ensure_compile_time_eval():
-        facts = pair_facts(pair_of(still))
-        profile, half = float(facts["profile_contact_ratio"]), 0.5 * float(facts["overlap_ratio"])
-    beyond = 1.0 if scene.mesh.tip_contact else 0.0
-    return math.floor(profile + half + beyond + 0.05) + math.ceil(half) + 1
 
 
 def toothed_gear(tables: PlainTables, name: str) -> ToothedGear:

@@ -6,11 +6,12 @@ REXS database; a gear's coordinate on its shaft is that of its left side.
 """
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from jaxgear._checks import InputError
+from jaxgear._geometry._pair import GearPair
 from jaxgear._units import mm
 from jaxgear.scene._build_pair import pair_of
 from jaxgear.scene._mistakes import SceneError
@@ -76,8 +77,10 @@ def scene_of_rexs(path: Path, stage: str = "", case: str = "") -> Imported:
     for gear in GEARS:
         keys[gear] = {**_gear(it, gear), **keys.pop(f"{gear}.material", {}), **shaft_keys(it, gear)}
     scene = _draft(keys, path)
-    _set_centre_distance(it, keys, scene)
-    _set_flanks(it, keys, scene)
+    pair_at = lambda distance: pair_of(scene.replace({"pair.centre_distance_mm": distance}))
+    _set_centre_distance(it, keys, pair_of(scene), pair_at)
+    distance = keys["pair"].get("centre_distance_mm")
+    _set_flanks(it, keys, pair_of(scene) if distance is None else pair_at(distance))
     _draft(keys, path)
     _tell_the_rest(it)
     return Imported(keys, tuple(it.remarks))
@@ -195,17 +198,22 @@ def _draft(keys: Mapping[str, Any], path: Path) -> Scene:
             raise InputError(told) from None
 
 
-def _set_centre_distance(it: RexsStage, keys: dict[str, Any], scene: Scene) -> None:
+def _set_centre_distance(
+    it: RexsStage,
+    keys: dict[str, Any],
+    pair: GearPair,
+    pair_at: Callable[[float], GearPair],
+) -> None:
     """Take the file's centre distance where it is not that of the profile shifts."""
     stage = it.model.parts.get(it.stage)
     given = stage and stage.number("center_distance")
     if not given:
         return
-    of_shifts = float(pair_of(scene).zero_backlash_centre_distance) / mm
+    of_shifts = float(pair.zero_backlash_centre_distance) / mm
     if abs(given - of_shifts) <= _SAME:
         return
     try:
-        pair_of(scene.replace({"pair.centre_distance_mm": given}))
+        pair_at(given)
     except InputError as error:
         it.remarks.append(
             f"The centre distance of {given:g} mm does not fit: {error} That of the profile "
@@ -221,19 +229,16 @@ def _set_centre_distance(it: RexsStage, keys: dict[str, Any], scene: Scene) -> N
     )
 
 
-def _set_flanks(it: RexsStage, keys: dict[str, Any], scene: Scene) -> None:
+def _set_flanks(it: RexsStage, keys: dict[str, Any], pair: GearPair) -> None:
     """Add what the flanks are modified by."""
     found = {
         name: modifications(it.model, _flank(it, gear) or "")
         for name, gear in zip(GEARS, it.gears, strict=True)
     }
     if any(found.values()):
-        distance = keys["pair"].get("centre_distance_mm")
-        changed = {} if distance is None else {"pair.centre_distance_mm": distance}
-        paths = paths_of(pair_of(scene.replace(changed)))
         keys["flank"] = {
             name: flank_keys(found[name], path, it.remarks)
-            for name, path in zip(GEARS, paths, strict=True)
+            for name, path in zip(GEARS, paths_of(pair), strict=True)
             if found[name]
         }
     for name, gear in zip(GEARS, it.gears, strict=True):

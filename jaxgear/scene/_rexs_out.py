@@ -5,19 +5,20 @@ of both gears their -Z end.
 """
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from datetime import datetime
 from decimal import Decimal
 
 from jaxgear._units import mm
 from jaxgear.scene._build_pair import pair_of
-from jaxgear.scene._gear_tables import BearingKeys, GearKeys, ShaftKeys
+from jaxgear.scene._gear_tables import BearingKeys, GearKeys, PairKeys, ShaftKeys
 from jaxgear.scene._rexs_file import Component, Relation, RexsModel, plain_number
-from jaxgear.scene._rexs_flanks import Path, flank_components, paths_of
+from jaxgear.scene._rexs_flanks import flank_components, paths_of
 from jaxgear.scene._rexs_text import rexs_json, rexs_xml
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS, KEYS, general
 from jaxgear.scene._sizes import of_material
+from jaxgear.scene._tables import AbstractTables
 
 _VERSION = "1.5"
 _SIDES = ("left", "right")
@@ -97,27 +98,35 @@ def rexs_of_scene(scene: Scene, as_json: bool = False) -> tuple[str, tuple[str, 
     given = scene.pair.centre_distance_mm
     stage = file.add("cylindrical_stage", "stage", center_distance=_mm(given or distance))
     file.relate("assembly", assembly=unit, part=stage)
-    materials = _materials(file, scene)
+    materials = _materials(file, scene.plain)
     tips = [2.0 * float(radius) / mm for radius in pair.tip_radius]
     gears = []
     for name, path, tip in zip(GEARS, paths_of(pair), tips, strict=True):
-        gear = _gear(file, scene, name, tip)
-        shaft = _shaft(file, scene, name, casing)
+        keys, drives = scene.gear(name), name == "pinion"
+        gear = _gear(file, name, keys, scene.pair, tip)
+        speed = scene.pair.speed_rpm if drives else None
+        shaft = _shaft(file, name, keys.shaft, casing, speed)
+        ratio = 1.0 if drives else scene.wheel.teeth / scene.pinion.teeth
+        torque = scene.pair.torque_pinion_Nm * ratio
+        load = _load(file, name, keys.shaft, torque, defines=drives)
+        file.relate("assembly", assembly=shaft, part=load)
         file.relate("assembly", assembly=unit, part=shaft)
         file.relate("assembly", assembly=shaft, part=gear)
         for part in (gear, shaft):
             file.reference(part, materials[name])
-        _flanks(file, scene, name, gear, path)
-        drives = "true" if name == "pinion" else "false"
+        flanks = _flanks(file, keys, scene.pair.pressure_angle_deg)
+        file.relate("flank", gear=gear, **flanks)
+        _steps(file, name, keys, flanks, flank_components(scene.flank.gear(name), path))
         kind = "cylindrical_stage_gear_data"
-        data = file.add(kind, name, is_driving_gear=(drives, "none"))
+        data = file.add(kind, name, is_driving_gear=(_yes(drives), "none"))
         file.relate("stage_gear_data", stage=stage, gear=gear, stage_gear_data=data)
         gears.append(gear)
     file.relate("stage", stage=stage, gear_1=gears[0], gear_2=gears[1])
     model = RexsModel(_VERSION, "1", file.parts, tuple(file.relations), {})
     date = datetime.now().astimezone().isoformat(timespec="seconds")
     text = (rexs_json if as_json else rexs_xml)(model, date)
-    return text, tuple(_remarks(scene))
+    said = {path: scene.value(path) for path in sorted(scene.given) if general(path) in KEYS}
+    return text, tuple(_remarks(said))
 
 
 def _mm(value: float) -> tuple[str, str]:
@@ -128,47 +137,45 @@ def _plain(value: float) -> tuple[str, str]:
     return plain_number(value), "none"
 
 
-def _materials(file: _Writing, scene: Scene) -> Mapping[str, str]:
+def _yes(value: bool) -> str:
+    return "true" if value else "false"
+
+
+def _materials(file: _Writing, tables: AbstractTables) -> Mapping[str, str]:
     """One material of both gears where they are alike, else one of each."""
-    numbers = {
-        name: {
-            "elastic_modulus": (plain_number(_of(scene, name, "young_GPa"), 3), "N / mm^2"),
-            "poisson_ratio": _plain(_of(scene, name, "poisson")),
-            "density": (plain_number(_of(scene, name, "density_kg_m3"), -3), "kg / dm^3"),
+    numbers = {}
+    for name in GEARS:
+        keys = ("young_GPa", "poisson", "density_kg_m3")
+        young, poisson, density = (of_material(tables, name, key) or 0.0 for key in keys)
+        numbers[name] = {
+            "elastic_modulus": (plain_number(young, 3), "N / mm^2"),
+            "poisson_ratio": _plain(poisson),
+            "density": (plain_number(density, -3), "kg / dm^3"),
         }
-        for name in GEARS
-    }
     if numbers["pinion"] == numbers["wheel"]:
         return dict.fromkeys(GEARS, file.add("material", "material", **numbers["pinion"]))
     return {name: file.add("material", name, **numbers[name]) for name in GEARS}
 
 
-def _of(scene: Scene, gear: str, key: str) -> float:
-    value = of_material(scene, gear, key)
-    assert value is not None
-    return value
-
-
-def _gear(file: _Writing, scene: Scene, name: str, tip: float) -> str:
+def _gear(file: _Writing, name: str, gear: GearKeys, pair: PairKeys, tip: float) -> str:
     """A gear; `tip`: its tip diameter [mm]."""
-    gear: GearKeys = scene.gear(name)
     hand = 1.0 if name == "pinion" else -1.0
     attributes = {
         "number_of_teeth": (str(gear.teeth), "none"),
-        "normal_module": _mm(scene.pair.module_mm),
-        "helix_angle_reference_diameter": (plain_number(hand * scene.pair.helix_angle_deg), "deg"),
+        "normal_module": _mm(pair.module_mm),
+        "helix_angle_reference_diameter": (plain_number(hand * pair.helix_angle_deg), "deg"),
         "face_width": _mm(gear.face_width_mm),
         "u_coordinate_on_shaft": ("0", "mm"),
         "datum_face_orientation": ("negative", "none"),
     }
-    if _has_shaft(scene, name):
+    if gear.shaft.is_given:
         middle, face = gear.shaft.gear_at_mm, gear.face_width_mm
         left = Decimal(plain_number(middle)) - Decimal(plain_number(face)) / 2
         attributes["u_coordinate_on_shaft"] = (str(left), "mm")
     drawn = {
-        "tip_diameter": scene.value(f"{name}.tip_diameter_mm"),
-        "root_diameter": scene.value(f"{name}.root_diameter_mm"),
-        "inner_diameter": gear.bore_mm if f"{name}.bore_mm" in scene.given else None,
+        "tip_diameter": gear.tip_diameter_mm,
+        "root_diameter": gear.root_diameter_mm,
+        "inner_diameter": gear.bore_mm if "bore_mm" in gear.given else None,
     }
     if gear.tip_shortening_coeff:
         drawn["tip_diameter"] = tip
@@ -176,38 +183,30 @@ def _gear(file: _Writing, scene: Scene, name: str, tip: float) -> str:
     return file.add("cylindrical_gear", name, **attributes)
 
 
-def _has_shaft(scene: Scene, name: str) -> bool:
-    return f"{name}.shaft" in scene.given
-
-
-def _shaft(file: _Writing, scene: Scene, name: str, casing: str) -> str:
-    """A shaft with its sections, bearings and torque; bare where the gear only turns."""
-    gear = scene.gear(name)
-    driving = name == "pinion"
-    speed = scene.pair.speed_rpm if driving else None
-    turns = {"defines_speed": ("true" if speed else "false", "none")}
+def _shaft(file: _Writing, name: str, keys: ShaftKeys, casing: str, speed: float | None) -> str:
+    """A shaft with its sections and bearings; bare where the gear only turns."""
+    turns = {"defines_speed": (_yes(bool(speed)), "none")}
     if speed:
         turns["rotational_speed"] = (plain_number(speed), "1 / min")
     shaft = file.add("shaft", f"shaft of {name}", **turns)
-    keys: ShaftKeys = gear.shaft
-    at = "0"
-    if _has_shaft(scene, name):
+    if keys.is_given:
         _sections(file, shaft, keys)
         for row in keys.bearings:
             file.relate("side", assembly=_bearing(file, row), inner_part=shaft, outer_part=casing)
-        place = keys.gear_at_mm if keys.torque_at_mm is None else keys.torque_at_mm
-        at = plain_number(place)
-    ratio = 1.0 if driving else scene.wheel.teeth / scene.pinion.teeth
-    load = file.add(
+    return shaft
+
+
+def _load(file: _Writing, name: str, keys: ShaftKeys, torque: float, *, defines: bool) -> str:
+    """The torque on a shaft [N m], where it enters or leaves."""
+    place = keys.gear_at_mm if keys.torque_at_mm is None else keys.torque_at_mm
+    return file.add(
         "external_load",
         f"torque on {name}",
-        u_coordinate_on_shaft=(at, "mm"),
-        torque_around_u_axis=(plain_number(scene.pair.torque_pinion_Nm * ratio), "N m"),
+        u_coordinate_on_shaft=(plain_number(place) if keys.is_given else "0", "mm"),
+        torque_around_u_axis=(plain_number(torque), "N m"),
         transmits_torque=("true", "none"),
-        defines_torque=("true" if driving else "false", "none"),
+        defines_torque=(_yes(defines), "none"),
     )
-    file.relate("assembly", assembly=shaft, part=load)
-    return shaft
 
 
 def _sections(file: _Writing, shaft: str, keys: ShaftKeys) -> None:
@@ -246,18 +245,26 @@ def _bearing(file: _Writing, row: BearingKeys) -> str:
     )
 
 
-def _flanks(file: _Writing, scene: Scene, name: str, gear: str, path: Path) -> None:
-    """Both flanks of a gear with the rack that cuts them and what they are modified by."""
-    keys: GearKeys = scene.gear(name)
-    shift = _plain(keys.profile_shift)
+def _flanks(file: _Writing, keys: GearKeys, pressure_angle: float) -> dict[str, str]:
+    """Both flanks of a gear, at a pressure angle [deg]."""
     attributes = {
-        "normal_pressure_angle": (plain_number(scene.pair.pressure_angle_deg), "deg"),
-        "addendum_modification_coefficient": shift,
+        "normal_pressure_angle": (plain_number(pressure_angle), "deg"),
+        "addendum_modification_coefficient": _plain(keys.profile_shift),
     }
-    if f"{name}.tip_diameter_mm" not in scene.given and not keys.tip_shortening_coeff:
+    if "tip_diameter_mm" not in keys.given and not keys.tip_shortening_coeff:
         attributes["addendum_coefficient_basic_profile"] = _plain(keys.addendum_coeff)
-    sides = {side: file.add("cylindrical_gear_flank", side, **attributes) for side in _SIDES}
-    file.relate("flank", gear=gear, **sides)
+    return {side: file.add("cylindrical_gear_flank", side, **attributes) for side in _SIDES}
+
+
+def _steps(
+    file: _Writing,
+    name: str,
+    keys: GearKeys,
+    sides: Mapping[str, str],
+    components: Iterable[Component],
+) -> None:
+    """The rack that cuts the flanks of a gear, and what they are modified by."""
+    shift = _plain(keys.profile_shift)
     rack = file.add(
         "rack_shaped_tool",
         f"rack of {name}",
@@ -266,7 +273,7 @@ def _flanks(file: _Writing, scene: Scene, name: str, gear: str, path: Path) -> N
     )
     kind = "cylindrical_gear_manufacturing_settings"
     settings = file.add(kind, name, generated_addendum_modification_coefficient=shift)
-    modified = [file.put(each) for each in flank_components(scene.flank.gear(name), path)]
+    modified = [file.put(each) for each in components]
     for flank in sides.values():
         file.relate(
             "manufacturing_step", workpiece=flank, tool=rack, manufacturing_settings=settings
@@ -275,12 +282,12 @@ def _flanks(file: _Writing, scene: Scene, name: str, gear: str, path: Path) -> N
             file.reference(flank, each)
 
 
-def _remarks(scene: Scene) -> Iterator[str]:
-    """What the file has no place for, of what the scene says and not by default."""
+def _remarks(said: Mapping[str, object]) -> Iterator[str]:
+    """What the file has no place for, of the values that a scene gives and not by default."""
     told: dict[str, None] = {}
-    for path in sorted(scene.given):
+    for path, value in said.items():
         key = general(path)
-        if key not in KEYS or scene.value(path) == KEYS[key].default:
+        if value == KEYS[key].default:
             continue
         short = _either(key)
         if short in _INSTEAD:

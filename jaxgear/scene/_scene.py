@@ -195,6 +195,30 @@ class Scene(AbstractTables):
             bodies=MappingProxyType(bodies),
         )
 
+    def changed(self, changes: Mapping[str, object]) -> "Scene":
+        """As `replace`, and without the tables whose new value is `None`.
+
+        **Arguments:**
+
+        - `changes`: path to new value, in the units of the file.
+        """
+        gone = tuple(key for key, value in changes.items() if value is None)
+        left = lambda key: not any(key == table or key.startswith(f"{table}.") for table in gone)
+        kept = lambda mapping: MappingProxyType({k: v for k, v in mapping.items() if left(k)})
+        scene = dataclasses.replace(
+            self,
+            fixed=kept(self.fixed),
+            given=frozenset(filter(left, self.given)),
+            lines=kept(self.lines),
+            moved=kept(self.moved),
+        )
+        return scene.replace({key: value for key, value in changes.items() if value is not None})
+
+    def differing(self, changes: Mapping[str, object]) -> Mapping[str, object]:
+        """Of changes those that the scene has not already."""
+        has = lambda key, new: new is not None and self.value(key) == new
+        return MappingProxyType({key: new for key, new in changes.items() if not has(key, new)})
+
     def remakes(self, key: str, gear: str) -> bool:
         """Say whether a condensed body would have to be made anew for another value of a key.
 

@@ -21,8 +21,8 @@ from jaxgear._response._waves import (
     order_sums,
     waves_on_body,
 )
-from jaxgear.scene._build import law_of, pair_of
-from jaxgear.scene._scene import Scene
+from jaxgear.scene._build_pair import pair_of
+from jaxgear.study._built import BuiltScene
 from jaxgear.study._gauges import Gauge, gauges_of
 from jaxgear.study._moving_body import MovingBody, moving_bodies
 from jaxgear.study._probes import Probe, probes_of
@@ -189,14 +189,14 @@ class WaveWatch:
         return Seen(flank, waves, probes)
 
 
-def wave_watch(scene: Scene, pair: PairDynamics) -> WaveWatch:
+def wave_watch(built: BuiltScene, pair: PairDynamics) -> WaveWatch:
     """What `sweep_of` shows each response to: the waves of a scene's bodies, made to move.
 
     **Raises:**
 
     - `ValueError` if a probe is where there is no node.
     """
-    looked, gears = {}, pair_of(scene)
+    scene, gears, looked = built.scene, pair_of(built.scene), {}
     for gear, body in moving_bodies(scene.bodies, scene.gears).items():
         circles = body.rim_circles()
         most = min(_MOST, *(int(circle.number.max()) for circle in circles))
@@ -205,4 +205,4 @@ def wave_watch(scene: Scene, pair: PairDynamics) -> WaveWatch:
         gauges = gauges_of(scene.gauges, scene.condensed, gear, body.built)
         gauges = tuple(each.on(body) for each in gauges)
         looked[gear] = Looked(body, rim, probes, gauges, angle)
-    return WaveWatch(pair, looked, max(1, scene.sweep.orders), law_of(scene.mesh))
+    return WaveWatch(pair, looked, max(1, scene.sweep.orders), built.law)

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from jaxgear.scene._scene import Scene
+from jaxgear.scene._gear_tables import FlanksKeys, GearKeys, PairKeys
 from jaxgear.scene._schema import GEARS
+from jaxgear.scene._study_tables import OptimiseKeys
 from jaxgear.study._result import Result, Summary
 
 # Vectors over S, T, Z: those along which something moves or pulls, and those about which it turns.
@@ -27,31 +28,31 @@ _TURNED += ("torque_Nm", "torque_pinion_Nm")
 _TURNS = ("rotation", "torque")
 
 
-def require_drive(scene: Scene, *, why: str) -> None:
-    """Refuse a scene whose coast flanks carry.
+def on_coast(pair: PairKeys, *, why: str) -> Iterator[tuple[str, str]]:
+    """A negative torque, if it is, as the mistake of a scene whose drive flanks must carry."""
+    if pair.sense < 0:
+        yield (
+            "pair.torque_pinion_Nm",
+            f"got {pair.torque_pinion_Nm:g}: {why}. Give a torque > 0",
+        )
 
-    **Raises:**
 
-    - `SceneError` that names the torque.
+def no_mirror_image(
+    pair: PairKeys,
+    gears: Mapping[str, GearKeys],
+    flank: FlanksKeys,
+    asked: OptimiseKeys,
+    *,
+    periods: int,
+    what: str,
+) -> Iterator[tuple[str, str]]:
+    """Keys for which a pair whose coast flanks carry has no mirror image, and why.
+
+    The cycle has so many mesh `periods`; `what` is the study.
     """
-    if scene.plain.pair.sense < 0:
-        words = f"got {scene.plain.pair.torque_pinion_Nm:g}: {why}. Give a torque > 0"
-        scene.refuse([("pair.torque_pinion_Nm", words)])
-
-
-def require_coast(scene: Scene, what: str) -> None:
-    """Refuse a scene whose coast flanks carry if its mirror image is not to be had.
-
-    **Raises:**
-
-    - `SceneError` that names all keys.
-    """
-    scene.refuse(_mistakes(scene, what))
-
-
-def _mistakes(scene: Scene, what: str) -> Iterator[tuple[str, str]]:
-    torque = f"pair.torque_pinion_Nm is {scene.plain.pair.torque_pinion_Nm:g}"
-    for gear in scene.condensed if what != "condense" else ():
+    torque = f"pair.torque_pinion_Nm is {pair.torque_pinion_Nm:g}"
+    condensed = [gear for gear, keys in gears.items() if keys.body.kind == "condensed"]
+    for gear in condensed if what != "condense" else ():
         yield (
             f"{gear}.body.kind",
             f'got "condensed", but {torque}: its grid, seats and probes have no mirror image. '
@@ -59,11 +60,11 @@ def _mistakes(scene: Scene, what: str) -> Iterator[tuple[str, str]]:
         )
     for gear in GEARS:
         drive, coast = f"flank.{gear}", f"flank.{gear}_coast"
-        if scene.flank.coast(gear).is_given:
+        if flank.coast(gear).is_given:
             if what == "relief_map":
                 yield coast, f"is what carries ({torque}), but the map varies [{drive}]. Keep one"
-            asked = scene.optimise.vary if scene.optimise.is_given else ()
-            if idle := [key for key in asked if key.startswith(f"{drive}.")]:
+            vary = asked.vary if asked.is_given else ()
+            if idle := [key for key in vary if key.startswith(f"{drive}.")]:
                 yield (
                     "optimise.vary",
                     f"names {' and '.join(idle)}, but [{coast}] is what carries ({torque}). Vary "
@@ -71,8 +72,8 @@ def _mistakes(scene: Scene, what: str) -> Iterator[tuple[str, str]]:
                 )
             continue
         of_teeth = ["pitch_error_um", "eccentricity_um"]
-        of_teeth += ["accuracy_grade"] if scene.mesh.periods > 1 else []
-        for key in scene.flank.gear(gear).written(*of_teeth):
+        of_teeth += ["accuracy_grade"] if periods > 1 else []
+        for key in flank.gear(gear).written(*of_teeth):
             yield (
                 f"{drive}.{key}",
                 f"is of the drive flanks, and {torque}. Give what the coast flanks have, tooth by "
@@ -89,17 +90,17 @@ def as_coast(result: Result) -> Result:
         rows = {name: [_row(each) for each in summary["static"].get(name, ())] for name in mounts}
         summary["static"] = {**summary["static"], **{k: v for k, v in rows.items() if v}}
     if "notes" in summary:
-        summary["notes"] = [*summary["notes"], *_notes(result.scene)]
+        summary["notes"] = [*summary["notes"], *_notes(result.scene.flank)]
     return dataclasses.replace(result, datasets=datasets, summary=summary)
 
 
-def _notes(scene: Scene) -> Iterator[str]:
+def _notes(flank: FlanksKeys) -> Iterator[str]:
     yield (
         "pair.torque_pinion_Nm is negative: the pinion drives backwards, and coast flanks carry. "
         "Braked while it goes on forwards, the quasi-static cycle is the same one, passed through "
         "the other way round."
     )
-    same = [gear for gear in GEARS if not scene.flank.coast(gear).is_given]
+    same = [gear for gear in GEARS if not flank.coast(gear).is_given]
     if same:
         names = " and ".join(f"[flank.{gear}_coast]" for gear in same)
         yield f"Without {names} coast flanks have the modifications of the drive flanks."

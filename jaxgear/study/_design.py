@@ -18,6 +18,7 @@ from jaxgear._units import mm
 from jaxgear.scene._build import shared_places
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS, split_entry, unit_of
+from jaxgear.study._built import BuiltScene
 from jaxgear.study._evaluations import Updates, Variation, variation_of
 from jaxgear.study._statics import torques_of
 
@@ -147,8 +148,7 @@ def refuse_twins(table: str, keys: tuple[str, ...]) -> None:
 
 
 def design_space(
-    scene: Scene,
-    base: PairModel,
+    built: BuiltScene,
     keys: tuple[str, ...],
     *,
     symmetric: bool,
@@ -162,6 +162,7 @@ def design_space(
     pair [um] is the scale of depths. Refused are keys without effect or bounds, variables that are
     the same, and points of a shaft that could pass each other.
     """
+    scene, base = built.scene, built.model
     _refuse_shaping(scene, keys)
     follow = scene.optimise.ties if tied else {}
     ties = {key: owner for key, owner in follow.items() if owner in keys}

@@ -22,10 +22,8 @@ from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._kept_programs import QUICKLY
 from jaxgear._system._model import PairModel
-from jaxgear.scene._build import grid_of, model_of
-from jaxgear.scene._mesh_roots import influences_of
-from jaxgear.scene._scene import Scene
 from jaxgear.scene._tables import DampingKeys, ModelKeys, SweepKeys
+from jaxgear.study._built import BuiltScene
 from jaxgear.study._result import Summary
 from jaxgear.study._running import timed
 from jaxgear.study._statics import Statics, require_solved, settled_statics, solve_statics
@@ -59,19 +57,15 @@ def damping_of(damping: DampingKeys) -> AbstractDamping:
     return ModalDamping(mesh=damping.mesh, structure=damping.structure)
 
 
-def dynamic_grid_of(scene: Scene, model: PairModel) -> MeshGrid:
-    """Choose the grid of a scene in time: as `grid_of`, with the time steps of [sweep]."""
-    return grid_of(scene.replace({"mesh.phases": scene.sweep.steps}), model)
-
-
-def dynamics_of(scene: Scene, model: PairModel, grid: MeshGrid | None = None) -> PairDynamics:
+def dynamics_of(
+    model: PairModel, grid: MeshGrid, kept: ModelKeys, damping: DampingKeys, asked: SweepKeys
+) -> PairDynamics:
     """Set a scene's pair in motion; look at `cycle.converged`.
 
-    Real values of the scene may be traced, if a grid is given.
+    Real values of the model and of the damping may be traced.
     """
-    grid = dynamic_grid_of(scene, model) if grid is None else grid
-    wanted = _wanted_of(scene.model, scene.damping, scene.sweep)
-    return pair_dynamics(model, grid, damping_of(scene.damping), **vars(wanted))
+    wanted = _wanted_of(kept, damping, asked)
+    return pair_dynamics(model, grid, damping_of(damping), **vars(wanted))
 
 
 class _Wanted(eqx.Module):
@@ -170,22 +164,20 @@ class Dynamics(eqx.Module):
         return own + 0.5 * float(cells) * omega * np.asarray(self.modes.mesh)
 
 
-def solve_dynamics(scene: Scene) -> Dynamics:
+def solve_dynamics(built: BuiltScene) -> Dynamics:
     """Solve the quasi-static cycle of a scene, and find what its dynamics are made of."""
-    model = model_of(scene)
-    grid = dynamic_grid_of(scene, model)
+    scene, model, grid = built.scene, built.model, built.grid_in_motion
     wanted = _wanted_of(scene.model, scene.damping, scene.sweep)
     pair, modes = timed(
         _with_modes, model, grid, damping_of(scene.damping), wanted, options=QUICKLY
     )
     require_solved(pair.cycle.converged)
     if scene.mesh.contact == "exact" and not scene.mesh.pinion_speed_rad_s:
-        influences = influences_of(scene, model.pair)
-        statics = settled_statics(model, grid, ExactContact(), pair.cycle, influences)
+        statics = settled_statics(model, grid, ExactContact(), pair.cycle, built.influences)
     else:
         # The dynamics are built on the exact cycle at vanishing speed; what is reported is the one
         # asked for.
-        statics = solve_statics(scene)
+        statics = solve_statics(built)
     return Dynamics(pair=pair, modes=modes, statics=statics)
 
 

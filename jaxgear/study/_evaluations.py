@@ -32,25 +32,23 @@ from jaxgear.study._running import timed
 Updates = dict[str, Any]
 
 
+@dataclasses.dataclass(frozen=True)
 class Wording:
     """What a scene says apart from some of its numbers: all that a program is made from.
 
     Two are equal, and share programs, if what they say is.
+
+    **Fields:**
+
+    - `scene`: whose numbers may be given by others; not kept in files.
+    - `words`: that stand for it.
     """
 
-    def __init__(self, scene: Scene, words: str):
-        """Keep a scene under words that stand for it: its numbers may be given by others."""
-        self.scene = scene
-        self._words = words
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Wording) and self._words == other._words
-
-    def __hash__(self) -> int:
-        return hash(self._words)
+    scene: Scene | None = dataclasses.field(compare=False)
+    words: str
 
     def __reduce__(self) -> tuple[type, tuple[None, str]]:
-        return Wording, (None, self._words)
+        return Wording, (None, self.words)
 
 
 class Variation(eqx.Module):
@@ -71,6 +69,7 @@ class Variation(eqx.Module):
     def model(self, updates: Updates) -> PairModel:
         """The model with other values of some keys, in the units of the keys."""
         scene = self.wording.scene
+        assert scene is not None
         # To be told a number again is not to have been given it: some are left out if nobody was.
         given = scene.replace(updates).given
         scene = dataclasses.replace(scene.replace(self.numbers | updates), given=given)

@@ -25,8 +25,9 @@ from jaxgear._system._structure import bearing_motion
 from jaxgear._types import Flags, Reals, Scalar
 from jaxgear._units import MPa, um
 from jaxgear._whole_file import write_csv
-from jaxgear.scene._build import grid_of, model_of, shared_places, smooth_law_of
+from jaxgear.scene._build import model_of, shared_places, smooth_law_of
 from jaxgear.scene._scene import Scene
+from jaxgear.study._built import BuiltScene, built_scene
 from jaxgear.study._derivatives import (
     AT_REST,
     IN_MOTION,
@@ -38,7 +39,7 @@ from jaxgear.study._derivatives import (
 from jaxgear.study._dynamics import speeds_of
 from jaxgear.study._head import names_of, study
 from jaxgear.study._pieces import pieces_at_rest, pieces_in_motion
-from jaxgear.study._progress import built_scene, progress
+from jaxgear.study._progress import progress
 from jaxgear.study._result import Result, Summary
 from jaxgear.study._running import timed
 from jaxgear.study._statics import require_solved
@@ -47,8 +48,8 @@ from jaxgear.study._steady import (
     TOO_MANY,
     SteadyPoint,
     builder,
+    damping_keys,
     is_too_large,
-    keys_in_motion,
     method_of,
     numbers_of,
     responder,
@@ -94,17 +95,18 @@ def check_gradients(scene: Scene) -> Result:
     - `ValueError` if the gears are impossible.
     - `SolverFailure` if a contact problem was not solved.
     """
-    scene = built_scene(scene)
+    built = built_scene(scene)
+    scene = built.scene
     laws = {"exact": ExactContact(), "smooth": smooth_law_of(scene.mesh)}
     moving = scene.sweep.is_given
     tables: list[xr.Dataset] = []
     points: list[SteadyPoint] = []
     with progress(len(laws) + moving, "derivatives") as done:
         for name, law in laws.items():
-            tables.append(static_gradients(scene, name, law))
+            tables.append(static_gradients(built, name, law))
             done(1)
         if moving:
-            rows, points = steady_gradients(scene, laws)
+            rows, points = steady_gradients(built, laws)
             tables += [] if rows is None else [rows]
             done(1)
     table = xr.concat(tables, "row")
@@ -136,10 +138,9 @@ def _summary(table: xr.Dataset, points: list[SteadyPoint], moving: bool) -> Summ
     }
 
 
-def static_gradients(scene: Scene, contact: str, law: AbstractContactLaw) -> xr.Dataset:
+def static_gradients(built: BuiltScene, contact: str, law: AbstractContactLaw) -> xr.Dataset:
     """Compare the derivatives of a scene's quasi-static responses by all of its real keys."""
-    keys, base = Keys(scene, scene.real_keys()), model_of(scene)
-    grid = grid_of(scene, base)
+    keys, base, grid = Keys(built.scene, built.scene.real_keys()), built.model, built.grid
     on_shafts = any(isinstance(x, Shaft) for x in (base.pinion_support, base.wheel_support))
     names = _NAMES + _OF_BEARINGS if on_shafts else _NAMES
 
@@ -160,7 +161,7 @@ def static_gradients(scene: Scene, contact: str, law: AbstractContactLaw) -> xr.
 
 
 def steady_gradients(
-    scene: Scene, laws: Mapping[str, AbstractContactLaw], only: tuple[str, ...] | None = None
+    built: BuiltScene, laws: Mapping[str, AbstractContactLaw], only: tuple[str, ...] | None = None
 ) -> tuple[xr.Dataset | None, list[SteadyPoint]]:
     """Compare the derivatives of a steady response by all real keys, damping and speed.
 
@@ -168,13 +169,13 @@ def steady_gradients(
     keys, and the response of what is built, are differentiated one after the other, and chained. No
     rows of a law whose point says why there are none.
     """
-    speeds = speeds_of(scene.sweep)
+    scene, speeds = built.scene, speeds_of(built.scene.sweep)
     speed = float(speeds[len(speeds) // 2])
-    keys = keys_in_motion(scene) if only is None else Keys(scene, only)
-    build, centre = builder(keys), jnp.append(keys.centre, speed)
-    built, tangents = numbers_of(build), jnp.eye(len(centre))
-    shape, still = jax.eval_shape(built, centre)
-    names, program = steady_names(still), linearised(built)
+    keys = Keys(scene, only or (*scene.real_keys(), *damping_keys(scene.damping)))
+    build, centre = builder(keys, built.grid_in_motion), jnp.append(keys.centre, speed)
+    numbers_at, tangents = numbers_of(build), jnp.eye(len(centre))
+    shape, still = jax.eval_shape(numbers_at, centre)
+    names, program = steady_names(still), linearised(numbers_at)
     # The weights follow from the response, and that from what is built: the program runs twice.
     weights = jnp.zeros((len(laws) * len(names), *shape.shape))
     numbers, dynamics, columns, _ = timed(program, centre, tangents, weights, options=UNFUSED)
@@ -209,7 +210,7 @@ def steady_gradients(
         reverse[: len(good) * len(names)],
     )
     every = [name for name in good for _ in names], names * len(good), (*keys.names, SPEED), centre
-    shared = shared_places(model_of(scene))
+    shared = shared_places(built.model)
     return judged(*every, responses, found, IN_MOTION, shared), points
 
 

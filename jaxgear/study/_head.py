@@ -3,17 +3,18 @@
 import dataclasses
 import functools
 import importlib.metadata
-from collections.abc import Callable, Collection, Mapping
-from typing import Concatenate, ParamSpec
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from typing import Any, Concatenate, ParamSpec
 
 from jaxgear._process import peak_memory
 from jaxgear._units import deg
 from jaxgear.scene._assumed import assumed
-from jaxgear.scene._gear_tables import GearKeys
+from jaxgear.scene._gear_tables import GearKeys, PairKeys
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._slips import odd
-from jaxgear.scene._tables import MeshKeys
-from jaxgear.study._coast import as_coast, require_coast
+from jaxgear.scene._tables import MeshKeys, SweepKeys
+from jaxgear.study._built import BuiltScene
+from jaxgear.study._coast import as_coast, no_mirror_image
 from jaxgear.study._drawing import drawing_summary
 from jaxgear.study._notes import notes
 from jaxgear.study._ranks import Doubtful, worst_first
@@ -30,9 +31,9 @@ def names_of(name: str, cite: str) -> Summary:
     return {"name": name, "cite": cite, "versions": versions}
 
 
-def head(scene: Scene, statics: Statics) -> Summary:
+def head(built: BuiltScene, statics: Statics) -> Summary:
     """Names, model, geometry and statics."""
-    known = notes(scene, statics)
+    scene, known = built.scene, notes(built, statics)
     # What sliding leaves of the power, and what was assumed.
     friction = scene.mesh.friction_coefficient
     efficiency = 1.0 - friction * float(statics.numbers["mesh_loss_factor"])
@@ -65,7 +66,7 @@ def head(scene: Scene, statics: Statics) -> Summary:
             **mounts_summary(statics),
         },
         "notes": known,
-        **_told_bodies(scene, known),
+        **_told_bodies(scene.bodies, scene.gears, scene.sweep, known),
     }
 
 
@@ -80,28 +81,29 @@ def foundation_of(mesh: MeshKeys, gears: Mapping[str, GearKeys], bodies: Collect
     )
 
 
-def _told_bodies(scene: Scene, known: list[str]) -> Summary:
+def _told_bodies(
+    bodies: Mapping[str, Any], gears: Mapping[str, GearKeys], asked: SweepKeys, known: list[str]
+) -> Summary:
     """What the condensed bodies are, as `condense` says it, and all notes; empty without them."""
-    if not scene.bodies:
+    if not bodies:
         return {}
     from jaxgear.study._condense import body_remarks, body_summary, fastest_of
 
-    bodies, said = [], []
-    for gear, built in ((gear, each.built) for gear, each in scene.bodies.items()):
-        bodies.append(body_summary(built, fastest_of(scene.sweep, scene.gears, gear)))
-        said += [*built.warnings, *body_remarks(scene.gear(gear), built)]
-    return {"bodies": bodies, "notes": known + said}
+    rows, said = [], []
+    for gear, found in ((gear, each.built) for gear, each in bodies.items()):
+        rows.append(body_summary(found, fastest_of(asked, gears, gear)))
+        said += [*found.warnings, *body_remarks(gears[gear], found)]
+    return {"bodies": rows, "notes": known + said}
 
 
-def finished(scene: Scene, summary: Summary) -> Summary:
-    """A summary with its remarks, the worst first, and what it cost."""
+def finished(summary: Summary, said: Sequence[str]) -> Summary:
+    """A summary with what is said of its scene and its other remarks, the worst first; its cost."""
     compiling, running = seconds()
     summary["cost"] = {
         "compile_s": compiling,
         "run_s": running,
         "peak_memory_MB": peak_memory(),
     }
-    said = [*map(Doubtful, odd(scene)), *assumed(scene)]
     if said or "notes" in summary:
         summary["notes"] = worst_first([*said, *summary.get("notes", ())])
     return summary
@@ -112,19 +114,14 @@ _More = ParamSpec("_More")
 _WITHOUT_LOAD = ("run", "statics", "condense")
 
 
-def require_load(scene: Scene, *, what: str) -> None:
-    """Refuse a scene at torque 0 for what has no meaning without load.
-
-    **Raises:**
-
-    - `SceneError` that names the torque.
-    """
-    if scene.plain.pair.torque_pinion_Nm == 0.0:
-        words = (
+def without_load(pair: PairKeys, *, what: str) -> Iterator[tuple[str, str]]:
+    """Torque 0, if it is, as the mistake of a scene for what has no meaning without load."""
+    if pair.torque_pinion_Nm == 0.0:
+        yield (
+            "pair.torque_pinion_Nm",
             f"got 0: {what.replace('_', ' ')} has no meaning without load. Give a torque, or let "
-            "`jaxgear run` find the transmission error of rigid gears"
+            "`jaxgear run` find the transmission error of rigid gears",
         )
-        scene.refuse([("pair.torque_pinion_Nm", words)])
 
 
 def study(
@@ -134,14 +131,18 @@ def study(
 
     @functools.wraps(found)
     def studied(scene: Scene, *more: _More.args, **named: _More.kwargs) -> Result:
+        pair = scene.plain.pair
         if found.__name__ not in _WITHOUT_LOAD:
-            require_load(scene, what=found.__name__)
-        if scene.plain.pair.sense < 0:
-            require_coast(scene, found.__name__)
+            scene.refuse(without_load(pair, what=found.__name__))
+        if pair.sense < 0:
+            of = pair, scene.gears, scene.flank, scene.optimise
+            periods, what = scene.mesh.periods, found.__name__
+            scene.refuse(no_mirror_image(*of, periods=periods, what=what))
         with stopwatch():
             result = found(scene, *more, **named)
-            if scene.plain.pair.sense < 0:
+            if pair.sense < 0:
                 result = as_coast(result)
-            return dataclasses.replace(result, summary=finished(scene, result.summary))
+            said = [*map(Doubtful, odd(scene)), *assumed(scene)]
+            return dataclasses.replace(result, summary=finished(result.summary, said))
 
     return studied

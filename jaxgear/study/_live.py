@@ -24,11 +24,11 @@ from jaxgear._units import MPa, mm, um
 from jaxgear.scene._build import grid_of, law_of, model_of
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import REAL_KEYS, general, key_at
-from jaxgear.study._coast import require_drive
-from jaxgear.study._derivatives import usual_size
+from jaxgear.study._built import built_scene
+from jaxgear.study._coast import on_coast
+from jaxgear.study._derivatives import Keys, usual_size
 from jaxgear.study._evaluations import Variation, variation_of
-from jaxgear.study._head import require_load
-from jaxgear.study._progress import built_scene
+from jaxgear.study._head import without_load
 from jaxgear.study._running import timed
 from jaxgear.study._statics import headline, require_solved
 
@@ -111,10 +111,10 @@ class LiveScene:
         if any(knob.key == key for knob in self.knobs):
             return self
         if key not in self.others:
-            raise InputError(_why_not(self.scene, key))
-        return dataclasses.replace(
-            self, knobs=(*self.knobs, _knob(self.scene, key)), built=(*self.built, key)
-        )
+            remade = any(self.scene.remakes(key, gear) for gear in self.scene.condensed)
+            raise InputError(_why_not(key, shapes_body=remade))
+        knob = _knob(key, float(self.scene.value(key)))
+        return dataclasses.replace(self, knobs=(*self.knobs, knob), built=(*self.built, key))
 
     def values(self, changes: Mapping[str, float]) -> np.ndarray:
         """Values of all knobs, with some changed, each in its unit.
@@ -168,7 +168,7 @@ class LiveScene:
         found = np.asarray(timed(_slopes, *asked, weights)).tolist()
         moved = self._built(values)
         for key in self.built:
-            along = _model_along(self.scene.replace(moved), key)
+            along = _model_along(Keys(self.scene.replace(moved), (key,)))
             found.append(float(weights @ timed(_pushed, *asked, along)))
         return dict(zip((knob.key for knob in self.knobs), found, strict=True))
 
@@ -227,30 +227,32 @@ def live_scene(scene: Scene) -> LiveScene:
 
     - `ValueError` if the gears are impossible.
     """
-    require_load(scene, what="live scene")
-    require_drive(scene, why="a live scene moves the torque")
-    scene = built_scene(scene)
+    scene.refuse(without_load(scene.plain.pair, what="live scene"))
+    scene.refuse(on_coast(scene.plain.pair, why="a live scene moves the torque"))
+    built = built_scene(scene)
+    scene = built.scene
     real = scene.real_keys()
     names = [key for key in real if key.startswith("flank.") and "eccentric" not in key]
     names += [key for key in _OF_MODEL if key in real]
-    return LiveScene(scene, tuple(_knob(scene, name) for name in names), model_of(scene))
+    knobs = tuple(_knob(name, float(scene.value(name))) for name in names)
+    return LiveScene(scene, knobs, built.model)
 
 
-def _why_not(scene: Scene, path: str) -> str:
+def _why_not(path: str, *, shapes_body: bool) -> str:
     """Why a key has no knob."""
     key = key_at(path)
     if key is None:
         return f"{path} is no key of a scene: `jaxgear keys` looks them up."
-    if any(scene.remakes(path, gear) for gear in scene.condensed):
+    if shapes_body:
         return f"{path} shapes a condensed body, which is built apart: set it in the scene."
     if general(path) in REAL_KEYS or f"{general(path)}[]" in REAL_KEYS:
         return f"{path} is not in this scene, or does nothing in it: set it in the scene."
     return f"{path} is no real number that moves on its own: set it in the scene."
 
 
-def _knob(scene: Scene, path: str) -> Knob:
+def _knob(path: str, value: float) -> Knob:
     """A key with the range that a user would look at."""
-    key, value = key_at(path), float(scene.value(path))
+    key = key_at(path)
     assert key is not None
     if path.endswith("_um"):
         high = max(40.0, 2.0 * abs(value))
@@ -275,13 +277,13 @@ def _knob(scene: Scene, path: str) -> Knob:
     return Knob(path, value, low, high, key.unit, key.doc)
 
 
-def _model_along(scene: Scene, key: str) -> PairModel:
-    """How the model moves with a key, per unit of its name.
+def _model_along(key: Keys) -> PairModel:
+    """How the model moves with one key, per unit of its name.
 
     A number that does not move has a zero, so that one program serves all keys.
     """
-    build = lambda value: eqx.filter(model_of(scene, {key: value}), eqx.is_inexact_array)
-    value = jnp.asarray(float(scene.value(key)))
+    build = lambda value: eqx.filter(model_of(key.moved(value)), eqx.is_inexact_array)
+    value = jnp.asarray(key.centre)
     model, along = eqx.filter_jvp(build, (value,), (jnp.ones_like(value),))
     either = lambda number, moves: jnp.zeros_like(number) if moves is None else moves
     return jax.tree.map(either, model, along)

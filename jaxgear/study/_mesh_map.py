@@ -13,9 +13,8 @@ from scipy.interpolate import PchipInterpolator
 
 from jaxgear._response._transmission import transmission_error
 from jaxgear._solve._cycle import mesh_cycle
-from jaxgear.scene._build import grid_of, law_of, model_of
 from jaxgear.scene._scene import Scene
-from jaxgear.study._progress import built_scene
+from jaxgear.study._built import built_scene
 from jaxgear.study._statics import require_solved
 
 # Loads that are solved, over that of the scene: so dense that cubics between them are within 0.1 %.
@@ -56,9 +55,8 @@ def mesh_map(scene: Scene) -> MeshMap:
     - `SolverFailure` if the contact was not solved at some load.
     - `ValueError` if the gears are impossible.
     """
-    scene = built_scene(scene)
-    model = model_of(scene)
-    grid, law = grid_of(scene, model), law_of(scene.mesh)
+    built = built_scene(scene)
+    model, grid, law = built.model, built.grid, built.law
     loads = np.geomspace(_LIGHTEST, _HEAVIEST, _LOADS)
     torque, approach = float(model.torque), []
     for load in loads:

@@ -11,9 +11,10 @@ from jaxgear._dynamics._modes import Modes, critical_speeds, rotating_frequencie
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
 from jaxgear.scene._tables import ModesKeys
+from jaxgear.study._built import built_scene
 from jaxgear.study._dynamics import Dynamics, damping_summary, fastest, solve_dynamics
 from jaxgear.study._head import head, study
-from jaxgear.study._progress import built_scene, narration
+from jaxgear.study._progress import narration
 from jaxgear.study._result import Datasets, Result, Summary, titled
 from jaxgear.study._results import Entry, dataset_of, entries_over
 from jaxgear.study._turning import (
@@ -50,9 +51,10 @@ def modes(scene: Scene) -> Result:
     - `ValueError` if the gears are impossible.
     - `SolverFailure` if a contact problem was not solved.
     """
-    scene = built_scene(scene, moving=True)
+    built = built_scene(scene, moving=True)
+    scene = built.scene
     with narration("modes"):
-        dynamics = solve_dynamics(scene)
+        dynamics = solve_dynamics(built)
         require_retained(scene.modes, scene.model.modes, dynamics.pair)
         # The first of a thin wheel are but its lowest waves.
         usual = 40 if scene.condensed else 12
@@ -74,7 +76,7 @@ def modes(scene: Scene) -> Result:
             summary |= more
         else:
             found["campbell"] = _campbell_dataset(dynamics, scene.modes.harmonics, count, highest)
-    summary = head(scene, dynamics.statics) | {
+    summary = head(built, dynamics.statics) | {
         "damping": damping_summary(scene.damping, dynamics),
         "modes": summary,
     }

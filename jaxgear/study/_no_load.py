@@ -4,7 +4,7 @@ Nothing gives, so bodies, shafts and bearings have no part in it, and what follo
 no meaning: stiffness, pressure, sharing, motion.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -21,6 +21,7 @@ from jaxgear._units import mm
 from jaxgear.scene._build import couples_on_pinion, misalignment_of, pair_grid
 from jaxgear.scene._build_pair import flanks_of, pair_of
 from jaxgear.scene._scene import Scene
+from jaxgear.scene._tables import MeshKeys
 from jaxgear.study._drawing import drawing_summary
 from jaxgear.study._head import names_of
 from jaxgear.study._pair_dataset import axes_dataset, modification_dataset, pair_dataset
@@ -68,7 +69,8 @@ def no_load(scene: Scene) -> Result:
     pair = pair_of(scene)
     flanks = flanks_of(scene, pair)
     # No load says how far beyond the path corners may touch: as far as is looked for at all.
-    grid = pair_grid(scene, pair, as_scalar(jnp.inf))
+    condensed, others = bool(scene.condensed), scene.map.torques_Nm
+    grid = pair_grid(scene.mesh, pair, as_scalar(jnp.inf), others, condensed=condensed)
     found = called(_unloaded, pair, flanks, misalignment_of(scene.pair, 1), grid)
     cycle = _cycle_dataset(pair, found)
     groups = {
@@ -76,6 +78,14 @@ def no_load(scene: Scene) -> Result:
         "pair": pair_dataset(pair),
         "axes": axes_dataset(pair),
         "modification": modification_dataset({"given": (pair, flanks)}),
+    }
+    # What only a load makes.
+    of_loads = {
+        "sweep": scene.sweep.is_given,
+        "sizing": scene.sizing.is_given,
+        "optimise": scene.optimise.is_given,
+        "gauges": bool(scene.gauges),
+        "probes": bool(scene.probes),
     }
     summary = {
         **names_of(scene.name, scene.cite),
@@ -87,7 +97,7 @@ def no_load(scene: Scene) -> Result:
         },
         "geometry": geometry_summary(pair) | drawing_summary(scene.gears, pair),
         "static": _numbers(cycle),
-        "notes": list(_notes(scene)),
+        "notes": list(_notes(of_loads, scene.mesh)),
     }
     return Result(scene, summary, {name: titled(it, scene.title) for name, it in groups.items()})
 
@@ -160,22 +170,15 @@ def _numbers(cycle: xr.Dataset) -> Summary:
     }
 
 
-def _notes(scene: Scene) -> Iterator[str]:
+def _notes(of_loads: Mapping[str, bool], mesh: MeshKeys) -> Iterator[str]:
+    """Remarks, of tables that only a load makes and whether they are given, and of the mesh."""
     yield (
         "pair.torque_pinion_Nm is 0: the gears are rigid and touch at one point. Stiffness, "
         "pressures, bearings and motion need a torque."
     )
-    # What only a load makes.
-    of_loads = {
-        "sweep": scene.sweep.is_given,
-        "sizing": scene.sizing.is_given,
-        "optimise": scene.optimise.is_given,
-        "gauges": bool(scene.gauges),
-        "probes": bool(scene.probes),
-    }
     if left := [name for name, given in of_loads.items() if given]:
         yield Idle(f"Without load {', '.join(f'[{name}]' for name in left)} does nothing.")
-    if scene.mesh.tip_contact is False:
+    if mesh.tip_contact is False:
         yield Idle(
             "Tip corners that touch first, beyond the path, are not looked for: write "
             "mesh.tip_contact = true where reliefs are short and pitch errors large."

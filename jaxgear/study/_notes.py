@@ -1,7 +1,7 @@
 """Remarks that a reader of results should not miss: where a model is outgrown, or sees nothing."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -13,9 +13,9 @@ from jaxgear._system._model import PairModel
 from jaxgear._system._shaft import Shaft
 from jaxgear._units import mm, um
 from jaxgear.scene._gear_tables import FlanksKeys, GearKeys
-from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
 from jaxgear.scene._tables import MeshKeys
+from jaxgear.study._built import BuiltScene
 from jaxgear.study._ranks import Doubtful, Idle
 from jaxgear.study._statics import Statics
 
@@ -23,12 +23,13 @@ from jaxgear.study._statics import Statics
 _HELICAL = 5.0
 
 
-def notes(scene: Scene, statics: Statics) -> list[str]:
+def notes(built: BuiltScene, statics: Statics) -> list[str]:
     """Remarks on a solved scene, a sentence or two each; none where there is nothing to say."""
+    scene = built.scene
     return [
         *_on_teeth(scene.mesh, scene.gears),
-        *_on_helical_teeth(scene),
-        *_on_coarse_teeth(scene),
+        *_on_helical_teeth(scene.mesh, scene.pair.helix_angle_deg),
+        *(_on_coarse_teeth(built.teeth.coarser()) if built.teeth else ()),
         *_on_roots(scene.mesh, scene.gears, statics.model),
         *_on_foundations(scene.mesh, scene.gears, statics.model),
         *_on_shafts(statics.model),
@@ -54,11 +55,10 @@ def _on_teeth(mesh: MeshKeys, gears: Mapping[str, GearKeys]) -> Iterator[str]:
         )
 
 
-def _on_helical_teeth(scene: Scene) -> Iterator[str]:
+def _on_helical_teeth(mesh: MeshKeys, helix_angle: float) -> Iterator[str]:
     """Slices of helical teeth, which finite elements do not confirm: docs/accuracy.md."""
-    mesh = scene.mesh
     sliced = mesh.tooth == "sliced" and mesh.stiffness == "weber-banaschek"
-    if not sliced or abs(scene.pair.helix_angle_deg) < _HELICAL:
+    if not sliced or abs(helix_angle) < _HELICAL:
         return
     off = {
         "coupled": "mean transmission error 3 to 18 % low, its RMS up to 14 % and pressures up to "
@@ -72,14 +72,9 @@ def _on_helical_teeth(scene: Scene) -> Iterator[str]:
     )
 
 
-def _on_coarse_teeth(scene: Scene) -> Iterator[str]:
-    """Teeth of elements that are larger than they should be."""
-    if scene.mesh.tooth != "elements":
-        return
-    # Finite elements are imported where a scene has them.
-    from jaxgear.scene._mesh_teeth import coarser_teeth
-
-    for gear, error in coarser_teeth(scene):
+def _on_coarse_teeth(coarser: Iterable[tuple[str, float]]) -> Iterator[str]:
+    """Teeth of elements that are larger than they should be, and what that costs [-]."""
+    for gear, error in coarser:
         yield (
             f"The {gear}'s teeth are divided more coarsely than narrow spur teeth, so that "
             f"their unknowns fit 4 GB: deflections of the gear are off by up to "

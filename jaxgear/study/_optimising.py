@@ -16,6 +16,7 @@ from jaxgear.scene._build import smooth_law_of
 from jaxgear.scene._rewriting import rewritten
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._study_tables import OptimiseKeys
+from jaxgear.study._built import BuiltScene, built_scene
 from jaxgear.study._design import DesignSpace, design_space
 from jaxgear.study._evaluations import objective_at, responses_at
 from jaxgear.study._head import head, study
@@ -30,7 +31,6 @@ from jaxgear.study._objectives import (
 )
 from jaxgear.study._pair_dataset import modification_dataset
 from jaxgear.study._pareto import front_result
-from jaxgear.study._progress import built_scene
 from jaxgear.study._ranks import Doubtful
 from jaxgear.study._result import Result, Summary, titled, together
 from jaxgear.study._results import Entry, dataset_of, over, static_dataset
@@ -77,10 +77,10 @@ def optimise(scene: Scene, memory: Path | None = None) -> Result:
     - `SolverFailure` if a contact problem was not solved.
     """
     require_searchable(scene)
-    scene = built_scene(scene)
-    statics = solve_statics(scene)
-    first = Result(scene, head(scene, statics))
-    return together(first, optimisation(scene, statics, memory=memory))
+    built = built_scene(scene)
+    statics = solve_statics(built)
+    first = Result(built.scene, head(built, statics))
+    return together(first, optimisation(built, statics, memory=memory))
 
 
 class _Posed(NamedTuple):
@@ -93,7 +93,7 @@ class _Posed(NamedTuple):
 
 
 def optimisation(
-    scene: Scene,
+    built: BuiltScene,
     before: Statics,
     torques: np.ndarray | None = None,
     memory: Path | None = None,
@@ -103,7 +103,7 @@ def optimisation(
     The statics of the scene and of what is found have the same further torques [N m]: one program.
     The result is to be joined to that of the statics.
     """
-    problem = _problem(scene, before)
+    scene, problem = built.scene, _problem(built, before)
     space, grid, prepared, scatter = problem
     file = record_file(space, memory)
     search = search_of(space, grid, prepared, file)
@@ -163,11 +163,11 @@ def _robust(
     return Result(scene, summary, datasets, scenes={name: keys})
 
 
-def _problem(scene: Scene, before: Statics) -> _Posed:
+def _problem(built: BuiltScene, before: Statics) -> _Posed:
     """Variables, grid and meshes of a search; refuses what cannot be begun or written down."""
+    scene = built.scene
     space = design_space(
-        scene,
-        before.model,
+        built,
         tuple(scene.optimise.vary),
         symmetric=scene.optimise.symmetric,
         deflection=float(before.numbers["single_pair_deflection_um"]),
@@ -196,7 +196,7 @@ def _solved(space: DesignSpace, point: np.ndarray, torques: np.ndarray | None) -
     try:
         # Those that follow small changes are of a sample of gears, not of a design.
         teeth = space.influences if isinstance(space.influences, tuple) else None
-        return solve_statics(space.scene.replace(keys), torques, teeth)
+        return solve_statics(BuiltScene(space.scene.replace(keys)), torques, teeth)
     except InputError as error:
         raise SolverFailure(
             f"the search ended at impossible gears, {keys}: {error} Narrow [optimise.bounds]."

@@ -9,9 +9,6 @@ from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from typing import Protocol, runtime_checkable
 
-from jaxgear.scene._scene import Scene
-from jaxgear.scene._with_bodies import with_bodies
-
 
 @runtime_checkable
 class Listener(Protocol):
@@ -80,11 +77,3 @@ def say(step: str) -> None:
     show = _SHOWN.get()
     if show is not None:
         show(step)
-
-
-def built_scene(scene: Scene, *, moving: bool = False) -> Scene:
-    """The scene with its condensed bodies; where it has none, nothing is imported for them."""
-    if not scene.condensed and scene.mesh.tooth == "sliced":
-        return scene
-    with narration("bodies") as tell:
-        return with_bodies(scene, tell, moving=moving or scene.sweep.is_given)

@@ -19,6 +19,7 @@ from jaxgear.scene._build import smooth_law_of
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
 from jaxgear.scene._study_tables import MapKeys
+from jaxgear.study._built import BuiltScene, built_scene
 from jaxgear.study._design import DesignSpace, design_space, round_up
 from jaxgear.study._evaluations import (
     Task,
@@ -29,7 +30,7 @@ from jaxgear.study._evaluations import (
     sloped_residuals,
 )
 from jaxgear.study._head import head, study
-from jaxgear.study._progress import built_scene, progress
+from jaxgear.study._progress import progress
 from jaxgear.study._result import Result, Summary, titled
 from jaxgear.study._results import dataset_of, over, told
 from jaxgear.study._running import timed
@@ -58,12 +59,10 @@ def relief_map(scene: Scene) -> Result:
     - `SolverFailure` if a contact problem was not solved.
     """
     linear = {f"flank.{gear}.tip_relief.shape": "linear" for gear in GEARS}
-    scene = built_scene(scene.replace(linear))
-    statics = solve_statics(scene)
+    built = built_scene(scene.replace(linear))
+    scene, statics = built.scene, solve_statics(built)
     deflection = float(statics.numbers["single_pair_deflection_um"])
-    space = design_space(
-        scene, statics.model, _RELIEF_KEYS, symmetric=True, deflection=deflection, tied=False
-    )
+    space = design_space(built, _RELIEF_KEYS, symmetric=True, deflection=deflection, tied=False)
     depth, extent = _axes(scene.map, deflection)
     task, deepest = _task(space, statics), float(depth[-1])
     with progress(depth.size * extent.size, "map") as done:
@@ -85,7 +84,7 @@ def relief_map(scene: Scene) -> Result:
     bias = datasets["smoothing_bias"] = _bias(space, statics, relieved)
     # As many points as in a column of the map, which is compiled.
     best = _te_rms(task)(np.tile(found.point, (depth.size, 1)))[0]
-    summary = head(scene, statics)
+    summary = head(built, statics)
     summary["master_curve"] = {
         "depth_um": found.point[0],
         "extent": found.point[1],
@@ -230,9 +229,8 @@ def _family(space: DesignSpace, extent: np.ndarray, start: float, deepest: float
         "map", space.scene.map.torques_Nm, space.scene.pair, space.scene.pinion.shaft
     )
     for torque in map(float, torques):
-        statics = solve_statics(
-            space.scene.replace({"pair.torque_pinion_Nm": space.scene.pair.sense * torque})
-        )
+        loaded = {"pair.torque_pinion_Nm": space.scene.pair.sense * torque}
+        statics = solve_statics(BuiltScene(space.scene.replace(loaded)))
         # Deflections are nearly in proportion to the torque; and deeper is asked for by no one.
         near = min(start * torque / own, deepest)
         curves.append(_traced(_task(space, statics), statics, extent, near, deepest))

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 
-from jaxgear._geometry._lines import MeshGrid
-from jaxgear.scene._build import couples_on_pinion, grid_of, model_of
+from jaxgear.scene._build import couples_on_pinion
 from jaxgear.scene._gear_tables import PairKeys, ShaftKeys
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._study_tables import MapKeys
 from jaxgear.study._body_surfaces import body_sections
+from jaxgear.study._built import BuiltScene, built_scene
 from jaxgear.study._dynamics import fastest, solve_dynamics
 from jaxgear.study._head import head, names_of, study
 from jaxgear.study._no_load import no_load
@@ -20,7 +20,7 @@ from jaxgear.study._pair_dataset import (
     pair_dataset,
     sliding_dataset,
 )
-from jaxgear.study._progress import built_scene, narration, progress
+from jaxgear.study._progress import narration, progress
 from jaxgear.study._result import Result, titled, together
 from jaxgear.study._results import dataset_of, over, static_dataset
 from jaxgear.study._search_checks import require_searchable
@@ -52,8 +52,8 @@ def statics(scene: Scene) -> Result:
     """
     if scene.plain.pair.torque_pinion_Nm == 0.0:
         return no_load(scene)
-    scene = built_scene(scene)
-    return statics_result(scene, *solved(scene))
+    built = built_scene(scene)
+    return statics_result(built, *solved(built))
 
 
 @study
@@ -66,9 +66,8 @@ def sizing(scene: Scene) -> Result:
 
     The dataset `sizing`, and the summary.
     """
-    scene = built_scene(scene)
-    found = sizing_result(scene, grid_of(scene, model_of(scene)))
-    return Result(scene, names_of(scene.name, scene.cite) | found.summary, found.datasets)
+    found = sizing_result(built_scene(scene))
+    return Result(found.scene, names_of(scene.name, scene.cite) | found.summary, found.datasets)
 
 
 @study
@@ -91,32 +90,33 @@ def run(scene: Scene, memory: Path | None = None) -> Result:
     """
     if scene.plain.pair.torque_pinion_Nm == 0.0:
         return no_load(scene)
-    scene = built_scene(scene)
+    built = built_scene(scene)
     # Impossible gears and endless searches are refused before anything is compiled.
-    model_of(scene)
+    _ = built.model
     if scene.optimise.is_given:
-        require_searchable(scene)
-    found, torques = solved(scene)
-    result = statics_result(scene, found, torques)
+        require_searchable(built.scene)
+    found, torques = solved(built)
+    result = statics_result(built, found, torques)
     if scene.sweep.is_given:
-        result = together(result, sweep_result(scene, solve_dynamics(scene)))
+        result = together(result, sweep_result(built, solve_dynamics(built)))
     if scene.sizing.is_given:
-        result = together(result, sizing_result(scene, found.grid))
+        result = together(result, sizing_result(built))
     if scene.optimise.is_given:
-        result = together(result, optimisation(scene, found, torques, memory))
+        result = together(result, optimisation(built, found, torques, memory))
     return result
 
 
-def solved(scene: Scene) -> tuple[Statics, np.ndarray]:
+def solved(built: BuiltScene) -> tuple[Statics, np.ndarray]:
     """The mesh cycle of a scene with its bodies, and the torques of the Harris map [N m]."""
     with narration("mesh cycle"):
+        scene = built.scene
         torques = _harris_torques(scene.map, scene.pair, scene.pinion.shaft)
-        return solve_statics(scene, torques), torques
+        return solve_statics(built, torques), torques
 
 
-def statics_result(scene: Scene, statics: Statics, torques: np.ndarray) -> Result:
+def statics_result(built: BuiltScene, statics: Statics, torques: np.ndarray) -> Result:
     """Datasets and summary of a solved mesh cycle, with the torques of the Harris map [N m]."""
-    model, summary, files = statics.model, head(scene, statics), {}
+    scene, model, summary, files = built.scene, statics.model, head(built, statics), {}
     static = summary["static"]
     efficiency, friction = static["mesh_efficiency"], static["friction_coefficient"]
     groups = {
@@ -192,10 +192,11 @@ def _harris_torques(asked: MapKeys, pair: PairKeys, shaft: ShaftKeys) -> np.ndar
     return np.linspace(least, 1.5 * on_mesh - couples, 6)
 
 
-def sizing_result(scene: Scene, grid: MeshGrid) -> Result:
-    """The table of a scene's [sizing], on phases, lines and slices of a solved cycle."""
+def sizing_result(built: BuiltScene) -> Result:
+    """The table of a scene's [sizing]."""
+    scene = built.scene
     with progress(len(combinations_of(scene.sizing)[1]), "sizing") as done:
-        table = sizing_table(scene, grid, done)
+        table = sizing_table(built, done)
     torques = table["torque_pinion_Nm"].values
     several = f"{len(torques)} torques up to " if len(torques) > 1 else ""
     table = table.assign_attrs(title=f"{scene.name}, {several}{max(torques):g} N m")

@@ -5,7 +5,7 @@ micrometres is a deviation from the nominal and often 0: for it, per cent per mi
 others that are 0, such as a profile shift, per cent per 0.01.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import jax.numpy as jnp
 import numpy as np
@@ -18,14 +18,16 @@ from jaxgear._response._transmission import cycle_mean
 from jaxgear._solve._cycle import mesh_cycle
 from jaxgear._types import Flags, Reals
 from jaxgear._units import um
-from jaxgear.scene._build import grid_of, law_of, model_of
+from jaxgear.scene._build import model_of
+from jaxgear.scene._gear_tables import GearKeys, MaterialKeys
 from jaxgear.scene._mesh_roots import influences_near
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import split_entry
+from jaxgear.study._built import BuiltScene, built_scene
 from jaxgear.study._derivatives import UNFUSED, Keys, linearised
 from jaxgear.study._dynamics import speeds_of
 from jaxgear.study._head import names_of, study
-from jaxgear.study._progress import built_scene, progress
+from jaxgear.study._progress import progress
 from jaxgear.study._result import Result, Summary, titled
 from jaxgear.study._results import dataset_of, told
 from jaxgear.study._running import timed
@@ -35,8 +37,8 @@ from jaxgear.study._steady import (
     TOO_MANY,
     SteadyPoint,
     builder,
+    damping_keys,
     is_too_large,
-    keys_in_motion,
     method_of,
     numbers_of,
     responder,
@@ -81,13 +83,14 @@ def sensitivity(scene: Scene) -> Result:
     - `ValueError` if the gears are impossible.
     - `SolverFailure` if a contact problem was not solved.
     """
-    scene = built_scene(with_own_modulus(scene))
+    built = built_scene(scene.replace(own_moduli(scene.material, scene.gears)))
+    scene = built.scene
     moving, points, found = scene.sweep.is_given, [], {}
     with progress(1 + moving, "derivatives") as done:
-        found["sensitivity"] = static_sensitivities(scene)
+        found["sensitivity"] = static_sensitivities(built)
         done(1)
         if moving:
-            steady, points = steady_sensitivities(scene)
+            steady, points = steady_sensitivities(built)
             found |= {} if steady is None else {"sensitivity_in_motion": steady}
             done(1)
     remarks = steady_notes(points) + [_OF_BODIES] * bool(scene.condensed)
@@ -98,27 +101,27 @@ def sensitivity(scene: Scene) -> Result:
     return Result(scene, names_of(scene.name, scene.cite) | summary, datasets)
 
 
-def with_own_modulus(scene: Scene) -> Scene:
-    """A scene whose condensed bodies each have the key of their own Young's modulus.
+def own_moduli(material: MaterialKeys, gears: Mapping[str, GearKeys]) -> Mapping[str, float]:
+    """The key of a Young's modulus of its own for each condensed body that has none.
 
     Its value is that of the gear's material, so that nothing changes but what can be told apart:
     the body from the teeth and the other parts.
     """
     added = {}
-    for gear in scene.condensed:
-        body, own = scene.gear(gear).body, scene.gear(gear).material.young_GPa
-        if body.young_GPa is None and body.superelement is None:
-            added[f"{gear}.body.young_GPa"] = scene.material.young_GPa if own is None else own
-    return scene.replace(added)
+    for gear, keys in gears.items():
+        body, own = keys.body, keys.material.young_GPa
+        if body.kind == "condensed" and body.young_GPa is None and body.superelement is None:
+            added[f"{gear}.body.young_GPa"] = material.young_GPa if own is None else own
+    return added
 
 
-def static_sensitivities(scene: Scene) -> xr.Dataset:
+def static_sensitivities(built: BuiltScene) -> xr.Dataset:
     """How the quasi-static responses of a scene react to all of its real keys.
 
     The largest pressure is that of one place: where two are equal, the mean of what moves either.
     """
-    keys, law, still = Keys(scene, scene.real_keys()), law_of(scene.mesh), model_of(scene)
-    grid, influences = grid_of(scene, still), influences_near(scene, still.pair)
+    scene, still, grid, law = built.scene, built.model, built.grid, built.law
+    keys, influences = Keys(scene, scene.real_keys()), influences_near(scene, still.pair)
     names = (*_AT_REST, _STIFFNESS, *(ROOT_NUMBERS if influences(still.pair) else ()))
 
     def respond(values: Reals) -> tuple[Reals, Flags]:
@@ -136,16 +139,16 @@ def static_sensitivities(scene: Scene) -> xr.Dataset:
     return in_shares(names, value, keys.names, centre, slopes.T)
 
 
-def steady_sensitivities(scene: Scene) -> tuple[xr.Dataset | None, list[SteadyPoint]]:
+def steady_sensitivities(built: BuiltScene) -> tuple[xr.Dataset | None, list[SteadyPoint]]:
     """How steady responses react to all real keys, damping and speed, at a few speeds of [sweep].
 
     Contact is exact; `None` if no response has any. Says how each speed went.
     """
-    every = speeds_of(scene.sweep)
+    scene, every = built.scene, speeds_of(built.scene.sweep)
     places = np.unique(np.round(np.linspace(0, len(every) - 1, _FEW_SPEEDS)).astype(int))
-    keys = keys_in_motion(scene)
+    keys = Keys(scene, (*scene.real_keys(), *damping_keys(scene.damping)))
     names, centre = (*keys.names, SPEED), jnp.append(keys.centre, every[0])
-    build, tangents = numbers_of(builder(keys)), jnp.eye(len(centre))
+    build, tangents = numbers_of(builder(keys, built.grid_in_motion)), jnp.eye(len(centre))
     numbers, dynamics, columns, _ = timed(
         linearised(build), centre, tangents, None, options=UNFUSED
     )

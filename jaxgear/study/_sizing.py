@@ -17,15 +17,14 @@ import xarray as xr
 
 import optimise
 from jaxgear._checks import InputError
-from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import ExactContact
 from jaxgear._solve._cycle import PreparedMesh, corrected_cycle
 from jaxgear._system._model import PairModel
 from jaxgear._types import Reals
-from jaxgear.scene._build import flanks_of, model_of
-from jaxgear.scene._scene import Scene
+from jaxgear.scene._build import flanks_of
 from jaxgear.scene._schema import KEYS, general
 from jaxgear.scene._study_tables import SizingKeys
+from jaxgear.study._built import BuiltScene
 from jaxgear.study._design import refuse_twins, twin
 from jaxgear.study._result import Summary
 from jaxgear.study._results import Entry, dataset_of, told
@@ -71,16 +70,16 @@ def combinations_of(asked: SizingKeys) -> tuple[tuple[str, ...], np.ndarray]:
     return keys, np.asarray(list(itertools.product(*lists)))
 
 
-def sizing_table(scene: Scene, grid: MeshGrid, done: Callable[[int], None]) -> xr.Dataset:
+def sizing_table(built: BuiltScene, done: Callable[[int], None]) -> xr.Dataset:
     """Evaluate every combination at every torque, and rank them.
 
     The first is the one whose largest peak-to-peak of the transmission error over the torques is
     least; where two are the same to the nanometre the largest pressure decides. Combinations that
     were not solved are last, with NaN.
     """
+    scene, base, grid = built.scene, built.model, built.grid
     keys, amounts = combinations_of(scene.sizing)
     torques = torques_of("sizing", scene.sizing.torques_Nm, scene.pair, scene.pinion.shaft)
-    base = model_of(scene)
     meshes = timed(
         lambda model, t: optimise.prepare_torques(model, t, grid), base, jnp.asarray(torques)
     )

@@ -40,11 +40,10 @@ from jaxgear._system._model import PairModel
 from jaxgear._system._structure import bearing_motion
 from jaxgear._types import Phases, Reals, Scalar, as_scalar
 from jaxgear._units import MPa, N_per_mm_um, mm, um
-from jaxgear.scene._build import couples_on_pinion, grid_of, law_of, model_of
+from jaxgear.scene._build import couples_on_pinion
 from jaxgear.scene._gear_tables import PairKeys, ShaftKeys
-from jaxgear.scene._mesh_roots import influences_of
-from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
+from jaxgear.study._built import BuiltScene
 from jaxgear.study._results import harmonic_count, has_corners
 from jaxgear.study._running import timed
 
@@ -104,15 +103,14 @@ class Statics(eqx.Module):
 
 
 def solve_statics(
-    scene: Scene, torques: np.ndarray | None = None, influences: Influences | None = None
+    built: BuiltScene, torques: np.ndarray | None = None, influences: Influences | None = None
 ) -> Statics:
     """Solve the mesh cycle of a scene at its own torque, and at others for the Harris map [N m].
 
     Influences on the roots are those given, of the same teeth, or found where they are asked for.
     """
-    model = model_of(scene)
-    influences = influences or influences_of(scene, model.pair)
-    grid, law = grid_of(scene, model), law_of(scene.mesh)
+    model, grid, law = built.model, built.grid, built.law
+    influences = influences or built.influences
     more = np.zeros(0) if torques is None else torques
 
     # The scene's own torque and the others in one program: it is compiled once.

@@ -15,12 +15,10 @@ from jaxgear._dynamics._types import Terms
 from jaxgear._types import Flag, Reals, Scalar
 from jaxgear._units import um
 from jaxgear.scene._build import model_of
-from jaxgear.scene._scene import Scene
-from jaxgear.scene._tables import SweepKeys
+from jaxgear.scene._tables import DampingKeys, SweepKeys
 from jaxgear.study._derivatives import Keys
 from jaxgear.study._dynamics import (
     MOST_UNKNOWNS,
-    dynamic_grid_of,
     dynamics_of,
     size_of,
     unknowns_of,
@@ -62,21 +60,21 @@ class SteadyPoint:
     verdict: str
 
 
-def keys_in_motion(scene: Scene) -> Keys:
-    """All real keys of a scene, and the damping that it has."""
-    modal = scene.damping.kind == "modal"
-    damping = ("mesh", "structure") if modal else ("a_R_1_s", "b_R_s")
-    return Keys(scene, scene.real_keys() + tuple(f"damping.{key}" for key in damping))
+def damping_keys(damping: DampingKeys) -> tuple[str, ...]:
+    """Keys of the damping that a scene has: in motion they count among its real keys."""
+    named = ("mesh", "structure") if damping.kind == "modal" else ("a_R_1_s", "b_R_s")
+    return tuple(f"damping.{key}" for key in named)
 
 
-def builder(keys: Keys) -> Callable[[Reals], tuple[jg.PairModel, jg.PairDynamics]]:
-    """What builds a model and its dynamics of keys."""
-    grid = dynamic_grid_of(keys.scene, model_of(keys.scene))
+def builder(
+    keys: Keys, grid: jg.MeshGrid
+) -> Callable[[Reals], tuple[jg.PairModel, jg.PairDynamics]]:
+    """What builds a model and its dynamics of keys, on phases that are time steps."""
 
     def build(values: Reals) -> tuple[jg.PairModel, jg.PairDynamics]:
         changed = keys.moved(values)
         model = model_of(changed)
-        return model, dynamics_of(changed, model, grid)
+        return model, dynamics_of(model, grid, changed.model, changed.damping, changed.sweep)
 
     return build
 

@@ -14,6 +14,7 @@ from jaxgear.scene._build import law_of
 from jaxgear.scene._gear_tables import GearKeys
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._tables import SweepKeys
+from jaxgear.study._built import BuiltScene, built_scene
 from jaxgear.study._dynamics import (
     Dynamics,
     damping_summary,
@@ -26,7 +27,7 @@ from jaxgear.study._dynamics import (
     unknowns_of,
 )
 from jaxgear.study._head import head, study
-from jaxgear.study._progress import built_scene, narration, progress
+from jaxgear.study._progress import narration, progress
 from jaxgear.study._result import Result, Summary, titled
 from jaxgear.study._sweep_dataset import orbit_dataset, sweep_dataset
 from jaxgear.study._sweep_notes import sweep_notes
@@ -52,27 +53,27 @@ def sweep(scene: Scene, seen: Watch | None = None) -> Result:
     - `ValueError` if the gears are impossible.
     - `SolverFailure` if a contact problem was not solved, or a response is not a finite number.
     """
-    scene = built_scene(scene, moving=True)
+    built = built_scene(scene, moving=True)
     with narration("mesh cycle"):
-        dynamics = solve_dynamics(scene)
-    result = sweep_result(scene, dynamics, seen)
-    before = head(scene, dynamics.statics)
+        dynamics = solve_dynamics(built)
+    result = sweep_result(built, dynamics, seen)
+    before = head(built, dynamics.statics)
     summary = before | result.summary | {"notes": before["notes"] + result.summary["notes"]}
-    return Result(scene, summary, result.datasets, result.files)
+    return Result(built.scene, summary, result.datasets, result.files)
 
 
-def sweep_result(scene: Scene, dynamics: Dynamics, seen: Watch | None = None) -> Result:
+def sweep_result(built: BuiltScene, dynamics: Dynamics, seen: Watch | None = None) -> Result:
     """Sweep a pair in motion, as `sweep` does, with what was solved before.
 
     The parts `damping`, `sweep` and `notes` of the summary.
     """
+    scene, watch = built.scene, None
     require_damped(scene.damping, dynamics)
-    watch = None
     if dynamics.pair.bodies:
         from jaxgear.study._body_waves import wave_watch
 
         with narration("probes"):
-            watch = wave_watch(scene, dynamics.pair)
+            watch = wave_watch(built, dynamics.pair)
     elif scene.probes or scene.gauges:
         table = "probes" if scene.probes else "gauges"
         raise InputError(f"{table}: they look at condensed bodies, of which this scene has none.")
@@ -94,12 +95,12 @@ def sweep_result(scene: Scene, dynamics: Dynamics, seen: Watch | None = None) ->
     }
     if watch is None:
         return Result(scene, summary, datasets)
-    from jaxgear.study._waves_result import waves_result
+    from jaxgear.study._waves_result import waves_seen
 
     with narration("waves"):
-        waves = waves_result(scene, watch, found)
-    summary["sweep"] |= waves.summary
-    return Result(scene, summary, datasets | dict(waves.datasets), waves.files)
+        waves = waves_seen(scene.title, watch, found)
+    summary["sweep"]["waves"] = waves.summary
+    return Result(scene, summary, datasets | waves.datasets, waves.files)
 
 
 def _shown(watches: Sequence[Watch], way: Direction, point: SweepPoint, ratio: float) -> None:

@@ -1,7 +1,9 @@
 """What a sweep shows of condensed bodies: waves, flanks and shapes as datasets, and a summary."""
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -9,13 +11,12 @@ import xarray as xr
 from jaxgear._response._wave_words import wave_words
 from jaxgear._response._waves import DIRECTIONS, BodyMotion
 from jaxgear._units import deg, mm, um
-from jaxgear.scene._scene import Scene
 from jaxgear.study._body_shapes import shape_dataset, write_shapes
 from jaxgear.study._body_waves import Looked, MainWave, Seen, WaveWatch
 from jaxgear.study._flank_dataset import flanks_dataset, largest_loads, loads_summary
 from jaxgear.study._gauges import moving_gauges_dataset
 from jaxgear.study._progress import say
-from jaxgear.study._result import Result, Summary, titled
+from jaxgear.study._result import Summary, titled
 from jaxgear.study._results import Entry, dataset_of, entries_over
 from jaxgear.study._sweeping import Sweep
 
@@ -24,23 +25,34 @@ _SMALL = 1e-4
 _PLACE = ("direction", "speed")
 
 
-def waves_result(scene: Scene, watch: WaveWatch, sweep: Sweep) -> Result:
+class WavesSeen(NamedTuple):
     """What was seen of condensed bodies over a sweep.
 
-    Datasets `waves`, `flanks` and, of each gear, `shape_GEAR`; `waves` of the summary; and of
-    bodies with a grid files for ParaView.
+    **Fields:**
+
+    - `summary`: `sweep.waves` of the summary, a row for each body.
+    - `datasets`: `waves`, `flanks` and, of each gear, `shape_GEAR`.
+    - `files`: of bodies with a grid, for ParaView, with what writes each.
     """
+
+    summary: list[Summary]
+    datasets: dict[str, xr.Dataset]
+    files: Mapping[str, Callable[[Path], None]]
+
+
+def waves_seen(title: str, watch: WaveWatch, sweep: Sweep) -> WavesSeen:
+    """What a sweep has shown of condensed bodies, as datasets under a title, and a summary."""
     peak = watch.peak[sweep.main]
     waves = waves_dataset(watch, sweep)
     datasets = {
-        "waves": titled(waves, scene.title),
-        "flanks": titled(flanks_dataset(watch, watch.flanks(sweep.main)), scene.title),
+        "waves": titled(waves, title),
+        "flanks": titled(flanks_dataset(watch, watch.flanks(sweep.main)), title),
     }
     gauges = {gear: each.gauges for gear, each in watch.looked.items()}
     if any(gauges.values()):
         datasets["gauges_moving"] = titled(
             moving_gauges_dataset(gauges, peak.motions),
-            f"{scene.title}, pinion at {peak.speed:.5g} rad/s",
+            f"{title}, pinion at {peak.speed:.5g} rad/s",
         )
     files, summary = {}, []
     for gear, each in watch.looked.items():
@@ -48,14 +60,12 @@ def waves_result(scene: Scene, watch: WaveWatch, sweep: Sweep) -> Result:
         say(f"{gear}: its shape at order {main.order:g}")
         shape = each.body.shape(peak.motions[gear], main.order)
         at_peak = f", pinion at {peak.speed:.5g} rad/s: {gear}"
-        datasets[f"shape_{gear}"] = titled(
-            shape_dataset(each.body, shape, main), scene.title + at_peak
-        )
+        datasets[f"shape_{gear}"] = titled(shape_dataset(each.body, shape, main), title + at_peak)
         if each.body.has_grid:
             write = functools.partial(write_shapes, body=each.body, shape=shape)
             files[f"{gear}_shape/{gear}_shape.vtu.series"] = write
         summary.append(_body_summary(each, peak.motions[gear], main, waves))
-    return Result(scene, {"waves": summary}, datasets, files)
+    return WavesSeen(summary, datasets, files)
 
 
 # --- Waves and probes

@@ -14,6 +14,7 @@ from table_checks import assert_tables
 from jaxgear._cli._main import main
 from jaxgear.scene._scene import read_scene, ready_scene
 from jaxgear.scene._schema import GEARS
+from jaxgear.study._built import BuiltScene
 from jaxgear.study._statics import solve_statics
 from jaxgear.study._statics_summary import mounts_summary
 
@@ -77,7 +78,7 @@ def _assert_bearings_of_the_thesis(bearings: list[dict]) -> None:
 def test_bearing_loads_of_the_power_pair():
     """Tab. III-6 and III-7: totals within 0.1 %; the split follows from the shafts chosen."""
     scene = ready_scene("power", ("mesh.phases=16", "mesh.stiffness=iso6336"))
-    statics = solve_statics(scene)
+    statics = solve_statics(BuiltScene(scene))
     rows = mounts_summary(statics)["bearings"]
     load = np.asarray([[row["load_N"][axis] for axis in "STZ"] for row in rows])
     assert load[:2].sum(axis=0)[:2] == pytest.approx([-3444.5, -6829.5], rel=1e-3)
@@ -330,7 +331,7 @@ def test_hard_scenes_are_solved(settings, tmp_path):
         scene = read_scene(path, (*coarse, *(s for s in settings if s != _FREE)))
     else:
         scene = ready_scene("accessory", (*coarse, *settings))
-    statics = solve_statics(scene)
+    statics = solve_statics(BuiltScene(scene))
     pair = statics.model.pair
     expected = statics.model.torque / (pair.base_radius[0] * np.cos(pair.base_helix_angle))
     numbers = {name: float(value) for name, value in statics.numbers.items()}

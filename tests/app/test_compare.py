@@ -27,12 +27,8 @@ from jaxgear.scene._with_bodies import with_bodies
 from jaxgear.study._fidelity._engine import compared
 from jaxgear.study._fidelity._level import Answers, Level, Reference, own_of
 from jaxgear.study._fidelity._levels import (
-    body_levels,
-    few_levels,
-    method_levels,
-    simpler_bodies,
+    Hierarchy,
 )
-from jaxgear.study._fidelity._models import changed
 from jaxgear.study._fidelity._motion import other_speeds, over_speeds, some_speeds, thinned
 from jaxgear.study._fidelity._moving import BodiesProblem, MethodsProblem
 from jaxgear.study._fidelity._rigid import rigid_changes
@@ -59,10 +55,9 @@ def _errors(found: Answers, good, branch: float = 0.03):
 def test_methods_of_all_families_agree_on_a_pair_that_only_turns():
     """All converge within the error of their steps."""
     scene = ready_scene("accessory")
-    scene = changed(
-        scene,
+    scene = scene.changed(
         {
-            **simpler_bodies(scene)["torsional pair"],
+            **Hierarchy(scene).simpler_bodies()["torsional pair"],
             "mesh.slices": 1,
             "sweep.pinion_speed_rad_s": [1500.0, 1900.0, 2300.0],
             "sweep.steps": 64,
@@ -130,16 +125,16 @@ def test_what_is_wrong_everywhere_is_an_error():
 def test_levels_are_possible_and_have_names_of_their_own():
     """No two share a name, and harmonics fit the steps; mesh damping drops the averages."""
     scene = ready_scene("accessory", ["sweep.pinion_speed_rad_s=[900.0]"])
-    levels = method_levels(scene)
+    levels = Hierarchy(scene).methods()
     assert len({level.name for level in levels}) == len(levels)
     for level in levels:
-        here = changed(scene, level.changes)
+        here = scene.changed(level.changes)
         method = level.method or HarmonicBalance(harmonics=here.value("sweep.harmonics"))
         if isinstance(method, HarmonicBalance):
             assert 2 * method.harmonics < here.value("sweep.steps")
     own = own_of(levels)
     assert (own.name, own.changes) == ("H20 N128", {})
-    active = {x.name for x in method_levels(scene.replace({"damping.active_mesh": True}))}
+    active = {x.name for x in Hierarchy(scene.replace({"damping.active_mesh": True})).methods()}
     dropped = [level for level in levels if level.name not in active]
     assert [level.name for level in dropped] == ["H10 N64 mean", "H20 N128 mean", "H40 N256 mean"]
 
@@ -239,7 +234,7 @@ def test_a_rigid_body_has_the_mass_of_the_condensed_one(built):
 
 
 def test_models_of_a_scene_differ_in_one_thing(built):
-    levels = body_levels(built, 130)
+    levels = Hierarchy(built).bodies(130)
     own = own_of(levels)
     assert own.name == "100 modes"
     names = [level.name for level in levels]
@@ -251,9 +246,9 @@ def test_models_of_a_scene_differ_in_one_thing(built):
     balance = {"sweep.steps", "sweep.harmonics"}
     for level in levels:
         assert not (level.changes.keys() & balance and level.changes.keys() - balance), level.name
-        here = changed(built, {k: v for k, v in level.changes.items() if k in balance})
+        here = built.changed({k: v for k, v in level.changes.items() if k in balance})
         assert 2 * here.sweep.harmonics < here.sweep.steps
-    few = few_levels(built)
+    few = Hierarchy(built).few()
     assert [level.name for level in few] == [
         "100 modes",
         "10 modes",
@@ -314,7 +309,7 @@ def test_models_of_a_scene_with_a_condensed_body_are_compared(tmp_path, monkeypa
     scene = with_bodies(_tiny(tmp_path, "model.coordinates=210"), moving=True)
     scene = scene.replace({"model.coordinates": 16, "sweep.steps": 32})
     some = ("16 modes", "100 modes", "rigid", "H5 N64")
-    levels = [level for level in body_levels(scene, 210) if level.name in some]
+    levels = [level for level in Hierarchy(scene).bodies(210) if level.name in some]
     found = compared(BodiesProblem(scene, levels, modes=210), "bodies").summary
     assert list(found["reference"]["speeds_rad_s"]) == [300.0, 900.0, 1500.0]
     assert found["reference"]["name"].startswith("harmonic balance, H5 N64, 2")

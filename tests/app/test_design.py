@@ -13,8 +13,9 @@ import pytest
 import optimise
 from jaxgear._checks import InputError
 from jaxgear._interface._laws import ExactContact
-from jaxgear.scene._build import grid_of, model_of
+from jaxgear.scene._build import grid_of
 from jaxgear.scene._scene import ready_scene
+from jaxgear.study._built import BuiltScene
 from jaxgear.study._design import design_space, twin
 from jaxgear.study._evaluations import objective_at
 from jaxgear.study._objectives import objective_unit, task_of
@@ -33,8 +34,7 @@ _COARSE = ("mesh.phases=8", "mesh.slices=4", "mesh.stiffness=iso6336")
 
 def _space(keys, *settings, symmetric=False):
     scene = ready_scene("accessory", (*_COARSE, *settings))
-    base = model_of(scene)
-    return design_space(scene, base, tuple(keys), symmetric=symmetric, deflection=10.0)
+    return design_space(BuiltScene(scene), tuple(keys), symmetric=symmetric, deflection=10.0)
 
 
 @pytest.mark.parametrize(
@@ -144,11 +144,10 @@ def test_a_map_of_two_reliefs_knows_no_ties():
     tie = f'optimise.ties."{twin(_RELIEF)}"="{_RELIEF}"'
     scene = ready_scene("accessory", (*_COARSE, tie, "optimise.symmetric=false"))
     options: Any = dict(symmetric=True, deflection=10.0)
-    base = model_of(scene)
-    space = design_space(scene, base, (_RELIEF,), **options, tied=False)
+    space = design_space(BuiltScene(scene), (_RELIEF,), **options, tied=False)
     assert space.ties == ((twin(_RELIEF), _RELIEF),)
     with pytest.raises(InputError, match="names both of"):
-        design_space(scene, base, (_RELIEF,), **options)
+        design_space(BuiltScene(scene), (_RELIEF,), **options)
 
 
 def test_a_search_that_keeps_no_limit_goes_on_from_a_rival_that_does():

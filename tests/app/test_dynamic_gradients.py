@@ -10,6 +10,7 @@ import optimise
 from jaxgear._cli._main import main
 from jaxgear._interface._laws import ExactContact
 from jaxgear.scene._scene import SceneError, read_scene, ready_scene
+from jaxgear.study._built import BuiltScene
 from jaxgear.study._gradients import steady_gradients
 from jaxgear.study._optimising import left_out
 from jaxgear.study._search_checks import require_swept
@@ -53,7 +54,7 @@ def test_a_steady_response_by_flank_torque_damping_and_speed(write):
     """At the middle speed, in both directions, to 1e-5 of differences of converged responses."""
     scene = read_scene(write(_TURNING + _SWEEP))
     keys = ("pair.torque_pinion_Nm", "flank.pinion.tip_relief.depth_um", "damping.mesh")
-    rows, points = steady_gradients(scene, {"exact": ExactContact()}, keys)
+    rows, points = steady_gradients(BuiltScene(scene), {"exact": ExactContact()}, keys)
     assert rows is not None
     (point,) = points
     assert (point.speed_rad_s, point.verdict) == (800.0, "ok")
@@ -134,7 +135,7 @@ def test_speeds_that_are_left_out_are_told():
 def test_a_response_that_is_not_found_is_not_differentiated(write):
     """At 900 rad/s, where the branch from the quasi-static states has ended."""
     scene = read_scene(write(_TURNING + _SWEEP), ("sweep.pinion_speed_rad_s=[900.0]",))
-    rows, points = steady_gradients(scene, {"exact": ExactContact()}, ("damping.mesh",))
+    rows, points = steady_gradients(BuiltScene(scene), {"exact": ExactContact()}, ("damping.mesh",))
     assert rows is None
     assert points[0].verdict == "not settled"
     assert points[0].residual is not None

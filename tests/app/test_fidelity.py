@@ -20,8 +20,7 @@ from jaxgear.study._fidelity import _engine as engine
 from jaxgear.study._fidelity import _statics as statics
 from jaxgear.study._fidelity._engine import AbstractProblem, Run, compared, counted
 from jaxgear.study._fidelity._level import Answers, Level, Reference, errors_of
-from jaxgear.study._fidelity._levels import simpler_bodies, static_levels
-from jaxgear.study._fidelity._models import changed, differing
+from jaxgear.study._fidelity._levels import Hierarchy
 from jaxgear.study._fidelity._teeth import words_of_teeth
 from jaxgear.study._statics import SolverFailure
 
@@ -158,20 +157,20 @@ def test_what_is_cheaper_along_each_axis_is_put_together():
 
 def test_levels_follow_from_the_scene():
     scene = ready_scene("accessory")
-    names = [level.name for level in static_levels(scene)]
+    names = [level.name for level in Hierarchy(scene).static()]
     assert names[0] == "as given"
     assert len(set(names)) == len(names)
     assert {"torsional pair", "1 slice", "5 slices", "40 slices", "16 phases"} <= set(names)
-    few = {level.name for level in static_levels(scene, few=True)}
+    few = {level.name for level in Hierarchy(scene).static(few=True)}
     assert few < set(names)
     assert "40 slices" not in few
     beams = ready_scene("accessory", ['pinion.body.kind="beam"'])
-    assert "rigid bodies" in {level.name for level in static_levels(beams)}
+    assert "rigid bodies" in {level.name for level in Hierarchy(beams).static()}
     flexible = ready_scene("accessory-h1")
     assert {"rigid bodies", "rigid bodies, no foundation", "torsional pair"} <= {
-        level.name for level in static_levels(flexible)
+        level.name for level in Hierarchy(flexible).static()
     }
-    assert list(simpler_bodies(scene)) == ["torsional pair"]
+    assert list(Hierarchy(scene).simpler_bodies()) == ["torsional pair"]
 
 
 def _names(levels) -> set[str]:
@@ -190,37 +189,37 @@ def _names(levels) -> set[str]:
 )
 def test_a_level_does_not_take_away_what_a_search_names(named):
     scene = ready_scene("accessory", [named, "sweep.pinion_speed_rad_s=[100.0]"])
-    assert "torsional pair" not in _names(static_levels(scene))
-    moving = auto.moving_levels(scene)
+    assert "torsional pair" not in _names(Hierarchy(scene).static())
+    moving = Hierarchy(scene).moving()
     assert "torsional pair" in _names(moving)
-    assert "torsional pair" not in _names(auto.asked_for(scene, moving))
+    assert "torsional pair" not in _names(Hierarchy(scene).able(moving))
 
 
 def test_a_level_still_shows_what_a_search_looks_at():
     """Eight positions in the period of a harmonic; the last slices where their load is limited."""
     orders = ["optimise.minimise='te_harmonics'", "optimise.harmonics=[1, 4]"]
-    few = _names(static_levels(ready_scene("accessory", orders), few=True))
+    few = _names(Hierarchy(ready_scene("accessory", orders)).static(few=True))
     assert "32 phases" in few
     assert "16 phases" not in few
     edge = ["optimise.limits.edge_line_load_N_mm=100", "sweep.pinion_speed_rad_s=[100.0]"]
     scene = ready_scene("accessory", edge)
-    assert "5 slices" not in _names(static_levels(scene, few=True))
-    assert "5 slices" in _names(static_levels(scene))
-    assert not any("slice" in x for x in _names(auto.asked_for(scene, auto.moving_levels(scene))))
+    assert "5 slices" not in _names(Hierarchy(scene).static(few=True))
+    assert "5 slices" in _names(Hierarchy(scene).static())
+    assert not any("slice" in x for x in _names(Hierarchy(scene).able(Hierarchy(scene).moving())))
 
 
 def test_a_probe_keeps_its_body():
     probe = "probes=[{gear='wheel'}]"
     scene = ready_scene("accessory-h1", [probe, "sweep.pinion_speed_rad_s=[100.0]"])
     levels = [Level("own", ""), Level("rigid", "", "bodies", {"wheel.body.kind": "rigid"})]
-    assert _names(auto.asked_for(scene, levels)) == {"own"}
+    assert _names(Hierarchy(scene).able(levels)) == {"own"}
 
 
 def test_a_torsional_pair_has_no_shafts(tmp_path):
     """Nor has the scene that is written of it."""
     scene = ready_scene("accessory")
-    changes = simpler_bodies(scene)["torsional pair"]
-    turned = changed(scene, changes)
+    changes = Hierarchy(scene).simpler_bodies()["torsional pair"]
+    turned = scene.changed(changes)
     assert turned.value("pinion.shaft.gear_at_mm") is None
     assert not turned.wheel.shaft.bearings
     write_scene(turned, tmp_path / "turned.toml")
@@ -233,9 +232,9 @@ def test_a_torsional_pair_has_no_shafts(tmp_path):
 def test_both_gears_are_cut_back_whichever_is_varied():
     own = ["optimise.vary=['flank.wheel.tip_relief.depth_um']"]
     both = {f"flank.{gear}.tip_relief.depth_um" for gear in ("pinion", "wheel")}
-    assert set(statics.visited(ready_scene("accessory", own), "optimise")) == both
+    assert set(statics.visited(ready_scene("accessory", own).optimise, "optimise")) == both
     alone = ready_scene("accessory", [*own, "optimise.symmetric=false"])
-    assert statics.visited(alone, "optimise") == ["flank.wheel.tip_relief.depth_um"]
+    assert statics.visited(alone.optimise, "optimise") == ["flank.wheel.tip_relief.depth_um"]
 
 
 def test_a_search_is_chosen_for_on_other_flanks_too():
@@ -344,22 +343,24 @@ def test_what_was_not_solved_has_no_error():
 def test_responses_that_a_scene_has_not_are_named():
     """Of some that it has and some that it has not, the former count."""
     with pytest.raises(InputError, match=r"compare\.responses names dynamic_ratio: in motion only"):
-        statics.require_at_rest(ready_scene("accessory", ["compare.responses=['dynamic_ratio']"]))
+        statics.StaticProblem(
+            ready_scene("accessory", ["compare.responses=['dynamic_ratio']"])
+        ).require_responses()
     both = ready_scene("accessory", ["compare.responses=['dynamic_ratio', 'te_rms']"])
-    statics.require_at_rest(both)
+    statics.StaticProblem(both).require_responses()
     assert counted(both.compare.responses, STATIC_RESPONSES) == ("te_rms",)
     teeth = "compare.responses=['mesh_stiffness_mean']"
-    statics.require_at_rest(ready_scene("accessory", [teeth]))
+    statics.StaticProblem(ready_scene("accessory", [teeth])).require_responses()
     with pytest.raises(InputError, match="of teeth alone"):
-        statics.require_at_rest(ready_scene("accessory-h1", [teeth]))
+        statics.StaticProblem(ready_scene("accessory-h1", [teeth])).require_responses()
 
 
 def test_a_table_that_is_taken_away_differs():
     scene = ready_scene("accessory")
-    found = differing(scene, {"wheel.shaft": None, "mesh.phases": scene.mesh.phases})
+    found = scene.differing({"wheel.shaft": None, "mesh.phases": scene.mesh.phases})
     assert found == {"wheel.shaft": None}
     assert scene.wheel.shaft.is_given
-    assert not changed(scene, found).wheel.shaft.is_given
+    assert not scene.changed(found).wheel.shaft.is_given
 
 
 @pytest.mark.parametrize(
@@ -476,7 +477,7 @@ def test_a_scene_without_a_reference_is_taken_as_it_is(monkeypatch):
 
 def test_a_level_in_motion_is_keys_of_the_scene():
     scene = ready_scene("accessory", ["sweep.pinion_speed_rad_s=[100.0]"])
-    levels = {level.name: level for level in auto.moving_levels(scene)}
+    levels = {level.name: level for level in Hierarchy(scene).moving()}
     assert next(iter(levels)) == "H20 N128"
     assert auto.changes_in_motion(scene.sweep, levels["H20 N128"]) == {}
     coarse = levels["H5 N64"]
@@ -488,7 +489,7 @@ def test_a_level_in_motion_is_keys_of_the_scene():
     }
     # A method of the user's own stays.
     own = scene.replace({"sweep.method": "newmark"})
-    assert "H5 N64" not in _names(auto.asked_for(own, auto.moving_levels(own)))
+    assert "H5 N64" not in _names(Hierarchy(own).able(Hierarchy(own).moving()))
     assert auto.changes_in_motion(own.sweep, coarse) == {"mesh.slices": 5}
 
 
@@ -505,7 +506,7 @@ def test_the_results_say_which_level_was_taken():
 def _recommended(name: str) -> str:
     """The level of a scene, tried at torques that were neither chosen by nor held out."""
     scene = ready_scene(name)
-    levels = static_levels(scene, few=True)
+    levels = Hierarchy(scene).static(few=True)
     found = compared(statics.StaticProblem(scene, levels=levels, quick=True), "statics")
     assert found.choice.line is not None, found.summary["words"]
     level = found.levels[found.choice.line["name"]]

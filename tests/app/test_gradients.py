@@ -12,6 +12,7 @@ from jaxgear._interface._laws import ExactContact
 from jaxgear.scene._build import smooth_law_of
 from jaxgear.scene._scene import ready_scene
 from jaxgear.study import _gradients, check_gradients
+from jaxgear.study._built import BuiltScene
 from jaxgear.study._derivatives import AT_REST, IN_MOTION, central_differences, judged
 from jaxgear.study._gradients import static_gradients
 from jaxgear.study._steady import SteadyPoint
@@ -49,7 +50,7 @@ def table():
             "pair.misalignment_deviation_um=5.0",
         ),
     )
-    return scene, static_gradients(scene, "exact", ExactContact())
+    return scene, static_gradients(BuiltScene(scene), "exact", ExactContact())
 
 
 @pytest.mark.slow
@@ -94,7 +95,7 @@ def test_a_false_derivative_is_found(monkeypatch):
     honest = _gradients.cycle_mean
     monkeypatch.setattr(_gradients, "cycle_mean", lambda *args: lying(honest(*args)))
     scene = ready_scene("accessory", _PLAIN)
-    found = static_gradients(scene, "smooth", smooth_law_of(scene.mesh))
+    found = static_gradients(BuiltScene(scene), "smooth", smooth_law_of(scene.mesh))
     wrong = found["response"][found["verdict"] == "WRONG"]
     assert set(wrong.values) == {"te_mean_um"}
 

@@ -30,6 +30,7 @@ from jaxgear.study import _body_answers as answered
 from jaxgear.study import _body_fields as body_fields
 from jaxgear.study import _hybrid as hybrid
 from jaxgear.study import _hybrid_dataset as hybrid_dataset
+from jaxgear.study._built import BuiltScene
 from jaxgear.study._head import foundation_of
 from jaxgear.study._notes import _on_condensed
 from jaxgear.study._results import static_dataset
@@ -398,7 +399,7 @@ def test_notes_on_condensed_bodies(solved, tmp_path):
 def _teeth_of(path, *changes):
     """Largest line load of each tooth."""
     scene = with_bodies(read_scene(path, changes))
-    statics = solve_statics(scene)
+    statics = solve_statics(BuiltScene(scene))
     dataset = static_dataset(statics.model, statics.cycle, statics.law)
     return hybrid_dataset.hybrid_variables(dataset, [])["tooth_line_load_N_mm"].values
 

@@ -55,7 +55,8 @@ def test_keys_that_a_model_of_the_teeth_does_not_look_at_are_told(given, told):
     ],
 )
 def test_slices_of_helical_teeth_are_told_to_be_off(name, given, told):
-    found = [*_notes._on_helical_teeth(ready_scene(name, given))]
+    scene = ready_scene(name, given)
+    found = [*_notes._on_helical_teeth(scene.mesh, scene.pair.helix_angle_deg)]
     assert [told in each for each in found] == ([] if told is None else [True])
 
 

@@ -36,9 +36,8 @@ phases = 8
 def _ribs(scene: Scene, plan: BodyPlan) -> np.ndarray | None:
     pair, mesh = pair_of(scene), scene.mesh
     how = {"points": mesh.root_points, "axial": mesh.connection}
-    return rim_ribs(
-        scene.plain, plan, pair, pair_grid(scene, pair, jnp.asarray(100.0)), print, **how
-    )
+    grid = pair_grid(mesh, pair, jnp.asarray(100.0), None, condensed=True)
+    return rim_ribs(scene.plain, plan, pair, grid, print, **how)
 
 
 @pytest.fixture(scope="module")

@@ -15,9 +15,10 @@ import jaxgear as jg
 import optimise
 from jaxgear._checks import InputError
 from jaxgear._cli._main import main
-from jaxgear.scene._build import grid_of, model_of, smooth_law_of
+from jaxgear.scene._build import grid_of, smooth_law_of
 from jaxgear.scene._scene import Scene, SceneError, ready_scene
 from jaxgear.study import _robust as robust
+from jaxgear.study._built import BuiltScene
 from jaxgear.study._design import design_space
 from jaxgear.study._objectives import limits_of, prepared_mesh
 from jaxgear.study._scatter import Scatter, scatter_of
@@ -81,8 +82,8 @@ def test_what_a_condensed_body_is_made_from_cannot_scatter():
 
 def _scatter(*overrides: str, teeth: int = 3) -> Scatter:
     scene = _scene(*overrides)
-    keys, base = tuple(scene.value("optimise.vary")), model_of(scene)
-    space = design_space(scene, base, keys, symmetric=True, deflection=10.0)
+    keys = tuple(scene.value("optimise.vary"))
+    space = design_space(BuiltScene(scene), keys, symmetric=True, deflection=10.0)
     return scatter_of(space, space.base.pair, np.arange(-1, teeth))
 
 

@@ -21,8 +21,9 @@ from jaxgear.scene._build import grid_of, model_of
 from jaxgear.scene._mesh_bodies import with_bodies
 from jaxgear.scene._scene import read_scene
 from jaxgear.scene._schema import of_condensed, scales_body
+from jaxgear.study._built import BuiltScene
 from jaxgear.study._design import design_space, refuse_unbounded
-from jaxgear.study._sensitivities import acting, in_shares, lost, table_of, with_own_modulus
+from jaxgear.study._sensitivities import acting, in_shares, lost, own_moduli, table_of
 
 _KEYS = ("pair.torque_pinion_Nm", "flank.pinion.crowning_um", "wheel.profile_shift", "mesh.dead")
 _WEB = "wheel.body.web.web_thickness_mm"
@@ -89,7 +90,8 @@ def write(tmp_path):
 
 
 def test_condensed_bodies_get_a_modulus_of_their_own(write):
-    scene = with_own_modulus(read_scene(write("[wheel.material]\nyoung_GPa = 110\n")))
+    scene = read_scene(write("[wheel.material]\nyoung_GPa = 110\n"))
+    scene = scene.replace(own_moduli(scene.material, scene.gears))
     assert scene.value("wheel.body.young_GPa") == 110.0
     assert scene.value("pinion.body.young_GPa") is None
     keys = set(scene.real_keys())
@@ -161,7 +163,7 @@ def test_a_web_that_is_varied_is_as_if_condensed(write):
     family = scene.bodies["wheel"].family
     assert 1e-6 < family.interpolation_error < 2e-3
     assert _WEB in scene.real_keys()
-    space = design_space(scene, model_of(scene), (_WEB,), symmetric=False, deflection=10.0)
+    space = design_space(BuiltScene(scene), (_WEB,), symmetric=False, deflection=10.0)
     grid = grid_of(scene, model_of(scene))
 
     @jax.jit
@@ -189,4 +191,4 @@ def test_a_web_that_is_varied_is_as_if_condensed(write):
     moving = read_scene(write(_VARY + "[sweep]\npinion_speed_rad_s = [900]\n"))
     still = with_bodies(moving, moving=True)
     with pytest.raises(InputError, match=r"In motion modes do not follow"):
-        design_space(still, model_of(still), (_WEB,), symmetric=False, deflection=10.0)
+        design_space(BuiltScene(still), (_WEB,), symmetric=False, deflection=10.0)

@@ -7,6 +7,7 @@ from jaxgear import plot
 from jaxgear._checks import InputError
 from jaxgear.scene._scene import ready_scene
 from jaxgear.study import sizing
+from jaxgear.study._built import BuiltScene
 from jaxgear.study._results import Entry
 from jaxgear.study._sizing import RESPONSES, combinations_of, ranked
 from jaxgear.study._statics import solve_statics
@@ -47,7 +48,7 @@ def test_numbers_are_those_of_a_run(solved):
         for key, value in (("tip_relief.depth_um", depth), ("bias_um", bias))
     }
     scene = ready_scene("accessory", _COARSE).replace(amounts | {"pair.torque_pinion_Nm": torque})
-    numbers = solve_statics(scene).numbers
+    numbers = solve_statics(BuiltScene(scene)).numbers
     for name in RESPONSES:
         assert float(row[name]) == pytest.approx(float(numbers[name]), rel=1e-8), name
 

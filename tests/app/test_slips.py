@@ -156,11 +156,11 @@ def test_the_centre_distance_without_backlash_follows_the_profile_shifts(path):
 
 def test_remarks_are_the_first_notes_of_a_summary(path):
     scene = read_scene(path, ["pair.centre_distance_mm=98.8", "pair.pressure_angle_deg=25"])
-    summary = finished(scene, {"notes": ["what else there is"]})
+    summary = finished({"notes": ["what else there is"]}, odd(scene))
     first, *others = summary["notes"]
     assert first.startswith("pair.centre_distance_mm = 98.8 mm leaves a backlash")
     assert others[-1] == "what else there is"
-    plain = finished(read_scene(path), {})
+    plain = finished({}, odd(read_scene(path)))
     assert "notes" not in plain
 
 

@@ -10,6 +10,7 @@ from jaxgear.scene._build import model_of
 from jaxgear.scene._rewriting import rewritten
 from jaxgear.scene._scene import ready_scene
 from jaxgear.study import _optimising
+from jaxgear.study._built import BuiltScene
 from jaxgear.study._design import design_space
 from jaxgear.study._search import by_gradient, forget, record_file
 from jaxgear.study._statics import Statics
@@ -19,7 +20,7 @@ _DEPTH = "flank.pinion.tip_relief.depth_um"
 
 def _space(*settings):
     scene = ready_scene("accessory", ("mesh.stiffness=iso6336", *settings))
-    return design_space(scene, model_of(scene), (_DEPTH,), symmetric=True, deflection=10.0)
+    return design_space(BuiltScene(scene), (_DEPTH,), symmetric=True, deflection=10.0)
 
 
 @pytest.mark.parametrize("widths", [(), ("optimise.anneal_um=[2.0, 1.0]",)])
@@ -65,7 +66,7 @@ def test_a_scene_that_cannot_be_rewritten_is_refused_before_the_search(tmp_path,
     object.__setattr__(before, "influences", None)
     monkeypatch.setattr(_optimising, "rewritten", refuse)
     with pytest.raises(InputError, match="its tables are spread over the file"):
-        _optimising.optimisation(scene, before, memory=tmp_path)
+        _optimising.optimisation(BuiltScene(scene), before, memory=tmp_path)
     # All keys that the search will set, the wheel's twins too.
     assert {_DEPTH, _DEPTH.replace("pinion", "wheel")} <= set(asked)
     assert not list(tmp_path.iterdir())

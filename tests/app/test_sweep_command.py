@@ -27,6 +27,7 @@ from jaxgear._system._shaft import Shaft
 from jaxgear.scene._build import law_of, model_of
 from jaxgear.scene._scene import read_scene
 from jaxgear.study import _dynamics, _sweep
+from jaxgear.study._built import BuiltScene
 from jaxgear.study._sweep_dataset import sweep_dataset
 from jaxgear.study._sweep_notes import sweep_notes
 from jaxgear.study._sweeping import Sweep, swept
@@ -160,7 +161,7 @@ def test_a_slow_pair_has_its_quasi_static_transmission_error(folder):
     text = _SPUR.replace("teeth = 20", f"teeth = 20\nshaft = {joined}") + _SWEEP
     scene = read_scene(_scene(folder, text, "slow.toml"), ("sweep.direction=up",))
     scene = scene.replace({"sweep.steps": 24, "sweep.harmonics": 5, "sweep.orders": 1})
-    dynamics = _dynamics.solve_dynamics(scene)
+    dynamics = _dynamics.solve_dynamics(BuiltScene(scene))
     # Very slowly, many steps of a resonance lie within one of the mesh: its mean is left.
     (response,) = swept(
         law_of(scene.mesh), scene.sweep, dynamics, np.asarray([1.0]), "up", lambda _: None

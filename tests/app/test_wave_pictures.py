@@ -27,9 +27,10 @@ from jaxgear.scene._body_build import built_body
 from jaxgear.scene._scene import read_scene
 from jaxgear.study import _body_shapes, _probes
 from jaxgear.study._body_waves import Peak, wave_watch
+from jaxgear.study._built import BuiltScene
 from jaxgear.study._moving_body import MovingBody
 from jaxgear.study._sweeping import Response, Sweep
-from jaxgear.study._waves_result import waves_result
+from jaxgear.study._waves_result import waves_seen
 
 TEETH = 24
 _SCENE = (
@@ -89,7 +90,7 @@ def scene(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def watch(scene):
-    return wave_watch(scene, object.__new__(PairDynamics))
+    return wave_watch(BuiltScene(scene), object.__new__(PairDynamics))
 
 
 @pytest.fixture(scope="module")
@@ -132,11 +133,11 @@ def found(scene, watch, motion):
     sweep = Sweep(np.array([100.0, 200.0]), {"up": responses}, (), {})
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(_body_shapes, "_STATES", 2)
-        yield waves_result(scene, watch, sweep)
+        yield waves_seen(scene.title, watch, sweep)
 
 
 def test_the_wave_is_named(found):
-    (found,) = found.summary["waves"]
+    (found,) = found.summary
     assert (found["order"], found["nodal_diameters"]) == (TEETH - 2, 2)
     assert found["wave"] == "2 nodal diameters, forward"
     assert found["share"] > 0.999

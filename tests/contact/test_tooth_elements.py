@@ -15,7 +15,7 @@ from jaxgear._contact._tooth_elements import ElementTeeth, tooth_tables
 from jaxgear._geometry._lines import contact_lines
 from jaxgear.scene import model_of, read_scene
 from jaxgear.scene._bodies import body_plan
-from jaxgear.scene._mesh_teeth import coarser_teeth
+from jaxgear.scene._mesh_teeth import teeth_in_mesh
 from jaxgear.scene._plain_ring import beyond_plain_ring
 
 _SIZE = ToothSizing(flank=5, across=4, gap=4, ring=4, margin=1, waves=2)
@@ -197,7 +197,8 @@ def test_scenes_that_cannot_have_such_teeth_are_refused(tmp_path, overrides, mes
 def test_wide_and_helical_teeth_are_divided_more_coarsely(width, helix, coarser, tmp_path):
     """And a note says what that costs."""
     widths = [f"{gear}.face_width_mm={width}" for gear in ("pinion", "wheel")]
-    found = coarser_teeth(_scene(tmp_path, f"pair.helix_angle_deg={helix}", *widths))
+    scene = _scene(tmp_path, f"pair.helix_angle_deg={helix}", *widths)
+    found = teeth_in_mesh(scene).coarser()
     assert [gear for gear, _ in found] == ["pinion", "wheel"] * coarser
     assert all(0.0 < error < 0.03 for _, error in found)
 

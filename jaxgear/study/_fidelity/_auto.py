@@ -8,7 +8,7 @@ import hashlib
 import importlib.metadata
 import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 from jaxgear._whole_file import write_json
@@ -16,22 +16,15 @@ from jaxgear.scene._scene import Scene
 from jaxgear.scene._scene_files import files_of
 from jaxgear.scene._study_tables import OptimiseKeys
 from jaxgear.scene._tables import SweepKeys
+from jaxgear.study._built import built_scene
 from jaxgear.study._fidelity._choice import judged_by
 from jaxgear.study._fidelity._compare import PERIODS
 from jaxgear.study._fidelity._engine import Comparison, compared
 from jaxgear.study._fidelity._level import NOTHING, Changes, Level
-from jaxgear.study._fidelity._levels import (
-    few_levels,
-    moving_levels,
-    needs_its_slices,
-    static_levels,
-    takes_away,
-)
-from jaxgear.study._fidelity._models import changed
+from jaxgear.study._fidelity._levels import BY_BALANCE, OF_BALANCE, Hierarchy
 from jaxgear.study._fidelity._moving import BodiesProblem, MethodsProblem
 from jaxgear.study._fidelity._statics import StaticProblem, Work
 from jaxgear.study._objectives import over_speeds
-from jaxgear.study._progress import built_scene
 from jaxgear.study._result import Summary
 from jaxgear.study._search_checks import require_searchable
 from jaxgear.study._statics import SolverFailure
@@ -41,8 +34,6 @@ _KEY = "model.fidelity"
 _VERSION = 2
 # Speeds, and steps of the reference of rigid bodies: a choice must cost less than what it saves.
 _SPEEDS, _STEPS = 8, 512
-# Methods of sweeps that solve by harmonic balance, and its keys.
-_BY_BALANCE, _OF_BALANCE = ("auto", "harmonic"), {"sweep.steps", "sweep.harmonics"}
 
 
 def chosen(scene: Scene, command: str, memory: Path | None = None) -> tuple[Scene, Summary]:
@@ -69,8 +60,12 @@ def chosen(scene: Scene, command: str, memory: Path | None = None) -> tuple[Scen
     about = known = kept.get(key)
     if about is None:
         start = time.perf_counter()
+        # Levels do not differ by the length of a cycle.
+        long = scene.mesh.periods > PERIODS
+        short = scene.replace({"mesh.periods": 1}) if long else scene
         try:
-            about = _in_motion(scene) if moving else _at_rest(_short(scene), work)
+            own = scene if scene.condensed else short
+            about = _in_motion(own) if moving else _at_rest(short, work)
         except SolverFailure as error:
             why = f"There was nothing to compare with: {str(error).rstrip('.')}."
             about = _as_given(scene.compare.tolerance, why)
@@ -80,7 +75,7 @@ def chosen(scene: Scene, command: str, memory: Path | None = None) -> tuple[Scen
     changes = about["changes"]
     said = {name: "left out" if value is None else value for name, value in changes.items()}
     about = about | {"changes": said, "from_cache": known is not None}
-    return changed(scene, {**changes, _KEY: "as given"}), about
+    return scene.changed({**changes, _KEY: "as given"}), about
 
 
 def told(summary: Summary, about: Summary) -> Summary:
@@ -125,14 +120,10 @@ def _read(file: Path | None) -> Mapping[str, Summary]:
     return found if isinstance(found, dict) else {}
 
 
-def _short(scene: Scene) -> Scene:
-    """The scene over one mesh period, where its cycle is long: levels do not differ by that."""
-    return scene.replace({"mesh.periods": 1}) if scene.mesh.periods > PERIODS else scene
-
-
 def _at_rest(scene: Scene, work: Work) -> Summary:
     """The choice by the quasi-static cycle."""
-    problem = StaticProblem(scene, work=work, levels=static_levels(scene, few=True), quick=True)
+    levels = Hierarchy(scene).static(few=True)
+    problem = StaticProblem(scene, work=work, levels=levels, quick=True)
     found = compared(problem, "compare statics")
     changes = found.chosen.changes if found.chosen else NOTHING
     return _about(found, changes, "of the quasi-static cycle")
@@ -140,41 +131,26 @@ def _at_rest(scene: Scene, work: Work) -> Summary:
 
 def _in_motion(scene: Scene) -> Summary:
     """The choice by responses in motion, at a few speeds."""
-    scene = built_scene(scene if scene.condensed else _short(scene), moving=True)
+    scene = built_scene(scene, moving=True).scene
     if scene.mesh.periods > PERIODS:
         # A shorter cycle would be another body's: holes come again after many periods.
         why = "Models with condensed bodies are compared over few mesh periods."
         return _as_given(scene.compare.tolerance, why)
+    hierarchy = Hierarchy(scene)
     if scene.condensed:
-        problem = BodiesProblem(scene, asked_for(scene, few_levels(scene)), speeds=_SPEEDS)
+        problem = BodiesProblem(scene, hierarchy.able(hierarchy.few()), speeds=_SPEEDS)
     else:
-        levels = asked_for(scene, moving_levels(scene))
+        levels = hierarchy.able(hierarchy.moving())
         problem = MethodsProblem(scene, levels, speeds=_SPEEDS, steps=_STEPS)
     found = compared(problem, "fidelity")
     changes = changes_in_motion(scene.sweep, found.chosen) if found.chosen else NOTHING
     return _about(found, changes, "in motion")
 
 
-def asked_for(scene: Scene, levels: Sequence[Level]) -> list[Level]:
-    """Of levels in motion, the scene's own first, those that still do what the scene asks for."""
-    watched = [f"{probe.gear}.body.probes" for probe in scene.probes]
-
-    def is_able(level: Level) -> bool:
-        if needs_its_slices(scene.optimise) and "mesh.slices" in level.changes:
-            return False
-        # Another method of the user's is not overruled: only slices and bodies are chosen then.
-        by_other = level.method is not None or level.changes.keys() & _OF_BALANCE
-        if by_other and scene.sweep.method not in _BY_BALANCE:
-            return False
-        return not takes_away(scene, level.changes, watched)
-
-    return [level for level in levels if is_able(level)]
-
-
 def changes_in_motion(asked: SweepKeys, level: Level) -> Changes:
     """Keys of the scene that make a level of it, by harmonic balance where it is that."""
-    balanced = asked.method in _BY_BALANCE and level.method is None
-    gone = set() if balanced else _OF_BALANCE
+    balanced = asked.method in BY_BALANCE and level.method is None
+    gone = set() if balanced else OF_BALANCE
     return {key: value for key, value in level.changes.items() if key not in gone}
 
 

@@ -2,12 +2,12 @@
 
 from jaxgear._checks import require
 from jaxgear.scene._scene import Scene
+from jaxgear.study._built import built_scene
 from jaxgear.study._fidelity._engine import compared
 from jaxgear.study._fidelity._moving import BodiesProblem, MethodsProblem
-from jaxgear.study._fidelity._statics import StaticProblem, require_at_rest
+from jaxgear.study._fidelity._statics import StaticProblem
 from jaxgear.study._fidelity._teeth import compared_teeth
 from jaxgear.study._head import names_of, study
-from jaxgear.study._progress import built_scene
 from jaxgear.study._result import Result, titled
 
 # Mesh periods of a cycle, at the most: the methods of short cycles are compared.
@@ -37,7 +37,7 @@ def compare(scene: Scene) -> Result:
     """
     moving = scene.sweep.is_given
     if moving:
-        scene = built_scene(scene, moving=True)
+        scene = built_scene(scene, moving=True).scene
     require(
         scene.mesh.periods <= PERIODS,
         "`compare` takes cycles of up to {most} mesh periods, got mesh.periods = {got}. "
@@ -46,10 +46,11 @@ def compare(scene: Scene) -> Result:
         most=PERIODS,
         got=scene.mesh.periods,
     )
-    if not moving:
-        require_at_rest(scene)
     work = "optimise" if scene.optimise.is_given else "run"
-    at_rest = compared(StaticProblem(scene, work=work), "compare statics")
+    problem = StaticProblem(scene, work=work)
+    if not moving:
+        problem.require_responses()
+    at_rest = compared(problem, "compare statics")
     static = titled(at_rest.dataset, scene.title + ", quasi-static cycle")
     if not moving:
         summary = names_of(scene.name, scene.cite) | {"compare": at_rest.summary}

@@ -15,33 +15,11 @@ from jaxgear.study._fidelity._level import NOTHING, Changes
 from jaxgear.study._progress import say
 
 
-def changed(scene: Scene, changes: Changes) -> Scene:
-    """A scene with other values, and without the tables whose new value is `None`; unchecked."""
-    gone = tuple(key for key, value in changes.items() if value is None)
-    if gone:
-        left = lambda key: not any(key == table or key.startswith(f"{table}.") for table in gone)
-        kept = lambda mapping: MappingProxyType({k: v for k, v in mapping.items() if left(k)})
-        scene = dataclasses.replace(
-            scene,
-            fixed=kept(scene.fixed),
-            given=frozenset(filter(left, scene.given)),
-            lines=kept(scene.lines),
-            moved=kept(scene.moved),
-        )
-    return scene.replace({key: value for key, value in changes.items() if value is not None})
-
-
-def differing(scene: Scene, changes: Changes) -> Changes:
-    """Of changes those that a scene has not already."""
-    has = lambda key, new: new is not None and scene.value(key) == new
-    return MappingProxyType({key: new for key, new in changes.items() if not has(key, new)})
-
-
 class Models:
     """Scene and model of changes: condensed bodies are built once for each number of slices.
 
-    Bodies that vibrate are built with so many `coordinates` where the slices are the scene's own,
-    and cut to those of the changed scene.
+    The `scene` is that of them all, without bodies. Bodies that vibrate are built with so many
+    `coordinates` where the slices are the scene's own, and cut to those of the changed scene.
     """
 
     def __init__(self, scene: Scene, *, moving: bool, coordinates: int | None = None):
@@ -51,13 +29,13 @@ class Models:
                 'modes. Write model.shapes = "natural" to compare them, and model.fidelity = "as '
                 'given" for responses with other shapes.'
             )
-        self.plain = dataclasses.replace(scene, bodies=NOTHING)
+        self.scene = dataclasses.replace(scene, bodies=NOTHING)
         self.moving = moving
         self.richest = {} if coordinates is None else {"model.coordinates": coordinates}
         self.built: dict[int, Mapping[str, Any]] = {}
 
     def __call__(self, changes: Changes) -> tuple[Scene, PairModel]:
-        scene = changed(self.plain, changes)
+        scene = self.scene.changed(changes)
         if scene.condensed:
             bodies = self._bodies(scene.mesh.slices)
             own = {gear: bodies[gear] for gear in scene.condensed}
@@ -69,7 +47,7 @@ class Models:
 
     def _bodies(self, slices: int) -> Mapping[str, Any]:
         if slices not in self.built:
-            richest = self.richest if slices == self.plain.mesh.slices else {}
-            wanted = self.plain.replace({"mesh.slices": slices, **richest})
+            richest = self.richest if slices == self.scene.mesh.slices else {}
+            wanted = self.scene.replace({"mesh.slices": slices, **richest})
             self.built[slices] = with_bodies(wanted, say, moving=self.moving).bodies
         return self.built[slices]

@@ -19,9 +19,9 @@ from jaxgear._dynamics._types import Speeds
 from jaxgear._kept_programs import QUICKLY
 from jaxgear._types import Reals, Scalar
 from jaxgear._units import um
-from jaxgear.scene._scene import Scene
+from jaxgear.scene._build import grid_of
 from jaxgear.scene._schema import DYNAMIC_RESPONSES
-from jaxgear.study._dynamics import dynamic_grid_of, dynamics_of, speeds_of
+from jaxgear.study._dynamics import dynamics_of, speeds_of
 from jaxgear.study._fidelity._choice import MOST, worst
 from jaxgear.study._fidelity._engine import AbstractProblem, Run
 from jaxgear.study._fidelity._level import (
@@ -60,11 +60,9 @@ class AbstractMotion(AbstractProblem):
     # The reference in words of an error message.
     method: str
 
-    def __init__(
-        self, scene: Scene, models: Models, levels: Sequence[Level], names: int, speeds: int
-    ):
+    def __init__(self, models: Models, levels: Sequence[Level], names: int, speeds: int):
         """Levels of a scene with a sweep, by so many responses at so many speeds."""
-        self.scene, self.models, self.levels = scene, models, levels
+        self.scene, self.models, self.levels = (scene := models.scene), models, levels
         self.names = DYNAMIC_RESPONSES[:names]
         at = some_speeds(speeds_of(scene.sweep), speeds)
         loads = {"pair.torque_pinion_Nm": _HELD_OUT * float(scene.pair.torque_pinion_Nm)}
@@ -99,8 +97,9 @@ class AbstractMotion(AbstractProblem):
         key = program, tuple(sorted(loads.items()))
         if key not in self.pairs:
             scene, model = self.models({**changes, **loads})
-            grid = dynamic_grid_of(scene, model)
-            build = self.builders.setdefault(program, lambda x: dynamics_of(scene, x, grid))
+            grid = grid_of(scene, model, scene.sweep.steps)
+            keys = scene.model, scene.damping, scene.sweep
+            build = self.builders.setdefault(program, lambda x: dynamics_of(x, grid, *keys))
             # It runs once.
             found = timed(build, model, options=QUICKLY)
             require_solved(found.cycle.converged)

@@ -10,8 +10,8 @@ from jaxgear._dynamics._types import Speeds
 from jaxgear.scene._scene import Scene
 from jaxgear.study._fidelity._choice import MARGIN
 from jaxgear.study._fidelity._level import FLOOR, Answers, Changes, Level
-from jaxgear.study._fidelity._levels import body_levels, method_levels
-from jaxgear.study._fidelity._models import Models, changed
+from jaxgear.study._fidelity._levels import Hierarchy
+from jaxgear.study._fidelity._models import Models
 from jaxgear.study._fidelity._motion import AbstractMotion, OperatingPoints, answers_of, each
 from jaxgear.study._progress import narration
 from jaxgear.study._result import Summary
@@ -51,8 +51,8 @@ class MethodsProblem(AbstractMotion):
 
         The reference has so many steps in a mesh period.
         """
-        levels = method_levels(scene) if levels is None else levels
-        super().__init__(scene, Models(scene, moving=True), levels, 2, speeds)
+        levels = Hierarchy(scene).methods() if levels is None else levels
+        super().__init__(Models(scene, moving=True), levels, 2, speeds)
         self.steps = steps
         self.most = 2 * max(x.changes.get("mesh.slices", scene.mesh.slices) for x in levels)
         self.whole = any(level.axis in ("slices", "bodies") for level in levels)
@@ -125,8 +125,8 @@ class BodiesProblem(AbstractMotion):
         with narration("bodies of the reference"):
             models = Models(scene, moving=True, coordinates=most)
             models({})
-        levels = body_levels(scene, most) if levels is None else levels
-        super().__init__(scene, models, levels, 3, speeds)
+        levels = Hierarchy(scene).bodies(most) if levels is None else levels
+        super().__init__(models, levels, 3, speeds)
         self.richest = {
             "model.coordinates": most,
             "model.mesh_coordinates": max(_COORDINATES, scene.model.at_mesh),
@@ -146,7 +146,7 @@ class BodiesProblem(AbstractMotion):
     def size(self, level: Level) -> Summary:
         """Modes, and coordinates in which the mesh tells them apart."""
         bodies = self.pair(level.changes).bodies
-        told = changed(self.scene, level.changes).model.at_mesh if bodies else 0
+        told = self.scene.changed(level.changes).model.at_mesh if bodies else 0
         return {"modes": sum(len(place.waves) for place in bodies), "mesh_coordinates": told}
 
     def about(self) -> Summary:

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from jaxgear._system._mount import AbstractMount
 from jaxgear._system._shaft import Shaft
 from jaxgear.scene._build import model_of
 from jaxgear.scene._scene import Scene
@@ -18,27 +19,31 @@ def rigid_changes(scene: Scene) -> Mapping[str, Changes]:
     All are, with the foundation that the scene has for rigid bodies and without; and, if both gears
     are condensed, the pinion alone.
     """
-    numbers = {gear: _rigid_numbers(scene, gear) for gear in scene.condensed}
+    kinds = {gear: {f"{gear}.body.kind": "rigid"} for gear in scene.condensed}
+    model = model_of(scene, {key: kind for own in kinds.values() for key, kind in own.items()})
+    mounts: dict[str, AbstractMount] = {
+        "pinion": model.pinion_support,
+        "wheel": model.wheel_support,
+    }
+    numbers: dict[str, Changes] = {}
+    for gear, kind in kinds.items():
+        body = scene.bodies[gear].built.body
+        inertia = body.rigid_motions.T @ (body.mass @ body.rigid_motions)
+        numbers[gear] = {**kind, **_rigid_numbers(gear, inertia, mounts[gear])}
     whole = {key: value for own in numbers.values() for key, value in own.items()}
     bare = {f"{gear}.foundation": "none" for gear in numbers}
     found = {"rigid": whole, "rigid, no foundation": whole | bare}
     return found | ({"rigid pinion": numbers["pinion"]} if len(numbers) == len(GEARS) else {})
 
 
-def _rigid_numbers(scene: Scene, gear: str) -> Changes:
-    """The keys of a rigid body with the mass of a condensed one, of which its shaft is a part."""
-    body = scene.bodies[gear].built.body
-    rigid = body.rigid_motions
-    inertia = rigid.T @ (body.mass @ rigid)
+def _rigid_numbers(gear: str, inertia: np.ndarray, mount: AbstractMount) -> Changes:
+    """The keys of a rigid body with the inertia of a condensed one, its shaft's share left out."""
     own = np.array([inertia[0, 0], inertia[5, 5], 0.5 * (inertia[3, 3] + inertia[4, 4])])
-    kind = {f"{gear}.body.kind": "rigid"}
-    model = model_of(scene.replace(kind))
-    mount = (model.pinion_support, model.wheel_support)[GEARS.index(gear)]
     if isinstance(mount, Shaft):
         own -= _shaft_inertia(mount)
     keys = ("mass_kg", "inertia_kg_m2", "transverse_inertia_kg_m2")
     named = (f"{gear}.body.{key}" for key in keys)
-    return kind | dict(zip(named, own.tolist(), strict=True))
+    return dict(zip(named, own.tolist(), strict=True))
 
 
 def _shaft_inertia(shaft: Shaft) -> np.ndarray:

@@ -23,6 +23,7 @@ from jaxgear.scene._build import flanks_of, grid_of, law_of, model_of
 from jaxgear.scene._mesh_roots import asks_for_roots, influences_of
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS, STATIC_RESPONSES
+from jaxgear.scene._study_tables import OptimiseKeys
 from jaxgear.study._design import twin
 from jaxgear.study._fidelity._choice import MARGIN, worst
 from jaxgear.study._fidelity._engine import (
@@ -40,8 +41,8 @@ from jaxgear.study._fidelity._level import (
     errors_of,
     scales_of,
 )
-from jaxgear.study._fidelity._levels import static_levels
-from jaxgear.study._fidelity._models import Models, changed
+from jaxgear.study._fidelity._levels import Hierarchy
+from jaxgear.study._fidelity._models import Models
 from jaxgear.study._result import Summary
 from jaxgear.study._running import seconds, timed
 from jaxgear.study._statics import SolverFailure, headline, root_numbers
@@ -84,39 +85,37 @@ class _Loaded(eqx.Module):
 def points_of(scene: Scene, work: Work = "run") -> list[Point]:
     """Operating points: those by which a level is chosen, and others at which it is tried.
 
-    A map and a search visit other flanks: relieved ones stand for them.
+    A map and a search visit other flanks: relieved ones stand for them, depths larger by a share
+    of what a tooth pair deflects by, extents of 0.3.
     """
     found = [
         Point(f"{share:g} x the torque", share, {}, share in _CHOSEN)
         for share in (*_CHOSEN, *_HELD_OUT)
     ]
-    if keys := visited(scene, work):
-        for torque, depth, chosen in ((1.0, 1.0, True), (0.7, 0.5, False)):
-            words = f"{torque:g} x the torque, flanks cut back by {depth:g} deflections"
-            found.append(Point(words, torque, _cut_back(scene, keys, depth), chosen))
+    own = {key: scene.value(key) for key in visited(scene.optimise, work)}
+    own = {key: value for key, value in own.items() if isinstance(value, float)}
+    if not own:
+        return found
+    model = model_of(scene, {f"{gear}.body.kind": "rigid" for gear in scene.condensed})
+    force = float(model.torque) / float(model.pair.base_radius[0])
+    deflection = 1e-3 * force / float(model.pair.face_width) / _TOOTH_PAIR
+    reliefs = [key.removesuffix("depth_um") + "extent" for key in own if key.endswith("depth_um")]
+    for torque, depth, chosen in ((1.0, 1.0, True), (0.7, 0.5, False)):
+        words = f"{torque:g} x the torque, flanks cut back by {depth:g} deflections"
+        flank = {key: x + depth * deflection for key, x in own.items()}
+        found.append(Point(words, torque, flank | dict.fromkeys(reliefs, 0.3), chosen))
     return found
 
 
-def visited(scene: Scene, work: Work) -> list[str]:
-    """Keys of the flanks that a map or a search changes."""
+def visited(asked: OptimiseKeys, work: Work) -> list[str]:
+    """Keys of the flanks, depths among them, that a map or a search changes."""
     if work == "map":
         return [f"flank.{gear}.tip_relief.depth_um" for gear in GEARS]
-    if work != "optimise" or not scene.optimise.is_given:
+    if work != "optimise" or not asked.is_given:
         return []
-    keys = [key for key in scene.optimise.vary if key.startswith("flank.")]
-    keys = [key for key in keys if key.endswith("_um") and isinstance(scene.value(key), float)]
-    both = scene.optimise.symmetric
+    keys = [key for key in asked.vary if key.startswith("flank.") and key.endswith("_um")]
+    both = asked.symmetric
     return list(dict.fromkeys([*keys, *(twin(key) for key in keys if both)]))
-
-
-def _cut_back(scene: Scene, keys: Sequence[str], share: float) -> Mapping[str, float]:
-    """Depths that are larger by a share of what a tooth pair deflects by; extents of 0.3."""
-    model = model_of(changed(scene, {f"{gear}.body.kind": "rigid" for gear in scene.condensed}))
-    force = float(model.torque) / float(model.pair.base_radius[0])
-    depth = share * 1e-3 * force / float(model.pair.face_width) / _TOOTH_PAIR
-    found = {key: float(scene.value(key)) + depth for key in keys}
-    reliefs = [key.removesuffix("depth_um") + "extent" for key in keys if key.endswith("depth_um")]
-    return found | dict.fromkeys(reliefs, 0.3)
 
 
 def measured_of(roots: bool) -> tuple[str, ...]:
@@ -174,20 +173,39 @@ class StaticProblem(AbstractProblem):
         `quick`, programs are compiled for a short wait: times are about twice those of a run.
         """
         self.scene = scene
-        self.levels = static_levels(scene) if levels is None else levels
+        self.levels = Hierarchy(scene).static() if levels is None else levels
         self.points = points_of(scene, work) if points is None else points
-        self.names, self.measured = _names(scene), measured_of(asks_for_roots(scene))
+        roots = asks_for_roots(scene.mesh, scene.compare, scene.optimise)
+        self.measured = measured_of(roots)
+        # The mesh stiffness of condensed bodies is that of teeth alone: it compares with no other.
+        apart = "mesh_stiffness_mean" if scene.condensed else ""
+        self.names = tuple(x for x in self.measured if x not in (apart, *_EXTRAS))
         # Who asks for some responses only does not ask for others.
         self.extras = () if scene.compare.responses else _EXTRAS
         self.models = Models(scene, moving=False)
         self.options = QUICKLY if quick else USUALLY
-        self._solved_influences: dict[str, Influences | None] = {}
+        self._influences: dict[str, Influences | None] = {}
         slices, phases = 2 * scene.mesh.slices, 2 * scene.mesh.phases
         if not scene.condensed:
             slices, phases = max(slices, _FINEST[0]), max(phases, _FINEST[1])
         finer = {"mesh.slices": slices, "mesh.phases": phases}
         self.finest = {**(judge or finer), "mesh.contact": "exact"}
         self.chosen = np.asarray([point.chosen for point in self.points])
+
+    def require_responses(self) -> None:
+        """Refuse responses of a scene without a sweep none of which the quasi-static cycle has.
+
+        **Raises:**
+
+        - `InputError` naming them.
+        """
+        named = self.scene.compare.responses
+        if named and not set(named) & set(self.names):
+            raise InputError(
+                f"compare.responses names {', '.join(named)}: in motion only, or of teeth alone "
+                "where bodies are condensed. Add a table [sweep], or name some of "
+                f"{', '.join(self.names)}."
+            )
 
     @functools.cached_property
     def _reference(self) -> Reference:
@@ -203,13 +221,6 @@ class StaticProblem(AbstractProblem):
         """The same for all levels."""
         return self._reference
 
-    def _influences(self, scene: Scene, model: jg.PairModel) -> Influences | None:
-        """Solved once for all levels of sliced teeth, and once for those of elements."""
-        tooth = scene.mesh.tooth
-        if tooth not in self._solved_influences:
-            self._solved_influences[tooth] = influences_of(scene, model.pair)
-        return self._solved_influences[tooth]
-
     def run(self, level: Level) -> Run:
         """All points, also those where levels are tried only."""
         scene, model = self.models(level.changes)
@@ -222,8 +233,11 @@ class StaticProblem(AbstractProblem):
             for point in self.points
         ]
         points = jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(x) for x in leaves]), *each)
-        influences = self._influences(scene, model)
-        arguments = model, grid_of(scene, model), law_of(scene.mesh), points, influences
+        # Solved once for all levels of sliced teeth, and once for those of elements.
+        known, tooth = self._influences, scene.mesh.tooth
+        if tooth not in known:
+            known[tooth] = influences_of(scene, model.pair)
+        arguments = model, grid_of(scene, model), law_of(scene.mesh), points, known[tooth]
         return Run(_answers, arguments, 1.0 / len(self.points), options=self.options)
 
     def line(self, level: Level, answers: Answers, at: Any) -> Summary:
@@ -263,7 +277,7 @@ class StaticProblem(AbstractProblem):
         reference = self._reference
         keys = [RESPONSES[name].key for name in self.measured]
         values, scales = reference.values[: len(keys)], scales_of(self.measured, reference)
-        mesh = changed(self.scene, self.finest).mesh
+        mesh = self.scene.changed(self.finest).mesh
         whole = "teeth of finite elements" if mesh.tooth == "elements" else "as given"
         return {
             "name": f"{whole}, {mesh.slices} slices, {mesh.phases} phases, exact contact",
@@ -274,25 +288,3 @@ class StaticProblem(AbstractProblem):
             "relative_to_words": "the reference's own value; of fluctuations (RMS, peak to peak, "
             f"harmonic) at least {100 * FLOOR:g} % of mesh force over mean mesh stiffness",
         }
-
-
-def require_at_rest(scene: Scene) -> None:
-    """Refuse responses none of which the quasi-static cycle of a scene without a sweep has.
-
-    **Raises:**
-
-    - `InputError` naming them.
-    """
-    able, named = _names(scene), scene.compare.responses
-    if named and not set(named) & set(able):
-        raise InputError(
-            f"compare.responses names {', '.join(named)}: in motion only, or of teeth alone where "
-            f"bodies are condensed. Add a table [sweep], or name some of {', '.join(able)}."
-        )
-
-
-def _names(scene: Scene) -> tuple[str, ...]:
-    """The mesh stiffness of condensed bodies is that of teeth alone: it compares with no other."""
-    apart = "mesh_stiffness_mean" if scene.condensed else ""
-    found = measured_of(asks_for_roots(scene))
-    return tuple(name for name in found if name != apart and name not in _EXTRAS)

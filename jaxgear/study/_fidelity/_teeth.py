@@ -8,7 +8,6 @@ from jaxgear.scene._schema import STATIC_RESPONSES
 from jaxgear.study._fidelity._choice import worst
 from jaxgear.study._fidelity._engine import Comparison, compared
 from jaxgear.study._fidelity._level import RESPONSES, Level
-from jaxgear.study._fidelity._models import differing
 from jaxgear.study._fidelity._statics import StaticProblem, Work
 from jaxgear.study._result import Summary
 
@@ -40,7 +39,7 @@ def compared_teeth(scene: Scene, work: Work) -> Comparison:
         _COUPLED: sliced("coupled"),
         "elements": whole,
     }
-    levels = [Level(name, "teeth", changes=differing(scene, x)) for name, x in changes.items()]
+    levels = [Level(name, "teeth", changes=scene.differing(x)) for name, x in changes.items()]
     found = compared(StaticProblem(scene, work=work, levels=levels, judge=whole), "compare teeth")
     rows = {line["name"]: line for line in found.summary["rungs"]}
     said = words_of_teeth(rows, float(scene.compare.tolerance))
