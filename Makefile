@@ -62,6 +62,7 @@ suite: $(VENV)/.installed-dev
 
 # As users compile: with the fast tests' older emitters some large programs find no contact.
 test-slow: $(VENV)/.installed-dev $(VENV)/.installed-docs
+	$(PIP_INSTALL) -e '.[browser]'
 	XLA_FLAGS= $(BIN)/pytest -m slow
 
 # Slow: every fault is a run of its own. One by one: `python tests/planted_faults.py --help`.

@@ -1,4 +1,4 @@
-"""A headless Chromium, for tests of pages; they are skipped where Selenium is not installed."""
+"""A headless Chromium, for tests of pages; they are skipped where it or Selenium is missing."""
 
 import contextlib
 from collections.abc import Iterator
@@ -11,11 +11,16 @@ import pytest
 def headless_chromium() -> Iterator[Any]:
     """Give a browser that keeps what its console and its network say."""
     webdriver = pytest.importorskip("selenium.webdriver")
+    from selenium.common import WebDriverException
+
     options = webdriver.ChromeOptions()
     for each in ("--headless=new", "--no-sandbox", "--disable-gpu", "--window-size=1400,1200"):
         options.add_argument(each)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    made = webdriver.Chrome(options=options)
+    try:
+        made = webdriver.Chrome(options=options)
+    except WebDriverException as error:
+        pytest.skip(f"no Chromium: {error.msg}")
     made.set_script_timeout(600)
     try:
         yield made

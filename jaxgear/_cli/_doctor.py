@@ -30,10 +30,11 @@ class Finding(NamedTuple):
 
 
 def findings() -> Iterator[Finding]:
-    """Look at versions, precision, devices, caches and solvers, and solve one mesh."""
+    """Look at versions, precision, devices, threads, caches and solvers, and solve one mesh."""
     yield _libraries()
     yield _precision()
     yield _devices()
+    yield _threads()
     yield from _caches()
     yield _solver()
     yield _mesh()
@@ -73,6 +74,18 @@ def _devices() -> Finding:
 
     text = f"{jax.default_backend()}: {', '.join(map(str, jax.devices()))}"
     return Finding("devices", True, f"{text}; {os.cpu_count()} cores")
+
+
+def _threads() -> Finding:
+    """Threads of libraries for linear algebra: many get in each other's way on small matrices."""
+    import scipy.linalg  # noqa: F401
+    from threadpoolctl import threadpool_info
+
+    counts = {each["internal_api"]: each["num_threads"] for each in threadpool_info()}
+    text = ", ".join(f"{name}: {count}" for name, count in sorted(counts.items())) or "of none"
+    if max(counts.values(), default=1) > 1:
+        text += "; one each is faster: unset OMP_NUM_THREADS, OPENBLAS_NUM_THREADS, MKL_NUM_THREADS"
+    return Finding("threads", True, text)
 
 
 def _caches() -> Iterator[Finding]:

@@ -1,13 +1,33 @@
 """Reports in a real browser: all pictures are seen, and nothing is asked of anybody."""
 
 import json
+from pathlib import Path
 
 import pytest
 from browser import headless_chromium
 
 from jaxgear._cli._main import main
+from jaxgear._cli._parser import ready_names
+from jaxgear.report._figures import MOST_BYTES
 
-_SMALL = ("mesh.slices=5", "mesh.phases=16", "map.depth_um.points=5", "map.extent.points=3")
+_SMALL = (
+    *("mesh.slices=3", "mesh.phases=12", "mesh.face_coupling=none"),
+    *("map.depth_um.points=5", "map.extent.points=3"),
+)
+_SPEEDS = "sweep.pinion_speed_rad_s=[300.0, 600.0]"
+# What a command is asked beside these. Bodies are condensed coarsely: pages are looked at, no numbers.
+_COMMANDS = {
+    "condense": (),
+    "run": (_SPEEDS,),
+    "map": (),
+    "modes": (),
+    "sweep": (_SPEEDS,),
+    "sensitivity": (),
+    "optimise": (),
+    "compare": (),
+    "check-grad": (),
+}
+_HYBRID = ("condense", "run", "map", "modes", "sweep", "optimise")
 # The alternative texts of pictures that were not drawn, when all have been looked at.
 _BROKEN = """
 const done = arguments[0];
@@ -17,16 +37,33 @@ Promise.all([...document.images].map(each)).then((found) => done(found.filter((x
 
 
 @pytest.mark.slow
-def test_reports_open_without_an_error_or_a_request(tmp_path, monkeypatch):
+@pytest.mark.parametrize("name", ready_names())
+def test_reports_open_without_an_error_or_a_request(tmp_path, monkeypatch, name):
+    """Of every command that the scene has, and one of all of them."""
     monkeypatch.chdir(tmp_path)
-    sets = [f"--set={each}" for each in _SMALL]
-    assert main(["init", "accessory"]) == 0
-    for command in ("run", "map", "modes"):
-        assert main([command, "accessory.toml", "--quiet", *sets]) == 0, command
-    pages = sorted(tmp_path.rglob("report.html"))
-    assert len(pages) == 3
+    assert main(["init", name]) == 0
+    scene = Path(f"{name}.toml").read_text("utf-8")
+    bodies = [gear for gear in ("pinion", "wheel") if f"[{gear}.body]" in scene]
+    coarse = [f"{gear}.body.fineness.elements_per_tooth=1" for gear in bodies]
+    commands = _HYBRID if bodies else [each for each in _COMMANDS if each != "condense"]
+    for command in commands:
+        sets = [f"--set={each}" for each in (*_SMALL, *coarse, *_COMMANDS[command])]
+        assert main([command, f"{name}.toml", "--quiet", *sets]) == 0, command
+    _look_at(tmp_path, len(commands))
+    assert main(["report", f"results/{name}"]) == 0
+    _look_at(tmp_path, len(commands))
+
+
+def _look_at(folder, count):
+    html5lib = pytest.importorskip("html5lib")
+    pages = sorted(folder.rglob("report.html"))
+    assert len(pages) == count
     with headless_chromium() as browser:
         for page in pages:
+            assert page.stat().st_size < MOST_BYTES
+            parser = html5lib.HTMLParser()
+            parser.parse(page.read_bytes())
+            assert parser.errors == [], page
             browser.get(page.as_uri())
             assert browser.execute_async_script(_BROKEN) == [], page
             said = [

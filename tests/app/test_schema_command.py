@@ -103,6 +103,17 @@ def test_doctor_finds_this_installation_in_order(capsys):
     assert capsys.readouterr().out.endswith("all is in order\n")
 
 
+@pytest.mark.parametrize(("count", "advised"), [(1, False), (8, True)])
+def test_doctor_tells_threads(monkeypatch, count, advised):
+    """Many are advised against: no fault of the installation."""
+    pools = [{"internal_api": "openblas", "num_threads": count}]
+    monkeypatch.setattr("threadpoolctl.threadpool_info", lambda: pools)
+    found = next(each for each in _doctor.findings() if each.name == "threads")
+    assert found.good
+    assert found.text.startswith(f"openblas: {count}")
+    assert ("one each is faster" in found.text) == advised
+
+
 def test_doctor_tells_what_is_wrong(tmp_path, monkeypatch, capsys):
     """A library that lacks, a cache that cannot be written to, a solution that is off."""
     monkeypatch.setattr(_doctor, "_LIBRARIES", ["no-such-library"])
