@@ -15,7 +15,7 @@ _SMALL = (
     *("map.depth_um.points=5", "map.extent.points=3"),
 )
 _SPEEDS = "sweep.pinion_speed_rad_s=[300.0, 600.0]"
-# What a command is asked beside these. Bodies are condensed coarsely: pages are looked at, no numbers.
+# What a command is asked beside these. Bodies are coarse: pages are looked at, no numbers.
 _COMMANDS = {
     "condense": (),
     "run": (_SPEEDS,),
