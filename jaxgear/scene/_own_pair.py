@@ -124,7 +124,8 @@ def tip_shortening(wanted: Wanted) -> float:
     normal = math.tan(math.radians(wanted.pressure_angle))
     working = angle_of_involute(involute(angle) + 2.0 * shifts * normal / teeth)
     centres = 0.5 * teeth / math.cos(beta) * (math.cos(angle) / math.cos(working) - 1.0)
-    return max(math.ceil(1e3 * (shifts - centres)) / 1e3, 0.0)
+    # Shifts that balance leave rounding, which is no thousandth.
+    return max(math.ceil(1e3 * (shifts - centres) - 1e-6) / 1e3, 0.0)
 
 
 def face_width(wanted: Wanted) -> float:

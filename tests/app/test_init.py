@@ -66,6 +66,11 @@ def test_fillets_leave_the_flank_and_the_land():
     assert [fillet_radius(angle) for angle in (14.5, 20.0, 25.0)] == [0.333, 0.38, 0.317]
 
 
+def test_shifts_that_balance_shorten_no_tips():
+    """Rounding of the centre distance, here 1e-14 above that without shifts, is none."""
+    assert tip_shortening(_wanted((29, 83), helix=23.0)) == 0.0
+
+
 def test_tip_shortening_of_the_textbook():
     """Two gears of 10 teeth, each shifted by 0.416: inv a_w = inv 20 + 0.0832 tan 20."""
     shift = 2.0 * profile_shifts((10, 10), 20.0, 0.0)[0]
