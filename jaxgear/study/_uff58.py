@@ -142,7 +142,9 @@ def _lines(function: Function58, number: int) -> Iterator[str]:
 
 
 def is_universal_file(path: Path) -> bool:
-    """Whether a file begins as a universal file does."""
+    """Whether a file begins as a universal file does, or has the name of one."""
+    if path.suffix.lower() in (".uff", ".unv"):
+        return True
     try:
         with path.open("rb") as file:
             return file.readline(82).strip() == b"-1"
