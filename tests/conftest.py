@@ -24,6 +24,9 @@ os.environ.setdefault(
     + " --xla_cpu_use_fusion_emitters=false"
     * version("jaxlib").startswith("0.10."),
 )
+# Where an operation stands in the sources: JAX notes it in each program, and XLA, where it puts
+# the body in place of a call, joins such notes. That was half the time of this, its longest pass.
+os.environ.setdefault("JAX_TRACEBACK_IN_LOCATIONS_LIMIT", "0")
 # What one run has compiled the next one reads, as do commands that tests start, of which none then
 # turns on a cache of its own.
 os.environ.setdefault(
@@ -38,7 +41,12 @@ import pytest
 from budget import pytest_addoption, pytest_runtest_call
 from jaxtyping import install_import_hook
 
-__all__ = ["pytest_addoption", "pytest_configure", "pytest_runtest_call"]
+__all__ = [
+    "pytest_addoption",
+    "pytest_collection_finish",
+    "pytest_configure",
+    "pytest_runtest_call",
+]
 
 # What Python compiles is kept too, the checks below in it, whatever the environment says: else each
 # process does it anew, those that tests start among them.
@@ -77,6 +85,11 @@ _DISK, _MEMORY = 1e9, 3e9
 def _fonts_are_known():
     """Where fonts were never looked for, matplotlib does so once: that is no test's time."""
     import matplotlib.font_manager  # noqa: F401
+
+
+def pytest_collection_finish() -> None:
+    """What was imported stays: no look for garbage walks through it again."""
+    gc.freeze()
 
 
 def pytest_configure(config: pytest.Config) -> None:
