@@ -19,7 +19,7 @@ import jaxgear as jg
 from jaxgear._cli import _designs as command
 from jaxgear._cli._folder import Folder
 from jaxgear.designs._evaluate import Evaluator, moved_keys
-from jaxgear.designs._together import program_of
+from jaxgear.designs._together import programs_of
 from jaxgear.designs._work import begin, compute, job_of
 from jaxgear.study._built import BuiltScene
 
@@ -47,7 +47,7 @@ def _arithmetic(study: jg.designs.Study, rows: np.ndarray, batched: bool) -> flo
     """Processor seconds of the kernel alone, a chunk after the other, after compiling."""
     keys = moved_keys(study, tuple(_keys(study)))
     built = BuiltScene(study.scene)
-    call = program_of(study, built, keys, built.grid, batched=batched)
+    call = programs_of(study, built, keys, built.grid, batched=batched)[0]
     size, counts = study.chunk, np.ones(study.chunk, dtype=bool)
     parts = [rows[at : at + size] for at in range(0, len(rows), size)]
     jax.block_until_ready(call(parts[0], counts))

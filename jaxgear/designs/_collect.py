@@ -94,7 +94,8 @@ def collected(job: Job) -> Collected:
     minimise = asked.keep.minimise or asked.keep.numbers[:1]
     designs = titled(together(there), f"{job.study.name}, {status.done_designs} designs")
     good = np.flatnonzero(designs["reason"].values == "")
-    order = good[np.argsort(designs[minimise[0]].values[good], kind="stable")]
+    known = good[np.isfinite(designs[minimise[0]].values[good])]
+    order = known[np.argsort(designs[minimise[0]].values[known], kind="stable")]
     scattered = bool(asked.design.scatter or asked.design.even)
     # Of gears that scatter none can be chosen.
     count = 0 if scattered and not asked.design.between else asked.keep.best
@@ -120,7 +121,7 @@ def collected(job: Job) -> Collected:
             "seed": asked.design.seed,
             "best": [_row(designs, design, asked.keep.numbers, job.table) for design in best],
         },
-        "notes": list(_notes(status, reasons)),
+        "notes": _notes(status, reasons) + _lacking(designs.isel(design=good), asked.keep.numbers),
     }
     datasets = {"designs": designs}
     solved, title = designs.isel(design=good), designs.attrs["title"]
@@ -152,7 +153,19 @@ def _quantiles(found: xr.Dataset) -> Summary:
 
 def _row(designs: xr.Dataset, design: int, names: list[str], table: DesignTable) -> Summary:
     own = designs.sel(design=design)
-    return {"design": design, **table.at(design), **{name: float(own[name]) for name in names}}
+    numbers = {name: float(own[name]) for name in names}
+    known = {name: x if np.isfinite(x) else None for name, x in numbers.items()}
+    return {"design": design, **table.at(design), **known}
+
+
+def _lacking(solved: xr.Dataset, names: list[str]) -> list[str]:
+    """Numbers that designs with results lack."""
+    every, found = solved.sizes["design"], []
+    for name in names:
+        if lacking := int(np.isnan(solved[name].values).sum()):
+            which = "All" if lacking == every else f"{lacking} of {every}"
+            found.append(f"{which} designs have no {name}, or none that is finite: empty places.")
+    return found
 
 
 def _notes(status: Status, reasons: Counter[str]) -> list[str]:

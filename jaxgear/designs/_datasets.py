@@ -1,6 +1,6 @@
 """Results of designs as datasets: of a chunk, and of all chunks together."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -93,8 +93,11 @@ def together(files: Iterable[Path]) -> xr.Dataset:
     for file in files:
         with xr.open_dataset(file, engine="netcdf4") as part:
             parts.append(part.load())
+    sizes: dict[str, int] = {}
+    for part in parts:
+        sizes |= {str(dim): max(size, sizes.get(str(dim), 0)) for dim, size in part.sizes.items()}
     whole = xr.concat(
-        parts, "design", data_vars="all", coords="minimal", compat="override", join="outer",
+        [_filled(part, sizes) for part in parts], "design", data_vars="all", coords="minimal", compat="override", join="outer",
         combine_attrs="override",
     )  # fmt: skip
     whole = whole.sortby("design")
@@ -105,10 +108,25 @@ def together(files: Iterable[Path]) -> xr.Dataset:
         if places.dtype.kind in "OUS":
             there &= places.values != ""
         known = places.values[there.all(axis=1)]
-        if len(known) and (known == known[0]).all():
+        if len(known) and ((places.values == known[0]) | ~there).all():
             own = xr.Variable(places.dims[1:], known[0], places.attrs)
             whole = whole.drop_vars(name).assign_coords({name.removesuffix(_PLACES): own})
     return whole
+
+
+def _filled(part: xr.Dataset, sizes: Mapping[str, int]) -> xr.Dataset:
+    """The results of a chunk, arrays that are longer in others filled up to their size."""
+    found = {}
+    for name, each in part.data_vars.items():
+        more = {
+            dim: (0, sizes[str(dim)] - size)
+            for dim, size in each.sizes.items()
+            if dim != "design" and size < sizes[str(dim)]
+        }
+        if more:
+            nothing = "" if each.dtype.kind in "OUS" else np.nan
+            found[name] = each.variable.pad(more, constant_values=nothing)
+    return part.drop_vars(found).assign(found)
 
 
 def columns_of(designs: xr.Dataset) -> dict[str, np.ndarray]:

@@ -60,10 +60,9 @@ def _round(job: Job, shards: list[Shard], done: Callable[[int], None]) -> str:
     lost = ""
     path, folder = str(job.study.path.resolve()), str(job.folder.resolve())
     with _executor(job.study, folder) as executor:
-        before = len(job.missing)
+        before = [own_chunks(job, shard) for shard in shards]
         futures = [executor.submit(remote_shard, path, folder, *shard) for shard in shards]
-        size = len(job.table.rows) / len(job.chunks)
-        for future in futures:
+        for shard, chunks, future in zip(shards, before, futures, strict=True):
             try:
                 future.result()
             except Exception as error:
@@ -73,9 +72,8 @@ def _round(job: Job, shards: list[Shard], done: Callable[[int], None]) -> str:
                             each.cancel()
                     raise
                 lost = " ".join(str(error).split())[:200] or type(error).__name__
-            now = len(job.missing)
-            done(round(size * (before - now)))
-            before = now
+            left = own_chunks(job, shard)
+            done(sum(len(chunk.designs) for chunk in chunks if chunk not in left))
     return lost
 
 

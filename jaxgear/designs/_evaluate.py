@@ -11,7 +11,7 @@ import xarray as xr
 from jaxgear import study as studies
 from jaxgear._checks import require
 from jaxgear.designs._asked import Study
-from jaxgear.designs._numbers import ARRAYS, PLACES, arrays_in, number_in
+from jaxgear.designs._numbers import ARRAYS, PLACES, arrays_in, number_in, require_known
 from jaxgear.designs._slopes import SeenResponses, Slopes, seen_of
 from jaxgear.designs._table import DesignTable, unfit
 from jaxgear.designs._together import (
@@ -20,13 +20,14 @@ from jaxgear.designs._together import (
     called,
     goes_together,
     is_light,
-    program_of,
+    programs_of,
     shape_at,
     shape_of,
 )
 from jaxgear.scene._key import show
 from jaxgear.scene._mistakes import SceneError
 from jaxgear.scene._scene import Scene, read_scene
+from jaxgear.scene._schema import key_at
 from jaxgear.study._built import BuiltScene, built_scene
 from jaxgear.study._results import unit_of_name
 from jaxgear.study._statics import SolverFailure, require_bearable, require_solved
@@ -84,8 +85,12 @@ class Evaluator:
         """Keep what is computed, and of which designs."""
         self._study, self._table = study, table
         self._real = moved_keys(study, table.keys)
-        self._programs: dict[tuple[Any, Shape], Callable] = {}
+        self._programs: dict[tuple[Any, Shape], list[Callable]] = {}
         self._slopes = Slopes(study.asked.keep.numbers, self._real)
+        self._is_first = True
+        # With a switch, a word or a number of teeth results may have other numbers.
+        rules = map(key_at, table.keys)
+        self._brings_numbers = any(x is None or not x.kind.startswith("float") for x in rules)
         # Designs come in the order of their bodies, which are large.
         self._scene = functools.lru_cache(maxsize=1)(self._built)
 
@@ -130,12 +135,11 @@ class Evaluator:
             if (others, shape) not in self._programs:
                 at = {} if self._light else rows.values[places[0]]
                 template = BuiltScene(scene.replace({key: at[key] for key in real if key in at}))
-                program = program_of(self._study, template, real, shape.grid)
-                self._programs[others, shape] = program
+                programs = programs_of(self._study, template, real, shape.grid)
+                self._programs[others, shape] = programs
             values = [[float(rows.values[place][key]) for key in real] for place in places]
-            found = called(
-                self._programs[others, shape], np.asarray(values, dtype=float), self._study.chunk
-            )
+            size, matrix = self._study.chunk, np.asarray(values, dtype=float)
+            found = called(self._programs[others, shape], matrix, size)
             for index, place in enumerate(places):
                 self._take(found, index, rows, place)
 
@@ -178,18 +182,15 @@ class Evaluator:
             except _OF_ONE as error:
                 rows.reasons[place] = reason_of(error)
                 continue
-            # A name that no design has is a mistake of the study.
-            where = self._study.where
-            numbers = [number_in(result.summary, name, where) for name in keep.numbers]
+            if self._is_first and not self._brings_numbers:
+                require_known(result.summary, result.datasets, keep, self._study.where)
+            self._is_first = False
+            # What this design has none of is an empty place.
+            numbers = [number_in(result.summary, name) for name in keep.numbers]
+            rows.numbers[place] = numbers
             arrays: dict[str, xr.Variable] = {}
             for name in keep.arrays:
-                arrays |= arrays_in(result.datasets, name, where)
-            try:
-                _require_finite(keep.numbers, numbers, None)
-            except _OF_ONE as error:
-                rows.reasons[place] = reason_of(error)
-                continue
-            rows.numbers[place] = numbers
+                arrays |= arrays_in(result.datasets, name)
             if sloped:
                 built = BuiltScene(result.scene)
                 rows.slopes[place] = self._slopes_of(built, rows.values[place], seen, numbers)

@@ -19,6 +19,7 @@ from jaxgear._solve._cycle import MeshCycle
 from jaxgear._system._model import PairModel
 from jaxgear._types import Scalar
 from jaxgear._units import MPa, mm, um
+from jaxgear.designs._keys import KeepKeys
 from jaxgear.scene._mistakes import Mistake, SceneError
 from jaxgear.scene._schema import nearest
 from jaxgear.study._statics import ROOT_NUMBERS, iso_numbers, root_numbers, static_numbers
@@ -95,46 +96,74 @@ def array_of(name: str, model: PairModel, cycle: MeshCycle, law: AbstractContact
 _STEPS = re.compile(r"\[(\d+)\]|([^.\[\]]+)")
 
 
-def number_in(summary: Mapping[str, Any], name: str, where: Callable[[str], str]) -> float:
-    """A number of a summary by its path, such as `modes.frequency_Hz[0]`; NaN of what is not known.
-
-    **Raises:**
-
-    - `SceneError` if there is none: its place is where `keep.numbers` stands.
-    """
-    found: Any = summary
-    try:
-        for index, key in _STEPS.findall(name):
-            found = found[int(index)] if index else found[key]
-        return float("nan") if found is None else float(found)
-    except (LookupError, TypeError, ValueError):
-        raise _unknown("keep.numbers", name, list(_paths(summary)), where) from None
+def number_in(summary: Mapping[str, Any], name: str) -> float:
+    """A number of a summary by its path, such as `modes.frequency_Hz[0]`; NaN of no finite one."""
+    found = _at(summary, name)
+    return float(found) if _is_number(found) and np.isfinite(found) else float("nan")
 
 
-def arrays_in(
-    datasets: Mapping[str, xr.Dataset], name: str, where: Callable[[str], str]
-) -> dict[str, xr.Variable]:
+def arrays_in(datasets: Mapping[str, xr.Dataset], name: str) -> dict[str, xr.Variable]:
     """An array of a result by its name in `result.nc`, such as `sweep.dynamic_ratio`.
 
-    With it come the coordinates of its dimensions.
+    With it come the coordinates of its dimensions; of what is not there, nothing.
+    """
+    group, _, variable = name.rpartition(".")
+    if group not in datasets or variable not in datasets[group]:
+        return {}
+    found = datasets[group][variable]
+    places = {str(dim): found[dim].variable for dim in found.dims if dim in found.coords}
+    return {name: found.variable} | places
+
+
+def require_known(
+    summary: Mapping[str, Any],
+    datasets: Mapping[str, xr.Dataset],
+    keep: KeepKeys,
+    where: Callable[[str], str],
+) -> None:
+    """Refuse names that the results of a design do not have.
+
+    An entry beyond the end of a list is no mistake: other designs may have more of them.
 
     **Raises:**
 
-    - `SceneError` if there is none: its place is where `keep.arrays` stands.
+    - `SceneError` with the names: their place is where `keep.numbers` or `keep.arrays` stands.
     """
-    group, _, variable = name.rpartition(".")
-    if group in datasets and variable in datasets[group]:
-        found = datasets[group][variable]
-        places = {str(dim): found[dim].variable for dim in found.dims if dim in found.coords}
-        return {name: found.variable} | places
-    known = [f"{g}.{each}".lstrip(".") for g, x in datasets.items() for each in x.data_vars]
-    raise _unknown("keep.arrays", name, known, where)
+    arrays = [f"{g}.{each}".lstrip(".") for g, x in datasets.items() for each in x.data_vars]
+    numbers, isnt = list(_paths(summary)), lambda x: x is not None and not _is_number(x)
+    unknown = [("keep.numbers", each, numbers) for each in keep.numbers if isnt(_at(summary, each))]
+    unknown += [("keep.arrays", each, arrays) for each in keep.arrays if each not in arrays]
+    mistakes = []
+    for key, name, known in unknown:
+        near = nearest(name, known)
+        words = f"did you mean {near}? " if near else ""
+        words = f"results have no {name}; {words}If only some designs have it, let one come first"
+        mistakes.append(Mistake(where(key), key, words))
+    if mistakes:
+        raise SceneError(mistakes)
 
 
-def _unknown(key: str, name: str, known: list[str], where: Callable[[str], str]) -> SceneError:
-    near = nearest(name, known)
-    words = f"results have no {name}" + (f"; did you mean {near}?" if near else "")
-    return SceneError([Mistake(where(key), key, words)])
+# What stands in a summary where a path leads nowhere.
+_NOWHERE = object()
+
+
+def _at(summary: Mapping[str, Any], name: str) -> Any:
+    """What stands at a path; None if that is an entry beyond the end of a list."""
+    found: Any = summary
+    for index, key in _STEPS.findall(name):
+        if index and isinstance(found, list | tuple | np.ndarray):
+            if int(index) >= len(found):
+                return None
+            found = found[int(index)]
+        elif key and isinstance(found, Mapping) and key in found:
+            found = found[key]
+        else:
+            return _NOWHERE
+    return found
+
+
+def _is_number(found: Any) -> bool:
+    return isinstance(found, int | float | np.number) or getattr(found, "shape", None) == ()
 
 
 def _paths(summary: Mapping[str, Any], prefix: str = "") -> list[str]:

@@ -1,7 +1,7 @@
 """What many designs say together: shares of what varies in what is found, and quantiles."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import xarray as xr
@@ -24,30 +24,31 @@ def quantiles_dataset(designs: xr.Dataset, names: Sequence[str]) -> xr.Dataset:
 
     **Arguments:**
 
-    - `designs`: those with results.
+    - `designs`: those with results; what one of them lacks is left out.
     - `names`: of the numbers.
 
     **Returns:**
 
     `value`, `low`, `high` over `number` and `share`, in the units of the numbers.
     """
-    ordered = np.stack([np.sort(designs[name].values) for name in names])
-    places = np.asarray([_bounds(ordered.shape[1], share) for share in SHARES])
-    padded = np.pad(ordered, ((0, 0), (1, 1)), constant_values=np.nan)
-    low, high = (padded[:, places[:, end]] for end in (0, 1))
-    words = "value that a share of the designs stays below"
+    every = [np.sort(x[np.isfinite(x)]) for x in (designs[name].values for name in names)]
+    value, low, high = (np.full((len(names), len(SHARES)), np.nan) for _ in range(3))
+    for row, ordered in enumerate(every):
+        if len(ordered):
+            places = np.asarray([_bounds(len(ordered), share) for share in SHARES])
+            value[row] = np.quantile(ordered, SHARES)
+            low[row], high[row] = np.pad(ordered, 1, constant_values=np.nan)[places.T]
+    mean, deviation = (
+        np.asarray([of(x) if len(x) else np.nan for x in every]) for of in (np.mean, np.std)
+    )
     return dataset_of(
         told(
             "number share",
-            value=(np.quantile(ordered, SHARES, axis=1).T, words),
+            value=(value, "value that a share of the designs stays below"),
             low=(low, "lower bound of it"),
             high=(high, "upper bound of it"),
         )
-        | told(
-            "number",
-            mean=(ordered.mean(axis=1), "mean"),
-            deviation=(ordered.std(axis=1), "standard deviation"),
-        ),
+        | told("number", mean=(mean, "mean"), deviation=(deviation, "standard deviation")),
         **told("number", number=(list(names), "number, in the unit of its name")),
         **told("share", share=(list(SHARES), "share of the designs")),
     )
@@ -74,34 +75,32 @@ def effects_dataset(
 
     **Arguments:**
 
-    - `designs`: those with results.
+    - `designs`: those with results; a number is fitted to those that have it.
     - `keys`: that vary, numbers.
     - `names`: of the numbers.
 
     **Returns:**
 
-    `share` over `number`, `first` and `second` key, on the diagonal of a key alone; `None` if there
-    are too few designs, or nothing varies.
+    `share` over `number`, `first` and `second` key, on the diagonal of a key alone, NaN of a number
+    that too few designs have; `None` if all are such, or nothing varies.
     """
-    columns = {key: _unit(designs[key].values.astype(float)) for key in keys}
-    columns = {key: x for key, x in columns.items() if x.any()}
-    chosen = list(columns)
-    terms = [(key, key, x) for key, x in columns.items()]
-    terms += [(key, key, _unit(_less(x**2, x))) for key, x in columns.items()]
-    products = [(a, b, columns[a] * columns[b]) for a, b in itertools.combinations(chosen, 2)]
-    terms += [(a, b, _unit(_less(x, columns[a], columns[b]))) for a, b, x in products]
-    terms = [each for each in terms if each[2].any()]
-    count = designs.sizes["design"]
-    if not terms or count < _ROWS * (len(terms) + 1):
-        return None
-    share, rest = np.zeros((len(names), len(chosen), len(chosen))), np.zeros(len(names))
-    matrix = np.stack([x for *_, x in terms], axis=1)
+    chosen = [key for key in keys if _unit(designs[key].values.astype(float)).any()]
+    share, rest = np.full((len(names), *2 * [len(chosen)]), np.nan), np.full(len(names), np.nan)
     for number, name in enumerate(names):
-        values = _unit(designs[name].values)
+        own = np.flatnonzero(np.isfinite(designs[name].values))
+        if len(own) < 2 * _ROWS:
+            continue
+        terms = _terms({key: designs[key].values[own].astype(float) for key in chosen})
+        if not terms or len(own) < _ROWS * (len(terms) + 1):
+            continue
+        share[number], matrix = 0.0, np.stack([x for *_, x in terms], axis=1)
+        values = _unit(designs[name].values[own])
         found = np.linalg.lstsq(matrix, values, rcond=None)[0]
         rest[number] = np.var(values - matrix @ found)
         for (first, second, _), size in zip(terms, found.tolist(), strict=True):
             share[number, chosen.index(first), chosen.index(second)] += size**2
+    if np.isnan(rest).all():
+        return None
     return dataset_of(
         told("number first second", share=(share, "share of the variance"))
         | told("number", rest=(rest, "share that no polynomial of second order has")),
@@ -109,6 +108,16 @@ def effects_dataset(
         **told("first", first=(chosen, "key")),
         **told("second", second=(chosen, "key together with it")),
     )
+
+
+def _terms(values: Mapping[str, np.ndarray]) -> list[tuple[str, str, np.ndarray]]:
+    """What a polynomial of second order is made of: both keys of a term, and its values."""
+    columns = {key: _unit(x) for key, x in values.items()}
+    terms = [(key, key, x) for key, x in columns.items()]
+    terms += [(key, key, _unit(_less(x**2, x))) for key, x in columns.items()]
+    products = [(a, b, columns[a] * columns[b]) for a, b in itertools.combinations(columns, 2)]
+    terms += [(a, b, _unit(_less(x, columns[a], columns[b]))) for a, b, x in products]
+    return [each for each in terms if each[2].any()]
 
 
 def _unit(values: np.ndarray) -> np.ndarray:

@@ -1,7 +1,9 @@
 """Designs of one shape in one compiled call: their mesh cycles, and derivatives by what varies.
 
 One design after the other inside the call: side by side all would wait for the contact that takes
-most steps, which is three times slower, and memory would grow with their number.
+most steps, which is three times slower, and memory would grow with their number. Of several
+devices of a process each has its share of the designs, and the program of one device: partitioned
+by the compiler into one program for all, sums would be in another order, and the last digits others.
 """
 
 import dataclasses
@@ -115,15 +117,15 @@ def shape_at(design: BuiltScene, base: MeshGrid) -> Shape:
     return shape_of(design.model, design.grid, base)
 
 
-def program_of(
+def programs_of(
     study: Study,
     template: BuiltScene,
     keys: tuple[str, ...],
     grid: MeshGrid,
     *,
     batched: bool = False,
-) -> Callable:
-    """A function of many rows of values of the keys, and of which rows count.
+) -> list[Callable]:
+    """Functions of many rows of values of the keys, and of which rows count: one for each device.
 
     **Arguments:**
 
@@ -163,18 +165,38 @@ def program_of(
         if batched:
             return jax.vmap(one)(rows)
         nothing = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(one, rows[0]))
-        # A call is filled up to its size with rows that cost nothing.
         solved = lambda row: jax.lax.cond(row[1], one, lambda values: nothing, row[0])
         return jax.lax.map(solved, (rows, counts))
 
-    kinds = (Kind((study.chunk, len(keys)), np.dtype(float)), Kind((study.chunk,), np.dtype(bool)))
+    devices = jax.local_devices()
+    size = -(-study.chunk // len(devices))
+    kinds = (Kind((size, len(keys)), np.dtype(float)), Kind((size,), np.dtype(bool)))
     structure = jax.tree.structure((0, 0))
-    return compiled_program(program, structure, kinds, USUALLY)
+    programs = []
+    for device in devices:
+        with jax.default_device(device):
+            programs.append(compiled_program(program, structure, kinds, USUALLY))
+    return programs
 
 
-def called(program: Callable, rows: np.ndarray, size: int) -> Found:
-    """Call a program with rows of values, filled up to its size."""
-    lacking = size - len(rows)
-    filled = np.pad(rows, ((0, lacking), (0, 0)), mode="edge")
-    found = program(filled, np.arange(size) < len(rows))
-    return jax.tree.map(lambda x: np.asarray(x)[: len(rows)], found)
+def called(programs: Sequence[Callable], rows: np.ndarray, size: int) -> Found:
+    """Call the programs of all devices at once with rows of values, dealt out in turn.
+
+    **Arguments:**
+
+    - `programs`: from `programs_of`.
+    - `rows`: of values, as many as a chunk has or fewer.
+    - `size`: designs of a chunk.
+    """
+    count, most = len(programs), -(-size // len(programs))
+    # A call is filled up, and one without any row is made too: rows that do not count cost nothing.
+    filled = np.pad(rows, ((0, count * most - len(rows)), (0, 0)), mode="edge")
+    counts = np.arange(len(filled)) < len(rows)
+    # None is waited for before all have begun.
+    found = [each(filled[at::count], counts[at::count]) for at, each in enumerate(programs)]
+
+    def woven(*parts: Any) -> np.ndarray:
+        whole = np.stack([np.asarray(part) for part in parts], axis=1)
+        return whole.reshape(-1, *whole.shape[2:])[: len(rows)]
+
+    return jax.tree.map(woven, *found)

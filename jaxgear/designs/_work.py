@@ -206,8 +206,8 @@ def own_chunks(job: Job, shard: Shard) -> tuple[Chunk, ...]:
         count=shard.count,
         last=shard.count - 1,
     )
-    own = set(job.chunks[shard.index :: shard.count])
-    return tuple(chunk for chunk in job.missing if chunk in own)
+    own = job.chunks[shard.index :: shard.count]
+    return tuple(chunk for chunk in own if not job.file(chunk).exists())
 
 
 def compute(

@@ -21,10 +21,11 @@ def designs_atlas(datasets: Datasets) -> Iterator[Picture]:
     solved = designs.isel(design=np.flatnonzero(designs["reason"].values == ""))
     if solved.sizes["design"] < 2:
         return
-    numbers, keys = _of_role(solved, "number"), _strongest(solved, effects)
-    if not keys:
+    keys = _strongest(solved, effects)
+    numbers = [x for x in _of_role(solved, "number") if np.isfinite(solved[x].values).any()]
+    if not keys or not numbers:
         return
-    shown, least = numbers[:_NUMBERS], _minimised(solved)
+    shown, least = numbers[:_NUMBERS], [x for x in _minimised(solved) if x in numbers]
     means = main_effects(solved, keys, numbers)
     part = means.sel(key=keys[:_KEYS], number=shown)
     table = columns(means, "number", "key", "middle", "mean")
@@ -32,24 +33,40 @@ def designs_atlas(datasets: Datasets) -> Iterator[Picture]:
     yield Picture("main_effects", draw, table)
     if effects is not None:
         part = effects.sel(number=shown, first=keys[: 2 * _KEYS], second=keys[: 2 * _KEYS])
+        part = part.isel(number=np.flatnonzero(np.isfinite(part["rest"].values)))
         table = columns(effects, "number", "first", "second", "share")
-        yield Picture("interactions", drawn("_designs_pictures.interactions", part), table)
-    every = [*keys[:_KEYS], *shown]
-    table = columns(solved, "design", *every)
-    look = solved, every, least[0]
-    yield Picture("parallel_coordinates", drawn("_designs_pictures.parallel", *look), table)
-    few = [*keys[:4], *shown[:3]]
-    table = columns(solved, "design", *few)
-    yield Picture("scatter_matrix", drawn("_designs_pictures.scatter_matrix", solved, few), table)
-    if len(least) > 1:
-        front = beaten(solved, least)
-        table = columns(solved, "design", *least[:2]) | {"dominated": front.astype(int)}
-        draw = drawn("_designs_pictures.trade", solved, least[:2], front)
+        if part.sizes["number"]:
+            yield Picture("interactions", drawn("_designs_pictures.interactions", part), table)
+    yield from _side_by_side(solved, [*keys[:_KEYS], *shown], least[0])
+    yield from _every_pair(solved, [*keys[:4], *shown[:3]])
+    if len(least) > 1 and (own := _with_all(solved, least[:2])) is not None:
+        front = beaten(own, least)
+        table = columns(own, "design", *least[:2]) | {"dominated": front.astype(int)}
+        draw = drawn("_designs_pictures.trade", own, least[:2], front)
         yield Picture("pareto_designs", draw, table)
     if (found := datasets.get("quantiles")) is not None:
         table = columns(found, "number", "share", "value", "low", "high")
         draw = drawn("_designs_pictures.quantiles", solved, found.sel(number=shown))
         yield Picture("quantiles", draw, table)
+
+
+def _side_by_side(designs: xr.Dataset, names: list[str], least: str) -> Iterator[Picture]:
+    names = list(dict.fromkeys([*names, least]))
+    if (own := _with_all(designs, names)) is not None:
+        draw = drawn("_designs_pictures.parallel", own, names, least)
+        yield Picture("parallel_coordinates", draw, columns(own, "design", *names))
+
+
+def _every_pair(designs: xr.Dataset, names: list[str]) -> Iterator[Picture]:
+    if (own := _with_all(designs, names)) is not None:
+        draw = drawn("_designs_pictures.scatter_matrix", own, names)
+        yield Picture("scatter_matrix", draw, columns(own, "design", *names))
+
+
+def _with_all(designs: xr.Dataset, names: list[str]) -> xr.Dataset | None:
+    """The designs that lack none of some numbers; None if these are fewer than two."""
+    finite = np.all([np.isfinite(designs[name].values) for name in names], axis=0)
+    return designs.isel(design=np.flatnonzero(finite)) if finite.sum() > 1 else None
 
 
 def _of_role(designs: xr.Dataset, role: str) -> list[str]:
@@ -93,7 +110,9 @@ def main_effects(designs: xr.Dataset, keys: list[str], numbers: list[str]) -> xr
         for at in np.unique(step):
             middle[place, at] = values[step == at].mean()
             for number, name in enumerate(numbers):
-                mean[number, place, at] = designs[name].values[step == at].mean()
+                own = designs[name].values[step == at]
+                if (own := own[np.isfinite(own)]).size:
+                    mean[number, place, at] = own.mean()
     return xr.Dataset(
         {"middle": (("key", "step"), middle), "mean": (("number", "key", "step"), mean)},
         coords={"key": keys, "number": numbers},

@@ -146,7 +146,7 @@ def quantiles(designs: xr.Dataset, found: xr.Dataset) -> Figure:
 
 
 def _distribution(axes: Axes, values: xr.DataArray, found: xr.Dataset) -> None:
-    ordered = np.sort(values.values)
+    ordered = np.sort(values.values[np.isfinite(values.values)])
     share = 100.0 * (np.arange(len(ordered)) + 1.0) / len(ordered)
     axes.step(ordered, share, where="post", color=BLUE)
     middle, at = found["value"].values, 100.0 * found["share"].values

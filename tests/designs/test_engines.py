@@ -20,7 +20,7 @@ _STUDY = """schema = 1
 scene = "accessory"
 set = ["mesh.phases=8", "mesh.slices=3"]
 [design]
-points = 12
+points = {points}
 [design.between]
 "flank.pinion.tip_relief.depth_um" = [0.0, 30.0]
 "pair.torque_pinion_Nm" = [40.0, 120.0]
@@ -32,9 +32,9 @@ chunk = {chunk}
 """
 
 
-def _written(folder: Path, work: str = "", chunk: int = 2) -> Path:
+def _written(folder: Path, work: str = "", chunk: int = 2, points: int = 12) -> Path:
     path = folder / "study.toml"
-    path.write_text(_STUDY.format(chunk=chunk) + work, encoding="utf-8")
+    path.write_text(_STUDY.format(chunk=chunk, points=points) + work, encoding="utf-8")
     return path
 
 
@@ -92,24 +92,31 @@ def test_jobs_of_submitit_make_the_same_table(alone, tmp_path):
     assert jg.designs.run(path, tmp_path / "out").designs.equals(alone)
 
 
-def test_killed_study_goes_on_and_computes_nothing_twice(alone, tmp_path):
-    path, out = _written(tmp_path, chunk=1), tmp_path / "out"
-    chance, kills = random.Random(0), 0
-    while True:
+def test_killed_study_goes_on_and_computes_nothing_twice(tmp_path):
+    path, out = _written(tmp_path, chunk=1, points=200), tmp_path / "out"
+    chance = random.Random(0)
+    for kill in range(20):
         before = _chunks(out)
         begun = _begun(path, out)
-        while begun.poll() is None and len(_chunks(out)) == len(before):
-            time.sleep(0.005)
-        time.sleep(chance.uniform(0.0, 0.1))
-        if begun.poll() is None:
-            os.killpg(begun.pid, signal.SIGKILL)
-            kills += 1
+        if kill % 4 == 3:
+            # While it starts, reads, or compiles.
+            time.sleep(chance.uniform(0.0, 5.0))
+        else:
+            # While it computes or writes a chunk, or one of the next.
+            while begun.poll() is None and len(_chunks(out)) == len(before):
+                time.sleep(0.002)
+            time.sleep(chance.uniform(0.0, 0.05))
+        assert begun.poll() is None
+        os.killpg(begun.pid, signal.SIGKILL)
         begun.communicate()
         assert before.items() <= _chunks(out).items()
-        if begun.returncode == 0:
-            break
-    assert kills
-    assert jg.designs.collect(path, out).designs.equals(alone)
+    before = _chunks(out)
+    assert 0 < len(before) < 200
+    found = jg.designs.run(path, out)
+    assert before.items() <= _chunks(out).items()
+    (tmp_path / "alone").mkdir()
+    whole = _written(tmp_path / "alone", chunk=50, points=200)
+    assert found.designs.equals(jg.designs.run(whole, tmp_path / "alone" / "out").designs)
 
 
 def test_worker_that_dies_is_replaced(alone, tmp_path):

@@ -1,7 +1,9 @@
 """Studies of many designs: their files and tables, and a tiny one computed in parts."""
 
+import importlib.metadata
 import json
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,8 @@ from helpers import assert_close
 
 import jaxgear as jg
 from jaxgear._checks import InputError
+from jaxgear._cli._designs import write_results
+from jaxgear._cli._folder import Folder
 from jaxgear._cli._main import main
 from jaxgear._cli._parser import READY_STUDIES
 from jaxgear.designs._asked import read_study
@@ -21,6 +25,7 @@ from jaxgear.designs._statistics import effects_dataset, quantiles_dataset
 from jaxgear.designs._table import design_table, unfit
 from jaxgear.designs._work import job_of
 from jaxgear.scene._bodies import body_plan
+from jaxgear.study._result import Result
 
 _DEPTH, _TORQUE = "flank.pinion.tip_relief.depth_um", "pair.torque_pinion_Nm"
 _BETWEEN = f'[design.between]\n"{_DEPTH}" = [0.0, 20.0]\n"{_TORQUE}" = [60.0, 90.0]\n'
@@ -251,6 +256,21 @@ def test_changed_scene_is_refused_by_key_and_line(solved):
     assert job_of(other, path.parent / "out", anew=True).missing
 
 
+def test_parquet_has_the_table_and_what_it_is_made_from(solved, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    path, found = solved
+    write_results(found, Folder(tmp_path, False))
+    table = parquet.read_table(tmp_path / "designs.parquet")
+    assert table.column_names == list(found.table)
+    for name in table.column_names:
+        assert np.array_equal(table[name].to_numpy(), found.table[name], equal_nan=name != "reason")
+    about = {key.decode(): value.decode() for key, value in table.schema.metadata.items()}
+    assert about["study"] == path.read_text(encoding="utf-8")
+    assert about["scene"].startswith("# A spur pair of a helicopter's accessory gearbox")
+    assert about["jaxgear"] == importlib.metadata.version("jaxgear")
+    assert json.loads(about["seed"]) == 0
+
+
 @pytest.mark.end_to_end
 def test_command_collects_and_draws(solved, capsys):
     path, found = solved
@@ -288,7 +308,9 @@ def test_ready_studies_of_webs_have_the_same_designs():
         assert body_plan(studies[0].scene.replace(values), "wheel").name
 
 
-def test_study_without_a_design_that_can_be_is_a_table_of_reasons(tmp_path, capsys):
+def test_study_without_a_design_that_can_be_is_a_table_of_reasons(tmp_path, capsys, monkeypatch):
+    # Without pyarrow, installed or not, the table is a text.
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
     path = _study(tmp_path, 'csv = "designs.csv"')
     (tmp_path / "designs.csv").write_text(f"{_TORQUE}\n-1.0\n-2.0\n", encoding="utf-8")
     assert main(["study", str(path), "--out", str(tmp_path / "results"), "--quiet"]) == 0
@@ -296,6 +318,78 @@ def test_study_without_a_design_that_can_be_is_a_table_of_reasons(tmp_path, caps
     (table,) = (tmp_path / "results").rglob("designs.csv")
     assert table.read_text(encoding="utf-8").count(_TORQUE) == 3
     assert not list((tmp_path / "results").rglob("*.png"))
+
+
+def _peaks(monkeypatch):
+    """In place of a study: as many peaks as the torque has tens, above 60; the second is at 7."""
+
+    def found(scene):
+        count = int((scene.pair.torque_pinion_Nm - 60.0) // 10.0)
+        peaks = [{"at": 6.0 + place, "kind": "up"} for place in range(count)]
+        words = {"units": "1", "long_name": "x"}
+        arrays = xr.Dataset({"high": ("peak", np.arange(count) + 0.5, words)})
+        return Result(scene, {"peaks": peaks, "sum": 1.0}, {"peaks": arrays} if count else {})
+
+    monkeypatch.setattr("jaxgear.study.modes", found)
+
+
+def _of_peaks(folder: Path, torques: list[float], more: str = "") -> Path:
+    path = _study(folder, 'csv = "x.csv"', more, 'command = "modes"')
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("static.te_rms_um", 'peaks[1].at", "sum'), encoding="utf-8")
+    (folder / "x.csv").write_text("\n".join([_TORQUE, *map(str, torques), ""]))
+    return path
+
+
+def test_number_that_a_design_lacks_is_an_empty_place(tmp_path, monkeypatch):
+    _peaks(monkeypatch)
+    path = _of_peaks(tmp_path, [75.0, 85.0, 65.0, 95.0], 'arrays = ["peaks.high"]\n')
+    text = path.read_text(encoding="utf-8").replace(', "sum"', "")
+    path.write_text(text, encoding="utf-8")
+    found = jg.designs.run(path, tmp_path / "out")
+    lacks = np.isnan(found.table["peaks[1].at"])
+    assert lacks.tolist() == [True, False, True, False]
+    assert not any(found.table["reason"])
+    assert found.summary["study"]["failed"] == 0
+    # The best are among those that have it.
+    assert [each["design"] for each in found.summary["study"]["best"]] == [1, 3]
+    assert found.summary["notes"] == [
+        "2 of 4 designs have no peaks[1].at, or none that is finite: empty places."
+    ]
+    high = found.designs["peaks.high"]
+    assert np.isfinite(high.values).sum(axis=1).tolist() == [1, 2, 0, 3]
+    assert {"main_effects", "parallel_coordinates"} <= set(found.plot())
+
+
+def test_name_that_no_result_has_is_refused_by_line(tmp_path, monkeypatch):
+    _peaks(monkeypatch)
+    path = _of_peaks(tmp_path, [85.0, 75.0], 'arrays = ["peaks.hihg"]\n')
+    for name, near in (
+        ("peaks[1].att", ""),
+        ("peaks[0].kind", ""),
+        ("summ", "; did you mean sum?"),
+    ):
+        text = path.read_text(encoding="utf-8").replace("peaks[1].at", name)
+        path.with_name("other.toml").write_text(text, encoding="utf-8")
+        with pytest.raises(jg.SceneError) as caught:
+            jg.designs.run(path.with_name("other.toml"), tmp_path / "out")
+        told = str(caught.value)
+        assert f"other.toml:8: keep.numbers: results have no {name}{near}" in told
+        assert "other.toml:9: keep.arrays: results have no peaks.hihg; did you mean peaks.h" in told
+
+
+def test_statistics_leave_out_what_a_design_lacks():
+    a, b = np.random.default_rng(0).random((2, 60))
+    whole = xr.Dataset({"a": ("design", a), "b": ("design", b), "y": ("design", a + b)})
+    holes = xr.where(whole["a"] > 0.2, whole["y"], np.nan)
+    kept, lacking = whole.isel(design=a > 0.2), whole.assign(y=holes, none=holes * np.nan)
+    names = ["y", "none"]
+    for of, more in ((quantiles_dataset, ()), (effects_dataset, (["a", "b"],))):
+        found, own = of(lacking, *more, names), of(kept, *more, ["y"])
+        for name in own.data_vars:
+            both = (x[name].sel(number="y").values for x in (found, own))
+            assert np.array_equal(*both, equal_nan=True)
+            assert np.isnan(found[name].sel(number="none").values).all()
 
 
 @pytest.mark.parametrize("failed", [(), (0,), (0, 1)])
