@@ -96,8 +96,9 @@ def together(files: Iterable[Path]) -> xr.Dataset:
     sizes: dict[str, int] = {}
     for part in parts:
         sizes |= {str(dim): max(size, sizes.get(str(dim), 0)) for dim, size in part.sizes.items()}
+    parts = [_filled(part, sizes) for part in parts]
     whole = xr.concat(
-        [_filled(part, sizes) for part in parts], "design", data_vars="all", coords="minimal", compat="override", join="outer",
+        parts, "design", data_vars="all", coords="minimal", compat="override", join="outer",
         combine_attrs="override",
     )  # fmt: skip
     whole = whole.sortby("design")

@@ -2,8 +2,8 @@
 
 One design after the other inside the call: side by side all would wait for the contact that takes
 most steps, which is three times slower, and memory would grow with their number. Of several
-devices of a process each has its share of the designs, and the program of one device: partitioned
-by the compiler into one program for all, sums would be in another order, and the last digits others.
+devices of a process each has its share of the designs, and the program of one device: that which
+the compiler makes for all of them adds in another order, and has other last digits.
 """
 
 import dataclasses
