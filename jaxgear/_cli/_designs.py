@@ -67,7 +67,9 @@ def write_results(found: Collected, folder: Folder) -> None:
     scene = found.scene
     known = scene.overridden() | files_seen_from(scene, folder.path)
     for number, values in enumerate(found.best, start=1):
-        text = rewritten(scene.path, {**known, **values})
+        # Under a name of its own its results do not replace those of the others.
+        name = f"{found.summary['name']}_best_{number}"
+        text = rewritten(scene.path, {**known, **values, "name": name})
         write_text(text, folder / f"best_{number}.toml")
     with narration("pictures"):
         write_pictures(found.datasets, folder)

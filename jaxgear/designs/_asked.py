@@ -66,6 +66,9 @@ def read_study(path: str | os.PathLike[str]) -> Study:
     - `SceneError` with every mistake found, in the study or else in its scene.
     """
     path = Path(path)
+    if not path.exists():
+        words = "there is no such file. `jaxgear init accessory-tolerances` writes a ready study"
+        raise SceneError([Mistake(str(path), "", words)])
     document, places = read_toml(path)
     values: dict[str, Any] = {}
     lines: dict[str, str] = {}
@@ -86,7 +89,7 @@ def read_study(path: str | os.PathLike[str]) -> Study:
     if mistakes:
         raise SceneError(sorted(mistakes, key=in_order))
     asked = table_of(StudyKeys, values, given)
-    scene = read_scene(_scene_path(path, asked.scene), asked.set)
+    scene = read_scene(_scene_path(path, asked.scene, lines["scene"]), asked.set)
     study = Study(path, scene, MappingProxyType(values), asked, MappingProxyType(lines))
     if found := [Mistake(study.where(key), key, words) for key, words in _together(study)]:
         raise SceneError(sorted(found, key=in_order))
@@ -178,10 +181,17 @@ def read_value(name: str, value: Any) -> Any:
     return rule.read(value)
 
 
-def _scene_path(path: Path, named: str) -> Path:
+def _scene_path(path: Path, named: str, where: str) -> Path:
     """The file of a scene: beside the study, or a ready one."""
     own, ready = path.parent / named, READY / f"{named}.toml"
-    return ready if ready.is_file() and not own.is_file() else own
+    if own.exists():
+        return own
+    if ready.is_file():
+        return ready
+    near = nearest(named, sorted(each.stem for each in READY.glob("*.toml")))
+    words = f"got {show(named)}, which is no file beside the study and no ready scene"
+    words += f"; did you mean {near}?" if near else ""
+    raise SceneError([Mistake(where, "scene", words)])
 
 
 # What each kind of table of designs takes; the first of them is what it is about.

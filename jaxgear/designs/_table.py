@@ -54,7 +54,13 @@ def design_table(study: Study) -> DesignTable:
     """
     design = study.asked.design
     if design.csv is not None:
-        return _of_file(study.path.parent / design.csv, study.scene.real_keys(), study.scene.values)
+        path = study.path.parent / design.csv
+        if not path.exists():
+            raise InputError(
+                f"{study.where('design.csv')}: design.csv: there is no file {path}. A relative path "
+                "is relative to the folder of the study."
+            )
+        return _of_file(path, study.scene.real_keys(), study.scene.values)
     varied = varied_of(study.values)
     keys, spans = tuple(varied), [_Span.of(study, *each) for each in varied.items()]
     match design.kind:

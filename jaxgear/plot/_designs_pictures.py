@@ -5,14 +5,18 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.ticker import EngFormatter, MaxNLocator
 
 from jaxgear.plot._palette import BLUE, GREY, ORANGE, RED, SURFACE
 from jaxgear.plot._style import legend_below, panels, written_unit
 
 # Designs that are drawn; more hide each other, and make large files.
 _DRAWN = 600
+# Numbers that are too long for a tick.
+_LARGE = 1e5
 
 
 def main_effects(designs: xr.Dataset, means: xr.Dataset) -> Figure:
@@ -28,7 +32,8 @@ def main_effects(designs: xr.Dataset, means: xr.Dataset) -> Figure:
         dots: dict[str, Any] = {"ls": "", "marker": ".", "ms": 3.0, "color": GREY, "alpha": 0.35}
         axes.plot(few[keys[column]], few[numbers[row]], rasterized=True, **dots)
         axes.plot(own["middle"], own["mean"], "o-", ms=4.0, color=BLUE)
-        axes.locator_params(axis="x", nbins=4)
+        _ticks(axes.xaxis, designs[keys[column]])
+        _ticks(axes.yaxis, designs[numbers[row]])
         if row == len(numbers) - 1:
             axes.set_xlabel(_label(designs[keys[column]]))
         if not column:
@@ -104,7 +109,9 @@ def scatter_matrix(designs: xr.Dataset, names: list[str]) -> Figure:
         else:
             dots: dict[str, Any] = {"ls": "", "marker": ".", "ms": 2.5, "color": BLUE}
             axes.plot(few[names[column]], few[names[row]], alpha=0.5, rasterized=True, **dots)
-        axes.locator_params(axis="both" if row != column else "x", nbins=4)
+        _ticks(axes.xaxis, designs[names[column]])
+        if row != column:
+            _ticks(axes.yaxis, designs[names[row]])
         if row == count - 1:
             axes.set_xlabel(_label(designs[names[column]]), fontsize=8.5)
         if not column:
@@ -124,10 +131,12 @@ def trade(designs: xr.Dataset, names: list[str], dominated: np.ndarray) -> Figur
     front = np.flatnonzero(~dominated)[np.argsort(first[~dominated])]
     axes.plot(second[front], first[front], "o-", color=BLUE, label="front")
     axes.set(xlabel=_label(designs[names[1]]), ylabel=_label(designs[names[0]]))
-    for place in front[:: max(1, len(front) // 6)]:
+    for count, place in enumerate(front[:: max(1, len(front) // 6)]):
         number = str(int(designs["design"].values[place]))
         at: Any = (second[place], first[place])
-        axes.annotate(number, at, (5, 5), textcoords="offset points", fontsize=8.5)
+        # One above, the next below: neighbours would hide each other.
+        shift: Any = (5, -12 if count % 2 else 5)
+        axes.annotate(number, at, shift, textcoords="offset points", fontsize=8.5)
     axes.legend(loc="best", title="numbers are those of the designs")
     return figure
 
@@ -162,6 +171,13 @@ def _distribution(axes: Axes, values: xr.DataArray, found: xr.Dataset) -> None:
             words, (value, place), shift, textcoords="offset points", ha=side, fontsize=8.5
         )
     axes.margins(x=0.12)
+
+
+def _ticks(axis: Axis, values: xr.DataArray) -> None:
+    """A few ticks; of large numbers in thousands and millions, as 250M for 2.5e8."""
+    axis.set_major_locator(MaxNLocator(4))
+    if np.nanmax(np.abs(values.values)) >= _LARGE:
+        axis.set_major_formatter(EngFormatter(sep=""))
 
 
 def _some(designs: xr.Dataset, keep: int = 0) -> xr.Dataset:

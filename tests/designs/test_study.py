@@ -104,6 +104,18 @@ def test_what_has_no_derivative_is_refused_before_work(tmp_path, command, number
         read_study(path)
 
 
+def test_files_that_are_not_there_are_told_by_line(tmp_path):
+    path = _study(tmp_path, 'csv = "none.csv"')
+    with pytest.raises(InputError, match=r"tiny.toml:6: design.csv: there is no file .*none.csv"):
+        design_table(read_study(path))
+    path.write_text(path.read_text(encoding="utf-8").replace('"accessory"', '"accesory"'))
+    words = r"tiny.toml:2: scene: .* no ready scene; did you mean accessory\?"
+    with pytest.raises(jg.SceneError, match=words):
+        read_study(path)
+    with pytest.raises(jg.SceneError, match=r"no such file.*writes a ready study"):
+        read_study(tmp_path / "none.toml")
+
+
 def _table(folder: Path, design: str):
     return design_table(read_study(_study(folder, design)))
 
@@ -282,6 +294,7 @@ def test_command_collects_and_draws(solved, capsys):
     best = jg.read_scene(out / "best_1.toml")
     assert best.value(_DEPTH) == summary["study"]["best"][0][_DEPTH]
     assert best.mesh.phases == 8
+    assert best.name == "tiny_best_1"
     assert main(["plot", str(out), "--no-pictures", "--quiet"]) == 0
     assert {"main_effects.csv", "parallel_coordinates.csv"} <= {p.name for p in out.iterdir()}
     assert main(["study", str(path), "--out", str(out), "--status", "--json"]) == 0
