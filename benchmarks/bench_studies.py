@@ -4,10 +4,14 @@
     python benchmarks/bench_studies.py --workers 2     wall time of one and of two processes
 
 Arithmetic is the vmapped kernel of a chunk, and the same one design after the other, which is what
-a study calls. Processor seconds after compiling; wall times need two free cores.
+a study calls. Processor seconds after compiling; wall times need two free cores. Of workers the
+processor seconds of all processes are told too: what two use beyond one is what starting one costs.
+A second run finds its programs compiled.
 """
 
 import argparse
+import os
+import resource
 import tempfile
 import time
 from pathlib import Path
@@ -57,6 +61,11 @@ def _arithmetic(study: jg.designs.Study, rows: np.ndarray, batched: bool) -> flo
     return time.process_time() - start
 
 
+def _used() -> float:
+    """Processor seconds of this process, and of those that it has waited for."""
+    return sum(os.times()[:4])
+
+
 def _keys(study: jg.designs.Study) -> list[str]:
     return [key.removeprefix("design.between.") for key in study.values if ".between." in key]
 
@@ -82,9 +91,10 @@ def main() -> None:
 
         if asked.workers > 1:
             for workers in (1, asked.workers):
-                start = time.perf_counter()
+                start, used = time.perf_counter(), _used()
                 jg.designs.run(written(workers), Path(name) / str(workers))
-                print(f"{workers} workers: {time.perf_counter() - start:.1f} s of the wall")
+                wall, used = time.perf_counter() - start, _used() - used
+                print(f"{workers} workers: {wall:.1f} s of the wall, {used:.1f} processor s")
             return
         job = job_of(written(1), Path(name) / "results")
         evaluate = Evaluator(job.study, job.table)
@@ -96,7 +106,8 @@ def main() -> None:
         command.write_results(jg.designs.collect(file, job.folder), Folder(job.folder, False))
         table = time.process_time() - start - whole
         rows = np.asarray(job.table.rows, dtype=float)
-        print(f"study {whole:.2f} s, its table {table:.2f} s, {len(rows)} designs")
+        most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+        print(f"study {whole:.2f} s, its table {table:.2f} s, {len(rows)} designs, {most:.0f} MB")
         for label, batched in (("one after the other", False), ("vmapped", True)):
             alone = _arithmetic(job.study, rows, batched)
             ratio = (whole + table) / alone
