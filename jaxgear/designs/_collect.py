@@ -162,9 +162,15 @@ def _lacking(solved: xr.Dataset, names: list[str]) -> list[str]:
     """Numbers that designs with results lack."""
     every, found = solved.sizes["design"], []
     for name in names:
-        if lacking := int(np.isnan(solved[name].values).sum()):
+        known = np.isfinite(solved[name].values)
+        if lacking := every - int(known.sum()):
             which = "All" if lacking == every else f"{lacking} of {every}"
             found.append(f"{which} designs have no {name}, or none that is finite: empty places.")
+        # Of a number that is there.
+        if "gradient" in solved:
+            slopes = solved["gradient"].sel(number=name).values
+            if lacking := int((np.isnan(slopes).any(axis=1) & known).sum()):
+                found.append(f"{lacking} of {every} designs lack a derivative of {name}.")
     return found
 
 
