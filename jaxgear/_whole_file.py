@@ -2,16 +2,22 @@
 
 import contextlib
 import csv
+import errno
 import json
 import math
 import os
 import secrets
+import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+# A dataset needs as much space besides its arrays [byte].
+_ROOM = 1 << 16
 
 
 @contextlib.contextmanager
@@ -58,11 +64,24 @@ def write_dataset(
     - `dataset`: at the root of the file; it may be empty.
     - `path`: of the file.
     - `groups`: further datasets under their names, to be read with `group=`.
+
+    **Raises:**
+
+    - `OSError` if it cannot be written, of a full disk with its number.
     """
+    size = sum(each.nbytes for each in (dataset, *(groups or {}).values()))
     with whole_file(path) as draft:
-        dataset.to_netcdf(draft, engine="netcdf4", format="NETCDF4")
-        for name, group in (groups or {}).items():
-            group.to_netcdf(draft, mode="a", group=name, engine="netcdf4", format="NETCDF4")
+        try:
+            dataset.to_netcdf(draft, engine="netcdf4", format="NETCDF4")
+            for name, group in (groups or {}).items():
+                group.to_netcdf(draft, mode="a", group=name, engine="netcdf4", format="NETCDF4")
+        except (OSError, RuntimeError) as error:
+            # The library calls a full disk by other names.
+            if shutil.disk_usage(path.parent).free < size + _ROOM:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path)) from error
+            if isinstance(error, OSError):
+                raise
+            raise OSError(errno.EIO, str(error), str(path)) from error
 
 
 def write_json(summary: Mapping[str, object], path: Path) -> None:

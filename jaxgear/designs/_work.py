@@ -3,16 +3,12 @@
 A chunk is one file, written whole: that it is there is all that is known of its being done.
 """
 
-import errno
 import functools
 import json
 import os
-import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
-
-import xarray as xr
 
 from jaxgear._checks import InputError, require, require_float64
 from jaxgear._program_cache import set_up
@@ -27,8 +23,6 @@ from jaxgear.scene._mistakes import Mistake, SceneError
 
 # What a study began with, and where its chunks are.
 _ORIGIN, _CHUNKS = "study.json", "chunks"
-# A file of results needs as much space besides [byte].
-_ROOM = 1 << 16
 
 
 class Shard(NamedTuple):
@@ -235,20 +229,10 @@ def compute(
     for chunk in chunks:
         file = job.file(chunk)
         if not file.exists():
-            _write(chunk_dataset(job.study, chunk, evaluate(chunk.designs)), file)
+            write_dataset(chunk_dataset(job.study, chunk, evaluate(chunk.designs)), file)
             computed += 1
         done(len(chunk.designs))
     return computed
-
-
-def _write(results: xr.Dataset, file: Path) -> None:
-    try:
-        write_dataset(results, file)
-    except OSError as error:
-        # The library calls a full disk by other names.
-        if shutil.disk_usage(file.parent).free < results.nbytes + _ROOM:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(file)) from error
-        raise
 
 
 def remote_shard(path: str, folder: str, index: int, count: int) -> int:
