@@ -244,13 +244,21 @@ def _together(study: Study) -> Iterator[tuple[str, str]]:
         words = 'an optimum has none here. Write command = "run", or gradients = false'
         yield "keep.gradients", f"got true, but {words}"
     elif asked.keep.gradients and asked.command != "run":
-        if words := reason_against(study.scene.sweep, asked.command, asked.keep.numbers):
+        given = study.scene.sweep, asked.command, asked.keep.numbers
+        if words := reason_against(*given, in_pairs=_in_pairs(study.scene)):
             yield "keep.gradients", f"got true, but {words}"
     for name in asked.keep.minimise:
         if name not in asked.keep.numbers:
             yield "keep.minimise", f"{name} must be one of keep.numbers"
     if not asked.keep.numbers:
         yield "keep.numbers", "must name a number at least, such as static.te_rms_um"
+
+
+def _in_pairs(scene: Scene) -> bool:
+    """Whether modes of a condensed body, as often the same around, are damped by unequal ratios."""
+    damping, bodies = scene.damping, [scene.gear(gear).body for gear in scene.condensed]
+    alike = [body for body in bodies if body.grid is None and body.superelement is None]
+    return bool(alike) and damping.kind == "modal" and damping.mesh != damping.structure
 
 
 def _at_scene(scene: Scene, name: str, table: str) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -125,7 +126,7 @@ def _filled(part: xr.Dataset, sizes: Mapping[str, int]) -> xr.Dataset:
             if dim != "design" and size < sizes[str(dim)]
         }
         if more:
-            nothing = "" if each.dtype.kind in "OUS" else np.nan
+            nothing: Any = "" if each.dtype.kind in "OUS" else np.nan
             found[name] = each.variable.pad(more, constant_values=nothing)
     return part.drop_vars(found).assign(found)
 

@@ -207,7 +207,9 @@ def _built_and_answered(keys: Keys, grid: MeshGrid) -> tuple[Callable, Callable]
     )
 
 
-def reason_against(asked: SweepKeys, command: str, names: Sequence[str]) -> str:
+def reason_against(
+    asked: SweepKeys, command: str, names: Sequence[str], *, in_pairs: bool = False
+) -> str:
     """Why some numbers have no derivatives; empty if they have.
 
     **Arguments:**
@@ -215,6 +217,7 @@ def reason_against(asked: SweepKeys, command: str, names: Sequence[str]) -> str:
     - `asked`: the sweep of the scene whose they are.
     - `command`: `modes` or `sweep`.
     - `names`: of the numbers.
+    - `in_pairs`: whether modes of a body come in pairs that meet, and share unequal damping.
     """
     for name in names:
         if KNOWN[command].fullmatch(name) is None:
@@ -227,4 +230,10 @@ def reason_against(asked: SweepKeys, command: str, names: Sequence[str]) -> str:
                 return f"{name} is not of this sweep: {count} speeds, {', '.join(ways)}"
         if asked.method not in ("auto", "harmonic"):
             return f'a sweep by "{asked.method}" has none. Write sweep.method = "harmonic"'
+        if in_pairs:
+            return (
+                "beside a condensed body a response has none: modes of the body come in pairs that "
+                "meet, and how these share the damping of the mesh has no derivative. Write "
+                'damping.mesh = the value of damping.structure, or damping.kind = "rayleigh"'
+            )
     return ""

@@ -57,8 +57,8 @@ def design_table(study: Study) -> DesignTable:
         path = study.path.parent / design.csv
         if not path.exists():
             raise InputError(
-                f"{study.where('design.csv')}: design.csv: there is no file {path}. A relative path "
-                "is relative to the folder of the study."
+                f"{study.where('design.csv')}: design.csv: there is no file {path}. A relative "
+                "path is relative to the folder of the study."
             )
         return _of_file(path, study.scene.real_keys(), study.scene.values)
     varied = varied_of(study.values)

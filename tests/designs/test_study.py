@@ -116,6 +116,23 @@ def test_files_that_are_not_there_are_told_by_line(tmp_path):
         read_study(tmp_path / "none.toml")
 
 
+@pytest.mark.parametrize("more", ["", '"damping.mesh=0.02", ', '"damping.kind=rayleigh", '])
+def test_sweep_of_a_condensed_body_has_derivatives_where_its_damping_has(tmp_path, more):
+    path = _study(tmp_path, f"points = 4\n{_BETWEEN}", "gradients = true", 'command = "sweep"')
+    text = path.read_text(encoding="utf-8").replace("static.te_rms_um", "sweep.te_rms_um_up[0]")
+    text = text.replace('"mesh.phases=8"', f"{more}{_MOVES}").replace(
+        '"accessory"', '"accessory-h1"'
+    )
+    if "rayleigh" in more:
+        text = text.replace(more, f'{more}"damping.a_R_1_s=50", "damping.b_R_s=2e-7", ')
+    path.write_text(text, encoding="utf-8")
+    if more:
+        assert read_study(path).asked.keep.gradients
+        return
+    with pytest.raises(jg.SceneError, match=r"keep.gradients: .* beside a condensed body .* pairs"):
+        read_study(path)
+
+
 def _table(folder: Path, design: str):
     return design_table(read_study(_study(folder, design)))
 
@@ -396,9 +413,10 @@ def test_statistics_leave_out_what_a_design_lacks():
     whole = xr.Dataset({"a": ("design", a), "b": ("design", b), "y": ("design", a + b)})
     holes = xr.where(whole["a"] > 0.2, whole["y"], np.nan)
     kept, lacking = whole.isel(design=a > 0.2), whole.assign(y=holes, none=holes * np.nan)
-    names = ["y", "none"]
-    for of, more in ((quantiles_dataset, ()), (effects_dataset, (["a", "b"],))):
-        found, own = of(lacking, *more, names), of(kept, *more, ["y"])
+    for of in (quantiles_dataset, lambda x, names: effects_dataset(x, ["a", "b"], names)):
+        found, own = of(lacking, ["y", "none"]), of(kept, ["y"])
+        assert found is not None
+        assert own is not None
         for name in own.data_vars:
             both = (x[name].sel(number="y").values for x in (found, own))
             assert np.array_equal(*both, equal_nan=True)
