@@ -206,13 +206,13 @@ def _about(members: Mapping[str, np.ndarray], path: object) -> tuple[dict, str]:
             f"The file {path} was altered after it was written: its text cannot be read. {AGAIN}"
         ) from error
     require(
-        found == FORMAT,
+        isinstance(found, int) and 1 <= found <= FORMAT,
         "The file {path} must have format {want}, got {found}. {advice}",
         path=path,
         want=FORMAT,
         found=found,
         advice="Condense the body again with this version of jaxgear."
-        if not isinstance(found, int) or found < FORMAT
+        if not isinstance(found, int) or found < 1
         else "It comes from a newer jaxgear: update, or condense the body again.",
     )
     require(

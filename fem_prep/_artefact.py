@@ -15,7 +15,8 @@ from ._checks import require
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-FORMAT = 1
+# Files of the first format have their matrices whole, and can be read.
+FORMAT = 2
 UNITS = "SI: m, kg, s, N, rad"
 
 

@@ -2,10 +2,13 @@
 
 It is an archive, see `write_archive`, in which every array of `ReducedBody` is a member under its
 own name, little-endian float64 or int64; an array that is None is left out. Its text has `name`,
-`seats`, `interior`, `probes` and `facts`.
+`seats`, `interior`, `probes` and `facts`. Of a body of equal sectors a matrix is in two parts, of
+which it is made again to the last digit: `NAME.sector`, what the first sector of the rim says to
+those ahead, and `NAME.others`, the rows of the seats and interior shapes.
 """
 
 import os
+from typing import Any
 
 import numpy as np
 
@@ -13,12 +16,15 @@ from ._archive import archive_text, content_digest, read_archive, write_archive
 from ._artefact import ReducedBody
 from ._body_checks import AGAIN, OPTIONAL, check_body
 from ._checks import require
+from ._equal_sectors import MATRICES, EqualSectors, equal_sectors, signs
 
 _FLOATS = ("stiffness", "mass", "centrifugal_load", "rim_nodes", "seat_points", "probe_points")
 _FLOATS += ("probe_rows", "nodes", "interior_shapes")
 _INTEGERS = ("rim_faces", "bricks")
 _KINDS: dict[str, str] = {name: "<f8" for name in _FLOATS + OPTIONAL}
 _KINDS |= {name: "<i8" for name in _INTEGERS}
+# Parts of a matrix of equal sectors.
+_SECTOR, _OTHERS = ".sector", ".others"
 
 
 def write_body(path: str | os.PathLike, body: ReducedBody) -> str:
@@ -58,7 +64,8 @@ def read_body(path: str | os.PathLike) -> ReducedBody:
     - `BodyError` if there is no such file; if it is no body's, truncated or altered; if its
         format or its units are others; or if the body is not sound, see `check_body`.
     """
-    arrays, about = read_archive(path)
+    packed, about = read_archive(path)
+    arrays = _whole(packed, about, path)
     missing = [name for name in (*_FLOATS, *_INTEGERS) if name not in arrays]
     keys = ("name", "seats", "interior", "probes", "facts")
     missing += [key for key in keys if key not in about]
@@ -100,6 +107,12 @@ def _packed(body: ReducedBody) -> tuple[dict[str, np.ndarray], str]:
         for name, kind in _KINDS.items()
         if getattr(body, name) is not None
     }
+    sectors = equal_sectors(body.rim_nodes, body.facts)
+    if sectors is not None:
+        for name in MATRICES:
+            if name in arrays and (parts := _parts(arrays[name], sectors, signs(name))):
+                del arrays[name]
+                arrays |= {name + part: array for part, array in parts.items()}
     about = {
         "name": body.name,
         "seats": list(body.seats),
@@ -108,3 +121,57 @@ def _packed(body: ReducedBody) -> tuple[dict[str, np.ndarray], str]:
         "facts": body.facts,
     }
     return arrays, archive_text(about)
+
+
+def _parts(matrix: np.ndarray, sectors: EqualSectors, sign: int) -> dict[str, np.ndarray]:
+    """The parts of which a matrix is made again to the last digit; none if it would not be so."""
+    parts = {
+        _SECTOR: sectors.rows(matrix[: 3 * sectors.nodes.size, : 3 * sectors.nodes.size], sign),
+        _OTHERS: np.ascontiguousarray(matrix[3 * sectors.nodes.size :]),
+    }
+    same = np.array_equal(_joined(parts[_SECTOR], parts[_OTHERS], sectors, sign), matrix)
+    return parts if same else {}
+
+
+def _joined(rows: np.ndarray, others: np.ndarray, sectors: EqualSectors, sign: int) -> np.ndarray:
+    """A matrix from its parts."""
+    size, rim = others.shape[1], 3 * sectors.nodes.size
+    matrix = np.empty((size, size))
+    matrix[:rim, :rim] = sectors.block(rows, sign)
+    matrix[rim:] = others
+    matrix[:rim, rim:] = sign * others[:, :rim].T
+    return matrix
+
+
+def _whole(
+    packed: dict[str, np.ndarray], about: dict[str, Any], path: object
+) -> dict[str, np.ndarray]:
+    """The arrays of a file, its matrices whole again."""
+    arrays = {name: x for name, x in packed.items() if not name.endswith((_SECTOR, _OTHERS))}
+    named = [name for name in MATRICES if name + _SECTOR in packed and name + _OTHERS in packed]
+    if not named:
+        return arrays
+    sectors = equal_sectors(packed.get("rim_nodes", np.zeros((0, 3))), about.get("facts", {}))
+    require(
+        sectors is not None,
+        "The rim nodes of the file {path} must repeat from sector to sector as its matrices do. "
+        + AGAIN,
+        path=path,
+    )
+    assert sectors is not None
+    for name in named:
+        rows, others = packed[name + _SECTOR], packed[name + _OTHERS]
+        each = 3 * sectors.nodes.shape[1]
+        require(
+            rows.shape == (sectors.ahead, each, each)
+            and others.ndim == 2
+            and others.shape[1] == 3 * sectors.nodes.size + len(others),
+            "The parts of {name} in the file {path} must fit its rim nodes and each other, got "
+            "the shapes {rows} and {others}. " + AGAIN,
+            name=name,
+            path=path,
+            rows=list(rows.shape),
+            others=list(others.shape),
+        )
+        arrays[name] = _joined(rows, others, sectors, signs(name))
+    return arrays

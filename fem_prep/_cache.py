@@ -25,7 +25,7 @@ from ._body_file import read_body, write_body
 from ._checks import BodyError, require
 
 # Raised whenever the same inputs would give another body than before.
-METHOD = 1
+METHOD = 2
 
 # Of all bodies together [byte]; those that were not used for longest go first.
 LIMIT = 5_000_000_000

@@ -20,6 +20,7 @@ from ._assembly import across, centrifugal_load, coriolis, internal_forces, stre
 from ._basis import Basis, basis_of
 from ._boundary import FullBody
 from ._checks import Progress, require, silent
+from ._equal_sectors import evened
 from ._hold import Held, boundary_of, hold
 from ._modes import free_modes, lowest_modes, scale_of
 from ._seats import dofs_of
@@ -163,10 +164,10 @@ def condense(
         interior_shapes=full.on_nodes(interior),
         facts=_facts(full, method, modes, rotation, square),
     )
-    if not rotating:
-        return reduced
-    with progress("terms of rotation"):
-        return replace(reduced, **_rotating(held, basis, reduced))
+    if rotating:
+        with progress("terms of rotation"):
+            reduced = replace(reduced, **_rotating(held, basis, reduced))
+    return evened(reduced)
 
 
 def _check_method(method: str, modes: int) -> None:

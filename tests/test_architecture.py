@@ -77,6 +77,7 @@ BODY_STAGES = (
     "_patch",
     "_artefact",
     "_body_checks",
+    "_equal_sectors",
     "_archive",
     "_body_file",
     "_give_file",

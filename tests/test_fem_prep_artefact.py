@@ -1,6 +1,7 @@
 """The file of a condensed body, and the cache of such files."""
 
 import dataclasses
+import functools
 import json
 import os
 import shutil
@@ -9,11 +10,12 @@ import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import hybrid_cases
 import numpy as np
 import platformdirs
 import pytest
 
-from fem_prep import _archive, _body_file, _cache
+from fem_prep import _archive, _body_file, _cache, _condense
 from fem_prep._archive import read_about
 from fem_prep._artefact import ReducedBody
 from fem_prep._body_file import content_hash, read_body, write_body
@@ -27,6 +29,7 @@ from fem_prep._cache import (
     key_of,
 )
 from fem_prep._checks import BodyError
+from fem_prep._equal_sectors import evened
 
 DOF = 3 * 4 + 6 + 2
 
@@ -122,7 +125,7 @@ def test_the_file_is_plain_and_says_what_it_is(file):
         assert archive["stiffness"].dtype.str == "<f8"
         assert archive["rim_faces"].dtype.str == "<i8"
     about = read_about(file)
-    assert about["format"] == 1
+    assert about["format"] == 2
     assert about["units"] == "SI: m, kg, s, N, rad"
     assert set(about["versions"]) == {"jaxgear", "numpy", "scipy", "scikit-fem"}
 
@@ -190,8 +193,8 @@ def test_a_file_altered_with_care(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"about": {"format": 0}}, "format 1, got 0. Condense the body again with this version"),
-        ({"about": {"format": 7}}, "format 1, got 7. It comes from a newer jaxgear"),
+        ({"about": {"format": 0}}, "format 2, got 0. Condense the body again with this version"),
+        ({"about": {"format": 7}}, "format 2, got 7. It comes from a newer jaxgear"),
         ({"about": {"units": "mm, t"}}, "must be in SI: m, kg, s, N, rad, got mm, t"),
         ({"leave": "mass"}, "must hold all parts of a body, got none named mass"),
         ({"mass": np.zeros((DOF, DOF), dtype="<f4")}, "got mass of float32"),
@@ -382,3 +385,79 @@ def test_writers_at_once_leave_whole_files(tmp_path):
         assert len({each.result() for each in writing}) == 20
         assert {each.result() for each in read} <= {f"from {number}" for number in range(21)}
     assert [each.name for each in tmp_path.iterdir()] == [path.name]
+
+
+# --- Bodies of equal sectors
+
+MATRICES = ("stiffness", "mass", "coriolis", "spin_softening", "stress_stiffening")
+
+
+@functools.cache
+def _of_sectors(holes: int = 0) -> ReducedBody:
+    """24 sectors with terms of rotation, or as many as holes."""
+    return hybrid_cases.body("spur", 1, holes=holes, modes=8, rotating=True)
+
+
+@pytest.mark.parametrize("holes", [0, 6])
+def test_equal_sectors_are_kept_once_and_come_back_to_the_last_digit(tmp_path, holes):
+    path, body = tmp_path / "wheel.body", _of_sectors(holes)
+    digest = write_body(path, body)
+    packed, _ = _body_file._packed(body)
+    assert {f"{name}.sector" for name in MATRICES} <= packed.keys()
+    assert not packed.keys() & set(MATRICES)
+    whole = sum(getattr(body, name).nbytes for name in MATRICES)
+    kept = sum(packed[name + part].nbytes for name in MATRICES for part in (".sector", ".others"))
+    assert kept < 0.55 * whole if holes else kept < 0.35 * whole
+    found = read_body(path)
+    for name in MATRICES:
+        assert np.array_equal(getattr(found, name), getattr(body, name)), name
+    assert content_hash(found) == digest
+
+
+def test_a_body_is_evened_by_no_more_than_rounding(monkeypatch):
+    body = _of_sectors()
+    monkeypatch.setattr(_condense, "evened", lambda body: body)
+    hybrid_cases.body.cache_clear()
+    try:
+        before = hybrid_cases.body("spur", 1, modes=8, rotating=True)
+    finally:
+        hybrid_cases.body.cache_clear()
+    for name in MATRICES:
+        own, new = getattr(before, name), getattr(body, name)
+        assert np.abs(new - own).max() < 1e-12 * np.abs(own).max(), name
+    assert evened(body) is not body
+    for name in MATRICES:
+        assert np.array_equal(getattr(evened(body), name), getattr(body, name)), name
+
+
+def test_what_is_not_the_same_in_every_sector_is_kept_whole(tmp_path):
+    body, path = _of_sectors(), tmp_path / "wheel.body"
+    mass = body.mass.copy()
+    mass[70, 70] *= 1.0 + 1e-9
+    other = dataclasses.replace(body, mass=mass)
+    packed, _ = _body_file._packed(other)
+    assert "mass" in packed
+    assert "stiffness.sector" in packed
+    write_body(path, other)
+    assert np.array_equal(read_body(path).mass, mass)
+    # And so is what claims other sectors than its rim has.
+    claims = dataclasses.replace(body, facts={**body.facts, "sectors": 7})
+    assert set(MATRICES) <= _body_file._packed(claims)[0].keys()
+
+
+def test_parts_that_do_not_fit_are_refused(tmp_path):
+    packed, text = _body_file._packed(_of_sectors())
+    path = tmp_path / "wheel.body"
+    cut = packed | {"mass.sector": packed["mass.sector"][:-1]}
+    _archive.write_archive(path, cut, text)
+    with pytest.raises(BodyError, match="parts of mass in the file"):
+        read_body(path)
+    moved = packed | {"rim_nodes": packed["rim_nodes"] * np.linspace(1.0, 2.0, 3)}
+    _archive.write_archive(path, moved, text)
+    with pytest.raises(BodyError, match="must repeat from sector to sector"):
+        read_body(path)
+
+
+def test_files_of_the_first_format_are_read(tmp_path):
+    path = _stored(tmp_path / "old.body", about={"format": 1})
+    assert np.array_equal(read_body(path).mass, _body().mass)

@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-from jaxgear._dynamics._floquet import monodromy, multipliers
+from jaxgear._dynamics._floquet import leading_multipliers, monodromy
 from jaxgear._dynamics._harmonic import Balance, HarmonicBalance, balance_of
 from jaxgear._dynamics._harmonic_problem import imbalance, linearised
 from jaxgear._dynamics._orbit import Orbit, contact_force
@@ -186,8 +186,8 @@ class Guide:
         self, point: Place, ratio: np.ndarray, te_rms: np.ndarray, matrix: np.ndarray
     ) -> Place:
         """A point whose response and monodromy matrix are known, with its stability."""
-        found = multipliers(matrix, self.balance.modes)
-        sign, size = np.linalg.slogdet(np.eye(found.size) + matrix)
+        found = leading_multipliers(matrix, self.balance.modes)
+        sign, size = np.linalg.slogdet(np.eye(len(matrix)) + matrix)
         pairs = found[np.imag(found) != 0.0]
         return point._replace(
             ratio=float(ratio),

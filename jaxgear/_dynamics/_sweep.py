@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxgear._checks import require
-from jaxgear._dynamics._floquet import STABLE, monodromy, multipliers
+from jaxgear._dynamics._floquet import STABLE, leading_multipliers, monodromy
 from jaxgear._dynamics._harmonic import Balance, HarmonicBalance, balance_of, terms_of
 from jaxgear._dynamics._march import History, Marching, march_on, quasi_static_start
 from jaxgear._dynamics._orbit import Orbit
@@ -54,8 +54,8 @@ class SweepPoint:
     """The response at one speed of a sweep.
 
     `multiple` is the number of cycles that `orbit` covers; it repeats after these if it has
-    settled. `multipliers` are Floquet's, largest first; a march has none, for what it settles
-    on is stable.
+    settled. `multipliers` are the largest of Floquet's; a march has none, for what it settles on is
+    stable.
     """
 
     orbit: Orbit
@@ -271,7 +271,7 @@ class Finder:
         if not point.settled:
             return point
         matrix = monodromy(self.system, self.modes, point.orbit, law=self.settings.method.law)
-        return dataclasses.replace(point, multipliers=multipliers(matrix, self.modes))
+        return dataclasses.replace(point, multipliers=leading_multipliers(matrix, self.modes))
 
     def _disturbed(self, point: SweepPoint) -> Start:
         """A start beside an unstable response, where it is left fastest."""

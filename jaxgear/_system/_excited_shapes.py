@@ -19,10 +19,7 @@ from jaxgear._geometry._pair import GearPair
 from jaxgear._system._body_modes import BodyBasis
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._foot_tables import mode_arms
-
-# Natural modes of which so many times fewer shapes are made. Their highest is well above what the
-# harmonics of a mesh excite.
-CANDIDATES = 4
+from jaxgear._system._mode_combinations import Combinations
 
 # Frequencies at which answers are looked at, up to the highest of the modes; their damping ratio;
 # positions in a mesh period.
@@ -55,14 +52,14 @@ class _Shape(NamedTuple):
 
 def excited_shapes(
     basis: BodyBasis, body: FlexibleBody, pair: GearPair, index: int, grid: MeshGrid, count: int
-) -> BodyBasis:
+) -> Combinations | None:
     """The shapes of a body that its mesh excites. Call it outside of `jit`, as `flexible_body`.
 
     Half of them are the lowest natural modes; half are combinations of all others.
 
     **Arguments:**
 
-    - `basis`: about `CANDIDATES` times as many natural modes, as they repeat under the teeth.
+    - `basis`: several times as many natural modes, as they repeat under the teeth.
     - `body`: in mesh, on this basis.
     - `pair`: the gears.
     - `index`: 0 if it is the pinion's, 1 if it is the wheel's.
@@ -71,11 +68,11 @@ def excited_shapes(
 
     **Returns:**
 
-    The basis on these shapes, by rising frequency. It is the one given if that has no more.
+    These shapes as combinations of the modes, by rising frequency, or `None` if the basis has no
+    more than so many.
     """
-    size = len(basis.square)
-    if count == 0 or count >= size:
-        return basis
+    if count == 0 or count >= len(basis.square):
+        return None
     lowest = count // 2
     lowest -= int(basis.waves[lowest] < 0)
     shapes = _natural(basis, lowest)
@@ -90,14 +87,12 @@ def excited_shapes(
     ):
         shapes += _combined(basis, found[:, :kept], first, second)
     shapes.sort(key=lambda shape: shape.square)
-    into = np.stack([column for shape in shapes for column in shape.columns], axis=1)
     each = lambda values: np.array(
         [x for shape in shapes for x in values(shape)[: len(shape.columns)]]
     )
-    return dataclasses.replace(
-        basis,
+    return Combinations(
+        into=np.stack([column for shape in shapes for column in shape.columns], axis=1),
         square=each(lambda shape: [shape.square] * 2),
-        shapes=basis.shapes @ into,
         waves=each(lambda shape: [shape.wave, -shape.wave]),
         diameters=each(lambda shape: [shape.diameters] * 2),
     )

@@ -15,8 +15,9 @@ from jaxgear._geometry._pair import GearPair
 from jaxgear._system._body_family import BodyFamily, body_family, family_parameters
 from jaxgear._system._body_modes import BodyBasis, body_basis
 from jaxgear._system._body_tables import flexible_body
-from jaxgear._system._excited_shapes import CANDIDATES, excited_shapes
+from jaxgear._system._excited_shapes import excited_shapes
 from jaxgear._system._flexible import FlexibleBody
+from jaxgear._system._mode_combinations import lowest_modes
 from jaxgear._system._rim_checks import require_short_elements
 from jaxgear.scene._bodies import BodyPlan, Drawn, body_plan
 from jaxgear.scene._body_build import BuiltBody, built_body
@@ -42,6 +43,7 @@ class MeshBody:
     - `built`: the body and how it came about.
     - `flexible`: its tables, for the slices and contact lines of the scene.
     - `basis`: motions on which it vibrates, or `None`: it is for statics.
+    - `on_modes`: its tables on the natural modes of which its shapes are combinations, or `None`.
     - `follows`: key of a measure of its web that is to be varied, or `None`.
     - `family`: bodies over that measure, in the unit of its key; their statics is the body's.
     """
@@ -49,6 +51,7 @@ class MeshBody:
     built: BuiltBody
     flexible: FlexibleBody
     basis: BodyBasis | None
+    on_modes: FlexibleBody | None = None
     follows: str | None = None
     family: BodyFamily | None = None
 
@@ -75,13 +78,14 @@ def with_bodies(
             with in_keys(plan.gear):
                 pitches = scene.gear(plan.gear).teeth / plan.source.fineness.sectors
                 require_short_elements(plan.gear, pitches)
+    if moving:
+        _require_able_to_move(scene.mesh, scene.model, scene.gears, plans)
     # Modes do not follow: what is to vibrate stays as it is.
     measures: dict[str, str | None] = {}
     if not moving:
         webs = {plan.gear: scene.gear(plan.gear).body.web for plan in plans}
         measures = {p.gear: _varied_measure(scene.optimise, webs[p.gear], p) for p in plans}
-    excited = scene.model.shapes == "excited"
-    modes = scene.model.modes * (CANDIDATES if excited else 1) if moving else None
+    modes = scene.model.candidates if moving else None
     made = [_made(plan, tell, modes) for plan in plans]
     if periods := _whole_cycles(scene.mesh, scene.gears, made):
         scene = scene.replace({"mesh.periods": periods})
@@ -94,6 +98,34 @@ def with_bodies(
             bounds, value = scene.optimise.bounds[key], scene.value(key)
             bodies[gear] = _with_family(bodies[gear], key, value, bounds, plan_at, put, tell)
     return dataclasses.replace(scene, bodies=MappingProxyType(bodies))
+
+
+def _require_able_to_move(
+    mesh: MeshKeys, model: ModelKeys, gears: Mapping[str, GearKeys], plans: Sequence[BodyPlan]
+) -> None:
+    """Refuse before any long work what condensed bodies cannot do in motion."""
+    require(
+        mesh.tooth == "sliced",
+        'mesh.tooth = "{tooth}": a condensed body carries such teeth in statics only, for the ring '
+        'under them has no modes. Write mesh.tooth = "sliced" for what is in motion, or make the '
+        "body rigid.",
+        tooth=mesh.tooth,
+    )
+    for gear in GEARS if plans else ():
+        require(
+            not gears[gear].thickness_allowance_um,
+            "{gear}.thickness_allowance_um: back flanks are for rigid bodies and beams in motion; "
+            "teeth on a condensed body press on its rim by their drive flanks alone. Leave it out, "
+            "or make condensed bodies rigid.",
+            gear=gear,
+        )
+    for plan in plans:
+        require(
+            plan.rotating or not model.gyroscopic,
+            "model.gyroscopic: gyroscopic forces of a condensed body need its terms of rotation. "
+            "Write {gear}.body.rotating_terms = true, or leave model.gyroscopic out.",
+            gear=plan.gear,
+        )
 
 
 def _varied_measure(asked: OptimiseKeys, web: WebKeys, plan: BodyPlan) -> str | None:
@@ -223,12 +255,6 @@ def _in_mesh(
     with in_keys(plan.gear):
         if mesh.tooth == "elements":
             give = beyond_plain_ring(plain, plan, tell)
-            if basis is not None:
-                raise InputError(
-                    'mesh.tooth = "elements": a condensed body carries such teeth in statics only, '
-                    'for the ring under them has no modes. Write mesh.tooth = "sliced" for what is '
-                    "in motion, or make the body rigid."
-                )
         elif mesh.root_correction:
             local = root_correction(body, plan.material, pair, index, grid, **on_rim)
         law = (mesh.tooth, mesh.stiffness, mesh.face_coupling)
@@ -236,23 +262,57 @@ def _in_mesh(
             ribs = rim_ribs(plain, plan, pair, grid, tell, **on_rim)
         more: Any = {"local": local, "give": give, "ribs": ribs}
         seats: Any = {"gear_seat": plan.torque_seat or None, "load_seats": plan.load_seats}
-        put = lambda basis: flexible_body(
-            body,
-            pair,
-            index,
-            grid,
-            basis=basis,
-            motion=mesh.root_motion,
-            **more,
-            **seats,
-            **on_rim,
-        )
-        flexible = put(basis)
-        if basis is not None and model.shapes == "excited":
-            tell(f"{plan.gear}: shapes that the mesh excites")
-            sectors = body.facts["sectors"]
-            assert isinstance(sectors, int)
-            basis, _ = basis.under_teeth(plan.teeth_count, sectors)
-            basis = excited_shapes(basis, flexible, pair, index, grid, model.modes)
-            flexible = put(basis)
-    return MeshBody(built, flexible, basis)
+        more |= {"basis": basis, "motion": mesh.root_motion}
+        flexible = flexible_body(body, pair, index, grid, **more, **seats, **on_rim)
+    found = MeshBody(built, flexible, basis)
+    if basis is None or model.shapes == "natural":
+        return found
+    tell(f"{plan.gear}: shapes that the mesh excites")
+    return _on_excited_shapes(found, pair, grid, model.modes)
+
+
+def with_shapes_of(scene: Scene, body: MeshBody) -> MeshBody:
+    """A body that vibrates on the shapes that a scene asks for.
+
+    **Arguments:**
+
+    - `scene`: with the slices for which the body was put in mesh.
+    - `body`: on natural modes, `scene.model.candidates` of them or more.
+
+    **Returns:**
+
+    The body as `with_bodies` would have put it in mesh.
+    """
+    pair = pair_of(scene)
+    basis = _under_teeth(body)
+    lowest = lowest_modes(basis, scene.model.candidates)
+    if lowest is not None:
+        flexible, basis = lowest.of_body(body.flexible), lowest.of_basis(basis)
+        body = dataclasses.replace(body, flexible=flexible, basis=basis)
+    if scene.model.shapes == "natural":
+        return body
+    torque = jnp.asarray(scene.pair.torque_pinion_Nm + couples_on_pinion(scene.pinion.shaft))
+    grid = pair_grid(scene.mesh, pair, torque, scene.map.torques_Nm, condensed=True)
+    return _on_excited_shapes(body, pair, grid, scene.model.modes)
+
+
+def _on_excited_shapes(body: MeshBody, pair: GearPair, grid: MeshGrid, count: int) -> MeshBody:
+    """A body on so many shapes in place of its natural modes, which it remembers."""
+    basis, index = _under_teeth(body), GEARS.index(body.built.plan.gear)
+    shapes = excited_shapes(basis, body.flexible, pair, index, grid, count)
+    if shapes is None:
+        return body
+    return dataclasses.replace(
+        body,
+        flexible=shapes.of_body(body.flexible),
+        basis=shapes.of_basis(basis),
+        on_modes=body.flexible,
+    )
+
+
+def _under_teeth(body: MeshBody) -> BodyBasis:
+    """The basis of a body that vibrates, as it repeats under its teeth."""
+    sectors = body.built.body.facts["sectors"]
+    assert isinstance(sectors, int)
+    assert body.basis is not None
+    return body.basis.under_teeth(body.built.plan.teeth_count, sectors)[0]

@@ -108,18 +108,23 @@ class MeshKeys(AbstractKeys):
     )
 
 
+# Natural modes of which so many times fewer excited shapes are made. Their highest is well above
+# what the harmonics of a mesh excite.
+_CANDIDATES = 4
+
+
 class ModelKeys(AbstractKeys):
     """What is kept of bodies in motion: `[model]`."""
 
     coordinates: int | None = key(
-        "modes that each condensed body has in motion, the rest with their static part; 0: all, "
-        "100 unless said",
+        "shapes by which each condensed body vibrates, the rest with their static part; 0: all, "
+        "200 unless said, of natural modes 100",
         "[0, inf)",
     )
     shapes: Literal["natural", "excited"] = key(
         "which these are; natural: the lowest natural modes, seats held; excited: half are these, "
         "half those combinations of higher ones that the mesh excites most",
-        default="natural",
+        default="excited",
     )
     mesh_coordinates: int | None = key(
         "combinations of these that the mesh tells apart; 12 unless said", "[4, 60]"
@@ -127,8 +132,14 @@ class ModelKeys(AbstractKeys):
 
     @property
     def modes(self) -> int:
-        """Modes of each condensed body in motion, 0: all."""
-        return 100 if self.coordinates is None else self.coordinates
+        """Shapes by which each condensed body vibrates, 0: all."""
+        usual = {"excited": 200, "natural": 100}[self.shapes]
+        return usual if self.coordinates is None else self.coordinates
+
+    @property
+    def candidates(self) -> int:
+        """Natural modes of which they are made, 0: all."""
+        return self.modes * (_CANDIDATES if self.shapes == "excited" else 1)
 
     @property
     def at_mesh(self) -> int:
@@ -205,6 +216,11 @@ class SweepKeys(AbstractKeys):
     orders: int = key("orders of the mesh frequency written down", "[1, 200]", 8)
     continuation: bool | None = key(
         "whether the branch is followed round its folds too; default: with direction = both"
+    )
+    check_shapes: bool = key(
+        "whether responses at a few speeds are found again with all natural modes of which the "
+        "shapes of condensed bodies are combinations, to tell how far off they are",
+        default=True,
     )
 
 

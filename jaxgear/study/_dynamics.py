@@ -100,6 +100,27 @@ def _with_modes(
     return pair, pair_modes(pair)
 
 
+def pair_in_motion(built: BuiltScene) -> PairDynamics:
+    """A scene's pair in motion, without its natural modes.
+
+    **Raises:**
+
+    - `SolverFailure` if the quasi-static cycle was not solved.
+    """
+    scene, damping = built.scene, damping_of(built.scene.damping)
+    wanted = _wanted_of(scene.model, scene.damping, scene.sweep)
+    pair = timed(_pair_of, built.model, built.grid_in_motion, damping, wanted, options=QUICKLY)
+    require_solved(pair.cycle.converged)
+    return pair
+
+
+def _pair_of(
+    model: PairModel, grid: MeshGrid, damping: AbstractDamping, choices: _Wanted
+) -> PairDynamics:
+    """A pair in motion."""
+    return pair_dynamics(model, grid, damping, **vars(choices))
+
+
 class Size(NamedTuple):
     """What the method of a sweep is chosen by: mesh coordinates, and mesh periods in the cycle."""
 

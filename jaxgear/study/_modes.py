@@ -51,7 +51,8 @@ def modes(scene: Scene) -> Result:
     - `ValueError` if the gears are impossible.
     - `SolverFailure` if a contact problem was not solved.
     """
-    built = built_scene(scene, moving=True)
+    # Natural frequencies are asked for: shapes that the mesh excites are made for responses.
+    built = built_scene(scene.replace({"model.shapes": "natural"}), moving=True)
     scene = built.scene
     with narration("modes"):
         dynamics = solve_dynamics(built)

@@ -82,6 +82,12 @@ def sweep_result(built: BuiltScene, dynamics: Dynamics, seen: Watch | None = Non
         watches = [each for each in (watch, seen) if each is not None]
         shown = functools.partial(_shown, watches) if watches else None
         found = sweep_of(law_of(scene.mesh), scene.sweep, dynamics, done, shown)
+    check = None
+    if dynamics.pair.bodies and scene.sweep.check_shapes:
+        from jaxgear.study._shape_check import shape_check
+
+        with narration("check of shapes"):
+            check = shape_check(built, dynamics, found)
     dataset, orbit = sweep_dataset(dynamics, found), orbit_dataset(dynamics, found)
     at_peak = f", {orbit.attrs['speed_rad_s']:.5g} rad/s"
     datasets = {
@@ -93,6 +99,9 @@ def sweep_result(built: BuiltScene, dynamics: Dynamics, seen: Watch | None = Non
         "sweep": _sweep_summary(scene.sweep, scene.gears, dynamics, found, dataset),
         "notes": sweep_notes(scene, found.unsettled, count, list(found.pieces_lost())),
     }
+    if check is not None:
+        summary["sweep"]["shapes"] = check.summary
+        summary["notes"] += check.notes
     if watch is None:
         return Result(scene, summary, datasets)
     from jaxgear.study._waves_result import waves_seen

@@ -1,7 +1,9 @@
 """Remarks on responses at speed: where a sweep is outgrown, or sees nothing."""
 
+import dataclasses
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -26,12 +28,15 @@ def sweep_notes(scene: Scene, unsettled: int, responses: int, lost: list[str]) -
         )
     if scene.model.coordinates and not scene.condensed:
         found.append(Idle("model.coordinates does nothing: all modes of these bodies are kept."))
-    bases = {gear: each.basis for gear, each in scene.bodies.items() if each.basis is not None}
-    found += _beyond_bodies(scene.model.coordinates or 0, bases)
-    if bases and scene.sweep.is_given:
+    bodies = {gear: each for gear, each in scene.bodies.items() if each.basis is not None}
+    found += _beyond_bodies(
+        scene.model.coordinates or 0, {gear: each.basis for gear, each in bodies.items()}
+    )
+    if bodies and scene.sweep.is_given:
         # Approach and tilt stand beside the mesh coordinates.
         size = Size(2 + scene.model.at_mesh, scene.mesh.periods)
-        found += _beyond_reach(scene.sweep, size, scene.pinion.teeth, bases)
+        natural = {gear: _natural(each) for gear, each in bodies.items()}
+        found += _beyond_reach(scene.sweep, size, scene.pinion.teeth, natural)
     if unsettled:
         found.append(
             Doubtful(
@@ -45,6 +50,15 @@ def sweep_notes(scene: Scene, unsettled: int, responses: int, lost: list[str]) -
         for why in lost
     ]
     return found
+
+
+def _natural(body: Any) -> BodyBasis:
+    """The natural modes of a body in motion: of excited shapes they are the lower half."""
+    basis: BodyBasis = body.basis
+    count = len(basis.square) // (1 if body.on_modes is None else 2)
+    return dataclasses.replace(
+        basis, square=basis.square[:count], diameters=basis.diameters[:count]
+    )
 
 
 def _beyond_bodies(asked: int, bases: Mapping[str, BodyBasis]) -> list[str]:

@@ -19,9 +19,9 @@ from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._march import Marching
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steppers import Midpoint
-from jaxgear._system._body_modes import BodyModes
-from jaxgear._system._fewer_modes import fewer_modes
+from jaxgear._system._body_modes import BodyBasis, BodyModes
 from jaxgear._system._flexible import FlexibleBody
+from jaxgear._system._mode_combinations import lowest_modes
 from jaxgear.scene._scene import read_scene, ready_scene
 from jaxgear.scene._with_bodies import with_bodies
 from jaxgear.study._fidelity._engine import compared
@@ -236,11 +236,12 @@ def test_a_rigid_body_has_the_mass_of_the_condensed_one(built):
 def test_models_of_a_scene_differ_in_one_thing(built):
     levels = Hierarchy(built).bodies(130)
     own = own_of(levels)
-    assert own.name == "100 modes"
+    assert own.name == "200 excited shapes"
     names = [level.name for level in levels]
     assert len(set(names)) == len(names)
     # There are not 200, and three slices are fewer than any that would be tried.
-    assert names[:4] == ["10 modes", "50 modes", "100 modes", "130 modes"]
+    natural = ["10 modes", "50 modes", "100 modes", "130 modes"]
+    assert names[:6] == [*natural, "100 excited shapes", "200 excited shapes"]
     assert {"6 coordinates", "rigid"} <= set(names)
     assert not any("slices" in name for name in names)
     balance = {"sweep.steps", "sweep.harmonics"}
@@ -250,9 +251,10 @@ def test_models_of_a_scene_differ_in_one_thing(built):
         assert 2 * here.sweep.harmonics < here.sweep.steps
     few = Hierarchy(built).few()
     assert [level.name for level in few] == [
-        "100 modes",
-        "10 modes",
+        "200 excited shapes",
         "50 modes",
+        "100 modes",
+        "100 excited shapes",
         "rigid",
         "H10 N64",
     ]
@@ -288,10 +290,16 @@ def test_fewer_modes_are_the_lowest_and_part_no_pair():
         repeats=1,
         modes=modes,
     )
-    assert fewer_modes(body, 5) is body
-    assert fewer_modes(body, 0) is body
+    shapes = np.ones((9, 5)) * np.arange(5.0)
+    numbers = (np.asarray(each) for each in (modes.waves, modes.diameters))
+    basis = BodyBasis(np.asarray(modes.square), shapes, np.zeros((9, 6)), *numbers)
+    assert lowest_modes(basis, 5) is None
+    assert lowest_modes(basis, 0) is None
     for count, kept in ((4, 3), (3, 3), (2, 1), (1, 1)):
-        found = fewer_modes(body, count).modes
+        lowest = lowest_modes(basis, count)
+        assert lowest is not None
+        assert np.array_equal(lowest.of_basis(basis).shapes, shapes[:, :kept])
+        found = lowest.of_body(body).modes
         assert found is not None
         assert found.waves == modes.waves[:kept]
         assert found.diameters == modes.diameters[:kept]
@@ -306,9 +314,9 @@ def test_fewer_modes_are_the_lowest_and_part_no_pair():
 def test_models_of_a_scene_with_a_condensed_body_are_compared(tmp_path, monkeypatch):
     """The richer the body, the smaller the error."""
     monkeypatch.setenv("JAXGEAR_CACHE", str(tmp_path / "cache"))
-    scene = with_bodies(_tiny(tmp_path, "model.coordinates=210"), moving=True)
-    scene = scene.replace({"model.coordinates": 16, "sweep.steps": 32})
-    some = ("16 modes", "100 modes", "rigid", "H5 N64")
+    scene = with_bodies(_tiny(tmp_path, "model.coordinates=16"), moving=True)
+    scene = scene.replace({"model.shapes": "natural", "sweep.steps": 32})
+    some = ("16 modes", "100 modes", "100 excited shapes", "rigid", "H5 N64")
     levels = [level for level in Hierarchy(scene).bodies(210) if level.name in some]
     found = compared(BodiesProblem(scene, levels, modes=210), "bodies").summary
     assert list(found["reference"]["speeds_rad_s"]) == [300.0, 900.0, 1500.0]
@@ -320,6 +328,8 @@ def test_models_of_a_scene_with_a_condensed_body_are_compared(tmp_path, monkeypa
     assert rows["rigid"]["modes"] == rows["rigid"]["mesh_coordinates"] == 0
     error = {name: row["error"]["te_rms"] for name, row in rows.items()}
     assert error["100 modes"] < error["16 modes"] < error["rigid"]
+    assert rows["100 excited shapes"]["modes"] in (99, 100)
+    assert error["100 excited shapes"] < error["16 modes"]
     assert rows["100 modes"]["error"]["te_mean"] < 0.01
     assert rows["rigid"]["error"]["te_mean"] > 0.1
     assert (f'"{found["recommended"]}" suffices' in found["words"]) == bool(found["recommended"])

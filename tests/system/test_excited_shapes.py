@@ -12,13 +12,11 @@ from scipy.spatial import KDTree
 
 import jaxgear as jg
 from fem_prep import ReducedBody
-from jaxgear._checks import InputError
 from jaxgear._geometry._lines import contact_lines
 from jaxgear._system._body_modes import BodyBasis, body_basis
 from jaxgear._system._body_tables import flexible_body
 from jaxgear._system._excited_shapes import excited_shapes
 from jaxgear._system._foot_tables import mode_arms
-from jaxgear.study._fidelity._models import Models
 
 # Of the holes' body several nodal diameters share a wave number.
 BODIES = {"plain": {}, "rotating": {"modes": 8, "rotating": True}, "holes": {"holes": 6}}
@@ -39,7 +37,9 @@ def _case(name: str, kind: str = "spur"):
     grid = jg.mesh_grid(pair, phases=16, slices=4)
     basis, _ = body_basis(body, 4 * COUNT).under_teeth(pair.wheel.teeth, _sectors(body))
     flexible = flexible_body(body, pair, 1, grid, basis=basis)
-    return body, pair, grid, basis, excited_shapes(basis, flexible, pair, 1, grid, COUNT)
+    found = excited_shapes(basis, flexible, pair, 1, grid, COUNT)
+    assert found is not None
+    return body, pair, grid, basis, found.of_basis(basis)
 
 
 @every_body
@@ -113,10 +113,27 @@ def test_a_basis_with_no_more_modes_stays_what_it_is():
     body, pair, grid, basis, _ = _case("plain")
     flexible = flexible_body(body, pair, 1, grid, basis=basis)
     for count in (0, len(basis.square), 1000):
-        assert excited_shapes(basis, flexible, pair, 1, grid, count) is basis
+        assert excited_shapes(basis, flexible, pair, 1, grid, count) is None
 
 
-def test_fidelity_is_compared_in_natural_modes_only():
-    scene = jg.ready_scene("accessory-h1", ["model.shapes=excited"])
-    with pytest.raises(InputError, match=r"levels of fidelity are counted in natural modes"):
-        Models(scene, moving=True)
+@every_body
+def test_tables_of_combinations_are_those_of_a_body_made_on_them(name):
+    body, pair, grid, basis, shapes = _case(name)
+    flexible = flexible_body(body, pair, 1, grid, basis=basis)
+    combinations = excited_shapes(basis, flexible, pair, 1, grid, COUNT)
+    assert combinations is not None
+    found, made = (
+        each.modes
+        for each in (
+            combinations.of_body(flexible),
+            flexible_body(body, pair, 1, grid, basis=shapes),
+        )
+    )
+    assert found is not None
+    assert made is not None
+    for field in ("square", "rows", "load", "mass", "turning", "coriolis", "softening"):
+        got, wanted = getattr(found, field), getattr(made, field)
+        assert (got is None) == (wanted is None), field
+        if got is not None:
+            assert_near(got, wanted, 1e-8)
+    assert (found.waves, found.diameters) == (made.waves, made.diameters)

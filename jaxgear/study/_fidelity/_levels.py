@@ -29,6 +29,9 @@ _STEPPERS = {
     "generalised alpha": ("GA", jg.GeneralizedAlpha, False, False),
 }
 
+# Natural modes and excited shapes whose numbers are compared.
+_NATURAL, _EXCITED = (10, 50, 100, 200, 400), (100, 150, 200)
+
 
 def _sliced(counts: Iterable[int]) -> Mapping[str, Changes]:
     return {f"{n} slice{'s' if n > 1 else ''}": {"mesh.slices": n} for n in counts}
@@ -212,19 +215,12 @@ class Hierarchy:
         """All models and settings that are compared on a scene with condensed bodies.
 
         From the scene's own bodies, slices, steps and harmonics one thing is changed at a time; of
-        each body at most `most` modes are retained, of 0 all.
+        each body at most `most` natural modes are retained, of 0 all, or some excited shapes.
         """
-        modes, at_mesh = self.scene.model.modes, self.scene.model.at_mesh
-        every = max(body.built.body.dofs for body in self.scene.bodies.values())
-        retained = {
-            x for x in {10, 50, 100, 200, most} - {0, modes} if x <= min(most or every, every)
-        }
+        at_mesh = self.scene.model.at_mesh
         settings = {(5, 64), (10, 64), (20, 64), (10, 128), (40, 128)}
         rows: dict[str, Mapping[str, Changes]] = {
-            "modes": {
-                f"{count or 'all'} modes": {} if count == modes else {"model.coordinates": count}
-                for count in sorted({*retained, modes}, key=lambda x: x or math.inf)
-            },
+            "modes": self._of_shapes(most),
             "mesh coordinates": {
                 f"{n} coordinates": {"model.mesh_coordinates": n}
                 for n in (6, 12, 24)
@@ -245,11 +241,26 @@ class Hierarchy:
             Level("exp N64", "shooting, exponential", "", coarse, shot, thinned=4),
         ]
 
+    def _of_shapes(self, most: int) -> Mapping[str, Changes]:
+        """More or fewer shapes of condensed bodies, natural ones first, by rising number."""
+        every = max(body.built.body.dofs for body in self.scene.bodies.values())
+        limit, own = min(most or every, every), (self.scene.model.shapes, self.scene.model.modes)
+        wanted = {("natural", n) for n in (*_NATURAL, most) if n <= limit}
+        wanted |= {("excited", n) for n in _EXCITED if n < limit} | {own}
+        words = {"natural": "modes", "excited": "excited shapes"}
+        ordered = sorted(wanted, key=lambda each: (each[0] == "excited", each[1] or math.inf))
+        changes = lambda shapes, n: {"model.shapes": shapes, "model.coordinates": n}
+        return {
+            f"{n or 'all'} {words[shapes]}": {} if (shapes, n) == own else changes(shapes, n)
+            for shapes, n in ordered
+        }
+
     def few(self) -> list[Level]:
         """The scene itself, and the few levels that are likely to be cheaper and to suffice."""
         levels = self.bodies(self.scene.model.modes)
         own = own_of(levels)
-        wanted = ("10 modes", "50 modes", "5 slices", "H10 N64", "rigid", "rigid pinion")
+        wanted = ("50 modes", "100 modes", "100 excited shapes", "5 slices", "H10 N64", "rigid")
+        wanted = (*wanted, "rigid pinion")
         return [own, *(level for level in levels if level.name in wanted and level is not own)]
 
     # --- What a search needs

@@ -5,8 +5,6 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from jaxgear._checks import InputError
-from jaxgear._system._fewer_modes import fewer_modes
 from jaxgear._system._model import PairModel
 from jaxgear.scene._build import model_of
 from jaxgear.scene._scene import Scene
@@ -18,36 +16,45 @@ from jaxgear.study._progress import say
 class Models:
     """Scene and model of changes: condensed bodies are built once for each number of slices.
 
-    The `scene` is that of them all, without bodies. Bodies that vibrate are built with so many
-    `coordinates` where the slices are the scene's own, and cut to those of the changed scene.
+    The `scene` is that of them all, without bodies. Bodies that vibrate are built on natural modes,
+    where the slices are the scene's own on at least so many `modes`, and get those or the excited
+    shapes of the changed scene.
     """
 
-    def __init__(self, scene: Scene, *, moving: bool, coordinates: int | None = None):
-        if moving and scene.condensed and scene.model.shapes != "natural":
-            raise InputError(
-                f'model.shapes = "{scene.model.shapes}": levels of fidelity are counted in natural '
-                'modes. Write model.shapes = "natural" to compare them, and model.fidelity = "as '
-                'given" for responses with other shapes.'
-            )
+    def __init__(self, scene: Scene, *, moving: bool, modes: int | None = None):
         self.scene = dataclasses.replace(scene, bodies=NOTHING)
         self.moving = moving
-        self.richest = {} if coordinates is None else {"model.coordinates": coordinates}
+        self.modes = modes
         self.built: dict[int, Mapping[str, Any]] = {}
+        self.shaped: dict[Any, Mapping[str, Any]] = {}
 
     def __call__(self, changes: Changes) -> tuple[Scene, PairModel]:
         scene = self.scene.changed(changes)
         if scene.condensed:
-            bodies = self._bodies(scene.mesh.slices)
+            bodies = self._shaped(scene) if self.moving else self._bodies(scene.mesh.slices)
             own = {gear: bodies[gear] for gear in scene.condensed}
-            if self.moving:
-                cut = lambda body: fewer_modes(body.flexible, scene.model.modes)
-                own = {gear: dataclasses.replace(x, flexible=cut(x)) for gear, x in own.items()}
             scene = dataclasses.replace(scene, bodies=MappingProxyType(own))
         return scene, model_of(scene)
 
+    def _shaped(self, scene: Scene) -> Mapping[str, Any]:
+        """The bodies on the shapes that a scene asks for."""
+        from jaxgear.scene._mesh_bodies import with_shapes_of
+
+        key = scene.mesh.slices, scene.model.shapes, scene.model.modes
+        if key not in self.shaped:
+            bodies = self._bodies(scene.mesh.slices)
+            self.shaped[key] = {gear: with_shapes_of(scene, bodies[gear]) for gear in bodies}
+        return self.shaped[key]
+
     def _bodies(self, slices: int) -> Mapping[str, Any]:
+        """The bodies on so many slices, with all the natural modes that may be asked for."""
         if slices not in self.built:
-            richest = self.richest if slices == self.scene.mesh.slices else {}
-            wanted = self.scene.replace({"mesh.slices": slices, **richest})
+            wanted = self.scene.replace({"mesh.slices": slices})
+            if self.moving:
+                counts = [wanted.model.candidates]
+                if self.modes is not None and slices == self.scene.mesh.slices:
+                    counts.append(self.modes)
+                modes = 0 if 0 in counts else max(counts)
+                wanted = wanted.replace({"model.shapes": "natural", "model.coordinates": modes})
             self.built[slices] = with_bodies(wanted, say, moving=self.moving).bodies
         return self.built[slices]

@@ -24,7 +24,7 @@ _STABLE = 1.0 + 1e-6
 # Keys that leave the physical model as it is.
 _NUMERICAL = {"mesh.slices", "sweep.steps", "sweep.harmonics"}
 # Of the richer model: modes of all bodies together, and combinations that the mesh tells apart.
-_MODES, _COORDINATES = 400, 24
+_MODES, _COORDINATES = 800, 24
 
 
 class MethodsProblem(AbstractMotion):
@@ -117,17 +117,18 @@ class BodiesProblem(AbstractMotion):
     ):
         """Compare levels, or all, of a scene with a sweep and bodies that can vibrate.
 
-        Each body of the reference has so many modes; 400 of all together by default. A speed costs
-        a tenth of a second to several.
+        Each body of the reference has so many natural modes; 800 of all together by default, and
+        no fewer than shapes in the scene. A speed costs a second to several.
         """
         own = scene.model.modes
         most = 0 if own == 0 else max(own, modes or _MODES // len(scene.condensed))
         with narration("bodies of the reference"):
-            models = Models(scene, moving=True, coordinates=most)
+            models = Models(scene, moving=True, modes=most)
             models({})
         levels = Hierarchy(scene).bodies(most) if levels is None else levels
         super().__init__(models, levels, 3, speeds)
         self.richest = {
+            "model.shapes": "natural",
             "model.coordinates": most,
             "model.mesh_coordinates": max(_COORDINATES, scene.model.at_mesh),
             "sweep.steps": 2 * scene.sweep.steps,

@@ -1,0 +1,205 @@
+"""How many shapes a condensed body needs in motion: few speeds, all coordinates beside fewer.
+
+    python benchmarks/bench_shapes.py SCENE KIND:COUNT ... [--speeds V ...] [--relief UM ...]
+    python benchmarks/bench_shapes.py --table [--chart docs/pictures/shapes.png]
+
+Each model of a ready scene, as `natural:100` or `excited:200` (0: all coordinates of the body), is
+brought to its steady response at each speed by harmonic balance. Its largest mesh force, RMS of
+transmission error and largest bearing force go to `shapes.json`, with processor seconds; the table
+compares all with the model of most coordinates at the same speed and relief. All coordinates of
+the accessory wheel (2,895) take minutes of a processor to be set up and two for each speed.
+"""
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from timing import begin, peak
+
+FLANKS = "flank.pinion.tip_relief.depth_um", "flank.wheel.tip_relief.depth_um"
+NUMBERS = {"force": "largest mesh force", "te_rms": "RMS of TE", "bearing": "bearing force"}
+
+
+def main() -> None:
+    """Measure what is asked for, or print the table of what was measured."""
+    parser = argparse.ArgumentParser(description="How many shapes a condensed body needs.")
+    parser.add_argument("scene", nargs="?")
+    parser.add_argument("models", nargs="*", metavar="KIND:COUNT")
+    parser.add_argument("--speeds", type=float, nargs="+", default=[400.0, 900.0, 1400.0, 1900.0])
+    parser.add_argument("--relief", type=float, nargs="+", default=[0.0, 10.0])
+    parser.add_argument("--table", action="store_true")
+    parser.add_argument("--chart", type=Path, help="error against processor time, as a picture")
+    parser.add_argument("--file", type=Path, default=Path(__file__).with_name("shapes.json"))
+    options = parser.parse_args()
+    begin(options.file.parent)
+    path = options.file
+    for model in options.models:
+        for rows in measured(options.scene, model, options.speeds, options.relief):
+            known = json.loads(path.read_text("utf-8")) if path.exists() else {}
+            path.write_text(json.dumps(known | rows, indent=1) + "\n", encoding="utf-8")
+    if options.table or options.chart:
+        found = compared(json.loads(path.read_text("utf-8")))
+        for line in found:
+            print(line.words)
+        if options.chart:
+            chart(found, options.chart)
+
+
+def measured(name: str, model: str, speeds: list[float], reliefs: list[float]):
+    """Numbers of each response with one model, as they are found."""
+    import equinox as eqx
+    import jax
+    import jax.numpy as jnp
+    import numpy as np
+
+    import jaxgear as jg
+    from jaxgear._dynamics._harmonic import balance_of
+    from jaxgear.study._built import BuiltScene
+    from jaxgear.study._dynamics import dynamics_of
+
+    kind, count = model.split(":")
+    told = [f"model.shapes={kind}", f"model.coordinates={count}"]
+    scene = jg.ready_scene(name, [*told, "sweep.pinion_speed_rad_s=[1.0]"])
+    scene, seconds = on_processor(lambda: jg.with_bodies(scene, moving=True))
+    print(f"{name} {model}: bodies {seconds:.1f} s, {peak():.0f} MB", file=sys.stderr, flush=True)
+    built = BuiltScene(scene)
+    grid, tables = built.grid_in_motion, (scene.model, scene.damping, scene.sweep)
+    make = eqx.filter_jit(lambda model: dynamics_of(model, grid, *tables))
+    make = make.lower(built.model).compile()
+    method = jg.HarmonicBalance(harmonics=scene.sweep.harmonics)
+    for relief in reliefs:
+        relieved = jg.model_of(scene.replace(dict.fromkeys(FLANKS, relief)))
+        pair, building = on_processor(lambda model=relieved: make(model))
+        balance, preparing = on_processor(lambda pair=pair: balance_of(method, pair.system))
+        size = pair.system.mass.shape[0]
+        told = f"{building:.1f} s, {preparing:.1f} s, {peak():.0f} MB"
+        print(f"  {relief:g} um: {size} degrees of freedom, {told}", file=sys.stderr, flush=True)
+        solve = jax.jit(lambda balance, speed: method.solve(balance, speed)[0])
+        solve = solve.lower(balance, jnp.asarray(1.0)).compile()
+        for speed in speeds:
+            at = jnp.asarray(float(speed))
+            orbit, taken = on_processor(lambda at=at, b=balance, s=solve: s(b, at))
+            loads = np.asarray(jg.bearing_loads(pair, orbit))[..., :3]
+            error = jg.dynamic_transmission_error(pair.system, orbit)
+            row = {
+                "force": float(jg.dynamic_ratio(pair.system, orbit)),
+                "te_rms": 1e6 * float(jg.orbit_rms(pair.system, error)),
+                "bearing": float(np.linalg.norm(loads, axis=-1).max()),
+                "settled": bool(orbit.settled),
+                "dofs": size,
+                "processor_s": taken,
+            }
+            print(f"    {speed:g} rad/s: {row}", file=sys.stderr, flush=True)
+            yield {f"{name} {model} {relief:g} {speed:g}": row}
+
+
+def on_processor(work) -> tuple[Any, float]:
+    """What some work gives, and the processor seconds that it takes."""
+    import jax
+
+    start = time.process_time()
+    found = jax.block_until_ready(work())
+    return found, time.process_time() - start
+
+
+class Line(NamedTuple):
+    """Errors of a model over speeds against that of most coordinates [%], and its cost.
+
+    **Fields:**
+
+    - `case`: scene and relief.
+    - `model`: kind and number of shapes.
+    - `errors`: by number, over speeds.
+    - `seconds`: of a processor for one speed, median.
+    - `against`: degrees of freedom of what it is compared with.
+    """
+
+    case: str
+    model: str
+    errors: dict[str, Any]
+    seconds: float
+    against: str
+
+    @property
+    def words(self) -> str:
+        """The line in words: errors at the median and the largest."""
+        told = ", ".join(
+            f"{words} {sorted(self.errors[key])[len(self.errors[key]) // 2]:.2f} / "
+            f"{max(self.errors[key]):.2f}"
+            for key, words in NUMBERS.items()
+        )
+        count = len(self.errors["force"])
+        return (
+            f"{self.case}, {self.model}: {told} %; {self.seconds:.2f} s a speed; {count} speeds "
+            f"against {self.against} degrees of freedom"
+        )
+
+
+def compared(rows: dict[str, Any]) -> list[Line]:
+    """All models against that of most coordinates at the same speed, scene and relief."""
+    import numpy as np
+
+    apart = [key.split() for key in rows]
+    found = []
+    for name, relief in dict.fromkeys((each[0], each[2]) for each in apart):
+        own = {(e[1], e[3]): rows[" ".join(e)] for e in apart if (e[0], e[2]) == (name, relief)}
+        best: dict[str, str] = {}
+        for model, speed in own:
+            known = own[best.get(speed, model), speed]
+            if own[model, speed]["dofs"] >= known["dofs"]:
+                best[speed] = model
+        for model in dict.fromkeys(model for model, _ in own):
+            speeds = [s for m, s in own if m == model and best[s] != model]
+            speeds = [s for s in speeds if own[model, s]["settled"] and own[best[s], s]["settled"]]
+            if not speeds:
+                continue
+            off = lambda key, s, m=model, o=own, b=best: abs(o[m, s][key] / o[b[s], s][key] - 1.0)
+            found.append(
+                Line(
+                    case=f"{name}, {relief} um",
+                    model=model,
+                    errors={key: [100.0 * off(key, s) for s in speeds] for key in NUMBERS},
+                    seconds=float(np.median([own[model, s]["processor_s"] for s in speeds])),
+                    against="/".join(sorted({str(own[best[s], s]["dofs"]) for s in speeds})),
+                )
+            )
+    return found
+
+
+def chart(lines: list[Line], path: Path) -> None:
+    """Largest error of the largest mesh force against processor time, by scene and relief."""
+    import matplotlib.pyplot as plt
+
+    cases = list(dict.fromkeys(line.case for line in lines))
+    figure, axes = plt.subplots(
+        1, len(cases), figsize=(3.2 * len(cases), 3.2), sharey=True, squeeze=False
+    )
+    for axis, case in zip(axes[0], cases, strict=True):
+        own = [line for line in lines if line.case == case]
+        for kind, marker in (("natural", "o-"), ("excited", "s")):
+            some = sorted((x for x in own if x.model.startswith(kind)), key=lambda x: x.seconds)
+            worst = [max(x.errors["force"]) for x in some]
+            axis.loglog([x.seconds for x in some], worst, marker, label=kind)
+            for x, error in zip(some, worst, strict=True):
+                axis.annotate(
+                    x.model.split(":")[1],
+                    (x.seconds, error),
+                    xytext=(4, 4),
+                    textcoords="offset points",
+                    fontsize=8,
+                )
+        axis.set_title(case, fontsize=9)
+        axis.set_xlabel("processor time of a speed [s]", fontsize=8)
+        axis.grid(which="both", alpha=0.3)
+    axes[0][0].set_ylabel("largest error of the mesh force [%]", fontsize=8)
+    axes[0][0].legend(fontsize=8)
+    figure.tight_layout()
+    figure.savefig(path, dpi=130)
+    print(f"written to {path}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,136 @@
+"""What rim nodes of equal sectors say to each other, from the rows of one sector.
+
+In the frame of its own sector each says to the others what any other does, so that the rim's block
+of a matrix is known from the rows of the first sector's nodes, up to half a turn ahead.
+"""
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+
+from ._artefact import ReducedBody
+from ._symmetry import Rotation, rotation_of
+
+
+class EqualSectors:
+    """Rim nodes of a body by sectors.
+
+    **Fields:**
+
+    - `nodes`: each the image of that before, `[sector, each]`.
+    - `turns`: of a vector by so many sectors, `[sector, 3, 3]`.
+    """
+
+    def __init__(self, rotation: Rotation):
+        self.nodes, self.turns = rotation.orbits(), rotation.matrices
+
+    @property
+    def ahead(self) -> int:
+        """How many sectors are told apart: from none to half a turn."""
+        return len(self.nodes) // 2 + 1
+
+    def rows(self, block: np.ndarray, sign: int) -> np.ndarray:
+        """The rows of the first sector that the whole block follows from.
+
+        **Arguments:**
+
+        - `block`: of the rim, symmetric or, if `sign` is -1, skew, `[3 node, 3 node]`.
+        - `sign`: 1 or -1.
+
+        **Returns:**
+
+        What the first sector's nodes say to those so many sectors ahead,
+        `[sector ahead, 3 each, 3 each]`.
+        """
+        dofs = self._dofs
+        found = np.stack([block[np.ix_(dofs[0], dofs[step])] for step in range(self.ahead)])
+        found[0] = 0.5 * (found[0] + sign * found[0].T)
+        return found
+
+    def block(self, rows: np.ndarray, sign: int) -> np.ndarray:
+        """The rim's block from the rows of the first sector.
+
+        **Arguments:**
+
+        - `rows`, `sign`: as of `rows`.
+
+        **Returns:**
+
+        The block; of it `rows` are the same to the last digit, and what lies on the other side of
+        the diagonal is the same number.
+        """
+        dofs, (count, each) = self._dofs, self.nodes.shape
+        result = np.empty((dofs.size, dofs.size))
+        apart = rows.reshape(self.ahead, each, 3, each, 3)
+        for first, turn in enumerate(self.turns):
+            turned = np.einsum("ij,sajbk,lk->saibl", turn, apart, turn, optimize=True)
+            for step, values in enumerate(turned.reshape(rows.shape)):
+                second = (first + step) % count
+                # Half a turn ahead is half a turn behind: once is enough.
+                if 2 * step == count and first > second:
+                    continue
+                if step == 0:
+                    values = 0.5 * (values + sign * values.T)
+                result[np.ix_(dofs[first], dofs[second])] = values
+                if step:
+                    result[np.ix_(dofs[second], dofs[first])] = sign * values.T
+        return result
+
+    @property
+    def _dofs(self) -> np.ndarray:
+        """Coordinates of the nodes of each sector, `[sector, 3 each]`."""
+        return (3 * self.nodes[:, :, None] + np.arange(3)).reshape(len(self.nodes), -1)
+
+
+def equal_sectors(rim_nodes: np.ndarray, facts: Mapping[str, object]) -> EqualSectors | None:
+    """The sectors of a body, if it says that it has three or more and its rim nodes are so.
+
+    **Arguments:**
+
+    - `rim_nodes`: places of the rim nodes [m].
+    - `facts`: of the body.
+
+    **Returns:**
+
+    The sectors, or `None`.
+    """
+    sectors = facts.get("sectors", 1)
+    if not isinstance(sectors, int) or sectors < 3 or not len(rim_nodes):
+        return None
+    rotation = rotation_of(rim_nodes, sectors)
+    found = None if rotation is None else EqualSectors(rotation)
+    return found if found is not None and found.nodes.size == len(rim_nodes) else None
+
+
+def signs(name: str) -> int:
+    """1 of a symmetric matrix of a body, -1 of that of its Coriolis forces."""
+    return -1 if name == "coriolis" else 1
+
+
+# The matrices of a body that repeat from sector to sector.
+MATRICES = ("stiffness", "mass", "coriolis", "spin_softening", "stress_stiffening")
+
+
+def evened(body: ReducedBody) -> ReducedBody:
+    """A body of equal sectors whose rim is so to the last digit, and not but for rounding.
+
+    **Arguments:**
+
+    - `body`: condensed, its sectors equal but for rounding.
+
+    **Returns:**
+
+    The body; the same if it is not of equal sectors.
+    """
+    sectors, rim = equal_sectors(body.rim_nodes, body.facts), 3 * len(body.rim_nodes)
+    if sectors is None:
+        return body
+    found = {}
+    for name in MATRICES:
+        matrix, sign = getattr(body, name), signs(name)
+        if matrix is not None:
+            matrix = matrix.copy()
+            matrix[:rim, :rim] = sectors.block(sectors.rows(matrix[:rim, :rim], sign), sign)
+            found[name] = matrix
+    return dataclasses.replace(body, **found)
