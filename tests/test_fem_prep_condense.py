@@ -22,6 +22,7 @@ from fem_cases import (
     web_probe,
     wheel_body,
 )
+from helpers import quick
 from scipy.sparse import csc_array, diags_array
 
 from fem_prep._artefact import floating, rigid_motions
@@ -181,11 +182,14 @@ def test_craig_bampton_is_worse_free():
 
 @pytest.mark.parametrize(
     ("seats", "method", "rtol"),
-    [
-        ("ring", "herting", 5e-5),
-        ("both", "herting", 5e-5),
-        ("ring", "craig-bampton", 1e-2),
-    ],
+    quick(
+        1,
+        [
+            ("ring", "herting", 5e-5),
+            ("both", "herting", 5e-5),
+            ("ring", "craig-bampton", 1e-2),
+        ],
+    ),
 )
 def test_frequencies_with_bearings_and_a_mesh_spring(seats, method, rtol):
     full, body = wheel(seats), condensed(seats, method)
@@ -197,7 +201,7 @@ def test_frequencies_with_bearings_and_a_mesh_spring(seats, method, rtol):
     assert np.sqrt(exact[0]) < 0.9 * np.sqrt(free_of(seats)[0])
 
 
-@pytest.mark.parametrize("seats", ["ring", "both"])
+@pytest.mark.parametrize("seats", quick(1, ["ring", "both"]))
 def test_statics(seats):
     """A force on a tooth, on a probe and the centrifugal load: exact whatever the modes."""
     full, rows = wheel(seats), boundary_rows(wheel(seats))
@@ -351,8 +355,11 @@ def pierced(count):
 
 @pytest.mark.parametrize(
     ("grid", "seats", "sectors"),
-    [("plain", seats, 8) for seats in ("mean", "none")]
-    + [("holes", "ring", 4), ("holes", "mean", 4)],
+    quick(
+        2,
+        [("plain", seats, 8) for seats in ("mean", "none")]
+        + [("holes", "ring", 4), ("holes", "mean", 4)],
+    ),
 )
 def test_one_sector_says_what_all_columns_say(grid, seats, sectors):
     full = wheel_body(small_wheel(8) if grid == "plain" else pierced(4), seats)

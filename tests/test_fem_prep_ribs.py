@@ -85,6 +85,7 @@ def test_disc_is_the_ring_and_a_thin_web_gives_more():
     assert _give(ribbed_grids(web, COARSE, GEAR)[0], "seat:bore") > 1.1 * ring
 
 
+@pytest.mark.slow
 def test_without_teeth_the_elements_are_the_same_and_the_rim_gives_more():
     web = dataclasses.replace(DISC, web=WEB)
     ribbed, smooth = (ribbed_grids(web, COARSE, GEAR, teeth=teeth) for teeth in (True, False))

@@ -6,6 +6,7 @@ import math
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import quick
 from scipy.interpolate import CubicSpline
 
 from fem_prep._assembly import Material
@@ -71,7 +72,7 @@ def test_helical_fillet_ends_where_the_involute_begins_and_runs_on_in_it():
     assert abs(HELICAL.fillet(np.array(0.5 * math.pi))[0] / HELICAL.root_radius - 1.0) < 1e-12
 
 
-@pytest.mark.parametrize("twist", [0.0, 20.0])
+@pytest.mark.parametrize("twist", quick(1, [0.0, 20.0]))
 def test_prism_moves_rigidly_and_strains_evenly(twist):
     """A prism that only moves bears no force; one that is stretched bears E times its area."""
     section = tooth_section(PINION, 1, COARSE)
@@ -127,7 +128,7 @@ def _symmetric(teeth: ToothElements) -> np.ndarray:
     return own.reshape(own.shape[0] * own.shape[1], -1)
 
 
-@pytest.mark.parametrize("kind", ["spur", "helical"])
+@pytest.mark.parametrize("kind", quick(1, ["spur", "helical"]))
 def test_teeth_obey_reciprocity_and_are_positive(kind, request):
     """Loads on one tooth move the next as the other way round, and no load does negative work."""
     teeth = request.getfixturevalue(kind)
@@ -149,6 +150,7 @@ def test_teeth_obey_reciprocity_and_are_positive(kind, request):
     assert 0.0 < teeth.compliance[1][2, 0, 2, 0] < 0.7 * whole[2 * waves.count, 2 * waves.count]
 
 
+@pytest.mark.slow
 def test_teeth_beyond_those_in_mesh_hardly_matter(spur):
     finer = condense_teeth(PINION, STEEL, 2, sizing=dataclasses.replace(COARSE, margin=2))
     even = [teeth.compliance[1][:, 0, :, 0] for teeth in (spur, finer)]

@@ -32,6 +32,7 @@ from fem_cases import (
     web_probe,
     wheel_body,
 )
+from helpers import quick
 from scipy.optimize import brentq
 from scipy.sparse import block_diag, csr_array
 from scipy.special import iv, jv
@@ -406,7 +407,9 @@ def on_bearings(full, body):
 
 @pytest.mark.parametrize(
     ("web", "young", "share"),
-    [(0.2e-3, 2.1e11, 1e-5), (9.5e-3, 2.1e11, 1e-9), (3e-3, 4e14, 1e-7), (None, 4e14, 1e-7)],
+    quick(
+        2, [(0.2e-3, 2.1e11, 1e-5), (9.5e-3, 2.1e11, 1e-9), (3e-3, 4e14, 1e-7), (None, 4e14, 1e-7)]
+    ),
     ids=["thin", "as thick as the rim", "rigidified", "solid and rigidified"],
 )
 def test_extreme_wheels(web, young, share):
@@ -472,7 +475,7 @@ def test_the_accessory_wheel():
     assert_near(shapes, body.interior_shapes[-3:], 1e-12)
 
 
-@pytest.mark.parametrize("coupling", ["rigid", "averaging", "none"])
+@pytest.mark.parametrize("coupling", quick(2, ["rigid", "averaging", "none"]))
 @pytest.mark.parametrize("method", ["herting", "guyan"])
 def test_a_body_that_spins_freely_moves_freely(coupling, method):
     """What rotation adds to the stiffness of rigid motions, for bodies that hang in space.

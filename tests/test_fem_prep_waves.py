@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 from fem_cases import STEEL, assert_near, small_wheel, web_probe, wheel_body
+from helpers import quick
 from scipy.sparse import csr_array
 
 from fem_prep._boundary import full_body
@@ -125,7 +126,7 @@ def solid():
     return full_body("solid", grid, STEEL, [seat], probes=probes)
 
 
-@pytest.mark.parametrize(("sectors", "averaging"), [(6, False), (3, True), (2, False)])
+@pytest.mark.parametrize(("sectors", "averaging"), quick(1, [(6, False), (3, True), (2, False)]))
 def test_a_solid_body_sector_by_sector(sectors, averaging):
     """Points on the axis belong to all sectors: waves of none and of one move them."""
     plain = solid()

@@ -68,6 +68,7 @@ def test_largest_of_loads_is_a_bound_and_nothing_stays_nothing(width):
         assert found[2] == pytest.approx(by_hand, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_an_even_pressure_is_centred():
     square, offset, *_ = _judged()
     assert square < 1e-24
@@ -85,6 +86,7 @@ def test_offset_of_a_slope_by_hand():
     assert square == pytest.approx(offset**2, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_the_opposite_slope_centres_a_misaligned_pair():
     """An axis that deviates is a slope of the lead, so that a slope undoes it exactly.
 

@@ -68,6 +68,7 @@ def test_variance_of_the_plain_pair_by_hand():
     assert_close(found, 0.25 * delta**2 * (ratio - 1) * (2 - ratio), rtol=1e-6, atol=0.0)
 
 
+@pytest.mark.slow
 def test_variance_of_a_helical_pair_is_transverse(sloped):
     model, cycle = sloped
     transverse = np.asarray(cycle.approach) / math.cos(POWER.base_helix) / um
@@ -123,6 +124,7 @@ def test_weighted_sum_by_hand(settled):
     assert_close(total, 2.0 * values[0] + 0.01 * values[1], rtol=1e-13, atol=0.0)
 
 
+@pytest.mark.slow
 def test_torques_are_averaged_or_the_worst_taken_and_residuals_sum_to_their_mean():
     """Plain pair of constant stiffness: the variance goes with the square of the torque."""
     # The torque of the design itself is replaced.
@@ -264,6 +266,7 @@ def _exact_rms(point: np.ndarray) -> float:
     return spread(cycle, np.asarray(cycle.approach)) / um
 
 
+@pytest.mark.slow
 def test_search_ends_in_the_valley(search):
     """From no relief (2.36 um) to less than 0.3 um in fewer than 50 gradients."""
     _, result = search
@@ -321,6 +324,7 @@ def constant():
     return _residuals(CONSTANT, 48), closed
 
 
+@pytest.mark.slow
 def test_the_traced_curve_is_the_closed_form(constant):
     """From half the depth at the longest extent down to where depths grow without bound."""
     residuals, closed = constant
@@ -338,6 +342,7 @@ def test_the_traced_curve_is_the_closed_form(constant):
     assert_close(curve.margin(float(rms[1]))[3], 0.2 * um, rtol=2e-2, atol=0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "start",
     [

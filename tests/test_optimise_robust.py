@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.stats
-from helpers import assert_close, assert_gradient
+from helpers import assert_close, assert_gradient, quick
 
 import optimise
 
@@ -111,7 +111,7 @@ def test_a_population_keeps_once_what_all_have_in_common():
     assert_close(found, np.array([[25.0, 3.0], [46.0, 3.0], [27.0, 3.0]]), rtol=1e-14, atol=0.0)
 
 
-@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize("count", quick(1, [1, 2]))
 def test_measured_slopes_are_those_of_the_measures(count):
     """Of each member by itself, and then weighted, or of all at once."""
     samples = optimise.scattered(_QUANTITIES, 8)

@@ -1,5 +1,7 @@
 """The data of planted faults keep up with the sources, and their judge can tell what it sees."""
 
+import ast
+import functools
 import textwrap
 from collections import Counter
 
@@ -21,6 +23,23 @@ def test_each_fault_is_planted_in_one_place_and_has_its_tests(faults):
         assert fault.tests, fault.name
         assert not absent_tests(fault.tests, ROOT), fault.name
     assert max(Counter(fault.name for fault in faults).values()) == 1
+
+
+@functools.cache
+def _slow_ones(file: str) -> set[str]:
+    """Names of the slow tests of a file, as far as all their variants are."""
+    tests = [
+        x for x in ast.parse((ROOT / file).read_bytes()).body if isinstance(x, ast.FunctionDef)
+    ]
+    marked = lambda test: "pytest.mark.slow" in map(ast.unparse, test.decorator_list)
+    return {test.name for test in tests if marked(test)}
+
+
+def test_each_fault_is_caught_by_a_fast_test(faults):
+    """Else a change would break what only `make test-slow` sees."""
+    for fault in faults:
+        apart = (test.partition("[")[0].split("::") for test in fault.tests)
+        assert any(name not in _slow_ones(file) for file, name in apart), fault.name
 
 
 def test_each_stage_has_a_fault(faults):

@@ -117,6 +117,7 @@ def test_the_drawing_shows_the_gears_as_they_are(helical, written):
     np.testing.assert_array_equal(outline["T_mm"], -driven.datasets["pair"]["T_mm"].values)
 
 
+@pytest.mark.slow
 def test_a_symmetrical_spur_pair_is_as_good_either_way(write):
     forth, back = _solved(write), _solved(write, _BACK)
     for name, value in forth.summary["static"].items():

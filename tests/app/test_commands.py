@@ -75,6 +75,7 @@ def _assert_bearings_of_the_thesis(bearings: list[dict]) -> None:
         assert row["displacement_um"]["T"] == pytest.approx(along_t, rel=0.05)
 
 
+@pytest.mark.slow
 def test_bearing_loads_of_the_power_pair():
     """Tab. III-6 and III-7: totals within 0.1 %; the split follows from the shafts chosen."""
     scene = ready_scene("power", ("mesh.phases=16", "mesh.stiffness=iso6336"))
@@ -266,6 +267,7 @@ def test_optimise_through_falling_widths_tied_harmonics(accessory, tmp_path, cap
     assert not list((tmp_path / "results").rglob("*.jsonl"))
 
 
+@pytest.mark.slow
 def test_impossible_gears_are_refused_with_a_remedy(accessory, capsys):
     for setting, words in (
         (

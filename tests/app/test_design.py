@@ -235,6 +235,7 @@ def test_the_record_of_a_search_is_that_of_its_model(tmp_path):
     assert len({file, *others}) == 4
 
 
+@pytest.mark.slow
 def test_face_load_factor_follows_bearings_and_sections():
     """Its derivatives by rows of a shaft and by a flank against central differences."""
     keys = (

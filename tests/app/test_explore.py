@@ -159,6 +159,7 @@ def test_a_slider_more_is_written_too(live, tmp_path):
     assert read_scene(written["file"]).value("wheel.profile_shift") == 0.45
 
 
+@pytest.mark.slow
 def test_curve_passes_through_the_cycle(live):
     """Where both depths are the same, the curve has the RMS of the cycle itself."""
     curve = live.relief_curve(live.values({}))

@@ -440,6 +440,7 @@ def test_a_run_shows_teeth_above_holes_and_between(tmp_path, monkeypatch):
     np.testing.assert_allclose(np.roll(loads, 1), moved, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_stress_maps_are_those_of_the_grid_over_a_revolution(solved, tmp_path):
     scene, statics, under = solved
     maps = stress_maps(scene.mesh, scene.bodies, statics)

@@ -41,6 +41,7 @@ def test_a_profile_slope_is_a_saw_tooth_of_the_base_pitch(write):
     )
 
 
+@pytest.mark.slow
 def test_one_thick_tooth_lets_the_pinion_stay_behind_for_its_passage(write):
     errors = "flank.pinion.pitch_error_um=[" + ", ".join(["0.0"] * 7 + ["5.0"] + ["0.0"] * 17) + "]"
     result = studies.statics(read_scene(write(_SCENE), [errors, "mesh.periods=25"]))

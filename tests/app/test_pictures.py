@@ -12,6 +12,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 import xarray as xr
+from helpers import quick
 from matplotlib.figure import Figure
 from matplotlib.path import Path as Polygon
 from matplotlib.text import Annotation
@@ -435,11 +436,14 @@ def test_deflected_lines_carry_the_loads_of_the_bearings(cycles, datasets, group
 
 @pytest.mark.parametrize(
     "at",
-    [
-        np.append(np.linspace(0.0, 24.0, 6), 100.0),
-        np.append(np.linspace(0.0, 40.0, 20), 100.0),
-        [0.0, 100.0],
-    ],
+    quick(
+        1,
+        [
+            np.append(np.linspace(0.0, 24.0, 6), 100.0),
+            np.append(np.linspace(0.0, 40.0, 20), 100.0),
+            [0.0, 100.0],
+        ],
+    ),
 )
 def test_labels_of_bearings_hide_nothing(at):
     """However close the bearings are; none is moved where there is room."""
@@ -506,6 +510,7 @@ def test_configuration_is_left_alone(datasets):
     assert dict(matplotlib.rcParams) == before
 
 
+@pytest.mark.slow
 def test_both_files_have_the_layout_that_each_would_have_alone(datasets, tmp_path):
     with house_look():
         figure = pictures.flank_maps(datasets["spur"])

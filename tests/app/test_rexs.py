@@ -8,6 +8,7 @@ import xml.etree.ElementTree as ET
 import zipfile
 
 import pytest
+from helpers import quick
 
 from jaxgear._checks import InputError
 from jaxgear._cli._main import main
@@ -399,7 +400,7 @@ _FLANKS = (
 )
 
 
-@pytest.mark.parametrize("form", ["rexs", "rexsj", "rexsz"])
+@pytest.mark.parametrize("form", quick(1, ["rexs", "rexsj", "rexsz"]))
 @pytest.mark.parametrize("name", ready_names())
 def test_ready_scenes_come_back(tmp_path, capsys, name, form):
     """All of a pair, its flanks and shafts; of reliefs without depth their extents too."""

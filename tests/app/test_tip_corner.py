@@ -26,6 +26,7 @@ stiffness_N_mm_um = 14.0
 _CORNERS = ("mesh.tip_contact=true", "pinion.tip_corner_radius_mm=0.2")
 
 
+@pytest.mark.slow
 def test_the_summary_and_the_dataset_have_the_pressure_of_the_corner(write):
     result = studies.statics(read_scene(write(_SCENE), _CORNERS))
     pressure = result.dataset["corner_pressure_MPa"]

@@ -115,6 +115,7 @@ def _interpolates(make):
     assert off[middle].max() < 2e-5
 
 
+@pytest.mark.slow
 @over(power, slow=(accessory,))
 def test_interpolated_stiffness_against_the_law_itself(make):
     _interpolates(make)
@@ -201,7 +202,7 @@ def test_tip_relief_acts_where_its_owner_has_its_tip(make):
     np.testing.assert_allclose(_gap(pair, jg.Flanks(pinion=root)), expected, atol=1e-9)
 
 
-@over(accessory, power)
+@over(power, slow=(accessory,))
 def test_tip_corners_touch_above_the_start_of_active_profile(make):
     """Beyond the path: the corner at its own tip, the mate's place above 0 and growing."""
     pair = make()
@@ -352,6 +353,7 @@ def test_gradients(make, law):
     assert_gradient(mixed, argument, rtol=1e-4, step=1e-6, scale=sizes(argument))
 
 
+@pytest.mark.slow
 def test_gradients_of_the_gap():
     pair = helical_25_31()
     grid = jg.mesh_grid(pair, phases=8, slices=3)

@@ -145,6 +145,7 @@ def test_mesh_stiffness_of_ross_62_62():
     assert_close(np.max(both) * 20.0 * mm, 6.386e8, rtol=3e-3, atol=0.0)
 
 
+@pytest.mark.slow
 def test_a_bore_chooses_the_ring():
     """Each gear by itself: a ring where its bore says how thick, a half-plane where none does."""
     bored, plain = ross_62_62(), standard_30_30()
@@ -305,6 +306,7 @@ _LAWS = [_WEBER, jg.Iso6336()]
 every_law = pytest.mark.parametrize("law", _LAWS, ids=["weber", "iso"])
 
 
+@pytest.mark.slow
 @over(helical_25_31, slow=(fzg_c14,))
 def test_gears_may_change_places(make):
     pair, load = make(), _load(150.0)
@@ -362,6 +364,7 @@ def test_exchange_carries_the_materials_along():
     assert abs(float(one[0] / other[0]) - 1.0) > 1e-4
 
 
+@pytest.mark.slow
 def test_largest_single_pair_stiffness():
     pair = fzg_c14()
     fine = 1.0 / _compliance(_WEBER, pair, _along(pair, *np.linspace(0.2, 0.8, 90)), _load(200.0))

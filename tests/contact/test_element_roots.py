@@ -55,6 +55,7 @@ def test_points_are_those_of_the_same_fillet(made):
     assert float(elements.height[0]) < 0.0 < float(elements.height[-1])
 
 
+@pytest.mark.slow
 def test_mean_over_the_face_is_that_of_plane_strain_and_faces_carry_less(made):
     """Free faces give a quarter away, which the middle of a narrow gear carries beside its own."""
     line = 1

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from cases import fzg_c14, helical_25_31, over, standard_30_30
-from helpers import assert_close, assert_gradient
+from helpers import assert_close, assert_gradient, quick
 
 import jaxgear as jg
 from jaxgear._contact._ring import ring_influence, ring_receptances, root_resultants
@@ -158,7 +158,7 @@ def _summed(ratio, half, variant, poisson, shifts):
     return found
 
 
-@pytest.mark.parametrize("variant", [_MODEL, _LITERATURE])
+@pytest.mark.parametrize("variant", quick(2, [_MODEL, _LITERATURE]))
 @pytest.mark.parametrize(("ratio", "poisson"), [(1.15, 0.3), (2.5, 0.25)])
 def test_influence_by_a_plain_sum(variant, ratio, poisson):
     """The closed form of the disc, the parities and the tractions, all at once."""
@@ -437,7 +437,9 @@ def test_ring_agrees_with_sainsot_as_a_foundation():
 # --- derivatives
 
 
-@pytest.mark.parametrize(("variant", "transform"), [(_MODEL, jax.grad), (_LITERATURE, jax.jacfwd)])
+@pytest.mark.parametrize(
+    ("variant", "transform"), quick(1, [(_MODEL, jax.grad), (_LITERATURE, jax.jacfwd)])
+)
 def test_gradients(variant, transform):
     """By both modes; each is one program, and the differences need no other than the tests' own."""
     weights = np.random.default_rng(3).normal(size=(2, 3, 3)) / np.asarray([1.0, 1.0, 10.0])

@@ -357,6 +357,7 @@ def test_gradients(law, make, index, place):
     assert_gradient(compliance, argument, rtol=1e-4, step=1e-7, scale=sizes(argument))
 
 
+@pytest.mark.slow
 def test_gradient_of_a_load_below_the_chord():
     """The cantilever is gone; what is left must not be NaN, for a search passes through here."""
     section = _sections(power())[1]

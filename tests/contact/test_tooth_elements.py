@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import quick
 
 import jaxgear as jg
 from fem_prep import Material, ToothedGear, ToothSizing, condense_teeth
@@ -108,6 +109,7 @@ def spur():
     return _pair(0.0)
 
 
+@pytest.mark.slow
 def test_cells_on_a_half_space_far_apart_are_points():
     """And a long even load lowers the middle of a narrower strip by the logarithm of the widths."""
     steel, length, far = jg.Material(), 1e-4, jnp.asarray(50e-3)
@@ -144,6 +146,7 @@ def _between(pair: jg.GearPair, teeth: ElementTeeth, slices: int):
     return found(pair, teeth)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("helix", [0.0, pytest.param(20.0, marks=pytest.mark.slow)])
 def test_coupling_is_symmetric_and_positive(helix, spur):
     """And of an even load on a spur pair it is what the pair gives alone."""
@@ -192,7 +195,8 @@ def test_scenes_that_cannot_have_such_teeth_are_refused(tmp_path, overrides, mes
 
 
 @pytest.mark.parametrize(
-    ("width", "helix", "coarser"), [(3.0, 0.0, False), (60.0, 0.0, True), (15.0, 35.0, True)]
+    ("width", "helix", "coarser"),
+    quick(1, [(3.0, 0.0, False), (60.0, 0.0, True), (15.0, 35.0, True)]),
 )
 def test_wide_and_helical_teeth_are_divided_more_coarsely(width, helix, coarser, tmp_path):
     """And a note says what that costs."""

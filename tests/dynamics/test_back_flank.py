@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from cases import helical_25_31, mirrored, power
-from helpers import assert_close, assert_gradient
+from helpers import assert_close, assert_gradient, quick
 
 import jaxgear as jg
 from jaxgear import mm, um
@@ -175,7 +175,7 @@ def _approach(pair, mounts, bodies, motions, roll, across) -> float:
     return total
 
 
-@pytest.mark.parametrize("kind", ["rigid", "beam"])
+@pytest.mark.parametrize("kind", quick(1, ["rigid", "beam"]))
 def test_back_vectors_give_the_approach_of_points_on_back_flanks(kind):
     pair = power()
     mounts: tuple[jg.Shaft | jg.Support, jg.Shaft | jg.Support] = jg.Support(), jg.Support()
@@ -329,6 +329,7 @@ def test_a_flank_that_is_not_coupled_stands_alone():
     assert loose.coupling is None
 
 
+@pytest.mark.slow
 def test_several_periods_repeat_nominal_back_flanks():
     system, drive, back = _tables()
     long = repeated(drive, 3)
@@ -349,6 +350,7 @@ def test_steps_too_long_for_the_lines_kept_are_refused():
         jg.pair_dynamics(_model(), few)
 
 
+@pytest.mark.slow
 def test_forces_of_back_flanks_are_differentiable():
     """Their teeth move through the steps, and their gap with the geometry."""
     system, drive, _ = _tables()

@@ -287,6 +287,7 @@ def _off(phases: int, cycles: int, speed: float, coordinates: int, count: int) -
     return off / force.max()
 
 
+@pytest.mark.slow
 def test_a_march_in_space_is_one_on_the_turning_body():
     off = _off(15, 2, 3900.0, FEW, MODES).max(axis=1)
     assert off[0] < 1e-3
@@ -396,6 +397,7 @@ def _wave(dynamics: PairDynamics, orbit, number: int) -> tuple[np.ndarray, np.nd
     return np.abs(pair @ turn.conj()), np.abs(pair @ turn)
 
 
+@pytest.mark.slow
 def test_waves_peak_where_the_mesh_meets_them():
     """With the terms of rotation, and without, when both waves are equally fast on the body."""
     dynamics, number = _pair(), 2
@@ -772,6 +774,7 @@ def test_two_holes_are_refused_in_motion():
         body_basis(_of_sectors(body, 2), MODES)
 
 
+@pytest.mark.slow
 def test_a_wheel_with_holes_is_itself_again_after_its_mesh_periods():
     """In coordinates that stand still, against all 24 teeth one by one; not after half of them."""
     grid, holes = _grid(8, periods=24), _HOLES["6"]

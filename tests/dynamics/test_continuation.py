@@ -81,6 +81,7 @@ def test_branch_folds_where_the_sweeps_of_b5_jump():
     assert np.all(np.diff(curve.speed[first + 2 : curve.folds[1].after]) < 0.0)
 
 
+@pytest.mark.slow
 def test_responses_of_b5_lie_on_the_branches_and_between_them_is_an_unstable_one():
     (low, is_stable), (middle, between), (high, is_too) = _at(_once(), 0.75)
     assert (is_stable, between, is_too) == (True, False, True)
@@ -102,7 +103,7 @@ def _marched(system, speed, start):
     return march(system, speed, start, cycles=300, keep=3, stepper=Exponential())
 
 
-@pytest.mark.parametrize(("fold", "way"), [(0, 1.0), (1, -1.0)], ids=["up", "down"])
+@pytest.mark.parametrize(("fold", "way"), quick(1, [(0, 1.0), (1, -1.0)]), ids=["up", "down"])
 def test_a_march_jumps_past_a_fold_and_not_before_it(fold, way):
     curve = _once()
     point = curve.folds[fold]

@@ -53,6 +53,7 @@ def test_matrix_is_the_derivative_of_the_residual(name):
     np.testing.assert_allclose(ours, expected, rtol=1e-10, atol=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gyroscopic", quick(1, [None, 0.2]))
 def test_bilinear_harmonics_are_the_midpoint_rule(gyroscopic):
     """Two codes, one number: all harmonics of an odd number of equal steps, contact lost."""
@@ -80,6 +81,7 @@ def test_bilinear_harmonics_are_the_midpoint_rule(gyroscopic):
     np.testing.assert_allclose(harmonic.motion, shot.motion, rtol=0.0, atol=1e-11)
 
 
+@pytest.mark.slow
 def test_slow_gears_run_as_at_rest():
     dynamics = cases.torsional_pair(relief=15e-6)
     method = HarmonicBalance(harmonics=15)
@@ -128,6 +130,7 @@ def test_mesh_force_is_the_static_one_less_inertia():
     np.testing.assert_allclose(load[13:], force_sine, rtol=0.0, atol=1e-9 * size)
 
 
+@pytest.mark.slow
 def test_batches_agree_with_single_speeds():
     system = cases.two_dof(steps=48)
     method = HarmonicBalance(harmonics=8)

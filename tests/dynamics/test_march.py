@@ -68,6 +68,7 @@ def test_rule_against_the_mode_itself(name):
         assert 2.8 < np.log2(coarse / fine) < 3.2
 
 
+@pytest.mark.slow
 def test_rule_agrees_with_its_stepper():
     system = cases.two_dof(steps=40)
     state, load = np.random.default_rng(1).normal(size=(3, 2)), np.array([0.4, -1.0])
@@ -136,6 +137,7 @@ def _energies(step: float, stepper, *, averaged: bool) -> np.ndarray:
     return 0.5 * velocity**2 + 0.5 * np.maximum(place, 0.0) ** 2 - place
 
 
+@pytest.mark.slow
 def test_energy_of_bouncing_flanks():
     """Averaged contact conserves it to rounding; Newmark drifts, at second order at the least."""
     kept = _energies(0.1, Midpoint(), averaged=True)
@@ -147,6 +149,7 @@ def test_energy_of_bouncing_flanks():
     assert coarse / fine > 3.5
 
 
+@pytest.mark.slow
 def test_energy_in_contact_is_conserved_at_a_standing_phase():
     """A real pair whose phase stands still, undamped, pushed: drift of second order in the step."""
     dynamics = cases.torsional_pair()
@@ -181,6 +184,7 @@ def test_energy_in_contact_is_conserved_at_a_standing_phase():
     assert coarse / fine > 3.0
 
 
+@pytest.mark.slow
 def test_damping_takes_what_energy_loses():
     system = cases.sdof_parametric(ripple=0.0, steps=64)
     start = jnp.asarray([[4.0], [0.0]])
@@ -239,6 +243,7 @@ def test_mesh_force_obeys_newton():
     np.testing.assert_allclose(ratio, 1.0 - inertia, rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_start_from_rest_settles_where_the_quasi_static_start_does():
     system = cases.two_dof(steps=60)
     speed = jnp.asarray(1.7)
@@ -314,6 +319,7 @@ def test_contact_that_was_not_solved_has_no_derivative(derivative, monkeypatch):
     assert np.isnan(jax.jit(lambda place: derivative(load)(place))(place)[0])
 
 
+@pytest.mark.slow
 def test_smooth_contact_without_slices_near_separation_is_exact_contact():
     system = cases.two_dof(steps=60, load=5.0)
     one = lambda law: jax.jit(

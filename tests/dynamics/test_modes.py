@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.linalg
-from helpers import assert_close, assert_gradient, observed_order
+from helpers import assert_close, assert_gradient, observed_order, quick
 
 import jaxgear as jg
 from jaxgear._checks import InputError
@@ -205,6 +205,7 @@ def test_derivatives_near_a_crossing_are_each_modes_own():
     assert_gradient(_weighted, given, rtol=1e-5, step=1e-6)
 
 
+@pytest.mark.slow
 def test_derivatives_at_a_crossing_are_those_of_the_modes_that_meet_together():
     """Which have one, whichever way the modes part; each mode is given the same."""
     # Steps are so short that the modes still count as met.
@@ -259,6 +260,7 @@ def test_shapes_that_meet_have_no_derivative_and_leave_the_others_theirs():
     assert_close(third, np.array([0.0, 0.0, 0.0, -0.25]), rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_derivatives_without_the_free_motion():
     """Torsional pair: springs, inertias and radii; the free motion goes with the radii."""
 
@@ -305,6 +307,7 @@ def _frequencies_of_tube(shaft):
     return free.frequency, pinned.frequency
 
 
+@pytest.mark.slow
 def test_frequencies_of_a_tube_converge_with_divisions():
     """Torsion of the free tube, n/2L sqrt(G/rho), and bending of the pinned one."""
     torsion = np.arange(1, 4) / (2 * 0.4) * math.sqrt(210e9 / 2.6 / 7800.0)
@@ -341,7 +344,7 @@ def _structures():
     }
 
 
-@pytest.mark.parametrize("name", ["shaft and support", "housing"])
+@pytest.mark.parametrize("name", quick(1, ["shaft and support", "housing"]))
 def test_parts_of_a_structure_sum_to_it(name):
     structure = _structures()[name]
     parts = dict(eqx.filter_jit(lambda s: dict(stiffness_parts(s)))(structure))

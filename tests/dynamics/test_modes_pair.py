@@ -6,6 +6,7 @@ import math
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from helpers import assert_close, assert_gradient
 from solve_cases import POWER
 
@@ -117,6 +118,7 @@ def test_equal_gears_on_round_shafts():
     assert np.asarray(got.mesh).max() > 0.8
 
 
+@pytest.mark.slow
 def test_damping_of_equal_gears_on_round_shafts_has_derivatives():
     """Frequencies coincide by the dozen, and bearings, a shaft and a gear part them one by one."""
     structure, _, mesh, turn = _equal_gears()

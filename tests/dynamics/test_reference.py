@@ -44,7 +44,7 @@ def _swept(direction: int, steps: int) -> dict[float, reference.Statistics]:
 
 
 @pytest.mark.parametrize(
-    ("direction", "table"), [(1, UPWARDS), (-1, DOWNWARDS)], ids=["up", "down"]
+    ("direction", "table"), quick(1, [(1, UPWARDS), (-1, DOWNWARDS)]), ids=["up", "down"]
 )
 def test_sweeps_reproduce_the_table_of_b5(direction, table):
     found = _swept(direction, 200)
@@ -53,7 +53,7 @@ def test_sweeps_reproduce_the_table_of_b5(direction, table):
         assert_close(np.array(found[speed]), np.array(known), rtol=0.0, atol=2e-5)
 
 
-@pytest.mark.parametrize("direction", [1, -1], ids=["up", "down"])
+@pytest.mark.parametrize("direction", quick(1, [1, -1]), ids=["up", "down"])
 def test_the_table_does_not_hang_on_the_step(direction):
     coarse, fine = _swept(direction, 200), _swept(direction, 300)
     for speed in SPEEDS:
@@ -105,7 +105,7 @@ def test_catalogue_holds_the_coexisting_orbits(case):
     assert [(motion.multiple, motion.stable) for motion in _catalogue(case)] == ORBITS[case][2]
 
 
-@pytest.mark.parametrize("case", ORBITS)
+@pytest.mark.parametrize("case", quick(2, ORBITS))
 def test_multipliers_obey_liouville(case):
     oscillator, speed, _ = ORBITS[case]
     for motion in _catalogue(case):

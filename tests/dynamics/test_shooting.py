@@ -22,6 +22,7 @@ from jaxgear._interface._laws import ExactContact, SmoothContact
 from jaxgear._response._dynamic import dynamic_ratio
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "stepper"),
     quick(
@@ -65,6 +66,7 @@ def test_monodromy_is_the_derivative_of_a_cycle(name, stepper):
     np.testing.assert_allclose(ours, expected, rtol=1e-8, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_multipliers_shrink_as_damping_says():
     """Liouville: their product is exp(- integral of the trace of M^-1 C), whatever the contact."""
     system = cases.two_dof(steps=40, load=0.3)
@@ -116,6 +118,7 @@ def test_period_two_and_the_unstable_orbit_between():
     np.testing.assert_allclose(float(jnp.max(two.place)), 2.42641, rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_multipliers_converge_where_contact_is_lost():
     """The unstable orbit between the branches of B5 (a) at 0.75: largest multiplier 1.7445."""
     speed = jnp.asarray(0.75)
@@ -138,6 +141,7 @@ def test_shooting_needs_its_load_in_mid_step():
         Shooting(stepper=Newmark())
 
 
+@pytest.mark.slow
 def test_smooth_contact_shoots_as_well():
     system = cases.two_dof(steps=40, load=0.3)
     method = Shooting(law=SmoothContact(0.05), warm_up=10)
@@ -146,7 +150,7 @@ def test_smooth_contact_shoots_as_well():
     assert float(orbit.residual) < 1e-9
 
 
-@pytest.mark.parametrize("derivative", [jax.jacfwd, jax.grad])
+@pytest.mark.parametrize("derivative", quick(1, [jax.jacfwd, jax.grad]))
 @pytest.mark.parametrize(
     ("name", "method"), [("shooting", Shooting()), ("marching", Marching(cycles=2))]
 )

@@ -41,7 +41,7 @@ def _swept(name: str, direction: Direction):
     return sweep(cases.sdof_parametric(steps=200), SPEEDS, direction, METHODS[name])
 
 
-@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize("name", quick(1, METHODS))
 @pytest.mark.parametrize(("direction", "table"), quick(2, [("up", UP), ("down", DOWN)]))
 def test_both_branches_of_the_table(name, direction, table):
     points = dict(zip(SPEEDS, _swept(name, direction), strict=True))
@@ -93,6 +93,7 @@ def _ratios(system, speeds, direction) -> list[float]:
     return [float(dynamic_ratio(system, point.orbit)) for point in points]
 
 
+@pytest.mark.slow
 def test_a_falling_sweep_in_large_steps_stays_on_its_branch():
     """Newton's method falls off to another stable response, 0.7 of the swing away."""
     system = cases.sdof_rectangular(damping_ratio=0.05, contact_ratio=1.4, steps=128)

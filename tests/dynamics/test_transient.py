@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from dynamics import cases
-from helpers import assert_close, observed_order
+from helpers import assert_close, observed_order, quick
 from scipy.integrate import cumulative_trapezoid, solve_ivp
 
 import jaxgear as jg
@@ -290,6 +290,7 @@ def test_bow_is_a_spring_in_series():
     assert_close(found.place[:, 0], 0.5 * expected, rtol=0.0, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_fast_modes_that_follow_are_springs_without_mass():
     # As the light gear loses its mass, a bow is left.
     spring, lights = 50.0, (4e-3, 2e-3, 1e-3)
@@ -416,7 +417,7 @@ def test_too_few_steps_say_where_and_what_to_do():
     assert (known == (np.asarray(found.times) <= float(found.reached))).all()
 
 
-@pytest.mark.parametrize("derivative", [jax.jacfwd, jax.jacrev])
+@pytest.mark.parametrize("derivative", quick(1, [jax.jacfwd, jax.jacrev]))
 def test_what_was_not_reached_has_no_derivative(derivative):
     """Though it is a constant to the integrator; what was reached keeps its own."""
     known, ends = jnp.asarray([True, False]), jnp.asarray([[[2.0], [3.0]], [[0.0], [0.0]]])

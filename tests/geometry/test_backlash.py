@@ -16,7 +16,7 @@ from cases import (
     sizes,
     standard_30_30,
 )
-from helpers import assert_close, assert_gradient
+from helpers import assert_close, assert_gradient, quick
 
 import jaxgear as jg
 from jaxgear import mm, um
@@ -204,7 +204,7 @@ def test_allowances_move_the_mirror_point_by_a_quarter():
 
 
 @pytest.mark.parametrize(
-    ("make", "beyond"), [(helical_25_31, 0.0), (helical_25_31, 0.2), (accessory, 0.0)]
+    ("make", "beyond"), quick(1, [(helical_25_31, 0.0), (helical_25_31, 0.2), (accessory, 0.0)])
 )
 def test_back_lines_are_those_of_the_mirrored_pair_backwards(make, beyond):
     """In a mirror through both axes the gears turn the other way, and back flanks drive."""

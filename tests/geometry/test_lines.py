@@ -219,6 +219,7 @@ def test_middle_of_contact_is_the_middle_of_the_path(make):
     assert_close(mean, 0.5 * (pair.path_start + pair.path_end), rtol=1e-11, atol=0.0)
 
 
+@pytest.mark.slow
 @over(power, slow=(accessory,))
 def test_sums_over_the_mesh_converge_like_the_square_of_the_step(make):
     """Mean over one period of the sum of a smooth function of place, against its integral."""
@@ -272,6 +273,7 @@ def test_contact_ratios_next_to_a_whole_number(ratio):
     assert_close(np.sum(lines.weight[whole]), 1.0 - 1e-6, rtol=1e-8, atol=0.0)
 
 
+@pytest.mark.slow
 def test_gradient_next_to_a_whole_number():
     """The shortest set of phases stretches most: nothing is lost by dividing by its width."""
     pair = _with_contact_ratio(1.0 + 1e-6)
@@ -299,7 +301,7 @@ def test_margin_keeps_what_a_growing_contact_ratio_needs(margin, kept):
 # --- scaling, symmetry
 
 
-@over(power, helical_25_31, accessory)
+@over(power, helical_25_31, slow=(accessory,))
 def test_lines_scale(make):
     pair = make()
     grid = _grid(pair)
@@ -324,7 +326,7 @@ def test_mirror_square_to_the_axes(make):
     assert float(np.max(np.abs(other.fraction - one.fraction))) > 0.1
 
 
-@over(accessory, helical_25_31, slow=(power,))
+@over(helical_25_31, slow=(accessory, power))
 def test_film_run_backwards(make):
     """If the gears change places, entry is exit: the same cells in the reverse order of phases."""
     pair = make()
@@ -385,6 +387,7 @@ def test_derivative_of_the_length_of_spur_lines(make):
     assert_close(square_dot, (2 * few + 1) * ratio_dot, rtol=1e-9, atol=0.0)
 
 
+@pytest.mark.slow
 def test_derivative_by_the_helix_angle_of_a_spur_pair():
     """Tilting brings one end of the face in early and the other late."""
     pair = accessory()

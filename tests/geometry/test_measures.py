@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import quick
 from scipy.optimize import least_squares
 
 import jaxgear as jg
@@ -127,9 +128,9 @@ def test_the_usual_ball_touches_midway_up_the_teeth(helix):
 # --- there and back
 
 
-@pytest.mark.parametrize(("teeth", "shift", "helix", "thinner"), [
+@pytest.mark.parametrize(("teeth", "shift", "helix", "thinner"), quick(2, [
     (24, 0.4, 0.0, 0.0), (25, -0.2, 0.0, 60.0), (24, 0.0, 18.0, 40.0), (41, 0.9, 33.0, 0.0),
-])  # fmt: skip
+]))  # fmt: skip
 def test_profile_shift_comes_back_from_either_measure(teeth, shift, helix, thinner):
     pair = _pair((teeth, shift, thinner * um), (40, 0.0, None), helix=helix * deg)
     drawn = {

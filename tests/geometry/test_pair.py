@@ -28,7 +28,7 @@ from cases import (
     standard_30_30,
     standard_50_50,
 )
-from helpers import assert_close, assert_gradient, observed_order
+from helpers import assert_close, assert_gradient, observed_order, quick
 
 import jaxgear as jg
 from jaxgear import deg, mm
@@ -210,6 +210,7 @@ def test_contact_ratio_by_hand(make, ratio):
     assert_close(_numbers(make()).profile_contact_ratio, ratio, rtol=1e-6, atol=0.0)
 
 
+@pytest.mark.slow
 def test_contact_ratio_tends_to_that_of_two_racks():
     """4 h_a / (pi sin 2 alpha), met like 1 over the number of teeth."""
     teeth = np.asarray([2000, 4000, 8000])
@@ -291,7 +292,7 @@ def test_working_circles_share_the_pitch(make):
 # --- the centre distance
 
 
-@over(accessory, power, helical_25_31)
+@over(helical_25_31, slow=(accessory, power))
 def test_no_backlash_at_the_distance_that_the_shifts_ask_for(make):
     pair = make()
     free = eqx.tree_at(lambda p: p.centre_distance, pair, None, is_leaf=lambda x: x is None)
@@ -362,7 +363,7 @@ def test_lengths_scale_and_ratios_do_not(make):
         assert_close(1.0 + getattr(scaled, name), 1.0 + getattr(pair, name), rtol=1e-12, atol=0.0)
 
 
-@over(accessory, power, fzg_c14, helical_25_31)
+@over(helical_25_31, slow=(accessory, power, fzg_c14))
 def test_gears_may_change_places(make):
     pair, other = _numbers(make()), _numbers(exchanged(make()))
     reversed_path = {
@@ -411,12 +412,15 @@ def test_gradients_of_dimensions(names):
 
 @pytest.mark.parametrize(
     ("make", "ratio"),
-    [
-        (helical_25_31, jg.total_contact_ratio),
-        (helical_25_31, jg.full_tip_shortening),
-        (power, jg.profile_contact_ratio),
-        (accessory, jg.profile_contact_ratio),
-    ],
+    quick(
+        2,
+        [
+            (helical_25_31, jg.total_contact_ratio),
+            (helical_25_31, jg.full_tip_shortening),
+            (power, jg.profile_contact_ratio),
+            (accessory, jg.profile_contact_ratio),
+        ],
+    ),
 )
 def test_gradients_of_ratios(make, ratio):
     pair = make()

@@ -67,6 +67,7 @@ def test_pressure_goes_with_the_root_of_a_small_radius():
     assert float(small[0] / large[0]) == pytest.approx(2.0, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_only_corners_of_known_radius_have_a_pressure(grid):
     law = jg.ExactContact()
     for pair in (_pair(), _pair(0.2 * mm, None), _pair(None, None)):

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import assert_close, assert_gradient, observed_order
+from helpers import assert_close, assert_gradient, observed_order, quick
 from solve_cases import ACCESSORY, POWER, run_cycle
 
 import jaxgear as jg
@@ -95,7 +95,7 @@ def test_face_load_by_hand():
 
 
 @every_drawing
-@pytest.mark.parametrize("misalignment", [EVEN, ASKEW], ids=["even", "askew"])
+@pytest.mark.parametrize("misalignment", quick(2, [EVEN, ASKEW]), ids=["even", "askew"])
 def test_face_load_integrates_to_the_mesh_force(drawing, misalignment):
     cycle = _settled(drawing, misalignment)
     load = face_load(_pair(drawing), cycle)
@@ -202,7 +202,7 @@ def _slopes(cycle, pair):
     return _factors.smooth_transverse_load_factor(pair, cycle, jnp.asarray(1e-3))
 
 
-@pytest.mark.parametrize("missing", ["a line", "a phase", "all force"])
+@pytest.mark.parametrize("missing", quick(1, ["a line", "a phase", "all force"]))
 def test_nothing_in_contact_is_no_division_by_zero(missing):
     """In value or slope: lines off the path, phases without any, and no force at all."""
     pair = _pair(ACCESSORY)

@@ -79,6 +79,7 @@ def test_readings_are_those_of_the_whole_body(kind):
     assert steps.sum() == pytest.approx(-2.0 * np.pi, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_readings_have_derivatives_by_flanks_torque_and_speed():
     model, grid = _mesh("spur")
     gauges = _influences(model, grid, "spur", *_rows("spur"))

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from dynamics.cases import sdof_rectangular
-from helpers import observed_order
+from helpers import observed_order, quick
 
 import jaxgear as jg
 from jaxgear._response._dynamic import _at_starts
@@ -33,7 +33,7 @@ def test_a_peak_at_tooth_entry_converges_with_order_two():
     assert 1.0 - _ratio(128, limits=False) / true > 0.02
 
 
-@pytest.mark.parametrize("jump", [0.0, 3.0])
+@pytest.mark.parametrize("jump", quick(1, [0.0, 3.0]))
 def test_values_at_the_starts_of_uneven_steps(jump):
     """Exact for parabolas on even steps also where the second derivative jumps."""
     lengths = np.asarray([0.02] * 20 + [0.01] * 40 + [0.02] * 10)
@@ -49,6 +49,7 @@ def test_values_at_the_starts_of_uneven_steps(jump):
     np.testing.assert_array_equal(open_ended[inside], found[inside])
 
 
+@pytest.mark.slow
 def test_derivatives_pass_through_the_limits():
     system = sdof_rectangular(damping_ratio=0.08, contact_ratio=1.4, steps=96)
     method = jg.HarmonicBalance(harmonics=12, averaged=True)

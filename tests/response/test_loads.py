@@ -52,7 +52,7 @@ def test_load_sharing_without_relief_by_hand():
     assert_close(largest, expected, rtol=1e-6, atol=0.0)
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", quick(1, CASES))
 def test_line_load_integrates_to_the_force(case):
     """Times length and active fraction it is the cell's force, where the middle is in mesh."""
     drawing, law = CASES[case]
@@ -154,6 +154,7 @@ def test_loads_are_differentiable():
     assert_gradient(loads, found(settled), rtol=1e-6, step=1e-6)
 
 
+@pytest.mark.slow
 def test_pressure_of_an_open_cell_has_no_infinite_slope():
     base, _ = _settled(ACCESSORY, EXACT)
     grid = jg.mesh_grid(base.pair, phases=8, slices=2)

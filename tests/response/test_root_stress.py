@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import assert_close, assert_gradient
+from helpers import assert_close, assert_gradient, quick
 from solve_cases import ACCESSORY
 
 import jaxgear as jg
@@ -65,7 +65,7 @@ def settled():
     return model, grid, eqx.filter_jit(jg.mesh_cycle)(model, grid), jg.root_influences(model.pair)
 
 
-@pytest.mark.parametrize("case", ELEMENTS)
+@pytest.mark.parametrize("case", quick(2, ELEMENTS))
 def test_stress_is_that_of_plane_strain_elements(case):
     gear, tension, compression = ELEMENTS[case]
     influence = _influence(*gear)
@@ -85,7 +85,7 @@ def test_the_module_only_scales():
     )
 
 
-@pytest.mark.parametrize(("gear", "stress"), [(0, 422.0), (1, 424.0)])
+@pytest.mark.parametrize(("gear", "stress"), quick(1, [(0, 422.0), (1, 424.0)]))
 def test_highest_point_of_single_contact(settled, gear, stress):
     """275.3 N/mm on one tooth in plane strain, of finite elements with 21 teeth."""
     model, _, _, influences = settled
@@ -97,6 +97,7 @@ def test_highest_point_of_single_contact(settled, gear, stress):
     assert found == pytest.approx(stress * MPa, rel=0.015)
 
 
+@pytest.mark.slow
 def test_even_load_on_the_narrower_gear_stays_even(settled):
     model, _, cycle, influences = settled
     lines = cycle.cells.lines
@@ -163,6 +164,7 @@ def test_influences_close_by_are_exact_in_value_and_slope(settled):
         assert_close(slope, central, rtol=1e-5, atol=1e-5 * float(jnp.abs(central).max()))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slices", [1, 200])
 def test_any_number_of_slices_carries_the_same(settled, slices):
     """Even load on the narrower gear."""

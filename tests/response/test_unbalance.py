@@ -5,7 +5,7 @@ import functools
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import assert_close, assert_gradient
+from helpers import assert_close, assert_gradient, quick
 
 import jaxgear as jg
 from jaxgear import mm
@@ -37,7 +37,7 @@ def _rotors(gyroscopic: bool) -> jg.PairDynamics:
     return jg.pair_dynamics(model, grid, none, gyroscopic=gyroscopic)
 
 
-@pytest.mark.parametrize("gyroscopic", [False, True])
+@pytest.mark.parametrize("gyroscopic", quick(1, [True, False]))
 @pytest.mark.parametrize("gear", ["pinion", "wheel"])
 @pytest.mark.parametrize("speed", [700.0, 2600.0])
 def test_a_rigid_rotor_whirls_as_jeffcott_says(gyroscopic, gear, speed):

@@ -169,7 +169,7 @@ def _assert_balanced(batch: Batch, states: States, rtol: float) -> None:
     assert np.all(np.abs(driving - force) <= rtol * force)
 
 
-@pytest.mark.parametrize("coordinates", [1, 2, 3])
+@pytest.mark.parametrize("coordinates", quick(1, [1, 2, 3]))
 def test_every_random_problem_converges_and_balances(coordinates):
     """5 structures, 4 gaps, full and deficient rank, 120 draws each: 12 000 problems in all."""
     rng = np.random.default_rng(coordinates)
@@ -248,7 +248,7 @@ def test_dense_problems_with_cells_out_of_mesh_converge():
     _assert_balanced(stacked, _solve_all(stacked, jg.ExactContact()), rtol=1e-9)
 
 
-@pytest.mark.parametrize("coordinates", [1, 2, 3])
+@pytest.mark.parametrize("coordinates", quick(3, [1, 2, 3]))
 @pytest.mark.parametrize("width", [1e-8, 1e-6, 1e-5])
 def test_smooth_problems_converge_to_their_balance(coordinates, width):
     rng = np.random.default_rng(30 + coordinates)
@@ -360,7 +360,7 @@ PARTS = ("stiffness", "gap", "arms", "flexibility", "direction", "force")
 LAWS = {"exact": jg.ExactContact(), "smooth": jg.SmoothContact(2e-6)}
 
 
-@pytest.mark.parametrize("dense", [False, True], ids=["two coordinates", "dense"])
+@pytest.mark.parametrize("dense", quick(1, [False, True]), ids=["two coordinates", "dense"])
 @pytest.mark.parametrize("law", quick(2, LAWS))
 def test_derivatives_are_those_of_the_solution(law, dense):
     """Forward, reverse and central differences by each input on its own, cells open and closed."""
@@ -408,6 +408,7 @@ def test_derivatives_exist_where_bodies_only_turn():
     assert_gradient(number, problem, rtol=1e-6, step=1e-7, scale=scale)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dense", quick(1, [False, True]), ids=["two coordinates", "dense"])
 def test_second_derivatives_with_smooth_contact(dense):
     """Along a direction, forward and reverse over reverse, against differences of the gradient."""

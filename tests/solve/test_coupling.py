@@ -346,6 +346,7 @@ def test_derivatives_are_those_of_the_solution(law):
         assert_close(slope, (ahead - behind) / (2 * step), rtol=2e-6, atol=0.0)
 
 
+@pytest.mark.slow
 def test_second_derivatives_with_smooth_contact():
     problem = _one(_small())
     number = _number(LAWS["smooth"])

@@ -149,6 +149,7 @@ def test_unmodified_spur_pair_is_exact_on_any_grid(phases):
     assert_close(spread(cycle, _error(model, cycle)), expected, rtol=1e-7, atol=0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "ratio",
     [pytest.param(1.2, marks=pytest.mark.slow), 1.42, pytest.param(1.8, marks=pytest.mark.slow)],
@@ -360,6 +361,7 @@ def _change_places(model: jg.PairModel, drawing: Drawing, grid: jg.MeshGrid) -> 
     assert np.ptp(error) > 1e-3 * np.mean(error)
 
 
+@pytest.mark.slow
 def test_pinion_and_wheel_change_places():
     flanks = jg.Flanks(_superposed(18 * um, 3 * um, 5 * um), RELIEVED)
     _change_places(_helical(flanks=flanks, misalignment=jg.Misalignment()), POWER, HELICAL_GRID)
@@ -397,6 +399,7 @@ def test_mirrored_pair_has_mirrored_forces():
 # --- extremes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("helix", "width", "slices"),
     quick(1, [(35.0, 0.06, 30), (0.0, 0.02, 1), (0.0, 0.6, 20), (5.0, 0.02, 1), (20.0, 0.3, 40)]),
@@ -423,7 +426,7 @@ def test_two_hundred_slices_agree_with_twenty():
     assert_close(means[0], means[1], rtol=2e-3, atol=0.0)
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("sign", quick(1, [1.0, -1.0]))
 def test_integer_overlap_keeps_an_unmodified_pair_still(sign):
     """eps_beta = 1: the length of contact is constant, so is TE = F / (k eps b) cos(beta_b)^-1."""
     helix = math.radians(18.0) * sign
@@ -469,6 +472,7 @@ def _on(k: float) -> jg.PairModel:
     return _helical(pinion_support=support, wheel_support=support)
 
 
+@pytest.mark.slow
 def test_very_stiff_supports_tend_to_rigid_ones():
     rigid = _helical(pinion_support=jg.Support(), wheel_support=jg.Support())
     still = _error(rigid, run_cycle(rigid, HELICAL_GRID))

@@ -137,6 +137,7 @@ def test_both_gears_meet_their_own_teeth():
     assert_close(by_period[29], 5 * um, rtol=1e-6, atol=0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "law",
     [LAW, pytest.param(jg.WeberBanaschek(), marks=pytest.mark.slow)],
@@ -237,6 +238,7 @@ def test_negative_eccentricity_is_refused():
         jg.Indexing(eccentricity=-1e-6)
 
 
+@pytest.mark.slow
 def test_pitch_error_and_runout_are_differentiable():
     pair = _small()
     grid = jg.mesh_grid(pair, phases=8, slices=1, periods=3)

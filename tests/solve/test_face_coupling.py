@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import assert_close, assert_gradient
+from helpers import assert_close, assert_gradient, quick
 from solve_cases import ACCESSORY
 
 import jaxgear as jg
@@ -68,7 +68,7 @@ def _answers(model: jg.PairModel, grid: jg.MeshGrid) -> Answers:
 
 @pytest.mark.parametrize(
     ("case", "crowning", "slope"),
-    [("a-plain", 0.0, 0.0), ("b-crown10", 10.0, 0.0), ("b-slope20", 0.0, 20.0)],
+    quick(1, [("a-plain", 0.0, 0.0), ("b-crown10", 10.0, 0.0), ("b-slope20", 0.0, 20.0)]),
 )
 def test_uneven_loads_against_finite_elements(case, crowning, slope):
     model = _model(crowning, slope)
@@ -149,6 +149,7 @@ def test_helical_pairs_are_solved(helix):
     assert 0.75 < float(found.mean / other.mean) < 1.0
 
 
+@pytest.mark.slow
 def test_cells_out_of_mesh_cost_nothing_and_periods_repeat():
     """A helical pair over two periods, against all cells of one, in mesh or not."""
     pair = dataclasses.replace(ACCESSORY, helix_angle=np.radians(20.0)).pair()
@@ -164,6 +165,7 @@ def test_cells_out_of_mesh_cost_nothing_and_periods_repeat():
         assert_close(found.overlap[period], other.overlap, rtol=1e-9, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_coupled_mesh_in_motion_presses_as_at_rest():
     """The table of a pair in motion, where statics has its nodes: the same loads."""
     model = _model(10.0, 0.0, updates=0)

@@ -278,6 +278,7 @@ def _variants() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return at, np.asarray(value), np.asarray(approach)
 
 
+@pytest.mark.slow
 def test_gradients_of_the_transmission_error():
     wheel, at = _body("spur", 1), jnp.asarray(AT)
     reverse = np.asarray(_reverse(at, wheel, WIDTH)[0])

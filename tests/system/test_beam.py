@@ -176,6 +176,7 @@ def test_shear_coefficient_of_solid_and_thin_tubes(poisson):
     assert_close(between, 0.71402, rtol=1e-5, atol=0.0)
 
 
+@pytest.mark.slow
 def test_every_number_of_a_beam_has_a_derivative():
     assert len(jax.tree.leaves(eqx.filter(TUBE, eqx.is_inexact_array))) == 7
     weights = jnp.asarray(np.random.default_rng(3).normal(size=(3, 12, 12)))

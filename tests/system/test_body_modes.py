@@ -38,7 +38,7 @@ SHAPES = {
     "shaft": {"seats": "shaft"},
     "holes": {"holes": 6, "modes": 8},
 }
-every_body = pytest.mark.parametrize("name", SHAPES)
+every_body = pytest.mark.parametrize("name", quick(2, SHAPES))
 
 
 @functools.cache
@@ -192,6 +192,7 @@ def test_a_pair_is_never_parted(count, kept):
     assert len(body_basis(body, count).square) == kept
 
 
+@pytest.mark.slow
 def test_a_shape_whose_partner_was_cut_off_is_left_out():
     body = hybrid_cases.body("spur", 1, modes=20)
     whole = hybrid_cases.body("spur", 1, modes=8)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 from fem_cases import assert_near
+from helpers import quick
 from hybrid_cases import PAIRS
 from scipy.spatial import KDTree
 
@@ -20,7 +21,7 @@ from jaxgear._system._foot_tables import mode_arms
 
 # Of the holes' body several nodal diameters share a wave number.
 BODIES = {"plain": {}, "rotating": {"modes": 8, "rotating": True}, "holes": {"holes": 6}}
-every_body = pytest.mark.parametrize("name", BODIES)
+every_body = pytest.mark.parametrize("name", quick(2, BODIES))
 COUNT = 40
 
 
@@ -85,7 +86,7 @@ def test_shapes_are_no_softer_than_as_many_natural_modes_of_their_wave(name):
         assert np.all(own >= natural * (1.0 - 1e-9))
 
 
-@pytest.mark.parametrize("name", ["plain", "rotating"])
+@pytest.mark.parametrize("name", quick(1, ["plain", "rotating"]))
 def test_flanks_move_closer_to_all_modes_than_by_as_many_natural_ones(name):
     body, pair, grid, basis, shapes = _case(name)
     lines = contact_lines(pair, grid)

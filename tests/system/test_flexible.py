@@ -13,6 +13,7 @@ import hybrid_cases
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import quick
 from hybrid_cases import (
     FORCE,
     MOMENT,
@@ -128,6 +129,7 @@ def test_the_thesis_s_screw_leaves_the_tilts_of_helical_teeth_out():
     assert _flexible(spur, motion="screw").components == _flexible(spur).components
 
 
+@pytest.mark.slow
 def test_a_rigid_motion_of_several_seats_is_that_of_a_rigid_gear():
     body, flexible, _, tables = _in_mesh("spur", 1, "shaft")
     assert flexible.seats == ("bearing[0]", "torque", "bearing[1]", "bearing[2]")
@@ -170,7 +172,7 @@ def test_what_cells_give_is_symmetric_and_positive():
     assert (np.linalg.eigvalsh(compliance) > 0.0).all()
 
 
-@pytest.mark.parametrize("holes", [0, 3])
+@pytest.mark.parametrize("holes", quick(1, [0, 3]))
 def test_the_stiffness_between_seats_turns_with_the_body(holes):
     body = hybrid_cases.body("spur", 1, seats="shaft", holes=holes)
     flexible = _flexible(body)
@@ -205,6 +207,7 @@ def test_a_body_that_repeats_from_tooth_to_tooth_has_one_table(kind):
         _near(each, np.broadcast_to(each[:1], each.shape), 1e-10)
 
 
+@pytest.mark.slow
 def test_holes_make_a_table_for_each_place_between_them():
     body = hybrid_cases.body("spur", 1, holes=3)
     assert body.facts["sectors"] == 3
@@ -301,6 +304,7 @@ def test_statics_are_those_of_the_whole_body(kind, index):
     _compare(kind, index, state, Gear(state[0], SPRINGS), SUPPORT)
 
 
+@pytest.mark.slow
 def test_statics_of_a_body_on_three_bearings():
     state = _in_mesh("spur", 1, "shaft")
     _compare("spur", 1, state, Gear(state[0], shaft_springs(), 1), shaft())

@@ -144,6 +144,7 @@ def _moving_together(system: jg.PairSystem, kind: str, shift, turn) -> np.ndarra
     return np.concatenate(nodes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [pytest.param("spur", marks=pytest.mark.slow), "helical"])
 @pytest.mark.parametrize("body", quick(1, ["beams", "rigid"]))
 def test_motions_that_leave_the_flanks_where_they_are(kind, body):
@@ -266,6 +267,7 @@ def test_every_shaft_is_in_equilibrium(body):
     _equilibrium(cycle, "helical", (pinion, wheel))
 
 
+@pytest.mark.slow
 def test_bearing_totals_of_the_power_pair():
     """Tables III-6 and III-7: S 3444.5, T 6829.5 N on either gear, whatever the shaft."""
     for left, diameter in ((30 * mm, 30 * mm), (60 * mm, 12 * mm)):
@@ -282,6 +284,7 @@ def test_bearing_totals_of_the_power_pair():
         assert np.abs(load[:, [1, 3], 2]).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_lever_rule():
     """Rigid shafts: a gear at 1/4 of the span loads its bearings 3 to 1, along the path."""
     pinned = (jg.Bearing(0.0, 1e13, 1e13, 1e13), jg.Bearing(0.0, 1e13, 1e13))
@@ -307,6 +310,7 @@ def test_a_bearing_under_the_gear_is_a_support_at_its_centre(kind):
     assert_close(shafts.force, springs.force, rtol=1e-7, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_very_stiff_shafts_are_no_shafts():
     """Shaft and bearings a hundred to ten thousand times stiffer: TE tends to the rigid one."""
     rigid = _error(_cycle("helical"))
@@ -389,6 +393,7 @@ def test_a_gear_in_the_middle_is_loaded_evenly():
     assert_close(load, np.full(6, load.mean()), rtol=1e-8, atol=0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", [pytest.param(1.0, marks=pytest.mark.slow), -1.0])
 def test_an_overhung_gear_gives_way_at_its_free_end(side):
     """The mesh bends the pinion's shaft away: the end of the face towards the bearings carries."""

@@ -63,6 +63,7 @@ def _invariants(body):
     return found | {name: getattr(body, name) for name in tables}
 
 
+@pytest.mark.slow
 def test_a_scaled_body_is_the_body_of_the_other_material():
     """Each table, modes and terms of rotation too, against one that was made anew."""
     scaled = _invariants(jg.scaled_body(_in_mesh(), young=STIFFER, density=DENSER))

@@ -307,6 +307,7 @@ def test_spin_parts_the_whirls():
 # --- Derivatives
 
 
+@pytest.mark.slow
 def test_every_number_of_a_shaft_has_a_derivative():
     shaft = _stepped(shear_coefficient=0.8)
     weights = jnp.asarray(np.random.default_rng(5).normal(size=(3, 54, 54)))
@@ -407,6 +408,7 @@ def test_what_cannot_be_built_is_refused(build, message):
         build()
 
 
+@pytest.mark.slow
 def test_points_that_change_places_are_refused():
     shaft = Shaft(ROD, _ends(0.1), 0.05, 0.06)
     moved = eqx.tree_at(lambda s: s.gear_at, shaft, jnp.asarray(0.07))

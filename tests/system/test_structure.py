@@ -83,6 +83,7 @@ def test_overhung_gear_by_hand():
     assert_close(solved.mesh_flexibility[2, 2], along, rtol=1e-9, atol=0.0)
 
 
+@pytest.mark.slow
 def test_bearing_and_gear_positions_have_the_derivatives_of_the_formula():
     shaft = _overhung_shaft()
 
@@ -201,6 +202,7 @@ def test_beam_body_is_wound_up_by_the_torque():
     assert np.abs(residual).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_stiff_beam_body_moves_as_a_rigid_one():
     """Both ends of the face follow the gear's centre where the body hardly bends."""
     bearings = [Bearing(0.0, 2e8, 2e8, 1e8), Bearing(0.1, 5e8, 5e8)]
@@ -218,6 +220,7 @@ def test_stiff_beam_body_moves_as_a_rigid_one():
 # --- Both gears
 
 
+@pytest.mark.slow
 def test_supports_alone_are_the_pair_system():
     pair = POWER.pair()
     pinion = jg.Support(radial_s=2e8, radial_t=5e8, axial=1e8, tilt=3e5)
