@@ -15,7 +15,7 @@ from jaxgear.scene._build_pair import flanks_of, pair_of
 from jaxgear.scene._scene import read_scene, ready_scene
 from jaxgear.study._mesh_map import mesh_map, modelica_table
 
-_COARSE = ["mesh.slices=3", "mesh.phases=8", "mesh.foundation=weber"]
+_COARSE = ["mesh.slices=3", "mesh.phases=8", "mesh.stiffness=iso6336"]
 _FLANK = "flank.pinion.tip_relief.depth_um=12"
 
 

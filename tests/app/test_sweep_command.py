@@ -84,6 +84,7 @@ def both(folder):
     return own, json.loads((own / "summary.json").read_text()), pairs[0]
 
 
+@pytest.mark.slow
 def test_a_sweep_writes_everything_that_it_found(both):
     out, summary, _ = both
     found = summary["sweep"]
@@ -109,6 +110,7 @@ def test_a_sweep_writes_everything_that_it_found(both):
         assert (dataset["multiplier"] < 1.0).all()
 
 
+@pytest.mark.slow
 def test_both_directions_part_between_the_folds_and_nowhere_else(both):
     found = both[1]["sweep"]
     up, down = (np.asarray(found[f"dynamic_ratio_{way}"]) for way in ("up", "down"))
@@ -120,6 +122,7 @@ def test_both_directions_part_between_the_folds_and_nowhere_else(both):
     assert 2080.0 < low < 2115.0 < high < 2230.0
 
 
+@pytest.mark.slow
 def test_the_highest_peak_is_named_with_its_mode_and_order(both):
     summary = both[1]
     (peak,) = [row for row in summary["sweep"]["peaks"] if row["direction"] == "down"]
@@ -144,6 +147,7 @@ def test_marching_agrees_with_harmonic_balance(both, folder):
     assert ratio == pytest.approx(summary["sweep"]["dynamic_ratio_up"][:2], rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_mode_that_the_mesh_shakes_and_nothing_damps_is_refused(both, folder):
     scene, dynamics = read_scene(folder / "spur.toml"), both[2]
     _dynamics.require_damped(scene.damping, dynamics)

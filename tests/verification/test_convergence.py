@@ -134,6 +134,7 @@ def test_smooth_contact_tends_to_exact_contact():
     assert abs(smooth[-1] / exact - 1.0) < 1e-3
 
 
+@pytest.mark.slow
 def test_smooth_contact_is_exact_where_no_cell_is_near_separation():
     """Whatever the teeth: of constant stiffness, for those are compiled soonest."""
     model = jg.PairModel(SPUR, 80.0, compliance=CONSTANT)

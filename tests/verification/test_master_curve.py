@@ -234,6 +234,7 @@ def accessory():
     return lambda depth, extent: [float(x) for x in rms(jnp.asarray(depth), jnp.asarray(extent))]
 
 
+@pytest.mark.slow
 def test_accessory_pair_plain(accessory):
     """Rigid slice model, 9.5 mm: RMS 2.36 um, mean 9.87 um."""
     rms, mean = accessory(0.0, 0.25)

@@ -366,6 +366,7 @@ def test_single_pair_on_rings(name):
     assert_close(found, reference, rtol=3e-2, atol=0.0)
 
 
+@pytest.mark.slow
 @on_trial
 @pytest.mark.parametrize("depth", [0.0, pytest.param(10.0 * um, marks=pytest.mark.slow)])
 def test_transmission_error_on_rings(name, depth):

@@ -213,7 +213,7 @@ def test_a_pair_alone_gives_what_its_compliance_says():
     assert_close(cycle.approach[alone], compliance * load, rtol=2e-5, atol=0.0)
 
 
-@over(spur, helical)
+@over(helical, slow=(spur,))
 def test_couplings_are_symmetric_and_never_negative(make):
     """At every phase, slices that are partly in contact included."""
     pair = make()
@@ -236,6 +236,7 @@ def test_couplings_are_symmetric_and_never_negative(make):
         assert ((fraction > 0.01) & ~whole).any()
 
 
+@pytest.mark.slow
 def test_a_shared_ring_shifts_the_error_and_hardly_adds_to_it():
     """Wind-up is common to all pairs: in the mean, not in the RMS; counted per pair it doubles."""
     weber, ring, alone = (_spur_cycle(x) for x in (HALF_PLANES, RING, ALONE))
