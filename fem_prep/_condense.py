@@ -166,7 +166,7 @@ def condense(
     )
     if rotating:
         with progress("terms of rotation"):
-            reduced = replace(reduced, **_rotating(held, basis, reduced))
+            reduced = _rotating(held, basis, reduced)
     return evened(reduced)
 
 
@@ -185,8 +185,8 @@ def _check_method(method: str, modes: int) -> None:
     )
 
 
-def _rotating(held: Held, basis: Basis, reduced: ReducedBody) -> dict[str, np.ndarray]:
-    """Coriolis forces, spin softening, and stiffening by the stresses of the centrifugal load."""
+def _rotating(held: Held, basis: Basis, reduced: ReducedBody) -> ReducedBody:
+    """With Coriolis forces, spin softening, and stiffening by stresses of the centrifugal load."""
     full = held.full
     # Of a body that is out of balance, what of the load accelerates it strains it too.
     outer = balanced(reduced.centrifugal_load, reduced.mass, reduced.rigid_motions)
@@ -196,11 +196,12 @@ def _rotating(held: Held, basis: Basis, reduced: ReducedBody) -> dict[str, np.nd
     motion = held.followed(moved[:, None]) + held.loaded(load[:, None])
     strained = full.on_nodes(motion)[0]
     stiffening = full.across(stress_stiffening(full.grid, full.material, strained))
-    return {
-        "coriolis": basis.projected(full.across(coriolis(full.grid_mass)), sign=-1.0),
-        "spin_softening": basis.projected(full.across(across(full.grid_mass))),
-        "stress_stiffening": basis.projected(stiffening + _of_rings(full, strained)),
-    }
+    return replace(
+        reduced,
+        coriolis=basis.projected(full.across(coriolis(full.grid_mass)), sign=-1.0),
+        spin_softening=basis.projected(full.across(across(full.grid_mass))),
+        stress_stiffening=basis.projected(stiffening + _of_rings(full, strained)),
+    )
 
 
 def _of_rings(full: FullBody, strained: np.ndarray) -> csr_array:

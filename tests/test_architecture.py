@@ -32,6 +32,7 @@ STAGES = (
     "_program_cache",
     "_process",
     "_whole_file",
+    "_columns",
     "_kept_programs",
     "_compiled",
     "_smooth",

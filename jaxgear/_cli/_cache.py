@@ -2,18 +2,37 @@
 
 import time
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from fem_prep import cache_entries, cache_folder, clear_cache
 from jaxgear._program_cache import clear_programs, kept_programs, programs_folder
 from jaxgear.scene._body_view import clear_views
 
 
-def cache_summary() -> dict[str, Any]:
+class Cache(NamedTuple):
+    """What is kept, a row each, and where; no folders where nothing is."""
+
+    folder: str | None
+    bodies: list[Mapping[str, Any]]
+    programs_folder: str | None
+    programs: list[Mapping[str, Any]]
+
+
+class Freed(NamedTuple):
+    """What the removal of what was kept has freed, and where."""
+
+    folder: str | None
+    programs_folder: str | None
+    freed_bytes: int
+    freed_by_bodies_bytes: int
+    freed_by_programs_bytes: int
+
+
+def cache_summary() -> Cache:
     """The bodies and the compiled programs in the cache, the last used first."""
-    return {
-        "folder": _told(cache_folder()),
-        "bodies": [
+    return Cache(
+        folder=_told(cache_folder()),
+        bodies=[
             {
                 "name": entry.name,
                 "size_MB": entry.size / 1e6,
@@ -22,8 +41,8 @@ def cache_summary() -> dict[str, Any]:
             }
             for entry in cache_entries()
         ],
-        "programs_folder": _told(programs_folder()),
-        "programs": [
+        programs_folder=_told(programs_folder()),
+        programs=[
             {
                 "name": row.folder.name,
                 "count": row.count,
@@ -33,36 +52,30 @@ def cache_summary() -> dict[str, Any]:
             }
             for row in kept_programs()
         ],
-    }
+    )
 
 
-def cleared() -> dict[str, Any]:
+def cleared() -> Freed:
     """Remove all bodies and compiled programs, and say what that has freed."""
     bodies, programs = clear_cache() + clear_views(), clear_programs()
-    return {
-        "folder": _told(cache_folder()),
-        "programs_folder": _told(programs_folder()),
-        "freed_bytes": bodies + programs,
-        "freed_by_bodies_bytes": bodies,
-        "freed_by_programs_bytes": programs,
-    }
+    folders = _told(cache_folder()), _told(programs_folder())
+    return Freed(*folders, bodies + programs, bodies, programs)
 
 
-def print_cache(found: Mapping[str, Any]) -> None:
+def print_cache(found: Cache | Freed) -> None:
     """Print what the cache holds, or what was removed, for a reader."""
-    if found["folder"] is None:
+    if found.folder is None:
         print("JAXGEAR_CACHE=off: nothing is kept")
         return
-    for kind, words, folder, lines in (
-        ("bodies", "condensed bodies", found["folder"], _bodies),
-        ("programs", "compiled programs", found["programs_folder"], _programs),
-    ):
-        print(f"{words} in {folder}")
-        if "freed_bytes" in found:
-            print(f"freed {found[f'freed_by_{kind}_bytes']:,} bytes")
-        else:
-            print("\n".join(lines(found[kind]) if found[kind] else ["none"]))
-    if found.get("bodies") or found.get("programs"):
+    if isinstance(found, Freed):
+        bodies = [f"freed {found.freed_by_bodies_bytes:,} bytes"]
+        programs = [f"freed {found.freed_by_programs_bytes:,} bytes"]
+    else:
+        bodies = _bodies(found.bodies) if found.bodies else ["none"]
+        programs = _programs(found.programs) if found.programs else ["none"]
+    print("\n".join([f"condensed bodies in {found.folder}", *bodies]))
+    print("\n".join([f"compiled programs in {found.programs_folder}", *programs]))
+    if isinstance(found, Cache) and (found.bodies or found.programs):
         print("`jaxgear cache --clear` removes them")
 
 

@@ -13,6 +13,7 @@ from jaxgear import designs
 from jaxgear._checks import InputError
 from jaxgear._cli._folder import Folder
 from jaxgear._cli._writing import write_pictures
+from jaxgear._columns import Table
 from jaxgear._whole_file import whole_file, write_csv, write_dataset, write_json, write_text
 from jaxgear.designs._collect import Collected
 from jaxgear.designs._run import WHOLE
@@ -32,21 +33,17 @@ def studied(args: argparse.Namespace) -> Summary:
     """
     folder = args.out or Path("results") / designs.read_study(args.study).name
     if args.status:
-        return _told(designs.status(args.study, folder))
+        return {"study": designs.status(args.study, folder)._asdict()}
     if args.shard is not None:
         # Of its results whoever collects all makes the table.
         designs.run(args.study, folder, shard=_shard(args.shard), anew=not args.resume)
-        return _told(designs.status(args.study, folder))
+        return {"study": designs.status(args.study, folder)._asdict()}
     if args.collect:
         found = designs.collect(args.study, folder)
     else:
         found = designs.run(args.study, folder, shard=WHOLE, anew=not args.resume)
     write_results(found, Folder(folder, args.pictures))
     return json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-
-
-def _told(status: designs.Status) -> dict[str, Any]:
-    return {"study": status._asdict()}
 
 
 def _shard(text: str) -> designs.Shard:
@@ -76,7 +73,7 @@ def write_results(found: Collected, folder: Folder) -> None:
     write_json(found.summary, folder / "summary.json")
 
 
-def _write_parquet(table: dict[str, Any], about: dict[str, Any], path: Path) -> None:
+def _write_parquet(table: Table, about: dict[str, Any], path: Path) -> None:
     """Write a table as Parquet, with what it was made from in its metadata."""
     import pyarrow as pa  # pyright: ignore[reportMissingImports]
     import pyarrow.parquet as pq  # pyright: ignore[reportMissingImports]

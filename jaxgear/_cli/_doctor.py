@@ -92,13 +92,15 @@ def _caches() -> Iterator[Finding]:
     from jaxgear._cli._cache import cache_summary
 
     found = cache_summary()
-    if found["folder"] is None:
+    if found.folder is None:
         yield Finding("caches", True, "JAXGEAR_CACHE=off: nothing is kept, each run compiles anew")
         return
-    for name in ("bodies", "programs"):
-        folder = found["folder" if name == "bodies" else "programs_folder"]
-        size = sum(row["size_MB"] for row in found[name])
-        count = sum(row.get("count", 1) for row in found[name])
+    for name, folder, rows in (
+        ("bodies", found.folder, found.bodies),
+        ("programs", found.programs_folder, found.programs),
+    ):
+        size = sum(row["size_MB"] for row in rows)
+        count = sum(row.get("count", 1) for row in rows)
         yield _writable(name, folder, f"{count} of {size:.0f} MB in {folder}")
 
 

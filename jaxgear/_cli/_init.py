@@ -1,6 +1,7 @@
 """The command `init`: writes a ready scene, or that of one's own pair, asking for what lacks."""
 
 import argparse
+import dataclasses
 import difflib
 import json
 import sys
@@ -79,13 +80,11 @@ def _write_study(args: argparse.Namespace) -> tuple[Path, str]:
     return target, f"a study of many designs: jaxgear study {target}"
 
 
-def _write_own(args: argparse.Namespace, found: dict[str, Any]) -> tuple[Path, str]:
+def _write_own(args: argparse.Namespace, wanted: Wanted) -> tuple[Path, str]:
     """Write the scene of a pair, once it has been read without a mistake."""
-    teeth = found.pop("teeth")
+    teeth = wanted.teeth
     name = args.name or (args.out.stem if _is_file(args.out) else f"pair-{teeth[0]}-{teeth[1]}")
-    power = found.pop("power")
-    defaults = {option: value for option, value in found.items() if value is not None}
-    wanted = Wanted(name, teeth, power=None if power is None else 1e3 * power, **defaults)
+    wanted = dataclasses.replace(wanted, name=name)
     target = _target(args, name)
     with tempfile.TemporaryDirectory() as folder:
         draft = Path(folder) / "draft.toml"
@@ -169,8 +168,8 @@ def _target(args: argparse.Namespace, name: str) -> Path:
     return args.out if _is_file(args.out) else (args.out or Path()) / f"{name}.toml"
 
 
-def _completed(teeth: list[int] | None, given: dict[str, float | None]) -> dict[str, Any]:
-    """Return checked options, asked for on a terminal where a pair or a module lacks."""
+def _completed(teeth: list[int] | None, given: dict[str, float | None]) -> Wanted:
+    """A pair by checked options, asked for on a terminal where a pair or a module lacks."""
     ask = _ask if (teeth is None or given["module"] is None) and sys.stdin.isatty() else None
     if teeth is None:
         if ask is None:
@@ -196,7 +195,10 @@ def _completed(teeth: list[int] | None, given: dict[str, float | None]) -> dict[
             "--power goes with --rpm, which give the torque; --torque says it by itself. Give "
             "--torque, or --power and --rpm."
         )
-    return found
+    known = {option: value for option, value in found.items() if value is not None}
+    if "power" in known:
+        known["power"] *= 1e3
+    return Wanted("", **known)
 
 
 def _ask(question: str, read: Callable[[str], Any], *, needed: bool = True) -> Any:

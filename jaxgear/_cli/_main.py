@@ -281,7 +281,7 @@ def _cache(args: argparse.Namespace) -> int:
 
     found = cleared() if args.clear else cache_summary()
     if args.json:
-        _print_json(found)
+        _print_json(found._asdict())
     elif not args.quiet:
         print_cache(found)
     return 0

@@ -1,9 +1,12 @@
 """The command `plot`: pictures and tables of a result again, from its datasets alone."""
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from jaxgear._checks import InputError
+
+if TYPE_CHECKING:
+    from jaxgear.plot._picture import Datasets
 
 
 def draw_again(result: Path, folder: Path, *, pictures: bool = True) -> list[str]:
@@ -32,7 +35,7 @@ def draw_again(result: Path, folder: Path, *, pictures: bool = True) -> list[str
     return [each.name for each in found]
 
 
-def read_result(result: Path) -> dict[str, Any]:
+def read_result(result: Path) -> "Datasets":
     """The datasets of a `result.nc`, by group; the group at the root has no name.
 
     **Raises:**

@@ -189,7 +189,7 @@ def _integrate(
         dense=None
         if solution.interpolation is None
         else DenseMotion(motion, solution.interpolation, begin, system.transmission),
-        **observed_at(motion, system.transmission, since, states),
+        **observed_at(motion, system.transmission, since, states)._asdict(),
     )
     return found, jnp.all(jnp.isfinite(motion.slope(ended[0], last[0])))
 

@@ -1,7 +1,7 @@
 """What a transient was: its motion at any time, and how far it was reached."""
 
 import dataclasses
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import diffrax
 import equinox as eqx
@@ -113,7 +113,9 @@ def _at_times(given: Transient, dense: DenseMotion, times: Times) -> Transient:
     known = (times >= dense.begin) & (times <= given.reached)
     states = reached_only(states, known, dense)
     return dataclasses.replace(
-        given, times=times, **observed_at(dense.motion, dense.transmission, since, states)
+        given,
+        times=times,
+        **observed_at(dense.motion, dense.transmission, since, states)._asdict(),
     )
 
 
@@ -138,22 +140,34 @@ def reached_only(
     return jnp.where(known[:, None, None], states, lost[:, None, None])
 
 
+class Observed(NamedTuple):
+    """What a transient holds at each time: some fields of `Transient`."""
+
+    phase: Array
+    speed: Array
+    place: Array
+    load: Array
+    motion: Array
+    velocity: Array
+    transmission_error: Array
+
+
 def observed_at(
     motion: MovingPair, transmission: Vector, since: Times, states: Float[Array, "time 2 axis"]
-) -> dict[str, Array]:
+) -> Observed:
     """What a transient holds at each time."""
 
-    def at(time: Scalar, state: AxisState) -> dict[str, Array]:
+    def at(time: Scalar, state: AxisState) -> Observed:
         place, load = motion.place_and_load(time, state)
         moved = motion.motion(time, state, place, load)
-        return {
-            "phase": motion.phase(time),
-            "speed": motion.speed.at(time).value(time),
-            "place": place,
-            "load": load,
-            "motion": moved,
-            "velocity": motion.axes.shape @ (state[1] * motion.length * motion.rate),
-            "transmission_error": transmission @ moved,
-        }
+        return Observed(
+            phase=motion.phase(time),
+            speed=motion.speed.at(time).value(time),
+            place=place,
+            load=load,
+            motion=moved,
+            velocity=motion.axes.shape @ (state[1] * motion.length * motion.rate),
+            transmission_error=transmission @ moved,
+        )
 
     return jax.vmap(at)(since, states)

@@ -10,7 +10,7 @@ rotated periodicity of the body, and its Doppler shift, at once (thesis eq. 3.5 
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -66,6 +66,15 @@ class BodyModes(eqx.Module):
         return jnp.sqrt(self.square) / (2.0 * jnp.pi)
 
 
+class BasisMatrices(NamedTuple):
+    """Matrices on seats and modes: some fields of `BodyModes`."""
+
+    mass: Array
+    turning: Array
+    coriolis: Array | None
+    softening: Array | None
+
+
 @dataclass(frozen=True)
 class BodyBasis:
     """Motions of a condensed body on which it vibrates.
@@ -104,7 +113,7 @@ class BodyBasis:
         turning[first, second], turning[second, first] = -number, number
         return turning
 
-    def matrices(self, body: Condensed) -> dict[str, Any]:
+    def matrices(self, body: Condensed) -> "BasisMatrices":
         """Mass, turning and terms of rotation of the seats and modes.
 
         **Arguments:**
@@ -113,7 +122,7 @@ class BodyBasis:
 
         **Returns:**
 
-        Fields of `BodyModes` by name.
+        They.
         """
         motions = self.motions
         onto = lambda matrix: jnp.asarray(motions.T @ (matrix @ motions))
@@ -124,7 +133,7 @@ class BodyBasis:
         # Modes are of unit mass and apart: what rounding leaves would tie pairs together.
         seats = self.following.shape[1]
         mass[seats:, seats:] = np.eye(len(self.waves))
-        return dict(
+        return BasisMatrices(
             mass=jnp.asarray(0.5 * (mass + mass.T)),
             turning=jnp.asarray(self.turning),
             coriolis=None if body.coriolis is None else onto(body.coriolis),

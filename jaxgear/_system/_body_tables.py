@@ -226,7 +226,7 @@ def _modes_on(basis: BodyBasis, body: Condensed, held: _HeldBody, on_cells: Call
         square=jnp.asarray(basis.square),
         rows=jnp.asarray(on_cells(rows)),
         load=jnp.asarray(basis.shapes.T @ body.centrifugal_load),
-        **basis.matrices(body),
+        **basis.matrices(body)._asdict(),
         waves=tuple(int(wave) for wave in basis.waves),
         diameters=tuple(int(number) for number in basis.diameters),
     )

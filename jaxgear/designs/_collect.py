@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from jaxgear._checks import InputError
+from jaxgear._columns import Table
 from jaxgear.designs._datasets import columns_of, together
 from jaxgear.designs._statistics import effects_dataset, quantiles_dataset
 from jaxgear.designs._table import DesignTable
@@ -51,7 +52,7 @@ class Collected:
         return self.datasets["designs"]
 
     @property
-    def table(self) -> dict[str, np.ndarray]:
+    def table(self) -> Table:
         """Columns by name, units included: keys, numbers, derivatives, reason."""
         return columns_of(self.designs)
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from jaxgear._columns import Table
 from jaxgear.designs._asked import Study
 from jaxgear.designs._chunks import Chunk
 from jaxgear.designs._evaluate import Rows
@@ -131,7 +132,7 @@ def _filled(part: xr.Dataset, sizes: Mapping[str, int]) -> xr.Dataset:
     return part.drop_vars(found).assign(found)
 
 
-def columns_of(designs: xr.Dataset) -> dict[str, np.ndarray]:
+def columns_of(designs: xr.Dataset) -> Table:
     """The table of all designs: number, keys, numbers, derivatives, reason; units in the names.
 
     **Arguments:**
@@ -146,4 +147,4 @@ def columns_of(designs: xr.Dataset) -> dict[str, np.ndarray]:
             for key in designs["moved"].values.tolist():
                 slope = designs["gradient"].sel(number=number, moved=key)
                 found[f"d {number} / d {key}"] = slope.values
-    return found | {"reason": designs["reason"].values}
+    return Table(found | {"reason": designs["reason"].values})

@@ -1,7 +1,7 @@
 """What is kept of a design, by the names that it has in `summary.json` and in `result.nc`."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import jax.numpy as jnp
@@ -17,7 +17,7 @@ from jaxgear._response._loads import hertz_pressure, line_load, mesh_stiffness
 from jaxgear._response._transmission import transmission_error
 from jaxgear._solve._cycle import MeshCycle
 from jaxgear._system._model import PairModel
-from jaxgear._types import Scalar
+from jaxgear._types import Reals
 from jaxgear._units import MPa, mm, um
 from jaxgear.designs._keys import KeepKeys
 from jaxgear.scene._mistakes import Mistake, SceneError
@@ -61,16 +61,21 @@ PLACES = ("phase", "face_position_mm")
 
 
 def numbers_together(
-    model: PairModel, cycle: MeshCycle, law: AbstractContactLaw, influences: Influences | None
-) -> dict[str, Scalar]:
-    """The numbers of a cycle by their names in the summary; traceable by JAX."""
+    names: Sequence[str],
+    model: PairModel,
+    cycle: MeshCycle,
+    law: AbstractContactLaw,
+    influences: Influences | None,
+) -> Reals:
+    """Numbers of a cycle by their names in the summary; traceable by JAX."""
     facts = pair_facts(model.pair)
     groups = {
         "static": static_numbers(model, cycle, law) | root_numbers(model, cycle, influences),
         "iso6336": iso_numbers(model),
         "geometry": {name: facts[name] for name in _RATIOS},
     }
-    return {f"{group}.{name}": x for group, each in groups.items() for name, x in each.items()}
+    known = {f"{group}.{name}": x for group, each in groups.items() for name, x in each.items()}
+    return jnp.stack([jnp.asarray(known[name], dtype=float) for name in names])
 
 
 def array_of(name: str, model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) -> Array:

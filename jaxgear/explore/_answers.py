@@ -59,13 +59,13 @@ class PageAnswers:
         return {"knobs": [knob._asdict() for knob in self._live.knobs], "others": self._live.others}
 
     def _cycle(self, asked: Asked) -> Asked:
-        return self._live.cycle(self._values(asked))
+        return self._live.cycle(self._values(asked))._asdict()
 
     def _slopes(self, asked: Asked) -> Asked:
         return self._live.slopes(self._values(asked), str(asked.get("response")))
 
     def _curve(self, asked: Asked) -> Asked:
-        return self._live.relief_curve(self._values(asked))
+        return dict(self._live.relief_curve(self._values(asked)))
 
     def _sweep(self, asked: Asked) -> Asked:
         """The dynamic ratio over the speeds of [sweep], as `jaxgear sweep` finds it."""

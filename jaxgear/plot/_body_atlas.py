@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
-from jaxgear.plot._picture import GEARS, Columns, Datasets, Picture, columns, drawn
+from jaxgear._columns import Table
+from jaxgear.plot._picture import GEARS, Datasets, Picture, columns, drawn
 
 _MODES = ("mode", "frequency_Hz", "nodal_diameter", "nodal_circle", "kind", "family")
 
@@ -20,13 +21,13 @@ def body_atlas(datasets: Datasets) -> Iterator[Picture]:
         if "face" in body:
             r, z = body["section_mm"].values.reshape(-1, 2).T
             element = np.repeat(np.arange(body.sizes["element"]), body.sizes["corner"])
-            table = {"element": element, "r_mm": r, "z_mm": z}
+            table = Table({"element": element, "r_mm": r, "z_mm": z})
             yield Picture(f"{gear}_grid", drawn("_body_pictures.grid", body), table)
             shown = _modes_columns(body.isel(mode=body["shown"].values - 1))
             yield Picture(f"{gear}_modes", drawn("_body_pictures.mode_shapes", body), shown)
 
 
-def _modes_columns(body: xr.Dataset) -> Columns:
+def _modes_columns(body: xr.Dataset) -> Table:
     """A row for each free mode of a body."""
     names = [name for name in _MODES if name in body]
     return columns(body, *names, share_of_nodal_diameter="nodal_diameter_share")

@@ -3,22 +3,22 @@
 import numpy as np
 import xarray as xr
 
+from jaxgear._columns import Table
 from jaxgear._units import deg
 from jaxgear.plot._cycle import amplitudes_of, cycle_periods, flank_grid, mesh_orders, unrolled
-from jaxgear.plot._picture import Columns, joined
 
 # Less of a slice than this is not in contact.
 _TOUCHES = 1e-6
 FLANK_MAPS = ("line_load_N_mm", "pressure_MPa")
 
 
-def over_cycle(dataset: xr.Dataset, name: str) -> Columns:
+def over_cycle(dataset: xr.Dataset, name: str) -> Table:
     """A variable over phase, from 0 to the end of the cycle; of a single period twice."""
     phase, values = unrolled(dataset["phase"].values, dataset[name].values)
-    return {"phase": phase, name: values}
+    return Table({"phase": phase, name: values})
 
 
-def load_sharing_columns(dataset: xr.Dataset) -> Columns:
+def load_sharing_columns(dataset: xr.Dataset) -> Table:
     """Share of the load over roll length, of one tooth pair after the other."""
     phase = dataset["phase"].values
     roll = dataset["roll_mm"].mean("slice").values
@@ -35,10 +35,10 @@ def load_sharing_columns(dataset: xr.Dataset) -> Columns:
         shown = tuple(x[max(first - 1, 0) : last + 2] for x in places)
         parts.append((np.full(len(shown[0]), one), roll[shown], sharing[shown]))
     names = ("tooth_pair", "roll_mm", "load_sharing")
-    return joined([dict(zip(names, part, strict=True)) for part in parts])
+    return Table.joined([dict(zip(names, part, strict=True)) for part in parts])
 
 
-def flank_maps_columns(dataset: xr.Dataset) -> Columns:
+def flank_maps_columns(dataset: xr.Dataset) -> Table:
     """Line load and pressure, one row per place on the pinion's flank."""
     grids = {name: flank_grid(dataset, name, "pinion") for name in FLANK_MAPS}
     first = grids["pressure_MPa"]
@@ -52,7 +52,7 @@ def flank_maps_columns(dataset: xr.Dataset) -> Columns:
         "diameter_mm": diameter,
         "face_position_mm": face.ravel(),
     }
-    return columns | {name: grid.values.ravel() for name, grid in grids.items()}
+    return Table(columns) | {name: grid.values.ravel() for name, grid in grids.items()}
 
 
 def along_flank(dataset: xr.Dataset, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -62,15 +62,17 @@ def along_flank(dataset: xr.Dataset, place: np.ndarray) -> tuple[np.ndarray, np.
     return roll / base / deg, 2.0 * np.hypot(base, roll)
 
 
-def face_load_columns(dataset: xr.Dataset) -> Columns:
+def face_load_columns(dataset: xr.Dataset) -> Table:
     """Load per face width: its mean over the cycle, and at the phase where it is largest."""
     force = dataset["cell_force_N"].sum("line").values
     load = force * force.shape[1] / dataset.attrs["face_width_mm"]
-    return {
-        "face_position_mm": dataset["face_position_mm"].values,
-        "face_load_mean_N_mm": dataset["weight"].values @ load,
-        "face_load_at_largest_N_mm": load[phase_of_largest(dataset)],
-    }
+    return Table(
+        {
+            "face_position_mm": dataset["face_position_mm"].values,
+            "face_load_mean_N_mm": dataset["weight"].values @ load,
+            "face_load_at_largest_N_mm": load[phase_of_largest(dataset)],
+        }
+    )
 
 
 def phase_of_largest(dataset: xr.Dataset) -> int:
@@ -78,16 +80,18 @@ def phase_of_largest(dataset: xr.Dataset) -> int:
     return int(np.argmax(np.max(dataset["cell_force_N"].sum("line").values, axis=1)))
 
 
-def harris_map_columns(dataset: xr.Dataset) -> Columns:
+def harris_map_columns(dataset: xr.Dataset) -> Table:
     """Mean and size of the transmission error, one row per torque."""
     error, weight = dataset["harris_te_um"].values, dataset["weight"].values
     mean = error @ weight
-    return {
-        "torque_pinion_Nm": dataset["torque_Nm"].values,
-        "te_mean_um": mean,
-        "te_rms_um": np.sqrt((error - mean[:, None]) ** 2 @ weight),
-        "te_peak_to_peak_um": np.ptp(error, axis=1),
-    }
+    return Table(
+        {
+            "torque_pinion_Nm": dataset["torque_Nm"].values,
+            "te_mean_um": mean,
+            "te_rms_um": np.sqrt((error - mean[:, None]) ** 2 @ weight),
+            "te_peak_to_peak_um": np.ptp(error, axis=1),
+        }
+    )
 
 
 def spectra(dataset: xr.Dataset) -> xr.Dataset:
@@ -107,7 +111,7 @@ def spectra(dataset: xr.Dataset) -> xr.Dataset:
     )
 
 
-def pair_error_columns(dataset: xr.Dataset) -> Columns:
+def pair_error_columns(dataset: xr.Dataset) -> Table:
     """Transmission error without load that each tooth pair alone would have, pair after pair."""
     phase = dataset["phase"].values
     pairs, error = dataset["tooth_pair"].values, dataset["pair_te_um"].values
@@ -120,4 +124,4 @@ def pair_error_columns(dataset: xr.Dataset) -> Columns:
         order = np.argsort(since)
         parts.append((np.full(order.size, one), since[order], error[places][order]))
     names = ("tooth_pair", "passage", "pair_te_um")
-    return joined([dict(zip(names, part, strict=True)) for part in parts])
+    return Table.joined([dict(zip(names, part, strict=True)) for part in parts])

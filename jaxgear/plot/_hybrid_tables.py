@@ -3,8 +3,9 @@
 import numpy as np
 import xarray as xr
 
+from jaxgear._columns import Table
 from jaxgear.plot._cycle import cycle_periods
-from jaxgear.plot._picture import Columns, columns
+from jaxgear.plot._picture import columns
 
 # Phases shown side by side.
 _SHOWN = 6
@@ -22,7 +23,7 @@ def contact_line_loads(dataset: xr.Dataset) -> xr.Dataset:
     return dataset[["line_load_N_mm"]].isel(phase=phases, line=lines)
 
 
-def tooth_way_columns(dataset: xr.Dataset) -> Columns:
+def tooth_way_columns(dataset: xr.Dataset) -> Table:
     """One tooth pair's way, one row per place."""
     names = {"passage": "way_passage", "share_of_mesh_force": "way_share"}
     names |= {"face_position_mm": "face_position_mm"}
@@ -30,7 +31,7 @@ def tooth_way_columns(dataset: xr.Dataset) -> Columns:
     return columns(dataset, **names, **loads)
 
 
-def tooth_loads_columns(dataset: xr.Dataset, gear: str) -> Columns:
+def tooth_loads_columns(dataset: xr.Dataset, gear: str) -> Table:
     """What each tooth of a gear carries, in the order of their places on it."""
     return columns(
         dataset.sortby(f"{gear}_tooth_angle_deg"),

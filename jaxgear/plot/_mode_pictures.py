@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from jaxgear._columns import Table
 from jaxgear.plot._labels import Label, apart, write_labels, write_rays
 from jaxgear.plot._palette import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY
-from jaxgear.plot._picture import Columns
 from jaxgear.plot._speed_axes import dots, frequency_unit, mesh_rays, speed_axes
 from jaxgear.plot._style import laid_out, legend_below, panels, write_at
 
@@ -84,7 +84,7 @@ def _write_damping(axes: Axes, damping: np.ndarray, shown: np.ndarray) -> None:
     axes.text(1.015, 0.35, "damping ratio [%]", va="bottom", color=GREY, **look)
 
 
-def campbell(dataset: xr.Dataset, crossings: Columns) -> Figure:
+def campbell(dataset: xr.Dataset, crossings: Table) -> Figure:
     """Natural frequencies over pinion speed, the mesh harmonics, and where they cross.
 
     Each mode is followed through the speeds; the more energy in the mesh, the larger the mark.

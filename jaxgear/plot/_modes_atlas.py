@@ -6,7 +6,8 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
-from jaxgear.plot._picture import GEARS, Columns, Datasets, Picture, columns, drawn, known
+from jaxgear._columns import Table
+from jaxgear.plot._picture import GEARS, Datasets, Picture, columns, drawn
 
 _DIRECTIONS = {1: "forward", -1: "backward", 0: "none", 2: "both"}
 _CRITICAL = (
@@ -53,13 +54,13 @@ def pictures_of_modes(datasets: Datasets) -> Iterator[Picture]:
         mine = critical.isel(crossing=leads)
         draw = drawn("_campbell_pictures.campbell_on_body", own, mine, gear)
         curves = columns(own.rename(speed="pinion_speed_rad_s"), *_PLACE, "frequency_body_Hz")
-        curves = known(curves, "frequency_body_Hz")
+        curves = curves.known("frequency_body_Hz")
         yield Picture(f"campbell_{gear}", draw, curves, {"critical": columns(mine, *_CRITICAL)})
         draw = drawn("_campbell_pictures.alone", alone, gear)
         yield Picture(f"modes_{gear}_alone", draw, columns(alone, *_ALONE))
 
 
-def _modes_columns(dataset: xr.Dataset) -> Columns:
+def _modes_columns(dataset: xr.Dataset) -> Table:
     """One row per mode, the energy of each part in a column of its own."""
     shares = {
         f"energy_{part}": dataset["energy"].sel(part=part, drop=True)
@@ -69,7 +70,7 @@ def _modes_columns(dataset: xr.Dataset) -> Columns:
     return columns(dataset.assign(shares), "mode", "frequency_Hz", *waves, *shares, "damping_ratio")
 
 
-def _crossing_columns(dataset: xr.Dataset) -> Columns:
+def _crossing_columns(dataset: xr.Dataset) -> Table:
     """A row for each crossing of a mode, of gears without waves, with a harmonic of the mesh.
 
     Straight lines join the speeds of the dataset.
@@ -85,7 +86,8 @@ def _crossing_columns(dataset: xr.Dataset) -> Columns:
             own = (float(np.interp(at, speed, each[:, mode])) for each in values)
             found.append((mode + 1, harmonic, at, *own))
     names = ["mode", "harmonic", "pinion_speed_rad_s", *names]
-    return dict(zip(names, np.reshape(np.asarray(found), (-1, len(names))).T, strict=True))
+    rows = np.reshape(np.asarray(found), (-1, len(names)))
+    return Table(dict(zip(names, rows.T, strict=True)))
 
 
 def _crossings(speed: np.ndarray, apart: np.ndarray) -> list[float]:

@@ -1,13 +1,14 @@
 """A picture of results: what draws it, and the tables that it shows."""
 
 import importlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numpy as np
 import xarray as xr
+
+from jaxgear._columns import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
 # Order in which datasets have the gears.
 GEARS = ("pinion", "wheel")
 
-Columns = Mapping[str, np.ndarray]
 # Datasets by group, as a result has them and as `result.nc` holds them.
 Datasets = Mapping[str, xr.Dataset]
 
@@ -33,8 +33,8 @@ class Picture(NamedTuple):
 
     name: str
     draw: "Callable[[], Figure]"
-    table: Columns
-    beside: Mapping[str, Columns] = MappingProxyType({})
+    table: Table
+    beside: Mapping[str, Table] = MappingProxyType({})
 
 
 def drawn(function: str, *of: Any) -> Callable[..., Any]:
@@ -57,7 +57,7 @@ def drawn(function: str, *of: Any) -> Callable[..., Any]:
     return draw
 
 
-def columns(dataset: xr.Dataset, *names: str, **renamed: str) -> dict[str, np.ndarray]:
+def columns(dataset: xr.Dataset, *names: str, **renamed: str) -> Table:
     """Variables of a dataset as a table: one row for each place along their dimensions.
 
     **Arguments:**
@@ -69,35 +69,18 @@ def columns(dataset: xr.Dataset, *names: str, **renamed: str) -> dict[str, np.nd
 
     **Returns:**
 
-    The columns.
+    The table.
     """
     of = dict(zip(names, names, strict=True)) | renamed
     together = xr.broadcast(*(dataset[name] for name in of.values()))
     order = together[0].dims
-    return {
-        name: each.transpose(*order).values.ravel() for name, each in zip(of, together, strict=True)
-    }
-
-
-def known(table: Columns, name: str) -> Columns:
-    """The rows of a table in which a column has a value."""
-    rows = np.isfinite(table[name])
-    return {key: values[rows] for key, values in table.items()}
+    spread = (each.transpose(*order).values.ravel() for each in together)
+    return Table(dict(zip(of, spread, strict=True)))
 
 
 def numbers(dataset: xr.Dataset) -> list[str]:
     """Variables of a table but for sentences."""
     return [str(name) for name in dataset.data_vars if name != "reason"]
-
-
-def joined(tables: Sequence[Columns]) -> dict[str, np.ndarray]:
-    """Tables with the same columns, one under the other.
-
-    **Arguments:**
-
-    - `tables`: at least one; those of the first are the columns.
-    """
-    return {name: np.concatenate([each[name] for each in tables]) for name in tables[0]}
 
 
 class Animation(NamedTuple):

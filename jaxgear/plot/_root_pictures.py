@@ -7,6 +7,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from jaxgear._columns import Table
 from jaxgear.plot._cycle import unrolled
 from jaxgear.plot._palette import GEAR_COLOURS, GREY
 from jaxgear.plot._picture import GEARS
@@ -16,7 +17,7 @@ from jaxgear.plot._style import digits, legend_below, panels, phase_axis
 _STRESS = "root_stress_MPa"
 
 
-def over_cycle(roots: xr.Dataset) -> dict[str, np.ndarray]:
+def over_cycle(roots: xr.Dataset) -> Table:
     """Largest stresses of each gear over the cycle, one of a single period twice in a row.
 
     **Arguments:**
@@ -27,10 +28,10 @@ def over_cycle(roots: xr.Dataset) -> dict[str, np.ndarray]:
     for gear in GEARS:
         largest = roots[_STRESS].sel(gear=gear).max(("line", "slice")).values
         table["phase"], table[f"{gear}_root_stress_MPa"] = unrolled(phase, largest)
-    return table
+    return Table(table)
 
 
-def along_face(roots: xr.Dataset) -> dict[str, np.ndarray]:
+def along_face(roots: xr.Dataset) -> Table:
     """Largest stresses of each gear along the face.
 
     **Arguments:**
@@ -43,7 +44,7 @@ def along_face(roots: xr.Dataset) -> dict[str, np.ndarray]:
         table[f"{gear}_root_stress_MPa"] = own[_STRESS].max(("phase", "line")).values
         compression = own["root_compression_MPa"].min(("phase", "line")).values
         table[f"{gear}_root_compression_MPa"] = compression
-    return table
+    return Table(table)
 
 
 def root_stress(roots: xr.Dataset) -> Figure:

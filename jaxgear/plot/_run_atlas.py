@@ -6,14 +6,14 @@ import xarray as xr
 
 from jaxgear.plot import _cycle_tables as tables
 from jaxgear.plot._hybrid_tables import contact_line_loads, tooth_loads_columns, tooth_way_columns
-from jaxgear.plot._picture import GEARS, Datasets, Picture, columns, drawn, known
+from jaxgear.plot._picture import GEARS, Datasets, Picture, columns, drawn
 
 
 def run_pictures(datasets: Datasets) -> Iterator[Picture]:
     """Pictures of the mesh cycle, the first dataset, and of the groups beside it."""
     cycle, pair = datasets.get(""), datasets.get("pair")
     if pair is not None:
-        table = known(columns(pair, "gear", "S_mm", "T_mm"), "S_mm")
+        table = columns(pair, "gear", "S_mm", "T_mm").known("S_mm")
         yield Picture("gear_pair", drawn("_pair_pictures.gear_pair", pair), table)
         axes = datasets["axes"]
         table = columns(axes, *map(str, (*axes.coords, *axes.data_vars)))

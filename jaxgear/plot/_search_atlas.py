@@ -5,8 +5,9 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 import xarray as xr
 
+from jaxgear._columns import Table
 from jaxgear.plot._cycle import largest_pressure, unrolled
-from jaxgear.plot._picture import Columns, Datasets, Picture, columns, drawn, joined, known, numbers
+from jaxgear.plot._picture import Datasets, Picture, columns, drawn, numbers
 
 
 def searches_pictures(datasets: Datasets) -> Iterator[Picture]:
@@ -32,12 +33,12 @@ def searches_pictures(datasets: Datasets) -> Iterator[Picture]:
         table = columns(found, "quantity", "moved")
         for design in found["design"].values:
             own = columns(found.sel(design=design), "quantity", *numbers(found)[1:])
-            own.pop("quantity")
-            table |= {f"{design}_{name}": values for name, values in own.items()}
+            more = {f"{design}_{name}": own[name] for name in own if name != "quantity"}
+            table |= more
         yield Picture("tornado", drawn("_search_pictures.tornado", found), table)
 
 
-def _curves(designs: Mapping[str, xr.Dataset], *, pressure: bool = False) -> Columns:
+def _curves(designs: Mapping[str, xr.Dataset], *, pressure: bool = False) -> Table:
     """Curves over the cycle of several designs, one under the other."""
     parts: list[dict[str, np.ndarray]] = []
     for name, dataset in designs.items():
@@ -47,7 +48,7 @@ def _curves(designs: Mapping[str, xr.Dataset], *, pressure: bool = False) -> Col
         if pressure:
             rows["max_pressure_MPa"] = unrolled(phase, largest_pressure(dataset))[1]
         parts.append(rows)
-    return joined(parts)
+    return Table.joined(parts)
 
 
 def relief_map_pictures(datasets: Datasets) -> Iterator[Picture]:
@@ -62,12 +63,12 @@ def relief_map_pictures(datasets: Datasets) -> Iterator[Picture]:
     if (curve := datasets.get("relief_curve")) is not None:
         draw = drawn("_relief_pictures.traced_curve", curve)
         table = columns(curve, "extent", *numbers(curve))
-        yield Picture("master_curve_traced", draw, known(table, "depth_um"))
+        yield Picture("master_curve_traced", draw, table.known("depth_um"))
     curves = datasets.get("relief_torques")
     if chart is not None and curves is not None:
         draw = drawn("_relief_pictures.family", chart, curves)
         table = columns(curves, "torque_Nm", "extent", *numbers(curves))
-        yield Picture("master_curve_torques", draw, known(table, "depth_um"))
+        yield Picture("master_curve_torques", draw, table.known("depth_um"))
     if (bias := datasets.get("smoothing_bias")) is not None:
         draw = drawn("_relief_pictures.smoothing_bias", bias)
         names = ("width_um", "te_mean_bias_um", "te_rms_bias_relative")

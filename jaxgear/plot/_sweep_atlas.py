@@ -5,9 +5,10 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
+from jaxgear._columns import Table
 from jaxgear._response._sweep_features import WAYS, fold_places
 from jaxgear.plot._cycle import NO_FORCE, phase_shares
-from jaxgear.plot._picture import Columns, Datasets, Picture, columns, drawn, known
+from jaxgear.plot._picture import Datasets, Picture, columns, drawn
 
 
 def pictures_of_sweep(datasets: Datasets) -> Iterator[Picture]:
@@ -21,7 +22,7 @@ def pictures_of_sweep(datasets: Datasets) -> Iterator[Picture]:
     shown = found.rename(speed="pinion_speed_rad_s")
     shown["periods"] = shown["periods"].where(shown["periods"] != found.attrs["mesh_periods"], 1)
     speeds, labels = map(np.asarray, zip(*critical, strict=True))
-    beside: dict[str, Columns] = {"critical": {"pinion_speed_rad_s": speeds, "label": labels}}
+    beside: dict[str, Table] = {"critical": Table({"pinion_speed_rad_s": speeds, "label": labels})}
     if "curve_speed" in found:
         names = {"piece": "curve_piece", "pinion_speed_rad_s": "curve_speed"}
         names |= {name: f"curve_{name}" for name in ("dynamic_ratio", "te_rms_um", "stable")}
@@ -29,7 +30,7 @@ def pictures_of_sweep(datasets: Datasets) -> Iterator[Picture]:
         folds = fold_places(found["curve_speed"].values, found["curve_piece"].values)
         beside["curve"] = curve
         turns = ("pinion_speed_rad_s", "dynamic_ratio")
-        beside["folds"] = {name: curve[name][folds] for name in turns}
+        beside["folds"] = Table({name: curve[name] for name in turns}).rows(folds)
     names = ("direction", "pinion_speed_rad_s", "dynamic_ratio", "te_rms_um", "contact_loss")
     table = columns(shown, *names, "settled", "stable", "periods")
     yield Picture("sweep", drawn("_sweep_pictures.sweep", found, critical), table, beside)
@@ -45,13 +46,13 @@ def pictures_of_sweep(datasets: Datasets) -> Iterator[Picture]:
     yield from _pictures_of_orders(own, table)
     share = (own["mesh_force_ratio"].values <= NO_FORCE) @ phase_shares(own["phase"].values)
     surface = columns(table, "pinion_speed_rad_s", "phase", "mesh_force_ratio", "tooth_pairs")
-    shares = {"pinion_speed_rad_s": own["speed"].values, "contact_loss": share}
+    shares = Table({"pinion_speed_rad_s": own["speed"].values, "contact_loss": share})
     draw = drawn("_contact_pictures.contact_loss", own, share)
     yield Picture("contact_loss", draw, surface, {"shares": shares})
     if (orbit := datasets.get("orbit")) is not None:
         # A row for each step, of one branch after the other, as long as it lasts.
         names = ("branch", "phase", "mesh_force_ratio", "te_um", "te_rate_mm_s", "te_static_um")
-        table = known(columns(orbit, *names), "te_um")
+        table = columns(orbit, *names).known("te_um")
         yield Picture("orbit", drawn("_contact_pictures.orbit", orbit), table)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import xarray as xr
 
-from jaxgear.plot._picture import GEARS, Animation, Datasets, Picture, columns, drawn, known
+from jaxgear.plot._picture import GEARS, Animation, Datasets, Picture, columns, drawn
 
 
 def pictures_of_waves(datasets: Datasets) -> Iterator[Picture]:
@@ -23,7 +23,7 @@ def pictures_of_waves(datasets: Datasets) -> Iterator[Picture]:
     loads = ("line_load_N_mm", "pressure_MPa")
     way = columns(flanks, "pinion_speed_rad_s", "passage", "face_position_mm", *loads)
     draw = drawn("_flank_pictures.flank_pressure", flanks)
-    yield Picture("flank_pressure", draw, known(way, "passage"))
+    yield Picture("flank_pressure", draw, way.known("passage"))
     names = ("max_line_load_N_mm", "max_pressure_MPa")
     places = ("max_line_load_passage", "max_line_load_face_mm")
     largest = columns(table, "pinion_speed_rad_s", *names, *places)
@@ -45,8 +45,8 @@ def _pictures_of_gear(waves: xr.Dataset, table: xr.Dataset, gear: str) -> Iterat
     amplitude = waves[f"{gear}_wave_amplitude_um"]
     names = {"order": "order", "nodal_diameters": "diameters", "travel_rad_s": "travel_rad_s"}
     rows = columns(waves, **{name: f"{gear}_wave_{of}" for name, of in names.items()})
-    for name in amplitude.component.values:
-        rows[f"{name}_um"] = amplitude.sel(component=name).values
+    along = amplitude.component.values
+    rows |= {f"{name}_um": amplitude.sel(component=name).values for name in along}
     yield Picture(f"{gear}_waves", drawn("_wave_pictures.wave_map", waves, gear), rows)
     levels = table.assign(rms_um=wave_level(table, gear))
     levels = levels.rename({f"{gear}_diameters": "nodal_diameters"})

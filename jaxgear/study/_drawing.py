@@ -1,11 +1,11 @@
 """What the drawing of each gear says: diameters, and measures of tooth thickness."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from jaxgear._geometry._measures import (
     ball_measure,
@@ -35,18 +35,30 @@ def drawing_summary(gears: Mapping[str, GearKeys], pair: GearPair) -> Summary:
     """
     given = [(gears[gear].span_teeth, gears[gear].ball_mm) for gear in GEARS]
     teeth, ball = np.asarray(given, dtype=float).T
-    found = called(_measured, pair, teeth, ball * mm)
-    found = {name: np.asarray(x) for name, x in found.items()}
-    in_file = lambda name, value: value if name == "span_teeth" else value / mm
-    return {
-        f"{name}_{gear}{'' if name == 'span_teeth' else '_mm'}": in_file(name, float(value[body]))
-        for body, gear in enumerate(GEARS)
-        for name, value in found.items()
-    }
+    found = jax.tree.map(np.asarray, called(_measured, pair, teeth, ball * mm))
+    circles = zip(_CIRCLES, found.diameters, strict=True)
+    lengths = {f"{name}_diameter": each for name, each in circles}
+    lengths |= {"span": found.span, "ball": found.ball, "over_balls": found.over_balls}
+    summary = {}
+    for body, gear in enumerate(GEARS):
+        own = {f"{name}_{gear}_mm": float(each[body]) / mm for name, each in lengths.items()}
+        own[f"span_teeth_{gear}"] = float(found.span_teeth[body])
+        summary |= dict(sorted(own.items()))
+    return summary
 
 
-def _measured(pair: GearPair, spanned: Bodies, ball: Bodies) -> dict[str, Array]:
-    """All of it at once [m, -]; NaN asks for the usual span or ball."""
+class _Measures(NamedTuple):
+    """Diameters of the circles, number of teeth spanned, span, ball, measure over balls [m, -]."""
+
+    diameters: tuple[Bodies, ...]
+    span_teeth: Bodies
+    span: Bodies
+    ball: Bodies
+    over_balls: Bodies
+
+
+def _measured(pair: GearPair, spanned: Bodies, ball: Bodies) -> _Measures:
+    """All of it at once; NaN asks for the usual span or ball."""
     usual = jnp.round(usual_ball(pair) / (0.05 * pair.normal_module)) * 0.05 * pair.normal_module
     spanned = jnp.where(jnp.isnan(spanned), usual_span(pair), spanned)
     ball = jnp.where(jnp.isnan(ball), usual, ball)
@@ -57,12 +69,10 @@ def _measured(pair: GearPair, spanned: Bodies, ball: Bodies) -> dict[str, Array]
 
     over_balls = touching(ball_measure(pair, ball), ball_radius(pair, ball))
     proud = over_balls > 2.0 * pair.tip_radius
-    circles: dict[str, Any] = {
-        f"{name}_diameter": 2.0 * getattr(pair, f"{name}_radius") for name in _CIRCLES
-    }
-    return circles | {
-        "span_teeth": spanned,
-        "span": touching(span_measure(pair, spanned), span_radius(pair, spanned)),
-        "ball": ball,
-        "over_balls": jnp.where(proud, over_balls, jnp.nan),
-    }
+    return _Measures(
+        diameters=tuple(2.0 * getattr(pair, f"{name}_radius") for name in _CIRCLES),
+        span_teeth=spanned,
+        span=touching(span_measure(pair, spanned), span_radius(pair, spanned)),
+        ball=ball,
+        over_balls=jnp.where(proud, over_balls, jnp.nan),
+    )

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxgear._checks import InputError, require
+from jaxgear._columns import Table
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._response._loads import hertz_pressure, line_load, mesh_stiffness
@@ -137,8 +138,8 @@ class LiveScene:
             )
         return np.asarray([changes.get(knob.key, knob.value) for knob in self.knobs], dtype=float)
 
-    def cycle(self, values: np.ndarray) -> dict[str, Any]:
-        """The mesh cycle at values of the knobs, in plain numbers with units in their names.
+    def cycle(self, values: np.ndarray) -> "LiveCycle":
+        """The mesh cycle at values of the knobs.
 
         **Raises:**
 
@@ -147,13 +148,8 @@ class LiveScene:
         keys, grid, *more = self._asked(values)
         seen = timed(_seen, keys, grid, *more)
         require_solved(seen.converged)
-        return {
-            "numbers": {name: float(value) for name, value in seen.numbers.items()},
-            "phase": np.arange(grid.phases * grid.periods) / grid.phases,
-            "te_um": seen.error / um,
-            "mesh_stiffness_N_um": seen.stiffness * um,
-            **_pictured(seen),
-        }
+        numbers = {name: float(value) for name, value in seen.numbers.items()}
+        return _pictured(seen, numbers, np.arange(grid.phases * grid.periods) / grid.phases)
 
     def slopes(self, values: np.ndarray, response: str) -> dict[str, float]:
         """Derivatives of one of `RESPONSES` by every knob, in units of their names.
@@ -172,12 +168,12 @@ class LiveScene:
             found.append(float(weights @ timed(_pushed, *asked, along)))
         return dict(zip((knob.key for knob in self.knobs), found, strict=True))
 
-    def relief_curve(self, values: np.ndarray) -> dict[str, Any]:
+    def relief_curve(self, values: np.ndarray) -> Table:
         """RMS of the transmission error over the depth of tip relief, the same on both gears."""
         high = max(knob.high for knob in self.knobs if knob.key in _DEPTHS)
         depths = np.linspace(0.0, high, _POINTS)
         rms = timed(_curve, *self._asked(values), depths)
-        return {"depth_um": depths, "te_rms_um": rms / um}
+        return Table({"depth_um": depths, "te_rms_um": rms / um})
 
     def _built(self, values: np.ndarray) -> dict[str, float]:
         """Values of the keys for which the model is built anew."""
@@ -347,8 +343,30 @@ def _curve(
     return jax.vmap(rms)(depths)
 
 
-def _pictured(seen: _Seen) -> dict[str, Any]:
-    """Largest pressure over the cycle on the flank `[bin along the path, slice]`, and along it."""
+class LiveCycle(NamedTuple):
+    """What is shown of a mesh cycle, in plain numbers with units in their names.
+
+    **Fields:**
+
+    - `numbers`: by their names in a summary.
+    - `phase`: in mesh periods, of the transmission error and the mesh stiffness.
+    - `te_um`, `mesh_stiffness_N_um`: over phase.
+    - `path_mm`: between which teeth touch, along the path of contact.
+    - `pressure_MPa`: the largest over the cycle on the flank, `[bin along the path, slice]`.
+    - `face_load_N_mm`: the largest over the cycle at each slice.
+    """
+
+    numbers: Mapping[str, float]
+    phase: np.ndarray
+    te_um: np.ndarray
+    mesh_stiffness_N_um: np.ndarray
+    path_mm: list[float]
+    pressure_MPa: np.ndarray
+    face_load_N_mm: np.ndarray
+
+
+def _pictured(seen: _Seen, numbers: Mapping[str, float], phase: np.ndarray) -> LiveCycle:
+    """A cycle as it is shown."""
     slices = seen.roll.shape[-1]
     roll = np.asarray(seen.roll).reshape(-1, slices)
     pressure = np.asarray(seen.pressure).reshape(-1, slices) / MPa
@@ -360,8 +378,12 @@ def _pictured(seen: _Seen) -> dict[str, Any]:
     largest = np.zeros((_BINS, slices))
     columns = np.broadcast_to(np.arange(slices), roll.shape)
     np.maximum.at(largest, (bins[touching], columns[touching]), pressure[touching])
-    return {
-        "path_mm": [low, high],
-        "pressure_MPa": largest,
-        "face_load_N_mm": load.max(axis=0),
-    }
+    return LiveCycle(
+        numbers=numbers,
+        phase=phase,
+        te_um=np.asarray(seen.error) / um,
+        mesh_stiffness_N_um=np.asarray(seen.stiffness) * um,
+        path_mm=[low, high],
+        pressure_MPa=largest,
+        face_load_N_mm=load.max(axis=0),
+    )

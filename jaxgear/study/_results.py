@@ -104,7 +104,7 @@ def static_dataset(
     model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw
 ) -> xr.Dataset:
     """Everything that a quasi-static mesh cycle says, in the units of files."""
-    found = {name: np.asarray(x) for name, x in called(_responses, model, cycle, law).items()}
+    found = jax.tree.map(np.asarray, called(_responses, model, cycle, law))
     facts = {name: np.asarray(x) for name, x in jg.pair_facts(model.pair).items()}
     variables = _over_mesh(cycle, found) | _over_bodies(found) | _on_path(facts)
     return dataset_of(variables, **_coordinates(cycle, facts)).assign_attrs(
@@ -116,9 +116,28 @@ def static_dataset(
     )
 
 
-def _responses(
-    model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw
-) -> dict[str, Array]:
+class _Responses(NamedTuple):
+    """Responses of a mesh cycle, in SI; `None` where no corner touches or no bearing is."""
+
+    transmission_error: Array
+    unloaded: Array
+    te_harmonic: Array
+    mesh_stiffness: Array
+    load_sharing: Array
+    gap: Array
+    place: Array
+    line_load: Array
+    pressure: Array
+    pair_stiffness: Array
+    motion: Array
+    body_load: Array
+    face_load: Array
+    corner_pressure: Array | None
+    bearing_displacement: Array | None
+    bearing_load: Array | None
+
+
+def _responses(model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw) -> _Responses:
     """Everything that has to be computed, in SI, in one program."""
     pair, lines, structure = model.pair, cycle.cells.lines, cycle.system.structure
     error = jg.transmission_error(pair, cycle)
@@ -127,31 +146,31 @@ def _responses(
         [jnp.sum(cycle.force, axis=1), jnp.sum(cycle.force * cycle.cells.arm, axis=1)], axis=1
     )
     gap = jg.mesh_gap(pair, lines, model.flanks, model.misalignment)
-    found = {
-        "transmission_error": error,
-        "unloaded": jg.unloaded_transmission_error(pair, cycle.cells, gap),
-        "te_harmonic": jg.harmonic_amplitudes(cycle, error, harmonic_count(cycle)),
-        "mesh_stiffness": jg.mesh_stiffness(cycle),
-        "load_sharing": jg.load_sharing(cycle),
-        "gap": gap,
-        "place": (lines.roll - pair.path_start) / pair.path_of_contact,
-        "line_load": jg.line_load(cycle, law),
-        "pressure": jg.hertz_pressure(pair, cycle, law),
-        "pair_stiffness": _pair_stiffness(model, cycle),
-        "motion": cycle.system.gear_motion(cycle.load),
-        "body_load": -wrench @ jg.structure_vectors(pair).T,
-        "face_load": jg.face_load(pair, cycle),
-    }
+    corners, displacement, load = None, None, None
     if has_corners(lines, pair):
-        found["corner_pressure"] = jg.corner_pressure(pair, cycle, law)
+        corners = jg.corner_pressure(pair, cycle, law)
     if structure.map.bearings:
         motion = cycle.system.displacement(cycle.load)
         bearings = jax.vmap(lambda x: jg.bearing_motion(structure, x))(motion)
-        found |= {
-            "bearing_displacement": bearings.displacement,
-            "bearing_load": bearings.load,
-        }
-    return found
+        displacement, load = bearings.displacement, bearings.load
+    return _Responses(
+        transmission_error=error,
+        unloaded=jg.unloaded_transmission_error(pair, cycle.cells, gap),
+        te_harmonic=jg.harmonic_amplitudes(cycle, error, harmonic_count(cycle)),
+        mesh_stiffness=jg.mesh_stiffness(cycle),
+        load_sharing=jg.load_sharing(cycle),
+        gap=gap,
+        place=(lines.roll - pair.path_start) / pair.path_of_contact,
+        line_load=jg.line_load(cycle, law),
+        pressure=jg.hertz_pressure(pair, cycle, law),
+        pair_stiffness=_pair_stiffness(model, cycle),
+        motion=cycle.system.gear_motion(cycle.load),
+        body_load=-wrench @ jg.structure_vectors(pair).T,
+        face_load=jg.face_load(pair, cycle),
+        corner_pressure=corners,
+        bearing_displacement=displacement,
+        bearing_load=load,
+    )
 
 
 def _pair_stiffness(model: jg.PairModel, cycle: jg.MeshCycle) -> Array:
@@ -206,23 +225,23 @@ def _coordinates(cycle: jg.MeshCycle, facts: dict[str, np.ndarray]) -> Entries:
     )
 
 
-def _over_mesh(cycle: jg.MeshCycle, found: dict[str, np.ndarray]) -> Entries:
+def _over_mesh(cycle: jg.MeshCycle, found: _Responses) -> Entries:
     """What the flanks do, over phases, and over the cells of the contact lines."""
     lines = cycle.cells.lines
     of_cells = lambda values: np.asarray(values).reshape(lines.roll.shape)
     te = "transmission error"
     solved = np.asarray(cycle.converged).astype(np.int8)
     corners = {}
-    if "corner_pressure" in found:
+    if found.corner_pressure is not None:
         words = "pressure of a tip corner of known radius beyond the path"
-        corners["corner_pressure_MPa"] = found["corner_pressure"], words
+        corners["corner_pressure_MPa"] = found.corner_pressure, words
     return (
         over(
             "phase",
-            transmission_error_um=(found["transmission_error"], f"quasi-static {te}"),
-            unloaded_te_um=(found["unloaded"], f"{te} of rigid gears without load"),
+            transmission_error_um=(found.transmission_error, f"quasi-static {te}"),
+            unloaded_te_um=(found.unloaded, f"{te} of rigid gears without load"),
             mesh_stiffness_N_um=(
-                found["mesh_stiffness"],
+                found.mesh_stiffness,
                 "stiffness of the cells in contact, along the normal",
             ),
             mesh_force_N=(np.asarray(cycle.load)[:, 0], "mesh force along the normal"),
@@ -230,35 +249,35 @@ def _over_mesh(cycle: jg.MeshCycle, found: dict[str, np.ndarray]) -> Entries:
         )
         | over(
             "harmonic",
-            te_harmonic_um=(found["te_harmonic"], f"amplitude of a mesh harmonic of the {te}"),
+            te_harmonic_um=(found.te_harmonic, f"amplitude of a mesh harmonic of the {te}"),
         )
         | over(
             "phase line",
-            load_sharing=(found["load_sharing"], "share of the mesh force on a line"),
+            load_sharing=(found.load_sharing, "share of the mesh force on a line"),
         )
         | over(
             "phase line slice",
             roll_mm=(lines.roll, "roll length from the pinion's base tangent point"),
-            profile_position=(found["place"], "place on the path of contact, 0 start to 1 end"),
+            profile_position=(found.place, "place on the path of contact, 0 start to 1 end"),
             fraction=(lines.fraction, "part of the slice that is in contact"),
-            line_load_N_mm=(found["line_load"], "load per length of contact line"),
-            pressure_MPa=(found["pressure"], "largest Hertzian pressure"),
+            line_load_N_mm=(found.line_load, "load per length of contact line"),
+            pressure_MPa=(found.pressure, "largest Hertzian pressure"),
             **corners,
             cell_force_N=(of_cells(cycle.force), "force of a cell along the normal"),
-            gap_um=(of_cells(found["gap"]), "gap of the undeformed flanks along the normal"),
+            gap_um=(of_cells(found.gap), "gap of the undeformed flanks along the normal"),
             pair_stiffness_N_mm_um=(
-                found["pair_stiffness"],
+                found.pair_stiffness,
                 "stiffness of a tooth pair loaded alone, per length of contact line",
             ),
         )
-        | over("slice", face_load_N_mm=(found["face_load"], "mean load per face width"))
+        | over("slice", face_load_N_mm=(found.face_load, "mean load per face width"))
     )
 
 
-def _over_bodies(found: dict[str, np.ndarray]) -> Entries:
+def _over_bodies(found: _Responses) -> Entries:
     """What gears and bearings do, the pinion's bearings first, in the order of the scene."""
     # Each body: three translations, then three rotations.
-    motion, load = (found[name].reshape(-1, 2, 2, 3) for name in ("motion", "body_load"))
+    motion, load = (each.reshape(-1, 2, 2, 3) for each in (found.motion, found.body_load))
     entries = over(
         "phase body axis",
         displacement_um=(motion[:, :, 0], "displacement of the gear's centre"),
@@ -266,8 +285,8 @@ def _over_bodies(found: dict[str, np.ndarray]) -> Entries:
         body_force_N=(load[:, :, 0], "force of the mesh on the gear"),
         body_moment_Nm=(load[:, :, 1], "moment of the mesh about the gear's centre"),
     )
-    if "bearing_load" in found:
-        motion, load = found["bearing_displacement"], found["bearing_load"]
+    motion, load = found.bearing_displacement, found.bearing_load
+    if motion is not None and load is not None:
         entries |= over(
             "phase bearing axis",
             bearing_displacement_um=(motion[:, :, :3], "displacement of the shaft"),

@@ -77,10 +77,10 @@ def _found(explorer, question, **asked):
 
 def test_error_is_that_of_a_constant_stiffness(live):
     """One or two pairs in mesh, of which each gives by F / (c b): peak to peak is half of that."""
-    found = live.cycle(live.values({}))["numbers"]
+    found = live.cycle(live.values({})).numbers
     force = 80.0 / 30.587887812486937e-3
     assert found["te_peak_to_peak_um"] == pytest.approx(force / (2.0 * 14.0 * 9.5), rel=5e-3)
-    doubled = live.cycle(live.values({_TORQUE: 160.0}))["numbers"]
+    doubled = live.cycle(live.values({_TORQUE: 160.0})).numbers
     assert doubled["te_rms_um"] == pytest.approx(2.0 * found["te_rms_um"], rel=1e-9)
 
 
@@ -90,12 +90,12 @@ def test_numbers_are_those_of_a_run(live, scene):
     for changes in ({}, _MOVED):
         found = live.cycle(live.values(changes))
         known = statics(scene.replace(changes))
-        for name, value in found["numbers"].items():
+        for name, value in found.numbers.items():
             assert value == pytest.approx(known.summary["static"][name], rel=1e-9), name
         error = known.dataset["transmission_error_um"].values
-        np.testing.assert_allclose(found["te_um"], error, rtol=1e-9)
+        np.testing.assert_allclose(found.te_um, error, rtol=1e-9)
         largest = known.summary["static"]["max_pressure_MPa"]
-        assert np.max(found["pressure_MPa"]) == pytest.approx(largest, rel=1e-9)
+        assert np.max(found.pressure_MPa) == pytest.approx(largest, rel=1e-9)
 
 
 def test_slopes_agree_with_central_differences(live):
@@ -103,7 +103,7 @@ def test_slopes_agree_with_central_differences(live):
     slopes = live.slopes(at, "te_rms_um")
     for key, step in ((_DEPTH, 1e-3), (_TORQUE, 1e-2)):
         both = [
-            live.cycle(live.values(_MOVED | {key: _MOVED[key] + way}))["numbers"]["te_rms_um"]
+            live.cycle(live.values(_MOVED | {key: _MOVED[key] + way})).numbers["te_rms_um"]
             for way in (step, -step)
         ]
         assert slopes[key] == pytest.approx((both[0] - both[1]) / (2.0 * step), rel=1e-5)
@@ -124,12 +124,12 @@ def test_other_real_keys_move_as_in_a_run(live, scene):
     moved = _MOVED | _BUILT
     found = wide.cycle(wide.values(moved))
     known = statics(scene.replace(moved)).summary["static"]
-    for name, value in found["numbers"].items():
+    for name, value in found.numbers.items():
         assert value == pytest.approx(known[name], rel=1e-9), name
     te = lambda key, way: wide.cycle(wide.values(moved | {key: moved[key] * (1.0 + way)}))
     slopes = wide.slopes(wide.values(moved), "te_rms_um")
     for key in (_DEPTH, *_BUILT):
-        both = [te(key, way)["numbers"]["te_rms_um"] for way in (1e-4, -1e-4)]
+        both = [te(key, way).numbers["te_rms_um"] for way in (1e-4, -1e-4)]
         expected = (both[0] - both[1]) / (2e-4 * moved[key])
         assert slopes[key] == pytest.approx(expected, rel=1e-5), key
 
@@ -165,7 +165,7 @@ def test_curve_passes_through_the_cycle(live):
     curve = live.relief_curve(live.values({}))
     depth = float(curve["depth_um"][6])
     both = {_DEPTH: depth, _DEPTH.replace("wheel", "pinion"): depth}
-    rms = live.cycle(live.values(both))["numbers"]["te_rms_um"]
+    rms = live.cycle(live.values(both)).numbers["te_rms_um"]
     assert curve["te_rms_um"][6] == pytest.approx(rms, rel=1e-9)
 
 
@@ -188,7 +188,7 @@ def test_page_asks_and_is_answered(explorer, live):
     assert len(_found(explorer, "start")["knobs"]) == len(live.knobs)
     found = _found(explorer, "cycle", values=_MOVED)
     known = live.cycle(live.values(_MOVED))
-    assert found["numbers"] == known["numbers"]
+    assert found["numbers"] == known.numbers
     assert _found(explorer, "slopes", values=_MOVED, response="te_rms_um")[_DEPTH] != 0.0
     assert len(_found(explorer, "curve")["te_rms_um"]) == len(_found(explorer, "curve")["depth_um"])
 

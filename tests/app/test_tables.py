@@ -6,7 +6,7 @@ import xarray as xr
 from table_checks import assert_table, is_told
 
 from jaxgear import plot
-from jaxgear.plot._picture import joined
+from jaxgear._columns import Table
 
 
 def test_columns_are_spread_over_all_dimensions():
@@ -24,8 +24,17 @@ def test_columns_are_spread_over_all_dimensions():
 
 
 def test_rows_of_several_tables_stay_together():
-    one, two = {"a": np.asarray([1.0, 2.0])}, {"a": np.asarray([3.0])}
-    assert joined([one, two])["a"].tolist() == [1.0, 2.0, 3.0]
+    one, two = Table({"a": [1.0, 2.0], "b": ["x", "y"]}), Table({"a": [np.nan], "b": ["z"]})
+    both = Table.joined([one, two])
+    assert both["b"].tolist() == ["x", "y", "z"]
+    assert both.known("a")["b"].tolist() == ["x", "y"]
+    assert list(both | {"c": [1, 2, 3]}) == ["a", "b", "c"]
+
+
+@pytest.mark.parametrize("other", [[1.0], [[1.0, 2.0]]])
+def test_columns_of_a_table_are_of_one_length(other):
+    with pytest.raises(ValueError, match="must have one length"):
+        Table({"a": [1.0, 2.0], "b": other})
 
 
 @pytest.mark.parametrize(

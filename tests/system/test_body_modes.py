@@ -114,7 +114,9 @@ def test_a_turn_by_one_sector_turns_pairs_into_themselves(name):
 @every_body
 def test_turning_exchanges_no_mass(name):
     body, basis = _basis(name)
-    given = {key: np.asarray(x) for key, x in basis.matrices(body).items() if x is not None}
+    given = {
+        key: np.asarray(x) for key, x in basis.matrices(body)._asdict().items() if x is not None
+    }
     assert len(given) == (4 if name == "rotating" else 2)
     mass, turning = given["mass"], given["turning"]
     assert np.array_equal(turning, -turning.T)
@@ -299,7 +301,9 @@ def test_a_body_follows_rigid_seats_rigidly(name):
 def test_forces_of_rotation_of_rigid_motions_cancel_in_space():
     """What stands still in space needs no force, however fast the body turns in it."""
     body, basis = _basis("rotating")
-    given = {key: np.asarray(x) for key, x in basis.matrices(body).items() if x is not None}
+    given = {
+        key: np.asarray(x) for key, x in basis.matrices(body)._asdict().items() if x is not None
+    }
     mass, turning = given["mass"], given["turning"]
     # A motion x that stands still in space is z = D(-theta) x on the body.
     force = mass @ turning @ turning - given["coriolis"] @ turning + given["softening"]

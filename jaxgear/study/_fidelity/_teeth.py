@@ -55,7 +55,16 @@ def words_of_teeth(rows: Mapping[str, Summary], tolerance: float) -> str:
     - `rows`: lines of both, by name.
     - `tolerance`: relative error that is good enough [-].
     """
-    apart, coupled = (_errors(rows[name]) for name in (_APART, _COUPLED))
+    # The largest errors at all points.
+    parts = {name: (rows[name]["error"], rows[name]["held_out"]) for name in (_APART, _COUPLED)}
+    apart, coupled = (
+        {
+            name: max(worst(each, (name,)) for each in both if name in each)
+            for name in _JUDGED
+            if any(name in each for each in both)
+        }
+        for both in parts.values()
+    )
 
     def told(names: list[str]) -> str:
         """Errors of some responses, of slices apart and coupled."""
@@ -66,13 +75,3 @@ def words_of_teeth(rows: Mapping[str, Summary], tolerance: float) -> str:
     rest = [name for name in apart if name not in good]
     start = f'Beside elements mesh.face_coupling = "none" suffices for {told(good) or "nothing"}'
     return f"{start}; not for {told(rest)}." if rest else f"{start}."
-
-
-def _errors(line: Summary) -> dict[str, float]:
-    """Largest errors at all points."""
-    both = line["error"], line["held_out"]
-    return {
-        name: max(worst(each, (name,)) for each in both if name in each)
-        for name in _JUDGED
-        if name in line["error"] or name in line["held_out"]
-    }
