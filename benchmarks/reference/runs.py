@@ -83,7 +83,14 @@ def _found(case: Case, level: str) -> Callable[[str], float]:
     own = FOLDER / "scenes" / case.scene
     scene = jg.read_scene(own, changes) if own.is_file() else jg.ready_scene(case.scene, changes)
     summary: Mapping[str, Any] = _COMMANDS[case.command](scene).summary
-    return lambda name: number_in(summary, name, lambda key: f"{case.case}: {key}")
+
+    def number(name: str) -> float:
+        value = number_in(summary, name)
+        if np.isnan(value):
+            raise ValueError(f"{case.case}: results have no finite {name}.")
+        return value
+
+    return number
 
 
 def _disc(measures: Mapping[str, float], parts: tuple[int, int, int]) -> dict[str, float]:

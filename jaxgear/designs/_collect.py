@@ -2,7 +2,6 @@
 
 import dataclasses
 import importlib
-import importlib.metadata
 import os
 from collections import Counter
 from typing import TYPE_CHECKING, Any
@@ -102,16 +101,17 @@ def collected(job: Job) -> Collected:
     count = 0 if scattered and not asked.design.between else asked.keep.best
     best = designs["design"].values[order[:count]].tolist()
     reasons = Counter(x for x in designs["reason"].values.tolist() if x)
+    names = names_of(job.study.name, scene.cite)
     designs = designs.assign_attrs(
         minimise=minimise,
         study=job.study.path.read_text(encoding="utf-8"),
         scene=scene.path.read_text(encoding="utf-8"),
         scene_set=list(asked.set),
         seed=asked.design.seed,
-        jaxgear=importlib.metadata.version("jaxgear"),
+        versions=[f"{name} {version}" for name, version in names["versions"].items()],
         scattered=int(scattered),
     )
-    summary = names_of(job.study.name, scene.cite) | {
+    summary = names | {
         "study": {
             "scene": scene.name,
             "command": asked.command,
