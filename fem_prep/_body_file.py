@@ -135,9 +135,8 @@ def _parts(matrix: np.ndarray, sectors: EqualSectors, sign: int) -> dict[str, np
 
 def _joined(rows: np.ndarray, others: np.ndarray, sectors: EqualSectors, sign: int) -> np.ndarray:
     """A matrix from its parts."""
-    size, rim = others.shape[1], 3 * sectors.nodes.size
-    matrix = np.empty((size, size))
-    matrix[:rim, :rim] = sectors.block(rows, sign)
+    rim = 3 * sectors.nodes.size
+    matrix = sectors.block(rows, sign, more=len(others))
     matrix[rim:] = others
     matrix[:rim, rim:] = sign * others[:, :rim].T
     return matrix

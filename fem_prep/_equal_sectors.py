@@ -48,12 +48,13 @@ class EqualSectors:
         found[0] = 0.5 * (found[0] + sign * found[0].T)
         return found
 
-    def block(self, rows: np.ndarray, sign: int) -> np.ndarray:
+    def block(self, rows: np.ndarray, sign: int, more: int = 0) -> np.ndarray:
         """The rim's block from the rows of the first sector.
 
         **Arguments:**
 
         - `rows`, `sign`: as of `rows`.
+        - `more`: rows and columns left open behind it.
 
         **Returns:**
 
@@ -61,20 +62,20 @@ class EqualSectors:
         the diagonal is the same number.
         """
         dofs, (count, each) = self._dofs, self.nodes.shape
-        result = np.empty((dofs.size, dofs.size))
-        apart = rows.reshape(self.ahead, each, 3, each, 3)
-        for first, turn in enumerate(self.turns):
-            turned = np.einsum("ij,sajbk,lk->saibl", turn, apart, turn, optimize=True)
-            for step, values in enumerate(turned.reshape(rows.shape)):
-                second = (first + step) % count
-                # Half a turn ahead is half a turn behind: once is enough.
-                if 2 * step == count and first > second:
-                    continue
-                if step == 0:
-                    values = 0.5 * (values + sign * values.T)
-                result[np.ix_(dofs[first], dofs[second])] = values
-                if step:
-                    result[np.ix_(dofs[second], dofs[first])] = sign * values.T
+        turns = np.einsum("ab,sij->saibj", np.eye(each), self.turns)
+        turns = turns.reshape(count, 3 * each, 3 * each)
+        result = np.empty((dofs.size + more, dofs.size + more))
+        for step, values in enumerate(rows):
+            turned = turns @ values @ np.swapaxes(turns, 1, 2)
+            if step == 0:
+                turned = 0.5 * (turned + sign * np.swapaxes(turned, 1, 2))
+            # Half a turn ahead is half a turn behind: once is enough.
+            here = np.arange(count if 2 * step < count else count // 2)
+            first, second = dofs[here], dofs[(here + step) % count]
+            result[first[:, :, None], second[:, None, :]] = turned[here]
+            if step:
+                back = sign * np.swapaxes(turned[here], 1, 2)
+                result[second[:, :, None], first[:, None, :]] = back
         return result
 
     @property
