@@ -154,6 +154,9 @@ def compared(rows: dict[str, Any]) -> list[Line]:
         for model in dict.fromkeys(model for model, _ in own):
             speeds = [s for m, s in own if m == model and best[s] != model]
             speeds = [s for s in speeds if own[model, s]["settled"] and own[best[s], s]["settled"]]
+            # A reference that is hardly richer says little.
+            richer = lambda s, m=model, o=own, b=best: o[b[s], s]["dofs"] > 2 * o[m, s]["dofs"]
+            speeds = [s for s in speeds if richer(s)]
             if not speeds:
                 continue
             off = lambda key, s, m=model, o=own, b=best: abs(o[m, s][key] / o[b[s], s][key] - 1.0)

@@ -27,7 +27,7 @@ from .statics import THESIS
 
 # Slices, time steps and modes that tell trends.
 COARSE = ("mesh.slices=10", "sweep.steps=64", "sweep.pinion_speed_rad_s=[1000.0]")
-MODES, HARMONICS = "model.coordinates=60", 14
+MODES, HARMONICS = ("model.shapes=natural", "model.coordinates=60"), 14
 # What a body that hardly deforms can do without.
 QUICK = ("interface=guyan", "modes=0", "compare_seats=false")
 # Of the pinion; below the first of them higher harmonics of the mesh meet the modes of the teeth
@@ -75,7 +75,7 @@ class Moving(NamedTuple):
 def moving(name: str, *settings: str) -> Moving:
     """A ready scene with changes, set in motion."""
     condensed = bool(ready_scene(name).condensed)
-    scene = ready_scene(name, [*THESIS, *COARSE, *([MODES] if condensed else []), *settings])
+    scene = ready_scene(name, [*THESIS, *COARSE, *(MODES if condensed else ()), *settings])
     if condensed:
         scene = with_bodies(scene, moving=True)
     return set_going(scene, model_of(scene))

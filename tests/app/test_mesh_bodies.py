@@ -1,12 +1,14 @@
 """Condensed bodies and the scenes that they were built for."""
 
 import dataclasses
+import re
 from types import MappingProxyType
 
 import jax
 import pytest
 
 from jaxgear._checks import InputError
+from jaxgear.scene import _mesh_bodies
 from jaxgear.scene._build import model_of
 from jaxgear.scene._mesh_bodies import MeshBody
 from jaxgear.scene._scene import ready_scene
@@ -85,3 +87,22 @@ def test_elements_that_cover_too_many_teeth_are_refused_before_any_work(monkeypa
     scene = ready_scene("accessory-h1", ("wheel.body.fineness.sectors=50",))
     with pytest.raises(InputError, match=r"one covers 1\.72 pitches"):
         with_bodies(scene)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ('mesh.tooth="elements"', "carries such teeth in statics only"),
+        ("pinion.thickness_allowance_um=50.0", "pinion.thickness_allowance_um: back flanks are"),
+        ("model.gyroscopic=true", "wheel.body.rotating_terms = true"),
+    ],
+)
+def test_what_condensed_bodies_cannot_do_in_motion_is_refused_before_they_are_built(
+    settings, words, monkeypatch
+):
+    def built(*_):
+        raise AssertionError("a body is built")
+
+    monkeypatch.setattr(_mesh_bodies, "built_body", built)
+    with pytest.raises(InputError, match=re.escape(words)):
+        _mesh_bodies.with_bodies(ready_scene("accessory-h1", (settings,)), moving=True)
