@@ -12,6 +12,7 @@ the accessory wheel (2,895) take minutes of a processor to be set up and two for
 
 import argparse
 import json
+import statistics
 import sys
 import time
 from pathlib import Path
@@ -127,8 +128,7 @@ class Line(NamedTuple):
     def words(self) -> str:
         """The line in words: errors at the median and the largest."""
         told = ", ".join(
-            f"{words} {sorted(self.errors[key])[len(self.errors[key]) // 2]:.2f} / "
-            f"{max(self.errors[key]):.2f}"
+            f"{words} {statistics.median(self.errors[key]):.2f} / {max(self.errors[key]):.2f}"
             for key, words in NUMBERS.items()
         )
         count = len(self.errors["force"])
