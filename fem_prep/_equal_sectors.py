@@ -6,11 +6,14 @@ of a matrix is known from the rows of the first sector's nodes, up to half a tur
 
 import dataclasses
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ._artefact import ReducedBody
-from ._symmetry import Rotation, rotation_of
+
+if TYPE_CHECKING:
+    from ._symmetry import Rotation
 
 
 class EqualSectors:
@@ -22,7 +25,7 @@ class EqualSectors:
     - `turns`: of a vector by so many sectors, `[sector, 3, 3]`.
     """
 
-    def __init__(self, rotation: Rotation):
+    def __init__(self, rotation: "Rotation"):
         self.nodes, self.turns = rotation.orbits(), rotation.matrices
 
     @property
@@ -99,6 +102,9 @@ def equal_sectors(rim_nodes: np.ndarray, facts: Mapping[str, object]) -> EqualSe
     sectors = facts.get("sectors", 1)
     if not isinstance(sectors, int) or sectors < 3 or not len(rim_nodes):
         return None
+    # Not above: SciPy takes long to import, and who looks at kept files needs none of it.
+    from ._symmetry import rotation_of
+
     rotation = rotation_of(rim_nodes, sectors)
     found = None if rotation is None else EqualSectors(rotation)
     return found if found is not None and found.nodes.size == len(rim_nodes) else None
