@@ -1,5 +1,6 @@
 """The gear pair as a sizing program tables it: pinion, wheel, and what both share."""
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -36,6 +37,8 @@ _OF_PAIR = (
     ("Normal pressure angle", "alpha_n", "degrees", "pair.pressure_angle_deg"),
     ("Helix angle", "beta", "degrees", "pair.helix_angle_deg"),
     ("Torque on the pinion", "T_1", "N m", "pair.torque_pinion_Nm"),
+    ("Speed of the pinion", "n_1", "1/min", "pair.speed_rpm"),
+    ("Power", "P", "kW", "pair.power_kW"),
 )
 # Numbers of the summary that a sizing shows, each with its table.
 _FOUND = (
@@ -48,6 +51,8 @@ _FOUND = (
     ("geometry", "Circumferential backlash", "backlash", "mm"),
     ("iso6336", "Tangential force at the reference circle", "tangential_force", "N"),
     ("iso6336", "Mesh stiffness of ISO 6336-1", "c_gamma_alpha", "N_mm_um"),
+    ("static", "Mesh stiffness, calculated, mean", "mesh_stiffness_mean", "N_um"),
+    ("static", "Transmission error, peak to peak", "te_peak_to_peak", "um"),
     ("static", "Largest contact pressure", "max_pressure", "MPa"),
     ("static", "Face load factor", "face_load_factor", ""),
     ("static", "Transverse load factor", "transverse_load_factor", ""),
@@ -55,7 +60,7 @@ _FOUND = (
     ("static", "Lowest specific sliding, wheel", "specific_sliding_lowest_wheel", ""),
     ("static", "Efficiency of the mesh", "mesh_efficiency", ""),
 )
-_UNITS = {"deg": "degrees", "N_mm_um": "N/(mm um)"}
+_UNITS = {"deg": "degrees", "N_mm_um": "N/(mm um)", "N_um": "N/um"}
 
 
 def sizing_table(asked: Mapping[str, Any], summary: Mapping[str, Any]) -> Markup:
@@ -88,9 +93,13 @@ def _gears(
 
 
 def _pair(asked: Mapping[str, Any], summary: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
+    given = dict(asked)
+    power, speed = (asked.get(f"pair.{key}") for key in ("power_kW", "speed_rpm"))
+    if power is not None and speed:
+        given["pair.torque_pinion_Nm"] = 1e3 * power / (2.0 * math.pi * speed / 60.0)
     for name, symbol, unit, key in _OF_PAIR:
-        if key in asked:
-            yield name, symbol, unit, _shown(asked[key])
+        if given.get(key) is not None:
+            yield name, symbol, unit, _shown(given[key])
     for group, name, key, unit in _FOUND:
         value = summary.get(group, {}).get(f"{key}_{unit}" if unit else key)
         if value is not None:

@@ -152,6 +152,15 @@ def test_sizing_has_both_gears():
     assert sizing_table({}, {"notes": []}) == ""
 
 
+def test_sizing_has_the_torque_of_a_power():
+    """30 kW at 6,000 rpm: 30,000 / (200 pi) N m."""
+    asked = {"pair.power_kW": 30.0, "pair.speed_rpm": 6000.0}
+    text = re.sub("<[^>]+>", " ", sizing_table(asked, _SUMMARY)).split()
+    assert text[text.index("T_1") :][:4] == ["T_1", "N", "m", "47.7465"]
+    assert text[text.index("P") :][:3] == ["P", "kW", "30"]
+    assert text[text.index("n_1") :][:3] == ["n_1", "1/min", "6000"]
+
+
 def test_scene_is_told_with_units_and_defaults(folder):
     page = report(folder, "run")
     for text in ("[optimise.bounds]", "flank.pinion.tip_relief.depth_um", "pinion.shaft.bearings"):
