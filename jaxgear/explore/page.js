@@ -211,18 +211,21 @@ function keep() {
   by("undo").disabled = false;
 }
 
-let busy = false, again = false;
+let busy = false, again = false, failed = false;
 async function refresh() {
   if (busy) { again = true; return; }
   busy = true;
+  by("hint").textContent = "The grey lines are the scene's; bars under the sliders point to where " +
+    by("response").value + " falls.";
   try {
     do {
       again = false;
       state.cycle = await ask("cycle");
       state.start = state.start || state.cycle;
       drawCycle();
-      tell("The grey lines are the scene's; bars under the sliders point to where " +
-        by("response").value + " falls.");
+      // What others have told stays.
+      if (failed) tell("");
+      failed = false;
     } while (again);
     showSlopes(await ask("slopes", { response: by("response").value }));
     if (!again && state.values["flank.pinion.tip_relief.depth_um"] !== undefined) {
@@ -230,6 +233,7 @@ async function refresh() {
       drawCurve();
     }
   } catch (error) {
+    failed = true;
     tell(error.message, true);
   }
   busy = false;
@@ -237,6 +241,7 @@ async function refresh() {
 }
 
 function move(changes) {
+  tell("");
   Object.assign(state.values, changes);
   showValues();
   return refresh();
@@ -246,7 +251,12 @@ async function long(words, work) {
   const buttons = [...document.querySelectorAll("button")].filter((each) => !each.disabled);
   buttons.forEach((each) => { each.disabled = true; });
   tell(words);
-  try { await work(); } catch (error) { tell(error.message, true); }
+  try {
+    await work();
+    if (by("told").textContent === words) tell("");
+  } catch (error) {
+    tell(error.message, true);
+  }
   buttons.forEach((each) => { each.disabled = false; });
 }
 
@@ -297,6 +307,7 @@ window.onresize = () => { if (state.cycle) drawCycle(); };
     by("write").textContent = "Write " + found.file;
     takeKnobs(found);
     await refresh();
+    if (!failed) tell("");
   } catch (error) {
     tell(error.message, true);
   }
