@@ -75,7 +75,7 @@ def _nodes(body: ReducedBody) -> Iterator[str]:
 
 
 def _write_op4(body: ReducedBody, folder: Path) -> list[Path]:
-    """Lower triangles, a run of values for each column."""
+    """Whole columns, as Nastran writes symmetric matrices too: readers add no other triangle."""
     path = folder / f"{body.name}.op4"
     size = body.dofs
     require(size < _MOST_ROWS, "OUTPUT4 holds fewer rows than {size}.", size=size)
@@ -83,13 +83,13 @@ def _write_op4(body: ReducedBody, folder: Path) -> list[Path]:
         for name, matrix in zip(_NAMES, (body.stiffness, body.mass), strict=True):
             file.write(f"{size:8d}{size:8d}{_FORM:8d}{_KIND:8d}{name:<8}1P,{_PER_LINE}E23.16\n")
             for column in range(size):
-                _write_column(file, column, matrix[column:, column])
+                _write_column(file, column, matrix[:, column])
             file.write(f"{size + 1:8d}{1:8d}{1:8d}\n{1.0:23.16E}\n")
     return [path]
 
 
 def _write_column(file: TextIO, column: int, values: np.ndarray) -> None:
-    file.write(f"{column + 1:8d}{column + 1:8d}{len(values):8d}\n")
+    file.write(f"{column + 1:8d}{1:8d}{len(values):8d}\n")
     whole = len(values) // _PER_LINE * _PER_LINE
     line = "%23.16E" * _PER_LINE + "\n"
     file.write(line * (whole // _PER_LINE) % tuple(values[:whole]))

@@ -378,6 +378,22 @@ def test_export_of_no_known_form_is_refused(body, tmp_path):
         export_body(body, tmp_path, "docx")
 
 
+def test_op4_has_both_triangles(body, tmp_path):
+    """Whole columns, read here number by number: other readers add no triangle to what is there."""
+    path = export_body(body, tmp_path, "op4")[0]
+    text = path.read_text(encoding="ascii")
+    head, *lines = text.splitlines()
+    size = body.dofs
+    assert head[:24].split() == [str(size), str(size), "6"]
+    per_column = 1 + -(-size // 3)
+    for column in range(size):
+        record = lines[column * per_column : (column + 1) * per_column]
+        assert [int(each) for each in record[0].split()] == [column + 1, 1, size]
+        digits = "".join(record[1:])
+        values = [float(digits[at : at + 23]) for at in range(0, 23 * size, 23)]
+        np.testing.assert_allclose(values, body.stiffness[:, column], rtol=1e-15)
+
+
 @pytest.mark.parametrize("form", ["full", "packed", "big"])
 @pytest.mark.parametrize("triangle", [False, True])
 def test_op4_round_trip(body, tmp_path, form, triangle):

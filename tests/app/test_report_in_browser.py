@@ -14,6 +14,10 @@ _SMALL = (
     *("mesh.slices=3", "mesh.phases=12", "mesh.face_coupling=none"),
     *("map.depth_um.points=5", "map.extent.points=3"),
 )
+_COARSE = (
+    *("fineness.rim_across=2", "fineness.web_along=2", "fineness.hub_deep=1"),
+    *("modes=12", "compare_seats=false"),
+)
 _SPEEDS = "sweep.pinion_speed_rad_s=[300.0, 600.0]"
 # What a command is asked beside these. Bodies are coarse: pages are looked at, no numbers.
 _COMMANDS = {
@@ -44,7 +48,7 @@ def test_reports_open_without_an_error_or_a_request(tmp_path, monkeypatch, name)
     assert main(["init", name]) == 0
     scene = Path(f"{name}.toml").read_text("utf-8")
     bodies = [gear for gear in ("pinion", "wheel") if f"[{gear}.body]" in scene]
-    coarse = [f"{gear}.body.fineness.elements_per_tooth=1" for gear in bodies]
+    coarse = [f"{gear}.body.{each}" for gear in bodies for each in _COARSE]
     commands = _HYBRID if bodies else [each for each in _COMMANDS if each != "condense"]
     for command in commands:
         sets = [f"--set={each}" for each in (*_SMALL, *coarse, *_COMMANDS[command])]
