@@ -122,7 +122,7 @@ class Line(NamedTuple):
     model: str
     errors: dict[str, Any]
     seconds: float
-    against: str
+    against: int
 
     @property
     def words(self) -> str:
@@ -146,27 +146,28 @@ def compared(rows: dict[str, Any]) -> list[Line]:
     found = []
     for name, relief in dict.fromkeys((each[0], each[2]) for each in apart):
         own = {(e[1], e[3]): rows[" ".join(e)] for e in apart if (e[0], e[2]) == (name, relief)}
-        best: dict[str, str] = {}
-        for model, speed in own:
-            known = own[best.get(speed, model), speed]
-            if own[model, speed]["dofs"] >= known["dofs"]:
-                best[speed] = model
+        best, _ = max(own, key=lambda each: own[each]["dofs"])
         for model in dict.fromkeys(model for model, _ in own):
-            speeds = [s for m, s in own if m == model and best[s] != model]
-            speeds = [s for s in speeds if own[model, s]["settled"] and own[best[s], s]["settled"]]
             # A reference that is hardly richer says little.
-            richer = lambda s, m=model, o=own, b=best: o[b[s], s]["dofs"] > 2 * o[m, s]["dofs"]
-            speeds = [s for s in speeds if richer(s)]
+            speeds = [
+                s
+                for m, s in own
+                if m == model
+                and (best, s) in own
+                and own[best, s]["dofs"] > 1.5 * own[model, s]["dofs"]
+                and own[model, s]["settled"]
+                and own[best, s]["settled"]
+            ]
             if not speeds:
                 continue
-            off = lambda key, s, m=model, o=own, b=best: abs(o[m, s][key] / o[b[s], s][key] - 1.0)
+            off = lambda key, s, m=model, o=own, b=best: abs(o[m, s][key] / o[b, s][key] - 1.0)
             found.append(
                 Line(
                     case=f"{name}, {relief} um",
                     model=model,
                     errors={key: [100.0 * off(key, s) for s in speeds] for key in NUMBERS},
                     seconds=float(np.median([own[model, s]["processor_s"] for s in speeds])),
-                    against="/".join(sorted({str(own[best[s], s]["dofs"]) for s in speeds})),
+                    against=own[best, speeds[0]]["dofs"],
                 )
             )
     return found
