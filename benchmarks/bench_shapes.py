@@ -176,10 +176,12 @@ def compared(rows: dict[str, Any]) -> list[Line]:
 def chart(lines: list[Line], path: Path) -> None:
     """Largest error of the largest mesh force against processor time, by scene and relief."""
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import FixedLocator, NullLocator
 
     cases = list(dict.fromkeys(line.case for line in lines))
+    size = (3.0 * len(cases), 3.2)
     figure, axes = plt.subplots(
-        1, len(cases), figsize=(3.2 * len(cases), 3.2), sharey=True, squeeze=False
+        1, len(cases), figsize=size, sharex=True, sharey=True, squeeze=False
     )
     for axis, case in zip(axes[0], cases, strict=True):
         own = [line for line in lines if line.case == case]
@@ -198,6 +200,11 @@ def chart(lines: list[Line], path: Path) -> None:
         axis.set_title(case, fontsize=9)
         axis.set_xlabel("processor time of a speed [s]", fontsize=8)
         axis.grid(which="both", alpha=0.3)
+    plain = lambda value, _: f"{value:g}"
+    for axis, places in ((axes[0][0].xaxis, [0.1, 0.2, 0.5]), (axes[0][0].yaxis, [0.1, 0.5, 1, 5])):
+        axis.set_major_locator(FixedLocator(places))
+        axis.set_minor_locator(NullLocator())
+        axis.set_major_formatter(plain)
     axes[0][0].set_ylabel("largest error of the mesh force [%]", fontsize=8)
     axes[0][0].legend(fontsize=8)
     figure.tight_layout()
