@@ -61,7 +61,9 @@ def takes_scene(function: ast.FunctionDef) -> bool:
     """Whether an argument is the whole scene."""
     given = function.args
     named = (*given.posonlyargs, *given.args, *given.kwonlyargs)
-    return any(each.annotation and ast.unparse(each.annotation) == "Scene" for each in named)
+    # Quoted where the class is imported for types alone.
+    kinds = (ast.unparse(each.annotation).strip("'") for each in named if each.annotation)
+    return "Scene" in kinds
 
 
 def reads_scene(node: ast.AST) -> bool:

@@ -21,7 +21,7 @@ from jaxgear.study._built import BuiltScene
 from jaxgear.study._design import design_space
 from jaxgear.study._evaluations import objective_at
 from jaxgear.study._objectives import judged_speeds, objective_unit, task_of
-from jaxgear.study._search_checks import require_swept
+from jaxgear.study._search_checks import require_searchable
 
 # The mesh mode of the torsional pair is near 1200 rad/s.
 _SPEEDS = np.array([500.0, 800.0, 1500.0, 2000.0])
@@ -196,7 +196,7 @@ _WANTED = {"optimise.minimise": "dynamic_ratio"}
 
 def test_a_scene_without_speeds_is_told_so():
     with pytest.raises(SceneError, match=r"no such table. Add one, such as:\n\[sweep\]"):
-        require_swept(ready_scene("accessory", _SCENE).replace(_WANTED))
+        require_searchable(ready_scene("accessory", _SCENE).replace(_WANTED))
 
 
 @pytest.mark.slow

@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Callable
-from pathlib import Path
 
 from jaxgear import study
 from jaxgear._cli._folder import REPORT, Folder
@@ -10,7 +9,7 @@ from jaxgear._cli._writing import written
 from jaxgear._whole_file import write_text
 from jaxgear.report import report
 from jaxgear.scene._scene import Scene
-from jaxgear.study._result import Result, Summary
+from jaxgear.study._result import Summary
 
 # Names of public studies, each imported when it is called.
 _STUDIES = {
@@ -29,27 +28,27 @@ _REMEMBERING = ("run", "optimise")
 _AT_FIDELITY = ("run", "map", "optimise", "sweep")
 
 
-def _found(command: str, scene: Scene, memory: Path) -> Result:
-    """What a study found; `memory` is where it may keep what it goes on with after a kill."""
-    kept = (memory,) if command in _REMEMBERING else ()
-    find = lambda scene: getattr(study, _STUDIES[command])(scene, *kept)
-    loaded = scene.pair.torque_pinion_Nm != 0.0
-    if command not in _AT_FIDELITY or scene.model.fidelity != "auto" or not loaded:
-        return find(scene)
-    from jaxgear.study._fidelity import _auto
+def _command(command: str) -> Callable[[Scene, Folder], Summary]:
+    def run(scene: Scene, folder: Folder) -> Summary:
+        # A study may keep there what it goes on with after a kill.
+        memory = folder.kept(".")
+        kept = (memory,) if command in _REMEMBERING else ()
+        find = lambda scene: getattr(study, _STUDIES[command])(scene, *kept)
+        loaded = scene.pair.torque_pinion_Nm != 0.0
+        if command not in _AT_FIDELITY or scene.model.fidelity != "auto" or not loaded:
+            result = find(scene)
+        else:
+            from jaxgear.study._fidelity import _auto
 
-    scene, about = _auto.chosen(scene, command, memory / "fidelity.json")
-    result = find(scene)
-    return dataclasses.replace(result, summary=_auto.told(result.summary, about))
-
-
-def _command(name: str) -> Callable[[Scene, Folder], Summary]:
-    def command(scene: Scene, folder: Folder) -> Summary:
-        summary = written(_found(name, scene, folder.kept(".")), folder)
-        write_text(report(folder / ".", name), folder / REPORT)
+            scene, about = _auto.chosen(scene, command, memory / "fidelity.json")
+            result = find(scene)
+            told = _auto.told(result.summary, about)
+            result = dataclasses.replace(result, summary=told)
+        summary = written(result, folder)
+        write_text(report(folder / ".", command), folder / REPORT)
         return summary
 
-    return command
+    return run
 
 
 COMMANDS = {name: _command(name) for name in _STUDIES}

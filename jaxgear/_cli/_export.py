@@ -1,17 +1,21 @@
 """The command `export`: bodies, scenes and results in the files that other programs read."""
 
 import argparse
-import functools
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from jaxgear._checks import InputError
 from jaxgear._cli._plot import read_result
 from jaxgear._whole_file import whole_file, write_text
 from jaxgear.scene._rexs_out import rexs_of_scene
-from jaxgear.scene._scene import Scene, read_scene
+from jaxgear.scene._scene import read_scene
 from jaxgear.scene._schema import GEARS
+
+if TYPE_CHECKING:
+    from jaxgear.study._mesh_map import MeshMap
+    from jaxgear.study._topography import Topography
 
 # The files, and what there is to say of them.
 _Written = tuple[Sequence[Path], Sequence[str]]
@@ -28,8 +32,22 @@ def exported(args: argparse.Namespace) -> _Written:
     folder = args.out or args.file.parent
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        if args.form in _OF_SCENES:
-            return _OF_SCENES[args.form](read_scene(args.file, args.overrides), folder)
+        if args.form in ("rexs", "rexsj", "rexsz", "modelica", "topography"):
+            scene = read_scene(args.file, args.overrides)
+            if args.form != "topography":
+                scene.refuse(_other_sides(scene.pair.torque_pinion_Nm))
+            if args.form == "modelica":
+                from jaxgear.study._mesh_map import mesh_map
+
+                return _modelica(scene.name, mesh_map(scene), folder)
+            if args.form == "topography":
+                from jaxgear.study._topography import flank_topography
+
+                return _topography(
+                    scene.name, {gear: flank_topography(scene, gear) for gear in GEARS}, folder
+                )
+            text, remarks = rexs_of_scene(scene, as_json=args.form == "rexsj")
+            return [_rexs(scene.name, text, folder, args.form)], remarks
         return [_uff58(args.file, folder)] if args.form == "uff58" else _body(args, folder), ()
     except OSError as error:
         raise InputError(f"cannot write into {folder}: {error.strerror}.") from None
@@ -55,31 +73,27 @@ def _uff58(result: Path, folder: Path) -> Path:
     return target
 
 
-def _refuse_other_sides(scene: Scene) -> None:
-    """Refuse a scene whose drive flanks do not carry, of which the file would not say so."""
-    if (torque := scene.pair.torque_pinion_Nm) <= 0.0:
+def _other_sides(torque: float) -> Iterator[tuple[str, str]]:
+    """A torque under which drive flanks do not carry: the file would not say so."""
+    if torque <= 0.0:
         words = f"got {torque:g}: the file is of drive flanks under load. Give a torque > 0"
-        scene.refuse([("pair.torque_pinion_Nm", words)])
+        yield "pair.torque_pinion_Nm", words
 
 
-def _rexs(scene: Scene, folder: Path, form: str = "rexs") -> _Written:
-    _refuse_other_sides(scene)
-    text, remarks = rexs_of_scene(scene, as_json=form == "rexsj")
-    target = folder / f"{scene.name}.{form}"
+def _rexs(name: str, text: str, folder: Path, form: str) -> Path:
+    target = folder / f"{name}.{form}"
     if form == "rexsz":
         with whole_file(target) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as file:
-            file.writestr(f"{scene.name}.rexs", text)
+            file.writestr(f"{name}.rexs", text)
     else:
         write_text(text, target)
-    return [target], remarks
+    return target
 
 
-def _modelica(scene: Scene, folder: Path) -> _Written:
-    _refuse_other_sides(scene)
-    from jaxgear.study._mesh_map import mesh_map, modelica_table
+def _modelica(name: str, found: "MeshMap", folder: Path) -> _Written:
+    from jaxgear.study._mesh_map import modelica_table
 
-    found = mesh_map(scene)
-    target = folder / f"{scene.name}.mesh.txt"
+    target = folder / f"{name}.mesh.txt"
     write_text(modelica_table("mesh_force", found.phase, found.approach, found.force), target)
     return [target], (
         "u1: phase in mesh periods, teeth of the pinion times its turns; repeat it yourself.",
@@ -89,22 +103,12 @@ def _modelica(scene: Scene, folder: Path) -> _Written:
     )
 
 
-def _topography(scene: Scene, folder: Path) -> _Written:
-    from jaxgear.study._topography import flank_topography, topography_grid, topography_rows
+def _topography(name: str, flanks: "Mapping[str, Topography]", folder: Path) -> _Written:
+    from jaxgear.study._topography import topography_grid, topography_rows
 
     files = []
-    for gear in GEARS:
-        found = flank_topography(scene, gear)
+    for gear, found in flanks.items():
         for kind, text in (("flank", topography_rows), ("flank_grid", topography_grid)):
-            files.append(folder / f"{scene.name}.{gear}_{kind}.csv")
+            files.append(folder / f"{name}.{gear}_{kind}.csv")
             write_text(text(found), files[-1])
     return files, ("Deviations in um along the flank normal, positive where material is added.",)
-
-
-_OF_SCENES: Mapping[str, Callable[[Scene, Path], _Written]] = {
-    "rexs": _rexs,
-    "rexsj": functools.partial(_rexs, form="rexsj"),
-    "rexsz": functools.partial(_rexs, form="rexsz"),
-    "modelica": _modelica,
-    "topography": _topography,
-}

@@ -143,7 +143,7 @@ def _study(args: argparse.Namespace) -> int:
     refuse_unfit(args.command, scene)
     for remark in odd(scene):
         warn(remark)
-    with _results(args, scene) as folder:
+    with _results(args, scene.name, scene.path) as folder:
         summary = _compute(args.command, scene, folder, args.quiet)
     wrong = summary["check_grad"]["verdicts"]["WRONG"] if "check_grad" in summary else 0
     if args.json:
@@ -174,14 +174,14 @@ def _refuse_unspeakable(args: argparse.Namespace) -> None:
 
 
 @contextmanager
-def _results(args: argparse.Namespace, scene: Scene) -> Iterator[Folder]:
-    """The folder of a command; refused, before any long work, if it cannot be written to."""
-    common = args.out or Path("results") / scene.name
+def _results(args: argparse.Namespace, name: str, scene: Path) -> Iterator[Folder]:
+    """The folder of a command on a named scene; refused if it cannot be written to."""
+    common = args.out or Path("results") / name
     path = common if args.command == "run" else common / args.command
     own = path / "scene.toml"
     with ExitStack() as stack:
         try:
-            if own.exists() and own.samefile(scene.path) and own.name not in written(path):
+            if own.exists() and own.samefile(scene) and own.name not in written(path):
                 words = "the results would replace the scene. Name another folder: --out DIR"
                 raise _Stop(2, f"{own}: {words}")
             folder = stack.enter_context(begun(Folder(path, args.pictures, common=common)))

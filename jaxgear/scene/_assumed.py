@@ -1,12 +1,13 @@
 """Defaults that follow other numbers of a scene, and what is said of them."""
 
 import math
-from collections.abc import Iterator, Set
+from collections.abc import Collection, Iterator, Mapping, Set
 from typing import TYPE_CHECKING, Any
 
+from jaxgear.scene._gear_tables import GearKeys, PairKeys
 from jaxgear.scene._schema import GEARS, KEYS
 from jaxgear.scene._sizes import root_diameter
-from jaxgear.scene._tables import AbstractTables
+from jaxgear.scene._tables import AbstractTables, MeshKeys
 
 if TYPE_CHECKING:
     from jaxgear.scene._scene import Scene
@@ -77,15 +78,20 @@ def assumed_foundations(tables: AbstractTables, given: Set[str]) -> Iterator[tup
 def assumed(scene: "Scene") -> list[str]:
     """Remarks on defaults that follow other numbers of the scene."""
     return [
-        *(_told_bore(scene, *each) for each in assumed_bores(scene, scene.given)),
-        *_told_solid(scene),
-        *(_told_fillet(scene, *each) for each in assumed_fillets(scene, scene.given)),
+        *(
+            _told_bore(path, bore, _shaft_diameter(scene, path.partition(".")[0]))
+            for path, bore in assumed_bores(scene, scene.given)
+        ),
+        *_told_solid(scene.mesh, scene.gears, dict(assumed_foundations(scene, scene.given))),
+        *(
+            _told_fillet(path, value, scene.pair, scene.gear(path.partition(".")[0]))
+            for path, value in assumed_fillets(scene, scene.given)
+        ),
     ]
 
 
-def _told_bore(scene: "Scene", path: str, bore: float) -> str:
+def _told_bore(path: str, bore: float, shaft: float | None) -> str:
     gear = path.partition(".")[0]
-    shaft = _shaft_diameter(scene, gear)
     if shaft is None:
         why = f"{_BORE:g} of the root diameter"
     elif bore < 0.999 * shaft:
@@ -98,24 +104,23 @@ def _told_bore(scene: "Scene", path: str, bore: float) -> str:
     )
 
 
-def _told_solid(scene: "Scene") -> list[str]:
+def _told_solid(mesh: MeshKeys, gears: Mapping[str, GearKeys], free: Collection[str]) -> list[str]:
     """Remarks on gears that are said to have no bore, and on what they stand on then."""
-    free = dict(assumed_foundations(scene, scene.given))
     return [
         f"The {gear} has no bore, so its body is not clamped and does not wind up: its foundation "
         "is weber, with which the mean TE of a bored pair was 40 % less than with finite elements. "
         f"Give {gear}.bore_mm, the diameter at which the body is held, for the default ring."
-        for gear in GEARS
-        if scene.gear(gear).bore_mm == 0.0 and f"{gear}.foundation" in free
-        if scene.mesh.stiffness == _TEETH and scene.gear(gear).body.kind == "rigid"
+        for gear, keys in gears.items()
+        if keys.bore_mm == 0.0 and f"{gear}.foundation" in free
+        if mesh.stiffness == _TEETH and keys.body.kind == "rigid"
     ]
 
 
-def _told_fillet(scene: "Scene", path: str, value: float) -> str:
+def _told_fillet(path: str, value: float, pair: PairKeys, gear: GearKeys) -> str:
     return (
         f"{path} was assumed to be {value:g}, not {_FILLET:g}: with "
-        f"pair.pressure_angle_deg = {scene.pair.pressure_angle_deg:g} and a dedendum of "
-        f"{scene.gear(path.partition('.')[0]).dedendum_coeff:g} no larger one fits between the "
+        f"pair.pressure_angle_deg = {pair.pressure_angle_deg:g} and a dedendum of "
+        f"{gear.dedendum_coeff:g} no larger one fits between the "
         "straight flanks of the rack that cuts the teeth. Give your own if you know it."
     )
 

@@ -37,13 +37,15 @@ def drawing_summary(gears: Mapping[str, GearKeys], pair: GearPair) -> Summary:
     teeth, ball = np.asarray(given, dtype=float).T
     found = jax.tree.map(np.asarray, called(_measured, pair, teeth, ball * mm))
     circles = zip(_CIRCLES, found.diameters, strict=True)
-    lengths = {f"{name}_diameter": each for name, each in circles}
-    lengths |= {"span": found.span, "ball": found.ball, "over_balls": found.over_balls}
+    rows = {f"{name}_diameter": each for name, each in circles}
+    rows |= {"span": found.span, "ball": found.ball, "over_balls": found.over_balls}
     summary = {}
     for body, gear in enumerate(GEARS):
-        own = {f"{name}_{gear}_mm": float(each[body]) / mm for name, each in lengths.items()}
-        own[f"span_teeth_{gear}"] = float(found.span_teeth[body])
-        summary |= dict(sorted(own.items()))
+        for name in sorted([*rows, "span_teeth"]):
+            if name == "span_teeth":
+                summary[f"{name}_{gear}"] = float(found.span_teeth[body])
+            else:
+                summary[f"{name}_{gear}_mm"] = float(rows[name][body]) / mm
     return summary
 
 

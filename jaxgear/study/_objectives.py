@@ -18,7 +18,6 @@ from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._kept_programs import QUICKLY
 from jaxgear._solve._cycle import PreparedMesh
 from jaxgear._types import Reals, Scalar
-from jaxgear.scene._scene import Scene
 from jaxgear.scene._study_tables import OptimiseKeys
 from jaxgear.study._design import DesignSpace
 from jaxgear.study._dynamics import damping_of, speeds_of
@@ -102,7 +101,7 @@ def _minimised(space: DesignSpace, grid: MeshGrid) -> optimise.AbstractObjective
 def _named(space: DesignSpace, name: str, grid: MeshGrid) -> optimise.AbstractObjective:
     """An objective by its name."""
     if CRITERIA[name].over_speeds:
-        return _at_speeds(space.scene, name, grid)
+        return _at_speeds(space, name, grid)
     return _with_teeth(space, CRITERIA[name].made(space.scene.optimise))
 
 
@@ -171,8 +170,9 @@ def limits_objectives(
     return [_sharpened(each) for each in found] if isinstance(law, ExactContact) else found
 
 
-def _at_speeds(scene: Scene, name: str, grid: MeshGrid) -> optimise.OverSpeeds:
+def _at_speeds(space: DesignSpace, name: str, grid: MeshGrid) -> optimise.OverSpeeds:
     """A number of the responses over the speeds of [sweep]."""
+    scene = space.scene
     asked, steps, damping = scene.sweep, scene.sweep.steps, damping_of(scene.damping)
     assert isinstance(damping, ModalDamping | RayleighDamping)
     # With its margins, and the same share of the steps after a pair's entry.
@@ -204,7 +204,7 @@ def judged_speeds(
     if not (names := over_speeds(space.scene.optimise)):
         return lambda values: []
     # Which speeds count does not depend on what is read from their responses.
-    objective = _at_speeds(space.scene, names[0], grid)
+    objective = _at_speeds(space, names[0], grid)
 
     @jax.jit
     def judge(values: Reals, torque: Scalar) -> optimise.Judged:

@@ -1,11 +1,14 @@
 """What a search needs of its scene, before anything is computed."""
 
 import itertools
+from collections.abc import Mapping
 
+from jaxgear.scene._gear_tables import GearKeys
 from jaxgear.scene._motion import motion_mistakes
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
 from jaxgear.scene._study_tables import OptimiseKeys
+from jaxgear.scene._tables import DampingKeys, SweepKeys
 from jaxgear.study._design import refuse_unbounded
 from jaxgear.study._objectives import is_dynamic, limits_of, over_speeds
 
@@ -13,7 +16,8 @@ from jaxgear.study._objectives import is_dynamic, limits_of, over_speeds
 def require_searchable(scene: Scene) -> None:
     """Refuse a search that cannot do what the scene asks for, before anything is computed."""
     refuse_unbounded(scene, tuple(scene.optimise.vary))
-    require_swept(scene)
+    asked = scene.optimise, scene.damping, scene.sweep
+    scene.refuse(not_over_speeds(*asked, scene.gears))
     found = _of_method(scene.optimise, scene.mesh.smoothing_um, scene.mesh.phases)
     scene.refuse((f"optimise.{key}", words) for key, words in found)
 
@@ -25,22 +29,23 @@ _NO_SPEEDS = (
 )
 
 
-def require_swept(scene: Scene) -> None:
-    """Refuse an objective over speeds in a scene that has none, or none that can be computed."""
-    asked = scene.optimise
+def not_over_speeds(
+    asked: OptimiseKeys, damping: DampingKeys, sweep: SweepKeys, gears: Mapping[str, GearKeys]
+) -> list[tuple[str, str]]:
+    """What is wrong with an objective over speeds, of a scene without any that can be computed."""
     if not (names := over_speeds(asked)):
-        return
-    found = list(motion_mistakes(scene.damping, scene.sweep, harmonic=True))
+        return []
+    found = list(motion_mistakes(damping, sweep, harmonic=True))
     against = "optimise.pareto.against"
-    if "bearing_force" in names and not any(scene.gear(gear).shaft.bearings for gear in GEARS):
+    if "bearing_force" in names and not any(gear.shaft.bearings for gear in gears.values()):
         key = against if asked.pareto.against == "bearing_force" else "optimise.minimise"
         bearings = " nor ".join(f"{gear}.shaft.bearings" for gear in GEARS)
         found.append((key, f"names bearing_force, but neither {bearings} is there"))
-    if not scene.sweep.is_given:
+    if not sweep.is_given:
         key = "optimise.minimise" + (f".{names[0]}" if asked.alone is None else "")
         key = key if is_dynamic(asked) else against
         found.insert(0, (key, f"names {names[0]}, {_NO_SPEEDS}"))
-    scene.refuse(found)
+    return found
 
 
 def _of_method(asked: OptimiseKeys, smoothing: float, phases: int) -> list[tuple[str, str]]:

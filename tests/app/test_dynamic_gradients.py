@@ -13,7 +13,7 @@ from jaxgear.scene._scene import SceneError, read_scene, ready_scene
 from jaxgear.study._built import BuiltScene
 from jaxgear.study._gradients import steady_gradients
 from jaxgear.study._optimising import left_out
-from jaxgear.study._search_checks import require_swept
+from jaxgear.study._search_checks import not_over_speeds
 from jaxgear.study._steady import SteadyPoint, steady_point
 from jaxgear.study._sweep_notes import left_out_notes, steady_notes
 
@@ -47,6 +47,11 @@ pinion_speed_rad_s = [600, 800, 1300]
 steps = 32
 harmonics = 8
 """
+
+
+def _require_swept(scene):
+    asked = scene.optimise, scene.damping, scene.sweep
+    scene.refuse(not_over_speeds(*asked, scene.gears))
 
 
 @pytest.mark.slow
@@ -95,7 +100,7 @@ def test_searches_without_speeds_are_refused_with_all_mistakes_at_once(write):
     path = write(_TURNING + "[damping]\nmesh = 0\nstructure = 0\n")
     line = next(n for n, x in enumerate(_TURNING.splitlines(), 1) if x.startswith("minimise"))
     with pytest.raises(SceneError) as caught:
-        require_swept(read_scene(path))
+        _require_swept(read_scene(path))
     lines = str(caught.value).splitlines()
     assert lines[0].startswith(f"{path}:{line}: optimise.minimise: names dynamic_ratio")
     assert any("damping.mesh: no damping" in line for line in lines)
@@ -103,13 +108,13 @@ def test_searches_without_speeds_are_refused_with_all_mistakes_at_once(write):
     # Weights ask for it too; another objective does not.
     weighted = ready_scene("accessory", ("optimise.minimise={te_rms=1.0, dynamic_ratio=2.0}",))
     with pytest.raises(SceneError, match=r"optimise\.minimise\.dynamic_ratio: names"):
-        require_swept(weighted)
-    require_swept(ready_scene("accessory"))
+        _require_swept(weighted)
+    _require_swept(ready_scene("accessory"))
     # So does what is traded; bearings that are not there shake nothing.
     asked = "optimise.minimise=te_rms", "optimise.pareto.against=bearing_force"
     path = write(_TURNING + _SWEEP)
     with pytest.raises(SceneError, match=r"pareto\.against: names bearing_force, but neither"):
-        require_swept(read_scene(path, asked))
+        _require_swept(read_scene(path, asked))
 
 
 def test_speeds_that_are_left_out_are_told():

@@ -13,6 +13,7 @@ from jaxgear._cli._main import main
 from jaxgear.plot._compare_atlas import comparison_pictures
 from jaxgear.scene._rewriting import write_scene
 from jaxgear.scene._scene import SceneError, read_scene, ready_scene
+from jaxgear.scene._scene_files import files_of
 from jaxgear.scene._schema import STATIC_RESPONSES
 from jaxgear.study._fidelity import _auto as auto
 from jaxgear.study._fidelity import _choice as choice
@@ -171,6 +172,10 @@ def test_levels_follow_from_the_scene():
         level.name for level in Hierarchy(flexible).static()
     }
     assert list(Hierarchy(scene).simpler_bodies()) == ["torsional pair"]
+
+
+def _digest(scene, work):
+    return auto.digest(scene.values, scene.given, files_of(scene), work)
 
 
 def _names(levels) -> set[str]:
@@ -448,10 +453,10 @@ def test_another_file_is_another_scene(tmp_path):
         {f"wheel.body.{key}": name for key, name in names.items()}
     )
     scene = dataclasses.replace(scene, path=tmp_path / "scene.toml")
-    seen = {auto.digest(scene, "run"), auto.digest(scene, "sweep")}
+    seen = {_digest(scene, "run"), _digest(scene, "sweep")}
     for name in names.values():
         (tmp_path / name).write_text("2")
-        seen.add(auto.digest(scene, "run"))
+        seen.add(_digest(scene, "run"))
     assert len(seen) == 2 + len(names)
 
 

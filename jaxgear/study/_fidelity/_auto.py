@@ -8,8 +8,9 @@ import hashlib
 import importlib.metadata
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
+from typing import Any
 
 from jaxgear._whole_file import write_json
 from jaxgear.scene._scene import Scene
@@ -56,7 +57,8 @@ def chosen(scene: Scene, command: str, memory: Path | None = None) -> tuple[Scen
         # What is refused anyway costs no wait.
         require_searchable(scene)
     work: Work = "map" if command == "map" else "optimise" if searched else "run"
-    key, kept = digest(scene, "sweep" if moving else work), _read(memory)
+    given = scene.values, scene.given, files_of(scene)
+    key, kept = digest(*given, "sweep" if moving else work), _read(memory)
     about = known = kept.get(key)
     if about is None:
         start = time.perf_counter()
@@ -92,18 +94,20 @@ def in_motion(asked: OptimiseKeys, sweep: SweepKeys, command: str) -> bool:
     return command == "sweep" or (command == "run" and swept)
 
 
-def digest(scene: Scene, work: str) -> str:
-    """Hash of what a choice depends on: the scene, the files it names, the work, the version."""
-    values = {key: x for key, x in scene.values.items() if key not in (_KEY, "cite", "name")}
-    files = {
+def digest(
+    said: Mapping[str, Any], given: Collection[str], files: Mapping[str, Path], work: str
+) -> str:
+    """Hash of what a choice depends on: values, what is given, files, the work, the version."""
+    values = {key: x for key, x in said.items() if key not in (_KEY, "cite", "name")}
+    contents = {
         key: hashlib.sha256(path.read_bytes()).hexdigest()
-        for key, path in files_of(scene).items()
+        for key, path in files.items()
         if path.is_file()
     }
     whole = {
         "values": values,
-        "tables": sorted(scene.given),
-        "files": files,
+        "tables": sorted(given),
+        "files": contents,
         "work": work,
         "version": [_VERSION, importlib.metadata.version("jaxgear")],
     }
