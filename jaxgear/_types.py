@@ -46,6 +46,8 @@ if TYPE_CHECKING:
     CouplingGrid = Array
     DenseCouplingGrid = Array
     Influence = Array
+    ShearInfluence = Array
+    PlateInfluence = Array
     Coordinates = Array
     CoordinateMatrix = Array
     CoordinateColumns = Array
@@ -77,7 +79,9 @@ else:
     Coupling = Float[Array, "line line slice"] | Float[Array, "cell cell"]
     CouplingGrid = Float[Array, "phase line line slice"]
     DenseCouplingGrid = Float[Array, "phase cell cell"]
-    Influence = Float[Array, "neighbour 3 3"]
+    Influence = Float[Array, "neighbour displacement resultant"]
+    ShearInfluence = Float[Array, "neighbour 1 1"]
+    PlateInfluence = Float[Array, "neighbour 3 3"]
     Coordinates = Float[Array, "coordinate"]
     CoordinateMatrix = Float[Array, "coordinate coordinate"]
     CoordinateColumns = Float[Array, "coordinate column"]

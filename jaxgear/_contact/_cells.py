@@ -179,10 +179,9 @@ def _coupling(
         influence = jnp.stack([jnp.stack([body.at_roots(j - i) for j in apart]) for i in apart])
         loads = jnp.moveaxis(body.resultants(on_path), -1, 0)
         # Written out: a batch of tiny matrix products costs many times its arithmetic.
-        for a in range(3):
-            moved = sum(
-                influence[None, :, :, a, b, None] * loads[b][:, None, :, :] for b in range(3)
-            )
+        size = range(influence.shape[-1])
+        for a in size:
+            moved = sum(influence[None, :, :, a, b, None] * loads[b][:, None, :, :] for b in size)
             total = total + loads[a][:, :, None, :] * moved
     longer = jnp.maximum(share[:, :, None, :], share[:, None, :, :])
     both = in_mesh[:, :, None, :] & in_mesh[:, None, :, :]

@@ -25,15 +25,16 @@ from jaxgear._contact._iso import iso_stiffness
 from jaxgear._contact._shared_body import SharedBody
 from jaxgear._contact._tooth import contact_modulus
 from jaxgear._contact._tooth_parts import (
+    TeethOnBodies,
     ToothParts,
     finite_widths,
-    teeth_in_contact,
+    teeth_on_bodies,
     tooth_parts,
 )
 from jaxgear._geometry._gear import Gear
 from jaxgear._geometry._lines import ContactLines
 from jaxgear._geometry._pair import GearPair
-from jaxgear._geometry._profile import tooth_section
+from jaxgear._geometry._profile import transverse_section
 from jaxgear._types import Bodies, DenseCouplingGrid, Reals, Scalar, as_scalar
 
 
@@ -213,15 +214,7 @@ class WeberBanaschek(AbstractCompliance):
 
     def local(self, pair: GearPair, roll: Reals, line_load: Scalar) -> Reals:
         """Evaluate what one tooth pair gives by itself; see the base class."""
-        teeth, wider = teeth_in_contact(pair, roll, line_load), self._wider(pair)
-        beam = wider.reshape(2, *[1] * roll.ndim) * teeth.beam
-        total = jnp.sum(beam + teeth.penetration, axis=0)
-        for index, foundation in enumerate(self._foundations(pair)):
-            if not foundation.couples:
-                material = (pair.pinion, pair.wheel)[index].material
-                given = foundation(teeth.sections[index], material, teeth.angle[index])
-                total += wider[index] * given
-        return total
+        return self._teeth(pair, roll, line_load, self.bodies(pair, 0)).own
 
     def along_face(
         self, pair: GearPair, roll: Reals, line_load: Scalar, bodies: tuple[SharedBody, ...]
@@ -229,11 +222,12 @@ class WeberBanaschek(AbstractCompliance):
         """Divide the compliance if slices are coupled; see the base class."""
         if self.face_coupling is None:
             return None
-        foundations = self._foundations(pair)
-        return tooth_parts(pair, foundations, bodies, self.face_coupling, roll, line_load)
+        teeth = self._teeth(pair, roll, line_load, bodies)
+        return tooth_parts(pair, teeth, self.face_coupling)
 
     def bodies(self, pair: GearPair, neighbours: int) -> tuple[SharedBody, ...]:
         """List the gear bodies that couple the pairs in mesh; see the base class."""
+        angle = pair.base_helix_angle
         found = []
         for gear, foundation, start, sign, wider in zip(
             (pair.pinion, pair.wheel),
@@ -243,12 +237,20 @@ class WeberBanaschek(AbstractCompliance):
             self._wider(pair),
             strict=True,
         ):
-            section = tooth_section(pair, gear)
+            section = transverse_section(pair, gear)
             influence = foundation.influence(section, gear.material, neighbours)
-            if influence is not None:
-                influence = wider * influence
-                to_normal = 1.0 / jnp.cos(pair.base_helix_angle)
-                found.append(SharedBody(section, influence, start, sign, to_normal))
+            if influence is None:
+                continue
+            # Per length of contact line in place of face width.
+            per_line = 1.0 / jnp.cos(angle)
+            body = SharedBody(section, per_line * wider * influence, start, sign, jnp.cos(angle))
+            found.append(body)
+            axial = foundation.axial_influences(section, gear.material, neighbours, gear.face_width)
+            for influence in axial or ():
+                # The mesh pushes the two gears apart along their axes.
+                share = sign * jnp.sin(angle)
+                along = SharedBody(section, per_line * influence, start, sign, share, True)
+                found.append(along)
         return tuple(found)
 
     def log_slope(self, pair: GearPair) -> Scalar:
@@ -259,6 +261,12 @@ class WeberBanaschek(AbstractCompliance):
         """Leave out the foundations of some gears; see the base class."""
         names = [("pinion_foundation", "wheel_foundation")[gear] for gear in gears]
         return dataclasses.replace(self, **dict.fromkeys(names, NoFoundation()))
+
+    def _teeth(
+        self, pair: GearPair, roll: Reals, line_load: Scalar, bodies: tuple[SharedBody, ...]
+    ) -> TeethOnBodies:
+        foundations, wider = self._foundations(pair), self._wider(pair)
+        return teeth_on_bodies(pair, foundations, bodies, wider, roll, line_load)
 
     def _wider(self, pair: GearPair) -> Bodies:
         """Factors on all that the gears give beside their contact [-]."""

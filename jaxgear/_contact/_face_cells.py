@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxgear._contact._compliance import AbstractCompliance
-from jaxgear._contact._face_coupling import end_images, face_operator
+from jaxgear._contact._face_coupling import end_images, face_operator, leaning_operator
 from jaxgear._contact._path_interpolant import along_path, path_nodes
 from jaxgear._contact._shared_body import SharedBody
 from jaxgear._contact._tooth_parts import ToothParts
@@ -82,25 +82,32 @@ def face_cells(
     # Along the contact line, as the lengths of cells are.
     slant = jnp.cos(pair.base_helix_angle)
     common = pair.face_width / slant
-    roots, operators = [], []
+    # What a body that couples teeth has in it of their roots is negative.
+    signs = jnp.sign(jnp.sum(parts.rest, axis=1))
+    roots, operators, bodies = [], [], []
     for gear, each in enumerate((pair.pinion, pair.wheel)):
         face = each.face_width / slant
-        beam, root, body = face_operator(parts.lengths, slices, common, face)
-        image = parts.end_image[gear] * end_images(reach, slices, common, face)
+        shift, none = parts.shift[gear], jnp.zeros(())
+        beam, root, body = leaning_operator(
+            parts.lengths, parts.lost[gear], slices, common, face, shift, none
+        )
+        ends = parts.end_image[gear]
+        image = end_images(reach, slices, common, face, ends)
         contact = face_operator(reach, slices, common, face) + image
         # Those that stay in a cell have images in the ends too.
-        image = jnp.mean(end_images(within, slices, common, face), axis=0)
-        image *= parts.per_log[gear] * parts.end_image[gear] * np.log(_LOCAL)
-        operators.append(jnp.stack([beam, root - body, body, image, *contact]))
+        image = jnp.mean(end_images(within, slices, common, face, ends), axis=0)
+        image *= parts.per_log[gear] * np.log(_LOCAL)
+        operators.append(jnp.stack([beam, root, signs[gear] * body, image, *contact]))
+        bodies.append(_between_teeth(pair, lines, parts, gear))
         weights = parts.per_log[gear] * step * _up_to((at.longest[gear] - first) / step)
         whole = jnp.ones_like(lines.roll)
-        own = [at.beam[gear], at.root[gear], at.body[gear], whole, *_root(weights)]
+        own = [at.beam[gear], at.root[gear], at.rest[gear], whole, *_root(weights)]
         roots.append(jnp.stack(own))
     coupling = _on_each_line(jnp.stack(roots), jnp.stack(operators))
     if shared:
-        spread = jnp.stack([operators[body.gear][2] for body in shared])
-        coupling += _between_lines(pair, lines, shared, spread)
-    beam, root, body = (jnp.sum(part**2, axis=0) for part in (at.beam, at.root, at.body))
+        coupling += _between_lines(pair, lines, shared, bodies)
+    beam, root = (jnp.sum(part**2, axis=0) for part in (at.beam, at.root))
+    rest = jnp.sum(signs.reshape(2, 1, 1, 1) * at.rest**2, axis=0)
     weights = sum(each[4:] ** 2 for each in roots)
     contacts = jnp.sum(weights, axis=0)
     reaching = jnp.concatenate([jnp.stack([beam, root]), weights])
@@ -108,7 +115,7 @@ def face_cells(
     cells = lines.roll.shape[1] * slices
     return FaceCells(
         local=at.penetration - contacts + narrower,
-        spread=beam + body + contacts,
+        spread=beam + root + rest + contacts,
         coupling=coupling.reshape(-1, cells, cells),
     )
 
@@ -121,19 +128,19 @@ class _OnLines(NamedTuple):
 
     beam: Array
     root: Array
-    body: Array
+    rest: Array
     longest: Array
     penetration: Array
 
 
 def _on_lines(pair: GearPair, lines: ContactLines, parts: ToothParts) -> _OnLines:
-    roots = [_root(part) for part in (parts.beam, parts.root, parts.body)]
+    roots = [_root(part) for part in (parts.beam, parts.root, jnp.abs(parts.rest))]
     columns = jnp.concatenate(
         [*roots, jnp.log(parts.longest), jnp.sum(parts.penetration, axis=0)[None]]
     )
     found = along_path(pair, columns, lines.roll)
-    beam, root, body, longest = found[:8].reshape(4, 2, *lines.roll.shape)
-    return _OnLines(beam, root, body, jnp.asarray(longest), found[8])
+    beam, root, rest, longest = found[:8].reshape(4, 2, *lines.roll.shape)
+    return _OnLines(beam, root, rest, jnp.asarray(longest), found[8])
 
 
 def _root(part: Reals) -> Reals:
@@ -167,12 +174,93 @@ def _on_each_line(roots: Array, operators: Array) -> Array:
 
 
 def _between_lines(
-    pair: GearPair, lines: ContactLines, bodies: tuple[SharedBody, ...], spread: Array
+    pair: GearPair,
+    lines: ContactLines,
+    bodies: tuple[SharedBody, ...],
+    spread: list[Array],
 ) -> Array:
-    """Compliance by the roots of teeth that share a body, times its operators along the face."""
+    """Compliance by the roots of teeth that share a body, times its operators along the face.
+
+    Loads along the axis are those of helical teeth alone.
+    """
+    plane = [body for body in bodies if not body.axial]
+    total = _of_bodies(pair, lines, plane, jnp.stack([spread[body.gear] for body in plane]))
+    sheared = [body for body in bodies if body.axial and not body.bends]
+    plates = [body for body in bodies if body.bends]
+    if sheared:
+        total = jax.lax.cond(
+            pair.helix_angle != 0.0,
+            lambda total: total + _along_axis(pair, lines, sheared, plates, spread),
+            lambda total: total,
+            total,
+        )
+    return total
+
+
+def _along_axis(
+    pair: GearPair,
+    lines: ContactLines,
+    sheared: list[SharedBody],
+    plates: list[SharedBody],
+    spread: list[Array],
+) -> Array:
+    """Compliance by axial loads."""
+    operators = jnp.stack([spread[body.gear] for body in sheared])
+    total = _of_bodies(pair, lines, sheared, operators)
+    # What loads in the plane do to themselves through a plate is in its operators already.
+    operators = jnp.stack([_even_across(pair, body, lines) for body in plates])
+    total += _of_bodies(pair, lines, plates, operators, (1.0, 1.0))
+    return total - _of_bodies(pair, lines, plates, operators, (0.0, 1.0))
+
+
+def _even_across(pair: GearPair, body: SharedBody, lines: ContactLines) -> Array:
+    """Operator of a body that moves alike all over its face [1/m]."""
+    gear = (pair.pinion, pair.wheel)[body.gear]
+    each = jnp.cos(pair.base_helix_angle) / gear.face_width
+    return jnp.full(lines.roll.shape[1:] * 2, each)
+
+
+def _between_teeth(pair: GearPair, lines: ContactLines, parts: ToothParts, gear: int) -> Array:
+    r"""How a body spreads a load along the face, between the cells of any two lines [1/m].
+
+    Square to a tooth, the next one is $\pi m_n\sin\beta$ further along the face.
+    """
+    slant = jnp.cos(pair.base_helix_angle)
+    width = (pair.pinion, pair.wheel)[gear].face_width
+    step = jnp.pi * pair.normal_module * jnp.sin(pair.helix_angle)
+    count, slices = lines.roll.shape[1:]
+    ahead = np.arange(1.0 - count, count)
+    of_steps = [
+        leaning_operator(
+            parts.lengths[2:],
+            parts.lost[gear, 2:],
+            slices,
+            pair.face_width / slant,
+            width / slant,
+            parts.shift[gear],
+            number * step / slant,
+        )[0]
+        for number in ahead
+    ]
+    each = jnp.stack(of_steps)[np.subtract.outer(np.arange(count), np.arange(count)) + count - 1]
+    return jnp.moveaxis(each, 1, 2)
+
+
+def _of_bodies(
+    pair: GearPair,
+    lines: ContactLines,
+    bodies: list[SharedBody],
+    spread: Array,
+    shares: tuple[float, float] = (1.0, 0.0),
+) -> Array:
+    """Of loads at roots, and of those that tilt a plate, given shares; times operators."""
     count = range(lines.roll.shape[1])
     nodes = [jnp.moveaxis(body.resultants(path_nodes(pair)), -1, 0) for body in bodies]
     loads = along_path(pair, jnp.stack(nodes), lines.roll)
+    if shares[1]:
+        nodes = [jnp.moveaxis(body.tilting(path_nodes(pair)), -1, 0) for body in bodies]
+        tilts = along_path(pair, jnp.stack(nodes), lines.roll)
+        loads = shares[0] * loads + shares[1] * tilts * lines.face_position[None, None, None, None]
     influence = jnp.stack(
         [
             jnp.stack([jnp.stack([body.at_roots(j - i) for j in count]) for i in count])
@@ -184,8 +272,8 @@ def _between_lines(
 
     def add(total: Array, body: tuple[Array, Array, Array]):
         load, felt, operator = body
-        each = (load[a][..., None, None] * felt[a][:, :, None] for a in range(3))
-        return total + sum(each) * operator[None, None, :, None, :], None
+        each = (load[a][..., None, None] * felt[a][:, :, None] for a in range(load.shape[0]))
+        return total + sum(each) * operator[None], None
 
     slices = lines.face_position.size
     start = jnp.zeros((*lines.roll.shape, len(count), slices))

@@ -15,6 +15,8 @@ Since $\int_{t_0}^{t_1}\frac{1}{1 + k^2t^2}\frac{dt}{t}$ is both, penetration is
 with all lengths from $t_0$ to $t_1$, in equal shares on a scale of logarithms. None is fitted.
 """
 
+from typing import TYPE_CHECKING
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -22,7 +24,12 @@ from jaxtyping import Array, Float
 
 from jaxgear._checks import require
 from jaxgear._compiled import compiled, in_numpy
-from jaxgear._types import Reals, Scalar, as_scalar
+from jaxgear._types import Bodies, Reals, Scalar, as_scalar
+
+if TYPE_CHECKING:
+    Lengths = Array
+else:
+    Lengths = Float[Array, " length"]
 
 # Euler's constant.
 _EULER = float(np.euler_gamma)
@@ -76,18 +83,23 @@ class FaceCoupling(eqx.Module):
             got=self.body,
         )
 
-    def end_image(self, poisson: Scalar) -> Scalar:
+    def end_image(self, poisson: Reals, angle: Reals) -> Reals:
         r"""By how much the contact's image in a free end exceeds that in a plane of symmetry [-].
 
-        $\psi - 1$ with $\psi = 1.29 - (0.08 - 0.5\nu)/(1 - \nu)$; 0.39 for steel. Attributed to
-        Guilbault 2011, J. Tribol. 133, 031402, for the elastic quarter-space: the text was not at
-        hand, so that what holds the factor is its error against finite elements.
+        $\psi(\pi/\omega - 1) - 1$ with $\psi = 1.29 - (0.08 - 0.5\nu)/(1 - \nu)$; 0.39 for steel at
+        a right angle. Attributed to Guilbault 2011, J. Tribol. 133, 031402, for the elastic
+        quarter-space: the text was not at hand, so that what holds the factor is its error against
+        finite elements. A wedge of the angle $\omega$ is filled by $2\pi/\omega$ images, half of
+        them in each of its sides: beside its edge a load meets $\pi/\omega$ times what it meets
+        far from it.
 
         **Arguments:**
 
         - `poisson`: Poisson's ratio [-].
+        - `angle`: $\omega$ between flank and face [rad].
         """
-        return self.free_end * (0.29 - (0.08 - 0.5 * poisson) / (1.0 - poisson))
+        square = 1.0 + self.free_end * (0.29 - (0.08 - 0.5 * poisson) / (1.0 - poisson))
+        return square * (jnp.pi / angle - 1.0) - 1.0
 
     def finite_width(self, face_width: Scalar, module: Scalar, poisson: Scalar) -> Scalar:
         r"""How much more a gear gives than in plane strain, under an even load.
@@ -154,8 +166,70 @@ def face_operator(
 
 
 @compiled
+def leaning_operator(
+    length: Lengths,
+    lost: Lengths,
+    slices: int,
+    common: Scalar,
+    face: Scalar,
+    shift: Scalar,
+    apart: Scalar,
+) -> Float[Array, "length slice slice"]:
+    r"""The operator between places in a body that are shifted along its face, in reach of slices.
+
+    What presses on the flank of a helical tooth meets the middle of it further along its face; what
+    would meet it beyond its end meets it at the end. Symmetric, positive definite; between two
+    teeth, nearest places of which are not abreast, neither.
+
+    **Arguments:**
+
+    - `length`: $\lambda$, none far above the face [m].
+    - `lost`: of the body at either end, where it bears nothing, for each [m].
+    - `slices`, `common`, `face`: as of `face_operator`.
+    - `shift`: towards the second end of the face [m].
+    - `apart`: by how much further the places of rows are shifted than those of columns [m].
+
+    **Returns:**
+
+    The operator for each length [1/m].
+    """
+    width = common / slices
+    # No less than a slice is left to bear, nor than half of the face.
+    lost = jnp.minimum(lost, jnp.minimum(0.5 * (face - width), 0.25 * face))
+    place = 0.5 * (face - common) + width * jnp.asarray(np.arange(slices) + 0.5) + shift
+    bearing = (face - 2.0 * lost)[:, None]
+
+    def inside(more: Scalar) -> Reals:
+        """Strictly: without a shift no place leaves the face by rounding."""
+        moved = (place + more)[None] - lost[:, None]
+        moved = jnp.where(moved < (0.5 - 1e-9) * width, 0.5 * width, moved)
+        over = moved > bearing - (0.5 - 1e-9) * width
+        return jnp.where(over, bearing - 0.5 * width, moved)
+
+    rows, columns = inside(0.5 * apart)[:, :, None], inside(-0.5 * apart)[:, None, :]
+    length, bearing = length[:, None, None], bearing[..., None]
+    between, step = jnp.abs(rows - columns), width / length
+
+    def mean(distance: Reals, sign: float, far: Reals) -> Reals:
+        r"""Twice the integral of $e^{-|x|/\lambda}$, or of its inverse times what is far less."""
+        scaled = jnp.abs(distance) / length
+        return jnp.exp(-sign * scaled - far) + sign * scaled * jnp.exp(-far)
+
+    def means(sign: float, far: Reals) -> Reals:
+        ends = mean(between + width, sign, far) + mean(between - width, sign, far)
+        return (ends - 2.0 * mean(between, sign, far)) / step**2
+
+    # A slice's mean of an exponential is that of its middle, times this.
+    wider = (jnp.sinh(0.5 * step) / (0.5 * step)) ** 2
+    sums, far = rows + columns, 2.0 * bearing / length
+    images = wider * (jnp.exp(-sums / length) + jnp.exp(sums / length - far))
+    direct = means(1.0, jnp.zeros_like(far)) + means(-1.0, far)
+    return (direct + images) / (-2.0 * length * jnp.expm1(-far))
+
+
+@compiled
 def end_images(
-    length: Reals, slices: int, common: Scalar, face: Scalar
+    length: Reals, slices: int, common: Scalar, face: Scalar, ends: Bodies | None = None
 ) -> Float[Array, "*length slice slice"]:
     r"""What the mirror images of slices beyond both ends of a face add to them.
 
@@ -165,18 +239,21 @@ def end_images(
     **Arguments:**
 
     - `length`, `slices`, `common`, `face`: as of `face_operator`.
+    - `ends`: factors on the images beyond the first end and the second; by default 1 [-].
 
     **Returns:**
 
-    The operator for each length, of rank two and never negative [1/m].
+    The operator for each length, of rank two [1/m].
     """
+    ends = jnp.ones(2) if ends is None else ends
     width = common / slices
     first = 0.5 * (face - common) + width * _beside(np.arange(float(slices)), length)
     length = length[..., None]
     mean = -jnp.expm1(-width / length) / (width / length)
     left = mean * jnp.exp(-first / length)
     right = mean * jnp.exp((first + width - face) / length)
-    both = sum(x[..., :, None] * x[..., None, :] for x in (left, right))
+    pairs = zip(ends, (left, right), strict=True)
+    both = sum(factor * x[..., :, None] * x[..., None, :] for factor, x in pairs)
     return 0.5 * both / length[..., None]
 
 

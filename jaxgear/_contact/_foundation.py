@@ -13,11 +13,12 @@ import jax.numpy as jnp
 
 from jaxgear._checks import require
 from jaxgear._contact._ring import give_alone, ring_influence, root_resultants
+from jaxgear._contact._ring_axial import plate_influence, shear_influence
 from jaxgear._contact._sainsot import sainsot_compliance
 from jaxgear._contact._tooth import tooth_load
 from jaxgear._geometry._gear import Material
 from jaxgear._geometry._profile import ToothSection
-from jaxgear._types import Influence, Reals, Scalar
+from jaxgear._types import Influence, PlateInfluence, Reals, Scalar, ShearInfluence
 
 
 class AbstractFoundation(eqx.Module):
@@ -62,6 +63,23 @@ class AbstractFoundation(eqx.Module):
         For each tooth from the loaded one on, motions $u_r$, $u_\theta$, $r_f\psi$ by resultants
         $N$, $Q$, $M/r_f$ per face width [m2/N], or `None` where teeth do not feel each other.
         """
+
+    def axial_influences(
+        self, section: ToothSection, material: Material, neighbours: int, face_width: Scalar
+    ) -> tuple[ShearInfluence, PlateInfluence] | None:
+        r"""Motion along the axis of the roots under axial loads at one root.
+
+        **Arguments:**
+
+        - `section`, `material`, `neighbours`: as of `influence`.
+        - `face_width`: of the body [m].
+
+        **Returns:**
+
+        What the body is sheared by, and what it bends as a plate, by a force and its couples, per
+        face width [m2/N]; `None` where it is not known.
+        """
+        del section, material, neighbours, face_width
 
     def near_root(
         self, section: ToothSection, material: Material, roll_angle: Reals, given: Reals
@@ -109,6 +127,15 @@ class WeberFoundation(AbstractFoundation):
         inner += 2.0 * (1.0 + poisson) * (1.0 - 2.0 * poisson) * slender
         inner += 4.8 * stretch * (1.0 + (1.0 - poisson) / 2.4 * jnp.tan(load.angle) ** 2)
         return jnp.cos(load.angle) ** 2 / material.young * inner
+
+    @staticmethod
+    def axial_shear(material: Material) -> Scalar:
+        r"""What a half-plane gives under a load along the axis, $4.8(1+\nu)/(\pi E)$ [m2/N].
+
+        A line load moves a half-plane by $\frac{2(1-\nu^2)}{\pi E}\ln\frac1r$ in its plane and by
+        $\frac{2(1+\nu)}{\pi E}\ln\frac1r$ square to it: $P$, in that ratio.
+        """
+        return 4.8 * (1.0 + material.poisson) / (jnp.pi * material.young)
 
     def near_root(
         self, section: ToothSection, material: Material, roll_angle: Reals, given: Reals
@@ -167,8 +194,8 @@ class SainsotFoundation(AbstractFoundation):
 class RingFoundation(AbstractFoundation):
     """An elastic ring, clamped at the gear's bore, under all teeth together (theory 3.6).
 
-    Exact in plane strain for tractions spread over each root; see `ring_influence`. Helical gears
-    are evaluated on their virtual spur gear, whose ring has the ratio of radii of the real one.
+    Exact in plane strain for tractions spread over each root; see `ring_influence`. Axial loads of
+    helical teeth shear it, and bend it as a plate (theory 3.15).
 
     **Fields:**
 
@@ -195,6 +222,21 @@ class RingFoundation(AbstractFoundation):
             harmonics=self.harmonics,
         )
         return dimensionless / material.young
+
+    def axial_influences(
+        self, section: ToothSection, material: Material, neighbours: int, face_width: Scalar
+    ) -> tuple[ShearInfluence, PlateInfluence]:
+        """Motion of the roots along the axis; see the base class."""
+        shapes = {
+            "radius_ratio": _radius_ratio(section, "RingFoundation"),
+            "root_half_angle": section.root_half_angle,
+            "poisson": material.poisson,
+            "pitch_angle": 2.0 * jnp.pi / section.teeth,
+            "neighbours": neighbours,
+        }
+        sheared = shear_influence(**shapes, harmonics=self.harmonics)
+        bent = plate_influence(**shapes, thickness=face_width / section.root_radius)
+        return sheared / material.young, bent / material.young
 
 
 def _radius_ratio(section: ToothSection, owner: str) -> Scalar:

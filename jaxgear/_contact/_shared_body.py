@@ -1,15 +1,16 @@
 """A gear body between the teeth in mesh, as their contact lines see it."""
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxgear._contact._ring import give_alone, root_resultants
 from jaxgear._geometry._profile import ToothSection
-from jaxgear._types import Influence, Reals, Scalar
+from jaxgear._types import Influence, Reals, Scalar, as_scalar
 
 
 class SharedBody(eqx.Module):
-    r"""A gear body that couples the teeth in mesh (theory 3.6).
+    r"""A gear body that couples the teeth in mesh (theory 3.6, theory 3.15).
 
     **Fields:**
 
@@ -17,14 +18,21 @@ class SharedBody(eqx.Module):
     - `influence`: of one root on itself and on the next ones, see `AbstractFoundation` [m2/N].
     - `roll_start`: roll length of the gear at $T_1$ [m].
     - `roll_sign`: whether the gear's roll length grows along the path: 1 pinion, -1 wheel [-].
-    - `to_normal`: normal roll length per transverse one [-].
+    - `share`: of the load along the normal that acts in the body's directions [-].
+    - `axial`: whether these are the axis, in place of the section's plane [-].
     """
 
     section: ToothSection
     influence: Influence
     roll_start: Scalar
     roll_sign: int = eqx.field(static=True)
-    to_normal: Scalar
+    share: Scalar = eqx.field(converter=as_scalar, default=1.0)
+    axial: bool = eqx.field(static=True, default=False)
+
+    @property
+    def bends(self) -> bool:
+        """Whether it is a plate, all of whose face moves alike whatever part of it is loaded."""
+        return self.axial and self.influence.shape[-1] == 3
 
     @property
     def gear(self) -> int:
@@ -32,9 +40,30 @@ class SharedBody(eqx.Module):
         return 0 if self.roll_sign > 0 else 1
 
     def resultants(self, roll: Reals) -> Array:
-        """Resultants N, Q, M/r_f at the root per normal line load, at places on the path [-]."""
-        own = self.roll_start + self.roll_sign * roll
-        return root_resultants(self.section, own * self.to_normal / self.section.base_radius)
+        """Resultants at the root per normal line load, at places on the path [-].
+
+        N, Q, M/r_f in the section's plane; along the axis the force and, in a plate, its couples
+        over r_f outwards and round.
+        """
+        angle = self._angle(roll)
+        if not self.axial:
+            return self.share * root_resultants(self.section, angle)
+        radius = self.section.base_radius * jnp.sqrt(1.0 + angle**2)
+        one = jnp.ones_like(radius)
+        each = [one, radius / self.section.root_radius - 1.0, jnp.zeros_like(radius)]
+        return self.share * jnp.stack(each[: self.influence.shape[-1]], axis=-1)
+
+    def tilting(self, roll: Reals) -> Array:
+        """Couples over r_f on a plate by the rest of a unit normal load, per place along z [1/m].
+
+        What a plate moves in its plane falls as $-z$ times its slope.
+        """
+        radial, round_, _ = jnp.moveaxis(root_resultants(self.section, self._angle(roll)), -1, 0)
+        across = jnp.sqrt(1.0 - self.share**2) / self.section.root_radius
+        return -across * jnp.stack([jnp.zeros_like(radial), radial, round_], axis=-1)
+
+    def _angle(self, roll: Reals) -> Reals:
+        return (self.roll_start + self.roll_sign * roll) / self.section.base_radius
 
     def at_roots(self, ahead: int) -> Array:
         """Motion of a root by loads at another, `ahead` lines further along the path [m2/N]."""

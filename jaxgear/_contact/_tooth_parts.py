@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxgear._contact._face_coupling import STRIP, FaceCoupling
-from jaxgear._contact._foundation import AbstractFoundation
+from jaxgear._contact._foundation import AbstractFoundation, WeberFoundation
 from jaxgear._contact._hertz import hertz_contact
 from jaxgear._contact._shared_body import SharedBody
 from jaxgear._contact._tooth import (
@@ -19,15 +19,19 @@ from jaxgear._contact._tooth import (
 )
 from jaxgear._geometry._gear import Material
 from jaxgear._geometry._pair import GearPair
-from jaxgear._geometry._profile import ToothSection, tooth_section
+from jaxgear._geometry._profile import ToothSection, tooth_section, transverse_section
 from jaxgear._types import Bodies, Reals, Scalar
 
 if TYPE_CHECKING:
     OfGears = Array
     FaceLengths = Array
+    LostEnds = Array
+    Ends = Array
 else:
     OfGears = Float[Array, "body *point"]
     FaceLengths = Float[Array, "3"]
+    LostEnds = Float[Array, "body 3"]
+    Ends = Float[Array, "body 2"]
 
 
 class ToothParts(eqx.Module):
@@ -35,25 +39,28 @@ class ToothParts(eqx.Module):
 
     **Fields:**
 
-    - `beam`: of each tooth as a cantilever [m2/N].
-    - `body`: of the body under a tooth, where it does not couple teeth [m2/N].
-    - `root`: what is near a tooth's root of all that its body gives [m2/N].
+    - `beam`, `root`, `rest`: as of `TeethOnBodies` [m2/N].
     - `penetration`: of each flank by the other [m2/N].
     - `longest`: $t_1$ in each flank, see `FaceCoupling` [m].
     - `shortest`: $t_0$ of the contact [m].
     - `per_log`: compliance of a flank per natural logarithm of length [m2/N].
-    - `end_image`: by how much each contact's image in a free end exceeds that of symmetry [-].
-    - `lengths`: decay lengths of beam, root and body along the face [m].
+    - `end_image`: by how much each contact's image in either end exceeds that of symmetry [-].
+    - `shift`: of the middle of each tooth against its flank, along the normal, as a length of
+        contact line [m].
+    - `lost`: of beam, root and body at either end of each gear, as lengths of contact line [m].
+    - `lengths`: decay lengths of beam, root and body along the contact line [m].
     """
 
     beam: OfGears
-    body: OfGears
     root: OfGears
+    rest: OfGears
     penetration: OfGears
     longest: OfGears
     shortest: Reals
     per_log: Bodies
-    end_image: Bodies
+    end_image: Ends
+    shift: Bodies
+    lost: LostEnds
     lengths: FaceLengths
 
 
@@ -66,6 +73,7 @@ class BareTeeth(NamedTuple):
     - `angle`: roll angles of the loaded points [rad].
     - `beam`: compliance of the cantilevers [m2/N].
     - `penetration`: of the flanks [m2/N].
+    - `depth`: from the flank to the middle of the tooth, along the normal [m].
     - `half_width`: of the contact [m].
     """
 
@@ -73,6 +81,7 @@ class BareTeeth(NamedTuple):
     angle: OfGears
     beam: OfGears
     penetration: OfGears
+    depth: OfGears
     half_width: Reals
 
 
@@ -97,74 +106,148 @@ def teeth_in_contact(pair: GearPair, roll: Reals, line_load: Scalar) -> BareTeet
     rolls = ((roll, first), (pair.tangent_length - roll, second))
     angle = jnp.stack([own * to_normal / section.base_radius for own, section in rolls])
 
-    def tooth(section: ToothSection, material: Material, angle: Reals) -> tuple[Reals, Reals]:
+    def tooth(section: ToothSection, material: Material, angle: Reals) -> tuple[Reals, ...]:
         depth = tooth_load(section, angle).depth
         beam = beam_compliance(section, material, angle)
-        return beam, penetration_compliance(material, depth, half_width)
+        return beam, penetration_compliance(material, depth, half_width), depth
 
     # Both gears at once: half the program to compile. Their bores are not for teeth.
     teeth = [dataclasses.replace(section, radius_ratio=None) for section in (first, second)]
     both = jax.tree.map(lambda *leaves: jnp.stack(leaves), *teeth)
     materials = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(g.material for g in gears))
-    beam, penetration = jax.vmap(tooth)(both, materials, angle)
-    return BareTeeth((first, second), angle, beam, penetration, half_width)
+    beam, penetration, depth = jax.vmap(tooth)(both, materials, angle)
+    return BareTeeth((first, second), angle, beam, penetration, depth, half_width)
 
 
-def tooth_parts(
+class TeethOnBodies(NamedTuple):
+    """Teeth of both gears and what their bodies give near each, per length of contact line.
+
+    **Fields:**
+
+    - `teeth`: by themselves.
+    - `beam`: of each tooth as a cantilever [m2/N].
+    - `root`: what is near a tooth's root of all that its body gives [m2/N].
+    - `rest`: what the body of a tooth gives besides, where it does not couple teeth; else, and
+        negative, what a body that does has in it already of `root` [m2/N].
+    """
+
+    teeth: BareTeeth
+    beam: OfGears
+    root: OfGears
+    rest: OfGears
+
+    @property
+    def own(self) -> Array:
+        """What a pair gives that no other pair in mesh feels [m2/N]."""
+        return jnp.sum(self.beam + self.root + self.rest + self.teeth.penetration, axis=0)
+
+
+def teeth_on_bodies(
     pair: GearPair,
     foundations: tuple[AbstractFoundation, AbstractFoundation],
     bodies: tuple[SharedBody, ...],
-    coupling: FaceCoupling,
+    wider: Bodies,
     roll: Reals,
     line_load: Scalar,
-) -> ToothParts:
-    """Divide what a tooth pair gives into parts that reach along the face.
+) -> TeethOnBodies:
+    r"""Evaluate teeth and what is near their roots (theory 3.16).
+
+    Cantilever and root are those of the normal section, per length of tooth in place of contact
+    line. A body that couples teeth is loaded in its transverse section and along its axis: near a
+    root the half-plane of that section, and that of axial shear, make room for the normal one.
 
     **Arguments:**
 
     - `pair`: the gears.
     - `foundations`: of pinion and wheel.
     - `bodies`: those of them that couple teeth.
-    - `coupling`: how far each part reaches.
+    - `wider`: factors on what the gears give in their sections [-].
     - `roll`: positions on the path of contact, from the pinion's base tangent point [m].
     - `line_load`: at which the secant is taken [N/m].
 
     **Returns:**
 
-    The parts.
+    The teeth.
     """
     teeth = teeth_in_contact(pair, roll, line_load)
-    wider = finite_widths(pair, coupling)
-    shared = {each.gear: each.compliance(roll) for each in bodies}
-    body, root = [], []
+    cosine, sine = jnp.cos(pair.base_helix_angle), jnp.sin(pair.base_helix_angle)
+    along_tooth = jnp.cos(pair.helix_angle) / cosine
+    root, rest = [], []
     for index, foundation in enumerate(foundations):
-        section, angle = teeth.sections[index], teeth.angle[index]
-        material = (pair.pinion, pair.wheel)[index].material
-        if foundation.couples:
-            given = shared[index] / wider[index]
-            body.append(jnp.zeros_like(angle))
-        else:
+        gear = (pair.pinion, pair.wheel)[index]
+        section, angle, material = teeth.sections[index], teeth.angle[index], gear.material
+        shared = [each.compliance(roll) for each in bodies if each.gear == index]
+        given = sum(shared, jnp.zeros_like(angle)) / (along_tooth * wider[index])
+        if not foundation.couples:
             given = foundation(section, material, angle)
-            body.append(given)
-        root.append(foundation.near_root(section, material, angle, given))
-    wider = wider[:, None]
+        near = foundation.near_root(section, material, angle, given)
+        scaled = along_tooth * wider[index] * near
+        root.append(scaled)
+        if not foundation.couples:
+            rest.append(along_tooth * wider[index] * given - scaled)
+            continue
+        plane = WeberFoundation()
+        across = transverse_section(pair, gear)
+        own = (roll, pair.tangent_length - roll)[index] / across.base_radius
+        seen = wider[index] * cosine * plane(across, material, own)
+        seen += sine**2 / cosine * plane.axial_shear(material)
+        rest.append(-near / plane(section, material, angle) * seen)
+    beam = along_tooth * wider.reshape(2, *[1] * roll.ndim) * teeth.beam
+    return TeethOnBodies(teeth, beam, jnp.stack(root), jnp.stack(rest))
+
+
+def tooth_parts(pair: GearPair, on_bodies: TeethOnBodies, coupling: FaceCoupling) -> ToothParts:
+    """Divide what a tooth pair gives into parts that reach along the face.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `on_bodies`: their teeth.
+    - `coupling`: how far each part reaches.
+
+    **Returns:**
+
+    The parts.
+    """
+    teeth = on_bodies.teeth
     poisson, young = (
         jnp.stack([getattr(gear.material, name) for gear in (pair.pinion, pair.wheel)])
         for name in ("poisson", "young")
     )
     per_log = 2.0 * (1.0 - poisson**2) / (jnp.pi * young)
     shortest = STRIP * teeth.half_width
+    # The pinion's flank leans over its second end, the wheel's over its first one.
+    lean = jnp.stack([pair.base_helix_angle, -pair.base_helix_angle])
+    angles = 0.5 * jnp.pi + lean[:, None] * jnp.asarray([[1.0, -1.0]])
+    # Along the tooth, and along the axis: as lengths of contact line.
+    cosine = jnp.cos(pair.base_helix_angle)
+    along = jnp.stack([coupling.beam, coupling.root]) * jnp.cos(pair.helix_angle) / cosine
+    lengths = jnp.concatenate([along, coupling.body[None] / cosine])
     return ToothParts(
-        beam=wider * teeth.beam,
-        body=wider * jnp.stack(body),
-        root=wider * jnp.stack(root),
+        beam=on_bodies.beam,
+        root=on_bodies.root,
+        rest=on_bodies.rest,
         penetration=teeth.penetration,
         longest=shortest[None] * jnp.exp(teeth.penetration / per_log[:, None]),
         shortest=shortest,
         per_log=per_log,
-        end_image=jax.vmap(coupling.end_image)(poisson),
-        lengths=pair.normal_module * jnp.stack([coupling.beam, coupling.root, coupling.body]),
+        end_image=coupling.end_image(jnp.broadcast_to(poisson[:, None], (2, 2)), angles),
+        shift=jnp.mean(teeth.depth, axis=-1) * jnp.tan(lean),
+        lost=jnp.abs(jnp.tan(lean))[:, None] * _lost_ends(teeth),
+        lengths=pair.normal_module * lengths,
     )
+
+
+def _lost_ends(teeth: BareTeeth) -> Array:
+    r"""What beam, root and body lose at an end of a tooth that is cut off at a slant of one [m].
+
+    Over the slant a tooth is half to fully as thick. A beam bears as the third power of that, which
+    comes to $\int_0^1(\frac{1 + s}{2})^3\mathrm ds = \frac{15}{32}$ of it, a root that turns as
+    the second, $\frac{7}{12}$.
+    """
+    beam = 17.0 / 32.0 * jnp.mean(teeth.depth, axis=-1)
+    half = jnp.stack([each.root_radius * each.root_half_angle for each in teeth.sections])
+    return jnp.stack([beam, 5.0 / 12.0 * half, jnp.zeros(2)], axis=-1)
 
 
 def finite_widths(pair: GearPair, coupling: FaceCoupling) -> Bodies:

@@ -137,11 +137,6 @@ def tooth_section(pair: GearPair, gear: Gear) -> ToothSection:
 
     The tooth in its normal section, on a body with the gear's own ratio of root circle to bore.
     """
-    ratio = None
-    if gear.bore is not None:
-        reference = 0.5 * pair.transverse_module * gear.teeth
-        root = reference - pair.normal_module * (gear.dedendum - gear.profile_shift)
-        ratio = 2.0 * root / gear.bore
     spread = jnp.cos(pair.base_helix_angle) ** 2 * jnp.cos(pair.helix_angle)
     return ToothSection(
         teeth=gear.teeth / spread,
@@ -150,5 +145,44 @@ def tooth_section(pair: GearPair, gear: Gear) -> ToothSection:
         profile_shift=gear.profile_shift,
         dedendum=gear.dedendum,
         fillet_radius=gear.fillet_radius,
-        radius_ratio=ratio,
+        radius_ratio=_radius_ratio(pair, gear),
     )
+
+
+@compiled
+def transverse_section(pair: GearPair, gear: Gear) -> ToothSection:
+    r"""The tooth as it is seen along the axis: what the gear's body is loaded by (theory 3.15).
+
+    Flank, root circle and the tooth's angle on it are exact. The rack's tip, in this section part
+    of an ellipse, is the circle that leaves the same land between the tips of two teeth.
+
+    **Arguments:**
+
+    - `pair`: gives the module and the angles.
+    - `gear`: `pair.pinion` or `pair.wheel`.
+
+    **Returns:**
+
+    The tooth in its transverse section, on the gear's own body.
+    """
+    cosine = jnp.cos(pair.helix_angle)
+    angle = pair.transverse_pressure_angle
+    tip = lambda angle: 1.0 / jnp.cos(angle) - jnp.tan(angle)
+    return ToothSection(
+        teeth=jnp.asarray(float(gear.teeth)),
+        module=pair.transverse_module,
+        pressure_angle=angle,
+        profile_shift=gear.profile_shift * cosine,
+        dedendum=gear.dedendum * cosine,
+        fillet_radius=gear.fillet_radius * tip(pair.pressure_angle) / tip(angle),
+        radius_ratio=_radius_ratio(pair, gear),
+    )
+
+
+def _radius_ratio(pair: GearPair, gear: Gear) -> Scalar | None:
+    """Root circle over bore, if there is one [-]."""
+    if gear.bore is None:
+        return None
+    reference = 0.5 * pair.transverse_module * gear.teeth
+    root = reference - pair.normal_module * (gear.dedendum - gear.profile_shift)
+    return 2.0 * root / gear.bore

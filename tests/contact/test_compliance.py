@@ -157,10 +157,11 @@ def test_a_bore_chooses_the_ring():
         ),
     )
     bodies = eqx.filter_jit(lambda pair: _WEBER.bodies(pair, 1))
-    assert [len(bodies(pair)) for pair in (bored, plain, mixed)] == [2, 0, 1]
-    (body,) = bodies(mixed)
+    assert [len(bodies(pair)) for pair in (bored, plain, mixed)] == [6, 0, 3]
+    body, sheared, bent = bodies(mixed)
     assert body.roll_sign == 1
-    assert body.influence.shape == (2, 3, 3)
+    assert body.influence.shape == bent.influence.shape == (2, 3, 3)
+    assert sheared.influence.shape == (2, 1, 1)
     roll = _along(mixed, 0.2, 0.7)
     chosen = _on(jg.RingFoundation(), jg.WeberFoundation())
     found = _compliance(chosen, mixed, roll, _load(200.0))

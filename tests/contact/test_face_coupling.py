@@ -13,7 +13,7 @@ from helpers import assert_close, quick
 import jaxgear as jg
 from jaxgear import deg, mm
 from jaxgear._contact._face_cells import FaceCells, face_cells
-from jaxgear._contact._face_coupling import STRIP, end_images, face_operator
+from jaxgear._contact._face_coupling import STRIP, end_images, face_operator, leaning_operator
 from jaxgear._geometry._lines import contact_lines
 
 FE = json.loads((Path(__file__).parents[1] / "data" / "fe3d" / "accessory.json").read_text())
@@ -62,6 +62,29 @@ def test_slices_are_means_of_finer_ones():
     assert_close(fine.reshape(6, 2, 6, 2).mean(axis=(1, 3)), coarse, rtol=1e-12, atol=0.0)
 
 
+def test_teeth_that_do_not_lean_have_the_operator_of_spur_ones():
+    length, face = jnp.asarray([2e-3, 5e-3]), _real(0.014)
+    place = (12, _real(0.01), face, _real(0.0), _real(0.0))
+    found = leaning_operator(length, jnp.zeros(2), *place)
+    assert_close(found, face_operator(length, 12, _real(0.01), face), rtol=1e-10, atol=0.0)
+
+
+@pytest.mark.parametrize("slices", [1, 2, 24])
+def test_teeth_that_lean_are_softer_where_they_lean_over_their_end(slices):
+    """Reciprocal, positive, and in balance: what is pressed beyond the end is borne at it."""
+    length, face = jnp.asarray([2e-3, 5e-3]), _real(0.01)
+    place = (slices, face, face, _real(0.8e-3), _real(0.0))
+    found = np.asarray(leaning_operator(length, jnp.asarray([0.3e-3, 0.0]), *place))
+    assert_close(found, np.swapaxes(found, 1, 2), rtol=1e-12, atol=0.0)
+    assert np.all(np.linalg.eigvalsh(found) > -1e-12 * found.max())
+    even = 0.01 / slices * found.sum(axis=2)
+    assert np.all(np.diff(even, axis=1) >= -1e-9)
+    # Nothing is lost of the second part, which therefore bears on the whole as without a shift.
+    if slices == 24:
+        assert even[1, 0] < 0.95 < 1.05 < even[1, -1]
+        assert abs(even[1].mean() - 1.0) < 0.05 < even[0].mean() - 1.0
+
+
 def test_an_overhang_makes_a_tooth_stiffer_towards_what_a_long_one_gives():
     """A load over b in the middle of an endless face: $1 - l(1 - e^{-b/l})/b$ of its compliance."""
     width, length = 0.01, 0.003
@@ -80,7 +103,7 @@ def test_a_narrow_gear_is_in_plane_stress_and_a_wide_one_in_plane_strain():
     at = lambda width: float(law.finite_width(_real(width), _real(1e-3), _real(0.3)))
     assert_close(at(1e-6), 1.0 / 0.91, rtol=1e-6, atol=0.0)
     assert 1.0 < at(1.0) < 1.0005
-    assert_close(float(law.end_image(_real(0.3))), 0.39, rtol=1e-12, atol=0.0)
+    assert_close(float(law.end_image(_real(0.3), _real(0.5 * np.pi))), 0.39, rtol=1e-12, atol=0.0)
 
 
 def test_lengths_that_mean_nothing_are_refused():
@@ -129,7 +152,7 @@ def _cells_on(pair: jg.GearPair, law: jg.FaceCoupling, grid: jg.MeshGrid) -> Fac
     return found
 
 
-@pytest.mark.parametrize("helix", quick(1, [0.0, 30.0]))
+@pytest.mark.parametrize("helix", quick(1, [30.0, 0.0, -12.0]))
 def test_cells_are_reciprocal_and_give_way_to_any_load(helix):
     coupling = np.asarray(_cells(_accessory(helix), jg.FaceCoupling()).coupling)
     assert_close(coupling, np.swapaxes(coupling, 1, 2), rtol=1e-12, atol=1e-22)
@@ -173,7 +196,7 @@ def _modes(gear: int) -> tuple[np.ndarray, np.ndarray]:
     beam, root, body = (
         float(common) / SLICES * within(face_operator(parts.lengths, SLICES, common, face))
     )
-    shared = bodies[gear]
+    shared = next(body for body in bodies if body.gear == gear and not body.axial)
     given = np.asarray(shared.compliance(roll))[:, None]
     own = np.asarray(parts.beam[gear])[:, None] * beam + given * body
     own += np.asarray(parts.root[gear])[:, None] * (root - body)
@@ -182,7 +205,7 @@ def _modes(gear: int) -> tuple[np.ndarray, np.ndarray]:
     logarithm = np.log(np.asarray(parts.longest[gear] / parts.shortest))
     reach = np.asarray(parts.shortest)[:, None] * np.exp(logarithm[:, None] * share)
     contact = face_operator(jnp.asarray(reach), SLICES, common, face)
-    contact += parts.end_image[gear] * end_images(jnp.asarray(reach), SLICES, common, face)
+    contact += end_images(jnp.asarray(reach), SLICES, common, face, parts.end_image[gear])
     each = float(common) / SLICES * within(contact).mean(axis=1) * logarithm[:, None] - 0.25
     own += float(parts.per_log[gear]) * each
     felt = np.asarray(shared.resultants(roll)) @ np.asarray(shared.at_roots(1))
