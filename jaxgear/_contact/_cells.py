@@ -8,6 +8,7 @@ inertia later and no maximum whose ties would split a gradient at zero relief.
 import dataclasses
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 
 from jaxgear._checks import require
@@ -173,16 +174,16 @@ def _coupling(
     on_path = jnp.clip(lines.roll, pair.path_start, pair.path_end)
     in_mesh = lines.fraction > 0.0
     share = jnp.where(in_mesh, lines.fraction, 1.0)
-    apart = range(lines.roll.shape[1])
-    total = jnp.zeros(())
-    for body in bodies:
-        influence = jnp.stack([jnp.stack([body.at_roots(j - i) for j in apart]) for i in apart])
-        loads = jnp.moveaxis(body.resultants(on_path), -1, 0)
-        # Written out: a batch of tiny matrix products costs many times its arithmetic.
-        size = range(influence.shape[-1])
-        for a in size:
-            moved = sum(influence[None, :, :, a, b, None] * loads[b][:, None, :, :] for b in size)
-            total = total + loads[a][:, :, None, :] * moved
+    plane, axial = ([body for body in bodies if body.axial == along] for along in (False, True))
+    total = _by_roots(plane, on_path)
+    if axial:
+        # Loads along the axis are those of helical teeth alone.
+        total = jax.lax.cond(
+            pair.helix_angle != 0.0,
+            lambda total: total + _by_roots(axial, on_path),
+            lambda total: total,
+            total,
+        )
     longer = jnp.maximum(share[:, :, None, :], share[:, None, :, :])
     both = in_mesh[:, :, None, :] & in_mesh[:, None, :, :]
     return jnp.where(both, total / (longer * lines.length), 0.0)
@@ -338,3 +339,17 @@ def flank_coordinates(
     z = jnp.broadcast_to(lines.face_position[None, None, :], place.shape)
     pinion = place, z / (0.5 * pair.pinion.face_width)
     return pinion, (wheel_place, z / (0.5 * pair.wheel.face_width))
+
+
+def _by_roots(bodies: list[SharedBody], roll: LineGrid) -> CouplingGrid:
+    """What bodies give between the lines of each slice, whole slices in contact [m2/N]."""
+    apart, total = range(roll.shape[1]), jnp.zeros(())
+    for body in bodies:
+        influence = jnp.stack([jnp.stack([body.at_roots(j - i) for j in apart]) for i in apart])
+        loads = jnp.moveaxis(body.resultants(roll), -1, 0)
+        # Written out: a batch of tiny matrix products costs many times its arithmetic.
+        size = range(influence.shape[-1])
+        for a in size:
+            moved = sum(influence[None, :, :, a, b, None] * loads[b][:, None, :, :] for b in size)
+            total = total + loads[a][:, :, None, :] * moved
+    return total

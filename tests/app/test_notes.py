@@ -49,8 +49,8 @@ def test_keys_that_a_model_of_the_teeth_does_not_look_at_are_told(given, told):
     ("name", "given", "told"),
     [
         ("accessory", (), None),
-        ("power", (), "3 to 18 % low"),
-        ("power", ("mesh.face_coupling=none",), "25 to 34 % low"),
+        ("power", (), "1 to 6 % low"),
+        ("power", ("mesh.face_coupling=none",), "16 to 35 % low"),
         ("power", ("mesh.tooth=elements",), None),
     ],
 )
