@@ -137,6 +137,7 @@ def master_curve() -> Finding:
             depth, least, plain = best_depth(scene, extent, 60.0)
             ratios.setdefault(label, []).append(depth / own[0])
             found.rows.append([label, extent, own[0], depth, depth / own[0], least, plain])
+    least_of = lambda x: found.values("RMS least", f"base helix {x} deg")
     stays = all(abs(ratio - 1.0) < 0.1 for label in spur for ratio in ratios[label])
     found.holds = {
         "spur, centred straight web: the depth stays within 10 % of the rigid pair's": stays,
@@ -145,6 +146,9 @@ def master_curve() -> Finding:
             for label in others
             if label != "spur, H2"
         },
+        "the least RMS is larger at 20 degrees of base helix than at 10": all(
+            a > b for a, b in zip(least_of(20), least_of(10), strict=True)
+        ),
         "webbed pinion: deeper than with a solid one": all(
             a > b
             for a, b in zip(ratios["spur, H2, webbed pinion"], ratios["spur, H2"], strict=True)
