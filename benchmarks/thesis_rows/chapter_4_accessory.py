@@ -94,13 +94,13 @@ ROWS = (
         "relieved.in_motion",
         tuple(
             f"{damping}: relief lowers the {what}"
-            for damping in ("modal", "Rayleigh")
+            for damping in ("modal", "D1")
             for what in ("largest ratio", "mean over speed")
         ),
         lambda f: "; ".join(
             f"largest {f.listed('largest', *((d, x) for x in ('plain', 'relief')))} without and "
             f"with relief, {d} damping"
-            for d in ("modal", "Rayleigh")
+            for d in ("modal", "D1")
         ),
     ),
     Row(
@@ -130,7 +130,7 @@ ROWS = (
         "relieved.in_motion",
         tuple(
             f"{damping}: errors {what}"
-            for damping in ("modal", "Rayleigh")
+            for damping in ("modal", "D1")
             for what in ("cost some of that, larger ones more", "of 13 um cost all of it")
         ),
         lambda f: "; ".join(
@@ -139,7 +139,7 @@ ROWS = (
             + " without and with relief, "
             + ", ".join(f"{_mean(f, d, size):.3g} with {size}" for size in ("8 um", "13 um"))
             + f", {d} damping"
-            for d in ("modal", "Rayleigh")
+            for d in ("modal", "D1")
         ),
         reason="The thesis's errors are a picture without numbers; ours are drawn",
     ),

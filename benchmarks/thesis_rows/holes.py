@@ -64,6 +64,10 @@ def holes(cases: Sequence[str] = ("B", "A", "C")) -> Finding:
             value < 0.0 for (_, speed), value in spread.items() if speed > 0.0
         ),
     }
+    if "B" in cases:
+        rms = found.values("TE RMS um", "B", 0.0)[0]
+        shows = "at rest the holes' passing shows: over 1 % of the RMS of TE"
+        found.holds[shows] = passing["B", 0.0] > 0.01 * rms
     if {"A", "B"} <= set(cases):
         found.holds["the holes' passing shows more in case B than in A"] = (
             passing["B", 0.0] > passing["A", 0.0]

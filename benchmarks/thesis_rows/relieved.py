@@ -9,6 +9,7 @@ import jaxgear as jg
 from jaxgear._response._loads import load_sharing
 from jaxgear.scene._build import grid_of, model_of
 
+from .damped import DAMPINGS
 from .finding import Finding
 from .motion import Curve, moving, set_going, sweep
 from .statics import Solved, scene_of, solved_model, um
@@ -123,17 +124,12 @@ def loads() -> Finding:
     return found
 
 
-# Of both dampings; the second is the thesis's D1.
-_DAMPINGS = {
-    "modal": (),
-    "Rayleigh": ("damping.kind=rayleigh", "damping.a_R_1_s=25", "damping.b_R_s=2.5e-6"),
-}
 SPEEDS = np.arange(200.0, 2001.0, 50.0)
 
 
 def _response(damping: str, own: jg.Flanks) -> Curve:
     """The pair with a flexible wheel in motion, with flanks of its own."""
-    base = moving("accessory-h1", *_DAMPINGS[damping])
+    base = moving("accessory-h1", *DAMPINGS[damping])
     return sweep(set_going(base.scene, replace(base.model, flanks=own)).system, SPEEDS)[0]
 
 
@@ -153,7 +149,7 @@ def in_motion() -> Finding:
     }
     means: dict[tuple[str, str], list[float]] = {}
     largest: dict[tuple[str, str], list[float]] = {}
-    for damping in _DAMPINGS:
+    for damping in DAMPINGS:
         for label, case in cases.items():
             ratio = _response(damping, flanks(*case)).ratio
             kind = damping, label.rpartition(",")[0] or label
@@ -163,7 +159,7 @@ def in_motion() -> Finding:
             found.rows.append([damping, label, largest[kind][-1], means[kind][-1], missed])
     mean = {kind: float(np.mean(values)) for kind, values in means.items()}
     top = {kind: float(np.mean(values)) for kind, values in largest.items()}
-    for damping in _DAMPINGS:
+    for damping in DAMPINGS:
         plain, relief, small, large = (
             mean[damping, x] for x in ("plain", "relief", "relief, 8 um", "relief, 13 um")
         )

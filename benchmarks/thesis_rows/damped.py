@@ -1,0 +1,92 @@
+"""The accessory pair in motion, either damping: bodies rigidified, flexible, a webbed pinion."""
+
+import functools
+
+import numpy as np
+
+from .finding import Finding
+from .motion import QUICK, SLOW, Curve, at_speeds, fine, moving, sweep
+from .statics import WEBBED, rigid_body
+
+# Rayleigh damping of the thesis.
+D1 = "damping.kind=rayleigh", "damping.a_R_1_s=25", "damping.b_R_s=2.5e-6"
+D2 = "damping.kind=rayleigh", "damping.a_R_1_s=40", "damping.b_R_s=4e-6"
+DAMPINGS = {"modal": (), "D1": D1}
+_PAIRS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "rigid": ("accessory", ()),
+    "H1": ("accessory-h1", ()),
+    "H2": ("accessory-h2", ()),
+    "H2, webbed pinion": ("accessory-h2", tuple(WEBBED)),
+}
+
+
+@functools.cache
+def _curve(label: str, damping: str) -> Curve:
+    name, settings = _PAIRS[label]
+    return fine(moving(name, *settings, *DAMPINGS[damping]).system)
+
+
+def _apart(one: Curve, other: Curve) -> float:
+    """Mean over the common speeds of how far two ratios are apart, over the second."""
+    speeds = np.intersect1d(one.speed, other.speed)
+    each, beside = at_speeds(one, speeds), at_speeds(other, speeds)
+    return float(np.nanmean(np.abs(each / beside - 1.0)))
+
+
+def peaks() -> Finding:
+    """Fig. III-12 and IV-14: critical speeds by flexible bodies, with either damping."""
+    found = Finding(
+        "Highest peak above 700 rad/s, with either damping (Fig. III-12, IV-14)",
+        "H1 and H2 alike; flexible bodies lower the critical speeds of the teeth; a webbed pinion "
+        "moves the peaks to lower speeds and does little else",
+        ["pair", "damping", "peak rad/s", "ratio there", "mean apart from H1"],
+    )
+    for damping in DAMPINGS:
+        for label in _PAIRS:
+            own = _curve(label, damping)
+            top = float(np.nanmax(own.ratio[own.speed > SLOW]))
+            apart = _apart(own, _curve("H1", damping))
+            found.rows.append([label, damping, own.main, top, apart])
+    at = lambda label, damping: _curve(label, damping).main
+    for damping in DAMPINGS:
+        solid, webbed = (_curve(x, damping) for x in ("H2", "H2, webbed pinion"))
+        found.holds |= {
+            f"{damping}: flexible bodies peak at a lower speed than rigid ones": max(
+                at("H1", damping), at("H2", damping)
+            )
+            < at("rigid", damping),
+            f"{damping}: H1 and H2 are alike, within 10 % in the mean over speed": _apart(
+                _curve("H2", damping), _curve("H1", damping)
+            )
+            < 0.1,
+            f"{damping}: a webbed pinion lowers the peak's speed": webbed.main < solid.main,
+            f"{damping}: and its height by less than a quarter either way": abs(
+                np.nanmax(webbed.ratio) / np.nanmax(solid.ratio) - 1.0
+            )
+            < 0.25,
+        }
+    return found
+
+
+def rigidified() -> Finding:
+    """Fig. III-11: the rigidified H2 beside the initial model, by damping."""
+    found = Finding(
+        "Rigidified H2 beside the rigid pair, by damping (Fig. III-11)",
+        "more and other damping lets the deviations between both fade",
+        ["damping", "mean apart", "largest apart", "peak rad/s", "its peak"],
+    )
+    stiff = [rigid_body(gear) for gear in ("pinion", "wheel")]
+    quick = [f"{gear}.body.{each}" for gear in ("pinion", "wheel") for each in QUICK]
+    bare = "mesh.foundation=none"
+    mean = {}
+    for label, damping in {"modal": (), "D1": D1, "D2": D2}.items():
+        hybrid = sweep(moving("accessory-h2", *stiff, *quick, *damping).system)[0]
+        initial = sweep(moving("accessory", bare, *damping).system)[0]
+        apart = np.abs(hybrid.ratio / initial.ratio - 1.0)
+        mean[label] = float(np.nanmean(apart))
+        found.rows.append([label, mean[label], float(np.nanmax(apart)), hybrid.main, initial.main])
+    found.holds = {
+        "in good agreement with D1: within 5 % in the mean over speed": mean["D1"] < 0.05,
+        "the more damping, the less apart": mean["D2"] < mean["D1"] < mean["modal"],
+    }
+    return found
