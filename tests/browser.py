@@ -11,15 +11,14 @@ import pytest
 def headless_chromium() -> Iterator[Any]:
     """Give a browser that keeps what its console and its network say."""
     webdriver = pytest.importorskip("selenium.webdriver")
-    from selenium.common import WebDriverException
-
+    failed = pytest.importorskip("selenium.common").WebDriverException
     options = webdriver.ChromeOptions()
     for each in ("--headless=new", "--no-sandbox", "--disable-gpu", "--window-size=1400,1200"):
         options.add_argument(each)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     try:
         made = webdriver.Chrome(options=options)
-    except WebDriverException as error:
+    except failed as error:
         pytest.skip(f"no Chromium: {error.msg}")
     made.set_script_timeout(600)
     try:

@@ -8,7 +8,6 @@ inertia later and no maximum whose ties would split a gradient at zero relief.
 import dataclasses
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 
 from jaxgear._checks import require
@@ -16,7 +15,7 @@ from jaxgear._compiled import compiled
 from jaxgear._contact._compliance import AbstractCompliance
 from jaxgear._contact._face_cells import face_cells
 from jaxgear._contact._path_interpolant import along_path, path_nodes
-from jaxgear._contact._shared_body import SharedBody
+from jaxgear._contact._shared_body import SharedBody, where_helical
 from jaxgear._flank._deviations import Flanks
 from jaxgear._geometry._lines import ContactLines, MeshGrid, contact_lines, repeated_lines
 from jaxgear._geometry._pair import GearPair
@@ -177,13 +176,7 @@ def _coupling(
     plane, axial = ([body for body in bodies if body.axial == along] for along in (False, True))
     total = _by_roots(plane, on_path)
     if axial:
-        # Loads along the axis are those of helical teeth alone.
-        total = jax.lax.cond(
-            pair.helix_angle != 0.0,
-            lambda total: total + _by_roots(axial, on_path),
-            lambda total: total,
-            total,
-        )
+        total += where_helical(pair, _by_roots, axial, on_path)
     longer = jnp.maximum(share[:, :, None, :], share[:, None, :, :])
     both = in_mesh[:, :, None, :] & in_mesh[:, None, :, :]
     return jnp.where(both, total / (longer * lines.length), 0.0)

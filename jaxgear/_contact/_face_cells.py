@@ -16,7 +16,7 @@ from jaxtyping import Array
 from jaxgear._contact._compliance import AbstractCompliance
 from jaxgear._contact._face_coupling import end_images, face_operator, leaning_operator
 from jaxgear._contact._path_interpolant import along_path, path_nodes
-from jaxgear._contact._shared_body import SharedBody
+from jaxgear._contact._shared_body import SharedBody, where_helical
 from jaxgear._contact._tooth_parts import ToothParts
 from jaxgear._geometry._lines import ContactLines
 from jaxgear._geometry._pair import GearPair
@@ -179,21 +179,13 @@ def _between_lines(
     bodies: tuple[SharedBody, ...],
     spread: list[Array],
 ) -> Array:
-    """Compliance by the roots of teeth that share a body, times its operators along the face.
-
-    Loads along the axis are those of helical teeth alone.
-    """
+    """Compliance by the roots of teeth that share a body, times its operators along the face."""
     plane = [body for body in bodies if not body.axial]
     total = _of_bodies(pair, lines, plane, jnp.stack([spread[body.gear] for body in plane]))
     sheared = [body for body in bodies if body.axial and not body.bends]
     plates = [body for body in bodies if body.bends]
     if sheared:
-        total = jax.lax.cond(
-            pair.helix_angle != 0.0,
-            lambda total: total + _along_axis(pair, lines, sheared, plates, spread),
-            lambda total: total,
-            total,
-        )
+        total += where_helical(pair, _along_axis, pair, lines, sheared, plates, spread)
     return total
 
 

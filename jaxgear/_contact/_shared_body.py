@@ -1,10 +1,15 @@
 """A gear body between the teeth in mesh, as their contact lines see it."""
 
+from collections.abc import Callable
+from typing import Any
+
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxgear._contact._ring import give_alone, root_resultants
+from jaxgear._geometry._pair import GearPair
 from jaxgear._geometry._profile import ToothSection
 from jaxgear._types import Influence, Reals, Scalar, as_scalar
 
@@ -77,3 +82,32 @@ class SharedBody(eqx.Module):
     def compliance(self, roll: Reals) -> Reals:
         """Give of a tooth loaded alone [m2/N]."""
         return give_alone(self.influence[0], self.resultants(roll))
+
+
+def where_helical(pair: GearPair, function: Callable[..., Array], *operands: Any) -> Array:
+    """What loads along the axis add: nothing without a helix, and spur gears do not pay for it.
+
+    At a helix of zero it is nothing, its slope by the helix is not: derivatives are those of the
+    function everywhere.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `function`: of arrays and modules alone; zero where the helix is.
+    - `operands`: what it is of.
+
+    **Returns:**
+
+    Its value.
+    """
+
+    @jax.custom_jvp
+    def found(helix: Scalar, *operands: Any) -> Array:
+        none = lambda *operands: jnp.zeros(jax.eval_shape(function, *operands).shape)
+        return jax.lax.cond(helix != 0.0, function, none, *operands)
+
+    @found.defjvp
+    def _(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
+        return jax.jvp(lambda _, *operands: function(*operands), primals, tangents)
+
+    return found(pair.helix_angle, *operands)

@@ -2,6 +2,7 @@
 
 import math
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -9,7 +10,9 @@ from helpers import assert_close
 
 import jaxgear as jg
 from jaxgear import deg, mm
+from jaxgear._contact._face_cells import face_cells
 from jaxgear._contact._ring_axial import plate_influence, shear_influence
+from jaxgear._contact._shared_body import where_helical
 
 
 def _real(value: float):
@@ -89,3 +92,42 @@ def test_the_next_teeth_against_finite_elements(helix, face):
             if body.gear == 0
         ]
         assert abs(1e12 * float(sum(given)) / wanted - 1.0) < 0.06
+
+
+def test_nothing_without_a_helix_has_a_slope_by_it():
+    gear = jg.Gear(24, 15.0 * mm, 0.0)
+    pair_of = lambda helix: jg.GearPair(gear, gear, 3.0 * mm, 20.0 * deg, helix)
+    added = lambda helix, by: where_helical(
+        pair_of(helix), lambda pair, by: jnp.sin(pair.helix_angle) * by, pair_of(helix), by
+    )
+    three = _real(3.0)
+    assert added(_real(0.0), three) == 0.0
+    assert_close(jax.grad(added)(_real(0.0), three), 3.0, rtol=1e-14, atol=0.0)
+    assert_close(added(_real(0.2), three), 3.0 * math.sin(0.2), rtol=1e-14, atol=0.0)
+
+
+@pytest.mark.slow
+def test_the_slope_by_the_helix_is_there_at_no_helix():
+    """Teeth lean over either end: two slopes at zero, and derivatives lie between them."""
+    gear = jg.Gear(24, 15.0 * mm, 0.0, bore=36.0 * mm, dedendum=1.25, fillet_radius=0.3)
+    pair_of = lambda helix: jg.GearPair(gear, gear, 3.0 * mm, 20.0 * deg, helix)
+    grid = jg.mesh_grid(pair_of(0.0), phases=8, slices=3)
+
+    @jax.jit
+    def between(helix):
+        pair = pair_of(helix)
+        lines = jg.contact_lines(pair, grid)
+        found = face_cells(pair, lines, jg.WeberBanaschek(), _real(2e5))
+        assert found is not None
+        # Of both lines with each other: what axial loads of one tooth do to the other.
+        size = grid.slices
+        return found.coupling[:, :size, size : 2 * size]
+
+    step = 1e-6
+    still, slope = jax.jvp(between, (_real(0.0),), (_real(1.0),))
+    ahead = (between(_real(step)) - still) / step
+    behind = (still - between(_real(-step))) / step
+    room = 1e-3 * float(jnp.abs(slope).max())
+    assert room > 0.0
+    assert bool(jnp.all(slope > jnp.minimum(ahead, behind) - room))
+    assert bool(jnp.all(slope < jnp.maximum(ahead, behind) + room))
