@@ -22,6 +22,8 @@ from ._body_checks import AGAIN
 from ._checks import BodyError, require
 
 TEXTS = ("about", "hash")
+# Whose versions a file names.
+_LIBRARIES = ("jaxgear", "numpy", "scipy", "scikit-fem")
 
 
 def archive_text(about: Mapping[str, object]) -> str:
@@ -35,7 +37,12 @@ def archive_text(about: Mapping[str, object]) -> str:
 
     - `BodyError` if the facts cannot be written.
     """
-    whole = {"format": FORMAT, "units": UNITS, **about, "versions": _versions()}
+    whole = {
+        "format": FORMAT,
+        "units": UNITS,
+        **about,
+        "versions": {name: _version(name) for name in _LIBRARIES},
+    }
     try:
         return json.dumps(whole, sort_keys=True, allow_nan=False, default=_plain)
     except (TypeError, ValueError) as error:
@@ -144,14 +151,11 @@ def _plain(value: object) -> object:
     raise TypeError(f"a value of the type {type(value).__name__}")
 
 
-def _versions() -> dict[str, str]:
-    found = {}
-    for package in ("jaxgear", "numpy", "scipy", "scikit-fem"):
-        try:
-            found[package] = importlib.metadata.version(package)
-        except importlib.metadata.PackageNotFoundError:
-            found[package] = "not installed"
-    return found
+def _version(package: str) -> str:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return "not installed"
 
 
 def _bytes(text: str) -> np.ndarray:

@@ -1,5 +1,7 @@
 """What the parts of a condensed body must be to fit each other."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ._artefact import ReducedBody
@@ -28,7 +30,7 @@ def check_body(body: ReducedBody) -> None:
         (Coriolis: skew), if an element names a node that is not there, or if a name stands twice.
     """
     _check_names(body)
-    for name, shape in _shapes(body).items():
+    for name, shape in _shapes(body):
         array = getattr(body, name)
         if array is None:
             continue
@@ -82,25 +84,23 @@ def _check_names(body: ReducedBody) -> None:
         )
 
 
-def _shapes(body: ReducedBody) -> dict[str, tuple[int, ...]]:
+def _shapes(body: ReducedBody) -> Iterator[tuple[str, tuple[int, ...]]]:
     """Shape that each array must have; -1 stands for any number."""
     dof = body.boundary_dofs + body.interior
-    shapes: dict[str, tuple[int, ...]] = {
-        "rim_nodes": (-1, 3),
-        "seat_points": (len(body.seats), 3),
-        "stiffness": (dof, dof),
-        "mass": (dof, dof),
-        "centrifugal_load": (dof,),
-        "rim_faces": (-1, 8),
-        "probe_points": (len(body.probes), 3),
-        "probe_rows": (len(body.probes), 3, dof if body.probes else -1),
-        "nodes": (-1, 3),
-        "bricks": (-1, 20),
-        "interior_shapes": (body.interior, len(body.nodes), 3),
-    }
-    if not body.interior_shapes.size:
-        shapes["interior_shapes"] = (-1, -1, 3)
-    return shapes | dict.fromkeys(OPTIONAL, (dof, dof))
+    yield "rim_nodes", (-1, 3)
+    yield "seat_points", (len(body.seats), 3)
+    yield "stiffness", (dof, dof)
+    yield "mass", (dof, dof)
+    yield "centrifugal_load", (dof,)
+    yield "rim_faces", (-1, 8)
+    yield "probe_points", (len(body.probes), 3)
+    yield "probe_rows", (len(body.probes), 3, dof if body.probes else -1)
+    yield "nodes", (-1, 3)
+    yield "bricks", (-1, 20)
+    seen = (body.interior, len(body.nodes)) if body.interior_shapes.size else (-1, -1)
+    yield "interior_shapes", (*seen, 3)
+    for name in OPTIONAL:
+        yield name, (dof, dof)
 
 
 def _check_symmetry(name: str, matrix: np.ndarray | None) -> None:

@@ -8,7 +8,7 @@ those ahead, and `NAME.others`, the rows of the seats and interior shapes.
 """
 
 import os
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -112,7 +112,7 @@ def _packed(body: ReducedBody) -> tuple[dict[str, np.ndarray], str]:
         for name in MATRICES:
             if name in arrays and (parts := _parts(arrays[name], sectors, signs(name))):
                 del arrays[name]
-                arrays |= {name + part: array for part, array in parts.items()}
+                arrays |= {name + _SECTOR: parts.sector, name + _OTHERS: parts.others}
     about = {
         "name": body.name,
         "seats": list(body.seats),
@@ -123,23 +123,26 @@ def _packed(body: ReducedBody) -> tuple[dict[str, np.ndarray], str]:
     return arrays, archive_text(about)
 
 
-def _parts(matrix: np.ndarray, sectors: EqualSectors, sign: int) -> dict[str, np.ndarray]:
+class _Parts(NamedTuple):
+    """What of a matrix is kept: the rim's rows of one sector, and all others."""
+
+    sector: np.ndarray
+    others: np.ndarray
+
+    def joined(self, sectors: EqualSectors, sign: int) -> np.ndarray:
+        """The whole matrix."""
+        rim = 3 * sectors.nodes.size
+        matrix = sectors.block(self.sector, sign, more=len(self.others))
+        matrix[rim:] = self.others
+        matrix[:rim, rim:] = sign * self.others[:, :rim].T
+        return matrix
+
+
+def _parts(matrix: np.ndarray, sectors: EqualSectors, sign: int) -> _Parts | None:
     """The parts of which a matrix is made again to the last digit; none if it would not be so."""
-    parts = {
-        _SECTOR: sectors.rows(matrix[: 3 * sectors.nodes.size, : 3 * sectors.nodes.size], sign),
-        _OTHERS: np.ascontiguousarray(matrix[3 * sectors.nodes.size :]),
-    }
-    same = np.array_equal(_joined(parts[_SECTOR], parts[_OTHERS], sectors, sign), matrix)
-    return parts if same else {}
-
-
-def _joined(rows: np.ndarray, others: np.ndarray, sectors: EqualSectors, sign: int) -> np.ndarray:
-    """A matrix from its parts."""
     rim = 3 * sectors.nodes.size
-    matrix = sectors.block(rows, sign, more=len(others))
-    matrix[rim:] = others
-    matrix[:rim, rim:] = sign * others[:, :rim].T
-    return matrix
+    parts = _Parts(sectors.rows(matrix[:rim, :rim], sign), np.ascontiguousarray(matrix[rim:]))
+    return parts if np.array_equal(parts.joined(sectors, sign), matrix) else None
 
 
 def _whole(
@@ -172,5 +175,5 @@ def _whole(
             rows=list(rows.shape),
             others=list(others.shape),
         )
-        arrays[name] = _joined(rows, others, sectors, signs(name))
+        arrays[name] = _Parts(rows, others).joined(sectors, signs(name))
     return arrays

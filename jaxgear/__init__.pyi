@@ -31,6 +31,7 @@ from ._geometry._lines import mesh_grid as mesh_grid
 from ._geometry._pair import GearPair as GearPair
 from ._geometry._pair import full_tip_shortening as full_tip_shortening
 from ._geometry._pair import overlap_ratio as overlap_ratio
+from ._geometry._pair_facts import PairFacts as PairFacts
 from ._geometry._pair import pair_facts as pair_facts
 from ._geometry._pair import profile_contact_ratio as profile_contact_ratio
 from ._geometry._pair import total_contact_ratio as total_contact_ratio

@@ -18,7 +18,6 @@ from jaxgear._whole_file import whole_file, write_csv, write_dataset, write_json
 from jaxgear.designs._collect import Collected
 from jaxgear.designs._run import WHOLE
 from jaxgear.scene._rewriting import rewritten
-from jaxgear.scene._scene_files import files_seen_from
 from jaxgear.study._progress import narration
 from jaxgear.study._result import Summary
 
@@ -62,7 +61,7 @@ def write_results(found: Collected, folder: Folder) -> None:
         write_csv(table, folder / "designs.csv", digits=17)
     write_dataset(xr.Dataset(), folder / "result.nc", found.datasets)
     scene = found.scene
-    known = scene.overridden() | files_seen_from(scene, folder.path)
+    known = scene.overridden() | scene.files_from(folder.path)
     for number, values in enumerate(found.best, start=1):
         # Under a name of its own its results do not replace those of the others.
         name = f"{found.summary['name']}_best_{number}"

@@ -41,11 +41,12 @@ def exported(args: argparse.Namespace) -> _Written:
 
                 return _modelica(scene.name, mesh_map(scene), folder)
             if args.form == "topography":
+                from jaxgear.scene._build_pair import flanks_of, pair_of
                 from jaxgear.study._topography import flank_topography
 
-                return _topography(
-                    scene.name, {gear: flank_topography(scene, gear) for gear in GEARS}, folder
-                )
+                flanks = flanks_of(scene, pair := pair_of(scene))
+                grids = {gear: flank_topography(pair, flanks, gear) for gear in GEARS}
+                return _topography(scene.name, grids, folder)
             text, remarks = rexs_of_scene(scene, as_json=args.form == "rexsj")
             return [_rexs(scene.name, text, folder, args.form)], remarks
         return [_uff58(args.file, folder)] if args.form == "uff58" else _body(args, folder), ()

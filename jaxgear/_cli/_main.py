@@ -28,7 +28,7 @@ from jaxgear._cli._printing import print_notes, print_results
 from jaxgear._cli._terminal import Terminal, warn
 from jaxgear._program_cache import set_up
 from jaxgear._whole_file import write_text
-from jaxgear.scene._scene import Scene, SceneError, read_scene
+from jaxgear.scene._scene import SceneError, read_scene
 from jaxgear.scene._slips import odd
 
 # Many threads make the many small matrices of a gear pair several times slower.
@@ -144,7 +144,11 @@ def _study(args: argparse.Namespace) -> int:
     for remark in odd(scene):
         warn(remark)
     with _results(args, scene.name, scene.path) as folder:
-        summary = _compute(args.command, scene, folder, args.quiet)
+        with _failures(scene.path, folder.path), _numerical(args.quiet):
+            from jaxgear._cli import _commands
+
+            summary = _commands.COMMANDS[args.command](scene, folder)
+        publish(folder)
     wrong = summary["check_grad"]["verdicts"]["WRONG"] if "check_grad" in summary else 0
     if args.json:
         _print_json(summary)
@@ -207,23 +211,20 @@ def _numerical(quiet: bool) -> Iterator[None]:
         yield
 
 
-def _compute(command: str, scene: Scene, folder: Folder, quiet: bool) -> Mapping[str, Any]:
-    """Run the numerical part, and put its results in their place."""
-    from jaxgear._cli import _commands
+@contextmanager
+def _failures(scene: Path, results: Path) -> Iterator[None]:
+    """Say of what cannot be computed or written from which scene, or into which folder."""
     from jaxgear.study._statics import SolverFailure
 
     try:
-        with _numerical(quiet):
-            summary = _commands.COMMANDS[command](scene, folder)
-        publish(folder)
-        return summary
+        yield
     except (SolverFailure, FloatingPointError, InputError) as error:
         code = 2 if isinstance(error, InputError) else 1
-        raise _Stop(code, f"{scene.path}: {error}") from error
+        raise _Stop(code, f"{scene}: {error}") from error
     except BrokenPipeError:
         raise
     except OSError as error:
-        raise _Stop(1, f"cannot write results into {folder.path}: {error}") from error
+        raise _Stop(1, f"cannot write results into {results}: {error}") from error
 
 
 def _designs(args: argparse.Namespace) -> int:

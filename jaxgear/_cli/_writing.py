@@ -12,7 +12,6 @@ from jaxgear._cli._folder import Folder
 from jaxgear._whole_file import write_csv, write_dataset, write_json, write_text
 from jaxgear.scene._json_schema import SCHEMA_LINE
 from jaxgear.scene._rewriting import rewritten, write_scene
-from jaxgear.scene._scene_files import files_seen_from
 from jaxgear.study._progress import narration, say
 from jaxgear.study._result import Result, Summary
 
@@ -30,13 +29,13 @@ def written(result: Result, folder: Folder) -> Summary:
     for name, write in result.files.items():
         write(folder / name)
     own = result.scene
-    known = own.overridden() | files_seen_from(own, folder.path)
+    known = own.overridden() | own.files_from(folder.path)
     for name, keys in result.scenes.items():
         # The schema that it names stays beside the scene that it is made from.
         text = rewritten(own.path, {**known, **keys}).removeprefix(SCHEMA_LINE)
         write_text(text, folder / name)
     places = {name: str(folder.path / name) for name in result.scenes}
-    write_scene(own.replace(files_seen_from(own, folder.path)), folder / "scene.toml")
+    write_scene(own.replace(own.files_from(folder.path)), folder / "scene.toml")
     write_json(_placed(result.summary, places), folder / "summary.json")
     return json.loads((folder / "summary.json").read_text(encoding="utf-8"))
 

@@ -224,7 +224,7 @@ def _check_range(pair: GearPair, gear_index: int, grade: Scalar) -> None:
         got=grade,
     )
     gear, name = (pair.pinion, pair.wheel)[gear_index], ("pinion", "wheel")[gear_index]
-    diameter = 2.0 * pair_facts(pair)["reference_radius"][gear_index]
+    diameter = 2.0 * pair_facts(pair).reference_radius[gear_index]
     for what, value, unit, least, most in (
         ("number of teeth", gear.teeth, 1.0, 5.0, 1000.0),
         ("reference diameter [mm]", diameter, mm, 5.0, 15000.0),

@@ -80,8 +80,8 @@ def check_backlash(pair: GearPair) -> None:
     allowances = [gear.thickness_allowance for gear in (pair.pinion, pair.wheel)]
     taken = [0.0 if x is None else float(x) for x in allowances]
     cosine = float(np.cos(pair.pressure_angle))
-    along_path = np.cos(facts["working_pressure_angle"]) * np.cos(facts["base_helix_angle"])
-    from_centres = float(facts["backlash"] * along_path)
+    along_path = np.cos(facts.working_pressure_angle) * np.cos(facts.base_helix_angle)
+    from_centres = float(facts.backlash * along_path)
     backlash = from_centres + sum(taken) * cosine
     require(
         backlash > -_ROUNDED * float(pair.normal_module),
@@ -91,12 +91,12 @@ def check_backlash(pair: GearPair) -> None:
         got=backlash / um,
         sum=sum(taken) / um,
         least=-from_centres / cosine / um,
-        centre=facts["working_centre_distance"] / mm,
+        centre=facts.working_centre_distance / mm,
     )
     for body, name in enumerate(_GEARS):
         # The same angle is taken off at all radii.
-        at_tip = float(facts["tip_radius"][body] / facts["reference_radius"][body])
-        most = float(facts["tip_thickness"][body]) / at_tip * float(np.cos(pair.helix_angle))
+        at_tip = float(facts.tip_radius[body] / facts.reference_radius[body])
+        most = float(facts.tip_thickness[body]) / at_tip * float(np.cos(pair.helix_angle))
         require(
             taken[body] < most,
             "A tooth thickness allowance of {got:.4g} um leaves nothing of the {name}'s teeth at "

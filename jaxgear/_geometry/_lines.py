@@ -108,8 +108,8 @@ def mesh_grid(
     )
     require(periods >= 1, "A cycle has at least 1 mesh period, got {got}.", got=periods)
     facts = pair_facts(pair)
-    profile = float(facts["profile_contact_ratio"]) + 2.0 * beyond
-    overlap = float(facts["overlap_ratio"])
+    profile = float(facts.profile_contact_ratio) + 2.0 * beyond
+    overlap = float(facts.overlap_ratio)
     half_overlap = 0.5 * overlap
     require(
         overlap <= slices * profile,

@@ -21,6 +21,7 @@ from jaxgear._checks import require
 from jaxgear._compiled import compiled
 from jaxgear._geometry._gear import Gear
 from jaxgear._geometry._involute import inverse_involute, involute
+from jaxgear._geometry._pair_facts import PairFacts
 from jaxgear._geometry._tooth_checks import check_tooth
 from jaxgear._types import Bodies, Scalar, as_optional_scalar, as_scalar
 from jaxgear._units import deg, mm
@@ -263,39 +264,8 @@ def full_tip_shortening(pair: GearPair) -> Scalar:
     return jnp.sum(pair.of_bodies("profile_shift")) - centre / pair.normal_module
 
 
-_BODY_FACTS = (
-    "reference_radius",
-    "base_radius",
-    "tip_radius",
-    "root_radius",
-    "form_radius",
-    "form_roll",
-    "tip_roll",
-    "working_pitch_radius",
-    "tip_thickness",
-    "half_thickness_at_base",
-    "root_clearance",
-)
-_PAIR_FACTS = (
-    "working_centre_distance",
-    "zero_backlash_centre_distance",
-    "zero_backlash_pressure_angle",
-    "working_pressure_angle",
-    "transverse_pressure_angle",
-    "base_helix_angle",
-    "transverse_base_pitch",
-    "tangent_length",
-    "path_start",
-    "path_end",
-    "path_of_contact",
-    "pitch_point",
-    "face_width",
-    "backlash",
-)
-
-
 @eqx.filter_jit
-def pair_facts(pair: GearPair) -> dict[str, Array]:
+def pair_facts(pair: GearPair) -> PairFacts:
     """Everything closed-form about a pair at once, compiled: for reports and checks.
 
     **Arguments:**
@@ -304,13 +274,12 @@ def pair_facts(pair: GearPair) -> dict[str, Array]:
 
     **Returns:**
 
-    The properties of `GearPair` by name [m, rad], and `profile_contact_ratio`, `overlap_ratio`,
-    `total_contact_ratio`, `full_tip_shortening` [-].
+    Its facts.
     """
     ratios = (profile_contact_ratio, overlap_ratio, total_contact_ratio, full_tip_shortening)
-    return {name: getattr(pair, name) for name in _BODY_FACTS + _PAIR_FACTS} | {
-        ratio.__name__: ratio(pair) for ratio in ratios
-    }
+    found = {ratio.__name__: ratio(pair) for ratio in ratios}
+    own = {name: getattr(pair, name) for name in PairFacts._fields if name not in found}
+    return PairFacts(**own, **found)
 
 
 @eqx.filter_jit
@@ -348,12 +317,12 @@ def _check_pair(pair: GearPair) -> None:
     )
     facts = pair_facts(pair)
     # Plain numbers within somebody else's program.
-    if any(isinstance(fact, Tracer) for fact in facts.values()):
+    if any(isinstance(fact, Tracer) for fact in facts):
         return
-    facts = {name: np.asarray(fact) for name, fact in facts.items()}
-    base_sum = facts["base_radius"].sum()
+    facts = jax.tree.map(np.asarray, facts)
+    base_sum = facts.base_radius.sum()
     # The inverse involute has no answer below zero.
-    angle = facts["zero_backlash_pressure_angle"]
+    angle = facts.zero_backlash_pressure_angle
     require(
         bool(np.isfinite(angle) and angle > 0.0),
         "The profile shifts sum to {got:.4g}, too negative for {teeth} teeth to have a working "
@@ -362,29 +331,29 @@ def _check_pair(pair: GearPair) -> None:
         teeth=pair.pinion.teeth + pair.wheel.teeth,
     )
     require(
-        bool(facts["working_centre_distance"] > base_sum),
+        bool(facts.working_centre_distance > base_sum),
         "The centre distance must exceed the sum of the base radii, {limit:.6g} mm, or the gears "
         "have no line of action; got {got:.6g} mm. These profile shifts ask for {asked:.6g} mm.",
-        got=facts["working_centre_distance"] / mm,
+        got=facts.working_centre_distance / mm,
         limit=base_sum / mm,
-        asked=facts["zero_backlash_centre_distance"] / mm,
+        asked=facts.zero_backlash_centre_distance / mm,
     )
     require(
-        bool(facts["backlash"] > -_ROUNDED_SHIFT * module),
+        bool(facts.backlash > -_ROUNDED_SHIFT * module),
         "The teeth jam: at the centre distance of {got:.6g} mm the backlash is {backlash:.4g} mm. "
         "Use {asked:.6g} mm or more, or lower the profile shifts.",
-        got=facts["working_centre_distance"] / mm,
-        backlash=facts["backlash"] / mm,
-        asked=facts["zero_backlash_centre_distance"] / mm,
+        got=facts.working_centre_distance / mm,
+        backlash=facts.backlash / mm,
+        asked=facts.zero_backlash_centre_distance / mm,
     )
     require(
-        bool(facts["path_of_contact"] > 0.0 and facts["total_contact_ratio"] >= 1.0),
+        bool(facts.path_of_contact > 0.0 and facts.total_contact_ratio >= 1.0),
         "The total contact ratio must be at least 1, got {got:.4g} (profile {profile:.4g} + "
         "overlap {overlap:.4g}): the mesh would lose contact between teeth. Raise the addendum, "
         "reduce the centre distance or tip shortening, or widen a helical face.",
-        got=facts["total_contact_ratio"],
-        profile=facts["profile_contact_ratio"],
-        overlap=facts["overlap_ratio"],
+        got=facts.total_contact_ratio,
+        profile=facts.profile_contact_ratio,
+        overlap=facts.overlap_ratio,
     )
     for body in (0, 1):
         check_tooth((pair.pinion, pair.wheel), facts, body, module=module, pressure_angle=pressure)

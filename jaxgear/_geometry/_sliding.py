@@ -77,7 +77,7 @@ def tooth_loss_factor(pair: GearPair) -> Scalar:
 
     - `ValueError` if the profile contact ratio is not between 1 and 2.
     """
-    ratio = in_numpy(pair_facts(pair)["profile_contact_ratio"])
+    ratio = in_numpy(pair_facts(pair).profile_contact_ratio)
     require(
         (ratio >= 1.0) & (ratio <= 2.0),
         "`tooth_loss_factor` is for one or two pairs in contact, a profile contact ratio between 1 "

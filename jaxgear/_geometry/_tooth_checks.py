@@ -1,11 +1,10 @@
 """Teeth that cannot be cut, or that the other gear's teeth would hit."""
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from jaxgear._checks import require
 from jaxgear._geometry._gear import Gear
+from jaxgear._geometry._pair_facts import PairFacts
 from jaxgear._units import mm
 
 # Undercut that leaves the active flank whole is custom, not a mistake: 17 standard teeth at 20
@@ -15,7 +14,7 @@ _HARMLESS_UNDERCUT = 0.02
 
 def check_tooth(
     gears: tuple[Gear, Gear],
-    facts: Mapping[str, np.ndarray],
+    facts: PairFacts,
     body: int,
     *,
     module: float,
@@ -26,7 +25,7 @@ def check_tooth(
     **Arguments:**
 
     - `gears`: pinion and wheel.
-    - `facts`: of the pair, as `pair_facts` has them.
+    - `facts`: of the pair, in NumPy.
     - `body`: 0 for the pinion, 1 for the wheel.
     - `module`: normal module [m].
     - `pressure_angle`: normal pressure angle [rad].
@@ -38,7 +37,7 @@ def check_tooth(
     """
     gear = gears[body]
     name, other = ("pinion", "wheel")[:: 1 - 2 * body]
-    thickness, tip = facts["tip_thickness"][body], facts["tip_radius"][body]
+    thickness, tip = facts.tip_thickness[body], facts.tip_radius[body]
     require(
         bool(thickness > 0.0),
         "The {name}'s teeth are pointed: thickness {got:.4g} mm at the tip diameter {tip:.6g} mm. "
@@ -60,8 +59,8 @@ def check_tooth(
         got=fillet,
         limit=max(fillet + land / corner, 0.0),
     )
-    form_roll, form_radius = facts["form_roll"][body], facts["form_radius"][body]
-    missing_shift = -form_roll * np.sin(facts["transverse_pressure_angle"])
+    form_roll, form_radius = facts.form_roll[body], facts.form_radius[body]
+    missing_shift = -form_roll * np.sin(facts.transverse_pressure_angle)
     missing_shift /= module
     require(
         bool(missing_shift <= _HARMLESS_UNDERCUT),
@@ -73,7 +72,7 @@ def check_tooth(
         limit=float(gear.profile_shift) + missing_shift,
         got=float(gear.profile_shift),
     )
-    start_roll = facts["tangent_length"] - facts["tip_roll"][1 - body]
+    start_roll = facts.tangent_length - facts.tip_roll[1 - body]
     require(
         bool(start_roll >= max(form_roll, 0.0)),
         "Interference: the {other}'s tip reaches the {name} at diameter {got:.6g} mm, below its "
@@ -81,16 +80,16 @@ def check_tooth(
         "raise its tip shortening, or raise the {name}'s dedendum or profile shift.",
         name=name,
         other=other,
-        got=2.0 * np.hypot(facts["base_radius"][body], max(start_roll, 0.0)) / mm,
+        got=2.0 * np.hypot(facts.base_radius[body], max(start_roll, 0.0)) / mm,
         limit=2.0 * form_radius / mm,
     )
     _check_root(gear, facts, body)
 
 
-def _check_root(gear: Gear, facts: Mapping[str, np.ndarray], body: int) -> None:
+def _check_root(gear: Gear, facts: PairFacts, body: int) -> None:
     """Refuse a root circle that the bore cuts, or the other gear's tip reaches."""
     name, other = ("pinion", "wheel")[:: 1 - 2 * body]
-    bore, root = 0.0 if gear.bore is None else float(gear.bore), facts["root_radius"][body]
+    bore, root = 0.0 if gear.bore is None else float(gear.bore), facts.root_radius[body]
     require(
         bool(bore < 2.0 * root),
         "The {name}'s bore of {got:.6g} mm must be smaller than its root diameter, {limit:.6g} mm.",
@@ -98,7 +97,7 @@ def _check_root(gear: Gear, facts: Mapping[str, np.ndarray], body: int) -> None:
         got=bore / mm,
         limit=2.0 * root / mm,
     )
-    clearance = facts["root_clearance"][body]
+    clearance = facts.root_clearance[body]
     require(
         bool(clearance > 0.0),
         "The {other}'s tip touches the {name}'s root: clearance {got:.4g} mm. Raise the {name}'s "

@@ -3,13 +3,14 @@
 import dataclasses
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 from jaxgear.designs._keys import BY_PATH, KEYS, TABLES, StudyKeys
 from jaxgear.designs._slopes import reason_against
+from jaxgear.scene._gear_tables import BodyKeys
 from jaxgear.scene._key import REQUIRED, Presence, show
 from jaxgear.scene._mistakes import Mistake, SceneError, in_order
 from jaxgear.scene._paths import join
@@ -18,6 +19,7 @@ from jaxgear.scene._scene import READY, Scene, read_scene
 from jaxgear.scene._schema import KEYS as SCENE_KEYS
 from jaxgear.scene._schema import key_at, nearest, split_entry
 from jaxgear.scene._table import table_of
+from jaxgear.scene._tables import DampingKeys
 
 
 @dataclasses.dataclass(frozen=True)
@@ -204,35 +206,48 @@ _TAKES = {
 }
 
 
-def varied_of(values: Mapping[str, Any]) -> dict[str, str]:
-    """The keys of the scene that a study varies, each with its table, in the order of the file."""
-    return {
-        path.removeprefix(f"{table}."): table
+class Varied(NamedTuple):
+    """A key of the scene that a study varies, and the table of the study that says how."""
+
+    key: str
+    table: str
+
+    @property
+    def path(self) -> str:
+        """Where it stands in the study."""
+        return f"{self.table}.{self.key}"
+
+
+def varied_of(values: Mapping[str, Any]) -> list[Varied]:
+    """The keys of the scene that a study varies, in the order of the file."""
+    return [
+        Varied(path.removeprefix(f"{table}."), table)
         for path in values
         for table in BY_PATH
         if path.startswith(f"{table}.")
-    }
+    ]
 
 
 def _together(study: Study) -> Iterator[tuple[str, str]]:
     """What is wrong with keys that are right by themselves."""
     asked, design = study.asked, study.asked.design
-    named = [path for path in study.values if path.startswith(_BELOW)]
+    named = varied_of(study.values)
     if design.csv is not None:
-        for path in (*named, *(f"design.{each}" for each in design.written("kind", "points"))):
+        for path in (
+            *(each.path for each in named),
+            *(f"design.{each}" for each in design.written("kind", "points")),
+        ):
             yield path, "goes without design.csv, which names all designs. Remove one"
     elif not named:
         yield "design", "nothing varies. Write [design.between] with keys and bounds, or csv"
     seen: dict[str, str] = {}
-    for path in named:
-        table = next(each for each in BY_PATH if path.startswith(f"{each}."))
-        name = path.removeprefix(f"{table}.")
-        if name in seen:
-            yield path, f"stands in [{seen[name]}] too. Keep one"
-        seen[name] = table
-        if table.rpartition(".")[2] not in _TAKES[design.kind]:
-            yield path, f'goes without design.kind = "{design.kind}". Give bounds or values'
-        yield from ((path, words) for words in _at_scene(study.scene, name, table))
+    for each in named:
+        if each.key in seen:
+            yield each.path, f"stands in [{seen[each.key]}] too. Keep one"
+        seen[each.key] = each.table
+        if each.table.rpartition(".")[2] not in _TAKES[design.kind]:
+            yield each.path, f'goes without design.kind = "{design.kind}". Give bounds or values'
+        yield from ((each.path, words) for words in _at_scene(study.scene, *each))
     count = design.points
     if design.csv is None and count is None and design.kind in ("sobol", "lhs", "random"):
         yield "design.points", "is missing: the number of designs"
@@ -244,8 +259,10 @@ def _together(study: Study) -> Iterator[tuple[str, str]]:
         words = 'an optimum has none here. Write command = "run", or gradients = false'
         yield "keep.gradients", f"got true, but {words}"
     elif asked.keep.gradients and asked.command != "run":
-        given = study.scene.sweep, asked.command, asked.keep.numbers
-        if words := reason_against(*given, in_pairs=_in_pairs(study.scene)):
+        scene = study.scene
+        in_pairs = _in_pairs(scene.damping, [scene.gear(gear).body for gear in scene.condensed])
+        given = scene.sweep, asked.command, asked.keep.numbers
+        if words := reason_against(*given, in_pairs=in_pairs):
             yield "keep.gradients", f"got true, but {words}"
     for name in asked.keep.minimise:
         if name not in asked.keep.numbers:
@@ -254,9 +271,8 @@ def _together(study: Study) -> Iterator[tuple[str, str]]:
         yield "keep.numbers", "must name a number at least, such as static.te_rms_um"
 
 
-def _in_pairs(scene: Scene) -> bool:
-    """Whether modes of a condensed body, as often the same around, are damped by unequal ratios."""
-    damping, bodies = scene.damping, [scene.gear(gear).body for gear in scene.condensed]
+def _in_pairs(damping: DampingKeys, bodies: Iterable[BodyKeys]) -> bool:
+    """Whether modes of condensed bodies, as often the same around, are damped by unequal ratios."""
     alike = [body for body in bodies if body.grid is None and body.superelement is None]
     return bool(alike) and damping.kind == "modal" and damping.mesh != damping.structure
 

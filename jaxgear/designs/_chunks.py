@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 from jaxgear.designs._asked import Study
 from jaxgear.designs._evaluate import moved_keys
 from jaxgear.designs._table import DesignTable
-from jaxgear.scene._scene_files import files_of
 
 
 class Chunk(NamedTuple):
@@ -70,7 +69,7 @@ def origin_of(study: Study) -> Mapping[str, Any]:
     Values by path: of the scene, of the study file, and the version of jaxgear.
     """
     scene, csv = study.scene, study.asked.design.csv
-    named = {f"scene.{key}": path for key, path in files_of(scene).items()}
+    named = {f"scene.{key}": path for key, path in scene.files.items()}
     if csv is not None:
         named["study.design.csv"] = study.path.parent / csv
     about = {key: x for key, x in study.values.items() if not key.startswith(_NOT_ABOUT)}

@@ -1,10 +1,9 @@
 """All chunks of a study together: the table, its quantiles, and its best designs."""
 
 import dataclasses
-import importlib
 import os
 from collections import Counter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -17,17 +16,14 @@ from jaxgear.designs._table import DesignTable
 from jaxgear.designs._work import Job, Status, job_of, status_of
 from jaxgear.scene._scene import Scene
 from jaxgear.study._head import names_of
-from jaxgear.study._result import Datasets, Summary, titled
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from jaxgear.study._result import Datasets, Drawable, Summary, titled
 
 # Reasons that a summary tells.
 _TOLD = 5
 
 
 @dataclasses.dataclass(frozen=True)
-class Collected:
+class Collected(Drawable):
     """The results of a study.
 
     **Fields:**
@@ -54,11 +50,6 @@ class Collected:
     def table(self) -> Table:
         """Columns by name, units included: keys, numbers, derivatives, reason."""
         return columns_of(self.designs)
-
-    def plot(self) -> dict[str, "Figure"]:
-        """Draw all pictures: figures by name."""
-        atlas = importlib.import_module("jaxgear.plot")
-        return {each.name: each.draw() for each in atlas.pictures(self.datasets)}
 
 
 def collect(

@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -122,11 +122,11 @@ class Evaluator:
         except _OF_ONE as error:
             rows.reasons = [reason or reason_of(error) for reason in rows.reasons]
             return
-        scene, own = built.scene, shape_of(built.model, base, base)
+        own = shape_of(built.model, base, base)
         shapes: dict[Shape, list[int]] = {}
         for place in rows.good:
             try:
-                shape = own if self._light else self._shape(scene, rows.values[place], base)
+                shape = own if self._light else self._shape(built, rows.values[place])
             except _OF_ONE as error:
                 rows.reasons[place] = reason_of(error)
             else:
@@ -134,7 +134,8 @@ class Evaluator:
         for shape, places in shapes.items():
             if (others, shape) not in self._programs:
                 at = {} if self._light else rows.values[places[0]]
-                template = BuiltScene(scene.replace({key: at[key] for key in real if key in at}))
+                moved = {key: at[key] for key in real if key in at}
+                template = BuiltScene(built.scene.replace(moved))
                 programs = programs_of(self._study, template, real, shape.grid)
                 self._programs[others, shape] = programs
             values = [[float(rows.values[place][key]) for key in real] for place in places]
@@ -188,14 +189,14 @@ class Evaluator:
             # What this design has none of is an empty place.
             numbers = [number_in(result.summary, name) for name in keep.numbers]
             rows.numbers[place] = numbers
-            arrays: dict[str, xr.Variable] = {}
+            arrays: dict[Hashable, xr.Variable] = {}
             for name in keep.arrays:
-                arrays |= arrays_in(result.datasets, name)
+                arrays |= arrays_in(result.datasets, name).variables
             if sloped:
                 built = BuiltScene(result.scene)
                 rows.slopes[place] = self._slopes_of(built, rows.values[place], seen, numbers)
             for name, array in arrays.items():
-                rows.arrays.setdefault(name, {})[place] = array
+                rows.arrays.setdefault(str(name), {})[place] = array
 
     def _slopes_of(
         self, design: BuiltScene, values: Row, seen: SeenResponses | None, numbers: Sequence[float]
@@ -206,11 +207,11 @@ class Evaluator:
             return self._slopes.of_modes(design, others)
         return self._slopes.of_sweep(design, others, seen, numbers)
 
-    def _shape(self, scene: Scene, values: Row, base: Any) -> Shape:
+    def _shape(self, base: BuiltScene, values: Row) -> Shape:
         """The shape of a design whose gears or shafts are others."""
         self._read(values)
-        moved = scene.replace({key: values[key] for key in self._real})
-        return shape_at(BuiltScene(moved), base)
+        moved = base.scene.replace({key: values[key] for key in self._real})
+        return shape_at(BuiltScene(moved), base.grid)
 
     @functools.cached_property
     def _light(self) -> bool:

@@ -72,7 +72,7 @@ def numbers_together(
     groups = {
         "static": static_numbers(model, cycle, law) | root_numbers(model, cycle, influences),
         "iso6336": iso_numbers(model),
-        "geometry": {name: facts[name] for name in _RATIOS},
+        "geometry": {name: getattr(facts, name) for name in _RATIOS},
     }
     known = {f"{group}.{name}": x for group, each in groups.items() for name, x in each.items()}
     return jnp.stack([jnp.asarray(known[name], dtype=float) for name in names])
@@ -107,17 +107,16 @@ def number_in(summary: Mapping[str, Any], name: str) -> float:
     return float(found) if _is_number(found) and np.isfinite(found) else float("nan")
 
 
-def arrays_in(datasets: Mapping[str, xr.Dataset], name: str) -> dict[str, xr.Variable]:
+def arrays_in(datasets: Mapping[str, xr.Dataset], name: str) -> xr.Dataset:
     """An array of a result by its name in `result.nc`, such as `sweep.dynamic_ratio`.
 
     With it come the coordinates of its dimensions; of what is not there, nothing.
     """
     group, _, variable = name.rpartition(".")
     if group not in datasets or variable not in datasets[group]:
-        return {}
+        return xr.Dataset()
     found = datasets[group][variable]
-    places = {str(dim): found[dim].variable for dim in found.dims if dim in found.coords}
-    return {name: found.variable} | places
+    return found.drop_vars(set(found.coords) - set(found.dims)).to_dataset(name=name)
 
 
 def require_known(

@@ -62,7 +62,7 @@ def design_table(study: Study) -> DesignTable:
             )
         return _of_file(path, study.scene.real_keys(), study.scene.values)
     varied = varied_of(study.values)
-    keys, spans = tuple(varied), [_Span.of(study, *each) for each in varied.items()]
+    keys, spans = tuple(each.key for each in varied), [_Span.of(study, *each) for each in varied]
     match design.kind:
         case "grid":
             levels = [span.levels(design.points or 3) for span in spans]

@@ -12,7 +12,6 @@ from jaxgear._whole_file import write_text
 from jaxgear.scene._json_schema import SCHEMA_LINE
 from jaxgear.scene._rewriting import rewritten
 from jaxgear.scene._scene import Scene
-from jaxgear.scene._scene_files import files_seen_from
 from jaxgear.study._dynamics import speeds_of
 from jaxgear.study._live import RESPONSES, LiveScene
 from jaxgear.study._optimising import optimise
@@ -91,7 +90,7 @@ class PageAnswers:
         self._live.values(values)
         own = {knob.key: knob.value for knob in self._live.knobs}
         changed = {key: value for key, value in values.items() if value != own[key]}
-        known = scene.overridden() | files_seen_from(scene, self._target.parent)
+        known = scene.overridden() | scene.files_from(self._target.parent)
         text = rewritten(scene.path, {**known, **changed})
         write_text(text.removeprefix(SCHEMA_LINE), self._target)
         return {"file": str(self._target), "changed": len(changed)}

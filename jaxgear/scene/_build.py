@@ -79,9 +79,9 @@ def model_of(scene: Scene, changes: Mapping[str, object] = MappingProxyType({}))
     flanks = flanks_of(scene, pair)
     if scene.mesh.tooth == "elements":
         # For other scenes no finite elements are imported.
-        from jaxgear.scene._mesh_teeth import element_teeth
+        from jaxgear.scene._mesh_teeth import teeth_in_mesh
 
-        teeth = element_teeth(scene)
+        teeth = teeth_in_mesh(scene).in_mesh(scene.mesh.line_load_updates)
     # Which points share a node follows from the last numbers that were not traced.
     with jax.ensure_compile_time_eval():
         still = {name: (gear, material_of(plain, name)) for name, gear in plain.gears.items()}

@@ -261,11 +261,11 @@ def _limits(pair: GearPair, gear_index: int) -> dict[str, Reals]:
     each a table may begin or end.
     """
     facts = pair_facts(pair)
-    base = facts["base_radius"][gear_index]
-    past = jnp.sqrt((_PAST_TIP * facts["tip_radius"][gear_index]) ** 2 - base**2)
+    base = facts.base_radius[gear_index]
+    past = jnp.sqrt((_PAST_TIP * facts.tip_radius[gear_index]) ** 2 - base**2)
     involute = profile_place_of_roll(pair, gear_index, past * jnp.asarray([0.0, 1.0]))
     active = jnp.asarray([0.0, _SHORT, 1.0 - _SHORT, 1.0])
-    found = {f"{_FACE}_active": facts["face_width"] * (active - 0.5) / mm}
+    found = {f"{_FACE}_active": facts.face_width * (active - 0.5) / mm}
     for name, (unit, _, position_of) in _COORDINATES.items():
         # Rounded, because what is zero at the base circle comes back as a last digit.
         found[name] = jnp.round(position_of(pair, gear_index, involute) / unit, 9)

@@ -1,8 +1,6 @@
 """What loads do to the roots of a scene's teeth: solved where the scene asks for root stresses."""
 
-from collections.abc import Callable
-
-from jaxgear._contact._root_influence import Influences, nearby_influences, root_influences
+from jaxgear._contact._root_influence import Influences, root_influences
 from jaxgear._geometry._pair import GearPair
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._study_tables import CompareKeys, OptimiseKeys
@@ -34,26 +32,6 @@ def influences_of(scene: Scene, pair: GearPair) -> Influences | None:
     from jaxgear.scene._mesh_teeth import teeth_in_mesh
 
     return element_roots(teeth_in_mesh(scene).condensed(), plane)
-
-
-def influences_near(scene: Scene, pair: GearPair) -> Callable[[GearPair], Influences | None]:
-    """The same, for derivatives: a function of a pair that has moved from the scene's own.
-
-    **Arguments:**
-
-    - `scene`: checked against the schema.
-    - `pair`: its gears.
-
-    **Returns:**
-
-    The function.
-    """
-    asked = asks_for_roots(scene.mesh, scene.compare, scene.optimise)
-    if asked and scene.mesh.tooth != "elements":
-        return nearby_influences(pair).at
-    # Condensed teeth follow no key.
-    found = influences_of(scene, pair)
-    return lambda moved: found
 
 
 def asks_for_roots(mesh: MeshKeys, compare: CompareKeys, asked: OptimiseKeys) -> bool:

@@ -34,6 +34,10 @@ from jaxgear.scene._sizes import of_material
 from jaxgear.scene._tables import MeshKeys, PlainTables
 
 
+def _quiet(step: str) -> None:
+    """Tell nobody what begins."""
+
+
 class TeethInMesh(NamedTuple):
     """What the teeth of both gears are made from, and how many are in mesh at once.
 
@@ -46,11 +50,24 @@ class TeethInMesh(NamedTuple):
     shapes: tuple[tuple[ToothedGear, Material], ...]
     count: int
 
+    def in_mesh(self, updates: int, tell: Callable[[str], None] = _quiet) -> ElementTeeth:
+        """Their compliance in mesh, condensed where the cache does not know them.
+
+        **Arguments:**
+
+        - `updates`: of the line load, as of `ElementTeeth`.
+        - `tell`: told what begins.
+        """
+        pinion, wheel = (
+            _tables(gear, made_from, self.count, tell)
+            for gear, made_from in zip(GEARS, self.shapes, strict=True)
+        )
+        return ElementTeeth(pinion=pinion, wheel=wheel, load_updates=updates)
+
     def condensed(self) -> list[tuple[ToothedGear, ToothElements]]:
         """The shapes of both gears' teeth, and what was condensed of them."""
-        quiet = lambda step: None
         return [
-            (shape, condensed_teeth(shape, material, self.count, quiet))
+            (shape, condensed_teeth(shape, material, self.count, _quiet))
             for shape, material in self.shapes
         ]
 
@@ -80,34 +97,9 @@ def teeth_in_mesh(scene: Scene) -> TeethInMesh:
     still = replace(scene, moved=MappingProxyType({}))
     with jax.ensure_compile_time_eval():
         facts = pair_facts(pair_of(still))
-        profile, half = float(facts["profile_contact_ratio"]), 0.5 * float(facts["overlap_ratio"])
+        profile, half = float(facts.profile_contact_ratio), 0.5 * float(facts.overlap_ratio)
     beyond = 1.0 if scene.mesh.tip_contact else 0.0
     return TeethInMesh(shapes, math.floor(profile + half + beyond + 0.05) + math.ceil(half) + 1)
-
-
-def element_teeth(scene: Scene, tell: Callable[[str], None] = lambda step: None) -> ElementTeeth:
-    """The teeth of a scene as condensed finite elements.
-
-    **Arguments:**
-
-    - `scene`: with `mesh.tooth = "elements"`.
-    - `tell`: told what begins.
-
-    **Returns:**
-
-    Their compliance in mesh.
-
-    **Raises:**
-
-    - `InputError` if the scene's teeth cannot be finite elements, or cannot follow what is traced.
-    """
-    # Both gears before any long work: a mistake in the second costs no wait.
-    teeth = teeth_in_mesh(scene)
-    pinion, wheel = (
-        _tables(gear, shape, teeth.count, tell)
-        for gear, shape in zip(GEARS, teeth.shapes, strict=True)
-    )
-    return ElementTeeth(pinion=pinion, wheel=wheel, load_updates=scene.mesh.line_load_updates)
 
 
 def _refuse_moved(moved: Iterable[str]) -> None:

@@ -34,6 +34,12 @@ from jaxgear.scene._table import table_of
 from jaxgear.scene._tables import AbstractTables, PlainTables
 from jaxgear.scene._together import mistakes_together
 
+# How the keys end that name a file.
+_OF_FILES = (
+    "_csv",
+    ".grid",
+    *(f".superelement{part}" for part in ("", "_mass", "_nodes", "_faces")),
+)
 # The scenes that `jaxgear init` writes.
 READY = Path(__file__).parent / "scenes"
 
@@ -114,6 +120,23 @@ class Scene(AbstractTables):
     def condensed(self) -> tuple[str, ...]:
         """Gears whose body is to be condensed."""
         return tuple(gear for gear in GEARS if self.gear(gear).body.kind == "condensed")
+
+    @property
+    def files(self) -> Mapping[str, Path]:
+        """The files that the scene names, under their keys."""
+        named = {key: value for key, value in self.fixed.items() if key.endswith(_OF_FILES)}
+        return {
+            key: self.path.parent / value
+            for key, value in named.items()
+            if isinstance(value, str) and value
+        }
+
+    def files_from(self, folder: Path) -> dict[str, str]:
+        """What the keys of its files must say in a scene that lies in another folder."""
+        return {
+            key: str(path) if Path(self.fixed[key]).is_absolute() else os.path.relpath(path, folder)
+            for key, path in self.files.items()
+        }
 
     def where(self, key: str) -> str:
         """Return where a key was set, for a message about it."""

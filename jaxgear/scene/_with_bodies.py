@@ -25,10 +25,10 @@ def with_bodies(
     - `ValueError` if a body cannot be, or not carry its teeth.
     """
     if scene.mesh.tooth == "elements":
-        from jaxgear.scene import _mesh_teeth
+        from jaxgear.scene._mesh_teeth import teeth_in_mesh
 
         # They are kept for the models to come.
-        _mesh_teeth.element_teeth(scene, tell)
+        teeth_in_mesh(scene).in_mesh(scene.mesh.line_load_updates, tell)
     if not scene.condensed:
         return scene
     from jaxgear.scene import _mesh_bodies

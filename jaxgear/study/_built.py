@@ -1,15 +1,17 @@
 """A scene as studies see it: with its condensed bodies, and what is made of it once for all."""
 
 import dataclasses
+from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from jaxgear._contact._root_influence import Influences
+from jaxgear._contact._root_influence import Influences, nearby_influences
 from jaxgear._geometry._lines import MeshGrid
+from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._system._model import PairModel
 from jaxgear.scene._build import grid_of, law_of, model_of
-from jaxgear.scene._mesh_roots import influences_of
+from jaxgear.scene._mesh_roots import asks_for_roots, influences_of
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._with_bodies import with_bodies
 from jaxgear.study._progress import narration
@@ -53,6 +55,15 @@ class BuiltScene:
     def influences(self) -> Influences | None:
         """Influences of loads on the roots; `None` where nothing asks for root stresses [-]."""
         return influences_of(self.scene, self.model.pair)
+
+    def influences_near(self) -> Callable[[GearPair], Influences | None]:
+        """The same of a pair that has moved from the scene's own, for derivatives."""
+        mesh = self.scene.mesh
+        asked = asks_for_roots(mesh, self.scene.compare, self.scene.optimise)
+        if asked and mesh.tooth != "elements":
+            return nearby_influences(self.model.pair).at
+        # Condensed teeth follow no key.
+        return lambda moved: self.influences
 
     @cached_property
     def teeth(self) -> "TeethInMesh | None":

@@ -141,7 +141,7 @@ def _on_foundations(
 
 def _radius_ratios(model: PairModel) -> list[float]:
     """Root circle over bore of both gears; infinite without a bore [-]."""
-    radii = np.asarray(pair_facts(model.pair)["root_radius"])
+    radii = np.asarray(pair_facts(model.pair).root_radius)
     bores = [model.pair.pinion.bore, model.pair.wheel.bore]
     return [
         np.inf if bore is None else 2.0 * float(radius) / float(bore)

@@ -8,6 +8,7 @@ along Z.
 from collections.abc import Mapping
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
@@ -21,6 +22,7 @@ from jaxgear._flank._measured import (
     roll_angle_of_profile_place,
 )
 from jaxgear._geometry._pair import GearPair, pair_facts
+from jaxgear._geometry._pair_facts import PairFacts
 from jaxgear._geometry._sliding import sliding_speed, specific_sliding
 from jaxgear._kept_programs import called
 from jaxgear._types import as_scalar
@@ -39,14 +41,9 @@ _RADII = ("tip_radius", "root_radius", "base_radius", "reference_radius", "worki
 _GEAR = over("gear", gear=(list(GEARS), "gear"))
 
 
-def facts_of(pair: GearPair) -> Mapping[str, np.ndarray]:
-    """What is closed-form about a pair, in NumPy."""
-    return {name: np.asarray(fact) for name, fact in pair_facts(pair).items()}
-
-
 def pair_dataset(pair: GearPair) -> xr.Dataset:
     """Circles and lengths of a pair, and the outline of several teeth of each gear."""
-    facts = facts_of(pair)
+    facts = jax.tree.map(np.asarray, pair_facts(pair))
     outlines = [_outline(pair, body, facts) for body in (0, 1)]
     # A gear of few teeth has a shorter outline.
     points = max(each.shape[1] for each in outlines)
@@ -54,14 +51,16 @@ def pair_dataset(pair: GearPair) -> xr.Dataset:
     for body, each in enumerate(outlines):
         drawn[body, :, : each.shape[1]] = each
     half, height = tooth_outline(pair, 0)
-    named = lambda names: {f"{name}_mm": (facts[name], name.replace("_", " ")) for name in names}
+    named = lambda names: {
+        f"{name}_mm": (getattr(facts, name), name.replace("_", " ")) for name in names
+    }
     return dataset_of(
         over(
             "",
             **named(_LENGTHS),
-            working_pressure_angle_deg=(facts["working_pressure_angle"], "working pressure angle"),
+            working_pressure_angle_deg=(facts.working_pressure_angle, "working pressure angle"),
             helix_angle_deg=(pair.helix_angle, "helix angle, right hand positive"),
-            profile_contact_ratio=(facts["profile_contact_ratio"], "profile contact ratio"),
+            profile_contact_ratio=(facts.profile_contact_ratio, "profile contact ratio"),
         )
         | over(
             "gear",
@@ -86,7 +85,7 @@ def pair_dataset(pair: GearPair) -> xr.Dataset:
     )
 
 
-def _outline(pair: GearPair, body: int, facts: Mapping[str, np.ndarray]) -> np.ndarray:
+def _outline(pair: GearPair, body: int, facts: PairFacts) -> np.ndarray:
     """Outline of several teeth around the mesh, S and T [m]."""
     count = (pair.pinion, pair.wheel)[body].teeth
     x, y = tooth_outline(pair, body)
@@ -96,15 +95,15 @@ def _outline(pair: GearPair, body: int, facts: Mapping[str, np.ndarray]) -> np.n
     radius = np.concatenate([np.full(6, radius[0]), radius, np.full(6, radius[-1])])
     half = np.concatenate([space, half, land])
     # The loaded flank, which leads anticlockwise on either gear, passes through the pitch point.
-    pitch_point = facts["pitch_point"]
-    roll = (pitch_point, facts["tangent_length"] - pitch_point)[body]
-    turned = roll / facts["base_radius"][body] - facts["half_thickness_at_base"][body]
-    centreline = np.pi * body - facts["working_pressure_angle"] + turned
+    pitch_point = facts.pitch_point
+    roll = (pitch_point, facts.tangent_length - pitch_point)[body]
+    turned = roll / facts.base_radius[body] - facts.half_thickness_at_base[body]
+    centreline = np.pi * body - facts.working_pressure_angle + turned
     shown = min(_TEETH_SHOWN, count)
     teeth = centreline + 2.0 * np.pi / count * (np.arange(shown) - shown // 2)
     angle = (teeth[:, None] + np.concatenate([-half, half[::-1]])).ravel()
     distance = np.tile(np.concatenate([radius, radius[::-1]]), len(teeth))
-    centre = np.asarray([float(facts["working_centre_distance"]) * body, 0.0])
+    centre = np.asarray([float(facts.working_centre_distance) * body, 0.0])
     return centre[:, None] + distance * np.stack([np.cos(angle), np.sin(angle)])
 
 
@@ -114,13 +113,15 @@ def axes_dataset(pair: GearPair) -> xr.Dataset:
     Tooth traces are those on the side of +T, torques what drive and load put on the gears, forces
     what the mesh puts on them.
     """
-    facts = facts_of(pair)
-    angle, base_helix = (float(facts[x]) for x in ("working_pressure_angle", "base_helix_angle"))
-    helix, distance = float(pair.helix_angle), float(facts["working_centre_distance"])
-    radii = facts["reference_radius"]
+    facts = jax.tree.map(np.asarray, pair_facts(pair))
+    angle, base_helix = (
+        float(getattr(facts, x)) for x in ("working_pressure_angle", "base_helix_angle")
+    )
+    helix, distance = float(pair.helix_angle), float(facts.working_centre_distance)
+    radii = facts.reference_radius
     along = np.array([np.sin(angle), np.cos(angle), 0.0])
     normal = np.cos(base_helix) * along - [0.0, 0.0, np.sin(base_helix)]
-    pitch_point = np.array([float(facts["working_pitch_radius"][0]), 0.0, 0.0])
+    pitch_point = np.array([float(facts.working_pitch_radius[0]), 0.0, 0.0])
     middle, other, up = np.zeros(3), np.array([distance, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
     side = np.array([0.0, 1.0, 0.0])
     # On the pinion's side of +T a tooth that turns about +Z with Z moves towards -S.

@@ -105,12 +105,12 @@ def static_dataset(
 ) -> xr.Dataset:
     """Everything that a quasi-static mesh cycle says, in the units of files."""
     found = jax.tree.map(np.asarray, called(_responses, model, cycle, law))
-    facts = {name: np.asarray(x) for name, x in jg.pair_facts(model.pair).items()}
+    facts = jax.tree.map(np.asarray, jg.pair_facts(model.pair))
     variables = _over_mesh(cycle, found) | _over_bodies(found) | _on_path(facts)
     return dataset_of(variables, **_coordinates(cycle, facts)).assign_attrs(
         torque_pinion_Nm=float(model.torque),
-        face_width_mm=float(facts["face_width"]) / mm,
-        base_radius_pinion_mm=float(facts["base_radius"][0]) / mm,
+        face_width_mm=float(facts.face_width) / mm,
+        base_radius_pinion_mm=float(facts.base_radius[0]) / mm,
         teeth_pinion=model.pair.pinion.teeth,
         teeth_wheel=model.pair.wheel.teeth,
     )
@@ -198,11 +198,11 @@ def harmonics_resolved(lines: ContactLines) -> int:
     return min(_HARMONICS, (lines.phase.size // lines.periods - 1) // 2)
 
 
-def _coordinates(cycle: jg.MeshCycle, facts: dict[str, np.ndarray]) -> Entries:
+def _coordinates(cycle: jg.MeshCycle, facts: jg.PairFacts) -> Entries:
     lines = cycle.cells.lines
     # Mesh periods since each line's entry at mid-face, about which the slices are symmetric.
     at_middle = np.mean(np.asarray(lines.roll), axis=2)
-    passage = (at_middle - facts["path_start"]) / facts["transverse_base_pitch"]
+    passage = (at_middle - facts.path_start) / facts.transverse_base_pitch
     # At the first phase a line is that far from its entry, in whole periods.
     index = np.rint(passage[0] - np.asarray(lines.phase)[0]).astype(int)
     orders = np.arange(1, harmonic_count(cycle) + 1)
@@ -295,11 +295,11 @@ def _over_bodies(found: _Responses) -> Entries:
     return entries
 
 
-def _on_path(facts: dict[str, np.ndarray]) -> Entries:
+def _on_path(facts: jg.PairFacts) -> Entries:
     """Where A to E are. B and D bound single-pair contact, so they need a ratio of 1 to 2."""
-    length, start = float(facts["path_of_contact"]), float(facts["path_start"])
-    pitch = float(facts["transverse_base_pitch"]) / length
-    place = (float(facts["pitch_point"]) - start) / length
+    length, start = float(facts.path_of_contact), float(facts.path_start)
+    pitch = float(facts.transverse_base_pitch) / length
+    place = (float(facts.pitch_point) - start) / length
     first, last = (1.0 - pitch, pitch) if 0.5 < pitch < 1.0 else (math.nan, math.nan)
     position = np.asarray([0.0, first, place, last, 1.0])
     roll = start + position * length

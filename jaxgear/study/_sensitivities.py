@@ -20,7 +20,6 @@ from jaxgear._types import Flags, Reals
 from jaxgear._units import um
 from jaxgear.scene._build import model_of
 from jaxgear.scene._gear_tables import GearKeys, MaterialKeys
-from jaxgear.scene._mesh_roots import influences_near
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import split_entry
 from jaxgear.study._built import BuiltScene, built_scene
@@ -121,7 +120,7 @@ def static_sensitivities(built: BuiltScene) -> xr.Dataset:
     The largest pressure is that of one place: where two are equal, the mean of what moves either.
     """
     scene, still, grid, law = built.scene, built.model, built.grid, built.law
-    keys, influences = Keys(scene, scene.real_keys()), influences_near(scene, still.pair)
+    keys, influences = Keys(scene, scene.real_keys()), built.influences_near()
     names = (*_AT_REST, _STIFFNESS, *(ROOT_NUMBERS if influences(still.pair) else ()))
 
     def respond(values: Reals) -> tuple[Reals, Flags]:

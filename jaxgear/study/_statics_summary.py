@@ -1,5 +1,6 @@
 """What a summary says of a pair's geometry, its bearings and supports."""
 
+import jax
 import numpy as np
 
 from jaxgear._geometry._pair import GearPair, pair_facts
@@ -19,23 +20,23 @@ _OF_GEARS = (
 
 def geometry_summary(pair: GearPair) -> Summary:
     """The `geometry` part of the summary, but for what follows from the contact."""
-    facts = {name: np.asarray(value) for name, value in pair_facts(pair).items()}
-    pitch, path = facts["transverse_base_pitch"], facts["path_of_contact"]
+    facts = jax.tree.map(np.asarray, pair_facts(pair))
+    pitch, path = facts.transverse_base_pitch, facts.path_of_contact
     lengths = {
-        "centre_distance_mm": facts["working_centre_distance"],
+        "centre_distance_mm": facts.working_centre_distance,
         "base_pitch_mm": pitch,
         "path_of_contact_mm": path,
         # From the wheel's tip A to the inner single contact point B, the pitch point C, the outer
         # single contact point D and the pinion's tip E.
         "path_AB_mm": path - pitch if pitch < path < 2.0 * pitch else np.nan,
-        "path_AC_mm": facts["pitch_point"] - facts["path_start"],
+        "path_AC_mm": facts.pitch_point - facts.path_start,
         "path_AD_mm": pitch if pitch < path < 2.0 * pitch else np.nan,
         "path_AE_mm": path,
-        "common_face_width_mm": facts["face_width"],
-        "backlash_mm": facts["backlash"],
+        "common_face_width_mm": facts.face_width,
+        "backlash_mm": facts.backlash,
     }
     lengths |= {
-        f"{name}_{gear}_mm": facts[name][body]
+        f"{name}_{gear}_mm": getattr(facts, name)[body]
         for body, gear in enumerate(GEARS)
         for name in _OF_GEARS
     }
@@ -43,9 +44,9 @@ def geometry_summary(pair: GearPair) -> Summary:
     ratios = ("profile_contact_ratio", "overlap_ratio", "total_contact_ratio")
     return (
         {key: float(value / mm) for key, value in lengths.items()}
-        | {f"{name}_deg": float(facts[name] / deg) for name in angles}
-        | {name: float(facts[name]) for name in ratios}
-        | {"full_tip_shortening_coeff": float(facts["full_tip_shortening"])}
+        | {f"{name}_deg": float(getattr(facts, name) / deg) for name in angles}
+        | {name: float(getattr(facts, name)) for name in ratios}
+        | {"full_tip_shortening_coeff": float(facts.full_tip_shortening)}
     )
 
 

@@ -5,10 +5,10 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from jaxgear._flank._deviations import Flanks
 from jaxgear._flank._measured import diameter_of_profile_place, roll_of_profile_place
+from jaxgear._geometry._pair import GearPair
 from jaxgear._units import mm, um
-from jaxgear.scene._build_pair import flanks_of, pair_of
-from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
 
 _PROFILE, _FACE = 41, 25
@@ -32,23 +32,19 @@ class Topography(NamedTuple):
     deviation_um: np.ndarray
 
 
-def flank_topography(scene: Scene, gear: str) -> Topography:
+def flank_topography(pair: GearPair, flanks: Flanks, gear: str) -> Topography:
     """The flank of a gear, modifications, measured deviations and tolerance grade together.
 
     **Arguments:**
 
-    - `scene`: checked against the schema.
+    - `pair`: the gears.
+    - `flanks`: their deviations.
     - `gear`: "pinion" or "wheel".
-
-    **Raises:**
-
-    - `ValueError` if the gears are impossible, or a file of deviations is.
     """
-    pair, index = pair_of(scene), GEARS.index(gear)
-    deviation = getattr(flanks_of(scene, pair), gear)
+    index, deviation = GEARS.index(gear), getattr(flanks, gear)
     profile, face = jnp.linspace(0.0, 1.0, _PROFILE), jnp.linspace(-1.0, 1.0, _FACE)
     grid = jnp.meshgrid(profile, face, indexing="ij")
-    half = 0.5 * scene.gear(gear).face_width_mm
+    half = 0.5 * getattr(pair, gear).face_width / mm
     return Topography(
         np.asarray(roll_of_profile_place(pair, index, profile)) / mm,
         np.asarray(diameter_of_profile_place(pair, index, profile)) / mm,

@@ -13,7 +13,6 @@ from jaxgear._cli._main import main
 from jaxgear.plot._compare_atlas import comparison_pictures
 from jaxgear.scene._rewriting import write_scene
 from jaxgear.scene._scene import SceneError, read_scene, ready_scene
-from jaxgear.scene._scene_files import files_of
 from jaxgear.scene._schema import STATIC_RESPONSES
 from jaxgear.study._fidelity import _auto as auto
 from jaxgear.study._fidelity import _choice as choice
@@ -175,7 +174,7 @@ def test_levels_follow_from_the_scene():
 
 
 def _digest(scene, work):
-    return auto.digest(scene.values, scene.given, files_of(scene), work)
+    return auto.digest(scene.values, scene.given, scene.files, work)
 
 
 def _names(levels) -> set[str]:

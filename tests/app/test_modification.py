@@ -33,7 +33,7 @@ def _trace(data, gear, trace):
 def test_profile_of_a_relieved_tip_by_hand(pair, data):
     found = _trace(data, "pinion", "profile")
     facts = jg.pair_facts(pair)
-    tip, base = float(facts["tip_radius"][0]), float(facts["base_radius"][0])
+    tip, base = float(facts.tip_radius[0]), float(facts.base_radius[0])
     assert_close(found["diameter_mm"][-1], 2.0 * tip / mm, rtol=1e-12, atol=0.0)
     rolled = np.sqrt(tip**2 - base**2) / base / deg
     assert_close(found["roll_angle_deg"][-1], rolled, rtol=1e-12, atol=0.0)
@@ -72,11 +72,11 @@ def test_picture_names_what_differs(data):
 def test_sliding_table_ends_at_the_tips(pair):
     data, facts = sliding_dataset(pair, 1.0, 0.0), jg.pair_facts(pair)
     found = {str(name): each.values for name, each in data.items()}
-    tips = 2.0 * np.asarray(facts["tip_radius"]) / mm
+    tips = 2.0 * np.asarray(facts.tip_radius) / mm
     ends = np.asarray([found["diameter_pinion_mm"][-1], found["diameter_wheel_mm"][0]])
     assert_close(ends, tips, rtol=1e-12, atol=0.0)
     # At the tips a flank slides faster than the other one rolls.
     assert found["specific_sliding_pinion"][-1] > 0.0 > found["specific_sliding_wheel"][-1]
     speed = found["sliding_speed_per_pinion_speed_mm"] * mm
-    pitch = float(facts["working_pitch_radius"][0])
+    pitch = float(facts.working_pitch_radius[0])
     assert_close(found["sliding_over_pitch_line_speed"], speed / pitch, rtol=1e-12, atol=0.0)

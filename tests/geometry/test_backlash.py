@@ -76,8 +76,8 @@ def test_centre_distance_alone_by_hand():
 def test_backlash_is_that_of_the_pair_and_both_allowances(make):
     pair = make()
     facts = pair_facts(pair)
-    along_path = jnp.cos(facts["working_pressure_angle"]) * jnp.cos(facts["base_helix_angle"])
-    own = float(facts["backlash"] * along_path)
+    along_path = jnp.cos(facts.working_pressure_angle) * jnp.cos(facts.base_helix_angle)
+    own = float(facts.backlash * along_path)
     expected = own + 120.0 * um * math.cos(float(pair.pressure_angle))
     assert_close(_backlash(_thinned(pair, 70.0, 50.0)), expected, rtol=1e-9, atol=0.0)
 
@@ -314,8 +314,8 @@ def test_flanks_that_overlap_are_refused_with_what_would_do():
 def test_an_allowance_that_leaves_no_tip_is_refused():
     pair = standard_30_30()
     facts = pair_facts(pair)
-    at_tip = float(facts["tip_radius"][1] / facts["reference_radius"][1])
-    most = float(facts["tip_thickness"][1]) / at_tip / um
+    at_tip = float(facts.tip_radius[1] / facts.reference_radius[1])
+    most = float(facts.tip_thickness[1]) / at_tip / um
     check_backlash(_thinned(pair, 0.0, 0.999 * most))
     with pytest.raises(
         ValueError, match=re.escape(f"wheel's teeth at their tips, where {most:.4g}")

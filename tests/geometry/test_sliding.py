@@ -2,6 +2,7 @@
 
 import math
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -44,12 +45,12 @@ def test_loss_factor_by_hand(pair):
 def test_sliding_is_the_difference_of_the_velocities_of_both_flanks():
     """Helical gears, at the place of contact in the transverse plane, each turning by itself."""
     pair = helical_25_31()
-    facts = {name: np.asarray(fact) for name, fact in jg.pair_facts(pair).items()}
-    angle = facts["working_pressure_angle"]
-    roll = np.linspace(facts["path_start"], facts["path_end"], 7)
+    facts = jax.tree.map(np.asarray, jg.pair_facts(pair))
+    angle = facts.working_pressure_angle
+    roll = np.linspace(facts.path_start, facts.path_end, 7)
     along, across = (np.sin(angle), np.cos(angle)), (np.cos(angle), -np.sin(angle))
-    place = facts["base_radius"][0] * np.asarray(across) + roll[:, None] * np.asarray(along)
-    from_wheel = place - [facts["working_centre_distance"], 0.0]
+    place = facts.base_radius[0] * np.asarray(across) + roll[:, None] * np.asarray(along)
+    from_wheel = place - [facts.working_centre_distance, 0.0]
     turned = lambda speed, arm: speed * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
     speeds = 250.0, -250.0 * pair.pinion.teeth / pair.wheel.teeth
     apart = turned(speeds[0], place) - turned(speeds[1], from_wheel)

@@ -14,7 +14,6 @@ from typing import Any
 
 from jaxgear._whole_file import write_json
 from jaxgear.scene._scene import Scene
-from jaxgear.scene._scene_files import files_of
 from jaxgear.scene._study_tables import OptimiseKeys
 from jaxgear.scene._tables import SweepKeys
 from jaxgear.study._built import built_scene
@@ -57,7 +56,7 @@ def chosen(scene: Scene, command: str, memory: Path | None = None) -> tuple[Scen
         # What is refused anyway costs no wait.
         require_searchable(scene)
     work: Work = "map" if command == "map" else "optimise" if searched else "run"
-    given = scene.values, scene.given, files_of(scene)
+    given = scene.values, scene.given, scene.files
     key, kept = digest(*given, "sweep" if moving else work), _read(memory)
     about = known = kept.get(key)
     if about is None:

@@ -8,6 +8,7 @@ from typing import Any
 import jaxgear as jg
 from jaxgear._dynamics._adaptive import Adaptive
 from jaxgear._units import um
+from jaxgear.scene._build import model_of
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
 from jaxgear.scene._study_tables import OptimiseKeys
@@ -219,6 +220,9 @@ class Hierarchy:
         """
         at_mesh = self.scene.model.at_mesh
         settings = {(5, 64), (10, 64), (20, 64), (10, 128), (40, 128)}
+        rigid = model_of(
+            self.scene, {f"{gear}.body.kind": "rigid" for gear in self.scene.condensed}
+        )
         rows: dict[str, Mapping[str, Changes]] = {
             "modes": self._of_shapes(most),
             "mesh coordinates": {
@@ -227,7 +231,7 @@ class Hierarchy:
                 if n != at_mesh
             },
             "slices": _sliced(n for n in (5, 10, 20) if n < self.scene.mesh.slices),
-            "bodies": rigid_changes(self.scene),
+            "bodies": rigid_changes(self.scene.bodies, rigid),
         }
         march, shot = jg.Marching(stepper=jg.Newmark(), cycles=200), jg.Shooting(warm_up=10)
         coarse = self.scene.differing({"sweep.steps": 64})

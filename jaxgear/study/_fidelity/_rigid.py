@@ -2,34 +2,35 @@
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
+from jaxgear._system._model import PairModel
 from jaxgear._system._mount import AbstractMount
 from jaxgear._system._shaft import Shaft
-from jaxgear.scene._build import model_of
-from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
 from jaxgear.study._fidelity._level import Changes
 
 
-def rigid_changes(scene: Scene) -> Mapping[str, Changes]:
+def rigid_changes(bodies: Mapping[str, Any], rigid: PairModel) -> Mapping[str, Changes]:
     """What makes condensed bodies rigid: changes of keys, by the name of the level.
 
     All are, with the foundation that the scene has for rigid bodies and without; and, if both gears
     are condensed, the pinion alone.
+
+    **Arguments:**
+
+    - `bodies`: that are condensed, by gear.
+    - `rigid`: the model with rigid bodies in their place.
     """
-    kinds = {gear: {f"{gear}.body.kind": "rigid"} for gear in scene.condensed}
-    model = model_of(scene, {key: kind for own in kinds.values() for key, kind in own.items()})
-    mounts: dict[str, AbstractMount] = {
-        "pinion": model.pinion_support,
-        "wheel": model.wheel_support,
-    }
+    mounts = {"pinion": rigid.pinion_support, "wheel": rigid.wheel_support}
     numbers: dict[str, Changes] = {}
-    for gear, kind in kinds.items():
-        body = scene.bodies[gear].built.body
+    for gear, mesh_body in bodies.items():
+        body = mesh_body.built.body
         inertia = body.rigid_motions.T @ (body.mass @ body.rigid_motions)
-        numbers[gear] = {**kind, **_rigid_numbers(gear, inertia, mounts[gear])}
+        own = _rigid_numbers(gear, inertia, mounts[gear])
+        numbers[gear] = {f"{gear}.body.kind": "rigid", **own}
     whole = {key: value for own in numbers.values() for key, value in own.items()}
     bare = {f"{gear}.foundation": "none" for gear in numbers}
     found = {"rigid": whole, "rigid, no foundation": whole | bare}
