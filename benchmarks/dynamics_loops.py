@@ -16,7 +16,7 @@ import importlib.util
 import statistics
 import time
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -151,31 +151,6 @@ def example(modes: int, cells: int, steps: int, *, seed: int = 3) -> Modal:
         gap=relief + 0.1 * across,
         arms=np.ascontiguousarray(arms),
     )
-
-
-def modal_of(system: Any) -> Modal:
-    """The arrays of a pair of gears, without bows, coupled cells and cell damping.
-
-    **Arguments:**
-
-    - `system`: a `DynamicSystem` of the library, on two mesh coordinates.
-
-    **Raises:**
-
-    - `ValueError` if it has what the loops cannot do.
-    """
-    from jaxgear._dynamics._system import modal_basis
-
-    table = system.table
-    extra = system.bow, table.coupling, system.cell_damping, system.gyroscopic
-    if system.vectors.shape[1] != 2 or any(x is not None for x in extra):
-        raise ValueError("The loops know two mesh coordinates of rigid gears, and no more.")
-    basis = modal_basis(system)
-    parts = (
-        *(basis.square, basis.damping, basis.mesh, basis.load, system.mean),
-        *(table.edges, table.stiffness, table.gap, table.arms),
-    )
-    return Modal(*(np.array(x) for x in parts))
 
 
 def at_rest(modal: Modal) -> np.ndarray:

@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     Speeds = Array
     Receptances = Array
     Responses = Array
-    Multipliers = Array
     Terms = Array
     Basis = Array
     Analysis = Array
@@ -73,7 +72,6 @@ else:
     Speeds = Float[Array, "speed"]
     Receptances = Complex[Array, "harmonic coordinate coordinate"]
     Responses = Complex[Array, "harmonic dof coordinate"]
-    Multipliers = Complex[Array, "..."]
     Terms = Float[Array, "coordinate term"]
     Basis = Float[Array, "step term"]
     Analysis = Float[Array, "term step"]

@@ -46,43 +46,6 @@ def along_directions(angles: np.ndarray, rows: np.ndarray) -> np.ndarray:
     return np.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=1)
 
 
-def revolution(
-    spectrum: Spectrum, samples: int, revolutions: int = 1
-) -> tuple[np.ndarray, np.ndarray]:
-    """A spectrum as a series over whole revolutions of the gear.
-
-    **Arguments:**
-
-    - `spectrum`: by orders of the gear's rotation.
-    - `samples`: in each revolution.
-    - `revolutions`: how many.
-
-    **Returns:**
-
-    Angle turned since the cycle began, shape `[sample]` [rad], and values, `[sample, ...]`.
-    """
-    angle = 2.0 * np.pi * np.arange(samples * revolutions) / samples
-    return angle, spectrum.at(angle)
-
-
-def band_stop(spectrum: Spectrum, bands: Sequence[tuple[float, float]]) -> Spectrum:
-    """A spectrum without the orders in some bands.
-
-    **Arguments:**
-
-    - `spectrum`: to filter.
-    - `bands`: lowest and highest order of each, both left out with all between [-].
-
-    **Returns:**
-
-    What is left; its phases are as they were.
-    """
-    kept = np.ones(len(spectrum.order), dtype=bool)
-    for low, high in bands:
-        kept &= (spectrum.order < low - SAME_ORDER) | (spectrum.order > high + SAME_ORDER)
-    return Spectrum(spectrum.order[kept], spectrum.amplitude[kept])
-
-
 def order_sums(spectrum: Spectrum, edges: Sequence[float] | np.ndarray) -> np.ndarray:
     """RMS of all orders in each of several bands, about the mean.
 

@@ -23,10 +23,8 @@ from jaxgear._units import mm
 
 if TYPE_CHECKING:
     SectionMotion = Array
-    SectionNormal = Array
 else:
     SectionMotion = Float[Array, "6 node_dof"]
-    SectionNormal = Float[Array, "6"]
 
 BODIES = ("pinion", "wheel")
 

@@ -26,13 +26,9 @@ from jaxgear._system._shaft_parts import Bearing, Segment, ShaftLoad, check_bear
 from jaxgear._types import Scalar, as_optional_scalar, as_scalar
 
 if TYPE_CHECKING:
-    Elements = Array
     Nodes = Array
-    ShaftMatrix = Array
 else:
-    Elements = Float[Array, "element"]
     Nodes = Float[Array, "node"]
-    ShaftMatrix = Float[Array, "shaft_dof shaft_dof"]
 
 
 class Shaft(AbstractMount):

@@ -1,9 +1,10 @@
 """All chunks of a study together: the table, its quantiles, and its best designs."""
 
 import dataclasses
+import importlib
 import os
 from collections import Counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -16,14 +17,17 @@ from jaxgear.designs._table import DesignTable
 from jaxgear.designs._work import Job, Status, job_of, status_of
 from jaxgear.scene._scene import Scene
 from jaxgear.study._head import names_of
-from jaxgear.study._result import Datasets, Drawable, Summary, titled
+from jaxgear.study._result import Datasets, Summary, titled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # Reasons that a summary tells.
 _TOLD = 5
 
 
 @dataclasses.dataclass(frozen=True)
-class Collected(Drawable):
+class Collected:
     """The results of a study.
 
     **Fields:**
@@ -50,6 +54,11 @@ class Collected(Drawable):
     def table(self) -> Table:
         """Columns by name, units included: keys, numbers, derivatives, reason."""
         return columns_of(self.designs)
+
+    def plot(self) -> dict[str, "Figure"]:
+        """Draw all pictures: figures by name."""
+        atlas = importlib.import_module("jaxgear.plot")
+        return {each.name: each.draw() for each in atlas.pictures(self.datasets)}
 
 
 def collect(

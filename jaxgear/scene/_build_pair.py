@@ -28,7 +28,6 @@ from jaxgear._flank._tolerances import GradeWaveform, deviation_of_grade, pitch_
 from jaxgear._geometry._backlash import check_backlash
 from jaxgear._geometry._gear import Gear, Material
 from jaxgear._geometry._pair import GearPair
-from jaxgear._types import Scalar
 from jaxgear._units import GPa, deg, mm, um
 from jaxgear.scene._files import check_covers, deviation_of_table, read_profile, read_topography
 from jaxgear.scene._gear_tables import FlankKeys, GearKeys
@@ -36,9 +35,6 @@ from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS
 from jaxgear.scene._sizes import of_material
 from jaxgear.scene._tables import AbstractTables
-
-# A number of a scene in SI: in NumPy, or traced.
-Number = Scalar | float
 
 _EXPONENT = {"linear": 1, "parabolic": 2}
 

@@ -162,9 +162,9 @@ class LiveScene:
         weights = np.asarray([float(name == response) for name in RESPONSES])
         asked = self._asked(values)
         found = np.asarray(timed(_slopes, *asked, weights)).tolist()
-        moved = self._built(values)
+        scene = self._at(values)
         for key in self.built:
-            along = _model_along(Keys(self.scene.replace(moved), (key,)))
+            along = _model_along(Keys(scene, (key,)))
             found.append(float(weights @ timed(_pushed, *asked, along)))
         return dict(zip((knob.key for knob in self.knobs), found, strict=True))
 
@@ -175,15 +175,17 @@ class LiveScene:
         rms = timed(_curve, *self._asked(values), depths)
         return Table({"depth_um": depths, "te_rms_um": rms / um})
 
-    def _built(self, values: np.ndarray) -> dict[str, float]:
-        """Values of the keys for which the model is built anew."""
+    def _at(self, values: np.ndarray) -> Scene:
+        """The scene with the values of the keys for which the model is built anew."""
         own = len(self.knobs) - len(self.built)
-        return dict(zip(self.built, np.asarray(values)[own:].tolist(), strict=True))
+        return self.scene.replace(
+            dict(zip(self.built, np.asarray(values)[own:].tolist(), strict=True))
+        )
 
     def _asked(self, values: np.ndarray) -> tuple[Any, ...]:
         """What the programs take: how the model follows, the grid that a run has, and values."""
-        scene = self.scene.replace(moved := self._built(values))
-        model = model_of(scene) if moved else self.model
+        scene = self._at(values)
+        model = model_of(scene) if self.built else self.model
         own = len(self.knobs) - len(self.built)
         names = tuple(knob.key for knob in self.knobs[:own])
         keys = _Keys(names, variation_of(scene, model, flanks_only=True))

@@ -17,20 +17,8 @@ Summary = dict[str, Any]
 Datasets = Mapping[str, xr.Dataset]
 
 
-class Drawable:
-    """What has datasets of which pictures are made."""
-
-    datasets: Datasets
-
-    def plot(self) -> dict[str, "Figure"]:
-        """Draw all pictures: figures by name."""
-        # Pictures are made of datasets and know no study, so a study asks for them by name.
-        atlas = importlib.import_module("jaxgear.plot")
-        return {each.name: each.draw() for each in atlas.pictures(self.datasets)}
-
-
 @dataclasses.dataclass(frozen=True)
-class Result(Drawable):
+class Result:
     """What a study of a scene found.
 
     **Fields:**
@@ -58,6 +46,12 @@ class Result(Drawable):
     def notes(self) -> tuple[str, ...]:
         """Remarks that a reader of the numbers should not miss, the worst first."""
         return tuple(self.summary.get("notes", ()))
+
+    def plot(self) -> dict[str, "Figure"]:
+        """Draw all pictures: figures by name."""
+        # Pictures are made of datasets and know no study, so a study asks for them by name.
+        atlas = importlib.import_module("jaxgear.plot")
+        return {each.name: each.draw() for each in atlas.pictures(self.datasets)}
 
 
 def titled(dataset: xr.Dataset, title: str) -> xr.Dataset:
