@@ -144,11 +144,12 @@ def _study(args: argparse.Namespace) -> int:
     for remark in odd(scene):
         warn(remark)
     with _results(args, scene.name, scene.path) as folder:
-        with _failures(scene.path, folder.path), _numerical(args.quiet):
+        with _failures(scene.path, folder.path):
             from jaxgear._cli import _commands
 
-            summary = _commands.COMMANDS[args.command](scene, folder)
-        publish(folder)
+            with _numerical(args.quiet):
+                summary = _commands.COMMANDS[args.command](scene, folder)
+            publish(folder)
     wrong = summary["check_grad"]["verdicts"]["WRONG"] if "check_grad" in summary else 0
     if args.json:
         _print_json(summary)
