@@ -55,7 +55,7 @@ def model_of(name: str, flank: Any = None):
     """A ready scene's model and grid, with corrections on both flanks."""
     import jaxgear as jg
 
-    scene = jg.ready_scene(name)
+    scene = jg.example_scene(name)
     model = jg.model_of(scene)
     if flank is not None:
         import equinox as eqx
@@ -110,9 +110,9 @@ def shafts() -> dict:
     report = {}
     for name in ("accessory", "power"):
         rungs = {
-            "that only turns": (jg.ready_scene(name), True),
-            "on shafts and bearings": (jg.ready_scene(name), False),
-            "the pinion a beam": (jg.ready_scene(name, ["pinion.body.kind=beam"]), False),
+            "that only turns": (jg.example_scene(name), True),
+            "on shafts and bearings": (jg.example_scene(name), False),
+            "the pinion a beam": (jg.example_scene(name, ["pinion.body.kind=beam"]), False),
         }
         alone = None
         for rung, (scene, free) in rungs.items():
@@ -149,7 +149,7 @@ def foundations(folder: Path) -> list[dict]:
     rows = []
     for name in ("none", "weber", "sainsot", "ring", "ring, load update"):
         settings = [f"mesh.foundation={name.partition(',')[0]}", "mesh.slices=1"]
-        scene = jg.ready_scene(
+        scene = jg.example_scene(
             "accessory", [*settings, f"mesh.line_load_updates={int(',' in name)}"]
         )
         full = jg.model_of(scene)
@@ -383,7 +383,7 @@ def _balance_and_march(system, model, speeds) -> tuple[float, dict]:
 
     import jaxgear as jg
     from jaxgear._dynamics._harmonic import HarmonicBalance
-    from jaxgear._dynamics._march import Marching
+    from jaxgear._dynamics._march import TimeStepping
     from jaxgear._dynamics._pair_dynamics import pair_dynamics
     from jaxgear._dynamics._shooting import Shooting
     from jaxgear._dynamics._steady_state import steady_states
@@ -424,10 +424,10 @@ def _balance_and_march(system, model, speeds) -> tuple[float, dict]:
     fine = build(200)
     for name, method, on, repeats in (
         ("harmonic balance, H20", HarmonicBalance(), system, 7),
-        ("march, Newmark, 100 cycles", Marching(stepper=Newmark(), cycles=100), system, 1),
-        ("march, exact, 100 cycles", Marching(stepper=Exponential(), cycles=100), system, 1),
-        ("march, Newmark, 200 steps, 400", Marching(stepper=Newmark(), cycles=400), fine, 1),
-        ("march, exact, 200 steps, 400", Marching(stepper=Exponential(), cycles=400), fine, 1),
+        ("march, Newmark, 100 cycles", TimeStepping(stepper=Newmark(), cycles=100), system, 1),
+        ("march, exact, 100 cycles", TimeStepping(stepper=Exponential(), cycles=100), system, 1),
+        ("march, Newmark, 200 steps, 400", TimeStepping(stepper=Newmark(), cycles=400), fine, 1),
+        ("march, exact, 200 steps, 400", TimeStepping(stepper=Exponential(), cycles=400), fine, 1),
     ):
         compiling, seconds, (numbers, settled) = solved(method, on, speeds, repeats)
         found = errors(numbers) | {"ms": 1e3 * seconds, "settled": float(np.mean(settled))}
@@ -447,7 +447,7 @@ def _floquet(system, modes, speeds) -> dict:
     import jax
     import numpy as np
 
-    from jaxgear._dynamics._floquet import monodromy, multipliers
+    from jaxgear._dynamics._floquet import floquet_multipliers, monodromy
     from jaxgear._dynamics._steady_state import steady_states
 
     def matrices(system, modes, speeds):
@@ -456,7 +456,7 @@ def _floquet(system, modes, speeds) -> dict:
 
     compiling, seconds, found = timed(matrices, system, modes, speeds, repeats=3)
     start = time.perf_counter()
-    largest = np.abs(multipliers(found, modes)[:, 0])
+    largest = np.abs(floquet_multipliers(found, modes)[:, 0])
     eigenvalues = time.perf_counter() - start
     note = f"eigenvalues {1e3 * eigenvalues:.0f} ms of it, {np.sum(largest > 1.0)} unstable"
     line(f"{speeds.size} speeds with Floquet's multipliers", compiling, seconds + eigenvalues, note)
@@ -469,7 +469,7 @@ def _march_and_loops(system, modes, speeds) -> dict:
     import jax
     import numpy as np
 
-    from jaxgear._dynamics._march import march, quasi_static_start
+    from jaxgear._dynamics._march import quasi_static_start, time_history
     from jaxgear._dynamics._steppers import Newmark
 
     cycles, steps = 40, len(system.table.kinds)
@@ -477,7 +477,7 @@ def _march_and_loops(system, modes, speeds) -> dict:
 
     def batched(system, modes, speeds, size):
         start = quasi_static_start(system)
-        one = lambda speed: march(
+        one = lambda speed: time_history(
             system, speed, start, cycles=cycles, stepper=Newmark(), modes=modes
         )
         return jax.lax.map(lambda speed: one(speed).load, speeds, batch_size=size)

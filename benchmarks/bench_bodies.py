@@ -86,11 +86,11 @@ def wheel(sectors: int = 86, *, holes: int = 0, fine: bool = False):
     """The accessory wheel, assembled, its bore a rigid ring."""
     import numpy as np
 
-    from fem_prep import Fineness, GearBody, Holes, Material, Seat, Web, body_grid, full_body
+    from fem_prep import GearBody, Holes, Material, MeshSizing, Seat, Web, body_grid, full_body
 
     pierced = (Holes(count=holes, diameter=20e-3, circle=84e-3),) if holes else ()
     body = GearBody(126.8631e-3, 9.5e-3, bore=40e-3, web=Web(50e-3, 3e-3, 118e-3, holes=pierced))
-    fineness = Fineness(sectors, rim_axial=3, rim_radial=1, web_radial=12, hub_radial=2)
+    fineness = MeshSizing(sectors, rim_axial=3, rim_radial=1, web_radial=12, hub_radial=2)
     if fine:
         fineness = replace(fineness, rim_axial=4, rim_radial=3, web_radial=18, web_layers=2)
     grid = body_grid(body, fineness)

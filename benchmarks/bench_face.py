@@ -47,7 +47,7 @@ def _cycle_of(*settings: str) -> Cost:
     """A mesh cycle of the accessory pair."""
     import jaxgear as jg
 
-    scene = jg.with_bodies(jg.ready_scene("accessory", [UPDATES, *settings]))
+    scene = jg.with_bodies(jg.example_scene("accessory", [UPDATES, *settings]))
     model = jg.model_of(scene)
     grid = jg.grid_of(scene, model)
     return _least(lambda: jg.mesh_cycle(model, grid))
@@ -80,7 +80,7 @@ def sweeps(*, quick: bool) -> dict[str, Any]:
             f"mesh.face_coupling={law}",
             "sweep.pinion_speed_rad_s=[100.0, 2000.0]",
         ]
-        scene = jg.with_bodies(jg.ready_scene("accessory-h1", settings), moving=True)
+        scene = jg.with_bodies(jg.example_scene("accessory-h1", settings), moving=True)
         model = jg.model_of(scene)
         grid = jg.grid_of(scene, model, scene.sweep.steps)
         system = dynamics_of(model, grid, scene.model, scene.damping, scene.sweep).system
@@ -98,7 +98,7 @@ def elements(*, quick: bool) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as empty:
         os.environ["JAXGEAR_CACHE"] = empty
         start, processor = time.perf_counter(), time.process_time()
-        jg.with_bodies(jg.ready_scene("accessory", ["mesh.tooth=elements"]))
+        jg.with_bodies(jg.example_scene("accessory", ["mesh.tooth=elements"]))
         offline = Cost(0.0, time.perf_counter() - start, time.process_time() - processor)
         row("teeth of both gears, condensed", offline)
         costs = [_cycle_of("mesh.face_coupling=coupled"), _cycle_of("mesh.tooth=elements")]

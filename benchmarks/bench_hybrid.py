@@ -43,7 +43,7 @@ def hybrid(*overrides: str):
 
     # As the thesis has its rigid pinion.
     settings = ["mesh.foundation=weber", *overrides]
-    scene = jg.with_bodies(jg.ready_scene("accessory-h1", settings))
+    scene = jg.with_bodies(jg.example_scene("accessory-h1", settings))
     model = jg.model_of(scene)
     return scene, model, jg.grid_of(scene, model)
 
@@ -144,7 +144,7 @@ def full_statics(scene, model, grid, phase: int):
 
     import jaxgear as jg
     from jaxgear._contact._cells import mesh_gap
-    from jaxgear._interface._roots import RimSurface, feet
+    from jaxgear._interface._roots import RimSurface, interface_map
     from jaxgear._system._body_tables import root_patches, teeth_on_lines
     from jaxgear._system._foot_tables import foot_weights
     from jaxgear._system._pair_system import pair_system
@@ -166,7 +166,7 @@ def full_statics(scene, model, grid, phase: int):
     # The wheel's rim, in the frame of the body, which may turn: its bearings are isotropic.
     teeth = teeth_on_lines(1, grid, 1)[0]
     options = {"points": scene.value("mesh.root_points"), "axial": scene.value("mesh.connection")}
-    found = feet(
+    found = interface_map(
         RimSurface(body.rim_nodes, body.rim_faces),
         root_patches(pair, 1, grid, teeth, **options),
     )

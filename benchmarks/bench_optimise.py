@@ -50,7 +50,7 @@ class Task(NamedTuple):
 
 def task(name: str, settings: Sequence[str]) -> Task:
     """The search of a ready scene with some settings, compiled."""
-    from jaxgear.scene._scene import ready_scene
+    from jaxgear.scene._scene import example_scene
     from jaxgear.scene._with_bodies import with_bodies
     from jaxgear.study._built import BuiltScene
     from jaxgear.study._design import design_space
@@ -59,7 +59,7 @@ def task(name: str, settings: Sequence[str]) -> Task:
     from jaxgear.study._statics import solve_statics
 
     # The thesis's foundation, on which searches have been measured from the first.
-    scene = ready_scene(name, ("mesh.foundation=weber", *settings))
+    scene = example_scene(name, ("mesh.foundation=weber", *settings))
     if scene.condensed:
         scene = with_bodies(scene)
     built = BuiltScene(scene)

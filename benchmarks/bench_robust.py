@@ -78,7 +78,7 @@ def _case(phases: int, slices: int, count: int, settings: list[str]):
     from jaxgear.study._robust import members_of
     from jaxgear.study._scatter import scatter_of
 
-    scene = jg.ready_scene(
+    scene = jg.example_scene(
         "accessory", [f"mesh.phases={phases}", f"mesh.slices={slices}", *settings]
     )
     vary = tuple(scene.value("optimise.vary"))
@@ -87,7 +87,7 @@ def _case(phases: int, slices: int, count: int, settings: list[str]):
     grid = jg.grid_of(scene, space.base)
     prepared = prepared_mesh(space, grid)
     start = time.perf_counter()
-    members = members_of(scatter, optimise.scattered(scatter.quantities, count), grid, prepared)
+    members = members_of(scatter, optimise.sample(scatter.quantities, count), grid, prepared)
     return scatter, grid, smooth_law_of(scene.mesh), members, time.perf_counter() - start
 
 
@@ -106,7 +106,9 @@ def _one(phases: int, slices: int, count: int, settings: list[str]) -> dict[str,
     title = f"{phases} phases, {slices} slices, {count} gears, {what}"
     compiling, alone, _ = timed(value, at, members, repeats=5)
     line(f"{title}: value", compiling, alone)
-    compiling, both, found = timed(optimise.measured(judge, [measure]), at, members, repeats=5)
+    compiling, both, found = timed(
+        optimise.population_statistics(judge, [measure]), at, members, repeats=5
+    )
     number, slope = float(found[0][0]), [float(x) for x in found[1][0]]
     note = f"RMS {number**0.5:.4f} um, slopes {slope[0]:.4f} um2/um, {slope[1]:.2f} um2"
     line("  with its gradient", compiling, both, note)

@@ -57,13 +57,13 @@ def measured(name: str, model: str, speeds: list[float], reliefs: list[float]):
     import numpy as np
 
     import jaxgear as jg
-    from jaxgear._dynamics._harmonic import balance_of
+    from jaxgear._dynamics._harmonic import harmonic_balance_problem
     from jaxgear.study._built import BuiltScene
     from jaxgear.study._dynamics import dynamics_of
 
     kind, count = model.split(":")
     told = [f"model.shapes={kind}", f"model.coordinates={count}"]
-    scene = jg.ready_scene(name, [*told, "sweep.pinion_speed_rad_s=[1.0]"])
+    scene = jg.example_scene(name, [*told, "sweep.pinion_speed_rad_s=[1.0]"])
     scene, seconds = on_processor(lambda: jg.with_bodies(scene, moving=True))
     print(f"{name} {model}: bodies {seconds:.1f} s, {peak():.0f} MB", file=sys.stderr, flush=True)
     built = BuiltScene(scene)
@@ -74,7 +74,9 @@ def measured(name: str, model: str, speeds: list[float], reliefs: list[float]):
     for relief in reliefs:
         relieved = jg.model_of(scene.replace(dict.fromkeys(FLANKS, relief)))
         pair, building = on_processor(lambda model=relieved: make(model))
-        balance, preparing = on_processor(lambda pair=pair: balance_of(method, pair.system))
+        balance, preparing = on_processor(
+            lambda pair=pair: harmonic_balance_problem(method, pair.system)
+        )
         size = pair.system.mass.shape[0]
         told = f"{building:.1f} s, {preparing:.1f} s, {peak():.0f} MB"
         print(f"  {relief:g} um: {size} degrees of freedom, {told}", file=sys.stderr, flush=True)

@@ -77,7 +77,7 @@ def scene_of(coordinates: int, shapes: str = "natural"):
         f"model.shapes={shapes}",
         "sweep.pinion_speed_rad_s=[100.0, 2000.0]",
     ]
-    return jg.with_bodies(jg.ready_scene("accessory-h1", settings), moving=True)
+    return jg.with_bodies(jg.example_scene("accessory-h1", settings), moving=True)
 
 
 @functools.cache
@@ -230,7 +230,7 @@ def multipliers_of(system, orbits) -> dict[str, float]:
     import jax
     import numpy as np
 
-    from jaxgear._dynamics._floquet import monodromy, multipliers
+    from jaxgear._dynamics._floquet import floquet_multipliers, monodromy
     from jaxgear._dynamics._system import modal_basis
 
     some = jax.tree.map(lambda x: x[:: max(1, len(x) // 20)], orbits)
@@ -238,7 +238,7 @@ def multipliers_of(system, orbits) -> dict[str, float]:
     matrices = lambda s, m, o: jax.lax.map(lambda orbit: monodromy(s, m, orbit), o)
     cost, found = measured(matrices, system, modes, some)
     start = time.process_time()
-    largest = np.abs(multipliers(found, modes)[:, 0])
+    largest = np.abs(floquet_multipliers(found, modes)[:, 0])
     each, eigenvalues = len(largest), time.process_time() - start
     note = f"and {1e3 * eigenvalues / each:.0f} ms for eigenvalues"
     row("Floquet's matrix, for each speed", cost, 1e3 / each, "ms", note)
@@ -258,7 +258,7 @@ def marches(*, quick: bool) -> dict[str, Any]:
     import numpy as np
 
     from jaxgear._dynamics._harmonic import HarmonicBalance
-    from jaxgear._dynamics._march import march, quasi_static_start
+    from jaxgear._dynamics._march import quasi_static_start, time_history
     from jaxgear._dynamics._steady_state import steady_state
     from jaxgear._dynamics._steppers import Newmark
     from jaxgear._dynamics._system import modal_basis
@@ -269,7 +269,7 @@ def marches(*, quick: bool) -> dict[str, Any]:
     def over(system, speed):
         # Only what is needed of each period is kept.
         modes, start = modal_basis(system), quasi_static_start(system)
-        history = march(
+        history = time_history(
             system, speed, start, cycles=cycles, keep=cycles, stepper=Newmark(), modes=modes
         )
         return jnp.max(history.load[:, 0].reshape(cycles, -1), axis=1) / system.force
@@ -306,7 +306,7 @@ def steps(*, quick: bool) -> dict[str, Any]:
     """One step of a march, and the thesis's."""
     import jax.numpy as jnp
 
-    from jaxgear._dynamics._march import march, quasi_static_start
+    from jaxgear._dynamics._march import quasi_static_start, time_history
     from jaxgear._dynamics._steppers import Exponential, Newmark
     from jaxgear._dynamics._system import modal_basis
 
@@ -319,7 +319,7 @@ def steps(*, quick: bool) -> dict[str, Any]:
             def over(system, speed, stepper=stepper, cycles=cycles):
                 start = quasi_static_start(system)
                 basis = modal_basis(system)
-                history = march(
+                history = time_history(
                     system, speed, start, cycles=cycles, keep=1, stepper=stepper, modes=basis
                 )
                 return history.load, history.converged

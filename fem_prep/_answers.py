@@ -17,7 +17,7 @@ from ._assembly import surface_mass
 from ._boundary import FullBody
 from ._checks import Progress, silent
 from ._fourier import NodalPattern, families, identify, symmetry_splitting
-from ._hold import Held, recovered
+from ._hold import FixedInterface, recovered_displacements
 from ._modes import operator_of, reduced_modes
 from ._quality import quality
 from ._web import Properties
@@ -87,7 +87,11 @@ def solid_of(properties: Properties, density: float) -> Solid:
 
 
 def described_modes(
-    reduced: ReducedBody, held: Held | None = None, *, count: int = 40, progress: Progress = silent
+    reduced: ReducedBody,
+    held: FixedInterface | None = None,
+    *,
+    count: int = 40,
+    progress: Progress = silent,
 ) -> FreeModes:
     """Lowest free modes of a condensed body, with nodal diameters and circles.
 
@@ -112,13 +116,13 @@ def described_modes(
             motion = elastic[: points.size].T.reshape(-1, *points.shape)
         else:
             points, weights = reduced.nodes, held.full.grid_mass.diagonal()[::3]
-            motion = recovered(held, reduced, elastic)
+            motion = recovered_displacements(held, reduced, elastic)
         pattern = identify(points, motion, weights=weights)
     frequency = np.sqrt(square[rigid:]) / (2 * math.pi)
     return FreeModes(rigid, frequency, motion, pattern, whole=held is not None)
 
 
-def modes_told(reduced: ReducedBody) -> int:
+def reported_mode_count(reduced: ReducedBody) -> int:
     """How many modes are told and compared: 40, if the body has so many; at least 10."""
     return min(40, max(10, _modes_kept(reduced)))
 

@@ -133,7 +133,9 @@ def rigid_motions(points: np.ndarray) -> np.ndarray:
     return motions.reshape(-1, 6)
 
 
-def balanced(load: np.ndarray, mass: "np.ndarray | csr_array", rigid: np.ndarray) -> np.ndarray:
+def self_equilibrated(
+    load: np.ndarray, mass: "np.ndarray | csr_array", rigid: np.ndarray
+) -> np.ndarray:
     """A load less what the rigid acceleration it causes takes of it.
 
     **Arguments:**
@@ -150,7 +152,7 @@ def balanced(load: np.ndarray, mass: "np.ndarray | csr_array", rigid: np.ndarray
     return load - momenta @ np.linalg.solve(rigid.T @ momenta, rigid.T @ load)
 
 
-def floating(body: ReducedBody, load: np.ndarray) -> np.ndarray:
+def inertia_relief(body: ReducedBody, load: np.ndarray) -> np.ndarray:
     """Static motion of a free body under loads that balance each other.
 
     Its mean motion, weighted by mass, is none.

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.sparse import bsr_array, csr_array
 
 from ._boundary import FullBody
-from ._hold import Held, column_blocks
+from ._hold import FixedInterface, column_blocks
 from ._seats import dofs_of
 from ._symmetry import Rotation, Waves, waves_of
 
@@ -140,7 +140,9 @@ def _products(
     return np.tril(among) + sign * np.tril(among, -1).conj().T, between
 
 
-def basis_of(full: FullBody, held: Held, rotation: Rotation, interior: np.ndarray) -> Basis:
+def basis_of(
+    full: FullBody, held: FixedInterface, rotation: Rotation, interior: np.ndarray
+) -> Basis:
     """Constraint modes and interior shapes."""
     nodes = rotation.among(full.rim_points).orbits()
     boundary = 3 * len(full.rim) + 6 * len(full.seats)

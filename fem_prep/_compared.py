@@ -14,8 +14,8 @@ import numpy as np
 from scipy.sparse import coo_array, csc_array, csr_array, diags_array, vstack
 from scipy.sparse.linalg import eigsh
 
-from ._answers import FreeModes, Report, modes_told
-from ._artefact import ReducedBody, balanced
+from ._answers import FreeModes, Report, reported_mode_count
+from ._artefact import ReducedBody, self_equilibrated
 from ._assembly import order
 from ._boundary import FullBody, full_body
 from ._checks import Progress, silent
@@ -190,7 +190,7 @@ def compared(
 ) -> Report:
     """Errors of growth, of deflection under a tooth load, and of frequencies on springs."""
     body = _grounded(full, progress)
-    load = balanced(full.centrifugal_load, full.mass, body.rigid)
+    load = self_equilibrated(full.centrifugal_load, full.mass, body.rigid)
     rim = reduced.rim_nodes.size
     found: Report = {
         "centrifugal_growth_error": _off(grown, off_mean(reduced, body.floating(load)[:rim]))
@@ -202,7 +202,7 @@ def compared(
         load = tooth_load(reduced, row, torque_seat)
         answer = body.boundary @ solve(body.boundary.T @ load)
         found["tooth_deflection_error"] = _off(bent[:rim], answer[:rim])
-    count = min(max(10, modes_told(reduced) // 2), reduced.dofs - 2)
+    count = min(max(10, reported_mode_count(reduced) // 2), reduced.dofs - 2)
     with progress(f"{count} modes on springs"):
         solve = _on_springs(body, *spring_rows(reduced, row, springs, mesh=True))
         wanted = _sprung_frequencies(body, solve, count)

@@ -15,13 +15,13 @@ import numpy as np
 import scipy.linalg
 from scipy.sparse import csr_array, lil_array
 
-from ._artefact import ReducedBody, balanced, floating, rigid_motions
+from ._artefact import ReducedBody, inertia_relief, rigid_motions, self_equilibrated
 from ._assembly import across, centrifugal_load, coriolis, internal_forces, stress_stiffening
 from ._basis import Basis, basis_of
 from ._boundary import FullBody
 from ._checks import Progress, require, silent
 from ._equal_sectors import evened
-from ._hold import Held, boundary_of, hold
+from ._hold import FixedInterface, boundary_of, fixed_interface
 from ._modes import free_modes, lowest_modes, scale_of
 from ._seats import dofs_of
 from ._symmetry import Rotation
@@ -34,7 +34,7 @@ _NEW = 1e-12
 
 
 def _interior(
-    full: FullBody, held: Held, method: str, modes: int, progress: Progress
+    full: FullBody, held: FixedInterface, method: str, modes: int, progress: Progress
 ) -> tuple[np.ndarray, np.ndarray]:
     """Interior shapes of a method, `[3 point, shape]`, none of which moves the boundary.
 
@@ -58,7 +58,7 @@ def _interior(
     return _independent(full, np.concatenate(shapes, axis=1)), square
 
 
-def _fixed_modes(held: Held, modes: int, progress: Progress) -> np.ndarray:
+def _fixed_modes(held: FixedInterface, modes: int, progress: Progress) -> np.ndarray:
     """Modes of the body with its boundary held, `[3 point, mode]`."""
     full, inside = held.full, held.inside
     require(
@@ -101,7 +101,7 @@ def condense(
     modes: int = 50,
     rotating: bool = False,
     rotation: Rotation | None = None,
-    held: Held | None = None,
+    held: FixedInterface | None = None,
     progress: Progress = silent,
 ) -> ReducedBody:
     r"""Condense a body on its rim and its seats (theory 6.7 to theory 6.12).
@@ -138,7 +138,7 @@ def condense(
         than six rigid motions.
     """
     _check_method(method, modes)
-    held = hold(full, rotation=rotation, progress=progress) if held is None else held
+    held = fixed_interface(full, rotation=rotation, progress=progress) if held is None else held
     rotation = held.rotation if rotation is None else rotation
     interior, square = _interior(full, held, method, modes, progress)
     columns = 3 * len(full.rim) // rotation.sectors
@@ -185,13 +185,13 @@ def _check_method(method: str, modes: int) -> None:
     )
 
 
-def _rotating(held: Held, basis: Basis, reduced: ReducedBody) -> ReducedBody:
+def _rotating(held: FixedInterface, basis: Basis, reduced: ReducedBody) -> ReducedBody:
     """With Coriolis forces, spin softening, and stiffening by stresses of the centrifugal load."""
     full = held.full
     # Of a body that is out of balance, what of the load accelerates it strains it too.
-    outer = balanced(reduced.centrifugal_load, reduced.mass, reduced.rigid_motions)
-    load = balanced(full.centrifugal_load, full.mass, full.rigid_motions)
-    moved = floating(reduced, outer)[: reduced.boundary_dofs]
+    outer = self_equilibrated(reduced.centrifugal_load, reduced.mass, reduced.rigid_motions)
+    load = self_equilibrated(full.centrifugal_load, full.mass, full.rigid_motions)
+    moved = inertia_relief(reduced, outer)[: reduced.boundary_dofs]
     # The boundary's motion is exact with any method, that of the inside by its own answer only.
     motion = held.followed(moved[:, None]) + held.loaded(load[:, None])
     strained = full.on_nodes(motion)[0]
@@ -214,7 +214,7 @@ def _of_rings(full: FullBody, strained: np.ndarray) -> csr_array:
     """
     grid = full.grid
     rigid = rigid_motions(grid.nodes)
-    load = balanced(centrifugal_load(full.grid_mass, grid.nodes), full.grid_mass, rigid)
+    load = self_equilibrated(centrifugal_load(full.grid_mass, grid.nodes), full.grid_mass, rigid)
     forces = internal_forces(grid, full.material, strained) - load.reshape(-1, 3)
     size = 3 * full.points
     result = lil_array((size, size))
@@ -229,7 +229,7 @@ def _of_rings(full: FullBody, strained: np.ndarray) -> csr_array:
     return csr_array(result)
 
 
-def _stiffness(held: Held, basis: Basis) -> np.ndarray:
+def _stiffness(held: FixedInterface, basis: Basis) -> np.ndarray:
     """Condensed stiffness: forces on the boundary, and the energies of the interior shapes.
 
     Between both there is nothing: constraint modes leave no force inside.

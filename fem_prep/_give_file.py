@@ -12,7 +12,7 @@ from ._checks import require
 
 
 @dataclass(frozen=True)
-class Give:
+class Compliance:
     """A compliance between loads.
 
     **Fields:**
@@ -25,7 +25,7 @@ class Give:
     facts: Mapping[str, object] = field(default_factory=dict)
 
 
-def write_give(path: str | os.PathLike, give: Give) -> str:
+def write_compliance(path: str | os.PathLike, give: Compliance) -> str:
     """Write a compliance to a file, whole or not at all; returns its content hash."""
     matrix = np.ascontiguousarray(give.matrix, dtype="<f8")
     return write_archive(
@@ -33,8 +33,8 @@ def write_give(path: str | os.PathLike, give: Give) -> str:
     )
 
 
-def read_give(path: str | os.PathLike) -> Give:
-    """Read a compliance from a file that `write_give` wrote.
+def read_compliance(path: str | os.PathLike) -> Compliance:
+    """Read a compliance from a file that `write_compliance` wrote.
 
     **Raises:**
 
@@ -46,4 +46,4 @@ def read_give(path: str | os.PathLike) -> Give:
         "The file {path} is not that of a compliance. " + AGAIN,
         path=path,
     )
-    return Give(arrays["matrix"], about["facts"])
+    return Compliance(arrays["matrix"], about["facts"])

@@ -14,7 +14,7 @@ from ._answers import (
     described_modes,
     mass_properties,
     modes_report,
-    modes_told,
+    reported_mode_count,
     rigid_energies,
     rim_report,
 )
@@ -22,7 +22,7 @@ from ._artefact import ReducedBody
 from ._boundary import FullBody
 from ._checks import Progress, require, silent
 from ._compared import compared, free_error
-from ._hold import Held, hold
+from ._hold import FixedInterface, fixed_interface
 from ._static_answers import (
     Springs,
     growth,
@@ -36,7 +36,7 @@ from ._verdicts import verdicts
 
 def health_report(
     full: FullBody | None,
-    held: Held | None,
+    held: FixedInterface | None,
     reduced: ReducedBody,
     *,
     exact: Solid | None = None,
@@ -87,8 +87,10 @@ def health_report(
     springs = Springs() if springs is None else springs
     if modes is None:
         if full is not None and held is None:
-            held = hold(full, progress=progress)
-        modes = described_modes(reduced, held, count=modes_told(reduced), progress=progress)
+            held = fixed_interface(full, progress=progress)
+        modes = described_modes(
+            reduced, held, count=reported_mode_count(reduced), progress=progress
+        )
     report = counts(full, reduced) | mass_properties(full, reduced, exact)
     report |= rigid_energies(full, reduced) | modes_report(modes)
     with progress("centrifugal growth and a tooth load"):

@@ -20,7 +20,7 @@ _COLUMNS = 510
 
 
 @dataclass(frozen=True)
-class Held:
+class FixedInterface:
     """A body whose boundary is held, ready to be loaded.
 
     **Fields:**
@@ -129,7 +129,9 @@ class Held:
         return outer, answer.T
 
 
-def hold(full: FullBody, *, rotation: Rotation | None = None, progress: Progress = silent) -> Held:
+def fixed_interface(
+    full: FullBody, *, rotation: Rotation | None = None, progress: Progress = silent
+) -> FixedInterface:
     """Hold a body at its rim and its seats.
 
     **Arguments:**
@@ -154,7 +156,7 @@ def hold(full: FullBody, *, rotation: Rotation | None = None, progress: Progress
         factor = _factor(stiffness, waves_of(rotation.among(points)))
     rows = full.averages[:, inside]
     forces = factor.solve(rows.T.toarray()) if rows.shape[0] else np.zeros((len(inside), 0))
-    return Held(full, rotation, inside, factor, forces, rows @ forces)
+    return FixedInterface(full, rotation, inside, factor, forces, rows @ forces)
 
 
 def _factor(matrix: csr_array, waves: Waves) -> Factor:
@@ -203,7 +205,9 @@ def _places(full: FullBody) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return rim, rings, means
 
 
-def recovered(held: Held, reduced: ReducedBody, motion: np.ndarray) -> np.ndarray:
+def recovered_displacements(
+    held: FixedInterface, reduced: ReducedBody, motion: np.ndarray
+) -> np.ndarray:
     """Motion of all nodes of the grid in motions of the condensed body.
 
     **Arguments:**

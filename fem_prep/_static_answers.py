@@ -9,7 +9,7 @@ import scipy.linalg
 from scipy.sparse import csr_array, diags_array
 
 from ._answers import Report, inertia_of
-from ._artefact import ReducedBody, balanced, floating, rigid_motions
+from ._artefact import ReducedBody, inertia_relief, rigid_motions, self_equilibrated
 from ._assembly import surface_mass
 from ._checks import require
 
@@ -67,8 +67,8 @@ def growth(reduced: ReducedBody) -> np.ndarray:
     The body floats: what of the load is not balanced accelerates it. Motion is told relative to
     the mean motion of the rim.
     """
-    load = balanced(reduced.centrifugal_load, reduced.mass, reduced.rigid_motions)
-    return off_mean(reduced, floating(reduced, load)[: reduced.rim_nodes.size])
+    load = self_equilibrated(reduced.centrifugal_load, reduced.mass, reduced.rigid_motions)
+    return off_mean(reduced, inertia_relief(reduced, load)[: reduced.rim_nodes.size])
 
 
 def off_mean(reduced: ReducedBody, motion: np.ndarray) -> np.ndarray:

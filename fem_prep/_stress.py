@@ -18,7 +18,7 @@ from ._assembly import Material
 from ._brick import REFERENCE_NODES, gauss_points, jacobians, shape_functions
 from ._checks import require
 from ._grid import Grid
-from ._hold import Held
+from ._hold import FixedInterface
 
 # Eight points.
 _ORDER = 3
@@ -48,7 +48,7 @@ class StressRows:
     rotation: np.ndarray
 
 
-def stress_rows(held: Held, reduced: ReducedBody, nodes: np.ndarray) -> StressRows:
+def stress_rows(held: FixedInterface, reduced: ReducedBody, nodes: np.ndarray) -> StressRows:
     r"""Stress at some nodes from the coordinates of a condensed body.
 
     Each row is a load on the full body whose boundary is held, by Betti's theorem: six columns are

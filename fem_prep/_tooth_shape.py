@@ -53,12 +53,12 @@ class ToothedGear:
             "none. Give it a bore.",
         )
         require(
-            self.root_radius - 0.5 * self.bore >= LEAST_RIM * self.module,
+            self.root_radius - 0.5 * self.bore >= MIN_RIM * self.module,
             "Under teeth of finite elements the ring must be at least {least} modules thick, "
             "{want:.4g/mm} mm, got {got:.4g/mm} mm between bore and root circle. Make the bore "
             "smaller, or the body condensed.",
-            least=LEAST_RIM,
-            want=LEAST_RIM * self.module,
+            least=MIN_RIM,
+            want=MIN_RIM * self.module,
             got=self.root_radius - 0.5 * self.bore,
         )
         if not self.form_roll_squared > 0.0:
@@ -179,4 +179,4 @@ class ToothedGear:
         return radius, math.pi / self.teeth - from_gap
 
 
-LEAST_RIM = 1.0  # thinnest ring under the teeth [modules]
+MIN_RIM = 1.0  # thinnest ring under the teeth [modules]

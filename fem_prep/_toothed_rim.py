@@ -18,7 +18,7 @@ from ._planar import annulus
 from ._seats import RIM
 from ._section import GearBody
 from ._tooth_shape import ToothedGear
-from ._web import Fineness, body_grid
+from ._web import MeshSizing, body_grid
 
 # Growth of the plain ring's elements under the rim.
 _GROWTH = 1.5
@@ -29,7 +29,7 @@ _CIRCLES = 5
 
 
 def ribbed_grids(
-    body: GearBody, fineness: Fineness, gear: ToothedGear, *, teeth: bool = True
+    body: GearBody, fineness: MeshSizing, gear: ToothedGear, *, teeth: bool = True
 ) -> tuple[tuple[Grid, np.ndarray], tuple[Grid, np.ndarray]]:
     """A body and a plain ring, both with coarse teeth and with the same elements in their rims.
 
@@ -52,7 +52,7 @@ def ribbed_grids(
     """
     require(
         fineness.sectors >= 2 * gear.teeth,
-        "Under ribs {Fineness.sectors} must be at least two for each tooth, {want}, got {got}.",
+        "Under ribs {MeshSizing.sectors} must be at least two for each tooth, {want}, got {got}.",
         want=2 * gear.teeth,
         got=fineness.sectors,
     )
@@ -66,7 +66,7 @@ def ribbed_grids(
     return first, second
 
 
-def _depth(body: GearBody, fineness: Fineness) -> float:
+def _depth(body: GearBody, fineness: MeshSizing) -> float:
     """Of the rim, in whose elements all is the same [m]."""
     if body.web is not None:
         return 0.5 * (body.rim_outer - body.web.rim_inner)

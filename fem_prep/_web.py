@@ -21,9 +21,9 @@ from ._section import GearBody, SeatPlace, Segment, Stretch, seat_band, stretche
 from ._section_properties import Properties, exact_properties
 
 __all__ = [
-    "Fineness",
     "GearBody",
     "Holes",
+    "MeshSizing",
     "Properties",
     "SeatPlace",
     "Segment",
@@ -35,7 +35,7 @@ __all__ = [
 
 
 @dataclass(frozen=True)
-class Fineness:
+class MeshSizing:
     """How finely a body is cut into elements.
 
     Counts hold about: edges, seats and the web's faces are always edges of elements too.
@@ -70,18 +70,18 @@ class Fineness:
             value = getattr(self, name)
             require(
                 value is None or value >= low,
-                f"{{Fineness.{name}}} must be at least {{low}}, got {{value}}.",
+                f"{{MeshSizing.{name}}} must be at least {{low}}, got {{value}}.",
                 low=low,
                 value=value,
             )
         require(
             self.shaft is None or self.shaft > 0,
-            "{Fineness.shaft} must be positive, got {value} m.",
+            "{MeshSizing.shaft} must be positive, got {value} m.",
             value=self.shaft,
         )
 
 
-def body_grid(body: GearBody, fineness: Fineness) -> Grid:
+def body_grid(body: GearBody, fineness: MeshSizing) -> Grid:
     """The grid of a body.
 
     Edges of elements lie at the angles `(j - 1/2) 2 pi / sectors`, whether there are holes or not.
@@ -119,7 +119,7 @@ def body_grid(body: GearBody, fineness: Fineness) -> Grid:
     return Grid(nodes, bricks, _sets(body, nodes, columns[0], sizes.sectors))
 
 
-def symmetry(body: GearBody, fineness: Fineness) -> int:
+def symmetry(body: GearBody, fineness: MeshSizing) -> int:
     """By how many equal turns about the axis a body's grid goes over into itself."""
     if body.web is not None and body.web.holes:
         return int(np.gcd.reduce([ring.count for ring in body.web.holes]))
@@ -147,7 +147,7 @@ def _check_sectors(body: GearBody, sectors: int) -> None:
     )
     require(
         sectors == below,
-        "{Fineness.sectors} must be a multiple of {step}, because {reason}; got {sectors}. "
+        "{MeshSizing.sectors} must be a multiple of {step}, because {reason}; got {sectors}. "
         "Take {nearest}.",
         step=step,
         reason=reason,
@@ -177,7 +177,7 @@ class _Sizes:
         return self.shaft or stretch.outer / 2
 
 
-def _sizes(body: GearBody, fineness: Fineness) -> _Sizes:
+def _sizes(body: GearBody, fineness: MeshSizing) -> _Sizes:
     """Counts and lengths that are not given follow from the lengths of arcs."""
     arc = pi * body.rim_outer / fineness.sectors
     axial = body.rim_width / (fineness.rim_axial or max(3, round(body.rim_width / (0.7 * arc))))
@@ -294,7 +294,7 @@ def _shares(web: Web, floors: list[_Interval]) -> np.ndarray:
     return (levels - low) / web.axial_thickness
 
 
-def _disc(body: GearBody, web: Web, fineness: Fineness, shares: np.ndarray) -> list[np.ndarray]:
+def _disc(body: GearBody, web: Web, fineness: MeshSizing, shares: np.ndarray) -> list[np.ndarray]:
     """Bricks of the web."""
     quads = _plane(body, web, fineness)
     if quads is None:
@@ -304,13 +304,13 @@ def _disc(body: GearBody, web: Web, fineness: Fineness, shares: np.ndarray) -> l
     return [extruded_grid(quads, *ends) for ends in pairwise(levels)]
 
 
-def _plane(body: GearBody, web: Web, fineness: Fineness) -> np.ndarray | None:
+def _plane(body: GearBody, web: Web, fineness: MeshSizing) -> np.ndarray | None:
     """The web seen along the axis; None if there are too few elements around for its holes."""
     size, ends = _sizes(body, fineness).web, (web.hub_outer / 2, web.rim_inner / 2)
     return perforated(*ends, size, fineness.sectors, web.holes)
 
 
-def _too_few(body: GearBody, web: Web, fineness: Fineness) -> BodyError:
+def _too_few(body: GearBody, web: Web, fineness: MeshSizing) -> BodyError:
     """What to say of too few elements around for the holes."""
     step, given = _step(body), fineness.sectors
     more = (replace(fineness, sectors=count) for count in range(given + step, 4 * given, step))
@@ -323,7 +323,7 @@ def _too_few(body: GearBody, web: Web, fineness: Fineness) -> BodyError:
             {},
         )
     return BodyError(
-        "{Fineness.sectors} must be large enough for elements to go around every hole, got "
+        "{MeshSizing.sectors} must be large enough for elements to go around every hole, got "
         "{given}. Take {enough}, or leave more material between holes, hub and rim.",
         {"given": given, "enough": enough.sectors},
     )

@@ -113,7 +113,7 @@ from ._interface._laws import ExactContact as ExactContact
 from ._interface._laws import SmoothContact as SmoothContact
 from ._interface._roots import RimSurface as RimSurface
 from ._interface._roots import RootPatches as RootPatches
-from ._interface._roots import feet as feet
+from ._interface._roots import interface_map as interface_map
 from ._interface._wrench import structure_vectors as structure_vectors
 
 from ._system._condensed import Condensed as Condensed
@@ -181,23 +181,23 @@ from ._dynamics._steppers import GeneralizedAlpha as GeneralizedAlpha
 from ._dynamics._steppers import HilberHughesTaylor as HilberHughesTaylor
 from ._dynamics._steppers import Midpoint as Midpoint
 from ._dynamics._steppers import Newmark as Newmark
-from ._dynamics._march import History as History
-from ._dynamics._march import Marching as Marching
+from ._dynamics._march import TimeHistory as TimeHistory
+from ._dynamics._march import TimeStepping as TimeStepping
 from ._dynamics._march import at_rest as at_rest
-from ._dynamics._march import march as march
+from ._dynamics._march import time_history as time_history
 from ._dynamics._march import quasi_static_start as quasi_static_start
-from ._dynamics._schedule import Profile as Profile
+from ._dynamics._schedule import Schedule as Schedule
 from ._dynamics._transient_result import Transient as Transient
 from ._dynamics._schedule import run_up as run_up
 from ._dynamics._schedule import start_stop as start_stop
 from ._dynamics._schedule import torque_step as torque_step
 from ._dynamics._transient import transient as transient
 from ._dynamics._harmonic import HarmonicBalance as HarmonicBalance
-from ._dynamics._harmonic import balance_of as balance_of
-from ._dynamics._harmonic import terms_of as terms_of
+from ._dynamics._harmonic import harmonic_balance_problem as harmonic_balance_problem
+from ._dynamics._harmonic import fourier_coefficients as fourier_coefficients
 from ._dynamics._shooting import Shooting as Shooting
 from ._dynamics._floquet import monodromy as monodromy
-from ._dynamics._floquet import multipliers as multipliers
+from ._dynamics._floquet import floquet_multipliers as floquet_multipliers
 from ._dynamics._sweep import SweepPoint as SweepPoint
 from ._dynamics._sweep import SweepSettings as SweepSettings
 from ._dynamics._steady_state import steady_state as steady_state
@@ -205,11 +205,11 @@ from ._dynamics._steady_state import steady_states as steady_states
 from ._dynamics._sweep import sweep as sweep
 from ._dynamics._continuation import Curve as Curve
 from ._dynamics._continuation import CurvePoint as CurvePoint
-from ._dynamics._folds import condition as condition
+from ._dynamics._folds import distance_to_fold as distance_to_fold
 from ._dynamics._continuation import continuation as continuation
-from ._dynamics._folds import doubled as doubled
+from ._dynamics._folds import period_doubled_branch as period_doubled_branch
 from ._dynamics._folds import fold_gradient as fold_gradient
-from ._dynamics._folds import fold_near as fold_near
+from ._dynamics._folds import refine_fold as refine_fold
 
 from ._response._dynamic import DynamicResponse as DynamicResponse
 from ._response._dynamic import bearing_loads as bearing_loads
@@ -280,7 +280,7 @@ from .scene._build import model_of as model_of
 from .scene._scene import Scene as Scene
 from .scene._scene import SceneError as SceneError
 from .scene._scene import read_scene as read_scene
-from .scene._scene import ready_scene as ready_scene
+from .scene._scene import example_scene as example_scene
 from .scene._with_bodies import with_bodies as with_bodies
 
 from . import scene as scene

@@ -6,8 +6,8 @@ from ._dynamic_objectives import AbstractResponse as AbstractResponse
 from ._dynamic_objectives import BearingForce as BearingForce
 from ._dynamic_objectives import DynamicErrorVariance as DynamicErrorVariance
 from ._dynamic_objectives import DynamicRatio as DynamicRatio
-from ._dynamic_objectives import Judged as Judged
 from ._dynamic_objectives import OverSpeeds as OverSpeeds
+from ._dynamic_objectives import SpeedResults as SpeedResults
 from ._dynamic_objectives import require_regular as require_regular
 from ._face_objectives import EdgeLoad as EdgeLoad
 from ._face_objectives import PressureOffset as PressureOffset
@@ -37,7 +37,7 @@ from ._record import Batched as Batched
 from ._record import Box as Box
 from ._record import Record as Record
 from ._record import SearchResult as SearchResult
-from ._record import Sloped as Sloped
+from ._record import ValueAndGradient as ValueAndGradient
 from ._record import Watcher as Watcher
 from ._record import value_and_jacobian as value_and_jacobian
 from ._record import with_gradient as with_gradient
@@ -49,13 +49,13 @@ from ._robust import Population as Population
 from ._robust import Quantile as Quantile
 from ._robust import Quantity as Quantity
 from ._robust import influences as influences
-from ._robust import measured as measured
-from ._robust import moved_alone as moved_alone
+from ._robust import one_at_a_time_sample as one_at_a_time_sample
 from ._robust import over_samples as over_samples
 from ._robust import population as population
+from ._robust import population_statistics as population_statistics
 from ._robust import ranked as ranked
 from ._robust import responses_of as responses_of
-from ._robust import scattered as scattered
+from ._robust import sample as sample
 from ._root_objectives import LargestRootStress as LargestRootStress
 from ._search import Limit as Limit
 from ._search import adam as adam

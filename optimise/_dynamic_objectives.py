@@ -85,7 +85,7 @@ class BearingForce(AbstractResponse):
         return jnp.sqrt(jg.orbit_mean(dynamics.system, square) + self.width**2)
 
 
-class Judged(eqx.Module):
+class SpeedResults(eqx.Module):
     """A number at each speed, and which of them count.
 
     **Fields:**
@@ -171,7 +171,7 @@ class OverSpeeds(AbstractObjective):
             value = jnp.exp((sizes - jnp.log(count)) / self.power)
         return jnp.where(count >= self.least_share * found.speed.size, value, jnp.nan)
 
-    def judged(self, model: jg.PairModel, law: jg.AbstractContactLaw) -> Judged:
+    def judged(self, model: jg.PairModel, law: jg.AbstractContactLaw) -> SpeedResults:
         """Judge the response at each speed; traceable by JAX.
 
         **Arguments:**
@@ -191,7 +191,7 @@ class OverSpeeds(AbstractObjective):
             active_mesh_damping=self.active_mesh_damping,
         )
         method = in_contact(self.method, law)
-        balance = jg.balance_of(method, dynamics.system)
+        balance = jg.harmonic_balance_problem(method, dynamics.system)
         # One step from harmonics that have settled leaves them, and has their derivatives.
         still = dataclasses.replace(method, most_steps=1)
         # A test, not part of the value: nothing is differentiated through it.
@@ -209,7 +209,7 @@ class OverSpeeds(AbstractObjective):
         # Lanes of a batch all wait for the slowest: on a CPU one after the other is faster.
         number, settled, sensitivity = jax.lax.map(at_speed, self.speeds)
         kept = settled & jnp.isfinite(number) & (sensitivity <= self.most_sensitive)
-        return Judged(self.speeds, number, settled, sensitivity, kept)
+        return SpeedResults(self.speeds, number, settled, sensitivity, kept)
 
 
 def in_contact(method: jg.HarmonicBalance, law: jg.AbstractContactLaw) -> jg.HarmonicBalance:
@@ -256,7 +256,7 @@ def require_regular(
     - `ValueError` if the response has not settled, or is this close to a fold.
     """
     speed = float(orbit.speed)
-    balance = jg.balance_of(method, system)
+    balance = jg.harmonic_balance_problem(method, system)
     near = (balance.analysis @ orbit.place).T
     found, terms = eqx.filter_jit(method.solve)(balance, orbit.speed, near)
     if not bool(found.settled):
@@ -264,7 +264,7 @@ def require_regular(
             f"At {speed:.6g} rad/s harmonic balance finds no response: imbalance "
             f"{float(found.residual):.3g}. What has not settled has no derivative."
         )
-    condition = float(jg.condition(balance, terms, orbit.speed))
+    condition = float(jg.distance_to_fold(balance, terms, orbit.speed))
     if not condition >= least:
         raise ValueError(
             f"The response at {speed:.6g} rad/s is at a fold, or close to one: condition "

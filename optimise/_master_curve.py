@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from optimise._record import Batched, Sloped, with_jacobian
+from optimise._record import Batched, ValueAndGradient, with_jacobian
 
 
 def master_curve_depth(
@@ -188,7 +188,7 @@ class TracedCurve(eqx.Module):
 
 
 def traced_curve(
-    deviations: Callable[[Array, Array], Array] | Sloped,
+    deviations: Callable[[Array, Array], Array] | ValueAndGradient,
     extent: np.ndarray,
     start: float,
     *,
@@ -223,7 +223,7 @@ def traced_curve(
 
     - `FloatingPointError` where the deviations are not finite.
     """
-    if isinstance(deviations, Sloped):
+    if isinstance(deviations, ValueAndGradient):
         sloped = deviations
     else:
         sloped = with_jacobian(lambda point: deviations(point[0], point[1]))

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from optimise._record import Box, Residuals, SearchResult, Sloped, with_jacobian
+from optimise._record import Box, Residuals, SearchResult, ValueAndGradient, with_jacobian
 from optimise._search import KEPT, Limit, constrained, excess_of, lbfgs
 
 
@@ -55,7 +55,7 @@ class ParetoFront(eqx.Module):
 
 
 def pareto_front(
-    responses: Residuals | Sloped,
+    responses: Residuals | ValueAndGradient,
     start: np.ndarray,
     box: Box,
     *,
@@ -101,7 +101,7 @@ def pareto_front(
     numbers = lambda point: np.asarray(slopes(jnp.asarray(point, dtype=float))[0])[:2]
     sizes = _sizes(numbers(box.from_unit(box.to_unit(np.asarray(start, float)))))
 
-    def scaled(*order: int) -> Sloped:
+    def scaled(*order: int) -> ValueAndGradient:
         """Numbers in an order, the first over what it is at the start; then the limited ones."""
         rows = np.asarray([*order, *range(2, 2 + len(limits))])
         units = jnp.ones(len(rows)).at[0].set(sizes[order[0]])
@@ -110,7 +110,7 @@ def pareto_front(
             value, slope = slopes(point)
             return value[rows] / units, slope[rows] / units[:, None]
 
-        return Sloped(both)
+        return ValueAndGradient(both)
 
     searches = _Searches(box, limits, most_evaluations, tolerance, done)
     first = searches.alone(scaled(0), np.asarray(start, float))
@@ -164,7 +164,7 @@ class _Searches:
         self._most, self._tolerance = most_evaluations, tolerance
         self.evaluations = 0
 
-    def alone(self, responses: Sloped, start: np.ndarray) -> _Ended:
+    def alone(self, responses: ValueAndGradient, start: np.ndarray) -> _Ended:
         """Make a number least."""
         if self._limits:
             return self._search(responses, self._limits, start)
@@ -174,7 +174,7 @@ class _Searches:
             return value[0], slope[0]
 
         search = lambda: lbfgs(
-            Sloped(one),
+            ValueAndGradient(one),
             start,
             self._box,
             most_evaluations=self._most,
@@ -182,11 +182,13 @@ class _Searches:
         )
         return self._told(search, lambda point: True, start)
 
-    def within(self, responses: Sloped, limit: Limit, start: np.ndarray) -> _Ended:
+    def within(self, responses: ValueAndGradient, limit: Limit, start: np.ndarray) -> _Ended:
         """Make the first number least while the second stays below a limit."""
         return self._search(responses, [limit, *self._limits], start)
 
-    def _search(self, responses: Sloped, limits: Sequence[Limit], start: np.ndarray) -> _Ended:
+    def _search(
+        self, responses: ValueAndGradient, limits: Sequence[Limit], start: np.ndarray
+    ) -> _Ended:
         search = lambda: constrained(
             responses,
             limits,

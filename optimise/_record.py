@@ -16,7 +16,7 @@ Residuals = Callable[[Float[Array, " variable"]], Float[Array, " residual"]]
 Watcher = Callable[[np.ndarray, float], None]
 
 
-class Sloped:
+class ValueAndGradient:
     """A function that returns its values and their derivatives, in one compiled call.
 
     Searches take one in place of a function: what was looked at before is not compiled again.
@@ -36,12 +36,12 @@ class Sloped:
         """Values and derivatives at a point."""
         return self._both(point, *others)
 
-    def at(self, *others: Array) -> "Sloped":
+    def at(self, *others: Array) -> "ValueAndGradient":
         """The function of a point alone, all else given."""
-        return Sloped(lambda point: self._both(point, *others))
+        return ValueAndGradient(lambda point: self._both(point, *others))
 
 
-def with_gradient(objective: Callable[..., Array] | Sloped) -> Sloped:
+def with_gradient(objective: Callable[..., Array] | ValueAndGradient) -> ValueAndGradient:
     """An objective with its gradient, in reverse.
 
     **Arguments:**
@@ -53,12 +53,12 @@ def with_gradient(objective: Callable[..., Array] | Sloped) -> Sloped:
 
     The function of the same.
     """
-    if isinstance(objective, Sloped):
+    if isinstance(objective, ValueAndGradient):
         return objective
-    return Sloped(jax.jit(jax.value_and_grad(objective)))
+    return ValueAndGradient(jax.jit(jax.value_and_grad(objective)))
 
 
-def with_jacobian(function: Callable[..., Array] | Sloped) -> Sloped:
+def with_jacobian(function: Callable[..., Array] | ValueAndGradient) -> ValueAndGradient:
     """Several values and the derivatives of each, `[value, variable]`, forward in one pass.
 
     **Arguments:**
@@ -70,9 +70,9 @@ def with_jacobian(function: Callable[..., Array] | Sloped) -> Sloped:
 
     The function of the same.
     """
-    if isinstance(function, Sloped):
+    if isinstance(function, ValueAndGradient):
         return function
-    return Sloped(jax.jit(value_and_jacobian(function)))
+    return ValueAndGradient(jax.jit(value_and_jacobian(function)))
 
 
 def value_and_jacobian(function: Callable[..., Array]) -> Callable[..., tuple[Array, Array]]:

@@ -39,7 +39,7 @@ class Quantity(NamedTuple):
     even: bool = False
 
 
-def scattered(quantities: Sequence[Quantity], count: int, seed: int = 0) -> np.ndarray:
+def sample(quantities: Sequence[Quantity], count: int, seed: int = 0) -> np.ndarray:
     """Draw samples of several quantities, independent of each other.
 
     **Arguments:**
@@ -143,7 +143,7 @@ def over_samples(
     **Arguments:**
 
     - `objective`: of the variables and of one member of the sample; traceable by JAX.
-    - `samples`: from `scattered`, `[sample, quantity]`.
+    - `samples`: from `sample`, `[sample, quantity]`.
     - `measure`: of the values, such as `Quantile`.
     - `batch`: members that are computed at once; on a CPU one after the other is often as fast, and
         takes less memory.
@@ -194,7 +194,7 @@ def population(prepare: Prepare, samples: np.ndarray) -> Population:
 
     - `prepare`: from the deviations of one member to any arrays, such as its prepared mesh;
         traceable by JAX.
-    - `samples`: from `scattered`, `[sample, quantity]`.
+    - `samples`: from `sample`, `[sample, quantity]`.
 
     **Returns:**
 
@@ -241,7 +241,7 @@ def responses_of(
     return jax.lax.map(lambda both: one(*both), (members.deviations, members.own))
 
 
-def measured(
+def population_statistics(
     judge: Judge, measures: Sequence[AbstractMeasure]
 ) -> Callable[
     [Float[Array, " variable"], Population],
@@ -325,13 +325,13 @@ def influences(
 
     The values, sorted by how much they span.
     """
-    samples = moved_alone(quantities, deviations=deviations)
+    samples = one_at_a_time_sample(quantities, deviations=deviations)
     at = jnp.asarray(variables, dtype=float)
     run = jax.jit(lambda x, s: jax.lax.map(lambda sample: objective(x, sample), s))
     return ranked(quantities, np.asarray(run(at, jnp.asarray(samples))))
 
 
-def moved_alone(quantities: Sequence[Quantity], *, deviations: float = 2.0) -> np.ndarray:
+def one_at_a_time_sample(quantities: Sequence[Quantity], *, deviations: float = 2.0) -> np.ndarray:
     """The sample of `influences`: all at their means, then each alone down, then each alone up.
 
     **Arguments:**
@@ -350,7 +350,7 @@ def moved_alone(quantities: Sequence[Quantity], *, deviations: float = 2.0) -> n
 
 
 def ranked(quantities: Sequence[Quantity], values: np.ndarray) -> Influence:
-    """Sort the values at the sample of `moved_alone` by how much each quantity spans.
+    """Sort the values at the sample of `one_at_a_time_sample` by how much each quantity spans.
 
     **Arguments:**
 

@@ -16,7 +16,7 @@ from optimise._record import (
     Record,
     Residuals,
     SearchResult,
-    Sloped,
+    ValueAndGradient,
     Watcher,
     with_gradient,
     with_jacobian,
@@ -27,7 +27,7 @@ _FIRST_STEP = 0.1
 
 
 def lbfgs(
-    objective: Objective | Sloped,
+    objective: Objective | ValueAndGradient,
     start: np.ndarray,
     box: Box,
     *,
@@ -79,7 +79,7 @@ def lbfgs(
 
 
 def adam(
-    objective: Objective | Sloped,
+    objective: Objective | ValueAndGradient,
     start: np.ndarray,
     box: Box,
     *,
@@ -134,7 +134,7 @@ def adam(
 
 
 def least_squares(
-    residuals: Residuals | Sloped,
+    residuals: Residuals | ValueAndGradient,
     start: np.ndarray,
     box: Box,
     *,
@@ -225,7 +225,7 @@ def excess_of(values: np.ndarray, limits: Sequence[Limit]) -> np.ndarray:
 
 
 def constrained(
-    responses: Residuals | Sloped,
+    responses: Residuals | ValueAndGradient,
     limits: Sequence[Limit],
     start: np.ndarray,
     box: Box,

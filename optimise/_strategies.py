@@ -10,7 +10,15 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
-from optimise._record import Batched, Box, Objective, SearchResult, Sloped, batched, with_gradient
+from optimise._record import (
+    Batched,
+    Box,
+    Objective,
+    SearchResult,
+    ValueAndGradient,
+    batched,
+    with_gradient,
+)
 from optimise._search import lbfgs
 
 Search = Callable[..., SearchResult]
@@ -93,7 +101,8 @@ def sobol(dimension: int, count: int, seed: int) -> np.ndarray:
 
 
 def annealed(
-    objective: Callable[[Float[Array, " variable"], Float[Array, ""]], Float[Array, ""]] | Sloped,
+    objective: Callable[[Float[Array, " variable"], Float[Array, ""]], Float[Array, ""]]
+    | ValueAndGradient,
     widths: Sequence[float],
     start: np.ndarray,
     box: Box,
@@ -160,7 +169,7 @@ def joined(best: SearchResult, *others: SearchResult) -> SearchResult:
 
 
 def inactive(
-    function: Sloped, start: np.ndarray, box: Box, *, places: int = 4, seed: int = 0
+    function: ValueAndGradient, start: np.ndarray, box: Box, *, places: int = 4, seed: int = 0
 ) -> tuple[int, ...]:
     """Variables that change nothing: whose derivatives vanish wherever they are looked at.
 

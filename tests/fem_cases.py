@@ -18,7 +18,7 @@ from fem_prep._grid import EDGES, Grid
 from fem_prep._modes import lowest_modes
 from fem_prep._seats import Seat
 from fem_prep._solvers import factorise
-from fem_prep._web import Fineness, GearBody, Holes, Web, body_grid
+from fem_prep._web import GearBody, Holes, MeshSizing, Web, body_grid
 
 STEEL = Material(2.1e11, 0.3, 7850.0)
 # Without Poisson's effect, bars and discs of any thickness follow the theory of thin ones.
@@ -162,10 +162,12 @@ def small_wheel(around: int = 12, radial: int = 3) -> Grid:
 
 ACCESSORY_WEB = Web(hub_outer=50e-3, thickness=3e-3, rim_inner=118e-3)
 ACCESSORY = GearBody(rim_outer=126.8631e-3, rim_width=9.5e-3, bore=40e-3, web=ACCESSORY_WEB)
-ACCESSORY_FINENESS = Fineness(sectors=86, rim_axial=3, rim_radial=1, web_radial=12, hub_radial=2)
+ACCESSORY_FINENESS = MeshSizing(sectors=86, rim_axial=3, rim_radial=1, web_radial=12, hub_radial=2)
 
 
-def accessory_wheel(holes: tuple[Holes, ...] = (), fineness: Fineness = ACCESSORY_FINENESS) -> Grid:
+def accessory_wheel(
+    holes: tuple[Holes, ...] = (), fineness: MeshSizing = ACCESSORY_FINENESS
+) -> Grid:
     """The wheel of an accessory gearbox, 37,000 degrees of freedom by default."""
     web = replace(ACCESSORY_WEB, holes=holes)
     return body_grid(replace(ACCESSORY, web=web), fineness)

@@ -19,7 +19,7 @@ from jaxgear import deg, mm, um
 from jaxgear._contact._cells import mesh_gap
 from jaxgear._dynamics._march import quasi_static_start
 from jaxgear._dynamics._system import PairDynamics
-from jaxgear._interface._roots import ROOT_POINTS, Axial, RimSurface, feet
+from jaxgear._interface._roots import ROOT_POINTS, Axial, RimSurface, interface_map
 from jaxgear._system._body_modes import BodyBasis, body_basis
 from jaxgear._system._body_tables import flexible_body, root_patches
 from jaxgear._system._flexible import FlexibleBody
@@ -257,7 +257,7 @@ class Dense:
             self.pair, index, self.grid, np.zeros(1, int), points=self.points, axial=self.axial
         )
         patches = dataclasses.replace(own, angles=angle)
-        found = feet(RimSurface(body.rim_nodes, body.rim_faces), patches)
+        found = interface_map(RimSurface(body.rim_nodes, body.rim_faces), patches)
         rows = np.zeros((x.size, body.dofs))
         follow = found.rows.toarray()
         for cell, (point, turn) in enumerate(zip(at.reshape(-1, 3), middle.ravel(), strict=True)):

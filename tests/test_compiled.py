@@ -80,14 +80,14 @@ def test_verbs_of_dynamics_are_compiled_as_a_whole():
     rest = jg.at_rest(dynamics.system)
     with made_programs() as whole:
         jg.pair_modes(dynamics)
-        jg.march(dynamics.system, jnp.asarray(700.0), rest, cycles=2)
+        jg.time_history(dynamics.system, jnp.asarray(700.0), rest, cycles=2)
     assert len(whole) <= 6, whole
     points = jg.sweep(dynamics.system, [500.0, 520.0], settings=settings)
     with made_programs() as again:
         other = jg.pair_dynamics(_model(90.0), grid)
         second = ratio(other, 650.0)
         jg.pair_modes(other)
-        jg.march(other.system, jnp.asarray(750.0), rest, cycles=2)
+        jg.time_history(other.system, jnp.asarray(750.0), rest, cycles=2)
         points = (*points, *jg.sweep(other.system, [505.0, 530.0], settings=settings))
     assert again == []
     assert second != first

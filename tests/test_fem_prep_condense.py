@@ -25,13 +25,13 @@ from fem_cases import (
 from helpers import quick
 from scipy.sparse import csc_array, diags_array
 
-from fem_prep._artefact import floating, rigid_motions
+from fem_prep._artefact import inertia_relief, rigid_motions
 from fem_prep._assembly import across, coriolis, order, stress_stiffening
 from fem_prep._boundary import Teeth, full_body
 from fem_prep._checks import BodyError
 from fem_prep._condense import condense
 from fem_prep._grid import Grid, merged
-from fem_prep._hold import hold, recovered
+from fem_prep._hold import fixed_interface, recovered_displacements
 from fem_prep._modes import free_modes, largest_rotation, lowest_modes, reduced_modes
 from fem_prep._seats import Seat
 from fem_prep._solvers import available_solvers, factorise
@@ -57,7 +57,7 @@ def condensed(seats="ring", method="herting", modes=40, rotating=False):
 
 @functools.cache
 def held(seats):
-    return hold(wheel(seats))
+    return fixed_interface(wheel(seats))
 
 
 @functools.cache
@@ -77,9 +77,11 @@ def general(full):
 def test_every_matrix_is_the_full_one_in_the_shapes_of_the_coordinates(seats):
     """W'KW, W'MW and the rest, with the motion W of all nodes in unit coordinates."""
     full, body = wheel(seats), condensed(seats, modes=6, rotating=True)
-    shapes = recovered(held(seats), body, np.eye(body.dofs))
+    shapes = recovered_displacements(held(seats), body, np.eye(body.dofs))
     motion = shapes.reshape(body.dofs, -1).T
-    growth = recovered(held(seats), body, floating(body, body.centrifugal_load)[:, None])[0]
+    growth = recovered_displacements(
+        held(seats), body, inertia_relief(body, body.centrifugal_load)[:, None]
+    )[0]
     stiffening = stress_stiffening(full.grid, full.material, growth)
     expected = {
         "mass": full.grid_mass,
@@ -226,7 +228,7 @@ def test_statics(seats):
         at_probes = (body.probe_rows @ motion).reshape(-1, 3)
         for found, wanted in zip(at_probes.T, exact[probe].T, strict=True):
             assert_near(found, wanted, 1e-9)
-        shapes = recovered(held(seats), body, motion)
+        shapes = recovered_displacements(held(seats), body, motion)
         for found, wanted in zip(shapes, exact.T, strict=True):
             assert_near(found.ravel(), full.spread @ wanted, 1e-9)
 
@@ -234,7 +236,7 @@ def test_statics(seats):
 def test_free_growth():
     """The same whatever the modes; a load that does not balance is refused."""
     growths = [
-        floating(body, body.centrifugal_load)[: 3 * len(body.rim_nodes)]
+        inertia_relief(body, body.centrifugal_load)[: 3 * len(body.rim_nodes)]
         for body in (condensed("none", "herting", n) for n in (0, 10, 40))
     ]
     radial = np.sum(growths[0].reshape(-1, 3) * condensed("none").rim_nodes, axis=1)
@@ -243,7 +245,7 @@ def test_free_growth():
         assert_near(growth, growths[0], 1e-10)
     body = condensed("none")
     with pytest.raises(BodyError, match="must balance"):
-        floating(body, padded(body, tooth_load(wheel("none"))))
+        inertia_relief(body, padded(body, tooth_load(wheel("none"))))
 
 
 def test_few_and_many_modes():

@@ -26,7 +26,7 @@ from fem_prep._checks import BodyError
 from fem_prep._compared import free_error, seat_coupling_difference
 from fem_prep._condense import condense
 from fem_prep._health import health_report
-from fem_prep._hold import hold
+from fem_prep._hold import fixed_interface
 from fem_prep._modes import free_modes, lowest_modes, scale_of
 from fem_prep._seats import Seat, dofs_of
 from fem_prep._static_answers import (
@@ -38,14 +38,14 @@ from fem_prep._static_answers import (
     tooth_row,
 )
 from fem_prep._verdicts import verdicts
-from fem_prep._web import Fineness, GearBody, Web, body_grid, exact_properties
+from fem_prep._web import GearBody, MeshSizing, Web, body_grid, exact_properties
 
 MM = 1e-3
 STEEL = Material()
 SPRINGS = Springs()
 # Its web sits off the middle, so that both edges of the rim grow by different amounts.
 WHEEL = GearBody(60 * MM, 8 * MM, 20 * MM, Web(30 * MM, 3 * MM, 50 * MM, offset=1 * MM))
-COARSE = Fineness(12, rim_axial=2, rim_radial=1, web_radial=2, hub_radial=1)
+COARSE = MeshSizing(12, rim_axial=2, rim_radial=1, web_radial=2, hub_radial=1)
 
 
 def wheel(averaging=False, teeth=None, material=STEEL):
@@ -232,7 +232,7 @@ def test_free_modes_are_those_of_the_full_body(wheel20, reported):
 
 def test_the_rim_alone_shows_the_nodal_diameters(wheel20):
     full, reduced = wheel20
-    whole = described_modes(reduced, hold(full), count=6)
+    whole = described_modes(reduced, fixed_interface(full), count=6)
     rim = described_modes(reduced, count=6)
     np.testing.assert_array_equal(rim.pattern.diameter, whole.pattern.diameter)
     np.testing.assert_allclose(rim.frequency, whole.frequency, rtol=1e-12)
@@ -387,7 +387,7 @@ def test_growth_is_the_mean_by_area(wheel20):
 def test_an_annulus_grows_as_in_closed_form():
     r"""Rotating annulus in plane stress, radii 30 and 80 mm: 5.56976 um outside at 1000 rad/s."""
     body = GearBody(160 * MM, 1 * MM, 60 * MM)
-    grid = body_grid(body, Fineness(16, rim_axial=1, web_radial=5))
+    grid = body_grid(body, MeshSizing(16, rim_axial=1, web_radial=5))
     material = Material(2.1e11, 0.3, 7850.0)
     seat = Seat("bore", grid.sets["seat:bore"], np.zeros(3), averaging=True)
     reduced = condense(full_body("annulus", grid, material, [seat]), method="guyan")

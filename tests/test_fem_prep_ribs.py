@@ -8,27 +8,27 @@ import pytest
 
 from fem_prep import (
     BodyError,
-    Fineness,
+    Compliance,
     GearBody,
-    Give,
     Grid,
     Material,
+    MeshSizing,
     Seat,
     ToothedGear,
     Web,
+    fixed_interface,
     full_body,
-    hold,
-    read_give,
+    read_compliance,
     ribbed_grids,
-    write_give,
+    write_compliance,
 )
 from fem_prep._brick import gauss_points, jacobians, shape_functions
-from jaxgear._interface._roots import RimSurface, RootPatches, feet
+from jaxgear._interface._roots import RimSurface, RootPatches, interface_map
 
 GEAR = ToothedGear(24, 2e-3, math.radians(20.0), 0.0, 0.2, 1.25, 0.3, 27e-3, 20e-3, 8e-3)
 DISC = GearBody(2.0 * GEAR.root_radius, 8e-3, bore=20e-3)
 WEB = Web(hub_outer=24e-3, thickness=3e-3, rim_inner=36e-3)
-COARSE = Fineness(48, rim_axial=1, rim_radial=1, web_radial=2)
+COARSE = MeshSizing(48, rim_axial=1, rim_radial=1, web_radial=2)
 
 
 def _volume(grid: Grid) -> np.ndarray:
@@ -72,9 +72,9 @@ def _give(ribbed, seat: str) -> float:
     full = full_body("gear", grid, Material(), [Seat("gear", grid.sets[seat], np.zeros(3))])
     none = np.zeros(0, dtype=int)
     full = dataclasses.replace(full, rim=none, rim_points=none)
-    held = hold(full, rotation=full.rotation(24))
+    held = fixed_interface(full, rotation=full.rotation(24))
     patches = RootPatches(np.zeros((1, 1)), np.array([-4e-3, 4e-3]), 4e-3)
-    row = feet(RimSurface(grid.nodes, faces), patches).rows[[1]] @ full.spread
+    row = interface_map(RimSurface(grid.nodes, faces), patches).rows[[1]] @ full.spread
     return float((row @ held.loaded(row.T.toarray())).item())
 
 
@@ -99,14 +99,14 @@ def test_without_teeth_the_elements_are_the_same_and_the_rim_gives_more():
 
 def test_too_few_elements_around_are_refused():
     with pytest.raises(BodyError, match="at least two for each tooth, 48, got 24"):
-        ribbed_grids(DISC, Fineness(24), GEAR)
+        ribbed_grids(DISC, MeshSizing(24), GEAR)
 
 
 def test_a_compliance_is_read_as_it_was_written(tmp_path):
-    give = Give(np.array([[2.0, 0.5], [0.5, 1.0]]), {"made_from": "this"})
-    write_give(tmp_path / "give.npz", give)
-    found = read_give(tmp_path / "give.npz")
+    give = Compliance(np.array([[2.0, 0.5], [0.5, 1.0]]), {"made_from": "this"})
+    write_compliance(tmp_path / "give.npz", give)
+    found = read_compliance(tmp_path / "give.npz")
     np.testing.assert_array_equal(found.matrix, give.matrix)
     assert found.facts == give.facts
     with pytest.raises(BodyError, match="There is no file"):
-        read_give(tmp_path / "other.npz")
+        read_compliance(tmp_path / "other.npz")

@@ -11,7 +11,7 @@ from fem_prep._checks import BodyError
 from fem_prep._modes import scale_of
 from fem_prep._seats import dofs_of
 from fem_prep._solvers import available_solvers, factorise
-from fem_prep._web import Fineness
+from fem_prep._web import MeshSizing
 
 SOLVERS = [
     "superlu",
@@ -90,7 +90,7 @@ def test_too_little_memory_is_named(monkeypatch):
 
 def test_nodes_are_eliminated_whole_and_leave_fewer_entries():
     """Against the library's order of single unknowns, which this replaces."""
-    fineness = Fineness(sectors=48, rim_axial=3, rim_radial=1, web_radial=5, hub_radial=1)
+    fineness = MeshSizing(sectors=48, rim_axial=3, rim_radial=1, web_radial=5, hub_radial=1)
     full = wheel_body(accessory_wheel(fineness=fineness), "ring")
     matrix = csc_array(full.stiffness + scale_of(full) ** 2 * full.mass)
     order = _solvers._order(matrix)

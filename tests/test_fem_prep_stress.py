@@ -27,7 +27,7 @@ from helpers import quick
 from fem_prep import (
     BodyError,
     condense,
-    hold,
+    fixed_interface,
     nodal_stress,
     stress_matrix,
     stress_rows,
@@ -58,7 +58,7 @@ def test_equivalent_stress_by_hand():
 @pytest.mark.parametrize("seats", ["ring", "both"])
 def test_stress_of_a_loaded_turning_body_is_that_of_the_full_one(seats, method):
     full = wheel_body(small_wheel(), seats)
-    held = hold(full)
+    held = fixed_interface(full)
     body = condense(full, method=method, modes=4, held=held)
     springs, load, speed = springs_on(full), 5e3 * tooth_load(full), 900.0
     nodes = np.array([web_probe(full.grid), int(full.grid.sets["bore"][3]), full.rim[5]])
@@ -206,7 +206,7 @@ def test_calculix_finds_the_same_stresses(tmp_path):
     load = 5e3 * tooth_load(full)[: 3 * len(full.rim)]
     (tmp_path / "wheel.inp").write_text(_deck(full, load, speed))
     subprocess.run(["ccx", "-i", "wheel"], cwd=tmp_path, check=True, capture_output=True)
-    held = hold(full)
+    held = fixed_interface(full)
     body = condense(full, method="guyan", held=held)
     rim = slice(0, len(load))
     motion = np.zeros(body.dofs)

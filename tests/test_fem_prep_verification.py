@@ -37,14 +37,14 @@ from scipy.optimize import brentq
 from scipy.sparse import block_diag, csr_array
 from scipy.special import iv, jv
 
-from fem_prep._artefact import floating
+from fem_prep._artefact import inertia_relief
 from fem_prep._assembly import assemble
 from fem_prep._boundary import full_body
 from fem_prep._condense import condense
-from fem_prep._hold import hold, recovered
+from fem_prep._hold import fixed_interface, recovered_displacements
 from fem_prep._modes import free_modes, lowest_modes, reduced_modes
 from fem_prep._seats import Seat
-from fem_prep._web import Fineness, GearBody, Holes, body_grid
+from fem_prep._web import GearBody, Holes, MeshSizing, body_grid
 
 # omega a^2 sqrt(rho h / D), Poisson's ratio 0.3, outer edge free, by n: the first two.
 ANNULI = {
@@ -145,7 +145,7 @@ def clamped_plate(n, count):
 
 def solid_disc(thickness, sectors, radial):
     body = GearBody(rim_outer=2.0, rim_width=thickness)
-    return body_grid(body, Fineness(sectors, rim_axial=1, web_radial=radial))
+    return body_grid(body, MeshSizing(sectors, rim_axial=1, web_radial=radial))
 
 
 @pytest.mark.slow
@@ -231,7 +231,7 @@ def test_growth_of_a_rotating_disc():
     bore = int(grid.sets["bore"][0])
     full = wheel_body(grid, "mean", probes={"bore": bore})
     body = condense(full, modes=0)
-    motion = floating(body, body.centrifugal_load) * speed**2
+    motion = inertia_relief(body, body.centrifugal_load) * speed**2
     rim = motion[: 3 * len(body.rim_nodes)].reshape(-1, 3)
     outward = body.rim_nodes / b
     radial = np.sum(rim * outward, axis=1)
@@ -366,7 +366,7 @@ def splits(full, count, most):
 
 def test_holes_split_the_pairs_that_symmetry_says():
     """h equal holes split a pair of n diameters if and only if 2 n is a multiple of h."""
-    fineness = Fineness(16, rim_axial=2, rim_radial=1, web_radial=3, hub_radial=1)
+    fineness = MeshSizing(16, rim_axial=2, rim_radial=1, web_radial=3, hub_radial=1)
     for holes, split in (((), set()), ((Holes(4, 14e-3, 84e-3),), {2, 4})):
         found = splits(wheel_body(accessory_wheel(holes, fineness)), 14, 4)
         assert {n for n, share in found.items() if share > 1e-6} == split
@@ -386,7 +386,7 @@ def test_holes_split_the_pairs_that_symmetry_says():
 def test_other_patterns_of_holes(holes, split):
     sectors = 40 if holes[0].count == 5 else 36
     full = wheel_body(
-        accessory_wheel(holes, Fineness(sectors, rim_axial=2, rim_radial=1, hub_radial=1))
+        accessory_wheel(holes, MeshSizing(sectors, rim_axial=2, rim_radial=1, hub_radial=1))
     )
     found = splits(full, 18, 5)
     assert {n for n, share in found.items() if share > 1e-6} == split
@@ -414,7 +414,7 @@ def on_bearings(full, body):
 )
 def test_extreme_wheels(web, young, share):
     body = replace(ACCESSORY, web=web and replace(ACCESSORY_WEB, thickness=web))
-    grid = body_grid(body, Fineness(12, rim_axial=2, rim_radial=1, web_radial=4, hub_radial=1))
+    grid = body_grid(body, MeshSizing(12, rim_axial=2, rim_radial=1, web_radial=4, hub_radial=1))
     full = wheel_body(grid, "ring", material=replace(STEEL, young=young))
     body = condense(full, modes=12)
     free, _ = free_modes(full, 8)
@@ -471,7 +471,7 @@ def test_the_accessory_wheel():
         motion = np.linalg.solve(stiffness, each.centrifugal_load)
         assert_near(motion[: each.boundary_dofs], boundary_rows(full) @ exact, 1e-9)
         assert_near(each.probe_rows[0] @ motion, at_probe, 1e-9)
-    shapes = recovered(hold(full), body, np.eye(body.dofs)[:, -3:])
+    shapes = recovered_displacements(fixed_interface(full), body, np.eye(body.dofs)[:, -3:])
     assert_near(shapes, body.interior_shapes[-3:], 1e-12)
 
 

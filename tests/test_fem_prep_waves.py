@@ -11,11 +11,11 @@ from scipy.sparse import csr_array
 
 from fem_prep._boundary import full_body
 from fem_prep._condense import condense
-from fem_prep._hold import hold
+from fem_prep._hold import fixed_interface
 from fem_prep._modes import free_modes, largest_rotation, lowest_modes, reduced_modes
 from fem_prep._seats import Seat
 from fem_prep._symmetry import Rotation, full_turn, waves_of
-from fem_prep._web import Fineness, GearBody, body_grid
+from fem_prep._web import GearBody, MeshSizing, body_grid
 
 
 def turning(sectors, each=4, axis=2):
@@ -119,7 +119,9 @@ def test_all_modes_may_have_one_number_of_waves():
 @functools.cache
 def solid():
     """A disc with nodes on its axis, on a ring of its face."""
-    grid = body_grid(GearBody(rim_outer=60e-3, rim_width=12e-3), Fineness(sectors=12, web_radial=3))
+    grid = body_grid(
+        GearBody(rim_outer=60e-3, rim_width=12e-3), MeshSizing(sectors=12, web_radial=3)
+    )
     near = (grid.nodes[:, 2] < -5.9e-3) & (grid.radius > 12e-3) & (grid.radius < 24e-3)
     seat = Seat("face", np.flatnonzero(near), np.array([0, 0, -6e-3]))
     probes = {"web": web_probe(grid), "axis": int(np.argmin(grid.radius + abs(grid.nodes[:, 2])))}
@@ -156,14 +158,14 @@ def test_a_held_body_answers_to_any_load():
     load[3 * full.probe_points[0], 0] = 1.0
     load[:, 1] = np.random.default_rng(0).standard_normal(len(load))
     rotations = (None, full_turn(full.points))
-    found, want = (hold(full, rotation=each).loaded(load) for each in rotations)
+    found, want = (fixed_interface(full, rotation=each).loaded(load) for each in rotations)
     assert_near(found, want, 1e-11)
 
 
 @pytest.mark.parametrize("method", ["herting", "craig-bampton"])
 def test_a_body_that_is_held_already_is_not_held_again(method):
     full = wheel("ring")
-    held = hold(full, rotation=full.rotation(4))
+    held = fixed_interface(full, rotation=full.rotation(4))
     bodies = [condense(full, method=method, modes=5, held=each) for each in (held, None)]
     assert [body.facts["sectors"] for body in bodies] == [4, 12]
     found, want = (reduced_modes(body, 30)[0][6:] for body in bodies)

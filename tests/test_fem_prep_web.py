@@ -12,9 +12,9 @@ from fem_prep._grid import surface
 from fem_prep._quality import check_grid, quality
 from fem_prep._symmetry import rotation_of
 from fem_prep._web import (
-    Fineness,
     GearBody,
     Holes,
+    MeshSizing,
     SeatPlace,
     Segment,
     Web,
@@ -93,7 +93,7 @@ def area(grid):
 
 @every_body
 def test_grid_is_one_sound_body(body, sectors):
-    grid = body_grid(body, Fineness(sectors))
+    grid = body_grid(body, MeshSizing(sectors))
     check_grid(grid, radius=body.rim_outer / 2)
     assert quality(grid).smallest_jacobian_ratio > 0.1
     # A 20-node brick with a node twice has collapsed.
@@ -102,7 +102,7 @@ def test_grid_is_one_sound_body(body, sectors):
 
 @every_body
 def test_volume_and_moments_are_the_bodys(body, sectors):
-    volume, first, second = moments(body_grid(body, Fineness(sectors)))
+    volume, first, second = moments(body_grid(body, MeshSizing(sectors)))
     exact = exact_properties(body)
     # Arcs of quadratic elements are off by the fourth power of their angle.
     error = (2 * pi / sectors) ** 4 / 400 + 3e-5 * bool(body.web and body.web.holes)
@@ -114,7 +114,7 @@ def test_volume_and_moments_are_the_bodys(body, sectors):
 def test_volume_converges_at_fourth_order_to_the_exact_one():
     exact = exact_properties(wheel()).volume
     errors = [
-        abs(moments(body_grid(wheel(), Fineness(n, web_radial=4)))[0] / exact - 1)
+        abs(moments(body_grid(wheel(), MeshSizing(n, web_radial=4)))[0] / exact - 1)
         for n in (12, 24, 86)
     ]
     assert errors[2] < 1e-7
@@ -158,7 +158,7 @@ def test_exact_volume_of_a_shaft_by_hand():
 
 def test_all_parts_share_their_faces():
     # Parts that merely touch would show the faces between them: the surface is the body's own.
-    grid = body_grid(leaning(holes=ONE_RING), Fineness(60))
+    grid = body_grid(leaning(holes=ONE_RING), MeshSizing(60))
     lean = (59**2 - 25**2) / cos(radians(8))
     # An ellipse of the tangent plane is nearly what a hole takes from a cone of 8 degrees.
     faces = 2 * pi * (lean - 6 * 8**2 / cos(radians(8)))
@@ -167,7 +167,7 @@ def test_all_parts_share_their_faces():
     round_ = 40 * 16 + 50 * (16 - thick) + 118 * (14 - thick) + 126.86 * 14 + 6 * 16 * thick
     assert area(grid) == pytest.approx((faces + pi * round_) * mm**2, rel=3e-5)
 
-    grid = body_grid(stepped(), Fineness(40))
+    grid = body_grid(stepped(), MeshSizing(40))
     # From either side the faces make a full disc: the bore of the left piece has a bottom.
     faces = 2 * 126.86**2
     round_ = 126.86 * 9.5 + 118 * 6.5 + 50 * 6.5 + 36 * (30 - 4.75) + 20 * 30 + 40 * (25 - 4.75)
@@ -176,7 +176,7 @@ def test_all_parts_share_their_faces():
 
 @every_body
 def test_grid_goes_over_into_itself_when_turned(body, sectors):
-    fineness = Fineness(sectors)
+    fineness = MeshSizing(sectors)
     grid = body_grid(body, fineness)
     turn = rotation_of(grid.nodes, symmetry(body, fineness))
     assert turn is not None
@@ -188,14 +188,14 @@ def test_grid_goes_over_into_itself_when_turned(body, sectors):
 
 def test_symmetry_is_what_all_rings_share():
     holes = (Holes(4, 8 * mm, 70 * mm), Holes(6, 8 * mm, 100 * mm))
-    assert symmetry(wheel({"holes": holes}), Fineness(84)) == 2
-    assert symmetry(wheel(), Fineness(86)) == 86
-    assert symmetry(stepped(), Fineness(86)) == 43
+    assert symmetry(wheel({"holes": holes}), MeshSizing(84)) == 2
+    assert symmetry(wheel(), MeshSizing(86)) == 86
+    assert symmetry(stepped(), MeshSizing(86)) == 43
 
 
 @every_body
 def test_teeth_stand_on_the_middles_of_elements(body, sectors):
-    grid = body_grid(body, Fineness(sectors))
+    grid = body_grid(body, MeshSizing(sectors))
     rim = np.intersect1d(grid.sets["rim"], grid.bricks[:, :8])
     angle = np.arctan2(grid.nodes[rim, 1], grid.nodes[rim, 0])
     place = angle * sectors / (2 * pi) - 0.5
@@ -207,8 +207,8 @@ def test_teeth_stand_on_the_middles_of_elements(body, sectors):
 
 def test_accessory_wheel_has_the_size_that_was_planned():
     # Two elements through the rim where nothing is said.
-    assert len(body_grid(wheel(), Fineness(86)).bricks) == 86 * (3 * 3 + 8 + 2 * 3)
-    grid = body_grid(wheel(), Fineness(86, rim_radial=1))
+    assert len(body_grid(wheel(), MeshSizing(86)).bricks) == 86 * (3 * 3 + 8 + 2 * 3)
+    grid = body_grid(wheel(), MeshSizing(86, rim_radial=1))
     assert len(grid.bricks) == 86 * (3 * 3 + 8 + 3) == 1720
     # Corner nodes, mid nodes in the section, and mid nodes of arcs: hub, web and rim share edges.
     section = (16 + 24 + 16) + (9 * 2 + 25 + 18 - 2 * 5) + (8 + 10 + 8)
@@ -219,19 +219,19 @@ def test_accessory_wheel_has_the_size_that_was_planned():
 
 
 def test_fineness_is_heeded():
-    fineness = Fineness(20, 6, 2, 5, 2, 4)
+    fineness = MeshSizing(20, 6, 2, 5, 2, 4)
     # Through hub and rim six elements of about 1.6 mm: two beside the web, two in it, two beside.
     assert len(body_grid(wheel(), fineness).bricks) == 20 * (4 * 6 + 5 * 2 + 2 * 6)
     shaft = wheel(segments=(Segment(100 * mm, 50 * mm, 40 * mm),), gear_at=50 * mm)
     lengths = [
-        len(body_grid(shaft, Fineness(20, web_radial=4, shaft=size)).bricks)
+        len(body_grid(shaft, MeshSizing(20, web_radial=4, shaft=size)).bricks)
         for size in (45.25 * mm, 45.25 / 4 * mm)
     ]
     assert lengths[1] - lengths[0] == 20 * 2 * (4 - 1)
 
 
 def test_seats_are_bands_of_the_shaft():
-    grid = body_grid(stepped(), Fineness(16))
+    grid = body_grid(stepped(), MeshSizing(16))
     left, right, gear = (
         grid.nodes[grid.sets[f"seat:{name}"]] for name in ("left", "right", "gear")
     )
@@ -253,18 +253,18 @@ def test_seat_is_cut_at_the_hub_and_at_a_step():
     segments = (Segment(30 * mm, 30 * mm, 16 * mm), Segment(50 * mm, 36 * mm, 16 * mm))
     seats = (SeatPlace("a", 24 * mm, 20 * mm), SeatPlace("b", 45 * mm, 20 * mm))
     body = wheel(segments=segments, gear_at=60 * mm, seats=seats)
-    grid = body_grid(body, Fineness(12))
+    grid = body_grid(body, MeshSizing(12))
     ends = [grid.nodes[grid.sets[f"seat:{name}"], 2] + 60 * mm for name in "ab"]
     assert (ends[0].min(), ends[0].max()) == pytest.approx((14 * mm, 30 * mm))
     assert (ends[1].min(), ends[1].max()) == pytest.approx((35 * mm, 55 * mm))
     wide = SeatPlace("b", 50 * mm, 20 * mm)
-    grid = body_grid(wheel(segments=segments, gear_at=60 * mm, seats=(wide,)), Fineness(12))
+    grid = body_grid(wheel(segments=segments, gear_at=60 * mm, seats=(wide,)), MeshSizing(12))
     assert grid.nodes[grid.sets["seat:b"], 2].max() + 60 * mm == pytest.approx(55.25 * mm)
 
 
 def test_leaning_web_keeps_its_faces():
     body = leaning(holes=TWO_RINGS)
-    grid = body_grid(body, Fineness(64))
+    grid = body_grid(body, MeshSizing(64))
     web = (25.5 * mm < grid.radius) & (grid.radius < 58.5 * mm)
     radius, z = grid.radius[web], grid.nodes[web, 2]
     middle = 1 * mm + tan(radians(8)) * (radius - 42 * mm)
@@ -274,7 +274,7 @@ def test_leaning_web_keeps_its_faces():
 
 
 def test_holes_are_round_and_in_their_places():
-    grid = body_grid(leaning(holes=TWO_RINGS), Fineness(64))
+    grid = body_grid(leaning(holes=TWO_RINGS), MeshSizing(64))
     for ring in TWO_RINGS:
         for centre in ring.centres:
             distance = np.hypot(*(grid.nodes[:, :2] - centre).T)
@@ -287,7 +287,7 @@ def test_holes_are_round_and_in_their_places():
 
 @pytest.mark.parametrize("sectors", [8, 14, 86, 200])
 def test_solid_axis_has_bricks_of_its_own(sectors):
-    grid = body_grid(GearBody(60 * mm, 10 * mm), Fineness(sectors, rim_axial=1, web_radial=3))
+    grid = body_grid(GearBody(60 * mm, 10 * mm), MeshSizing(sectors, rim_axial=1, web_radial=3))
     assert quality(grid).smallest_jacobian_ratio > 0.1
     on_axis = np.flatnonzero(grid.radius < 1e-12)
     assert len(on_axis) == 3
@@ -384,26 +384,26 @@ def test_seats_that_cannot_be_are_refused(seats, parts):
 
 def test_sectors_must_suit_holes_and_a_solid_shaft():
     with refused("multiple of 6", "6 holes", "got 86", "Take 84 or 90"):
-        body_grid(wheel({"holes": ONE_RING}), Fineness(86))
+        body_grid(wheel({"holes": ONE_RING}), MeshSizing(86))
     with refused("multiple of 2", "pairs", "got 45", "Take 44 or 46"):
-        body_grid(stepped(), Fineness(45))
+        body_grid(stepped(), MeshSizing(45))
     solid = wheel({"holes": ONE_RING}, bore=0.0)
     with refused("multiple of 12", "got 90", "Take 84 or 96"):
-        body_grid(solid, Fineness(90))
-    with refused("Fineness.sectors", "at least 8", "got 6"):
-        Fineness(6)
-    with refused("Fineness.rim_axial", "got 0"):
-        Fineness(20, rim_axial=0)
-    with refused("Fineness.shaft"):
-        Fineness(20, shaft=-1.0)
+        body_grid(solid, MeshSizing(90))
+    with refused("MeshSizing.sectors", "at least 8", "got 6"):
+        MeshSizing(6)
+    with refused("MeshSizing.rim_axial", "got 0"):
+        MeshSizing(20, rim_axial=0)
+    with refused("MeshSizing.shaft"):
+        MeshSizing(20, shaft=-1.0)
 
 
 def test_too_few_sectors_for_the_holes_are_told_how_many_suffice():
     body = wheel({"holes": (Holes(10, 20.4 * mm, 73.4 * mm, pi / 10),)})
     with pytest.raises(BodyError, match=r"go around every hole, got 90\. Take \d+") as refusal:
-        body_grid(body, Fineness(90))
+        body_grid(body, MeshSizing(90))
     (enough,) = re.findall(r"Take (\d+)", str(refusal.value))
-    check_grid(body_grid(body, Fineness(int(enough))))
+    check_grid(body_grid(body, MeshSizing(int(enough))))
     between = (Holes(6, 25 * mm, 81 * mm), Holes(6, 19.9 * mm, 91 * mm, pi / 6))
     with refused("Web.holes", "leave room"):
-        body_grid(wheel({"holes": between}), Fineness(24))
+        body_grid(wheel({"holes": between}), MeshSizing(24))

@@ -23,7 +23,7 @@ _prepared = eqx.filter_jit(jg.prepare_mesh)
 
 
 def _flexible(name, *settings):
-    scene = jg.with_bodies(jg.ready_scene(name, [THESIS, *settings, *QUICK]))
+    scene = jg.with_bodies(jg.example_scene(name, [THESIS, *settings, *QUICK]))
     model = jg.model_of(scene)
     return model, _prepared(model, jg.grid_of(scene, model))
 
@@ -65,7 +65,7 @@ def _least_pressure(model, prepared, free):
 
     box = optimise.Box(np.asarray([-40.0, 0.0])[free], np.asarray([20.0, 20.0])[free])
     start = np.asarray([-5.0, 5.0])[free]
-    found = optimise.lbfgs(optimise.Sloped(with_slope), start, box)
+    found = optimise.lbfgs(optimise.ValueAndGradient(with_slope), start, box)
     return jnp.zeros(2).at[free].set(found.point)
 
 
@@ -118,7 +118,7 @@ def test_curve_of_a_thin_wheel_beside_the_rigid_one():
     helix = math.degrees(math.asin(math.sin(math.radians(20.0)) / math.cos(math.radians(25.0))))
     over = []
     for settings in ([], [f"pair.helix_angle_deg={helix:.6f}"]):
-        scene = jg.ready_scene("accessory", [THESIS, *coarse, *settings])
+        scene = jg.example_scene("accessory", [THESIS, *coarse, *settings])
         rigid = jg.model_of(scene)
         own = _depths(rigid, _prepared(rigid, jg.grid_of(scene, rigid)), extents)
         inner = 2e3 * float(rigid.pair.root_radius[1]) - (126.863 - 118.0)

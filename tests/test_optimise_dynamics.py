@@ -16,7 +16,7 @@ import optimise
 from jaxgear import um
 from jaxgear._interface._laws import ExactContact
 from jaxgear.scene._build import grid_of, model_of
-from jaxgear.scene._scene import SceneError, ready_scene
+from jaxgear.scene._scene import SceneError, example_scene
 from jaxgear.study._built import BuiltScene
 from jaxgear.study._design import design_space
 from jaxgear.study._evaluations import objective_at
@@ -61,7 +61,7 @@ _DESIGN = jnp.array([8.0, 0.25])
 class _Known(optimise.OverSpeeds):
     """Over numbers that are known, and as many of them as count."""
 
-    found: optimise.Judged | None = None
+    found: optimise.SpeedResults | None = None
 
     def judged(self, model, law):
         return self.found
@@ -69,7 +69,7 @@ class _Known(optimise.OverSpeeds):
 
 def _known(kept, power):
     number = jnp.array([1.5, jnp.nan, 1.25, 3.0])
-    found = optimise.Judged(
+    found = optimise.SpeedResults(
         jnp.asarray(_SPEEDS), number, jnp.asarray(kept), jnp.ones(4), jnp.asarray(kept)
     )
     objective = _over()
@@ -139,7 +139,7 @@ def test_speeds_that_have_not_settled_or_are_too_sensitive_are_left_out():
 def test_bearing_force_sums_the_orders_of_all_bearings():
     """Half the squares of all amplitudes, by Parseval; and its derivative is true."""
     settings = ("mesh.phases=32", "mesh.slices=2", "mesh.stiffness=iso6336")
-    scene = ready_scene("accessory", settings)
+    scene = example_scene("accessory", settings)
     model = model_of(scene)
     grid = jg.mesh_grid(model.pair, phases=64, slices=2)
     method = _method()
@@ -171,7 +171,7 @@ def test_no_derivative_at_a_fold():
     curve = jg.continuation(system, 0.6, 1.1, method=method)
     assert curve.folds
     fold = curve.folds[0]
-    balance = jg.balance_of(method, system)
+    balance = jg.harmonic_balance_problem(method, system)
     at_fold, _ = method.solve(balance, jnp.asarray(fold.speed), jnp.asarray(fold.terms))
     with pytest.raises(ValueError, match=r"at a fold, or close to one: condition"):
         optimise.require_regular(system, at_fold, method)
@@ -196,14 +196,14 @@ _WANTED = {"optimise.minimise": "dynamic_ratio"}
 
 def test_a_scene_without_speeds_is_told_so():
     with pytest.raises(SceneError, match=r"no such table. Add one, such as:\n\[sweep\]"):
-        require_searchable(ready_scene("accessory", _SCENE).replace(_WANTED))
+        require_searchable(example_scene("accessory", _SCENE).replace(_WANTED))
 
 
 @pytest.mark.slow
 def test_a_scene_over_its_speeds():
     """The value is the mean of what each speed is judged to contribute."""
     sweep = ("sweep.pinion_speed_rad_s=[600.0, 900.0]", "sweep.steps=32", "sweep.harmonics=8")
-    scene = ready_scene("accessory", (*_SCENE, *sweep)).replace(_WANTED)
+    scene = example_scene("accessory", (*_SCENE, *sweep)).replace(_WANTED)
     keys = tuple(scene.value("optimise.vary"))
     space = design_space(BuiltScene(scene), keys, symmetric=True, deflection=10.0)
     grid = grid_of(scene, space.base)

@@ -94,7 +94,7 @@ def test_the_opposite_slope_centres_a_misaligned_pair():
     cosine of the working pressure angle.
     """
     own = jax.jit(jax.value_and_grad(_offset_by_slope))
-    with_slope = optimise.Sloped(own)
+    with_slope = optimise.ValueAndGradient(own)
     assert float(with_slope(jnp.zeros(1))[0]) > 0.1
     box = optimise.Box([-20.0], [20.0])
     found = optimise.lbfgs(with_slope, np.zeros(1), box, tolerance=1e-9)

@@ -18,7 +18,7 @@ _QUANTITIES = (
 
 
 def test_samples_have_the_moments_that_were_asked_for():
-    drawn = optimise.scattered(_QUANTITIES, 1024)
+    drawn = optimise.sample(_QUANTITIES, 1024)
     assert drawn.shape == (1024, 2)
     assert_close(drawn.mean(axis=0), np.array([80.0, 0.0]), rtol=0.0, atol=0.01)
     assert_close(drawn.std(axis=0), np.array([4.0, 2.0]), rtol=5e-3, atol=0.0)
@@ -26,15 +26,15 @@ def test_samples_have_the_moments_that_were_asked_for():
     assert abs(drawn[:, 1]).max() <= 2.0 * math.sqrt(3.0)
     assert abs(drawn[:, 0] - 80.0).max() > 2.5 * 4.0
     assert abs(np.corrcoef(drawn.T)[0, 1]) < 0.02
-    assert not np.any(drawn == optimise.scattered(_QUANTITIES, 1024, seed=1))
+    assert not np.any(drawn == optimise.sample(_QUANTITIES, 1024, seed=1))
     with pytest.raises(ValueError, match="Take 64 or 128"):
-        optimise.scattered(_QUANTITIES, 100)
+        optimise.sample(_QUANTITIES, 100)
 
 
 @pytest.mark.parametrize("share", [0.5, 0.95])
 def test_quantile_tends_to_that_of_the_distribution(share):
     """Of a normal sample; the width adds a logistic scatter, of variance pi^2/3 w^2."""
-    values = jnp.asarray(optimise.scattered(_QUANTITIES, 4096)[:, 0])
+    values = jnp.asarray(optimise.sample(_QUANTITIES, 4096)[:, 0])
     for width in (0.4, 0.1):
         found = optimise.Quantile(share, width)(values)
         wider = math.hypot(4.0, math.pi / math.sqrt(3.0) * width)
@@ -65,12 +65,12 @@ def test_the_robust_optimum_has_the_lower_quantile_on_fresh_samples():
     at_mean = lambda x: _bent(x, jnp.asarray([-0.2]))
     nominal = optimise.lbfgs(at_mean, np.array([1.3, 0.5]), box)
     robust = optimise.over_samples(
-        _bent, optimise.scattered(scatter, 128), optimise.Quantile(0.95, 0.02)
+        _bent, optimise.sample(scatter, 128), optimise.Quantile(0.95, 0.02)
     )
     found = optimise.lbfgs(robust, np.array([1.3, 0.5]), box)
     assert_close(nominal.point[0], 1.0, rtol=0.0, atol=1e-4)
     assert abs(found.point[0] - 1.0) > 0.2
-    fresh = optimise.scattered(scatter, 1024, seed=7)
+    fresh = optimise.sample(scatter, 1024, seed=7)
     worst = [
         np.quantile([float(_bent(point, s)) for s in fresh], 0.95)
         for point in (nominal.point, found.point)
@@ -114,7 +114,7 @@ def test_a_population_keeps_once_what_all_have_in_common():
 @pytest.mark.parametrize("count", quick(1, [1, 2]))
 def test_measured_slopes_are_those_of_the_measures(count):
     """Of each member by itself, and then weighted, or of all at once."""
-    samples = optimise.scattered(_QUANTITIES, 8)
+    samples = optimise.sample(_QUANTITIES, 8)
     members = optimise.Population(jnp.asarray(samples), None, None)
 
     def judge(x, drawn, kept):
@@ -124,7 +124,7 @@ def test_measured_slopes_are_those_of_the_measures(count):
 
     measures = [optimise.Quantile(0.9, 0.5), optimise.Mean()][:count]
     at = jnp.array([0.4, 1.3])
-    values, slopes = jax.jit(optimise.measured(judge, measures))(at, members)
+    values, slopes = jax.jit(optimise.population_statistics(judge, measures))(at, members)
     whole = lambda x: jnp.stack(
         [
             measure(optimise.responses_of(judge, x, members)[:, place])
@@ -136,7 +136,7 @@ def test_measured_slopes_are_those_of_the_measures(count):
 
 
 def test_a_sample_for_a_tornado_and_its_order():
-    moved = optimise.moved_alone(_QUANTITIES, deviations=1.0)
+    moved = optimise.one_at_a_time_sample(_QUANTITIES, deviations=1.0)
     assert_close(
         moved,
         np.array([[80.0, 0.0], [76.0, 0.0], [80.0, -2.0], [84.0, 0.0], [80.0, 2.0]]),

@@ -204,7 +204,7 @@ def test_variables_that_change_nothing_are_found():
     all_act = lambda x: jnp.sum(x)
     calls = []
     counted = optimise.with_gradient(all_act)
-    watched = optimise.Sloped(lambda x: (calls.append(x), counted(x))[1])
+    watched = optimise.ValueAndGradient(lambda x: (calls.append(x), counted(x))[1])
     assert optimise.inactive(watched, start, box) == ()
     assert len(calls) == 1
 

@@ -81,7 +81,7 @@ def _found(case: Case, level: str) -> Callable[[str], float]:
         return lambda name: known[name]
     changes = [*case.set, *LEVELS[level]]
     own = FOLDER / "scenes" / case.scene
-    scene = jg.read_scene(own, changes) if own.is_file() else jg.ready_scene(case.scene, changes)
+    scene = jg.read_scene(own, changes) if own.is_file() else jg.example_scene(case.scene, changes)
     summary: Mapping[str, Any] = _COMMANDS[case.command](scene).summary
 
     def number(name: str) -> float:
@@ -98,7 +98,7 @@ def _disc(measures: Mapping[str, float], parts: tuple[int, int, int]) -> dict[st
     around, radial, across = parts
     sizes = {name.removesuffix("_mm"): 1e-3 * value for name, value in measures.items()}
     body = fem_prep.GearBody(sizes["outer"], sizes["width"], sizes["inner"])
-    fineness = fem_prep.Fineness(around, rim_axial=across, web_radial=radial)
+    fineness = fem_prep.MeshSizing(around, rim_axial=across, web_radial=radial)
     material = fem_prep.Material(210e9, 0.3, 7850.0)
     full = fem_prep.full_body("disc", fem_prep.body_grid(body, fineness), material, [])
     square, shapes = fem_prep.free_modes(full, 24)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from jaxgear.scene._build import grid_of, model_of
-from jaxgear.scene._scene import ready_scene
+from jaxgear.scene._scene import example_scene
 
 from .finding import Finding
 from .statics import (
@@ -91,7 +91,7 @@ def rigidified() -> Finding:
     for name, kind, gears, young in cases:
         stiff = [f"{gear}.body.young_GPa={young:g}" for gear in gears]
         hybrid = solved(f"{name}-{kind}", *stiff)
-        scene = ready_scene(name, [*THESIS, *(f"{gear}.foundation=none" for gear in gears)])
+        scene = example_scene(name, [*THESIS, *(f"{gear}.foundation=none" for gear in gears)])
         model = with_rigid_shaft(model_of(scene), *gears)
         rigid = solved_model(model, grid_of(scene, model))
         off = [
@@ -131,7 +131,7 @@ def master_curve() -> Finding:
     ratios: dict[str, list[float]] = {}
     for label, (name, settings) in (spur | others).items():
         scene = scene_of(name, *settings)
-        rigid = ready_scene("accessory", [*THESIS, *only_pair(settings)])
+        rigid = example_scene("accessory", [*THESIS, *only_pair(settings)])
         for extent in (0.2, 0.25, 0.29):
             own = best_depth(rigid, extent, 60.0)
             depth, least, plain = best_depth(scene, extent, 60.0)

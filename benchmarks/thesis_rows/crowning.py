@@ -264,7 +264,7 @@ def front() -> Finding:
 
     box = optimise.Box([-40.0, 0.0], [10.0, 20.0])
     made = optimise.pareto_front(
-        optimise.Sloped(slopes), np.asarray([-5.0, 5.0]), box, points=7, exact=exact
+        optimise.ValueAndGradient(slopes), np.asarray([-5.0, 5.0]), box, points=7, exact=exact
     )
     rows = zip(made.point, made.value, made.dominated, strict=True)
     for i, (point, value, dominated) in enumerate(rows):

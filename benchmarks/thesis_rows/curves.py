@@ -14,7 +14,7 @@ import optimise
 from jaxgear._contact._cells import nominal_line_load
 from jaxgear.scene._build import grid_of, model_of
 from jaxgear.scene._mesh_bodies import with_bodies
-from jaxgear.scene._scene import Scene, ready_scene
+from jaxgear.scene._scene import Scene, example_scene
 
 from .finding import Finding
 from .statics import THESIS, helical, only_pair, scene_of
@@ -106,14 +106,14 @@ def curve_of(label: str) -> Traced:
     name, helix = CASES[label]
     settings = [*COARSE, *(helical(float(helix[0])) if helix else [])]
     if name == "accessory":
-        return traced(ready_scene(name, [*THESIS, *only_pair(settings)]))
+        return traced(example_scene(name, [*THESIS, *only_pair(settings)]))
     # Statics of rim and seats is exact whatever the body's modes are.
     return traced(scene_of(name, *settings) if helix else flexible(name))
 
 
 def flexible(name: str) -> Scene:
     """A ready scene with its bodies as they are."""
-    return with_bodies(ready_scene(name, [*THESIS, *COARSE]))
+    return with_bodies(example_scene(name, [*THESIS, *COARSE]))
 
 
 def _rows(found: Finding, label: str, curve: Traced) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 
 from jaxgear.scene._bodies import body_plan
 from jaxgear.scene._body_build import built_body
-from jaxgear.scene._scene import ready_scene
+from jaxgear.scene._scene import example_scene
 
 from .finding import Finding
 from .leads import SPEED, WEBS
@@ -16,7 +16,7 @@ _DIAMETERS = range(2, 8)
 
 def _health(scene: str, gear: str, *settings: str):
     """What is known of a body, its mass without teeth as the thesis has it."""
-    plan = body_plan(ready_scene(scene, [*settings, f"{gear}.body.compare_seats=false"]), gear)
+    plan = body_plan(example_scene(scene, [*settings, f"{gear}.body.compare_seats=false"]), gear)
     return built_body(plan, lambda step: None).health
 
 

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxgear._dynamics._march import Marching
+from jaxgear._dynamics._march import TimeStepping
 from jaxgear._dynamics._steady_state import steady_states
 from jaxgear._dynamics._steppers import Exponential
 from jaxgear._response._loads import hertz_pressure, line_load
@@ -125,7 +125,7 @@ def holes_in_motion() -> Finding:
         ["wheel", "what", "at", "value", "predicted"],
     )
     each = moving("power-holes", *HOLED)
-    method = lambda cycles: Marching(stepper=Exponential(), cycles=cycles)
+    method = lambda cycles: TimeStepping(stepper=Exponential(), cycles=cycles)
     responses = lambda speeds: _marched(each.system, jnp.asarray(speeds), method(20))
     rim = rim_of(each)
     whole = {int(np.sign(row.diameters)): row for row in record("power, leaning").waves[:2]}

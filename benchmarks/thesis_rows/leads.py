@@ -18,7 +18,7 @@ import jaxgear as jg
 import optimise
 from jaxgear.scene._build import grid_of, model_of
 from jaxgear.scene._mesh_bodies import with_bodies
-from jaxgear.scene._scene import ready_scene
+from jaxgear.scene._scene import example_scene
 from jaxgear.study._dynamics import damping_of
 
 from .motion import MODES
@@ -67,7 +67,7 @@ def pair_with(label: str) -> Pair:
     if label in COUPLED:
         settings.append('mesh.face_coupling="coupled"')
     thickness = (WEBS | LEFT_HANDED | COUPLED)[label]
-    scene = ready_scene("power-h1", [*THESIS, *settings, *web(web_thickness_mm=thickness)])
+    scene = example_scene("power-h1", [*THESIS, *settings, *web(web_thickness_mm=thickness)])
     scene = with_bodies(scene, moving=True)
     model = model_of(scene)
     grid = grid_of(scene, model, scene.sweep.steps)
@@ -211,7 +211,7 @@ def optimum(label: str, aim: str, vary: tuple[str, ...]) -> Optimum:
     begun, evaluations = time.perf_counter(), 0
     for width in WIDTHS:
         # One of a width after the other, each from where the one before has ended.
-        own = optimise.Sloped(functools.partial(with_slope, width))
+        own = optimise.ValueAndGradient(functools.partial(with_slope, width))
         found = optimise.lbfgs(own, point, box)
         point, evaluations = found.point, evaluations + found.gradient_evaluations
     depths = np.zeros(len(KINDS))

@@ -19,7 +19,7 @@ from jaxgear._response._dynamic import dynamic_response
 from jaxgear._system._model import PairModel
 from jaxgear.scene._build import grid_of, model_of
 from jaxgear.scene._mesh_bodies import with_bodies
-from jaxgear.scene._scene import Scene, ready_scene
+from jaxgear.scene._scene import Scene, example_scene
 from jaxgear.scene._schema import GEARS
 from jaxgear.study._dynamics import dynamics_of
 
@@ -74,8 +74,8 @@ class Moving(NamedTuple):
 @functools.lru_cache(maxsize=1)
 def moving(name: str, *settings: str) -> Moving:
     """A ready scene with changes, set in motion."""
-    condensed = bool(ready_scene(name).condensed)
-    scene = ready_scene(name, [*THESIS, *COARSE, *(MODES if condensed else ()), *settings])
+    condensed = bool(example_scene(name).condensed)
+    scene = example_scene(name, [*THESIS, *COARSE, *(MODES if condensed else ()), *settings])
     if condensed:
         scene = with_bodies(scene, moving=True)
     return set_going(scene, model_of(scene))

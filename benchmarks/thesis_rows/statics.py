@@ -20,7 +20,7 @@ from jaxgear._system._model import PairModel
 from jaxgear._system._structure import bearing_motion
 from jaxgear.scene._build import grid_of, model_of
 from jaxgear.scene._mesh_bodies import with_bodies
-from jaxgear.scene._scene import Scene, ready_scene
+from jaxgear.scene._scene import Scene, example_scene
 from jaxgear.study._statics import headline
 
 um, mm, MPa, deg = 1e-6, 1e-3, 1e6, math.pi / 180.0
@@ -94,7 +94,7 @@ def scene_of(name: str, *settings: str) -> Scene:
     Statics of rim and seats, rotation too, is exact without any modes of the inside, and bodies
     without them are made in a fraction of the time.
     """
-    scene = ready_scene(name, [*THESIS, *settings])
+    scene = example_scene(name, [*THESIS, *settings])
     less = ("interface=guyan", "modes=0", "compare_seats=false")
     quick = [
         f"{gear}.body.{each}"
@@ -102,7 +102,7 @@ def scene_of(name: str, *settings: str) -> Scene:
         for each in less
         if scene.value(f"{gear}.body.kind") == "condensed"
     ]
-    return with_bodies(ready_scene(name, [*THESIS, *settings, *quick]))
+    return with_bodies(example_scene(name, [*THESIS, *settings, *quick]))
 
 
 @functools.cache
@@ -209,7 +209,7 @@ def helical(base_helix: float) -> list[str]:
     helix = math.asin(math.sin(base_helix * deg) / math.cos(25.0 * deg)) / deg
     settings = [f"pair.helix_angle_deg={helix:.6f}"]
     thickness = 0.5 * (126.863 - 118.0)
-    root = float(model_of(ready_scene("accessory", settings)).pair.root_radius[1]) / mm
+    root = float(model_of(example_scene("accessory", settings)).pair.root_radius[1]) / mm
     return [*settings, *web(rim_inner_mm=round(2.0 * (root - thickness), 3))]
 
 

@@ -10,7 +10,7 @@ from jaxgear._system._gear_body import RigidBody
 from jaxgear._system._model import PairModel
 from jaxgear._system._shaft import Shaft, node_heights
 from jaxgear.scene._build import grid_of, model_of
-from jaxgear.scene._scene import Scene, ready_scene
+from jaxgear.scene._scene import Scene, example_scene
 from jaxgear.scene._schema import GEARS
 from jaxgear.study._dynamics import dynamics_of
 
@@ -44,7 +44,7 @@ def carried(scene: Scene, model: PairModel, dynamics: PairDynamics, index: int) 
 def as_rigid(name: str, masses: dict[str, np.ndarray]) -> DynamicSystem:
     """The pair of a ready scene on stiff shafts, some gears without foundation and as heavy as
     bodies whose masses are given."""
-    scene = ready_scene(name, [*THESIS, *COARSE, *(f"{gear}.foundation=none" for gear in masses)])
+    scene = example_scene(name, [*THESIS, *COARSE, *(f"{gear}.foundation=none" for gear in masses)])
     model = with_rigid_shaft(model_of(scene), *masses)
     grid = grid_of(scene, model, scene.sweep.steps)
     keys = scene.model, scene.damping, scene.sweep

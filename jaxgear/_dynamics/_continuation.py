@@ -234,8 +234,8 @@ def continuation(
     - `start`, `stop`: speeds of the pinion, positive and different. The branch is followed from
         `start` towards `stop` until it leaves this range on either side [rad/s].
     - `method`: with `multiple` of 2, branches of sub-harmonic responses, from `near` one.
-    - `near`: harmonics of the mesh coordinates to begin with, as of `terms_of`, or `None`: those
-        of the quasi-static states [m, rad].
+    - `near`: harmonics of the mesh coordinates to begin with, as of `fourier_coefficients`, or
+        `None`: those of the quasi-static states [m, rad].
     - `at`: speed of `near`, if it is between `start` and `stop`: the branch is then followed both
         ways, and put together [rad/s].
     - `first_step`, `largest_step`: along the branch: root mean square change of the mesh

@@ -75,7 +75,7 @@ def monodromy(
     return product_of_steps(march, mean)
 
 
-def multipliers(monodromies: Array | np.ndarray, modes: ModalBasis) -> np.ndarray:
+def floquet_multipliers(monodromies: Array | np.ndarray, modes: ModalBasis) -> np.ndarray:
     """Floquet's multipliers, the eigenvalues of monodromy matrices, largest first (theory 10.1).
 
     This is not for tracing: no platform but the CPU finds eigenvalues of such matrices.

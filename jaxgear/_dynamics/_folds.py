@@ -17,14 +17,14 @@ from jaxgear._dynamics._guide import (
     prepared_problem,
     slopes_by_both,
 )
-from jaxgear._dynamics._harmonic import Balance, HarmonicBalance, balance_of
+from jaxgear._dynamics._harmonic import Balance, HarmonicBalance, harmonic_balance_problem
 from jaxgear._dynamics._harmonic_problem import imbalance
 from jaxgear._dynamics._system import DynamicSystem
 from jaxgear._dynamics._types import Terms
 from jaxgear._types import Reals, Scalar
 
 
-def doubled(
+def period_doubled_branch(
     system: DynamicSystem, method: HarmonicBalance, doubling: CurvePoint, *, step: float = 0.02
 ) -> tuple[Terms, float]:
     """A response of twice the period, close to where the period doubles (theory 10.1).
@@ -81,12 +81,12 @@ _by_both_once = jax.jit(slopes_by_both)
 
 
 @jax.jit
-def condition(balance: Balance, terms: Terms, speed: Scalar) -> Scalar:
+def distance_to_fold(balance: Balance, terms: Terms, speed: Scalar) -> Scalar:
     """How far a response is from a fold, or from where another branch crosses.
 
     **Arguments:**
 
-    - `balance`: from `balance_of`.
+    - `balance`: from `harmonic_balance_problem`.
     - `terms`: harmonics of the response [m, rad].
     - `speed`: of the pinion [rad/s].
 
@@ -100,7 +100,7 @@ def condition(balance: Balance, terms: Terms, speed: Scalar) -> Scalar:
     return jnp.linalg.svd(matrix, compute_uv=False)[-1]
 
 
-def fold_near(
+def refine_fold(
     system: DynamicSystem, method: HarmonicBalance, fold: CurvePoint, *, reach: float = 0.5
 ) -> CurvePoint | None:
     """Find the fold again after the system has changed a little (theory 10.2).
@@ -163,7 +163,7 @@ def fold_gradient(
     - `method`: by which it was found, with averaged or smooth contact. Exact contact at points in
         time changes its slope from one time step to the next: its folds are corners, and have no
         derivative, or one with an error in the order of a step.
-    - `fold`: of the system of these parameters, as of `continuation` or `fold_near`.
+    - `fold`: of the system of these parameters, as of `continuation` or `refine_fold`.
 
     **Returns:**
 
@@ -182,7 +182,7 @@ def fold_gradient(
     require(
         bool(error <= _BALANCED),
         "The point at {speed:.6g} rad/s is no response of the system of these parameters: its "
-        "imbalance is {error:.3g}. Find the fold again with `fold_near`.",
+        "imbalance is {error:.3g}. Find the fold again with `refine_fold`.",
         speed=fold.speed,
         error=error,
     )
@@ -215,7 +215,7 @@ def _weighted_slopes(
     """Derivatives by the parameters of a weighted sum of the residual."""
 
     def total(parameters: PyTree) -> Scalar:
-        problem = balance_of(method, build(parameters)).at_speed(speed)[0]
+        problem = harmonic_balance_problem(method, build(parameters)).at_speed(speed)[0]
         return weights @ imbalance(problem, terms).reshape(-1)
 
     return jax.grad(total)(parameters)

@@ -12,7 +12,7 @@ import scipy
 from jaxtyping import Float
 
 from jaxgear._dynamics._floquet import leading_multipliers, monodromy
-from jaxgear._dynamics._harmonic import Balance, HarmonicBalance, balance_of
+from jaxgear._dynamics._harmonic import Balance, HarmonicBalance, harmonic_balance_problem
 from jaxgear._dynamics._harmonic_problem import imbalance, linearised
 from jaxgear._dynamics._orbit import Orbit, contact_force
 from jaxgear._dynamics._types import Terms
@@ -122,7 +122,7 @@ def first_vector(method: HarmonicBalance, balance: Balance, speed: Scalar, near:
     return joined_vector(balance, method.solve(balance, speed, near)[1], speed)
 
 
-prepared_problem = jax.jit(balance_of)
+prepared_problem = jax.jit(harmonic_balance_problem)
 
 
 # --- Along a branch

@@ -84,9 +84,9 @@ class HarmonicBalance(AbstractMethod):
         if start is not None:
             raise InputError(
                 "Harmonic balance starts from harmonics, not from a motion. March from the motion "
-                "(`Marching`, `Shooting`), or leave `start` out."
+                "(`TimeStepping`, `Shooting`), or leave `start` out."
             )
-        return self.solve(balance_of(self, system), speed)[0]
+        return self.solve(harmonic_balance_problem(self, system), speed)[0]
 
     @compiled
     def solve(
@@ -96,7 +96,7 @@ class HarmonicBalance(AbstractMethod):
 
         **Arguments:**
 
-        - `balance`: what all speeds share, from `balance_of` with this method.
+        - `balance`: what all speeds share, from `harmonic_balance_problem` with this method.
         - `speed`: of the pinion [rad/s].
         - `near`: harmonics of the mesh coordinates to begin with, or `None`: those of the
             quasi-static states [m, rad].
@@ -239,7 +239,7 @@ class Balance(eqx.Module):
 
 
 @compiled
-def balance_of(method: HarmonicBalance, system: DynamicSystem) -> Balance:
+def harmonic_balance_problem(method: HarmonicBalance, system: DynamicSystem) -> Balance:
     """Prepare what all speeds share.
 
     **Arguments:**
@@ -295,7 +295,7 @@ def balance_of(method: HarmonicBalance, system: DynamicSystem) -> Balance:
 
 
 @compiled
-def terms_of(balance: Balance, places: StepPlaces) -> Terms:
+def fourier_coefficients(balance: Balance, places: StepPlaces) -> Terms:
     """Harmonics of a response that was found by any method on the same time steps.
 
     **Arguments:**

@@ -25,7 +25,7 @@ from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._types import Flag, Reals, Scalar
 
 
-class History(eqx.Module):
+class TimeHistory(eqx.Module):
     """What a march leaves of its last cycles.
 
     **Fields:**
@@ -59,7 +59,7 @@ class History(eqx.Module):
 _LEAST_DECAY = 1e-3
 
 
-class Marching(AbstractMethod):
+class TimeStepping(AbstractMethod):
     """March until the response repeats, as machines do: it ends on stable responses only.
 
     **Fields:**
@@ -84,7 +84,7 @@ class Marching(AbstractMethod):
     def __check_init__(self):
         require(
             self.cycles >= 2 * self.multiple and self.multiple >= 1,
-            "`Marching.cycles` must be at least twice `multiple`, got {cycles} and {multiple}.",
+            "`TimeStepping.cycles` must be at least twice `multiple`, got {cycles} and {multiple}.",
             cycles=self.cycles,
             multiple=self.multiple,
         )
@@ -101,7 +101,7 @@ class Marching(AbstractMethod):
         """
         start = quasi_static_start(system) if start is None else start
         system = system.over(self.multiple)
-        history = march(
+        history = time_history(
             system,
             speed,
             start,
@@ -203,7 +203,7 @@ def cycle(march: March, carried: Carried, table: MeshTable):
     return jax.lax.scan(lambda c, x: march.step(c, *x), carried, (kinds, march.meshes))
 
 
-def march(
+def time_history(
     system: DynamicSystem,
     speed: Scalar,
     start: Start,
@@ -214,7 +214,7 @@ def march(
     law: AbstractContactLaw = ExactContact(),
     averaged: bool = False,
     modes: ModalBasis | None = None,
-) -> History:
+) -> TimeHistory:
     """March over a number of cycles (theory 8.11, theory 8.12).
 
     **Arguments:**
@@ -273,8 +273,8 @@ def _marched(
     keep: int,
     stepper: AbstractStepper,
     averaged: bool,
-) -> History:
-    """See `march`."""
+) -> TimeHistory:
+    """See `time_history`."""
     ready = march_of(stepper, law, system, modes, speed, averaged=averaged)
 
     def unseen(carried: Carried, _):
@@ -297,14 +297,14 @@ def march_on(
     *,
     keep: int,
     stepper: AbstractStepper,
-) -> History:
+) -> TimeHistory:
     """March over `times` as many cycles as are kept: one program for marches of all lengths.
 
     It has no derivatives in reverse mode.
 
     **Arguments:**
 
-    - `system`, `speed`, `start`, `modes`, `law`, `stepper`: as of `march`.
+    - `system`, `speed`, `start`, `modes`, `law`, `stepper`: as of `time_history`.
     - `times`: how often so many cycles are marched, at least once [-].
     - `keep`: how many cycles those are.
 
@@ -342,11 +342,11 @@ def _seen_cycles(march: March, begun: Carried, count: int):
     return last, drift, kept
 
 
-def _history(march: March, begun: Carried, last: Carried, drift: Reals, kept) -> History:
+def _history(march: March, begun: Carried, last: Carried, drift: Reals, kept) -> TimeHistory:
     """What a march leaves of the cycles that it keeps."""
     place, load, states = (x.reshape(-1, *x.shape[2:]) for x in kept)
     shape = march.modes.shape
-    return History(
+    return TimeHistory(
         speed=march.speed,
         place=place,
         load=load,

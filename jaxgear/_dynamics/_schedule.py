@@ -20,7 +20,7 @@ else:
 # --- What is prescribed
 
 
-class Profile(eqx.Module):
+class Schedule(eqx.Module):
     """A quantity that changes in straight lines between knots and is constant beyond them.
 
     Two knots at one time are a jump.
@@ -41,14 +41,14 @@ class Profile(eqx.Module):
     def __check_init__(self):
         require(
             self.times.ndim == 1 and self.times.shape == self.values.shape and self.times.size > 1,
-            "`Profile` must have one value for each of two knots or more, got {times} times and "
+            "`Schedule` must have one value for each of two knots or more, got {times} times and "
             "{values} values.",
             times=self.times.size,
             values=self.values.size,
         )
         require(
             jnp.all(jnp.diff(self.times) >= 0.0) & jnp.all(jnp.isfinite(self.values)),
-            "`Profile.times` must not go back and `Profile.values` must be finite, got {times} s "
+            "`Schedule.times` must not go back and `Schedule.values` must be finite, got {times} s "
             "with {values}. Sort the knots by time.",
             times=self.times,
             values=self.values,
@@ -114,7 +114,7 @@ class Pieces(eqx.Module):
         return jax.tree.map(lambda x: x[i], self.lines)
 
     def when(self, integral: Scalar) -> Scalar:
-        """As `Profile.when`."""
+        """As `Schedule.when`."""
         sums = self.lines.before[1:]
         i = jnp.searchsorted(sums, integral, side="right", method="compare_all")
         line = jax.tree.map(lambda x: x[i], self.lines)
@@ -128,7 +128,7 @@ class Pieces(eqx.Module):
         return line.begin + jnp.where(fastest > 0.0, way, never)
 
 
-def pieces_of(profile: Profile) -> Pieces:
+def pieces_of(profile: Schedule) -> Pieces:
     """Slopes and integrals of a profile, piece by piece."""
     knots, values = profile.times, profile.values
     lengths = jnp.diff(knots)
@@ -145,7 +145,7 @@ def pieces_of(profile: Profile) -> Pieces:
     return Pieces(knots=knots, lines=lines)
 
 
-def run_up(start: float | Scalar, end: float | Scalar, seconds: float | Scalar) -> Profile:
+def run_up(start: float | Scalar, end: float | Scalar, seconds: float | Scalar) -> Schedule:
     """A speed that rises or falls at a constant rate, and stays.
 
     **Arguments:**
@@ -165,7 +165,7 @@ def torque_step(
     after: float | Scalar,
     at: float | Scalar,
     seconds: float | Scalar = 0.0,
-) -> Profile:
+) -> Schedule:
     """A torque that changes once.
 
     **Arguments:**
@@ -187,7 +187,7 @@ def start_stop(
     up: float | Scalar,
     hold: float | Scalar,
     down: float | Scalar,
-) -> Profile:
+) -> Schedule:
     """From standstill to a speed, and back to standstill.
 
     **Arguments:**
@@ -203,13 +203,13 @@ def start_stop(
     return _through((0.0, up, held, held + down), (0.0, speed, speed, 0.0))
 
 
-def _through(times: Sequence[float | Scalar], values: Sequence[float | Scalar]) -> Profile:
+def _through(times: Sequence[float | Scalar], values: Sequence[float | Scalar]) -> Schedule:
     """The profile through knots given one by one."""
     one = lambda x: jnp.asarray(x, dtype=float)
-    return Profile(jnp.stack([one(x) for x in times]), jnp.stack([one(x) for x in values]))
+    return Schedule(jnp.stack([one(x) for x in times]), jnp.stack([one(x) for x in values]))
 
 
-def as_profile(given: Profile | float | Scalar) -> Profile:
+def as_profile(given: Schedule | float | Scalar) -> Schedule:
     """A profile as it is, and a number as one that is constant.
 
     **Arguments:**
@@ -220,4 +220,4 @@ def as_profile(given: Profile | float | Scalar) -> Profile:
 
     The profile.
     """
-    return given if isinstance(given, Profile) else _through((0.0, 1.0), (given, given))
+    return given if isinstance(given, Schedule) else _through((0.0, 1.0), (given, given))

@@ -6,7 +6,7 @@ import numpy as np
 
 from jaxgear._checks import require
 from jaxgear._compiled import compiled, in_numpy
-from jaxgear._dynamics._harmonic import HarmonicBalance, balance_of
+from jaxgear._dynamics._harmonic import HarmonicBalance, harmonic_balance_problem
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit
 from jaxgear._dynamics._system import DynamicSystem
 from jaxgear._dynamics._types import Speeds, Start
@@ -104,7 +104,7 @@ def _orbits(method: AbstractMethod, system: DynamicSystem, speeds: Speeds) -> Or
         return jax.lax.map(
             lambda speed: method.orbit(system, speed, None), speeds, batch_size=_ABREAST
         )
-    balance = balance_of(method, system)
+    balance = harmonic_balance_problem(method, system)
     one = lambda speed: method.solve(balance, speed)[0]
     # Lanes of a batch all wait for the slowest: on a CPU one after the other is faster.
     return jax.lax.map(one, speeds) if jax.default_backend() == "cpu" else jax.vmap(one)(speeds)

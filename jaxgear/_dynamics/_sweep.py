@@ -16,8 +16,13 @@ import numpy as np
 
 from jaxgear._checks import require
 from jaxgear._dynamics._floquet import STABLE, leading_multipliers, monodromy
-from jaxgear._dynamics._harmonic import Balance, HarmonicBalance, balance_of, terms_of
-from jaxgear._dynamics._march import History, Marching, march_on, quasi_static_start
+from jaxgear._dynamics._harmonic import (
+    Balance,
+    HarmonicBalance,
+    fourier_coefficients,
+    harmonic_balance_problem,
+)
+from jaxgear._dynamics._march import TimeHistory, TimeStepping, march_on, quasi_static_start
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steady_state import orbit_of
@@ -82,7 +87,7 @@ class SweepSettings:
     last motion; a speed without a periodic response keeps the last `kept` of them.
     """
 
-    method: HarmonicBalance | Shooting | Marching = field(default_factory=HarmonicBalance)
+    method: HarmonicBalance | Shooting | TimeStepping = field(default_factory=HarmonicBalance)
     shooting: Shooting = field(default_factory=lambda: Shooting(warm_up=0, most_steps=10))
     cycles: int = 100
     kept: int = 10
@@ -188,7 +193,7 @@ class Finder:
         """
         method = self.settings.method
         start = self.rest if last is None else last.orbit.start
-        if isinstance(method, Marching):
+        if isinstance(method, TimeStepping):
             return self._alone(orbit_of(_over_cycles(method, 2), self.system, speed, start))
         if isinstance(method, Shooting):
             twice = last is not None and last.multiple == 2
@@ -229,9 +234,9 @@ class Finder:
         """The response by harmonic balance, from one close by or from the quasi-static states."""
         method = _over_cycles(self.harmonic, multiple)
         if multiple not in self.balances:
-            self.balances[multiple] = balance_of(method, self.system)
+            self.balances[multiple] = harmonic_balance_problem(method, self.system)
         balance = self.balances[multiple]
-        first = balance.rest if near is None else terms_of(balance, near.place)
+        first = balance.rest if near is None else fourier_coefficients(balance, near.place)
         return self._judged(method.solve(balance, speed, first)[0])
 
     def _searched(self, method: Shooting, speed: Scalar, start: Start) -> SweepPoint:
@@ -247,7 +252,7 @@ class Finder:
             apart = 0.0 if apart < min(_APPROACH * before, 1.0) and before < np.inf else apart
         return self._unsettled(history) if found is None or apart > _APART else found
 
-    def _on(self, speed: Scalar, start: Start, cycles: int) -> History:
+    def _on(self, speed: Scalar, start: Start, cycles: int) -> TimeHistory:
         """March on by at least so many cycles. One program serves for all marches."""
         kept = self.settings.kept
         times = jnp.asarray(-(-cycles // kept))
@@ -298,7 +303,7 @@ class Finder:
             return SweepPoint(dataclasses.replace(orbit, **halved), 1, none)
         return SweepPoint(orbit, multiple, none)
 
-    def _unsettled(self, history: History) -> SweepPoint:
+    def _unsettled(self, history: TimeHistory) -> SweepPoint:
         """What a march leaves where no periodic response is found."""
         orbit = Orbit(
             speed=history.speed,
@@ -313,12 +318,12 @@ class Finder:
         return SweepPoint(orbit, self.settings.kept, np.zeros(0, dtype=complex))
 
 
-def _apart(point: SweepPoint | None, other: Orbit | History) -> float:
+def _apart(point: SweepPoint | None, other: Orbit | TimeHistory) -> float:
     """How far a stable response lies from the last cycles of a motion, over its swing [-]."""
     return np.inf if point is None or not point.stable else _moved(point, other)
 
 
-def _moved(point: SweepPoint, other: Orbit | History) -> float:
+def _moved(point: SweepPoint, other: Orbit | TimeHistory) -> float:
     """How far a response lies from the last cycles of a motion, over its swing [-]."""
     own = point.orbit.place
     steps = max(own.shape[0], min(other.place.shape[0], 2 * own.shape[0]))
@@ -331,6 +336,6 @@ def _over_cycles(method, multiple: int):
     return dataclasses.replace(method, multiple=multiple)
 
 
-def _state(history: History) -> Start:
+def _state(history: TimeHistory) -> Start:
     """Motion and velocity where a march ended [m, rad, m/s, rad/s]."""
     return jnp.stack([history.motion[-1], history.velocity[-1]])

@@ -23,7 +23,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from jaxgear._checks import require, require_float64
-from jaxgear._dynamics._schedule import Profile, as_profile
+from jaxgear._dynamics._schedule import Schedule, as_profile
 from jaxgear._dynamics._system import DynamicSystem
 from jaxgear._dynamics._transient_motion import TransientChoices, motion_of, slope_of
 from jaxgear._dynamics._transient_result import DenseMotion, Transient, observed_at, reached_only
@@ -47,8 +47,8 @@ class TransientError(RuntimeError):
 
 def transient(
     system: DynamicSystem,
-    speed: Profile | float | Scalar,
-    torque_ratio: Profile | float | Scalar,
+    speed: Schedule | float | Scalar,
+    torque_ratio: Schedule | float | Scalar,
     start: Start,
     times: Times,
     *,
@@ -143,8 +143,8 @@ def _solver(given: str | diffrax.AbstractSolver) -> diffrax.AbstractSolver:
 @eqx.filter_jit
 def _integrate(
     system: DynamicSystem,
-    speed: Profile,
-    ratio: Profile,
+    speed: Schedule,
+    ratio: Schedule,
     start: Start,
     times: Times,
     law: AbstractContactLaw,
@@ -213,8 +213,8 @@ def _modes_below(system: DynamicSystem, below: float) -> int:
 
 def _check(
     system: DynamicSystem,
-    speed: Profile,
-    ratio: Profile,
+    speed: Schedule,
+    ratio: Schedule,
     start: Start,
     times: Times,
     most_steps: int,

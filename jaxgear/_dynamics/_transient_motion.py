@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from jaxgear._dynamics._bodies import TurningTerms
 from jaxgear._dynamics._cell_forces import cell_forces, mesh_load
-from jaxgear._dynamics._schedule import Pieces, Profile, pieces_of
+from jaxgear._dynamics._schedule import Pieces, Schedule, pieces_of
 from jaxgear._dynamics._system import DynamicSystem
 from jaxgear._dynamics._table import Mesh, MeshTable, place_shares
 from jaxgear._dynamics._types import FreeMotions, Matrix, Vector, Vectors
@@ -277,8 +277,8 @@ def _yielded_place(
 def motion_of(
     system: DynamicSystem,
     law: AbstractContactLaw,
-    speed: Profile,
-    ratio: Profile,
+    speed: Schedule,
+    ratio: Schedule,
     begin: Scalar,
     choices: TransientChoices,
 ) -> MovingPair:
@@ -302,7 +302,7 @@ def motion_of(
         )
     approach = mesh[:, 0]
     inertia = 1.0 / (approach @ approach)
-    since = lambda profile: pieces_of(Profile(profile.times - begin, profile.values))
+    since = lambda profile: pieces_of(Schedule(profile.times - begin, profile.values))
     return MovingPair(
         axes=axes,
         stiffness=stiffness,

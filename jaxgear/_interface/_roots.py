@@ -82,7 +82,7 @@ class RootPatches:
 
 
 @dataclass(frozen=True)
-class Feet:
+class InterfaceMap:
     """How the feet of slices follow the rim.
 
     **Fields:**
@@ -97,7 +97,7 @@ class Feet:
     centres: np.ndarray
 
 
-def feet(rim: RimSurface, patches: RootPatches) -> Feet:
+def interface_map(rim: RimSurface, patches: RootPatches) -> InterfaceMap:
     """Rows that give the motions of the feet of slices (theory 7.4, theory 7.5).
 
     **Arguments:**
@@ -137,7 +137,7 @@ def feet(rim: RimSurface, patches: RootPatches) -> Feet:
     column = np.broadcast_to(column, entry.shape)
     shape = (6 * len(middle), 3 * len(rim.nodes))
     matrix = scipy.sparse.coo_array((entry.ravel(), (row.ravel(), column.ravel())), shape)
-    return Feet(scipy.sparse.csr_array(matrix), centres)
+    return InterfaceMap(scipy.sparse.csr_array(matrix), centres)
 
 
 def _across(patches: RootPatches) -> tuple[np.ndarray, np.ndarray]:

@@ -23,7 +23,7 @@ from jaxgear._checks import require
 from jaxgear._compiled import compiled
 from jaxgear._contact._coupling import body_yield
 from jaxgear._dynamics._cell_forces import cell_forces
-from jaxgear._dynamics._march import History
+from jaxgear._dynamics._march import TimeHistory
 from jaxgear._dynamics._system import DynamicSystem
 from jaxgear._dynamics._table import END, Mesh, mesh_at, repeated
 from jaxgear._dynamics._types import Matrix, Motion, Series
@@ -58,7 +58,7 @@ class Energies(eqx.Module):
 
 @compiled
 def energies(
-    system: DynamicSystem, history: History, law: AbstractContactLaw = ExactContact()
+    system: DynamicSystem, history: TimeHistory, law: AbstractContactLaw = ExactContact()
 ) -> Energies:
     """Work out the energies of a march.
 
@@ -135,7 +135,7 @@ class Work(eqx.Module):
 
 
 @compiled
-def work_done(system: DynamicSystem, history: History) -> Work:
+def work_done(system: DynamicSystem, history: TimeHistory) -> Work:
     r"""Work out what does work on a march by the midpoint rule.
 
     The balance is that of the rule itself, exact up to rounding whatever its steps. After a start
@@ -186,7 +186,7 @@ class _Powers(NamedTuple):
     gyroscopic: Series
 
 
-def _powers(system: DynamicSystem, history: History) -> _Powers:
+def _powers(system: DynamicSystem, history: TimeHistory) -> _Powers:
     before = jnp.concatenate([history.start[1:], history.velocity[:-1]])
     middle, speed = 0.5 * (before + history.velocity), history.speed
     none = jnp.zeros(middle.shape[0])

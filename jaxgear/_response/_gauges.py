@@ -18,7 +18,7 @@ from jaxtyping import Array
 from jaxgear._checks import require
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
-from jaxgear._interface._roots import ROOT_POINTS, Axial, RimSurface, feet
+from jaxgear._interface._roots import ROOT_POINTS, Axial, RimSurface, interface_map
 from jaxgear._solve._cycle import MeshCycle
 from jaxgear._system._body_tables import root_patches, teeth_on_lines
 from jaxgear._system._condensed import Condensed
@@ -99,7 +99,7 @@ def gauge_influences(
         body.stiffness[np.ix_(inner, inner)], rows[:, inner].T, assume_a="pos", check_finite=False
     ).T
     patches = root_patches(pair, index, grid, np.arange(gear.teeth), points=points, axial=axial)
-    found = feet(RimSurface(body.rim_nodes, body.rim_faces), patches)
+    found = interface_map(RimSurface(body.rim_nodes, body.rim_faces), patches)
     by_feet = (found.rows @ solved[:, :rim].T).T
     slices, lines = grid.slices, teeth_on_lines(index, grid, gear.teeth) % gear.teeth
     centres = found.centres.reshape(gear.teeth, slices, 3)[lines[0]].reshape(-1, 3)

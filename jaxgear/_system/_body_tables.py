@@ -13,7 +13,14 @@ from jaxgear._checks import require
 from jaxgear._geometry._lines import MeshGrid, face_positions
 from jaxgear._geometry._pair import GearPair
 from jaxgear._geometry._profile import tooth_section
-from jaxgear._interface._roots import ROOT_POINTS, Axial, Feet, RimSurface, RootPatches, feet
+from jaxgear._interface._roots import (
+    ROOT_POINTS,
+    Axial,
+    InterfaceMap,
+    RimSurface,
+    RootPatches,
+    interface_map,
+)
 from jaxgear._system._body_modes import BodyBasis, BodyModes
 from jaxgear._system._condensed import Condensed
 from jaxgear._system._flexible import FlexibleBody
@@ -153,7 +160,7 @@ def flexible_body(
     each, where = np.unique(teeth % gear.teeth if repeats > 1 else teeth, return_inverse=True)
     lines = where.reshape(teeth.shape)
     patches = root_patches(pair, index, grid, each, points=points, axial=axial)
-    found, components = feet(_surface(body), patches), root_components(pair, motion)
+    found, components = interface_map(_surface(body), patches), root_components(pair, motion)
     held = _held(body, found, patches.angles.ravel(), components, give and give(patches))
     count, slices, size, cells = len(each), grid.slices, len(components), grid.cells
     pairs = _between_cells(held, lines, each, repeats, local, components, ribs)
@@ -269,7 +276,7 @@ def _of_one_tooth(local: np.ndarray, slices: int, components: tuple[int, ...]) -
 
 def _held(
     body: Condensed,
-    found: Feet,
+    found: InterfaceMap,
     angles: np.ndarray,
     components: tuple[int, ...],
     give: np.ndarray | None,

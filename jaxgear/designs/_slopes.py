@@ -16,7 +16,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxgear._dynamics._harmonic import HarmonicBalance, balance_of, terms_of
+from jaxgear._dynamics._harmonic import (
+    HarmonicBalance,
+    fourier_coefficients,
+    harmonic_balance_problem,
+)
 from jaxgear._dynamics._modes import Modes, critical_speeds, pair_modes
 from jaxgear._dynamics._sweep import Direction, SweepPoint
 from jaxgear._geometry._lines import MeshGrid
@@ -194,8 +198,8 @@ def _built_and_answered(keys: Keys, grid: MeshGrid) -> tuple[Callable, Callable]
         moved = moved_pair(dynamics, numbers[:-1])
         method = settings_of(law, scene.sweep, size_of(dynamics)).method
         assert isinstance(method, HarmonicBalance)
-        balance = balance_of(method, moved.system)
-        near = jax.lax.stop_gradient(terms_of(balance, places))
+        balance = harmonic_balance_problem(method, moved.system)
+        near = jax.lax.stop_gradient(fourier_coefficients(balance, places))
         orbit, _ = method.solve(balance, numbers[-1], near)
         found = measured(moved, orbit, law, 1)
         lengths = {name: getattr(found, name.removesuffix("_um")) for name in _ANSWERS}

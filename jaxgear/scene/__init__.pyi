@@ -7,6 +7,6 @@ from ._rewriting import rewrite_scene as rewrite_scene
 from ._rewriting import write_scene as write_scene
 from ._scene import Scene as Scene
 from ._scene import SceneError as SceneError
+from ._scene import example_scene as example_scene
 from ._scene import read_scene as read_scene
-from ._scene import ready_scene as ready_scene
 from ._with_bodies import with_bodies as with_bodies

@@ -9,7 +9,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from fem_prep import Fineness, GearBody, Holes, Material, Segment, Teeth, Web
+from fem_prep import GearBody, Holes, Material, MeshSizing, Segment, Teeth, Web
 from jaxgear._units import GPa, deg, mm
 from jaxgear.scene._body_checks import METHODS
 from jaxgear.scene._body_seats import PlannedSeat, Seats, drawn_seats, named_seats, seat_places
@@ -33,7 +33,7 @@ class Drawn:
     """
 
     body: GearBody
-    fineness: Fineness
+    fineness: MeshSizing
 
 
 @dataclasses.dataclass(frozen=True)
@@ -219,7 +219,7 @@ def _web(web: WebKeys) -> Web | None:
     )
 
 
-def _fineness(gear: GearKeys, body: GearBody) -> Fineness:
+def _fineness(gear: GearKeys, body: GearBody) -> MeshSizing:
     wanted = gear.body.fineness
     given = {
         "rim_axial": wanted.rim_across,
@@ -232,7 +232,7 @@ def _fineness(gear: GearKeys, body: GearBody) -> Fineness:
     sectors = wanted.sectors
     if sectors is None:
         sectors = _next_multiple(gear.teeth * _or(wanted.elements_per_tooth, 1), _repeats(body))
-    return Fineness(sectors, **{key: each for key, each in given.items() if each is not None})
+    return MeshSizing(sectors, **{key: each for key, each in given.items() if each is not None})
 
 
 def _repeats(body: GearBody) -> int:

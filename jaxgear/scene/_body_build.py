@@ -15,9 +15,9 @@ import numpy as np
 from fem_prep import (
     BodyError,
     CacheWarning,
+    FixedInterface,
     FullBody,
     Grid,
-    Held,
     ReducedBody,
     Rotation,
     Seat,
@@ -29,12 +29,12 @@ from fem_prep import (
     exact_properties,
     file_digest,
     files_of,
+    fixed_interface,
     full_body,
     health_report,
-    hold,
     key_of,
     largest_rotation,
-    modes_told,
+    reported_mode_count,
     solid_of,
 )
 from jaxgear._process import peak_memory
@@ -180,7 +180,7 @@ def _build(plan: BodyPlan, key: str, steps: Steps) -> ReducedBody:
         full = full_of(plan, steps)
         rotation = largest_rotation(full)
         _check_memory(full, rotation)
-        held = hold(full, rotation=rotation, progress=steps)
+        held = fixed_interface(full, rotation=rotation, progress=steps)
         body = condense(
             full,
             method=plan.method,
@@ -189,7 +189,7 @@ def _build(plan: BodyPlan, key: str, steps: Steps) -> ReducedBody:
             held=held,
             progress=steps,
         )
-    modes = described_modes(body, held, count=modes_told(body), progress=steps)
+    modes = described_modes(body, held, count=reported_mode_count(body), progress=steps)
     if isinstance(plan.source, Drawn):
         exact = solid_of(exact_properties(plan.source.body), plan.material.density)
     health = health_report(
@@ -257,8 +257,8 @@ def _memory() -> float:
 
 def _view(body: ReducedBody, full: FullBody, steps: Steps) -> BodyView:
     """What pictures show of a body, made again."""
-    held = hold(full, progress=steps)
-    modes = described_modes(body, held, count=modes_told(body), progress=steps)
+    held = fixed_interface(full, progress=steps)
+    modes = described_modes(body, held, count=reported_mode_count(body), progress=steps)
     return BodyView(full.grid.sets, modes.shapes.astype(np.float32))
 
 
@@ -317,10 +317,10 @@ def full_of(plan: BodyPlan, steps: Steps) -> FullBody:
     return full_body(plan.name, grid, plan.material, held, teeth=plan.teeth, progress=steps)
 
 
-def held_of(plan: BodyPlan, tell: Callable[[str], None] = lambda step: None) -> Held:
+def held_of(plan: BodyPlan, tell: Callable[[str], None] = lambda step: None) -> FixedInterface:
     """A body with its rim and its seats held, its stiffness factorised."""
     steps = Steps(tell)
-    return hold(full_of(plan, steps), progress=steps)
+    return fixed_interface(full_of(plan, steps), progress=steps)
 
 
 def _grid(plan: BodyPlan) -> Grid:

@@ -7,24 +7,24 @@ from collections.abc import Callable
 import numpy as np
 
 from fem_prep import (
-    LEAST_RIM,
-    Fineness,
+    MIN_RIM,
+    Compliance,
     GearBody,
-    Give,
     Grid,
+    MeshSizing,
     Seat,
     ToothedGear,
     cached,
+    fixed_interface,
     full_body,
-    hold,
     key_of,
-    read_give,
+    read_compliance,
     ribbed_grids,
     symmetry,
-    write_give,
+    write_compliance,
 )
 from jaxgear._checks import InputError, require
-from jaxgear._interface._roots import RimSurface, RootPatches, feet
+from jaxgear._interface._roots import RimSurface, RootPatches, interface_map
 from jaxgear._units import mm
 from jaxgear.scene._bodies import BodyPlan, Drawn, ribbed_sectors
 from jaxgear.scene._body_build import Steps
@@ -71,12 +71,12 @@ def beyond_plain_ring(
     if source.body.web is not None:
         rim = 0.5 * (source.body.rim_outer - source.body.web.rim_inner)
         require(
-            rim >= LEAST_RIM * gear.module,
+            rim >= MIN_RIM * gear.module,
             "Under teeth of finite elements a condensed rim must be at least {least:g} modules "
             "thick, {want:.4g} mm, got {got:.4g} mm: a thinner one bends under a root as no ring "
             'does. Make {name}.body.web.rim_inner_mm smaller, or write mesh.tooth = "sliced".',
-            least=LEAST_RIM,
-            want=LEAST_RIM * gear.module / mm,
+            least=MIN_RIM,
+            want=MIN_RIM * gear.module / mm,
             got=rim / mm,
             name=plan.gear,
         )
@@ -87,8 +87,10 @@ def beyond_plain_ring(
 
     def beyond(patches: RootPatches) -> np.ndarray:
         inputs = {**made_from, "material": plan.material, "patches": patches}
-        build = lambda: Give(_beyond(plan, source.body, fineness, gear, patches, tell))
-        return cached(key_of({"beyond a ring": inputs}), build, (read_give, write_give))[0].matrix
+        build = lambda: Compliance(_beyond(plan, source.body, fineness, gear, patches, tell))
+        return cached(
+            key_of({"beyond a ring": inputs}), build, (read_compliance, write_compliance)
+        )[0].matrix
 
     return beyond
 
@@ -96,7 +98,7 @@ def beyond_plain_ring(
 def _beyond(
     plan: BodyPlan,
     drawn: GearBody,
-    fineness: Fineness,
+    fineness: MeshSizing,
     gear: ToothedGear,
     patches: RootPatches,
     tell: Callable[[str], None],
@@ -165,8 +167,8 @@ def _give(
     full = full_body(plan.name, grid, plan.material, seats, progress=steps)
     none = np.zeros(0, dtype=int)
     full = dataclasses.replace(full, rim=none, rim_points=none, rim_faces=none.reshape(0, 8))
-    held = hold(full, rotation=full.rotation(sectors), progress=steps)
-    rows = feet(RimSurface(grid.nodes, faces), patches).rows
+    held = fixed_interface(full, rotation=full.rotation(sectors), progress=steps)
+    rows = interface_map(RimSurface(grid.nodes, faces), patches).rows
     every = (rows @ full.spread).T.tocsc()
     loads = every[:, loaded]
     with steps("loads on the feet"):

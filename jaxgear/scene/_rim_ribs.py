@@ -15,15 +15,15 @@ from collections.abc import Callable
 import numpy as np
 
 from fem_prep import (
-    Fineness,
+    Compliance,
     GearBody,
-    Give,
+    MeshSizing,
     cached,
     key_of,
-    read_give,
+    read_compliance,
     ribbed_grids,
     symmetry,
-    write_give,
+    write_compliance,
 )
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
@@ -84,7 +84,7 @@ def rim_ribs(
     rows = (6 * np.arange(few.cells)[:, None] + np.array(components)).ravel()
     loaded = rows[: few.slices * len(components)]
 
-    def build() -> Give:
+    def build() -> Compliance:
         equal = math.gcd(gear.teeth, symmetry(body, fineness))
         with in_keys(plan.gear):
             with_teeth, smooth = (
@@ -98,11 +98,13 @@ def rim_ribs(
                 )
                 for ribs in (True, False)
             )
-        return Give((with_teeth[0] - smooth[0] - (with_teeth[1] - smooth[1]))[rows])
+        return Compliance((with_teeth[0] - smooth[0] - (with_teeth[1] - smooth[1]))[rows])
 
     made_from = {"body": body, "fineness": fineness, "gear": gear, "seats": plan.seats}
     inputs = {**made_from, "material": plan.material, "patches": patches}
-    found = cached(key_of({"ribs of a rim": inputs}), build, (read_give, write_give))[0].matrix
+    found = cached(key_of({"ribs of a rim": inputs}), build, (read_compliance, write_compliance))[
+        0
+    ].matrix
     between = np.kron(_hats(few.slices, grid.slices), np.eye(6)[:, list(components)])
     felt = between @ found.reshape(grid.lines, len(loaded), -1) @ between.T
     # A tooth further along the path is ahead on the pinion, behind on the wheel.
@@ -111,7 +113,7 @@ def rim_ribs(
     return np.array([[block(steps) for steps in row] for row in ahead]).transpose(0, 2, 1, 3)
 
 
-def _fineness(body: GearBody, given: Fineness, sectors: int, teeth: int) -> Fineness:
+def _fineness(body: GearBody, given: MeshSizing, sectors: int, teeth: int) -> MeshSizing:
     """Elements about as long as a pitch: a difference of two grids that are alike needs no more."""
     assert body.web is not None
     pitch = math.pi * body.rim_outer / teeth

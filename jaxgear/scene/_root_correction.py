@@ -23,7 +23,7 @@ from fem_prep import (
 )
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
-from jaxgear._interface._roots import ROOT_POINTS, Axial, RimSurface, RootPatches, feet
+from jaxgear._interface._roots import ROOT_POINTS, Axial, RimSurface, RootPatches, interface_map
 from jaxgear._system._body_tables import root_patches
 
 # How far the piece reaches to either side [pitches], and under the rim [root widths].
@@ -115,7 +115,7 @@ class RootCorrection:
     def _give(self, grid: Grid, patches: RootPatches) -> np.ndarray:
         """Compliance between the feet on a piece."""
         faces = surface_of(grid, RIM)
-        rows = feet(RimSurface(grid.nodes, faces), patches).rows
+        rows = interface_map(RimSurface(grid.nodes, faces), patches).rows
         return piece_compliance(grid, self._material, rows.T.toarray())
 
 

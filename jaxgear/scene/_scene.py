@@ -309,7 +309,7 @@ def read_scene(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> S
     )
 
 
-def ready_scene(name: str, overrides: Sequence[str] = ()) -> Scene:
+def example_scene(name: str, overrides: Sequence[str] = ()) -> Scene:
     """Read one of the scenes that come with jaxgear: `accessory` or `power`.
 
     **Arguments:**

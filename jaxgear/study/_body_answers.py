@@ -6,7 +6,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from fem_prep import Grid, ReducedBody, hold, rim_rows, surface_mass
+from fem_prep import Grid, ReducedBody, fixed_interface, rim_rows, surface_mass
 from jaxgear._solve._cycle import MeshCycle
 from jaxgear._units import um
 from jaxgear.scene._body_build import BuiltBody, Steps, full_of
@@ -190,7 +190,7 @@ def whole_motion(built: BuiltBody, motions: np.ndarray, speeds: np.ndarray) -> n
     """
     with in_keys(built.plan.gear):
         full = full_of(built.plan, Steps(lambda step: None))
-        held = hold(full)
+        held = fixed_interface(full)
         inside = held.followed(motions[:, : built.body.boundary_dofs].T)
         if np.any(speeds):
             inside = inside + held.loaded(full.centrifugal_load[:, None] * speeds**2)

@@ -11,7 +11,7 @@ import numpy as np
 from jaxgear._checks import require
 from jaxgear._dynamics._damping import AbstractDamping, ModalDamping, RayleighDamping
 from jaxgear._dynamics._harmonic import HarmonicBalance
-from jaxgear._dynamics._march import Marching
+from jaxgear._dynamics._march import TimeStepping
 from jaxgear._dynamics._modes import Modes, pair_modes
 from jaxgear._dynamics._pair_dynamics import pair_dynamics
 from jaxgear._dynamics._shooting import Shooting
@@ -148,10 +148,10 @@ def method_name(asked: SweepKeys, size: Size) -> str:
 def settings_of(law: AbstractContactLaw, asked: SweepKeys, size: Size) -> SweepSettings:
     """How a scene is swept: by harmonic balance as long as a cycle is not too long for it."""
     cycles = max(4, -(-asked.cycles // size.periods))
-    method: HarmonicBalance | Shooting | Marching
+    method: HarmonicBalance | Shooting | TimeStepping
     match method_name(asked, size):
         case "newmark":
-            method = Marching(stepper=Newmark(), law=law, cycles=cycles)
+            method = TimeStepping(stepper=Newmark(), law=law, cycles=cycles)
         case "shooting":
             method = Shooting(law=law)
         case _:

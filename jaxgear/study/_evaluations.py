@@ -183,9 +183,11 @@ def sloped_residuals(task: Task, values: Reals, law: AbstractContactLaw) -> tupl
     return optimise.value_and_jacobian(lambda x: residuals_at(task, x, law))(values)
 
 
-def sloped_by(evaluate: Callable[..., Any], task: Task) -> optimise.Sloped:
+def sloped_by(evaluate: Callable[..., Any], task: Task) -> optimise.ValueAndGradient:
     """One of these, compiled: of the variables and a width of smooth contact [m]."""
-    return optimise.Sloped(lambda x, width: timed(evaluate, task, x, SmoothContact(width)))
+    return optimise.ValueAndGradient(
+        lambda x, width: timed(evaluate, task, x, SmoothContact(width))
+    )
 
 
 def side_by_side(task: Task, points: Reals, law: AbstractContactLaw) -> Reals:

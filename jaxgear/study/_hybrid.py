@@ -17,7 +17,7 @@ from jaxtyping import Array
 from fem_prep import ReducedBody, rigid_motions
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
-from jaxgear._interface._roots import Axial, Feet, RimSurface, feet
+from jaxgear._interface._roots import Axial, InterfaceMap, RimSurface, interface_map
 from jaxgear._solve._cycle import MeshCycle
 from jaxgear._system._body_tables import root_patches, teeth_on_lines
 from jaxgear._system._foot_tables import foot_weights
@@ -94,14 +94,14 @@ class BodyUnderTeeth:
         ).T
         return motion
 
-    def feet_of(self, period: int) -> tuple[Feet, np.ndarray]:
+    def feet_of(self, period: int) -> tuple[InterfaceMap, np.ndarray]:
         """Feet of the teeth in mesh in one period, line by line, and their angles in the body."""
         teeth = teeth_on_lines(self.index, self._grid, period + 1)[period] % self._teeth
         patches = root_patches(
             self._pair, self.index, self._grid, teeth, points=self._points, axial=self._axial
         )
         surface = RimSurface(self.body.rim_nodes, self.body.rim_faces)
-        return feet(surface, patches), patches.angles.ravel()
+        return interface_map(surface, patches), patches.angles.ravel()
 
     def under_mesh(self, period: int) -> "PeriodMotion":
         """The body at all phases of one mesh period, by the loads on gears, none of rotation."""
@@ -156,7 +156,7 @@ class PeriodMotion:
     motion: np.ndarray
     load: np.ndarray
     turn: np.ndarray
-    feet: Feet
+    feet: InterfaceMap
     weights: np.ndarray
 
     def on_feet(self, rim: np.ndarray) -> np.ndarray:

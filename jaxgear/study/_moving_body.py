@@ -74,10 +74,10 @@ class MovingBody:
         return found
 
     @functools.cached_property
-    def _held(self) -> fem_prep.Held:
+    def _held(self) -> fem_prep.FixedInterface:
         steps = Steps(lambda step: say(f"{self.gear}: {step}"))
         with in_keys(self.gear):
-            return fem_prep.hold(full_of(self.built.plan, Steps(say)), progress=steps)
+            return fem_prep.fixed_interface(full_of(self.built.plan, Steps(say)), progress=steps)
 
     def rows(self, chosen: np.ndarray) -> np.ndarray:
         """Displacements of nodes per seat and mode, of the nodes with these numbers.
@@ -103,7 +103,7 @@ class MovingBody:
         if not self.has_grid:
             count = 3 * len(self.nodes)
             return motions[:count].T.reshape(-1, len(self.nodes), 3)
-        return fem_prep.recovered(self._held, self.built.body, motions)
+        return fem_prep.recovered_displacements(self._held, self.built.body, motions)
 
     def shape(self, motion: BodyMotion, order: float | int) -> np.ndarray:
         """Operating deflection shape of one order of the gear's rotation, against its seat.

@@ -190,7 +190,7 @@ def _at_speeds(space: DesignSpace, name: str, grid: MeshGrid) -> optimise.OverSp
     )
 
 
-JudgedSpeeds = list[tuple[float, optimise.Judged]]
+JudgedSpeeds = list[tuple[float, optimise.SpeedResults]]
 
 
 def judged_speeds(
@@ -207,7 +207,7 @@ def judged_speeds(
     objective = _at_speeds(space, names[0], grid)
 
     @jax.jit
-    def judge(values: Reals, torque: Scalar) -> optimise.Judged:
+    def judge(values: Reals, torque: Scalar) -> optimise.SpeedResults:
         model = eqx.tree_at(lambda m: m.torque, space.model(values), torque)
         return objective.judged(model, law)
 

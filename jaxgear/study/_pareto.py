@@ -29,7 +29,7 @@ def front_result(space: DesignSpace, grid: MeshGrid, prepared: PreparedMesh | No
     )
     with progress(scene.optimise.pareto.points, "front") as done:
         front = optimise.pareto_front(
-            optimise.Sloped(lambda x: timed(sloped_responses, searched, x, smooth)),
+            optimise.ValueAndGradient(lambda x: timed(sloped_responses, searched, x, smooth)),
             space.start,
             space.box,
             points=scene.optimise.pareto.points,

@@ -205,7 +205,9 @@ def _traced(
 
     NaN where it is no curve: where it was not found, or with no less error than no relief.
     """
-    sloped = optimise.Sloped(lambda x: timed(sloped_residuals, task, np.asarray(x), ExactContact()))
+    sloped = optimise.ValueAndGradient(
+        lambda x: timed(sloped_residuals, task, np.asarray(x), ExactContact())
+    )
     with progress(extent.size, "Master Curve") as done:
         curve = optimise.traced_curve(sloped, extent, start, deepest=deepest, done=done)
     kept = curve.settled & (curve.depth > 0.0) & (curve.depth <= deepest)

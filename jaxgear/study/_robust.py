@@ -134,7 +134,7 @@ def hardened(
     scene, space = scatter.space.scene, scatter.space
     quantities = scatter.quantities
     samples, fresh = samples_of(scatter)
-    moved = optimise.moved_alone(quantities)
+    moved = optimise.one_at_a_time_sample(quantities)
     start = time.perf_counter()
     # One program judges all of them.
     every = members_of(scatter, np.concatenate([samples, fresh, moved]), grid, prepared)
@@ -166,7 +166,7 @@ def hardened(
     widths = _widths(limits_of(scene.optimise), seen)
     begin = time.perf_counter()
     measures = _measures(scene.robust, widths)
-    both = jax.jit(optimise.measured(judge_of(scatter, grid, law), measures))
+    both = jax.jit(optimise.population_statistics(judge_of(scatter, grid, law), measures))
     objective = lambda point: both(point, members)
     began = float(objective(jnp.asarray(before.point))[0][0])
     most, limits = scene.optimise.max_evaluations, limits_of(scene.optimise)
@@ -176,7 +176,7 @@ def hardened(
     first = lambda point: tuple(each[0] for each in objective(point))
     with progress(most, "robust search") as done:
         found = search(
-            optimise.Sloped(objective if limits else first),
+            optimise.ValueAndGradient(objective if limits else first),
             before.point,
             space.box,
             most_evaluations=most,

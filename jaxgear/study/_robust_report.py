@@ -23,7 +23,7 @@ _SHOWN = {
     "face_load_factor": ("face load factor", "-"),
     "pressure_offset": ("offset of the pressure from mid-face, over half the face", "-"),
 }
-# How far a tornado chart moves each quantity, as `optimise.moved_alone` does unless told.
+# How far a tornado chart moves each quantity, as `optimise.one_at_a_time_sample` does unless told.
 _REACH = 2.0
 _DESIGNS = ("nominal", "robust")
 

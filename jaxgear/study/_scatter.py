@@ -213,7 +213,9 @@ def _tolerated(
 def _require_range(scatter: Scatter) -> None:
     """Refuse a scatter that leaves the range of its key, or a torque that changes its sign."""
     scene, space = scatter.space.scene, scatter.space
-    every = np.concatenate([*samples_of(scatter), optimise.moved_alone(scatter.quantities)])
+    every = np.concatenate(
+        [*samples_of(scatter), optimise.one_at_a_time_sample(scatter.quantities)]
+    )
     ends = [space.updates(jnp.asarray(end)) for end in (space.box.lower, space.box.upper)]
     for column, key in enumerate(scatter.keys):
         rule = KEYS[general(split_entry(key)[0])]
@@ -249,5 +251,5 @@ def _require_range(scatter: Scatter) -> None:
 def samples_of(scatter: Scatter) -> tuple[np.ndarray, np.ndarray]:
     """The sample to search with, and the fresh one: deviations `[gear, quantity]`."""
     asked = scatter.space.scene.robust
-    drawn = lambda count, seed: optimise.scattered(scatter.quantities, count, seed)
+    drawn = lambda count, seed: optimise.sample(scatter.quantities, count, seed)
     return drawn(asked.samples, asked.seed), drawn(asked.fresh_samples, asked.seed + 1)

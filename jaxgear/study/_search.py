@@ -57,7 +57,7 @@ class Search(NamedTuple):
 
     name: str
     objective: optimise.Batched
-    slopes: optimise.Sloped
+    slopes: optimise.ValueAndGradient
     number: Callable[[np.ndarray], float]
     descend: Callable[[np.ndarray, optimise.Watcher], optimise.SearchResult]
     limits: tuple[optimise.Limit, ...] = ()
@@ -85,7 +85,7 @@ def search_of(
 
 def by_gradient(
     space: DesignSpace,
-    slopes: optimise.Sloped,
+    slopes: optimise.ValueAndGradient,
     objective: optimise.Batched,
     file: Path | None = None,
 ) -> Search:
@@ -112,7 +112,7 @@ def method_of(
 def _descending(
     space: DesignSpace,
     method: Callable[..., optimise.SearchResult],
-    slopes: optimise.Sloped,
+    slopes: optimise.ValueAndGradient,
     file: Path | None,
 ) -> Callable[[np.ndarray, optimise.Watcher], optimise.SearchResult]:
     """Descend from a start with the scene's width of smooth contact, or through several."""

@@ -105,7 +105,7 @@ def responder(method: jg.HarmonicBalance) -> Callable:
         moved = moved_pair(dynamics, numbers[:-1])
         found, orbit, terms, _ = steady(method, moved, numbers[-1])
         still = jax.lax.stop_gradient((terms, numbers[-1]))
-        apart = jg.condition(jg.balance_of(method, dynamics.system), *still)
+        apart = jg.distance_to_fold(jg.harmonic_balance_problem(method, dynamics.system), *still)
         return found, (orbit.residual, orbit.settled, apart)
 
     return respond
@@ -146,7 +146,7 @@ def steady(
     Its numbers, in the units of `steady_names`; its states; its Fourier coefficients, and the
     balance that they are in.
     """
-    balance, system = jg.balance_of(method, dynamics.system), dynamics.system
+    balance, system = jg.harmonic_balance_problem(method, dynamics.system), dynamics.system
     orbit, terms = method.solve(balance, speed)
     found = [
         jg.orbit_rms(system, jg.dynamic_transmission_error(system, orbit)) / um,

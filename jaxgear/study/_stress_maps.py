@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 import xarray as xr
 
-from fem_prep import Grid, Held, nodal_stress, surface, von_mises, write_vtu
+from fem_prep import FixedInterface, Grid, nodal_stress, surface, von_mises, write_vtu
 from jaxgear._response._stress_cycle import StressRange, along_cylinder, images_of, stress_range
 from jaxgear._units import MPa, deg, mm
 from jaxgear.scene._body_build import BuiltBody, held_of
@@ -113,7 +113,9 @@ def _stress_map(
     )
 
 
-def _stresses(held: Held, built: BuiltBody, motions: np.ndarray, speed: float) -> np.ndarray:
+def _stresses(
+    held: FixedInterface, built: BuiltBody, motions: np.ndarray, speed: float
+) -> np.ndarray:
     """Of all nodes at some times, `[time, node, 6]` [Pa]."""
     full, outer = held.full, built.body.boundary_dofs
     moved = held.followed(motions[:, :outer].T)

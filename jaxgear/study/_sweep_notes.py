@@ -132,8 +132,8 @@ def steady_notes(points: Sequence[SteadyPoint]) -> list[str]:
 
 
 def left_out_notes(
-    before: Sequence[tuple[float, optimise.Judged]],
-    after: Sequence[tuple[float, optimise.Judged]],
+    before: Sequence[tuple[float, optimise.SpeedResults]],
+    after: Sequence[tuple[float, optimise.SpeedResults]],
     *,
     limited: int,
 ) -> list[str]:

@@ -12,7 +12,7 @@ from helpers import quick
 from table_checks import assert_tables
 
 from jaxgear._cli._main import main
-from jaxgear.scene._scene import read_scene, ready_scene
+from jaxgear.scene._scene import example_scene, read_scene
 from jaxgear.scene._schema import GEARS
 from jaxgear.study._built import BuiltScene
 from jaxgear.study._statics import solve_statics
@@ -78,7 +78,7 @@ def _assert_bearings_of_the_thesis(bearings: list[dict]) -> None:
 @pytest.mark.slow
 def test_bearing_loads_of_the_power_pair():
     """Tab. III-6 and III-7: totals within 0.1 %; the split follows from the shafts chosen."""
-    scene = ready_scene("power", ("mesh.phases=16", "mesh.stiffness=iso6336"))
+    scene = example_scene("power", ("mesh.phases=16", "mesh.stiffness=iso6336"))
     statics = solve_statics(BuiltScene(scene))
     rows = mounts_summary(statics)["bearings"]
     load = np.asarray([[row["load_N"][axis] for axis in "STZ"] for row in rows])
@@ -290,7 +290,7 @@ _FREE = "without shafts"
 
 def _without_shafts(folder: Path) -> Path:
     """The accessory scene, its gears free to be held otherwise."""
-    document = tomlkit.parse(ready_scene("accessory").path.read_text(encoding="utf-8"))
+    document = tomlkit.parse(example_scene("accessory").path.read_text(encoding="utf-8"))
     for gear in ("pinion", "wheel"):
         del document[gear]["shaft"]
     path = folder / "free.toml"
@@ -332,7 +332,7 @@ def test_hard_scenes_are_solved(settings, tmp_path):
         path = _without_shafts(tmp_path)
         scene = read_scene(path, (*coarse, *(s for s in settings if s != _FREE)))
     else:
-        scene = ready_scene("accessory", (*coarse, *settings))
+        scene = example_scene("accessory", (*coarse, *settings))
     statics = solve_statics(BuiltScene(scene))
     pair = statics.model.pair
     expected = statics.model.torque / (pair.base_radius[0] * np.cos(pair.base_helix_angle))

@@ -16,14 +16,14 @@ from fem_prep._artefact import rigid_motions
 from jaxgear import study
 from jaxgear._dynamics._adaptive import Adaptive
 from jaxgear._dynamics._harmonic import HarmonicBalance
-from jaxgear._dynamics._march import Marching
+from jaxgear._dynamics._march import TimeStepping
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steppers import Midpoint
 from jaxgear._system._body_modes import BodyBasis, BodyModes
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._mode_combinations import lowest_modes
 from jaxgear.scene._build import model_of
-from jaxgear.scene._scene import read_scene, ready_scene
+from jaxgear.scene._scene import example_scene, read_scene
 from jaxgear.scene._with_bodies import with_bodies
 from jaxgear.study._fidelity._engine import compared
 from jaxgear.study._fidelity._level import Answers, Level, Reference, own_of
@@ -55,7 +55,7 @@ def _errors(found: Answers, good, branch: float = 0.03):
 @pytest.mark.slow
 def test_methods_of_all_families_agree_on_a_pair_that_only_turns():
     """All converge within the error of their steps."""
-    scene = ready_scene("accessory")
+    scene = example_scene("accessory")
     scene = scene.changed(
         {
             **Hierarchy(scene).simpler_bodies()["torsional pair"],
@@ -72,7 +72,11 @@ def test_methods_of_all_families_agree_on_a_pair_that_only_turns():
             "shot", "shooting", "method", method=Shooting(stepper=midpoint, warm_up=2), thinned=2
         ),
         Level(
-            "marched", "march", "method", method=Marching(stepper=midpoint, cycles=60), thinned=2
+            "marched",
+            "march",
+            "method",
+            method=TimeStepping(stepper=midpoint, cycles=60),
+            thinned=2,
         ),
     ]
     found = compared(MethodsProblem(scene, levels, speeds=3, steps=160), "methods")
@@ -125,7 +129,7 @@ def test_what_is_wrong_everywhere_is_an_error():
 
 def test_levels_are_possible_and_have_names_of_their_own():
     """No two share a name, and harmonics fit the steps; mesh damping drops the averages."""
-    scene = ready_scene("accessory", ["sweep.pinion_speed_rad_s=[900.0]"])
+    scene = example_scene("accessory", ["sweep.pinion_speed_rad_s=[900.0]"])
     levels = Hierarchy(scene).methods()
     assert len({level.name for level in levels}) == len(levels)
     for level in levels:
@@ -160,7 +164,7 @@ def test_speeds_are_some_of_the_sweep_and_others_between_them():
 
 def test_long_cycles_are_refused():
     """A hunting cycle asks for systems that most methods would take hours for."""
-    scene = ready_scene("accessory", ["sweep.pinion_speed_rad_s=[900.0]", "mesh.periods=45"])
+    scene = example_scene("accessory", ["sweep.pinion_speed_rad_s=[900.0]", "mesh.periods=45"])
     with pytest.raises(ValueError, match=r"up to 4 mesh periods, got mesh\.periods = 45"):
         study.compare(scene)
 

@@ -14,7 +14,7 @@ import optimise
 from jaxgear._checks import InputError
 from jaxgear._interface._laws import ExactContact
 from jaxgear.scene._build import grid_of
-from jaxgear.scene._scene import ready_scene
+from jaxgear.scene._scene import example_scene
 from jaxgear.study._built import BuiltScene
 from jaxgear.study._design import design_space, twin
 from jaxgear.study._evaluations import objective_at
@@ -33,7 +33,7 @@ _COARSE = ("mesh.phases=8", "mesh.slices=4", "mesh.stiffness=iso6336")
 
 
 def _space(keys, *settings, symmetric=False):
-    scene = ready_scene("accessory", (*_COARSE, *settings))
+    scene = example_scene("accessory", (*_COARSE, *settings))
     return design_space(BuiltScene(scene), tuple(keys), symmetric=symmetric, deflection=10.0)
 
 
@@ -142,7 +142,7 @@ def test_ties_are_symmetric_too():
 
 def test_a_map_of_two_reliefs_knows_no_ties():
     tie = f'optimise.ties."{twin(_RELIEF)}"="{_RELIEF}"'
-    scene = ready_scene("accessory", (*_COARSE, tie, "optimise.symmetric=false"))
+    scene = example_scene("accessory", (*_COARSE, tie, "optimise.symmetric=false"))
     options: Any = dict(symmetric=True, deflection=10.0)
     space = design_space(BuiltScene(scene), (_RELIEF,), **options, tied=False)
     assert space.ties == ((twin(_RELIEF), _RELIEF),)

@@ -9,7 +9,7 @@ import pytest
 import optimise
 from jaxgear._cli._main import main
 from jaxgear._interface._laws import ExactContact
-from jaxgear.scene._scene import SceneError, read_scene, ready_scene
+from jaxgear.scene._scene import SceneError, example_scene, read_scene
 from jaxgear.study._built import BuiltScene
 from jaxgear.study._gradients import steady_gradients
 from jaxgear.study._optimising import left_out
@@ -106,10 +106,10 @@ def test_searches_without_speeds_are_refused_with_all_mistakes_at_once(write):
     assert any("damping.mesh: no damping" in line for line in lines)
     assert lines[-1].startswith("2 mistakes")
     # Weights ask for it too; another objective does not.
-    weighted = ready_scene("accessory", ("optimise.minimise={te_rms=1.0, dynamic_ratio=2.0}",))
+    weighted = example_scene("accessory", ("optimise.minimise={te_rms=1.0, dynamic_ratio=2.0}",))
     with pytest.raises(SceneError, match=r"optimise\.minimise\.dynamic_ratio: names"):
         _require_swept(weighted)
-    _require_swept(ready_scene("accessory"))
+    _require_swept(example_scene("accessory"))
     # So does what is traded; bearings that are not there shake nothing.
     asked = "optimise.minimise=te_rms", "optimise.pareto.against=bearing_force"
     path = write(_TURNING + _SWEEP)
@@ -120,8 +120,8 @@ def test_searches_without_speeds_are_refused_with_all_mistakes_at_once(write):
 def test_speeds_that_are_left_out_are_told():
     kept = jnp.array([True, False, True])
     speed, number = jnp.array([500.0, 1100.0, 1500.0]), jnp.array([1.2, jnp.nan, 1.1])
-    judged = optimise.Judged(speed, number, kept, jnp.array([1.0, 500.0, 2.0]), kept)
-    whole = optimise.Judged(speed, number, kept, jnp.ones(3), jnp.ones(3, dtype=bool))
+    judged = optimise.SpeedResults(speed, number, kept, jnp.array([1.0, 500.0, 2.0]), kept)
+    whole = optimise.SpeedResults(speed, number, kept, jnp.ones(3), jnp.ones(3, dtype=bool))
     notes = left_out_notes([(80.0, judged)], [(80.0, whole)], limited=55)
     assert "1 of 3 speeds were left out of what is taken over speeds before" in notes[0]
     assert "at 80 N m" in notes[0]

@@ -18,7 +18,7 @@ from jaxgear._checks import InputError
 from jaxgear._cli._main import main
 from jaxgear.explore import Explorer
 from jaxgear.explore._answers import PageAnswers
-from jaxgear.scene._scene import read_scene, ready_scene
+from jaxgear.scene._scene import example_scene, read_scene
 from jaxgear.study import live_scene, statics
 
 _PLAIN = {
@@ -33,7 +33,7 @@ _MOVED = {_DEPTH: 12.0, "flank.pinion.crowning_um": 3.0, _TORQUE: 90.0}
 
 @pytest.fixture(scope="module")
 def scene():
-    return ready_scene("accessory").replace(_PLAIN)
+    return example_scene("accessory").replace(_PLAIN)
 
 
 @pytest.fixture(scope="module")

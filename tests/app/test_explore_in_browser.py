@@ -7,7 +7,7 @@ import pytest
 from browser import headless_chromium
 
 from jaxgear.explore import Explorer
-from jaxgear.scene._scene import ready_scene
+from jaxgear.scene._scene import example_scene
 from jaxgear.study import live_scene, statics
 
 _DEPTHS = [f"flank.{gear}.tip_relief.depth_um" for gear in ("pinion", "wheel")]
@@ -46,7 +46,7 @@ def browser():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["accessory", "power", "accessory-h1"])
 def test_sliders_move_what_a_run_finds(browser, tmp_path, name):
-    scene = ready_scene(name)
+    scene = example_scene(name)
     live = live_scene(scene)
     explorer = Explorer(live, tmp_path / "mine.toml")
     threading.Thread(target=explorer.serve, daemon=True).start()

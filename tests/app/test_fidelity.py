@@ -12,7 +12,7 @@ from jaxgear._checks import InputError
 from jaxgear._cli._main import main
 from jaxgear.plot._compare_atlas import comparison_pictures
 from jaxgear.scene._rewriting import write_scene
-from jaxgear.scene._scene import SceneError, read_scene, ready_scene
+from jaxgear.scene._scene import SceneError, example_scene, read_scene
 from jaxgear.scene._schema import STATIC_RESPONSES
 from jaxgear.study._fidelity import _auto as auto
 from jaxgear.study._fidelity import _choice as choice
@@ -156,7 +156,7 @@ def test_what_is_cheaper_along_each_axis_is_put_together():
 
 
 def test_levels_follow_from_the_scene():
-    scene = ready_scene("accessory")
+    scene = example_scene("accessory")
     names = [level.name for level in Hierarchy(scene).static()]
     assert names[0] == "as given"
     assert len(set(names)) == len(names)
@@ -164,9 +164,9 @@ def test_levels_follow_from_the_scene():
     few = {level.name for level in Hierarchy(scene).static(few=True)}
     assert few < set(names)
     assert "40 slices" not in few
-    beams = ready_scene("accessory", ['pinion.body.kind="beam"'])
+    beams = example_scene("accessory", ['pinion.body.kind="beam"'])
     assert "rigid bodies" in {level.name for level in Hierarchy(beams).static()}
-    flexible = ready_scene("accessory-h1")
+    flexible = example_scene("accessory-h1")
     assert {"rigid bodies", "rigid bodies, no foundation", "torsional pair"} <= {
         level.name for level in Hierarchy(flexible).static()
     }
@@ -192,7 +192,7 @@ def _names(levels) -> set[str]:
     ],
 )
 def test_a_level_does_not_take_away_what_a_search_names(named):
-    scene = ready_scene("accessory", [named, "sweep.pinion_speed_rad_s=[100.0]"])
+    scene = example_scene("accessory", [named, "sweep.pinion_speed_rad_s=[100.0]"])
     assert "torsional pair" not in _names(Hierarchy(scene).static())
     moving = Hierarchy(scene).moving()
     assert "torsional pair" in _names(moving)
@@ -202,11 +202,11 @@ def test_a_level_does_not_take_away_what_a_search_names(named):
 def test_a_level_still_shows_what_a_search_looks_at():
     """Eight positions in the period of a harmonic; the last slices where their load is limited."""
     orders = ["optimise.minimise='te_harmonics'", "optimise.harmonics=[1, 4]"]
-    few = _names(Hierarchy(ready_scene("accessory", orders)).static(few=True))
+    few = _names(Hierarchy(example_scene("accessory", orders)).static(few=True))
     assert "32 phases" in few
     assert "16 phases" not in few
     edge = ["optimise.limits.edge_line_load_N_mm=100", "sweep.pinion_speed_rad_s=[100.0]"]
-    scene = ready_scene("accessory", edge)
+    scene = example_scene("accessory", edge)
     assert "5 slices" not in _names(Hierarchy(scene).static(few=True))
     assert "5 slices" in _names(Hierarchy(scene).static())
     assert not any("slice" in x for x in _names(Hierarchy(scene).able(Hierarchy(scene).moving())))
@@ -214,14 +214,14 @@ def test_a_level_still_shows_what_a_search_looks_at():
 
 def test_a_probe_keeps_its_body():
     probe = "probes=[{gear='wheel'}]"
-    scene = ready_scene("accessory-h1", [probe, "sweep.pinion_speed_rad_s=[100.0]"])
+    scene = example_scene("accessory-h1", [probe, "sweep.pinion_speed_rad_s=[100.0]"])
     levels = [Level("own", ""), Level("rigid", "", "bodies", {"wheel.body.kind": "rigid"})]
     assert _names(Hierarchy(scene).able(levels)) == {"own"}
 
 
 def test_a_torsional_pair_has_no_shafts(tmp_path):
     """Nor has the scene that is written of it."""
-    scene = ready_scene("accessory")
+    scene = example_scene("accessory")
     changes = Hierarchy(scene).simpler_bodies()["torsional pair"]
     turned = scene.changed(changes)
     assert turned.value("pinion.shaft.gear_at_mm") is None
@@ -236,14 +236,14 @@ def test_a_torsional_pair_has_no_shafts(tmp_path):
 def test_both_gears_are_cut_back_whichever_is_varied():
     own = ["optimise.vary=['flank.wheel.tip_relief.depth_um']"]
     both = {f"flank.{gear}.tip_relief.depth_um" for gear in ("pinion", "wheel")}
-    assert set(statics.visited(ready_scene("accessory", own).optimise, "optimise")) == both
-    alone = ready_scene("accessory", [*own, "optimise.symmetric=false"])
+    assert set(statics.visited(example_scene("accessory", own).optimise, "optimise")) == both
+    alone = example_scene("accessory", [*own, "optimise.symmetric=false"])
     assert statics.visited(alone.optimise, "optimise") == ["flank.wheel.tip_relief.depth_um"]
 
 
 def test_a_search_is_chosen_for_on_other_flanks_too():
     """The ready scene varies tip relief, on both gears."""
-    scene = ready_scene("accessory")
+    scene = example_scene("accessory")
     assert not any(point.flank for point in statics.points_of(scene, "run"))
     moved = [point for point in statics.points_of(scene, "optimise") if point.flank]
     assert {point.chosen for point in moved} == {True, False}
@@ -264,7 +264,7 @@ class _Numbers(AbstractProblem):
     judged = ("largest errors", "largest error")
 
     def __init__(self, *factors):
-        self.scene = ready_scene("accessory")
+        self.scene = example_scene("accessory")
         self.levels = [
             Level(f"x {factor:g}", "a" if factor < 1.1 else "b", "slices", {"factor": factor})
             for factor in factors
@@ -331,7 +331,7 @@ def test_levels_are_solved_measured_chosen_and_drawn(monkeypatch):
 
 
 def test_what_was_not_solved_has_no_error():
-    problem = statics.StaticProblem(ready_scene("accessory"), levels=())
+    problem = statics.StaticProblem(example_scene("accessory"), levels=())
     count = len(problem.points)
     values = jnp.full((len(problem.measured), count), 10.0)
     vars(problem)["_reference"] = Reference(
@@ -348,19 +348,19 @@ def test_responses_that_a_scene_has_not_are_named():
     """Of some that it has and some that it has not, the former count."""
     with pytest.raises(InputError, match=r"compare\.responses names dynamic_ratio: in motion only"):
         statics.StaticProblem(
-            ready_scene("accessory", ["compare.responses=['dynamic_ratio']"])
+            example_scene("accessory", ["compare.responses=['dynamic_ratio']"])
         ).require_responses()
-    both = ready_scene("accessory", ["compare.responses=['dynamic_ratio', 'te_rms']"])
+    both = example_scene("accessory", ["compare.responses=['dynamic_ratio', 'te_rms']"])
     statics.StaticProblem(both).require_responses()
     assert counted(both.compare.responses, STATIC_RESPONSES) == ("te_rms",)
     teeth = "compare.responses=['mesh_stiffness_mean']"
-    statics.StaticProblem(ready_scene("accessory", [teeth])).require_responses()
+    statics.StaticProblem(example_scene("accessory", [teeth])).require_responses()
     with pytest.raises(InputError, match="of teeth alone"):
-        statics.StaticProblem(ready_scene("accessory-h1", [teeth])).require_responses()
+        statics.StaticProblem(example_scene("accessory-h1", [teeth])).require_responses()
 
 
 def test_a_table_that_is_taken_away_differs():
-    scene = ready_scene("accessory")
+    scene = example_scene("accessory")
     found = scene.differing({"wheel.shaft": None, "mesh.phases": scene.mesh.phases})
     assert found == {"wheel.shaft": None}
     assert scene.wheel.shaft.is_given
@@ -379,7 +379,7 @@ def test_a_table_that_is_taken_away_differs():
 )
 def test_mistakes_are_told(given, words):
     with pytest.raises(SceneError, match="nothing was computed") as caught:
-        ready_scene("accessory", [given])
+        example_scene("accessory", [given])
     assert words in str(caught.value)
 
 
@@ -409,7 +409,9 @@ def test_mistakes_are_told(given, words):
 def test_the_work_decides_what_is_compared(command, more, moving):
     assert (
         auto.in_motion(
-            ready_scene("accessory", more).optimise, ready_scene("accessory", more).sweep, command
+            example_scene("accessory", more).optimise,
+            example_scene("accessory", more).sweep,
+            command,
         )
         == moving
     )
@@ -424,7 +426,7 @@ def test_a_choice_is_kept_for_the_next_command(tmp_path, monkeypatch):
         return {"rung": "5 slices", "changes": {"mesh.slices": 5, "wheel.shaft": None}, "why": "?"}
 
     monkeypatch.setattr(auto, "_at_rest", at_rest)
-    scene, kept = ready_scene("accessory", ['model.fidelity="auto"']), tmp_path / "kept.json"
+    scene, kept = example_scene("accessory", ['model.fidelity="auto"']), tmp_path / "kept.json"
     first, about = auto.chosen(scene, "map", kept)
     assert first.value("mesh.slices") == 5
     assert first.value("model.fidelity") == "as given"
@@ -448,7 +450,7 @@ def test_another_file_is_another_scene(tmp_path):
     names = {"superelement": "k.mtx", "superelement_mass": "m.mtx", "superelement_nodes": "n.csv"}
     for name in names.values():
         (tmp_path / name).write_text("1")
-    scene = ready_scene("accessory").replace(
+    scene = example_scene("accessory").replace(
         {f"wheel.body.{key}": name for key, name in names.items()}
     )
     scene = dataclasses.replace(scene, path=tmp_path / "scene.toml")
@@ -463,7 +465,7 @@ def test_a_search_that_is_refused_anyway_costs_no_wait(monkeypatch):
     monkeypatch.setattr(auto, "_at_rest", lambda *_: pytest.fail("compared"))
     given = ['model.fidelity="auto"', "optimise.minimise='te_harmonics'", "optimise.harmonics=[99]"]
     with pytest.raises(SceneError, match=r"less than half of mesh\.phases"):
-        auto.chosen(ready_scene("accessory", given), "optimise")
+        auto.chosen(example_scene("accessory", given), "optimise")
 
 
 def test_a_scene_without_a_reference_is_taken_as_it_is(monkeypatch):
@@ -472,7 +474,7 @@ def test_a_scene_without_a_reference_is_taken_as_it_is(monkeypatch):
         raise SolverFailure("no luck")
 
     monkeypatch.setattr(auto, "_at_rest", at_rest)
-    scene = ready_scene("accessory", ['model.fidelity="auto"', "mesh.periods=45"])
+    scene = example_scene("accessory", ['model.fidelity="auto"', "mesh.periods=45"])
     found, about = auto.chosen(scene, "run")
     assert about["rung"] == "as given"
     assert "no luck. So the scene was taken as it is given" in about["why"]
@@ -480,7 +482,7 @@ def test_a_scene_without_a_reference_is_taken_as_it_is(monkeypatch):
 
 
 def test_a_level_in_motion_is_keys_of_the_scene():
-    scene = ready_scene("accessory", ["sweep.pinion_speed_rad_s=[100.0]"])
+    scene = example_scene("accessory", ["sweep.pinion_speed_rad_s=[100.0]"])
     levels = {level.name: level for level in Hierarchy(scene).moving()}
     assert next(iter(levels)) == "H20 N128"
     assert auto.changes_in_motion(scene.sweep, levels["H20 N128"]) == {}
@@ -509,7 +511,7 @@ def test_the_results_say_which_level_was_taken():
 
 def _recommended(name: str) -> str:
     """The level of a scene, tried at torques that were neither chosen by nor held out."""
-    scene = ready_scene(name)
+    scene = example_scene(name)
     levels = Hierarchy(scene).static(few=True)
     found = compared(statics.StaticProblem(scene, levels=levels, quick=True), "statics")
     assert found.choice.line is not None, found.summary["words"]
@@ -537,7 +539,7 @@ def test_the_rung_of_a_flexible_wheel_holds_elsewhere():
 @pytest.mark.slow
 def test_a_command_runs_with_the_rung_that_was_chosen(tmp_path, capsys):
     argv = ["run", "accessory.toml", "--quiet", "--out", str(tmp_path / "out")]
-    scene = ready_scene("accessory", ['model.fidelity="auto"'])
+    scene = example_scene("accessory", ['model.fidelity="auto"'])
     write_scene(scene, tmp_path / "accessory.toml")
     text = (tmp_path / "accessory.toml").read_text().split("[optimise]")[0]
     (tmp_path / "accessory.toml").write_text(text)

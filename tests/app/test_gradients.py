@@ -10,7 +10,7 @@ from table_checks import assert_table
 from jaxgear._cli._printing import print_gradients
 from jaxgear._interface._laws import ExactContact
 from jaxgear.scene._build import smooth_law_of
-from jaxgear.scene._scene import ready_scene
+from jaxgear.scene._scene import example_scene
 from jaxgear.study import _gradients, check_gradients
 from jaxgear.study._built import BuiltScene
 from jaxgear.study._derivatives import AT_REST, IN_MOTION, central_differences, judged
@@ -32,7 +32,7 @@ def table():
     """Shafts and bearings, corrections, a grade, tip contact, and two teeth out of place."""
     errors = [0.0] * 35
     errors[1:3] = [2.0, -3.0]
-    scene = ready_scene(
+    scene = example_scene(
         "power",
         (
             *_COARSE,
@@ -94,7 +94,7 @@ def test_a_false_derivative_is_found(monkeypatch):
 
     honest = _gradients.cycle_mean
     monkeypatch.setattr(_gradients, "cycle_mean", lambda *args: lying(honest(*args)))
-    scene = ready_scene("accessory", _PLAIN)
+    scene = example_scene("accessory", _PLAIN)
     found = static_gradients(BuiltScene(scene), "smooth", smooth_law_of(scene.mesh))
     wrong = found["response"][found["verdict"] == "WRONG"]
     assert set(wrong.values) == {"te_mean_um"}
@@ -151,7 +151,7 @@ def test_the_study_counts_what_it_finds_of_both_kinds(monkeypatch, capsys, tmp_p
     lost = [SteadyPoint("smooth", 900.0, 0.1, 0.5, "not settled")]
     monkeypatch.setattr(_gradients, "static_gradients", lambda *_: found[0])
     monkeypatch.setattr(_gradients, "steady_gradients", lambda *_: (found[1], lost))
-    result = check_gradients(ready_scene("accessory", ("sweep.pinion_speed_rad_s=[900.0]",)))
+    result = check_gradients(example_scene("accessory", ("sweep.pinion_speed_rad_s=[900.0]",)))
     told = result.summary["check_grad"]
     # Once for each contact law, and once in motion.
     assert told["verdicts"]["WRONG"] == 3

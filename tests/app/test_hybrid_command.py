@@ -13,8 +13,9 @@ import xarray as xr
 from table_checks import assert_tables
 
 import fem_prep
-from fem_prep._artefact import balanced, floating
-from fem_prep._condense import boundary_of, hold
+from fem_prep._artefact import inertia_relief, self_equilibrated
+from fem_prep._condense import boundary_of
+from fem_prep._hold import fixed_interface
 from jaxgear import plot
 from jaxgear._cli._main import main
 from jaxgear._solve._cycle import MeshCycle, prepare_mesh
@@ -167,7 +168,7 @@ def test_the_whole_grid_is_in_balance(solved):
     cycle, phase = statics.cycle, 3
     full = full_of(built.plan, Steps(lambda step: None))
     outer = built.body.boundary_dofs
-    held = hold(full)
+    held = fixed_interface(full)
     motion = held.followed(found.motion[phase, :outer][:, None])
     np.testing.assert_allclose(
         answered.whole_motion(built, found.motion[phase][None], np.zeros(1))[0],
@@ -235,8 +236,8 @@ def test_rotation_is_told_apart(solved):
     assert parts[..., 0].mean() > 0.0
     # Nothing resists it, not even the bearings, of which one alone holds the axis.
     body = under.body
-    load = balanced(under.spin**2 * body.centrifugal_load, body.mass, body.rigid_motions)
-    alone = under.against_seat(floating(body, load)[None])[0]
+    load = self_equilibrated(under.spin**2 * body.centrifugal_load, body.mass, body.rigid_motions)
+    alone = under.against_seat(inertia_relief(body, load)[None])[0]
     np.testing.assert_allclose(grown, alone, rtol=0, atol=1e-6 * scale)
     # Under the mesh alone it does not show.
     moved, slow_moved = under.under_mesh(0).motion, slower.under_mesh(0).motion

@@ -11,7 +11,7 @@ from jaxgear._checks import InputError
 from jaxgear.scene import _mesh_bodies
 from jaxgear.scene._build import model_of
 from jaxgear.scene._mesh_bodies import MeshBody
-from jaxgear.scene._scene import ready_scene
+from jaxgear.scene._scene import example_scene
 from jaxgear.scene._with_bodies import with_bodies
 
 
@@ -21,7 +21,7 @@ def scene():
     body = object.__new__(MeshBody)
     assert body.follows is None
     built = MappingProxyType({"wheel": body})
-    named = ready_scene("accessory-h1", ("wheel.body.young_GPa=206.0",))
+    named = example_scene("accessory-h1", ("wheel.body.young_GPa=206.0",))
     return dataclasses.replace(named, bodies=built)
 
 
@@ -78,13 +78,13 @@ def test_there_is_no_derivative_by_what_a_body_is_made_from(scene):
 
 
 def test_scenes_of_rigid_bodies_need_none():
-    rigid = ready_scene("accessory")
+    rigid = example_scene("accessory")
     assert with_bodies(rigid) is rigid
 
 
 def test_elements_that_cover_too_many_teeth_are_refused_before_any_work(monkeypatch):
     monkeypatch.setattr("jaxgear.scene._mesh_bodies.built_body", lambda *_: pytest.fail("built"))
-    scene = ready_scene("accessory-h1", ("wheel.body.fineness.sectors=50",))
+    scene = example_scene("accessory-h1", ("wheel.body.fineness.sectors=50",))
     with pytest.raises(InputError, match=r"one covers 1\.72 pitches"):
         with_bodies(scene)
 
@@ -105,4 +105,4 @@ def test_what_condensed_bodies_cannot_do_in_motion_is_refused_before_they_are_bu
 
     monkeypatch.setattr(_mesh_bodies, "built_body", built)
     with pytest.raises(InputError, match=re.escape(words)):
-        _mesh_bodies.with_bodies(ready_scene("accessory-h1", (settings,)), moving=True)
+        _mesh_bodies.with_bodies(example_scene("accessory-h1", (settings,)), moving=True)

@@ -6,7 +6,7 @@ import pytest
 
 from jaxgear._system._shaft import Shaft
 from jaxgear.scene._build import model_of
-from jaxgear.scene._scene import ready_scene
+from jaxgear.scene._scene import example_scene
 
 # Beside what the ready scene says.
 _GIVEN = (
@@ -27,7 +27,7 @@ _GIVEN = (
 
 @pytest.fixture(scope="module")
 def model():
-    return model_of(ready_scene("accessory", _GIVEN))
+    return model_of(example_scene("accessory", _GIVEN))
 
 
 def test_lengths_and_angles_reach_the_model_in_si(model):
@@ -74,7 +74,7 @@ def test_lengths_and_angles_reach_the_model_in_si(model):
 @pytest.mark.parametrize("key", ["material.young_GPa", "material.poisson"])
 def test_a_modulus_moves_by_itself(key):
     """Nothing else is traced then, so that checks of the shafts meet plain heights."""
-    scene = ready_scene("accessory")
+    scene = example_scene("accessory")
 
     def first_length(value):
         shaft = model_of(scene, {key: value}).wheel_support

@@ -3,12 +3,12 @@
 import pytest
 
 from jaxgear.scene._build import model_of
-from jaxgear.scene._scene import ready_scene
+from jaxgear.scene._scene import example_scene
 from jaxgear.study import _notes
 
 
 def _on_cycle(*given: str) -> list[str]:
-    scene = ready_scene("accessory", given)
+    scene = example_scene("accessory", given)
     return [*_notes._on_cycle(scene.mesh, scene.gears, scene.flank)]
 
 
@@ -39,7 +39,7 @@ def test_pitch_errors_that_one_period_leaves_out_are_told():
     ],
 )
 def test_keys_that_a_model_of_the_teeth_does_not_look_at_are_told(given, told):
-    scene = ready_scene("accessory", given)
+    scene = example_scene("accessory", given)
     found = [*_notes._on_teeth(scene.mesh, scene.gears)]
     assert len(found) == len(told)
     assert all(words in each for words, each in zip(told, found, strict=True))
@@ -55,14 +55,14 @@ def test_keys_that_a_model_of_the_teeth_does_not_look_at_are_told(given, told):
     ],
 )
 def test_slices_of_helical_teeth_are_told_to_be_off(name, given, told):
-    scene = ready_scene(name, given)
+    scene = example_scene(name, given)
     found = [*_notes._on_helical_teeth(scene.mesh, scene.pair.helix_angle_deg)]
     assert [told in each for each in found] == ([] if told is None else [True])
 
 
 def test_strengths_and_thin_rims_are_told_where_roots_are_looked_at():
     def told(*given: str) -> list[str]:
-        scene = ready_scene("accessory", given)
+        scene = example_scene("accessory", given)
         return [*_notes._on_roots(scene.mesh, scene.gears, model_of(scene))]
 
     assert not told()

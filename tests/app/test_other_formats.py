@@ -12,7 +12,7 @@ from jaxgear._response._transmission import transmission_error
 from jaxgear._solve._cycle import mesh_cycle
 from jaxgear.scene._build import grid_of, model_of
 from jaxgear.scene._build_pair import flanks_of, pair_of
-from jaxgear.scene._scene import read_scene, ready_scene
+from jaxgear.scene._scene import example_scene, read_scene
 from jaxgear.study._mesh_map import mesh_map, modelica_table
 
 _COARSE = ["mesh.slices=3", "mesh.phases=8", "mesh.stiffness=iso6336"]
@@ -21,7 +21,7 @@ _FLANK = "flank.pinion.tip_relief.depth_um=12"
 
 @pytest.fixture(scope="module")
 def mapped():
-    scene = ready_scene("accessory", [*_COARSE, _FLANK])
+    scene = example_scene("accessory", [*_COARSE, _FLANK])
     return scene, mesh_map(scene)
 
 
@@ -59,7 +59,9 @@ def test_table_is_as_modelica_reads_it():
 
 def test_flanks_come_back_as_measured_ones(tmp_path, capsys):
     """What is written reads as `topography_csv`, and deviates as the flank did."""
-    scene = ready_scene("accessory", ["flank.wheel.crowning_um=7", "flank.wheel.helix_slope_um=-4"])
+    scene = example_scene(
+        "accessory", ["flank.wheel.crowning_um=7", "flank.wheel.helix_slope_um=-4"]
+    )
     path = tmp_path / "own.toml"
     path.write_text(scene.path.read_text(encoding="utf-8"), encoding="utf-8")
     flank = ["--set", "flank.wheel.crowning_um=7", "--set", "flank.wheel.helix_slope_um=-4"]

@@ -15,7 +15,7 @@ from made_programs import made_programs
 from jaxgear import _kept_programs as programs
 from jaxgear._cli._commands import COMMANDS
 from jaxgear._cli._folder import Folder
-from jaxgear.scene._scene import ready_scene
+from jaxgear.scene._scene import example_scene
 
 # --- Commands
 from jaxgear.study._running import timed
@@ -38,7 +38,9 @@ _OTHER = (
 @pytest.mark.parametrize(("command", "most"), quick(1, [("modes", 19), ("run", 22), ("map", 22)]))
 def test_a_command_is_a_few_programs_and_with_other_numbers_none(command, most, tmp_path):
     folder = Folder(tmp_path, pictures=False)
-    run = lambda *changes: COMMANDS[command](ready_scene("accessory", (*_COARSE, *changes)), folder)
+    run = lambda *changes: COMMANDS[command](
+        example_scene("accessory", (*_COARSE, *changes)), folder
+    )
     jax.clear_caches()
     programs.forget()
     with made_programs() as whole:

@@ -15,7 +15,7 @@ from jaxgear._cli._main import main
 from jaxgear._cli._parser import ready_names
 from jaxgear.scene._rexs import scene_of_rexs
 from jaxgear.scene._rexs_out import rexs_of_scene
-from jaxgear.scene._scene import read_scene, ready_scene
+from jaxgear.scene._scene import example_scene, read_scene
 from jaxgear.scene._schema import general
 from jaxgear.scene._sizes import of_material
 
@@ -416,7 +416,7 @@ def test_ready_scenes_come_back(tmp_path, capsys, name, form):
 
 def test_names_of_version_2_are_known(tmp_path):
     """What 2.0 changed of what is read: the name of the rack's rounding, the unit of a modulus."""
-    text, _ = rexs_of_scene(ready_scene("accessory").replace({"wheel.fillet_radius_coeff": 0.31}))
+    text, _ = rexs_of_scene(example_scene("accessory").replace({"wheel.fillet_radius_coeff": 0.31}))
     new = {
         'version="1.5"': 'version="2.0"',
         "tip_radius_factor": "tip_corner_radius_factor_reference_profile",
@@ -429,11 +429,11 @@ def test_names_of_version_2_are_known(tmp_path):
     path.write_text(text, encoding="utf-8")
     keys, _ = scene_of_rexs(path)
     assert keys["wheel"]["fillet_radius_coeff"] == 0.31
-    assert keys["material"]["young_GPa"] == ready_scene("accessory").material.young_GPa
+    assert keys["material"]["young_GPa"] == example_scene("accessory").material.young_GPa
 
 
 def test_json_has_types_and_the_digits_of_the_scene():
-    scene = ready_scene("accessory").replace({"pair.torque_pinion_Nm": 51.370000000000005})
+    scene = example_scene("accessory").replace({"pair.torque_pinion_Nm": 51.370000000000005})
     text, _ = rexs_of_scene(scene, as_json=True)
     model = json.loads(text, parse_float=str)["model"]
     gear, load = (

@@ -16,7 +16,7 @@ import optimise
 from jaxgear._checks import InputError
 from jaxgear._cli._main import main
 from jaxgear.scene._build import grid_of, smooth_law_of
-from jaxgear.scene._scene import Scene, SceneError, ready_scene
+from jaxgear.scene._scene import Scene, SceneError, example_scene
 from jaxgear.study import _robust as robust
 from jaxgear.study._built import BuiltScene
 from jaxgear.study._design import design_space
@@ -29,7 +29,7 @@ _MISALIGNED = '"pair.misalignment_inclination_um"'
 
 
 def _scene(*overrides: str) -> Scene:
-    return ready_scene("accessory", ["mesh.phases=16", "mesh.slices=3", *overrides])
+    return example_scene("accessory", ["mesh.phases=16", "mesh.slices=3", *overrides])
 
 
 @pytest.mark.parametrize(
@@ -67,7 +67,7 @@ def test_mistakes_are_named(settings, path, words):
 
 
 def test_a_robust_scene_needs_something_to_optimise(tmp_path):
-    text = jg.ready_scene("accessory").path.read_text(encoding="utf-8")
+    text = jg.example_scene("accessory").path.read_text(encoding="utf-8")
     path = tmp_path / "plain.toml"
     path.write_text(text.split("[optimise]")[0] + "[robust]\naccuracy_grade = 6\n")
     with pytest.raises(SceneError, match=r"there is no table \[optimise\]"):
@@ -77,7 +77,7 @@ def test_a_robust_scene_needs_something_to_optimise(tmp_path):
 def test_what_a_condensed_body_is_made_from_cannot_scatter():
     settings = "robust.scatter.pair.module_mm=0.01", f'optimise.vary=["{_DEPTH}"]'
     with pytest.raises(SceneError, match=r"condensed body is made from pair\.module_mm"):
-        ready_scene("accessory-h1", settings)
+        example_scene("accessory-h1", settings)
 
 
 def _scatter(*overrides: str, teeth: int = 3) -> Scatter:
@@ -160,13 +160,13 @@ def test_the_quantile_of_real_gears_has_true_slopes():
     )
     space = scatter.space
     grid = grid_of(space.scene, space.base)
-    samples = optimise.scattered(scatter.quantities, 32)
+    samples = optimise.sample(scatter.quantities, 32)
     members = robust.members_of(scatter, samples, grid, prepared_mesh(space, grid))
     # Only what depends on the torque is kept for each gear.
     assert len(jax.tree.leaves(members.own)) == 4
     law = smooth_law_of(space.scene.mesh)
     judge = robust.judge_of(scatter, grid, law)
-    value = jax.jit(optimise.measured(judge, [optimise.Quantile(0.9, 0.05)]))
+    value = jax.jit(optimise.population_statistics(judge, [optimise.Quantile(0.9, 0.05)]))
     at = jnp.array([13.0, 0.24])
     found, slopes = value(at, members)
     for place, step in ((0, 1e-3), (1, 1e-5)):

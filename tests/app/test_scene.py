@@ -10,7 +10,7 @@ import pytest
 from jaxgear.scene import _rewriting, _scene, _schema
 from jaxgear.scene._positions import positions
 from jaxgear.scene._rewriting import rewrite_scene, write_scene
-from jaxgear.scene._scene import SceneError, read_scene, ready_scene
+from jaxgear.scene._scene import SceneError, example_scene, read_scene
 
 _ROOT = Path(_scene.__file__).parents[2]
 _READY = Path(_scene.__file__).parent / "scenes"
@@ -1264,7 +1264,7 @@ def test_reading_a_scene_imports_nothing_heavy():
 
 
 def test_a_table_knows_what_the_user_wrote_in_it():
-    scene = ready_scene("accessory", ["mesh.periods=2"])
+    scene = example_scene("accessory", ["mesh.periods=2"])
     assert scene.mesh.is_given
     assert scene.mesh.written("periods", "line_load_updates") == ["periods"]
     assert not scene.robust.is_given

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from jaxgear.scene._key import Key, show
 from jaxgear.scene._rewriting import write_scene
-from jaxgear.scene._scene import READY, SceneError, read_scene, ready_scene
+from jaxgear.scene._scene import READY, SceneError, example_scene, read_scene
 from jaxgear.scene._schema import KEYS
 
 _ANY = st.recursive(
@@ -102,7 +102,7 @@ def _a_scene_is_read_or_refused(name: str, drawn: list[tuple[str, object]], fold
         f"{path.replace('[]', '[0]')}={tomlkit.item(value).as_string()}" for path, value in drawn
     ]
     try:
-        scene = ready_scene(name, changes)
+        scene = example_scene(name, changes)
     except SceneError as error:
         mistakes = error.mistakes
     else:

@@ -5,7 +5,7 @@ import pytest
 
 from jaxgear import plot
 from jaxgear._checks import InputError
-from jaxgear.scene._scene import ready_scene
+from jaxgear.scene._scene import example_scene
 from jaxgear.study import sizing
 from jaxgear.study._built import BuiltScene
 from jaxgear.study._results import Entry
@@ -24,7 +24,7 @@ _SCENE = (
 @pytest.fixture(scope="module")
 def solved():
     """The table of three depths, one of them given twice, and two biases."""
-    result = sizing(ready_scene("accessory", _SCENE))
+    result = sizing(example_scene("accessory", _SCENE))
     (picture,) = plot.pictures(result.datasets)
     assert picture.draw().axes
     names = list(picture.table)
@@ -47,7 +47,7 @@ def test_numbers_are_those_of_a_run(solved):
         for gear in ("pinion", "wheel")
         for key, value in (("tip_relief.depth_um", depth), ("bias_um", bias))
     }
-    scene = ready_scene("accessory", _COARSE).replace(amounts | {"pair.torque_pinion_Nm": torque})
+    scene = example_scene("accessory", _COARSE).replace(amounts | {"pair.torque_pinion_Nm": torque})
     numbers = solve_statics(BuiltScene(scene)).numbers
     for name in RESPONSES:
         assert float(row[name]) == pytest.approx(float(numbers[name]), rel=1e-8), name
@@ -101,4 +101,4 @@ def test_pressure_decides_between_equals_and_unsolved_are_last():
 )
 def test_refusals(settings, words):
     with pytest.raises(InputError, match=words):
-        combinations_of(ready_scene("accessory", settings).sizing)
+        combinations_of(example_scene("accessory", settings).sizing)

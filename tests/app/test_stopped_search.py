@@ -8,7 +8,7 @@ import optimise
 from jaxgear._checks import InputError
 from jaxgear.scene._build import model_of
 from jaxgear.scene._rewriting import rewritten
-from jaxgear.scene._scene import ready_scene
+from jaxgear.scene._scene import example_scene
 from jaxgear.study import _optimising
 from jaxgear.study._built import BuiltScene
 from jaxgear.study._design import design_space
@@ -19,7 +19,7 @@ _DEPTH = "flank.pinion.tip_relief.depth_um"
 
 
 def _space(*settings):
-    scene = ready_scene("accessory", ("mesh.stiffness=iso6336", *settings))
+    scene = example_scene("accessory", ("mesh.stiffness=iso6336", *settings))
     return design_space(BuiltScene(scene), (_DEPTH,), symmetric=True, deflection=10.0)
 
 
@@ -38,7 +38,9 @@ def test_a_search_goes_on_from_its_record_and_forgets_it_when_it_has_ended(tmp_p
             stopped_at.append(np.asarray(x))
             return bowl(x, width)
 
-        return by_gradient(space, optimise.Sloped(evaluate), optimise.Batched(jnp.asarray), file)
+        return by_gradient(
+            space, optimise.ValueAndGradient(evaluate), optimise.Batched(jnp.asarray), file
+        )
 
     with pytest.raises(KeyboardInterrupt):
         watched(2).descend(space.start, lambda point, value: None)
@@ -59,7 +61,7 @@ def test_a_scene_that_cannot_be_rewritten_is_refused_before_the_search(tmp_path,
         asked.update(updates)
         raise ValueError("its tables are spread over the file")
 
-    scene = ready_scene("accessory", ("mesh.stiffness=iso6336",))
+    scene = example_scene("accessory", ("mesh.stiffness=iso6336",))
     before = object.__new__(Statics)
     object.__setattr__(before, "numbers", {"single_pair_deflection_um": jnp.asarray(10.0)})
     object.__setattr__(before, "model", model_of(scene))
@@ -73,7 +75,7 @@ def test_a_scene_that_cannot_be_rewritten_is_refused_before_the_search(tmp_path,
 
 
 def test_a_rewritten_scene_is_text_alone(tmp_path):
-    source = ready_scene("accessory").path
+    source = example_scene("accessory").path
     text = rewritten(source, {_DEPTH: 12.5})
     assert "depth_um = 12.5" in text
     assert "depth_um = 12.5" not in source.read_text()

@@ -20,7 +20,7 @@ from jaxgear._cli._fit import refuse_unfit
 from jaxgear._cli._main import main
 from jaxgear._dynamics._damping import ModalDamping, RayleighDamping
 from jaxgear._dynamics._harmonic import HarmonicBalance
-from jaxgear._dynamics._march import Marching
+from jaxgear._dynamics._march import TimeStepping
 from jaxgear._response._sweep_features import prominent
 from jaxgear._system._body_modes import BodyBasis
 from jaxgear._system._shaft import Shaft
@@ -213,9 +213,9 @@ def test_long_cycles_are_marched(folder):
     assert isinstance(settings().method, HarmonicBalance)
     assert isinstance(settings("mesh.periods=4").method, HarmonicBalance)
     long = settings("mesh.periods=20")
-    assert isinstance(long.method, Marching)
+    assert isinstance(long.method, TimeStepping)
     assert long.method.cycles == 5
-    assert isinstance(settings("sweep.method=newmark").method, Marching)
+    assert isinstance(settings("sweep.method=newmark").method, TimeStepping)
 
 
 def test_divisions_cut_shafts_into_finite_elements(folder):

@@ -244,7 +244,7 @@ def solved(tmp_path_factory):
 def test_designs_are_what_a_study_of_each_finds(solved):
     _, found = solved
     table = found.table
-    scene = jg.ready_scene("accessory", [*_COARSE, f"{_DEPTH}=5"])
+    scene = jg.example_scene("accessory", [*_COARSE, f"{_DEPTH}=5"])
     own = jg.study.statics(scene)
     assert_close(
         float(table["static.te_rms_um"][1]), own.summary["static"]["te_rms_um"], rtol=1e-9, atol=0.0

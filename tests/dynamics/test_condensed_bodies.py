@@ -36,7 +36,7 @@ from jaxgear._dynamics._bodies import turning_terms, vibrating_bodies
 from jaxgear._dynamics._cell_forces import cell_forces
 from jaxgear._dynamics._damping import ModalDamping, RayleighDamping
 from jaxgear._dynamics._harmonic import HarmonicBalance
-from jaxgear._dynamics._march import Marching, march, quasi_static_start
+from jaxgear._dynamics._march import TimeStepping, quasi_static_start, time_history
 from jaxgear._dynamics._pair_dynamics import pair_dynamics
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steady_state import steady_state, steady_states
@@ -220,7 +220,7 @@ def test_statics_of_a_beam_beside_a_condensed_wheel_with_a_load_on_its_shaft():
 @functools.cache
 def _marching(cycles: int):
     return eqx.filter_jit(
-        lambda system, speed: march(
+        lambda system, speed: time_history(
             system,
             speed,
             quasi_static_start(system),
@@ -256,7 +256,7 @@ def test_a_transient_at_constant_speed_is_what_a_march_tends_to():
 def test_a_slow_run_up_passes_through_the_responses_at_constant_speed():
     """A run-up by 1 % over sixty mesh periods, after which its start is forgotten."""
     system, law = _pair(6000.0, phases=60, count=7, coordinates=12).system, jg.ExactContact()
-    method = Marching(law=law, cycles=300, stepper=Exponential())
+    method = TimeStepping(law=law, cycles=300, stepper=Exponential())
     speeds = jnp.asarray([1500.0, 1515.0])
     first, last = (eqx.filter_jit(method.orbit)(system, speed) for speed in speeds)
     swing = [
@@ -264,7 +264,7 @@ def test_a_slow_run_up_passes_through_the_responses_at_constant_speed():
     ]
     period = float(system.mesh_period(jnp.asarray(1507.5)))
     times = jnp.linspace(0.0, 60.0 * period, 1201)
-    ramp = jg.Profile(jnp.asarray([0.0, 60.0 * period]), speeds)
+    ramp = jg.Schedule(jnp.asarray([0.0, 60.0 * period]), speeds)
     found = jg.transient(
         system, ramp, 1.0, quasi_static_start(system), times, law=law, rtol=1e-5, atol=1e-5
     )
@@ -609,7 +609,7 @@ def _off_shooting(phases: int) -> np.ndarray:
     speeds = jnp.asarray([1700.0, 3960.0])
     harmonic = _steady(system, speeds, HarmonicBalance(harmonics=phases // 2 - 2))
     shot = _steady(system, speeds, Shooting(stepper=Exponential()))
-    long = _steady(system, speeds, Marching(stepper=Newmark(), cycles=400))
+    long = _steady(system, speeds, TimeStepping(stepper=Newmark(), cycles=400))
     assert np.asarray(harmonic.settled & shot.settled & long.settled).all()
     force = [np.asarray(orbit.load)[:, :, 0] for orbit in (harmonic, shot, long)]
     swing = np.ptp(force[1], axis=1)
@@ -704,7 +704,7 @@ def test_holes_are_seen_again_after_their_teeth():
     bilinear = HarmonicBalance(harmonics=7, bilinear=True)
     balanced = np.asarray(_steady(even, jnp.asarray([2200.0]), bilinear).load)[0, :, 0]
     history = eqx.filter_jit(
-        lambda s: march(
+        lambda s: time_history(
             s, jnp.asarray(2200.0), quasi_static_start(s), cycles=12, keep=1, stepper=Midpoint()
         )
     )(even)

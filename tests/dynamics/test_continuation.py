@@ -11,9 +11,18 @@ from dynamics.cases import sdof_driven, sdof_parametric
 from helpers import assert_close, quick
 
 from jaxgear._dynamics._continuation import continuation
-from jaxgear._dynamics._folds import condition, doubled, fold_gradient, fold_near
-from jaxgear._dynamics._harmonic import HarmonicBalance, balance_of, terms_of
-from jaxgear._dynamics._march import march
+from jaxgear._dynamics._folds import (
+    distance_to_fold,
+    fold_gradient,
+    period_doubled_branch,
+    refine_fold,
+)
+from jaxgear._dynamics._harmonic import (
+    HarmonicBalance,
+    fourier_coefficients,
+    harmonic_balance_problem,
+)
+from jaxgear._dynamics._march import time_history
 from jaxgear._dynamics._steppers import Exponential
 
 STEPS, RIPPLE, DAMPING = 200, 0.3, 0.05
@@ -21,7 +30,7 @@ LOW, HIGH = 0.4, 2.6
 AVERAGED = HarmonicBalance(averaged=True)
 TWICE = HarmonicBalance(averaged=True, multiple=2)
 
-_balance = jax.jit(balance_of)
+_balance = jax.jit(harmonic_balance_problem)
 
 
 @jax.jit
@@ -43,7 +52,7 @@ def _once():
 @functools.cache
 def _twice():
     """Its sub-harmonic branch, from the upper of the two doublings."""
-    terms, speed = doubled(_system(), TWICE, _once().doublings[-1])
+    terms, speed = period_doubled_branch(_system(), TWICE, _once().doublings[-1])
     return continuation(_system(), LOW, HIGH, method=TWICE, near=terms, at=speed)
 
 
@@ -100,7 +109,7 @@ def test_responses_of_b5_lie_on_the_branches_and_between_them_is_an_unstable_one
 
 @jax.jit
 def _marched(system, speed, start):
-    return march(system, speed, start, cycles=300, keep=3, stepper=Exponential())
+    return time_history(system, speed, start, cycles=300, keep=3, stepper=Exponential())
 
 
 @pytest.mark.parametrize(("fold", "way"), quick(1, [(0, 1.0), (1, -1.0)]), ids=["up", "down"])
@@ -199,21 +208,25 @@ def test_folds_do_not_depend_on_the_steps_taken():
 def test_condition_vanishes_at_folds_as_the_root_of_the_distance():
     balance, curve = _balance(AVERAGED, _system()), _once()
     fold = curve.folds[0]
-    at = lambda terms, speed: float(condition(balance, jnp.asarray(terms), jnp.asarray(speed)))
+    at = lambda terms, speed: float(
+        distance_to_fold(balance, jnp.asarray(terms), jnp.asarray(speed))
+    )
     assert at(fold.terms, fold.speed) < 1e-7
     sizes = []
     for part in (1e-4, 1e-6):
         speed = jnp.asarray(fold.speed * (1.0 - part))
         orbit = _solved(AVERAGED, balance, speed, jnp.asarray(curve.terms[fold.after]))
         assert bool(orbit.settled)
-        sizes.append(at(terms_of(balance, orbit.place), speed))
+        sizes.append(at(fourier_coefficients(balance, orbit.place), speed))
     assert abs(np.log10(sizes[0] / sizes[1]) - 1.0) < 0.1
 
 
 def test_condition_of_a_linear_system_is_one():
     system, method = sdof_driven(), HarmonicBalance(harmonics=10)
     balance = _balance(method, system)
-    assert_close(condition(balance, balance.rest, jnp.asarray(0.7)), 1.0, rtol=1e-9, atol=0.0)
+    assert_close(
+        distance_to_fold(balance, balance.rest, jnp.asarray(0.7)), 1.0, rtol=1e-9, atol=0.0
+    )
 
 
 def _build(parameters):
@@ -238,7 +251,7 @@ def test_gradient_of_a_fold_agrees_with_differences_and_scaling(fold):
 
     def moved(name, step):
         changed = {**parameters, name: parameters[name] + step}
-        found = fold_near(_build(changed), AVERAGED, begun)
+        found = refine_fold(_build(changed), AVERAGED, begun)
         assert found is not None
         return found.speed
 
@@ -255,7 +268,7 @@ def test_gradient_of_a_fold_agrees_with_differences_and_scaling(fold):
 def test_corners_and_ordinary_points_are_refused_a_gradient():
     parameters = {name: jnp.asarray(value) for name, value in PARAMETERS.items()}
     exact, fold = HarmonicBalance(), _once().folds[0]
-    corner = fold_near(_system(), exact, fold)
+    corner = refine_fold(_system(), exact, fold)
     assert corner is not None
     # Contact at points in time instead of its mean over steps: the same fold within their error.
     assert abs(corner.speed / fold.speed - 1.0) < 1e-3
@@ -270,7 +283,7 @@ def test_corners_and_ordinary_points_are_refused_a_gradient():
 
 
 def test_a_fold_out_of_reach_is_not_found():
-    assert fold_near(_system(), AVERAGED, _once().doublings[0], reach=0.01) is None
+    assert refine_fold(_system(), AVERAGED, _once().doublings[0], reach=0.01) is None
 
 
 # --- other branches, and how they end
@@ -283,7 +296,7 @@ def test_a_branch_of_threefold_period_closes():
     method = HarmonicBalance(multiple=3, harmonics=8, averaged=True)
     start = jnp.asarray([[3.24047], [-0.84177]])
     last = _marched(system, jnp.asarray(2.4), start)
-    near = terms_of(_balance(method, system), last.place)
+    near = fourier_coefficients(_balance(method, system), last.place)
     curve = continuation(
         system, 1.0, 3.5, method=method, near=near, at=2.4, largest_step=0.3, stability=False
     )
@@ -301,8 +314,8 @@ def test_terms_of_an_orbit_are_those_it_was_made_of():
     curve, i = _once(), _once().speed.size // 2
     balance = _balance(AVERAGED, _system())
     orbit = _solved(AVERAGED, balance, jnp.asarray(curve.speed[i]), jnp.asarray(curve.terms[i]))
-    assert_close(terms_of(balance, orbit.place), curve.terms[i], rtol=1e-9, atol=1e-9)
-    twice = np.asarray(terms_of(_balance(TWICE, _system()), orbit.place))
+    assert_close(fourier_coefficients(balance, orbit.place), curve.terms[i], rtol=1e-9, atol=1e-9)
+    twice = np.asarray(fourier_coefficients(_balance(TWICE, _system()), orbit.place))
     count = AVERAGED.harmonics
     kept = np.r_[0, 2 : 2 * count + 1 : 2, 2 * count + 2 : 4 * count + 1 : 2]
     assert_close(twice[:, kept], curve.terms[i], rtol=1e-9, atol=1e-9)
@@ -341,4 +354,4 @@ def test_nonsense_is_refused(given, says):
 
 def test_a_doubled_period_needs_an_even_multiple():
     with pytest.raises(ValueError, match="even"):
-        doubled(_system(), AVERAGED, _once().doublings[0])
+        period_doubled_branch(_system(), AVERAGED, _once().doublings[0])

@@ -15,7 +15,7 @@ from hybrid_cases import APART, PAIRS, ROUND, relieved
 
 import jaxgear as jg
 from jaxgear import um
-from jaxgear._dynamics._floquet import leading_multipliers, monodromy, multipliers
+from jaxgear._dynamics._floquet import floquet_multipliers, leading_multipliers, monodromy
 from jaxgear._dynamics._harmonic import HarmonicBalance
 from jaxgear._dynamics._pair_dynamics import pair_dynamics
 from jaxgear._dynamics._shooting import Shooting
@@ -139,7 +139,7 @@ def test_slow_multipliers_are_those_of_all_modes(name):
         system, orbits = _system(name, shapes), _orbits(name, shapes)
         modes = modal_basis(system)
         matrix = monodromy(system, modes, jax.tree.map(lambda x: x[1], orbits))
-        each = multipliers(matrix, modes)
+        each = floquet_multipliers(matrix, modes)
         # Arnoldi's method finds the same as all eigenvalues at once.
         leading = leading_multipliers(matrix, modes)
         assert np.abs(leading) == pytest.approx(np.abs(each[: len(leading)]), abs=1e-10)
@@ -188,7 +188,7 @@ def test_few_of_many_multipliers_are_the_largest():
     weights = np.concatenate([np.sqrt(np.asarray(square)), np.ones(150)])
     matrix = random.normal(size=(300, 300)) / 20.0
     monodromy_matrix = matrix / weights[:, None] * weights
-    every = multipliers(monodromy_matrix, modes)
+    every = floquet_multipliers(monodromy_matrix, modes)
     few = leading_multipliers(monodromy_matrix, modes)
     assert 6 <= len(few) < 20
     assert np.abs(few) == pytest.approx(np.abs(every[: len(few)]), rel=1e-8)

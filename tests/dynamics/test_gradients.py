@@ -53,7 +53,7 @@ _METHODS = {
 @functools.cache
 def _base():
     """The accessory pair on its shafts, whose bearings are as stiff along S as along T."""
-    model = jg.model_of(jg.ready_scene("accessory"))
+    model = jg.model_of(jg.example_scene("accessory"))
     grid = jg.mesh_grid(model.pair, phases=32, slices=4)
     return dataclasses.replace(model, compliance=jg.ConstantStiffness(14e9)), grid
 

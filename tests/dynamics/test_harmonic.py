@@ -11,7 +11,7 @@ from dynamics import cases
 from helpers import quick
 
 import jaxgear as jg
-from jaxgear._dynamics._harmonic import HarmonicBalance, balance_of
+from jaxgear._dynamics._harmonic import HarmonicBalance, harmonic_balance_problem
 from jaxgear._dynamics._harmonic_problem import imbalance, linearised
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steady_state import steady_state, steady_states
@@ -40,7 +40,7 @@ def test_matrix_is_the_derivative_of_the_residual(name):
 
     @jax.jit
     def both(shift):
-        balance = balance_of(method, system)
+        balance = harmonic_balance_problem(method, system)
         problem, _ = balance.at_speed(jnp.asarray(0.7))
         terms = balance.rest + shift * jnp.cos(jnp.arange(balance.rest.size, dtype=float)).reshape(
             balance.rest.shape
@@ -102,7 +102,7 @@ def test_mesh_force_is_the_static_one_less_inertia():
 
     @jax.jit
     def amplitudes(system, speed):
-        balance = balance_of(method, system)
+        balance = harmonic_balance_problem(method, system)
         problem, _ = balance.at_speed(speed)
         orbit, terms = method.solve(balance, speed)
         load = balance.analysis @ orbit.load
@@ -142,7 +142,7 @@ def test_batches_agree_with_single_speeds():
 
 def test_uneven_steps_keep_the_mean_out_of_the_harmonics():
     system = cases.sdof_rectangular(steps=40, contact_ratio=1.2)
-    balance = eqx.filter_jit(balance_of)(HarmonicBalance(harmonics=10), system)
+    balance = eqx.filter_jit(harmonic_balance_problem)(HarmonicBalance(harmonics=10), system)
     constant = balance.analysis @ jnp.ones(40)
     np.testing.assert_allclose(constant, np.eye(21)[0], rtol=0.0, atol=1e-14)
     wave = 2.0 * np.pi * np.asarray(system.table.middles)
@@ -152,7 +152,7 @@ def test_uneven_steps_keep_the_mean_out_of_the_harmonics():
 
 def test_more_harmonics_than_steps_can_carry_are_refused():
     with pytest.raises(ValueError, match="24 harmonics need more than 48 time steps, got 48"):
-        balance_of(HarmonicBalance(harmonics=24), cases.two_dof(steps=48))
+        harmonic_balance_problem(HarmonicBalance(harmonics=24), cases.two_dof(steps=48))
     with pytest.raises(ValueError, match="must be at least 1, got 0"):
         HarmonicBalance(harmonics=0)
     with pytest.raises(ValueError, match="for `ExactContact`"):

@@ -12,7 +12,7 @@ from helpers import quick
 
 import jaxgear as jg
 from jaxgear._dynamics import _pressing
-from jaxgear._dynamics._march import Marching, at_rest, march, quasi_static_start
+from jaxgear._dynamics._march import TimeStepping, at_rest, quasi_static_start, time_history
 from jaxgear._dynamics._march_step import rule_of
 from jaxgear._dynamics._pressing import Pressing, pressed
 from jaxgear._dynamics._steady_state import steady_state
@@ -108,7 +108,7 @@ def test_second_order(name):
     def motion(steps: int) -> np.ndarray:
         system = build(steps=steps, damping_ratio=0.2)
         history = jax.jit(
-            lambda: march(
+            lambda: time_history(
                 system, jnp.asarray(0.8), quasi_static_start(system), cycles=25, stepper=stepper
             )
         )()
@@ -126,7 +126,7 @@ def _bouncing(stiffness: float = 1.0):
     return dataclasses.replace(system, damping=jnp.zeros((1, 1)))
 
 
-_marched = eqx.filter_jit(march)
+_marched = eqx.filter_jit(time_history)
 
 
 def _energies(step: float, stepper, *, averaged: bool) -> np.ndarray:
@@ -174,7 +174,7 @@ def test_energy_in_contact_is_conserved_at_a_standing_phase():
 
     @jax.jit
     def drift(speed):
-        history = march(system, speed, start, cycles=4, keep=4, stepper=Newmark())
+        history = time_history(system, speed, start, cycles=4, keep=4, stepper=Newmark())
         found = energies(system, history)
         return jnp.ptp(found.total) / jnp.max(found.kinetic), jnp.min(history.load[:, 0])
 
@@ -190,7 +190,7 @@ def test_damping_takes_what_energy_loses():
     start = jnp.asarray([[4.0], [0.0]])
     found = jax.jit(
         lambda: energies(
-            system, march(system, jnp.asarray(1.0), start, cycles=3, keep=3, averaged=True)
+            system, time_history(system, jnp.asarray(1.0), start, cycles=3, keep=3, averaged=True)
         )
     )()
     assert float(found.dissipated[-1]) > 1.0
@@ -204,7 +204,7 @@ def test_marches_end_in_the_response_of_harmonic_balance():
     reference = jax.jit(lambda: steady_state(system, speed))()
     peak = float(jnp.max(reference.load[:, 0]))
     for name in ("midpoint", "newmark", "hht"):
-        method = Marching(stepper=STEPPERS[name], cycles=120, tolerance=1e-6)
+        method = TimeStepping(stepper=STEPPERS[name], cycles=120, tolerance=1e-6)
         orbit = jax.jit(lambda m=method: steady_state(system, speed, m))()
         assert bool(orbit.settled)
         np.testing.assert_allclose(float(jnp.max(orbit.load[:, 0])), peak, rtol=4e-3)
@@ -215,7 +215,7 @@ def test_mesh_force_obeys_newton():
     """M a = F - C v - K q - V g in every step of the midpoint rule, gears that only turn."""
     system = cases.torsional_pair(relief=15e-6).system
     start = eqx.filter_jit(quasi_static_start)(system)
-    history = eqx.filter_jit(march)(system, jnp.asarray(1000.0), start, cycles=30)
+    history = eqx.filter_jit(time_history)(system, jnp.asarray(1000.0), start, cycles=30)
     begun = np.concatenate([np.asarray(history.start[:1]), np.asarray(history.motion[:-1])])
     rate = np.concatenate([np.asarray(history.start[1:]), np.asarray(history.velocity[:-1])])
     step = np.asarray(system.table.lengths * system.mesh_period(jnp.asarray(1000.0)))[:, None]
@@ -249,7 +249,7 @@ def test_start_from_rest_settles_where_the_quasi_static_start_does():
     speed = jnp.asarray(1.7)
     ends = jax.jit(
         lambda starts: jax.vmap(
-            lambda start: march(system, speed, start, cycles=150, stepper=Exponential())
+            lambda start: time_history(system, speed, start, cycles=150, stepper=Exponential())
         )(starts)
     )(jnp.stack([at_rest(system), quasi_static_start(system)]))
     assert np.all(ends.converged)
@@ -323,7 +323,9 @@ def test_contact_that_was_not_solved_has_no_derivative(derivative, monkeypatch):
 def test_smooth_contact_without_slices_near_separation_is_exact_contact():
     system = cases.two_dof(steps=60, load=5.0)
     one = lambda law: jax.jit(
-        lambda: march(system, jnp.asarray(1.7), quasi_static_start(system), cycles=5, law=law)
+        lambda: time_history(
+            system, jnp.asarray(1.7), quasi_static_start(system), cycles=5, law=law
+        )
     )()
     exact, smooth = one(jg.ExactContact()), one(jg.SmoothContact(0.1))
     np.testing.assert_array_equal(exact.load, smooth.load)
@@ -333,7 +335,7 @@ def test_active_mesh_damping_acts_in_contact_only():
     """Free flight between bounces keeps its energy, contact loses some."""
     system = dataclasses.replace(_bouncing(), cell_damping=jnp.asarray(0.1))
     start = jnp.asarray([[4.0], [0.0]])
-    history = eqx.filter_jit(march)(
+    history = eqx.filter_jit(time_history)(
         system, jnp.asarray(2.0 * np.pi / 6.4), start, cycles=3, keep=3, stepper=Exponential()
     )
     place, velocity = np.asarray(history.motion[:, 0]), np.asarray(history.velocity[:, 0])
@@ -348,11 +350,13 @@ def test_active_mesh_damping_acts_in_contact_only():
 def test_what_cannot_be_marched_is_refused():
     system = cases.two_dof(steps=60)
     with pytest.raises(ValueError, match="keep = 3 of 2"):
-        march(system, jnp.asarray(1.0), at_rest(system), cycles=2, keep=3)
+        time_history(system, jnp.asarray(1.0), at_rest(system), cycles=2, keep=3)
     with pytest.raises(ValueError, match="use `Midpoint`"):
-        march(system, jnp.asarray(1.0), at_rest(system), cycles=2, stepper=Newmark(), averaged=True)
+        time_history(
+            system, jnp.asarray(1.0), at_rest(system), cycles=2, stepper=Newmark(), averaged=True
+        )
     with pytest.raises(ValueError, match="Only exact contact"):
-        march(
+        time_history(
             system,
             jnp.asarray(1.0),
             at_rest(system),

@@ -21,9 +21,9 @@ from dynamics.cases import (
 )
 from helpers import assert_close, observed_order, quick
 
-from jaxgear._dynamics._floquet import monodromy, multipliers
-from jaxgear._dynamics._harmonic import HarmonicBalance, balance_of
-from jaxgear._dynamics._march import Marching, march, quasi_static_start
+from jaxgear._dynamics._floquet import floquet_multipliers, monodromy
+from jaxgear._dynamics._harmonic import HarmonicBalance, harmonic_balance_problem
+from jaxgear._dynamics._march import TimeStepping, quasi_static_start, time_history
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steppers import (
     Exponential,
@@ -132,7 +132,7 @@ def _balance(multiple: int, averaged: bool = False):
     system = sdof_parametric(steps=2 * STEPS if averaged else STEPS)
 
     def at(speed, near):
-        return method.solve(balance_of(method, system), speed, near)[0]
+        return method.solve(harmonic_balance_problem(method, system), speed, near)[0]
 
     return _one_after_the_other(at)
 
@@ -202,7 +202,7 @@ def test_harmonic_balance_holds_the_values_of_b5_with_backlash():
     def run(systems, speeds, near):
         def at(given):
             system, speed, near = given
-            return method.solve(balance_of(method, system), speed, near)[0]
+            return method.solve(harmonic_balance_problem(method, system), speed, near)[0]
 
         return jax.lax.map(at, (systems, speeds, near))
 
@@ -271,7 +271,7 @@ def test_newmark_marches_as_the_judge_does(case):
     @eqx.filter_jit
     def run(system, speed):
         start = quasi_static_start(system)
-        return march(system, speed, start, cycles=6, keep=6, stepper=Newmark())
+        return time_history(system, speed, start, cycles=6, keep=6, stepper=Newmark())
 
     history = run(system, jnp.asarray(speed))
     begin = np.asarray(history.start[0]), np.asarray(history.start[1])
@@ -309,7 +309,7 @@ def test_steppers_are_of_second_order(name):
     @jax.vmap
     def run(system, slow):
         start = jnp.asarray([[1.0], [0.0]])
-        return march(system, slow, start, cycles=4, keep=4, stepper=stepper)
+        return time_history(system, slow, start, cycles=4, keep=4, stepper=stepper)
 
     history = run(systems, speed / jnp.asarray(waves, dtype=float))
     oscillator = reference.parametric(ripple=0.2)
@@ -329,7 +329,7 @@ def test_steppers_are_of_second_order(name):
 def test_marching_stays_on_the_branches_of_b5(name):
     rows = _table()
     system = sdof_parametric(steps=2 * STEPS)
-    method = Marching(stepper=STEPPERS[name], cycles=240, multiple=2)
+    method = TimeStepping(stepper=STEPPERS[name], cycles=240, multiple=2)
     starts = jnp.asarray([row.start for row in rows])[:, :, None]
     run = jax.jit(jax.vmap(lambda speed, start: method.orbit(system, speed, start)))
     orbits = run(_column(rows, "speed"), starts + 0.02)
@@ -390,7 +390,7 @@ def test_shooting_finds_unstable_orbits_and_their_multipliers(speed, multiple):
     orbits, matrices = _shoot(multiple, "exponential")(jnp.asarray([speed]), starts)
     assert bool(orbits.settled[0])
     assert np.max(_differences(orbits.place[0, :, 0], rows[0])) < 1e-3
-    grown = multipliers(jnp.asarray(matrices), _modes())[0]
+    grown = floquet_multipliers(jnp.asarray(matrices), _modes())[0]
     assert np.max(np.abs(np.imag(grown))) == 0.0
     assert_close(np.real(grown), np.real(unstable.multipliers), rtol=2e-3, atol=0.0)
 

@@ -10,9 +10,9 @@ import pytest
 from dynamics import cases
 from helpers import quick
 
-from jaxgear._dynamics._floquet import monodromy, multipliers, product_of_steps, tangents_of
+from jaxgear._dynamics._floquet import floquet_multipliers, monodromy, product_of_steps, tangents_of
 from jaxgear._dynamics._harmonic import HarmonicBalance
-from jaxgear._dynamics._march import Marching, cycle, quasi_static_start
+from jaxgear._dynamics._march import TimeStepping, cycle, quasi_static_start
 from jaxgear._dynamics._march_step import march_of
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steady_state import steady_state
@@ -74,7 +74,7 @@ def test_multipliers_shrink_as_damping_says():
     speed = jnp.asarray(0.9)
     method = HarmonicBalance(harmonics=12)
     orbit = jax.jit(lambda: steady_state(system, speed, method))()
-    found = multipliers(monodromy(system, modes, orbit), modes)
+    found = floquet_multipliers(monodromy(system, modes, orbit), modes)
     period = float(system.mesh_period(speed))
     np.testing.assert_allclose(
         np.prod(found).real, np.exp(-period * float(jnp.sum(modes.damping))), rtol=1e-3
@@ -87,7 +87,7 @@ def test_multipliers_without_contact_are_those_of_the_modes():
     modes = modal_basis(system)
     speed = jnp.asarray(0.37)
     orbit = jax.jit(lambda: steady_state(system, speed))()
-    found = multipliers(monodromy(system, modes, orbit), modes)
+    found = floquet_multipliers(monodromy(system, modes, orbit), modes)
     root = -0.05 + 1j * np.sqrt(1.0 - 0.05**2)
     expected = np.exp(np.array([root, np.conj(root)]) * 2.0 * np.pi / 0.37)
     np.testing.assert_allclose(np.sort_complex(found), np.sort_complex(expected), rtol=1e-9)
@@ -109,9 +109,9 @@ def test_period_two_and_the_unstable_orbit_between():
     )
     assert bool(one.settled)
     assert bool(two.settled)
-    harmless = multipliers(monodromy(system, modes, one), modes)
+    harmless = floquet_multipliers(monodromy(system, modes, one), modes)
     assert harmless[0].real < -1.05
-    assert np.abs(multipliers(monodromy(system, modes, two), modes)[0]) < 1.0
+    assert np.abs(floquet_multipliers(monodromy(system, modes, two), modes)[0]) < 1.0
     assert float(jnp.max(one.place)) < 1.4
     # Table B5 (a): displacement of the sub-harmonic response.
     np.testing.assert_allclose(float(jnp.std(two.place)), 0.99289, rtol=1e-3)
@@ -130,7 +130,7 @@ def test_multipliers_converge_where_contact_is_lost():
         method = Shooting(warm_up=0)
         orbit = jax.jit(lambda s, m=method, y=system: steady_state(y, speed, m, s))(start)
         assert bool(orbit.settled)
-        found = multipliers(monodromy(system, modes, orbit), modes)
+        found = floquet_multipliers(monodromy(system, modes, orbit), modes)
         errors.append(abs(found[0].real - 1.7445))
     assert errors[1] < 2e-3
     assert errors[0] < 2e-2
@@ -152,7 +152,7 @@ def test_smooth_contact_shoots_as_well():
 
 @pytest.mark.parametrize("derivative", quick(1, [jax.jacfwd, jax.grad]))
 @pytest.mark.parametrize(
-    ("name", "method"), [("shooting", Shooting()), ("marching", Marching(cycles=2))]
+    ("name", "method"), [("shooting", Shooting()), ("marching", TimeStepping(cycles=2))]
 )
 def test_derivatives_by_methods_that_march_are_refused_with_what_to_use(derivative, name, method):
     system = cases.sdof_rectangular(damping_ratio=0.08, steps=32)

@@ -8,7 +8,7 @@ from dynamics import cases
 from helpers import quick
 
 from jaxgear._dynamics._harmonic import HarmonicBalance
-from jaxgear._dynamics._march import Marching
+from jaxgear._dynamics._march import TimeStepping
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steppers import Exponential
 from jaxgear._dynamics._sweep import Direction, SweepSettings, sweep
@@ -32,7 +32,7 @@ DOWN = UP | {0.75: (2.06952, 3.40656, -2.45721), 1.5: (2.15875, 3.46206, -2.7169
 METHODS = {
     "harmonic": SweepSettings(method=HarmonicBalance(harmonics=24)),
     "shooting": SweepSettings(method=Shooting(warm_up=0)),
-    "march": SweepSettings(method=Marching(stepper=Exponential(), cycles=200)),
+    "march": SweepSettings(method=TimeStepping(stepper=Exponential(), cycles=200)),
 }
 
 

@@ -19,7 +19,7 @@ from scipy.integrate import cumulative_trapezoid, solve_ivp
 
 import jaxgear as jg
 from jaxgear._dynamics._march import quasi_static_start
-from jaxgear._dynamics._schedule import Profile, run_up, start_stop, torque_step
+from jaxgear._dynamics._schedule import Schedule, run_up, start_stop, torque_step
 from jaxgear._dynamics._system import DynamicSystem
 from jaxgear._dynamics._table import MeshTable
 from jaxgear._dynamics._transient import TransientError, transient
@@ -310,7 +310,7 @@ def test_fast_modes_that_follow_are_springs_without_mass():
 
 
 def test_profiles_integrate_and_invert():
-    profile = Profile([0.0, 2.0, 3.0, 3.0, 5.0, 6.0], [0.0, 4.0, 4.0, 2.0, 0.0, 3.0])
+    profile = Schedule([0.0, 2.0, 3.0, 3.0, 5.0, 6.0], [0.0, 4.0, 4.0, 2.0, 0.0, 3.0])
     # Triangle, rectangle, jump, triangle down to a standstill, triangle up, then constant.
     known = [(-1.0, 0.0), (0.0, 0.0), (1.0, 1.0), (2.0, 4.0), (3.0, 8.0), (4.0, 9.5), (5.0, 10.0)]
     known += [(6.0, 11.5), (8.0, 17.5)]
@@ -456,6 +456,6 @@ def test_bad_input_is_refused(change, message):
 
 def test_bad_profiles_are_refused():
     with pytest.raises(ValueError, match="must not go back"):
-        Profile([0.0, 2.0, 1.0], [1.0, 1.0, 1.0])
+        Schedule([0.0, 2.0, 1.0], [1.0, 1.0, 1.0])
     with pytest.raises(ValueError, match="one value for each of two knots"):
-        Profile([0.0, 2.0], [1.0, 1.0, 1.0])
+        Schedule([0.0, 2.0], [1.0, 1.0, 1.0])

@@ -7,7 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jaxgear._interface._roots import Feet, RimSurface, RootPatches, feet, serendipity
+from jaxgear._interface._roots import (
+    InterfaceMap,
+    RimSurface,
+    RootPatches,
+    interface_map,
+    serendipity,
+)
 
 RADIUS, HALF = 25e-3, 5e-3
 AROUND = 24
@@ -103,7 +109,7 @@ every_grid = pytest.mark.parametrize(
 @every_grid
 def test_feet_follow_every_rigid_motion(points, axial, skew):
     rim, patches = _rim(skew=skew), _patches(helix=0.4, points=points, axial=axial)
-    found, turn = feet(rim, patches), _frames(patches)
+    found, turn = interface_map(rim, patches), _frames(patches)
     places = np.einsum("fji,fj->fi", turn, found.centres)
     for move in np.eye(6):
         at_rim = move[:3] + np.cross(move[3:], rim.nodes)
@@ -120,7 +126,7 @@ def test_feet_follow_every_rigid_motion(points, axial, skew):
 @every_connection
 def test_feet_stand_in_the_middle_of_their_patches(points, axial):
     patches = _patches(helix=0.4, points=points, axial=axial)
-    centres = feet(_rim(), patches).centres.reshape(*patches.angles.shape, 3)
+    centres = interface_map(_rim(), patches).centres.reshape(*patches.angles.shape, 3)
     # The middle of an arc, as wide as the patch, lies below the arc.
     sagitta = patches.width**2 / (8.0 * RADIUS)
     assert ((centres[..., 0] < RADIUS) & (centres[..., 0] > RADIUS - sagitta)).all()
@@ -133,7 +139,7 @@ def test_feet_stand_in_the_middle_of_their_patches(points, axial):
 @every_grid
 def test_what_loads_the_feet_loads_the_rim(points, axial, skew):
     rim, patches = _rim(skew=skew), _patches(helix=-0.4, points=points, axial=axial)
-    found, turn = feet(rim, patches), _frames(patches)
+    found, turn = interface_map(rim, patches), _frames(patches)
     load = np.random.default_rng(3).normal(size=(patches.angles.size, 2, 3)) * [[[1.0], [5e-3]]]
     on_rim = (found.rows.T @ load.ravel()).reshape(-1, 3)
     force, moment = np.moveaxis(np.einsum("fji,fkj->fki", turn, load), 1, 0)
@@ -147,7 +153,7 @@ def test_the_frame_of_a_foot_turns_with_its_tooth():
     # A rim that repeats from tooth to tooth has the same rows in every tooth's own frame.
     rim = _rim(around=20)
     patches = _patches(slices=3)
-    rows = feet(rim, patches).rows.toarray().reshape(6, 3, 6, -1, 3)
+    rows = interface_map(rim, patches).rows.toarray().reshape(6, 3, 6, -1, 3)
     for tooth in range(1, 6):
         turn = _frames(replace(patches, angles=patches.angles[tooth, :1]))[0]
         image = rim.nodes @ turn.T
@@ -169,7 +175,7 @@ def test_two_points_are_the_thesis_s_connection():
     slopes = np.random.default_rng(4).normal(size=(4, 3))
     field = lambda a, z: np.stack([a, z / HALF, (z / HALF) ** 2, a * z / HALF], axis=-1) @ slopes
     tooth = 2
-    found = feet(rim, replace(patches, angles=patches.angles[tooth : tooth + 1]))
+    found = interface_map(rim, replace(patches, angles=patches.angles[tooth : tooth + 1]))
     got = (found.rows @ field(angle, heights).ravel()).reshape(-1, 6)
     middle = patches.angles[tooth, 0]
     turn = _frames(patches)[3 * tooth]
@@ -204,7 +210,7 @@ def _uniform(slices: int, axial: str, heights: np.ndarray) -> tuple[np.ndarray, 
     some = replace(patches, angles=patches.angles[:1])
     force = np.zeros((slices, 6))
     force[:, 0] = np.diff(patches.edges)
-    on_rim = (feet(rim, some).rows.T @ force.ravel()).reshape(-1, 3)
+    on_rim = (interface_map(rim, some).rows.T @ force.ravel()).reshape(-1, 3)
     levels, place = np.unique(np.round(rim.nodes[:, 2], 12), return_inverse=True)
     exact = np.zeros(len(levels))
     for number, length in enumerate(np.diff(heights)):
@@ -239,18 +245,18 @@ def test_slices_off_the_rim_are_refused():
     edges = np.linspace(-1.3 * HALF, 1.1 * HALF, 7)
     patches = replace(_patches(6), edges=edges)
     with pytest.raises(ValueError, match=r"must stand on the rim.*reaches from -6 to 6 mm"):
-        feet(_rim(), patches)
+        interface_map(_rim(), patches)
 
 
 def test_a_rim_with_a_gap_is_refused():
     rim = _rim()
     middle = rim.nodes[rim.faces[:, :4]].mean(axis=1)
     with pytest.raises(ValueError, match=r"Is the rim's set of nodes complete"):
-        feet(replace(rim, faces=rim.faces[middle[:, 1] > -0.2 * RADIUS]), _patches())
+        interface_map(replace(rim, faces=rim.faces[middle[:, 1] > -0.2 * RADIUS]), _patches())
 
 
 def test_rows_are_sparse_and_of_the_rim_alone():
-    found: Feet = feet(_rim(), _patches(slices=2))
+    found: InterfaceMap = interface_map(_rim(), _patches(slices=2))
     assert found.rows.shape == (6 * 12, 3 * len(_rim().nodes))
     # A foot sees the elements under its patch, no other.
     assert np.diff(found.rows.indptr).max() < 300

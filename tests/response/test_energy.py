@@ -9,7 +9,7 @@ import pytest
 from dynamics.cases import sdof_parametric
 from dynamics.test_condensed_bodies import _by_default, _pair
 
-from jaxgear._dynamics._march import march, quasi_static_start
+from jaxgear._dynamics._march import quasi_static_start, time_history
 from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steady_state import steady_state
 from jaxgear._dynamics._steppers import Midpoint
@@ -18,13 +18,13 @@ from jaxgear._response._energy import energies, work_done
 
 @eqx.filter_jit
 def _marched(system, speed, start, cycles=1):
-    return march(system, speed, start, cycles=cycles, keep=cycles, stepper=Midpoint())
+    return time_history(system, speed, start, cycles=cycles, keep=cycles, stepper=Midpoint())
 
 
 @eqx.filter_jit
 def _steady_cycle(system, speed):
     orbit = steady_state(system, speed, Shooting(stepper=Midpoint(), tolerance=1e-12))
-    history = march(system, speed, orbit.start, cycles=1, keep=1, stepper=Midpoint())
+    history = time_history(system, speed, orbit.start, cycles=1, keep=1, stepper=Midpoint())
     return orbit.settled, work_done(system, history)
 
 

@@ -33,9 +33,9 @@ from dynamics.cases import sdof_driven, sdof_parametric
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
-from jaxgear._dynamics._floquet import monodromy, multipliers
-from jaxgear._dynamics._harmonic import HarmonicBalance, balance_of
-from jaxgear._dynamics._march import Marching, at_rest, march, quasi_static_start
+from jaxgear._dynamics._floquet import floquet_multipliers, monodromy
+from jaxgear._dynamics._harmonic import HarmonicBalance, harmonic_balance_problem
+from jaxgear._dynamics._march import TimeStepping, at_rest, quasi_static_start, time_history
 from jaxgear._dynamics._orbit import AbstractMethod
 from jaxgear._dynamics._pressing import Pressing, pressed
 from jaxgear._dynamics._shooting import Shooting
@@ -307,7 +307,7 @@ def _lanes_of(tree: Any) -> list[Any]:
 
 @eqx.filter_jit
 def _marches(systems, speeds, starts, stepper, cycles, keep, averaged):
-    run = lambda system, speed, start: march(
+    run = lambda system, speed, start: time_history(
         system, speed, start, cycles=cycles, keep=keep, stepper=stepper, averaged=averaged
     )
     return jax.vmap(run)(systems, speeds, starts)
@@ -366,7 +366,7 @@ def floquet(systems: Sequence[DynamicSystem], orbits) -> np.ndarray:
     """Sizes of the multipliers of each orbit, largest first."""
     matrices, modes = _batches(_matrices, systems, _lanes_of(orbits))
     each = jax.tree.map(jnp.asarray, list(zip(matrices, _lanes_of(modes), strict=True)))
-    return np.abs(np.array([multipliers(matrix, basis) for matrix, basis in each]))
+    return np.abs(np.array([floquet_multipliers(matrix, basis) for matrix, basis in each]))
 
 
 def _rms(place: ArrayLike) -> np.ndarray:
@@ -412,7 +412,7 @@ def steps_too_large() -> Row:
     marches = [marched(systems, slowed, stepper, 160, 8) for stepper in (Newmark(), Exponential())]
     newmark, exponential = (_rms(history.motion).reshape(3, 4) / known - 1.0 for history in marches)
     drift = marches[0].drift[:, -1].reshape(3, 4)
-    quiet = (drift <= Marching().tolerance) & (abs(newmark) > 0.05)
+    quiet = (drift <= TimeStepping().tolerance) & (abs(newmark) > 0.05)
     orbits = balanced([square_wave()] * 4, speeds)
     default = _rms(orbits.place) / known - 1.0
 
@@ -675,7 +675,7 @@ def past_the_fold() -> Row:
 
     @eqx.filter_jit
     def followed(system, speeds):
-        balance = balance_of(method, system)
+        balance = harmonic_balance_problem(method, system)
 
         def at(near, speed):
             orbit, terms = method.solve(balance, speed, near)
@@ -804,7 +804,7 @@ def light_load() -> Row:
         shares["shooting"].append(float(np.mean(shot.settled)))
         opens.append(float(np.mean(np.min(np.asarray(shot.load)[..., 0], axis=1) <= 0.0)))
         history = marched([system] * speeds.size, slow, Newmark(), 200)
-        settled = (history.drift[:, -1] <= Marching().tolerance) & history.converged
+        settled = (history.drift[:, -1] <= TimeStepping().tolerance) & history.converged
         shares["marching"].append(float(np.mean(settled)))
         if load == loads[-1]:
             finite = bool(np.all(np.isfinite(orbits.place)) and np.all(np.isfinite(shot.place)))
@@ -978,7 +978,7 @@ def long_gradients() -> Row:
                 moved = rippled(system, change)
 
                 def over(state, _):
-                    history = march(moved, speed, state, cycles=1, averaged=True)
+                    history = time_history(moved, speed, state, cycles=1, averaged=True)
                     ended = jnp.stack([history.motion[-1], history.velocity[-1]])
                     return ended, rms(history.load)
 
@@ -1356,7 +1356,7 @@ def slow_modes() -> Row:
         for lane, speed in enumerate(speeds):
             ax.semilogy(abs(error[lane]), lw=0.6, label=f"error of the ratio, speed {speed}")
             ax.semilogy(drift[lane], "--", lw=0.8, label=f"drift, speed {speed}")
-        ax.axhline(Marching().tolerance, color="k", lw=0.6)
+        ax.axhline(TimeStepping().tolerance, color="k", lw=0.6)
         ax.set(xlabel="cycle", ylabel="relative [-]")
 
     worst = [float(abs(error[:, count - 20 : count]).max()) for count in seen]

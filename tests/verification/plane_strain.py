@@ -28,7 +28,7 @@ from jaxgear._geometry._profile import ToothSection, tooth_section
 
 
 @dataclass(frozen=True)
-class Fineness:
+class MeshSizing:
     """How fine the grid of one sector is; lengths in modules.
 
     **Fields:**
@@ -73,7 +73,7 @@ def _even_fillet(section: ToothSection, first: float, last: float, size: float) 
 
 
 def _tooth_points(
-    section: ToothSection, rolls: np.ndarray, split: float, fineness: Fineness
+    section: ToothSection, rolls: np.ndarray, split: float, fineness: MeshSizing
 ) -> tuple[np.ndarray, int]:
     """Lattice points of the tooth above the rack angle `split`, and the row of its first flank.
 
@@ -96,7 +96,7 @@ def _tooth_points(
 
 
 def _ring_points(
-    section: ToothSection, bottom: np.ndarray, split: float, bore: float, fineness: Fineness
+    section: ToothSection, bottom: np.ndarray, split: float, bore: float, fineness: MeshSizing
 ) -> tuple[np.ndarray, int]:
     """Lattice points of the ring under the tooth's lowest row, and the column of its first one."""
     root, teeth = float(section.root_radius), float(section.teeth)
@@ -175,7 +175,7 @@ def _flank_rolls(section: ToothSection, tip: float, size: float) -> np.ndarray:
 Factor = Callable[[np.ndarray], np.ndarray]
 
 
-def fe_sector(pair: jg.GearPair, body: int, fineness: Fineness, factor: Factor) -> Sector:
+def fe_sector(pair: jg.GearPair, body: int, fineness: MeshSizing, factor: Factor) -> Sector:
     """Grid and stiffness of one tooth's sector; see `fe_gear`."""
     gear = (pair.pinion, pair.wheel)[body]
     assert gear.bore is not None
@@ -290,7 +290,7 @@ def fe_gear(
     body: int,
     rolls: np.ndarray,
     *,
-    fineness: Fineness = Fineness(),
+    fineness: MeshSizing = MeshSizing(),
     factor: Factor = np.ones_like,
 ) -> FEGear:
     """Solve one gear of a pair for loads at several rolls.
@@ -324,7 +324,7 @@ def fe_gear(
 
 
 def sector_loads(
-    sector: Sector, rolls: np.ndarray, fineness: Fineness
+    sector: Sector, rolls: np.ndarray, fineness: MeshSizing
 ) -> tuple[np.ndarray, np.ndarray]:
     """Unit line loads into the flank.
 

@@ -21,8 +21,8 @@ from verification import plane_strain as fe
 import jaxgear as jg
 from jaxgear import mm, um
 
-TINY = fe.Fineness(flank=0.16, fillet=0.2, growth=1.8, half_width=0.3)
-SMALL = fe.Fineness(flank=0.08, fillet=0.12, growth=1.5, half_width=0.2)
+TINY = fe.MeshSizing(flank=0.16, fillet=0.2, growth=1.8, half_width=0.3)
+SMALL = fe.MeshSizing(flank=0.08, fillet=0.12, growth=1.5, half_width=0.2)
 
 
 def _bored(pair: jg.GearPair, pinion: float, wheel: float) -> jg.GearPair:

@@ -22,7 +22,7 @@ _SPEEDS = np.linspace(20.0, 2000.0, 200)
 
 @functools.cache
 def _base():
-    model = jg.model_of(jg.ready_scene("accessory", ["mesh.foundation=weber"]))
+    model = jg.model_of(jg.example_scene("accessory", ["mesh.foundation=weber"]))
     return model, jg.mesh_grid(model.pair, phases=100, slices=10)
 
 
@@ -103,7 +103,7 @@ def _deviating(linear, parabolic, error, torque, bearing, mesh, structure):
     return jg.pair_dynamics(model, grid, jg.ModalDamping(mesh, structure)).system
 
 
-_balance = jax.jit(jg.balance_of)
+_balance = jax.jit(jg.harmonic_balance_problem)
 
 
 @jax.jit

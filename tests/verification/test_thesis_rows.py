@@ -13,7 +13,7 @@ import pytest
 
 from fem_prep import body_grid, exact_properties
 from jaxgear.scene._bodies import Drawn, body_plan
-from jaxgear.scene._scene import ready_scene
+from jaxgear.scene._scene import example_scene
 
 _ROOT = Path(__file__).parents[2]
 
@@ -196,7 +196,7 @@ def test_holes_lighten_the_wheel_as_much_as_in_the_thesis():
         pierced = _drawn("power-holes", settings)
         before, after = (exact_properties(each.body).volume for each in (whole, pierced))
         assert 1.0 - after / before == pytest.approx(lighter, abs=4e-3), case
-    scene = ready_scene("power-holes")
+    scene = example_scene("power-holes")
     # 68 teeth and six holes meet anew after half a revolution, but waves of three diameters change
     # their sign from hole to hole, and come again after a whole one.
     half = scene.value("wheel.teeth") // math.gcd(scene.value("wheel.teeth"), 6)
@@ -207,7 +207,7 @@ def test_holes_lighten_the_wheel_as_much_as_in_the_thesis():
 @pytest.mark.parametrize("name", _HYBRIDS)
 def test_rims_of_ready_scenes_stay_small(name):
     """A rim's matrices are dense: 4,500 coordinates take 160 MB each."""
-    for gear in ready_scene(name).condensed:
+    for gear in example_scene(name).condensed:
         source = _drawn(name, [], gear)
         grid = body_grid(source.body, source.fineness)
         assert 3 * len(grid.sets["rim"]) < 4500
@@ -215,6 +215,6 @@ def test_rims_of_ready_scenes_stay_small(name):
 
 def _drawn(name: str, settings: list[str], gear: str = "wheel") -> Drawn:
     """The measures of a ready scene's body."""
-    source = body_plan(ready_scene(name, settings), gear).source
+    source = body_plan(example_scene(name, settings), gear).source
     assert isinstance(source, Drawn)
     return source

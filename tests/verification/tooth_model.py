@@ -26,10 +26,10 @@ from scipy.spatial import KDTree
 
 import jaxgear as jg
 from fem_prep import (
-    Fineness,
     GearBody,
     Grid,
     Material,
+    MeshSizing,
     ReducedBody,
     Seat,
     Web,
@@ -71,7 +71,7 @@ class ToothFineness:
     - `fillet`: along the upper half of the fillet.
     - `flank`: along the involute.
     - `beside`: fine teeth on either side of the loaded one.
-    - `rim_axial`, `rim_radial`, `web_radial`, `hub_radial`: of the body, see `fem_prep.Fineness`.
+    - `rim_axial`, `rim_radial`, `web_radial`, `hub_radial`: of the body, see `fem_prep.MeshSizing`.
     """
 
     base: int = 4
@@ -218,7 +218,7 @@ def _body_places(
 ) -> np.ndarray:
     """Bricks of the body, moved to the angles and the outline, `[brick, 20, 3]` [m]."""
     sectors = len(angle) // 2
-    even = Fineness(
+    even = MeshSizing(
         sectors=sectors,
         rim_axial=fineness.rim_axial,
         rim_radial=fineness.rim_radial,
@@ -538,7 +538,7 @@ def condensed_wheel(
     body: GearBody, material: Material, teeth: int, *, elements: int = 1
 ) -> ReducedBody:
     """A body with no teeth, condensed on its rim and its bore; some elements for each tooth."""
-    grid = body_grid(body, Fineness(sectors=elements * teeth))
+    grid = body_grid(body, MeshSizing(sectors=elements * teeth))
     seat = Seat("gear", grid.sets["seat:bore"], np.zeros(3))
     return condense(full_body("wheel", grid, material, [seat]), method="guyan", modes=0)
 

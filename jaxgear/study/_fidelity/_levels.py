@@ -187,7 +187,7 @@ class Hierarchy:
                 level(
                     f"{short} {n}x{c}",
                     f"march, {name}",
-                    jg.Marching(stepper=stepper(), cycles=c),
+                    jg.TimeStepping(stepper=stepper(), cycles=c),
                     n,
                 )
                 for name, (short, stepper, _, is_coarse) in _STEPPERS.items()
@@ -233,7 +233,7 @@ class Hierarchy:
             "slices": _sliced(n for n in (5, 10, 20) if n < self.scene.mesh.slices),
             "bodies": rigid_changes(self.scene.bodies, rigid),
         }
-        march, shot = jg.Marching(stepper=jg.Newmark(), cycles=200), jg.Shooting(warm_up=10)
+        march, shot = jg.TimeStepping(stepper=jg.Newmark(), cycles=200), jg.Shooting(warm_up=10)
         coarse = self.scene.differing({"sweep.steps": 64})
         return [
             *(Level(name, axis, axis, x) for axis, row in rows.items() for name, x in row.items()),

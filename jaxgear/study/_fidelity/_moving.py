@@ -69,7 +69,7 @@ class MethodsProblem(AbstractMotion):
         answers, change, modes = timed(_with_monodromy, method, pair.system, speeds)
         finite = np.isfinite(np.asarray(change)).all(axis=(1, 2))
         growth = np.full(finite.size, np.inf)
-        growth[finite] = np.abs(jg.multipliers(change[finite], modes)[:, 0])
+        growth[finite] = np.abs(jg.floquet_multipliers(change[finite], modes)[:, 0])
         return answers, np.asarray(answers.solved) & (growth <= _STABLE)
 
     def branch(self, level: Level) -> float:
