@@ -10,6 +10,7 @@ from jaxgear._response._loads import load_sharing
 from jaxgear.scene._build import grid_of, model_of
 
 from .damped import DAMPINGS
+from .drawn_errors import PLACES, profile_error
 from .finding import Finding
 from .motion import Curve, moving, set_going, sweep
 from .statics import Solved, scene_of, solved_model, um
@@ -18,30 +19,8 @@ from .statics import Solved, scene_of, solved_model, um
 DEPTH, EXTENT = 15.0 * um, 0.25
 # Of the profile errors, from valley to peak: ISO grades 5/6 and 7.
 ERRORS = {"8 um": 8.0 * um, "13 um": 13.0 * um}
-# The thesis's errors are a picture without numbers: several are drawn.
+# Several are drawn.
 SEEDS = tuple(range(6))
-_PLACES = np.linspace(0.0, 1.0, 41)
-
-
-def profile_error(peak_to_peak: float, seed: int) -> np.ndarray:
-    """A smooth profile error: one, two and three waves, the longer the larger.
-
-    **Arguments:**
-
-    - `peak_to_peak`: its size [m].
-    - `seed`: of amplitudes and phases.
-
-    **Returns:**
-
-    The error from root to tip [m].
-    """
-    draw = np.random.default_rng(seed).uniform
-    waves = [
-        draw(0.5, 1.5) / n * np.cos(2.0 * np.pi * n * _PLACES + draw(0.0, 2.0 * np.pi))
-        for n in (1, 2, 3)
-    ]
-    error = np.sum(waves, axis=0)
-    return peak_to_peak * (error - error.mean()) / np.ptp(error)
 
 
 def flanks(order: int | None, peak_to_peak: float = 0.0, seed: int = 0) -> jg.Flanks:
@@ -54,7 +33,7 @@ def flanks(order: int | None, peak_to_peak: float = 0.0, seed: int = 0) -> jg.Fl
     - `seed`: of the error.
     """
     relief = jg.TipRelief(0.0 if order is None else DEPTH, EXTENT, order or 1)
-    error = jg.MeasuredProfile(_PLACES, profile_error(peak_to_peak, seed))
+    error = jg.MeasuredProfile(PLACES, profile_error(peak_to_peak, seed))
     return jg.Flanks(jg.Superposed((relief, error)), relief)
 
 

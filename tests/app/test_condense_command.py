@@ -10,6 +10,7 @@ import pytest
 import xarray as xr
 from matplotlib.colors import to_rgb
 from table_checks import assert_tables
+from tiny_cases import TINY_PAIR
 
 from fem_prep import (
     BodyError,
@@ -39,21 +40,10 @@ from jaxgear.study import condense
 from jaxgear.study._condense import body_dataset, body_remarks, body_summary, fastest_of
 from jaxgear.study._notes import _on_bodies
 
-_PAIR = """schema = 1
-name = "tiny"
+_PAIR = f"""{TINY_PAIR}bore_mm = 20.0
 [material]
 young_GPa = 200.0
 density_kg_m3 = 8000.0
-[pair]
-module_mm = 3.0
-torque_pinion_Nm = 100.0
-[pinion]
-teeth = 20
-face_width_mm = 12.0
-[wheel]
-teeth = 24
-face_width_mm = 10.0
-bore_mm = 20.0
 """
 _BODY = """[wheel.body]
 kind = "condensed"

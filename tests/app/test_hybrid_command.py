@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from table_checks import assert_tables
+from tiny_cases import TINY_PAIR
 
 import fem_prep
 from fem_prep._artefact import inertia_relief, self_equilibrated
@@ -44,21 +45,11 @@ from jaxgear.study._stress_maps import (
 )
 
 # The web is off the middle and three bearings hold its shaft: nothing cancels by accident.
-_SCENE = """schema = 1
-name = "tiny"
-[material]
+_SCENE = f"""{TINY_PAIR}[material]
 young_GPa = 200.0
 density_kg_m3 = 8000.0
-[pair]
-module_mm = 3.0
-torque_pinion_Nm = 100.0
-[pinion]
-teeth = 20
-face_width_mm = 12.0
-[wheel]
-teeth = 24
-face_width_mm = 10.0
-[wheel.body]
+"""
+_SCENE += """[wheel.body]
 kind = "condensed"
 web = { hub_outer_mm = 30, web_thickness_mm = 4, rim_inner_mm = 52, web_offset_mm = 2 }
 modes = 2

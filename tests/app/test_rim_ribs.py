@@ -5,6 +5,7 @@ import dataclasses
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from tiny_cases import TINY_PAIR
 
 from fem_prep import Holes
 from jaxgear.scene._bodies import BodyPlan, Drawn, body_plan
@@ -12,19 +13,9 @@ from jaxgear.scene._build import pair_grid, pair_of
 from jaxgear.scene._rim_ribs import rim_ribs
 from jaxgear.scene._scene import Scene, read_scene
 
-_SCENE = """schema = 1
-name = "tiny"
-[pair]
-module_mm = 3.0
-torque_pinion_Nm = 100.0
-[pinion]
-teeth = 20
-face_width_mm = 12.0
-[wheel]
-teeth = 24
-face_width_mm = 10.0
-bore_mm = 16.0
-[wheel.body]
+_SCENE = f"""{TINY_PAIR}bore_mm = 16.0
+"""
+_SCENE += """[wheel.body]
 kind = "condensed"
 web = { hub_outer_mm = 30, web_thickness_mm = 4, rim_inner_mm = 54, web_offset_mm = 2 }
 [mesh]

@@ -6,6 +6,7 @@ import sys
 
 import pytest
 import xarray as xr
+from tiny_cases import small_study
 
 _SCRIPT = """
 import sys
@@ -30,27 +31,12 @@ assert not any(found["reason"].values)
 found.to_netcdf(sys.argv[1] + ".nc")
 print(len(used), jax.device_count())
 """
-_STUDY = """schema = 1
-scene = "accessory"
-set = ["mesh.phases=8", "mesh.slices=1"]
-[design]
-points = 7
-[design.between]
-"flank.pinion.tip_relief.depth_um" = [0.0, 30.0]
-"pair.torque_pinion_Nm" = [40.0, 120.0]
-[keep]
-numbers = ["static.te_rms_um", "static.max_pressure_MPa"]
-arrays = ["transmission_error_um"]
-gradients = true
-[work]
-chunk = 5
-"""
 
 
 @pytest.mark.slow
 def test_two_devices_make_the_same_table(tmp_path):
     # Chunks of five and two: shares are unequal, and one of the last call's is a single design.
-    (tmp_path / "study.toml").write_text(_STUDY, encoding="utf-8")
+    small_study(tmp_path, points=7, chunk=5, arrays='"transmission_error_um"')
     for count in (1, 2):
         flags = f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count={count}"
         told = subprocess.run(

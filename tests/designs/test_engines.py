@@ -11,31 +11,11 @@ from pathlib import Path
 
 import psutil
 import pytest
+from tiny_cases import small_study
 
 import jaxgear as jg
 
 pytestmark = pytest.mark.slow
-
-_STUDY = """schema = 1
-scene = "accessory"
-set = ["mesh.phases=8", "mesh.slices=3"]
-[design]
-points = {points}
-[design.between]
-"flank.pinion.tip_relief.depth_um" = [0.0, 30.0]
-"pair.torque_pinion_Nm" = [40.0, 120.0]
-[keep]
-numbers = ["static.te_rms_um", "static.max_pressure_MPa"]
-gradients = true
-[work]
-chunk = {chunk}
-"""
-
-
-def _written(folder: Path, work: str = "", chunk: int = 2, points: int = 12) -> Path:
-    path = folder / "study.toml"
-    path.write_text(_STUDY.format(chunk=chunk, points=points) + work, encoding="utf-8")
-    return path
 
 
 def _begun(path: Path, out: Path) -> subprocess.Popen[str]:
@@ -54,13 +34,13 @@ def _chunks(out: Path) -> dict[str, int]:
 def alone(tmp_path_factory):
     """The table as one process makes it."""
     folder = tmp_path_factory.mktemp("alone")
-    return jg.designs.run(_written(folder), folder / "out").designs
+    return jg.designs.run(small_study(folder), folder / "out").designs
 
 
 def test_processes_and_parts_make_the_same_table(alone, tmp_path):
-    path = _written(tmp_path, "workers = 2\n")
+    path = small_study(tmp_path, "workers = 2\n")
     assert jg.designs.run(path, tmp_path / "out").designs.equals(alone)
-    path = _written(tmp_path)
+    path = small_study(tmp_path)
     for index in (1, 0):
         found = jg.designs.run(path, tmp_path / "parts", shard=jg.designs.Shard(index, 2))
     assert found.designs.equals(alone)
@@ -78,7 +58,7 @@ def test_dask_makes_the_same_table(alone, tmp_path):
         worker += ["--scheduler-file", str(address), "--nthreads", "1", "--no-nanny"]
         begun += [subprocess.Popen(worker) for _ in range(2)]
         told = json.loads(address.read_text())["address"]
-        path = _written(tmp_path, f'engine = "dask"\nscheduler = "{told}"\n')
+        path = small_study(tmp_path, f'engine = "dask"\nscheduler = "{told}"\n')
         assert jg.designs.run(path, tmp_path / "out").designs.equals(alone)
     finally:
         for each in begun:
@@ -88,12 +68,12 @@ def test_dask_makes_the_same_table(alone, tmp_path):
 
 def test_jobs_of_submitit_make_the_same_table(alone, tmp_path):
     pytest.importorskip("submitit")
-    path = _written(tmp_path, 'engine = "slurm"\n[work.slurm]\ncluster = "local"\njobs = 2\n')
+    path = small_study(tmp_path, 'engine = "slurm"\n[work.slurm]\ncluster = "local"\njobs = 2\n')
     assert jg.designs.run(path, tmp_path / "out").designs.equals(alone)
 
 
 def test_killed_study_goes_on_and_computes_nothing_twice(tmp_path):
-    path, out = _written(tmp_path, chunk=1, points=200), tmp_path / "out"
+    path, out = small_study(tmp_path, chunk=1, points=200), tmp_path / "out"
     chance = random.Random(0)
     for kill in range(20):
         before = _chunks(out)
@@ -115,12 +95,12 @@ def test_killed_study_goes_on_and_computes_nothing_twice(tmp_path):
     found = jg.designs.run(path, out)
     assert before.items() <= _chunks(out).items()
     (tmp_path / "alone").mkdir()
-    whole = _written(tmp_path / "alone", chunk=50, points=200)
+    whole = small_study(tmp_path / "alone", chunk=50, points=200)
     assert found.designs.equals(jg.designs.run(whole, tmp_path / "alone" / "out").designs)
 
 
 def test_worker_that_dies_is_replaced(alone, tmp_path):
-    path, out = _written(tmp_path, "workers = 2\n", chunk=1), tmp_path / "out"
+    path, out = small_study(tmp_path, "workers = 2\n", chunk=1), tmp_path / "out"
     begun = _begun(path, out)
     while not _chunks(out):
         time.sleep(0.005)
@@ -138,7 +118,7 @@ def test_worker_that_dies_is_replaced(alone, tmp_path):
 
 
 def test_two_may_compute_and_collect_at_once(alone, tmp_path):
-    path, out = _written(tmp_path), tmp_path / "out"
+    path, out = small_study(tmp_path), tmp_path / "out"
     both = [_begun(path, out) for _ in range(2)]
     for each in both:
         each.communicate()
@@ -148,7 +128,7 @@ def test_two_may_compute_and_collect_at_once(alone, tmp_path):
 
 def test_full_disk_is_named_and_what_is_finished_stays(tmp_path):
     # Twelve chunks, of which a few have room.
-    path, out = _written(tmp_path, chunk=1), tmp_path / "out"
+    path, out = small_study(tmp_path, chunk=1), tmp_path / "out"
     out.mkdir()
     if os.geteuid() or subprocess.call(
         ["mount", "-t", "tmpfs", "-o", "size=60k", "none", str(out)]

@@ -8,9 +8,9 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import pytest
+from tiny_cases import small_study
 
 import jaxgear as jg
 
@@ -41,20 +41,6 @@ MailProg=/bin/true
 ReturnToService=2
 NodeName={host} NodeAddr=127.0.0.1 CPUs={cpus} RealMemory=4096 State=UNKNOWN
 PartitionName=cpu Nodes={host} Default=YES MaxTime=INFINITE State=UP
-"""
-_STUDY = """schema = 1
-scene = "accessory"
-set = ["mesh.phases=8", "mesh.slices=3"]
-[design]
-points = 12
-[design.between]
-"flank.pinion.tip_relief.depth_um" = [0.0, 30.0]
-"pair.torque_pinion_Nm" = [40.0, 120.0]
-[keep]
-numbers = ["static.te_rms_um", "static.max_pressure_MPa"]
-gradients = true
-[work]
-chunk = 2
 """
 
 
@@ -127,20 +113,14 @@ def cluster(tmp_path_factory) -> Iterator[None]:
 @pytest.fixture(scope="module")
 def alone(tmp_path_factory):
     """The table as one process makes it."""
-    path = _written(tmp_path_factory.mktemp("alone"))
+    path = small_study(tmp_path_factory.mktemp("alone"))
     return jg.designs.run(path, path.parent / "out").designs
-
-
-def _written(folder: Path, work: str = "") -> Path:
-    path = folder / "study.toml"
-    path.write_text(_STUDY + work, encoding="utf-8")
-    return path
 
 
 @pytest.mark.usefixtures("cluster")
 def test_jobs_make_the_same_table(alone, tmp_path):
     pytest.importorskip("submitit")
-    path = _written(tmp_path, 'engine = "slurm"\n[work.slurm]\njobs = 2\nmemory_GB = 1.0\n')
+    path = small_study(tmp_path, 'engine = "slurm"\n[work.slurm]\njobs = 2\nmemory_GB = 1.0\n')
     assert jg.designs.run(path, tmp_path / "out").designs.equals(alone)
     # What ran was jobs of the cluster: the controller remembers them.
     jobs = lambda: _told("squeue", "-h", "-t", "all", "-n", "jaxgear", "-o", "%T").split()
@@ -149,7 +129,7 @@ def test_jobs_make_the_same_table(alone, tmp_path):
 
 @pytest.mark.usefixtures("cluster")
 def test_an_array_of_shards_makes_the_same_table(alone, tmp_path):
-    path, out = _written(tmp_path), tmp_path / "out"
+    path, out = small_study(tmp_path), tmp_path / "out"
     shard = "$SLURM_ARRAY_TASK_ID/$SLURM_ARRAY_TASK_COUNT"
     command = f"{sys.executable} -m jaxgear study {path} --out {out} --quiet --shard {shard}"
     log = f"--output={tmp_path}/%a.log"
@@ -163,7 +143,7 @@ def test_an_array_of_shards_makes_the_same_table(alone, tmp_path):
 
 @pytest.mark.usefixtures("cluster")
 def test_cancelled_job_loses_nothing_that_is_finished(alone, tmp_path):
-    path, out = _written(tmp_path), tmp_path / "out"
+    path, out = small_study(tmp_path), tmp_path / "out"
     command = f"{sys.executable} -m jaxgear study {path} --out {out} --quiet --shard 0/1"
     chunks = lambda: {each.name: each.stat().st_mtime_ns for each in out.glob("chunks/[!.]*.nc")}
     log = f"--output={tmp_path}/job.log"

@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from thesis_rows.drawn_errors import PLACES, profile_error
 
 import jaxgear as jg
 from jaxgear import um
@@ -64,22 +65,7 @@ def test_relief_on_the_master_curve_lowers_the_dynamic_ratio(bearing, structure,
 
 # Of the relief on both flanks; of the profile errors from valley to peak, ISO grade 7.
 _DEPTH, _EXTENT, _ERROR = 15.0 * um, 0.25, 13.0 * um
-_PLACES = np.linspace(0.0, 1.0, 41)
 _METHOD = jg.HarmonicBalance(averaged=True)
-
-
-def _profile_error(seed):
-    """A smooth profile error of the pinion; those of the thesis are a picture without numbers.
-
-    One, two and three waves between root and tip: the longer the larger, with random phases.
-    """
-    draw = np.random.default_rng(seed).uniform
-    error = np.zeros_like(_PLACES)
-    for waves in (1, 2, 3):
-        amplitude = draw(0.5, 1.5) / waves
-        phase = draw(0.0, 2.0 * np.pi)
-        error += amplitude * np.cos(2.0 * np.pi * waves * _PLACES + phase)
-    return _ERROR * (error - error.mean()) / np.ptp(error)
 
 
 @jax.jit
@@ -92,7 +78,7 @@ def _deviating(linear, parabolic, error, torque, bearing, mesh, structure):
         for shaft in (model.pinion_support, model.wheel_support)
     ]
     relief = jg.TipRelief(linear, _EXTENT), jg.TipRelief(parabolic, _EXTENT, 2)
-    pinion = jg.Superposed((*relief, jg.MeasuredProfile(_PLACES, error)))
+    pinion = jg.Superposed((*relief, jg.MeasuredProfile(PLACES, error)))
     model = dataclasses.replace(
         model,
         torque=torque,
@@ -131,7 +117,7 @@ def _folding(relief, error, torque, bearing, damping):
 
 
 _SHAFTS = pytest.mark.parametrize("bearing", [1e8, 1.04e9])
-_NONE = np.zeros_like(_PLACES)
+_NONE = np.zeros_like(PLACES)
 _USUAL, _LOW = (0.07, 0.02), (0.05, 0.01)
 
 
@@ -161,7 +147,7 @@ def test_parabolic_relief_does_not_remove_jumps_from_flanks_with_errors(bearing,
     _base()
     widths = {
         relief: [
-            max(_folding(relief, _profile_error(seed), 80.0, bearing, damping), default=0.0)
+            max(_folding(relief, profile_error(_ERROR, seed), 80.0, bearing, damping), default=0.0)
             for seed in (1, 2, 3)
         ]
         for relief in ("linear", "parabolic")
