@@ -262,7 +262,7 @@ def require_regular(
     if not bool(found.settled):
         raise ValueError(
             f"At {speed:.6g} rad/s harmonic balance finds no response: imbalance "
-            f"{float(found.residual):.3g}. What has not settled has no derivative."
+            f"{float(found.residual):.3g}. What has not converged has no derivative."
         )
     condition = float(jg.distance_to_fold(balance, terms, orbit.speed))
     if not condition >= least:

@@ -242,8 +242,8 @@ def time_history(
     """
     require(
         1 <= keep <= cycles,
-        "A march keeps at least one of its cycles and not more than all: got keep = {keep} of "
-        "{cycles}.",
+        "A time history keeps at least one of its cycles and not more than all: got keep = {keep} "
+        "of {cycles}.",
         keep=keep,
         cycles=cycles,
     )

@@ -231,8 +231,9 @@ def _shape_values(
         first = int(np.argmax(lost))
         low, high = (each(rim.nodes[rim.faces, 2]) for each in (np.min, np.max))
         raise InputError(
-            f"The slices of the teeth must stand on the rim: {int(lost.sum())} of {len(lost)} "
-            f"points of their roots do not, the first at z = {heights[first] / mm:.6g} mm and "
+            f"The slices of the teeth must be attached to the rim: {int(lost.sum())} of "
+            f"{len(lost)} points of their roots are not, the first at z = "
+            f"{heights[first] / mm:.6g} mm and "
             f"{np.rad2deg(angles[first]) % 360.0:.4g} degrees around; the rim reaches from "
             f"{low / mm:.6g} to {high / mm:.6g} mm. Is the rim's set of nodes complete, and z = 0 "
             "in the middle of the face?"

@@ -135,7 +135,7 @@ def root_stress_at_speed(swept: xr.Dataset) -> Figure:
     The figure.
     """
     figure, (tension, compression) = stack(
-        "Stress at the roots in motion", swept, (9.6, 5.8), (3.0, 1.7)
+        "Dynamic stress at the roots", swept, (9.6, 5.8), (3.0, 1.7)
     )
     settled, lines = flag(swept, "settled"), []
     for gear, colour in zip(GEARS, GEAR_COLOURS, strict=True):
@@ -148,7 +148,7 @@ def root_stress_at_speed(swept: xr.Dataset) -> Figure:
             pressed = own["root_compression_MPa"].sel(direction=way)
             compression.plot(swept["speed"], np.where(settled[row], pressed, np.nan), **look)
         rest = float(own["static_root_stress_MPa"])
-        label = f"{gear} at rest: {digits(rest, 4)} MPa"
+        label = f"{gear}, static: {digits(rest, 4)} MPa"
         lines.append(tension.axhline(rest, color=colour, lw=0.8, ls=(0, (1, 2)), label=label))
     tension.set_ylabel("largest tension [MPa]")
     compression.set_ylabel("compression,\nother fillet [MPa]")

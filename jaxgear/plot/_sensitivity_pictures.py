@@ -26,7 +26,7 @@ _NAMES = {
     "max_pressure_MPa": ("largest pressure", "MPa"),
     "face_load_factor": ("face load factor", ""),
     "mesh_stiffness_mean_N_um": ("mesh stiffness", "N/µm"),
-    "te_rms_dynamic_um": ("RMS of the TE in motion", "µm"),
+    "te_rms_dynamic_um": ("RMS of the dynamic TE", "µm"),
     "smooth_dynamic_ratio": ("dynamic ratio", ""),
     "bearing_force_order_1_N": ("bearing forces, order 1", "N"),
 }

@@ -97,7 +97,7 @@ def mark_unsettled(axes: Axes, dataset: xr.Dataset, *, upright: bool) -> list[Li
         return []
     speed = dataset["speed"].values[lost]
     style: dict[str, Any] = {"ls": "", "color": RED, "ms": 8, "mew": 1.6, "clip_on": False}
-    style["label"] = f"not settled ({len(speed)} of {len(lost)})"
+    style["label"] = f"not converged ({len(speed)} of {len(lost)})"
     if upright:
         place, transform = (np.full(len(speed), 0.008), speed), axes.get_yaxis_transform()
     else:

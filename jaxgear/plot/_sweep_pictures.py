@@ -173,7 +173,7 @@ def _legend(dataset: xr.Dataset) -> Iterator[Line2D]:
             style: dict[str, Any] = {"marker": marker, "ls": "", "ms": 4.5, "mfc": "white"}
             yield line(f"{words} ({count})", mec=GREY, **style)
     if not np.all(settled):
-        yield line(f"not settled ({np.count_nonzero(~settled)} of {settled.size})", **_UNSETTLED)
+        yield line(f"not converged ({np.count_nonzero(~settled)} of {settled.size})", **_UNSETTLED)
 
 
 def _draw_leaps(axes: Axes, dataset: xr.Dataset, name: str) -> None:

@@ -93,9 +93,9 @@ def _motion(sweep: Mapping[str, Any]) -> Iterator[Verdict]:
     if "unsettled_count" in sweep:
         count = sweep["unsettled_count"]
         if count:
-            yield Verdict("bad", f"{count} points of the sweep have not settled.")
+            yield Verdict("bad", f"{count} points of the sweep have not converged.")
         else:
-            yield Verdict("good", "All points of the sweep have settled.")
+            yield Verdict("good", "All points of the sweep have converged.")
     for key, what in (("jumps", "jumps"), ("bistable", "ranges with two steady responses")):
         if sweep.get(key):
             yield Verdict("look", f"The sweep has {len(sweep[key])} {what}.")

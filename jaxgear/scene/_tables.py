@@ -88,12 +88,13 @@ class MeshKeys(AbstractKeys):
         "[0, 100000]. The key is in rad/s",
     )
     connection: Literal["mortar", "collocation"] = key(
-        "how slices stand on the rim of a condensed body: mortar, or collocation to compare with",
+        "how slices are attached to the rim of a condensed body: mortar, or collocation to compare "
+        "with",
         default="mortar",
     )
     root_points: int = key(
-        "points across the root of a tooth by which it stands on the rim of a condensed body; 2: "
-        "the thesis's two, if mesh.root_correction is false",
+        "points across the root of a tooth by which it is attached to the rim of a condensed body; "
+        "2: the thesis's two, if mesh.root_correction is false",
         "[2, 24]",
         12,
     )
@@ -209,7 +210,8 @@ class SweepKeys(AbstractKeys):
         20,
     )
     cycles: int = key(
-        "mesh periods to march before a response counts, in whole cycles and at least 4 of them",
+        "mesh periods of time stepping before a response counts, in whole cycles and at least 4 "
+        "of them",
         "[1, 1000000]",
         100,
     )

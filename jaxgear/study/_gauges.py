@@ -194,7 +194,7 @@ def _over_revolution(
     readings, turn = found
     over, gauge = f"{gear}_turn", f"{gear}_gauge"
     turned = np.abs(np.unwrap(turn) - turn[0]) / deg
-    dims, words = (gauge, over), "along a gauge, at rest"
+    dims, words = (gauge, over), "along a gauge, static"
     yield over, Entry((over,), turned, "deg", f"angle by which the {gear} has turned")
     yield from _names(gear, gauges)
     strain = readings[..., 0] / _MICRO

@@ -281,7 +281,7 @@ def _on_results(slices: int, statics: Statics) -> Iterator[str]:
     approach = float(statics.numbers["te_mean_um"]) * um
     if approach > 0.1 * module:
         yield Doubtful(
-            f"Teeth, shafts and bearings give way by {approach / mm:.3g} mm in all, more than "
+            f"Teeth, shafts and bearings deflect by {approach / mm:.3g} mm in all, more than "
             "a tenth of the module: contact no longer lies where the nominal gears have it. "
             "Check the stiffness of the bearings, in N/m."
         )
@@ -291,6 +291,6 @@ def _on_results(slices: int, statics: Statics) -> Iterator[str]:
         yield Doubtful("One slice sees nothing of an uneven load across the face: use 20.")
     elif slices > 1 and factor > 0.5 * slices:
         yield Doubtful(
-            f"The load stands on {slices / factor:.2g} of {slices} slices: the face load "
+            f"The load is carried by {slices / factor:.2g} of {slices} slices: the face load "
             "factor and the pressures are as large as the slices let them be."
         )

@@ -82,7 +82,7 @@ def _notes(front: optimise.ParetoFront) -> list[str]:
     if early := np.count_nonzero(front.kept & ~front.settled):
         found.append(
             f"optimise.pareto: the searches of {early} of {count} designs did not "
-            "settle; there may be better ones. Raise optimise.max_evaluations."
+            "converge; there may be better ones. Raise optimise.max_evaluations."
         )
     if unknown := np.count_nonzero(front.kept & np.isnan(front.value).any(axis=1)):
         found.append(

@@ -42,8 +42,8 @@ _CLEARLY_BETTER = 0.02
 _FEW_MEMBERS = {"population": 5, "most_generations": 10}
 
 TOO_FEW_SPEEDS = (
-    "fewer than half of the speeds of [sweep] have a response that has settled and is not close to "
-    "a fold. Raise the damping, or sweep other speeds."
+    "fewer than half of the speeds of [sweep] have a response that has converged and is not close "
+    "to a fold. Raise the damping, or sweep other speeds."
 )
 
 

@@ -164,7 +164,7 @@ def require_bearable(deflection_um: float, module_mm: float, torque: float) -> N
     # Weber's contact term holds while the contact is small against the tooth.
     require(
         1e-3 * deflection_um < 0.1 * module_mm,
-        "A single tooth pair would give way by {got:.3g} mm under {torque:.6g} N m, more than a "
+        "A single tooth pair would deflect by {got:.3g} mm under {torque:.6g} N m, more than a "
         "tenth of the module: no tooth bears that. pair.torque_pinion_Nm is in N m; with a ring "
         "foundation the body winds up about bore_mm, where it must be held.",
         got=1e-3 * deflection_um,

@@ -49,7 +49,7 @@ class SteadyPoint:
     - `speed_rad_s`: of the pinion.
     - `residual`: imbalance of the harmonics, in static deflections.
     - `condition`: 1 for a linear system, 0 at a fold.
-    - `verdict`: `ok`, `not settled`, `near a fold`, or `too many unknowns` (a cycle of many mesh
+    - `verdict`: `ok`, `not converged`, `near a fold`, or `too many unknowns` (a cycle of many mesh
       periods is too long for harmonic balance).
     """
 
@@ -173,5 +173,5 @@ def steady_point(contact: str, speed: float, seen: tuple[Scalar, Flag, Scalar]) 
     verdict = "ok" if apart >= _LEAST_CONDITION else "near a fold"
     finite = lambda x: x if np.isfinite(x) else None
     return SteadyPoint(
-        contact, speed, finite(residual), finite(apart), verdict if settled else "not settled"
+        contact, speed, finite(residual), finite(apart), verdict if settled else "not converged"
     )

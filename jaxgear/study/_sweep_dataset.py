@@ -144,7 +144,7 @@ def _over_roots(dynamics: Dynamics, sweep: Sweep) -> Entries:
     static = [MPa * float(dynamics.statics.numbers[name]) for name in ROOT_NUMBERS]
     return (
         over("gear", gear=(list(GEARS), "gear"))
-        | over("gear", static_root_stress_MPa=(static, "largest root stress at rest"))
+        | over("gear", static_root_stress_MPa=(static, "largest static root stress"))
         | over(
             "direction speed gear",
             root_stress_MPa=(tension, "largest tensile stress of the roots"),

@@ -40,9 +40,9 @@ def sweep_notes(scene: Scene, unsettled: int, responses: int, lost: list[str]) -
     if unsettled:
         found.append(
             Doubtful(
-                f"{unsettled} of {responses} responses did not settle: their numbers are those of "
-                "the end of a march. Raise sweep.cycles; but where the amplitude beats, or motion "
-                "is chaotic, there is nothing to settle on."
+                f"{unsettled} of {responses} responses did not converge: their numbers are those "
+                "of the last time steps. Raise sweep.cycles; but where the amplitude beats, or "
+                "motion is chaotic, there is nothing to converge to."
             )
         )
     found += [
@@ -114,9 +114,9 @@ def steady_notes(points: Sequence[SteadyPoint]) -> list[str]:
     for point in points:
         at = f"With {point.contact} contact the response at {point.speed_rad_s:.6g} rad/s "
         match point.verdict:
-            case "not settled":
+            case "not converged":
                 size = "not finite" if point.residual is None else f"{point.residual:.3g}"
-                why = f"has not settled, imbalance {size}"
+                why = f"has not converged, imbalance {size}"
             case "near a fold":
                 size = "not finite" if point.condition is None else f"{point.condition:.3g}"
                 why = f"is at a fold, or close to one, condition {size}"
@@ -153,7 +153,7 @@ def left_out_notes(
                     Doubtful(
                         f"{len(speeds)} of {each.speed.size} speeds were left out of what is taken "
                         f"over speeds {when} the search, at {torque:g} N m: responses there have "
-                        f"not settled, or are close to a fold ({named}{more} rad/s)."
+                        f"not converged, or are close to a fold ({named}{more} rad/s)."
                     )
                 )
     if limited:

@@ -87,10 +87,10 @@ def test_no_numbers_where_there_is_no_derivative():
 
     assert judged(1e-14, True, 0.5).verdict == "ok"
     points = [judged(1e-3, False, 0.5), judged(1e-14, True, 3e-3), judged(np.nan, False, np.nan)]
-    assert [point.verdict for point in points] == ["not settled", "near a fold", "not settled"]
+    assert [point.verdict for point in points] == ["not converged", "near a fold", "not converged"]
     assert points[2].residual is None
     notes = steady_notes([*points, SteadyPoint("smooth", 9.0, None, None, "too many unknowns")])
-    assert "900 rad/s has not settled, imbalance 0.001: it has no derivatives" in notes[0]
+    assert "900 rad/s has not converged, imbalance 0.001: it has no derivatives" in notes[0]
     assert "at a fold, or close to one, condition 0.003" in notes[1]
     assert "imbalance not finite" in notes[2]
     assert "too many mesh periods" in notes[3]
@@ -142,7 +142,7 @@ def test_a_response_that_is_not_found_is_not_differentiated(write):
     scene = read_scene(write(_TURNING + _SWEEP), ("sweep.pinion_speed_rad_s=[900.0]",))
     rows, points = steady_gradients(BuiltScene(scene), {"exact": ExactContact()}, ("damping.mesh",))
     assert rows is None
-    assert points[0].verdict == "not settled"
+    assert points[0].verdict == "not converged"
     assert points[0].residual is not None
     assert points[0].residual > 1e-3
 

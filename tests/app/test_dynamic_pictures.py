@@ -398,7 +398,7 @@ def test_unsettled_responses_are_marked_and_counted():
     figure, picture = _drawn("both ways")["sweep"]
     columns = picture.table
     lost = ~columns["settled"].reshape(2, -1)
-    assert f"not settled ({np.count_nonzero(lost)} of 600)" in _legend(figure)
+    assert f"not converged ({np.count_nonzero(lost)} of 600)" in _legend(figure)
     for axes in figure.axes:
         marked = [line for line in axes.lines if line.get_markeredgecolor() == RED]
         assert sum(np.size(line.get_xdata()) for line in marked) == np.count_nonzero(lost)
@@ -620,4 +620,4 @@ def test_flags_may_come_from_a_file():
     legends = [_legend(_of_sweep(each)[0]) for each in (dataset, numbers)]
     assert legends[0] == legends[1]
     assert legends[0][0] == WAYS["up"]
-    assert "not settled (1 of 30)" in legends[0]
+    assert "not converged (1 of 30)" in legends[0]

@@ -148,7 +148,7 @@ def _rows(*verdicts):
 
 def test_the_study_counts_what_it_finds_of_both_kinds(monkeypatch, capsys, tmp_path):
     found = _rows("ok", "no effect", "WRONG"), _rows("ok to 1e-5", "WRONG at 1e-5")
-    lost = [SteadyPoint("smooth", 900.0, 0.1, 0.5, "not settled")]
+    lost = [SteadyPoint("smooth", 900.0, 0.1, 0.5, "not converged")]
     monkeypatch.setattr(_gradients, "static_gradients", lambda *_: found[0])
     monkeypatch.setattr(_gradients, "steady_gradients", lambda *_: (found[1], lost))
     result = check_gradients(example_scene("accessory", ("sweep.pinion_speed_rad_s=[900.0]",)))
@@ -156,8 +156,8 @@ def test_the_study_counts_what_it_finds_of_both_kinds(monkeypatch, capsys, tmp_p
     # Once for each contact law, and once in motion.
     assert told["verdicts"]["WRONG"] == 3
     assert told["verdicts"]["ok to 1e-5"] == 1
-    assert told["dynamics"][0]["verdict"] == "not settled"
-    said = "With smooth contact the response at 900 rad/s has not settled"
+    assert told["dynamics"][0]["verdict"] == "not converged"
+    said = "With smooth contact the response at 900 rad/s has not converged"
     assert any(said in note for note in result.notes)
     result.files["gradients.csv"](tmp_path / "gradients.csv")
     assert len(assert_table(tmp_path / "gradients.csv")) == len(told["rows"]) == 8

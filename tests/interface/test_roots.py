@@ -244,7 +244,7 @@ def test_collocation_has_spikes(slices, most):
 def test_slices_off_the_rim_are_refused():
     edges = np.linspace(-1.3 * HALF, 1.1 * HALF, 7)
     patches = replace(_patches(6), edges=edges)
-    with pytest.raises(ValueError, match=r"must stand on the rim.*reaches from -6 to 6 mm"):
+    with pytest.raises(ValueError, match=r"must be attached to the rim.*reaches from -6 to 6 mm"):
         interface_map(_rim(), patches)
 
 

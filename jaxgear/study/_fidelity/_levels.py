@@ -186,7 +186,7 @@ class Hierarchy:
             *(
                 level(
                     f"{short} {n}x{c}",
-                    f"march, {name}",
+                    f"time stepping, {name}",
                     jg.TimeStepping(stepper=stepper(), cycles=c),
                     n,
                 )
@@ -241,7 +241,7 @@ class Hierarchy:
                 settings - {(self.scene.sweep.harmonics, self.scene.sweep.steps)},
                 "harmonics and steps",
             ),
-            Level("NM 64x200", "march, Newmark", "", coarse, march, thinned=4),
+            Level("NM 64x200", "time stepping, Newmark", "", coarse, march, thinned=4),
             Level("exp N64", "shooting, exponential", "", coarse, shot, thinned=4),
         ]
 

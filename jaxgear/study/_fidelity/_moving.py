@@ -37,7 +37,7 @@ class MethodsProblem(AbstractMotion):
     """
 
     shares = (0.5 * MARGIN,)
-    method = "shooting from the quasi-static state, is settled and stable"
+    method = "shooting from the quasi-static state, is converged and stable"
 
     def __init__(
         self,
@@ -105,7 +105,7 @@ class BodiesProblem(AbstractMotion):
     speeds at which the reference is converged.
     """
 
-    method = "harmonic balance from the quasi-static state, is settled"
+    method = "harmonic balance from the quasi-static state, is converged"
 
     def __init__(
         self,
