@@ -45,24 +45,23 @@ class FixedInterface:
         """Rows of the averaging seats on the inside."""
         return self.full.averages[:, self.inside]
 
-    def loaded(self, load: np.ndarray, seats: np.ndarray | float = 0.0) -> np.ndarray:
-        """Motion under loads, the rim and rigid seats held and the averaging seats prescribed.
+    def loaded(self, load: np.ndarray) -> np.ndarray:
+        """Motion under loads, the rim and all seats held.
 
         **Arguments:**
 
         - `load`: loads on all unknowns, shape `[3 point, column]`.
-        - `seats`: motion of the averaging seats, `[constraint, column]`.
 
         **Returns:**
 
         Motion of all unknowns, shape `[3 point, column]`.
         """
         motion = np.zeros(load.shape)
-        motion[self.inside] = self._answer(load[self.inside], seats)
+        motion[self.inside] = self._answer(load[self.inside], 0.0)
         return motion
 
     def _answer(self, load: np.ndarray, seats: np.ndarray | float) -> np.ndarray:
-        """The same for the unknowns inside, `[inside, column]`."""
+        """Motion inside under loads there, the averaging seats prescribed, `[inside, column]`."""
         answer = self.factor.solve(load)
         if len(self.meeting):
             answer += self.forces @ np.linalg.solve(self.meeting, seats - self.averages @ answer)

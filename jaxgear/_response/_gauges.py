@@ -36,7 +36,6 @@ class GaugeInfluences(eqx.Module):
     - `seats`: per motion of the seats along and about x, y, z of the body, shape
         `[gauge, 6 seat]` [1/m, Pa/m, 1/rad].
     - `rotation`: per square of the speed, the seats held, shape `[gauge]` [s2, Pa s2].
-    - `still`: by what loads the body all the time, the seats held, shape `[gauge]` [-, Pa].
     - `angles`: of the middles of the teeth at the first slice, about z from the body's x, shape
         `[tooth]` [rad].
     - `centres`: of the feet of one tooth on all lines, in their frames, `[cell, 3]` [m].
@@ -49,7 +48,6 @@ class GaugeInfluences(eqx.Module):
     feet: Reals
     seats: Reals
     rotation: Reals
-    still: Reals
     angles: Reals
     centres: Reals
     lines: Array
@@ -68,8 +66,6 @@ def gauge_influences(
     components: Sequence[int],
     points: int = ROOT_POINTS,
     axial: Axial = "mortar",
-    still: np.ndarray | None = None,
-    load: np.ndarray | None = None,
 ) -> GaugeInfluences:
     """Load a body by what its gauges read. Call it outside of `jit`, on concrete gears.
 
@@ -83,9 +79,6 @@ def gauge_influences(
     - `grid`: slices and lines of the cycle.
     - `components`: of the feet's loads, as of `FlexibleBody`.
     - `points`, `axial`: as of `flexible_body`.
-    - `still`: what they read beside the coordinates of a load that is there all the time,
-        `[gauge]` [-, Pa]; by default none.
-    - `load`: that load on the coordinates, shape `[dof]` [SI].
 
     **Returns:**
 
@@ -103,14 +96,10 @@ def gauge_influences(
     by_feet = (found.rows @ solved[:, :rim].T).T
     slices, lines = grid.slices, teeth_on_lines(index, grid, gear.teeth) % gear.teeth
     centres = found.centres.reshape(gear.teeth, slices, 3)[lines[0]].reshape(-1, 3)
-    own = np.zeros(len(rows)) if still is None else still
-    if load is not None:
-        own = own + solved @ load[inner]
     return GaugeInfluences(
         feet=jnp.asarray(by_feet.reshape(len(rows), gear.teeth, slices, 6)),
         seats=jnp.asarray(rows[:, seat] - solved @ body.stiffness[np.ix_(inner, seat)]),
         rotation=jnp.asarray(rotation + solved @ body.centrifugal_load[inner]),
-        still=jnp.asarray(own),
         angles=jnp.asarray(patches.angles.reshape(gear.teeth, slices)[:, 0]),
         centres=jnp.asarray(centres),
         lines=jnp.asarray(lines),
@@ -155,7 +144,7 @@ def gauge_readings(
     motion = cycle.system.displacement(cycle.load)[:, seats].reshape(lines.periods, phases, -1)
     turned = fixed[:, 0].reshape(lines.periods, phases)
     ratio = teeth / pair.pinion.teeth
-    still = gauges.still + (speed / ratio) ** 2 * gauges.rotation
+    grown = (speed / ratio) ** 2 * gauges.rotation
 
     def of_period(each: tuple[Array, Array]) -> tuple[Array, Array]:
         period, on_lines = each
@@ -163,7 +152,7 @@ def gauge_readings(
         turn = turned[place] - gauges.angles[on_lines[0]]
         by_feet = jnp.einsum("plsc,glsc->pg", load[place], gauges.feet[:, on_lines])
         by_seats = _turned_back(motion[place], turn) @ gauges.seats.T
-        return by_feet + by_seats + still[None, :], turn
+        return by_feet + by_seats + grown[None, :], turn
 
     found, angle = jax.lax.map(of_period, (jnp.arange(teeth), gauges.lines))
     return found.reshape(teeth * phases, -1), angle.ravel()

@@ -151,11 +151,11 @@ def _inputs(plan: BodyPlan) -> dict[str, object]:
     for name, value in kept.items():
         paths = value if isinstance(value, tuple) else (value,)
         if any(isinstance(path, Path) for path in paths):
-            kept[name] = [_digest(plan, path) for path in paths]
+            kept[name] = [_digest(path) for path in paths]
     return fields | {"source": {type(source).__name__: kept}}
 
 
-def _digest(plan: BodyPlan, path: Path) -> list[str]:
+def _digest(path: Path) -> list[str]:
     """Content of a file and of those that are read with it."""
     beside = [path.with_suffix(end) for end in (".mas", ".dof") if path.suffix == ".sti"]
     try:

@@ -104,7 +104,7 @@ def instead_mistakes(
             # Told of the table.
             continue
         for second in said[1:]:
-            yield second, _twice(second, said[0], where)
+            yield second, _twice(said[0], where)
         for path in paths:
             if path in given and (other := _WITH.get(path, path)) not in given:
                 yield path, f"needs {other}: {KEYS[other].doc}. Add it"
@@ -113,7 +113,7 @@ def instead_mistakes(
     for gear in GEARS:
         tip, shortening = f"{gear}.tip_diameter_mm", f"{gear}.tip_shortening_coeff"
         if {tip, shortening} <= given and values.get(shortening) != 0.0:
-            yield shortening, _twice(shortening, tip, where)
+            yield shortening, _twice(tip, where)
 
 
 def is_idle(path: str, values: Mapping[str, Any]) -> bool:
@@ -124,7 +124,7 @@ def is_idle(path: str, values: Mapping[str, Any]) -> bool:
     return name == "tip_shortening_coeff" and f"{table}.tip_diameter_mm" in values
 
 
-def _twice(second: str, first: str, where: Callable[[str], str]) -> str:
+def _twice(first: str, where: Callable[[str], str]) -> str:
     return f"repeats or contradicts {first} ({where(first)}): either gives the other. Keep one"
 
 
