@@ -52,7 +52,7 @@ def main() -> None:
 
 
 def model_of(name: str, flank: Any = None):
-    """A ready scene's model and grid, with corrections on both flanks."""
+    """An example scene's model and grid, with corrections on both flanks."""
     import jaxgear as jg
 
     scene = jg.example_scene(name)

@@ -229,7 +229,7 @@ def _snippets(rig: Rig) -> list[dict[str, Any]]:
 
 
 def _on_scene(rig: Rig, scene: str, commands: Sequence[str]) -> list[dict[str, Any]]:
-    """Commands on one ready scene; its condensed bodies are in the cache."""
+    """Commands on one example scene; its condensed bodies are in the cache."""
     path = rig.root / f"{scene}.toml"
     _prepare(rig, scene)
     rows = []
@@ -243,7 +243,7 @@ def _on_scene(rig: Rig, scene: str, commands: Sequence[str]) -> list[dict[str, A
 
 
 def _prepare(rig: Rig, scene: str) -> None:
-    """Write a ready scene, and put its condensed bodies into the cache."""
+    """Write an example scene, and put its condensed bodies into the cache."""
     init = ["jaxgear", "init", scene, "--force", "--out", str(rig.root)]
     for name, python in rig.pythons.items():
         folder = rig.root / name
@@ -255,7 +255,7 @@ def _prepare(rig: Rig, scene: str) -> None:
 
 
 def _ready() -> list[str]:
-    """Names of the ready scenes."""
+    """Names of the example scenes."""
     return sorted(path.stem for path in (_HERE.parent / "jaxgear/scene/scenes").glob("*.toml"))
 
 
@@ -278,8 +278,8 @@ def _python_of(path: Path) -> Path:
 def main() -> None:
     """Measure, print, and keep what was measured."""
     parser = argparse.ArgumentParser(description="Seconds to an answer.")
-    parser.add_argument("parts", nargs="*", help="at-once, snippets, or ready scenes")
-    parser.add_argument("--all", action="store_true", help="every command on every ready scene")
+    parser.add_argument("parts", nargs="*", help="at-once, snippets, or example scenes")
+    parser.add_argument("--all", action="store_true", help="every command on every example scene")
     parser.add_argument(
         "--against", type=Path, metavar="PYTHON", help="python or jaxgear of another environment"
     )

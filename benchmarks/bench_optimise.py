@@ -49,7 +49,7 @@ class Task(NamedTuple):
 
 
 def task(name: str, settings: Sequence[str]) -> Task:
-    """The search of a ready scene with some settings, compiled."""
+    """The search of an example scene with some settings, compiled."""
     from jaxgear.scene._scene import example_scene
     from jaxgear.scene._with_bodies import with_bodies
     from jaxgear.study._built import BuiltScene

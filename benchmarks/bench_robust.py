@@ -2,7 +2,7 @@
 
     python benchmarks/bench_robust.py [--quick] [--out DIR]
 
-The rigid accessory pair of the ready scene with tip relief that is to serve gears of class 6 that
+The rigid accessory pair of the example scene with tip relief that is to serve gears of class 6 that
 are misaligned, with and without scatter of the torque; on the scene's own mesh, and on coarser
 ones. The aim is 0.5 s for 256 gears on two cores, compile apart. Machines differ and are noisy:
 compare ratios within one table. Writes `robust.json`.

@@ -3,8 +3,8 @@
     python benchmarks/bench_shapes.py SCENE KIND:COUNT ... [--speeds V ...] [--relief UM ...]
     python benchmarks/bench_shapes.py --table [--chart docs/pictures/shapes.png]
 
-Each model of a ready scene, as `natural:100` or `excited:200` (0: all coordinates of the body), is
-brought to its steady response at each speed by harmonic balance. Its largest mesh force, RMS of
+Each model of an example scene, as `natural:100` or `excited:200` (0: all coordinates of the body),
+is brought to its steady response at each speed by harmonic balance. Its largest mesh force, RMS of
 transmission error and largest bearing force go to `shapes.json`, with processor seconds; the table
 compares all with the model of most coordinates at the same speed and relief. All coordinates of
 the accessory wheel (2,895) take minutes of a processor to be set up and two for each speed.

@@ -1,4 +1,4 @@
-"""Small copies of the pictures of ready scenes, for the gallery: `python docs/gallery_pictures.py`.
+"""Small copies of the gallery's pictures of example scenes: `python docs/gallery_pictures.py`.
 
 It takes the folders of results of the commands that the gallery names, and skips what is not there.
 """

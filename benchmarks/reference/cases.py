@@ -41,7 +41,7 @@ class Case:
     - `levels`: fidelity levels that suit it.
     - `origin`: where the numbers are from.
     - `unknown`: what the source leaves open.
-    - `scene`: a file of `scenes`, or a ready scene.
+    - `scene`: a file of `scenes`, or an example scene.
     - `set`: changes of it.
     - `disc`: measures of a disc [mm].
     - `numbers`: what is known, by names of the summary.

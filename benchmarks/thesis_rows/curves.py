@@ -112,7 +112,7 @@ def curve_of(label: str) -> Traced:
 
 
 def flexible(name: str) -> Scene:
-    """A ready scene with its bodies as they are."""
+    """An example scene with its bodies as they are."""
     return with_bodies(example_scene(name, [*THESIS, *COARSE]))
 
 

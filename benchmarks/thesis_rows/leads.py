@@ -29,7 +29,7 @@ SPEED = 3000.0
 # Tab. IV-9: the web of the wheel as it is, 24 % and 48 % thinner.
 WEBS = {"O": 6.5, "D": 4.94, "E": 3.38}
 # The thesis gives no hand of the helix; thrust tilts the rim one way or the other. With that of the
-# ready scene, right-handed pinion, the load at rest leans to the side that rotation loads as well.
+# example, right-handed pinion, the load at rest leans to the side that rotation loads as well.
 LEFT_HANDED = {f"{label}, left": thickness for label, thickness in WEBS.items()}
 # Slices that feel each other.
 COUPLED = {f"{label}, coupled": thickness for label, thickness in WEBS.items()}

@@ -1,4 +1,4 @@
-"""Ready scenes with changes, set in motion, and their sweeps."""
+"""Example scenes with changes, set in motion, and their sweeps."""
 
 import dataclasses
 import functools
@@ -42,7 +42,7 @@ FAST = np.arange(1500.0, 3001.0, 100.0)
 
 
 class Moving(NamedTuple):
-    """A ready scene with changes, in motion."""
+    """An example scene with changes, in motion."""
 
     scene: Scene
     model: PairModel
@@ -73,7 +73,7 @@ class Moving(NamedTuple):
 # One at a time: a body's matrices take up to 300 MB.
 @functools.lru_cache(maxsize=1)
 def moving(name: str, *settings: str) -> Moving:
-    """A ready scene with changes, set in motion."""
+    """An example scene with changes, set in motion."""
     condensed = bool(example_scene(name).condensed)
     scene = example_scene(name, [*THESIS, *COARSE, *(MODES if condensed else ()), *settings])
     if condensed:

@@ -1,4 +1,4 @@
-"""Ready scenes with changes, solved at rest or with centrifugal load."""
+"""Example scenes with changes, solved at rest or with centrifugal load."""
 
 import functools
 import math
@@ -26,7 +26,7 @@ from jaxgear.study._statics import headline
 um, mm, MPa, deg = 1e-6, 1e-3, 1e6, math.pi / 180.0
 # Of a rigid body, and of a rigid shaft of beams: times steel's.
 STIFF_GPA = 4e5
-# What gives under the teeth of the thesis's rigid gears; by itself a ready scene takes the ring.
+# What gives under the teeth of the thesis's rigid gears; by itself an example scene takes the ring.
 THESIS = "mesh.foundation=weber", "mesh.face_coupling=none"
 LAW = jg.ExactContact()
 
@@ -89,7 +89,7 @@ class Solved:
 
 # Not kept: a body's matrices take up to 300 MB.
 def scene_of(name: str, *settings: str) -> Scene:
-    """A ready scene with its bodies.
+    """An example scene with its bodies.
 
     Statics of rim and seats, rotation too, is exact without any modes of the inside, and bodies
     without them are made in a fraction of the time.
@@ -107,7 +107,7 @@ def scene_of(name: str, *settings: str) -> Scene:
 
 @functools.cache
 def solved(name: str, *settings: str) -> Solved:
-    """A ready scene with changes, solved."""
+    """An example scene with changes, solved."""
     scene = scene_of(name, *settings)
     model = model_of(scene)
     return solved_model(model, grid_of(scene, model))

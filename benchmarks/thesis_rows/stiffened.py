@@ -42,7 +42,7 @@ def carried(scene: Scene, model: PairModel, dynamics: PairDynamics, index: int) 
 
 
 def as_rigid(name: str, masses: dict[str, np.ndarray]) -> DynamicSystem:
-    """The pair of a ready scene on stiff shafts, some gears without foundation and as heavy as
+    """The pair of an example scene on stiff shafts, some gears without foundation and as heavy as
     bodies whose masses are given."""
     scene = example_scene(name, [*THESIS, *COARSE, *(f"{gear}.foundation=none" for gear in masses)])
     model = with_rigid_shaft(model_of(scene), *masses)

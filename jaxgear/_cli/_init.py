@@ -1,4 +1,4 @@
-"""The command `init`: writes a ready scene, or that of one's own pair, asking for what lacks."""
+"""The command `init`: writes an example scene, or that of one's own pair, asking for what lacks."""
 
 import argparse
 import dataclasses
@@ -38,22 +38,22 @@ def write_first_scene(args: argparse.Namespace) -> tuple[Path, str]:
     if args.name is not None and not own:
         return _write_ready(args)
     if args.force:
-        raise InputError("--force is for ready scenes: your own may hold changes of yours.")
+        raise InputError("--force is for example scenes: your own may hold changes of yours.")
     if not own and not sys.stdin.isatty():
         raise InputError(
-            f"name a ready scene ({', '.join(ready_names())}), or give your own pair, such as "
+            f"name an example scene ({', '.join(ready_names())}), or give your own pair, such as "
             "--pair 23 64 --module 2."
         )
     return _write_own(args, _completed(args.pair, given))
 
 
 def _write_ready(args: argparse.Namespace) -> tuple[Path, str]:
-    """Write a ready scene, with the changes of `--set`."""
+    """Write an example scene, with the changes of `--set`."""
     names = [*ready_names(), *study_names()]
     if args.name not in names:
         near = difflib.get_close_matches(args.name, names, 1)
         hint = f" Did you mean {near[0]}?" if near else " For a pair of your own add --pair."
-        raise InputError(f"no ready scene {args.name!r}; there are: {', '.join(names)}.{hint}")
+        raise InputError(f"no example scene {args.name!r}; there are: {', '.join(names)}.{hint}")
     ready = READY / f"{args.name}.toml"
     scene = read_scene(ready, args.overrides)
     target = _target(args, args.name)
@@ -65,7 +65,7 @@ def _write_ready(args: argparse.Namespace) -> tuple[Path, str]:
 
 
 def _write_study(args: argparse.Namespace) -> tuple[Path, str]:
-    """Write a ready study of many designs, which names a ready scene."""
+    """Write an example study of many designs, which names an example scene."""
     if args.overrides:
         raise InputError("--set is for scenes. A study has a list `set`: write the changes there.")
     target = _target(args, args.name)

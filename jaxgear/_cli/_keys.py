@@ -66,7 +66,7 @@ def explain_key(path: str) -> int:
 
 
 def _more(key: Key) -> Iterable[str]:
-    """What else is known of a key: its derivative, what it makes anew, what ready scenes have."""
+    """What else is known of a key: its derivative, what it makes anew, what example scenes have."""
     if key.remedy:
         yield f"{key.remedy}."
     if key.differentiable:

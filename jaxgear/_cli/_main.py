@@ -374,7 +374,7 @@ def _doctor(args: argparse.Namespace) -> int:
 
 
 def _init(args: argparse.Namespace) -> int:
-    """Write a ready scene, or that of one's own pair."""
+    """Write an example scene, or that of one's own pair."""
     target, cite = write_first_scene(args)
     if args.json:
         _print_json({"scene": str(target), "cite": cite})

@@ -178,7 +178,7 @@ _CACHE: _Arguments = {
     **_QUIET,
 }
 _INIT = (
-    "Writes a ready scene, NAME.toml. With --pair it writes a scene of your own, whose shafts, "
+    "Writes an example scene, NAME.toml. With --pair it writes a scene of your own, whose shafts, "
     "bearings and profile shifts are sized by rules of thumb; on a terminal it asks for what it "
     "needs. --out is a folder, or a file that ends in .toml."
 )
@@ -212,11 +212,11 @@ def parser() -> argparse.ArgumentParser:
         return added
 
     init = command(
-        "init", "write a ready scene, or one of your own pair", _COMMON, description=_INIT
+        "init", "write an example scene, or one of your own pair", _COMMON, description=_INIT
     )
     names = " | ".join([*ready_names(), *study_names()])
     _add(init, {"name": {"metavar": "NAME", "nargs": "?", "help": names}})
-    _add(init, {"--force": _flag("overwrite a ready scene's NAME.toml")})
+    _add(init, {"--force": _flag("overwrite an example scene's NAME.toml")})
     own = init.add_argument_group("a pair of your own")
     pair = {"nargs": 2, "type": int, "metavar": ("PINION", "WHEEL"), "help": "numbers of teeth"}
     _add(own, {"--pair": pair})
@@ -230,7 +230,7 @@ def parser() -> argparse.ArgumentParser:
     group = keys.add_mutually_exclusive_group()
     _add(group, {name: _flag(text) for name, text in forms.items()})
     command("schema", "print the JSON Schema of scenes, by which editors complete and check", {})
-    command("explain", "all that is known of one key, with what ready scenes have", _EXPLAIN)
+    command("explain", "all that is known of one key, with what example scenes have", _EXPLAIN)
     command("doctor", "say whether this installation is in order: versions, precision, speed", {})
     text = "a page with sliders for flanks and other real keys: pictures and slopes while they move"
     command("explore", text, _EXPLORE)
@@ -250,12 +250,12 @@ def parser() -> argparse.ArgumentParser:
 
 
 def ready_names() -> list[str]:
-    """Names of the ready scenes."""
+    """Names of the example scenes."""
     return sorted(path.stem for path in READY.glob("*.toml"))
 
 
 def study_names() -> list[str]:
-    """Names of the ready studies of many designs."""
+    """Names of the example studies of many designs."""
     return sorted(path.stem for path in READY_STUDIES.glob("*.toml"))
 
 

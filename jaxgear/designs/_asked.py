@@ -69,7 +69,7 @@ def read_study(path: str | os.PathLike[str]) -> Study:
     """
     path = Path(path)
     if not path.exists():
-        words = "there is no such file. `jaxgear init accessory-tolerances` writes a ready study"
+        words = "there is no such file. `jaxgear init accessory-tolerances` writes an example study"
         raise SceneError([Mistake(str(path), "", words)])
     document, places = read_toml(path)
     values: dict[str, Any] = {}
@@ -191,7 +191,7 @@ def _scene_path(path: Path, named: str, where: str) -> Path:
     if ready.is_file():
         return ready
     near = nearest(named, sorted(each.stem for each in READY.glob("*.toml")))
-    words = f"got {show(named)}, which is no file beside the study and no ready scene"
+    words = f"got {show(named)}, which is no file beside the study and no example scene"
     words += f"; did you mean {near}?" if near else ""
     raise SceneError([Mistake(where, "scene", words)])
 

@@ -65,7 +65,7 @@ class StudyKeys(AbstractKeys):
 
     schema: int = key("version of this format", "[1, 1]")
     name: str | None = key("names the folder of results; that of the file if left out")
-    scene: str = key("a scene file, or the name of a ready scene")
+    scene: str = key("a scene file, or the name of an example scene")
     set: list[str] = key("changes of the scene, key=value as of --set", default=[])
     command: Literal["run", "sweep", "modes", "optimise"] = key(
         "what is computed of each design; run: its mesh cycle", default="run"

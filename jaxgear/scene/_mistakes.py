@@ -59,7 +59,7 @@ def read_text(path: Path) -> str:
             return content.decode("utf-8-sig")
         message = f"the file is longer than {_LONGEST:,} bytes: it is no scene"
     except FileNotFoundError:
-        message = "there is no such file. `jaxgear init accessory` writes a ready scene"
+        message = "there is no such file. `jaxgear init accessory` writes an example scene"
     except IsADirectoryError:
         message = "this is a folder, a scene file (TOML) was expected"
     except UnicodeDecodeError as error:

@@ -19,7 +19,7 @@ def write(tmp_path):
 
 @pytest.fixture
 def accessory(tmp_path, monkeypatch) -> str:
-    """The ready scene of this name, in an empty current folder."""
+    """The example scene of this name, in an empty current folder."""
     # Not above: the shape checks must stand before anything of ours is imported.
     from jaxgear._cli._main import main
 

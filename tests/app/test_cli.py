@@ -54,7 +54,7 @@ def commands(monkeypatch):
 
 @pytest.fixture
 def scene(tmp_path, monkeypatch):
-    """The ready scene `accessory` in an empty current folder."""
+    """The example scene `accessory` in an empty current folder."""
     monkeypatch.chdir(tmp_path)
     assert main(["init", "accessory", "--quiet"]) == 0
     return Path("accessory.toml")

@@ -242,7 +242,7 @@ def test_both_gears_are_cut_back_whichever_is_varied():
 
 
 def test_a_search_is_chosen_for_on_other_flanks_too():
-    """The ready scene varies tip relief, on both gears."""
+    """The example scene varies tip relief, on both gears."""
     scene = example_scene("accessory")
     assert not any(point.flank for point in statics.points_of(scene, "run"))
     moved = [point for point in statics.points_of(scene, "optimise") if point.flank]

@@ -157,7 +157,7 @@ def test_a_scene_is_written_and_nothing_overwritten(capsys):
     assert main(_OWN) == 2
     assert "exists already. Name another file with --out" in capsys.readouterr().err
     assert main([*_OWN, "--force"]) == 2
-    assert "--force is for ready scenes" in capsys.readouterr().err
+    assert "--force is for example scenes" in capsys.readouterr().err
     assert Path("pair-23-64.toml").read_text() == "mine"
 
 
@@ -178,7 +178,7 @@ def test_a_name_a_file_and_changes(capsys):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["init"], "name a ready scene (accessory, "),
+        (["init"], "name an example scene (accessory, "),
         (["init", "--module", "2"], "--pair lacks"),
         (_OWN[:4], "--module lacks"),
         ([*_OWN[:2], "9", "64", *_OWN[4:]], "--pair: got 9 64, must be two numbers of teeth"),

@@ -8,7 +8,7 @@ from jaxgear._system._shaft import Shaft
 from jaxgear.scene._build import model_of
 from jaxgear.scene._scene import example_scene
 
-# Beside what the ready scene says.
+# Beside what the example scene says.
 _GIVEN = (
     "pair.centre_distance_mm=99.5",
     "pair.misalignment_inclination_um=3.0",

@@ -185,7 +185,7 @@ def test_the_quantile_of_real_gears_has_true_slopes():
 
 
 def _optimised(capsys, settings):
-    """Summary of a search on the ready scene, in the current folder."""
+    """Summary of a search on the example scene, in the current folder."""
     assert main(["init", "accessory"]) == 0
     capsys.readouterr()
     arguments = [word for each in settings for word in ("--set", each)]

@@ -111,10 +111,10 @@ def test_files_that_are_not_there_are_told_by_line(tmp_path):
     with pytest.raises(InputError, match=r"tiny.toml:6: design.csv: there is no file .*none.csv"):
         design_table(read_study(path))
     path.write_text(path.read_text(encoding="utf-8").replace('"accessory"', '"accesory"'))
-    words = r"tiny.toml:2: scene: .* no ready scene; did you mean accessory\?"
+    words = r"tiny.toml:2: scene: .* no example scene; did you mean accessory\?"
     with pytest.raises(jg.SceneError, match=words):
         read_study(path)
-    with pytest.raises(jg.SceneError, match=r"no such file.*writes a ready study"):
+    with pytest.raises(jg.SceneError, match=r"no such file.*writes an example study"):
         read_study(tmp_path / "none.toml")
 
 

@@ -1,4 +1,4 @@
-"""What is kept: commands on all ready scenes, coarse enough to take seconds each."""
+"""What is kept: commands on all example scenes, coarse enough to take seconds each."""
 
 _COARSE = ("mesh.slices=4", "mesh.phases=16")
 _MAP = ("map.depth_um.points=5", "map.extent.points=5", "map.extent.from=0.05")
@@ -27,7 +27,7 @@ _ROBUST = (
     "robust.samples=32",
 )
 
-# Name of the case: ready scene, command, what is set.
+# Name of the case: example scene, command, what is set.
 CASES: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "accessory-run": ("accessory", "run", _COARSE),
     "accessory-run-sweep": ("accessory", "run", (*_COARSE, *_SWEEP, "sweep.direction=both")),

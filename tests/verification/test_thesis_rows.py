@@ -164,7 +164,7 @@ def test_statements_of_the_thesis(thesis, monkeypatch, name):
     assert {what for what, ok in found.holds.items() if not ok} == _OTHERWISE[name], found.told()
 
 
-# --- Bodies of ready scenes
+# --- Bodies of example scenes
 
 _HYBRIDS = (
     "accessory-h1",
@@ -214,7 +214,7 @@ def test_rims_of_ready_scenes_stay_small(name):
 
 
 def _drawn(name: str, settings: list[str], gear: str = "wheel") -> Drawn:
-    """The measures of a ready scene's body."""
+    """The measures of an example scene's body."""
     source = body_plan(example_scene(name, settings), gear).source
     assert isinstance(source, Drawn)
     return source
