@@ -345,8 +345,7 @@ def dynamics(count: int = 300, steps: int = 100) -> dict:
     import jax.numpy as jnp
 
     import jaxgear as jg
-    from jaxgear._dynamics._pair_dynamics import pair_dynamics
-    from jaxgear._dynamics._system import modal_basis
+    from jaxgear import modal_basis, pair_dynamics
 
     model, _ = model_of("accessory")
     grid = jg.mesh_grid(model.pair, phases=steps, slices=20)
@@ -370,7 +369,7 @@ def _dynamic_numbers(system, orbits):
     import jax
 
     import jaxgear as jg
-    from jaxgear._response._dynamic import dynamic_ratio, dynamic_transmission_error, orbit_rms
+    from jaxgear import dynamic_ratio, dynamic_transmission_error, orbit_rms
 
     rms = lambda orbit: orbit_rms(system, dynamic_transmission_error(system, orbit)) / jg.um
     return jax.vmap(lambda orbit: (dynamic_ratio(system, orbit), rms(orbit)))(orbits)
@@ -382,12 +381,15 @@ def _balance_and_march(system, model, speeds) -> tuple[float, dict]:
     import numpy as np
 
     import jaxgear as jg
-    from jaxgear._dynamics._harmonic import HarmonicBalance
-    from jaxgear._dynamics._march import TimeStepping
-    from jaxgear._dynamics._pair_dynamics import pair_dynamics
-    from jaxgear._dynamics._shooting import Shooting
-    from jaxgear._dynamics._steady_state import steady_states
-    from jaxgear._dynamics._steppers import Exponential, Newmark
+    from jaxgear import (
+        Exponential,
+        HarmonicBalance,
+        Newmark,
+        Shooting,
+        TimeStepping,
+        pair_dynamics,
+        steady_states,
+    )
 
     def build(steps):
         grid = jg.mesh_grid(model.pair, phases=steps, slices=20)
@@ -447,8 +449,7 @@ def _floquet(system, modes, speeds) -> dict:
     import jax
     import numpy as np
 
-    from jaxgear._dynamics._floquet import floquet_multipliers, monodromy
-    from jaxgear._dynamics._steady_state import steady_states
+    from jaxgear import floquet_multipliers, monodromy, steady_states
 
     def matrices(system, modes, speeds):
         orbits = steady_states(system, speeds)
@@ -469,8 +470,7 @@ def _march_and_loops(system, modes, speeds) -> dict:
     import jax
     import numpy as np
 
-    from jaxgear._dynamics._march import quasi_static_start, time_history
-    from jaxgear._dynamics._steppers import Newmark
+    from jaxgear import Newmark, quasi_static_start, time_history
 
     cycles, steps = 40, len(system.table.kinds)
     report, load = {}, None
@@ -517,8 +517,7 @@ def _both_directions(system, speeds) -> dict:
     """Up and down with Floquet and responses over two periods, and round the folds."""
     import numpy as np
 
-    from jaxgear._dynamics._continuation import continuation
-    from jaxgear._dynamics._sweep import sweep
+    from jaxgear import continuation, sweep
 
     values = np.asarray(speeds)
 
@@ -546,9 +545,8 @@ def _dynamic_gradient(model, grid, speeds) -> dict:
     import jax.numpy as jnp
 
     import jaxgear as jg
-    from jaxgear._dynamics._pair_dynamics import pair_dynamics
-    from jaxgear._dynamics._steady_state import steady_states
-    from jaxgear._response._dynamic import contact_force, orbit_variance
+    from jaxgear import orbit_variance, pair_dynamics, steady_states
+    from jaxgear._response._dynamic import contact_force
 
     def objective(x):
         pinion, wheel = (

@@ -166,8 +166,7 @@ def condensing(
 
 def from_cache() -> dict[str, Any]:
     """Read the condensed wheel back."""
-    from fem_prep import condense
-    from fem_prep._cache import cached
+    from fem_prep import cached, condense
 
     clock = Clock()
     with tempfile.TemporaryDirectory() as folder:

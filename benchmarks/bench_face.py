@@ -69,7 +69,7 @@ def sweeps(*, quick: bool) -> dict[str, Any]:
     import numpy as np
 
     import jaxgear as jg
-    from jaxgear._dynamics._steady_state import steady_states
+    from jaxgear import steady_states
     from jaxgear.study._dynamics import dynamics_of
 
     speeds = np.linspace(100.0, 2000.0, 20 if quick else 100)

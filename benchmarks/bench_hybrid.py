@@ -143,11 +143,9 @@ def full_statics(scene, model, grid, phase: int):
     import scipy.linalg
 
     import jaxgear as jg
-    from jaxgear._contact._cells import mesh_gap
-    from jaxgear._interface._roots import RimSurface, interface_map
+    from jaxgear import RimSurface, interface_map, mesh_gap, pair_system
     from jaxgear._system._body_tables import root_patches, teeth_on_lines
     from jaxgear._system._foot_tables import foot_weights
-    from jaxgear._system._pair_system import pair_system
 
     body, pair = scene.bodies["wheel"].built.body, model.pair
     tables = scene.bodies["wheel"].flexible

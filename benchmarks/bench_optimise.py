@@ -50,8 +50,7 @@ class Task(NamedTuple):
 
 def task(name: str, settings: Sequence[str]) -> Task:
     """The search of an example scene with some settings, compiled."""
-    from jaxgear.scene._scene import example_scene
-    from jaxgear.scene._with_bodies import with_bodies
+    from jaxgear import example_scene, with_bodies
     from jaxgear.study._built import BuiltScene
     from jaxgear.study._design import design_space
     from jaxgear.study._objectives import prepared_mesh

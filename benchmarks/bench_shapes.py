@@ -57,7 +57,7 @@ def measured(name: str, model: str, speeds: list[float], reliefs: list[float]):
     import numpy as np
 
     import jaxgear as jg
-    from jaxgear._dynamics._harmonic import harmonic_balance_problem
+    from jaxgear import harmonic_balance_problem
     from jaxgear.study._built import BuiltScene
     from jaxgear.study._dynamics import dynamics_of
 

@@ -154,8 +154,7 @@ def sweeps(*, quick: bool) -> dict[str, Any]:
     """Many speeds, with and without multipliers, and the error of less and less."""
     import numpy as np
 
-    from jaxgear._dynamics._steady_state import steady_states
-    from jaxgear._dynamics._sweep import sweep
+    from jaxgear import steady_states, sweep
 
     count = 60 if quick else 300
     speeds = np.linspace(SLOWEST, FASTEST, count)
@@ -183,8 +182,7 @@ def needs(*, quick: bool) -> list[dict[str, Any]]:
     """The error of the largest force with fewer modes, steps, harmonics and mesh coordinates."""
     import numpy as np
 
-    from jaxgear._dynamics._harmonic import HarmonicBalance
-    from jaxgear._dynamics._steady_state import steady_states
+    from jaxgear import HarmonicBalance, steady_states
 
     chosen = np.linspace(SLOWEST, FASTEST, 20) + 13.0
     exact, rows = {}, []
@@ -230,8 +228,7 @@ def multipliers_of(system, orbits) -> dict[str, float]:
     import jax
     import numpy as np
 
-    from jaxgear._dynamics._floquet import floquet_multipliers, monodromy
-    from jaxgear._dynamics._system import modal_basis
+    from jaxgear import floquet_multipliers, modal_basis, monodromy
 
     some = jax.tree.map(lambda x: x[:: max(1, len(x) // 20)], orbits)
     modes = jax.jit(modal_basis)(system)
@@ -257,11 +254,14 @@ def marches(*, quick: bool) -> dict[str, Any]:
     import jax.numpy as jnp
     import numpy as np
 
-    from jaxgear._dynamics._harmonic import HarmonicBalance
-    from jaxgear._dynamics._march import quasi_static_start, time_history
-    from jaxgear._dynamics._steady_state import steady_state
-    from jaxgear._dynamics._steppers import Newmark
-    from jaxgear._dynamics._system import modal_basis
+    from jaxgear import (
+        HarmonicBalance,
+        Newmark,
+        modal_basis,
+        quasi_static_start,
+        steady_state,
+        time_history,
+    )
 
     system, most = pair_of()[0].system, 2 if quick else 4
     cycles = most * PERIODS
@@ -306,9 +306,7 @@ def steps(*, quick: bool) -> dict[str, Any]:
     """One step of a march, and the thesis's."""
     import jax.numpy as jnp
 
-    from jaxgear._dynamics._march import quasi_static_start, time_history
-    from jaxgear._dynamics._steppers import Exponential, Newmark
-    from jaxgear._dynamics._system import modal_basis
+    from jaxgear import Exponential, Newmark, modal_basis, quasi_static_start, time_history
 
     report: dict[str, Any] = {}
     for modes in (100,) if quick else (100, 300):
@@ -371,7 +369,7 @@ def gradient(*, quick: bool) -> dict[str, Any]:
     from bench_hybrid import with_relief
 
     import jaxgear as jg
-    from jaxgear._dynamics._steady_state import steady_states
+    from jaxgear import steady_states
     from jaxgear.study._dynamics import dynamics_of
 
     scene = scene_of(100)

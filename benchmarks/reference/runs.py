@@ -10,8 +10,7 @@ import fem_prep
 import jaxgear as jg
 from benchmarks.reference.cases import FOLDER, Case
 from jaxgear.designs._numbers import number_in
-from jaxgear.study._modes import modes
-from jaxgear.study._run import statics
+from jaxgear.study import modes, statics
 
 # What each level changes of a scene. `default` is what a user gets.
 LEVELS: Mapping[str, tuple[str, ...]] = {

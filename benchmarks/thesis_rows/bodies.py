@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from jaxgear.scene._build import grid_of, model_of
-from jaxgear.scene._scene import example_scene
+from jaxgear import example_scene, grid_of, model_of
 
 from .finding import Finding
 from .statics import (

@@ -11,10 +11,8 @@ from matplotlib.figure import Figure
 
 import jaxgear as jg
 import optimise
-from jaxgear._contact._cells import nominal_line_load
-from jaxgear.scene._build import grid_of, model_of
+from jaxgear import Scene, example_scene, grid_of, model_of, nominal_line_load
 from jaxgear.scene._mesh_bodies import with_bodies
-from jaxgear.scene._scene import Scene, example_scene
 
 from .finding import Finding
 from .statics import THESIS, helical, only_pair, scene_of

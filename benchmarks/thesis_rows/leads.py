@@ -16,9 +16,8 @@ import numpy as np
 
 import jaxgear as jg
 import optimise
-from jaxgear.scene._build import grid_of, model_of
+from jaxgear import example_scene, grid_of, model_of
 from jaxgear.scene._mesh_bodies import with_bodies
-from jaxgear.scene._scene import example_scene
 from jaxgear.study._dynamics import damping_of
 
 from .motion import MODES

@@ -10,16 +10,22 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxgear as jg
-from jaxgear._dynamics._harmonic import HarmonicBalance
-from jaxgear._dynamics._modes import Modes, modes
-from jaxgear._dynamics._orbit import Orbit
-from jaxgear._dynamics._steady_state import steady_states
-from jaxgear._dynamics._system import DynamicSystem, PairDynamics
-from jaxgear._response._dynamic import dynamic_response
-from jaxgear._system._model import PairModel
-from jaxgear.scene._build import grid_of, model_of
+from jaxgear import (
+    DynamicSystem,
+    HarmonicBalance,
+    Modes,
+    Orbit,
+    PairDynamics,
+    PairModel,
+    Scene,
+    dynamic_response,
+    example_scene,
+    grid_of,
+    model_of,
+    modes,
+    steady_states,
+)
 from jaxgear.scene._mesh_bodies import with_bodies
-from jaxgear.scene._scene import Scene, example_scene
 from jaxgear.scene._schema import GEARS
 from jaxgear.study._dynamics import dynamics_of
 

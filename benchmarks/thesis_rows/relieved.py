@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 import jaxgear as jg
-from jaxgear._response._loads import load_sharing
-from jaxgear.scene._build import grid_of, model_of
+from jaxgear import grid_of, load_sharing, model_of
 
 from .damped import DAMPINGS
 from .drawn_errors import PLACES, profile_error

@@ -12,15 +12,23 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxgear as jg
-from jaxgear._response._factors import face_load
-from jaxgear._response._loads import line_load
-from jaxgear._response._transmission import cycle_rms, transmission_error
-from jaxgear._solve._cycle import MeshCycle, corrected_cycle, mesh_cycle, prepare_mesh
-from jaxgear._system._model import PairModel
-from jaxgear._system._structure import bearing_motion
-from jaxgear.scene._build import grid_of, model_of
+from jaxgear import (
+    MeshCycle,
+    PairModel,
+    Scene,
+    bearing_motion,
+    corrected_cycle,
+    cycle_rms,
+    example_scene,
+    face_load,
+    grid_of,
+    line_load,
+    mesh_cycle,
+    model_of,
+    prepare_mesh,
+    transmission_error,
+)
 from jaxgear.scene._mesh_bodies import with_bodies
-from jaxgear.scene._scene import Scene, example_scene
 from jaxgear.study._statics import headline
 
 um, mm, MPa, deg = 1e-6, 1e-3, 1e6, math.pi / 180.0

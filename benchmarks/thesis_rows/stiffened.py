@@ -5,12 +5,18 @@ import functools
 import equinox as eqx
 import numpy as np
 
-from jaxgear._dynamics._system import DynamicSystem, PairDynamics
-from jaxgear._system._gear_body import RigidBody
-from jaxgear._system._model import PairModel
-from jaxgear._system._shaft import Shaft, node_heights
-from jaxgear.scene._build import grid_of, model_of
-from jaxgear.scene._scene import Scene, example_scene
+from jaxgear import (
+    DynamicSystem,
+    PairDynamics,
+    PairModel,
+    RigidBody,
+    Scene,
+    Shaft,
+    example_scene,
+    grid_of,
+    model_of,
+)
+from jaxgear._system._shaft import node_heights
 from jaxgear.scene._schema import GEARS
 from jaxgear.study._dynamics import dynamics_of
 

@@ -9,13 +9,13 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
+from jaxgear import Orbit
 from jaxgear._dynamics._campbell import (
     CriticalSpeed,
     critical_crossings,
     modes_alone,
     turning_modes,
 )
-from jaxgear._dynamics._orbit import Orbit
 from jaxgear._response._body_motion import body_motion, start_angle
 from jaxgear._response._waves import Circle, joined_circles, joined_waves, waves_on_body
 from jaxgear.study._moving_body import MovingBody

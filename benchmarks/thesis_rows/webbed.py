@@ -7,7 +7,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 import jaxgear as jg
-from jaxgear.scene._build import grid_of, model_of
+from jaxgear import grid_of, model_of
 
 from .finding import Finding
 from .leads import PLAIN, SPEED, WEBS, Across, only, prepared, seen_across
