@@ -248,7 +248,7 @@ def continuation(
 
     The branch. It has no points where no response is found to begin with. At a fold of exact
     contact at points in time a multiplier is close to +1, not equal: multipliers are those of a
-    march with as many steps, which is another discretisation.
+    time stepping with as many steps, which is another discretisation.
 
     **Raises:**
 

@@ -83,7 +83,7 @@ class HarmonicBalance(AbstractMethod):
         """
         if start is not None:
             raise InputError(
-                "Harmonic balance starts from harmonics, not from a motion. March from the motion "
+                "Harmonic balance starts from harmonics, not from a motion. Step from the motion "
                 "(`TimeStepping`, `Shooting`), or leave `start` out."
             )
         return self.solve(harmonic_balance_problem(self, system), speed)[0]

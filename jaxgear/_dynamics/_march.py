@@ -26,7 +26,7 @@ from jaxgear._types import Flag, Reals, Scalar
 
 
 class TimeHistory(eqx.Module):
-    """What a march leaves of its last cycles.
+    """What time stepping leaves of its last cycles.
 
     **Fields:**
 
@@ -36,7 +36,7 @@ class TimeHistory(eqx.Module):
     - `motion`: of every degree of freedom at the end of each step [m, rad].
     - `velocity`: the same, its rate [m/s, rad/s].
     - `start`: motion and velocity where these cycles begin [m, rad, m/s, rad/s].
-    - `drift`: change of the state over each cycle of the march, relative to its size [-].
+    - `drift`: change of the state over each cycle, relative to its size [-].
     - `converged`: whether contact was solved in every step.
     """
 
@@ -60,13 +60,13 @@ _LEAST_DECAY = 1e-3
 
 
 class TimeStepping(AbstractMethod):
-    """March until the response repeats, as machines do: it ends on stable responses only.
+    """Step in time until the response repeats, as machines do: it ends on stable responses only.
 
     **Fields:**
 
     - `stepper`: rule for one step.
     - `law`: exact or smooth contact.
-    - `cycles`: to march.
+    - `cycles`: of time stepping.
     - `multiple`: cycles after which the response must repeat; 2 for sub-harmonic responses.
     - `averaged`: whether exact contact is averaged over each step.
     - `tolerance`: distance from the settled response at which it counts as settled: the change of
@@ -215,15 +215,15 @@ def time_history(
     averaged: bool = False,
     modes: ModalBasis | None = None,
 ) -> TimeHistory:
-    """March over a number of cycles (theory 8.11, theory 8.12).
+    """Step in time over a number of cycles (theory 8.11, theory 8.12).
 
     **Arguments:**
 
     - `system`: what moves.
     - `speed`: of the pinion, positive [rad/s].
     - `start`: motion and velocity at the start of a cycle: `at_rest`, `quasi_static_start`, or the
-        end of a march at another speed [m, rad, m/s, rad/s].
-    - `cycles`: to march.
+        end of a time history at another speed [m, rad, m/s, rad/s].
+    - `cycles`: of time stepping.
     - `keep`: how many of the last of them to give back.
     - `stepper`: rule for one step.
     - `law`: exact or smooth contact.

@@ -1,6 +1,6 @@
-r"""Shooting: Newton's method for a march that comes back to where it set out.
+r"""Shooting: Newton's method for time steps that come back to where they set out.
 
-It finds the very response that a march of the same steps would end in, unstable ones too; its
+It finds the very response that time stepping would end in, unstable ones too; its
 matrix is the derivative of a whole cycle by its start.
 """
 
@@ -22,14 +22,14 @@ from jaxgear._types import Flag, Reals, Scalar
 
 
 class Shooting(AbstractMethod):
-    """March to the end of the cycle, correct the start, and march again (theory 9.3).
+    """Step to the end of the cycle, correct the start, and step again (theory 9.3).
 
     **Fields:**
 
     - `stepper`: rule for one step, with its load in mid-step.
     - `law`: exact or smooth contact.
     - `multiple`: cycles after which the response repeats; 2 finds sub-harmonic responses.
-    - `warm_up`: cycles to march before the first correction.
+    - `warm_up`: cycles of time stepping before the first correction.
     - `tolerance`: change of the state over the response at which it counts as settled, relative
         [-].
     - `most_steps`: corrections after which the method gives up.
@@ -64,7 +64,7 @@ class Shooting(AbstractMethod):
         swing = modes.swing
 
         def over(state: Reals):
-            """What the march ends with, its relative change, and what is kept of each step."""
+            """What the cycle ends with, its relative change, and what is kept of each step."""
             begun = eqx.tree_at(lambda c: c.state, march.begin(start), state)
             ended, kept = cycle(march, begun, system.table)
             change = jnp.sqrt(jnp.sum((swing * (ended.state - state)) ** 2))

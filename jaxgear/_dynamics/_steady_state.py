@@ -32,8 +32,8 @@ def steady_state(
     - `method`: how; by default harmonic balance with exact contact averaged over each step, whose
         derivatives are those of continuous time also where contact is lost. It is not for mesh
         damping that acts in contact only: that is not averaged.
-    - `start`: motion and velocity to start from, for methods that march; `None`: the quasi-static
-        state [m, rad, m/s, rad/s].
+    - `start`: motion and velocity to start from, for methods that step in time; `None`: the
+        quasi-static state [m, rad, m/s, rad/s].
 
     **Returns:**
 
@@ -100,7 +100,7 @@ def _differentiable(system: DynamicSystem) -> HarmonicBalance:
 def _orbits(method: AbstractMethod, system: DynamicSystem, speeds: Speeds) -> Orbit:
     """See `steady_states`."""
     if not isinstance(method, HarmonicBalance):
-        # So many march abreast: more fall out of the processor's cache.
+        # So many step in time abreast: more fall out of the processor's cache.
         return jax.lax.map(
             lambda speed: method.orbit(system, speed, None), speeds, batch_size=_ABREAST
         )
@@ -110,7 +110,7 @@ def _orbits(method: AbstractMethod, system: DynamicSystem, speeds: Speeds) -> Or
     return jax.lax.map(one, speeds) if jax.default_backend() == "cpu" else jax.vmap(one)(speeds)
 
 
-# Speeds that march side by side.
+# Speeds that step in time side by side.
 _ABREAST = 32
 
 

@@ -2,7 +2,7 @@ r"""One time step of a natural mode, by various rules.
 
 Each rule is linear: of the mode $\ddot y + d\,\dot y + \omega^2y = u$ it makes the state at the end
 of the step from that at its start and the load $u$, which is taken at one instant of the step. All
-that a march needs of a rule is what it makes of unit states and of a unit load.
+that time stepping needs of a rule is what it makes of unit states and of a unit load.
 """
 
 import abc

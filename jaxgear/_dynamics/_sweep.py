@@ -2,8 +2,8 @@
 
 A sweep follows a stable response by harmonic balance, judges it by its residual and its Floquet
 multipliers, and where it ends, at a fold or a doubling of the period, does what the machine does:
-it marches on from the last motion until a response of one or two cycles is found. A speed at which
-none is found keeps its march, and says so.
+it steps on in time from the last motion until a response of one or two cycles is found. A speed at
+which none is found keeps its last cycles, and says so.
 """
 
 import dataclasses
@@ -83,8 +83,8 @@ class SweepSettings:
     """How a sweep goes about it.
 
     `method` is that of the whole sweep, and has its contact law. With harmonic balance, what its
-    Newton's method cannot follow is looked for by `shooting`, after `cycles` of marching from the
-    last motion; a speed without a periodic response keeps the last `kept` of them.
+    Newton's method cannot follow is looked for by `shooting`, after `cycles` of time stepping from
+    the last motion; a speed without a periodic response keeps the last `kept` of them.
     """
 
     method: HarmonicBalance | Shooting | TimeStepping = field(default_factory=HarmonicBalance)
@@ -189,7 +189,7 @@ class Finder:
 
         **Returns:**
 
-        The response, settled and stable, or what a march leaves.
+        The response, settled and stable, or what time stepping leaves.
         """
         method = self.settings.method
         start = self.rest if last is None else last.orbit.start

@@ -1,6 +1,6 @@
 r"""Transients by adaptive integration: speed and torque change as they are told to.
 
-A second implementation beside the marching methods, by other authors' integrators: it shares the
+A second implementation beside time stepping, by other authors' integrators: it shares the
 table of the mesh and nothing of the steppers. Rotation about the axes follows the prescribed speed,
 so the bodies' own rotational inertia asks for no torque: what accelerates a drive is part of the
 torque that the mesh carries, or is left out.

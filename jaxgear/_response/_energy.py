@@ -1,4 +1,4 @@
-r"""Where the energy of a march is, and what does work on it.
+r"""Where the energy of a time history is, and what does work on it.
 
 At a phase that stands still, under constant load, the sum of all but what is dissipated only falls,
 and with that it is constant. A mesh that moves on also does work, of gaps and stiffnesses that
@@ -64,7 +64,7 @@ def energies(
 
     **Arguments:**
 
-    - `system`: that marched, without bodies that bend between their nodes.
+    - `system`: that moved, without bodies that bend between their nodes.
     - `history`: what was kept of the march.
     - `law`: its contact law.
 
@@ -104,7 +104,7 @@ def energies(
 
 
 class Work(eqx.Module):
-    """Work over the cycles of a march that were kept.
+    """Work over the cycles of a time history that were kept.
 
     **Fields:**
 
@@ -136,15 +136,15 @@ class Work(eqx.Module):
 
 @compiled
 def work_done(system: DynamicSystem, history: TimeHistory) -> Work:
-    r"""Work out what does work on a march by the midpoint rule.
+    r"""Work out what does work over time steps of the midpoint rule.
 
     The balance is that of the rule itself, exact up to rounding whatever its steps. After a start
     from a steady response `stored` and `load` vanish, and `mesh` is what is dissipated.
 
     **Arguments:**
 
-    - `system`: that marched; its bodies may be condensed.
-    - `history`: what was kept of the march, by `Midpoint`, its contact not averaged.
+    - `system`: that moved; its bodies may be condensed.
+    - `history`: what was kept of time steps of `Midpoint`, its contact not averaged.
 
     **Returns:**
 

@@ -64,7 +64,7 @@ class MethodsProblem(AbstractMotion):
         return {"sweep.steps": self.steps}
 
     def solved(self, pair: jg.PairDynamics, speeds: Speeds) -> tuple[Answers, np.ndarray]:
-        """Responses by shooting, after a march; good where they are settled and stable."""
+        """Responses by shooting, after time stepping; good where they are settled and stable."""
         method = jg.Shooting(stepper=jg.Exponential(), warm_up=20)
         answers, change, modes = timed(_with_monodromy, method, pair.system, speeds)
         finite = np.isfinite(np.asarray(change)).all(axis=(1, 2))
