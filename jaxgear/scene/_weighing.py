@@ -86,7 +86,7 @@ def weigh(path: str, value: float | None, reference: float, span: Span, of: str)
     side = "at least" if too_small else "at most"
     that = of if bound == 1.0 or not of else f"{bound:.3g} times {of}"
     hint = advice(value, unit, span.low * reference, span.high * reference)
-    limit = f"{bound * reference:.4g} {unit}".strip()
+    limit = f"{bound * reference:.4g} {unit}".strip() + (" in size" if value < 0.0 else "")
     if impossible:
         message = f"got {show(value)}, must be {side} {limit}{that and f': {that}'}. {hint}"
     else:

@@ -66,6 +66,7 @@ def path(tmp_path):
         ("map.depth_um.to=15000", "", "must be at most 1500 um"),
         ('sizing.amounts={ "flank.wheel.crowning_um" = [5, 5e6] }', "*", "got 5000000.0, must be"),
         ("pair.torque_pinion_Nm=80000", "", "If 80000 is in N mm, write 80"),
+        ("pair.torque_pinion_Nm=-80000", "", "got -80000.0, must be at most 9907 N m in size: "),
         ("map.torques_Nm=[40, 80e3]", "", "got 80000.0, must be at most 9907 N m"),
         ("mesh.pinion_speed_rad_s=60000", "", "0.2 times the speed at which pitch points"),
         ("sweep.pinion_speed_rad_s=[100, 60000]", "", "got 60000.0, must be at most 3.036e+04"),
