@@ -23,7 +23,7 @@ from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._wrench import beam_arms, cell_arms, structure_vectors
 from jaxgear._solve._cycle import MeshCycle
 from jaxgear._system._flexible import FlexibleBody
-from jaxgear._system._foot_tables import foot_tables, mode_arms
+from jaxgear._system._foot_tables import foot_tables, line_loads, mode_arms
 from jaxgear._system._gear_body import carried
 from jaxgear._system._mesh_vectors import rigid_beam_vectors
 from jaxgear._system._model import PairModel
@@ -42,10 +42,14 @@ def body_mesh(
 ) -> MovingMesh:
     r"""The mesh of a pair with condensed bodies over one cycle.
 
-    With $A$ the arms of cells and $F$ the flexibility of the structure, the gears' rotation held,
-    the combinations kept are the first eigenvectors of $D A^TA D$, $D^2$ the diagonal of $F$: those
-    by which static loads move the cells the most. Which ones they are is a choice and has no
-    derivative. The coordinates of sections, seven beside a beam, are kept as they are.
+    With $A$ the arms of cells, $P$ some loads on them and $F$ the flexibility of the structure, the
+    gears' rotation held, the combinations kept are the first eigenvectors of $D A^TPP^TA D$, $D^2$
+    the diagonal of $F$. A load that they hold all of excites each mode as it does without them.
+    What they leave out follows its load at once; of the load that is always there this must be next
+    to nothing, or what the body gives on the mean rides up and down with it. Hence the loads are
+    those of the cycle at rest and, a tenth of them, loads on each line. Which combinations these
+    are is a choice and has no derivative. The coordinates of sections, seven beside a beam, are
+    kept as they are.
 
     **Arguments:**
 
@@ -68,7 +72,7 @@ def body_mesh(
         for parts in zip(*(_arms(pair, bodies, c, mounted.bends) for c in at), strict=True)
     )
     held = _held(mounted, bodies)
-    few = _combinations(arms, cells.stiffness > 0.0, held.give, held.sections, coordinates)
+    few = _combinations(arms, _loads(cycle), held.give, held.sections, coordinates)
     met, give = arms @ few.into, few.out_of.T @ held.give @ few.out_of
     # What cells give in all, less what of it is in the motion of the mesh coordinates.
     whole, kept = arms[_MIDDLE_PLACE][:, :, : held.count], met[_MIDDLE_PLACE]
@@ -214,13 +218,27 @@ class _Combinations(NamedTuple):
     left_out: Array
 
 
+# Loads on lines that motion adds to those at rest, as parts of all that there is.
+_MOTION = 0.1
+
+
+def _loads(cycle: MeshCycle) -> Array:
+    """Loads of one in all that the mesh coordinates are chosen by, `[phase, load, cell]` [-]."""
+    lines = cycle.cells.lines
+    whole = jnp.sum(cycle.force, axis=1)[:, None]
+    rest = cycle.force / jnp.where(whole > 0.0, whole, 1.0)
+    active = jnp.sum(lines.fraction, axis=(1, 2))[:, None, None]
+    moving = _MOTION * line_loads(lines) / jnp.where(active > 0.0, active, 1.0)
+    return jnp.concatenate([rest[:, None, :], moving], axis=1)
+
+
 def _combinations(
-    arms: Array, in_mesh: Array, give: Array, sections: int, count: int
+    arms: Array, loads: Array, give: Array, sections: int, count: int
 ) -> _Combinations:
-    """Those by which static loads move the cells most; which they are has no derivative."""
+    """Those by which these loads move the cells most; which they are has no derivative."""
     # The sizes have one: modes are of unit mass, and what they are of a body has to follow that.
     size = jnp.sqrt(jnp.diagonal(give)[sections:])
-    seen = jnp.where(in_mesh[None, :, :, None], arms[..., sections:], 0.0)
+    seen = jnp.einsum("tpc,xtcn->xtpn", loads, arms[..., sections:])
     seen = jax.lax.stop_gradient(seen.reshape(-1, seen.shape[-1]) * size[None, :])
     energies, patterns = jnp.linalg.eigh(seen.T @ seen)
     patterns = patterns[:, ::-1][:, :count]

@@ -18,7 +18,7 @@ from jaxgear._geometry._lines import ContactLines, MeshGrid, contact_lines
 from jaxgear._geometry._pair import GearPair
 from jaxgear._system._body_modes import BodyBasis
 from jaxgear._system._flexible import FlexibleBody
-from jaxgear._system._foot_tables import mode_arms
+from jaxgear._system._foot_tables import line_loads, mode_arms
 from jaxgear._system._mode_combinations import Combinations
 
 # Frequencies at which answers are looked at, up to the highest of the modes; their damping ratio;
@@ -28,9 +28,6 @@ _FREQUENCIES, _RATIO, _POSITIONS = 60, 0.02, 8
 # Motion of the seats as part of what the modes give: bearings give less than a thin web. With ten
 # times as much the largest mesh force of the accessory pair changes by 0.1 %.
 _SEATS = 0.1
-
-# Loads along a contact line: even, tilted and bowed, the latter as parts of an even one.
-_TILTED, _BOWED = 0.5, 0.3
 
 
 class _Shape(NamedTuple):
@@ -130,14 +127,9 @@ def _loads(pair: GearPair, index: int, body: FlexibleBody, grid: MeshGrid) -> np
     lines = contact_lines(pair, grid)
     lines = _some(lines, max(grid.phases // _POSITIONS, 1))
     arms = np.asarray(mode_arms(pair, index, body, lines))
-    fraction, along = np.asarray(lines.fraction), np.asarray(lines.face_position)
-    far = np.abs(along).max()
-    along = along / far if far > 0.0 else along
-    loads = np.stack(
-        [np.ones_like(along), _TILTED * along, _BOWED * (along**2 - np.mean(along**2))]
+    return np.einsum("plc,pcn->pln", np.asarray(line_loads(lines)), arms).reshape(
+        -1, arms.shape[-1]
     )
-    arms = arms.reshape(*fraction.shape, -1) * fraction[..., None]
-    return np.einsum("plsn,ks->plkn", arms, loads).reshape(-1, arms.shape[-1])
 
 
 def _inertia(body: FlexibleBody, loads: np.ndarray, radius: float) -> np.ndarray:

@@ -104,6 +104,30 @@ def mode_arms(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLine
     return found.reshape(-1, *found.shape[2:])
 
 
+# Loads along a contact line: even, tilted and bowed, the latter as parts of an even one.
+_TILTED, _BOWED = 0.5, 0.3
+
+
+def line_loads(lines: ContactLines) -> Reals:
+    """Loads along each contact line by itself, even, tilted and bowed, of one on a whole cell.
+
+    **Arguments:**
+
+    - `lines`: where the cells are.
+
+    **Returns:**
+
+    Forces of all cells at each phase, `[phase, load, cell]` [-].
+    """
+    far = jnp.max(jnp.abs(lines.face_position))
+    along = lines.face_position / jnp.where(far > 0.0, far, 1.0)
+    shapes = [jnp.ones_like(along), _TILTED * along, _BOWED * (along**2 - jnp.mean(along**2))]
+    phases, count, slices = lines.fraction.shape
+    each = jnp.einsum("pls,ks->plks", lines.fraction, jnp.stack(shapes))
+    alone = jnp.einsum("plks,lm->plkms", each, jnp.eye(count))
+    return alone.reshape(phases, -1, count * slices)
+
+
 def _on_cells(
     pair: GearPair,
     index: int,

@@ -26,6 +26,7 @@ from jaxgear.scene._schema import (
     of_condensed,
     parents,
     scales_body,
+    SHAPES_OF_BODIES,
     shapes_body,
     shapes_teeth,
     split_entry,
@@ -245,9 +246,13 @@ class Scene(AbstractTables):
     def remakes(self, key: str, gear: str) -> bool:
         """Say whether a condensed body would have to be made anew for another value of a key.
 
-        Not if it follows the key by its scale, or by a family of bodies that was made for it.
+        Not if it follows the key by its scale, or by a family of bodies that was made for it. One
+        that vibrates is another one on other shapes.
         """
-        followed = getattr(self.bodies.get(gear), "follows", None)
+        body = self.bodies.get(gear)
+        if key in SHAPES_OF_BODIES:
+            return getattr(body, "basis", None) is not None
+        followed = getattr(body, "follows", None)
         return shapes_body(key, gear) and not scales_body(key, gear) and key != followed
 
     def real_keys(self) -> tuple[str, ...]:

@@ -118,6 +118,10 @@ _SHAPING_KEYS = """
 """
 
 
+# Which shapes a condensed body that moves is made to vibrate on.
+SHAPES_OF_BODIES = ("model.coordinates", "model.shapes")
+
+
 def shapes_body(key: str, gear: str) -> bool:
     """Say whether a condensed body would be another one if a key of the scene were."""
     whole = _SHAPING_KEYS.format(gear=gear).split()

@@ -65,6 +65,17 @@ def test_a_body_stays_with_what_leaves_it_the_same(scene, key):
     assert "wheel" in scene.replace({key: scene.value(key)}).bodies
 
 
+@pytest.mark.parametrize("changes", [{"model.shapes": "natural"}, {"model.coordinates": 300}])
+def test_other_shapes_make_another_body_of_one_that_vibrates(scene, changes):
+    still = scene.bodies["wheel"]
+    moving = dataclasses.replace(still, built=None, flexible=None, basis=object())
+    vibrating = dataclasses.replace(scene, bodies=MappingProxyType({"wheel": moving}))
+    assert "wheel" not in vibrating.replace(changes).bodies
+    assert "wheel" in vibrating.replace({"model.mesh_coordinates": 24}).bodies
+    # In statics shapes play no part.
+    assert "wheel" in scene.replace(changes).bodies
+
+
 def test_there_is_no_derivative_by_what_a_body_is_made_from(scene):
     def moved(shift):
         return model_of(scene.replace({"wheel.profile_shift": shift})).torque
