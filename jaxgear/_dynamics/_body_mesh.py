@@ -6,6 +6,8 @@ cells, so that statics is as it was.
 """
 
 import dataclasses
+import functools
+import operator
 from typing import NamedTuple
 
 import jax
@@ -16,7 +18,7 @@ from jaxtyping import Array
 
 from jaxgear._contact._cells import MeshCells, mesh_gap
 from jaxgear._dynamics._bodies import VibratingBody
-from jaxgear._dynamics._moving_mesh import MovingMesh, beam_bow, mean_stiffness
+from jaxgear._dynamics._moving_mesh import MovingMesh, beam_bow, mean_share, mean_stiffness
 from jaxgear._dynamics._table import at_places, tabulated
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
@@ -29,7 +31,7 @@ from jaxgear._system._mesh_vectors import rigid_beam_vectors
 from jaxgear._system._model import PairModel
 from jaxgear._system._pair_system import PairSystem
 from jaxgear._system._structure import static_flexibility
-from jaxgear._types import CellArmGrid, CellGrid, DofCoordinates
+from jaxgear._types import CellArmGrid, CellGrid, DenseCouplingGrid, DofCoordinates
 
 
 def body_mesh(
@@ -67,9 +69,9 @@ def body_mesh(
     cells, pair = cycle.cells, model.pair
     at = at_places(pair, cells)
     gap = jnp.stack([mesh_gap(pair, c.lines, model.flanks, model.misalignment) for c in at])
+    at_cells = [_arms(pair, bodies, c, mounted.bends) for c in at]
     arms, growth = (
-        jnp.stack(parts)
-        for parts in zip(*(_arms(pair, bodies, c, mounted.bends) for c in at), strict=True)
+        jnp.stack(parts) for parts in zip(*(each[:2] for each in at_cells), strict=True)
     )
     held = _held(mounted, bodies)
     few = _combinations(arms, _loads(cycle), held.give, held.sections, coordinates)
@@ -77,24 +79,27 @@ def body_mesh(
     # What cells give in all, less what of it is in the motion of the mesh coordinates.
     whole, kept = arms[_MIDDLE_PLACE][:, :, : held.count], met[_MIDDLE_PLACE]
     assert cells.coupling is not None
-    coupling = cells.coupling + _between(whole, held.give[: held.count, : held.count])
-    coupling = coupling - _between(kept, give)
+    beyond = _between(whole, held.give[: held.count, : held.count]) - _between(kept, give)
     bow = beam_bow(mounted)
     if bow is not None:
         # It has no mass either: beams and shafts bend by their nodes, and so in mesh coordinates.
         own = bow[: held.sections, : held.sections]
-        coupling = coupling + _between(whole[:, :, : held.sections], own)
+        beyond = beyond + _between(whole[:, :, : held.sections], own)
     grown = growth + arms[..., : held.count] @ held.spun[: held.count]
     grown = grown - met @ (few.out_of.T @ held.spun)
     # Loads from outside move the cells as they do at rest, by what coordinates leave out too.
     gap = gap - (arms @ held.outside - met @ (few.out_of.T @ held.outside))
     pressed = jnp.sum(kept * cycle.force[:, :, None], axis=1)
     rest = (few.out_of.T @ held.outside)[None, :] - pressed @ give
-    table = tabulated(grid, dataclasses.replace(cells, coupling=coupling), gap, met, grown)
+    moved = dataclasses.replace(cells, coupling=cells.coupling + beyond)
+    table = tabulated(grid, moved, gap, met, grown)
     mean = mean_stiffness(cycle, table)
+    # The bodies have their share in what the mean mesh stores, however few of their modes move.
+    teeth = mean - mean_share(cycle, table, at_cells[_MIDDLE_PLACE].feet + beyond)
     return MovingMesh(
         table=table,
         mean=0.5 * (mean + mean.T),
+        teeth=0.5 * (teeth + teeth.T),
         vectors=held.vectors @ few.out_of,
         rest=rest.at[:, 0].add(cycle.approach),
         left_out=few.left_out,
@@ -115,19 +120,33 @@ def _others(body: FlexibleBody) -> np.ndarray:
     return np.array([i for i in range(len(body.seats)) if i != body.gear_seat], dtype=int)
 
 
-def _arms(
-    pair: GearPair, bodies: list[VibratingBody], cells: MeshCells, bends: bool
-) -> tuple[CellArmGrid, CellGrid]:
-    """Approach of cells by sections, other seats against the gear's, modes; and growth."""
-    seats, modes, growth = [], [], jnp.zeros_like(cells.stiffness)
+class _AtCells(NamedTuple):
+    """Condensed bodies at the cells.
+
+    **Fields:**
+
+    - `arms`: approach of cells by sections, other seats against the gear's, modes.
+    - `growth`: approach by rotation, per square of the pinion's speed.
+    - `feet`: compliance between cells, the seats held.
+    """
+
+    arms: CellArmGrid
+    growth: CellGrid
+    feet: DenseCouplingGrid
+
+
+def _arms(pair: GearPair, bodies: list[VibratingBody], cells: MeshCells, bends: bool) -> _AtCells:
+    seats, modes, feet, growth = [], [], [], jnp.zeros_like(cells.stiffness)
     for each in bodies:
         table = foot_tables(pair, each.index, each.body, cells.lines)
         others = (6 * _others(each.body)[:, None] + np.arange(6)).ravel()
         seats.append(table.arms[:, :, others])
         modes.append(mode_arms(pair, each.index, each.body, cells.lines))
+        feet.append(table.compliance)
         growth += each.speed**2 * table.growth
     sections = beam_arms(pair, cells.lines) if bends else cell_arms(cells.arm)
-    return jnp.concatenate([sections, *seats, *modes], axis=2), growth
+    arms = jnp.concatenate([sections, *seats, *modes], axis=2)
+    return _AtCells(arms, growth, functools.reduce(operator.add, feet))
 
 
 class _HeldStructure(NamedTuple):

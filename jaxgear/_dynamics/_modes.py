@@ -199,13 +199,17 @@ def pair_modes(dynamics: PairDynamics, *, meet: float = _MEET) -> Modes:
 @compiled
 def _pair_modes(dynamics: PairDynamics, *, meet: float) -> Modes:
     """See `pair_modes`."""
-    system, parts = dynamics.system, gear_parts(dynamics)
+    system, parts = dynamics.system, dict(gear_parts(dynamics))
+    # Two condensed bodies have half each of what they give beside their modes.
+    for body in dynamics.bodies:
+        beside = system.mesh_stiffness - system.teeth_stiffness
+        parts[f"{BODIES[body.index]} shaft"] += beside / len(dynamics.bodies)
     return _modes(
         system.mass,
         system.whole_stiffness,
-        system.mesh_stiffness,
+        system.teeth_stiffness,
         system.free,
-        parts,
+        tuple(parts.items()),
         system.damping,
         meet=meet,
     )

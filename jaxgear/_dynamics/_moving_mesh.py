@@ -19,7 +19,14 @@ from jaxgear._solve._coordinates import on_coordinates_all
 from jaxgear._solve._cycle import MeshCycle
 from jaxgear._system._model import PairModel
 from jaxgear._system._pair_system import PairSystem
-from jaxgear._types import CoordinateMatrix, DofCoordinates, Flag, Scalar
+from jaxgear._types import (
+    CellArmGrid,
+    CoordinateMatrix,
+    DenseCouplingGrid,
+    DofCoordinates,
+    Flag,
+    Scalar,
+)
 
 
 class MovingMesh(NamedTuple):
@@ -31,6 +38,7 @@ class MovingMesh(NamedTuple):
     - `vectors`: mesh coordinates per degree of freedom, `[dof, coordinate]`.
     - `mean`: mean stiffness on the mesh coordinates.
     - `rest`: mesh coordinates of the quasi-static states, `[phase, coordinate]`.
+    - `teeth`: part of `mean` whose strain is in the teeth, or `None`: all.
     - `bow`: what bodies give between their nodes, or `None`: nothing.
     - `left_out`: motion of cells that the mesh coordinates leave out, over that which they have, in
         the mean over static loads [-].
@@ -40,6 +48,7 @@ class MovingMesh(NamedTuple):
     vectors: Array
     mean: CoordinateMatrix
     rest: StepPlaces
+    teeth: CoordinateMatrix | None = None
     bow: CoordinateMatrix | None = None
     left_out: Scalar | float = 0.0
 
@@ -100,12 +109,37 @@ def mesh_with_back_flanks(
 
 def mean_stiffness(cycle: MeshCycle, table: MeshTable) -> CoordinateMatrix:
     """Mean over the cycle of the stiffness of the cells in contact, on a table's coordinates."""
+    arms = mesh_at(table, MIDDLE).arms
+    return _mean(cycle, jax.vmap(on_coordinates_all)(arms, _pushed(cycle, table)))
+
+
+def mean_share(
+    cycle: MeshCycle, table: MeshTable, compliance: DenseCouplingGrid
+) -> CoordinateMatrix:
+    """The part of the mean stiffness whose strain is in a part of the coupling between cells.
+
+    **Arguments:**
+
+    - `cycle`: quasi-static states.
+    - `table`: of the cells.
+    - `compliance`: this part of the table's coupling.
+
+    **Returns:**
+
+    The part, on the table's coordinates.
+    """
+    pushed = _pushed(cycle, table)
+    return _mean(cycle, jnp.swapaxes(pushed, 1, 2) @ compliance @ pushed)
+
+
+def _pushed(cycle: MeshCycle, table: MeshTable) -> CellArmGrid:
+    """Forces of the cells in contact per coordinate of a table, at each phase."""
     closed = jnp.where(cycle.overlap > 0.0, table.stiffness, 0.0)
+    return jax.vmap(tangent_columns)(closed, table.coupling, mesh_at(table, MIDDLE).arms)
 
-    def at_phase(stiffness, coupling, arms):
-        return on_coordinates_all(arms, tangent_columns(stiffness, coupling, arms))
 
-    each = jax.vmap(at_phase)(closed, table.coupling, mesh_at(table, MIDDLE).arms)
+def _mean(cycle: MeshCycle, each: Array) -> CoordinateMatrix:
+    """Mean over the cycle of a matrix of each phase."""
     return jnp.sum(cycle.cells.lines.weight[:, None, None] * each, axis=0)
 
 

@@ -53,6 +53,7 @@ def pair_dynamics(
     - `model`: gears, flanks, mounts, bodies and torque.
     - `grid`: time steps in one mesh period (`phases`), slices, mesh periods in the cycle.
     - `damping`: of the linear system with the mean mesh stiffness; by default `ModalDamping()`.
+        Its mesh is the teeth: what condensed bodies give under them is structure.
     - `gyroscopic`: whether gears and shafts that tilt while they spin feel it; and condensed bodies
         the Coriolis forces, spin softening and stress stiffening that they then must have.
     - `active_mesh_damping`: whether the mesh damps only while it is in contact. Its part of
@@ -143,8 +144,11 @@ def _in_motion(
     )
     damping, active = _split(damping, active_mesh_damping)
     mass, stiffness = (among(matrix) for matrix in matrices_with(mounted, bodies, size))
-    meshed = met.vectors[dofs] @ met.mean @ met.vectors[dofs].T
-    held = _held(mass, stiffness, meshed, of(_rigid_rotation(mounted)), damping)
+    meshed, teeth = (
+        met.vectors[dofs] @ part @ met.vectors[dofs].T
+        for part in (met.mean, met.mean if met.teeth is None else met.teeth)
+    )
+    held = _held(mass, stiffness + meshed, teeth, of(_rigid_rotation(mounted)), damping)
     turning = turning_terms(bodies, size, damping, whole=gyroscopic) if bodies else None
     whirl = None if turning is None else turning.gyroscopic
     if gyroscopic:
@@ -161,12 +165,13 @@ def _in_motion(
     system = DynamicSystem(
         mass=mass,
         damping=held.damping,
-        stiffness=held.stiffness,
+        stiffness=stiffness + held.spring,
         gyroscopic=None if whirl is None else among(whirl),
         vectors=met.vectors[dofs],
         load=of(structure.load),
         bow=met.bow,
         mean=met.mean,
+        teeth_part=met.teeth,
         table=met.table,
         cell_damping=None,
         force=mounted.force,
@@ -190,33 +195,33 @@ def _in_motion(
 
 
 class _Held(NamedTuple):
-    """A structure whose free rotation is held by a spring and a damper of no meaning.
+    """How the free rotation of a structure is held by a spring and a damper of no meaning.
 
     **Fields:**
 
-    - `stiffness`, `damping`: of all motions.
+    - `spring`: stiffness of that spring among all motions.
+    - `damping`: of all motions, with that damper.
     - `free`: the rotation, of unit modal mass, as a column.
     """
 
-    stiffness: Matrix
+    spring: Matrix
     damping: Matrix
     free: FreeMotions
 
 
 def _held(
-    mass: Matrix, own: Matrix, meshed: Matrix, rotation: Vector, damping: AbstractDamping
+    mass: Matrix, whole: Matrix, teeth: Matrix, rotation: Vector, damping: AbstractDamping
 ) -> _Held:
-    """Hold the free rotation of a structure, `meshed` being the stiffness of its mean mesh."""
+    """Hold the free rotation of a structure with its mean mesh, of which `teeth` is a part."""
     free = rotation / jnp.sqrt(rotation @ mass @ rotation)
     # The artificial spring is faster than any mode, so that it meets none: the trace is the sum of
     # all squared frequencies, of which there may be one.
-    square = 4.0 * jnp.trace(jnp.linalg.solve(mass, own + meshed))
+    square = 4.0 * jnp.trace(jnp.linalg.solve(mass, whole))
     momentum = (mass @ free)[:, None]
     hold = momentum @ momentum.T
-    stiffness = own + square * hold
     # A damper beside it, so that what rounding excites dies out.
-    matrix = damping_matrix(damping, mass, stiffness + meshed, meshed, free[:, None])
-    return _Held(stiffness, matrix + jnp.sqrt(square) * hold, free[:, None])
+    matrix = damping_matrix(damping, mass, whole + square * hold, teeth, free[:, None])
+    return _Held(square * hold, matrix + jnp.sqrt(square) * hold, free[:, None])
 
 
 def _split(damping: AbstractDamping, active: bool):

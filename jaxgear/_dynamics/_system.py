@@ -59,6 +59,8 @@ class DynamicSystem(eqx.Module):
     - `back`: whether the back flanks are in the mesh too; the second half of its coordinates is
         then theirs.
     - `turning`: what condensed bodies bring as they turn, or `None`: there are none.
+    - `teeth_part`: part of `mean` whose strain is in the teeth, or `None`: all. The rest is what
+        condensed bodies give beside the motions that they vibrate by [N/m, N, N m].
     """
 
     mass: Matrix
@@ -78,6 +80,14 @@ class DynamicSystem(eqx.Module):
     teeth: int = eqx.field(static=True)
     back: bool = eqx.field(static=True, default=False)
     turning: TurningTerms | None = None
+    teeth_part: CoordinateMatrix | None = None
+
+    @property
+    def teeth_stiffness(self) -> Matrix:
+        """Mean stiffness of the teeth in it, on all degrees of freedom [N/m, N, N m]."""
+        if self.teeth_part is None:
+            return self.mesh_stiffness
+        return self.vectors @ self.teeth_part @ self.vectors.T
 
     @property
     def mesh_stiffness(self) -> Matrix:

@@ -92,7 +92,6 @@ def wave_content(
     total = energy.sum(axis=0)
     own = np.where(gear[:, None] == gear[lead][None, :], energy, 0.0).sum(axis=0)
     runs = np.stack([_runs(mass, wave, shapes) for wave in waves])
-    meshed = np.asarray(system.vectors).T @ shapes
     strain = _form(np.asarray(system.whole_stiffness), shapes)
     return WaveContent(
         gear=gear[lead],
@@ -100,7 +99,7 @@ def wave_content(
         share=energy[lead, every] / total,
         own=own / total,
         forward=runs[lead, every],
-        mesh=np.clip(_form(np.asarray(system.mean), meshed) / strain, 0.0, 1.0),
+        mesh=np.clip(_form(np.asarray(system.teeth_stiffness), shapes) / strain, 0.0, 1.0),
     )
 
 

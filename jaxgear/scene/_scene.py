@@ -21,12 +21,12 @@ from jaxgear.scene._reading import Reading
 from jaxgear.scene._schema import (
     GEARS,
     REAL_KEYS,
+    SHAPES_OF_BODIES,
     applies,
     general,
     of_condensed,
     parents,
     scales_body,
-    SHAPES_OF_BODIES,
     shapes_body,
     shapes_teeth,
     split_entry,
