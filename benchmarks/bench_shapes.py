@@ -1,13 +1,14 @@
 """How many shapes a condensed body needs in motion: few speeds, all coordinates beside fewer.
 
-    python benchmarks/bench_shapes.py SCENE KIND:COUNT ... [--speeds V ...] [--relief UM ...]
+    python benchmarks/bench_shapes.py SCENE KIND:COUNT[:MESH] ... [--speeds V ...] [--relief UM ...]
     python benchmarks/bench_shapes.py --table [--chart docs/pictures/shapes.png]
 
-Each model of an example scene, as `natural:100` or `excited:200` (0: all coordinates of the body),
-is brought to its steady response at each speed by harmonic balance. Its largest mesh force, RMS of
-transmission error and largest bearing force go to `shapes.json`, with processor seconds; the table
-compares all with the model of most coordinates at the same speed and relief. All coordinates of
-the accessory wheel (2,895) take minutes of a processor to be set up and two for each speed.
+Each model of an example scene, as `natural:100` or `excited:200` (0: all coordinates of the body), with
+the scene's own number of mesh coordinates or `MESH` of them, is brought to its steady response at
+each speed by harmonic balance. Its largest mesh force, RMS of transmission error and largest
+bearing force go to `shapes.json`, with processor seconds; the table compares all with the model of
+most coordinates at the same speed and relief. All coordinates of the accessory wheel (2,895) take
+minutes of a processor to be set up and half a one for each speed.
 """
 
 import argparse
@@ -28,7 +29,7 @@ def main() -> None:
     """Measure what is asked for, or print the table of what was measured."""
     parser = argparse.ArgumentParser(description="How many shapes a condensed body needs.")
     parser.add_argument("scene", nargs="?")
-    parser.add_argument("models", nargs="*", metavar="KIND:COUNT")
+    parser.add_argument("models", nargs="*", metavar="KIND:COUNT[:MESH]")
     parser.add_argument("--speeds", type=float, nargs="+", default=[400.0, 900.0, 1400.0, 1900.0])
     parser.add_argument("--relief", type=float, nargs="+", default=[0.0, 10.0])
     parser.add_argument("--table", action="store_true")
@@ -61,9 +62,9 @@ def measured(name: str, model: str, speeds: list[float], reliefs: list[float]):
     from jaxgear.study._built import BuiltScene
     from jaxgear.study._dynamics import dynamics_of
 
-    kind, count = model.split(":")
-    told = [f"model.shapes={kind}", f"model.coordinates={count}"]
-    scene = jg.example_scene(name, [*told, "sweep.pinion_speed_rad_s=[1.0]"])
+    names = "shapes", "coordinates", "mesh_coordinates"
+    told = [f"model.{x}={y}" for x, y in zip(names, model.split(":"), strict=False)]
+    scene = jg.ready_scene(name, [*told, "sweep.pinion_speed_rad_s=[1.0]"])
     scene, seconds = on_processor(lambda: jg.with_bodies(scene, moving=True))
     print(f"{name} {model}: bodies {seconds:.1f} s, {peak():.0f} MB", file=sys.stderr, flush=True)
     built = BuiltScene(scene)

@@ -49,9 +49,8 @@ def body_mesh(
     the diagonal of $F$. A load that they hold all of excites each mode as it does without them.
     What they leave out follows its load at once; of the load that is always there this must be next
     to nothing, or what the body gives on the mean rides up and down with it. Hence the loads are
-    those of the cycle at rest and, a tenth of them, loads on each line. Which combinations these
-    are is a choice and has no derivative. The coordinates of sections, seven beside a beam, are
-    kept as they are.
+    those of the cycle at rest and, a tenth of them, loads on each line. The coordinates of
+    sections, seven beside a beam, are kept as they are.
 
     **Arguments:**
 
@@ -254,17 +253,41 @@ def _loads(cycle: MeshCycle) -> Array:
 def _combinations(
     arms: Array, loads: Array, give: Array, sections: int, count: int
 ) -> _Combinations:
-    """Those by which these loads move the cells most; which they are has no derivative."""
-    # The sizes have one: modes are of unit mass, and what they are of a body has to follow that.
+    """Those by which these loads move the cells most."""
     size = jnp.sqrt(jnp.diagonal(give)[sections:])
     seen = jnp.einsum("tpc,xtcn->xtpn", loads, arms[..., sections:])
-    seen = jax.lax.stop_gradient(seen.reshape(-1, seen.shape[-1]) * size[None, :])
-    energies, patterns = jnp.linalg.eigh(seen.T @ seen)
-    patterns = patterns[:, ::-1][:, :count]
+    seen = seen.reshape(-1, size.size) * size[None, :]
+    patterns = _leading(seen.T @ seen, count)
+    still, found = (jax.lax.stop_gradient(each) for each in (seen, patterns))
+    lost = jnp.sum((still - still @ found @ found.T) ** 2) / jnp.sum(still**2)
     both = jax.scipy.linalg.block_diag
-    lost = jnp.sum(energies[: max(size.size - count, 0)]) / jnp.sum(energies)
     return _Combinations(
         into=both(jnp.eye(sections), size[:, None] * patterns),
         out_of=both(jnp.eye(sections), patterns / size[:, None]),
-        left_out=jnp.sqrt(jnp.maximum(lost, 0.0)),
+        left_out=jnp.sqrt(lost),
     )
+
+
+# Differences of eigenvalues that are rounding, over the largest.
+_NOISE = 1e-14
+
+
+@functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
+def _leading(matrix: Array, count: int) -> Array:
+    """First eigenvectors of a symmetric matrix. Only the space that they span has a meaning.
+
+    Its derivative is that of this space: it turns by what the first take from the others, and how
+    they turn among themselves, which may have no derivative, does not matter.
+    """
+    return jnp.linalg.eigh(matrix)[1][:, ::-1][:, :count]
+
+
+@_leading.defjvp
+def _leading_tangent(count: int, primals: tuple[Array], tangents: tuple[Array]):
+    values, vectors = jnp.linalg.eigh(primals[0])
+    values, vectors = values[::-1], vectors[:, ::-1]
+    first, others = vectors[:, :count], vectors[:, count:]
+    gap = values[None, :count] - values[count:, None]
+    apart = gap > _NOISE * values[0]
+    turned = (others.T @ tangents[0] @ first) * jnp.where(apart, 1.0, 0.0)
+    return first, others @ (turned / jnp.where(apart, gap, 1.0))

@@ -1,8 +1,8 @@
 """How far off a sweep is for the shapes on which its condensed bodies vibrate.
 
 Excited shapes are combinations of several times as many natural modes. At a few speeds the response
-is found again with all of these: the difference is what the shapes leave out, in the loads that the
-response really has.
+is found again with all of these, and more combinations of them in mesh: the difference is what the
+shapes leave out, in the loads that the response really has.
 """
 
 import dataclasses
@@ -25,6 +25,9 @@ from jaxgear.study._sweeping import Sweep
 
 # At most so many speeds, one for so many of the sweep; how far off a response may be unsaid [-].
 _MOST, _EACH, _TOLERANCE = 4, 8, 0.01
+
+# Mesh coordinates then, as many as of the reference of `compare`.
+_AT_MESH = 24
 
 
 class ShapeCheck(NamedTuple):
@@ -105,6 +108,7 @@ def shape_check(built: BuiltScene, dynamics: Dynamics, found: Sweep) -> ShapeChe
     if not (richer and chosen.size and isinstance(method, HarmonicBalance)):
         return None
     whole = dataclasses.replace(scene, bodies=MappingProxyType({**scene.bodies, **richer}))
+    whole = whole.replace({"model.mesh_coordinates": max(_AT_MESH, scene.model.at_mesh)})
     pair = pair_in_motion(BuiltScene(whole))
     speeds = found.speeds[chosen]
     answers = timed(each, method, pair.system, speeds)
