@@ -3,9 +3,9 @@
     python benchmarks/bench_shapes.py SCENE KIND:COUNT[:MESH] ... [--speeds V ...] [--relief UM ...]
     python benchmarks/bench_shapes.py --table [--chart docs/pictures/shapes.png]
 
-Each model of an example scene, as `natural:100` or `excited:200` (0: all coordinates of the body), with
-the scene's own number of mesh coordinates or `MESH` of them, is brought to its steady response at
-each speed by harmonic balance. Its largest mesh force, RMS of transmission error and largest
+Each model of an example scene, as `natural:100` or `excited:200` (0: all coordinates of the body),
+with the scene's own number of mesh coordinates or `MESH` of them, is brought to its steady response
+at each speed by harmonic balance. Its largest mesh force, RMS of transmission error and largest
 bearing force go to `shapes.json`, with processor seconds; the table compares all with the model of
 most coordinates at the same speed and relief. All coordinates of the accessory wheel (2,895) take
 minutes of a processor to be set up and half a one for each speed.
@@ -64,7 +64,7 @@ def measured(name: str, model: str, speeds: list[float], reliefs: list[float]):
 
     names = "shapes", "coordinates", "mesh_coordinates"
     told = [f"model.{x}={y}" for x, y in zip(names, model.split(":"), strict=False)]
-    scene = jg.ready_scene(name, [*told, "sweep.pinion_speed_rad_s=[1.0]"])
+    scene = jg.example_scene(name, [*told, "sweep.pinion_speed_rad_s=[1.0]"])
     scene, seconds = on_processor(lambda: jg.with_bodies(scene, moving=True))
     print(f"{name} {model}: bodies {seconds:.1f} s, {peak():.0f} MB", file=sys.stderr, flush=True)
     built = BuiltScene(scene)
