@@ -1,13 +1,15 @@
 """What teeth that are coupled along their face cost, beside slices on their own.
 
-    python benchmarks/bench_face.py [cycle sweep elements] [--quick] [--out DIR]
+    python benchmarks/bench_face.py [cycle helical sweep elements] [--quick] [--out DIR]
 
 The accessory pair on its rings: a mesh cycle by either law, 20 slices, three line-load updates; the
-pair with a condensed wheel (`accessory-h1`) at many speeds, by either; teeth of finite elements,
-condensed anew and in a cycle. `--quick` takes fewer speeds and leaves the elements out. Machines
-differ and are noisy: compare the ratios, which are of processor time. Writes `face.json`.
+same of a helical pair (`power`); the pair with a condensed wheel (`accessory-h1`) at many speeds,
+by either; teeth of finite elements, condensed anew and in a cycle. `--quick` takes fewer speeds and
+leaves the elements out. Machines differ and are noisy: compare the ratios, which are of processor
+time. Writes `face.json`.
 """
 
+import functools
 import os
 import tempfile
 import time
@@ -25,32 +27,36 @@ UPDATES = "mesh.line_load_updates=3"
 
 def main() -> None:
     """Run the parts asked for and print their tables."""
-    parts = {"cycle": cycles, "sweep": sweeps, "elements": elements}
+    parts = {"cycle": cycles, "helical": helical, "sweep": sweeps, "elements": elements}
     in_parts("What coupled teeth cost.", "fewer speeds, no elements", "face.json", parts)
 
 
-def _least(function: Callable, *arguments: Any, repeats: int = 15) -> Cost:
-    """Least times of a function that is compiled in its first call."""
+def _least(*functions: Callable, repeats: int = 60) -> list[Cost]:
+    """Least times of functions that are compiled in their first call; in turn, as loads change."""
     import jax
 
-    start = time.perf_counter()
-    jax.block_until_ready(function(*arguments))
-    compiling, runs = time.perf_counter() - start, []
+    compiling, runs = [], [[] for _ in functions]
+    for function in functions:
+        start = time.perf_counter()
+        jax.block_until_ready(function())
+        compiling.append(time.perf_counter() - start)
     for _ in range(repeats):
-        wall, processor = time.perf_counter(), time.process_time()
-        jax.block_until_ready(function(*arguments))
-        runs.append((time.perf_counter() - wall, time.process_time() - processor))
-    return Cost(compiling, *(min(each) for each in zip(*runs, strict=True)))
+        for function, own in zip(functions, runs, strict=True):
+            wall, processor = time.perf_counter(), time.process_time()
+            jax.block_until_ready(function())
+            own.append((time.perf_counter() - wall, time.process_time() - processor))
+    least = ((min(each) for each in zip(*own, strict=True)) for own in runs)
+    return [Cost(first, *rest) for first, rest in zip(compiling, least, strict=True)]
 
 
-def _cycle_of(*settings: str) -> Cost:
-    """A mesh cycle of the accessory pair."""
+def _cycle_of(*settings: str, pair: str = "accessory") -> Callable:
+    """A mesh cycle of a ready pair."""
     import jaxgear as jg
 
-    scene = jg.with_bodies(jg.example_scene("accessory", [UPDATES, *settings]))
+    scene = jg.with_bodies(jg.example_scene(pair, [UPDATES, *settings]))
     model = jg.model_of(scene)
     grid = jg.grid_of(scene, model)
-    return _least(lambda: jg.mesh_cycle(model, grid))
+    return lambda: jg.mesh_cycle(model, grid)
 
 
 def cycles(*, quick: bool) -> dict[str, Any]:
@@ -59,13 +65,21 @@ def cycles(*, quick: bool) -> dict[str, Any]:
     report = {}
     for name, (crowning, slope) in FLANKS.items():
         flanks = [f"flank.wheel.crowning_um={crowning}", f"flank.wheel.helix_slope_um={slope}"]
-        costs = [_cycle_of(f"mesh.face_coupling={law}", *flanks) for law in LAWS]
+        costs = _least(*(_cycle_of(f"mesh.face_coupling={law}", *flanks) for law in LAWS))
         report[name] = _pair(f"mesh cycle, {name}", costs)
     return report
 
 
+def helical(*, quick: bool) -> dict[str, Any]:
+    """Statics of a helical pair by both laws."""
+    del quick
+    costs = _least(*(_cycle_of(f"mesh.face_coupling={law}", pair="power") for law in LAWS))
+    return _pair("mesh cycle, helical", costs)
+
+
 def sweeps(*, quick: bool) -> dict[str, Any]:
     """A condensed wheel in motion, speed by speed, by both laws."""
+    import jax.numpy as jnp
     import numpy as np
 
     import jaxgear as jg
@@ -73,7 +87,7 @@ def sweeps(*, quick: bool) -> dict[str, Any]:
     from jaxgear.study._dynamics import dynamics_of
 
     speeds = np.linspace(100.0, 2000.0, 20 if quick else 100)
-    costs = []
+    runs = []
     for law in LAWS:
         settings = [
             UPDATES,
@@ -84,8 +98,8 @@ def sweeps(*, quick: bool) -> dict[str, Any]:
         model = jg.model_of(scene)
         grid = jg.grid_of(scene, model, scene.sweep.steps)
         system = dynamics_of(model, grid, scene.model, scene.damping, scene.sweep).system
-        costs.append(_least(steady_states, system, speeds, repeats=2))
-    return _pair(f"{speeds.size} speeds of H1", costs)
+        runs.append(functools.partial(steady_states, system, jnp.asarray(speeds)))
+    return _pair(f"{speeds.size} speeds of H1", _least(*runs, repeats=2))
 
 
 def elements(*, quick: bool) -> dict[str, Any]:
@@ -101,7 +115,7 @@ def elements(*, quick: bool) -> dict[str, Any]:
         jg.with_bodies(jg.example_scene("accessory", ["mesh.tooth=elements"]))
         offline = Cost(0.0, time.perf_counter() - start, time.process_time() - processor)
         row("teeth of both gears, condensed", offline)
-        costs = [_cycle_of("mesh.face_coupling=coupled"), _cycle_of("mesh.tooth=elements")]
+        costs = _least(*map(_cycle_of, ("mesh.face_coupling=coupled", "mesh.tooth=elements")))
     if own is None:
         del os.environ["JAXGEAR_CACHE"]
     else:

@@ -13,7 +13,15 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxgear._types import CellColumns, Cells, Coupling, CouplingGrid, DenseCouplingGrid, Flag
+from jaxgear._types import (
+    CellArms,
+    CellColumns,
+    Cells,
+    Coupling,
+    CouplingGrid,
+    DenseCouplingGrid,
+    Flag,
+)
 
 
 def body_yield(coupling: Coupling, force: Cells) -> Cells:
@@ -65,8 +73,8 @@ def sharing_with_body(coupling: Coupling, stiffness: Cells, *, symmetric: bool =
     if coupling.ndim > 2 or not symmetric:
         return Sharing(stiffness, None)
     # Derivatives are those of the linear system: roots and factors are no part of them.
-    matrix, _ = _symmetric(jax.lax.stop_gradient(coupling), jax.lax.stop_gradient(stiffness))
-    return Sharing(stiffness, _one_by_one(_cholesky)(matrix))
+    held, root = jax.lax.stop_gradient(coupling), jnp.sqrt(jax.lax.stop_gradient(stiffness))
+    return Sharing(stiffness, _one_by_one(_cholesky)(_symmetric(held, root)))
 
 
 def shared(coupling: Coupling, sharing: Sharing, columns: CellColumns) -> CellColumns:
@@ -144,7 +152,7 @@ def _share_in_slices(coupling: Coupling, stiffness: Cells, columns: CellColumns)
 
 
 def shared_where_needed(
-    coupling: Coupling, stiffness: Cells, columns: CellColumns, needed: Flag
+    coupling: Coupling, stiffness: Cells, arms: CellArms, force: Cells, needed: Flag
 ) -> CellColumns:
     r"""Solve $(I + K C)\,y = r$ once, and where it is needed: else nothing is factorised.
 
@@ -152,51 +160,70 @@ def shared_where_needed(
 
     - `coupling`: symmetric $C$ [m/N].
     - `stiffness`: diagonal of $K$, zero where a cell is open [N/m].
-    - `columns`: right-hand sides.
+    - `arms`: $W$, of which $K W$ are right-hand sides [-, m].
+    - `force`: one more right-hand side [N].
     - `needed`: whether the solutions are of use.
 
     **Returns:**
 
-    The solutions, in the unit of `columns`; the right-hand sides where they are of no use.
+    The solutions, in columns; the right-hand sides where they are of no use.
     """
     if coupling.ndim > 2:
+        columns = jnp.column_stack([stiffness[:, None] * arms, force])
         return _share_in_slices(coupling, stiffness, columns)
     return jax.lax.platform_dependent(
-        needed, coupling, stiffness, columns, cpu=_shared_in_turn, default=_shared_or_not
+        needed, coupling, stiffness, arms, force, cpu=_shared_in_turn, default=_shared_or_not
     )
 
 
 def _shared_or_not(
-    needed: Flag, coupling: Coupling, stiffness: Cells, columns: CellColumns
+    needed: Flag, coupling: Coupling, stiffness: Cells, arms: CellArms, force: Cells
 ) -> CellColumns:
     """See `shared_where_needed`."""
-    matrix, root = _symmetric(coupling, stiffness)
-    right = root[:, None] * (coupling @ columns)
-    return columns - root[:, None] * _solved_where_needed((needed, matrix, right))
+    root = jnp.sqrt(stiffness)[:, None]
+    right = _similar(coupling, root, arms, force)
+    within = jax.lax.cond(needed, lambda: _solved(coupling, root, right), lambda: right)
+    return _as_forces(root, within, force)
+
+
+def _similar(coupling: Array, root: Array, arms: Array, force: Array) -> Array:
+    """Right-hand sides of the matrix that is similar: those of `arms` ask for no product with C."""
+    return root * jnp.column_stack([arms, coupling @ force])
+
+
+def _as_forces(root: Array, within: Array, force: Array) -> Array:
+    """What (I + SCS)^-1 makes of them: of K W it is S (I + SCS)^-1 S W."""
+    given = root * within
+    return jnp.column_stack([given[:, :-1], force - given[:, -1]])
 
 
 @jax.custom_batching.custom_vmap
 def _shared_in_turn(
-    needed: Flag, coupling: Coupling, stiffness: Cells, columns: CellColumns
+    needed: Flag, coupling: Coupling, stiffness: Cells, arms: CellArms, force: Cells
 ) -> CellColumns:
     """Of a batch, the phases of one flank say, only factors are found in turn.
 
     Each operation that is done in turn has its own start. In a batch of batches the inner ones
     follow each other: all matrices at once would not stay in the processor's memory.
     """
-    return _shared_or_not(needed, coupling, stiffness, columns)
+    return _shared_or_not(needed, coupling, stiffness, arms, force)
 
 
 @_shared_in_turn.def_vmap
 def _shared_in_a_batch(size: int, batched: Sequence[bool], *system: Array) -> tuple[Array, bool]:
-    def at_once(needed: Array, coupling: Array, stiffness: Array, columns: Array) -> Array:
-        matrix, root = jax.vmap(_symmetric)(coupling, stiffness)
-        right = root[:, :, None] * (coupling @ columns)
-        within = jax.lax.map(_solved_where_needed, (needed, matrix, right))
-        return columns - root[:, :, None] * within
+    def at_once(needed: Array, coupling: Array, stiffness: Array, *right: Array) -> Array:
+        root = jnp.sqrt(stiffness)[:, :, None]
+        beyond = jnp.any(stiffness[:, _half(stiffness.shape[1]) :] > 0.0, axis=1)
+        bearing = jnp.where(needed, jnp.where(beyond, 2, 1), 0)
+        sides = jax.vmap(_similar)(coupling, root, *right)
+        within = jax.lax.map(_solved_of_bearing, (bearing, coupling, root, sides))
+        return jax.vmap(_as_forces)(root, within, right[1])
+
+    def nothing(_, __, stiffness: Array, arms: Array, force: Array) -> Array:
+        return jnp.concatenate([stiffness[:, :, None] * arms, force[:, :, None]], axis=2)
 
     def if_any(needed: Array, *others: Array) -> Array:
-        return jax.lax.cond(jnp.any(needed), at_once, lambda *system: system[-1], needed, *others)
+        return jax.lax.cond(jnp.any(needed), at_once, nothing, needed, *others)
 
     whole = (
         x if own else jnp.broadcast_to(x, (size, *x.shape))
@@ -205,16 +232,34 @@ def _shared_in_a_batch(size: int, batched: Sequence[bool], *system: Array) -> tu
     return jax.custom_batching.sequential_vmap(if_any)(*whole), True
 
 
-def _symmetric(coupling: Coupling, stiffness: Cells) -> tuple[Array, Cells]:
-    """I + S C S and S, with S^2 = K: open cells have no part in it, and no pivots are needed."""
-    root = jnp.sqrt(stiffness)
-    return jnp.eye(root.size) + root[:, None] * coupling * root[None, :], root
+def _solved_of_bearing(system: tuple[Array, Array, Array, Array]) -> Array:
+    """Solve for no cell, for the first half of them, the only ones that bear, or for all.
+
+    Of a spur pair with one line in contact, whose cells come first, the other line has no part.
+    """
+    bearing, coupling, root, right = system
+    size = len(root)
+
+    def of_first(count: int) -> Callable[[], Array]:
+        first = lambda: _solved(coupling[:count, :count], root[:count], right[:count])
+        return lambda: jnp.pad(first(), ((0, size - count), (0, 0)))
+
+    return jax.lax.switch(bearing, [lambda: right, of_first(_half(size)), of_first(size)])
 
 
-def _solved_where_needed(system: tuple[Flag, Array, CellColumns]) -> CellColumns:
-    needed, matrix, right = system
-    solved = lambda: _substituted(_cholesky(matrix), right)
-    return jax.lax.cond(needed, solved, lambda: right)
+def _half(size: int) -> int:
+    """So many cells are solved alone where no others bear."""
+    return (size + 1) // 2
+
+
+def _solved(coupling: Array, root: Array, right: Array) -> Array:
+    """Solve with I + S C S: open cells have no part in it, and no pivots are needed."""
+    return _substituted(_cholesky(_symmetric(coupling, root[:, 0])), right)
+
+
+def _symmetric(coupling: Array, root: Array) -> Array:
+    """I + S C S."""
+    return jnp.eye(root.size) + root[:, None] * coupling * root[None, :]
 
 
 def _cholesky(matrix: Array) -> Array:

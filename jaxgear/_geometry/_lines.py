@@ -257,12 +257,15 @@ def lines_on_steps(
 def _near_path(place: Reals, ratio: Scalar, abreast: int) -> CellNumbers:
     """Cells of the lines that at each slice are nearest to the path, as many at every slice.
 
-    `place` is in base pitches from the start of the path, and grows by one from line to line.
+    `place` is in base pitches from the start of the path, and grows by one from line to line. The
+    line nearest to the middle of the path comes first: where one is in contact, it is that one.
     """
     phases, lines, slices = place.shape
     ahead = jnp.ceil(0.5 * (ratio - abreast) - place[:, 0]).astype(int)
     first = jnp.clip(ahead, 0, lines - abreast)
-    line = first[:, None, :] + jnp.arange(abreast)[None, :, None]
+    nearest = jnp.round(0.5 * ratio - place[:, 0]).astype(int) - first
+    after = jnp.clip(nearest, 0, abreast - 1)[:, None, :] + jnp.arange(abreast)[None, :, None]
+    line = first[:, None, :] + after % abreast
     return (line * slices + jnp.arange(slices)[None, None, :]).reshape(phases, -1)
 
 

@@ -72,11 +72,14 @@ def linearised_once(
 
     What `solve_linear` needs, and its right-hand side.
     """
-    structure = tangent[:, None] * problem.arms
-    if problem.coupling is None:
+    structure, coupling = tangent[:, None] * problem.arms, problem.coupling
+    if coupling is None:
         return Linearised(None, structure), right
-    columns = jnp.column_stack([structure, right])
-    columns = shared_where_needed(problem.coupling, tangent, columns, needed)
+    if needed is None:
+        columns = jnp.column_stack([structure, right])
+        columns = shared(coupling, sharing_with_body(coupling, tangent), columns)
+    else:
+        columns = shared_where_needed(coupling, tangent, problem.arms, right, needed)
     return Linearised(None, columns[:, :-1]), columns[:, -1]
 
 

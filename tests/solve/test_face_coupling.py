@@ -116,6 +116,51 @@ def test_derivatives_against_differences(law):
     assert_gradient(error, numbers, rtol=1e-5)
 
 
+def _helical(helix, crowning=0.0, slope=0.0) -> jg.PairModel:
+    """Two gears of 24 teeth, ten modules wide."""
+    pinion, wheel = (
+        jg.Gear(24, 30.0 * mm, shift, bore=36.0 * mm, dedendum=1.25, fillet_radius=0.3)
+        for shift in (0.2, -0.1)
+    )
+    pair = jg.GearPair(pinion, wheel, 3.0 * mm, 20.0 * jg.deg, helix * jg.deg)
+    flank = jg.Superposed(
+        (
+            jg.Crowning(crowning * um),
+            jg.HelixSlope(slope * um),
+            jg.TipRelief(20.0 * um, 0.3),
+        )
+    )
+    return jg.PairModel(
+        pair,
+        400.0,
+        flanks=jg.Flanks(wheel=flank),
+        compliance=jg.WeberBanaschek(load_updates=1),
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("helix", [15.0, 30.0])
+def test_derivatives_of_helical_teeth_against_differences(helix):
+    """Of mean and fluctuation, by all that the parts along the axis and over the ends hang on."""
+    model = _helical(helix, 10.0, 10.0)
+    grid = jg.mesh_grid(model.pair, phases=8, slices=5)
+
+    def at(m):
+        flank = m.flanks.wheel.parts
+        gears = [(g.face_width, g.profile_shift, g.bore) for g in (m.pair.pinion, m.pair.wheel)]
+        of_pair = m.torque, m.pair.helix_angle, m.pair.normal_module
+        return *of_pair, *gears[0], *gears[1], flank[0].depth, flank[2].depth, flank[2].extent
+
+    def error(numbers):
+        moved = eqx.tree_at(at, model, numbers)
+        cycle = jg.mesh_cycle(moved, grid, law=LAW, throw=False)
+        weight = cycle.cells.lines.weight
+        mean = jnp.sum(weight * cycle.approach)
+        return 1e6 * mean + 1e12 * jnp.sum(weight * (cycle.approach - mean) ** 2)
+
+    assert_gradient(error, jax.tree.map(jnp.asarray, at(model)), rtol=1e-5)
+
+
 @pytest.mark.slow
 def test_slices_converge_in_first_order_or_better():
     model = _model(0.0, 20.0)
