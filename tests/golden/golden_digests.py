@@ -19,13 +19,19 @@ import numpy as np
 import xarray as xr
 
 _NUMBER = re.compile(r"(?<![#\w])-?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?")
-# What the machine decides: seconds, and whether a body or a program was kept from before.
+# Pixels of an image within a picture, which hold no numbers; its place and size stay.
+_PIXELS = re.compile(r"(?<=;base64,)[^\"]*")
+# What the machine decides: seconds, and whether a body or a program was kept from before. Hashes
+# of bodies have versions of libraries in them.
 _OF_THE_MACHINE = re.compile(
     # What is left of equations that are solved to rounding is rounding.
-    r"_s$|seconds|cost|time|cached|from_cache|version|memory|path|folder|compiled|programs|residual",
+    r"_s$|seconds|cost|time|cached|from_cache|version|memory|path|folder|compiled|programs|residual"
+    r"|cache_key|content_hash",
     re.I,
 )
 _SUMS = 3
+# Smaller numbers, in the units of files, are what rounding leaves of zero.
+_NOTHING = 1e-10
 
 
 def of_folder(folder: Path) -> dict[str, Any]:
@@ -102,6 +108,7 @@ def _of_dataset(file: Path) -> dict[str, Any]:
 
 
 def _of_text(text: str) -> dict[str, Any]:
+    text = _PIXELS.sub("", text)
     # Where a line is drawn through thousands of places, their digits are numbers.
     numbers = np.asarray([float(each) for each in _NUMBER.findall(text)])
     return {"text": _hash(_NUMBER.sub("#", text)), "numbers": _of_numbers(numbers)}
@@ -141,7 +148,7 @@ def differences(was: Any, now: Any, tolerance: float, path: str = "") -> list[st
         size = max(was[2], 1e-300)
         return [f"{path}: {far / size:.1e} of its size"] if far > tolerance * size else []
     if isinstance(was, float) and isinstance(now, int | float):
-        same = math.isclose(was, now, rel_tol=tolerance, abs_tol=0.0)
+        same = math.isclose(was, now, rel_tol=tolerance, abs_tol=_NOTHING)
         return [] if same else [f"{path}: {was!r}, now {now!r}"]
     if isinstance(was, list) and isinstance(now, list) and len(was) == len(now):
         found = []
