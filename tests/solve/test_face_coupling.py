@@ -139,29 +139,6 @@ def _helical(helix, crowning=0.0, slope=0.0) -> jg.PairModel:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("helix", [15.0, 30.0])
-def test_derivatives_of_helical_teeth_against_differences(helix):
-    """Of mean and fluctuation, by all that the parts along the axis and over the ends hang on."""
-    model = _helical(helix, 10.0, 10.0)
-    grid = jg.mesh_grid(model.pair, phases=8, slices=5)
-
-    def at(m):
-        flank = m.flanks.wheel.parts
-        gears = [(g.face_width, g.profile_shift, g.bore) for g in (m.pair.pinion, m.pair.wheel)]
-        of_pair = m.torque, m.pair.helix_angle, m.pair.normal_module
-        return *of_pair, *gears[0], *gears[1], flank[0].depth, flank[2].depth, flank[2].extent
-
-    def error(numbers):
-        moved = eqx.tree_at(at, model, numbers)
-        cycle = jg.mesh_cycle(moved, grid, law=LAW, throw=False)
-        weight = cycle.cells.lines.weight
-        mean = jnp.sum(weight * cycle.approach)
-        return 1e6 * mean + 1e12 * jnp.sum(weight * (cycle.approach - mean) ** 2)
-
-    assert_gradient(error, jax.tree.map(jnp.asarray, at(model)), rtol=1e-5)
-
-
-@pytest.mark.slow
 def test_slices_converge_in_first_order_or_better():
     model = _model(0.0, 20.0)
     means = [
@@ -171,6 +148,19 @@ def test_slices_converge_in_first_order_or_better():
     steps = np.abs(np.diff(means))
     assert steps[0] / steps[1] > 1.9
     assert steps[1] / steps[2] > 1.9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("helix", [15.0, 30.0])
+def test_slices_of_helical_teeth_converge_in_first_order_or_better(helix):
+    """The mean; what is largest at an edge does not, nor RMS where phases are the coarser."""
+    model = _helical(helix, 10.0, 10.0)
+    means = [
+        float(_answers(model, jg.mesh_grid(model.pair, phases=16, slices=n)).mean)
+        for n in (10, 20, 40)
+    ]
+    first, second = np.abs(np.diff(means))
+    assert first / second > 1.9
 
 
 # Mean TE [um], pressure [MPa] and K_Hbeta of two gears of 24 teeth, helix 30 degrees, on
