@@ -204,7 +204,10 @@ def chart(lines: list[Line], path: Path) -> None:
         axis.set_xlabel("processor time of a speed [s]", fontsize=8)
         axis.grid(which="both", alpha=0.3)
     plain = lambda value, _: f"{value:g}"
-    for axis, places in ((axes[0][0].xaxis, [0.1, 0.2, 0.5]), (axes[0][0].yaxis, [0.1, 0.5, 1, 5])):
+    for axis, places in (
+        (axes[0][0].xaxis, [0.1, 0.2, 0.5]),
+        (axes[0][0].yaxis, [0.01, 0.1, 1, 10]),
+    ):
         axis.set_major_locator(FixedLocator(places))
         axis.set_minor_locator(NullLocator())
         axis.set_major_formatter(plain)

@@ -372,7 +372,7 @@ def gradient(*, quick: bool) -> dict[str, Any]:
     from jaxgear import steady_states
     from jaxgear.study._dynamics import dynamics_of
 
-    scene = scene_of(100)
+    scene = scene_of(200, "excited")
     model = jg.model_of(scene)
     grid = jg.grid_of(scene, model, scene.sweep.steps)
     speeds = jnp.linspace(SLOWEST, FASTEST, 6 if quick else 30)
