@@ -170,7 +170,18 @@ ROWS = (
     ),
     Row(
         "Fig. IV-14",
-        "a webbed pinion shifts the peaks down",
+        "a webbed pinion shifts the peaks down and does little else, with either damping",
+        "accessory-h2, plain and with a webbed pinion, 200 to 3000 rad/s, modal damping and D1",
+        "damped.peaks",
+        (
+            *(f"{x}: a webbed pinion lowers the peak's speed" for x in ("modal", "D1")),
+            *(f"{x}: and its height by less than a quarter either way" for x in ("modal", "D1")),
+        ),
+        lambda f: "; ".join(
+            f"{row[1]}: {row[0]} {row[2]:.0f} rad/s, {row[3]:.2f}"
+            for row in f.rows
+            if row[0].startswith("H2")
+        ),
     ),
     Row(
         "Fig. IV-15",

@@ -127,7 +127,18 @@ ROWS = (
             "15, 20 um"
         ),
     ),
-    Row("Fig. IV-48", "webbed pinion: more crowning, more mesh force oscillation"),
+    Row(
+        "Fig. IV-48",
+        "webbed pinion: the more crowning, the more the mesh force oscillates",
+        "power-webbed-pinion, web O, 3000 rad/s, crowning of the pinion 0 to 20 um",
+        "webbed_motion.crowned",
+        ("at any depth",),
+        lambda f: (
+            "dynamic ratio "
+            + ", ".join(f"{x:.3f}" for x in f.rows[0][1:])
+            + " with 0, 5, 10, 15, 20 um"
+        ),
+    ),
     Row(
         "Fig. IV-48, H1",
         "more crowning, more dynamic force",

@@ -24,7 +24,7 @@ _PAIRS = {
 }
 
 
-def _shares(modes: Modes) -> dict[str, Any]:
+def shares(modes: Modes) -> dict[str, Any]:
     """Of strain energy by part, of each mode."""
     parts = {name: np.asarray(modes.share(name)) for name in modes.names}
     found = {gear: parts[f"{gear} shaft"] for gear in ("pinion", "wheel")}
@@ -45,12 +45,12 @@ def mesh_energy() -> Finding:
     for label, asked in _PAIRS.items():
         modes = pair_modes(moving(*asked).dynamics)
         speed = 2.0 * math.pi * np.asarray(modes.frequency) / _PINION_TEETH
-        shares = _shares(modes)
+        energy = shares(modes)
         low = np.asarray(modes.frequency) < _HIGHEST
-        row = lambda what, at, label=label, speed=speed, shares=shares: found.rows.append(
-            [label, what, float(speed[at]), *(100.0 * float(shares[x][at]) for x in _PARTS)]
+        row = lambda what, at, label=label, speed=speed, energy=energy: found.rows.append(
+            [label, what, float(speed[at]), *(100.0 * float(energy[x][at]) for x in _PARTS)]
         )
-        mesh = np.where(low, shares["mesh"], 0.0)
+        mesh = np.where(low, energy["mesh"], 0.0)
         centre[label] = float(mesh @ speed / mesh.sum())
         found.rows.append([label, "centre of mesh energy", centre[label], *[None] * len(_PARTS)])
         for at in sorted(np.argsort(mesh)[-5:], key=lambda at: speed[at]):
@@ -59,7 +59,7 @@ def mesh_energy() -> Finding:
         if near.size:
             at = int(near[np.argmax(mesh[near])])
             row("about 410 rad/s", at)
-            wheel[label] = {part: 100.0 * float(shares[part][at]) for part in _PARTS}
+            wheel[label] = {part: 100.0 * float(energy[part][at]) for part in _PARTS}
             wheel[label]["rad/s"] = float(speed[at])
     own, other = wheel["H1"], wheel["webbed pinion"]
     strong = [row[2] for row in found.rows if row[:2] == ["H1", "much in the mesh"]]

@@ -107,6 +107,9 @@ def bearing_loads() -> Finding:
         "the loads of all models add up to the same": bool(
             np.abs(np.asarray(sums) - whole).max() < 1e-3 * np.linalg.norm(whole)
         ),
+        "H2 rigidified: both bearings of the pinion within 5 % of the rigid pair's": bool(
+            np.all(np.abs(size["H2 rigidified"][:2] / size["rigid bodies"][:2] - 1.0) < 0.05)
+        ),
         "web leaning left: B2 takes more than with a rigid body": flexible[1] > stiff[1],
         "web leaning left: B3, at the end, takes less": flexible[2] < stiff[2],
         "B2 takes more with the web on its side than on the other": flexible[1]

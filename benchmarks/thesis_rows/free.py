@@ -1,10 +1,12 @@
 """Bodies of the power pair alone: mass, growth, free modes."""
 
+import dataclasses
+
 import numpy as np
 
 from jaxgear.scene._bodies import body_plan
 from jaxgear.scene._body_build import built_body
-from jaxgear.scene._scene import example_scene
+from jaxgear.scene._scene import Scene, example_scene
 
 from .finding import Finding
 from .leads import SPEED, WEBS
@@ -14,9 +16,9 @@ from .statics import web
 _DIAMETERS = range(2, 8)
 
 
-def _health(scene: str, gear: str, *settings: str):
+def health(scene: Scene, gear: str):
     """What is known of a body, its mass without teeth as the thesis has it."""
-    plan = body_plan(example_scene(scene, [*settings, f"{gear}.body.compare_seats=false"]), gear)
+    plan = dataclasses.replace(body_plan(scene, gear), compares_seats=False)
     return built_body(plan, lambda step: None).health
 
 
@@ -54,13 +56,11 @@ def webs() -> Finding:
     cases = {label: ("power-h1", "wheel", web(web_thickness_mm=x)) for label, x in WEBS.items()}
     cases["pinion"] = ("power-webbed-pinion", "pinion", [])
     for label, (scene, gear, settings) in cases.items():
-        health = _health(scene, gear, *settings)
-        mass = float(health["solid_mass_kg"])
+        own = health(example_scene(scene, settings), gear)
+        mass = float(own["solid_mass_kg"])
         first = first or mass
-        grown[label] = _growth(health, SPEED * (35.0 / 68.0 if gear == "wheel" else 1.0))
-        hertz, diameter = (
-            np.asarray(health[key]) for key in ("free_frequency_Hz", "nodal_diameter")
-        )
+        grown[label] = _growth(own, SPEED * (35.0 / 68.0 if gear == "wheel" else 1.0))
+        hertz, diameter = (np.asarray(own[key]) for key in ("free_frequency_Hz", "nodal_diameter"))
         of = [hertz[diameter == n].min(initial=np.inf) for n in _DIAMETERS]
         lowest[label] = np.asarray(of)
         told = [x if np.isfinite(x) else None for x in of]

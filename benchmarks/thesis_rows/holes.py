@@ -7,9 +7,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+import jaxgear as jg
 from jaxgear._dynamics._march import TimeStepping
+from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._steady_state import steady_states
 from jaxgear._dynamics._steppers import Exponential
+from jaxgear._dynamics._system import DynamicSystem
 from jaxgear._response._loads import hertz_pressure, line_load
 from jaxgear._system._body_tables import teeth_on_lines
 
@@ -78,25 +81,33 @@ def holes(cases: Sequence[str] = ("B", "A", "C")) -> Finding:
 
 
 def tooth_rows(each: Solved) -> dict[str, list[float]]:
+    """`above_and_between` of a solved pair."""
+    load = np.asarray(jax.jit(line_load)(each.cycle, LAW)) * mm
+    pressure = np.asarray(jax.jit(hertz_pressure)(each.model.pair, each.cycle, LAW)) / MPa
+    force = np.asarray(each.cycle.force).reshape(load.shape)
+    lines, teeth = each.cycle.cells.lines, each.model.pair.wheel.teeth
+    return above_and_between(each.grid, lines.periods, teeth, (load, pressure, force))
+
+
+def above_and_between(
+    grid: jg.MeshGrid, periods: int, teeth: int, cells: tuple[np.ndarray, ...]
+) -> dict[str, list[float]]:
     """Of the wheel's teeth above a hole and between holes: largest line load and pressure.
 
     **Arguments:**
 
-    - `each`: of a wheel with six holes, one above tooth 0, over half a revolution.
+    - `grid`, `periods`, `teeth`: of a wheel with six holes, one above tooth 0, over at least half a
+        revolution.
+    - `cells`: line load [N/mm], pressure [MPa] and force [N] by phase, line and slice.
 
     **Returns:**
 
     Largest line load [N/mm] and pressure [MPa] on its way through the mesh, and the largest over
     the mean load across its face [-].
     """
-    lines, pair = each.cycle.cells.lines, each.model.pair
-    periods, teeth = lines.periods, pair.wheel.teeth
-    load = np.asarray(jax.jit(line_load)(each.cycle, LAW)) * mm
-    pressure = np.asarray(jax.jit(hertz_pressure)(pair, each.cycle, LAW)) / MPa
-    force = np.asarray(each.cycle.force).reshape(load.shape)
-    tooth = teeth_on_lines(1, each.grid, periods) % periods
+    tooth = teeth_on_lines(1, grid, periods) % periods
     split = lambda x: x.reshape(periods, -1, *x.shape[1:])
-    load, pressure, force = split(load), split(pressure), split(force)
+    load, pressure, force = map(split, cells)
     # Where a tooth stands between two holes: 0 above one, 30 between two.
     turn = np.arange(periods) * 360.0 / teeth
     apart = np.abs((turn + 30.0) % 60.0 - 30.0)
@@ -113,7 +124,19 @@ def tooth_rows(each: Solved) -> dict[str, list[float]]:
 
 
 HOLED = ("sweep.steps=16", "mesh.slices=8", *(f"wheel.body.{each}" for each in QUICK))
-_marched = eqx.filter_jit(steady_states)
+marched = eqx.filter_jit(steady_states)
+
+
+def force_orders(system: DynamicSystem, orbit: Orbit) -> dict[int, float]:
+    """Amplitudes of the mesh force over the static one, by multiples of the cycle's frequency."""
+    force = np.asarray(orbit.load)[:, 0] / float(system.force)
+    table = system.table
+    middles, lengths = np.asarray(table.middles), np.asarray(table.lengths)
+    size = {}
+    for k in range(1, 2 * table.periods):
+        turned = np.exp(-2j * np.pi * k * middles / table.periods)
+        size[k] = 2.0 * abs(complex(np.sum(lengths * force * turned))) / table.periods
+    return size
 
 
 def holes_in_motion() -> Finding:
@@ -126,7 +149,7 @@ def holes_in_motion() -> Finding:
     )
     each = moving("power-holes", *HOLED)
     method = lambda cycles: TimeStepping(stepper=Exponential(), cycles=cycles)
-    responses = lambda speeds: _marched(each.system, jnp.asarray(speeds), method(20))
+    responses = lambda speeds: marched(each.system, jnp.asarray(speeds), method(20))
     rim = rim_of(each)
     whole = {int(np.sign(row.diameters)): row for row in record("power, leaning").waves[:2]}
     back = next(row for row in crossings(each, 500.0, 20) if row.diameters == 2)
@@ -143,15 +166,9 @@ def holes_in_motion() -> Finding:
             found.rows[-1].append(row.predicted)
     slow = 1100.0
     # The faster, the less of a slow vibration dies away in a cycle.
-    settled = _marched(each.system, jnp.asarray([slow]), method(90))
+    settled = marched(each.system, jnp.asarray([slow]), method(90))
     orbit = jax.tree.map(lambda x: x[0], settled)
-    force = np.asarray(orbit.load)[:, 0] / float(each.system.force)
-    table = each.system.table
-    middles, lengths = np.asarray(table.middles), np.asarray(table.lengths)
-    size = {}
-    for k in range(1, 2 * table.periods):
-        turned = np.exp(-2j * np.pi * k * middles / table.periods)
-        size[k] = 2.0 * abs(complex(np.sum(lengths * force * turned))) / table.periods
+    size, table = force_orders(each.system, orbit), each.system.table
     step = 6 * table.periods // 68
     mesh = table.periods
     named = {
