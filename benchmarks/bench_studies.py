@@ -4,8 +4,8 @@
     python benchmarks/bench_studies.py --workers 2     wall time of one and of two processes
 
 Arithmetic is the vmapped kernel of a chunk, and the same one design after the other, which is what
-a study calls. Processor seconds after compiling; wall times need two free cores. Of workers the
-processor seconds of all processes are told too: what two use beyond one is what starting one costs.
+a study calls: of the first `--alone` designs, as if all took as long. Processor seconds after
+compiling; wall times need two free cores. Of workers the processor seconds of all processes are told too: what two use beyond one is what starting one costs.
 A second run finds its programs compiled.
 """
 
@@ -48,7 +48,7 @@ workers = {workers}
 
 
 def _arithmetic(study: jg.designs.Study, rows: np.ndarray, batched: bool) -> float:
-    """Processor seconds of the kernel alone, a chunk after the other, after compiling."""
+    """Processor seconds of the kernel alone a design, a chunk after the other, after compiling."""
     keys = moved_keys(study, tuple(_keys(study)))
     built = BuiltScene(study.scene)
     call = programs_of(study, built, keys, built.grid, batched=batched)[0]
@@ -58,7 +58,7 @@ def _arithmetic(study: jg.designs.Study, rows: np.ndarray, batched: bool) -> flo
     start = time.process_time()
     for part in parts:
         jax.block_until_ready(call(part, counts))
-    return time.process_time() - start
+    return (time.process_time() - start) / len(rows)
 
 
 def _used() -> float:
@@ -75,6 +75,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--points", type=int, default=4096)
     parser.add_argument("--chunk", type=int, default=256)
+    parser.add_argument("--alone", type=int, default=512)
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--set", action="append", default=[], dest="changes")
     asked = parser.parse_args()
@@ -109,7 +110,7 @@ def main() -> None:
         most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
         print(f"study {whole:.2f} s, its table {table:.2f} s, {len(rows)} designs, {most:.0f} MB")
         for label, batched in (("one after the other", False), ("vmapped", True)):
-            alone = _arithmetic(job.study, rows, batched)
+            alone = len(rows) * _arithmetic(job.study, rows[: asked.alone], batched)
             ratio = (whole + table) / alone
             print(f"arithmetic {label}: {alone:.2f} s; study with table {ratio:.2f} x")
 
