@@ -5,7 +5,8 @@
 
 Arithmetic is the vmapped kernel of a chunk, and the same one design after the other, which is what
 a study calls: of the first `--alone` designs, as if all took as long. Processor seconds after
-compiling; wall times need two free cores. Of workers the processor seconds of all processes are told too: what two use beyond one is what starting one costs.
+compiling; wall times need two free cores. Of workers the processor seconds of all processes are
+told too: what two use beyond one is what starting one costs.
 A second run finds its programs compiled.
 """
 
