@@ -16,7 +16,7 @@ from jaxgear._cli._writing import write_pictures
 from jaxgear._columns import Table
 from jaxgear._whole_file import whole_file, write_csv, write_dataset, write_json, write_text
 from jaxgear.designs._collect import Collected
-from jaxgear.designs._run import WHOLE
+from jaxgear.designs._work import WHOLE
 from jaxgear.scene._rewriting import rewritten
 from jaxgear.study._progress import narration
 from jaxgear.study._result import Summary

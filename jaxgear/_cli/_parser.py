@@ -111,7 +111,7 @@ _STUDY: _Arguments = {
     "--resume": {
         "action": argparse.BooleanOptionalAction,
         "default": True,
-        "help": "go on where it was; --no-resume removes what was computed before",
+        "help": "go on where it was; --no-resume first removes what is there (of a shard, its own)",
     },
     **_PICTURES,
     "--json": _flag("print the summary as JSON"),

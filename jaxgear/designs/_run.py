@@ -5,10 +5,8 @@ import os
 from jaxgear.designs._collect import Collected, collected
 from jaxgear.designs._engines import distributed
 from jaxgear.designs._evaluate import Evaluator
-from jaxgear.designs._work import Shard, begin, compute, job_of, own_chunks
+from jaxgear.designs._work import WHOLE, Shard, begin, compute, job_of, own_chunks
 from jaxgear.study._progress import progress
-
-WHOLE = Shard()
 
 
 def run(
@@ -28,7 +26,7 @@ def run(
     - `path`: the study file (TOML).
     - `folder`: of the results; `results/NAME` without it.
     - `shard`: part of it.
-    - `anew`: whether what was computed before is removed first.
+    - `anew`: whether what was computed before of the shard is removed first.
 
     **Returns:**
 
@@ -42,7 +40,7 @@ def run(
     - `OSError` if results cannot be written.
     """
     job = job_of(path, folder, anew=anew)
-    begin(job, anew=anew)
+    begin(job, shard, anew=anew)
     chunks = own_chunks(job, shard)
     count = sum(len(chunk.designs) for chunk in chunks)
     work = job.study.asked.work

@@ -38,6 +38,9 @@ class Shard(NamedTuple):
     count: int = 1
 
 
+WHOLE = Shard()
+
+
 class Status(NamedTuple):
     """How far a study is.
 
@@ -147,13 +150,15 @@ def _where(study: Study, key: str) -> str:
     return study.where(name) if of == "study" else str(study.path)
 
 
-def begin(job: Job, *, anew: bool = False) -> None:
+def begin(job: Job, shard: Shard = WHOLE, *, anew: bool = False) -> None:
     """Make the folder of a study, and note what its results are made from.
 
     **Arguments:**
 
     - `job`: the study.
-    - `anew`: whether what was computed before is removed.
+    - `shard`: part of it that is computed.
+    - `anew`: whether what was computed before is removed: chunks of this shard, and those that
+        belong to the study no more. Other shards may be at work beside it.
 
     **Raises:**
 
@@ -162,7 +167,10 @@ def begin(job: Job, *, anew: bool = False) -> None:
     chunks = job.folder / _CHUNKS
     chunks.mkdir(parents=True, exist_ok=True)
     if anew:
-        for path in chunks.glob("*.nc"):
+        others = {job.file(chunk) for chunk in job.chunks} - {
+            job.file(chunk) for chunk in _chunks_of_shard(job, shard)
+        }
+        for path in set(chunks.glob("*.nc")) - others:
             path.unlink(missing_ok=True)
     file = job.folder / _ORIGIN
     origin = {"made_from": as_json(origin_of(job.study)), "designs": len(job.table.rows)}
@@ -193,6 +201,10 @@ def status_of(job: Job) -> Status:
 
 def own_chunks(job: Job, shard: Shard) -> tuple[Chunk, ...]:
     """The chunks of a shard that have no results yet."""
+    return tuple(chunk for chunk in _chunks_of_shard(job, shard) if not job.file(chunk).exists())
+
+
+def _chunks_of_shard(job: Job, shard: Shard) -> tuple[Chunk, ...]:
     require(
         0 <= shard.index < shard.count,
         "a shard i/n is one of n, counted from 0, got {index}/{count}. The last is {last}/{count}.",
@@ -200,8 +212,7 @@ def own_chunks(job: Job, shard: Shard) -> tuple[Chunk, ...]:
         count=shard.count,
         last=shard.count - 1,
     )
-    own = job.chunks[shard.index :: shard.count]
-    return tuple(chunk for chunk in own if not job.file(chunk).exists())
+    return job.chunks[shard.index :: shard.count]
 
 
 def compute(

@@ -3,6 +3,7 @@
 import importlib.metadata
 import json
 import re
+import shutil
 import sys
 from pathlib import Path
 
@@ -23,7 +24,7 @@ from jaxgear.designs._datasets import chunk_dataset, together
 from jaxgear.designs._evaluate import Rows
 from jaxgear.designs._statistics import effects_dataset, quantiles_dataset
 from jaxgear.designs._table import design_table, unfit
-from jaxgear.designs._work import job_of
+from jaxgear.designs._work import Shard, begin, job_of
 from jaxgear.scene._bodies import body_plan
 from jaxgear.study._result import Result
 
@@ -285,6 +286,19 @@ def test_changed_scene_is_refused_by_key_and_line(solved):
     assert "mesh.phases: is 9, and was 8 for 3 finished chunks" in str(caught.value)
     assert f"{other}:12: work.chunk: is 3, and was 2" in str(caught.value)
     assert job_of(other, path.parent / "out", anew=True).missing
+
+
+def test_a_shard_begins_anew_without_removing_the_chunks_of_others(solved, tmp_path):
+    path, _ = solved
+    shutil.copytree(path.parent / "out", tmp_path / "out")
+    job = job_of(path, tmp_path / "out")
+    older = tmp_path / "out" / "chunks" / "older.nc"
+    older.write_bytes(b"")
+    begin(job, Shard(1, 2), anew=True)
+    assert not older.exists()
+    assert [chunk in job.missing for chunk in job.chunks] == [False, True, False]
+    begin(job, anew=True)
+    assert job.missing == job.chunks
 
 
 def test_parquet_has_the_table_and_what_it_is_made_from(solved, tmp_path):
