@@ -1,6 +1,6 @@
 """What the thesis's numbers say of the web that its text does not draw: the power pair's wheel.
 
-`python benchmarks/fit_web.py [--kept DIR]`
+`python benchmarks/fit_web.py [--grown UM] [--kept FILE]`
 
 Fitted by least squares: thickness of the web, its places under the rim and on the hub, inner
 diameter of the rim, outer diameter of the hub. To what the text says of case O: free frequencies of
@@ -58,8 +58,8 @@ MEASURES = {
 MODES = ((2, 0, 2250.0), (3, 1, 9595.0), (4, 1, 12954.0), (2, 2, 13456.0), (3, 2, 17922.0))
 # The edge away from the web, at the right in our scene; case D and E's masses over case O's.
 GROWTH, LIGHTER = 80.0 * um, ((0.76, -0.06), (0.52, -0.12))
-# What a residual of one stands for: 2 % of a frequency, 4 um, half a point of mass.
-_FREQUENCY, _GROWN, _MASS = 0.02, 4.0 * um, 0.005
+# What a residual of one stands for: 2 % of a frequency, half a point of mass.
+_FREQUENCY, _MASS = 0.02, 0.005
 
 
 class Seen(NamedTuple):
@@ -70,13 +70,12 @@ class Seen(NamedTuple):
     growth: tuple[float, float]
     lighter: np.ndarray
 
-    @property
-    def residual(self) -> np.ndarray:
-        """How far off, over the scales."""
+    def residual(self, grown: float) -> np.ndarray:
+        """How far off, over the scales; `grown` is that of the growth [m]."""
         wanted = np.asarray([hertz for _, _, hertz in MODES])
         parts = (
             (self.hertz / wanted - 1.0) / _FREQUENCY,
-            [(max(self.growth) - GROWTH) / _GROWN],
+            [(max(self.growth) - GROWTH) / grown],
             (self.lighter - [less for _, less in LIGHTER]) / _MASS,
         )
         return np.concatenate(parts)
@@ -145,21 +144,24 @@ def _growth(full: FullBody, stiffness: csr_array, mass: csr_array) -> tuple[floa
             x, y, z = nodes[node]
             radial = float(moved[point][:2] @ (x, y)) / math.hypot(x, y)
             ends.setdefault(round(z, 7), []).append(radial)
-    return tuple(float(np.mean(ends[z])) for z in (min(ends), max(ends)))
+    left, right = (float(np.mean(ends[z])) for z in (min(ends), max(ends)))
+    return left, right
 
 
 def main() -> None:
     """Fit, print what comes out, and keep it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kept", type=Path, default=KEPT)
+    parser.add_argument("--grown", type=float, default=4.0, help="scale of the growth, um")
     parser.add_argument("--start", action="store_true", help="only show the ready scene's wheel")
     asked = parser.parse_args()
+    residual = lambda found: found.residual(asked.grown * um)
     start, low, high, scale = np.asarray(list(MEASURES.values())).T
     _tell("ready scene", start, seen(start))
     if asked.start:
         return
     found = least_squares(
-        lambda x: seen(x * scale).residual,
+        lambda x: residual(seen(x * scale)),
         start / scale,
         bounds=(low / scale, high / scale),
         diff_step=2e-3,
@@ -184,8 +186,8 @@ def main() -> None:
         "hertz": best.hertz.tolist(),
         "growth_um": [x / um for x in best.growth],
         "lighter": best.lighter.tolist(),
-        "residual": best.residual.tolist(),
-        "cost": [float(np.sum(seen(start).residual ** 2)), float(2.0 * found.cost)],
+        "residual": residual(best).tolist(),
+        "cost": [float(np.sum(residual(seen(start)) ** 2)), float(2.0 * found.cost)],
         "told": told,
     }
     asked.kept.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
@@ -196,7 +198,7 @@ def _tell(label: str, values: np.ndarray, found: Seen) -> None:
     for (n, which, wanted), hertz in zip(MODES, found.hertz, strict=True):
         print(f"  n = {n}, pair {which + 1}: {hertz:.0f} Hz, thesis {wanted:.0f}")
     print(f"  growth left, right {found.growth[0] / um:.1f}, {found.growth[1] / um:.1f} um")
-    print(f"  lighter by {found.lighter}; sum of squares {np.sum(found.residual**2):.2f}")
+    print(f"  lighter by {found.lighter}")
 
 
 if __name__ == "__main__":
