@@ -28,7 +28,7 @@ from fem_prep._solvers import factorise
 from fem_prep._symmetry import waves_of
 from jaxgear.scene._bodies import BodyPlan, Drawn, body_plan
 from jaxgear.scene._body_build import Steps, full_of
-from jaxgear.scene._scene import ready_scene
+from jaxgear.scene._scene import example_scene
 
 mm, um, deg = 1e-3, 1e-6, math.pi / 180.0
 KEPT = Path(__file__).parent / "fit_web.json"
@@ -83,7 +83,7 @@ class Seen(NamedTuple):
 
 def plan_with(values: np.ndarray) -> BodyPlan:
     """The wheel of `power-h1` with some measures of its web."""
-    return body_plan(ready_scene("power-h1", settings_of(values)), "wheel")
+    return body_plan(example_scene("power-h1", settings_of(values)), "wheel")
 
 
 def settings_of(values: np.ndarray) -> list[str]:

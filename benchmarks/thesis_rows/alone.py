@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from jaxgear._dynamics._campbell import TurningModes, turning_modes
-from jaxgear.scene._scene import READY, Scene, read_scene, ready_scene
+from jaxgear.scene._scene import READY, Scene, example_scene, read_scene
 
 from .finding import Finding
 from .free import health
@@ -107,7 +107,7 @@ def wheel_without_shaft() -> Finding:
 
 def pinion_alone() -> Finding:
     """Fig. IV-37: the webbed pinion alone beside the stage."""
-    found = health(ready_scene("power-webbed-pinion"), "pinion")
+    found = health(example_scene("power-webbed-pinion"), "pinion")
     turning = _meshed("power-webbed-pinion", ("pinion", "wheel"))
     table = _beside(
         "The webbed pinion alone, with its shaft, beside the stage (Fig. IV-37)",
@@ -134,7 +134,7 @@ def pinion_alone() -> Finding:
 
 def families() -> Finding:
     """Fig. III-20: modes of the power wheel by nodal diameters and circles."""
-    found = health(ready_scene("power-h1"), "wheel")
+    found = health(example_scene("power-h1"), "wheel")
     table = Finding(
         "Families of the power wheel's modes by nodal circles, axial (Fig. III-20)",
         "as those of a disc: in a family the frequency rises with the diameters, and the more "

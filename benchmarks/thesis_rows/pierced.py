@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxgear._dynamics._march import Marching
+from jaxgear._dynamics._march import TimeStepping
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._steppers import Exponential
 from jaxgear._response._dynamic import pressed_cells
@@ -57,7 +57,7 @@ class Pierced(NamedTuple):
 
 
 def _settled(each: Moving, speed: float, cycles: int) -> Orbit:
-    method = Marching(stepper=Exponential(), cycles=cycles)
+    method = TimeStepping(stepper=Exponential(), cycles=cycles)
     found = jax.tree.map(lambda x: x[0], marched(each.system, jnp.asarray([speed]), method))
     assert bool(found.settled), f"{speed} rad/s did not settle in {cycles} cycles"
     return found
