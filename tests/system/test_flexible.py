@@ -364,7 +364,7 @@ def test_a_body_narrower_than_the_face_is_refused():
 def test_a_body_beside_its_teeth_is_refused():
     body = hybrid_cases.body("spur", 1)
     beside = dataclasses.replace(body, rim_nodes=np.add(body.rim_nodes, [0.0, 0.0, 3e-3]))
-    _refused(r"stand on the rim.*z = 0 in the middle of the face", beside)
+    _refused(r"be attached to the rim.*z = 0 in the middle of the face", beside)
 
 
 def test_a_rim_without_faces_is_refused():
