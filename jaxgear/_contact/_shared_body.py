@@ -84,20 +84,17 @@ class SharedBody(eqx.Module):
         return give_alone(self.influence[0], self.resultants(roll))
 
 
-def where_helical(
-    pair: GearPair, function: Callable[..., Array], without: Callable[..., Array], *operands: Any
-) -> Array:
-    """What there is with loads along the axis: spur gears have none, and do not pay for them.
+def where_helical(pair: GearPair, function: Callable[..., Array], *operands: Any) -> Array:
+    """What loads along the axis add: nothing without a helix, and spur gears do not pay for it.
 
-    At a helix of zero they add nothing, but their slope by the helix is not zero: derivatives are
-    those of the function everywhere.
+    At a helix of zero it is nothing, its slope by the helix is not: derivatives are those of the
+    function everywhere.
 
     **Arguments:**
 
     - `pair`: the gears.
-    - `function`: of arrays and modules alone.
-    - `without`: the same where the helix is zero, for less.
-    - `operands`: what both are of.
+    - `function`: of arrays and modules alone; zero where the helix is.
+    - `operands`: what it is of.
 
     **Returns:**
 
@@ -106,7 +103,8 @@ def where_helical(
 
     @jax.custom_jvp
     def found(helix: Scalar, *operands: Any) -> Array:
-        return jax.lax.cond(helix != 0.0, function, without, *operands)
+        none = lambda *operands: jnp.zeros(jax.eval_shape(function, *operands).shape)
+        return jax.lax.cond(helix != 0.0, function, none, *operands)
 
     @found.defjvp
     def _(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
