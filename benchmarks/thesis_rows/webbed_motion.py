@@ -3,6 +3,7 @@
 import functools
 
 import numpy as np
+from scipy.signal import find_peaks
 
 from jaxgear.scene._build import model_of
 
@@ -27,17 +28,8 @@ def _sweep(name: str, *settings: str, speeds: np.ndarray = SPEEDS) -> Curve:
 def _peaks(curve: Curve) -> list[float]:
     """Speeds of its peaks, the highest first [rad/s]."""
     ratio = np.nan_to_num(curve.ratio, nan=1.0)
-    tops = [i for i in range(1, len(ratio) - 1) if ratio[i] > max(ratio[i - 1], ratio[i + 1])]
-    kept = []
-    for top in tops:
-        left = next((i for i in range(top - 1, -1, -1) if ratio[i] > ratio[top]), 0)
-        right = next(
-            (i for i in range(top + 1, len(ratio)) if ratio[i] > ratio[top]), len(ratio) - 1
-        )
-        valley = max(ratio[left : top + 1].min(), ratio[top : right + 1].min())
-        if ratio[top] - valley > _RISE:
-            kept.append(top)
-    return [float(curve.speed[i]) for i in sorted(kept, key=lambda i: -ratio[i])]
+    tops, _ = find_peaks(ratio, prominence=_RISE)
+    return [float(curve.speed[i]) for i in sorted(tops, key=lambda i: -ratio[i])]
 
 
 def solid_and_webbed() -> Finding:
