@@ -10,6 +10,7 @@ import numpy as np
 from jaxgear._dynamics._modes import pair_modes
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._response._body_motion import BodyMotion, Spectrum, body_motion
+from jaxgear._response._dynamic import order_amplitudes
 from jaxgear.study._moving_body import MovingBody
 from jaxgear.study._probes import probe_at
 
@@ -63,11 +64,8 @@ def spectra() -> Spectra:
     each = moving("power-h1", "wheel.body.compare_seats=false")
     rim, teeth = rim_of(each), each.model.pair.wheel.teeth
     curve, orbits = sweep(each.system, SPEEDS)
-    table = each.system.table
-    middles, lengths = np.asarray(table.middles), np.asarray(table.lengths)
-    turned = np.exp(-2j * np.pi * np.outer(np.arange(1, 5), middles))
-    load = np.asarray(orbits.load)[:, :, 0] / float(each.system.force)
-    force = 2.0 * np.abs(load @ (turned * lengths).T)
+    load = orbits.load[:, :, 0] / each.system.force
+    force = np.asarray(jax.vmap(lambda own: order_amplitudes(each.system, own, 4))(load))
     found = Spectra(each, orbits, curve.ratio, np.empty(0), force, np.empty(0), rim.angle)
     node, probe = [], []
     for at in range(len(SPEEDS)):
