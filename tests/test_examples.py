@@ -18,6 +18,13 @@ def test_there_are_examples():
     assert _NOTEBOOKS
 
 
+def test_notebooks_are_stored_without_outputs():
+    """What was printed once says nothing of today's code."""
+    for path in _NOTEBOOKS:
+        cells = nbformat.read(path, as_version=4).cells
+        assert not [cell.outputs for cell in cells if cell.get("outputs")], path.name
+
+
 def _is_promised_by_the_optimum(text: str) -> None:
     found = re.search(r"exact contact: (\d+\.\d+) um, plain (\d+\.\d+) um", text)
     assert found is not None
@@ -28,12 +35,14 @@ def _is_promised_by_the_optimum(text: str) -> None:
 def _is_promised_by_the_shafts(text: str) -> None:
     """What its prose says, from what it prints."""
     promised = (
-        (r"^weber +(\S+) +(\S+)$", (9.88, 2.358), 0.005),
-        (r"^ring, one update +(\S+) +(\S+)$", (16.43, 1.913), 0.005),
-        (r"^mean TE (\S+) um, face load factor (\S+)$", (25.76, 1.0129), 0.005),
-        (r"^helix slope  0\.000 um: .* K_Hbeta (\S+)$", (1.116,), 0.002),
-        (r"^1e\+08 N/m: K_Hbeta (\S+) plain, (\S+) sloped", (1.39, 1.275), 0.005),
-        (r"^1e\+10 N/m: K_Hbeta (\S+) plain, (\S+) sloped", (1.084, 1.033), 0.005),
+        (r"^weber, slices apart +(\S+) +(\S+) +(\S+)$", (9.88, 2.358, 1.0), 0.002),
+        (r"^\.\.\. one update +(\S+) +(\S+) +(\S+)$", (16.43, 1.913, 1.0), 0.002),
+        (r"^ring, coupled, one update +(\S+) +(\S+) +(\S+)$", (16.13, 1.895, 1.192), 0.002),
+        (r"^mean TE (\S+) um, face load factor (\S+)$", (25.46, 1.203), 0.002),
+        (r"^on rigid mounts (\S+) um, (\S+)$", (16.02, 1.169), 0.002),
+        (r"^helix slope  0\.000 um: .* K_Hbeta (\S+)$", (1.475,), 0.002),
+        (r"^1e\+08 N/m: K_Hbeta (\S+) plain, (\S+) sloped", (2.18, 1.88), 0.005),
+        (r"^1e\+10 N/m: K_Hbeta (\S+) plain, (\S+) sloped", (1.39, 1.26), 0.005),
         (r"^order  1: .* alone (\S+) um$", (5.0,), 1e-4),
     )
     for pattern, numbers, tolerance in promised:
@@ -104,17 +113,17 @@ def _is_promised_by_the_crowning(text: str) -> None:
 
 def _is_promised_by_the_speeds(text: str) -> None:
     """One depth quietens all speeds; its slopes are asserted there."""
-    worst = re.search(r"worst RMS (\S+) um plain, (\S+) um with 12 um", text)
+    worst = re.search(r"worst RMS (\S+) um plain, (\S+) um with 11 um", text)
     assert worst is not None
-    assert float(worst[2]) < 0.1 * float(worst[1])
-    assert "best depths from 12 to 14 um" in text
+    assert float(worst[2]) < float(worst[1]) / 8
+    assert "best depths from 11 to 14 um" in text
     rows = re.findall(r"rad/s: (\S+) um per um of relief, (\S+) um per N m", text)
     assert len(rows) == 5
     assert all(float(depth) < 0.0 < float(torque) for depth, torque in rows)
 
 
 def _is_promised_by_the_robust_relief(text: str) -> None:
-    """Deeper and shorter, worse on paper, better where 95 % of the gears are."""
+    """Deeper and shorter, worse on paper, a twentieth better where 95 % of the gears are."""
     pattern = r"depth (\S+) um, extent (\S+): RMS (\S+) um"
     (depth, extent, rms), (deeper, shorter, worse) = (
         map(float, row) for row in re.findall(pattern, text)
@@ -122,8 +131,12 @@ def _is_promised_by_the_robust_relief(text: str) -> None:
     assert deeper > depth + 2.0
     assert shorter < extent - 0.02
     assert worse > 1.2 * rms
-    spread = dict(re.findall(r"(nominal|robust): mean \S+ um, 95 % below (\S+) um", text))
-    assert float(spread["robust"]) < 0.9 * float(spread["nominal"])
+    found = re.findall(r"(?:nominal|robust): mean (\S+) um, 95 % below (\S+) um", text)
+    (mean, most), (robust_mean, robust_most) = (map(float, row) for row in found)
+    assert robust_mean == pytest.approx(mean, rel=0.01)
+    assert robust_most == pytest.approx(0.95 * most, rel=0.01)
+    assert re.search(r"^nominal: most by depth, ", text, flags=re.MULTILINE)
+    assert re.search(r"^robust: most by profile slope, ", text, flags=re.MULTILINE)
 
 
 def _is_promised_by_the_surrogate(text: str) -> None:
