@@ -148,7 +148,9 @@ def foundations(folder: Path) -> list[dict]:
 
     rows = []
     for name in ("none", "weber", "sainsot", "ring", "ring, load update"):
-        settings = [f"mesh.foundation={name.partition(',')[0]}", "mesh.slices=1"]
+        settings = [f"mesh.foundation={name.partition(',')[0]}"]
+        # In a plane, as the elements are.
+        settings += ["mesh.face_coupling=none", "mesh.slices=1"]
         scene = jg.example_scene(
             "accessory", [*settings, f"mesh.line_load_updates={int(',' in name)}"]
         )

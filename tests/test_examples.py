@@ -30,6 +30,12 @@ def _is_promised_by_the_optimum(text: str) -> None:
     assert found is not None
     assert float(found[1]) < 0.3
     assert 2.0 < float(found[2]) < 2.1
+    mean = re.search(r"TE: mean (\S+) um", text)
+    depths = re.findall(r"(?:: depth|that extent) (\S+) um", text)
+    assert mean is not None
+    assert float(mean[1]) == pytest.approx(25.5, abs=0.05)
+    depth, closed = map(float, depths)
+    assert closed / depth == pytest.approx(1.24, abs=0.005)
 
 
 def _is_promised_by_the_shafts(text: str) -> None:
@@ -88,7 +94,7 @@ def _is_promised_by_the_curves(text: str) -> None:
     rows = re.findall(r"extent 0\.\d+: depth +(\S+) um, closed form +(\S+) um", text)
     assert len(rows) == 6
     for (rigid, closed), (thin, _) in zip(rows[:3], rows[3:], strict=True):
-        assert 0.8 < float(rigid) / float(closed) < 0.9
+        assert 0.83 < float(rigid) / float(closed) < 0.87
         assert abs(float(thin) / float(rigid) - 1.0) < 0.05
     margins = [float(x) for x in re.findall(r"off by ([\d.]+) um at most", text)]
     assert len(margins) == 3
