@@ -176,7 +176,8 @@ def _coupling(
     plane, axial = ([body for body in bodies if body.axial == along] for along in (False, True))
     total = _by_roots(plane, on_path)
     if axial:
-        total += where_helical(pair, _by_roots, axial, on_path)
+        none = lambda _, roll: jnp.zeros((*roll.shape[:2], *roll.shape[1:]))
+        total += where_helical(pair, _by_roots, none, axial, on_path)
     longer = jnp.maximum(share[:, :, None, :], share[:, None, :, :])
     both = in_mesh[:, :, None, :] & in_mesh[:, None, :, :]
     return jnp.where(both, total / (longer * lines.length), 0.0)

@@ -6,7 +6,7 @@ influence between roots is multiplied by its operator likewise. Products of posi
 matrices, element by element, are positive definite (Schur), and with them all that is added here.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -84,7 +84,7 @@ def face_cells(
     common = pair.face_width / slant
     # What a body that couples teeth has in it of their roots is negative.
     signs = jnp.sign(jnp.sum(parts.rest, axis=1))
-    roots, operators, bodies = [], [], []
+    roots, operators, bodies, contacts = [], [], [], []
     for gear, each in enumerate((pair.pinion, pair.wheel)):
         face = each.face_width / slant
         shift, none = parts.shift[gear], jnp.zeros(())
@@ -97,18 +97,17 @@ def face_cells(
         # Those that stay in a cell have images in the ends too.
         image = jnp.mean(end_images(within, slices, common, face, ends), axis=0)
         image *= parts.per_log[gear] * np.log(_LOCAL)
-        operators.append(jnp.stack([beam, root, signs[gear] * body, image, *contact]))
+        operators += [beam, root, signs[gear] * body, image, *contact]
         bodies.append(_between_teeth(pair, lines, parts, gear))
         weights = parts.per_log[gear] * step * _up_to((at.longest[gear] - first) / step)
         whole = jnp.ones_like(lines.roll)
-        own = [at.beam[gear], at.root[gear], at.rest[gear], whole, *_root(weights)]
-        roots.append(jnp.stack(own))
-    coupling = _on_each_line(jnp.stack(roots), jnp.stack(operators))
-    if shared:
-        coupling += _between_lines(pair, lines, shared, bodies)
+        roots += [at.beam[gear], at.root[gear], at.rest[gear], whole, *_root(weights)]
+        contacts.append(weights)
+    own = _on_each_line(jnp.stack(roots), jnp.stack(operators))
+    coupling = _between_cells(pair, lines, shared, bodies, own)
     beam, root = (jnp.sum(part**2, axis=0) for part in (at.beam, at.root))
     rest = jnp.sum(signs.reshape(2, 1, 1, 1) * at.rest**2, axis=0)
-    weights = sum(each[4:] ** 2 for each in roots)
+    weights = sum(contacts)
     contacts = jnp.sum(weights, axis=0)
     reaching = jnp.concatenate([jnp.stack([beam, root]), weights])
     narrower = _narrower(lines, reaching, jnp.concatenate([parts.lengths[:2], reach]), common)
@@ -154,38 +153,61 @@ def _root(part: Reals) -> Reals:
 
 
 def _on_each_line(roots: Array, operators: Array) -> Array:
-    """Operators between the cells of each line, times the roots of both: the sum of all parts.
+    """Operators between the cells of each line, times the roots of both: the sum of all parts."""
 
-    Gears in turn: as one expression, XLA would work out every root anew for each pair of cells.
+    def of(_: None, roots: Array):
+        parts = zip(roots, operators, strict=True)
+        return None, sum(x[..., :, None] * x[..., None, :] * along[None] for x, along in parts)
+
+    # Line by line, else XLA would work out all of it anew for each pair of lines.
+    found = jax.lax.scan(of, None, jnp.moveaxis(roots, 2, 0))[1]
+    return jnp.moveaxis(found, 0, 1)
+
+
+class _Between(NamedTuple):
+    """A part of compliance between lines, as products.
+
+    Loads on roots and what roots feel of them, each by resultants, and an operator along the face.
     """
-    _, parts, phases, lines, slices = roots.shape
 
-    def add(total: Array, gear: tuple[Array, Array]):
-        root, operator = gear
-        for i in range(parts):
-            both = root[i, ..., :, None] * root[i, ..., None, :]
-            total += both * operator[i, None, None]
-        return total, None
-
-    start = jnp.zeros((phases, lines, slices, slices))
-    own = jax.lax.scan(add, start, (roots, operators))[0]
-    same = jnp.asarray(np.eye(lines))[None, :, None, :, None]
-    return own[:, :, :, None, :] * same
+    load: Array
+    felt: Array
+    operator: Array
 
 
-def _between_lines(
+def _between_cells(
     pair: GearPair,
     lines: ContactLines,
     bodies: tuple[SharedBody, ...],
     spread: list[Array],
+    own: Array,
 ) -> Array:
-    """Compliance by the roots of teeth that share a body, times its operators along the face."""
-    plane = [body for body in bodies if not body.axial]
-    total = _of_bodies(pair, lines, plane, jnp.stack([spread[body.gear] for body in plane]))
+    """Compliance within lines, and by the roots of teeth that share a body: all in one pass.
+
+    Arrays of all pairs of cells are large: what costs is how often they are read and written.
+    """
     sheared = [body for body in bodies if body.axial and not body.bends]
     plates = [body for body in bodies if body.bends]
-    if sheared:
-        total += where_helical(pair, _along_axis, pair, lines, sheared, plates, spread)
+    plane = [body for body in bodies if not body.axial]
+    terms = _of_bodies(pair, lines, plane, [spread[body.gear] for body in plane])
+    if not sheared:
+        return _summed(own, terms)
+
+    def along_axis_too(own: Array, terms: list[_Between], *others: Any) -> Array:
+        return _summed(own, terms + _along_axis(*others))
+
+    without = lambda own, terms, *others: _summed(own, terms)
+    operands = (own, terms, pair, lines, sheared, plates, spread)
+    return where_helical(pair, along_axis_too, without, *operands)
+
+
+def _summed(own: Array, terms: list[_Between]) -> Array:
+    """Compliance within lines and between them."""
+    same = jnp.asarray(np.eye(own.shape[1]))[None, :, None, :, None]
+    total = own[:, :, :, None, :] * same
+    for load, felt, operator in terms:
+        each = (x[..., None, None] * y[:, :, None] for x, y in zip(load, felt, strict=True))
+        total += sum(each) * operator[None]
     return total
 
 
@@ -195,14 +217,14 @@ def _along_axis(
     sheared: list[SharedBody],
     plates: list[SharedBody],
     spread: list[Array],
-) -> Array:
+) -> list[_Between]:
     """Compliance by axial loads."""
-    operators = jnp.stack([spread[body.gear] for body in sheared])
-    total = _of_bodies(pair, lines, sheared, operators)
+    terms = _of_bodies(pair, lines, sheared, [spread[body.gear] for body in sheared])
     # What loads in the plane do to themselves through a plate is in its operators already.
-    operators = jnp.stack([_even_across(pair, body, lines) for body in plates])
-    total += _of_bodies(pair, lines, plates, operators, (1.0, 1.0))
-    return total - _of_bodies(pair, lines, plates, operators, (0.0, 1.0))
+    operators = [_even_across(pair, body, lines) for body in plates]
+    terms += _of_bodies(pair, lines, plates, operators, (1.0, 1.0))
+    taken = _of_bodies(pair, lines, plates, operators, (0.0, 1.0))
+    return terms + [each._replace(load=-each.load) for each in taken]
 
 
 def _even_across(pair: GearPair, body: SharedBody, lines: ContactLines) -> Array:
@@ -242,10 +264,12 @@ def _of_bodies(
     pair: GearPair,
     lines: ContactLines,
     bodies: list[SharedBody],
-    spread: Array,
+    operators: list[Array],
     shares: tuple[float, float] = (1.0, 0.0),
-) -> Array:
-    """Of loads at roots, and of those that tilt a plate, given shares; times operators."""
+) -> list[_Between]:
+    """Of loads at roots, and of those that tilt a plate, given shares; with operators."""
+    if not bodies:
+        return []
     count = range(lines.roll.shape[1])
     nodes = [jnp.moveaxis(body.resultants(path_nodes(pair)), -1, 0) for body in bodies]
     loads = along_path(pair, jnp.stack(nodes), lines.roll)
@@ -261,15 +285,7 @@ def _of_bodies(
     )
     # Of each resultant at the first root, by a load on the line of the second one.
     moved = jnp.einsum("gijab,gbpjs->gapijs", influence, loads)
-
-    def add(total: Array, body: tuple[Array, Array, Array]):
-        load, felt, operator = body
-        each = (load[a][..., None, None] * felt[a][:, :, None] for a in range(load.shape[0]))
-        return total + sum(each) * operator[None], None
-
-    slices = lines.face_position.size
-    start = jnp.zeros((*lines.roll.shape, len(count), slices))
-    return jax.lax.scan(add, start, (loads, moved, spread))[0]
+    return [_Between(*each) for each in zip(loads, moved, operators, strict=True)]
 
 
 def _narrower(lines: ContactLines, given: Array, length: Reals, common: Scalar) -> LineGrid:

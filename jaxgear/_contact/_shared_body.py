@@ -6,6 +6,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array
 
 from jaxgear._contact._ring import give_alone, root_resultants
@@ -84,17 +85,20 @@ class SharedBody(eqx.Module):
         return give_alone(self.influence[0], self.resultants(roll))
 
 
-def where_helical(pair: GearPair, function: Callable[..., Array], *operands: Any) -> Array:
-    """What loads along the axis add: nothing without a helix, and spur gears do not pay for it.
+def where_helical(
+    pair: GearPair, function: Callable[..., Array], without: Callable[..., Array], *operands: Any
+) -> Array:
+    """What there is with loads along the axis: spur gears have none, and do not pay for them.
 
-    At a helix of zero it is nothing, its slope by the helix is not: derivatives are those of the
-    function everywhere.
+    At a helix of zero they add nothing, but their slope by the helix is not zero: derivatives by
+    the helix are those of the function everywhere.
 
     **Arguments:**
 
     - `pair`: the gears.
-    - `function`: of arrays and modules alone; zero where the helix is.
-    - `operands`: what it is of.
+    - `function`: of arrays and modules alone.
+    - `without`: the same where the helix is zero, for less.
+    - `operands`: what both are of.
 
     **Returns:**
 
@@ -103,11 +107,22 @@ def where_helical(pair: GearPair, function: Callable[..., Array], *operands: Any
 
     @jax.custom_jvp
     def found(helix: Scalar, *operands: Any) -> Array:
-        none = lambda *operands: jnp.zeros(jax.eval_shape(function, *operands).shape)
-        return jax.lax.cond(helix != 0.0, function, none, *operands)
+        return jax.lax.cond(helix != 0.0, function, without, *operands)
 
-    @found.defjvp
-    def _(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
-        return jax.jvp(lambda _, *operands: function(*operands), primals, tangents)
+    def slopes(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
+        leaves, tree = jax.tree.flatten(primals)
+        moves = [not isinstance(each, SymbolicZero) for each in jax.tree.leaves(tangents)]
+        moved = [each for each, does in zip(leaves, moves, strict=True) if does]
+        # Where the helix stays, at zero neither side depends on what moves along the axis.
+        either = (lambda _, *operands: function(*operands)) if moves[0] else found.fun
 
+        def of(*moved: Array) -> Array:
+            left = iter(moved)
+            every = [next(left) if does else at for at, does in zip(leaves, moves, strict=True)]
+            return either(*jax.tree.unflatten(tree, every))
+
+        given = [each for each, does in zip(jax.tree.leaves(tangents), moves, strict=True) if does]
+        return jax.jvp(of, moved, given)
+
+    found.defjvp(slopes, symbolic_zeros=True)
     return found(pair.helix_angle, *operands)

@@ -98,7 +98,11 @@ def test_nothing_without_a_helix_has_a_slope_by_it():
     gear = jg.Gear(24, 15.0 * mm, 0.0)
     pair_of = lambda helix: jg.GearPair(gear, gear, 3.0 * mm, 20.0 * deg, helix)
     added = lambda helix, by: where_helical(
-        pair_of(helix), lambda pair, by: jnp.sin(pair.helix_angle) * by, pair_of(helix), by
+        pair_of(helix),
+        lambda pair, by: jnp.sin(pair.helix_angle) * by,
+        lambda pair, by: jnp.zeros_like(by),
+        pair_of(helix),
+        by,
     )
     three = _real(3.0)
     assert added(_real(0.0), three) == 0.0
