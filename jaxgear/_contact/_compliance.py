@@ -357,6 +357,9 @@ def single_pair_stiffness(
 ) -> Scalar:
     """Largest stiffness of one tooth pair along the path of contact.
 
+    Of a law of the tooth on faces as wide as the contact: a wider gear's overhang, which stiffens
+    cells that feel each other along the face, is not in it.
+
     **Arguments:**
 
     - `pair`: the gears.
