@@ -151,6 +151,58 @@ def test_slices_converge_in_first_order_or_better():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("law", [jg.ExactContact(), jg.SmoothContact(width=0.5 * um)])
+def test_derivatives_of_helical_teeth_against_differences(law):
+    """By what leaves the axial direction alone, and by the helix and all that it moves."""
+    start = _helical(20.0, 8.0, 6.0)
+    grid = jg.mesh_grid(start.pair, phases=8, slices=4)
+
+    def error(numbers):
+        cycle = jg.mesh_cycle(eqx.tree_at(_moved, start, numbers), grid, law=law, throw=False)
+        return 1e6 * jnp.sum(cycle.cells.lines.weight * cycle.approach)
+
+    # Numbers are arguments: as constants of a program they take minutes to fold.
+    def along(still, helical, by):
+        return jax.jvp(lambda part: error((*still, *part)), (helical,), (by,))
+
+    def along_still(still, helical, by):
+        return jax.jvp(lambda part: error((*part, *helical)), (still,), (by,))
+
+    numbers = _moved(start)
+    still, helical = numbers[:2], numbers[2:]
+    value = jax.jit(lambda still, helical: error((*still, *helical)))
+    moved = lambda part, by: tuple(each * (1.0 + by) for each in part)
+    step = 1e-5
+    ahead, behind = (value(moved(still, by), helical) for by in (step, -step))
+    slope = jax.jit(along_still)(still, helical, still)[1]
+    assert_close(slope, (ahead - behind) / (2.0 * step), rtol=1e-6, atol=0.0)
+    ahead, behind = (value(still, moved(helical, by)) for by in (step, -step))
+    slope = jax.jit(along)(still, helical, helical)[1]
+    assert_close(slope, (ahead - behind) / (2.0 * step), rtol=1e-5, atol=0.0)
+    # In reverse, one by one.
+    reverse = jax.grad(lambda helical, still: error((*still, *helical)))
+    slopes = jax.jit(reverse)(helical, still)
+    assert_close(
+        sum(jnp.vdot(*each) for each in zip(slopes, helical, strict=True)),
+        slope,
+        rtol=1e-9,
+        atol=0.0,
+    )
+
+
+def _moved(model: jg.PairModel) -> tuple:
+    pair, flank = model.pair, model.flanks.wheel
+    return (
+        model.torque,
+        flank.parts[0].depth,
+        pair.helix_angle,
+        pair.normal_module,
+        pair.pinion.face_width,
+        pair.wheel.bore,
+    )
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("helix", [15.0, 30.0])
 def test_slices_of_helical_teeth_converge_in_first_order_or_better(helix):
     """The mean; what is largest at an edge does not, nor RMS where phases are the coarser."""
