@@ -286,3 +286,25 @@ def test_wheel_with_a_web_of_other_elements(tmp_path):
     assert abs(found["te_rms_um"] / 2.1859 - 1.0) < 0.015
     assert abs(found["max_pressure_MPa"] / 1419.0 - 1.0) < 0.01
     assert abs(found["face_load_factor"] / 2.1231 - 1.0) < 0.04
+
+
+@pytest.mark.slow
+def test_coupled_slices_on_a_web_with_crowning_and_slope(tmp_path):
+    """Nothing of the law was chosen by this case."""
+    from jaxgear.study import run
+
+    flanks = "flank.wheel.crowning_um=8", "flank.wheel.helix_slope_um=12"
+    elements, sliced = (
+        run(
+            _scene(tmp_path, *_SIZES, *flanks, "mesh.phases=32", f"mesh.tooth={tooth}", more=_WEB)
+        ).summary["static"]
+        for tooth in ("elements", "sliced")
+    )
+    most = {
+        "te_mean_um": 0.015,
+        "te_rms_um": 0.03,
+        "max_pressure_MPa": 0.04,
+        "face_load_factor": 0.08,
+    }
+    for name, error in most.items():
+        assert abs(sliced[name] / elements[name] - 1.0) < error, name
