@@ -13,7 +13,7 @@ _TEXT = re.compile(r"<text[^>]*>([^<]+)")
 _NUMBER = re.compile(r"[\s\d.,+\-\u2212eE\u00d7%]*")
 
 
-def figures(folder: Path, room: int) -> tuple[Markup, int]:
+def figures(folder: Path, room: int, page: Path) -> tuple[Markup, int]:
     """Show the pictures of a folder, each with links to its tables.
 
     **Arguments:**
@@ -21,6 +21,7 @@ def figures(folder: Path, room: int) -> tuple[Markup, int]:
     - `folder`: with NAME.svg or NAME.png, NAME.csv, NAME_KEY.csv.
     - `room`: what there is for them [byte]. Where it does not suffice, the largest tables are
         named and not held, then the largest pictures.
+    - `page`: the folder in which the page lies, to name such files from there.
 
     **Returns:**
 
@@ -30,7 +31,7 @@ def figures(folder: Path, room: int) -> tuple[Markup, int]:
     tables = {name: _tables(folder, name, pictures) for name in pictures}
     every = [*pictures.values(), *(path for paths in tables.values() for path in paths)]
     held = _held(every, room)
-    shown = [_figure(name, path, tables[name], held) for name, path in pictures.items()]
+    shown = [_figure(path, tables[name], held, page) for name, path in pictures.items()]
     return joined(shown), room - sum(_inside(path) for path in held)
 
 
@@ -71,21 +72,22 @@ def _inside(path: Path) -> int:
     return path.stat().st_size * 4 // 3 + 200
 
 
-def _figure(name: str, path: Path, tables: list[Path], held: set[Path]) -> Markup:
-    title = name.replace("_", " ")
+def _figure(path: Path, tables: list[Path], held: set[Path], page: Path) -> Markup:
+    title = path.stem.replace("_", " ")
+    beside = lambda each: each.relative_to(page).as_posix()
     if path in held:
         shown = element("img", src=_data(path), alt=_told(title, path))
     else:
-        shown = element("p", f"The picture is in {path.name}, beside this page.")
+        shown = element("p", f"The picture is in {beside(path)}, beside this page.")
     links = [
         element("a", table.name, href=_data(table), download=table.name)
         if table in held
-        else joined((table.name, " (beside this page)"))
+        else joined((beside(table), " (beside this page)"))
         for table in tables
     ]
     data = joined(part for link in links for part in (", ", link))[2:] if links else ""
     about = joined((title, " · data: ", Markup(data))) if data else title
-    return element("figure", shown, element("figcaption", about), id=f"picture-{name}")
+    return element("figure", shown, element("figcaption", about))
 
 
 def _data(path: Path) -> str:

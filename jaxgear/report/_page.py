@@ -41,7 +41,7 @@ def report(folder: Path, command: str = "") -> str:
     room = MOST_BYTES - 400_000
     shown_chapters = []
     for each in found:
-        text, room = _chapter(each, room, alone=len(found) == 1)
+        text, room = _chapter(each, room, folder, alone=len(found) == 1)
         shown_chapters.append(text)
     body = element(
         "main",
@@ -80,9 +80,9 @@ def _contents(found: Sequence[Chapter]) -> Markup:
     return element("nav", element("ul", *links), aria_label="Commands")
 
 
-def _chapter(of: Chapter, room: int, *, alone: bool) -> tuple[Markup, int]:
+def _chapter(of: Chapter, room: int, page: Path, *, alone: bool) -> tuple[Markup, int]:
     """Write what one command has found, and what is left of the room."""
-    pictures, room = figures(of.folder, room)
+    pictures, room = figures(of.folder, room, page)
     parts = [element("h2", f"Results of {of.name}")]
     parts += [element("h3", "What to know first"), _first(of)]
     if sizing := sizing_table(of.asked, of.summary) if alone or of.name == "run" else "":

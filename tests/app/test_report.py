@@ -97,13 +97,16 @@ def test_pictures_are_told_and_their_tables_are_held(folder):
 def test_room_ends_with_the_largest_tables(folder):
     """Without room for all, the largest table is named only; without any, the picture too."""
     (folder / "te_orders.csv").write_text("0\n" * 5000)
-    page, left = figures(folder, 4000)
+    page, left = figures(folder, 4000, folder)
     assert "te_orders.csv (beside this page)" in page
     assert page.count("data:text/csv") == 1
     assert 0 <= left < 4000
-    page, left = figures(folder, 0)
+    page, left = figures(folder, 0, folder)
     assert "The picture is in te.svg, beside this page." in page
     assert (left, "base64" in page) == (0, False)
+    # A page of all commands lies above their folders.
+    page, _ = figures(folder, 0, folder.parent)
+    assert f"The picture is in {folder.name}/te.svg, beside this page." in page
 
 
 def test_table_of_a_longer_name_is_not_shown_twice(folder):
@@ -172,11 +175,14 @@ def test_scene_is_told_with_units_and_defaults(folder):
 
 def test_command_shows_all_commands_of_a_scene(folder, capsys):
     _written(folder / "modes", notes=[])
+    (folder / "modes" / "te.svg").write_text(_SVG)
     assert main(["report", str(folder)]) == 0
     page = (folder / "report.html").read_text()
     assert capsys.readouterr().out.strip() == str(folder / "report.html")
     assert [f'<section id="{name}">' in page for name in ("run", "modes")] == [True, True]
     assert page.count(">Sizing<") == 1
+    names = _Balanced(page).ids
+    assert len(set(names)) == len(names)
 
 
 def test_what_is_no_result_is_refused(folder, tmp_path, capsys):

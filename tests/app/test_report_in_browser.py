@@ -86,5 +86,9 @@ def _look_at(folder, count):
             assert browser.get_log("browser") == [], page
             wide = "return document.documentElement.scrollWidth <= window.innerWidth"
             assert browser.execute_script(wide), page
+            twice = "const ids = [...document.querySelectorAll('[id]')].map((each) => each.id); "
+            assert browser.execute_script(twice + "return ids.length - new Set(ids).size") == 0, (
+                page
+            )
             nameless = "return [...document.images].filter((image) => !image.alt).length"
             assert browser.execute_script(nameless) == 0, page
