@@ -342,7 +342,8 @@ def _curve(
         cycle = mesh_cycle(model, grid, law=law, throw=False)
         return cycle_rms(cycle, transmission_error(model.pair, cycle))
 
-    return jax.vmap(rms)(depths)
+    # One after the other: side by side each would wait for the longest search for contact.
+    return jax.lax.map(rms, depths)
 
 
 class LiveCycle(NamedTuple):
