@@ -11,13 +11,14 @@ import xarray as xr
 
 from jaxgear import designs
 from jaxgear._checks import InputError
-from jaxgear._cli._folder import Folder
+from jaxgear._cli._folder import REPORT, Folder
 from jaxgear._cli._writing import write_pictures
 from jaxgear._columns import Table
 from jaxgear._whole_file import whole_file, write_csv, write_dataset, write_json, write_text
 from jaxgear.designs._collect import Collected
 from jaxgear.designs._work import WHOLE
-from jaxgear.scene._rewriting import rewritten
+from jaxgear.report import report
+from jaxgear.scene._rewriting import rewritten, write_scene
 from jaxgear.study._progress import narration
 from jaxgear.study._result import Summary
 
@@ -53,7 +54,7 @@ def _shard(text: str) -> designs.Shard:
 
 
 def write_results(found: Collected, folder: Folder) -> None:
-    """Write the table, the arrays, pictures, and the best designs as scenes."""
+    """Write the table, the arrays, pictures, the best designs as scenes, and the report."""
     table = found.table
     if importlib.util.find_spec("pyarrow"):
         _write_parquet(table, dict(found.designs.attrs), folder / "designs.parquet")
@@ -69,7 +70,10 @@ def write_results(found: Collected, folder: Folder) -> None:
         write_text(text, folder / f"best_{number}.toml")
     with narration("pictures"):
         write_pictures(found.datasets, folder)
+    write_text(found.designs.attrs["study"], folder / "study.toml")
+    write_scene(scene.replace(scene.files_from(folder.path)), folder / "scene.toml")
     write_json(found.summary, folder / "summary.json")
+    write_text(report(folder / ".", "study"), folder / REPORT)
 
 
 def _write_parquet(table: Table, about: dict[str, Any], path: Path) -> None:

@@ -9,6 +9,8 @@ from typing import Any, NamedTuple
 from jaxgear._checks import InputError
 
 _SUMMARY, _SCENE = "summary.json", "scene.toml"
+# The file of a study of many designs.
+_STUDY = "study.toml"
 
 
 class Chapter(NamedTuple):
@@ -19,7 +21,8 @@ class Chapter(NamedTuple):
     - `name`: of the command, as far as its folder tells.
     - `folder`: where it is.
     - `summary`: its numbers.
-    - `asked`: the whole scene, with what was left to defaults, by paths of keys.
+    - `asked`: the whole scene, with what was left to defaults, by paths of keys; before it the keys
+        of a study.
     """
 
     name: str
@@ -37,7 +40,10 @@ def chapter(folder: Path, name: str) -> Chapter:
     """
     try:
         summary = json.loads((folder / _SUMMARY).read_text(encoding="utf-8"))
-        scene = tomllib.loads((folder / _SCENE).read_text(encoding="utf-8"))
+        asked = dict(_flat(tomllib.loads((folder / _SCENE).read_text(encoding="utf-8"))))
+        if (folder / _STUDY).exists():
+            study = tomllib.loads((folder / _STUDY).read_text(encoding="utf-8"))
+            asked = dict(_flat(study, "study")) | asked
     except FileNotFoundError as error:
         missing = Path(error.filename).name
         raise InputError(
@@ -48,7 +54,7 @@ def chapter(folder: Path, name: str) -> Chapter:
         raise InputError(f"{folder}: cannot be read: {error}. Run its command again.") from None
     if not isinstance(summary, dict):
         raise InputError(f"{folder / _SUMMARY}: must be a table. Run its command again.")
-    return Chapter(name, folder, summary, dict(_flat(scene)))
+    return Chapter(name, folder, summary, asked)
 
 
 def chapters(folder: Path) -> list[Chapter]:
@@ -60,7 +66,8 @@ def chapters(folder: Path) -> list[Chapter]:
     """
     below = sorted(each.parent for each in folder.glob(f"*/{_SUMMARY}"))
     found = [chapter(each, each.name) for each in below]
-    own = [chapter(folder, "run")] if (folder / _SUMMARY).exists() or not found else []
+    name = "study" if (folder / _STUDY).exists() else "run"
+    own = [chapter(folder, name)] if (folder / _SUMMARY).exists() or not found else []
     return own + found
 
 

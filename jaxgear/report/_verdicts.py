@@ -41,6 +41,7 @@ def verdicts(summary: Mapping[str, Any]) -> list[Verdict]:
         *_convergence(summary),
         *_safety(summary),
         *_motion(summary.get("sweep", {})),
+        *_designs(summary.get("study", {})),
         *_derivatives(summary.get("check_grad", {})),
         *_bodies(summary.get("bodies", ())),
         *_comparison(summary.get("compare", {})),
@@ -99,6 +100,18 @@ def _motion(sweep: Mapping[str, Any]) -> Iterator[Verdict]:
     for key, what in (("jumps", "jumps"), ("bistable", "ranges with two steady responses")):
         if sweep.get(key):
             yield Verdict("look", f"The sweep has {len(sweep[key])} {what}.")
+
+
+def _designs(study: Mapping[str, Any]) -> Iterator[Verdict]:
+    if not study:
+        return
+    if study["failed"]:
+        yield Verdict("look", f"Designs that failed: {study['failed']}. The table has the reasons.")
+    missing = study["designs"] - study["computed"]
+    if missing:
+        yield Verdict("look", f"{missing} of {study['designs']} designs are not computed yet.")
+    elif not study["failed"]:
+        yield Verdict("good", f"All {study['designs']} designs are computed.")
 
 
 def _derivatives(found: Mapping[str, Any]) -> Iterator[Verdict]:

@@ -129,6 +129,9 @@ def test_table_of_a_longer_name_is_not_shown_twice(folder):
         ({"sweep": {"unsettled_count": 0, "jumps": [{}]}}, "look", "1 jumps"),
         ({"check_grad": {"verdicts": {"WRONG": 2, "ok": 1}}}, "bad", "2 derivatives"),
         ({"check_grad": {"verdicts": {"WRONG": 0, "ok": 9}}}, "good", "9 derivatives"),
+        ({"study": {"designs": 9, "computed": 7, "failed": 0}}, "look", "2 of 9 designs"),
+        ({"study": {"designs": 9, "computed": 9, "failed": 4}}, "look", "Designs that failed: 4"),
+        ({"study": {"designs": 9, "computed": 9, "failed": 0}}, "good", "All 9 designs"),
         ({"bodies": [{"name": "w", "largest_free_frequency_error": 0.2}]}, "bad", "20 %"),
         ({"compare": {"words": "5 slices suffice"}}, "plain", "5 slices suffice"),
         (

@@ -330,6 +330,11 @@ def test_command_collects_and_draws(solved, capsys):
     assert best.name == "tiny_best_1"
     assert main(["plot", str(out), "--no-pictures", "--quiet"]) == 0
     assert {"main_effects.csv", "parallel_coordinates.csv"} <= {p.name for p in out.iterdir()}
+    page = (out / "report.html").read_text(encoding="utf-8")
+    for words in ("Results of study", "Designs that failed: 1", "main effects", "[study.design]"):
+        assert words in page, words
+    assert main(["report", str(out), "--quiet"]) == 0
+    assert "Results of study" in (out / "report.html").read_text(encoding="utf-8")
     assert main(["study", str(path), "--out", str(out), "--status", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["study"]["done_designs"] == 5
     assert main(["study", str(path), "--out", str(out), "--shard", "3/3"]) == 2
