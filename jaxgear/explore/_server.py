@@ -78,6 +78,8 @@ class _Handler(http.server.BaseHTTPRequestHandler):
     server_version = "jaxgear"
     sys_version = ""
     timeout = _PATIENCE
+    # Head and body go one after the other: the body would wait 40 ms for the head's receipt.
+    disable_nagle_algorithm = True
 
     def __init__(
         self,

@@ -5,6 +5,7 @@ import http.client
 import http.server
 import json
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -16,7 +17,7 @@ import pytest
 
 from jaxgear._checks import InputError
 from jaxgear._cli._main import main
-from jaxgear.explore import Explorer
+from jaxgear.explore import Explorer, _server
 from jaxgear.explore._answers import PageAnswers
 from jaxgear.scene._scene import example_scene, read_scene
 from jaxgear.study import live_scene, statics
@@ -73,6 +74,21 @@ def _found(explorer, question, **asked):
     status, text = _asked(explorer, path=f"/{question}", body=json.dumps(asked).encode())
     assert status == 200, text
     return json.loads(text)
+
+
+def test_answers_are_sent_without_waiting(explorer, monkeypatch):
+    """Else a body waits 40 ms until its head is received: that is TCP's delayed receipt."""
+    seen, send = [], _server._Handler._send
+
+    def watched(handler, *content):
+        option = socket.IPPROTO_TCP, socket.TCP_NODELAY
+        seen.append(handler.connection.getsockopt(*option))
+        send(handler, *content)
+
+    monkeypatch.setattr(_server._Handler, "_send", watched)
+    assert _asked(explorer)[0] == 200
+    assert len(seen) == 1
+    assert seen[0] != 0
 
 
 def test_error_is_that_of_a_constant_stiffness(live):
