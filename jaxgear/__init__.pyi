@@ -272,6 +272,7 @@ from ._response._transmission import (
 )
 from ._response._unbalance import Unbalance as Unbalance
 from ._response._unbalance import UnbalanceResponse as UnbalanceResponse
+from ._response._unbalance import unbalance_critical_speeds as unbalance_critical_speeds
 from ._response._unbalance import unbalance_response as unbalance_response
 
 from .scene._build import grid_of as grid_of

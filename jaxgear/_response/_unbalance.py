@@ -5,11 +5,13 @@ A mass $m$ at a distance $e$ from the axis presses with $me\Omega^2$, turning wi
 makes of it at the mesh's orders $\pm 1$ is left out.
 """
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex
+from jaxtyping import Array, Complex, Float
 
 from jaxgear._checks import require
 from jaxgear._compiled import compiled
@@ -57,57 +59,142 @@ class UnbalanceResponse(eqx.Module):
 
 
 def unbalance_response(
-    dynamics: PairDynamics, unbalance: Unbalance, speed: Scalar | float
+    dynamics: PairDynamics, unbalance: Unbalance | Sequence[Unbalance], speed: Scalar | float
 ) -> UnbalanceResponse:
-    r"""Synchronous response to an unbalance, $(\bar K + i\Omega C - \Omega^2M)\,a = f$.
+    """Synchronous response to unbalance (theory 8.15).
 
     The mesh has its mean stiffness, and stays closed: compare `mesh_force` with the static one.
-    Gyroscopic and turning terms are those of `dynamics`. Responses to several add up.
+    Gyroscopic and turning terms are those of `dynamics`.
 
     **Arguments:**
 
     - `dynamics`: the pair in motion.
-    - `unbalance`: on one of its shafts.
+    - `unbalance`: on one of its shafts, or several on the same one.
     - `speed`: of the pinion [rad/s].
 
     **Returns:**
 
-    The response, at the frequency of the shaft with the unbalance.
+    The response to all of them, at the frequency of their shaft.
 
     **Raises:**
 
-    - `ValueError` if the structure has no such node.
+    - `ValueError` if the structure has no such node, or if they are not on one shaft.
     """
+    return _response(dynamics, _on_one_shaft(dynamics, unbalance), as_scalar(speed))
+
+
+def unbalance_critical_speeds(
+    dynamics: PairDynamics, unbalance: Unbalance | Sequence[Unbalance]
+) -> Float[np.ndarray, " mode"]:
+    r"""Speeds of the pinion at which a shaft's unbalance meets a mode that it excites.
+
+    Without damping, exact with gyroscopic and turning terms (theory 8.15). They have no
+    derivatives.
+
+    **Arguments:**
+
+    - `dynamics`: the pair in motion.
+    - `unbalance`: on one of its shafts, or several on the same one.
+
+    **Returns:**
+
+    Rising speeds [rad/s] of the modes that move with the unbalance, by the square of
+    $\varphi^Hf$ at unit modal mass, at least a twentieth as much as the one that does so most.
+
+    **Raises:**
+
+    - `ValueError` as `unbalance_response`.
+    """
+    given, system = _on_one_shaft(dynamics, unbalance), dynamics.system
+    ratio = float(_order(dynamics, given))
+    inertia = ratio**2 * np.asarray(system.mass, dtype=complex)
+    if system.gyroscopic is not None:
+        inertia -= 1j * ratio * np.asarray(system.gyroscopic)
+    if system.turning is not None:
+        inertia -= np.asarray(system.turning.softening)
+    root = np.linalg.cholesky(np.asarray(system.whole_stiffness))
+    held = np.linalg.solve(root, np.linalg.solve(root, inertia).conj().T)
+    square, modes = np.linalg.eigh(0.5 * (held + held.conj().T))
+    load = np.asarray(_load(dynamics, given)) @ [1.0, 1j]
+    pushed = modes.conj().T @ np.linalg.solve(root, load)
+    # A disc that spins faster than it tilts has no forward critical speed: its square is negative.
+    real = square > 1e-12 * square[-1]
+    square, share = square[real], np.abs(pushed[real]) ** 2 / square[real]
+    found = np.sort(1.0 / np.sqrt(square[share >= _LEAST_SHARE * np.max(share)]))
+    return found[np.diff(found, prepend=0.0) > 1e-6 * found]
+
+
+# Modes that move less with an unbalance do not show beside those that do.
+_LEAST_SHARE = 0.05
+
+
+def _on_one_shaft(
+    dynamics: PairDynamics, unbalance: Unbalance | Sequence[Unbalance]
+) -> tuple[Unbalance, ...]:
+    """Unbalances as a tuple, refused where they have no node or turn at two speeds."""
+    given = (unbalance,) if isinstance(unbalance, Unbalance) else tuple(unbalance)
     places = dynamics.cycle.system.structure.map.dofs
+    for each in given:
+        require(
+            each.node in places,
+            "`Unbalance.node` must be a node of the structure, {nodes}, got {got!r}.",
+            nodes=", ".join(places),
+            got=each.node,
+        )
+    shafts = {each.node.split()[0] for each in given}
     require(
-        unbalance.node in places,
-        "`Unbalance.node` must be a node of the structure, {nodes}, got {got!r}.",
-        nodes=", ".join(places),
-        got=unbalance.node,
+        len(shafts) == 1,
+        "Unbalances must be on one shaft, got {got}: those of pinion and wheel turn at speeds of "
+        "their own. Ask for each shaft by itself.",
+        got=" and ".join(sorted(shafts)) or "none",
     )
-    return _response(dynamics, unbalance, as_scalar(speed))
+    return given
+
+
+def _order(dynamics: PairDynamics, unbalances: tuple[Unbalance, ...]) -> Scalar:
+    """Speed of their shaft over that of the pinion [-]."""
+    teeth = dynamics.cycle.system.pair.teeth
+    return teeth[0] / teeth[_body(unbalances)]
+
+
+def _body(unbalances: tuple[Unbalance, ...]) -> int:
+    return BODIES.index(unbalances[0].node.split()[0])
+
+
+def _load(dynamics: PairDynamics, unbalances: tuple[Unbalance, ...]) -> Float[Array, "dof 2"]:
+    """Amplitude of their load on what moves, real and imaginary part [kg m, kg m2].
+
+    Per square of their speed.
+    """
+    structure = dynamics.cycle.system.structure
+    # About +Z the pinion turns from S to T, the wheel the other way round.
+    sense = (1.0, -1.0)[_body(unbalances)]
+    load = jnp.zeros((max(dynamics.dofs) + 1, 2))
+    for each in unbalances:
+        along, across = each.moment * jnp.cos(each.angle), each.moment * jnp.sin(each.angle)
+        push = jnp.stack([jnp.stack([along, across]), sense * jnp.stack([across, -along])])
+        push = jnp.zeros((6, 2)).at[:2].set(push)
+        own = structure.map.dofs[each.node] + np.arange(6)
+        load = load.at[own].add(carried(each.height).T @ push)
+    return load[np.asarray(dynamics.dofs)]
 
 
 @compiled
-def _response(dynamics: PairDynamics, unbalance: Unbalance, speed: Scalar) -> UnbalanceResponse:
+def _response(
+    dynamics: PairDynamics, unbalances: tuple[Unbalance, ...], speed: Scalar
+) -> UnbalanceResponse:
     """See `unbalance_response`."""
-    system, pair = dynamics.system, dynamics.cycle.system.pair
-    structure = dynamics.cycle.system.structure
-    index = BODIES.index(unbalance.node.split()[0])
-    frequency = speed * pair.teeth[0] / pair.teeth[index]
-    # About +Z the pinion turns from S to T, the wheel the other way round.
-    sense, angle = (1.0, -1.0)[index], unbalance.angle
-    cosine, sine = jnp.cos(angle), jnp.sin(angle)
-    size = max(dynamics.dofs) + 1
-    dofs, own = np.asarray(dynamics.dofs), structure.map.dofs[unbalance.node] + np.arange(6)
-
-    def on_dofs(s: Scalar, t: Scalar) -> Array:
-        push = unbalance.moment * frequency**2 * jnp.zeros(6).at[0].set(s).at[1].set(t)
-        return jnp.zeros(size).at[own].set(carried(unbalance.height).T @ push)[dofs]
-
-    load = jax.lax.complex(on_dofs(cosine, sense * sine), on_dofs(sine, -sense * cosine))
+    system, structure = dynamics.system, dynamics.cycle.system.structure
+    frequency = speed * _order(dynamics, unbalances)
+    # Of closed cells, which press with it.
+    damped = jnp.zeros(()) if system.cell_damping is None else system.cell_damping
+    rates = system.rates_at(speed) + damped * system.mesh_stiffness
     still = system.stiffness_at(speed) - frequency**2 * system.mass
-    motion = jnp.linalg.solve(jax.lax.complex(still, frequency * system.rates_at(speed)), load)
+    load = frequency**2 * _load(dynamics, unbalances)
+    motion = jnp.linalg.solve(
+        jax.lax.complex(still, frequency * rates), jax.lax.complex(load[:, 0], load[:, 1])
+    )
+    size, dofs = max(dynamics.dofs) + 1, np.asarray(dynamics.dofs)
 
     def of_part(motion: Array) -> tuple[Array, Array, Array]:
         # Directions that are held are not among those that move.
@@ -117,4 +204,5 @@ def _response(dynamics: PairDynamics, unbalance: Unbalance, speed: Scalar) -> Un
 
     parts = zip(of_part(motion.real), of_part(motion.imag), strict=True)
     error, force, bearings = (jax.lax.complex(real, imaginary) for real, imaginary in parts)
+    force = force * jax.lax.complex(jnp.ones(()), frequency * damped)
     return UnbalanceResponse(frequency, motion, error, force, bearings)

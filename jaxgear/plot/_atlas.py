@@ -10,7 +10,7 @@ from jaxgear.plot._picture import Animation, Datasets, Picture
 from jaxgear.plot._run_atlas import run_pictures
 from jaxgear.plot._search_atlas import relief_map_pictures, searches_pictures
 from jaxgear.plot._sensitivity_atlas import sensitivity_atlas
-from jaxgear.plot._sweep_atlas import pictures_of_sweep
+from jaxgear.plot._sweep_atlas import pictures_of_sweep, pictures_of_unbalance
 from jaxgear.plot._wave_atlas import animations_of_shapes, pictures_of_waves
 
 
@@ -28,6 +28,7 @@ def pictures(datasets: Datasets) -> Iterator[Picture]:
     yield from run_pictures(datasets)
     yield from pictures_of_modes(datasets)
     yield from pictures_of_sweep(datasets)
+    yield from pictures_of_unbalance(datasets)
     yield from pictures_of_waves(datasets)
     yield from searches_pictures(datasets)
     yield from relief_map_pictures(datasets)

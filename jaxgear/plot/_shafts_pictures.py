@@ -222,4 +222,4 @@ def _draw_loads(axes: Axes, shaft: xr.Dataset, level: float) -> None:
         axes.plot(z, level, "o", ms=4, color=RED, zorder=7)
         arrow = {"arrowstyle": "-|>" if size > 0.0 else "-", "color": RED, "lw": 1.5}
         look = {**_LOADED, "va": "center", "arrowprops": arrow}
-        write_at(axes, words or "no load", (float(z), level), tuple(-aside), **look)
+        write_at(axes, words, (float(z), level), tuple(-aside), **look)

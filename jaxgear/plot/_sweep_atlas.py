@@ -56,6 +56,21 @@ def pictures_of_sweep(datasets: Datasets) -> Iterator[Picture]:
         yield Picture("orbit", drawn("_contact_pictures.orbit", orbit), table)
 
 
+def pictures_of_unbalance(datasets: Datasets) -> Iterator[Picture]:
+    """The picture of the group `unbalance`."""
+    if (dataset := datasets.get("unbalance")) is None:
+        return
+    shown = dataset.rename(speed="pinion_speed_rad_s")
+    place = ("gear", "pinion_speed_rad_s")
+    amplitudes = ("unbalance_frequency_Hz", "unbalance_te_um", "unbalance_mesh_force_N")
+    beside = {
+        "bearings": columns(shown, *place, "bearing", "unbalance_bearing_force_N"),
+        "critical": columns(dataset, "critical_speed_rad_s", gear="critical_gear"),
+    }
+    draw = drawn("_unbalance_pictures.unbalance", dataset)
+    yield Picture("unbalance", draw, columns(shown, *place, *amplitudes), beside)
+
+
 def _pictures_of_orders(own: xr.Dataset, table: xr.Dataset) -> Iterator[Picture]:
     place = ("pinion_speed_rad_s", "order")
     mesh = table["order"] * float(table.attrs["teeth_pinion"]) / (2.0 * np.pi)

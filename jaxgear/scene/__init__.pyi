@@ -9,4 +9,5 @@ from ._scene import Scene as Scene
 from ._scene import SceneError as SceneError
 from ._scene import example_scene as example_scene
 from ._scene import read_scene as read_scene
+from ._unbalance import unbalances_of as unbalances_of
 from ._with_bodies import with_bodies as with_bodies

@@ -133,7 +133,7 @@ def body_plan(scene: Scene, name: str) -> BodyPlan:
     with in_keys(name):
         if body.superelement is not None:
             source = _matrices(body, folder)
-            seats = Seats((), "", tuple(f"load[{i}]" for i in range(len(gear.shaft.loads))))
+            seats = Seats((), "", tuple(f"load[{i}]" for i in range(len(gear.shaft.loaded_at_mm))))
         elif body.grid is not None:
             rim = _or(body.rim_set, body.interface)
             source = OwnGrid(folder / body.grid, rim, _or(body.grid_unit_mm, 1.0) * mm)

@@ -41,7 +41,7 @@ class Seats(NamedTuple):
 
     - `all`: of them.
     - `torque`: name of that where the torque enters or leaves.
-    - `loads`: name of that of each load of the shaft.
+    - `loads`: name of that of each load of the shaft, then of each unbalance.
     """
 
     all: tuple[PlannedSeat, ...]
@@ -64,7 +64,7 @@ def seat_places(gear: GearKeys, body: GearBody) -> tuple[SeatPlace, ...]:
         for i, place in enumerate(at)
     ]
     # Where the torque leaves by a gear of the next stage, loads act too: they have the seat.
-    others = [(f"load[{i}]", load.at_mm) for i, load in enumerate(gear.shaft.loads)]
+    others = [(f"load[{i}]", at) for i, at in enumerate(gear.shaft.loaded_at_mm)]
     others += [] if torque is None else [("torque", torque)]
     for name, place in others:
         gap = min(abs(place * mm - seat.at) - 0.5 * seat.width for seat in seats)
@@ -138,7 +138,7 @@ def _asked(gear: GearKeys) -> dict[str, float]:
     """
     origin, torque = gear.shaft.gear_at_mm, gear.shaft.torque_at_mm
     places = {"torque": origin if torque is None else torque}
-    places |= {f"load[{i}]": load.at_mm for i, load in enumerate(gear.shaft.loads)}
+    places |= {f"load[{i}]": at for i, at in enumerate(gear.shaft.loaded_at_mm)}
     return {name: (at - origin) * mm for name, at in places.items()}
 
 

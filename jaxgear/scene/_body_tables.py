@@ -94,7 +94,8 @@ class BodyKeys(AbstractKeys):
     )
     torque_set: str | None = key("node set of body.grid where the torque enters or leaves")
     load_sets: list[str] | None = key(
-        "node sets of body.grid where shaft.loads act, in their order; default: the nearest seat"
+        "node sets of body.grid where shaft.loads and then shaft.unbalance act, in their order; "
+        "default: the nearest seat"
     )
     grid_unit_mm: float | None = key(
         "length of the unit of body.grid; default: 1",

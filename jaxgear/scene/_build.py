@@ -277,7 +277,9 @@ def _shaft(gear: GearKeys, material: Material, layout: ShaftLayout | None, sense
                 vector(each.moment_Nm, moments),
             )
             for each in shaft.loads
-        ],
+        ]
+        # No load in statics, but a node.
+        + [ShaftLoad(si(each.at_mm, mm)) for each in shaft.unbalance],
         shear_coefficient=si(shaft.shear_coeff),
         material=material,
         body_width=si(gear.face_width_mm, mm) if gear.body.kind == "beam" else None,

@@ -124,6 +124,21 @@ class LoadKeys(AbstractKeys):
     moment_Nm: list[float] = real("moment about S, T, Z", default=[0.0, 0.0, 0.0], length=3)
 
 
+class UnbalanceKeys(AbstractKeys):
+    """A mass beside the axis of a shaft."""
+
+    at_mm: float = real("position of an unbalance", PLACE)
+    moment_gmm: float = real(
+        "mass of an unbalance times its distance from the axis, by which `jaxgear sweep` shakes "
+        "the pair at the shaft's rotation",
+        "[0, inf). It is a size: its direction is angle_deg",
+    )
+    angle_deg: float = real(
+        "direction of an unbalance at phase 0, from S about the shaft's own sense of rotation",
+        default=0.0,
+    )
+
+
 class ShaftKeys(AbstractKeys):
     """The shaft of a gear: `[pinion.shaft]`."""
 
@@ -138,9 +153,15 @@ class ShaftKeys(AbstractKeys):
         "(0, 1]. It is the share of the section that carries shear; a solid shaft has about 0.9",
     )
     loads: tuple[LoadKeys, ...]
+    unbalance: tuple[UnbalanceKeys, ...]
     divisions: int | None = key(
         "finite elements from one station to the next; default: 1, exact in statics", "[1, 100]"
     )
+
+    @property
+    def loaded_at_mm(self) -> list[float]:
+        """Where loads, and behind them unbalances, act: places that have nodes of their own."""
+        return [each.at_mm for each in (*self.loads, *self.unbalance)]
 
 
 class GearKeys(AbstractKeys):

@@ -47,6 +47,7 @@ _UNITS = {
     "_rad_s": "rad/s",
     "_R_1_s": "1/s",
     "_R_s": "s",
+    "_gmm": "g mm",
     "_GPa": "GPa",
     "_MPa": "MPa",
     "_N_mm": "N/mm",

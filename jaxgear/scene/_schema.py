@@ -127,7 +127,8 @@ def shapes_body(key: str, gear: str) -> bool:
     whole = _SHAPING_KEYS.format(gear=gear).split()
     tables = tuple(f"{each.format(gear=gear)}." for each in _SHAPING_TABLES)
     along = key.startswith(f"{gear}.shaft.segments") or (
-        key.startswith((f"{gear}.shaft.bearings", f"{gear}.shaft.loads")) and key.endswith(".at_mm")
+        key.startswith(tuple(f"{gear}.shaft.{rows}" for rows in ("bearings", "loads", "unbalance")))
+        and key.endswith(".at_mm")
     )
     return key in whole or key.startswith(tables) or along
 

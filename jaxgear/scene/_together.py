@@ -113,6 +113,22 @@ def _shaft(reading: Reading, name: str, gear: GearKeys) -> Said:
             words = f"got {show(inner)}, must be less than outer_mm, {show(outer)}"
             yield f"{table}.segments[{row}].inner_mm", words
     yield from _beyond(table, shaft)
+    if gear.body.kind == "beam":
+        yield from _within_face(name, shaft, gear.face_width_mm)
+
+
+def _within_face(name: str, shaft: ShaftKeys, face: float | None) -> Said:
+    """Check that no unbalance lies within the face of a beam body, which has no node there."""
+    for row, at in enumerate(each.at_mm for each in shaft.unbalance):
+        if face is None or shaft.gear_at_mm is None or at is None:
+            continue
+        if abs(at - shaft.gear_at_mm) < 0.5 * face - 1e-6:
+            yield (
+                f"{name}.shaft.unbalance[{row}].at_mm",
+                f"got {show(at)}, which is within the face of a body that is a beam, where there "
+                f"is no node. Give its parts at both ends of the face, or write {name}.body.kind "
+                f"= {show('rigid')}",
+            )
 
 
 def _beyond(table: str, shaft: ShaftKeys) -> Said:
@@ -126,6 +142,7 @@ def _beyond(table: str, shaft: ShaftKeys) -> Said:
         f"{table}.torque_at_mm": shaft.torque_at_mm,
         **{f"{table}.bearings[{i}].at_mm": each.at_mm for i, each in enumerate(shaft.bearings)},
         **{f"{table}.loads[{i}].at_mm": each.at_mm for i, each in enumerate(shaft.loads)},
+        **{f"{table}.unbalance[{i}].at_mm": each.at_mm for i, each in enumerate(shaft.unbalance)},
     }
     for path, at in places.items():
         # The sum may be rounded below the end that the user wrote.

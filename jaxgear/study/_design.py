@@ -166,12 +166,13 @@ def design_space(
     _refuse_shaping(scene, keys)
     follow = scene.optimise.ties if tied else {}
     ties = {key: owner for key, owner in follow.items() if owner in keys}
+    felt = {key for key in scene.real_keys() if ".shaft.unbalance[" not in key} - {*_NOT_VARIABLE}
     for table, named in (("vary", keys), ("ties", tuple(ties))):
-        if dead := [k for k in named if k in _NOT_VARIABLE or k not in scene.real_keys()]:
+        if dead := [key for key in named if key not in felt]:
             raise InputError(
                 f"optimise.{table} names {', '.join(dead)}, which no objective depends on: torques "
-                "are optimise.torques_Nm, the smoothing width belongs to the method, and a "
-                "stiffness counts only if mesh.stiffness uses it. Remove it."
+                "are optimise.torques_Nm, the smoothing width belongs to the method, unbalance to "
+                "`jaxgear sweep`, and a stiffness counts only if mesh.stiffness uses it. Remove it."
             )
     _refuse_shaping(scene, tuple(ties))
     if symmetric:

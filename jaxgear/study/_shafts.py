@@ -111,7 +111,13 @@ def _loads(model: PairModel, shafts: Mapping[str, Shaft]) -> Mapping[str, Entry]
         height(shaft, shaft.gear_at if shaft.torque_at is None else shaft.torque_at)
         for shaft in shafts.values()
     ]
-    extra = [(gear, shaft, load) for gear, shaft in shafts.items() for load in shaft.loads]
+    extra = [
+        (gear, shaft, load)
+        for gear, shaft in shafts.items()
+        for load in shaft.loads
+        # Those of zero are nodes of an unbalance.
+        if np.any(load.force) or np.any(load.moment)
+    ]
     vector = lambda name: np.reshape([getattr(load, name) for *_, load in extra], (-1, 3))
     mounts = {
         "torque_Nm": ([torque_on(model, gear) for gear in shafts], "N m", "torque about Z"),

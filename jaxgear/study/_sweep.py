@@ -45,8 +45,8 @@ def sweep(scene: Scene, seen: Watch | None = None) -> Result:
 
     **Returns:**
 
-    Datasets `sweep` and `orbit`, the response at the highest peak; of condensed bodies also
-    `waves`, `flanks` and, of each gear, `shape_GEAR`.
+    Datasets `sweep` and `orbit`, the response at the highest peak; of shafts with unbalance
+    `unbalance`; of condensed bodies also `waves`, `flanks` and, of each gear, `shape_GEAR`.
 
     **Raises:**
 
@@ -99,6 +99,14 @@ def sweep_result(built: BuiltScene, dynamics: Dynamics, seen: Watch | None = Non
         "sweep": _sweep_summary(scene.sweep, scene.gears, dynamics, found, dataset),
         "notes": sweep_notes(scene, found.unsettled, count, list(found.pieces_lost())),
     }
+    if any(gear.shaft.unbalance for gear in scene.gears.values()):
+        from jaxgear.study._unbalance import shaken
+
+        with narration("unbalance"):
+            by_unbalance = shaken(built, dynamics.pair)
+        datasets["unbalance"] = titled(by_unbalance.dataset, scene.title)
+        summary["sweep"]["unbalance"] = by_unbalance.summary
+        summary["notes"] += by_unbalance.notes
     if check is not None:
         summary["sweep"]["shapes"] = check.summary
         summary["notes"] += check.notes

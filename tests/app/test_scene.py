@@ -431,6 +431,31 @@ def _told(line, path, text, said):
             _GOOD_SHAFT + "loads = [{ at_mm = 11 }]",
             "6 wheel.shaft.loads[0].at_mm: got 11.0, which is bey",
         ),
+        (
+            _GOOD_SHAFT + "unbalance = [{ at_mm = 11, moment_gmm = 1 }]",
+            "6 wheel.shaft.unbalance[0].at_mm: got 11.0, which is beyond the end of the shaft",
+        ),
+        (
+            _GOOD_SHAFT + "unbalance = [{ at_mm = -1, moment_gmm = 1 }]",
+            "6 wheel.shaft.unbalance[0].at_mm: got -1, must be a number >= 0 [mm]",
+        ),
+        (
+            _GOOD_SHAFT + "unbalance = [{ at_mm = 1, moment_gmm = -1 }]",
+            "6 wheel.shaft.unbalance[0].moment_gmm: It is a size: its direction is angle_deg",
+        ),
+        (
+            _GOOD_SHAFT + "unbalance = [{ at_mm = 1 }]",
+            "6 wheel.shaft.unbalance[0].moment_gmm: is missing: mass of an unbalance times",
+        ),
+        (
+            _GOOD_SHAFT + "unbalance = [{ at_mm = 1, moment_gmm = 1, moment_g = 1 }]",
+            "6 wheel.shaft.unbalance[0].moment_g: did you mean wheel.shaft.unbalance[].moment_gmm?",
+        ),
+        (
+            _GOOD_SHAFT + "unbalance = [{ at_mm = 5.1, moment_gmm = 1 }]\n[wheel.body]\n"
+            'kind = "beam"',
+            "6 wheel.shaft.unbalance[0].at_mm: Give its parts at both ends of the face",
+        ),
         (_GOOD_SHAFT.replace("= 10 }", "= 12 }"), "5 wheel.shaft.bearings[0].at_mm: add up to 10"),
         (
             _GOOD_SHAFT.replace("outer_mm = 9 }]", "outer_mm = 9, inner_mm = 9 }]"),

@@ -92,6 +92,7 @@ def test_a_sweep_writes_everything_that_it_found(both):
     assert found["method"] == "harmonic"
     assert found["unsettled_count"] == 0
     assert summary["model"]["phases"] == 48
+    assert "unbalance" not in found
     for name in ("sweep", "waterfall", "orders", "contact_loss", "orbit"):
         assert (out / f"{name}.csv").stat().st_size > 0
     assert {"sweep_folds.csv", "sweep_curve.csv"} < set(assert_tables(out))

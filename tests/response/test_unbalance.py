@@ -2,6 +2,7 @@
 
 import functools
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -59,6 +60,51 @@ def test_a_rigid_rotor_whirls_as_jeffcott_says(gyroscopic, gear, speed):
     first = dynamics.dofs.index(0 if gear == "pinion" else 6)
     assert_close(found.motion[first : first + 5], jnp.asarray(wanted), rtol=2e-5, atol=1e-12)
     assert abs(float(jnp.abs(found.mesh_force))) < 1e-3
+
+
+@pytest.mark.parametrize("gyroscopic", quick(1, [True, False]))
+def test_critical_speeds_are_those_of_the_rigid_rotor(gyroscopic):
+    """sqrt(k/m), and tilting sqrt(k_t / (I_t - I_p)): a disc that spins faster has none."""
+    dynamics, ratio = _rotors(gyroscopic), 30.0 / 20.0
+    tilting = [] if gyroscopic else [np.sqrt(TILT / ACROSS)]
+    for gear, speed in (("pinion", 1.0), ("wheel", ratio)):
+        unbalance = jg.Unbalance(MOMENT, ANGLE, HEIGHT, f"{gear} gear")
+        found = jg.unbalance_critical_speeds(dynamics, unbalance)
+        wanted = speed * np.asarray([np.sqrt(RADIAL / MASS), *tilting])
+        # The mesh parts what are two of one speed along and across its normal.
+        assert_close(np.unique(np.rint(found)), np.rint(wanted), rtol=0.0, atol=0.0)
+
+
+def test_responses_of_one_shaft_add_up_and_those_of_two_are_refused():
+    dynamics = _rotors(True)
+    two = [jg.Unbalance(MOMENT, ANGLE, HEIGHT), jg.Unbalance(2.0 * MOMENT, -ANGLE)]
+    each = [jg.unbalance_response(dynamics, one, 900.0).motion for one in two]
+    both = jg.unbalance_response(dynamics, two, 900.0).motion
+    assert_close(both, each[0] + each[1], rtol=1e-12, atol=1e-18)
+    apart = [*two, jg.Unbalance(MOMENT, node="wheel gear")]
+    with pytest.raises(ValueError, match="must be on one shaft, got pinion and wheel"):
+        jg.unbalance_response(dynamics, apart, 900.0)
+    with pytest.raises(ValueError, match="must be on one shaft, got none"):
+        jg.unbalance_critical_speeds(dynamics, [])
+
+
+def test_damping_of_cells_damps_unbalance_too():
+    """Closed cells damp as their mean stiffness does: what is left out of the damping matrix."""
+    dynamics, own, speed = _rotors(True), 1e5, 900.0
+    active = eqx.tree_at(
+        lambda d: d.system.cell_damping, dynamics, jnp.asarray(own), is_leaf=lambda x: x is None
+    )
+    whole = dynamics.system.damping + own * dynamics.system.mesh_stiffness
+    damped = eqx.tree_at(lambda d: d.system.damping, dynamics, whole)
+    bare, found, wanted = (
+        jg.unbalance_response(each, jg.Unbalance(MOMENT), speed)
+        for each in (dynamics, active, damped)
+    )
+    assert_close(found.motion, wanted.motion, rtol=1e-12, atol=0.0)
+    # What closed cells press with has their damping in it.
+    pressed = wanted.mesh_force * (1.0 + 1j * speed * own)
+    assert_close(found.mesh_force, pressed, rtol=1e-12, atol=0.0)
+    assert abs(bare.mesh_force - wanted.mesh_force) > 0.1 * abs(bare.mesh_force)
 
 
 def test_responses_to_unbalance_are_differentiable():
