@@ -120,7 +120,8 @@ def unbalance_critical_speeds(
     # A disc that spins faster than it tilts has no forward critical speed: its square is negative.
     real = square > 1e-12 * square[-1]
     square, share = square[real], np.abs(pushed[real]) ** 2 / square[real]
-    found = np.sort(1.0 / np.sqrt(square[share >= _LEAST_SHARE * np.max(share)]))
+    moved = (share > 0.0) & (share >= _LEAST_SHARE * np.max(share))
+    found = np.sort(1.0 / np.sqrt(square[moved]))
     return found[np.diff(found, prepend=0.0) > 1e-6 * found]
 
 

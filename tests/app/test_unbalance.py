@@ -186,6 +186,26 @@ def test_bearings_of_all_bodies_carry_a_slow_unbalance(scene_of, kind, at):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("kind", ["rigid", "beam", "condensed"])
+def test_at_a_critical_speed_a_turning_mode_has_the_frequency_of_the_shaft(scene_of, kind):
+    """As the modes over speed have it, which are found otherwise, gyroscopic terms in them."""
+    text = _stage(kind).replace("modes = 30", "modes = 30\nrotating_terms = true")
+    scene = scene_of(text + "[model]\ngyroscopic = true\n" + _row("wheel", 33.0, 100.0))
+    pair, given = _moved(built_scene(scene, moving=True).scene)
+    system = pair.system
+    speeds = jnp.asarray(jg.unbalance_critical_speeds(pair, given["wheel"])[:1])
+    softening = None if system.turning is None else system.turning.softening
+    natural = jg.rotating_frequencies(
+        system.mass, system.whole_stiffness, system.gyroscopic, system.free, speeds, softening
+    )
+    wanted = float(speeds[0]) * 20.0 / 24.0 / (2.0 * np.pi)
+    assert np.nanmin(np.abs(natural / wanted - 1.0)) < 1e-6
+    # Not a mode at rest that happens to be there.
+    at_rest = np.asarray(jg.pair_modes(pair).frequency)
+    assert np.min(np.abs(at_rest / wanted - 1.0)) > 1e-5
+
+
+@pytest.mark.slow
 def test_bearing_amplitudes_have_derivatives_by_keys_of_the_scene(scene_of):
     """By moments, angle, stiffness and places: of an unbalance with a node, and of a guest."""
     rows = _row("wheel", 30.0, 50.0, 20.0) + _row("wheel", 20.0, 30.0)
