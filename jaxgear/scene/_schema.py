@@ -169,6 +169,11 @@ def scales_body(key: str, gear: str) -> bool:
     return table in ("material", f"{gear}.material") and name in ("young_GPa", "density_kg_m3")
 
 
+def is_unbalance(key: str) -> bool:
+    """Say whether a key is of an unbalance, which acts in `jaxgear sweep` alone."""
+    return ".shaft.unbalance[" in key
+
+
 def of_condensed(key: str, gear: str) -> bool:
     """Say whether a key of a gear's body acts only on one that is condensed."""
     return key == f"{gear}.body.young_GPa" or key.startswith(f"{gear}.body.web.")

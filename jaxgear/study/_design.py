@@ -17,7 +17,7 @@ from jaxgear._types import Reals
 from jaxgear._units import mm
 from jaxgear.scene._build import shared_places
 from jaxgear.scene._scene import Scene
-from jaxgear.scene._schema import GEARS, split_entry, unit_of
+from jaxgear.scene._schema import GEARS, is_unbalance, split_entry, unit_of
 from jaxgear.study._built import BuiltScene
 from jaxgear.study._evaluations import Updates, Variation, variation_of
 from jaxgear.study._statics import torques_of
@@ -166,7 +166,7 @@ def design_space(
     _refuse_shaping(scene, keys)
     follow = scene.optimise.ties if tied else {}
     ties = {key: owner for key, owner in follow.items() if owner in keys}
-    felt = {key for key in scene.real_keys() if ".shaft.unbalance[" not in key} - {*_NOT_VARIABLE}
+    felt = {key for key in scene.real_keys() if not is_unbalance(key)} - {*_NOT_VARIABLE}
     for table, named in (("vary", keys), ("ties", tuple(ties))):
         if dead := [key for key in named if key not in felt]:
             raise InputError(

@@ -28,7 +28,7 @@ from jaxgear._units import um
 from jaxgear.scene._build import flanks_of, misalignment_of, model_of
 from jaxgear.scene._gear_tables import FlanksKeys
 from jaxgear.scene._key import show
-from jaxgear.scene._schema import GEARS, KEYS, general, split_entry
+from jaxgear.scene._schema import GEARS, KEYS, general, is_unbalance, split_entry
 from jaxgear.scene._study_tables import RobustKeys
 from jaxgear.study._design import AMOUNTS, DesignSpace, keeps_teeth
 
@@ -154,12 +154,13 @@ def scatter_of(space: DesignSpace, pair: GearPair, teeth: np.ndarray) -> Scatter
     """What [robust] lets scatter about a design, the pitch errors of the teeth in mesh too."""
     scene, even = space.scene, space.scene.robust.even
     spread = {**scene.robust.scatter, **even}
-    dead = [key for key in spread if key not in scene.real_keys() or key == "mesh.smoothing_um"]
+    felt = {key for key in scene.real_keys() if not is_unbalance(key)} - {"mesh.smoothing_um"}
+    dead = [key for key in spread if key not in felt]
     if dead:
         raise InputError(
             f"[robust] lets {', '.join(dead)} scatter, on which no objective depends: the "
-            "smoothing width belongs to the method, and a stiffness counts only if mesh.stiffness "
-            "uses it. Remove it."
+            "smoothing width belongs to the method, unbalance to `jaxgear sweep`, and a stiffness "
+            "counts only if mesh.stiffness uses it. Remove it."
         )
     named = [
         optimise.Quantity(key, 0.0, value / math.sqrt(3.0) if key in even else value, key in even)

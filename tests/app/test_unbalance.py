@@ -1,6 +1,7 @@
 """The unbalance of a scene's shafts: read, made nodes of, and answered over speed."""
 
 import json
+import re
 
 import jax
 import jax.numpy as jnp
@@ -13,13 +14,16 @@ from tiny_cases import tiny_scene
 
 import jaxgear as jg
 from jaxgear import plot
+from jaxgear._checks import InputError
 from jaxgear._cli._main import main
 from jaxgear.scene._build import grid_of, model_of
 from jaxgear.scene._scene import read_scene
 from jaxgear.scene._unbalance import unbalances_of
 from jaxgear.study._built import built_scene
+from jaxgear.study._design import design_space
 from jaxgear.study._dynamics import dynamics_of
 from jaxgear.study._result import titled
+from jaxgear.study._scatter import scatter_of
 from jaxgear.study._unbalance import shaken
 
 MASS, RADIAL, LENGTH, OUTER = 20.0, 1e6, 100.0, 30.0
@@ -195,6 +199,7 @@ def test_at_a_critical_speed_a_turning_mode_has_the_frequency_of_the_shaft(scene
     system = pair.system
     speeds = jnp.asarray(jg.unbalance_critical_speeds(pair, given["wheel"])[:1])
     softening = None if system.turning is None else system.turning.softening
+    assert system.gyroscopic is not None
     natural = jg.rotating_frequencies(
         system.mass, system.whole_stiffness, system.gyroscopic, system.free, speeds, softening
     )
@@ -263,6 +268,19 @@ def test_a_mirrored_pair_has_the_same_unbalance(scene_of):
         pair, given = _moved(scene)
         loads.append(jg.unbalance_response(pair, given["pinion"], 3000.0).bearing_load[:, 0])
     assert_close(loads[0], loads[1], rtol=1e-6, atol=1e-9)
+
+
+def test_searches_refuse_what_only_a_sweep_feels(scene_of):
+    key = "pinion.shaft.unbalance[0].moment_gmm"
+    relief = "flank.pinion.tip_relief.depth_um"
+    search = f'[optimise]\nvary = ["{relief}"]\n[robust.scatter]\n"{key}" = 1.0\n'
+    built = built_scene(scene_of(_ROTORS + _row("pinion", 50.0, 3.0) + search))
+    options = {"symmetric": False, "deflection": 10.0}
+    with pytest.raises(InputError, match=rf"{re.escape(key)}.* unbalance to `jaxgear sweep`"):
+        design_space(built, (key,), **options)
+    space = design_space(built, (relief,), **options)
+    with pytest.raises(InputError, match=rf"{re.escape(key)} scatter.* to `jaxgear sweep`"):
+        scatter_of(space, space.base.pair, np.arange(-1, 20))
 
 
 def test_a_scene_without_unbalance_asks_for_none(scene_of):
