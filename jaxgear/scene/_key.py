@@ -149,7 +149,7 @@ class Key:
         if not isinstance(value, list):
             brackets = isinstance(value, str if self.kind == "texts" else int | float)
             raise self._wrong(value, f". Write [{show(value)}]" if brackets else "")
-        if not value or self.length not in (None, len(value)):
+        if self.length not in (None, len(value)) or (not value and self.default != []):
             raise self._wrong(value)
         return [self._read_one(entry, value) for entry in value]
 

@@ -1,3 +1,4 @@
+import dataclasses
 import math
 import re
 
@@ -130,6 +131,10 @@ def test_a_bad_value_says_what_is_allowed(key, value, message):
 @pytest.mark.parametrize(("path", "value"), [("name", "a b.2"), ("name", "...")])
 def test_any_name_of_a_folder_will_do(path, value):
     assert KEYS[path].read(value) == value
+
+
+def test_an_empty_list_is_taken_where_it_is_the_default():
+    assert dataclasses.replace(KEYS["optimise.vary"], default=[]).read([]) == []
 
 
 def test_only_real_numbers_that_matter_to_statics_are_differentiable():
