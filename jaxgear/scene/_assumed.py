@@ -47,20 +47,25 @@ def largest_fillet(pressure_angle: float, dedendum: float) -> float:
 
 
 def assumed_bores(tables: AbstractTables, given: Set[str]) -> Iterator[tuple[str, float]]:
-    """Bores that are not given, of gears on a ring, which must be clamped at one.
-
-    As wide as the shaft at the gear, but at most 0.7 of the root diameter; without a shaft 0.4 of
-    it, about what keyed gears have.
-    """
+    """Bores that are not given, of gears on a ring, which must be clamped at one."""
     for gear in GEARS:
         path, root = f"{gear}.bore_mm", root_diameter(tables, gear)
         of, mesh = tables.gear(gear), tables.mesh
         stands = of.foundation or mesh.foundation, mesh.stiffness, of.body.kind
         if path in given or not root or root <= 0.0 or stands != ("ring", _TEETH, "rigid"):
             continue
-        shaft = _shaft_diameter(tables, gear)
-        wide = _BORE * root if shaft is None else min(shaft, _LARGEST_BORE * root)
-        yield path, float(f"{wide:.3g}")
+        yield path, usual_bore(tables, gear)
+
+
+def usual_bore(tables: AbstractTables, gear: str) -> float:
+    """Diameter at which the body of a gear is held, if it is not known [mm].
+
+    As wide as the shaft at the gear, but at most 0.7 of the root diameter; without a shaft 0.4 of
+    it, about what keyed gears have.
+    """
+    shaft, root = _shaft_diameter(tables, gear), root_diameter(tables, gear) or 0.0
+    wide = _BORE * root if shaft is None else min(shaft, _LARGEST_BORE * root)
+    return float(f"{wide:.3g}")
 
 
 def assumed_foundations(tables: AbstractTables, given: Set[str]) -> Iterator[tuple[str, str]]:

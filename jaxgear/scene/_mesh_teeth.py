@@ -24,6 +24,7 @@ from jaxgear._checks import InputError
 from jaxgear._contact._tooth_elements import ElementTeeth, ToothTables, tooth_tables
 from jaxgear._geometry._pair import pair_facts
 from jaxgear._units import GPa, deg, mm
+from jaxgear.scene._assumed import usual_bore
 from jaxgear.scene._body_build import Steps
 from jaxgear.scene._body_words import in_keys
 from jaxgear.scene._build_pair import pair_of, si
@@ -146,8 +147,8 @@ def _shape(tables: PlainTables, name: str) -> tuple[ToothedGear, Material]:
     height = gear.addendum_coeff + gear.profile_shift - gear.tip_shortening_coeff
     keys = ("young_GPa", "poisson", "density_kg_m3")
     young, poisson, density = (float(si(of_material(tables, name, key))) for key in keys)
-    bore = gear.bore_mm
-    assert bore is not None  # `_check` has asked for it.
+    # Teeth of elements have one; a drawn body with sliced teeth need not say it.
+    bore = gear.bore_mm or usual_bore(tables, name)
     with in_keys(name):
         shape = ToothedGear(
             teeth=gear.teeth,

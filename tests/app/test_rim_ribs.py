@@ -10,6 +10,7 @@ from tiny_cases import TINY_PAIR
 from fem_prep import Holes
 from jaxgear.scene._bodies import BodyPlan, Drawn, body_plan
 from jaxgear.scene._build import pair_grid, pair_of
+from jaxgear.scene._mesh_teeth import toothed_gear
 from jaxgear.scene._rim_ribs import rim_ribs
 from jaxgear.scene._scene import Scene, read_scene
 
@@ -77,3 +78,27 @@ def test_holes_change_nothing_and_a_solid_disc_has_none(scene, found):
     holed = drawn(dataclasses.replace(body.web, holes=holes))
     np.testing.assert_array_equal(_ribs(scene, holed), found)
     assert _ribs(scene, drawn(None)) is None
+
+
+_SHAFT = """[wheel.shaft]
+gear_at_mm = 20
+segments = [ { length_mm = 40, outer_mm = 20, inner_mm = 8 } ]
+bearings = [ { at_mm = 0, radial_N_m = 1e8, axial_N_m = 5e7 }, { at_mm = 40, radial_N_m = 5e7 } ]
+"""
+
+
+def test_without_a_bore_the_plain_ring_is_held_at_the_shaft(tmp_path):
+    path = tmp_path / "shaft.toml"
+    path.write_text(_SCENE.replace("bore_mm = 16.0\n", "") + _SHAFT)
+    assert toothed_gear(read_scene(path).plain, "wheel").bore == pytest.approx(0.02)
+
+
+@pytest.mark.slow
+def test_the_bore_of_the_plain_ring_matters_little(tmp_path):
+    """It tells what the web lets the ribs do from what they do anyway: its bore matters little."""
+    found, path = [], tmp_path / "shaft.toml"
+    for bore in ("", "bore_mm = 16.0\n"):
+        path.write_text(_SCENE.replace("bore_mm = 16.0\n", bore) + _SHAFT)
+        held = read_scene(path)
+        found.append(_ribs(held, body_plan(held, "wheel")))
+    np.testing.assert_allclose(*found, rtol=0.0, atol=0.03 * np.abs(found[0]).max())
