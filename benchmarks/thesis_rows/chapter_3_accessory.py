@@ -196,6 +196,7 @@ ROWS = (
             f"speed, {f.listed('largest apart', 'modal', 'D1', 'D2', form='.0%')} at most; modal "
             "damping, D1, D2"
         ),
+        reason="Another peak is the highest: 848 rad/s rigidified, 1421 initial; why is open",
     ),
     Row(
         "Fig. III-12 (a)",

@@ -182,6 +182,7 @@ ROWS = (
             for row in f.rows
             if row[0].startswith("H2")
         ),
+        reason="A webbed pinion is lighter than a solid one, and its peak lies higher here",
     ),
     Row(
         "Fig. IV-15",

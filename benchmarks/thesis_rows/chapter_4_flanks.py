@@ -138,6 +138,7 @@ ROWS = (
             + ", ".join(f"{x:.3f}" for x in f.rows[0][1:])
             + " with 0, 5, 10, 15, 20 um"
         ),
+        reason="From 10 um on it rises as there; before that it falls. The webs are guesses",
     ),
     Row(
         "Fig. IV-48, H1",

@@ -255,6 +255,7 @@ ROWS = (
             + "; mean above 2000 rad/s "
             + f.listed("mean above 2000 rad/s", "rigid", "webbed")
         ),
+        reason="Peaks are there again; above 2000 rad/s they are no higher. The webs are guesses",
     ),
     Row(
         "Tab. IV-8, solid",
