@@ -137,6 +137,7 @@ ROWS = (
             f"{row[0]}: {row[1]:.0f} rad/s, sidebands {row[3]:.2f} of the mesh's order"
             for row in f.rows
         ),
+        reason="Case B has them, case C has those of A",
     ),
     Row(
         "Fig. IV-31 (a)",
@@ -172,6 +173,7 @@ ROWS = (
             "holes' orders about the mesh's, of the static force: "
             + "; ".join(f"{row[0]} {row[4]:.2g} %" for row in f.rows)
         ),
+        reason="Larger in B than in A, largest in C: all below 1 % of the load",
     ),
     Row(
         "Tab. IV-7, Fig. IV-32",
