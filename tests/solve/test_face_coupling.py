@@ -192,9 +192,12 @@ def test_derivatives_of_helical_teeth_against_differences(law):
 
 def _moved(model: jg.PairModel) -> tuple:
     pair, flank = model.pair, model.flanks.wheel
+    assert isinstance(flank, jg.Superposed)
+    crowning = flank.parts[0]
+    assert isinstance(crowning, jg.Crowning)
     return (
         model.torque,
-        flank.parts[0].depth,
+        crowning.depth,
         pair.helix_angle,
         pair.normal_module,
         pair.pinion.face_width,
