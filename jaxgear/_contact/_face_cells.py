@@ -84,7 +84,7 @@ def face_cells(
     common = pair.face_width / slant
     # What a body that couples teeth has in it of their roots is negative.
     signs = jnp.sign(jnp.sum(parts.rest, axis=1))
-    roots, operators, bodies, contacts = [], [], [], []
+    roots, operators, bodies, within_contact = [], [], [], []
     for gear, each in enumerate((pair.pinion, pair.wheel)):
         face = each.face_width / slant
         shift, none = parts.shift[gear], jnp.zeros(())
@@ -102,12 +102,12 @@ def face_cells(
         weights = parts.per_log[gear] * step * _up_to((at.longest[gear] - first) / step)
         whole = jnp.ones_like(lines.roll)
         roots += [at.beam[gear], at.root[gear], at.rest[gear], whole, *_root(weights)]
-        contacts.append(weights)
+        within_contact.append(weights)
     own = _on_each_line(jnp.stack(roots), jnp.stack(operators))
     coupling = _between_cells(pair, lines, shared, bodies, own)
     beam, root = (jnp.sum(part**2, axis=0) for part in (at.beam, at.root))
     rest = jnp.sum(signs.reshape(2, 1, 1, 1) * at.rest**2, axis=0)
-    weights = sum(contacts)
+    weights = sum(within_contact)
     contacts = jnp.sum(weights, axis=0)
     reaching = jnp.concatenate([jnp.stack([beam, root]), weights])
     narrower = _narrower(lines, reaching, jnp.concatenate([parts.lengths[:2], reach]), common)

@@ -110,19 +110,12 @@ def where_helical(
         return jax.lax.cond(helix != 0.0, function, without, *operands)
 
     def slopes(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
-        leaves, tree = jax.tree.flatten(primals)
-        moves = [not isinstance(each, SymbolicZero) for each in jax.tree.leaves(tangents)]
-        moved = [each for each, does in zip(leaves, moves, strict=True) if does]
+        moves = jax.tree.map(lambda each: not isinstance(each, SymbolicZero), tangents)
+        moved, still = eqx.partition(primals, moves)
         # Where the helix stays, at zero neither side depends on what moves along the axis.
         either = (lambda _, *operands: function(*operands)) if moves[0] else found.fun
-
-        def of(*moved: Array) -> Array:
-            left = iter(moved)
-            every = [next(left) if does else at for at, does in zip(leaves, moves, strict=True)]
-            return either(*jax.tree.unflatten(tree, every))
-
-        given = [each for each, does in zip(jax.tree.leaves(tangents), moves, strict=True) if does]
-        return jax.jvp(of, moved, given)
+        of = lambda moved: either(*eqx.combine(moved, still))
+        return jax.jvp(of, (moved,), (eqx.filter(tangents, moves),))
 
     found.defjvp(slopes, symbolic_zeros=True)
     return found(pair.helix_angle, *operands)
