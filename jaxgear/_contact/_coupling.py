@@ -6,6 +6,7 @@ condensed body all cells do, `[cell, cell]`. Cells are flattened `line` times `s
 everywhere.
 """
 
+import functools
 from collections.abc import Callable, Sequence
 
 import equinox as eqx
@@ -216,7 +217,8 @@ def _shared_in_a_batch(size: int, batched: Sequence[bool], *system: Array) -> tu
         beyond = jnp.any(stiffness[:, _half(stiffness.shape[1]) :] > 0.0, axis=1)
         bearing = jnp.where(needed, jnp.where(beyond, 2, 1), 0)
         sides = jax.vmap(_similar)(coupling, root, *right)
-        within = jax.lax.map(_solved_of_bearing, (bearing, coupling, root, sides))
+        solved = functools.partial(_solved_of_bearing, coupling, root)
+        within = jax.lax.map(lambda each: solved(*each), (jnp.arange(size), bearing, sides))
         return jax.vmap(_as_forces)(root, within, right[1])
 
     def nothing(_, __, stiffness: Array, arms: Array, force: Array) -> Array:
@@ -232,17 +234,21 @@ def _shared_in_a_batch(size: int, batched: Sequence[bool], *system: Array) -> tu
     return jax.custom_batching.sequential_vmap(if_any)(*whole), True
 
 
-def _solved_of_bearing(system: tuple[Array, Array, Array, Array]) -> Array:
+def _solved_of_bearing(
+    couplings: Array, roots: Array, number: Array, bearing: Array, right: Array
+) -> Array:
     """Solve for no cell, for the first half of them, the only ones that bear, or for all.
 
     Of a spur pair with one line in contact, whose cells come first, the other line has no part.
     """
-    bearing, coupling, root, right = system
-    size = len(root)
+    size = len(right)
 
     def of_first(count: int) -> Callable[[], Array]:
-        first = lambda: _solved(coupling[:count, :count], root[:count], right[:count])
-        return lambda: jnp.pad(first(), ((0, size - count), (0, 0)))
+        def solved() -> Array:
+            coupling, root = couplings[number, :count, :count], roots[number, :count]
+            return jnp.pad(_solved(coupling, root, right[:count]), ((0, size - count), (0, 0)))
+
+        return solved
 
     return jax.lax.switch(bearing, [lambda: right, of_first(_half(size)), of_first(size)])
 

@@ -98,7 +98,7 @@ def contact_state(
     - `law`: exact or smooth contact.
     - `settings`: when to stop.
     - `near`: approach and forces of the cells [m, N] in a state close by, where cells are coupled;
-        by default all of them are closed to begin with.
+        by default those are closed to begin with that would be if each gave by itself.
 
     **Returns:**
 
@@ -218,6 +218,28 @@ def _energy(
 _ROUNDING = 10.0 * float(np.finfo(float).eps)
 
 
+# Rounds in which cells that would pull are opened, enough for steep flanks.
+_ROUNDS = 4
+
+
+def _closed_alone(problem: ContactProblem) -> Cells:
+    """Cells that close if each gives as under an even load, whatever the others carry: 1, else 0.
+
+    Found without a factor, they are a close guess where cells are coupled.
+    """
+    even = jnp.where(problem.stiffness > 0.0, 1.0, 0.0)
+    yielding = structure_yield(problem, on_coordinates(problem.arms, even))
+    given = body_yield(problem.coupling, even) + at_cells(problem.arms, yielding)
+    stiffness = problem.stiffness / (1.0 + problem.stiffness * jnp.maximum(given, 0.0))
+    moved = at_cells(problem.arms, problem.direction)
+    closed = even
+    for _ in range(_ROUNDS):
+        held = closed * stiffness * moved
+        approach = (problem.force + jnp.sum(held * problem.gap)) / jnp.sum(held * moved)
+        closed = jnp.where(moved * approach > problem.gap, even, 0.0)
+    return closed
+
+
 class _NewtonState(eqx.Module):
     """Where the search stands.
 
@@ -254,11 +276,11 @@ def _newton(
     """Newton steps, each halved until the energy falls; a last full step where more than rounding
     is left.
 
-    Where cells are coupled, factors are what costs. From a start that is not near, zero, the first
-    step closes every cell, pulling ones too, and is never short of contact: its factor does not
-    know the gaps, and flanks in a batch share it. Also returns the relative imbalance before the
-    last step, and the number of steps: as reals, for `custom_root` differentiates what comes with
-    its root.
+    Where all cells are coupled, factors are what costs: from a start that is not near, zero, the
+    first step holds a guess of the closed cells, pulling ones too. Where they are not, it closes
+    every cell, and is never short of contact. Also returns the relative imbalance before the last
+    step, and the number of steps: as reals, for `custom_root` differentiates what comes with its
+    root.
     """
     total = jnp.sum(problem.stiffness)
     # Loads of all kinds, as forces: a moment over the radius of gyration of the cells.
@@ -308,9 +330,14 @@ def _newton(
         return searching(state) | ((state.error > 0.0) & ~state.polished)
 
     zero, one, no = jnp.zeros(()), jnp.ones(()), jnp.asarray(False)
+    unknown = jnp.inf * one
     if near:
         energy, missing, tangent, _ = examine(start)
-        first = _NewtonState(start, energy, missing, tangent, jnp.inf * one, one, zero, no)
+        first = _NewtonState(start, energy, missing, tangent, unknown, one, zero, no)
+    elif problem.coupling is not None and problem.coupling.ndim == 2:
+        closed = problem.stiffness * _closed_alone(problem)
+        missing = -problem.force, closed * problem.gap
+        first = _NewtonState(start, unknown, missing, closed, unknown, one, zero, no)
     else:
         linear = linearised(problem, problem.stiffness)
         pull = problem.stiffness * problem.gap
@@ -318,7 +345,7 @@ def _newton(
             pull = on_coordinates(problem.arms, pull)
         free = shared_forces(problem, linear, pull)
         step = solve_linear(problem, linear, (-problem.force, free))
-        closed = jax.tree.map(jnp.negative, step)
-        first = _NewtonState(closed, *examine(closed), one, one, no)
+        moved = jax.tree.map(jnp.negative, step)
+        first = _NewtonState(moved, *examine(moved), one, one, no)
     last = jax.lax.while_loop(unfinished, body, first)
     return last.best, (last.error, last.steps)
