@@ -240,6 +240,16 @@ def _closed_alone(problem: ContactProblem) -> Cells:
     return closed
 
 
+def _all_closed(problem: ContactProblem) -> Unknown:
+    """Approach and forces with every cell closed, pulling ones too."""
+    linear = linearised(problem, problem.stiffness)
+    pull = problem.stiffness * problem.gap
+    if problem.coupling is None:
+        pull = on_coordinates(problem.arms, pull)
+    step = solve_linear(problem, linear, (-problem.force, shared_forces(problem, linear, pull)))
+    return jax.tree.map(jnp.negative, step)
+
+
 class _NewtonState(eqx.Module):
     """Where the search stands.
 
@@ -339,13 +349,7 @@ def _newton(
         missing = -problem.force, closed * problem.gap
         first = _NewtonState(start, unknown, missing, closed, unknown, one, zero, no)
     else:
-        linear = linearised(problem, problem.stiffness)
-        pull = problem.stiffness * problem.gap
-        if problem.coupling is None:
-            pull = on_coordinates(problem.arms, pull)
-        free = shared_forces(problem, linear, pull)
-        step = solve_linear(problem, linear, (-problem.force, free))
-        moved = jax.tree.map(jnp.negative, step)
-        first = _NewtonState(moved, *examine(moved), one, one, no)
+        closed = _all_closed(problem)
+        first = _NewtonState(closed, *examine(closed), one, one, no)
     last = jax.lax.while_loop(unfinished, body, first)
     return last.best, (last.error, last.steps)

@@ -106,8 +106,9 @@ def _built(
     whole = spring + vectors @ mean_ @ vectors.T
     square, shape = scipy.linalg.eigh(whole, body)
     modal = np.diag(2.0 * damping_ratio * np.sqrt(square))
+    still = vectors.T @ np.linalg.solve(whole, load)
     if rest is None:
-        rest = np.tile(vectors.T @ np.linalg.solve(whole, load), (steps, 1))
+        rest = np.tile(still, (steps, 1))
     table = MeshTable(
         edges=jnp.asarray(edges),
         stiffness=jnp.asarray(stiffness),
@@ -128,7 +129,8 @@ def _built(
         mean=jnp.asarray(mean_),
         table=table,
         cell_damping=None,
-        force=jnp.asarray(abs(load).sum()),
+        # What the mesh carries: loads on two bodies press it once.
+        force=jnp.asarray((mean_ @ still)[0]),
         transmission=jnp.asarray(vectors)[:, 0],
         rest=jnp.asarray(rest, dtype=float),
         free=jnp.zeros((body.shape[0], 0)),
