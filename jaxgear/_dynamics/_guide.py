@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-from jaxgear._dynamics._floquet import leading_multipliers, monodromy
+from jaxgear._dynamics._floquet import SlowModes, leading_multipliers, monodromy, slow_modes
 from jaxgear._dynamics._harmonic import Balance, HarmonicBalance, harmonic_balance_problem
 from jaxgear._dynamics._harmonic_problem import imbalance, linearised
 from jaxgear._dynamics._orbit import Orbit, contact_force
@@ -93,10 +93,10 @@ def _seen(balance: Balance, unknowns: Reals) -> tuple[Scalar, Scalar]:
 
 
 @jax.jit
-def _seen_whole(balance: Balance, unknowns: Reals) -> tuple[Scalar, Scalar, Reals]:
-    """The same, and the monodromy matrix."""
-    orbit = _orbit(balance, unknowns)
-    matrix = monodromy(balance.system, balance.modes, orbit, law=balance.law)
+def _seen_whole(balance: Balance, slow: SlowModes, unknowns: Reals) -> tuple[Scalar, Scalar, Reals]:
+    """The same, and the monodromy matrix of the slow modes."""
+    orbit, law = _orbit(balance, unknowns), balance.law
+    matrix = monodromy(balance.system, slow.basis, orbit, law=law, follows=slow.follows)
     return *_measures(balance, orbit), matrix
 
 
@@ -164,6 +164,7 @@ class Guide:
         self.tolerance = method.tolerance
         self.multiple = method.multiple
         self.stability = stability
+        self.slow = slow_modes(balance.modes)
         self.steps = 0
 
     def correct(self, first: np.ndarray, normal: np.ndarray, value: float) -> Place | None:
@@ -180,13 +181,15 @@ class Guide:
         if not self.stability:
             ratio, te_rms = jax.device_get(_seen(self.balance, point.unknowns))
             return point._replace(ratio=float(ratio), te_rms=float(te_rms))
-        return self._judged(point, *jax.device_get(_seen_whole(self.balance, point.unknowns)))
+        return self._judged(
+            point, *jax.device_get(_seen_whole(self.balance, self.slow, point.unknowns))
+        )
 
     def _judged(
         self, point: Place, ratio: np.ndarray, te_rms: np.ndarray, matrix: np.ndarray
     ) -> Place:
         """A point whose response and monodromy matrix are known, with its stability."""
-        found = leading_multipliers(matrix, self.balance.modes)
+        found = leading_multipliers(matrix, self.slow.basis)
         sign, size = np.linalg.slogdet(np.eye(len(matrix)) + matrix)
         pairs = found[np.imag(found) != 0.0]
         return point._replace(
@@ -208,7 +211,9 @@ class Guide:
         with concurrent.futures.ThreadPoolExecutor(1) as pool:
             judged = [
                 pool.submit(
-                    self._judged, point, *jax.device_get(_seen_whole(self.balance, point.unknowns))
+                    self._judged,
+                    point,
+                    *jax.device_get(_seen_whole(self.balance, self.slow, point.unknowns)),
                 )
                 for point in points
             ]

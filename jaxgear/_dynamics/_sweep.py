@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxgear._checks import require
-from jaxgear._dynamics._floquet import STABLE, leading_multipliers, monodromy
+from jaxgear._dynamics._floquet import STABLE, leading_multipliers, monodromy, slow_modes
 from jaxgear._dynamics._harmonic import (
     Balance,
     HarmonicBalance,
@@ -172,6 +172,7 @@ class Finder:
     def __init__(self, system: DynamicSystem, settings: SweepSettings):
         self.system, self.settings = system, settings
         self.modes = modal_basis(system)
+        self.slow = slow_modes(self.modes)
         self.rest = quasi_static_start(system)
         method = settings.method
         self.harmonic = method if isinstance(method, HarmonicBalance) else HarmonicBalance()
@@ -275,8 +276,9 @@ class Finder:
         point = self._alone(orbit)
         if not point.settled:
             return point
-        matrix = monodromy(self.system, self.modes, point.orbit, law=self.settings.method.law)
-        return dataclasses.replace(point, multipliers=leading_multipliers(matrix, self.modes))
+        law, slow = self.settings.method.law, self.slow
+        matrix = monodromy(self.system, slow.basis, point.orbit, law=law, follows=slow.follows)
+        return dataclasses.replace(point, multipliers=leading_multipliers(matrix, slow.basis))
 
     def _disturbed(self, point: SweepPoint) -> Start:
         """A start beside an unstable response, where it is left fastest."""

@@ -52,7 +52,8 @@ def excited_shapes(
 ) -> Combinations | None:
     """The shapes of a body that its mesh excites. Call it outside of `jit`, as `flexible_body`.
 
-    Half of them are the lowest natural modes; half are combinations of all others.
+    A quarter of them are the lowest natural modes, the others combinations of all higher ones. With
+    half of them natural the error of the accessory wheel's largest mesh force is a twentieth more.
 
     **Arguments:**
 
@@ -70,7 +71,7 @@ def excited_shapes(
     """
     if count == 0 or count >= len(basis.square):
         return None
-    lowest = count // 2
+    lowest = count // 4
     lowest -= int(basis.waves[lowest] < 0)
     shapes = _natural(basis, lowest)
     loads, answers = _loads(pair, index, body, grid), []

@@ -119,12 +119,12 @@ class ModelKeys(AbstractKeys):
 
     coordinates: int | None = key(
         "shapes by which each condensed body vibrates, the rest with their static part; 0: all, "
-        "200 unless said, of natural modes 100",
+        "250 unless said, of natural modes 100",
         "[0, inf)",
     )
     shapes: Literal["natural", "excited"] = key(
-        "which these are; natural: the lowest natural modes, seats held; excited: half are these, "
-        "half those combinations of higher ones that the mesh excites most",
+        "which these are; natural: the lowest natural modes, seats held; excited: a quarter are "
+        "these, the others those combinations of higher ones that the mesh excites most",
         default="excited",
     )
     mesh_coordinates: int | None = key(
@@ -134,7 +134,7 @@ class ModelKeys(AbstractKeys):
     @property
     def modes(self) -> int:
         """Shapes by which each condensed body vibrates, 0: all."""
-        usual = {"excited": 200, "natural": 100}[self.shapes]
+        usual = {"excited": 250, "natural": 100}[self.shapes]
         return usual if self.coordinates is None else self.coordinates
 
     @property
