@@ -99,7 +99,8 @@ def unbalance_critical_speeds(
     **Returns:**
 
     Rising speeds [rad/s] of the modes that move with the unbalance, by the square of
-    $\varphi^Hf$ at unit modal mass, at least a twentieth as much as the one that does so most.
+    $\varphi^Hf$ at unit modal mass, at least a twentieth as much as the one that gives most under
+    it at rest.
 
     **Raises:**
 
@@ -119,8 +120,10 @@ def unbalance_critical_speeds(
     pushed = modes.conj().T @ np.linalg.solve(root, load)
     # A disc that spins faster than it tilts has no forward critical speed: its square is negative.
     real = square > 1e-12 * square[-1]
-    square, share = square[real], np.abs(pushed[real]) ** 2 / square[real]
-    moved = (share > 0.0) & (share >= _LEAST_SHARE * np.max(share))
+    give = np.abs(pushed[real]) ** 2
+    square, share = square[real], give / square[real]
+    # Shaft elements have modes far above all others that move more: those hide none.
+    moved = (share > 0.0) & (share >= _LEAST_SHARE * share[np.argmax(give)])
     found = np.sort(1.0 / np.sqrt(square[moved]))
     return found[np.diff(found, prepend=0.0) > 1e-6 * found]
 
