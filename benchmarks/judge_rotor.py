@@ -18,7 +18,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-import ross as rs
+import ross as rs  # pyright: ignore[reportMissingImports]
 from scipy.optimize import brentq
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
@@ -110,7 +110,7 @@ def response(name: str) -> dict:
 
 
 def _parts(values: np.ndarray) -> list:
-    rounded = np.stack([values.real, values.imag], axis=-2)
+    rounded = np.stack([np.real(values), np.imag(values)], axis=-2)
     return [[[[float(f"{x:.9e}") for x in p] for p in s] for s in v] for v in rounded]
 
 
@@ -126,7 +126,7 @@ def critical(name: str, highest: float) -> list[float]:
     over = np.array([natural(speed) for speed in speeds]) - speeds[:, None]
     met = np.argwhere(over[:-1] * over[1:] < 0.0)
     return sorted(
-        float(f"{brentq(lambda s, i=i: natural(s)[i] - s, *speeds[k : k + 2], rtol=1e-12):.10e}")
+        float(f"{brentq(lambda s, i=i: natural(s)[i] - s, *speeds[k : k + 2], xtol=1e-9):.10e}")
         for k, i in met
     )
 

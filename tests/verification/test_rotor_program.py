@@ -42,8 +42,8 @@ def _shaft(case: given.Rotor, divisions: int) -> jg.Shaft:
 @functools.cache
 def _dynamics(divisions: int = given.DIVISIONS) -> jg.PairDynamics:
     """The rotors, with teeth whose mean stiffness is that of the record."""
-    gears = [jg.Gear(case.teeth, 20e-3) for case in given.ROTORS.values()]
-    pair = jg.GearPair(*gears, given.MODULE, given.PRESSURE_ANGLE, 0.0)
+    pinion, wheel = (jg.Gear(case.teeth, 20e-3) for case in given.ROTORS.values())
+    pair = jg.GearPair(pinion, wheel, given.MODULE, given.PRESSURE_ANGLE, 0.0)
     shafts = [_shaft(case, divisions) for case in given.ROTORS.values()]
     bodies = [jg.RigidBody(*case.gear) for case in given.ROTORS.values()]
     grid = jg.mesh_grid(pair, phases=8, slices=1)
