@@ -29,7 +29,7 @@ from jaxgear.study._running import timed
 from jaxgear.study._statics import Statics, require_solved, settled_statics, solve_statics
 
 # A harmonic balance of more unknowns takes longer than a march.
-MOST_UNKNOWNS = 600
+MOST_UNKNOWNS = 800
 
 
 def speeds_of(asked: SweepKeys) -> np.ndarray:
