@@ -34,6 +34,7 @@ def notes(built: BuiltScene, statics: Statics) -> list[str]:
         *_on_foundations(scene.mesh, scene.gears, statics.model),
         *_on_shafts(statics.model),
         *_on_bodies(scene.gears),
+        *_on_unbalance(scene.gears, swept=scene.sweep.is_given),
         *_on_condensed(scene.mesh, scene.gears, scene.bodies),
         *_on_cycle(scene.mesh, scene.gears, scene.flank),
         *_on_results(scene.mesh.slices, statics),
@@ -185,6 +186,17 @@ def _on_bodies(gears: Mapping[str, GearKeys]) -> Iterator[str]:
         whole = body.written("web", "grid", "superelement")
         if whole and body.kind != "condensed":
             yield Idle(f'{gear}.body.{whole[0]} does nothing: {gear}.body.kind is "{body.kind}".')
+
+
+def _on_unbalance(gears: Mapping[str, GearKeys], *, swept: bool) -> Iterator[str]:
+    """Unbalance of a scene that is not swept: nothing else feels it."""
+    given = [f"{name}.shaft.unbalance" for name, each in gears.items() if each.shaft.unbalance]
+    if given and not swept:
+        does = "does" if len(given) == 1 else "do"
+        yield Idle(
+            f"{' and '.join(given)} {does} nothing here: unbalance shakes the pair in `jaxgear "
+            "sweep` alone. Give the scene a table [sweep]."
+        )
 
 
 # Keys of the mesh that speak to condensed bodies alone.

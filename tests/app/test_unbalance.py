@@ -22,8 +22,10 @@ from jaxgear.scene._unbalance import unbalances_of
 from jaxgear.study._built import built_scene
 from jaxgear.study._design import design_space
 from jaxgear.study._dynamics import dynamics_of
+from jaxgear.study._notes import notes
 from jaxgear.study._result import titled
 from jaxgear.study._scatter import scatter_of
+from jaxgear.study._statics import solve_statics
 from jaxgear.study._unbalance import shaken
 
 MASS, RADIAL, LENGTH, OUTER = 20.0, 1e6, 100.0, 30.0
@@ -287,3 +289,16 @@ def test_a_scene_without_unbalance_asks_for_none(scene_of):
     scene = scene_of(_ROTORS)
     assert unbalances_of(scene, model_of(scene)) == {}
     assert not any(gear.shaft.unbalance for gear in scene.gears.values())
+
+
+def test_unbalance_of_a_scene_that_is_not_swept_is_told_to_do_nothing(scene_of):
+    text = _ROTORS.replace("um = 1e-5", "um = 10.0") + _row("wheel", 50.0, 6.0)
+    still = text[: text.index("[sweep]")] + text[text.index("[pinion]") :]
+    told = []
+    for each in (still, text):
+        built = built_scene(scene_of(each))
+        told.append([words for words in notes(built, solve_statics(built)) if "unbal" in words])
+    ((words,), swept) = told
+    assert words.startswith("wheel.shaft.unbalance does nothing here")
+    assert "[sweep]" in words
+    assert not swept
