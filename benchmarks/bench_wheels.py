@@ -228,8 +228,8 @@ def multipliers_of(system, orbits) -> dict[str, float]:
     import jax
     import numpy as np
 
-    from jaxgear import modal_basis, monodromy
-    from jaxgear._dynamics._floquet import leading_multipliers, slow_modes
+    from jaxgear import modal_basis, monodromy, slow_modes
+    from jaxgear._dynamics._floquet import leading_multipliers
 
     some = jax.tree.map(lambda x: x[:: max(1, len(x) // 20)], orbits)
     modes = jax.jit(modal_basis)(system)

@@ -58,7 +58,7 @@ def monodromy(
     - `orbit`: of this system, by any method, over one or more cycles.
     - `stepper`: `Midpoint` or, exact in the linear part, `Exponential`.
     - `law`: contact law whose tangent stiffness counts.
-    - `follows`: of `slow_modes`, if `modes` are those [m/N, 1/N, 1/(N m)].
+    - `follows`: what modes that are left out give, from `slow_modes` [m/N, 1/N, 1/(N m)].
 
     **Returns:**
 
