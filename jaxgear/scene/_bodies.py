@@ -198,7 +198,7 @@ def _web(web: WebKeys) -> Web | None:
     # What is not said of the second ring of holes is as in the first, half a pitch on.
     size, circle = web.hole_diameter_mm, web.hole_circle_mm
     angle = _or(web.hole_angle_deg, 0.0)
-    between = angle + 180.0 / _or(web.holes, math.inf)
+    between = angle + 180.0 / (web.holes or math.inf)
     rings: Any = (
         (web.holes, size, circle, angle),
         (

@@ -91,7 +91,7 @@ def test_init_of_an_unknown_name_lists_the_ready_ones(tmp_path, monkeypatch, cap
     monkeypatch.chdir(tmp_path)
     assert main(["init", "acessory"]) == 2
     error = capsys.readouterr().err
-    assert "accessory, accessory-h1, accessory-h2, power, power-h1, power-h2" in error
+    assert "accessory-h1, accessory-h2, industrial, power, power-h1, power-h2" in error
     assert "Did you mean accessory?" in error
     assert not list(tmp_path.iterdir())
 

@@ -300,6 +300,7 @@ def test_coupling_width_and_method_of_the_seats(write):
     ("changes", "sectors"),
     [
         ((), 24),
+        (("wheel.body.web.holes=0",), 24),
         (("wheel.body.fineness.elements_per_tooth=2",), 48),
         # Holes take a whole number for each, a solid axis pairs.
         (("wheel.body.web.holes=9",), 27),

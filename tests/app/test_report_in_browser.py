@@ -1,7 +1,6 @@
 """Reports in a real browser: all pictures are seen, and nothing is asked of anybody."""
 
 import json
-from pathlib import Path
 
 import pytest
 from browser import headless_chromium
@@ -9,6 +8,7 @@ from browser import headless_chromium
 from jaxgear._cli._main import main
 from jaxgear._cli._parser import ready_names
 from jaxgear.report._figures import MOST_BYTES
+from jaxgear.scene._scene import example_scene
 
 _SMALL = (
     *("mesh.slices=3", "mesh.phases=12", "mesh.face_coupling=none"),
@@ -48,8 +48,7 @@ def test_reports_open_without_an_error_or_a_request(tmp_path, monkeypatch, name)
     """Of every command that the scene has, and one of all of them."""
     monkeypatch.chdir(tmp_path)
     assert main(["init", name]) == 0
-    scene = Path(f"{name}.toml").read_text("utf-8")
-    bodies = [gear for gear in ("pinion", "wheel") if f"[{gear}.body]" in scene]
+    bodies = example_scene(name).condensed
     coarse = [f"{gear}.body.{each}" for gear in bodies for each in _COARSE]
     commands = _HYBRID if bodies else [each for each in _COMMANDS if each != "condense"]
     for command in commands:
