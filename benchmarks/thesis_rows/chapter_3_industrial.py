@@ -11,11 +11,11 @@ ROWS = (
         "pinion, condensed",
         "industrial",
         test="tests/verification/test_industrial.py",
-        shows="an example scene: a beam pinion in mesh with a condensed wheel of conical web, with "
+        shows="an example scene: a beam pinion, a condensed wheel with a conical web, and the "
         "forces and couples of the next stage on its shaft",
         reason="Torque, helix, face, web, shafts and bearings are not in the text and assumed. Its "
-        "wheel has holes, which the scene leaves out: 127 is prime, and the mesh would repeat after "
-        "a whole revolution",
+        "wheel has holes, left out here: 127 is prime, and the mesh would repeat after a whole "
+        "revolution only",
     ),
     Row(
         "Fig. III-32, III-33",
