@@ -32,8 +32,8 @@ ROWS = (
             "; ".join(f"{row[0]}: left {row[1]:.2f}, right {row[2]:.2f}" for row in f.rows)
             + " of the mean"
         ),
-        reason="How much hangs on a web and a torque that are guesses. The thesis compares with "
-        "full finite elements of both gears, which are not in the text",
+        reason="Most of it is there at rest, where thrust tilts the rim; how much hangs on a web "
+        "and a torque that are guesses. The thesis compares with full finite elements",
     ),
     Row(
         "Tab. III-10",
