@@ -227,6 +227,7 @@ def _closed_alone(problem: ContactProblem) -> Cells:
 
     Found without a factor, they are a close guess where cells are coupled.
     """
+    assert problem.coupling is not None
     even = jnp.where(problem.stiffness > 0.0, 1.0, 0.0)
     yielding = structure_yield(problem, on_coordinates(problem.arms, even))
     given = body_yield(problem.coupling, even) + at_cells(problem.arms, yielding)
