@@ -145,7 +145,8 @@ def test_slow_multipliers_are_those_of_all_modes(name):
         assert np.abs(leading) == pytest.approx(np.abs(each[: len(leading)]), abs=1e-10)
         found.append(np.abs(each[:6]))
     assert found[1].max() < 1.0
-    assert found[1] == pytest.approx(found[0], abs=2e-3)
+    # Eight of the shapes are natural modes; over more periods a slow mode's error adds up.
+    assert found[1] == pytest.approx(found[0], abs=5e-4 * max(CASES[name].periods, 2))
 
 
 NAMES = "relief", "speed", "bearing", "damping", "modulus", "density"
