@@ -6,7 +6,6 @@ condensed body all cells do, `[cell, cell]`. Cells are flattened `line` times `s
 everywhere.
 """
 
-import functools
 from collections.abc import Callable, Sequence
 
 import equinox as eqx
@@ -217,8 +216,8 @@ def _shared_in_a_batch(size: int, batched: Sequence[bool], *system: Array) -> tu
         beyond = jnp.any(stiffness[:, _half(stiffness.shape[1]) :] > 0.0, axis=1)
         bearing = jnp.where(needed, jnp.where(beyond, 2, 1), 0)
         sides = jax.vmap(_similar)(coupling, root, *right)
-        solved = functools.partial(_solved_of_bearing, coupling, root)
-        within = jax.lax.map(lambda each: solved(*each), (jnp.arange(size), bearing, sides))
+        solved = lambda each: _solved_of_bearing(coupling, root, *each)
+        within = jax.lax.map(solved, (jnp.arange(size), bearing, sides))
         return jax.vmap(_as_forces)(root, within, right[1])
 
     def nothing(_, __, stiffness: Array, arms: Array, force: Array) -> Array:

@@ -75,11 +75,7 @@ def linearised_once(
     structure, coupling = tangent[:, None] * problem.arms, problem.coupling
     if coupling is None:
         return Linearised(None, structure), right
-    if needed is None:
-        columns = jnp.column_stack([structure, right])
-        columns = shared(coupling, sharing_with_body(coupling, tangent), columns)
-    else:
-        columns = shared_where_needed(coupling, tangent, problem.arms, right, needed)
+    columns = shared_where_needed(coupling, tangent, problem.arms, right, needed)
     return Linearised(None, columns[:, :-1]), columns[:, -1]
 
 

@@ -4,7 +4,6 @@ The body is solid and little thicker than its shaft, so that beam theory holds. 
 makes loads depend on the stiffness of the shaft, not on its lengths alone.
 """
 
-import functools
 from pathlib import Path
 from typing import NamedTuple
 
@@ -103,7 +102,14 @@ class _Answer(NamedTuple):
     shaken: np.ndarray
 
 
-@functools.cache
+def _beam_and_bricks(folder: Path, case: _Case) -> tuple[_Answer, _Answer]:
+    """A pinion as beams and as bricks; `pytest -s` shows some of what they differ by."""
+    beam, condensed = (_answer(folder, case, body) for body in (_BEAM, _CONDENSED))
+    print(beam.te / condensed.te, beam.natural / condensed.natural)
+    print(beam.critical / condensed.critical)
+    return beam, condensed
+
+
 def _answer(folder: Path, case: _Case, body: str) -> _Answer:
     path = folder / "scene.toml"
     path.write_text(_text(case, body))
@@ -132,12 +138,9 @@ def _off(found: np.ndarray, wanted: np.ndarray) -> float:
 
 
 @pytest.mark.slow
-def test_a_slender_pinion_of_beams_is_that_of_bricks(tmp_path_factory):
+def test_a_slender_pinion_of_beams_is_that_of_bricks(tmp_path):
     """1 % at rest and in motion, of the largest load; tilts of bearings 1.5 %."""
-    folder = tmp_path_factory.mktemp("pinion")
-    beam, condensed = (_answer(folder, SLENDER, body) for body in (_BEAM, _CONDENSED))
-    print(beam.te / condensed.te, beam.natural / condensed.natural)
-    print(beam.critical / condensed.critical)
+    beam, condensed = _beam_and_bricks(tmp_path, SLENDER)
     np.testing.assert_allclose(beam.te, condensed.te, rtol=0.01)
     np.testing.assert_allclose(beam.natural, condensed.natural, rtol=0.01)
     np.testing.assert_allclose(beam.critical, condensed.critical, rtol=0.01)
@@ -148,12 +151,9 @@ def test_a_slender_pinion_of_beams_is_that_of_bricks(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_how_far_a_short_stepped_pinion_of_beams_is_from_bricks(tmp_path_factory):
+def test_how_far_a_short_stepped_pinion_of_beams_is_from_bricks(tmp_path):
     """What docs/accuracy.md says of it: beams are stiff at a step, and do not warp."""
-    folder = tmp_path_factory.mktemp("pinion")
-    beam, condensed = (_answer(folder, SHORT, body) for body in (_BEAM, _CONDENSED))
-    print(beam.te / condensed.te, beam.natural / condensed.natural)
-    print(beam.critical / condensed.critical)
+    beam, condensed = _beam_and_bricks(tmp_path, SHORT)
     np.testing.assert_allclose(beam.te, condensed.te, rtol=0.03)
     np.testing.assert_allclose(beam.natural[:5], condensed.natural[:5], rtol=0.02)
     np.testing.assert_allclose(beam.critical, condensed.critical, rtol=0.02)
