@@ -17,8 +17,8 @@ from jaxgear._contact._cells import (
     nominal_line_load,
 )
 from jaxgear._contact._coupling import between_all_cells
-from jaxgear._dynamics._table import MeshTable, repeated
-from jaxgear._dynamics._types import PlaceArms, StepCoupling
+from jaxgear._dynamics._table import MeshTable, kept_cells, repeated
+from jaxgear._dynamics._types import KeptCells, PlaceArms, StepCoupling
 from jaxgear._flank._deviations import Flanks
 from jaxgear._geometry._backlash import back_lines, normal_backlash
 from jaxgear._geometry._lines import MeshGrid
@@ -66,6 +66,7 @@ def back_flank_table(
         coupling=cells[1].coupling,
         periods=1,
         kinds=table.kinds[:steps],
+        kept=kept_cells(cells[1]),
     )
     return dataclasses.replace(repeated(one, table.periods), edges=table.edges), middle.complete
 
@@ -158,7 +159,17 @@ def with_back_flanks(table: MeshTable, back: MeshTable) -> MeshTable:
         gap=beside(table.gap, back.gap),
         arms=_side_by_side(table.arms, back.arms),
         coupling=_joined_coupling(table, back),
+        kept=_joined_kept(table, back),
     )
+
+
+def _joined_kept(table: MeshTable, back: MeshTable) -> KeptCells | None:
+    """Cells of both flanks that may be in contact, or `None`: all of them."""
+    if table.kept is None and back.kept is None:
+        return None
+    all_of = lambda x: jnp.broadcast_to(jnp.arange(x.stiffness.shape[1]), x.stiffness.shape)
+    drive, other = (all_of(x) if x.kept is None else x.kept for x in (table, back))
+    return jnp.concatenate([drive, other + table.stiffness.shape[1]], axis=1)
 
 
 def _side_by_side(drive: Reals, back: Reals) -> PlaceArms:

@@ -12,12 +12,21 @@ import operator
 from typing import TypeVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from jaxgear._compiled import compiled
 from jaxgear._contact._cells import MeshCells, Misalignment, mesh_gap
-from jaxgear._dynamics._types import Edges, PlaceArms, PlaceCells, StepCells, StepCoupling
+from jaxgear._dynamics._types import (
+    Edges,
+    KeptCells,
+    PlaceArms,
+    PlaceCells,
+    StepCells,
+    StepCoupling,
+)
 from jaxgear._flank._deviations import Flanks
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
@@ -40,6 +49,8 @@ class MeshTable(eqx.Module):
     - `kinds`: a number for each step; steps of one number are equally long.
     - `growth`: approach of each cell by rotation, per square of the pinion's speed, at the same
         places as the gap, or `None` [m s2].
+    - `kept`: of each step, numbers of the cells that may be in contact; the others are left out of
+        a `Mesh`. With `None` all are in it [-].
     """
 
     edges: Edges
@@ -50,6 +61,7 @@ class MeshTable(eqx.Module):
     periods: int = eqx.field(static=True)
     kinds: tuple[int, ...] = eqx.field(static=True)
     growth: PlaceCells | None = None
+    kept: KeptCells | None = None
 
     @property
     def lengths(self) -> Reals:
@@ -60,6 +72,13 @@ class MeshTable(eqx.Module):
     def middles(self) -> Reals:
         """Middle of each step in mesh periods from the start of the cycle [-]."""
         return 0.5 * (self.edges[:-1] + self.edges[1:])
+
+    def on_all_cells(self, values: Reals) -> Reals:
+        """Values of the cells of a `Mesh` at each step, in their places among all; others are 0."""
+        if self.kept is None:
+            return values
+        place = lambda kept, own: jnp.zeros(self.stiffness.shape[1]).at[kept].set(own)
+        return jax.vmap(place)(self.kept, values)
 
 
 class Mesh(eqx.Module):
@@ -85,6 +104,17 @@ class Mesh(eqx.Module):
         if self.growth is None:
             return self
         return dataclasses.replace(self, gap=self.gap - speed**2 * self.growth, growth=None)
+
+    def among(self, kept: Array) -> "Mesh":
+        """Some of the cells at one instant, which are all coupled, by their numbers."""
+        assert self.coupling is not None
+        return Mesh(
+            stiffness=self.stiffness[kept],
+            gap=self.gap[kept],
+            arms=self.arms[kept],
+            coupling=self.coupling[kept[:, None], kept[None, :]],
+            growth=None if self.growth is None else self.growth[kept],
+        )
 
 
 START, MIDDLE, END = PLACES = 0.0, 0.5, 1.0
@@ -149,7 +179,17 @@ def tabulated(
         periods=grid.periods,
         kinds=tuple(kinds * grid.periods),
         growth=growth,
+        kept=kept_cells(cells),
     )
+
+
+def kept_cells(cells: MeshCells) -> KeptCells | None:
+    """Numbers of the cells that may be in contact, or `None`: all.
+
+    Where slices feel only what is in them, they stay in their order, and all of them.
+    """
+    coupling = cells.coupling
+    return None if coupling is None or coupling.ndim > 3 else cells.lines.kept
 
 
 def at_places(pair: GearPair, cells: MeshCells) -> tuple[MeshCells, MeshCells, MeshCells]:
@@ -190,14 +230,16 @@ def mesh_at(table: MeshTable, part: float) -> Mesh:
 
     **Returns:**
 
-    The cells, `step` leading. Between the three places of the table a parabola is laid.
+    The cells that may be in contact, `step` leading. Between the three places of the table a
+    parabola is laid.
     """
     shares = place_shares(part)
     # A zero is left out, so that places cost nothing.
     used = [i for i, share in enumerate(shares) if share != 0.0]
     between = lambda x: functools.reduce(operator.add, [shares[i] * x[i] for i in used])
     growth = None if table.growth is None else between(table.growth)
-    return Mesh(table.stiffness, between(table.gap), between(table.arms), table.coupling, growth)
+    mesh = Mesh(table.stiffness, between(table.gap), between(table.arms), table.coupling, growth)
+    return mesh if table.kept is None else jax.vmap(Mesh.among)(mesh, table.kept)
 
 
 _Part = TypeVar("_Part", float, Scalar)
@@ -240,7 +282,7 @@ def mesh_within(table: MeshTable, part: float) -> Mesh:
     slope = (table.stiffness[after] - table.stiffness[before]) / apart
     stiffness = table.stiffness + (part - MIDDLE) * slope
     stiffness = jnp.where(table.stiffness > 0.0, jnp.maximum(stiffness, 0.0), 0.0)
-    return dataclasses.replace(mesh_at(table, part), stiffness=stiffness)
+    return mesh_at(dataclasses.replace(table, stiffness=stiffness), part)
 
 
 def repeated(table: MeshTable, times: int) -> MeshTable:
@@ -269,4 +311,5 @@ def repeated(table: MeshTable, times: int) -> MeshTable:
         periods=table.periods * times,
         kinds=table.kinds * times,
         growth=None if table.growth is None else again(table.growth, 1),
+        kept=None if table.kept is None else again(table.kept, 0),
     )

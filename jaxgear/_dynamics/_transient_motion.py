@@ -226,13 +226,14 @@ def mesh_at_phase(table: MeshTable, phase: Scalar, near: Scalar) -> Mesh:
     part = (local - table.edges[i]) / (table.edges[i + 1] - table.edges[i])
     first, middle, last = place_shares(part)
     between = lambda x: first * x[0, i] + middle * x[1, i] + last * x[2, i]
-    return Mesh(
+    mesh = Mesh(
         stiffness=table.stiffness[i],
         gap=between(table.gap),
         arms=between(table.arms),
         coupling=None if table.coupling is None else table.coupling[i],
         growth=None if table.growth is None else between(table.growth),
     )
+    return mesh if table.kept is None else mesh.among(table.kept[i])
 
 
 # Newton's steps on a convex energy of few pieces; each opens or closes the cells that are wrong.

@@ -4,6 +4,7 @@
 |---|---|
 | `edge` | ends of the time steps of a cycle |
 | `step` | time step within a cycle |
+| `kept` | cell that may be in contact |
 | `place` | start, middle and end of a time step |
 | `dof` | degree of freedom that can move |
 | `free` | motion that nothing holds |
@@ -18,11 +19,12 @@
 
 from typing import TYPE_CHECKING
 
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Complex, Float, Int
 
 if TYPE_CHECKING:
     Edges = Array
     StepCells = Array
+    KeptCells = Array
     PlaceCells = Array
     PlaceArms = Array
     StepCoupling = Array
@@ -54,6 +56,7 @@ if TYPE_CHECKING:
 else:
     Edges = Float[Array, "edge"]
     StepCells = Float[Array, "step cell"]
+    KeptCells = Int[Array, "step kept"]
     PlaceCells = Float[Array, "place step cell"]
     PlaceArms = Float[Array, "place step cell coordinate"]
     StepCoupling = Float[Array, "step *between"]

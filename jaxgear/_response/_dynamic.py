@@ -268,7 +268,7 @@ class PressedCells(NamedTuple):
     **Fields:**
 
     - `force`: elastic force of each cell [N].
-    - `overlap`: of each cell, negative where it is open [m].
+    - `overlap`: of each cell, negative where it is open, 0 where it cannot close [m].
     - `total`: force of all cells along the normal, drive and back flanks together [N].
     """
 
@@ -309,6 +309,7 @@ def pressed_cells(
             lambda mesh, own, near: load_at_nodes(system, law, mesh, own, near)
         )(meshes, nodes, orbit.load)
     force, overlap = jax.vmap(lambda mesh, own: cell_forces(mesh, own, law))(meshes, places)
+    force, overlap = table.on_all_cells(force), table.on_all_cells(overlap)
     return PressedCells(force, overlap, total_force(system, load))
 
 

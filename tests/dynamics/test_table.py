@@ -12,7 +12,7 @@ from helpers import quick
 
 import jaxgear as jg
 from jaxgear._dynamics._cell_forces import cell_forces, mean_load, mean_ramp, mesh_load
-from jaxgear._dynamics._table import END, MIDDLE, START, Mesh, mesh_at, repeated
+from jaxgear._dynamics._table import END, MIDDLE, START, Mesh, mesh_at, mesh_within, repeated
 
 EXACT = jg.ExactContact()
 
@@ -44,6 +44,24 @@ def test_mesh_between_places_is_a_parabola():
     time = jnp.asarray([0.0, 0.5, 1.0])[:, None, None]
     bent = dataclasses.replace(table, gap=jnp.broadcast_to(3.0 * time**2 - time, table.gap.shape))
     np.testing.assert_allclose(mesh_at(bent, 0.3).gap, 3.0 * 0.09 - 0.3, rtol=1e-12)
+
+
+@pytest.mark.parametrize("cells", [mesh_at, mesh_within])
+@pytest.mark.parametrize("part", [START, MIDDLE, END])
+def test_cells_that_cannot_be_in_contact_are_left_out(cells, part):
+    dynamics = cases.torsional_pair(relief=15e-6)
+    table = repeated(dynamics.system.table, 2)
+    assert table.kept is not None
+    assert table.kept.shape[1] < table.stiffness.shape[1]
+
+    def forces(table):
+        each = jax.vmap(lambda mesh, place: cell_forces(mesh, place, EXACT)[0])
+        mesh = cells(table, part)
+        return table.on_all_cells(each(mesh, jnp.tile(dynamics.system.rest, (2, 1))))
+
+    found, wanted = (jax.jit(forces)(t) for t in (table, dataclasses.replace(table, kept=None)))
+    assert np.count_nonzero(wanted) > 64
+    np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-9)
 
 
 def test_repeated_table_goes_on():
