@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from jaxgear._contact._coupling import body_yield, share_with_body
+from jaxgear._contact._coupling import body_yield, share_with_body, shared_where_needed
 from jaxgear._dynamics._table import Mesh
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._types import (
@@ -16,6 +16,7 @@ from jaxgear._types import (
     CoordinateMatrix,
     Coordinates,
     Coupling,
+    Flag,
     Reals,
 )
 
@@ -73,7 +74,8 @@ def forces_between_all(
 ) -> Cells:
     r"""Forces of cells that are all coupled, $f = k\,\sigma(\Delta_0 - C f)$.
 
-    Newton's method from all of them closed; derivatives are those of the solution.
+    Newton's method from no forces, and so from the cells that overlap on rigid bodies: others do
+    not close. Derivatives are those of the solution.
 
     **Arguments:**
 
@@ -87,25 +89,7 @@ def forces_between_all(
 
     Forces [N].
     """
-
-    def missing_at(force: Cells) -> tuple[Cells, Cells]:
-        compression, slope = _pressed(law, free - body_yield(coupling, force))
-        return stiffness * compression - force, stiffness * slope
-
-    def body(state):
-        force, missing, tangent, _, steps = state
-        step = share_with_body(coupling, tangent, missing[:, None], symmetric=symmetric)
-        force = force + step[:, 0]
-        missing, tangent = missing_at(force)
-        done = jnp.max(jnp.abs(missing)) <= _MISSING * jnp.max(stiffness * jnp.abs(free))
-        return force, missing, tangent, done, steps + 1
-
-    def unfinished(state):
-        return ~state[3] & (state[4] < _MOST_STEPS)
-
-    none = jnp.zeros_like(free)
-    first = none, stiffness * free, stiffness, jnp.asarray(False), 0
-    return jax.lax.while_loop(unfinished, body, first)[0]
+    return _searched(law, stiffness, coupling, free, free[:, None][:, :0], symmetric)[0]
 
 
 @forces_between_all.defjvp
@@ -120,6 +104,66 @@ def _forces_tangent(symmetric, primals, tangents):
     _, slope = _pressed(law, free - body_yield(coupling, force))
     moved = share_with_body(coupling, stiffness * slope, change[:, None], symmetric=symmetric)
     return force, moved[:, 0]
+
+
+def _searched(
+    law: AbstractContactLaw,
+    stiffness: Cells,
+    coupling: Coupling,
+    free: Cells,
+    arms: CellArms,
+    symmetric: bool,
+) -> tuple[Cells, CellColumns]:
+    """Forces, and those per mesh coordinate with the contact of the step before the last."""
+
+    def missing_at(force: Cells) -> tuple[Cells, Cells]:
+        compression, slope = _pressed(law, free - body_yield(coupling, force))
+        return stiffness * compression - force, stiffness * slope
+
+    def solved(tangent: Cells, missing: Cells, needed: Flag) -> CellColumns:
+        # Of a batch, what has been found is not factorised again.
+        if symmetric:
+            return shared_where_needed(coupling, tangent, arms, missing, needed)
+        right = jnp.column_stack([tangent[:, None] * arms, missing])
+        return share_with_body(coupling, tangent, right, symmetric=False)
+
+    def body(state):
+        force, missing, tangent, pushed, done, steps = state
+        step = solved(tangent, missing, ~done)
+        force = jnp.where(done, force, force + step[:, -1])
+        pushed = jnp.where(done, pushed, step[:, :-1])
+        missing, tangent = missing_at(force)
+        found = jnp.max(jnp.abs(missing)) <= _MISSING * jnp.max(stiffness * jnp.abs(free))
+        return force, missing, tangent, pushed, done | found, steps + 1
+
+    def unfinished(state):
+        return ~state[4] & (state[5] < _MOST_STEPS)
+
+    none = jnp.zeros_like(free)
+    first = none, *missing_at(none), jnp.zeros_like(arms), jnp.asarray(False), 0
+    force, _, _, pushed, _, _ = jax.lax.while_loop(unfinished, body, first)
+    return force, pushed
+
+
+@jax.custom_jvp
+def _exact_forces(
+    stiffness: Cells, coupling: Coupling, free: Cells, arms: CellArms
+) -> tuple[Cells, CellColumns]:
+    """Forces with exact contact, and those per mesh coordinate: by the factor of the last step.
+
+    The cells that were closed in it are those that are closed in the end.
+    """
+    return _searched(ExactContact(), stiffness, coupling, free, arms, True)
+
+
+@_exact_forces.defjvp
+def _exact_forces_tangent(primals, tangents):
+    def one_by_one(stiffness, coupling, free, arms):
+        force = forces_between_all(ExactContact(), stiffness, coupling, free)
+        _, slope = _pressed(ExactContact(), free - body_yield(coupling, force))
+        return force, tangent_columns(stiffness * slope, coupling, arms)
+
+    return jax.jvp(one_by_one, primals, tangents)
 
 
 def _pressed(law: AbstractContactLaw, overlap: Cells) -> tuple[Cells, Cells]:
@@ -142,9 +186,13 @@ def mesh_load(
 
     Resultants of the cell forces [N, N m], and their derivative by `place` [N/m, N, N m].
     """
-    force, overlap = cell_forces(mesh, place, law)
-    _, slope = _pressed(law, overlap)
-    pushed = tangent_columns(mesh.stiffness * slope, mesh.coupling, mesh.arms)
+    if isinstance(law, ExactContact) and mesh.coupling is not None and mesh.coupling.ndim == 2:
+        free = mesh.arms @ place - mesh.gap
+        force, pushed = _exact_forces(mesh.stiffness, mesh.coupling, free, mesh.arms)
+    else:
+        force, overlap = cell_forces(mesh, place, law)
+        _, slope = _pressed(law, overlap)
+        pushed = tangent_columns(mesh.stiffness * slope, mesh.coupling, mesh.arms)
     return mesh.arms.T @ force, mesh.arms.T @ pushed
 
 
