@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxgear._checks import is_traced
+from jaxgear._kept_programs import keeps_verbs, verb_called
 
 _Given = ParamSpec("_Given")
 _Found = TypeVar("_Found")
@@ -35,6 +36,26 @@ def compiled(verb: Callable[_Given, _Found]) -> Callable[_Given, _Found]:
 
     The same function, compiled where it is called.
     """
+    return _compiled(verb, lasting=False)
+
+
+def lasting(verb: Callable[_Given, _Found]) -> Callable[_Given, _Found]:
+    """As `compiled`, of a verb that takes long to trace: in a study its program is kept on disk.
+
+    All that the verb returns are arrays.
+
+    **Arguments:**
+
+    - `verb`: a pure function that stands in its module, or class, by its name.
+
+    **Returns:**
+
+    The same function, compiled where it is called.
+    """
+    return _compiled(verb, lasting=True)
+
+
+def _compiled(verb: Callable[_Given, _Found], *, lasting: bool) -> Callable[_Given, _Found]:
     program = eqx.filter_jit(verb)
     names = inspect.signature(verb).parameters
     settings = {name for name, each in names.items() if each.kind is each.KEYWORD_ONLY}
@@ -44,7 +65,10 @@ def compiled(verb: Callable[_Given, _Found]) -> Callable[_Given, _Found]:
         named = {
             name: value if name in settings else _traceable(value) for name, value in kwargs.items()
         }
-        return program(*map(_traceable, args), **named)  # type: ignore[call-arg]
+        given = tuple(map(_traceable, args))
+        if lasting and keeps_verbs() and not any(map(is_traced, jax.tree.leaves((given, named)))):
+            return verb_called(call, verb, given, named)
+        return program(*given, **named)  # type: ignore[call-arg]
 
     return call
 

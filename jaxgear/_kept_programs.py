@@ -10,6 +10,7 @@ it is.
 """
 
 import contextlib
+import dataclasses
 import functools
 import hashlib
 import importlib.metadata
@@ -17,10 +18,12 @@ import importlib.util
 import io
 import os
 import pickle
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import numpy as np
 
@@ -91,6 +94,77 @@ def called(function: Callable[..., Any], *arguments: Any, options: Options = QUI
     return program_of(function, structure, kinds_of(leaves), options)(*leaves)
 
 
+_KEEPS: ContextVar[bool] = ContextVar("_KEEPS", default=False)
+
+
+@contextlib.contextmanager
+def keeping_verbs() -> Iterator[None]:
+    """Programs of verbs that take long to trace are kept too, for all that runs inside."""
+    token = _KEEPS.set(True)
+    try:
+        yield
+    finally:
+        _KEEPS.reset(token)
+
+
+def keeps_verbs() -> bool:
+    """Whether programs of verbs are kept where this is asked."""
+    return _KEEPS.get() and _folder() is not None
+
+
+@dataclasses.dataclass(frozen=True)
+class _Verb:
+    """A verb with those of its arguments that are no arrays.
+
+    **Fields:**
+
+    - `named`: by whose name it is found again.
+    - `settings`: leaves and structure of the arguments that are no arrays.
+    - `body`: what is traced; not kept.
+    """
+
+    named: Callable[..., Any]
+    settings: tuple[tuple[Any, ...], Any]
+    body: Callable[..., Any] | None = dataclasses.field(compare=False)
+
+    @property
+    def arguments(self) -> Any:
+        """The arguments, arrays left out."""
+        return jax.tree.unflatten(self.settings[1], self.settings[0])
+
+    def __call__(self, arrays: Any) -> Any:
+        assert self.body is not None
+        args, kwargs = eqx.combine(arrays, self.arguments)
+        return self.body(*args, **kwargs)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # It is written to be told from others: structures cannot be, but what is built like them.
+        return tuple, ((self.named, self.arguments),)
+
+
+def verb_called(
+    named: Callable[..., Any], body: Callable[..., Any], args: tuple, kwargs: dict[str, Any]
+) -> Any:
+    """Call a verb whose program is kept, with concrete arrays.
+
+    **Arguments:**
+
+    - `named`: what its module calls by the name of the verb.
+    - `body`: the function itself.
+    - `args`, `kwargs`: of the verb; what is no array is a part of the program.
+
+    **Returns:**
+
+    What the verb returns.
+    """
+    is_number = lambda x: isinstance(x, (jax.Array, np.ndarray, np.generic))
+    arrays, others = eqx.partition((args, kwargs), is_number)
+    held, shape = jax.tree.flatten(others)
+    leaves, structure = jax.tree.flatten((arrays,))
+    verb = _Verb(named, (tuple(held), shape), body)
+    return program_of(verb, structure, kinds_of(leaves))(*leaves)
+
+
 def leaves_of(*arguments: Any) -> tuple[list[Any], Any]:
     """Arrays and structure of arguments; plain numbers become arrays.
 
@@ -153,7 +227,11 @@ def _compiled(lowered: jax.stages.Lowered, options: Options) -> jax.stages.Compi
 
 def is_named(function: Callable[..., Any]) -> bool:
     """Whether a function stands by a name in its module, and so closes over nothing."""
-    return "<" not in function.__qualname__
+    return isinstance(function, _Verb) or "<" not in function.__qualname__
+
+
+def _name(function: Callable[..., Any]) -> str:
+    return (function.named if isinstance(function, _Verb) else function).__name__
 
 
 def forget() -> None:
@@ -162,7 +240,7 @@ def forget() -> None:
 
 
 # More than the programs of any one command.
-@functools.lru_cache(maxsize=64)
+@functools.lru_cache(maxsize=128)
 def _named_program(
     function: Callable[..., Any], structure: Any, kinds: tuple[Kind, ...], options: Options
 ) -> Program:
@@ -177,7 +255,7 @@ def _named_program(
             return _program(function, structure, kinds, options)
         if path is not None:
             _write(path, *kept)
-    return _imported(*kept, kinds, options, function.__name__)
+    return _imported(*kept, kinds, options, _name(function))
 
 
 def _imported(
@@ -205,7 +283,7 @@ def _flat(function: Callable[..., Any], structure: Any) -> tuple[Callable[..., A
         return found
 
     # The name under which compilers and profilers report it.
-    flat.__name__ = flat.__qualname__ = function.__name__
+    flat.__name__ = flat.__qualname__ = _name(function)
     return flat, results
 
 
@@ -224,7 +302,7 @@ def _path(function: Callable[..., Any], structure: Any, kinds: tuple[Kind, ...])
         return None
     key = hashlib.sha256(content.getvalue() + _surroundings().encode()).hexdigest()
     # Ends as the files of JAX's cache do, with which it is counted and removed.
-    return folder / f"lowered_{function.__name__}-{key}-cache"
+    return folder / f"lowered_{_name(function)}-{key}-cache"
 
 
 def _folder() -> Path | None:

@@ -32,10 +32,9 @@ from jaxgear._dynamics._guide import (
     hides_event,
     joined_vector,
     parted_vector,
-    prepared_problem,
     sizes_of,
 )
-from jaxgear._dynamics._harmonic import HarmonicBalance
+from jaxgear._dynamics._harmonic import HarmonicBalance, harmonic_balance_problem
 from jaxgear._dynamics._system import DynamicSystem
 from jaxgear._dynamics._types import Terms
 
@@ -273,7 +272,7 @@ def continuation(
         "`at` must lie between `start` and `stop`, got {at:.6g} rad/s.",
         at=at,
     )
-    balance = prepared_problem(method, system)
+    balance = harmonic_balance_problem(method, system)
     guide = Guide(method, balance, stability=stability)
     near = balance.rest if near is None else near
     begun = np.asarray(first_vector(method, balance, jnp.asarray(float(at)), near))

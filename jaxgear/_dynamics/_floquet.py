@@ -17,7 +17,7 @@ import numpy as np
 import scipy.sparse.linalg
 from jaxtyping import Array, Float
 
-from jaxgear._compiled import compiled
+from jaxgear._compiled import lasting
 from jaxgear._dynamics._cell_forces import mean_tangent, mesh_load
 from jaxgear._dynamics._march_step import March, Rule, march_of
 from jaxgear._dynamics._orbit import Orbit
@@ -35,7 +35,7 @@ STABLE = 1.0 + 1e-6
 Monodromy = Float[Array, "state state"]
 
 
-@compiled
+@lasting
 def monodromy(
     system: DynamicSystem,
     modes: ModalBasis,

@@ -14,7 +14,6 @@ from jaxgear._dynamics._guide import (
     Guide,
     LostError,
     joined_vector,
-    prepared_problem,
     slopes_by_both,
 )
 from jaxgear._dynamics._harmonic import Balance, HarmonicBalance, harmonic_balance_problem
@@ -49,7 +48,7 @@ def period_doubled_branch(
         "A doubled period needs an even `HarmonicBalance.multiple`, got {got}.",
         got=method.multiple,
     )
-    balance = prepared_problem(method, system)
+    balance = harmonic_balance_problem(method, system)
     guide = Guide(method, balance, stability=False)
     kept, count = doubling.terms.shape[1] // 2, balance.count
     order = np.arange(1, min(kept, count // 2) + 1)
@@ -116,7 +115,7 @@ def refine_fold(
 
     The fold, or `None` if there is none within reach.
     """
-    balance = prepared_problem(method, system)
+    balance = harmonic_balance_problem(method, system)
     guide = Guide(method, balance, stability=False)
     speed = jnp.asarray(fold.speed)
     near = np.asarray(joined_once(balance, jnp.asarray(fold.terms), speed))
@@ -174,7 +173,7 @@ def fold_gradient(
     - `ValueError` if the point is not a fold of that system, or is one at a corner.
     """
 
-    balance = prepared_problem(method, _built(build, parameters))
+    balance = harmonic_balance_problem(method, _built(build, parameters))
     terms, speed = jnp.asarray(fold.terms), jnp.asarray(fold.speed)
     residual, matrix = _by_both_once(balance, joined_once(balance, terms, speed))
     left, sizes, _ = np.linalg.svd(np.asarray(matrix)[:, :-1])

@@ -11,8 +11,9 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
+from jaxgear._compiled import lasting
 from jaxgear._dynamics._floquet import SlowModes, leading_multipliers, monodromy, slow_modes
-from jaxgear._dynamics._harmonic import Balance, HarmonicBalance, harmonic_balance_problem
+from jaxgear._dynamics._harmonic import Balance, HarmonicBalance
 from jaxgear._dynamics._harmonic_problem import imbalance, linearised
 from jaxgear._dynamics._orbit import Orbit, contact_force
 from jaxgear._dynamics._types import Terms
@@ -61,7 +62,7 @@ def slopes_by_both(balance: Balance, unknowns: Reals) -> tuple[Reals, Reals]:
 _MOST_NEWTON = 10
 
 
-@jax.jit
+@lasting
 def _correct(
     balance: Balance, first: Reals, normal: Reals, value: Scalar, tolerance: Scalar
 ) -> tuple[Reals, Reals, Scalar, Scalar]:
@@ -86,13 +87,13 @@ def _correct(
     return jax.lax.while_loop(unfinished, body, start)
 
 
-@jax.jit
+@lasting
 def _seen(balance: Balance, unknowns: Reals) -> tuple[Scalar, Scalar]:
     """Dynamic ratio and RMS of the transmission error of a point."""
     return _measures(balance, _orbit(balance, unknowns))
 
 
-@jax.jit
+@lasting
 def _seen_whole(balance: Balance, slow: SlowModes, unknowns: Reals) -> tuple[Scalar, Scalar, Reals]:
     """The same, and the monodromy matrix of the slow modes."""
     orbit, law = _orbit(balance, unknowns), balance.law
@@ -116,13 +117,10 @@ def _measures(balance: Balance, orbit: Orbit) -> tuple[Scalar, Scalar]:
     return ratio, jnp.sqrt(jnp.sum(share * error**2))
 
 
-@jax.jit
+@lasting
 def first_vector(method: HarmonicBalance, balance: Balance, speed: Scalar, near: Terms) -> Reals:
     """The response that Newton's method reaches at a given speed."""
     return joined_vector(balance, method.solve(balance, speed, near)[1], speed)
-
-
-prepared_problem = jax.jit(harmonic_balance_problem)
 
 
 # --- Along a branch
@@ -170,7 +168,7 @@ class Guide:
     def correct(self, first: np.ndarray, normal: np.ndarray, value: float) -> Place | None:
         """The point in a plane, or nothing."""
         unknowns, tangent, error, steps = jax.device_get(
-            _correct(self.balance, first, normal, value, self.tolerance)
+            _correct(self.balance, *map(jnp.asarray, (first, normal, value, self.tolerance)))
         )
         self.steps += int(steps)
         found = bool(error <= self.tolerance) and bool(np.all(np.isfinite(tangent)))
@@ -179,11 +177,9 @@ class Guide:
     def see(self, point: Place) -> Place:
         """A point with all that is to be known of it."""
         if not self.stability:
-            ratio, te_rms = jax.device_get(_seen(self.balance, point.unknowns))
+            ratio, te_rms = jax.device_get(_seen(self.balance, jnp.asarray(point.unknowns)))
             return point._replace(ratio=float(ratio), te_rms=float(te_rms))
-        return self._judged(
-            point, *jax.device_get(_seen_whole(self.balance, self.slow, point.unknowns))
-        )
+        return self._judged(point, *self._seen_whole(point))
 
     def _judged(
         self, point: Place, ratio: np.ndarray, te_rms: np.ndarray, matrix: np.ndarray
@@ -200,6 +196,9 @@ class Guide:
             ring=float(np.log(np.abs(pairs[0]))) if pairs.size else -np.inf,
         )
 
+    def _seen_whole(self, point: Place) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return jax.device_get(_seen_whole(self.balance, self.slow, jnp.asarray(point.unknowns)))
+
     def see_all(self, points: list[Place]) -> list[Place]:
         """Points with all that is to be known of them; eigenvalues beside the next matrix.
 
@@ -213,7 +212,7 @@ class Guide:
                 pool.submit(
                     self._judged,
                     point,
-                    *jax.device_get(_seen_whole(self.balance, self.slow, point.unknowns)),
+                    *self._seen_whole(point),
                 )
                 for point in points
             ]

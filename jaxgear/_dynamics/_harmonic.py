@@ -15,7 +15,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from jaxgear._checks import InputError, require
-from jaxgear._compiled import compiled
+from jaxgear._compiled import compiled, lasting
 from jaxgear._dynamics._harmonic_problem import (
     Problem,
     excess_stiffness,
@@ -88,7 +88,7 @@ class HarmonicBalance(AbstractMethod):
             )
         return self.solve(harmonic_balance_problem(self, system), speed)[0]
 
-    @compiled
+    @lasting
     def solve(
         self, balance: "Balance", speed: Scalar, near: Terms | None = None
     ) -> tuple[Orbit, Terms]:
@@ -238,7 +238,7 @@ class Balance(eqx.Module):
         )
 
 
-@compiled
+@lasting
 def harmonic_balance_problem(method: HarmonicBalance, system: DynamicSystem) -> Balance:
     """Prepare what all speeds share.
 

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from jaxgear._checks import require
-from jaxgear._compiled import compiled
+from jaxgear._compiled import compiled, lasting
 from jaxgear._dynamics._cell_forces import mesh_load
 from jaxgear._dynamics._march_step import Carried, March, march_of
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit, bears_load, without_derivatives
@@ -286,7 +286,7 @@ def _marched(
     return _history(ready, begun, last, jnp.concatenate([early, late]), kept)
 
 
-@compiled
+@lasting
 def march_on(
     system: DynamicSystem,
     speed: Scalar,

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxgear._checks import require
-from jaxgear._compiled import compiled, in_numpy
+from jaxgear._compiled import compiled, in_numpy, lasting
 from jaxgear._dynamics._harmonic import HarmonicBalance, harmonic_balance_problem
 from jaxgear._dynamics._orbit import AbstractMethod, Orbit
 from jaxgear._dynamics._system import DynamicSystem
@@ -114,7 +114,7 @@ def _orbits(method: AbstractMethod, system: DynamicSystem, speeds: Speeds) -> Or
 _ABREAST = 32
 
 
-@compiled
+@lasting
 def orbit_of(
     method: AbstractMethod, system: DynamicSystem, speed: Scalar, start: Start | None
 ) -> Orbit:

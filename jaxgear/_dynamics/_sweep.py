@@ -179,6 +179,8 @@ class Finder:
         # Whatever is looked for obeys the law of the sweep.
         self.shooting = dataclasses.replace(settings.shooting, law=method.law)
         self.balances: dict[int, Balance] = {}
+        # Whether the way to the last speed was too far for one step.
+        self.far = False
 
     def next(self, speed: Scalar, last: SweepPoint | None) -> SweepPoint:
         """Find the response at a speed that follows `last`.
@@ -201,9 +203,13 @@ class Finder:
             found = self._shot(method, speed, start, (2, 1) if twice else (1, 2))
             return found or self._searched(method, speed, start)
         if last is None:
-            found = self._balanced(speed, 1, None)
+            found = self._judged(self._balanced(speed, 1, None))
             return found if found.stable else self._left(found, speed, start)
-        return self._followed(speed, last, _HALVINGS)
+        # One step that would be too long again is not tried.
+        step = self._halved if self.far and last.settled else self._followed
+        found = step(speed, last, _HALVINGS)
+        self.far = not _near(found, last)
+        return found
 
     def _followed(self, speed: Scalar, last: SweepPoint, halvings: int) -> SweepPoint:
         """The response at a speed that follows one close by, in smaller steps where it is lost."""
@@ -211,13 +217,17 @@ class Finder:
             # What does not repeat is not left for a response that does, unless it ends there.
             return self._searched(self.shooting, speed, last.orbit.start)
         found = self._balanced(speed, last.multiple, last.orbit)
-        near = found.settled and _moved(found, last.orbit) <= _STEP
-        if near and found.stable:
+        if halvings > 0 and not _near(found, last):
+            return self._halved(speed, last, halvings)
+        found = self._judged(found)
+        if found.stable and _near(found, last):
             return found
-        if not near and halvings > 0:
-            middle = self._followed(0.5 * (speed + last.orbit.speed), last, halvings - 1)
-            return self._followed(speed, middle, halvings - 1)
         return self._left(found, speed, last.orbit.start)
+
+    def _halved(self, speed: Scalar, last: SweepPoint, halvings: int) -> SweepPoint:
+        """The same in two steps."""
+        middle = self._followed(0.5 * (speed + last.orbit.speed), last, halvings - 1)
+        return self._followed(speed, middle, halvings - 1)
 
     def _left(self, found: SweepPoint, speed: Scalar, start: Start) -> SweepPoint:
         """Where the machine goes from a response that is not stable, or far from the last one."""
@@ -228,17 +238,17 @@ class Finder:
         if not found.settled:
             return found
         # Of two methods that agree, the one that all other speeds have.
-        polished = self._balanced(speed, found.multiple, found.orbit)
+        polished = self._judged(self._balanced(speed, found.multiple, found.orbit))
         return polished if _apart(polished, found.orbit) < _APART else found
 
     def _balanced(self, speed: Scalar, multiple: int, near: Orbit | None) -> SweepPoint:
-        """The response by harmonic balance, from one close by or from the quasi-static states."""
+        """What harmonic balance finds, from a response close by or from the quasi-static states."""
         method = _over_cycles(self.harmonic, multiple)
         if multiple not in self.balances:
             self.balances[multiple] = harmonic_balance_problem(method, self.system)
         balance = self.balances[multiple]
         first = balance.rest if near is None else fourier_coefficients(balance, near.place)
-        return self._judged(method.solve(balance, speed, first)[0])
+        return self._alone(method.solve(balance, speed, first)[0])
 
     def _searched(self, method: Shooting, speed: Scalar, start: Start) -> SweepPoint:
         """The response that a march from a motion ends in: soon, or after a longer while."""
@@ -266,14 +276,13 @@ class Finder:
         """A stable response over one cycle or two by shooting, from a motion close by."""
         for multiple in multiples:
             orbit = orbit_of(_over_cycles(method, multiple), self.system, speed, start)
-            found = self._judged(orbit)
+            found = self._judged(self._alone(orbit))
             if found.stable:
                 return found
         return None
 
-    def _judged(self, orbit: Orbit) -> SweepPoint:
+    def _judged(self, point: SweepPoint) -> SweepPoint:
         """The response with its multipliers, if it has settled."""
-        point = self._alone(orbit)
         if not point.settled:
             return point
         law, slow = self.settings.method.law, self.slow
@@ -325,11 +334,16 @@ def _apart(point: SweepPoint | None, other: Orbit | TimeHistory) -> float:
     return np.inf if point is None or not point.stable else _moved(point, other)
 
 
+def _near(point: SweepPoint, last: SweepPoint) -> bool:
+    """Whether a response has settled within one step of the last one."""
+    return point.settled and _moved(point, last.orbit) <= _STEP
+
+
 def _moved(point: SweepPoint, other: Orbit | TimeHistory) -> float:
     """How far a response lies from the last cycles of a motion, over its swing [-]."""
     own = point.orbit.place
     steps = max(own.shape[0], min(other.place.shape[0], 2 * own.shape[0]))
-    last = lambda place: np.resize(np.asarray(place[-steps:, 0]), steps)
+    last = lambda place: np.resize(np.asarray(place)[-steps:, 0], steps)
     return float(np.abs(last(own) - last(other.place)).max() / np.ptp(last(other.place)))
 
 

@@ -1,11 +1,10 @@
 """A response in motion in numbers: ratios, series, orders."""
 
-import functools
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 
+from jaxgear._compiled import lasting
 from jaxgear._contact._root_influence import Influences
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._system import PairDynamics
@@ -59,7 +58,7 @@ class Measured(NamedTuple):
     root_compression: Any
 
 
-@functools.partial(jax.jit, static_argnums=3)
+@lasting
 def measured(
     dynamics: PairDynamics,
     orbit: Orbit,

@@ -19,10 +19,6 @@ from jaxgear.study._running import timed
 # Of keys: responses, which piece of each piecewise formula is in use, and what is solved.
 Responses = Callable[[Reals], tuple[Reals, tuple[Reals, Flags]]]
 
-# The backward pass through all of the geometry is thousands of scalar operations. Fusing them
-# takes XLA ten times longer than all the rest, for a program that runs once.
-UNFUSED = (("xla_disable_hlo_passes", "fusion"),)
-
 # Points in one call of a compiled program, between which it can be interrupted.
 _CHUNK = 120
 # Derivatives below this share of the response over the step's scale count as none.

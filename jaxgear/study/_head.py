@@ -6,6 +6,7 @@ import importlib.metadata
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any, Concatenate, ParamSpec
 
+from jaxgear._kept_programs import keeping_verbs
 from jaxgear._process import peak_memory
 from jaxgear._units import deg
 from jaxgear.scene._assumed import assumed
@@ -138,7 +139,7 @@ def study(
             of = pair, scene.gears, scene.flank, scene.optimise
             periods, what = scene.mesh.periods, found.__name__
             scene.refuse(no_mirror_image(*of, periods=periods, what=what))
-        with stopwatch():
+        with stopwatch(), keeping_verbs():
             result = found(scene, *more, **named)
             if pair.sense < 0:
                 result = as_coast(result)

@@ -13,6 +13,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from jaxgear._interface._laws import ExactContact
+from jaxgear._kept_programs import QUICKLY
 from jaxgear._response._loads import mesh_stiffness
 from jaxgear._response._transmission import cycle_mean
 from jaxgear._solve._cycle import mesh_cycle
@@ -23,7 +24,7 @@ from jaxgear.scene._gear_tables import GearKeys, MaterialKeys
 from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import split_entry
 from jaxgear.study._built import BuiltScene, built_scene
-from jaxgear.study._derivatives import UNFUSED, Keys, linearised
+from jaxgear.study._derivatives import Keys, linearised
 from jaxgear.study._dynamics import speeds_of
 from jaxgear.study._head import names_of, study
 from jaxgear.study._progress import progress
@@ -132,7 +133,7 @@ def static_sensitivities(built: BuiltScene) -> xr.Dataset:
 
     centre = jnp.asarray(keys.centre)
     value, converged, slopes, _ = timed(
-        linearised(respond), centre, jnp.eye(len(centre)), None, options=UNFUSED
+        linearised(respond), centre, jnp.eye(len(centre)), None, options=QUICKLY
     )
     require_solved(converged)
     return in_shares(names, value, keys.names, centre, slopes.T)
@@ -149,7 +150,7 @@ def steady_sensitivities(built: BuiltScene) -> tuple[xr.Dataset | None, list[Ste
     names, centre = (*keys.names, SPEED), jnp.append(keys.centre, every[0])
     build, tangents = numbers_of(builder(keys, built.grid_in_motion)), jnp.eye(len(centre))
     numbers, dynamics, columns, _ = timed(
-        linearised(build), centre, tangents, None, options=UNFUSED
+        linearised(build), centre, tangents, None, options=QUICKLY
     )
     require_solved(dynamics.cycle.converged)
     if is_too_large(scene.sweep, dynamics):

@@ -1,6 +1,7 @@
 """Sweeping a scene: the response at each speed, and the branch followed round its folds."""
 
 import concurrent.futures
+import contextvars
 import dataclasses
 import functools
 import time
@@ -216,7 +217,7 @@ def sweep_of(
     with concurrent.futures.ThreadPoolExecutor(1) as pool:
         curves = None
         if follow is not None and not dynamics.bodies:
-            curves = pool.submit(clocked, "continuation", follow)
+            curves = pool.submit(contextvars.copy_context().run, clocked, "continuation", follow)
         try:
             for way in directions_of(asked):
                 one = functools.partial(swept, law, asked, moving, speeds, way, done, watch)

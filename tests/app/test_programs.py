@@ -15,6 +15,7 @@ from made_programs import made_programs
 from jaxgear import _kept_programs as programs
 from jaxgear._cli._commands import COMMANDS
 from jaxgear._cli._folder import Folder
+from jaxgear._compiled import lasting
 from jaxgear.scene._scene import example_scene
 
 # --- Commands
@@ -152,3 +153,40 @@ def test_an_option_that_a_compiler_does_not_have_is_left_out():
     assert programs.called(jnp.sin, 0.0, options=unknown) == 0.0
     with pytest.raises(jax.errors.JaxRuntimeError, match="xla_backend_optimization_level"):
         programs.called(jnp.sin, 0.0, options=(("xla_backend_optimization_level", "much"),))
+
+
+# --- Verbs whose programs are kept
+
+
+@lasting
+def _multiplied(line: _Line, x: Array, *, extra: int = 0) -> Array:
+    _TRACED.append(line.times)
+    return line.times * line.slope * x + extra
+
+
+def _called(slope: float = 2.0, times: int = 3, extra: int = 0) -> list[float]:
+    """Call it as a later process would."""
+    programs.forget()
+    jax.clear_caches()
+    return _multiplied(
+        _Line(jnp.asarray(slope), times), jnp.asarray([1.0, 4.0]), extra=extra
+    ).tolist()
+
+
+def test_a_lasting_verb_is_kept_in_a_study_and_nowhere_else(kept_in):
+    assert _called() == [6.0, 24.0]
+    assert not list(kept_in.iterdir())
+    with programs.keeping_verbs():
+        assert [_called(), _called(), _called(slope=-1.0)] == [[6.0, 24.0]] * 2 + [[-3.0, -12.0]]
+        assert _TRACED == [3, 3]
+        assert _called(extra=1) == [7.0, 25.0]
+        assert _called(times=2) == [4.0, 16.0]
+        assert _TRACED == [3, 3, 3, 2]
+    assert len(list(kept_in.iterdir())) == 3
+
+
+def test_a_lasting_verb_has_derivatives_in_a_study(kept_in):
+    with programs.keeping_verbs():
+        of_slope = lambda slope: _multiplied(_Line(slope, 3), jnp.asarray(4.0))
+        assert float(jax.grad(of_slope)(jnp.asarray(2.0))) == 12.0
+    assert not list(kept_in.iterdir())
