@@ -21,6 +21,7 @@ from jaxgear.scene._schema import (
     shapes_body,
     shapes_teeth,
 )
+from jaxgear.study._symbols import SYMBOLS
 
 # Of these tables every real key has one of its own: they are told by one example each.
 _EXAMPLE = "pair.module_mm"
@@ -57,6 +58,9 @@ def explain_key(path: str) -> int:
     """Print all that is known of one key; the exit code is 2 where there is none."""
     key = key_at(path)
     if key is None:
+        if names := [name for name, symbol in SYMBOLS.items() if path in (name, symbol)]:
+            print(f"{SYMBOLS[names[0]]}: {names[0]} in the summary, a result and no key of a scene.")
+            return 0
         near = nearest(general(path), KEYS)
         hint = f" Did you mean {near}?" if near else " `jaxgear keys` lists all of them."
         print(f"jaxgear: a scene has no key {show(path)}.{hint}", file=sys.stderr)

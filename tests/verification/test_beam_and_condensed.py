@@ -28,7 +28,9 @@ class _Case(NamedTuple):
     end: float
 
 
-SLENDER = _Case(33.0, (10.0, 260.0, 410.0), 120.0, 420.0)
+# A tooth's load enters at the surface, which bends the body beneath it by 7 urad more than beams
+# know, however long the shaft: 1.25 % of the tilts of one of two thirds of this length.
+SLENDER = _Case(33.0, (10.0, 385.0, 610.0), 175.0, 620.0)
 # A shaft with a step of 25 to 35 mm, two and a half times as long as thick between its bearings.
 SHORT = _Case(25.0, (6.0, 64.0, 104.0), 35.0, 110.0)
 SPEEDS = (500.0, 1500.0, 3000.0)
@@ -139,13 +141,13 @@ def _off(found: np.ndarray, wanted: np.ndarray) -> float:
 
 @pytest.mark.slow
 def test_a_slender_pinion_of_beams_is_that_of_bricks(tmp_path):
-    """1 % at rest and in motion, of the largest load; tilts of bearings 1.5 %."""
+    """1 % at rest and in motion, of the largest load or tilt."""
     beam, condensed = _beam_and_bricks(tmp_path, SLENDER)
     np.testing.assert_allclose(beam.te, condensed.te, rtol=0.01)
     np.testing.assert_allclose(beam.natural, condensed.natural, rtol=0.01)
     np.testing.assert_allclose(beam.critical, condensed.critical, rtol=0.01)
     assert _off(beam.loads, condensed.loads) < 0.01
-    assert _off(beam.tilts, condensed.tilts) < 0.015
+    assert _off(beam.tilts, condensed.tilts) < 0.01
     for found, wanted in zip(beam.shaken, condensed.shaken, strict=True):
         assert _off(found, wanted) < 0.01
 
