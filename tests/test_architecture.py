@@ -101,6 +101,7 @@ BODY_STAGES = (
     "_fourier",
     "_answers",
     "_static_answers",
+    "_grounded",
     "_compared",
     "_verdicts",
     "_health",
