@@ -79,6 +79,7 @@ BODY_STAGES = (
     "_artefact",
     "_body_checks",
     "_equal_sectors",
+    "_repeated",
     "_archive",
     "_body_file",
     "_give_file",

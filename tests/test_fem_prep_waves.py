@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fem_cases import STEEL, assert_near, small_wheel, web_probe, wheel_body
+import scipy.linalg
+from fem_cases import STEEL, assert_near, pulls_on, small_wheel, web_probe, wheel_body
 from helpers import quick
 from scipy.sparse import csr_array
 
@@ -173,6 +174,56 @@ def test_a_body_that_is_held_already_is_not_held_again(method):
     assert [body.facts["sectors"] for body in bodies] == [4, 12]
     found, want = (reduced_modes(body, 30)[0][6:] for body in bodies)
     np.testing.assert_allclose(found, want, rtol=1e-9)
+
+
+# --- Condensed
+
+
+@functools.cache
+def small(around, seats):
+    full = wheel_body(small_wheel(around), seats)
+    return full, condense(full, modes=10)
+
+
+def uneven(body):
+    """The body with the last digits of one number and of its twin changed."""
+    stiffness = body.stiffness.copy()
+    stiffness[5, 40] = stiffness[40, 5] = stiffness[5, 40] * (1 + 1e-13)
+    return replace(body, stiffness=stiffness)
+
+
+@pytest.mark.parametrize(
+    ("around", "seats", "change", "taken_apart"),
+    [
+        (12, "ring", lambda body: body, True),
+        (9, "mean", lambda body: body, True),
+        (3, "ring", lambda body: body, True),
+        (8, "both", lambda body: body, False),
+        (12, "none", lambda body: body, True),
+        (12, "ring", uneven, False),
+        (12, "ring", lambda body: replace(body, facts={}), False),
+    ],
+)
+def test_modes_of_a_condensed_body_are_those_of_its_full_matrices(
+    around, seats, change, taken_apart, monkeypatch
+):
+    full, body = small(around, seats)
+    body, pulls = change(body), np.pad(pulls_on(full), [(0, 0), (0, body.interior)])
+    whole = []
+    factor = scipy.linalg.cho_factor
+    monkeypatch.setattr(
+        scipy.linalg, "cho_factor", lambda *args, **how: whole.append(1) or factor(*args, **how)
+    )
+    for springs in (None, pulls):
+        added = 0.0 if springs is None else springs.T @ springs
+        want = scipy.linalg.eigh(body.stiffness + added, body.mass, eigvals_only=True)[:30]
+        square, shapes = reduced_modes(body, 30, springs)
+        start = 6 if springs is None or seats == "none" else 0
+        np.testing.assert_allclose(square[start:], want[start:], rtol=1e-8)
+        assert_near(shapes.T @ (body.mass @ shapes), np.eye(30), 1e-10)
+        left = (body.stiffness + added) @ shapes - (body.mass @ shapes) * square
+        assert abs(left).max() < 1e-10 * abs(body.stiffness).max() * abs(shapes).max()
+    assert (not whole) == taken_apart
 
 
 # --- On supports
