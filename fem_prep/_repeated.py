@@ -8,6 +8,7 @@ $C - B^T A_{rr}^{-1} B$.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from ._equal_sectors import EqualSectors
 _SAME = 1e-13
 
 
+@dataclass(frozen=True)
 class Repeated:
     """A symmetric matrix: by waves on the rim, as it is elsewhere.
 
@@ -28,10 +30,10 @@ class Repeated:
     - `corner`: among the others, `[other, other]`.
     """
 
-    def __init__(
-        self, sectors: EqualSectors, blocks: np.ndarray, border: np.ndarray, corner: np.ndarray
-    ):
-        self.sectors, self.blocks, self.border, self.corner = sectors, blocks, border, corner
+    sectors: EqualSectors
+    blocks: np.ndarray
+    border: np.ndarray
+    corner: np.ndarray
 
     def plus(self, other: "Repeated", times: float) -> "Repeated":
         """The sum with some times another matrix of the same sectors."""
