@@ -171,7 +171,7 @@ def evened(body: ReducedBody) -> ReducedBody:
     for name in MATRICES:
         matrix, sign = getattr(body, name), signs(name)
         if matrix is not None:
-            matrix = matrix.copy()
-            matrix[:rim, :rim] = sectors.block(sectors.rows(matrix[:rim, :rim], sign), sign)
-            found[name] = matrix
+            rows = sectors.rows(matrix[:rim, :rim], sign)
+            found[name] = sectors.block(rows, sign, more=len(matrix) - rim)
+            found[name][rim:], found[name][:rim, rim:] = matrix[rim:], matrix[:rim, rim:]
     return dataclasses.replace(body, **found)
