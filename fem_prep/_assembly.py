@@ -106,7 +106,9 @@ def _pattern(elements: np.ndarray, nodes: int) -> _Pattern:
     columns = np.tile(elements, (1, per)).ravel()
     keys, slot = np.unique(rows * nodes + columns, return_inverse=True)
     indptr = np.searchsorted(keys, np.arange(nodes + 1) * nodes)
-    return _Pattern(indptr, keys % nodes, slot.reshape(-1, per, per))
+    # Short numbers: long ones would be as large as the matrices' own, and the libraries keep them.
+    indptr, columns = (each.astype(np.int32) for each in (indptr, keys % nodes))
+    return _Pattern(indptr, columns, slot.reshape(-1, per, per))
 
 
 def _integration(grid: Grid) -> Iterator[tuple[slice, np.ndarray, np.ndarray, np.ndarray]]:

@@ -57,9 +57,11 @@ class Basis:
         Shape `[rim, rim]`.
         """
         number, frames = np.arange(len(apart)), self.frames
-        blocks = apart[(number - number[:, None]) % len(apart)]
-        local = np.swapaxes(blocks, 1, 2).reshape(self.rim, self.rim)
-        return frames @ (frames @ local.T).T
+        # One name for all steps, as each of them is as large as the block.
+        block = apart[(number - number[:, None]) % len(apart)]
+        block = np.swapaxes(block, 1, 2).reshape(self.rim, self.rim)
+        block = frames @ block.T
+        return frames @ block.T
 
     def with_rim(self, apart: np.ndarray) -> np.ndarray:
         """Rows of the matrix from those of each sector, `[sector, row, 3 each]` to `[row, rim]`."""
@@ -91,7 +93,10 @@ class Basis:
         result[:rim, :rim] = self.among_rim(self._apart(among))
         result[rim:, :rim] = self.with_rim(self._apart(between))
         result[:rim, rim:] = sign * result[rim:, :rim].T
-        return (result + sign * result.T) / 2
+        # In place, as the matrix is large.
+        result += sign * result.T
+        result /= 2
+        return result
 
     def _apart(self, products: Sequence[np.ndarray]) -> np.ndarray:
         """Products with the sector's shapes after turns by none, one, two sectors and so on.

@@ -6,7 +6,7 @@ A seat that only averages its nodes is a set of constraints $u_s = B u$ instead.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -57,6 +57,7 @@ class FullBody:
     - `teeth`: teeth lumped on the rim, or None.
     - `stiffness`: shape `[3 point, 3 point]` [SI].
     - `mass`: shape `[3 point, 3 point]` [SI].
+    - `grid_stiffness`: on the nodes of the grid, `[3 node, 3 node]` [N/m].
     - `grid_mass`: mass on the nodes of the grid, `[3 node, 3 node]` [kg].
     - `spread`: displacements of the nodes from the unknowns, `[3 node, 3 point]` [SI].
     - `rim`: nodes of the rim, sorted by angle, then from left to right.
@@ -74,6 +75,7 @@ class FullBody:
     teeth: Teeth | None
     stiffness: csr_array
     mass: csr_array
+    grid_stiffness: csr_array
     grid_mass: csr_array
     spread: csr_array
     rim: np.ndarray
@@ -215,6 +217,7 @@ def full_body(
         teeth=teeth,
         stiffness=csr_array(spread.T @ stiffness @ spread),
         mass=csr_array(spread.T @ mass @ spread),
+        grid_stiffness=stiffness,
         grid_mass=mass,
         spread=spread,
         rim=rim,
@@ -223,6 +226,33 @@ def full_body(
         seats=tuple(seats),
         probes=dict(probes),
         probe_points=probe_points,
+        averages=averages_of(grid, seats, mass, spread),
+    )
+
+
+def recoupled(full: FullBody) -> FullBody:
+    """The same body with rigid seats (RBE2) made averaging ones (RBE3), and the other way round.
+
+    **Arguments:**
+
+    - `full`: the body.
+
+    **Returns:**
+
+    The body, without probes: they may be on seats that become rigid.
+    """
+    grid, mass = full.grid, full.grid_mass
+    seats = tuple(replace(seat, averaging=not seat.averaging) for seat in full.seats)
+    spread = spread_of(grid, seats)
+    return replace(
+        full,
+        stiffness=csr_array(spread.T @ full.grid_stiffness @ spread),
+        mass=csr_array(spread.T @ mass @ spread),
+        spread=spread,
+        rim_points=_numbering(len(grid.nodes), free_nodes(grid, seats))[full.rim],
+        seats=seats,
+        probes={},
+        probe_points=np.zeros(0, dtype=int),
         averages=averages_of(grid, seats, mass, spread),
     )
 

@@ -167,6 +167,8 @@ def condense(
     if rotating:
         with progress("terms of rotation"):
             reduced = _rotating(held, basis, reduced)
+    # All matrices are there twice next: what is not needed any more makes room.
+    del basis, interior, stiffness, mass
     return evened(reduced)
 
 

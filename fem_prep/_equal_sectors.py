@@ -81,6 +81,40 @@ class EqualSectors:
                 result[second[:, :, None], first[:, None, :]] = back
         return result
 
+    def blocks(self, rows: np.ndarray) -> np.ndarray:
+        """A symmetric block of the rim by number of waves around: what multiplies `parts`.
+
+        **Arguments:**
+
+        - `rows`: as of `rows`.
+
+        **Returns:**
+
+        For every number from none to half as many as sectors, `[number, 3 each, 3 each]`.
+        """
+        count, each = self.nodes.shape
+        local = np.empty((count, 3 * each, 3 * each))
+        # Both in the frames of their own sectors; the other way round is the same, transposed.
+        for step, values in enumerate(rows):
+            local[step] = values @ np.kron(np.eye(each), self.turns[step])
+            local[-step % count] = local[step] if step in (0, count / 2) else local[step].T
+        return np.conj(np.fft.rfft(local, axis=0))
+
+    def parts(self, motion: np.ndarray) -> np.ndarray:
+        """Amplitudes of motions of the rim, `[3 rim, column]` to `[number, 3 each, column]`."""
+        count, each = self.nodes.shape
+        moved = motion.reshape(count * each, 3, -1)[self.nodes]
+        local = np.einsum("sij,seic->sejc", self.turns, moved).reshape(count, 3 * each, -1)
+        return np.fft.rfft(local, axis=0, norm="ortho")
+
+    def whole(self, parts: np.ndarray) -> np.ndarray:
+        """Motions of the rim of given amplitudes: the way back from `parts`."""
+        count, each = self.nodes.shape
+        local = np.fft.irfft(parts, count, axis=0, norm="ortho").reshape(count, each, 3, -1)
+        motion = np.empty((count * each, 3, local.shape[-1]))
+        motion[self.nodes] = np.einsum("sij,sejc->seic", self.turns, local)
+        return motion.reshape(3 * count * each, -1)
+
     @property
     def _dofs(self) -> np.ndarray:
         """Coordinates of the nodes of each sector, `[sector, 3 each]`."""
@@ -137,7 +171,7 @@ def evened(body: ReducedBody) -> ReducedBody:
     for name in MATRICES:
         matrix, sign = getattr(body, name), signs(name)
         if matrix is not None:
-            matrix = matrix.copy()
-            matrix[:rim, :rim] = sectors.block(sectors.rows(matrix[:rim, :rim], sign), sign)
-            found[name] = matrix
+            rows = sectors.rows(matrix[:rim, :rim], sign)
+            found[name] = sectors.block(rows, sign, more=len(matrix) - rim)
+            found[name][rim:], found[name][:rim, rim:] = matrix[rim:], matrix[:rim, rim:]
     return dataclasses.replace(body, **found)

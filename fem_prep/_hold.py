@@ -1,6 +1,6 @@
 """A body whose boundary is held: its factorised stiffness, and what its nodes do."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -152,15 +152,30 @@ def fixed_interface(
     inside = dofs_of(points)
     with progress(f"factorising {len(inside)} unknowns"):
         stiffness = full.stiffness[inside][:, inside]
-        factor = _factor(stiffness, waves_of(rotation.among(points)))
+        waves = waves_of(rotation.among(points))
+        factor = factor_by_waves(waves, waves.matrices(stiffness))
     rows = full.averages[:, inside]
     forces = factor.solve(rows.T.toarray()) if rows.shape[0] else np.zeros((len(inside), 0))
     return FixedInterface(full, rotation, inside, factor, forces, rows @ forces)
 
 
-def _factor(matrix: csr_array, waves: Waves) -> Factor:
-    """Factor of a matrix that does not change when the body turns: one of each number of waves."""
-    factors = [factorise(each) for each in waves.matrices(matrix)]
+def factor_by_waves(waves: Waves, matrices: Iterable[csr_array]) -> Factor:
+    """Factor of a matrix that does not change when the body turns: one of each number of waves.
+
+    **Arguments:**
+
+    - `waves`: motions by the number of their waves around.
+    - `matrices`: the matrix on their amplitudes, for every number of waves.
+
+    **Returns:**
+
+    The factor, for loads on all unknowns.
+
+    **Raises:**
+
+    - `BodyError` if one is singular or not definite.
+    """
+    factors = [factorise(each) for each in matrices]
 
     def solve(right: np.ndarray) -> np.ndarray:
         parts = waves.parts(right if right.ndim == 2 else right[:, None])

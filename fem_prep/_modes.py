@@ -13,6 +13,8 @@ from ._artefact import ReducedBody
 from ._assembly import order
 from ._boundary import FullBody
 from ._checks import BodyError, Progress, require, silent
+from ._equal_sectors import equal_sectors
+from ._repeated import repeated
 from ._solvers import Factor, factorise
 from ._symmetry import Rotation, Waves, full_turn, rotation_of, waves_of
 
@@ -20,6 +22,9 @@ from ._symmetry import Rotation, Waves, full_turn, rotation_of, waves_of
 # stands for. The softest webs have their first mode near 0.1, rounding leaves rigid ones at 1e-6.
 _RIGID = 1e-4
 _SHIFT = 0.1
+
+# One or many columns to as many.
+_Columns = Callable[[np.ndarray], np.ndarray]
 
 
 def scale_of(full: FullBody) -> float:
@@ -235,23 +240,55 @@ def reduced_modes(
 
     - `body`: the body.
     - `count`: number of modes, rigid ones included.
-    - `springs`: stiffness added, shape `[dof, dof]` [SI].
+    - `springs`: rows that give the stretch of springs of unit stiffness, `[spring, dof]` [SI].
 
     **Returns:**
 
     Squares of the angular frequencies [rad2/s2], rising, and shapes of unit modal mass,
     `[dof, count]`.
     """
-    stiffness = body.stiffness if springs is None else body.stiffness + springs
+    springs = np.zeros((0, body.dofs)) if springs is None else springs
     # Shifted and inverted, as one factor of a full matrix is 30 times cheaper than all its modes.
-    shift = np.trace(stiffness) / np.trace(body.mass) * 1e-6
-    factor = scipy.linalg.cho_factor(stiffness + shift * body.mass, check_finite=False)
-    inverse = operator_of(
-        body.dofs, lambda vector: scipy.linalg.cho_solve(factor, vector, check_finite=False)
-    )
+    shift = (np.trace(body.stiffness) + np.sum(springs**2)) / np.trace(body.mass) * 1e-6
+    resist, weigh, answer = _shifted(body, shift)
+    pulled = answer(springs.T)
+    forces = np.linalg.inv(np.eye(len(springs)) + springs @ pulled)
+
+    def inverse(vector: np.ndarray) -> np.ndarray:
+        motion = answer(vector)
+        return motion - pulled @ (forces @ (springs @ motion))
+
+    mass = operator_of(body.dofs, weigh)
     start = np.random.default_rng(0).standard_normal(body.dofs)
-    square, shapes = eigsh(
-        stiffness, count, M=body.mass, sigma=-shift, OPinv=inverse, which="LM", v0=start
+    # Of the first matrix only the size is used.
+    _, shapes = eigsh(
+        mass,
+        count,
+        M=mass,
+        sigma=-shift,
+        OPinv=operator_of(body.dofs, inverse),
+        which="LM",
+        v0=start,
     )
+    # By the energies of the shapes: springs on a body that the shift hardly holds cost digits.
+    energy = np.sum(shapes * resist(shapes), axis=0) + np.sum((springs @ shapes) ** 2, axis=0)
+    square = energy / np.sum(shapes * weigh(shapes), axis=0)
     rising = np.argsort(square)
     return square[rising], shapes[:, rising]
+
+
+def _shifted(body: ReducedBody, shift: float) -> tuple[_Columns, _Columns, _Columns]:
+    """Products with a condensed stiffness and mass, and answers of the shifted stiffness."""
+    sectors = equal_sectors(body.rim_nodes, body.facts)
+    if sectors is not None:
+        stiffness, mass = (repeated(sectors, each) for each in (body.stiffness, body.mass))
+        if stiffness is not None and mass is not None:
+            return stiffness.times, mass.times, stiffness.plus(mass, shift).solver()
+    factor = scipy.linalg.cho_factor(
+        body.stiffness + shift * body.mass, overwrite_a=True, check_finite=False
+    )
+    return (
+        lambda motion: body.stiffness @ motion,
+        lambda motion: body.mass @ motion,
+        lambda load: scipy.linalg.cho_solve(factor, load, check_finite=False),
+    )

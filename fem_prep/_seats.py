@@ -142,7 +142,9 @@ def spread_of(grid: Grid, seats: Sequence[Seat]) -> csr_array:
         parts.append(coo_array((motion.ravel(), (rows, columns)), (count, 6)))
     spread = csr_array(block_array([parts]))
     spread.eliminate_zeros()
-    return spread
+    # Short numbers, as in the matrices that it is multiplied with: one long factor makes all long.
+    places = (spread.indices.astype(np.int32), spread.indptr.astype(np.int32))
+    return csr_array((spread.data, *places), shape=spread.shape)
 
 
 def averages_of(grid: Grid, seats: Sequence[Seat], mass: csr_array, spread: csr_array) -> csr_array:

@@ -147,14 +147,19 @@ class Waves:
             return [motions]
         columns = motions.shape[1]
         each = motions.reshape(self.ring.size + self.axis.size, 3, columns)
-        local = np.einsum("sij,spic->spjc", self.rotation.matrices, each[self.ring])
         parts = []
-        for number, around in enumerate(np.fft.rfft(local, axis=0, norm="ortho")):
+        for number, around in enumerate(self._around(each)):
             along = np.einsum("ij,pic->pjc", self._along(number).conj(), each[self.axis])
             both = [x.reshape(x.shape[0] * x.shape[1], columns) for x in (around, along)]
             part = np.concatenate(both)
             parts.append(np.real(part) if self.weights[number] == 1 else part)
         return parts
+
+    def _around(self, motions: np.ndarray) -> np.ndarray:
+        """Amplitudes of the ring's points, `[point, 3, column]` to `[number, each, 3, column]`."""
+        # Apart, so that this, as large as the motions, is gone when they are dealt out.
+        local = np.einsum("sij,spic->spjc", self.rotation.matrices, motions[self.ring])
+        return np.fft.rfft(local, axis=0, norm="ortho")
 
     def whole(self, parts: Sequence[np.ndarray]) -> np.ndarray:
         """Real motions of given amplitudes, `[amplitude, column]` to `[3 point, column]`."""

@@ -15,7 +15,7 @@ from fem_prep._artefact import ReducedBody
 from fem_prep._assembly import Material, assemble, order
 from fem_prep._boundary import FullBody, full_body
 from fem_prep._grid import EDGES, Grid
-from fem_prep._modes import lowest_modes
+from fem_prep._modes import lowest_modes, reduced_modes
 from fem_prep._seats import Seat
 from fem_prep._solvers import factorise
 from fem_prep._web import GearBody, Holes, MeshSizing, Web, body_grid
@@ -225,14 +225,20 @@ def boundary_rows(full: FullBody) -> csr_array:
 BEARING = np.diag([1e8, 1.3e8, 5e7, 4e4, 5e4, 2e4])
 
 
-def springs_on(full: FullBody, mesh: float = 3e8, bearing: np.ndarray = BEARING) -> np.ndarray:
-    """Stiffness on the boundary: bearings at all seats, one spring through a tooth's root."""
-    rim = 3 * len(full.rim)
-    springs = np.zeros((rim + 6 * len(full.seats),) * 2)
-    for start in range(rim, len(springs), 6):
-        springs[start : start + 6, start : start + 6] = bearing
-    pull = tooth_load(full)
-    return springs + mesh * np.outer(pull, pull)
+def pulls_on(full: FullBody, mesh: float = 3e8, bearing: np.ndarray = BEARING) -> np.ndarray:
+    """Springs of unit stiffness on the boundary: bearings at all seats, one through a tooth's root.
+
+    A row gives the stretch of one of them.
+    """
+    seats = np.kron(np.eye(len(full.seats)), np.linalg.cholesky(bearing).T)
+    seats = np.pad(seats, [(0, 0), (3 * len(full.rim), 0)])
+    return np.vstack([seats, np.sqrt(mesh) * tooth_load(full)])
+
+
+def springs_on(full: FullBody, mesh: float = 3e8) -> np.ndarray:
+    """Stiffness of the same springs on the boundary."""
+    pulls = pulls_on(full, mesh)
+    return pulls.T @ pulls
 
 
 def tooth_load(full: FullBody) -> np.ndarray:
@@ -254,6 +260,12 @@ def on_springs(full: FullBody, springs: np.ndarray) -> csr_array:
 def padded(body: ReducedBody, of: np.ndarray) -> np.ndarray:
     """Loads or springs on the boundary of a condensed body, on all its coordinates."""
     return np.pad(of, [(0, body.interior)] * of.ndim)
+
+
+def sprung_modes(body: ReducedBody, count: int, pulls: np.ndarray) -> np.ndarray:
+    """Squares of the lowest angular frequencies of a condensed body on springs."""
+    square, _ = reduced_modes(body, count, np.pad(pulls, [(0, 0), (0, body.interior)]))
+    return square
 
 
 def answer(stiffness: csr_array, load: np.ndarray) -> np.ndarray:

@@ -2,15 +2,19 @@
 
 import functools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from fem_cases import STEEL, assert_near, small_wheel, web_probe, wheel_body
+import scipy.linalg
+from fem_cases import STEEL, assert_near, pulls_on, small_wheel, web_probe, wheel_body
 from helpers import quick
 from scipy.sparse import csr_array
 
-from fem_prep._boundary import full_body
+from fem_prep import _grounded
+from fem_prep._boundary import full_body, recoupled
 from fem_prep._condense import condense
+from fem_prep._grounded import grounded
 from fem_prep._hold import fixed_interface
 from fem_prep._modes import free_modes, largest_rotation, lowest_modes, reduced_modes
 from fem_prep._seats import Seat
@@ -170,3 +174,108 @@ def test_a_body_that_is_held_already_is_not_held_again(method):
     assert [body.facts["sectors"] for body in bodies] == [4, 12]
     found, want = (reduced_modes(body, 30)[0][6:] for body in bodies)
     np.testing.assert_allclose(found, want, rtol=1e-9)
+
+
+# --- Condensed
+
+
+@functools.cache
+def small(around, seats):
+    full = wheel_body(small_wheel(around), seats)
+    return full, condense(full, modes=10)
+
+
+def as_is(body):
+    return body
+
+
+def untold(body):
+    """The body without what it says of its sectors."""
+    return replace(body, facts={})
+
+
+def uneven(body):
+    """The body with one number of a row of the second sector, and its twin, a little off."""
+    stiffness = body.stiffness.copy()
+    stiffness[40, 41] = stiffness[41, 40] = stiffness[40, 41] * (1 + 1e-9)
+    return replace(body, stiffness=stiffness)
+
+
+@pytest.mark.parametrize(
+    ("around", "seats", "change", "taken_apart"),
+    [
+        (12, "ring", as_is, True),
+        (9, "mean", as_is, True),
+        (3, "ring", as_is, True),
+        (8, "both", as_is, False),
+        (12, "none", as_is, True),
+        (12, "ring", uneven, False),
+        (12, "ring", untold, False),
+    ],
+)
+def test_modes_of_a_condensed_body_are_those_of_its_full_matrices(
+    around, seats, change, taken_apart, monkeypatch
+):
+    full, body = small(around, seats)
+    body, pulls = change(body), np.pad(pulls_on(full), [(0, 0), (0, body.interior)])
+    whole = []
+    factor = scipy.linalg.cho_factor
+    monkeypatch.setattr(
+        scipy.linalg, "cho_factor", lambda *args, **how: whole.append(1) or factor(*args, **how)
+    )
+    for springs in (None, pulls):
+        added = 0.0 if springs is None else springs.T @ springs
+        want = scipy.linalg.eigh(body.stiffness + added, body.mass, eigvals_only=True)[:30]
+        square, shapes = reduced_modes(body, 30, springs)
+        start = 6 if springs is None or seats == "none" else 0
+        np.testing.assert_allclose(square[start:], want[start:], rtol=1e-8)
+        assert_near(shapes.T @ (body.mass @ shapes), np.eye(30), 1e-10)
+        left = (body.stiffness + added) @ shapes - (body.mass @ shapes) * square
+        assert abs(left).max() < 1e-10 * abs(body.stiffness).max() * abs(shapes).max()
+    assert (not whole) == taken_apart
+
+
+# --- On supports
+
+
+def balanced(full):
+    """Two loads that balance each other, and have every number of waves."""
+    load, rigid = np.random.default_rng(2).standard_normal((3 * full.points, 2)), full.rigid_motions
+    return load - rigid @ np.linalg.solve(rigid.T @ rigid, rigid.T @ load)
+
+
+def tied(full):
+    """The body with two nodes of its rim tied by a spring along the line between them."""
+    first, last = full.rim[[0, 7]]
+    line = full.grid.nodes[last] - full.grid.nodes[first]
+    pull = np.zeros(3 * full.points)
+    pull[3 * full.rim_points[0] + np.arange(3)] = -line
+    pull[3 * full.rim_points[7] + np.arange(3)] = line
+    row = csr_array(pull[None] / np.linalg.norm(line))
+    return replace(full, stiffness=csr_array(full.stiffness + 1e8 * (row.T @ row)))
+
+
+@pytest.mark.parametrize("sectors", [12, 4, 3, 2, 1])
+@pytest.mark.parametrize("seats", ["ring", "mean"])
+@pytest.mark.parametrize("change", [as_is, tied], ids=["equal", "tied"])
+def test_supports_of_a_free_body_carry_nothing(seats, sectors, change, monkeypatch):
+    """Whether its sectors are equal, or only say so while a tie is in one of them."""
+    full = change(wheel(seats))
+    monkeypatch.setattr(_grounded, "largest_rotation", lambda full: full.rotation(sectors))
+    load = balanced(full)
+    motion = grounded(full).factor.solve(load)
+    assert_near(full.stiffness @ motion, load, 1e-8)
+
+
+def test_the_other_coupling_is_that_of_a_body_made_so():
+    full = solid()
+    seat = replace(full.seats[0], averaging=True)
+    want = full_body("solid", full.grid, STEEL, [seat])
+    found = recoupled(full)
+    for name in ("stiffness", "mass", "averages", "spread"):
+        assert abs(getattr(found, name) - getattr(want, name)).max() == 0
+    np.testing.assert_array_equal(found.rim_points, want.rim_points)
+    assert (found.seats[0].averaging, found.probes) == (True, {})
+    again = recoupled(found)
+    assert abs(again.stiffness - full.stiffness).max() == 0
+    np.testing.assert_array_equal(again.rim_points, full.rim_points)
