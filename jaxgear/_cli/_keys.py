@@ -59,7 +59,9 @@ def explain_key(path: str) -> int:
     key = key_at(path)
     if key is None:
         if names := [name for name, symbol in SYMBOLS.items() if path in (name, symbol)]:
-            print(f"{SYMBOLS[names[0]]}: {names[0]} in the summary, a result and no key of a scene.")
+            print(
+                f"{SYMBOLS[names[0]]}: {names[0]} in the summary, a result and no key of a scene."
+            )
             return 0
         near = nearest(general(path), KEYS)
         hint = f" Did you mean {near}?" if near else " `jaxgear keys` lists all of them."
