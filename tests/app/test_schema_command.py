@@ -93,6 +93,12 @@ def test_a_key_is_explained(path, words, capsys):
     assert [word for word in words if word not in told] == []
 
 
+@pytest.mark.parametrize("name", ["K_Hbeta", "face_load_factor"])
+def test_a_result_is_told_from_a_key(name, capsys):
+    assert main(["explain", name]) == 0
+    assert capsys.readouterr().out.startswith("face_load_factor, symbol K_Hbeta: a result")
+
+
 def test_a_key_that_is_none_is_refused(capsys):
     assert main(["explain", "pair.torque"]) == 2
     assert "Did you mean pair.torque_pinion_Nm?" in capsys.readouterr().err
