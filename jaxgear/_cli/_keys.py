@@ -58,10 +58,8 @@ def explain_key(path: str) -> int:
     """Print all that is known of one key; the exit code is 2 where there is none."""
     key = key_at(path)
     if key is None:
-        if names := [name for name, symbol in SYMBOLS.items() if path in (name, symbol)]:
-            print(
-                f"{SYMBOLS[names[0]]}: {names[0]} in the summary, a result and no key of a scene."
-            )
+        if name := next((x for x, symbol in SYMBOLS.items() if path in (x, symbol)), None):
+            print(f"{name}, symbol {SYMBOLS[name]}: a result in the summary, no key of a scene.")
             return 0
         near = nearest(general(path), KEYS)
         hint = f" Did you mean {near}?" if near else " `jaxgear keys` lists all of them."
