@@ -1,9 +1,9 @@
 r"""What gauges on a condensed body read, over one of its revolutions at rest.
 
-A gauge reads $r u + \Omega^2 r_c$ of the body's coordinates $u$. With the seats held it is loaded
-by the forces at the feet of all teeth, one after the other; the seats carry it along. So what it
-reads follows from the forces of the cells and the motion of the seats alone, and has derivatives
-by all that these depend on.
+A gauge reads $r u + \Omega^2 r_c + r_h s$ of the body's coordinates $u$, with the free strains $s$
+of hub and rim by heat. With the seats held it is loaded by the forces at the feet of all teeth, one
+after the other; the seats carry it along. So what it reads follows from the forces of the cells,
+the motion of the seats and these strains alone, and has derivatives by all that they depend on.
 """
 
 from collections.abc import Sequence
@@ -36,6 +36,7 @@ class GaugeInfluences(eqx.Module):
     - `seats`: per motion of the seats along and about x, y, z of the body, shape
         `[gauge, 6 seat]` [1/m, Pa/m, 1/rad].
     - `rotation`: per square of the speed, the seats held, shape `[gauge]` [s2, Pa s2].
+    - `heat`: per free strain of hub and rim, the seats held, shape `[gauge, 2]` [-, Pa].
     - `angles`: of the middles of the teeth at the first slice, about z from the body's x, shape
         `[tooth]` [rad].
     - `centres`: of the feet of one tooth on all lines, in their frames, `[cell, 3]` [m].
@@ -48,6 +49,7 @@ class GaugeInfluences(eqx.Module):
     feet: Reals
     seats: Reals
     rotation: Reals
+    heat: Reals
     angles: Reals
     centres: Reals
     lines: Array
@@ -66,6 +68,7 @@ def gauge_influences(
     components: Sequence[int],
     points: int = ROOT_POINTS,
     axial: Axial = "mortar",
+    heat: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> GaugeInfluences:
     """Load a body by what its gauges read. Call it outside of `jit`, on concrete gears.
 
@@ -79,6 +82,8 @@ def gauge_influences(
     - `grid`: slices and lines of the cycle.
     - `components`: of the feet's loads, as of `FlexibleBody`.
     - `points`, `axial`: as of `flexible_body`.
+    - `heat`: if the body may warm, what they read beside the coordinates, shape `[gauge, 2]`
+        [-, Pa], and the load on these, `[2, dof]`, per free strain of hub and rim.
 
     **Returns:**
 
@@ -95,11 +100,15 @@ def gauge_influences(
     found = interface_map(RimSurface(body.rim_nodes, body.rim_faces), patches)
     by_feet = (found.rows @ solved[:, :rim].T).T
     slices, lines = grid.slices, teeth_on_lines(index, grid, gear.teeth) % gear.teeth
+    shown, load = (
+        (np.zeros((len(rows), 2)), np.zeros((2, len(body.stiffness)))) if heat is None else heat
+    )
     centres = found.centres.reshape(gear.teeth, slices, 3)[lines[0]].reshape(-1, 3)
     return GaugeInfluences(
         feet=jnp.asarray(by_feet.reshape(len(rows), gear.teeth, slices, 6)),
         seats=jnp.asarray(rows[:, seat] - solved @ body.stiffness[np.ix_(inner, seat)]),
         rotation=jnp.asarray(rotation + solved @ body.centrifugal_load[inner]),
+        heat=jnp.asarray(shown + solved @ load[:, inner].T),
         angles=jnp.asarray(patches.angles.reshape(gear.teeth, slices)[:, 0]),
         centres=jnp.asarray(centres),
         lines=jnp.asarray(lines),
@@ -109,7 +118,11 @@ def gauge_influences(
 
 
 def gauge_readings(
-    gauges: GaugeInfluences, pair: GearPair, cycle: MeshCycle, speed: Scalar
+    gauges: GaugeInfluences,
+    pair: GearPair,
+    cycle: MeshCycle,
+    speed: Scalar,
+    strain: Reals | None = None,
 ) -> tuple[Array, Array]:
     """What gauges that turn with a body read while it turns once, tooth by tooth at rest.
 
@@ -122,6 +135,7 @@ def gauge_readings(
     - `pair`: the gears.
     - `cycle`: its solved cycle.
     - `speed`: of the pinion [rad/s].
+    - `strain`: free strain of hub and rim, `[2]`, as of `BodyHeat`; `None`: none [-].
 
     **Returns:**
 
@@ -145,6 +159,8 @@ def gauge_readings(
     turned = fixed[:, 0].reshape(lines.periods, phases)
     ratio = teeth / pair.pinion.teeth
     grown = (speed / ratio) ** 2 * gauges.rotation
+    if strain is not None:
+        grown = grown + gauges.heat @ strain
 
     def of_period(each: tuple[Array, Array]) -> tuple[Array, Array]:
         period, on_lines = each

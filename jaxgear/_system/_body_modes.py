@@ -48,6 +48,7 @@ class BodyModes(eqx.Module):
         of all coordinates, or `None` if the body was made without them [kg, kg m, kg m2].
     - `waves`: wave number of each mode, counted as far as the sectors tell them apart.
     - `diameters`: nodal diameters of each mode.
+    - `heat`: load on the modes per free strain of hub and rim, or `None` [kg^1/2 m/s2].
     """
 
     square: PerMode
@@ -59,6 +60,7 @@ class BodyModes(eqx.Module):
     softening: BodyMatrix | None
     waves: tuple[int, ...] = eqx.field(static=True)
     diameters: tuple[int, ...] = eqx.field(static=True)
+    heat: Float[Array, "mode part"] | None = None
 
     @property
     def frequency(self) -> PerMode:
