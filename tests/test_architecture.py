@@ -96,6 +96,7 @@ BODY_STAGES = (
     "_modes",
     "_hold",
     "_stress",
+    "_heat",
     "_basis",
     "_condense",
     "_fourier",

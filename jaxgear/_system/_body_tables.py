@@ -156,10 +156,7 @@ def flexible_body(
     check_elements(body, pair, index, grid)
     gear = (pair.pinion, pair.wheel)[index]
     basis, repeats = _repeating(body, gear.teeth, basis)
-    periods = min(repeats, grid.periods)
-    teeth = teeth_on_lines(index, grid, periods)
-    each, where = np.unique(teeth % gear.teeth if repeats > 1 else teeth, return_inverse=True)
-    lines = where.reshape(teeth.shape)
+    each, lines = _different_teeth(index, grid, gear.teeth, repeats)
     patches = root_patches(pair, index, grid, each, points=points, axial=axial)
     found, components = interface_map(_surface(body), patches), root_components(pair, motion)
     held = _held(body, found, patches.angles.ravel(), components, heat, give and give(patches))
@@ -169,9 +166,9 @@ def flexible_body(
     def on_cells(rows: np.ndarray) -> np.ndarray:
         """Rows of all feet as `[period, component, cell, ...]`."""
         chosen = rows.reshape(count, slices, size, *rows.shape[1:])[lines]
-        return np.moveaxis(chosen, 3, 1).reshape(periods, size, cells, *rows.shape[1:])
+        return np.moveaxis(chosen, 3, 1).reshape(-1, size, cells, *rows.shape[1:])
 
-    centres = found.centres.reshape(count, slices, 3)[lines].reshape(periods, cells, 3)
+    centres = found.centres.reshape(count, slices, 3)[lines].reshape(-1, cells, 3)
     return FlexibleBody(
         flexibility=jnp.asarray(0.5 * (pairs + pairs.transpose(0, 2, 1, 4, 3))),
         from_seats=jnp.asarray(on_cells(held.from_seats)),
@@ -190,6 +187,15 @@ def flexible_body(
         repeats=repeats,
         modes=None if basis is None else _modes_on(basis, body, held, on_cells, heat),
     )
+
+
+def _different_teeth(
+    index: int, grid: MeshGrid, count: int, repeats: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the teeth under which a body differs, and which of these are on the lines."""
+    teeth = teeth_on_lines(index, grid, min(repeats, grid.periods))
+    each, where = np.unique(teeth % count if repeats > 1 else teeth, return_inverse=True)
+    return each, where.reshape(teeth.shape)
 
 
 def _surface(body: Condensed) -> RimSurface:

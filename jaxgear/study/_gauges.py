@@ -7,6 +7,7 @@ import equinox as eqx
 import numpy as np
 import xarray as xr
 
+from fem_prep import HeatedBody, heat_stress
 from jaxgear._checks import require
 from jaxgear._response._body_motion import BodyMotion, Spectrum, rotating_spectrum
 from jaxgear._response._gauges import (
@@ -18,11 +19,13 @@ from jaxgear._response._gauges import (
 from jaxgear._response._waves import DIRECTIONS, circle_around, fixed_spectrum
 from jaxgear._units import MPa, deg, mm
 from jaxgear.scene._body_build import BuiltBody
+from jaxgear.scene._body_heat import free_strains
 from jaxgear.scene._body_stress import stress_at
+from jaxgear.scene._body_tables import TemperatureKeys
 from jaxgear.scene._mesh_bodies import MeshBody
 from jaxgear.scene._schema import GEARS
 from jaxgear.scene._tables import GaugeKeys, MeshKeys
-from jaxgear.study._hybrid import radius_of
+from jaxgear.study._hybrid import radius_of, strain_of
 from jaxgear.study._moving_body import MovingBody, angle_of
 from jaxgear.study._probes import nodes_at, on_gear
 from jaxgear.study._result import Summary
@@ -47,6 +50,10 @@ class Gauge:
         each, shape `[node, 3]` [m, rad, m].
     - `rows`: strain and stress of these per coordinate, shape `[node, 2, coordinate]` [1/m, Pa/m].
     - `rotation`: of rotation beside the coordinates, shape `[node, 2]` [s2, Pa s2].
+    - `heat`: of heat beside the coordinates, per free strain of hub and rim, shape `[node, 2, 2]`
+        [-, Pa].
+    - `warmth`: of one in motion, what it shows of heat beside seats and modes, shape `[node, 2]`
+        [-, Pa].
     """
 
     name: str
@@ -56,10 +63,29 @@ class Gauge:
     places: np.ndarray
     rows: np.ndarray
     rotation: np.ndarray
+    heat: np.ndarray
+    warmth: np.ndarray | None = None
 
-    def on(self, body: MovingBody) -> "Gauge":
-        """The gauge by seats and modes of a body in place of its condensed coordinates."""
-        return dataclasses.replace(self, rows=self.rows @ body.basis.motions)
+    def on(self, body: MovingBody, temperature: TemperatureKeys, *, grows: bool = True) -> "Gauge":
+        """The gauge by seats and modes of a body in place of its condensed coordinates.
+
+        What the modes leave out of rotation and heat is beside them, so that it shows all of both.
+
+        **Arguments:**
+
+        - `body`: in motion.
+        - `temperature`: of the body.
+        - `grows`: whether rotation loads it.
+        """
+        load = np.stack([body.built.body.centrifugal_load, *body.heat_load], axis=1)
+        beside = self.rows @ body.left_out(load)
+        strain = np.asarray(free_strains(temperature))
+        return dataclasses.replace(
+            self,
+            rows=self.rows @ body.basis.motions,
+            rotation=(self.rotation + beside[..., 0]) * grows,
+            warmth=(self.heat + beside[..., 1:]) @ strain if len(body.heat_load) else None,
+        )
 
     def spectrum(self, motion: BodyMotion) -> Spectrum:
         """Strain and stress by orders of the gear's rotation, shape `[order, 2]` [-, Pa].
@@ -71,7 +97,9 @@ class Gauge:
         else:
             found = fixed_spectrum(motion, circle_around(self.places[:, 1], self.rows), self.angle)
         amplitude = found.amplitude.copy()
-        amplitude[found.order == 0.0] += motion.speed**2 * self.rotation.mean(axis=0)
+        still = motion.speed**2 * self.rotation
+        still = still if self.warmth is None else still + self.warmth
+        amplitude[found.order == 0.0] += still.mean(axis=0)
         return Spectrum(found.order, amplitude)
 
     def shown(self, readings: np.ndarray, turn: np.ndarray) -> np.ndarray:
@@ -94,31 +122,38 @@ class Gauge:
 
 
 def gauges_of(
-    asked: Sequence[GaugeKeys], condensed: Collection[str], gear: str, built: BuiltBody
+    asked: Sequence[GaugeKeys],
+    condensed: Collection[str],
+    gear: str,
+    built: BuiltBody,
+    heated: HeatedBody | None,
 ) -> tuple[Gauge, ...]:
-    """The gauges of a scene on one of its condensed bodies.
+    """The gauges of a scene on one of its condensed bodies, and what heat does to that.
 
     **Raises:**
 
     - `ValueError` if a gauge is where there is no node, or its gear is not condensed.
     """
     rows = on_gear("gauges", asked, condensed, gear, "stresses")
-    return tuple(_gauge(row, each, built) for row, each in rows)
+    return tuple(_gauge(row, each, built, heated) for row, each in rows)
 
 
-def _gauge(row: str, asked: GaugeKeys, built: BuiltBody) -> Gauge:
+def _gauge(row: str, asked: GaugeKeys, built: BuiltBody, heated: HeatedBody | None) -> Gauge:
     turns = asked.frame == "rotating"
     place = asked.radius_mm * mm, asked.angle_deg * deg, asked.height_mm * mm
     chosen = nodes_at(built.body, asked.gear, place, turns=turns, key=row)
     stress = stress_at(built, chosen)
     places = np.stack([radius_of(stress.places), angle_of(stress.places), stress.places[:, 2]], 1)
     material, along = built.plan.material, _directions(asked, places[:, 1])
-    rows, rotation = (
+    warm = np.zeros((len(chosen), 6, 2))
+    if heated is not None:
+        warm = np.moveaxis(heat_stress(heated, built.body, material, stress), 0, 2)
+    rows, rotation, heat = (
         direction_rows(each, along, material.young, material.poisson)
-        for each in (stress.rows, stress.rotation)
+        for each in (stress.rows, stress.rotation, warm)
     )
     where = f"{asked.gear} r {asked.radius_mm:.4g} mm {asked.direction} {asked.frame}"
-    return Gauge(asked.name or where, asked.gear, turns, place[1], places, rows, rotation)
+    return Gauge(asked.name or where, asked.gear, turns, place[1], places, rows, rotation, heat)
 
 
 def _directions(asked: GaugeKeys, angles: np.ndarray) -> np.ndarray:
@@ -143,6 +178,8 @@ def influences_of(
     """
     together = lambda name: np.concatenate([getattr(each, name) for each in gauges])
     rows, rotation = together("rows"), together("rotation")
+    heated = body.heated
+    warm = together("heat").reshape(-1, 2)
     return gauge_influences(
         body.built.body,
         rows.reshape(-1, rows.shape[2]),
@@ -153,6 +190,7 @@ def influences_of(
         components=body.flexible.components,
         points=mesh.root_points,
         axial=mesh.connection,
+        heat=None if heated is None else (warm, heated.load),
     )
 
 
@@ -167,7 +205,7 @@ def gauges_dataset(
         '[wheel.body] kind = "condensed", or leave them out.',
     )
     for gear, body in bodies.items():
-        gauges = gauges_of(asked, bodies, gear, body.built)
+        gauges = gauges_of(asked, bodies, gear, body.built, body.heated)
         if gauges:
             entries |= _over_revolution(gear, gauges, _readings(mesh, body, gauges, statics))
     return dataset_of(entries)
@@ -179,8 +217,9 @@ def _readings(
     """Of each gauge over a revolution, `[gauge, phase, 2]` [-, Pa], and the body's turn [rad]."""
     influences = influences_of(mesh, body, gauges, statics)
     model = statics.model
+    strain = strain_of(model, influences.index)
     readings, turn = eqx.filter_jit(gauge_readings)(
-        influences, model.pair, statics.cycle, model.speed
+        influences, model.pair, statics.cycle, model.speed, strain
     )
     of_nodes = np.asarray(readings).reshape(len(turn), -1, 2)
     ends = np.cumsum([len(each.places) for each in gauges])[:-1]

@@ -19,7 +19,9 @@ from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._roots import Axial, InterfaceMap, RimSurface, interface_map
 from jaxgear._solve._cycle import MeshCycle
+from jaxgear._system._body_heat import no_strain
 from jaxgear._system._body_tables import root_patches, teeth_on_lines
+from jaxgear._system._flexible import condensed
 from jaxgear._system._foot_tables import foot_weights
 from jaxgear._system._model import PairModel
 from jaxgear._types import Reals
@@ -41,6 +43,9 @@ class BodyUnderTeeth:
     - `gear_seat`: number of the seat against which motions are told.
     - `spin`: speed of this gear [rad/s].
     - `rotation`: coordinates of the body under rotation alone, shape `[dof]` [m, rad].
+    - `heated`: what heat does to it, or `None`.
+    - `strain`: free strains of hub and rim by heat, shape `[2]` [-].
+    - `warmth`: coordinates of the body under heat alone, shape `[dof]` [m, rad].
     - `phases`: in one mesh period.
     """
 
@@ -75,14 +80,31 @@ class BodyUnderTeeth:
             inside, lower=True, overwrite_a=True, check_finite=False
         )
         own = _own_nodes(cycle, index, len(self.body.seats))
-        by_rotation = np.zeros(cycle.system.structure.map.size)
+        by_rotation = by_heat = np.zeros(cycle.system.structure.map.size)
         if self.spin:
             by_rotation = np.asarray(_rotation_offset(model, cycle))
-        still = np.asarray(_displacement(cycle)) - by_rotation
+        self.heated, self.strain = mesh_body.heated, np.asarray(strain_of(model, index))
+        load = np.zeros((2, self.body.dofs)) if self.heated is None else self.heated.load
+        if any(each.heat is not None for _, each in condensed(model.bodies)):
+            by_heat = np.asarray(_heat_offset(model, cycle))
+        still = np.asarray(_displacement(cycle)) - by_rotation - by_heat
         self._seat_motion = still[:, own]
         self.rotation = self._follow(
             self.spin**2 * self.body.centrifugal_load[None], by_rotation[None, own]
         )[0]
+        self.warmth = self._follow((self.strain @ load)[None], by_heat[None, own])[0]
+
+    @property
+    def at_rest(self) -> np.ndarray:
+        """Coordinates under rotation and heat, which stand still on the body, `[dof]` [m, rad]."""
+        return self.rotation + self.warmth
+
+    @property
+    def warm_inside(self) -> np.ndarray:
+        """Motion of the nodes of the grid by heat, rim and seats held, `[node, 3]` [m]."""
+        if self.heated is None:
+            return np.zeros_like(self.body.nodes)
+        return np.tensordot(self.strain, self.heated.inside, axes=1)
 
     def _follow(self, load: np.ndarray, seats: np.ndarray) -> np.ndarray:
         """Coordinates under loads on all but the seats, whose motions are given: rows of each."""
@@ -104,7 +126,7 @@ class BodyUnderTeeth:
         return interface_map(surface, patches), patches.angles.ravel()
 
     def under_mesh(self, period: int) -> "PeriodMotion":
-        """The body at all phases of one mesh period, by the loads on gears, none of rotation."""
+        """The body at all phases of one mesh period, by the loads on gears alone."""
         at = slice(period * self.phases, (period + 1) * self.phases)
         found, angles = self.feet_of(period)
         lines = self._cycle.cells.lines
@@ -184,6 +206,26 @@ def _displacement(cycle: MeshCycle) -> Array:
 def _rotation_offset(model: PairModel, cycle: MeshCycle) -> Array:
     """Motion of the structure by rotation alone: it is linear in its loads."""
     return cycle.system.statics.offset - model.system(speed=0.0).statics.offset
+
+
+@eqx.filter_jit
+def _heat_offset(model: PairModel, cycle: MeshCycle) -> Array:
+    """Motion of the structure by heat alone."""
+    warm = lambda m: [body.heat.strain for _, body in condensed(m.bodies) if body.heat is not None]
+    cold = eqx.tree_at(warm, model, [jnp.zeros_like(each) for each in warm(model)])
+    return cycle.system.statics.offset - cold.system().statics.offset
+
+
+def strain_of(model: PairModel, index: int) -> Array:
+    """Free strains of hub and rim of a condensed body; zero if it was made without heat [-].
+
+    **Arguments:**
+
+    - `model`: the pair.
+    - `index`: 0 for the pinion, 1 for the wheel.
+    """
+    heat = dict(condensed(model.bodies))[index].heat
+    return no_strain() if heat is None else heat.strain
 
 
 def _own_nodes(cycle: MeshCycle, index: int, seats: int) -> np.ndarray:

@@ -35,6 +35,8 @@ class MovingBody:
     - `basis`: its motions, as the pair in motion has them.
     - `teeth`: of the gear.
     - `gear_seat`: number of the seat against which waves are told.
+    - `heat_load`: on its coordinates per free strain of hub and rim, shape `[2, dof]`; no rows:
+        it cannot warm [N, N m].
     """
 
     gear: str
@@ -42,6 +44,7 @@ class MovingBody:
     basis: BodyBasis
     teeth: int
     gear_seat: int = 0
+    heat_load: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def index(self) -> int:
@@ -78,6 +81,25 @@ class MovingBody:
         steps = Steps(lambda step: say(f"{self.gear}: {step}"))
         with in_keys(self.gear):
             return fem_prep.fixed_interface(full_of(self.built.plan, Steps(say)), progress=steps)
+
+    def left_out(self, load: np.ndarray) -> np.ndarray:
+        """Static answers to loads, the seats held, less what of them is in the modes.
+
+        **Arguments:**
+
+        - `load`: on the coordinates, shape `[dof, column]` [N, N m].
+
+        **Returns:**
+
+        Coordinates, shape `[dof, column]` [m, rad].
+        """
+        body, basis = self.built.body, self.basis
+        first = 3 * len(body.rim_nodes)
+        inner = np.setdiff1d(np.arange(body.dofs), np.arange(first, first + 6 * len(body.seats)))
+        answer = np.zeros(load.shape)
+        stiffness = body.stiffness[np.ix_(inner, inner)]
+        answer[inner] = scipy.linalg.solve(stiffness, load[inner], assume_a="pos")
+        return answer - basis.shapes @ ((basis.shapes.T @ load) / basis.square[:, None])
 
     def rows(self, chosen: np.ndarray) -> np.ndarray:
         """Displacements of nodes per seat and mode, of the nodes with these numbers.
@@ -158,5 +180,7 @@ def moving_bodies(
         sectors = mesh_body.built.body.facts.get("sectors", 1)
         teeth, seat = gears[gear].teeth, mesh_body.flexible.gear_seat
         basis, _ = mesh_body.basis.under_teeth(teeth, sectors)
-        found[gear] = MovingBody(gear, mesh_body.built, basis, teeth, seat)
+        heated, none = mesh_body.heated, np.zeros((0, mesh_body.built.body.dofs))
+        load = none if heated is None else heated.load
+        found[gear] = MovingBody(gear, mesh_body.built, basis, teeth, seat, load)
     return found

@@ -10,7 +10,15 @@ import numpy as np
 import scipy
 import xarray as xr
 
-from fem_prep import FixedInterface, Grid, nodal_stress, surface, von_mises, write_vtu
+from fem_prep import (
+    FixedInterface,
+    Grid,
+    nodal_stress,
+    surface,
+    swelling_stress,
+    von_mises,
+    write_vtu,
+)
 from jaxgear._response._stress_cycle import StressRange, along_cylinder, images_of, stress_range
 from jaxgear._units import MPa, deg, mm
 from jaxgear.scene._body_build import BuiltBody, held_of
@@ -19,7 +27,7 @@ from jaxgear.scene._mesh_bodies import MeshBody
 from jaxgear.scene._tables import MeshKeys
 from jaxgear.study._body_answers import body_under_teeth, worst_phase
 from jaxgear.study._body_surfaces import FACE, section
-from jaxgear.study._hybrid import radius_of
+from jaxgear.study._hybrid import BodyUnderTeeth, radius_of
 from jaxgear.study._result import Summary
 from jaxgear.study._results import Entry, dataset_of, entries_over
 from jaxgear.study._statics import Statics
@@ -95,12 +103,12 @@ def _stress_map(
         if worst // under.phases % periods == period:
             at = int(np.searchsorted(chosen, worst % under.phases))
             shown, phase = len(turns) + at, float(lines.phase[period * under.phases + chosen[at]])
-        motions.append(found.motion[chosen] + under.rotation)
+        motions.append(found.motion[chosen] + under.at_rest)
         turns.extend(found.turn[chosen])
     with in_keys(gear):
         held = held_of(body.built.plan, tell)
     tell("stresses over the cycle")
-    stress = _stresses(held, body.built, np.concatenate(motions), under.spin)
+    stress = _stresses(held, under, np.concatenate(motions))
     nodes = body.built.body.nodes
     return StressMap(
         built=body.built,
@@ -113,15 +121,18 @@ def _stress_map(
     )
 
 
-def _stresses(
-    held: FixedInterface, built: BuiltBody, motions: np.ndarray, speed: float
-) -> np.ndarray:
-    """Of all nodes at some times, `[time, node, 6]` [Pa]."""
-    full, outer = held.full, built.body.boundary_dofs
+def _stresses(held: FixedInterface, under: BodyUnderTeeth, motions: np.ndarray) -> np.ndarray:
+    """Of all nodes at some times, under rotation and heat too, `[time, node, 6]` [Pa]."""
+    full, outer = held.full, under.body.boundary_dofs
     moved = held.followed(motions[:, :outer].T)
-    if speed:
-        moved += speed**2 * held.loaded(full.centrifugal_load[:, None])
-    return nodal_stress(full.grid, full.material, full.on_nodes(moved))
+    if under.spin:
+        moved += under.spin**2 * held.loaded(full.centrifugal_load[:, None])
+    stress = nodal_stress(full.grid, full.material, full.on_nodes(moved) + under.warm_inside)
+    if under.heated is not None:
+        nodes = np.arange(len(full.grid.nodes))
+        free = under.strain @ under.heated.strain
+        stress += swelling_stress(full.grid, full.material, free, nodes)
+    return stress
 
 
 def _told(built: BuiltBody) -> np.ndarray:

@@ -110,6 +110,7 @@ def test_a_heated_wheel_rests_as_all_of_its_coordinates_say(kind):
     gap = np.asarray(mesh_gap(pair, cycle.cells.lines, model.flanks, model.misalignment))
     # What grows beyond the feet: all of a cold foot's place against the flank.
     body = _warm(_body(kind, 1), [0.0, _STRAIN[1]])
+    assert body.heat is not None
     still = dataclasses.replace(body.heat, feet=0.0 * body.heat.feet)
     teeth = foot_tables(pair, 1, dataclasses.replace(body, heat=still), cycle.cells.lines).heated
     for phase in (1, 6):
@@ -129,7 +130,7 @@ def test_a_heated_wheel_in_motion_rests_as_it_does_in_statics(kind):
     found = _forces(mesh_at(system.table, MIDDLE).at(jnp.zeros(())), system.rest)
     assert_close(np.asarray(found), force, rtol=1e-8, atol=1e-6)
     # The load that the modes bear is there: at rest they lie where heat has them.
-    assert model.wheel_body is not None
+    assert isinstance(model.wheel_body, FlexibleBody)
     modes = model.wheel_body.modes
     assert modes is not None
     assert modes.heat is not None
@@ -153,6 +154,7 @@ def test_combinations_of_modes_bear_the_heat_of_the_modes():
 
 def test_gauges_on_a_heated_wheel_read_what_all_of_its_coordinates_say():
     model = _model("helical", wheel_body=_warm(_body("helical", 1), _STRAIN))
+    assert isinstance(model.wheel_body, FlexibleBody)
     own, heat = hybrid_cases.body("helical"), hybrid_cases.heated("helical")
     grid, draw = _grid("helical"), np.random.default_rng(3)
     rows, beside = draw.normal(size=(2, own.dofs)), draw.normal(size=(2, 2))
