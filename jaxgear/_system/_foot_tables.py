@@ -10,6 +10,7 @@ from jaxtyping import Array
 
 from jaxgear._geometry._lines import ContactLines
 from jaxgear._geometry._pair import GearPair
+from jaxgear._system._body_modes import wave_partners
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._types import CellArmGrid, CellGrid, DenseCouplingGrid, Reals
 
@@ -85,11 +86,7 @@ def mode_arms(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLine
     twist = (1.0, -1.0)[index] * jnp.tan(pair.base_helix_angle) / pair.base_radius[index]
     on_body = 2.0 * jnp.pi / teeth * jnp.asarray(tooth) + twist * lines.face_position.ravel()[0]
     roll = lines.roll.reshape(lines.periods, -1, *lines.roll.shape[1:])
-    waves = np.asarray(modes.waves)
-    partner = np.arange(waves.size) + np.where(waves < 0, -1, 0)
-    partner[np.flatnonzero(waves < 0) - 1] += 1
-    # Modes without a partner stand still on the body.
-    number = jnp.asarray(np.where(partner == np.arange(waves.size), 0, waves), dtype=float)
+    partner, number = wave_partners(modes.waves)
 
     def of_period(given: tuple[Array, Array]) -> Array:
         period, roll = given

@@ -9,6 +9,8 @@ import xarray as xr
 
 from fem_prep import HeatedBody, heat_stress
 from jaxgear._checks import require
+from jaxgear._geometry._lines import MeshGrid
+from jaxgear._geometry._pair import GearPair
 from jaxgear._response._body_motion import BodyMotion, Spectrum, rotating_spectrum
 from jaxgear._response._gauges import (
     GaugeInfluences,
@@ -17,6 +19,7 @@ from jaxgear._response._gauges import (
     gauge_readings,
 )
 from jaxgear._response._waves import DIRECTIONS, circle_around, fixed_spectrum
+from jaxgear._system._body_modes import BodyBasis
 from jaxgear._units import MPa, deg, mm
 from jaxgear.scene._body_build import BuiltBody
 from jaxgear.scene._body_heat import free_strains
@@ -33,7 +36,7 @@ from jaxgear.study._results import Entry, dataset_of
 from jaxgear.study._statics import Statics
 
 # Strain in the unit of files.
-_MICRO = 1e-6
+MICRO = 1e-6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -170,11 +173,16 @@ def _directions(asked: GaugeKeys, angles: np.ndarray) -> np.ndarray:
 
 
 def influences_of(
-    mesh: MeshKeys, body: MeshBody, gauges: Sequence[Gauge], statics: Statics
+    mesh: MeshKeys,
+    body: MeshBody,
+    gauges: Sequence[Gauge],
+    pair: GearPair,
+    grid: MeshGrid,
+    basis: BodyBasis | None = None,
 ) -> GaugeInfluences:
-    """What all nodes of some gauges read of a body's teeth, seats and rotation.
+    """What all nodes of some gauges read of a body's teeth, seats, rotation and heat.
 
-    Strain and stress of each node beside each other.
+    Strain and stress of each node beside each other; in motion with the modes of a basis.
     """
     together = lambda name: np.concatenate([getattr(each, name) for each in gauges])
     rows, rotation = together("rows"), together("rotation")
@@ -184,13 +192,14 @@ def influences_of(
         body.built.body,
         rows.reshape(-1, rows.shape[2]),
         rotation.ravel(),
-        statics.model.pair,
+        pair,
         GEARS.index(body.built.plan.gear),
-        statics.grid,
+        grid,
         components=body.flexible.components,
         points=mesh.root_points,
         axial=mesh.connection,
         heat=None if heated is None else (warm, heated.load),
+        basis=basis,
     )
 
 
@@ -215,8 +224,8 @@ def _readings(
     mesh: MeshKeys, body: MeshBody, gauges: Sequence[Gauge], statics: Statics
 ) -> tuple[np.ndarray, np.ndarray]:
     """Of each gauge over a revolution, `[gauge, phase, 2]` [-, Pa], and the body's turn [rad]."""
-    influences = influences_of(mesh, body, gauges, statics)
     model = statics.model
+    influences = influences_of(mesh, body, gauges, model.pair, statics.grid)
     strain = strain_of(model, influences.index)
     readings, turn = eqx.filter_jit(gauge_readings)(
         influences, model.pair, statics.cycle, model.speed, strain
@@ -235,14 +244,15 @@ def _over_revolution(
     turned = np.abs(np.unwrap(turn) - turn[0]) / deg
     dims, words = (gauge, over), "along a gauge, static"
     yield over, Entry((over,), turned, "deg", f"angle by which the {gear} has turned")
-    yield from _names(gear, gauges)
-    strain = readings[..., 0] / _MICRO
+    yield from gauge_places(gear, gauges)
+    strain = readings[..., 0] / MICRO
     yield f"{gauge}_strain_um_m", Entry(dims, strain, "um/m", f"strain {words}")
     stress = readings[..., 1] / MPa
     yield f"{gauge}_stress_MPa", Entry(dims, stress, "MPa", f"normal stress {words}")
 
 
-def _names(gear: str, gauges: Sequence[Gauge]) -> Iterator[tuple[str, Entry]]:
+def gauge_places(gear: str, gauges: Sequence[Gauge]) -> Iterator[tuple[str, Entry]]:
+    """Names of gauges, whether they turn, and where they are, as entries of a dataset."""
     gauge = f"{gear}_gauge"
     yield gauge, Entry((gauge,), [each.name for each in gauges], "1", "gauge")
     turns = [each.turns for each in gauges]
@@ -313,8 +323,8 @@ def _by_orders(
     over, gauge = f"{gear}_order", f"{gear}_gauge"
     dims, words = (gauge, over), "along a gauge at the highest peak; order 0: the mean"
     yield over, Entry((over,), orders, "1", f"order of the {gear}'s rotation")
-    yield from _names(gear, gauges)
-    strain, stress = size[..., 0] / _MICRO, size[..., 1] / MPa
+    yield from gauge_places(gear, gauges)
+    strain, stress = size[..., 0] / MICRO, size[..., 1] / MPa
     yield f"{gauge}_strain_um_m", Entry(dims, strain, "um/m", f"amplitude of the strain {words}")
     yield (
         f"{gauge}_stress_MPa",

@@ -75,7 +75,7 @@ def test_a_body_as_warm_everywhere_grows_in_proportion_and_has_no_stress_of_it(p
     built = scene.bodies["wheel"].built
     held = held_of(built.plan)
     one, other = (
-        _stresses(held, each, each.at_rest[None])
+        _stresses(held, each, each.at_rest[None], np.zeros((1, each.body.dofs)))
         for each in (
             body_under_teeth(scene.mesh, "wheel", scene.bodies["wheel"], statics),
             body_under_teeth(cold.mesh, "wheel", cold.bodies["wheel"], still),
