@@ -7,7 +7,7 @@ import equinox as eqx
 import numpy as np
 import xarray as xr
 
-from fem_prep import HeatedBody, heat_stress
+from fem_prep import HeatedBody, StressRows, heat_stress
 from jaxgear._checks import require
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
@@ -55,6 +55,8 @@ class Gauge:
     - `rotation`: of rotation beside the coordinates, shape `[node, 2]` [s2, Pa s2].
     - `heat`: of heat beside the coordinates, per free strain of hub and rim, shape `[node, 2, 2]`
         [-, Pa].
+    - `stress`: all components of the stress there.
+    - `warm`: what heat adds to these beside the coordinates, shape `[node, 6, 2]` [Pa].
     - `warmth`: of one in motion, what it shows of heat beside seats and modes, shape `[node, 2]`
         [-, Pa].
     """
@@ -67,6 +69,8 @@ class Gauge:
     rows: np.ndarray
     rotation: np.ndarray
     heat: np.ndarray
+    stress: StressRows
+    warm: np.ndarray
     warmth: np.ndarray | None = None
 
     def on(self, body: MovingBody, temperature: TemperatureKeys, *, grows: bool = True) -> "Gauge":
@@ -156,7 +160,18 @@ def _gauge(row: str, asked: GaugeKeys, built: BuiltBody, heated: HeatedBody | No
         for each in (stress.rows, stress.rotation, warm)
     )
     where = f"{asked.gear} r {asked.radius_mm:.4g} mm {asked.direction} {asked.frame}"
-    return Gauge(asked.name or where, asked.gear, turns, place[1], places, rows, rotation, heat)
+    return Gauge(
+        name=asked.name or where,
+        gear=asked.gear,
+        turns=turns,
+        angle=place[1],
+        places=places,
+        rows=rows,
+        rotation=rotation,
+        heat=heat,
+        stress=stress,
+        warm=warm,
+    )
 
 
 def _directions(asked: GaugeKeys, angles: np.ndarray) -> np.ndarray:
