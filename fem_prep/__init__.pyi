@@ -75,6 +75,9 @@ from ._stress import stress_rows as stress_rows
 from ._stress import swelling_stress as swelling_stress
 from ._stress import tensors as tensors
 from ._stress import von_mises as von_mises
+from ._heat import HeatedBody as HeatedBody
+from ._heat import heat_stress as heat_stress
+from ._heat import heated_body as heated_body
 from ._condense import condense as condense
 from ._fourier import expected_split as expected_split
 from ._fourier import families as families

@@ -241,6 +241,10 @@ from ._response._factors import transverse_load_factor as transverse_load_factor
 from ._response._factors import (
     working_pressure_angle_change as working_pressure_angle_change,
 )
+from ._response._gauges import GaugeInfluences as GaugeInfluences
+from ._response._gauges import gauge_influences as gauge_influences
+from ._response._gauges import gauge_readings as gauge_readings
+from ._response._gauges import moving_gauge_readings as moving_gauge_readings
 from ._response._half_power import Resonance as Resonance
 from ._response._half_power import rayleigh_damping as rayleigh_damping
 from ._response._half_power import resonances as resonances

@@ -13,6 +13,8 @@ from ._face_objectives import EdgeLoad as EdgeLoad
 from ._face_objectives import PressureOffset as PressureOffset
 from ._face_objectives import loaded_maximum as loaded_maximum
 from ._face_objectives import pressure_offset as pressure_offset
+from ._gauge_objectives import GaugeStress as GaugeStress
+from ._gauge_objectives import GaugeStressAmplitude as GaugeStressAmplitude
 from ._master_curve import ReliefMap as ReliefMap
 from ._master_curve import TracedCurve as TracedCurve
 from ._master_curve import Valley as Valley

@@ -56,7 +56,8 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # Packages and files that speak of the shapes of arrays. All else has plain types, which pyright
 # checks: to look at each cell of a table again as it is written takes longer than to write it.
 _PACKAGES = ("contact", "dynamics", "flank", "geometry", "interface", "response", "solve", "system")
-_FILES = ("_smooth", "_types", *(f"scene._{x}" for x in ("build", "build_pair", "files", "teeth")))
+_OF_SCENE = ("body_heat", "build", "build_pair", "files", "teeth")
+_FILES = ("_smooth", "_types", *(f"scene._{x}" for x in _OF_SCENE))
 _CHECKED = (
     "optimise",
     "jaxgear.study",

@@ -14,7 +14,16 @@ import scipy.linalg
 from fem_cases import STEEL, ring
 
 import jaxgear as jg
-from fem_prep import ReducedBody, Seat, condense, full_body
+from fem_prep import (
+    FullBody,
+    HeatedBody,
+    ReducedBody,
+    Seat,
+    condense,
+    fixed_interface,
+    full_body,
+    heated_body,
+)
 from jaxgear import deg, mm, um
 from jaxgear._contact._cells import mesh_gap
 from jaxgear._dynamics._march import quasi_static_start
@@ -67,6 +76,37 @@ def body(
 ) -> ReducedBody:
     """A condensed body of the pinion or the wheel.
 
+    `full` says of what; and:
+
+    **Arguments:**
+
+    - `modes`: interior shapes beside the static ones; none: static condensation.
+    - `rotating`: with the terms of rotation.
+    """
+    method = "craig-bampton" if modes else "guyan"
+    shape: dict = {"seats": seats, "holes": holes, "further": further, "layers": layers}
+    return condense(full(kind, index, **shape), method=method, modes=modes, rotating=rotating)
+
+
+@functools.cache
+def heated(kind: str = "spur", index: int = 1, *, modes: int = 0, **shape) -> HeatedBody:
+    """What heat does to `body`; its hub is up to the web."""
+    own, root = body(kind, index, modes=modes, **shape), float(PAIRS[kind]().root_radius[index])
+    return heated_body(fixed_interface(full(kind, index, **shape)), own, 0.42 * root)
+
+
+@functools.cache
+def full(
+    kind: str = "spur",
+    index: int = 1,
+    *,
+    seats: str = "bore",
+    holes: int = 0,
+    further: int = 0,
+    layers: int = 2,
+) -> FullBody:
+    """A body of the pinion or the wheel in all its unknowns.
+
     **Arguments:**
 
     - `kind`: of the teeth.
@@ -74,9 +114,7 @@ def body(
     - `seats`: "bore" is one ring, "mean" one that averages, "shaft" three bearings and the torque.
     - `holes`: in the web, equal and equally far apart.
     - `further`: the same of a second ring, further out, each between two of the first.
-    - `modes`: interior shapes beside the static ones; none: static condensation.
     - `layers`: elements across the rim.
-    - `rotating`: with the terms of rotation.
     """
     teeth = TEETH[index]
     root = float(PAIRS[kind]().root_radius[index])
@@ -102,9 +140,7 @@ def body(
         return solid
 
     grid = ring([0.25 * root, hub, middle, rim, root], teeth, heights, keep=keep)
-    full = full_body(f"{kind} {index}", grid, STEEL, _seats(grid, seats))
-    method = "craig-bampton" if modes else "guyan"
-    return condense(full, method=method, modes=modes, rotating=rotating)
+    return full_body(f"{kind} {index}", grid, STEEL, _seats(grid, seats))
 
 
 def _seats(grid, seats: str) -> list[Seat]:
@@ -164,12 +200,14 @@ class Gear(NamedTuple):
     """One gear of a dense reference.
 
     `body` is `None` for a rigid one; `springs` hold its seats, or its centre, along and about S, T,
-    Z, shape `[seat, 6]`, infinite where they are rigid; `gear_seat` is the seat that turns with it.
+    Z, shape `[seat, 6]`, infinite where they are rigid; `gear_seat` is the seat that turns with it;
+    `load` is on its coordinates whatever the speed.
     """
 
     body: ReducedBody | None
     springs: np.ndarray
     gear_seat: int = 0
+    load: np.ndarray | float = 0.0
 
 
 class DenseState(NamedTuple):
@@ -313,7 +351,9 @@ class Dense:
             (0, sizes[0]), self.gears, (speed, speed * TEETH[0] / TEETH[1]), strict=True
         ):
             if gear.body is not None:
-                load[begin : begin + gear.body.dofs] = own**2 * gear.body.centrifugal_load
+                load[begin : begin + gear.body.dofs] = (
+                    own**2 * gear.body.centrifugal_load + gear.load
+                )
         load[parts[0][2]] += torque
         closed = stiffness > 0.0
         for _ in range(40):

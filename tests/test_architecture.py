@@ -97,6 +97,7 @@ BODY_STAGES = (
     "_modes",
     "_hold",
     "_stress",
+    "_heat",
     "_basis",
     "_condense",
     "_fourier",

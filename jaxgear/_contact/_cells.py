@@ -64,7 +64,7 @@ class MeshCells(eqx.Module):
         point at mid-face [m].
     - `seat_arms`: approach of each cell per motion of the seats of condensed bodies, or `None`
         [-, m].
-    - `growth`: approach of each cell by the rotation of condensed bodies, or `None` [m].
+    - `growth`: approach of each cell by rotation and heat of condensed bodies, or `None` [m].
     - `spread`: what each tooth pair gives by itself under an even load, but couples its slices and
         is in `coupling`; or `None`: nothing [m2/N].
     """

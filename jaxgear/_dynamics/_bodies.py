@@ -82,6 +82,14 @@ class VibratingBody(NamedTuple):
         return np.concatenate([self.seats, np.arange(self.first, self.first + count)])
 
     @property
+    def mode_heat(self) -> Vector:
+        """Loads on its modes by heat [kg^1/2 m/s2]."""
+        heat, modes = self.body.heat, self.modes
+        if heat is None or modes.heat is None:
+            return jnp.zeros_like(modes.square)
+        return modes.heat @ heat.strain
+
+    @property
     def place(self) -> BodyPlace:
         """What others need of it."""
         return BodyPlace(
@@ -195,6 +203,26 @@ def matrices_with(
         own = each.dofs[len(each.seats) :]
         stiffness = stiffness.at[own, own].add(each.modes.square)
     return mass, stiffness
+
+
+def outside_loads(mounted: PairSystem, bodies: list[VibratingBody], size: int) -> Vector:
+    """Loads from outside on a structure and by heat on the modes of bodies in it.
+
+    **Arguments:**
+
+    - `mounted`: the structure.
+    - `bodies`: condensed.
+    - `size`: number of degrees of freedom.
+
+    **Returns:**
+
+    Loads on all degrees of freedom.
+    """
+    own = mounted.structure.load
+    load = jnp.zeros(size).at[: own.size].set(own)
+    for each in bodies:
+        load = load.at[each.dofs[len(each.seats) :]].add(each.mode_heat)
+    return load
 
 
 def turning_terms(

@@ -69,8 +69,8 @@ def body_mesh(
     at = at_places(pair, cells)
     gap = jnp.stack([mesh_gap(pair, c.lines, model.flanks, model.misalignment) for c in at])
     at_cells = [_arms(pair, bodies, c, mounted.bends) for c in at]
-    arms, growth = (
-        jnp.stack(parts) for parts in zip(*(each[:2] for each in at_cells), strict=True)
+    arms, growth, heated = (
+        jnp.stack(parts) for parts in zip(*(each[:3] for each in at_cells), strict=True)
     )
     held = _held(mounted, bodies)
     few = _combinations(arms, _loads(cycle), held.give, held.sections, coordinates)
@@ -86,8 +86,10 @@ def body_mesh(
         beyond = beyond + _between(whole[:, :, : held.sections], own)
     grown = growth + arms[..., : held.count] @ held.spun[: held.count]
     grown = grown - met @ (few.out_of.T @ held.spun)
-    # Loads from outside move the cells as they do at rest, by what coordinates leave out too.
-    gap = gap - (arms @ held.outside - met @ (few.out_of.T @ held.outside))
+    # Loads from outside and heat move the cells as they do at rest, by what coordinates leave out
+    # too. What heat does with the seats held is all in `heated`.
+    moved_out = arms[..., : held.count] @ held.outside[: held.count]
+    gap = gap - heated - (moved_out - met @ (few.out_of.T @ held.outside))
     pressed = jnp.sum(kept * cycle.force[:, :, None], axis=1)
     rest = (few.out_of.T @ held.outside)[None, :] - pressed @ give
     moved = dataclasses.replace(cells, coupling=cells.coupling + beyond)
@@ -126,16 +128,19 @@ class _AtCells(NamedTuple):
 
     - `arms`: approach of cells by sections, other seats against the gear's, modes.
     - `growth`: approach by rotation, per square of the pinion's speed.
+    - `heated`: approach by heat, the seats held.
     - `feet`: compliance between cells, the seats held.
     """
 
     arms: CellArmGrid
     growth: CellGrid
+    heated: CellGrid
     feet: DenseCouplingGrid
 
 
 def _arms(pair: GearPair, bodies: list[VibratingBody], cells: MeshCells, bends: bool) -> _AtCells:
     seats, modes, feet, growth = [], [], [], jnp.zeros_like(cells.stiffness)
+    heated = jnp.zeros_like(cells.stiffness)
     for each in bodies:
         table = foot_tables(pair, each.index, each.body, cells.lines)
         others = (6 * _others(each.body)[:, None] + np.arange(6)).ravel()
@@ -143,9 +148,10 @@ def _arms(pair: GearPair, bodies: list[VibratingBody], cells: MeshCells, bends: 
         modes.append(mode_arms(pair, each.index, each.body, cells.lines))
         feet.append(table.compliance)
         growth += each.speed**2 * table.growth
+        heated += 0.0 if table.heated is None else table.heated
     sections = beam_arms(pair, cells.lines) if bends else cell_arms(cells.arm)
     arms = jnp.concatenate([sections, *seats, *modes], axis=2)
-    return _AtCells(arms, growth, functools.reduce(operator.add, feet))
+    return _AtCells(arms, growth, heated, functools.reduce(operator.add, feet))
 
 
 class _HeldStructure(NamedTuple):
@@ -156,7 +162,7 @@ class _HeldStructure(NamedTuple):
     - `vectors`: motions that move the cells per degree of freedom, as `_arms` has them.
     - `give`: of these motions per load on them, $F$.
     - `spun`: of these motions by rotation, per square of the pinion's speed.
-    - `outside`: of these motions under the loads from outside.
+    - `outside`: of these motions under the loads from outside and by heat.
     - `sections`: of them that are motions of sections: the first.
     - `count`: of them that are not modes.
     """
@@ -182,6 +188,7 @@ def _held(mounted: PairSystem, bodies: list[VibratingBody]) -> _HeldStructure:
     count = vectors.shape[1]
     square = jnp.concatenate([each.modes.square for each in bodies])
     grown = jnp.concatenate([each.speed**2 * each.modes.load for each in bodies]) / square
+    warm = jnp.concatenate([each.mode_heat for each in bodies]) / square
     on_diagonal = jax.scipy.linalg.block_diag
     moved = statics.mesh_flexibility[:count]
     whole = jnp.zeros((mounted.structure.map.size, count)).at[gears].set(vectors)
@@ -189,7 +196,7 @@ def _held(mounted: PairSystem, bodies: list[VibratingBody]) -> _HeldStructure:
         vectors=on_diagonal(whole, jnp.eye(square.size)),
         give=on_diagonal(moved[:, :count], jnp.diag(1.0 / square)),
         spun=jnp.concatenate([moved[:, count], grown]),
-        outside=jnp.concatenate([statics.mesh_offset[:count], jnp.zeros(square.size)]),
+        outside=jnp.concatenate([statics.mesh_offset[:count], warm]),
         sections=sections,
         count=count,
     )

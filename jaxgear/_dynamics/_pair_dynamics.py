@@ -12,6 +12,7 @@ from jaxgear._checks import InputError, require, require_float64
 from jaxgear._compiled import compiled
 from jaxgear._dynamics._bodies import (
     matrices_with,
+    outside_loads,
     size_with,
     turning_terms,
     vibrating_bodies,
@@ -60,7 +61,7 @@ def pair_dynamics(
         `damping` then becomes forces of the closed cells in proportion to their rate, with
         the ratio that the mode of the largest mesh energy has.
     - `centrifugal`: whether condensed bodies grow with the speed of each response; `model.speed`
-        is that of statics, and not used here.
+        is that of statics, and not used here. Heat is always there.
     - `mesh_coordinates`: combinations of the motions of condensed bodies that the mesh tells apart,
         beside approach and tilt.
 
@@ -168,7 +169,7 @@ def _in_motion(
         stiffness=stiffness + held.spring,
         gyroscopic=None if whirl is None else among(whirl),
         vectors=met.vectors[dofs],
-        load=of(structure.load),
+        load=outside_loads(mounted, bodies, size)[dofs],
         bow=met.bow,
         mean=met.mean,
         teeth_part=met.teeth,

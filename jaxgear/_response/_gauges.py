@@ -1,12 +1,13 @@
 r"""What gauges on a condensed body read, over one of its revolutions at rest.
 
-A gauge reads $r u + \Omega^2 r_c$ of the body's coordinates $u$. With the seats held it is loaded
-by the forces at the feet of all teeth, one after the other; the seats carry it along. So what it
-reads follows from the forces of the cells and the motion of the seats alone, and has derivatives
-by all that these depend on.
+A gauge reads $r u + \Omega^2 r_c + r_h s$ of the body's coordinates $u$, with the free strains $s$
+of hub and rim by heat. With the seats held it is loaded by the forces at the feet of all teeth, one
+after the other; the seats carry it along. So what it reads follows from the forces of the cells,
+the motion of the seats and these strains alone, and has derivatives by all that they depend on.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -16,10 +17,17 @@ import scipy
 from jaxtyping import Array
 
 from jaxgear._checks import require
-from jaxgear._geometry._lines import MeshGrid
+from jaxgear._compiled import compiled
+from jaxgear._dynamics._orbit import Orbit
+from jaxgear._dynamics._system import PairDynamics
+from jaxgear._dynamics._table import MIDDLE
+from jaxgear._geometry._lines import ContactLines, MeshGrid
 from jaxgear._geometry._pair import GearPair
+from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._interface._roots import ROOT_POINTS, Axial, RimSurface, interface_map
+from jaxgear._response._dynamic import pressed_cells
 from jaxgear._solve._cycle import MeshCycle
+from jaxgear._system._body_modes import BodyBasis, wave_partners
 from jaxgear._system._body_tables import root_patches, teeth_on_lines
 from jaxgear._system._condensed import Condensed
 from jaxgear._system._foot_tables import foot_weights
@@ -36,6 +44,7 @@ class GaugeInfluences(eqx.Module):
     - `seats`: per motion of the seats along and about x, y, z of the body, shape
         `[gauge, 6 seat]` [1/m, Pa/m, 1/rad].
     - `rotation`: per square of the speed, the seats held, shape `[gauge]` [s2, Pa s2].
+    - `heat`: per free strain of hub and rim, the seats held, shape `[gauge, 2]` [-, Pa].
     - `angles`: of the middles of the teeth at the first slice, about z from the body's x, shape
         `[tooth]` [rad].
     - `centres`: of the feet of one tooth on all lines, in their frames, `[cell, 3]` [m].
@@ -43,16 +52,22 @@ class GaugeInfluences(eqx.Module):
         `[period, line]` [-].
     - `index`: 0 for the pinion, 1 for the wheel.
     - `components`: of the feet's loads that the body was put in mesh with.
+    - `modes`: per amplitude of the modes of a body in motion, shape `[gauge, mode]`; what they show
+        of feet, rotation and heat is then left out of these; or `None` [kg^-1/2, Pa kg^-1/2 / m].
+    - `waves`: wave numbers of these modes.
     """
 
     feet: Reals
     seats: Reals
     rotation: Reals
+    heat: Reals
     angles: Reals
     centres: Reals
     lines: Array
     index: int = eqx.field(static=True)
     components: tuple[int, ...] = eqx.field(static=True)
+    modes: Reals | None = None
+    waves: tuple[int, ...] = eqx.field(static=True, default=())
 
 
 def gauge_influences(
@@ -66,6 +81,8 @@ def gauge_influences(
     components: Sequence[int],
     points: int = ROOT_POINTS,
     axial: Axial = "mortar",
+    heat: tuple[np.ndarray, np.ndarray] | None = None,
+    basis: BodyBasis | None = None,
 ) -> GaugeInfluences:
     """Load a body by what its gauges read. Call it outside of `jit`, on concrete gears.
 
@@ -79,6 +96,9 @@ def gauge_influences(
     - `grid`: slices and lines of the cycle.
     - `components`: of the feet's loads, as of `FlexibleBody`.
     - `points`, `axial`: as of `flexible_body`.
+    - `heat`: if the body may warm, what they read beside the coordinates, shape `[gauge, 2]`
+        [-, Pa], and the load on these, `[2, dof]`, per free strain of hub and rim.
+    - `basis`: on which the body vibrates, for `moving_gauge_readings`; none for its statics.
 
     **Returns:**
 
@@ -91,25 +111,38 @@ def gauge_influences(
     solved = scipy.linalg.solve(
         body.stiffness[np.ix_(inner, inner)], rows[:, inner].T, assume_a="pos", check_finite=False
     ).T
+    by_seats = rows[:, seat] - solved @ body.stiffness[np.ix_(inner, seat)]
+    if basis is not None:
+        solved = solved - (rows @ basis.shapes / basis.square) @ basis.shapes[inner].T
     patches = root_patches(pair, index, grid, np.arange(gear.teeth), points=points, axial=axial)
     found = interface_map(RimSurface(body.rim_nodes, body.rim_faces), patches)
     by_feet = (found.rows @ solved[:, :rim].T).T
     slices, lines = grid.slices, teeth_on_lines(index, grid, gear.teeth) % gear.teeth
+    shown, load = (
+        (np.zeros((len(rows), 2)), np.zeros((2, len(body.stiffness)))) if heat is None else heat
+    )
     centres = found.centres.reshape(gear.teeth, slices, 3)[lines[0]].reshape(-1, 3)
     return GaugeInfluences(
         feet=jnp.asarray(by_feet.reshape(len(rows), gear.teeth, slices, 6)),
-        seats=jnp.asarray(rows[:, seat] - solved @ body.stiffness[np.ix_(inner, seat)]),
+        seats=jnp.asarray(by_seats),
         rotation=jnp.asarray(rotation + solved @ body.centrifugal_load[inner]),
+        heat=jnp.asarray(shown + solved @ load[:, inner].T),
         angles=jnp.asarray(patches.angles.reshape(gear.teeth, slices)[:, 0]),
         centres=jnp.asarray(centres),
         lines=jnp.asarray(lines),
         index=index,
         components=tuple(components),
+        modes=None if basis is None else jnp.asarray(rows @ basis.shapes),
+        waves=() if basis is None else tuple(int(wave) for wave in basis.waves),
     )
 
 
 def gauge_readings(
-    gauges: GaugeInfluences, pair: GearPair, cycle: MeshCycle, speed: Scalar
+    gauges: GaugeInfluences,
+    pair: GearPair,
+    cycle: MeshCycle,
+    speed: Scalar,
+    strain: Reals | None = None,
 ) -> tuple[Array, Array]:
     """What gauges that turn with a body read while it turns once, tooth by tooth at rest.
 
@@ -122,40 +155,111 @@ def gauge_readings(
     - `pair`: the gears.
     - `cycle`: its solved cycle.
     - `speed`: of the pinion [rad/s].
+    - `strain`: free strain of hub and rim, `[2]`, as of `BodyHeat`; `None`: none [-].
 
     **Returns:**
 
     Readings, shape `[phase, gauge]` [-, Pa], and the angle of the body's x from S about
     Z, shape `[phase]` [rad]; phases of all mesh periods of a revolution.
     """
-    lines = cycle.cells.lines
-    phases = lines.roll.shape[0] // lines.periods
+    places = cycle.system.structure.map.loaded[gauges.index]
+    seats = np.concatenate([first + np.arange(6) for first in places])
+    motion = cycle.system.displacement(cycle.load)[:, seats]
+    return _over_revolution(
+        gauges, pair, cycle.cells.lines, _Borne(cycle.force, motion, None), speed, strain
+    )
+
+
+@compiled
+def moving_gauge_readings(
+    gauges: GaugeInfluences,
+    dynamics: PairDynamics,
+    orbit: Orbit,
+    law: AbstractContactLaw,
+    strain: Reals | None = None,
+) -> tuple[Array, Array]:
+    """What gauges that turn with a body read over a revolution in a steady response.
+
+    In the middle of each step. What the modes show of the body they show with its inertia, what
+    they leave out follows the forces of the cells, rotation and heat at once.
+
+    **Arguments:**
+
+    - `gauges`: of the body, with its modes.
+    - `dynamics`: the pair.
+    - `orbit`: its response; over more cycles than divide a revolution, of its first part.
+    - `law`: with which it was found.
+    - `strain`: as of `gauge_readings`.
+
+    **Returns:**
+
+    As of `gauge_readings`; phases are the steps.
+    """
+    system, lines = dynamics.system, dynamics.cycle.cells.lines
+    (body,) = (each for each in dynamics.bodies if each.index == gauges.index)
+    force = pressed_cells(system, orbit, law, MIDDLE).force[:, : lines.roll[0].size]
+    whole = jnp.zeros((len(orbit.motion), max(dynamics.dofs) + 1))
+    whole = whole.at[:, np.asarray(dynamics.dofs)].set(orbit.motion)
+    modes = whole[:, body.first + np.arange(body.square.size)]
+    borne = _Borne(force, whole[:, np.asarray(body.seats)], modes)
+    return _over_revolution(gauges, dynamics.cycle.system.pair, lines, borne, orbit.speed, strain)
+
+
+class _Borne(NamedTuple):
+    """Forces of cells `[step, cell]`, motion of seats and modes in space, `[step, dof]`."""
+
+    force: Array
+    seats: Array
+    modes: Array | None
+
+
+def _over_revolution(
+    gauges: GaugeInfluences,
+    pair: GearPair,
+    lines: ContactLines,
+    borne: _Borne,
+    speed: Scalar,
+    strain: Reals | None,
+) -> tuple[Array, Array]:
+    """Readings tooth by tooth, of one cycle or several on the same lines; see `gauge_readings`."""
+    times = len(borne.force) // len(lines.phase)
+    periods, phases = lines.periods * times, lines.roll.shape[0] // lines.periods
     teeth = len(gauges.angles)
     weights, fixed = foot_weights(
         pair, gauges.index, gauges.centres, lines.roll, lines.face_position
     )
-    none = jnp.zeros_like(cycle.force)
+    none = jnp.zeros_like(weights[0])
     kept = [weights[a] if a in gauges.components else none for a in range(len(weights))]
     # What closes a cell is pushed back by its force.
-    load = -jnp.stack(kept, axis=-1) * cycle.force[:, :, None]
-    load = load.reshape(lines.periods, phases, *lines.roll.shape[1:], 6)
-    places = cycle.system.structure.map.loaded[gauges.index]
-    seats = np.concatenate([first + np.arange(6) for first in places])
-    motion = cycle.system.displacement(cycle.load)[:, seats].reshape(lines.periods, phases, -1)
-    turned = fixed[:, 0].reshape(lines.periods, phases)
+    load = -jnp.tile(jnp.stack(kept, axis=-1), (times, 1, 1)) * borne.force[:, :, None]
+    load = load.reshape(periods, phases, *lines.roll.shape[1:], 6)
+    apart = lambda x: x.reshape(periods, phases, -1)
+    seats = apart(borne.seats)
+    turned = jnp.tile(fixed[:, 0], times).reshape(periods, phases)
     ratio = teeth / pair.pinion.teeth
     grown = (speed / ratio) ** 2 * gauges.rotation
+    if strain is not None:
+        grown = grown + gauges.heat @ strain
 
     def of_period(each: tuple[Array, Array]) -> tuple[Array, Array]:
         period, on_lines = each
-        place = period % lines.periods
+        place = period % periods
         turn = turned[place] - gauges.angles[on_lines[0]]
-        by_feet = jnp.einsum("plsc,glsc->pg", load[place], gauges.feet[:, on_lines])
-        by_seats = _turned_back(motion[place], turn) @ gauges.seats.T
-        return by_feet + by_seats + grown[None, :], turn
+        found = jnp.einsum("plsc,glsc->pg", load[place], gauges.feet[:, on_lines])
+        found += _turned_back(seats[place], turn) @ gauges.seats.T
+        if borne.modes is not None and gauges.modes is not None:
+            found += _modes_back(apart(borne.modes)[place], turn, gauges) @ gauges.modes.T
+        return found + grown[None, :], turn
 
     found, angle = jax.lax.map(of_period, (jnp.arange(teeth), gauges.lines))
     return found.reshape(teeth * phases, -1), angle.ravel()
+
+
+def _modes_back(modes: Array, angle: Array, gauges: GaugeInfluences) -> Array:
+    """Amplitudes of modes on a body that has turned by an angle each, from those in space."""
+    partner, number = wave_partners(gauges.waves)
+    by = angle[:, None] * number[None, :]
+    return jnp.cos(by) * modes + jnp.sin(by) * modes[:, partner]
 
 
 def _turned_back(vectors: Array, angle: Array) -> Array:

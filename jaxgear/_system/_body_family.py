@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxgear._checks import require
+from jaxgear._system._body_heat import BodyHeat
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._types import Reals, Scalar
 
@@ -236,4 +237,17 @@ def table_difference(first: FlexibleBody, second: FlexibleBody) -> float:
         np.abs(one.growth - other.growth) / of_foot / (growth or 1.0),
         np.abs(one.seat_load - other.seat_load) / np.where(load > 0.0, load, 1.0),
     ]
+    if one.heat is not None and other.heat is not None:
+        parts += _heat_difference(one.heat, other.heat, of_foot, stiff * stiff[~turns].max())
     return float(max(part.max() for part in parts))
+
+
+def _heat_difference(
+    one: BodyHeat, other: BodyHeat, of_foot: np.ndarray, stiff: np.ndarray
+) -> list[np.ndarray]:
+    """Growth by heat against the largest, loads on the seats against those so much would take."""
+    growth = float(np.abs(other.feet / of_foot[..., None]).max())
+    return [
+        np.abs(one.feet - other.feet) / of_foot[..., None] / growth,
+        np.abs(one.seats - other.seats) / (stiff[:, None] * growth),
+    ]

@@ -9,6 +9,7 @@ rotated periodicity of the body, and its Doppler shift, at once (thesis eq. 3.5 
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -48,6 +49,7 @@ class BodyModes(eqx.Module):
         of all coordinates, or `None` if the body was made without them [kg, kg m, kg m2].
     - `waves`: wave number of each mode, counted as far as the sectors tell them apart.
     - `diameters`: nodal diameters of each mode.
+    - `heat`: load on the modes per free strain of hub and rim, or `None` [kg^1/2 m/s2].
     """
 
     square: PerMode
@@ -59,11 +61,31 @@ class BodyModes(eqx.Module):
     softening: BodyMatrix | None
     waves: tuple[int, ...] = eqx.field(static=True)
     diameters: tuple[int, ...] = eqx.field(static=True)
+    heat: Float[Array, "mode part"] | None = None
 
     @property
     def frequency(self) -> PerMode:
         """Natural frequencies with all seats held [Hz]."""
         return jnp.sqrt(self.square) / (2.0 * jnp.pi)
+
+
+def wave_partners(waves: Sequence[int] | np.ndarray) -> tuple[np.ndarray, Array]:
+    """Which mode each mode turns into as the body turns, and by how much faster.
+
+    **Arguments:**
+
+    - `waves`: wave numbers, as of `BodyModes`.
+
+    **Returns:**
+
+    Number of the partner of each mode, itself if it has none; its signed wave number, zero for what
+    stands still on the body [-].
+    """
+    number = np.asarray(waves)
+    partner = np.arange(number.size) + np.where(number < 0, -1, 0)
+    partner[np.flatnonzero(number < 0) - 1] += 1
+    alone = partner == np.arange(number.size)
+    return partner, jnp.asarray(np.where(alone, 0, number), dtype=float)
 
 
 class BasisMatrices(NamedTuple):

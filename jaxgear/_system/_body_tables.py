@@ -21,15 +21,14 @@ from jaxgear._interface._roots import (
     RootPatches,
     interface_map,
 )
+from jaxgear._system._body_heat import BodyHeat, no_strain
 from jaxgear._system._body_modes import BodyBasis, BodyModes
 from jaxgear._system._condensed import Condensed
+from jaxgear._system._even_seats import along_axis, same_all_round
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._rim_checks import check_elements, check_rim
 
 RootMotion = Literal["rigid", "screw"]
-
-# How far the stiffness between seats may depend on the direction, of its largest entry.
-_UNEVEN = 1e-3
 
 
 # --- Making the tables, once
@@ -123,6 +122,7 @@ def flexible_body(
     give: Callable[[RootPatches], np.ndarray] | None = None,
     ribs: np.ndarray | None = None,
     basis: BodyBasis | None = None,
+    heat: np.ndarray | None = None,
 ) -> FlexibleBody:
     """Put a condensed body in mesh. Call it outside of `jit`, on concrete gears (theory 7.6).
 
@@ -141,6 +141,7 @@ def flexible_body(
     - `give`: of feet with the seats held, `[6 foot, 6 foot]`, if not what its matrices say.
     - `ribs`: what feet on the lines give more for the ribs, `[line, 6 slice, line, 6 slice]`.
     - `basis`: on which the body vibrates; statics need none.
+    - `heat`: load on its coordinates per free strain of hub and rim, `[2, dof]`, if it may warm.
 
     **Returns:**
 
@@ -155,26 +156,24 @@ def flexible_body(
     check_elements(body, pair, index, grid)
     gear = (pair.pinion, pair.wheel)[index]
     basis, repeats = _repeating(body, gear.teeth, basis)
-    periods = min(repeats, grid.periods)
-    teeth = teeth_on_lines(index, grid, periods)
-    each, where = np.unique(teeth % gear.teeth if repeats > 1 else teeth, return_inverse=True)
-    lines = where.reshape(teeth.shape)
+    each, lines = _different_teeth(index, grid, gear.teeth, repeats)
     patches = root_patches(pair, index, grid, each, points=points, axial=axial)
     found, components = interface_map(_surface(body), patches), root_components(pair, motion)
-    held = _held(body, found, patches.angles.ravel(), components, give and give(patches))
+    held = _held(body, found, patches.angles.ravel(), components, heat, give and give(patches))
     count, slices, size, cells = len(each), grid.slices, len(components), grid.cells
     pairs = _between_cells(held, lines, each, repeats, local, components, ribs)
 
     def on_cells(rows: np.ndarray) -> np.ndarray:
         """Rows of all feet as `[period, component, cell, ...]`."""
         chosen = rows.reshape(count, slices, size, *rows.shape[1:])[lines]
-        return np.moveaxis(chosen, 3, 1).reshape(periods, size, cells, *rows.shape[1:])
+        return np.moveaxis(chosen, 3, 1).reshape(-1, size, cells, *rows.shape[1:])
 
-    centres = found.centres.reshape(count, slices, 3)[lines].reshape(periods, cells, 3)
+    centres = found.centres.reshape(count, slices, 3)[lines].reshape(-1, cells, 3)
     return FlexibleBody(
         flexibility=jnp.asarray(0.5 * (pairs + pairs.transpose(0, 2, 1, 4, 3))),
         from_seats=jnp.asarray(on_cells(held.from_seats)),
         growth=jnp.asarray(on_cells(held.growth)),
+        heat=None if heat is None else _heat_on(held, on_cells),
         centres=jnp.asarray(centres),
         seat_stiffness=jnp.asarray(held.seat_stiffness),
         seat_load=jnp.asarray(held.seat_load),
@@ -186,8 +185,17 @@ def flexible_body(
         first_line=grid.first_line,
         slices=slices,
         repeats=repeats,
-        modes=None if basis is None else _modes_on(basis, body, held, on_cells),
+        modes=None if basis is None else _modes_on(basis, body, held, on_cells, heat),
     )
+
+
+def _different_teeth(
+    index: int, grid: MeshGrid, count: int, repeats: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the teeth under which a body differs, and which of these are on the lines."""
+    teeth = teeth_on_lines(index, grid, min(repeats, grid.periods))
+    each, where = np.unique(teeth % count if repeats > 1 else teeth, return_inverse=True)
+    return each, where.reshape(teeth.shape)
 
 
 def _surface(body: Condensed) -> RimSurface:
@@ -215,7 +223,9 @@ class _HeldBody:
     - `flexibility`: of the feet's components, `[row, row]`.
     - `from_seats`: `[row, 6 seat]`, both in the frame of each foot.
     - `growth`: of the feet by rotation `[row]`.
+    - `warm`: of the feet by heat, `[row, part]`.
     - `seat_stiffness`, `seat_load`: of the seats, the same in every direction.
+    - `seat_heat`: load on them by heat, `[seat_dof, part]`.
     """
 
     feet: np.ndarray
@@ -224,15 +234,28 @@ class _HeldBody:
     growth: np.ndarray
     seat_stiffness: np.ndarray
     seat_load: np.ndarray
+    warm: np.ndarray
+    seat_heat: np.ndarray
 
 
-def _modes_on(basis: BodyBasis, body: Condensed, held: _HeldBody, on_cells: Callable) -> BodyModes:
+def _heat_on(held: _HeldBody, on_cells: Callable) -> BodyHeat:
+    return BodyHeat(jnp.asarray(on_cells(held.warm)), jnp.asarray(held.seat_heat), no_strain())
+
+
+def _modes_on(
+    basis: BodyBasis,
+    body: Condensed,
+    held: _HeldBody,
+    on_cells: Callable,
+    heat: np.ndarray | None,
+) -> BodyModes:
     """The modes of a body, as the cells see them."""
     rows = held.feet @ basis.shapes[: held.feet.shape[1]]
     return BodyModes(
         square=jnp.asarray(basis.square),
         rows=jnp.asarray(on_cells(rows)),
         load=jnp.asarray(basis.shapes.T @ body.centrifugal_load),
+        heat=None if heat is None else jnp.asarray(basis.shapes.T @ heat.T),
         **basis.matrices(body)._asdict(),
         waves=tuple(int(wave) for wave in basis.waves),
         diameters=tuple(int(number) for number in basis.diameters),
@@ -279,6 +302,7 @@ def _held(
     found: InterfaceMap,
     angles: np.ndarray,
     components: tuple[int, ...],
+    heat: np.ndarray | None,
     give: np.ndarray | None,
 ) -> _HeldBody:
     """Hold the seats of a body, and move them and load its feet one by one.
@@ -291,25 +315,30 @@ def _held(
     joined = body.stiffness[np.ix_(inner, seat)]
     kept = (6 * np.arange(len(angles))[:, None] + np.array(components)).ravel()
     rows = found.rows[kept].toarray()
-    # Unit motions of the seats, loads on the feet, rotation: all in one solution.
-    right = np.zeros((len(inner), joined.shape[1] + len(rows) + 1), order="F")
-    right[:, : joined.shape[1]] = joined
-    right[:rim, joined.shape[1] : -1] = rows.T
-    right[:, -1] = body.centrifugal_load[inner]
+    whole = np.stack([body.centrifugal_load, *([] if heat is None else heat)], axis=1)
+    # Unit motions of the seats, loads on the feet, rotation, heat: all in one solution.
+    seats, feet = joined.shape[1], joined.shape[1] + len(rows)
+    right = np.zeros((len(inner), feet + whole.shape[1]), order="F")
+    right[:, :seats] = joined
+    right[:rim, seats:feet] = rows.T
+    right[:, feet:] = whole[inner]
     inside = body.stiffness[np.ix_(inner, inner)]
     factor = scipy.linalg.cho_factor(inside, lower=True, overwrite_a=True, check_finite=False)
     solved = scipy.linalg.cho_solve(factor, right, overwrite_b=True, check_finite=False)
     given = rows @ solved[:rim]
-    by_seats = solved[:, : joined.shape[1]]
-    own = given[:, joined.shape[1] : -1] if give is None else give[np.ix_(kept, kept)]
+    by_seats = solved[:, :seats]
+    on_seats = along_axis(whole[seat] - joined.T @ solved[:, feet:])
+    own = given[:, seats:feet] if give is None else give[np.ix_(kept, kept)]
     stiffness = body.stiffness[np.ix_(seat, seat)]
     return _HeldBody(
         feet=rows,
         flexibility=own,
-        from_seats=-_turned(given[:, : joined.shape[1]], angles),
-        growth=given[:, -1],
-        seat_stiffness=_same_all_round(stiffness - joined.T @ by_seats, stiffness, body),
-        seat_load=_along_axis(body.centrifugal_load[seat] - joined.T @ solved[:, -1]),
+        from_seats=-_turned(given[:, :seats], angles),
+        growth=given[:, feet],
+        warm=given[:, feet + 1 :],
+        seat_stiffness=same_all_round(stiffness - joined.T @ by_seats, stiffness, body),
+        seat_load=on_seats[:, 0],
+        seat_heat=on_seats[:, 1:],
     )
 
 
@@ -319,49 +348,6 @@ def _turned(rows: np.ndarray, angles: np.ndarray) -> np.ndarray:
     cosine, sine = np.cos(angles)[:, None, None], np.sin(angles)[:, None, None]
     x, y, z = np.moveaxis(apart, 3, 0)
     return np.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=3).reshape(rows.shape)
-
-
-def _same_all_round(matrix: np.ndarray, before: np.ndarray, body: Condensed) -> np.ndarray:
-    """The stiffness between seats, the mean over all directions, and free in rigid motions."""
-    turned = []
-    for quarter in range(4):
-        cosine, sine = (
-            round(math.cos(quarter * math.pi / 2)),
-            round(math.sin(quarter * math.pi / 2)),
-        )
-        turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-        whole = np.kron(np.eye(len(matrix) // 3), turn)
-        turned.append(whole @ matrix @ whole.T)
-    mean = np.mean(turned, axis=0)
-    # Translations and rotations are of different units: a diagonal of one makes them alike.
-    scale = 1.0 / np.sqrt(np.diagonal(before))
-    uneven = float(np.abs(scale[:, None] * (matrix - mean) * scale).max())
-    require(
-        uneven <= _UNEVEN,
-        "The stiffness of a condensed body between its seats must be the same in every direction "
-        "across the axis, as of three or more equal sectors; that of {name!r} differs by {got:.3g} "
-        "of its own. Such a body would shake its bearings once a turn.",
-        name=body.name,
-        got=uneven,
-    )
-    rigid = np.zeros((len(matrix), 6))
-    for number, point in enumerate(body.seat_points):
-        x, y, z = point
-        rows = slice(6 * number, 6 * number + 6)
-        rigid[rows] = np.eye(6)
-        rigid[6 * number : 6 * number + 3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
-    onto = np.linalg.qr(rigid / scale[:, None])[0]
-    free = np.eye(len(matrix)) - onto @ onto.T
-    scaled = free @ (scale[:, None] * mean * scale) @ free
-    result = scaled / scale[:, None] / scale
-    return 0.5 * (result + result.T)
-
-
-def _along_axis(load: np.ndarray) -> np.ndarray:
-    """What of a load on seats stands still while the body turns: along and about the axis."""
-    kept = np.zeros_like(load)
-    kept[2::3] = load[2::3]
-    return kept
 
 
 def _gear_seat(body: Condensed, name: str | None) -> int:

@@ -21,6 +21,7 @@ from jaxtyping import Array, Float
 from jaxgear._checks import require
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
+from jaxgear._system._body_heat import BodyHeat
 from jaxgear._system._body_modes import BodyModes
 from jaxgear._system._gear_body import AbstractGearBody, SectionMotion, carried
 from jaxgear._system._mount import AbstractMount, MountedNodes, MountMatrices
@@ -71,6 +72,7 @@ class FlexibleBody(AbstractGearBody):
     - `repeats`: mesh periods after which the body repeats under its teeth.
     - `modes`: on which it vibrates, or `None`: it is for statics.
     - `load_seats`: number of the seat that takes each load of its shaft.
+    - `heat`: what temperatures do to it, or `None`: it was made without.
     """
 
     flexibility: FootMatrix
@@ -88,6 +90,7 @@ class FlexibleBody(AbstractGearBody):
     repeats: int = eqx.field(static=True)
     modes: BodyModes | None = None
     load_seats: tuple[int, ...] = eqx.field(static=True, default=())
+    heat: BodyHeat | None = None
 
     @property
     def lines(self) -> int:

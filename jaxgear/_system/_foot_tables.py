@@ -1,5 +1,7 @@
 """Condensed bodies under the cells of a cycle: what the feet of teeth give, at every phase."""
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -8,6 +10,7 @@ from jaxtyping import Array
 
 from jaxgear._geometry._lines import ContactLines
 from jaxgear._geometry._pair import GearPair
+from jaxgear._system._body_modes import wave_partners
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._types import CellArmGrid, CellGrid, DenseCouplingGrid, Reals
 
@@ -20,11 +23,13 @@ class FootTables(eqx.Module):
     - `compliance`: between cells, with the seats held [m/N].
     - `arms`: approach of each cell per motion of the seats, along and about S, T, Z [-, m].
     - `growth`: approach of each cell by rotation, per square of the speed [m s2].
+    - `heated`: approach of each cell by heat, or `None`: the body was made without [m].
     """
 
     compliance: DenseCouplingGrid
     arms: CellArmGrid
     growth: CellGrid
+    heated: CellGrid | None = None
 
 
 def foot_tables(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLines) -> FootTables:
@@ -39,23 +44,23 @@ def foot_tables(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLi
 
     **Returns:**
 
-    Compliance, arms and growth.
+    Compliance, arms, growth, approach by heat.
     """
     # One mesh period at a time: each has the table of the teeth that are in mesh.
     period = lambda x: x.reshape(lines.periods, -1, *x.shape[1:])
     roll = period(lines.roll)
+    warm = None if body.heat is None else body.heat.growth
 
     def of_period(given: tuple[Array, Array]):
         number, roll = given
         table = jax.tree.map(
             lambda x: x[number % body.periods],
-            (body.flexibility, body.from_seats, body.growth, body.centres),
+            _Table(body.flexibility, body.from_seats, body.growth, body.centres, warm),
         )
         return _on_cells(pair, index, body, table, roll, lines.face_position)
 
     found = jax.lax.map(of_period, (jnp.arange(lines.periods), roll))
-    compliance, arms, growth = (x.reshape(-1, *x.shape[2:]) for x in found)
-    return FootTables(compliance, arms, growth)
+    return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), found)
 
 
 def mode_arms(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLines) -> CellArmGrid:
@@ -81,11 +86,7 @@ def mode_arms(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLine
     twist = (1.0, -1.0)[index] * jnp.tan(pair.base_helix_angle) / pair.base_radius[index]
     on_body = 2.0 * jnp.pi / teeth * jnp.asarray(tooth) + twist * lines.face_position.ravel()[0]
     roll = lines.roll.reshape(lines.periods, -1, *lines.roll.shape[1:])
-    waves = np.asarray(modes.waves)
-    partner = np.arange(waves.size) + np.where(waves < 0, -1, 0)
-    partner[np.flatnonzero(waves < 0) - 1] += 1
-    # Modes without a partner stand still on the body.
-    number = jnp.asarray(np.where(partner == np.arange(waves.size), 0, waves), dtype=float)
+    partner, number = wave_partners(modes.waves)
 
     def of_period(given: tuple[Array, Array]) -> Array:
         period, roll = given
@@ -128,18 +129,28 @@ def line_loads(lines: ContactLines) -> Reals:
     return alone.reshape(phases, -1, count * slices)
 
 
+class _Table(NamedTuple):
+    """The tables of a body in one mesh period, or in all; `warm`: motion of the feet by heat."""
+
+    flexibility: Array
+    from_seats: Array
+    growth: Array
+    centres: Array
+    warm: Array | None
+
+
 def _on_cells(
     pair: GearPair,
     index: int,
     body: FlexibleBody,
-    table: tuple[Array, Array, Array, Array],
+    table: _Table,
     roll: Reals,
     face_position: Reals,
-) -> tuple[Array, Array, Array]:
-    """Compliance, arms and growth of the cells of one mesh period."""
-    flexibility, from_seats, growth, centres = table
-    weights, angle = foot_weights(pair, index, centres, roll, face_position)
-    weights = [weights[component] for component in body.components]
+) -> FootTables:
+    """What a body adds to the cells of one mesh period."""
+    flexibility, from_seats, growth, centres, warm = table
+    all_weights, angle = foot_weights(pair, index, centres, roll, face_position)
+    weights = [all_weights[component] for component in body.components]
     size = range(len(weights))
     # Written out over the few components: a batch of tiny products costs many times its arithmetic.
     none = jnp.zeros(())
@@ -150,8 +161,23 @@ def _on_cells(
 
     compliance = sum((weights[a][:, :, None] * given(a) for a in size), none)
     rows = sum((weights[a][:, :, None] * from_seats[a][None] for a in size), none)
-    grown = sum((weights[a] * growth[a][None] for a in size), none)
-    return compliance, _in_fixed_frame(rows, angle), grown
+    moved = lambda feet: sum((weights[a] * feet[a][None] for a in size), none)
+    heated = None
+    if body.heat is not None and warm is not None:
+        # A slice moves as one with its foot, and grows from there.
+        reach = _along_normal(pair, index, roll, face_position)
+        reach -= sum((all_weights[axis] * centres[None, :, axis] for axis in range(3)), none)
+        heated = moved(warm) + body.heat.of_teeth * reach
+    return FootTables(compliance, _in_fixed_frame(rows, angle), moved(growth), heated)
+
+
+def _along_normal(pair: GearPair, index: int, roll: Reals, face_position: Reals) -> Array:
+    r"""Place of the contact along the normal, $\rho\cos\beta_b \mp z\sin\beta_b$ [m]."""
+    own = roll if index == 0 else pair.tangent_length - roll
+    along = jnp.cos(pair.base_helix_angle) * own
+    heights = jnp.broadcast_to(face_position, roll.shape)
+    along -= (1.0, -1.0)[index] * jnp.sin(pair.base_helix_angle) * heights
+    return along.reshape(roll.shape[0], -1)
 
 
 def foot_weights(

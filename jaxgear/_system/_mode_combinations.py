@@ -52,6 +52,7 @@ class Combinations(NamedTuple):
                 square=jnp.asarray(self.square),
                 rows=modes.rows @ into,
                 load=into.T @ modes.load,
+                heat=None if modes.heat is None else into.T @ modes.heat,
                 # Of unit modal mass: what rounding leaves would tie pairs together.
                 mass=mass.at[seats:, seats:].set(jnp.eye(self.square.size)),
                 turning=onto(modes.turning),

@@ -232,6 +232,8 @@ def on_condensed_bodies(
         table = foot_tables(pair, index, body, cells.lines)
         tables.append(table)
         growth += (speed, speed / ratio)[index] ** 2 * table.growth
+        if table.heated is not None:
+            growth += table.heated
     if not tables:
         return cells
     coupling = sum(table.compliance for table in tables)

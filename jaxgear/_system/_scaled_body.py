@@ -6,11 +6,14 @@ density's too. Seats that are rigid or averaged have no stiffness of their own, 
 solve an eigenproblem solve it for any factors of its two matrices: nothing is left to condense.
 """
 
+import dataclasses
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxgear._checks import require
+from jaxgear._system._body_heat import BodyHeat
 from jaxgear._system._body_modes import BodyModes
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._types import Scalar
@@ -22,10 +25,11 @@ def scaled_body(
     r"""The same body of a stiffer or denser material, exactly (theory 12.3).
 
     With $e = E'/E$ and $r = \varrho'/\varrho$: compliances change by $1/e$, growth by rotation by
-    $r/e$, stiffness between seats by $e$, loads of rotation by $r$, squares of frequencies by
-    $e/r$, and modes of unit modal mass by $1/\sqrt r$. Poisson's ratio stays: nothing scales with
-    it. What the condensed body contains scales too, its shaft if it has one; bearings do not. The
-    teeth's own bending and the contact are of the gear's material, which is not here.
+    $r/e$, by heat not at all, stiffness between seats and loads of heat by $e$, loads of rotation
+    by $r$, squares of frequencies by $e/r$, and modes of unit modal mass by $1/\sqrt r$. Poisson's
+    ratio stays: nothing scales with it. What the condensed body contains scales too, its shaft if
+    it has one; bearings do not. The teeth's own bending and the contact are of the gear's material,
+    which is not here.
 
     **Arguments:**
 
@@ -50,7 +54,7 @@ def scaled_body(
         )
     stiffer, denser = jnp.asarray(young, dtype=float), jnp.asarray(density, dtype=float)
     return eqx.tree_at(
-        lambda b: (b.flexibility, b.growth, b.seat_stiffness, b.seat_load, b.modes),
+        lambda b: (b.flexibility, b.growth, b.seat_stiffness, b.seat_load, b.modes, b.heat),
         body,
         (
             body.flexibility / stiffer,
@@ -58,9 +62,14 @@ def scaled_body(
             body.seat_stiffness * stiffer,
             body.seat_load * denser,
             None if body.modes is None else _scaled_modes(body.modes, stiffer, denser),
+            None if body.heat is None else _scaled_heat(body.heat, stiffer),
         ),
         is_leaf=lambda x: x is None,
     )
+
+
+def _scaled_heat(heat: BodyHeat, stiffer: Scalar) -> BodyHeat:
+    return dataclasses.replace(heat, seats=heat.seats * stiffer)
 
 
 def _scaled_modes(modes: BodyModes, stiffer: Scalar, denser: Scalar) -> BodyModes:
@@ -74,12 +83,13 @@ def _scaled_modes(modes: BodyModes, stiffer: Scalar, denser: Scalar) -> BodyMode
         None if matrix is None else inertia(matrix) for matrix in (modes.coriolis, modes.softening)
     ]
     return eqx.tree_at(
-        lambda m: (m.square, m.rows, m.load, m.mass, m.coriolis, m.softening),
+        lambda m: (m.square, m.rows, m.load, m.heat, m.mass, m.coriolis, m.softening),
         modes,
         (
             modes.square * (stiffer / denser),
             modes.rows / root,
             modes.load * root,
+            None if modes.heat is None else modes.heat * (stiffer / root),
             inertia(modes.mass),
             *of_rotation,
         ),

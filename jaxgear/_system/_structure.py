@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 
 from jaxgear._checks import require
 from jaxgear._compiled import compiled
-from jaxgear._system._flexible import condensed
+from jaxgear._system._body_loads import seat_loads
 from jaxgear._system._gear_body import BODIES, AbstractGearBody, carried
 from jaxgear._system._housing import Housing, bearing_stiffness_on
 from jaxgear._system._mount import AbstractMount
@@ -197,7 +197,7 @@ def assemble_structure(
         pinion_gyroscopic=_on_diagonal(parts[0].gyroscopic, none[1]),
         wheel_gyroscopic=_on_diagonal(none[0], parts[1].gyroscopic),
         load=_outside_load(mounts, bodies, mapped, as_scalar(torque), as_scalar(ratio))
-        + _rotation_load(bodies, mapped, as_scalar(speed), as_scalar(ratio)),
+        + seat_loads(bodies, mapped.loaded, mapped.size, as_scalar(speed), as_scalar(ratio)),
         bearing_stiffness=seats,
         bearing_tilt=tilts,
         map=mapped,
@@ -366,20 +366,6 @@ def _outside_load(
             if offsets:
                 whole = carried(offsets[i]).T @ whole
             load = load.at[first + np.arange(6)].add(whole)
-    return load
-
-
-def _rotation_load(
-    bodies: tuple[AbstractGearBody, AbstractGearBody],
-    mapped: StructureMap,
-    speed: Scalar,
-    ratio: Scalar,
-) -> Load:
-    """Loads of rotation on the seats of condensed bodies."""
-    load = jnp.zeros(mapped.size)
-    for index, body in condensed(bodies):
-        first, own = mapped.loaded[index][0], (speed, speed / ratio)[index]
-        load = load.at[first : first + body.seat_load.size].add(own**2 * body.seat_load)
     return load
 
 

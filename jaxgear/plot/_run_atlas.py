@@ -51,13 +51,9 @@ def run_pictures(datasets: Datasets) -> Iterator[Picture]:
                 draw = drawn("_hybrid_pictures.deflected_body", body, cause)
                 table = columns(body.sel(cause=cause), *names)
                 yield Picture(f"{gear}_under_{cause}", draw, table)
-        if (body := datasets.get(f"{gear}_stress")) is not None:
-            draw = drawn("_stress_pictures.body_stress", body)
-            names = ("section_principal_MPa", "section_alternating_MPa")
-            middles = body["section_mm"].mean("corner")
-            places = {"r_mm": middles.isel(r_z=0), "Z_mm": middles.isel(r_z=1)}
-            table = columns(body.assign(places), *places, *names)
-            yield Picture(f"{gear}_stress", draw, table)
+        for group in (f"{gear}_stress", f"{gear}_stress_moving"):
+            if (body := datasets.get(group)) is not None:
+                yield _of_stress(group, body)
     yield from _of_gauges(datasets)
     if (sized := datasets.get("sizing")) is not None:
         amounts, worst = sized["amount"].values, ("te_peak_to_peak_um", "max_pressure_MPa")
@@ -66,6 +62,14 @@ def run_pictures(datasets: Datasets) -> Iterator[Picture]:
         names = "rank", "rank_by_pressure", *amounts, "torque_pinion_Nm", *responses
         table = columns(sized, *names, *(f"worst_{name}" for name in worst))
         yield Picture("sizing", drawn("_sizing_pictures.sizing", sized), table)
+
+
+def _of_stress(name: str, body: xr.Dataset) -> Picture:
+    names = ("section_principal_MPa", "section_alternating_MPa")
+    middles = body["section_mm"].mean("corner")
+    places = {"r_mm": middles.isel(r_z=0), "Z_mm": middles.isel(r_z=1)}
+    table = columns(body.assign(places), *places, *names)
+    return Picture(name, drawn("_stress_pictures.body_stress", body), table)
 
 
 def _of_gauges(datasets: Datasets) -> Iterator[Picture]:
@@ -85,6 +89,18 @@ def _of_gauges(datasets: Datasets) -> Iterator[Picture]:
         first, *others = tables
         beside = {gear: tables[gear] for gear in others}
         yield Picture(group, drawn(f"_stress_pictures.{function}", found), tables[first], beside)
+    if (found := datasets.get("gauges_swept")) is None:
+        return
+    shown, tables = found.rename(speed="pinion_speed_rad_s"), {}
+    for gauge in (f"{gear}_gauge" for gear in GEARS if f"{gear}_gauge" in found):
+        told = ("stress_largest_MPa", "stress_least_MPa", "stress_amplitude_MPa")
+        of_gauge = {"gauge": gauge, **{name: f"{gauge}_{name}" for name in told}}
+        place = ("direction", "pinion_speed_rad_s", "settled")
+        tables[gauge.removesuffix("_gauge")] = columns(shown, *place, **of_gauge)
+    first, *others = tables
+    beside = {gear: tables[gear] for gear in others}
+    draw = drawn("_stress_pictures.gauges_at_speed", found)
+    yield Picture("gauges_at_speed", draw, tables[first], beside)
 
 
 def _of_cycle(cycle: xr.Dataset) -> Iterator[Picture]:

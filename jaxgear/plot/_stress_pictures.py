@@ -13,6 +13,7 @@ from jaxgear.plot._body_pictures import fill_of, show
 from jaxgear.plot._body_render import VIEW, render
 from jaxgear.plot._palette import GREY, SERIES, SURFACE
 from jaxgear.plot._picture import GEARS
+from jaxgear.plot._speed_axes import flag
 from jaxgear.plot._style import panels
 
 
@@ -144,4 +145,37 @@ def gauge_spectra(dataset: xr.Dataset) -> Figure:
             xlim=(0.0, _HARMONICS * teeth),
         )
         axes.legend(loc="upper right")
+    return figure
+
+
+_LINES = {"up": "-", "down": "--", "cold": ":"}
+
+
+def gauges_at_speed(dataset: xr.Dataset) -> Figure:
+    """Largest and least stresses of all gauges over speed, of settled responses.
+
+    **Arguments:**
+
+    - `dataset`: the group `gauges_swept`.
+
+    **Returns:**
+
+    The figure.
+    """
+    shown = [gear for gear in GEARS if f"{gear}_gauge" in dataset]
+    size = (9.6, 1.2 + 3.4 * len(shown))
+    figure, every = panels("Stress at the strain gauges", dataset, size, rows=len(shown))
+    speed, settled = dataset["speed"].values, flag(dataset, "settled")
+    for axes, gear in zip(every, shown, strict=True):
+        for number, name in enumerate(dataset[f"{gear}_gauge"].values):
+            own = dataset.sel({f"{gear}_gauge": name})
+            for row, way in enumerate(dataset["direction"].values):
+                look = {"color": SERIES[number % len(SERIES)], "ls": _LINES[str(way)], "lw": 1.1}
+                for part, mark in (("largest", "^"), ("least", "v")):
+                    stress = own[f"{gear}_gauge_stress_{part}_MPa"].values[row]
+                    label = f"{name}, {way}" if part == "largest" else None
+                    values = np.where(settled[row], stress, np.nan)
+                    axes.plot(speed, values, marker=mark, ms=3.0, label=label, **look)
+        axes.set(xlabel="speed of the pinion [rad/s]", ylabel="stress [MPa]")
+        axes.legend(frameon=False, loc="best")
     return figure

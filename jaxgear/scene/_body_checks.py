@@ -40,6 +40,12 @@ def body_mistakes(name: str, gear: GearKeys, root: float | None, given: Set[str]
     matrices = f"{at}.superelement"
     if matrices in given and f"{matrices}_units" not in given:
         yield matrices, f"needs {matrices}_units, such as {show('mm-t-s')} for N, mm and MPa"
+    if {matrices, f"{at}.temperature"} <= given:
+        yield (
+            f"{at}.temperature",
+            f"excludes {matrices}: heat flows in a grid, and matrices have none. Draw the body, or "
+            "give its grid",
+        )
     for key in (f"{matrices}_{end}" for end in _OF_MATRICES):
         if key in given and matrices not in given:
             yield key, f"goes with {matrices}, and there is none. Add it, or remove this"

@@ -53,6 +53,27 @@ class WebKeys(AbstractKeys):
     )
 
 
+KELVIN = "[-300, 1500]. The key is a difference of temperatures in kelvin"
+
+
+class TemperatureKeys(AbstractKeys):
+    """Temperatures of a condensed body, heat flowing between: `[pinion.body.temperature]`."""
+
+    hub_K: float = real(
+        "temperature of the hub over that at which gears and centre distance are as given", KELVIN
+    )
+    rim_K: float = real("temperature of rim and teeth over the same", KELVIN)
+    expansion_1_K: float | None = real(
+        "coefficient of thermal expansion; default: 1.15e-5, steel's",
+        "(0, 1e-4]. The key is in 1/K; steel has 1.15e-5",
+    )
+    hub_diameter_mm: float | None = key(
+        "diameter within which the body has the temperature of the hub; default: "
+        "web.hub_outer_mm, without web the largest diameter of its seats",
+        LENGTH,
+    )
+
+
 class FinenessKeys(AbstractKeys):
     """Numbers of 20-node bricks of a drawn body: `[pinion.body.fineness]`."""
 
@@ -149,4 +170,5 @@ class BodyKeys(AbstractKeys):
         "whether Coriolis terms, spin softening and stress stiffening are condensed too",
         default=False,
     )
+    temperature: TemperatureKeys
     fineness: FinenessKeys

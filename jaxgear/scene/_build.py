@@ -45,6 +45,7 @@ from jaxgear._system._shaft_parts import Bearing, Segment, ShaftLoad
 from jaxgear._system._support import Support
 from jaxgear._types import Scalar
 from jaxgear._units import GPa, N_per_mm_um, mm, um
+from jaxgear.scene._body_heat import warmed
 from jaxgear.scene._body_tables import BodyKeys
 from jaxgear.scene._build_pair import flanks_of, material_of, pair_of, si
 from jaxgear.scene._csv import read_matrix
@@ -343,8 +344,8 @@ def _condensed_body(scene: Scene, name: str) -> FlexibleBody:
         raise InputError(
             f"The {name}'s body is condensed finite elements, whose numbers do not follow "
             f"{', '.join(sorted(varied))}: there is no derivative. Vary keys of flanks, torque, "
-            "bearing stiffnesses, misalignment, Young's modulus or density, or make the body "
-            "rigid."
+            "bearing stiffnesses, misalignment, temperatures, Young's modulus or density, or make "
+            "the body rigid."
         )
     if name not in scene.bodies:
         raise InputError(
@@ -355,6 +356,7 @@ def _condensed_body(scene: Scene, name: str) -> FlexibleBody:
     each = scene.bodies[name]
     body = each.flexible if each.family is None else each.family(scene.value(each.follows))
     own = scene.gear(name).body
+    body = warmed(body, name, own.temperature)
     if own.superelement is not None:
         # Matrices made elsewhere are of a material that no key names.
         return body

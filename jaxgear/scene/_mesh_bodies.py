@@ -9,6 +9,7 @@ from typing import Any
 
 import jax.numpy as jnp
 
+from fem_prep import HeatedBody
 from jaxgear._checks import InputError, require
 from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
@@ -21,6 +22,7 @@ from jaxgear._system._mode_combinations import lowest_modes
 from jaxgear._system._rim_checks import require_short_elements
 from jaxgear.scene._bodies import BodyPlan, Drawn, body_plan
 from jaxgear.scene._body_build import BuiltBody, built_body
+from jaxgear.scene._body_heat import heat_of
 from jaxgear.scene._body_tables import WebKeys
 from jaxgear.scene._body_words import in_keys
 from jaxgear.scene._build import couples_on_pinion, pair_grid, pair_of
@@ -46,6 +48,7 @@ class MeshBody:
     - `on_modes`: its tables on the natural modes of which its shapes are combinations, or `None`.
     - `follows`: key of a measure of its web that is to be varied, or `None`.
     - `family`: bodies over that measure, in the unit of its key; their statics is the body's.
+    - `heated`: what heat does to it, or `None`: the scene gives no temperatures.
     """
 
     built: BuiltBody
@@ -54,6 +57,7 @@ class MeshBody:
     on_modes: FlexibleBody | None = None
     follows: str | None = None
     family: BodyFamily | None = None
+    heated: HeatedBody | None = None
 
 
 # A condensed body that is not in mesh yet, and motions on which it vibrates; none for statics.
@@ -251,6 +255,7 @@ def _in_mesh(
     plan, body = built.plan, built.body
     tell(f"{plan.gear}: teeth on the rim")
     index, local, give, ribs = GEARS.index(plan.gear), None, None, None
+    heated = heat_of(built, plain.gear(plan.gear).body.temperature, tell)
     on_rim: Any = {"points": mesh.root_points, "axial": mesh.connection}
     with in_keys(plan.gear):
         if mesh.tooth == "elements":
@@ -263,8 +268,9 @@ def _in_mesh(
         more: Any = {"local": local, "give": give, "ribs": ribs}
         seats: Any = {"gear_seat": plan.torque_seat or None, "load_seats": plan.load_seats}
         more |= {"basis": basis, "motion": mesh.root_motion}
+        more["heat"] = None if heated is None else heated.load
         flexible = flexible_body(body, pair, index, grid, **more, **seats, **on_rim)
-    found = MeshBody(built, flexible, basis)
+    found = MeshBody(built, flexible, basis, heated=heated)
     if basis is None or model.shapes == "natural":
         return found
     tell(f"{plan.gear}: shapes that the mesh excites")

@@ -130,7 +130,7 @@ def shapes_body(key: str, gear: str) -> bool:
         key.startswith(tuple(f"{gear}.shaft.{rows}" for rows in ("bearings", "loads", "unbalance")))
         and key.endswith(".at_mm")
     )
-    return key in whole or key.startswith(tables) or along
+    return key in whole or (key.startswith(tables) and not warms_body(key, gear)) or along
 
 
 _TOOTH_KEYS = (
@@ -161,6 +161,13 @@ def shapes_teeth(key: str) -> bool:
     return table in own and name in _TOOTH_KEYS
 
 
+def warms_body(key: str, gear: str) -> bool:
+    """Say whether a condensed body of a gear follows a key of the scene by its temperatures."""
+    return key in {
+        f"{gear}.body.temperature.{name}" for name in ("hub_K", "rim_K", "expansion_1_K")
+    }
+
+
 def scales_body(key: str, gear: str) -> bool:
     """Say whether a condensed body follows a key of the scene by its scale, and is not remade."""
     table, _, name = key.rpartition(".")
@@ -176,7 +183,8 @@ def is_unbalance(key: str) -> bool:
 
 def of_condensed(key: str, gear: str) -> bool:
     """Say whether a key of a gear's body acts only on one that is condensed."""
-    return key == f"{gear}.body.young_GPa" or key.startswith(f"{gear}.body.web.")
+    tables = f"{gear}.body.web.", f"{gear}.body.temperature."
+    return key == f"{gear}.body.young_GPa" or key.startswith(tables)
 
 
 def split_entry(path: str) -> tuple[str, int | None]:

@@ -14,6 +14,8 @@ Minimised = Literal[
     "te_harmonics",
     "max_pressure",
     "max_root_stress",
+    "max_gauge_stress",
+    "gauge_stress_amplitude",
     "face_load_factor",
     "pressure_offset",
     "dynamic_ratio",
@@ -68,6 +70,12 @@ class WeightsKeys(AbstractKeys):
     max_root_stress: float | None = key(
         "weight of the largest stress of the fillets, of both gears", "[0, inf)"
     )
+    max_gauge_stress: float | None = key(
+        "weight of the largest principal stress at the gauges", "[0, inf)"
+    )
+    gauge_stress_amplitude: float | None = key(
+        "weight of the largest half range of the stress along the gauges", "[0, inf)"
+    )
     face_load_factor: float | None = key("weight of the face load factor", "[0, inf)")
     pressure_offset: float | None = key(
         "weight of the squared offset of the pressure from mid-face, over half the face", "[0, inf)"
@@ -86,6 +94,12 @@ class LimitsKeys(AbstractKeys):
     max_pressure_MPa: float | None = key("largest pressure allowed", "(0, inf)")
     max_root_stress_MPa: float | None = key(
         "largest tensile stress of the fillets allowed, of both gears", "(0, inf)"
+    )
+    max_gauge_stress_MPa: float | None = key(
+        "largest principal stress allowed at the gauges over a revolution", "(0, inf)"
+    )
+    gauge_stress_amplitude_MPa: float | None = key(
+        "largest half range of the stress along the gauges allowed", "(0, inf)"
     )
     te_peak_to_peak_um: float | None = key(
         "largest peak to peak of the transmission error allowed", "(0, inf)"

@@ -25,7 +25,7 @@ class BodyField:
 
     **Fields:**
 
-    - `what`: does it: "mesh" or "rotation".
+    - `what`: does it: "mesh", "rotation" or "heat".
     - `words`: where that is, for a title.
     - `motion`: its coordinates, shape `[dof]` [m, rad].
     - `rim`: against the gear's seat, shape `[rim, 3]` [m].
@@ -145,6 +145,9 @@ def _body_answer(
         grown = under.against_seat(under.rotation[None])[0]
         words = f"rotation at {under.spin:.5g} rad/s"
         cases.append(BodyField("rotation", words, under.rotation, grown, shown.turn, unknown))
+    if under.heated is not None:
+        grown = under.against_seat(under.warmth[None])[0]
+        cases.append(BodyField("heat", "heat", under.warmth, grown, shown.turn, unknown))
     fields: tuple[BodyField, ...] = ()
     if len(body.nodes):
         tell("the whole grid")
@@ -178,6 +181,7 @@ def _on_grid(
     motions = np.stack([case.motion for case in cases])
     speeds = np.asarray([under.spin if case.what == "rotation" else 0.0 for case in cases])
     fields = whole_motion(built, motions, speeds) - under.seat_field(motions, built.body.nodes)
+    fields += np.stack([(case.what == "heat") * under.warm_inside for case in cases])
     whole = zip(cases, fields, strict=True)
     return tuple(dataclasses.replace(case, field=field) for case, field in whole)
 
@@ -216,11 +220,17 @@ def _numbers(
         "web_tilt_urad": float(radius_of(web[:, 3:]).max() * 1e6),
         "web_wind_up_um": float(web[:, 5].max() * radius / um),
     }
-    for grown in (case.rim for case in cases if case.what == "rotation"):
-        numbers["speed_rad_s"] = under.spin
-        numbers["growth_mean_radial_um"] = mean_growth(body, grown) / um
-        numbers |= along("growth", np.abs(along_radius(body.rim_nodes, grown)).max(axis=0))
-    keys = {"mesh": "body_deflection_um", "rotation": "body_growth_um"}
+    for case in cases[1:]:
+        name = {"rotation": "growth", "heat": "heat_growth"}[case.what]
+        if case.what == "rotation":
+            numbers["speed_rad_s"] = under.spin
+        numbers[f"{name}_mean_radial_um"] = mean_growth(body, case.rim) / um
+        numbers |= along(name, np.abs(along_radius(body.rim_nodes, case.rim)).max(axis=0))
+    keys = {
+        "mesh": "body_deflection_um",
+        "rotation": "body_growth_um",
+        "heat": "body_heat_growth_um",
+    }
     return numbers | {keys[each.what]: each.largest / um for each in fields}
 
 

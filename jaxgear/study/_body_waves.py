@@ -202,7 +202,8 @@ def wave_watch(built: BuiltScene, pair: PairDynamics) -> WaveWatch:
         most = min(_MOST, *(int(circle.number.max()) for circle in circles))
         rim, angle = joined_circles(circles, most), start_angle(gears, body.index)
         probes = probes_of(scene.probes, scene.condensed, body)
-        gauges = gauges_of(scene.gauges, scene.condensed, gear, body.built)
-        gauges = tuple(each.on(body) for each in gauges)
+        heated, warm = scene.bodies[gear].heated, scene.gear(gear).body.temperature
+        gauges = gauges_of(scene.gauges, scene.condensed, gear, body.built, heated)
+        gauges = tuple(each.on(body, warm, grows=scene.sweep.centrifugal) for each in gauges)
         looked[gear] = Looked(body, rim, probes, gauges, angle)
     return WaveWatch(pair, looked, max(1, scene.sweep.orders), built.law)

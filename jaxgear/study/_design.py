@@ -10,6 +10,7 @@ import numpy as np
 import optimise
 from jaxgear._checks import InputError
 from jaxgear._contact._root_influence import Influences, NearbyInfluences
+from jaxgear._response._gauges import GaugeInfluences
 from jaxgear._system._gear_body import AbstractGearBody, BeamBody
 from jaxgear._system._model import PairModel
 from jaxgear._system._shaft import Shaft, drawn_heights
@@ -20,6 +21,7 @@ from jaxgear.scene._scene import Scene
 from jaxgear.scene._schema import GEARS, is_unbalance, split_entry, unit_of
 from jaxgear.study._built import BuiltScene
 from jaxgear.study._evaluations import Updates, Variation, variation_of
+from jaxgear.study._gauge_tables import gauge_tables
 from jaxgear.study._statics import torques_of
 
 
@@ -37,6 +39,7 @@ class DesignSpace(eqx.Module):
     - `box`: bounds of each variable, in the unit of its key.
     - `influences`: of loads on the roots, or `None` where they are not known or variables change
         the teeth [-].
+    - `gauges`: what the gauges of each condensed body read, where [optimise] asks for it [-].
     """
 
     scene: Scene = eqx.field(static=True)
@@ -46,6 +49,7 @@ class DesignSpace(eqx.Module):
     start: np.ndarray
     box: optimise.Box
     influences: Influences | NearbyInfluences | None
+    gauges: tuple[GaugeInfluences, ...] = ()
 
     def updates(self, values: Reals | np.ndarray) -> Updates:
         """Scene keys and their values at a point of the space, in the units of the keys."""
@@ -198,6 +202,7 @@ def design_space(
         start=start,
         box=optimise.Box(lower=bounds[:, 0], upper=bounds[:, 1]),
         influences=influences if all(map(keeps_teeth, (*keys, *ties))) else None,
+        gauges=gauge_tables(built, (*keys, *ties, *scene.robust.scatter, *scene.robust.even)),
     )
     _require_order(space)
     _require_narrow(space)

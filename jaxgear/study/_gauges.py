@@ -7,7 +7,10 @@ import equinox as eqx
 import numpy as np
 import xarray as xr
 
+from fem_prep import HeatedBody, StressRows, heat_stress
 from jaxgear._checks import require
+from jaxgear._geometry._lines import MeshGrid
+from jaxgear._geometry._pair import GearPair
 from jaxgear._response._body_motion import BodyMotion, Spectrum, rotating_spectrum
 from jaxgear._response._gauges import (
     GaugeInfluences,
@@ -16,13 +19,16 @@ from jaxgear._response._gauges import (
     gauge_readings,
 )
 from jaxgear._response._waves import DIRECTIONS, circle_around, fixed_spectrum
+from jaxgear._system._body_modes import BodyBasis
 from jaxgear._units import MPa, deg, mm
 from jaxgear.scene._body_build import BuiltBody
+from jaxgear.scene._body_heat import free_strains
 from jaxgear.scene._body_stress import stress_at
+from jaxgear.scene._body_tables import TemperatureKeys
 from jaxgear.scene._mesh_bodies import MeshBody
 from jaxgear.scene._schema import GEARS
 from jaxgear.scene._tables import GaugeKeys, MeshKeys
-from jaxgear.study._hybrid import radius_of
+from jaxgear.study._hybrid import radius_of, strain_of
 from jaxgear.study._moving_body import MovingBody, angle_of
 from jaxgear.study._probes import nodes_at, on_gear
 from jaxgear.study._result import Summary
@@ -30,7 +36,7 @@ from jaxgear.study._results import Entry, dataset_of
 from jaxgear.study._statics import Statics
 
 # Strain in the unit of files.
-_MICRO = 1e-6
+MICRO = 1e-6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,6 +53,12 @@ class Gauge:
         each, shape `[node, 3]` [m, rad, m].
     - `rows`: strain and stress of these per coordinate, shape `[node, 2, coordinate]` [1/m, Pa/m].
     - `rotation`: of rotation beside the coordinates, shape `[node, 2]` [s2, Pa s2].
+    - `heat`: of heat beside the coordinates, per free strain of hub and rim, shape `[node, 2, 2]`
+        [-, Pa].
+    - `stress`: all components of the stress there.
+    - `warm`: what heat adds to these beside the coordinates, shape `[node, 6, 2]` [Pa].
+    - `warmth`: of one in motion, what it shows of heat beside seats and modes, shape `[node, 2]`
+        [-, Pa].
     """
 
     name: str
@@ -56,10 +68,31 @@ class Gauge:
     places: np.ndarray
     rows: np.ndarray
     rotation: np.ndarray
+    heat: np.ndarray
+    stress: StressRows
+    warm: np.ndarray
+    warmth: np.ndarray | None = None
 
-    def on(self, body: MovingBody) -> "Gauge":
-        """The gauge by seats and modes of a body in place of its condensed coordinates."""
-        return dataclasses.replace(self, rows=self.rows @ body.basis.motions)
+    def on(self, body: MovingBody, temperature: TemperatureKeys, *, grows: bool = True) -> "Gauge":
+        """The gauge by seats and modes of a body in place of its condensed coordinates.
+
+        What the modes leave out of rotation and heat is beside them, so that it shows all of both.
+
+        **Arguments:**
+
+        - `body`: in motion.
+        - `temperature`: of the body.
+        - `grows`: whether rotation loads it.
+        """
+        load = np.stack([body.built.body.centrifugal_load, *body.heat_load], axis=1)
+        beside = self.rows @ body.left_out(load)
+        strain = np.asarray(free_strains(temperature))
+        return dataclasses.replace(
+            self,
+            rows=self.rows @ body.basis.motions,
+            rotation=(self.rotation + beside[..., 0]) * grows,
+            warmth=(self.heat + beside[..., 1:]) @ strain if len(body.heat_load) else None,
+        )
 
     def spectrum(self, motion: BodyMotion) -> Spectrum:
         """Strain and stress by orders of the gear's rotation, shape `[order, 2]` [-, Pa].
@@ -71,7 +104,9 @@ class Gauge:
         else:
             found = fixed_spectrum(motion, circle_around(self.places[:, 1], self.rows), self.angle)
         amplitude = found.amplitude.copy()
-        amplitude[found.order == 0.0] += motion.speed**2 * self.rotation.mean(axis=0)
+        still = motion.speed**2 * self.rotation
+        still = still if self.warmth is None else still + self.warmth
+        amplitude[found.order == 0.0] += still.mean(axis=0)
         return Spectrum(found.order, amplitude)
 
     def shown(self, readings: np.ndarray, turn: np.ndarray) -> np.ndarray:
@@ -94,31 +129,49 @@ class Gauge:
 
 
 def gauges_of(
-    asked: Sequence[GaugeKeys], condensed: Collection[str], gear: str, built: BuiltBody
+    asked: Sequence[GaugeKeys],
+    condensed: Collection[str],
+    gear: str,
+    built: BuiltBody,
+    heated: HeatedBody | None,
 ) -> tuple[Gauge, ...]:
-    """The gauges of a scene on one of its condensed bodies.
+    """The gauges of a scene on one of its condensed bodies, and what heat does to that.
 
     **Raises:**
 
     - `ValueError` if a gauge is where there is no node, or its gear is not condensed.
     """
     rows = on_gear("gauges", asked, condensed, gear, "stresses")
-    return tuple(_gauge(row, each, built) for row, each in rows)
+    return tuple(_gauge(row, each, built, heated) for row, each in rows)
 
 
-def _gauge(row: str, asked: GaugeKeys, built: BuiltBody) -> Gauge:
+def _gauge(row: str, asked: GaugeKeys, built: BuiltBody, heated: HeatedBody | None) -> Gauge:
     turns = asked.frame == "rotating"
     place = asked.radius_mm * mm, asked.angle_deg * deg, asked.height_mm * mm
     chosen = nodes_at(built.body, asked.gear, place, turns=turns, key=row)
     stress = stress_at(built, chosen)
     places = np.stack([radius_of(stress.places), angle_of(stress.places), stress.places[:, 2]], 1)
     material, along = built.plan.material, _directions(asked, places[:, 1])
-    rows, rotation = (
+    warm = np.zeros((len(chosen), 6, 2))
+    if heated is not None:
+        warm = np.moveaxis(heat_stress(heated, built.body, material, stress), 0, 2)
+    rows, rotation, heat = (
         direction_rows(each, along, material.young, material.poisson)
-        for each in (stress.rows, stress.rotation)
+        for each in (stress.rows, stress.rotation, warm)
     )
     where = f"{asked.gear} r {asked.radius_mm:.4g} mm {asked.direction} {asked.frame}"
-    return Gauge(asked.name or where, asked.gear, turns, place[1], places, rows, rotation)
+    return Gauge(
+        name=asked.name or where,
+        gear=asked.gear,
+        turns=turns,
+        angle=place[1],
+        places=places,
+        rows=rows,
+        rotation=rotation,
+        heat=heat,
+        stress=stress,
+        warm=warm,
+    )
 
 
 def _directions(asked: GaugeKeys, angles: np.ndarray) -> np.ndarray:
@@ -135,24 +188,33 @@ def _directions(asked: GaugeKeys, angles: np.ndarray) -> np.ndarray:
 
 
 def influences_of(
-    mesh: MeshKeys, body: MeshBody, gauges: Sequence[Gauge], statics: Statics
+    mesh: MeshKeys,
+    body: MeshBody,
+    gauges: Sequence[Gauge],
+    pair: GearPair,
+    grid: MeshGrid,
+    basis: BodyBasis | None = None,
 ) -> GaugeInfluences:
-    """What all nodes of some gauges read of a body's teeth, seats and rotation.
+    """What all nodes of some gauges read of a body's teeth, seats, rotation and heat.
 
-    Strain and stress of each node beside each other.
+    Strain and stress of each node beside each other; in motion with the modes of a basis.
     """
     together = lambda name: np.concatenate([getattr(each, name) for each in gauges])
     rows, rotation = together("rows"), together("rotation")
+    heated = body.heated
+    warm = together("heat").reshape(-1, 2)
     return gauge_influences(
         body.built.body,
         rows.reshape(-1, rows.shape[2]),
         rotation.ravel(),
-        statics.model.pair,
+        pair,
         GEARS.index(body.built.plan.gear),
-        statics.grid,
+        grid,
         components=body.flexible.components,
         points=mesh.root_points,
         axial=mesh.connection,
+        heat=None if heated is None else (warm, heated.load),
+        basis=basis,
     )
 
 
@@ -167,7 +229,7 @@ def gauges_dataset(
         '[wheel.body] kind = "condensed", or leave them out.',
     )
     for gear, body in bodies.items():
-        gauges = gauges_of(asked, bodies, gear, body.built)
+        gauges = gauges_of(asked, bodies, gear, body.built, body.heated)
         if gauges:
             entries |= _over_revolution(gear, gauges, _readings(mesh, body, gauges, statics))
     return dataset_of(entries)
@@ -177,10 +239,11 @@ def _readings(
     mesh: MeshKeys, body: MeshBody, gauges: Sequence[Gauge], statics: Statics
 ) -> tuple[np.ndarray, np.ndarray]:
     """Of each gauge over a revolution, `[gauge, phase, 2]` [-, Pa], and the body's turn [rad]."""
-    influences = influences_of(mesh, body, gauges, statics)
     model = statics.model
+    influences = influences_of(mesh, body, gauges, model.pair, statics.grid)
+    strain = strain_of(model, influences.index)
     readings, turn = eqx.filter_jit(gauge_readings)(
-        influences, model.pair, statics.cycle, model.speed
+        influences, model.pair, statics.cycle, model.speed, strain
     )
     of_nodes = np.asarray(readings).reshape(len(turn), -1, 2)
     ends = np.cumsum([len(each.places) for each in gauges])[:-1]
@@ -196,14 +259,15 @@ def _over_revolution(
     turned = np.abs(np.unwrap(turn) - turn[0]) / deg
     dims, words = (gauge, over), "along a gauge, static"
     yield over, Entry((over,), turned, "deg", f"angle by which the {gear} has turned")
-    yield from _names(gear, gauges)
-    strain = readings[..., 0] / _MICRO
+    yield from gauge_places(gear, gauges)
+    strain = readings[..., 0] / MICRO
     yield f"{gauge}_strain_um_m", Entry(dims, strain, "um/m", f"strain {words}")
     stress = readings[..., 1] / MPa
     yield f"{gauge}_stress_MPa", Entry(dims, stress, "MPa", f"normal stress {words}")
 
 
-def _names(gear: str, gauges: Sequence[Gauge]) -> Iterator[tuple[str, Entry]]:
+def gauge_places(gear: str, gauges: Sequence[Gauge]) -> Iterator[tuple[str, Entry]]:
+    """Names of gauges, whether they turn, and where they are, as entries of a dataset."""
     gauge = f"{gear}_gauge"
     yield gauge, Entry((gauge,), [each.name for each in gauges], "1", "gauge")
     turns = [each.turns for each in gauges]
@@ -274,8 +338,8 @@ def _by_orders(
     over, gauge = f"{gear}_order", f"{gear}_gauge"
     dims, words = (gauge, over), "along a gauge at the highest peak; order 0: the mean"
     yield over, Entry((over,), orders, "1", f"order of the {gear}'s rotation")
-    yield from _names(gear, gauges)
-    strain, stress = size[..., 0] / _MICRO, size[..., 1] / MPa
+    yield from gauge_places(gear, gauges)
+    strain, stress = size[..., 0] / MICRO, size[..., 1] / MPa
     yield f"{gauge}_strain_um_m", Entry(dims, strain, "um/m", f"amplitude of the strain {words}")
     yield (
         f"{gauge}_stress_MPa",

@@ -19,7 +19,10 @@ from jaxgear._geometry._lines import MeshGrid
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._roots import Axial, InterfaceMap, RimSurface, interface_map
 from jaxgear._solve._cycle import MeshCycle
+from jaxgear._system._body_heat import no_strain
+from jaxgear._system._body_modes import BodyBasis, wave_partners
 from jaxgear._system._body_tables import root_patches, teeth_on_lines
+from jaxgear._system._flexible import condensed
 from jaxgear._system._foot_tables import foot_weights
 from jaxgear._system._model import PairModel
 from jaxgear._types import Reals
@@ -29,6 +32,37 @@ DIRECTIONS = ("radial", "tangential", "axial")
 
 
 # --- One body under the loads of its teeth
+
+
+@dataclasses.dataclass(frozen=True)
+class Moving:
+    """A condensed body in a steady response, in coordinates that stand still in space.
+
+    **Fields:**
+
+    - `seats`: their motion, shape `[step, 6 seat]` [m, rad].
+    - `modes`: amplitudes, shape `[step, mode]` [m kg^1/2].
+    - `basis`: on which the body vibrates.
+    """
+
+    seats: np.ndarray
+    modes: np.ndarray
+    basis: BodyBasis
+
+    def inertia(self, at: slice, load: np.ndarray, turn: np.ndarray) -> np.ndarray:
+        """Coordinates beyond the static answer to the loads, `[phase, dof]` [m, rad].
+
+        **Arguments:**
+
+        - `at`: which steps.
+        - `load`: on the coordinates at these, of the body's frame, shape `[phase, dof]` [N, N m].
+        - `turn`: of the body's x from S, shape `[phase]` [rad].
+        """
+        partner, number = wave_partners(self.basis.waves)
+        by, modes = np.multiply.outer(turn, np.asarray(number)), self.modes[at]
+        own = np.cos(by) * modes + np.sin(by) * modes[:, partner]
+        still = load @ self.basis.shapes / self.basis.square
+        return (own - still) @ self.basis.shapes.T
 
 
 class BodyUnderTeeth:
@@ -41,6 +75,9 @@ class BodyUnderTeeth:
     - `gear_seat`: number of the seat against which motions are told.
     - `spin`: speed of this gear [rad/s].
     - `rotation`: coordinates of the body under rotation alone, shape `[dof]` [m, rad].
+    - `heated`: what heat does to it, or `None`.
+    - `strain`: free strains of hub and rim by heat, shape `[2]` [-].
+    - `warmth`: coordinates of the body under heat alone, shape `[dof]` [m, rad].
     - `phases`: in one mesh period.
     """
 
@@ -54,6 +91,7 @@ class BodyUnderTeeth:
         *,
         points: int,
         axial: Axial,
+        moving: "Moving | None" = None,
     ):
         self.body: ReducedBody = mesh_body.built.body
         self.index = index
@@ -75,14 +113,34 @@ class BodyUnderTeeth:
             inside, lower=True, overwrite_a=True, check_finite=False
         )
         own = _own_nodes(cycle, index, len(self.body.seats))
-        by_rotation = np.zeros(cycle.system.structure.map.size)
-        if self.spin:
+        by_rotation = by_heat = np.zeros(cycle.system.structure.map.size)
+        if self.spin and moving is None:
             by_rotation = np.asarray(_rotation_offset(model, cycle))
-        still = np.asarray(_displacement(cycle)) - by_rotation
-        self._seat_motion = still[:, own]
-        self.rotation = self._follow(
-            self.spin**2 * self.body.centrifugal_load[None], by_rotation[None, own]
-        )[0]
+        self.heated, self.strain = mesh_body.heated, np.asarray(strain_of(model, index))
+        load = np.zeros((2, self.body.dofs)) if self.heated is None else self.heated.load
+        if any(each.heat is not None for _, each in condensed(model.bodies)):
+            by_heat = np.asarray(_heat_offset(model))
+        still = np.asarray(_displacement(cycle)) - by_rotation - by_heat
+        # In motion the seats say all that moves them; without the load of rotation, which is not
+        # in the cycle's structure then.
+        own_seats = still[:, own] if moving is None else moving.seats - by_heat[own]
+        self._seat_motion, self._moving = own_seats, moving
+        spun, warm = self.spin**2 * self.body.centrifugal_load, self.strain @ load
+        self._still_load = spun + warm
+        self.rotation = self._follow(spun[None], by_rotation[None, own])[0]
+        self.warmth = self._follow(warm[None], by_heat[None, own])[0]
+
+    @property
+    def at_rest(self) -> np.ndarray:
+        """Coordinates under rotation and heat, which stand still on the body, `[dof]` [m, rad]."""
+        return self.rotation + self.warmth
+
+    @property
+    def warm_inside(self) -> np.ndarray:
+        """Motion of the nodes of the grid by heat, rim and seats held, `[node, 3]` [m]."""
+        if self.heated is None:
+            return np.zeros_like(self.body.nodes)
+        return np.tensordot(self.strain, self.heated.inside, axes=1)
 
     def _follow(self, load: np.ndarray, seats: np.ndarray) -> np.ndarray:
         """Coordinates under loads on all but the seats, whose motions are given: rows of each."""
@@ -104,7 +162,7 @@ class BodyUnderTeeth:
         return interface_map(surface, patches), patches.angles.ravel()
 
     def under_mesh(self, period: int) -> "PeriodMotion":
-        """The body at all phases of one mesh period, by the loads on gears, none of rotation."""
+        """The body at all phases of one mesh period, by the loads on gears alone."""
         at = slice(period * self.phases, (period + 1) * self.phases)
         found, angles = self.feet_of(period)
         lines = self._cycle.cells.lines
@@ -123,7 +181,10 @@ class BodyUnderTeeth:
         load[:, : self._rim] = kept.reshape(self.phases, -1) @ found.rows
         turn = np.asarray(fixed)[:, 0] - angles[0]
         motion = self._follow(load, _turned(self._seat_motion[at], -turn))
-        return PeriodMotion(motion, load, turn, found, np.asarray(weights))
+        inertia = np.zeros((1, self.body.dofs))
+        if self._moving is not None:
+            inertia = self._moving.inertia(at, load + self._still_load, turn)
+        return PeriodMotion(motion, load, turn, found, np.asarray(weights), inertia)
 
     def against_seat(self, motion: np.ndarray) -> np.ndarray:
         """The rim without the rigid motion of the gear's seat, `[row, rim, 3]` along x, y, z [m].
@@ -151,6 +212,8 @@ class PeriodMotion:
     - `turn`: angle of the body's x from S, about Z, shape `[phase]` [rad].
     - `feet`: of the teeth in mesh, line by line.
     - `weights`: approach of each cell per motion of its foot, shape `[phase, cell, 6]` [-, m].
+    - `inertia`: of the coordinates, what a body in motion has beyond its static answer, shape
+        `[phase, dof]`, or one row of zeros [m, rad].
     """
 
     motion: np.ndarray
@@ -158,6 +221,7 @@ class PeriodMotion:
     turn: np.ndarray
     feet: InterfaceMap
     weights: np.ndarray
+    inertia: np.ndarray
 
     def on_feet(self, rim: np.ndarray) -> np.ndarray:
         """Motions of feet along and about radius, tangent, axis, `[phase, cell, 6]` [m, rad].
@@ -184,6 +248,26 @@ def _displacement(cycle: MeshCycle) -> Array:
 def _rotation_offset(model: PairModel, cycle: MeshCycle) -> Array:
     """Motion of the structure by rotation alone: it is linear in its loads."""
     return cycle.system.statics.offset - model.system(speed=0.0).statics.offset
+
+
+@eqx.filter_jit
+def _heat_offset(model: PairModel) -> Array:
+    """Motion of the structure by heat alone."""
+    warm = lambda m: [body.heat.strain for _, body in condensed(m.bodies) if body.heat is not None]
+    cold = eqx.tree_at(warm, model, [jnp.zeros_like(each) for each in warm(model)])
+    return model.system().statics.offset - cold.system().statics.offset
+
+
+def strain_of(model: PairModel, index: int) -> Array:
+    """Free strains of hub and rim of a condensed body; zero if it was made without heat [-].
+
+    **Arguments:**
+
+    - `model`: the pair.
+    - `index`: 0 for the pinion, 1 for the wheel.
+    """
+    heat = dict(condensed(model.bodies))[index].heat
+    return no_strain() if heat is None else heat.strain
 
 
 def _own_nodes(cycle: MeshCycle, index: int, seats: int) -> np.ndarray:

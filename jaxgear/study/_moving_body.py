@@ -5,17 +5,24 @@ import functools
 from collections.abc import Mapping
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 import scipy
 
 import fem_prep
+from jaxgear._dynamics._orbit import Orbit
+from jaxgear._dynamics._system import PairDynamics
+from jaxgear._dynamics._table import MIDDLE
+from jaxgear._interface._laws import AbstractContactLaw
+from jaxgear._response._dynamic import pressed_cells
 from jaxgear._response._waves import BodyMotion, Circle, circle_of
+from jaxgear._solve._cycle import MeshCycle
 from jaxgear._system._body_modes import BodyBasis
 from jaxgear.scene._body_build import BuiltBody, Steps, full_of
 from jaxgear.scene._body_words import in_keys
 from jaxgear.scene._gear_tables import GearKeys
 from jaxgear.scene._schema import GEARS
-from jaxgear.study._hybrid import radius_of
+from jaxgear.study._hybrid import Moving, radius_of
 from jaxgear.study._progress import say
 
 # Nodes on one circle, over the radius.
@@ -35,6 +42,8 @@ class MovingBody:
     - `basis`: its motions, as the pair in motion has them.
     - `teeth`: of the gear.
     - `gear_seat`: number of the seat against which waves are told.
+    - `heat_load`: on its coordinates per free strain of hub and rim, shape `[2, dof]`; no rows:
+        it cannot warm [N, N m].
     """
 
     gear: str
@@ -42,6 +51,7 @@ class MovingBody:
     basis: BodyBasis
     teeth: int
     gear_seat: int = 0
+    heat_load: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def index(self) -> int:
@@ -78,6 +88,25 @@ class MovingBody:
         steps = Steps(lambda step: say(f"{self.gear}: {step}"))
         with in_keys(self.gear):
             return fem_prep.fixed_interface(full_of(self.built.plan, Steps(say)), progress=steps)
+
+    def left_out(self, load: np.ndarray) -> np.ndarray:
+        """Static answers to loads, the seats held, less what of them is in the modes.
+
+        **Arguments:**
+
+        - `load`: on the coordinates, shape `[dof, column]` [N, N m].
+
+        **Returns:**
+
+        Coordinates, shape `[dof, column]` [m, rad].
+        """
+        body, basis = self.built.body, self.basis
+        first = 3 * len(body.rim_nodes)
+        inner = np.setdiff1d(np.arange(body.dofs), np.arange(first, first + 6 * len(body.seats)))
+        answer = np.zeros(load.shape)
+        stiffness = body.stiffness[np.ix_(inner, inner)]
+        answer[inner] = scipy.linalg.solve(stiffness, load[inner], assume_a="pos")
+        return answer - basis.shapes @ ((basis.shapes.T @ load) / basis.square[:, None])
 
     def rows(self, chosen: np.ndarray) -> np.ndarray:
         """Displacements of nodes per seat and mode, of the nodes with these numbers.
@@ -158,5 +187,47 @@ def moving_bodies(
         sectors = mesh_body.built.body.facts.get("sectors", 1)
         teeth, seat = gears[gear].teeth, mesh_body.flexible.gear_seat
         basis, _ = mesh_body.basis.under_teeth(teeth, sectors)
-        found[gear] = MovingBody(gear, mesh_body.built, basis, teeth, seat)
+        heated, none = mesh_body.heated, np.zeros((0, mesh_body.built.body.dofs))
+        load = none if heated is None else heated.load
+        found[gear] = MovingBody(gear, mesh_body.built, basis, teeth, seat, load)
     return found
+
+
+# --- In a response
+
+
+def moving_in(pair: PairDynamics, orbit: Orbit, body: MovingBody) -> Moving:
+    """Seats and modes of a body in a steady response, step by step."""
+    place = next(each for each in pair.bodies if each.index == body.index)
+    motion = np.asarray(orbit.motion)
+    whole = np.zeros((len(motion), max(pair.dofs) + 1))
+    whole[:, list(pair.dofs)] = motion
+    modes = place.first + np.arange(np.asarray(place.square).size)
+    return Moving(whole[:, list(place.seats)], whole[:, modes], body.basis)
+
+
+def cycle_in_motion(pair: PairDynamics, orbit: Orbit, law: AbstractContactLaw) -> MeshCycle:
+    """The cells of a pair under the forces of a steady response, as long as that takes to repeat.
+
+    Only forces and lines are those of the response.
+    """
+    cycle, lines = pair.cycle, pair.cycle.cells.lines
+    force = pressed_cells(pair.system, orbit, law, MIDDLE).force[:, : lines.roll[0].size]
+    times = len(force) // len(lines.phase)
+    again = lambda x: jnp.concatenate([x] * times)
+    of = lambda one, *names: {
+        name: None if getattr(one, name) is None else again(getattr(one, name)) for name in names
+    }
+    ahead = np.repeat(lines.periods * np.arange(float(times)), len(lines.phase))
+    longer = dataclasses.replace(
+        lines,
+        phase=again(lines.phase) + ahead,
+        weight=again(lines.weight) / times,
+        kept=None,
+        periods=lines.periods * times,
+        **of(lines, "tooth", "roll", "fraction"),
+    )
+    names = "line_stiffness", "stiffness", "coupling", "arm", "seat_arms", "growth", "spread"
+    cells = dataclasses.replace(cycle.cells, lines=longer, **of(cycle.cells, *names))
+    rest = of(cycle, "approach", "load", "overlap", "converged", "steps")
+    return dataclasses.replace(cycle, cells=cells, force=force, **rest)

@@ -183,7 +183,7 @@ def _on_shafts(model: PairModel) -> Iterator[str]:
 def _on_bodies(gears: Mapping[str, GearKeys]) -> Iterator[str]:
     """Keys of condensed bodies at gears that have none."""
     for gear, body in ((name, each.body) for name, each in gears.items()):
-        whole = body.written("web", "grid", "superelement")
+        whole = body.written("web", "grid", "superelement", "temperature")
         if whole and body.kind != "condensed":
             yield Idle(f'{gear}.body.{whole[0]} does nothing: {gear}.body.kind is "{body.kind}".')
 

@@ -41,9 +41,15 @@ class Criterion(NamedTuple):
             return self.kind(tuple(int(order) for order in (asked.harmonics or (1,))))
         if self.kind is optimise.DynamicRatio:
             return self.kind(asked.smoothing_ratio)
-        return self.kind()
+        return _unplaced(self.kind)
 
 
+def _unplaced(kind: Callable[..., Any]) -> Any:
+    """An objective with its defaults; stresses at gauges know none yet."""
+    return kind(gauges=()) if kind in _OF_GAUGES else kind()
+
+
+_OF_GAUGES = (optimise.GaugeStress, optimise.GaugeStressAmplitude)
 _TE = "transmission error"
 CRITERIA = {
     "te_rms": Criterion(optimise.TransmissionErrorRms, "um", f"RMS of the {_TE}"),
@@ -56,6 +62,12 @@ CRITERIA = {
     "max_pressure": Criterion(optimise.LargestPressure, "MPa", "largest flank pressure"),
     "max_root_stress": Criterion(
         optimise.LargestRootStress, "MPa", "largest stress of the fillets"
+    ),
+    "max_gauge_stress": Criterion(
+        optimise.GaugeStress, "MPa", "largest principal stress at the gauges"
+    ),
+    "gauge_stress_amplitude": Criterion(
+        optimise.GaugeStressAmplitude, "MPa", "largest stress amplitude along the gauges"
     ),
     "face_load_factor": Criterion(optimise.FaceLoadFactor, "-", "face load factor"),
     "pressure_offset": Criterion(optimise.PressureOffset, "-", "squared offset of the pressure"),
@@ -106,7 +118,9 @@ def _named(space: DesignSpace, name: str, grid: MeshGrid) -> optimise.AbstractOb
 
 
 def _with_teeth(space: DesignSpace, objective: Any) -> Any:
-    """A largest root stress with the teeth of its space."""
+    """A largest root stress with the teeth of its space, stress at gauges with these."""
+    if isinstance(objective, _OF_GAUGES):
+        return dataclasses.replace(objective, gauges=space.gauges)
     if not isinstance(objective, optimise.LargestRootStress):
         return objective
     return dataclasses.replace(objective, influences=space.influences)
@@ -145,6 +159,8 @@ _SHARP = 1e-3
 _LIMITED = {
     "max_pressure_MPa": optimise.LargestPressure,
     "max_root_stress_MPa": optimise.LargestRootStress,
+    "max_gauge_stress_MPa": optimise.GaugeStress,
+    "gauge_stress_amplitude_MPa": optimise.GaugeStressAmplitude,
     "te_peak_to_peak_um": optimise.TransmissionErrorRange,
     "face_load_factor": optimise.FaceLoadFactor,
     "edge_line_load_N_mm": optimise.EdgeLoad,
@@ -166,7 +182,7 @@ def limits_objectives(
 ) -> list[optimise.AbstractObjective]:
     """The responses of `limits_of`; with exact contact, which is for a re-check, not smoothed."""
     limits = limits_of(space.scene.optimise)
-    found = [_with_teeth(space, _LIMITED[limit.name]()) for limit in limits]
+    found = [_with_teeth(space, _unplaced(_LIMITED[limit.name])) for limit in limits]
     return [_sharpened(each) for each in found] if isinstance(law, ExactContact) else found
 
 

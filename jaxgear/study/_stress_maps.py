@@ -10,8 +10,19 @@ import numpy as np
 import scipy
 import xarray as xr
 
-from fem_prep import FixedInterface, Grid, nodal_stress, surface, von_mises, write_vtu
+from fem_prep import (
+    FixedInterface,
+    Grid,
+    nodal_stress,
+    surface,
+    swelling_stress,
+    von_mises,
+    write_vtu,
+)
+from jaxgear._dynamics._orbit import Orbit
+from jaxgear._dynamics._system import PairDynamics
 from jaxgear._response._stress_cycle import StressRange, along_cylinder, images_of, stress_range
+from jaxgear._solve._cycle import MeshCycle
 from jaxgear._units import MPa, deg, mm
 from jaxgear.scene._body_build import BuiltBody, held_of
 from jaxgear.scene._body_words import in_keys
@@ -19,7 +30,9 @@ from jaxgear.scene._mesh_bodies import MeshBody
 from jaxgear.scene._tables import MeshKeys
 from jaxgear.study._body_answers import body_under_teeth, worst_phase
 from jaxgear.study._body_surfaces import FACE, section
-from jaxgear.study._hybrid import radius_of
+from jaxgear.study._built import BuiltScene
+from jaxgear.study._hybrid import BodyUnderTeeth, radius_of
+from jaxgear.study._moving_body import cycle_in_motion, moving_bodies, moving_in
 from jaxgear.study._result import Summary
 from jaxgear.study._results import Entry, dataset_of, entries_over
 from jaxgear.study._statics import Statics
@@ -76,18 +89,65 @@ def stress_maps(
     return found
 
 
+def moving_stress_maps(
+    built: BuiltScene,
+    pair: PairDynamics,
+    orbit: Orbit,
+    tell: Callable[[str], None] = lambda step: None,
+) -> Mapping[str, StressMap]:
+    """Stresses of the condensed bodies of a scene over a steady response; begins are told.
+
+    Bodies without a grid have none. What moves on modes has its inertia, what they leave out
+    follows the loads at once.
+    """
+    scene, found = built.scene, {}
+    cycle, grid = cycle_in_motion(pair, orbit, built.law), built.grid_in_motion
+    grows = orbit.speed if scene.sweep.centrifugal else 0.0 * orbit.speed
+    model = dataclasses.replace(built.model, speed=grows)
+    for gear, body in moving_bodies(scene.bodies, scene.gears).items():
+        if not body.has_grid:
+            continue
+        own: MeshBody = scene.bodies[gear]
+        under = BodyUnderTeeth(
+            own,
+            body.index,
+            model,
+            grid,
+            cycle,
+            points=scene.mesh.root_points,
+            axial=scene.mesh.connection,
+            moving=moving_in(pair, orbit, body),
+        )
+        say = lambda step, gear=gear: tell(f"{gear}: {step}")
+        words = f"pinion at {float(orbit.speed):.5g} rad/s, "
+        found[gear] = _map_of(under, gear, own, cycle, say, words)
+    return found
+
+
 def _stress_map(
     mesh: MeshKeys, gear: str, body: MeshBody, statics: Statics, tell: Callable[[str], None]
 ) -> StressMap:
     under = body_under_teeth(mesh, gear, body, statics)
-    lines, worst = statics.cycle.cells.lines, worst_phase(statics.cycle)
+    return _map_of(under, gear, body, statics.cycle, tell)
+
+
+def _map_of(
+    under: BodyUnderTeeth,
+    gear: str,
+    body: MeshBody,
+    cycle: MeshCycle,
+    tell: Callable[[str], None],
+    before: str = "",
+) -> StressMap:
+    """Of a body in a cycle at rest or in motion, with words before those of its phase."""
+    lines, worst = cycle.cells.lines, worst_phase(cycle)
     sectors, teeth = body.built.body.facts.get("sectors", 1), body.built.plan.teeth_count
     assert isinstance(sectors, int)
     images = math.gcd(sectors, teeth)
     # After these the body stands under its teeth as before.
     periods = min(lines.periods, teeth // images)
     step = max(1, under.phases // _IN_PERIOD, under.phases * periods // _IN_ALL)
-    motions, turns, shown, phase = [], [], 0, 0.0
+    motions, inertias, turns, shown, phase = [], [], [], 0, 0.0
     for period in range(periods):
         found = under.under_mesh(period)
         # The time of the largest load is one of those that are looked at.
@@ -95,16 +155,17 @@ def _stress_map(
         if worst // under.phases % periods == period:
             at = int(np.searchsorted(chosen, worst % under.phases))
             shown, phase = len(turns) + at, float(lines.phase[period * under.phases + chosen[at]])
-        motions.append(found.motion[chosen] + under.rotation)
+        motions.append(found.motion[chosen] + under.at_rest)
+        inertias.append(np.broadcast_to(found.inertia, found.motion.shape)[chosen])
         turns.extend(found.turn[chosen])
     with in_keys(gear):
         held = held_of(body.built.plan, tell)
     tell("stresses over the cycle")
-    stress = _stresses(held, body.built, np.concatenate(motions), under.spin)
+    stress = _stresses(held, under, np.concatenate(motions), np.concatenate(inertias))
     nodes = body.built.body.nodes
     return StressMap(
         built=body.built,
-        words=f"the mesh at phase {phase:.3f}",
+        words=f"{before}the mesh at phase {phase:.3f}",
         stress=stress[shown],
         turn=float(turns[shown]),
         range=stress_range(along_cylinder(nodes, stress), images_of(nodes, images)),
@@ -114,14 +175,24 @@ def _stress_map(
 
 
 def _stresses(
-    held: FixedInterface, built: BuiltBody, motions: np.ndarray, speed: float
+    held: FixedInterface, under: BodyUnderTeeth, motions: np.ndarray, inertias: np.ndarray
 ) -> np.ndarray:
-    """Of all nodes at some times, `[time, node, 6]` [Pa]."""
-    full, outer = held.full, built.body.boundary_dofs
-    moved = held.followed(motions[:, :outer].T)
-    if speed:
-        moved += speed**2 * held.loaded(full.centrifugal_load[:, None])
-    return nodal_stress(full.grid, full.material, full.on_nodes(moved))
+    """Of all nodes at some times, under rotation and heat too, `[time, node, 6]` [Pa].
+
+    The inside follows statically, but for what inertia moves it by.
+    """
+    full, outer = held.full, under.body.boundary_dofs
+    moved = held.followed((motions + inertias)[:, :outer].T)
+    if under.spin:
+        moved += under.spin**2 * held.loaded(full.centrifugal_load[:, None])
+    field = full.on_nodes(moved) + under.warm_inside
+    field += np.tensordot(inertias[:, outer:], under.body.interior_shapes, axes=1)
+    stress = nodal_stress(full.grid, full.material, field)
+    if under.heated is not None:
+        nodes = np.arange(len(full.grid.nodes))
+        free = under.strain @ under.heated.strain
+        stress += swelling_stress(full.grid, full.material, free, nodes)
+    return stress
 
 
 def _told(built: BuiltBody) -> np.ndarray:

@@ -67,19 +67,24 @@ def sweep_result(built: BuiltScene, dynamics: Dynamics, seen: Watch | None = Non
 
     The parts `damping`, `sweep` and `notes` of the summary.
     """
-    scene, watch = built.scene, None
+    scene, watch, stresses = built.scene, None, None
     require_damped(scene.damping, dynamics)
     if dynamics.pair.bodies:
         from jaxgear.study._body_waves import wave_watch
 
         with narration("probes"):
             watch = wave_watch(built, dynamics.pair)
+        if scene.gauges or scene.mesh.body_stress:
+            from jaxgear.study import _swept_stress
+
+            with narration("gauges"):
+                stresses = _swept_stress.stress_watch(built, dynamics.pair)
     elif scene.probes or scene.gauges:
         table = "probes" if scene.probes else "gauges"
         raise InputError(f"{table}: they look at condensed bodies, of which this scene has none.")
     count = len(speeds_of(scene.sweep)) * len(directions_of(scene.sweep))
     with progress(count, "sweep") as done:
-        watches = [each for each in (watch, seen) if each is not None]
+        watches = [each for each in (watch, stresses, seen) if each is not None]
         shown = functools.partial(_shown, watches) if watches else None
         found = sweep_of(law_of(scene.mesh), scene.sweep, dynamics, done, shown)
     check = None
@@ -117,7 +122,17 @@ def sweep_result(built: BuiltScene, dynamics: Dynamics, seen: Watch | None = Non
     with narration("waves"):
         waves = waves_seen(scene.title, watch, found)
     summary["sweep"]["waves"] = waves.summary
-    return Result(scene, summary, datasets | waves.datasets, waves.files)
+    files = dict(waves.files)
+    if stresses is not None:
+        from jaxgear.study import _swept_stress
+
+        with narration("stresses") as tell:
+            of_bodies = _swept_stress.swept_stress(built, stresses, found, tell)
+        summary["sweep"] |= of_bodies.summary
+        named = of_bodies.datasets.items()
+        datasets |= {name: titled(each, scene.title) for name, each in named}
+        files |= of_bodies.files
+    return Result(scene, summary, datasets | waves.datasets, files)
 
 
 def _shown(watches: Sequence[Watch], way: Direction, point: SweepPoint, ratio: float) -> None:

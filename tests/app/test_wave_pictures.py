@@ -84,7 +84,8 @@ def scene(tmp_path_factory):
         built = built_body(body_plan(scene, "wheel"), lambda step: None)
     # What the mesh sees of the body is of no interest here.
     flexible = SimpleNamespace(gear_seat=built.body.seats.index("torque"))
-    body = SimpleNamespace(built=built, basis=body_basis(built.body, 16), flexible=flexible)
+    basis = body_basis(built.body, 16)
+    body = SimpleNamespace(built=built, basis=basis, flexible=flexible, heated=None)
     return dataclasses.replace(scene, bodies={"wheel": body})
 
 
@@ -168,7 +169,8 @@ def test_gauges_show_the_orders_that_doppler_says(watch, found):
     order = spectra["wheel_order"].values
     for row, wanted in zip(strain, (TEETH - 2, TEETH), strict=True):
         assert order[np.argmax(row)] == wanted
-        assert np.sort(row)[-2] < 1e-6 * row.max()
+        # What rotation does stands still on the body.
+        assert np.sort(row[order > 0.0])[-2] < 1e-6 * row.max()
     turning, fixed = watch.looked["wheel"].gauges
     assert (turning.turns, len(turning.places)) == (True, 1)
     # One wave passes both: alike in size, but for what repeats with the sectors.

@@ -1,17 +1,28 @@
 """Gauges on a condensed body at rest, against all of its coordinates in plain NumPy."""
 
+import functools
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from fem_cases import STEEL
 from helpers import assert_close, assert_gradient
-from hybrid_cases import PAIRS, ROUND, TEETH, Dense, Gear, body, relieved
+from hybrid_cases import APART, PAIRS, ROUND, TEETH, Dense, Gear, body, heated, relieved
 
 import jaxgear as jg
 from jaxgear import um
-from jaxgear._response._gauges import direction_rows, gauge_influences, gauge_readings
+from jaxgear._dynamics._orbit import Orbit
+from jaxgear._dynamics._pair_dynamics import pair_dynamics
+from jaxgear._response._gauges import (
+    direction_rows,
+    gauge_influences,
+    gauge_readings,
+    moving_gauge_readings,
+)
+from jaxgear._system._body_modes import body_basis
 from jaxgear._system._body_tables import flexible_body
+from jaxgear._system._foot_tables import mode_arms
 
 _SPEED = 900.0
 _SPRINGS = np.array([[1e8, 1e8, 3e8, 1e5, 1e5, np.inf]])
@@ -77,6 +88,62 @@ def test_readings_are_those_of_the_whole_body(kind):
     steps = np.angle(np.exp(1j * np.diff(np.append(turn, turn[0]))))
     assert np.all(steps < 0.0)
     assert steps.sum() == pytest.approx(-2.0 * np.pi, rel=1e-9)
+
+
+def test_a_gauge_in_motion_reads_what_it_reads_at_rest_where_nothing_accelerates():
+    """On few modes: what they leave out of the teeth's loads and of heat is beside them."""
+    grid = jg.mesh_grid(PAIRS["helical"](), phases=8, slices=2, periods=1)
+    own, heat = body("helical"), heated("helical")
+    basis, strain = body_basis(own, 7), jnp.asarray([9e-4, 3e-4])
+    flexible = flexible_body(own, PAIRS["helical"](), 1, grid, heat=heat.load, basis=basis)
+    flexible = eqx.tree_at(lambda b: b.heat.strain, flexible, strain)
+    model = jg.PairModel(
+        PAIRS["helical"](), 60.0, relieved(), APART, wheel_support=ROUND, wheel_body=flexible
+    )
+    dynamics = eqx.filter_jit(lambda m: pair_dynamics(m, grid, mesh_coordinates=4))(model)
+    cycle, modes = dynamics.cycle, flexible.modes
+    assert modes is not None
+    assert modes.heat is not None
+    arms = np.asarray(eqx.filter_jit(mode_arms)(model.pair, 1, flexible, cycle.cells.lines))
+    pressed = -np.einsum("pcm,pc->pm", arms, np.asarray(cycle.force))
+    still = (pressed + np.asarray(modes.heat @ strain)) / np.asarray(modes.square)
+    at_rest = np.asarray(cycle.system.displacement(cycle.load))
+    motion = np.concatenate([at_rest, still], axis=1)[:, list(dynamics.dofs)]
+    none, zero = jnp.zeros_like(dynamics.system.rest), jnp.zeros(())
+    orbit = Orbit(
+        speed=zero,
+        place=dynamics.system.rest,
+        load=none,
+        motion=jnp.asarray(motion),
+        start=jnp.zeros((2, motion.shape[1])),
+        residual=zero,
+        settled=jnp.asarray(True),
+        steps=zero,
+    )
+    rows, rotation = _rows("helical")
+    beside = np.random.default_rng(5).normal(size=(2, 2))
+    read = functools.partial(
+        gauge_influences,
+        own,
+        rows,
+        rotation,
+        model.pair,
+        1,
+        grid,
+        components=flexible.components,
+        heat=(beside, heat.load),
+    )
+    found, turn = moving_gauge_readings(
+        read(basis=basis), dynamics, orbit, jg.ExactContact(), strain
+    )
+    wanted, angle = eqx.filter_jit(gauge_readings)(read(), model.pair, cycle, zero, strain)
+    assert_close(np.asarray(turn), np.asarray(angle), rtol=1e-12, atol=0.0)
+    scale = float(jnp.abs(wanted).max())
+    assert_close(np.asarray(found), np.asarray(wanted), rtol=1e-6, atol=1e-7 * scale)
+    # The modes alone show another thing.
+    alone = eqx.tree_at(lambda g: g.feet, read(basis=basis), replace_fn=jnp.zeros_like)
+    less, _ = moving_gauge_readings(alone, dynamics, orbit, jg.ExactContact(), strain)
+    assert np.abs(np.asarray(less - wanted)).max() > 1e-3 * scale
 
 
 @pytest.mark.slow
