@@ -19,6 +19,7 @@ from jaxgear._dynamics._cell_forces import cell_forces
 from jaxgear._dynamics._pair_dynamics import pair_dynamics
 from jaxgear._dynamics._table import MIDDLE, mesh_at
 from jaxgear._response._gauges import gauge_influences, gauge_readings
+from jaxgear._system._body_family import table_difference
 from jaxgear._system._body_modes import body_basis
 from jaxgear._system._body_tables import flexible_body
 from jaxgear._system._flexible import FlexibleBody
@@ -220,3 +221,11 @@ def test_a_stiffer_body_grows_as_much_by_heat_and_loads_its_seats_more():
     load = float(jnp.abs(wanted.heat.seats).max())
     assert load > 1e3
     assert_close(found.heat.seats, wanted.heat.seats, rtol=1e-7, atol=1e-7 * load)
+
+
+def test_bodies_of_a_family_are_told_apart_by_their_heat():
+    body = _body("helical", 1)
+    assert body.heat is not None
+    other = eqx.tree_at(lambda b: b.heat.feet, body, 1.02 * body.heat.feet)
+    assert table_difference(body, body) == 0.0
+    assert table_difference(other, body) == pytest.approx(0.02, rel=1e-6)
