@@ -12,7 +12,21 @@ _SIX, _READ = 6, 7
 _ROWS = ((0, 3, 5), (3, 1, 4), (5, 4, 2))
 
 
-class GaugeStress(AbstractObjective):
+class _AbstractOverGauges(AbstractObjective):
+    """A stress at gauges, smoothed.
+
+    **Fields:**
+
+    - `gauges`: of each body: per gauge xx, yy, zz, xy, yz, zx of the stress, then the normal
+        stress along it [Pa].
+    - `width`: of the smooth extremes [Pa].
+    """
+
+    gauges: tuple[jg.GaugeInfluences, ...]
+    width: Float[Array, ""] = eqx.field(converter=as_scalar, default=0.5 * jg.MPa)
+
+
+class GaugeStress(_AbstractOverGauges):
     """Largest principal stress at some gauges over a revolution of their bodies, in MPa, smoothed.
 
     It is one of all principal stresses of all gauges and phases.
@@ -23,9 +37,6 @@ class GaugeStress(AbstractObjective):
         stress along it [Pa].
     - `width`: of the smooth maximum [Pa].
     """
-
-    gauges: tuple[jg.GaugeInfluences, ...]
-    width: Float[Array, ""] = eqx.field(converter=as_scalar, default=0.5 * jg.MPa)
 
     def __call__(
         self, model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw
@@ -38,7 +49,7 @@ class GaugeStress(AbstractObjective):
         return jg.smooth_maximum(found, self.width) / jg.MPa
 
 
-class GaugeStressAmplitude(AbstractObjective):
+class GaugeStressAmplitude(_AbstractOverGauges):
     """Half the range of the normal stress along some gauges over a revolution, in MPa, smoothed.
 
     The largest of all gauges.
@@ -48,9 +59,6 @@ class GaugeStressAmplitude(AbstractObjective):
     - `gauges`: as of `GaugeStress` [Pa].
     - `width`: of the smooth extremes [Pa].
     """
-
-    gauges: tuple[jg.GaugeInfluences, ...]
-    width: Float[Array, ""] = eqx.field(converter=as_scalar, default=0.5 * jg.MPa)
 
     def __call__(
         self, model: jg.PairModel, cycle: jg.MeshCycle, law: jg.AbstractContactLaw

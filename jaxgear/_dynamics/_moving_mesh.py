@@ -10,7 +10,7 @@ from jaxtyping import Array
 
 from jaxgear._dynamics._back_flank import back_flank_table, back_vectors, with_back_flanks
 from jaxgear._dynamics._cell_forces import tangent_columns
-from jaxgear._dynamics._table import MIDDLE, PLACES, MeshTable, mesh_table
+from jaxgear._dynamics._table import MeshTable, mesh_table
 from jaxgear._dynamics._types import (
     StepPlaces,
 )
@@ -109,8 +109,7 @@ def mesh_with_back_flanks(
 
 def mean_stiffness(cycle: MeshCycle, table: MeshTable) -> CoordinateMatrix:
     """Mean over the cycle of the stiffness of the cells in contact, on a table's coordinates."""
-    arms = table.arms[PLACES.index(MIDDLE)]
-    return _mean(cycle, jax.vmap(on_coordinates_all)(arms, _pushed(cycle, table)))
+    return _mean(cycle, jax.vmap(on_coordinates_all)(table.middle_arms, _pushed(cycle, table)))
 
 
 def mean_share(
@@ -135,8 +134,7 @@ def mean_share(
 def _pushed(cycle: MeshCycle, table: MeshTable) -> CellArmGrid:
     """Forces of the cells in contact per coordinate of a table, at each phase."""
     closed = jnp.where(cycle.overlap > 0.0, table.stiffness, 0.0)
-    arms = table.arms[PLACES.index(MIDDLE)]
-    return jax.vmap(tangent_columns)(closed, table.coupling, arms)
+    return jax.vmap(tangent_columns)(closed, table.coupling, table.middle_arms)
 
 
 def _mean(cycle: MeshCycle, each: Array) -> CoordinateMatrix:

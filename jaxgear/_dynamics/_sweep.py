@@ -217,10 +217,11 @@ class Finder:
             # What does not repeat is not left for a response that does, unless it ends there.
             return self._searched(self.shooting, speed, last.orbit.start)
         found = self._balanced(speed, last.multiple, last.orbit)
-        if halvings > 0 and not _near(found, last):
+        near = _near(found, last)
+        if halvings > 0 and not near:
             return self._halved(speed, last, halvings)
         found = self._judged(found)
-        if found.stable and _near(found, last):
+        if near and found.stable:
             return found
         return self._left(found, speed, last.orbit.start)
 

@@ -73,6 +73,11 @@ class MeshTable(eqx.Module):
         """Middle of each step in mesh periods from the start of the cycle [-]."""
         return 0.5 * (self.edges[:-1] + self.edges[1:])
 
+    @property
+    def middle_arms(self) -> Reals:
+        """Arms of all cells in the middle of each step [-, m]."""
+        return self.arms[PLACES.index(MIDDLE)]
+
     def on_all_cells(self, values: Reals) -> Reals:
         """Values of the cells of a `Mesh` at each step, in their places among all; others are 0."""
         if self.kept is None:

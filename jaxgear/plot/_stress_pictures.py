@@ -84,9 +84,8 @@ def gauges(dataset: xr.Dataset) -> Figure:
 
     The figure.
     """
-    shown = [gear for gear in GEARS if f"{gear}_gauge" in dataset]
-    figure, every = panels("Strain gauges", dataset, (9.6, 1.2 + 3.2 * len(shown)), rows=len(shown))
-    for axes, gear in zip(every, shown, strict=True):
+    figure, shown = _of_gears("Strain gauges", dataset, 3.2)
+    for axes, gear in shown:
         for number, name in enumerate(dataset[f"{gear}_gauge"].values):
             own = dataset.sel({f"{gear}_gauge": name})
             strain = own[f"{gear}_gauge_strain_um_m"]
@@ -100,6 +99,16 @@ def gauges(dataset: xr.Dataset) -> Figure:
         )
         axes.legend(frameon=False, loc="best")
     return figure
+
+
+def _of_gears(
+    title: str, dataset: xr.Dataset, height: float = 3.4
+) -> tuple[Figure, list[tuple[Axes, str]]]:
+    """Axes for each gear that has gauges, so many inches high."""
+    shown = [gear for gear in GEARS if f"{gear}_gauge" in dataset]
+    size = (9.6, 1.2 + height * len(shown))
+    figure, every = panels(title, dataset, size, rows=len(shown))
+    return figure, list(zip(every, shown, strict=True))
 
 
 # Below this part of the largest amplitude nothing is drawn, nor beyond so many orders of the teeth.
@@ -117,10 +126,8 @@ def gauge_spectra(dataset: xr.Dataset) -> Figure:
 
     The figure.
     """
-    shown = [gear for gear in GEARS if f"{gear}_gauge" in dataset]
-    size = (9.6, 1.2 + 3.4 * len(shown))
-    figure, every = panels("Spectra of the strain gauges", dataset, size, rows=len(shown))
-    for axes, gear in zip(every, shown, strict=True):
+    figure, shown = _of_gears("Spectra of the strain gauges", dataset)
+    for axes, gear in shown:
         teeth = dataset.attrs[f"teeth_{gear}"]
         order = dataset[f"{gear}_order"].values
         amplitude = dataset[f"{gear}_gauge_strain_um_m"].values
@@ -162,11 +169,9 @@ def gauges_at_speed(dataset: xr.Dataset) -> Figure:
 
     The figure.
     """
-    shown = [gear for gear in GEARS if f"{gear}_gauge" in dataset]
-    size = (9.6, 1.2 + 3.4 * len(shown))
-    figure, every = panels("Stress at the strain gauges", dataset, size, rows=len(shown))
+    figure, shown = _of_gears("Stress at the strain gauges", dataset)
     speed, settled = dataset["speed"].values, flag(dataset, "settled")
-    for axes, gear in zip(every, shown, strict=True):
+    for axes, gear in shown:
         for number, name in enumerate(dataset[f"{gear}_gauge"].values):
             own = dataset.sel({f"{gear}_gauge": name})
             for row, way in enumerate(dataset["direction"].values):

@@ -18,7 +18,6 @@ from jaxgear._dynamics._modes import Modes, pair_modes
 from jaxgear._dynamics._pair_dynamics import pair_dynamics
 from jaxgear._dynamics._steady_state import steady_states
 from jaxgear._dynamics._system import PairDynamics
-from jaxgear._dynamics._table import MIDDLE, PLACES
 from jaxgear._geometry._lines import contact_lines
 from jaxgear._response._dynamic import dynamic_transmission_error
 from jaxgear._system._flexible import FlexibleBody
@@ -122,7 +121,7 @@ def _missed(kind: str, coordinates: int) -> float:
     arms = np.asarray(mode_arms(PAIRS[kind](), 1, _wheel(kind, MANY), cycle.cells.lines))
     force = np.asarray(cycle.force)
     exact = np.einsum("tc,tcn->tn", force, arms)
-    load = np.einsum("tc,tcm->tm", force, np.asarray(system.table.arms[PLACES.index(MIDDLE)]))
+    load = np.einsum("tc,tcm->tm", force, np.asarray(system.table.middle_arms))
     seen = load @ np.asarray(system.vectors)[first : first + len(place.waves)].T
     soft = 1.0 / np.sqrt(np.asarray(place.square))
     return float(np.linalg.norm((exact - seen) * soft) / np.linalg.norm(exact * soft))
