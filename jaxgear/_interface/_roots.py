@@ -26,11 +26,15 @@ import scipy
 from jaxgear._checks import InputError
 from jaxgear._units import mm
 
-# Of an element: how far outside of it a point may be and still be taken as on its edge.
-_EDGE = 1e-6
-# Elements next to a point that are looked at, at first and if it is on none of them, and steps to
-# find the point in each.
-_CANDIDATES, _MANY_CANDIDATES, _STEPS = 9, 200, 12
+# Of an element: how far outside of it a point may be and still be taken as on its edge, and by
+# rounding alone.
+_EDGE, _ROUNDING = 1e-6, 1e-12
+# Elements next to a point that are looked at, and how far outside of one it may be: the next one,
+# in which most points are, then more. Beside elements of very different sizes the nearest middles
+# may be those of others.
+_CANDIDATES = (1, _ROUNDING), (9, _EDGE), (200, _EDGE)
+# Steps to find a point in an element.
+_STEPS = 12
 # More levels of nodes than this are no layers of elements: slices are then cut evenly.
 _MOST_LEVELS, _EVEN_PIECES = 200, 4
 
@@ -221,13 +225,14 @@ def _shape_values(
 
     - `ValueError` if a point is on no element.
     """
-    face, local = _places(rim, angles, heights, _CANDIDATES)
-    lost = np.abs(local).max(axis=1) > 1.0 + _EDGE
-    if lost.any():
-        # Beside elements of very different sizes the nearest middles may be those of others.
-        face[lost], local[lost] = _places(rim, angles[lost], heights[lost], _MANY_CANDIDATES)
-        lost = np.abs(local).max(axis=1) > 1.0 + _EDGE
-    if lost.any():
+    face, local = np.zeros(len(angles), dtype=int), np.full((len(angles), 2), np.inf)
+    lost = np.ones(len(angles), dtype=bool)
+    for candidates, edge in _CANDIDATES:
+        face[lost], local[lost] = _places(rim, angles[lost], heights[lost], candidates)
+        lost = np.abs(local).max(axis=1) > 1.0 + edge
+        if not lost.any():
+            break
+    else:
         first = int(np.argmax(lost))
         low, high = (each(rim.nodes[rim.faces, 2]) for each in (np.min, np.max))
         raise InputError(
@@ -251,7 +256,12 @@ def _places(
     within = lambda angle: (angle + np.pi) % (2.0 * np.pi) - np.pi
     own = within(np.arctan2(corners[..., 1], corners[..., 0]) - middle[:, None])
     unrolled = np.stack([radius * own, corners[..., 2]], axis=-1)
-    on_cylinder = lambda angle, z: np.stack([radius * np.cos(angle), radius * np.sin(angle), z], -1)
+    # Heights in the measure in which elements are as long around as along the axis.
+    around, along = np.median(np.ptp(unrolled[:, :4], axis=1), axis=0)
+    squeezed = around / along
+    on_cylinder = lambda angle, z: np.stack(
+        [radius * np.cos(angle), radius * np.sin(angle), squeezed * z], axis=-1
+    )
     tree = scipy.spatial.KDTree(on_cylinder(middle, corners[:, :4, 2].mean(axis=1)))
     few = min(candidates, len(rim.faces))
     near = tree.query(on_cylinder(angles, heights), k=few)[1].reshape(len(angles), few)

@@ -118,7 +118,7 @@ def flexible_body(
     points: int = ROOT_POINTS,
     axial: Axial = "mortar",
     motion: RootMotion = "rigid",
-    local: Callable[[int], np.ndarray] | None = None,
+    local: Callable[[np.ndarray], np.ndarray] | None = None,
     give: Callable[[RootPatches], np.ndarray] | None = None,
     ribs: np.ndarray | None = None,
     basis: BodyBasis | None = None,
@@ -136,8 +136,8 @@ def flexible_body(
     - `load_seats`: where the loads of its shaft act, which may be a little beside.
     - `points`, `axial`: of roots, 2 is the thesis's; along the axis, "mortar" or "collocation".
     - `motion`: of a slice on its root, see `root_components`.
-    - `local`: what the feet of a tooth, by its number, give beyond what the rim's elements show,
-        `[6 slice, 6 slice]` in the frames of the feet [m/N, 1/N, 1/(N m)].
+    - `local`: what the feet of teeth, by their numbers, give beyond what the rim's elements show,
+        `[tooth, 6 slice, 6 slice]` in the frames of the feet [m/N, 1/N, 1/(N m)].
     - `give`: of feet with the seats held, `[6 foot, 6 foot]`, if not what its matrices say.
     - `ribs`: what feet on the lines give more for the ribs, `[line, 6 slice, line, 6 slice]`.
     - `basis`: on which the body vibrates; statics need none.
@@ -220,7 +220,8 @@ class _HeldBody:
     **Fields:**
 
     - `feet`: their components by the translations of the rim nodes, `[row, 3 rim]`.
-    - `flexibility`: of the feet's components, `[row, row]`.
+    - `of_rim`: motion of the rim by loads on them, `[3 rim, row]`.
+    - `known`: what the feet's components give, if known from elsewhere, `[row, row]`.
     - `from_seats`: `[row, 6 seat]`, both in the frame of each foot.
     - `growth`: of the feet by rotation `[row]`.
     - `warm`: of the feet by heat, `[row, part]`.
@@ -228,14 +229,21 @@ class _HeldBody:
     - `seat_heat`: load on them by heat, `[seat_dof, part]`.
     """
 
-    feet: np.ndarray
-    flexibility: np.ndarray
+    feet: "scipy.sparse.csr_array"
+    of_rim: np.ndarray
+    known: np.ndarray | None
     from_seats: np.ndarray
     growth: np.ndarray
     seat_stiffness: np.ndarray
     seat_load: np.ndarray
     warm: np.ndarray
     seat_heat: np.ndarray
+
+    def flexibility(self, rows: np.ndarray) -> np.ndarray:
+        """What some of the feet's components give by each other's loads, `[row, row]`."""
+        if self.known is not None:
+            return self.known[np.ix_(rows, rows)]
+        return self.feet[rows] @ self.of_rim[:, rows]
 
 
 def _heat_on(held: _HeldBody, on_cells: Callable) -> BodyHeat:
@@ -267,28 +275,33 @@ def _between_cells(
     lines: np.ndarray,
     teeth: np.ndarray,
     repeats: int,
-    local: Callable[[int], np.ndarray] | None,
+    local: Callable[[np.ndarray], np.ndarray] | None,
     components: tuple[int, ...],
     ribs: np.ndarray | None,
 ) -> np.ndarray:
     """What cells give by each other's loads, `[period, component, component, cell, cell]`."""
-    count, size = len(teeth), len(components)
-    slices = len(held.flexibility) // (count * size)
-    whole = held.flexibility.reshape(count, slices, size, count, slices, size)
+    size, count = len(components), lines.shape[1]
+    slices = held.feet.shape[0] // (len(teeth) * size)
+    own = None
     if local is not None:
         # Teeth that the body repeats under have the same.
-        own = {int(tooth): local(int(tooth)) for tooth in (teeth if repeats > 1 else teeth[:1])}
-        for place, tooth in enumerate(teeth):
-            more = own[int(tooth if repeats > 1 else teeth[0])]
-            whole[place, :, :, place] += _of_one_tooth(more, slices, components)
-    # Period, line, line, slice, component, slice, component.
-    pairs = whole[lines[:, :, None], :, :, lines[:, None, :]]
+        found = local(teeth if repeats > 1 else teeth[:1])
+        found = found if repeats > 1 else np.broadcast_to(found, (len(teeth), *found.shape[1:]))
+        own = np.stack([_of_one_tooth(each, slices, components) for each in found])
+    on_all = 0.0
     if ribs is not None:
-        apart = ribs.reshape(lines.shape[1], slices, 6, lines.shape[1], slices, 6)
-        apart = apart[:, :, list(components)][..., list(components)]
-        pairs += apart.transpose(0, 3, 1, 2, 4, 5)[None]
-    cells = lines.shape[1] * slices
-    return pairs.transpose(0, 4, 6, 1, 3, 2, 5).reshape(-1, size, size, cells, cells)
+        apart = ribs.reshape(count, slices, 6, count, slices, 6)
+        on_all = apart[:, :, list(components)][..., list(components)]
+    cells, line = count * slices, np.arange(count)
+    pairs = np.empty((len(lines), size, size, cells, cells))
+    # One mesh period at a time: teeth that are never in mesh together need nothing of each other.
+    for period, on_lines in enumerate(lines):
+        rows = (slices * size * on_lines[:, None] + np.arange(slices * size)).ravel()
+        between = held.flexibility(rows).reshape(count, slices, size, count, slices, size) + on_all
+        if own is not None:
+            between[line, :, :, line] += own[on_lines]
+        pairs[period] = between.transpose(2, 5, 0, 1, 3, 4).reshape(pairs.shape[1:])
+    return pairs
 
 
 def _of_one_tooth(local: np.ndarray, slices: int, components: tuple[int, ...]) -> np.ndarray:
@@ -314,28 +327,30 @@ def _held(
     inner = np.setdiff1d(np.arange(len(body.stiffness)), seat)
     joined = body.stiffness[np.ix_(inner, seat)]
     kept = (6 * np.arange(len(angles))[:, None] + np.array(components)).ravel()
-    rows = found.rows[kept].toarray()
+    rows = found.rows[kept]
     whole = np.stack([body.centrifugal_load, *([] if heat is None else heat)], axis=1)
+    # Feet of many teeth are more than the rim has motions: then these are loaded one by one.
+    loads = scipy.sparse.eye_array(rim) if len(kept) > rim else rows.T
     # Unit motions of the seats, loads on the feet, rotation, heat: all in one solution.
-    seats, feet = joined.shape[1], joined.shape[1] + len(rows)
+    seats, feet = joined.shape[1], joined.shape[1] + loads.shape[1]
     right = np.zeros((len(inner), feet + whole.shape[1]), order="F")
     right[:, :seats] = joined
-    right[:rim, seats:feet] = rows.T
+    right[:rim, seats:feet] = loads.toarray()
     right[:, feet:] = whole[inner]
     inside = body.stiffness[np.ix_(inner, inner)]
     factor = scipy.linalg.cho_factor(inside, lower=True, overwrite_a=True, check_finite=False)
     solved = scipy.linalg.cho_solve(factor, right, overwrite_b=True, check_finite=False)
-    given = rows @ solved[:rim]
-    by_seats = solved[:, :seats]
+    of_rim, by_seats = solved[:rim, seats:feet], solved[:, :seats]
     on_seats = along_axis(whole[seat] - joined.T @ solved[:, feet:])
-    own = given[:, seats:feet] if give is None else give[np.ix_(kept, kept)]
     stiffness = body.stiffness[np.ix_(seat, seat)]
+    alone = rows @ solved[:rim, feet:]
     return _HeldBody(
         feet=rows,
-        flexibility=own,
-        from_seats=-_turned(given[:, :seats], angles),
-        growth=given[:, feet],
-        warm=given[:, feet + 1 :],
+        of_rim=(rows @ of_rim.T).T if len(kept) > rim else of_rim,
+        known=None if give is None else give[np.ix_(kept, kept)],
+        from_seats=-_turned(rows @ by_seats[:rim], angles),
+        growth=alone[:, 0],
+        warm=alone[:, 1:],
         seat_stiffness=same_all_round(stiffness - joined.T @ by_seats, stiffness, body),
         seat_load=on_seats[:, 0],
         seat_heat=on_seats[:, 1:],

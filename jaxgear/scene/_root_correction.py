@@ -3,12 +3,18 @@
 A rim has one element for each tooth as a rule, twice as long as a tooth is thick at its root. Such
 elements are too stiff under a tooth, by a tenth of a pair's give and more (physics C 31). The
 neighbourhood of the root, with the same elements and with smaller ones, shows by how much.
+
+A piece of rim is cut about the middle or an edge of an element, whichever is nearest to its tooth:
+with teeth and elements of different numbers every tooth stands elsewhere on its element, yet all of
+them stand on two kinds of pieces. Each kind is factorised once, and what its surface gives where
+feet stand gives the feet of every tooth.
 """
 
 import dataclasses
 import math
 
 import numpy as np
+import scipy
 
 from fem_prep import (
     CUT,
@@ -32,6 +38,8 @@ _REACH, _DEPTH = 1.6, 1.5
 # element for each tooth the root's deflection then is within 0.2 % of that of a body that is as
 # fine all over, where one of the old elements is 17 % off.
 _AROUND, _DEEP = 8, 4
+# Of the radius: how far apart nodes may be that are at the same place of equal pieces.
+_SAME = 1e-6
 
 
 def root_correction(
@@ -50,8 +58,26 @@ def root_correction(
     return RootCorrection(body, material, pair, index, grid, points, axial)
 
 
+@dataclasses.dataclass(frozen=True)
+class _Kind:
+    """A piece of rim, which teeth stand on equals of it, and where.
+
+    **Fields:**
+
+    - `grid`: of the first of the equals.
+    - `anchor`: angle about which it was cut [rad].
+    - `teeth`: places of the teeth in what was asked for.
+    - `angles`: of the middles of the teeth from the anchors of their pieces [rad].
+    """
+
+    grid: Grid
+    anchor: float
+    teeth: list[int]
+    angles: list[float]
+
+
 class RootCorrection:
-    """Corrections of the teeth of a gear; teeth on equal pieces of rim share theirs.
+    """Corrections of the teeth of a gear; teeth on equal pieces of rim share its factor.
 
     **Fields:**
 
@@ -70,39 +96,103 @@ class RootCorrection:
     ):
         self.pieces = 0
         self._body, self._material = body, material
-        self._patches = lambda tooth: root_patches(
-            pair, index, grid, np.array([tooth]), points=points, axial=axial
+        self._patches = lambda teeth: root_patches(
+            pair, index, grid, np.asarray(teeth), points=points, axial=axial
         )
         gear = (pair.pinion, pair.wheel)[index]
         self._pitch = 2.0 * np.pi / gear.teeth
         self._radius = float(np.median(np.hypot(*body.rim_nodes.T[:2])))
-        self._found: list[tuple[np.ndarray, np.ndarray]] = []
+        self._anchors = _anchors(body)
+        # As far as any tooth is from its anchor: pieces do not depend on which teeth are asked for.
+        middles = self._pitch * np.arange(gear.teeth)
+        off = float(np.abs(_turned(middles - self._anchor_of(middles))).max())
+        first = self._patches(np.zeros(1))
+        reach = _REACH * self._pitch + off
+        self._ends = first.angles.min() - reach, first.angles.max() + reach
+        self._depth = _DEPTH * first.width
 
-    def __call__(self, tooth: int) -> np.ndarray:
-        """More give of the feet of one tooth, in their frames, `[6 slice, 6 slice]`."""
-        patches = self._patches(tooth)
-        low, high = patches.angles.min(), patches.angles.max()
-        piece = piece_of(
+    def __call__(self, teeth: np.ndarray) -> np.ndarray:
+        """More give of the feet of some teeth, in their frames.
+
+        **Arguments:**
+
+        - `teeth`: their numbers, shape `[tooth]`.
+
+        **Returns:**
+
+        Shape `[tooth, 6 slice, 6 slice]` [m/N, 1/N, 1/(N m)].
+        """
+        found = None
+        for kind in self._kinds(teeth):
+            patches = self._patches(np.zeros(len(kind.teeth)))
+            on_piece = np.array(kind.angles)[:, None] + kind.anchor
+            patches = dataclasses.replace(patches, angles=patches.angles + on_piece)
+            finer = refined(kind.grid, self._parts(kind.grid), _DEEP, 1)
+            # Few points are line loads, whose give grows as elements shrink: only to be taken off.
+            spread = dataclasses.replace(patches, points=max(patches.points, ROOT_POINTS))
+            more = self._give(finer, spread) - self._give(kind.grid, patches)
+            self.pieces += 1
+            if found is None:
+                found = np.empty((len(teeth), *more.shape[1:]))
+            found[kind.teeth] = more
+        assert found is not None
+        return found
+
+    def _kinds(self, teeth: np.ndarray) -> list[_Kind]:
+        """The different pieces of rim on which teeth stand."""
+        middles = self._pitch * np.asarray(teeth)
+        anchors = self._anchor_of(middles)
+        kinds: list[_Kind] = []
+        for anchor in np.unique(anchors):
+            own = np.flatnonzero(anchors == anchor)
+            grid, angles = self._piece(anchor), _turned(middles[own] - anchor)
+            kind = next((k for k in kinds if self._equal(k, grid, anchor)), None)
+            if kind is None:
+                kind = _Kind(grid, float(anchor), [], [])
+                kinds.append(kind)
+            kind.teeth.extend(own.tolist())
+            kind.angles.extend(angles.tolist())
+        return kinds
+
+    def _anchor_of(self, angles: np.ndarray) -> np.ndarray:
+        """The middles or edges of elements nearest to some angles, which may be full turns on."""
+        around = np.concatenate(
+            [self._anchors[-1:] - 2.0 * np.pi, self._anchors, self._anchors[:1] + 2.0 * np.pi]
+        )
+        places = angles % (2.0 * np.pi)
+        above = np.clip(np.searchsorted(around, places), 1, len(around) - 1)
+        # A tooth in the middle of both takes the lower one, whatever rounding says.
+        low, high = places - around[above - 1], around[above] - places
+        chosen = np.where(low <= high * (1.0 + _SAME), above - 1, above)
+        return self._anchors[(chosen - 1) % len(self._anchors)]
+
+    def _piece(self, anchor: float) -> Grid:
+        """The piece of rim about an angle, wide enough for any tooth that stands on it."""
+        return piece_of(
             self._body.nodes,
             self._body.bricks,
             radius=self._radius,
-            angles=(low - _REACH * self._pitch, high + _REACH * self._pitch),
-            depth=_DEPTH * patches.width,
+            angles=(anchor + self._ends[0], anchor + self._ends[1]),
+            depth=self._depth,
         )
-        middle = self._pitch * tooth
-        print_of = _fingerprint(piece, middle)
-        for known, correction in self._found:
-            if known.shape == print_of.shape and np.allclose(
-                known, print_of, atol=1e-6 * self._radius
-            ):
-                return correction
-        finer = refined(piece, self._parts(piece), _DEEP, 1)
-        # Few points are line loads, whose give grows as elements shrink: only to be taken off.
-        spread = dataclasses.replace(patches, points=max(patches.points, ROOT_POINTS))
-        correction = self._give(finer, spread) - self._give(piece, patches)
-        self._found.append((print_of, correction))
-        self.pieces += 1
-        return correction
+
+    def _equal(self, kind: _Kind, grid: Grid, anchor: float) -> bool:
+        """Whether a piece turned onto a known one is the same, cut where it is.
+
+        What is cut tells pieces above a hole from those beside it.
+        """
+        known = kind.grid
+        if known.nodes.shape != grid.nodes.shape or known.bricks.shape != grid.bricks.shape:
+            return False
+        cosine, sine = np.cos(kind.anchor - anchor), np.sin(kind.anchor - anchor)
+        x, y, z = grid.nodes.T
+        turned = np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=1)
+        away, place = scipy.spatial.KDTree(known.nodes).query(turned)
+        cut = np.zeros(len(turned), dtype=bool)
+        cut[known.sets[CUT]] = True
+        return bool((away <= _SAME * self._radius).all()) and np.array_equal(
+            np.flatnonzero(cut[place]), grid.sets[CUT]
+        )
 
     def _parts(self, piece: Grid) -> int:
         """Into how many parts the elements of a piece go around."""
@@ -113,21 +203,33 @@ class RootCorrection:
         return max(1, math.ceil(_AROUND * length / self._pitch - 1e-6))
 
     def _give(self, grid: Grid, patches: RootPatches) -> np.ndarray:
-        """Compliance between the feet on a piece."""
-        faces = surface_of(grid, RIM)
-        rows = interface_map(RimSurface(grid.nodes, faces), patches).rows
-        return piece_compliance(grid, self._material, rows.T.toarray())
+        """Compliance between the feet of each tooth on a piece, `[tooth, 6 slice, 6 slice]`."""
+        rows = interface_map(RimSurface(grid.nodes, surface_of(grid, RIM)), patches).rows
+        count = len(patches.angles)
+        each = rows.shape[0] // count
+        under = np.unique(rows.indices)
+        # Many teeth stand on few nodes: then these are loaded, one direction after the other.
+        if len(under) >= rows.shape[0]:
+            given = piece_compliance(grid, self._material, rows.T.toarray())
+            return given.reshape(count, each, count, each)[range(count), :, range(count)]
+        loads = np.zeros((rows.shape[1], len(under)))
+        loads[under, np.arange(len(under))] = 1.0
+        surface = piece_compliance(grid, self._material, loads)
+        feet = rows[:, under]
+        own = (feet[i * each : (i + 1) * each] for i in range(count))
+        return np.stack([tooth @ (tooth @ surface).T for tooth in own])
 
 
-def _fingerprint(piece: Grid, angle: float) -> np.ndarray:
-    """Nodes turned so that the tooth is at angle zero, and which are cut, in an order of their own.
+def _anchors(body: ReducedBody) -> np.ndarray:
+    """Angles of the edges and middles of the elements of a rim, rising from zero [rad]."""
+    x, y, _ = body.rim_nodes.T
+    corners = np.stack([x, y], axis=1)[body.rim_faces[:, :4]]
+    places = np.concatenate([corners.reshape(-1, 2), corners.mean(axis=1)])
+    angles = np.sort(np.arctan2(places[:, 1], places[:, 0]) % (2.0 * np.pi))
+    apart = np.diff(angles, prepend=angles[-1] - 2.0 * np.pi) > _SAME
+    return angles[apart]
 
-    What is cut tells pieces above a hole from those beside it.
-    """
-    cosine, sine = np.cos(angle), np.sin(angle)
-    x, y, z = piece.nodes.T
-    held = np.zeros(len(x))
-    held[piece.sets[CUT]] = np.hypot(x, y).max()
-    turned = np.stack([cosine * x + sine * y, cosine * y - sine * x, z, held], axis=1)
-    keys = np.round(turned / np.abs(turned).max(), 6)
-    return turned[np.lexsort(keys.T)]
+
+def _turned(angles: np.ndarray) -> np.ndarray:
+    """Angles less full turns, from minus to plus half of one [rad]."""
+    return (angles + np.pi) % (2.0 * np.pi) - np.pi

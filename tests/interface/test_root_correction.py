@@ -1,0 +1,128 @@
+"""Teeth at different places of their elements, and the few pieces of rim that serve them all."""
+
+import functools
+
+import numpy as np
+from fem_cases import STEEL, ring
+
+import jaxgear as jg
+from fem_prep import (
+    RIM,
+    ReducedBody,
+    Seat,
+    condense,
+    full_body,
+    piece_compliance,
+    piece_of,
+    refined,
+    surface_of,
+)
+from jaxgear import deg, mm
+from jaxgear._interface._roots import RimSurface, interface_map
+from jaxgear._system._body_tables import root_patches
+from jaxgear.scene._root_correction import root_correction
+
+# Elements around the wheel, and a number of teeth that has no divisor with it.
+_ELEMENTS, _TEETH = 24, 19
+_SLICES = 2
+
+
+@functools.cache
+def _body(holes: int = 0) -> ReducedBody:
+    """A thick ring, with openings that reach near its surface."""
+    outer, pitch = 0.5 * 2.0 * mm * _ELEMENTS, 2.0 * np.pi / _ELEMENTS
+    radii = outer * np.array([0.5, 0.7, 0.85, 1.0])
+
+    def solid(at: np.ndarray) -> np.ndarray:
+        r, angle, _ = at.T
+        number = np.round(angle / pitch).astype(int)
+        opened = (number % (_ELEMENTS // max(holes, 1)) == 0) & (holes > 0)
+        return ~(opened & (r > radii[1]) & (r < radii[2]))
+
+    grid = ring(radii, _ELEMENTS, np.linspace(-6.0 * mm, 6.0 * mm, 3), keep=solid)
+    seat = Seat("bore", grid.sets["bore"], np.zeros(3), False)
+    return condense(full_body("ring", grid, STEEL, [seat]), method="guyan", modes=0)
+
+
+def _pair(teeth: int) -> jg.GearPair:
+    pinion, wheel = jg.Gear(20, 12.0 * mm, 0.2), jg.Gear(teeth, 10.0 * mm, 0.1)
+    return jg.GearPair(pinion, wheel, 2.0 * mm, 20.0 * deg, 18.0 * deg)
+
+
+def _correction(teeth: int, *, holes: int = 0):
+    pair, body = _pair(teeth), _body(holes)
+    grid = jg.mesh_grid(pair, slices=_SLICES)
+    found = root_correction(body, STEEL, pair, 1, grid, points=12, axial="mortar")
+    assert found is not None
+    return found
+
+
+def _by_itself(tooth: int, reach: float) -> np.ndarray:
+    """The correction of one tooth on a piece about its own middle, reaching so many pitches."""
+    pair, body = _pair(_TEETH), _body()
+    grid = jg.mesh_grid(pair, slices=_SLICES)
+    patches = root_patches(pair, 1, grid, np.array([tooth]), points=12, axial="mortar")
+    radius = float(np.hypot(*body.rim_nodes[0, :2]))
+    beyond = reach * 2.0 * np.pi / _TEETH
+    ends = patches.angles.min() - beyond, patches.angles.max() + beyond
+    depth = 1.5 * patches.width
+    piece = piece_of(body.nodes, body.bricks, radius=radius, angles=ends, depth=depth)
+    # Eight elements for a pitch, rounded up.
+    finer = refined(piece, -(-8 * _TEETH // _ELEMENTS), 4, 1)
+    fine, coarse = (
+        piece_compliance(
+            each,
+            STEEL,
+            interface_map(RimSurface(each.nodes, surface_of(each, RIM)), patches).rows.T.toarray(),
+        )
+        for each in (finer, piece)
+    )
+    return fine - coarse
+
+
+def _near(found, wanted, tolerance):
+    """Forces and moments have compliances of different units: each block by its own largest."""
+    kinds = np.arange(found.shape[-1]) % 6 < 3
+    for one in (kinds, ~kinds):
+        for other in (kinds, ~kinds):
+            block = np.ix_(one, other)
+            scale = np.abs(wanted[block]).max()
+            np.testing.assert_allclose(found[block], wanted[block], atol=tolerance * scale)
+
+
+def test_all_teeth_need_two_factors_on_a_rim_whose_elements_are_equal():
+    """About the middle and about an edge of an element; as exact as each tooth's own factor."""
+    correction = _correction(_TEETH)
+    found = correction(np.arange(_TEETH))
+    assert correction.pieces == 2
+    assert np.ptp(found[:, 1, 1]) > 0.01 * found[:, 1, 1].max()
+    for tooth in (0, 1, 4, 11):
+        alone = _correction(_TEETH)
+        _near(found[tooth], alone(np.array([tooth]))[0], 1e-10)
+        assert alone.pieces == 1
+
+
+def test_a_shared_piece_is_as_good_as_one_about_the_tooth():
+    found = _correction(_TEETH)(np.arange(_TEETH))
+    for tooth in (4, 11):
+        _near(found[tooth], _by_itself(tooth, 1.6), 1e-3)
+
+
+def test_pieces_above_holes_are_told_from_those_beside():
+    correction, teeth = _correction(_TEETH, holes=3), np.array([0, 1, 2, 14, 9, 10])
+    found = correction(teeth)
+    # Tooth 0 is above a hole; 14 stands as 1 does two holes further on, and 9 and 10 on edges of
+    # elements that have no hole in reach.
+    assert correction.pieces == 4
+    for place, tooth in ((0, 0), (2, 2), (3, 14)):
+        _near(found[place], _correction(_TEETH, holes=3)(np.array([tooth]))[0], 1e-10)
+    plain = _correction(_TEETH)(teeth)
+    assert np.abs(found - plain).max() > 0.1 * np.abs(plain).max()
+
+
+def test_teeth_that_stand_alike_need_one_factor():
+    correction = _correction(_ELEMENTS)
+    found = correction(np.arange(_ELEMENTS))
+    assert correction.pieces == 1
+    for tooth in (1, 7, 23):
+        _near(found[tooth], found[0], 1e-9)
