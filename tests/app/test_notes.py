@@ -73,3 +73,23 @@ def test_strengths_and_thin_rims_are_told_where_roots_are_looked_at():
     )
     assert "no safety without pinion.root_strength_MPa: give" in lacking
     assert "The pinion's rim is 0.46 tooth heights thick" in thin
+
+
+@pytest.mark.parametrize(
+    ("foundation", "inner", "told"),
+    [
+        ("weber", 20.0, "on a ring at most 2 %"),
+        ("weber", 45.0, None),
+        ("weber", 0.0, None),
+        ("ring", 20.0, None),
+        ("ring", 45.0, 'Write pinion.foundation = "weber"'),
+        ("none", 20.0, None),
+    ],
+)
+def test_foundations_under_beams_are_told_as_they_were_measured(foundation, inner, told):
+    """The root circle is 64.9 mm, 3.2 and 1.4 times as wide as the bores."""
+    given = ["pinion.body.kind=beam", f"pinion.foundation={foundation}"]
+    given += ["pinion.shaft.segments[0].outer_mm=50", f"pinion.shaft.segments[0].inner_mm={inner}"]
+    scene = example_scene("accessory", given)
+    found = [*_notes._on_foundations(scene.mesh, scene.gears, model_of(scene))]
+    assert [told in each for each in found] == ([] if told is None else [True])
