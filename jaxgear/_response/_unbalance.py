@@ -84,7 +84,10 @@ def unbalance_response(
 
 
 def unbalance_critical_speeds(
-    dynamics: PairDynamics, unbalance: Unbalance | Sequence[Unbalance]
+    dynamics: PairDynamics,
+    unbalance: Unbalance | Sequence[Unbalance],
+    *,
+    highest: float | None = None,
 ) -> Float[np.ndarray, " mode"]:
     r"""Speeds of the pinion at which a shaft's unbalance meets a mode that it excites.
 
@@ -95,6 +98,9 @@ def unbalance_critical_speeds(
 
     - `dynamics`: the pair in motion.
     - `unbalance`: on one of its shafts, or several on the same one.
+    - `highest`: of the speeds that are looked for [rad/s]; by default that at which the tip of the
+        pinion's teeth runs at 1000 m/s. The hoop stress of a ring, $\rho v^2$, is 8 GPa then in
+        steel: no gear turns so fast, and beyond are the modes of single elements of shafts alone.
 
     **Returns:**
 
@@ -125,11 +131,16 @@ def unbalance_critical_speeds(
     # Shaft elements have modes far above all others that move more: those hide none.
     moved = (share > 0.0) & (share >= _LEAST_SHARE * share[np.argmax(give)])
     found = np.sort(1.0 / np.sqrt(square[moved]))
+    if highest is None:
+        highest = _TIP_SPEED / float(dynamics.cycle.system.pair.tip_radius[0])
+    found = found[found <= highest]
     return found[np.diff(found, prepend=0.0) > 1e-6 * found]
 
 
 # Modes that move less with an unbalance do not show beside those that do.
 _LEAST_SHARE = 0.05
+# Faster than any gear turns [m/s].
+_TIP_SPEED = 1000.0
 
 
 def _on_one_shaft(

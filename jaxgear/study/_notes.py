@@ -136,8 +136,8 @@ def _on_foundations(
     yield from _under_beams(chosen, model)
 
 
-# Root circle over bore: compared were tubes of 1.30 and 1.46, where Weber's half-planes are closer to
-# bricks, and of 1.63, 1.94 and 3.5, where a ring is (docs/accuracy.md).
+# Root circle over bore: compared were tubes of 1.30 and 1.46, where Weber's half-planes are closer
+# to bricks, and of 1.63, 1.94 and 3.5, where a ring is (docs/accuracy.md).
 _TUBE = 1.55
 
 

@@ -6,6 +6,7 @@ consistent masses and gyroscopic terms, so that with the same elements they agre
 
 import functools
 import json
+import math
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -129,6 +130,20 @@ def test_another_program_finds_the_same_critical_speeds(gear):
     assert np.max(np.nanmin(np.abs(natural / wanted[:, None] - 1.0), axis=1)) < 1e-7
 
 
+@pytest.mark.parametrize("gear", GEARS)
+def test_modes_of_single_elements_are_no_critical_speeds(gear):
+    """No gear turns faster than 1000 m/s at its tip, 25.6 krad/s; elements have modes there."""
+    dynamics, unbalance = _dynamics(), _unbalance(gear)
+    found = jg.unbalance_critical_speeds(dynamics, unbalance)
+    every = jg.unbalance_critical_speeds(dynamics, unbalance, highest=math.inf)
+    assert every[-1] > 1e6
+    tip = float(dynamics.cycle.system.pair.tip_radius[0])
+    np.testing.assert_allclose(found, every[tip * every < 1000.0], rtol=1e-12)
+    assert len(found) < len(every)
+    few = jg.unbalance_critical_speeds(dynamics, unbalance, highest=3000.0)
+    np.testing.assert_allclose(few, every[every < 3000.0], rtol=1e-12)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("gear", GEARS)
 def test_elements_of_shafts_are_fine_enough_by_default(gear):
@@ -136,6 +151,8 @@ def test_elements_of_shafts_are_fine_enough_by_default(gear):
     unbalance, coarse, fine = _unbalance(gear), _dynamics(1), _dynamics(8)
     top = given.ROTORS[gear].speeds[-1]
     critical = [jg.unbalance_critical_speeds(each, unbalance) for each in (coarse, fine)]
+    # All that are told are of the shafts, not of single elements.
+    np.testing.assert_allclose(critical[0], critical[1], rtol=0.08)
     critical = [_ratio(gear) * each[_ratio(gear) * each < top] for each in critical]
     assert len(critical[0]) == len(critical[1]) >= 2
     assert np.max(np.abs(critical[0] / critical[1] - 1.0)) < 1e-3
