@@ -47,11 +47,14 @@ def carried(scene: Scene, model: PairModel, dynamics: PairDynamics, index: int) 
     return motions.T @ np.asarray(dynamics.system.mass) @ motions
 
 
-def as_rigid(name: str, masses: dict[str, np.ndarray]) -> DynamicSystem:
-    """The pair of an example scene on stiff shafts, some gears without foundation and as heavy as
-    bodies whose masses are given."""
-    scene = example_scene(name, [*THESIS, *COARSE, *(f"{gear}.foundation=none" for gear in masses)])
-    model = with_rigid_shaft(model_of(scene), *masses)
+def as_rigid(
+    name: str, masses: dict[str, np.ndarray], *settings: str, stiff: bool = True
+) -> DynamicSystem:
+    """The pair of an example scene, some gears without foundation and as heavy as bodies whose
+    masses are given, their shafts stiff or as they are."""
+    settings = (*settings, *(f"{gear}.foundation=none" for gear in masses))
+    scene = example_scene(name, [*THESIS, *COARSE, *settings])
+    model = with_rigid_shaft(model_of(scene), *masses) if stiff else model_of(scene)
     grid = grid_of(scene, model, scene.sweep.steps)
     keys = scene.model, scene.damping, scene.sweep
     make = eqx.filter_jit(lambda model: dynamics_of(model, grid, *keys))
