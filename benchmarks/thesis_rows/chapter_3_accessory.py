@@ -205,8 +205,8 @@ ROWS = (
         reason="Rigidified bodies have rigid shafts and a webbed wheel of 0.72 times the mass and "
         "0.64 times the polar inertia of the initial solid one: both together part them, either "
         "alone does not explain it. Teeth at 12.1 kHz (1694 rad/s), of 64 % of the mesh's energy, "
-        "are nearly as high as the bodies on their bearings at 5.98 kHz (848 rad/s), 23 %; on shafts "
-        "that bend such modes lie at 3.5 and 4.6 kHz with 5 and 4 %, and the teeth at 10.4 (1421)",
+        "are nearly as high as the bodies on their bearings at 5.98 kHz (848 rad/s), 23 %; on "
+        "shafts that bend such modes are at 3.5 and 4.6 kHz with 5 and 4 %, teeth at 10.4 (1421)",
     ),
     Row(
         "Fig. III-12 (a)",
