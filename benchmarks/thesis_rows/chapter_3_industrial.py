@@ -14,17 +14,17 @@ ROWS = (
         shows="an example scene: a beam pinion, a condensed wheel with a conical web, and the "
         "forces and couples of the next stage on its shaft",
         reason="Torque, helix, face, web, shafts and bearings are not in the text and assumed. Its "
-        "wheel has holes, left out here: 127 is prime, and the mesh would repeat after a whole "
-        "revolution only",
+        "wheel has holes, which the scene knows and leaves out: 127 is prime, so that the mesh "
+        "repeats after a whole revolution only, which is too long for motion",
     ),
     Row(
         "Fig. III-32, III-33",
         "with the centrifugal load of 8820 rpm one side of the face is overloaded, the other is "
         "almost free",
-        "industrial, quasi-static",
+        "industrial, quasi-static, with 12 holes of 20 mm",
         "industrial.face",
         (
-            "with growth an end carries over 1.5 times the mean",
+            "with holes and growth an end carries over 1.5 times the mean",
             "... and more than any at rest",
             "the other end carries less than a quarter",
         ),
@@ -32,8 +32,8 @@ ROWS = (
             "; ".join(f"{row[0]}: left {row[1]:.2f}, right {row[2]:.2f}" for row in f.rows)
             + " of the mean"
         ),
-        reason="Most of it is there at rest, where thrust tilts the rim; how much hangs on a web "
-        "and a torque that are guesses. The thesis compares with full finite elements",
+        reason="Most of it is there at rest, where thrust tilts the rim; how much hangs on a web, "
+        "holes (those of the scene's comments) and a torque that are guesses. The thesis compares with full finite elements",
     ),
     Row(
         "Tab. III-10",
