@@ -33,7 +33,8 @@ ROWS = (
             + " of the mean"
         ),
         reason="Most of it is there at rest, where thrust tilts the rim; how much hangs on a web, "
-        "holes (those of the scene's comments) and a torque that are guesses. The thesis compares with full finite elements",
+        "holes (those of the scene's comments) and a torque that are guesses. The thesis compares "
+        "with full finite elements",
     ),
     Row(
         "Tab. III-10",
