@@ -1,6 +1,8 @@
 """The example scene of the thesis's industrial pair."""
 
 import math
+import re
+from importlib.resources import files
 
 import jax
 import jax.numpy as jnp
@@ -92,3 +94,25 @@ def test_bearings_carry_what_both_meshes_do():
     face = np.asarray(face_load(quick.pair, solve(quick)))
     assert face[-1] > 1.5 * face.mean()
     assert face[0] < face.mean()
+
+
+@pytest.mark.slow
+def test_the_holes_of_the_comments_overload_one_end_at_speed():
+    """As Fig. III-32 and III-33 have it: one side is overloaded, the other almost free."""
+    text = (files("jaxgear.scene") / "scenes" / "industrial.toml").read_text("utf-8")
+    holes = re.findall(r"^# (hole\w*) = ([\d.]+)$", text, re.MULTILINE)
+    assert len(holes) == 3
+    given = [f"wheel.body.web.{key}={value}" for key, value in holes]
+    given += ["wheel.body.fineness={sectors=96, rim_across=2}", "mesh.periods=127"]
+    less = ["wheel.body.interface=guyan", "wheel.body.modes=0", "mesh.face_coupling=none"]
+    less += ["mesh.slices=8", "mesh.phases=8", "mesh.pinion_speed_rad_s=4189.3"]
+    scene = with_bodies(example_scene("industrial", [*given, *less]))
+    model = model_of(scene)
+    (body,) = scene.bodies.values()
+    assert body.flexible.repeats == 127
+    grid = grid_of(scene, model)
+    cycle = mesh_cycle(model, grid, law=jg.ExactContact(), throw=False)
+    assert bool(jnp.all(cycle.converged))
+    face = np.asarray(face_load(model.pair, cycle))
+    assert face[-1] > 1.8 * face.mean()
+    assert face[0] < 0.25 * face.mean()
