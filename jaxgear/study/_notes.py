@@ -159,7 +159,7 @@ def _under_beams(chosen: Sequence[str], model: PairModel) -> Iterator[str]:
             yield (
                 f"The {gear} is a beam on Weber's half-planes: so thick ones had 1 to 9 % less "
                 "mean transmission error than bricks and 2 to 4 % more RMS, on a ring at most 2 % "
-                f'less and 1 to 3 % less. {gear}.foundation = "ring" and {gear}.bore_mm = '
+                f'less mean and 1 to 3 % less RMS. {gear}.foundation = "ring" and {gear}.bore_mm = '
                 f"{bore / mm:g}, that of the shaft, give it one."
             )
 
