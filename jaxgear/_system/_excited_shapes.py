@@ -20,10 +20,14 @@ from jaxgear._system._body_modes import BodyBasis
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._foot_tables import line_loads, mode_arms
 from jaxgear._system._mode_combinations import Combinations
+from jaxgear._system._residual_shapes import residual_shapes
 
 # Frequencies at which answers are looked at, up to the highest of the modes; their damping ratio;
 # positions in a mesh period.
 _FREQUENCIES, _RATIO, _POSITIONS = 60, 0.02, 8
+
+# Residual shapes.
+_RESIDUAL = 12
 
 # Motion of the seats as part of what the modes give: bearings give less than a thin web. With ten
 # times as much the largest mesh force of the accessory pair changes by 0.1 %.
@@ -88,11 +92,14 @@ def excited_shapes(
     each = lambda values: np.array(
         [x for shape in shapes for x in values(shape)[: len(shape.columns)]]
     )
+    into = np.stack([column for shape in shapes for column in shape.columns], axis=1)
+    of_modes = basis.square, basis.waves, basis.diameters
     return Combinations(
-        into=np.stack([column for shape in shapes for column in shape.columns], axis=1),
+        into=into,
         square=each(lambda shape: [shape.square] * 2),
         waves=each(lambda shape: [shape.wave, -shape.wave]),
         diameters=each(lambda shape: [shape.diameters] * 2),
+        residual=residual_shapes(*of_modes, into, loads, _RESIDUAL),
     )
 
 

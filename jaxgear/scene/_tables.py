@@ -111,7 +111,7 @@ class MeshKeys(AbstractKeys):
 
 # Natural modes of which so many times fewer excited shapes are made. Their highest is well above
 # what the harmonics of a mesh excite.
-_CANDIDATES = 4
+_CANDIDATES = 8
 
 
 class ModelKeys(AbstractKeys):
@@ -134,7 +134,7 @@ class ModelKeys(AbstractKeys):
     @property
     def modes(self) -> int:
         """Shapes by which each condensed body vibrates, 0: all."""
-        usual = {"excited": 250, "natural": 100}[self.shapes]
+        usual = {"excited": 200, "natural": 100}[self.shapes]
         return usual if self.coordinates is None else self.coordinates
 
     @property
