@@ -27,10 +27,14 @@ if TYPE_CHECKING:
     ModeRows = Array
     PerMode = Array
     BodyMatrix = Array
+    MovingMatrix = Array
+    TurningMatrix = Array
 else:
-    ModeRows = Float[Array, "period component cell mode"]
+    ModeRows = Float[Array, "period component cell own_mode"]
     PerMode = Float[Array, "mode"]
     BodyMatrix = Float[Array, "seat_dof_and_mode seat_dof_and_mode"]
+    MovingMatrix = Float[Array, "motion motion"]
+    TurningMatrix = Float[Array, "motion seat_dof_and_mode"]
 
 
 class BodyModes(eqx.Module):
@@ -41,8 +45,8 @@ class BodyModes(eqx.Module):
     **Fields:**
 
     - `square`: $\omega^2$ of each mode and residual shape [rad2/s2].
-    - `rows`: motion of the feet per mode, in the frame of each foot, as of `FlexibleBody`
-        [kg^-1/2, m^-1 kg^-1/2].
+    - `rows`: motion of the feet per mode, residual shapes apart, in the frame of each foot, as of
+        `FlexibleBody` [kg^-1/2, m^-1 kg^-1/2].
     - `load`: on modes and residual shapes by rotation, per square of the speed [kg^1/2 m].
     - `mass`: of all coordinates, and of what residual shapes become as the body turns beneath
         them; of unit modal mass [kg, kg m, kg m2].
@@ -61,9 +65,9 @@ class BodyModes(eqx.Module):
     square: PerMode
     rows: ModeRows
     load: PerMode
-    mass: Float[Array, "motion motion"]
-    turning: Float[Array, "motion seat_dof_and_mode"]
-    coriolis: Float[Array, "motion motion"] | None
+    mass: MovingMatrix
+    turning: TurningMatrix
+    coriolis: MovingMatrix | None
     softening: BodyMatrix | None
     waves: tuple[int, ...] = eqx.field(static=True)
     diameters: tuple[int, ...] = eqx.field(static=True)

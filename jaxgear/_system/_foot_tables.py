@@ -97,8 +97,8 @@ def mode_arms(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLine
             (weights[c][:, :, None] * rows[i][None] for i, c in enumerate(body.components)),
             jnp.zeros(()),
         )
-        ahead = (angle[:, 0] - on_body[own])[:, None]
-        turned = ahead[:, :, None] * number[None, None, :]
+        ahead = angle[:, 0] - on_body[own]
+        turned = ahead[:, None, None] * number[None, None, :]
         # The first of a pair has a positive number, the second the same negative.
         arms = jnp.cos(turned) * arms - jnp.sin(turned) * arms[:, :, partner]
         if modes.residual is None:

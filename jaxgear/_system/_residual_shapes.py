@@ -6,7 +6,7 @@ third more than that. But loads act at one place in space, and their static answ
 they take part of hundreds of shapes that turn with the body. These answers, the residual vectors of
 component mode synthesis (MacNeal 1971, Craig and Kurdila 2006, 17.5), are added to the shapes. They
 stand still in space while the body turns beneath them: with $J$ of all modes, $J R$ is how such
-shapes change as it turns, and it is no combination of them.
+shapes change as it turns, and it is no combination of them (theory 8.16).
 """
 
 from typing import NamedTuple
@@ -52,11 +52,11 @@ class ResidualShapes(eqx.Module):
 
         - `period`: of the table.
         - `weights`: approach per motion of a foot's components, `[phase, cell]` each.
-        - `turned`: angle by which the waves are ahead, `[phase, cell]` or to be spread [rad].
+        - `turned`: angle by which the waves are ahead, `[phase]` [rad].
         """
-        angle = turned[..., None] * jnp.asarray(self.waves, dtype=float)
+        angle = turned[:, None] * jnp.asarray(self.waves, dtype=float)[None, :]
         cosine, sine = self.rows[period]
-        at = lambda wave, rows: jnp.einsum("pcw,cwk->pck", wave, rows)
+        at = lambda wave, rows: jnp.einsum("pw,cwk->pck", wave, rows)
         return sum(
             (
                 weight[:, :, None] * (at(jnp.cos(angle), c) - at(jnp.sin(angle), s))

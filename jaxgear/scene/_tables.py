@@ -109,8 +109,8 @@ class MeshKeys(AbstractKeys):
     )
 
 
-# Natural modes of which so many times fewer excited shapes are made. Their highest is well above
-# what the harmonics of a mesh excite.
+# Natural modes of which so many times fewer excited shapes are made: what is beyond them follows
+# without inertia. With half as many the largest mesh force of the accessory wheel is 0.4 % off.
 _CANDIDATES = 8
 
 
@@ -119,12 +119,13 @@ class ModelKeys(AbstractKeys):
 
     coordinates: int | None = key(
         "shapes by which each condensed body vibrates, the rest with their static part; 0: all, "
-        "250 unless said, of natural modes 100",
+        "200 unless said, of natural modes 100",
         "[0, inf)",
     )
     shapes: Literal["natural", "excited"] = key(
-        "which these are; natural: the lowest natural modes, seats held; excited: a quarter are "
-        "these, the others those combinations of higher ones that the mesh excites most",
+        "which these are; natural: the lowest natural modes, seats held; excited: an eighth are "
+        "these, the others those combinations of higher ones that the mesh excites most, and 12 "
+        "more give what all others give at rest",
         default="excited",
     )
     mesh_coordinates: int | None = key(
