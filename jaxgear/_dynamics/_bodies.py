@@ -37,6 +37,7 @@ class BodyPlace(eqx.Module):
     **Fields:**
 
     - `square`: of the angular frequency of its modes, all seats held [rad2/s2].
+    - `residual`: the same of its residual shapes, whose degrees of freedom follow the modes'.
     - `turning`: $J$ of its seats and modes [-].
     - `index`: 0 for the pinion, 1 for the wheel.
     - `seats`: degrees of freedom of its seats, six each.
@@ -46,6 +47,7 @@ class BodyPlace(eqx.Module):
     """
 
     square: ModeValues
+    residual: Array
     turning: Matrix
     index: int = eqx.field(static=True)
     seats: tuple[int, ...] = eqx.field(static=True)
@@ -53,6 +55,12 @@ class BodyPlace(eqx.Module):
     speed: float = eqx.field(static=True)
     waves: tuple[int, ...] = eqx.field(static=True)
     diameters: tuple[int, ...] = eqx.field(static=True)
+
+    @property
+    def residual_dofs(self) -> np.ndarray:
+        """Degrees of freedom of its residual shapes."""
+        first = self.first + len(self.waves)
+        return np.arange(first, first + self.residual.size)
 
 
 class VibratingBody(NamedTuple):
@@ -92,9 +100,12 @@ class VibratingBody(NamedTuple):
     @property
     def place(self) -> BodyPlace:
         """What others need of it."""
+        count = len(self.modes.waves)
+        closed = self.modes.seat_dofs + count
         return BodyPlace(
-            square=self.modes.square,
-            turning=self.modes.turning,
+            square=self.modes.square[:count],
+            residual=self.modes.square[count:],
+            turning=self.modes.turning[:closed, :closed],
             index=self.index,
             seats=tuple(int(dof) for dof in self.seats),
             first=self.first,
@@ -199,7 +210,8 @@ def matrices_with(
     structure = mounted.structure
     mass, stiffness = (with_modes(each, size) for each in (structure.mass, structure.stiffness))
     for each in bodies:
-        mass = mass.at[each.dofs[:, None], each.dofs[None, :]].add(each.modes.mass)
+        own_mass = each.modes.mass[: each.modes.size, : each.modes.size]
+        mass = mass.at[each.dofs[:, None], each.dofs[None, :]].add(own_mass)
         own = each.dofs[len(each.seats) :]
         stiffness = stiffness.at[own, own].add(each.modes.square)
     return mass, stiffness
@@ -249,13 +261,16 @@ def turning_terms(
     terms = TurningTerms(none, none, none, jnp.zeros(size))
     for each in bodies:
         modes, at = each.modes, (each.dofs[:, None], each.dofs[None, :])
-        seats, count = len(each.seats), modes.square.size
-        waves = jnp.asarray(np.r_[np.zeros(seats), np.asarray(modes.diameters) >= _TURNING])
+        seats, size, count = modes.seat_dofs, modes.size, modes.square.size
+        waves = np.r_[np.zeros(seats), np.asarray(modes.diameters) >= _TURNING]
+        # Residual shapes turn, as all of their waves do, and what they damp stays behind.
+        alone = np.ones(len(modes.turning) - size)
+        turns = jnp.asarray(np.concatenate([waves, np.zeros(size - waves.size), alone]))
         rates = damping.matrix(jnp.eye(count), jnp.diag(modes.square), jnp.zeros((count, count)))
-        damped = waves * jnp.concatenate([jnp.zeros(seats), jnp.diagonal(rates)])
-        turning = modes.turning if whole else modes.turning * waves[:, None]
+        damped = turns[:size] * jnp.concatenate([jnp.zeros(seats), jnp.diagonal(rates)])
+        turning = modes.turning if whole else modes.turning * turns[:, None]
         moved = -each.speed * turning
-        gyroscopic = modes.mass @ moved - moved.T @ modes.mass
+        gyroscopic = modes.mass[:size] @ moved - moved.T @ modes.mass[:, :size]
         softening = -moved.T @ modes.mass @ moved
         if whole:
             require(
@@ -266,10 +281,10 @@ def turning_terms(
             )
             assert modes.coriolis is not None
             assert modes.softening is not None
-            turned = each.speed * modes.coriolis @ moved
-            gyroscopic = gyroscopic + each.speed * modes.coriolis
+            turned = each.speed * modes.coriolis[:size] @ moved
+            gyroscopic = gyroscopic + each.speed * modes.coriolis[:size, :size]
             softening = softening + turned + each.speed**2 * modes.softening
-        circulatory = damped[:, None] * moved * waves[None, :]
+        circulatory = damped[:, None] * moved[:size] * turns[None, :size]
         terms = TurningTerms(
             gyroscopic=terms.gyroscopic.at[at].add(0.5 * (gyroscopic - gyroscopic.T)),
             circulatory=terms.circulatory.at[at].add(circulatory),

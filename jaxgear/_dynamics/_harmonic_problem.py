@@ -195,6 +195,12 @@ def linearised(problem: Problem, terms: Terms) -> tuple[Terms, Reals]:
     The imbalance [-], and a square matrix on the flattened harmonics [1/m, 1/rad].
     """
     _, total, slopes = loads_of(problem, terms)
+    missing = _imbalance(problem, terms, problem.analysis @ total)
+    return missing, _slope(problem, terms, slopes)
+
+
+def _slope(problem: Problem, terms: Terms, slopes: list[tuple[StepMatrices, Basis]]) -> Reals:
+    """Derivative of the imbalance, from the slopes of the load."""
     width, count = terms.shape
     spread = [tangent[:, :, :, None] * values[:, None, None, :] for tangent, values in slopes]
     spread = functools.reduce(operator.add, spread)
@@ -204,9 +210,7 @@ def linearised(problem: Problem, terms: Terms) -> tuple[Terms, Reals]:
     matrix = _missing(problem, place.reshape(columns), load.reshape(columns))
     # Rows in the order of the imbalance: coordinates leading.
     matrix = jnp.moveaxis(matrix, 0, 1) / problem.scales[:, None, None]
-    return _imbalance(problem, terms, problem.analysis @ total), matrix.reshape(
-        width * count, width * count
-    )
+    return matrix.reshape(width * count, width * count)
 
 
 class _Search(eqx.Module):
@@ -230,6 +234,9 @@ class _Search(eqx.Module):
 # are halved until it falls.
 _FREE_STEPS = 12
 
+# Imbalance that is rounding, in static deflections [-].
+_ROUNDING = 1e-13
+
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
 def root_of(
@@ -238,10 +245,17 @@ def root_of(
     """Harmonics in balance, the imbalance one Newton step before them, and the number of steps."""
     tolerance, most_steps = settings
 
+    def step_of(missing: Terms, slopes: list[tuple[StepMatrices, Basis]]) -> Terms:
+        matrix = _slope(problem, missing, slopes)
+        return jnp.linalg.solve(matrix, missing.reshape(-1)).reshape(missing.shape)
+
     def body(state: _Search) -> _Search:
-        missing, matrix = linearised(problem, state.trial)
+        _, total, slopes = loads_of(problem, state.trial)
+        missing = _imbalance(problem, state.trial, problem.analysis @ total)
         error = jnp.max(jnp.abs(missing))
-        step = jnp.linalg.solve(matrix, missing.reshape(-1)).reshape(missing.shape)
+        # A step in the contact that is found leaves nothing but rounding, and no step to take.
+        stay = lambda missing, _: jnp.zeros_like(missing)
+        step = jax.lax.cond(error > _ROUNDING, step_of, stay, missing, slopes)
         finite = jnp.isfinite(error) & jnp.all(jnp.isfinite(step))
         better = finite & (error < state.error)
         best = jnp.where(better, state.trial, state.best)

@@ -236,6 +236,8 @@ def gear_parts(dynamics: PairDynamics) -> tuple[tuple[str, Matrix], ...]:
             if name == f"{BODIES[body.index]} shaft":
                 own = np.arange(body.first, body.first + body.square.size)
                 whole = whole.at[own, own].add(body.square)
+                more = body.residual_dofs
+                whole = whole.at[more, more].add(body.residual)
         parts.append((name, whole[dofs[:, None], dofs[None, :]]))
     return tuple(parts)
 

@@ -112,12 +112,15 @@ def gear_of(dynamics: PairDynamics) -> np.ndarray:
     numbers = np.asarray(dynamics.dofs)
     gear = (numbers >= mapped.sizes[0]).astype(int)
     for body in dynamics.bodies:
-        gear[(numbers >= body.first) & (numbers < body.first + len(body.waves))] = body.index
+        own = (numbers >= body.first) & (numbers < body.first + len(body.waves))
+        gear[own | np.isin(numbers, body.residual_dofs)] = body.index
     return gear
 
 
 # Nodal diameters of displacements and rotations of a node along S, T, Z.
 _NODE = np.array([1, 1, 0, 1, 1, 0])
+
+_NO_WAVE = -1
 
 
 def waves_of(dynamics: PairDynamics, sectors: tuple[int, int]) -> list[Wave]:
@@ -125,7 +128,8 @@ def waves_of(dynamics: PairDynamics, sectors: tuple[int, int]) -> list[Wave]:
     numbers, gears = np.asarray(dynamics.dofs), gear_of(dynamics)
     mapped = dynamics.cycle.system.structure.map
     rigid = numbers < mapped.size
-    diameters = np.where(rigid, _NODE[numbers % 6], 0)
+    # Residual shapes are of many waves, and count with none.
+    diameters = np.where(rigid, _NODE[numbers % 6], _NO_WAVE)
     # Of pairs the wave number, positive for the first and negative for the second.
     number = np.where(rigid & (_NODE[numbers % 6] == 1), np.where(numbers % 3 == 0, 1, -1), 0)
     teeth = dynamics.cycle.system.pair.teeth
@@ -135,6 +139,8 @@ def waves_of(dynamics: PairDynamics, sectors: tuple[int, int]) -> list[Wave]:
         diameters[own], number[own] = body.diameters, body.waves
     found = []
     for gear, n in sorted(set(zip(gears.tolist(), diameters.tolist(), strict=True))):
+        if n == _NO_WAVE:
+            continue
         dofs = np.flatnonzero((gears == gear) & (diameters == n))
         signs = number[dofs]
         first = np.flatnonzero((signs[:-1] > 0) & (signs[1:] == -signs[:-1]))

@@ -20,48 +20,69 @@ from jaxtyping import Array, Float
 
 from jaxgear._checks import require
 from jaxgear._system._condensed import Condensed
+from jaxgear._system._residual_shapes import ResidualShapes
 from jaxgear._system._sector_modes import SectorMotions, nodal_diameters
 
 if TYPE_CHECKING:
     ModeRows = Array
     PerMode = Array
     BodyMatrix = Array
+    MovingMatrix = Array
+    TurningMatrix = Array
 else:
-    ModeRows = Float[Array, "period component cell mode"]
+    ModeRows = Float[Array, "period component cell own_mode"]
     PerMode = Float[Array, "mode"]
     BodyMatrix = Float[Array, "seat_dof_and_mode seat_dof_and_mode"]
+    MovingMatrix = Float[Array, "motion motion"]
+    TurningMatrix = Float[Array, "motion seat_dof_and_mode"]
 
 
 class BodyModes(eqx.Module):
     r"""What of a condensed body vibrates: its mass on the seats, and its modes with these held.
 
-    Coordinates are the displacements of the seats, then the modes.
+    Coordinates are the displacements of the seats, then the modes, and then residual shapes.
 
     **Fields:**
 
-    - `square`: $\omega^2$ of each mode [rad2/s2].
-    - `rows`: motion of the feet per mode, in the frame of each foot, as of `FlexibleBody`
-        [kg^-1/2, m^-1 kg^-1/2].
-    - `load`: on the modes by rotation, per square of the speed [kg^1/2 m].
-    - `mass`: of all coordinates; of unit modal mass [kg, kg m, kg m2].
-    - `turning`: $J$ of all coordinates, antisymmetric: their change per turn of the body [-].
-    - `coriolis`, `softening`: $G$ of the body per speed, and $K_\sigma - M_\perp$ per its square,
-        of all coordinates, or `None` if the body was made without them [kg, kg m, kg m2].
+    - `square`: $\omega^2$ of each mode and residual shape [rad2/s2].
+    - `rows`: motion of the feet per mode, residual shapes apart, in the frame of each foot, as of
+        `FlexibleBody` [kg^-1/2, m^-1 kg^-1/2].
+    - `load`: on modes and residual shapes by rotation, per square of the speed [kg^1/2 m].
+    - `mass`: of all coordinates, and of what residual shapes become as the body turns beneath
+        them; of unit modal mass [kg, kg m, kg m2].
+    - `turning`: $J$: change of all coordinates per turn of the body, antisymmetric but for
+        residual shapes, which become others, the last rows [-].
+    - `coriolis`, `softening`: $G$ of the body per speed, as `mass`, and $K_\sigma - M_\perp$ per
+        its square, of all coordinates, or `None` if the body was made without them
+        [kg, kg m, kg m2].
     - `waves`: wave number of each mode, counted as far as the sectors tell them apart.
     - `diameters`: nodal diameters of each mode.
-    - `heat`: load on the modes per free strain of hub and rim, or `None` [kg^1/2 m/s2].
+    - `heat`: load on modes and residual shapes per free strain of hub and rim, or `None`
+        [kg^1/2 m/s2].
+    - `residual`: how residual shapes move the feet, or `None`: there are none.
     """
 
     square: PerMode
     rows: ModeRows
     load: PerMode
-    mass: BodyMatrix
-    turning: BodyMatrix
-    coriolis: BodyMatrix | None
+    mass: MovingMatrix
+    turning: TurningMatrix
+    coriolis: MovingMatrix | None
     softening: BodyMatrix | None
     waves: tuple[int, ...] = eqx.field(static=True)
     diameters: tuple[int, ...] = eqx.field(static=True)
     heat: Float[Array, "mode part"] | None = None
+    residual: ResidualShapes | None = None
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        return self.turning.shape[1]
+
+    @property
+    def seat_dofs(self) -> int:
+        """Coordinates that are displacements of the seats."""
+        return self.size - self.square.size
 
     @property
     def frequency(self) -> PerMode:

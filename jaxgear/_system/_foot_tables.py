@@ -64,7 +64,7 @@ def foot_tables(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLi
 
 
 def mode_arms(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLines) -> CellArmGrid:
-    """Approach of each cell per motion of the modes, in coordinates that stand still in space.
+    """Approach of each cell per motion of modes and residual shapes, in coordinates of space.
 
     **Arguments:**
 
@@ -97,9 +97,14 @@ def mode_arms(pair: GearPair, index: int, body: FlexibleBody, lines: ContactLine
             (weights[c][:, :, None] * rows[i][None] for i, c in enumerate(body.components)),
             jnp.zeros(()),
         )
-        turned = (angle[:, 0] - on_body[own])[:, None, None] * number[None, None, :]
+        ahead = angle[:, 0] - on_body[own]
+        turned = ahead[:, None, None] * number[None, None, :]
         # The first of a pair has a positive number, the second the same negative.
-        return jnp.cos(turned) * arms - jnp.sin(turned) * arms[:, :, partner]
+        arms = jnp.cos(turned) * arms - jnp.sin(turned) * arms[:, :, partner]
+        if modes.residual is None:
+            return arms
+        kept = [weights[c] for c in body.components]
+        return jnp.concatenate([arms, modes.residual.arms(own, kept, ahead)], axis=2)
 
     found = jax.lax.map(of_period, (jnp.arange(lines.periods), roll))
     return found.reshape(-1, *found.shape[2:])

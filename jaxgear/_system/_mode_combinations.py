@@ -9,6 +9,7 @@ import numpy as np
 
 from jaxgear._system._body_modes import BodyBasis
 from jaxgear._system._flexible import FlexibleBody
+from jaxgear._system._residual_shapes import Residual
 
 
 class Combinations(NamedTuple):
@@ -19,15 +20,17 @@ class Combinations(NamedTuple):
     - `into`: the columns, `[mode, combination]` [-].
     - `square`: of their angular frequencies [rad2/s2].
     - `waves`, `diameters`: as of `BodyBasis`.
+    - `residual`: shapes beside them that stand still in space, or `None`.
     """
 
     into: np.ndarray
     square: np.ndarray
     waves: np.ndarray
     diameters: np.ndarray
+    residual: Residual | None = None
 
     def of_basis(self, basis: BodyBasis) -> BodyBasis:
-        """The basis on these combinations of its modes."""
+        """The basis on these combinations of its modes, without residual shapes."""
         return dataclasses.replace(
             basis,
             square=self.square,
@@ -40,26 +43,39 @@ class Combinations(NamedTuple):
         """The body on these combinations of its modes; what they leave deflects statically."""
         modes = body.modes
         assert modes is not None
-        seats = modes.mass.shape[0] - modes.square.size
-        into = jnp.asarray(self.into)
-        all_into = jax.scipy.linalg.block_diag(jnp.eye(seats), into)
-        mass = all_into.T @ modes.mass @ all_into
-        onto = lambda matrix: None if matrix is None else all_into.T @ matrix @ all_into
+        assert modes.residual is None
+        seats, into = modes.seat_dofs, jnp.asarray(self.into)
+        closed = seats + self.square.size
+        none = Residual(np.zeros((into.shape[0], 0)), np.zeros(0))
+        residual = none if self.residual is None else self.residual
+        own, count = jnp.asarray(residual.into), residual.square.size
+        # All that moves: the coordinates, and what residual shapes become as the body turns.
+        moving = jnp.concatenate([into, own, modes.turning[seats:, seats:] @ own], axis=1)
+        moving = jax.scipy.linalg.block_diag(jnp.eye(seats), moving)
+        size = closed + count
+        shapes = moving[seats:, seats:size]
+        onto = lambda matrix: None if matrix is None else moving.T @ matrix @ moving
+        mass, softening = onto(modes.mass), onto(modes.softening)
+        assert mass is not None
+        turning = jnp.zeros((size + count, size)).at[size:, closed:].set(jnp.eye(count))
+        own_turning = moving[:, :closed].T @ modes.turning @ moving[:, :closed]
+        waves = np.asarray(modes.waves)
         return dataclasses.replace(
             body,
             modes=dataclasses.replace(
                 modes,
-                square=jnp.asarray(self.square),
+                square=jnp.asarray(np.concatenate([self.square, residual.square])),
                 rows=modes.rows @ into,
-                load=into.T @ modes.load,
-                heat=None if modes.heat is None else into.T @ modes.heat,
+                load=shapes.T @ modes.load,
+                heat=None if modes.heat is None else shapes.T @ modes.heat,
                 # Of unit modal mass: what rounding leaves would tie pairs together.
-                mass=mass.at[seats:, seats:].set(jnp.eye(self.square.size)),
-                turning=onto(modes.turning),
+                mass=mass.at[seats:closed, seats:closed].set(jnp.eye(self.square.size)),
+                turning=turning.at[:closed, :closed].set(own_turning),
                 coriolis=onto(modes.coriolis),
-                softening=onto(modes.softening),
+                softening=None if softening is None else softening[:size, :size],
                 waves=tuple(int(wave) for wave in self.waves),
                 diameters=tuple(int(number) for number in self.diameters),
+                residual=residual.rows(modes.rows, waves) if count else None,
             ),
         )
 

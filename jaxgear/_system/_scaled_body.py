@@ -10,7 +10,6 @@ import dataclasses
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array
 
 from jaxgear._checks import require
 from jaxgear._system._body_heat import BodyHeat
@@ -75,15 +74,21 @@ def _scaled_heat(heat: BodyHeat, stiffer: Scalar) -> BodyHeat:
 def _scaled_modes(modes: BodyModes, stiffer: Scalar, denser: Scalar) -> BodyModes:
     """The modes: unit modal mass stays, so that their shapes take the root of the density."""
     root = jnp.sqrt(denser)
-    seats = modes.mass.shape[0] - modes.square.size
+    seats, size = modes.seat_dofs, modes.size
     # Of seats and modes: what is between two seats takes all of the density, and two roots.
     each = jnp.where(jnp.arange(modes.mass.shape[0]) < seats, root, 1.0)
     inertia = lambda matrix: each[:, None] * matrix * each[None, :]
-    of_rotation: list[Array | None] = [
-        None if matrix is None else inertia(matrix) for matrix in (modes.coriolis, modes.softening)
-    ]
+    softening = modes.softening
+    if softening is not None:
+        softening = each[:size, None] * softening * each[None, :size]
+    residual = modes.residual
+    if residual is not None:
+        residual = dataclasses.replace(residual, rows=residual.rows / root)
     return eqx.tree_at(
-        lambda m: (m.square, m.rows, m.load, m.heat, m.mass, m.coriolis, m.softening),
+        lambda m: (
+            *(m.square, m.rows, m.load, m.heat, m.mass, m.coriolis),
+            *(m.softening, m.residual),
+        ),
         modes,
         (
             modes.square * (stiffer / denser),
@@ -91,7 +96,9 @@ def _scaled_modes(modes: BodyModes, stiffer: Scalar, denser: Scalar) -> BodyMode
             modes.load * root,
             None if modes.heat is None else modes.heat * (stiffer / root),
             inertia(modes.mass),
-            *of_rotation,
+            None if modes.coriolis is None else inertia(modes.coriolis),
+            softening,
+            residual,
         ),
         is_leaf=lambda x: x is None,
     )

@@ -1,0 +1,139 @@
+r"""Residual shapes: how the rest of a body answers loads on the flanks, as shapes in space.
+
+A body vibrates on few of its shapes. What all others give follows its load at once, without
+inertia, which is the largest error of what is left out: at half the frequency of a shape it gives a
+third more than that. But loads act at one place in space, and their static answers are few, though
+they take part of hundreds of shapes that turn with the body. These answers, the residual vectors of
+component mode synthesis (MacNeal 1971, Craig and Kurdila 2006, 17.5), are added to the shapes. They
+stand still in space while the body turns beneath them: with $J$ of all modes, $J R$ is how such
+shapes change as it turns, and it is no combination of them (theory 8.16).
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxgear._types import Reals
+
+# Waves of fewer nodal diameters move the seats, and are left to the shapes.
+_LEAST_DIAMETERS = 2
+
+# Answers smaller than this, of the largest, are rounding.
+_NOISE = 1e-8
+
+
+class ResidualShapes(eqx.Module):
+    r"""Motion of the feet by residual shapes, by the waves that they are made of.
+
+    Of the wave number $w$, at the angle $\theta$ between the body and the coordinates in space, a
+    foot moves by $\cos w\theta\,c_w - \sin w\theta\,s_w$ in its frame.
+
+    **Fields:**
+
+    - `rows`: $c_w$, then $s_w$ [kg^-1/2, m^-1 kg^-1/2].
+    - `waves`: $w$.
+    """
+
+    rows: Float[Array, "period part component cell wave shape"]
+    waves: tuple[int, ...] = eqx.field(static=True)
+
+    @property
+    def count(self) -> int:
+        """Number of shapes."""
+        return self.rows.shape[-1]
+
+    def arms(self, period: Array, weights: list[Array], turned: Reals) -> Array:
+        """Approach of cells per motion of the shapes, `[phase, cell, shape]` [kg^-1/2].
+
+        **Arguments:**
+
+        - `period`: of the table.
+        - `weights`: approach per motion of a foot's components, `[phase, cell]` each.
+        - `turned`: angle by which the waves are ahead, `[phase]` [rad].
+        """
+        angle = turned[:, None] * jnp.asarray(self.waves, dtype=float)[None, :]
+        cosine, sine = self.rows[period]
+        at = lambda wave, rows: jnp.einsum("pw,cwk->pck", wave, rows)
+        return sum(
+            (
+                weight[:, :, None] * (at(jnp.cos(angle), c) - at(jnp.sin(angle), s))
+                for weight, c, s in zip(weights, cosine, sine, strict=True)
+            ),
+            jnp.zeros(()),
+        )
+
+
+class Residual(NamedTuple):
+    """Residual shapes as combinations of modes.
+
+    **Fields:**
+
+    - `into`: of unit mass, and apart in stiffness from each other and from the shapes that are
+        kept, `[mode, shape]` [-].
+    - `square`: of their angular frequencies [rad2/s2].
+    """
+
+    into: np.ndarray
+    square: np.ndarray
+
+    def rows(self, rows: Array, waves: np.ndarray) -> ResidualShapes:
+        """The motion of feet.
+
+        **Arguments:**
+
+        - `rows`: of the modes, as of `BodyModes`.
+        - `waves`: of the modes.
+        """
+        apart = np.unique(np.abs(waves[np.any(self.into != 0.0, axis=1)]))
+        partner = np.arange(len(waves)) + np.where(waves < 0, -1, 0)
+        partner[np.flatnonzero(waves < 0) - 1] += 1
+        of_wave = (np.abs(waves)[None, :] == apart[:, None])[:, :, None] * self.into[None]
+        signed = np.sign(waves)[None, :, None] * of_wave
+        signed[:, partner == np.arange(len(waves))] = 0.0
+        onto = lambda own, shares: jnp.einsum("xicm,wmk->xicwk", own, jnp.asarray(shares))
+        parts = [onto(rows, of_wave), onto(rows[..., partner], signed)]
+        return ResidualShapes(jnp.stack(parts, axis=1), tuple(int(wave) for wave in apart))
+
+
+def residual_shapes(
+    square: np.ndarray,
+    waves: np.ndarray,
+    diameters: np.ndarray,
+    kept: np.ndarray,
+    loads: np.ndarray,
+    count: int,
+) -> Residual:
+    r"""The residual shapes that move most, in strain energy, under loads on the flanks.
+
+    With $\Lambda$ the squares and $Q$ what is kept, they span the first singular vectors of
+    $\Lambda^{-1}L^T$ less its part in $Q$, both measured by $\Lambda$.
+
+    **Arguments:**
+
+    - `square`, `waves`, `diameters`: of the modes.
+    - `kept`: $Q$, shapes on which the body vibrates, `[mode, shape]`.
+    - `loads`: $L$, loads on the modes, `[load, mode]` [kg^-1/2].
+    - `count`: number of residual shapes.
+
+    **Returns:**
+
+    They; fewer if all answers are combinations of fewer.
+    """
+    root = np.sqrt(square)
+    turns = (np.abs(waves) >= _LEAST_DIAMETERS) & (diameters >= _LEAST_DIAMETERS)
+    answers = ((loads / root) * turns).T
+    ours = np.linalg.qr(root[:, None] * kept)[0]
+    size = np.linalg.norm(answers)
+    # Twice, so that what is left is apart from what is kept to the last digit.
+    for _ in range(2):
+        answers = answers - ours @ (ours.T @ answers)
+    vectors, sizes, _ = np.linalg.svd(answers, full_matrices=False)
+    few = vectors[:, :count][:, sizes[:count] > _NOISE * size]
+    into = few / root[:, None] * turns[:, None]
+    values, turn = np.linalg.eigh(into.T @ into)
+    order = np.argsort(-values)
+    values, turn = values[order], turn[:, order]
+    return Residual(into @ turn / np.sqrt(values), 1.0 / values)
