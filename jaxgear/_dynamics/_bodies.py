@@ -37,7 +37,7 @@ class BodyPlace(eqx.Module):
     **Fields:**
 
     - `square`: of the angular frequency of its modes, all seats held [rad2/s2].
-    - `residual`: the same of its residual shapes, whose degrees of freedom follow the modes'.
+    - `residual`: of its residual shapes, whose degrees of freedom follow the modes' [rad2/s2].
     - `turning`: $J$ of its seats and modes [-].
     - `index`: 0 for the pinion, 1 for the wheel.
     - `seats`: degrees of freedom of its seats, six each.

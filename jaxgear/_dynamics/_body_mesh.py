@@ -46,11 +46,11 @@ def body_mesh(
 
     With $A$ the arms of cells, $P$ some loads on them and $F$ the flexibility of the structure, the
     gears' rotation held, the combinations kept are the first eigenvectors of $D A^TPP^TA D$, $D^2$
-    the diagonal of $F$. A load that they hold all of excites each mode as it does without them.
-    What they leave out follows its load at once; of the load that is always there this must be next
-    to nothing, or what the body gives on the mean rides up and down with it. Hence the loads are
-    those of the cycle at rest and, a tenth of them, loads on each line. The coordinates of
-    sections, seven beside a beam, are kept as they are.
+    the diagonal of $F$, of residual shapes a small part of it. A load that they hold all of excites
+    each mode as it does without them. What they leave out follows its load at once; of the load
+    that is always there this must be next to nothing, or what the body gives on the mean rides up
+    and down with it. Hence the loads are those of the cycle at rest and, a tenth of them, loads on
+    each line. The coordinates of sections, seven beside a beam, are kept as they are.
 
     **Arguments:**
 
@@ -73,7 +73,8 @@ def body_mesh(
         jnp.stack(parts) for parts in zip(*(each[:3] for each in at_cells), strict=True)
     )
     held = _held(mounted, bodies)
-    few = _combinations(arms, _loads(cycle), held.give, held.sections, coordinates)
+    size = jnp.sqrt(jnp.diagonal(held.give)) * held.weights
+    few = _combinations(arms, _loads(cycle), size, held.sections, coordinates)
     met, give = arms @ few.into, few.out_of.T @ held.give @ few.out_of
     # What cells give in all, less what of it is in the motion of the mesh coordinates.
     whole, kept = arms[_MIDDLE_PLACE][:, :, : held.count], met[_MIDDLE_PLACE]
@@ -165,6 +166,7 @@ class _HeldStructure(NamedTuple):
     - `outside`: of these motions under the loads from outside and by heat.
     - `sections`: of them that are motions of sections: the first.
     - `count`: of them that are not modes.
+    - `weights`: with which each counts in the choice of mesh coordinates [-].
     """
 
     vectors: Array
@@ -173,6 +175,12 @@ class _HeldStructure(NamedTuple):
     outside: Array
     sections: int
     count: int
+    weights: np.ndarray
+
+
+# Of residual shapes: they give most under a load and vibrate least. With 12 mesh coordinates the
+# RMS of TE of the power wheel, helical, is up to 7 % off if they count like others, and 2 % so.
+_OF_RESIDUAL = 0.02
 
 
 def _held(mounted: PairSystem, bodies: list[VibratingBody]) -> _HeldStructure:
@@ -199,7 +207,14 @@ def _held(mounted: PairSystem, bodies: list[VibratingBody]) -> _HeldStructure:
         outside=jnp.concatenate([statics.mesh_offset[:count], warm]),
         sections=sections,
         count=count,
+        weights=np.concatenate([np.ones(count), *(_weights(each) for each in bodies)]),
     )
+
+
+def _weights(each: VibratingBody) -> np.ndarray:
+    """Of the modes of a body, then of its residual shapes."""
+    modes = len(each.modes.waves)
+    return np.where(np.arange(each.modes.square.size) < modes, 1.0, _OF_RESIDUAL)
 
 
 def _section_vectors(mounted: PairSystem, bodies: list[VibratingBody]) -> DofCoordinates:
@@ -258,10 +273,10 @@ def _loads(cycle: MeshCycle) -> Array:
 
 
 def _combinations(
-    arms: Array, loads: Array, give: Array, sections: int, count: int
+    arms: Array, loads: Array, size: Array, sections: int, count: int
 ) -> _Combinations:
-    """Those by which these loads move the cells most."""
-    size = jnp.sqrt(jnp.diagonal(give)[sections:])
+    """Those by which these loads move the cells most, motions measured by their sizes."""
+    size = size[sections:]
     seen = jnp.einsum("tpc,xtcn->xtpn", loads, arms[..., sections:])
     seen = seen.reshape(-1, size.size) * size[None, :]
     patterns = _leading(seen.T @ seen, count)
