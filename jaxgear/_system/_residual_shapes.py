@@ -87,12 +87,13 @@ class Residual(NamedTuple):
         - `rows`: of the modes, as of `BodyModes`.
         - `waves`: of the modes.
         """
-        apart = np.unique(np.abs(waves[np.any(self.into != 0.0, axis=1)]))
         partner = np.arange(len(waves)) + np.where(waves < 0, -1, 0)
         partner[np.flatnonzero(waves < 0) - 1] += 1
-        of_wave = (np.abs(waves)[None, :] == apart[:, None])[:, :, None] * self.into[None]
-        signed = np.sign(waves)[None, :, None] * of_wave
-        signed[:, partner == np.arange(len(waves))] = 0.0
+        # What has no partner stands still on the body.
+        number = np.where(partner == np.arange(len(waves)), 0, waves)
+        apart = np.unique(np.abs(number[np.any(self.into != 0.0, axis=1)]))
+        of_wave = (np.abs(number)[None, :] == apart[:, None])[:, :, None] * self.into[None]
+        signed = np.sign(number)[None, :, None] * of_wave
         onto = lambda own, shares: jnp.einsum("xicm,wmk->xicwk", own, jnp.asarray(shares))
         parts = [onto(rows, of_wave), onto(rows[..., partner], signed)]
         return ResidualShapes(jnp.stack(parts, axis=1), tuple(int(wave) for wave in apart))

@@ -60,15 +60,15 @@ def test_loads_that_coordinates_hold_excite_every_mode_as_without_them():
     random = np.random.default_rng(3)
     arms = random.normal(size=(3, 5, 8, 40))
     # Two loads at each of five positions, and three places within the step: thirty patterns.
-    loads, give = random.random((5, 2, 8)), np.diag(random.random(40) + 0.5)
-    few = _combinations(*map(jnp.asarray, (arms, loads, give)), sections=2, count=30)
+    loads, size = random.random((5, 2, 8)), np.sqrt(random.random(40) + 0.5)
+    few = _combinations(*map(jnp.asarray, (arms, loads, size)), sections=2, count=30)
     over = np.einsum("tpc,xtcn->xtpn", loads, arms)
     through = over @ np.asarray(few.into) @ np.asarray(few.out_of).T
     assert np.abs(through - over).max() < 1e-10 * np.abs(over).max()
     assert float(few.left_out) < 1e-7
-    fewer = _combinations(*map(jnp.asarray, (arms, loads, give)), sections=2, count=10)
+    fewer = _combinations(*map(jnp.asarray, (arms, loads, size)), sections=2, count=10)
     through = over @ np.asarray(fewer.into) @ np.asarray(fewer.out_of).T
-    soft = np.sqrt(np.diag(give))[2:]
+    soft = size[2:]
     lost = np.linalg.norm((through - over)[..., 2:] * soft) / np.linalg.norm(over[..., 2:] * soft)
     assert lost > 0.1
     assert float(fewer.left_out) == pytest.approx(lost, rel=1e-9)
