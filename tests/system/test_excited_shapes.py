@@ -186,7 +186,8 @@ def test_flanks_give_at_rest_all_that_they_give_by_all_modes_but_a_thousandth(na
     _, pair, grid, basis, _ = _case(name)
     lines = contact_lines(pair, grid)
     turns = (basis.diameters >= 2) & (np.abs(basis.waves) >= 2)
-    own = np.r_[found.diameters >= 2, np.ones(12, dtype=bool)]
+    shapes = (found.diameters >= 2) & (np.abs(found.waves) >= 2)
+    own = np.r_[shapes, np.ones(12, dtype=bool)]
     load = np.asarray(lines.fraction).reshape(len(lines.phase), -1)
 
     def give(body, which: np.ndarray) -> np.ndarray:
@@ -196,7 +197,7 @@ def test_flanks_give_at_rest_all_that_they_give_by_all_modes_but_a_thousandth(na
         return np.sum(moved**2 / square, axis=1)
 
     whole, kept = give(flexible, turns), give(combined, own)
-    without = give(combined, np.r_[found.diameters >= 2, np.zeros(12, dtype=bool)])
+    without = give(combined, np.r_[shapes, np.zeros(12, dtype=bool)])
     assert np.all(np.abs(kept / whole - 1.0) < 1e-3)
     assert np.all(without / whole < 0.97)
 
