@@ -18,6 +18,8 @@ _RING = 1e-5
 _FACE = 0.95
 # What moves less than this part of the largest amplitude has no sign.
 _QUIET = 0.05
+# Means over the face that are rounding, of the largest motion that they are means of.
+_SILENT = 1e-6
 # Scattered nodes: so many per unknown amplitude, and so many groups, or circles are not seen.
 _SPARE, _LEAVES = 2.5, 8
 # Eigenvalues of the normal equations, against the largest, that the nodes do not tell from zero.
@@ -364,6 +366,8 @@ def _circles(
     amplitude = part @ np.array(waves) / mass
     # A standing wave moves along a line through zero: turn it onto the real axis.
     signed = (amplitude * np.exp(-0.5j * np.angle((amplitude**2).sum(axis=0)))).real
-    loud = abs(signed) > _QUIET * abs(signed).max(axis=0, initial=0.0)
+    # Motion that is opposite at both sides of the face has no mean over it, but for rounding.
+    whole = _SILENT * abs(np.array(waves)).max(axis=0)
+    loud = abs(signed) > np.maximum(_QUIET * abs(signed).max(axis=0, initial=0.0), whole)
     signs = [np.sign(each[heard]) for each, heard in zip(signed.T, loud.T, strict=True)]
     return np.array([np.count_nonzero(np.diff(sign)) for sign in signs])

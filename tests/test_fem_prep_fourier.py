@@ -208,6 +208,15 @@ def test_circles_are_counted_within_the_toothed_face():
     assert (pattern.diameter[0], pattern.circle[0], pattern.covered) == (1, 0, 1)
 
 
+def test_motion_that_has_no_mean_over_the_face_has_no_circles_but_rounding():
+    """Opposite at both sides of a wheel: what is left of the mean must not be counted."""
+    points = rings(np.linspace(0.4, 1.0, 7), 24, (-0.1, 0.0, 0.1))
+    radius, angle = polar(points)
+    shape = turned(0, 0, np.cos(3 * angle) * points[:, 2] * np.cos(9 * radius), angle)
+    noise = 1e-12 * np.random.default_rng(1).normal(size=(5, *shape.shape))
+    assert list(identify(points, shape + noise).circle) == [0] * 5
+
+
 @pytest.mark.parametrize("points", [rings(np.linspace(0.2, 1, 8), 20), scattered(0.05, (0.0,))])
 def test_neither_units_nor_phase_nor_the_turn_of_the_body_matter(points):
     def pattern_of(points, phase, unit):
