@@ -1,6 +1,7 @@
 """Shapes of condensed bodies that the mesh excites: what they keep of natural modes, and gain."""
 
 import functools
+from typing import NamedTuple
 
 import hybrid_cases
 import numpy as np
@@ -15,10 +16,13 @@ import jaxgear as jg
 from fem_prep import ReducedBody
 from jaxgear._dynamics._bodies import VibratingBody, turning_terms
 from jaxgear._geometry._lines import contact_lines
-from jaxgear._system._body_modes import BodyBasis, body_basis
+from jaxgear._system._body_modes import BodyBasis, BodyModes, body_basis
 from jaxgear._system._body_tables import flexible_body
 from jaxgear._system._excited_shapes import excited_shapes
+from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._foot_tables import mode_arms
+from jaxgear._system._mode_combinations import Combinations
+from jaxgear._system._residual_shapes import Residual
 from jaxgear._system._scaled_body import scaled_body
 
 # Of the holes' body several nodal diameters share a wave number.
@@ -145,22 +149,36 @@ def test_tables_of_combinations_are_those_of_a_body_made_on_them(name):
 # --- Residual shapes
 
 
+class _Combined(NamedTuple):
+    """A body on all its modes and on shapes with residual ones, and these by its modes."""
+
+    flexible: FlexibleBody
+    combined: FlexibleBody
+    found: Combinations
+    residual: Residual
+    every: np.ndarray
+
+
 @functools.cache
-def _combined(name: str):
-    """A body on all its modes and on shapes with residual ones, the latter by modes, and `J`."""
+def _combined(name: str) -> _Combined:
     body, pair, grid, basis, _ = _case(name)
     flexible = flexible_body(body, pair, 1, grid, basis=basis)
     found = excited_shapes(basis, flexible, pair, 1, grid, COUNT)
     assert found is not None
     assert found.residual is not None
     every = np.concatenate([found.into, found.residual.into], axis=1)
-    return flexible, found.of_body(flexible), found, every
+    return _Combined(flexible, found.of_body(flexible), found, found.residual, every)
+
+
+def _modes(body: FlexibleBody) -> BodyModes:
+    assert body.modes is not None
+    return body.modes
 
 
 @every_body
 def test_residual_shapes_are_of_unit_mass_and_apart_in_stiffness(name):
-    _, _, found, every = _combined(name)
-    basis, residual = _case(name)[3], found.residual
+    _, _, found, residual, every = _combined(name)
+    basis = _case(name)[3]
     assert len(residual.square) == 12
     assert_near(residual.into.T @ residual.into, np.eye(12), 1e-9)
     square = np.r_[found.square, residual.square]
@@ -172,17 +190,17 @@ def test_residual_shapes_are_of_unit_mass_and_apart_in_stiffness(name):
 
 @every_body
 def test_residual_shapes_move_flanks_as_the_modes_do_that_they_are_made_of(name):
-    flexible, combined, _, every = _combined(name)
+    flexible, combined, _, _, every = _combined(name)
     _, pair, grid, _, _ = _case(name)
     lines = contact_lines(pair, grid)
-    modes, shapes = (mode_arms(pair, 1, each, lines) for each in (flexible, combined))
-    assert_near(shapes, np.asarray(modes) @ every, 1e-9)
+    modes, shapes = (np.asarray(mode_arms(pair, 1, x, lines)) for x in (flexible, combined))
+    assert_near(shapes, modes @ every, 1e-9)
 
 
 @every_body
 def test_flanks_give_at_rest_all_that_they_give_by_all_modes_but_a_thousandth(name):
     """Of the part with two and more nodal diameters, which twelve answers in space span."""
-    flexible, combined, found, _ = _combined(name)
+    flexible, combined, found, _, _ = _combined(name)
     _, pair, grid, basis, _ = _case(name)
     lines = contact_lines(pair, grid)
     turns = (basis.diameters >= 2) & (np.abs(basis.waves) >= 2)
@@ -192,7 +210,7 @@ def test_flanks_give_at_rest_all_that_they_give_by_all_modes_but_a_thousandth(na
 
     def give(body, which: np.ndarray) -> np.ndarray:
         arms = np.asarray(mode_arms(pair, 1, body, lines))[:, :, which]
-        square = np.asarray(body.modes.square)[which]
+        square = np.asarray(_modes(body).square)[which]
         moved = np.einsum("pcm,pc->pm", arms, load)
         return np.sum(moved**2 / square, axis=1)
 
@@ -208,32 +226,32 @@ def test_flanks_give_at_rest_all_that_they_give_by_all_modes_but_a_thousandth(na
 )
 def test_a_turning_body_with_residual_shapes_is_all_its_modes_projected(name, whole):
     """What turns is no combination of the shapes; its inertia must be there all the same."""
-    flexible, combined, _, every = _combined(name)
-    seats = flexible.modes.seat_dofs
+    flexible, combined, _, residual, every = _combined(name)
+    seats = _modes(flexible).seat_dofs
 
-    def terms(body):
-        own = VibratingBody(1, body, body.modes, np.arange(seats), seats, -0.4)
-        return turning_terms([own], body.modes.size, jg.ModalDamping(), whole=whole)
+    def terms(body: FlexibleBody):
+        own = VibratingBody(1, body, _modes(body), np.arange(seats), seats, -0.4)
+        return turning_terms([own], _modes(body).size, jg.ModalDamping(), whole=whole)
 
     onto = scipy.linalg.block_diag(np.eye(seats), every)
     alone, projected = terms(combined), terms(flexible)
     for field in ("gyroscopic", "softening"):
         wanted = onto.T @ np.asarray(getattr(projected, field)) @ onto
         assert_near(getattr(alone, field), wanted, 1e-8)
-    count = combined.modes.residual.count
+    count = len(residual.square)
     assert np.all(np.asarray(alone.circulatory)[-count:] == 0.0)
 
 
 def test_another_material_of_a_body_with_residual_shapes():
     """As if its modes had been of that material."""
-    flexible, combined, found, _ = _combined("rotating")
+    flexible, combined, found, residual, _ = _combined("rotating")
     material = {"young": 1.3, "density": 0.8}
-    got = scaled_body(combined, **material).modes
-    scaled = found.residual._replace(square=found.residual.square * 1.3 / 0.8)
-    wanted = found._replace(square=found.square * 1.3 / 0.8, residual=scaled)
-    wanted = wanted.of_body(scaled_body(flexible, **material)).modes
-    assert got is not None
-    assert wanted is not None
+    got = _modes(scaled_body(combined, **material))
+    scaled = residual._replace(square=residual.square * 1.3 / 0.8)
+    shapes = found._replace(square=found.square * 1.3 / 0.8, residual=scaled)
+    wanted = _modes(shapes.of_body(scaled_body(flexible, **material)))
     for field in ("square", "rows", "load", "mass", "turning", "coriolis", "softening"):
         assert_near(getattr(got, field), getattr(wanted, field), 1e-9)
-    assert_near(got.residual.rows, wanted.residual.rows, 1e-9)
+    assert got.residual is not None
+    assert wanted.residual is not None
+    assert_near(*(np.asarray(x.rows) for x in (got.residual, wanted.residual)), 1e-9)
