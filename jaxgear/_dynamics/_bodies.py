@@ -57,10 +57,14 @@ class BodyPlace(eqx.Module):
     diameters: tuple[int, ...] = eqx.field(static=True)
 
     @property
+    def mode_dofs(self) -> np.ndarray:
+        """Degrees of freedom of its modes."""
+        return self.first + np.arange(len(self.waves))
+
+    @property
     def residual_dofs(self) -> np.ndarray:
         """Degrees of freedom of its residual shapes."""
-        first = self.first + len(self.waves)
-        return np.arange(first, first + self.residual.size)
+        return self.first + len(self.waves) + np.arange(self.residual.size)
 
 
 class VibratingBody(NamedTuple):

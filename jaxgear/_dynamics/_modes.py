@@ -234,10 +234,11 @@ def gear_parts(dynamics: PairDynamics) -> tuple[tuple[str, Matrix], ...]:
         for body in dynamics.bodies:
             # A condensed body contains its shaft.
             if name == f"{BODIES[body.index]} shaft":
-                own = np.arange(body.first, body.first + body.square.size)
-                whole = whole.at[own, own].add(body.square)
-                more = body.residual_dofs
-                whole = whole.at[more, more].add(body.residual)
+                for own, square in (
+                    (body.mode_dofs, body.square),
+                    (body.residual_dofs, body.residual),
+                ):
+                    whole = whole.at[own, own].add(square)
         parts.append((name, whole[dofs[:, None], dofs[None, :]]))
     return tuple(parts)
 

@@ -112,8 +112,7 @@ def gear_of(dynamics: PairDynamics) -> np.ndarray:
     numbers = np.asarray(dynamics.dofs)
     gear = (numbers >= mapped.sizes[0]).astype(int)
     for body in dynamics.bodies:
-        own = (numbers >= body.first) & (numbers < body.first + len(body.waves))
-        gear[own | np.isin(numbers, body.residual_dofs)] = body.index
+        gear[np.isin(numbers, np.r_[body.mode_dofs, body.residual_dofs])] = body.index
     return gear
 
 
@@ -135,7 +134,7 @@ def waves_of(dynamics: PairDynamics, sectors: tuple[int, int]) -> list[Wave]:
     teeth = dynamics.cycle.system.pair.teeth
     speed = [1.0, -teeth[0] / teeth[1]]
     for body in dynamics.bodies:
-        own = (numbers >= body.first) & (numbers < body.first + len(body.waves))
+        own = np.isin(numbers, body.mode_dofs)
         diameters[own], number[own] = body.diameters, body.waves
     found = []
     for gear, n in sorted(set(zip(gears.tolist(), diameters.tolist(), strict=True))):

@@ -238,13 +238,14 @@ def body_motion(
     motion = np.asarray(orbit.motion)
     whole = np.zeros((len(motion), max(dynamics.dofs) + 1))
     whole[:, list(dynamics.dofs)] = motion
-    modes = place.first + np.arange(np.asarray(place.square).size)
     table = system.table
     periods = len(motion) // len(table.kinds) * table.periods
     lengths = np.asarray(table.lengths)[: len(table.kinds) // table.periods]
     pair = dynamics.cycle.system.pair
     return BodyMotion(
-        amplitudes=_harmonics(whole[:, np.r_[list(place.seats), modes]], lengths, harmonics),
+        amplitudes=_harmonics(
+            whole[:, np.r_[list(place.seats), place.mode_dofs]], lengths, harmonics
+        ),
         turning=np.asarray(place.turning),
         teeth=(pair.pinion, pair.wheel)[index].teeth,
         periods=periods,

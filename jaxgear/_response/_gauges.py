@@ -200,7 +200,7 @@ def moving_gauge_readings(
     force = pressed_cells(system, orbit, law, MIDDLE).force[:, : lines.roll[0].size]
     whole = jnp.zeros((len(orbit.motion), max(dynamics.dofs) + 1))
     whole = whole.at[:, np.asarray(dynamics.dofs)].set(orbit.motion)
-    modes = whole[:, body.first + np.arange(body.square.size)]
+    modes = whole[:, body.mode_dofs]
     borne = _Borne(force, whole[:, np.asarray(body.seats)], modes)
     return _over_revolution(gauges, dynamics.cycle.system.pair, lines, borne, orbit.speed, strain)
 

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import jax.scipy.linalg
 import numpy as np
 
-from jaxgear._system._body_modes import BodyBasis
+from jaxgear._system._body_modes import BodyBasis, wave_partners
 from jaxgear._system._flexible import FlexibleBody
 from jaxgear._system._residual_shapes import Residual
 
@@ -59,7 +59,7 @@ class Combinations(NamedTuple):
         assert mass is not None
         turning = jnp.zeros((size + count, size)).at[size:, closed:].set(jnp.eye(count))
         own_turning = moving[:, :closed].T @ modes.turning @ moving[:, :closed]
-        waves = np.asarray(modes.waves)
+        partner, number = wave_partners(modes.waves)
         return dataclasses.replace(
             body,
             modes=dataclasses.replace(
@@ -75,7 +75,7 @@ class Combinations(NamedTuple):
                 softening=None if softening is None else softening[:size, :size],
                 waves=tuple(int(wave) for wave in self.waves),
                 diameters=tuple(int(number) for number in self.diameters),
-                residual=residual.rows(modes.rows, waves) if count else None,
+                residual=residual.rows(modes.rows, partner, np.asarray(number)) if count else None,
             ),
         )
 

@@ -40,11 +40,6 @@ class ResidualShapes(eqx.Module):
     rows: Float[Array, "period part component cell wave shape"]
     waves: tuple[int, ...] = eqx.field(static=True)
 
-    @property
-    def count(self) -> int:
-        """Number of shapes."""
-        return self.rows.shape[-1]
-
     def arms(self, period: Array, weights: list[Array], turned: Reals) -> Array:
         """Approach of cells per motion of the shapes, `[phase, cell, shape]` [kg^-1/2].
 
@@ -79,18 +74,14 @@ class Residual(NamedTuple):
     into: np.ndarray
     square: np.ndarray
 
-    def rows(self, rows: Array, waves: np.ndarray) -> ResidualShapes:
+    def rows(self, rows: Array, partner: np.ndarray, number: np.ndarray) -> ResidualShapes:
         """The motion of feet.
 
         **Arguments:**
 
         - `rows`: of the modes, as of `BodyModes`.
-        - `waves`: of the modes.
+        - `partner`, `number`: of the modes, from `wave_partners`.
         """
-        partner = np.arange(len(waves)) + np.where(waves < 0, -1, 0)
-        partner[np.flatnonzero(waves < 0) - 1] += 1
-        # What has no partner stands still on the body.
-        number = np.where(partner == np.arange(len(waves)), 0, waves)
         apart = np.unique(np.abs(number[np.any(self.into != 0.0, axis=1)]))
         of_wave = (np.abs(number)[None, :] == apart[:, None])[:, :, None] * self.into[None]
         signed = np.sign(number)[None, :, None] * of_wave

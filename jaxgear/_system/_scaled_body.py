@@ -10,6 +10,7 @@ import dataclasses
 
 import equinox as eqx
 import jax.numpy as jnp
+from jaxtyping import Array
 
 from jaxgear._checks import require
 from jaxgear._system._body_heat import BodyHeat
@@ -74,13 +75,13 @@ def _scaled_heat(heat: BodyHeat, stiffer: Scalar) -> BodyHeat:
 def _scaled_modes(modes: BodyModes, stiffer: Scalar, denser: Scalar) -> BodyModes:
     """The modes: unit modal mass stays, so that their shapes take the root of the density."""
     root = jnp.sqrt(denser)
-    seats, size = modes.seat_dofs, modes.size
     # Of seats and modes: what is between two seats takes all of the density, and two roots.
-    each = jnp.where(jnp.arange(modes.mass.shape[0]) < seats, root, 1.0)
-    inertia = lambda matrix: each[:, None] * matrix * each[None, :]
-    softening = modes.softening
-    if softening is not None:
-        softening = each[:size, None] * softening * each[None, :size]
+    each = jnp.where(jnp.arange(modes.mass.shape[0]) < modes.seat_dofs, root, 1.0)
+    # Stress stiffening has no rows for what residual shapes become.
+    inertia = lambda matrix: each[: len(matrix), None] * matrix * each[None, : len(matrix)]
+    of_rotation: list[Array | None] = [
+        None if matrix is None else inertia(matrix) for matrix in (modes.coriolis, modes.softening)
+    ]
     residual = modes.residual
     if residual is not None:
         residual = dataclasses.replace(residual, rows=residual.rows / root)
@@ -96,8 +97,7 @@ def _scaled_modes(modes: BodyModes, stiffer: Scalar, denser: Scalar) -> BodyMode
             modes.load * root,
             None if modes.heat is None else modes.heat * (stiffer / root),
             inertia(modes.mass),
-            None if modes.coriolis is None else inertia(modes.coriolis),
-            softening,
+            *of_rotation,
             residual,
         ),
         is_leaf=lambda x: x is None,

@@ -202,8 +202,7 @@ def moving_in(pair: PairDynamics, orbit: Orbit, body: MovingBody) -> Moving:
     motion = np.asarray(orbit.motion)
     whole = np.zeros((len(motion), max(pair.dofs) + 1))
     whole[:, list(pair.dofs)] = motion
-    modes = place.first + np.arange(np.asarray(place.square).size)
-    return Moving(whole[:, list(place.seats)], whole[:, modes], body.basis)
+    return Moving(whole[:, list(place.seats)], whole[:, place.mode_dofs], body.basis)
 
 
 def cycle_in_motion(pair: PairDynamics, orbit: Orbit, law: AbstractContactLaw) -> MeshCycle:
