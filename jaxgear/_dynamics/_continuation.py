@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float
 
 from jaxgear._checks import require
+from jaxgear._dynamics._branch import first_vector, joined_vector, parted_vector, sizes_of
 from jaxgear._dynamics._floquet import STABLE
 from jaxgear._dynamics._guide import (
     Events,
@@ -27,12 +28,8 @@ from jaxgear._dynamics._guide import (
     LostError,
     Place,
     distance_between,
-    first_vector,
     heading_of,
     hides_event,
-    joined_vector,
-    parted_vector,
-    sizes_of,
 )
 from jaxgear._dynamics._harmonic import HarmonicBalance, harmonic_balance_problem
 from jaxgear._dynamics._system import DynamicSystem
@@ -111,6 +108,10 @@ _SHARP, _STRAIGHT, _ASIDE = 0.8, 0.98, 0.5
 _FEW_NEWTON, _MANY_NEWTON = 4, 6
 _SMALLEST_STEP = 1e-7
 
+# Where a branch rises or falls in speed by at least this part of its length, the next point is
+# first looked for at the speed where the tangent leads to: that asks the structure once.
+_LEANS = 5e-3
+
 # Steps above this are halved if two folds seem to hide in them.
 _LOOKED_AT = 3e-3
 
@@ -130,29 +131,32 @@ def _ahead(
 ) -> tuple[Place | None, bool]:
     """The next point, and whether it is on the edge of the range."""
     guess = here.unknowns + step * here.tangent
-    ahead = guide.correct(guess, here.tangent, float(here.tangent @ guess))
-    if ahead is None:
-        return None, False
-    if here.tangent @ ahead.tangent < _SHARP:
-        return None, False
-    if distance_between(ahead.unknowns, guess) > _ASIDE * step:
-        return None, False
-    if step > _LOOKED_AT and hides_event(here, ahead):
-        return None, False
     low, high = span
-    inside = low <= ahead.unknowns[-1] <= high
-    if inside:
-        return ahead, False
-    upright = np.zeros_like(here.unknowns)
-    upright[-1] = 1.0
-    edge = low if ahead.unknowns[-1] < low else high
-    way = ahead.unknowns - here.unknowns
-    share = (edge - here.unknowns[-1]) / way[-1] if way[-1] else 0.0
-    on_edge = guide.correct(here.unknowns + share * way, upright, edge)
-    if on_edge is None or distance_between(on_edge.unknowns, here.unknowns) > 1.5 * step:
+    leaves = not low <= guess[-1] <= high
+    if leaves:
+        edge = low if guess[-1] < low else high
+        guess = here.unknowns + (edge - here.unknowns[-1]) / here.tangent[-1] * here.tangent
+        guess[-1] = edge
+        step = distance_between(guess, here.unknowns)
+    follows = lambda ahead: ahead is not None and _follows(here, ahead, guess, step)
+    if leaves or abs(here.tangent[-1]) > _LEANS:
+        ahead = guide.correct_at_speed(guess, here.tangent[-1])
+        if follows(ahead):
+            return ahead, leaves
+    if leaves:
         return None, False
-    turned = np.copysign(1.0, on_edge.tangent @ here.tangent)
-    return on_edge._replace(tangent=on_edge.tangent * turned), True
+    ahead = guide.correct(guess, here.tangent, float(here.tangent @ guess))
+    inside = ahead is not None and low <= ahead.unknowns[-1] <= high
+    return (ahead, False) if inside and follows(ahead) else (None, False)
+
+
+def _follows(here: Place, ahead: Place, guess: np.ndarray, step: float) -> bool:
+    """Whether a point is the next one of a branch."""
+    return (
+        bool(here.tangent @ ahead.tangent >= _SHARP)
+        and distance_between(ahead.unknowns, guess) <= _ASIDE * step
+        and not (step > _LOOKED_AT and hides_event(here, ahead))
+    )
 
 
 def _walk(
@@ -276,14 +280,11 @@ def continuation(
     guide = Guide(method, balance, stability=stability)
     near = balance.rest if near is None else near
     begun = np.asarray(first_vector(method, balance, jnp.asarray(float(at)), near))
-    upright = np.zeros_like(begun)
-    upright[-1] = 1.0
-    first = guide.correct(begun, upright, float(begun[-1])) if np.all(np.isfinite(begun)) else None
+    way = np.sign(stop - start)
+    first = guide.correct_at_speed(begun, way) if np.all(np.isfinite(begun)) else None
     if first is None:
         return _curve(guide, _Walk([], [], [], [], "not found"), "not found")
     done(1)
-    way = np.sign(stop - start)
-    first = first._replace(tangent=way * first.tangent)
     span, steps = (float(np.log(low)), float(np.log(high))), (first_step, largest_step)
     onwards = _walk(guide, first, span, steps, most_points, done)
     if at == start or onwards.end == "returned":

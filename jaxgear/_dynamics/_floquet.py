@@ -26,7 +26,7 @@ from jaxgear._dynamics._system import DynamicSystem, ModalBasis
 from jaxgear._dynamics._table import END, MIDDLE, START, mesh_at
 from jaxgear._dynamics._types import StepMatrices, StepPlaces
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
-from jaxgear._types import CoordinateMatrix, Reals
+from jaxgear._types import CoordinateMatrix, Reals, Scalar
 
 # A multiplier counts as beyond 1 from here: rounding and truncated harmonics shift it by less.
 STABLE = 1.0 + 1e-6
@@ -64,23 +64,37 @@ def monodromy(
 
     A square matrix on displacements of all modes, then velocities, of unit modal mass.
     """
-    multiple = orbit.place.shape[0] // len(system.table.kinds)
-    system = system.over(multiple)
-    march = march_of(stepper, law, system, modes, orbit.speed)
-    if not isinstance(law, ExactContact):
-        return product_of_steps(march, tangents_of(march, orbit.place), follows)
-    places = jnp.concatenate([orbit.place[-1:], orbit.place, orbit.place[:1]])
-    ends = 0.5 * (places[:-1] + places[1:])
-    start, middle, end = (
-        mesh_at(system.table, part).at(orbit.speed) for part in (START, MIDDLE, END)
+    return monodromy_along(
+        system, modes, orbit.speed, orbit.place, stepper=stepper, law=law, follows=follows
     )
+
+
+def monodromy_along(
+    system: DynamicSystem,
+    modes: ModalBasis,
+    speed: Scalar,
+    places: StepPlaces,
+    *,
+    stepper: AbstractStepper = Exponential(),
+    law: AbstractContactLaw = ExactContact(),
+    follows: CoordinateMatrix | None = None,
+) -> Monodromy:
+    """As `monodromy`, of a response whose mesh coordinates in mid-steps are known [m, rad]."""
+    multiple = places.shape[0] // len(system.table.kinds)
+    system = system.over(multiple)
+    march = march_of(stepper, law, system, modes, speed)
+    if not isinstance(law, ExactContact):
+        return product_of_steps(march, tangents_of(march, places), follows)
+    around = jnp.concatenate([places[-1:], places, places[:1]])
+    ends = 0.5 * (around[:-1] + around[1:])
+    start, middle, end = (mesh_at(system.table, part).at(speed) for part in (START, MIDDLE, END))
     mean = jax.vmap(mean_tangent)(start, middle, end, ends[:-1], ends[1:])
     return product_of_steps(march, mean, follows)
 
 
 # Modes that swing in the multipliers of a sweep. Of the wheels of the accessory and the power pair
-# these give the largest multiplier of twelve speeds to 1e-8, and half as many to 2e-8.
-_SLOW = 120
+# 120 give the largest multiplier of twelve speeds to 1e-8, and 60 to 2e-8.
+_SLOW = 80
 
 
 class SlowModes(eqx.Module):

@@ -9,13 +9,9 @@ import numpy as np
 from jaxtyping import PyTree
 
 from jaxgear._checks import InputError, require
+from jaxgear._dynamics._branch import joined_vector, slopes_by_both
 from jaxgear._dynamics._continuation import CurvePoint, joined_once, parted_once, special_point
-from jaxgear._dynamics._guide import (
-    Guide,
-    LostError,
-    joined_vector,
-    slopes_by_both,
-)
+from jaxgear._dynamics._guide import Guide, LostError
 from jaxgear._dynamics._harmonic import Balance, HarmonicBalance, harmonic_balance_problem
 from jaxgear._dynamics._harmonic_problem import imbalance
 from jaxgear._dynamics._system import DynamicSystem

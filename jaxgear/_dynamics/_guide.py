@@ -3,127 +3,23 @@
 import concurrent.futures
 import itertools
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy
-from jaxtyping import Float
 
-from jaxgear._compiled import lasting
-from jaxgear._dynamics._floquet import SlowModes, leading_multipliers, monodromy, slow_modes
+from jaxgear._dynamics._branch import (
+    Correction,
+    Seen,
+    correction,
+    correction_at_speed,
+    monodromy_of,
+    seen_of,
+)
+from jaxgear._dynamics._floquet import leading_multipliers, slow_modes
 from jaxgear._dynamics._harmonic import Balance, HarmonicBalance
-from jaxgear._dynamics._harmonic_problem import imbalance, linearised
-from jaxgear._dynamics._orbit import Orbit, contact_force
-from jaxgear._dynamics._types import Terms
-from jaxgear._types import Reals, Scalar
-
-if TYPE_CHECKING:
-    Harmonics = np.ndarray
-else:
-    Harmonics = Float[np.ndarray, "coordinate term"]
-
-# --- The equations in harmonics and speed
-
-
-def sizes_of(balance: Balance) -> Terms:
-    """Of the harmonics: a change by these has a mean square over time of one."""
-    rows = jnp.full(balance.middle.shape[1], jnp.sqrt(2.0)).at[0].set(1.0)
-    return balance.scales[:, None] * rows[None, :]
-
-
-def joined_vector(balance: Balance, terms: Terms, speed: Scalar) -> Reals:
-    """Harmonics and speed as one vector without units."""
-    return jnp.append((terms / sizes_of(balance)).reshape(-1), jnp.log(speed))
-
-
-def parted_vector(balance: Balance, unknowns: Reals) -> tuple[Terms, Scalar]:
-    """Harmonics and speed."""
-    sizes = sizes_of(balance)
-    return unknowns[:-1].reshape(sizes.shape) * sizes, jnp.exp(unknowns[-1])
-
-
-def slopes_by_both(balance: Balance, unknowns: Reals) -> tuple[Reals, Reals]:
-    """The residual, and its derivative by harmonics and speed: a column more than rows."""
-    terms, speed = parted_vector(balance, unknowns)
-    residual, matrix = linearised(balance.at_speed(speed)[0], terms)
-
-    def at(exponent: Scalar) -> Reals:
-        problem = balance.at_speed(jnp.exp(exponent))[0]
-        return imbalance(problem, terms)
-
-    _, by_speed = jax.jvp(at, (unknowns[-1],), (jnp.ones(()),))
-    columns = matrix * sizes_of(balance).reshape(1, -1)
-    return residual.reshape(-1), jnp.concatenate([columns, by_speed.reshape(-1, 1)], axis=1)
-
-
-# A step along the branch that takes more of Newton's steps is too long.
-_MOST_NEWTON = 10
-
-
-@lasting
-def _correct(
-    balance: Balance, first: Reals, normal: Reals, value: Scalar, tolerance: Scalar
-) -> tuple[Reals, Reals, Scalar, Scalar]:
-    """The point of the branch in a plane, its tangent on the side of the plane's normal, the
-    imbalance one step before, and the number of steps.
-    """
-
-    def body(state):
-        unknowns, _, _, steps = state
-        residual, matrix = slopes_by_both(balance, unknowns)
-        off = normal @ unknowns - value
-        right = jnp.stack([jnp.append(residual, off), jnp.zeros_like(normal).at[-1].set(1.0)], 1)
-        solved = jnp.linalg.solve(jnp.concatenate([matrix, normal[None, :]]), right)
-        tangent = solved[:, 1] / jnp.sqrt(jnp.sum(solved[:, 1] ** 2))
-        error = jnp.max(jnp.abs(residual))
-        return unknowns - solved[:, 0], tangent, error, steps + 1.0
-
-    def unfinished(state):
-        return ~(state[2] <= tolerance) & (state[3] < _MOST_NEWTON)
-
-    start = first, normal, jnp.asarray(jnp.inf), jnp.zeros(())
-    return jax.lax.while_loop(unfinished, body, start)
-
-
-@lasting
-def _seen(balance: Balance, unknowns: Reals) -> tuple[Scalar, Scalar]:
-    """Dynamic ratio and RMS of the transmission error of a point."""
-    return _measures(balance, _orbit(balance, unknowns))
-
-
-@lasting
-def _seen_whole(balance: Balance, slow: SlowModes, unknowns: Reals) -> tuple[Scalar, Scalar, Reals]:
-    """The same, and the monodromy matrix of the slow modes."""
-    orbit, law = _orbit(balance, unknowns), balance.law
-    matrix = monodromy(balance.system, slow.basis, orbit, law=law, follows=slow.follows)
-    return *_measures(balance, orbit), matrix
-
-
-def _orbit(balance: Balance, unknowns: Reals) -> Orbit:
-    terms, speed = parted_vector(balance, unknowns)
-    problem, responses = balance.at_speed(speed)
-    none = jnp.zeros(())
-    return balance.orbit(problem, responses, terms, none, none, 0.0)
-
-
-def _measures(balance: Balance, orbit: Orbit) -> tuple[Scalar, Scalar]:
-    system = balance.system
-    error = orbit.motion @ system.transmission
-    share = system.table.lengths / system.table.periods
-    error = error - jnp.sum(share * error)
-    ratio = jnp.max(contact_force(system, orbit)) / system.force
-    return ratio, jnp.sqrt(jnp.sum(share * error**2))
-
-
-@lasting
-def first_vector(method: HarmonicBalance, balance: Balance, speed: Scalar, near: Terms) -> Reals:
-    """The response that Newton's method reaches at a given speed."""
-    return joined_vector(balance, method.solve(balance, speed, near)[1], speed)
-
-
-# --- Along a branch
 
 
 class Place(NamedTuple):
@@ -132,6 +28,7 @@ class Place(NamedTuple):
     unknowns: np.ndarray
     tangent: np.ndarray
     steps: int
+    seen: Seen | None = None
     ratio: float = np.nan
     te_rms: float = np.nan
     multiplier: complex = complex(np.nan, np.nan)
@@ -158,7 +55,7 @@ class Guide:
     """Takes steps along the branches of one balance."""
 
     def __init__(self, method: HarmonicBalance, balance: Balance, *, stability: bool):
-        self.balance = balance
+        self.method, self.balance = method, balance
         self.tolerance = method.tolerance
         self.multiple = method.multiple
         self.stability = stability
@@ -167,37 +64,53 @@ class Guide:
 
     def correct(self, first: np.ndarray, normal: np.ndarray, value: float) -> Place | None:
         """The point in a plane, or nothing."""
-        unknowns, tangent, error, steps = jax.device_get(
-            _correct(self.balance, *map(jnp.asarray, (first, normal, value, self.tolerance)))
+        return self._place(
+            jax.device_get(
+                correction(self.balance, *map(jnp.asarray, (first, normal, value, self.tolerance)))
+            )
         )
-        self.steps += int(steps)
-        found = bool(error <= self.tolerance) and bool(np.all(np.isfinite(tangent)))
-        return Place(unknowns, tangent, int(steps)) if found else None
+
+    def correct_at_speed(self, first: np.ndarray, way: float) -> Place | None:
+        """The point at the speed of a guess, its tangent up or down in speed; or nothing."""
+        found, seen = jax.device_get(
+            correction_at_speed(self.method, self.balance, jnp.asarray(first))
+        )
+        point = self._place(found)
+        if point is None:
+            return None
+        return point._replace(tangent=np.copysign(1.0, way) * point.tangent, seen=seen)
+
+    def _place(self, found: Correction) -> Place | None:
+        self.steps += int(found.steps)
+        settled = bool(found.error <= self.tolerance) and bool(np.all(np.isfinite(found.tangent)))
+        return Place(found.unknowns, found.tangent, int(found.steps)) if settled else None
 
     def see(self, point: Place) -> Place:
         """A point with all that is to be known of it."""
-        if not self.stability:
-            ratio, te_rms = jax.device_get(_seen(self.balance, jnp.asarray(point.unknowns)))
-            return point._replace(ratio=float(ratio), te_rms=float(te_rms))
-        return self._judged(point, *self._seen_whole(point))
+        return self._judged(*self._looked_at(point))
 
-    def _judged(
-        self, point: Place, ratio: np.ndarray, te_rms: np.ndarray, matrix: np.ndarray
-    ) -> Place:
-        """A point whose response and monodromy matrix are known, with its stability."""
+    def _looked_at(self, point: Place) -> tuple[Place, np.ndarray | None]:
+        """A point whose response is known, and its monodromy matrix if that is asked for."""
+        unknowns = jnp.asarray(point.unknowns)
+        seen = point.seen or jax.device_get(seen_of(self.balance, unknowns))
+        point = point._replace(seen=None, ratio=float(seen.ratio), te_rms=float(seen.te_rms))
+        if not self.stability:
+            return point, None
+        matrix = monodromy_of(self.balance, self.slow, unknowns, jnp.asarray(seen.place))
+        return point, jax.device_get(matrix)
+
+    def _judged(self, point: Place, matrix: np.ndarray | None) -> Place:
+        """A point with its stability, by its monodromy matrix."""
+        if matrix is None:
+            return point
         found = leading_multipliers(matrix, self.slow.basis)
         sign, size = np.linalg.slogdet(np.eye(len(matrix)) + matrix)
         pairs = found[np.imag(found) != 0.0]
         return point._replace(
-            ratio=float(ratio),
-            te_rms=float(te_rms),
             multiplier=complex(found[0]),
             doubling=(float(sign), float(size)),
             ring=float(np.log(np.abs(pairs[0]))) if pairs.size else -np.inf,
         )
-
-    def _seen_whole(self, point: Place) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        return jax.device_get(_seen_whole(self.balance, self.slow, jnp.asarray(point.unknowns)))
 
     def see_all(self, points: list[Place]) -> list[Place]:
         """Points with all that is to be known of them; eigenvalues beside the next matrix.
@@ -205,17 +118,8 @@ class Guide:
         JAX's programs run one after the other: two of them at a time, with matrices of some hundred
         rows, have waited for each other for ever on two cores.
         """
-        if not self.stability:
-            return [self.see(point) for point in points]
         with concurrent.futures.ThreadPoolExecutor(1) as pool:
-            judged = [
-                pool.submit(
-                    self._judged,
-                    point,
-                    *self._seen_whole(point),
-                )
-                for point in points
-            ]
+            judged = [pool.submit(self._judged, *self._looked_at(point)) for point in points]
             return [each.result() for each in judged]
 
     def between(self, here: Place, ahead: Place, share: float) -> Place:
@@ -242,7 +146,7 @@ class Guide:
 
     def changes(self, points: list[Place]) -> "tuple[Events, Events]":
         """Where, among points that are seen, a period doubles, and where a torus begins."""
-        whole = lambda point: point if np.isfinite(point.ratio) else self.see(point)
+        whole = lambda point: point if np.isfinite(point.multiplier) else self.see(point)
         doublings: Events = []
         tori: Events = []
         for index, (here, ahead) in enumerate(itertools.pairwise(points)):

@@ -28,7 +28,7 @@ from jaxgear._dynamics._shooting import Shooting
 from jaxgear._dynamics._steady_state import orbit_of
 from jaxgear._dynamics._steppers import Exponential
 from jaxgear._dynamics._system import DynamicSystem, modal_basis
-from jaxgear._dynamics._types import Start
+from jaxgear._dynamics._types import Start, StepPlaces
 from jaxgear._types import Scalar
 
 # Halves of a response over two cycles that differ by less than this, relative to its swing, are
@@ -47,7 +47,7 @@ _APART = 0.3
 # or is lost, the way there is halved, at most so often; and where that does not help either, it is
 # asked whether the machine would go there. Steps along one branch move by less than 0.25 on the
 # coarsest grids of speeds that were tried, a false one by 0.7.
-_STEP, _HALVINGS = 0.3, 3
+_STEP, _HALVINGS = 0.3, 5
 
 # It also counts if a march of several times the length has come closer to it by this factor.
 _APPROACH = 0.8
@@ -216,7 +216,7 @@ class Finder:
         if not last.settled:
             # What does not repeat is not left for a response that does, unless it ends there.
             return self._searched(self.shooting, speed, last.orbit.start)
-        found = self._balanced(speed, last.multiple, last.orbit)
+        found = self._balanced(speed, last.multiple, last.orbit.place)
         near = _near(found, last)
         if halvings > 0 and not near:
             return self._halved(speed, last, halvings)
@@ -239,30 +239,45 @@ class Finder:
         if not found.settled:
             return found
         # Of two methods that agree, the one that all other speeds have.
-        polished = self._judged(self._balanced(speed, found.multiple, found.orbit))
+        polished = self._judged(self._balanced(speed, found.multiple, found.orbit.place))
         return polished if _apart(polished, found.orbit) < _APART else found
 
-    def _balanced(self, speed: Scalar, multiple: int, near: Orbit | None) -> SweepPoint:
-        """What harmonic balance finds, from a response close by or from the quasi-static states."""
+    def _balanced(self, speed: Scalar, multiple: int, near: StepPlaces | None) -> SweepPoint:
+        """What harmonic balance finds, from mesh coordinates of a response close by or from the
+        quasi-static states.
+        """
         method = _over_cycles(self.harmonic, multiple)
         if multiple not in self.balances:
             self.balances[multiple] = harmonic_balance_problem(method, self.system)
         balance = self.balances[multiple]
-        first = balance.rest if near is None else fourier_coefficients(balance, near.place)
+        first = balance.rest if near is None else fourier_coefficients(balance, near)
         return self._alone(method.solve(balance, speed, first)[0])
 
     def _searched(self, method: Shooting, speed: Scalar, start: Start) -> SweepPoint:
         """The response that a march from a motion ends in: soon, or after a longer while."""
         history = self._on(speed, start, self.settings.cycles)
-        found = self._shot(method, speed, _state(history))
+        found = self._near_to(method, speed, history)
         apart = _apart(found, history)
         if apart > _APART:
             history = self._on(speed, _state(history), _PATIENCE * self.settings.cycles)
-            found, before = self._shot(method, speed, _state(history)), apart
+            found, before = self._near_to(method, speed, history), apart
             apart = _apart(found, history)
             # A slow approach to a response is one.
             apart = 0.0 if apart < min(_APPROACH * before, 1.0) and before < np.inf else apart
         return self._unsettled(history) if found is None or apart > _APART else found
+
+    def _near_to(self, method: Shooting, speed: Scalar, history: TimeHistory) -> SweepPoint | None:
+        """A stable response close to where a march has come, or a stable one that it points to.
+
+        One that harmonic balance finds close by is found without shooting, whose corrections ask
+        all modes.
+        """
+        if isinstance(self.settings.method, HarmonicBalance):
+            last = history.place[-len(self.system.table.kinds) :]
+            found = self._judged(self._balanced(speed, 1, last))
+            if _apart(found, history) <= _APART:
+                return found
+        return self._shot(method, speed, _state(history))
 
     def _on(self, speed: Scalar, start: Start, cycles: int) -> TimeHistory:
         """March on by at least so many cycles. One program serves for all marches."""
