@@ -5,10 +5,12 @@
 
 Each model of an example scene, as `natural:100` or `excited:200` (0: all coordinates of the body),
 with the scene's own number of mesh coordinates or `MESH` of them, is brought to its steady response
-at each speed by harmonic balance. Its largest mesh force, RMS of transmission error and largest
-bearing force go to `shapes.json`, with processor seconds; the table compares all with the model of
-most coordinates at the same speed and relief. All coordinates of the accessory wheel (2,895) take
-minutes of a processor to be set up and half a one for each speed.
+at each speed by harmonic balance. Its largest mesh force, RMS of transmission error, largest
+bearing force and, with `--probes`, RMS of what two nodes of the wheel do along the axis, at the end
+of its rim and in the middle of its web, go to `shapes.json`, with processor seconds; the table
+compares all with the model of most coordinates at the same speed and relief. All coordinates of the
+accessory wheel (2,895) take minutes of a processor to be set up and half a one for each speed. A
+wheel with holes repeats after many mesh periods: take few harmonics, by `--set`.
 """
 
 import argparse
@@ -22,7 +24,13 @@ from typing import Any, NamedTuple
 from timing import begin, peak
 
 FLANKS = "flank.pinion.tip_relief.depth_um", "flank.wheel.tip_relief.depth_um"
-NUMBERS = {"force": "largest mesh force", "te_rms": "RMS of TE", "bearing": "bearing force"}
+NUMBERS = {
+    "force": "largest mesh force",
+    "te_rms": "RMS of TE",
+    "bearing": "bearing force",
+    "rim_um": "rim axial",
+    "web_um": "web axial",
+}
 
 
 def main() -> None:
@@ -32,6 +40,8 @@ def main() -> None:
     parser.add_argument("models", nargs="*", metavar="KIND:COUNT[:MESH]")
     parser.add_argument("--speeds", type=float, nargs="+", default=[400.0, 900.0, 1400.0, 1900.0])
     parser.add_argument("--relief", type=float, nargs="+", default=[0.0, 10.0])
+    parser.add_argument("--set", nargs="+", default=[], metavar="KEY=VALUE", help="of the scene")
+    parser.add_argument("--probes", action="store_true", help="on rim and web of the wheel")
     parser.add_argument("--table", action="store_true")
     parser.add_argument("--chart", type=Path, help="error against processor time, as a picture")
     parser.add_argument("--file", type=Path, default=Path(__file__).with_name("shapes.json"))
@@ -39,7 +49,7 @@ def main() -> None:
     begin(options.file.parent)
     path = options.file
     for model in options.models:
-        for rows in measured(options.scene, model, options.speeds, options.relief):
+        for rows in measured(model, options):
             known = json.loads(path.read_text("utf-8")) if path.exists() else {}
             path.write_text(json.dumps(known | rows, indent=1) + "\n", encoding="utf-8")
     if options.table or options.chart:
@@ -50,7 +60,7 @@ def main() -> None:
             chart(found, options.chart)
 
 
-def measured(name: str, model: str, speeds: list[float], reliefs: list[float]):
+def measured(model: str, options: argparse.Namespace):
     """Numbers of each response with one model, as they are found."""
     import equinox as eqx
     import jax
@@ -62,17 +72,19 @@ def measured(name: str, model: str, speeds: list[float], reliefs: list[float]):
     from jaxgear.study._built import BuiltScene
     from jaxgear.study._dynamics import dynamics_of
 
+    name = options.scene
     names = "shapes", "coordinates", "mesh_coordinates"
     told = [f"model.{x}={y}" for x, y in zip(names, model.split(":"), strict=False)]
-    scene = jg.example_scene(name, [*told, "sweep.pinion_speed_rad_s=[1.0]"])
+    scene = jg.example_scene(name, [*told, *options.set, "sweep.pinion_speed_rad_s=[1.0]"])
     scene, seconds = on_processor(lambda: jg.with_bodies(scene, moving=True))
     print(f"{name} {model}: bodies {seconds:.1f} s, {peak():.0f} MB", file=sys.stderr, flush=True)
     built = BuiltScene(scene)
+    gauges = gauges_on(scene) if options.probes else {}
     grid, tables = built.grid_in_motion, (scene.model, scene.damping, scene.sweep)
     make = eqx.filter_jit(lambda model: dynamics_of(model, grid, *tables))
     make = make.lower(built.model).compile()
     method = jg.HarmonicBalance(harmonics=scene.sweep.harmonics)
-    for relief in reliefs:
+    for relief in options.relief:
         relieved = jg.model_of(scene.replace(dict.fromkeys(FLANKS, relief)))
         pair, building = on_processor(lambda model=relieved: make(model))
         balance, preparing = on_processor(
@@ -83,7 +95,7 @@ def measured(name: str, model: str, speeds: list[float], reliefs: list[float]):
         print(f"  {relief:g} um: {size} degrees of freedom, {told}", file=sys.stderr, flush=True)
         solve = jax.jit(lambda balance, speed: method.solve(balance, speed)[0])
         solve = solve.lower(balance, jnp.asarray(1.0)).compile()
-        for speed in speeds:
+        for speed in options.speeds:
             at = jnp.asarray(float(speed))
             orbit, taken = on_processor(lambda at=at, b=balance, s=solve: s(b, at))
             loads = np.asarray(jg.bearing_loads(pair, orbit))[..., :3]
@@ -96,8 +108,34 @@ def measured(name: str, model: str, speeds: list[float], reliefs: list[float]):
                 "dofs": size,
                 "processor_s": taken,
             }
+            row |= shown(pair, orbit, gauges, scene.sweep.orders)
             print(f"    {speed:g} rad/s: {row}", file=sys.stderr, flush=True)
             yield {f"{name} {model} {relief:g} {speed:g}": row}
+
+
+def gauges_on(scene) -> dict[str, Any]:
+    """Nodes of the wheel that are looked at along the axis, by the name of their number."""
+    from jaxgear.study._moving_body import moving_bodies
+    from jaxgear.study._probes import probe_at
+
+    body = moving_bodies(scene.bodies, scene.gears)["wheel"]
+    web, end = scene.wheel.body.web, float(body.built.body.rim_nodes[:, 2].min())
+    middle = 0.25e-3 * (web.hub_outer_mm + web.rim_inner_mm)
+    places = {"rim_um": (body.radius, 0.0, end), "web_um": (middle, 0.0, 0.0)}
+    return {x: probe_at(body, at, 2, turns=True, name=x) for x, at in places.items()}
+
+
+def shown(pair, orbit, gauges: dict[str, Any], orders: int) -> dict[str, float]:
+    """RMS of what such nodes do above half the order of the teeth [um]."""
+    from jaxgear._response._body_motion import body_motion
+    from jaxgear._response._waves import order_sums
+
+    if not gauges:
+        return {}
+    motion = body_motion(pair, orbit, 1)
+    span = [0.5 * motion.teeth, (orders + 0.5) * motion.teeth]
+    sums = {name: order_sums(each.spectrum(motion), span)[0] for name, each in gauges.items()}
+    return {name: 1e6 * float(each) for name, each in sums.items()}
 
 
 def on_processor(work) -> tuple[Any, float]:
@@ -133,6 +171,7 @@ class Line(NamedTuple):
         told = ", ".join(
             f"{words} {statistics.median(self.errors[key]):.2f} / {max(self.errors[key]):.2f}"
             for key, words in NUMBERS.items()
+            if key in self.errors
         )
         count = len(self.errors["force"])
         return (
@@ -164,11 +203,14 @@ def compared(rows: dict[str, Any]) -> list[Line]:
             if not speeds:
                 continue
             off = lambda key, s, m=model, o=own, b=best: abs(o[m, s][key] / o[b, s][key] - 1.0)
+            told = [
+                x for x in NUMBERS if all(x in own[m, s] for m in (model, best) for s in speeds)
+            ]
             found.append(
                 Line(
                     case=f"{name}, {relief} um",
                     model=model,
-                    errors={key: [100.0 * off(key, s) for s in speeds] for key in NUMBERS},
+                    errors={key: [100.0 * off(key, s) for s in speeds] for key in told},
                     seconds=float(np.median([own[model, s]["processor_s"] for s in speeds])),
                     against=own[best, speeds[0]]["dofs"],
                 )

@@ -130,7 +130,9 @@ def above_and_between(
     return rows
 
 
-HOLED = ("sweep.steps=16", "mesh.slices=8", *(f"wheel.body.{each}" for each in QUICK))
+# Marches over whole revolutions take several times as long on the default shapes.
+_MODES = "model.shapes=natural", "model.coordinates=60"
+HOLED = (*_MODES, "sweep.steps=16", "mesh.slices=8", *(f"wheel.body.{x}" for x in QUICK))
 marched = eqx.filter_jit(steady_states)
 
 

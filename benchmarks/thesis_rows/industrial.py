@@ -71,7 +71,8 @@ def face() -> Finding:
 
 def _in_motion() -> Moving:
     # Waves of ten diameters lie among the lowest 160 modes.
-    return moving("industrial", "model.coordinates=160", "wheel.body.compare_seats=false")
+    modes = "model.shapes=natural", "model.coordinates=160"
+    return moving("industrial", *modes, "wheel.body.compare_seats=false")
 
 
 def waves() -> Finding:

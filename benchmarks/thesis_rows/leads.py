@@ -20,7 +20,6 @@ from jaxgear import example_scene, grid_of, model_of
 from jaxgear.scene._mesh_bodies import with_bodies
 from jaxgear.study._dynamics import damping_of
 
-from .motion import MODES
 from .statics import THESIS, web
 
 um, mm, MPa = 1e-6, 1e-3, 1e6
@@ -32,7 +31,7 @@ WEBS = {"O": 6.5, "D": 4.94, "E": 3.38}
 LEFT_HANDED = {f"{label}, left": thickness for label, thickness in WEBS.items()}
 # Slices that feel each other.
 COUPLED = {f"{label}, coupled": thickness for label, thickness in WEBS.items()}
-COARSE = ("mesh.slices=10", "mesh.phases=64", "sweep.steps=64", *MODES)
+COARSE = ("mesh.slices=10", "mesh.phases=64", "sweep.steps=64")
 LAW = jg.ExactContact()
 BALANCE = jg.HarmonicBalance(harmonics=14, averaged=True)
 # Of the smooth maxima that searches look at, one after the other; what is told is exact.

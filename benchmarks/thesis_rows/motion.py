@@ -31,9 +31,9 @@ from jaxgear.study._dynamics import dynamics_of
 
 from .statics import THESIS
 
-# Slices, time steps and modes that tell trends.
+# Slices and time steps that tell trends; bodies move on the shapes that scenes have by default.
 COARSE = ("mesh.slices=10", "sweep.steps=64", "sweep.pinion_speed_rad_s=[1000.0]")
-MODES, HARMONICS = ("model.shapes=natural", "model.coordinates=60"), 14
+HARMONICS = 14
 # What a body that hardly deforms can do without.
 QUICK = ("interface=guyan", "modes=0", "compare_seats=false")
 # Of the pinion; below the first of them higher harmonics of the mesh meet the modes of the teeth
@@ -81,7 +81,7 @@ class Moving(NamedTuple):
 def moving(name: str, *settings: str) -> Moving:
     """An example scene with changes, set in motion."""
     condensed = bool(example_scene(name).condensed)
-    scene = example_scene(name, [*THESIS, *COARSE, *(MODES if condensed else ()), *settings])
+    scene = example_scene(name, [*THESIS, *COARSE, *settings])
     if condensed:
         scene = with_bodies(scene, moving=True)
     return set_going(scene, model_of(scene))

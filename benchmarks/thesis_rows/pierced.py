@@ -17,7 +17,7 @@ from jaxgear.scene._build import grid_of
 
 from .finding import Finding
 from .holes import HOLED, HOLES, above_and_between, force_orders, marched
-from .motion import MODES, Moving, moving, sweep
+from .motion import Moving, moving, sweep
 from .statics import LAW, MPa, mm, solved
 from .travelling import crossings
 
@@ -139,7 +139,7 @@ def dynamic_and_static() -> Finding:
     each = moving("power-h1", "wheel.body.compare_seats=false")
     largest, spread = {}, {}
     for speed in (_RESTING, _FAST):
-        static = solved("power-h1", "mesh.slices=10", f"mesh.pinion_speed_rad_s={speed}", *MODES)
+        static = solved("power-h1", "mesh.slices=10", f"mesh.pinion_speed_rad_s={speed}")
         still = np.asarray(jax.jit(line_load)(static.cycle, LAW)) * mm
         orbit = jax.tree.map(lambda x: x[0], sweep(each.system, np.asarray([speed]))[1])
         moved = np.asarray(dynamic_line_load(each.dynamics, orbit, LAW)) * mm

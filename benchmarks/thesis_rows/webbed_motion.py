@@ -107,9 +107,7 @@ def rim_modes_kept() -> Finding:
         ["modes", "mean apart", "median", "largest", "within 5 %, % of speeds", "peak rad/s"],
     )
     curves = {
-        count: _sweep(
-            "accessory-h1", f"wheel.body.modes={count}", "model.coordinates=300", speeds=SPEEDS
-        )
+        count: _sweep("accessory-h1", f"wheel.body.modes={count}", speeds=SPEEDS)
         for count in (100, 50, 10)
     }
     best, mean, close = curves[100], {}, {}
