@@ -60,7 +60,7 @@ def _slopes(
 MOST_NEWTON = 10
 
 
-class Correction(NamedTuple):
+class CorrectedPoint(NamedTuple):
     """What Newton's method has made of a guess.
 
     **Fields:**
@@ -77,7 +77,7 @@ class Correction(NamedTuple):
     steps: Scalar
 
 
-class Seen(NamedTuple):
+class PointResponse(NamedTuple):
     """What is to be seen of the response at a point.
 
     **Fields:**
@@ -95,29 +95,29 @@ class Seen(NamedTuple):
 @lasting
 def correction(
     balance: Balance, first: Reals, normal: Reals, value: Scalar, tolerance: Scalar
-) -> Correction:
+) -> CorrectedPoint:
     """The point of the branch in a plane, its tangent on the side of the plane's normal."""
 
-    def body(state: Correction) -> Correction:
+    def body(state: CorrectedPoint) -> CorrectedPoint:
         residual, matrix = slopes_by_both(balance, state.unknowns)
         off = normal @ state.unknowns - value
         right = jnp.stack([jnp.append(residual, off), jnp.zeros_like(normal).at[-1].set(1.0)], 1)
         solved = jnp.linalg.solve(jnp.concatenate([matrix, normal[None, :]]), right)
         tangent = solved[:, 1] / jnp.sqrt(jnp.sum(solved[:, 1] ** 2))
         error = jnp.max(jnp.abs(residual))
-        return Correction(state.unknowns - solved[:, 0], tangent, error, state.steps + 1.0)
+        return CorrectedPoint(state.unknowns - solved[:, 0], tangent, error, state.steps + 1.0)
 
-    def unfinished(state: Correction) -> Flag:
+    def unfinished(state: CorrectedPoint) -> Flag:
         return ~(state.error <= tolerance) & (state.steps < MOST_NEWTON)
 
-    start = Correction(first, normal, jnp.asarray(jnp.inf), jnp.zeros(()))
+    start = CorrectedPoint(first, normal, jnp.asarray(jnp.inf), jnp.zeros(()))
     return jax.lax.while_loop(unfinished, body, start)
 
 
 @lasting
 def correction_at_speed(
     method: HarmonicBalance, balance: Balance, first: Reals
-) -> tuple[Correction, Seen]:
+) -> tuple[CorrectedPoint, PointResponse]:
     """The point of the branch at the speed of a guess, its tangent towards higher speed.
 
     The structure is asked once, not in each of Newton's steps: what it answers depends on the speed
@@ -131,20 +131,20 @@ def correction_at_speed(
     tangent = tangent / jnp.sqrt(jnp.sum(tangent**2))
     unknowns = joined_vector(balance, terms, jnp.ones(())).at[-1].set(first[-1])
     seen = _seen(balance, problem, responses, terms)
-    return Correction(unknowns, tangent, error, steps), seen
+    return CorrectedPoint(unknowns, tangent, error, steps), seen
 
 
 @lasting
-def seen_of(balance: Balance, unknowns: Reals) -> Seen:
+def seen_of(balance: Balance, unknowns: Reals) -> PointResponse:
     """What is to be seen of a point."""
     terms, speed = parted_vector(balance, unknowns)
     return _seen(balance, *balance.at_speed(speed), terms)
 
 
-def _seen(balance: Balance, problem: Problem, responses: Responses, terms: Terms) -> Seen:
+def _seen(balance: Balance, problem: Problem, responses: Responses, terms: Terms) -> PointResponse:
     system, none = balance.system, jnp.zeros(())
     orbit = balance.orbit(problem, responses, terms, none, none, 0.0)
-    return Seen(*_measures(system, orbit), orbit.place)
+    return PointResponse(*_measures(system, orbit), orbit.place)
 
 
 def _measures(system: DynamicSystem, orbit: Orbit) -> tuple[Scalar, Scalar]:

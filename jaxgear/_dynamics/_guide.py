@@ -11,8 +11,8 @@ import numpy as np
 import scipy
 
 from jaxgear._dynamics._branch import (
-    Correction,
-    Seen,
+    CorrectedPoint,
+    PointResponse,
     correction,
     correction_at_speed,
     monodromy_of,
@@ -28,7 +28,7 @@ class Place(NamedTuple):
     unknowns: np.ndarray
     tangent: np.ndarray
     steps: int
-    seen: Seen | None = None
+    seen: PointResponse | None = None
     ratio: float = np.nan
     te_rms: float = np.nan
     multiplier: complex = complex(np.nan, np.nan)
@@ -80,10 +80,11 @@ class Guide:
             return None
         return point._replace(tangent=np.copysign(1.0, way) * point.tangent, seen=seen)
 
-    def _place(self, found: Correction) -> Place | None:
+    def _place(self, found: CorrectedPoint) -> Place | None:
         self.steps += int(found.steps)
         settled = bool(found.error <= self.tolerance) and bool(np.all(np.isfinite(found.tangent)))
-        return Place(found.unknowns, found.tangent, int(found.steps)) if settled else None
+        unknowns, tangent = np.asarray(found.unknowns), np.asarray(found.tangent)
+        return Place(unknowns, tangent, int(found.steps)) if settled else None
 
     def see(self, point: Place) -> Place:
         """A point with all that is to be known of it."""

@@ -10,6 +10,7 @@ import pytest
 from dynamics.cases import sdof_driven, sdof_parametric
 from helpers import assert_close, quick
 
+from jaxgear._dynamics._branch import correction, correction_at_speed, seen_of
 from jaxgear._dynamics._continuation import continuation
 from jaxgear._dynamics._folds import (
     distance_to_fold,
@@ -70,6 +71,26 @@ def _at(curve, speed):
         between = np.polynomial.Polynomial.fit(curve.speed[near], curve.te_rms[near], 3)
         found.append((between(speed), bool(curve.stable[i] and curve.stable[i + 1])))
     return found
+
+
+# --- one point of a branch
+
+
+def test_point_at_a_speed_is_that_in_the_plane_of_this_speed():
+    balance = _balance(AVERAGED, _system())
+    curve = _once()
+    here = len(curve.speed) // 2
+    sizes = np.sqrt(np.r_[1.0, np.full(2 * balance.count, 2.0)])
+    terms = curve.terms[here] / (np.asarray(balance.scales)[:, None] * sizes)
+    guess = jnp.append(jnp.asarray(1.01 * terms.reshape(-1)), np.log(curve.speed[here]))
+    upright = jnp.zeros_like(guess).at[-1].set(1.0)
+    point, seen = correction_at_speed(AVERAGED, balance, guess)
+    plane = correction(balance, guess, upright, guess[-1], jnp.asarray(1e-12))
+    assert point.unknowns[-1] == guess[-1]
+    assert_close(point.unknowns, plane.unknowns, atol=1e-11, rtol=0.0)
+    assert_close(point.tangent, plane.tangent, atol=1e-9, rtol=0.0)
+    assert_close(seen.te_rms, curve.te_rms[here], rtol=1e-8, atol=0.0)
+    assert_close(seen.place, seen_of(balance, plane.unknowns).place, rtol=1e-9, atol=1e-12)
 
 
 # --- the branch of B5 (a)
