@@ -67,6 +67,7 @@ from ._modes import largest_rotation as largest_rotation
 from ._modes import reduced_modes as reduced_modes
 from ._hold import FixedInterface as FixedInterface
 from ._hold import fixed_interface as fixed_interface
+from ._hold import displacement_rows as displacement_rows
 from ._hold import recovered_displacements as recovered_displacements
 from ._stress import StressRows as StressRows
 from ._stress import nodal_stress as nodal_stress

@@ -237,3 +237,25 @@ def recovered_displacements(
     outer = reduced.boundary_dofs
     shapes = np.tensordot(motion[outer:].T, reduced.interior_shapes, axes=1)
     return held.full.on_nodes(held.followed(motion[:outer])) + shapes
+
+
+def displacement_rows(held: FixedInterface, reduced: ReducedBody, nodes: np.ndarray) -> np.ndarray:
+    """Displacements of some nodes from the coordinates of a condensed body.
+
+    Each is a load on the full body whose boundary is held, by Betti's theorem: three columns are
+    solved for at each node, however many motions are asked of it.
+
+    **Arguments:**
+
+    - `held`: the full body with its boundary held.
+    - `reduced`: the condensed body.
+    - `nodes`: of the grid, shape `[point]`.
+
+    **Returns:**
+
+    Rows along x, y, z, shape `[point, 3, dof]` [-, m]: as `recovered_displacements` of all motions.
+    """
+    unknowns = (3 * np.asarray(nodes)[:, None] + np.arange(3)).ravel()
+    boundary, _ = held.measured(held.full.spread[unknowns].toarray())
+    shapes = reduced.interior_shapes.reshape(reduced.interior, -1)[:, unknowns]
+    return np.concatenate([boundary, shapes.T], axis=1).reshape(-1, 3, reduced.dofs)

@@ -33,7 +33,7 @@ from fem_prep._boundary import Teeth, full_body
 from fem_prep._checks import BodyError
 from fem_prep._condense import condense
 from fem_prep._grid import Grid, merged
-from fem_prep._hold import fixed_interface, recovered_displacements
+from fem_prep._hold import displacement_rows, fixed_interface, recovered_displacements
 from fem_prep._modes import free_modes, largest_rotation, lowest_modes, reduced_modes
 from fem_prep._seats import Seat
 from fem_prep._solvers import available_solvers, factorise
@@ -73,6 +73,15 @@ def general(full):
 
 
 # ----------------------------------------------------------------------- the projection
+
+
+@pytest.mark.parametrize("seats", ["ring", "both", "none"])
+def test_rows_of_nodes_are_what_all_motions_do_there(seats):
+    full, body = wheel(seats), condensed(seats, modes=6, rotating=True)
+    shapes = recovered_displacements(held(seats), body, np.eye(body.dofs))
+    nodes = np.arange(3, len(full.grid.nodes), 41)
+    rows = displacement_rows(held(seats), body, nodes)
+    assert_near(rows, np.moveaxis(shapes[:, nodes], 0, 2), 1e-9)
 
 
 @pytest.mark.parametrize("seats", ["ring", "both", "none"])

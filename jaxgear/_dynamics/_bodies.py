@@ -44,6 +44,7 @@ class BodyPlace(eqx.Module):
     - `first`: degree of freedom of its first mode; the others follow.
     - `speed`: with which it turns about +Z, over the pinion's [-].
     - `waves`, `diameters`: of its modes, as of `BodyModes`.
+    - `residual_waves`: that its residual shapes are made of.
     """
 
     square: ModeValues
@@ -55,6 +56,7 @@ class BodyPlace(eqx.Module):
     speed: float = eqx.field(static=True)
     waves: tuple[int, ...] = eqx.field(static=True)
     diameters: tuple[int, ...] = eqx.field(static=True)
+    residual_waves: tuple[int, ...] = eqx.field(static=True, default=())
 
     @property
     def mode_dofs(self) -> np.ndarray:
@@ -105,7 +107,7 @@ class VibratingBody(NamedTuple):
     def place(self) -> BodyPlace:
         """What others need of it."""
         count = len(self.modes.waves)
-        closed = self.modes.seat_dofs + count
+        closed, residual = self.modes.seat_dofs + count, self.modes.residual
         return BodyPlace(
             square=self.modes.square[:count],
             residual=self.modes.square[count:],
@@ -116,6 +118,7 @@ class VibratingBody(NamedTuple):
             speed=self.speed,
             waves=self.modes.waves,
             diameters=self.modes.diameters,
+            residual_waves=() if residual is None else residual.waves,
         )
 
 

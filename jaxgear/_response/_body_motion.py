@@ -5,8 +5,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg
+import scipy.sparse
 
 from jaxgear._checks import require
+from jaxgear._dynamics._bodies import BodyPlace
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._geometry._pair import GearPair
@@ -87,14 +90,17 @@ SAME_ORDER = 1e-6
 
 @dataclass(frozen=True)
 class BodyMotion:
-    r"""Seats and modes of a turning condensed body in a steady response.
+    r"""Motion of a turning condensed body in a steady response.
+
+    Its coordinates are seats and modes, and parts of its residual shapes: of each wave, and each
+    shape, a pair that turns as modes of that wave do.
 
     **Fields:**
 
     - `amplitudes`: $a_m$, in coordinates that stand still in space, complex, shape
-        `[harmonic, seat dof and mode]` [m, rad, m kg^1/2].
+        `[harmonic, coordinate]` [m, rad, m kg^1/2].
     - `turning`: $J$ of the coordinates: how they change per turn of the body, shape
-        `[seat dof and mode, seat dof and mode]` [-].
+        `[coordinate, coordinate]` [-].
     - `teeth`: $Z$ of the gear.
     - `periods`: $P$, mesh periods after which the response repeats.
     - `speed`: of the gear about +Z [rad/s].
@@ -115,23 +121,35 @@ class BodyMotion:
 
     @property
     def standing(self) -> Spectrum:
-        """Seats and modes in coordinates that stand still in space."""
+        """The coordinates that stand still in space."""
         order = np.arange(len(self.amplitudes)) * self.teeth / self.periods
         return Spectrum(order, self.amplitudes)
 
-    @functools.cached_property
-    def of_body(self) -> Spectrum:
-        """Seats and modes as the body has them, $z = D(-\\theta)x$."""
+    def on_body(self, order: float | int) -> np.ndarray:
+        r"""Amplitude of one order of the coordinates as the body has them, $z = D(-\theta)x$.
+
+        **Arguments:**
+
+        - `order`: of the gear's rotation [-].
+
+        **Returns:**
+
+        Complex, shape `[coordinate]`; zero if there is no such order.
+        """
         waves, vectors, own = self.turned
-        number, values = [], []
+        found = np.zeros(len(waves), dtype=complex)
+        wanted = round(order * self.periods)
+        if abs(wanted - order * self.periods) > SAME_ORDER * self.periods:
+            return found
         for wave in np.unique(waves):
-            chosen = waves == wave
-            number.append(self.numbers(int(wave)))
-            values.append(own[:, chosen] @ vectors[:, chosen].T)
-        return self.collected(np.concatenate(number), np.concatenate(values))
+            number, chosen = self.numbers(int(wave)), waves == wave
+            ahead, back = (own[number == each][:, chosen].sum(axis=0) for each in (wanted, -wanted))
+            found += vectors[:, chosen] @ ahead + (vectors[:, chosen] @ back).conj()
+        # Of order 0 both are the same.
+        return found if wanted else 0.5 * found
 
     @functools.cached_property
-    def turned(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def turned(self) -> tuple[np.ndarray, scipy.sparse.csr_array, np.ndarray]:
         r"""Motions that turn by a phase, $\lambda$ and $v$ of `waves_of_turning`, as they are.
 
         The last are their amplitudes on the body where the cycle begins, `[harmonic, vector]`.
@@ -158,7 +176,7 @@ class BodyMotion:
         return Spectrum(order / self.periods, total)
 
 
-def waves_of_turning(turning: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def waves_of_turning(turning: np.ndarray) -> tuple[np.ndarray, scipy.sparse.csr_array]:
     r"""Motions that a turn changes by a phase only: $e^{\theta J}v = e^{i\lambda\theta}v$.
 
     **Arguments:**
@@ -167,18 +185,21 @@ def waves_of_turning(turning: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     **Returns:**
 
-    Whole numbers $\lambda$, shape `[vector]` [-], and the vectors, unitary together, shape
-    `[coordinate, vector]` [-].
+    Whole numbers $\lambda$, shape `[vector]` [-], and the vectors, unitary together, each of one
+    coordinate or two, shape `[coordinate, vector]` [-].
     """
     size = len(turning)
-    waves = np.zeros(size, dtype=int)
-    vectors = np.eye(size, dtype=complex)
-    for first, second in np.argwhere(np.triu(np.abs(turning) > 0.5)):
-        number = round(float(turning[second, first]))
-        waves[first], waves[second] = number, -number
-        vectors[[first, second], first] = np.array([1.0, -1j]) / math.sqrt(2.0)
-        vectors[[first, second], second] = np.array([1.0, 1j]) / math.sqrt(2.0)
-    return waves, vectors
+    waves, own = np.zeros(size, dtype=int), np.ones(size, dtype=complex)
+    first, second = np.nonzero(np.triu(np.abs(turning) > 0.5))
+    waves[first] = np.round(turning[second, first]).astype(int)
+    waves[second] = -waves[first]
+    root = math.sqrt(0.5)
+    own[first], own[second] = root, 1j * root
+    beside = np.full(first.size, root, dtype=complex)
+    every = np.arange(size)
+    values = np.concatenate([own, -1j * beside, beside])
+    places = np.concatenate([every, second, first]), np.concatenate([every, first, second])
+    return waves, scipy.sparse.csr_array((values, places), shape=(size, size))
 
 
 def start_angle(pair: GearPair, index: int) -> float:
@@ -207,7 +228,7 @@ def body_motion(
     *,
     angle: float | None = None,
 ) -> BodyMotion:
-    """Seats and modes of a condensed body in a steady response, by harmonics of the mesh.
+    """Motion of a condensed body in a steady response, by harmonics of the mesh.
 
     The steps of a cycle are not all of one length; the harmonics are those that fit the motion in
     the middles of the steps best, in the mean over time. A response by harmonic balance they meet.
@@ -242,16 +263,30 @@ def body_motion(
     periods = len(motion) // len(table.kinds) * table.periods
     lengths = np.asarray(table.lengths)[: len(table.kinds) // table.periods]
     pair = dynamics.cycle.system.pair
+    chosen = np.r_[list(place.seats), place.mode_dofs, place.residual_dofs]
+    amplitudes, turning = _by_parts(place, _harmonics(whole[:, chosen], lengths, harmonics))
     return BodyMotion(
-        amplitudes=_harmonics(
-            whole[:, np.r_[list(place.seats), place.mode_dofs]], lengths, harmonics
-        ),
-        turning=np.asarray(place.turning),
+        amplitudes=amplitudes,
+        turning=turning,
         teeth=(pair.pinion, pair.wheel)[index].teeth,
         periods=periods,
         speed=place.speed * float(orbit.speed),
         angle=start_angle(pair, index) if angle is None else angle,
     )
+
+
+def _by_parts(place: BodyPlace, found: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Parts of residual shapes in place of these, `[harmonic, coordinate]`, and how all turn.
+
+    In space each of its waves is as large as the shape, and their partners are not there.
+    """
+    size, waves = len(place.turning), place.residual_waves
+    residual = found[:, size:]
+    parts = np.zeros((len(found), len(waves), residual.shape[1], 2), dtype=complex)
+    parts[..., 0] = residual[:, None, :]
+    amplitudes = np.concatenate([found[:, :size], parts.reshape(len(found), -1)], axis=1)
+    quarter = np.kron(np.eye(residual.shape[1]), np.array([[0.0, -1.0], [1.0, 0.0]]))
+    return amplitudes, scipy.linalg.block_diag(place.turning, np.kron(np.diag(waves), quarter))
 
 
 def _harmonics(values: np.ndarray, lengths: np.ndarray, most: int | None) -> np.ndarray:
@@ -303,12 +338,19 @@ def rotating_spectrum(motion: BodyMotion, rows: np.ndarray) -> Spectrum:
     **Arguments:**
 
     - `motion`: of the body.
-    - `rows`: of each gauge per seat and mode, as of `BodyBasis.motions`, shape
-        `[..., seat dof and mode]` [-, m, kg^-1/2].
+    - `rows`: of each gauge per coordinate of that motion, shape `[..., coordinate]`
+        [-, m, kg^-1/2].
 
     **Returns:**
 
     Spectrum by orders of the gear's rotation, amplitude shape `[order, ...]` [m].
     """
-    own = motion.of_body
-    return Spectrum(own.order, np.tensordot(own.amplitude, rows, axes=([1], [rows.ndim - 1])))
+    waves, vectors, own = motion.turned
+    # Of the rows first: of all coordinates there are far more.
+    flat = rows.reshape(-1, rows.shape[-1]) @ vectors
+    number, values = [], []
+    for wave in np.unique(waves):
+        number.append(motion.numbers(int(wave)))
+        values.append(own[:, waves == wave] @ flat[:, waves == wave].T)
+    found = motion.collected(np.concatenate(number), np.concatenate(values))
+    return Spectrum(found.order, found.amplitude.reshape(-1, *rows.shape[:-1]))

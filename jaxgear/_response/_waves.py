@@ -77,8 +77,8 @@ class Circle:
     **Fields:**
 
     - `number`: $n$, rising through both signs, shape `[wave]`.
-    - `rows`: $c_n$, along radius, tangent and axis per seat and mode, complex, shape
-        `[wave, direction, seat dof and mode]` [-, m, kg^-1/2].
+    - `rows`: $c_n$, along radius, tangent and axis per coordinate of a `BodyMotion`, complex,
+        shape `[wave, direction, coordinate]` [-, m, kg^-1/2].
     """
 
     number: np.ndarray
@@ -108,8 +108,8 @@ def circle_of(angles: np.ndarray, rows: np.ndarray) -> Circle:
     **Arguments:**
 
     - `angles`: of the nodes about Z, from the body's x, in any order, shape `[node]` [rad].
-    - `rows`: of the nodes along x, y, z per seat and mode, shape `[node, 3, seat dof and mode]`
-        [-, m, kg^-1/2].
+    - `rows`: of the nodes along x, y, z per coordinate of a `BodyMotion`, shape
+        `[node, 3, coordinate]` [-, m, kg^-1/2].
 
     **Returns:**
 
@@ -128,8 +128,8 @@ def circle_around(angles: np.ndarray, rows: np.ndarray) -> Circle:
     **Arguments:**
 
     - `angles`: of the nodes about Z, from the body's x, in any order, shape `[node]` [rad].
-    - `rows`: of what is told of each node in its own directions per seat and mode, shape
-        `[node, ..., seat dof and mode]` [any unit].
+    - `rows`: of what is told of each node in its own directions per coordinate, shape
+        `[node, ..., coordinate]` [any unit].
 
     **Returns:**
 
@@ -161,8 +161,9 @@ def _terms(motion: BodyMotion, circle: Circle) -> Iterator[tuple[int, np.ndarray
     The amplitudes are on the body where the cycle begins, `[harmonic, wave, direction]`.
     """
     waves, vectors, own = motion.turned
-    rows = circle.rows @ vectors
-    scale = np.abs(vectors).T @ np.abs(circle.rows).max(axis=(0, 1))
+    flat = circle.rows.reshape(-1, circle.rows.shape[2])
+    rows = (flat @ vectors).reshape(circle.rows.shape)
+    scale = abs(vectors).T @ np.abs(flat).max(axis=0)
     shown = (np.abs(rows) > _NOISE * scale).any(axis=1)
     for wave in np.unique(waves):
         chosen = waves == wave

@@ -39,6 +39,23 @@ class Combinations(NamedTuple):
             diameters=self.diameters,
         )
 
+    def residual_motions(self, basis: BodyBasis) -> np.ndarray:
+        """Motion of the body's coordinates per part of a residual shape, `[dof, part]` [kg^-1/2].
+
+        By wave, then by shape, then the two of a pair, as of `Residual.parts`; none without them.
+        """
+        if self.residual is None:
+            return np.zeros((len(basis.shapes), 0))
+        partner, number = wave_partners(basis.waves)
+        _, parts = self.residual.parts(partner, np.asarray(number))
+        # Each wave is of few modes.
+        some = [np.any(own != 0.0, axis=(1, 2)) for own in parts]
+        of_wave = [
+            np.tensordot(basis.shapes[:, chosen], own[chosen], axes=1)
+            for chosen, own in zip(some, parts, strict=True)
+        ]
+        return np.stack(of_wave, axis=1).reshape(len(basis.shapes), -1)
+
     def of_body(self, body: FlexibleBody) -> FlexibleBody:
         """The body on these combinations of its modes; what they leave deflects statically."""
         modes = body.modes

@@ -74,6 +74,23 @@ class Residual(NamedTuple):
     into: np.ndarray
     square: np.ndarray
 
+    def parts(self, partner: np.ndarray, number: np.ndarray) -> tuple[tuple[int, ...], np.ndarray]:
+        """The waves that the shapes are made of, and of each its part of each shape.
+
+        **Arguments:**
+
+        - `partner`, `number`: of the modes, from `wave_partners`.
+
+        **Returns:**
+
+        The waves, rising, and pairs that turn into each other as modes of that wave do, the first
+        of them what is in the shape, `[wave, mode, shape, 2]` [-].
+        """
+        apart = np.unique(np.abs(number[np.any(self.into != 0.0, axis=1)]))
+        own = (np.abs(number)[None, :] == apart[:, None])[:, :, None] * self.into[None]
+        turned = (np.sign(number)[None, :, None] * own)[:, partner]
+        return tuple(int(wave) for wave in apart), np.stack([own, turned], axis=3)
+
     def rows(self, rows: Array, partner: np.ndarray, number: np.ndarray) -> ResidualShapes:
         """The motion of feet.
 
@@ -82,12 +99,9 @@ class Residual(NamedTuple):
         - `rows`: of the modes, as of `BodyModes`.
         - `partner`, `number`: of the modes, from `wave_partners`.
         """
-        apart = np.unique(np.abs(number[np.any(self.into != 0.0, axis=1)]))
-        of_wave = (np.abs(number)[None, :] == apart[:, None])[:, :, None] * self.into[None]
-        signed = np.sign(number)[None, :, None] * of_wave
-        onto = lambda own, shares: jnp.einsum("xicm,wmk->xicwk", own, jnp.asarray(shares))
-        parts = [onto(rows, of_wave), onto(rows[..., partner], signed)]
-        return ResidualShapes(jnp.stack(parts, axis=1), tuple(int(wave) for wave in apart))
+        waves, parts = self.parts(partner, number)
+        onto = jnp.einsum("xicm,wmkp->xpicwk", rows, jnp.asarray(parts))
+        return ResidualShapes(onto, waves)
 
 
 def residual_shapes(

@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
 
 from fem_prep import HeatedBody
 from jaxgear._checks import InputError, require
@@ -49,6 +50,8 @@ class MeshBody:
     - `follows`: key of a measure of its web that is to be varied, or `None`.
     - `family`: bodies over that measure, in the unit of its key; their statics is the body's.
     - `heated`: what heat does to it, or `None`: the scene gives no temperatures.
+    - `residual`: its motion per part of its residual shapes, as of
+        `Combinations.residual_motions`; no columns: it has none [kg^-1/2].
     """
 
     built: BuiltBody
@@ -58,6 +61,7 @@ class MeshBody:
     follows: str | None = None
     family: BodyFamily | None = None
     heated: HeatedBody | None = None
+    residual: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
 
 
 # A condensed body that is not in mesh yet, and motions on which it vibrates; none for statics.
@@ -313,6 +317,7 @@ def _on_excited_shapes(body: MeshBody, pair: GearPair, grid: MeshGrid, count: in
         flexible=shapes.of_body(body.flexible),
         basis=shapes.of_basis(basis),
         on_modes=body.flexible,
+        residual=shapes.residual_motions(basis),
     )
 
 

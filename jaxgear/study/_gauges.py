@@ -74,7 +74,7 @@ class Gauge:
     warmth: np.ndarray | None = None
 
     def on(self, body: MovingBody, temperature: TemperatureKeys, *, grows: bool = True) -> "Gauge":
-        """The gauge by seats and modes of a body in place of its condensed coordinates.
+        """The gauge by what a body in motion is told by, in place of its condensed coordinates.
 
         What the modes leave out of rotation and heat is beside them, so that it shows all of both.
 
@@ -89,7 +89,7 @@ class Gauge:
         strain = np.asarray(free_strains(temperature))
         return dataclasses.replace(
             self,
-            rows=self.rows @ body.basis.motions,
+            rows=self.rows @ body.motions,
             rotation=(self.rotation + beside[..., 0]) * grows,
             warmth=(self.heat + beside[..., 1:]) @ strain if len(body.heat_load) else None,
         )
@@ -97,7 +97,7 @@ class Gauge:
     def spectrum(self, motion: BodyMotion) -> Spectrum:
         """Strain and stress by orders of the gear's rotation, shape `[order, 2]` [-, Pa].
 
-        Of a gauge by seats and modes.
+        Of a gauge on a body in motion.
         """
         if self.turns:
             found = rotating_spectrum(motion, self.rows[0])

@@ -27,8 +27,6 @@ from jaxgear.study._progress import say
 
 # Nodes on one circle, over the radius.
 SAME_CIRCLE = 1e-4
-# Motions of the whole grid that are there at one time.
-_AT_ONCE = 32
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -42,6 +40,8 @@ class MovingBody:
     - `basis`: its motions, as the pair in motion has them.
     - `teeth`: of the gear.
     - `gear_seat`: number of the seat against which waves are told.
+    - `residual`: motion of its coordinates per part of a residual shape, as of
+        `Combinations.residual_motions`; no columns: it has none [kg^-1/2].
     - `heat_load`: on its coordinates per free strain of hub and rim, shape `[2, dof]`; no rows:
         it cannot warm [N, N m].
     """
@@ -51,12 +51,19 @@ class MovingBody:
     basis: BodyBasis
     teeth: int
     gear_seat: int = 0
+    residual: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
     heat_load: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def index(self) -> int:
         """0 for the pinion, 1 for the wheel."""
         return GEARS.index(self.gear)
+
+    @property
+    def motions(self) -> np.ndarray:
+        """Motion of its coordinates per coordinate of a `BodyMotion`, `[dof, coordinate]`."""
+        own = self.basis.motions
+        return np.concatenate([own, self.residual], axis=1) if self.residual.size else own
 
     @property
     def radius(self) -> float:
@@ -109,22 +116,19 @@ class MovingBody:
         return answer - basis.shapes @ ((basis.shapes.T @ load) / basis.square[:, None])
 
     def rows(self, chosen: np.ndarray) -> np.ndarray:
-        """Displacements of nodes per seat and mode, of the nodes with these numbers.
+        """Displacements per coordinate of a `BodyMotion`, of the nodes with these numbers.
 
-        Along x, y, z of the body, shape `[node, 3, seat dof and mode]` [-, m, kg^-1/2]. Those of
-        the rim are coordinates of the condensed body; all others follow by its grid, which is then
+        Along x, y, z of the body, shape `[node, 3, coordinate]` [-, m, kg^-1/2]. Those of the rim
+        are coordinates of the condensed body; all others follow by its grid, which is then
         factorised again.
         """
-        motions = self.basis.motions
+        motions, body = self.motions, self.built.body
         rim = self._rim[chosen]
-        count = 3 * len(self.built.body.rim_nodes)
+        count = 3 * len(body.rim_nodes)
         result = motions[:count].reshape(-1, 3, motions.shape[1])[rim]
         inside = np.flatnonzero(rim < 0)
-        for start in range(0, motions.shape[1], _AT_ONCE) if inside.size else ():
-            some = slice(start, start + _AT_ONCE)
-            result[inside, :, some] = np.moveaxis(
-                self.field(motions[:, some])[:, chosen[inside]], 0, 2
-            )
+        if inside.size:
+            result[inside] = fem_prep.displacement_rows(self._held, body, chosen[inside]) @ motions
         return result
 
     def field(self, motions: np.ndarray) -> np.ndarray:
@@ -139,24 +143,29 @@ class MovingBody:
 
         Complex amplitude of all nodes along x, y, z of the body, shape `[node, 3]` [m].
         """
-        own = motion.of_body.near(order)
-        whole = self.basis.motions @ own
+        own = motion.on_body(order)
+        whole = self.motions @ own
         real, imaginary = self.field(np.stack([np.real(whole), np.imag(whole)], axis=1))
-        return real + 1j * imaginary - self.with_seat(self.nodes) @ own
+        return real + 1j * imaginary - self.with_seat(self.nodes) @ own[self.seat]
+
+    @property
+    def seat(self) -> slice:
+        """Coordinates of the gear's seat, in a `BodyMotion`."""
+        return slice(6 * self.gear_seat, 6 * self.gear_seat + 6)
 
     def with_seat(self, places: np.ndarray) -> np.ndarray:
-        """Displacements of places that move as one with the gear's seat, as of `rows`."""
-        seat = 6 * self.gear_seat
+        """Displacements of places that move as one with the gear's seat, per motion of it.
+
+        Along x, y, z of the body, shape `[place, 3, 6]` [-, m].
+        """
         rigid = fem_prep.rigid_motions(places - self.built.body.seat_points[self.gear_seat])
-        result = np.zeros((len(places), 3, self.basis.motions.shape[1]))
-        result[:, :, seat : seat + 6] = rigid.reshape(-1, 3, 6)
-        return result
+        return rigid.reshape(-1, 3, 6)
 
     def circle(self, chosen: np.ndarray, *, against_seat: bool = False) -> Circle:
         """The circle of some nodes; their motion may be told against the gear's seat."""
         rows = self.rows(chosen)
         if against_seat:
-            rows = rows - self.with_seat(self.nodes[chosen])
+            rows[:, :, self.seat] -= self.with_seat(self.nodes[chosen])
         return circle_of(angle_of(self.nodes[chosen]), rows)
 
     def rim_circles(self) -> list[Circle]:
@@ -187,9 +196,11 @@ def moving_bodies(
         sectors = mesh_body.built.body.facts.get("sectors", 1)
         teeth, seat = gears[gear].teeth, mesh_body.flexible.gear_seat
         basis, _ = mesh_body.basis.under_teeth(teeth, sectors)
-        heated, none = mesh_body.heated, np.zeros((0, mesh_body.built.body.dofs))
-        load = none if heated is None else heated.load
-        found[gear] = MovingBody(gear, mesh_body.built, basis, teeth, seat, load)
+        heated, dofs = mesh_body.heated, mesh_body.built.body.dofs
+        load = np.zeros((0, dofs)) if heated is None else heated.load
+        found[gear] = MovingBody(
+            gear, mesh_body.built, basis, teeth, seat, mesh_body.residual, load
+        )
     return found
 
 

@@ -37,7 +37,7 @@ class Probe:
     - `name`: in results.
     - `gear`: `pinion` or `wheel`.
     - `direction`: that is read: 0 radial, 1 tangential, 2 axial.
-    - `rows`: of a gauge, per seat and mode, shape `[seat dof and mode]`, or None
+    - `rows`: of a gauge, per coordinate of a `BodyMotion`, shape `[coordinate]`, or None
         [-, m, kg^-1/2].
     - `circle`: that a fixed probe looks at, or None.
     - `angle`: of a fixed probe about Z, from S [rad].
@@ -133,7 +133,7 @@ def _condensed_probe(
     )
     number = known.index(node)
     place = body.built.body.probe_points[number]
-    rows = (body.built.body.probe_rows[number] @ body.basis.motions)[None]
+    rows = (body.built.body.probe_rows[number] @ body.motions)[None]
     return _gauge(name, body, direction, place, rows)
 
 

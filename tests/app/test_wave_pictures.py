@@ -85,7 +85,8 @@ def scene(tmp_path_factory):
     # What the mesh sees of the body is of no interest here.
     flexible = SimpleNamespace(gear_seat=built.body.seats.index("torque"))
     basis = body_basis(built.body, 16)
-    body = SimpleNamespace(built=built, basis=basis, flexible=flexible, heated=None)
+    none = np.zeros((0, 0))
+    body = SimpleNamespace(built=built, basis=basis, flexible=flexible, heated=None, residual=none)
     return dataclasses.replace(scene, bodies={"wheel": body})
 
 
@@ -182,7 +183,7 @@ def test_a_gauge_reads_the_strain_of_the_grid(watch, motion):
     each = watch.looked["wheel"]
     body, gauge = each.body, each.gauges[0]
     # Along x, y, z, with the rigid part of the motion: it strains nothing.
-    whole = body.basis.motions @ motion.of_body.near(TEETH - 2)
+    whole = body.basis.motions @ motion.on_body(TEETH - 2)
     field = body.field(np.stack([np.real(whole), np.imag(whole)], axis=1))
     grid, material = body._held.full.grid, body.built.plan.material
     radius, angle, height = gauge.places[0]
@@ -210,7 +211,7 @@ def test_a_gauge_on_the_web_moves_as_the_grid_does(watch, motion):
     shape = body.shape(motion, TEETH - 2)
     own = along_directions(np.array([angle]), shape[None, node])[0, 2]
     seat = along_directions(np.array([angle]), body.with_seat(place[None]))[0, 2]
-    own = own + seat @ motion.of_body.near(TEETH - 2)
+    own = own + seat @ motion.on_body(TEETH - 2)[body.seat]
     assert probe.spectrum(motion).near(TEETH - 2) == pytest.approx(own, rel=1e-9)
     # The rim's part of the whole grid is the rim.
     rim = np.flatnonzero(body._rim >= 0)

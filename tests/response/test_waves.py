@@ -129,11 +129,20 @@ def test_a_fixed_probe_reads_what_passes_it(sense):
     motion = _noisy(sense)
     angle = _angles(90)
     series = fixed_spectrum(motion, circle_of(ANGLES, _rows()), 1.1).at(angle)
-    on_body = motion.of_body.at(angle)
+    on_body = rotating_spectrum(motion, np.eye(motion.amplitudes.shape[1])).at(angle)
     for now in range(0, len(angle), 11):
         passing = 1.1 - motion.angle - sense * angle[now]
         expected = _rows(np.array([passing]))[0] @ on_body[now]
         assert_close(series[now], expected, rtol=1e-10, atol=1e-11)
+
+
+@senses
+@pytest.mark.parametrize("periods", [1, 5])
+def test_one_order_of_the_body_is_that_of_its_spectrum(sense, periods):
+    motion = _noisy(sense, periods)
+    whole = rotating_spectrum(motion, np.eye(motion.amplitudes.shape[1]))
+    for order in (*whole.order, 0.5, 0.1):
+        assert_close(motion.on_body(order), whole.near(order), rtol=1e-12, atol=1e-14)
 
 
 def test_a_fixed_probe_shows_multiples_of_the_teeth_only():
