@@ -280,13 +280,15 @@ def _by_parts(place: BodyPlace, found: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
     In space each of its waves is as large as the shape, and their partners are not there.
     """
-    size, waves = len(place.turning), place.residual_waves
+    turning, waves = np.asarray(place.turning), place.residual_waves
+    size = len(turning)
     residual = found[:, size:]
     parts = np.zeros((len(found), len(waves), residual.shape[1], 2), dtype=complex)
     parts[..., 0] = residual[:, None, :]
     amplitudes = np.concatenate([found[:, :size], parts.reshape(len(found), -1)], axis=1)
     quarter = np.kron(np.eye(residual.shape[1]), np.array([[0.0, -1.0], [1.0, 0.0]]))
-    return amplitudes, scipy.linalg.block_diag(place.turning, np.kron(np.diag(waves), quarter))
+    own = np.kron(np.diag(waves), quarter)
+    return amplitudes, np.asarray(scipy.linalg.block_diag(turning, own))
 
 
 def _harmonics(values: np.ndarray, lengths: np.ndarray, most: int | None) -> np.ndarray:

@@ -250,12 +250,12 @@ def test_a_turning_body_shows_its_residual_shapes_as_the_modes_that_they_are_mad
     shapes = found.of_basis(basis)
     own = VibratingBody(1, combined, _modes(combined), np.arange(seats), seats, -0.4)
     random = np.random.default_rng(5)
-    moved = random.standard_normal((1, _modes(combined).size)).astype(complex)
-    motion = BodyMotion(*_by_parts(own.place, moved), 12, 1, -40.0, 0.7)
+    moved = random.standard_normal(_modes(combined).size)
+    motion = BodyMotion(*_by_parts(own.place, moved[None].astype(complex)), 12, 1, -40.0, 0.7)
     seen = np.concatenate([shapes.motions, found.residual_motions(basis)], axis=1)
     # In space the modes move by what is in the shapes; the body has turned beneath them.
-    modes = found.into @ moved[0, seats:-12].real + residual.into @ moved[0, -12:].real
-    turned = scipy.linalg.expm(-0.7 * basis.turning) @ np.r_[moved[0, :seats].real, modes]
+    modes = found.into @ moved[seats:-12] + residual.into @ moved[-12:]
+    turned = scipy.linalg.expm(-0.7 * basis.turning) @ np.r_[moved[:seats], modes]
     assert_near(rotating_spectrum(motion, seen).at(np.zeros(1))[0], basis.motions @ turned, 1e-9)
 
 
