@@ -23,11 +23,11 @@ from jaxgear._system._mode_combinations import lowest_modes
 from jaxgear._system._rim_checks import require_short_elements
 from jaxgear.scene._bodies import BodyPlan, Drawn, body_plan
 from jaxgear.scene._body_build import BuiltBody, built_body
-from jaxgear.scene._body_heat import heat_of
 from jaxgear.scene._body_tables import WebKeys
 from jaxgear.scene._body_words import in_keys
 from jaxgear.scene._build import couples_on_pinion, pair_grid, pair_of
 from jaxgear.scene._gear_tables import GearKeys
+from jaxgear.scene._heated_bodies import heat_of
 from jaxgear.scene._plain_ring import beyond_plain_ring
 from jaxgear.scene._rim_ribs import rim_ribs
 from jaxgear.scene._root_correction import root_correction

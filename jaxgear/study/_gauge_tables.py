@@ -1,6 +1,7 @@
 """Gauges of a scene as a search reads them: stresses at their places, quasi-static."""
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -9,7 +10,9 @@ from jaxgear._response._gauges import GaugeInfluences, gauge_influences
 from jaxgear.scene._schema import GEARS
 from jaxgear.scene._study_tables import OptimiseKeys
 from jaxgear.study._built import BuiltScene
-from jaxgear.study._gauges import Gauge, gauges_of
+
+if TYPE_CHECKING:
+    from jaxgear.study._gauges import Gauge
 
 # What [optimise] may name of gauges.
 NAMES = ("max_gauge_stress", "gauge_stress_amplitude")
@@ -62,6 +65,9 @@ def gauge_tables(built: BuiltScene, varied: Iterable[str]) -> tuple[GaugeInfluen
             key=key,
             asked=keys[0],
         )
+    # For other scenes no finite elements are imported.
+    from jaxgear.study._gauges import gauges_of
+
     for gear, body in scene.bodies.items():
         own = gauges_of(scene.gauges, scene.bodies, gear, body.built, body.heated)
         if own:
@@ -69,7 +75,7 @@ def gauge_tables(built: BuiltScene, varied: Iterable[str]) -> tuple[GaugeInfluen
     return tuple(found)
 
 
-def _table(built: BuiltScene, gear: str, gauges: tuple[Gauge, ...]) -> GaugeInfluences:
+def _table(built: BuiltScene, gear: str, gauges: tuple["Gauge", ...]) -> GaugeInfluences:
     mesh, body = built.scene.mesh, built.scene.bodies[gear]
     beside = lambda six, along: np.concatenate([six, along[:, 1:]], axis=1)
     parts = [

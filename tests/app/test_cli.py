@@ -389,6 +389,19 @@ print("matplotlib.pyplot" in sys.modules)
     assert done.stdout.splitlines() == ["[]", "False", "False"], done.stderr
 
 
+def test_studies_of_rigid_bodies_import_no_finite_elements():
+    code = """
+import sys
+import jaxgear.study._run, jaxgear.study._relief_map, jaxgear.study._optimising
+import jaxgear.study._modes, jaxgear.study._sweep
+late = ("skfem", "fem_prep._assembly", "scipy.interpolate", "scipy.optimize", "scipy.spatial")
+print([name for name in late if name in sys.modules])
+"""
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.stdout.splitlines() == ["[]"], done.stderr
+
+
 @pytest.mark.parametrize(
     "arguments",
     [[], ["fly"], ["run"], ["run", "a.toml", "--se", "x=1"], ["run", "a.toml", "b.toml"]],
