@@ -42,10 +42,9 @@ class Combinations(NamedTuple):
     def residual_motions(self, basis: BodyBasis) -> np.ndarray:
         """Motion of the body's coordinates per part of a residual shape, `[dof, part]` [kg^-1/2].
 
-        By wave, then by shape, then the two of a pair, as of `Residual.parts`; none without them.
+        By wave, then by shape, then the two of a pair, as of `Residual.parts`.
         """
-        if self.residual is None:
-            return np.zeros((len(basis.shapes), 0))
+        assert self.residual is not None
         partner, number = wave_partners(basis.waves)
         _, parts = self.residual.parts(partner, np.asarray(number))
         # Each wave is of few modes.

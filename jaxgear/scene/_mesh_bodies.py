@@ -51,7 +51,7 @@ class MeshBody:
     - `family`: bodies over that measure, in the unit of its key; their statics is the body's.
     - `heated`: what heat does to it, or `None`: the scene gives no temperatures.
     - `residual`: its motion per part of its residual shapes, as of
-        `Combinations.residual_motions`; no columns: it has none [kg^-1/2].
+        `Combinations.residual_motions`, or `None`: it has none [kg^-1/2].
     """
 
     built: BuiltBody
@@ -61,7 +61,7 @@ class MeshBody:
     follows: str | None = None
     family: BodyFamily | None = None
     heated: HeatedBody | None = None
-    residual: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
+    residual: np.ndarray | None = None
 
 
 # A condensed body that is not in mesh yet, and motions on which it vibrates; none for statics.
@@ -317,7 +317,7 @@ def _on_excited_shapes(body: MeshBody, pair: GearPair, grid: MeshGrid, count: in
         flexible=shapes.of_body(body.flexible),
         basis=shapes.of_basis(basis),
         on_modes=body.flexible,
-        residual=shapes.residual_motions(basis),
+        residual=None if shapes.residual is None else shapes.residual_motions(basis),
     )
 
 

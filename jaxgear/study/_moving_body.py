@@ -41,7 +41,7 @@ class MovingBody:
     - `teeth`: of the gear.
     - `gear_seat`: number of the seat against which waves are told.
     - `residual`: motion of its coordinates per part of a residual shape, as of
-        `Combinations.residual_motions`; no columns: it has none [kg^-1/2].
+        `Combinations.residual_motions`, or `None`: it has none [kg^-1/2].
     - `heat_load`: on its coordinates per free strain of hub and rim, shape `[2, dof]`; no rows:
         it cannot warm [N, N m].
     """
@@ -51,7 +51,7 @@ class MovingBody:
     basis: BodyBasis
     teeth: int
     gear_seat: int = 0
-    residual: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
+    residual: np.ndarray | None = None
     heat_load: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
@@ -63,7 +63,7 @@ class MovingBody:
     def motions(self) -> np.ndarray:
         """Motion of its coordinates per coordinate of a `BodyMotion`, `[dof, coordinate]`."""
         own = self.basis.motions
-        return np.concatenate([own, self.residual], axis=1) if self.residual.size else own
+        return own if self.residual is None else np.concatenate([own, self.residual], axis=1)
 
     @property
     def radius(self) -> float:

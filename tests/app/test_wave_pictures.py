@@ -85,8 +85,7 @@ def scene(tmp_path_factory):
     # What the mesh sees of the body is of no interest here.
     flexible = SimpleNamespace(gear_seat=built.body.seats.index("torque"))
     basis = body_basis(built.body, 16)
-    none = np.zeros((0, 0))
-    body = SimpleNamespace(built=built, basis=basis, flexible=flexible, heated=None, residual=none)
+    body = SimpleNamespace(built=built, basis=basis, flexible=flexible, heated=None, residual=None)
     return dataclasses.replace(scene, bodies={"wheel": body})
 
 
