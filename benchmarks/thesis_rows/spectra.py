@@ -11,7 +11,7 @@ from jaxgear._dynamics._modes import pair_modes
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._response._body_motion import BodyMotion, Spectrum, body_motion
 from jaxgear._response._dynamic import order_amplitudes
-from jaxgear.study._moving_body import MovingBody
+from jaxgear.study._moving_body import moving_bodies
 from jaxgear.study._probes import probe_at
 
 from .energy import shares
@@ -135,9 +135,7 @@ def three_nodes() -> Finding:
     seen = spectra()
     at = int(np.argmax(seen.node.max(axis=1)))
     each, teeth = seen.each, 68
-    basis = each.scene.bodies["wheel"].basis
-    assert basis is not None
-    body = MovingBody("wheel", each.scene.bodies["wheel"].built, basis, teeth)
+    body = moving_bodies(each.scene.bodies, each.scene.gears)["wheel"]
     height = float(body.built.body.rim_nodes[:, 2].min())
     motion, strongest = seen.motion(at), teeth - seen.leading(at)[0]
     first: Spectrum | None = None

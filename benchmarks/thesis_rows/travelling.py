@@ -18,7 +18,7 @@ from jaxgear._dynamics._campbell import (
 )
 from jaxgear._response._body_motion import body_motion, start_angle
 from jaxgear._response._waves import Circle, joined_circles, joined_waves, waves_on_body
-from jaxgear.study._moving_body import MovingBody
+from jaxgear.study._moving_body import moving_bodies
 from jaxgear.study._probes import probe_at
 
 from .motion import (
@@ -95,9 +95,7 @@ class Rim(NamedTuple):
 
 def rim_of(each: Moving) -> Rim:
     """The rim of a scene's wheel."""
-    gear, body = "wheel", each.scene.bodies["wheel"]
-    assert body.basis is not None
-    whole = MovingBody(gear, body.built, body.basis, each.model.pair.wheel.teeth)
+    whole = moving_bodies(each.scene.bodies, each.scene.gears)["wheel"]
     circles = whole.rim_circles()
     most = min(int(circle.number.max()) for circle in circles)
     heights = whole.built.body.rim_nodes[:, 2]
