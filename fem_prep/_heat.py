@@ -16,7 +16,7 @@ from ._assembly import Material, conduction, internal_forces, swelling_load
 from ._boundary import FullBody
 from ._checks import require
 from ._grid import Grid
-from ._hold import FixedInterface
+from ._hold import FixedInterface, measured_coordinates
 from ._solvers import factorise
 from ._stress import StressRows, stress_matrix, swelling_stress
 
@@ -71,11 +71,10 @@ def heated_body(held: FixedInterface, reduced: ReducedBody, hub_radius: float) -
             for each, grown in zip(strain, growth, strict=True)
         ]
     )
-    boundary, inside = held.measured((full.spread.T @ load.T).T)
-    shapes = reduced.interior_shapes.reshape(reduced.interior, full.grid.nodes.size)
+    on_coordinates, inside = measured_coordinates(held, reduced, load)
     return HeatedBody(
         strain=strain,
-        load=np.concatenate([boundary, load @ shapes.T], axis=1),
+        load=on_coordinates,
         inside=full.on_nodes(inside.T) + growth,
     )
 

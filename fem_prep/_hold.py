@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, eye_array
 
 from ._artefact import ReducedBody
 from ._assembly import order
@@ -256,6 +256,27 @@ def displacement_rows(held: FixedInterface, reduced: ReducedBody, nodes: np.ndar
     Rows along x, y, z, shape `[point, 3, dof]` [-, m]: as `recovered_displacements` of all motions.
     """
     unknowns = (3 * np.asarray(nodes)[:, None] + np.arange(3)).ravel()
-    boundary, _ = held.measured(held.full.spread[unknowns].toarray())
-    shapes = reduced.interior_shapes.reshape(reduced.interior, -1)[:, unknowns]
-    return np.concatenate([boundary, shapes.T], axis=1).reshape(-1, 3, reduced.dofs)
+    chosen = csr_array(eye_array(held.full.grid.nodes.size))[unknowns]
+    rows, _ = measured_coordinates(held, reduced, chosen)
+    return rows.reshape(-1, 3, reduced.dofs)
+
+
+def measured_coordinates(
+    held: FixedInterface, reduced: ReducedBody, matrix: csr_array | np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """What measures of the displacements of all nodes show of a condensed body's coordinates.
+
+    **Arguments:**
+
+    - `held`: the full body with its boundary held.
+    - `reduced`: the condensed body.
+    - `matrix`: the measures, shape `[row, 3 node]`.
+
+    **Returns:**
+
+    Measures per coordinate, shape `[row, dof]`, and per load on all unknowns while the boundary is
+    held, as of `FixedInterface.measured`.
+    """
+    boundary, inside = held.measured(csr_array(matrix @ held.full.spread).toarray())
+    shapes = reduced.interior_shapes.reshape(reduced.interior, held.full.grid.nodes.size)
+    return np.concatenate([boundary, matrix @ shapes.T], axis=1), inside

@@ -18,7 +18,7 @@ from ._assembly import Material
 from ._brick import REFERENCE_NODES, gauss_points, jacobians, shape_functions
 from ._checks import require
 from ._grid import Grid
-from ._hold import FixedInterface
+from ._hold import FixedInterface, measured_coordinates
 
 # Eight points.
 _ORDER = 3
@@ -71,9 +71,7 @@ def stress_rows(held: FixedInterface, reduced: ReducedBody, nodes: np.ndarray) -
     """
     full = held.full
     matrix = stress_matrix(full.grid, full.material, nodes)
-    boundary, inside = held.measured(csr_array(matrix @ full.spread).toarray())
-    shapes = reduced.interior_shapes.reshape(reduced.interior, full.grid.nodes.size)
-    rows = np.concatenate([boundary, matrix @ shapes.T], axis=1)
+    rows, inside = measured_coordinates(held, reduced, matrix)
     # Of the load by rotation the interior shapes have taken a part already.
     outer = reduced.boundary_dofs
     taken = np.linalg.solve(

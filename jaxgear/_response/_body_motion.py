@@ -13,6 +13,7 @@ from jaxgear._dynamics._bodies import BodyPlace
 from jaxgear._dynamics._orbit import Orbit
 from jaxgear._dynamics._system import PairDynamics
 from jaxgear._geometry._pair import GearPair
+from jaxgear._system._body_modes import turning_of_waves
 
 # Harmonics are fitted up to where the longest step is this part of their period: two are the least
 # that tell a harmonic at all.
@@ -286,9 +287,8 @@ def _by_parts(place: BodyPlace, found: np.ndarray) -> tuple[np.ndarray, np.ndarr
     parts = np.zeros((len(found), len(waves), residual.shape[1], 2), dtype=complex)
     parts[..., 0] = residual[:, None, :]
     amplitudes = np.concatenate([found[:, :size], parts.reshape(len(found), -1)], axis=1)
-    quarter = np.kron(np.eye(residual.shape[1]), np.array([[0.0, -1.0], [1.0, 0.0]]))
-    own = np.kron(np.diag(waves), quarter)
-    return amplitudes, np.asarray(scipy.linalg.block_diag(turning, own))
+    pairs = np.kron(np.repeat(waves, residual.shape[1]), np.array([1, -1]))
+    return amplitudes, np.asarray(scipy.linalg.block_diag(turning, turning_of_waves(pairs)))
 
 
 def _harmonics(values: np.ndarray, lengths: np.ndarray, most: int | None) -> np.ndarray:

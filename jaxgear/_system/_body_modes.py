@@ -109,6 +109,14 @@ def wave_partners(waves: Sequence[int] | np.ndarray) -> tuple[np.ndarray, Array]
     return partner, jnp.asarray(np.where(alone, 0, number), dtype=float)
 
 
+def turning_of_waves(waves: np.ndarray) -> np.ndarray:
+    """$J$ of motions with such wave numbers, as of `BodyBasis`, `[motion, motion]` [-]."""
+    turning = np.zeros((len(waves), len(waves)))
+    second = np.flatnonzero(waves < 0)
+    turning[second - 1, second], turning[second, second - 1] = waves[second], -waves[second]
+    return turning
+
+
 class BasisMatrices(NamedTuple):
     """Matrices on seats and modes: some fields of `BodyModes`."""
 
@@ -145,16 +153,9 @@ class BodyBasis:
     @property
     def turning(self) -> np.ndarray:
         """$J$: how motions that stand still on the body change in space as it turns [-]."""
-        quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-        seats = self.following.shape[1]
-        size = seats + len(self.waves)
-        turning = np.zeros((size, size))
-        turning[:seats, :seats] = np.kron(np.eye(seats // 3), quarter)
-        second = np.flatnonzero(self.waves < 0)
-        number = -self.waves[second]
-        first, second = seats + second - 1, seats + second
-        turning[first, second], turning[second, first] = -number, number
-        return turning
+        # Of x, y and z of a seat the first two are a pair.
+        seats = np.tile([1, -1, 0], self.following.shape[1] // 3)
+        return turning_of_waves(np.concatenate([seats, self.waves]))
 
     def matrices(self, body: Condensed) -> "BasisMatrices":
         """Mass, turning and terms of rotation of the seats and modes.

@@ -59,7 +59,7 @@ class MovingBody:
         """0 for the pinion, 1 for the wheel."""
         return GEARS.index(self.gear)
 
-    @property
+    @functools.cached_property
     def motions(self) -> np.ndarray:
         """Motion of its coordinates per coordinate of a `BodyMotion`, `[dof, coordinate]`."""
         own = self.basis.motions
