@@ -14,7 +14,7 @@ from jaxgear._checks import require
 from jaxgear._compiled import compiled
 from jaxgear._contact._compliance import AbstractCompliance
 from jaxgear._contact._face_cells import face_cells
-from jaxgear._contact._path_interpolant import along_path, path_nodes
+from jaxgear._contact._path_interpolant import path_interpolant
 from jaxgear._contact._shared_body import SharedBody, where_helical
 from jaxgear._flank._deviations import Flanks
 from jaxgear._geometry._lines import ContactLines, MeshGrid, contact_lines, repeated_lines
@@ -135,8 +135,8 @@ def cells_on_lines(
     """
     face = face_cells(pair, lines, compliance, line_load)
     if face is None:
-        local = compliance.local(pair, path_nodes(pair), line_load)
-        line_stiffness = along_path(pair, 1.0 / local, lines.roll)
+        along_path = path_interpolant(pair, lines.roll)
+        line_stiffness = along_path(1.0 / compliance.local(pair, along_path.nodes, line_load))
         coupling, spread = compliance.between_cells(pair, lines, line_load), None
         if coupling is None:
             bodies = compliance.bodies(pair, lines.roll.shape[1] - 1)

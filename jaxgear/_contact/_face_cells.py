@@ -6,7 +6,7 @@ influence between roots is multiplied by its operator likewise. Products of posi
 matrices, element by element, are positive definite (Schur), and with them all that is added here.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -15,12 +15,12 @@ from jaxtyping import Array
 
 from jaxgear._contact._compliance import AbstractCompliance
 from jaxgear._contact._face_coupling import end_images, face_operator, leaning_operator
-from jaxgear._contact._path_interpolant import along_path, path_nodes
+from jaxgear._contact._path_interpolant import PathInterpolant, path_interpolant
 from jaxgear._contact._shared_body import SharedBody, where_helical
 from jaxgear._contact._tooth_parts import ToothParts
 from jaxgear._geometry._lines import ContactLines
 from jaxgear._geometry._pair import GearPair
-from jaxgear._types import DenseCouplingGrid, LineGrid, Reals, Scalar
+from jaxgear._types import Bodies, DenseCouplingGrid, LineGrid, Reals, Scalar
 
 # Lengths by which those within a contact are represented, even on a scale of logarithms; they err
 # by 0.3 % of its compliance under a cosine load of any wave number.
@@ -69,10 +69,11 @@ def face_cells(
     Both, or `None` where the compliance leaves slices on their own.
     """
     shared = compliance.bodies(pair, lines.roll.shape[1] - 1)
-    parts = compliance.along_face(pair, path_nodes(pair), line_load, shared)
+    along_path = path_interpolant(pair, lines.roll)
+    parts = compliance.along_face(pair, along_path.nodes, line_load, shared)
     if parts is None:
         return None
-    at = _on_lines(pair, lines, parts)
+    at = _on_lines(along_path, parts)
     slices = lines.face_position.size
     first = jnp.log(_LOCAL * jnp.mean(parts.shortest))
     last = jnp.maximum(jnp.max(jnp.log(parts.longest)), first + 1e-3)
@@ -82,32 +83,33 @@ def face_cells(
     # Along the contact line, as the lengths of cells are.
     slant = jnp.cos(pair.base_helix_angle)
     common = pair.face_width / slant
+    faces = pair.of_bodies("face_width") / slant
     # What a body that couples teeth has in it of their roots is negative.
     signs = jnp.sign(jnp.sum(parts.rest, axis=1))
-    roots, operators, bodies, within_contact = [], [], [], []
-    for gear, each in enumerate((pair.pinion, pair.wheel)):
-        face = each.face_width / slant
-        shift, none = parts.shift[gear], jnp.zeros(())
-        beam, root, body = leaning_operator(
-            parts.lengths, parts.lost[gear], slices, common, face, shift, none
-        )
-        ends = parts.end_image[gear]
-        image = end_images(reach, slices, common, face, ends)
-        contact = face_operator(reach, slices, common, face) + image
+
+    def operators_of(face: Scalar, lost: Array, shift: Scalar, ends: Array) -> Array:
+        leaning = leaning_operator(parts.lengths, lost, slices, common, face, shift, jnp.zeros(()))
+        images = end_images(jnp.concatenate([within, reach]), slices, common, face, ends)
         # Those that stay in a cell have images in the ends too.
-        image = jnp.mean(end_images(within, slices, common, face, ends), axis=0)
-        image *= parts.per_log[gear] * np.log(_LOCAL)
-        operators += [beam, root, signs[gear] * body, image, *contact]
-        bodies.append(_between_teeth(pair, lines, parts, gear))
-        weights = parts.per_log[gear] * step * _up_to((at.longest[gear] - first) / step)
-        whole = jnp.ones_like(lines.roll)
-        roots += [at.beam[gear], at.root[gear], at.rest[gear], whole, *_root(weights)]
-        within_contact.append(weights)
-    own = _on_each_line(jnp.stack(roots), jnp.stack(operators))
-    coupling = _between_cells(pair, lines, shared, bodies, own)
+        image = jnp.mean(images[: _WITHIN.size], axis=0, keepdims=True)
+        contact = face_operator(reach, slices, common, face) + images[_WITHIN.size :]
+        return jnp.concatenate([leaning, image, contact])
+
+    operators = jax.vmap(operators_of)(faces, parts.lost, parts.shift, parts.end_image)
+    one = jnp.ones(2)
+    factors = [one, one, signs, parts.per_log * np.log(_LOCAL), *[one] * _LENGTHS]
+    operators *= jnp.stack(factors, axis=1)[..., None, None]
+    bodies = _between_teeth(pair, lines, parts, faces)
+    per_log = parts.per_log[:, None, None, None, None]
+    weights = jnp.moveaxis(_up_to((at.longest - first) / step), 0, 1) * per_log * step
+    whole = jnp.ones_like(at.beam)
+    roots = jnp.stack([at.beam, at.root, at.rest, whole], axis=1)
+    roots = jnp.concatenate([roots, jax.vmap(_root)(weights)], axis=1)
+    own = _on_each_line(jnp.concatenate(roots), jnp.concatenate(operators))
+    coupling = _between_cells(pair, lines, along_path, shared, bodies, own)
     beam, root = (jnp.sum(part**2, axis=0) for part in (at.beam, at.root))
     rest = jnp.sum(signs.reshape(2, 1, 1, 1) * at.rest**2, axis=0)
-    weights = sum(within_contact)
+    weights = jnp.sum(weights, axis=0)
     contacts = jnp.sum(weights, axis=0)
     reaching = jnp.concatenate([jnp.stack([beam, root]), weights])
     narrower = _narrower(lines, reaching, jnp.concatenate([parts.lengths[:2], reach]), common)
@@ -132,13 +134,13 @@ class _OnLines(NamedTuple):
     penetration: Array
 
 
-def _on_lines(pair: GearPair, lines: ContactLines, parts: ToothParts) -> _OnLines:
+def _on_lines(along_path: PathInterpolant, parts: ToothParts) -> _OnLines:
     roots = [_root(part) for part in (parts.beam, parts.root, jnp.abs(parts.rest))]
     columns = jnp.concatenate(
         [*roots, jnp.log(parts.longest), jnp.sum(parts.penetration, axis=0)[None]]
     )
-    found = along_path(pair, columns, lines.roll)
-    beam, root, rest, longest = found[:8].reshape(4, 2, *lines.roll.shape)
+    found = along_path(columns)
+    beam, root, rest, longest = found[:8].reshape(4, 2, *found.shape[1:])
     return _OnLines(beam, root, rest, jnp.asarray(longest), found[8])
 
 
@@ -178,8 +180,9 @@ class _Between(NamedTuple):
 def _between_cells(
     pair: GearPair,
     lines: ContactLines,
+    along_path: PathInterpolant,
     bodies: tuple[SharedBody, ...],
-    spread: list[Array],
+    spread: Array,
     own: Array,
 ) -> Array:
     """Compliance within lines, and by the roots of teeth that share a body: all in one pass.
@@ -189,16 +192,13 @@ def _between_cells(
     sheared = [body for body in bodies if body.axial and not body.bends]
     plates = [body for body in bodies if body.bends]
     plane = [body for body in bodies if not body.axial]
-    terms = _of_bodies(pair, lines, plane, [spread[body.gear] for body in plane])
+    in_plane, axial = (_of_bodies(along_path, each, spread) for each in (plane, sheared))
     if not sheared:
-        return _summed(own, terms)
-
-    def along_axis_too(own: Array, terms: list[_Between], *others: Any) -> Array:
-        return _summed(own, terms + _along_axis(*others))
-
-    without = lambda own, terms, *others: _summed(own, terms)
-    operands = (own, terms, pair, lines, sheared, plates, spread)
-    return where_helical(pair, along_axis_too, without, *operands)
+        return _summed(own, in_plane)
+    axial += _of_plates(pair, lines, along_path, plates)
+    with_axial = lambda own, terms, axial: _summed(own, terms + axial)
+    without = lambda own, terms, axial: _summed(own, terms)
+    return where_helical(pair, with_axial, without, own, in_plane, axial)
 
 
 def _summed(own: Array, terms: list[_Between]) -> Array:
@@ -211,81 +211,77 @@ def _summed(own: Array, terms: list[_Between]) -> Array:
     return total
 
 
-def _along_axis(
-    pair: GearPair,
-    lines: ContactLines,
-    sheared: list[SharedBody],
-    plates: list[SharedBody],
-    spread: list[Array],
-) -> list[_Between]:
-    """Compliance by axial loads."""
-    terms = _of_bodies(pair, lines, sheared, [spread[body.gear] for body in sheared])
-    # What loads in the plane do to themselves through a plate is in its operators already.
-    operators = [_even_across(pair, body, lines) for body in plates]
-    terms += _of_bodies(pair, lines, plates, operators, (1.0, 1.0))
-    taken = _of_bodies(pair, lines, plates, operators, (0.0, 1.0))
-    return terms + [each._replace(load=-each.load) for each in taken]
-
-
-def _even_across(pair: GearPair, body: SharedBody, lines: ContactLines) -> Array:
-    """Operator of a body that moves alike all over its face [1/m]."""
-    gear = (pair.pinion, pair.wheel)[body.gear]
-    each = jnp.cos(pair.base_helix_angle) / gear.face_width
-    return jnp.full(lines.roll.shape[1:] * 2, each)
-
-
-def _between_teeth(pair: GearPair, lines: ContactLines, parts: ToothParts, gear: int) -> Array:
-    r"""How a body spreads a load along the face, between the cells of any two lines [1/m].
+def _between_teeth(pair: GearPair, lines: ContactLines, parts: ToothParts, faces: Bodies) -> Array:
+    r"""How bodies spread a load along their faces, between the cells of any two lines [1/m].
 
     Square to a tooth, the next one is $\pi m_n\sin\beta$ further along the face.
     """
     slant = jnp.cos(pair.base_helix_angle)
-    width = (pair.pinion, pair.wheel)[gear].face_width
     step = jnp.pi * pair.normal_module * jnp.sin(pair.helix_angle)
     count, slices = lines.roll.shape[1:]
-    ahead = np.arange(1.0 - count, count)
-    of_steps = [
-        leaning_operator(
-            parts.lengths[2:],
-            parts.lost[gear, 2:],
-            slices,
-            pair.face_width / slant,
-            width / slant,
-            parts.shift[gear],
-            number * step / slant,
-        )[0]
-        for number in ahead
-    ]
-    each = jnp.stack(of_steps)[np.subtract.outer(np.arange(count), np.arange(count)) + count - 1]
-    return jnp.moveaxis(each, 1, 2)
+    common, length = pair.face_width / slant, parts.lengths[2:]
+
+    def operator(face: Scalar, lost: Array, shift: Scalar, apart: Scalar) -> Array:
+        return leaning_operator(length, lost, slices, common, face, shift, apart)[0]
+
+    of_steps = jax.vmap(jax.vmap(operator, (None, None, None, 0)), (0, 0, 0, None))(
+        faces,
+        parts.lost[:, 2:],
+        parts.shift,
+        jnp.asarray(np.arange(1.0 - count, count)) * step / slant,
+    )
+    each = of_steps[:, np.subtract.outer(np.arange(count), np.arange(count)) + count - 1]
+    return jnp.moveaxis(each, 2, 3)
 
 
 def _of_bodies(
-    pair: GearPair,
-    lines: ContactLines,
-    bodies: list[SharedBody],
-    operators: list[Array],
-    shares: tuple[float, float] = (1.0, 0.0),
+    along_path: PathInterpolant, bodies: list[SharedBody], spread: Array
 ) -> list[_Between]:
-    """Of loads at roots, and of those that tilt a plate, given shares; with operators."""
+    """Of bodies that spread along the face what the loads on their roots do."""
     if not bodies:
         return []
-    count = range(lines.roll.shape[1])
-    nodes = [jnp.moveaxis(body.resultants(path_nodes(pair)), -1, 0) for body in bodies]
-    loads = along_path(pair, jnp.stack(nodes), lines.roll)
-    if shares[1]:
-        nodes = [jnp.moveaxis(body.tilting(path_nodes(pair)), -1, 0) for body in bodies]
-        tilts = along_path(pair, jnp.stack(nodes), lines.roll)
-        loads = shares[0] * loads + shares[1] * tilts * lines.face_position[None, None, None, None]
-    influence = jnp.stack(
-        [
-            jnp.stack([jnp.stack([body.at_roots(j - i) for j in count]) for i in count])
-            for body in bodies
-        ]
+    loads = along_path(_at_nodes([body.resultants(along_path.nodes) for body in bodies]))
+    felt = _felt(bodies, loads)
+    operators = [spread[body.gear] for body in bodies]
+    return [_Between(*each) for each in zip(loads, felt, operators, strict=True)]
+
+
+def _of_plates(
+    pair: GearPair, lines: ContactLines, along_path: PathInterpolant, bodies: list[SharedBody]
+) -> list[_Between]:
+    """Of bodies that move alike all over their face, by loads along the axis.
+
+    Loads in the plane tilt them too: what these do to each other is in their operators already.
+    """
+    if not bodies:
+        return []
+    loads, tilts = (
+        along_path(_at_nodes([of(body) for body in bodies]))
+        for of in (
+            lambda body: body.resultants(along_path.nodes),
+            lambda body: body.tilting(along_path.nodes),
+        )
     )
-    # Of each resultant at the first root, by a load on the line of the second one.
-    moved = jnp.einsum("gijab,gbpjs->gapijs", influence, loads)
-    return [_Between(*each) for each in zip(loads, moved, operators, strict=True)]
+    tilts *= lines.face_position[None, None, None, None]
+    by_loads, by_both = (_felt(bodies, each) for each in (loads, loads + tilts))
+    faces = [(pair.pinion, pair.wheel)[body.gear].face_width for body in bodies]
+    slant, cells = jnp.cos(pair.base_helix_angle), lines.roll.shape[1:] * 2
+    operators = [jnp.full(cells, slant / face) for face in faces]
+    terms = [(loads, by_both), (tilts, by_loads)]
+    return [_Between(*each) for term in terms for each in zip(*term, operators, strict=True)]
+
+
+def _at_nodes(of_bodies: list[Array]) -> Array:
+    """Resultants of bodies at nodes of the path, `[body, resultant, node]`."""
+    return jnp.moveaxis(jnp.stack(of_bodies), -1, 1)
+
+
+def _felt(bodies: list[SharedBody], loads: Array) -> Array:
+    """Of each resultant at the first root, motion by loads on the line of the second one."""
+    count = loads.shape[3]
+    steps = [jnp.stack([body.at_roots(i) for i in range(1 - count, count)]) for body in bodies]
+    ahead = np.subtract.outer(np.arange(count), np.arange(count)).T + count - 1
+    return jnp.einsum("gijab,gbpjs->gapijs", jnp.stack(steps)[:, ahead], loads)
 
 
 def _narrower(lines: ContactLines, given: Array, length: Reals, common: Scalar) -> LineGrid:

@@ -81,9 +81,7 @@ class AbstractFoundation(eqx.Module):
         """
         del section, material, neighbours, face_width
 
-    def near_root(
-        self, section: ToothSection, material: Material, roll_angle: Reals, given: Reals
-    ) -> Reals:
+    def near_root(self, plane: Reals, given: Reals) -> Reals:
         r"""Evaluate which share of the compliance of a tooth loaded alone is near its root.
 
         That of the elastic half-plane, and not more than all: $(c^{-8} + w^{-8})^{-1/8}$ where the
@@ -91,16 +89,13 @@ class AbstractFoundation(eqx.Module):
 
         **Arguments:**
 
-        - `section`: the tooth.
-        - `material`: of the body.
-        - `roll_angle`: of the loaded points [rad].
-        - `given`: $c$ at these points [m2/N].
+        - `plane`: $w$ at each loaded point [m2/N].
+        - `given`: $c$ at each [m2/N].
 
         **Returns:**
 
         The share at each point [m2/N].
         """
-        plane = WeberFoundation()(section, material, roll_angle)
         return plane * (1.0 + (plane / given) ** 8) ** -0.125
 
 
@@ -128,25 +123,23 @@ class WeberFoundation(AbstractFoundation):
         inner += 4.8 * stretch * (1.0 + (1.0 - poisson) / 2.4 * jnp.tan(load.angle) ** 2)
         return jnp.cos(load.angle) ** 2 / material.young * inner
 
-    @staticmethod
-    def axial_shear(material: Material) -> Scalar:
-        r"""What a half-plane gives under a load along the axis, $4.8(1+\nu)/(\pi E)$ [m2/N].
-
-        A line load moves a half-plane by $\frac{2(1-\nu^2)}{\pi E}\ln\frac1r$ in its plane and by
-        $\frac{2(1+\nu)}{\pi E}\ln\frac1r$ square to it: $P$, in that ratio.
-        """
-        return 4.8 * (1.0 + material.poisson) / (jnp.pi * material.young)
-
-    def near_root(
-        self, section: ToothSection, material: Material, roll_angle: Reals, given: Reals
-    ) -> Reals:
+    def near_root(self, plane: Reals, given: Reals) -> Reals:
         """Return all of it; see the base class."""
-        del section, material, roll_angle
+        del plane
         return given
 
     def influence(self, section: ToothSection, material: Material, neighbours: int) -> None:
         """Return `None`: a half-plane of its own under each tooth."""
         del section, material, neighbours
+
+
+def axial_shear(material: Material) -> Scalar:
+    r"""What a half-plane gives under a load along the axis, $4.8(1+\nu)/(\pi E)$ [m2/N].
+
+    A line load moves a half-plane by $\frac{2(1-\nu^2)}{\pi E}\ln\frac1r$ in its plane and by
+    $\frac{2(1+\nu)}{\pi E}\ln\frac1r$ square to it: $P$ of `WeberFoundation`, in that ratio.
+    """
+    return 4.8 * (1.0 + material.poisson) / (jnp.pi * material.young)
 
 
 class NoFoundation(AbstractFoundation):
@@ -159,11 +152,9 @@ class NoFoundation(AbstractFoundation):
         del section, material
         return jnp.zeros_like(roll_angle)
 
-    def near_root(
-        self, section: ToothSection, material: Material, roll_angle: Reals, given: Reals
-    ) -> Reals:
+    def near_root(self, plane: Reals, given: Reals) -> Reals:
         """Return nothing of nothing [m2/N]."""
-        del section, material, roll_angle
+        del plane
         return given
 
     def influence(self, section: ToothSection, material: Material, neighbours: int) -> None:

@@ -1,7 +1,8 @@
 """The compliance of a tooth pair by its parts, which feel a load along the face differently far."""
 
 import dataclasses
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -9,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxgear._contact._face_coupling import STRIP, FaceCoupling
-from jaxgear._contact._foundation import AbstractFoundation, WeberFoundation
+from jaxgear._contact._foundation import AbstractFoundation, WeberFoundation, axial_shear
 from jaxgear._contact._hertz import hertz_contact
 from jaxgear._contact._shared_body import SharedBody
 from jaxgear._contact._tooth import (
@@ -72,6 +73,7 @@ class BareTeeth(NamedTuple):
     - `sections`: of both.
     - `angle`: roll angles of the loaded points [rad].
     - `beam`: compliance of the cantilevers [m2/N].
+    - `plane`: of an elastic half-plane under each of them [m2/N].
     - `penetration`: of the flanks [m2/N].
     - `depth`: from the flank to the middle of the tooth, along the normal [m].
     - `half_width`: of the contact [m].
@@ -80,6 +82,7 @@ class BareTeeth(NamedTuple):
     sections: tuple[ToothSection, ToothSection]
     angle: OfGears
     beam: OfGears
+    plane: OfGears
     penetration: OfGears
     depth: OfGears
     half_width: Reals
@@ -99,8 +102,7 @@ def teeth_in_contact(pair: GearPair, roll: Reals, line_load: Scalar) -> BareTeet
     The teeth.
     """
     half_width = hertz_contact(pair, roll).half_width(line_load)
-    gears = (pair.pinion, pair.wheel)
-    first, second = (tooth_section(pair, gear) for gear in gears)
+    first, second = (tooth_section(pair, gear) for gear in (pair.pinion, pair.wheel))
     # The virtual gear keeps the normal radius of curvature, its own roll length.
     to_normal = 1.0 / jnp.cos(pair.base_helix_angle)
     rolls = ((roll, first), (pair.tangent_length - roll, second))
@@ -109,14 +111,25 @@ def teeth_in_contact(pair: GearPair, roll: Reals, line_load: Scalar) -> BareTeet
     def tooth(section: ToothSection, material: Material, angle: Reals) -> tuple[Reals, ...]:
         depth = tooth_load(section, angle).depth
         beam = beam_compliance(section, material, angle)
-        return beam, penetration_compliance(material, depth, half_width), depth
+        plane = WeberFoundation()(section, material, angle)
+        return beam, plane, penetration_compliance(material, depth, half_width), depth
 
-    # Both gears at once: half the program to compile. Their bores are not for teeth.
-    teeth = [dataclasses.replace(section, radius_ratio=None) for section in (first, second)]
-    both = jax.tree.map(lambda *leaves: jnp.stack(leaves), *teeth)
-    materials = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(g.material for g in gears))
-    beam, penetration, depth = jax.vmap(tooth)(both, materials, angle)
-    return BareTeeth((first, second), angle, beam, penetration, depth, half_width)
+    each = _of_both(pair, tooth, (first, second), angle)
+    return BareTeeth((first, second), angle, *each, half_width)
+
+
+def _of_both(
+    pair: GearPair,
+    function: Callable[[ToothSection, Material, Reals], Any],
+    sections: tuple[ToothSection, ToothSection],
+    angle: OfGears,
+) -> Any:
+    """A function of the teeth of both gears at once: half the program to compile."""
+    # Their bores are not for teeth.
+    teeth = [dataclasses.replace(section, radius_ratio=None) for section in sections]
+    stacked = lambda *leaves: jnp.stack(leaves)
+    materials = jax.tree.map(stacked, pair.pinion.material, pair.wheel.material)
+    return jax.vmap(function)(jax.tree.map(stacked, *teeth), materials, angle)
 
 
 class TeethOnBodies(NamedTuple):
@@ -172,28 +185,32 @@ def teeth_on_bodies(
     teeth = teeth_in_contact(pair, roll, line_load)
     cosine, sine = jnp.cos(pair.base_helix_angle), jnp.sin(pair.base_helix_angle)
     along_tooth = jnp.cos(pair.helix_angle) / cosine
+    across = _planes_across(pair, roll)
     root, rest = [], []
     for index, foundation in enumerate(foundations):
-        gear = (pair.pinion, pair.wheel)[index]
-        section, angle, material = teeth.sections[index], teeth.angle[index], gear.material
+        section, angle, plane = teeth.sections[index], teeth.angle[index], teeth.plane[index]
+        material = (pair.pinion, pair.wheel)[index].material
         shared = [each.compliance(roll) for each in bodies if each.gear == index]
         given = sum(shared, jnp.zeros_like(angle)) / (along_tooth * wider[index])
         if not foundation.couples:
             given = foundation(section, material, angle)
-        near = foundation.near_root(section, material, angle, given)
-        scaled = along_tooth * wider[index] * near
-        root.append(scaled)
+        near = foundation.near_root(plane, given)
+        root.append(along_tooth * wider[index] * near)
         if not foundation.couples:
-            rest.append(along_tooth * wider[index] * given - scaled)
+            rest.append(along_tooth * wider[index] * (given - near))
             continue
-        plane = WeberFoundation()
-        across = transverse_section(pair, gear)
-        own = (roll, pair.tangent_length - roll)[index] / across.base_radius
-        seen = wider[index] * cosine * plane(across, material, own)
-        seen += sine**2 / cosine * plane.axial_shear(material)
-        rest.append(-near / plane(section, material, angle) * seen)
+        seen = wider[index] * cosine * across[index] + sine**2 / cosine * axial_shear(material)
+        rest.append(-near / plane * seen)
     beam = along_tooth * wider.reshape(2, *[1] * roll.ndim) * teeth.beam
     return TeethOnBodies(teeth, beam, jnp.stack(root), jnp.stack(rest))
+
+
+def _planes_across(pair: GearPair, roll: Reals) -> OfGears:
+    """What half-planes under the teeth of both gears give in their transverse sections [m2/N]."""
+    sections = transverse_section(pair, pair.pinion), transverse_section(pair, pair.wheel)
+    rolls = zip((roll, pair.tangent_length - roll), sections, strict=True)
+    angle = jnp.stack([own / section.base_radius for own, section in rolls])
+    return _of_both(pair, WeberFoundation(), sections, angle)
 
 
 def tooth_parts(pair: GearPair, on_bodies: TeethOnBodies, coupling: FaceCoupling) -> ToothParts:
