@@ -66,15 +66,10 @@ class Kind(NamedTuple):
 # XLA takes fusions through MLIR for half of its time; its plain emitter does as well here.
 _PLAIN = ("xla_cpu_use_fusion_emitters", False)
 # For programs that run a few times: a third of the time to compile, a few times as long to run.
-_BARE = (("xla_backend_optimization_level", 0), ("xla_llvm_disable_expensive_passes", True))
-QUICKLY = (*_BARE, _PLAIN)
-# For those that go back through all of the geometry, thousands of scalar operations: to fuse these
-# takes XLA longer than all else, half an hour and more for teeth on a ring. Unfused, the plain
-# emitter's programs find no contact.
-UNFUSED = (
-    *_BARE,
-    ("xla_cpu_use_fusion_emitters", True),
-    ("xla_disable_hlo_passes", "fusion"),
+QUICKLY = (
+    ("xla_backend_optimization_level", 0),
+    ("xla_llvm_disable_expensive_passes", True),
+    _PLAIN,
 )
 # For programs that run often: half of the time to compile, for those who run as fast.
 USUALLY = (("xla_backend_optimization_level", 1), _PLAIN)

@@ -114,8 +114,8 @@ def teeth_in_contact(pair: GearPair, roll: Reals, line_load: Scalar) -> BareTeet
         plane = WeberFoundation()(section, material, angle)
         return beam, plane, penetration_compliance(material, depth, half_width), depth
 
-    each = _of_both(pair, tooth, (first, second), angle)
-    return BareTeeth((first, second), angle, *each, half_width)
+    beam, plane, penetration, depth = _of_both(pair, tooth, (first, second), angle)
+    return BareTeeth((first, second), angle, beam, plane, penetration, depth, half_width)
 
 
 def _of_both(

@@ -164,8 +164,8 @@ class GearPair(eqx.Module):
 
     @_derived
     def tangent_length(self) -> Scalar:
-        """$T_1T_2$ between the base tangent points [m]."""
-        return self.working_centre_distance * jnp.sin(self.working_pressure_angle)
+        r"""$T_1T_2 = (r_{b1} + r_{b2})\tan\alpha_{wt}$ between the base tangent points [m]."""
+        return jnp.sum(self.base_radius) * jnp.tan(self.working_pressure_angle)
 
     @_derived
     def tip_roll(self) -> Bodies:
@@ -202,8 +202,8 @@ class GearPair(eqx.Module):
 
     @_derived
     def pitch_point(self) -> Scalar:
-        """$T_1C$ [m]."""
-        return self.working_pitch_radius[0] * jnp.sin(self.working_pressure_angle)
+        r"""$T_1C = r_{b1}\tan\alpha_{wt}$ [m]."""
+        return self.base_radius[0] * jnp.tan(self.working_pressure_angle)
 
     @_derived
     def path_of_contact(self) -> Scalar:

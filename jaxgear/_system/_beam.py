@@ -265,7 +265,8 @@ def beam_shapes(beam: Beam, fraction: Scalar) -> BeamShapes:
 
 def _plane(beam: Beam, powers: tuple[np.ndarray, ...]) -> PlaneMatrix:
     """Polynomial in the shear ratio, for deflections [m] and slopes [rad]."""
-    polynomial = sum(beam.shear_ratio**power * matrix for power, matrix in enumerate(powers))
+    ratio = beam.shear_ratio
+    polynomial = sum(ratio**power * matrix for power, matrix in enumerate(powers))
     size = jnp.stack([jnp.ones(()), beam.length, jnp.ones(()), beam.length])
     return size[:, None] * polynomial * size[None, :]
 

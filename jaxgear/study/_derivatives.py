@@ -70,8 +70,12 @@ class Keys:
         return np.asarray([self.scene.value(name) for name in self.names], dtype=float)
 
     def moved(self, values: Reals) -> Scene:
-        """The scene with other values of the keys."""
-        return self.scene.replace(dict(zip(self.names, values, strict=True)))
+        """The scene with other values of the keys.
+
+        Unstacked, whose reverse is to stack: that of as many slices is a sum of as many vectors,
+        which XLA would fuse with all that their numbers are of, for each of them anew.
+        """
+        return self.scene.replace(dict(zip(self.names, jnp.unstack(values), strict=True)))
 
 
 def linearised(function: Callable[..., tuple[Reals, Any]]) -> Callable:

@@ -132,7 +132,7 @@ class Task(eqx.Module):
 
     def model(self, values: Reals) -> PairModel:
         """The model at values of the variables; traceable by JAX."""
-        pairs = zip(self.keys, values, strict=True)
+        pairs = zip(self.keys, jnp.unstack(values), strict=True)
         return self.variation.model({key: value for keys, value in pairs for key in keys})
 
 

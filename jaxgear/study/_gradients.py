@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
-from jaxgear._kept_programs import UNFUSED
+from jaxgear._kept_programs import QUICKLY
 from jaxgear._response._factors import smooth_face_load_factor
 from jaxgear._response._loads import hertz_pressure
 from jaxgear._response._transmission import (
@@ -152,7 +152,7 @@ def static_gradients(built: BuiltScene, contact: str, law: AbstractContactLaw) -
 
     centre, weights = jnp.asarray(keys.centre), jnp.eye(len(names))
     value, (_, converged), columns, rows = timed(
-        linearised(responses), centre, jnp.eye(len(centre)), weights, options=UNFUSED
+        linearised(responses), centre, jnp.eye(len(centre)), weights, options=QUICKLY
     )
     require_solved(converged)
     found, shared = (value, columns.T, rows), shared_places(base)
@@ -178,7 +178,7 @@ def steady_gradients(
     names, program = steady_names(still), linearised(numbers_at)
     # The weights follow from the response, and that from what is built: the program runs twice.
     weights = jnp.zeros((len(laws) * len(names), *shape.shape))
-    numbers, dynamics, columns, _ = timed(program, centre, tangents, weights, options=UNFUSED)
+    numbers, dynamics, columns, _ = timed(program, centre, tangents, weights, options=QUICKLY)
     require_solved(dynamics.cycle.converged)
     if is_too_large(scene.sweep, dynamics):
         return None, [SteadyPoint(name, speed, None, None, TOO_MANY) for name in laws]
@@ -203,7 +203,7 @@ def steady_gradients(
 
     value, _, forward, rows = zip(*(each[name] for name in good), strict=True)
     weights = weights.at[: len(good) * len(names)].set(jnp.concatenate(rows))
-    reverse = timed(program, centre, tangents, weights, options=UNFUSED)[-1]
+    reverse = timed(program, centre, tangents, weights, options=QUICKLY)[-1]
     found = (
         np.concatenate(value),
         np.concatenate(forward, axis=1).T,

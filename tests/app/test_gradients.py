@@ -1,5 +1,6 @@
 """The table of derivatives: true ones pass, false ones are found."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,11 +10,11 @@ from table_checks import assert_table
 
 from jaxgear._cli._printing import print_gradients
 from jaxgear._interface._laws import ExactContact
-from jaxgear.scene._build import smooth_law_of
+from jaxgear.scene._build import model_of, smooth_law_of
 from jaxgear.scene._scene import example_scene
 from jaxgear.study import _gradients, check_gradients
 from jaxgear.study._built import BuiltScene
-from jaxgear.study._derivatives import AT_REST, IN_MOTION, central_differences, judged
+from jaxgear.study._derivatives import AT_REST, IN_MOTION, Keys, central_differences, judged
 from jaxgear.study._gradients import static_gradients
 from jaxgear.study._steady import SteadyPoint
 
@@ -51,6 +52,22 @@ def table():
         ),
     )
     return scene, static_gradients(BuiltScene(scene), "exact", ExactContact())
+
+
+def test_derivatives_by_many_keys_are_put_side_by_side():
+    """As a sum of a vector for each key XLA worked out all of them for each key: half an hour."""
+    scene = example_scene("accessory", _PLAIN)
+    keys = Keys(scene, scene.real_keys())
+    centre = jnp.asarray(keys.centre)
+
+    def total(values):
+        leaves = jax.tree.leaves(model_of(keys.moved(values)))
+        return sum(jnp.sum(x) for x in leaves if eqx.is_inexact_array(x))
+
+    reverse = jax.make_jaxpr(jax.grad(total))(centre)
+    sums = [each for each in reverse.eqns if each.primitive.name in ("pad", "add_any")]
+    assert not [each for each in sums if each.outvars[0].aval.shape == centre.shape]
+    assert reverse.out_avals[0].shape == centre.shape
 
 
 @pytest.mark.slow
