@@ -97,7 +97,7 @@ def sweeps(*, quick: bool) -> dict[str, Any]:
         scene = jg.with_bodies(jg.example_scene("accessory-h1", settings), moving=True)
         model = jg.model_of(scene)
         grid = jg.grid_of(scene, model, scene.sweep.steps)
-        system = dynamics_of(model, grid, scene.model, scene.damping, scene.sweep).system
+        system = dynamics_of(model, grid, scene).system
         runs.append(functools.partial(steady_states, system, jnp.asarray(speeds)))
     return _pair(f"{speeds.size} speeds of H1", _least(*runs, repeats=2))
 

@@ -80,8 +80,8 @@ def measured(model: str, options: argparse.Namespace):
     print(f"{name} {model}: bodies {seconds:.1f} s, {peak():.0f} MB", file=sys.stderr, flush=True)
     built = BuiltScene(scene)
     gauges = gauges_on(scene) if options.probes else {}
-    grid, tables = built.grid_in_motion, (scene.model, scene.damping, scene.sweep)
-    make = eqx.filter_jit(lambda model: dynamics_of(model, grid, *tables))
+    grid = built.grid_in_motion
+    make = eqx.filter_jit(lambda model: dynamics_of(model, grid, scene))
     make = make.lower(built.model).compile()
     method = jg.HarmonicBalance(harmonics=scene.sweep.harmonics)
     for relief in options.relief:

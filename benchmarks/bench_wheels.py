@@ -98,8 +98,7 @@ def maker_of(coordinates: int, steps: int, mesh: int, shapes: str):
         return with_relief(model, [depth * UM] * 2, [0.25] * 2, [0.0] * 2)
 
     start = time.perf_counter()
-    keys = scene.model, scene.damping, scene.sweep
-    make = eqx.filter_jit(lambda m: dynamics_of(m, grid, *keys)).lower(relieved(0.0)).compile()
+    make = eqx.filter_jit(lambda m: dynamics_of(m, grid, scene)).lower(relieved(0.0)).compile()
     return lambda depth: make(relieved(depth)), time.perf_counter() - start
 
 
@@ -388,8 +387,7 @@ def gradient(*, quick: bool) -> dict[str, Any]:
 
     def objective(x):
         relieved = with_relief(model, x[:2] * UM, x[2:4], x[4:] * UM)
-        keys = scene.model, scene.damping, scene.sweep
-        system = dynamics_of(relieved, grid, *keys).system
+        system = dynamics_of(relieved, grid, scene).system
         force = steady_states(system, speeds).load[..., 0] / system.force
         largest = 0.02 * jax.scipy.special.logsumexp(force / 0.02, axis=1)
         return jnp.sqrt(jnp.mean(largest**2))

@@ -94,8 +94,7 @@ def set_going(scene: Scene, model: PairModel) -> Moving:
     """A model of a scene, set in motion."""
     grid = grid_of(scene, model, scene.sweep.steps)
 
-    keys = scene.model, scene.damping, scene.sweep
-    dynamics = eqx.filter_jit(lambda model: dynamics_of(model, grid, *keys))(model)
+    dynamics = eqx.filter_jit(lambda model: dynamics_of(model, grid, scene))(model)
     system = dynamics.system
     whole = _modes(system.mass, system.whole_stiffness, system.mesh_stiffness, system.free)
     assert bool(jnp.all(dynamics.cycle.converged)), "the contact was not solved at some phase"

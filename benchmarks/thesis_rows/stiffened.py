@@ -56,8 +56,7 @@ def as_rigid(
     scene = example_scene(name, [*THESIS, *COARSE, *settings])
     model = with_rigid_shaft(model_of(scene), *masses) if stiff else model_of(scene)
     grid = grid_of(scene, model, scene.sweep.steps)
-    keys = scene.model, scene.damping, scene.sweep
-    make = eqx.filter_jit(lambda model: dynamics_of(model, grid, *keys))
+    make = eqx.filter_jit(lambda model: dynamics_of(model, grid, scene))
     where = lambda model: [getattr(model, f"{gear}_body") for gear in masses]
     diagonals = {gear: np.diagonal(mass) for gear, mass in masses.items()}
     none = dict.fromkeys(masses, np.zeros(6))

@@ -88,6 +88,11 @@ class Scene(AbstractTables):
         """
         return table_of(PlainTables, {**self.fixed, **values_instead(self.fixed)}, self.given)
 
+    @property
+    def at_mesh(self) -> int:
+        """Combinations of what condensed bodies move that the mesh tells apart."""
+        return self.model.at_mesh(self.plain.pair.helix_angle_deg)
+
     @cached_property
     def values(self) -> Mapping[str, Any]:
         """Every value by its path, what is moved among them."""

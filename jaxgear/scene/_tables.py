@@ -129,7 +129,8 @@ class ModelKeys(AbstractKeys):
         default="excited",
     )
     mesh_coordinates: int | None = key(
-        "combinations of these that the mesh tells apart; 12 unless said", "[4, 60]"
+        "combinations of these that the mesh tells apart; 12 unless said, of helical teeth 16",
+        "[4, 60]",
     )
 
     @property
@@ -143,10 +144,10 @@ class ModelKeys(AbstractKeys):
         """Natural modes of which they are made, 0: all."""
         return self.modes * (_CANDIDATES if self.shapes == "excited" else 1)
 
-    @property
-    def at_mesh(self) -> int:
-        """Combinations of them that the mesh tells apart."""
-        return 12 if self.mesh_coordinates is None else self.mesh_coordinates
+    def at_mesh(self, helix: float) -> int:
+        """Combinations of them that the mesh tells apart: where teeth lean, loads move along it."""
+        usual = 16 if helix else 12
+        return usual if self.mesh_coordinates is None else self.mesh_coordinates
 
     fidelity: Literal["as given", "auto"] = key(
         "choice of the model; auto: run, map, optimise and sweep first compare models, and take "

@@ -22,7 +22,8 @@ from jaxgear._geometry._lines import MeshGrid
 from jaxgear._interface._laws import AbstractContactLaw, ExactContact
 from jaxgear._kept_programs import QUICKLY
 from jaxgear._system._model import PairModel
-from jaxgear.scene._tables import DampingKeys, ModelKeys, SweepKeys
+from jaxgear.scene._scene import Scene
+from jaxgear.scene._tables import DampingKeys, SweepKeys
 from jaxgear.study._built import BuiltScene
 from jaxgear.study._result import Summary
 from jaxgear.study._running import timed
@@ -57,15 +58,12 @@ def damping_of(damping: DampingKeys) -> AbstractDamping:
     return ModalDamping(mesh=damping.mesh, structure=damping.structure)
 
 
-def dynamics_of(
-    model: PairModel, grid: MeshGrid, kept: ModelKeys, damping: DampingKeys, asked: SweepKeys
-) -> PairDynamics:
+def dynamics_of(model: PairModel, grid: MeshGrid, scene: Scene) -> PairDynamics:
     """Set a scene's pair in motion; look at `cycle.converged`.
 
     Real values of the model and of the damping may be traced.
     """
-    wanted = _wanted_of(kept, damping, asked)
-    return pair_dynamics(model, grid, damping_of(damping), **vars(wanted))
+    return pair_dynamics(model, grid, damping_of(scene.damping), **vars(_wanted_of(scene)))
 
 
 class _Wanted(eqx.Module):
@@ -83,12 +81,12 @@ class _Wanted(eqx.Module):
     mesh_coordinates: int = eqx.field(static=True)
 
 
-def _wanted_of(model: ModelKeys, damping: DampingKeys, asked: SweepKeys) -> _Wanted:
+def _wanted_of(scene: Scene) -> _Wanted:
     return _Wanted(
-        gyroscopic=model.gyroscopic,
-        active_mesh_damping=damping.active_mesh,
-        centrifugal=asked.centrifugal,
-        mesh_coordinates=model.at_mesh,
+        gyroscopic=scene.model.gyroscopic,
+        active_mesh_damping=scene.damping.active_mesh,
+        centrifugal=scene.sweep.centrifugal,
+        mesh_coordinates=scene.at_mesh,
     )
 
 
@@ -108,7 +106,7 @@ def pair_in_motion(built: BuiltScene) -> PairDynamics:
     - `SolverFailure` if the quasi-static cycle was not solved.
     """
     scene, damping = built.scene, damping_of(built.scene.damping)
-    wanted = _wanted_of(scene.model, scene.damping, scene.sweep)
+    wanted = _wanted_of(scene)
     pair = timed(_pair_of, built.model, built.grid_in_motion, damping, wanted, options=QUICKLY)
     require_solved(pair.cycle.converged)
     return pair
@@ -188,7 +186,7 @@ class Dynamics(eqx.Module):
 def solve_dynamics(built: BuiltScene) -> Dynamics:
     """Solve the quasi-static cycle of a scene, and find what its dynamics are made of."""
     scene, model, grid = built.scene, built.model, built.grid_in_motion
-    wanted = _wanted_of(scene.model, scene.damping, scene.sweep)
+    wanted = _wanted_of(scene)
     pair, modes = timed(
         _with_modes, model, grid, damping_of(scene.damping), wanted, options=QUICKLY
     )

@@ -108,7 +108,7 @@ def shape_check(built: BuiltScene, dynamics: Dynamics, found: Sweep) -> ShapeChe
     if not (richer and chosen.size and isinstance(method, HarmonicBalance)):
         return None
     whole = dataclasses.replace(scene, bodies=MappingProxyType({**scene.bodies, **richer}))
-    whole = whole.replace({"model.mesh_coordinates": max(_AT_MESH, scene.model.at_mesh)})
+    whole = whole.replace({"model.mesh_coordinates": max(_AT_MESH, scene.at_mesh)})
     pair = pair_in_motion(BuiltScene(whole))
     speeds = found.speeds[chosen]
     answers = timed(each, method, pair.system, speeds)

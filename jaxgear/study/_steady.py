@@ -74,7 +74,7 @@ def builder(
     def build(values: Reals) -> tuple[jg.PairModel, jg.PairDynamics]:
         changed = keys.moved(values)
         model = model_of(changed)
-        return model, dynamics_of(model, grid, changed.model, changed.damping, changed.sweep)
+        return model, dynamics_of(model, grid, changed)
 
     return build
 

@@ -34,7 +34,7 @@ def sweep_notes(scene: Scene, unsettled: int, responses: int, lost: list[str]) -
     )
     if bodies and scene.sweep.is_given:
         # Approach and tilt stand beside the mesh coordinates.
-        size = Size(2 + scene.model.at_mesh, scene.mesh.periods)
+        size = Size(2 + scene.at_mesh, scene.mesh.periods)
         natural = {gear: _natural(each) for gear, each in bodies.items()}
         found += _beyond_reach(scene.sweep, size, scene.pinion.teeth, natural)
     if unsettled:

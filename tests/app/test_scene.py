@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import pytest
 
 from jaxgear.scene import _rewriting, _scene, _schema
@@ -325,6 +327,18 @@ def test_a_condensed_body_gets_its_defaults_and_others_do_not(write):
     rigid = read_scene(write(_LEAST + _CONDENSED), ["wheel.body.kind=rigid"])
     assert rigid.value("wheel.body.modes") == 50
     assert "wheel.body.seat_coupling" not in rigid.values
+
+
+def test_leaning_teeth_tell_more_motions_of_a_body_apart(write):
+    scene = read_scene(write(_LEAST + _CONDENSED), ["pair.helix_angle_deg=0.0"])
+    assert scene.at_mesh == 12
+    traced = jax.eval_shape(
+        lambda helix: jnp.zeros(scene.replace({"pair.helix_angle_deg": helix}).at_mesh), 0.0
+    )
+    assert traced.shape == (12,), "it does not change while derivatives are taken"
+    lean = read_scene(write(_LEAST + _CONDENSED), ["pair.helix_angle_deg=-8.0"])
+    assert lean.at_mesh == 16
+    assert lean.replace({"model.mesh_coordinates": 9}).at_mesh == 9
 
 
 def test_a_condensed_scene_reads_back_as_it_was_written(write, tmp_path):

@@ -75,7 +75,7 @@ def _moved(scene, changes=None, grid=None):
     grid = grid or _grid(scene)
     scene = scene.replace(changes or {})
     model = model_of(scene)
-    pair = dynamics_of(model, grid, scene.model, scene.damping, scene.sweep)
+    pair = dynamics_of(model, grid, scene)
     return pair, unbalances_of(scene, model)
 
 

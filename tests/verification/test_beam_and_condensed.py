@@ -120,7 +120,7 @@ def _answer(folder: Path, case: _Case, body: str) -> _Answer:
     scene, statics = built.scene, solve_statics(built)
     bearings = mounts_summary(statics)["bearings"]
     across = lambda name: np.array([[row[name][axis] for axis in "ST"] for row in bearings])
-    pair = dynamics_of(built.model, built.grid_in_motion, scene.model, scene.damping, scene.sweep)
+    pair = dynamics_of(built.model, built.grid_in_motion, scene)
     unbalance = unbalances_of(scene, built.model)["pinion"]
     shaken = [jg.unbalance_response(pair, unbalance, speed).bearing_load for speed in SPEEDS]
     return _Answer(

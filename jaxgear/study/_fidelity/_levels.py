@@ -218,7 +218,7 @@ class Hierarchy:
         From the scene's own bodies, slices, steps and harmonics one thing is changed at a time; of
         each body at most `most` natural modes are retained, of 0 all, or some excited shapes.
         """
-        at_mesh = self.scene.model.at_mesh
+        at_mesh = self.scene.at_mesh
         settings = {(5, 64), (10, 64), (20, 64), (10, 128), (40, 128)}
         rigid = model_of(
             self.scene, {f"{gear}.body.kind": "rigid" for gear in self.scene.condensed}

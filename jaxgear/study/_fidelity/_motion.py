@@ -98,8 +98,7 @@ class AbstractMotion(AbstractProblem):
         if key not in self.pairs:
             scene, model = self.models({**changes, **loads})
             grid = grid_of(scene, model, scene.sweep.steps)
-            keys = scene.model, scene.damping, scene.sweep
-            build = self.builders.setdefault(program, lambda x: dynamics_of(x, grid, *keys))
+            build = self.builders.setdefault(program, lambda x: dynamics_of(x, grid, scene))
             # It runs once.
             found = timed(build, model, options=QUICKLY)
             require_solved(found.cycle.converged)

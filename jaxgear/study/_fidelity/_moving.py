@@ -130,7 +130,7 @@ class BodiesProblem(AbstractMotion):
         self.richest = {
             "model.shapes": "natural",
             "model.coordinates": most,
-            "model.mesh_coordinates": max(_COORDINATES, scene.model.at_mesh),
+            "model.mesh_coordinates": max(_COORDINATES, scene.at_mesh),
             "sweep.steps": 2 * scene.sweep.steps,
         }
 
@@ -147,7 +147,7 @@ class BodiesProblem(AbstractMotion):
     def size(self, level: Level) -> Summary:
         """Modes, and coordinates in which the mesh tells them apart."""
         bodies = self.pair(level.changes).bodies
-        told = self.scene.changed(level.changes).model.at_mesh if bodies else 0
+        told = self.scene.changed(level.changes).at_mesh if bodies else 0
         return {"modes": sum(len(place.waves) for place in bodies), "mesh_coordinates": told}
 
     def about(self) -> Summary:
