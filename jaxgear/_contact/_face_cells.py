@@ -214,7 +214,8 @@ def _summed(own: Array, terms: list[_Between]) -> Array:
 def _between_teeth(pair: GearPair, lines: ContactLines, parts: ToothParts, faces: Bodies) -> Array:
     r"""How bodies spread a load along their faces, between the cells of any two lines [1/m].
 
-    Square to a tooth, the next one is $\pi m_n\sin\beta$ further along the face.
+    `[gear, line, slice, line, slice]`, of faces as lengths of contact line. Square to a tooth, the
+    next one is $\pi m_n\sin\beta$ further along the face.
     """
     slant = jnp.cos(pair.base_helix_angle)
     step = jnp.pi * pair.normal_module * jnp.sin(pair.helix_angle)
@@ -251,7 +252,8 @@ def _of_plates(
 ) -> list[_Between]:
     """Of bodies that move alike all over their face, by loads along the axis.
 
-    Loads in the plane tilt them too: what these do to each other is in their operators already.
+    Loads in the plane tilt them too. What tilts do to tilts is left out: how a body spreads loads
+    in its plane along the face has that in it.
     """
     if not bodies:
         return []
@@ -264,9 +266,9 @@ def _of_plates(
     )
     tilts *= lines.face_position[None, None, None, None]
     by_loads, by_both = (_felt(bodies, each) for each in (loads, loads + tilts))
-    faces = [(pair.pinion, pair.wheel)[body.gear].face_width for body in bodies]
-    slant, cells = jnp.cos(pair.base_helix_angle), lines.roll.shape[1:] * 2
-    operators = [jnp.full(cells, slant / face) for face in faces]
+    even = jnp.cos(pair.base_helix_angle) / pair.of_bodies("face_width")
+    cells = lines.roll.shape[1:] * 2
+    operators = [jnp.full(cells, even[body.gear]) for body in bodies]
     terms = [(loads, by_both), (tilts, by_loads)]
     return [_Between(*each) for term in terms for each in zip(*term, operators, strict=True)]
 

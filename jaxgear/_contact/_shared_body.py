@@ -88,7 +88,9 @@ class SharedBody(eqx.Module):
 def where_helical(
     pair: GearPair, function: Callable[..., Array], without: Callable[..., Array], *operands: Any
 ) -> Array:
-    """What there is with loads along the axis: spur gears have none, and do not pay for them.
+    """What there is with loads along the axis, of which spur gears have none.
+
+    They do not pay for what stands inside, such as sums over all pairs of cells.
 
     At a helix of zero they add nothing, but their slope by the helix is not zero: derivatives by
     the helix are those of the function everywhere.

@@ -185,7 +185,8 @@ def teeth_on_bodies(
     teeth = teeth_in_contact(pair, roll, line_load)
     cosine, sine = jnp.cos(pair.base_helix_angle), jnp.sin(pair.base_helix_angle)
     along_tooth = jnp.cos(pair.helix_angle) / cosine
-    across = _planes_across(pair, roll)
+    couples = any(foundation.couples for foundation in foundations)
+    across = _planes_across(pair, roll) if couples else teeth.plane
     root, rest = [], []
     for index, foundation in enumerate(foundations):
         section, angle, plane = teeth.sections[index], teeth.angle[index], teeth.plane[index]

@@ -145,7 +145,7 @@ class ModelKeys(AbstractKeys):
         return self.modes * (_CANDIDATES if self.shapes == "excited" else 1)
 
     def at_mesh(self, helix: float) -> int:
-        """Combinations of them that the mesh tells apart: where teeth lean, loads move along it."""
+        """Combinations of them that the mesh tells apart: leaning teeth are loaded all over."""
         usual = 16 if helix else 12
         return usual if self.mesh_coordinates is None else self.mesh_coordinates
 

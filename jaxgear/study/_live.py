@@ -205,7 +205,7 @@ class _Keys(eqx.Module):
     variation: Variation
 
     def model(self, values: Reals) -> PairModel:
-        given = dict(zip(self.names, values, strict=True))
+        given = dict(zip(self.names, jnp.unstack(values), strict=True))
         of_model = {key: given.pop(key) for key in _OF_MODEL if key in given}
         model = self.variation.model(given)
         for key, value in of_model.items():

@@ -67,7 +67,6 @@ def test_derivatives_by_many_keys_are_put_side_by_side():
     reverse = jax.make_jaxpr(jax.grad(total))(centre)
     sums = [each for each in reverse.eqns if each.primitive.name in ("pad", "add_any")]
     assert not [each for each in sums if each.outvars[0].aval.shape == centre.shape]
-    assert reverse.out_avals[0].shape == centre.shape
 
 
 @pytest.mark.slow
