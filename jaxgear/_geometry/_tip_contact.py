@@ -17,10 +17,14 @@ other one it turns round at the start of active profile and moves up the flank a
 """
 
 import jax.numpy as jnp
+from jaxtyping import Array
 
 from jaxgear._compiled import compiled
 from jaxgear._geometry._pair import GearPair
 from jaxgear._types import Reals
+
+# Of the length between the base tangent points: what rounding makes of a place on the path [-].
+_ROUNDING = 1e-13
 
 
 @compiled
@@ -71,10 +75,20 @@ def tip_contact_rolls(pair: GearPair, roll: Reals) -> tuple[Reals, Reals]:
     _, under_wheel_tip = _corner_on_flank(pair, 1, early)
     _, under_pinion_tip = _corner_on_flank(pair, 0, late)
     # Not by a minimum: at a tie its slope would be half of each side's.
-    pinion = jnp.where(late > 0.0, pair.tip_roll[0], roll)
-    wheel = jnp.where(early > 0.0, pair.tip_roll[1], pair.tangent_length - roll)
-    pinion = jnp.where(early > 0.0, under_wheel_tip, pinion)
-    return pinion, jnp.where(late > 0.0, under_pinion_tip, wheel)
+    before, after = _is_outside(pair, early), _is_outside(pair, late)
+    pinion = jnp.where(after, pair.tip_roll[0], roll)
+    wheel = jnp.where(before, pair.tip_roll[1], pair.tangent_length - roll)
+    pinion = jnp.where(before, under_wheel_tip, pinion)
+    return pinion, jnp.where(after, under_pinion_tip, wheel)
+
+
+def _is_outside(pair: GearPair, beyond: Reals) -> Array:
+    """Whether a place is beyond an end of the path, by more than rounding.
+
+    Each loop that XLA makes of a program may round the distance in its own way: at the very end one
+    would take the corner's place, the next its absence.
+    """
+    return beyond > _ROUNDING * pair.tangent_length
 
 
 def _corner_on_flank(pair: GearPair, body: int, beyond: Reals) -> tuple[Reals, Reals]:
@@ -94,7 +108,7 @@ def _corner_on_flank(pair: GearPair, body: int, beyond: Reals) -> tuple[Reals, R
     """
     own_base, other_base = pair.base_radius[body], pair.base_radius[1 - body]
     tip_roll, tangent = pair.tip_roll[body], pair.tangent_length
-    outside = beyond > 0.0
+    outside = _is_outside(pair, beyond)
     turn = jnp.where(outside, beyond, 0.0) / own_base
     # The corner, from the other gear's centre: along the line of action, and square to it.
     sine, versine = jnp.sin(turn), 2.0 * jnp.sin(0.5 * turn) ** 2

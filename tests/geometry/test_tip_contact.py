@@ -215,6 +215,18 @@ def test_no_slope_on_the_path(make):
     assert np.all(np.abs(slope) < 1e-14)
 
 
+@various_pairs
+def test_the_ends_of_the_path_are_on_it_however_they_are_rounded(make):
+    pair = make()
+    ends = np.array([float(pair.path_start), float(pair.path_end)])
+    roll = (ends[:, None] + np.arange(-8.0, 9.0) * np.spacing(float(pair.tangent_length))).ravel()
+    gap, slope = _evaluated(pair, roll)
+    assert np.all(gap == 0.0)
+    assert np.all(slope == 0.0)
+    on_line = np.stack([roll, float(pair.tangent_length) - roll])
+    assert_close(_rolls(pair, roll), on_line, rtol=1e-14, atol=1e-15)
+
+
 def test_gears_have_no_slope_where_the_gap_is_zero():
     pair = helical_25_31()
 
