@@ -151,9 +151,9 @@ def test_a_response_that_is_not_found_is_not_differentiated(write):
 def test_optimise_the_dynamic_ratio(write, tmp_path, capsys):
     path = write(_TURNING + _SWEEP)
     assert main(["optimise", str(path), "--json", "--out", str(tmp_path / "out")]) == 0
-    captured = capsys.readouterr()
-    found = json.loads(captured.out)["optimise"]
+    told = json.loads(capsys.readouterr().out)
+    found = told["optimise"]
     assert found["after"]["objective"] < found["before"]["objective"]
     assert found["speeds_left_out_after"][0]["of"] == 3
     assert found["differential_evolution"]["evaluations"] <= 60
-    assert "Differential evolution was kept to" in captured.err
+    assert any("Differential evolution was kept to" in note for note in told["notes"])
