@@ -20,7 +20,10 @@ SITE := site
 DEMO := demo
 DEMO_OUT := $(DEMO)/results/accessory
 
-PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+TYPES := $(BIN)/pyright --pythonpath $(BIN)/python
+# Python compiles what is imported by itself; all that is installed would take ten seconds more.
+PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile \
+  -c constraints.txt
 
 .PHONY: help demo test types suite test-slow test-faults golden-check golden-record bench measure docs clean
 
@@ -51,9 +54,11 @@ test: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(MAKE) -j 2 types suite
 
-# Types take one core: the tests begin beside them, and go on with what is left.
+# Types take one core: the tests begin beside them, and go on with what is left. What no test
+# runs is checked here; the tests themselves, near half of all lines, say by running what is wrong
+# in them, and are checked by `make test-slow`.
 types: $(VENV)/.installed-dev
-	$(BIN)/pyright --pythonpath $(BIN)/python
+	$(TYPES) jaxgear fem_prep optimise benchmarks examples
 
 # Tests of one file stay in one process: they share what JAX compiles. Whole commands come first,
 # as the files are named, so that no process is left alone with them at the end.
@@ -63,6 +68,7 @@ suite: $(VENV)/.installed-dev
 # As users compile: with the fast tests' older emitters some large programs find no contact.
 test-slow: $(VENV)/.installed-dev $(VENV)/.installed-docs
 	$(PIP_INSTALL) -e '.[browser]'
+	$(TYPES)
 	XLA_FLAGS= $(BIN)/pytest -m slow
 
 # Slow: every fault is a run of its own. One by one: `python tests/planted_faults.py --help`.
@@ -92,7 +98,7 @@ clean:
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # The environment is made anew when what it should hold has changed.
-$(VENV)/.installed: pyproject.toml constraints.txt
+$(VENV)/.made: pyproject.toml constraints.txt
 	@python=; lacking=; \
 	for name in $(PYTHONS); do \
 	  "$$name" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || continue; \
@@ -111,6 +117,9 @@ $(VENV)/.installed: pyproject.toml constraints.txt
 	fi; \
 	echo "Making $(VENV) with $$("$$python" --version)"; \
 	"$$python" -m venv --clear $(VENV)
+	@touch $@
+
+$(VENV)/.installed: $(VENV)/.made
 	$(PIP_INSTALL) -e .
 	@touch $@
 
@@ -118,6 +127,7 @@ $(VENV)/.installed-docs: $(VENV)/.installed
 	$(PIP_INSTALL) -e '.[docs]'
 	@touch $@
 
-$(VENV)/.installed-dev: $(VENV)/.installed
+# All in one go: each asks anew what there is.
+$(VENV)/.installed-dev: $(VENV)/.made
 	$(PIP_INSTALL) -e '.[dev]'
-	@touch $@
+	@touch $(VENV)/.installed $@

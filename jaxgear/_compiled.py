@@ -7,6 +7,7 @@ outside of what is compiled: inside, values are not known.
 
 import functools
 import inspect
+import time
 from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar
 
@@ -16,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxgear._checks import is_traced
-from jaxgear._kept_programs import keeps_verbs, verb_called
+from jaxgear._kept_programs import keeps_verbs, make_room, verb_called
 
 _Given = ParamSpec("_Given")
 _Found = TypeVar("_Found")
@@ -66,11 +67,23 @@ def _compiled(verb: Callable[_Given, _Found], *, lasting: bool) -> Callable[_Giv
             name: value if name in settings else _traceable(value) for name, value in kwargs.items()
         }
         given = tuple(map(_traceable, args))
-        if lasting and keeps_verbs() and not any(map(is_traced, jax.tree.leaves((given, named)))):
+        if lasting and keeps_verbs() and not _any_traced((given, named)):
             return verb_called(call, verb, given, named)
-        return program(*given, **named)  # type: ignore[call-arg]
+        started = time.monotonic()
+        found = program(*given, **named)  # type: ignore[call-arg]
+        if time.monotonic() - started > _COMPILING and not _any_traced((found,)):
+            make_room()
+        return found
 
     return call
+
+
+# A call that takes longer may have compiled something [s].
+_COMPILING = 0.1
+
+
+def _any_traced(values: Any) -> bool:
+    return any(map(is_traced, jax.tree.leaves(values)))
 
 
 def _traceable(value: Any) -> Any:

@@ -27,6 +27,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
+from jaxgear._process import memory_maps, most_memory_maps
 from jaxgear._whole_file import whole_file
 
 _OURS = ("jaxgear", "optimise", "fem_prep")
@@ -215,6 +216,7 @@ def _program(
 
 
 def _compiled(lowered: jax.stages.Lowered, options: Options) -> jax.stages.Compiled:
+    make_room()
     try:
         return lowered.compile(compiler_options=dict(options))
     except jax.errors.JaxRuntimeError as error:
@@ -237,6 +239,30 @@ def _name(function: Callable[..., Any]) -> str:
 def forget() -> None:
     """Let go of the programs of this process."""
     _named_program.cache_clear()
+
+
+@dataclasses.dataclass
+class _Held:
+    """Memory maps that were left when all programs had been let go."""
+
+    maps: int = 0
+
+
+_HELD = _Held()
+
+
+def make_room() -> None:
+    """Let go of all that is compiled once half of the memory maps of the process are taken.
+
+    XLA maps each kernel of a program by itself, some thousand for a mesh cycle. Linux allows 65,530
+    (`vm.max_map_count`), and LLVM ends a process that asks for more: no error that could be caught.
+    What is let go and is called again is compiled again.
+    """
+    free = most_memory_maps() - _HELD.maps
+    if memory_maps() - _HELD.maps > 0.5 * free:
+        forget()
+        jax.clear_caches()
+        _HELD.maps = memory_maps()
 
 
 # More than the programs of any one command.

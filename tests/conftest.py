@@ -4,6 +4,7 @@ import gc
 import os
 import shutil
 import sys
+import time
 from importlib.metadata import version
 from pathlib import Path
 
@@ -80,6 +81,8 @@ gc.set_threshold(200_000, 50, 100)
 
 # Of compiled programs on the disk, of all versions of the code; of one process in memory [B].
 _DISK, _MEMORY = 1e9, 3e9
+# A test that takes longer may have compiled much [s].
+_LONG = 1.0
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -99,6 +102,17 @@ def pytest_configure(config: pytest.Config) -> None:
     ours = compiled.is_relative_to(config.rootpath) and not hasattr(config, "workerinput")
     if ours and sum(file.stat().st_size for file in compiled.glob("*")) > _DISK:
         shutil.rmtree(compiled)
+
+
+@pytest.fixture(autouse=True)
+def _make_room():
+    """Where a test may have compiled much: XLA maps each kernel, and maps are limited."""
+    started = time.monotonic()
+    yield
+    if time.monotonic() - started > _LONG:
+        from jaxgear._kept_programs import make_room
+
+        make_room()
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -2,6 +2,7 @@
 
 import math
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -29,9 +30,12 @@ def _shapes(ratio: float = 2.1, half: float = 0.09) -> dict:
     }
 
 
+_PLATE = eqx.filter_jit(plate_influence)
+
+
 def test_loads_on_all_teeth_shear_the_ring_as_a_tube():
     r"""$u = \frac{F}{2\pi G b}\ln h$ under loads that are even around it."""
-    each = np.asarray(shear_influence(**_shapes(), harmonics=20))
+    each = np.asarray(eqx.filter_jit(shear_influence)(**_shapes(), harmonics=20))
     wanted = 24 * 2.0 * 1.3 / (2.0 * math.pi) * math.log(2.1)
     assert_close(each.sum(), wanted, rtol=1e-12, atol=0.0)
 
@@ -41,7 +45,7 @@ def test_loads_on_all_teeth_bend_the_plate_as_one_that_is_even_around():
     from scipy.integrate import solve_bvp
 
     ratio, thick, poisson = 2.1, 0.3, 0.3
-    each = np.asarray(plate_influence(**_shapes(ratio), thickness=_real(thick)))
+    each = np.asarray(_PLATE(**_shapes(ratio), thickness=_real(thick)))
     stiffness, force = thick**3 / (12.0 * (1.0 - poisson**2)), 24.0 / (2.0 * math.pi)
 
     def slopes(r, y):
@@ -60,7 +64,7 @@ def test_loads_on_all_teeth_bend_the_plate_as_one_that_is_even_around():
 
 
 def test_forces_and_couples_on_the_plate_are_reciprocal_and_positive():
-    each = np.asarray(plate_influence(**_shapes(), thickness=_real(0.3)))
+    each = np.asarray(_PLATE(**_shapes(), thickness=_real(0.3)))
     count = each.shape[0]
     whole = np.block([[each[(i - j) % count] for j in range(count)] for i in range(count)])
     assert_close(whole, whole.T, rtol=1e-9, atol=1e-9 * whole.max())
@@ -84,14 +88,20 @@ _PLACE = {0.0: 13.894, 15.0: 14.540, 30.0: 17.046}
 def test_the_next_teeth_against_finite_elements(helix, face):
     gear = jg.Gear(24, face * mm, 0.0, bore=36.0 * mm, dedendum=1.25, fillet_radius=0.3)
     pair = jg.GearPair(gear, gear, 3.0 * mm, 20.0 * deg, helix * deg)
-    roll = _real(_PLACE[helix] * 1e-3)
-    for ahead, wanted in zip((1, 2), _ELEMENTS[helix, face], strict=True):
-        given = [
-            (body.resultants(roll) @ body.at_roots(ahead)) @ body.resultants(roll)
-            for body in jg.WeberBanaschek().bodies(pair, 2)
-            if body.gear == 0
-        ]
-        assert abs(1e12 * float(sum(given)) / wanted - 1.0) < 0.06
+    given = _given_to_next(pair, _real(_PLACE[helix] * 1e-3))
+    for got, wanted in zip(given, _ELEMENTS[helix, face], strict=True):
+        assert abs(1e12 * float(got) / wanted - 1.0) < 0.06
+
+
+@eqx.filter_jit
+def _given_to_next(pair, roll):
+    """Motion of the next tooth of the pinion and of the one after, per force [m/N]."""
+    bodies = [body for body in jg.WeberBanaschek().bodies(pair, 2) if body.gear == 0]
+    loads = [body.resultants(roll) for body in bodies]
+    return [
+        sum(load @ body.at_roots(ahead) @ load for body, load in zip(bodies, loads, strict=True))
+        for ahead in (1, 2)
+    ]
 
 
 def test_nothing_without_a_helix_has_a_slope_by_it():

@@ -3,6 +3,7 @@
 import functools
 from typing import NamedTuple
 
+import equinox as eqx
 import hybrid_cases
 import numpy as np
 import pytest
@@ -230,6 +231,7 @@ def test_a_turning_body_with_residual_shapes_is_all_its_modes_projected(name, wh
     flexible, combined, _, residual, every = _combined(name)
     seats = _modes(flexible).seat_dofs
 
+    @eqx.filter_jit
     def terms(body: FlexibleBody):
         own = VibratingBody(1, body, _modes(body), np.arange(seats), seats, -0.4)
         return turning_terms([own], _modes(body).size, jg.ModalDamping(), whole=whole)
