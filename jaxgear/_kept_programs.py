@@ -242,13 +242,13 @@ def forget() -> None:
 
 
 @dataclasses.dataclass
-class _Held:
+class _TakenMaps:
     """Memory maps that were left when all programs had been let go."""
 
     maps: int = 0
 
 
-_HELD = _Held()
+_TAKEN = _TakenMaps()
 
 
 def make_room() -> None:
@@ -258,11 +258,11 @@ def make_room() -> None:
     (`vm.max_map_count`), and LLVM ends a process that asks for more: no error that could be caught.
     What is let go and is called again is compiled again.
     """
-    free = most_memory_maps() - _HELD.maps
-    if memory_maps() - _HELD.maps > 0.5 * free:
+    free = most_memory_maps() - _TAKEN.maps
+    if memory_maps() - _TAKEN.maps > 0.5 * free:
         forget()
         jax.clear_caches()
-        _HELD.maps = memory_maps()
+        _TAKEN.maps = memory_maps()
 
 
 # More than the programs of any one command.

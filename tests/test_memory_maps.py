@@ -53,7 +53,7 @@ def let_go(monkeypatch):
             self.maps = self.held
 
     found = LetGo()
-    monkeypatch.setattr(programs, "_HELD", programs._Held())
+    monkeypatch.setattr(programs, "_TAKEN", programs._TakenMaps())
     monkeypatch.setattr(programs, "memory_maps", lambda: found.maps)
     monkeypatch.setattr(programs, "most_memory_maps", lambda: 1000.0)
     monkeypatch.setattr(programs, "forget", lambda: None)

@@ -264,7 +264,7 @@ def full_tip_shortening(pair: GearPair) -> Scalar:
     return jnp.sum(pair.of_bodies("profile_shift")) - centre / pair.normal_module
 
 
-@eqx.filter_jit
+@compiled
 def pair_facts(pair: GearPair) -> PairFacts:
     """Everything closed-form about a pair at once, compiled: for reports and checks.
 
@@ -282,7 +282,7 @@ def pair_facts(pair: GearPair) -> PairFacts:
     return PairFacts(**own, **found)
 
 
-@eqx.filter_jit
+@compiled
 def root_radii(pair: GearPair) -> Bodies:
     """The root radii of a pair by themselves, compiled: what a body needs to be built [m]."""
     return pair.root_radius
