@@ -62,6 +62,18 @@ def test_a_mesh_cycle_from_gears_to_a_number_is_a_handful_of_programs():
     assert finer != [], "another number of phases is another program"
 
 
+def test_a_pair_of_other_teeth_is_built_without_a_program():
+    facts = [jg.pair_facts(_pair())]
+    with made_programs() as made:
+        gears = [dataclasses.replace(_pair().pinion, teeth=teeth) for teeth in (44, 85)]
+        other = jg.GearPair(*gears, 1.5 * mm, 25.0 * deg)
+        facts.append(jg.pair_facts(other))
+    assert made == []
+    ratio = [np.asarray(each.reference_radius) / (0.75 * mm) for each in facts]
+    np.testing.assert_allclose(ratio, [[45.0, 86.0], [44.0, 85.0]], rtol=1e-14)
+    np.testing.assert_allclose(facts[1].base_radius, other.base_radius, rtol=1e-14)
+
+
 def test_verbs_of_dynamics_are_compiled_as_a_whole():
     """A pair in motion, its modes, a march and a sweep; other speeds and loads compile nothing."""
     grid = _grid(phases=32)

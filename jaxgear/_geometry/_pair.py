@@ -1,41 +1,24 @@
-r"""A gear pair: two gears at a working centre distance, and everything closed-form about it.
+"""A gear pair: two gears at a working centre distance, and what of it cannot be."""
 
-Subscript $t$ is the transverse section, $n$ the normal one, $w$ the working pitch
-cylinder. Quantities of both gears carry the axis `body`: pinion, wheel. Positions along
-the line of action are roll lengths from the pinion's base tangent point $T_1$; with the
-pinion driving, contact runs from `path_start` (the wheel's tip) to `path_end`
-(the pinion's tip). Formulas: ISO 21771-1, unless said.
-"""
-
-from collections.abc import Callable
-from typing import Any
+import dataclasses
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array
 
 from jaxgear._checks import require
 from jaxgear._compiled import compiled
 from jaxgear._geometry._gear import Gear
-from jaxgear._geometry._involute import inverse_involute, involute
 from jaxgear._geometry._pair_facts import PairFacts
+from jaxgear._geometry._pair_formulas import AbstractGearPair
 from jaxgear._geometry._tooth_checks import check_tooth
 from jaxgear._types import Bodies, Scalar, as_optional_scalar, as_scalar
 from jaxgear._units import deg, mm
 
 
-def _derived(function: Callable[[Any], Array]) -> property:
-    """A property that is traced once for each kind of pair: a program asks for lengths often.
-
-    Outside of programs it is one program, and not one for each of its operations.
-    """
-    return property(jax.jit(function))
-
-
-class GearPair(eqx.Module):
+class GearPair(AbstractGearPair):
     r"""Two external involute gears, spur or helical, in mesh (theory 1.1 to theory 1.6).
 
     **Fields:**
@@ -64,207 +47,38 @@ class GearPair(eqx.Module):
     def __check_init__(self):
         _check_pair(self)
 
-    def of_bodies(self, name: str) -> Bodies:
-        """One number of both gears, e.g. `of_bodies("profile_shift")`, pinion first."""
-        return jnp.stack([getattr(self.pinion, name), getattr(self.wheel, name)])
-
     @property
     def teeth(self) -> Bodies:
         """Numbers of teeth, as reals [-]."""
         return jnp.asarray([self.pinion.teeth, self.wheel.teeth], dtype=float)
 
-    @property
-    def thickness_allowances(self) -> Bodies:
-        """Tooth thickness allowances, zero where there is none [m]."""
-        given = [gear.thickness_allowance for gear in (self.pinion, self.wheel)]
-        return jnp.stack([jnp.zeros(()) if one is None else one for one in given])
-
-    @property
-    def transverse_module(self) -> Scalar:
-        """$m_t$ [m]."""
-        return self.normal_module / jnp.cos(self.helix_angle)
-
-    @_derived
-    def transverse_pressure_angle(self) -> Scalar:
-        r"""$\alpha_t$ at the reference cylinder [rad]."""
-        return jnp.arctan(jnp.tan(self.pressure_angle) / jnp.cos(self.helix_angle))
-
-    @_derived
-    def base_helix_angle(self) -> Scalar:
-        r"""$\beta_b$ [rad], signed as $\beta$."""
-        return jnp.arcsin(jnp.sin(self.helix_angle) * jnp.cos(self.pressure_angle))
-
-    @_derived
-    def reference_radius(self) -> Bodies:
-        """$r$ [m]."""
-        return 0.5 * self.transverse_module * self.teeth
-
-    @_derived
-    def base_radius(self) -> Bodies:
-        """$r_b$ [m]."""
-        return self.reference_radius * jnp.cos(self.transverse_pressure_angle)
-
-    @_derived
-    def tip_radius(self) -> Bodies:
-        """$r_a$ [m]."""
-        height = (
-            self.of_bodies("addendum")
-            + self.of_bodies("profile_shift")
-            - self.of_bodies("tip_shortening")
-        )
-        return self.reference_radius + self.normal_module * height
-
-    @_derived
-    def root_radius(self) -> Bodies:
-        """$r_f$ [m]."""
-        depth = self.of_bodies("dedendum") - self.of_bodies("profile_shift")
-        return self.reference_radius - self.normal_module * depth
-
-    @_derived
-    def zero_backlash_pressure_angle(self) -> Scalar:
-        r"""$\alpha_{wt}$ that the profile shifts give without backlash [rad]."""
-        shift = jnp.sum(self.of_bodies("profile_shift"))
-        value = involute(self.transverse_pressure_angle)
-        value += 2.0 * shift * jnp.tan(self.pressure_angle) / jnp.sum(self.teeth)
-        return inverse_involute(value)
-
-    @_derived
-    def zero_backlash_centre_distance(self) -> Scalar:
-        """Centre distance that the profile shifts give without backlash [m]."""
-        return jnp.sum(self.base_radius) / jnp.cos(self.zero_backlash_pressure_angle)
-
-    @_derived
-    def working_centre_distance(self) -> Scalar:
-        """$a_w$ [m]: the given one, else the zero-backlash one."""
-        if self.centre_distance is None:
-            return self.zero_backlash_centre_distance
-        return self.centre_distance
-
-    @_derived
-    def working_pressure_angle(self) -> Scalar:
-        r"""$\alpha_{wt}$ [rad]."""
-        if self.centre_distance is None:
-            return self.zero_backlash_pressure_angle
-        return jnp.arccos(jnp.sum(self.base_radius) / self.centre_distance)
-
-    @_derived
-    def working_pitch_radius(self) -> Bodies:
-        """$r_w$ [m]."""
-        return self.working_centre_distance * self.teeth / jnp.sum(self.teeth)
-
-    @_derived
-    def transverse_base_pitch(self) -> Scalar:
-        """$p_{bt}$ [m]."""
-        return jnp.pi * self.transverse_module * jnp.cos(self.transverse_pressure_angle)
-
-    @property
-    def face_width(self) -> Scalar:
-        """Common face width [m]: mid-faces are aligned, so the smaller of the two."""
-        return jnp.minimum(self.pinion.face_width, self.wheel.face_width)
-
-    @_derived
-    def tangent_length(self) -> Scalar:
-        r"""$T_1T_2 = (r_{b1} + r_{b2})\tan\alpha_{wt}$ between the base tangent points [m]."""
-        return jnp.sum(self.base_radius) * jnp.tan(self.working_pressure_angle)
-
-    @_derived
-    def tip_roll(self) -> Bodies:
-        """Roll length from each gear's own base tangent point to its tip [m]."""
-        # A floor of zero keeps an impossible gear finite until it is refused.
-        return jnp.sqrt(jnp.maximum(self.tip_radius**2 - self.base_radius**2, 0.0))
-
-    @_derived
-    def form_roll(self) -> Bodies:
-        r"""Roll length from each gear's own base tangent point to its form circle [m].
-
-        Where the trochoid ends and the involute begins, $r_b \tan\alpha_t - h_{F}/\sin\alpha_t$
-        with $h_F$ the depth of the rack's straight flank. Negative: undercut.
-        """
-        straight = self.of_bodies("dedendum") - self.of_bodies("profile_shift")
-        straight -= self.of_bodies("fillet_radius") * (1.0 - jnp.sin(self.pressure_angle))
-        angle = self.transverse_pressure_angle
-        return self.base_radius * jnp.tan(angle) - self.normal_module * straight / jnp.sin(angle)
-
-    @_derived
-    def form_radius(self) -> Bodies:
-        """$r_F$, the form circle at the fillet [m]."""
-        return jnp.hypot(self.base_radius, self.form_roll)
-
-    @_derived
-    def path_start(self) -> Scalar:
-        """$T_1A$, start of contact at the wheel's tip [m]."""
-        return self.tangent_length - self.tip_roll[1]
-
-    @_derived
-    def path_end(self) -> Scalar:
-        """$T_1E$, end of contact at the pinion's tip [m]."""
-        return self.tip_roll[0]
-
-    @_derived
-    def pitch_point(self) -> Scalar:
-        r"""$T_1C = r_{b1}\tan\alpha_{wt}$ [m]."""
-        return self.base_radius[0] * jnp.tan(self.working_pressure_angle)
-
-    @_derived
-    def path_of_contact(self) -> Scalar:
-        r"""$g_\alpha = \varepsilon_\alpha p_{bt}$ [m]."""
-        return self.path_end - self.path_start
-
-    @_derived
-    def root_clearance(self) -> Bodies:
-        """Distance from each gear's root to the other's tip [m]."""
-        return self.working_centre_distance - self.root_radius - self.tip_radius[::-1]
-
-    @_derived
-    def tip_thickness(self) -> Bodies:
-        """Transverse tooth thickness at the tip circle [m]."""
-        at_tip = jnp.arctan2(self.tip_roll, self.base_radius)
-        half = self.half_thickness_at_base - involute(at_tip)
-        return 2.0 * self.tip_radius * half
-
-    @_derived
-    def half_thickness_at_base(self) -> Bodies:
-        """Half the angle of a tooth at the base circle [rad], transverse, without backlash."""
-        shift = self.of_bodies("profile_shift")
-        arc = 0.5 * jnp.pi + 2.0 * shift * jnp.tan(self.pressure_angle)
-        return arc / self.teeth + involute(self.transverse_pressure_angle)
-
-    @_derived
-    def backlash(self) -> Scalar:
-        """Transverse circumferential backlash at the working pitch circle [m]."""
-        angle = self.working_pressure_angle
-        half = self.half_thickness_at_base - involute(angle)
-        pitch = 2.0 * jnp.pi * self.working_pitch_radius[0] / self.teeth[0]
-        return pitch - 2.0 * jnp.sum(self.working_pitch_radius * half)
-
 
 @compiled
-def profile_contact_ratio(pair: GearPair) -> Scalar:
+def profile_contact_ratio(pair: AbstractGearPair) -> Scalar:
     r"""$\varepsilon_\alpha$ [-]: the path of contact over the transverse base pitch."""
     return pair.path_of_contact / pair.transverse_base_pitch
 
 
 @compiled
-def overlap_ratio(pair: GearPair) -> Scalar:
+def overlap_ratio(pair: AbstractGearPair) -> Scalar:
     r"""$\varepsilon_\beta$ [-]: $b \tan|\beta_b| / p_{bt}$ (theory 1.7)."""
     tangent = jnp.tan(jnp.abs(pair.base_helix_angle))
     return pair.face_width * tangent / pair.transverse_base_pitch
 
 
 @compiled
-def total_contact_ratio(pair: GearPair) -> Scalar:
+def total_contact_ratio(pair: AbstractGearPair) -> Scalar:
     r"""$\varepsilon_\gamma = \varepsilon_\alpha + \varepsilon_\beta$ [-] (theory 1.7)."""
     return profile_contact_ratio(pair) + overlap_ratio(pair)
 
 
 @compiled
-def full_tip_shortening(pair: GearPair) -> Scalar:
+def full_tip_shortening(pair: AbstractGearPair) -> Scalar:
     r"""$k = x_1 + x_2 - y$ [-], the shortening that restores the rack's root clearance."""
     centre = pair.working_centre_distance - jnp.sum(pair.reference_radius)
     return jnp.sum(pair.of_bodies("profile_shift")) - centre / pair.normal_module
 
 
-@compiled
 def pair_facts(pair: GearPair) -> PairFacts:
     """Everything closed-form about a pair at once, compiled: for reports and checks.
 
@@ -276,6 +90,56 @@ def pair_facts(pair: GearPair) -> PairFacts:
 
     Its facts.
     """
+    return _facts(_of_numbers(pair))
+
+
+def root_radii(pair: GearPair) -> Bodies:
+    """The root radii of a pair by themselves, compiled: what a body needs to be built [m]."""
+    return _root_radii(_of_numbers(pair))
+
+
+class _PairOfNumbers(AbstractGearPair):
+    """A pair whose numbers of teeth a program is given, which then serves all of them.
+
+    **Fields:**
+
+    - `pinion`, `wheel`: with any numbers of teeth.
+    - `normal_module`, `pressure_angle`, `helix_angle`, `centre_distance`: as of `GearPair`
+        [m, rad].
+    - `numbers`: of teeth [-].
+    """
+
+    pinion: Gear
+    wheel: Gear
+    normal_module: Scalar
+    pressure_angle: Scalar
+    helix_angle: Scalar
+    centre_distance: Scalar | None
+    numbers: Bodies
+
+    @property
+    def teeth(self) -> Bodies:
+        return self.numbers
+
+
+# In place of numbers of teeth, which a program would be made for.
+_ANY = 20
+
+
+def _of_numbers(pair: GearPair) -> _PairOfNumbers:
+    return _PairOfNumbers(
+        pinion=dataclasses.replace(pair.pinion, teeth=_ANY),
+        wheel=dataclasses.replace(pair.wheel, teeth=_ANY),
+        normal_module=pair.normal_module,
+        pressure_angle=pair.pressure_angle,
+        helix_angle=pair.helix_angle,
+        centre_distance=pair.centre_distance,
+        numbers=pair.teeth,
+    )
+
+
+@compiled
+def _facts(pair: _PairOfNumbers) -> PairFacts:
     ratios = (profile_contact_ratio, overlap_ratio, total_contact_ratio, full_tip_shortening)
     found = {ratio.__name__: ratio(pair) for ratio in ratios}
     own = {name: getattr(pair, name) for name in PairFacts._fields if name not in found}
@@ -283,8 +147,7 @@ def pair_facts(pair: GearPair) -> PairFacts:
 
 
 @compiled
-def root_radii(pair: GearPair) -> Bodies:
-    """The root radii of a pair by themselves, compiled: what a body needs to be built [m]."""
+def _root_radii(pair: _PairOfNumbers) -> Bodies:
     return pair.root_radius
 
 
