@@ -22,7 +22,7 @@ from jaxgear._contact._foundation import (
     WeberFoundation,
 )
 from jaxgear._contact._iso import iso_stiffness
-from jaxgear._contact._shared_body import SharedBody
+from jaxgear._contact._shared_body import SharedBody, shared_bodies
 from jaxgear._contact._tooth import contact_modulus
 from jaxgear._contact._tooth_parts import (
     TeethOnBodies,
@@ -34,7 +34,6 @@ from jaxgear._contact._tooth_parts import (
 from jaxgear._geometry._gear import Gear
 from jaxgear._geometry._lines import ContactLines
 from jaxgear._geometry._pair import GearPair
-from jaxgear._geometry._profile import transverse_section
 from jaxgear._types import Bodies, DenseCouplingGrid, Reals, Scalar, as_scalar
 
 
@@ -227,31 +226,7 @@ class WeberBanaschek(AbstractCompliance):
 
     def bodies(self, pair: GearPair, neighbours: int) -> tuple[SharedBody, ...]:
         """List the gear bodies that couple the pairs in mesh; see the base class."""
-        angle = pair.base_helix_angle
-        found = []
-        for gear, foundation, start, sign, wider in zip(
-            (pair.pinion, pair.wheel),
-            self._foundations(pair),
-            (jnp.zeros(()), pair.tangent_length),
-            (1, -1),
-            self._wider(pair),
-            strict=True,
-        ):
-            section = transverse_section(pair, gear)
-            influence = foundation.influence(section, gear.material, neighbours)
-            if influence is None:
-                continue
-            # Per length of contact line in place of face width.
-            per_line = 1.0 / jnp.cos(angle)
-            body = SharedBody(section, per_line * wider * influence, start, sign, jnp.cos(angle))
-            found.append(body)
-            axial = foundation.axial_influences(section, gear.material, neighbours, gear.face_width)
-            for influence in axial or ():
-                # The mesh pushes the two gears apart along their axes.
-                share = sign * jnp.sin(angle)
-                along = SharedBody(section, per_line * influence, start, sign, share, True)
-                found.append(along)
-        return tuple(found)
+        return shared_bodies(pair, self._foundations(pair), self._wider(pair), neighbours)
 
     def log_slope(self, pair: GearPair) -> Scalar:
         r"""Return $1/(\pi E^*)$, for $a_H$ grows with the root of the load; see the base class."""

@@ -1,5 +1,6 @@
 """A gear body between the teeth in mesh, as their contact lines see it."""
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -9,10 +10,13 @@ import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array
 
+from jaxgear._compiled import compiled
+from jaxgear._contact._foundation import AbstractFoundation
 from jaxgear._contact._ring import give_alone, root_resultants
+from jaxgear._geometry._gear import Material
 from jaxgear._geometry._pair import GearPair
-from jaxgear._geometry._profile import ToothSection
-from jaxgear._types import Influence, Reals, Scalar, as_scalar
+from jaxgear._geometry._profile import ToothSection, transverse_section
+from jaxgear._types import Bodies, Influence, Reals, Scalar, as_scalar
 
 
 class SharedBody(eqx.Module):
@@ -39,6 +43,10 @@ class SharedBody(eqx.Module):
     def bends(self) -> bool:
         """Whether it is a plate, all of whose face moves alike whatever part of it is loaded."""
         return self.axial and self.influence.shape[-1] == 3
+
+    def within(self, neighbours: int) -> "SharedBody":
+        """The same of the next teeth alone, so many of them."""
+        return dataclasses.replace(self, influence=self.influence[: neighbours + 1])
 
     @property
     def gear(self) -> int:
@@ -83,6 +91,90 @@ class SharedBody(eqx.Module):
     def compliance(self, roll: Reals) -> Reals:
         """Give of a tooth loaded alone [m2/N]."""
         return give_alone(self.influence[0], self.resultants(roll))
+
+
+def shared_bodies(
+    pair: GearPair,
+    foundations: tuple[AbstractFoundation, AbstractFoundation],
+    wider: Bodies,
+    neighbours: int,
+) -> tuple[SharedBody, ...]:
+    """List the gear bodies that couple the pairs in mesh.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `foundations`: of both.
+    - `wider`: factors on what they give in their plane [-].
+    - `neighbours`: how many teeth from a loaded one can be in mesh as well.
+
+    **Returns:**
+
+    Those of the two whose foundation couples teeth.
+    """
+    near = _near_bodies(pair, foundations, wider, max(neighbours, _NEAR))
+    return tuple(body.within(neighbours) for body in near)
+
+
+# Whoever asks for the next teeth of a body asks for as many, and a program works them out once.
+_NEAR = 2
+
+
+@compiled
+def _near_bodies(
+    pair: GearPair,
+    foundations: tuple[AbstractFoundation, AbstractFoundation],
+    wider: Bodies,
+    neighbours: int,
+) -> tuple[SharedBody, ...]:
+    gears = pair.pinion, pair.wheel
+    sections = [transverse_section(pair, gear) for gear in gears]
+    given = zip(
+        foundations,
+        sections,
+        [gear.material for gear in gears],
+        [gear.face_width for gear in gears],
+        strict=True,
+    )
+    influences = _of_both(lambda each: _influences(*each, neighbours=neighbours), *given)
+    starts = jnp.zeros(()), pair.tangent_length
+    slant = jnp.cos(pair.base_helix_angle)
+    # Per length of contact line in place of face width.
+    per_line, found = 1.0 / slant, []
+    for section, influence, start, sign, wide in zip(
+        sections, influences, starts, (1, -1), wider, strict=True
+    ):
+        own, *along = influence
+        if own is not None:
+            found.append(SharedBody(section, per_line * wide * own, start, sign, slant))
+        # The mesh pushes the two gears apart along their axes.
+        share = sign * jnp.sin(pair.base_helix_angle)
+        found += [SharedBody(section, per_line * x, start, sign, share, True) for x in along]
+    return tuple(found)
+
+
+def _influences(
+    foundation: AbstractFoundation,
+    section: ToothSection,
+    material: Material,
+    face_width: Scalar,
+    *,
+    neighbours: int,
+) -> tuple[Array | None, ...]:
+    """Motions of the roots of a body: in the section's plane, and along the axis if there are."""
+    own = foundation.influence(section, material, neighbours)
+    if own is None:
+        return (None,)
+    axial = foundation.axial_influences(section, material, neighbours, face_width)
+    return own, *(axial or ())
+
+
+def _of_both(function: Callable[[Any], Any], first: Any, second: Any) -> tuple[Any, Any]:
+    """A function of either gear: of gears of one kind half the program to compile."""
+    if jax.tree.map(jnp.shape, first) != jax.tree.map(jnp.shape, second):
+        return function(first), function(second)
+    both = jax.vmap(function)(jax.tree.map(lambda *leaves: jnp.stack(leaves), first, second))
+    return jax.tree.map(lambda x: x[0], both), jax.tree.map(lambda x: x[1], both)
 
 
 def where_helical(
