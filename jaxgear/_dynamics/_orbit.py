@@ -79,7 +79,8 @@ def derivative_if(solved: Flag, tangent: Reals) -> Reals:
 
     **Arguments:**
 
-    - `solved`: whether the solution was found.
+    - `solved`: whether the solution was found; no constant, or XLA multiplies what is huge at once,
+        and of a zero there is NaN.
     - `tangent`: of the solution, if it was, in the solution's unit [-].
 
     **Returns:**

@@ -357,9 +357,9 @@ def _waved(depth) -> DynamicSystem:
     return dataclasses.replace(system, table=table)
 
 
-def _late_place(depth, speed) -> jax.Array:
-    times, start = jnp.linspace(0.0, 16.0, 3), jnp.asarray(AT_REST)
-    options = {"law": LAW, "rtol": 1e-10, "atol": 1e-10, "most_steps": 4096}
+def _late_place(depth, speed, end: float = 16.0, most_steps: int = 4096) -> jax.Array:
+    times, start = jnp.linspace(0.0, end, 3), jnp.asarray(AT_REST)
+    options = {"law": LAW, "rtol": 1e-10, "atol": 1e-10, "most_steps": most_steps}
     found = transient(_waved(depth), speed, 1.0, start, times, **options)
     return jnp.sum(found.place[:, 0] ** 2)
 
@@ -373,10 +373,13 @@ def test_batches_agree_with_single_runs():
         assert_close(found, jnp.sum(alone.place[::1000, 0] ** 2), rtol=1e-8, atol=1e-9)
 
 
-@pytest.mark.slow
-def test_gradients_by_gap_and_by_speed():
+@pytest.mark.parametrize(
+    ("end", "most_steps"), [(2.0, 64), pytest.param(16.0, 4096, marks=pytest.mark.slow)]
+)
+def test_gradients_by_gap_and_by_speed(end, most_steps):
     # The speed moves the instants at which stiffness jumps: derivatives hold those too.
-    both = jax.jit(jax.value_and_grad(_late_place, argnums=(0, 1)))
+    place = functools.partial(_late_place, end=end, most_steps=most_steps)
+    both = jax.jit(jax.value_and_grad(place, argnums=(0, 1)))
     at, step = np.array([1.0, 0.85]), 1e-4
     _, slopes = both(*at)
     for slope, move in zip(slopes, step * np.eye(2), strict=True):
