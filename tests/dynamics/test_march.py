@@ -164,6 +164,7 @@ def test_energy_in_contact_is_conserved_at_a_standing_phase():
         arms=still(table.arms, 1),
         coupling=still(table.coupling, 0),
         kinds=(0,) * 32,
+        kept=still(table.kept, 0),
     )
     system = dataclasses.replace(
         system, table=frozen, damping=jnp.zeros_like(system.damping), rest=still(system.rest, 0)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from dynamics import reference
 from dynamics.cases import (
+    ON_THEIR_OWN,
     as_bodies,
     as_cells,
     sdof_backlash,
@@ -257,7 +258,7 @@ SAME = {
     "jumping stiffness": (lambda: sdof_rectangular(steps=60), 0.8),
     "two coordinates": (lambda: two_dof(steps=60), 0.9),
     "backlash": (lambda: sdof_backlash(0.85, steps=60), 0.85),
-    "gear pair": (lambda: torsional_pair().system, 1000.0),
+    "gear pair": (lambda: torsional_pair(compliance=ON_THEIR_OWN).system, 1000.0),
 }
 
 
