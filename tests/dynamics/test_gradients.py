@@ -163,7 +163,8 @@ def test_steady_responses_have_derivatives_in_everything(speed, parts, names):
     value, forward, reverse, seen = _derivatives(jnp.ones(len(_VARIABLES)), speed, names)
     assert all(bool(settled) for _, settled in seen)
     assert all((float(least) <= 0.0) == parts for least, _ in seen)
-    expected = _differences(speed, 6e-5, names)
+    # Shorter where cells part; rounding shows below, what bends above.
+    expected = _differences(speed, 6e-5 if parts else 1.2e-4, names)
     size = np.maximum(np.abs(expected), 1e-3 * np.abs(np.asarray(value))[:, None])
     for found in (forward, reverse):
         wrong = np.abs(np.asarray(found) - expected) / size
