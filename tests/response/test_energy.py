@@ -73,6 +73,7 @@ def test_a_standing_mesh_neither_gives_nor_takes_from_a_turning_body():
         growth=middle(table.growth),
         coupling=still(table.coupling),
         kinds=(0,) * steps,
+        kept=still(table.kept),
     )
     own = dataclasses.replace(system, table=frozen, rest=still(system.rest))
     history = _marched(own, jnp.asarray(3000.0), quasi_static_start(own), 2)
