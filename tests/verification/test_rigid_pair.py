@@ -362,8 +362,11 @@ def test_pinion_and_wheel_change_places():
 
 @pytest.mark.slow
 def test_slices_converge():
-    """Mean TE of a helical pair on rings: from 4 to 32 slices at an order between 1.5 and 2.5."""
-    model = jg.PairModel(helical(), 308.8)
+    """Mean TE of a helical pair on rings: from 4 to 32 slices at an order between 1.5 and 2.5.
+
+    Of slices on their own; those that feel each other: `tests/solve/test_face_coupling.py`.
+    """
+    model = jg.PairModel(helical(), 308.8, compliance=RING)
     means = {}
     for slices in (4, 8, 32, 96):
         cycle = _cycle(model, jg.mesh_grid(helical(), phases=16, slices=slices))
@@ -444,7 +447,7 @@ def test_one_update_leaves_single_contact_as_it_is():
     assert moved[1] < 2e-3 * moved[0]
     assert moved[2] < 0.1 * moved[1]
     # And that is what `load_updates` does.
-    model = jg.PairModel(spur(), 80.0, compliance=jg.WeberBanaschek(load_updates=2))
+    model = jg.PairModel(spur(), 80.0, compliance=replace(RING, load_updates=2))
     grid = jg.mesh_grid(spur(), phases=16, slices=4)
     whole = eqx.filter_jit(jg.mesh_cycle)(model, grid)
     assert_close(_error(whole), errors[2], rtol=1e-11, atol=0.0)
