@@ -249,6 +249,7 @@ from ._response._half_power import Resonance as Resonance
 from ._response._half_power import rayleigh_damping as rayleigh_damping
 from ._response._half_power import resonances as resonances
 from ._response._loads import corner_pressure as corner_pressure
+from ._response._loads import pressure_off_ends as pressure_off_ends
 from ._response._loads import hertz_pressure as hertz_pressure
 from ._response._loads import line_load as line_load
 from ._response._loads import load_sharing as load_sharing

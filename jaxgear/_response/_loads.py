@@ -15,7 +15,7 @@ from jaxgear._contact._hertz import at_known_corner, corner_contact
 from jaxgear._geometry._pair import GearPair
 from jaxgear._interface._laws import AbstractContactLaw
 from jaxgear._solve._cycle import MeshCycle
-from jaxgear._types import LineGrid, LinePhases, Phases
+from jaxgear._types import LineGrid, LinePhases, Phases, Scalar
 
 
 @compiled
@@ -65,6 +65,34 @@ def hertz_pressure(pair: GearPair, cycle: MeshCycle, law: AbstractContactLaw) ->
     Pressure [Pa].
     """
     return corner_contact(pair, cycle.cells.lines.roll).pressure(line_load(cycle, law))
+
+
+# Share of the face beside an end of the path that `pressure_off_ends` leaves out.
+_BESIDE_ENDS = 0.1
+
+
+@compiled
+def pressure_off_ends(pair: GearPair, cycle: MeshCycle, law: AbstractContactLaw) -> Scalar:
+    """Largest pressure but where helical teeth come into contact or leave it.
+
+    There a tooth bears on a corner of the line, and of slices that feel each other the load grows
+    without bound as they get finer, unless relief takes it off. Left out are cells that are less
+    than a tenth of the face from an end of the path, none of spur teeth.
+
+    **Arguments:**
+
+    - `pair`: the gears.
+    - `cycle`: the settled states.
+    - `law`: with which they were found.
+
+    **Returns:**
+
+    The pressure [Pa].
+    """
+    lead = _BESIDE_ENDS * pair.face_width * jnp.abs(jnp.tan(pair.base_helix_angle))
+    beside = lambda end: jnp.abs(cycle.cells.lines.roll - end) < lead
+    at_ends = beside(pair.path_start) | beside(pair.path_end)
+    return jnp.max(jnp.where(at_ends, 0.0, hertz_pressure(pair, cycle, law)))
 
 
 @compiled

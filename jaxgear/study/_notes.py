@@ -17,8 +17,10 @@ from jaxgear.scene._schema import GEARS
 from jaxgear.scene._tables import MeshKeys
 from jaxgear.study._built import BuiltScene
 from jaxgear.study._ranks import Doubtful, Idle
-from jaxgear.study._statics import Statics
+from jaxgear.study._statics import Numbers, Statics
 
+# Fewer slices do not tell a tenth of the face.
+_ENOUGH = 8
 # Helix angle from which slices of teeth are told to be off [deg]; below, nobody compared them.
 _HELICAL = 5.0
 
@@ -329,4 +331,17 @@ def _on_results(slices: int, statics: Statics) -> Iterator[str]:
         yield Doubtful(
             f"The load is carried by {slices / factor:.2g} of {slices} slices: the face load "
             "factor and the pressures are as large as the slices let them be."
+        )
+    yield from _on_corners(slices, statics.numbers)
+
+
+def _on_corners(slices: int, numbers: Numbers) -> Iterator[str]:
+    """A largest pressure of helical teeth that is what slices make of it."""
+    most, off = (float(numbers[f"max_pressure_{x}MPa"]) for x in ("", "off_ends_"))
+    if slices >= _ENOUGH and off < 0.9 * most:
+        yield Doubtful(
+            f"The largest pressure, {most:.4g} MPa, as the largest line load, is where teeth come "
+            "into contact or leave it over a corner: without relief there it grows as slices, now "
+            f"{slices}, get finer. A tenth of the face from there and more it is {off:.4g} MPa at "
+            "most. Relieve tips or ends."
         )

@@ -24,7 +24,13 @@ from jaxgear._response._factors import (
     pressure_angle_change,
     transverse_load_factor,
 )
-from jaxgear._response._loads import corner_pressure, hertz_pressure, line_load, mesh_stiffness
+from jaxgear._response._loads import (
+    corner_pressure,
+    hertz_pressure,
+    line_load,
+    mesh_stiffness,
+    pressure_off_ends,
+)
 from jaxgear._response._losses import mesh_loss_factor
 from jaxgear._response._root_stress import root_stress, slice_load
 from jaxgear._response._transmission import (
@@ -313,6 +319,7 @@ def static_numbers(model: PairModel, cycle: MeshCycle, law: AbstractContactLaw) 
     return {
         "mesh_force_N": cycle.load[0, 0],
         **headline(model, cycle, law),
+        "max_pressure_off_ends_MPa": pressure_off_ends(pair, cycle, law) / MPa,
         **_corner_numbers(model, cycle, law),
         "te_unloaded_peak_to_peak_um": _unloaded_range(model, cycle) / um,
         "single_pair_stiffness_max_N_mm_um": largest / N_per_mm_um,

@@ -1,10 +1,21 @@
 """Remarks on results."""
 
+import jax.numpy as jnp
 import pytest
 
 from jaxgear.scene._build import model_of
 from jaxgear.scene._scene import example_scene
 from jaxgear.study import _notes
+
+
+@pytest.mark.parametrize(
+    ("slices", "off", "told"), [(20, 700.0, True), (20, 950.0, False), (4, 700.0, False)]
+)
+def test_a_pressure_that_slices_make_is_told(slices, off, told):
+    numbers = {"max_pressure_MPa": 1000.0, "max_pressure_off_ends_MPa": off}
+    numbers = {name: jnp.asarray(value) for name, value in numbers.items()}
+    found = [*_notes._on_corners(slices, numbers)]
+    assert ["over a corner" in words for words in found] == [True] * told
 
 
 def _on_cycle(*given: str) -> list[str]:

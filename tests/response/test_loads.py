@@ -43,6 +43,35 @@ def test_load_sharing_sums_to_one(case):
     assert float(jnp.max(sharing)) <= 1.0 + 1e-12
 
 
+@pytest.mark.parametrize("case", quick(2, CASES))
+def test_pressure_off_ends_leaves_out_where_helical_teeth_come_and_go(case):
+    drawing, law = CASES[case]
+    model, cycle = _settled(drawing, law, depth=0.0)
+    pair, roll = model.pair, np.asarray(cycle.cells.lines.roll)
+    pressure = np.asarray(jg.hertz_pressure(pair, cycle, law))
+    lead = 0.1 * float(pair.face_width) * abs(math.tan(float(pair.base_helix_angle)))
+    left_out = np.zeros(roll.shape, dtype=bool)
+    for end in (pair.path_start, pair.path_end):
+        left_out |= np.abs(roll - float(end)) < lead
+    assert left_out.any() == (case == "helical")
+    assert_close(
+        jg.pressure_off_ends(pair, cycle, law), pressure[~left_out].max(), rtol=1e-12, atol=0.0
+    )
+
+
+@pytest.mark.slow
+def test_off_the_ends_pressure_of_helical_teeth_without_relief_converges():
+    """At the ends, where a tooth comes in over a corner of its face, it does not."""
+    pair = POWER.pair()
+    model, most, off = jg.PairModel(pair, 308.8), [], []
+    for slices in (20, 60):
+        cycle = run_cycle(model, jg.mesh_grid(pair, phases=4 * slices, slices=slices))
+        most.append(float(jnp.max(jg.hertz_pressure(pair, cycle, EXACT))))
+        off.append(float(jg.pressure_off_ends(pair, cycle, EXACT)))
+    assert most[1] > 1.15 * most[0]
+    assert abs(off[1] / off[0] - 1.0) < 0.01
+
+
 def test_load_sharing_without_relief_by_hand():
     """Constant stiffness: halves where two pairs are in contact, one alone elsewhere."""
     _, cycle = _settled(ACCESSORY, EXACT, depth=0.0)
