@@ -79,7 +79,7 @@ def _compiled(verb: Callable[_Given, _Found], *, lasting: bool) -> Callable[_Giv
 
 
 # A call that takes longer may have compiled something [s].
-_COMPILING = 0.1
+_COMPILING = 0.3
 
 
 def _any_traced(values: Any) -> bool:

@@ -252,14 +252,14 @@ _TAKEN = _TakenMaps()
 
 
 def make_room() -> None:
-    """Let go of all that is compiled once half of the memory maps of the process are taken.
+    """Let go of all that is compiled once three quarters of the process's memory maps are taken.
 
     XLA maps each kernel of a program by itself, some thousand for a mesh cycle. Linux allows 65,530
     (`vm.max_map_count`), and LLVM ends a process that asks for more: no error that could be caught.
     What is let go and is called again is compiled again.
     """
     free = most_memory_maps() - _TAKEN.maps
-    if memory_maps() - _TAKEN.maps > 0.5 * free:
+    if memory_maps() - _TAKEN.maps > 0.75 * free:
         forget()
         jax.clear_caches()
         _TAKEN.maps = memory_maps()
