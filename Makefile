@@ -20,7 +20,6 @@ SITE := site
 DEMO := demo
 DEMO_OUT := $(DEMO)/results/accessory
 
-TYPES := $(BIN)/pyright --pythonpath $(BIN)/python
 # Python compiles what is imported by itself; all that is installed would take ten seconds more.
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile \
   -c constraints.txt
@@ -54,11 +53,9 @@ test: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(MAKE) -j 2 types suite
 
-# Types take one core: the tests begin beside them, and go on with what is left. What no test
-# runs is checked here; the tests themselves, near half of all lines, say by running what is wrong
-# in them, and are checked by `make test-slow`.
+# Types take one core: the tests begin beside them, and go on with what is left.
 types: $(VENV)/.installed-dev
-	$(TYPES) jaxgear fem_prep optimise benchmarks examples
+	$(BIN)/pyright --pythonpath $(BIN)/python
 
 # Tests of one file stay in one process: they share what JAX compiles. Whole commands come first,
 # as the files are named, so that no process is left alone with them at the end.
@@ -68,7 +65,6 @@ suite: $(VENV)/.installed-dev
 # As users compile: with the fast tests' older emitters some large programs find no contact.
 test-slow: $(VENV)/.installed-dev $(VENV)/.installed-docs
 	$(PIP_INSTALL) -e '.[browser]'
-	$(TYPES)
 	XLA_FLAGS= $(BIN)/pytest -m slow
 
 # Slow: every fault is a run of its own. One by one: `python tests/planted_faults.py --help`.

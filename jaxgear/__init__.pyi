@@ -249,11 +249,11 @@ from ._response._half_power import Resonance as Resonance
 from ._response._half_power import rayleigh_damping as rayleigh_damping
 from ._response._half_power import resonances as resonances
 from ._response._loads import corner_pressure as corner_pressure
-from ._response._loads import pressure_off_ends as pressure_off_ends
 from ._response._loads import hertz_pressure as hertz_pressure
 from ._response._loads import line_load as line_load
 from ._response._loads import load_sharing as load_sharing
 from ._response._loads import mesh_stiffness as mesh_stiffness
+from ._response._loads import pressure_off_ends as pressure_off_ends
 from ._response._losses import mesh_efficiency as mesh_efficiency
 from ._response._losses import mesh_loss_factor as mesh_loss_factor
 from ._response._dynamic_roots import dynamic_root_stress as dynamic_root_stress

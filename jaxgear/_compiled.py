@@ -67,11 +67,11 @@ def _compiled(verb: Callable[_Given, _Found], *, lasting: bool) -> Callable[_Giv
             name: value if name in settings else _traceable(value) for name, value in kwargs.items()
         }
         given = tuple(map(_traceable, args))
-        if lasting and keeps_verbs() and not _any_traced((given, named)):
+        if lasting and keeps_verbs() and not any_traced(given, named):
             return verb_called(call, verb, given, named)
         started = time.monotonic()
         found = program(*given, **named)  # type: ignore[call-arg]
-        if time.monotonic() - started > _COMPILING and not _any_traced((found,)):
+        if time.monotonic() - started > _COMPILING and not any_traced(found):
             make_room()
         return found
 
@@ -82,8 +82,9 @@ def _compiled(verb: Callable[_Given, _Found], *, lasting: bool) -> Callable[_Giv
 _COMPILING = 0.3
 
 
-def _any_traced(values: Any) -> bool:
-    return any(map(is_traced, jax.tree.leaves(values)))
+def any_traced(*trees: Any) -> bool:
+    """Whether JAX is tracing anything in some trees."""
+    return any(map(is_traced, jax.tree.leaves(trees)))
 
 
 def _traceable(value: Any) -> Any:

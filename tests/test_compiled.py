@@ -65,8 +65,8 @@ def test_a_mesh_cycle_from_gears_to_a_number_is_a_handful_of_programs():
 def test_a_pair_of_other_teeth_is_built_without_a_program():
     facts = [jg.pair_facts(_pair())]
     with made_programs() as made:
-        gears = [dataclasses.replace(_pair().pinion, teeth=teeth) for teeth in (44, 85)]
-        other = jg.GearPair(*gears, 1.5 * mm, 25.0 * deg)
+        pinion, wheel = (dataclasses.replace(_pair().pinion, teeth=teeth) for teeth in (44, 85))
+        other = jg.GearPair(pinion, wheel, 1.5 * mm, 25.0 * deg)
         facts.append(jg.pair_facts(other))
     assert made == []
     ratio = [np.asarray(each.reference_radius) / (0.75 * mm) for each in facts]

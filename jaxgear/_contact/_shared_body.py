@@ -136,7 +136,7 @@ def _near_bodies(
         [gear.face_width for gear in gears],
         strict=True,
     )
-    influences = _of_both(lambda each: _influences(*each, neighbours=neighbours), *given)
+    influences = _of_either(lambda each: _influences(*each, neighbours=neighbours), *given)
     starts = jnp.zeros(()), pair.tangent_length
     slant = jnp.cos(pair.base_helix_angle)
     # Per length of contact line in place of face width.
@@ -169,11 +169,16 @@ def _influences(
     return own, *(axial or ())
 
 
-def _of_both(function: Callable[[Any], Any], first: Any, second: Any) -> tuple[Any, Any]:
-    """A function of either gear: of gears of one kind half the program to compile."""
+def of_gears(pinion: Any, wheel: Any) -> Any:
+    """Arrays of both gears, on a leading axis: at once they are half the program to compile."""
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves), pinion, wheel)
+
+
+def _of_either(function: Callable[[Any], Any], first: Any, second: Any) -> tuple[Any, Any]:
+    """A function of either gear; of gears of one kind, of both at once."""
     if jax.tree.map(jnp.shape, first) != jax.tree.map(jnp.shape, second):
         return function(first), function(second)
-    both = jax.vmap(function)(jax.tree.map(lambda *leaves: jnp.stack(leaves), first, second))
+    both = jax.vmap(function)(of_gears(first, second))
     return jax.tree.map(lambda x: x[0], both), jax.tree.map(lambda x: x[1], both)
 
 

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from jaxgear._contact._face_coupling import STRIP, FaceCoupling
 from jaxgear._contact._foundation import AbstractFoundation, WeberFoundation, axial_shear
 from jaxgear._contact._hertz import hertz_contact
-from jaxgear._contact._shared_body import SharedBody
+from jaxgear._contact._shared_body import SharedBody, of_gears
 from jaxgear._contact._tooth import (
     beam_compliance,
     penetration_compliance,
@@ -127,9 +127,8 @@ def _of_both(
     """A function of the teeth of both gears at once: half the program to compile."""
     # Their bores are not for teeth.
     teeth = [dataclasses.replace(section, radius_ratio=None) for section in sections]
-    stacked = lambda *leaves: jnp.stack(leaves)
-    materials = jax.tree.map(stacked, pair.pinion.material, pair.wheel.material)
-    return jax.vmap(function)(jax.tree.map(stacked, *teeth), materials, angle)
+    materials = of_gears(pair.pinion.material, pair.wheel.material)
+    return jax.vmap(function)(of_gears(*teeth), materials, angle)
 
 
 class TeethOnBodies(NamedTuple):

@@ -14,15 +14,14 @@ from typing import TYPE_CHECKING, Any, cast
 
 import diffrax
 import equinox as eqx
-import jax
 import jax.numpy as jnp
-import jax.scipy.linalg
 import numpy as np
 import scipy.linalg
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from jaxgear._checks import require, require_float64
+from jaxgear._compiled import any_traced
 from jaxgear._dynamics._schedule import Schedule, as_profile
 from jaxgear._dynamics._system import DynamicSystem
 from jaxgear._dynamics._transient_motion import TransientChoices, motion_of, slope_of
@@ -249,8 +248,7 @@ def _check(
         got=jnp.min(speed.values),
     )
     require(most_steps > 0, "`most_steps` must be positive, got {got}.", got=most_steps)
-    traced = any(isinstance(x, Tracer) for x in jax.tree.leaves((system, ratio)))
-    if not traced and bool(jnp.any(ratio.values < 0.0)):
+    if not any_traced(system, ratio) and bool(jnp.any(ratio.values < 0.0)):
         require(
             _has_back_flank(system),
             "`torque_ratio` must not be negative without back flanks to carry it, got {got:.6g}: "

@@ -8,12 +8,11 @@ with them. Where they are at a phase follows from when a tooth and a gap lie on 
 
 import dataclasses
 
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.core import Tracer
 
 from jaxgear._checks import require
+from jaxgear._compiled import any_traced
 from jaxgear._geometry._involute import involute
 from jaxgear._geometry._lines import (
     ContactLines,
@@ -74,8 +73,7 @@ def check_backlash(pair: GearPair) -> None:
 
     - `InputError` if the normal backlash is negative, or an allowance takes away a tooth's tip.
     """
-    is_traced = lambda tree: any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
-    if not has_back_contact(pair) or is_traced(pair) or is_traced(facts := pair_facts(pair)):
+    if not has_back_contact(pair) or any_traced(pair) or any_traced(facts := pair_facts(pair)):
         return
     allowances = [gear.thickness_allowance for gear in (pair.pinion, pair.wheel)]
     taken = [0.0 if x is None else float(x) for x in allowances]

@@ -6,10 +6,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.core import Tracer
 
 from jaxgear._checks import require
-from jaxgear._compiled import compiled
+from jaxgear._compiled import any_traced, compiled
 from jaxgear._geometry._gear import Gear
 from jaxgear._geometry._pair_facts import PairFacts
 from jaxgear._geometry._pair_formulas import AbstractGearPair
@@ -161,7 +160,7 @@ def _check_pair(pair: GearPair) -> None:
 
     Traced numbers are let through.
     """
-    if any(isinstance(number, Tracer) for number in jax.tree.leaves(pair)):
+    if any_traced(pair):
         return
     module, pressure = float(pair.normal_module), float(pair.pressure_angle)
     require(module > 0.0, "The normal module must be positive, got {got:.6g} mm.", got=module / mm)
@@ -180,7 +179,7 @@ def _check_pair(pair: GearPair) -> None:
     )
     facts = pair_facts(pair)
     # Plain numbers within somebody else's program.
-    if any(isinstance(fact, Tracer) for fact in facts):
+    if any_traced(facts):
         return
     facts = jax.tree.map(np.asarray, facts)
     base_sum = facts.base_radius.sum()

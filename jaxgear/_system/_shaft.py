@@ -16,7 +16,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from jaxgear._checks import InputError, require
-from jaxgear._compiled import in_numpy
+from jaxgear._compiled import any_traced, in_numpy
 from jaxgear._geometry._gear import Material
 from jaxgear._system._beam import Beam, cowper_coefficient, element_matrices
 from jaxgear._system._gear_body import AbstractGearBody
@@ -182,7 +182,7 @@ class Shaft(AbstractMount):
         return MountMatrices(whole[..., 0], whole[..., 1], whole[..., 2])
 
     def check_held(self, name: str) -> None:
-        if not _is_traced(self):
+        if not any_traced(self):
             lengths = (float(segment.length) for segment in self.segments)
             check_bearings(self.bearings, sum(lengths), f"The {name}'s shaft is free to ")
 
@@ -285,10 +285,6 @@ def _plain_places(shaft: Shaft, body_width: Scalar | None) -> dict[str, float]:
     return {name: float(height) for name, height in _places(plain, width).items()}
 
 
-def _is_traced(*trees: object) -> bool:
-    return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(trees))
-
-
 def _check_shaft(shaft: Shaft) -> None:
     """Refuse a shaft that has nothing to stand on, or something off its ends."""
     require(
@@ -307,7 +303,7 @@ def _check_shaft(shaft: Shaft) -> None:
         "of each section.",
         got=shear,
     )
-    if _is_traced(shaft.segments, shaft.bearings, shaft.gear_at, shaft.torque_at, shaft.loads):
+    if any_traced(shaft.segments, shaft.bearings, shaft.gear_at, shaft.torque_at, shaft.loads):
         return
     places = _plain_places(shaft, None)
     end = places["right end"]
@@ -330,7 +326,7 @@ def _laid_out(shaft: Shaft, body_width: object, divisions: int) -> ShaftLayout:
         got=divisions,
     )
     width = as_optional_scalar(body_width)
-    if _is_traced(shaft, width):
+    if any_traced(shaft, width):
         raise InputError(
             "A shaft cannot be laid out from numbers that JAX traces. Build it once from plain "
             "numbers, outside of `jit` and `grad`, and hand its layout in: `layout=built.layout`."

@@ -196,7 +196,11 @@ def two_dof(*, steps: int = 100, ripple: float = 0.2, load: float = 1.0) -> Dyna
 
 
 # Neither bodies nor faces couple cells.
-ON_THEIR_OWN = jg.WeberBanaschek(jg.WeberFoundation(), jg.WeberFoundation(), face_coupling=None)
+ON_THEIR_OWN = jg.WeberBanaschek(
+    pinion_foundation=jg.WeberFoundation(),
+    wheel_foundation=jg.WeberFoundation(),
+    face_coupling=None,
+)
 
 
 @functools.cache
@@ -206,13 +210,12 @@ def torsional_pair(
     phases: int = 32,
     slices: int = 4,
     relief: float = 0.0,
-    compliance: jg.AbstractCompliance | None = None,
+    compliance: jg.AbstractCompliance = jg.WeberBanaschek(),
 ) -> PairDynamics:
     """The accessory pair, whose gears only turn; relief is the depth at both tips [m]."""
     pair = cases.accessory()
     tip = jg.TipRelief(relief, 0.25)
-    law = {} if compliance is None else {"compliance": compliance}
-    model = cases.model(pair, torque, flanks=jg.Flanks(tip, tip), **law)
+    model = cases.model(pair, torque, flanks=jg.Flanks(tip, tip), compliance=compliance)
     grid = jg.mesh_grid(pair, phases=phases, slices=slices)
     return eqx.filter_jit(pair_dynamics)(model, grid)
 
